@@ -1,0 +1,340 @@
+//! The image as bytes: little-endian, fixed layout, CRC-32 at the end.
+//!
+//! ```text
+//! 0        128               128 + 64·m            128 + 64·m + 12·t      + 4
+//! ┌────────┬─────────────────┬─────────────────────┬──────┐
+//! │ head   │ m thermometers  │ t terms             │ CRC  │
+//! └────────┴─────────────────┴─────────────────────┴──────┘
+//! ```
+//!
+//! Every field and a worked example stand in `docs/image-format.md`. The CRC is CRC-32/ISO-HDLC over
+//! everything before it; its Hamming distance over these lengths is at least 4, so every one-, two-
+//! and three-bit error is refused. Reserved bytes must be zero: one image, one byte string.
+
+use core::fmt;
+
+use crc::{CRC_32_ISO_HDLC, Crc, Table};
+
+use crate::image::{Description, Image, ImageError, Kind, MAX_TERMS, MAX_THERMOMETERS, Multiplier, Term};
+use crate::thermometer::{LagSpec, Scale, Thermometer};
+
+/// First eight bytes of every image.
+pub const MAGIC: [u8; 8] = *b"SAGNACIM";
+/// Version of the layout this code reads and writes.
+pub const FORMAT_VERSION: u16 = 1;
+const HEAD_LEN: usize = 128;
+const THERMOMETER_LEN: usize = 64;
+const TERM_LEN: usize = 12;
+const CRC_LEN: usize = 4;
+/// Length of the largest image.
+pub const MAX_IMAGE_LEN: usize = HEAD_LEN + THERMOMETER_LEN * MAX_THERMOMETERS + TERM_LEN * MAX_TERMS + CRC_LEN;
+
+const CRC: Crc<u32, Table<1>> = Crc::<u32, Table<1>>::new(&CRC_32_ISO_HDLC);
+
+/// Why bytes are no image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DecodeError {
+    /// Fewer bytes than the head, or than the head announces.
+    TooShort {
+        /// Bytes needed.
+        needed: usize,
+        /// Bytes given.
+        given: usize,
+    },
+    /// The first eight bytes are not an image's.
+    NotAnImage,
+    /// A layout this code does not know.
+    UnknownVersion(u16),
+    /// Bytes left after the announced end.
+    TooLong {
+        /// Bytes announced.
+        needed: usize,
+        /// Bytes given.
+        given: usize,
+    },
+    /// The checksum does not match.
+    Crc {
+        /// Checksum in the image.
+        stored: u32,
+        /// Checksum of its bytes.
+        computed: u32,
+    },
+    /// Reserved bytes are not zero.
+    Reserved(&'static str),
+    /// A kind of term this code cannot evaluate.
+    UnknownKind {
+        /// Index of the term, from 0.
+        term: u8,
+        /// The kind found.
+        kind: u8,
+    },
+    /// A multiplier this code cannot evaluate.
+    UnknownMultiplier {
+        /// Index of the term, from 0.
+        term: u8,
+        /// The multiplier found.
+        multiplier: u8,
+    },
+    /// The bytes are intact, the values make no sense.
+    Invalid(ImageError),
+}
+
+impl fmt::Display for DecodeError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::TooShort { needed, given } => {
+                write!(f, "{given} bytes where an image needs {needed}")
+            }
+            Self::NotAnImage => f.write_str("does not begin like a Sagnac image"),
+            Self::UnknownVersion(v) => write!(f, "image format version {v}; this program reads {FORMAT_VERSION}"),
+            Self::TooLong { needed, given } => {
+                write!(f, "{given} bytes where the image ends at {needed}")
+            }
+            Self::Crc { stored, computed } => {
+                write!(f, "CRC-32 {stored:08x} in the image, {computed:08x} of its bytes: damaged")
+            }
+            Self::Reserved(place) => write!(f, "reserved bytes of {place} are not zero"),
+            Self::UnknownKind { term, kind } => write!(f, "term {term} is of unknown kind {kind}"),
+            Self::UnknownMultiplier { term, multiplier } => {
+                write!(f, "term {term} has the unknown multiplier {multiplier}")
+            }
+            Self::Invalid(error) => write!(f, "{error}"),
+        }
+    }
+}
+
+impl core::error::Error for DecodeError {}
+
+impl Image {
+    /// Bytes this image takes.
+    pub fn encoded_len(&self) -> usize {
+        HEAD_LEN + THERMOMETER_LEN * self.thermometers().len() + TERM_LEN * self.terms().len() + CRC_LEN
+    }
+
+    /// Writes the image to the front of `out`; returns its length, or `None` if `out` is too small.
+    pub fn encode(&self, out: &mut [u8]) -> Option<usize> {
+        let len = self.encoded_len();
+        let out = out.get_mut(..len)?;
+        let (body, tail) = out.split_at_mut_checked(len - CRC_LEN)?;
+        let mut w = Writer { rest: body };
+        write_head(&mut w, self, len)?;
+        for thermometer in self.thermometers() {
+            write_thermometer(&mut w, thermometer)?;
+        }
+        for term in self.terms() {
+            write_term(&mut w, term)?;
+        }
+        tail.copy_from_slice(&CRC.checksum(body).to_le_bytes());
+        Some(len)
+    }
+
+    /// Reads an image that fills `bytes` exactly.
+    ///
+    /// # Errors
+    /// [`DecodeError`], cheapest check first: length, magic, version, CRC, then every value.
+    pub fn decode(bytes: &[u8]) -> Result<Self, DecodeError> {
+        let announced = announced_len(bytes)?;
+        let (needed, given) = (announced, bytes.len());
+        if given < needed {
+            return Err(DecodeError::TooShort { needed, given });
+        }
+        if given > needed {
+            return Err(DecodeError::TooLong { needed, given });
+        }
+        let short = DecodeError::TooShort { needed, given };
+        let (body, tail) = bytes.split_last_chunk::<CRC_LEN>().map(|(b, t)| (b, *t)).ok_or(short)?;
+        let (stored, computed) = (u32::from_le_bytes(tail), CRC.checksum(body));
+        if stored != computed {
+            return Err(DecodeError::Crc { stored, computed });
+        }
+        let description = read_body(&mut Reader { rest: body }, short)?;
+        Image::new(description).map_err(DecodeError::Invalid)
+    }
+}
+
+/// Checks magic and version; the length that the head's counts make.
+fn announced_len(bytes: &[u8]) -> Result<usize, DecodeError> {
+    let given = bytes.len();
+    let mut r = Reader { rest: bytes };
+    let short = DecodeError::TooShort { needed: HEAD_LEN + CRC_LEN, given };
+    if r.take::<8>().ok_or(short)? != MAGIC {
+        return Err(DecodeError::NotAnImage);
+    }
+    let version = r.u16().ok_or(short)?;
+    if version != FORMAT_VERSION {
+        return Err(DecodeError::UnknownVersion(version));
+    }
+    r.take::<2>().ok_or(short)?;
+    Ok(r.u32().ok_or(short)? as usize)
+}
+
+fn write_head(w: &mut Writer<'_>, image: &Image, len: usize) -> Option<()> {
+    let d = image.description();
+    w.put(MAGIC)?;
+    w.put(FORMAT_VERSION.to_le_bytes())?;
+    w.put([0; 2])?;
+    w.put(u32::try_from(len).ok()?.to_le_bytes())?;
+    w.put(d.serial)?;
+    w.put([d.axis, d.thermometer_count, d.term_count, 0])?;
+    w.put(d.tick_ns.to_le_bytes())?;
+    w.put(d.period_ticks.to_le_bytes())?;
+    w.put(d.slew_ticks.to_le_bytes())?;
+    w.put(d.scale_factor_femto_arcsec.to_le_bytes())?;
+    w.put(d.quantum_nano_counts.to_le_bytes())?;
+    w.put(d.reference_q24.to_le_bytes())?;
+    w.put(d.sequence.to_le_bytes())?;
+    w.put(d.output_limit.to_le_bytes())?;
+    w.put(d.parent)?;
+    w.put([0; 4])
+}
+
+fn read_body(r: &mut Reader<'_>, short: DecodeError) -> Result<Description, DecodeError> {
+    let mut d = read_head(r).ok_or(short)??;
+    for slot in d.thermometers.iter_mut().take(usize::from(d.thermometer_count)) {
+        *slot = read_thermometer(r).ok_or(short)??;
+    }
+    for (i, slot) in (0_u8..).zip(d.terms.iter_mut().take(usize::from(d.term_count))) {
+        *slot = read_term(r, i).ok_or(short)??;
+    }
+    if r.rest.is_empty() { Ok(d) } else { Err(DecodeError::Reserved("the end (length and counts disagree)")) }
+}
+
+/// `None`: the bytes ended. The inner error: they said something unknown.
+type Parsed<T> = Option<Result<T, DecodeError>>;
+
+fn read_head(r: &mut Reader<'_>) -> Parsed<Description> {
+    let mut d = Description::empty();
+    r.take::<10>()?;
+    let mut reserved = r.u16()? != 0;
+    r.u32()?;
+    d.serial = r.take()?;
+    let [axis, thermometer_count, term_count, zero] = r.take()?;
+    (d.axis, d.thermometer_count, d.term_count) = (axis, thermometer_count, term_count);
+    reserved |= zero != 0;
+    d.tick_ns = r.u32()?;
+    d.period_ticks = r.u32()?;
+    d.slew_ticks = r.u32()?;
+    d.scale_factor_femto_arcsec = u64::from_le_bytes(r.take()?);
+    d.quantum_nano_counts = u64::from_le_bytes(r.take()?);
+    d.reference_q24 = r.i32()?;
+    d.sequence = r.u32()?;
+    d.output_limit = r.u32()?;
+    d.parent = r.take()?;
+    reserved |= r.u32()? != 0;
+    Some(if reserved { Err(DecodeError::Reserved("the head")) } else { Ok(d) })
+}
+
+fn write_thermometer(w: &mut Writer<'_>, t: &Thermometer) -> Option<()> {
+    w.put(t.offset_q24.to_le_bytes())?;
+    w.put(t.gain.mantissa.to_le_bytes())?;
+    w.put([t.gain.shift, t.x_shift, t.lag.alpha_shift, t.lag.rate_shift, t.lag.y_shift, 0, 0, 0])?;
+    for value in [t.plausible_lo_q24, t.plausible_hi_q24, t.span_lo_q24, t.span_hi_q24] {
+        w.put(value.to_le_bytes())?;
+    }
+    w.put(t.x_mantissa.to_le_bytes())?;
+    w.put(t.lag.alpha_mantissa.to_le_bytes())?;
+    w.put(t.lag.rate_lo.to_le_bytes())?;
+    w.put(t.lag.rate_hi.to_le_bytes())?;
+    w.put(t.lag.y_mantissa.to_le_bytes())?;
+    w.put(t.hold_updates.to_le_bytes())?;
+    w.put(t.settling_updates.to_le_bytes())?;
+    w.put([0; 4])
+}
+
+fn read_thermometer(r: &mut Reader<'_>) -> Parsed<Thermometer> {
+    let offset_q24 = r.i32()?;
+    let mantissa = r.i32()?;
+    let [gain_shift, x_shift, alpha_shift, rate_shift, y_shift, zeros @ ..] = r.take::<8>()?;
+    let (plausible_lo_q24, plausible_hi_q24) = (r.i32()?, r.i32()?);
+    let (span_lo_q24, span_hi_q24) = (r.i32()?, r.i32()?);
+    let (x_mantissa, alpha_mantissa) = (r.u32()?, r.u32()?);
+    let (rate_lo, rate_hi, y_mantissa) = (r.i32()?, r.i32()?, r.u32()?);
+    let (hold_updates, settling_updates) = (r.u32()?, r.u32()?);
+    if r.u32()? != 0 || zeros != [0; 3] {
+        return Some(Err(DecodeError::Reserved("a thermometer")));
+    }
+    let lag = LagSpec { alpha_mantissa, alpha_shift, rate_shift, rate_lo, rate_hi, y_mantissa, y_shift };
+    Some(Ok(Thermometer {
+        offset_q24,
+        gain: Scale { mantissa, shift: gain_shift },
+        plausible_lo_q24,
+        plausible_hi_q24,
+        span_lo_q24,
+        span_hi_q24,
+        x_mantissa,
+        x_shift,
+        lag,
+        hold_updates,
+        settling_updates,
+    }))
+}
+
+fn write_term(w: &mut Writer<'_>, term: &Term) -> Option<()> {
+    let kind = match term.kind {
+        Kind::Bias => 1,
+        Kind::Scale => 2,
+    };
+    let multiplier = match term.multiplier {
+        Multiplier::One => 0,
+        Multiplier::Rate => 1,
+    };
+    w.put([kind, term.sensor, term.order, multiplier])?;
+    w.put(term.mantissa.to_le_bytes())?;
+    w.put([term.shift, 0, 0, 0])
+}
+
+fn read_term(r: &mut Reader<'_>, index: u8) -> Parsed<Term> {
+    let [kind, sensor, order, multiplier] = r.take()?;
+    let mantissa = r.i32()?;
+    let [shift, zeros @ ..] = r.take::<4>()?;
+    if zeros != [0; 3] {
+        return Some(Err(DecodeError::Reserved("a term")));
+    }
+    let kind = match kind {
+        1 => Kind::Bias,
+        2 => Kind::Scale,
+        kind => return Some(Err(DecodeError::UnknownKind { term: index, kind })),
+    };
+    let multiplier = match multiplier {
+        0 => Multiplier::One,
+        1 => Multiplier::Rate,
+        multiplier => {
+            return Some(Err(DecodeError::UnknownMultiplier { term: index, multiplier }));
+        }
+    };
+    Some(Ok(Term { kind, sensor, order, multiplier, mantissa, shift }))
+}
+
+struct Writer<'a> {
+    rest: &'a mut [u8],
+}
+
+impl Writer<'_> {
+    fn put<const N: usize>(&mut self, bytes: [u8; N]) -> Option<()> {
+        let (front, rest) = core::mem::take(&mut self.rest).split_at_mut_checked(N)?;
+        front.copy_from_slice(&bytes);
+        self.rest = rest;
+        Some(())
+    }
+}
+
+struct Reader<'a> {
+    rest: &'a [u8],
+}
+
+impl Reader<'_> {
+    fn take<const N: usize>(&mut self) -> Option<[u8; N]> {
+        let (front, rest) = self.rest.split_first_chunk::<N>()?;
+        self.rest = rest;
+        Some(*front)
+    }
+    fn u16(&mut self) -> Option<u16> {
+        self.take().map(u16::from_le_bytes)
+    }
+    fn u32(&mut self) -> Option<u32> {
+        self.take().map(u32::from_le_bytes)
+    }
+    fn i32(&mut self) -> Option<i32> {
+        self.take().map(i32::from_le_bytes)
+    }
+}

@@ -1,0 +1,288 @@
+//! What flash holds, once it has been checked.
+//!
+//! [`Description`] is the plain list of fields; [`Image::new`] is the only way to an [`Image`] and
+//! refuses every combination for which the arithmetic of [`crate::Compensator`] could overflow or
+//! mean nothing. After that no arithmetic needs a `Result`.
+//!
+//! A term is `coefficient · T_order(x_sensor) [· y_sensor]`, its coefficient a mantissa with its own
+//! exponent. Bias terms are in output counts per tick, scale terms in units of one; both are summed
+//! in Q40 (eight guard bits below the Q32 of the fast path).
+
+use core::fmt;
+
+use crate::series::MAX_ORDER;
+use crate::thermometer::{LagSpec, Thermometer};
+
+/// Thermometers one image can describe.
+pub const MAX_THERMOMETERS: usize = 4;
+/// Terms one image can hold.
+pub const MAX_TERMS: usize = 32;
+/// Largest |increment| in counts·2⁻³² per tick.
+pub const MAX_INCREMENT: i64 = 1 << 46;
+/// Largest |k − 1| in 2⁻³²: 15,625 ppm.
+pub(crate) const MAX_SCALE: i64 = 1 << 26;
+/// |Σ increment| between two slow updates may reach this.
+const MAX_INCREMENT_SUM: i64 = 1 << 61;
+/// Bits below the fast path's Q32 in which terms are summed.
+pub(crate) const GUARD_BITS: u32 = 8;
+
+/// What a term adds to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// Bias drift: counts per tick to be subtracted.
+    Bias,
+    /// Scale factor: ε·1e-6.
+    Scale,
+}
+
+/// What a term's series is multiplied with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Multiplier {
+    /// Nothing.
+    One,
+    /// The clamped, scaled temperature rate y.
+    Rate,
+}
+
+/// One row of the image's table.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Term {
+    /// What it adds to.
+    pub kind: Kind,
+    /// Which thermometer's x (and y).
+    pub sensor: u8,
+    /// Order of the Chebyshev polynomial, 0..=8.
+    pub order: u8,
+    /// What the polynomial is multiplied with.
+    pub multiplier: Multiplier,
+    /// Coefficient = mantissa · 2^(31 − shift) in Q40.
+    pub mantissa: i32,
+    /// See `mantissa`; 8..=62.
+    pub shift: u8,
+}
+
+impl Term {
+    /// A term that adds nothing; fills unused places of a description.
+    pub const ZERO: Self =
+        Self { kind: Kind::Bias, sensor: 0, order: 0, multiplier: Multiplier::One, mantissa: 0, shift: 62 };
+
+    /// The largest value the term can reach, in Q40, rounded up.
+    const fn bound_q40(&self) -> i64 {
+        ((self.mantissa as i64).abs() << 31 >> self.shift) + 1
+    }
+}
+
+/// The fields of an image, not yet checked.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Description {
+    /// Serial number of the gyro, UTF-8, padded with zero bytes.
+    pub serial: [u8; 32],
+    /// Axis letter, `x`, `y`, `z`, or another printable ASCII byte.
+    pub axis: u8,
+    /// Length of a tick, ns.
+    pub tick_ns: u32,
+    /// Ticks per temperature period Δt.
+    pub period_ticks: u32,
+    /// Ticks over which a new increment is approached; 0 sets it at once.
+    pub slew_ticks: u32,
+    /// Nominal scale factor of one output count (one quantum), 1e-15 arcsec.
+    pub scale_factor_femto_arcsec: u64,
+    /// Counts of the log per output count, 1e-9.
+    pub quantum_nano_counts: u64,
+    /// Temperature T0 at which the correction is zero, 2⁻²⁴ °C. Informative: the terms hold it.
+    pub reference_q24: i32,
+    /// Counts up with every image written for this gyro and axis.
+    pub sequence: u32,
+    /// Largest |count| given out per call.
+    pub output_limit: u32,
+    /// SHA-256 of the calibration or image this one was made from.
+    pub parent: [u8; 32],
+    /// Thermometers; the first `thermometer_count` are used.
+    pub thermometers: [Thermometer; MAX_THERMOMETERS],
+    /// See `thermometers`.
+    pub thermometer_count: u8,
+    /// Terms; the first `term_count` are used.
+    pub terms: [Term; MAX_TERMS],
+    /// See `terms`.
+    pub term_count: u8,
+}
+
+impl Description {
+    /// No thermometer, no term, 100 µs tick, 1 s period, 1 arcsec per count.
+    pub const fn empty() -> Self {
+        Self {
+            serial: [0; 32],
+            axis: b'x',
+            tick_ns: 100_000,
+            period_ticks: 10_000,
+            slew_ticks: 100,
+            scale_factor_femto_arcsec: 1_000_000_000_000_000,
+            quantum_nano_counts: 1_000_000_000,
+            reference_q24: 25 << 24,
+            sequence: 0,
+            output_limit: i32::MAX as u32,
+            parent: [0; 32],
+            thermometers: [Thermometer::UNUSED; MAX_THERMOMETERS],
+            thermometer_count: 0,
+            terms: [Term::ZERO; MAX_TERMS],
+            term_count: 0,
+        }
+    }
+}
+
+/// Why a description is no image. The index counts from 0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ImageError {
+    /// A field of the head is outside its range.
+    Head(&'static str),
+    /// A field of a thermometer is outside its range.
+    Thermometer(u8, &'static str),
+    /// A field of a term is outside its range.
+    Term(u8, &'static str),
+    /// The bias terms together could exceed the increment's range.
+    IncrementTooLarge,
+    /// The scale terms together could exceed 15,625 ppm.
+    ScaleTooLarge,
+}
+
+impl fmt::Display for ImageError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Head(field) => write!(f, "head: {field} out of range"),
+            Self::Thermometer(i, field) => write!(f, "thermometer {i}: {field} out of range"),
+            Self::Term(i, field) => write!(f, "term {i}: {field} out of range"),
+            Self::IncrementTooLarge => f.write_str("the bias terms together exceed the increment's range"),
+            Self::ScaleTooLarge => f.write_str("the scale terms together exceed 15,625 ppm"),
+        }
+    }
+}
+
+impl core::error::Error for ImageError {}
+
+/// A description that passed every check.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Image(Description);
+
+impl Image {
+    /// Checks a description.
+    ///
+    /// # Errors
+    /// The first broken rule, in the order of the fields.
+    pub fn new(description: Description) -> Result<Self, ImageError> {
+        let image = Self(description);
+        image.check_head()?;
+        for (i, thermometer) in (0_u8..).zip(image.thermometers()) {
+            check_thermometer(thermometer).map_err(|field| ImageError::Thermometer(i, field))?;
+        }
+        for (i, term) in (0_u8..).zip(image.terms()) {
+            image.check_term(term).map_err(|field| ImageError::Term(i, field))?;
+        }
+        image.check_sums()?;
+        Ok(image)
+    }
+
+    /// The fields.
+    pub const fn description(&self) -> &Description {
+        &self.0
+    }
+
+    /// The thermometers in use.
+    pub fn thermometers(&self) -> &[Thermometer] {
+        self.0.thermometers.get(..usize::from(self.0.thermometer_count)).unwrap_or(&[])
+    }
+
+    /// The terms in use.
+    pub fn terms(&self) -> &[Term] {
+        self.0.terms.get(..usize::from(self.0.term_count)).unwrap_or(&[])
+    }
+
+    /// The serial number, or `None` if it is not UTF-8.
+    pub fn serial(&self) -> Option<&str> {
+        core::str::from_utf8(&self.0.serial).ok().map(|text| text.trim_end_matches('\0'))
+    }
+
+    fn check_head(&self) -> Result<(), ImageError> {
+        let d = &self.0;
+        let rules = [
+            (self.serial().is_some(), "serial (not UTF-8)"),
+            (d.axis.is_ascii_graphic(), "axis"),
+            (d.tick_ns > 0, "tick_ns"),
+            (d.period_ticks > 0 && d.period_ticks <= 1 << 24, "period_ticks"),
+            (d.slew_ticks <= d.period_ticks, "slew_ticks"),
+            (d.scale_factor_femto_arcsec > 0, "scale_factor_femto_arcsec"),
+            (d.quantum_nano_counts > 0, "quantum_nano_counts"),
+            (d.output_limit > 0 && d.output_limit <= i32::MAX as u32, "output_limit"),
+            (usize::from(d.thermometer_count) <= MAX_THERMOMETERS, "thermometer_count"),
+            (usize::from(d.term_count) <= MAX_TERMS, "term_count"),
+        ];
+        first_broken(&rules).map_err(ImageError::Head)
+    }
+
+    fn check_term(&self, term: &Term) -> Result<(), &'static str> {
+        let sensor = self.thermometers().get(usize::from(term.sensor));
+        let has_rate = sensor.is_some_and(|thermometer| thermometer.lag.is_used());
+        first_broken(&[
+            (sensor.is_some(), "sensor"),
+            (term.order <= MAX_ORDER, "order"),
+            (term.multiplier == Multiplier::One || has_rate, "multiplier (the thermometer has no lag filter)"),
+            (term.mantissa != i32::MIN, "mantissa"),
+            ((8..=62).contains(&term.shift), "shift"),
+        ])
+    }
+
+    /// |T_n| ≤ 1 and |y| ≤ 1, so the sum of the coefficients' sizes bounds every value.
+    fn check_sums(&self) -> Result<(), ImageError> {
+        let sum = |kind: Kind| {
+            self.terms().iter().filter(|term| term.kind == kind).map(Term::bound_q40).fold(0_i64, i64::saturating_add)
+        };
+        let by_period = MAX_INCREMENT_SUM >> (32 - (self.0.period_ticks - 1).leading_zeros());
+        if sum(Kind::Bias) >> GUARD_BITS > MAX_INCREMENT.min(by_period) {
+            return Err(ImageError::IncrementTooLarge);
+        }
+        if sum(Kind::Scale) >> GUARD_BITS > MAX_SCALE {
+            return Err(ImageError::ScaleTooLarge);
+        }
+        Ok(())
+    }
+}
+
+fn check_thermometer(t: &Thermometer) -> Result<(), &'static str> {
+    let span = i64::from(t.span_hi_q24) - i64::from(t.span_lo_q24);
+    first_broken(&[
+        (t.gain.mantissa != 0, "gain mantissa"),
+        (t.gain.shift <= 62, "gain shift"),
+        (t.plausible_lo_q24 > i32::MIN && t.plausible_hi_q24 < i32::MAX, "plausible limits (beyond ±128 °C)"),
+        (t.plausible_lo_q24 < t.plausible_hi_q24, "plausible limits"),
+        (span > 0 && span & 1 == 0, "span"),
+        (reaches_one(span >> 1, t.x_mantissa, t.x_shift), "x mantissa or shift"),
+    ])?;
+    if t.lag.is_used() { check_lag(&t.lag) } else { first_broken(&[(t.lag == LagSpec::default(), "lag")]) }
+}
+
+fn check_lag(lag: &LagSpec) -> Result<(), &'static str> {
+    let far = i64::from(lag.rate_lo).abs().max(i64::from(lag.rate_hi).abs());
+    first_broken(&[
+        (lag.alpha_mantissa <= 1 << 24, "alpha mantissa"),
+        ((24..=56).contains(&lag.alpha_shift), "alpha shift"),
+        (lag.rate_shift <= lag.alpha_shift + 6, "rate shift"),
+        (lag.rate_lo > i32::MIN && lag.rate_lo <= 0 && lag.rate_hi >= 0 && far > 0, "rate span"),
+        (reaches_one(far, lag.y_mantissa, lag.y_shift), "y mantissa or shift"),
+    ])
+}
+
+/// `border · mantissa · 2^−shift` is 1 in Q31 to within 2⁻²⁸, and its product fits an `i64`.
+fn reaches_one(border: i64, mantissa: u32, shift: u8) -> bool {
+    const TOLERANCE_Q31: u64 = 8;
+    if shift > 32 || mantissa == 0 {
+        return false;
+    }
+    // border ≤ 2^31 and mantissa < 2^32.
+    border.checked_mul(i64::from(mantissa)).and_then(|p| p.checked_add(1 << 31)).is_some_and(|product| {
+        let end = (product - (1 << 31)) >> shift;
+        end.abs_diff(crate::series::ONE_Q31) <= TOLERANCE_Q31
+    })
+}
+
+fn first_broken(rules: &[(bool, &'static str)]) -> Result<(), &'static str> {
+    rules.iter().find(|(holds, _)| !holds).map_or(Ok(()), |(_, field)| Err(*field))
+}

@@ -1,0 +1,277 @@
+//! Nothing is lost, nothing steps: the fast path against a big-integer model.
+
+mod support;
+
+use num_bigint::BigInt;
+use proptest::prelude::*;
+use sagnac_core::{Compensator, Image, Kind, MAX_INCREMENT, MAX_RAW, Misuse, Multiplier, State, Status};
+use support::{any_image, image, term};
+
+/// One call to a compensator.
+#[derive(Clone, Debug)]
+enum Call {
+    Update(Option<i32>),
+    Advance { raw: i32, ticks: u32 },
+}
+
+fn any_call() -> impl Strategy<Value = Call> {
+    prop_oneof![
+        1 => prop::option::weighted(0.9, -(60 << 24)..(90_i32 << 24)).prop_map(Call::Update),
+        4 => (prop_oneof![-50_000..50_000, -MAX_RAW..=MAX_RAW], 1_u32..400).prop_map(|(raw, ticks)| Call::Advance { raw, ticks }),
+    ]
+}
+
+/// Runs the calls, tick by tick for the increments, and keeps the books in big integers.
+struct Books {
+    gyro: Compensator,
+    state: State,
+    out: BigInt,
+    owed: BigInt,
+}
+
+impl Books {
+    fn new(image: Image) -> Self {
+        Self { gyro: Compensator::new(image), state: State::new(), out: 0.into(), owed: 0.into() }
+    }
+
+    fn call(&mut self, call: &Call) {
+        match *call {
+            Call::Update(code) => {
+                let left = self.state.ticks_to_update();
+                self.advance(0, left);
+                self.gyro.update(&mut self.state, &[code]).unwrap();
+            }
+            Call::Advance { raw, ticks } => {
+                let ticks = ticks.min(self.state.ticks_to_update());
+                self.advance(raw, ticks);
+            }
+        }
+    }
+
+    fn advance(&mut self, raw: i32, ticks: u32) {
+        let mut single = self.state;
+        let output = self.gyro.advance(&mut self.state, raw, ticks).unwrap();
+        for _ in 0..ticks {
+            self.gyro.tick(&mut single, 0).unwrap();
+            self.owed -= single.increment();
+        }
+        self.owed += BigInt::from(raw) * self.state.k_q32();
+        self.out += output.counts;
+    }
+
+    fn balance(&self) -> bool {
+        (&self.out << 32_u32) + self.state.remainder() == self.owed
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(400))]
+
+    #[test]
+    fn counts_are_conserved_exactly(image in any_image(), calls in prop::collection::vec(any_call(), 1..60)) {
+        let mut books = Books::new(image);
+        books.gyro.update(&mut books.state, &[Some(25 << 24)]).unwrap();
+        for call in &calls {
+            books.call(call);
+            if books.state.status().contains(Status::OVERFLOW) {
+                break;
+            }
+            prop_assert!(books.balance());
+        }
+    }
+
+    #[test]
+    fn advance_is_that_many_ticks(
+        image in any_image(),
+        codes in prop::collection::vec(-(60 << 24)..(90_i32 << 24), 1..5),
+        raws in prop::collection::vec(-1000_i32..1000, 1..200),
+        cut in 0_usize..200,
+    ) {
+        let gyro = Compensator::new(image);
+        let (mut ticked, mut advanced) = (State::new(), State::new());
+        for code in codes {
+            for state in [&mut ticked, &mut advanced] {
+                let left = state.ticks_to_update();
+                gyro.skip(state, left).unwrap();
+                gyro.update(state, &[Some(code)]).unwrap();
+            }
+            let period = advanced.ticks_to_update() as usize;
+            let raws = &raws[..raws.len().min(period)];
+            let (first, second) = raws.split_at(cut.min(raws.len()));
+            let mut from_ticks = 0_i64;
+            for &raw in raws {
+                from_ticks += i64::from(gyro.tick(&mut ticked, raw).unwrap().counts);
+            }
+            let mut from_advance = 0_i64;
+            for part in [first, second] {
+                let output = gyro.advance(&mut advanced, part.iter().sum(), part.len() as u32).unwrap();
+                from_advance += i64::from(output.counts);
+            }
+            prop_assert_eq!(from_ticks, from_advance);
+            prop_assert_eq!(ticked, advanced);
+        }
+    }
+
+    #[test]
+    fn slew_ends_on_its_target_without_a_step(image in any_image(), codes in prop::collection::vec(-(40 << 24)..(70_i32 << 24), 1..6)) {
+        let gyro = Compensator::new(image);
+        let slew = image.description().slew_ticks;
+        let mut state = State::new();
+        for code in codes {
+            let left = state.ticks_to_update();
+            gyro.skip(&mut state, left).unwrap();
+            let from = state.increment();
+            gyro.update(&mut state, &[Some(code)]).unwrap();
+            prop_assert_eq!(state.increment(), if slew == 0 { state.target_increment() } else { from });
+            let step = (state.target_increment() - from).abs() / i64::from(slew.max(1)) + 1;
+            for tick in 1..=slew {
+                let before = state.increment();
+                gyro.tick(&mut state, 0).unwrap();
+                prop_assert!((state.increment() - before).abs() <= step);
+                let line = i128::from(from) + (i128::from(state.target_increment()) - i128::from(from)) * i128::from(tick) / i128::from(slew);
+                prop_assert!((i128::from(state.increment()) - line).abs() <= i128::from(slew / 4 + 2));
+            }
+            prop_assert_eq!(state.increment(), state.target_increment());
+        }
+    }
+}
+
+/// Counts in 100 s for a constant drift. The expected values are the drifts themselves; a
+/// truncating Q14.18 accumulator gives 122.07 and 103.00 (a defect of a real laser-gyro firmware).
+#[test]
+fn drifts_of_125_and_105_counts_per_100_s_come_out_whole() {
+    for (drift, truncated) in [(125_i64, 122.07), (105, 103.00)] {
+        let ticks = 1_000_000_i64;
+        // drift/1e6 counts per tick, Q40, with the mantissa scaled to 31 bits.
+        let q40 = (drift as f64 / ticks as f64) * 2.0_f64.powi(40);
+        let shift = (61.0 - q40.log2()).floor();
+        let mantissa = (q40 * 2.0_f64.powf(shift - 31.0)).round() as i32;
+        let gyro = Compensator::new(image(&[term(Kind::Bias, 0, Multiplier::One, mantissa, shift as u8)], 10_000, 100));
+        let mut state = State::new();
+        let mut out = 0_i64;
+        let mut q14_18 = 0_i64;
+        for tick in 0..ticks {
+            if state.ticks_to_update() == 0 {
+                gyro.update(&mut state, &[Some(25 << 24)]).unwrap();
+                if tick == 0 {
+                    // Start after the first slew, so that the drift is there for the whole 100 s.
+                    gyro.skip(&mut state, 10_000).unwrap();
+                    gyro.update(&mut state, &[Some(25 << 24)]).unwrap();
+                }
+            }
+            out += i64::from(gyro.tick(&mut state, 1).unwrap().counts);
+            q14_18 += drift * (1 << 18) / ticks;
+        }
+        let removed = (ticks - out) as f64 - state.remainder() as f64 / 2.0_f64.powi(32);
+        assert!((removed - drift as f64).abs() < 0.005, "{removed}");
+        let lossy = q14_18 as f64 / f64::from(1 << 18);
+        assert!((lossy - truncated).abs() < 0.005, "{lossy}");
+    }
+}
+
+/// The step of k at an update is |Δε|·1e-6 of 2³², rounded: bounded as `docs/arithmetic.md` says.
+#[test]
+fn k_steps_by_the_change_of_epsilon_only() {
+    // ε = 50 ppm · x.
+    let q40 = 50e-6 * 2.0_f64.powi(40);
+    let gyro = Compensator::new(image(&[term(Kind::Scale, 1, Multiplier::One, (q40 * 32.0) as i32, 36)], 10, 5));
+    let mut state = State::new();
+    let mut before = None;
+    for step in -40..=70 {
+        gyro.update(&mut state, &[Some(step << 24)]).unwrap();
+        if let Some(before) = before {
+            let change: i64 = state.k_q32() - before;
+            let expected = 50e-6 / 55.0 * 2.0_f64.powi(32);
+            assert!((change as f64 - expected).abs() <= 1.0, "{change} {expected}");
+        }
+        before = Some(state.k_q32());
+        gyro.advance(&mut state, 0, 10).unwrap();
+    }
+}
+
+#[test]
+fn k_and_increments_at_the_edges_of_their_ranges() {
+    let increment_edge = |mantissa| term(Kind::Bias, 0, Multiplier::One, mantissa, 8);
+    // 2^(31+31-8) = 2^54 in Q40 = 2^46 in Q32; the largest i32 is one below.
+    for sign in [-1, 1] {
+        let scale = term(Kind::Scale, 0, Multiplier::One, sign * i32::MAX, 28);
+        let terms = [increment_edge(sign * (i32::MAX - 64)), scale];
+        let gyro = Compensator::new(image(&terms, 1 << 15, 1));
+        let mut books = Books::new(*gyro.image());
+        books.gyro.update(&mut books.state, &[Some(0)]).unwrap();
+        assert!((books.state.target_increment().abs() - MAX_INCREMENT).abs() < 1 << 22);
+        assert!((books.state.k_q32() - (1 << 32)).abs() >= (1 << 26) - 16);
+        for raw in [MAX_RAW, -MAX_RAW, MAX_RAW] {
+            books.call(&Call::Advance { raw, ticks: 300 });
+            assert!(books.balance());
+        }
+        assert_eq!(gyro.advance(&mut books.state, MAX_RAW + 1, 1), Err(Misuse::RawOutOfRange));
+    }
+}
+
+/// An output limit keeps the excess; a hopeless one latches OVERFLOW instead of wrapping.
+#[test]
+fn limiting_loses_nothing_and_overflow_is_latched() {
+    let mut d = *image(&[], 1 << 20, 0).description();
+    d.output_limit = 1000;
+    let gyro = Compensator::new(Image::new(d).unwrap());
+    let mut state = State::new();
+    gyro.update(&mut state, &[Some(0)]).unwrap();
+    let first = gyro.tick(&mut state, 2500).unwrap();
+    assert_eq!((first.counts, first.status), (1000, Status::LIMITED | Status::SETTLING));
+    let rest: i32 = (0..2).map(|_| gyro.tick(&mut state, 0).unwrap().counts).sum();
+    assert_eq!((rest, state.remainder()), (1500, 0));
+
+    for _ in 0..3 {
+        gyro.tick(&mut state, MAX_RAW).unwrap();
+    }
+    assert!(state.status().contains(Status::OVERFLOW));
+    assert_eq!(gyro.tick(&mut state, 5).unwrap().counts, 0);
+}
+
+#[test]
+fn a_tick_past_a_slow_update_is_refused_and_changes_nothing() {
+    let gyro = Compensator::new(image(&[], 10, 0));
+    let mut state = State::new();
+    assert_eq!(gyro.tick(&mut state, 1), Err(Misuse::UpdateDue { ticks_left: 0 }));
+    gyro.update(&mut state, &[None]).unwrap();
+    let before = state;
+    assert_eq!(gyro.advance(&mut state, 1, 11), Err(Misuse::UpdateDue { ticks_left: 10 }));
+    assert_eq!(gyro.update(&mut state, &[None]), Err(Misuse::UpdateNotDue { ticks_left: 10 }));
+    gyro.advance(&mut state, 0, 10).unwrap();
+    assert_eq!(gyro.update(&mut state, &[]), Err(Misuse::ThermometerCount));
+    assert_ne!(state, before);
+}
+
+/// HELD keeps the correction, STALE follows the hold time, OUT_OF_SPAN clamps, SETTLING ends.
+#[test]
+fn status_tells_what_happened_to_the_temperature() {
+    let slope = term(Kind::Bias, 1, Multiplier::One, 1 << 30, 30);
+    let rate = term(Kind::Bias, 0, Multiplier::Rate, 1 << 20, 30);
+    let gyro = Compensator::new(image(&[slope, rate], 1, 0));
+    let mut state = State::new();
+    let mut feed = |code: Option<i32>| {
+        let status = gyro.update(&mut state, &[code]).unwrap();
+        gyro.tick(&mut state, 0).unwrap();
+        (status, state.target_increment())
+    };
+    assert_eq!(feed(None).0, Status::HELD | Status::UNCORRECTED | Status::SETTLING);
+    let (status, warm) = feed(Some(50 << 24));
+    assert_eq!(status, Status::SETTLING);
+    for n in 1..=12 {
+        let (status, held) = feed(if n % 2 == 0 { None } else { Some(125 << 24) });
+        assert_eq!(held, warm);
+        assert!(status.contains(Status::HELD));
+        assert_eq!(status.contains(Status::STALE), n > 10);
+    }
+    let (status, edge) = feed(Some(70 << 24));
+    assert!(!status.contains(Status::OUT_OF_SPAN | Status::HELD));
+    for _ in 0..3000 {
+        feed(Some(70 << 24));
+    }
+    let (status, beyond) = feed(Some(71 << 24));
+    assert_eq!(status, Status::OUT_OF_SPAN);
+    assert!((beyond - edge).abs() < edge / 100);
+    let (status, _) = feed(Some(-(40 << 24)));
+    assert_eq!(status, Status::OUT_OF_SPAN | Status::RATE_OUT_OF_SPAN);
+}

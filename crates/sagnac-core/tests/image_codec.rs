@@ -1,0 +1,119 @@
+//! Bytes and images: what goes in comes out, what is damaged is refused.
+
+mod support;
+
+use proptest::prelude::*;
+use sagnac_core::{DecodeError, Description, Image, ImageError, Kind, MAX_IMAGE_LEN, Multiplier};
+use support::{any_image, image, term};
+
+fn bytes_of(image: &Image) -> Vec<u8> {
+    let mut out = vec![0; MAX_IMAGE_LEN];
+    let len = image.encode(&mut out).unwrap();
+    out.truncate(len);
+    out
+}
+
+fn typical() -> Image {
+    let rate = term(Kind::Bias, 0, Multiplier::Rate, -(1 << 30), 40);
+    image(&[term(Kind::Bias, 1, Multiplier::One, 1 << 30, 40), rate], 10_000, 100)
+}
+
+/// CRC of the body put right again, so that the checks behind it are reached.
+fn resealed(mut bytes: Vec<u8>, at: usize, value: u8) -> Vec<u8> {
+    bytes[at] = value;
+    let end = bytes.len() - 4;
+    let crc = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC).checksum(&bytes[..end]);
+    bytes[end..].copy_from_slice(&crc.to_le_bytes());
+    bytes
+}
+
+proptest! {
+    #[test]
+    fn an_image_survives_its_bytes(image in any_image()) {
+        prop_assert_eq!(Image::decode(&bytes_of(&image)), Ok(image));
+    }
+
+    #[test]
+    fn any_bytes_are_answered(bytes in prop::collection::vec(any::<u8>(), 0..900)) {
+        prop_assert!(Image::decode(&bytes).is_err());
+    }
+
+    #[test]
+    fn any_sealed_bytes_are_answered(changes in prop::collection::vec((16_usize..210, any::<u8>()), 1..8)) {
+        let mut bytes = bytes_of(&typical());
+        for (at, value) in changes {
+            bytes = resealed(bytes, at, value);
+        }
+        // Either refused, or an image that gives the same bytes again.
+        if let Ok(image) = Image::decode(&bytes) {
+            prop_assert_eq!(bytes_of(&image), bytes);
+        }
+    }
+}
+
+#[test]
+fn every_one_and_two_bit_flip_is_refused() {
+    let image = typical();
+    let good = bytes_of(&image);
+    let bits = good.len() * 8;
+    let mut bytes = good.clone();
+    for first in 0..bits {
+        bytes[first / 8] ^= 1 << (first % 8);
+        assert!(Image::decode(&bytes).is_err(), "bit {first}");
+        for second in first + 1..bits {
+            bytes[second / 8] ^= 1 << (second % 8);
+            assert!(Image::decode(&bytes).is_err(), "bits {first} and {second}");
+            bytes[second / 8] ^= 1 << (second % 8);
+        }
+        bytes[first / 8] ^= 1 << (first % 8);
+    }
+    assert_eq!(bytes, good);
+}
+
+#[test]
+fn every_truncation_and_extension_is_refused() {
+    let good = bytes_of(&typical());
+    for len in 0..good.len() {
+        assert!(matches!(Image::decode(&good[..len]), Err(DecodeError::TooShort { .. })), "{len}");
+    }
+    let mut longer = good;
+    longer.push(0);
+    assert!(matches!(Image::decode(&longer), Err(DecodeError::TooLong { .. })));
+}
+
+#[test]
+fn unknown_things_are_named() {
+    let good = bytes_of(&typical());
+    let terms = good.len() - 4 - 24;
+    assert_eq!(Image::decode(b"time_s,counts\n1,2\n"), Err(DecodeError::NotAnImage));
+    assert_eq!(Image::decode(&resealed(good.clone(), 8, 9)), Err(DecodeError::UnknownVersion(9)));
+    assert_eq!(
+        Image::decode(&resealed(good.clone(), terms + 12, 7)),
+        Err(DecodeError::UnknownKind { term: 1, kind: 7 })
+    );
+    assert_eq!(
+        Image::decode(&resealed(good.clone(), terms + 3, 2)),
+        Err(DecodeError::UnknownMultiplier { term: 0, multiplier: 2 })
+    );
+    assert_eq!(Image::decode(&resealed(good.clone(), terms + 9, 1)), Err(DecodeError::Reserved("a term")));
+    assert_eq!(Image::decode(&resealed(good, terms + 2, 9)), Err(DecodeError::Invalid(ImageError::Term(0, "order"))));
+}
+
+#[test]
+fn an_absurd_description_is_refused_by_field() {
+    let refuse = |change: &dyn Fn(&mut Description)| {
+        let mut d = *typical().description();
+        change(&mut d);
+        Image::new(d).unwrap_err()
+    };
+    assert_eq!(refuse(&|d| d.tick_ns = 0), ImageError::Head("tick_ns"));
+    assert_eq!(refuse(&|d| d.slew_ticks = 10_001), ImageError::Head("slew_ticks"));
+    assert_eq!(refuse(&|d| d.thermometers[0].span_hi_q24 += 1), ImageError::Thermometer(0, "span"));
+    assert_eq!(refuse(&|d| d.thermometers[0].x_mantissa /= 2), ImageError::Thermometer(0, "x mantissa or shift"));
+    assert_eq!(refuse(&|d| d.thermometers[0].lag.rate_lo = i32::MIN), ImageError::Thermometer(0, "rate span"));
+    assert_eq!(refuse(&|d| d.terms[1].sensor = 1), ImageError::Term(1, "sensor"));
+    let long_period = |d: &mut Description| (d.period_ticks, d.terms[0].shift) = (1 << 24, 8);
+    assert_eq!(refuse(&long_period), ImageError::IncrementTooLarge);
+    let scale = |d: &mut Description| d.terms[0] = term(Kind::Scale, 0, Multiplier::One, 1 << 30, 26);
+    assert_eq!(refuse(&scale), ImageError::ScaleTooLarge);
+}

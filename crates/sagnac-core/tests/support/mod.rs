@@ -1,0 +1,72 @@
+//! Descriptions of images, plain and drawn at random, for the tests of this folder.
+
+use proptest::prelude::*;
+use sagnac_core::{Description, Image, Kind, LagSpec, Multiplier, Scale, Term, Thermometer};
+
+/// Span −40 … +70 °C, rate span ±2 °C/min at Δt = 1 s, τ = 300 s, code = 2⁻²⁴ °C.
+pub(crate) fn thermometer() -> Thermometer {
+    let half = 55_i64 << 24;
+    let alpha = 1.0 - (-1.0_f64 / 300.0).exp();
+    let rate_hi = (2.0 / 60.0 * 2.0_f64.powi(36)) as i32;
+    Thermometer {
+        offset_q24: 0,
+        gain: Scale { mantissa: 1 << 30, shift: 30 },
+        plausible_lo_q24: -(80 << 24),
+        plausible_hi_q24: 120 << 24,
+        span_lo_q24: -(40 << 24),
+        span_hi_q24: 70 << 24,
+        x_mantissa: ((1_i64 << 61) / half) as u32,
+        x_shift: 30,
+        lag: LagSpec {
+            alpha_mantissa: (alpha * 2.0_f64.powi(32)) as u32,
+            alpha_shift: 32,
+            rate_shift: 12,
+            rate_lo: -rate_hi,
+            rate_hi,
+            y_mantissa: ((1_u64 << 61) / rate_hi as u64) as u32,
+            y_shift: 30,
+        },
+        hold_updates: 10,
+        settling_updates: 900,
+    }
+}
+
+pub(crate) fn term(kind: Kind, order: u8, multiplier: Multiplier, mantissa: i32, shift: u8) -> Term {
+    Term { kind, sensor: 0, order, multiplier, mantissa, shift }
+}
+
+/// An image with one thermometer and these terms.
+pub(crate) fn image(terms: &[Term], period_ticks: u32, slew_ticks: u32) -> Image {
+    let mut d = Description::empty();
+    d.serial[..6].copy_from_slice(b"RLG-01");
+    d.period_ticks = period_ticks;
+    d.slew_ticks = slew_ticks;
+    d.thermometers[0] = thermometer();
+    d.thermometer_count = 1;
+    d.terms[..terms.len()].copy_from_slice(terms);
+    d.term_count = u8::try_from(terms.len()).unwrap();
+    Image::new(d).unwrap()
+}
+
+/// Random images whose increments reach 2⁴⁶ LSB and whose k reaches its bound.
+pub(crate) fn any_image() -> impl Strategy<Value = Image> {
+    let bias = (0_u8..=8, any::<bool>(), -(1 << 30)..(1_i32 << 30), 14_u8..40);
+    let scale = (0_u8..=8, any::<bool>(), -(1 << 30)..(1_i32 << 30), 30_u8..50);
+    (prop::collection::vec(bias, 0..6), prop::collection::vec(scale, 0..4), 1_u32..3000, 0_u32..3000).prop_filter_map(
+        "sums in range",
+        |(bias, scale, period, slew)| {
+            let mut d = Description::empty();
+            d.thermometers[0] = thermometer();
+            d.thermometer_count = 1;
+            d.period_ticks = period;
+            d.slew_ticks = slew.min(period);
+            let rows = bias.iter().map(|row| (Kind::Bias, row)).chain(scale.iter().map(|row| (Kind::Scale, row)));
+            for (slot, (kind, &(order, rate, mantissa, shift))) in d.terms.iter_mut().zip(rows) {
+                let multiplier = if rate { Multiplier::Rate } else { Multiplier::One };
+                *slot = term(kind, order, multiplier, mantissa, shift);
+                d.term_count += 1;
+            }
+            Image::new(d).ok()
+        },
+    )
+}

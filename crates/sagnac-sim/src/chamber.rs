@@ -1,0 +1,113 @@
+//! A gyro block that follows a thermal chamber with a lag.
+//!
+//! ```text
+//! Ṫ_block = (T_chamber − T_block)/lag        d = Σ aᵢuⁱ + c·Ṫ_block,   u = (T_block − 15 °C)/55 °C
+//! ```
+//!
+//! The thermometer sits on the block and reads in steps of its LSB. The drift is in powers of u, not
+//! in the fitter's basis, and the rate in it is the block's true one, not a filtered reading.
+
+use crate::Row;
+use crate::counter::Counter;
+
+/// One leg of the chamber's profile.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Leg {
+    /// Stay for this many seconds.
+    Soak(f64),
+    /// Go to a temperature (°C) at this rate (°C/min, positive).
+    Ramp(f64, f64),
+}
+
+/// Parameters of gyro, block and chamber.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LaggedChamber {
+    /// Chamber and block at the start, °C.
+    pub start_c: f64,
+    /// Profile.
+    pub legs: Vec<Leg>,
+    /// Time constant of the block, s.
+    pub block_lag_s: f64,
+    /// Step of the thermometer, °C.
+    pub thermometer_lsb_c: f64,
+    /// Drift: ascending powers of u, °/h.
+    pub drift_dph: Vec<f64>,
+    /// Rate effect, °/h per °C/min of the block.
+    pub rate_effect: f64,
+    /// Input rate, °/h.
+    pub input_dph: f64,
+    /// Angle random walk, °/√h.
+    pub arw_deg_rt_h: f64,
+    /// Scale factor, arcsec per count.
+    pub arcsec_per_count: f64,
+    /// Interval of a row, s (whole seconds).
+    pub row_s: u32,
+}
+
+impl LaggedChamber {
+    /// The case of the domain notes §2: ±1 °C/min with soaks between −40 and +70 °C, block lag 20 min, a
+    /// cubic and 0.05 °/h per °C/min, ARW 0.003 °/√h, thermometer steps of 0.0625 °C; counts of a 28 cm
+    /// triangle (2.42 arcsec per fringe) interpolated sixteen times.
+    pub fn domain_notes() -> Self {
+        let soak = Leg::Soak(13_200.0);
+        Self {
+            start_c: -40.0,
+            legs: vec![soak, Leg::Ramp(70.0, 1.0), soak, Leg::Ramp(-40.0, 1.0)],
+            block_lag_s: 1200.0,
+            thermometer_lsb_c: 0.0625,
+            drift_dph: vec![0.01, 0.004, -0.012, 0.014],
+            rate_effect: 0.05,
+            input_dph: 4.498,
+            arw_deg_rt_h: 0.003,
+            arcsec_per_count: 0.151_25,
+            row_s: 1,
+        }
+    }
+
+    /// Drift at a block temperature and rate, °/h.
+    fn drift(&self, block_c: f64, rate_cpm: f64) -> f64 {
+        let u = (block_c - 15.0) / 55.0;
+        self.drift_dph.iter().rev().fold(0.0, |sum, a| sum * u + a) + self.rate_effect * rate_cpm
+    }
+
+    /// Chamber temperature second by second.
+    fn profile(&self) -> Vec<f64> {
+        let mut seconds = Vec::new();
+        let mut now_c = self.start_c;
+        for leg in &self.legs {
+            match *leg {
+                Leg::Soak(length_s) => seconds.resize(seconds.len() + length_s as usize, now_c),
+                Leg::Ramp(to_c, rate_cpm) => {
+                    let length_s = ((to_c - now_c).abs() / rate_cpm * 60.0) as u32;
+                    let step = (to_c - now_c) / f64::from(length_s.max(1));
+                    seconds.extend((1..=length_s).map(|s| now_c + step * f64::from(s)));
+                    now_c = to_c;
+                }
+            }
+        }
+        seconds
+    }
+
+    /// One run through the profile.
+    pub fn run(&self, seed: u64) -> impl Iterator<Item = Row> + use<> {
+        let gyro = self.clone();
+        let profile = self.profile();
+        let mut counter = Counter::new(seed, gyro.arw_deg_rt_h);
+        let mut block_c = gyro.start_c;
+        let keep = libm::exp(-1.0 / gyro.block_lag_s);
+        let rows = profile.len() / gyro.row_s as usize;
+        (0..rows).map(move |row| {
+            let first = row * gyro.row_s as usize;
+            let mut quanta = 0.0;
+            for chamber_c in &profile[first..first + gyro.row_s as usize] {
+                let before_c = block_c;
+                block_c = chamber_c + (block_c - chamber_c) * keep;
+                let rate_cpm = (block_c - before_c) * 60.0;
+                let rate_dph = gyro.input_dph + gyro.drift(f64::midpoint(before_c, block_c), rate_cpm);
+                quanta += counter.count(rate_dph, 1.0, gyro.arcsec_per_count);
+            }
+            let temperature_c = libm::round(block_c / gyro.thermometer_lsb_c) * gyro.thermometer_lsb_c;
+            Row { time_s: (first + gyro.row_s as usize) as f64, temperature_c, counts: quanta }
+        })
+    }
+}

@@ -1,0 +1,436 @@
+//! The calibration record: what people read and machines exchange (`unit.cal.json`).
+//!
+//! Its JSON schema is `docs/calibration.schema.json`, made from these types by `cargo xtask schema`.
+
+use std::path::Path;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::error::{Error, Result};
+use crate::ingest::Tally;
+use crate::setup::{Setup, ThermometerSetup, WindowSize};
+
+/// Value of `Calibration::format`.
+pub const FORMAT: &str = "sagnac-calibration";
+/// Value of `Calibration::version`.
+pub const VERSION: u32 = 1;
+/// Serial of a calibration whose gyro was not named.
+pub const UNASSIGNED: &str = "unassigned";
+
+/// A calibration of one unit, one entry per axis.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Calibration {
+    /// Always `sagnac-calibration`.
+    pub format: String,
+    /// Version of this schema.
+    pub version: u32,
+    /// Serial number of the gyro, or `unassigned`.
+    pub serial: String,
+    /// Quantity of the log.
+    pub unit: LogUnit,
+    /// Timing of the target that the calibration was made for.
+    pub target: Target,
+    /// The thermometer that the terms use.
+    pub thermometer: Thermometer,
+    /// Analysis window.
+    pub window: WindowSize,
+    /// Length to which sums per window are scaled, s.
+    pub window_s: f64,
+    /// Interval of a row of the log, s.
+    pub sample_interval_s: f64,
+    /// One entry per axis.
+    pub axes: Vec<AxisCalibration>,
+    /// How the log was read; `verify` and `compensate` read theirs the same way.
+    pub setup: Setup,
+    /// Where it comes from.
+    pub provenance: Provenance,
+}
+
+/// Quantity and scale of a log.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "quantity", rename_all = "snake_case", deny_unknown_fields)]
+pub enum LogUnit {
+    /// Counts.
+    Counts {
+        /// Nominal scale factor S0.
+        arcsec_per_count: f64,
+        /// Smallest step of the counts, counts; one output count of the image.
+        quantum: f64,
+    },
+    /// Rates, replayed with a virtual LSB.
+    Rates {
+        /// One output count of the image, arcsec.
+        lsb_arcsec: f64,
+    },
+}
+
+impl LogUnit {
+    /// arcsec per output count of the image.
+    pub fn arcsec_per_lsb(&self) -> f64 {
+        match self {
+            Self::Counts { arcsec_per_count, quantum } => arcsec_per_count * quantum,
+            Self::Rates { lsb_arcsec } => *lsb_arcsec,
+        }
+    }
+}
+
+/// Timing of the target.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Target {
+    /// Tick, ns.
+    pub tick_ns: u32,
+    /// Ticks per temperature period Δt.
+    pub period_ticks: u32,
+    /// Ticks over which a new correction is approached.
+    pub slew_ticks: u32,
+}
+
+impl Target {
+    /// Δt, s.
+    pub fn period_s(&self) -> f64 {
+        f64::from(self.tick_ns) * f64::from(self.period_ticks) * 1e-9
+    }
+
+    /// Tick, s.
+    pub fn tick_s(&self) -> f64 {
+        f64::from(self.tick_ns) * 1e-9
+    }
+}
+
+/// The thermometer of the model.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Thermometer {
+    /// Name in the log's header; empty for a plain `temperature_c`.
+    pub name: String,
+    /// Temperature at code 0, °C. Without the setup's own conversion a code is 2⁻²⁴ °C.
+    pub offset_c: f64,
+    /// °C per code.
+    pub gain_c_per_code: f64,
+    /// Temperatures outside are not believed, °C.
+    pub plausible_c: [f64; 2],
+    /// Time without temperature after which the correction is STALE, s.
+    pub hold_s: f64,
+}
+
+/// Replay's own temperature code: 2⁻²⁴ °C.
+const CODE_C: f64 = 1.0 / (1 << 24) as f64;
+
+impl Thermometer {
+    /// As set up; without a conversion a code is 2⁻²⁴ °C.
+    pub(crate) fn from_setup(spec: ThermometerSetup) -> Self {
+        Self {
+            name: spec.name,
+            offset_c: spec.offset_c.unwrap_or(0.0),
+            gain_c_per_code: spec.gain_c_per_code.unwrap_or(CODE_C),
+            plausible_c: spec.plausible_c,
+            hold_s: spec.hold_s,
+        }
+    }
+}
+
+/// What a term adds to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum TermKind {
+    /// bᵢ·[Tᵢ(x) − Tᵢ(x0)], °/h.
+    Bias,
+    /// cⱼ·Ṫ·Tⱼ(x), °/h per °C/min.
+    Rate,
+    /// e_k·[T_k(x) − T_k(x0)], ppm.
+    Scale,
+}
+
+impl TermKind {
+    /// Unit of a coefficient.
+    pub fn unit(self) -> &'static str {
+        match self {
+            Self::Bias => "deg/h",
+            Self::Rate => "deg/h per degC/min",
+            Self::Scale => "ppm",
+        }
+    }
+}
+
+/// One coefficient.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Term {
+    /// What it adds to.
+    pub kind: TermKind,
+    /// Thermometer.
+    pub sensor: String,
+    /// Order of its Chebyshev polynomial.
+    pub order: u8,
+    /// Coefficient.
+    pub value: f64,
+    /// Standard deviation; null where the coefficient was not fitted here.
+    pub sigma: Option<f64>,
+    /// Unit of both.
+    pub unit: String,
+    /// |value| exceeds its 95 % interval; null without sigma.
+    pub significant: Option<bool>,
+}
+
+/// A fitted lag.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Lag {
+    /// τ, s.
+    pub value: f64,
+    /// Standard deviation; null where τ is not resolved and the smallest within 2 % was taken.
+    pub sigma: Option<f64>,
+}
+
+/// The constant of one run: fixed bias plus input rate. Never part of the correction.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Constant {
+    /// Index of the run.
+    pub run: u32,
+    /// Rate at T0 and Ṫ = 0, °/h.
+    pub value_dph: f64,
+    /// Standard deviation; null where it was not fitted here.
+    pub sigma_dph: Option<f64>,
+    /// The constant less the known input rate: the fixed bias, °/h; null where the input rate is not known.
+    pub fixed_bias_dph: Option<f64>,
+}
+
+/// The curve at Ṫ = 0 in the paper's form: value = Σ coefficientᵢ·Tⁱ, T in °C.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Monomial {
+    /// Run whose constant it holds.
+    pub run: u32,
+    /// `counts per window` or `deg/h`.
+    pub unit: String,
+    /// The window, s.
+    pub window_s: f64,
+    /// Ascending powers of °C.
+    pub coefficients: Vec<f64>,
+    /// Standard deviations; null where not fitted here.
+    pub sigma: Option<Vec<f64>>,
+}
+
+/// Residual of the fit, about the fitted curve. In-sample: quote the cross-validation instead.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Residual {
+    /// Windows.
+    pub n: usize,
+    /// σ with the lost degrees of freedom counted, °/h.
+    pub sigma_dph: f64,
+    /// Largest minus smallest, °/h.
+    pub peak_to_peak_dph: f64,
+    /// Correlation of neighbouring residuals, by which the intervals were widened.
+    pub autocorrelation: f64,
+}
+
+/// What noise alone leaves in a window.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Floor {
+    /// √(N²/τ + 2Q²/τ²) for the nominal window, °/h.
+    pub value_dph: f64,
+    /// Angle random walk N, °/√h.
+    pub n_deg_rt_h: f64,
+    /// Quantization Q, arcsec.
+    pub q_arcsec: f64,
+    /// Where N and Q come from.
+    pub source: String,
+}
+
+/// Held-out residual.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CrossValidation {
+    /// What is held out.
+    pub scheme: String,
+    /// How many folds.
+    pub folds: usize,
+    /// Root mean square of held-out residuals, °/h.
+    pub sigma_dph: f64,
+}
+
+/// One model that was tried.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Candidate {
+    /// In the words of `--model`.
+    pub model: String,
+    /// Coefficients without constants, lag included.
+    pub coefficients: usize,
+    /// Root mean square of held-out residuals, °/h; null where a fold could not be fitted.
+    pub held_out_dph: Option<f64>,
+    /// It was taken.
+    pub chosen: bool,
+}
+
+/// The calibration of one axis.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct AxisCalibration {
+    /// Axis letter.
+    pub axis: char,
+    /// In the words of `--model`.
+    pub model: String,
+    /// Coefficients.
+    pub terms: Vec<Term>,
+    /// Lag of the rate term; null without one.
+    pub lag_s: Option<Lag>,
+    /// T0, °C.
+    pub reference_c: f64,
+    /// Temperatures of the fit, °C. Outside, the correction is the one at the border.
+    pub span_c: [f64; 2],
+    /// Temperature rates of the fit, °C/min; null without a rate term.
+    pub rate_span_cpm: Option<[f64; 2]>,
+    /// Constants of the runs.
+    pub constants: Vec<Constant>,
+    /// The curve in the paper's form.
+    pub monomial: Monomial,
+    /// Residual of the fit; null where nothing was fitted here.
+    pub residual: Option<Residual>,
+    /// Noise floor; null where neither measured nor given.
+    pub floor: Option<Floor>,
+    /// Held-out residual; null where nothing was fitted here.
+    pub cross_validation: Option<CrossValidation>,
+    /// What was tried.
+    pub candidates: Vec<Candidate>,
+    /// What was left out, and why.
+    pub excluded: Vec<Tally>,
+    /// Covariance of constants, terms and lag in the order of `covariance_of`; empty where not fitted.
+    pub covariance: Vec<Vec<f64>>,
+    /// Names of its rows.
+    pub covariance_of: Vec<String>,
+}
+
+/// Where a record comes from. No clock: the same input gives the same bytes.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Provenance {
+    /// Program and version.
+    pub program: String,
+    /// Time of the newest input sample in the log's own time, s, or SOURCE_DATE_EPOCH.
+    pub time_s: f64,
+    /// Which of the two.
+    pub time_source: String,
+    /// The logs.
+    pub inputs: Vec<Input>,
+}
+
+/// One log.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Input {
+    /// File name without its folder.
+    pub file: String,
+    /// SHA-256 of its bytes.
+    pub sha256: String,
+    /// Rows read.
+    pub rows: u64,
+}
+
+impl Calibration {
+    /// Reads and checks a record.
+    ///
+    /// # Errors
+    /// Not JSON, a missing, extra or non-finite field, another format or version (field named).
+    pub fn parse(text: &str) -> Result<Self> {
+        let head: serde_json::Value = serde_json::from_str(text).map_err(|e| not_json(&e))?;
+        if head.get("format").and_then(|f| f.as_str()) != Some(FORMAT) {
+            return Err(Error::input("JSON, but no calibration of Sagnac").column("format"));
+        }
+        if head.get("version").and_then(serde_json::Value::as_u64) != Some(u64::from(VERSION)) {
+            let found = head.get("version").map(ToString::to_string).unwrap_or_default();
+            return Err(Error::input(format!("this program reads version {VERSION}")).column("version").value(found));
+        }
+        let calibration: Self = serde_json::from_str(text).map_err(|e| not_json(&e))?;
+        calibration.check()?;
+        Ok(calibration)
+    }
+
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// As [`Calibration::parse`], with the file named.
+    pub fn read(path: &Path) -> Result<Self> {
+        let text = std::fs::read_to_string(path).map_err(|e| Error::io_path(path, "read", &e))?;
+        Self::parse(&text).map_err(|e| e.file(path.display().to_string()))
+    }
+
+    /// As JSON, ending in a newline.
+    ///
+    /// # Errors
+    /// A number that JSON cannot hold.
+    pub fn to_json(&self) -> Result<String> {
+        self.check()?;
+        let mut text =
+            serde_json::to_string_pretty(self).map_err(|e| Error::input(format!("cannot write JSON: {e}")))?;
+        text.push('\n');
+        Ok(text)
+    }
+
+    fn check(&self) -> Result<()> {
+        self.setup.check()?;
+        let positive = [
+            ("window_s", self.window_s),
+            ("sample_interval_s", self.sample_interval_s),
+            ("unit", self.unit.arcsec_per_lsb()),
+            ("target.tick_ns", f64::from(self.target.tick_ns)),
+            ("target.period_ticks", f64::from(self.target.period_ticks)),
+            ("thermometer.gain_c_per_code", self.thermometer.gain_c_per_code.abs()),
+        ];
+        for (name, value) in positive {
+            if value <= 0.0 || !value.is_finite() {
+                return Err(Error::input("must be a positive number").column(name).value(value.to_string()));
+            }
+        }
+        if self.axes.is_empty() {
+            return Err(Error::input("a calibration without an axis").column("axes"));
+        }
+        self.axes.iter().try_for_each(AxisCalibration::check)
+    }
+}
+
+fn not_json(error: &serde_json::Error) -> Error {
+    Error::input(format!("not a readable calibration: {error}")).line(error.line() as u64)
+}
+
+impl AxisCalibration {
+    fn check(&self) -> Result<()> {
+        let named = |field: &str| format!("axes[{}].{field}", self.axis);
+        let [lo, hi] = self.span_c;
+        if !(lo < hi && lo.is_finite() && hi.is_finite()) {
+            return Err(Error::input("must be an interval")
+                .column(named("span_c"))
+                .value(format!("{:?}", self.span_c)));
+        }
+        if !(lo..=hi).contains(&self.reference_c) {
+            let what = "must lie within span_c";
+            return Err(Error::input(what).column(named("reference_c")).value(self.reference_c.to_string()));
+        }
+        if let Some(term) = self.terms.iter().find(|term| !term.value.is_finite()) {
+            return Err(Error::input("must be finite").column(named("terms")).value(term.value.to_string()));
+        }
+        if self.terms.iter().any(|term| term.kind == TermKind::Rate)
+            && (self.lag_s.is_none() || self.rate_span_cpm.is_none())
+        {
+            return Err(Error::input("a rate term needs lag_s and rate_span_cpm").column(named("lag_s")));
+        }
+        Ok(())
+    }
+
+    /// The coefficients of one kind by order; zero where there is no term.
+    pub fn series(&self, kind: TermKind) -> [f64; crate::fit::BASIS_LEN] {
+        let mut series = [0.0; crate::fit::BASIS_LEN];
+        for term in self.terms.iter().filter(|term| term.kind == kind) {
+            if let Some(slot) = series.get_mut(usize::from(term.order)) {
+                *slot = term.value;
+            }
+        }
+        series
+    }
+}

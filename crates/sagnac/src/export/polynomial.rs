@@ -1,0 +1,121 @@
+//! `sagnac import --polynomial`: coefficients that someone already has become a calibration, so that an
+//! old correction can be verified like a new one.
+//!
+//! The polynomial is the paper's: counts per window as a function of °C at the rate of that test. Only
+//! its variation P(T) − P(T0) is kept; the constant P(T0) becomes the constant of run 0.
+
+use sagnac_core::MAX_ORDER;
+
+use crate::calibration::{
+    AxisCalibration, Calibration, Constant, FORMAT, LogUnit, Monomial, Provenance, Target, Term, TermKind, Thermometer,
+    UNASSIGNED, VERSION,
+};
+use crate::error::{Error, Result};
+use crate::fit::{Span, series_from_powers};
+use crate::setup::{Setup, WindowSize};
+
+/// An old correction.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Polynomial {
+    /// Counts per window; highest power of °C first, as in the paper.
+    pub coefficients: Vec<f64>,
+    /// The window, s.
+    pub window_s: f64,
+    /// Temperatures it was made from, °C.
+    pub span_c: [f64; 2],
+}
+
+/// Makes a calibration of it; serial, axis, scale factor, quantum and T0 from the setup.
+///
+/// # Errors
+/// No coefficient or too many, an empty span, T0 outside it, no scale factor.
+pub fn import(polynomial: &Polynomial, setup: &Setup) -> Result<Calibration> {
+    setup.check()?;
+    let order = polynomial.coefficients.len().checked_sub(1).filter(|order| *order <= usize::from(MAX_ORDER));
+    let order = order
+        .ok_or_else(|| Error::input(format!("needs 1 to {} coefficients", MAX_ORDER + 1)).column("--polynomial"))?;
+    let [lo_c, hi_c] = polynomial.span_c;
+    if !(lo_c < hi_c && lo_c > -127.0 && hi_c < 127.0) {
+        return Err(Error::input("must be two temperatures, the lower first")
+            .column("--span")
+            .value(format!("{lo_c},{hi_c}")));
+    }
+    let sound = polynomial.window_s > 0.0
+        && polynomial.window_s.is_finite()
+        && polynomial.coefficients.iter().all(|c| c.is_finite());
+    if !sound {
+        return Err(Error::input("coefficients and window must be finite, the window positive").column("--polynomial"));
+    }
+    let arcsec_per_count = setup.arcsec_per_count.ok_or_else(|| {
+        Error::input("nothing says how many arcsec a count is")
+            .column("arcsec_per_count")
+            .help("give --arcsec-per-count")
+    })?;
+    let span = Span { lo_c, hi_c };
+    let reference_c = setup.reference_c();
+    if !(lo_c..=hi_c).contains(&reference_c) {
+        return Err(Error::refused(format!(
+            "the reference temperature {reference_c} °C lies outside the span {lo_c} … {hi_c} °C"
+        ))
+        .column("reference_c")
+        .help("give --reference a temperature within the span"));
+    }
+    let ascending: Vec<f64> = polynomial.coefficients.iter().rev().copied().collect();
+    let dph_per_count = arcsec_per_count / polynomial.window_s;
+    let dph: Vec<f64> = ascending.iter().map(|c| c * dph_per_count).collect();
+    let at_reference = dph.iter().rev().fold(0.0, |sum, c| sum * reference_c + c);
+    let series = series_from_powers(span, &dph);
+    let axis = AxisCalibration {
+        axis: setup.axis.unwrap_or('x'),
+        model: format!("bias {order}"),
+        terms: (1..=order).map(|n| bias_term(n as u8, series[n])).collect(),
+        lag_s: None,
+        reference_c,
+        span_c: polynomial.span_c,
+        rate_span_cpm: None,
+        constants: vec![constant(at_reference, setup)],
+        monomial: Monomial {
+            run: 0,
+            unit: "counts per window".to_owned(),
+            window_s: polynomial.window_s,
+            coefficients: ascending,
+            sigma: None,
+        },
+        residual: None,
+        floor: None,
+        cross_validation: None,
+        candidates: Vec::new(),
+        excluded: Vec::new(),
+        covariance: Vec::new(),
+        covariance_of: Vec::new(),
+    };
+    Ok(Calibration {
+        format: FORMAT.to_owned(),
+        version: VERSION,
+        serial: setup.serial.clone().unwrap_or_else(|| UNASSIGNED.to_owned()),
+        unit: LogUnit::Counts { arcsec_per_count, quantum: setup.quantum.unwrap_or(1.0) },
+        target: Target { tick_ns: 100_000, period_ticks: 10_000, slew_ticks: 100 },
+        thermometer: Thermometer::from_setup(setup.thermometer("")),
+        window: WindowSize::Seconds(polynomial.window_s),
+        window_s: polynomial.window_s,
+        sample_interval_s: setup.sample_interval_s.unwrap_or(1.0),
+        axes: vec![axis],
+        setup: setup.clone(),
+        provenance: Provenance {
+            program: crate::fit::program(),
+            time_s: 0.0,
+            time_source: "imported coefficients".to_owned(),
+            inputs: Vec::new(),
+        },
+    })
+}
+
+fn bias_term(order: u8, value: f64) -> Term {
+    let kind = TermKind::Bias;
+    Term { kind, sensor: String::new(), order, value, sigma: None, unit: kind.unit().to_owned(), significant: None }
+}
+
+fn constant(value_dph: f64, setup: &Setup) -> Constant {
+    let fixed_bias_dph = setup.known_input_rate_dph().map(|input| value_dph - input);
+    Constant { run: 0, value_dph, sigma_dph: None, fixed_bias_dph }
+}

@@ -1,0 +1,136 @@
+//! Out of sample: every candidate on windows that its fit did not see.
+//!
+//! With four runs or more one run is left out at a time; otherwise twelve contiguous blocks over all
+//! runs. The lag filter runs through what is left out, and τ is fitted anew in each fold. A held-out
+//! run is judged about its own mean (it has no constant), a held-out block with its run's constant.
+//!
+//! One R factor per block and τ serves all candidates: training sets are stacks of the factors of the
+//! other blocks, candidates are subsets of columns.
+
+use nalgebra::DVector;
+
+use crate::fit::lag::RATE_COLUMNS;
+use crate::fit::model::ModelSpec;
+use crate::fit::problem::Problem;
+use crate::fit::solve::{Factor, Reducer, Solution};
+
+const BLOCKS: usize = 12;
+const RUNS_TO_LEAVE_ONE_OUT: usize = 4;
+const BIAS_COLUMNS: usize = crate::fit::basis::BASIS_LEN - 1;
+
+/// Held-out mean squares of some candidates.
+pub(crate) struct HeldOut {
+    pub(crate) scheme: &'static str,
+    pub(crate) folds: usize,
+    /// (°/h)², in the order of the candidates; `None` where a fold could not be fitted.
+    pub(crate) mean_square: Vec<Option<f64>>,
+}
+
+/// How rows are divided, and which columns stand before the regressors.
+struct Division {
+    block: Vec<usize>,
+    blocks: usize,
+    /// Columns for constants; 0: every run is centred instead.
+    constants: usize,
+    scheme: &'static str,
+}
+
+impl Division {
+    fn of(problem: &Problem<'_>) -> Self {
+        let (n, runs) = (problem.len(), problem.runs.len());
+        if runs >= RUNS_TO_LEAVE_ONE_OUT {
+            return Self { block: problem.run.clone(), blocks: runs, constants: 0, scheme: "leave one run out" };
+        }
+        let blocks = BLOCKS.min(n);
+        let block = (0..n).map(|i| i * blocks / n).collect();
+        Self { block, blocks, constants: runs, scheme: "contiguous blocks" }
+    }
+}
+
+/// Cross-validates every candidate.
+pub(crate) fn cross_validate(problem: &Problem<'_>, candidates: &[ModelSpec], taus_s: &[f64]) -> HeldOut {
+    let division = Division::of(problem);
+    let scale_orders = candidates.iter().map(|c| usize::from(c.scale)).max().unwrap_or(0);
+    let with_rate = candidates.iter().any(|c| c.rate.is_some());
+    // Without a rate term any τ serves.
+    let taus_s = if with_rate { taus_s } else { &taus_s[..1] };
+    let factors: Vec<Vec<Factor>> =
+        taus_s.iter().map(|tau| block_factors(problem, &division, *tau, with_rate, scale_orders)).collect();
+    let mut held_out = vec![Some(0.0); candidates.len()];
+    for fold in 0..division.blocks {
+        let training: Vec<Option<Factor>> = factors
+            .iter()
+            .map(|blocks| Factor::join(blocks.iter().enumerate().filter(|(b, _)| *b != fold).map(|(_, f)| f)))
+            .collect();
+        for (candidate, sum) in candidates.iter().zip(&mut held_out) {
+            let columns = columns_of(*candidate, division.constants);
+            let choices = if candidate.rate.is_some() { taus_s.len() } else { 1 };
+            let best = best_tau(&training[..choices], &columns);
+            *sum = match (*sum, best) {
+                (Some(sum), Some((tau, theta))) => Some(sum + factors[tau][fold].ssr(&columns, &theta)),
+                _ => None,
+            };
+        }
+    }
+    let weight: f64 = problem.weight.iter().sum();
+    let mean_square = held_out.into_iter().map(|sum| sum.map(|sum| sum / weight)).collect();
+    HeldOut { scheme: division.scheme, folds: division.blocks, mean_square }
+}
+
+/// The τ of least misfit on the training set.
+fn best_tau(training: &[Option<Factor>], columns: &[usize]) -> Option<(usize, DVector<f64>)> {
+    let solved = training.iter().enumerate().filter_map(|(i, f)| Some((i, f.as_ref()?.solve(columns)?)));
+    let best: Option<(usize, Solution)> = solved.min_by(|(_, a), (_, b)| a.ssr.total_cmp(&b.ssr));
+    best.map(|(i, solution)| (i, solution.theta))
+}
+
+/// Columns of a candidate in the full row: constants, b₁…b₈, c₀…c₃, e₁….
+fn columns_of(spec: ModelSpec, constants: usize) -> Vec<usize> {
+    let bias = constants;
+    let rate = bias + BIAS_COLUMNS;
+    let scale = rate + RATE_COLUMNS;
+    let rates = spec.rate.map_or(0, |order| usize::from(order) + 1);
+    (0..constants)
+        .chain(bias..bias + usize::from(spec.bias))
+        .chain(rate..rate + rates)
+        .chain(scale..scale + usize::from(spec.scale))
+        .collect()
+}
+
+fn block_factors(
+    problem: &Problem<'_>,
+    division: &Division,
+    tau_s: f64,
+    with_rate: bool,
+    scale_orders: usize,
+) -> Vec<Factor> {
+    let rates = if with_rate { problem.rate_columns(tau_s) } else { vec![[0.0; RATE_COLUMNS]; problem.len()] };
+    let width = division.constants + BIAS_COLUMNS + RATE_COLUMNS + scale_orders + 1;
+    let mut row = Vec::with_capacity(width);
+    let fill = |row: &mut Vec<f64>, i: usize| {
+        row.clear();
+        row.extend((0..division.constants).map(|c| f64::from(u8::from(c == problem.run[i]))));
+        row.extend_from_slice(&problem.bias[i][1..]);
+        row.extend_from_slice(&rates[i]);
+        row.extend((1..=scale_orders).map(|k| problem.scale_column(i, k)));
+        row.push(problem.y[i]);
+    };
+    let mut centres = vec![vec![0.0; width]; problem.runs.len()];
+    if division.constants == 0 {
+        let mut weights = vec![0.0; problem.runs.len()];
+        for i in 0..problem.len() {
+            fill(&mut row, i);
+            weights[problem.run[i]] += problem.weight[i];
+            let share = problem.weight[i] / weights[problem.run[i]];
+            centres[problem.run[i]].iter_mut().zip(&row).for_each(|(mean, value)| *mean += share * (value - *mean));
+        }
+    }
+    let mut reducers: Vec<Reducer> = (0..division.blocks).map(|_| Reducer::new(width)).collect();
+    for i in 0..problem.len() {
+        fill(&mut row, i);
+        let root = problem.weight[i].sqrt();
+        row.iter_mut().zip(&centres[problem.run[i]]).for_each(|(value, centre)| *value = (*value - centre) * root);
+        reducers[division.block[i]].push(&row);
+    }
+    reducers.into_iter().map(Reducer::finish).collect()
+}

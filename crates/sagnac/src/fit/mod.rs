@@ -1,0 +1,78 @@
+//! From windows to a calibration.
+//!
+//! ```text
+//! Windows ─▶ Problem (one axis) ─▶ folds (held-out σ of every candidate) ─▶ solution (chosen model,
+//!            covariance) ─▶ AxisCalibration
+//! ```
+//!
+//! `docs/method.md` tells the method; each step's equation stands in its module.
+
+mod basis;
+mod folds;
+mod lag;
+mod model;
+mod monomial;
+mod problem;
+mod record;
+mod solution;
+mod solve;
+
+pub use basis::{BASIS_LEN, Span, chebyshev};
+pub use model::{MAX_RATE_ORDER, ModelSpec};
+pub(crate) use monomial::{powers_from_series, series_from_powers};
+pub use record::{FitOptions, calibrate};
+pub(crate) use record::{floor_of, inputs, program};
+
+use crate::error::{Error, Result};
+use crate::fit::folds::cross_validate;
+use crate::fit::problem::Problem;
+
+/// A smaller model wins if its held-out mean square is within this factor of the least.
+const SMALLER_WINS_WITHIN: f64 = 1.02;
+
+/// Which model to fit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ModelChoice {
+    /// The best out of sample.
+    Auto,
+    /// This one.
+    Fixed(ModelSpec),
+}
+
+/// What was tried, and what was taken.
+struct Selection {
+    chosen: usize,
+    specs: Vec<ModelSpec>,
+    mean_square: Vec<Option<f64>>,
+    scheme: &'static str,
+    folds: usize,
+}
+
+/// Tries what is asked for.
+fn select(problem: &Problem<'_>, choice: ModelChoice, taus_s: &[f64]) -> Result<Selection> {
+    let affordable = |spec: &ModelSpec| problem.len() >= 3 * (problem.runs.len() + spec.coefficients());
+    let specs: Vec<ModelSpec> = match choice {
+        ModelChoice::Fixed(spec) => vec![spec],
+        ModelChoice::Auto => ModelSpec::candidates(problem.has_rate()).into_iter().filter(affordable).collect(),
+    };
+    if specs.is_empty() {
+        return Err(Error::refused(format!(
+            "{} windows in {} runs are too few even for constants; a fit needs three windows for each coefficient",
+            problem.len(),
+            problem.runs.len()
+        ))
+        .help("give more data or a shorter --window"));
+    }
+    let held_out = cross_validate(problem, &specs, taus_s);
+    let least = held_out.mean_square.iter().flatten().copied().fold(f64::INFINITY, f64::min);
+    // Specs stand smallest first; within one size the lower mean square wins.
+    let good = (0..specs.len()).filter(|i| held_out.mean_square[*i].is_some_and(|m| m <= SMALLER_WINS_WITHIN * least));
+    let chosen = good
+        .min_by(|a, b| {
+            let key = |i: usize| (specs[i].coefficients(), held_out.mean_square[i].unwrap_or(f64::INFINITY));
+            let ((na, ma), (nb, mb)) = (key(*a), key(*b));
+            na.cmp(&nb).then(ma.total_cmp(&mb))
+        })
+        .unwrap_or(0);
+    Ok(Selection { chosen, specs, mean_square: held_out.mean_square, scheme: held_out.scheme, folds: held_out.folds })
+}

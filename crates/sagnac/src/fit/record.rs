@@ -1,0 +1,307 @@
+//! The fit of every axis, written down.
+
+use crate::allan::NoiseTerms;
+use crate::calibration::{
+    AxisCalibration, Calibration, Candidate, Constant, CrossValidation, FORMAT, Floor, Input, Lag, LogUnit, Monomial,
+    Provenance, Residual, Target, Term, TermKind, Thermometer, UNASSIGNED, VERSION,
+};
+use crate::error::{Error, Result};
+use crate::fit::problem::Problem;
+use crate::fit::solution::{Fitted, fit};
+use crate::fit::{ModelChoice, Selection, powers_from_series, select};
+use crate::ingest::{AngleUnit, Reason};
+use crate::setup::Setup;
+use crate::units::{ARCSEC_RT_S_PER_DEG_RT_H, ns_from_s, s_from_ns};
+use crate::window::{WindowShape, Windows};
+
+/// Scale terms less certain than this cannot be told from bias.
+const SCALE_SIGMA_MAX_PPM: f64 = 1000.0;
+const DEFAULT_MIN_SPAN_C: f64 = 10.0;
+const DEFAULT_RATE_LSB_ARCSEC: f64 = 1e-4;
+
+/// What to fit.
+#[derive(Clone, Debug)]
+pub struct FitOptions {
+    /// Model.
+    pub model: ModelChoice,
+    /// SOURCE_DATE_EPOCH if it is set.
+    pub source_date_epoch: Option<i64>,
+}
+
+/// Fits every axis.
+///
+/// # Errors
+/// [`crate::ErrorKind::Refused`] where the data cannot support the answer: no temperature, too small a
+/// span, T0 outside it, too few windows, terms that cannot be told apart.
+pub fn calibrate(mut windows: Windows, setup: &Setup, options: &FitOptions) -> Result<Calibration> {
+    let sensor = sensor_of(&windows.shape, setup)?;
+    for i in 0..windows.len() {
+        if windows.rows.mean_c[sensor][i].is_nan() {
+            windows.exclude(i, Reason::NoTemperature);
+        }
+    }
+    let axes: Result<Vec<AxisCalibration>> =
+        (0..windows.shape.axes.len()).map(|axis| fit_axis(&windows, axis, sensor, setup, options)).collect();
+    let shape = &windows.shape;
+    Ok(Calibration {
+        format: FORMAT.to_owned(),
+        version: VERSION,
+        serial: setup.serial.clone().unwrap_or_else(|| UNASSIGNED.to_owned()),
+        unit: match shape.unit {
+            AngleUnit::Quanta { arcsec_per_count, quantum } => LogUnit::Counts { arcsec_per_count, quantum },
+            AngleUnit::Arcsec => {
+                LogUnit::Rates { lsb_arcsec: setup.rate_lsb_arcsec.unwrap_or(DEFAULT_RATE_LSB_ARCSEC) }
+            }
+        },
+        target: target(shape, setup)?,
+        thermometer: Thermometer::from_setup(setup.thermometer(&shape.thermometers[sensor])),
+        window: shape.window,
+        window_s: shape.nominal_s,
+        sample_interval_s: shape.sample_interval_s,
+        axes: axes?,
+        setup: setup.clone(),
+        provenance: provenance(&windows, options),
+    })
+}
+
+fn sensor_of(shape: &WindowShape, setup: &Setup) -> Result<usize> {
+    if shape.thermometers.is_empty() {
+        return Err(Error::refused("the log has no temperature, so nothing can be said of drift over temperature")
+            .help("name a column temperature_c, or map one under [columns]"));
+    }
+    let Some(wanted) = &setup.use_thermometer else {
+        return Ok(0);
+    };
+    shape.thermometers.iter().position(|name| name == wanted).ok_or_else(|| {
+        Error::input("the log has no thermometer of this name")
+            .column("use_thermometer")
+            .value(wanted)
+            .help(format!("it has: {}", shape.thermometers.join(", ")))
+    })
+}
+
+fn target(shape: &WindowShape, setup: &Setup) -> Result<Target> {
+    let tick_ns = ns_from_s(setup.tick_s.unwrap_or(1e-4)).unwrap_or(100_000).max(1);
+    let ticks = shape.period_ns / tick_ns;
+    let out_of_range = || Error::input("the temperature period has too many ticks").column("temperature_period_s");
+    let period_ticks = u32::try_from(ticks).ok().filter(|t| *t > 0 && *t <= 1 << 24).ok_or_else(out_of_range)?;
+    let tick_ns = u32::try_from(tick_ns).map_err(|_| Error::input("too long").column("tick_s"))?;
+    let slew_ticks = setup.slew_ticks.unwrap_or(100).min(period_ticks);
+    Ok(Target { tick_ns, period_ticks, slew_ticks })
+}
+
+fn provenance(windows: &Windows, options: &FitOptions) -> Provenance {
+    let newest = windows.runs.iter().map(|run| run.end_ns).max().unwrap_or(0);
+    let (time_s, time_source) = match options.source_date_epoch {
+        Some(epoch) => (epoch as f64, "SOURCE_DATE_EPOCH"),
+        None => (s_from_ns(newest), "newest input sample"),
+    };
+    Provenance { program: program(), time_s, time_source: time_source.to_owned(), inputs: inputs(windows) }
+}
+
+/// The logs behind some windows.
+pub(crate) fn inputs(windows: &Windows) -> Vec<Input> {
+    let inputs = windows.runs.iter().map(|run| Input {
+        file: crate::write::file_name(&run.summary.file),
+        sha256: run.summary.sha256.clone(),
+        rows: run.summary.rows,
+    });
+    inputs.collect()
+}
+
+/// Name and version of this program.
+pub(crate) fn program() -> String {
+    format!("sagnac {}", env!("CARGO_PKG_VERSION"))
+}
+
+/// N and Q of an axis: as given, else measured; with words for where they come from.
+pub(crate) fn noise_of(windows: &Windows, axis: usize, setup: &Setup) -> Option<(NoiseTerms, &'static str)> {
+    windows.shape.window.seconds()?;
+    if let Some(given) = setup.noise {
+        let n_arcsec_rt_s = given.n_deg_rt_h * ARCSEC_RT_S_PER_DEG_RT_H;
+        return Some((NoiseTerms { n_arcsec_rt_s, q_arcsec: given.q_arcsec }, "setup"));
+    }
+    windows.noise[axis].fit().map(|terms| (terms, "short-tau Allan deviations of the log"))
+}
+
+/// The floor of a nominal window.
+pub(crate) fn floor_of(windows: &Windows, axis: usize, setup: &Setup) -> Option<Floor> {
+    let (terms, source) = noise_of(windows, axis, setup)?;
+    Some(Floor {
+        value_dph: terms.floor_dph(windows.shape.nominal_s),
+        n_deg_rt_h: terms.n_deg_rt_h(),
+        q_arcsec: terms.q_arcsec,
+        source: source.to_owned(),
+    })
+}
+
+fn fit_axis(
+    windows: &Windows,
+    axis: usize,
+    sensor: usize,
+    setup: &Setup,
+    options: &FitOptions,
+) -> Result<AxisCalibration> {
+    let letter = windows.shape.axes[axis];
+    let reference_c = setup.reference_c();
+    let min_span_c = setup.min_span_c.unwrap_or(DEFAULT_MIN_SPAN_C);
+    let problem = Problem::new(windows, axis, sensor, reference_c, min_span_c)?;
+    if let ModelChoice::Fixed(spec) = options.model
+        && spec.rate.is_some()
+        && !problem.has_rate()
+    {
+        return Err(Error::refused("a rate term needs times, and the log has none").column("--model"));
+    }
+    let taus_s = problem.tau_grid();
+    let selection = select(&problem, options.model, &taus_s)?;
+    let fitted = fit(&problem, selection.specs[selection.chosen], &taus_s)?;
+    let terms = terms(&fitted, problem.runs.len(), &windows.shape.thermometers[sensor]);
+    if let Some(vague) =
+        terms.iter().find(|t| t.kind == TermKind::Scale && t.sigma.is_some_and(|s| s > SCALE_SIGMA_MAX_PPM))
+    {
+        return Err(Error::refused(format!(
+            "a scale-factor term of axis {letter} would be {:.0} ± {:.0} ppm: the runs' input rates do not separate it from bias",
+            vague.value,
+            vague.sigma.unwrap_or(f64::NAN)
+        ))
+        .help("test at several input rates, or leave the scale terms out of --model"));
+    }
+    Ok(AxisCalibration {
+        axis: letter,
+        model: fitted.spec.to_string(),
+        lag_s: fitted
+            .tau
+            .map(|tau| Lag { value: tau.value_s, sigma: tau.resolved.then(|| fitted.sigma(fitted.theta.len())) }),
+        reference_c,
+        span_c: [problem.span.lo_c, problem.span.hi_c],
+        rate_span_cpm: fitted.tau.map(|tau| problem.rate_span(tau.value_s)),
+        constants: constants(&fitted, &problem, setup),
+        monomial: monomial(&fitted, &problem, &windows.shape, reference_c),
+        residual: Some(residual(&fitted)),
+        floor: floor_of(windows, axis, setup),
+        cross_validation: cross_validation(&selection),
+        candidates: candidates(&selection),
+        excluded: windows.tallies.list(),
+        covariance: fitted.covariance.row_iter().map(|row| row.iter().copied().collect()).collect(),
+        covariance_of: covariance_of(&fitted, &problem, &terms),
+        terms,
+    })
+}
+
+fn terms(fitted: &Fitted, constants: usize, sensor: &str) -> Vec<Term> {
+    let spec = fitted.spec;
+    let bias = (1..=spec.bias).map(|order| (TermKind::Bias, order));
+    let rate = (0..spec.rate.map_or(0, |r| r + 1)).map(|order| (TermKind::Rate, order));
+    let scale = (1..=spec.scale).map(|order| (TermKind::Scale, order));
+    let kinds = bias.chain(rate).chain(scale).zip(constants..);
+    kinds
+        .map(|((kind, order), index)| {
+            let (value, sigma) = (fitted.theta[index], fitted.sigma(index));
+            Term {
+                kind,
+                sensor: sensor.to_owned(),
+                order,
+                value,
+                sigma: Some(sigma),
+                unit: kind.unit().to_owned(),
+                significant: Some(value.abs() > fitted.t95 * sigma),
+            }
+        })
+        .collect()
+}
+
+fn covariance_of(fitted: &Fitted, problem: &Problem<'_>, terms: &[Term]) -> Vec<String> {
+    let runs = problem.runs.iter().map(|run| format!("constant {run}"));
+    let terms = terms.iter().map(|term| {
+        let kind = match term.kind {
+            TermKind::Bias => "bias",
+            TermKind::Rate => "rate",
+            TermKind::Scale => "scale",
+        };
+        format!("{kind} {}", term.order)
+    });
+    let lag = fitted.tau.filter(|tau| tau.resolved).map(|_| "lag_s".to_owned());
+    runs.chain(terms).chain(lag).collect()
+}
+
+fn constants(fitted: &Fitted, problem: &Problem<'_>, setup: &Setup) -> Vec<Constant> {
+    let rows = problem.runs.iter().enumerate().map(|(index, run)| Constant {
+        run: *run as u32,
+        value_dph: fitted.theta[index],
+        sigma_dph: Some(fitted.sigma(index)),
+        fixed_bias_dph: setup.known_input_rate_dph().map(|input| fitted.theta[index] - input),
+    });
+    rows.collect()
+}
+
+/// Factor from °/h to the monomial's unit, and the unit's name.
+pub(crate) fn monomial_unit(unit: AngleUnit, window_s: f64) -> (f64, &'static str) {
+    match unit {
+        AngleUnit::Quanta { arcsec_per_count, .. } => (window_s / arcsec_per_count, "counts per window"),
+        AngleUnit::Arcsec => (1.0, "deg/h"),
+    }
+}
+
+/// Powers of °C with the first run's constant; scale terms linearised at that run's rate.
+fn monomial(fitted: &Fitted, problem: &Problem<'_>, shape: &WindowShape, reference_c: f64) -> Monomial {
+    let spec = fitted.spec;
+    let (bias, scale) = (usize::from(spec.bias), usize::from(spec.scale));
+    let order = bias.max(scale);
+    let runs = problem.runs.len();
+    let rates = spec.rate.map_or(0, |r| usize::from(r) + 1);
+    let rows = powers_from_series(problem.span, reference_c, order);
+    let (factor, unit) = monomial_unit(shape.unit, shape.nominal_s);
+    // One linear map from all parameters to each power.
+    let maps: Vec<Vec<f64>> = rows
+        .iter()
+        .map(|row| {
+            let mut map = vec![0.0; fitted.covariance.nrows()];
+            map[0] = factor * row[0];
+            map[runs..runs + bias].iter_mut().zip(&row[1..]).for_each(|(m, value)| *m = factor * value);
+            let at = runs + bias + rates;
+            let omega = -problem.run_rate[0] * 1e-6;
+            map[at..at + scale].iter_mut().zip(&row[1..]).for_each(|(m, value)| *m = factor * omega * value);
+            map
+        })
+        .collect();
+    let coefficients = maps.iter().map(|map| map.iter().zip(&fitted.theta).map(|(m, t)| m * t).sum());
+    let sigma = maps.iter().map(|map| {
+        let map = nalgebra::DVector::from_column_slice(map);
+        (map.transpose() * &fitted.covariance * &map)[(0, 0)].max(0.0).sqrt()
+    });
+    Monomial {
+        run: problem.runs[0] as u32,
+        unit: unit.to_owned(),
+        window_s: shape.nominal_s,
+        coefficients: coefficients.collect(),
+        sigma: Some(sigma.collect()),
+    }
+}
+
+fn residual(fitted: &Fitted) -> Residual {
+    let (lo, hi) =
+        fitted.residuals.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), r| (r.min(lo), r.max(hi)));
+    Residual {
+        n: fitted.residuals.len(),
+        sigma_dph: fitted.sigma_dph,
+        peak_to_peak_dph: hi - lo,
+        autocorrelation: fitted.autocorrelation,
+    }
+}
+
+fn cross_validation(selection: &Selection) -> Option<CrossValidation> {
+    let mean_square = selection.mean_square[selection.chosen]?;
+    let scheme = selection.scheme.to_owned();
+    Some(CrossValidation { scheme, folds: selection.folds, sigma_dph: mean_square.sqrt() })
+}
+
+fn candidates(selection: &Selection) -> Vec<Candidate> {
+    let rows =
+        selection.specs.iter().zip(&selection.mean_square).enumerate().map(|(i, (spec, mean_square))| Candidate {
+            model: spec.to_string(),
+            coefficients: spec.coefficients(),
+            held_out_dph: mean_square.map(f64::sqrt),
+            chosen: i == selection.chosen,
+        });
+    rows.collect()
+}

@@ -1,0 +1,152 @@
+//! Least squares through triangular factors.
+//!
+//! A block of rows [A | y] is reduced to its R factor once (Householder QR, chunk by chunk, so memory
+//! does not grow with the rows). R then stands for the rows in everything that follows: stacking
+//! factors joins blocks, dropping columns gives a smaller model, and |R·(θ, −1)|² is the residual sum of
+//! squares of any θ on that block.
+
+use nalgebra::{DMatrix, DVector};
+
+/// A column that loses all but this part of its length to the columns before it is no column.
+const RANK_TOLERANCE: f64 = 1e-9;
+const CHUNK_ROWS: usize = 512;
+
+/// R factor of a block of rows; the last column is y.
+#[derive(Clone, Debug)]
+pub(crate) struct Factor(DMatrix<f64>);
+
+/// A solved subset of columns.
+#[derive(Clone, Debug)]
+pub(crate) struct Solution {
+    pub(crate) theta: DVector<f64>,
+    /// Residual sum of squares (weighted).
+    pub(crate) ssr: f64,
+    /// R of the chosen columns.
+    r: DMatrix<f64>,
+}
+
+/// Collects rows into a factor.
+pub(crate) struct Reducer {
+    width: usize,
+    rows: Vec<f64>,
+    factor: Option<DMatrix<f64>>,
+}
+
+impl Reducer {
+    /// For rows of `width` numbers, y included.
+    pub(crate) fn new(width: usize) -> Self {
+        Self { width, rows: Vec::new(), factor: None }
+    }
+
+    pub(crate) fn push(&mut self, row: &[f64]) {
+        self.rows.extend_from_slice(row);
+        if self.rows.len() >= CHUNK_ROWS * self.width {
+            self.fold();
+        }
+    }
+
+    fn fold(&mut self) {
+        let chunk = DMatrix::from_row_slice(self.rows.len() / self.width, self.width, &self.rows);
+        self.rows.clear();
+        self.factor = Some(match self.factor.take() {
+            Some(factor) => triangle(stack(&[&factor, &chunk])),
+            None => triangle(chunk),
+        });
+    }
+
+    pub(crate) fn finish(mut self) -> Factor {
+        if !self.rows.is_empty() || self.factor.is_none() {
+            self.fold();
+        }
+        Factor(self.factor.unwrap_or_else(|| DMatrix::zeros(self.width, self.width)))
+    }
+}
+
+impl Factor {
+    /// The factor of several blocks together.
+    pub(crate) fn join<'a>(factors: impl Iterator<Item = &'a Self>) -> Option<Self> {
+        let all: Vec<&DMatrix<f64>> = factors.map(|factor| &factor.0).collect();
+        (!all.is_empty()).then(|| Self(triangle(stack(&all))))
+    }
+
+    /// Solves for some columns; `None` when they are not independent.
+    pub(crate) fn solve(&self, columns: &[usize]) -> Option<Solution> {
+        let p = columns.len();
+        let y = self.0.ncols() - 1;
+        let with_y: Vec<usize> = columns.iter().copied().chain(std::iter::once(y)).collect();
+        let picked = self.0.select_columns(&with_y);
+        let lengths: Vec<f64> = (0..p).map(|j| picked.column(j).norm()).collect();
+        let r = triangle(picked);
+        let independent = (0..p).all(|j| r[(j, j)].abs() > RANK_TOLERANCE * lengths[j] && lengths[j].is_finite());
+        if !independent {
+            return None;
+        }
+        let (square, right) = (r.view((0, 0), (p, p)).into_owned(), r.view((0, p), (p, 1)).into_owned());
+        let theta = square.solve_upper_triangular(&right)?;
+        Some(Solution { theta: theta.column(0).into_owned(), ssr: r[(p, p)] * r[(p, p)], r: square })
+    }
+
+    /// Residual sum of squares of a solution on this block.
+    pub(crate) fn ssr(&self, columns: &[usize], theta: &DVector<f64>) -> f64 {
+        let y = self.0.ncols() - 1;
+        let mut residual = self.0.column(y).into_owned();
+        for (j, column) in columns.iter().enumerate() {
+            residual.axpy(-theta[j], &self.0.column(*column), 1.0);
+        }
+        residual.norm_squared()
+    }
+}
+
+impl Solution {
+    /// (AᵀWA)⁻¹ of the solved columns.
+    pub(crate) fn inverse_normal(&self) -> Option<DMatrix<f64>> {
+        let p = self.r.nrows();
+        let inverse = self.r.solve_upper_triangular(&DMatrix::identity(p, p))?;
+        Some(&inverse * inverse.transpose())
+    }
+}
+
+fn stack(blocks: &[&DMatrix<f64>]) -> DMatrix<f64> {
+    let rows = blocks.iter().map(|b| b.nrows()).sum();
+    let mut all = DMatrix::zeros(rows, blocks.first().map_or(0, |b| b.ncols()));
+    let mut at = 0;
+    for block in blocks {
+        all.rows_mut(at, block.nrows()).copy_from(block);
+        at += block.nrows();
+    }
+    all
+}
+
+/// The square R factor, padded with zero rows where there are fewer rows than columns.
+fn triangle(rows: DMatrix<f64>) -> DMatrix<f64> {
+    let width = rows.ncols();
+    let r = if rows.nrows() == 0 { rows } else { rows.qr().unpack_r() };
+    if r.nrows() == width { r } else { r.resize_vertically(width, 0.0) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn factor(rows: &[[f64; 4]]) -> Factor {
+        let mut reducer = Reducer::new(4);
+        rows.iter().for_each(|row| reducer.push(row));
+        reducer.finish()
+    }
+
+    /// y = 2 + 3x on four exact points, with a third column that repeats the second.
+    #[test]
+    fn solves_subsets_and_sees_dependence() {
+        let rows: Vec<[f64; 4]> = (0..4).map(f64::from).map(|x| [1.0, x, 2.0 * x, 2.0 + 3.0 * x]).collect();
+        let all = factor(&rows);
+        let line = all.solve(&[0, 1]).unwrap();
+        assert!((line.theta[0] - 2.0).abs() < 1e-12 && (line.theta[1] - 3.0).abs() < 1e-12 && line.ssr < 1e-20);
+        assert!(all.solve(&[0, 1, 2]).is_none());
+        // (AᵀA)⁻¹ of the line 0, 1, 2, 3: [[14, −6], [−6, 4]]/20.
+        let inverse = line.inverse_normal().unwrap();
+        assert!((inverse[(0, 0)] - 0.7).abs() < 1e-12 && (inverse[(0, 1)] + 0.3).abs() < 1e-12);
+        let joined = Factor::join([factor(&rows[..1]), factor(&rows[1..])].iter()).unwrap();
+        assert!((joined.solve(&[0, 1]).unwrap().theta[1] - 3.0).abs() < 1e-12);
+        assert!((all.ssr(&[0], &DVector::from_element(1, 0.0)) - (4.0 + 25.0 + 64.0 + 121.0)).abs() < 1e-9);
+    }
+}

@@ -1,0 +1,346 @@
+//! Logs in: from bytes to judged rows.
+//!
+//! ```text
+//! Source (hash, gunzip, guard) ─▶ CsvRows (records) ─▶ RowCheck (judged rows) ─▶ Batch
+//! ```
+//!
+//! [`LogReader`] gives one batch after the other and never holds the log. One file is one run.
+
+mod align;
+mod csv;
+pub mod header;
+mod number;
+mod rows;
+mod source;
+
+use std::collections::VecDeque;
+use std::path::Path;
+
+use crate::error::{Error, Result};
+use crate::ingest::align::Aligner;
+pub use crate::ingest::csv::COMPENSATED_STAMP;
+use crate::ingest::csv::{CsvRows, RawRow};
+use crate::ingest::rows::RowCheck;
+pub use crate::ingest::rows::{Reason, Tallies, Tally};
+use crate::ingest::source::{HashHandle, Source};
+pub use crate::ingest::source::{hex, sha256};
+use crate::setup::{Counter, Setup};
+use crate::units::{ns_from_s, s_from_ns};
+
+/// Rows of one batch.
+const BATCH_ROWS: usize = 8192;
+/// Rows from which the nominal interval is taken when it is not given.
+const LOOKAHEAD_ROWS: usize = 129;
+
+/// What one unit of an angle column is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum AngleUnit {
+    /// A count log: whole quanta of `arcsec_per_count · quantum` arcsec.
+    Quanta {
+        /// Nominal scale factor S0, arcsec per count.
+        arcsec_per_count: f64,
+        /// Counts per quantum.
+        quantum: f64,
+    },
+    /// A rate log: arcsec (rate × interval).
+    Arcsec,
+}
+
+impl AngleUnit {
+    /// arcsec per unit of an angle column.
+    pub fn arcsec(self) -> f64 {
+        match self {
+            Self::Quanta { arcsec_per_count, quantum } => arcsec_per_count * quantum,
+            Self::Arcsec => 1.0,
+        }
+    }
+}
+
+/// What a log consists of; the same for every batch of it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LogShape {
+    /// Axis letters, in the order of `Batch::angle`.
+    pub axes: Vec<char>,
+    /// Thermometer names, in the order of `Batch::temperature_c`.
+    pub thermometers: Vec<String>,
+    /// Names of auxiliary columns.
+    pub aux: Vec<String>,
+    /// Unit of `Batch::angle`.
+    pub unit: AngleUnit,
+    /// False for a table without time: intervals are then nominal.
+    pub timed: bool,
+    /// Nominal interval of a row, ns.
+    pub nominal_ns: i64,
+    /// There is a reference-rate column.
+    pub has_reference: bool,
+    /// Headers that are not read.
+    pub ignored: Vec<String>,
+}
+
+/// Columns of usable rows. A row covers (start, end].
+#[derive(Clone, Debug, Default)]
+pub struct Batch {
+    /// Start of each row's interval, ns.
+    pub start_ns: Vec<i64>,
+    /// End of each row's interval: the row's own time, ns.
+    pub end_ns: Vec<i64>,
+    /// Per axis: angle of the interval in `LogShape::unit`.
+    pub angle: Vec<Vec<f64>>,
+    /// Per thermometer: °C, NaN where missing or not believed.
+    pub temperature_c: Vec<Vec<f64>>,
+    /// Per auxiliary column; NaN where missing.
+    pub aux: Vec<Vec<f64>>,
+    /// Rate of the table, °/s; NaN where missing.
+    pub reference_dps: Vec<f64>,
+    /// The log's own flag; true without one.
+    pub valid: Vec<bool>,
+    /// Line in the file, from 1.
+    pub line: Vec<u64>,
+    /// The row's fields as text (only on request, see [`LogReader::keep_fields`]).
+    pub fields: Vec<::csv::ByteRecord>,
+    pub(crate) checked_c: Vec<f64>,
+}
+
+impl Batch {
+    /// Rows in it.
+    pub fn len(&self) -> usize {
+        self.end_ns.len()
+    }
+
+    /// True without rows.
+    pub fn is_empty(&self) -> bool {
+        self.end_ns.is_empty()
+    }
+
+    fn for_shape(shape: &LogShape) -> Self {
+        Self {
+            angle: vec![Vec::new(); shape.axes.len()],
+            temperature_c: vec![Vec::new(); shape.thermometers.len()],
+            aux: vec![Vec::new(); shape.aux.len()],
+            ..Self::default()
+        }
+    }
+
+    fn clear(&mut self) {
+        self.start_ns.clear();
+        self.end_ns.clear();
+        self.reference_dps.clear();
+        self.valid.clear();
+        self.line.clear();
+        self.fields.clear();
+        for column in self.angle.iter_mut().chain(&mut self.temperature_c).chain(&mut self.aux) {
+            column.clear();
+        }
+    }
+
+    fn push(&mut self, start_ns: i64, end_ns: i64, angles: &[f64], row: &RawRow) {
+        self.start_ns.push(start_ns);
+        self.end_ns.push(end_ns);
+        self.reference_dps.push(row.reference_dps);
+        self.valid.push(row.valid);
+        self.line.push(row.line);
+        let columns = self.angle.iter_mut().zip(angles);
+        let columns = columns.chain(self.temperature_c.iter_mut().zip(&self.checked_c));
+        for (column, value) in columns.chain(self.aux.iter_mut().zip(&row.aux)) {
+            column.push(*value);
+        }
+        if !row.fields.is_empty() {
+            self.fields.push(row.fields.clone());
+        }
+    }
+}
+
+/// What is known of a log once it was read to its end.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LogSummary {
+    /// File name as given.
+    pub file: String,
+    /// SHA-256 of its bytes.
+    pub sha256: String,
+    /// Rows read, usable or not.
+    pub rows: u64,
+    /// What was not used, by reason.
+    pub tallies: Tallies,
+}
+
+/// How a log is to be read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Pace {
+    /// Large batches; the nominal interval from the first rows.
+    Bulk,
+    /// A batch per row and rows kept as text: for a pipe that must answer line by line.
+    LineByLine,
+}
+
+/// A log being read.
+pub struct LogReader {
+    rows: CsvRows,
+    check: RowCheck,
+    shape: LogShape,
+    batch: Batch,
+    ahead: VecDeque<RawRow>,
+    align: Aligner,
+    hash: HashHandle,
+    name: String,
+    batch_rows: usize,
+}
+
+impl LogReader {
+    /// Opens a log; `-` is standard input.
+    ///
+    /// # Errors
+    /// Unreadable, binary, no header, headers that say nothing or contradict the setup, no scale
+    /// factor for counts, no interval.
+    pub fn open(path: &Path, setup: &Setup, pace: Pace) -> Result<Self> {
+        Self::from_source(Source::open(path)?, setup, pace)
+    }
+
+    /// Reads a log from bytes that come from anywhere; `name` is used in messages.
+    ///
+    /// # Errors
+    /// As [`LogReader::open`].
+    pub fn from_reader(name: &str, reader: Box<dyn std::io::Read>, setup: &Setup, pace: Pace) -> Result<Self> {
+        Self::from_source(Source::from_reader(name.to_owned(), reader)?, setup, pace)
+    }
+
+    fn from_source(source: Source, setup: &Setup, pace: Pace) -> Result<Self> {
+        let (name, hash) = (source.name.clone(), source.hash.clone());
+        let mut rows = CsvRows::new(source, setup, pace == Pace::LineByLine)?;
+        let unit = angle_unit(&rows, setup).map_err(|e| e.file(&name))?;
+        let lookahead = if pace == Pace::LineByLine { 2 } else { LOOKAHEAD_ROWS };
+        let mut ahead = VecDeque::new();
+        let nominal_ns = nominal_interval(&mut rows, setup, lookahead, &mut ahead).map_err(|e| e.file(&name))?;
+        let shape = LogShape {
+            axes: rows.layout.axes.iter().map(|(_, axis, _)| *axis).collect(),
+            thermometers: rows.layout.temperatures.iter().map(|(_, name, _)| name.clone()).collect(),
+            aux: rows.layout.aux.iter().map(|(_, name)| name.clone()).collect(),
+            unit,
+            timed: rows.layout.time.is_some(),
+            nominal_ns,
+            has_reference: rows.layout.reference.is_some(),
+            ignored: rows.layout.ignored.clone(),
+        };
+        let check = RowCheck::new(name.clone(), &rows.layout, setup, nominal_ns);
+        let batch = Batch::for_shape(&shape);
+        let batch_rows = if pace == Pace::LineByLine { 1 } else { BATCH_ROWS };
+        let align = Aligner::new(ns_from_s(setup.temperature_offset_s).unwrap_or(0));
+        Ok(Self { rows, check, shape, batch, ahead, align, hash, name, batch_rows })
+    }
+
+    /// What the log consists of.
+    pub fn shape(&self) -> &LogShape {
+        &self.shape
+    }
+
+    /// Headers as they stand in the file.
+    pub fn headers(&self) -> &[String] {
+        &self.rows.layout.headers
+    }
+
+    /// The delimiter between fields.
+    pub fn delimiter(&self) -> u8 {
+        self.rows.delimiter
+    }
+
+    /// Column index of each axis.
+    pub fn axis_columns(&self) -> Vec<usize> {
+        self.rows.layout.axes.iter().map(|(index, ..)| *index).collect()
+    }
+
+    /// °/h per unit of each rate column; `None` for counts.
+    pub fn rate_units(&self) -> Vec<Option<f64>> {
+        self.rows.layout.axes.iter().map(|(.., unit)| *unit).collect()
+    }
+
+    /// The next batch, or `None` at the end. A batch may be empty (its rows were all rejected).
+    ///
+    /// # Errors
+    /// A read error, or a line that makes the whole log unusable.
+    pub fn next_batch(&mut self) -> Result<Option<&Batch>> {
+        self.batch.clear();
+        for read in 0..self.batch_rows {
+            match self.next_row()? {
+                Some(row) => self.check.push(&row, &mut self.batch)?,
+                None if read == 0 => return Ok(None),
+                None => break,
+            }
+        }
+        Ok(Some(&self.batch))
+    }
+
+    /// The next record with the temperatures that belong to it.
+    fn next_row(&mut self) -> Result<Option<RawRow>> {
+        loop {
+            if let Some(row) = self.align.ready() {
+                return Ok(Some(row));
+            }
+            if self.align.ended() {
+                return Ok(None);
+            }
+            let mut row = self.align.spare();
+            match self.ahead.pop_front() {
+                Some(row) => self.align.push(row),
+                None if self.rows.read(&mut row)? => self.align.push(row),
+                None => self.align.end(),
+            }
+        }
+    }
+
+    /// What was read so far.
+    pub fn summary(&self) -> LogSummary {
+        LogSummary {
+            file: self.name.clone(),
+            sha256: self.hash.hex(),
+            rows: self.check.rows_read,
+            tallies: self.check.tallies.clone(),
+        }
+    }
+}
+
+fn angle_unit(rows: &CsvRows, setup: &Setup) -> Result<AngleUnit> {
+    if !rows.layout.is_count_log() {
+        if setup.counter == Counter::Cumulative {
+            return Err(Error::input("a cumulative counter is set up, but the log holds rates").column("counter"));
+        }
+        return Ok(AngleUnit::Arcsec);
+    }
+    let arcsec_per_count = setup.arcsec_per_count.ok_or_else(|| {
+        Error::input("the log holds counts, and nothing says how many arcsec a count is")
+            .column("arcsec_per_count")
+            .help("give --arcsec-per-count or arcsec_per_count in the setup; it is never guessed")
+    })?;
+    Ok(AngleUnit::Quanta { arcsec_per_count, quantum: setup.quantum.unwrap_or(1.0) })
+}
+
+/// The interval of a row: as given, else the median of the first differences.
+fn nominal_interval(rows: &mut CsvRows, setup: &Setup, lookahead: usize, ahead: &mut VecDeque<RawRow>) -> Result<i64> {
+    if let Some(seconds) = setup.sample_interval_s {
+        return ns_from_s(seconds).ok_or_else(|| Error::input("out of range").column("sample_interval_s"));
+    }
+    if rows.layout.time.is_none() {
+        if rows.layout.is_count_log() {
+            return Err(Error::input("counts without a time column, and nothing says how long a row is")
+                .column("sample_interval_s")
+                .help("give --sample-interval or sample_interval_s in the setup"));
+        }
+        return Ok(1_000_000_000);
+    }
+    let mut row = RawRow::default();
+    while ahead.len() < lookahead && rows.read(&mut row)? {
+        ahead.push_back(row.clone());
+    }
+    let times: Vec<i64> = ahead.iter().filter_map(|row| row.time_ns).collect();
+    let mut steps: Vec<i64> =
+        times.windows(2).map(|pair| pair[1].saturating_sub(pair[0])).filter(|step| *step > 0).collect();
+    steps.sort_unstable();
+    let median = steps.get(steps.len() / 2).copied();
+    let median = median.filter(|step| s_from_ns(*step) <= 1e5);
+    median.ok_or_else(|| {
+        let (what, help) = if ahead.is_empty() {
+            ("a header, but no row below it", "a log needs rows")
+        } else {
+            ("time does not advance in the first rows, so the interval of a row is unknown", "give --sample-interval")
+        };
+        Error::input(what).help(help)
+    })
+}

@@ -1,0 +1,27 @@
+//! Thermal calibration of ring laser gyros, on the host.
+//!
+//! ```text
+//! log ─ingest▶ LogReader ─window▶ Windows ─fit▶ Calibration ─export▶ Image ─▶ Compensator (sagnac-core)
+//!                                    └─allan▶ ShortTau (N, Q, floor)               │
+//! retest log ─────────────────── verify: replays through that same Compensator ◀───┘ ─▶ Verification
+//! ```
+//!
+//! A folder per arrow. The library reads and writes what it is given; it holds no terminal, no clock
+//! and no thread. Sign: `d` is the bias drift referred to the input in °/h, positive as the input
+//! rate; `ε` in ppm is the deviation of the scale factor S = S0·(1 + ε·1e-6), so ε > 0 means fewer
+//! counts for the same angle. `docs/method.md` tells the method, `docs/verification.md` the proof.
+#![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used, clippy::panic))]
+
+pub mod allan;
+pub mod calibration;
+pub mod error;
+pub mod export;
+pub mod fit;
+pub mod ingest;
+pub mod setup;
+pub mod units;
+pub mod verify;
+pub mod window;
+pub mod write;
+
+pub use error::{Error, ErrorKind, Place, Result};

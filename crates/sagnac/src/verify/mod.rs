@@ -1,0 +1,356 @@
+//! The proof: a retest log through the decoded image, before beside after.
+//!
+//! ```text
+//! retest ─▶ Replay (sagnac-core at the true tick) ─▶ windows of raw and corrected counts ─▶ Figures
+//! ```
+//!
+//! Both sides are summed over the same windows; which windows are left out is decided from the raw
+//! counts alone. `docs/verification.md` defines every figure.
+
+mod limits;
+mod replay;
+mod stats;
+
+use std::collections::BTreeMap;
+
+use sagnac_core::{Image, Status};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+pub use limits::{Limits, Verdict};
+pub use replay::{Corrected, Replay};
+pub use stats::{Figures, expected_range};
+
+use crate::calibration::{Calibration, Floor, Input};
+use crate::error::{Error, Result};
+use crate::fit;
+use crate::ingest::{AngleUnit, Batch, LogReader, LogShape, Tally, hex, sha256};
+use crate::setup::Setup;
+use crate::window::{WindowBuilder, Windows};
+
+/// What a retest is held against.
+#[derive(Clone, Debug)]
+pub struct Correction {
+    /// One image per axis.
+    pub images: Vec<Image>,
+    /// The calibration they come from, if it is at hand.
+    pub calibration: Option<Calibration>,
+}
+
+impl Correction {
+    /// Encodes every axis of a calibration.
+    ///
+    /// # Errors
+    /// What [`crate::export::encode`] says.
+    pub fn from_calibration(calibration: Calibration) -> Result<Self> {
+        let parent = sha256(calibration.to_json()?.as_bytes());
+        let encoded: Result<Vec<Image>> = calibration
+            .axes
+            .iter()
+            .map(|axis| {
+                let image = crate::export::encode(&calibration, axis, parent, 1)?;
+                // The proof is about what ships: through the bytes.
+                Image::decode(&crate::export::image_bytes(&image)).map_err(|e| Error::input(e.to_string()))
+            })
+            .collect();
+        Ok(Self { images: encoded?, calibration: Some(calibration) })
+    }
+
+    /// An image alone.
+    pub fn from_image(image: Image) -> Self {
+        Self { images: vec![image], calibration: None }
+    }
+
+    /// The setup with which a retest is read: the calibration's own, or what the image knows.
+    pub fn setup(&self) -> Setup {
+        if let Some(calibration) = &self.calibration {
+            return Setup { sample_interval_s: calibration.setup.sample_interval_s, ..calibration.setup.clone() };
+        }
+        let Some(d) = self.images.first().map(|image| *image.description()) else {
+            return Setup::default();
+        };
+        let quantum = d.quantum_nano_counts as f64 * 1e-9;
+        Setup {
+            arcsec_per_count: Some(d.scale_factor_femto_arcsec as f64 * 1e-15 / quantum),
+            quantum: Some(quantum),
+            axis: Some(char::from(d.axis)),
+            ..Setup::default()
+        }
+    }
+
+    /// Serial number in the images.
+    pub fn serial(&self) -> String {
+        self.images.first().and_then(Image::serial).unwrap_or_default().to_owned()
+    }
+
+    /// The image of each axis of a log, and the thermometer they use.
+    ///
+    /// # Errors
+    /// An axis without image, a thermometer that the log does not have, another serial in the setup.
+    pub fn fit_to(&self, shape: &LogShape, setup: &Setup) -> Result<(Vec<Image>, Option<usize>)> {
+        if let Some(wanted) = setup.serial.as_deref().filter(|serial| *serial != self.serial()) {
+            return Err(Error::input(format!("the correction belongs to {:?}, not to {wanted:?}", self.serial()))
+                .column("serial")
+                .help("a correction fits one gyro only"));
+        }
+        let find = |axis: &char| {
+            let image = self.images.iter().find(|image| char::from(image.description().axis) == *axis);
+            image.copied().ok_or_else(|| {
+                Error::input(format!("the correction has no axis {axis}"))
+                    .help("give the axis of a single-axis log with --axis, or map other columns to \"ignore\"")
+            })
+        };
+        let images: Result<Vec<Image>> = shape.axes.iter().map(find).collect();
+        let wanted = self.calibration.as_ref().map(|c| c.thermometer.name.clone()).or(setup.use_thermometer.clone());
+        let sensor = match wanted {
+            Some(name) => Some(shape.thermometers.iter().position(|other| *other == name).ok_or_else(|| {
+                Error::input(format!("the log has no thermometer {name:?}, which the correction uses"))
+                    .help(format!("it has: {}", shape.thermometers.join(", ")))
+            })?),
+            None if shape.thermometers.is_empty() => None,
+            None => Some(0),
+        };
+        Ok((images?, sensor))
+    }
+
+    /// SHA-256 of the images' bytes, in the order of the axes.
+    pub fn sha256(&self) -> String {
+        let bytes: Vec<u8> = self.images.iter().flat_map(crate::export::image_bytes).collect();
+        hex(&sha256(&bytes))
+    }
+}
+
+/// The floor of a retest's windows.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RetestFloor {
+    /// σ of a window from noise alone, °/h.
+    pub value_dph: f64,
+    /// The same in the unit of the figures.
+    pub value: f64,
+    /// Expected max − min of the largest run's n windows of white noise, in the unit of the figures.
+    pub expected_peak_to_peak: f64,
+    /// That n.
+    pub n: usize,
+    /// Where it comes from.
+    pub source: String,
+}
+
+/// One axis of a verification.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct AxisVerification {
+    /// Axis letter.
+    pub axis: char,
+    /// As logged.
+    pub before: Figures,
+    /// As corrected.
+    pub after: Figures,
+    /// Noise floor; null where neither the retest nor the calibration knows it.
+    pub floor: Option<RetestFloor>,
+    /// max − min before over after; null where after is zero.
+    pub improvement: Option<f64>,
+    /// σ before over after; null where after is zero.
+    pub improvement_sigma: Option<f64>,
+    /// Windows in which each status occurred.
+    pub status_windows: BTreeMap<String, usize>,
+    /// Limits, if any were given.
+    pub limits: Vec<Verdict>,
+    /// All limits are met; null without limits.
+    pub pass: Option<bool>,
+}
+
+/// The result of `sagnac verify`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Verification {
+    /// Program and version.
+    pub program: String,
+    /// Serial number of the gyro.
+    pub serial: String,
+    /// Unit of the figures: `counts per window` or `deg/h`.
+    pub unit: String,
+    /// Length to which windows are scaled, s.
+    pub window_s: f64,
+    /// One entry per axis.
+    pub axes: Vec<AxisVerification>,
+    /// Windows and rows left out on both sides, by reason.
+    pub excluded: Vec<Tally>,
+    /// SHA-256 of the images' bytes, in the order of their axes.
+    pub image_sha256: String,
+    /// The retest logs.
+    pub inputs: Vec<Input>,
+}
+
+impl Verification {
+    /// False when a limit is not met.
+    pub fn passed(&self) -> bool {
+        self.axes.iter().all(|axis| axis.pass != Some(false))
+    }
+}
+
+/// Replays the retest logs and holds both sides against each other.
+///
+/// # Errors
+/// Logs that do not fit the correction, or too few windows to say anything.
+pub fn verify(
+    correction: &Correction,
+    logs: Vec<LogReader>,
+    setup: &Setup,
+    limits: Option<&Limits>,
+    keep_all: bool,
+) -> Result<Verification> {
+    let windows = replay_windows(correction, logs, setup, keep_all)?;
+    let count = windows.shape.axes.len() / 2;
+    let used: Vec<usize> = (0..windows.len()).filter(|i| windows.rows.excluded[*i].is_none()).collect();
+    let axes: Result<Vec<AxisVerification>> =
+        (0..count).map(|axis| axis_figures(&windows, &used, axis, correction, setup, limits)).collect();
+    Ok(Verification {
+        program: fit::program(),
+        serial: correction.serial(),
+        unit: unit_of(&windows).1.to_owned(),
+        window_s: windows.shape.nominal_s,
+        axes: axes?,
+        excluded: windows.tallies.list(),
+        image_sha256: correction.sha256(),
+        inputs: fit::inputs(&windows),
+    })
+}
+
+/// Windows with the raw axes first, the corrected ones after them, and one auxiliary column per axis
+/// and status bit.
+fn replay_windows(correction: &Correction, logs: Vec<LogReader>, setup: &Setup, keep_all: bool) -> Result<Windows> {
+    let mut builder: Option<(WindowBuilder, LogShape)> = None;
+    for mut log in logs {
+        let shape = log.shape().clone();
+        let name = log.summary().file;
+        let (images, sensor) = correction.fit_to(&shape, setup).map_err(|e| e.file(&name))?;
+        let mut replay = Replay::new(&images, &shape, sensor, &name).map_err(|e| e.file(&name))?;
+        let (builder, first) = match &mut builder {
+            Some(both) => both,
+            None => {
+                let both_sides = with_corrected_axes(&shape);
+                builder.insert((WindowBuilder::new(&both_sides, setup)?.judging(shape.axes.len()), shape.clone()))
+            }
+        };
+        if first.axes != shape.axes || first.unit != shape.unit || first.thermometers != shape.thermometers {
+            return Err(
+                Error::input("axes, units or thermometers differ from those of the first retest log").file(name)
+            );
+        }
+        while let Some(batch) = log.next_batch()? {
+            let corrected = replay.correct(batch)?;
+            builder.push(&with_corrected(batch, corrected));
+        }
+        builder.end_run(log.summary());
+    }
+    let (builder, _) = builder.ok_or_else(|| Error::input("no retest log given"))?;
+    Ok(builder.finish(keep_all))
+}
+
+fn with_corrected_axes(shape: &LogShape) -> LogShape {
+    let bits = shape.axes.iter().flat_map(|axis| Status::NAMES.iter().map(move |(_, name)| format!("{axis} {name}")));
+    LogShape { axes: [shape.axes.clone(), shape.axes.clone()].concat(), aux: bits.collect(), ..shape.clone() }
+}
+
+fn with_corrected(batch: &Batch, corrected: Corrected) -> Batch {
+    let bits = corrected.status.iter().flat_map(|rows| {
+        Status::NAMES.iter().map(|(bit, _)| rows.iter().map(|s| f64::from(u8::from(s.contains(*bit)))).collect())
+    });
+    let aux = bits.collect();
+    let mut both = batch.clone();
+    both.aux = aux;
+    both.angle.extend(corrected.angle);
+    both
+}
+
+/// Figures per unit of angle × nominal/duration: counts per window, or °/h.
+fn unit_of(windows: &Windows) -> (f64, &'static str) {
+    match windows.shape.unit {
+        AngleUnit::Quanta { quantum, .. } => (quantum * windows.shape.nominal_s, "counts per window"),
+        AngleUnit::Arcsec => (1.0, "deg/h"),
+    }
+}
+
+fn axis_figures(
+    windows: &Windows,
+    used: &[usize],
+    axis: usize,
+    correction: &Correction,
+    setup: &Setup,
+    limits: Option<&Limits>,
+) -> Result<AxisVerification> {
+    let count = windows.shape.axes.len() / 2;
+    let scale = unit_of(windows).0;
+    let dph_per_unit = windows.shape.unit.arcsec() / scale;
+    let figures = |column: usize| {
+        let angle = &windows.rows.angle[column];
+        let values: Vec<(u32, f64)> =
+            used.iter().map(|i| (windows.rows.run[*i], angle[*i] * scale / windows.duration_s(*i))).collect();
+        Figures::of(&values, dph_per_unit).ok_or_else(|| {
+            Error::refused(format!("{} usable windows; before and after need at least two per run", used.len()))
+                .help("give a longer retest or a shorter --window")
+        })
+    };
+    let (before, after) = (figures(axis)?, figures(axis + count)?);
+    let ratio = |before: f64, after: f64| (after > 0.0).then_some(before / after);
+    let status_windows = Status::NAMES.iter().enumerate().map(|(bit, (_, name))| {
+        let column = &windows.rows.aux[axis * Status::NAMES.len() + bit];
+        ((*name).to_owned(), used.iter().filter(|i| column[**i] > 0.0).count())
+    });
+    let letter = windows.shape.axes[axis];
+    let floor = floor(windows, used, axis, correction, setup, dph_per_unit);
+    let mut out = AxisVerification {
+        axis: letter,
+        before,
+        after,
+        floor,
+        improvement: ratio(before.peak_to_peak, after.peak_to_peak),
+        improvement_sigma: ratio(before.sigma, after.sigma),
+        status_windows: status_windows.filter(|(_, n)| *n > 0).collect(),
+        limits: Vec::new(),
+        pass: None,
+    };
+    if let Some(limits) = limits {
+        out.limits = limits.judge(&out);
+        out.pass = Some(out.limits.iter().all(|verdict| verdict.pass));
+    }
+    Ok(out)
+}
+
+/// From the retest log, else from the calibration.
+fn floor(
+    windows: &Windows,
+    used: &[usize],
+    axis: usize,
+    correction: &Correction,
+    setup: &Setup,
+    dph_per_unit: f64,
+) -> Option<RetestFloor> {
+    let letter = windows.shape.axes[axis];
+    let own = fit::floor_of(windows, axis, setup);
+    let calibrations = correction.calibration.iter().flat_map(|c| &c.axes);
+    let earlier = || {
+        calibrations
+            .into_iter()
+            .find(|a| a.axis == letter)?
+            .floor
+            .clone()
+            .map(|f| Floor { source: format!("calibration ({})", f.source), ..f })
+    };
+    let floor = own.or_else(earlier)?;
+    let largest = windows
+        .runs
+        .iter()
+        .enumerate()
+        .map(|(run, _)| used.iter().filter(|i| windows.rows.run[**i] as usize == run).count())
+        .max()?;
+    let value = floor.value_dph / dph_per_unit;
+    Some(RetestFloor {
+        value_dph: floor.value_dph,
+        value,
+        expected_peak_to_peak: expected_range(largest) * value,
+        n: largest,
+        source: floor.source,
+    })
+}

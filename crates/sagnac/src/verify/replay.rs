@@ -1,0 +1,215 @@
+//! A log through the firmware's own code, tick by tick.
+//!
+//! ```text
+//! row (start, end] ─▶ floor(end/tick) − floor(start/tick) ticks, cut at slow updates ─▶ Compensator
+//! temperature of each row ─▶ register ─▶ read by the slow update at every multiple of Δt
+//! ```
+//!
+//! Ticks and slow updates count from the start of the run's first row. At a boundary the slow update
+//! comes first. It reads the newest temperature stamped at or before its own time; the first one reads
+//! the first row's. A row that a slow update cuts is split in integer proportion to its ticks. Through
+//! gaps the clock runs on without counts.
+
+use sagnac_core::{Compensator, Image, Misuse, State, Status};
+
+use crate::error::{Error, Result};
+use crate::ingest::{AngleUnit, Batch, LogShape};
+
+/// Largest |raw| the core takes at once.
+const MAX_RAW: i64 = sagnac_core::MAX_RAW as i64;
+
+/// How a thermometer's °C become the codes its image expects.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Coder {
+    offset_c: f64,
+    gain_c: f64,
+}
+
+impl Coder {
+    fn of(image: &Image) -> Option<Self> {
+        let spec = image.thermometers().first()?;
+        let q24 = f64::from(1 << 24);
+        let gain_c = f64::from(spec.gain.mantissa) * 2.0_f64.powi(-i32::from(spec.gain.shift)) / q24;
+        Some(Self { offset_c: f64::from(spec.offset_q24) / q24, gain_c })
+    }
+
+    /// `None` for a missing temperature or one that no code can hold.
+    fn code(self, celsius: f64) -> Option<i32> {
+        let code = ((celsius - self.offset_c) / self.gain_c).round();
+        (code.abs() <= f64::from(i32::MAX)).then_some(code as i32)
+    }
+}
+
+/// One axis being replayed.
+struct AxisReplay {
+    gyro: Compensator,
+    state: State,
+    coder: Option<Coder>,
+    /// Angle of one output count in the log's own unit (1 for quanta).
+    lsb: f64,
+    /// Part of an LSB not yet given to the core (rate logs), or counts of rows shorter than a tick.
+    pending: f64,
+}
+
+/// Corrected values of a batch, per axis and row.
+#[derive(Clone, Debug, Default)]
+pub struct Corrected {
+    /// Angle in the log's own unit: whole quanta, or arcsec.
+    pub angle: Vec<Vec<f64>>,
+    /// Status bits that occurred during the row.
+    pub status: Vec<Vec<Status>>,
+}
+
+/// A log's replay.
+pub struct Replay {
+    axes: Vec<AxisReplay>,
+    /// Which thermometer of the log the images use.
+    sensor: Option<usize>,
+    tick_ns: i64,
+    origin_ns: Option<i64>,
+    ticks_done: i64,
+    register_c: f64,
+    file: String,
+}
+
+impl Replay {
+    /// One image per axis of the log, in the log's order.
+    ///
+    /// # Errors
+    /// Images that do not fit the log (scale factor, tick, number), or no such thermometer.
+    pub fn new(images: &[Image], shape: &LogShape, sensor: Option<usize>, file: &str) -> Result<Self> {
+        let head = images.first().ok_or_else(|| Error::input("no image for any axis of the log"))?.description();
+        let same = |image: &Image| {
+            let d = image.description();
+            (d.tick_ns, d.period_ticks) == (head.tick_ns, head.period_ticks)
+        };
+        if images.len() != shape.axes.len() || !images.iter().all(same) {
+            return Err(Error::input("the images must be one per axis of the log, all with one tick and period"));
+        }
+        let axes: Result<Vec<AxisReplay>> = images.iter().map(|image| AxisReplay::new(image, shape.unit)).collect();
+        Ok(Self {
+            axes: axes?,
+            sensor,
+            tick_ns: i64::from(head.tick_ns),
+            origin_ns: None,
+            ticks_done: 0,
+            register_c: f64::NAN,
+            file: file.to_owned(),
+        })
+    }
+
+    /// Corrects a batch.
+    ///
+    /// # Errors
+    /// A row with more counts than the core takes between two slow updates.
+    pub fn correct(&mut self, batch: &Batch) -> Result<Corrected> {
+        let mut out = Corrected { angle: vec![Vec::new(); self.axes.len()], status: vec![Vec::new(); self.axes.len()] };
+        for row in 0..batch.len() {
+            self.correct_row(batch, row, &mut out)?;
+        }
+        Ok(out)
+    }
+
+    fn correct_row(&mut self, batch: &Batch, row: usize, out: &mut Corrected) -> Result<()> {
+        let celsius = self.sensor.map_or(f64::NAN, |sensor| batch.temperature_c[sensor][row]);
+        let origin_ns = *self.origin_ns.get_or_insert_with(|| {
+            // The thermometer was there before the first row.
+            self.register_c = celsius;
+            batch.start_ns[row]
+        });
+        let tick = |t_ns: i64| (t_ns - origin_ns).div_euclid(self.tick_ns);
+        let (start, end) = (tick(batch.start_ns[row]).max(self.ticks_done), tick(batch.end_ns[row]));
+        let gap = start - self.ticks_done;
+        for (index, axis) in self.axes.iter_mut().enumerate() {
+            let code = axis.coder.and_then(|coder| coder.code(self.register_c));
+            axis.skip(code, gap).map_err(|e| misused(e, &self.file, batch.line[row]))?;
+            let (angle, status) = axis
+                .row(code, batch.angle[index][row], end - start)
+                .map_err(|e| misused(e, &self.file, batch.line[row]))?;
+            out.angle[index].push(angle);
+            out.status[index].push(status);
+        }
+        self.ticks_done = end.max(start);
+        self.register_c = celsius;
+        Ok(())
+    }
+
+    /// The state of an axis, for those who want to look inside.
+    pub fn state(&self, axis: usize) -> Option<&State> {
+        self.axes.get(axis).map(|axis| &axis.state)
+    }
+}
+
+fn misused(error: Misuse, file: &str, line: u64) -> Error {
+    Error::input(format!("cannot be replayed: {error}"))
+        .file(file)
+        .line(line)
+        .help("for a rate log, a coarser rate_lsb_arcsec in the setup makes the counts smaller")
+}
+
+impl AxisReplay {
+    fn new(image: &Image, unit: AngleUnit) -> Result<Self> {
+        let arcsec_per_lsb = image.description().scale_factor_femto_arcsec as f64 * 1e-15;
+        let lsb = match unit {
+            AngleUnit::Quanta { .. } if (unit.arcsec() / arcsec_per_lsb - 1.0).abs() < 1e-9 => 1.0,
+            AngleUnit::Quanta { .. } => {
+                return Err(Error::input(format!(
+                    "the image was made for {arcsec_per_lsb} arcsec per quantum, the log has {}",
+                    unit.arcsec()
+                ))
+                .column("arcsec_per_count"));
+            }
+            AngleUnit::Arcsec => arcsec_per_lsb,
+        };
+        Ok(Self { gyro: Compensator::new(*image), state: State::new(), coder: Coder::of(image), lsb, pending: 0.0 })
+    }
+
+    /// Lets ticks pass without counts.
+    fn skip(&mut self, code: Option<i32>, mut ticks: i64) -> std::result::Result<(), Misuse> {
+        while ticks > 0 {
+            let step = self.step(code, ticks)?;
+            self.gyro.skip(&mut self.state, step)?;
+            ticks -= i64::from(step);
+        }
+        Ok(())
+    }
+
+    /// Gives a row's counts to the core; what came out, in the log's unit, and its status.
+    fn row(&mut self, code: Option<i32>, angle: f64, ticks: i64) -> std::result::Result<(f64, Status), Misuse> {
+        let exact = angle / self.lsb + self.pending;
+        if ticks == 0 {
+            self.pending = exact;
+            return Ok((0.0, self.state.status()));
+        }
+        let whole = exact.round();
+        self.pending = exact - whole;
+        if whole.abs() > (MAX_RAW * ticks) as f64 {
+            return Err(Misuse::RawOutOfRange);
+        }
+        let (mut raw, mut left) = (whole as i64, ticks);
+        let (mut out, mut status) = (0_i64, Status::OK);
+        while left > 0 {
+            let step = self.step(code, left)?;
+            // Integer proportion; the last part takes the rest.
+            let part = (i128::from(raw) * i128::from(step) / i128::from(left)) as i64;
+            if part.abs() > MAX_RAW {
+                return Err(Misuse::RawOutOfRange);
+            }
+            let output = self.gyro.advance(&mut self.state, part as i32, step)?;
+            out += i64::from(output.counts);
+            status |= output.status;
+            raw -= part;
+            left -= i64::from(step);
+        }
+        Ok((out as f64 * self.lsb, status))
+    }
+
+    /// Makes the slow update if it is due; how many of `ticks` may then run at once.
+    fn step(&mut self, code: Option<i32>, ticks: i64) -> std::result::Result<u32, Misuse> {
+        if self.state.ticks_to_update() == 0 {
+            let codes = [code];
+            self.gyro.update(&mut self.state, &codes[..self.gyro.image().thermometers().len()])?;
+        }
+        Ok(self.state.ticks_to_update().min(u32::try_from(ticks).unwrap_or(u32::MAX)))
+    }
+}

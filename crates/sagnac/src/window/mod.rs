@@ -1,0 +1,144 @@
+//! The log summed into analysis windows: all that fits, folds and reports ever see.
+//!
+//! A window is 100 s unless told, aligned to the start of its run, and ends early at a gap or when a
+//! temperature has moved by more than 2 °C within it. Beside the windows stands one temperature
+//! track per run and thermometer on the grid of the target's temperature period, so that the lag
+//! filter can be run for any τ without the log.
+
+mod build;
+mod outliers;
+#[cfg(feature = "parquet")]
+mod table;
+
+use crate::allan::ShortTau;
+pub use crate::window::build::WindowBuilder;
+#[cfg(feature = "parquet")]
+pub use crate::window::table::{TABLE_VERSION, read_table, write_table};
+
+use crate::ingest::{AngleUnit, LogSummary, Reason, Tallies};
+use crate::setup::WindowSize;
+use crate::units::s_from_ns;
+
+/// What a set of windows consists of.
+#[derive(Clone, Debug, PartialEq)]
+pub struct WindowShape {
+    /// Axis letters.
+    pub axes: Vec<char>,
+    /// Thermometer names.
+    pub thermometers: Vec<String>,
+    /// Auxiliary columns.
+    pub aux: Vec<String>,
+    /// Unit of the angles.
+    pub unit: AngleUnit,
+    /// False for tables without time: no track, no rate.
+    pub timed: bool,
+    /// Window length asked for.
+    pub window: WindowSize,
+    /// Length to which sums per window are scaled, s.
+    pub nominal_s: f64,
+    /// Temperature period Δt of tracks and target, ns.
+    pub period_ns: i64,
+    /// Interval of a row of the log, s (of the first run).
+    pub sample_interval_s: f64,
+}
+
+/// One file of the log.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Run {
+    /// File, hash, rows, tallies.
+    pub summary: LogSummary,
+    /// Start of the first row's interval, ns; origin of windows, track and ticks.
+    pub start_ns: i64,
+    /// Time of the last row, ns.
+    pub end_ns: i64,
+    /// Per thermometer: newest temperature at start + k·Δt, °C (zero-order hold).
+    pub tracks: Vec<Vec<f64>>,
+}
+
+impl Run {
+    /// Length of the run, s.
+    pub fn length_s(&self) -> f64 {
+        s_from_ns(self.end_ns - self.start_ns)
+    }
+}
+
+/// Columns of windows.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct WindowRows {
+    /// Index of the run.
+    pub run: Vec<u32>,
+    /// Start, ns.
+    pub start_ns: Vec<i64>,
+    /// End, ns.
+    pub end_ns: Vec<i64>,
+    /// Sum of the rows' intervals, ns (less than end − start where rows were rejected).
+    pub duration_ns: Vec<i64>,
+    /// Rows of the log in it.
+    pub samples: Vec<u32>,
+    /// Per axis: sum of angles in `WindowShape::unit`; whole quanta for count logs.
+    pub angle: Vec<Vec<f64>>,
+    /// Per thermometer: mean, °C; NaN with fewer than half of the samples.
+    pub mean_c: Vec<Vec<f64>>,
+    /// Per thermometer: second moment about the mean, °C².
+    pub variance_c2: Vec<Vec<f64>>,
+    /// Per thermometer: lowest sample, °C.
+    pub min_c: Vec<Vec<f64>>,
+    /// Per thermometer: highest sample, °C.
+    pub max_c: Vec<Vec<f64>>,
+    /// Per auxiliary column: mean.
+    pub aux: Vec<Vec<f64>>,
+    /// Mean reference rate, °/s; NaN without.
+    pub reference_dps: Vec<f64>,
+    /// Line of the window's first row.
+    pub first_line: Vec<u64>,
+    /// Why the window is left out, if it is.
+    pub excluded: Vec<Option<Reason>>,
+}
+
+/// Windows of one or several runs.
+#[derive(Clone, Debug)]
+pub struct Windows {
+    /// What they consist of.
+    pub shape: WindowShape,
+    /// The runs.
+    pub runs: Vec<Run>,
+    /// The windows.
+    pub rows: WindowRows,
+    /// Per axis: short-τ deviations of the raw samples.
+    pub noise: Vec<ShortTau>,
+    /// Rows that were not used, and windows that are left out (in rows of the log).
+    pub tallies: Tallies,
+}
+
+impl Windows {
+    /// Number of windows.
+    pub fn len(&self) -> usize {
+        self.rows.run.len()
+    }
+
+    /// True without windows.
+    pub fn is_empty(&self) -> bool {
+        self.rows.run.is_empty()
+    }
+
+    /// Duration of a window, s.
+    pub fn duration_s(&self, window: usize) -> f64 {
+        s_from_ns(self.rows.duration_ns[window])
+    }
+
+    /// Mean rate of an axis over a window, °/h (1 arcsec/s = 1 °/h).
+    pub fn rate_dph(&self, axis: usize, window: usize) -> f64 {
+        self.rows.angle[axis][window] * self.shape.unit.arcsec() / self.duration_s(window)
+    }
+
+    /// Marks a window as left out and counts its rows.
+    pub(crate) fn exclude(&mut self, window: usize, reason: Reason) {
+        if self.rows.excluded[window].is_some() {
+            return;
+        }
+        self.rows.excluded[window] = Some(reason);
+        let file = &self.runs[self.rows.run[window] as usize].summary.file;
+        let line = self.rows.first_line[window];
+        self.tallies.add(reason, u64::from(self.rows.samples[window]), || format!("{file}:{line}"));
+    }
+}

@@ -1,0 +1,320 @@
+//! The window table as a Parquet file: what `sagnac window` writes and `sagnac calibrate` reads back.
+//!
+//! One row per window. Angles are Int64 quanta for count logs, Float64 arcsec for rate logs. Each
+//! row also carries the piece of its run's temperature track that ends with it
+//! (`track_c_<name>`, a list; the last row of a run carries the rest), so rows can be partitioned
+//! by run without losing the lag filter's input. What belongs to no row (units, runs, hashes,
+//! tallies, short-τ sums) stands as JSON under `sagnac.windows` in the schema's metadata.
+
+use std::collections::HashMap;
+use std::fs::File;
+use std::io::Write;
+use std::path::Path;
+use std::sync::Arc;
+
+use arrow_array::builder::{Float64Builder, ListBuilder};
+use arrow_array::cast::AsArray;
+use arrow_array::types::{Float64Type, Int64Type, UInt32Type, UInt64Type};
+use arrow_array::{Array, ArrayRef, Float64Array, Int64Array, RecordBatch, StringArray, UInt32Array, UInt64Array};
+use arrow_schema::{Field, Schema};
+use parquet::arrow::ArrowWriter;
+use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
+use parquet::basic::Compression;
+use parquet::file::properties::WriterProperties;
+use serde::{Deserialize, Serialize};
+
+use crate::allan::ShortTau;
+use crate::error::{Error, Result};
+use crate::ingest::{AngleUnit, LogSummary, Tallies, Tally};
+use crate::setup::WindowSize;
+use crate::window::{Run, WindowRows, WindowShape, Windows};
+
+/// Version of the table's schema.
+pub const TABLE_VERSION: u32 = 1;
+const METADATA_KEY: &str = "sagnac.windows";
+
+#[derive(Serialize, Deserialize)]
+struct Metadata {
+    version: u32,
+    axes: Vec<char>,
+    thermometers: Vec<String>,
+    aux: Vec<String>,
+    /// `None`: rates, angles in arcsec.
+    arcsec_per_count: Option<f64>,
+    quantum: Option<f64>,
+    timed: bool,
+    window: WindowSize,
+    nominal_s: f64,
+    period_ns: i64,
+    sample_interval_s: f64,
+    runs: Vec<RunMetadata>,
+    tallies: Vec<Tally>,
+    noise: Vec<ShortTau>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct RunMetadata {
+    file: String,
+    sha256: String,
+    rows: u64,
+    start_ns: i64,
+    end_ns: i64,
+    tallies: Vec<Tally>,
+}
+
+/// Writes the table.
+///
+/// # Errors
+/// What the writer says.
+pub fn write_table(windows: &Windows, out: impl Write + Send) -> Result<()> {
+    let broken = |e: &dyn std::fmt::Display| Error::input(format!("cannot write the window table: {e}"));
+    let batch = to_batch(windows)?;
+    let properties =
+        WriterProperties::builder().set_compression(Compression::SNAPPY).set_created_by("sagnac".into()).build();
+    let mut writer = ArrowWriter::try_new(out, batch.schema(), Some(properties)).map_err(|e| broken(&e))?;
+    writer.write(&batch).map_err(|e| broken(&e))?;
+    writer.close().map_err(|e| broken(&e))?;
+    Ok(())
+}
+
+fn to_batch(windows: &Windows) -> Result<RecordBatch> {
+    let (shape, rows) = (&windows.shape, &windows.rows);
+    let mut columns: Vec<(String, ArrayRef)> = vec![
+        ("run".into(), Arc::new(UInt32Array::from(rows.run.clone()))),
+        ("start_ns".into(), Arc::new(Int64Array::from(rows.start_ns.clone()))),
+        ("end_ns".into(), Arc::new(Int64Array::from(rows.end_ns.clone()))),
+        ("duration_ns".into(), Arc::new(Int64Array::from(rows.duration_ns.clone()))),
+        ("samples".into(), Arc::new(UInt32Array::from(rows.samples.clone()))),
+        ("first_line".into(), Arc::new(UInt64Array::from(rows.first_line.clone()))),
+        ("reference_dps".into(), float(&rows.reference_dps)),
+        ("excluded".into(), Arc::new(StringArray::from_iter(rows.excluded.iter().map(|r| r.map(|r| r.name()))))),
+    ];
+    for (axis, angle) in shape.axes.iter().zip(&rows.angle) {
+        let column: ArrayRef = match shape.unit {
+            AngleUnit::Quanta { .. } => Arc::new(Int64Array::from_iter_values(angle.iter().map(|a| *a as i64))),
+            AngleUnit::Arcsec => float(angle),
+        };
+        columns.push((format!("angle_{axis}"), column));
+    }
+    for (i, name) in shape.thermometers.iter().enumerate() {
+        for (prefix, column) in SENSOR_COLUMNS.iter().zip([&rows.mean_c, &rows.variance_c2, &rows.min_c, &rows.max_c]) {
+            columns.push((format!("{prefix}_{name}"), float(&column[i])));
+        }
+        columns.push((format!("track_c_{name}"), tracks(windows, i)));
+    }
+    for (name, column) in shape.aux.iter().zip(&rows.aux) {
+        columns.push((format!("aux_{name}"), float(column)));
+    }
+    let fields: Vec<Field> =
+        columns.iter().map(|(name, column)| Field::new(name, column.data_type().clone(), true)).collect();
+    let json = serde_json::to_string(&metadata(windows))
+        .map_err(|e| Error::input(format!("cannot describe the windows: {e}")))?;
+    let schema = Schema::new(fields).with_metadata(HashMap::from([(METADATA_KEY.to_owned(), json)]));
+    RecordBatch::try_new(Arc::new(schema), columns.into_iter().map(|(_, column)| column).collect())
+        .map_err(|e| Error::input(format!("cannot build the window table: {e}")))
+}
+
+const SENSOR_COLUMNS: [&str; 4] = ["mean_c", "variance_c2", "min_c", "max_c"];
+
+fn float(values: &[f64]) -> ArrayRef {
+    Arc::new(Float64Array::from(values.to_vec()))
+}
+
+/// Each row's piece of its run's track.
+fn tracks(windows: &Windows, sensor: usize) -> ArrayRef {
+    let mut lists = ListBuilder::new(Float64Builder::new());
+    let mut given = vec![0; windows.runs.len()];
+    for i in 0..windows.len() {
+        let run_index = windows.rows.run[i] as usize;
+        let run = &windows.runs[run_index];
+        let track = &run.tracks[sensor];
+        let last_of_run = windows.rows.run.get(i + 1) != Some(&windows.rows.run[i]);
+        let until = if last_of_run {
+            track.len()
+        } else {
+            let elapsed = windows.rows.end_ns[i] - run.start_ns;
+            usize::try_from(elapsed / windows.shape.period_ns).unwrap_or(0).min(track.len())
+        };
+        lists.values().append_slice(track.get(given[run_index]..until).unwrap_or(&[]));
+        lists.append(true);
+        given[run_index] = given[run_index].max(until);
+    }
+    Arc::new(lists.finish())
+}
+
+fn metadata(windows: &Windows) -> Metadata {
+    let shape = &windows.shape;
+    let (arcsec_per_count, quantum) = match shape.unit {
+        AngleUnit::Quanta { arcsec_per_count, quantum } => (Some(arcsec_per_count), Some(quantum)),
+        AngleUnit::Arcsec => (None, None),
+    };
+    let runs = windows.runs.iter().map(|run| RunMetadata {
+        file: run.summary.file.clone(),
+        sha256: run.summary.sha256.clone(),
+        rows: run.summary.rows,
+        start_ns: run.start_ns,
+        end_ns: run.end_ns,
+        tallies: run.summary.tallies.list(),
+    });
+    Metadata {
+        version: TABLE_VERSION,
+        axes: shape.axes.clone(),
+        thermometers: shape.thermometers.clone(),
+        aux: shape.aux.clone(),
+        arcsec_per_count,
+        quantum,
+        timed: shape.timed,
+        window: shape.window,
+        nominal_s: shape.nominal_s,
+        period_ns: shape.period_ns,
+        sample_interval_s: shape.sample_interval_s,
+        runs: runs.collect(),
+        tallies: windows.tallies.list(),
+        noise: windows.noise.clone(),
+    }
+}
+
+/// Reads a table back.
+///
+/// # Errors
+/// No Parquet file, no window table of this version, or columns that do not fit its description.
+pub fn read_table(path: &Path) -> Result<Windows> {
+    read(path).map_err(|e| e.file(path.display().to_string()))
+}
+
+fn read(path: &Path) -> Result<Windows> {
+    let file = File::open(path).map_err(|e| Error::io_path(path, "open", &e))?;
+    let broken = |e: &dyn std::fmt::Display| Error::input(format!("not a readable Parquet file: {e}"));
+    let builder = ParquetRecordBatchReaderBuilder::try_new(file).map_err(|e| broken(&e))?;
+    let json = builder.schema().metadata().get(METADATA_KEY).cloned().ok_or_else(|| {
+        Error::input("a Parquet file, but no window table of Sagnac")
+            .help("`sagnac window LOG -o w.parquet` writes one")
+    })?;
+    let meta: Metadata =
+        serde_json::from_str(&json).map_err(|e| Error::input(format!("its description is damaged: {e}")))?;
+    if meta.version != TABLE_VERSION {
+        return Err(Error::input(format!("window table version {}; this program reads {TABLE_VERSION}", meta.version)));
+    }
+    let mut windows = empty_windows(meta);
+    for batch in builder.build().map_err(|e| broken(&e))? {
+        append(&mut windows, &batch.map_err(|e| broken(&e))?)?;
+    }
+    check_indices(&windows)?;
+    Ok(windows)
+}
+
+fn empty_windows(meta: Metadata) -> Windows {
+    let columns = |n: usize| vec![Vec::new(); n];
+    let sensors = meta.thermometers.len();
+    let rows = WindowRows {
+        angle: columns(meta.axes.len()),
+        mean_c: columns(sensors),
+        variance_c2: columns(sensors),
+        min_c: columns(sensors),
+        max_c: columns(sensors),
+        aux: columns(meta.aux.len()),
+        ..WindowRows::default()
+    };
+    let unit = match (meta.arcsec_per_count, meta.quantum) {
+        (Some(arcsec_per_count), Some(quantum)) => AngleUnit::Quanta { arcsec_per_count, quantum },
+        _ => AngleUnit::Arcsec,
+    };
+    let runs = meta.runs.into_iter().map(|run| Run {
+        summary: LogSummary {
+            file: run.file,
+            sha256: run.sha256,
+            rows: run.rows,
+            tallies: Tallies::from_list(run.tallies),
+        },
+        start_ns: run.start_ns,
+        end_ns: run.end_ns,
+        tracks: columns(sensors),
+    });
+    Windows {
+        runs: runs.collect(),
+        rows,
+        noise: meta.noise,
+        tallies: Tallies::from_list(meta.tallies),
+        shape: WindowShape {
+            axes: meta.axes,
+            thermometers: meta.thermometers,
+            aux: meta.aux,
+            unit,
+            timed: meta.timed,
+            window: meta.window,
+            nominal_s: meta.nominal_s,
+            period_ns: meta.period_ns,
+            sample_interval_s: meta.sample_interval_s,
+        },
+    }
+}
+
+fn append(windows: &mut Windows, batch: &RecordBatch) -> Result<()> {
+    let missing =
+        |name: &str| Error::input("this column of the window table is missing or of another type").column(name);
+    let column =
+        |name: &str| batch.column_by_name(name).filter(|c| c.len() == batch.num_rows()).ok_or_else(|| missing(name));
+    let floats = |name: &str| {
+        column(name)?.as_primitive_opt::<Float64Type>().map(|c| c.values().to_vec()).ok_or_else(|| missing(name))
+    };
+    let longs = |name: &str| {
+        column(name)?.as_primitive_opt::<Int64Type>().map(|c| c.values().to_vec()).ok_or_else(|| missing(name))
+    };
+    let words = |name: &str| {
+        column(name)?.as_primitive_opt::<UInt32Type>().map(|c| c.values().to_vec()).ok_or_else(|| missing(name))
+    };
+    let (shape, rows) = (&windows.shape, &mut windows.rows);
+    let run = words("run")?;
+    rows.start_ns.extend(longs("start_ns")?);
+    rows.end_ns.extend(longs("end_ns")?);
+    rows.duration_ns.extend(longs("duration_ns")?);
+    rows.samples.extend(words("samples")?);
+    rows.reference_dps.extend(floats("reference_dps")?);
+    let lines = column("first_line")?.as_primitive_opt::<UInt64Type>().ok_or_else(|| missing("first_line"))?;
+    rows.first_line.extend(lines.values());
+    let reasons = column("excluded")?.as_string_opt::<i32>().ok_or_else(|| missing("excluded"))?;
+    for reason in reasons {
+        let parsed = reason.map(|r| serde_json::from_value(serde_json::Value::from(r))).transpose();
+        rows.excluded.push(parsed.map_err(|_| missing("excluded"))?);
+    }
+    for (axis, angle) in shape.axes.iter().zip(&mut rows.angle) {
+        let name = format!("angle_{axis}");
+        match shape.unit {
+            AngleUnit::Quanta { .. } => angle.extend(longs(&name)?.into_iter().map(|q| q as f64)),
+            AngleUnit::Arcsec => angle.extend(floats(&name)?),
+        }
+    }
+    for (i, sensor) in shape.thermometers.iter().enumerate() {
+        let slots = [&mut rows.mean_c, &mut rows.variance_c2, &mut rows.min_c, &mut rows.max_c];
+        for (prefix, slot) in SENSOR_COLUMNS.iter().zip(slots) {
+            slot[i].extend(floats(&format!("{prefix}_{sensor}"))?);
+        }
+        let name = format!("track_c_{sensor}");
+        let lists = column(&name)?.as_list_opt::<i32>().ok_or_else(|| missing(&name))?;
+        for (list, run) in lists.iter().zip(&run) {
+            let piece =
+                list.as_ref().and_then(|l| l.as_primitive_opt::<Float64Type>()).ok_or_else(|| missing(&name))?;
+            let target = windows.runs.get_mut(*run as usize).and_then(|run| run.tracks.get_mut(i));
+            target.ok_or_else(|| missing("run"))?.extend(piece.values());
+        }
+    }
+    for (name, slot) in shape.aux.iter().zip(&mut rows.aux) {
+        slot.extend(floats(&format!("aux_{name}"))?);
+    }
+    rows.run.extend(run);
+    Ok(())
+}
+
+fn check_indices(windows: &Windows) -> Result<()> {
+    let runs = windows.runs.len();
+    let sound = windows.rows.run.iter().all(|run| (*run as usize) < runs)
+        && windows.rows.duration_ns.iter().all(|d| *d > 0)
+        && windows.noise.len() == windows.shape.axes.len()
+        && windows.noise.iter().all(ShortTau::is_sound)
+        && windows.shape.period_ns > 0;
+    if sound {
+        Ok(())
+    } else {
+        Err(Error::input("the window table contradicts itself (runs, durations, noise or period)"))
+    }
+}

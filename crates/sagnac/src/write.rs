@@ -1,0 +1,56 @@
+//! Files out: whole or not at all.
+
+use std::io::Write;
+use std::path::Path;
+
+use crate::error::{Error, Result};
+
+/// Writes a file atomically: temporary file beside it, fsync, rename. Whatever happens, the path holds
+/// the old file or the new one.
+///
+/// # Errors
+/// What `fill` says, or what the file system does (path named).
+pub fn write_atomically(path: &Path, fill: impl FnOnce(&mut dyn Write) -> Result<()>) -> Result<()> {
+    let failed = |e: &std::io::Error| Error::io_path(path, "write", e);
+    if path.is_dir() {
+        return Err(Error::input("this is a directory; give the name of a file").file(path.display().to_string()));
+    }
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let file = tempfile::Builder::new().prefix(".sagnac-").tempfile_in(folder).map_err(|e| failed(&e))?;
+    let mut out = std::io::BufWriter::new(file);
+    fill(&mut out)?;
+    let file = out.into_inner().map_err(|e| failed(e.error()))?;
+    set_mode(file.as_file()).map_err(|e| failed(&e))?;
+    file.as_file().sync_all().map_err(|e| failed(&e))?;
+    file.persist(path).map_err(|e| failed(&e.error))?;
+    if let Ok(folder) = std::fs::File::open(folder) {
+        // Makes the rename itself durable where the system can.
+        let _ = folder.sync_all();
+    }
+    Ok(())
+}
+
+/// Writes bytes atomically.
+///
+/// # Errors
+/// As [`write_atomically`].
+pub fn write_bytes(path: &Path, bytes: &[u8]) -> Result<()> {
+    write_atomically(path, |out| out.write_all(bytes).map_err(|e| Error::io_path(path, "write", &e)))
+}
+
+/// Temporary files are private; a result is as readable as any other new file.
+#[cfg(unix)]
+fn set_mode(file: &std::fs::File) -> std::io::Result<()> {
+    use std::os::unix::fs::PermissionsExt;
+    file.set_permissions(std::fs::Permissions::from_mode(0o644))
+}
+
+#[cfg(not(unix))]
+fn set_mode(_: &std::fs::File) -> std::io::Result<()> {
+    Ok(())
+}
+
+/// The last part of a path, as provenance names it.
+pub(crate) fn file_name(path: &str) -> String {
+    Path::new(path).file_name().map_or_else(|| path.to_owned(), |name| name.to_string_lossy().into_owned())
+}

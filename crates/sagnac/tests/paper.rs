@@ -1,0 +1,42 @@
+//! The source paper's rig, 500 times over: are the intervals honest, and does the correction reach the
+//! floor on a run that the fit never saw?
+
+mod support;
+
+use sagnac_sim::{PaperRig, csv_bytes};
+use support::{fit, paper_setup, retest};
+
+const SEEDS: u64 = 500;
+
+#[test]
+fn intervals_cover_the_truth_and_the_correction_reaches_the_floor() {
+    let setup = paper_setup();
+    let rig = PaperRig::PAPER;
+    // Ascending, as `monomial` is.
+    let truth = [rig.coefficients[2], rig.coefficients[1], rig.coefficients[0]];
+    let mut covered = [0_u32; 3];
+    let (mut over_floor, mut improvements) = (Vec::new(), Vec::new());
+    for seed in 0..SEEDS {
+        let calibration = fit(vec![csv_bytes(rig.run(2 * seed))], &setup, "bias 2").unwrap();
+        let axis = &calibration.axes[0];
+        let sigmas = axis.monomial.sigma.as_ref().unwrap();
+        // 95 % interval of Student's t; 147 degrees of freedom less what the autocorrelation takes.
+        for (i, hit) in covered.iter_mut().enumerate() {
+            *hit += u32::from((axis.monomial.coefficients[i] - truth[i]).abs() <= 1.976 * sigmas[i]);
+        }
+        let verification = retest(&calibration, csv_bytes(rig.run(2 * seed + 1)), &setup);
+        let proof = &verification.axes[0];
+        over_floor.push(proof.after.sigma_dph / proof.floor.as_ref().unwrap().value_dph);
+        improvements.push(proof.improvement.unwrap());
+    }
+    improvements.sort_by(f64::total_cmp);
+    let coverage = covered.map(|n| f64::from(n) / SEEDS as f64);
+    let mean_over_floor = over_floor.iter().sum::<f64>() / SEEDS as f64;
+    let median = improvements[improvements.len() / 2];
+    println!("coverage of C, B, A: {coverage:?}; after/floor {mean_over_floor:.4}; median improvement {median:.2}");
+    for part in coverage {
+        assert!((0.92..=0.98).contains(&part), "{coverage:?}");
+    }
+    assert!((mean_over_floor - 1.0).abs() < 0.05, "{mean_over_floor}");
+    assert!(median >= 7.0, "{median}");
+}

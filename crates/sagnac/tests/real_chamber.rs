@@ -1,0 +1,77 @@
+//! The recording mems-chamber-sweep: a real thermal sweep with hysteresis and a start-up row.
+//!
+//! Reference: numpy.polyfit(T, axis, 3) on all rows, numpy 2.4.6, printed by
+//! `testdata/mems-chamber-sweep/numpy_cubic.py` (the recording's README has the same to eight digits).
+
+mod support;
+
+use sagnac::calibration::{AxisCalibration, Calibration};
+use sagnac::fit::{FitOptions, calibrate};
+use sagnac::ingest::{LogReader, Pace, Reason};
+use sagnac::units::DPH_PER_RADPS;
+use sagnac::window::WindowBuilder;
+use support::{bench, model, shared};
+
+fn fit(text: &str, keep_all: bool) -> Option<Calibration> {
+    let path = shared("mems-chamber-sweep/imu_raw_data.csv")?;
+    let setup = bench("mems-chamber-sweep/bench.toml");
+    let log = LogReader::open(&path, &setup, Pace::Bulk).unwrap();
+    let windows = WindowBuilder::read_all(vec![log], &setup).unwrap().finish(keep_all);
+    Some(calibrate(windows, &setup, &FitOptions { model: model(text), source_date_epoch: None }).unwrap())
+}
+
+/// Held-out σ in the log's own unit, rad/s.
+fn held_out(axis: &AxisCalibration) -> f64 {
+    axis.cross_validation.as_ref().unwrap().sigma_dph / DPH_PER_RADPS
+}
+
+#[test]
+fn the_cubic_is_numpys() {
+    let Some(calibration) = fit("bias 3", true) else {
+        return;
+    };
+    // x, y, z: powers 3, 2, 1, 0; rad/s.
+    let numpy = [
+        [-6.547811871319e-08, 1.127144684294e-05, -2.905713924391e-04, -6.908658751316e-02],
+        [-6.692696824870e-08, 1.225912748890e-05, 1.623419332849e-04, -1.496989454433e-02],
+        [1.743340035572e-08, 2.066631306912e-07, -4.339730106444e-05, 1.634952711565e-02],
+    ];
+    for (axis, reference) in calibration.axes.iter().zip(numpy) {
+        for (power, expected) in reference.iter().rev().enumerate() {
+            let ours = axis.monomial.coefficients[power] / DPH_PER_RADPS;
+            assert!((ours / expected - 1.0).abs() < 1e-6, "axis {} power {power}: {ours:e} {expected:e}", axis.axis);
+        }
+        assert!(axis.floor.is_none(), "row windows have no floor");
+    }
+}
+
+#[test]
+fn auto_finds_the_rate_term_that_no_order_replaces() {
+    let Some(auto) = fit("auto", false) else {
+        return;
+    };
+    let cubic = fit("bias 3", false).unwrap();
+    let x = &auto.axes[0];
+    let residual = x.residual.unwrap().sigma_dph / DPH_PER_RADPS;
+    println!("x: {} residual {residual:.4e}, held out {:.4e} rad/s, lag {:?}", x.model, held_out(x), x.lag_s);
+    assert!(residual <= 2.05e-3, "{residual:e}");
+    assert!(held_out(x) <= 2.85e-3, "{:e}", held_out(x));
+    for axis in 0..2 {
+        assert!(held_out(&auto.axes[axis]) < held_out(&cubic.axes[axis]), "axis {axis}");
+    }
+    for order in 1..=8 {
+        let alone = fit(&format!("bias {order}"), false).unwrap();
+        assert!(alone.axes[0].residual.unwrap().sigma_dph / DPH_PER_RADPS > 4.0e-3, "order {order}");
+    }
+}
+
+#[test]
+fn the_start_up_row_is_flagged() {
+    let Some(calibration) = fit("bias 3", false) else {
+        return;
+    };
+    let excluded = &calibration.axes[0].excluded;
+    assert_eq!(excluded.len(), 1, "{excluded:?}");
+    assert_eq!((excluded[0].reason, excluded[0].rows), (Reason::StartUp, 1));
+    assert!(excluded[0].first.ends_with("imu_raw_data.csv:2"), "{}", excluded[0].first);
+}

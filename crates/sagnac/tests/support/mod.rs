@@ -1,0 +1,57 @@
+//! From simulated rows to calibrations and verifications, through the readers a user's log goes through.
+
+#![allow(dead_code, reason = "each test binary uses its own part")]
+
+use std::io::Cursor;
+
+use sagnac::calibration::Calibration;
+use sagnac::fit::{FitOptions, ModelChoice, calibrate};
+use sagnac::ingest::{LogReader, Pace};
+use sagnac::setup::Setup;
+use sagnac::verify::{Correction, Verification, verify};
+use sagnac::window::{WindowBuilder, Windows};
+
+pub(crate) fn reader(csv: Vec<u8>, setup: &Setup) -> LogReader {
+    LogReader::from_reader("simulated.csv", Box::new(Cursor::new(csv)), setup, Pace::Bulk).unwrap()
+}
+
+pub(crate) fn windows(logs: Vec<Vec<u8>>, setup: &Setup) -> Windows {
+    let logs = logs.into_iter().map(|csv| reader(csv, setup)).collect();
+    WindowBuilder::read_all(logs, setup).unwrap().finish(false)
+}
+
+pub(crate) fn model(text: &str) -> ModelChoice {
+    if text == "auto" { ModelChoice::Auto } else { ModelChoice::Fixed(text.parse().unwrap()) }
+}
+
+pub(crate) fn fit(logs: Vec<Vec<u8>>, setup: &Setup, text: &str) -> sagnac::Result<Calibration> {
+    calibrate(windows(logs, setup), setup, &FitOptions { model: model(text), source_date_epoch: None })
+}
+
+pub(crate) fn retest(calibration: &Calibration, log: Vec<u8>, setup: &Setup) -> Verification {
+    let correction = Correction::from_calibration(calibration.clone()).unwrap();
+    verify(&correction, vec![reader(log, setup)], setup, None, false).unwrap()
+}
+
+/// The paper's rig as a bench would describe it.
+pub(crate) fn paper_setup() -> Setup {
+    Setup { arcsec_per_count: Some(1.059), quantum: Some(0.25), ..Setup::default() }
+}
+
+/// A file of the shared recordings, or `None` where they are not at hand (said aloud). CI sets
+/// SAGNAC_REQUIRE_SHARED=1, which makes a missing file a failure.
+pub(crate) fn shared(name: &str) -> Option<std::path::PathBuf> {
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data").join(name);
+    if path.exists() {
+        return Some(path);
+    }
+    assert!(std::env::var_os("SAGNAC_REQUIRE_SHARED").is_none_or(|v| v != "1"), "{} is missing", path.display());
+    println!("skipped: {} is not there", path.display());
+    None
+}
+
+/// A setup file of this repository.
+pub(crate) fn bench(name: &str) -> Setup {
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../testdata").join(name);
+    Setup::read(&path).unwrap()
+}
