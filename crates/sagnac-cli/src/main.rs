@@ -1,2 +1,77 @@
-//! x
-fn main() {}
+//! `sagnac`: thermal calibration of ring laser gyros from the command line.
+//!
+//! One file per subcommand; each reads its arguments, calls the library and prints. Exit status: 0
+//! done, 1 limits not met, 2 bad usage or input, 3 refused because the data cannot support the answer.
+
+mod calibrate;
+mod compensate;
+mod console;
+mod demo;
+mod export;
+mod import;
+mod inspect;
+mod loading;
+mod setup_args;
+mod verify;
+mod window;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+use crate::console::{Console, Outcome};
+
+const EXAMPLES: &str = "\
+Examples:
+  sagnac calibrate cycle-1.csv cycle-2.csv --arcsec-per-count 1.059 --serial RLG-7 -o unit.cal.json
+  sagnac verify unit.cal.json cycle-3.csv --limits limits.toml
+  sagnac export unit.cal.json --to image -o unit.img
+  sagnac compensate unit.img cycle-3.csv -o corrected.csv
+
+Exit status: 0 done, 1 limits not met, 2 bad usage or input, 3 refused by the data.";
+
+/// Makes ring laser gyroscopes hold still over temperature.
+#[derive(Parser)]
+#[command(version, about, after_help = EXAMPLES)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    Calibrate(calibrate::Args),
+    Verify(verify::Args),
+    Compensate(compensate::Args),
+    Window(window::Args),
+    Inspect(inspect::Args),
+    Export(export::Args),
+    Import(import::Args),
+    Demo(demo::Args),
+}
+
+fn main() -> ExitCode {
+    let cli = Cli::parse();
+    let json = match &cli.command {
+        Command::Calibrate(args) => args.json,
+        Command::Verify(args) => args.json,
+        Command::Inspect(args) => args.json,
+        _ => false,
+    };
+    let mut console = Console::new(json);
+    let result = match cli.command {
+        Command::Calibrate(args) => calibrate::run(&args, &mut console),
+        Command::Verify(args) => verify::run(&args, &mut console),
+        Command::Compensate(args) => compensate::run(&args, &mut console),
+        Command::Window(args) => window::run(&args, &mut console),
+        Command::Inspect(args) => inspect::run(&args, &mut console),
+        Command::Export(args) => export::run(&args, &mut console),
+        Command::Import(args) => import::run(&args, &mut console),
+        Command::Demo(args) => demo::run(&args, &mut console),
+    };
+    match result {
+        Ok(Outcome::Done) => ExitCode::SUCCESS,
+        Ok(Outcome::LimitsNotMet) => ExitCode::from(1),
+        Err(error) => console.complain(&error),
+    }
+}

@@ -320,7 +320,7 @@ impl Compensator {
     fn evaluate(&self, readings: &[Reading; MAX_THERMOMETERS]) -> (i64, i64) {
         let mut basis = [[0_i64; BASIS_LEN]; MAX_THERMOMETERS];
         for (row, reading) in basis.iter_mut().zip(readings).take(self.image.thermometers().len()) {
-            *row = chebyshev(reading.x_q31);
+            *row = chebyshev(reading.x_q47);
         }
         let (mut bias, mut scale) = (0_i64, 0_i64);
         for term in self.image.terms() {

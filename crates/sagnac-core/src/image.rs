@@ -254,7 +254,7 @@ fn check_thermometer(t: &Thermometer) -> Result<(), &'static str> {
         (t.plausible_lo_q24 > i32::MIN && t.plausible_hi_q24 < i32::MAX, "plausible limits (beyond ±128 °C)"),
         (t.plausible_lo_q24 < t.plausible_hi_q24, "plausible limits"),
         (span > 0 && span & 1 == 0, "span"),
-        (reaches_one(span >> 1, t.x_mantissa, t.x_shift), "x mantissa or shift"),
+        (t.x_shift <= 15 && reaches_one(span >> 1, t.x_mantissa, t.x_shift + 16), "x mantissa or shift"),
     ])?;
     if t.lag.is_used() { check_lag(&t.lag) } else { first_broken(&[(t.lag == LagSpec::default(), "lag")]) }
 }
@@ -262,18 +262,18 @@ fn check_thermometer(t: &Thermometer) -> Result<(), &'static str> {
 fn check_lag(lag: &LagSpec) -> Result<(), &'static str> {
     let far = i64::from(lag.rate_lo).abs().max(i64::from(lag.rate_hi).abs());
     first_broken(&[
-        (lag.alpha_mantissa <= 1 << 24, "alpha mantissa"),
-        ((24..=56).contains(&lag.alpha_shift), "alpha shift"),
-        (lag.rate_shift <= lag.alpha_shift + 6, "rate shift"),
+        (lag.alpha_mantissa <= 1 << 31, "alpha mantissa"),
+        ((31..=62).contains(&lag.alpha_shift), "alpha shift"),
+        (lag.rate_shift < lag.alpha_shift, "rate shift"),
         (lag.rate_lo > i32::MIN && lag.rate_lo <= 0 && lag.rate_hi >= 0 && far > 0, "rate span"),
         (reaches_one(far, lag.y_mantissa, lag.y_shift), "y mantissa or shift"),
     ])
 }
 
-/// `border · mantissa · 2^−shift` is 1 in Q31 to within 2⁻²⁸, and its product fits an `i64`.
+/// `border · mantissa · 2^−shift` is 1 in Q31 to within 2⁻²⁸, and its product with a rounding fits an `i64`.
 fn reaches_one(border: i64, mantissa: u32, shift: u8) -> bool {
     const TOLERANCE_Q31: u64 = 8;
-    if shift > 32 || mantissa == 0 {
+    if shift > 31 || mantissa == 0 {
         return false;
     }
     // border ≤ 2^31 and mantissa < 2^32.

@@ -8,14 +8,17 @@
 //! Ṫ[n]     = T_lag[n] − T_lag[n−1]  per Δt
 //! ```
 //!
-//! The filter's memory is `T_lag` in 2⁻³⁰ °C plus the remainder of the last product, so that no
-//! part of a product is ever dropped: there is no dead band, and the steps sum to the change of
-//! temperature exactly. `Ṫ` is taken from the product itself, finer than the state.
+//! The filter's memory is `T_lag` in 2⁻⁴⁶ °C plus the remainder of the last product, so there is no
+//! dead band and the steps sum to the change of temperature. `Ṫ` is taken from the product itself,
+//! finer than the state.
 //!
 //! Fails where the code is no temperature: that is what the plausible limits are for.
 
 use crate::rounding::round_shift;
-use crate::series::ONE_Q31;
+use crate::series::{ONE_Q31, ONE_Q47};
+
+/// Bits of a difference of temperatures that are multiplied apart.
+const LOW_BITS: u32 = 23;
 
 /// A positive or negative factor `mantissa · 2^−shift`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -29,11 +32,11 @@ pub struct Scale {
 /// The lag filter of one thermometer and the span of its rate. All zero: no rate is wanted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LagSpec {
-    /// α as `alpha_mantissa · 2^−alpha_shift`; mantissa ≤ 2²⁴, shift 24..=56.
+    /// α as `alpha_mantissa · 2^−alpha_shift`; mantissa ≤ 2³¹, shift 31..=62.
     pub alpha_mantissa: u32,
     /// See `alpha_mantissa`.
     pub alpha_shift: u8,
-    /// The rate's unit is 2^−(24 + rate_shift) °C per Δt; at most `alpha_shift` + 6.
+    /// The rate's unit is 2^−(24 + rate_shift) °C per Δt; less than `alpha_shift`.
     pub rate_shift: u8,
     /// Lower border of the rate span in that unit.
     pub rate_lo: i32,
@@ -41,7 +44,7 @@ pub struct LagSpec {
     pub rate_hi: i32,
     /// y = rate · y_mantissa · 2^−y_shift in Q31; y = ±1 at the border farther from zero.
     pub y_mantissa: u32,
-    /// See `y_mantissa`; at most 32.
+    /// See `y_mantissa`; at most 31.
     pub y_shift: u8,
 }
 
@@ -60,9 +63,9 @@ pub struct Thermometer {
     pub span_lo_q24: i32,
     /// Fit span, upper border, 2⁻²⁴ °C.
     pub span_hi_q24: i32,
-    /// x = (T − middle of span) · x_mantissa · 2^−x_shift in Q31.
+    /// x = (T − middle of span) · x_mantissa · 2^−x_shift in Q47.
     pub x_mantissa: u32,
-    /// See `x_mantissa`; at most 32.
+    /// See `x_mantissa`; at most 15.
     pub x_shift: u8,
     /// Lag filter and rate span.
     pub lag: LagSpec,
@@ -79,8 +82,8 @@ impl Thermometer {
         gain: Scale { mantissa: 1, shift: 0 },
         plausible_lo_q24: -1,
         plausible_hi_q24: 1,
-        span_lo_q24: -1,
-        span_hi_q24: 1,
+        span_lo_q24: -(1 << 16),
+        span_hi_q24: 1 << 16,
         x_mantissa: 1 << 31,
         x_shift: 0,
         lag: LagSpec {
@@ -105,13 +108,13 @@ impl Thermometer {
         (self.plausible_lo_q24..=self.plausible_hi_q24).contains(&t).then_some(t)
     }
 
-    /// `x` in Q31 of the temperature clamped to the span, and whether it had to be clamped.
+    /// `x` in Q47 of the temperature clamped to the span, and whether it had to be clamped.
     pub(crate) fn scaled(&self, t_q24: i32) -> (i64, bool) {
         let clamped = t_q24.clamp(self.span_lo_q24, self.span_hi_q24);
         let middle = (i64::from(self.span_lo_q24) + i64::from(self.span_hi_q24)) >> 1;
         let product = (i64::from(clamped) - middle) * i64::from(self.x_mantissa);
         let x = round_shift(product, u32::from(self.x_shift));
-        (x.clamp(-ONE_Q31, ONE_Q31), clamped != t_q24)
+        (x.clamp(-ONE_Q47, ONE_Q47), clamped != t_q24)
     }
 }
 
@@ -125,7 +128,7 @@ impl LagSpec {
 /// Memory of one thermometer: filter, last temperature, how long it was held.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct ThermometerState {
-    lag_q30: i64,
+    lag_q46: i64,
     remainder: i64,
     last_q24: Option<i32>,
     pub(crate) held_updates: u32,
@@ -135,7 +138,7 @@ pub(crate) struct ThermometerState {
 /// What a slow update learned from one thermometer.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Reading {
-    pub(crate) x_q31: i64,
+    pub(crate) x_q47: i64,
     pub(crate) y_q31: i64,
     pub(crate) x_clamped: bool,
     pub(crate) y_clamped: bool,
@@ -143,7 +146,7 @@ pub(crate) struct Reading {
 
 impl ThermometerState {
     pub(crate) const fn new() -> Self {
-        Self { lag_q30: 0, remainder: 0, last_q24: None, held_updates: 0, settled_updates: 0 }
+        Self { lag_q46: 0, remainder: 0, last_q24: None, held_updates: 0, settled_updates: 0 }
     }
 
     /// One temperature period. `None` when there is no plausible temperature at this update; the
@@ -152,7 +155,7 @@ impl ThermometerState {
         let fresh = code.and_then(|code| spec.temperature_q24(code));
         let t = match (fresh, self.last_q24) {
             (Some(t), None) => {
-                self.lag_q30 = i64::from(t) << 6;
+                self.lag_q46 = i64::from(t) << 22;
                 t
             }
             (Some(t), Some(_)) | (None, Some(t)) => t,
@@ -169,26 +172,28 @@ impl ThermometerState {
             return None;
         }
         self.held_updates = 0;
-        let (x_q31, x_clamped) = spec.scaled(t);
-        Some(Reading { x_q31, y_q31, x_clamped, y_clamped })
+        let (x_q47, x_clamped) = spec.scaled(t);
+        Some(Reading { x_q47, y_q31, x_clamped, y_clamped })
     }
 
     /// Advances the lag by one Δt; returns the scaled, clamped rate and whether it was clamped.
     ///
-    /// |T − T_lag| ≤ 2³⁸ in 2⁻³⁰ °C and α's mantissa ≤ 2²⁴, so the product is ≤ 2⁶²; the remainder
-    /// is below 2⁵⁶.
+    /// |T − T_lag| ≤ 2⁵⁴ in 2⁻⁴⁶ °C; its upper 32 bits times α's mantissa are ≤ 2⁶², the lower 23 add
+    /// less than 2³¹. The product stands in 2^−(23 + alpha_shift) °C, its remainder is below 2³⁹.
     fn step(&mut self, lag: &LagSpec, t_q24: i32) -> (i64, bool) {
         if !lag.is_used() {
             return (0, false);
         }
-        let shift = u32::from(lag.alpha_shift);
-        let product = ((i64::from(t_q24) << 6) - self.lag_q30) * i64::from(lag.alpha_mantissa);
+        let (shift, mantissa) = (u32::from(lag.alpha_shift), i64::from(lag.alpha_mantissa));
+        let difference = (i64::from(t_q24) << 22) - self.lag_q46;
+        let low = difference & ((1 << LOW_BITS) - 1);
+        let product = (difference >> LOW_BITS) * mantissa + ((low * mantissa) >> LOW_BITS);
         let total = product + self.remainder;
-        let whole = total >> shift;
-        self.remainder = total - (whole << shift);
-        self.lag_q30 += whole;
+        let whole = total >> (shift - LOW_BITS);
+        self.remainder = total - (whole << (shift - LOW_BITS));
+        self.lag_q46 += whole;
 
-        let rate = round_shift(product, (shift + 6).saturating_sub(u32::from(lag.rate_shift)));
+        let rate = round_shift(product, shift - 1 - u32::from(lag.rate_shift));
         let clamped = rate.clamp(i64::from(lag.rate_lo), i64::from(lag.rate_hi));
         let y = round_shift(clamped * i64::from(lag.y_mantissa), u32::from(lag.y_shift));
         (y.clamp(-ONE_Q31, ONE_Q31), clamped != rate)

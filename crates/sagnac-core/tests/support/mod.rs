@@ -1,5 +1,7 @@
 //! Descriptions of images, plain and drawn at random, for the tests of this folder.
 
+#![allow(dead_code, reason = "each test binary uses its own part")]
+
 use proptest::prelude::*;
 use sagnac_core::{Description, Image, Kind, LagSpec, Multiplier, Scale, Term, Thermometer};
 
@@ -16,10 +18,10 @@ pub(crate) fn thermometer() -> Thermometer {
         span_lo_q24: -(40 << 24),
         span_hi_q24: 70 << 24,
         x_mantissa: ((1_i64 << 61) / half) as u32,
-        x_shift: 30,
+        x_shift: 14,
         lag: LagSpec {
-            alpha_mantissa: (alpha * 2.0_f64.powi(32)) as u32,
-            alpha_shift: 32,
+            alpha_mantissa: (alpha * 2.0_f64.powi(39)) as u32,
+            alpha_shift: 39,
             rate_shift: 12,
             rate_lo: -rate_hi,
             rate_hi,

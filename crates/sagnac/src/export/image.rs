@@ -5,7 +5,7 @@
 //! ```text
 //! b °/h       ─▶ b·tick/S0 counts per tick, Q40 as mantissa·2^(31 − shift), |mantissa| in [2²⁹, 2³⁰]
 //! c °/h/(°C/min) ─▶ c·Ṫ_far as b; y = Ṫ/Ṫ_far       e ppm ─▶ e·1e-6, Q40
-//! τ s         ─▶ α = 1 − e^(−Δt/τ), 24-bit mantissa    span ─▶ 2⁻²⁴ °C
+//! τ s         ─▶ α = 1 − e^(−Δt/τ), 31-bit mantissa    span ─▶ 2⁻²⁴ °C
 //! ```
 //!
 //! The offsets −Σ bᵢTᵢ(x0) and −Σ e_kT_k(x0) become terms of order 0. A coefficient too large for its
@@ -91,9 +91,13 @@ fn rate_far(axis: &AxisCalibration) -> Option<f64> {
 fn thermometer(calibration: &Calibration, axis: &AxisCalibration, far_cpm: Option<f64>) -> Result<Thermometer> {
     let spec = &calibration.thermometer;
     let period_s = calibration.target.period_s();
+    // Spans of our own stand on even codes already; others move by one code at most.
     let (span_lo_q24, mut span_hi_q24) = (q24("span_c", axis.span_c[0])?, q24("span_c", axis.span_c[1])?);
     span_hi_q24 += (span_hi_q24 ^ span_lo_q24) & 1;
-    let (x_mantissa, x_shift) = reciprocal("span_c", (i64::from(span_hi_q24) - i64::from(span_lo_q24)) / 2)?;
+    let half = (i64::from(span_hi_q24) - i64::from(span_lo_q24)) / 2;
+    let (x_mantissa, shift_to_q31) = reciprocal("span_c", half)?;
+    let x_shift =
+        shift_to_q31.checked_sub(16).ok_or_else(|| too_large("span_c (narrower than 0.004 °C)", half as f64))?;
     let lag = match (axis.lag_s, far_cpm) {
         (Some(lag), Some(far)) => lag_spec(lag.value, period_s, far, axis.rate_span_cpm.unwrap_or([-far, far]))?,
         _ => LagSpec::default(),
@@ -135,13 +139,13 @@ fn reciprocal(name: &str, border: i64) -> Result<(u32, u8)> {
 
 fn lag_spec(tau_s: f64, period_s: f64, far_cpm: f64, span_cpm: [f64; 2]) -> Result<LagSpec> {
     let alpha = -(-period_s / tau_s).exp_m1();
-    let alpha_shift = 23 - alpha.log2().floor() as i32;
-    if !(24..=56).contains(&alpha_shift) {
+    let alpha_shift = 30 - alpha.log2().floor() as i32;
+    if !(31..=62).contains(&alpha_shift) {
         return Err(too_large("lag_s", tau_s));
     }
     // The finest unit in which the far border of the rate span still fits 31 bits.
     let far_step = far_cpm * period_s / 60.0;
-    let rate_shift = (30 - (far_step * Q24).log2().ceil() as i32).clamp(0, alpha_shift + 6);
+    let rate_shift = (30 - (far_step * Q24).log2().ceil() as i32).clamp(0, alpha_shift - 1);
     let step = |cpm: f64| signed("rate_span_cpm", cpm * period_s / 60.0 * Q24 * 2.0_f64.powi(rate_shift));
     let (rate_lo, rate_hi) = (step(span_cpm[0].min(0.0))?, step(span_cpm[1].max(0.0))?);
     let far = i64::from(rate_lo).abs().max(i64::from(rate_hi).abs());

@@ -51,7 +51,7 @@ pub fn import(polynomial: &Polynomial, setup: &Setup) -> Result<Calibration> {
             .column("arcsec_per_count")
             .help("give --arcsec-per-count")
     })?;
-    let span = Span { lo_c, hi_c };
+    let span = Span::on_grid(lo_c, hi_c);
     let reference_c = setup.reference_c();
     if !(lo_c..=hi_c).contains(&reference_c) {
         return Err(Error::refused(format!(
@@ -71,7 +71,7 @@ pub fn import(polynomial: &Polynomial, setup: &Setup) -> Result<Calibration> {
         terms: (1..=order).map(|n| bias_term(n as u8, series[n])).collect(),
         lag_s: None,
         reference_c,
-        span_c: polynomial.span_c,
+        span_c: [span.lo_c, span.hi_c],
         rate_span_cpm: None,
         constants: vec![constant(at_reference, setup)],
         monomial: Monomial {

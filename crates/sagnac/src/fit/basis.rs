@@ -17,7 +17,16 @@ pub struct Span {
     pub hi_c: f64,
 }
 
+/// Even codes of 2⁻²⁴ °C per °C.
+const GRID_PER_C: f64 = (1 << 23) as f64;
+
 impl Span {
+    /// The span from `lo_c` to `hi_c`, widened by at most 1.2e-7 °C to even codes of the target's
+    /// temperature, so that host and target scale by the same borders exactly.
+    pub fn on_grid(lo_c: f64, hi_c: f64) -> Self {
+        Self { lo_c: (lo_c * GRID_PER_C).floor() / GRID_PER_C, hi_c: (hi_c * GRID_PER_C).ceil() / GRID_PER_C }
+    }
+
     /// x of a temperature.
     pub fn x(&self, t_c: f64) -> f64 {
         (2.0 * t_c - self.lo_c - self.hi_c) / (self.hi_c - self.lo_c)

@@ -159,5 +159,5 @@ fn span_of(windows: &Windows, sensor: usize, used: &[usize], min_span_c: f64) ->
         .column("min_span_c")
         .help("test over a wider range, or lower --min-span if you know what you do"));
     }
-    Ok(Span { lo_c, hi_c })
+    Ok(Span::on_grid(lo_c, hi_c))
 }

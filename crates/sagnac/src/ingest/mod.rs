@@ -96,7 +96,7 @@ pub struct Batch {
     pub valid: Vec<bool>,
     /// Line in the file, from 1.
     pub line: Vec<u64>,
-    /// The row's fields as text (only on request, see [`LogReader::keep_fields`]).
+    /// The row's fields as text (empty with [`Pace::Bulk`]).
     pub fields: Vec<::csv::ByteRecord>,
     pub(crate) checked_c: Vec<f64>,
 }
@@ -168,6 +168,8 @@ pub struct LogSummary {
 pub enum Pace {
     /// Large batches; the nominal interval from the first rows.
     Bulk,
+    /// The same, and rows kept as text, for a log that is written out again.
+    BulkWithText,
     /// A batch per row and rows kept as text: for a pipe that must answer line by line.
     LineByLine,
 }
@@ -205,7 +207,7 @@ impl LogReader {
 
     fn from_source(source: Source, setup: &Setup, pace: Pace) -> Result<Self> {
         let (name, hash) = (source.name.clone(), source.hash.clone());
-        let mut rows = CsvRows::new(source, setup, pace == Pace::LineByLine)?;
+        let mut rows = CsvRows::new(source, setup, pace != Pace::Bulk)?;
         let unit = angle_unit(&rows, setup).map_err(|e| e.file(&name))?;
         let lookahead = if pace == Pace::LineByLine { 2 } else { LOOKAHEAD_ROWS };
         let mut ahead = VecDeque::new();
@@ -312,7 +314,17 @@ fn angle_unit(rows: &CsvRows, setup: &Setup) -> Result<AngleUnit> {
     Ok(AngleUnit::Quanta { arcsec_per_count, quantum: setup.quantum.unwrap_or(1.0) })
 }
 
-/// The interval of a row: as given, else the median of the first differences.
+/// Mean of the differences that lie within half of their median: stamps are often rounded.
+fn typical_step(times: &[i64]) -> Option<i64> {
+    let mut steps: Vec<i64> = times.windows(2).map(|pair| pair[1].saturating_sub(pair[0])).filter(|s| *s > 0).collect();
+    steps.sort_unstable();
+    let median = *steps.get(steps.len() / 2)?;
+    steps.retain(|step| step.abs_diff(median) <= median.unsigned_abs() / 2);
+    let sum: i128 = steps.iter().map(|step| i128::from(*step)).sum();
+    i64::try_from(sum / steps.len() as i128).ok()
+}
+
+/// The interval of a row: as given, else from the first rows.
 fn nominal_interval(rows: &mut CsvRows, setup: &Setup, lookahead: usize, ahead: &mut VecDeque<RawRow>) -> Result<i64> {
     if let Some(seconds) = setup.sample_interval_s {
         return ns_from_s(seconds).ok_or_else(|| Error::input("out of range").column("sample_interval_s"));
@@ -330,12 +342,7 @@ fn nominal_interval(rows: &mut CsvRows, setup: &Setup, lookahead: usize, ahead: 
         ahead.push_back(row.clone());
     }
     let times: Vec<i64> = ahead.iter().filter_map(|row| row.time_ns).collect();
-    let mut steps: Vec<i64> =
-        times.windows(2).map(|pair| pair[1].saturating_sub(pair[0])).filter(|step| *step > 0).collect();
-    steps.sort_unstable();
-    let median = steps.get(steps.len() / 2).copied();
-    let median = median.filter(|step| s_from_ns(*step) <= 1e5);
-    median.ok_or_else(|| {
+    typical_step(&times).filter(|step| s_from_ns(*step) <= 1e5).ok_or_else(|| {
         let (what, help) = if ahead.is_empty() {
             ("a header, but no row below it", "a log needs rows")
         } else {

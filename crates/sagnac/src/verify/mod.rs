@@ -7,6 +7,7 @@
 //! Both sides are summed over the same windows; which windows are left out is decided from the raw
 //! counts alone. `docs/verification.md` defines every figure.
 
+mod compensate;
 mod limits;
 mod replay;
 mod stats;
@@ -17,6 +18,7 @@ use sagnac_core::{Image, Status};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+pub use compensate::{compensate, status_text};
 pub use limits::{Limits, Verdict};
 pub use replay::{Corrected, Replay};
 pub use stats::{Figures, expected_range};
@@ -64,7 +66,7 @@ impl Correction {
     /// The setup with which a retest is read: the calibration's own, or what the image knows.
     pub fn setup(&self) -> Setup {
         if let Some(calibration) = &self.calibration {
-            return Setup { sample_interval_s: calibration.setup.sample_interval_s, ..calibration.setup.clone() };
+            return calibration.setup.clone();
         }
         let Some(d) = self.images.first().map(|image| *image.description()) else {
             return Setup::default();

@@ -1,0 +1,166 @@
+//! `sagnac calibrate`: thermal-test logs in, calibration out.
+
+use std::path::PathBuf;
+
+use sagnac::calibration::{AxisCalibration, Calibration, Candidate};
+use sagnac::fit::{FitOptions, ModelChoice, calibrate};
+use sagnac::ingest::Tally;
+use sagnac::write::write_bytes;
+use sagnac::{Error, Result};
+
+use crate::console::{Console, Outcome, Ran, significant, table, with_sigma};
+use crate::loading;
+use crate::setup_args::SetupArgs;
+
+/// Candidates shown besides the one that was taken.
+const SHOWN_CANDIDATES: usize = 8;
+
+/// Fit how bias and scale factor move with temperature
+///
+/// Each LOG is one run. A table made by `sagnac window` may stand in their place.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  sagnac calibrate cycle-1.csv cycle-2.csv --setup bench.toml -o unit.cal.json
+  sagnac calibrate log.csv --arcsec-per-count 1.059 --model \"bias 3, rate 1\" -o unit.cal.json --json")]
+pub(crate) struct Args {
+    /// Thermal-test logs: CSV with comma, tab or semicolon, also gzipped; `-` is standard input
+    #[arg(required = true)]
+    logs: Vec<PathBuf>,
+    /// Calibration to write
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+    /// `auto`, or orders: "bias 3", "bias 3, rate 1", "bias 2, scale 1"
+    #[arg(long, default_value = "auto")]
+    model: String,
+    /// One JSON object on standard output, text on standard error
+    #[arg(long)]
+    pub(crate) json: bool,
+    #[command(flatten)]
+    setup: SetupArgs,
+}
+
+pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
+    let setup = args.setup.over(sagnac::setup::Setup::default())?;
+    let options = FitOptions { model: model_choice(&args.model)?, source_date_epoch: source_date_epoch()? };
+    let windows = loading::windows(&args.logs, &setup, args.setup.keep_all())?;
+    let calibration = calibrate(windows, &setup, &options)?;
+    let text = calibration.to_json()?;
+    for axis in &calibration.axes {
+        describe(console, axis);
+    }
+    if let Some(path) = &args.output {
+        write_bytes(path, text.as_bytes())?;
+        console.say(format!("wrote {}", path.display()));
+    }
+    if calibration.serial == sagnac::calibration::UNASSIGNED {
+        console.note("note: no serial number given, so no image can be exported from this calibration (--serial)");
+    }
+    console.object(&calibration)?;
+    Ok(Outcome::Done)
+}
+
+pub(crate) fn model_choice(text: &str) -> Result<ModelChoice> {
+    if text == "auto" { Ok(ModelChoice::Auto) } else { text.parse().map(ModelChoice::Fixed) }
+}
+
+/// SOURCE_DATE_EPOCH, which takes the place of the newest sample's time in provenance.
+pub(crate) fn source_date_epoch() -> Result<Option<i64>> {
+    let Some(value) = std::env::var_os("SOURCE_DATE_EPOCH") else { return Ok(None) };
+    let text = value.to_string_lossy();
+    let parsed = text.parse().map(Some);
+    parsed.map_err(|_| Error::input("must be whole seconds").column("SOURCE_DATE_EPOCH").value(&text))
+}
+
+/// One axis, the verdict first.
+fn describe(console: &mut Console, axis: &AxisCalibration) {
+    console.say(format!("axis {}: {}", axis.axis, verdict(axis)));
+    console.say(coefficients(axis));
+    let monomial = &axis.monomial;
+    let sigmas = monomial.sigma.as_deref().unwrap_or(&[]);
+    let powers = monomial.coefficients.iter().enumerate().map(|(power, value)| {
+        let value = with_sigma(*value, sigmas.get(power).copied());
+        if power == 0 { value } else { format!("({value})·T^{power}") }
+    });
+    console.say(format!(
+        "  in powers of °C ({}, {} s): {}",
+        monomial.unit,
+        monomial.window_s,
+        powers.collect::<Vec<_>>().join(" + ")
+    ));
+    for constant in &axis.constants {
+        let bias = constant
+            .fixed_bias_dph
+            .map_or(String::new(), |b| format!(", fixed bias {} °/h", with_sigma(b, constant.sigma_dph)));
+        console.say(format!(
+            "  run {}: {} °/h at {} °C{bias}",
+            constant.run,
+            with_sigma(constant.value_dph, constant.sigma_dph),
+            axis.reference_c
+        ));
+    }
+    if axis.candidates.len() > 1 {
+        console.say(candidates(&axis.candidates));
+    }
+    for line in excluded(&axis.excluded) {
+        console.say(format!("  {line}"));
+    }
+}
+
+fn verdict(axis: &AxisCalibration) -> String {
+    let mut parts = vec![format!("`{}`", axis.model)];
+    if let Some(cv) = &axis.cross_validation {
+        parts.push(format!("held-out σ {} °/h ({}, {})", significant(cv.sigma_dph, 3), cv.folds, cv.scheme));
+    }
+    if let Some(residual) = &axis.residual {
+        parts.push(format!("residual σ {} °/h over {} windows", significant(residual.sigma_dph, 3), residual.n));
+    }
+    parts.push(match &axis.floor {
+        Some(floor) => format!("noise floor {} °/h", significant(floor.value_dph, 3)),
+        None => "noise floor unknown".to_owned(),
+    });
+    parts.push(format!("span {:.2} … {:.2} °C", axis.span_c[0], axis.span_c[1]));
+    parts.join("; ")
+}
+
+fn coefficients(axis: &AxisCalibration) -> String {
+    let terms = axis.terms.iter().map(|term| {
+        let kind = format!("{:?}", term.kind).to_lowercase();
+        let mark = if term.significant == Some(false) { "not significant" } else { "" };
+        vec![format!("{kind} {}", term.order), with_sigma(term.value, term.sigma), term.unit.clone(), mark.to_owned()]
+    });
+    let lag = axis.lag_s.map(|lag| {
+        let mark = if lag.sigma.is_none() { "not resolved: smallest within 2 % of the least misfit" } else { "" };
+        vec!["lag".to_owned(), with_sigma(lag.value, lag.sigma), "s".to_owned(), mark.to_owned()]
+    });
+    let rows: Vec<Vec<String>> = terms.chain(lag).collect();
+    if rows.is_empty() {
+        return "  no term earns its place: the drift does not follow temperature beyond the noise".to_owned();
+    }
+    table(&["term", "value ± σ", "unit", ""], rows)
+}
+
+fn candidates(all: &[Candidate]) -> String {
+    let mut ranked: Vec<&Candidate> = all.iter().collect();
+    ranked.sort_by(|a, b| a.held_out_dph.unwrap_or(f64::INFINITY).total_cmp(&b.held_out_dph.unwrap_or(f64::INFINITY)));
+    let shown = ranked.iter().enumerate().filter(|(i, c)| *i < SHOWN_CANDIDATES || c.chosen).map(|(_, c)| {
+        let held_out = c.held_out_dph.map_or("not fitted".to_owned(), |h| significant(h, 4));
+        let mark = if c.chosen { "taken: the smallest within 2 % of the least mean square" } else { "" };
+        vec![c.model.clone(), c.coefficients.to_string(), held_out, mark.to_owned()]
+    });
+    let rest = all.len().saturating_sub(SHOWN_CANDIDATES);
+    let title = format!("{} candidates, {rest} of them not shown", all.len());
+    table(&[&title, "coefficients", "held-out σ, °/h", ""], shown)
+}
+
+/// What was left out, one line per reason.
+pub(crate) fn excluded(tallies: &[Tally]) -> Vec<String> {
+    tallies.iter().map(|t| format!("left out: {} rows, {} (first at {})", t.rows, t.reason.name(), t.first)).collect()
+}
+
+/// A short description of a calibration, for `inspect`.
+pub(crate) fn summary(console: &mut Console, calibration: &Calibration) {
+    for axis in &calibration.axes {
+        describe(console, axis);
+    }
+}

@@ -1,0 +1,94 @@
+//! `sagnac compensate`: a log in, the corrected log out.
+
+use std::io::Write;
+use std::path::PathBuf;
+
+use sagnac::ingest::{LogSummary, Pace};
+use sagnac::verify::{Correction, compensate};
+use sagnac::write::write_atomically;
+use sagnac::{Result, setup::Setup};
+
+use crate::calibrate::excluded;
+use crate::console::{Console, Outcome, Ran};
+use crate::loading;
+use crate::setup_args::SetupArgs;
+
+/// Correct a log as the gyro's processor would, row by row
+///
+/// From standard input to standard output it answers line by line.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  sagnac compensate unit.img cycle-3.csv -o corrected.csv
+  tail -f live.csv | sagnac compensate unit.cal.json")]
+pub(crate) struct Args {
+    /// Calibration or image
+    correction: PathBuf,
+    /// Log; standard input unless told
+    #[arg(default_value = "-")]
+    log: PathBuf,
+    /// Corrected log; standard output unless told
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+    #[command(flatten)]
+    setup: SetupArgs,
+}
+
+pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
+    let correction = loading::correction(&args.correction)?;
+    let setup = args.setup.over(correction.setup())?;
+    let summary = match &args.output {
+        Some(path) => {
+            let mut summary = None;
+            write_atomically(path, |out| {
+                summary = Some(pour(args, &correction, &setup, out)?);
+                Ok(())
+            })?;
+            summary
+        }
+        None => pour_to_stdout(args, &correction, &setup)?,
+    };
+    for line in summary.iter().flat_map(|s| excluded(&s.tallies.list())) {
+        console.note(line);
+    }
+    Ok(Outcome::Done)
+}
+
+fn pour(args: &Args, correction: &Correction, setup: &Setup, out: &mut dyn Write) -> Result<LogSummary> {
+    let live = args.log.as_os_str() == "-";
+    let pace = if live { Pace::LineByLine } else { Pace::BulkWithText };
+    let mut log = sagnac::ingest::LogReader::open(&args.log, setup, pace)?;
+    compensate(correction, &mut log, setup, out)
+}
+
+/// `None` when the reader has closed the pipe: then there is nothing more to do.
+fn pour_to_stdout(args: &Args, correction: &Correction, setup: &Setup) -> Result<Option<LogSummary>> {
+    let mut out = PipeAware { inner: std::io::stdout().lock(), closed: false };
+    let poured = pour(args, correction, setup, &mut out);
+    if out.closed { Ok(None) } else { poured.map(Some) }
+}
+
+/// Remembers that the other end of a pipe has gone.
+struct PipeAware<W> {
+    inner: W,
+    closed: bool,
+}
+
+impl<W: Write> PipeAware<W> {
+    fn watch<T>(&mut self, result: std::io::Result<T>) -> std::io::Result<T> {
+        self.closed |= result.as_ref().is_err_and(|e| e.kind() == std::io::ErrorKind::BrokenPipe);
+        result
+    }
+}
+
+impl<W: Write> Write for PipeAware<W> {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        let result = self.inner.write(bytes);
+        self.watch(result)
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        let result = self.inner.flush();
+        self.watch(result)
+    }
+}

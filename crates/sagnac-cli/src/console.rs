@@ -1,0 +1,152 @@
+//! What people and scripts see: text, tables, JSON, complaints.
+//!
+//! With `--json` one object goes to standard output and the text for people to standard error.
+//! A reader that goes away (a closed pipe) ends the printing quietly.
+
+use std::io::Write;
+use std::process::ExitCode;
+
+use comfy_table::{CellAlignment, LineStyle, Table, presets};
+use sagnac::{Error, ErrorKind};
+use serde::Serialize;
+
+/// How a command that did not fail ended.
+pub(crate) enum Outcome {
+    Done,
+    LimitsNotMet,
+}
+
+/// Result of a subcommand.
+pub(crate) type Ran = Result<Outcome, Error>;
+
+/// Where things are printed.
+pub(crate) struct Console {
+    json: bool,
+}
+
+#[derive(Serialize)]
+struct Complaint<'a> {
+    refused: bool,
+    reason: &'a str,
+    place: ComplaintPlace<'a>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    help: Option<&'a str>,
+}
+
+#[derive(Serialize)]
+struct ComplaintPlace<'a> {
+    file: Option<&'a str>,
+    line: Option<u64>,
+    column: Option<&'a str>,
+    value: Option<&'a str>,
+}
+
+impl Console {
+    pub(crate) fn new(json: bool) -> Self {
+        Self { json }
+    }
+
+    /// A line for people.
+    pub(crate) fn say(&mut self, line: impl AsRef<str>) {
+        let line = line.as_ref();
+        // Nothing can be told to a reader that has gone.
+        let _ = if self.json { writeln!(std::io::stderr(), "{line}") } else { writeln!(std::io::stdout(), "{line}") };
+    }
+
+    /// A line for people that is never part of the output.
+    pub(crate) fn note(&mut self, line: impl AsRef<str>) {
+        let _ = writeln!(std::io::stderr(), "{}", line.as_ref());
+    }
+
+    /// The object for scripts, if it was asked for.
+    pub(crate) fn object(&mut self, value: &impl Serialize) -> Result<(), Error> {
+        if self.json {
+            let text =
+                serde_json::to_string_pretty(value).map_err(|e| Error::input(format!("cannot write JSON: {e}")))?;
+            let _ = writeln!(std::io::stdout(), "{text}");
+        }
+        Ok(())
+    }
+
+    /// Prints an error; its exit status.
+    pub(crate) fn complain(&mut self, error: &Error) -> ExitCode {
+        let word = match error.kind {
+            ErrorKind::Input => "error",
+            ErrorKind::Refused => "refused",
+        };
+        self.note(format!("{word}: {error}"));
+        if let Some(help) = &error.help {
+            self.note(format!("  help: {help}"));
+        }
+        let place = &error.place;
+        let _ = self.object(&Complaint {
+            refused: error.kind == ErrorKind::Refused,
+            reason: &error.what,
+            place: ComplaintPlace {
+                file: place.file.as_deref(),
+                line: place.line,
+                column: place.column.as_deref(),
+                value: place.value.as_deref(),
+            },
+            help: error.help.as_deref(),
+        });
+        match error.kind {
+            ErrorKind::Input => ExitCode::from(2),
+            ErrorKind::Refused => ExitCode::from(3),
+        }
+    }
+}
+
+/// A plain aligned table; the first column to the left, numbers to the right.
+pub(crate) fn table(header: &[&str], rows: impl IntoIterator<Item = Vec<String>>) -> String {
+    let mut table = Table::new();
+    let rule = LineStyle::none().fill('─').junction('─');
+    table.load_style(presets::NOTHING.header_separator(rule)).set_header(header.to_vec());
+    for row in rows {
+        table.add_row(row);
+    }
+    for column in table.column_iter_mut().skip(1) {
+        column.set_cell_alignment(CellAlignment::Right);
+    }
+    table.trim_fmt()
+}
+
+/// A number with as many decimals as two digits of its uncertainty need.
+pub(crate) fn with_sigma(value: f64, sigma: Option<f64>) -> String {
+    match sigma {
+        Some(sigma) if sigma > 0.0 && sigma.is_finite() => {
+            let decimals = (1.0 - sigma.log10().floor()).clamp(0.0, 17.0) as usize;
+            if decimals > 9 {
+                return format!("{value:.6e} ± {sigma:.1e}");
+            }
+            format!("{value:.decimals$} ± {sigma:.decimals$}")
+        }
+        _ => significant(value, 6),
+    }
+}
+
+/// A number to so many significant digits.
+pub(crate) fn significant(value: f64, digits: i32) -> String {
+    if value == 0.0 || !value.is_finite() {
+        return value.to_string();
+    }
+    let magnitude = value.abs().log10().floor() as i32;
+    if !(-5..=8).contains(&magnitude) {
+        return format!("{value:.*e}", (digits - 1).max(0) as usize);
+    }
+    format!("{value:.*}", (digits - 1 - magnitude).max(0) as usize)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_carry_the_digits_their_uncertainty_supports() {
+        assert_eq!(with_sigma(0.123_456, Some(0.0123)), "0.123 ± 0.012");
+        assert_eq!(with_sigma(1043.39, Some(12.0)), "1043 ± 12");
+        assert_eq!(with_sigma(2.5, None), "2.50000");
+        assert_eq!(significant(0.000_123_456, 3), "0.000123");
+        assert_eq!(significant(-6.547e-8, 3), "-6.55e-8");
+    }
+}

@@ -1,0 +1,297 @@
+//! `sagnac inspect`: what a file is, and what `calibrate` would do with it.
+
+use std::path::{Path, PathBuf};
+
+use sagnac::Result;
+use sagnac::calibration::Calibration;
+use sagnac::export::image_bytes;
+use sagnac::fit::{FitOptions, ModelChoice, calibrate};
+use sagnac::ingest::{AngleUnit, LogReader, LogShape, Pace, Tally, hex, sha256};
+use sagnac::setup::Setup;
+use sagnac::units::s_from_ns;
+use sagnac::window::{WindowBuilder, Windows, read_table};
+use sagnac_core::{Image, Kind as TermKind, Multiplier};
+use serde::Serialize;
+
+use crate::calibrate::{excluded, summary};
+use crate::console::{Console, Outcome, Ran, significant, table};
+use crate::loading::{self, Kind};
+use crate::setup_args::SetupArgs;
+
+/// Say what a log, window table, calibration or image is
+#[derive(clap::Args)]
+#[command(after_help = "\
+Example:
+  sagnac inspect cycle-1.csv --arcsec-per-count 1.059")]
+pub(crate) struct Args {
+    /// Any file
+    file: PathBuf,
+    /// One JSON object on standard output, text on standard error
+    #[arg(long)]
+    pub(crate) json: bool,
+    #[command(flatten)]
+    setup: SetupArgs,
+}
+
+/// What `inspect --json` says of a log or window table.
+#[derive(Serialize)]
+struct LogObject {
+    kind: &'static str,
+    axes: Vec<LogAxis>,
+    thermometers: Vec<LogThermometer>,
+    quantity: &'static str,
+    rows: u64,
+    sample_interval_s: f64,
+    length_s: f64,
+    windows: usize,
+    windows_used: usize,
+    excluded: Vec<Tally>,
+    ignored_columns: Vec<String>,
+    /// The model that `calibrate` would take, or why it refuses.
+    calibrate: CalibrateObject,
+}
+
+#[derive(Serialize)]
+struct LogAxis {
+    axis: char,
+    mean_dph: f64,
+}
+
+#[derive(Serialize)]
+struct LogThermometer {
+    name: String,
+    min_c: Option<f64>,
+    max_c: Option<f64>,
+}
+
+#[derive(Serialize)]
+#[serde(untagged)]
+enum CalibrateObject {
+    Models { models: Vec<String> },
+    Refused { refused: bool, reason: String },
+}
+
+pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
+    match loading::kind_of(&args.file)? {
+        Kind::Image => image(&args.file, console)?,
+        Kind::Calibration => {
+            let calibration: Calibration = loading::calibration(&args.file)?;
+            console.say(format!("a calibration of {} by {}", calibration.serial, calibration.provenance.program));
+            summary(console, &calibration);
+            console.object(&calibration)?;
+        }
+        Kind::WindowTable => {
+            let windows = read_table(&args.file)?;
+            let setup = args.setup.over(Setup::default())?;
+            console.say("a window table");
+            log(windows, Vec::new(), "window table", &setup, console)?;
+        }
+        Kind::Log => {
+            let setup = args.setup.over(Setup::default())?;
+            let reader = LogReader::open(&args.file, &setup, Pace::Bulk)?;
+            let shape = reader.shape().clone();
+            console.say(shape_text(&shape));
+            let windows = WindowBuilder::read_all(vec![reader], &setup)?.finish(args.setup.keep_all());
+            log(windows, shape.ignored, "log", &setup, console)?;
+        }
+    }
+    Ok(Outcome::Done)
+}
+
+fn shape_text(shape: &LogShape) -> String {
+    let axes: Vec<String> = shape.axes.iter().map(char::to_string).collect();
+    let quantity = match shape.unit {
+        AngleUnit::Quanta { arcsec_per_count, quantum } => {
+            format!("counts of {arcsec_per_count} arcsec, quantum {quantum}")
+        }
+        AngleUnit::Arcsec => "rates".to_owned(),
+    };
+    let thermometers = match shape.thermometers.len() {
+        0 => "no thermometer".to_owned(),
+        1 => "one thermometer".to_owned(),
+        n => format!("{n} thermometers"),
+    };
+    let ignored =
+        if shape.ignored.is_empty() { String::new() } else { format!("; not read: {}", shape.ignored.join(", ")) };
+    format!("a log of {quantity}, axes {}, {thermometers}{ignored}", axes.join(" "))
+}
+
+fn log(windows: Windows, ignored: Vec<String>, kind: &'static str, setup: &Setup, console: &mut Console) -> Result<()> {
+    let object = describe_windows(&windows, ignored, kind);
+    console.say(format!(
+        "{} rows every {} s, {} s in all; {} windows, {} of them to be used",
+        object.rows,
+        significant(object.sample_interval_s, 6),
+        significant(object.length_s, 6),
+        object.windows,
+        object.windows_used
+    ));
+    console.say(table(
+        &["axis", "mean, °/h"],
+        object.axes.iter().map(|a| vec![a.axis.to_string(), significant(a.mean_dph, 7)]),
+    ));
+    for t in &object.thermometers {
+        let name = if t.name.is_empty() { "temperature" } else { &t.name };
+        if let (Some(lo), Some(hi)) = (t.min_c, t.max_c) {
+            console.say(format!("{name}: {lo:.2} … {hi:.2} °C"));
+        } else {
+            console.say(format!("{name}: no usable value"));
+        }
+    }
+    excluded(&object.excluded).iter().for_each(|line| console.say(line));
+    let tried = calibrate(windows, setup, &FitOptions { model: ModelChoice::Auto, source_date_epoch: None });
+    let calibrate = would(tried, console)?;
+    console.object(&LogObject { calibrate, ..object })
+}
+
+/// What calibrate would do; a refusal is an answer here, a bad input is not.
+fn would(tried: Result<Calibration>, console: &mut Console) -> Result<CalibrateObject> {
+    match tried {
+        Ok(calibration) => {
+            let models: Vec<String> = calibration.axes.iter().map(|axis| axis.model.clone()).collect();
+            for axis in &calibration.axes {
+                let held_out = axis.cross_validation.as_ref().map_or(f64::NAN, |cv| cv.sigma_dph);
+                console.say(format!(
+                    "calibrate would take `{}` for axis {}: held-out σ {} °/h",
+                    axis.model,
+                    axis.axis,
+                    significant(held_out, 3)
+                ));
+            }
+            Ok(CalibrateObject::Models { models })
+        }
+        Err(error) if error.kind == sagnac::ErrorKind::Refused => {
+            console.say(format!("calibrate would refuse: {error}"));
+            Ok(CalibrateObject::Refused { refused: true, reason: error.what })
+        }
+        Err(error) => Err(error),
+    }
+}
+
+fn describe_windows(windows: &Windows, ignored: Vec<String>, kind: &'static str) -> LogObject {
+    let used: Vec<usize> = (0..windows.len()).filter(|i| windows.rows.excluded[*i].is_none()).collect();
+    let total_s: f64 = used.iter().map(|i| windows.duration_s(*i)).sum();
+    let axes = windows.shape.axes.iter().enumerate().map(|(index, axis)| {
+        let angle: f64 = used.iter().map(|i| windows.rows.angle[index][*i]).sum();
+        LogAxis { axis: *axis, mean_dph: angle * windows.shape.unit.arcsec() / total_s }
+    });
+    let thermometers = windows.shape.thermometers.iter().enumerate().map(|(index, name)| {
+        let extreme =
+            |column: &[f64], pick: fn(f64, f64) -> f64| column.iter().copied().filter(|t| t.is_finite()).reduce(pick);
+        LogThermometer {
+            name: name.clone(),
+            min_c: extreme(&windows.rows.min_c[index], f64::min),
+            max_c: extreme(&windows.rows.max_c[index], f64::max),
+        }
+    });
+    LogObject {
+        kind,
+        axes: axes.collect(),
+        thermometers: thermometers.collect(),
+        quantity: if matches!(windows.shape.unit, AngleUnit::Arcsec) { "rates" } else { "counts" },
+        rows: windows.runs.iter().map(|run| run.summary.rows).sum(),
+        sample_interval_s: windows.shape.sample_interval_s,
+        length_s: windows.runs.iter().map(|run| s_from_ns(run.end_ns - run.start_ns)).sum(),
+        windows: windows.len(),
+        windows_used: used.len(),
+        excluded: windows.tallies.list(),
+        ignored_columns: ignored,
+        calibrate: CalibrateObject::Models { models: Vec::new() },
+    }
+}
+
+/// What `inspect --json` says of an image.
+#[derive(Serialize)]
+struct ImageObject {
+    kind: &'static str,
+    serial: String,
+    axis: char,
+    sha256: String,
+    arcsec_per_count: f64,
+    quantum: f64,
+    tick_ns: u32,
+    period_ticks: u32,
+    slew_ticks: u32,
+    reference_c: f64,
+    sequence: u32,
+    parent: String,
+    thermometers: Vec<ImageThermometer>,
+    terms: Vec<ImageTerm>,
+}
+
+#[derive(Serialize)]
+struct ImageThermometer {
+    span_c: [f64; 2],
+    plausible_c: [f64; 2],
+    has_rate: bool,
+}
+
+#[derive(Serialize)]
+struct ImageTerm {
+    kind: &'static str,
+    sensor: u8,
+    order: u8,
+    times_rate: bool,
+    mantissa: i32,
+    shift: u8,
+}
+
+fn image(path: &Path, console: &mut Console) -> Result<()> {
+    let image = loading::image(path)?;
+    let object = image_object(&image);
+    console.say(format!(
+        "an image for axis {} of {}, sequence {}, SHA-256 {}",
+        object.axis, object.serial, object.sequence, object.sha256
+    ));
+    console.say(format!(
+        "{} arcsec per output count ({} counts of the log); tick {} ns, temperature period {} ticks, slew {} ticks; zero at {:.3} °C",
+        object.arcsec_per_count, object.quantum, object.tick_ns, object.period_ticks, object.slew_ticks, object.reference_c
+    ));
+    for t in &object.thermometers {
+        let rate = if t.has_rate { ", with a rate filter" } else { "" };
+        console.say(format!(
+            "span {:.3} … {:.3} °C, believed {:.1} … {:.1} °C{rate}",
+            t.span_c[0], t.span_c[1], t.plausible_c[0], t.plausible_c[1]
+        ));
+    }
+    let rows = object.terms.iter().map(|t| {
+        let times = if t.times_rate { "rate" } else { "1" };
+        vec![format!("{} {}", t.kind, t.order), times.to_owned(), t.mantissa.to_string(), t.shift.to_string()]
+    });
+    console.say(table(&["term", "times", "mantissa", "shift"], rows));
+    console.object(&object)
+}
+
+fn image_object(image: &Image) -> ImageObject {
+    let d = image.description();
+    let celsius = |q24: i32| f64::from(q24) / f64::from(1 << 24);
+    let thermometers = image.thermometers().iter().map(|t| ImageThermometer {
+        span_c: [celsius(t.span_lo_q24), celsius(t.span_hi_q24)],
+        plausible_c: [celsius(t.plausible_lo_q24), celsius(t.plausible_hi_q24)],
+        has_rate: t.lag.is_used(),
+    });
+    let terms = image.terms().iter().map(|t| ImageTerm {
+        kind: if t.kind == TermKind::Bias { "bias" } else { "scale" },
+        sensor: t.sensor,
+        order: t.order,
+        times_rate: t.multiplier == Multiplier::Rate,
+        mantissa: t.mantissa,
+        shift: t.shift,
+    });
+    ImageObject {
+        kind: "image",
+        serial: image.serial().unwrap_or_default().to_owned(),
+        axis: char::from(d.axis),
+        sha256: hex(&sha256(&image_bytes(image))),
+        arcsec_per_count: d.scale_factor_femto_arcsec as f64 * 1e-15,
+        quantum: d.quantum_nano_counts as f64 * 1e-9,
+        tick_ns: d.tick_ns,
+        period_ticks: d.period_ticks,
+        slew_ticks: d.slew_ticks,
+        reference_c: celsius(d.reference_q24),
+        sequence: d.sequence,
+        parent: hex(&d.parent),
+        thermometers: thermometers.collect(),
+        terms: terms.collect(),
+    }
+}

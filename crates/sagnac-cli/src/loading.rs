@@ -1,0 +1,105 @@
+//! Opening what the command line names, whatever it is.
+
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use sagnac::calibration::Calibration;
+use sagnac::ingest::{LogReader, Pace};
+use sagnac::setup::Setup;
+use sagnac::verify::Correction;
+use sagnac::window::{WindowBuilder, Windows, read_table};
+use sagnac::{Error, Result};
+use sagnac_core::{Image, MAGIC, MAX_IMAGE_LEN};
+
+/// No calibration is larger.
+const MAX_CALIBRATION_BYTES: u64 = 64 << 20;
+
+/// What a file is, by its first bytes.
+pub(crate) enum Kind {
+    Image,
+    Calibration,
+    WindowTable,
+    /// Anything else is read as a log.
+    Log,
+}
+
+/// Looks at the first bytes of a file; `-` is a log.
+pub(crate) fn kind_of(path: &Path) -> Result<Kind> {
+    if path.as_os_str() == "-" {
+        return Ok(Kind::Log);
+    }
+    let mut file = std::fs::File::open(path).map_err(|e| Error::io_path(path, "open", &e))?;
+    if path.is_dir() {
+        return Err(Error::input("this is a directory; a file is needed").file(path.display().to_string()));
+    }
+    let mut start = [0; 8];
+    let mut have = 0;
+    while have < start.len() {
+        match file.read(&mut start[have..]).map_err(|e| Error::io_path(path, "read", &e))? {
+            0 => break,
+            n => have += n,
+        }
+    }
+    let start = &start[..have];
+    Ok(match start {
+        _ if start == MAGIC => Kind::Image,
+        [b'{', ..] => Kind::Calibration,
+        [b'P', b'A', b'R', b'1', ..] => Kind::WindowTable,
+        _ => Kind::Log,
+    })
+}
+
+/// Opens several logs, each a run.
+pub(crate) fn logs(paths: &[PathBuf], setup: &Setup, pace: Pace) -> Result<Vec<LogReader>> {
+    paths.iter().map(|path| LogReader::open(path, setup, pace)).collect()
+}
+
+/// Windows of logs, or of one window table.
+pub(crate) fn windows(paths: &[PathBuf], setup: &Setup, keep_all: bool) -> Result<Windows> {
+    for path in paths {
+        match kind_of(path)? {
+            Kind::WindowTable if paths.len() == 1 => return read_table(path),
+            Kind::WindowTable => {
+                return Err(Error::input("a window table stands alone; give logs, or one table")
+                    .file(path.display().to_string()));
+            }
+            Kind::Image | Kind::Calibration => {
+                return Err(
+                    Error::input("an image or calibration where a log is needed").file(path.display().to_string())
+                );
+            }
+            Kind::Log => {}
+        }
+    }
+    Ok(WindowBuilder::read_all(logs(paths, setup, Pace::Bulk)?, setup)?.finish(keep_all))
+}
+
+/// An image.
+pub(crate) fn image(path: &Path) -> Result<Image> {
+    let mut bytes = Vec::new();
+    let file = std::fs::File::open(path).map_err(|e| Error::io_path(path, "open", &e))?;
+    file.take(MAX_IMAGE_LEN as u64 + 1).read_to_end(&mut bytes).map_err(|e| Error::io_path(path, "read", &e))?;
+    Image::decode(&bytes).map_err(|e| Error::input(format!("not a usable image: {e}")).file(path.display().to_string()))
+}
+
+/// A calibration.
+pub(crate) fn calibration(path: &Path) -> Result<Calibration> {
+    let size = std::fs::metadata(path).map_err(|e| Error::io_path(path, "read", &e))?.len();
+    if size > MAX_CALIBRATION_BYTES {
+        return Err(Error::input("too large for a calibration").file(path.display().to_string()));
+    }
+    Calibration::read(path)
+}
+
+/// A calibration or an image.
+pub(crate) fn correction(path: &Path) -> Result<Correction> {
+    match kind_of(path)? {
+        Kind::Image => image(path).map(Correction::from_image),
+        Kind::Calibration => {
+            Correction::from_calibration(calibration(path)?).map_err(|e| e.file(path.display().to_string()))
+        }
+        Kind::WindowTable | Kind::Log => Err(Error::input("neither a calibration nor an image")
+            .file(path.display().to_string())
+            .help("the correction comes first, then the logs: sagnac verify unit.cal.json retest.csv")),
+    }
+}

@@ -1,0 +1,132 @@
+//! Flags that say what a log cannot say of itself; each overrides the setup file's key of its name.
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+use sagnac::setup::{Counter, Setup, WindowSize};
+use sagnac::{Error, Result};
+
+/// What the log cannot say of itself.
+#[derive(Args, Clone, Default)]
+#[command(next_help_heading = "What the log cannot say (overrides the setup)")]
+pub(crate) struct SetupArgs {
+    /// Setup file (bench.toml)
+    #[arg(long, value_name = "FILE")]
+    pub(crate) setup: Option<PathBuf>,
+    /// Serial number of the gyro
+    #[arg(long)]
+    serial: Option<String>,
+    /// Axis letter, where the log's headers have none
+    #[arg(long)]
+    axis: Option<char>,
+    /// Nominal scale factor, arcsec per count; needed by count logs, never guessed
+    #[arg(long, value_name = "ARCSEC")]
+    arcsec_per_count: Option<f64>,
+    /// Smallest step of the counts column, counts
+    #[arg(long, value_name = "COUNTS")]
+    quantum: Option<f64>,
+    /// How the counts column counts
+    #[arg(long, value_enum)]
+    counter: Option<CounterWord>,
+    /// Width of a wrapping cumulative counter
+    #[arg(long, value_name = "BITS")]
+    counter_bits: Option<u8>,
+    /// Interval of a row, s
+    #[arg(long, value_name = "S")]
+    sample_interval: Option<f64>,
+    /// Added to the time of temperatures, s
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    temperature_offset: Option<f64>,
+    /// Input rate along the axis during the test, °/h
+    #[arg(long, value_name = "DPH", allow_negative_numbers = true)]
+    input_rate: Option<f64>,
+    /// Analysis window: seconds, or `row` for one window per row
+    #[arg(long, value_parser = window_size)]
+    window: Option<WindowSize>,
+    /// Temperature at which the correction is zero, °C
+    #[arg(long, value_name = "C", allow_negative_numbers = true)]
+    reference: Option<f64>,
+    /// Left out at the start of each run, s
+    #[arg(long, value_name = "S")]
+    settle: Option<f64>,
+    /// Smallest temperature span a fit is made on, °C
+    #[arg(long, value_name = "C")]
+    min_span: Option<f64>,
+    /// Name of the thermometer that the model uses
+    #[arg(long, value_name = "NAME")]
+    thermometer: Option<String>,
+    /// `none` keeps every window; `auto` leaves out bumps, steps and start-up
+    #[arg(long, value_enum, default_value = "auto")]
+    pub(crate) exclude: Exclude,
+}
+
+/// How a counts column counts.
+#[derive(Clone, Copy, ValueEnum)]
+enum CounterWord {
+    Incremental,
+    Cumulative,
+}
+
+/// Which windows are left out.
+#[derive(Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Exclude {
+    #[default]
+    Auto,
+    None,
+}
+
+impl SetupArgs {
+    /// The setup file (or `base` without one) with the flags over it.
+    pub(crate) fn over(&self, base: Setup) -> Result<Setup> {
+        let mut setup = match &self.setup {
+            Some(path) => Setup::read(path)?,
+            None => base,
+        };
+        fn put<T: Clone>(slot: &mut Option<T>, flag: &Option<T>) {
+            if flag.is_some() {
+                slot.clone_from(flag);
+            }
+        }
+        put(&mut setup.serial, &self.serial);
+        put(&mut setup.axis, &self.axis);
+        put(&mut setup.arcsec_per_count, &self.arcsec_per_count);
+        put(&mut setup.quantum, &self.quantum);
+        put(&mut setup.counter_bits, &self.counter_bits);
+        put(&mut setup.sample_interval_s, &self.sample_interval);
+        put(&mut setup.input_rate_dph, &self.input_rate);
+        put(&mut setup.window, &self.window);
+        put(&mut setup.reference_c, &self.reference);
+        put(&mut setup.min_span_c, &self.min_span);
+        put(&mut setup.use_thermometer, &self.thermometer);
+        setup.settle_s = self.settle.unwrap_or(setup.settle_s);
+        setup.temperature_offset_s = self.temperature_offset.unwrap_or(setup.temperature_offset_s);
+        setup.counter = match self.counter {
+            Some(CounterWord::Incremental) => Counter::Incremental,
+            Some(CounterWord::Cumulative) => Counter::Cumulative,
+            None => setup.counter,
+        };
+        if self.input_rate.is_some() {
+            setup.earth = None;
+        }
+        setup.check()?;
+        Ok(setup)
+    }
+
+    /// True with `--exclude none`.
+    pub(crate) fn keep_all(&self) -> bool {
+        self.exclude == Exclude::None
+    }
+}
+
+fn window_size(text: &str) -> std::result::Result<WindowSize, String> {
+    if text == "row" {
+        return Ok(WindowSize::ROW);
+    }
+    text.parse().map(WindowSize::Seconds).map_err(|_| "seconds, or the word `row`".to_owned())
+}
+
+/// Comma-separated numbers.
+pub(crate) fn numbers(flag: &str, text: &str) -> Result<Vec<f64>> {
+    let parsed: std::result::Result<Vec<f64>, _> = text.split(',').map(|part| part.trim().parse()).collect();
+    parsed.map_err(|_| Error::input("not a list of numbers separated by commas").column(flag).value(text))
+}

@@ -1,0 +1,113 @@
+//! `sagnac verify`: a retest log through the decoded image, before beside after.
+
+use std::path::PathBuf;
+
+use sagnac::ingest::Pace;
+use sagnac::verify::{AxisVerification, Figures, Limits, Verification, verify};
+
+use crate::calibrate::excluded;
+use crate::console::{Console, Outcome, Ran, significant, table};
+use crate::loading;
+use crate::setup_args::SetupArgs;
+
+/// Prove on another test what a correction gains
+///
+/// The retest is replayed at the true tick through the firmware's own code, from the bytes that ship.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Example:
+  sagnac verify unit.cal.json cycle-3.csv --limits limits.toml")]
+pub(crate) struct Args {
+    /// Calibration or image
+    correction: PathBuf,
+    /// Logs that the fit did not see
+    #[arg(required = true)]
+    retests: Vec<PathBuf>,
+    /// Limits to be met (TOML)
+    #[arg(long, value_name = "FILE")]
+    limits: Option<PathBuf>,
+    /// One JSON object on standard output, text on standard error
+    #[arg(long)]
+    pub(crate) json: bool,
+    #[command(flatten)]
+    setup: SetupArgs,
+}
+
+pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
+    let correction = loading::correction(&args.correction)?;
+    let setup = args.setup.over(correction.setup())?;
+    let limits = args.limits.as_deref().map(Limits::read).transpose()?;
+    let logs = loading::logs(&args.retests, &setup, Pace::Bulk)?;
+    let verification = verify(&correction, logs, &setup, limits.as_ref(), args.setup.keep_all())?;
+    warn_of_same_log(console, &correction, &verification);
+    describe(console, &verification);
+    console.object(&verification)?;
+    Ok(if verification.passed() { Outcome::Done } else { Outcome::LimitsNotMet })
+}
+
+/// A proof on the log of the fit is none.
+fn warn_of_same_log(console: &mut Console, correction: &sagnac::verify::Correction, verification: &Verification) {
+    let Some(calibration) = &correction.calibration else { return };
+    let seen = |sha: &str| calibration.provenance.inputs.iter().any(|input| input.sha256 == sha);
+    for input in verification.inputs.iter().filter(|input| seen(&input.sha256)) {
+        console.note(format!("warning: {} is a log that the calibration was made from; this is no proof", input.file));
+    }
+}
+
+fn describe(console: &mut Console, verification: &Verification) {
+    for axis in &verification.axes {
+        console.say(format!("axis {}: {}", axis.axis, verdict(axis)));
+        console.say(figures(axis, verification));
+        for (name, windows) in &axis.status_windows {
+            console.say(format!("  status {name}: {windows} of {} windows", axis.after.n));
+        }
+        if !axis.limits.is_empty() {
+            let rows = axis.limits.iter().map(|l| {
+                let value = l.value.map_or("unknown".to_owned(), |v| significant(v, 4));
+                vec![l.name.clone(), value, significant(l.limit, 4), if l.pass { "met" } else { "NOT MET" }.to_owned()]
+            });
+            console.say(table(&["limit", "value", "limit", ""], rows));
+        }
+    }
+    for line in excluded(&verification.excluded) {
+        console.say(line);
+    }
+}
+
+fn verdict(axis: &AxisVerification) -> String {
+    let times = |ratio: Option<f64>| ratio.map_or("-".to_owned(), |r| format!("{} times", significant(r, 3)));
+    let judged = match axis.pass {
+        Some(true) => "all limits met; ",
+        Some(false) => "LIMITS NOT MET; ",
+        None => "",
+    };
+    let floor = axis.floor.as_ref().map_or("noise floor unknown".to_owned(), |floor| {
+        format!("σ after is {} of the noise floor", significant(axis.after.sigma_dph / floor.value_dph, 3))
+    });
+    format!("{judged}max − min improved {}, σ {}; {floor}", times(axis.improvement), times(axis.improvement_sigma))
+}
+
+fn figures(axis: &AxisVerification, verification: &Verification) -> String {
+    let row = |name: &str, f: &Figures| {
+        let cells = [f.min, f.max, f.mean, f.peak_to_peak, f.sigma].map(|v| format!("{v:.2}"));
+        let precise = [f.min, f.max, f.mean, f.peak_to_peak, f.sigma].map(|v| significant(v, 5));
+        let cells = if verification.unit == "deg/h" { precise } else { cells };
+        [vec![name.to_owned(), f.n.to_string()], cells.to_vec(), vec![significant(f.sigma_dph, 3)]].concat()
+    };
+    let mut rows = vec![row("before", &axis.before), row("after", &axis.after)];
+    if let Some(floor) = &axis.floor {
+        let blank = String::new;
+        rows.push(vec![
+            format!("noise floor ({})", floor.source),
+            floor.n.to_string(),
+            blank(),
+            blank(),
+            blank(),
+            significant(floor.expected_peak_to_peak, 3),
+            significant(floor.value, 3),
+            significant(floor.value_dph, 3),
+        ]);
+    }
+    let title = format!("{} ({} s)", verification.unit, verification.window_s);
+    table(&[&title, "n", "min", "max", "mean", "max − min", "σ", "σ, °/h"], rows)
+}

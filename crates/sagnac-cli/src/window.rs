@@ -1,0 +1,46 @@
+//! `sagnac window`: the window table as Parquet.
+
+use std::path::PathBuf;
+
+use sagnac::window::write_table;
+use sagnac::write::write_bytes;
+
+use crate::calibrate::excluded;
+use crate::console::{Console, Outcome, Ran};
+use crate::loading;
+use crate::setup_args::SetupArgs;
+
+/// Sum logs into analysis windows and write them as a Parquet table
+#[derive(clap::Args)]
+#[command(after_help = "\
+Example:
+  sagnac window cycle-1.csv cycle-2.csv --setup bench.toml -o w.parquet && sagnac calibrate w.parquet -o unit.cal.json")]
+pub(crate) struct Args {
+    /// Logs, each a run
+    #[arg(required = true)]
+    logs: Vec<PathBuf>,
+    /// Table to write
+    #[arg(short, long, value_name = "FILE")]
+    output: PathBuf,
+    #[command(flatten)]
+    setup: SetupArgs,
+}
+
+pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
+    let setup = args.setup.over(sagnac::setup::Setup::default())?;
+    let windows = loading::windows(&args.logs, &setup, args.setup.keep_all())?;
+    let mut bytes = Vec::new();
+    write_table(&windows, &mut bytes)?;
+    write_bytes(&args.output, &bytes)?;
+    let used = windows.rows.excluded.iter().filter(|reason| reason.is_none()).count();
+    console.say(format!(
+        "wrote {}: {} windows of {} runs, {used} to be used",
+        args.output.display(),
+        windows.len(),
+        windows.runs.len()
+    ));
+    for line in excluded(&windows.tallies.list()) {
+        console.say(line);
+    }
+    Ok(Outcome::Done)
+}

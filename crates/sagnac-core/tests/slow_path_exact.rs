@@ -1,0 +1,101 @@
+//! The slow path against the same image evaluated in big integers with 200 fractional bits: what the
+//! target's own roundings add.
+
+mod support;
+
+use num_bigint::BigInt;
+use proptest::prelude::*;
+use sagnac_core::{Compensator, Image, Kind, Multiplier, State};
+use support::any_image;
+
+const FRACTION: u32 = 200;
+
+fn fixed(numerator: impl Into<BigInt>, shift: u32) -> BigInt {
+    numerator.into() << (FRACTION - shift)
+}
+
+/// The lag filter without any rounding.
+#[derive(Default)]
+struct Exact {
+    lag: Option<BigInt>,
+}
+
+impl Exact {
+    /// (increment, k − 1) with `FRACTION` fractional bits, at one slow update.
+    fn update(&mut self, image: &Image, t_q24: i32) -> (BigInt, BigInt) {
+        let spec = &image.thermometers()[0];
+        let one = fixed(1, 0);
+        let clamped = t_q24.clamp(spec.span_lo_q24, spec.span_hi_q24);
+        let middle = (i64::from(spec.span_lo_q24) + i64::from(spec.span_hi_q24)) / 2;
+        let x = fixed((i64::from(clamped) - middle) * i64::from(spec.x_mantissa), u32::from(spec.x_shift) + 47);
+        let x = x.clamp(-one.clone(), one.clone());
+
+        let t = fixed(t_q24, 24);
+        let lag = self.lag.get_or_insert_with(|| t.clone());
+        let step = ((&t - &*lag) * spec.lag.alpha_mantissa) >> u32::from(spec.lag.alpha_shift);
+        *lag += &step;
+        let unit = 24 + u32::from(spec.lag.rate_shift);
+        let rate = step.clamp(fixed(spec.lag.rate_lo, unit), fixed(spec.lag.rate_hi, unit));
+        let y = (rate * spec.lag.y_mantissa) << unit >> (u32::from(spec.lag.y_shift) + 31);
+        let y = y.clamp(-one.clone(), one.clone());
+
+        let mut basis = vec![one, x.clone()];
+        for n in 1..8 {
+            let next = ((&x * &basis[n]) >> (FRACTION - 1)) - &basis[n - 1];
+            basis.push(next);
+        }
+        let (mut bias, mut scale) = (BigInt::ZERO, BigInt::ZERO);
+        for term in image.terms() {
+            let mut value = basis[usize::from(term.order)].clone();
+            if term.multiplier == Multiplier::Rate {
+                value = (value * &y) >> FRACTION;
+            }
+            // Q40 mantissa·2^(31 − shift).
+            let value = ((value * term.mantissa) << 31_u32 >> u32::from(term.shift)) >> 40_u32;
+            match term.kind {
+                Kind::Bias => bias += value,
+                Kind::Scale => scale += value,
+            }
+        }
+        (bias, scale)
+    }
+}
+
+/// Sum of the sizes of the coefficients of one kind, in LSB of Q32.
+fn size(image: &Image, kind: Kind) -> f64 {
+    let terms = image.terms().iter().filter(|term| term.kind == kind);
+    terms.map(|t| f64::from(t.mantissa).abs() * 2.0_f64.powi(31 - i32::from(t.shift) - 8)).sum()
+}
+
+fn off_by(exact: &BigInt, rounded: i64) -> f64 {
+    let difference: BigInt = exact - fixed(rounded, 32);
+    let lsb: BigInt = difference >> (FRACTION - 32 - 20);
+    i64::try_from(lsb).unwrap() as f64 / f64::from(1 << 20)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(1000))]
+
+    /// Bound of docs/arithmetic.md: 2⁻²⁷ of the coefficients' sum, and one LSB of Q32 for the last rounding.
+    #[test]
+    fn roundings_stay_within_their_bound(
+        image in any_image(),
+        start in -(45 << 24)..(75_i32 << 24),
+        steps in prop::collection::vec(-(1 << 22)..(1_i32 << 22), 1..120),
+    ) {
+        let gyro = Compensator::new(image);
+        let (mut state, mut exact) = (State::new(), Exact::default());
+        let mut t = start;
+        for step in steps {
+            t = (t + step).clamp(-(79 << 24), 119 << 24);
+            let left = state.ticks_to_update();
+            gyro.skip(&mut state, left).unwrap();
+            gyro.update(&mut state, &[Some(t)]).unwrap();
+            let (bias, scale) = exact.update(&image, t);
+            let bound = |kind| size(&image, kind) * 2.0_f64.powi(-27) + 1.0;
+            let (d_off, k_off) = (off_by(&bias, state.target_increment()), off_by(&scale, state.k_q32() - (1 << 32)));
+            prop_assert!(d_off.abs() <= bound(Kind::Bias), "{d_off} LSB, bound {}", bound(Kind::Bias));
+            prop_assert!(k_off.abs() <= bound(Kind::Scale), "{k_off} LSB, bound {}", bound(Kind::Scale));
+        }
+    }
+}
