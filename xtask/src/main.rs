@@ -1,2 +1,47 @@
-//! x
-fn main() {}
+//! `cargo xtask`: what CI runs, and what makes the files that the project made.
+
+mod checks;
+mod made;
+
+use std::process::ExitCode;
+
+use anyhow::{Result, bail};
+
+const HELP: &str = "\
+cargo xtask ci         everything that CI runs: fmt, clippy, docs, tests, deny, no-panic, conserve
+cargo xtask example    the main job on the log in testdata/: calibrate, export, verify
+cargo xtask no-panic   link check: sagnac-core has no panic path
+cargo xtask conserve   1e9 ticks (27.8 h): every count accounted for
+cargo xtask deny       licences, bans and sources of the dependencies (installs cargo-deny if missing)
+cargo xtask testdata   make the logs in testdata/ anew
+cargo xtask schema     make docs/calibration.schema.json anew
+cargo xtask hexdump    make the worked example of docs/image-format.md anew (testdata/image/)";
+
+fn main() -> ExitCode {
+    let task = std::env::args().nth(1).unwrap_or_default();
+    match run(&task) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("xtask {task}: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(task: &str) -> Result<()> {
+    match task {
+        "ci" => checks::ci(),
+        "example" => checks::example(),
+        "no-panic" => checks::no_panic(),
+        "conserve" => checks::conserve(),
+        "deny" => checks::deny(),
+        "testdata" => made::testdata(),
+        "schema" => made::schema(),
+        "hexdump" => made::hexdump(),
+        "" | "help" => {
+            println!("{HELP}");
+            Ok(())
+        }
+        other => bail!("no such task: {other}\n{HELP}"),
+    }
+}

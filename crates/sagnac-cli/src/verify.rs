@@ -66,7 +66,7 @@ fn describe(console: &mut Console, verification: &Verification) {
                 let value = l.value.map_or("unknown".to_owned(), |v| significant(v, 4));
                 vec![l.name.clone(), value, significant(l.limit, 4), if l.pass { "met" } else { "NOT MET" }.to_owned()]
             });
-            console.say(table(&["limit", "value", "limit", ""], rows));
+            console.say(table(&["limit", "value", "bound", ""], rows));
         }
     }
     for line in excluded(&verification.excluded) {

@@ -110,7 +110,7 @@ impl Thermometer {
 
     /// `x` in Q47 of the temperature clamped to the span, and whether it had to be clamped.
     pub(crate) fn scaled(&self, t_q24: i32) -> (i64, bool) {
-        let clamped = t_q24.clamp(self.span_lo_q24, self.span_hi_q24);
+        let clamped = t_q24.max(self.span_lo_q24).min(self.span_hi_q24);
         let middle = (i64::from(self.span_lo_q24) + i64::from(self.span_hi_q24)) >> 1;
         let product = (i64::from(clamped) - middle) * i64::from(self.x_mantissa);
         let x = round_shift(product, u32::from(self.x_shift));
@@ -194,7 +194,7 @@ impl ThermometerState {
         self.lag_q46 += whole;
 
         let rate = round_shift(product, shift - 1 - u32::from(lag.rate_shift));
-        let clamped = rate.clamp(i64::from(lag.rate_lo), i64::from(lag.rate_hi));
+        let clamped = rate.max(i64::from(lag.rate_lo)).min(i64::from(lag.rate_hi));
         let y = round_shift(clamped * i64::from(lag.y_mantissa), u32::from(lag.y_shift));
         (y.clamp(-ONE_Q31, ONE_Q31), clamped != rate)
     }

@@ -1,0 +1,64 @@
+//! A link check: every public function of `sagnac-core` is called from here, and the panic handler
+//! calls a symbol that nothing defines. As long as one panic path remains, the library does not link.
+//!
+//! `cargo xtask no-panic` builds and links it.
+#![no_std]
+
+use core::fmt::Write;
+use core::hint::black_box;
+use core::panic::PanicInfo;
+
+use sagnac_core::{Compensator, Description, Image, MAX_IMAGE_LEN, State, Status};
+
+unsafe extern "C" {
+    fn sagnac_core_has_a_panic_path() -> !;
+}
+
+#[panic_handler]
+fn panic(_: &PanicInfo<'_>) -> ! {
+    // SAFETY: never runs; if this call is kept, the link fails, which is the point.
+    unsafe { sagnac_core_has_a_panic_path() }
+}
+
+/// Takes what is formatted and keeps nothing.
+struct Nowhere;
+
+impl Write for Nowhere {
+    fn write_str(&mut self, text: &str) -> core::fmt::Result {
+        black_box(text);
+        Ok(())
+    }
+}
+
+/// Calls everything with values the compiler cannot see.
+#[unsafe(no_mangle)]
+pub extern "C" fn sagnac_core_everything(raw: i32, ticks: u32, code: i32) -> i32 {
+    let bytes = black_box([0_u8; MAX_IMAGE_LEN]);
+    let len = black_box(ticks) as usize;
+    let image = match Image::decode(bytes.get(..len).unwrap_or(&[])) {
+        Ok(image) => image,
+        Err(error) => {
+            let _ = black_box(error);
+            match Image::new(black_box(Description::empty())) {
+                Ok(image) => image,
+                Err(_) => return -1,
+            }
+        }
+    };
+    let mut out = [0_u8; MAX_IMAGE_LEN];
+    black_box(image.encode(&mut out));
+    black_box(image.serial());
+    black_box((image.thermometers().len(), image.terms().len(), image.encoded_len()));
+    let gyro = Compensator::new(image);
+    let mut state = black_box(State::new());
+    let codes = black_box([Some(code); 4]);
+    let count = gyro.image().thermometers().len();
+    let status = gyro.update(&mut state, codes.get(..count).unwrap_or(&[])).unwrap_or_default();
+    black_box(gyro.skip(&mut state, ticks).is_ok());
+    let tick = gyro.tick(&mut state, raw).map_or(0, |o| o.counts);
+    let many = gyro.advance(&mut state, raw, ticks).map_or(0, |o| o.counts);
+    let _ = Nowhere.write_str("done");
+    #[cfg(feature = "broken")]
+    assert!(raw != 12_345, "a panic path on purpose");
+    tick ^ many ^ i32::from((status | Status::HELD | state.status()).bits()) ^ (state.remainder() as i32)
+}
