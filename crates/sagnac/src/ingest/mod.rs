@@ -314,12 +314,12 @@ fn angle_unit(rows: &CsvRows, setup: &Setup) -> Result<AngleUnit> {
     Ok(AngleUnit::Quanta { arcsec_per_count, quantum: setup.quantum.unwrap_or(1.0) })
 }
 
-/// Mean of the differences that lie within half of their median: stamps are often rounded.
+/// Mean of the differences within a tenth of their median: stamps are often rounded.
 fn typical_step(times: &[i64]) -> Option<i64> {
     let mut steps: Vec<i64> = times.windows(2).map(|pair| pair[1].saturating_sub(pair[0])).filter(|s| *s > 0).collect();
     steps.sort_unstable();
-    let median = *steps.get(steps.len() / 2)?;
-    steps.retain(|step| step.abs_diff(median) <= median.unsigned_abs() / 2);
+    let median = *steps.get(steps.len().checked_sub(1)? / 2)?;
+    steps.retain(|step| step.abs_diff(median) <= median.unsigned_abs() / 10);
     let sum: i128 = steps.iter().map(|step| i128::from(*step)).sum();
     i64::try_from(sum / steps.len() as i128).ok()
 }

@@ -71,9 +71,9 @@ impl Correction {
         let Some(d) = self.images.first().map(|image| *image.description()) else {
             return Setup::default();
         };
-        let quantum = d.quantum_nano_counts as f64 * 1e-9;
+        let quantum = d.quantum_nano_counts as f64 / 1e9;
         Setup {
-            arcsec_per_count: Some(d.scale_factor_femto_arcsec as f64 * 1e-15 / quantum),
+            arcsec_per_count: Some(d.scale_factor_femto_arcsec as f64 / 1e15 / quantum),
             quantum: Some(quantum),
             axis: Some(char::from(d.axis)),
             ..Setup::default()

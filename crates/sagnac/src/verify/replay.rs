@@ -149,7 +149,7 @@ fn misused(error: Misuse, file: &str, line: u64) -> Error {
 
 impl AxisReplay {
     fn new(image: &Image, unit: AngleUnit) -> Result<Self> {
-        let arcsec_per_lsb = image.description().scale_factor_femto_arcsec as f64 * 1e-15;
+        let arcsec_per_lsb = image.description().scale_factor_femto_arcsec as f64 / 1e15;
         let lsb = match unit {
             AngleUnit::Quanta { .. } if (unit.arcsec() / arcsec_per_lsb - 1.0).abs() < 1e-9 => 1.0,
             AngleUnit::Quanta { .. } => {

@@ -36,21 +36,30 @@ fn mark_run(windows: &mut Windows, run: usize, axis: usize) {
         return;
     }
     let rates: Vec<f64> = members.iter().map(|i| windows.rate_dph(axis, *i)).collect();
-    let noise_weight: Vec<f64> =
-        members.iter().map(|i| (windows.duration_s(*i) / windows.shape.nominal_s).min(1.0).sqrt()).collect();
-    let residuals: Vec<f64> = (0..rates.len()).map(|i| (rates[i] - predicted(&rates, i)) * noise_weight[i]).collect();
-    let scale = 1.4826 * median(residuals.iter().map(|r| r.abs()).collect());
-    let range = decile_range(&rates);
-
-    let kept = keep_one_level(&rates, (STEP_SIGMAS * scale).max(STEP_OF_RANGE * range));
-    let limit = (BUMP_SIGMAS * scale).max(BUMP_OF_RANGE * range);
-    for (i, member) in members.iter().enumerate() {
-        if !kept[i] {
-            windows.exclude(*member, Reason::Step);
-        } else if residuals[i].abs() > limit {
-            windows.exclude(*member, if i == 0 { Reason::StartUp } else { Reason::Motion });
-        }
+    let scale = robust_scale(&residuals(windows, &members, &rates));
+    let kept = keep_one_level(&rates, (STEP_SIGMAS * scale).max(STEP_OF_RANGE * decile_range(&rates)));
+    for (member, _) in members.iter().zip(&kept).filter(|(_, kept)| !**kept) {
+        windows.exclude(*member, Reason::Step);
     }
+    // What is left is one level: a bump stands out from it alone.
+    let (left, rates): (Vec<usize>, Vec<f64>) =
+        members.iter().zip(&rates).zip(&kept).filter(|(_, kept)| **kept).map(|((i, rate), _)| (*i, *rate)).unzip();
+    let residuals = residuals(windows, &left, &rates);
+    let limit = (BUMP_SIGMAS * robust_scale(&residuals)).max(BUMP_OF_RANGE * decile_range(&rates));
+    for (i, member) in left.iter().enumerate().filter(|(i, _)| residuals[*i].abs() > limit) {
+        windows.exclude(*member, if *member == members[0] && i == 0 { Reason::StartUp } else { Reason::Motion });
+    }
+}
+
+/// Each window against its neighbours; a shorter window is noisier and counts for less.
+fn residuals(windows: &Windows, members: &[usize], rates: &[f64]) -> Vec<f64> {
+    let trust = |i: usize| (windows.duration_s(i) / windows.shape.nominal_s).min(1.0).sqrt();
+    members.iter().enumerate().map(|(at, i)| (rates[at] - predicted(rates, at)) * trust(*i)).collect()
+}
+
+/// σ of normal values from the median of their sizes.
+fn robust_scale(residuals: &[f64]) -> f64 {
+    1.4826 * median(residuals.iter().map(|r| r.abs()).collect())
 }
 
 /// What the neighbours of `i` say it should be.
@@ -59,8 +68,8 @@ fn predicted(rates: &[f64], i: usize) -> f64 {
     let by = |k: usize| -> Option<f64> {
         match (i.checked_sub(k), i + k < n) {
             (Some(before), true) => Some((rates[before] + rates[i + k]) / 2.0),
-            (None, _) => Some(2.0 * rates[i + k] - rates[i + 2 * k]),
-            (Some(_), false) => Some(2.0 * rates[i - k] - rates[i - 2 * k]),
+            (None, _) => Some(2.0 * rates.get(i + k)? - rates.get(i + 2 * k)?),
+            (Some(before), false) => Some(2.0 * rates[before] - rates[before.checked_sub(k)?]),
         }
     };
     median((1..=NEIGHBOURS).filter_map(by).collect())
@@ -105,6 +114,9 @@ fn step_at(rates: &[f64], i: usize, limit: f64) -> Option<f64> {
 }
 
 fn decile_range(values: &[f64]) -> f64 {
+    if values.is_empty() {
+        return 0.0;
+    }
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
     let at = |part: f64| sorted[((sorted.len() - 1) as f64 * part).round() as usize];

@@ -1,0 +1,231 @@
+//! Along the whole road with simulated logs: windows as a table, replay, refusals of the fit.
+
+mod support;
+
+use sagnac::fit::{FitOptions, calibrate};
+use sagnac::ingest::{LogReader, Pace, Reason};
+use sagnac::setup::{Noise, Setup};
+use sagnac::verify::{Correction, Limits, compensate, verify};
+use sagnac::window::{read_table, write_table};
+use sagnac::{ErrorKind, calibration::Calibration};
+use sagnac_sim::{LaggedChamber, PaperRig, csv_bytes};
+use support::{fit, model, paper_setup, reader, retest, windows};
+
+fn chamber_rig() -> LaggedChamber {
+    LaggedChamber { row_s: 5, ..LaggedChamber::domain_notes() }
+}
+
+fn chamber_setup() -> Setup {
+    Setup { arcsec_per_count: Some(0.151_25), serial: Some("RLG-1".into()), ..Setup::default() }
+}
+
+fn refusal(logs: Vec<Vec<u8>>, setup: &Setup, text: &str) -> String {
+    let error = fit(logs, setup, text).unwrap_err();
+    assert_eq!(error.kind, ErrorKind::Refused, "{error}");
+    error.to_string()
+}
+
+#[test]
+fn a_window_table_gives_the_same_calibration_as_its_logs() {
+    let setup = chamber_setup();
+    let logs = || vec![csv_bytes(chamber_rig().run(1)), csv_bytes(chamber_rig().run(2))];
+    let options = FitOptions { model: model("auto"), source_date_epoch: None };
+    let direct = calibrate(windows(logs(), &setup), &setup, &options).unwrap();
+    let path = std::env::temp_dir().join(format!("sagnac-road-{}.parquet", std::process::id()));
+    let mut bytes = Vec::new();
+    write_table(&windows(logs(), &setup), &mut bytes).unwrap();
+    std::fs::write(&path, &bytes).unwrap();
+    let through = calibrate(read_table(&path).unwrap(), &setup, &options).unwrap();
+    std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
+    let torn = read_table(&path).unwrap_err();
+    std::fs::remove_file(&path).unwrap();
+    assert_eq!(direct.to_json().unwrap(), through.to_json().unwrap());
+    assert_eq!(torn.kind, ErrorKind::Input);
+}
+
+#[test]
+fn the_same_input_gives_the_same_bytes_and_json_goes_round() {
+    let make = || fit(vec![csv_bytes(PaperRig::PAPER.run(1))], &paper_setup(), "auto").unwrap();
+    let text = make().to_json().unwrap();
+    assert_eq!(text, make().to_json().unwrap());
+    assert_eq!(Calibration::parse(&text).unwrap(), make());
+    for (from, to, word) in [
+        ("\"version\": 1", "\"version\": 2", "version"),
+        ("\"span_c\"", "\"span_f\"", "span_f"),
+        ("\"serial\"", "\"extra\": 1, \"serial\"", "extra"),
+        ("\"reference_c\": 25.0", "\"reference_c\": 1e999", "readable"),
+        ("\"reference_c\": 25.0", "\"reference_c\": 99.0", "within span_c"),
+    ] {
+        let error = Calibration::parse(&text.replacen(from, to, 1)).unwrap_err();
+        assert!(error.to_string().contains(word) && error.kind == ErrorKind::Input, "{from}: {error}");
+    }
+}
+
+#[test]
+fn what_the_data_cannot_support_is_refused_by_name() {
+    let paper = |rig: PaperRig| vec![csv_bytes(rig.run(1))];
+    let setup = paper_setup();
+    let cold = Setup { reference_c: Some(5.0), ..setup.clone() };
+    assert!(refusal(paper(PaperRig::PAPER), &cold, "auto").contains("outside the span"));
+    let narrow = PaperRig { span_c: [24.0, 30.0], ..PaperRig::PAPER };
+    assert!(refusal(paper(narrow), &setup, "auto").contains("a fit needs 10 °C"));
+    let allowed = Setup { min_span_c: Some(5.0), ..setup.clone() };
+    assert!(fit(paper(narrow), &allowed, "bias 1").is_ok());
+    let short = PaperRig { windows: 4, ..PaperRig::PAPER };
+    assert!(refusal(paper(short), &setup, "bias 3").contains("three windows"));
+    assert!(refusal(paper(PaperRig::PAPER), &setup, "bias 1, scale 1").contains("scale"));
+    let no_temperature = vec![b"time_s,counts\n1,4\n2,4\n3,5\n".to_vec()];
+    assert!(refusal(no_temperature, &setup, "auto").contains("no temperature"));
+    // A thermometer that never moves gives no rate.
+    let still = (1..=3000).map(|s| format!("{s},{},4\n", if s < 1500 { 20 } else { 40 })).collect::<String>();
+    let still = vec![format!("time_s,temperature_c,counts\n{still}").into_bytes()];
+    assert!(refusal(still, &setup, "bias 3").contains("not independent"));
+}
+
+#[test]
+fn auto_on_pure_noise_keeps_no_term() {
+    let flat = LaggedChamber { drift_dph: vec![0.0], rate_effect: 0.0, ..chamber_rig() };
+    let kept: Vec<String> = (1..=6)
+        .map(|seed| fit(vec![csv_bytes(flat.run(seed))], &chamber_setup(), "auto").unwrap().axes[0].model.clone())
+        .collect();
+    assert!(kept.iter().all(|m| m == "bias 0"), "{kept:?}");
+}
+
+#[test]
+fn insignificant_terms_of_a_fixed_model_are_marked() {
+    let calibration = fit(vec![csv_bytes(PaperRig::PAPER.run(4))], &paper_setup(), "bias 5").unwrap();
+    let marks: Vec<bool> = calibration.axes[0].terms.iter().map(|t| t.significant.unwrap()).collect();
+    // The span is symmetric about the vertex, so the truth is in T₂ alone.
+    assert!(marks[1], "{marks:?}");
+    assert!(marks[2..].iter().any(|m| !m), "{marks:?}");
+}
+
+/// A 30 s motion of 47 °/h, a start-up row and a step: found, named, left out, the fit unharmed.
+#[test]
+fn bumps_and_steps_are_left_out_by_name() {
+    let clean = fit(vec![csv_bytes(PaperRig::PAPER.run(1))], &paper_setup(), "bias 2").unwrap();
+    let spoil = |extra: &dyn Fn(f64) -> f64| {
+        let rows = PaperRig::PAPER.run(1).map(|row| sagnac_sim::Row { counts: row.counts + extra(row.time_s), ..row });
+        fit(vec![csv_bytes(rows)], &paper_setup(), "bias 2").unwrap()
+    };
+    let bump = spoil(&|t| if (5050.0..5080.0).contains(&t) { 44.5 } else { 0.0 });
+    let step = spoil(&|t| if t > 12_030.0 { 1.0 } else { 0.0 });
+    for (spoiled, reason, windows) in [(bump, Reason::Motion, 1), (step, Reason::Step, 30)] {
+        let excluded = &spoiled.axes[0].excluded;
+        assert_eq!(excluded.len(), 1, "{excluded:?}");
+        assert_eq!(excluded[0].reason, reason);
+        assert!(excluded[0].rows.abs_diff(windows * 100) <= 200, "{excluded:?}");
+        let (a, b) = (&clean.axes[0], &spoiled.axes[0]);
+        let sigma = b.terms[1].sigma.unwrap();
+        assert!((a.terms[1].value - b.terms[1].value).abs() < 3.0 * sigma);
+    }
+}
+
+#[test]
+fn verify_goes_through_the_image_and_limits_decide() {
+    let setup = chamber_setup();
+    let calibration =
+        fit(vec![csv_bytes(chamber_rig().run(1)), csv_bytes(chamber_rig().run(2))], &setup, "bias 3, rate 0").unwrap();
+    let proof = retest(&calibration, csv_bytes(chamber_rig().run(3)), &setup);
+    // The same images alone, without their calibration.
+    let correction = Correction::from_calibration(calibration.clone()).unwrap();
+    let alone = Correction::from_image(correction.images[0]);
+    let alone_setup = alone.setup();
+    let log = LogReader::from_reader(
+        "simulated.csv",
+        Box::new(std::io::Cursor::new(csv_bytes(chamber_rig().run(3)))),
+        &alone_setup,
+        Pace::Bulk,
+    );
+    let limits = Limits::parse("improvement_min = 1000.0\nsigma_dph_max = 1.0").unwrap();
+    let by_image = verify(&alone, vec![log.unwrap()], &alone_setup, Some(&limits), false).unwrap();
+    assert_eq!((&proof.axes[0].before, &proof.axes[0].after), (&by_image.axes[0].before, &by_image.axes[0].after));
+    assert_eq!(proof.image_sha256, by_image.image_sha256);
+    let passes: Vec<bool> = by_image.axes[0].limits.iter().map(|l| l.pass).collect();
+    assert_eq!((passes, by_image.passed()), (vec![true, false], false));
+    let given = Setup { noise: Some(Noise { n_deg_rt_h: 0.006, q_arcsec: 0.0 }), ..setup };
+    let floor = retest(&calibration, csv_bytes(chamber_rig().run(3)), &given).axes[0].floor.clone().unwrap();
+    assert!((floor.value_dph - 0.036).abs() < 1e-12, "0.36 arcsec/√s over 100 s is 0.036 °/h");
+}
+
+/// An imported polynomial takes away exactly P(T) − P(T0): the paper's own correction, verified.
+#[test]
+fn an_old_correction_can_be_verified_too() {
+    let setup = paper_setup();
+    let polynomial = sagnac::export::Polynomial {
+        coefficients: vec![0.85, -46.0, 1043.39],
+        window_s: 100.0,
+        span_c: [17.94, 36.18],
+    };
+    let old = sagnac::export::import(&polynomial, &setup).unwrap();
+    let proof = retest(&old, csv_bytes(PaperRig::PAPER.run(5)), &setup);
+    let axis = &proof.axes[0];
+    let over_floor = axis.after.sigma_dph / axis.floor.as_ref().unwrap().value_dph;
+    assert!((over_floor - 1.0).abs() < 0.15, "{over_floor}");
+    assert!((axis.after.mean - 424.64).abs() < 0.5, "the table's after-mean, {}", axis.after.mean);
+    // C cancels: the printed constant corrects just as well.
+    let printed = sagnac::export::Polynomial { coefficients: vec![0.85, -46.0, 1000.0], ..polynomial };
+    let printed = sagnac::export::import(&printed, &setup).unwrap();
+    let same = retest(&printed, csv_bytes(PaperRig::PAPER.run(5)), &setup);
+    assert_eq!(same.axes[0].after, axis.after);
+}
+
+#[test]
+fn compensated_output_is_stamped_conserves_counts_and_is_refused_as_input() {
+    let setup = paper_setup();
+    let calibration = fit(vec![csv_bytes(PaperRig::PAPER.run(1))], &setup, "bias 2").unwrap();
+    let proof = retest(&calibration, csv_bytes(PaperRig::PAPER.run(2)), &setup);
+    let correction = Correction::from_calibration(calibration).unwrap();
+    let make = |pace: Pace| {
+        let source = Box::new(std::io::Cursor::new(csv_bytes(PaperRig::PAPER.run(2))));
+        let mut log = LogReader::from_reader("log", source, &setup, pace).unwrap();
+        let mut out = Vec::new();
+        compensate(&correction, &mut log, &setup, &mut out).unwrap();
+        String::from_utf8(out).unwrap()
+    };
+    let text = make(Pace::BulkWithText);
+    assert_eq!(text, make(Pace::LineByLine));
+    let mut lines = text.lines();
+    assert!(lines.next().unwrap().starts_with("# sagnac compensated"));
+    assert_eq!(lines.next().unwrap(), "time_s,temperature_c,compensated_counts,status");
+    let total: f64 = lines.map(|line| line.split(',').nth(2).unwrap().parse::<f64>().unwrap()).sum();
+    let verified = proof.axes[0].after.mean * proof.axes[0].after.n as f64;
+    assert!((total - verified).abs() < 1e-6, "{total} {verified}");
+    let without_stamp = text.lines().skip(1).map(|l| format!("{l}\n")).collect::<String>();
+    for again in [text, without_stamp] {
+        let again = Box::new(std::io::Cursor::new(again.into_bytes()));
+        let error = LogReader::from_reader("log", again, &setup, Pace::Bulk).err().unwrap();
+        assert_eq!(error.kind, ErrorKind::Refused);
+    }
+}
+
+/// Multi-axis rates with two thermometers, a gap and missing temperatures: HELD, STALE and the gap do not
+/// disturb the books: corrected − raw is −Σd·dt of the covered time alone.
+#[test]
+fn replay_tells_held_and_stale_and_jumps_over_gaps() {
+    let setup = Setup { serial: Some("A".into()), arcsec_per_count: Some(1.0), ..Setup::default() };
+    let polynomial = sagnac::export::Polynomial { coefficients: vec![10.0, 0.0], window_s: 100.0, span_c: [0.0, 50.0] };
+    let correction = Correction::from_calibration(sagnac::export::import(&polynomial, &setup).unwrap()).unwrap();
+    let row = |t: u32| {
+        let celsius = if (100..140).contains(&t) { String::new() } else { "35".to_owned() };
+        format!("{t},{celsius},40\n")
+    };
+    let rows: String = (1..=300).filter(|t| !(200..250).contains(t)).map(row).collect();
+    let mut log = reader(format!("time_s,temperature_c,counts\n{rows}").into_bytes(), &setup);
+    let mut log_with_text = {
+        let source = Box::new(std::io::Cursor::new(format!("time_s,temperature_c,counts\n{rows}").into_bytes()));
+        LogReader::from_reader("log", source, &setup, Pace::BulkWithText).unwrap()
+    };
+    assert!(log.next_batch().unwrap().is_some());
+    let mut out = Vec::new();
+    compensate(&correction, &mut log_with_text, &setup, &mut out).unwrap();
+    let text = String::from_utf8(out).unwrap();
+    let status =
+        |t: u32| text.lines().find(|l| l.starts_with(&format!("{t},"))).unwrap().rsplit(',').next().unwrap().to_owned();
+    assert_eq!((status(50).as_str(), status(105).as_str(), status(125).as_str()), ("OK", "HELD", "HELD|STALE"));
+    assert_eq!((status(150).as_str(), status(255).as_str()), ("OK", "OK"));
+    let total: i64 = text.lines().skip(2).map(|l| l.split(',').nth(2).unwrap().parse::<i64>().unwrap()).sum();
+    // d = 0.1 counts/s per °C, T − T0 = 10 °C: one count per second over 250 s; the first slew of 10 ms
+    // spares half a hundredth of one, which stays in the remainder.
+    assert_eq!(total, 250 * 40 - 250);
+}
