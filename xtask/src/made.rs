@@ -17,28 +17,41 @@ use crate::checks::root;
 pub(crate) fn testdata() -> Result<()> {
     let folder = root().join("testdata/chamber");
     fs::create_dir_all(&folder)?;
-    let rig = LaggedChamber { row_s: 5, ..LaggedChamber::domain_notes() };
-    for cycle in 1..=3_u64 {
-        let path = folder.join(format!("cycle-{cycle}.csv.gz"));
+    for cycle in 1..=3 {
         // No name and no time in the gzip header: the same rows give the same bytes.
-        let mut gz = GzBuilder::new().write(fs::File::create(&path)?, Compression::best());
-        gz.write_all(&csv_bytes(rig.run(cycle)))?;
-        gz.finish()?;
-        println!("wrote {}", path.display());
+        let mut gz = GzBuilder::new().write(Vec::new(), Compression::best());
+        gz.write_all(&chamber_cycle(cycle))?;
+        write(&folder.join(format!("cycle-{cycle}.csv.gz")), &gz.finish()?)?;
     }
     Ok(())
 }
 
-/// The JSON schema of the calibration record.
-pub(crate) fn schema() -> Result<()> {
-    let schema = schemars::schema_for!(Calibration);
-    let mut text = serde_json::to_string_pretty(&schema)?;
-    text.push('\n');
-    write(&root().join("docs/calibration.schema.json"), text.as_bytes())
+fn chamber_cycle(cycle: u64) -> Vec<u8> {
+    csv_bytes(LaggedChamber { row_s: 5, ..LaggedChamber::domain_notes() }.run(cycle))
 }
 
-/// The image of docs/image-format.md: the paper's curve.
+/// The JSON schema of the calibration record.
+pub(crate) fn schema() -> Result<()> {
+    write(&root().join("docs/calibration.schema.json"), schema_text()?.as_bytes())
+}
+
+fn schema_text() -> Result<String> {
+    let schema = schemars::schema_for!(Calibration);
+    Ok(serde_json::to_string_pretty(&schema)? + "\n")
+}
+
+/// The image of docs/image-format.md.
 pub(crate) fn hexdump() -> Result<()> {
+    let bytes = paper_image()?;
+    let folder = root().join("testdata/image");
+    fs::create_dir_all(&folder)?;
+    write(&folder.join("paper.img"), &bytes)?;
+    print!("{}", dump(&bytes));
+    Ok(())
+}
+
+/// The paper's curve as an image. No parent: the example must not change with the program's version.
+fn paper_image() -> Result<Vec<u8>> {
     let setup = Setup {
         serial: Some("PAPER-RIG".to_owned()),
         arcsec_per_count: Some(1.059),
@@ -48,20 +61,55 @@ pub(crate) fn hexdump() -> Result<()> {
     let polynomial = Polynomial { coefficients: vec![0.85, -46.0, 1043.39], window_s: 100.0, span_c: [17.94, 36.18] };
     let calibration = import(&polynomial, &setup)?;
     let axis = calibration.axes.first().context("no axis")?;
-    // No parent: the example must not change with the program's version.
-    let bytes = image_bytes(&encode(&calibration, axis, [0; 32], 1)?);
-    let folder = root().join("testdata/image");
-    fs::create_dir_all(&folder)?;
-    write(&folder.join("paper.img"), &bytes)?;
-    for (row, chunk) in bytes.chunks(16).enumerate() {
+    Ok(image_bytes(&encode(&calibration, axis, [0; 32], 1)?))
+}
+
+fn dump(bytes: &[u8]) -> String {
+    let row = |(row, chunk): (usize, &[u8])| {
         let hex: Vec<String> = chunk.iter().map(|byte| format!("{byte:02x}")).collect();
-        println!("{:4}  {}", row * 16, hex.join(" "));
-    }
-    Ok(())
+        format!("{:4}  {}\n", row * 16, hex.join(" "))
+    };
+    bytes.chunks(16).enumerate().map(row).collect()
 }
 
 fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     fs::write(path, bytes).with_context(|| format!("cannot write {}", path.display()))?;
     println!("wrote {}", path.display());
     Ok(())
+}
+
+/// What is committed is what is made.
+#[cfg(test)]
+mod tests {
+    use std::io::Read;
+
+    use flate2::read::GzDecoder;
+    use sagnac_core::Image;
+
+    use super::*;
+
+    #[test]
+    fn the_logs_in_testdata_are_those_that_testdata_makes() {
+        for cycle in 1..=3 {
+            let file = fs::File::open(root().join(format!("testdata/chamber/cycle-{cycle}.csv.gz"))).unwrap();
+            let mut committed = Vec::new();
+            GzDecoder::new(file).read_to_end(&mut committed).unwrap();
+            assert!(committed == chamber_cycle(cycle), "cycle {cycle}: run `cargo xtask testdata`");
+        }
+    }
+
+    #[test]
+    fn the_schema_is_that_of_the_types() {
+        let committed = fs::read_to_string(root().join("docs/calibration.schema.json")).unwrap();
+        assert!(committed == schema_text().unwrap(), "run `cargo xtask schema`");
+    }
+
+    #[test]
+    fn the_worked_example_of_the_image_format_is_an_image() {
+        let bytes = paper_image().unwrap();
+        assert_eq!(fs::read(root().join("testdata/image/paper.img")).unwrap(), bytes, "run `cargo xtask hexdump`");
+        assert_eq!(Image::decode(&bytes).unwrap().serial(), Some("PAPER-RIG"));
+        let page = fs::read_to_string(root().join("docs/image-format.md")).unwrap();
+        assert!(page.contains(&dump(&bytes)), "docs/image-format.md shows another image");
+    }
 }

@@ -2,6 +2,7 @@
 //!
 //! One file per subcommand; each reads its arguments, calls the library and prints. Exit status: 0
 //! done, 1 limits not met, 2 bad usage or input, 3 refused because the data cannot support the answer.
+#![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used, clippy::panic))]
 
 mod calibrate;
 mod compensate;

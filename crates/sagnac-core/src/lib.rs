@@ -32,7 +32,7 @@
 //! assert_eq!(gyro.tick(&mut state, 7).unwrap().counts, 7);
 //! ```
 #![no_std]
-#![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used, clippy::panic))]
+#![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used, clippy::panic))]
 
 mod codec;
 mod compensator;

@@ -8,6 +8,7 @@
 //!
 //! Both rigs count like a real one: the true angle plus a random walk accumulates, and what the
 //! counter has passed since the last row is the row's count, so quantization errors never add up.
+#![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used, clippy::panic))]
 
 mod chamber;
 mod counter;

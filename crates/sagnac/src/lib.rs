@@ -10,7 +10,7 @@
 //! and no thread. Sign: `d` is the bias drift referred to the input in °/h, positive as the input
 //! rate; `ε` in ppm is the deviation of the scale factor S = S0·(1 + ε·1e-6), so ε > 0 means fewer
 //! counts for the same angle. `docs/method.md` tells the method, `docs/verification.md` the proof.
-#![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used, clippy::panic))]
+#![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used, clippy::panic))]
 
 pub mod allan;
 pub mod calibration;

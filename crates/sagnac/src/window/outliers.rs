@@ -77,21 +77,19 @@ fn predicted(rates: &[f64], i: usize) -> f64 {
 
 /// Splits at steps and keeps the level with the most windows.
 fn keep_one_level(rates: &[f64], limit: f64) -> Vec<bool> {
-    let n = rates.len();
-    let mut level = vec![0.0; n];
+    let mut level = vec![0.0; rates.len()];
     let mut offset = 0.0;
     let mut next_allowed = 0;
-    for i in 0..n {
+    for (i, level) in level.iter_mut().enumerate() {
+        *level = offset;
         if i >= next_allowed
             && let Some(jump) = step_at(rates, i, limit)
         {
             // The window in which it happens belongs to neither side.
-            level[i] = f64::NAN;
+            *level = f64::NAN;
             offset += jump;
             next_allowed = i + NEIGHBOURS;
-            continue;
         }
-        level[i] = offset;
     }
     let members = |of: f64| level.iter().filter(|l| (**l - of).abs() <= limit).count();
     let best = level.iter().copied().filter(|l| !l.is_nan()).max_by_key(|l| members(*l)).unwrap_or(0.0);

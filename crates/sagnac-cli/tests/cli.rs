@@ -1,0 +1,313 @@
+//! The program as scripts and people call it: exit status, what goes where, files untouched by failure.
+
+use std::fs;
+use std::io::{BufRead, BufReader, Write};
+use std::path::{Path, PathBuf};
+use std::process::{Command as Process, Stdio};
+
+use assert_cmd::Command;
+use serde_json::Value;
+use tempfile::TempDir;
+
+fn sagnac() -> Command {
+    Command::cargo_bin("sagnac").unwrap()
+}
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
+
+fn testdata(name: &str) -> String {
+    root().join("testdata").join(name).display().to_string()
+}
+
+/// A file of the shared recordings, or `None` where they are not at hand (said aloud).
+fn shared(name: &str) -> Option<String> {
+    let path = root().join("../shared/data").join(name);
+    if path.exists() {
+        return Some(path.display().to_string());
+    }
+    assert!(std::env::var_os("SAGNAC_REQUIRE_SHARED").is_none_or(|v| v != "1"), "{} is missing", path.display());
+    println!("skipped: {} is not there", path.display());
+    None
+}
+
+struct Ran {
+    status: i32,
+    out: String,
+    err: String,
+}
+
+fn run(args: &[&str]) -> Ran {
+    let output = sagnac().args(args).output().unwrap();
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    Ran { status: output.status.code().unwrap(), out: text(&output.stdout), err: text(&output.stderr) }
+}
+
+fn json(args: &[&str]) -> (i32, Value) {
+    let ran = run(args);
+    (ran.status, serde_json::from_str(&ran.out).unwrap_or_else(|e| panic!("{e}: {}\n{}", ran.out, ran.err)))
+}
+
+/// A folder with the chamber calibrated on two cycles.
+struct Bench {
+    folder: TempDir,
+}
+
+impl Bench {
+    fn new() -> Self {
+        let bench = Self { folder: TempDir::new().unwrap() };
+        let (one, two, setup) =
+            (testdata("chamber/cycle-1.csv.gz"), testdata("chamber/cycle-2.csv.gz"), testdata("chamber/bench.toml"));
+        let ran = run(&["calibrate", &one, &two, "--setup", &setup, "-o", &bench.path("unit.cal.json")]);
+        assert_eq!(ran.status, 0, "{}", ran.err);
+        bench
+    }
+
+    fn path(&self, name: &str) -> String {
+        self.folder.path().join(name).display().to_string()
+    }
+
+    fn write(&self, name: &str, text: &str) -> String {
+        fs::write(self.folder.path().join(name), text).unwrap();
+        self.path(name)
+    }
+}
+
+#[test]
+fn the_main_job_ends_with_a_proof() {
+    let bench = Bench::new();
+    let (cal, img, retest) = (bench.path("unit.cal.json"), bench.path("unit.img"), testdata("chamber/cycle-3.csv.gz"));
+    assert_eq!(run(&["export", &cal, "--to", "image", "-o", &img]).status, 0);
+    let (status, proof) = json(&["verify", &cal, &retest, "--limits", &testdata("chamber/limits.toml"), "--json"]);
+    assert_eq!(status, 0);
+    let axis = &proof["axes"][0];
+    assert_eq!((&axis["axis"], &axis["pass"]), (&Value::from("z"), &Value::from(true)));
+    for key in ["before", "after", "floor", "improvement", "improvement_sigma", "status_windows", "limits"] {
+        assert!(!axis[key].is_null(), "{key}");
+    }
+    let over_floor = axis["after"]["sigma_dph"].as_f64().unwrap() / axis["floor"]["value_dph"].as_f64().unwrap();
+    assert!(over_floor < 1.08, "{over_floor}");
+    // The image's digest differs only by its parent; the figures are the same through either.
+    let (_, by_image) = json(&["verify", &img, &retest, "--json"]);
+    assert_eq!(by_image["axes"][0]["after"], axis["after"]);
+    let (_, image) = json(&["inspect", &img, "--json"]);
+    assert_eq!((&image["serial"], &image["sha256"]), (&Value::from("RLG-0001"), &by_image["image_sha256"]));
+}
+
+#[test]
+fn limits_not_met_is_status_1_and_says_which() {
+    let bench = Bench::new();
+    let limits = bench.write("limits.toml", "improvement_min = 100.0\n");
+    let ran = run(&["verify", &bench.path("unit.cal.json"), &testdata("chamber/cycle-3.csv.gz"), "--limits", &limits]);
+    assert_eq!(ran.status, 1);
+    assert!(ran.out.contains("LIMITS NOT MET") && ran.out.contains("improvement_min"), "{}", ran.out);
+}
+
+/// Exit status 2 with file, line, column and value; 3 with the reason. As JSON too.
+#[test]
+fn complaints_name_their_place() {
+    let bench = Bench::new();
+    let log = bench.write("bad.csv", "time_s,temperature_c,counts\n1,20,1.5\n2,20,1\n");
+    let ran = run(&["calibrate", &log, "--arcsec-per-count", "1"]);
+    assert_eq!(ran.status, 2);
+    assert!(
+        ran.err.contains(&format!("{log}:2")) && ran.err.contains("\"1.5\"") && ran.err.contains("--quantum"),
+        "{}",
+        ran.err
+    );
+    let (status, object) = json(&["calibrate", &log, "--arcsec-per-count", "1", "--json"]);
+    assert_eq!((status, &object["refused"], &object["place"]["line"]), (2, &Value::from(false), &Value::from(2)));
+
+    let log = bench.write("units.csv", "time_s,temperature_f,counts\n1,20,1\n");
+    let ran = run(&["inspect", &log, "--arcsec-per-count", "1"]);
+    assert!(ran.status == 2 && ran.err.contains("`temperature_f`") && ran.err.contains(":1"), "{}", ran.err);
+
+    let setup = bench.write("bench.toml", "arcsec_per_count = 1.0\nquantm = 1\n");
+    let ran = run(&["calibrate", &log, "--setup", &setup]);
+    assert!(ran.status == 2 && ran.err.contains(&format!("{setup}:2")) && ran.err.contains("quantm"), "{}", ran.err);
+
+    let rows: String = (1..2000).map(|s| format!("{s},25.{},4\n", s % 3)).collect();
+    let log = bench.write("still.csv", &format!("time_s,temperature_c,counts\n{rows}"));
+    let (status, object) = json(&["calibrate", &log, "--arcsec-per-count", "1", "--json"]);
+    assert_eq!((status, &object["refused"]), (3, &Value::from(true)));
+    assert!(object["reason"].as_str().unwrap().contains("a fit needs 10 °C"), "{object}");
+
+    for args in
+        [vec!["calibrate"], vec!["frobnicate"], vec!["calibrate", &log, "--model", "cubic"], vec!["verify", &log, &log]]
+    {
+        assert_eq!(run(&args).status, 2, "{args:?}");
+    }
+    assert_eq!(run(&["inspect", "/nowhere/at/all.csv"]).status, 2);
+    assert_eq!(run(&["inspect", &bench.folder.path().display().to_string()]).status, 2);
+}
+
+#[test]
+fn a_failure_leaves_old_outputs_alone() {
+    let bench = Bench::new();
+    let old = bench.write("out.cal.json", "the old file");
+    let still = bench.write("short.csv", "time_s,temperature_c,counts\n1,20,1\n2,40,1\n3,50,1\n");
+    assert_eq!(run(&["calibrate", &still, "--arcsec-per-count", "1", "-o", &old]).status, 3);
+    let broken = bench.write("broken.csv", "time_s,temperature_c,counts\n1,20,1\n2,20,1\n3,20,0.5\n");
+    assert_eq!(run(&["compensate", &bench.path("unit.cal.json"), &broken, "--axis", "z", "-o", &old]).status, 2);
+    assert_eq!(run(&["window", &broken, "--arcsec-per-count", "1", "-o", &old]).status, 2);
+    assert_eq!(run(&["export", &still, "--to", "image", "-o", &old]).status, 2);
+    assert_eq!(fs::read_to_string(&old).unwrap(), "the old file");
+    let names: Vec<String> =
+        fs::read_dir(bench.folder.path()).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+    assert!(names.iter().all(|name| !name.starts_with(".sagnac-")), "{names:?}");
+}
+
+#[test]
+fn damaged_and_foreign_corrections_are_refused() {
+    let bench = Bench::new();
+    let (cal, img, retest) = (bench.path("unit.cal.json"), bench.path("unit.img"), testdata("chamber/cycle-3.csv.gz"));
+    assert_eq!(run(&["export", &cal, "--to", "image", "-o", &img]).status, 0);
+    let mut bytes = fs::read(&img).unwrap();
+    bytes[130] ^= 4;
+    fs::write(bench.folder.path().join("flipped.img"), &bytes).unwrap();
+    let ran = run(&["verify", &bench.path("flipped.img"), &retest]);
+    assert!(ran.status == 2 && ran.err.contains("CRC-32"), "{}", ran.err);
+    let ran = run(&["verify", &cal, &retest, "--serial", "RLG-0002"]);
+    assert!(ran.status == 2 && ran.err.contains("RLG-0002"), "{}", ran.err);
+    let text = fs::read_to_string(&cal).unwrap().replace("\"RLG-0001\"", "\"unassigned\"");
+    let unassigned = bench.write("unassigned.cal.json", &text);
+    let ran = run(&["export", &unassigned, "--to", "image", "-o", &bench.path("no.img")]);
+    assert!(
+        ran.status == 3 && ran.err.contains("--serial") && !Path::new(&bench.path("no.img")).exists(),
+        "{}",
+        ran.err
+    );
+    assert_eq!(run(&["verify", &cal, &testdata("chamber/cycle-2.csv.gz"), "--arcsec-per-count", "0.2"]).status, 2);
+}
+
+#[test]
+fn compensated_output_is_not_calibrated_again() {
+    let bench = Bench::new();
+    let (cal, retest, out) =
+        (bench.path("unit.cal.json"), testdata("chamber/cycle-3.csv.gz"), bench.path("corrected.csv"));
+    assert_eq!(run(&["compensate", &cal, &retest, "-o", &out]).status, 0);
+    let to_stdout = run(&["compensate", &cal, &retest]);
+    assert_eq!(to_stdout.out, fs::read_to_string(&out).unwrap());
+    let ran = run(&["calibrate", &out, "--arcsec-per-count", "0.15125"]);
+    assert!(ran.status == 3 && ran.err.contains("already compensated"), "{}", ran.err);
+}
+
+/// A row goes in, its corrected row comes out before the next one is sent.
+#[test]
+fn compensate_answers_a_pipe_line_by_line() {
+    let bench = Bench::new();
+    let mut child = Process::new(assert_cmd::cargo::cargo_bin("sagnac"))
+        .args(["compensate", &bench.path("unit.cal.json")])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut to = child.stdin.take().unwrap();
+    let mut from = BufReader::new(child.stdout.take().unwrap()).lines();
+    // Two rows tell the interval; from then on each is answered before the next is written.
+    to.write_all(b"time_s,temperature_c,counts\n5,25,149\n10,25,149\n").unwrap();
+    let head: Vec<String> = (0..4).map(|_| from.next().unwrap().unwrap()).collect();
+    assert!(head[0].starts_with("# sagnac compensated") && head[2].starts_with("5,25,"), "{head:?}");
+    for row in 3..20 {
+        writeln!(to, "{},25,149", row * 5).unwrap();
+        let line = from.next().unwrap().unwrap();
+        assert!(line.starts_with(&format!("{},25,149,", row * 5)), "{line}");
+    }
+    drop(to);
+    assert!(from.next().is_none());
+    assert!(child.wait().unwrap().success());
+}
+
+#[test]
+fn a_closed_pipe_ends_quietly() {
+    let bench = Bench::new();
+    let mut child = Process::new(assert_cmd::cargo::cargo_bin("sagnac"))
+        .args(["compensate", &bench.path("unit.cal.json"), &testdata("chamber/cycle-3.csv.gz")])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    drop(child.stdout.take());
+    let output = child.wait_with_output().unwrap();
+    assert!(output.status.success() && output.stderr.is_empty(), "{}", String::from_utf8_lossy(&output.stderr));
+}
+
+#[test]
+fn window_tables_are_written_inspected_and_calibrated() {
+    let bench = Bench::new();
+    let (one, two, setup) =
+        (testdata("chamber/cycle-1.csv.gz"), testdata("chamber/cycle-2.csv.gz"), testdata("chamber/bench.toml"));
+    let table = bench.path("w.parquet");
+    assert_eq!(run(&["window", &one, &two, "--setup", &setup, "-o", &table]).status, 0);
+    let (status, object) = json(&["inspect", &table, "--json"]);
+    assert_eq!((status, &object["kind"], &object["windows"]), (0, &Value::from("window table"), &Value::from(792)));
+    let again = bench.path("again.cal.json");
+    assert_eq!(run(&["calibrate", &table, "--setup", &setup, "-o", &again]).status, 0);
+    assert_eq!(fs::read(&again).unwrap(), fs::read(bench.path("unit.cal.json")).unwrap());
+}
+
+#[test]
+fn an_imported_polynomial_is_verified_like_any_calibration() {
+    let bench = Bench::new();
+    let old = bench.path("old.cal.json");
+    let args = ["import", "--polynomial", "0.00008,-0.0065,0.125,2980", "--window", "100", "--span", "-40,70"];
+    let more = ["--arcsec-per-count", "0.15125", "--axis", "z", "-o", &old];
+    let ran = run(&[&args[..], &more[..]].concat());
+    assert_eq!(ran.status, 0, "{}", ran.err);
+    let (status, proof) = json(&["verify", &old, &testdata("chamber/cycle-3.csv.gz"), "--json"]);
+    assert_eq!(status, 0);
+    let gain = proof["axes"][0]["improvement_sigma"].as_f64().unwrap();
+    assert!((1.0..1.4).contains(&gain), "temperature alone gains little here: {gain}");
+}
+
+#[test]
+fn the_demo_prints_the_papers_table_beside_ours() {
+    let ran = run(&["demo"]);
+    assert_eq!(ran.status, 0);
+    for piece in ["paper, before", "491.75", "70.75", "15.3107 Hz", "6.779e-23", "381.25", "8.99 expected"] {
+        assert!(ran.out.contains(piece), "{piece}: {}", ran.out);
+    }
+    assert_eq!(ran.out, run(&["demo", "--seed", "1"]).out);
+}
+
+/// The README's worked example is what the program prints.
+#[test]
+fn the_readme_shows_what_the_program_prints() {
+    let readme = fs::read_to_string(root().join("README.md")).unwrap();
+    let block = readme.split("```text\n").nth(1).unwrap().split("```").next().unwrap();
+    fs::create_dir_all(root().join("target")).unwrap();
+    let mut printed = String::new();
+    for line in block.lines().filter_map(|line| line.strip_prefix("$ sagnac ")) {
+        let output = sagnac().current_dir(root()).args(line.split_whitespace()).output().unwrap();
+        assert!(output.status.success(), "{line}");
+        printed += &format!("$ sagnac {line}\n{}", String::from_utf8(output.stdout).unwrap());
+    }
+    let trimmed = |text: &str| text.lines().map(str::trim_end).collect::<Vec<_>>().join("\n");
+    assert_eq!(trimmed(block), trimmed(&printed));
+}
+
+#[test]
+fn real_recordings_are_described_and_refused_as_they_deserve() {
+    let setup = testdata("rlg-ln100-static/bench.toml");
+    let Some(log) = shared("rlg-ln100-static/x_LN100_up.csv.gz") else { return };
+    let (status, object) = json(&["inspect", &log, "--setup", &setup, "--json"]);
+    assert_eq!((status, &object["quantity"], &object["rows"]), (0, &Value::from("rates"), &Value::from(19_217)));
+    // Its README: 64 Hz (dt 0.0156087 s), 300 s, x mean up 3.18850e-3 °/s.
+    let close = |key: &Value, expected: f64, part: f64| {
+        assert!((key.as_f64().unwrap() / expected - 1.0).abs() < part, "{key} {expected}")
+    };
+    close(&object["sample_interval_s"], 0.015_608_7, 1e-3);
+    close(&object["length_s"], 300.0, 2e-3);
+    close(&object["axes"][0]["mean_dph"], 3.1885e-3 * 3600.0, 2e-3);
+    assert_eq!(object["calibrate"]["refused"], Value::from(true));
+    let ran = run(&["calibrate", &log, "--setup", &setup]);
+    assert!(ran.status == 3 && ran.err.contains("no temperature"), "{}", ran.err);
+    for raw in ["x_LN100_up.ins", "x_LN100_down.ins"] {
+        let raw = shared(&format!("rlg-ln100-static/{raw}")).unwrap();
+        for command in ["inspect", "calibrate"] {
+            let ran = run(&[command, &raw, "--setup", &setup]);
+            assert!(ran.status == 2 && ran.err.contains("binary"), "{}", ran.err);
+        }
+    }
+}
