@@ -5,6 +5,7 @@
 
 use std::io::Write;
 use std::process::ExitCode;
+use std::sync::Mutex;
 
 use comfy_table::{CellAlignment, LineStyle, Table, presets};
 use sagnac::{Error, ErrorKind};
@@ -18,6 +19,25 @@ pub(crate) enum Outcome {
 
 /// Result of a subcommand.
 pub(crate) type Ran = Result<Outcome, Error>;
+
+/// Where the last panic happened. None of ours should; a decoder's is caught and told as a bad file.
+static LAST_PANIC: Mutex<String> = Mutex::new(String::new());
+
+/// Remembers a panic's place instead of printing it.
+pub(crate) fn keep_panics_quiet() {
+    std::panic::set_hook(Box::new(|info| {
+        if let Ok(mut last) = LAST_PANIC.lock() {
+            *last = info.to_string();
+        }
+    }));
+}
+
+/// The complaint for a panic that reached the top.
+pub(crate) fn internal_error() -> Error {
+    let place = LAST_PANIC.lock().map(|last| last.clone()).unwrap_or_default();
+    Error::input(format!("a defect of this program, not of your input: {place}"))
+        .help("please report it with the command and, if you can, the file")
+}
 
 /// Where things are printed.
 pub(crate) struct Console {

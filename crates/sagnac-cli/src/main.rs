@@ -60,19 +60,24 @@ fn main() -> ExitCode {
         _ => false,
     };
     let mut console = Console::new(json);
-    let result = match cli.command {
-        Command::Calibrate(args) => calibrate::run(&args, &mut console),
-        Command::Verify(args) => verify::run(&args, &mut console),
-        Command::Compensate(args) => compensate::run(&args, &mut console),
-        Command::Window(args) => window::run(&args, &mut console),
-        Command::Inspect(args) => inspect::run(&args, &mut console),
-        Command::Export(args) => export::run(&args, &mut console),
-        Command::Import(args) => import::run(&args, &mut console),
-        Command::Demo(args) => demo::run(&args, &mut console),
-    };
-    match result {
-        Ok(Outcome::Done) => ExitCode::SUCCESS,
-        Ok(Outcome::LimitsNotMet) => ExitCode::from(1),
-        Err(error) => console.complain(&error),
+    console::keep_panics_quiet();
+    match std::panic::catch_unwind(|| run(cli.command, &mut Console::new(json))) {
+        Ok(Ok(Outcome::Done)) => ExitCode::SUCCESS,
+        Ok(Ok(Outcome::LimitsNotMet)) => ExitCode::from(1),
+        Ok(Err(error)) => console.complain(&error),
+        Err(_) => console.complain(&console::internal_error()),
+    }
+}
+
+fn run(command: Command, console: &mut Console) -> console::Ran {
+    match command {
+        Command::Calibrate(args) => calibrate::run(&args, console),
+        Command::Verify(args) => verify::run(&args, console),
+        Command::Compensate(args) => compensate::run(&args, console),
+        Command::Window(args) => window::run(&args, console),
+        Command::Inspect(args) => inspect::run(&args, console),
+        Command::Export(args) => export::run(&args, console),
+        Command::Import(args) => import::run(&args, console),
+        Command::Demo(args) => demo::run(&args, console),
     }
 }

@@ -127,7 +127,7 @@ const JUMP_C: f64 = 5.0;
 /// … unless the new level stays for this many rows.
 const JUMP_STAYS_ROWS: u32 = 10;
 /// A thermometer is frozen if another moved by this much …
-const FROZEN_OTHER_MOVED_C: f64 = 2.0;
+const FROZEN_OTHER_MOVED_C: f64 = 3.0;
 /// … while it gave one and the same value for this long.
 const FROZEN_NS: i64 = 300_000_000_000;
 /// A cumulative counter may bridge rows that could not be read, up to this many intervals.

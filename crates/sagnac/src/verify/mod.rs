@@ -242,7 +242,7 @@ fn replay_windows(correction: &Correction, logs: Vec<LogReader>, setup: &Setup, 
         }
         while let Some(batch) = log.next_batch()? {
             let corrected = replay.correct(batch)?;
-            builder.push(&with_corrected(batch, corrected));
+            builder.push(&with_corrected(batch, corrected)).map_err(|e| e.file(&name))?;
         }
         builder.end_run(log.summary());
     }

@@ -15,6 +15,8 @@ use sagnac_core::{Compensator, Image, Misuse, State, Status};
 use crate::error::{Error, Result};
 use crate::ingest::{AngleUnit, Batch, LogShape};
 
+/// No row and no gap may last longer than this many slow updates (116 days at 1 s).
+const MAX_UPDATES: i64 = 10_000_000;
 /// Largest |raw| the core takes at once.
 const MAX_RAW: i64 = sagnac_core::MAX_RAW as i64;
 
@@ -66,6 +68,7 @@ pub struct Replay {
     /// Which thermometer of the log the images use.
     sensor: Option<usize>,
     tick_ns: i64,
+    period_ticks: i64,
     origin_ns: Option<i64>,
     ticks_done: i64,
     register_c: f64,
@@ -91,6 +94,7 @@ impl Replay {
             axes: axes?,
             sensor,
             tick_ns: i64::from(head.tick_ns),
+            period_ticks: i64::from(head.period_ticks),
             origin_ns: None,
             ticks_done: 0,
             register_c: f64::NAN,
@@ -120,6 +124,12 @@ impl Replay {
         let tick = |t_ns: i64| (t_ns - origin_ns).div_euclid(self.tick_ns);
         let (start, end) = (tick(batch.start_ns[row]).max(self.ticks_done), tick(batch.end_ns[row]));
         let gap = start - self.ticks_done;
+        if end - self.ticks_done > MAX_UPDATES.saturating_mul(self.period_ticks) {
+            return Err(Error::input(format!("a row or gap of more than {MAX_UPDATES} temperature periods"))
+                .file(&self.file)
+                .line(batch.line[row])
+                .help("cut the log there; each file is a run of its own"));
+        }
         for (index, axis) in self.axes.iter_mut().enumerate() {
             let code = axis.coder.and_then(|coder| coder.code(self.register_c));
             axis.skip(code, gap).map_err(|e| misused(e, &self.file, batch.line[row]))?;

@@ -9,8 +9,8 @@ use crate::window::{Run, WindowRows, WindowShape, Windows, outliers};
 
 /// A window ends when a temperature has moved by this much within it, °C.
 const SPLIT_C: f64 = 2.0;
-/// Longest track, in periods: 190 days at 1 s.
-const MAX_TRACK: usize = 1 << 24;
+/// Longest track, in temperature periods: 48 days at 1 s.
+const MAX_TRACK: usize = 1 << 22;
 
 /// Collects windows; push batches run by run, then finish.
 pub struct WindowBuilder {
@@ -95,8 +95,8 @@ impl Track {
     }
 
     fn extend(&mut self, len: usize) {
-        if self.values.len() < len.min(MAX_TRACK) {
-            self.values.resize(len.min(MAX_TRACK), self.newest_c);
+        if self.values.len() < len {
+            self.values.resize(len, self.newest_c);
         }
     }
 }
@@ -160,7 +160,7 @@ impl WindowBuilder {
         for mut log in logs {
             same_shape(&first, log.shape()).map_err(|e| e.file(log.summary().file))?;
             while let Some(batch) = log.next_batch()? {
-                builder.push(batch);
+                builder.push(batch)?;
             }
             builder.end_run(log.summary());
         }
@@ -168,30 +168,34 @@ impl WindowBuilder {
     }
 
     /// The next rows of the run.
-    pub fn push(&mut self, batch: &Batch) {
-        for i in 0..batch.len() {
-            self.push_row(batch, i);
-        }
+    ///
+    /// # Errors
+    /// A run of more temperature periods than a track may have.
+    pub fn push(&mut self, batch: &Batch) -> Result<()> {
+        (0..batch.len()).try_for_each(|i| self.push_row(batch, i))
     }
 
-    fn push_row(&mut self, batch: &Batch, i: usize) {
+    fn push_row(&mut self, batch: &Batch, i: usize) -> Result<()> {
         let (start_ns, end_ns) = (batch.start_ns[i], batch.end_ns[i]);
         let run = self.run.get_or_insert_with(|| OpenRun::new(start_ns, self.shape.thermometers.len()));
         let joins = run.end_ns == start_ns;
         run.end_ns = end_ns;
         if self.shape.timed {
-            let stamp = end_ns - run.start_ns;
-            let before =
-                usize::try_from(stamp.div_euclid(self.shape.period_ns) + i64::from(stamp % self.shape.period_ns != 0));
+            let elapsed_ns = end_ns - run.start_ns;
+            let before = elapsed_ns / self.shape.period_ns + i64::from(elapsed_ns % self.shape.period_ns != 0);
+            let before = usize::try_from(before).unwrap_or(usize::MAX);
+            if before > MAX_TRACK {
+                return Err(too_many_periods(self.shape.period_ns).line(batch.line[i]));
+            }
             for (track, column) in run.tracks.iter_mut().zip(&batch.temperature_c) {
-                track.sample(before.unwrap_or(0), column[i]);
+                track.sample(before, column[i]);
             }
         }
         if !joins || !batch.valid[i] {
             self.noise.iter_mut().for_each(ShortTau::gap);
         }
         if !batch.valid[i] {
-            return;
+            return Ok(());
         }
         for (noise, column) in self.noise.iter_mut().zip(&batch.angle) {
             noise.push(column[i] * self.shape.unit.arcsec());
@@ -215,6 +219,7 @@ impl WindowBuilder {
         if let Some(run) = self.run.as_mut() {
             run.open.get_or_insert_with(|| Sums::new(index, start_ns, batch, i)).add(batch, i);
         }
+        Ok(())
     }
 
     fn close_window(&mut self) {
@@ -312,6 +317,12 @@ impl Sums {
         self.aux.iter_mut().zip(&batch.aux).for_each(|(m, column)| m.push(column[i], weight));
         self.reference.push(batch.reference_dps[i], weight);
     }
+}
+
+fn too_many_periods(period_ns: i64) -> Error {
+    Error::input(format!("the run is longer than {MAX_TRACK} temperature periods of {} s", s_from_ns(period_ns)))
+        .column("temperature_period_s")
+        .help("cut the log into shorter files (each is a run), or give a longer temperature_period_s in the setup")
 }
 
 /// Δt: as given, else the log's interval, at least 1 s, rounded up to whole ticks.

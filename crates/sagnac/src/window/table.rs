@@ -179,7 +179,10 @@ fn metadata(windows: &Windows) -> Metadata {
 /// # Errors
 /// No Parquet file, no window table of this version, or columns that do not fit its description.
 pub fn read_table(path: &Path) -> Result<Windows> {
-    read(path).map_err(|e| e.file(path.display().to_string()))
+    // The decoder is not ours; whatever it does with a damaged file, the file is what is bad.
+    let result = std::panic::catch_unwind(|| read(path));
+    let result = result.unwrap_or_else(|_| Err(Error::input("a damaged Parquet file (its decoder gave up)")));
+    result.map_err(|e| e.file(path.display().to_string()))
 }
 
 fn read(path: &Path) -> Result<Windows> {
