@@ -41,9 +41,8 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
-    let setup = args.setup.over(sagnac::setup::Setup::default())?;
     let options = FitOptions { model: model_choice(&args.model)?, source_date_epoch: source_date_epoch()? };
-    let windows = loading::windows(&args.logs, &setup, args.setup.keep_all())?;
+    let (windows, setup) = loading::windows(&args.logs, &args.setup)?;
     let calibration = calibrate(windows, &setup, &options)?;
     let text = calibration.to_json()?;
     for axis in &calibration.axes {
@@ -148,8 +147,8 @@ fn candidates(all: &[Candidate]) -> String {
         let mark = if c.chosen { "taken: the smallest within 2 % of the least mean square" } else { "" };
         vec![c.model.clone(), c.coefficients.to_string(), held_out, mark.to_owned()]
     });
-    let rest = all.len().saturating_sub(SHOWN_CANDIDATES);
-    let title = format!("{} candidates, {rest} of them not shown", all.len());
+    let shown: Vec<Vec<String>> = shown.collect();
+    let title = format!("{} of {} candidates", shown.len(), all.len());
     table(&[&title, "coefficients", "held-out σ, °/h", ""], shown)
 }
 

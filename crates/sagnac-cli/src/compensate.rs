@@ -57,8 +57,14 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
 fn pour(args: &Args, correction: &Correction, setup: &Setup, out: &mut dyn Write) -> Result<LogSummary> {
     let live = args.log.as_os_str() == "-";
     let pace = if live { Pace::LineByLine } else { Pace::BulkWithText };
-    let mut log = sagnac::ingest::LogReader::open(&args.log, setup, pace)?;
-    compensate(correction, &mut log, setup, out)
+    let mut setup = setup.clone();
+    if live {
+        // A pipe shows too few rows to take the interval from; the calibration knows it.
+        let known = correction.calibration.as_ref().map(|c| c.sample_interval_s);
+        setup.sample_interval_s = setup.sample_interval_s.or(known);
+    }
+    let mut log = sagnac::ingest::LogReader::open(&args.log, &setup, pace)?;
+    compensate(correction, &mut log, &setup, out)
 }
 
 /// `None` when the reader has closed the pipe: then there is nothing more to do.

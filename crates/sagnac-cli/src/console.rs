@@ -42,6 +42,8 @@ pub(crate) fn internal_error() -> Error {
 /// Where things are printed.
 pub(crate) struct Console {
     json: bool,
+    /// What could not be written; a reader that has gone is no failure.
+    lost: Option<std::io::Error>,
 }
 
 #[derive(Serialize)]
@@ -63,14 +65,16 @@ struct ComplaintPlace<'a> {
 
 impl Console {
     pub(crate) fn new(json: bool) -> Self {
-        Self { json }
+        Self { json, lost: None }
     }
 
     /// A line for people.
     pub(crate) fn say(&mut self, line: impl AsRef<str>) {
-        let line = line.as_ref();
-        // Nothing can be told to a reader that has gone.
-        let _ = if self.json { writeln!(std::io::stderr(), "{line}") } else { writeln!(std::io::stdout(), "{line}") };
+        if self.json {
+            self.note(line);
+        } else {
+            self.print(line.as_ref());
+        }
     }
 
     /// A line for people that is never part of the output.
@@ -83,9 +87,26 @@ impl Console {
         if self.json {
             let text =
                 serde_json::to_string_pretty(value).map_err(|e| Error::input(format!("cannot write JSON: {e}")))?;
-            let _ = writeln!(std::io::stdout(), "{text}");
+            self.print(&text);
         }
         Ok(())
+    }
+
+    fn print(&mut self, text: &str) {
+        let written = writeln!(std::io::stdout(), "{text}");
+        if let Err(error) = written.and_then(|()| std::io::stdout().flush())
+            && error.kind() != std::io::ErrorKind::BrokenPipe
+        {
+            self.lost.get_or_insert(error);
+        }
+    }
+
+    /// The result, unless what it printed was lost.
+    pub(crate) fn ended(&self, ran: Ran) -> Ran {
+        match &self.lost {
+            Some(error) => ran.and(Err(Error::io("standard output", "write", error))),
+            None => ran,
+        }
     }
 
     /// Prints an error; its exit status.

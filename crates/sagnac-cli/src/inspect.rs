@@ -9,7 +9,7 @@ use sagnac::fit::{FitOptions, ModelChoice, calibrate};
 use sagnac::ingest::{AngleUnit, LogReader, LogShape, Pace, Tally, hex, sha256};
 use sagnac::setup::Setup;
 use sagnac::units::s_from_ns;
-use sagnac::window::{WindowBuilder, Windows, read_table};
+use sagnac::window::{WindowBuilder, Windows};
 use sagnac_core::{Image, Kind as TermKind, Multiplier};
 use serde::Serialize;
 
@@ -54,8 +54,13 @@ struct LogObject {
 #[derive(Serialize)]
 struct LogAxis {
     axis: char,
-    mean_dph: f64,
+    /// Null for counts of unknown scale.
+    mean_dph: Option<f64>,
+    /// Null for rates.
+    mean_counts_per_s: Option<f64>,
 }
+
+const SCALE_KEY: &str = "arcsec_per_count";
 
 #[derive(Serialize)]
 struct LogThermometer {
@@ -68,6 +73,7 @@ struct LogThermometer {
 #[serde(untagged)]
 enum CalibrateObject {
     Models { models: Vec<String> },
+    Asks { asks_for: &'static str },
     Refused { refused: bool, reason: String },
 }
 
@@ -81,14 +87,13 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
             console.object(&calibration)?;
         }
         Kind::WindowTable => {
-            let windows = read_table(&args.file)?;
-            let setup = args.setup.over(Setup::default())?;
+            let (windows, setup) = loading::windows(std::slice::from_ref(&args.file), &args.setup)?;
             console.say("a window table");
             log(windows, Vec::new(), "window table", &setup, console)?;
         }
         Kind::Log => {
-            let setup = args.setup.over(Setup::default())?;
-            let reader = LogReader::open(&args.file, &setup, Pace::Bulk)?;
+            let given = args.setup.over(Setup::default())?;
+            let (reader, setup) = open_as_far_as_known(&args.file, given)?;
             let shape = reader.shape().clone();
             console.say(shape_text(&shape));
             let windows = WindowBuilder::read_all(vec![reader], &setup)?.finish(args.setup.keep_all());
@@ -98,12 +103,22 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     Ok(Outcome::Done)
 }
 
+/// Opens a log. Counts whose scale nobody gave are read with 1 arcsec per count, so that what is called
+/// °/h elsewhere is counts per second; the setup that comes back still lacks the scale.
+fn open_as_far_as_known(path: &Path, given: Setup) -> Result<(LogReader, Setup)> {
+    match LogReader::open(path, &given, Pace::Bulk) {
+        Err(error) if error.place.column.as_deref() == Some(SCALE_KEY) && path.as_os_str() != "-" => {
+            let setup = Setup { arcsec_per_count: Some(1.0), ..given };
+            Ok((LogReader::open(path, &setup, Pace::Bulk)?, Setup { arcsec_per_count: None, ..setup }))
+        }
+        opened => Ok((opened?, given)),
+    }
+}
+
 fn shape_text(shape: &LogShape) -> String {
     let axes: Vec<String> = shape.axes.iter().map(char::to_string).collect();
     let quantity = match shape.unit {
-        AngleUnit::Quanta { arcsec_per_count, quantum } => {
-            format!("counts of {arcsec_per_count} arcsec, quantum {quantum}")
-        }
+        AngleUnit::Quanta { quantum, .. } => format!("counts, quantum {quantum}"),
         AngleUnit::Arcsec => "rates".to_owned(),
     };
     let thermometers = match shape.thermometers.len() {
@@ -117,7 +132,8 @@ fn shape_text(shape: &LogShape) -> String {
 }
 
 fn log(windows: Windows, ignored: Vec<String>, kind: &'static str, setup: &Setup, console: &mut Console) -> Result<()> {
-    let object = describe_windows(&windows, ignored, kind);
+    let scale_known = setup.arcsec_per_count.is_some() || windows.shape.unit == AngleUnit::Arcsec;
+    let object = describe_windows(&windows, ignored, kind, scale_known);
     console.say(format!(
         "{} rows every {} s, {} s in all; {} windows, {} of them to be used",
         object.rows,
@@ -126,10 +142,9 @@ fn log(windows: Windows, ignored: Vec<String>, kind: &'static str, setup: &Setup
         object.windows,
         object.windows_used
     ));
-    console.say(table(
-        &["axis", "mean, °/h"],
-        object.axes.iter().map(|a| vec![a.axis.to_string(), significant(a.mean_dph, 7)]),
-    ));
+    let cell = |value: Option<f64>| value.map_or("-".to_owned(), |v| significant(v, 7));
+    let rows = object.axes.iter().map(|a| vec![a.axis.to_string(), cell(a.mean_dph), cell(a.mean_counts_per_s)]);
+    console.say(table(&["axis", "mean, °/h", "mean, counts/s"], rows));
     for t in &object.thermometers {
         let name = if t.name.is_empty() { "temperature" } else { &t.name };
         if let (Some(lo), Some(hi)) = (t.min_c, t.max_c) {
@@ -139,8 +154,12 @@ fn log(windows: Windows, ignored: Vec<String>, kind: &'static str, setup: &Setup
         }
     }
     excluded(&object.excluded).iter().for_each(|line| console.say(line));
-    let tried = calibrate(windows, setup, &FitOptions { model: ModelChoice::Auto, source_date_epoch: None });
-    let calibrate = would(tried, console)?;
+    let calibrate = if scale_known {
+        would(calibrate(windows, setup, &FitOptions { model: ModelChoice::Auto, source_date_epoch: None }), console)?
+    } else {
+        console.say("calibrate would ask how many arcsec a count is (--arcsec-per-count)");
+        CalibrateObject::Asks { asks_for: SCALE_KEY }
+    };
     console.object(&LogObject { calibrate, ..object })
 }
 
@@ -168,12 +187,21 @@ fn would(tried: Result<Calibration>, console: &mut Console) -> Result<CalibrateO
     }
 }
 
-fn describe_windows(windows: &Windows, ignored: Vec<String>, kind: &'static str) -> LogObject {
+fn describe_windows(windows: &Windows, ignored: Vec<String>, kind: &'static str, scale_known: bool) -> LogObject {
     let used: Vec<usize> = (0..windows.len()).filter(|i| windows.rows.excluded[*i].is_none()).collect();
-    let total_s: f64 = used.iter().map(|i| windows.duration_s(*i)).sum();
+    // A log too short for a single window still has a mean.
+    let described: Vec<usize> = if used.is_empty() { (0..windows.len()).collect() } else { used.clone() };
+    let total_s: f64 = described.iter().map(|i| windows.duration_s(*i)).sum();
     let axes = windows.shape.axes.iter().enumerate().map(|(index, axis)| {
-        let angle: f64 = used.iter().map(|i| windows.rows.angle[index][*i]).sum();
-        LogAxis { axis: *axis, mean_dph: angle * windows.shape.unit.arcsec() / total_s }
+        let angle: f64 = described.iter().map(|i| windows.rows.angle[index][*i]).sum();
+        let per_s = angle / total_s;
+        let finite = |value: f64| value.is_finite().then_some(value);
+        let counts = match windows.shape.unit {
+            AngleUnit::Quanta { quantum, .. } => finite(per_s * quantum),
+            AngleUnit::Arcsec => None,
+        };
+        let mean_dph = finite(per_s * windows.shape.unit.arcsec()).filter(|_| scale_known);
+        LogAxis { axis: *axis, mean_dph, mean_counts_per_s: counts }
     });
     let thermometers = windows.shape.thermometers.iter().enumerate().map(|(index, name)| {
         let extreme =

@@ -11,6 +11,8 @@ use sagnac::window::{WindowBuilder, Windows, read_table};
 use sagnac::{Error, Result};
 use sagnac_core::{Image, MAGIC, MAX_IMAGE_LEN};
 
+use crate::setup_args::SetupArgs;
+
 /// No calibration is larger.
 const MAX_CALIBRATION_BYTES: u64 = 64 << 20;
 
@@ -23,9 +25,11 @@ pub(crate) enum Kind {
     Log,
 }
 
-/// Looks at the first bytes of a file; `-` is a log.
+/// Looks at the first bytes of a file; `-` and pipes are logs.
 pub(crate) fn kind_of(path: &Path) -> Result<Kind> {
-    if path.as_os_str() == "-" {
+    let is_pipe = std::fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir());
+    if path.as_os_str() == "-" || is_pipe {
+        // What was read from a pipe cannot be read again.
         return Ok(Kind::Log);
     }
     let mut file = std::fs::File::open(path).map_err(|e| Error::io_path(path, "open", &e))?;
@@ -54,11 +58,11 @@ pub(crate) fn logs(paths: &[PathBuf], setup: &Setup, pace: Pace) -> Result<Vec<L
     paths.iter().map(|path| LogReader::open(path, setup, pace)).collect()
 }
 
-/// Windows of logs, or of one window table.
-pub(crate) fn windows(paths: &[PathBuf], setup: &Setup, keep_all: bool) -> Result<Windows> {
+/// Windows of logs, or of one window table, with the setup they were made with and flags over it.
+pub(crate) fn windows(paths: &[PathBuf], args: &SetupArgs) -> Result<(Windows, Setup)> {
     for path in paths {
         match kind_of(path)? {
-            Kind::WindowTable if paths.len() == 1 => return read_table(path),
+            Kind::WindowTable if paths.len() == 1 => return table(path, args),
             Kind::WindowTable => {
                 return Err(Error::input("a window table stands alone; give logs, or one table")
                     .file(path.display().to_string()));
@@ -71,7 +75,21 @@ pub(crate) fn windows(paths: &[PathBuf], setup: &Setup, keep_all: bool) -> Resul
             Kind::Log => {}
         }
     }
-    Ok(WindowBuilder::read_all(logs(paths, setup, Pace::Bulk)?, setup)?.finish(keep_all))
+    let setup = args.over(Setup::default())?;
+    let windows = WindowBuilder::read_all(logs(paths, &setup, Pace::Bulk)?, &setup)?.finish(args.keep_all());
+    Ok((windows, setup))
+}
+
+/// A window table. What its windows were made with cannot be changed any more.
+fn table(path: &Path, args: &SetupArgs) -> Result<(Windows, Setup)> {
+    let (windows, made_with) = read_table(path)?;
+    let setup = args.over(made_with.clone())?;
+    if setup.of_windows() != made_with.of_windows() || args.keep_all() {
+        return Err(Error::input("a flag or the setup would change how the windows of this table were made")
+            .file(path.display().to_string())
+            .help("make the table anew with `sagnac window`, or leave that to what it was made with"));
+    }
+    Ok((windows, setup))
 }
 
 /// An image.

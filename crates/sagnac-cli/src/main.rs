@@ -61,7 +61,12 @@ fn main() -> ExitCode {
     };
     let mut console = Console::new(json);
     console::keep_panics_quiet();
-    match std::panic::catch_unwind(|| run(cli.command, &mut Console::new(json))) {
+    let ran = std::panic::catch_unwind(|| {
+        let mut console = Console::new(json);
+        let ran = run(cli.command, &mut console);
+        console.ended(ran)
+    });
+    match ran {
         Ok(Ok(Outcome::Done)) => ExitCode::SUCCESS,
         Ok(Ok(Outcome::LimitsNotMet)) => ExitCode::from(1),
         Ok(Err(error)) => console.complain(&error),

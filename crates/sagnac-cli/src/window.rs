@@ -27,10 +27,9 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
-    let setup = args.setup.over(sagnac::setup::Setup::default())?;
-    let windows = loading::windows(&args.logs, &setup, args.setup.keep_all())?;
+    let (windows, setup) = loading::windows(&args.logs, &args.setup)?;
     let mut bytes = Vec::new();
-    write_table(&windows, &mut bytes)?;
+    write_table(&windows, &setup, &mut bytes)?;
     write_bytes(&args.output, &bytes)?;
     let used = windows.rows.excluded.iter().filter(|reason| reason.is_none()).count();
     console.say(format!(

@@ -196,6 +196,22 @@ impl Compensator {
         &self.image
     }
 
+    /// The memory with which this compensator goes on from another one's, between two ticks (a new image
+    /// for the same gyro): counts owed stay owed, the correction in force is slewed away from, thermometers
+    /// start anew (SETTLING, UNCORRECTED until the first temperature) and a slow update is due.
+    pub fn take_over(&self, old: &State) -> State {
+        let bound = self.image.increment_bound();
+        let increment = old.increment.max(-bound).min(bound);
+        State {
+            accumulator: old.accumulator,
+            overflow: old.overflow,
+            k_q32: old.k_q32,
+            increment,
+            target: increment,
+            ..State::new()
+        }
+    }
+
     /// One tick: `raw` counts in, corrected counts out.
     ///
     /// # Errors
@@ -301,7 +317,7 @@ impl Compensator {
             if slot.y_clamped {
                 status |= Status::RATE_OUT_OF_SPAN;
             }
-            if memory.settled_updates <= spec.settling_updates {
+            if spec.settling_updates > 0 && memory.settled_updates <= spec.settling_updates {
                 status |= Status::SETTLING;
             }
         }

@@ -201,6 +201,12 @@ impl Image {
         core::str::from_utf8(&self.0.serial).ok().map(|text| text.trim_end_matches('\0'))
     }
 
+    /// The largest |increment| that cannot overflow within a temperature period.
+    pub(crate) fn increment_bound(&self) -> i64 {
+        let by_period = MAX_INCREMENT_SUM >> (32 - self.0.period_ticks.saturating_sub(1).leading_zeros());
+        MAX_INCREMENT.min(by_period)
+    }
+
     fn check_head(&self) -> Result<(), ImageError> {
         let d = &self.0;
         let rules = [
@@ -235,8 +241,7 @@ impl Image {
         let sum = |kind: Kind| {
             self.terms().iter().filter(|term| term.kind == kind).map(Term::bound_q40).fold(0_i64, i64::saturating_add)
         };
-        let by_period = MAX_INCREMENT_SUM >> (32 - (self.0.period_ticks - 1).leading_zeros());
-        if sum(Kind::Bias) >> GUARD_BITS > MAX_INCREMENT.min(by_period) {
+        if sum(Kind::Bias) >> GUARD_BITS > self.increment_bound() {
             return Err(ImageError::IncrementTooLarge);
         }
         if sum(Kind::Scale) >> GUARD_BITS > MAX_SCALE {

@@ -13,7 +13,7 @@
 //! * [`Image`] is what flash holds: a validated, immutable table of thermometers and terms.
 //!   If you have one, the arithmetic below cannot overflow; every check is made when it is built.
 //! * [`Compensator`] holds an image and no memory; [`State`] is the memory. A new image can be
-//!   swapped in between two samples.
+//!   swapped in between two ticks ([`Compensator::take_over`]).
 //! * Everything is `i32`/`i64`; there is no allocation, no floating point, no `unsafe` and no panic
 //!   path (a link check in `cargo xtask no-panic` holds that).
 //!

@@ -243,6 +243,34 @@ fn a_tick_past_a_slow_update_is_refused_and_changes_nothing() {
     assert_ne!(state, before);
 }
 
+/// Without a rate term nothing settles.
+fn bias_only_first_status() -> Status {
+    let mut d = *image(&[term(Kind::Bias, 1, Multiplier::One, 1 << 30, 30)], 1, 0).description();
+    d.thermometers[0].settling_updates = 0;
+    let gyro = Compensator::new(Image::new(d).unwrap());
+    gyro.update(&mut State::new(), &[None]).unwrap()
+}
+
+/// A new image between two ticks: not a count lost, no step, within the new image's bound.
+#[test]
+fn a_new_image_takes_over_what_is_owed() {
+    let old = image(&[term(Kind::Bias, 0, Multiplier::One, i32::MAX, 8)], 1 << 15, 1);
+    let new = image(&[term(Kind::Bias, 0, Multiplier::One, 1 << 30, 40)], 1 << 24, 1 << 24);
+    let mut books = Books::new(old);
+    books.gyro.update(&mut books.state, &[Some(0)]).unwrap();
+    books.call(&Call::Advance { raw: 1_000_003, ticks: 400 });
+    books.gyro = Compensator::new(new);
+    books.state = books.gyro.take_over(&books.state);
+    assert!(books.balance());
+    books.gyro.update(&mut books.state, &[Some(0)]).unwrap();
+    assert!(books.state.increment() <= 1 << 37);
+    // The whole of the new period at once would overflow with the old increment.
+    let before = books.state;
+    books.gyro.advance(&mut books.state, 5, 1 << 24).unwrap();
+    assert_eq!(books.state.increment(), before.target_increment());
+    assert!(!books.state.status().contains(Status::OVERFLOW));
+}
+
 /// HELD keeps the correction, STALE follows the hold time, OUT_OF_SPAN clamps, SETTLING ends.
 #[test]
 fn status_tells_what_happened_to_the_temperature() {
@@ -256,6 +284,7 @@ fn status_tells_what_happened_to_the_temperature() {
         (status, state.target_increment())
     };
     assert_eq!(feed(None).0, Status::HELD | Status::UNCORRECTED | Status::SETTLING);
+    assert_eq!(bias_only_first_status(), Status::HELD | Status::UNCORRECTED);
     let (status, warm) = feed(Some(50 << 24));
     assert_eq!(status, Status::SETTLING);
     for n in 1..=12 {
@@ -265,7 +294,8 @@ fn status_tells_what_happened_to_the_temperature() {
         assert_eq!(status.contains(Status::STALE), n > 10);
     }
     let (status, edge) = feed(Some(70 << 24));
-    assert!(!status.contains(Status::OUT_OF_SPAN | Status::HELD));
+    // 20 °C at once is a rate beyond ±2 °C/min behind a lag of 300 s.
+    assert_eq!(status, Status::OUT_OF_SPAN | Status::RATE_OUT_OF_SPAN | Status::SETTLING);
     for _ in 0..3000 {
         feed(Some(70 << 24));
     }

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
 use crate::ingest::Tally;
-use crate::setup::{Setup, ThermometerSetup, WindowSize};
+use crate::setup::{Setup, ThermometerSetup, WindowSize, check_thermometer};
 
 /// Value of `Calibration::format`.
 pub const FORMAT: &str = "sagnac-calibration";
@@ -120,6 +120,16 @@ pub struct Thermometer {
 const CODE_C: f64 = 1.0 / (1 << 24) as f64;
 
 impl Thermometer {
+    fn check(&self) -> Result<()> {
+        check_thermometer(&ThermometerSetup {
+            name: self.name.clone(),
+            plausible_c: self.plausible_c,
+            hold_s: self.hold_s,
+            offset_c: Some(self.offset_c),
+            gain_c_per_code: Some(self.gain_c_per_code),
+        })
+    }
+
     /// As set up; without a conversion a code is 2⁻²⁴ °C.
     pub(crate) fn from_setup(spec: ThermometerSetup) -> Self {
         Self {
@@ -195,7 +205,8 @@ pub struct Constant {
     pub value_dph: f64,
     /// Standard deviation; null where it was not fitted here.
     pub sigma_dph: Option<f64>,
-    /// The constant less the known input rate: the fixed bias, °/h; null where the input rate is not known.
+    /// The constant less the known input rate: the fixed bias, °/h; null where the input rate is not
+    /// known or the log has several axes.
     pub fixed_bias_dph: Option<f64>,
 }
 
@@ -381,15 +392,25 @@ impl Calibration {
             ("unit", self.unit.arcsec_per_lsb()),
             ("target.tick_ns", f64::from(self.target.tick_ns)),
             ("target.period_ticks", f64::from(self.target.period_ticks)),
-            ("thermometer.gain_c_per_code", self.thermometer.gain_c_per_code.abs()),
         ];
         for (name, value) in positive {
             if value <= 0.0 || !value.is_finite() {
                 return Err(Error::input("must be a positive number").column(name).value(value.to_string()));
             }
         }
+        let serial = &self.serial;
+        if serial.is_empty() || serial.len() > 32 || serial.contains('\0') {
+            return Err(Error::input("a serial has 1 to 32 bytes").column("serial").value(serial));
+        }
+        self.thermometer.check()?;
         if self.axes.is_empty() {
             return Err(Error::input("a calibration without an axis").column("axes"));
+        }
+        for (i, axis) in self.axes.iter().enumerate() {
+            if !axis.axis.is_ascii_alphanumeric() || self.axes[..i].iter().any(|a| a.axis == axis.axis) {
+                let what = "axes are letters or digits, each once";
+                return Err(Error::input(what).column("axes").value(axis.axis.to_string()));
+            }
         }
         self.axes.iter().try_for_each(AxisCalibration::check)
     }
@@ -414,6 +435,28 @@ impl AxisCalibration {
         }
         if let Some(term) = self.terms.iter().find(|term| !term.value.is_finite()) {
             return Err(Error::input("must be finite").column(named("terms")).value(term.value.to_string()));
+        }
+        if let Some([lo, hi]) = self.rate_span_cpm
+            && !(lo <= 0.0 && hi >= 0.0 && lo < hi && (hi - lo).is_finite())
+        {
+            let what = "must be an interval about zero";
+            return Err(Error::input(what).column(named("rate_span_cpm")).value(format!("{lo}, {hi}")));
+        }
+        if self.lag_s.is_some_and(|lag| !(lag.value > 0.0 && lag.value.is_finite())) {
+            return Err(Error::input("must be a positive time").column(named("lag_s")));
+        }
+        for (i, term) in self.terms.iter().enumerate() {
+            if term.unit != term.kind.unit() {
+                let what = format!("{:?} terms are in {}", term.kind, term.kind.unit());
+                return Err(Error::input(what).column(named("terms")).value(&term.unit));
+            }
+            let lowest = u8::from(term.kind != TermKind::Rate);
+            let twice = self.terms[..i].iter().any(|t| (t.kind, t.order) == (term.kind, term.order));
+            if !(lowest..=sagnac_core::MAX_ORDER).contains(&term.order) || twice {
+                let what =
+                    format!("{:?} terms have orders {lowest} to {}, each once", term.kind, sagnac_core::MAX_ORDER);
+                return Err(Error::input(what).column(named("terms")).value(term.order.to_string()));
+            }
         }
         if self.terms.iter().any(|term| term.kind == TermKind::Rate)
             && (self.lag_s.is_none() || self.rate_span_cpm.is_none())

@@ -84,6 +84,13 @@ impl Error {
         Self { kind: ErrorKind::Refused, ..Self::input(what) }
     }
 
+    /// Text that is not the TOML it should be; the line is named.
+    pub(crate) fn toml(what: &str, text: &str, error: &toml::de::Error) -> Self {
+        let before = error.span().and_then(|span| text.as_bytes().get(..span.start)).unwrap_or(&[]);
+        let line = 1 + before.iter().filter(|byte| **byte == b'\n').count();
+        Self::input(format!("{what}: {}", error.message().trim())).line(line as u64)
+    }
+
     /// A file that could not be read or written.
     pub fn io(file: impl Into<String>, doing: &str, error: &std::io::Error) -> Self {
         Self::input(format!("cannot {doing}: {error}")).file(file)

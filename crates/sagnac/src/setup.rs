@@ -192,7 +192,7 @@ pub struct Setup {
     pub noise: Option<Noise>,
     /// Tick of the target, s; 100 µs unless told.
     pub tick_s: Option<f64>,
-    /// Temperature period Δt of the target, s; the log's own, at least 1 s, unless told.
+    /// Temperature period Δt of the target, s; 1 s unless told.
     pub temperature_period_s: Option<f64>,
     /// Ticks over which a new correction is approached; 100 unless told.
     pub slew_ticks: Option<u32>,
@@ -220,11 +220,8 @@ impl Setup {
     /// # Errors
     /// As [`Setup::read`].
     pub fn parse(text: &str) -> Result<Self> {
-        let setup: Self = toml::from_str(text).map_err(|e| {
-            let line = e.span().map(|span| 1 + text[..span.start.min(text.len())].matches('\n').count() as u64);
-            let error = Error::input(format!("setup: {}", e.message().trim())).help("docs/cli.md lists the keys");
-            line.map_or(error.clone(), |line| error.line(line))
-        })?;
+        let setup: Self =
+            toml::from_str(text).map_err(|e| Error::toml("setup", text, &e).help("docs/cli.md lists the keys"))?;
         setup.check()?;
         Ok(setup)
     }
@@ -240,7 +237,7 @@ impl Setup {
             ("sample_interval_s", self.sample_interval_s, 1e-6, 1e5),
             ("min_span_c", self.min_span_c, 0.1, 200.0),
             ("tick_s", self.tick_s, 1e-7, 1.0),
-            ("temperature_period_s", self.temperature_period_s, 1e-6, 3600.0),
+            ("temperature_period_s", self.temperature_period_s, 1e-3, 3600.0),
             ("rate_lsb_arcsec", self.rate_lsb_arcsec, 1e-9, 1e3),
             ("window", self.window.and_then(WindowSize::seconds), 1e-3, 1e6),
         ];
@@ -254,7 +251,10 @@ impl Setup {
         in_range("noise.n_deg_rt_h", self.noise.map(|n| n.n_deg_rt_h), 0.0, 1e3)?;
         in_range("noise.q_arcsec", self.noise.map(|n| n.q_arcsec), 0.0, 1e4)?;
         in_range("earth.latitude_deg", self.earth.map(|e| e.latitude_deg), -90.0, 90.0)?;
-        in_range("counter_bits", self.counter_bits.map(f64::from), 4.0, 63.0)?;
+        in_range("counter_bits", self.counter_bits.map(f64::from), 4.0, 52.0)?;
+        if self.noise.is_some_and(|n| n.n_deg_rt_h == 0.0 && n.q_arcsec == 0.0) {
+            return Err(Error::input("noise of zero is no floor; leave it out to have it measured").column("noise"));
+        }
         self.check_words()?;
         self.thermometers.iter().try_for_each(check_thermometer)
     }
@@ -281,6 +281,23 @@ impl Setup {
         Ok(())
     }
 
+    /// The part of a setup that windows are made with: two setups with the same part make the same windows.
+    pub fn of_windows(&self) -> Self {
+        Self {
+            serial: None,
+            sensor: None,
+            input_rate_dph: None,
+            earth: None,
+            reference_c: None,
+            min_span_c: None,
+            noise: None,
+            slew_ticks: None,
+            rate_lsb_arcsec: None,
+            use_thermometer: None,
+            ..self.clone()
+        }
+    }
+
     /// Window size, 100 s unless told.
     pub fn window(&self) -> WindowSize {
         self.window.unwrap_or(WindowSize::DEFAULT)
@@ -303,7 +320,7 @@ impl Setup {
     }
 }
 
-fn check_thermometer(t: &ThermometerSetup) -> Result<()> {
+pub(crate) fn check_thermometer(t: &ThermometerSetup) -> Result<()> {
     let [lo, hi] = t.plausible_c;
     in_range("thermometer.plausible_c", Some(lo), -127.0, 127.0)?;
     in_range("thermometer.plausible_c", Some(hi), lo, 127.0)?;

@@ -6,15 +6,28 @@ use std::path::Path;
 use crate::error::{Error, Result};
 
 /// Writes a file atomically: temporary file beside it, fsync, rename. Whatever happens, the path holds
-/// the old file or the new one.
+/// the old file or the new one. A symbolic link is followed; a device or pipe is written to directly.
 ///
 /// # Errors
 /// What `fill` says, or what the file system does (path named).
 pub fn write_atomically(path: &Path, fill: impl FnOnce(&mut dyn Write) -> Result<()>) -> Result<()> {
     let failed = |e: &std::io::Error| Error::io_path(path, "write", e);
+    if path.as_os_str() == "-" {
+        return Err(
+            Error::input("`-` is no file; leave -o away for standard output where a command has it").column("-o")
+        );
+    }
     if path.is_dir() {
         return Err(Error::input("this is a directory; give the name of a file").file(path.display().to_string()));
     }
+    if path.exists() && !path.is_file() {
+        // A device or a pipe is written to, never replaced.
+        let mut out = std::fs::OpenOptions::new().write(true).open(path).map_err(|e| failed(&e))?;
+        fill(&mut out)?;
+        return out.flush().map_err(|e| failed(&e));
+    }
+    let target = if path.is_symlink() { path.canonicalize().map_err(|e| failed(&e))? } else { path.to_owned() };
+    let path = target.as_path();
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let file = tempfile::Builder::new().prefix(".sagnac-").tempfile_in(folder).map_err(|e| failed(&e))?;
     let mut out = std::io::BufWriter::new(file);

@@ -86,7 +86,9 @@ fn rows_that_cannot_be_used_are_counted_with_their_first_line() {
     assert_eq!(batch.line, [2, 3, 7, 10, 11, 12, 13, 14, 15]);
     // A row after a gap takes the nominal interval; one after an unreadable count its own.
     assert_eq!((batch.start_ns[2], batch.start_ns[4]), (3_000_000_000, 49_000_000_000));
-    assert!(batch.temperature_c[0][5].is_nan() && batch.temperature_c[0][7].is_nan());
+    // Not believed is no temperature; an empty field leaves the newest one in the register.
+    assert!(batch.temperature_c[0][5].is_nan() && batch.temperature_c[0][6].is_nan());
+    assert_eq!(batch.temperature_c[0][7], 20.0);
     assert!(!batch.valid[8]);
     assert_eq!(reader.summary().rows, 16);
 }
@@ -115,6 +117,49 @@ fn a_thermometer_that_jumps_or_freezes_is_not_believed() {
     assert_eq!(list.len(), 1);
     assert_eq!(list[0].0, Reason::ThermometerFrozen);
     assert!(batch.temperature_c[1][1400].is_nan() && batch.temperature_c[0][1400] > 30.0);
+}
+
+/// A thermometer read every tenth row: its register holds between, and no longer than that.
+#[test]
+fn a_sparse_thermometer_is_a_register() {
+    let rows: String = (1..=200)
+        .map(|s| {
+            let celsius = if s % 10 == 1 && s < 100 { format!("{}", f64::from(s) / 10.0) } else { String::new() };
+            format!("{s},{celsius},1\n")
+        })
+        .collect();
+    let (batch, reader) = read(format!("time_s,temperature_c,counts\n{rows}"), &counts_setup()).unwrap();
+    let t = &batch.temperature_c[0];
+    assert_eq!((t[0], t[9], t[10], t[19], t[99]), (0.1, 0.1, 1.1, 1.1, 9.1));
+    assert!(t[101].is_nan() && t[199].is_nan(), "held for 10 s at most");
+    assert_eq!(tallies(&reader), []);
+}
+
+/// Fast ramps in slow rows, and whatever happened during a gap, are no jumps.
+#[test]
+fn a_ramp_in_slow_rows_is_no_jump() {
+    let rows: String =
+        (1..=40).map(|i| format!("{},{},1\n", i * 100, -40.0 + f64::from(i) * 8.3 / 4.0 * 1.5)).collect();
+    let (_, reader) =
+        read(format!("time_s,temperature_c,counts\n{rows}6000,99,1\n6100,99,1\n"), &counts_setup()).unwrap();
+    assert_eq!(tallies(&reader), [(Reason::Gap, 1, "log.csv:42".to_owned())]);
+}
+
+/// One stray quote costs its row, not the rest of the log.
+#[test]
+fn a_stray_quote_costs_one_row() {
+    let (batch, reader) = read("time_s,counts\n1,\"4\"\n2,\"5\n3,6\n4,7\n", &counts_setup()).unwrap();
+    assert_eq!(batch.angle[0], [4.0, 6.0, 7.0]);
+    assert_eq!(tallies(&reader), [(Reason::NotANumber, 1, "log.csv:3".to_owned())]);
+}
+
+/// What the log itself flags cannot make it unreadable.
+#[test]
+fn a_flagged_row_may_hold_anything() {
+    let (batch, reader) =
+        read("time_s,counts,valid\n1,4,1\n2,0.37,0\n3,1e300,0\n4,x,0\n5,6,1\n", &counts_setup()).unwrap();
+    assert_eq!(batch.angle[0], [4.0, 6.0]);
+    assert_eq!(tallies(&reader), [(Reason::FlaggedInvalid, 3, "log.csv:3".to_owned())]);
 }
 
 #[test]
@@ -156,6 +201,8 @@ fn what_a_log_cannot_say_is_asked_for() {
         ("time_s,counts\n1,1\n1,1\n", "does not advance"),
         ("time_s,counts,counts\n1,1,1\n", "twice"),
         ("time_s,temperature_f,counts\n1,1,1\n", "unknown unit"),
+        ("time,temperature_c,counts\n1,1,1\n", "unknown unit"),
+        ("time_s,reference_rate_dph,counts\n1,1,1\n", "unknown unit"),
         ("time_s,counts\n1,1\n2,1\n90000000,1\n", "leaps"),
     ] {
         let error = refused(log, &counts_setup());

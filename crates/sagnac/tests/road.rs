@@ -33,9 +33,10 @@ fn a_window_table_gives_the_same_calibration_as_its_logs() {
     let direct = calibrate(windows(logs(), &setup), &setup, &options).unwrap();
     let path = std::env::temp_dir().join(format!("sagnac-road-{}.parquet", std::process::id()));
     let mut bytes = Vec::new();
-    write_table(&windows(logs(), &setup), &mut bytes).unwrap();
+    write_table(&windows(logs(), &setup), &setup, &mut bytes).unwrap();
     std::fs::write(&path, &bytes).unwrap();
-    let through = calibrate(read_table(&path).unwrap(), &setup, &options).unwrap();
+    let (table, made_with) = read_table(&path).unwrap();
+    let through = calibrate(table, &made_with, &options).unwrap();
     std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
     let torn = read_table(&path).unwrap_err();
     std::fs::remove_file(&path).unwrap();

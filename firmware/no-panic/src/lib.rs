@@ -38,10 +38,13 @@ pub extern "C" fn sagnac_core_everything(raw: i32, ticks: u32, code: i32) -> i32
     let image = match Image::decode(bytes.get(..len).unwrap_or(&[])) {
         Ok(image) => image,
         Err(error) => {
-            let _ = black_box(error);
+            let _ = write!(Nowhere, "{error}");
             match Image::new(black_box(Description::empty())) {
                 Ok(image) => image,
-                Err(_) => return -1,
+                Err(error) => {
+                    let _ = write!(Nowhere, "{error}");
+                    return -1;
+                }
             }
         }
     };
@@ -57,7 +60,11 @@ pub extern "C" fn sagnac_core_everything(raw: i32, ticks: u32, code: i32) -> i32
     black_box(gyro.skip(&mut state, ticks).is_ok());
     let tick = gyro.tick(&mut state, raw).map_or(0, |o| o.counts);
     let many = gyro.advance(&mut state, raw, ticks).map_or(0, |o| o.counts);
-    let _ = Nowhere.write_str("done");
+    if let Err(misuse) = gyro.tick(&mut state, raw) {
+        let _ = write!(Nowhere, "{misuse}");
+    }
+    state = gyro.take_over(&state);
+    black_box((state.k_q32(), state.increment(), state.target_increment(), state.ticks_to_update()));
     #[cfg(feature = "broken")]
     assert!(raw != 12_345, "a panic path on purpose");
     tick ^ many ^ i32::from((status | Status::HELD | state.status()).bits()) ^ (state.remainder() as i32)

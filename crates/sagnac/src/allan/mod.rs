@@ -4,4 +4,4 @@
 
 mod short;
 
-pub use short::{NoiseTerms, ShortTau};
+pub use short::{NoiseTerms, ShortTau, ShortTauSums};

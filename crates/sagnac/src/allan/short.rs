@@ -6,14 +6,13 @@
 //! σ²(τ) = Σ (θ[k+2m] − 2θ[k+m] + θ[k])² / (2 τ² · number)        model: N²/τ + 3Q²/τ²
 //! ```
 //!
-//! fitted by weighted least squares with both terms non-negative; the weight of a point is its
-//! equivalent degrees of freedom (white FM, SP 1065 table 5) over twice the model squared. Without
-//! the Q term a ring laser's quantization would read as 2.7 times its ARW.
+//! summed within each analysis window, so that a window that is left out leaves no trace; fitted by
+//! weighted least squares with both terms non-negative. The weight of a point is its equivalent degrees
+//! of freedom (white FM, SP 1065 table 5) over twice the model squared. Without the Q term a ring laser's
+//! quantization would read as 2.7 times its ARW.
 //!
 //! Fails on a record with a strong signal at τ ≤ τ_w/4: what is not noise is counted as noise.
-//! Memory: 2·m_max + 1 samples, whatever the length of the log.
-
-use serde::{Deserialize, Serialize};
+//! Memory: 2·m_max + 1 samples, and three numbers per octave and window.
 
 use crate::units::ARCSEC_RT_S_PER_DEG_RT_H;
 
@@ -43,105 +42,42 @@ impl NoiseTerms {
     }
 }
 
-/// One-pass estimator for one axis.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct ShortTau {
-    tau0_s: f64,
-    /// Multiples of τ0: 1, 2, 4 …
-    multiples: Vec<usize>,
-    /// Phase θ of the newest 2·m_max + 1 samples, arcsec.
-    #[serde(skip)]
-    ring: Vec<f64>,
-    #[serde(skip)]
-    phase: f64,
-    /// Phases seen since the last gap.
-    #[serde(skip)]
-    seen: usize,
-    sums: Vec<f64>,
-    numbers: Vec<u64>,
-    /// Phases seen in all.
-    total: u64,
+/// Sums of squared second differences, one entry per octave.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ShortTauSums {
+    /// Σ (second difference)², arcsec².
+    pub squares: Vec<f64>,
+    /// How many of them.
+    pub numbers: Vec<f64>,
+    /// Their equivalent degrees of freedom.
+    pub edf: Vec<f64>,
 }
 
-impl ShortTau {
-    /// For samples of `tau0_s` seconds and deviations up to `tau_max_s`.
-    pub fn new(tau0_s: f64, tau_max_s: f64) -> Self {
-        let fits = |m: &usize| *m as f64 * tau0_s <= tau_max_s * (1.0 + 1e-9) && 2 * *m < MAX_RING;
-        let multiples: Vec<usize> = (0..40).map(|octave| 1_usize << octave).take_while(fits).collect();
-        let longest = multiples.last().copied().unwrap_or(0);
-        let ring = vec![0.0; 2 * longest + 1];
-        let (sums, numbers) = (vec![0.0; multiples.len()], vec![0; multiples.len()]);
-        Self { tau0_s, multiples, ring, phase: 0.0, seen: 0, sums, numbers, total: 0 }
-    }
-
-    /// The next sample: angle of one interval, arcsec.
-    pub fn push(&mut self, angle_arcsec: f64) {
-        if self.multiples.is_empty() || self.ring.is_empty() {
-            return;
-        }
-        if self.seen == 0 {
-            self.store(0.0);
-        }
-        self.phase += angle_arcsec;
-        self.store(self.phase);
-        self.total += 1;
-        let (len, newest) = (self.ring.len(), self.seen - 1);
-        for ((m, sum), number) in self.multiples.iter().zip(&mut self.sums).zip(&mut self.numbers) {
-            if newest < 2 * m {
-                break;
-            }
-            let at = |back: usize| self.ring[(newest - back) % len];
-            let second_difference = at(0) - 2.0 * at(*m) + at(2 * m);
-            *sum += second_difference * second_difference;
-            *number += 1;
-        }
-    }
-
-    /// What comes next does not join what came before.
-    pub fn gap(&mut self) {
-        self.seen = 0;
-        self.phase = 0.0;
-    }
-
-    fn store(&mut self, phase: f64) {
-        let len = self.ring.len();
-        self.ring[self.seen % len] = phase;
-        self.seen += 1;
-    }
-
-    /// Adds what another estimator of the same τ saw (another run).
+impl ShortTauSums {
+    /// Adds another window's.
     pub fn merge(&mut self, other: &Self) {
-        if self.multiples != other.multiples {
-            return;
+        let pairs =
+            [(&mut self.squares, &other.squares), (&mut self.numbers, &other.numbers), (&mut self.edf, &other.edf)];
+        for (mine, theirs) in pairs {
+            mine.resize(mine.len().max(theirs.len()), 0.0);
+            mine.iter_mut().zip(theirs).for_each(|(mine, theirs)| *mine += theirs);
         }
-        self.total += other.total;
-        for (mine, theirs) in self.sums.iter_mut().zip(&other.sums) {
-            *mine += theirs;
-        }
-        for (mine, theirs) in self.numbers.iter_mut().zip(&other.numbers) {
-            *mine += theirs;
-        }
-    }
-
-    /// True when the lists belong together (a table from a file may be damaged).
-    pub fn is_sound(&self) -> bool {
-        self.sums.len() == self.multiples.len() && self.numbers.len() == self.multiples.len() && self.tau0_s > 0.0
     }
 
     /// Points (τ in s, σ² in (°/h)², degrees of freedom) that carry enough of them.
-    fn points(&self) -> Vec<(f64, f64, f64)> {
-        let n = self.total as f64;
-        let rows = self.multiples.iter().zip(self.sums.iter().zip(&self.numbers));
-        let rows = rows.filter(|(_, (_, number))| **number > 0).map(|(m, (sum, number))| {
-            let tau = *m as f64 * self.tau0_s;
-            (tau, sum / (2.0 * tau * tau * *number as f64), edf_white_fm(n, *m as f64))
-        });
-        rows.filter(|(.., edf)| *edf >= MIN_EDF).collect()
+    fn points(&self, tau0_s: f64) -> Vec<(f64, f64, f64)> {
+        let rows = self.squares.iter().zip(&self.numbers).zip(&self.edf).enumerate();
+        let rows = rows.filter(|(_, ((_, number), edf))| **number > 0.0 && **edf >= MIN_EDF);
+        rows.map(|(octave, ((squares, number), edf))| {
+            let tau = tau0_s * 2.0_f64.powi(octave as i32);
+            (tau, squares / (2.0 * tau * tau * number), *edf)
+        })
+        .collect()
     }
 
     /// N and Q, or `None` from fewer than two usable τ or without any noise.
-    pub fn fit(&self) -> Option<NoiseTerms> {
-        let points = self.points();
+    pub fn fit(&self, tau0_s: f64) -> Option<NoiseTerms> {
+        let points = self.points(tau0_s);
         if points.len() < 2 {
             return None;
         }
@@ -153,6 +89,76 @@ impl ShortTau {
         }
         let (n2, q2) = terms;
         (n2 + q2 > 0.0).then(|| NoiseTerms { n_arcsec_rt_s: n2.sqrt(), q_arcsec: q2.sqrt() })
+    }
+}
+
+/// One-pass estimator for one axis and one window after the other.
+#[derive(Clone, Debug)]
+pub struct ShortTau {
+    /// Multiples of τ0: 1, 2, 4 …
+    multiples: Vec<usize>,
+    /// Phase θ of the newest 2·m_max + 1 samples, arcsec.
+    ring: Vec<f64>,
+    phase: f64,
+    /// Phases seen in this window.
+    seen: usize,
+    sums: ShortTauSums,
+}
+
+impl ShortTau {
+    /// For samples of `tau0_s` seconds and deviations up to `tau_max_s`.
+    pub fn new(tau0_s: f64, tau_max_s: f64) -> Self {
+        let fits = |m: &usize| *m as f64 * tau0_s <= tau_max_s * (1.0 + 1e-9) && 2 * *m < MAX_RING;
+        let multiples: Vec<usize> = (0..40).map(|octave| 1_usize << octave).take_while(fits).collect();
+        let longest = multiples.last().copied().unwrap_or(0);
+        let ring = vec![0.0; 2 * longest + 1];
+        Self { sums: Self::no_sums(multiples.len()), multiples, ring, phase: 0.0, seen: 0 }
+    }
+
+    fn no_sums(octaves: usize) -> ShortTauSums {
+        let zeros = vec![0.0; octaves];
+        ShortTauSums { squares: zeros.clone(), numbers: zeros.clone(), edf: zeros }
+    }
+
+    /// The next sample of the window: angle of one interval, arcsec.
+    pub fn push(&mut self, angle_arcsec: f64) {
+        if self.multiples.is_empty() {
+            return;
+        }
+        if self.seen == 0 {
+            self.store(0.0);
+        }
+        self.phase += angle_arcsec;
+        self.store(self.phase);
+        let (len, newest) = (self.ring.len(), self.seen - 1);
+        let slots = self.sums.squares.iter_mut().zip(&mut self.sums.numbers);
+        for (m, (squares, number)) in self.multiples.iter().zip(slots) {
+            if newest < 2 * m {
+                break;
+            }
+            let at = |back: usize| self.ring[(newest - back) % len];
+            let second_difference = at(0) - 2.0 * at(*m) + at(2 * m);
+            *squares += second_difference * second_difference;
+            *number += 1.0;
+        }
+    }
+
+    /// Ends the window: its sums. What comes next does not join what came before.
+    pub fn take(&mut self) -> ShortTauSums {
+        let phases = self.seen as f64;
+        for ((m, edf), number) in self.multiples.iter().zip(&mut self.sums.edf).zip(&self.sums.numbers) {
+            if *number > 0.0 {
+                *edf = edf_white_fm(phases, *m as f64).max(0.0);
+            }
+        }
+        (self.seen, self.phase) = (0, 0.0);
+        std::mem::replace(&mut self.sums, Self::no_sums(self.multiples.len()))
+    }
+
+    fn store(&mut self, phase: f64) {
+        let len = self.ring.len();
+        self.ring[self.seen % len] = phase;
+        self.seen += 1;
     }
 }
 
@@ -202,27 +208,29 @@ mod tests {
         for k in 0..100 {
             short.push(if k % 2 == 0 { 1.0 } else { -1.0 });
         }
-        assert!((short.sums[0] / short.numbers[0] as f64 - 4.0).abs() < 1e-12);
-        assert_eq!(short.sums[1], 0.0);
-        assert_eq!((short.numbers[0], short.numbers[1], short.numbers[2]), (99, 97, 93));
+        let sums = short.take();
+        assert!((sums.squares[0] / sums.numbers[0] - 4.0).abs() < 1e-12);
+        assert_eq!((sums.squares[1], sums.numbers.as_slice()), (0.0, &[99.0, 97.0, 93.0][..]));
     }
 
     #[test]
-    fn a_gap_separates_and_merge_adds() {
-        let mut one = ShortTau::new(1.0, 2.0);
-        (0..10).for_each(|k| one.push(f64::from(k % 3)));
-        let mut two = one.clone();
-        two.gap();
-        (0..10).for_each(|k| two.push(f64::from(k % 3)));
-        let mut merged = one.clone();
-        merged.merge(&one);
-        assert_eq!((merged.sums, merged.numbers), (two.sums, two.numbers));
+    fn windows_are_apart_and_merge() {
+        let mut short = ShortTau::new(1.0, 2.0);
+        let mut window = || {
+            (0..10).for_each(|k| short.push(f64::from(k % 3)));
+            short.take()
+        };
+        let (one, two) = (window(), window());
+        assert_eq!(one, two);
+        let mut both = one.clone();
+        both.merge(&two);
+        assert_eq!(both.squares[0], 2.0 * one.squares[0]);
     }
 
     #[test]
     fn silence_has_no_floor() {
         let mut short = ShortTau::new(1.0, 25.0);
         (0..1000).for_each(|_| short.push(4.5));
-        assert_eq!(short.fit(), None);
+        assert_eq!(short.take().fit(1.0), None);
     }
 }

@@ -103,6 +103,15 @@ fn thermometer(calibration: &Calibration, axis: &AxisCalibration, far_cpm: Optio
         _ => LagSpec::default(),
     };
     let settling_s = axis.lag_s.map_or(0.0, |lag| (SETTLING_TAUS * lag.value).min(SETTLING_MAX_S));
+    for celsius in axis.span_c {
+        let code = (celsius - spec.offset_c) / spec.gain_c_per_code;
+        if code.abs() > f64::from(i32::MAX) {
+            let what = format!("the thermometer's 32-bit codes do not reach {celsius:.2} °C of the fit span");
+            return Err(Error::input(what)
+                .column("thermometer.gain_c_per_code")
+                .value(spec.gain_c_per_code.to_string()));
+        }
+    }
     Ok(Thermometer {
         offset_q24: q24("thermometer.offset_c", spec.offset_c)?,
         gain: gain(spec.gain_c_per_code * Q24)?,
@@ -145,7 +154,11 @@ fn lag_spec(tau_s: f64, period_s: f64, far_cpm: f64, span_cpm: [f64; 2]) -> Resu
     }
     // The finest unit in which the far border of the rate span still fits 31 bits.
     let far_step = far_cpm * period_s / 60.0;
-    let rate_shift = (30 - (far_step * Q24).log2().ceil() as i32).clamp(0, alpha_shift - 1);
+    let far_bits = (far_step * Q24).log2().ceil();
+    if !far_bits.is_finite() {
+        return Err(too_large("rate_span_cpm", far_cpm));
+    }
+    let rate_shift = (30.0 - far_bits).clamp(0.0, f64::from(alpha_shift - 1)) as i32;
     let step = |cpm: f64| signed("rate_span_cpm", cpm * period_s / 60.0 * Q24 * 2.0_f64.powi(rate_shift));
     let (rate_lo, rate_hi) = (step(span_cpm[0].min(0.0))?, step(span_cpm[1].max(0.0))?);
     let far = i64::from(rate_lo).abs().max(i64::from(rate_hi).abs());

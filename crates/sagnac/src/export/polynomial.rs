@@ -40,11 +40,9 @@ pub fn import(polynomial: &Polynomial, setup: &Setup) -> Result<Calibration> {
             .column("--span")
             .value(format!("{lo_c},{hi_c}")));
     }
-    let sound = polynomial.window_s > 0.0
-        && polynomial.window_s.is_finite()
-        && polynomial.coefficients.iter().all(|c| c.is_finite());
+    let sound = (1e-3..=1e6).contains(&polynomial.window_s) && polynomial.coefficients.iter().all(|c| c.is_finite());
     if !sound {
-        return Err(Error::input("coefficients and window must be finite, the window positive").column("--polynomial"));
+        return Err(Error::input("coefficients must be finite, the window within 0.001 … 1e6 s").column("--polynomial"));
     }
     let arcsec_per_count = setup.arcsec_per_count.ok_or_else(|| {
         Error::input("nothing says how many arcsec a count is")

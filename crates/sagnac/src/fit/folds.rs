@@ -2,7 +2,7 @@
 //!
 //! With four runs or more one run is left out at a time; otherwise twelve contiguous blocks over all
 //! runs. The lag filter runs through what is left out, and τ is fitted anew in each fold. A held-out
-//! run is judged about its own mean (it has no constant), a held-out block with its run's constant.
+//! block is judged with its run's constant, a run that is held out whole about its own mean.
 //!
 //! One R factor per block and τ serves all candidates: training sets are stacks of the factors of the
 //! other blocks, candidates are subsets of columns.
@@ -45,6 +45,12 @@ impl Division {
         let block = (0..n).map(|i| i * blocks / n).collect();
         Self { block, blocks, constants: runs, scheme: "contiguous blocks" }
     }
+
+    /// Constants that the training set of a fold can tell, and those of runs held out whole.
+    fn constants_without(&self, problem: &Problem<'_>, fold: usize) -> (Vec<usize>, Vec<usize>) {
+        let trained = |run: &usize| (0..problem.len()).any(|i| problem.run[i] == *run && self.block[i] != fold);
+        (0..self.constants).partition(trained)
+    }
 }
 
 /// Cross-validates every candidate.
@@ -63,17 +69,18 @@ pub(crate) fn cross_validate(problem: &Problem<'_>, candidates: &[ModelSpec], ta
             .map(|blocks| Factor::join(blocks.iter().enumerate().filter(|(b, _)| *b != fold).map(|(_, f)| f)))
             .collect();
         for (candidate, sum) in candidates.iter().zip(&mut held_out) {
-            let columns = columns_of(*candidate, division.constants);
+            let (known, free) = division.constants_without(problem, fold);
+            let columns = columns_of(*candidate, &known, division.constants);
             let choices = if candidate.rate.is_some() { taus_s.len() } else { 1 };
             let best = best_tau(&training[..choices], &columns);
             *sum = match (*sum, best) {
-                (Some(sum), Some((tau, theta))) => Some(sum + factors[tau][fold].ssr(&columns, &theta)),
+                (Some(sum), Some((tau, theta))) => Some(sum + factors[tau][fold].ssr(&columns, &theta, &free)),
                 _ => None,
             };
         }
     }
-    let weight: f64 = problem.weight.iter().sum();
-    let mean_square = held_out.into_iter().map(|sum| sum.map(|sum| sum / weight)).collect();
+    // Weights take each window to the nominal length, as in the residual σ beside it.
+    let mean_square = held_out.into_iter().map(|sum| sum.map(|sum| sum / problem.len() as f64)).collect();
     HeldOut { scheme: division.scheme, folds: division.blocks, mean_square }
 }
 
@@ -85,12 +92,14 @@ fn best_tau(training: &[Option<Factor>], columns: &[usize]) -> Option<(usize, DV
 }
 
 /// Columns of a candidate in the full row: constants, b₁…b₈, c₀…c₃, e₁….
-fn columns_of(spec: ModelSpec, constants: usize) -> Vec<usize> {
+fn columns_of(spec: ModelSpec, known: &[usize], constants: usize) -> Vec<usize> {
     let bias = constants;
     let rate = bias + BIAS_COLUMNS;
     let scale = rate + RATE_COLUMNS;
     let rates = spec.rate.map_or(0, |order| usize::from(order) + 1);
-    (0..constants)
+    known
+        .iter()
+        .copied()
         .chain(bias..bias + usize::from(spec.bias))
         .chain(rate..rate + rates)
         .chain(scale..scale + usize::from(spec.scale))

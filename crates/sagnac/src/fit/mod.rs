@@ -21,7 +21,7 @@ pub use basis::{BASIS_LEN, Span, chebyshev};
 pub use model::{MAX_RATE_ORDER, ModelSpec};
 pub(crate) use monomial::{powers_from_series, series_from_powers};
 pub use record::{FitOptions, calibrate};
-pub(crate) use record::{floor_of, inputs, program};
+pub(crate) use record::{inputs, noise_of, program};
 
 use crate::error::{Error, Result};
 use crate::fit::folds::cross_validate;
@@ -64,6 +64,10 @@ fn select(problem: &Problem<'_>, choice: ModelChoice, taus_s: &[f64]) -> Result<
         .help("give more data or a shorter --window"));
     }
     let held_out = cross_validate(problem, &specs, taus_s);
+    if choice == ModelChoice::Auto && held_out.mean_square.iter().all(Option::is_none) {
+        return Err(Error::refused("no candidate can be fitted with a part of the data held out")
+            .help("give more data over more temperatures, or a fixed --model"));
+    }
     let least = held_out.mean_square.iter().flatten().copied().fold(f64::INFINITY, f64::min);
     // Specs stand smallest first; within one size the lower mean square wins.
     let good = (0..specs.len()).filter(|i| held_out.mean_square[*i].is_some_and(|m| m <= SMALLER_WINS_WITHIN * least));

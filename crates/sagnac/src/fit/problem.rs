@@ -49,8 +49,7 @@ impl<'a> Problem<'a> {
         let rows = &windows.rows;
         let used: Vec<usize> = (0..windows.len()).filter(|i| rows.excluded[*i].is_none()).collect();
         if used.is_empty() {
-            return Err(Error::refused("no window of the log can be used")
-                .help("`sagnac inspect` lists what was left out and why"));
+            return Err(no_window(windows));
         }
         let span = span_of(windows, sensor, &used, min_span_c)?;
         if !(span.lo_c..=span.hi_c).contains(&reference_c) {
@@ -94,11 +93,11 @@ impl<'a> Problem<'a> {
         self.windows.shape.timed
     }
 
-    /// τ from Δt to a quarter of the shortest run, in equal ratios.
+    /// τ from Δt to a quarter of the longest run, in equal ratios.
     pub(crate) fn tau_grid(&self) -> Vec<f64> {
         let lo = s_from_ns(self.windows.shape.period_ns);
-        let shortest = self.runs.iter().map(|r| self.windows.runs[*r].length_s()).fold(f64::INFINITY, f64::min);
-        let ratio = (shortest / 4.0 / lo).max(1.0).ln() / (TAU_STEPS - 1) as f64;
+        let longest = self.runs.iter().map(|r| self.windows.runs[*r].length_s()).fold(0.0, f64::max);
+        let ratio = (longest / 4.0 / lo).max(1.0).ln() / (TAU_STEPS - 1) as f64;
         let grid: Vec<f64> = (0..TAU_STEPS).map(|i| lo * (ratio * i as f64).exp()).collect();
         if ratio > 0.0 { grid } else { vec![lo] }
     }
@@ -145,6 +144,17 @@ impl<'a> Problem<'a> {
         }
         out.extend((1..=usize::from(spec.scale)).map(|k| self.scale_column(row, k)));
     }
+}
+
+/// Says why nothing is left, the commonest reason first.
+fn no_window(windows: &Windows) -> Error {
+    let mut tallies = windows.tallies.list();
+    tallies.sort_by_key(|tally| std::cmp::Reverse(tally.rows));
+    let why = tallies.first().map_or("it holds no usable row".to_owned(), |t| {
+        format!("{} rows are left out as {} (first at {})", t.rows, t.reason.name(), t.first)
+    });
+    Error::refused(format!("no window of the log can be used: {why}"))
+        .help("`sagnac inspect` lists everything left out")
 }
 
 /// Lowest to highest sample of the used windows.

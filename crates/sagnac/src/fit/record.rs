@@ -83,10 +83,18 @@ fn sensor_of(shape: &WindowShape, setup: &Setup) -> Result<usize> {
 fn target(shape: &WindowShape, setup: &Setup) -> Result<Target> {
     let tick_ns = ns_from_s(setup.tick_s.unwrap_or(1e-4)).unwrap_or(100_000).max(1);
     let ticks = shape.period_ns / tick_ns;
-    let out_of_range = || Error::input("the temperature period has too many ticks").column("temperature_period_s");
+    let out_of_range = || {
+        Error::input(format!("{ticks} ticks in a temperature period; the target counts to {}", 1 << 24))
+            .column("temperature_period_s")
+            .help("give a shorter temperature_period_s or a longer tick_s in the setup")
+    };
     let period_ticks = u32::try_from(ticks).ok().filter(|t| *t > 0 && *t <= 1 << 24).ok_or_else(out_of_range)?;
     let tick_ns = u32::try_from(tick_ns).map_err(|_| Error::input("too long").column("tick_s"))?;
-    let slew_ticks = setup.slew_ticks.unwrap_or(100).min(period_ticks);
+    let slew_ticks = setup.slew_ticks.unwrap_or(100.min(period_ticks));
+    if slew_ticks > period_ticks {
+        let what = format!("the slew is longer than the temperature period of {period_ticks} ticks");
+        return Err(Error::input(what).column("slew_ticks").value(slew_ticks.to_string()));
+    }
     Ok(Target { tick_ns, period_ticks, slew_ticks })
 }
 
@@ -121,11 +129,11 @@ pub(crate) fn noise_of(windows: &Windows, axis: usize, setup: &Setup) -> Option<
         let n_arcsec_rt_s = given.n_deg_rt_h * ARCSEC_RT_S_PER_DEG_RT_H;
         return Some((NoiseTerms { n_arcsec_rt_s, q_arcsec: given.q_arcsec }, "setup"));
     }
-    windows.noise[axis].fit().map(|terms| (terms, "short-tau Allan deviations of the log"))
+    windows.measured_noise(axis).map(|terms| (terms, "short-tau Allan deviations of the log"))
 }
 
 /// The floor of a nominal window.
-pub(crate) fn floor_of(windows: &Windows, axis: usize, setup: &Setup) -> Option<Floor> {
+fn floor_of(windows: &Windows, axis: usize, setup: &Setup) -> Option<Floor> {
     let (terms, source) = noise_of(windows, axis, setup)?;
     Some(Floor {
         value_dph: terms.floor_dph(windows.shape.nominal_s),
@@ -175,7 +183,7 @@ fn fit_axis(
         reference_c,
         span_c: [problem.span.lo_c, problem.span.hi_c],
         rate_span_cpm: fitted.tau.map(|tau| problem.rate_span(tau.value_s)),
-        constants: constants(&fitted, &problem, setup),
+        constants: constants(&fitted, &problem, setup, windows.shape.axes.len()),
         monomial: monomial(&fitted, &problem, &windows.shape, reference_c),
         residual: Some(residual(&fitted)),
         floor: floor_of(windows, axis, setup),
@@ -224,12 +232,14 @@ fn covariance_of(fitted: &Fitted, problem: &Problem<'_>, terms: &[Term]) -> Vec<
     runs.chain(terms).chain(lag).collect()
 }
 
-fn constants(fitted: &Fitted, problem: &Problem<'_>, setup: &Setup) -> Vec<Constant> {
+fn constants(fitted: &Fitted, problem: &Problem<'_>, setup: &Setup, axes: usize) -> Vec<Constant> {
+    // One direction cannot be that of several axes.
+    let input_dph = setup.known_input_rate_dph().filter(|_| axes == 1);
     let rows = problem.runs.iter().enumerate().map(|(index, run)| Constant {
         run: *run as u32,
         value_dph: fitted.theta[index],
         sigma_dph: Some(fitted.sigma(index)),
-        fixed_bias_dph: setup.known_input_rate_dph().map(|input| fitted.theta[index] - input),
+        fixed_bias_dph: input_dph.map(|input| fitted.theta[index] - input),
     });
     rows.collect()
 }

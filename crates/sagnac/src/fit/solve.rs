@@ -86,12 +86,19 @@ impl Factor {
         Some(Solution { theta: theta.column(0).into_owned(), ssr: r[(p, p)] * r[(p, p)], r: square })
     }
 
-    /// Residual sum of squares of a solution on this block.
-    pub(crate) fn ssr(&self, columns: &[usize], theta: &DVector<f64>) -> f64 {
+    /// Residual sum of squares of a solution on this block; `free` columns (constants of runs that stand
+    /// in this block alone, so at right angles to each other) take their best value here.
+    pub(crate) fn ssr(&self, columns: &[usize], theta: &DVector<f64>, free: &[usize]) -> f64 {
         let y = self.0.ncols() - 1;
         let mut residual = self.0.column(y).into_owned();
         for (j, column) in columns.iter().enumerate() {
             residual.axpy(-theta[j], &self.0.column(*column), 1.0);
+        }
+        for column in free.iter().map(|column| self.0.column(*column)) {
+            let share = column.dot(&residual) / column.norm_squared();
+            if share.is_finite() {
+                residual.axpy(-share, &column, 1.0);
+            }
         }
         residual.norm_squared()
     }
@@ -147,6 +154,8 @@ mod tests {
         assert!((inverse[(0, 0)] - 0.7).abs() < 1e-12 && (inverse[(0, 1)] + 0.3).abs() < 1e-12);
         let joined = Factor::join([factor(&rows[..1]), factor(&rows[1..])].iter()).unwrap();
         assert!((joined.solve(&[0, 1]).unwrap().theta[1] - 3.0).abs() < 1e-12);
-        assert!((all.ssr(&[0], &DVector::from_element(1, 0.0)) - (4.0 + 25.0 + 64.0 + 121.0)).abs() < 1e-9);
+        assert!((all.ssr(&[0], &DVector::from_element(1, 0.0), &[]) - (4.0 + 25.0 + 64.0 + 121.0)).abs() < 1e-9);
+        // About their own mean, 6.5, the same values leave 45.
+        assert!((all.ssr(&[], &DVector::zeros(0), &[0]) - 45.0).abs() < 1e-9);
     }
 }

@@ -14,25 +14,12 @@ pub(crate) struct Aligner {
     pending: VecDeque<RawRow>,
     samples: VecDeque<(i64, Vec<f64>)>,
     newest_ns: i64,
-    spare: RawRow,
     ended: bool,
 }
 
 impl Aligner {
     pub(crate) fn new(offset_ns: i64) -> Self {
-        Self {
-            offset_ns,
-            pending: VecDeque::new(),
-            samples: VecDeque::new(),
-            newest_ns: i64::MIN,
-            spare: RawRow::default(),
-            ended: false,
-        }
-    }
-
-    /// A row to be filled.
-    pub(crate) fn spare(&mut self) -> RawRow {
-        std::mem::take(&mut self.spare)
+        Self { offset_ns, pending: VecDeque::new(), samples: VecDeque::new(), newest_ns: i64::MIN, ended: false }
     }
 
     pub(crate) fn push(&mut self, row: RawRow) {

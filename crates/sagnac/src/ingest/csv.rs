@@ -21,8 +21,8 @@ pub(crate) struct RawRow {
     pub(crate) time_ns: Option<i64>,
     pub(crate) axes: Vec<f64>,
     pub(crate) temperatures_c: Vec<f64>,
-    /// A temperature field that holds something other than a number.
-    pub(crate) bad_temperature: bool,
+    /// Per thermometer: the field holds something other than a number.
+    pub(crate) bad_temperature: Vec<bool>,
     pub(crate) reference_dps: f64,
     pub(crate) valid: bool,
     pub(crate) aux: Vec<f64>,
@@ -64,6 +64,8 @@ impl CsvRows {
             .flexible(true)
             .delimiter(delimiter)
             .comment(Some(b'#'))
+            // A stray quote must not swallow the lines after it; quoted fields are unquoted one by one.
+            .quoting(false)
             .from_reader(source.reader);
         let decimal_comma = delimiter != b',';
         Ok(Self {
@@ -94,7 +96,7 @@ impl CsvRows {
     }
 
     fn parse(&self, row: &mut RawRow) {
-        let field = |index: usize| self.record.get(index).unwrap_or(b"");
+        let field = |index: usize| unquoted(self.record.get(index).unwrap_or(b""));
         let value = |index: usize| parse_value(field(index), self.decimal_comma).unwrap_or(f64::NAN);
         row.ragged = self.record.len() != self.layout.headers.len();
         row.time_ns = self.layout.time.and_then(|(i, places)| parse_time_ns(field(i), places, self.decimal_comma));
@@ -102,12 +104,9 @@ impl CsvRows {
         row.axes.extend(self.layout.axes.iter().map(|(i, _, unit)| value(*i) * unit.unwrap_or(1.0)));
         row.temperatures_c.clear();
         row.temperatures_c.extend(self.layout.temperatures.iter().map(|(i, _, zero)| value(*i) - zero));
-        row.bad_temperature = self
-            .layout
-            .temperatures
-            .iter()
-            .zip(&row.temperatures_c)
-            .any(|((i, ..), t)| t.is_nan() && !field(*i).trim_ascii().is_empty());
+        row.bad_temperature.clear();
+        let fields = self.layout.temperatures.iter().map(|(i, ..)| field(*i));
+        row.bad_temperature.extend(fields.zip(&row.temperatures_c).map(|(f, t)| t.is_nan() && !f.is_empty()));
         row.reference_dps = self.layout.reference.map_or(f64::NAN, value);
         row.valid = self.layout.valid.is_none_or(|i| parse_flag(field(i)).unwrap_or(false));
         row.aux.clear();
@@ -116,6 +115,12 @@ impl CsvRows {
             row.fields.clone_from(&self.record);
         }
     }
+}
+
+/// A field without the quotes around it.
+pub(crate) fn unquoted(field: &[u8]) -> &[u8] {
+    let trimmed = field.trim_ascii();
+    trimmed.strip_prefix(b"\"").and_then(|f| f.strip_suffix(b"\"")).unwrap_or(trimmed)
 }
 
 /// Skips blank lines and comments; the header line and its number. Finds our own stamp.

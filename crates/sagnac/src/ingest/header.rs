@@ -12,6 +12,11 @@ pub const COMPENSATED_PREFIX: &str = "compensated_";
 pub const RECOGNISED: &str = "time_s|_ms|_us|_ns, temperature_c|_k[_name], counts[_x|_y|_z], \
      rate_dph|_dps|_radps[_x|_y|_z], reference_rate_dps, valid, aux_name";
 
+/// Most thermometers of a log.
+const MAX_THERMOMETERS: usize = 32;
+/// Most auxiliary columns of a log.
+const MAX_AUX: usize = 256;
+
 /// What a column is.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Role {
@@ -63,11 +68,12 @@ pub fn role_of(header: &str) -> Result<Role> {
     }
     let (quantity, rest) = lower.split_once('_').unwrap_or((&lower, ""));
     match quantity {
-        "time" if !rest.is_empty() => time_role(header, rest),
+        "time" => time_role(header, rest),
         "temperature" => temperature_role(header, rest),
         "counts" => Ok(Role::Counts { axis: axis_of(header, rest)? }),
         "rate" => rate_role(header, rest),
         "reference" if rest == "rate_dps" => Ok(Role::ReferenceRate),
+        "reference" => Err(unknown_unit(header, rest, "rate_dps")),
         "valid" if rest.is_empty() => Ok(Role::Valid),
         "aux" if !rest.is_empty() => Ok(Role::Aux { name: rest.to_owned() }),
         _ => Ok(Role::Ignored),
@@ -214,6 +220,12 @@ impl Layout {
     }
 
     fn check(&self) -> Result<()> {
+        if self.temperatures.len() > MAX_THERMOMETERS || self.aux.len() > MAX_AUX {
+            return Err(Error::input(format!(
+                "more than {MAX_THERMOMETERS} thermometers or {MAX_AUX} auxiliary columns"
+            ))
+            .help("map those that are not needed to \"ignore\" under [columns]"));
+        }
         if self.axes.is_empty() {
             return Err(Error::input("no column of counts or rates").help(format!(
                 "the log has: {}; recognised: {RECOGNISED}; map others under [columns]",

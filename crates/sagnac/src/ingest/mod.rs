@@ -12,6 +12,7 @@ pub mod header;
 mod number;
 mod rows;
 mod source;
+mod thermometer;
 
 use std::collections::VecDeque;
 use std::path::Path;
@@ -19,6 +20,7 @@ use std::path::Path;
 use crate::error::{Error, Result};
 use crate::ingest::align::Aligner;
 pub use crate::ingest::csv::COMPENSATED_STAMP;
+pub(crate) use crate::ingest::csv::unquoted;
 use crate::ingest::csv::{CsvRows, RawRow};
 use crate::ingest::rows::RowCheck;
 pub use crate::ingest::rows::{Reason, Tallies, Tally};
@@ -279,7 +281,7 @@ impl LogReader {
             if self.align.ended() {
                 return Ok(None);
             }
-            let mut row = self.align.spare();
+            let mut row = RawRow::default();
             match self.ahead.pop_front() {
                 Some(row) => self.align.push(row),
                 None if self.rows.read(&mut row)? => self.align.push(row),
@@ -343,10 +345,16 @@ fn nominal_interval(rows: &mut CsvRows, setup: &Setup, lookahead: usize, ahead: 
     }
     let times: Vec<i64> = ahead.iter().filter_map(|row| row.time_ns).collect();
     typical_step(&times).filter(|step| s_from_ns(*step) <= 1e5).ok_or_else(|| {
-        let (what, help) = if ahead.is_empty() {
-            ("a header, but no row below it", "a log needs rows")
-        } else {
-            ("time does not advance in the first rows, so the interval of a row is unknown", "give --sample-interval")
+        let backwards = times.windows(2).any(|pair| pair[1] < pair[0]);
+        let (what, help) = match ahead.len() {
+            0 => ("a header, but no row below it", "a log needs rows"),
+            1 => ("a single row, so the interval of a row is unknown", "give --sample-interval"),
+            _ if times.is_empty() => ("no time in the first rows is a number", "look at the time column"),
+            _ if backwards => ("rows are not in the order of their times", "sort the log by time"),
+            _ => (
+                "time does not advance in the first rows, so the interval of a row is unknown",
+                "look at the time column",
+            ),
         };
         Error::input(what).help(help)
     })

@@ -12,7 +12,8 @@ use crate::error::{Error, Result};
 use crate::ingest::Batch;
 use crate::ingest::csv::RawRow;
 use crate::ingest::header::Layout;
-use crate::setup::{Counter, Setup, ThermometerSetup};
+use crate::ingest::thermometer::ThermometerCheck;
+use crate::setup::{Counter, Setup};
 use crate::units::s_from_ns;
 
 /// Why a row, a temperature or a window is not used.
@@ -122,20 +123,21 @@ impl Tallies {
     }
 }
 
-/// Rows of this many °C apart are a jump …
-const JUMP_C: f64 = 5.0;
-/// … unless the new level stays for this many rows.
-const JUMP_STAYS_ROWS: u32 = 10;
-/// A thermometer is frozen if another moved by this much …
-const FROZEN_OTHER_MOVED_C: f64 = 3.0;
-/// … while it gave one and the same value for this long.
-const FROZEN_NS: i64 = 300_000_000_000;
 /// A cumulative counter may bridge rows that could not be read, up to this many intervals.
 const BRIDGED_INTERVALS: i64 = 3;
 /// No log has a gap of 30 days.
 const LEAP_NS: i64 = 30 * 86_400 * 1_000_000_000;
+/// Totals are held exactly up to here.
+const MAX_TOTAL_QUANTA: f64 = 9e15;
 const MAX_QUANTA: f64 = (1_u64 << 40) as f64;
 const MAX_RATE_DPH: f64 = 1e8;
+
+/// What a row speaks of.
+struct Interval {
+    start_ns: i64,
+    end_ns: i64,
+    after_gap: bool,
+}
 
 /// The state machine that turns raw rows into usable ones.
 pub(crate) struct RowCheck {
@@ -148,6 +150,7 @@ pub(crate) struct RowCheck {
     quantum: Option<f64>,
     clock_ns: Option<i64>,
     last_counter: Option<(i64, Vec<i64>)>,
+    /// The largest step of a total so far, with its sign.
     largest_step: i64,
     thermometers: Vec<ThermometerCheck>,
     pub(crate) tallies: Tallies,
@@ -174,30 +177,31 @@ impl RowCheck {
         }
     }
 
-    /// Judges one row; appends it to `batch` if it is usable.
+    /// Judges one row; appends it to `batch` if it is usable. A row that the log itself flags as invalid
+    /// keeps clock and thermometers going; its counts are taken only if they are sound.
     pub(crate) fn push(&mut self, row: &RawRow, batch: &mut Batch) -> Result<()> {
         self.rows_read += 1;
         self.refuse_leap(row)?;
-        let Some((start_ns, end_ns)) = self.interval(row) else {
+        let Some(interval) = self.interval(row) else {
             return Ok(());
         };
-        let moved_clock = self.clock_ns.replace(end_ns).is_some();
-        if row.axes.iter().any(|v| v.is_nan()) {
+        let joins = self.clock_ns.replace(interval.end_ns).is_some() && !interval.after_gap && self.timed;
+        self.check_temperatures(row, &interval, joins, batch);
+        if !row.valid {
+            self.reject(Reason::FlaggedInvalid, row);
+        } else if row.axes.iter().any(|v| v.is_nan()) {
             self.reject(Reason::NotANumber, row);
+        }
+        if row.axes.iter().any(|v| v.is_nan()) {
             return Ok(());
         }
         let units = match self.quantum {
-            Some(quantum) => self.counts(row, quantum, start_ns, end_ns)?,
-            None => self.rates(row, s_from_ns(end_ns - start_ns)).map(|angles| (start_ns, angles)),
+            Some(quantum) => self.counts(row, quantum, &interval)?,
+            None => self.rates(row, &interval).map(|angles| (interval.start_ns, angles)),
         };
-        let Some((start_ns, angles)) = units else {
-            return Ok(());
-        };
-        self.check_temperatures(row, end_ns, moved_clock && self.timed, batch);
-        if !row.valid {
-            self.reject(Reason::FlaggedInvalid, row);
+        if let Some((start_ns, angles)) = units {
+            batch.push(start_ns, interval.end_ns, &angles, row);
         }
-        batch.push(start_ns, end_ns, &angles, row);
         Ok(())
     }
 
@@ -220,105 +224,154 @@ impl RowCheck {
     }
 
     /// The interval (start, end] the row speaks of, or `None` if its time cannot be used.
-    fn interval(&mut self, row: &RawRow) -> Option<(i64, i64)> {
+    fn interval(&mut self, row: &RawRow) -> Option<Interval> {
         if row.ragged {
             self.reject(Reason::Ragged, row);
             return None;
         }
+        let nominal = |end_ns: i64, after_gap: bool| Interval { start_ns: end_ns - self.nominal_ns, end_ns, after_gap };
         if !self.timed {
-            let start = self.clock_ns.unwrap_or(0);
-            return Some((start, start.saturating_add(self.nominal_ns)));
+            return Some(nominal(self.clock_ns.unwrap_or(0).saturating_add(self.nominal_ns), false));
         }
-        let Some(t) = row.time_ns.filter(|t| t.unsigned_abs() < 1 << 62) else {
+        let Some(end_ns) = row.time_ns.filter(|t| t.unsigned_abs() < 1 << 62) else {
             self.reject(Reason::NotANumber, row);
             return None;
         };
-        let Some(before) = self.clock_ns else {
-            return Some((t - self.nominal_ns, t));
+        let Some(start_ns) = self.clock_ns else {
+            return Some(nominal(end_ns, false));
         };
-        if t <= before {
-            self.reject(if t == before { Reason::DuplicateTime } else { Reason::TimeBackwards }, row);
+        if end_ns <= start_ns {
+            self.reject(if end_ns == start_ns { Reason::DuplicateTime } else { Reason::TimeBackwards }, row);
             return None;
         }
-        if (t - before) > self.nominal_ns + self.nominal_ns / 2 {
+        if end_ns - start_ns > self.nominal_ns + self.nominal_ns / 2 {
+            let interval = nominal(end_ns, true);
             self.reject(Reason::Gap, row);
-            return Some((t - self.nominal_ns, t));
+            return Some(interval);
         }
-        Some((before, t))
+        Some(Interval { start_ns, end_ns, after_gap: false })
     }
 
     /// Quanta of each axis, with the start of the interval they belong to.
-    fn counts(&mut self, row: &RawRow, quantum: f64, start_ns: i64, end_ns: i64) -> Result<Option<(i64, Vec<f64>)>> {
-        let mut quanta = Vec::with_capacity(row.axes.len());
-        for counts in &row.axes {
-            let exact = counts / quantum;
-            if exact.abs() > MAX_QUANTA && self.counter == Counter::Incremental || exact.abs() > 9e15 {
+    fn counts(&mut self, row: &RawRow, quantum: f64, interval: &Interval) -> Result<Option<(i64, Vec<f64>)>> {
+        let exact: Vec<f64> = row.axes.iter().map(|counts| counts / quantum).collect();
+        let most = if self.counter == Counter::Incremental { MAX_QUANTA } else { MAX_TOTAL_QUANTA };
+        if exact.iter().any(|q| q.abs() > most) {
+            if row.valid {
                 self.reject(Reason::ValueOutOfRange, row);
-                return Ok(None);
             }
-            if (exact - exact.round()).abs() > 1e-6 * exact.abs().max(1.0) {
+            return Ok(None);
+        }
+        let broken = exact.iter().position(|q| (q - q.round()).abs() > 1e-6 * q.abs().max(1.0));
+        match broken {
+            Some(axis) if row.valid => {
                 return Err(Error::input(format!("not a whole number of quanta (quantum {quantum} counts)"))
                     .file(&self.file)
                     .line(row.line)
-                    .value(counts.to_string())
+                    .value(row.axes[axis].to_string())
                     .help("give the smallest step of the counts column with --quantum or in the setup"));
             }
-            quanta.push(exact.round() as i64);
+            Some(_) => return Ok(None),
+            None => {}
         }
-        if self.counter == Counter::Incremental {
-            return Ok(Some((start_ns, quanta.iter().map(|q| *q as f64).collect())));
+        match self.counter {
+            Counter::Incremental if row.valid || exact.iter().all(|q| q.abs() <= f64::from(sagnac_core::MAX_RAW)) => {
+                Ok(Some((interval.start_ns, exact.iter().map(|q| q.round()).collect())))
+            }
+            Counter::Incremental => Ok(None),
+            // A flagged total is not built upon.
+            Counter::Cumulative if !row.valid => Ok(None),
+            Counter::Cumulative if exact.iter().any(|q| self.beyond_width(*q)) => {
+                Err(Error::input(format!("a total beyond {} bits", self.counter_bits.unwrap_or(0)))
+                    .file(&self.file)
+                    .line(row.line)
+                    .column("counter_bits")
+                    .help("give the counter's true width"))
+            }
+            Counter::Cumulative => self.steps(row, exact.iter().map(|q| q.round() as i64).collect(), interval),
         }
-        let Some((before_ns, before)) = self.last_counter.replace((end_ns, quanta.clone())) else {
+    }
+
+    /// True for a total that a counter of the given width cannot hold, signed or not.
+    fn beyond_width(&self, quanta: f64) -> bool {
+        self.counter_bits.is_some_and(|bits| quanta.abs() >= 2.0_f64.powi(i32::from(bits)))
+    }
+
+    /// Differences to the last usable totals; rows between them that could not be read are bridged.
+    fn steps(&mut self, row: &RawRow, totals: Vec<i64>, interval: &Interval) -> Result<Option<(i64, Vec<f64>)>> {
+        let Some((before_ns, before)) = self.last_counter.replace((interval.end_ns, totals.clone())) else {
             return Ok(None);
         };
-        if end_ns - before_ns > BRIDGED_INTERVALS * self.nominal_ns {
+        if interval.end_ns - before_ns > BRIDGED_INTERVALS * self.nominal_ns {
+            if !interval.after_gap {
+                self.reject(Reason::Gap, row);
+            }
             return Ok(None);
         }
-        let mut steps = Vec::with_capacity(quanta.len());
-        for (now, before) in quanta.iter().zip(&before) {
+        let mut steps = Vec::with_capacity(totals.len());
+        for (now, before) in totals.iter().zip(&before) {
             steps.push(self.unroll(now - before, row)? as f64);
         }
         Ok(Some((before_ns, steps)))
     }
 
+    /// The step of a total, past its wrap if its width is known. Without a width, a step back by a power
+    /// of two less what a row usually brings is taken for a wrap and refused.
     fn unroll(&mut self, step: i64, row: &RawRow) -> Result<i64> {
         if let Some(bits) = self.counter_bits {
             let half = 1_i64 << (bits - 1);
             return Ok((step + half).rem_euclid(half << 1) - half);
         }
-        let size = step.abs();
-        let nearest = (size.max(1) as f64).log2().round().exp2();
-        if size > 200 && size > 1000 * self.largest_step.max(1) && (size as f64 / nearest - 1.0).abs() < 0.02 {
-            return Err(Error::input(format!("the cumulative counter jumps by {step} quanta, as one that wraps does"))
-                .file(&self.file)
-                .line(row.line)
-                .help("give its width with --counter-bits or counter_bits in the setup"));
+        let size = step.unsigned_abs();
+        let usual = self.largest_step.unsigned_abs();
+        let turned = self.largest_step != 0 && step.signum() != self.largest_step.signum();
+        let wrap = size.max(1).ilog2() + u32::from(!size.is_power_of_two());
+        let of_a_wrap = (1_u64 << wrap.min(62)).abs_diff(size) <= usual + usual / 2 + 16;
+        if turned && wrap >= 8 && size > 4 * usual && of_a_wrap {
+            return Err(Error::input(format!(
+                "the cumulative counter steps by {step} quanta, as one of {wrap} bits that wraps does"
+            ))
+            .file(&self.file)
+            .line(row.line)
+            .help("give its width with --counter-bits or counter_bits in the setup"));
         }
-        self.largest_step = self.largest_step.max(size);
+        if size > usual {
+            self.largest_step = step;
+        }
         Ok(step)
     }
 
-    fn rates(&mut self, row: &RawRow, duration_s: f64) -> Option<Vec<f64>> {
+    fn rates(&mut self, row: &RawRow, interval: &Interval) -> Option<Vec<f64>> {
         if row.axes.iter().any(|rate| rate.abs() > MAX_RATE_DPH) {
-            self.reject(Reason::ValueOutOfRange, row);
+            if row.valid {
+                self.reject(Reason::ValueOutOfRange, row);
+            }
             return None;
         }
+        let duration_s = s_from_ns(interval.end_ns - interval.start_ns);
         Some(row.axes.iter().map(|rate_dph| rate_dph * duration_s).collect())
     }
 
     /// Believed temperatures into `batch.checked_c`.
-    fn check_temperatures(&mut self, row: &RawRow, t_ns: i64, has_past: bool, batch: &mut Batch) {
-        if row.bad_temperature {
+    fn check_temperatures(&mut self, row: &RawRow, interval: &Interval, joins: bool, batch: &mut Batch) {
+        if row.bad_temperature.contains(&true) {
             self.reject(Reason::TemperatureNotANumber, row);
         }
         batch.checked_c.clear();
         for (index, &t_c) in row.temperatures_c.iter().enumerate() {
             let others_moved = self.others_moved(index);
-            let verdict = self.thermometers[index].check(t_c, t_ns, has_past, others_moved);
-            if let Some(reason) = verdict {
+            let thermometer = &mut self.thermometers[index];
+            let believed = if row.bad_temperature.get(index) == Some(&true) {
+                Ok(f64::NAN)
+            } else if t_c.is_nan() {
+                Ok(thermometer.held(interval.end_ns))
+            } else {
+                thermometer.check(t_c, interval.end_ns, joins, others_moved)
+            };
+            if let Err(reason) = believed {
                 self.reject(reason, row);
             }
-            batch.checked_c.push(if verdict.is_some() { f64::NAN } else { t_c });
+            batch.checked_c.push(believed.unwrap_or(f64::NAN));
         }
     }
 
@@ -327,69 +380,5 @@ impl RowCheck {
         let since = self.thermometers[index].changed_ns;
         let others = self.thermometers.iter().enumerate().filter(|(other, _)| *other != index);
         others.map(|(_, other)| other.moved_since(since)).fold(0.0, f64::max)
-    }
-}
-
-/// What is remembered of one thermometer.
-struct ThermometerCheck {
-    spec: ThermometerSetup,
-    believed_c: f64,
-    jump_c: f64,
-    jump_rows: u32,
-    value_c: f64,
-    changed_ns: i64,
-    /// Sparse memory of (time, value), a new entry per 0.5 °C, to tell how far it moved since when.
-    trail: Vec<(i64, f64)>,
-}
-
-impl ThermometerCheck {
-    fn new(spec: ThermometerSetup) -> Self {
-        let nan = f64::NAN;
-        Self { spec, believed_c: nan, jump_c: nan, jump_rows: 0, value_c: nan, changed_ns: i64::MIN, trail: Vec::new() }
-    }
-
-    fn check(&mut self, t_c: f64, t_ns: i64, has_past: bool, others_moved_c: f64) -> Option<Reason> {
-        if t_c.is_nan() {
-            return None;
-        }
-        if !(self.spec.plausible_c[0]..=self.spec.plausible_c[1]).contains(&t_c) {
-            return Some(Reason::TemperatureImplausible);
-        }
-        if has_past && self.jumped(t_c) {
-            return Some(Reason::ThermometerJump);
-        }
-        self.believed_c = t_c;
-        self.remember(t_c, t_ns);
-        let frozen = t_ns.saturating_sub(self.changed_ns) > FROZEN_NS && others_moved_c > FROZEN_OTHER_MOVED_C;
-        frozen.then_some(Reason::ThermometerFrozen)
-    }
-
-    /// True while a jump has not stayed long enough to be a new level.
-    fn jumped(&mut self, t_c: f64) -> bool {
-        if (t_c - self.believed_c).abs() <= JUMP_C || self.believed_c.is_nan() {
-            self.jump_rows = 0;
-            return false;
-        }
-        self.jump_rows = if (t_c - self.jump_c).abs() <= JUMP_C { self.jump_rows + 1 } else { 1 };
-        self.jump_c = t_c;
-        self.jump_rows <= JUMP_STAYS_ROWS
-    }
-
-    fn remember(&mut self, t_c: f64, t_ns: i64) {
-        if t_c != self.value_c {
-            (self.value_c, self.changed_ns) = (t_c, t_ns);
-        }
-        if self.trail.last().is_none_or(|(_, last)| (last - t_c).abs() > 0.5) {
-            if self.trail.len() == 256 {
-                self.trail.drain(..128);
-            }
-            self.trail.push((t_ns, t_c));
-        }
-    }
-
-    fn moved_since(&self, since_ns: i64) -> f64 {
-        let later = self.trail.iter().rev().take_while(|(t, _)| *t >= since_ns).map(|(_, value)| *value);
-        let (lo, hi) = later.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| (lo.min(v), hi.max(v)));
-        (hi - lo).max(0.0)
     }
 }

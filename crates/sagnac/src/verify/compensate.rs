@@ -1,7 +1,8 @@
 //! `sagnac compensate`: a log in, the same log corrected out, row by row.
 //!
 //! The first line is a stamp by which Sagnac knows its own output; the count or rate columns are
-//! renamed `compensated_…` and a `status` column is added. Rows that could not be read have no
+//! renamed `compensated_…` (`compensated_…_increment` where the log holds running totals: what comes
+//! out is the row's own counts) and a `status` column is added. Rows that could not be read have no
 //! corrected value and are left out (and counted).
 
 use std::io::Write;
@@ -10,8 +11,8 @@ use sagnac_core::Status;
 
 use crate::error::{Error, Result};
 use crate::ingest::header::COMPENSATED_PREFIX;
-use crate::ingest::{AngleUnit, COMPENSATED_STAMP, LogReader, LogSummary};
-use crate::setup::Setup;
+use crate::ingest::{AngleUnit, COMPENSATED_STAMP, LogReader, LogSummary, unquoted};
+use crate::setup::{Counter, Setup};
 use crate::units::s_from_ns;
 use crate::verify::{Correction, Replay};
 
@@ -33,28 +34,29 @@ pub fn compensate(
     writeln!(out, "{COMPENSATED_STAMP}: serial {}, images {}", correction.serial(), correction.sha256())
         .map_err(unwritten)?;
     let mut csv = csv::WriterBuilder::new().delimiter(log.delimiter()).from_writer(out);
+    let suffix = if setup.counter == Counter::Cumulative { "_increment" } else { "" };
     let headers = log.headers().iter().enumerate().map(|(index, header)| {
-        if columns.contains(&index) { format!("{COMPENSATED_PREFIX}{header}") } else { header.clone() }
+        if columns.contains(&index) { format!("{COMPENSATED_PREFIX}{header}{suffix}") } else { header.clone() }
     });
     csv.write_record(headers.chain(std::iter::once("status".to_owned()))).map_err(|e| unwritten(e.into()))?;
     csv.flush().map_err(unwritten)?;
+    let comma_is_decimal = log.delimiter() != b',';
     while let Some(batch) = log.next_batch()? {
         let corrected = replay.correct(batch)?;
         for (row, fields) in batch.fields.iter().enumerate() {
             let duration_s = s_from_ns(batch.end_ns[row] - batch.start_ns[row]);
-            for (index, field) in fields.iter().enumerate() {
-                match columns.iter().position(|column| *column == index) {
-                    Some(axis) => {
-                        let angle = corrected.angle[axis][row];
-                        csv.write_field(value_text(angle, shape.unit, units[axis], duration_s))
-                    }
-                    None => csv.write_field(field),
-                }
-                .map_err(|e| unwritten(e.into()))?;
-            }
+            let decimal_comma = comma_is_decimal && fields.iter().any(|field| field.contains(&b','));
+            let value = |axis: usize| {
+                let text = value_text(corrected.angle[axis][row], shape.unit, units[axis], duration_s);
+                if decimal_comma { text.replace('.', ",") } else { text }
+            };
             let status = corrected.status.iter().fold(Status::OK, |all, axis| all | axis[row]);
-            csv.write_field(status_text(status)).map_err(|e| unwritten(e.into()))?;
-            csv.write_record(None::<&[u8]>).map_err(|e| unwritten(e.into()))?;
+            let cells = fields.iter().enumerate().map(|(index, field)| {
+                let axis = columns.iter().position(|column| *column == index);
+                axis.map_or_else(|| unquoted(field).to_vec(), |axis| value(axis).into_bytes())
+            });
+            csv.write_record(cells.chain(std::iter::once(status_text(status).into_bytes())))
+                .map_err(|e| unwritten(e.into()))?;
         }
         csv.flush().map_err(unwritten)?;
     }

@@ -56,13 +56,13 @@ impl Limits {
     /// # Errors
     /// As [`Limits::read`].
     pub fn parse(text: &str) -> Result<Self> {
-        let limits: Self = toml::from_str(text).map_err(|e| {
-            let line = e.span().map_or(1, |span| 1 + text[..span.start.min(text.len())].matches('\n').count() as u64);
-            Error::input(format!("limits: {}", e.message().trim())).line(line)
-        })?;
+        let limits: Self = toml::from_str(text)
+            .map_err(|e| Error::toml("limits", text, &e).help("docs/verification.md lists the keys"))?;
         for (name, value) in limits.given() {
-            if !(value.is_finite() && value >= 0.0) {
-                return Err(Error::input("a limit is a number from 0 on").column(name).value(value.to_string()));
+            if !(value.is_finite() && value >= 0.0) || (name == "out_of_span_max" && value > 1.0) {
+                return Err(Error::input("a limit is a number from 0 on (out_of_span_max: to 1)")
+                    .column(name)
+                    .value(value.to_string()));
             }
         }
         if limits.given().is_empty() {

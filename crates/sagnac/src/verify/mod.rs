@@ -23,12 +23,14 @@ pub use limits::{Limits, Verdict};
 pub use replay::{Corrected, Replay};
 pub use stats::{Figures, expected_range};
 
-use crate::calibration::{Calibration, Floor, Input};
+use crate::allan::NoiseTerms;
+use crate::calibration::{Calibration, Input, LogUnit};
 use crate::error::{Error, Result};
 use crate::fit;
 use crate::ingest::{AngleUnit, Batch, LogReader, LogShape, Tally, hex, sha256};
 use crate::setup::Setup;
-use crate::window::{WindowBuilder, Windows};
+use crate::units::ARCSEC_RT_S_PER_DEG_RT_H;
+use crate::window::{WindowBuilder, Windows, same_shape};
 
 /// What a retest is held against.
 #[derive(Clone, Debug)]
@@ -66,7 +68,11 @@ impl Correction {
     /// The setup with which a retest is read: the calibration's own, or what the image knows.
     pub fn setup(&self) -> Setup {
         if let Some(calibration) = &self.calibration {
-            return calibration.setup.clone();
+            let (arcsec_per_count, quantum) = match calibration.unit {
+                LogUnit::Counts { arcsec_per_count, quantum } => (Some(arcsec_per_count), Some(quantum)),
+                LogUnit::Rates { .. } => (None, None),
+            };
+            return Setup { arcsec_per_count, quantum, ..calibration.setup.clone() };
         }
         let Some(d) = self.images.first().map(|image| *image.description()) else {
             return Setup::default();
@@ -103,14 +109,22 @@ impl Correction {
             })
         };
         let images: Result<Vec<Image>> = shape.axes.iter().map(find).collect();
-        let wanted = self.calibration.as_ref().map(|c| c.thermometer.name.clone()).or(setup.use_thermometer.clone());
-        let sensor = match wanted {
+        let only = shape.thermometers.len() == 1;
+        let own =
+            self.calibration.as_ref().map(|c| c.thermometer.name.clone()).filter(|name| !(only && name.is_empty()));
+        let sensor = match setup.use_thermometer.clone().or(own) {
             Some(name) => Some(shape.thermometers.iter().position(|other| *other == name).ok_or_else(|| {
                 Error::input(format!("the log has no thermometer {name:?}, which the correction uses"))
                     .help(format!("it has: {}", shape.thermometers.join(", ")))
             })?),
             None if shape.thermometers.is_empty() => None,
-            None => Some(0),
+            None if only => Some(0),
+            None => {
+                let names = shape.thermometers.join(", ");
+                let what =
+                    format!("the log has several thermometers ({names}), and the image does not say which it uses");
+                return Err(Error::input(what).help("name it with --thermometer"));
+            }
         };
         Ok((images?, sensor))
     }
@@ -126,7 +140,7 @@ impl Correction {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RetestFloor {
-    /// σ of a window from noise alone, °/h.
+    /// σ of the used windows from noise alone, °/h: root mean square of √(N²/τ + 2Q²/τ²) over their lengths τ.
     pub value_dph: f64,
     /// The same in the unit of the figures.
     pub value: f64,
@@ -235,11 +249,7 @@ fn replay_windows(correction: &Correction, logs: Vec<LogReader>, setup: &Setup, 
                 builder.insert((WindowBuilder::new(&both_sides, setup)?.judging(shape.axes.len()), shape.clone()))
             }
         };
-        if first.axes != shape.axes || first.unit != shape.unit || first.thermometers != shape.thermometers {
-            return Err(
-                Error::input("axes, units or thermometers differ from those of the first retest log").file(name)
-            );
-        }
+        same_shape(first, &shape).map_err(|e| e.file(&name))?;
         while let Some(batch) = log.next_batch()? {
             let corrected = replay.correct(batch)?;
             builder.push(&with_corrected(batch, corrected)).map_err(|e| e.file(&name))?;
@@ -320,7 +330,7 @@ fn axis_figures(
     Ok(out)
 }
 
-/// From the retest log, else from the calibration.
+/// From the retest log, else from the calibration: N and Q, at the lengths that the windows really have.
 fn floor(
     windows: &Windows,
     used: &[usize],
@@ -330,29 +340,19 @@ fn floor(
     dph_per_unit: f64,
 ) -> Option<RetestFloor> {
     let letter = windows.shape.axes[axis];
-    let own = fit::floor_of(windows, axis, setup);
     let calibrations = correction.calibration.iter().flat_map(|c| &c.axes);
     let earlier = || {
-        calibrations
-            .into_iter()
-            .find(|a| a.axis == letter)?
-            .floor
-            .clone()
-            .map(|f| Floor { source: format!("calibration ({})", f.source), ..f })
+        let known = calibrations.into_iter().find(|a| a.axis == letter)?.floor.as_ref()?;
+        let n_arcsec_rt_s = known.n_deg_rt_h * ARCSEC_RT_S_PER_DEG_RT_H;
+        windows.shape.window.seconds()?;
+        Some((NoiseTerms { n_arcsec_rt_s, q_arcsec: known.q_arcsec }, format!("calibration ({})", known.source)))
     };
-    let floor = own.or_else(earlier)?;
-    let largest = windows
-        .runs
-        .iter()
-        .enumerate()
-        .map(|(run, _)| used.iter().filter(|i| windows.rows.run[**i] as usize == run).count())
-        .max()?;
-    let value = floor.value_dph / dph_per_unit;
-    Some(RetestFloor {
-        value_dph: floor.value_dph,
-        value,
-        expected_peak_to_peak: expected_range(largest) * value,
-        n: largest,
-        source: floor.source,
-    })
+    let own = fit::noise_of(windows, axis, setup).map(|(terms, source)| (terms, source.to_owned()));
+    let (terms, source) = own.or_else(earlier)?;
+    let mean_square =
+        used.iter().map(|i| terms.floor_dph(windows.duration_s(*i)).powi(2)).sum::<f64>() / used.len() as f64;
+    let count = |run: usize| used.iter().filter(|i| windows.rows.run[**i] as usize == run).count();
+    let largest = (0..windows.runs.len()).map(count).max()?;
+    let (value_dph, value) = (mean_square.sqrt(), mean_square.sqrt() / dph_per_unit);
+    Some(RetestFloor { value_dph, value, expected_peak_to_peak: expected_range(largest) * value, n: largest, source })
 }

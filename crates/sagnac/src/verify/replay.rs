@@ -193,7 +193,7 @@ impl AxisReplay {
         }
         let whole = exact.round();
         self.pending = exact - whole;
-        if whole.abs() > (MAX_RAW * ticks) as f64 {
+        if whole.abs() > MAX_RAW.saturating_mul(ticks) as f64 {
             return Err(Misuse::RawOutOfRange);
         }
         let (mut raw, mut left) = (whole as i64, ticks);

@@ -16,9 +16,10 @@ const MAX_TRACK: usize = 1 << 22;
 pub struct WindowBuilder {
     shape: WindowShape,
     settle_ns: i64,
+    tick_ns: i64,
     rows: WindowRows,
     runs: Vec<Run>,
-    noise: Vec<ShortTau>,
+    short_tau: Vec<ShortTau>,
     run: Option<OpenRun>,
     judged_axes: usize,
 }
@@ -107,8 +108,17 @@ impl WindowBuilder {
     /// # Errors
     /// A temperature period that is no whole number of ticks.
     pub fn new(log: &LogShape, setup: &Setup) -> Result<Self> {
-        let period_ns = temperature_period_ns(log, setup)?;
+        let tick_ns = ns_from_s(setup.tick_s.unwrap_or(1e-4)).unwrap_or(100_000).max(1);
+        let period_ns = temperature_period_ns(tick_ns, setup)?;
         let sample_interval_s = s_from_ns(log.nominal_ns);
+        if let Some(seconds) = setup.window().seconds()
+            && log.timed
+            && seconds < 0.999 * sample_interval_s
+        {
+            return Err(Error::input(format!("a window of {seconds} s is shorter than a row ({sample_interval_s} s)"))
+                .column("window")
+                .help("give a longer window, or `row` for one window per row"));
+        }
         let window = if log.timed { setup.window() } else { WindowSize::ROW };
         let nominal_s = window.seconds().unwrap_or(sample_interval_s);
         let longest = if window == WindowSize::ROW { 0.0 } else { nominal_s / 4.0 };
@@ -126,6 +136,7 @@ impl WindowBuilder {
         let columns = |n: usize| vec![Vec::new(); n];
         let rows = WindowRows {
             angle: columns(log.axes.len()),
+            short_tau: vec![Vec::new(); log.axes.len()],
             mean_c: columns(log.thermometers.len()),
             variance_c2: columns(log.thermometers.len()),
             min_c: columns(log.thermometers.len()),
@@ -134,9 +145,10 @@ impl WindowBuilder {
             ..WindowRows::default()
         };
         Ok(Self {
-            noise: vec![ShortTau::new(sample_interval_s, longest); log.axes.len()],
+            short_tau: vec![ShortTau::new(sample_interval_s, longest); log.axes.len()],
             shape,
             settle_ns: ns_from_s(setup.settle_s).unwrap_or(0),
+            tick_ns,
             rows,
             runs: Vec::new(),
             run: None,
@@ -157,12 +169,19 @@ impl WindowBuilder {
     pub fn read_all(logs: Vec<LogReader>, setup: &Setup) -> Result<Self> {
         let first = logs.first().ok_or_else(|| Error::input("no log given"))?.shape().clone();
         let mut builder = Self::new(&first, setup)?;
+        let mut seen: Vec<(String, String)> = Vec::new();
         for mut log in logs {
             same_shape(&first, log.shape()).map_err(|e| e.file(log.summary().file))?;
             while let Some(batch) = log.next_batch()? {
                 builder.push(batch)?;
             }
-            builder.end_run(log.summary());
+            let summary = log.summary();
+            if let Some((_, twin)) = seen.iter().find(|(sha256, _)| *sha256 == summary.sha256) {
+                let what = format!("holds the same bytes as {twin}; one run counts once");
+                return Err(Error::input(what).file(summary.file).help("give each log once"));
+            }
+            seen.push((summary.sha256.clone(), summary.file.clone()));
+            builder.end_run(summary);
         }
         Ok(builder)
     }
@@ -178,10 +197,10 @@ impl WindowBuilder {
     fn push_row(&mut self, batch: &Batch, i: usize) -> Result<()> {
         let (start_ns, end_ns) = (batch.start_ns[i], batch.end_ns[i]);
         let run = self.run.get_or_insert_with(|| OpenRun::new(start_ns, self.shape.thermometers.len()));
-        let joins = run.end_ns == start_ns;
         run.end_ns = end_ns;
         if self.shape.timed {
-            let elapsed_ns = end_ns - run.start_ns;
+            // As in replay: a stamp counts from the tick it falls into.
+            let elapsed_ns = (end_ns - run.start_ns) / self.tick_ns * self.tick_ns;
             let before = elapsed_ns / self.shape.period_ns + i64::from(elapsed_ns % self.shape.period_ns != 0);
             let before = usize::try_from(before).unwrap_or(usize::MAX);
             if before > MAX_TRACK {
@@ -191,14 +210,8 @@ impl WindowBuilder {
                 track.sample(before, column[i]);
             }
         }
-        if !joins || !batch.valid[i] {
-            self.noise.iter_mut().for_each(ShortTau::gap);
-        }
         if !batch.valid[i] {
             return Ok(());
-        }
-        for (noise, column) in self.noise.iter_mut().zip(&batch.angle) {
-            noise.push(column[i] * self.shape.unit.arcsec());
         }
         let index = match self.shape.window.seconds() {
             Some(seconds) => {
@@ -215,6 +228,9 @@ impl WindowBuilder {
         });
         if must_close {
             self.close_window();
+        }
+        for (short_tau, column) in self.short_tau.iter_mut().zip(&batch.angle) {
+            short_tau.push(column[i] * self.shape.unit.arcsec());
         }
         if let Some(run) = self.run.as_mut() {
             run.open.get_or_insert_with(|| Sums::new(index, start_ns, batch, i)).add(batch, i);
@@ -239,6 +255,9 @@ impl WindowBuilder {
         let push = |columns: &mut Vec<Vec<f64>>, values: &mut dyn Iterator<Item = f64>| {
             columns.iter_mut().zip(values).for_each(|(column, value)| column.push(value));
         };
+        for (column, short_tau) in rows.short_tau.iter_mut().zip(&mut self.short_tau) {
+            column.push(short_tau.take());
+        }
         push(&mut rows.angle, &mut sums.angle.iter().copied());
         let half = s_from_ns(sums.duration_ns) / 2.0;
         let known = |m: &Moments, value: f64| if m.weight >= half { value } else { f64::NAN };
@@ -252,7 +271,6 @@ impl WindowBuilder {
     /// Ends the run; `summary` tells where it came from.
     pub fn end_run(&mut self, summary: LogSummary) {
         self.close_window();
-        self.noise.iter_mut().for_each(ShortTau::gap);
         let run = self.run.take().unwrap_or_else(|| OpenRun::new(0, self.shape.thermometers.len()));
         let tracks = run.tracks.into_iter().map(|track| track.values).collect();
         self.runs.push(Run { summary, start_ns: run.start_ns, end_ns: run.end_ns, tracks });
@@ -263,10 +281,10 @@ impl WindowBuilder {
     pub fn finish(self, keep_all: bool) -> Windows {
         let mut tallies = Tallies::default();
         self.runs.iter().for_each(|run| tallies.merge(&run.summary.tallies));
-        let mut windows = Windows { shape: self.shape, runs: self.runs, rows: self.rows, noise: self.noise, tallies };
+        let mut windows = Windows { shape: self.shape, runs: self.runs, rows: self.rows, tallies };
         for i in 0..windows.len() {
             let run = &windows.runs[windows.rows.run[i] as usize];
-            if windows.rows.end_ns[i] - run.start_ns <= self.settle_ns {
+            if windows.rows.start_ns[i] - run.start_ns < self.settle_ns {
                 windows.exclude(i, Reason::Settling);
             } else if !keep_all && windows.duration_s(i) < windows.shape.nominal_s / 10.0 {
                 windows.exclude(i, Reason::ShortWindow);
@@ -325,9 +343,8 @@ fn too_many_periods(period_ns: i64) -> Error {
         .help("cut the log into shorter files (each is a run), or give a longer temperature_period_s in the setup")
 }
 
-/// Δt: as given, else the log's interval, at least 1 s, rounded up to whole ticks.
-fn temperature_period_ns(log: &LogShape, setup: &Setup) -> Result<i64> {
-    let tick_ns = ns_from_s(setup.tick_s.unwrap_or(1e-4)).unwrap_or(100_000).max(1);
+/// Δt: as given, else 1 s, rounded up to whole ticks.
+fn temperature_period_ns(tick_ns: i64, setup: &Setup) -> Result<i64> {
     if let Some(seconds) = setup.temperature_period_s {
         let period = ns_from_s(seconds).unwrap_or(0);
         if period < tick_ns || period % tick_ns != 0 {
@@ -337,11 +354,12 @@ fn temperature_period_ns(log: &LogShape, setup: &Setup) -> Result<i64> {
         }
         return Ok(period);
     }
-    let wanted = log.nominal_ns.max(1_000_000_000);
-    Ok((wanted + tick_ns - 1) / tick_ns * tick_ns)
+    const ONE_SECOND_NS: i64 = 1_000_000_000;
+    Ok((ONE_SECOND_NS + tick_ns - 1) / tick_ns * tick_ns)
 }
 
-fn same_shape(first: &LogShape, other: &LogShape) -> Result<()> {
+/// Logs that can stand in one set of windows.
+pub(crate) fn same_shape(first: &LogShape, other: &LogShape) -> Result<()> {
     let differs = |what: &str| Err(Error::input(format!("{what} differ from those of the first log")));
     if first.axes != other.axes {
         return differs("axes");

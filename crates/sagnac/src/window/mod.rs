@@ -10,11 +10,12 @@ mod outliers;
 #[cfg(feature = "parquet")]
 mod table;
 
-use crate::allan::ShortTau;
 pub use crate::window::build::WindowBuilder;
+pub(crate) use crate::window::build::same_shape;
 #[cfg(feature = "parquet")]
 pub use crate::window::table::{TABLE_VERSION, read_table, write_table};
 
+use crate::allan::{NoiseTerms, ShortTauSums};
 use crate::ingest::{AngleUnit, LogSummary, Reason, Tallies};
 use crate::setup::WindowSize;
 use crate::units::s_from_ns;
@@ -91,6 +92,8 @@ pub struct WindowRows {
     pub reference_dps: Vec<f64>,
     /// Line of the window's first row.
     pub first_line: Vec<u64>,
+    /// Per axis: short-τ sums of the window's raw samples.
+    pub short_tau: Vec<Vec<ShortTauSums>>,
     /// Why the window is left out, if it is.
     pub excluded: Vec<Option<Reason>>,
 }
@@ -104,8 +107,6 @@ pub struct Windows {
     pub runs: Vec<Run>,
     /// The windows.
     pub rows: WindowRows,
-    /// Per axis: short-τ deviations of the raw samples.
-    pub noise: Vec<ShortTau>,
     /// Rows that were not used, and windows that are left out (in rows of the log).
     pub tallies: Tallies,
 }
@@ -129,6 +130,14 @@ impl Windows {
     /// Mean rate of an axis over a window, °/h (1 arcsec/s = 1 °/h).
     pub fn rate_dph(&self, axis: usize, window: usize) -> f64 {
         self.rows.angle[axis][window] * self.shape.unit.arcsec() / self.duration_s(window)
+    }
+
+    /// N and Q of an axis from the raw samples of the used windows; `None` where they do not tell.
+    pub fn measured_noise(&self, axis: usize) -> Option<NoiseTerms> {
+        let mut all = ShortTauSums::default();
+        let used = self.rows.short_tau[axis].iter().zip(&self.rows.excluded).filter(|(_, reason)| reason.is_none());
+        used.for_each(|(sums, _)| all.merge(sums));
+        all.fit(self.shape.sample_interval_s)
     }
 
     /// Marks a window as left out and counts its rows.

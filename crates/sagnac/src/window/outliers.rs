@@ -1,21 +1,29 @@
 //! Windows that are no thermal drift: bumps, steps, start-up.
 //!
-//! Each window is compared with what its neighbours predict, so a smooth drift of any size passes.
-//! The prediction is the median of five symmetric pair means (at the ends of a run, of five linear
-//! extrapolations); the scale is robust and has a floor of 5 % of the run's own range, so that a
-//! noise-free record is not taken apart at its corners. Limits: a bump longer than five windows that
-//! rises slowly passes; so does a step of less than ten sigma.
+//! Each window is compared with what its neighbours predict at its own time, so a smooth drift of any
+//! size passes, in windows of any length. The prediction is the median of five interpolations between
+//! a window before and one after (at the ends of a run, of five extrapolations); the scale is robust
+//! and has a floor of 10 % of the run's own range, so that a noise-free record is not taken apart at its
+//! corners. A step is a lasting change that happens at once, among small ones.
+//!
+//! Limits: a bump longer than five windows that rises slowly passes; so does a step of less than ten
+//! sigma or a quarter of the range (a thermal turning point is no step).
 
 use crate::ingest::Reason;
+use crate::units::s_from_ns;
 use crate::window::Windows;
 
 const NEIGHBOURS: usize = 5;
 /// Runs shorter than this are not judged.
 const MIN_WINDOWS: usize = 12;
 const BUMP_SIGMAS: f64 = 8.0;
-const BUMP_OF_RANGE: f64 = 0.05;
+const BUMP_OF_RANGE: f64 = 0.1;
 const STEP_SIGMAS: f64 = 10.0;
-const STEP_OF_RANGE: f64 = 0.1;
+const STEP_OF_RANGE: f64 = 0.25;
+/// It happens in this part of the time between the two sides (evenly spaced windows: 1/3).
+const STEP_OF_TIME: f64 = 0.45;
+/// A step exceeds the usual change from window to window by this.
+const STEP_OF_CHANGES: f64 = 4.0;
 /// A step happens within two windows; a drift does not.
 const STEP_AT_ONCE: f64 = 0.7;
 
@@ -35,26 +43,83 @@ fn mark_run(windows: &mut Windows, run: usize, axis: usize) {
     if members.len() < MIN_WINDOWS {
         return;
     }
-    let rates: Vec<f64> = members.iter().map(|i| windows.rate_dph(axis, *i)).collect();
-    let scale = robust_scale(&residuals(windows, &members, &rates));
-    let kept = keep_one_level(&rates, (STEP_SIGMAS * scale).max(STEP_OF_RANGE * decile_range(&rates)));
+    let series = Series::of(windows, axis, &members);
+    let scale = robust_scale(&residuals(windows, &members, &series));
+    let kept = keep_one_level(&series, (STEP_SIGMAS * scale).max(STEP_OF_RANGE * decile_range(&series.rates)));
     for (member, _) in members.iter().zip(&kept).filter(|(_, kept)| !**kept) {
         windows.exclude(*member, Reason::Step);
     }
     // What is left is one level: a bump stands out from it alone.
-    let (left, rates): (Vec<usize>, Vec<f64>) =
-        members.iter().zip(&rates).zip(&kept).filter(|(_, kept)| **kept).map(|((i, rate), _)| (*i, *rate)).unzip();
-    let residuals = residuals(windows, &left, &rates);
-    let limit = (BUMP_SIGMAS * robust_scale(&residuals)).max(BUMP_OF_RANGE * decile_range(&rates));
+    let left: Vec<usize> = members.iter().zip(&kept).filter(|(_, kept)| **kept).map(|(i, _)| *i).collect();
+    let series = Series::of(windows, axis, &left);
+    let residuals = residuals(windows, &left, &series);
+    let limit = (BUMP_SIGMAS * robust_scale(&residuals)).max(BUMP_OF_RANGE * decile_range(&series.rates));
     for (i, member) in left.iter().enumerate().filter(|(i, _)| residuals[*i].abs() > limit) {
         windows.exclude(*member, if *member == members[0] && i == 0 { Reason::StartUp } else { Reason::Motion });
     }
 }
 
+/// Rates of some windows at their middles.
+struct Series {
+    times_s: Vec<f64>,
+    rates: Vec<f64>,
+}
+
+impl Series {
+    fn of(windows: &Windows, axis: usize, members: &[usize]) -> Self {
+        let middle = |i: &usize| s_from_ns(windows.rows.start_ns[*i] / 2 + windows.rows.end_ns[*i] / 2);
+        Self {
+            times_s: members.iter().map(middle).collect(),
+            rates: members.iter().map(|i| windows.rate_dph(axis, *i)).collect(),
+        }
+    }
+
+    /// The straight line through windows a and b, at window i.
+    fn line(&self, a: usize, b: usize, i: usize) -> f64 {
+        let part = (self.times_s[i] - self.times_s[a]) / (self.times_s[b] - self.times_s[a]);
+        self.rates[a] + part * (self.rates[b] - self.rates[a])
+    }
+
+    /// What the neighbours of `i` say it should be.
+    fn predicted(&self, i: usize) -> f64 {
+        let n = self.rates.len();
+        let by = |k: usize| -> Option<f64> {
+            match (i.checked_sub(k), i + k < n) {
+                (Some(before), true) => Some(self.line(before, i + k, i)),
+                (None, _) => (i + 2 * k < n).then(|| self.line(i + k, i + 2 * k, i)),
+                (Some(before), false) => before.checked_sub(k).map(|far| self.line(far, before, i)),
+            }
+        };
+        median((1..=NEIGHBOURS).filter_map(by).collect())
+    }
+
+    /// The size of a step at window `i`, if there is one: medians of five windows on both sides differ, nearly
+    /// all of it happens at i, in little of the time between them, and the changes around are small.
+    fn step_at(&self, i: usize, limit: f64) -> Option<f64> {
+        if i < NEIGHBOURS || i + NEIGHBOURS >= self.rates.len() {
+            return None;
+        }
+        let (before, after) = (i - NEIGHBOURS..i, i + 1..i + NEIGHBOURS + 1);
+        let jump = median(self.rates[after.clone()].to_vec()) - median(self.rates[before.clone()].to_vec());
+        let time = median(self.times_s[after].to_vec()) - median(self.times_s[before].to_vec());
+        let change = |k: usize| (self.rates[k] - self.rates[k - 1]).abs();
+        let around = i + 1 - NEIGHBOURS..i + NEIGHBOURS;
+        let usual = median(around.clone().map(change).collect());
+        // The largest single change lies at i, so that a step is found once and at its place.
+        let largest = around.map(change).fold(0.0, f64::max);
+        let at_once = (self.rates[i + 1] - self.rates[i - 1]) * jump.signum();
+        let is_step = jump.abs() > limit.max(STEP_OF_CHANGES * usual)
+            && at_once > STEP_AT_ONCE * jump.abs()
+            && self.times_s[i + 1] - self.times_s[i - 1] < STEP_OF_TIME * time
+            && change(i) >= largest;
+        is_step.then_some(jump)
+    }
+}
+
 /// Each window against its neighbours; a shorter window is noisier and counts for less.
-fn residuals(windows: &Windows, members: &[usize], rates: &[f64]) -> Vec<f64> {
+fn residuals(windows: &Windows, members: &[usize], series: &Series) -> Vec<f64> {
     let trust = |i: usize| (windows.duration_s(i) / windows.shape.nominal_s).min(1.0).sqrt();
-    members.iter().enumerate().map(|(at, i)| (rates[at] - predicted(rates, at)) * trust(*i)).collect()
+    members.iter().enumerate().map(|(at, i)| (series.rates[at] - series.predicted(at)) * trust(*i)).collect()
 }
 
 /// σ of normal values from the median of their sizes.
@@ -62,28 +127,15 @@ fn robust_scale(residuals: &[f64]) -> f64 {
     1.4826 * median(residuals.iter().map(|r| r.abs()).collect())
 }
 
-/// What the neighbours of `i` say it should be.
-fn predicted(rates: &[f64], i: usize) -> f64 {
-    let n = rates.len();
-    let by = |k: usize| -> Option<f64> {
-        match (i.checked_sub(k), i + k < n) {
-            (Some(before), true) => Some((rates[before] + rates[i + k]) / 2.0),
-            (None, _) => Some(2.0 * rates.get(i + k)? - rates.get(i + 2 * k)?),
-            (Some(before), false) => Some(2.0 * rates[before] - rates[before.checked_sub(k)?]),
-        }
-    };
-    median((1..=NEIGHBOURS).filter_map(by).collect())
-}
-
 /// Splits at steps and keeps the level with the most windows.
-fn keep_one_level(rates: &[f64], limit: f64) -> Vec<bool> {
-    let mut level = vec![0.0; rates.len()];
+fn keep_one_level(series: &Series, limit: f64) -> Vec<bool> {
+    let mut level = vec![0.0; series.rates.len()];
     let mut offset = 0.0;
     let mut next_allowed = 0;
     for (i, level) in level.iter_mut().enumerate() {
         *level = offset;
         if i >= next_allowed
-            && let Some(jump) = step_at(rates, i, limit)
+            && let Some(jump) = series.step_at(i, limit)
         {
             // The window in which it happens belongs to neither side.
             *level = f64::NAN;
@@ -92,23 +144,10 @@ fn keep_one_level(rates: &[f64], limit: f64) -> Vec<bool> {
         }
     }
     let members = |of: f64| level.iter().filter(|l| (**l - of).abs() <= limit).count();
-    let best = level.iter().copied().filter(|l| !l.is_nan()).max_by_key(|l| members(*l)).unwrap_or(0.0);
+    let mut levels: Vec<f64> = level.iter().copied().filter(|l| !l.is_nan()).collect();
+    levels.dedup();
+    let best = levels.into_iter().max_by_key(|l| members(*l)).unwrap_or(0.0);
     level.iter().map(|l| (l - best).abs() <= limit).collect()
-}
-
-/// The size of a step at window `i`, if there is one.
-fn step_at(rates: &[f64], i: usize, limit: f64) -> Option<f64> {
-    if i < NEIGHBOURS || i + NEIGHBOURS >= rates.len() {
-        return None;
-    }
-    let before = median(rates[i - NEIGHBOURS..i].to_vec());
-    let after = median(rates[i + 1..=i + NEIGHBOURS].to_vec());
-    let jump = after - before;
-    let at_once = (rates[i + 1] - rates[i - 1]) * jump.signum();
-    // The largest single change lies at i, so that a step is found once and at its place.
-    let here = (rates[i] - rates[i - 1]).abs();
-    let largest = (i + 1 - NEIGHBOURS..i + NEIGHBOURS).map(|k| (rates[k] - rates[k - 1]).abs()).fold(0.0, f64::max);
-    (jump.abs() > limit && at_once > STEP_AT_ONCE * jump.abs() && here >= largest).then_some(jump)
 }
 
 fn decile_range(values: &[f64]) -> f64 {
@@ -134,6 +173,10 @@ fn median(mut values: Vec<f64>) -> f64 {
 mod tests {
     use super::*;
 
+    fn series(rates: Vec<f64>) -> Series {
+        Series { times_s: (0..rates.len()).map(|i| i as f64).collect(), rates }
+    }
+
     /// A drift with a corner and a little deterministic noise.
     fn drift(n: usize) -> Vec<f64> {
         let noise = |i: usize| ((i * 7919) % 101) as f64 / 101.0 - 0.5;
@@ -144,26 +187,33 @@ mod tests {
     fn a_step_keeps_the_longer_side_and_a_bump_both() {
         let mut stepped = drift(100);
         stepped[70..].iter_mut().for_each(|y| *y += 1.0);
-        let kept = keep_one_level(&stepped, 0.3);
+        let kept = keep_one_level(&series(stepped), 0.3);
         assert!(kept[..70].iter().all(|k| *k), "{kept:?}");
         assert!(kept[71..].iter().all(|k| !*k));
         let mut bumped = drift(100);
         bumped[50..62].iter_mut().for_each(|y| *y += 1.0);
-        let kept = keep_one_level(&bumped, 0.3);
+        let kept = keep_one_level(&series(bumped), 0.3);
         assert!(kept[..50].iter().chain(&kept[63..]).all(|k| *k), "{kept:?}");
         assert!(kept[51..62].iter().all(|k| !*k));
     }
 
     #[test]
-    fn a_drift_is_no_step() {
-        assert!(keep_one_level(&drift(200), 0.05).iter().all(|k| *k));
+    fn a_drift_is_no_step_however_steep_and_however_unequal_its_windows() {
+        assert!(keep_one_level(&series(drift(200)), 0.05).iter().all(|k| *k));
+        // A sine in windows of unequal length, without any noise.
+        let times_s: Vec<f64> = (0..200).map(|i| f64::from(i) + if i % 3 == 0 { 0.45 } else { 0.0 }).collect();
+        let rates: Vec<f64> = times_s.iter().map(|t| (t / 9.0).sin()).collect();
+        let sine = Series { times_s, rates };
+        assert!(keep_one_level(&sine, 0.1).iter().all(|k| *k));
+        let worst = (0..200).map(|i| (sine.rates[i] - sine.predicted(i)).abs()).fold(0.0, f64::max);
+        assert!(worst < 0.2, "{worst}");
     }
 
     #[test]
     fn ends_are_judged_by_extrapolation() {
-        let line: Vec<f64> = (0..20).map(f64::from).collect();
+        let line = series((0..20).map(f64::from).collect());
         for i in [0, 1, 10, 19] {
-            assert!((predicted(&line, i) - line[i]).abs() < 1e-12);
+            assert!((line.predicted(i) - line.rates[i]).abs() < 1e-12);
         }
     }
 }

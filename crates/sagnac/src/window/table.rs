@@ -1,10 +1,11 @@
 //! The window table as a Parquet file: what `sagnac window` writes and `sagnac calibrate` reads back.
 //!
 //! One row per window. Angles are Int64 quanta for count logs, Float64 arcsec for rate logs. Each
-//! row also carries the piece of its run's temperature track that ends with it
+//! row carries its short-τ sums (`short_tau_<axis>`: squares, numbers, degrees of freedom, one each per
+//! octave) and the piece of its run's temperature track that ends with it
 //! (`track_c_<name>`, a list; the last row of a run carries the rest), so rows can be partitioned
 //! by run without losing the lag filter's input. What belongs to no row (units, runs, hashes,
-//! tallies, short-τ sums) stands as JSON under `sagnac.windows` in the schema's metadata.
+//! tallies, how the logs were read) stands as JSON under `sagnac.windows` in the schema's metadata.
 
 use std::collections::HashMap;
 use std::fs::File;
@@ -23,10 +24,10 @@ use parquet::basic::Compression;
 use parquet::file::properties::WriterProperties;
 use serde::{Deserialize, Serialize};
 
-use crate::allan::ShortTau;
+use crate::allan::ShortTauSums;
 use crate::error::{Error, Result};
 use crate::ingest::{AngleUnit, LogSummary, Tallies, Tally};
-use crate::setup::WindowSize;
+use crate::setup::{Setup, WindowSize};
 use crate::window::{Run, WindowRows, WindowShape, Windows};
 
 /// Version of the table's schema.
@@ -49,7 +50,8 @@ struct Metadata {
     sample_interval_s: f64,
     runs: Vec<RunMetadata>,
     tallies: Vec<Tally>,
-    noise: Vec<ShortTau>,
+    /// How the logs were read.
+    setup: Setup,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -66,9 +68,9 @@ struct RunMetadata {
 ///
 /// # Errors
 /// What the writer says.
-pub fn write_table(windows: &Windows, out: impl Write + Send) -> Result<()> {
+pub fn write_table(windows: &Windows, setup: &Setup, out: impl Write + Send) -> Result<()> {
     let broken = |e: &dyn std::fmt::Display| Error::input(format!("cannot write the window table: {e}"));
-    let batch = to_batch(windows)?;
+    let batch = to_batch(windows, setup)?;
     let properties =
         WriterProperties::builder().set_compression(Compression::SNAPPY).set_created_by("sagnac".into()).build();
     let mut writer = ArrowWriter::try_new(out, batch.schema(), Some(properties)).map_err(|e| broken(&e))?;
@@ -77,7 +79,7 @@ pub fn write_table(windows: &Windows, out: impl Write + Send) -> Result<()> {
     Ok(())
 }
 
-fn to_batch(windows: &Windows) -> Result<RecordBatch> {
+fn to_batch(windows: &Windows, setup: &Setup) -> Result<RecordBatch> {
     let (shape, rows) = (&windows.shape, &windows.rows);
     let mut columns: Vec<(String, ArrayRef)> = vec![
         ("run".into(), Arc::new(UInt32Array::from(rows.run.clone()))),
@@ -96,6 +98,14 @@ fn to_batch(windows: &Windows) -> Result<RecordBatch> {
         };
         columns.push((format!("angle_{axis}"), column));
     }
+    for (axis, sums) in shape.axes.iter().zip(&rows.short_tau) {
+        let mut lists = ListBuilder::new(Float64Builder::new());
+        for s in sums {
+            [&s.squares, &s.numbers, &s.edf].into_iter().for_each(|part| lists.values().append_slice(part));
+            lists.append(true);
+        }
+        columns.push((format!("short_tau_{axis}"), Arc::new(lists.finish())));
+    }
     for (i, name) in shape.thermometers.iter().enumerate() {
         for (prefix, column) in SENSOR_COLUMNS.iter().zip([&rows.mean_c, &rows.variance_c2, &rows.min_c, &rows.max_c]) {
             columns.push((format!("{prefix}_{name}"), float(&column[i])));
@@ -107,7 +117,7 @@ fn to_batch(windows: &Windows) -> Result<RecordBatch> {
     }
     let fields: Vec<Field> =
         columns.iter().map(|(name, column)| Field::new(name, column.data_type().clone(), true)).collect();
-    let json = serde_json::to_string(&metadata(windows))
+    let json = serde_json::to_string(&metadata(windows, setup))
         .map_err(|e| Error::input(format!("cannot describe the windows: {e}")))?;
     let schema = Schema::new(fields).with_metadata(HashMap::from([(METADATA_KEY.to_owned(), json)]));
     RecordBatch::try_new(Arc::new(schema), columns.into_iter().map(|(_, column)| column).collect())
@@ -142,7 +152,7 @@ fn tracks(windows: &Windows, sensor: usize) -> ArrayRef {
     Arc::new(lists.finish())
 }
 
-fn metadata(windows: &Windows) -> Metadata {
+fn metadata(windows: &Windows, setup: &Setup) -> Metadata {
     let shape = &windows.shape;
     let (arcsec_per_count, quantum) = match shape.unit {
         AngleUnit::Quanta { arcsec_per_count, quantum } => (Some(arcsec_per_count), Some(quantum)),
@@ -170,22 +180,22 @@ fn metadata(windows: &Windows) -> Metadata {
         sample_interval_s: shape.sample_interval_s,
         runs: runs.collect(),
         tallies: windows.tallies.list(),
-        noise: windows.noise.clone(),
+        setup: setup.clone(),
     }
 }
 
-/// Reads a table back.
+/// Reads a table back, with the setup its logs were read with.
 ///
 /// # Errors
 /// No Parquet file, no window table of this version, or columns that do not fit its description.
-pub fn read_table(path: &Path) -> Result<Windows> {
+pub fn read_table(path: &Path) -> Result<(Windows, Setup)> {
     // The decoder is not ours; whatever it does with a damaged file, the file is what is bad.
     let result = std::panic::catch_unwind(|| read(path));
     let result = result.unwrap_or_else(|_| Err(Error::input("a damaged Parquet file (its decoder gave up)")));
     result.map_err(|e| e.file(path.display().to_string()))
 }
 
-fn read(path: &Path) -> Result<Windows> {
+fn read(path: &Path) -> Result<(Windows, Setup)> {
     let file = File::open(path).map_err(|e| Error::io_path(path, "open", &e))?;
     let broken = |e: &dyn std::fmt::Display| Error::input(format!("not a readable Parquet file: {e}"));
     let builder = ParquetRecordBatchReaderBuilder::try_new(file).map_err(|e| broken(&e))?;
@@ -198,12 +208,14 @@ fn read(path: &Path) -> Result<Windows> {
     if meta.version != TABLE_VERSION {
         return Err(Error::input(format!("window table version {}; this program reads {TABLE_VERSION}", meta.version)));
     }
+    meta.setup.check()?;
+    let setup = meta.setup.clone();
     let mut windows = empty_windows(meta);
     for batch in builder.build().map_err(|e| broken(&e))? {
         append(&mut windows, &batch.map_err(|e| broken(&e))?)?;
     }
     check_indices(&windows)?;
-    Ok(windows)
+    Ok((windows, setup))
 }
 
 fn empty_windows(meta: Metadata) -> Windows {
@@ -211,6 +223,7 @@ fn empty_windows(meta: Metadata) -> Windows {
     let sensors = meta.thermometers.len();
     let rows = WindowRows {
         angle: columns(meta.axes.len()),
+        short_tau: vec![Vec::new(); meta.axes.len()],
         mean_c: columns(sensors),
         variance_c2: columns(sensors),
         min_c: columns(sensors),
@@ -236,7 +249,6 @@ fn empty_windows(meta: Metadata) -> Windows {
     Windows {
         runs: runs.collect(),
         rows,
-        noise: meta.noise,
         tallies: Tallies::from_list(meta.tallies),
         shape: WindowShape {
             axes: meta.axes,
@@ -255,8 +267,10 @@ fn empty_windows(meta: Metadata) -> Windows {
 fn append(windows: &mut Windows, batch: &RecordBatch) -> Result<()> {
     let missing =
         |name: &str| Error::input("this column of the window table is missing or of another type").column(name);
-    let column =
-        |name: &str| batch.column_by_name(name).filter(|c| c.len() == batch.num_rows()).ok_or_else(|| missing(name));
+    let column = |name: &str| {
+        let whole = |c: &&ArrayRef| c.len() == batch.num_rows() && (name == "excluded" || c.null_count() == 0);
+        batch.column_by_name(name).filter(whole).ok_or_else(|| missing(name))
+    };
     let floats = |name: &str| {
         column(name)?.as_primitive_opt::<Float64Type>().map(|c| c.values().to_vec()).ok_or_else(|| missing(name))
     };
@@ -287,6 +301,16 @@ fn append(windows: &mut Windows, batch: &RecordBatch) -> Result<()> {
             AngleUnit::Arcsec => angle.extend(floats(&name)?),
         }
     }
+    for (axis, slot) in shape.axes.iter().zip(&mut rows.short_tau) {
+        let name = format!("short_tau_{axis}");
+        let lists = column(&name)?.as_list_opt::<i32>().ok_or_else(|| missing(&name))?;
+        for list in lists.iter() {
+            let all = list.as_ref().and_then(|l| l.as_primitive_opt::<Float64Type>()).ok_or_else(|| missing(&name))?;
+            let third = all.len() / 3;
+            let part = |n: usize| all.values().get(n * third..(n + 1) * third).unwrap_or(&[]).to_vec();
+            slot.push(ShortTauSums { squares: part(0), numbers: part(1), edf: part(2) });
+        }
+    }
     for (i, sensor) in shape.thermometers.iter().enumerate() {
         let slots = [&mut rows.mean_c, &mut rows.variance_c2, &mut rows.min_c, &mut rows.max_c];
         for (prefix, slot) in SENSOR_COLUMNS.iter().zip(slots) {
@@ -310,10 +334,19 @@ fn append(windows: &mut Windows, batch: &RecordBatch) -> Result<()> {
 
 fn check_indices(windows: &Windows) -> Result<()> {
     let runs = windows.runs.len();
-    let sound = windows.rows.run.iter().all(|run| (*run as usize) < runs)
+    let rows = &windows.rows;
+    let sane = |ns: &i64| ns.unsigned_abs() < 1 << 62;
+    let in_order = |i: usize| {
+        let (start, end) = (rows.start_ns[i], rows.end_ns[i]);
+        let run = windows.runs.get(rows.run[i] as usize);
+        sane(&start) && sane(&end) && start < end && run.is_some_and(|run| run.start_ns <= start && end <= run.end_ns)
+    };
+    let sound = rows.run.iter().all(|run| (*run as usize) < runs)
+        && rows.run.is_sorted()
+        && windows.runs.iter().all(|run| sane(&run.start_ns) && sane(&run.end_ns))
+        && (0..windows.len()).all(in_order)
         && windows.rows.duration_ns.iter().all(|d| *d > 0)
-        && windows.noise.len() == windows.shape.axes.len()
-        && windows.noise.iter().all(ShortTau::is_sound)
+        && rows.short_tau.iter().flatten().all(|s| s.squares.len() < 64 && s.squares.len() == s.edf.len())
         && windows.shape.period_ns > 0;
     if sound {
         Ok(())
