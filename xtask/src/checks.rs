@@ -41,6 +41,8 @@ pub(crate) fn deny() -> Result<()> {
     if !found {
         sh("cargo", &["install", "cargo-deny", "--locked"])?;
     }
+    // For every platform, so that the check itself needs no network.
+    sh("cargo", &["fetch", "--locked"])?;
     sh("cargo", &["deny", "--offline", "check", "licenses", "bans", "sources"])
 }
 

@@ -166,6 +166,38 @@ fn a_failure_leaves_old_outputs_alone() {
     assert!(names.iter().all(|name| !name.starts_with(".sagnac-")), "{names:?}");
 }
 
+/// A symbolic link is followed, a pipe written to; neither is replaced by a file.
+#[cfg(unix)]
+#[test]
+fn links_and_pipes_stay_what_they_are() {
+    let bench = Bench::new();
+    let target = bench.write("target.img", "old");
+    let link = bench.path("link.img");
+    std::os::unix::fs::symlink(&target, &link).unwrap();
+    assert_eq!(run(&["export", &bench.path("unit.cal.json"), "--to", "image", "-o", &link]).status, 0);
+    assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
+    assert!(fs::read(&target).unwrap().starts_with(b"SAGNACIM"));
+    let fifo = bench.path("pipe");
+    assert!(Process::new("mkfifo").arg(&fifo).status().unwrap().success());
+    let reader = std::thread::spawn({
+        let fifo = fifo.clone();
+        move || fs::read(fifo).unwrap()
+    });
+    assert_eq!(run(&["export", &bench.path("unit.cal.json"), "--to", "image", "-o", &fifo]).status, 0);
+    assert!(reader.join().unwrap().starts_with(b"SAGNACIM"));
+    assert!(!fs::metadata(&fifo).unwrap().is_file());
+}
+
+/// What could not be printed is not done.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_disk_behind_standard_output_is_an_error() {
+    let full = fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+    let output = Process::new(assert_cmd::cargo::cargo_bin("sagnac")).arg("demo").stdout(full).output().unwrap();
+    assert_eq!(output.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("standard output"));
+}
+
 #[test]
 fn damaged_and_foreign_corrections_are_refused() {
     let bench = Bench::new();

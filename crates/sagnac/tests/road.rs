@@ -231,3 +231,85 @@ fn replay_tells_held_and_stale_and_jumps_over_gaps() {
     // spares half a hundredth of one, which stays in the remainder.
     assert_eq!(total, 250 * 40 - 250);
 }
+
+/// A glitch that is left out must not raise the floor that the rest is judged by.
+#[test]
+fn a_glitch_that_is_left_out_leaves_no_trace_in_the_floor() {
+    let setup = chamber_setup();
+    let cycle = |seed: u64, glitch: f64| {
+        let rows = chamber_rig().run(seed).enumerate();
+        csv_bytes(rows.map(|(i, row)| sagnac_sim::Row { counts: if i == 2000 { glitch } else { row.counts }, ..row }))
+    };
+    let clean = csv_bytes(chamber_rig().run(3));
+    let calibration = fit(vec![csv_bytes(chamber_rig().run(1))], &setup, "bias 1").unwrap();
+    let floor = |log: Vec<u8>| retest(&calibration, log, &setup).axes[0].floor.clone().unwrap().value_dph;
+    let (without, with) = (floor(clean), floor(cycle(3, 1e6)));
+    assert!((with / without - 1.0).abs() < 0.02, "{with} {without}");
+}
+
+/// Windows cut short by a fast ramp are noisier, and the floor says so: pure noise is at its floor.
+#[test]
+fn noise_is_at_its_floor_on_any_ramp() {
+    for rate_cpm in [1.0, 3.0, 10.0] {
+        let legs: Vec<_> =
+            (0..12).map(|i| sagnac_sim::Leg::Ramp(if i % 2 == 0 { 60.0 } else { -20.0 }, rate_cpm)).collect();
+        let rig = LaggedChamber {
+            start_c: -20.0,
+            legs,
+            block_lag_s: 1.0,
+            drift_dph: vec![0.0],
+            rate_effect: 0.0,
+            row_s: 1,
+            ..LaggedChamber::domain_notes()
+        };
+        let setup = chamber_setup();
+        let calibration = fit(vec![csv_bytes(rig.run(1))], &setup, "bias 1").unwrap();
+        let proof = retest(&calibration, csv_bytes(rig.run(2)), &setup);
+        let over_floor = proof.axes[0].after.sigma_dph / proof.axes[0].floor.as_ref().unwrap().value_dph;
+        println!("{rate_cpm} °C/min: {over_floor:.3}");
+        assert!((over_floor - 1.0).abs() < 0.1, "{rate_cpm} °C/min: {over_floor}");
+        let axis = &calibration.axes[0];
+        let held_out = axis.cross_validation.as_ref().unwrap().sigma_dph / axis.residual.unwrap().sigma_dph;
+        assert!((held_out - 1.0).abs() < 0.1, "{held_out}");
+    }
+}
+
+/// A short run that falls into one block whole does not take the candidates away.
+#[test]
+fn a_run_shorter_than_a_block_is_judged_about_its_own_mean() {
+    let setup = paper_setup();
+    let short = PaperRig { windows: 5, ..PaperRig::PAPER };
+    let logs = vec![csv_bytes(PaperRig::PAPER.run(1)), csv_bytes(PaperRig::PAPER.run(2)), csv_bytes(short.run(3))];
+    let axis = fit(logs, &setup, "auto").unwrap().axes.remove(0);
+    assert!(axis.model.starts_with("bias 2"), "{}", axis.model);
+    assert!(axis.candidates.iter().all(|c| c.held_out_dph.is_some()), "{:?}", axis.candidates);
+}
+
+#[test]
+fn the_same_log_twice_is_no_second_run() {
+    let logs = || vec![csv_bytes(PaperRig::PAPER.run(1)), csv_bytes(PaperRig::PAPER.run(1))];
+    let readers = logs().into_iter().map(|csv| reader(csv, &paper_setup())).collect();
+    let error = sagnac::window::WindowBuilder::read_all(readers, &paper_setup()).err().unwrap();
+    assert!(error.kind == ErrorKind::Input && error.what.contains("same bytes"), "{error}");
+}
+
+/// A record edited by hand is taken as it stands or refused, never in part.
+#[test]
+fn hand_edited_records_are_refused_by_field() {
+    let text =
+        fit(vec![csv_bytes(chamber_rig().run(1))], &chamber_setup(), "bias 2, rate 1").unwrap().to_json().unwrap();
+    for (from, to, word) in [
+        ("\"order\": 2,", "\"order\": 9,", "orders 1 to 8"),
+        ("\"order\": 2,", "\"order\": 1,", "each once"),
+        ("\"order\": 2,", "\"order\": 0,", "orders 1 to 8"),
+        ("\"unit\": \"deg/h\"", "\"unit\": \"deg/s\"", "deg/h"),
+        ("\"serial\": \"RLG-1\"", "\"serial\": \"\"", "1 to 32"),
+        ("\"axis\": \"x\"", "\"axis\": \"/\"", "letters or digits"),
+        ("\"hold_s\": 10.0", "\"hold_s\": -1.0", "within"),
+        ("\"gain_c_per_code\": 5.960464477539063e-8", "\"gain_c_per_code\": 1e-300", "within"),
+    ] {
+        assert!(text.contains(from), "{from}");
+        let error = Calibration::parse(&text.replacen(from, to, 1)).unwrap_err();
+        assert!(error.to_string().contains(word), "{from}: {error}");
+    }
+}
