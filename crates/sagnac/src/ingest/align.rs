@@ -22,10 +22,13 @@ impl Aligner {
         Self { offset_ns, pending: VecDeque::new(), samples: VecDeque::new(), newest_ns: i64::MIN, ended: false }
     }
 
+    /// True without an offset: every row has its own temperatures, and nothing need wait here.
+    pub(crate) fn is_straight(&self) -> bool {
+        self.offset_ns == 0
+    }
+
     pub(crate) fn push(&mut self, row: RawRow) {
-        if self.offset_ns != 0
-            && let Some(t) = row.time_ns
-        {
+        if let Some(t) = row.time_ns {
             self.newest_ns = self.newest_ns.max(t);
             if self.samples.back().is_none_or(|(last, _)| *last < t) {
                 self.samples.push_back((t, row.temperatures_c.clone()));
@@ -44,9 +47,6 @@ impl Aligner {
 
     /// The next row with its own temperatures, if they are known.
     pub(crate) fn ready(&mut self) -> Option<RawRow> {
-        if self.offset_ns == 0 {
-            return self.pending.pop_front();
-        }
         let wanted = self.pending.front()?.time_ns.map(|t| t.saturating_sub(self.offset_ns));
         if wanted.is_some_and(|wanted| self.newest_ns < wanted) && !self.ended {
             return None;

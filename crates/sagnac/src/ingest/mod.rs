@@ -182,6 +182,7 @@ pub struct LogReader {
     check: RowCheck,
     shape: LogShape,
     batch: Batch,
+    row: RawRow,
     ahead: VecDeque<RawRow>,
     align: Aligner,
     hash: HashHandle,
@@ -228,7 +229,7 @@ impl LogReader {
         let batch = Batch::for_shape(&shape);
         let batch_rows = if pace == Pace::LineByLine { 1 } else { BATCH_ROWS };
         let align = Aligner::new(ns_from_s(setup.temperature_offset_s).unwrap_or(0));
-        Ok(Self { rows, check, shape, batch, ahead, align, hash, name, batch_rows })
+        Ok(Self { rows, check, shape, batch, row: RawRow::default(), ahead, align, hash, name, batch_rows })
     }
 
     /// What the log consists of.
@@ -263,30 +264,46 @@ impl LogReader {
     pub fn next_batch(&mut self) -> Result<Option<&Batch>> {
         self.batch.clear();
         for read in 0..self.batch_rows {
-            match self.next_row()? {
-                Some(row) => self.check.push(&row, &mut self.batch)?,
-                None if read == 0 => return Ok(None),
-                None => break,
+            if self.next_row()? {
+                self.check.push(&self.row, &mut self.batch)?;
+            } else if read == 0 {
+                return Ok(None);
+            } else {
+                break;
             }
         }
         Ok(Some(&self.batch))
     }
 
-    /// The next record with the temperatures that belong to it.
-    fn next_row(&mut self) -> Result<Option<RawRow>> {
+    /// The next record into `self.row`, with the temperatures that belong to it; false at the end.
+    fn next_row(&mut self) -> Result<bool> {
+        if self.align.is_straight() {
+            return self.next_record();
+        }
         loop {
             if let Some(row) = self.align.ready() {
-                return Ok(Some(row));
+                self.row = row;
+                return Ok(true);
             }
             if self.align.ended() {
-                return Ok(None);
+                return Ok(false);
             }
-            let mut row = RawRow::default();
-            match self.ahead.pop_front() {
-                Some(row) => self.align.push(row),
-                None if self.rows.read(&mut row)? => self.align.push(row),
-                None => self.align.end(),
+            if self.next_record()? {
+                self.align.push(std::mem::take(&mut self.row));
+            } else {
+                self.align.end();
             }
+        }
+    }
+
+    /// The next record of the file into `self.row`.
+    fn next_record(&mut self) -> Result<bool> {
+        match self.ahead.pop_front() {
+            Some(row) => {
+                self.row = row;
+                Ok(true)
+            }
+            None => self.rows.read(&mut self.row),
         }
     }
 
