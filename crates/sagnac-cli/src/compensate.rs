@@ -11,6 +11,7 @@ use sagnac::{Result, setup::Setup};
 use crate::calibrate::excluded;
 use crate::console::{Console, Outcome, Ran};
 use crate::loading;
+use crate::progress::open_log;
 use crate::setup_args::SetupArgs;
 
 /// Correct a log as the gyro's processor would, row by row
@@ -63,7 +64,7 @@ fn pour(args: &Args, correction: &Correction, setup: &Setup, out: &mut dyn Write
         let known = correction.calibration.as_ref().map(|c| c.sample_interval_s);
         setup.sample_interval_s = setup.sample_interval_s.or(known);
     }
-    let mut log = sagnac::ingest::LogReader::open(&args.log, &setup, pace)?;
+    let mut log = open_log(&args.log, &setup, pace)?;
     compensate(correction, &mut log, &setup, out)
 }
 

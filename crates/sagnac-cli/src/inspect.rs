@@ -16,6 +16,7 @@ use serde::Serialize;
 use crate::calibrate::{excluded, summary};
 use crate::console::{Console, Outcome, Ran, significant, table};
 use crate::loading::{self, Kind};
+use crate::progress::open_log;
 use crate::setup_args::SetupArgs;
 
 /// Say what a log, window table, calibration or image is
@@ -106,10 +107,10 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
 /// Opens a log. Counts whose scale nobody gave are read with 1 arcsec per count, so that what is called
 /// °/h elsewhere is counts per second; the setup that comes back still lacks the scale.
 fn open_as_far_as_known(path: &Path, given: Setup) -> Result<(LogReader, Setup)> {
-    match LogReader::open(path, &given, Pace::Bulk) {
+    match open_log(path, &given, Pace::Bulk) {
         Err(error) if error.place.column.as_deref() == Some(SCALE_KEY) && path.as_os_str() != "-" => {
             let setup = Setup { arcsec_per_count: Some(1.0), ..given };
-            Ok((LogReader::open(path, &setup, Pace::Bulk)?, Setup { arcsec_per_count: None, ..setup }))
+            Ok((open_log(path, &setup, Pace::Bulk)?, Setup { arcsec_per_count: None, ..setup }))
         }
         opened => Ok((opened?, given)),
     }

@@ -11,6 +11,7 @@ use sagnac::window::{WindowBuilder, Windows, read_table};
 use sagnac::{Error, Result};
 use sagnac_core::{Image, MAGIC, MAX_IMAGE_LEN};
 
+use crate::progress::open_log;
 use crate::setup_args::SetupArgs;
 
 /// No calibration is larger.
@@ -55,7 +56,7 @@ pub(crate) fn kind_of(path: &Path) -> Result<Kind> {
 
 /// Opens several logs, each a run.
 pub(crate) fn logs(paths: &[PathBuf], setup: &Setup, pace: Pace) -> Result<Vec<LogReader>> {
-    paths.iter().map(|path| LogReader::open(path, setup, pace)).collect()
+    paths.iter().map(|path| open_log(path, setup, pace)).collect()
 }
 
 /// Windows of logs, or of one window table, with the setup they were made with and flags over it.

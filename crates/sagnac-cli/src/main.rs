@@ -12,6 +12,7 @@ mod export;
 mod import;
 mod inspect;
 mod loading;
+mod progress;
 mod setup_args;
 mod verify;
 mod window;

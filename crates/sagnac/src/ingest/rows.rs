@@ -127,6 +127,8 @@ impl Tallies {
 const BRIDGED_INTERVALS: i64 = 3;
 /// No log has a gap of 30 days.
 const LEAP_NS: i64 = 30 * 86_400 * 1_000_000_000;
+/// A quotient counts / quantum this close to a whole number is one (and the rounding of the division).
+const WHOLE_TO: f64 = 1e-6;
 /// Totals are held exactly up to here.
 const MAX_TOTAL_QUANTA: f64 = 9e15;
 const MAX_QUANTA: f64 = (1_u64 << 40) as f64;
@@ -262,7 +264,7 @@ impl RowCheck {
             }
             return Ok(None);
         }
-        let broken = exact.iter().position(|q| (q - q.round()).abs() > 1e-6 * q.abs().max(1.0));
+        let broken = exact.iter().position(|q| (q - q.round()).abs() > WHOLE_TO + 4.0 * f64::EPSILON * q.abs());
         match broken {
             Some(axis) if row.valid => {
                 return Err(Error::input(format!("not a whole number of quanta (quantum {quantum} counts)"))
