@@ -1,13 +1,14 @@
 //! Windows that are no thermal drift: bumps, steps, start-up.
 //!
 //! Each window is compared with what its neighbours predict at its own time, so a smooth drift of any
-//! size passes, in windows of any length. The prediction is the median of five interpolations between
-//! a window before and one after (at the ends of a run, of five extrapolations); the scale is robust
+//! size passes, in windows of any length. Five predictions interpolate between a window before and one
+//! after (at the ends of a run they extrapolate), and the second closest counts; the scale is robust
 //! and has a floor of 10 % of the run's own range, so that a noise-free record is not taken apart at its
 //! corners. A step is a lasting change that happens at once, among small ones.
 //!
-//! Limits: a bump longer than five windows that rises slowly passes; so does a step of less than ten
-//! sigma or a quarter of the range (a thermal turning point is no step).
+//! Limits: a bump longer than three windows passes unless it rises and falls like steps; so does a step
+//! of less than ten sigma or a quarter of the range, and one where the temperature rate changes by over
+//! 0.2 °C/min, because a drift with the rate steps there too.
 
 use crate::ingest::Reason;
 use crate::units::s_from_ns;
@@ -22,6 +23,8 @@ const STEP_SIGMAS: f64 = 10.0;
 const STEP_OF_RANGE: f64 = 0.25;
 /// It happens in this part of the time between the two sides (evenly spaced windows: 1/3).
 const STEP_OF_TIME: f64 = 0.45;
+/// Nothing is called a step where the temperature rate changes by this much.
+const TURN_CPM: f64 = 0.2;
 /// A step exceeds the usual change from window to window by this.
 const STEP_OF_CHANGES: f64 = 4.0;
 /// A step happens within two windows; a drift does not.
@@ -63,6 +66,8 @@ fn mark_run(windows: &mut Windows, run: usize, axis: usize) {
 struct Series {
     times_s: Vec<f64>,
     rates: Vec<f64>,
+    /// Mean temperature of the first thermometer; NaN without.
+    temperatures_c: Vec<f64>,
 }
 
 impl Series {
@@ -71,6 +76,10 @@ impl Series {
         Self {
             times_s: members.iter().map(middle).collect(),
             rates: members.iter().map(|i| windows.rate_dph(axis, *i)).collect(),
+            temperatures_c: members
+                .iter()
+                .map(|i| windows.rows.mean_c.first().map_or(f64::NAN, |column| column[*i]))
+                .collect(),
         }
     }
 
@@ -80,8 +89,9 @@ impl Series {
         self.rates[a] + part * (self.rates[b] - self.rates[a])
     }
 
-    /// What the neighbours of `i` say it should be.
-    fn predicted(&self, i: usize) -> f64 {
+    /// How far window `i` lies from what its neighbours say: of five predictions the one that comes second
+    /// closest. A bump contradicts them all; a bend of the drift only those that reach across it.
+    fn deviation(&self, i: usize) -> f64 {
         let n = self.rates.len();
         let by = |k: usize| -> Option<f64> {
             match (i.checked_sub(k), i + k < n) {
@@ -90,7 +100,18 @@ impl Series {
                 (Some(before), false) => before.checked_sub(k).map(|far| self.line(far, before, i)),
             }
         };
-        median((1..=NEIGHBOURS).filter_map(by).collect())
+        let mut deviations: Vec<f64> =
+            (1..=NEIGHBOURS).filter_map(by).map(|predicted| self.rates[i] - predicted).collect();
+        deviations.sort_by(|a, b| a.abs().total_cmp(&b.abs()));
+        deviations.get(1).or(deviations.first()).copied().unwrap_or(0.0)
+    }
+
+    /// True where the temperature rate changes: there a drift may do what elsewhere only a step does.
+    fn turns_at(&self, i: usize) -> bool {
+        let rate_cpm = |from: usize, to: usize| {
+            60.0 * (self.temperatures_c[to] - self.temperatures_c[from]) / (self.times_s[to] - self.times_s[from])
+        };
+        (rate_cpm(i + 1, i + NEIGHBOURS) - rate_cpm(i - NEIGHBOURS, i - 1)).abs() > TURN_CPM
     }
 
     /// The size of a step at window `i`, if there is one: medians of five windows on both sides differ, nearly
@@ -111,7 +132,8 @@ impl Series {
         let is_step = jump.abs() > limit.max(STEP_OF_CHANGES * usual)
             && at_once > STEP_AT_ONCE * jump.abs()
             && self.times_s[i + 1] - self.times_s[i - 1] < STEP_OF_TIME * time
-            && change(i) >= largest;
+            && change(i) >= largest
+            && !self.turns_at(i);
         is_step.then_some(jump)
     }
 }
@@ -119,7 +141,7 @@ impl Series {
 /// Each window against its neighbours; a shorter window is noisier and counts for less.
 fn residuals(windows: &Windows, members: &[usize], series: &Series) -> Vec<f64> {
     let trust = |i: usize| (windows.duration_s(i) / windows.shape.nominal_s).min(1.0).sqrt();
-    members.iter().enumerate().map(|(at, i)| (series.rates[at] - series.predicted(at)) * trust(*i)).collect()
+    members.iter().enumerate().map(|(at, i)| series.deviation(at) * trust(*i)).collect()
 }
 
 /// σ of normal values from the median of their sizes.
@@ -174,7 +196,11 @@ mod tests {
     use super::*;
 
     fn series(rates: Vec<f64>) -> Series {
-        Series { times_s: (0..rates.len()).map(|i| i as f64).collect(), rates }
+        Series {
+            times_s: (0..rates.len()).map(|i| i as f64).collect(),
+            temperatures_c: vec![f64::NAN; rates.len()],
+            rates,
+        }
     }
 
     /// A drift with a corner and a little deterministic noise.
@@ -203,9 +229,9 @@ mod tests {
         // A sine in windows of unequal length, without any noise.
         let times_s: Vec<f64> = (0..200).map(|i| f64::from(i) + if i % 3 == 0 { 0.45 } else { 0.0 }).collect();
         let rates: Vec<f64> = times_s.iter().map(|t| (t / 9.0).sin()).collect();
-        let sine = Series { times_s, rates };
+        let sine = Series { times_s, temperatures_c: vec![f64::NAN; rates.len()], rates };
         assert!(keep_one_level(&sine, 0.1).iter().all(|k| *k));
-        let worst = (0..200).map(|i| (sine.rates[i] - sine.predicted(i)).abs()).fold(0.0, f64::max);
+        let worst = (0..200).map(|i| sine.deviation(i).abs()).fold(0.0, f64::max);
         assert!(worst < 0.2, "{worst}");
     }
 
@@ -213,7 +239,7 @@ mod tests {
     fn ends_are_judged_by_extrapolation() {
         let line = series((0..20).map(f64::from).collect());
         for i in [0, 1, 10, 19] {
-            assert!((line.predicted(i) - line.rates[i]).abs() < 1e-12);
+            assert!(line.deviation(i).abs() < 1e-12);
         }
     }
 }
