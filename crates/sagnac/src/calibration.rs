@@ -88,7 +88,31 @@ pub struct Target {
     pub slew_ticks: u32,
 }
 
+/// Slew unless told, ticks.
+const DEFAULT_SLEW_TICKS: u32 = 100;
+/// The target counts a temperature period up to here.
+const MAX_PERIOD_TICKS: u32 = 1 << 24;
+
 impl Target {
+    /// As set up, checked against what the target can count.
+    pub(crate) fn from_setup(setup: &Setup) -> Result<Self> {
+        let (tick_ns, ticks) = (setup.tick_ns(), setup.period_ns()? / setup.tick_ns());
+        let out_of_range = || {
+            Error::input(format!("{ticks} ticks in a temperature period; the target counts to {MAX_PERIOD_TICKS}"))
+                .column("temperature_period_s")
+                .help("give a shorter temperature_period_s or a longer tick_s in the setup")
+        };
+        let period_ticks = u32::try_from(ticks).ok().filter(|t| (1..=MAX_PERIOD_TICKS).contains(t));
+        let period_ticks = period_ticks.ok_or_else(out_of_range)?;
+        let tick_ns = u32::try_from(tick_ns).map_err(|_| Error::input("too long").column("tick_s"))?;
+        let slew_ticks = setup.slew_ticks.unwrap_or(DEFAULT_SLEW_TICKS.min(period_ticks));
+        if slew_ticks > period_ticks {
+            let what = format!("the slew is longer than the temperature period of {period_ticks} ticks");
+            return Err(Error::input(what).column("slew_ticks").value(slew_ticks.to_string()));
+        }
+        Ok(Self { tick_ns, period_ticks, slew_ticks })
+    }
+
     /// Δt, s.
     pub fn period_s(&self) -> f64 {
         f64::from(self.tick_ns) * f64::from(self.period_ticks) * 1e-9

@@ -10,7 +10,10 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
-use crate::units::EARTH_RATE_DPH;
+use crate::units::{EARTH_RATE_DPH, ns_from_s};
+
+const DEFAULT_TICK_NS: i64 = 100_000;
+const ONE_SECOND_NS: i64 = 1_000_000_000;
 
 /// How a counts column counts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -296,6 +299,28 @@ impl Setup {
             use_thermometer: None,
             ..self.clone()
         }
+    }
+
+    /// Tick of the target, ns; 100 µs unless told.
+    pub fn tick_ns(&self) -> i64 {
+        self.tick_s.and_then(ns_from_s).unwrap_or(DEFAULT_TICK_NS).max(1)
+    }
+
+    /// Temperature period Δt of the target, ns: as given, else 1 s rounded up to whole ticks.
+    ///
+    /// # Errors
+    /// A given period that is no whole number of ticks.
+    pub fn period_ns(&self) -> Result<i64> {
+        let tick_ns = self.tick_ns();
+        let Some(seconds) = self.temperature_period_s else {
+            return Ok((ONE_SECOND_NS + tick_ns - 1) / tick_ns * tick_ns);
+        };
+        let period_ns = ns_from_s(seconds).unwrap_or(0);
+        if period_ns < tick_ns || period_ns % tick_ns != 0 {
+            let error = Error::input("must be a whole number of ticks").column("temperature_period_s");
+            return Err(error.value(seconds.to_string()));
+        }
+        Ok(period_ns)
     }
 
     /// Window size, 100 s unless told.

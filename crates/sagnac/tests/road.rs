@@ -313,3 +313,15 @@ fn hand_edited_records_are_refused_by_field() {
         assert!(error.to_string().contains(word), "{from}: {error}");
     }
 }
+
+/// One source of the target's timing: an imported polynomial follows the setup as a fit does.
+#[test]
+fn fit_and_import_take_the_same_timing_from_the_setup() {
+    let setup = Setup { tick_s: Some(2e-4), temperature_period_s: Some(0.5), slew_ticks: Some(20), ..paper_setup() };
+    let fitted = fit(vec![csv_bytes(PaperRig::PAPER.run(1))], &setup, "bias 2").unwrap();
+    let span_c = [17.94, 36.18];
+    let old = sagnac::export::Polynomial { coefficients: vec![0.85, -46.0, 1043.39], window_s: 100.0, span_c };
+    let imported = sagnac::export::import(&old, &setup).unwrap();
+    assert_eq!(fitted.target, imported.target);
+    assert_eq!((fitted.target.tick_ns, fitted.target.period_ticks, fitted.target.slew_ticks), (200_000, 2500, 20));
+}

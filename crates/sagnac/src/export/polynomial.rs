@@ -92,7 +92,7 @@ pub fn import(polynomial: &Polynomial, setup: &Setup) -> Result<Calibration> {
         version: VERSION,
         serial: setup.serial.clone().unwrap_or_else(|| UNASSIGNED.to_owned()),
         unit: LogUnit::Counts { arcsec_per_count, quantum: setup.quantum.unwrap_or(1.0) },
-        target: Target { tick_ns: 100_000, period_ticks: 10_000, slew_ticks: 100 },
+        target: Target::from_setup(setup)?,
         thermometer: Thermometer::from_setup(setup.thermometer("")),
         window: WindowSize::Seconds(polynomial.window_s),
         window_s: polynomial.window_s,

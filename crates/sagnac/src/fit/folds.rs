@@ -68,8 +68,8 @@ pub(crate) fn cross_validate(problem: &Problem<'_>, candidates: &[ModelSpec], ta
             .iter()
             .map(|blocks| Factor::join(blocks.iter().enumerate().filter(|(b, _)| *b != fold).map(|(_, f)| f)))
             .collect();
+        let (known, free) = division.constants_without(problem, fold);
         for (candidate, sum) in candidates.iter().zip(&mut held_out) {
-            let (known, free) = division.constants_without(problem, fold);
             let columns = columns_of(*candidate, &known, division.constants);
             let choices = if candidate.rate.is_some() { taus_s.len() } else { 1 };
             let best = best_tau(&training[..choices], &columns);

@@ -11,7 +11,7 @@ use crate::fit::solution::{Fitted, fit};
 use crate::fit::{ModelChoice, Selection, powers_from_series, select};
 use crate::ingest::{AngleUnit, Reason};
 use crate::setup::Setup;
-use crate::units::{ARCSEC_RT_S_PER_DEG_RT_H, ns_from_s, s_from_ns};
+use crate::units::{ARCSEC_RT_S_PER_DEG_RT_H, s_from_ns};
 use crate::window::{WindowShape, Windows};
 
 /// Scale terms less certain than this cannot be told from bias.
@@ -53,7 +53,7 @@ pub fn calibrate(mut windows: Windows, setup: &Setup, options: &FitOptions) -> R
                 LogUnit::Rates { lsb_arcsec: setup.rate_lsb_arcsec.unwrap_or(DEFAULT_RATE_LSB_ARCSEC) }
             }
         },
-        target: target(shape, setup)?,
+        target: Target::from_setup(setup)?,
         thermometer: Thermometer::from_setup(setup.thermometer(&shape.thermometers[sensor])),
         window: shape.window,
         window_s: shape.nominal_s,
@@ -78,24 +78,6 @@ fn sensor_of(shape: &WindowShape, setup: &Setup) -> Result<usize> {
             .value(wanted)
             .help(format!("it has: {}", shape.thermometers.join(", ")))
     })
-}
-
-fn target(shape: &WindowShape, setup: &Setup) -> Result<Target> {
-    let tick_ns = ns_from_s(setup.tick_s.unwrap_or(1e-4)).unwrap_or(100_000).max(1);
-    let ticks = shape.period_ns / tick_ns;
-    let out_of_range = || {
-        Error::input(format!("{ticks} ticks in a temperature period; the target counts to {}", 1 << 24))
-            .column("temperature_period_s")
-            .help("give a shorter temperature_period_s or a longer tick_s in the setup")
-    };
-    let period_ticks = u32::try_from(ticks).ok().filter(|t| *t > 0 && *t <= 1 << 24).ok_or_else(out_of_range)?;
-    let tick_ns = u32::try_from(tick_ns).map_err(|_| Error::input("too long").column("tick_s"))?;
-    let slew_ticks = setup.slew_ticks.unwrap_or(100.min(period_ticks));
-    if slew_ticks > period_ticks {
-        let what = format!("the slew is longer than the temperature period of {period_ticks} ticks");
-        return Err(Error::input(what).column("slew_ticks").value(slew_ticks.to_string()));
-    }
-    Ok(Target { tick_ns, period_ticks, slew_ticks })
 }
 
 fn provenance(windows: &Windows, options: &FitOptions) -> Provenance {

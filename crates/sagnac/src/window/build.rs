@@ -108,8 +108,7 @@ impl WindowBuilder {
     /// # Errors
     /// A temperature period that is no whole number of ticks.
     pub fn new(log: &LogShape, setup: &Setup) -> Result<Self> {
-        let tick_ns = ns_from_s(setup.tick_s.unwrap_or(1e-4)).unwrap_or(100_000).max(1);
-        let period_ns = temperature_period_ns(tick_ns, setup)?;
+        let (tick_ns, period_ns) = (setup.tick_ns(), setup.period_ns()?);
         let sample_interval_s = s_from_ns(log.nominal_ns);
         if let Some(seconds) = setup.window().seconds()
             && log.timed
@@ -341,21 +340,6 @@ fn too_many_periods(period_ns: i64) -> Error {
     Error::input(format!("the run is longer than {MAX_TRACK} temperature periods of {} s", s_from_ns(period_ns)))
         .column("temperature_period_s")
         .help("cut the log into shorter files (each is a run), or give a longer temperature_period_s in the setup")
-}
-
-/// Δt: as given, else 1 s, rounded up to whole ticks.
-fn temperature_period_ns(tick_ns: i64, setup: &Setup) -> Result<i64> {
-    if let Some(seconds) = setup.temperature_period_s {
-        let period = ns_from_s(seconds).unwrap_or(0);
-        if period < tick_ns || period % tick_ns != 0 {
-            return Err(Error::input("must be a whole number of ticks")
-                .column("temperature_period_s")
-                .value(seconds.to_string()));
-        }
-        return Ok(period);
-    }
-    const ONE_SECOND_NS: i64 = 1_000_000_000;
-    Ok((ONE_SECOND_NS + tick_ns - 1) / tick_ns * tick_ns)
 }
 
 /// Logs that can stand in one set of windows.
