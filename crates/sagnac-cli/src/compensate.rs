@@ -4,7 +4,7 @@ use std::io::Write;
 use std::path::PathBuf;
 
 use sagnac::ingest::{LogSummary, Pace};
-use sagnac::verify::{Correction, compensate};
+use sagnac::verify::{CorrectedFormat, Correction, compensate};
 use sagnac::write::write_atomically;
 use sagnac::{Result, setup::Setup};
 
@@ -28,7 +28,7 @@ pub(crate) struct Args {
     /// Log; standard input unless told
     #[arg(default_value = "-")]
     log: PathBuf,
-    /// Corrected log; standard output unless told
+    /// Corrected log: CSV, or Parquet for a name in .parquet; standard output unless told
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
     #[command(flatten)]
@@ -55,7 +55,7 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     Ok(Outcome::Done)
 }
 
-fn pour(args: &Args, correction: &Correction, setup: &Setup, out: &mut dyn Write) -> Result<LogSummary> {
+fn pour(args: &Args, correction: &Correction, setup: &Setup, out: &mut (dyn Write + Send)) -> Result<LogSummary> {
     let live = args.log.as_os_str() == "-";
     let pace = if live { Pace::LineByLine } else { Pace::BulkWithText };
     let mut setup = setup.clone();
@@ -65,12 +65,16 @@ fn pour(args: &Args, correction: &Correction, setup: &Setup, out: &mut dyn Write
         setup.sample_interval_s = setup.sample_interval_s.or(known);
     }
     let mut log = open_log(&args.log, &setup, pace)?;
-    compensate(correction, &mut log, &setup, out)
+    let format = match &args.output {
+        Some(path) if loading::has_extension(path, "parquet") => CorrectedFormat::Parquet,
+        _ => CorrectedFormat::Csv,
+    };
+    compensate(correction, &mut log, &setup, format, out)
 }
 
 /// `None` when the reader has closed the pipe: then there is nothing more to do.
 fn pour_to_stdout(args: &Args, correction: &Correction, setup: &Setup) -> Result<Option<LogSummary>> {
-    let mut out = PipeAware { inner: std::io::stdout().lock(), closed: false };
+    let mut out = PipeAware { inner: std::io::stdout(), closed: false };
     let poured = pour(args, correction, setup, &mut out);
     if out.closed { Ok(None) } else { poured.map(Some) }
 }

@@ -7,7 +7,7 @@ use sagnac::calibration::Calibration;
 use sagnac::ingest::{LogReader, Pace};
 use sagnac::setup::Setup;
 use sagnac::verify::Correction;
-use sagnac::window::{WindowBuilder, Windows, read_table};
+use sagnac::window::{WindowBuilder, Windows, is_table, read_table};
 use sagnac::{Error, Result};
 use sagnac_core::{Image, MAGIC, MAX_IMAGE_LEN};
 
@@ -49,9 +49,14 @@ pub(crate) fn kind_of(path: &Path) -> Result<Kind> {
     Ok(match start {
         _ if start == MAGIC => Kind::Image,
         [b'{', ..] => Kind::Calibration,
-        [b'P', b'A', b'R', b'1', ..] => Kind::WindowTable,
+        [b'P', b'A', b'R', b'1', ..] if is_table(path)? => Kind::WindowTable,
         _ => Kind::Log,
     })
+}
+
+/// True for a name that ends so, in any case.
+pub(crate) fn has_extension(path: &Path, extension: &str) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension))
 }
 
 /// Opens several logs, each a run.

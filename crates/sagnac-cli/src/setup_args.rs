@@ -34,6 +34,9 @@ pub(crate) struct SetupArgs {
     /// Interval of a row, s
     #[arg(long, value_name = "S")]
     sample_interval: Option<f64>,
+    /// Which of several gyros of a PX4 log, from 0
+    #[arg(long, value_name = "N")]
+    instance: Option<u8>,
     /// Added to the time of temperatures, s
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     temperature_offset: Option<f64>,
@@ -93,6 +96,7 @@ impl SetupArgs {
         put(&mut setup.quantum, &self.quantum);
         put(&mut setup.counter_bits, &self.counter_bits);
         put(&mut setup.sample_interval_s, &self.sample_interval);
+        put(&mut setup.instance, &self.instance);
         put(&mut setup.input_rate_dph, &self.input_rate);
         put(&mut setup.window, &self.window);
         put(&mut setup.reference_c, &self.reference);

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use sagnac::window::write_table;
+use sagnac::window::{write_table, write_table_csv};
 use sagnac::write::write_bytes;
 
 use crate::calibrate::excluded;
@@ -10,7 +10,7 @@ use crate::console::{Console, Outcome, Ran};
 use crate::loading;
 use crate::setup_args::SetupArgs;
 
-/// Sum logs into analysis windows and write them as a Parquet table
+/// Sum logs into analysis windows and write them as a Parquet table, or CSV to look at
 #[derive(clap::Args)]
 #[command(after_help = "\
 Example:
@@ -19,7 +19,7 @@ pub(crate) struct Args {
     /// Logs, each a run
     #[arg(required = true)]
     logs: Vec<PathBuf>,
-    /// Table to write
+    /// Table to write: Parquet, which calibrate takes in place of logs, or CSV for a name in .csv
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
     #[command(flatten)]
@@ -29,7 +29,11 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     let (windows, setup) = loading::windows(&args.logs, &args.setup)?;
     let mut bytes = Vec::new();
-    write_table(&windows, &setup, &mut bytes)?;
+    if loading::has_extension(&args.output, "csv") {
+        write_table_csv(&windows, &setup, &mut bytes)?;
+    } else {
+        write_table(&windows, &setup, &mut bytes)?;
+    }
     write_bytes(&args.output, &bytes)?;
     let used = windows.rows.excluded.iter().filter(|reason| reason.is_none()).count();
     console.say(format!(

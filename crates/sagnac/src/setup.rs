@@ -177,6 +177,8 @@ pub struct Setup {
     pub sample_interval_s: Option<f64>,
     /// The log's own header on the left, a header of Sagnac on the right (`"imu.gyro.x" = "rate_radps_x"`).
     pub columns: BTreeMap<String, String>,
+    /// Which of several sensors a PX4 log is read for, from 0; 0 unless told.
+    pub instance: Option<u8>,
     /// Added to the time of temperatures to bring them to the time of the counts, s.
     pub temperature_offset_s: f64,
     /// Input rate along the axis during the test, °/h, if known.

@@ -8,7 +8,7 @@ use sagnac::calibration::Calibration;
 use sagnac::fit::{FitOptions, ModelChoice, ModelSpec, calibrate};
 use sagnac::ingest::{LogReader, Pace};
 use sagnac::setup::{Counter, Setup};
-use sagnac::verify::{Correction, Limits, compensate};
+use sagnac::verify::{CorrectedFormat, Correction, Limits, compensate};
 use sagnac::window::WindowBuilder;
 use sagnac_sim::{PaperRig, csv_bytes};
 
@@ -89,7 +89,7 @@ fn put_through(text: Vec<u8>, setup: &Setup, pace: Pace) {
     let Ok(calibration) = calibrate(windows.finish(false), setup, &options) else { return };
     let Ok(correction) = Correction::from_calibration(calibration) else { return };
     if let Ok(mut log) = open(Pace::LineByLine) {
-        let _ = compensate(&correction, &mut log, setup, &mut Vec::new());
+        let _ = compensate(&correction, &mut log, setup, CorrectedFormat::Csv, &mut Vec::new());
     }
 }
 
@@ -143,7 +143,7 @@ proptest! {
             let setup = correction.setup();
             let log = csv_bytes(PaperRig { windows: 2, ..PaperRig::PAPER }.run(2));
             if let Ok(mut log) = LogReader::from_reader("log", Box::new(std::io::Cursor::new(log)), &setup, Pace::BulkWithText) {
-                let _ = compensate(&correction, &mut log, &setup, &mut Vec::new());
+                let _ = compensate(&correction, &mut log, &setup, CorrectedFormat::Parquet, &mut Vec::new());
             }
         }
     }

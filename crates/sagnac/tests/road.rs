@@ -5,7 +5,7 @@ mod support;
 use sagnac::fit::{FitOptions, calibrate};
 use sagnac::ingest::{LogReader, Pace, Reason};
 use sagnac::setup::{Noise, Setup};
-use sagnac::verify::{Correction, Limits, compensate, verify};
+use sagnac::verify::{CorrectedFormat, Correction, Limits, compensate, verify};
 use sagnac::window::{read_table, write_table};
 use sagnac::{ErrorKind, calibration::Calibration};
 use sagnac_sim::{LaggedChamber, PaperRig, csv_bytes};
@@ -182,7 +182,7 @@ fn compensated_output_is_stamped_conserves_counts_and_is_refused_as_input() {
         let source = Box::new(std::io::Cursor::new(csv_bytes(PaperRig::PAPER.run(2))));
         let mut log = LogReader::from_reader("log", source, &setup, pace).unwrap();
         let mut out = Vec::new();
-        compensate(&correction, &mut log, &setup, &mut out).unwrap();
+        compensate(&correction, &mut log, &setup, CorrectedFormat::Csv, &mut out).unwrap();
         String::from_utf8(out).unwrap()
     };
     let text = make(Pace::BulkWithText);
@@ -220,7 +220,7 @@ fn replay_tells_held_and_stale_and_jumps_over_gaps() {
     };
     assert!(log.next_batch().unwrap().is_some());
     let mut out = Vec::new();
-    compensate(&correction, &mut log_with_text, &setup, &mut out).unwrap();
+    compensate(&correction, &mut log_with_text, &setup, CorrectedFormat::Csv, &mut out).unwrap();
     let text = String::from_utf8(out).unwrap();
     let status =
         |t: u32| text.lines().find(|l| l.starts_with(&format!("{t},"))).unwrap().rsplit(',').next().unwrap().to_owned();

@@ -12,14 +12,17 @@
 //! quantization would read as 2.7 times its ARW.
 //!
 //! Fails on a record with a strong signal at τ ≤ τ_w/4: what is not noise is counted as noise.
-//! Memory: 2·m_max + 1 samples, and three numbers per octave and window.
+//! Memory: 2·m_max + 4096 phases, and three numbers per octave and window.
 
 use crate::units::ARCSEC_RT_S_PER_DEG_RT_H;
 
 /// Points with fewer equivalent degrees of freedom are not used.
 const MIN_EDF: f64 = 8.0;
-/// The ring never holds more samples than this.
-const MAX_RING: usize = 1 << 18;
+/// Never are more phases held than this.
+const MAX_HELD: usize = 1 << 18;
+/// Phases summed up together.
+const BLOCK: usize = 4096;
+const LANES: usize = 4;
 
 /// N and Q of a log.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -97,22 +100,23 @@ impl ShortTauSums {
 pub struct ShortTau {
     /// Multiples of τ0: 1, 2, 4 …
     multiples: Vec<usize>,
-    /// Phase θ of the newest 2·m_max + 1 samples, arcsec.
-    ring: Vec<f64>,
+    /// Phases θ that are still needed and those that wait, arcsec.
+    phases: Vec<f64>,
+    /// Phases of this window before the first of `phases`.
+    dropped: usize,
+    /// Phases of this window that are in the sums.
+    summed: usize,
     phase: f64,
-    /// Phases seen in this window.
-    seen: usize,
     sums: ShortTauSums,
 }
 
 impl ShortTau {
     /// For samples of `tau0_s` seconds and deviations up to `tau_max_s`.
     pub fn new(tau0_s: f64, tau_max_s: f64) -> Self {
-        let fits = |m: &usize| *m as f64 * tau0_s <= tau_max_s * (1.0 + 1e-9) && 2 * *m < MAX_RING;
+        let fits = |m: &usize| *m as f64 * tau0_s <= tau_max_s * (1.0 + 1e-9) && 2 * *m < MAX_HELD;
         let multiples: Vec<usize> = (0..40).map(|octave| 1_usize << octave).take_while(fits).collect();
-        let longest = multiples.last().copied().unwrap_or(0);
-        let ring = vec![0.0; 2 * longest + 1];
-        Self { sums: Self::no_sums(multiples.len()), multiples, ring, phase: 0.0, seen: 0 }
+        let sums = Self::no_sums(multiples.len());
+        Self { sums, multiples, phases: Vec::new(), dropped: 0, summed: 0, phase: 0.0 }
     }
 
     fn no_sums(octaves: usize) -> ShortTauSums {
@@ -120,46 +124,80 @@ impl ShortTau {
         ShortTauSums { squares: zeros.clone(), numbers: zeros.clone(), edf: zeros }
     }
 
-    /// The next sample of the window: angle of one interval, arcsec.
-    pub fn push(&mut self, angle_arcsec: f64) {
+    /// The next samples of the window: angles of one interval each, `arcsec` per unit.
+    pub fn push(&mut self, angles: &[f64], arcsec: f64) {
         if self.multiples.is_empty() {
             return;
         }
-        if self.seen == 0 {
-            self.store(0.0);
+        if self.phases.is_empty() {
+            self.phases.push(0.0);
         }
-        self.phase += angle_arcsec;
-        self.store(self.phase);
-        let (len, newest) = (self.ring.len(), self.seen - 1);
+        for angle in angles {
+            self.phase += angle * arcsec;
+            self.phases.push(self.phase);
+            // Counted from the start of the window, so that pieces do not matter.
+            if self.dropped + self.phases.len() == self.summed + BLOCK {
+                self.sum_up();
+            }
+        }
+    }
+
+    /// Takes the waiting phases into the sums and drops what no difference needs any more.
+    fn sum_up(&mut self) {
+        let end = self.dropped + self.phases.len();
         let slots = self.sums.squares.iter_mut().zip(&mut self.sums.numbers);
         for (m, (squares, number)) in self.multiples.iter().zip(slots) {
-            if newest < 2 * m {
+            let from = self.summed.max(2 * m);
+            if from >= end {
                 break;
             }
-            let at = |back: usize| self.ring[(newest - back) % len];
-            let second_difference = at(0) - 2.0 * at(*m) + at(2 * m);
-            *squares += second_difference * second_difference;
-            *number += 1.0;
+            let newest = &self.phases[from - self.dropped..];
+            let middle = &self.phases[from - m - self.dropped..];
+            let oldest = &self.phases[from - 2 * m - self.dropped..];
+            *squares += sum_of_squares(newest, middle, oldest);
+            *number += (end - from) as f64;
         }
+        self.summed = end;
+        let needed = 2 * self.multiples.last().copied().unwrap_or(0);
+        let old = self.phases.len().saturating_sub(needed);
+        self.phases.drain(..old);
+        self.dropped += old;
     }
 
     /// Ends the window: its sums. What comes next does not join what came before.
     pub fn take(&mut self) -> ShortTauSums {
-        let phases = self.seen as f64;
+        self.sum_up();
+        let phases = self.summed as f64;
         for ((m, edf), number) in self.multiples.iter().zip(&mut self.sums.edf).zip(&self.sums.numbers) {
             if *number > 0.0 {
                 *edf = edf_white_fm(phases, *m as f64).max(0.0);
             }
         }
-        (self.seen, self.phase) = (0, 0.0);
+        self.phases.clear();
+        (self.dropped, self.summed, self.phase) = (0, 0, 0.0);
         std::mem::replace(&mut self.sums, Self::no_sums(self.multiples.len()))
     }
+}
 
-    fn store(&mut self, phase: f64) {
-        let len = self.ring.len();
-        self.ring[self.seen % len] = phase;
-        self.seen += 1;
+/// Σ (newest − 2·middle + oldest)², in four interleaved sums that a processor can keep apart.
+fn sum_of_squares(newest: &[f64], middle: &[f64], oldest: &[f64]) -> f64 {
+    let mut lanes = [0.0; LANES];
+    let squared = |a: f64, b: f64, c: f64| {
+        let difference = a - 2.0 * b + c;
+        difference * difference
+    };
+    let (middle, oldest) = (&middle[..newest.len()], &oldest[..newest.len()]);
+    let blocks = newest.chunks_exact(LANES).zip(middle.chunks_exact(LANES)).zip(oldest.chunks_exact(LANES));
+    for ((a, b), c) in blocks {
+        for lane in 0..LANES {
+            lanes[lane] += squared(a[lane], b[lane], c[lane]);
+        }
     }
+    let rest = newest.len() / LANES * LANES;
+    for i in rest..newest.len() {
+        lanes[0] += squared(newest[i], middle[i], oldest[i]);
+    }
+    lanes.iter().sum()
 }
 
 /// Equivalent degrees of freedom of the overlapping Allan variance for white FM, NIST SP 1065
@@ -205,9 +243,8 @@ mod tests {
     #[test]
     fn second_differences_are_those_of_the_phase() {
         let mut short = ShortTau::new(1.0, 4.0);
-        for k in 0..100 {
-            short.push(if k % 2 == 0 { 1.0 } else { -1.0 });
-        }
+        let angles: Vec<f64> = (0..100).map(|k| if k % 2 == 0 { 1.0 } else { -1.0 }).collect();
+        short.push(&angles, 1.0);
         let sums = short.take();
         assert!((sums.squares[0] / sums.numbers[0] - 4.0).abs() < 1e-12);
         assert_eq!((sums.squares[1], sums.numbers.as_slice()), (0.0, &[99.0, 97.0, 93.0][..]));
@@ -217,7 +254,7 @@ mod tests {
     fn windows_are_apart_and_merge() {
         let mut short = ShortTau::new(1.0, 2.0);
         let mut window = || {
-            (0..10).for_each(|k| short.push(f64::from(k % 3)));
+            (0..10).for_each(|k| short.push(&[f64::from(k % 3)], 1.0));
             short.take()
         };
         let (one, two) = (window(), window());
@@ -230,7 +267,30 @@ mod tests {
     #[test]
     fn silence_has_no_floor() {
         let mut short = ShortTau::new(1.0, 25.0);
-        (0..1000).for_each(|_| short.push(4.5));
+        short.push(&[4.5; 1000], 1.0);
         assert_eq!(short.take().fit(1.0), None);
+    }
+
+    /// However samples come in pieces: the same bits, those of the definition.
+    #[test]
+    fn pieces_do_not_matter() {
+        let angles: Vec<f64> = (0..20_000).map(|k| f64::from((k * 7919) % 101) / 7.0).collect();
+        let sums = |piece: usize| {
+            let mut short = ShortTau::new(1.0, 1000.0);
+            angles.chunks(piece).for_each(|part| short.push(part, 0.15));
+            short.take()
+        };
+        let whole = sums(angles.len());
+        assert_eq!(whole, sums(1));
+        assert_eq!(whole, sums(4097));
+        let mut phases = vec![0.0];
+        angles.iter().for_each(|angle| phases.push(phases[phases.len() - 1] + 0.15 * angle));
+        for (octave, squares) in whole.squares.iter().enumerate() {
+            let m = 1 << octave;
+            let second = (2 * m..phases.len()).map(|k| phases[k] - 2.0 * phases[k - m] + phases[k - 2 * m]);
+            let expected: f64 = second.map(|d| d * d).sum();
+            assert!((squares / expected - 1.0).abs() < 1e-12, "m {m}");
+            assert_eq!(whole.numbers[octave], (phases.len() - 2 * m) as f64);
+        }
     }
 }

@@ -6,12 +6,14 @@
 
 use std::collections::VecDeque;
 
-use crate::ingest::csv::RawRow;
+use crate::ingest::raw::RawRows;
 
 /// Rows waiting for their temperatures, and temperatures waiting for their rows.
 pub(crate) struct Aligner {
     offset_ns: i64,
-    pending: VecDeque<RawRow>,
+    pending: VecDeque<RawRows>,
+    /// Row of the first pending piece whose temperatures are not known yet.
+    cursor: usize,
     samples: VecDeque<(i64, Vec<f64>)>,
     newest_ns: i64,
     ended: bool,
@@ -19,7 +21,8 @@ pub(crate) struct Aligner {
 
 impl Aligner {
     pub(crate) fn new(offset_ns: i64) -> Self {
-        Self { offset_ns, pending: VecDeque::new(), samples: VecDeque::new(), newest_ns: i64::MIN, ended: false }
+        let (pending, samples) = (VecDeque::new(), VecDeque::new());
+        Self { offset_ns, pending, cursor: 0, samples, newest_ns: i64::MIN, ended: false }
     }
 
     /// True without an offset: every row has its own temperatures, and nothing need wait here.
@@ -27,14 +30,15 @@ impl Aligner {
         self.offset_ns == 0
     }
 
-    pub(crate) fn push(&mut self, row: RawRow) {
-        if let Some(t) = row.time_ns {
+    pub(crate) fn push(&mut self, rows: RawRows) {
+        for row in 0..rows.len() {
+            let Some(t) = rows.time(row) else { continue };
             self.newest_ns = self.newest_ns.max(t);
             if self.samples.back().is_none_or(|(last, _)| *last < t) {
-                self.samples.push_back((t, row.temperatures_c.clone()));
+                self.samples.push_back((t, rows.temperatures_c.iter().map(|column| column[row]).collect()));
             }
         }
-        self.pending.push_back(row);
+        self.pending.push_back(rows);
     }
 
     pub(crate) fn end(&mut self) {
@@ -45,45 +49,52 @@ impl Aligner {
         self.ended && self.pending.is_empty()
     }
 
-    /// The next row with its own temperatures, if they are known.
-    pub(crate) fn ready(&mut self) -> Option<RawRow> {
-        let wanted = self.pending.front()?.time_ns.map(|t| t.saturating_sub(self.offset_ns));
-        if wanted.is_some_and(|wanted| self.newest_ns < wanted) && !self.ended {
-            return None;
-        }
-        let mut row = self.pending.pop_front()?;
-        if let Some(wanted) = wanted {
-            while self.samples.get(1).is_some_and(|(t, _)| *t <= wanted) {
-                self.samples.pop_front();
+    /// The next rows with the temperatures that belong to them, once they are all known.
+    pub(crate) fn ready(&mut self) -> Option<RawRows> {
+        let rows = self.pending.front_mut()?;
+        while self.cursor < rows.len() {
+            if let Some(t) = rows.time(self.cursor) {
+                let wanted = t.saturating_sub(self.offset_ns);
+                if self.newest_ns < wanted && !self.ended {
+                    return None;
+                }
+                while self.samples.get(1).is_some_and(|(t, _)| *t <= wanted) {
+                    self.samples.pop_front();
+                }
+                let sample = self.samples.front().filter(|(t, _)| *t <= wanted);
+                for (n, column) in rows.temperatures_c.iter_mut().enumerate() {
+                    column[self.cursor] = sample.map_or(f64::NAN, |(_, temperatures)| temperatures[n]);
+                }
             }
-            match self.samples.front().filter(|(t, _)| *t <= wanted) {
-                Some((_, temperatures)) => row.temperatures_c.clone_from(temperatures),
-                None => row.temperatures_c.fill(f64::NAN),
-            }
+            self.cursor += 1;
         }
-        Some(row)
+        self.cursor = 0;
+        self.pending.pop_front()
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ingest::raw::Faults;
 
     fn aligned(offset_s: i64) -> Vec<f64> {
         let mut align = Aligner::new(offset_s * 1_000_000_000);
         let mut out = Vec::new();
         for t in 0..6_i64 {
-            align.push(RawRow {
-                time_ns: Some(t * 1_000_000_000),
-                temperatures_c: vec![t as f64],
-                ..RawRow::default()
-            });
+            let mut rows = RawRows::default();
+            rows.reset(0, 1, 0);
+            rows.line.push(1);
+            rows.faults.push(Faults::NONE);
+            rows.time_ns.push(t * 1_000_000_000);
+            rows.temperatures_c[0].push(t as f64);
+            align.push(rows);
             out.extend(std::iter::from_fn(|| align.ready()));
         }
         align.end();
         out.extend(std::iter::from_fn(|| align.ready()));
         assert!(align.ended());
-        out.iter().map(|row| row.temperatures_c[0]).collect()
+        out.iter().map(|rows| rows.temperatures_c[0][0]).collect()
     }
 
     #[test]

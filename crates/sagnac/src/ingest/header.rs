@@ -238,6 +238,22 @@ impl Layout {
         Ok(())
     }
 
+    /// Columns that are read, in the order of the file.
+    pub fn columns_read(&self) -> Vec<usize> {
+        let time = self.time.iter().map(|(index, _)| *index);
+        let temperatures = self.temperatures.iter().map(|(index, ..)| *index);
+        let axes = self.axes.iter().map(|(index, ..)| *index);
+        let others = self.reference.iter().chain(&self.valid).copied();
+        let mut all: Vec<usize> = time
+            .chain(temperatures)
+            .chain(axes)
+            .chain(others)
+            .chain(self.aux.iter().map(|(index, _)| *index))
+            .collect();
+        all.sort_unstable();
+        all
+    }
+
     /// True for counts, false for rates.
     pub fn is_count_log(&self) -> bool {
         self.axes.iter().all(|(_, _, unit)| unit.is_none())

@@ -1,36 +1,45 @@
 //! Logs in: from bytes to judged rows.
 //!
 //! ```text
-//! Source (hash, gunzip, guard) ─▶ CsvRows (records) ─▶ RowCheck (judged rows) ─▶ Batch
+//! Source (hash, gunzip, format) ─▶ Pieces (parsed in parallel: text, Parquet, Arrow, ULog) ─▶ Aligner
+//!        (temperatures to the time of counts) ─▶ RowCheck (judged rows) ─▶ Batch
 //! ```
 //!
 //! [`LogReader`] gives one batch after the other and never holds the log. One file is one run.
 
 mod align;
-mod csv;
+mod cells;
+#[cfg(feature = "parquet")]
+mod columnar;
 pub mod header;
 mod number;
+mod pieces;
+mod raw;
 mod rows;
 mod source;
+mod text;
 mod thermometer;
+#[cfg(feature = "ulog")]
+mod ulog;
 
 use std::collections::VecDeque;
 use std::path::Path;
 
 use crate::error::{Error, Result};
 use crate::ingest::align::Aligner;
-pub use crate::ingest::csv::COMPENSATED_STAMP;
-pub(crate) use crate::ingest::csv::unquoted;
-use crate::ingest::csv::{CsvRows, RawRow};
+use crate::ingest::header::Layout;
+use crate::ingest::pieces::{Feed, Pieces};
+use crate::ingest::raw::{Faults, RawRows};
 use crate::ingest::rows::RowCheck;
 pub use crate::ingest::rows::{Reason, Tallies, Tally};
+pub use crate::ingest::source::{Format, Watch, hex, sha256};
 use crate::ingest::source::{HashHandle, Source};
-pub use crate::ingest::source::{hex, sha256};
+pub use crate::ingest::text::COMPENSATED_STAMP;
+pub(crate) use crate::ingest::text::unquoted;
+use crate::ingest::text::{LineParser, TextFeed};
 use crate::setup::{Counter, Setup};
 use crate::units::{ns_from_s, s_from_ns};
 
-/// Rows of one batch.
-const BATCH_ROWS: usize = 8192;
 /// Rows from which the nominal interval is taken when it is not given.
 const LOOKAHEAD_ROWS: usize = 129;
 
@@ -92,7 +101,7 @@ pub struct Batch {
     pub temperature_c: Vec<Vec<f64>>,
     /// Per auxiliary column; NaN where missing.
     pub aux: Vec<Vec<f64>>,
-    /// Rate of the table, °/s; NaN where missing.
+    /// Rate of the table, °/s; NaN where missing, empty without such a column.
     pub reference_dps: Vec<f64>,
     /// The log's own flag; true without one.
     pub valid: Vec<bool>,
@@ -135,20 +144,16 @@ impl Batch {
         }
     }
 
-    fn push(&mut self, start_ns: i64, end_ns: i64, angles: &[f64], row: &RawRow) {
+    fn push(&mut self, start_ns: i64, end_ns: i64, angles: &[f64], rows: &RawRows, at: usize) {
         self.start_ns.push(start_ns);
         self.end_ns.push(end_ns);
-        self.reference_dps.push(row.reference_dps);
-        self.valid.push(row.valid);
-        self.line.push(row.line);
-        let columns = self.angle.iter_mut().zip(angles);
-        let columns = columns.chain(self.temperature_c.iter_mut().zip(&self.checked_c));
-        for (column, value) in columns.chain(self.aux.iter_mut().zip(&row.aux)) {
-            column.push(*value);
-        }
-        if !row.fields.is_empty() {
-            self.fields.push(row.fields.clone());
-        }
+        self.valid.push(!rows.faults[at].has(Faults::FLAGGED));
+        self.line.push(rows.line_of(at));
+        let columns = self.angle.iter_mut().zip(angles).chain(self.temperature_c.iter_mut().zip(&self.checked_c));
+        columns.for_each(|(column, value)| column.push(*value));
+        self.aux.iter_mut().zip(&rows.aux).for_each(|(column, values)| column.push(values[at]));
+        self.reference_dps.extend(rows.reference_dps.get(at));
+        self.fields.extend(rows.fields.get(at).cloned());
     }
 }
 
@@ -178,16 +183,17 @@ pub enum Pace {
 
 /// A log being read.
 pub struct LogReader {
-    rows: CsvRows,
+    pieces: Pieces,
+    layout: Layout,
+    delimiter: u8,
     check: RowCheck,
     shape: LogShape,
     batch: Batch,
-    row: RawRow,
-    ahead: VecDeque<RawRow>,
+    rows: RawRows,
+    ahead: VecDeque<RawRows>,
     align: Aligner,
     hash: HashHandle,
     name: String,
-    batch_rows: usize,
 }
 
 impl LogReader {
@@ -197,39 +203,53 @@ impl LogReader {
     /// Unreadable, binary, no header, headers that say nothing or contradict the setup, no scale
     /// factor for counts, no interval.
     pub fn open(path: &Path, setup: &Setup, pace: Pace) -> Result<Self> {
-        Self::from_source(Source::open(path)?, setup, pace)
+        Self::open_watched(path, setup, pace, None)
+    }
+
+    /// The same; `watch` is told how many bytes of the file have been read.
+    ///
+    /// # Errors
+    /// As [`LogReader::open`].
+    pub fn open_watched(path: &Path, setup: &Setup, pace: Pace, watch: Option<Watch>) -> Result<Self> {
+        Self::from_source(Source::open(path, watch)?, setup, pace)
     }
 
     /// Reads a log from bytes that come from anywhere; `name` is used in messages.
     ///
     /// # Errors
     /// As [`LogReader::open`].
-    pub fn from_reader(name: &str, reader: Box<dyn std::io::Read>, setup: &Setup, pace: Pace) -> Result<Self> {
+    pub fn from_reader(name: &str, reader: Box<dyn std::io::Read + Send>, setup: &Setup, pace: Pace) -> Result<Self> {
         Self::from_source(Source::from_reader(name.to_owned(), reader)?, setup, pace)
     }
 
     fn from_source(source: Source, setup: &Setup, pace: Pace) -> Result<Self> {
+        let name = source.name.clone();
+        Self::start(source, setup, pace).map_err(|e| e.file(name))
+    }
+
+    fn start(source: Source, setup: &Setup, pace: Pace) -> Result<Self> {
         let (name, hash) = (source.name.clone(), source.hash.clone());
-        let mut rows = CsvRows::new(source, setup, pace != Pace::Bulk)?;
-        let unit = angle_unit(&rows, setup).map_err(|e| e.file(&name))?;
+        let Opened { feed, layout, delimiter, lines_before } = open_feed(source, setup, pace)?;
+        let mut pieces = Pieces::new(feed, lines_before, pace != Pace::LineByLine);
+        let unit = angle_unit(&layout, setup)?;
         let lookahead = if pace == Pace::LineByLine { 2 } else { LOOKAHEAD_ROWS };
         let mut ahead = VecDeque::new();
-        let nominal_ns = nominal_interval(&mut rows, setup, lookahead, &mut ahead).map_err(|e| e.file(&name))?;
+        let nominal_ns = nominal_interval(&mut pieces, &layout, setup, lookahead, &mut ahead)?;
         let shape = LogShape {
-            axes: rows.layout.axes.iter().map(|(_, axis, _)| *axis).collect(),
-            thermometers: rows.layout.temperatures.iter().map(|(_, name, _)| name.clone()).collect(),
-            aux: rows.layout.aux.iter().map(|(_, name)| name.clone()).collect(),
+            axes: layout.axes.iter().map(|(_, axis, _)| *axis).collect(),
+            thermometers: layout.temperatures.iter().map(|(_, name, _)| name.clone()).collect(),
+            aux: layout.aux.iter().map(|(_, name)| name.clone()).collect(),
             unit,
-            timed: rows.layout.time.is_some(),
+            timed: layout.time.is_some(),
             nominal_ns,
-            has_reference: rows.layout.reference.is_some(),
-            ignored: rows.layout.ignored.clone(),
+            has_reference: layout.reference.is_some(),
+            ignored: layout.ignored.clone(),
         };
-        let check = RowCheck::new(name.clone(), &rows.layout, setup, nominal_ns);
+        let check = RowCheck::new(name.clone(), &layout, setup, nominal_ns);
         let batch = Batch::for_shape(&shape);
-        let batch_rows = if pace == Pace::LineByLine { 1 } else { BATCH_ROWS };
         let align = Aligner::new(ns_from_s(setup.temperature_offset_s).unwrap_or(0));
-        Ok(Self { rows, check, shape, batch, row: RawRow::default(), ahead, align, hash, name, batch_rows })
+        let rows = RawRows::default();
+        Ok(Self { pieces, layout, delimiter, check, shape, batch, rows, ahead, align, hash, name })
     }
 
     /// What the log consists of.
@@ -239,22 +259,29 @@ impl LogReader {
 
     /// Headers as they stand in the file.
     pub fn headers(&self) -> &[String] {
-        &self.rows.layout.headers
+        &self.layout.headers
     }
 
-    /// The delimiter between fields.
+    /// The delimiter between fields; a comma for binary formats.
     pub fn delimiter(&self) -> u8 {
-        self.rows.delimiter
+        self.delimiter
     }
 
     /// Column index of each axis.
     pub fn axis_columns(&self) -> Vec<usize> {
-        self.rows.layout.axes.iter().map(|(index, ..)| *index).collect()
+        self.layout.axes.iter().map(|(index, ..)| *index).collect()
     }
 
     /// °/h per unit of each rate column; `None` for counts.
     pub fn rate_units(&self) -> Vec<Option<f64>> {
-        self.rows.layout.axes.iter().map(|(.., unit)| *unit).collect()
+        self.layout.axes.iter().map(|(.., unit)| *unit).collect()
+    }
+
+    /// What stands in a column: whole numbers (times in ns), other numbers, or text.
+    #[cfg(feature = "parquet")]
+    pub(crate) fn kind_of_column(&self, index: usize) -> Option<bool> {
+        let read = self.layout.columns_read().contains(&index) && self.layout.valid != Some(index);
+        read.then_some(self.layout.time == Some((index, 0)))
     }
 
     /// The next batch, or `None` at the end. A batch may be empty (its rows were all rejected).
@@ -263,47 +290,42 @@ impl LogReader {
     /// A read error, or a line that makes the whole log unusable.
     pub fn next_batch(&mut self) -> Result<Option<&Batch>> {
         self.batch.clear();
-        for read in 0..self.batch_rows {
-            if self.next_row()? {
-                self.check.push(&self.row, &mut self.batch)?;
-            } else if read == 0 {
-                return Ok(None);
-            } else {
-                break;
-            }
+        if !self.next_rows()? {
+            return Ok(None);
         }
+        self.check.push(&self.rows, &mut self.batch)?;
         Ok(Some(&self.batch))
     }
 
-    /// The next record into `self.row`, with the temperatures that belong to it; false at the end.
-    fn next_row(&mut self) -> Result<bool> {
+    /// The next piece into `self.rows`, with the temperatures that belong to it; false at the end.
+    fn next_rows(&mut self) -> Result<bool> {
         if self.align.is_straight() {
-            return self.next_record();
+            return self.next_piece();
         }
         loop {
-            if let Some(row) = self.align.ready() {
-                self.row = row;
+            if let Some(rows) = self.align.ready() {
+                self.rows = rows;
                 return Ok(true);
             }
             if self.align.ended() {
                 return Ok(false);
             }
-            if self.next_record()? {
-                self.align.push(std::mem::take(&mut self.row));
+            if self.next_piece()? {
+                self.align.push(std::mem::take(&mut self.rows));
             } else {
                 self.align.end();
             }
         }
     }
 
-    /// The next record of the file into `self.row`.
-    fn next_record(&mut self) -> Result<bool> {
+    /// The next piece of the file into `self.rows`.
+    fn next_piece(&mut self) -> Result<bool> {
         match self.ahead.pop_front() {
-            Some(row) => {
-                self.row = row;
+            Some(rows) => {
+                self.rows = rows;
                 Ok(true)
             }
-            None => self.rows.read(&mut self.row),
+            None => self.pieces.next(&mut self.rows).map_err(|e| e.file(&self.name)),
         }
     }
 
@@ -318,8 +340,45 @@ impl LogReader {
     }
 }
 
-fn angle_unit(rows: &CsvRows, setup: &Setup) -> Result<AngleUnit> {
-    if !rows.layout.is_count_log() {
+/// A log whose header has been read.
+struct Opened {
+    feed: Feed,
+    layout: Layout,
+    delimiter: u8,
+    lines_before: u64,
+}
+
+fn open_feed(source: Source, setup: &Setup, pace: Pace) -> Result<Opened> {
+    match source.format {
+        Format::Text => open_text(source, setup, pace),
+        #[cfg(feature = "parquet")]
+        Format::Parquet | Format::ArrowFile | Format::ArrowStream => {
+            let columnar = columnar::open(source)?;
+            let layout = Layout::new(columnar.headers.clone(), &setup.columns, setup.axis)?;
+            let feed = Feed::Table(Box::new(columnar.feed(&layout, pace)?));
+            // As if one line of headers stood above the rows.
+            Ok(Opened { feed, layout, delimiter: b',', lines_before: 1 })
+        }
+        #[cfg(feature = "ulog")]
+        Format::ULog => {
+            let (feed, layout) = ulog::open(source, setup, pace != Pace::Bulk)?;
+            Ok(Opened { feed: Feed::Table(Box::new(feed)), layout, delimiter: b',', lines_before: 1 })
+        }
+        #[cfg(not(all(feature = "parquet", feature = "ulog")))]
+        other => Err(Error::input(format!("this program was built without {other:?}"))),
+    }
+}
+
+fn open_text(mut source: Source, setup: &Setup, pace: Pace) -> Result<Opened> {
+    let header = text::read_header(&mut source)?;
+    let layout = text::layout_of(&header, setup)?;
+    let parser = LineParser::new(&layout, header.delimiter, pace);
+    let feed = Feed::Text(TextFeed::new(source.reader, pace), Box::new(parser));
+    Ok(Opened { feed, layout, delimiter: header.delimiter, lines_before: header.lines })
+}
+
+fn angle_unit(layout: &Layout, setup: &Setup) -> Result<AngleUnit> {
+    if !layout.is_count_log() {
         if setup.counter == Counter::Cumulative {
             return Err(Error::input("a cumulative counter is set up, but the log holds rates").column("counter"));
         }
@@ -344,26 +403,35 @@ fn typical_step(times: &[i64]) -> Option<i64> {
 }
 
 /// The interval of a row: as given, else from the first rows.
-fn nominal_interval(rows: &mut CsvRows, setup: &Setup, lookahead: usize, ahead: &mut VecDeque<RawRow>) -> Result<i64> {
+fn nominal_interval(
+    pieces: &mut Pieces,
+    layout: &Layout,
+    setup: &Setup,
+    lookahead: usize,
+    ahead: &mut VecDeque<RawRows>,
+) -> Result<i64> {
     if let Some(seconds) = setup.sample_interval_s {
         return ns_from_s(seconds).ok_or_else(|| Error::input("out of range").column("sample_interval_s"));
     }
-    if rows.layout.time.is_none() {
-        if rows.layout.is_count_log() {
+    if layout.time.is_none() {
+        if layout.is_count_log() {
             return Err(Error::input("counts without a time column, and nothing says how long a row is")
                 .column("sample_interval_s")
                 .help("give --sample-interval or sample_interval_s in the setup"));
         }
         return Ok(1_000_000_000);
     }
-    let mut row = RawRow::default();
-    while ahead.len() < lookahead && rows.read(&mut row)? {
-        ahead.push_back(row.clone());
+    let mut read = 0;
+    let mut rows = RawRows::default();
+    while read < lookahead && pieces.next(&mut rows)? {
+        read += rows.len();
+        ahead.push_back(std::mem::take(&mut rows));
     }
-    let times: Vec<i64> = ahead.iter().filter_map(|row| row.time_ns).collect();
+    let first = ahead.iter().flat_map(|rows| (0..rows.len()).map(|row| rows.time(row))).take(lookahead);
+    let times: Vec<i64> = first.flatten().collect();
     typical_step(&times).filter(|step| s_from_ns(*step) <= 1e5).ok_or_else(|| {
         let backwards = times.windows(2).any(|pair| pair[1] < pair[0]);
-        let (what, help) = match ahead.len() {
+        let (what, help) = match read {
             0 => ("a header, but no row below it", "a log needs rows"),
             1 => ("a single row, so the interval of a row is unknown", "give --sample-interval"),
             _ if times.is_empty() => ("no time in the first rows is a number", "look at the time column"),

@@ -8,7 +8,77 @@ pub(crate) fn parse_value(field: &[u8], decimal_comma: bool) -> Option<f64> {
     value.is_finite().then_some(value)
 }
 
-/// A time as whole nanoseconds, exact for decimals down to 1 ns (further places are cut off).
+/// Powers of ten that `f64` holds exactly.
+const EXACT_POWERS: [f64; 23] = [
+    1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18, 1e19, 1e20,
+    1e21, 1e22,
+];
+const INTEGER_POWERS: [u64; 10] =
+    [1, 10, 100, 1000, 10_000, 100_000, 1_000_000, 10_000_000, 100_000_000, 1_000_000_000];
+/// Integers up to here are exact in `f64`.
+const EXACT_INTEGER: u64 = 1 << 53;
+
+/// A plain decimal, `-12.50`: its digits as one integer, and how many of them stand after the point.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Decimal {
+    negative: bool,
+    digits: u64,
+    places: u32,
+}
+
+impl Decimal {
+    /// The plain decimal at the start of `bytes` and its length; `None` for anything else, or more than 18 digits.
+    #[inline]
+    pub(crate) fn read(bytes: &[u8]) -> Option<(Self, usize)> {
+        let negative = *bytes.first()? == b'-';
+        let unsigned = &bytes[usize::from(negative)..];
+        let (mut digits, whole) = run_of_digits(0, unsigned);
+        let mut length = whole;
+        let mut places = 0;
+        if unsigned.get(whole) == Some(&b'.') {
+            (digits, places) = run_of_digits(digits, &unsigned[whole + 1..]);
+            length += 1 + places;
+        }
+        // More than 18 digits have wrapped.
+        let decimal = Self { negative, digits, places: places as u32 };
+        (1..=18).contains(&(whole + places)).then_some((decimal, usize::from(negative) + length))
+    }
+
+    /// The nearest `f64`: both parts are exact, so the division rounds once. `None` beyond 2^53.
+    #[inline]
+    pub(crate) fn value(self) -> Option<f64> {
+        if self.digits > EXACT_INTEGER {
+            return None;
+        }
+        let size = self.digits as f64;
+        let size = if self.places == 0 { size } else { size / EXACT_POWERS.get(self.places as usize)? };
+        // The sign bit by arithmetic: signs come at random.
+        Some(f64::from_bits(size.to_bits() ^ (u64::from(self.negative) << 63)))
+    }
+
+    /// In units of 10^-`places`, exactly; `None` where digits are left over or it overflows.
+    #[inline]
+    pub(crate) fn scaled(self, places: u32) -> Option<i64> {
+        let power = INTEGER_POWERS.get(places.checked_sub(self.places)? as usize)?;
+        let size = i64::try_from(self.digits.checked_mul(*power)?).ok()?;
+        Some(if self.negative { -size } else { size })
+    }
+}
+
+/// Appends the digits at the start of `bytes` to `digits`; how many there are.
+#[inline]
+fn run_of_digits(mut digits: u64, bytes: &[u8]) -> (u64, usize) {
+    for (at, byte) in bytes.iter().enumerate() {
+        let digit = byte.wrapping_sub(b'0');
+        if digit > 9 {
+            return (digits, at);
+        }
+        digits = digits.wrapping_mul(10).wrapping_add(u64::from(digit));
+    }
+    (digits, bytes.len())
+}
+
+/// A time as whole nanoseconds, to the nearest; exact for decimals down to 1 ns.
 ///
 /// `places` is the power of ten from the column's unit to nanoseconds. Exponents go through `f64`.
 pub(crate) fn parse_time_ns(field: &[u8], places: u32, decimal_comma: bool) -> Option<i64> {
@@ -28,18 +98,28 @@ pub(crate) fn parse_time_ns(field: &[u8], places: u32, decimal_comma: bool) -> O
     for digit in whole.bytes() {
         ns = ns.checked_mul(10)?.checked_add(i64::from(digit - b'0'))?;
     }
-    for place in 0..places {
-        let digit = fraction.as_bytes().get(place as usize).map_or(0, |b| i64::from(b - b'0'));
+    let place = |place: u32| fraction.as_bytes().get(place as usize).map_or(0, |b| i64::from(b - b'0'));
+    for digit in (0..places).map(place) {
         ns = ns.checked_mul(10)?.checked_add(digit)?;
     }
+    ns = ns.checked_add(i64::from(place(places) >= 5))?;
     Some(if negative { -ns } else { ns })
 }
 
+/// The same for a number that came as one: as if written in its shortest decimal form.
+pub(crate) fn time_ns_of(value: f64, places: u32) -> Option<i64> {
+    let scaled = value * EXACT_POWERS.get(places as usize)?;
+    // Below this the product is within half a nanosecond of the decimal.
+    if scaled.abs() < (1_u64 << 50) as f64 {
+        return Some(scaled.round() as i64);
+    }
+    parse_time_ns(value.to_string().as_bytes(), places, false)
+}
 /// `1`, `true`, `ok`, `yes` and their opposites; `None` for anything else.
 pub(crate) fn parse_flag(field: &[u8]) -> Option<bool> {
     match std::str::from_utf8(field).ok()?.trim().to_ascii_lowercase().as_str() {
-        "1" | "true" | "ok" | "yes" => Some(true),
-        "0" | "false" | "no" => Some(false),
+        "1" | "1.0" | "true" | "ok" | "yes" => Some(true),
+        "0" | "0.0" | "false" | "no" => Some(false),
         _ => None,
     }
 }
@@ -58,6 +138,35 @@ mod tests {
         for bad in ["", ".", "x", "nan", "1e308", "99999999999999999999", "1.2.3"] {
             assert_eq!(parse_time_ns(bad.as_bytes(), 9, false), None, "{bad}");
         }
+    }
+
+    #[test]
+    fn plain_decimals_are_what_the_standard_library_reads() {
+        for text in ["0", "-0", "12.50", "-.5", "3.", "9007199254740992", "0.0000000001", "123456789.123456789"] {
+            let (decimal, length) = Decimal::read(format!("{text},7").as_bytes()).unwrap();
+            let expected: f64 = text.parse().unwrap();
+            if let Some(value) = decimal.value() {
+                assert_eq!(value.to_bits(), expected.to_bits(), "{text}");
+            }
+            assert_eq!(length, text.len());
+            if let Some(ns) = decimal.scaled(9) {
+                assert_eq!(Some(ns), parse_time_ns(text.as_bytes(), 9, false), "{text}");
+            }
+        }
+        for other in ["", "-", ".", "x", "+1", "\"1\"", "1234567890123456789"] {
+            assert_eq!(Decimal::read(other.as_bytes()), None, "{other}");
+        }
+        assert_eq!(Decimal::read(b"1.2.3").map(|(_, length)| length), Some(3));
+    }
+
+    #[test]
+    fn a_number_is_the_time_that_its_text_is() {
+        for value in [0.01, 1234.56, -0.5, 2.0 / 3.0, 1_700_000_000.01, 4.2e6, 1e-9, 86_399.999_999] {
+            let text: String = format!("{value}");
+            assert_eq!(time_ns_of(value, 9), parse_time_ns(text.as_bytes(), 9, false), "{text}");
+        }
+        assert_eq!(time_ns_of(f64::NAN, 9), None);
+        assert_eq!(time_ns_of(1e300, 9), None);
     }
 
     #[test]

@@ -1,34 +1,67 @@
-//! Bytes of a log: opened, hashed, unpacked, guarded.
+//! Bytes of a log: opened, hashed, unpacked.
 //!
 //! ```text
-//! file or stdin ─▶ SHA-256 ─▶ gunzip if it is gzip ─▶ no line over 1 MiB ─▶ reader
+//! file or stdin ─▶ SHA-256 ─▶ gunzip if it is gzip ─▶ reader, and what its first bytes look like
 //! ```
-//!
-//! Memory is bounded for any input: a line without end is refused, not collected.
 
-use std::cell::RefCell;
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
-use std::path::Path;
-use std::rc::Rc;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use flate2::bufread::MultiGzDecoder;
 use sha2::{Digest, Sha256};
 
 use crate::error::{Error, Result};
 
-/// No line of a log is longer.
-const MAX_LINE_BYTES: u64 = 1 << 20;
 const GZIP_MAGIC: [u8; 2] = [0x1f, 0x8b];
+/// First bytes of a PX4 ULog file.
+const ULOG_MAGIC: [u8; 7] = [0x55, 0x4c, 0x6f, 0x67, 0x01, 0x12, 0x35];
+const PARQUET_MAGIC: [u8; 4] = *b"PAR1";
+const ARROW_MAGIC: [u8; 6] = *b"ARROW1";
+/// Arrow's stream form begins with a continuation mark.
+const ARROW_STREAM_MAGIC: [u8; 4] = [0xff; 4];
+
+/// Formats of a log, gzip taken off.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    /// Comma, tab or semicolon separated text.
+    Text,
+    /// Apache Parquet.
+    Parquet,
+    /// Arrow IPC, file form (also called Feather 2).
+    ArrowFile,
+    /// Arrow IPC, stream form.
+    ArrowStream,
+    /// PX4 ULog.
+    ULog,
+}
+
+impl Format {
+    /// By the first bytes; anything unknown is text, or refused as binary there.
+    pub fn of(start: &[u8]) -> Self {
+        match start {
+            _ if start.starts_with(&PARQUET_MAGIC) => Self::Parquet,
+            _ if start.starts_with(&ARROW_MAGIC) => Self::ArrowFile,
+            _ if start.starts_with(&ARROW_STREAM_MAGIC) => Self::ArrowStream,
+            _ if start.starts_with(&ULOG_MAGIC) => Self::ULog,
+            _ => Self::Text,
+        }
+    }
+}
 
 /// The running hash of what was read.
 #[derive(Clone, Default)]
-pub(crate) struct HashHandle(Rc<RefCell<Sha256>>);
+pub(crate) struct HashHandle(Arc<Mutex<Sha256>>);
 
 impl HashHandle {
     /// SHA-256 of everything read so far, in hexadecimal.
     pub(crate) fn hex(&self) -> String {
-        hex(&self.0.borrow().clone().finalize())
+        hex(&self.0.lock().unwrap_or_else(PoisonError::into_inner).clone().finalize())
+    }
+
+    fn update(&self, bytes: &[u8]) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).update(bytes);
     }
 }
 
@@ -50,30 +83,7 @@ struct HashingReader<R> {
 impl<R: Read> Read for HashingReader<R> {
     fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
         let n = self.inner.read(buffer)?;
-        self.hash.0.borrow_mut().update(&buffer[..n]);
-        Ok(n)
-    }
-}
-
-/// Fails once a line exceeds [`MAX_LINE_BYTES`].
-struct LineGuard<R> {
-    inner: R,
-    since_newline: u64,
-}
-
-impl<R: Read> Read for LineGuard<R> {
-    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
-        let n = self.inner.read(buffer)?;
-        match buffer[..n].iter().rposition(|b| *b == b'\n') {
-            Some(last) => self.since_newline = (n - 1 - last) as u64,
-            None => self.since_newline += n as u64,
-        }
-        if self.since_newline > MAX_LINE_BYTES {
-            return Err(std::io::Error::new(
-                std::io::ErrorKind::InvalidData,
-                "a line of more than 1 MiB; this is no table of text",
-            ));
-        }
+        self.hash.update(&buffer[..n]);
         Ok(n)
     }
 }
@@ -81,13 +91,38 @@ impl<R: Read> Read for LineGuard<R> {
 /// Opened bytes of a log.
 pub(crate) struct Source {
     pub(crate) name: String,
-    pub(crate) reader: Box<dyn BufRead>,
+    pub(crate) reader: Box<dyn BufRead + Send>,
     pub(crate) hash: HashHandle,
+    pub(crate) format: Format,
+    /// The bytes stand in this file as they are: it can be opened again by who must go back and forth.
+    pub(crate) plain_file: Option<PathBuf>,
+    packed: bool,
+}
+
+/// Is told how many bytes of a file have been read.
+pub type Watch = Box<dyn FnMut(u64) + Send>;
+
+/// A file that tells how far it has been read.
+struct Watched {
+    file: File,
+    done: u64,
+    watch: Option<Watch>,
+}
+
+impl Read for Watched {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        let n = self.file.read(buffer)?;
+        self.done += n as u64;
+        if let Some(watch) = &mut self.watch {
+            watch(self.done);
+        }
+        Ok(n)
+    }
 }
 
 impl Source {
     /// Opens a file, or standard input for `-`.
-    pub(crate) fn open(path: &Path) -> Result<Self> {
+    pub(crate) fn open(path: &Path, watch: Option<Watch>) -> Result<Self> {
         if path.as_os_str() == "-" {
             return Self::from_reader("standard input".to_owned(), Box::new(std::io::stdin()));
         }
@@ -96,34 +131,26 @@ impl Source {
         if file.metadata().is_ok_and(|m| m.is_dir()) {
             return Err(Error::input("this is a directory; a log is a file").file(name));
         }
-        Self::from_reader(name, Box::new(file))
+        let plain = file.metadata().is_ok_and(|m| m.is_file());
+        let source = Self::from_reader(name, Box::new(Watched { file, done: 0, watch }))?;
+        let plain = plain && !source.packed;
+        Ok(Self { plain_file: plain.then(|| path.to_owned()), ..source })
     }
 
     /// Wraps any reader.
-    pub(crate) fn from_reader(name: String, raw: Box<dyn Read>) -> Result<Self> {
+    pub(crate) fn from_reader(name: String, raw: Box<dyn Read + Send>) -> Result<Self> {
         let hash = HashHandle::default();
         let hashed = HashingReader { inner: raw, hash: hash.clone() };
-        let mut buffered = BufReader::with_capacity(1 << 16, hashed);
-        let is_gzip = peek(&mut buffered, &name)?.starts_with(&GZIP_MAGIC);
-        let plain: Box<dyn Read> = if is_gzip { Box::new(MultiGzDecoder::new(buffered)) } else { Box::new(buffered) };
-        let guarded = LineGuard { inner: plain, since_newline: 0 };
-        let mut reader = BufReader::with_capacity(1 << 16, guarded);
-        refuse_binary(peek(&mut reader, &name)?).map_err(|e| e.file(&name))?;
-        Ok(Self { name, reader: Box::new(reader), hash })
+        let mut reader: Box<dyn BufRead + Send> = Box::new(BufReader::with_capacity(1 << 16, hashed));
+        let packed = peek(&mut reader, &name)?.starts_with(&GZIP_MAGIC);
+        if packed {
+            reader = Box::new(BufReader::with_capacity(1 << 16, MultiGzDecoder::new(reader)));
+        }
+        let format = Format::of(peek(&mut reader, &name)?);
+        Ok(Self { name, reader, hash, format, plain_file: None, packed })
     }
 }
 
 fn peek<'a>(reader: &'a mut impl BufRead, name: &str) -> Result<&'a [u8]> {
     reader.fill_buf().map_err(|e| Error::io(name, "read", &e))
-}
-
-/// A text log has no zero byte and is UTF-8 where it begins.
-fn refuse_binary(start: &[u8]) -> Result<()> {
-    let start = &start[..start.len().min(4096)];
-    let broken = std::str::from_utf8(start).err().is_some_and(|e| e.error_len().is_some());
-    if broken || start.contains(&0) {
-        return Err(Error::input("binary data in no format that Sagnac reads")
-            .help("logs are CSV (comma, tab or semicolon), also gzipped; convert this file first"));
-    }
-    Ok(())
 }

@@ -49,6 +49,35 @@ impl ThermometerCheck {
         }
     }
 
+    /// The newest reading that was believed; NaN before the first.
+    pub(crate) fn believed_c(&self) -> f64 {
+        self.believed_c
+    }
+
+    /// True if [`Self::check`] would believe each of these readings, that follow `before_c` row by row. Of a log's
+    /// only thermometer, which nothing can call frozen.
+    pub(crate) fn are_plain(&self, readings_c: &[f64], before_c: f64) -> bool {
+        let [lo, hi] = self.spec.plausible_c;
+        let (mut all, mut before) = (true, before_c);
+        for &t_c in readings_c {
+            all &= (t_c >= lo) & (t_c <= hi) & ((t_c - before).abs() <= JUMP_C);
+            before = t_c;
+        }
+        all
+    }
+
+    /// Takes the last of such readings; `before_ns` is the time of the one before it, if it is among them.
+    pub(crate) fn believe(&mut self, t_c: f64, t_ns: i64, before_ns: Option<i64>) {
+        self.interval_ns = Some(t_ns - before_ns.unwrap_or(self.believed_ns));
+        (self.believed_c, self.believed_ns) = (t_c, t_ns);
+        self.jump_rows = 0;
+    }
+
+    /// True once it has stood still for long.
+    pub(crate) fn may_be_frozen(&self, now_ns: i64) -> bool {
+        now_ns.saturating_sub(self.changed_ns) > FROZEN_NS
+    }
+
     /// The reading, if it is believed. `joins`: there is a row right before it.
     pub(crate) fn check(&mut self, t_c: f64, t_ns: i64, joins: bool, others_moved_c: f64) -> Result<f64, Reason> {
         if !(self.spec.plausible_c[0]..=self.spec.plausible_c[1]).contains(&t_c) {
@@ -64,7 +93,7 @@ impl ThermometerCheck {
         }
         (self.believed_c, self.believed_ns) = (t_c, t_ns);
         self.remember(t_c, t_ns);
-        let frozen = t_ns.saturating_sub(self.changed_ns) > FROZEN_NS && others_moved_c > FROZEN_OTHER_MOVED_C;
+        let frozen = self.may_be_frozen(t_ns) && others_moved_c > FROZEN_OTHER_MOVED_C;
         if frozen { Err(Reason::ThermometerFrozen) } else { Ok(t_c) }
     }
 

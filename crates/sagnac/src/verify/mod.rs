@@ -18,7 +18,7 @@ use sagnac_core::{Image, Status};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-pub use compensate::{compensate, status_text};
+pub use compensate::{CorrectedFormat, compensate, status_text};
 pub use limits::{Limits, Verdict};
 pub use replay::{Corrected, Replay};
 pub use stats::{Figures, expected_range};

@@ -1,5 +1,7 @@
 //! From batches to windows and tracks, in one pass.
 
+use std::ops::Range;
+
 use crate::allan::ShortTau;
 use crate::error::{Error, Result};
 use crate::ingest::{Batch, LogReader, LogShape, LogSummary, Reason, Tallies};
@@ -21,6 +23,8 @@ pub struct WindowBuilder {
     runs: Vec<Run>,
     short_tau: Vec<ShortTau>,
     run: Option<OpenRun>,
+    /// Length of each row of the batch at hand, ns.
+    weights: Vec<f64>,
     judged_axes: usize,
 }
 
@@ -42,37 +46,46 @@ struct Sums {
     first_line: u64,
     angle: Vec<f64>,
     temperatures: Vec<Moments>,
+    /// Per thermometer: lowest and highest.
+    extremes_c: Vec<(f64, f64)>,
     aux: Vec<Moments>,
     reference: Moments,
 }
 
-/// Weighted mean and second moment about it (West 1979), with extremes.
+/// Weighted sums about the first value, so that no digits are lost.
 #[derive(Clone, Copy)]
 struct Moments {
     weight: f64,
-    mean: f64,
-    m2: f64,
-    min: f64,
-    max: f64,
+    /// First value; NaN before it.
+    origin: f64,
+    sum: f64,
+    squares: f64,
 }
 
 impl Moments {
-    const EMPTY: Self = Self { weight: 0.0, mean: 0.0, m2: 0.0, min: f64::INFINITY, max: f64::NEG_INFINITY };
+    const EMPTY: Self = Self { weight: 0.0, origin: f64::NAN, sum: 0.0, squares: 0.0 };
 
-    fn push(&mut self, value: f64, weight: f64) {
-        if value.is_nan() {
-            return;
+    /// Adds values row by row, so that the result does not depend on how rows come in pieces. NaN is passed over.
+    fn add(&mut self, values: &[f64], weights: &[f64]) {
+        if self.origin.is_nan() {
+            self.origin = values.iter().copied().find(|value| !value.is_nan()).unwrap_or(f64::NAN);
         }
-        self.weight += weight;
-        let delta = value - self.mean;
-        self.mean += delta * weight / self.weight;
-        self.m2 += weight * delta * (value - self.mean);
-        self.min = self.min.min(value);
-        self.max = self.max.max(value);
+        for (value, weight) in values.iter().zip(weights) {
+            let known = !value.is_nan();
+            let from_origin = if known { value - self.origin } else { 0.0 };
+            let weighted = weight * from_origin;
+            self.weight += if known { *weight } else { 0.0 };
+            self.sum += weighted;
+            self.squares += weighted * from_origin;
+        }
     }
 
-    fn spread_with(&self, value: f64) -> f64 {
-        if value.is_nan() { 0.0 } else { self.max.max(value) - self.min.min(value) }
+    fn mean(&self) -> f64 {
+        self.origin + self.sum / self.weight
+    }
+
+    fn variance(&self) -> f64 {
+        (self.squares / self.weight - (self.sum / self.weight).powi(2)).max(0.0)
     }
 }
 
@@ -85,19 +98,19 @@ struct Track {
 impl Track {
     /// Everything on the grid strictly before the sample's time still has the sample before it.
     fn sample(&mut self, grid_points_before: usize, value_c: f64) {
-        self.extend(grid_points_before);
+        if self.values.len() < grid_points_before {
+            self.values.resize(grid_points_before, self.newest_c);
+        }
+        self.hold(value_c);
+    }
+
+    fn hold(&mut self, value_c: f64) {
         if !value_c.is_nan() {
             if self.newest_c.is_nan() {
                 // Nothing is known before the first sample: it stands for the time before.
                 self.values.fill(value_c);
             }
             self.newest_c = value_c;
-        }
-    }
-
-    fn extend(&mut self, len: usize) {
-        if self.values.len() < len {
-            self.values.resize(len, self.newest_c);
         }
     }
 }
@@ -151,6 +164,7 @@ impl WindowBuilder {
             rows,
             runs: Vec::new(),
             run: None,
+            weights: Vec::new(),
             judged_axes: log.axes.len(),
         })
     }
@@ -190,51 +204,68 @@ impl WindowBuilder {
     /// # Errors
     /// A run of more temperature periods than a track may have.
     pub fn push(&mut self, batch: &Batch) -> Result<()> {
-        (0..batch.len()).try_for_each(|i| self.push_row(batch, i))
-    }
-
-    fn push_row(&mut self, batch: &Batch, i: usize) -> Result<()> {
-        let (start_ns, end_ns) = (batch.start_ns[i], batch.end_ns[i]);
-        let run = self.run.get_or_insert_with(|| OpenRun::new(start_ns, self.shape.thermometers.len()));
-        run.end_ns = end_ns;
+        let (Some(first_ns), Some(last_ns)) = (batch.start_ns.first(), batch.end_ns.last()) else { return Ok(()) };
+        let run = self.run.get_or_insert_with(|| OpenRun::new(*first_ns, self.shape.thermometers.len()));
+        run.end_ns = *last_ns;
         if self.shape.timed {
-            // As in replay: a stamp counts from the tick it falls into.
-            let elapsed_ns = (end_ns - run.start_ns) / self.tick_ns * self.tick_ns;
-            let before = elapsed_ns / self.shape.period_ns + i64::from(elapsed_ns % self.shape.period_ns != 0);
-            let before = usize::try_from(before).unwrap_or(usize::MAX);
-            if before > MAX_TRACK {
-                return Err(too_many_periods(self.shape.period_ns).line(batch.line[i]));
+            run.sample_tracks(batch, self.tick_ns, self.shape.period_ns)?;
+        }
+        self.weights.clear();
+        let rows = batch.start_ns.iter().zip(&batch.end_ns);
+        self.weights.extend(rows.map(|(start, end)| (end - start) as f64));
+        let mut at = 0;
+        while at < batch.len() {
+            let end = self.same_window(batch, at);
+            if batch.valid[at] {
+                self.add(batch, at..end);
             }
-            for (track, column) in run.tracks.iter_mut().zip(&batch.temperature_c) {
-                track.sample(before, column[i]);
-            }
-        }
-        if !batch.valid[i] {
-            return Ok(());
-        }
-        let index = match self.shape.window.seconds() {
-            Some(seconds) => {
-                let length_ns = ns_from_s(seconds).unwrap_or(i64::MAX).max(1);
-                (end_ns - 1 - run.start_ns).div_euclid(length_ns)
-            }
-            None => i64::try_from(self.rows.run.len()).unwrap_or(i64::MAX),
-        };
-        let must_close = run.open.as_ref().is_some_and(|sums| {
-            sums.index != index
-                || sums.end_ns != start_ns
-                || self.shape.window == WindowSize::ROW
-                || sums.would_split(batch, i)
-        });
-        if must_close {
-            self.close_window();
-        }
-        for (short_tau, column) in self.short_tau.iter_mut().zip(&batch.angle) {
-            short_tau.push(column[i] * self.shape.unit.arcsec());
-        }
-        if let Some(run) = self.run.as_mut() {
-            run.open.get_or_insert_with(|| Sums::new(index, start_ns, batch, i)).add(batch, i);
+            at = end;
         }
         Ok(())
+    }
+
+    /// The end of the rows from `at` on that belong together: usable, one after the other, in one window by time.
+    fn same_window(&self, batch: &Batch, at: usize) -> usize {
+        let Some(run) = self.run.as_ref().filter(|_| batch.valid[at]) else { return at + 1 };
+        let Some(seconds) = self.shape.window.seconds() else { return at + 1 };
+        let length_ns = window_ns(seconds);
+        let index = (batch.end_ns[at] - 1 - run.start_ns).div_euclid(length_ns);
+        let last_ns = run.start_ns.saturating_add(index.saturating_add(1).saturating_mul(length_ns));
+        let in_time = at + batch.end_ns[at..].partition_point(|end| *end <= last_ns);
+        let joins = |i: usize| batch.valid[i] && batch.start_ns[i] == batch.end_ns[i - 1];
+        (at + 1..in_time).find(|i| !joins(*i)).unwrap_or(in_time)
+    }
+
+    /// Adds rows of one window by time; a temperature that moves far within it divides it.
+    fn add(&mut self, batch: &Batch, rows: Range<usize>) {
+        let index = match (self.shape.window.seconds(), &self.run) {
+            (Some(seconds), Some(run)) => (batch.end_ns[rows.start] - 1 - run.start_ns).div_euclid(window_ns(seconds)),
+            _ => i64::try_from(self.rows.run.len()).unwrap_or(i64::MAX),
+        };
+        let open = self.run.as_ref().and_then(|run| run.open.as_ref());
+        if open.is_some_and(|sums| sums.index != index || sums.end_ns != batch.start_ns[rows.start])
+            || self.shape.window == WindowSize::ROW
+        {
+            self.close_window();
+        }
+        let mut at = rows.start;
+        while at < rows.end {
+            let open = self.run.as_ref().and_then(|run| run.open.as_ref());
+            let (end, extremes_c) = until_split(open, batch, at..rows.end);
+            if end == at {
+                self.close_window();
+                continue;
+            }
+            for (short_tau, column) in self.short_tau.iter_mut().zip(&batch.angle) {
+                short_tau.push(&column[at..end], self.shape.unit.arcsec());
+            }
+            if let Some(run) = self.run.as_mut() {
+                let sums = run.open.get_or_insert_with(|| Sums::new(index, batch.start_ns[at], batch, at));
+                sums.add(batch, at..end, &self.weights[at..end]);
+                sums.extremes_c = extremes_c;
+            }
+            at = end;
+        }
     }
 
     fn close_window(&mut self) {
@@ -250,7 +281,7 @@ impl WindowBuilder {
         rows.samples.push(sums.samples);
         rows.first_line.push(sums.first_line);
         rows.excluded.push(None);
-        rows.reference_dps.push(if sums.reference.weight > 0.0 { sums.reference.mean } else { f64::NAN });
+        rows.reference_dps.push(if sums.reference.weight > 0.0 { sums.reference.mean() } else { f64::NAN });
         let push = |columns: &mut Vec<Vec<f64>>, values: &mut dyn Iterator<Item = f64>| {
             columns.iter_mut().zip(values).for_each(|(column, value)| column.push(value));
         };
@@ -258,13 +289,14 @@ impl WindowBuilder {
             column.push(short_tau.take());
         }
         push(&mut rows.angle, &mut sums.angle.iter().copied());
-        let half = s_from_ns(sums.duration_ns) / 2.0;
+        let half = sums.duration_ns as f64 / 2.0;
         let known = |m: &Moments, value: f64| if m.weight >= half { value } else { f64::NAN };
-        push(&mut rows.mean_c, &mut sums.temperatures.iter().map(|m| known(m, m.mean)));
-        push(&mut rows.variance_c2, &mut sums.temperatures.iter().map(|m| known(m, m.m2 / m.weight)));
-        push(&mut rows.min_c, &mut sums.temperatures.iter().map(|m| known(m, m.min)));
-        push(&mut rows.max_c, &mut sums.temperatures.iter().map(|m| known(m, m.max)));
-        push(&mut rows.aux, &mut sums.aux.iter().map(|m| known(m, m.mean)));
+        push(&mut rows.mean_c, &mut sums.temperatures.iter().map(|m| known(m, m.mean())));
+        push(&mut rows.variance_c2, &mut sums.temperatures.iter().map(|m| known(m, m.variance())));
+        let extremes = || sums.temperatures.iter().zip(&sums.extremes_c);
+        push(&mut rows.min_c, &mut extremes().map(|(m, (min, _))| known(m, *min)));
+        push(&mut rows.max_c, &mut extremes().map(|(m, (_, max))| known(m, *max)));
+        push(&mut rows.aux, &mut sums.aux.iter().map(|m| known(m, m.mean())));
     }
 
     /// Ends the run; `summary` tells where it came from.
@@ -297,6 +329,34 @@ impl WindowBuilder {
 }
 
 impl OpenRun {
+    /// Brings the tracks up to the end of a batch. Only the rows next to a grid point matter.
+    fn sample_tracks(&mut self, batch: &Batch, tick_ns: i64, period_ns: i64) -> Result<()> {
+        let mut at = 0;
+        while let Some(points) = self.tracks.first().map(|track| track.values.len() as i64) {
+            // As in replay: a stamp counts from the tick it falls into.
+            let due_ns = self.start_ns.saturating_add(points.saturating_mul(period_ns)).saturating_add(tick_ns);
+            let next = at + batch.end_ns[at..].partition_point(|end| *end < due_ns);
+            for (track, column) in self.tracks.iter_mut().zip(&batch.temperature_c) {
+                let newest = column[at..next].iter().rev().find(|value| !value.is_nan());
+                newest.into_iter().for_each(|value| track.hold(*value));
+            }
+            if next == batch.len() {
+                break;
+            }
+            let elapsed_ns = (batch.end_ns[next] - self.start_ns) / tick_ns * tick_ns;
+            let before = elapsed_ns / period_ns + i64::from(elapsed_ns % period_ns != 0);
+            let before = usize::try_from(before).unwrap_or(usize::MAX);
+            if before > MAX_TRACK {
+                return Err(too_many_periods(period_ns).line(batch.line[next]));
+            }
+            for (track, column) in self.tracks.iter_mut().zip(&batch.temperature_c) {
+                track.sample(before, column[next]);
+            }
+            at = next + 1;
+        }
+        Ok(())
+    }
+
     fn new(start_ns: i64, thermometers: usize) -> Self {
         let track = || Track { newest_c: f64::NAN, values: Vec::new() };
         Self { start_ns, end_ns: start_ns, open: None, tracks: (0..thermometers).map(|_| track()).collect() }
@@ -314,26 +374,67 @@ impl Sums {
             first_line: batch.line[i],
             angle: vec![0.0; batch.angle.len()],
             temperatures: vec![Moments::EMPTY; batch.temperature_c.len()],
+            extremes_c: Vec::new(),
             aux: vec![Moments::EMPTY; batch.aux.len()],
             reference: Moments::EMPTY,
         }
     }
 
-    fn would_split(&self, batch: &Batch, i: usize) -> bool {
-        self.temperatures.iter().zip(&batch.temperature_c).any(|(m, column)| m.spread_with(column[i]) > SPLIT_C)
+    fn add(&mut self, batch: &Batch, rows: Range<usize>, weights: &[f64]) {
+        self.end_ns = batch.end_ns[rows.end - 1];
+        // The rows join, so their intervals add up to the whole.
+        self.duration_ns += self.end_ns - batch.start_ns[rows.start];
+        self.samples += rows.len() as u32;
+        for (sum, column) in self.angle.iter_mut().zip(&batch.angle) {
+            column[rows.clone()].iter().for_each(|angle| *sum += angle);
+        }
+        let temperatures = self.temperatures.iter_mut().zip(&batch.temperature_c);
+        for (moments, column) in temperatures.chain(self.aux.iter_mut().zip(&batch.aux)) {
+            moments.add(&column[rows.clone()], weights);
+        }
+        self.reference.add(batch.reference_dps.get(rows).unwrap_or(&[]), weights);
     }
+}
 
-    fn add(&mut self, batch: &Batch, i: usize) {
-        let duration_ns = batch.end_ns[i] - batch.start_ns[i];
-        self.end_ns = batch.end_ns[i];
-        self.duration_ns += duration_ns;
-        self.samples += 1;
-        let weight = s_from_ns(duration_ns);
-        self.angle.iter_mut().zip(&batch.angle).for_each(|(sum, column)| *sum += column[i]);
-        self.temperatures.iter_mut().zip(&batch.temperature_c).for_each(|(m, column)| m.push(column[i], weight));
-        self.aux.iter_mut().zip(&batch.aux).for_each(|(m, column)| m.push(column[i], weight));
-        self.reference.push(batch.reference_dps[i], weight);
+/// The end of the rows that can join the open window before a temperature has moved too far (the start of
+/// them if not even the first can), and the window's extremes with them.
+fn until_split(open: Option<&Sums>, batch: &Batch, rows: Range<usize>) -> (usize, Vec<(f64, f64)>) {
+    let extremes = |until: usize| -> Vec<(f64, f64)> {
+        let sensors = batch.temperature_c.iter().enumerate();
+        let with = sensors.map(|(sensor, column)| {
+            let before = open.map_or((f64::INFINITY, f64::NEG_INFINITY), |sums| sums.extremes_c[sensor]);
+            extremes_with(before, &column[rows.start..until])
+        });
+        with.collect()
+    };
+    let close = |extremes: &[(f64, f64)]| extremes.iter().all(|(min, max)| max - min <= SPLIT_C);
+    let all = extremes(rows.end);
+    if close(&all) {
+        return (rows.end, all);
     }
+    // The spread only grows with the rows.
+    let (mut fits, mut too_many) = (rows.start, rows.end);
+    while too_many - fits > 1 {
+        let middle = fits.midpoint(too_many);
+        if close(&extremes(middle)) { fits = middle } else { too_many = middle }
+    }
+    // Without an open window a single row always fits.
+    let end = if open.is_none() { fits.max(rows.start + 1) } else { fits };
+    (end, extremes(end))
+}
+
+/// Lowest and highest with these values too; NaN is passed over.
+fn extremes_with((mut min, mut max): (f64, f64), values: &[f64]) -> (f64, f64) {
+    for &value in values {
+        min = if value < min { value } else { min };
+        max = if value > max { value } else { max };
+    }
+    (min, max)
+}
+
+/// A window in ns.
+fn window_ns(seconds: f64) -> i64 {
+    ns_from_s(seconds).unwrap_or(i64::MAX).max(1)
 }
 
 fn too_many_periods(period_ns: i64) -> Error {

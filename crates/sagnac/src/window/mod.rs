@@ -13,7 +13,9 @@ mod table;
 pub use crate::window::build::WindowBuilder;
 pub(crate) use crate::window::build::same_shape;
 #[cfg(feature = "parquet")]
-pub use crate::window::table::{TABLE_VERSION, read_table, write_table};
+pub(crate) use crate::window::table::parquet_properties;
+#[cfg(feature = "parquet")]
+pub use crate::window::table::{TABLE_VERSION, is_table, read_table, write_table, write_table_csv};
 
 use crate::allan::{NoiseTerms, ShortTauSums};
 use crate::ingest::{AngleUnit, LogSummary, Reason, Tallies};

@@ -71,12 +71,53 @@ struct RunMetadata {
 pub fn write_table(windows: &Windows, setup: &Setup, out: impl Write + Send) -> Result<()> {
     let broken = |e: &dyn std::fmt::Display| Error::input(format!("cannot write the window table: {e}"));
     let batch = to_batch(windows, setup)?;
-    let properties =
-        WriterProperties::builder().set_compression(Compression::SNAPPY).set_created_by("sagnac".into()).build();
-    let mut writer = ArrowWriter::try_new(out, batch.schema(), Some(properties)).map_err(|e| broken(&e))?;
+    let mut writer = ArrowWriter::try_new(out, batch.schema(), Some(parquet_properties())).map_err(|e| broken(&e))?;
     writer.write(&batch).map_err(|e| broken(&e))?;
     writer.close().map_err(|e| broken(&e))?;
     Ok(())
+}
+
+/// How every Parquet file of Sagnac is written.
+pub(crate) fn parquet_properties() -> WriterProperties {
+    WriterProperties::builder().set_compression(Compression::SNAPPY).set_created_by("sagnac".into()).build()
+}
+
+/// Writes the windows as text, for people and spreadsheets: a line each, without the tracks and noise sums that
+/// a calibration needs too.
+///
+/// # Errors
+/// What the writer says.
+pub fn write_table_csv(windows: &Windows, setup: &Setup, out: &mut dyn Write) -> Result<()> {
+    let unwritten = |e: csv::Error| Error::input(format!("cannot write the window table: {e}"));
+    let batch = to_batch(windows, setup)?;
+    let mut csv = csv::Writer::from_writer(out);
+    let schema = batch.schema();
+    let flat: Vec<(&str, &ArrayRef)> = schema
+        .fields()
+        .iter()
+        .zip(batch.columns())
+        .filter(|(field, _)| !field.data_type().is_nested())
+        .map(|(field, column)| (field.name().as_str(), column))
+        .collect();
+    csv.write_record(flat.iter().map(|(name, _)| name)).map_err(unwritten)?;
+    for row in 0..batch.num_rows() {
+        csv.write_record(flat.iter().map(|(_, column)| cell(column, row))).map_err(unwritten)?;
+    }
+    csv.flush().map_err(|e| Error::input(format!("cannot write the window table: {e}")))
+}
+
+/// A value as text; empty for none.
+fn cell(column: &ArrayRef, row: usize) -> String {
+    if column.is_null(row) {
+        return String::new();
+    }
+    let float = column.as_primitive_opt::<Float64Type>().map(|c| c.value(row));
+    let whole = column.as_primitive_opt::<Int64Type>().map(|c| c.value(row).to_string());
+    let small = column.as_primitive_opt::<UInt32Type>().map(|c| c.value(row).to_string());
+    let large = column.as_primitive_opt::<UInt64Type>().map(|c| c.value(row).to_string());
+    let text = column.as_string_opt::<i32>().map(|c| c.value(row).to_owned());
+    let float = float.map(|v| if v.is_nan() { String::new() } else { v.to_string() });
+    float.or(whole).or(small).or(large).or(text).unwrap_or_default()
 }
 
 fn to_batch(windows: &Windows, setup: &Setup) -> Result<RecordBatch> {
@@ -182,6 +223,19 @@ fn metadata(windows: &Windows, setup: &Setup) -> Metadata {
         tallies: windows.tallies.list(),
         setup: setup.clone(),
     }
+}
+
+/// True for a Parquet file that says it is such a table; any other may be a log.
+///
+/// # Errors
+/// A file that cannot be opened. One that cannot be read as Parquet is no table.
+pub fn is_table(path: &Path) -> Result<bool> {
+    let file = File::open(path).map_err(|e| Error::io_path(path, "open", &e))?;
+    let described = || {
+        let builder = ParquetRecordBatchReaderBuilder::try_new(file).ok()?;
+        Some(builder.schema().metadata().contains_key(METADATA_KEY))
+    };
+    Ok(std::panic::catch_unwind(std::panic::AssertUnwindSafe(described)).ok().flatten().unwrap_or(false))
 }
 
 /// Reads a table back, with the setup its logs were read with.

@@ -1,0 +1,308 @@
+//! One log in every format: the same calibration, byte for byte but for the hash of the input.
+
+mod support;
+#[path = "support/ulog_writer.rs"]
+mod ulog_writer;
+
+use std::io::{Cursor, Write};
+use std::sync::Arc;
+
+use arrow_array::{ArrayRef, BooleanArray, Float64Array, Int64Array, RecordBatch, TimestampMicrosecondArray};
+use arrow_ipc::CompressionType;
+use arrow_ipc::writer::{FileWriter, IpcWriteOptions, StreamWriter};
+use arrow_schema::{Field, Schema};
+use flate2::Compression;
+use flate2::write::GzEncoder;
+use parquet::arrow::ArrowWriter;
+use parquet::basic::{Compression as ParquetCompression, ZstdLevel};
+use parquet::file::properties::WriterProperties;
+use sagnac::fit::{FitOptions, calibrate};
+use sagnac::ingest::{LogReader, Pace};
+use sagnac::setup::Setup;
+use sagnac::verify::{CorrectedFormat, Correction, compensate};
+use sagnac::window::WindowBuilder;
+use sagnac_sim::LaggedChamber;
+use ulog_writer::ULogWriter;
+
+fn setup() -> Setup {
+    Setup { arcsec_per_count: Some(0.15125), reference_c: Some(20.0), ..Setup::default() }
+}
+
+/// The columns of a log with everything that a field can be: missing, flagged, no number.
+struct Columns {
+    time_s: Vec<f64>,
+    temperature_c: Vec<Option<f64>>,
+    counts: Vec<Option<i64>>,
+    valid: Vec<bool>,
+    volts: Vec<Option<f64>>,
+}
+
+fn columns() -> Columns {
+    let rows = LaggedChamber { row_s: 20, ..LaggedChamber::domain_notes() }.run(5);
+    let rows: Vec<_> = rows.enumerate().collect();
+    let at = |n: usize, i: usize| i % n == n / 2;
+    Columns {
+        time_s: rows.iter().map(|(_, row)| row.time_s + 0.005).collect(),
+        temperature_c: rows.iter().map(|(i, row)| (!at(977, *i)).then_some(row.temperature_c)).collect(),
+        counts: rows.iter().map(|(i, row)| (!at(1201, *i)).then_some(row.counts as i64)).collect(),
+        valid: rows.iter().map(|(i, _)| !at(1409, *i)).collect(),
+        volts: rows.iter().map(|(i, _)| (!at(701, *i)).then_some(1.0 + *i as f64 / 3e4)).collect(),
+    }
+}
+
+fn csv(c: &Columns, delimiter: char) -> Vec<u8> {
+    let mut text = ["time_s", "temperature_c", "counts", "valid", "aux_volts"].join(&delimiter.to_string()) + "\n";
+    for i in 0..c.time_s.len() {
+        let optional = |value: Option<String>| value.unwrap_or_default();
+        let cells = [
+            c.time_s[i].to_string(),
+            optional(c.temperature_c[i].map(|v| v.to_string())),
+            optional(c.counts[i].map(|v| v.to_string())),
+            u8::from(c.valid[i]).to_string(),
+            optional(c.volts[i].map(|v| v.to_string())),
+        ];
+        text += &(cells.join(&delimiter.to_string()) + "\n");
+    }
+    text.into_bytes()
+}
+
+fn batch(c: &Columns) -> RecordBatch {
+    let columns: Vec<(&str, ArrayRef)> = vec![
+        ("time_s", Arc::new(Float64Array::from(c.time_s.clone()))),
+        ("temperature_c", Arc::new(Float64Array::from(c.temperature_c.clone()))),
+        ("counts", Arc::new(Int64Array::from(c.counts.clone()))),
+        ("valid", Arc::new(BooleanArray::from(c.valid.clone()))),
+        ("aux_volts", Arc::new(Float64Array::from(c.volts.clone()))),
+    ];
+    of_columns(columns)
+}
+
+fn of_columns(columns: Vec<(&str, ArrayRef)>) -> RecordBatch {
+    let fields: Vec<Field> = columns.iter().map(|(n, c)| Field::new(*n, c.data_type().clone(), true)).collect();
+    RecordBatch::try_new(Arc::new(Schema::new(fields)), columns.into_iter().map(|(_, c)| c).collect()).unwrap()
+}
+
+fn parquet(batch: &RecordBatch, compression: ParquetCompression) -> Vec<u8> {
+    let properties =
+        WriterProperties::builder().set_compression(compression).set_max_row_group_row_count(Some(1000)).build();
+    let mut bytes = Vec::new();
+    let mut writer = ArrowWriter::try_new(&mut bytes, batch.schema(), Some(properties)).unwrap();
+    writer.write(batch).unwrap();
+    writer.close().unwrap();
+    bytes
+}
+
+/// In batches of 700 rows.
+fn arrow_file(batch: &RecordBatch, compression: Option<CompressionType>) -> Vec<u8> {
+    let options = IpcWriteOptions::default().try_with_compression(compression).unwrap();
+    let mut writer = FileWriter::try_new_with_options(Vec::new(), &batch.schema(), options).unwrap();
+    for at in (0..batch.num_rows()).step_by(700) {
+        writer.write(&batch.slice(at, 700.min(batch.num_rows() - at))).unwrap();
+    }
+    writer.into_inner().unwrap()
+}
+
+fn arrow_stream(batch: &RecordBatch) -> Vec<u8> {
+    let mut writer = StreamWriter::try_new(Vec::new(), &batch.schema()).unwrap();
+    writer.write(batch).unwrap();
+    writer.into_inner().unwrap()
+}
+
+fn gzip(bytes: &[u8]) -> Vec<u8> {
+    let mut out = GzEncoder::new(Vec::new(), Compression::fast());
+    out.write_all(bytes).unwrap();
+    out.finish().unwrap()
+}
+
+/// The calibration's JSON without the hash of its input.
+fn calibration(bytes: Vec<u8>, setup: &Setup) -> String {
+    let log = LogReader::from_reader("log", Box::new(Cursor::new(bytes)), setup, Pace::Bulk).unwrap();
+    calibration_of(log, setup)
+}
+
+fn calibration_of(log: LogReader, setup: &Setup) -> String {
+    let windows = WindowBuilder::read_all(vec![log], setup).unwrap().finish(false);
+    let options = FitOptions { model: support::model("bias 3, rate 1"), source_date_epoch: None };
+    let mut calibration = calibrate(windows, setup, &options).unwrap();
+    for input in &mut calibration.provenance.inputs {
+        assert_eq!(input.sha256.len(), 64);
+        (input.sha256, input.file) = (String::new(), String::new());
+    }
+    calibration.to_json().unwrap()
+}
+
+#[test]
+fn every_format_gives_the_same_calibration() {
+    let c = columns();
+    let expected = calibration(csv(&c, ','), &setup());
+    assert!(expected.contains("flagged_invalid") && expected.contains("not_a_number"));
+    let batch = batch(&c);
+    let zstd = ParquetCompression::ZSTD(ZstdLevel::try_new(3).unwrap());
+    let all = [
+        ("tabs", csv(&c, '\t')),
+        ("gzip of CSV", gzip(&csv(&c, ','))),
+        ("Parquet", parquet(&batch, ParquetCompression::UNCOMPRESSED)),
+        ("Parquet, snappy", parquet(&batch, ParquetCompression::SNAPPY)),
+        ("Parquet, zstd", parquet(&batch, zstd)),
+        ("Arrow file", arrow_file(&batch, None)),
+        ("Arrow file, lz4", arrow_file(&batch, Some(CompressionType::LZ4_FRAME))),
+        ("Arrow file, zstd", arrow_file(&batch, Some(CompressionType::ZSTD))),
+        ("Arrow stream", arrow_stream(&batch)),
+        ("gzip of Parquet", gzip(&parquet(&batch, ParquetCompression::SNAPPY))),
+        ("gzip of Arrow", gzip(&arrow_file(&batch, None))),
+    ];
+    for (name, bytes) in all {
+        assert!(calibration(bytes, &setup()) == expected, "{name} differs from CSV");
+    }
+}
+
+/// A file on disk is decoded in place and hashed beside that; the hash is that of its bytes.
+#[test]
+fn files_are_hashed_as_they_are() {
+    let batch = batch(&columns());
+    let folder = tempfile::tempdir().unwrap();
+    for (name, bytes) in
+        [("a.parquet", parquet(&batch, ParquetCompression::SNAPPY)), ("a.arrow", arrow_file(&batch, None))]
+    {
+        let path = folder.path().join(name);
+        std::fs::write(&path, &bytes).unwrap();
+        let mut log = LogReader::open(&path, &setup(), Pace::Bulk).unwrap();
+        while log.next_batch().unwrap().is_some() {}
+        assert_eq!(log.summary().sha256, sagnac::ingest::hex(&sagnac::ingest::sha256(&bytes)), "{name}");
+        assert_eq!(log.summary().rows, batch.num_rows() as u64);
+    }
+}
+
+/// Arrow's own times and text columns say the same as numbers.
+#[test]
+fn times_and_texts_of_columns() {
+    let c = columns();
+    let micros = |t: &f64| (t * 1e6).round() as i64;
+    let texts: Vec<Option<String>> = c.temperature_c.iter().map(|t| t.map(|t| t.to_string())).collect();
+    let times = TimestampMicrosecondArray::from(c.time_s.iter().map(micros).collect::<Vec<_>>());
+    let other = of_columns(vec![
+        ("time_s", Arc::new(times)),
+        ("temperature_c", Arc::new(arrow_array::StringArray::from(texts))),
+        ("counts", Arc::new(Int64Array::from(c.counts.clone()))),
+        ("valid", Arc::new(Float64Array::from_iter_values(c.valid.iter().map(|v| f64::from(u8::from(*v)))))),
+        ("aux_volts", Arc::new(Float64Array::from(c.volts.clone()))),
+    ]);
+    let same =
+        calibration(parquet(&other, ParquetCompression::SNAPPY), &setup()) == calibration(csv(&c, ','), &setup());
+    assert!(same);
+}
+
+#[test]
+fn a_column_of_another_kind_is_refused_by_name() {
+    let c = columns();
+    let wrong = of_columns(vec![
+        ("time_s", Arc::new(Float64Array::from(c.time_s.clone()))),
+        ("temperature_c", Arc::new(BooleanArray::from(c.valid.clone()))),
+        ("counts", Arc::new(Int64Array::from(c.counts.clone()))),
+    ]);
+    let bytes = parquet(&wrong, ParquetCompression::SNAPPY);
+    let error = LogReader::from_reader("log", Box::new(Cursor::new(bytes)), &setup(), Pace::Bulk).err().unwrap();
+    assert_eq!(error.place.column.as_deref(), Some("temperature_c"));
+    assert!(error.what.contains("Boolean"), "{error}");
+}
+
+/// An hour of a warm-up at 5 Hz: the ULog and a CSV of the same 32-bit values and µs stamps.
+fn px4() -> (ULogWriter, String) {
+    let mut log = ULogWriter::new();
+    log.format("sensor_gyro:uint64_t timestamp;float x;float y;float z;float temperature;");
+    log.format("sensor_baro:uint64_t timestamp;float pressure;float temperature;");
+    log.format("nested:uint64_t timestamp;sensor_baro[4] all;");
+    log.subscribe("sensor_gyro", 3, 0);
+    log.subscribe("sensor_gyro", 4, 1);
+    log.subscribe("sensor_baro", 9, 0);
+    let mut text = "time_us,rate_radps_x,rate_radps_y,rate_radps_z,temperature_c,temperature_c_baro\n".to_owned();
+    let start_us = 256_551_281_491_u64;
+    for i in 0..18_000_u64 {
+        let time_us = start_us + i * 200_000;
+        let warm = (20.0 + 40.0 * (1.0 - (-(i as f64) / 6000.0).exp())) as f32;
+        let noise = ((i * 7919) % 1009) as f32 / 1009.0 - 0.5;
+        let rates = [1e-4 * warm + 1e-3 * noise, -2e-5 * warm * warm / 40.0 - 1e-3 * noise, 7e-5 + 1e-3 * noise];
+        let baro = (i % 5 == 0).then_some(warm + 3.25);
+        if let Some(baro) = baro {
+            log.data(9, time_us - 100, &[101_325.0, baro]);
+        }
+        log.data(3, time_us, &[rates[0], rates[1], rates[2], warm]);
+        log.data(4, time_us + 7, &[9.0, 9.0, 9.0, 99.0]);
+        let exact = |v: f32| f64::from(v).to_string();
+        let cells: Vec<String> = rates.iter().chain([&warm]).map(|v| exact(*v)).collect();
+        text += &format!("{time_us},{},{}\n", cells.join(","), baro.map_or(String::new(), exact));
+    }
+    (log, text)
+}
+
+#[test]
+fn a_ulog_is_the_csv_of_its_values() {
+    let (log, text) = px4();
+    let setup =
+        Setup { window: Some("20".parse().map(sagnac::setup::WindowSize::Seconds).unwrap()), ..Setup::default() };
+    let setup = Setup { reference_c: Some(30.0), ..setup };
+    assert!(calibration(log.finish(), &setup) == calibration(text.into_bytes(), &setup));
+}
+
+#[test]
+fn a_ulog_that_was_cut_keeps_its_rows_and_says_so() {
+    let (log, _) = px4();
+    let mut bytes = log.finish();
+    bytes.truncate(bytes.len() - 60);
+    let mut reader =
+        LogReader::from_reader("log", Box::new(Cursor::new(bytes)), &Setup::default(), Pace::Bulk).unwrap();
+    let mut rows = 0;
+    while let Some(batch) = reader.next_batch().unwrap() {
+        rows += batch.len();
+    }
+    assert_eq!(rows, 17_999);
+    let tallies = reader.summary().tallies.list();
+    assert_eq!(tallies.iter().map(|t| (t.reason.name(), t.rows)).collect::<Vec<_>>(), [("ragged", 1)]);
+}
+
+#[test]
+fn the_second_gyro_is_read_when_asked_for() {
+    let (log, _) = px4();
+    let setup = Setup { instance: Some(1), ..Setup::default() };
+    let bytes = log.finish();
+    let mut reader = LogReader::from_reader("log", Box::new(Cursor::new(bytes.clone())), &setup, Pace::Bulk).unwrap();
+    let batch = reader.next_batch().unwrap().unwrap();
+    assert_eq!(batch.temperature_c[0][0], 99.0);
+    let third = Setup { instance: Some(2), ..Setup::default() };
+    let error = LogReader::from_reader("log", Box::new(Cursor::new(bytes)), &third, Pace::Bulk).err().unwrap();
+    assert!(error.what.contains("instance 2") && error.help.unwrap().contains("sensor_gyro"));
+}
+
+/// A corrected log as Parquet holds the numbers of the corrected log as text.
+#[test]
+fn corrected_logs_agree_in_both_formats() {
+    let c = columns();
+    let setup = setup();
+    let log = LogReader::from_reader("log", Box::new(Cursor::new(csv(&c, ','))), &setup, Pace::Bulk).unwrap();
+    let windows = WindowBuilder::read_all(vec![log], &setup).unwrap().finish(false);
+    let options = FitOptions { model: support::model("bias 2"), source_date_epoch: None };
+    let correction = Correction::from_calibration(calibrate(windows, &setup, &options).unwrap()).unwrap();
+    let corrected = |bytes: Vec<u8>, format| {
+        let source = Box::new(Cursor::new(bytes));
+        let mut log = LogReader::from_reader("log", source, &correction.setup(), Pace::BulkWithText).unwrap();
+        let mut out = Vec::new();
+        compensate(&correction, &mut log, &correction.setup(), format, &mut out).unwrap();
+        out
+    };
+    let text = String::from_utf8(corrected(csv(&c, ','), CorrectedFormat::Csv)).unwrap();
+    let from_columns = corrected(parquet(&batch(&c), ParquetCompression::SNAPPY), CorrectedFormat::Csv);
+    // A flag is 1 in one and true in the other.
+    assert_eq!(text.replace(",1,", ",true,").lines().count(), String::from_utf8(from_columns).unwrap().lines().count());
+    let bytes = corrected(csv(&c, ','), CorrectedFormat::Parquet);
+    let reader =
+        parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder::try_new(bytes::Bytes::from(bytes)).unwrap();
+    let mut values = Vec::new();
+    for batch in reader.build().unwrap() {
+        let batch = batch.unwrap();
+        let column = batch.column_by_name("compensated_counts").unwrap();
+        values.extend(column.as_any().downcast_ref::<Float64Array>().unwrap().values().to_vec());
+    }
+    let expected: Vec<f64> =
+        text.lines().skip(2).map(|line| line.split(',').nth(2).unwrap().parse().unwrap()).collect();
+    assert_eq!(values, expected);
+}
