@@ -3,12 +3,14 @@
 use std::path::PathBuf;
 
 use sagnac::calibration::{AxisCalibration, Calibration, Candidate};
-use sagnac::fit::{FitOptions, ModelChoice, calibrate};
+use sagnac::digits::{significant, with_sigma};
+use sagnac::fit::{FitOptions, ModelChoice, calibrate_with_evidence};
 use sagnac::ingest::Tally;
+use sagnac::report::calibration_report;
 use sagnac::write::write_bytes;
 use sagnac::{Error, Result};
 
-use crate::console::{Console, Outcome, Ran, significant, table, with_sigma};
+use crate::console::{Console, Outcome, Ran, table};
 use crate::loading;
 use crate::setup_args::SetupArgs;
 
@@ -21,15 +23,18 @@ const SHOWN_CANDIDATES: usize = 8;
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
-  sagnac calibrate cycle-1.csv cycle-2.csv --setup bench.toml -o unit.cal.json
+  sagnac calibrate cycle-1.csv cycle-2.csv --setup bench.toml -o unit.cal.json --report unit.html
   sagnac calibrate log.csv --arcsec-per-count 1.059 --model \"bias 3, rate 1\" -o unit.cal.json --json")]
 pub(crate) struct Args {
-    /// Thermal-test logs: CSV with comma, tab or semicolon, also gzipped; `-` is standard input
+    /// Thermal-test logs: CSV, Parquet, Arrow or PX4 ULog, also gzipped; `-` is standard input
     #[arg(required = true)]
     logs: Vec<PathBuf>,
     /// Calibration to write
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
+    /// Report to write: one HTML file for screen and paper
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
     /// `auto`, or orders: "bias 3", "bias 3, rate 1", "bias 2, scale 1"
     #[arg(long, default_value = "auto")]
     model: String,
@@ -43,13 +48,17 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     let options = FitOptions { model: model_choice(&args.model)?, source_date_epoch: source_date_epoch()? };
     let (windows, setup) = loading::windows(&args.logs, &args.setup)?;
-    let calibration = calibrate(windows, &setup, &options)?;
+    let (calibration, evidence) = calibrate_with_evidence(windows, &setup, &options)?;
     let text = calibration.to_json()?;
     for axis in &calibration.axes {
         describe(console, axis);
     }
     if let Some(path) = &args.output {
         write_bytes(path, text.as_bytes())?;
+        console.say(format!("wrote {}", path.display()));
+    }
+    if let Some(path) = &args.report {
+        write_bytes(path, calibration_report(&calibration, &evidence)?.as_bytes())?;
         console.say(format!("wrote {}", path.display()));
     }
     if calibration.serial == sagnac::calibration::UNASSIGNED {

@@ -4,16 +4,20 @@
 //! the decoded image at 100 µs. The paper's figures stand beside ours.
 
 use std::io::Cursor;
+use std::path::PathBuf;
 
+use sagnac::digits::{significant, with_sigma};
 use sagnac::fit::{FitOptions, ModelChoice, ModelSpec, calibrate};
 use sagnac::ingest::{LogReader, Pace};
+use sagnac::report::verification_report;
 use sagnac::setup::Setup;
-use sagnac::verify::{Correction, Verification, verify};
+use sagnac::verify::{Correction, Verification, verify_with_evidence};
 use sagnac::window::WindowBuilder;
+use sagnac::write::write_bytes;
 use sagnac::{Error, Result};
 use sagnac_sim::{PaperRig, csv_bytes};
 
-use crate::console::{Console, Outcome, Ran, significant, table, with_sigma};
+use crate::console::{Console, Outcome, Ran, table};
 
 /// Reproduce the source paper: its rig, its table, its equations
 #[derive(clap::Args)]
@@ -21,6 +25,9 @@ pub(crate) struct Args {
     /// Seed of the calibration run; the retest takes the next one
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    /// Report of the proof to write: one HTML file for screen and paper
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
 }
 
 /// Rows of the paper's table: min, max, mean, max − min, counts per 100 s.
@@ -71,10 +78,15 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     });
     console.say(table(&["coefficient", "rig", "fitted ± σ"], rows));
     let correction = Correction::from_calibration(calibration)?;
-    let proof = verify(&correction, vec![log(second)?], &setup, None, false)?;
+    let (proof, evidence) = verify_with_evidence(&correction, vec![log(second)?], &setup, None, false)?;
     describe(console, &proof)?;
     equations(console);
     printed_constant(console);
+    if let Some(path) = &args.report {
+        let page = verification_report(&proof, correction.calibration.as_ref(), &evidence)?;
+        write_bytes(path, page.as_bytes())?;
+        console.say(format!("wrote {}", path.display()));
+    }
     Ok(Outcome::Done)
 }
 

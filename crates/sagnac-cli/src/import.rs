@@ -2,12 +2,13 @@
 
 use std::path::PathBuf;
 
+use sagnac::digits::significant;
 use sagnac::export::{Polynomial, import};
 use sagnac::setup::Setup;
 use sagnac::write::write_bytes;
 use sagnac::{Error, Result};
 
-use crate::console::{Console, Outcome, Ran, significant};
+use crate::console::{Console, Outcome, Ran};
 use crate::setup_args::numbers;
 
 /// Turn an old polynomial correction into a calibration, so that it can be verified too

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use sagnac::Result;
 use sagnac::calibration::Calibration;
+use sagnac::digits::significant;
 use sagnac::export::image_bytes;
 use sagnac::fit::{FitOptions, ModelChoice, calibrate};
 use sagnac::ingest::{AngleUnit, LogReader, LogShape, Pace, Tally, hex, sha256};
@@ -14,7 +15,7 @@ use sagnac_core::{Image, Kind as TermKind, Multiplier};
 use serde::Serialize;
 
 use crate::calibrate::{excluded, summary};
-use crate::console::{Console, Outcome, Ran, significant, table};
+use crate::console::{Console, Outcome, Ran, table};
 use crate::loading::{self, Kind};
 use crate::progress::open_log;
 use crate::setup_args::SetupArgs;

@@ -2,11 +2,14 @@
 
 use std::path::PathBuf;
 
+use sagnac::digits::significant;
 use sagnac::ingest::Pace;
-use sagnac::verify::{AxisVerification, Figures, Limits, Verification, verify};
+use sagnac::report::verification_report;
+use sagnac::verify::{AxisVerification, Figures, Limits, Verification, verify_with_evidence};
+use sagnac::write::write_bytes;
 
 use crate::calibrate::excluded;
-use crate::console::{Console, Outcome, Ran, significant, table};
+use crate::console::{Console, Outcome, Ran, table};
 use crate::loading;
 use crate::setup_args::SetupArgs;
 
@@ -16,7 +19,7 @@ use crate::setup_args::SetupArgs;
 #[derive(clap::Args)]
 #[command(after_help = "\
 Example:
-  sagnac verify unit.cal.json cycle-3.csv --limits limits.toml")]
+  sagnac verify unit.cal.json cycle-3.csv --limits limits.toml --report retest.html")]
 pub(crate) struct Args {
     /// Calibration or image
     correction: PathBuf,
@@ -26,6 +29,9 @@ pub(crate) struct Args {
     /// Limits to be met (TOML)
     #[arg(long, value_name = "FILE")]
     limits: Option<PathBuf>,
+    /// Report to write: one HTML file for screen and paper
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
     /// One JSON object on standard output, text on standard error
     #[arg(long)]
     pub(crate) json: bool,
@@ -38,9 +44,15 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     let setup = args.setup.over(correction.setup())?;
     let limits = args.limits.as_deref().map(Limits::read).transpose()?;
     let logs = loading::logs(&args.retests, &setup, Pace::Bulk)?;
-    let verification = verify(&correction, logs, &setup, limits.as_ref(), args.setup.keep_all())?;
+    let (verification, evidence) =
+        verify_with_evidence(&correction, logs, &setup, limits.as_ref(), args.setup.keep_all())?;
     warn_of_same_log(console, &correction, &verification);
     describe(console, &verification);
+    if let Some(path) = &args.report {
+        let page = verification_report(&verification, correction.calibration.as_ref(), &evidence)?;
+        write_bytes(path, page.as_bytes())?;
+        console.say(format!("wrote {}", path.display()));
+    }
     console.object(&verification)?;
     Ok(if verification.passed() { Outcome::Done } else { Outcome::LimitsNotMet })
 }

@@ -20,7 +20,7 @@ mod solve;
 pub use basis::{BASIS_LEN, Span, chebyshev};
 pub use model::{MAX_RATE_ORDER, ModelSpec};
 pub(crate) use monomial::{powers_from_series, series_from_powers};
-pub use record::{FitOptions, calibrate};
+pub use record::{FitOptions, calibrate, calibrate_with_evidence};
 pub(crate) use record::{inputs, noise_of, program};
 
 use crate::error::{Error, Result};

@@ -1,5 +1,7 @@
 //! The fit of every axis, written down.
 
+use std::collections::BTreeMap;
+
 use crate::allan::NoiseTerms;
 use crate::calibration::{
     AxisCalibration, Calibration, Candidate, Constant, CrossValidation, FORMAT, Floor, Input, Lag, LogUnit, Monomial,
@@ -10,6 +12,7 @@ use crate::fit::problem::Problem;
 use crate::fit::solution::{Fitted, fit};
 use crate::fit::{ModelChoice, Selection, powers_from_series, select};
 use crate::ingest::{AngleUnit, Reason};
+use crate::report::{AxisEvidence, Evidence, points, run_spans};
 use crate::setup::Setup;
 use crate::units::{ARCSEC_RT_S_PER_DEG_RT_H, s_from_ns};
 use crate::window::{WindowShape, Windows};
@@ -33,17 +36,42 @@ pub struct FitOptions {
 /// # Errors
 /// [`crate::ErrorKind::Refused`] where the data cannot support the answer: no temperature, too small a
 /// span, T0 outside it, too few windows, terms that cannot be told apart.
-pub fn calibrate(mut windows: Windows, setup: &Setup, options: &FitOptions) -> Result<Calibration> {
+pub fn calibrate(windows: Windows, setup: &Setup, options: &FitOptions) -> Result<Calibration> {
+    calibrate_with_evidence(windows, setup, options).map(|(calibration, _)| calibration)
+}
+
+/// The same, with the points behind it for a report.
+///
+/// # Errors
+/// As [`calibrate`].
+pub fn calibrate_with_evidence(
+    mut windows: Windows,
+    setup: &Setup,
+    options: &FitOptions,
+) -> Result<(Calibration, Evidence)> {
     let sensor = sensor_of(&windows.shape, setup)?;
     for i in 0..windows.len() {
         if windows.rows.mean_c[sensor][i].is_nan() {
             windows.exclude(i, Reason::NoTemperature);
         }
     }
-    let axes: Result<Vec<AxisCalibration>> =
-        (0..windows.shape.axes.len()).map(|axis| fit_axis(&windows, axis, sensor, setup, options)).collect();
+    let runs = run_spans(&windows);
+    let (mut axes, mut shown) = (Vec::new(), Vec::new());
+    for axis in 0..windows.shape.axes.len() {
+        let (record, residuals) = fit_axis(&windows, axis, sensor, setup, options)?;
+        let constant = |i: usize| {
+            let run = windows.rows.run[i];
+            record.constants.iter().find(|c| c.run == run).map_or(f64::NAN, |c| c.value_dph)
+        };
+        let before = |i: usize| windows.rate_dph(axis, i) - constant(i);
+        let after = |i: usize| residuals.get(&i).copied().unwrap_or(f64::NAN);
+        let points = points(&windows, &runs, Some(sensor), before, after);
+        shown.push(AxisEvidence { axis: windows.shape.axes[axis], points });
+        axes.push(record);
+    }
+    let evidence = Evidence { runs, timed: windows.shape.timed, axes: shown };
     let shape = &windows.shape;
-    Ok(Calibration {
+    let calibration = Calibration {
         format: FORMAT.to_owned(),
         version: VERSION,
         serial: setup.serial.clone().unwrap_or_else(|| UNASSIGNED.to_owned()),
@@ -58,10 +86,11 @@ pub fn calibrate(mut windows: Windows, setup: &Setup, options: &FitOptions) -> R
         window: shape.window,
         window_s: shape.nominal_s,
         sample_interval_s: shape.sample_interval_s,
-        axes: axes?,
+        axes,
         setup: setup.clone(),
         provenance: provenance(&windows, options),
-    })
+    };
+    Ok((calibration, evidence))
 }
 
 fn sensor_of(shape: &WindowShape, setup: &Setup) -> Result<usize> {
@@ -125,13 +154,14 @@ fn floor_of(windows: &Windows, axis: usize, setup: &Setup) -> Option<Floor> {
     })
 }
 
+/// The record of one axis, and the residual of each window that was used, °/h.
 fn fit_axis(
     windows: &Windows,
     axis: usize,
     sensor: usize,
     setup: &Setup,
     options: &FitOptions,
-) -> Result<AxisCalibration> {
+) -> Result<(AxisCalibration, BTreeMap<usize, f64>)> {
     let letter = windows.shape.axes[axis];
     let reference_c = setup.reference_c();
     let min_span_c = setup.min_span_c.unwrap_or(DEFAULT_MIN_SPAN_C);
@@ -156,7 +186,8 @@ fn fit_axis(
         ))
         .help("test at several input rates, or leave the scale terms out of --model"));
     }
-    Ok(AxisCalibration {
+    let residuals = problem.used.iter().copied().zip(fitted.residuals.iter().copied()).collect();
+    let record = AxisCalibration {
         axis: letter,
         model: fitted.spec.to_string(),
         lag_s: fitted
@@ -175,7 +206,8 @@ fn fit_axis(
         covariance: fitted.covariance.row_iter().map(|row| row.iter().copied().collect()).collect(),
         covariance_of: covariance_of(&fitted, &problem, &terms),
         terms,
-    })
+    };
+    Ok((record, residuals))
 }
 
 fn terms(fitted: &Fitted, constants: usize, sensor: &str) -> Vec<Term> {

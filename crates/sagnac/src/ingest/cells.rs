@@ -1,7 +1,7 @@
 //! Rows by row to rows by column.
 
 use crate::ingest::header::Layout;
-use crate::ingest::raw::{Faults, NO_TIME, RawRows};
+use crate::ingest::raw::{Faults, RawRows};
 
 /// What is made of the value of a column.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -63,7 +63,7 @@ impl Cells {
     #[cfg(feature = "ulog")]
     pub(crate) fn push_broken_row(&mut self) {
         self.values.resize(self.values.len() + self.slots.len(), f64::NAN);
-        self.finish_row(NO_TIME, Faults::RAGGED);
+        self.finish_row(crate::ingest::raw::NO_TIME, Faults::RAGGED);
     }
 
     /// The rows that wait, into the columns.

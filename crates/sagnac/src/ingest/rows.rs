@@ -85,6 +85,33 @@ impl Reason {
     }
 }
 
+impl Reason {
+    /// What it means, in a sentence for people.
+    pub fn meaning(self) -> &'static str {
+        match self {
+            Self::Ragged => "Not as many fields as the header has.",
+            Self::NotANumber => "A time or count that is not a finite number.",
+            Self::ValueOutOfRange => "More than 2^40 quanta or 1e8 °/h in a row.",
+            Self::TimeBackwards => "Time before that of the row above.",
+            Self::DuplicateTime => "Time of the row above.",
+            Self::Gap => {
+                "Over 1.5 intervals since the row above; the row itself is used unless its counter is cumulative."
+            }
+            Self::FlaggedInvalid => "The log's own flag.",
+            Self::TemperatureNotANumber => "A temperature field that holds no number.",
+            Self::TemperatureImplausible => "A temperature outside the plausible limits.",
+            Self::ThermometerJump => "A temperature that jumped by over 5 °C between rows and did not stay.",
+            Self::ThermometerFrozen => "A thermometer that stood still while another moved.",
+            Self::Settling => "Within settle_s of the start of the run.",
+            Self::ShortWindow => "A window of less than a tenth of the nominal length.",
+            Self::NoTemperature => "A window with fewer than half of its temperatures.",
+            Self::StartUp => "The first window of a run, far from what follows.",
+            Self::Motion => "Far from the windows beside it: a bump, a motion.",
+            Self::Step => "On the shorter side of a lasting step.",
+        }
+    }
+}
+
 /// How often a reason occurred, and where first.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Tally {

@@ -28,6 +28,7 @@ use crate::calibration::{Calibration, Input, LogUnit};
 use crate::error::{Error, Result};
 use crate::fit;
 use crate::ingest::{AngleUnit, Batch, LogReader, LogShape, Tally, hex, sha256};
+use crate::report::{AxisEvidence, Evidence, points, run_spans};
 use crate::setup::Setup;
 use crate::units::ARCSEC_RT_S_PER_DEG_RT_H;
 use crate::window::{WindowBuilder, Windows, same_shape};
@@ -216,12 +217,28 @@ pub fn verify(
     limits: Option<&Limits>,
     keep_all: bool,
 ) -> Result<Verification> {
+    verify_with_evidence(correction, logs, setup, limits, keep_all).map(|(verification, _)| verification)
+}
+
+/// The same, with the points behind it for a report.
+///
+/// # Errors
+/// As [`verify`].
+pub fn verify_with_evidence(
+    correction: &Correction,
+    logs: Vec<LogReader>,
+    setup: &Setup,
+    limits: Option<&Limits>,
+    keep_all: bool,
+) -> Result<(Verification, Evidence)> {
+    let sensor = logs.first().map(|log| correction.fit_to(log.shape(), setup)).transpose()?.and_then(|fit| fit.1);
     let windows = replay_windows(correction, logs, setup, keep_all)?;
     let count = windows.shape.axes.len() / 2;
     let used: Vec<usize> = (0..windows.len()).filter(|i| windows.rows.excluded[*i].is_none()).collect();
     let axes: Result<Vec<AxisVerification>> =
         (0..count).map(|axis| axis_figures(&windows, &used, axis, correction, setup, limits)).collect();
-    Ok(Verification {
+    let evidence = evidence(&windows, &used, sensor);
+    let verification = Verification {
         program: fit::program(),
         serial: correction.serial(),
         unit: unit_of(&windows).1.to_owned(),
@@ -230,7 +247,29 @@ pub fn verify(
         excluded: windows.tallies.list(),
         image_sha256: correction.sha256(),
         inputs: fit::inputs(&windows),
-    })
+    };
+    Ok((verification, evidence))
+}
+
+/// Both sides of every window about their own means over the used windows of the run.
+fn evidence(windows: &Windows, used: &[usize], sensor: Option<usize>) -> Evidence {
+    let runs = run_spans(windows);
+    let count = windows.shape.axes.len() / 2;
+    let mean = |column: usize, run: u32| {
+        let members = used.iter().filter(|i| windows.rows.run[**i] == run);
+        let (sum, n) = members.fold((0.0, 0.0), |(sum, n), i| (sum + windows.rate_dph(column, *i), n + 1.0));
+        sum / n
+    };
+    let axis = |axis: usize| {
+        let means = |column: usize| -> Vec<f64> { (0..runs.len()).map(|run| mean(column, run as u32)).collect() };
+        let (before, after) = (means(axis), means(axis + count));
+        let about =
+            |means: &[f64], column: usize, i: usize| windows.rate_dph(column, i) - means[windows.rows.run[i] as usize];
+        let points = points(windows, &runs, sensor, |i| about(&before, axis, i), |i| about(&after, axis + count, i));
+        AxisEvidence { axis: windows.shape.axes[axis], points }
+    };
+    let axes = (0..count).map(axis).collect();
+    Evidence { timed: windows.shape.timed, axes, runs }
 }
 
 /// Windows with the raw axes first, the corrected ones after them, and one auxiliary column per axis

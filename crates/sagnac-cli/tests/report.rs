@@ -1,0 +1,200 @@
+//! Reports in a real browser: every figure drawn, on screen and for paper, no error, no request to anywhere.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use assert_cmd::Command as Sagnac;
+use sagnac_sim::{LaggedChamber, Leg, csv_bytes};
+use tempfile::TempDir;
+
+fn testdata(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../testdata").join(name)
+}
+
+fn sagnac(folder: &Path, args: &[&str]) {
+    Sagnac::cargo_bin("sagnac").unwrap().current_dir(folder).args(args).assert().success();
+}
+
+/// Chromium's program, or `None` where it is not installed (said aloud). Under CI that is a failure.
+fn chromium() -> Option<&'static str> {
+    let found = ["chromium", "chromium-browser", "google-chrome"]
+        .into_iter()
+        .find(|name| Command::new(name).arg("--version").output().is_ok_and(|out| out.status.success()));
+    assert!(
+        found.is_some() || std::env::var_os("SAGNAC_REQUIRE_SHARED").is_none_or(|v| v != "1"),
+        "chromium is missing; on Debian: apt-get install chromium"
+    );
+    if found.is_none() {
+        println!("skipped: chromium is not installed");
+    }
+    found
+}
+
+/// Goes first in the page: hears of everything that goes wrong.
+const LISTEN: &str = r#"<script>
+window.wrong = [];
+addEventListener("error", (e) => wrong.push("error: " + e.message));
+addEventListener("unhandledrejection", (e) => wrong.push("rejection: " + e.reason));
+addEventListener("securitypolicyviolation", (e) => wrong.push("request refused: " + e.blockedURI));
+for (const level of ["error", "warn"]) console[level] = (...all) => wrong.push(level + ": " + all.join(" "));
+</script>"#;
+
+/// Goes last: what stands on each canvas and in each drawing.
+const LOOK: &str = r##"<script>
+setTimeout(() => {
+  const seen = [...document.querySelectorAll(".plot")].map((plot) => {
+    const canvas = plot.querySelector("canvas"), svg = plot.querySelector("svg");
+    const pixels = canvas ? canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height).data : [];
+    let coloured = 0;
+    for (let i = 0; i < pixels.length; i += 4) {
+      const spread = Math.max(pixels[i], pixels[i + 1], pixels[i + 2]) - Math.min(pixels[i], pixels[i + 1], pixels[i + 2]);
+      if (pixels[i + 3] > 100 && (spread > 40 || pixels[i] + pixels[i + 1] + pixels[i + 2] < 330)) coloured++;
+    }
+    const hidden = svg ? getComputedStyle(svg).display : "";
+    // As on paper, where the drawing stands in for the canvas.
+    document.documentElement.classList.remove("live");
+    const large = (m) => { const box = m.getBBox(); return box.width + box.height > 100; };
+    // Axes and grid are lines of two points; what the figure is about has many, or many bars.
+    const corners = (m) => (m.getAttribute("d") || m.getAttribute("points") || "").length;
+    const marks = svg
+      ? [...svg.querySelectorAll("path, polyline, polygon")].filter((m) => large(m) && corners(m) > 70).length
+        + (svg.querySelectorAll("rect").length >= 8 ? 1 : 0)
+      : 0;
+    const shape = svg ? svg.viewBox.baseVal.width : 0;
+    document.documentElement.classList.add("live");
+    return { id: plot.id, coloured, marks, shape, hidden };
+  });
+  const requests = performance.getEntriesByType("resource").map((r) => r.name);
+  const answer = document.createElement("pre");
+  answer.id = "answer";
+  answer.textContent = JSON.stringify({ wrong, seen, requests, figures: document.querySelectorAll("figure").length });
+  document.body.append(answer);
+}, 300);
+</script>"##;
+
+/// What the browser says of a report.
+fn look_at(chromium: &str, report: &Path) -> serde_json::Value {
+    let page = std::fs::read_to_string(report).unwrap();
+    let page = page.replacen("<head>", &format!("<head>{LISTEN}"), 1).replacen("</body>", &format!("{LOOK}</body>"), 1);
+    let folder = TempDir::new().unwrap();
+    let copy = folder.path().join("report.html");
+    std::fs::write(&copy, page).unwrap();
+    let net_log = folder.path().join("net.json");
+    let output = Command::new(chromium)
+        .args([
+            "--headless",
+            "--no-sandbox",
+            "--disable-gpu",
+            "--no-first-run",
+            "--disable-sync",
+            "--disable-extensions",
+        ])
+        .args(["--disable-background-networking", "--disable-component-update", "--disable-default-apps"])
+        .args(["--virtual-time-budget=6000", "--window-size=1100,1600", "--enable-logging=stderr", "--dump-dom"])
+        .arg(format!("--user-data-dir={}", folder.path().join("profile").display()))
+        .arg(format!("--log-net-log={}", net_log.display()))
+        .arg(format!("file://{}", copy.display()))
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    let console: Vec<&str> = said.lines().filter(|line| line.contains("CONSOLE")).collect();
+    let dom = String::from_utf8(output.stdout).unwrap();
+    let answer = dom.split_once("<pre id=\"answer\">").unwrap().1.split_once("</pre>").unwrap().0;
+    let answer = answer.replace("&quot;", "\"").replace("&lt;", "<").replace("&gt;", ">").replace("&amp;", "&");
+    // The page's own word on requests, and the browser's.
+    let log = std::fs::read_to_string(net_log).unwrap();
+    assert!(log.contains(&format!("file://{}", copy.display())), "the network log does not even know the page");
+    let is_address = |text: &&str| ["http://", "https://", "ws://", "wss://"].iter().any(|p| text.starts_with(p));
+    // Chromium asks its maker for updates and the time, whatever it is told.
+    let its_own = |text: &&str| ["google.com", "googleapis.com"].iter().any(|host| text.contains(host));
+    let outside: Vec<&str> = log.split('"').filter(is_address).filter(|text| !its_own(text)).collect();
+    let mut answer: serde_json::Value = serde_json::from_str(&answer).unwrap();
+    answer["console"] = serde_json::json!(console);
+    answer["outside"] = serde_json::json!(outside);
+    answer
+}
+
+fn must_be_drawn(chromium: &str, report: &Path, least_figures: u64) {
+    let answer = look_at(chromium, report);
+    let name = report.display();
+    for list in ["wrong", "console", "requests", "outside"] {
+        assert_eq!(answer[list], serde_json::json!([]), "{name}: {list}");
+    }
+    let seen = answer["seen"].as_array().unwrap();
+    assert!(seen.len() as u64 >= least_figures && answer["figures"] == seen.len(), "{name}: {answer}");
+    for figure in seen {
+        assert!(figure["coloured"].as_u64().unwrap() > 300, "{name}: an empty canvas: {figure}");
+        assert!(figure["marks"].as_u64().unwrap() > 0, "{name}: an empty drawing: {figure}");
+        assert_eq!(figure["hidden"], "none", "{name}: two drawings at once: {figure}");
+    }
+}
+
+#[test]
+fn a_browser_draws_every_figure_of_every_report() {
+    let Some(chromium) = chromium() else { return };
+    let folder = TempDir::new().unwrap();
+    let file = |name: &str| testdata(name).display().to_string();
+    let (one, two, three) =
+        (file("chamber/cycle-1.csv.gz"), file("chamber/cycle-2.csv.gz"), file("chamber/cycle-3.csv.gz"));
+    let (setup, limits) = (file("chamber/bench.toml"), file("chamber/limits.toml"));
+    sagnac(folder.path(), &["calibrate", &one, &two, "--setup", &setup, "-o", "u.json", "--report", "fit.html"]);
+    sagnac(folder.path(), &["verify", "u.json", &three, "--limits", &limits, "--report", "proof.html"]);
+    sagnac(folder.path(), &["demo", "--report", "demo.html"]);
+    must_be_drawn(chromium, &folder.path().join("fit.html"), 6);
+    must_be_drawn(chromium, &folder.path().join("proof.html"), 5);
+    must_be_drawn(chromium, &folder.path().join("demo.html"), 4);
+}
+
+/// A page with a script that asks for something, and a figure that is not drawn, must not pass for a good one.
+#[test]
+fn the_look_itself_sees_what_is_wrong() {
+    let Some(chromium) = chromium() else { return };
+    let folder = TempDir::new().unwrap();
+    sagnac(folder.path(), &["demo", "--report", "demo.html"]);
+    let path = folder.path().join("demo.html");
+    let good = std::fs::read_to_string(&path).unwrap();
+    let broken = good
+        .replace("all();\n  matchMedia", "matchMedia")
+        .replace("<main>", "<main><img src=\"http://127.0.0.1:9/x.png\"><script>no_such_function()</script>");
+    assert_ne!(good, broken);
+    std::fs::write(&path, broken).unwrap();
+    let answer = look_at(chromium, &path);
+    let wrong = answer["wrong"].to_string();
+    assert!(wrong.contains("no_such_function") && wrong.contains("request refused"), "{wrong}");
+    assert!(answer["seen"].as_array().unwrap().iter().all(|figure| figure["coloured"] == 0));
+}
+
+/// 24 hours of one axis, a row each 5 s.
+#[test]
+fn the_report_of_a_day_is_small_and_always_the_same() {
+    let day = LaggedChamber {
+        row_s: 5,
+        legs: vec![
+            Leg::Soak(10_800.0),
+            Leg::Ramp(70.0, 0.5),
+            Leg::Soak(10_800.0),
+            Leg::Ramp(-40.0, 0.5),
+            Leg::Soak(10_800.0),
+            Leg::Ramp(70.0, 0.5),
+            Leg::Soak(14_400.0),
+        ],
+        ..LaggedChamber::domain_notes()
+    };
+    let folder = TempDir::new().unwrap();
+    let rows: Vec<_> = day.run(1).collect();
+    let hours = rows[rows.len() - 1].time_s / 3600.0;
+    assert!((23.9..24.2).contains(&hours), "{hours}");
+    std::fs::write(folder.path().join("day.csv"), csv_bytes(rows.into_iter())).unwrap();
+    let flags = ["--arcsec-per-count", "0.15125", "-o", "u.json", "--report"];
+    sagnac(folder.path(), &[&["calibrate", "day.csv"][..], &flags, &["day.html"]].concat());
+    sagnac(folder.path(), &[&["calibrate", "day.csv"][..], &flags, &["again.html"]].concat());
+    sagnac(folder.path(), &["verify", "u.json", "day.csv", "--report", "proof.html"]);
+    let read = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
+    for name in ["day.html", "proof.html"] {
+        let size = read(name).len();
+        assert!(size < 400_000, "{name} has {size} bytes");
+    }
+    assert!(read("day.html") == read("again.html"));
+    // The proof on the log of the fit says that it is none.
+    assert!(String::from_utf8(read("proof.html")).unwrap().contains("This is no proof"));
+}

@@ -1,0 +1,245 @@
+//! A figure as data: what is drawn, not how. [`super::svg`] draws it for paper, the page's script on screen.
+
+use serde::Serialize;
+
+/// What a layer stands for; each role has one colour throughout.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Role {
+    Before,
+    After,
+    Fit,
+    Floor,
+    Heating,
+    Cooling,
+    Steady,
+    Temperature,
+    Excluded,
+    ExcludedToo,
+    ExcludedAlso,
+}
+
+impl Role {
+    /// Its colour's name in the page's style.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Before => "before",
+            Self::After => "after",
+            Self::Fit => "fit",
+            Self::Floor => "floor",
+            Self::Heating => "heating",
+            Self::Cooling => "cooling",
+            Self::Steady => "steady",
+            Self::Temperature => "temperature",
+            Self::Excluded => "excluded",
+            Self::ExcludedToo => "excluded_too",
+            Self::ExcludedAlso => "excluded_also",
+        }
+    }
+}
+
+/// One thing drawn.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(tag = "kind", rename_all = "snake_case")]
+pub(crate) enum Layer {
+    Dots {
+        label: String,
+        role: Role,
+        x: Vec<f64>,
+        y: Vec<f64>,
+    },
+    Line {
+        label: String,
+        role: Role,
+        x: Vec<f64>,
+        y: Vec<f64>,
+        dashed: bool,
+    },
+    Band {
+        label: String,
+        role: Role,
+        x: Vec<f64>,
+        lo: Vec<f64>,
+        hi: Vec<f64>,
+    },
+    /// A vertical bar of uncertainty and its middle.
+    Whiskers {
+        label: String,
+        role: Role,
+        x: Vec<f64>,
+        y: Vec<f64>,
+        half: Vec<f64>,
+    },
+    Bars {
+        label: String,
+        role: Role,
+        edges: Vec<f64>,
+        heights: Vec<f64>,
+    },
+    /// Stretches of x with a reason.
+    Shades {
+        label: String,
+        role: Role,
+        stretches: Vec<[f64; 2]>,
+    },
+}
+
+impl Layer {
+    /// The class of its sign in the legend on screen.
+    pub(crate) fn sign(&self) -> &'static str {
+        match self {
+            Self::Dots { role: Role::Cooling, .. } => "cross",
+            Self::Dots { .. } => "dot",
+            Self::Line { dashed: true, .. } => "dashed",
+            Self::Line { .. } | Self::Whiskers { .. } => "solid",
+            Self::Band { .. } | Self::Shades { .. } => "pale",
+            Self::Bars { .. } => "full",
+        }
+    }
+
+    pub(crate) fn label(&self) -> (&str, Role) {
+        match self {
+            Self::Dots { label, role, .. }
+            | Self::Line { label, role, .. }
+            | Self::Band { label, role, .. }
+            | Self::Whiskers { label, role, .. }
+            | Self::Bars { label, role, .. }
+            | Self::Shades { label, role, .. } => (label, *role),
+        }
+    }
+}
+
+/// A figure.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub(crate) struct Figure {
+    /// Unique on the page.
+    pub(crate) id: String,
+    /// What it answers.
+    #[serde(skip)]
+    pub(crate) title: String,
+    /// What to see in it.
+    #[serde(skip)]
+    pub(crate) caption: String,
+    pub(crate) x_label: String,
+    pub(crate) y_label: String,
+    /// Figures of one group share their cursor and their zoom along x.
+    pub(crate) group: String,
+    pub(crate) x: [f64; 2],
+    pub(crate) y: [f64; 2],
+    pub(crate) layers: Vec<Layer>,
+}
+
+impl Figure {
+    /// Frames what its layers hold; `None` where they hold nothing.
+    pub(crate) fn framed(mut self, keep_zero: bool) -> Option<Self> {
+        let (mut xs, mut ys) = (Range::EMPTY, Range::EMPTY);
+        for layer in &self.layers {
+            match layer {
+                Layer::Dots { x, y, .. } | Layer::Line { x, y, .. } => {
+                    xs.take(x);
+                    ys.take(y);
+                }
+                Layer::Band { x, lo, hi, .. } => {
+                    xs.take(x);
+                    ys.take(lo);
+                    ys.take(hi);
+                }
+                Layer::Whiskers { x, y, half, .. } => {
+                    xs.take(x);
+                    y.iter().zip(half).for_each(|(y, half)| ys.take(&[y - half, y + half]));
+                }
+                Layer::Bars { edges, heights, .. } => {
+                    xs.take(edges);
+                    ys.take(heights);
+                }
+                Layer::Shades { .. } => {}
+            }
+        }
+        if keep_zero {
+            ys.take(&[0.0]);
+        }
+        self.x = xs.padded(0.02)?;
+        self.y = ys.padded(0.06)?;
+        if let Some(top) = self.highest_bar().filter(|top| self.y[1] > 2.0 * top) {
+            // A line far above the bars would leave nothing to be seen of them.
+            self.y = [-0.08 * top, 1.6 * top];
+        }
+        self.clip_shades();
+        Some(self)
+    }
+
+    fn highest_bar(&self) -> Option<f64> {
+        let heights = self.layers.iter().find_map(|layer| match layer {
+            Layer::Bars { heights, .. } => Some(heights),
+            _ => None,
+        });
+        heights.map(|heights| heights.iter().copied().fold(0.0, f64::max))
+    }
+
+    fn clip_shades(&mut self) {
+        let [lo, hi] = self.x;
+        for layer in &mut self.layers {
+            if let Layer::Shades { stretches, .. } = layer {
+                stretches.iter_mut().for_each(|stretch| *stretch = stretch.map(|x| x.clamp(lo, hi)));
+            }
+        }
+    }
+}
+
+/// Lowest and highest finite value.
+struct Range {
+    lo: f64,
+    hi: f64,
+}
+
+impl Range {
+    const EMPTY: Self = Self { lo: f64::INFINITY, hi: f64::NEG_INFINITY };
+
+    fn take(&mut self, values: &[f64]) {
+        for value in values.iter().filter(|v| v.is_finite()) {
+            self.lo = self.lo.min(*value);
+            self.hi = self.hi.max(*value);
+        }
+    }
+
+    /// With a margin on both sides; never empty, so that something can be drawn.
+    fn padded(&self, part: f64) -> Option<[f64; 2]> {
+        if self.lo > self.hi {
+            return None;
+        }
+        let width = self.hi - self.lo;
+        let margin = if width > 0.0 { part * width } else { self.hi.abs().max(1e-9) };
+        Some([self.lo - margin, self.hi + margin])
+    }
+}
+
+/// Five significant digits: finer than any screen, and a fifth of the bytes.
+pub(crate) fn rounded(values: impl IntoIterator<Item = f64>) -> Vec<f64> {
+    let round = |value: f64| if value.is_finite() { format!("{value:.4e}").parse().unwrap_or(value) } else { value };
+    values.into_iter().map(round).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_frame_holds_everything_and_is_never_empty() {
+        let line =
+            |y: Vec<f64>| Layer::Line { label: String::new(), role: Role::Fit, x: vec![0.0, 1.0], y, dashed: false };
+        let figure = |layer| Figure {
+            id: String::new(),
+            title: String::new(),
+            caption: String::new(),
+            x_label: String::new(),
+            y_label: String::new(),
+            group: String::new(),
+            x: [0.0; 2],
+            y: [0.0; 2],
+            layers: vec![layer],
+        };
+        let flat = figure(line(vec![3.0, 3.0])).framed(false).unwrap();
+        assert!(flat.y[0] < 3.0 && flat.y[1] > 3.0);
+        assert!(figure(line(vec![f64::NAN, f64::NAN])).framed(false).is_none());
+    }
+}

@@ -1,0 +1,455 @@
+//! The page: verdict first, then figures, tables, provenance.
+
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+
+use crate::calibration::{AxisCalibration, Calibration, Candidate, Input, LogUnit, TermKind, UNASSIGNED};
+use crate::digits::{significant, with_sigma};
+use crate::error::{Error, Result};
+use crate::ingest::{Tally, hex, sha256};
+use crate::report::evidence::{AxisEvidence, Evidence};
+use crate::report::figure::Figure;
+use crate::report::{figures, svg};
+use crate::verify::{AxisVerification, Figures, Verification};
+
+/// What the page is made of besides its own words. uPlot 1.6.32 is under the MIT licence, which stands
+/// beside it.
+const UPLOT_JS: &str = include_str!("vendor/uplot/uPlot.iife.min.js");
+const UPLOT_CSS: &str = include_str!("vendor/uplot/uPlot.min.css");
+const UPLOT_LICENCE: &str = include_str!("vendor/uplot/LICENSE");
+const STYLE: &str = include_str!("report.css");
+const SCRIPT: &str = include_str!("report.js");
+/// Nothing is loaded from anywhere, and the browser holds the page to it.
+const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'";
+/// Candidates shown besides the one that was taken.
+const SHOWN_CANDIDATES: usize = 12;
+
+/// The report of a calibration.
+///
+/// # Errors
+/// A record that cannot be written as JSON.
+pub fn calibration_report(calibration: &Calibration, evidence: &Evidence) -> Result<String> {
+    let mut drawn = Vec::new();
+    let several = calibration.axes.len() > 1;
+    let body = html! {
+        h1 { "Thermal calibration" @if calibration.serial != UNASSIGNED { " of " (calibration.serial) } }
+        p.sub { (subtitle(calibration)) }
+        p.note {
+            "Held-out figures come from data that each fit did not see. The proof is another test: " code { "sagnac verify" }
+            " replays one through the image that ships."
+        }
+        @for axis in &calibration.axes { (fit_verdict(axis, evidence, several)) }
+        @for axis in &calibration.axes {
+            @if several { h2.axis { "Axis " (axis.axis) } }
+            @if let Some(points) = evidence.axes.iter().find(|points| points.axis == axis.axis) {
+                @let all = fit_figures(evidence, points, axis);
+                @for figure in &all { (shown(figure)) }
+                @let () = drawn.extend(all);
+            }
+            (coefficients(axis))
+            (candidates(&axis.candidates))
+            (left_out(&axis.excluded))
+        }
+        (provenance(calibration)?)
+    };
+    page(&format!("Thermal calibration {}", calibration.serial), &body, &drawn)
+}
+
+/// The report of a proof; `calibration` adds what was proven, where it is at hand.
+///
+/// # Errors
+/// A record that cannot be written as JSON.
+pub fn verification_report(
+    verification: &Verification,
+    calibration: Option<&Calibration>,
+    evidence: &Evidence,
+) -> Result<String> {
+    let mut drawn = Vec::new();
+    let several = verification.axes.len() > 1;
+    let body = html! {
+        h1 { "Proof on another test" @if !verification.serial.is_empty() && verification.serial != UNASSIGNED { ": " (verification.serial) } }
+        p.sub {
+            "Logs that the fit did not see, replayed through the code and the image that ship. Windows of "
+            (verification.window_s) " s."
+        }
+        @if let Some(calibration) = calibration { (same_log(verification, calibration)) }
+        @for axis in &verification.axes { (proof_verdict(axis, several)) }
+        @for axis in &verification.axes {
+            @if several { h2.axis { "Axis " (axis.axis) } }
+            (before_after(axis, verification))
+            (limits(axis))
+            @if let Some(points) = evidence.axes.iter().find(|points| points.axis == axis.axis) {
+                @let all = proof_figures(evidence, points, axis);
+                @for figure in &all { (shown(figure)) }
+                @let () = drawn.extend(all);
+            }
+            @if let Some(record) = calibration.and_then(|c| c.axes.iter().find(|a| a.axis == axis.axis)) {
+                (coefficients(record))
+            }
+        }
+        (left_out(&verification.excluded))
+        h2 { "Provenance" }
+        (inputs(&verification.inputs))
+        div.scroll { table {
+            tr { td { "program" } td.words { (verification.program) } }
+            tr { td { "SHA-256 of the images" } td.hash { (verification.image_sha256) } }
+        } }
+    };
+    page(&format!("Proof {}", verification.serial), &body, &drawn)
+}
+
+/// Everything into one file.
+fn page(title: &str, body: &Markup, figures: &[Figure]) -> Result<String> {
+    let data = serde_json::to_string(figures).map_err(|e| Error::input(format!("cannot write the figures: {e}")))?;
+    let data = data.replace('<', "\\u003c");
+    let markup = html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta http-equiv="Content-Security-Policy" content=(POLICY);
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                title { (title) }
+                style { (PreEscaped(UPLOT_CSS)) (PreEscaped(STYLE)) }
+            }
+            body {
+                main {
+                    (body)
+                    p.note.screen { "Drag in a figure to zoom, double-click to reset. Figures with a common axis move together." }
+                }
+                script type="application/json" id="figures" { (PreEscaped(data)) }
+                script { (PreEscaped("/*\n")) (PreEscaped(UPLOT_LICENCE)) (PreEscaped("*/\n")) (PreEscaped(UPLOT_JS)) }
+                script { (PreEscaped(SCRIPT)) }
+            }
+        }
+    };
+    Ok(markup.into_string())
+}
+
+fn shown(figure: &Figure) -> Markup {
+    html! {
+        figure {
+            h3 { (figure.title) }
+            div.legend {
+                @for (label, role, kind) in legend(figure) {
+                    span { i class=(kind) style={ "color:var(--" (role) ")" } {} (label) }
+                }
+            }
+            div.plot id=(figure.id) { (PreEscaped(svg::draw(figure))) }
+            div.readout {}
+            figcaption { (figure.caption) }
+        }
+    }
+}
+
+/// Labels once each, with the names of their colour and their sign.
+fn legend(figure: &Figure) -> Vec<(&str, &'static str, &'static str)> {
+    let mut out: Vec<(&str, &'static str, &'static str)> = Vec::new();
+    for layer in &figure.layers {
+        let (label, role) = layer.label();
+        if !label.is_empty() && out.iter().all(|(seen, ..)| *seen != label) {
+            out.push((label, role.name(), layer.sign()));
+        }
+    }
+    out
+}
+
+fn fit_figures(evidence: &Evidence, points: &AxisEvidence, axis: &AxisCalibration) -> Vec<Figure> {
+    let words = &figures::OF_FIT;
+    let floor = axis.floor.as_ref().map(|floor| floor.value_dph);
+    let all = [
+        figures::drift(points, axis),
+        figures::over_time(evidence, points, words),
+        figures::profile(evidence, points),
+        figures::over_temperature(points, words),
+        figures::histogram(points, floor),
+        figures::hysteresis(points, words),
+    ];
+    all.into_iter().flatten().collect()
+}
+
+fn proof_figures(evidence: &Evidence, points: &AxisEvidence, axis: &AxisVerification) -> Vec<Figure> {
+    let words = &figures::OF_PROOF;
+    let floor = axis.floor.as_ref().map(|floor| floor.value_dph);
+    let all = [
+        figures::over_time(evidence, points, words),
+        figures::profile(evidence, points),
+        figures::over_temperature(points, words),
+        figures::histogram(points, floor),
+        figures::hysteresis(points, words),
+    ];
+    all.into_iter().flatten().collect()
+}
+
+fn subtitle(calibration: &Calibration) -> String {
+    let unit = match calibration.unit {
+        LogUnit::Counts { arcsec_per_count, .. } => format!("counts of {arcsec_per_count} arcsec"),
+        LogUnit::Rates { .. } => "rates".to_owned(),
+    };
+    let sensor = calibration.setup.sensor.as_deref().map_or(String::new(), |sensor| format!("{sensor}; "));
+    let runs = calibration.provenance.inputs.len();
+    format!("{sensor}{runs} run{} of {unit}, windows of {} s", if runs == 1 { "" } else { "s" }, calibration.window_s)
+}
+
+fn tile(name: &str, number: &str, unit: &str) -> Markup {
+    html! { div.tile { div.name { (name) } div.number { (number) " " span.unit { (unit) } } } }
+}
+
+fn axis_word(axis: char, several: bool) -> String {
+    if several { format!("Axis {axis}: ") } else { String::new() }
+}
+
+fn fit_verdict(axis: &AxisCalibration, evidence: &Evidence, several: bool) -> Markup {
+    let held_out = axis.cross_validation.as_ref().map(|cv| cv.sigma_dph);
+    let floor = axis.floor.as_ref().map(|floor| floor.value_dph);
+    let points = evidence.axes.iter().find(|points| points.axis == axis.axis);
+    let used = points.map_or(0, |p| p.points.iter().filter(|p| p.excluded.is_none()).count());
+    let all = points.map_or(0, |p| p.points.len());
+    let word = match (held_out, floor) {
+        (Some(held_out), Some(floor)) => {
+            let ratio = held_out / floor;
+            let times = if ratio < 2.0 { "of" } else { "times" };
+            format!("leaves {} {times} the noise floor on held-out data", significant(ratio, 3))
+        }
+        (Some(_), None) => "fitted; the noise floor of this log is not known".to_owned(),
+        _ => "not fitted here".to_owned(),
+    };
+    html! {
+        div.verdict {
+            b.word { (axis_word(axis.axis, several)) code { (axis.model) } " " (word) }
+            div.tiles {
+                @if let Some(value) = held_out { (tile("held-out σ", &significant(value, 3), "°/h")) }
+                @if let Some(value) = floor { (tile("noise floor of a window", &significant(value, 3), "°/h")) }
+                @if let Some(residual) = &axis.residual { (tile("σ of the fit's residuals", &significant(residual.sigma_dph, 3), "°/h")) }
+                (tile("span", &format!("{:.1} … {:.1}", axis.span_c[0], axis.span_c[1]), "°C"))
+                (tile("windows used", &format!("{used} of {all}"), ""))
+            }
+        }
+    }
+}
+
+fn proof_verdict(axis: &AxisVerification, several: bool) -> Markup {
+    let left = axis.floor.as_ref().map_or("the noise floor is not known".to_owned(), |floor| {
+        format!("{} of the noise floor is left", significant(axis.after.sigma_dph / floor.value_dph, 3))
+    });
+    let (class, word) = match axis.pass {
+        Some(true) => ("pass", format!("All limits met: {left}")),
+        Some(false) => ("fail", format!("Limits not met: {left}")),
+        None => ("", format!("No limits were given: {left}")),
+    };
+    let times = |ratio: Option<f64>| ratio.map_or("-".to_owned(), |r| significant(r, 3));
+    html! {
+        div class={ "verdict " (class) } {
+            b.word { (axis_word(axis.axis, several)) (word) }
+            div.tiles {
+                (tile("max − min, before over after", &times(axis.improvement), "times"))
+                (tile("σ, before over after", &times(axis.improvement_sigma), "times"))
+                (tile("σ after", &significant(axis.after.sigma_dph, 3), "°/h"))
+                @match &axis.floor {
+                    Some(floor) => {
+                        (tile("noise floor", &significant(floor.value_dph, 3), "°/h"))
+                        (tile("σ after over the floor", &significant(axis.after.sigma_dph / floor.value_dph, 3), ""))
+                    }
+                    None => { (tile("noise floor", "not known", "")) }
+                }
+                (tile("windows", &axis.after.n.to_string(), ""))
+            }
+            @for (name, windows) in &axis.status_windows {
+                p.note { "Status " (name) " in " (windows) " of " (axis.after.n) " windows." }
+            }
+        }
+    }
+}
+
+fn same_log(verification: &Verification, calibration: &Calibration) -> Markup {
+    let seen = |input: &&Input| calibration.provenance.inputs.iter().any(|other| other.sha256 == input.sha256);
+    let again: Vec<&str> = verification.inputs.iter().filter(seen).map(|input| input.file.as_str()).collect();
+    html! {
+        @if !again.is_empty() {
+            div.verdict.fail {
+                b.word { "This is no proof" }
+                p { (again.join(", ")) " is a log that the calibration was made from." }
+            }
+        }
+    }
+}
+
+fn before_after(axis: &AxisVerification, verification: &Verification) -> Markup {
+    let row = |name: &str, f: &Figures| {
+        html! {
+            tr {
+                td { (name) } td { (f.n) }
+                @for value in [f.min, f.max, f.mean, f.peak_to_peak, f.sigma] {
+                    // Counts have steps of their own; rates have none.
+                    td { @if verification.unit == "deg/h" { (significant(value, 5)) } @else { (format!("{value:.2}")) } }
+                }
+                td { (significant(f.sigma_dph, 3)) }
+            }
+        }
+    };
+    html! {
+        h3 { "Before and after, " (verification.unit) }
+        div.scroll { table {
+            tr { th { "" } th { "n" } th { "min" } th { "max" } th { "mean" } th { "max − min" } th { "σ" } th { "σ, °/h" } }
+            (row("before", &axis.before))
+            (row("after", &axis.after))
+            @if let Some(floor) = &axis.floor {
+                tr {
+                    td { "noise floor" } td { (floor.n) } td {} td {} td {}
+                    td { (significant(floor.expected_peak_to_peak, 3)) }
+                    td { (significant(floor.value, 3)) } td { (significant(floor.value_dph, 3)) }
+                }
+            }
+        } }
+        @if let Some(floor) = &axis.floor {
+            p.note { "Floor: " (floor.source) ". Its max − min is what " (floor.n) " windows of noise alone would show." }
+        }
+    }
+}
+
+fn limits(axis: &AxisVerification) -> Markup {
+    html! {
+        @if !axis.limits.is_empty() {
+            h3 { "Limits" }
+            div.scroll { table {
+                tr { th { "limit" } th { "bound" } th { "value" } th { "" } }
+                @for limit in &axis.limits {
+                    tr {
+                        td { (limit.name) } td { (significant(limit.limit, 4)) }
+                        td { (limit.value.map_or("unknown".to_owned(), |v| significant(v, 4))) }
+                        @if limit.pass { td.pass { "met" } } @else { td.fail { "not met" } }
+                    }
+                }
+            } }
+        }
+    }
+}
+
+fn coefficients(axis: &AxisCalibration) -> Markup {
+    let name = |kind: TermKind| format!("{kind:?}").to_lowercase();
+    let monomial = &axis.monomial;
+    let sigma = |power: usize| monomial.sigma.as_ref().and_then(|all| all.get(power).copied());
+    html! {
+        h3 { "Coefficients" }
+        @if axis.terms.is_empty() {
+            p { "No term earns its place: the drift does not follow temperature beyond the noise." }
+        } @else {
+            p.note {
+                "Chebyshev polynomials of temperature scaled to " (format!("{:.3} … {:.3}", axis.span_c[0], axis.span_c[1]))
+                " °C, zero at " (axis.reference_c) " °C: what the target computes with."
+            }
+            div.scroll { table {
+                tr { th { "term" } th { "value ± σ" } th.words { "unit" } th.words { "" } }
+                @for term in &axis.terms {
+                    tr {
+                        td { (name(term.kind)) " " (term.order) } td { (with_sigma(term.value, term.sigma)) }
+                        td.words { (term.unit) }
+                        td.words { @if term.significant == Some(false) { "not significant at 95 %" } }
+                    }
+                }
+                @if let Some(lag) = axis.lag_s {
+                    tr {
+                        td { "lag" } td { (lag.sigma.map_or_else(|| significant(lag.value, 3), |s| with_sigma(lag.value, Some(s)))) } td.words { "s" }
+                        td.words { @if lag.sigma.is_none() { "not resolved: the smallest within 2 % of the least misfit" } }
+                    }
+                }
+            } }
+        }
+        p.note {
+            "The same curve at rest in powers of °C, " (monomial.unit) " of " (monomial.window_s) " s, with the constant of run "
+            (monomial.run) ":"
+        }
+        div.scroll { table {
+            tr { th { "power" } th { "value ± σ" } }
+            @for (power, value) in monomial.coefficients.iter().enumerate() {
+                tr { td { "T" sup { (power) } } td { (with_sigma(*value, sigma(power))) } }
+            }
+        } }
+        div.scroll { table {
+            tr { th { "run" } th { "constant ± σ, °/h" } th { "fixed bias, °/h" } }
+            @for constant in &axis.constants {
+                tr {
+                    td { (constant.run) } td { (with_sigma(constant.value_dph, constant.sigma_dph)) }
+                    td { (constant.fixed_bias_dph.map_or("input rate not known".to_owned(), |b| with_sigma(b, constant.sigma_dph))) }
+                }
+            }
+        } }
+    }
+}
+
+fn candidates(all: &[Candidate]) -> Markup {
+    let mut ranked: Vec<&Candidate> = all.iter().collect();
+    ranked.sort_by(|a, b| a.held_out_dph.unwrap_or(f64::INFINITY).total_cmp(&b.held_out_dph.unwrap_or(f64::INFINITY)));
+    let least = ranked.first().map_or("", |c| c.model.as_str());
+    let rows = ranked.iter().enumerate().filter(|(i, c)| *i < SHOWN_CANDIDATES || c.chosen).map(|(_, c)| *c);
+    html! {
+        @if all.len() > 1 {
+            h3 { "Candidates" }
+            p.note {
+                (all.len()) " models were tried on data that each fit did not see. The least held-out mean square is that of " code { (least) }
+                "; the smallest model within 2 % of it is taken."
+            }
+            div.scroll { table {
+                tr { th { "model" } th { "coefficients" } th { "held-out σ, °/h" } th.words { "" } }
+                @for candidate in rows {
+                    tr.taken[candidate.chosen] {
+                        td { (candidate.model) } td { (candidate.coefficients) }
+                        td { (candidate.held_out_dph.map_or("not fitted".to_owned(), |h| significant(h, 4))) }
+                        td.words { @if candidate.chosen { "taken" } }
+                    }
+                }
+            } }
+        }
+    }
+}
+
+fn left_out(tallies: &[Tally]) -> Markup {
+    html! {
+        h3 { "Left out" }
+        @if tallies.is_empty() {
+            p { "Nothing." }
+        } @else {
+            div.scroll { table {
+                tr { th { "reason" } th { "rows" } th.words { "first" } th.words { "what it means" } }
+                @for tally in tallies {
+                    tr {
+                        td { (tally.reason.name().replace('_', " ")) } td { (tally.rows) }
+                        td.words { (tally.first) } td.words { (tally.reason.meaning()) }
+                    }
+                }
+            } }
+        }
+    }
+}
+
+fn inputs(inputs: &[Input]) -> Markup {
+    html! {
+        div.scroll { table {
+            tr { th { "log" } th { "rows" } th.words { "SHA-256" } }
+            @for input in inputs {
+                tr { td { (input.file) } td { (input.rows) } td.hash { (input.sha256) } }
+            }
+        } }
+    }
+}
+
+fn provenance(calibration: &Calibration) -> Result<Markup> {
+    let record = hex(&sha256(calibration.to_json()?.as_bytes()));
+    let from = &calibration.provenance;
+    let thermometer = match calibration.thermometer.name.as_str() {
+        "" => "temperature_c".to_owned(),
+        name => format!("temperature_c_{name}"),
+    };
+    Ok(html! {
+        h2 { "Provenance" }
+        (inputs(&from.inputs))
+        div.scroll { table {
+            tr { td { "program" } td.words { (from.program) } }
+            tr { td { "newest sample, or SOURCE_DATE_EPOCH" } td.words { (from.time_s) " s (" (from.time_source) ")" } }
+            tr { td { "thermometer" } td.words { (thermometer) } }
+            tr { td { "target" } td.words {
+                "tick " (calibration.target.tick_s() * 1e6) " µs, temperature period " (calibration.target.period_s()) " s"
+            } }
+            tr { td { "SHA-256 of the record" } td.hash { (record) } }
+        } }
+    })
+}
