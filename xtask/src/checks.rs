@@ -11,11 +11,11 @@ pub(crate) fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap_or(Path::new(".")).to_owned()
 }
 
-fn sh(program: &str, args: &[&str]) -> Result<()> {
+pub(crate) fn sh(program: &str, args: &[&str]) -> Result<()> {
     sh_in(&root(), program, args, &[])
 }
 
-fn sh_in(folder: &Path, program: &str, args: &[&str], env: &[(&str, &str)]) -> Result<()> {
+pub(crate) fn sh_in(folder: &Path, program: &str, args: &[&str], env: &[(&str, &str)]) -> Result<()> {
     println!("$ {program} {}", args.join(" "));
     let status = Command::new(program).args(args).current_dir(folder).envs(env.iter().copied()).status();
     let status = status.with_context(|| format!("cannot start {program}"))?;

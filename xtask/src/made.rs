@@ -30,6 +30,17 @@ fn chamber_cycle(cycle: u64) -> Vec<u8> {
     csv_bytes(LaggedChamber { row_s: 5, ..LaggedChamber::domain_notes() }.run(cycle))
 }
 
+/// The manual, as the program prints it.
+pub(crate) fn cli() -> Result<()> {
+    let output = std::process::Command::new("cargo")
+        .args(["run", "--quiet", "--locked", "-p", "sagnac-cli", "--", "manual", "markdown"])
+        .current_dir(root())
+        .output()
+        .context("cannot start cargo")?;
+    anyhow::ensure!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    write(&root().join("docs/cli.md"), &output.stdout)
+}
+
 /// The JSON schema of the calibration record.
 pub(crate) fn schema() -> Result<()> {
     write(&root().join("docs/calibration.schema.json"), schema_text()?.as_bytes())

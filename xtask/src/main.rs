@@ -1,7 +1,10 @@
 //! `cargo xtask`: what CI runs, and what makes the files that the project made.
 
 mod checks;
+mod errors;
+mod fuzz;
 mod made;
+mod pictures;
 
 use std::process::ExitCode;
 
@@ -14,6 +17,10 @@ cargo xtask no-panic   link check: sagnac-core has no panic path
 cargo xtask conserve   1e9 ticks (27.8 h): every count accounted for
 cargo xtask deny       licences, bans and sources of the dependencies (installs cargo-deny if missing)
 cargo xtask testdata   make the logs in testdata/ anew
+cargo xtask fuzz       a million executions of every fuzz target, or of those named (installs cargo-fuzz if missing)
+cargo xtask pictures   make the pictures of the README and of docs/worked-example.md anew (needs chromium)
+cargo xtask errors     make docs/errors.md anew
+cargo xtask cli        make docs/cli.md anew
 cargo xtask schema     make docs/calibration.schema.json anew
 cargo xtask hexdump    make the worked example of docs/image-format.md anew (testdata/image/)";
 
@@ -36,6 +43,10 @@ fn run(task: &str) -> Result<()> {
         "conserve" => checks::conserve(),
         "deny" => checks::deny(),
         "testdata" => made::testdata(),
+        "fuzz" => fuzz::fuzz(&std::env::args().skip(2).collect::<Vec<_>>()),
+        "pictures" => pictures::pictures(),
+        "errors" => errors::write(),
+        "cli" => made::cli(),
         "schema" => made::schema(),
         "hexdump" => made::hexdump(),
         "" | "help" => {

@@ -41,10 +41,11 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     let summary = match &args.output {
         Some(path) => {
             let mut summary = None;
-            write_atomically(path, |out| {
+            let written = write_atomically(path, |out| {
                 summary = Some(pour(args, &correction, &setup, out)?);
                 Ok(())
-            })?;
+            });
+            written.map_err(|e| e.file(path.display().to_string()))?;
             summary
         }
         None => pour_to_stdout(args, &correction, &setup)?,
@@ -76,7 +77,7 @@ fn pour(args: &Args, correction: &Correction, setup: &Setup, out: &mut (dyn Writ
 fn pour_to_stdout(args: &Args, correction: &Correction, setup: &Setup) -> Result<Option<LogSummary>> {
     let mut out = PipeAware { inner: std::io::stdout(), closed: false };
     let poured = pour(args, correction, setup, &mut out);
-    if out.closed { Ok(None) } else { poured.map(Some) }
+    if out.closed { Ok(None) } else { poured.map(Some).map_err(|e| e.file("standard output")) }
 }
 
 /// Remembers that the other end of a pipe has gone.

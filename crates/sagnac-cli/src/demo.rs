@@ -21,6 +21,9 @@ use crate::console::{Console, Outcome, Ran, table};
 
 /// Reproduce the source paper: its rig, its table, its equations
 #[derive(clap::Args)]
+#[command(after_help = "\
+Example:
+  sagnac demo --report demo.html")]
 pub(crate) struct Args {
     /// Seed of the calibration run; the retest takes the next one
     #[arg(long, default_value_t = 1)]

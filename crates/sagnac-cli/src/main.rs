@@ -12,6 +12,7 @@ mod export;
 mod import;
 mod inspect;
 mod loading;
+mod manual;
 mod progress;
 mod setup_args;
 mod verify;
@@ -23,10 +24,13 @@ use clap::{Parser, Subcommand};
 
 use crate::console::{Console, Outcome};
 
+/// Exit status after Ctrl-C, as shells have it: 128 + SIGINT.
+const INTERRUPTED: i32 = 130;
+
 const EXAMPLES: &str = "\
 Examples:
-  sagnac calibrate cycle-1.csv cycle-2.csv --arcsec-per-count 1.059 --serial RLG-7 -o unit.cal.json
-  sagnac verify unit.cal.json cycle-3.csv --limits limits.toml
+  sagnac calibrate cycle-1.csv cycle-2.csv --arcsec-per-count 1.059 --serial RLG-7 -o unit.cal.json --report unit.html
+  sagnac verify unit.cal.json cycle-3.csv --limits limits.toml --report retest.html
   sagnac export unit.cal.json --to image -o unit.img
   sagnac compensate unit.img cycle-3.csv -o corrected.csv
 
@@ -34,7 +38,7 @@ Exit status: 0 done, 1 limits not met, 2 bad usage or input, 3 refused by the da
 
 /// Makes ring laser gyroscopes hold still over temperature.
 #[derive(Parser)]
-#[command(version, about, after_help = EXAMPLES)]
+#[command(name = "sagnac", version, about, after_help = EXAMPLES)]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -50,6 +54,7 @@ enum Command {
     Export(export::Args),
     Import(import::Args),
     Demo(demo::Args),
+    Manual(manual::Args),
 }
 
 fn main() -> ExitCode {
@@ -62,6 +67,7 @@ fn main() -> ExitCode {
     };
     let mut console = Console::new(json);
     console::keep_panics_quiet();
+    leave_nothing_behind();
     let ran = std::panic::catch_unwind(|| {
         let mut console = Console::new(json);
         let ran = run(cli.command, &mut console);
@@ -75,6 +81,15 @@ fn main() -> ExitCode {
     }
 }
 
+/// Ctrl-C (and SIGTERM) ends the program with nothing half written.
+fn leave_nothing_behind() {
+    // Without a handler the program ends as well; only a temporary file may then be left.
+    let _ = ctrlc::set_handler(|| {
+        sagnac::write::remove_unfinished();
+        std::process::exit(INTERRUPTED);
+    });
+}
+
 fn run(command: Command, console: &mut Console) -> console::Ran {
     match command {
         Command::Calibrate(args) => calibrate::run(&args, console),
@@ -85,5 +100,6 @@ fn run(command: Command, console: &mut Console) -> console::Ran {
         Command::Export(args) => export::run(&args, console),
         Command::Import(args) => import::run(&args, console),
         Command::Demo(args) => demo::run(&args, console),
+        Command::Manual(args) => manual::run(&args, <Cli as clap::CommandFactory>::command(), console),
     }
 }

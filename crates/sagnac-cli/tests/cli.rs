@@ -357,3 +357,46 @@ fn real_recordings_are_described_and_refused_as_they_deserve() {
         }
     }
 }
+
+/// docs/cli.md is what the program prints; run `cargo xtask cli` where it is not.
+#[test]
+fn the_manual_is_made_from_the_program() {
+    let printed = sagnac().args(["manual", "markdown"]).output().unwrap().stdout;
+    let page = std::fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/cli.md")).unwrap();
+    assert!(page == printed, "run `cargo xtask cli`");
+}
+
+#[test]
+fn completions_and_man_pages_know_every_command() {
+    for shell in ["bash", "zsh", "fish", "powershell", "elvish", "man"] {
+        let text = String::from_utf8(sagnac().args(["manual", shell]).output().unwrap().stdout).unwrap();
+        for word in ["calibrate", "verify", "compensate", "window", "inspect", "export", "import", "demo"] {
+            assert!(text.contains(word), "{shell} does not know {word}");
+        }
+    }
+    let folder = tempfile::tempdir().unwrap();
+    sagnac().args(["manual", "man", "--output"]).arg(folder.path()).assert().success();
+    let page = std::fs::read_to_string(folder.path().join("sagnac-calibrate.1")).unwrap();
+    assert!(page.contains("arcsec") && page.contains(".TH"));
+}
+
+/// On a terminal (by util-linux's script): progress and coloured help, unless told otherwise; in a pipe neither.
+#[test]
+fn a_terminal_is_treated_as_one_and_no_color_is_heeded() {
+    let on_terminal = |no_color: bool| {
+        let mut command = std::process::Command::new("script");
+        command.args(["-qec", &format!("{} --help", env!("CARGO_BIN_EXE_sagnac")), "/dev/null"]).env("TERM", "xterm");
+        command.env_remove("NO_COLOR");
+        if no_color {
+            command.env("NO_COLOR", "1");
+        }
+        String::from_utf8(command.output().unwrap().stdout).unwrap()
+    };
+    let (plain, coloured) = (on_terminal(true), on_terminal(false));
+    assert!(plain.contains("calibrate") && coloured.contains("calibrate"));
+    assert!(coloured.contains('\u{1b}'), "the help is not even styled on a terminal");
+    // Bold and underlined is no colour.
+    assert!(!plain.contains("\u{1b}[3"), "{plain:?}");
+    let piped = String::from_utf8(sagnac().arg("--help").output().unwrap().stdout).unwrap();
+    assert!(!piped.contains('\u{1b}'));
+}

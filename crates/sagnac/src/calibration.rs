@@ -441,7 +441,9 @@ impl Calibration {
 }
 
 fn not_json(error: &serde_json::Error) -> Error {
-    Error::input(format!("not a readable calibration: {error}")).line(error.line() as u64)
+    let text = error.to_string();
+    let what = text.rsplit_once(" at line ").map_or(text.as_str(), |(what, _)| what);
+    Error::input(format!("not a readable calibration: {what}")).line(error.line() as u64)
 }
 
 impl AxisCalibration {

@@ -101,6 +101,12 @@ impl Error {
         Self::io(path.display().to_string(), doing, error)
     }
 
+    /// Choices in a list; a nameless one is shown as what it is.
+    pub(crate) fn choices(names: &[String]) -> String {
+        let shown = names.iter().map(|name| if name.is_empty() { "one without a name" } else { name.as_str() });
+        shown.collect::<Vec<_>>().join(", ")
+    }
+
     /// Names the file, unless an inner place already did.
     #[must_use]
     pub fn file(mut self, file: impl Into<String>) -> Self {

@@ -28,7 +28,7 @@ pub enum Counter {
 
 /// Length of an analysis window.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(untagged)]
+#[serde(untagged, expecting = "a window is a number of seconds, or the word \"row\"")]
 pub enum WindowSize {
     /// Seconds, aligned to the start of the run.
     Seconds(f64),

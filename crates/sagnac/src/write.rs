@@ -1,9 +1,42 @@
 //! Files out: whole or not at all.
 
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use crate::error::{Error, Result};
+
+/// Temporary files that are being written.
+static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+
+fn unfinished() -> MutexGuard<'static, Vec<PathBuf>> {
+    UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Removes what is being written by whichever thread: for a program that was told to stop and is about to. The
+/// files that were to be replaced stay as they are.
+pub fn remove_unfinished() {
+    for path in unfinished().drain(..) {
+        // It may have become the result a moment ago.
+        let _ = std::fs::remove_file(path);
+    }
+}
+
+/// A temporary file that is known as long as it is unfinished.
+struct Unfinished(PathBuf);
+
+impl Unfinished {
+    fn new(path: &Path) -> Self {
+        unfinished().push(path.to_owned());
+        Self(path.to_owned())
+    }
+}
+
+impl Drop for Unfinished {
+    fn drop(&mut self) {
+        unfinished().retain(|path| *path != self.0);
+    }
+}
 
 /// Writes a file atomically: temporary file beside it, fsync, rename. Whatever happens, the path holds
 /// the old file or the new one. A symbolic link is followed; a device or pipe is written to directly.
@@ -29,7 +62,12 @@ pub fn write_atomically(path: &Path, fill: impl FnOnce(&mut (dyn Write + Send)) 
     let target = if path.is_symlink() { path.canonicalize().map_err(|e| failed(&e))? } else { path.to_owned() };
     let path = target.as_path();
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let file = tempfile::Builder::new().prefix(".sagnac-").tempfile_in(folder).map_err(|e| failed(&e))?;
+    if !folder.is_dir() {
+        let what = format!("cannot write: the folder {} does not exist", folder.display());
+        return Err(Error::input(what).file(path.display().to_string()));
+    }
+    let file = tempfile::Builder::new().prefix(".sagnac-").tempfile_in(folder).map_err(|e| failed(&plain(&e)))?;
+    let _known = Unfinished::new(file.path());
     let mut out = std::io::BufWriter::new(file);
     fill(&mut out)?;
     let file = out.into_inner().map_err(|e| failed(e.error()))?;
@@ -41,6 +79,11 @@ pub fn write_atomically(path: &Path, fill: impl FnOnce(&mut (dyn Write + Send)) 
         let _ = folder.sync_all();
     }
     Ok(())
+}
+
+/// The system's own word: the name of a temporary file says nothing to anybody.
+fn plain(error: &std::io::Error) -> std::io::Error {
+    error.kind().into()
 }
 
 /// Writes bytes atomically.

@@ -148,13 +148,18 @@ impl<'a> Problem<'a> {
 
 /// Says why nothing is left, the commonest reason first.
 fn no_window(windows: &Windows) -> Error {
-    let mut tallies = windows.tallies.list();
-    tallies.sort_by_key(|tally| std::cmp::Reverse(tally.rows));
-    let why = tallies.first().map_or("it holds no usable row".to_owned(), |t| {
-        format!("{} rows are left out as {} (first at {})", t.rows, t.reason.name(), t.first)
-    });
+    let why = most_left_out(windows).unwrap_or("it holds no usable row".to_owned());
     Error::refused(format!("no window of the log can be used: {why}"))
         .help("`sagnac inspect` lists everything left out")
+}
+
+/// The reason for which most rows are left out, in words.
+fn most_left_out(windows: &Windows) -> Option<String> {
+    let mut tallies = windows.tallies.list();
+    // Of equals the first: what is wrong with rows comes before what follows from it.
+    tallies.sort_by_key(|tally| std::cmp::Reverse(tally.rows));
+    let most = tallies.first()?;
+    Some(format!("{} rows are left out as {} (first at {})", most.rows, most.reason.name(), most.first))
 }
 
 /// Lowest to highest sample of the used windows.
@@ -163,8 +168,9 @@ fn span_of(windows: &Windows, sensor: usize, used: &[usize], min_span_c: f64) ->
     let hi_c = used.iter().map(|i| windows.rows.max_c[sensor][*i]).fold(f64::NEG_INFINITY, f64::max);
     if hi_c - lo_c < min_span_c {
         return Err(Error::refused(format!(
-            "the data span {:.2} °C ({lo_c:.2} … {hi_c:.2} °C); a fit needs {min_span_c} °C",
-            hi_c - lo_c
+            "the data span {:.2} °C ({lo_c:.2} … {hi_c:.2} °C); a fit needs {min_span_c} °C{}",
+            hi_c - lo_c,
+            most_left_out(windows).map_or(String::new(), |why| format!("; {why}"))
         ))
         .column("min_span_c")
         .help("test over a wider range, or lower --min-span if you know what you do"));

@@ -49,7 +49,7 @@ pub fn calibrate_with_evidence(
     setup: &Setup,
     options: &FitOptions,
 ) -> Result<(Calibration, Evidence)> {
-    let sensor = sensor_of(&windows.shape, setup)?;
+    let sensor = sensor_of(&windows.shape, setup).map_err(|e| of_file(e, &windows))?;
     for i in 0..windows.len() {
         if windows.rows.mean_c[sensor][i].is_nan() {
             windows.exclude(i, Reason::NoTemperature);
@@ -58,7 +58,7 @@ pub fn calibrate_with_evidence(
     let runs = run_spans(&windows);
     let (mut axes, mut shown) = (Vec::new(), Vec::new());
     for axis in 0..windows.shape.axes.len() {
-        let (record, residuals) = fit_axis(&windows, axis, sensor, setup, options)?;
+        let (record, residuals) = fit_axis(&windows, axis, sensor, setup, options).map_err(|e| of_file(e, &windows))?;
         let constant = |i: usize| {
             let run = windows.rows.run[i];
             record.constants.iter().find(|c| c.run == run).map_or(f64::NAN, |c| c.value_dph)
@@ -105,7 +105,7 @@ fn sensor_of(shape: &WindowShape, setup: &Setup) -> Result<usize> {
         Error::input("the log has no thermometer of this name")
             .column("use_thermometer")
             .value(wanted)
-            .help(format!("it has: {}", shape.thermometers.join(", ")))
+            .help(format!("it has: {}", Error::choices(&shape.thermometers)))
     })
 }
 
@@ -152,6 +152,14 @@ fn floor_of(windows: &Windows, axis: usize, setup: &Setup) -> Option<Floor> {
         q_arcsec: terms.q_arcsec,
         source: source.to_owned(),
     })
+}
+
+/// Names the log, where there is only one.
+fn of_file(error: Error, windows: &Windows) -> Error {
+    match windows.runs.as_slice() {
+        [run] => error.file(&run.summary.file),
+        _ => error,
+    }
 }
 
 /// The record of one axis, and the residual of each window that was used, °/h.

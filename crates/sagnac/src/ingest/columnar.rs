@@ -132,7 +132,7 @@ fn messages_at(file: &mut File, format: Format) -> Result<u64> {
 }
 
 fn truncated() -> Error {
-    Error::input("a truncated Arrow file").help("copy or write it again")
+    Error::input("a truncated or damaged Arrow file").help("copy or write it again")
 }
 
 fn arrow_reader(file: &File, format: Format) -> Result<StreamReader<BufReader<File>>> {

@@ -12,6 +12,20 @@ pub const COMPENSATED_PREFIX: &str = "compensated_";
 pub const RECOGNISED: &str = "time_s|_ms|_us|_ns, temperature_c|_k[_name], counts[_x|_y|_z], \
      rate_dph|_dps|_radps[_x|_y|_z], reference_rate_dps, valid, aux_name";
 
+/// Every recognised header and what its column holds, for the manual.
+pub const HEADERS: [(&str, &str); 7] = [
+    (
+        "time_s, time_ms, time_us, time_ns",
+        "end of the row's interval; without it there is one window per row and no rate term",
+    ),
+    ("temperature_c[_name], temperature_k[_name]", "a thermometer, in °C or K"),
+    ("counts[_x, _y, _z]", "counts of the row, or a running total with `counter = \"cumulative\"`"),
+    ("rate_dph, rate_dps, rate_radps [_x, _y, _z]", "mean rate of the row in °/h, °/s or rad/s"),
+    ("reference_rate_dps", "rate of the table under the gyro, °/s"),
+    ("valid", "1, true, ok, yes or 0, false, no: rows that are flagged are left out"),
+    ("aux_name", "any number, carried into the window table"),
+];
+
 /// Most thermometers of a log.
 const MAX_THERMOMETERS: usize = 32;
 /// Most auxiliary columns of a log.

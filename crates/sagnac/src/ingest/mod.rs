@@ -431,9 +431,14 @@ fn nominal_interval(
     let times: Vec<i64> = first.flatten().collect();
     typical_step(&times).filter(|step| s_from_ns(*step) <= 1e5).ok_or_else(|| {
         let backwards = times.windows(2).any(|pair| pair[1] < pair[0]);
+        let ragged = ahead.iter().flat_map(|rows| &rows.faults).all(|faults| faults.has(Faults::RAGGED));
         let (what, help) = match read {
             0 => ("a header, but no row below it", "a log needs rows"),
             1 => ("a single row, so the interval of a row is unknown", "give --sample-interval"),
+            _ if ragged => (
+                "no row has as many fields as the header",
+                "is the delimiter of the header that of the rows? A tab goes before a semicolon, that before a comma",
+            ),
             _ if times.is_empty() => ("no time in the first rows is a number", "look at the time column"),
             _ if backwards => ("rows are not in the order of their times", "sort the log by time"),
             _ => (

@@ -61,6 +61,27 @@ pub enum Reason {
 }
 
 impl Reason {
+    /// Every reason.
+    pub const ALL: [Self; 17] = [
+        Self::Ragged,
+        Self::NotANumber,
+        Self::ValueOutOfRange,
+        Self::TimeBackwards,
+        Self::DuplicateTime,
+        Self::Gap,
+        Self::FlaggedInvalid,
+        Self::TemperatureNotANumber,
+        Self::TemperatureImplausible,
+        Self::ThermometerJump,
+        Self::ThermometerFrozen,
+        Self::Settling,
+        Self::ShortWindow,
+        Self::NoTemperature,
+        Self::StartUp,
+        Self::Motion,
+        Self::Step,
+    ];
+
     /// The name scripts rely on.
     pub fn name(self) -> &'static str {
         match self {
@@ -578,6 +599,14 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+
+    #[test]
+    fn every_reason_is_listed_once() {
+        let schema = serde_json::to_value(schemars::schema_for!(Reason)).unwrap().to_string();
+        assert_eq!(schema.matches("\"const\"").count(), Reason::ALL.len());
+        assert!(Reason::ALL.iter().all(|reason| schema.contains(&format!("\"const\":\"{}\"", reason.name()))));
+    }
+
     use crate::ingest::raw::NO_TIME;
 
     fn piece(rows: &[(i64, f64, f64, u8)]) -> RawRows {

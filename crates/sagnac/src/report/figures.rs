@@ -6,8 +6,8 @@ use crate::ingest::Reason;
 use crate::report::evidence::{AxisEvidence, Evidence, Leg, Point};
 use crate::report::figure::{Figure, Layer, Role, rounded};
 
-/// No layer draws more points.
-const MOST_POINTS: usize = 1500;
+/// The layers of one kind of all axes together draw no more points.
+const MOST_POINTS: usize = 1800;
 /// Points of a curve.
 const CURVE_POINTS: usize = 121;
 /// Two-sided 95 % of a normal.
@@ -25,9 +25,9 @@ pub(crate) const OF_FIT: Wording = Wording { before: "as logged", after: "less t
 pub(crate) const OF_PROOF: Wording = Wording { before: "as logged", after: "corrected" };
 
 /// Points drawn of so many, and the words for it.
-fn thinned<'a>(points: impl Iterator<Item = &'a Point>) -> (Vec<&'a Point>, String) {
+fn thinned<'a>(evidence: &Evidence, points: impl Iterator<Item = &'a Point>) -> (Vec<&'a Point>, String) {
     let all: Vec<&Point> = points.collect();
-    let step = all.len().div_ceil(MOST_POINTS).max(1);
+    let step = all.len().div_ceil(MOST_POINTS / evidence.axes.len().clamp(1, 6)).max(1);
     let words = if step > 1 { format!(" One window in {step} is drawn.") } else { String::new() };
     (all.into_iter().step_by(step).collect(), words)
 }
@@ -92,8 +92,8 @@ fn curve(axis: &AxisCalibration) -> (Vec<f64>, Vec<f64>, Option<Vec<f64>>) {
 }
 
 /// Drift against temperature with the curve at rest and its band.
-pub(crate) fn drift(axis: &AxisEvidence, record: &AxisCalibration) -> Option<Figure> {
-    let (shown, words) = thinned(used(axis));
+pub(crate) fn drift(evidence: &Evidence, axis: &AxisEvidence, record: &AxisCalibration) -> Option<Figure> {
+    let (shown, words) = thinned(evidence, used(axis));
     let rate = if record.rate_span_cpm.is_some() {
         " Dashed: the fit at the median rates of heating and cooling; what lies between is what the rate terms stand for."
     } else {
@@ -150,7 +150,7 @@ const LEGS: [(&str, Role, Leg); 3] = [
 
 /// Before and after against the time of the test.
 pub(crate) fn over_time(evidence: &Evidence, axis: &AxisEvidence, wording: &Wording) -> Option<Figure> {
-    let (shown, words) = thinned(used(axis));
+    let (shown, words) = thinned(evidence, used(axis));
     let caption = format!("Each run about its own constant.{}{words}", runs_in_words(evidence));
     let labels = [time_label(evidence), "drift, °/h"];
     let mut out = figure(axis.axis, "time", "Before and after against time", caption, labels, "time");
@@ -172,8 +172,8 @@ fn runs_in_words(evidence: &Evidence) -> String {
 }
 
 /// Before and after against temperature.
-pub(crate) fn over_temperature(axis: &AxisEvidence, wording: &Wording) -> Option<Figure> {
-    let (shown, words) = thinned(used(axis));
+pub(crate) fn over_temperature(evidence: &Evidence, axis: &AxisEvidence, wording: &Wording) -> Option<Figure> {
+    let (shown, words) = thinned(evidence, used(axis));
     let caption = format!("What is left should be a level cloud as wide as the noise.{words}");
     let title = "Before and after against temperature";
     let mut out = figure(axis.axis, "temperature", title, caption, ["temperature, °C", "drift, °/h"], "temperature");
@@ -245,7 +245,7 @@ pub(crate) fn profile(evidence: &Evidence, axis: &AxisEvidence) -> Option<Figure
         out.layers.push(Layer::Shades { label, role, stretches });
     }
     for run in 0..evidence.runs.len() {
-        let (of_run, _) = thinned(axis.points.iter().filter(|p| p.run == run && p.temperature_c.is_finite()));
+        let (of_run, _) = thinned(evidence, axis.points.iter().filter(|p| p.run == run && p.temperature_c.is_finite()));
         let (x, y): (Vec<f64>, Vec<f64>) = of_run.iter().map(|p| (p.hours, p.temperature_c)).unzip();
         let label = if run == 0 { "thermometer of the model" } else { "" };
         out.layers.push(line(label, Role::Temperature, &x, y, false));

@@ -157,10 +157,10 @@ fn fit_figures(evidence: &Evidence, points: &AxisEvidence, axis: &AxisCalibratio
     let words = &figures::OF_FIT;
     let floor = axis.floor.as_ref().map(|floor| floor.value_dph);
     let all = [
-        figures::drift(points, axis),
+        figures::drift(evidence, points, axis),
         figures::over_time(evidence, points, words),
         figures::profile(evidence, points),
-        figures::over_temperature(points, words),
+        figures::over_temperature(evidence, points, words),
         figures::histogram(points, floor),
         figures::hysteresis(points, words),
     ];
@@ -173,7 +173,7 @@ fn proof_figures(evidence: &Evidence, points: &AxisEvidence, axis: &AxisVerifica
     let all = [
         figures::over_time(evidence, points, words),
         figures::profile(evidence, points),
-        figures::over_temperature(points, words),
+        figures::over_temperature(evidence, points, words),
         figures::histogram(points, floor),
         figures::hysteresis(points, words),
     ];

@@ -248,7 +248,7 @@ mod parquet_out {
 }
 
 fn unwritten(error: std::io::Error) -> Error {
-    Error::io("output", "write", &error)
+    Error::input(format!("cannot write: {error}"))
 }
 
 /// The corrected value in the column's own unit.

@@ -116,7 +116,7 @@ impl Correction {
         let sensor = match setup.use_thermometer.clone().or(own) {
             Some(name) => Some(shape.thermometers.iter().position(|other| *other == name).ok_or_else(|| {
                 Error::input(format!("the log has no thermometer {name:?}, which the correction uses"))
-                    .help(format!("it has: {}", shape.thermometers.join(", ")))
+                    .help(format!("it has: {}", Error::choices(&shape.thermometers)))
             })?),
             None if shape.thermometers.is_empty() => None,
             None if only => Some(0),
@@ -231,7 +231,8 @@ pub fn verify_with_evidence(
     limits: Option<&Limits>,
     keep_all: bool,
 ) -> Result<(Verification, Evidence)> {
-    let sensor = logs.first().map(|log| correction.fit_to(log.shape(), setup)).transpose()?.and_then(|fit| fit.1);
+    let fits = |log: &LogReader| correction.fit_to(log.shape(), setup).map_err(|e| e.file(log.summary().file));
+    let sensor = logs.first().map(fits).transpose()?.and_then(|(_, sensor)| sensor);
     let windows = replay_windows(correction, logs, setup, keep_all)?;
     let count = windows.shape.axes.len() / 2;
     let used: Vec<usize> = (0..windows.len()).filter(|i| windows.rows.excluded[*i].is_none()).collect();

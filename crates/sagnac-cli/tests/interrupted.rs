@@ -1,0 +1,75 @@
+//! Stopped at any moment while it writes: the old file or the new one, never half; after Ctrl-C nothing else.
+
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use sagnac_sim::{PaperRig, csv_bytes};
+use tempfile::TempDir;
+
+const KILLS: u32 = 200;
+const OLD: &str = "what was there before\n";
+
+fn start(folder: &Path) -> Child {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_sagnac"));
+    command.args(["compensate", "unit.cal.json", "log.csv", "-o", "out.csv"]).current_dir(folder);
+    command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap()
+}
+
+/// Waits until so much time has gone by since the start; a kill may come at any moment, so none is too late.
+fn wait_until(started: Instant, moment: Duration) {
+    while started.elapsed() < moment {
+        std::hint::spin_loop();
+    }
+}
+
+fn temporary_files(folder: &Path) -> usize {
+    let names = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().file_name().to_string_lossy().into_owned());
+    names.filter(|name| name.starts_with(".sagnac-")).count()
+}
+
+/// Half of the kills by SIGKILL, half by SIGINT, spread over the whole of a run.
+#[test]
+fn killed_at_any_moment_leaves_the_old_file_or_the_new_one() {
+    let folder = TempDir::new().unwrap();
+    let path = folder.path();
+    std::fs::write(path.join("log.csv"), csv_bytes(PaperRig::PAPER.run(1))).unwrap();
+    let calibrate = ["calibrate", "log.csv", "--arcsec-per-count", "1.059", "--quantum", "0.25", "-o", "unit.cal.json"];
+    assert_cmd::Command::cargo_bin("sagnac").unwrap().current_dir(path).args(calibrate).assert().success();
+    let started = Instant::now();
+    assert!(start(path).wait().unwrap().success());
+    let whole = started.elapsed();
+    let new = std::fs::read(path.join("out.csv")).unwrap();
+    assert!(new.len() > 100_000);
+    let (mut with_old, mut with_new) = (0, 0);
+    for kill in 0..KILLS {
+        std::fs::write(path.join("out.csv"), OLD).unwrap();
+        let started = Instant::now();
+        let mut child = start(path);
+        wait_until(started, whole * kill / (KILLS - KILLS / 8));
+        let polite = kill % 2 == 1;
+        if polite {
+            // By the program of that name: no unsafe call here.
+            Command::new("kill").args(["-INT", &child.id().to_string()]).stderr(Stdio::null()).status().unwrap();
+        } else {
+            // It may have ended by itself.
+            let _ = child.kill();
+        }
+        child.wait().unwrap();
+        let out = std::fs::read(path.join("out.csv")).unwrap();
+        let is_new = out == new;
+        assert!(is_new || out == OLD.as_bytes(), "kill {kill}: {} bytes of {}", out.len(), new.len());
+        (with_old, with_new) = (with_old + u32::from(!is_new), with_new + u32::from(is_new));
+        if polite && temporary_files(path) > 0 {
+            // Before the handler stands, Ctrl-C ends a program as SIGKILL does; by then nothing is written.
+            panic!("kill {kill}: Ctrl-C left a temporary file");
+        }
+        for entry in std::fs::read_dir(path).unwrap().map(Result::unwrap) {
+            if entry.file_name().to_string_lossy().starts_with(".sagnac-") {
+                std::fs::remove_file(entry.path()).unwrap();
+            }
+        }
+    }
+    // Kills came both before the end and after it, or this test has looked at nothing.
+    assert!(with_old > KILLS / 10 && with_new > 0, "{with_old} old, {with_new} new");
+}

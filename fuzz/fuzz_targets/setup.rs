@@ -1,0 +1,10 @@
+//! Setup files.
+#![no_main]
+
+use sagnac::setup::Setup;
+
+libfuzzer_sys::fuzz_target!(|text: &str| {
+    if let Ok(setup) = Setup::parse(text) {
+        setup.check().expect("what was parsed was checked");
+    }
+});

@@ -1,0 +1,15 @@
+//! Window tables: Parquet from disk, and what a fit makes of one.
+#![no_main]
+
+use sagnac::fit::{FitOptions, ModelChoice, calibrate};
+use sagnac::window::{is_table, read_table};
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
+    let file = tempfile::NamedTempFile::new().expect("a temporary file");
+    std::fs::write(file.path(), bytes).expect("room on the disk");
+    let _ = is_table(file.path());
+    if let Ok((windows, setup)) = read_table(file.path()) {
+        let options = FitOptions { model: ModelChoice::Auto, source_date_epoch: None };
+        let _ = calibrate(windows, &setup, &options);
+    }
+});

@@ -1,0 +1,47 @@
+//! What every log target does with its bytes: reads them to the end, both for a fit and to be written out again,
+//! and fits what can be fitted.
+
+use std::io::Cursor;
+
+use sagnac::fit::{FitOptions, ModelChoice, calibrate};
+use sagnac::ingest::{LogReader, Pace};
+use sagnac::setup::Setup;
+use sagnac::window::WindowBuilder;
+
+/// More windows than this are not fitted: the fit is not what is hunted here.
+const FEW_WINDOWS: usize = 60;
+
+/// The bytes as a log, all the way. A decoder's panic is caught by the library, so its message is silenced.
+pub fn read_log(bytes: &[u8]) {
+    std::panic::set_hook(Box::new(our_own_panics_abort));
+    let setup = Setup {
+        arcsec_per_count: Some(1.0),
+        min_span_c: Some(1.0),
+        reference_c: Some(20.0),
+        window: Some(sagnac::setup::WindowSize::Seconds(10.0)),
+        ..Setup::default()
+    };
+    for pace in [Pace::Bulk, Pace::BulkWithText] {
+        let Ok(mut log) = LogReader::from_reader("log", Box::new(Cursor::new(bytes.to_vec())), &setup, pace) else {
+            continue;
+        };
+        while let Ok(Some(_)) = log.next_batch() {}
+    }
+    let Ok(log) = LogReader::from_reader("log", Box::new(Cursor::new(bytes.to_vec())), &setup, Pace::Bulk) else {
+        return;
+    };
+    let Ok(windows) = WindowBuilder::read_all(vec![log], &setup).map(|builder| builder.finish(false)) else { return };
+    if windows.len() < FEW_WINDOWS {
+        let options = FitOptions { model: ModelChoice::Auto, source_date_epoch: None };
+        let _ = calibrate(windows, &setup, &options).map(|calibration| calibration.to_json());
+    }
+}
+
+/// A panic in our own files is a finding, wherever it is caught; one of a decoder is its own business.
+fn our_own_panics_abort(info: &std::panic::PanicHookInfo<'_>) {
+    let place = info.location().map(|l| l.file().to_owned()).unwrap_or_default();
+    if place.contains("crates/sagnac") {
+        eprintln!("{info}");
+        std::process::abort();
+    }
+}
