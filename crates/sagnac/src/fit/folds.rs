@@ -11,6 +11,7 @@ use nalgebra::DVector;
 
 use crate::fit::lag::RATE_COLUMNS;
 use crate::fit::model::ModelSpec;
+use crate::fit::parallel::in_parallel;
 use crate::fit::problem::Problem;
 use crate::fit::solve::{Factor, Reducer, Solution};
 
@@ -61,27 +62,38 @@ pub(crate) fn cross_validate(problem: &Problem<'_>, candidates: &[ModelSpec], ta
     // Without a rate term any τ serves.
     let taus_s = if with_rate { taus_s } else { &taus_s[..1] };
     let factors: Vec<Vec<Factor>> =
-        taus_s.iter().map(|tau| block_factors(problem, &division, *tau, with_rate, scale_orders)).collect();
-    let mut held_out = vec![Some(0.0); candidates.len()];
-    for fold in 0..division.blocks {
-        let training: Vec<Option<Factor>> = factors
-            .iter()
-            .map(|blocks| Factor::join(blocks.iter().enumerate().filter(|(b, _)| *b != fold).map(|(_, f)| f)))
-            .collect();
-        let (known, free) = division.constants_without(problem, fold);
-        for (candidate, sum) in candidates.iter().zip(&mut held_out) {
-            let columns = columns_of(*candidate, &known, division.constants);
-            let choices = if candidate.rate.is_some() { taus_s.len() } else { 1 };
-            let best = best_tau(&training[..choices], &columns);
-            *sum = match (*sum, best) {
-                (Some(sum), Some((tau, theta))) => Some(sum + factors[tau][fold].ssr(&columns, &theta, &free)),
-                _ => None,
-            };
-        }
-    }
+        in_parallel(taus_s, |tau| block_factors(problem, &division, *tau, with_rate, scale_orders));
+    let folds: Vec<usize> = (0..division.blocks).collect();
+    let squares = in_parallel(&folds, |fold| fold_squares(problem, &division, candidates, taus_s, &factors, *fold));
+    // Added in the order of the folds, whoever was first.
+    let held_out =
+        (0..candidates.len()).map(|candidate| squares.iter().map(|fold| fold[candidate]).sum::<Option<f64>>());
     // Weights take each window to the nominal length, as in the residual σ beside it.
-    let mean_square = held_out.into_iter().map(|sum| sum.map(|sum| sum / problem.len() as f64)).collect();
+    let mean_square = held_out.map(|sum| sum.map(|sum| sum / problem.len() as f64)).collect();
     HeldOut { scheme: division.scheme, folds: division.blocks, mean_square }
+}
+
+/// Held-out sum of squares of every candidate in one fold; `None` where it could not be fitted.
+fn fold_squares(
+    problem: &Problem<'_>,
+    division: &Division,
+    candidates: &[ModelSpec],
+    taus_s: &[f64],
+    factors: &[Vec<Factor>],
+    fold: usize,
+) -> Vec<Option<f64>> {
+    let training: Vec<Option<Factor>> = factors
+        .iter()
+        .map(|blocks| Factor::join(blocks.iter().enumerate().filter(|(b, _)| *b != fold).map(|(_, f)| f)))
+        .collect();
+    let (known, free) = division.constants_without(problem, fold);
+    let squares = candidates.iter().map(|candidate| {
+        let columns = columns_of(*candidate, &known, division.constants);
+        let choices = if candidate.rate.is_some() { taus_s.len() } else { 1 };
+        let (tau, theta) = best_tau(&training[..choices], &columns)?;
+        Some(factors[tau][fold].ssr(&columns, &theta, &free))
+    });
+    squares.collect()
 }
 
 /// The τ of least misfit on the training set.

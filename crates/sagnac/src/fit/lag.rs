@@ -8,91 +8,127 @@
 //! The same recursion as `sagnac_core::Thermometer` on the same grid with the same zero-order hold;
 //! a window's mean of Ṫ·T_j(x) is the difference of a running sum at its ends.
 
-use crate::fit::basis::{Span, chebyshev};
+use crate::fit::basis::Span;
 use crate::fit::model::MAX_RATE_ORDER;
 
 /// Columns of a full rate series, c₀ … c₃.
 pub(crate) const RATE_COLUMNS: usize = MAX_RATE_ORDER as usize + 1;
 
-/// Running sums of Ṫ·T_j(x)·Δt over one run, °C/min·s.
-pub(crate) struct RateSums {
-    /// `sums[n]`: over the grid points before n.
-    sums: Vec<[f64; RATE_COLUMNS]>,
-    /// Ṫ at each grid point, °C/min.
-    rates: Vec<f64>,
-    period_s: f64,
+/// The lag on one run's track.
+pub(crate) struct LagRate<'a> {
+    pub(crate) track_c: &'a [f64],
+    pub(crate) span: Span,
+    pub(crate) period_s: f64,
+    pub(crate) tau_s: f64,
 }
 
-impl RateSums {
-    pub(crate) fn new(track_c: &[f64], span: Span, period_s: f64, tau_s: f64) -> Self {
-        let alpha = -(-period_s / tau_s).exp_m1();
-        let mut lag = track_c.first().copied().unwrap_or(0.0);
-        let mut running = [0.0; RATE_COLUMNS];
-        let (mut sums, mut rates) = (Vec::with_capacity(track_c.len() + 1), Vec::with_capacity(track_c.len()));
-        sums.push(running);
-        for &t_c in track_c {
+impl LagRate<'_> {
+    /// Ṫ at each grid point, °C/min, with the temperature there.
+    fn rates(&self) -> impl Iterator<Item = (f64, f64)> {
+        let alpha = -(-self.period_s / self.tau_s).exp_m1();
+        let mut lag = self.track_c.first().copied().unwrap_or(0.0);
+        let per_minute = 60.0 / self.period_s;
+        self.track_c.iter().map(move |&t_c| {
             let step = alpha * (t_c - lag);
             lag += step;
-            let rate = 60.0 * step / period_s;
-            let basis = chebyshev(span.x(t_c));
-            for (sum, value) in running.iter_mut().zip(basis) {
-                *sum += rate * value * period_s;
+            (per_minute * step, t_c)
+        })
+    }
+
+    /// Means of Ṫ·T_j(x) over windows (start, end], seconds from the start of the run, °C/min. Windows stand in order
+    /// and do not overlap, so one pass is enough and nothing of the length of the track is kept.
+    pub(crate) fn means(&self, windows: &[(f64, f64)]) -> Vec<[f64; RATE_COLUMNS]> {
+        let mut borders = windows.iter().flat_map(|(start, end)| [*start, *end]).map(|s| (s / self.period_s).max(0.0));
+        let mut next = borders.next();
+        // Running sums of Ṫ·T_j(x)·Δt at the borders, linear between grid points.
+        let mut at_borders = Vec::with_capacity(2 * windows.len());
+        let mut running = [0.0; RATE_COLUMNS];
+        for (n, (rate, t_c)) in self.rates().enumerate() {
+            let basis = low_orders(self.span.x(t_c));
+            let added: [f64; RATE_COLUMNS] = std::array::from_fn(|j| rate * basis[j] * self.period_s);
+            while let Some(position) = next.filter(|position| *position < (n + 1) as f64) {
+                let part = position - n as f64;
+                at_borders.push(std::array::from_fn::<f64, RATE_COLUMNS, _>(|j| running[j] + part * added[j]));
+                next = borders.next();
             }
-            sums.push(running);
-            rates.push(rate);
+            if next.is_none() {
+                break;
+            }
+            running.iter_mut().zip(added).for_each(|(sum, value)| *sum += value);
         }
-        Self { sums, rates, period_s }
+        at_borders.resize(2 * windows.len(), running);
+        let pairs = at_borders.chunks_exact(2).zip(windows);
+        pairs.map(|(at, (start, end))| std::array::from_fn(|j| (at[1][j] - at[0][j]) / (end - start))).collect()
     }
 
-    /// Means of Ṫ·T_j(x) over (start, end], seconds from the start of the run, °C/min.
-    pub(crate) fn means(&self, start_s: f64, end_s: f64) -> [f64; RATE_COLUMNS] {
-        let (from, to) = (self.at(start_s), self.at(end_s));
-        std::array::from_fn(|j| (to[j] - from[j]) / (end_s - start_s))
+    /// Lowest and highest Ṫ at grid points within any of these windows; 0 is always within.
+    pub(crate) fn extremes(&self, windows: &[(f64, f64)]) -> [f64; 2] {
+        let index = |s: f64| (s / self.period_s) as usize;
+        let (mut at, mut extremes) = (0, [0.0, 0.0]);
+        for (n, (rate, _)) in self.rates().enumerate() {
+            while windows.get(at).is_some_and(|(_, end)| index(*end) <= n) {
+                at += 1;
+            }
+            let Some((start, _)) = windows.get(at) else { break };
+            if index(*start) <= n {
+                extremes = [rate.min(extremes[0]), rate.max(extremes[1])];
+            }
+        }
+        extremes
     }
+}
 
-    /// Lowest and highest Ṫ at grid points within (start, end].
-    pub(crate) fn extremes(&self, start_s: f64, end_s: f64) -> (f64, f64) {
-        let index = |s: f64| ((s / self.period_s) as usize).min(self.rates.len());
-        let within = &self.rates[index(start_s)..index(end_s).max(index(start_s))];
-        within.iter().fold((0.0, 0.0), |(lo, hi), r| (r.min(lo), r.max(hi)))
-    }
-
-    /// The running sum at a time, linear between grid points.
-    fn at(&self, s: f64) -> [f64; RATE_COLUMNS] {
-        let position = (s / self.period_s).max(0.0);
-        let n = (position as usize).min(self.sums.len() - 1);
-        let next = (n + 1).min(self.sums.len() - 1);
-        let part = position - n as f64;
-        std::array::from_fn(|j| self.sums[n][j] + part.min(1.0) * (self.sums[next][j] - self.sums[n][j]))
-    }
+/// T₀(x) … T₃(x).
+fn low_orders(x: f64) -> [f64; RATE_COLUMNS] {
+    let second = 2.0 * x * x - 1.0;
+    [1.0, x, second, 2.0 * x * second - x]
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    fn ramp(track_c: &[f64], span: Span, tau_s: f64) -> LagRate<'_> {
+        LagRate { track_c, span, period_s: 1.0, tau_s }
+    }
+
+    #[test]
+    fn low_orders_are_those_of_the_basis() {
+        for x in [-1.0, -0.3, 0.0, 0.7, 1.0] {
+            let (low, all) = (low_orders(x), crate::fit::basis::chebyshev(x));
+            assert!(low.iter().zip(all).all(|(a, b)| (a - b).abs() < 1e-15));
+        }
+    }
+
     /// Closed form: a ramp's lag follows at the ramp's own rate once e^(−t/τ) is gone.
     #[test]
     fn a_ramp_shows_its_own_rate() {
         let track: Vec<f64> = (0..4000).map(|n| f64::from(n) / 60.0).collect();
         let span = Span { lo_c: 0.0, hi_c: 70.0 };
-        let sums = RateSums::new(&track, span, 1.0, 120.0);
-        let means = sums.means(3000.0, 3100.0);
-        assert!((means[0] - 1.0).abs() < 1e-9, "{}", means[0]);
-        assert!((means[1] - span.x(3049.5 / 60.0)).abs() < 1e-6);
+        let lag = ramp(&track, span, 120.0);
+        let means = lag.means(&[(10.0, 20.0), (3000.0, 3100.0)]);
+        assert!((means[1][0] - 1.0).abs() < 1e-9, "{}", means[1][0]);
+        assert!((means[1][1] - span.x(3049.5 / 60.0)).abs() < 1e-6);
+        let [lo, hi] = lag.extremes(&[(3000.0, 3100.0)]);
+        assert!(lo == 0.0 && (hi - 1.0).abs() < 1e-9);
+        assert!(lag.extremes(&[(0.0, 5.0)])[1] < 0.05);
     }
 
     #[test]
     fn a_window_on_the_grid_sees_the_change_of_the_lag() {
         let track: Vec<f64> = (0..200).map(|n| ((n * 37) % 11) as f64).collect();
-        let sums = RateSums::new(&track, Span { lo_c: 0.0, hi_c: 10.0 }, 1.0, 7.0);
         let alpha = 1.0 - (-1.0_f64 / 7.0).exp();
         let mut lags = vec![track[0]];
         for t in &track {
             let last = lags[lags.len() - 1];
             lags.push(last + alpha * (t - last));
         }
-        let expected = 60.0 * (lags[150] - lags[50]) / 100.0;
-        assert!((sums.means(50.0, 150.0)[0] - expected).abs() < 1e-12);
+        let lag = ramp(&track, Span { lo_c: 0.0, hi_c: 10.0 }, 7.0);
+        // Windows between grid points and up to the very end too.
+        let means = lag.means(&[(50.0, 150.0), (150.25, 160.5), (190.0, 200.0)]);
+        assert!((means[0][0] - 60.0 * (lags[150] - lags[50]) / 100.0).abs() < 1e-12);
+        let at = |n: usize, part: f64| lags[n] + part * (lags[n + 1] - lags[n]);
+        assert!((means[1][0] - 60.0 * (at(160, 0.5) - at(150, 0.25)) / 10.25).abs() < 1e-12);
+        assert!((means[2][0] - 60.0 * (lags[200] - lags[190]) / 10.0).abs() < 1e-12);
     }
 }

@@ -12,6 +12,7 @@ mod folds;
 mod lag;
 mod model;
 mod monomial;
+mod parallel;
 mod problem;
 mod record;
 mod solution;

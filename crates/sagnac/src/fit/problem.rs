@@ -9,7 +9,7 @@
 
 use crate::error::{Error, Result};
 use crate::fit::basis::{BASIS_LEN, Span, chebyshev, chebyshev_mean};
-use crate::fit::lag::{RATE_COLUMNS, RateSums};
+use crate::fit::lag::{LagRate, RATE_COLUMNS};
 use crate::fit::model::ModelSpec;
 use crate::units::s_from_ns;
 use crate::window::Windows;
@@ -102,33 +102,28 @@ impl<'a> Problem<'a> {
         if ratio > 0.0 { grid } else { vec![lo] }
     }
 
-    fn rate_sums(&self, tau_s: f64) -> Vec<RateSums> {
-        let period_s = s_from_ns(self.windows.shape.period_ns);
-        let tracks = self.runs.iter().map(|r| &self.windows.runs[*r].tracks[self.sensor]);
-        tracks.map(|track| RateSums::new(track, self.span, period_s, tau_s)).collect()
+    fn lag(&self, run: usize, tau_s: f64) -> LagRate<'_> {
+        let track_c = &self.windows.runs[self.runs[run]].tracks[self.sensor];
+        LagRate { track_c, span: self.span, period_s: s_from_ns(self.windows.shape.period_ns), tau_s }
     }
 
-    /// Start and end of a row's window, s from the start of its run.
-    fn bounds(&self, row: usize) -> (f64, f64) {
-        let (window, run) = (self.used[row], &self.windows.runs[self.runs[self.run[row]]]);
-        let seconds = |ns: i64| s_from_ns(ns - run.start_ns);
-        (seconds(self.windows.rows.start_ns[window]), seconds(self.windows.rows.end_ns[window]))
+    /// Start and end of each row's window of one run, s from the start of the run.
+    fn bounds(&self, of: usize) -> Vec<(f64, f64)> {
+        let origin_ns = self.windows.runs[self.runs[of]].start_ns;
+        let seconds = |ns: i64| s_from_ns(ns - origin_ns);
+        let members = self.used.iter().zip(&self.run).filter(|(_, run)| **run == of);
+        members.map(|(i, _)| (seconds(self.windows.rows.start_ns[*i]), seconds(self.windows.rows.end_ns[*i]))).collect()
     }
 
-    /// Means of Ṫ·T₀ … Ṫ·T₃ of every row, °C/min.
+    /// Means of Ṫ·T₀ … Ṫ·T₃ of every row, °C/min. Rows stand run by run.
     pub(crate) fn rate_columns(&self, tau_s: f64) -> Vec<[f64; RATE_COLUMNS]> {
-        let sums = self.rate_sums(tau_s);
-        (0..self.len()).map(|row| self.bounds(row)).zip(&self.run).map(|((a, b), run)| sums[*run].means(a, b)).collect()
+        (0..self.runs.len()).flat_map(|run| self.lag(run, tau_s).means(&self.bounds(run))).collect()
     }
 
     /// Lowest and highest Ṫ that the used windows hold, °C/min; 0 is always within.
     pub(crate) fn rate_span(&self, tau_s: f64) -> [f64; 2] {
-        let sums = self.rate_sums(tau_s);
-        let extremes = (0..self.len()).map(|row| {
-            let (a, b) = self.bounds(row);
-            sums[self.run[row]].extremes(a, b)
-        });
-        extremes.fold([0.0, 0.0], |[lo, hi], (l, h)| [l.min(lo), h.max(hi)])
+        let of_runs = (0..self.runs.len()).map(|run| self.lag(run, tau_s).extremes(&self.bounds(run)));
+        of_runs.fold([0.0, 0.0], |[lo, hi], [l, h]| [l.min(lo), h.max(hi)])
     }
 
     /// −Ω_run·1e-6·[T̄_k − T_k(x0)], °/h per ppm.

@@ -11,6 +11,7 @@ use statrs::distribution::{ContinuousCDF, StudentsT};
 use crate::error::{Error, Result};
 use crate::fit::lag::RATE_COLUMNS;
 use crate::fit::model::ModelSpec;
+use crate::fit::parallel::in_parallel;
 use crate::fit::problem::Problem;
 use crate::fit::solve::{Factor, Reducer, Solution};
 
@@ -137,7 +138,7 @@ fn misfit(problem: &Problem<'_>, spec: ModelSpec, tau_s: f64) -> f64 {
 
 /// The τ of least misfit; where the misfit is flat to an end of the search, the smallest within 2 %.
 fn find_tau(problem: &Problem<'_>, spec: ModelSpec, taus_s: &[f64]) -> Result<Tau> {
-    let misfits: Vec<f64> = taus_s.iter().map(|tau| misfit(problem, spec, *tau)).collect();
+    let misfits: Vec<f64> = in_parallel(taus_s, |tau| misfit(problem, spec, *tau));
     let best = misfits.iter().enumerate().min_by(|(_, a), (_, b)| a.total_cmp(b)).map_or(0, |(i, _)| i);
     let least = misfits[best];
     if !least.is_finite() {

@@ -285,16 +285,18 @@ impl ColumnFeed {
         }
         for ((index, _, unit), out) in layout.axes.iter().zip(&mut rows.axes) {
             let unit = unit.unwrap_or(1.0);
-            self.values(batch, *index, f64::NAN, &mut |value| out.push(value * unit))?;
+            self.values(batch, *index, f64::NAN, out)?;
+            out.iter_mut().for_each(|value| *value *= unit);
         }
         for ((index, _, zero), out) in layout.temperatures.iter().zip(&mut rows.temperatures_c) {
-            self.values(batch, *index, BAD_TEMPERATURE, &mut |value| out.push(value - zero))?;
+            self.values(batch, *index, BAD_TEMPERATURE, out)?;
+            out.iter_mut().for_each(|value| *value -= zero);
         }
         for ((index, _), out) in layout.aux.iter().zip(&mut rows.aux) {
-            self.values(batch, *index, f64::NAN, &mut |value| out.push(value))?;
+            self.values(batch, *index, f64::NAN, out)?;
         }
         if let Some(index) = layout.reference {
-            self.values(batch, index, f64::NAN, &mut |value| rows.reference_dps.push(value))?;
+            self.values(batch, index, f64::NAN, &mut rows.reference_dps)?;
         }
         if let Some(index) = layout.valid {
             flags(self.column(batch, index)?, &mut rows.faults).ok_or_else(|| self.wrong_type(batch, index))?;
@@ -321,11 +323,8 @@ impl ColumnFeed {
     }
 
     /// Values of a column: NaN for null, `bad` for what is no finite number.
-    fn values(&self, batch: &RecordBatch, index: usize, bad: f64, out: &mut dyn FnMut(f64)) -> Result<()> {
-        let column = self.column(batch, index)?;
-        let finite = |value: f64| if value.is_finite() { value } else { bad };
-        numbers(column, &mut |value| out(value.map_or(f64::NAN, finite)), bad)
-            .ok_or_else(|| self.wrong_type(batch, index))
+    fn values(&self, batch: &RecordBatch, index: usize, bad: f64, out: &mut Vec<f64>) -> Result<()> {
+        numbers(self.column(batch, index)?, bad, out).ok_or_else(|| self.wrong_type(batch, index))
     }
 
     /// Every column as text, as a CSV of it would hold.
@@ -343,31 +342,45 @@ impl ColumnFeed {
     }
 }
 
-fn each<T: ArrowPrimitiveType>(column: &dyn Array, mut take: impl FnMut(Option<T::Native>)) -> Option<()> {
+fn each<T: ArrowPrimitiveType>(column: &dyn Array, take: impl FnMut(Option<T::Native>)) -> Option<()> {
+    column.as_primitive_opt::<T>()?.iter().for_each(take);
+    Some(())
+}
+
+/// A primitive column as numbers.
+fn all<T: ArrowPrimitiveType>(column: &dyn Array, number: impl Fn(T::Native) -> f64, out: &mut Vec<f64>) -> Option<()> {
     let column = column.as_primitive_opt::<T>()?;
     if column.null_count() == 0 {
-        column.values().iter().for_each(|value| take(Some(*value)));
+        out.extend(column.values().iter().map(|value| number(*value)));
     } else {
-        column.iter().for_each(take);
+        out.extend(column.iter().map(|value| value.map_or(f64::NAN, &number)));
     }
     Some(())
 }
 
-/// Numbers of any width, or text that holds them; text that holds none is `bad`.
-fn numbers(column: &dyn Array, out: &mut dyn FnMut(Option<f64>), bad: f64) -> Option<()> {
+/// Numbers of any width, or text that holds them: NaN for null, `bad` for what is no finite number.
+fn numbers(column: &dyn Array, bad: f64, out: &mut Vec<f64>) -> Option<()> {
+    let finite = |value: f64| if value.is_finite() { value } else { bad };
     match column.data_type() {
-        DataType::Float64 => each::<Float64Type>(column, out),
-        DataType::Float32 => each::<Float32Type>(column, |v| out(v.map(f64::from))),
-        DataType::Utf8 | DataType::LargeUtf8 => {
-            let text = |text: Option<&str>| {
-                out(text.filter(|t| !t.is_empty()).map(|t| parse_value(t.as_bytes(), false).unwrap_or(bad)))
-            };
-            each_text(column, text)
-        }
-        _ => integers(column, &mut |value| out(value.map(|v| v as f64))),
+        DataType::Float64 => all::<Float64Type>(column, finite, out),
+        DataType::Float32 => all::<Float32Type>(column, |v| finite(f64::from(v)), out),
+        DataType::Int8 => all::<Int8Type>(column, f64::from, out),
+        DataType::Int16 => all::<Int16Type>(column, f64::from, out),
+        DataType::Int32 => all::<Int32Type>(column, f64::from, out),
+        DataType::Int64 => all::<Int64Type>(column, |v| v as f64, out),
+        DataType::UInt8 => all::<UInt8Type>(column, f64::from, out),
+        DataType::UInt16 => all::<UInt16Type>(column, f64::from, out),
+        DataType::UInt32 => all::<UInt32Type>(column, f64::from, out),
+        DataType::UInt64 => all::<UInt64Type>(column, |v| v as f64, out),
+        DataType::Utf8 | DataType::LargeUtf8 => each_text(column, |text| {
+            let given = text.filter(|t| !t.is_empty());
+            out.push(given.map_or(f64::NAN, |t| parse_value(t.as_bytes(), false).unwrap_or(bad)));
+        }),
+        _ => None,
     }
 }
 
+/// Whole numbers exactly.
 fn integers(column: &dyn Array, out: &mut dyn FnMut(Option<i128>)) -> Option<()> {
     match column.data_type() {
         DataType::Int8 => each::<Int8Type>(column, |v| out(v.map(i128::from))),
@@ -398,7 +411,14 @@ fn times(column: &dyn Array, places: u32, out: &mut Vec<i64>) -> Option<()> {
     let unit_places = |unit: TimeUnit| UNITS.iter().find(|(u, _)| *u == unit).map_or(0, |(_, places)| *places);
     match column.data_type() {
         DataType::Float64 => {
-            each::<Float64Type>(column, |v| out.push(v.and_then(|v| time_ns_of(v, places)).unwrap_or(NO_TIME)))
+            let column = column.as_primitive_opt::<Float64Type>()?;
+            let time = |value: f64| time_ns_of(value, places).unwrap_or(NO_TIME);
+            if column.null_count() == 0 {
+                out.extend(column.values().iter().map(|value| time(*value)));
+            } else {
+                out.extend(column.iter().map(|value| value.map_or(NO_TIME, time)));
+            }
+            Some(())
         }
         DataType::Float32 => each::<Float32Type>(column, |v| {
             out.push(v.and_then(|v| time_ns_of(f64::from(v), places)).unwrap_or(NO_TIME));
@@ -442,7 +462,11 @@ fn flags(column: &dyn Array, faults: &mut [Faults]) -> Option<()> {
         DataType::Utf8 | DataType::LargeUtf8 => {
             each_text(column, |text| flag(text.and_then(|t| parse_flag(t.as_bytes())).unwrap_or(false)))?;
         }
-        _ => numbers(column, &mut |value| flag(value == Some(1.0)), f64::NAN)?,
+        _ => {
+            let mut values = Vec::new();
+            numbers(column, f64::NAN, &mut values)?;
+            values.iter().for_each(|value| flag(*value == 1.0));
+        }
     }
     Some(())
 }
@@ -456,7 +480,10 @@ fn texts(column: &dyn Array) -> Option<Vec<String>> {
             out.extend(column.as_boolean_opt()?.iter().map(text));
         }
         DataType::Float64 | DataType::Float32 => {
-            numbers(column, &mut |value| out.push(value.map_or(String::new(), |v| v.to_string())), f64::NAN)?;
+            let mut values = Vec::new();
+            numbers(column, f64::INFINITY, &mut values)?;
+            let text = |value: &f64| if value.is_nan() { String::new() } else { value.to_string() };
+            out.extend(values.iter().map(text));
         }
         DataType::Timestamp(unit, _) | DataType::Duration(unit) => {
             arrow_times(column, *unit, &mut |v| out.push(v.map_or(String::new(), |v| v.to_string())))?;

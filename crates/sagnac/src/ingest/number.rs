@@ -111,7 +111,7 @@ pub(crate) fn time_ns_of(value: f64, places: u32) -> Option<i64> {
     let scaled = value * EXACT_POWERS.get(places as usize)?;
     // Below this the product is within half a nanosecond of the decimal.
     if scaled.abs() < (1_u64 << 50) as f64 {
-        return Some(scaled.round() as i64);
+        return Some((scaled + 0.5_f64.copysign(scaled)) as i64);
     }
     parse_time_ns(value.to_string().as_bytes(), places, false)
 }

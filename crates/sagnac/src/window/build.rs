@@ -13,6 +13,7 @@ use crate::window::{Run, WindowRows, WindowShape, Windows, outliers};
 const SPLIT_C: f64 = 2.0;
 /// Longest track, in temperature periods: 48 days at 1 s.
 const MAX_TRACK: usize = 1 << 22;
+const LANES: usize = 4;
 
 /// Collects windows; push batches run by run, then finish.
 pub struct WindowBuilder {
@@ -44,7 +45,7 @@ struct Sums {
     duration_ns: i64,
     samples: u32,
     first_line: u64,
-    angle: Vec<f64>,
+    angle: Vec<LaneSum>,
     temperatures: Vec<Moments>,
     /// Per thermometer: lowest and highest.
     extremes_c: Vec<(f64, f64)>,
@@ -52,40 +53,71 @@ struct Sums {
     reference: Moments,
 }
 
+/// A sum in four lanes, which a processor adds side by side. A value's lane is its place in the window, so the
+/// result does not depend on how rows come in pieces.
+#[derive(Clone, Copy, Default)]
+struct LaneSum([f64; LANES]);
+
+impl LaneSum {
+    /// Adds `count` values that begin at a place of the window.
+    fn add(&mut self, place: usize, count: usize, value: impl Fn(usize) -> f64) {
+        let mut lanes = self.0;
+        let head = ((LANES - place % LANES) % LANES).min(count);
+        (0..head).for_each(|i| lanes[(place + i) % LANES] += value(i));
+        let whole = head + (count - head) / LANES * LANES;
+        for from in (head..whole).step_by(LANES) {
+            (0..LANES).for_each(|lane| lanes[lane] += value(from + lane));
+        }
+        (whole..count).for_each(|i| lanes[i - whole] += value(i));
+        self.0 = lanes;
+    }
+
+    fn total(self) -> f64 {
+        self.0.iter().sum()
+    }
+}
+
 /// Weighted sums about the first value, so that no digits are lost.
 #[derive(Clone, Copy)]
 struct Moments {
-    weight: f64,
     /// First value; NaN before it.
     origin: f64,
-    sum: f64,
-    squares: f64,
+    weights: LaneSum,
+    sums: LaneSum,
+    squares: LaneSum,
 }
 
 impl Moments {
-    const EMPTY: Self = Self { weight: 0.0, origin: f64::NAN, sum: 0.0, squares: 0.0 };
+    const EMPTY: Self = Self {
+        origin: f64::NAN,
+        weights: LaneSum([0.0; LANES]),
+        sums: LaneSum([0.0; LANES]),
+        squares: LaneSum([0.0; LANES]),
+    };
 
-    /// Adds values row by row, so that the result does not depend on how rows come in pieces. NaN is passed over.
-    fn add(&mut self, values: &[f64], weights: &[f64]) {
+    /// Adds values that begin at a place of the window. NaN is passed over.
+    fn add(&mut self, place: usize, values: &[f64], weights: &[f64]) {
         if self.origin.is_nan() {
             self.origin = values.iter().copied().find(|value| !value.is_nan()).unwrap_or(f64::NAN);
         }
-        for (value, weight) in values.iter().zip(weights) {
-            let known = !value.is_nan();
-            let from_origin = if known { value - self.origin } else { 0.0 };
-            let weighted = weight * from_origin;
-            self.weight += if known { *weight } else { 0.0 };
-            self.sum += weighted;
-            self.squares += weighted * from_origin;
-        }
+        let (origin, count) = (self.origin, values.len().min(weights.len()));
+        let (values, weights) = (&values[..count], &weights[..count]);
+        let from_origin = |i: usize| if values[i].is_nan() { 0.0 } else { values[i] - origin };
+        self.weights.add(place, count, |i| if values[i].is_nan() { 0.0 } else { weights[i] });
+        self.sums.add(place, count, |i| weights[i] * from_origin(i));
+        self.squares.add(place, count, |i| weights[i] * from_origin(i) * from_origin(i));
+    }
+
+    fn weight(&self) -> f64 {
+        self.weights.total()
     }
 
     fn mean(&self) -> f64 {
-        self.origin + self.sum / self.weight
+        self.origin + self.sums.total() / self.weight()
     }
 
     fn variance(&self) -> f64 {
-        (self.squares / self.weight - (self.sum / self.weight).powi(2)).max(0.0)
+        (self.squares.total() / self.weight() - (self.sums.total() / self.weight()).powi(2)).max(0.0)
     }
 }
 
@@ -281,16 +313,16 @@ impl WindowBuilder {
         rows.samples.push(sums.samples);
         rows.first_line.push(sums.first_line);
         rows.excluded.push(None);
-        rows.reference_dps.push(if sums.reference.weight > 0.0 { sums.reference.mean() } else { f64::NAN });
+        rows.reference_dps.push(if sums.reference.weight() > 0.0 { sums.reference.mean() } else { f64::NAN });
         let push = |columns: &mut Vec<Vec<f64>>, values: &mut dyn Iterator<Item = f64>| {
             columns.iter_mut().zip(values).for_each(|(column, value)| column.push(value));
         };
         for (column, short_tau) in rows.short_tau.iter_mut().zip(&mut self.short_tau) {
             column.push(short_tau.take());
         }
-        push(&mut rows.angle, &mut sums.angle.iter().copied());
+        push(&mut rows.angle, &mut sums.angle.iter().map(|sum| sum.total()));
         let half = sums.duration_ns as f64 / 2.0;
-        let known = |m: &Moments, value: f64| if m.weight >= half { value } else { f64::NAN };
+        let known = |m: &Moments, value: f64| if m.weight() >= half { value } else { f64::NAN };
         push(&mut rows.mean_c, &mut sums.temperatures.iter().map(|m| known(m, m.mean())));
         push(&mut rows.variance_c2, &mut sums.temperatures.iter().map(|m| known(m, m.variance())));
         let extremes = || sums.temperatures.iter().zip(&sums.extremes_c);
@@ -372,7 +404,7 @@ impl Sums {
             duration_ns: 0,
             samples: 0,
             first_line: batch.line[i],
-            angle: vec![0.0; batch.angle.len()],
+            angle: vec![LaneSum::default(); batch.angle.len()],
             temperatures: vec![Moments::EMPTY; batch.temperature_c.len()],
             extremes_c: Vec::new(),
             aux: vec![Moments::EMPTY; batch.aux.len()],
@@ -384,15 +416,17 @@ impl Sums {
         self.end_ns = batch.end_ns[rows.end - 1];
         // The rows join, so their intervals add up to the whole.
         self.duration_ns += self.end_ns - batch.start_ns[rows.start];
+        let place = self.samples as usize;
         self.samples += rows.len() as u32;
         for (sum, column) in self.angle.iter_mut().zip(&batch.angle) {
-            column[rows.clone()].iter().for_each(|angle| *sum += angle);
+            let column = &column[rows.clone()];
+            sum.add(place, column.len(), |i| column[i]);
         }
         let temperatures = self.temperatures.iter_mut().zip(&batch.temperature_c);
         for (moments, column) in temperatures.chain(self.aux.iter_mut().zip(&batch.aux)) {
-            moments.add(&column[rows.clone()], weights);
+            moments.add(place, &column[rows.clone()], weights);
         }
-        self.reference.add(batch.reference_dps.get(rows).unwrap_or(&[]), weights);
+        self.reference.add(place, batch.reference_dps.get(rows).unwrap_or(&[]), weights);
     }
 }
 
