@@ -148,6 +148,7 @@ impl State {
     }
 
     /// The status a tick would carry now, without its own LIMITED.
+    #[inline]
     pub fn status(&self) -> Status {
         if self.overflow { self.slow_status | Status::OVERFLOW } else { self.slow_status }
     }
@@ -159,6 +160,10 @@ impl State {
     /// Bounds: every increment ≤ 2⁶¹/period, so each product is ≤ 2⁶¹ and the sum ≤ 2⁶².
     #[inline]
     fn slew(&mut self, n: u32) -> i64 {
+        if self.slewing_ticks == 0 {
+            // Most ticks: the formula below with m = e = 0.
+            return i64::from(n) * self.increment;
+        }
         let slewing = n.min(self.slewing_ticks);
         let steeper = slewing.min(self.steeper_ticks);
         let (m, e) = (i64::from(slewing), i64::from(steeper));
