@@ -59,6 +59,18 @@ pub(crate) fn has_extension(path: &Path, extension: &str) -> bool {
     path.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension))
 }
 
+/// Names of formats that this program reads but does not write.
+const NOT_WRITTEN: [&str; 6] = ["gz", "zst", "arrow", "feather", "ulg", "xlsx"];
+
+/// Refuses a name that promises another format than what would be written.
+pub(crate) fn check_output_name(path: &Path, formats: &str) -> Result<()> {
+    match NOT_WRITTEN.iter().find(|extension| has_extension(path, extension)) {
+        Some(extension) => Err(Error::input(format!("no .{extension} is written here; formats: {formats}"))
+            .file(path.display().to_string())),
+        None => Ok(()),
+    }
+}
+
 /// Opens several logs, each a run.
 pub(crate) fn logs(paths: &[PathBuf], setup: &Setup, pace: Pace) -> Result<Vec<LogReader>> {
     paths.iter().map(|path| open_log(path, setup, pace)).collect()

@@ -36,9 +36,12 @@ Examples:
 
 Exit status: 0 done, 1 limits not met, 2 bad usage or input, 3 refused by the data.";
 
-/// Makes ring laser gyroscopes hold still over temperature.
+const ABOUT: &str =
+    "Makes ring laser gyroscopes hold still over temperature: fits, proves and corrects their thermal drift";
+
+/// The command line.
 #[derive(Parser)]
-#[command(name = "sagnac", version, about, after_help = EXAMPLES)]
+#[command(name = "sagnac", version, about = ABOUT, after_help = EXAMPLES)]
 struct Cli {
     #[command(subcommand)]
     command: Command,

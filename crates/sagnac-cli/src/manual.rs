@@ -49,6 +49,7 @@ pub(crate) fn run(args: &Args, mut program: Command, console: &mut Console) -> R
         if args.what != What::Man {
             return Err(Error::input("only man pages are written to a folder; redirect the others").column("--output"));
         }
+        std::fs::create_dir_all(folder).map_err(|e| Error::io_path(folder, "make", &e))?;
         clap_mangen::generate_to(program, folder).map_err(|e| Error::io_path(folder, "write", &e))?;
         console.say(format!("wrote man pages to {}", folder.display()));
         return Ok(Outcome::Done);
@@ -120,7 +121,7 @@ Exit status: 0 done (verify: passed, or no limits given), 1 limits not met, 2 ba
 cannot support the answer, 130 after Ctrl-C. [errors.md](errors.md) lists the messages.
 
 With `--json` one object goes to standard output and the text for people to standard error; a complaint is
-`{\"refused\", \"reason\", \"place\": {\"file\", \"line\", \"column\", \"value\"}, \"help\"}`. A read that takes over a second shows its progress on
+`{\"refused\", \"reason\", \"place\": {\"file\", \"line\", \"column\", \"value\"}, \"help\"}`; only a flag that cannot be parsed is told in text. A read that takes over a second shows its progress on
 a terminal, and only there. Nothing is coloured but the help, on a terminal without `NO_COLOR`. Files are replaced whole or not
 at all; a reader that closes a pipe ends the program quietly.
 ";
@@ -130,10 +131,14 @@ const LOGS: &str = "
 
 | format | |
 |---|---|
-| text | comma, tab or semicolon (the latter two also with decimal comma); byte-order mark, CRLF, `#` comments and quoted fields |
-| Parquet, Arrow (file or stream) | columns by name; a null is an empty field; Arrow's own times in their own unit |
+| text | comma, tab or semicolon (the latter two also with decimal comma); byte-order mark, CRLF, `#` comments, quoted fields within a line; UTF-8 |
+| Parquet, Arrow (file or stream) | numbers, booleans, text and Arrow's own times, by the column's name; a null is an empty field; Parquet with snappy, gzip, zstd, lz4 or none, Arrow with lz4, zstd or none |
 | PX4 ULog | a row per message of `sensor_gyro`, else `sensor_combined`, of `--instance`; its own temperature and those of other sensors |
 | gzip of any of these, `-` | unpacked; standard input |
+
+Times are numbers, not dates. Rows that cannot be used are left out, with the reason and the first place; `compensate` leaves them out
+of what it writes too. Its text begins with a line `# sagnac compensated …` (for pandas: `comment='#'`). A log counts as the same log only with
+the same bytes: unpacked or converted it is another one to the program.
 
 The format is told by the first bytes, not by the name. Each file is one run. Rows of binary formats are numbered as lines of
 the same table in text: the first is line 2. The first line of text names the columns:

@@ -273,6 +273,28 @@ fn the_second_gyro_is_read_when_asked_for() {
     assert!(error.what.contains("instance 2") && error.help.unwrap().contains("sensor_gyro"));
 }
 
+/// Arrow's own times are written in the unit of their header, and what has no text is left empty.
+#[test]
+fn arrows_times_are_written_as_their_header_says() {
+    let c = columns();
+    let micros = |t: &f64| (t * 1e6).round() as i64;
+    let times = TimestampMicrosecondArray::from(c.time_s.iter().map(micros).collect::<Vec<_>>());
+    let other = of_columns(vec![
+        ("time_s", Arc::new(times)),
+        ("temperature_c", Arc::new(Float64Array::from(c.temperature_c.clone()))),
+        ("counts", Arc::new(Int64Array::from(c.counts.clone()))),
+        ("note", Arc::new(arrow_array::NullArray::new(c.counts.len()))),
+    ]);
+    let setup = setup();
+    let source = Box::new(Cursor::new(parquet(&other, ParquetCompression::SNAPPY)));
+    let mut log = LogReader::from_reader("log", source, &setup, Pace::BulkWithText).unwrap();
+    let batch = log.next_batch().unwrap().unwrap();
+    let field = |row: usize, column: usize| String::from_utf8(batch.fields[row][column].to_vec()).unwrap();
+    assert_eq!(field(0, 0), c.time_s[0].to_string());
+    assert_eq!(field(7, 0), c.time_s[7].to_string());
+    assert_eq!(field(7, 3), "");
+}
+
 /// A corrected log as Parquet holds the numbers of the corrected log as text.
 #[test]
 fn corrected_logs_agree_in_both_formats() {

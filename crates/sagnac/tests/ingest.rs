@@ -153,6 +153,14 @@ fn a_stray_quote_costs_one_row() {
     assert_eq!(tallies(&reader), [(Reason::NotANumber, 1, "log.csv:3".to_owned())]);
 }
 
+#[test]
+fn a_quoted_field_may_hold_the_delimiter() {
+    let log = "time_s,note,counts\n1,\"by anna, b\",4\n2,\"an \"\"x\"\"\",5\n3,plain,6\n";
+    let (batch, reader) = read(log, &counts_setup()).unwrap();
+    assert_eq!(batch.angle[0], [4.0, 5.0, 6.0]);
+    assert_eq!(tallies(&reader), []);
+}
+
 /// What the log itself flags cannot make it unreadable.
 #[test]
 fn a_flagged_row_may_hold_anything() {

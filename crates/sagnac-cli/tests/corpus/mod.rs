@@ -455,6 +455,7 @@ fn files() -> Vec<Case> {
 fn records() -> Vec<Case> {
     let good_record = calibration();
     let good_image = image(&good_record);
+    let good_record_too = good_record.clone();
     let json = |name: &'static str, text: String| {
         case(name, "export unit.cal.json --to image -o out.json").file("unit.cal.json", text).place("unit.cal.json")
     };
@@ -515,6 +516,16 @@ fn records() -> Vec<Case> {
                 std::fs::write(folder.join("w.parquet"), &bytes[..bytes.len() / 2]).unwrap();
             })
             .place("w.parquet"),
+        case("window table written as text", "calibrate w.csv -o out.json")
+            .file("w.csv", "run,start_ns,end_ns,duration_ns,samples,first_line,reference_dps\n0,0,100,100,1,2,\n")
+            .place("w.csv"),
+        case("log of which no row can be corrected", "compensate unit.cal.json log.csv -o out.json")
+            .file("unit.cal.json", good_record_too)
+            .file("log.csv", changed(|_, fields| fields.push("7".to_owned())))
+            .refused()
+            .place("ragged"),
+        case("corrected log in a format that is not written", "compensate unit.cal.json log.csv -o out.csv.gz")
+            .place("out.csv.gz"),
         case("window table with another window", "calibrate w.parquet --window 50 -o out.json")
             .then(|folder| {
                 std::fs::write(folder.join("log.csv"), good()).unwrap();

@@ -330,9 +330,21 @@ impl ColumnFeed {
     /// Every column as text, as a CSV of it would hold.
     fn texts(&self, batch: &RecordBatch, rows: &mut RawRows) -> Result<()> {
         let mut columns = Vec::new();
+        let read = self.layout.columns_read();
         for index in 0..self.layout.headers.len() {
-            let texts = texts(self.column(batch, index)?).ok_or_else(|| self.wrong_type(batch, index))?;
-            columns.push(texts);
+            let column = self.column(batch, index)?;
+            columns.push(match self.layout.time.filter(|(time, _)| *time == index) {
+                // Arrow's own times in the unit that the header names.
+                Some((_, places)) if !column.data_type().is_numeric() => {
+                    rows.time_ns.iter().map(|time_ns| time_text(*time_ns, places)).collect()
+                }
+                _ => match texts(column) {
+                    Some(texts) => texts,
+                    // What is not read and has no plain text is left empty.
+                    None if !read.contains(&index) => vec![String::new(); batch.num_rows()],
+                    None => return Err(self.wrong_type(batch, index)),
+                },
+            });
         }
         rows.fields.extend(
             (0..batch.num_rows())
@@ -469,6 +481,19 @@ fn flags(column: &dyn Array, faults: &mut [Faults]) -> Option<()> {
         }
     }
     Some(())
+}
+
+/// A time as a plain decimal in units of 10^`places` ns, exactly; empty for none.
+fn time_text(time_ns: i64, places: u32) -> String {
+    if time_ns == NO_TIME {
+        return String::new();
+    }
+    let unit = 10_u64.pow(places);
+    let (whole, rest) = (time_ns.unsigned_abs() / unit, time_ns.unsigned_abs() % unit);
+    let sign = if time_ns < 0 { "-" } else { "" };
+    let fraction = format!("{rest:0width$}", width = places as usize);
+    let fraction = fraction.trim_end_matches('0');
+    if rest == 0 { format!("{sign}{whole}") } else { format!("{sign}{whole}.{fraction}") }
 }
 
 fn texts(column: &dyn Array) -> Option<Vec<String>> {

@@ -26,6 +26,8 @@ pub const HEADERS: [(&str, &str); 7] = [
     ("aux_name", "any number, carried into the window table"),
 ];
 
+/// Columns by which a table of `sagnac window` is known, whoever wrote it again.
+const WINDOW_TABLE: [&str; 4] = ["run", "start_ns", "duration_ns", "first_line"];
 /// Most thermometers of a log.
 const MAX_THERMOMETERS: usize = 32;
 /// Most auxiliary columns of a log.
@@ -175,6 +177,11 @@ impl Layout {
     /// Duplicate headers or roles, unknown units, a mapped header that is not there, no axis.
     pub fn new(headers: Vec<String>, columns: &BTreeMap<String, String>, axis: Option<char>) -> Result<Self> {
         let mut layout = Self { headers, ..Self::default() };
+        if WINDOW_TABLE.iter().all(|name| layout.headers.iter().any(|header| header == name)) {
+            return Err(Error::input("a table of windows, not a log").help(
+                "calibrate takes the Parquet table as `sagnac window` wrote it; verify and compensate need the log itself",
+            ));
+        }
         if let Some(missing) = columns.keys().find(|name| !layout.headers.contains(name)) {
             return Err(Error::input(format!("[columns] maps {missing:?}, but the log has no such header"))
                 .help(format!("the log has: {}", layout.headers.join(", "))));

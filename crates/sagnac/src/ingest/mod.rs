@@ -439,7 +439,10 @@ fn nominal_interval(
                 "no row has as many fields as the header",
                 "is the delimiter of the header that of the rows? A tab goes before a semicolon, that before a comma",
             ),
-            _ if times.is_empty() => ("no time in the first rows is a number", "look at the time column"),
+            _ if times.is_empty() => (
+                "no time in the first rows is a number",
+                "times are numbers in the unit of the header; dates are not read",
+            ),
             _ if backwards => ("rows are not in the order of their times", "sort the log by time"),
             _ => (
                 "time does not advance in the first rows, so the interval of a row is unknown",

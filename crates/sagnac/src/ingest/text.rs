@@ -281,7 +281,7 @@ impl LineParser {
 
     /// A row of anything; its fields.
     fn any_row(&mut self, text: &[u8]) -> ByteRecord {
-        let record: ByteRecord = text.split(|byte| *byte == self.delimiter).collect();
+        let record = fields_of(text, self.delimiter);
         let mut time_ns = NO_TIME;
         let mut faults = Faults::NONE.with(Faults::RAGGED, record.len() != self.cells.slots.len());
         for (index, slot) in self.cells.slots.iter().enumerate() {
@@ -305,6 +305,20 @@ impl LineParser {
 /// Length of a field that is not read.
 fn skipped(bytes: &[u8], delimiter: u8) -> Option<usize> {
     bytes.iter().position(|byte| *byte == delimiter || *byte == b'\n' || *byte == b'\r')
+}
+
+/// The fields of one line. A quote can hold a delimiter, but never reaches beyond its line.
+fn fields_of(text: &[u8], delimiter: u8) -> ByteRecord {
+    let quotes = text.iter().filter(|byte| **byte == b'"').count();
+    // A stray one is part of its field, which is then no number.
+    if quotes > 0 && quotes % 2 == 0 {
+        let mut reader = csv::ReaderBuilder::new().has_headers(false).delimiter(delimiter).from_reader(text);
+        let mut record = ByteRecord::new();
+        if matches!(reader.read_byte_record(&mut record), Ok(true)) {
+            return record;
+        }
+    }
+    text.split(|byte| *byte == delimiter).collect()
 }
 
 /// A field without the quotes around it.

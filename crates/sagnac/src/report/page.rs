@@ -51,7 +51,7 @@ pub fn calibration_report(calibration: &Calibration, evidence: &Evidence) -> Res
         }
         (provenance(calibration)?)
     };
-    page(&format!("Thermal calibration {}", calibration.serial), &body, &drawn)
+    page(&format!("Thermal calibration ({})", calibration.serial), &body, &drawn)
 }
 
 /// The report of a proof; `calibration` adds what was proven, where it is at hand.
@@ -365,7 +365,7 @@ fn coefficients(axis: &AxisCalibration) -> Markup {
             }
         } }
         div.scroll { table {
-            tr { th { "run" } th { "constant ± σ, °/h" } th { "fixed bias, °/h" } }
+            tr { th { "run of the fit" } th { "constant ± σ, °/h" } th { "fixed bias, °/h" } }
             @for constant in &axis.constants {
                 tr {
                     td { (constant.run) } td { (with_sigma(constant.value_dph, constant.sigma_dph)) }

@@ -53,6 +53,7 @@ pub fn compensate(
     let mut rows = rows_out(log, setup, format, &stamp, out)?;
     let comma_is_decimal = format == CorrectedFormat::Csv && log.delimiter() != b',';
     let mut cells: Vec<Vec<u8>> = Vec::new();
+    let mut written = 0_u64;
     while let Some(batch) = log.next_batch()? {
         let corrected = replay.correct(batch)?;
         for (row, fields) in batch.fields.iter().enumerate() {
@@ -70,11 +71,17 @@ pub fn compensate(
             }));
             cells.push(status_text(status).into_bytes());
             rows.row(&cells)?;
+            written += 1;
         }
         rows.flush()?;
     }
     rows.finish()?;
-    Ok(log.summary())
+    let summary = log.summary();
+    if let (0, Some(most)) = (written, summary.tallies.list().into_iter().max_by_key(|tally| tally.rows)) {
+        let what = format!("no row could be corrected: {} are left out as {}", most.rows, most.reason.name());
+        return Err(Error::refused(what).file(most.first).help("`sagnac inspect` lists everything left out"));
+    }
+    Ok(summary)
 }
 
 /// Headers of the corrected log, status last.
