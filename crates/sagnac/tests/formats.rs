@@ -260,6 +260,38 @@ fn a_ulog_that_was_cut_keeps_its_rows_and_says_so() {
     assert_eq!(tallies.iter().map(|t| (t.reason.name(), t.rows)).collect::<Vec<_>>(), [("ragged", 1)]);
 }
 
+/// Data that was appended after a message had been cut, even within the head of that message, is read on.
+#[test]
+fn a_ulog_goes_on_where_data_was_appended() {
+    let build = |left: usize| {
+        let mut log = ULogWriter::new();
+        log.format("sensor_gyro:uint64_t timestamp;float x;float y;float z;float temperature;");
+        log.format("sensor_baro:uint64_t timestamp;float pressure;float temperature;");
+        log.subscribe("sensor_gyro", 3, 0);
+        log.subscribe("sensor_baro", 9, 0);
+        // A thermometer that speaks before the gyro does.
+        log.data(9, 900_000, &[101_325.0, 31.5]);
+        (0..60).for_each(|i| log.data(3, 1_000_000 + i * 10_000, &[0.1, 0.2, 0.3, 25.0]));
+        let mut bytes = log.finish();
+        bytes.extend_from_slice(&[28, 0, b'D', 3, 0][..left]);
+        // The offset stands in the flags, 16 bytes of header and 3 of the message's head before them.
+        let at = (bytes.len() as u64).to_le_bytes();
+        bytes[16 + 3 + 16..16 + 3 + 24].copy_from_slice(&at);
+        let mut more = ULogWriter::new();
+        (0..60).for_each(|i| more.data(3, 1_600_000 + i * 10_000, &[0.1, 0.2, 0.3, 25.0]));
+        // Of the second part only its messages.
+        bytes.extend_from_slice(&more.finish()[16 + 43..]);
+        bytes
+    };
+    for left in 0..=5 {
+        let source = Box::new(Cursor::new(build(left)));
+        let mut log = LogReader::from_reader("log", source, &Setup::default(), Pace::Bulk).unwrap();
+        let batch = log.next_batch().unwrap().unwrap();
+        assert_eq!(batch.len(), 120, "{left} bytes of a message before what was appended");
+        assert_eq!(batch.temperature_c[1][0], 31.5);
+    }
+}
+
 #[test]
 fn the_second_gyro_is_read_when_asked_for() {
     let (log, _) = px4();

@@ -227,3 +227,54 @@ fn tables_without_time_are_rows_of_one_interval() {
     let (batch, reader) = read("temperature_c,counts\n20,421\n25,424\n", &setup).unwrap();
     assert_eq!((batch.end_ns[1], reader.shape().timed), (200_000_000_000, false));
 }
+
+/// What stands in a broken row can neither refuse the log nor hold up the temperatures of the others.
+#[test]
+fn a_ragged_row_is_only_that() {
+    let mut log = "time_s,temperature_c,counts\n".to_owned();
+    for t in 1..=200 {
+        log += &format!("{t},{}.5,1\n", 20 + t / 10);
+        if t == 100 {
+            log += "99999999,22\n";
+        }
+    }
+    for offset in [-2.0, 0.0, 2.0] {
+        let setup = Setup { temperature_offset_s: offset, ..counts_setup() };
+        let (batch, reader) = read(log.clone(), &setup).unwrap();
+        assert_eq!(batch.len(), 200, "offset {offset}");
+        assert_eq!(tallies(&reader), [(Reason::Ragged, 1, "log.csv:102".to_owned())]);
+        assert!((batch.temperature_c[0][195] - 39.5).abs() <= 1.0, "offset {offset}: {}", batch.temperature_c[0][195]);
+    }
+}
+
+/// A reader that gives a byte at a time, as a slow pipe may.
+struct Drip(Cursor<Vec<u8>>);
+
+impl std::io::Read for Drip {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        let one = buffer.len().min(1);
+        self.0.read(&mut buffer[..one])
+    }
+}
+
+#[test]
+fn a_format_is_known_even_byte_by_byte() {
+    let mut gzip = GzEncoder::new(Vec::new(), Compression::fast());
+    gzip.write_all(PLAIN.as_bytes()).unwrap();
+    for bytes in [PLAIN.as_bytes().to_vec(), gzip.finish().unwrap()] {
+        let drip = Box::new(Drip(Cursor::new(bytes)));
+        let mut reader = LogReader::from_reader("log.csv", drip, &counts_setup(), Pace::Bulk).unwrap();
+        assert_eq!(reader.next_batch().unwrap().unwrap().angle[0], [7.0, 8.0, -9.0]);
+    }
+}
+
+/// A pipe that begins in the middle of a row, or repeats one.
+#[test]
+fn a_live_log_may_begin_with_a_broken_row() {
+    for first in ["5,20\n", "11,20,1\n"] {
+        let log = format!("time_s,temperature_c,counts\n{first}11,20,1\n12,20,1\n13,20,1\n");
+        let reader =
+            LogReader::from_reader("-", Box::new(Cursor::new(log)), &counts_setup(), Pace::LineByLine).unwrap();
+        assert_eq!(reader.shape().nominal_ns, 1_000_000_000);
+    }
+}

@@ -249,7 +249,7 @@ fn text_logs() -> Vec<Case> {
         }),
         log("gzip of noise", gzip(&noise(9000))),
         log("mixed delimiters", good().replacen("time_s,temperature_c,counts", "time_s;temperature_c;counts", 1)),
-        log("every row ragged", changed(|_, fields| fields.push("7".to_owned()))).refused().place("ragged"),
+        log("every row ragged", changed(|_, fields| fields.push("7".to_owned()))),
         log("unknown unit of temperature", header("time_s,temperature_f,counts")).place("temperature_f"),
         log("unknown unit of time", header("time_h,temperature_c,counts")).place("time_h"),
         log("unknown unit of rate", header("time_s,temperature_c,rate_rpm")).place("rate_rpm"),
@@ -521,9 +521,9 @@ fn records() -> Vec<Case> {
             .place("w.csv"),
         case("log of which no row can be corrected", "compensate unit.cal.json log.csv -o out.json")
             .file("unit.cal.json", good_record_too)
-            .file("log.csv", changed(|_, fields| fields.push("7".to_owned())))
+            .file("log.csv", changed(|_, fields| fields[2] = "nan".to_owned()))
             .refused()
-            .place("ragged"),
+            .place("log.csv:2"),
         case("corrected log in a format that is not written", "compensate unit.cal.json log.csv -o out.csv.gz")
             .place("out.csv.gz"),
         case("window table with another window", "calibrate w.parquet --window 50 -o out.json")

@@ -6,7 +6,8 @@
 
 use std::collections::VecDeque;
 
-use crate::ingest::raw::RawRows;
+use crate::ingest::raw::{Faults, RawRows};
+use crate::ingest::rows::MAX_TIME;
 
 /// Rows waiting for their temperatures, and temperatures waiting for their rows.
 pub(crate) struct Aligner {
@@ -32,7 +33,7 @@ impl Aligner {
 
     pub(crate) fn push(&mut self, rows: RawRows) {
         for row in 0..rows.len() {
-            let Some(t) = rows.time(row) else { continue };
+            let Some(t) = sound_time(&rows, row) else { continue };
             self.newest_ns = self.newest_ns.max(t);
             if self.samples.back().is_none_or(|(last, _)| *last < t) {
                 self.samples.push_back((t, rows.temperatures_c.iter().map(|column| column[row]).collect()));
@@ -53,7 +54,7 @@ impl Aligner {
     pub(crate) fn ready(&mut self) -> Option<RawRows> {
         let rows = self.pending.front_mut()?;
         while self.cursor < rows.len() {
-            if let Some(t) = rows.time(self.cursor) {
+            if let Some(t) = sound_time(rows, self.cursor) {
                 let wanted = t.saturating_sub(self.offset_ns);
                 if self.newest_ns < wanted && !self.ended {
                     return None;
@@ -73,10 +74,14 @@ impl Aligner {
     }
 }
 
+/// The time of a row that can be used at all: a broken row's may lie anywhere.
+fn sound_time(rows: &RawRows, row: usize) -> Option<i64> {
+    rows.time(row).filter(|t| t.unsigned_abs() < MAX_TIME && !rows.faults[row].has(Faults::RAGGED))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ingest::raw::Faults;
 
     fn aligned(offset_s: i64) -> Vec<f64> {
         let mut align = Aligner::new(offset_s * 1_000_000_000);

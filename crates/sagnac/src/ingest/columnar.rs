@@ -266,7 +266,8 @@ impl Hashing {
     /// Waits until every byte is in the hash.
     fn finish(&mut self) -> Result<()> {
         let Self::Beside(beside) = self else { return Ok(()) };
-        let Some(read) = beside.take().and_then(|thread| thread.join().ok()) else { return Ok(()) };
+        let Some(thread) = beside.take() else { return Ok(()) };
+        let read = thread.join().map_err(|_| Error::input("a defect of this program: the file could not be hashed"))?;
         read.map(|_| ()).map_err(|e| Error::input(format!("cannot read on: {e}")))
     }
 }

@@ -28,6 +28,8 @@ use std::path::Path;
 use crate::error::{Error, Result};
 use crate::ingest::align::Aligner;
 use crate::ingest::header::Layout;
+#[cfg(feature = "parquet")]
+pub(crate) use crate::ingest::number::parse_time_ns;
 use crate::ingest::pieces::{Feed, Pieces};
 use crate::ingest::raw::{Faults, RawRows};
 use crate::ingest::rows::RowCheck;
@@ -42,6 +44,9 @@ use crate::units::{ns_from_s, s_from_ns};
 
 /// Rows from which the nominal interval is taken when it is not given.
 const LOOKAHEAD_ROWS: usize = 129;
+
+/// No more rows are read in search of sound ones.
+const MOST_LOOKAHEAD: usize = 100_000;
 
 /// What one unit of an angle column is.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -421,14 +426,23 @@ fn nominal_interval(
         }
         return Ok(1_000_000_000);
     }
-    let mut read = 0;
+    let (mut read, mut times) = (0, Vec::new());
     let mut rows = RawRows::default();
-    while read < lookahead && pieces.next(&mut rows)? {
+    // Broken rows tell nothing, and a pipe may begin in the middle of one.
+    while times.len() < lookahead && pieces.next(&mut rows)? {
         read += rows.len();
+        let sound = (0..rows.len()).filter(|row| !rows.faults[*row].has(Faults::RAGGED));
+        let left = lookahead - times.len();
+        for time in sound.filter_map(|row| rows.time(row)).take(left) {
+            if lookahead > 2 || times.last() != Some(&time) {
+                times.push(time);
+            }
+        }
         ahead.push_back(std::mem::take(&mut rows));
+        if read > MOST_LOOKAHEAD {
+            break;
+        }
     }
-    let first = ahead.iter().flat_map(|rows| (0..rows.len()).map(|row| rows.time(row))).take(lookahead);
-    let times: Vec<i64> = first.flatten().collect();
     typical_step(&times).filter(|step| s_from_ns(*step) <= 1e5).ok_or_else(|| {
         let backwards = times.windows(2).any(|pair| pair[1] < pair[0]);
         let ragged = ahead.iter().flat_map(|rows| &rows.faults).all(|faults| faults.has(Faults::RAGGED));

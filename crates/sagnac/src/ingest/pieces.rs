@@ -93,11 +93,15 @@ impl Shared {
         reading.ended = read.is_err();
         drop(reading);
         let ended = read.is_err();
-        let piece = read.map(|_| {
-            if let Some(parser) = &mut worker.parser {
-                parser.parse(&worker.text, &mut rows);
-            }
-            rows
+        let piece = read.and_then(|_| {
+            // Whatever happens here, this piece must come out, or everybody waits for it.
+            let parsed = catch_unwind(AssertUnwindSafe(|| {
+                if let Some(parser) = &mut worker.parser {
+                    parser.parse(&worker.text, &mut rows);
+                }
+                rows
+            }));
+            parsed.map_err(|_| Error::input("a defect of this program: a piece of the log could not be parsed"))
         });
         let mut ready = lock(&self.ready);
         if ended {
@@ -187,7 +191,8 @@ impl Pieces {
             if let Some(turn) = self.turn() {
                 return turn;
             }
-            if reading.ended {
+            let ahead = reading.read > self.next && lock(&self.shared.ready).pieces.len() >= self.shared.room;
+            if reading.ended || ahead {
                 // Somebody else parses it; they say when it is there.
                 drop(reading);
                 self.sleep();

@@ -187,7 +187,7 @@ const MAX_QUANTA: f64 = (1_u64 << 40) as f64;
 const MAX_RATE_DPH: f64 = 1e8;
 
 /// Times beyond this many ns (146 years) are none.
-const MAX_TIME: u64 = 1 << 62;
+pub(crate) const MAX_TIME: u64 = 1 << 62;
 /// Rows looked at together.
 const PLAIN_CHUNK: usize = 256;
 /// Rows judged one by one before the next look at a stretch.
@@ -393,8 +393,9 @@ impl RowCheck {
 
     /// A clock that was set in the middle of a log makes one log into two.
     fn refuse_leap(&self, row: &Row<'_>) -> Result<()> {
+        let broken = row.rows.faults[row.at].has(Faults::RAGGED);
         match (row.time_ns(), self.clock_ns) {
-            (Some(now), Some(before)) if now.saturating_sub(before) > LEAP_NS => {
+            (Some(now), Some(before)) if !broken && now.saturating_sub(before) > LEAP_NS => {
                 Err(Error::input(format!("time leaps by {:.0} days", s_from_ns(now.saturating_sub(before)) / 86_400.0))
                     .file(&self.file)
                     .line(row.line())

@@ -5,7 +5,7 @@
 //! ```
 
 use std::fs::File;
-use std::io::{BufRead, BufReader, Read};
+use std::io::{BufRead, BufReader, Cursor, Read};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -142,15 +142,42 @@ impl Source {
         let hash = HashHandle::default();
         let hashed = HashingReader { inner: raw, hash: hash.clone() };
         let mut reader: Box<dyn BufRead + Send> = Box::new(BufReader::with_capacity(1 << 16, hashed));
-        let packed = peek(&mut reader, &name)?.starts_with(&GZIP_MAGIC);
+        let start;
+        (reader, start) = first_bytes(reader, &name)?;
+        let mut format = Format::of(&start);
+        let packed = start.starts_with(&GZIP_MAGIC);
         if packed {
-            reader = Box::new(BufReader::with_capacity(1 << 16, MultiGzDecoder::new(reader)));
+            let unpacked = BufReader::with_capacity(1 << 16, MultiGzDecoder::new(reader));
+            let (inner, start) = first_bytes(Box::new(unpacked), &name)?;
+            (reader, format) = (inner, Format::of(&start));
         }
-        let format = Format::of(peek(&mut reader, &name)?);
         Ok(Self { name, reader, hash, format, plain_file: None, packed })
     }
 }
 
-fn peek<'a>(reader: &'a mut impl BufRead, name: &str) -> Result<&'a [u8]> {
-    reader.fill_buf().map_err(|e| Error::io(name, "read", &e))
+/// The first bytes of a reader, and a reader that still has them. A pipe may give them one by one; more are
+/// waited for only as long as they can become the mark of a format.
+fn first_bytes(mut reader: Box<dyn BufRead + Send>, name: &str) -> Result<(Box<dyn BufRead + Send>, Vec<u8>)> {
+    let failed = |e: std::io::Error| Error::io(name, "read", &e);
+    let marks: [&[u8]; 5] = [&GZIP_MAGIC, &ULOG_MAGIC, &PARQUET_MAGIC, &ARROW_MAGIC, &ARROW_STREAM_MAGIC];
+    let undecided = |start: &[u8]| marks.iter().any(|mark| mark.len() > start.len() && mark.starts_with(start));
+    let mut start = loop {
+        match reader.fill_buf() {
+            Ok(bytes) => break bytes[..bytes.len().min(ULOG_MAGIC.len())].to_vec(),
+            Err(e) if e.kind() == std::io::ErrorKind::Interrupted => {}
+            Err(e) => return Err(failed(e)),
+        }
+    };
+    if start.is_empty() || !undecided(&start) {
+        return Ok((reader, start));
+    }
+    reader.consume(start.len());
+    while undecided(&start) {
+        let before = start.len();
+        reader.by_ref().take(1).read_to_end(&mut start).map_err(failed)?;
+        if start.len() == before {
+            break;
+        }
+    }
+    Ok((Box::new(Cursor::new(start.clone()).chain(reader)), start))
 }

@@ -127,6 +127,13 @@ impl Messages {
 
     fn next(&mut self) -> Result<Next> {
         let mut head = [0; 3];
+        let end = self.position + head.len() as u64;
+        if let Some(at) = self.appended.range(self.position + 1..end).next().copied() {
+            // Not even the head of the last message before what was appended.
+            let left = (at - self.position) as usize;
+            self.fill(&mut head[..left])?;
+            return Ok(Next::Cut);
+        }
         match self.fill(&mut head)? {
             0 => return Ok(Next::End),
             3 => {}
@@ -240,7 +247,8 @@ fn decode(reader: Box<dyn BufRead + Send>, setup: &Setup, keep_fields: bool, sen
         return Err(Error::input("a truncated ULog file: not even its header is whole"));
     }
     let mut known = Known::default();
-    let (first, gyro) = until_gyro(&mut messages, &mut known, setup.instance.unwrap_or(0))?;
+    let mut early = BTreeMap::new();
+    let (first, gyro) = until_gyro(&mut messages, &mut known, &mut early, setup.instance.unwrap_or(0))?;
     let (headers, topics) = columns(&known, gyro);
     let layout = Layout::new(headers, &setup.columns, setup.axis)?;
     if sender.send(Sent::Layout(layout.clone())).is_err() {
@@ -258,6 +266,10 @@ fn decode(reader: Box<dyn BufRead + Send>, setup: &Setup, keep_fields: bool, sen
     let mut parser = LogParser::default();
     parser.set_data_message_callback(&mut on_data);
     begin(&mut parser, &header, &known, &table.borrow().topics)?;
+    for message in early.values().filter(|message| table.borrow().wants(message)) {
+        // A thermometer that spoke before the gyro did.
+        let _ = feed(&mut parser, message.kind, &message.payload);
+    }
     let mut next = Next::Message(first);
     loop {
         match &next {
@@ -286,13 +298,21 @@ fn decode(reader: Box<dyn BufRead + Send>, setup: &Setup, keep_fields: bool, sen
     }
 }
 
-/// Reads up to the first message of the gyro.
-fn until_gyro(messages: &mut Messages, known: &mut Known, instance: u8) -> Result<(Message, (u16, Use))> {
+/// Reads up to the first message of the gyro; `early` takes the newest message of every other topic.
+fn until_gyro(
+    messages: &mut Messages,
+    known: &mut Known,
+    early: &mut BTreeMap<u16, Message>,
+    instance: u8,
+) -> Result<(Message, (u16, Use))> {
     loop {
         match messages.next()? {
             Next::Message(message) if message.kind == b'D' => {
                 if let Some(gyro) = known.gyro(instance).filter(|(id, _)| message.id() == Some(*id)) {
                     return Ok((message, gyro));
+                }
+                if let Some(id) = message.id().filter(|id| known.subscribed.contains_key(id)) {
+                    early.insert(id, message);
                 }
             }
             Next::Message(message) if message.kind == b'B' => messages.appended = appended_offsets(&message.payload),

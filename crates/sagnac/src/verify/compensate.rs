@@ -151,7 +151,7 @@ mod parquet_out {
 
     use super::{Result, RowsOut};
     use crate::error::Error;
-    use crate::ingest::{COMPENSATED_STAMP, LogReader};
+    use crate::ingest::{COMPENSATED_STAMP, LogReader, parse_time_ns};
     use crate::window::parquet_properties;
 
     /// Rows written together.
@@ -177,7 +177,7 @@ mod parquet_out {
             let point = if decimal_comma { cell.replacen(',', ".", 1) } else { cell.to_owned() };
             match self {
                 Self::Number(column) => column.append_option(point.parse().ok()),
-                Self::Whole(column) => column.append_option(cell.parse().ok()),
+                Self::Whole(column) => column.append_option(parse_time_ns(cell.as_bytes(), 0, decimal_comma)),
                 Self::Text(column) => column.append_value(cell),
             }
         }

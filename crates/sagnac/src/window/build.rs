@@ -369,8 +369,10 @@ impl OpenRun {
             let due_ns = self.start_ns.saturating_add(points.saturating_mul(period_ns)).saturating_add(tick_ns);
             let next = at + batch.end_ns[at..].partition_point(|end| *end < due_ns);
             for (track, column) in self.tracks.iter_mut().zip(&batch.temperature_c) {
-                let newest = column[at..next].iter().rev().find(|value| !value.is_nan());
-                newest.into_iter().for_each(|value| track.hold(*value));
+                let known = || column[at..next].iter().copied().filter(|value| !value.is_nan());
+                // The very first stands for the time before it, however rows come in pieces.
+                known().next().filter(|_| track.newest_c.is_nan()).into_iter().for_each(|value| track.hold(value));
+                known().next_back().into_iter().for_each(|value| track.hold(value));
             }
             if next == batch.len() {
                 break;
