@@ -293,11 +293,15 @@ impl Compensator {
         let sum = state.accumulator + (i64::from(raw) * state.k_q32 - increments);
         let limit = i64::from(self.image.description().output_limit);
         let whole = sum >> 32;
+        if (-limit..=limit).contains(&whole) {
+            // All whole counts go out; what stays is the fraction alone.
+            state.accumulator = sum & (ONE_Q32 - 1);
+            return Output { counts: i32::try_from(whole).unwrap_or(0), status: state.status() };
+        }
         let counts = whole.clamp(-limit, limit);
         state.accumulator = sum - (counts << 32);
         state.overflow = state.accumulator.unsigned_abs() > ACCUMULATOR_BOUND.unsigned_abs();
-        let status = if counts == whole { state.status() } else { state.status() | Status::LIMITED };
-        Output { counts: i32::try_from(counts).unwrap_or(0), status }
+        Output { counts: i32::try_from(counts).unwrap_or(0), status: state.status() | Status::LIMITED }
     }
 
     /// Runs every thermometer; readings, status bits, and whether any temperature is missing.
