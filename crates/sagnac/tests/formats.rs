@@ -327,6 +327,38 @@ fn arrows_times_are_written_as_their_header_says() {
     assert_eq!(field(7, 3), "");
 }
 
+/// Only numbers say whether a comma is decimal; words beside them do not.
+#[test]
+fn a_comma_among_words_is_not_decimal() {
+    let c = columns();
+    let setup = Setup { quantum: Some(0.5), ..setup() };
+    let text = String::from_utf8(csv(&c, '\t')).unwrap();
+    let with_words = |decimal_comma: bool| -> Vec<u8> {
+        let lines = text.lines().enumerate().map(|(i, line)| {
+            let line = if decimal_comma { line.replace('.', ",") } else { line.to_owned() };
+            if i == 0 { format!("{line}\toperator\n") } else { format!("{line}\tby anna, b\n") }
+        });
+        lines.collect::<String>().into_bytes()
+    };
+    let log = LogReader::from_reader("log", Box::new(Cursor::new(with_words(false))), &setup, Pace::Bulk).unwrap();
+    let windows = WindowBuilder::read_all(vec![log], &setup).unwrap().finish(false);
+    let options = FitOptions { model: support::model("bias 2"), source_date_epoch: None };
+    let correction = Correction::from_calibration(calibrate(windows, &setup, &options).unwrap()).unwrap();
+    for decimal_comma in [false, true] {
+        let source = Box::new(Cursor::new(with_words(decimal_comma)));
+        let mut log = LogReader::from_reader("log", source, &setup, Pace::BulkWithText).unwrap();
+        let mut out = Vec::new();
+        compensate(&correction, &mut log, &setup, CorrectedFormat::Csv, &mut out).unwrap();
+        let out = String::from_utf8(out).unwrap();
+        let counts: Vec<&str> = out.lines().skip(2).map(|line| line.split('\t').nth(2).unwrap()).collect();
+        assert!(
+            counts.len() > 1000 && counts.iter().all(|text| text.contains(',') == decimal_comma),
+            "{:?}",
+            &counts[..3]
+        );
+    }
+}
+
 /// A corrected log as Parquet holds the numbers of the corrected log as text.
 #[test]
 fn corrected_logs_agree_in_both_formats() {

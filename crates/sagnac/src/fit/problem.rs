@@ -150,10 +150,7 @@ fn no_window(windows: &Windows) -> Error {
 
 /// The reason for which most rows are left out, in words.
 fn most_left_out(windows: &Windows) -> Option<String> {
-    let mut tallies = windows.tallies.list();
-    // Of equals the first: what is wrong with rows comes before what follows from it.
-    tallies.sort_by_key(|tally| std::cmp::Reverse(tally.rows));
-    let most = tallies.first()?;
+    let most = windows.tallies.most()?;
     Some(format!("{} rows are left out as {} (first at {})", most.rows, most.reason.name(), most.first))
 }
 

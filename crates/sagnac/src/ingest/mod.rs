@@ -15,6 +15,7 @@ pub mod header;
 mod number;
 mod pieces;
 mod raw;
+mod reason;
 mod rows;
 mod source;
 mod text;
@@ -32,8 +33,8 @@ use crate::ingest::header::Layout;
 pub(crate) use crate::ingest::number::parse_time_ns;
 use crate::ingest::pieces::{Feed, Pieces};
 use crate::ingest::raw::{Faults, RawRows};
+pub use crate::ingest::reason::{Reason, Tallies, Tally};
 use crate::ingest::rows::RowCheck;
-pub use crate::ingest::rows::{Reason, Tallies, Tally};
 pub use crate::ingest::source::{Format, Watch, hex, sha256};
 use crate::ingest::source::{HashHandle, Source};
 pub use crate::ingest::text::COMPENSATED_STAMP;
@@ -186,6 +187,14 @@ pub enum Pace {
     LineByLine,
 }
 
+/// What stands in a column of a log.
+#[cfg(feature = "parquet")]
+pub(crate) enum Content {
+    Nanoseconds,
+    Number,
+    Text,
+}
+
 /// A log being read.
 pub struct LogReader {
     pieces: Pieces,
@@ -277,16 +286,25 @@ impl LogReader {
         self.layout.axes.iter().map(|(index, ..)| *index).collect()
     }
 
+    /// Indices of the columns that are read.
+    pub fn columns_read(&self) -> Vec<usize> {
+        self.layout.columns_read()
+    }
+
     /// °/h per unit of each rate column; `None` for counts.
     pub fn rate_units(&self) -> Vec<Option<f64>> {
         self.layout.axes.iter().map(|(.., unit)| *unit).collect()
     }
 
-    /// What stands in a column: whole numbers (times in ns), other numbers, or text.
+    /// What stands in a column.
     #[cfg(feature = "parquet")]
-    pub(crate) fn kind_of_column(&self, index: usize) -> Option<bool> {
+    pub(crate) fn content_of(&self, index: usize) -> Content {
         let read = self.layout.columns_read().contains(&index) && self.layout.valid != Some(index);
-        read.then_some(self.layout.time == Some((index, 0)))
+        match self.layout.time {
+            Some((time, 0)) if time == index => Content::Nanoseconds,
+            _ if read => Content::Number,
+            _ => Content::Text,
+        }
     }
 
     /// The next batch, or `None` at the end. A batch may be empty (its rows were all rejected).
@@ -428,13 +446,13 @@ fn nominal_interval(
     }
     let (mut read, mut times) = (0, Vec::new());
     let mut rows = RawRows::default();
-    // Broken rows tell nothing, and a pipe may begin in the middle of one.
+    // Broken rows and repeated times tell nothing, and a pipe may begin in the middle of a row.
     while times.len() < lookahead && pieces.next(&mut rows)? {
         read += rows.len();
         let sound = (0..rows.len()).filter(|row| !rows.faults[*row].has(Faults::RAGGED));
         let left = lookahead - times.len();
         for time in sound.filter_map(|row| rows.time(row)).take(left) {
-            if lookahead > 2 || times.last() != Some(&time) {
+            if times.last() != Some(&time) {
                 times.push(time);
             }
         }

@@ -6,174 +6,16 @@
 //! Stretches of rows that have nothing to be said against them are taken whole, column by column; any other
 //! row goes through the state machine alone. A property test holds that both give the same.
 
-use std::collections::BTreeMap;
 use std::ops::Range;
-
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
 use crate::ingest::Batch;
 use crate::ingest::header::Layout;
 use crate::ingest::raw::{BAD_TEMPERATURE, Faults, RawRows};
+use crate::ingest::reason::{Reason, Tallies};
 use crate::ingest::thermometer::ThermometerCheck;
 use crate::setup::{Counter, Setup};
 use crate::units::s_from_ns;
-
-/// Why a row, a temperature or a window is not used.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Reason {
-    /// Not as many fields as the header has.
-    Ragged,
-    /// A time or count that is not a finite number.
-    NotANumber,
-    /// More than 2^40 quanta or 1e8 °/h in a row.
-    ValueOutOfRange,
-    /// Time before the row above.
-    TimeBackwards,
-    /// Time of the row above.
-    DuplicateTime,
-    /// More than 1.5 intervals since the row above; the row itself is used unless its counter is cumulative.
-    Gap,
-    /// The log's own flag.
-    FlaggedInvalid,
-    /// A temperature field that holds no number.
-    TemperatureNotANumber,
-    /// A temperature outside the plausible limits.
-    TemperatureImplausible,
-    /// A temperature that jumped by more than 5 °C between rows and did not stay.
-    ThermometerJump,
-    /// A thermometer that stood still while another moved.
-    ThermometerFrozen,
-    /// Window within `settle_s` of the start of its run.
-    Settling,
-    /// Window of less than a tenth of the nominal length.
-    ShortWindow,
-    /// Window with fewer than half of its temperatures.
-    NoTemperature,
-    /// First window of a run, far from what follows.
-    StartUp,
-    /// Window far from its neighbours (a bump, a motion).
-    Motion,
-    /// Window on the shorter side of a lasting step.
-    Step,
-}
-
-impl Reason {
-    /// Every reason.
-    pub const ALL: [Self; 17] = [
-        Self::Ragged,
-        Self::NotANumber,
-        Self::ValueOutOfRange,
-        Self::TimeBackwards,
-        Self::DuplicateTime,
-        Self::Gap,
-        Self::FlaggedInvalid,
-        Self::TemperatureNotANumber,
-        Self::TemperatureImplausible,
-        Self::ThermometerJump,
-        Self::ThermometerFrozen,
-        Self::Settling,
-        Self::ShortWindow,
-        Self::NoTemperature,
-        Self::StartUp,
-        Self::Motion,
-        Self::Step,
-    ];
-
-    /// The name scripts rely on.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Ragged => "ragged",
-            Self::NotANumber => "not_a_number",
-            Self::ValueOutOfRange => "value_out_of_range",
-            Self::TimeBackwards => "time_backwards",
-            Self::DuplicateTime => "duplicate_time",
-            Self::Gap => "gap",
-            Self::FlaggedInvalid => "flagged_invalid",
-            Self::TemperatureNotANumber => "temperature_not_a_number",
-            Self::TemperatureImplausible => "temperature_implausible",
-            Self::ThermometerJump => "thermometer_jump",
-            Self::ThermometerFrozen => "thermometer_frozen",
-            Self::Settling => "settling",
-            Self::ShortWindow => "short_window",
-            Self::NoTemperature => "no_temperature",
-            Self::StartUp => "start_up",
-            Self::Motion => "motion",
-            Self::Step => "step",
-        }
-    }
-}
-
-impl Reason {
-    /// What it means, in a sentence for people.
-    pub fn meaning(self) -> &'static str {
-        match self {
-            Self::Ragged => "Not as many fields as the header has.",
-            Self::NotANumber => "A time or count that is not a finite number.",
-            Self::ValueOutOfRange => "More than 2^40 quanta or 1e8 °/h in a row.",
-            Self::TimeBackwards => "Time before that of the row above.",
-            Self::DuplicateTime => "Time of the row above.",
-            Self::Gap => {
-                "Over 1.5 intervals since the row above; the row itself is used unless its counter is cumulative."
-            }
-            Self::FlaggedInvalid => "The log's own flag.",
-            Self::TemperatureNotANumber => "A temperature field that holds no number.",
-            Self::TemperatureImplausible => "A temperature outside the plausible limits.",
-            Self::ThermometerJump => "A temperature that jumped by over 5 °C between rows and did not stay.",
-            Self::ThermometerFrozen => "A thermometer that stood still while another moved.",
-            Self::Settling => "Within settle_s of the start of the run.",
-            Self::ShortWindow => "A window of less than a tenth of the nominal length.",
-            Self::NoTemperature => "A window with fewer than half of its temperatures.",
-            Self::StartUp => "The first window of a run, far from what follows.",
-            Self::Motion => "Far from the windows beside it: a bump, a motion.",
-            Self::Step => "On the shorter side of a lasting step.",
-        }
-    }
-}
-
-/// How often a reason occurred, and where first.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-pub struct Tally {
-    /// The reason.
-    pub reason: Reason,
-    /// Rows of the log it concerns.
-    pub rows: u64,
-    /// `file:line` of the first.
-    pub first: String,
-}
-
-/// Tallies of one or several logs, in the order of [`Reason`].
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Tallies(BTreeMap<Reason, (u64, String)>);
-
-impl Tallies {
-    /// Counts `rows` more for a reason.
-    pub fn add(&mut self, reason: Reason, rows: u64, first: impl FnOnce() -> String) {
-        self.0.entry(reason).or_insert_with(|| (0, first())).0 += rows;
-    }
-
-    /// Adds another log's tallies; first places stay.
-    pub fn merge(&mut self, other: &Self) {
-        for (reason, (rows, first)) in &other.0 {
-            self.add(*reason, *rows, || first.clone());
-        }
-    }
-
-    /// From a list.
-    pub fn from_list(list: Vec<Tally>) -> Self {
-        Self(list.into_iter().map(|tally| (tally.reason, (tally.rows, tally.first))).collect())
-    }
-
-    /// As a list.
-    pub fn list(&self) -> Vec<Tally> {
-        self.0
-            .iter()
-            .map(|(reason, (rows, first))| Tally { reason: *reason, rows: *rows, first: first.clone() })
-            .collect()
-    }
-}
 
 /// A cumulative counter may bridge rows that could not be read, up to this many intervals.
 const BRIDGED_INTERVALS: i64 = 3;
@@ -600,14 +442,6 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-
-    #[test]
-    fn every_reason_is_listed_once() {
-        let schema = serde_json::to_value(schemars::schema_for!(Reason)).unwrap().to_string();
-        assert_eq!(schema.matches("\"const\"").count(), Reason::ALL.len());
-        assert!(Reason::ALL.iter().all(|reason| schema.contains(&format!("\"const\":\"{}\"", reason.name()))));
-    }
-
     use crate::ingest::raw::NO_TIME;
 
     fn piece(rows: &[(i64, f64, f64, u8)]) -> RawRows {
@@ -651,7 +485,7 @@ mod tests {
         fn whole_stretches_are_what_single_rows_are(rows in any_rows(), rates: bool, cut in 0_usize..1500) {
             let header = if rates { "rate_dph" } else { "counts" };
             let headers = ["time_ns", "temperature_c", header].map(str::to_owned).to_vec();
-            let layout = Layout::new(headers, &BTreeMap::new(), None).unwrap();
+            let layout = Layout::new(headers, &Default::default(), None).unwrap();
             let judge = |whole_rows: bool| {
                 let mut check = RowCheck::new("log".to_owned(), &layout, &Setup::default(), 10);
                 check.whole_rows &= whole_rows;

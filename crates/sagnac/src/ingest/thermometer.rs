@@ -4,7 +4,7 @@
 //! while another thermometer moves. An empty field is no reading: the newest one holds, as in a
 //! register, for 1.5 times the thermometer's own interval and at most its hold time.
 
-use crate::ingest::rows::Reason;
+use crate::ingest::reason::Reason;
 use crate::setup::ThermometerSetup;
 use crate::units::{ns_from_s, s_from_ns};
 

@@ -8,6 +8,7 @@ use crate::error::{Error, Result};
 use crate::ingest::{Tally, hex, sha256};
 use crate::report::evidence::{AxisEvidence, Evidence};
 use crate::report::figure::Figure;
+use crate::report::figures::Wording;
 use crate::report::{figures, svg};
 use crate::verify::{AxisVerification, Figures, Verification};
 
@@ -154,27 +155,22 @@ fn legend(figure: &Figure) -> Vec<(&str, &'static str, &'static str)> {
 }
 
 fn fit_figures(evidence: &Evidence, points: &AxisEvidence, axis: &AxisCalibration) -> Vec<Figure> {
-    let words = &figures::OF_FIT;
     let floor = axis.floor.as_ref().map(|floor| floor.value_dph);
-    let all = [
-        figures::drift(evidence, points, axis),
-        figures::over_time(evidence, points, words),
-        figures::profile(evidence, points),
-        figures::over_temperature(evidence, points, words),
-        figures::histogram(points, floor),
-        figures::hysteresis(points, words),
-    ];
-    all.into_iter().flatten().collect()
+    let drift = figures::drift(evidence, points, axis);
+    drift.into_iter().chain(both_sides(evidence, points, &figures::OF_FIT, floor)).collect()
 }
 
 fn proof_figures(evidence: &Evidence, points: &AxisEvidence, axis: &AxisVerification) -> Vec<Figure> {
-    let words = &figures::OF_PROOF;
-    let floor = axis.floor.as_ref().map(|floor| floor.value_dph);
+    both_sides(evidence, points, &figures::OF_PROOF, axis.floor.as_ref().map(|floor| floor.value_dph))
+}
+
+/// What a fit and a proof both show.
+fn both_sides(evidence: &Evidence, points: &AxisEvidence, words: &Wording, floor_dph: Option<f64>) -> Vec<Figure> {
     let all = [
         figures::over_time(evidence, points, words),
         figures::profile(evidence, points),
         figures::over_temperature(evidence, points, words),
-        figures::histogram(points, floor),
+        figures::histogram(points, floor_dph),
         figures::hysteresis(points, words),
     ];
     all.into_iter().flatten().collect()

@@ -48,7 +48,7 @@ pub fn compensate(
     let file = log.summary().file;
     let (images, sensor) = correction.fit_to(&shape, setup).map_err(|e| e.file(&file))?;
     let mut replay = Replay::new(&images, &shape, sensor, &file)?;
-    let (columns, units) = (log.axis_columns(), log.rate_units());
+    let (columns, read, units) = (log.axis_columns(), log.columns_read(), log.rate_units());
     let stamp = format!("{COMPENSATED_STAMP}: serial {}, images {}", correction.serial(), correction.sha256());
     let mut rows = rows_out(log, setup, format, &stamp, out)?;
     let comma_is_decimal = format == CorrectedFormat::Csv && log.delimiter() != b',';
@@ -58,7 +58,9 @@ pub fn compensate(
         let corrected = replay.correct(batch)?;
         for (row, fields) in batch.fields.iter().enumerate() {
             let duration_s = s_from_ns(batch.end_ns[row] - batch.start_ns[row]);
-            let decimal_comma = comma_is_decimal && fields.iter().any(|field| field.contains(&b','));
+            // A comma in a column of words says nothing of numbers.
+            let has_comma = |index: &usize| fields.get(*index).is_some_and(|field| field.contains(&b','));
+            let decimal_comma = comma_is_decimal && read.iter().any(has_comma);
             let value = |axis: usize| {
                 let text = value_text(corrected.angle[axis][row], shape.unit, units[axis], duration_s);
                 if decimal_comma { text.replace('.', ",") } else { text }
@@ -77,7 +79,7 @@ pub fn compensate(
     }
     rows.finish()?;
     let summary = log.summary();
-    if let (0, Some(most)) = (written, summary.tallies.list().into_iter().max_by_key(|tally| tally.rows)) {
+    if let (0, Some(most)) = (written, summary.tallies.most()) {
         let what = format!("no row could be corrected: {} are left out as {}", most.rows, most.reason.name());
         return Err(Error::refused(what).file(most.first).help("`sagnac inspect` lists everything left out"));
     }
@@ -151,7 +153,7 @@ mod parquet_out {
 
     use super::{Result, RowsOut};
     use crate::error::Error;
-    use crate::ingest::{COMPENSATED_STAMP, LogReader, parse_time_ns};
+    use crate::ingest::{COMPENSATED_STAMP, Content, LogReader, parse_time_ns};
     use crate::window::parquet_properties;
 
     /// Rows written together.
@@ -159,7 +161,7 @@ mod parquet_out {
 
     enum Column {
         Number(Float64Builder),
-        Whole(Int64Builder),
+        Nanoseconds(Int64Builder),
         Text(StringBuilder),
     }
 
@@ -167,7 +169,7 @@ mod parquet_out {
         fn data_type(&self) -> DataType {
             match self {
                 Self::Number(_) => DataType::Float64,
-                Self::Whole(_) => DataType::Int64,
+                Self::Nanoseconds(_) => DataType::Int64,
                 Self::Text(_) => DataType::Utf8,
             }
         }
@@ -177,7 +179,7 @@ mod parquet_out {
             let point = if decimal_comma { cell.replacen(',', ".", 1) } else { cell.to_owned() };
             match self {
                 Self::Number(column) => column.append_option(point.parse().ok()),
-                Self::Whole(column) => column.append_option(parse_time_ns(cell.as_bytes(), 0, decimal_comma)),
+                Self::Nanoseconds(column) => column.append_option(parse_time_ns(cell.as_bytes(), 0, decimal_comma)),
                 Self::Text(column) => column.append_value(cell),
             }
         }
@@ -185,7 +187,7 @@ mod parquet_out {
         fn finish(&mut self) -> ArrayRef {
             match self {
                 Self::Number(column) => Arc::new(column.finish()),
-                Self::Whole(column) => Arc::new(column.finish()),
+                Self::Nanoseconds(column) => Arc::new(column.finish()),
                 Self::Text(column) => Arc::new(column.finish()),
             }
         }
@@ -212,10 +214,10 @@ mod parquet_out {
             headers: Vec<String>,
         ) -> Result<Self> {
             let columns: Vec<Column> = (0..headers.len())
-                .map(|index| match log.kind_of_column(index) {
-                    Some(true) => Column::Whole(Int64Builder::new()),
-                    Some(false) => Column::Number(Float64Builder::new()),
-                    None => Column::Text(StringBuilder::new()),
+                .map(|index| match log.content_of(index) {
+                    Content::Nanoseconds => Column::Nanoseconds(Int64Builder::new()),
+                    Content::Number => Column::Number(Float64Builder::new()),
+                    Content::Text => Column::Text(StringBuilder::new()),
                 })
                 .collect();
             let fields = headers.into_iter().zip(&columns).map(|(name, c)| Field::new(name, c.data_type(), true));
