@@ -11,6 +11,7 @@ use sagnac::{Result, setup::Setup};
 use crate::calibrate::excluded;
 use crate::console::{Console, Outcome, Ran};
 use crate::loading;
+use crate::pipe::PipeAware;
 use crate::progress::open_log;
 use crate::setup_args::SetupArgs;
 
@@ -76,32 +77,7 @@ fn pour(args: &Args, correction: &Correction, setup: &Setup, out: &mut (dyn Writ
 
 /// `None` when the reader has closed the pipe: then there is nothing more to do.
 fn pour_to_stdout(args: &Args, correction: &Correction, setup: &Setup) -> Result<Option<LogSummary>> {
-    let mut out = PipeAware { inner: std::io::stdout(), closed: false };
+    let mut out = PipeAware::new(std::io::stdout());
     let poured = pour(args, correction, setup, &mut out);
-    if out.closed { Ok(None) } else { poured.map(Some).map_err(|e| e.file("standard output")) }
-}
-
-/// Remembers that the other end of a pipe has gone.
-struct PipeAware<W> {
-    inner: W,
-    closed: bool,
-}
-
-impl<W: Write> PipeAware<W> {
-    fn watch<T>(&mut self, result: std::io::Result<T>) -> std::io::Result<T> {
-        self.closed |= result.as_ref().is_err_and(|e| e.kind() == std::io::ErrorKind::BrokenPipe);
-        result
-    }
-}
-
-impl<W: Write> Write for PipeAware<W> {
-    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
-        let result = self.inner.write(bytes);
-        self.watch(result)
-    }
-
-    fn flush(&mut self) -> std::io::Result<()> {
-        let result = self.inner.flush();
-        self.watch(result)
-    }
+    if out.closed() { Ok(None) } else { poured.map(Some).map_err(|e| e.file("standard output")) }
 }

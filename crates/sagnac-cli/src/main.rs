@@ -13,8 +13,10 @@ mod import;
 mod inspect;
 mod loading;
 mod manual;
+mod pipe;
 mod progress;
 mod setup_args;
+mod simulate;
 mod verify;
 mod window;
 
@@ -57,6 +59,7 @@ enum Command {
     Export(export::Args),
     Import(import::Args),
     Demo(demo::Args),
+    Simulate(simulate::Args),
     Manual(manual::Args),
 }
 
@@ -103,6 +106,7 @@ fn run(command: Command, console: &mut Console) -> console::Ran {
         Command::Export(args) => export::run(&args, console),
         Command::Import(args) => import::run(&args, console),
         Command::Demo(args) => demo::run(&args, console),
+        Command::Simulate(args) => simulate::run(&args, console),
         Command::Manual(args) => manual::run(&args, <Cli as clap::CommandFactory>::command(), console),
     }
 }

@@ -1,4 +1,4 @@
-//! How far a log has been read, on a terminal and after a second; silent otherwise.
+//! How far a log has been read or a test simulated, on a terminal and after a second; silent otherwise.
 
 use std::io::IsTerminal;
 use std::path::Path;
@@ -41,6 +41,39 @@ fn watch(path: &Path, length: u64) -> Watch {
             bar.0.finish_and_clear();
         }
     })
+}
+
+/// How far a simulation is, with how many times real time it runs.
+pub(crate) struct SimulatedTime {
+    bar: Option<Bar>,
+    since: Instant,
+}
+
+impl SimulatedTime {
+    /// Of a test of so many seconds; shows nothing but on a terminal.
+    pub(crate) fn new(length_s: f64) -> Self {
+        let bar = std::io::stderr().is_terminal().then(|| {
+            let bar = Bar(ProgressBar::with_draw_target(Some(length_s as u64), ProgressDrawTarget::hidden()));
+            if let Ok(style) = ProgressStyle::with_template("simulated {pos} of {len} s {wide_bar} {msg}, {eta} left") {
+                bar.0.set_style(style);
+            }
+            bar
+        });
+        Self { bar, since: Instant::now() }
+    }
+
+    /// So many seconds are done.
+    pub(crate) fn at(&mut self, done_s: f64) {
+        let Some(Bar(bar)) = &self.bar else { return };
+        let took = self.since.elapsed();
+        if bar.is_hidden() && took > PATIENCE {
+            bar.set_draw_target(ProgressDrawTarget::stderr());
+        }
+        if !bar.is_hidden() {
+            bar.set_message(format!("{:.0} times real time", done_s / took.as_secs_f64()));
+            bar.set_position(done_s as u64);
+        }
+    }
 }
 
 /// Leaves no trace on the terminal, however the reading ended.

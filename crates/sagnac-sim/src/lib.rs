@@ -1,51 +1,35 @@
-//! Truth to test against: a seeded gyro on a thermal test.
+//! Truth: a seeded ring laser gyro with its loops and its thermal chamber.
 //!
-//! For now two rigs: the source paper's ([`PaperRig`]) and a block that follows a chamber with a lag
-//! ([`LaggedChamber`]). The fitter never sees what is in here; it gets rows, as from a log.
+//! ```text
+//! scenario.toml ─▶ Scenario ─┬─▶ count level: chamber ─▶ block ─▶ errors, mode, scale ─▶ counts per interval  [count]
+//!                            │                    plant of the loops, ideal or running sagnac-loops           [plant]
+//!                            └─▶ beat level: dither + backscatter ─▶ phase ─▶ counter ─▶ stripping            [beat]
+//!                                                     log (what a lab would have) + truth (its own file)      [log]
+//! ```
 //!
-//! Random numbers: ChaCha8 (rand_chacha) seeded with `seed_from_u64`, normal values by rand_distr's
-//! ziggurat on `libm`, so the same seed gives the same bytes on every machine.
+//! What fits and proves never sees what is in here; it gets a log. The truth is not the fitter's polynomial: block
+//! temperature lags, bias has a knee, hysteresis, mode steps and ripple, and counts are counted.
 //!
-//! Both rigs count like a real one: the true angle plus a random walk accumulates, and what the
-//! counter has passed since the last row is the row's count, so quantization errors never add up.
+//! Random numbers come from ChaCha8 with a stream per source ([`noise`]); sin, cos, exp and the normal generator are
+//! those of `libm`: the same scenario and seed give the same bytes on any machine and any number of threads.
+//!
+//! [`rigs`] are two small rigs for tests of the fitter.
 #![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used, clippy::panic))]
 
-mod chamber;
-mod counter;
-mod paper;
+pub mod beat;
+pub mod fault;
+pub mod gyro;
+pub mod log;
+pub(crate) mod noise;
+pub mod physics;
+pub mod plant;
+pub mod rigs;
+pub mod scenario;
+pub mod thermal;
 
-use std::io::Write;
+pub use rigs::{LaggedChamber, PaperRig, Row, csv_bytes, write_csv};
+pub use scenario::{Problem, Scenario};
+pub use thermal::Leg;
 
-pub use chamber::{LaggedChamber, Leg};
-pub use paper::PaperRig;
-
-/// One row of a simulated log: counts of the interval that ends at `time_s`.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Row {
-    /// End of the interval, s.
-    pub time_s: f64,
-    /// Thermometer reading at that time, °C.
-    pub temperature_c: f64,
-    /// Counts of the interval, a multiple of the quantum.
-    pub counts: f64,
-}
-
-/// Writes rows as CSV under `time_s,temperature_c,counts`.
-///
-/// # Errors
-/// What the writer says.
-pub fn write_csv(rows: impl Iterator<Item = Row>, mut out: impl Write) -> std::io::Result<()> {
-    writeln!(out, "time_s,temperature_c,counts")?;
-    for row in rows {
-        writeln!(out, "{},{},{}", row.time_s, row.temperature_c, row.counts)?;
-    }
-    out.flush()
-}
-
-/// Rows as the bytes of a CSV file.
-pub fn csv_bytes(rows: impl Iterator<Item = Row>) -> Vec<u8> {
-    let mut bytes = Vec::new();
-    // A Vec takes every byte it is given.
-    let _ = write_csv(rows, &mut bytes);
-    bytes
-}
+/// Tick of the gyro's processor, s.
+pub const TICK_S: f64 = 1e-4;

@@ -188,10 +188,13 @@ pub enum Pace {
 }
 
 /// What stands in a column of a log.
-#[cfg(feature = "parquet")]
-pub(crate) enum Content {
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Content {
+    /// Whole nanoseconds.
     Nanoseconds,
+    /// A number.
     Number,
+    /// Anything.
     Text,
 }
 

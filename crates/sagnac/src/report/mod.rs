@@ -8,6 +8,8 @@
 //! The same input gives the same bytes. Figures show at most a few thousand windows; where there are more,
 //! every n-th is drawn and the caption says so. Results always count all.
 
+#[cfg(feature = "report")]
+mod charts;
 mod evidence;
 #[cfg(feature = "report")]
 mod figure;
@@ -18,6 +20,8 @@ mod page;
 #[cfg(feature = "report")]
 mod svg;
 
+#[cfg(feature = "report")]
+pub use charts::{Chart, ChartPage, Curve, chart_report};
 pub use evidence::{AxisEvidence, Evidence, Leg, Point, RunSpan};
 pub(crate) use evidence::{points, run_spans};
 #[cfg(feature = "report")]

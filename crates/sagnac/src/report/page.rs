@@ -99,7 +99,7 @@ pub fn verification_report(
 }
 
 /// Everything into one file.
-fn page(title: &str, body: &Markup, figures: &[Figure]) -> Result<String> {
+pub(crate) fn page(title: &str, body: &Markup, figures: &[Figure]) -> Result<String> {
     let data = serde_json::to_string(figures).map_err(|e| Error::input(format!("cannot write the figures: {e}")))?;
     let data = data.replace('<', "\\u003c");
     let markup = html! {
@@ -126,7 +126,8 @@ fn page(title: &str, body: &Markup, figures: &[Figure]) -> Result<String> {
     Ok(markup.into_string())
 }
 
-fn shown(figure: &Figure) -> Markup {
+/// A figure on the page: heading, legend, drawing, caption.
+pub(crate) fn shown(figure: &Figure) -> Markup {
     html! {
         figure {
             h3 { (figure.title) }

@@ -15,6 +15,8 @@ use crate::ingest::{AngleUnit, COMPENSATED_STAMP, LogReader, LogSummary, unquote
 use crate::setup::{Counter, Setup};
 use crate::units::s_from_ns;
 use crate::verify::{Correction, Replay};
+#[cfg(feature = "parquet")]
+use crate::write::ParquetRows;
 
 /// What a corrected log is written as.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -107,7 +109,11 @@ fn rows_out<'a>(
     match format {
         CorrectedFormat::Csv => Ok(Box::new(CsvOut::new(out, log.delimiter(), stamp, &headers)?)),
         #[cfg(feature = "parquet")]
-        CorrectedFormat::Parquet => Ok(Box::new(parquet_out::ParquetOut::new(out, log, stamp, headers)?)),
+        CorrectedFormat::Parquet => {
+            let columns = headers.into_iter().enumerate().map(|(index, name)| (name, log.content_of(index)));
+            let stamped = (COMPENSATED_STAMP.trim_start_matches("# ").to_owned(), stamp.to_owned());
+            Ok(Box::new(ParquetRows::new(out, columns.collect(), Some(stamped), log.delimiter() != b',')?))
+        }
         #[cfg(not(feature = "parquet"))]
         CorrectedFormat::Parquet => Err(Error::input("this program was built without Parquet")),
     }
@@ -141,118 +147,17 @@ impl RowsOut for CsvOut<'_> {
 }
 
 #[cfg(feature = "parquet")]
-mod parquet_out {
-    use std::collections::HashMap;
-    use std::io::Write;
-    use std::sync::Arc;
-
-    use arrow_array::builder::{Float64Builder, Int64Builder, StringBuilder};
-    use arrow_array::{ArrayRef, RecordBatch};
-    use arrow_schema::{DataType, Field, Schema};
-    use parquet::arrow::ArrowWriter;
-
-    use super::{Result, RowsOut};
-    use crate::error::Error;
-    use crate::ingest::{COMPENSATED_STAMP, Content, LogReader, parse_time_ns};
-    use crate::window::parquet_properties;
-
-    /// Rows written together.
-    const GROUP_ROWS: usize = 65_536;
-
-    enum Column {
-        Number(Float64Builder),
-        Nanoseconds(Int64Builder),
-        Text(StringBuilder),
+impl RowsOut for ParquetRows<'_> {
+    fn row(&mut self, cells: &[Vec<u8>]) -> Result<()> {
+        self.row(cells)
     }
 
-    impl Column {
-        fn data_type(&self) -> DataType {
-            match self {
-                Self::Number(_) => DataType::Float64,
-                Self::Nanoseconds(_) => DataType::Int64,
-                Self::Text(_) => DataType::Utf8,
-            }
-        }
-
-        /// A cell; what is no number where numbers stand is null.
-        fn push(&mut self, cell: &str, decimal_comma: bool) {
-            let point = if decimal_comma { cell.replacen(',', ".", 1) } else { cell.to_owned() };
-            match self {
-                Self::Number(column) => column.append_option(point.parse().ok()),
-                Self::Nanoseconds(column) => column.append_option(parse_time_ns(cell.as_bytes(), 0, decimal_comma)),
-                Self::Text(column) => column.append_value(cell),
-            }
-        }
-
-        fn finish(&mut self) -> ArrayRef {
-            match self {
-                Self::Number(column) => Arc::new(column.finish()),
-                Self::Nanoseconds(column) => Arc::new(column.finish()),
-                Self::Text(column) => Arc::new(column.finish()),
-            }
-        }
+    fn flush(&mut self) -> Result<()> {
+        Ok(())
     }
 
-    /// Parquet out.
-    pub(super) struct ParquetOut<'a> {
-        writer: Option<ArrowWriter<&'a mut (dyn Write + Send)>>,
-        schema: Arc<Schema>,
-        columns: Vec<Column>,
-        rows: usize,
-        decimal_comma: bool,
-    }
-
-    fn failed(error: &dyn std::fmt::Display) -> Error {
-        Error::input(format!("cannot write Parquet: {error}"))
-    }
-
-    impl<'a> ParquetOut<'a> {
-        pub(super) fn new(
-            out: &'a mut (dyn Write + Send),
-            log: &LogReader,
-            stamp: &str,
-            headers: Vec<String>,
-        ) -> Result<Self> {
-            let columns: Vec<Column> = (0..headers.len())
-                .map(|index| match log.content_of(index) {
-                    Content::Nanoseconds => Column::Nanoseconds(Int64Builder::new()),
-                    Content::Number => Column::Number(Float64Builder::new()),
-                    Content::Text => Column::Text(StringBuilder::new()),
-                })
-                .collect();
-            let fields = headers.into_iter().zip(&columns).map(|(name, c)| Field::new(name, c.data_type(), true));
-            let stamped = HashMap::from([(COMPENSATED_STAMP.trim_start_matches("# ").to_owned(), stamp.to_owned())]);
-            let schema = Arc::new(Schema::new(fields.collect::<Vec<_>>()).with_metadata(stamped));
-            let writer = ArrowWriter::try_new(out, Arc::clone(&schema), Some(parquet_properties()));
-            let writer = Some(writer.map_err(|e| failed(&e))?);
-            Ok(Self { writer, schema, columns, rows: 0, decimal_comma: log.delimiter() != b',' })
-        }
-
-        fn write_group(&mut self) -> Result<()> {
-            let arrays = self.columns.iter_mut().map(Column::finish).collect();
-            let batch = RecordBatch::try_new(Arc::clone(&self.schema), arrays).map_err(|e| failed(&e))?;
-            self.rows = 0;
-            self.writer.as_mut().map_or(Ok(()), |writer| writer.write(&batch)).map_err(|e| failed(&e))
-        }
-    }
-
-    impl RowsOut for ParquetOut<'_> {
-        fn row(&mut self, cells: &[Vec<u8>]) -> Result<()> {
-            for (column, cell) in self.columns.iter_mut().zip(cells) {
-                column.push(&String::from_utf8_lossy(cell), self.decimal_comma);
-            }
-            self.rows += 1;
-            if self.rows == GROUP_ROWS { self.write_group() } else { Ok(()) }
-        }
-
-        fn flush(&mut self) -> Result<()> {
-            Ok(())
-        }
-
-        fn finish(&mut self) -> Result<()> {
-            self.write_group()?;
-            self.writer.take().map_or(Ok(()), |writer| writer.close().map(|_| ())).map_err(|e| failed(&e))
-        }
+    fn finish(&mut self) -> Result<()> {
+        self.finish()
     }
 }
 

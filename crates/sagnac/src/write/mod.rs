@@ -1,10 +1,15 @@
 //! Files out: whole or not at all.
 
+#[cfg(feature = "parquet")]
+mod parquet_rows;
+
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use crate::error::{Error, Result};
+#[cfg(feature = "parquet")]
+pub use parquet_rows::ParquetRows;
 
 /// Temporary files that are being written.
 static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());

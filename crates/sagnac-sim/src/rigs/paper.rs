@@ -4,8 +4,8 @@
 //! 0.0001 °C. C is 1043.39, not the printed 1000: with the printed one the curve's own minimum is
 //! 377.65 counts, below the 421 of the paper's table (see `PaperRig::as_printed`).
 
-use crate::Row;
-use crate::counter::Counter;
+use crate::rigs::Row;
+use crate::rigs::counter::Counter;
 
 /// Parameters of the rig.
 #[derive(Clone, Copy, Debug, PartialEq)]

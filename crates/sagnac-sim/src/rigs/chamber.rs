@@ -7,17 +7,9 @@
 //! The thermometer sits on the block and reads in steps of its LSB. The drift is in powers of u, not
 //! in the fitter's basis, and the rate in it is the block's true one, not a filtered reading.
 
-use crate::Row;
-use crate::counter::Counter;
-
-/// One leg of the chamber's profile.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Leg {
-    /// Stay for this many seconds.
-    Soak(f64),
-    /// Go to a temperature (°C) at this rate (°C/min, positive).
-    Ramp(f64, f64),
-}
+use crate::rigs::Row;
+use crate::rigs::counter::Counter;
+use crate::thermal::{Leg, Profile};
 
 /// Parameters of gyro, block and chamber.
 #[derive(Clone, Debug, PartialEq)]
@@ -70,36 +62,19 @@ impl LaggedChamber {
         self.drift_dph.iter().rev().fold(0.0, |sum, a| sum * u + a) + self.rate_effect * rate_cpm
     }
 
-    /// Chamber temperature second by second.
-    fn profile(&self) -> Vec<f64> {
-        let mut seconds = Vec::new();
-        let mut now_c = self.start_c;
-        for leg in &self.legs {
-            match *leg {
-                Leg::Soak(length_s) => seconds.resize(seconds.len() + length_s as usize, now_c),
-                Leg::Ramp(to_c, rate_cpm) => {
-                    let length_s = ((to_c - now_c).abs() / rate_cpm * 60.0) as u32;
-                    let step = (to_c - now_c) / f64::from(length_s.max(1));
-                    seconds.extend((1..=length_s).map(|s| now_c + step * f64::from(s)));
-                    now_c = to_c;
-                }
-            }
-        }
-        seconds
-    }
-
     /// One run through the profile.
     pub fn run(&self, seed: u64) -> impl Iterator<Item = Row> + use<> {
         let gyro = self.clone();
-        let profile = self.profile();
+        let profile = Profile::new(self.start_c, &self.legs);
         let mut counter = Counter::new(seed, gyro.arw_deg_rt_h);
         let mut block_c = gyro.start_c;
         let keep = libm::exp(-1.0 / gyro.block_lag_s);
-        let rows = profile.len() / gyro.row_s as usize;
+        let rows = profile.length_s() as u32 / gyro.row_s;
         (0..rows).map(move |row| {
-            let first = row * gyro.row_s as usize;
+            let first = row * gyro.row_s;
             let mut quanta = 0.0;
-            for chamber_c in &profile[first..first + gyro.row_s as usize] {
+            for second in first + 1..=first + gyro.row_s {
+                let chamber_c = profile.at(f64::from(second));
                 let before_c = block_c;
                 block_c = chamber_c + (block_c - chamber_c) * keep;
                 let rate_cpm = (block_c - before_c) * 60.0;
@@ -107,7 +82,7 @@ impl LaggedChamber {
                 quanta += counter.count(rate_dph, 1.0, gyro.arcsec_per_count);
             }
             let temperature_c = libm::round(block_c / gyro.thermometer_lsb_c) * gyro.thermometer_lsb_c;
-            Row { time_s: (first + gyro.row_s as usize) as f64, temperature_c, counts: quanta }
+            Row { time_s: f64::from(first + gyro.row_s), temperature_c, counts: quanta }
         })
     }
 }

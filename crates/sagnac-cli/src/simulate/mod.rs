@@ -1,0 +1,309 @@
+//! `sagnac simulate`: a scenario in, the log of its test out, with the truth in its own file.
+
+mod charts;
+
+use std::cell::RefCell;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use sagnac::digits::significant;
+use sagnac::ingest::Content;
+use sagnac::report::{ChartPage, chart_report};
+use sagnac::write::{ParquetRows, write_atomically, write_bytes};
+use sagnac::{Error, Result};
+use sagnac_sim::fault::{Fault, FaultKind};
+use sagnac_sim::gyro::{GyroRun, LogRow, Second};
+use sagnac_sim::log::{Blocks, LogText, truth_header, write_truth};
+use sagnac_sim::plant::{Bode, Design, LoopName, measure};
+use sagnac_sim::{Problem, Scenario};
+
+use crate::console::{Console, Outcome, Ran, table};
+use crate::loading;
+use crate::pipe::PipeAware;
+use crate::progress::SimulatedTime;
+use crate::simulate::charts::Recorder;
+
+/// Simulate a ring laser gyro on its thermal test
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  sagnac simulate scenarios/triangle-28cm-dithered/triangle-28cm-dithered.toml --seed 1 -o run.csv --truth truth.csv --report sim.html
+  sagnac simulate scenarios/paper/paper.toml --fault stuck_thermometer@6000+3000 -o broken.csv
+  sagnac simulate scenarios/square-28cm/square-28cm.toml --bode --report loops.html")]
+pub(crate) struct Args {
+    /// Gyro, test and faults; docs/scenario.md has every key
+    #[arg(value_name = "SCENARIO")]
+    scenario: PathBuf,
+    /// Seed of all random numbers; that of the scenario unless told
+    #[arg(long)]
+    seed: Option<u64>,
+    /// Log to write: CSV, or Parquet for a name in .parquet; standard output unless told
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+    /// Truth to write as CSV: true rate, every error source apart, temperatures, mode
+    #[arg(long, value_name = "FILE")]
+    truth: Option<PathBuf>,
+    /// Report to write: one HTML file with the gyro's inside over time
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
+    /// Sweep both running loops instead, and print their open-loop gain beside the design
+    #[arg(long)]
+    bode: bool,
+    /// Break something: KIND, KIND@START+SECONDS or KIND@START+SECONDS:SIZE (docs/simulator.md lists the kinds)
+    #[arg(long, value_name = "FAULT")]
+    fault: Vec<String>,
+}
+
+pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
+    let scenario = scenario(args)?;
+    if args.bode {
+        return bode(args, &scenario, console);
+    }
+    let outputs = [&args.output, &args.truth];
+    outputs.iter().try_for_each(|path| {
+        path.as_ref().map_or(Ok(()), |path| loading::check_output_name(path, "CSV, or Parquet for .parquet"))
+    })?;
+    let seed = args.seed.unwrap_or(scenario.seed);
+    let mut recorder = args.report.as_ref().map(|_| Recorder::new(&scenario));
+    let rows = match (&args.output, &args.truth) {
+        (Some(path), truth) => {
+            let mut rows = 0;
+            write_atomically(path, |out| {
+                rows = pour_with_truth(&scenario, seed, Some(path), out, truth.as_deref(), &mut recorder)?;
+                Ok(())
+            })?;
+            rows
+        }
+        // With a truth or a report only, no log goes to the terminal.
+        (None, Some(_)) => {
+            pour_with_truth(&scenario, seed, None, &mut std::io::sink(), args.truth.as_deref(), &mut recorder)?
+        }
+        (None, None) if recorder.is_some() => {
+            pour_with_truth(&scenario, seed, None, &mut std::io::sink(), None, &mut recorder)?
+        }
+        (None, None) => return to_stdout(&scenario, seed),
+    };
+    describe(&scenario, seed, rows, console);
+    for path in outputs.into_iter().flatten() {
+        console.say(format!("wrote {}", path.display()));
+    }
+    if let (Some(path), Some(recorder)) = (&args.report, recorder) {
+        write_report(path, &recorder.page(seed), console)?;
+    }
+    Ok(Outcome::Done)
+}
+
+fn refused(path: &Path, problem: &Problem) -> Error {
+    let error = Error::input(problem.what.clone()).file(path.display().to_string());
+    let error = if problem.key.is_empty() { error } else { error.column(problem.key.clone()) };
+    error.help("docs/scenario.md lists every key with its unit and range")
+}
+
+fn scenario(args: &Args) -> Result<Scenario> {
+    const MOST_BYTES: u64 = 1 << 20;
+    let length = std::fs::metadata(&args.scenario).map_err(|e| Error::io_path(&args.scenario, "open", &e))?;
+    if length.len() > MOST_BYTES {
+        return Err(Error::input(format!("{} bytes are no scenario; at most {MOST_BYTES}", length.len()))
+            .file(args.scenario.display().to_string()));
+    }
+    let bytes = std::fs::read(&args.scenario).map_err(|e| Error::io_path(&args.scenario, "read", &e))?;
+    let text = String::from_utf8(bytes)
+        .map_err(|_| Error::input("not UTF-8 text").file(args.scenario.display().to_string()))?;
+    let refused = |problem: Problem| refused(&args.scenario, &problem);
+    let mut scenario = Scenario::from_toml(&text).map_err(refused)?;
+    let length_s = scenario.profile().map_err(refused)?.length_s();
+    for text in &args.fault {
+        scenario.fault.push(fault(text, length_s)?);
+    }
+    scenario.check().map_err(refused)?;
+    Ok(scenario)
+}
+
+/// `KIND[@START+SECONDS[:SIZE]]`.
+fn fault(text: &str, length_s: f64) -> Result<Fault> {
+    let (kind, rest) = text.split_once('@').map_or((text, None), |(kind, rest)| (kind, Some(rest)));
+    let unknown = || {
+        let names = FaultKind::ALL.map(|(_, name)| name).join(", ");
+        Error::input(format!("no such fault; there are {names}")).column("--fault").value(text)
+    };
+    let mut fault = Fault::usual(FaultKind::named(kind).ok_or_else(unknown)?, length_s);
+    if let Some(rest) = rest {
+        let form =
+            || Error::input("a fault is KIND@START+SECONDS or KIND@START+SECONDS:SIZE").column("--fault").value(text);
+        let (at, rest) = rest.split_once('+').ok_or_else(form)?;
+        let (length, size) = rest.split_once(':').map_or((rest, None), |(length, size)| (length, Some(size)));
+        let number = |text: &str| text.parse::<f64>().map_err(|_| form());
+        fault.at_s = number(at)?;
+        fault.for_s = number(length)?;
+        fault.size = size.map_or(Ok(0.0), number)?;
+    }
+    Ok(fault)
+}
+
+/// Where rows go.
+enum RowsOut<'a> {
+    Text(Blocks<&'a mut (dyn Write + Send)>),
+    Parquet(Box<ParquetRows<'a>>),
+}
+
+impl<'a> RowsOut<'a> {
+    fn new(path: Option<&Path>, text: &LogText, out: &'a mut (dyn Write + Send)) -> Result<Self> {
+        if path.is_some_and(|path| loading::has_extension(path, "parquet")) {
+            let columns = text.headers().iter().map(|name| (name.clone(), Content::Number));
+            return Ok(Self::Parquet(Box::new(ParquetRows::new(out, columns.collect(), None, false)?)));
+        }
+        let mut blocks = Blocks::new(out);
+        blocks.write_all(text.header_line().as_bytes()).map_err(unwritten)?;
+        Ok(Self::Text(blocks))
+    }
+
+    #[inline]
+    fn row(&mut self, line: &[u8]) -> Result<()> {
+        match self {
+            Self::Text(blocks) => blocks.write_all(line).map_err(unwritten),
+            Self::Parquet(rows) => {
+                let cells: Vec<&[u8]> = line.trim_ascii_end().split(|byte| *byte == b',').collect();
+                rows.row(&cells)
+            }
+        }
+    }
+
+    fn finish(&mut self) -> Result<()> {
+        match self {
+            Self::Text(blocks) => blocks.flush().map_err(unwritten),
+            Self::Parquet(rows) => rows.finish(),
+        }
+    }
+}
+
+fn unwritten(error: std::io::Error) -> Error {
+    Error::input(format!("cannot write: {error}"))
+}
+
+/// The log, and the truth beside it where it is asked for; how many rows there were.
+fn pour_with_truth(
+    scenario: &Scenario,
+    seed: u64,
+    path: Option<&Path>,
+    out: &mut (dyn Write + Send),
+    truth: Option<&Path>,
+    recorder: &mut Option<Recorder>,
+) -> Result<u64> {
+    let Some(truth) = truth else { return pour(scenario, seed, path, out, None, recorder) };
+    let mut rows = 0;
+    write_atomically(truth, |truth| {
+        rows = pour(scenario, seed, path, out, Some(truth), recorder)?;
+        Ok(())
+    })?;
+    Ok(rows)
+}
+
+fn pour(
+    scenario: &Scenario,
+    seed: u64,
+    path: Option<&Path>,
+    out: &mut (dyn Write + Send),
+    truth: Option<&mut (dyn Write + Send)>,
+    recorder: &mut Option<Recorder>,
+) -> Result<u64> {
+    let invalid = |problem: Problem| Error::input(problem.what.clone()).column(problem.key);
+    let mut run = GyroRun::new(scenario, seed).map_err(invalid)?;
+    let mut text = LogText::new(scenario);
+    let mut log = RowsOut::new(path, &text, out)?;
+    let mut truth = truth.map(Blocks::new);
+    if let Some(truth) = &mut truth {
+        truth.write_all(truth_header().as_bytes()).map_err(unwritten)?;
+    }
+    let progress = RefCell::new(SimulatedTime::new(run.length_s()));
+    let (mut rows, mut shown_s) = (0_u64, 0.0);
+    run.each_row(|row: &LogRow, second: &Second| {
+        rows += 1;
+        log.row(text.line(row, second))?;
+        if let Some(truth) = &mut truth {
+            write_truth(truth, row, second).map_err(unwritten)?;
+        }
+        if let Some(recorder) = recorder {
+            recorder.take(row, second);
+        }
+        if second.end_s > shown_s {
+            shown_s = second.end_s;
+            progress.borrow_mut().at(second.end_s);
+        }
+        Ok::<(), Error>(())
+    })?;
+    if let Some(truth) = &mut truth {
+        truth.flush().map_err(unwritten)?;
+    }
+    log.finish()?;
+    Ok(rows)
+}
+
+fn to_stdout(scenario: &Scenario, seed: u64) -> Ran {
+    let mut out = PipeAware::new(std::io::stdout());
+    let poured = pour(scenario, seed, None, &mut out, None, &mut None);
+    if !out.closed() {
+        poured.map_err(|e| e.file("standard output"))?;
+    }
+    Ok(Outcome::Done)
+}
+
+fn describe(scenario: &Scenario, seed: u64, rows: u64, console: &mut Console) {
+    console.say(format!(
+        "{}: {rows} rows, seed {seed}; {} arcsec per count, lock-in {} °/h, angle random walk {} °/√h",
+        scenario.name,
+        significant(scenario.arcsec_per_count(), 6),
+        significant(scenario.lock_in_dph(), 3),
+        significant(scenario.arw_deg_rt_h(), 3)
+    ));
+}
+
+fn write_report(path: &Path, page: &ChartPage, console: &mut Console) -> Result<()> {
+    write_bytes(path, chart_report(page)?.as_bytes())?;
+    console.say(format!("wrote {}", path.display()));
+    Ok(())
+}
+
+fn bode(args: &Args, scenario: &Scenario, console: &mut Console) -> Ran {
+    if args.output.is_some() || args.truth.is_some() {
+        return Err(
+            Error::input("--bode sweeps the loops and makes no log; leave -o and --truth away").column("--bode")
+        );
+    }
+    let refused = |problem: Problem| refused(&args.scenario, &problem);
+    let design = Design::of(scenario).map_err(refused)?;
+    let path = measure(&design, LoopName::PathLength, scenario.path_length.bandwidth_hz).map_err(refused)?;
+    let light = measure(&design, LoopName::Intensity, scenario.intensity.bandwidth_hz).map_err(refused)?;
+    for sweep in [&path, &light] {
+        describe_loop(sweep, console);
+    }
+    if let Some(file) = &args.report {
+        write_report(file, &charts::bode_page(scenario, &[path, light]), console)?;
+    }
+    Ok(Outcome::Done)
+}
+
+fn describe_loop(sweep: &Bode, console: &mut Console) {
+    let or_none = |value: Option<f64>, unit: &str| {
+        value.map_or("none in this sweep".to_owned(), |v| format!("{}{unit}", significant(v, 4)))
+    };
+    console.say(format!(
+        "{} loop: crossover {} (design {}), phase margin {} (design {}), gain margin {}",
+        sweep.which.name(),
+        or_none(sweep.crossover_hz, " Hz"),
+        or_none(Some(sweep.design_crossover_hz), " Hz"),
+        or_none(sweep.phase_margin_deg, "°"),
+        or_none(Some(sweep.design_phase_margin_deg), "°"),
+        or_none(sweep.gain_margin, "")
+    ));
+    let rows = sweep.points.iter().map(|p| {
+        let db = |gain: f64| format!("{:.2}", 20.0 * gain.log10());
+        vec![
+            significant(p.frequency_hz, 4),
+            db(p.gain),
+            db(p.design_gain),
+            format!("{:.1}", p.phase_deg),
+            format!("{:.1}", p.design_phase_deg),
+        ]
+    });
+    console.say(table(&["frequency, Hz", "gain, dB", "design, dB", "phase, deg", "design, deg"], rows));
+}

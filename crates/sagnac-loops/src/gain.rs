@@ -1,0 +1,78 @@
+//! A gain as the target holds it: mantissa and shift.
+
+/// A gain of `mantissa · 2^-shift`, in actuator codes per unit of error.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Gain {
+    /// Below 2^30 in size.
+    pub mantissa: i32,
+    /// 32 to 62.
+    pub shift: u8,
+}
+
+impl Gain {
+    /// `error` times the gain, in 2^-32 codes, halves upward. Exact to half of that; `|error| ≤ 2^30`.
+    #[inline]
+    pub(crate) fn times(self, error: i32) -> i64 {
+        // |mantissa·error| ≤ 2^60, and half of a unit of the shift on top stays in range.
+        let product = i64::from(self.mantissa) * i64::from(error);
+        let shift = u32::from(self.shift.clamp(32, 62)) - 32;
+        if shift == 0 { product } else { (product + (1_i64 << (shift - 1))) >> shift }
+    }
+
+    /// The nearest gain; `None` where it would need a shift outside 32 … 62, which is a gain of a quarter and
+    /// more or one that a mantissa of less than 8 bits is left for.
+    #[cfg(feature = "design")]
+    pub fn from_f64(value: f64) -> Option<Self> {
+        if value == 0.0 {
+            return Some(Self { mantissa: 0, shift: 32 });
+        }
+        if !value.is_finite() {
+            return None;
+        }
+        let (_, exponent) = libm::frexp(value);
+        // |value| < 2^exponent, so that mantissa < 2^30.
+        let shift = (30 - exponent).min(62);
+        let mantissa = libm::round(libm::ldexp(value, shift));
+        let fits = shift >= 32 && (256.0..1_073_741_825.0).contains(&libm::fabs(mantissa));
+        fits.then(|| Self { mantissa: (mantissa as i32).clamp(-(1 << 30) + 1, (1 << 30) - 1), shift: shift as u8 })
+    }
+
+    /// Its value.
+    #[cfg(feature = "design")]
+    pub fn to_f64(self) -> f64 {
+        libm::ldexp(f64::from(self.mantissa), -i32::from(self.shift))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Gain;
+    use num_bigint::BigInt;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn products_are_the_nearest_2_pow_minus_32(mantissa in -(1 << 30) + 1..1 << 30, shift in 32_u8..=62, error in -(1 << 30)..=1 << 30) {
+            let gain = Gain { mantissa, shift };
+            let twice = BigInt::from(mantissa) * BigInt::from(error) * (BigInt::from(1) << (1 + 32));
+            let got = (BigInt::from(gain.times(error)) * 2) << usize::from(shift);
+            let away = got - twice;
+            let half = BigInt::from(1) << usize::from(shift);
+            prop_assert!(away <= half && away > -half);
+        }
+
+        #[test]
+        fn a_gain_keeps_its_value(value in 1e-12_f64..0.2) {
+            let back = Gain::from_f64(-value).unwrap().to_f64();
+            prop_assert!((back / -value - 1.0).abs() < 1.0 / 512.0);
+        }
+    }
+
+    #[test]
+    fn gains_that_do_not_fit_are_refused() {
+        assert_eq!(Gain::from_f64(0.3), None);
+        assert_eq!(Gain::from_f64(1e-17), None);
+        assert_eq!(Gain::from_f64(f64::NAN), None);
+        assert!(Gain::from_f64(0.0).is_some());
+    }
+}

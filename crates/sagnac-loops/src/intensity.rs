@@ -1,0 +1,255 @@
+//! Intensity control: the light held by the discharge current (or the pump).
+//!
+//! ```text
+//! photodiode sum ─▶ mean of n ticks ─▶ error ─▶ kp + ki Σ (limits) ─▶ slew limit ─▶ current
+//!
+//! OFF ─▶ IGNITING ─light▶ RUNNING ─dark for long▶ RESTING ─▶ IGNITING …  ─after all tries▶ FAILED
+//! ```
+//!
+//! n is a whole number of path-length modulation periods, so that this modulation averages out of the error. The
+//! integrator stops at the limits of the current, and takes on what the slew limit left of it, so it never winds up.
+//! While starting, the current is the ignition's; once there is light the integrator takes over from that very code.
+
+use core::ops::{BitOr, BitOrAssign};
+
+use crate::MAX_CODE;
+use crate::gain::Gain;
+
+/// Status bits of the intensity loop. Zero: regulated, nothing to report.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct IntensityStatus(u8);
+
+impl IntensityStatus {
+    /// Regulated.
+    pub const OK: Self = Self(0);
+    /// Less light than the low limit.
+    pub const LOW_INTENSITY: Self = Self(1);
+    /// The current has been at an end of its range for as long as is tolerated.
+    pub const END_OF_RANGE: Self = Self(1 << 1);
+    /// Starting, or waiting to.
+    pub const IGNITING: Self = Self(1 << 2);
+    /// All tries used up.
+    pub const FAILED: Self = Self(1 << 3);
+    /// The error is larger than the settled limit.
+    pub const SETTLING: Self = Self(1 << 4);
+
+    /// Every single bit with its name.
+    pub const NAMES: [(Self, &'static str); 5] = [
+        (Self::LOW_INTENSITY, "LOW_INTENSITY"),
+        (Self::END_OF_RANGE, "END_OF_RANGE"),
+        (Self::IGNITING, "IGNITING"),
+        (Self::FAILED, "FAILED"),
+        (Self::SETTLING, "SETTLING"),
+    ];
+
+    /// The raw bits.
+    pub const fn bits(self) -> u8 {
+        self.0
+    }
+
+    /// True when every bit of `other` is set here.
+    pub const fn contains(self, other: Self) -> bool {
+        self.0 & other.0 == other.0
+    }
+}
+
+impl BitOr for IntensityStatus {
+    type Output = Self;
+    fn bitor(self, other: Self) -> Self {
+        Self(self.0 | other.0)
+    }
+}
+
+impl BitOrAssign for IntensityStatus {
+    fn bitor_assign(&mut self, other: Self) {
+        self.0 |= other.0;
+    }
+}
+
+/// What the loop is doing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum IntensityPhase {
+    /// Ignition current is on.
+    Igniting {
+        /// Updates to go in this try.
+        left: u32,
+        /// Tries to go after it.
+        tries: u8,
+    },
+    /// Current off before the next try.
+    Resting {
+        /// Updates to go.
+        left: u32,
+        /// Tries to go.
+        tries: u8,
+    },
+    /// Regulating.
+    Running {
+        /// Updates without light in a row.
+        dark: u32,
+        /// Updates at an end of the range in a row.
+        at_end: u32,
+    },
+    /// All tries used up; the current is off.
+    Failed,
+}
+
+/// The loop as the target holds it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Intensity {
+    /// Ticks of an update.
+    pub(crate) ticks: u16,
+    /// Sum of an update's codes that is wanted.
+    pub(crate) set_point: i64,
+    pub(crate) error_shift: u8,
+    pub(crate) kp: Gain,
+    pub(crate) ki: Gain,
+    /// Current codes.
+    pub(crate) least: i32,
+    pub(crate) most: i32,
+    /// Codes per update.
+    pub(crate) slew: i32,
+    pub(crate) ignition: i32,
+    pub(crate) ignition_updates: u32,
+    pub(crate) rest_updates: u32,
+    pub(crate) tries: u8,
+    /// Sum below which there is no light.
+    pub(crate) dark_sum: i64,
+    /// Sum below which it is called low.
+    pub(crate) low_sum: i64,
+    pub(crate) dark_updates: u32,
+    pub(crate) end_updates: u32,
+    pub(crate) settled_error: i32,
+}
+
+/// What the loop remembers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct IntensityState {
+    sum: i64,
+    ticks: u16,
+    phase: IntensityPhase,
+    integral_q32: i64,
+    current: i32,
+    status: IntensityStatus,
+}
+
+/// A tick's output.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct IntensityOutput {
+    /// Code for the current.
+    pub current: i32,
+    /// How things are.
+    pub status: IntensityStatus,
+}
+
+impl IntensityState {
+    /// What the loop is doing.
+    pub const fn phase(&self) -> IntensityPhase {
+        self.phase
+    }
+}
+
+impl Intensity {
+    /// A loop about to ignite.
+    pub fn start(&self) -> IntensityState {
+        IntensityState {
+            sum: 0,
+            ticks: 0,
+            phase: IntensityPhase::Igniting { left: self.ignition_updates, tries: self.tries },
+            integral_q32: i64::from(self.ignition) << 32,
+            current: self.ignition,
+            status: IntensityStatus::IGNITING | IntensityStatus::LOW_INTENSITY,
+        }
+    }
+
+    /// Ticks of an update.
+    pub const fn ticks_per_update(&self) -> u16 {
+        self.ticks
+    }
+
+    /// One tick: the photodiode's code in, the current's out.
+    #[inline]
+    pub fn tick(&self, state: &mut IntensityState, photodiode: i32) -> IntensityOutput {
+        state.sum += i64::from(photodiode.clamp(-MAX_CODE, MAX_CODE));
+        state.ticks += 1;
+        if state.ticks >= self.ticks {
+            let sum = core::mem::take(&mut state.sum);
+            state.ticks = 0;
+            self.update(state, sum);
+        }
+        IntensityOutput { current: state.current, status: state.status }
+    }
+
+    fn update(&self, state: &mut IntensityState, sum: i64) {
+        // |sum| ≤ 2^23·2^16; the shift was chosen for the set point.
+        let error = ((self.set_point - sum) >> self.error_shift.min(63)).clamp(-(1 << 30), 1 << 30) as i32;
+        let dark = sum < self.dark_sum;
+        state.phase = self.next_phase(state.phase, dark, state.current);
+        match state.phase {
+            IntensityPhase::Running { .. } => self.control(state, error),
+            IntensityPhase::Igniting { .. } => {
+                state.current = self.ignition;
+                state.integral_q32 = i64::from(self.ignition) << 32;
+            }
+            IntensityPhase::Resting { .. } | IntensityPhase::Failed => state.current = 0,
+        }
+        state.status = self.status(state.phase, sum, error);
+    }
+
+    fn control(&self, state: &mut IntensityState, error: i32) {
+        let limits = (i64::from(self.least) << 32, i64::from(self.most) << 32);
+        let proportional = self.kp.times(error);
+        let integral = (state.integral_q32 + self.ki.times(error)).clamp(limits.0, limits.1);
+        let wanted = (integral + proportional).clamp(limits.0, limits.1);
+        let slew = i64::from(self.slew) << 32;
+        let now = i64::from(state.current) << 32;
+        let given = wanted.clamp(now - slew, now + slew);
+        // What the slew limit did not allow, the integrator does not keep.
+        state.integral_q32 = if given == wanted { integral } else { (given - proportional).clamp(limits.0, limits.1) };
+        state.current = ((given + (1 << 31)) >> 32) as i32;
+    }
+
+    fn next_phase(&self, phase: IntensityPhase, dark: bool, current: i32) -> IntensityPhase {
+        use IntensityPhase::{Failed, Igniting, Resting, Running};
+        match phase {
+            Igniting { .. } if !dark => Running { dark: 0, at_end: 0 },
+            Igniting { left: 0, tries: 0 } => Failed,
+            Igniting { left: 0, tries } => Resting { left: self.rest_updates, tries },
+            Igniting { left, tries } => Igniting { left: left - 1, tries },
+            Resting { left: 0, tries } => Igniting { left: self.ignition_updates, tries: tries.saturating_sub(1) },
+            Resting { left, tries } => Resting { left: left - 1, tries },
+            Running { dark: so_far, .. } if dark && so_far >= self.dark_updates => {
+                Resting { left: self.rest_updates, tries: self.tries }
+            }
+            Running { dark: so_far, at_end } => {
+                let at_limit = current <= self.least || current >= self.most;
+                let at_end = if at_limit { at_end.saturating_add(1) } else { 0 };
+                Running { dark: if dark { so_far + 1 } else { 0 }, at_end }
+            }
+            Failed => Failed,
+        }
+    }
+
+    fn status(&self, phase: IntensityPhase, sum: i64, error: i32) -> IntensityStatus {
+        let mut status = match phase {
+            IntensityPhase::Igniting { .. } | IntensityPhase::Resting { .. } => IntensityStatus::IGNITING,
+            IntensityPhase::Failed => IntensityStatus::FAILED,
+            IntensityPhase::Running { at_end, .. } if at_end >= self.end_updates => IntensityStatus::END_OF_RANGE,
+            IntensityPhase::Running { .. } => IntensityStatus::OK,
+        };
+        if sum < self.low_sum {
+            status |= IntensityStatus::LOW_INTENSITY;
+        }
+        if error.unsigned_abs() > self.settled_error.unsigned_abs() {
+            status |= IntensityStatus::SETTLING;
+        }
+        status
+    }
+}
+
+#[cfg(feature = "design")]
+pub use build::{IntensityConfig, IntensityDesign};
+
+#[cfg(feature = "design")]
+#[path = "intensity_build.rs"]
+mod build;

@@ -1,0 +1,137 @@
+//! Synchronous detection over whole periods.
+//!
+//! ```text
+//! I = Σ s[k]·sin(2πk/n)      Q = Σ s[k]·cos(2πk/n)      M = Σ s[k]         k = 0 … n−1, one period of n ticks
+//! ```
+//!
+//! The reference is a table of one period in Q15. Its entries add up to zero exactly (n is even and the second
+//! half is the first with its sign changed), so a steady signal gives I = Q = 0 to the bit. A signal that moves
+//! within a period leaks: a ramp of r codes per tick gives |I| ≤ r·n²/2π.
+
+use crate::MAX_CODE;
+
+/// Longest period, ticks.
+pub const MAX_TICKS_PER_PERIOD: usize = 64;
+
+/// One period of the reference and how late its answer comes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Reference {
+    /// Q15 sine; the first `ticks` are used.
+    sine_q15: [i16; MAX_TICKS_PER_PERIOD],
+    /// Ticks of a period: even, 4 to [`MAX_TICKS_PER_PERIOD`].
+    ticks: u8,
+    /// Ticks between putting out a modulation and reading its answer.
+    delay: u8,
+}
+
+/// Sums over a period.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Sums {
+    /// In phase with the modulation.
+    pub in_phase: i64,
+    /// A quarter of a period ahead of it.
+    pub quadrature: i64,
+    /// Of the signal.
+    pub plain: i64,
+}
+
+/// A running sum.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Detector {
+    sums: Sums,
+    index: u8,
+}
+
+impl Reference {
+    /// A reference of `ticks` per period whose answer is read `delay` ticks later. `None` for an odd or unusable
+    /// number of ticks, or a delay of a period and more.
+    #[cfg(feature = "design")]
+    pub fn new(ticks: usize, delay: usize) -> Option<Self> {
+        if !(4..=MAX_TICKS_PER_PERIOD).contains(&ticks) || !ticks.is_multiple_of(2) || delay >= ticks {
+            return None;
+        }
+        let mut sine_q15 = [0; MAX_TICKS_PER_PERIOD];
+        for k in 0..ticks / 2 {
+            let phase = core::f64::consts::TAU * k as f64 / ticks as f64;
+            let value = libm::round(f64::from(i16::MAX) * libm::sin(phase)) as i16;
+            sine_q15[k] = value;
+            sine_q15[k + ticks / 2] = -value;
+        }
+        Some(Self { sine_q15, ticks: ticks as u8, delay: delay as u8 })
+    }
+
+    /// Ticks of a period.
+    pub const fn ticks(&self) -> u8 {
+        self.ticks
+    }
+
+    /// Q15 sine at a tick of the period.
+    #[inline]
+    pub fn sine_q15(&self, index: u8) -> i16 {
+        self.sine_q15.get(usize::from(index)).copied().unwrap_or(0)
+    }
+
+    /// Σ sine² of a period: what a signal equal to the reference gives, in 2^-15 of its amplitude.
+    #[cfg(feature = "design")]
+    pub(crate) fn power(&self) -> f64 {
+        let squares = self.sine_q15.iter().map(|s| f64::from(*s) * f64::from(*s));
+        squares.sum::<f64>() / f64::from(i16::MAX)
+    }
+
+    fn back(&self, index: u8, by: u8) -> u8 {
+        if index >= by { index - by } else { index + self.ticks - by }
+    }
+}
+
+impl Detector {
+    /// Where in the period the next tick is.
+    pub const fn index(&self) -> u8 {
+        self.index
+    }
+
+    /// One sample; the sums of the period if it was its last.
+    #[inline]
+    pub fn take(&mut self, reference: &Reference, code: i32) -> Option<Sums> {
+        let code = i64::from(code.clamp(-MAX_CODE, MAX_CODE));
+        let at = reference.back(self.index, reference.delay);
+        // cos(x) = sin(x + quarter) where a quarter is whole ticks; else the tick before it, which serves a status.
+        let quarter = reference.back(at, reference.ticks - reference.ticks / 4);
+        self.sums.in_phase += code * i64::from(reference.sine_q15(at));
+        self.sums.quadrature += code * i64::from(reference.sine_q15(quarter));
+        self.sums.plain += code;
+        self.index += 1;
+        if self.index < reference.ticks {
+            return None;
+        }
+        self.index = 0;
+        Some(core::mem::take(&mut self.sums))
+    }
+}
+
+#[cfg(all(test, feature = "design"))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_steady_signal_gives_nothing_and_a_sine_its_amplitude() {
+        for ticks in (4..=64).step_by(2) {
+            let reference = Reference::new(ticks, 1).unwrap();
+            let mut detector = Detector::default();
+            let steady = (0..ticks).find_map(|_| detector.take(&reference, 1_234_567)).unwrap();
+            assert_eq!((steady.in_phase, steady.plain), (0, 1_234_567 * ticks as i64));
+            let mut last = None;
+            for k in 0..ticks {
+                let answer = libm::sin(core::f64::consts::TAU * (k as f64 - 1.0) / ticks as f64);
+                last = detector.take(&reference, libm::round(1e6 * answer) as i32);
+            }
+            let amplitude = last.unwrap().in_phase as f64 / reference.power() / f64::from(i16::MAX) * 32_767.0;
+            assert!((amplitude - 1e6).abs() < 40.0, "{ticks} ticks: {amplitude}");
+        }
+    }
+
+    #[test]
+    fn periods_that_cannot_be_are_refused() {
+        assert!(Reference::new(3, 0).is_none() && Reference::new(66, 0).is_none() && Reference::new(7, 0).is_none());
+        assert!(Reference::new(8, 8).is_none());
+    }
+}

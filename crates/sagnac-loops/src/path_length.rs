@@ -1,0 +1,369 @@
+//! Path-length control: the cavity held on the peak of its gain.
+//!
+//! ```text
+//!                 ┌────────────────────── modulation ──────────────────────┐
+//! intensity ─▶ synchronous detector ─▶ error ─▶ kp + ki Σ (limits) ─▶ (+) ─┴▶ actuator
+//! ```
+//!
+//! Near the peak I = I₀(1 − c·x²), x the path's error in wavelengths. A modulation x = x₀ + a·sin gives the
+//! in-phase sum −2·c·I₀·a·x₀·Σsin², so the sign of the error says which way to go. Once a period the integrator is
+//! moved; every tick the modulation is added.
+//!
+//! The path has a peak every wavelength. When the integrator comes near the end of the actuator's range, the loop
+//! lets go, goes by the whole number of wavelengths that brings it nearest to the middle, and locks again:
+//! a *mode reset*. Limits inside of the range, further apart than a wavelength, keep it from going back at once.
+//!
+//! ```text
+//! DARK ─light▶ SWEEPING ─▶ SETTLING ─▶ CLOSING ─small error▶ LOCKED ─near the end▶ RESETTING ─▶ SETTLING …
+//!   ▲                                     └── too long ──┐      └── error large, or dark ──┐
+//!   └────────────────────────────────────────────────────┴──────────────────────────────────┘
+//! ```
+//!
+//! Counts of a gyro are good while it is LOCKED; every other output says [`PathLengthStatus::INVALID`].
+//! Where it fails: a modulation near a resonance of the actuator turns the sign of the error; the configuration
+//! cannot know that.
+
+use core::ops::{BitOr, BitOrAssign};
+
+use crate::gain::Gain;
+use crate::lockin::{Detector, Reference, Sums};
+
+/// Status bits of the path-length loop. Zero: locked, nothing to report.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct PathLengthStatus(u8);
+
+impl PathLengthStatus {
+    /// Locked, nothing to report.
+    pub const OK: Self = Self(0);
+    /// Not locked: counts are not to be used.
+    pub const INVALID: Self = Self(1);
+    /// Looking for a peak or closing in on it.
+    pub const ACQUIRING: Self = Self(1 << 1);
+    /// Going to another mode.
+    pub const RESETTING: Self = Self(1 << 2);
+    /// The light is too weak to see a peak.
+    pub const LOW_SIGNAL: Self = Self(1 << 3);
+    /// The actuator is at the end of its range.
+    pub const AT_LIMIT: Self = Self(1 << 4);
+    /// Lock was lost since the state was made. Latched.
+    pub const WAS_LOST: Self = Self(1 << 5);
+
+    /// Every single bit with its name.
+    pub const NAMES: [(Self, &'static str); 6] = [
+        (Self::INVALID, "INVALID"),
+        (Self::ACQUIRING, "ACQUIRING"),
+        (Self::RESETTING, "RESETTING"),
+        (Self::LOW_SIGNAL, "LOW_SIGNAL"),
+        (Self::AT_LIMIT, "AT_LIMIT"),
+        (Self::WAS_LOST, "WAS_LOST"),
+    ];
+
+    /// The raw bits.
+    pub const fn bits(self) -> u8 {
+        self.0
+    }
+
+    /// True when every bit of `other` is set here.
+    pub const fn contains(self, other: Self) -> bool {
+        self.0 & other.0 == other.0
+    }
+}
+
+impl BitOr for PathLengthStatus {
+    type Output = Self;
+    fn bitor(self, other: Self) -> Self {
+        Self(self.0 | other.0)
+    }
+}
+
+impl BitOrAssign for PathLengthStatus {
+    fn bitor_assign(&mut self, other: Self) {
+        self.0 |= other.0;
+    }
+}
+
+/// What the loop is doing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PathLengthPhase {
+    /// No light yet, or no more.
+    Dark,
+    /// Going through the range and noting the brightest place.
+    Sweeping {
+        /// Periods to go.
+        left: u32,
+        /// Brightest sum so far.
+        best: i64,
+        /// Where, in 2^-32 codes.
+        at_q32: i64,
+    },
+    /// Waiting for the actuator to arrive.
+    Settling {
+        /// Periods to go.
+        left: u32,
+    },
+    /// The loop is closed but not yet near the peak.
+    Closing {
+        /// Periods with a small error in a row.
+        good: u32,
+        /// Periods since it was closed.
+        since: u32,
+    },
+    /// On the peak.
+    Locked {
+        /// Periods with a large error in a row.
+        bad: u32,
+    },
+    /// Going to another mode.
+    Resetting {
+        /// Where to, in 2^-32 codes.
+        to_q32: i64,
+    },
+}
+
+/// The loop as the target holds it: integers, checked when built.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PathLength {
+    pub(crate) reference: Reference,
+    /// Amplitude of the modulation, codes.
+    pub(crate) modulation: i32,
+    /// Right shift from in-phase sums to errors of at most 2^30.
+    pub(crate) error_shift: u8,
+    pub(crate) kp: Gain,
+    pub(crate) ki: Gain,
+    /// Range of the actuator with the modulation's room taken off, codes.
+    pub(crate) low: i32,
+    pub(crate) high: i32,
+    /// Beyond these it resets.
+    pub(crate) reset_low: i32,
+    pub(crate) reset_high: i32,
+    /// Codes of one wavelength.
+    pub(crate) wavelength: i32,
+    /// Codes per period while sweeping and resetting.
+    pub(crate) sweep_step: i32,
+    pub(crate) reset_step: i32,
+    /// Periods.
+    pub(crate) sweep_periods: u32,
+    pub(crate) settle_periods: u32,
+    pub(crate) lock_periods: u32,
+    pub(crate) lost_periods: u32,
+    pub(crate) give_up_periods: u32,
+    /// Errors.
+    pub(crate) lock_error: i32,
+    pub(crate) lost_error: i32,
+    /// Sum of a period below which it is dark.
+    pub(crate) dark_sum: i64,
+}
+
+/// What the loop remembers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PathLengthState {
+    detector: Detector,
+    phase: PathLengthPhase,
+    /// Integrator, 2^-32 codes.
+    integral_q32: i64,
+    /// What the actuator is held at over this period, codes.
+    held: i32,
+    /// Error of the last period.
+    error: i32,
+    /// Wavelengths that resets have moved the path by.
+    modes: i32,
+    status: PathLengthStatus,
+}
+
+/// A tick's output.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PathLengthOutput {
+    /// Code for the actuator, without the modulation.
+    pub actuator: i32,
+    /// Code of the modulation: to be added for a mirror, or sent to an element of its own beside a heater.
+    pub modulation: i32,
+    /// What to know about this tick's counts.
+    pub status: PathLengthStatus,
+}
+
+impl PathLengthState {
+    /// Whole wavelengths that resets have moved the path by since the state was made.
+    pub const fn modes(&self) -> i32 {
+        self.modes
+    }
+
+    /// What the loop is doing.
+    pub const fn phase(&self) -> PathLengthPhase {
+        self.phase
+    }
+
+    /// Error of the last period, in the detector's units.
+    pub const fn error(&self) -> i32 {
+        self.error
+    }
+
+    /// Actuator without its modulation, codes.
+    pub const fn held(&self) -> i32 {
+        self.held
+    }
+}
+
+/// Rounds 2^-32 codes to codes, halves upward.
+fn codes(q32: i64) -> i32 {
+    ((q32 + (1 << 31)) >> 32) as i32
+}
+
+const fn q32(code: i32) -> i64 {
+    (code as i64) << 32
+}
+
+impl PathLength {
+    /// A loop that has not seen light, its actuator in the middle.
+    pub fn start(&self) -> PathLengthState {
+        let middle = self.middle_q32();
+        PathLengthState {
+            detector: Detector::default(),
+            phase: PathLengthPhase::Dark,
+            integral_q32: middle,
+            held: codes(middle),
+            error: 0,
+            modes: 0,
+            status: PathLengthStatus::INVALID | PathLengthStatus::ACQUIRING,
+        }
+    }
+
+    fn middle_q32(&self) -> i64 {
+        (q32(self.low) + q32(self.high)) / 2
+    }
+
+    /// Ticks of a period: the integrator moves once per period.
+    pub const fn ticks_per_period(&self) -> u8 {
+        self.reference.ticks()
+    }
+
+    /// One tick: the detector's code in, the actuator's out.
+    #[inline]
+    pub fn tick(&self, state: &mut PathLengthState, detector: i32) -> PathLengthOutput {
+        if let Some(sums) = state.detector.take(&self.reference, detector) {
+            self.period(state, &sums);
+        }
+        let sine = i64::from(self.reference.sine_q15(state.detector.index()));
+        let modulation = (i64::from(self.modulation) * sine + (1 << 14)) >> 15;
+        // The range was narrowed by the modulation, so their sum is inside of it.
+        PathLengthOutput { actuator: state.held, modulation: modulation as i32, status: state.status }
+    }
+
+    fn period(&self, state: &mut PathLengthState, sums: &Sums) {
+        // |sum| ≤ 2^23·2^15·64 = 2^44; the shift was chosen for full scale, the clamp is for noise beyond it.
+        let error = (sums.in_phase >> self.error_shift.min(63)).clamp(-(1 << 30), 1 << 30) as i32;
+        state.error = error;
+        let dark = sums.plain < self.dark_sum;
+        let next = self.next_phase(state, error, sums.plain, dark);
+        if matches!(next, PathLengthPhase::Closing { .. } | PathLengthPhase::Locked { .. }) {
+            self.control(state, error);
+        } else {
+            state.integral_q32 = state.integral_q32.clamp(q32(self.low), q32(self.high));
+            state.held = codes(state.integral_q32);
+        }
+        if matches!(state.phase, PathLengthPhase::Locked { .. }) && self.lost(next) {
+            state.status |= PathLengthStatus::WAS_LOST;
+        }
+        state.phase = next;
+        state.status = self.status(state, dark);
+    }
+
+    fn lost(&self, next: PathLengthPhase) -> bool {
+        !matches!(next, PathLengthPhase::Locked { .. } | PathLengthPhase::Resetting { .. })
+    }
+
+    /// kp and the integrator, which stops at the limits: what is beyond them is not wound up.
+    fn control(&self, state: &mut PathLengthState, error: i32) {
+        let limits = (q32(self.low), q32(self.high));
+        state.integral_q32 = (state.integral_q32 + self.ki.times(error)).clamp(limits.0, limits.1);
+        let output = (state.integral_q32 + self.kp.times(error)).clamp(limits.0, limits.1);
+        state.held = codes(output);
+    }
+
+    fn next_phase(&self, state: &mut PathLengthState, error: i32, sum: i64, dark: bool) -> PathLengthPhase {
+        use PathLengthPhase::{Closing, Dark, Locked, Resetting, Settling, Sweeping};
+        match state.phase {
+            Dark if dark => Dark,
+            Dark => self.begin(state),
+            Sweeping { left, best, at_q32 } => self.sweep(state, left, best, at_q32, sum),
+            Settling { left: 0 } => Closing { good: 0, since: 0 },
+            Settling { left } => Settling { left: left - 1 },
+            Closing { since, .. } if since >= self.give_up_periods => Dark,
+            Closing { good, since } => {
+                let good = if error.unsigned_abs() < self.lock_error.unsigned_abs() { good + 1 } else { 0 };
+                if good >= self.lock_periods && !dark { Locked { bad: 0 } } else { Closing { good, since: since + 1 } }
+            }
+            Locked { bad } => {
+                let bad = if error.unsigned_abs() > self.lost_error.unsigned_abs() || dark { bad + 1 } else { 0 };
+                if bad >= self.lost_periods { Dark } else { self.stay_or_reset(state, bad) }
+            }
+            Resetting { to_q32 } => {
+                let step = q32(self.reset_step);
+                let way = to_q32 - state.integral_q32;
+                state.integral_q32 += way.clamp(-step, step);
+                if way == 0 { Settling { left: self.settle_periods } } else { Resetting { to_q32 } }
+            }
+        }
+    }
+
+    /// From the low end through a wavelength and more, or straight on where no sweep is configured.
+    fn begin(&self, state: &mut PathLengthState) -> PathLengthPhase {
+        state.integral_q32 = self.middle_q32();
+        if self.sweep_periods == 0 {
+            return PathLengthPhase::Settling { left: self.settle_periods };
+        }
+        let half = q32(self.sweep_step) * i64::from(self.sweep_periods) / 2;
+        state.integral_q32 -= half;
+        // A period for the jump to the start; what is seen during it is compared as any other.
+        PathLengthPhase::Sweeping { left: self.sweep_periods, best: 0, at_q32: self.middle_q32() }
+    }
+
+    fn sweep(&self, state: &mut PathLengthState, left: u32, best: i64, at_q32: i64, sum: i64) -> PathLengthPhase {
+        let (best, at_q32) = if sum > best { (sum, state.integral_q32) } else { (best, at_q32) };
+        if left == 0 {
+            state.integral_q32 = at_q32;
+            return PathLengthPhase::Settling { left: self.settle_periods };
+        }
+        state.integral_q32 += q32(self.sweep_step);
+        PathLengthPhase::Sweeping { left: left - 1, best, at_q32 }
+    }
+
+    fn stay_or_reset(&self, state: &mut PathLengthState, bad: u32) -> PathLengthPhase {
+        let at = codes(state.integral_q32);
+        if at > self.reset_low && at < self.reset_high {
+            return PathLengthPhase::Locked { bad };
+        }
+        let away = at - codes(self.middle_q32());
+        let nearest = (away.abs() + self.wavelength / 2).checked_div(self.wavelength).unwrap_or(1).max(1);
+        let waves = if away > 0 { -nearest } else { nearest };
+        let to = i64::from(at) + i64::from(waves) * i64::from(self.wavelength);
+        let to_q32 = (to << 32).clamp(q32(self.low), q32(self.high));
+        state.modes = state.modes.saturating_add(waves);
+        PathLengthPhase::Resetting { to_q32 }
+    }
+
+    fn status(&self, state: &PathLengthState, dark: bool) -> PathLengthStatus {
+        use PathLengthPhase::{Locked, Resetting};
+        let mut status = match state.phase {
+            Locked { .. } => PathLengthStatus::OK,
+            Resetting { .. } => PathLengthStatus::INVALID | PathLengthStatus::RESETTING,
+            _ => PathLengthStatus::INVALID | PathLengthStatus::ACQUIRING,
+        };
+        if dark {
+            status |= PathLengthStatus::LOW_SIGNAL | PathLengthStatus::INVALID;
+        }
+        if state.held <= self.low || state.held >= self.high {
+            status |= PathLengthStatus::AT_LIMIT;
+        }
+        if state.status.contains(PathLengthStatus::WAS_LOST) {
+            status |= PathLengthStatus::WAS_LOST;
+        }
+        status
+    }
+}
+
+#[cfg(feature = "design")]
+pub use build::{PathLengthConfig, PathLengthDesign};
+
+#[cfg(feature = "design")]
+#[path = "path_length_build.rs"]
+mod build;

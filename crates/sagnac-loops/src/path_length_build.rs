@@ -1,0 +1,187 @@
+//! From SI units to the integers of the path-length loop.
+
+use super::PathLength;
+use crate::MAX_CODE;
+use crate::design::{DesignError, Pi, Plant, Wanted, open_loop, pi_gains, within};
+use crate::gain::Gain;
+use crate::lockin::{MAX_TICKS_PER_PERIOD, Reference};
+
+/// What a person gives.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PathLengthConfig {
+    /// Time between ticks, s.
+    pub tick_s: f64,
+    /// Modulation, Hz; the nearest even number of ticks per period is taken.
+    pub modulation_hz: f64,
+    /// Its amplitude in wavelengths of path.
+    pub modulation_waves: f64,
+    /// The modulation goes to a fast element of its own (a heater is too slow for it).
+    pub modulated_apart: bool,
+    /// Ticks that converters and electronics take between giving out a modulation and reading its answer, besides
+    /// the tick that lies between one call and the next anyway.
+    pub answer_ticks: u8,
+    /// Range of the actuator in its own unit (V, or W of a heater).
+    pub range: [f64; 2],
+    /// Wavelengths of path per that unit.
+    pub waves_per_unit: f64,
+    /// Its converter: codes per unit.
+    pub codes_per_unit: f64,
+    /// First-order lag of the actuator, s: fastest and slowest (a heater cools more slowly than it heats).
+    pub lag_s: [f64; 2],
+    /// Code of the photodiode at the peak.
+    pub peak_code: f64,
+    /// c of I = I₀(1 − c·x²), x in wavelengths.
+    pub curvature: f64,
+    /// What is wanted.
+    pub wanted: Wanted,
+    /// Resets happen this far from the ends of the range, wavelengths.
+    pub reset_margin_waves: f64,
+    /// Time for a reset's move over one wavelength, s.
+    pub reset_s: f64,
+    /// Time for the actuator to arrive after a sweep or reset, s.
+    pub settle_s: f64,
+    /// Time of the sweep over one wavelength at the start, s; 0 for none.
+    pub sweep_s: f64,
+    /// Locked is within this of the peak, wavelengths.
+    pub lock_waves: f64,
+}
+
+/// The loop and what it was designed to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PathLengthDesign {
+    /// What the target holds.
+    pub integers: PathLength,
+    /// The plant at its fastest lag.
+    pub plant: Plant,
+    /// Gains as the integers have them.
+    pub pi: Pi,
+    /// Margin at the slowest lag, at the crossover there, degrees.
+    pub slow_margin_deg: f64,
+}
+
+impl PathLengthConfig {
+    /// Ticks of a modulation period.
+    fn ticks(&self) -> Result<usize, DesignError> {
+        let tick_s = within("tick_s", self.tick_s, 1e-7, 0.1)?;
+        let most = MAX_TICKS_PER_PERIOD as f64;
+        within("modulation_hz", self.modulation_hz, 1.0 / (most * tick_s), 1.0 / (4.0 * tick_s))?;
+        Ok(2 * libm::round(0.5 / (self.modulation_hz * tick_s)) as usize)
+    }
+
+    /// Checks everything and finds the gains.
+    ///
+    /// # Errors
+    /// A value out of its range, by name; a range too short for a mode reset; a margin that cannot be had; a gain
+    /// that does not fit.
+    pub fn build(&self) -> Result<PathLengthDesign, DesignError> {
+        let ticks = self.ticks()?;
+        let period_s = ticks as f64 * self.tick_s;
+        // A tick gives out the modulation of the next sample, so the answer comes with it.
+        let reference = Reference::new(ticks, self.answer_ticks.into()).ok_or(DesignError::OutOfRange {
+            name: "modulation_hz",
+            value: self.modulation_hz,
+            least: 0.0,
+            most: 0.25 / self.tick_s,
+        })?;
+        let limits = self.limits()?;
+        let error_shift = self.error_shift(ticks)?;
+        let plant = self.plant(&reference, error_shift, period_s)?;
+        let ideal = pi_gains(plant, period_s, self.wanted)?;
+        let gain = |name, value| Gain::from_f64(value).ok_or(DesignError::Gain { name, value });
+        let (kp, ki) = (gain("kp", ideal.kp)?, gain("ki", ideal.ki)?);
+        let pi = Pi { kp: kp.to_f64(), ki: ki.to_f64(), ..ideal };
+        // Error per wavelength is the plant's gain turned back to path.
+        let per_wave = plant.gain * limits.wavelength;
+        let error = |waves: f64| (waves * per_wave).clamp(1.0, 1_073_741_824.0) as i32;
+        let periods = |seconds: f64| libm::ceil(seconds / period_s).clamp(0.0, 1e9) as u32;
+        let response_s = 1.0 / self.wanted.bandwidth_hz;
+        let step = |seconds: f64| libm::ceil(limits.wavelength * period_s / seconds).clamp(1.0, 8e6) as i32;
+        let integers = PathLength {
+            reference,
+            modulation: libm::round(limits.modulation) as i32,
+            error_shift,
+            kp,
+            ki,
+            low: libm::ceil(limits.low) as i32,
+            high: libm::floor(limits.high) as i32,
+            reset_low: libm::round(limits.low + limits.margin) as i32,
+            reset_high: libm::round(limits.high - limits.margin) as i32,
+            wavelength: libm::round(limits.wavelength) as i32,
+            sweep_step: if self.sweep_s > 0.0 { step(self.sweep_s) } else { 0 },
+            reset_step: step(self.reset_s.max(period_s)),
+            sweep_periods: periods(self.sweep_s),
+            settle_periods: periods(self.settle_s),
+            lock_periods: periods(response_s).max(8),
+            lost_periods: periods(response_s).max(8),
+            give_up_periods: periods(50.0 * response_s + 10.0 * self.lag_s[1]),
+            lock_error: error(self.lock_waves),
+            lost_error: error(10.0 * self.lock_waves),
+            dark_sum: libm::round(0.1 * self.peak_code * ticks as f64) as i64,
+        };
+        Ok(PathLengthDesign { integers, plant, pi, slow_margin_deg: slow_margin(&plant, &pi, self.lag_s[1]) })
+    }
+
+    /// Everything in codes.
+    fn limits(&self) -> Result<Limits, DesignError> {
+        within("waves_per_unit", self.waves_per_unit, 1e-9, 1e6)?;
+        within("codes_per_unit", self.codes_per_unit, 1e-6, 1e9)?;
+        let most = f64::from(MAX_CODE) / self.codes_per_unit;
+        let lowest = within("range[0]", self.range[0], -most, most)?;
+        within("range[1]", self.range[1], lowest, most)?;
+        within("modulation_waves", self.modulation_waves, 1e-4, 0.1)?;
+        let wavelength = self.codes_per_unit / self.waves_per_unit;
+        let modulation = self.modulation_waves * wavelength;
+        within("modulation in codes", modulation, 8.0, f64::from(MAX_CODE))?;
+        let room = if self.modulated_apart { 0.0 } else { modulation };
+        let (low, high) = (self.range[0] * self.codes_per_unit + room, self.range[1] * self.codes_per_unit - room);
+        let room = (high - low) / wavelength;
+        // After a reset the path is within half a wavelength of the middle, and that must lie between the limits.
+        within("reset_margin_waves", self.reset_margin_waves, 0.0, (room - 1.0) / 2.0 - 0.02)?;
+        within("reset_s", self.reset_s, 0.0, 1e4)?;
+        within("settle_s", self.settle_s, 0.0, 1e4)?;
+        within("sweep_s", self.sweep_s, 0.0, 1e4)?;
+        within("lock_waves", self.lock_waves, 1e-5, 0.05)?;
+        within("lag_s[0]", self.lag_s[0], 0.0, 1e5)?;
+        within("lag_s[1]", self.lag_s[1], self.lag_s[0], 1e5)?;
+        Ok(Limits { low, high, modulation, wavelength, margin: self.reset_margin_waves * wavelength })
+    }
+
+    /// In-phase sums at full modulation across the steepest part fit 2^30 after this shift.
+    fn error_shift(&self, ticks: usize) -> Result<u8, DesignError> {
+        within("peak_code", self.peak_code, 16.0, f64::from(MAX_CODE))?;
+        let full = self.peak_code * ticks as f64 * 32_768.0;
+        Ok(libm::ceil(libm::log2(full) - 30.0).clamp(0.0, 40.0) as u8)
+    }
+
+    fn plant(&self, reference: &Reference, error_shift: u8, period_s: f64) -> Result<Plant, DesignError> {
+        within("curvature", self.curvature, 1e-3, 1e4)?;
+        let waves_per_code = self.waves_per_unit / self.codes_per_unit;
+        // The actuator's lag weakens a modulation that goes through it as it does any other change.
+        let lag_s = if self.modulated_apart { 0.0 } else { self.lag_s[0] };
+        let omega_lag = core::f64::consts::TAU / period_s * lag_s;
+        let modulation_waves = self.modulation_waves / libm::sqrt(1.0 + omega_lag * omega_lag);
+        let per_wave = 2.0 * self.curvature * self.peak_code * modulation_waves * reference.power();
+        let gain = libm::ldexp(per_wave, -i32::from(error_shift)) * waves_per_code;
+        // Half a period of mean, half of hold, and what converters add.
+        Ok(Plant { gain, lag_s: self.lag_s[0], delay_s: period_s + f64::from(self.answer_ticks) * self.tick_s })
+    }
+}
+
+struct Limits {
+    low: f64,
+    high: f64,
+    modulation: f64,
+    wavelength: f64,
+    margin: f64,
+}
+
+/// Phase margin with the slowest lag: by bisection for the lower crossover.
+fn slow_margin(plant: &Plant, pi: &Pi, lag_s: f64) -> f64 {
+    let slow = Plant { lag_s, ..*plant };
+    let (mut lo, mut hi) = (1e-6 / pi.period_s, 0.4 / pi.period_s);
+    for _ in 0..100 {
+        let middle = libm::sqrt(lo * hi);
+        if open_loop(&slow, pi, middle).0 > 1.0 { lo = middle } else { hi = middle }
+    }
+    180.0 + open_loop(&slow, pi, lo).1
+}
