@@ -167,25 +167,27 @@ impl Intensity {
         self.ticks
     }
 
-    /// One tick: the photodiode's code in, the current's out.
+    /// One tick: the photodiode's code in, the current's out. With `hold` a running loop keeps its current: while the
+    /// path-length loop looks for the brightest place, regulated light would hide it.
     #[inline]
-    pub fn tick(&self, state: &mut IntensityState, photodiode: i32) -> IntensityOutput {
+    pub fn tick(&self, state: &mut IntensityState, photodiode: i32, hold: bool) -> IntensityOutput {
         state.sum += i64::from(photodiode.clamp(-MAX_CODE, MAX_CODE));
         state.ticks += 1;
         if state.ticks >= self.ticks {
             let sum = core::mem::take(&mut state.sum);
             state.ticks = 0;
-            self.update(state, sum);
+            self.update(state, sum, hold);
         }
         IntensityOutput { current: state.current, status: state.status }
     }
 
-    fn update(&self, state: &mut IntensityState, sum: i64) {
+    fn update(&self, state: &mut IntensityState, sum: i64, hold: bool) {
         // |sum| ≤ 2^23·2^16; the shift was chosen for the set point.
         let error = ((self.set_point - sum) >> self.error_shift.min(63)).clamp(-(1 << 30), 1 << 30) as i32;
         let dark = sum < self.dark_sum;
         state.phase = self.next_phase(state.phase, dark, state.current);
         match state.phase {
+            IntensityPhase::Running { .. } if hold => {}
             IntensityPhase::Running { .. } => self.control(state, error),
             IntensityPhase::Igniting { .. } => {
                 state.current = self.ignition;

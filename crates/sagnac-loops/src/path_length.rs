@@ -47,15 +47,18 @@ impl PathLengthStatus {
     pub const AT_LIMIT: Self = Self(1 << 4);
     /// Lock was lost since the state was made. Latched.
     pub const WAS_LOST: Self = Self(1 << 5);
+    /// Comparing brightness: the light is to be left as it is ([`crate::Intensity::tick`] with `hold`).
+    pub const SWEEPING: Self = Self(1 << 6);
 
     /// Every single bit with its name.
-    pub const NAMES: [(Self, &'static str); 6] = [
+    pub const NAMES: [(Self, &'static str); 7] = [
         (Self::INVALID, "INVALID"),
         (Self::ACQUIRING, "ACQUIRING"),
         (Self::RESETTING, "RESETTING"),
         (Self::LOW_SIGNAL, "LOW_SIGNAL"),
         (Self::AT_LIMIT, "AT_LIMIT"),
         (Self::WAS_LOST, "WAS_LOST"),
+        (Self::SWEEPING, "SWEEPING"),
     ];
 
     /// The raw bits.
@@ -342,9 +345,10 @@ impl PathLength {
     }
 
     fn status(&self, state: &PathLengthState, dark: bool) -> PathLengthStatus {
-        use PathLengthPhase::{Locked, Resetting};
+        use PathLengthPhase::{Locked, Resetting, Sweeping};
         let mut status = match state.phase {
             Locked { .. } => PathLengthStatus::OK,
+            Sweeping { .. } => PathLengthStatus::INVALID | PathLengthStatus::ACQUIRING | PathLengthStatus::SWEEPING,
             Resetting { .. } => PathLengthStatus::INVALID | PathLengthStatus::RESETTING,
             _ => PathLengthStatus::INVALID | PathLengthStatus::ACQUIRING,
         };

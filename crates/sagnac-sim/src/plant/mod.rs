@@ -135,6 +135,16 @@ impl Plant {
 }
 
 impl Design {
+    /// Growth of the path at a block temperature from that at 25 °C, wavelengths.
+    pub fn thermal_waves(&self, block_c: f64) -> f64 {
+        self.plant.thermal_waves(block_c)
+    }
+
+    /// Loss at a block temperature over that at 25 °C.
+    pub fn loss(&self, block_c: f64) -> f64 {
+        self.plant.loss(block_c)
+    }
+
     /// Builds both loops.
     ///
     /// # Errors

@@ -298,8 +298,9 @@ section! {
     numbers {
         /// Converter of the photodiode.
         photodiode_bits = 20.0, 8.0 ..= 24.0, "bit", "[D]";
-        /// Part of its range the regulated light takes.
-        part_of_range = 0.5, 0.05 ..= 0.9, "", "[D]";
+        /// Part of its range the regulated light takes. What ignition makes must fit in as well, or the search for
+        /// the brightest place is blind.
+        part_of_range = 0.4, 0.05 ..= 0.9, "", "[D]";
         /// Noise of a reading, σ of the regulated light.
         noise = 0.0001, 0.0 ..= 0.01, "", "[D] shot noise of some µW";
         /// Current at 25 °C.

@@ -1,0 +1,177 @@
+//! Allan terms put in come out, at constant temperature; and beat and count level agree.
+//!
+//! Overlapping Allan deviation of counts, by its definition (NIST SP 1065 §5.2.4) on the accumulated angle.
+
+mod gyros;
+
+use gyros::{mean_dph, ready, walk_deg_rt_h};
+use sagnac_sim::Scenario;
+use sagnac_sim::beat::Beat;
+use sagnac_sim::gyro::GyroRun;
+use sagnac_sim::scenario::tables::{Chamber, LegTable, Noise, TableLeg};
+
+/// A gyro at rest at 25 °C without any error, for so many hours.
+fn quiet(hours: f64) -> Scenario {
+    let mut scenario = ready("triangle-28cm-dithered");
+    scenario.bias = sagnac_sim::scenario::tables::Bias { slope_dph_per_c: 0.0, ..Default::default() };
+    scenario.noise = Noise::default();
+    scenario.cavity.backscatter_1_ppm = 0.0;
+    scenario.cavity.backscatter_2_ppm = 0.0;
+    scenario.chamber = Chamber { leg: vec![LegTable::Soak { soak_s: hours * 3600.0 }], ..Chamber::default() };
+    scenario.fault.clear();
+    scenario
+}
+
+/// Angle after each second, arcsec.
+fn angle(scenario: &Scenario, seed: u64) -> Vec<f64> {
+    let (mut sum, mut out) = (0, vec![0.0]);
+    let scale = scenario.arcsec_per_count();
+    let mut run = GyroRun::new(scenario, seed).unwrap();
+    run.each_row(|row, _| {
+        sum += row.counts;
+        out.push(sum as f64 * scale);
+        Ok::<(), ()>(())
+    })
+    .unwrap();
+    out
+}
+
+/// Overlapping Allan deviation at m seconds, °/h.
+fn oadev(angle: &[f64], m: usize) -> f64 {
+    let squares: f64 = angle.windows(2 * m + 1).map(|w| (w[2 * m] - 2.0 * w[m] + w[0]).powi(2)).sum();
+    let n = angle.len() - 2 * m;
+    (squares / (2.0 * n as f64)).sqrt() / m as f64
+}
+
+#[test]
+fn angle_random_walk_comes_out() {
+    let mut scenario = quiet(30.0);
+    scenario.noise.arw_deg_rt_h = 0.003;
+    let angle = angle(&scenario, 1);
+    // N = 0.18 arcsec/√s; quantization is gone by 100 s. 1.2 % σ.
+    let n = oadev(&angle, 100) * 10.0 / 60.0;
+    assert!((n / 0.003 - 1.0).abs() < 0.04, "{n}");
+}
+
+/// Counting alone: Q = S/√12, σ(τ) = √3·Q/τ. At one rate the fraction of a count is a sawtooth, over many rates it
+/// is white; mean of 60.
+#[test]
+fn quantization_comes_out() {
+    let mut scenario = quiet(1.0);
+    let q = scenario.arcsec_per_count() / 12.0_f64.sqrt();
+    for m in [7, 61] {
+        let mean_square = (0..60).map(|n| {
+            scenario.input.rate_dph = 7.0 + f64::from(n) * 0.618_034;
+            (oadev(&angle(&scenario, 1), m) * m as f64).powi(2) / 3.0
+        });
+        let measured = (mean_square.sum::<f64>() / 60.0).sqrt();
+        assert!((measured / q - 1.0).abs() < 0.1, "at {m} s: {measured}, Q {q}");
+    }
+}
+
+/// Flat at 0.664·B (IEEE Std 952) over three decades, mean of 12 seeds.
+#[test]
+fn bias_instability_is_flat() {
+    let mut scenario = quiet(24.0);
+    scenario.noise.bias_instability_dph = 10.0;
+    let angles: Vec<Vec<f64>> = (0..12).map(|seed| angle(&scenario, seed)).collect();
+    for m in [8, 64, 512, 4096] {
+        let mean_square = angles.iter().map(|a| oadev(a, m).powi(2)).sum::<f64>() / 12.0;
+        let flat = mean_square.sqrt() / (2.0 * std::f64::consts::LN_2 / std::f64::consts::PI).sqrt() / 10.0;
+        assert!((flat - 1.0).abs() < 0.08, "at {m} s: {flat} of B");
+    }
+}
+
+#[test]
+fn rate_random_walk_and_ramp_come_out() {
+    let mut scenario = quiet(24.0);
+    scenario.noise.rate_random_walk_dph_rt_h = 5.0;
+    let mean_square = (0..12).map(|seed| oadev(&angle(&scenario, seed), 1200).powi(2)).sum::<f64>() / 12.0;
+    // K·√(τ/3), τ in hours.
+    let k = mean_square.sqrt() / (1200.0_f64 / 3600.0 / 3.0).sqrt();
+    assert!((k / 5.0 - 1.0).abs() < 0.08, "{k}");
+    let mut scenario = quiet(24.0);
+    scenario.noise.rate_ramp_dph_h = 0.5;
+    let r = oadev(&angle(&scenario, 1), 7200) / (2.0 / 2.0_f64.sqrt());
+    assert!((r / 0.5 - 1.0).abs() < 0.002, "{r}");
+}
+
+/// One mode more is a scale factor smaller by 1/m: 2.26 ppm at 28 cm (domain notes §4).
+#[test]
+fn a_mode_change_steps_the_scale_factor() {
+    let mut scenario = quiet(1.0);
+    scenario.input.table = vec![TableLeg { rate_dps: 100.0, for_s: 1e6 }];
+    scenario.noise.arw_deg_rt_h = 0.001;
+    scenario.block.lag_s = 1.0;
+    scenario.chamber.leg = vec![
+        LegTable::Soak { soak_s: 2000.0 },
+        LegTable::Ramp { to_c: 70.0, rate_cpm: 10.0 },
+        LegTable::Soak { soak_s: 2000.0 },
+    ];
+    scenario.scale_factor.actuator_ppm_per_wave = 0.0;
+    let (mut counts, mut rows, mut modes) = ([0_i64; 2], [0_i64; 2], Vec::new());
+    GyroRun::new(&scenario, 1)
+        .unwrap()
+        .each_row(|row, second| {
+            let side = usize::from(second.end_s > 2200.0);
+            if row.valid && !(2000.0..2400.0).contains(&second.end_s) {
+                counts[side] += row.counts;
+                rows[side] += 1;
+            }
+            modes.push(second.loops.mode);
+            Ok::<(), ()>(())
+        })
+        .unwrap();
+    let steps = modes.last().unwrap() - modes[0];
+    assert_eq!(steps, 1, "one reset on the way");
+    let rate = |side: usize| counts[side] as f64 / rows[side] as f64;
+    let step_ppm = (rate(1) / rate(0) - 1.0) * 1e6;
+    // More counts for the same angle.
+    assert!((step_ppm - 2.26).abs() < 0.03, "{step_ppm} ppm");
+}
+
+/// Mean rate, walk and scale factor of both levels, for three scenarios.
+#[test]
+fn beat_and_count_level_agree() {
+    for name in ["triangle-28cm-dithered", "square-28cm", "prism-heater-loop"] {
+        let scenario = ready(name);
+        let (count_arw, seconds) = (scenario.arw_deg_rt_h(), 200);
+        let beat_arw = walk_deg_rt_h(&scenario, 1, scenario.input_dph(), seconds);
+        // The noise of the dither adds half its variance: 0.5 %; σ is 0.8 %.
+        assert!((beat_arw / count_arw - 1.0).abs() < 0.035, "{name}: {beat_arw} and {count_arw} °/√h");
+        for rate in [scenario.input_dph(), 36_000.0] {
+            let beat = mean_dph(&mut Beat::new(&scenario, 2), &scenario, rate, 60.0);
+            let sigma = 60.0 * count_arw / 60.0_f64.sqrt();
+            // Five parts in 1e7 of the rate, and four sigma of the walk.
+            assert!((beat - rate).abs() < 5e-7 * rate + 4.0 * sigma, "{name} at {rate}: {beat}, σ {sigma}");
+        }
+    }
+}
+
+/// The same through counter, stripper and log: what was counted in 100 s, both ways.
+#[test]
+fn stripped_counts_agree_with_the_count_level() {
+    use sagnac_sim::scenario::tables::{BeatModel, Fidelity};
+    let mut scenario = ready("square-28cm");
+    scenario.chamber = Chamber { leg: vec![LegTable::Soak { soak_s: 100.0 }], ..Chamber::default() };
+    let mut counts = |fidelity: Fidelity, model: BeatModel| {
+        scenario.run.fidelity = fidelity;
+        scenario.run.beat_model = model;
+        let (mut sum, mut worst) = (0, 0);
+        let mut run = GyroRun::new(&scenario, 3).unwrap();
+        run.each_row(|row, _| {
+            sum += row.counts;
+            worst = worst.max(row.counts.abs());
+            Ok::<(), ()>(())
+        })
+        .unwrap();
+        (sum, worst)
+    };
+    let (count, _) = counts(Fidelity::Count, BeatModel::Adler);
+    for model in [BeatModel::Adler, BeatModel::TwoMode] {
+        let (beat, worst) = counts(Fidelity::Beat, model);
+        // 2281 counts; the walk is 2.3 counts in 100 s, and the last period has not ended.
+        assert!((count - beat).abs() < 14, "{model:?}: {beat} and {count}");
+        assert!(worst < 40, "a second of {model:?} has {worst} counts: the swing is in there");
+    }
+}
