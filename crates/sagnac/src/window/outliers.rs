@@ -126,13 +126,17 @@ impl Series {
         let change = |k: usize| (self.rates[k] - self.rates[k - 1]).abs();
         let around = i + 1 - NEIGHBOURS..i + NEIGHBOURS;
         let usual = median(around.clone().map(change).collect());
-        // The largest single change lies at i, so that a step is found once and at its place.
-        let largest = around.map(change).fold(0.0, f64::max);
+        // The largest change over two windows lies at i, so that a step is found once and at its place: in the window
+        // that it divides, or else in the first one after it.
+        let pair = |k: usize| (self.rates[k + 1] - self.rates[k - 1]).abs();
+        let largest = around.map(pair).fold(0.0, f64::max);
+        let here = change(i) >= change(i + 1) || pair(i) > 1.1 * pair(i + 1);
         let at_once = (self.rates[i + 1] - self.rates[i - 1]) * jump.signum();
         let is_step = jump.abs() > limit.max(STEP_OF_CHANGES * usual)
             && at_once > STEP_AT_ONCE * jump.abs()
             && self.times_s[i + 1] - self.times_s[i - 1] < STEP_OF_TIME * time
-            && change(i) >= largest
+            && here
+            && pair(i) >= 0.9 * largest
             && !self.turns_at(i);
         is_step.then_some(jump)
     }
@@ -221,6 +225,19 @@ mod tests {
         let kept = keep_one_level(&series(bumped), 0.3);
         assert!(kept[..50].iter().chain(&kept[63..]).all(|k| *k), "{kept:?}");
         assert!(kept[51..62].iter().all(|k| !*k));
+    }
+
+    /// However a step divides the window in which it happens, it is found.
+    #[test]
+    fn a_step_within_a_window_is_found() {
+        for part in [0.0, 0.2, 0.35, 0.5, 0.65, 0.8, 1.0] {
+            let mut stepped = drift(100);
+            stepped[70] += part;
+            stepped[71..].iter_mut().for_each(|y| *y += 1.0);
+            let kept = keep_one_level(&series(stepped), 0.3);
+            assert!(kept[..70].iter().all(|k| *k), "{part}: {kept:?}");
+            assert!(kept[72..].iter().all(|k| !*k), "{part}: {kept:?}");
+        }
     }
 
     #[test]
