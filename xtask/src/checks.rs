@@ -58,17 +58,22 @@ pub(crate) fn example() -> Result<()> {
     sh(sagnac, &["verify", "target/unit.cal.json", &three, "--limits", "testdata/chamber/limits.toml"])
 }
 
-/// Links the core with a panic handler that does not exist; with a panic put in on purpose, the same
-/// link must fail.
+/// Links core and loops with a panic handler that does not exist; with a panic put in on purpose, the same
+/// links must fail.
 pub(crate) fn no_panic() -> Result<()> {
-    const ENTRY: &str = "sagnac_core_everything";
+    const ENTRIES: [(&str, &str); 2] =
+        [("sagnac-core", "sagnac_core_everything"), ("sagnac-loops", "sagnac_loops_everything")];
     let target = root().join("target/no-panic");
-    build_no_panic(&target, &["--features", "broken"])?;
     let library = target.join("release/libsagnac_no_panic.a");
-    ensure!(link(&library, ENTRY).is_err(), "a library with a panic path links; the check checks nothing");
+    build_no_panic(&target, &["--features", "broken"])?;
+    for (name, entry) in ENTRIES {
+        ensure!(link(&library, entry).is_err(), "{name} with a panic path links; the check checks nothing");
+    }
     build_no_panic(&target, &[])?;
-    link(&library, ENTRY).context("sagnac-core has a panic path")?;
-    println!("no-panic: sagnac-core links without a panic path, and does not with one");
+    for (name, entry) in ENTRIES {
+        link(&library, entry).with_context(|| format!("{name} has a panic path"))?;
+        println!("no-panic: {name} links without a panic path, and does not with one");
+    }
     Ok(())
 }
 

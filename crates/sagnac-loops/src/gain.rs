@@ -1,5 +1,11 @@
 //! A gain as the target holds it: mantissa and shift.
 
+/// A value held between limits; unlike `clamp` without a panic for limits in the wrong order.
+#[inline]
+pub(crate) fn within(value: i64, low: i64, high: i64) -> i64 {
+    value.max(low).min(high)
+}
+
 /// A gain of `mantissa · 2^-shift`, in actuator codes per unit of error.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Gain {

@@ -13,7 +13,7 @@
 use core::ops::{BitOr, BitOrAssign};
 
 use crate::MAX_CODE;
-use crate::gain::Gain;
+use crate::gain::{Gain, within};
 
 /// Status bits of the intensity loop. Zero: regulated, nothing to report.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -201,13 +201,13 @@ impl Intensity {
     fn control(&self, state: &mut IntensityState, error: i32) {
         let limits = (i64::from(self.least) << 32, i64::from(self.most) << 32);
         let proportional = self.kp.times(error);
-        let integral = (state.integral_q32 + self.ki.times(error)).clamp(limits.0, limits.1);
-        let wanted = (integral + proportional).clamp(limits.0, limits.1);
+        let integral = within(state.integral_q32 + self.ki.times(error), limits.0, limits.1);
+        let wanted = within(integral + proportional, limits.0, limits.1);
         let slew = i64::from(self.slew) << 32;
         let now = i64::from(state.current) << 32;
-        let given = wanted.clamp(now - slew, now + slew);
+        let given = within(wanted, now - slew, now + slew);
         // What the slew limit did not allow, the integrator does not keep.
-        state.integral_q32 = if given == wanted { integral } else { (given - proportional).clamp(limits.0, limits.1) };
+        state.integral_q32 = if given == wanted { integral } else { within(given - proportional, limits.0, limits.1) };
         state.current = ((given + (1 << 31)) >> 32) as i32;
     }
 

@@ -11,7 +11,8 @@
 //! ([`PathLengthConfig`], [`IntensityConfig`]; feature `design`), whose `build` checks it and finds the gains; an
 //! immutable table of integers ([`PathLength`], [`Intensity`]), which is what a target holds; and a state. A tick
 //! takes the table, the state and one converter code and gives one converter code and a status, in bounded time,
-//! without allocation, floating point, `unsafe` or a panic path (`cargo xtask no-panic`).
+//! without allocation, floating point, `unsafe` or a panic path (`cargo xtask no-panic`; the design is not part of that:
+//! libm and the printing of floats have panic paths).
 //!
 //! Codes are those of the converters: any width up to [`MAX_CODE`]. Signs: more path-length code is a longer path;
 //! more current code is more light.

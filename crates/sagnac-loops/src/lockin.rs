@@ -51,11 +51,12 @@ impl Reference {
             return None;
         }
         let mut sine_q15 = [0; MAX_TICKS_PER_PERIOD];
-        for k in 0..ticks / 2 {
-            let phase = core::f64::consts::TAU * k as f64 / ticks as f64;
-            let value = libm::round(f64::from(i16::MAX) * libm::sin(phase)) as i16;
-            sine_q15[k] = value;
-            sine_q15[k + ticks / 2] = -value;
+        let half = ticks / 2;
+        for (k, entry) in sine_q15.iter_mut().take(ticks).enumerate() {
+            // The second half is the first with its sign changed, to the bit.
+            let (sign, within) = if k < half { (1.0, k) } else { (-1.0, k - half) };
+            let phase = core::f64::consts::PI * within as f64 / half as f64;
+            *entry = (sign * libm::round(f64::from(i16::MAX) * libm::sin(phase))) as i16;
         }
         Some(Self { sine_q15, ticks: ticks as u8, delay: delay as u8 })
     }

@@ -25,7 +25,7 @@
 
 use core::ops::{BitOr, BitOrAssign};
 
-use crate::gain::Gain;
+use crate::gain::{Gain, within};
 use crate::lockin::{Detector, Reference, Sums};
 
 /// Status bits of the path-length loop. Zero: locked, nothing to report.
@@ -260,7 +260,7 @@ impl PathLength {
         if matches!(next, PathLengthPhase::Closing { .. } | PathLengthPhase::Locked { .. }) {
             self.control(state, error);
         } else {
-            state.integral_q32 = state.integral_q32.clamp(q32(self.low), q32(self.high));
+            state.integral_q32 = within(state.integral_q32, q32(self.low), q32(self.high));
             state.held = codes(state.integral_q32);
         }
         if matches!(state.phase, PathLengthPhase::Locked { .. }) && self.lost(next) {
@@ -277,8 +277,8 @@ impl PathLength {
     /// kp and the integrator, which stops at the limits: what is beyond them is not wound up.
     fn control(&self, state: &mut PathLengthState, error: i32) {
         let limits = (q32(self.low), q32(self.high));
-        state.integral_q32 = (state.integral_q32 + self.ki.times(error)).clamp(limits.0, limits.1);
-        let output = (state.integral_q32 + self.kp.times(error)).clamp(limits.0, limits.1);
+        state.integral_q32 = within(state.integral_q32 + self.ki.times(error), limits.0, limits.1);
+        let output = within(state.integral_q32 + self.kp.times(error), limits.0, limits.1);
         state.held = codes(output);
     }
 
@@ -302,7 +302,7 @@ impl PathLength {
             Resetting { to_q32 } => {
                 let step = q32(self.reset_step);
                 let way = to_q32 - state.integral_q32;
-                state.integral_q32 += way.clamp(-step, step);
+                state.integral_q32 += within(way, -step, step);
                 if way == 0 { Settling { left: self.settle_periods } } else { Resetting { to_q32 } }
             }
         }
@@ -339,7 +339,7 @@ impl PathLength {
         let nearest = (away.abs() + self.wavelength / 2).checked_div(self.wavelength).unwrap_or(1).max(1);
         let waves = if away > 0 { -nearest } else { nearest };
         let to = i64::from(at) + i64::from(waves) * i64::from(self.wavelength);
-        let to_q32 = (to << 32).clamp(q32(self.low), q32(self.high));
+        let to_q32 = within(to << 32, q32(self.low), q32(self.high));
         state.modes = state.modes.saturating_add(waves);
         PathLengthPhase::Resetting { to_q32 }
     }

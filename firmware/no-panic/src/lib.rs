@@ -1,4 +1,4 @@
-//! A link check: every public function of `sagnac-core` is called from here, and the panic handler
+//! A link check: every public function of `sagnac-core` and `sagnac-loops` is called from here, and the panic handler
 //! calls a symbol that nothing defines. As long as one panic path remains, the library does not link.
 //!
 //! `cargo xtask no-panic` builds and links it.
@@ -9,15 +9,16 @@ use core::hint::black_box;
 use core::panic::PanicInfo;
 
 use sagnac_core::{Compensator, Description, Image, MAX_IMAGE_LEN, State, Status};
+use sagnac_loops::{Intensity, Multiplier, PathLength, Quadrature, QuadratureState, Stripper};
 
 unsafe extern "C" {
-    fn sagnac_core_has_a_panic_path() -> !;
+    fn sagnac_has_a_panic_path() -> !;
 }
 
 #[panic_handler]
 fn panic(_: &PanicInfo<'_>) -> ! {
     // SAFETY: never runs; if this call is kept, the link fails, which is the point.
-    unsafe { sagnac_core_has_a_panic_path() }
+    unsafe { sagnac_has_a_panic_path() }
 }
 
 /// Takes what is formatted and keeps nothing.
@@ -68,4 +69,23 @@ pub extern "C" fn sagnac_core_everything(raw: i32, ticks: u32, code: i32) -> i32
     #[cfg(feature = "broken")]
     assert!(raw != 12_345, "a panic path on purpose");
     tick ^ many ^ i32::from((status | Status::HELD | state.status()).bits()) ^ (state.remainder() as i32)
+}
+
+/// The same for the loops, whose tables come from the host.
+#[unsafe(no_mangle)]
+pub extern "C" fn sagnac_loops_everything(code: i32, path: &PathLength, light: &Intensity) -> i32 {
+    let (mut held, mut lit) = (path.start(), light.start());
+    let out = path.tick(black_box(&mut held), code);
+    let current = light.tick(black_box(&mut lit), code, code & 1 == 0);
+    black_box((held.phase(), held.error(), held.held(), held.modes(), lit.phase()));
+    black_box((path.ticks_per_period(), light.ticks_per_update(), out.status.bits(), current.status.bits()));
+    let counter = Quadrature { multiplier: black_box(Multiplier::X2) };
+    let mut state = black_box(QuadratureState::default());
+    let count = counter.take(&mut state, code & 2 == 0, code & 4 == 0);
+    let mut stripper = black_box(Stripper::new(50));
+    let stripped = stripper.take(count, code).map_or(0, |out| out.counts);
+    black_box(stripper.pending());
+    #[cfg(feature = "broken")]
+    assert!(code != 12_345, "a panic path on purpose");
+    out.actuator ^ out.modulation ^ current.current ^ stripped as i32
 }
