@@ -21,6 +21,9 @@ const UNNOTICED: [(&str, &str); 5] = [
     ("triangle-28cm-dithered", "clock_drift"),
 ];
 
+/// Scenario and fault of what nothing named.
+type Unnoticed = Vec<(&'static str, &'static str)>;
+
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
 }
@@ -83,12 +86,12 @@ the fault, with their number. **Not noticed** means that the log looks like a go
 #[test]
 fn every_fault_in_every_scenario() {
     let folder = tempfile::tempdir().unwrap();
-    let tables: Vec<(String, Vec<(&str, &str)>)> = std::thread::scope(|scope| {
+    let tables: Vec<(String, Unnoticed)> = std::thread::scope(|scope| {
         let folder = folder.path();
         let threads = READY.map(|scenario| scope.spawn(move || of_scenario(folder, scenario)));
         threads.map(|thread| thread.join().unwrap()).into()
     });
-    let (parts, unnoticed): (Vec<String>, Vec<Vec<(&str, &str)>>) = tables.into_iter().unzip();
+    let (parts, unnoticed): (Vec<String>, Vec<Unnoticed>) = tables.into_iter().unzip();
     let table = String::from(HEAD) + &parts.concat();
     let path = root().join("docs/faults.md");
     if std::env::var_os("SAGNAC_WRITE_DOCS").is_some() {
@@ -98,7 +101,7 @@ fn every_fault_in_every_scenario() {
     assert_eq!(unnoticed.concat(), UNNOTICED);
 }
 
-fn of_scenario(folder: &Path, scenario: &'static str) -> (String, Vec<(&'static str, &'static str)>) {
+fn of_scenario(folder: &Path, scenario: &'static str) -> (String, Unnoticed) {
     let clean = seen(folder, scenario, None);
     assert!(!clean.refused, "{scenario} without a fault: {}", clean.calibrate);
     let (mut table, mut unnoticed) = (String::new(), Vec::new());

@@ -259,11 +259,20 @@ impl GyroRun {
         let rate = self.rate_dph();
         if self.active(FaultKind::PumpFailure) {
             0.0
-        } else if !self.dithered || self.active(FaultKind::DitherFailure) {
+        } else if self.undithered() {
             adler_mean_dph(rate, self.lock_in_dph)
         } else {
             rate
         }
+    }
+
+    fn undithered(&self) -> bool {
+        !self.dithered || self.active(FaultKind::DitherFailure)
+    }
+
+    /// Nothing gets through: no light, or locked without dither.
+    fn silent(&self) -> bool {
+        self.active(FaultKind::PumpFailure) || (self.undithered() && self.rate_dph().abs() <= self.lock_in_dph)
     }
 
     /// Runs to the end, row by row.
@@ -381,11 +390,15 @@ impl GyroRun {
     }
 
     fn noise(&mut self, root_s: f64) -> f64 {
-        if self.walk_arcsec_rt_s > 0.0 && !self.active(FaultKind::PumpFailure) {
-            self.walk_arcsec_rt_s * root_s * normal(&mut self.walk_rng)
-        } else {
-            0.0
-        }
+        let noise =
+            if self.walk_arcsec_rt_s > 0.0 { self.walk_arcsec_rt_s * root_s * normal(&mut self.walk_rng) } else { 0.0 };
+        // At the beat level the light itself decides what gets through.
+        if self.beat.is_none() && self.broken_or_still() && self.silent() { 0.0 } else { noise }
+    }
+
+    /// Something may keep noise out: a fault, or no dither.
+    fn broken_or_still(&self) -> bool {
+        !self.dithered || !self.scenario.fault.is_empty()
     }
 
     fn has_clock(&self) -> bool {

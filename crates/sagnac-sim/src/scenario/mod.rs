@@ -237,7 +237,7 @@ impl Scenario {
         if self.run.fidelity == Fidelity::Count {
             return Ok(());
         }
-        const MOST_FRINGES_PER_TICK: f64 = 1000.0;
+        const MOST_FRINGES_PER_TICK: f64 = 500.0;
         let table = self.input.table.iter().map(|leg| leg.rate_dps.abs() * 3600.0).fold(0.0, f64::max);
         let swing = std::f64::consts::TAU * self.dither.frequency_hz * self.dither.amplitude_arcsec;
         let rate = self.input_dph().abs() + table + swing;

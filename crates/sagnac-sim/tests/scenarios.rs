@@ -1,0 +1,252 @@
+//! Scenario files: refused by name before a run starts; the same bytes each time; the manual.
+
+mod gyros;
+
+use std::fmt::Write as _;
+use std::io::Write as _;
+use std::path::Path;
+
+use gyros::{READY, ready};
+use sagnac_sim::Scenario;
+use sagnac_sim::fault::{Fault, FaultKind};
+use sagnac_sim::gyro::{GyroRun, SOURCES};
+use sagnac_sim::log::{LogText, truth_header, write_truth};
+use sagnac_sim::scenario::manual;
+use sagnac_sim::scenario::tables::{Fidelity, LegTable};
+
+const LEAST: &str = "
+[geometry]
+perimeter_m = 0.28
+[[thermometer]]
+[chamber]
+leg = [{ soak_s = 100 }]
+";
+
+fn refusal(text: &str) -> String {
+    Scenario::from_toml(text).unwrap_err().to_string()
+}
+
+#[test]
+fn little_is_needed() {
+    let scenario = Scenario::from_toml(LEAST).unwrap();
+    assert_eq!(GyroRun::new(&scenario, 1).unwrap().length_s(), 100.0);
+}
+
+#[test]
+fn bad_scenarios_are_refused_by_name() {
+    for (from, to, words) in [
+        ("perimeter_m = 0.28", "perimeter_m = -0.28", "`geometry.perimeter_m` is -0.28; it can be 0.02 to 20 m"),
+        ("perimeter_m = 0.28", "", "`geometry.perimeter_m` must be given"),
+        ("perimeter_m = 0.28", "perimeter_m = nan", "`geometry.perimeter_m` must be given"),
+        ("perimeter_m = 0.28", "perimeter_m = 0.28\nlength_m = 1.0", "unknown field `length_m`"),
+        ("[geometry]", "[geometri]", "unknown field `geometri`"),
+        ("[[thermometer]]", "", "`thermometer` is missing"),
+        ("[[thermometer]]", "[[thermometer]]\n[[thermometer]]", "`thermometer[1].name` is `` again"),
+        ("[[thermometer]]", "[[thermometer]]\nname = \"A b\"", "small letters, digits and _"),
+        ("{ soak_s = 100 }", "", "`chamber.leg` is missing"),
+        ("{ soak_s = 100 }", "{ soak_s = 0 }", "`chamber.leg[0]` soaks for 0 s"),
+        ("{ soak_s = 100 }", "{ soak_h = 1 }", "a leg is { soak_s = … } or { to_c = …, rate_cpm = … }"),
+        ("{ soak_s = 100 }", "{ to_c = 900, rate_cpm = 1 }", "ramps to 900 °C"),
+        ("{ soak_s = 100 }", "{ to_c = 70, rate_cpm = 0 }", "at 0 °C/min"),
+        ("[geometry]", "[run]\ninterval_s = 0.3\n[geometry]", "`run.interval_s` is 0.3; it can be whole seconds"),
+        ("[geometry]", "[run]\ninterval_s = 500.0\n[geometry]", "`chamber` lasts 100 s: less than a row"),
+        (
+            "[geometry]",
+            "[run]\nfidelity = \"beat\"\n[input]\nrate_dph = 3.6e6\n[dither]\nfrequency_hz = 2000.0\namplitude_arcsec = 1000.0\n[geometry]",
+            "fringes in a tick of 100 µs, 500 can be followed",
+        ),
+        ("[geometry]", "[path_length]\nrange_low = 50.0\nrange_high = 40.0\n[geometry]", "not above range_low"),
+        ("[geometry]", "[path_length]\nrange_low = -40.0\nrange_high = 40.0\n[geometry]", "reset_margin_waves is 0.3"),
+        (
+            "[geometry]",
+            "[path_length]\nbandwidth_hz = 120.0\nrising_lag_s = 1.0\nfalling_lag_s = 1.0\n[geometry]",
+            "is not to be had at this bandwidth",
+        ),
+        ("[geometry]", "[intensity]\nnominal_ma = 5.0\n[geometry]", "`intensity.nominal_ma` is 5, not between"),
+        (
+            "[geometry]",
+            "[[fault]]\nkind = \"stuck_thermometer\"\nfor_s = 1.0\n[geometry]",
+            "`fault[0].at_s` must be given",
+        ),
+    ] {
+        let text = LEAST.replacen(from, to, 1);
+        let said = refusal(&text);
+        assert!(said.contains(words), "{to:?}: {said}");
+    }
+    assert!(refusal("[geometry\n").contains("TOML parse error at line 1"));
+}
+
+/// The log and the truth of the first rows.
+fn bytes(scenario: &Scenario, seed: u64, rows: usize) -> (Vec<u8>, Vec<u8>) {
+    let mut text = LogText::new(scenario);
+    let (mut log, mut truth) = (text.header_line().into_bytes(), truth_header().into_bytes());
+    let mut n = 0;
+    let _ = GyroRun::new(scenario, seed).unwrap().each_row(|row, second| {
+        log.write_all(text.line(row, second)).unwrap();
+        write_truth(&mut truth, row, second).unwrap();
+        n += 1;
+        if n < rows { Ok(()) } else { Err(()) }
+    });
+    (log, truth)
+}
+
+#[test]
+fn the_same_seed_gives_the_same_bytes_on_any_number_of_threads() {
+    for name in READY {
+        let scenario = ready(name);
+        let alone = bytes(&scenario, 7, 2000);
+        let together: Vec<_> = std::thread::scope(|scope| {
+            let threads: Vec<_> = (0..3).map(|_| scope.spawn(|| bytes(&scenario, 7, 2000))).collect();
+            threads.into_iter().map(|thread| thread.join().unwrap()).collect()
+        });
+        assert!(together.iter().all(|other| *other == alone), "{name}");
+        assert_ne!(bytes(&scenario, 8, 2000).0, alone.0, "{name}");
+    }
+}
+
+/// What the first bytes were when this was written, so that another machine, compiler or version of a crate that
+/// changes them is noticed (FNV-1a of log and truth; made by this very test).
+#[test]
+fn the_bytes_are_those_of_every_machine() {
+    let sums: Vec<u64> = READY
+        .iter()
+        .map(|name| {
+            let (log, truth) = bytes(&ready(name), 1, 3000);
+            log.iter()
+                .chain(&truth)
+                .fold(0xcbf2_9ce4_8422_2325, |h: u64, b| (h ^ u64::from(*b)).wrapping_mul(0x100_0000_01b3))
+        })
+        .collect();
+    let text: Vec<String> = READY.iter().zip(&sums).map(|(name, sum)| format!("{name} {sum:016x}\n")).collect();
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/first_bytes.txt");
+    if std::env::var_os("SAGNAC_WRITE_DOCS").is_some() {
+        std::fs::write(&path, text.concat()).unwrap();
+    }
+    assert_eq!(std::fs::read_to_string(path).unwrap(), text.concat());
+}
+
+/// Truth is never in the log, and every source has its column.
+#[test]
+fn the_log_holds_no_truth() {
+    let scenario = ready("triangle-28cm-dithered");
+    let header = LogText::new(&scenario).header_line();
+    assert_eq!(header, "time_s,counts,valid,temperature_c,temperature_c_anode,aux_path_length_v,aux_light\n");
+    for source in SOURCES {
+        assert!(truth_header().contains(&format!(",{source}_dph,")), "{source}");
+    }
+}
+
+/// A source that is switched off changes nothing of the others' random numbers.
+#[test]
+fn sources_are_apart() {
+    let (mut with, mut without) = (ready("triangle-28cm-dithered"), ready("triangle-28cm-dithered"));
+    with.thermometer[0].noise_c = 0.1;
+    without.noise.bias_instability_dph = 0.0;
+    without.thermometer[0].noise_c = 0.0;
+    let walks = |scenario: &Scenario| {
+        let mut noise = Vec::new();
+        let _ = GyroRun::new(scenario, 1).unwrap().each_row(|row, _| {
+            noise.push(row.noise_arcsec);
+            if noise.len() < 100 { Ok(()) } else { Err(()) }
+        });
+        noise
+    };
+    assert_eq!(walks(&with), walks(&without));
+}
+
+/// Each fault does what it says, and nothing before its time.
+#[test]
+fn faults_break_what_they_say() {
+    let mut base = ready("triangle-28cm-dithered");
+    base.chamber.leg = vec![LegTable::Soak { soak_s: 600.0 }, LegTable::Ramp { to_c: 70.0, rate_cpm: 5.0 }];
+    base.chamber.cycles = 1.0;
+    let rows = |fault: Option<Fault>| {
+        let mut scenario = base.clone();
+        scenario.fault.extend(fault);
+        let mut out = Vec::new();
+        GyroRun::new(&scenario, 1)
+            .unwrap()
+            .each_row(|row, second| {
+                out.push((row.time_ns / 1_000_000_000, row.counts, row.valid, second.readings_c[0]));
+                Ok::<(), ()>(())
+            })
+            .unwrap();
+        out
+    };
+    let clean = rows(None);
+    for (kind, name) in FaultKind::ALL {
+        let fault = Fault { kind, at_s: 700.0, for_s: 600.0, size: 0.0, sensor: 0.0 };
+        let broken = rows(Some(fault));
+        assert_eq!(broken[..700], clean[..700], "{name} before its time");
+        let during = |rows: &[(i64, i64, bool, f64)]| -> Vec<(i64, i64, bool, f64)> {
+            rows.iter().copied().filter(|row| (701..=1300).contains(&row.0)).collect()
+        };
+        let (was, is) = (during(&clean), during(&broken));
+        let flagged = is.iter().filter(|row| !row.2).count();
+        let counts = |rows: &[(i64, i64, bool, f64)]| rows.iter().map(|row| row.1).sum::<i64>();
+        match kind {
+            FaultKind::StuckThermometer => assert!(is.iter().all(|row| row.3 == is[0].3)),
+            FaultKind::DriftingThermometer => assert!((is[599].3 - was[599].3 - 10.0 / 6.0).abs() < 0.1),
+            FaultKind::DroppedSamples => assert!((350..490).contains(&is.len())),
+            FaultKind::LockLoss => assert_eq!(flagged, 600),
+            FaultKind::DitherFailure => assert_eq!(counts(&is), 0, "inside the dead band"),
+            FaultKind::PumpFailure => assert!(flagged == 600 && counts(&is) == 0),
+            FaultKind::ModeResetStorm => assert!((25..40).contains(&flagged), "{flagged}"),
+            FaultKind::SaturatedCounter => assert!(is.iter().all(|row| row.1 <= 7) && counts(&is) < counts(&was)),
+            FaultKind::ClockDrift => assert!(is.len() < was.len()),
+        }
+    }
+}
+
+/// The beat level answers to the same scenario: without dither, inside the dead band, nothing is counted.
+#[test]
+fn a_failed_dither_locks_the_beat_too() {
+    let mut scenario = ready("square-28cm");
+    scenario.run.fidelity = Fidelity::Beat;
+    scenario.chamber.leg = vec![LegTable::Soak { soak_s: 30.0 }];
+    scenario.fault = vec![Fault { kind: FaultKind::DitherFailure, at_s: 10.0, for_s: 10.0, size: 0.0, sensor: 0.0 }];
+    let mut counts = Vec::new();
+    GyroRun::new(&scenario, 1)
+        .unwrap()
+        .each_row(|row, _| {
+            counts.push(row.counts);
+            Ok::<(), ()>(())
+        })
+        .unwrap();
+    let sum = |rows: &[i64]| rows.iter().sum::<i64>();
+    // 22.8 counts a second; the first second of the fault still gives out what the stripper held.
+    assert!((sum(&counts[..10]) - 228).abs() < 8, "{counts:?}");
+    assert_eq!(sum(&counts[11..20]), 0, "{counts:?}");
+    assert!((sum(&counts[21..]) - 205).abs() < 8, "{counts:?}");
+}
+
+const HEAD: &str = "# Keys of a scenario
+
+Made by `SAGNAC_WRITE_DOCS=1 cargo test -p sagnac-sim --test scenarios`, which also holds it. Unknown keys are refused, and so are
+values outside their range, before a run starts. Sources: [S] public sources and [M] general knowledge of the field that was not
+verified, as the project's domain notes mark them; [D] a choice of this simulator. A key without a default must be given.
+`name`, `description` and `seed` stand before the first table. `[[thermometer]]` and `[[fault]]` are lists.
+";
+
+#[test]
+fn the_manual_lists_every_key() {
+    let mut text = String::from(HEAD);
+    for table in manual() {
+        let list = if ["thermometer", "fault"].contains(&table.path) { "[[" } else { "[" };
+        let end = if list == "[[" { "]]" } else { "]" };
+        write!(text, "\n## {list}{}{end}\n\n{}\n\n", table.path, table.about.trim()).unwrap();
+        text += "| key | | range | unit | default | source |\n|---|---|---|---|---|---|\n";
+        for key in table.keys {
+            let range = key.range.map_or_else(|| key.words.to_owned(), |(lo, hi)| format!("{lo} … {hi}"));
+            let default = key.default.map_or_else(String::new, |value| value.to_string());
+            let about = key.text.trim();
+            writeln!(text, "| `{}` | {about} | {range} | {} | {default} | {} |", key.name, key.unit, key.source)
+                .unwrap();
+        }
+    }
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/scenario.md");
+    if std::env::var_os("SAGNAC_WRITE_DOCS").is_some() {
+        std::fs::write(&path, &text).unwrap();
+    }
+    assert_eq!(std::fs::read_to_string(path).unwrap(), text, "docs/scenario.md is not what the program has");
+}
