@@ -20,7 +20,7 @@ cargo xtask deny       licences, bans and sources of the dependencies (installs 
 cargo xtask testdata   make the logs in testdata/ anew
 cargo xtask bench      time and memory beside the peers, to docs/performance.md (10 minutes, 4 GB in target/bench; needs python3-venv)
 cargo xtask fuzz       a million executions of every fuzz target, or of those named (installs cargo-fuzz if missing)
-cargo xtask pictures   make the pictures of the README and of docs/worked-example.md anew (needs chromium)
+cargo xtask pictures   make the pictures of the README and of docs/ anew (needs chromium)
 cargo xtask errors     make docs/errors.md anew
 cargo xtask cli        make docs/cli.md anew
 cargo xtask schema     make docs/calibration.schema.json anew

@@ -1,4 +1,4 @@
-//! The pictures of the README and of docs/worked-example.md: figures of reports, drawn by Chromium.
+//! The pictures of the README, of docs/worked-example.md and docs/simulator.md: figures of reports, drawn by Chromium.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -35,11 +35,33 @@ pub(crate) fn pictures() -> Result<()> {
     fs::create_dir_all(&folder)?;
     let page = fs::read_to_string(&sweep)?;
     for (id, file) in FIGURES {
-        let alone = work.join(format!("{id}.html"));
-        fs::write(&alone, format!("<style>body{{margin:0}}svg{{display:block}}</style>{}", drawing(&page, id)?))?;
-        shoot(&alone, SIZE, &folder.join(file))?;
+        picture(&work, &page, id, &folder.join(file))?;
+    }
+    loops(&work)
+}
+
+/// The mirror of docs/simulator.md: a loop that holds, and one that is too slow.
+fn loops(work: &Path) -> Result<()> {
+    let text = fs::read_to_string(root().join("scenarios/loop-design/loop-design.toml"))?;
+    let slow = text.replace("bandwidth_hz = 20.0", "bandwidth_hz = 1.0");
+    ensure!(slow != text, "the scenario has another bandwidth");
+    let folder = root().join("docs/simulator");
+    fs::create_dir_all(&folder)?;
+    for (name, text) in [("held", &text), ("broken", &slow)] {
+        let (scenario, report) = (work.join(format!("{name}.toml")), work.join(format!("{name}.html")));
+        fs::write(&scenario, text)?;
+        let (scenario, report) = (scenario.display().to_string(), report.display().to_string());
+        sh("target/release/sagnac", &["simulate", &scenario, "--report", &report])?;
+        picture(work, &fs::read_to_string(&report)?, "actuator", &folder.join(format!("{name}.png")))?;
     }
     Ok(())
+}
+
+/// One figure of a page as a picture.
+fn picture(work: &Path, page: &str, id: &str, file: &Path) -> Result<()> {
+    let alone = work.join(format!("{id}.html"));
+    fs::write(&alone, format!("<style>body{{margin:0}}svg{{display:block}}</style>{}", drawing(page, id)?))?;
+    shoot(&alone, SIZE, file)
 }
 
 /// The drawing for paper of one figure.

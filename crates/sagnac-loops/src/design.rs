@@ -70,6 +70,11 @@ pub enum DesignError {
         /// What a proportional controller would have there.
         possible_deg: f64,
     },
+    /// A range in which no mode reset can be made.
+    ShortRange {
+        /// What it holds besides the modulation, wavelengths.
+        waves: f64,
+    },
     /// A gain that the target's mantissa and shift cannot hold.
     Gain {
         /// Which one.
@@ -88,6 +93,10 @@ impl fmt::Display for DesignError {
             Self::Margin { wanted_deg, possible_deg } => write!(
                 f,
                 "a phase margin of {wanted_deg}° is not to be had at this bandwidth: delay and lag leave {possible_deg:.1}° without an integrator; ask for less bandwidth"
+            ),
+            Self::ShortRange { waves } => write!(
+                f,
+                "the actuator's range holds {waves:.2} wavelengths; a mode reset needs one, twice the margin of a reset, and 0.04"
             ),
             Self::Gain { name, value } => write!(
                 f,

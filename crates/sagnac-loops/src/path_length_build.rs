@@ -135,8 +135,11 @@ impl PathLengthConfig {
         let room = if self.modulated_apart { 0.0 } else { modulation };
         let (low, high) = (self.range[0] * self.codes_per_unit + room, self.range[1] * self.codes_per_unit - room);
         let room = (high - low) / wavelength;
+        within("reset_margin_waves", self.reset_margin_waves, 0.0, 1e3)?;
         // After a reset the path is within half a wavelength of the middle, and that must lie between the limits.
-        within("reset_margin_waves", self.reset_margin_waves, 0.0, (room - 1.0) / 2.0 - 0.02)?;
+        if room < 1.04 + 2.0 * self.reset_margin_waves {
+            return Err(DesignError::ShortRange { waves: room });
+        }
         within("reset_s", self.reset_s, 0.0, 1e4)?;
         within("settle_s", self.settle_s, 0.0, 1e4)?;
         within("sweep_s", self.sweep_s, 0.0, 1e4)?;

@@ -56,7 +56,7 @@ fn bad_scenarios_are_refused_by_name() {
             "fringes in a tick of 100 µs, 500 can be followed",
         ),
         ("[geometry]", "[path_length]\nrange_low = 50.0\nrange_high = 40.0\n[geometry]", "not above range_low"),
-        ("[geometry]", "[path_length]\nrange_low = -40.0\nrange_high = 40.0\n[geometry]", "reset_margin_waves is 0.3"),
+        ("[geometry]", "[path_length]\nrange_low = -40.0\nrange_high = 40.0\n[geometry]", "holds 0.92 wavelengths"),
         (
             "[geometry]",
             "[path_length]\nbandwidth_hz = 120.0\nrising_lag_s = 1.0\nfalling_lag_s = 1.0\n[geometry]",
@@ -73,7 +73,8 @@ fn bad_scenarios_are_refused_by_name() {
         let said = refusal(&text);
         assert!(said.contains(words), "{to:?}: {said}");
     }
-    assert!(refusal("[geometry\n").contains("TOML parse error at line 1"));
+    let torn = Scenario::from_toml("seed = 3\n[geometry\n").unwrap_err();
+    assert_eq!(torn.line, Some(2), "{torn}");
 }
 
 /// The log and the truth of the first rows.
@@ -249,4 +250,21 @@ fn the_manual_lists_every_key() {
         std::fs::write(&path, &text).unwrap();
     }
     assert_eq!(std::fs::read_to_string(path).unwrap(), text, "docs/scenario.md is not what the program has");
+}
+
+/// Every scenario of the project is one that runs, and its bench.toml has its scale factor.
+#[test]
+fn every_scenario_of_the_project_is_good() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios");
+    let mut seen = 0;
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        let name = path.file_name().unwrap().to_string_lossy().into_owned();
+        let scenario = ready(&name);
+        assert_eq!(scenario.name, name);
+        let bench = std::fs::read_to_string(path.join("bench.toml")).unwrap();
+        assert!(bench.contains(&format!("arcsec_per_count = {}\n", scenario.arcsec_per_count())), "{name}: bench.toml");
+        seen += 1;
+    }
+    assert_eq!(seen, 5);
 }

@@ -9,6 +9,7 @@
 mod logs;
 mod plot;
 mod process;
+mod simulator;
 
 use std::fmt::Write as _;
 use std::fs;
@@ -63,6 +64,7 @@ pub(crate) fn bench() -> Result<()> {
     bench.lengths(&mut page)?;
     bench.ticks(&mut page)?;
     bench.verification(&mut page)?;
+    simulator::measure(&bench, &mut page)?;
     fs::write(root().join("docs/performance.md"), &page)?;
     println!("{page}\nwrote docs/performance.md");
     Ok(())

@@ -96,6 +96,7 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
 fn refused(path: &Path, problem: &Problem) -> Error {
     let error = Error::input(problem.what.clone()).file(path.display().to_string());
     let error = if problem.key.is_empty() { error } else { error.column(problem.key.clone()) };
+    let error = problem.line.map_or(error.clone(), |line| error.line(line));
     error.help("docs/scenario.md lists every key with its unit and range")
 }
 

@@ -217,6 +217,7 @@ pub(crate) fn cases() -> Vec<Case> {
     all.extend(values_of_logs());
     all.extend(binary_logs());
     all.extend(setups());
+    all.extend(scenarios());
     all.extend(models_and_data());
     all.extend(files());
     all.extend(records());
@@ -337,6 +338,8 @@ fn binary_logs() -> Vec<Case> {
     vec![
         on("truncated Parquet", cut(parquet(&batch()), 0.5)),
         on("Parquet of noise", [b"PAR1".to_vec(), noise(3000), b"PAR1".to_vec()].concat()),
+        // Found by fuzzing: a page header that announces a list of some 10^9 elements beyond the end of the file.
+        on("Parquet with a list that never ends", include_bytes!("found/endless-list.parquet").to_vec()),
         on("Parquet column of another kind", parquet(&wrong_type)).place("counts"),
         on("Parquet without counts", parquet(&no_counts)),
         on("truncated Arrow file", cut(arrow_file(), 0.5)),
@@ -356,6 +359,34 @@ fn binary_logs() -> Vec<Case> {
         on("ULog without a gyro", ulog(&[(b'F', flat), (b'A', b"\0\x05\0sensor_baro"), (b'D', &[5; 14])]))
             .place("sensor_gyro"),
         on("ULog of noise", [ulog(&[]), noise(4000)].concat()),
+    ]
+}
+
+fn scenarios() -> Vec<Case> {
+    const LEAST: &str = "[geometry]\nperimeter_m = 0.28\n[[thermometer]]\n[chamber]\nleg = [{ soak_s = 100 }]\n";
+    let run = "simulate gyro.toml -o out.json";
+    let with = |name, from: &str, to: &str| case(name, run).file("gyro.toml", LEAST.replacen(from, to, 1));
+    let good = |name, args| case(name, args).file("gyro.toml", LEAST);
+    vec![
+        with("scenario with a negative length", "0.28", "-0.28").place("geometry.perimeter_m"),
+        with("scenario with an unknown key", "perimeter_m", "perimeter_mm").place("gyro.toml"),
+        with("scenario with a profile no chamber reaches", "soak_s = 100", "to_c = 900, rate_cpm = 1").place("leg[0]"),
+        with("scenario with a ramp that never ends", "soak_s = 100", "to_c = 50, rate_cpm = 0").place("leg[0]"),
+        with("scenario with rows of no whole tick", "[geometry]", "[run]\ninterval_s = 0.00015\n[geometry]")
+            .place("run.interval_s"),
+        with(
+            "scenario with a beat too fast for its step",
+            "[geometry]",
+            "[run]\nfidelity = \"beat\"\n[input]\nrate_dph = 3.6e6\n[dither]\nfrequency_hz = 2000\namplitude_arcsec = 1000\n[geometry]",
+        )
+        .place("run.fidelity"),
+        with("scenario whose mirror cannot move by a wavelength", "[geometry]", "[path_length]\nrange_low = -40\nrange_high = 40\n[geometry]")
+            .place("path_length"),
+        case("scenario that is binary", run).file("gyro.toml", vec![0xff, 0xfe, 0x00]).place("gyro.toml"),
+        case("scenario that is not there", run).place("gyro.toml"),
+        good("fault that is not known", "simulate gyro.toml --fault meteor -o out.json").place("meteor"),
+        good("fault without its length", "simulate gyro.toml --fault lock_loss@5 -o out.json").place("lock_loss@5"),
+        good("sweep of the loops with a log", "simulate gyro.toml --bode -o out.json").place("--bode"),
     ]
 }
 

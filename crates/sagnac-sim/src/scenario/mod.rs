@@ -26,6 +26,8 @@ pub struct Problem {
     pub key: String,
     /// What is wrong and what can be done.
     pub what: String,
+    /// Line of the file, where one is to blame.
+    pub line: Option<u64>,
 }
 
 impl std::fmt::Display for Problem {
@@ -37,7 +39,7 @@ impl std::fmt::Display for Problem {
 impl std::error::Error for Problem {}
 
 pub(crate) fn problem(key: &str, what: impl Into<String>) -> Problem {
-    Problem { key: key.to_owned(), what: what.into() }
+    Problem { key: key.to_owned(), what: what.into(), line: None }
 }
 
 /// Earth's rate against the stars, °/h (IERS, WGS 84: 7.292115e-5 rad/s).
@@ -147,7 +149,10 @@ impl Scenario {
     /// # Errors
     /// What is no TOML, an unknown key, a value out of range, a profile that cannot be; named.
     pub fn from_toml(text: &str) -> Result<Self, Problem> {
-        let scenario: Self = toml::from_str(text).map_err(|e| problem("", e.to_string().trim_end()))?;
+        let scenario: Self = toml::from_str(text).map_err(|e| {
+            let line = e.span().and_then(|span| text.get(..span.start)).map(|before| 1 + before.matches('\n').count());
+            Problem { line: line.map(|line| line as u64), ..problem("", e.message().trim_end()) }
+        })?;
         scenario.check()?;
         Ok(scenario)
     }

@@ -28,6 +28,7 @@ use crate::error::{Error, Result};
 use crate::ingest::Pace;
 use crate::ingest::header::Layout;
 use crate::ingest::number::{parse_flag, parse_time_ns, parse_value, time_ns_of};
+use crate::ingest::parquet_file::ParquetFile;
 use crate::ingest::pieces::TableFeed;
 use crate::ingest::raw::{BAD_TEMPERATURE, Faults, NO_TIME, RawRows};
 use crate::ingest::source::{Format, Source};
@@ -77,8 +78,9 @@ pub(crate) fn open(source: Source) -> Result<Columnar> {
     };
     let schema = match format {
         Format::Parquet => {
-            let builder =
-                guarded(|| ParquetRecordBatchReaderBuilder::try_new(clone_of(&file)?).map_err(parquet_broken))?;
+            let builder = guarded(|| {
+                ParquetRecordBatchReaderBuilder::try_new(ParquetFile(clone_of(&file)?)).map_err(parquet_broken)
+            })?;
             builder.schema().clone()
         }
         _ => {
@@ -218,8 +220,8 @@ impl Columnar {
         let wanted: Vec<usize> = if keep_fields { (0..layout.headers.len()).collect() } else { layout.columns_read() };
         let batches: Batches = match self.format {
             Format::Parquet => guarded(|| {
-                let builder =
-                    ParquetRecordBatchReaderBuilder::try_new(clone_of(&self.file)?).map_err(parquet_broken)?;
+                let builder = ParquetRecordBatchReaderBuilder::try_new(ParquetFile(clone_of(&self.file)?))
+                    .map_err(parquet_broken)?;
                 let mask = ProjectionMask::roots(builder.parquet_schema(), wanted.iter().copied());
                 let reader = builder.with_projection(mask).with_batch_size(BATCH_ROWS).build();
                 Ok(Box::new(reader.map_err(parquet_broken)?) as Batches)

@@ -13,6 +13,8 @@ mod cells;
 mod columnar;
 pub mod header;
 mod number;
+#[cfg(feature = "parquet")]
+mod parquet_file;
 mod pieces;
 mod raw;
 mod reason;
@@ -31,6 +33,8 @@ use crate::ingest::align::Aligner;
 use crate::ingest::header::Layout;
 #[cfg(feature = "parquet")]
 pub(crate) use crate::ingest::number::parse_time_ns;
+#[cfg(feature = "parquet")]
+pub(crate) use crate::ingest::parquet_file::ParquetFile;
 use crate::ingest::pieces::{Feed, Pieces};
 use crate::ingest::raw::{Faults, RawRows};
 pub use crate::ingest::reason::{Reason, Tallies, Tally};

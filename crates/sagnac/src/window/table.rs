@@ -26,6 +26,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::allan::ShortTauSums;
 use crate::error::{Error, Result};
+use crate::ingest::ParquetFile;
 use crate::ingest::{AngleUnit, LogSummary, Tallies, Tally};
 use crate::setup::{Setup, WindowSize};
 use crate::window::{Run, WindowRows, WindowShape, Windows};
@@ -232,7 +233,7 @@ fn metadata(windows: &Windows, setup: &Setup) -> Metadata {
 pub fn is_table(path: &Path) -> Result<bool> {
     let file = File::open(path).map_err(|e| Error::io_path(path, "open", &e))?;
     let described = || {
-        let builder = ParquetRecordBatchReaderBuilder::try_new(file).ok()?;
+        let builder = ParquetRecordBatchReaderBuilder::try_new(ParquetFile(file)).ok()?;
         Some(builder.schema().metadata().contains_key(METADATA_KEY))
     };
     Ok(std::panic::catch_unwind(std::panic::AssertUnwindSafe(described)).ok().flatten().unwrap_or(false))
@@ -252,7 +253,7 @@ pub fn read_table(path: &Path) -> Result<(Windows, Setup)> {
 fn read(path: &Path) -> Result<(Windows, Setup)> {
     let file = File::open(path).map_err(|e| Error::io_path(path, "open", &e))?;
     let broken = |e: &dyn std::fmt::Display| Error::input(format!("not a readable Parquet file: {e}"));
-    let builder = ParquetRecordBatchReaderBuilder::try_new(file).map_err(|e| broken(&e))?;
+    let builder = ParquetRecordBatchReaderBuilder::try_new(ParquetFile(file)).map_err(|e| broken(&e))?;
     let json = builder.schema().metadata().get(METADATA_KEY).cloned().ok_or_else(|| {
         Error::input("a Parquet file, but no window table of Sagnac")
             .help("`sagnac window LOG -o w.parquet` writes one")
