@@ -100,7 +100,7 @@ impl fmt::Display for DesignError {
             ),
             Self::Gain { name, value } => write!(
                 f,
-                "{name} would be {value:e} codes per unit of error, which 30 bits and a shift of 32 to 62 cannot hold; change the converter's range or the modulation"
+                "{name} would be {value:e} codes per unit of error, which 30 bits and a shift of 0 to 62 cannot hold; change the converter's range or the modulation"
             ),
         }
     }

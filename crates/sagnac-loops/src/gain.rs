@@ -6,27 +6,34 @@ pub(crate) fn within(value: i64, low: i64, high: i64) -> i64 {
     value.max(low).min(high)
 }
 
+/// Products are held to ± this, 2^-32 codes: far beyond any converter, and their sum with one fits an `i64`.
+const MOST_Q32: i64 = 1 << 61;
+
 /// A gain of `mantissa · 2^-shift`, in actuator codes per unit of error.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Gain {
     /// Below 2^30 in size.
     pub mantissa: i32,
-    /// 32 to 62.
+    /// 0 to 62.
     pub shift: u8,
 }
 
 impl Gain {
-    /// `error` times the gain, in 2^-32 codes, halves upward. Exact to half of that; `|error| ≤ 2^30`.
+    /// `error` times the gain, in 2^-32 codes: to the nearest, halves upward, held to ±2^61; `|error| ≤ 2^30`.
     #[inline]
     pub(crate) fn times(self, error: i32) -> i64 {
         // |mantissa·error| ≤ 2^60, and half of a unit of the shift on top stays in range.
         let product = i64::from(self.mantissa) * i64::from(error);
-        let shift = u32::from(self.shift.clamp(32, 62)) - 32;
-        if shift == 0 { product } else { (product + (1_i64 << (shift - 1))) >> shift }
+        let shift = u32::from(self.shift.min(62));
+        if shift > 32 {
+            return (product + (1_i64 << (shift - 33))) >> (shift - 32);
+        }
+        let left = 32 - shift;
+        let most = MOST_Q32 >> left;
+        within(product, -most, most) << left
     }
 
-    /// The nearest gain; `None` where it would need a shift outside 32 … 62, which is a gain of a quarter and
-    /// more or one that a mantissa of less than 8 bits is left for.
+    /// The nearest gain; `None` for 2^30 and more, and for what leaves the mantissa less than 8 bits (2^-54).
     #[cfg(feature = "design")]
     pub fn from_f64(value: f64) -> Option<Self> {
         if value == 0.0 {
@@ -39,7 +46,7 @@ impl Gain {
         // |value| < 2^exponent, so that mantissa < 2^30.
         let shift = (30 - exponent).min(62);
         let mantissa = libm::round(libm::ldexp(value, shift));
-        let fits = shift >= 32 && (256.0..1_073_741_825.0).contains(&libm::fabs(mantissa));
+        let fits = shift >= 0 && (256.0..1_073_741_825.0).contains(&libm::fabs(mantissa));
         fits.then(|| Self { mantissa: (mantissa as i32).clamp(-(1 << 30) + 1, (1 << 30) - 1), shift: shift as u8 })
     }
 
@@ -58,7 +65,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn products_are_the_nearest_2_pow_minus_32(mantissa in -(1 << 30) + 1..1 << 30, shift in 32_u8..=62, error in -(1 << 30)..=1 << 30) {
+        fn products_are_the_nearest_2_pow_minus_32(mantissa in -(1 << 30) + 1..1 << 30, shift in 33_u8..=62, error in -(1 << 30)..=1 << 30) {
             let gain = Gain { mantissa, shift };
             let twice = BigInt::from(mantissa) * BigInt::from(error) * (BigInt::from(1) << (1 + 32));
             let got = (BigInt::from(gain.times(error)) * 2) << usize::from(shift);
@@ -68,7 +75,18 @@ mod tests {
         }
 
         #[test]
-        fn a_gain_keeps_its_value(value in 1e-12_f64..0.2) {
+        fn large_gains_are_exact_or_held(mantissa in -(1 << 30) + 1..1 << 30, shift in 0_u8..=32, error in -(1 << 30)..=1 << 30) {
+            let exact = (BigInt::from(mantissa) * BigInt::from(error)) << usize::from(32 - shift);
+            let most = BigInt::from(1_i64 << 61);
+            let got = BigInt::from(Gain { mantissa, shift }.times(error));
+            let held = exact.clone().max(-most.clone()).min(most);
+            // What is held is held to whole units of the shift.
+            prop_assert!((&got - &held).magnitude() >> usize::from(32 - shift) <= BigInt::from(1).magnitude().clone());
+            prop_assert!(got == exact || exact.magnitude() > &(BigInt::from(1_i64 << 60)).magnitude().clone());
+        }
+
+        #[test]
+        fn a_gain_keeps_its_value(value in 1e-12_f64..1e6) {
             let back = Gain::from_f64(-value).unwrap().to_f64();
             prop_assert!((back / -value - 1.0).abs() < 1.0 / 512.0);
         }
@@ -76,7 +94,7 @@ mod tests {
 
     #[test]
     fn gains_that_do_not_fit_are_refused() {
-        assert_eq!(Gain::from_f64(0.3), None);
+        assert_eq!(Gain::from_f64(1.1e9), None);
         assert_eq!(Gain::from_f64(1e-17), None);
         assert_eq!(Gain::from_f64(f64::NAN), None);
         assert!(Gain::from_f64(0.0).is_some());

@@ -188,3 +188,15 @@ fn ideal_loops_stand_for_the_running_ones() {
     let counts = |rows: &[(i64, _, _)]| rows.iter().map(|r: &(i64, _, bool)| r.0).sum::<i64>();
     assert!((counts(&ideal) - counts(&running)).abs() <= 2);
 }
+
+/// Converters of 14 and 16 bits do as well: what they cannot resolve averages out.
+#[test]
+fn small_converters_hold_the_path() {
+    let mut scenario = ready("triangle-28cm-dithered");
+    scenario.intensity.photodiode_bits = 14.0;
+    scenario.path_length.converter_bits = 16.0;
+    let seconds = ramp(&scenario, 0.0, 20.0, 2.0);
+    assert_eq!(seconds.last().unwrap().invalid_ticks, 0);
+    let rms = rms_waves(&seconds);
+    assert!(rms < 1e-3, "{rms} wavelengths rms");
+}

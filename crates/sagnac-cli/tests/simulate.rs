@@ -1,0 +1,115 @@
+//! `sagnac simulate` as a user has it: log, truth, Parquet, pipes, reports in a browser.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+
+use assert_cmd::assert::OutputAssertExt;
+use tempfile::TempDir;
+
+fn scenario(name: &str) -> String {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios");
+    root.join(name).join(format!("{name}.toml")).display().to_string()
+}
+
+fn sagnac(folder: &TempDir, args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_sagnac")).args(args).current_dir(folder.path()).output().unwrap()
+}
+
+fn read(folder: &TempDir, name: &str) -> Vec<u8> {
+    std::fs::read(folder.path().join(name)).unwrap()
+}
+
+#[test]
+fn log_and_truth_are_written_beside_each_other_and_the_same_again() {
+    let folder = TempDir::new().unwrap();
+    let paper = scenario("paper");
+    for (log, truth) in [("a.csv", "a.truth.csv"), ("b.csv", "b.truth.csv")] {
+        sagnac(&folder, &["simulate", &paper, "--seed", "5", "-o", log, "--truth", truth]).assert().success();
+    }
+    assert_eq!(read(&folder, "a.csv"), read(&folder, "b.csv"));
+    assert_eq!(read(&folder, "a.truth.csv"), read(&folder, "b.truth.csv"));
+    let piped = sagnac(&folder, &["simulate", &paper, "--seed", "5"]);
+    assert_eq!(piped.stdout, read(&folder, "a.csv"), "standard output is the same log");
+    assert!(piped.stderr.is_empty());
+    let lines = |name: &str| String::from_utf8(read(&folder, name)).unwrap().lines().count();
+    assert_eq!((lines("a.csv"), lines("a.truth.csv")), (14_401, 14_401));
+}
+
+/// Parquet holds the same numbers: the same calibration but for the input's hash and name.
+#[test]
+fn parquet_is_the_same_log() {
+    let folder = TempDir::new().unwrap();
+    let paper = scenario("paper");
+    let record = |log: &str, out: &str| -> serde_json::Value {
+        sagnac(&folder, &["simulate", &paper, "-o", log]).assert().success();
+        let args = ["calibrate", log, "--arcsec-per-count", "0.6531375089814306", "-o", out];
+        sagnac(&folder, &args).assert().success();
+        let mut record: serde_json::Value = serde_json::from_slice(&read(&folder, out)).unwrap();
+        record["provenance"]["inputs"] = serde_json::Value::Null;
+        record
+    };
+    assert_eq!(record("run.csv", "csv.json"), record("run.parquet", "parquet.json"));
+}
+
+/// A reader that has enough ends the program quietly.
+#[test]
+fn a_closed_pipe_is_no_failure() {
+    let folder = TempDir::new().unwrap();
+    let mut child = Command::new(env!("CARGO_BIN_EXE_sagnac"))
+        .args(["simulate", &scenario("triangle-28cm-dithered")])
+        .current_dir(folder.path())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    drop(child.stdout.take());
+    let out = child.wait_with_output().unwrap();
+    assert!(out.status.success() && out.stderr.is_empty(), "{}", String::from_utf8_lossy(&out.stderr));
+}
+
+#[test]
+fn the_sweep_prints_what_was_designed_and_measured() {
+    let folder = TempDir::new().unwrap();
+    let out = sagnac(&folder, &["simulate", &scenario("loop-design"), "--bode"]);
+    let text = String::from_utf8(out.stdout).unwrap();
+    // docs/simulator.md quotes this line.
+    let line = "path length loop: crossover 20.10 Hz (design 20.00 Hz), phase margin 87.50° (design 87.12°)";
+    assert!(text.contains(line), "{text}");
+}
+
+/// Both reports in Chromium: every figure is drawn, nothing is said on the console.
+#[test]
+fn reports_open_in_a_browser() {
+    if !chromium() {
+        assert!(std::env::var_os("SAGNAC_REQUIRE_SHARED").is_none(), "chromium is not installed");
+        return;
+    }
+    let folder = TempDir::new().unwrap();
+    let triangle = scenario("triangle-28cm-dithered");
+    sagnac(&folder, &["simulate", &triangle, "--report", "sim.html"]).assert().success();
+    sagnac(&folder, &["simulate", &scenario("loop-design"), "--bode", "--report", "bode.html"]).assert().success();
+    for (page, figures) in [("sim.html", 8), ("bode.html", 4)] {
+        let path = folder.path().join(page);
+        assert!(std::fs::metadata(&path).unwrap().len() < 500_000, "{page}");
+        let dom = dumped(&folder, &path);
+        assert_eq!(dom.matches("<canvas").count(), figures, "{page}: canvases");
+        assert_eq!(dom.matches("class=\"plot\"").count(), figures, "{page}: figures");
+    }
+}
+
+fn chromium() -> bool {
+    Command::new("chromium").arg("--version").output().is_ok_and(|out| out.status.success())
+}
+
+/// The page after its scripts have run.
+fn dumped(folder: &TempDir, page: &Path) -> String {
+    let profile: PathBuf = folder.path().join("profile");
+    let out = Command::new("chromium")
+        .args(["--headless", "--no-sandbox", "--disable-gpu", "--virtual-time-budget=4000", "--dump-dom"])
+        .arg(format!("--user-data-dir={}", profile.display()))
+        .arg(format!("file://{}", page.display()))
+        .output()
+        .unwrap();
+    assert!(out.status.success());
+    String::from_utf8_lossy(&out.stdout).into_owned()
+}
