@@ -338,8 +338,13 @@ fn binary_logs() -> Vec<Case> {
     vec![
         on("truncated Parquet", cut(parquet(&batch()), 0.5)),
         on("Parquet of noise", [b"PAR1".to_vec(), noise(3000), b"PAR1".to_vec()].concat()),
-        // Found by fuzzing: a page header that announces a list of some 10^9 elements beyond the end of the file.
+        // The next two were found by fuzzing: a page header that announces a list of some 10^9 elements beyond the end of
+        // the file, and one that announces as many values.
         on("Parquet with a list that never ends", include_bytes!("found/endless-list.parquet").to_vec()),
+        on(
+            "Parquet with a dictionary larger than its page",
+            include_bytes!("found/endless-dictionary.parquet").to_vec(),
+        ),
         on("Parquet column of another kind", parquet(&wrong_type)).place("counts"),
         on("Parquet without counts", parquet(&no_counts)),
         on("truncated Arrow file", cut(arrow_file(), 0.5)),

@@ -21,14 +21,13 @@ use arrow_array::{Array, ArrowPrimitiveType, RecordBatch};
 use arrow_ipc::reader::StreamReader;
 use arrow_schema::{ArrowError, DataType, Schema, TimeUnit};
 use csv::ByteRecord;
-use parquet::arrow::ProjectionMask;
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 
 use crate::error::{Error, Result};
 use crate::ingest::Pace;
 use crate::ingest::header::Layout;
 use crate::ingest::number::{parse_flag, parse_time_ns, parse_value, time_ns_of};
-use crate::ingest::parquet_file::ParquetFile;
+use crate::ingest::parquet_file::{ParquetFile, parquet_batches};
 use crate::ingest::pieces::TableFeed;
 use crate::ingest::raw::{BAD_TEMPERATURE, Faults, NO_TIME, RawRows};
 use crate::ingest::source::{Format, Source};
@@ -220,10 +219,7 @@ impl Columnar {
         let wanted: Vec<usize> = if keep_fields { (0..layout.headers.len()).collect() } else { layout.columns_read() };
         let batches: Batches = match self.format {
             Format::Parquet => guarded(|| {
-                let builder = ParquetRecordBatchReaderBuilder::try_new(ParquetFile(clone_of(&self.file)?))
-                    .map_err(parquet_broken)?;
-                let mask = ProjectionMask::roots(builder.parquet_schema(), wanted.iter().copied());
-                let reader = builder.with_projection(mask).with_batch_size(BATCH_ROWS).build();
+                let reader = parquet_batches(clone_of(&self.file)?, Some(&wanted), BATCH_ROWS);
                 Ok(Box::new(reader.map_err(parquet_broken)?) as Batches)
             })?,
             format => guarded(|| Ok(Box::new(arrow_reader(&self.file, format)?) as Batches))?,

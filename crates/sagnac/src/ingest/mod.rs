@@ -34,7 +34,7 @@ use crate::ingest::header::Layout;
 #[cfg(feature = "parquet")]
 pub(crate) use crate::ingest::number::parse_time_ns;
 #[cfg(feature = "parquet")]
-pub(crate) use crate::ingest::parquet_file::ParquetFile;
+pub(crate) use crate::ingest::parquet_file::{ParquetFile, parquet_batches};
 use crate::ingest::pieces::{Feed, Pieces};
 use crate::ingest::raw::{Faults, RawRows};
 pub use crate::ingest::reason::{Reason, Tallies, Tally};

@@ -1,15 +1,105 @@
-//! A Parquet file whose end is an end.
+//! Parquet read with some doubt in the file.
 //!
-//! The decoder's own access to a `File` answers reads beyond the end with nothing, and its Thrift reader (parquet
-//! 59) takes that for a skipped byte: a damaged page header that announces a list of 2^31 elements is then walked
-//! through to the last one, an hour for a file of a kilobyte. Here reading on at the end is an error.
+//! Two things the decoder (parquet 59) believes of a damaged file are checked here, both found by fuzzing:
+//!
+//! * It answers reads beyond the end with nothing, and its Thrift reader takes that for a skipped byte: a page header
+//!   that announces a list of 2^31 elements is walked through to the last one, an hour for a file of a kilobyte.
+//!   Here reading on at the end is an error ([`ParquetFile`]).
+//! * It makes room for as many values as a dictionary page announces. Here a page must hold at least a bit for each.
 
 use std::fs::File;
 use std::io::{self, BufReader, Read};
+use std::sync::Arc;
 
 use bytes::Bytes;
-use parquet::errors::Result;
-use parquet::file::reader::{ChunkReader, Length};
+use parquet::arrow::arrow_reader::{ArrowReaderMetadata, ParquetRecordBatchReader, RowGroups};
+use parquet::arrow::{ProjectionMask, parquet_to_arrow_field_levels};
+use parquet::column::page::{Page, PageIterator, PageMetadata, PageReader};
+use parquet::errors::{ParquetError, Result};
+use parquet::file::metadata::{ParquetMetaData, RowGroupMetaData};
+use parquet::file::reader::{ChunkReader, FileReader, Length};
+use parquet::file::serialized_reader::SerializedFileReader;
+
+/// The columns of those root indices (all of them without) in batches of at most so many rows.
+///
+/// # Errors
+/// What the decoder says of the footer.
+pub(crate) fn parquet_batches(file: File, roots: Option<&[usize]>, rows: usize) -> Result<ParquetRecordBatchReader> {
+    let file = ParquetFile(file);
+    let described = ArrowReaderMetadata::load(&file, Default::default())?;
+    let schema = described.metadata().file_metadata().schema_descr_ptr();
+    let mask = match roots {
+        Some(roots) => ProjectionMask::roots(&schema, roots.iter().copied()),
+        None => ProjectionMask::all(),
+    };
+    let levels = parquet_to_arrow_field_levels(&schema, mask, Some(described.schema().fields()))?;
+    let groups = DoubtedGroups(Arc::new(SerializedFileReader::new(file)?));
+    ParquetRecordBatchReader::try_new_with_row_groups(&levels, &groups, rows, None)
+}
+
+/// Row groups whose pages are looked at before they are decoded.
+struct DoubtedGroups(Arc<dyn FileReader>);
+
+impl RowGroups for DoubtedGroups {
+    fn num_rows(&self) -> usize {
+        self.0.num_rows()
+    }
+
+    fn column_chunks(&self, column: usize) -> Result<Box<dyn PageIterator>> {
+        Ok(Box::new(DoubtedChunks(self.0.column_chunks(column)?)))
+    }
+
+    fn row_groups(&self) -> Box<dyn Iterator<Item = &RowGroupMetaData> + '_> {
+        self.0.row_groups()
+    }
+
+    fn metadata(&self) -> &ParquetMetaData {
+        RowGroups::metadata(&self.0)
+    }
+}
+
+struct DoubtedChunks(Box<dyn PageIterator>);
+
+impl Iterator for DoubtedChunks {
+    type Item = Result<Box<dyn PageReader>>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        Some(self.0.next()?.map(|pages| Box::new(DoubtedPages(pages)) as Box<dyn PageReader>))
+    }
+}
+
+impl PageIterator for DoubtedChunks {}
+
+struct DoubtedPages(Box<dyn PageReader>);
+
+impl Iterator for DoubtedPages {
+    type Item = Result<Page>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        self.get_next_page().transpose()
+    }
+}
+
+impl PageReader for DoubtedPages {
+    fn get_next_page(&mut self) -> Result<Option<Page>> {
+        let page = self.0.get_next_page()?;
+        if let Some(Page::DictionaryPage { buf, num_values, .. }) = &page
+            && *num_values as usize > buf.len().saturating_mul(8)
+        {
+            let what = format!("a dictionary of {num_values} values in {} bytes", buf.len());
+            return Err(ParquetError::General(what));
+        }
+        Ok(page)
+    }
+
+    fn peek_next_page(&mut self) -> Result<Option<PageMetadata>> {
+        self.0.peek_next_page()
+    }
+
+    fn skip_next_page(&mut self) -> Result<()> {
+        self.0.skip_next_page()
+    }
+}
 
 /// Reads at the end that are let pass: readers look for the end once or twice.
 const PATIENCE: u32 = 8;

@@ -26,8 +26,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::allan::ShortTauSums;
 use crate::error::{Error, Result};
-use crate::ingest::ParquetFile;
 use crate::ingest::{AngleUnit, LogSummary, Tallies, Tally};
+use crate::ingest::{ParquetFile, parquet_batches};
 use crate::setup::{Setup, WindowSize};
 use crate::window::{Run, WindowRows, WindowShape, Windows};
 
@@ -239,6 +239,9 @@ pub fn is_table(path: &Path) -> Result<bool> {
     Ok(std::panic::catch_unwind(std::panic::AssertUnwindSafe(described)).ok().flatten().unwrap_or(false))
 }
 
+/// Windows decoded at once.
+const BATCH_ROWS: usize = 1024;
+
 /// Reads a table back, with the setup its logs were read with.
 ///
 /// # Errors
@@ -266,7 +269,8 @@ fn read(path: &Path) -> Result<(Windows, Setup)> {
     meta.setup.check()?;
     let setup = meta.setup.clone();
     let mut windows = empty_windows(meta);
-    for batch in builder.build().map_err(|e| broken(&e))? {
+    let file = File::open(path).map_err(|e| Error::io_path(path, "open", &e))?;
+    for batch in parquet_batches(file, None, BATCH_ROWS).map_err(|e| broken(&e))? {
         append(&mut windows, &batch.map_err(|e| broken(&e))?)?;
     }
     check_indices(&windows)?;
