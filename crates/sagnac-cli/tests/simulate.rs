@@ -51,6 +51,50 @@ fn parquet_is_the_same_log() {
     assert_eq!(record("run.csv", "csv.json"), record("run.parquet", "parquet.json"));
 }
 
+/// The program itself gives the bytes that the simulator's own tests hold.
+#[test]
+fn the_program_gives_the_bytes_of_every_machine() {
+    let held = include_str!("../../sagnac-sim/tests/first_bytes.txt");
+    let folder = TempDir::new().unwrap();
+    for line in held.lines() {
+        let (name, sum) = line.split_once(' ').unwrap();
+        let args = ["simulate", &scenario(name), "--seed", "1", "-o", "log.csv", "--truth", "truth.csv"];
+        sagnac(&folder, &args).assert().success();
+        let first = |file: &str| -> Vec<u8> {
+            let bytes = read(&folder, file);
+            bytes.split_inclusive(|b| *b == b'\n').take(3001).flatten().copied().collect()
+        };
+        let bytes = [first("log.csv"), first("truth.csv")].concat();
+        let fnv =
+            bytes.iter().fold(0xcbf2_9ce4_8422_2325, |h: u64, b| (h ^ u64::from(*b)).wrapping_mul(0x100_0000_01b3));
+        assert_eq!(format!("{fnv:016x}"), sum, "{name}");
+    }
+}
+
+/// Nothing that was named twice is overwritten, and nothing is run before that is known.
+#[test]
+fn files_out_are_apart() {
+    let folder = TempDir::new().unwrap();
+    let own = folder.path().join("own.toml");
+    std::fs::copy(scenario("loop-design"), &own).unwrap();
+    let before = read(&folder, "own.toml");
+    for args in [
+        vec!["-o", "own.toml"],
+        vec!["--report", "own.html", "-o", "./own.toml"],
+        vec!["-o", "a.csv", "--truth", "./a.csv"],
+        vec!["-o", "a.csv", "--report", "a.csv"],
+        vec!["--truth", "t.parquet"],
+        vec!["--report", "r.csv"],
+        vec!["--report", "nofolder/r.html"],
+        vec!["--report", "."],
+    ] {
+        let out = sagnac(&folder, &[&["simulate", "own.toml"], &args[..]].concat());
+        assert_eq!(out.status.code(), Some(2), "{args:?}: {}", String::from_utf8_lossy(&out.stderr));
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "{args:?} left something");
+    }
+    assert_eq!(read(&folder, "own.toml"), before);
+}
+
 /// A reader that has enough ends the program quietly.
 #[test]
 fn a_closed_pipe_is_no_failure() {
@@ -73,7 +117,7 @@ fn the_sweep_prints_what_was_designed_and_measured() {
     let out = sagnac(&folder, &["simulate", &scenario("loop-design"), "--bode"]);
     let text = String::from_utf8(out.stdout).unwrap();
     // docs/simulator.md quotes this line.
-    let line = "path length loop: crossover 20.10 Hz (design 20.00 Hz), phase margin 87.50° (design 87.12°)";
+    let line = "path length loop: crossover 20.09 Hz (design 20.00 Hz), phase margin 87.47° (design 87.12°)";
     assert!(text.contains(line), "{text}");
 }
 

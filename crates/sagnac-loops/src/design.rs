@@ -65,7 +65,7 @@ pub enum DesignError {
     },
     /// The margin cannot be had at that bandwidth, even without an integrator.
     Margin {
-        /// Name of the loop's wish.
+        /// What was wanted.
         wanted_deg: f64,
         /// What a proportional controller would have there.
         possible_deg: f64,
@@ -88,7 +88,7 @@ impl fmt::Display for DesignError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::OutOfRange { name, value, least, most } => {
-                write!(f, "{name} is {value}; it can be {least} to {most}")
+                write!(f, "{name} is {}; it can be {} to {}", Short(*value), Short(*least), Short(*most))
             }
             Self::Margin { wanted_deg, possible_deg } => write!(
                 f,
@@ -100,9 +100,23 @@ impl fmt::Display for DesignError {
             ),
             Self::Gain { name, value } => write!(
                 f,
-                "{name} would be {value:e} codes per unit of error, which 30 bits and a shift of 0 to 62 cannot hold; change the converter's range or the modulation"
+                "{name} would be {value:.3e} codes per unit of error, which 30 bits and a shift of 0 to 62 cannot hold; change the converter's range or the modulation"
             ),
         }
+    }
+}
+
+/// Five digits are enough to see what is wrong.
+struct Short(f64);
+
+impl fmt::Display for Short {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let size = libm::fabs(self.0);
+        if size != 0.0 && !(1e-3..1e6).contains(&size) {
+            return write!(f, "{:.4e}", self.0);
+        }
+        let rounded = libm::round(self.0 * 1e4) / 1e4;
+        write!(f, "{rounded}")
     }
 }
 

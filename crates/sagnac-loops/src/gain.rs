@@ -2,7 +2,7 @@
 
 /// A value held between limits; unlike `clamp` without a panic for limits in the wrong order.
 #[inline]
-pub(crate) fn within(value: i64, low: i64, high: i64) -> i64 {
+pub(crate) fn held(value: i64, low: i64, high: i64) -> i64 {
     value.max(low).min(high)
 }
 
@@ -30,7 +30,7 @@ impl Gain {
         }
         let left = 32 - shift;
         let most = MOST_Q32 >> left;
-        within(product, -most, most) << left
+        held(product, -most, most) << left
     }
 
     /// The nearest gain; `None` for 2^30 and more, and for what leaves the mantissa less than 8 bits (2^-54).

@@ -13,7 +13,7 @@
 use core::ops::{BitOr, BitOrAssign};
 
 use crate::MAX_CODE;
-use crate::gain::{Gain, within};
+use crate::gain::{Gain, held};
 
 /// Status bits of the intensity loop. Zero: regulated, nothing to report.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -167,8 +167,8 @@ impl Intensity {
         self.ticks
     }
 
-    /// One tick: the photodiode's code in, the current's out. With `hold` a running loop keeps its current: while the
-    /// path-length loop looks for the brightest place, regulated light would hide it.
+    /// One tick: the photodiode's code in, the current's out. With `hold` the current stays and no time without light is
+    /// counted: the path-length loop is on its way, and it may be dark there.
     #[inline]
     pub fn tick(&self, state: &mut IntensityState, photodiode: i32, hold: bool) -> IntensityOutput {
         state.sum += i64::from(photodiode.clamp(-MAX_CODE, MAX_CODE));
@@ -185,7 +185,7 @@ impl Intensity {
         // |sum| ≤ 2^23·2^16; the shift was chosen for the set point.
         let error = ((self.set_point - sum) >> self.error_shift.min(63)).clamp(-(1 << 30), 1 << 30) as i32;
         let dark = sum < self.dark_sum;
-        state.phase = self.next_phase(state.phase, dark, state.current);
+        state.phase = self.next_phase(state.phase, dark, state.current, hold);
         match state.phase {
             IntensityPhase::Running { .. } if hold => {}
             IntensityPhase::Running { .. } => self.control(state, error),
@@ -201,27 +201,28 @@ impl Intensity {
     fn control(&self, state: &mut IntensityState, error: i32) {
         let limits = (i64::from(self.least) << 32, i64::from(self.most) << 32);
         let proportional = self.kp.times(error);
-        let integral = within(state.integral_q32 + self.ki.times(error), limits.0, limits.1);
-        let wanted = within(integral + proportional, limits.0, limits.1);
+        let integral = held(state.integral_q32 + self.ki.times(error), limits.0, limits.1);
+        let wanted = held(integral + proportional, limits.0, limits.1);
         let slew = i64::from(self.slew) << 32;
         let now = i64::from(state.current) << 32;
-        let given = within(wanted, now - slew, now + slew);
+        let given = held(wanted, now - slew, now + slew);
         // What the slew limit did not allow, the integrator does not keep.
-        state.integral_q32 = if given == wanted { integral } else { within(given - proportional, limits.0, limits.1) };
+        state.integral_q32 = if given == wanted { integral } else { held(given - proportional, limits.0, limits.1) };
         state.current = ((given + (1 << 31)) >> 32) as i32;
     }
 
-    fn next_phase(&self, phase: IntensityPhase, dark: bool, current: i32) -> IntensityPhase {
+    fn next_phase(&self, phase: IntensityPhase, dark: bool, current: i32, hold: bool) -> IntensityPhase {
         use IntensityPhase::{Failed, Igniting, Resting, Running};
         match phase {
             Igniting { .. } if !dark => Running { dark: 0, at_end: 0 },
+            Igniting { .. } | Running { .. } if hold => phase,
             Igniting { left: 0, tries: 0 } => Failed,
             Igniting { left: 0, tries } => Resting { left: self.rest_updates, tries },
             Igniting { left, tries } => Igniting { left: left - 1, tries },
             Resting { left: 0, tries } => Igniting { left: self.ignition_updates, tries: tries.saturating_sub(1) },
             Resting { left, tries } => Resting { left: left - 1, tries },
             Running { dark: so_far, .. } if dark && so_far >= self.dark_updates => {
-                Resting { left: self.rest_updates, tries: self.tries }
+                Resting { left: self.rest_updates, tries: self.tries.saturating_add(1) }
             }
             Running { dark: so_far, at_end } => {
                 let at_limit = current <= self.least || current >= self.most;

@@ -81,7 +81,7 @@ impl IntensityConfig {
             ki,
             least: code(self.range_ma[0]),
             most: code(self.range_ma[1]),
-            slew: code(self.slew_ma_per_s * period_s).max(1),
+            slew: code(self.slew_ma_per_s * period_s).clamp(1, MAX_CODE),
             ignition: code(self.ignition_ma),
             ignition_updates: updates(self.ignition_s),
             rest_updates: updates(self.rest_s),

@@ -1,11 +1,11 @@
 //! Synchronous detection over whole periods.
 //!
 //! ```text
-//! I = Σ s[k]·sin(2πk/n)      Q = Σ s[k]·cos(2πk/n)      M = Σ s[k]         k = 0 … n−1, one period of n ticks
+//! I = Σ s[k]·sin(2πk/n)      M = Σ s[k]         k = 0 … n−1, one period of n ticks
 //! ```
 //!
 //! The reference is a table of one period in Q15. Its entries add up to zero exactly (n is even and the second
-//! half is the first with its sign changed), so a steady signal gives I = Q = 0 to the bit. A signal that moves
+//! half is the first with its sign changed), so a steady signal gives I = 0 to the bit. A signal that moves
 //! within a period leaks: a ramp of r codes per tick gives |I| ≤ r·n²/2π.
 
 use crate::MAX_CODE;
@@ -29,8 +29,6 @@ pub struct Reference {
 pub struct Sums {
     /// In phase with the modulation.
     pub in_phase: i64,
-    /// A quarter of a period ahead of it.
-    pub quadrature: i64,
     /// Of the signal.
     pub plain: i64,
 }
@@ -95,10 +93,7 @@ impl Detector {
     pub fn take(&mut self, reference: &Reference, code: i32) -> Option<Sums> {
         let code = i64::from(code.clamp(-MAX_CODE, MAX_CODE));
         let at = reference.back(self.index, reference.delay);
-        // cos(x) = sin(x + quarter) where a quarter is whole ticks; else the tick before it, which serves a status.
-        let quarter = reference.back(at, reference.ticks - reference.ticks / 4);
         self.sums.in_phase += code * i64::from(reference.sine_q15(at));
-        self.sums.quadrature += code * i64::from(reference.sine_q15(quarter));
         self.sums.plain += code;
         self.index += 1;
         if self.index < reference.ticks {

@@ -14,10 +14,15 @@
 //! a *mode reset*. Limits inside of the range, further apart than a wavelength, keep it from going back at once.
 //!
 //! ```text
-//! DARK ─light▶ SWEEPING ─▶ SETTLING ─▶ CLOSING ─small error▶ LOCKED ─near the end▶ RESETTING ─▶ SETTLING …
-//!   ▲                                     └── too long ──┐      └── error large, or dark ──┐
-//!   └────────────────────────────────────────────────────┴──────────────────────────────────┘
+//! SWEEPING ─light▶ SETTLING ─▶ CLOSING ─small error▶ LOCKED ─near the end▶ RESETTING ─▶ SETTLING …
+//!   ▲  └──none──▶ DARK ◀── too long ──┘                └── error large, or dark ──┐
+//!   └──────────────┘ ▲─────────────────────────────────────────────────────────────┘
 //! ```
+//!
+//! A cavity off its peak may be dark with the discharge on, so the search goes through a whole wavelength in the dark
+//! too. It asks for steady light meanwhile ([`PathLengthStatus::HOLD_LIGHT`]): a loop that regulates the light would
+//! hide the peak, and one that counts its dark time would put it out. Between two searches it waits for two of
+//! them, so that ignition can have its tries.
 //!
 //! Counts of a gyro are good while it is LOCKED; every other output says [`PathLengthStatus::INVALID`].
 //! Where it fails: a modulation near a resonance of the actuator turns the sign of the error; the configuration
@@ -25,7 +30,7 @@
 
 use core::ops::{BitOr, BitOrAssign};
 
-use crate::gain::{Gain, within};
+use crate::gain::{Gain, held};
 use crate::lockin::{Detector, Reference, Sums};
 
 /// Status bits of the path-length loop. Zero: locked, nothing to report.
@@ -47,8 +52,8 @@ impl PathLengthStatus {
     pub const AT_LIMIT: Self = Self(1 << 4);
     /// Lock was lost since the state was made. Latched.
     pub const WAS_LOST: Self = Self(1 << 5);
-    /// Comparing brightness: the light is to be left as it is ([`crate::Intensity::tick`] with `hold`).
-    pub const SWEEPING: Self = Self(1 << 6);
+    /// The path is on its way: the light is to be left as it is ([`crate::Intensity::tick`] with `hold`).
+    pub const HOLD_LIGHT: Self = Self(1 << 6);
 
     /// Every single bit with its name.
     pub const NAMES: [(Self, &'static str); 7] = [
@@ -58,7 +63,7 @@ impl PathLengthStatus {
         (Self::LOW_SIGNAL, "LOW_SIGNAL"),
         (Self::AT_LIMIT, "AT_LIMIT"),
         (Self::WAS_LOST, "WAS_LOST"),
-        (Self::SWEEPING, "SWEEPING"),
+        (Self::HOLD_LIGHT, "HOLD_LIGHT"),
     ];
 
     /// The raw bits.
@@ -88,8 +93,11 @@ impl BitOrAssign for PathLengthStatus {
 /// What the loop is doing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PathLengthPhase {
-    /// No light yet, or no more.
-    Dark,
+    /// No light: waiting before the next search.
+    Dark {
+        /// Periods to go.
+        left: u32,
+    },
     /// Going through the range and noting the brightest place.
     Sweeping {
         /// Periods to go.
@@ -141,9 +149,9 @@ pub struct PathLength {
     pub(crate) reset_high: i32,
     /// Codes of one wavelength.
     pub(crate) wavelength: i32,
-    /// Codes per period while sweeping and resetting.
-    pub(crate) sweep_step: i32,
-    pub(crate) reset_step: i32,
+    /// 2^-32 codes per period while sweeping and resetting.
+    pub(crate) sweep_step_q32: i64,
+    pub(crate) reset_step_q32: i64,
     /// Periods.
     pub(crate) sweep_periods: u32,
     pub(crate) settle_periods: u32,
@@ -219,15 +227,17 @@ impl PathLength {
     /// A loop that has not seen light, its actuator in the middle.
     pub fn start(&self) -> PathLengthState {
         let middle = self.middle_q32();
-        PathLengthState {
+        let mut state = PathLengthState {
             detector: Detector::default(),
-            phase: PathLengthPhase::Dark,
+            phase: PathLengthPhase::Dark { left: 0 },
             integral_q32: middle,
             held: codes(middle),
             error: 0,
             modes: 0,
-            status: PathLengthStatus::INVALID | PathLengthStatus::ACQUIRING,
-        }
+            status: PathLengthStatus::INVALID | PathLengthStatus::ACQUIRING | PathLengthStatus::HOLD_LIGHT,
+        };
+        state.phase = self.begin(&mut state);
+        state
     }
 
     fn middle_q32(&self) -> i64 {
@@ -260,7 +270,7 @@ impl PathLength {
         if matches!(next, PathLengthPhase::Closing { .. } | PathLengthPhase::Locked { .. }) {
             self.control(state, error);
         } else {
-            state.integral_q32 = within(state.integral_q32, q32(self.low), q32(self.high));
+            state.integral_q32 = held(state.integral_q32, q32(self.low), q32(self.high));
             state.held = codes(state.integral_q32);
         }
         if matches!(state.phase, PathLengthPhase::Locked { .. }) && self.lost(next) {
@@ -277,56 +287,66 @@ impl PathLength {
     /// kp and the integrator, which stops at the limits: what is beyond them is not wound up.
     fn control(&self, state: &mut PathLengthState, error: i32) {
         let limits = (q32(self.low), q32(self.high));
-        state.integral_q32 = within(state.integral_q32 + self.ki.times(error), limits.0, limits.1);
-        let output = within(state.integral_q32 + self.kp.times(error), limits.0, limits.1);
+        state.integral_q32 = held(state.integral_q32 + self.ki.times(error), limits.0, limits.1);
+        let output = held(state.integral_q32 + self.kp.times(error), limits.0, limits.1);
         state.held = codes(output);
     }
 
     fn next_phase(&self, state: &mut PathLengthState, error: i32, sum: i64, dark: bool) -> PathLengthPhase {
         use PathLengthPhase::{Closing, Dark, Locked, Resetting, Settling, Sweeping};
         match state.phase {
-            Dark if dark => Dark,
-            Dark => self.begin(state),
+            Dark { left } if left > 0 => Dark { left: left - 1 },
+            // Without a search there is only the light itself to wait for.
+            Dark { .. } if self.sweep_periods == 0 && dark => Dark { left: 0 },
+            Dark { .. } => self.begin(state),
             Sweeping { left, best, at_q32 } => self.sweep(state, left, best, at_q32, sum),
             Settling { left: 0 } => Closing { good: 0, since: 0 },
             Settling { left } => Settling { left: left - 1 },
-            Closing { since, .. } if since >= self.give_up_periods => Dark,
+            Closing { since, .. } if since >= self.give_up_periods => self.wait(),
             Closing { good, since } => {
                 let good = if error.unsigned_abs() < self.lock_error.unsigned_abs() { good + 1 } else { 0 };
                 if good >= self.lock_periods && !dark { Locked { bad: 0 } } else { Closing { good, since: since + 1 } }
             }
             Locked { bad } => {
                 let bad = if error.unsigned_abs() > self.lost_error.unsigned_abs() || dark { bad + 1 } else { 0 };
-                if bad >= self.lost_periods { Dark } else { self.stay_or_reset(state, bad) }
+                if bad >= self.lost_periods { self.wait() } else { self.stay_or_reset(state, bad) }
             }
             Resetting { to_q32 } => {
-                let step = q32(self.reset_step);
+                let step = self.reset_step_q32;
                 let way = to_q32 - state.integral_q32;
-                state.integral_q32 += within(way, -step, step);
+                state.integral_q32 += held(way, -step, step);
                 if way == 0 { Settling { left: self.settle_periods } } else { Resetting { to_q32 } }
             }
         }
     }
 
-    /// From the low end through a wavelength and more, or straight on where no sweep is configured.
+    /// Two searches long, so that ignition has time between them.
+    fn wait(&self) -> PathLengthPhase {
+        PathLengthPhase::Dark { left: self.sweep_periods.saturating_mul(2) }
+    }
+
+    /// Through a wavelength about the middle, or straight on where no search is configured.
     fn begin(&self, state: &mut PathLengthState) -> PathLengthPhase {
         state.integral_q32 = self.middle_q32();
         if self.sweep_periods == 0 {
             return PathLengthPhase::Settling { left: self.settle_periods };
         }
-        let half = q32(self.sweep_step) * i64::from(self.sweep_periods) / 2;
-        state.integral_q32 -= half;
-        // A period for the jump to the start; what is seen during it is compared as any other.
+        // At most the range by the build, so that nothing overflows and nothing is clamped.
+        let half = self.sweep_step_q32.saturating_mul(i64::from(self.sweep_periods)) / 2;
+        state.integral_q32 = held(state.integral_q32 - half, q32(self.low), q32(self.high));
         PathLengthPhase::Sweeping { left: self.sweep_periods, best: 0, at_q32: self.middle_q32() }
     }
 
     fn sweep(&self, state: &mut PathLengthState, left: u32, best: i64, at_q32: i64, sum: i64) -> PathLengthPhase {
         let (best, at_q32) = if sum > best { (sum, state.integral_q32) } else { (best, at_q32) };
+        if left == 0 && best < self.dark_sum {
+            return self.wait();
+        }
         if left == 0 {
             state.integral_q32 = at_q32;
             return PathLengthPhase::Settling { left: self.settle_periods };
         }
-        state.integral_q32 += q32(self.sweep_step);
+        state.integral_q32 += self.sweep_step_q32;
         PathLengthPhase::Sweeping { left: left - 1, best, at_q32 }
     }
 
@@ -339,7 +359,7 @@ impl PathLength {
         let nearest = (away.abs() + self.wavelength / 2).checked_div(self.wavelength).unwrap_or(1).max(1);
         let waves = if away > 0 { -nearest } else { nearest };
         let to = i64::from(at) + i64::from(waves) * i64::from(self.wavelength);
-        let to_q32 = within(to << 32, q32(self.low), q32(self.high));
+        let to_q32 = held(to << 32, q32(self.low), q32(self.high));
         state.modes = state.modes.saturating_add(waves);
         PathLengthPhase::Resetting { to_q32 }
     }
@@ -348,8 +368,8 @@ impl PathLength {
         use PathLengthPhase::{Locked, Resetting, Sweeping};
         let mut status = match state.phase {
             Locked { .. } => PathLengthStatus::OK,
-            Sweeping { .. } => PathLengthStatus::INVALID | PathLengthStatus::ACQUIRING | PathLengthStatus::SWEEPING,
-            Resetting { .. } => PathLengthStatus::INVALID | PathLengthStatus::RESETTING,
+            Sweeping { .. } => PathLengthStatus::INVALID | PathLengthStatus::ACQUIRING | PathLengthStatus::HOLD_LIGHT,
+            Resetting { .. } => PathLengthStatus::INVALID | PathLengthStatus::RESETTING | PathLengthStatus::HOLD_LIGHT,
             _ => PathLengthStatus::INVALID | PathLengthStatus::ACQUIRING,
         };
         if dark {

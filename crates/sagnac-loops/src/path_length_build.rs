@@ -40,7 +40,8 @@ pub struct PathLengthConfig {
     pub reset_s: f64,
     /// Time for the actuator to arrive after a sweep or reset, s.
     pub settle_s: f64,
-    /// Time of the sweep over one wavelength at the start, s; 0 for none.
+    /// Time of the search through one wavelength, s: at least eight lags. 0 for none: the loop then closes where it
+    /// stands once there is light, which must then be everywhere.
     pub sweep_s: f64,
     /// Locked is within this of the peak, wavelengths.
     pub lock_waves: f64,
@@ -95,7 +96,9 @@ impl PathLengthConfig {
         let error = |waves: f64| (waves * per_wave).clamp(1.0, 1_073_741_824.0) as i32;
         let periods = |seconds: f64| libm::ceil(seconds / period_s).clamp(0.0, 1e9) as u32;
         let response_s = 1.0 / self.wanted.bandwidth_hz;
-        let step = |seconds: f64| libm::ceil(limits.wavelength * period_s / seconds).clamp(1.0, 8e6) as i32;
+        // 2^-32 codes per period for one wavelength in so many periods.
+        let step = |periods: u32| libm::ldexp(limits.wavelength / f64::from(periods.max(1)), 32) as i64;
+        let sweep_periods = periods(self.sweep_s);
         let integers = PathLength {
             reference,
             modulation: libm::round(limits.modulation) as i32,
@@ -107,15 +110,15 @@ impl PathLengthConfig {
             reset_low: libm::round(limits.low + limits.margin) as i32,
             reset_high: libm::round(limits.high - limits.margin) as i32,
             wavelength: libm::round(limits.wavelength) as i32,
-            sweep_step: if self.sweep_s > 0.0 { step(self.sweep_s) } else { 0 },
-            reset_step: step(self.reset_s.max(period_s)),
-            sweep_periods: periods(self.sweep_s),
+            sweep_step_q32: step(sweep_periods),
+            reset_step_q32: step(periods(self.reset_s)),
+            sweep_periods,
             settle_periods: periods(self.settle_s),
             lock_periods: periods(response_s).max(8),
             lost_periods: periods(response_s).max(8),
             give_up_periods: periods(50.0 * response_s + 10.0 * self.lag_s[1]),
             lock_error: error(self.lock_waves),
-            lost_error: error(10.0 * self.lock_waves),
+            lost_error: error(limits.lost_waves),
             dark_sum: libm::round(0.1 * self.peak_code * ticks as f64) as i64,
         };
         Ok(PathLengthDesign { integers, plant, pi, slow_margin_deg: slow_margin(&plant, &pi, self.lag_s[1]) })
@@ -142,11 +145,18 @@ impl PathLengthConfig {
         }
         within("reset_s", self.reset_s, 0.0, 1e4)?;
         within("settle_s", self.settle_s, 0.0, 1e4)?;
-        within("sweep_s", self.sweep_s, 0.0, 1e4)?;
-        within("lock_waves", self.lock_waves, 1e-5, 0.05)?;
         within("lag_s[0]", self.lag_s[0], 0.0, 1e5)?;
         within("lag_s[1]", self.lag_s[1], self.lag_s[0], 1e5)?;
-        Ok(Limits { low, high, modulation, wavelength, margin: self.reset_margin_waves * wavelength })
+        if self.sweep_s != 0.0 {
+            // What is noted as the brightest place lags behind by so much.
+            within("sweep_s", self.sweep_s, 8.0 * self.lag_s[1], 1e6)?;
+        }
+        within("curvature", self.curvature, 1e-3, 1e4)?;
+        // The error of a Gaussian peak turns back beyond 0.43/√c of a wavelength, measured as what a straight line
+        // would have there; half of that is called lost.
+        let lost_waves = (10.0 * self.lock_waves).min(0.2 / libm::sqrt(self.curvature));
+        within("lock_waves", self.lock_waves, 1e-5, lost_waves / 2.0)?;
+        Ok(Limits { low, high, modulation, wavelength, margin: self.reset_margin_waves * wavelength, lost_waves })
     }
 
     /// In-phase sums at full modulation across the steepest part fit 2^30 after this shift.
@@ -157,12 +167,14 @@ impl PathLengthConfig {
     }
 
     fn plant(&self, reference: &Reference, error_shift: u8, period_s: f64) -> Result<Plant, DesignError> {
-        within("curvature", self.curvature, 1e-3, 1e4)?;
         let waves_per_code = self.waves_per_unit / self.codes_per_unit;
-        // The actuator's lag weakens a modulation that goes through it as it does any other change.
+        // A lag weakens and turns a modulation that goes through it; what counts is what is left in phase. The code is
+        // held for a tick and the light read at its end: H(z) = (1 − a)/(1 − a/z), a = e^(−tick/lag).
         let lag_s = if self.modulated_apart { 0.0 } else { self.lag_s[0] };
-        let omega_lag = core::f64::consts::TAU / period_s * lag_s;
-        let modulation_waves = self.modulation_waves / libm::sqrt(1.0 + omega_lag * omega_lag);
+        let a = if lag_s > 0.0 { libm::exp(-self.tick_s / lag_s) } else { 0.0 };
+        let cos = libm::cos(core::f64::consts::TAU * self.tick_s / period_s);
+        let in_phase = (1.0 - a) * (1.0 - a * cos) / (1.0 - 2.0 * a * cos + a * a);
+        let modulation_waves = self.modulation_waves * in_phase;
         let per_wave = 2.0 * self.curvature * self.peak_code * modulation_waves * reference.power();
         let gain = libm::ldexp(per_wave, -i32::from(error_shift)) * waves_per_code;
         // Half a period of mean, half of hold, and what converters add.
@@ -176,6 +188,7 @@ struct Limits {
     modulation: f64,
     wavelength: f64,
     margin: f64,
+    lost_waves: f64,
 }
 
 /// Phase margin with the slowest lag: by bisection for the lower crossover.

@@ -64,20 +64,24 @@ proptest! {
         update_ticks in 1_u16..200,
         set_code in 1e3_f64..4e6,
         part in 0.001_f64..0.09,
+        high_ma in 0.02_f64..100.0,
+        current_bits in 8_u32..=23,
+        slew_ma_per_s in 1e-3_f64..1e5,
         codes in codes(),
         hold in any::<bool>(),
     ) {
+        let current_codes_per_ma = f64::from(1 << current_bits) / high_ma;
         let period_s = f64::from(update_ticks) * 1e-4;
         let config = IntensityConfig {
             tick_s: 1e-4,
             update_ticks,
             set_code,
-            codes_per_ma: 2.0 * set_code,
+            codes_per_ma: 4.0 * set_code / high_ma,
             lag_s: 1e-3,
-            range_ma: [0.3, 2.0],
-            current_codes_per_ma: 500_000.0,
-            slew_ma_per_s: 5.0,
-            ignition_ma: 1.5,
+            range_ma: [0.15 * high_ma, high_ma],
+            current_codes_per_ma,
+            slew_ma_per_s,
+            ignition_ma: 0.75 * high_ma,
             ignition_s: 0.05,
             rest_s: 0.02,
             tries: 2,
@@ -92,11 +96,12 @@ proptest! {
         for (code, times) in codes {
             for _ in 0..times {
                 let current = f64::from(design.integers.tick(&mut state, code, hold).current);
-                prop_assert!((0.0..=1e6).contains(&current));
-                // Ignition switches; all else is slewed.
+                prop_assert!((0.0..=f64::from(1 << current_bits)).contains(&current));
+                // Ignition switches; all else is slewed, by a code at least.
                 let step = (current - before).abs();
-                let switched = current == 0.0 || current == 750_000.0;
-                prop_assert!(switched || step <= 5.0 * period_s * 500_000.0 + 1.0, "{before} to {current}");
+                let switched = current == 0.0 || current == (0.75 * f64::from(1 << current_bits)).round();
+                let slew = (slew_ma_per_s * period_s * current_codes_per_ma).max(1.0) + 1.0;
+                prop_assert!(switched || step <= slew, "{before} to {current}");
                 before = current;
             }
         }
@@ -123,7 +128,7 @@ fn nothing_is_wound_up() {
         wanted: Wanted { bandwidth_hz: 10.0, phase_margin_deg: 60.0 },
     };
     let table = config.build().unwrap().integers;
-    let mut run = |dim_ticks: u32| {
+    let run = |dim_ticks: u32| {
         let mut state = table.start();
         (0..dim_ticks).for_each(|_| {
             table.tick(&mut state, 100_000, false);

@@ -73,9 +73,9 @@ section! {
         at_s = REQUIRED, 0.0 ..= 315360000.0, "s", "any";
         /// How long it lasts.
         for_s = REQUIRED, 0.0 ..= 315360000.0, "s", "any";
-        /// How strong: drift in °C/h, part of dropped rows, seconds between resets, part of the mean count that the counter stops at, ppm that the clock is slow by at the end. 0: as usual for the kind.
+        /// How strong: drift in °C/h, part of dropped rows, seconds between resets, part of the mean count of a row that the counter stops at, ppm that the clock is slow by at the end. 0: as usual for the kind; other kinds have none.
         size = 0.0, 0.0 ..= 1000000.0, "", "[D]";
-        /// Which thermometer, from 0.
+        /// Which thermometer, from 0, for faults of thermometers.
         sensor = 0.0, 0.0 ..= 31.0, "", "[D]";
     }
     words {

@@ -38,11 +38,13 @@ impl LogText {
             Actuator::Heater => "aux_path_length_w",
         };
         headers.extend([actuator, "aux_light"].map(str::to_owned));
-        // Rows of a second and more are in whole seconds; the drift of a clock shows in microseconds.
-        let tick = scenario.run.interval_s;
+        // As many as the interval needs: whole ticks of 100 µs have four. A clock that is off shows in microseconds.
+        let whole = |decimals: &u32| {
+            let units = scenario.run.interval_s * libm::exp10(f64::from(*decimals));
+            (units - libm::round(units)).abs() < 1e-6
+        };
         let drifts = scenario.fault.iter().any(|f| f.kind == crate::fault::FaultKind::ClockDrift);
-        let decimals =
-            if drifts { 6 } else { [1.0, 0.1, 0.01, 0.001].iter().take_while(|step| tick < **step).count() as u32 };
+        let decimals = if drifts { 6 } else { (0..4).find(whole).unwrap_or(4) };
         Self { headers, decimals, with_reference, tail: Vec::new(), tail_end_s: f64::NAN, row: Vec::new() }
     }
 

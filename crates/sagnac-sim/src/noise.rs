@@ -1,8 +1,9 @@
 //! Random numbers and the slow noise of the bias.
 //!
 //! Generator: ChaCha8 (`rand_chacha`), seeded with `seed_from_u64`, one of its streams per source, so that a source
-//! that is switched off changes no other. Normal values: the ziggurat of `rand_distr` on `libm`. Both give the same
-//! bytes on every machine.
+//! that is switched off changes no other. Normal values: a ziggurat of 128 layers (Doornik 2005, "An improved ziggurat
+//! method to generate normal random samples") on `libm`. Both give the same bytes on every machine; the normal generator of
+//! `rand_distr` does not, because other crates of the program switch its `exp` and `ln` to those of the platform.
 //!
 //! ```text
 //! flicker      Σ_k OU(σ, τ_k), τ_k = 2^k s, σ² = B²·ln 2/π        one-sided density B²/(πf) between the outer poles
@@ -13,9 +14,10 @@
 //! gives the flat Allan deviation (2 ln 2/π)^½·B = 0.664 B of IEEE Std 952. It is white below half a second and
 //! constant beyond 2^19 s (6 days).
 
-use rand::SeedableRng;
+use std::sync::LazyLock;
+
+use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use rand_distr::{Distribution, StandardNormal};
 
 use crate::scenario::tables::Noise;
 
@@ -39,9 +41,63 @@ pub(crate) fn generator(seed: u64, stream: Stream) -> ChaCha8Rng {
     rng
 }
 
+/// Layers of the ziggurat.
+const LAYERS: usize = 128;
+/// Where the tail begins, and the area of each layer.
+const TAIL: f64 = 3.442_619_855_899;
+const AREA: f64 = 9.912_563_035_262_17e-3;
+
+/// Right edges of the layers, from the widest, which holds the tail, to 0.
+static EDGES: LazyLock<[f64; LAYERS + 1]> = LazyLock::new(|| {
+    let density = |x: f64| libm::exp(-0.5 * x * x);
+    let mut edges = [0.0; LAYERS + 1];
+    edges[0] = AREA / density(TAIL);
+    edges[1] = TAIL;
+    for layer in 2..LAYERS {
+        let inside = edges[layer - 1];
+        edges[layer] = libm::sqrt(-2.0 * libm::log(AREA / inside + density(inside)));
+    }
+    edges
+});
+
+/// A uniform value in (0, 1].
+fn uniform(rng: &mut ChaCha8Rng) -> f64 {
+    ((rng.next_u64() >> 11) + 1) as f64 * (1.0 / (1_u64 << 53) as f64)
+}
+
 /// A normal value.
+#[inline]
 pub(crate) fn normal(rng: &mut ChaCha8Rng) -> f64 {
-    StandardNormal.sample(rng)
+    let edges = &*EDGES;
+    loop {
+        // Seven bits for the layer, 53 others for a place in −1 … 1.
+        let bits = rng.next_u64();
+        let layer = (bits & 0x7f) as usize;
+        let u = (bits >> 11) as f64 * (2.0 / (1_u64 << 53) as f64) - 1.0;
+        let x = u * edges[layer];
+        if x.abs() < edges[layer + 1] {
+            return x;
+        }
+        if let Some(x) = seldom(rng, layer, x) {
+            return x;
+        }
+    }
+}
+
+/// The tail, and the slope beside each layer: one draw in seventy.
+#[cold]
+fn seldom(rng: &mut ChaCha8Rng, layer: usize, x: f64) -> Option<f64> {
+    if layer == 0 {
+        loop {
+            let (a, b) = (-libm::log(uniform(rng)) / TAIL, -libm::log(uniform(rng)));
+            if 2.0 * b > a * a {
+                return Some(libm::copysign(TAIL + a, x));
+            }
+        }
+    }
+    let density = |x: f64| libm::exp(-0.5 * x * x);
+    let (outer, inner) = (density(EDGES[layer]), density(EDGES[layer + 1]));
+    (outer + uniform(rng) * (inner - outer) < density(x)).then_some(x)
 }
 
 /// Octaves of flicker: poles at 1 s to 2^19 s.
@@ -95,5 +151,37 @@ impl SlowNoise {
             self.walk += self.walk_step * normal(&mut self.walk_rng);
         }
         [flicker, self.walk, self.ramp_dph_s * end_s]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Moments and tails of ten million draws against the normal distribution's own (libm's erfc), within five of
+    /// their standard errors.
+    #[test]
+    fn normal_values_are_normal() {
+        const N: usize = 10_000_000;
+        let mut rng = generator(1, Stream::Walk);
+        let (mut sums, mut beyond) = ([0.0; 4], [0_u32; 5]);
+        let limits = [0.5, 1.0, 2.0, 3.0, 4.0];
+        for _ in 0..N {
+            let x = normal(&mut rng);
+            let square = x * x;
+            sums = [sums[0] + x, sums[1] + square, sums[2] + x * square, sums[3] + square * square];
+            for (count, limit) in beyond.iter_mut().zip(limits) {
+                *count += u32::from(x > limit);
+            }
+        }
+        let n = N as f64;
+        for (sum, (moment, variance)) in sums.iter().zip([(0.0, 1.0), (1.0, 2.0), (0.0, 15.0), (3.0, 96.0)]) {
+            assert!((sum / n - moment).abs() < 5.0 * libm::sqrt(variance / n), "{} for {moment}", sum / n);
+        }
+        for (count, limit) in beyond.iter().zip(limits) {
+            let wanted = 0.5 * libm::erfc(limit * std::f64::consts::FRAC_1_SQRT_2);
+            let away = f64::from(*count) / n - wanted;
+            assert!(away.abs() < 5.0 * libm::sqrt(wanted / n), "{limit}: {away} of {wanted}");
+        }
     }
 }

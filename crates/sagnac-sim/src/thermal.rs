@@ -9,8 +9,8 @@
 //! second: right to a half of a second against lags of minutes. True while each place is one lump.
 
 use rand_chacha::ChaCha8Rng;
-use rand_distr::{Distribution, StandardNormal};
 
+use crate::noise::normal;
 use crate::scenario::Scenario;
 use crate::scenario::tables::Place;
 
@@ -23,10 +23,13 @@ pub enum Leg {
     Ramp(f64, f64),
 }
 
-/// The chamber's temperature over time: straight pieces of whole seconds.
+/// The chamber's temperature over time: straight pieces of whole seconds, gone through again and again.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Profile {
-    pieces: Vec<Piece>,
+    /// The first time through begins at the start's temperature, all others where the one before ended.
+    first: Vec<Piece>,
+    again: Vec<Piece>,
+    cycles: u32,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -37,40 +40,68 @@ struct Piece {
     step_c: f64,
 }
 
+/// Legs one after the other from a temperature.
+fn pieces(start_c: f64, legs: &[Leg]) -> Vec<Piece> {
+    let mut pieces: Vec<Piece> = Vec::with_capacity(legs.len());
+    let (mut now_s, mut now_c) = (0.0, start_c);
+    for leg in legs {
+        let (length_s, to_c) = match *leg {
+            Leg::Soak(length_s) => (libm::floor(length_s).max(1.0), now_c),
+            Leg::Ramp(to_c, rate_cpm) => (libm::floor((to_c - now_c).abs() / rate_cpm * 60.0).max(1.0), to_c),
+        };
+        let step_c = (to_c - now_c) / length_s;
+        pieces.push(Piece { start_s: now_s, end_s: now_s + length_s, from_c: now_c, step_c });
+        (now_s, now_c) = (now_s + length_s, to_c);
+    }
+    pieces
+}
+
+impl Piece {
+    fn end_c(&self) -> f64 {
+        self.from_c + self.step_c * (self.end_s - self.start_s)
+    }
+}
+
+fn length_s(pieces: &[Piece]) -> f64 {
+    pieces.last().map_or(0.0, |piece| piece.end_s)
+}
+
 impl Profile {
-    /// Legs one after the other from a temperature.
-    pub fn new(start_c: f64, legs: &[Leg]) -> Self {
-        let mut pieces: Vec<Piece> = Vec::with_capacity(legs.len());
-        let (mut now_s, mut now_c) = (0.0, start_c);
-        for leg in legs {
-            let (length_s, to_c) = match *leg {
-                Leg::Soak(length_s) => (libm::floor(length_s).max(1.0), now_c),
-                Leg::Ramp(to_c, rate_cpm) => (libm::floor((to_c - now_c).abs() / rate_cpm * 60.0).max(1.0), to_c),
-            };
-            let step_c = (to_c - now_c) / length_s;
-            pieces.push(Piece { start_s: now_s, end_s: now_s + length_s, from_c: now_c, step_c });
-            (now_s, now_c) = (now_s + length_s, to_c);
-        }
-        Self { pieces }
+    /// Legs one after the other from a temperature, so many times.
+    pub fn new(start_c: f64, legs: &[Leg], cycles: u32) -> Self {
+        let first = pieces(start_c, legs);
+        let again = pieces(first.last().map_or(start_c, Piece::end_c), legs);
+        Self { first, again, cycles: cycles.max(1) }
     }
 
-    /// Length of all legs, s.
+    /// Length of all, s.
     pub fn length_s(&self) -> f64 {
-        self.pieces.last().map_or(0.0, |piece| piece.end_s)
+        length_s(&self.first) + f64::from(self.cycles - 1) * length_s(&self.again)
     }
 
     /// Temperature at a time, °C; at the ends that of the ends.
     pub fn at(&self, time_s: f64) -> f64 {
-        let index = self.pieces.partition_point(|piece| piece.end_s < time_s);
-        let piece = self.pieces.get(index).or(self.pieces.last());
-        piece.map_or(0.0, |p| p.from_c + p.step_c * (time_s.min(p.end_s) - p.start_s).max(0.0))
+        let first_s = length_s(&self.first);
+        if time_s <= first_s || self.cycles == 1 {
+            return at(&self.first, time_s);
+        }
+        let again_s = length_s(&self.again);
+        // The end of a cycle belongs to it.
+        let cycle = (libm::ceil((time_s - first_s) / again_s) - 1.0).min(f64::from(self.cycles - 2));
+        at(&self.again, time_s - first_s - cycle * again_s)
     }
 
     /// Lowest and highest temperature, °C.
     pub fn span_c(&self) -> [f64; 2] {
-        let ends = self.pieces.iter().flat_map(|p| [p.from_c, p.from_c + p.step_c * (p.end_s - p.start_s)]);
+        let ends = self.first.iter().chain(&self.again).flat_map(|p| [p.from_c, p.end_c()]);
         ends.fold([f64::INFINITY, f64::NEG_INFINITY], |[lo, hi], t| [lo.min(t), hi.max(t)])
     }
+}
+
+fn at(pieces: &[Piece], time_s: f64) -> f64 {
+    let index = pieces.partition_point(|piece| piece.end_s < time_s);
+    let piece = pieces.get(index).or(pieces.last());
+    piece.map_or(0.0, |p| p.from_c + p.step_c * (time_s.min(p.end_s) - p.start_s).max(0.0))
 }
 
 /// A first-order lag, a step a second.
@@ -162,7 +193,7 @@ impl Thermal {
                 Place::Chamber => chamber_c,
             };
             t.node.follow(target);
-            let noise: f64 = if t.noise_c > 0.0 { StandardNormal.sample(&mut self.rng) } else { 0.0 };
+            let noise = if t.noise_c > 0.0 { normal(&mut self.rng) } else { 0.0 };
             let value = t.node.value + t.offset_c + t.noise_c * noise;
             readings_c.push(if t.lsb_c > 0.0 { libm::round(value / t.lsb_c) * t.lsb_c } else { value });
         }
@@ -182,10 +213,16 @@ mod tests {
 
     #[test]
     fn the_profile_goes_where_it_is_told() {
-        let profile = Profile::new(20.0, &[Leg::Soak(600.0), Leg::Ramp(-40.0, 2.0), Leg::Soak(60.0)]);
+        let legs = [Leg::Soak(600.0), Leg::Ramp(-40.0, 2.0), Leg::Soak(60.0)];
+        let profile = Profile::new(20.0, &legs, 1);
         assert_eq!(profile.length_s(), 600.0 + 1800.0 + 60.0);
         let at = [-1.0, 600.0, 1500.0, 2400.0, 9999.0].map(|t| profile.at(t));
         assert_eq!(at, [20.0, 20.0, -10.0, -40.0, -40.0]);
         assert_eq!(profile.span_c(), [-40.0, 20.0]);
+        // The second time begins where the first ended.
+        let twice = Profile::new(20.0, &[Leg::Ramp(30.0, 1.0), Leg::Ramp(-40.0, 1.0)], 3);
+        assert_eq!(twice.length_s(), 4800.0 + 2.0 * 8400.0);
+        let at = [600.0, 4800.0, 4860.0, 9000.0, 13_200.0, 17_400.0, 21_600.0, 30_000.0].map(|t| twice.at(t));
+        assert_eq!(at, [30.0, -40.0, -39.0, 30.0, -40.0, 30.0, -40.0, -40.0]);
     }
 }

@@ -139,11 +139,11 @@ fn beat_and_count_level_agree() {
         let beat_arw = walk_deg_rt_h(&scenario, 1, scenario.input_dph(), seconds);
         // The noise of the dither adds half its variance: 0.5 %; σ is 0.8 %.
         assert!((beat_arw / count_arw - 1.0).abs() < 0.035, "{name}: {beat_arw} and {count_arw} °/√h");
-        for rate in [scenario.input_dph(), 36_000.0] {
+        // The count level counts input over S; so does the beat, to four sigma of its walk: 0.1 ppm at the high rate.
+        for rate in [scenario.input_dph(), 1_800_000.0] {
             let beat = mean_dph(&mut Beat::new(&scenario, 2), &scenario, rate, 60.0);
             let sigma = 60.0 * count_arw / 60.0_f64.sqrt();
-            // Five parts in 1e7 of the rate, and four sigma of the walk.
-            assert!((beat - rate).abs() < 5e-7 * rate + 4.0 * sigma, "{name} at {rate}: {beat}, σ {sigma}");
+            assert!((beat - rate).abs() < 4.0 * sigma, "{name} at {rate}: {beat}, σ {sigma}");
         }
     }
 }
@@ -174,4 +174,70 @@ fn stripped_counts_agree_with_the_count_level() {
         assert!((count - beat).abs() < 14, "{model:?}: {beat} and {count}");
         assert!(worst < 40, "a second of {model:?} has {worst} counts: the swing is in there");
     }
+}
+
+/// A scale factor that is off shows with the same sign and size at both levels: 80 ppm at 100 °/s.
+#[test]
+fn the_scale_factor_is_the_same_at_both_levels() {
+    use sagnac_sim::scenario::tables::Fidelity;
+    let mut scenario = quiet(1.0);
+    scenario.chamber.leg = vec![LegTable::Soak { soak_s: 60.0 }];
+    scenario.chamber.start_c = 45.0;
+    scenario.input.rate_dph = 360_000.0;
+    scenario.scale_factor.actuator_ppm_per_wave = -100.0;
+    let counts = |fidelity, scenario: &mut Scenario| {
+        scenario.run.fidelity = fidelity;
+        let (mut sum, mut ppm) = (0, 0.0);
+        let mut run = GyroRun::new(scenario, 1).unwrap();
+        run.each_row(|row, second| {
+            sum += row.counts;
+            ppm = second.scale_ppm;
+            Ok::<(), ()>(())
+        })
+        .unwrap();
+        (sum as f64, ppm)
+    };
+    let (count, ppm) = counts(Fidelity::Count, &mut scenario);
+    let (beat, _) = counts(Fidelity::Beat, &mut scenario);
+    let nominal = 360_000.0 * 60.0 / scenario.arcsec_per_count();
+    assert!(ppm.abs() > 30.0, "{ppm} ppm");
+    // The stripper holds back a period: 42 ppm of a minute at most.
+    for (level, counts) in [("count", count), ("beat", beat)] {
+        let shown = -(counts / nominal - 1.0) * 1e6;
+        assert!(shown > ppm - 3.0 && shown < ppm + 45.0, "{level}: {shown} of {ppm} ppm");
+    }
+}
+
+/// Warm-up, gradient, null shift and lock-in stand in the truth with their sign and size.
+#[test]
+fn every_source_is_in_the_truth() {
+    use sagnac_sim::gyro::SOURCES;
+    let mut scenario = quiet(1.0);
+    scenario.chamber.cold_start = true;
+    scenario.bias.warm_up_1_dph = 0.3;
+    scenario.bias.warm_up_1_s = 100.0;
+    scenario.bias.gradient_dph_per_c = 0.1;
+    scenario.cavity.null_shift_dph_per_ma = 2.0;
+    scenario.cavity.current_imbalance_ma = -0.25;
+    scenario.input.rate_dph = 50.0;
+    scenario.cavity.backscatter_1_ppm = 0.02;
+    scenario.dither.frequency_hz = 0.0;
+    let lock_in = scenario.lock_in_dph();
+    assert!((1.0..40.0).contains(&lock_in), "{lock_in}");
+    let mut seconds = Vec::new();
+    GyroRun::new(&scenario, 1)
+        .unwrap()
+        .each_row(|_, second| {
+            seconds.push(second.clone());
+            Ok::<(), ()>(())
+        })
+        .unwrap();
+    let of = |name: &str, at: usize| seconds[at - 1].errors_dph[SOURCES.iter().position(|s| *s == name).unwrap()];
+    assert!((of("warm_up", 100) / 0.3 - (-1.0_f64).exp()).abs() < 1e-9);
+    // The anode starts 2 °C below what it is at rest and comes up with 700 s.
+    assert!((of("gradient", 700) / (0.1 * -2.0) - (-1.0_f64).exp()).abs() < 0.01);
+    assert!((of("null_shift", 5) + 0.5).abs() < 1e-9);
+    let rate = seconds[9].input_dph + seconds[9].errors_dph.iter().sum::<f64>() - of("uncounted", 10);
+    let left = (rate * rate - lock_in * lock_in).sqrt();
+    assert!((of("uncounted", 10) - (left - rate)).abs() < 1e-9);
 }

@@ -49,7 +49,11 @@ fn bad_scenarios_are_refused_by_name() {
         ("{ soak_s = 100 }", "{ to_c = 900, rate_cpm = 1 }", "ramps to 900 °C"),
         ("{ soak_s = 100 }", "{ to_c = 70, rate_cpm = 0 }", "at 0 °C/min"),
         ("[geometry]", "[run]\ninterval_s = 0.3\n[geometry]", "`run.interval_s` is 0.3; it can be whole seconds"),
-        ("[geometry]", "[run]\ninterval_s = 500.0\n[geometry]", "`chamber` lasts 100 s: less than a row"),
+        (
+            "[geometry]",
+            "[run]\ninterval_s = 500.0\n[geometry]",
+            "`run.interval_s` is 500 s, longer than the test (100 s)",
+        ),
         (
             "[geometry]",
             "[run]\nfidelity = \"beat\"\n[input]\nrate_dph = 3.6e6\n[dither]\nfrequency_hz = 2000.0\namplitude_arcsec = 1000.0\n[geometry]",
@@ -59,8 +63,38 @@ fn bad_scenarios_are_refused_by_name() {
         ("[geometry]", "[path_length]\nrange_low = -40.0\nrange_high = 40.0\n[geometry]", "holds 0.92 wavelengths"),
         (
             "[geometry]",
-            "[path_length]\nbandwidth_hz = 120.0\nrising_lag_s = 1.0\nfalling_lag_s = 1.0\n[geometry]",
+            "[path_length]\nbandwidth_hz = 120.0\nrising_lag_s = 1.0\nfalling_lag_s = 1.0\nsweep_s = 0.0\n[geometry]",
             "is not to be had at this bandwidth",
+        ),
+        ("perimeter_m = 0.28", "perimeter_m = 0.8", "the next longitudinal mode has 1.26 times"),
+        (
+            "[geometry]",
+            "[dither]\nfrequency_hz = 400.0\nnoise = 0.0\n[geometry]",
+            "pure dither has dynamic lock-in zones",
+        ),
+        (
+            "[geometry]",
+            "[dither]\nfrequency_hz = 400.0\namplitude_arcsec = 1.0\n[geometry]",
+            "`dither.amplitude_arcsec` is 0.4",
+        ),
+        ("[[thermometer]]", "[[thermometer]]\nlsb_c = 1e-310", "`thermometer[0].lsb_c`"),
+        ("[chamber]", "[chamber]\ncycles = 1.5", "`chamber.cycles` is 1.5; it is a whole number"),
+        (
+            "leg = [{ soak_s = 100 }]",
+            "cycles = 10000\nleg = [{ soak_s = 1e6 }]",
+            "`chamber.cycles` make a test of 10000000000 s",
+        ),
+        ("[geometry]", "name = \"a\\u001b[31m\"\n[geometry]", "`name` holds control characters"),
+        ("[geometry]", "[[fault]]\nat_s = 5\nfor_s = 5\nsensor = 3\n[geometry]", "`fault[0].sensor` is 3; there are 1"),
+        (
+            "[geometry]",
+            "[[fault]]\nat_s = 500\nfor_s = 5\n[geometry]",
+            "`fault[0].at_s` is 500 s, and the test ends at 100 s",
+        ),
+        (
+            "[geometry]",
+            "[run]\nfidelity = \"beat\"\nbeat_model = \"two_mode\"\n[cavity]\nloss_ppm = 20000\ngain_ratio = 3\n[geometry]",
+            "a tick needs",
         ),
         ("[geometry]", "[intensity]\nnominal_ma = 5.0\n[geometry]", "`intensity.nominal_ma` is 5, not between"),
         (
@@ -124,6 +158,35 @@ fn the_bytes_are_those_of_every_machine() {
         std::fs::write(&path, text.concat()).unwrap();
     }
     assert_eq!(std::fs::read_to_string(path).unwrap(), text.concat());
+}
+
+/// Whatever the interval, the log's times are those of its rows.
+#[test]
+fn times_of_the_log_are_exact() {
+    for interval in [0.25, 0.125, 0.0625, 0.05, 0.0125, 0.0016, 0.0001, 1.0, 7.0] {
+        let mut scenario = ready("paper");
+        scenario.run.interval_s = interval;
+        let (log, _) = bytes(&scenario, 1, 40);
+        for (row, line) in String::from_utf8(log).unwrap().lines().skip(1).enumerate() {
+            let time_s: f64 = line.split(',').next().unwrap().parse().unwrap();
+            assert!((time_s - (row + 1) as f64 * interval).abs() < 1e-9, "{interval}: {line}");
+        }
+    }
+}
+
+/// Two faults of a kind do not hide each other.
+#[test]
+fn faults_of_a_kind_add_up() {
+    let mut scenario = ready("triangle-28cm-dithered");
+    let stuck = |sensor: f64| Fault { kind: FaultKind::StuckThermometer, at_s: 10.0, for_s: 100.0, size: 0.0, sensor };
+    scenario.thermometer.iter_mut().for_each(|t| (t.noise_c, t.lsb_c) = (1.0, 0.0));
+    scenario.fault = vec![stuck(0.0), stuck(1.0)];
+    let mut readings = Vec::new();
+    let _ = GyroRun::new(&scenario, 1).unwrap().each_row(|_, second| {
+        readings.push(second.readings_c.clone());
+        if readings.len() < 50 { Ok(()) } else { Err(()) }
+    });
+    assert!(readings[11..].iter().all(|r| *r == readings[11]), "both stand still");
 }
 
 /// Truth is never in the log, and every source has its column.
@@ -225,8 +288,11 @@ const HEAD: &str = "# Keys of a scenario
 
 Made by `SAGNAC_WRITE_DOCS=1 cargo test -p sagnac-sim --test scenarios`, which also holds it. Unknown keys are refused, and so are
 values outside their range, before a run starts. Sources: [S] public sources and [M] general knowledge of the field that was not
-verified, as the project's domain notes mark them; [D] a choice of this simulator. A key without a default must be given.
-`name`, `description` and `seed` stand before the first table. `[[thermometer]]` and `[[fault]]` are lists.
+verified, as the project's domain notes mark them; [D] a choice of this simulator. A number without a default must be given; of
+words the first is the default. `name`, `description` and `seed` stand before the first table. `[[thermometer]]` and `[[fault]]` are lists.
+
+A leg of `chamber.leg` is `{ soak_s }` (1 s to 10 years) or `{ to_c, rate_cpm }` (−100 … 150 °C at 0.001 … 50 °C/min, positive both ways); one
+of `input.table` is `{ rate_dps, for_s }` (−2000 … 2000 °/s for whole seconds; the rate changes at once).
 ";
 
 #[test]
@@ -249,7 +315,7 @@ fn the_manual_lists_every_key() {
     if std::env::var_os("SAGNAC_WRITE_DOCS").is_some() {
         std::fs::write(&path, &text).unwrap();
     }
-    assert_eq!(std::fs::read_to_string(path).unwrap(), text, "docs/scenario.md is not what the program has");
+    assert!(std::fs::read_to_string(path).unwrap() == text, "docs/scenario.md is not what the program has");
 }
 
 /// Every scenario of the project is one that runs, and its bench.toml has its scale factor.

@@ -3,7 +3,7 @@
 mod charts;
 
 use std::cell::RefCell;
-use std::io::Write;
+use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 
 use sagnac::digits::significant;
@@ -59,10 +59,8 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     if args.bode {
         return bode(args, &scenario, console);
     }
+    check_files(args)?;
     let outputs = [&args.output, &args.truth];
-    outputs.iter().try_for_each(|path| {
-        path.as_ref().map_or(Ok(()), |path| loading::check_output_name(path, "CSV, or Parquet for .parquet"))
-    })?;
     let seed = args.seed.unwrap_or(scenario.seed);
     let mut recorder = args.report.as_ref().map(|_| Recorder::new(&scenario));
     let rows = match (&args.output, &args.truth) {
@@ -93,6 +91,34 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     Ok(Outcome::Done)
 }
 
+/// Files out are what their names say, apart from each other and from the scenario, in folders that are there.
+fn check_files(args: &Args) -> Result<()> {
+    args.output.iter().try_for_each(|path| loading::check_output_name(path, "CSV, or Parquet for .parquet"))?;
+    let parquet = |path: &&PathBuf| loading::has_extension(path, "parquet");
+    if let Some(path) = args.truth.iter().find(parquet) {
+        return Err(Error::input("the truth is written as CSV only").file(path.display().to_string()));
+    }
+    let is_page = |path: &&PathBuf| !["csv", "parquet", "toml"].iter().any(|e| loading::has_extension(path, e));
+    if let Some(path) = args.report.iter().find(|path| !is_page(path)) {
+        return Err(Error::input("a report is an HTML page").file(path.display().to_string()));
+    }
+    let mut seen = vec![std::fs::canonicalize(&args.scenario).unwrap_or_else(|_| args.scenario.clone())];
+    for path in [&args.output, &args.truth, &args.report].into_iter().flatten() {
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let folder = std::fs::canonicalize(folder).map_err(|e| Error::io_path(path, "write", &e))?;
+        if path.is_dir() {
+            return Err(Error::input("this is a directory; give the name of a file").file(path.display().to_string()));
+        }
+        let whole = std::fs::canonicalize(path).unwrap_or_else(|_| folder.join(path.file_name().unwrap_or_default()));
+        if (whole.is_file() || !whole.exists()) && seen.contains(&whole) {
+            return Err(Error::input("this file is named twice: scenario, log, truth and report each have their own")
+                .file(path.display().to_string()));
+        }
+        seen.push(whole);
+    }
+    Ok(())
+}
+
 fn refused(path: &Path, problem: &Problem) -> Error {
     let error = Error::input(problem.what.clone()).file(path.display().to_string());
     let error = if problem.key.is_empty() { error } else { error.column(problem.key.clone()) };
@@ -102,12 +128,13 @@ fn refused(path: &Path, problem: &Problem) -> Error {
 
 fn scenario(args: &Args) -> Result<Scenario> {
     const MOST_BYTES: u64 = 1 << 20;
-    let length = std::fs::metadata(&args.scenario).map_err(|e| Error::io_path(&args.scenario, "open", &e))?;
-    if length.len() > MOST_BYTES {
-        return Err(Error::input(format!("{} bytes are no scenario; at most {MOST_BYTES}", length.len()))
+    let file = std::fs::File::open(&args.scenario).map_err(|e| Error::io_path(&args.scenario, "open", &e))?;
+    let mut bytes = Vec::new();
+    file.take(MOST_BYTES + 1).read_to_end(&mut bytes).map_err(|e| Error::io_path(&args.scenario, "read", &e))?;
+    if bytes.len() as u64 > MOST_BYTES {
+        return Err(Error::input(format!("more than {MOST_BYTES} bytes are no scenario"))
             .file(args.scenario.display().to_string()));
     }
-    let bytes = std::fs::read(&args.scenario).map_err(|e| Error::io_path(&args.scenario, "read", &e))?;
     let text = String::from_utf8(bytes)
         .map_err(|_| Error::input("not UTF-8 text").file(args.scenario.display().to_string()))?;
     let refused = |problem: Problem| refused(&args.scenario, &problem);
@@ -115,8 +142,9 @@ fn scenario(args: &Args) -> Result<Scenario> {
     let length_s = scenario.profile().map_err(refused)?.length_s();
     for text in &args.fault {
         scenario.fault.push(fault(text, length_s)?);
+        // The file was good: what is wrong now is what was just added.
+        scenario.check().map_err(|problem| Error::input(problem.to_string()).column("--fault").value(text))?;
     }
-    scenario.check().map_err(refused)?;
     Ok(scenario)
 }
 
@@ -252,10 +280,15 @@ fn describe(scenario: &Scenario, seed: u64, rows: u64, console: &mut Console) {
     console.say(format!(
         "{}: {rows} rows, seed {seed}; {} arcsec per count, lock-in {} °/h, angle random walk {} °/√h",
         scenario.name,
-        significant(scenario.arcsec_per_count(), 6),
+        scenario.arcsec_per_count(),
         significant(scenario.lock_in_dph(), 3),
         significant(scenario.arw_deg_rt_h(), 3)
     ));
+    let random =
+        scenario.arw_deg_rt_h() + scenario.noise.bias_instability_dph + scenario.noise.rate_random_walk_dph_rt_h;
+    if random == 0.0 && scenario.thermometer.iter().all(|t| t.noise_c == 0.0) {
+        console.note("note: nothing in this scenario is random; every seed gives the same log ([noise], [dither])");
+    }
 }
 
 fn write_report(path: &Path, page: &ChartPage, console: &mut Console) -> Result<()> {

@@ -16,7 +16,7 @@ mod swing;
 mod two_mode;
 
 use rand_chacha::ChaCha8Rng;
-use sagnac_loops::Stripper;
+use sagnac_loops::{Stripped, Stripper};
 
 use crate::TICK_S;
 use crate::beat::adler::Adler;
@@ -64,6 +64,8 @@ pub struct BeatTick {
     pub raw: i32,
     /// Counts of whole dither periods that ended in this tick; without dither the raw counts.
     pub stripped: i64,
+    /// The dither shows no zeros: what was stripped still holds its swing.
+    pub without_zero: bool,
 }
 
 impl Beat {
@@ -151,15 +153,17 @@ impl Beat {
         let edges = self.edges();
         let raw = (edges - self.counted) as i32;
         self.counted = edges;
-        let stripped = self.strip(raw);
-        BeatTick { raw, stripped }
+        let Some(out) = self.strip(raw) else { return BeatTick { raw, stripped: 0, without_zero: false } };
+        BeatTick { raw, stripped: out.counts, without_zero: out.without_zero }
     }
 
-    fn strip(&mut self, raw: i32) -> i64 {
-        let Some(stripper) = &mut self.stripper else { return i64::from(raw) };
+    fn strip(&mut self, raw: i32) -> Option<Stripped> {
+        let Some(stripper) = &mut self.stripper else {
+            return Some(Stripped { counts: i64::from(raw), ticks: 1, without_zero: false });
+        };
         let noise = if self.pickoff_noise > 0.0 { self.pickoff_noise * normal(&mut self.pickoff_rng) } else { 0.0 };
         let pickoff = (self.swing.angle_arcsec() + noise) * PICKOFF_CODES_PER_ARCSEC;
-        stripper.take(raw, libm::round(pickoff) as i32).map_or(0, |out| out.counts)
+        stripper.take(raw, libm::round(pickoff) as i32)
     }
 
     /// Phase of the beat from the start, fringes; the swing of the dither included.

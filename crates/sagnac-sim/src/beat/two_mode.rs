@@ -13,8 +13,11 @@
 //! ḃ = (c/2L)(α − β|b|² − θ|a|²)·b + (c/L)·r₁e^(jε₁)·e^(−jΦ)·a          ψ = Φ + arg b − arg a
 //! ```
 //!
-//! Runge-Kutta of 4th order, at most 0.8 rad of Φ and half a lifetime of the intensity per step. Both modes have the
-//! same gain (σ₁ = σ₂, τ₁₂ = τ₂₁): what makes them differ is the null shift of the scenario. Detuning enters through α.
+//! Runge-Kutta of 4th order; per step at most 0.8 rad of Φ, half a lifetime of the intensity and half a radian of
+//! backscatter. Both modes have the same gain (σ₁ = σ₂, τ₁₂ = τ₂₁): what makes them differ is the null shift of the
+//! scenario. α is that of a cavity held on its peak at the nominal current. Where backscatter is as strong as what
+//! keeps the modes apart (2r against the excess gain times (1 − θ/β)/(1 + θ/β)), one mode is put out and what is
+//! left does not beat: the closed form of the lock-in is not true there.
 
 use crate::beat::swing::{Jet, Stretch};
 
@@ -76,8 +79,9 @@ pub(crate) struct TwoMode {
     into_2: Complex,
     a: Complex,
     b: Complex,
-    /// arg b − arg a, unwrapped.
-    chi: f64,
+    /// arg b − arg a, unwrapped: whole turns, and the product b·a* they were last seen with.
+    turns: i64,
+    product: Complex,
 }
 
 const PIECE_S: f64 = 1.25e-5;
@@ -93,13 +97,14 @@ impl TwoMode {
             into_1: into(1),
             a: Complex { re: size, im: 0.0 },
             b: Complex::polar(size, chi),
-            chi,
+            turns: 0,
+            product: Complex::polar(size * size, chi),
             constants,
         }
     }
 
     pub(crate) fn chi(&self) -> f64 {
-        self.chi
+        libm::atan2(self.product.im, self.product.re) + std::f64::consts::TAU * self.turns as f64
     }
 
     /// Intensities of both modes.
@@ -117,20 +122,23 @@ impl TwoMode {
             self.steps(&from, &to, base, length);
             from = to;
         }
-        self.unwrap();
     }
 
-    /// χ from the amplitudes, on the branch nearest to the last one.
+    /// Counts passages of the negative real axis; a step turns by less than half of a half turn.
+    #[inline]
     fn unwrap(&mut self) {
-        let turn = self.b.times(self.a.conjugate());
-        let angle = libm::atan2(turn.im, turn.re);
-        let away = (angle - self.chi) / std::f64::consts::TAU;
-        self.chi = angle - std::f64::consts::TAU * libm::round(away);
+        let product = self.b.times(self.a.conjugate());
+        let was = self.product;
+        if product.re < 0.0 && (product.im < 0.0) != (was.im < 0.0) {
+            self.turns += if was.im < 0.0 { -1 } else { 1 };
+        }
+        self.product = product;
     }
 
     fn steps(&mut self, from: &Jet, to: &Jet, base: f64, length: f64) {
         let c = &self.constants;
-        let fastest = (from.first.abs().max(to.first.abs()) / STEP_RAD).max(2.0 * c.gain / 0.5);
+        let back = 2.0 * (c.backscatter[0] + c.backscatter[1]);
+        let fastest = (from.first.abs().max(to.first.abs()) / STEP_RAD).max(4.0 * c.gain).max(back);
         let count = libm::ceil(fastest * length).max(1.0);
         let h = length / count;
         let mut phase = Complex::polar(1.0, base + from.value);
@@ -139,6 +147,7 @@ impl TwoMode {
             let middle = Complex::polar(1.0, base + from.later(t + 0.5 * h));
             let end = Complex::polar(1.0, base + from.later(t + h));
             self.step(h, phase, middle, end);
+            self.unwrap();
             phase = end;
         }
     }

@@ -9,6 +9,7 @@
 //! ripple        a·sin(π·u), u the actuator's path in wavelengths: periodic over two modes (US5438410)
 //! warm-up       a₁e^(−t/τ₁) + a₂e^(−t/τ₂) after a cold start
 //! null shift    s·(imbalance of the current, which grows with it)
+//! uncounted     what lock-in (without dither) or darkness keeps from the counter: √(Ω²−Ω_L²) − Ω, or −Ω
 //! ```
 //!
 //! Sizes and forms of temperature, rate, gradient, hysteresis and warm-up are phenomenological.
@@ -19,7 +20,7 @@ use crate::scenario::tables::{Bias, Cavity};
 use crate::thermal::Temperatures;
 
 /// Names of the sources, in the order of [`super::Second::errors_dph`].
-pub const SOURCES: [&str; 13] = [
+pub const SOURCES: [&str; 14] = [
     "fixed",
     "temperature",
     "rate",
@@ -33,6 +34,7 @@ pub const SOURCES: [&str; 13] = [
     "rate_random_walk",
     "rate_ramp",
     "unlocked",
+    "uncounted",
 ];
 
 /// Sources that remember.
@@ -99,6 +101,8 @@ impl Sources {
             walk,
             ramp,
             causes.unlocked_dph,
+            // Found once the others are known.
+            0.0,
         ]
     }
 }

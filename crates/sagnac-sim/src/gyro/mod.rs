@@ -33,6 +33,9 @@ use crate::scenario::tables::Fidelity;
 use crate::scenario::{Problem, Scenario};
 use crate::thermal::{Temperatures, Thermal};
 
+/// Light below this part of the regulated is none.
+const DARK: f64 = 0.05;
+
 /// Everything about a second: the truth, and what the sensors show.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Second {
@@ -82,6 +85,8 @@ pub struct GyroRun {
     fault_rng: ChaCha8Rng,
     /// Part of a count that has not been given yet.
     pending: f64,
+    /// The log's clock, s; rows are stamped in whole microseconds of it.
+    time_s: f64,
     time_ns: i64,
     seconds: u64,
     length_s: u64,
@@ -97,7 +102,7 @@ pub struct GyroRun {
     modes: f64,
     /// The light itself, at the beat level.
     beat: Option<Box<Beat>>,
-    /// Start and rate of each leg of the table, and the length of all.
+    /// Length of the table's legs together, s.
     table_s: f64,
 }
 
@@ -120,6 +125,7 @@ impl GyroRun {
             walk_rng: generator(seed, Stream::Walk),
             fault_rng: generator(seed, Stream::Fault),
             pending: 0.0,
+            time_s: 0.0,
             time_ns: 0,
             seconds: 0,
             length_s,
@@ -149,10 +155,15 @@ impl GyroRun {
         self.length_s as f64
     }
 
+    /// The latest fault of a kind that has begun and lasts, and for how long it has.
     fn fault(&self, kind: FaultKind) -> Option<(&Fault, f64)> {
+        self.fault_where(|fault| fault.kind == kind)
+    }
+
+    fn fault_where(&self, wanted: impl Fn(&Fault) -> bool) -> Option<(&Fault, f64)> {
         let end_s = self.seconds as f64;
-        let of_kind = self.scenario.fault.iter().filter(|fault| fault.kind == kind);
-        of_kind.filter_map(|fault| Some((fault, fault.since_s(end_s)?))).next()
+        let lasting = self.scenario.fault.iter().filter(|fault| wanted(fault));
+        lasting.filter_map(|fault| Some((fault, fault.since_s(end_s)?))).min_by(|a, b| a.1.total_cmp(&b.1))
     }
 
     fn active(&self, kind: FaultKind) -> bool {
@@ -184,7 +195,11 @@ impl GyroRun {
         let before_c = self.block_c;
         self.block_c = 2.0 * temperatures.block_c - before_c;
         let loops = self.loops([before_c, self.block_c]);
-        let origin = *self.mode_at_start.get_or_insert(loops.mode);
+        // The scale factor is nominal on the first mode that was held; while one is looked for, nothing is said of it.
+        if loops.valid {
+            self.mode_at_start.get_or_insert(loops.mode);
+        }
+        let modes_on = loops.mode - self.mode_at_start.unwrap_or(loops.mode);
         let actuator_waves = loops.actuator * self.scenario.path_length.waves_per_unit;
         // Off its peak the cavity pulls the beat here and there.
         let swing = |since: f64| 0.5 * libm::sin(std::f64::consts::TAU * since / 37.0);
@@ -198,8 +213,12 @@ impl GyroRun {
             slow: self.slow.second(end_s),
             unlocked_dph,
         };
-        let errors_dph = self.sources.second(&causes);
+        let mut errors_dph = self.sources.second(&causes);
         let table_dps = self.table_dps(end_s - 0.5);
+        let rate_dph = self.scenario.input_dph() + 3600.0 * table_dps + errors_dph.iter().sum::<f64>();
+        if let Some(uncounted) = errors_dph.last_mut() {
+            *uncounted = self.counted_of(rate_dph, &loops) - rate_dph;
+        }
         self.second = Second {
             end_s,
             temperatures,
@@ -208,7 +227,7 @@ impl GyroRun {
             input_dph: self.scenario.input_dph() + 3600.0 * table_dps,
             table_dps,
             errors_dph,
-            scale_ppm: -1e6 * (loops.mode - origin) as f64 / self.modes
+            scale_ppm: -1e6 * modes_on as f64 / self.modes
                 + self.scenario.scale_factor.actuator_ppm_per_wave * actuator_waves,
             valid: loops.valid,
         };
@@ -231,17 +250,17 @@ impl GyroRun {
 
     fn break_thermometers(&mut self, readings_c: &mut [f64]) {
         for (index, reading) in readings_c.iter_mut().enumerate() {
-            let mine = |found: Option<(&Fault, f64)>| {
-                found
-                    .filter(|(fault, _)| fault.sensor as usize == index)
-                    .map(|(fault, since)| (fault.strength(), since))
+            let mine = |kind| {
+                let found = self.fault_where(|fault| fault.kind == kind && fault.sensor as usize == index);
+                found.map(|(fault, since)| (fault.strength(), since))
             };
-            if mine(self.fault(FaultKind::StuckThermometer)).is_some() {
+            let (stuck, drifting) = (mine(FaultKind::StuckThermometer), mine(FaultKind::DriftingThermometer));
+            if stuck.is_some() {
                 *reading = *self.stuck[index].get_or_insert(*reading);
             } else {
                 self.stuck[index] = None;
             }
-            if let Some((c_per_h, since)) = mine(self.fault(FaultKind::DriftingThermometer)) {
+            if let Some((c_per_h, since)) = drifting {
                 let lsb = self.scenario.thermometer[index].lsb_c;
                 let drifted = *reading + c_per_h * since / 3600.0;
                 *reading = if lsb > 0.0 { libm::round(drifted / lsb) * lsb } else { drifted };
@@ -249,20 +268,20 @@ impl GyroRun {
         }
     }
 
-    /// Input and all errors, °/h.
+    /// Input and all errors, °/h: what the counter sees over this second. At the beat level what lock-in leaves of it
+    /// is for the beat to find.
     fn rate_dph(&self) -> f64 {
         self.second.input_dph + self.second.errors_dph.iter().sum::<f64>()
     }
 
-    /// Mean rate that the counter sees over this second, °/h.
-    fn counted_dph(&self) -> f64 {
-        let rate = self.rate_dph();
-        if self.active(FaultKind::PumpFailure) {
+    /// Mean rate that is counted of a rate: nothing without light, Adler's without dither.
+    fn counted_of(&self, rate_dph: f64, loops: &LoopsSecond) -> f64 {
+        if loops.light < DARK {
             0.0
-        } else if self.undithered() {
-            adler_mean_dph(rate, self.lock_in_dph)
+        } else if self.undithered() && self.beat.is_none() {
+            adler_mean_dph(rate_dph, self.lock_in_dph)
         } else {
-            rate
+            rate_dph
         }
     }
 
@@ -272,7 +291,7 @@ impl GyroRun {
 
     /// Nothing gets through: no light, or locked without dither.
     fn silent(&self) -> bool {
-        self.active(FaultKind::PumpFailure) || (self.undithered() && self.rate_dph().abs() <= self.lock_in_dph)
+        self.second.loops.light < DARK || (self.undithered() && self.beat.is_none() && self.rate_dph() == 0.0)
     }
 
     /// Runs to the end, row by row.
@@ -306,21 +325,20 @@ impl GyroRun {
             self.advance();
             let dt = self.clock(1.0);
             length_s += dt;
-            valid &= self.second.valid;
             mean.add(&self.second);
             if self.beat.is_some() {
                 let (counts, noise) = self.beats(10_000, dt);
                 angle += counts as f64;
                 noise_arcsec += noise;
             } else {
-                angle += self.counted_dph() * dt / self.scale();
+                let noise = self.noise(libm::sqrt(dt));
+                noise_arcsec += noise;
+                angle += (self.rate_dph() * dt + noise) / self.scale();
             }
+            // After the beat, which may have found its counts not to be good.
+            valid &= self.second.valid;
         }
         mean.finish(seconds, &self.second, valid);
-        if self.beat.is_none() {
-            noise_arcsec = self.noise(libm::sqrt(length_s));
-            angle += noise_arcsec / self.scale();
-        }
         let counts = self.count(angle, length_s);
         let row = LogRow { time_ns: self.time_ns, counts, valid, noise_arcsec };
         ((!self.dropped()).then_some(row), mean)
@@ -330,7 +348,7 @@ impl GyroRun {
     fn short_rows<E>(&mut self, rows: u32, each: &mut impl FnMut(&LogRow, &Second) -> Result<(), E>) -> Result<(), E> {
         let nominal_s = 1.0 / f64::from(rows);
         let scale = self.scale();
-        let rate = self.counted_dph();
+        let rate = self.rate_dph();
         let broken = !self.scenario.fault.is_empty();
         let root = libm::sqrt(nominal_s);
         let step = rate * nominal_s / scale;
@@ -354,6 +372,7 @@ impl GyroRun {
                 self.count(rate * dt / scale + noise_arcsec / scale, dt)
             } else {
                 self.time_ns = start_ns + (1_000_000_000 * i64::from(row)) / i64::from(rows);
+                self.time_s = self.time_ns as f64 * 1e-9;
                 self.whole(step + noise_arcsec / scale)
             };
             if broken && self.dropped() {
@@ -367,10 +386,11 @@ impl GyroRun {
 
     /// So many ticks of the light that take a time, in stripped counts; and the noise put in, arcsec.
     fn beats(&mut self, ticks: u32, length_s: f64) -> (i64, f64) {
-        let (stopped, dark) = (self.active(FaultKind::DitherFailure), self.active(FaultKind::PumpFailure));
+        let (stopped, dark) = (self.active(FaultKind::DitherFailure), self.second.loops.light < DARK);
         let from_c = self.second.temperatures.block_c - crate::plant::REFERENCE_C;
         let stretched = length_s / (f64::from(ticks) * TICK_S);
-        let rate_dph = self.rate_dph() * stretched / (1.0 + self.second.scale_ppm * 1e-6);
+        let per_scale = stretched / (1.0 + self.second.scale_ppm * 1e-6);
+        let rate_dph = self.rate_dph() * per_scale;
         let (mut counts, mut noise_arcsec) = (0, 0.0);
         for tick in 0..ticks {
             let noise = self.noise(libm::sqrt(TICK_S));
@@ -381,6 +401,7 @@ impl GyroRun {
             }
             let out = beat.tick(rate_dph + noise / TICK_S);
             counts += if dark { 0 } else { out.stripped };
+            self.second.valid &= !out.without_zero;
         }
         (counts, noise_arcsec)
     }
@@ -392,13 +413,7 @@ impl GyroRun {
     fn noise(&mut self, root_s: f64) -> f64 {
         let noise =
             if self.walk_arcsec_rt_s > 0.0 { self.walk_arcsec_rt_s * root_s * normal(&mut self.walk_rng) } else { 0.0 };
-        // At the beat level the light itself decides what gets through.
-        if self.beat.is_none() && self.broken_or_still() && self.silent() { 0.0 } else { noise }
-    }
-
-    /// Something may keep noise out: a fault, or no dither.
-    fn broken_or_still(&self) -> bool {
-        !self.dithered || !self.scenario.fault.is_empty()
+        if self.silent() { 0.0 } else { noise }
     }
 
     fn has_clock(&self) -> bool {
@@ -414,9 +429,9 @@ impl GyroRun {
         let slow = self
             .fault(FaultKind::ClockDrift)
             .map_or(0.0, |(fault, since)| fault.strength() * 1e-6 * since / fault.for_s.max(1.0));
-        // The log's clock is right; the gyro's says when a row ends. Stamps are whole microseconds.
-        let stamp_us = libm::round(nominal_s * (1.0 + slow) * 1e6) as i64;
-        self.time_ns += stamp_us * 1000;
+        // A fault of the clock shows against that of the log; an oscillator that is always off is also the log's.
+        self.time_s += nominal_s * (1.0 + slow);
+        self.time_ns = libm::round(self.time_s * 1e6) as i64 * 1000;
         nominal_s * (1.0 + slow) / (1.0 + fast)
     }
 

@@ -67,14 +67,14 @@ impl Control {
         match self {
             Self::Ideal(ideal) => ideal.second(design, thermal[1], loss[1], fault),
             Self::Running(running) => {
-                // A lost lock is a path that jumps under the loop, faster than it follows.
+                // A lost lock is a path that jumps under the loop each second, by more than it can take for drift.
                 let jumps =
                     |(kind, since)| if kind == FaultKind::LockLoss { 0.37 * libm::floor(since * 7.0) } else { 0.0 };
                 let jump = fault.map_or(0.0, jumps);
                 const TICKS: u32 = 10_000;
                 let SecondOfLoops { actuator, light, current_ma, invalid_ticks, .. } =
                     running.stretch(TICKS, [thermal[0] + jump, thermal[1] + jump], loss, dark);
-                let mode = libm::round(thermal[1] + actuator * plant.waves_per_unit) as i64;
+                let mode = libm::round(thermal[1] + jump + actuator * plant.waves_per_unit) as i64;
                 LoopsSecond { actuator, mode, light, current_ma, valid: invalid_ticks == 0 }
             }
         }

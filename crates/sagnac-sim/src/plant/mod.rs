@@ -204,7 +204,7 @@ impl Design {
             ignition_ma: light.ignition_ma,
             ignition_s: light.ignition_s,
             rest_s: light.rest_s,
-            tries: 3,
+            tries: light.ignition_tries as u8,
             low_part: light.low_part,
             wanted: Wanted { bandwidth_hz: light.bandwidth_hz, phase_margin_deg: light.phase_margin_deg },
         };

@@ -101,7 +101,7 @@ impl Running {
         let noise = if plant.noise_code > 0.0 { plant.noise_code * normal(&mut self.rng) } else { 0.0 };
         let code = libm::round(light * plant.peak_code + noise).clamp(0.0, plant.full_code) as i32;
         let path_out = self.design.path_length.integers.tick(&mut self.path, code);
-        let hold = path_out.status.contains(PathLengthStatus::SWEEPING);
+        let hold = path_out.status.contains(PathLengthStatus::HOLD_LIGHT);
         let light_out = self.design.intensity.integers.tick(&mut self.intensity, code, hold);
         (self.actuator_code, self.modulation_code) = (path_out.actuator, path_out.modulation);
         self.current_code = light_out.current;

@@ -65,7 +65,7 @@ impl LaggedChamber {
     /// One run through the profile.
     pub fn run(&self, seed: u64) -> impl Iterator<Item = Row> + use<> {
         let gyro = self.clone();
-        let profile = Profile::new(self.start_c, &self.legs);
+        let profile = Profile::new(self.start_c, &self.legs, 1);
         let mut counter = Counter::new(seed, gyro.arw_deg_rt_h);
         let mut block_c = gyro.start_c;
         let keep = libm::exp(-1.0 / gyro.block_lag_s);

@@ -9,13 +9,13 @@ pub mod tables;
 
 use serde::Deserialize;
 
-use crate::fault::Fault;
+use crate::fault::{Fault, FaultKind};
 use crate::physics;
 use crate::plant::Design;
 use crate::scenario::section::{Key, Section};
 use crate::scenario::tables::{
-    Bias, Block, Cavity, Chamber, Direction, Dither, Electronics, Fidelity, Geometry, Input, IntensityTable, LegTable,
-    Noise, PathLengthTable, Readout, Run, ScaleFactor, ThermometerTable,
+    BeatModel, Bias, Block, Cavity, Chamber, Direction, Dither, Electronics, Fidelity, Geometry, Input, IntensityTable,
+    LegTable, Loops, Noise, PathLengthTable, Readout, Run, ScaleFactor, ThermometerTable,
 };
 use crate::thermal::{Leg, Profile};
 
@@ -182,10 +182,15 @@ impl Scenario {
         for (index, fault) in self.fault.iter().enumerate() {
             check(fault, &format!("fault[{index}]"))?;
         }
+        self.check_words()?;
+        self.check_whole()?;
         self.check_interval()?;
         self.check_thermometers()?;
         self.check_table()?;
-        self.profile()?;
+        let length_s = self.profile()?.length_s();
+        self.check_faults(length_s)?;
+        self.check_one_mode()?;
+        self.check_dither()?;
         self.check_beat()?;
         Design::of(self).map(|_| ())
     }
@@ -205,11 +210,128 @@ impl Scenario {
         }
     }
 
+    /// Names and descriptions go to terminals and pages.
+    fn check_words(&self) -> Result<(), Problem> {
+        for (key, text) in [("name", &self.name), ("description", &self.description)] {
+            if text.chars().any(char::is_control) {
+                return Err(problem(key, "holds control characters; give one line of plain text"));
+            }
+        }
+        Ok(())
+    }
+
+    fn check_whole(&self) -> Result<(), Problem> {
+        let whole = |key: &str, value: f64| {
+            let fits = value == libm::floor(value);
+            if fits { Ok(()) } else { Err(problem(key, format!("is {value}; it is a whole number"))) }
+        };
+        whole("chamber.cycles", self.chamber.cycles)?;
+        whole("electronics.counter_bits", self.electronics.counter_bits)?;
+        whole("intensity.ignition_tries", self.intensity.ignition_tries)?;
+        for (index, leg) in self.input.table.iter().enumerate() {
+            whole(&format!("input.table[{index}].for_s"), leg.for_s)?;
+        }
+        for (index, fault) in self.fault.iter().enumerate() {
+            whole(&format!("fault[{index}].sensor"), fault.sensor)?;
+        }
+        if self.electronics.counter_bits == 1.0 {
+            return Err(problem(
+                "electronics.counter_bits",
+                "is 1: a counter that can hold nothing; give 2 and more, or 0",
+            ));
+        }
+        Ok(())
+    }
+
+    /// What a fault names must be there, and it must happen.
+    fn check_faults(&self, length_s: f64) -> Result<(), Problem> {
+        for (index, fault) in self.fault.iter().enumerate() {
+            let at = |key: &str, what: String| Err(problem(&format!("fault[{index}].{key}"), what));
+            if fault.at_s >= length_s {
+                return at("at_s", format!("is {} s, and the test ends at {length_s} s", fault.at_s));
+            }
+            if fault.for_s < 1.0 {
+                return at("for_s", format!("is {} s; a fault lasts 1 s and more", fault.for_s));
+            }
+            if fault.sensor as usize >= self.thermometer.len() {
+                let have = self.thermometer.len();
+                return at("sensor", format!("is {}; there are {have}, counted from 0", fault.sensor));
+            }
+            if fault.kind == FaultKind::DroppedSamples && fault.size > 1.0 {
+                return at("size", format!("is {}; it is the part of the rows that is dropped, up to 1", fault.size));
+            }
+            if fault.kind == FaultKind::ModeResetStorm && self.run.loops == Loops::Running {
+                return at("kind", "is mode_reset_storm, which only ideal loops can be told to have".to_owned());
+            }
+        }
+        Ok(())
+    }
+
+    /// The plant stands for one longitudinal mode: the next must not reach its threshold.
+    fn check_one_mode(&self) -> Result<(), Problem> {
+        let off = physics::free_spectral_range_hz(self.geometry.perimeter_m) / (self.cavity.gain_width_mhz * 1e6);
+        let next = self.cavity.gain_ratio * libm::exp(-4.0 * std::f64::consts::LN_2 * off * off);
+        if next < 1.0 {
+            return Ok(());
+        }
+        Err(problem(
+            "cavity.gain_ratio",
+            format!(
+                "is {}: with this perimeter the next longitudinal mode has {next:.2} times the gain it needs and lases too; this simulator has one mode. Less gain or a shorter path",
+                self.cavity.gain_ratio
+            ),
+        ))
+    }
+
+    /// The walk's law needs many fringes in a swing, and noise.
+    fn check_dither(&self) -> Result<(), Problem> {
+        let d = &self.dither;
+        if d.frequency_hz == 0.0 || d.amplitude_arcsec == 0.0 {
+            return Ok(());
+        }
+        if d.frequency_hz < 20.0 {
+            return Err(problem(
+                "dither.frequency_hz",
+                format!("is {}; it can be 20 Hz and more, or 0 for none", d.frequency_hz),
+            ));
+        }
+        let fringes = d.amplitude_arcsec / self.arcsec_per_fringe();
+        if fringes < 2.0 {
+            return Err(problem(
+                "dither.amplitude_arcsec",
+                format!(
+                    "is {fringes:.3} fringes; it can be 2 and more, or 0 for none: less does not free a gyro from lock-in"
+                ),
+            ));
+        }
+        if d.noise < 0.01 && self.run.fidelity == Fidelity::Count {
+            return Err(problem(
+                "dither.noise",
+                format!(
+                    "is {}: pure dither has dynamic lock-in zones, which only the beat level knows. 0.01 and more, or run.fidelity = \"beat\"",
+                    d.noise
+                ),
+            ));
+        }
+        Ok(())
+    }
+
     fn check_thermometers(&self) -> Result<(), Problem> {
         if self.thermometer.is_empty() {
             return Err(problem("thermometer", "is missing: a thermal test has at least one"));
         }
+        const MOST: usize = 32;
+        if self.thermometer.len() > MOST {
+            return Err(problem(
+                "thermometer",
+                format!("stands {} times; a log has at most {MOST}", self.thermometer.len()),
+            ));
+        }
         for (index, one) in self.thermometer.iter().enumerate() {
+            if one.lsb_c != 0.0 && one.lsb_c < 1e-6 {
+                let what = format!("is {:e}; it can be 1e-6 °C and more, or 0 for none", one.lsb_c);
+                return Err(problem(&format!("thermometer[{index}].lsb_c"), what));
+            }
             let place = format!("thermometer[{index}].name");
             if !one.name.bytes().all(|b| b.is_ascii_lowercase() || b.is_ascii_digit() || b == b'_') {
                 return Err(problem(&place, format!("is `{}`; small letters, digits and _ make a header", one.name)));
@@ -255,8 +377,18 @@ impl Scenario {
                 ),
             ));
         }
-        if self.dither.frequency_hz > 0.0 && self.dither.frequency_hz < 20.0 {
-            return Err(problem("dither.frequency_hz", "of the beat can be 20 Hz and more, or 0 for none"));
+        const MOST_STEPS_PER_TICK: f64 = 1000.0;
+        let fsr = physics::free_spectral_range_hz(self.geometry.perimeter_m);
+        let excess = fsr * self.cavity.loss_ppm * 1e-6 * (self.cavity.gain_ratio - 1.0);
+        let steps = 2.0 * excess * crate::TICK_S;
+        if self.run.beat_model == BeatModel::TwoMode && steps > MOST_STEPS_PER_TICK {
+            return Err(problem(
+                "cavity.loss_ppm",
+                format!(
+                    "is {}: the intensities follow so fast that a tick needs {steps:.0} steps, {MOST_STEPS_PER_TICK} can be made; less loss or gain_ratio, or run.beat_model = \"adler\"",
+                    self.cavity.loss_ppm
+                ),
+            ));
         }
         Ok(())
     }
@@ -292,14 +424,15 @@ impl Scenario {
         if legs.is_empty() {
             return Err(problem("chamber.leg", "is missing: give soaks and ramps, or one soak for a test at rest"));
         }
-        let cycles = self.chamber.cycles as usize;
-        let all: Vec<Leg> = (0..cycles).flat_map(|_| legs.iter().copied()).collect();
-        let profile = Profile::new(self.chamber.start_c, &all);
-        let rows = profile.length_s() / self.run.interval_s;
-        if profile.length_s() > LONGEST_S || rows < 1.0 {
+        let profile = Profile::new(self.chamber.start_c, &legs, self.chamber.cycles as u32);
+        let length_s = profile.length_s();
+        if length_s > LONGEST_S {
+            return Err(problem("chamber.cycles", format!("make a test of {length_s} s; it can be 10 years")));
+        }
+        if length_s < self.run.interval_s {
             return Err(problem(
-                "chamber",
-                format!("lasts {} s: less than a row, or over 10 years", profile.length_s()),
+                "run.interval_s",
+                format!("is {} s, longer than the test ({length_s} s)", self.run.interval_s),
             ));
         }
         Ok(profile)

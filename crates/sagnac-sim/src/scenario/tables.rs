@@ -104,7 +104,7 @@ section! {
     words {
         /// Counts for days, or the phase of the light for minutes.
         fidelity: Fidelity = Fidelity::Count, "count, beat";
-        /// Equations of the beat.
+        /// Equations of the beat; without a meaning at the count level.
         beat_model: BeatModel = BeatModel::Adler, "adler, two_mode";
         /// Whether the loops' own code runs every 100 µs, or just does what it is for.
         loops: Loops = Loops::Ideal, "ideal, running";
@@ -181,7 +181,7 @@ section! {
     }
     words {
         /// Counts of a fringe.
-        counting: Counting = Counting::X4, "x1, x2, x4";
+        counting: Counting = Counting::X4, "x4, x2, x1";
     }
 }
 
@@ -281,7 +281,8 @@ section! {
         reset_s = 0.2, 0.0 ..= 10000.0, "s", "[D]";
         /// Time the actuator is given to arrive.
         settle_s = 0.1, 0.0 ..= 10000.0, "s", "[D]";
-        /// Time of the search through one wavelength at the start; 0 for none.
+        /// Time of the search through one wavelength: at least eight of the lags above. 0 for none, where there is light
+        /// everywhere.
         sweep_s = 1.0, 0.0 ..= 10000.0, "s", "[D]";
         /// Locked is within this of the peak.
         lock_waves = 0.005, 0.00001 ..= 0.05, "waves", "[D]";
@@ -321,6 +322,8 @@ section! {
         ignition_s = 0.5, 0.0 ..= 1000.0, "s", "[D]";
         /// Pause between tries.
         rest_s = 1.0, 0.0 ..= 1000.0, "s", "[D]";
+        /// Tries to ignite after the first; then it stays dark.
+        ignition_tries = 10.0, 0.0 ..= 200.0, "", "[D]";
         /// Crossover of the loop.
         bandwidth_hz = 10.0, 0.01 ..= 200.0, "Hz", "1 to 100 [M]";
         /// Phase margin, at least.
@@ -413,7 +416,7 @@ section! {
     }
     words {
         /// The gyro is switched on at the start; else it has been on for long.
-        cold_start: bool = false, "true, false";
+        cold_start: bool = false, "false, true";
         /// Soaks { soak_s } and ramps { to_c, rate_cpm }.
         leg: Vec<LegTable> = Vec::new(), "list";
     }

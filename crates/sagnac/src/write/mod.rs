@@ -19,21 +19,28 @@ fn unfinished() -> MutexGuard<'static, Vec<PathBuf>> {
 }
 
 /// Removes what is being written by whichever thread: for a program that was told to stop and is about to. The
-/// files that were to be replaced stay as they are.
+/// files that were to be replaced stay as they are, and no new one is begun after this.
 pub fn remove_unfinished() {
-    for path in unfinished().drain(..) {
+    let mut unfinished = unfinished();
+    for path in unfinished.drain(..) {
         // It may have become the result a moment ago.
         let _ = std::fs::remove_file(path);
     }
+    // Whoever would begin another file waits until the program has ended.
+    std::mem::forget(unfinished);
 }
 
 /// A temporary file that is known as long as it is unfinished.
 struct Unfinished(PathBuf);
 
 impl Unfinished {
-    fn new(path: &Path) -> Self {
-        unfinished().push(path.to_owned());
-        Self(path.to_owned())
+    /// A new one in a folder, known from the moment it is there.
+    fn create(folder: &Path) -> std::io::Result<(tempfile::NamedTempFile, Self)> {
+        let mut unfinished = unfinished();
+        let file = tempfile::Builder::new().prefix(".sagnac-").tempfile_in(folder)?;
+        unfinished.push(file.path().to_owned());
+        let known = Self(file.path().to_owned());
+        Ok((file, known))
     }
 }
 
@@ -71,8 +78,7 @@ pub fn write_atomically(path: &Path, fill: impl FnOnce(&mut (dyn Write + Send)) 
         let what = format!("cannot write: the folder {} does not exist", folder.display());
         return Err(Error::input(what).file(path.display().to_string()));
     }
-    let file = tempfile::Builder::new().prefix(".sagnac-").tempfile_in(folder).map_err(|e| failed(&plain(&e)))?;
-    let _known = Unfinished::new(file.path());
+    let (file, _known) = Unfinished::create(folder).map_err(|e| failed(&plain(&e)))?;
     let mut out = std::io::BufWriter::new(file);
     fill(&mut out)?;
     let file = out.into_inner().map_err(|e| failed(e.error()))?;
