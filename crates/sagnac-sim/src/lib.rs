@@ -10,7 +10,7 @@
 //! What fits and proves never sees what is in here; it gets a log. The truth is not the fitter's polynomial: block
 //! temperature lags, bias has a knee, hysteresis, mode steps and ripple, and counts are counted.
 //!
-//! Random numbers come from ChaCha8 with a stream per source ([`noise`]); sin, cos, exp and the normal generator are
+//! Random numbers come from ChaCha8 with a stream per source (module `noise`); sin, cos, exp and the normal generator are
 //! those of `libm`: the same scenario and seed give the same bytes on any machine and any number of threads.
 //!
 //! [`rigs`] are two small rigs for tests of the fitter.

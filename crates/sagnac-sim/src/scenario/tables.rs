@@ -1,5 +1,5 @@
-//! The tables of a scenario. Sources: [S] public sources, [M] general knowledge of the field, not verified, both
-//! as the project's domain notes mark them; [D] a choice of this simulator.
+//! The tables of a scenario. Sources: S public sources, M general knowledge of the field, not verified, both
+//! as the project's domain notes mark them; D a choice of this simulator.
 
 use serde::Deserialize;
 
