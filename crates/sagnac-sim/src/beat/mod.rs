@@ -57,6 +57,27 @@ pub struct Beat {
     pickoff_rng: ChaCha8Rng,
 }
 
+fn model_of(scenario: &Scenario, k: f64) -> Model {
+    // Any start will do; this one is no special place of the lock-in.
+    let chi = 1.0;
+    if scenario.run.beat_model == BeatModel::Adler {
+        return Model::Adler(Adler::new(k * scenario.lock_in_dph(), chi));
+    }
+    let cavity = &scenario.cavity;
+    let fsr = free_spectral_range_hz(scenario.geometry.perimeter_m);
+    // In units of the intensity at rest: α = β + θ.
+    let gain = 0.5 * fsr * cavity.loss_ppm * 1e-6 * (cavity.gain_ratio - 1.0);
+    let own = gain / (1.0 + cavity.cross_saturation);
+    let constants = TwoModeConstants {
+        gain,
+        own,
+        cross: own * cavity.cross_saturation,
+        backscatter: [cavity.backscatter_1_ppm, cavity.backscatter_2_ppm].map(|ppm| fsr * ppm * 1e-6),
+        epsilon: [cavity.backscatter_phase_1_deg, cavity.backscatter_phase_2_deg].map(f64::to_radians),
+    };
+    Model::TwoMode(Box::new(TwoMode::new(constants, chi)))
+}
+
 /// What a tick gave.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BeatTick {
@@ -71,29 +92,9 @@ pub struct BeatTick {
 impl Beat {
     /// A beat of a scenario that was checked.
     pub fn new(scenario: &Scenario, seed: u64) -> Self {
-        let (dither, cavity) = (&scenario.dither, &scenario.cavity);
+        let dither = &scenario.dither;
         let k = std::f64::consts::TAU / scenario.arcsec_per_fringe();
-        // Any start will do; this one is no special place of the lock-in.
-        let chi = 1.0;
-        let model = match scenario.run.beat_model {
-            BeatModel::Adler => Model::Adler(Adler::new(k * scenario.lock_in_dph(), chi)),
-            BeatModel::TwoMode => {
-                let fsr = free_spectral_range_hz(scenario.geometry.perimeter_m);
-                // In units of the intensity at rest: α = β + θ.
-                let gain = 0.5 * fsr * cavity.loss_ppm * 1e-6 * (cavity.gain_ratio - 1.0);
-                let own = gain / (1.0 + cavity.cross_saturation);
-                Model::TwoMode(Box::new(TwoMode::new(
-                    TwoModeConstants {
-                        gain,
-                        own,
-                        cross: own * cavity.cross_saturation,
-                        backscatter: [cavity.backscatter_1_ppm, cavity.backscatter_2_ppm].map(|ppm| fsr * ppm * 1e-6),
-                        epsilon: [cavity.backscatter_phase_1_deg, cavity.backscatter_phase_2_deg].map(f64::to_radians),
-                    },
-                    chi,
-                )))
-            }
-        };
+        let model = model_of(scenario, k);
         let dithered = dither.frequency_hz > 0.0 && dither.amplitude_arcsec > 0.0;
         let longest = if dithered { libm::ceil(2.0 / (dither.frequency_hz * TICK_S)) as u16 } else { 1 };
         let frequency_hz = if dithered { dither.frequency_hz } else { 0.0 };

@@ -69,8 +69,10 @@ pub struct Bode {
     pub design_phase_margin_deg: f64,
 }
 
-/// Points of a sweep over two decades each side of the crossover, as far as it can go.
+/// Points of a sweep from a tenth of the crossover to ten times it, as far as four updates make a period.
 const POINTS: i32 = 33;
+/// Longest sweep, s of the running loop: half a minute or so.
+const LONGEST_S: f64 = 50_000.0;
 
 /// Sweeps a running loop.
 ///
@@ -85,6 +87,15 @@ pub fn measure(design: &Design, which: LoopName, bandwidth_hz: f64) -> Result<Bo
             (design.intensity.plant, design.intensity.pi, u32::from(design.intensity.integers.ticks_per_update()))
         }
     };
+    let lag_s = design.plant.lag_s[1];
+    // Ten periods of each frequency, and what the lag takes before each.
+    let length_s = 700.0 / bandwidth_hz + 4.0 * lag_s * f64::from(POINTS + 8);
+    if length_s > LONGEST_S {
+        let table = if which == LoopName::PathLength { "path_length" } else { "intensity" };
+        let what =
+            format!("is {bandwidth_hz}: a sweep would take {length_s:.0} s of the loop, {LONGEST_S} s can be made");
+        return Err(problem(&format!("{table}.bandwidth_hz"), what));
+    }
     let settled = settled(design)?;
     let mut points: Vec<BodePoint> = Vec::new();
     for k in 0..POINTS {
@@ -130,53 +141,50 @@ fn settled(design: &Design) -> Result<Running, Problem> {
 }
 
 fn point(settled: &Running, design: &Design, which: LoopName, cycle: u32, linear: &Linear, pi: &Pi) -> BodePoint {
-    let mut running = settled.clone();
-    let index = match which {
-        LoopName::PathLength => 0,
-        LoopName::Intensity => 1,
-    };
-    // A five-hundredth of a wavelength where the path answers, or of the current: small against every curve of the
-    // plant. What a lag swallows is given more, as far as the actuator's range goes.
     let frequency_hz = 1.0 / (f64::from(cycle) * TICK_S);
-    let swallowed = libm::hypot(1.0, TAU * frequency_hz * design.plant.lag_s[0]);
-    let amplitude = match which {
-        LoopName::PathLength => {
-            (0.002 * swallowed).min(0.2) / design.plant.waves_per_unit * design.plant.codes_per_unit
-        }
-        LoopName::Intensity => 0.002 * design.plant.nominal_ma * design.plant.current_codes_per_ma,
-    };
-    let mut sums = SecondOfLoops::default();
-    let (mut controller, mut total) = ([0.0; 2], [0.0; 2]);
-    let rest = running.outputs()[index];
+    let (controller, total) = answer(settled.clone(), design, which, cycle);
+    let gain = libm::hypot(controller.0, controller.1) / libm::hypot(total.0, total.1);
+    let angle = libm::atan2(-controller.1, controller.0) - libm::atan2(-total.1, total.0);
+    // Into −360 … 0.
+    let turned = angle.to_degrees() - 180.0;
+    let phase_deg = turned - 360.0 * libm::ceil(turned / 360.0);
+    let (design_gain, design_phase_deg) = open_loop(linear, pi, frequency_hz);
+    BodePoint { frequency_hz, gain, phase_deg, design_gain, design_phase_deg }
+}
+
+/// Size of the injected sine, codes: a five-hundredth of a wavelength where the path answers, or of the current, small
+/// against every curve of the plant. What a lag swallows is given more, as far as the actuator's range goes.
+fn amplitude(design: &Design, which: LoopName, frequency_hz: f64) -> f64 {
+    let plant = &design.plant;
+    let swallowed = libm::hypot(1.0, TAU * frequency_hz * plant.lag_s[0]);
+    match which {
+        LoopName::PathLength => (0.002 * swallowed).min(0.2) / plant.waves_per_unit * plant.codes_per_unit,
+        LoopName::Intensity => 0.002 * plant.nominal_ma * plant.current_codes_per_ma,
+    }
+}
+
+/// Controller and total as a·cos + b·sin, (a, b): the phasor a − jb.
+fn answer(mut running: Running, design: &Design, which: LoopName, cycle: u32) -> ((f64, f64), (f64, f64)) {
+    let index = usize::from(which == LoopName::Intensity);
+    let amplitude = amplitude(design, which, 1.0 / (f64::from(cycle) * TICK_S));
     // An actuator with a lag takes some lags to find its new mean, however fast the sine is.
     let lags = libm::ceil(4.0 * design.plant.lag_s[1] / (f64::from(cycle) * TICK_S)) as u32;
-    let cycles_to_settle = lags.max(6);
-    let cycles = 4;
-    for tick in 0..cycle * (cycles_to_settle + cycles) {
-        let phase = TAU * f64::from(tick % cycle) / f64::from(cycle);
-        let (sin, cos) = (libm::sin(phase), libm::cos(phase));
+    let (to_settle, measured) = (lags.max(6), 4);
+    let rest = running.outputs()[index];
+    let mut sums = SecondOfLoops::default();
+    let (mut controller, mut total) = ((0.0, 0.0), (0.0, 0.0));
+    for tick in 0..cycle * (to_settle + measured) {
+        let (sin, cos) = libm::sincos(TAU * f64::from(tick % cycle) / f64::from(cycle));
         let before = running.outputs()[index] - rest;
         running.injected[index] = amplitude * sin;
         running.tick(0.0, 1.0, false, &mut sums);
-        if tick >= cycle * cycles_to_settle {
-            controller[0] += before * cos;
-            controller[1] += before * sin;
-            total[0] += (before + amplitude * sin) * cos;
-            total[1] += (before + amplitude * sin) * sin;
+        if tick >= cycle * to_settle {
+            let after = before + amplitude * sin;
+            controller = (controller.0 + before * cos, controller.1 + before * sin);
+            total = (total.0 + after * cos, total.1 + after * sin);
         }
     }
-    // x(t) = a·cos + b·sin is the phasor a − jb.
-    let gain = libm::hypot(controller[0], controller[1]) / libm::hypot(total[0], total[1]);
-    let angle = libm::atan2(-controller[1], controller[0]) - libm::atan2(-total[1], total[0]);
-    let mut phase_deg = angle.to_degrees() - 180.0;
-    while phase_deg > 0.0 {
-        phase_deg -= 360.0;
-    }
-    while phase_deg <= -360.0 {
-        phase_deg += 360.0;
-    }
-    let (design_gain, design_phase_deg) = open_loop(linear, pi, frequency_hz);
-    BodePoint { frequency_hz, gain, phase_deg, design_gain, design_phase_deg }
+    (controller, total)
 }
 
 /// Frequency and value where `level` falls through zero, between two points on a logarithmic scale.

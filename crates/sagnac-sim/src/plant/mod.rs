@@ -18,7 +18,7 @@ mod running;
 
 pub use bode::{Bode, BodePoint, LoopName, measure};
 pub use running::{Running, SecondOfLoops};
-use sagnac_loops::{IntensityConfig, IntensityDesign, PathLengthConfig, PathLengthDesign, Wanted};
+use sagnac_loops::{DesignError, IntensityConfig, IntensityDesign, PathLengthConfig, PathLengthDesign, Wanted};
 
 use crate::physics;
 use crate::scenario::tables::{Actuator, Cavity, IntensityTable, PathLengthTable};
@@ -148,67 +148,96 @@ impl Design {
     /// Builds both loops.
     ///
     /// # Errors
-    /// A loop that cannot be built, with the table that is to be changed.
+    /// A loop that cannot be built, with the key that is to be changed.
     pub fn of(scenario: &Scenario) -> Result<Self, Problem> {
         let plant = Plant::of(scenario);
-        let path = &scenario.path_length;
-        if path.range_high <= path.range_low {
-            return Err(problem("path_length.range_high", format!("is {}, not above range_low", path.range_high)));
-        }
-        if path.falling_lag_s < path.rising_lag_s {
-            return Err(problem(
-                "path_length.falling_lag_s",
-                format!(
-                    "is {} s, less than rising_lag_s: an actuator that sinks faster than it rises is not modelled",
-                    path.falling_lag_s
-                ),
-            ));
-        }
-        let config = PathLengthConfig {
-            tick_s: crate::TICK_S,
-            modulation_hz: path.modulation_hz,
-            modulation_waves: path.modulation_waves,
-            modulated_apart: plant.modulated_apart,
-            answer_ticks: 0,
-            range: plant.range,
-            waves_per_unit: plant.waves_per_unit,
-            codes_per_unit: plant.codes_per_unit,
-            lag_s: plant.lag_s,
-            peak_code: plant.peak_code,
-            curvature: plant.curvature(),
-            wanted: Wanted { bandwidth_hz: path.bandwidth_hz, phase_margin_deg: path.phase_margin_deg },
-            reset_margin_waves: path.reset_margin_waves,
-            reset_s: path.reset_s,
-            settle_s: path.settle_s,
-            sweep_s: path.sweep_s,
-            lock_waves: path.lock_waves,
-        };
-        let path_length = config.build().map_err(|e| problem("path_length", e.to_string()))?;
-        let light = &scenario.intensity;
-        if !(light.low_ma < light.nominal_ma && light.nominal_ma < light.high_ma) {
-            return Err(problem(
-                "intensity.nominal_ma",
-                format!("is {}, not between low_ma and high_ma", light.nominal_ma),
-            ));
-        }
-        let slope = plant.gain_ratio * plant.gain_exponent / (plant.nominal_ma * (plant.gain_ratio - 1.0));
-        let config = IntensityConfig {
-            tick_s: crate::TICK_S,
-            update_ticks: u16::from(path_length.integers.ticks_per_period()),
-            set_code: plant.peak_code,
-            codes_per_ma: plant.peak_code * slope,
-            lag_s: plant.light_lag_s,
-            range_ma: [light.low_ma, light.high_ma],
-            current_codes_per_ma: plant.current_codes_per_ma,
-            slew_ma_per_s: light.slew_ma_per_s,
-            ignition_ma: light.ignition_ma,
-            ignition_s: light.ignition_s,
-            rest_s: light.rest_s,
-            tries: light.ignition_tries as u8,
-            low_part: light.low_part,
-            wanted: Wanted { bandwidth_hz: light.bandwidth_hz, phase_margin_deg: light.phase_margin_deg },
-        };
-        let intensity = config.build().map_err(|e| problem("intensity", e.to_string()))?;
+        let path_length = path_config(scenario, &plant)?.build().map_err(|e| of_key("path_length", &e))?;
+        let update_ticks = u16::from(path_length.integers.ticks_per_period());
+        let intensity = light_config(scenario, &plant, update_ticks)?.build().map_err(|e| of_key("intensity", &e))?;
         Ok(Self { path_length, intensity, plant })
     }
+}
+
+fn path_config(scenario: &Scenario, plant: &Plant) -> Result<PathLengthConfig, Problem> {
+    let path = &scenario.path_length;
+    if path.range_high <= path.range_low {
+        return Err(problem("path_length.range_high", format!("is {}, not above range_low", path.range_high)));
+    }
+    if path.falling_lag_s < path.rising_lag_s {
+        return Err(problem(
+            "path_length.falling_lag_s",
+            format!(
+                "is {} s, less than rising_lag_s: an actuator that sinks faster than it rises is not modelled",
+                path.falling_lag_s
+            ),
+        ));
+    }
+    Ok(PathLengthConfig {
+        tick_s: crate::TICK_S,
+        modulation_hz: path.modulation_hz,
+        modulation_waves: path.modulation_waves,
+        modulated_apart: plant.modulated_apart,
+        answer_ticks: 0,
+        range: plant.range,
+        waves_per_unit: plant.waves_per_unit,
+        codes_per_unit: plant.codes_per_unit,
+        lag_s: plant.lag_s,
+        peak_code: plant.peak_code,
+        curvature: plant.curvature(),
+        wanted: Wanted { bandwidth_hz: path.bandwidth_hz, phase_margin_deg: path.phase_margin_deg },
+        reset_margin_waves: path.reset_margin_waves,
+        reset_s: path.reset_s,
+        settle_s: path.settle_s,
+        sweep_s: path.sweep_s,
+        lock_waves: path.lock_waves,
+    })
+}
+
+fn light_config(scenario: &Scenario, plant: &Plant, update_ticks: u16) -> Result<IntensityConfig, Problem> {
+    let light = &scenario.intensity;
+    if !(light.low_ma < light.nominal_ma && light.nominal_ma < light.high_ma) {
+        let what = format!("is {}, not between low_ma and high_ma", light.nominal_ma);
+        return Err(problem("intensity.nominal_ma", what));
+    }
+    // Change of the light with the current, at the peak and the nominal current.
+    let slope = plant.gain_ratio * plant.gain_exponent / (plant.nominal_ma * (plant.gain_ratio - 1.0));
+    Ok(IntensityConfig {
+        tick_s: crate::TICK_S,
+        update_ticks,
+        set_code: plant.peak_code,
+        codes_per_ma: plant.peak_code * slope,
+        lag_s: plant.light_lag_s,
+        range_ma: [light.low_ma, light.high_ma],
+        current_codes_per_ma: plant.current_codes_per_ma,
+        slew_ma_per_s: light.slew_ma_per_s,
+        ignition_ma: light.ignition_ma,
+        ignition_s: light.ignition_s,
+        rest_s: light.rest_s,
+        tries: light.ignition_tries as u8,
+        low_part: light.low_part,
+        wanted: Wanted { bandwidth_hz: light.bandwidth_hz, phase_margin_deg: light.phase_margin_deg },
+    })
+}
+
+/// The refusal of a loop in the words of the scenario.
+fn of_key(table: &str, error: &DesignError) -> Problem {
+    let name = match error {
+        DesignError::OutOfRange { name, .. } => *name,
+        DesignError::Margin { .. } => "bandwidth_hz",
+        DesignError::ShortRange { .. } => "range_high",
+        DesignError::Gain { .. } => "",
+    };
+    let key = match name {
+        "curvature" => "cavity.gain_width_mhz".to_owned(),
+        "peak_code" | "set_code" => "intensity.photodiode_bits".to_owned(),
+        "codes_per_unit" | "modulation in codes" => "path_length.converter_bits".to_owned(),
+        "codes_per_ma" | "current_codes_per_ma" => "intensity.high_ma".to_owned(),
+        "range[0]" => "path_length.range_low".to_owned(),
+        "range[1]" => "path_length.range_high".to_owned(),
+        "lag_s[0]" => "path_length.rising_lag_s".to_owned(),
+        "lag_s[1]" => "path_length.falling_lag_s".to_owned(),
+        "" | "plant gain" | "lag_s" | "delay_s" | "period_s" => table.to_owned(),
+        same => format!("{table}.{same}"),
+    };
+    problem(&key, format!("makes a loop that cannot be built: {error}"))
 }
