@@ -13,7 +13,7 @@ const FEW_WINDOWS: usize = 60;
 
 /// The bytes as a log, all the way. A decoder's panic is caught by the library, so its message is silenced.
 pub fn read_log(bytes: &[u8]) {
-    std::panic::set_hook(Box::new(our_own_panics_abort));
+    only_our_own_panics_are_findings();
     let setup = Setup {
         arcsec_per_count: Some(1.0),
         min_span_c: Some(1.0),
@@ -35,6 +35,11 @@ pub fn read_log(bytes: &[u8]) {
         let options = FitOptions { model: ModelChoice::Auto, source_date_epoch: None };
         let _ = calibrate(windows, &setup, &options).map(|calibration| calibration.to_json());
     }
+}
+
+/// Decoders may panic, which the library catches; from now on only our own panics end the run.
+pub fn only_our_own_panics_are_findings() {
+    std::panic::set_hook(Box::new(our_own_panics_abort));
 }
 
 /// A panic in our own files is a finding, wherever it is caught; one of a decoder is its own business.

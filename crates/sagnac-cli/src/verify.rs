@@ -73,6 +73,10 @@ fn describe(console: &mut Console, verification: &Verification) {
         for (name, windows) in &axis.status_windows {
             console.say(format!("  status {name}: {windows} of {} windows", axis.after.n));
         }
+        let rows = axis.left.rows();
+        if !rows.is_empty() {
+            console.say(table(&["what is left", "value", "of noise alone"], rows));
+        }
         if !axis.limits.is_empty() {
             let rows = axis.limits.iter().map(|l| {
                 let value = l.value.map_or("unknown".to_owned(), |v| significant(v, 4));

@@ -78,6 +78,7 @@ pub fn verification_report(
             @if several { h2.axis { "Axis " (axis.axis) } }
             (before_after(axis, verification))
             (limits(axis))
+            (left(axis))
             @if let Some(points) = evidence.axes.iter().find(|points| points.axis == axis.axis) {
                 @let all = proof_figures(evidence, points, axis);
                 @for figure in &all { (shown(figure)) }
@@ -299,6 +300,24 @@ fn before_after(axis: &AxisVerification, verification: &Verification) -> Markup 
         } }
         @if let Some(floor) = &axis.floor {
             p.note { "Floor: " (floor.source) ". Its max − min is what " (floor.n) " windows of noise alone would show." }
+        }
+    }
+}
+
+/// What can be seen of what the correction left.
+fn left(axis: &AxisVerification) -> Markup {
+    let rows = axis.left.rows();
+    html! {
+        @if !rows.is_empty() {
+            h3 { "What is left" }
+            div.scroll { table {
+                tr { th { "" } th { "value" } th { "of noise alone" } }
+                @for row in &rows { tr { @for cell in row { td { (cell) } } } }
+            } }
+            p.note {
+                "Heating less cooling: hysteresis, a gradient, another lag. Steps across gaps: mode steps, where resets are marked invalid. "
+                "Correlation of neighbours: anything slow. Limits of noise are two standard errors of white residuals."
+            }
         }
     }
 }

@@ -8,6 +8,7 @@
 //! counts alone. `docs/verification.md` defines every figure.
 
 mod compensate;
+mod left;
 mod limits;
 mod replay;
 mod stats;
@@ -19,6 +20,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub use compensate::{CorrectedFormat, compensate, status_text};
+pub use left::{AcrossGaps, Estimate, Left};
 pub use limits::{Limits, Verdict};
 pub use replay::{Corrected, Replay};
 pub use stats::{Figures, expected_range};
@@ -169,6 +171,8 @@ pub struct AxisVerification {
     pub improvement: Option<f64>,
     /// σ before over after; null where after is zero.
     pub improvement_sigma: Option<f64>,
+    /// What can be seen of what the correction left.
+    pub left: Left,
     /// Windows in which each status occurred.
     pub status_windows: BTreeMap<String, usize>,
     /// Limits, if any were given.
@@ -236,9 +240,9 @@ pub fn verify_with_evidence(
     let windows = replay_windows(correction, logs, setup, keep_all)?;
     let count = windows.shape.axes.len() / 2;
     let used: Vec<usize> = (0..windows.len()).filter(|i| windows.rows.excluded[*i].is_none()).collect();
-    let axes: Result<Vec<AxisVerification>> =
-        (0..count).map(|axis| axis_figures(&windows, &used, axis, correction, setup, limits)).collect();
     let evidence = evidence(&windows, &used, sensor);
+    let axes: Result<Vec<AxisVerification>> =
+        (0..count).map(|axis| axis_figures(&windows, &used, &evidence, axis, correction, setup, limits)).collect();
     let verification = Verification {
         program: fit::program(),
         serial: correction.serial(),
@@ -327,6 +331,7 @@ fn unit_of(windows: &Windows) -> (f64, &'static str) {
 fn axis_figures(
     windows: &Windows,
     used: &[usize],
+    evidence: &Evidence,
     axis: usize,
     correction: &Correction,
     setup: &Setup,
@@ -352,6 +357,7 @@ fn axis_figures(
     });
     let letter = windows.shape.axes[axis];
     let floor = floor(windows, used, axis, correction, setup, dph_per_unit);
+    let left = left::left(&evidence.axes[axis].points, floor.as_ref().map(|floor| floor.value_dph));
     let mut out = AxisVerification {
         axis: letter,
         before,
@@ -359,6 +365,7 @@ fn axis_figures(
         floor,
         improvement: ratio(before.peak_to_peak, after.peak_to_peak),
         improvement_sigma: ratio(before.sigma, after.sigma),
+        left,
         status_windows: status_windows.filter(|(_, n)| *n > 0).collect(),
         limits: Vec::new(),
         pass: None,
