@@ -139,6 +139,10 @@ fn scenario(args: &Args) -> Result<Scenario> {
         .map_err(|_| Error::input("not UTF-8 text").file(args.scenario.display().to_string()))?;
     let refused = |problem: Problem| refused(&args.scenario, &problem);
     let mut scenario = Scenario::from_toml(&text).map_err(refused)?;
+    if scenario.name.is_empty() {
+        scenario.name = args.scenario.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
+        scenario.name.retain(|c| !c.is_control());
+    }
     let length_s = scenario.profile().map_err(refused)?.length_s();
     for text in &args.fault {
         scenario.fault.push(fault(text, length_s)?);

@@ -53,9 +53,18 @@ pub struct Curve {
     pub dashed: bool,
 }
 
-/// Colours in the order of curves; more curves begin again, dashed.
-const ROLES: [Role; 7] =
-    [Role::After, Role::Heating, Role::Fit, Role::Before, Role::Cooling, Role::Steady, Role::Temperature];
+/// Colours in the order of curves, all different; more curves begin again, dashed. What the roles stand for on other
+/// pages has no meaning here.
+const ROLES: [Role; 8] = [
+    Role::After,
+    Role::Before,
+    Role::Floor,
+    Role::Fit,
+    Role::Excluded,
+    Role::ExcludedToo,
+    Role::ExcludedAlso,
+    Role::Steady,
+];
 /// Curves of a chart draw no more points together.
 const MOST_POINTS: usize = 4000;
 
