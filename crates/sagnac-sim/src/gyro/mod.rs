@@ -94,6 +94,8 @@ pub struct GyroRun {
     mode_at_start: Option<i64>,
     stuck: Vec<Option<f64>>,
     second: Second,
+    /// Nothing gets through in this second, noise neither.
+    silent: bool,
     /// Constants of the scenario that every row needs.
     arcsec_per_count: f64,
     walk_arcsec_rt_s: f64,
@@ -133,6 +135,7 @@ impl GyroRun {
             mode_at_start: None,
             stuck: vec![None; scenario.thermometer.len()],
             second: Second::default(),
+            silent: false,
             arcsec_per_count: scenario.arcsec_per_count(),
             // At the beat level the walk of the dither comes by itself.
             walk_arcsec_rt_s: ARCSEC_RT_S_PER_DEG_RT_H
@@ -216,8 +219,11 @@ impl GyroRun {
         let mut errors_dph = self.sources.second(&causes);
         let table_dps = self.table_dps(end_s - 0.5);
         let rate_dph = self.scenario.input_dph() + 3600.0 * table_dps + errors_dph.iter().sum::<f64>();
+        let counted_dph = self.counted_of(rate_dph, &loops);
+        // No light, or locked without dither.
+        self.silent = counted_dph == 0.0 && rate_dph != 0.0;
         if let Some(uncounted) = errors_dph.last_mut() {
-            *uncounted = self.counted_of(rate_dph, &loops) - rate_dph;
+            *uncounted = counted_dph - rate_dph;
         }
         self.second = Second {
             end_s,
@@ -287,11 +293,6 @@ impl GyroRun {
 
     fn undithered(&self) -> bool {
         !self.dithered || self.active(FaultKind::DitherFailure)
-    }
-
-    /// Nothing gets through: no light, or locked without dither.
-    fn silent(&self) -> bool {
-        self.second.loops.light < DARK || (self.undithered() && self.beat.is_none() && self.rate_dph() == 0.0)
     }
 
     /// Runs to the end, row by row.
@@ -413,7 +414,7 @@ impl GyroRun {
     fn noise(&mut self, root_s: f64) -> f64 {
         let noise =
             if self.walk_arcsec_rt_s > 0.0 { self.walk_arcsec_rt_s * root_s * normal(&mut self.walk_rng) } else { 0.0 };
-        if self.silent() { 0.0 } else { noise }
+        if self.silent { 0.0 } else { noise }
     }
 
     fn has_clock(&self) -> bool {
