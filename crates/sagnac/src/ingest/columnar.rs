@@ -21,13 +21,12 @@ use arrow_array::{Array, ArrowPrimitiveType, RecordBatch};
 use arrow_ipc::reader::StreamReader;
 use arrow_schema::{ArrowError, DataType, Schema, TimeUnit};
 use csv::ByteRecord;
-use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 
 use crate::error::{Error, Result};
 use crate::ingest::Pace;
 use crate::ingest::header::Layout;
 use crate::ingest::number::{parse_flag, parse_time_ns, parse_value, time_ns_of};
-use crate::ingest::parquet_file::{ParquetFile, parquet_batches};
+use crate::ingest::parquet_file::{parquet_batches, parquet_schema};
 use crate::ingest::pieces::TableFeed;
 use crate::ingest::raw::{BAD_TEMPERATURE, Faults, NO_TIME, RawRows};
 use crate::ingest::source::{Format, Source};
@@ -77,14 +76,12 @@ pub(crate) fn open(source: Source) -> Result<Columnar> {
     };
     let schema = match format {
         Format::Parquet => {
-            let builder = guarded(|| {
-                ParquetRecordBatchReaderBuilder::try_new(ParquetFile(clone_of(&file)?)).map_err(parquet_broken)
-            })?;
-            builder.schema().clone()
+            let schema = guarded(|| parquet_schema(clone_of(&file)?).map_err(parquet_broken))?;
+            schema.as_ref().clone()
         }
         _ => {
             check_arrow(&mut file, format)?;
-            guarded(|| Ok(arrow_reader(&file, format)?.schema()))?
+            guarded(|| Ok(arrow_reader(&file, format)?.schema()))?.as_ref().clone()
         }
     };
     Ok(Columnar { headers: names(&schema), file, format, hashing })

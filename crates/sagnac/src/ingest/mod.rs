@@ -15,6 +15,8 @@ pub mod header;
 mod number;
 #[cfg(feature = "parquet")]
 mod parquet_file;
+#[cfg(feature = "parquet")]
+mod parquet_footer;
 mod pieces;
 mod raw;
 mod reason;
@@ -34,7 +36,7 @@ use crate::ingest::header::Layout;
 #[cfg(feature = "parquet")]
 pub(crate) use crate::ingest::number::parse_time_ns;
 #[cfg(feature = "parquet")]
-pub(crate) use crate::ingest::parquet_file::{ParquetFile, parquet_batches};
+pub(crate) use crate::ingest::parquet_file::{parquet_batches, parquet_schema};
 use crate::ingest::pieces::{Feed, Pieces};
 use crate::ingest::raw::{Faults, RawRows};
 pub use crate::ingest::reason::{Reason, Tallies, Tally};

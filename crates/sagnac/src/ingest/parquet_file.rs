@@ -1,16 +1,19 @@
 //! Parquet read with some doubt in the file.
 //!
-//! Two things the decoder (parquet 59) believes of a damaged file are checked here, both found by fuzzing:
+//! Three things the decoder (parquet 59) believes of a damaged file are checked here, all found by fuzzing:
 //!
 //! * It answers reads beyond the end with nothing, and its Thrift reader takes that for a skipped byte: a page header
 //!   that announces a list of 2^31 elements is walked through to the last one, an hour for a file of a kilobyte.
 //!   Here reading on at the end is an error ([`ParquetFile`]).
+//! * It goes through every list of the footer, whatever length that announces
+//!   ([`crate::ingest::parquet_footer`]).
 //! * It makes room for as many values as a dictionary page announces. Here a page must hold at least a bit for each.
 
 use std::fs::File;
 use std::io::{self, BufReader, Read};
 use std::sync::Arc;
 
+use arrow_schema::SchemaRef;
 use bytes::Bytes;
 use parquet::arrow::arrow_reader::{ArrowReaderMetadata, ParquetRecordBatchReader, RowGroups};
 use parquet::arrow::{ProjectionMask, parquet_to_arrow_field_levels};
@@ -20,13 +23,15 @@ use parquet::file::metadata::{ParquetMetaData, RowGroupMetaData};
 use parquet::file::reader::{ChunkReader, FileReader, Length};
 use parquet::file::serialized_reader::SerializedFileReader;
 
+use crate::ingest::parquet_footer::footer_is_whole;
+
 /// The columns of those root indices (all of them without) in batches of at most so many rows.
 ///
 /// # Errors
 /// What the decoder says of the footer.
 pub(crate) fn parquet_batches(file: File, roots: Option<&[usize]>, rows: usize) -> Result<ParquetRecordBatchReader> {
     let file = ParquetFile(file);
-    let described = ArrowReaderMetadata::load(&file, Default::default())?;
+    let described = described(&file)?;
     let schema = described.metadata().file_metadata().schema_descr_ptr();
     let mask = match roots {
         Some(roots) => ProjectionMask::roots(&schema, roots.iter().copied()),
@@ -35,6 +40,21 @@ pub(crate) fn parquet_batches(file: File, roots: Option<&[usize]>, rows: usize) 
     let levels = parquet_to_arrow_field_levels(&schema, mask, Some(described.schema().fields()))?;
     let groups = DoubtedGroups(Arc::new(SerializedFileReader::new(file)?));
     ParquetRecordBatchReader::try_new_with_row_groups(&levels, &groups, rows, None)
+}
+
+/// Names and types of the columns, with what the writer said of them.
+///
+/// # Errors
+/// As [`parquet_batches`].
+pub(crate) fn parquet_schema(file: File) -> Result<SchemaRef> {
+    Ok(Arc::clone(described(&ParquetFile(file))?.schema()))
+}
+
+fn described(file: &ParquetFile) -> Result<ArrowReaderMetadata> {
+    if !footer_is_whole(&file.0) {
+        return Err(ParquetError::General("a footer that announces more than it holds".to_owned()));
+    }
+    ArrowReaderMetadata::load(file, Default::default())
 }
 
 /// Row groups whose pages are looked at before they are decoded.
@@ -105,10 +125,10 @@ impl PageReader for DoubtedPages {
 const PATIENCE: u32 = 8;
 
 /// The file, for the decoder.
-pub(crate) struct ParquetFile(pub(crate) File);
+struct ParquetFile(File);
 
 /// Bytes from a place on.
-pub(crate) struct UntilEnd {
+struct UntilEnd {
     inner: BufReader<File>,
     at_end: u32,
 }

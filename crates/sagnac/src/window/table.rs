@@ -19,7 +19,6 @@ use arrow_array::types::{Float64Type, Int64Type, UInt32Type, UInt64Type};
 use arrow_array::{Array, ArrayRef, Float64Array, Int64Array, RecordBatch, StringArray, UInt32Array, UInt64Array};
 use arrow_schema::{Field, Schema};
 use parquet::arrow::ArrowWriter;
-use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 use parquet::basic::Compression;
 use parquet::file::properties::WriterProperties;
 use serde::{Deserialize, Serialize};
@@ -27,7 +26,7 @@ use serde::{Deserialize, Serialize};
 use crate::allan::ShortTauSums;
 use crate::error::{Error, Result};
 use crate::ingest::{AngleUnit, LogSummary, Tallies, Tally};
-use crate::ingest::{ParquetFile, parquet_batches};
+use crate::ingest::{parquet_batches, parquet_schema};
 use crate::setup::{Setup, WindowSize};
 use crate::window::{Run, WindowRows, WindowShape, Windows};
 
@@ -232,10 +231,7 @@ fn metadata(windows: &Windows, setup: &Setup) -> Metadata {
 /// A file that cannot be opened. One that cannot be read as Parquet is no table.
 pub fn is_table(path: &Path) -> Result<bool> {
     let file = File::open(path).map_err(|e| Error::io_path(path, "open", &e))?;
-    let described = || {
-        let builder = ParquetRecordBatchReaderBuilder::try_new(ParquetFile(file)).ok()?;
-        Some(builder.schema().metadata().contains_key(METADATA_KEY))
-    };
+    let described = || Some(parquet_schema(file).ok()?.metadata().contains_key(METADATA_KEY));
     Ok(std::panic::catch_unwind(std::panic::AssertUnwindSafe(described)).ok().flatten().unwrap_or(false))
 }
 
@@ -256,8 +252,8 @@ pub fn read_table(path: &Path) -> Result<(Windows, Setup)> {
 fn read(path: &Path) -> Result<(Windows, Setup)> {
     let file = File::open(path).map_err(|e| Error::io_path(path, "open", &e))?;
     let broken = |e: &dyn std::fmt::Display| Error::input(format!("not a readable Parquet file: {e}"));
-    let builder = ParquetRecordBatchReaderBuilder::try_new(ParquetFile(file)).map_err(|e| broken(&e))?;
-    let json = builder.schema().metadata().get(METADATA_KEY).cloned().ok_or_else(|| {
+    let schema = parquet_schema(file).map_err(|e| broken(&e))?;
+    let json = schema.metadata().get(METADATA_KEY).cloned().ok_or_else(|| {
         Error::input("a Parquet file, but no window table of Sagnac")
             .help("`sagnac window LOG -o w.parquet` writes one")
     })?;
