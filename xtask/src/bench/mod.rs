@@ -52,11 +52,14 @@ struct Bench {
     folder: PathBuf,
 }
 
-/// Runs everything; about ten minutes and 4 GB of disk.
-pub(crate) fn bench() -> Result<()> {
+/// Runs everything, about ten minutes and 4 GB of disk; or the part about the simulator alone, which is then replaced.
+pub(crate) fn bench(part: Option<&str>) -> Result<()> {
     sh("cargo", &["build", "--release", "--locked", "--package", "sagnac-cli"])?;
     let folder = root().join("target/bench");
     fs::create_dir_all(&folder)?;
+    if part == Some("simulator") {
+        return simulator_alone(folder);
+    }
     let bench = Bench { sagnac: "target/release/sagnac".to_owned(), python: peers(&folder)?, folder };
     let mut page = head(&bench)?;
     bench.against_pandas(&mut page)?;
@@ -67,6 +70,18 @@ pub(crate) fn bench() -> Result<()> {
     simulator::measure(&bench, &mut page)?;
     fs::write(root().join("docs/performance.md"), &page)?;
     println!("{page}\nwrote docs/performance.md");
+    Ok(())
+}
+
+/// Its section comes last on the page.
+fn simulator_alone(folder: PathBuf) -> Result<()> {
+    let path = root().join("docs/performance.md");
+    let page = fs::read_to_string(&path)?;
+    let mut page = page.split(simulator::HEADING).next().unwrap_or_default().to_owned();
+    let bench = Bench { sagnac: "target/release/sagnac".to_owned(), python: String::new(), folder };
+    simulator::measure(&bench, &mut page)?;
+    fs::write(&path, &page)?;
+    println!("wrote docs/performance.md");
     Ok(())
 }
 

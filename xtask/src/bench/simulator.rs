@@ -8,6 +8,8 @@ use anyhow::{Context, Result};
 use crate::bench::{Bench, line, median_cost, process};
 use crate::checks::root;
 
+/// Where its section begins.
+pub(super) const HEADING: &str = "\n## The simulator\n\n";
 /// Simulated seconds of the beat, and of a log with a row per tick.
 const BEAT_S: u32 = 60;
 const TICKS_S: u32 = 600;
@@ -32,7 +34,8 @@ pub(super) fn measure(bench: &Bench, page: &mut String) -> Result<()> {
     };
     let (tick_cost, day_cost) = (simulate(&ticks)?, simulate(&days)?);
     let _ = fs::remove_file(&out);
-    *page += "\n## The simulator\n\nDithered triangle of 28 cm, one core, without loops; times real time.\n\n| | times real time | to reach |\n|---|---|---|\n";
+    *page += HEADING;
+    *page += "Dithered triangle of 28 cm, one core, without loops; times real time.\n\n| | times real time | to reach |\n|---|---|---|\n";
     let rows = [
         ("beat level, Adler form", times("adler ")?, 50),
         ("beat level, two-mode form", times("two-mode ")?, 8),
