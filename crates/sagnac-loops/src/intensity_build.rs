@@ -101,7 +101,8 @@ impl IntensityConfig {
         within("set_code", self.set_code, 16.0, f64::from(MAX_CODE))?;
         within("codes_per_ma", self.codes_per_ma, 1e-3, 1e9)?;
         within("current_codes_per_ma", self.current_codes_per_ma, 1e-3, 1e9)?;
-        let most = f64::from(MAX_CODE) / self.current_codes_per_ma;
+        // A range that was made from the width of the converter may be off by the last bit.
+        let most = f64::from(MAX_CODE) / self.current_codes_per_ma * (1.0 + 1e-12);
         within("range_ma[0]", self.range_ma[0], 0.0, most)?;
         within("range_ma[1]", self.range_ma[1], self.range_ma[0], most)?;
         within("ignition_ma", self.ignition_ma, self.range_ma[0], self.range_ma[1])?;

@@ -128,7 +128,8 @@ impl PathLengthConfig {
     fn limits(&self) -> Result<Limits, DesignError> {
         within("waves_per_unit", self.waves_per_unit, 1e-9, 1e6)?;
         within("codes_per_unit", self.codes_per_unit, 1e-6, 1e9)?;
-        let most = f64::from(MAX_CODE) / self.codes_per_unit;
+        // A range that was made from the width of the converter may be off by the last bit.
+        let most = f64::from(MAX_CODE) / self.codes_per_unit * (1.0 + 1e-12);
         let lowest = within("range[0]", self.range[0], -most, most)?;
         within("range[1]", self.range[1], lowest, most)?;
         within("modulation_waves", self.modulation_waves, 1e-4, 0.1)?;
