@@ -83,6 +83,7 @@ fn files_out_are_apart() {
         vec!["--report", "own.html", "-o", "./own.toml"],
         vec!["-o", "a.csv", "--truth", "./a.csv"],
         vec!["-o", "a.csv", "--report", "a.csv"],
+        vec!["--bode", "--report", "./own.toml"],
         vec!["--truth", "t.parquet"],
         vec!["--report", "r.csv"],
         vec!["--report", "nofolder/r.html"],

@@ -6,6 +6,16 @@ pub(crate) fn held(value: i64, low: i64, high: i64) -> i64 {
     value.max(low).min(high)
 }
 
+/// Codes as 2^-32 codes.
+pub(crate) const fn q32(code: i32) -> i64 {
+    (code as i64) << 32
+}
+
+/// 2^-32 codes to codes, halves upward.
+pub(crate) const fn codes(q32: i64) -> i32 {
+    ((q32 + (1 << 31)) >> 32) as i32
+}
+
 /// Products are held to ± this, 2^-32 codes: far beyond any converter, and their sum with one fits an `i64`.
 const MOST_Q32: i64 = 1 << 61;
 

@@ -10,59 +10,23 @@
 //! integrator stops at the limits of the current, and takes on what the slew limit left of it, so it never winds up.
 //! While starting, the current is the ignition's; once there is light the integrator takes over from that very code.
 
-use core::ops::{BitOr, BitOrAssign};
-
 use crate::MAX_CODE;
-use crate::gain::{Gain, held};
+use crate::gain::{Gain, codes, held, q32};
+use crate::status::status;
 
-/// Status bits of the intensity loop. Zero: regulated, nothing to report.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub struct IntensityStatus(u8);
-
-impl IntensityStatus {
-    /// Regulated.
-    pub const OK: Self = Self(0);
-    /// Less light than the low limit.
-    pub const LOW_INTENSITY: Self = Self(1);
-    /// The current has been at an end of its range for as long as is tolerated.
-    pub const END_OF_RANGE: Self = Self(1 << 1);
-    /// Starting, or waiting to.
-    pub const IGNITING: Self = Self(1 << 2);
-    /// All tries used up.
-    pub const FAILED: Self = Self(1 << 3);
-    /// The error is larger than the settled limit.
-    pub const SETTLING: Self = Self(1 << 4);
-
-    /// Every single bit with its name.
-    pub const NAMES: [(Self, &'static str); 5] = [
-        (Self::LOW_INTENSITY, "LOW_INTENSITY"),
-        (Self::END_OF_RANGE, "END_OF_RANGE"),
-        (Self::IGNITING, "IGNITING"),
-        (Self::FAILED, "FAILED"),
-        (Self::SETTLING, "SETTLING"),
-    ];
-
-    /// The raw bits.
-    pub const fn bits(self) -> u8 {
-        self.0
-    }
-
-    /// True when every bit of `other` is set here.
-    pub const fn contains(self, other: Self) -> bool {
-        self.0 & other.0 == other.0
-    }
-}
-
-impl BitOr for IntensityStatus {
-    type Output = Self;
-    fn bitor(self, other: Self) -> Self {
-        Self(self.0 | other.0)
-    }
-}
-
-impl BitOrAssign for IntensityStatus {
-    fn bitor_assign(&mut self, other: Self) {
-        self.0 |= other.0;
+status! {
+    /// Status of the intensity loop. Zero: regulated, nothing to report.
+    IntensityStatus {
+        /// Less light than the low limit.
+        LOW_INTENSITY = 0;
+        /// The current has been at an end of its range for as long as is tolerated.
+        END_OF_RANGE = 1;
+        /// Starting, or waiting to.
+        IGNITING = 2;
+        /// All tries used up.
+        FAILED = 3;
+        /// The error is larger than the settled limit.
+        SETTLING = 4;
     }
 }
 
@@ -156,7 +120,7 @@ impl Intensity {
             sum: 0,
             ticks: 0,
             phase: IntensityPhase::Igniting { left: self.ignition_updates, tries: self.tries },
-            integral_q32: i64::from(self.ignition) << 32,
+            integral_q32: q32(self.ignition),
             current: self.ignition,
             status: IntensityStatus::IGNITING | IntensityStatus::LOW_INTENSITY,
         }
@@ -191,7 +155,7 @@ impl Intensity {
             IntensityPhase::Running { .. } => self.control(state, error),
             IntensityPhase::Igniting { .. } => {
                 state.current = self.ignition;
-                state.integral_q32 = i64::from(self.ignition) << 32;
+                state.integral_q32 = q32(self.ignition);
             }
             IntensityPhase::Resting { .. } | IntensityPhase::Failed => state.current = 0,
         }
@@ -199,16 +163,15 @@ impl Intensity {
     }
 
     fn control(&self, state: &mut IntensityState, error: i32) {
-        let limits = (i64::from(self.least) << 32, i64::from(self.most) << 32);
+        let limits = (q32(self.least), q32(self.most));
         let proportional = self.kp.times(error);
         let integral = held(state.integral_q32 + self.ki.times(error), limits.0, limits.1);
         let wanted = held(integral + proportional, limits.0, limits.1);
-        let slew = i64::from(self.slew) << 32;
-        let now = i64::from(state.current) << 32;
+        let (slew, now) = (q32(self.slew), q32(state.current));
         let given = held(wanted, now - slew, now + slew);
         // What the slew limit did not allow, the integrator does not keep.
         state.integral_q32 = if given == wanted { integral } else { held(given - proportional, limits.0, limits.1) };
-        state.current = ((given + (1 << 31)) >> 32) as i32;
+        state.current = codes(given);
     }
 
     fn next_phase(&self, phase: IntensityPhase, dark: bool, current: i32, hold: bool) -> IntensityPhase {
@@ -254,5 +217,4 @@ impl Intensity {
 pub use build::{IntensityConfig, IntensityDesign};
 
 #[cfg(feature = "design")]
-#[path = "intensity_build.rs"]
 mod build;

@@ -28,6 +28,7 @@ mod intensity;
 mod lockin;
 mod path_length;
 mod quadrature;
+mod status;
 mod strip;
 
 #[cfg(feature = "design")]

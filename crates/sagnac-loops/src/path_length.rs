@@ -28,65 +28,27 @@
 //! Where it fails: a modulation near a resonance of the actuator turns the sign of the error; the configuration
 //! cannot know that.
 
-use core::ops::{BitOr, BitOrAssign};
-
-use crate::gain::{Gain, held};
+use crate::gain::{Gain, codes, held, q32};
 use crate::lockin::{Detector, Reference, Sums};
+use crate::status::status;
 
-/// Status bits of the path-length loop. Zero: locked, nothing to report.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub struct PathLengthStatus(u8);
-
-impl PathLengthStatus {
-    /// Locked, nothing to report.
-    pub const OK: Self = Self(0);
-    /// Not locked: counts are not to be used.
-    pub const INVALID: Self = Self(1);
-    /// Looking for a peak or closing in on it.
-    pub const ACQUIRING: Self = Self(1 << 1);
-    /// Going to another mode.
-    pub const RESETTING: Self = Self(1 << 2);
-    /// The light is too weak to see a peak.
-    pub const LOW_SIGNAL: Self = Self(1 << 3);
-    /// The actuator is at the end of its range.
-    pub const AT_LIMIT: Self = Self(1 << 4);
-    /// Lock was lost since the state was made. Latched.
-    pub const WAS_LOST: Self = Self(1 << 5);
-    /// The path is on its way: the light is to be left as it is ([`crate::Intensity::tick`] with `hold`).
-    pub const HOLD_LIGHT: Self = Self(1 << 6);
-
-    /// Every single bit with its name.
-    pub const NAMES: [(Self, &'static str); 7] = [
-        (Self::INVALID, "INVALID"),
-        (Self::ACQUIRING, "ACQUIRING"),
-        (Self::RESETTING, "RESETTING"),
-        (Self::LOW_SIGNAL, "LOW_SIGNAL"),
-        (Self::AT_LIMIT, "AT_LIMIT"),
-        (Self::WAS_LOST, "WAS_LOST"),
-        (Self::HOLD_LIGHT, "HOLD_LIGHT"),
-    ];
-
-    /// The raw bits.
-    pub const fn bits(self) -> u8 {
-        self.0
-    }
-
-    /// True when every bit of `other` is set here.
-    pub const fn contains(self, other: Self) -> bool {
-        self.0 & other.0 == other.0
-    }
-}
-
-impl BitOr for PathLengthStatus {
-    type Output = Self;
-    fn bitor(self, other: Self) -> Self {
-        Self(self.0 | other.0)
-    }
-}
-
-impl BitOrAssign for PathLengthStatus {
-    fn bitor_assign(&mut self, other: Self) {
-        self.0 |= other.0;
+status! {
+    /// Status of the path-length loop. Zero: locked, nothing to report.
+    PathLengthStatus {
+        /// Not locked: counts are not to be used.
+        INVALID = 0;
+        /// Looking for a peak or closing in on it.
+        ACQUIRING = 1;
+        /// Going to another mode.
+        RESETTING = 2;
+        /// The light is too weak to see a peak.
+        LOW_SIGNAL = 3;
+        /// The actuator is at the end of its range.
+        AT_LIMIT = 4;
+        /// Lock was lost since the state was made. Latched.
+        WAS_LOST = 5;
+        /// The path is on its way: the light is to be left as it is ([`crate::Intensity::tick`] with `hold`).
+        HOLD_LIGHT = 6;
     }
 }
 
@@ -212,15 +174,6 @@ impl PathLengthState {
     pub const fn held(&self) -> i32 {
         self.held
     }
-}
-
-/// Rounds 2^-32 codes to codes, halves upward.
-fn codes(q32: i64) -> i32 {
-    ((q32 + (1 << 31)) >> 32) as i32
-}
-
-const fn q32(code: i32) -> i64 {
-    (code as i64) << 32
 }
 
 impl PathLength {
@@ -389,5 +342,4 @@ impl PathLength {
 pub use build::{PathLengthConfig, PathLengthDesign};
 
 #[cfg(feature = "design")]
-#[path = "path_length_build.rs"]
 mod build;

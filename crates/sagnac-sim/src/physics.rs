@@ -52,6 +52,11 @@ pub fn free_spectral_range_hz(perimeter_m: f64) -> f64 {
     C_M_PER_S / perimeter_m
 }
 
+/// Gain at a detuning over that at the peak, the detuning in full widths of the line at half height: a Gaussian.
+pub fn gain_line(detuning: f64) -> f64 {
+    libm::exp(-4.0 * std::f64::consts::LN_2 * detuning * detuning)
+}
+
 /// Wavelengths in the path: the mode number.
 pub fn mode_number(perimeter_m: f64, wavelength_m: f64) -> f64 {
     libm::round(perimeter_m / wavelength_m)

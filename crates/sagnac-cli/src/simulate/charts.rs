@@ -31,7 +31,7 @@ struct Stretch {
     sums: Vec<f64>,
 }
 
-/// Columns before the error sources: temperatures, actuator, mode, light, current, scale factor, output.
+/// Columns before the error sources: three temperatures, actuator, mode, light, current, scale factor.
 const FIXED: usize = 8;
 
 impl Recorder {

@@ -55,32 +55,25 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
+    check_files(args)?;
     let scenario = scenario(args)?;
     if args.bode {
         return bode(args, &scenario, console);
     }
-    check_files(args)?;
     let outputs = [&args.output, &args.truth];
     let seed = args.seed.unwrap_or(scenario.seed);
     let mut recorder = args.report.as_ref().map(|_| Recorder::new(&scenario));
-    let rows = match (&args.output, &args.truth) {
-        (Some(path), truth) => {
-            let mut rows = 0;
-            write_atomically(path, |out| {
-                rows = pour_with_truth(&scenario, seed, Some(path), out, truth.as_deref(), &mut recorder)?;
-                Ok(())
-            })?;
-            rows
-        }
-        // With a truth or a report only, no log goes to the terminal.
-        (None, Some(_)) => {
-            pour_with_truth(&scenario, seed, None, &mut std::io::sink(), args.truth.as_deref(), &mut recorder)?
-        }
-        (None, None) if recorder.is_some() => {
-            pour_with_truth(&scenario, seed, None, &mut std::io::sink(), None, &mut recorder)?
-        }
-        (None, None) => return to_stdout(&scenario, seed),
+    let mut rows = 0;
+    let mut to = |path: Option<&Path>, out: &mut (dyn Write + Send)| {
+        rows = pour_with_truth(&scenario, seed, path, out, args.truth.as_deref(), &mut recorder)?;
+        Ok(())
     };
+    match &args.output {
+        Some(path) => write_atomically(path, |out| to(Some(path), out))?,
+        None if args.truth.is_none() && args.report.is_none() => return to_stdout(&scenario, seed),
+        // With a truth or a report only, no log goes to the terminal.
+        None => to(None, &mut std::io::sink())?,
+    }
     describe(&scenario, seed, rows, console);
     for path in outputs.into_iter().flatten() {
         console.say(format!("wrote {}", path.display()));

@@ -21,6 +21,7 @@ use sagnac_loops::{Stripped, Stripper};
 use crate::TICK_S;
 use crate::beat::adler::Adler;
 use crate::beat::swing::Swing;
+pub(crate) use crate::beat::two_mode::STEPS_PER_LIFETIME;
 use crate::beat::two_mode::{TwoMode, TwoModeConstants};
 use crate::noise::{Stream, generator, normal};
 use crate::physics::free_spectral_range_hz;
@@ -66,7 +67,7 @@ fn model_of(scenario: &Scenario, k: f64) -> Model {
     let cavity = &scenario.cavity;
     let fsr = free_spectral_range_hz(scenario.geometry.perimeter_m);
     // In units of the intensity at rest: α = β + θ.
-    let gain = 0.5 * fsr * cavity.loss_ppm * 1e-6 * (cavity.gain_ratio - 1.0);
+    let gain = scenario.intensity_rate();
     let own = gain / (1.0 + cavity.cross_saturation);
     let constants = TwoModeConstants {
         gain,
@@ -95,7 +96,7 @@ impl Beat {
         let dither = &scenario.dither;
         let k = std::f64::consts::TAU / scenario.arcsec_per_fringe();
         let model = model_of(scenario, k);
-        let dithered = dither.frequency_hz > 0.0 && dither.amplitude_arcsec > 0.0;
+        let dithered = scenario.is_dithered();
         let longest = if dithered { libm::ceil(2.0 / (dither.frequency_hz * TICK_S)) as u16 } else { 1 };
         let frequency_hz = if dithered { dither.frequency_hz } else { 0.0 };
         let amplitude = if dithered { dither.amplitude_arcsec } else { 0.0 };

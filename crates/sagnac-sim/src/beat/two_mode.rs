@@ -86,6 +86,8 @@ pub(crate) struct TwoMode {
 
 const PIECE_S: f64 = 1.25e-5;
 const STEP_RAD: f64 = 0.8;
+/// Steps in the time in which the intensities settle.
+pub(crate) const STEPS_PER_LIFETIME: f64 = 4.0;
 
 impl TwoMode {
     pub(crate) fn new(constants: TwoModeConstants, chi: f64) -> Self {
@@ -138,7 +140,7 @@ impl TwoMode {
     fn steps(&mut self, from: &Jet, to: &Jet, base: f64, length: f64) {
         let c = &self.constants;
         let back = 2.0 * (c.backscatter[0] + c.backscatter[1]);
-        let fastest = (from.first.abs().max(to.first.abs()) / STEP_RAD).max(4.0 * c.gain).max(back);
+        let fastest = (from.first.abs().max(to.first.abs()) / STEP_RAD).max(STEPS_PER_LIFETIME * c.gain).max(back);
         let count = libm::ceil(fastest * length).max(1.0);
         let h = length / count;
         let mut phase = Complex::polar(1.0, base + from.value);

@@ -118,7 +118,6 @@ impl GyroRun {
         let profile = scenario.profile()?;
         let design = Design::of(scenario)?;
         let length_s = profile.length_s() as u64;
-        let dither = &scenario.dither;
         Ok(Self {
             thermal: Thermal::new(scenario, profile, generator(seed, Stream::Thermometer)),
             control: Control::new(scenario, &design, seed),
@@ -144,7 +143,7 @@ impl GyroRun {
                     Fidelity::Beat => scenario.noise.arw_deg_rt_h,
                 },
             lock_in_dph: scenario.lock_in_dph(),
-            dithered: dither.frequency_hz > 0.0 && dither.amplitude_arcsec > 0.0,
+            dithered: scenario.is_dithered(),
             beat: (scenario.run.fidelity == Fidelity::Beat).then(|| Box::new(Beat::new(scenario, seed))),
             modes: mode_number(scenario.geometry.perimeter_m, scenario.geometry.wavelength_um * 1e-6),
             table_s: scenario.input.table.iter().map(|leg| leg.for_s).sum(),
@@ -355,32 +354,26 @@ impl GyroRun {
         let step = rate * nominal_s / scale;
         let start_ns = self.time_ns;
         for row in 1..=rows {
-            if self.beat.is_some() {
+            let (counts, noise_arcsec) = if self.beat.is_some() {
                 let dt = self.clock(nominal_s);
                 let (counts, noise_arcsec) = self.beats(10_000 / rows, dt);
-                let counts = self.count(counts as f64, dt);
-                if !(broken && self.dropped()) {
-                    each(
-                        &LogRow { time_ns: self.time_ns, counts, valid: self.second.valid, noise_arcsec },
-                        &self.second,
-                    )?;
-                }
-                continue;
-            }
-            let noise_arcsec = self.noise(root);
-            let counts = if broken || self.has_clock() {
-                let dt = self.clock(nominal_s);
-                self.count(rate * dt / scale + noise_arcsec / scale, dt)
+                (self.count(counts as f64, dt), noise_arcsec)
             } else {
-                self.time_ns = start_ns + (1_000_000_000 * i64::from(row)) / i64::from(rows);
-                self.time_s = self.time_ns as f64 * 1e-9;
-                self.whole(step + noise_arcsec / scale)
+                let noise_arcsec = self.noise(root);
+                let counts = if broken || self.has_clock() {
+                    let dt = self.clock(nominal_s);
+                    self.count(rate * dt / scale + noise_arcsec / scale, dt)
+                } else {
+                    self.time_ns = start_ns + (1_000_000_000 * i64::from(row)) / i64::from(rows);
+                    self.time_s = self.time_ns as f64 * 1e-9;
+                    self.whole(step + noise_arcsec / scale)
+                };
+                (counts, noise_arcsec)
             };
-            if broken && self.dropped() {
-                continue;
+            if !(broken && self.dropped()) {
+                let out = LogRow { time_ns: self.time_ns, counts, valid: self.second.valid, noise_arcsec };
+                each(&out, &self.second)?;
             }
-            let out = LogRow { time_ns: self.time_ns, counts, valid: self.second.valid, noise_arcsec };
-            each(&out, &self.second)?;
         }
         Ok(())
     }

@@ -26,8 +26,6 @@ use crate::scenario::{Problem, Scenario, problem};
 
 /// Bits of the current's converter.
 const CURRENT_BITS: i32 = 20;
-/// 4 ln 2: a Gaussian over its full width at half height.
-const FOUR_LN_2: f64 = 4.0 * std::f64::consts::LN_2;
 
 /// Both loops as designed for a scenario, and the plant they were designed for.
 #[derive(Clone, Debug, PartialEq)]
@@ -119,7 +117,7 @@ impl Plant {
     /// Light at a detuning (wavelengths), drive and loss.
     pub(crate) fn light(&self, detuning_waves: f64, drive: f64, loss: f64) -> f64 {
         let off = detuning_waves * self.detuning;
-        let gain = self.gain_ratio * drive / loss * libm::exp(-FOUR_LN_2 * off * off);
+        let gain = self.gain_ratio * drive / loss * physics::gain_line(off);
         (gain - 1.0).max(0.0) / (self.gain_ratio - 1.0)
     }
 
@@ -130,7 +128,7 @@ impl Plant {
 
     /// c of I = 1 − c·δ².
     fn curvature(&self) -> f64 {
-        self.gain_ratio / (self.gain_ratio - 1.0) * FOUR_LN_2 * self.detuning * self.detuning
+        self.gain_ratio / (self.gain_ratio - 1.0) * 4.0 * std::f64::consts::LN_2 * self.detuning * self.detuning
     }
 }
 

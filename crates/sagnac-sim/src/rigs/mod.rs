@@ -1,4 +1,7 @@
 //! Two small rigs with a known truth, for tests of the fitter: the source paper's and a lagged block.
+//!
+//! They came before the gyro and draw their normal values from `rand_distr`; the logs in testdata/ and the figures of
+//! the README were made with them.
 
 mod chamber;
 mod counter;

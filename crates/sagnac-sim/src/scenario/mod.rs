@@ -9,6 +9,7 @@ pub mod tables;
 
 use serde::Deserialize;
 
+use crate::beat::STEPS_PER_LIFETIME;
 use crate::fault::{Fault, FaultKind};
 use crate::physics;
 use crate::plant::Design;
@@ -270,7 +271,7 @@ impl Scenario {
     /// The plant stands for one longitudinal mode: the next must not reach its threshold.
     fn check_one_mode(&self) -> Result<(), Problem> {
         let off = physics::free_spectral_range_hz(self.geometry.perimeter_m) / (self.cavity.gain_width_mhz * 1e6);
-        let next = self.cavity.gain_ratio * libm::exp(-4.0 * std::f64::consts::LN_2 * off * off);
+        let next = self.cavity.gain_ratio * physics::gain_line(off);
         if next < 1.0 {
             return Ok(());
         }
@@ -286,7 +287,7 @@ impl Scenario {
     /// The walk's law needs many fringes in a swing, and noise.
     fn check_dither(&self) -> Result<(), Problem> {
         let d = &self.dither;
-        if d.frequency_hz == 0.0 || d.amplitude_arcsec == 0.0 {
+        if !self.is_dithered() {
             return Ok(());
         }
         if d.frequency_hz < 20.0 {
@@ -378,9 +379,7 @@ impl Scenario {
             ));
         }
         const MOST_STEPS_PER_TICK: f64 = 1000.0;
-        let fsr = physics::free_spectral_range_hz(self.geometry.perimeter_m);
-        let excess = fsr * self.cavity.loss_ppm * 1e-6 * (self.cavity.gain_ratio - 1.0);
-        let steps = 2.0 * excess * crate::TICK_S;
+        let steps = STEPS_PER_LIFETIME * self.intensity_rate() * crate::TICK_S;
         if self.run.beat_model == BeatModel::TwoMode && steps > MOST_STEPS_PER_TICK {
             return Err(problem(
                 "cavity.loss_ppm",
@@ -438,6 +437,11 @@ impl Scenario {
         Ok(profile)
     }
 
+    /// There is a dither: a frequency and an amplitude.
+    pub fn is_dithered(&self) -> bool {
+        self.dither.frequency_hz > 0.0 && self.dither.amplitude_arcsec > 0.0
+    }
+
     /// Rotation that makes one fringe, arcsec.
     pub fn arcsec_per_fringe(&self) -> f64 {
         physics::arcsec_per_fringe(self.geometry.shape, self.geometry.perimeter_m, self.geometry.wavelength_um * 1e-6)
@@ -459,8 +463,7 @@ impl Scenario {
     /// All angle random walk: that of dithered lock-in and that given besides, °/√h.
     pub fn arw_deg_rt_h(&self) -> f64 {
         let d = &self.dither;
-        let dithered = d.frequency_hz > 0.0 && d.amplitude_arcsec > 0.0;
-        let lock_in = if dithered {
+        let lock_in = if self.is_dithered() {
             physics::dithered_arw_deg_rt_h(
                 self.lock_in_dph(),
                 self.arcsec_per_fringe(),
@@ -471,6 +474,12 @@ impl Scenario {
             0.0
         };
         libm::hypot(lock_in, self.noise.arw_deg_rt_h)
+    }
+
+    /// (c/2L)·α: how fast the intensities of the two modes settle, 1/s.
+    pub(crate) fn intensity_rate(&self) -> f64 {
+        let fsr = physics::free_spectral_range_hz(self.geometry.perimeter_m);
+        0.5 * fsr * self.cavity.loss_ppm * 1e-6 * (self.cavity.gain_ratio - 1.0)
     }
 
     /// Constant input rate, °/h: the given one and the Earth's.
