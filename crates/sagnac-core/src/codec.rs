@@ -13,8 +13,7 @@
 
 use core::fmt;
 
-use crc::{CRC_32_ISO_HDLC, Crc, Table};
-
+use crate::bytes::{Reader, Writer, crc32};
 use crate::image::{Description, Image, ImageError, Kind, MAX_TERMS, MAX_THERMOMETERS, Multiplier, Term};
 use crate::thermometer::{LagSpec, Scale, Thermometer};
 
@@ -28,8 +27,6 @@ const TERM_LEN: usize = 12;
 const CRC_LEN: usize = 4;
 /// Length of the largest image.
 pub const MAX_IMAGE_LEN: usize = HEAD_LEN + THERMOMETER_LEN * MAX_THERMOMETERS + TERM_LEN * MAX_TERMS + CRC_LEN;
-
-const CRC: Crc<u32, Table<1>> = Crc::<u32, Table<1>>::new(&CRC_32_ISO_HDLC);
 
 /// Why bytes are no image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -116,7 +113,7 @@ impl Image {
         let len = self.encoded_len();
         let out = out.get_mut(..len)?;
         let (body, tail) = out.split_at_mut_checked(len - CRC_LEN)?;
-        let mut w = Writer { rest: body };
+        let mut w = Writer::new(body);
         write_head(&mut w, self, len)?;
         for thermometer in self.thermometers() {
             write_thermometer(&mut w, thermometer)?;
@@ -124,7 +121,7 @@ impl Image {
         for term in self.terms() {
             write_term(&mut w, term)?;
         }
-        tail.copy_from_slice(&CRC.checksum(body).to_le_bytes());
+        tail.copy_from_slice(&crc32(body).to_le_bytes());
         Some(len)
     }
 
@@ -143,11 +140,11 @@ impl Image {
         }
         let short = DecodeError::TooShort { needed, given };
         let (body, tail) = bytes.split_last_chunk::<CRC_LEN>().map(|(b, t)| (b, *t)).ok_or(short)?;
-        let (stored, computed) = (u32::from_le_bytes(tail), CRC.checksum(body));
+        let (stored, computed) = (u32::from_le_bytes(tail), crc32(body));
         if stored != computed {
             return Err(DecodeError::Crc { stored, computed });
         }
-        let description = read_body(&mut Reader { rest: body }, short)?;
+        let description = read_body(&mut Reader::new(body), short)?;
         Image::new(description).map_err(DecodeError::Invalid)
     }
 }
@@ -155,7 +152,7 @@ impl Image {
 /// Checks magic and version; the length that the head's counts make.
 fn announced_len(bytes: &[u8]) -> Result<usize, DecodeError> {
     let given = bytes.len();
-    let mut r = Reader { rest: bytes };
+    let mut r = Reader::new(bytes);
     let short = DecodeError::TooShort { needed: HEAD_LEN + CRC_LEN, given };
     if r.take::<8>().ok_or(short)? != MAGIC {
         return Err(DecodeError::NotAnImage);
@@ -196,7 +193,7 @@ fn read_body(r: &mut Reader<'_>, short: DecodeError) -> Result<Description, Deco
     for (i, slot) in (0_u8..).zip(d.terms.iter_mut().take(usize::from(d.term_count))) {
         *slot = read_term(r, i).ok_or(short)??;
     }
-    if r.rest.is_empty() { Ok(d) } else { Err(DecodeError::Reserved("the end (length and counts disagree)")) }
+    if r.is_empty() { Ok(d) } else { Err(DecodeError::Reserved("the end (length and counts disagree)")) }
 }
 
 /// `None`: the bytes ended. The inner error: they said something unknown.
@@ -303,38 +300,4 @@ fn read_term(r: &mut Reader<'_>, index: u8) -> Parsed<Term> {
         }
     };
     Some(Ok(Term { kind, sensor, order, multiplier, mantissa, shift }))
-}
-
-struct Writer<'a> {
-    rest: &'a mut [u8],
-}
-
-impl Writer<'_> {
-    fn put<const N: usize>(&mut self, bytes: [u8; N]) -> Option<()> {
-        let (front, rest) = core::mem::take(&mut self.rest).split_at_mut_checked(N)?;
-        front.copy_from_slice(&bytes);
-        self.rest = rest;
-        Some(())
-    }
-}
-
-struct Reader<'a> {
-    rest: &'a [u8],
-}
-
-impl Reader<'_> {
-    fn take<const N: usize>(&mut self) -> Option<[u8; N]> {
-        let (front, rest) = self.rest.split_first_chunk::<N>()?;
-        self.rest = rest;
-        Some(*front)
-    }
-    fn u16(&mut self) -> Option<u16> {
-        self.take().map(u16::from_le_bytes)
-    }
-    fn u32(&mut self) -> Option<u32> {
-        self.take().map(u32::from_le_bytes)
-    }
-    fn i32(&mut self) -> Option<i32> {
-        self.take().map(i32::from_le_bytes)
-    }
 }

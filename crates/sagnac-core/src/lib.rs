@@ -34,6 +34,8 @@
 #![no_std]
 #![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used, clippy::panic))]
 
+mod bank;
+pub mod bytes;
 mod codec;
 mod compensator;
 mod image;
@@ -42,6 +44,7 @@ mod series;
 mod status;
 mod thermometer;
 
+pub use bank::{BANK_LEN, BankReport, Banks, Gyro, Loaded, Origin, REGION_ALIGNMENT, StoreError, Unfit};
 pub use codec::{DecodeError, FORMAT_VERSION, MAGIC, MAX_IMAGE_LEN};
 pub use compensator::{Compensator, MAX_RAW, Misuse, Output, State};
 pub use image::{Description, Image, ImageError, Kind, MAX_INCREMENT, MAX_TERMS, MAX_THERMOMETERS, Multiplier, Term};

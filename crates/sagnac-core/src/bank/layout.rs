@@ -1,0 +1,122 @@
+//! Where things stand in a bank, and how they read.
+//!
+//! ```text
+//! 0        32                 160       192                                    992      1024
+//! ┌────────┬──────────────────┬─────────┬──────────────────────────────────────┬────────┐
+//! │ commit │ left × 4         │ head    │ image (at most 772), filled with ff  │ unused │
+//! └────────┴──────────────────┴─────────┴──────────────────────────────────────┴────────┘
+//! ```
+//!
+//! Every part begins at a multiple of 32 bytes and is programmed once between two erases, so that flash that programs
+//! 1 to 32 bytes at a time, with or without error correction, can hold it.
+
+use crate::bytes::{Reader, Writer, crc32_of};
+use crate::codec::MAX_IMAGE_LEN;
+
+/// Bytes that a bank uses; its size is this or more, a multiple of the flash's erase size.
+pub const BANK_LEN: u32 = 1024;
+/// What every part is aligned to, and the largest unit of programming that fits.
+pub const REGION_ALIGNMENT: usize = 32;
+pub(super) const COMMIT_AT: u32 = 0;
+pub(super) const LEFT_AT: u32 = 32;
+pub(super) const LEFT_SLOTS: u32 = 4;
+pub(super) const HEAD_AT: u32 = 160;
+pub(super) const IMAGE_AT: u32 = 192;
+/// The image's area: whole units.
+pub(super) const IMAGE_AREA: usize = MAX_IMAGE_LEN.next_multiple_of(REGION_ALIGNMENT);
+/// First byte after the last part.
+pub(super) const END: u32 = IMAGE_AT + IMAGE_AREA as u32;
+const _: () = assert!(END <= BANK_LEN);
+
+const HEAD_MAGIC: [u8; 8] = *b"SAGNACBK";
+const COMMIT_MAGIC: [u8; 8] = *b"COMMITTD";
+const BANK_VERSION: u32 = 1;
+
+/// One part.
+pub(super) type Unit = [u8; REGION_ALIGNMENT];
+/// What an erased part reads.
+pub(super) const BLANK: Unit = [0xff; REGION_ALIGNMENT];
+
+/// What stands before the image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Head {
+    /// Counts up with every image stored in either bank.
+    pub(super) sequence: u32,
+    /// Length of the image, bytes.
+    pub(super) len: u32,
+    /// CRC-32 of the image.
+    pub(super) image_crc: u32,
+}
+
+impl Head {
+    /// Its bytes; the last four are the CRC-32 of the others.
+    pub(super) fn unit(&self) -> Unit {
+        let mut unit = [0; REGION_ALIGNMENT];
+        let mut w = Writer::new(&mut unit);
+        let fields = [BANK_VERSION, self.sequence, self.len, self.image_crc, 0];
+        // Eight bytes and six words are 32.
+        let _ = w.put(HEAD_MAGIC);
+        for field in fields {
+            let _ = w.put(field.to_le_bytes());
+        }
+        let _ = w.put(self.own_crc(&fields).to_le_bytes());
+        unit
+    }
+
+    /// The head that these bytes hold.
+    pub(super) fn read(unit: &Unit) -> Option<Self> {
+        let mut r = Reader::new(unit);
+        let magic = r.take::<8>()?;
+        let version = r.u32()?;
+        let head = Self { sequence: r.u32()?, len: r.u32()?, image_crc: r.u32()? };
+        let fits = magic == HEAD_MAGIC && version == BANK_VERSION && head.len as usize <= MAX_IMAGE_LEN;
+        (fits && head.unit() == *unit).then_some(head)
+    }
+
+    fn own_crc(&self, fields: &[u32; 5]) -> u32 {
+        let mut bytes = [0; 20];
+        let mut w = Writer::new(&mut bytes);
+        for field in fields {
+            let _ = w.put(field.to_le_bytes());
+        }
+        crc32_of(&[&HEAD_MAGIC, &bytes])
+    }
+
+    /// The commit word of this head: nothing else commits it.
+    pub(super) fn commit(&self) -> Unit {
+        let mut unit = [0; REGION_ALIGNMENT];
+        let mut w = Writer::new(&mut unit);
+        let crc = crc32_of(&[&self.unit()]);
+        let _ = w.put(COMMIT_MAGIC);
+        for field in [self.sequence, !self.sequence, crc, !crc, 0, 0] {
+            let _ = w.put(field.to_le_bytes());
+        }
+        unit
+    }
+}
+
+/// The unit that says: what the other bank holds from store `number` or before was left for this bank's image.
+///
+/// The number and its complement, four times. Programming only clears bits, so a pair that was torn has a place where
+/// both read one and is never taken for another number; and a pair that rotted leaves three others.
+pub(super) fn left_unit(number: u32) -> Unit {
+    let mut unit = BLANK;
+    let mut w = Writer::new(&mut unit);
+    for _ in 0..4 {
+        let _ = w.put(number.to_le_bytes());
+        let _ = w.put((!number).to_le_bytes());
+    }
+    unit
+}
+
+/// The number in such a unit, if one of its pairs is whole.
+pub(super) fn left_number(unit: &Unit) -> Option<u32> {
+    let mut r = Reader::new(unit);
+    let mut found = None;
+    while let (Some(number), Some(complement)) = (r.u32(), r.u32()) {
+        if number == !complement {
+            found = found.max(Some(number));
+        }
+    }
+    found
+}

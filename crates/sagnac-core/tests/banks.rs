@@ -1,0 +1,259 @@
+//! Flash banks: whatever step the power goes away in, the old image or the new one.
+
+mod flash;
+
+use flash::{Dice, Fault, Flash};
+use sagnac_core::{
+    BANK_LEN, BankReport, Banks, Description, Gyro, Image, Kind, MAX_TERMS, Multiplier, Origin, Scale, StoreError,
+    Term, Thermometer, Unfit,
+};
+
+const LEN: u32 = 2048;
+
+/// An image of this gyro; `dice` gives its terms.
+fn image(sequence: u32, dice: &mut Dice) -> Image {
+    let mut d = Description { sequence, ..Description::empty() };
+    d.serial[..4].copy_from_slice(b"RLG7");
+    d.thermometer_count = 1;
+    d.thermometers[0] = Thermometer { gain: Scale { mantissa: 1 << 30, shift: 30 }, ..Thermometer::UNUSED };
+    d.term_count = dice.below(MAX_TERMS as u64 + 1) as u8;
+    for slot in &mut d.terms[..usize::from(d.term_count)] {
+        let mantissa = dice.throw() as i32 | 1;
+        *slot = Term { mantissa, order: dice.below(9) as u8, shift: 45, ..Term::ZERO };
+    }
+    Image::new(d).unwrap()
+}
+
+/// Believes all that `image` can make.
+fn gyro() -> Gyro {
+    Gyro { largest_increment: 1 << 40, ..Gyro::of(&image(0, &mut Dice(0)), 1) }
+}
+
+fn banks<const U: usize, const S: usize>(flash: Flash<U, S>) -> Banks<Flash<U, S>> {
+    Banks::new(flash, 0, LEN).unwrap()
+}
+
+/// What a user does to the banks.
+#[derive(Clone, Debug)]
+enum Update {
+    Store(Image),
+    RollBack,
+}
+
+fn apply<const U: usize, const S: usize>(flash: Flash<U, S>, update: &Update) -> (Flash<U, S>, bool) {
+    let mut banks = banks(flash);
+    let done = match update {
+        Update::Store(image) => banks.store(&gyro(), image).is_ok(),
+        Update::RollBack => banks.roll_back(&gyro()).is_ok(),
+    };
+    (banks.into_flash(), done)
+}
+
+fn force<const U: usize, const S: usize>(flash: &Flash<U, S>) -> (Image, Origin) {
+    let loaded = banks(flash.clone()).load(&gyro());
+    (loaded.image, loaded.origin)
+}
+
+/// Goes through a sequence of updates; cuts the power in every step of every one. Steps cut.
+fn cut_everywhere<const U: usize, const S: usize>(seed: u64) -> u64 {
+    let mut dice = Dice(seed);
+    let mut flash = Flash::<U, S>::new(seed ^ 0xf1a5);
+    let (mut sequence, mut cuts, mut can_go_back) = (0, 0, false);
+    // What may be in force: all that was stored and not left.
+    let mut stored = Vec::new();
+    for _ in 0..1 + dice.below(4) {
+        let update = if can_go_back && dice.below(3) == 0 {
+            Update::RollBack
+        } else {
+            sequence += 1 + dice.below(3) as u32;
+            Update::Store(image(sequence, &mut dice))
+        };
+        let before = force(&flash);
+        let (after, done) = apply(Flash { steps: 0, ..flash.clone() }, &update);
+        assert!(done, "seed {seed}: {update:?} without a cut");
+        let wanted = force(&after);
+        assert_ne!(before.0, wanted.0);
+        assert_eq!(wanted.1, Origin::Newest);
+        for step in 1..=after.steps {
+            let tear = dice.throw();
+            let torn = Flash { left: Some(step), dice: Dice(tear), ..flash.clone() };
+            let (torn, done) = apply(torn, &update);
+            assert!(!done, "seed {seed}, step {step}: done in spite of the cut");
+            let mut restarted = Flash { left: None, ..torn };
+            let found = force(&restarted);
+            let kept =
+                found.0 == before.0 && (before.1 == Origin::FactoryDefaults) == (found.1 == Origin::FactoryDefaults);
+            assert!(kept || found.0 == wanted.0, "seed {seed}, step {step} of {update:?}: {found:?}");
+            cuts += 1;
+            // Rot in the bank that is not in force changes nothing; in the one in force it is noticed, never used.
+            if dice.below(4) == 0 {
+                let bank = dice.below(2) as u32 * LEN;
+                restarted.rot(bank, bank + BANK_LEN);
+                let rotten = force(&restarted);
+                let known = rotten.0 == wanted.0 || stored.contains(&rotten.0);
+                assert!(known || rotten.1 == Origin::FactoryDefaults, "seed {seed}, step {step}: {rotten:?}");
+                continue;
+            }
+            // Once more, with power: done.
+            if found.0 != wanted.0 {
+                let (again, done) = apply(restarted, &update);
+                assert!(done, "seed {seed}, step {step}: not again");
+                assert_eq!(force(&again).0, wanted.0, "seed {seed}, step {step}");
+            }
+        }
+        match &update {
+            Update::Store(image) => stored.push(*image),
+            Update::RollBack => stored.retain(|image| *image != before.0),
+        }
+        can_go_back = matches!(update, Update::Store(_)) && before.1 != Origin::FactoryDefaults;
+        flash = after;
+    }
+    cuts
+}
+
+/// 1,000 sequences over the flashes of five families (4 bytes and 2 KB pages; 8; 16; 32 with error correction; 1).
+#[test]
+fn the_power_goes_in_every_step() {
+    let mut cuts = 0;
+    for seed in 0..1000 {
+        cuts += match seed % 5 {
+            0 => cut_everywhere::<4, 2048>(seed),
+            1 => cut_everywhere::<8, 1024>(seed),
+            2 => cut_everywhere::<16, 512>(seed),
+            3 => cut_everywhere::<32, 2048>(seed),
+            _ => cut_everywhere::<1, 256>(seed),
+        };
+    }
+    println!("{cuts} cuts");
+    assert!(cuts > 300_000, "{cuts}");
+}
+
+/// Three bits anywhere in one of two full banks: the other bank's image, or the one in force, and never one that was left.
+#[test]
+fn rot_in_either_bank_is_noticed() {
+    let (mut survivors, mut defaults) = (0, 0);
+    for seed in 0..4000_u64 {
+        let mut dice = Dice(seed);
+        let images = [1, 2, 3].map(|sequence| image(sequence, &mut dice));
+        let mut flash = Flash::<8, 1024>::new(seed);
+        for image in &images {
+            flash = apply(flash, &Update::Store(*image)).0;
+        }
+        let went_back = seed % 2 == 0;
+        if went_back {
+            flash = apply(flash, &Update::RollBack).0;
+        }
+        let bank = (seed / 2 % 2) as u32 * LEN;
+        for _ in 0..=dice.below(3) {
+            flash.rot(bank, bank + BANK_LEN);
+        }
+        let (found, origin) = force(&flash);
+        match (went_back, origin) {
+            (true, Origin::Newest | Origin::Survivor) => assert_eq!(found, images[1], "seed {seed}"),
+            (true, Origin::FactoryDefaults) => defaults += 1,
+            (false, Origin::Newest) => assert_eq!(found, images[2], "seed {seed}"),
+            (false, Origin::Survivor) => {
+                survivors += 1;
+                assert!(found == images[1] || found == images[2], "seed {seed}");
+            }
+            (false, Origin::FactoryDefaults) => panic!("seed {seed}: one bank is intact"),
+        }
+    }
+    println!("{survivors} survivors, {defaults} defaults");
+    assert!(survivors > 500 && defaults > 200);
+}
+
+#[test]
+fn nothing_stored_says_so() {
+    let loaded = banks(Flash::<4, 2048>::new(1)).load(&gyro());
+    assert_eq!(loaded.origin, Origin::FactoryDefaults);
+    assert_eq!(loaded.banks, [BankReport::Uncommitted; 2]);
+    assert_eq!(loaded.image.serial(), Some("RLG7"));
+    assert!(loaded.image.terms().is_empty());
+}
+
+#[test]
+fn another_gyros_image_is_refused_on_both_ways() {
+    let mut dice = Dice(5);
+    let own = image(1, &mut dice);
+    let with = |change: fn(&mut Description)| {
+        let mut d = *own.description();
+        change(&mut d);
+        Image::new(d).unwrap()
+    };
+    let others = [
+        (with(|d| d.serial[3] = b'8'), Unfit::Serial),
+        (with(|d| d.axis = b'y'), Unfit::Axis),
+        (with(|d| d.tick_ns = 50_000), Unfit::Tick),
+        (with(|d| d.scale_factor_femto_arcsec += 1), Unfit::ScaleFactor),
+        (with(|d| d.quantum_nano_counts = 250_000_000), Unfit::Quantum),
+        (
+            with(|d| (d.terms[0], d.term_count) = (Term { mantissa: 1 << 30, shift: 12, ..Term::ZERO }, 1)),
+            Unfit::AbsurdBias,
+        ),
+        (
+            with(|d| {
+                let scale =
+                    Term { kind: Kind::Scale, multiplier: Multiplier::One, mantissa: 1 << 20, shift: 40, ..Term::ZERO };
+                (d.terms[0], d.term_count) = (scale, 1);
+            }),
+            Unfit::AbsurdScale,
+        ),
+    ];
+    for (other, why) in others {
+        let mut banks = banks(Flash::<4, 2048>::new(1));
+        assert_eq!(banks.store(&gyro(), &other), Err(StoreError::Unfit(why)));
+        // The same image, already in flash because the board was changed.
+        let mut foreign = Gyro::of(&other, 1);
+        (foreign.largest_increment, foreign.largest_scale) = (i64::MAX, i64::MAX);
+        banks.store(&foreign, &other).unwrap();
+        let loaded = banks.load(&gyro());
+        assert_eq!((loaded.origin, loaded.banks[0]), (Origin::FactoryDefaults, BankReport::Unfit(why)));
+        banks.store(&gyro(), &own).unwrap();
+        let loaded = banks.load(&gyro());
+        assert_eq!((loaded.image, loaded.banks[0]), (own, BankReport::Unfit(why)), "the other bank is used first");
+    }
+}
+
+#[test]
+fn an_older_image_comes_back_only_on_purpose() {
+    let mut dice = Dice(9);
+    let (old, new) = (image(4, &mut dice), image(5, &mut dice));
+    let mut banks = banks(Flash::<4, 2048>::new(1));
+    banks.store(&gyro(), &old).unwrap();
+    assert_eq!(banks.roll_back(&gyro()), Err(StoreError::NothingToGoBackTo));
+    banks.store(&gyro(), &new).unwrap();
+    for offered in [old, new] {
+        let error = StoreError::NotNewer { in_force: 5, offered: offered.description().sequence };
+        assert_eq!(banks.store(&gyro(), &offered), Err(error));
+    }
+    assert_eq!(banks.roll_back(&gyro()), Ok(old));
+    assert_eq!(banks.load(&gyro()).image, old);
+    assert!(matches!(banks.load(&gyro()).banks[1], BankReport::Left { stored: 2 }));
+    assert_eq!(banks.roll_back(&gyro()), Err(StoreError::NothingToGoBackTo));
+    // The same image once more is on purpose too: it is newer than the one in force.
+    banks.store(&gyro(), &new).unwrap();
+    assert_eq!(banks.load(&gyro()).image, new);
+}
+
+#[test]
+fn worn_flash_is_told_and_the_old_image_stays() {
+    let mut dice = Dice(3);
+    let (old, new) = (image(1, &mut dice), image(2, &mut dice));
+    let (flash, _) = apply(Flash::<4, 2048>::new(1), &Update::Store(old));
+    let mut banks = banks(Flash { worn: true, ..flash });
+    assert!(matches!(banks.store(&gyro(), &new), Err(StoreError::ReadBack { offset }) if offset >= LEN));
+    assert_eq!(banks.load(&gyro()).image, old);
+}
+
+#[test]
+fn banks_that_do_not_fit_the_flash_are_refused() {
+    assert!(Banks::new(Flash::<4, 2048>::new(0), 1024, LEN).is_none(), "not on a sector");
+    assert!(Banks::new(Flash::<4, 512>::new(0), 0, 512).is_none(), "too short");
+    assert!(Banks::new(Flash::<4, 2048>::new(0), 4096, 4096).is_none(), "beyond the end");
+    assert!(Banks::new(Flash::<64, 2048>::new(0), 0, LEN).is_none(), "programs 64 bytes at a time");
+    let mut dead = Flash::<4, 2048>::new(0);
+    dead.left = Some(0);
+    let refused = Banks::new(dead, 0, LEN).unwrap().store(&gyro(), &image(1, &mut Dice(0)));
+    assert_eq!(refused, Err(StoreError::Flash(Fault::PowerCut)));
+}
