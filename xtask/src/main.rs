@@ -6,6 +6,7 @@ mod errors;
 mod fuzz;
 mod made;
 mod pictures;
+mod vectors;
 
 use std::process::ExitCode;
 
@@ -23,6 +24,7 @@ cargo xtask fuzz       a million executions of every fuzz target, or of those na
 cargo xtask pictures   make the pictures of the README and of docs/ anew (needs chromium)
 cargo xtask errors     make docs/errors.md anew
 cargo xtask cli        make docs/cli.md anew
+cargo xtask vectors    make the reference vectors in testdata/vectors/ anew: only after a change of the target that is meant
 cargo xtask schema     make docs/calibration.schema.json anew
 cargo xtask hexdump    make the worked example of docs/image-format.md anew (testdata/image/)";
 
@@ -50,6 +52,7 @@ fn run(task: &str) -> Result<()> {
         "pictures" => pictures::pictures(),
         "errors" => errors::write(),
         "cli" => made::cli(),
+        "vectors" => vectors::write(),
         "schema" => made::schema(),
         "hexdump" => made::hexdump(),
         "" | "help" => {

@@ -35,6 +35,7 @@ fn banks<const U: usize, const S: usize>(flash: Flash<U, S>) -> Banks<Flash<U, S
 
 /// What a user does to the banks.
 #[derive(Clone, Debug)]
+#[expect(clippy::large_enum_variant, reason = "a few of them at a time")]
 enum Update {
     Store(Image),
     RollBack,

@@ -43,6 +43,11 @@ impl Gain {
         held(product, -most, most) << left
     }
 
+    /// Within the ranges of its fields.
+    pub(crate) const fn is_sound(self) -> bool {
+        self.mantissa.unsigned_abs() < 1 << 30 && self.shift <= 62
+    }
+
     /// The nearest gain; `None` for 2^30 and more, and for what leaves the mantissa less than 8 bits (2^-54).
     #[cfg(feature = "design")]
     pub fn from_f64(value: f64) -> Option<Self> {

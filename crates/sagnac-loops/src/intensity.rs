@@ -107,6 +107,11 @@ pub struct IntensityOutput {
 }
 
 impl IntensityState {
+    /// The integrator, 2^-32 codes.
+    pub const fn integral_q32(&self) -> i64 {
+        self.integral_q32
+    }
+
     /// What the loop is doing.
     pub const fn phase(&self) -> IntensityPhase {
         self.phase

@@ -9,7 +9,8 @@
 //!
 //! Each loop comes in three parts, as configured, built and running: a configuration in SI units
 //! ([`PathLengthConfig`], [`IntensityConfig`]; feature `design`), whose `build` checks it and finds the gains; an
-//! immutable table of integers ([`PathLength`], [`Intensity`]), which is what a target holds; and a state. A tick
+//! immutable table of integers ([`PathLength`], [`Intensity`]), which is what a target holds and reads from bytes
+//! ([`LoopTable`]); and a state. A tick
 //! takes the table, the state and one converter code and gives one converter code and a status, in bounded time,
 //! without allocation, floating point, `unsafe` or a panic path (`cargo xtask no-panic`; the design is not part of that:
 //! libm and the printing of floats have panic paths).
@@ -30,6 +31,7 @@ mod path_length;
 mod quadrature;
 mod status;
 mod strip;
+mod table;
 
 #[cfg(feature = "design")]
 pub use design::{DesignError, Pi, Plant, Wanted, open_loop, pi_gains};
@@ -43,6 +45,7 @@ pub use path_length::{PathLength, PathLengthOutput, PathLengthPhase, PathLengthS
 pub use path_length::{PathLengthConfig, PathLengthDesign};
 pub use quadrature::{Multiplier, Quadrature, QuadratureState};
 pub use strip::{Stripped, Stripper};
+pub use table::{LoopTable, TABLE_LEN, TABLE_MAGIC, TABLE_VERSION, TableError};
 
 /// Converter codes beyond ± this are clamped on their way in: a 24-bit converter fits.
 pub const MAX_CODE: i32 = 1 << 23;

@@ -59,9 +59,28 @@ impl Reference {
         Some(Self { sine_q15, ticks: ticks as u8, delay: delay as u8 })
     }
 
+    /// A reference as a table holds it; [`Self::is_sound`] says whether it can be used.
+    pub(crate) const fn from_table(sine_q15: [i16; MAX_TICKS_PER_PERIOD], ticks: u8, delay: u8) -> Self {
+        Self { sine_q15, ticks, delay }
+    }
+
+    /// An even number of ticks, the second half the first with its sign changed, nothing behind them.
+    pub(crate) fn is_sound(&self) -> bool {
+        let ticks = usize::from(self.ticks);
+        let at = |index: usize| self.sine_q15.get(index).map_or(0, |entry| i32::from(*entry));
+        let turned = (0..ticks / 2).all(|k| at(k) == -at(k + ticks / 2));
+        let rest = (ticks..MAX_TICKS_PER_PERIOD).all(|k| at(k) == 0);
+        (4..=MAX_TICKS_PER_PERIOD).contains(&ticks) && ticks % 2 == 0 && self.delay < self.ticks && turned && rest
+    }
+
     /// Ticks of a period.
     pub const fn ticks(&self) -> u8 {
         self.ticks
+    }
+
+    /// Ticks between putting out a modulation and reading its answer.
+    pub const fn delay(&self) -> u8 {
+        self.delay
     }
 
     /// Q15 sine at a tick of the period.

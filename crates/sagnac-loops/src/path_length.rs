@@ -170,6 +170,16 @@ impl PathLengthState {
         self.error
     }
 
+    /// What to know about the counts of this tick.
+    pub const fn status(&self) -> PathLengthStatus {
+        self.status
+    }
+
+    /// The integrator, 2^-32 codes.
+    pub const fn integral_q32(&self) -> i64 {
+        self.integral_q32
+    }
+
     /// Actuator without its modulation, codes.
     pub const fn held(&self) -> i32 {
         self.held
@@ -193,8 +203,13 @@ impl PathLength {
         state
     }
 
-    fn middle_q32(&self) -> i64 {
+    pub(crate) fn middle_q32(&self) -> i64 {
         (q32(self.low) + q32(self.high)) / 2
+    }
+
+    /// Codes of one wavelength.
+    pub const fn wavelength(&self) -> i32 {
+        self.wavelength
     }
 
     /// Ticks of a period: the integrator moves once per period.

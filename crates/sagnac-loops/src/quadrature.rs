@@ -46,6 +46,13 @@ pub struct QuadratureState {
     pub lost: u32,
 }
 
+impl QuadratureState {
+    /// Before the first sample.
+    pub const fn new() -> Self {
+        Self { place: None, lost: 0 }
+    }
+}
+
 impl Quadrature {
     /// The counts that one pair of comparator levels adds: −1, 0 or 1 (0 for the first pair and a lost step).
     pub fn take(&self, state: &mut QuadratureState, a: bool, b: bool) -> i32 {

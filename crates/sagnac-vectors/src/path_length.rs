@@ -1,0 +1,144 @@
+//! The path-length loop driven by records, closed over a small plant of integers.
+//!
+//! | operation | inputs | outputs |
+//! |---|---|---|
+//! | 0 start | | 0 |
+//! | 1 run | ticks, seed, peak's place (2⁻³² codes, two words), its drift (2⁻¹⁶ codes per tick), light at the peak, curvature, flags | hash of (actuator, modulation), hash of (status, phase), phase + status·2⁸ + modes·2¹⁶, error, held code, integrator |
+//!
+//! Flags: bits of noise in the lowest eight; 256: the loop is closed or locked in all of the run; 512: there is light;
+//! the lag of the actuator, a right shift of 0 to 31, in the upper 16. The plant, once a tick, before it, from the
+//! actuator and modulation given out last, with w the wavelength:
+//!
+//! ```text
+//! place += drift·2¹⁶            at += ⌊(actuator·2³² − at)·2^−lag⌋             x = ⌊at·2⁻³²⌋ + modulation
+//! d = (x − ⌊place·2⁻³²⌋) mod w, taken into (w/2 − w, w/2]
+//! code = max(0, light − ⌊d²·curvature·2⁻³²⌋) + noise                (without light: noise alone)
+//! ```
+//!
+//! Phases: 0 dark, 1 sweeping, 2 settling, 3 closing, 4 locked, 5 resetting.
+
+use sagnac_loops::{LoopTable, PathLength, PathLengthPhase, PathLengthState};
+
+use crate::stimulus::{Hash, Noise, halves};
+use crate::{INPUTS, OUTPUTS};
+
+/// Flag: the loop is closed or locked in all of the run.
+const CLOSED: u32 = 1 << 8;
+/// Flag: there is light.
+const LIGHT: u32 = 1 << 9;
+
+/// See the module.
+#[derive(Clone, Copy, Debug)]
+pub struct PathLengthMachine {
+    table: PathLength,
+    state: PathLengthState,
+    /// Codes given out last.
+    actuator: i32,
+    modulation: i32,
+    /// Where the actuator is, 2^-32 codes.
+    at_q32: i64,
+    was_closed: bool,
+    ticks: u64,
+}
+
+/// The plant of one run.
+struct Plant {
+    place_q32: i64,
+    drift_q32: i64,
+    light: i64,
+    curvature: i64,
+    wavelength: i64,
+}
+
+impl Plant {
+    fn code(&mut self, x: i32) -> i32 {
+        self.place_q32 = self.place_q32.wrapping_add(self.drift_q32);
+        let from = (i64::from(x) - (self.place_q32 >> 32)).checked_rem_euclid(self.wavelength).unwrap_or(0);
+        let d = if from > self.wavelength / 2 { from - self.wavelength } else { from };
+        let loss = (d * d).saturating_mul(self.curvature) >> 32;
+        (self.light - loss).max(0) as i32
+    }
+}
+
+impl PathLengthMachine {
+    /// With this table of the loops; `None` if it is none.
+    pub fn new(table: &[u8]) -> Option<Self> {
+        let table = LoopTable::decode(table).ok()?.path_length;
+        let state = table.start();
+        let actuator = state.held();
+        let at_q32 = i64::from(actuator) << 32;
+        Some(Self { table, state, actuator, modulation: 0, at_q32, was_closed: false, ticks: 0 })
+    }
+
+    /// Ticks so far.
+    pub const fn ticks(&self) -> u64 {
+        self.ticks
+    }
+
+    /// Whether the loop is closed or locked.
+    pub const fn is_closed(&self) -> bool {
+        matches!(self.state.phase(), PathLengthPhase::Closing { .. } | PathLengthPhase::Locked { .. })
+    }
+
+    /// Whether it was so in every tick of the last run.
+    pub const fn was_closed(&self) -> bool {
+        self.was_closed
+    }
+
+    /// One record.
+    pub fn step(&mut self, operation: u32, inputs: &[u32; INPUTS]) -> Option<[u32; OUTPUTS]> {
+        match operation {
+            0 => {
+                self.state = self.table.start();
+                (self.actuator, self.modulation) = (self.state.held(), 0);
+                self.at_q32 = i64::from(self.actuator) << 32;
+                Some([0; OUTPUTS])
+            }
+            1 => Some(self.run(inputs)),
+            _ => None,
+        }
+    }
+
+    fn run(&mut self, inputs: &[u32; INPUTS]) -> [u32; OUTPUTS] {
+        let [ticks, seed, place_lo, place_hi, drift, light, curvature, flags] = *inputs;
+        let mut plant = Plant {
+            place_q32: (i64::from(place_hi as i32) << 32) | i64::from(place_lo),
+            drift_q32: i64::from(drift as i32) << 16,
+            light: if flags & LIGHT == 0 { 0 } else { i64::from(light) },
+            curvature: i64::from(curvature),
+            wavelength: self.table.wavelength().into(),
+        };
+        let (mut noise, mut given, mut said) = (Noise::new(seed), Hash::new(), Hash::new());
+        self.was_closed = ticks > 0;
+        for _ in 0..ticks {
+            self.at_q32 += ((i64::from(self.actuator) << 32) - self.at_q32) >> (flags >> 16).min(31);
+            let x = ((self.at_q32 >> 32) as i32).wrapping_add(self.modulation);
+            let code = plant.code(x).wrapping_add(noise.about_zero(flags & 0xff));
+            let out = self.table.tick(&mut self.state, code);
+            (self.actuator, self.modulation) = (out.actuator, out.modulation);
+            given.take(out.actuator as u32);
+            given.take(out.modulation as u32);
+            said.take(out.status.bits().into());
+            said.take(phase(self.state.phase()));
+            self.was_closed &= self.is_closed();
+        }
+        self.ticks += u64::from(ticks);
+        let [i0, i1] = halves(self.state.integral_q32());
+        let modes = (self.state.modes() as u32) << 16;
+        let word = phase(self.state.phase()) | u32::from(self.state.status().bits()) << 8 | modes;
+        // A flag that does not hold shows in the hash.
+        let said = if flags & CLOSED != 0 && !self.was_closed { !said.value() } else { said.value() };
+        [given.value(), said, word, self.state.error() as u32, self.state.held() as u32, i0, i1]
+    }
+}
+
+const fn phase(phase: PathLengthPhase) -> u32 {
+    match phase {
+        PathLengthPhase::Dark { .. } => 0,
+        PathLengthPhase::Sweeping { .. } => 1,
+        PathLengthPhase::Settling { .. } => 2,
+        PathLengthPhase::Closing { .. } => 3,
+        PathLengthPhase::Locked { .. } => 4,
+        PathLengthPhase::Resetting { .. } => 5,
+    }
+}

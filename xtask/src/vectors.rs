@@ -1,0 +1,353 @@
+//! The reference vectors in `testdata/vectors/`, made from the core: on purpose, after a change that is meant.
+
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use anyhow::{Context, Result};
+use sagnac_core::{Description, Image, Kind, LagSpec, MAX_RAW, Multiplier, Scale, Term, Thermometer};
+use sagnac_loops::LoopTable;
+use sagnac_sim::Scenario;
+use sagnac_sim::physics::free_spectral_range_hz;
+use sagnac_sim::plant::Design;
+use sagnac_vectors::{INPUTS, MAGIC, Machine, Module};
+
+use crate::checks::root;
+
+const LIGHT: u32 = 1 << 9;
+const CLOSED: u32 = 1 << 8;
+const HOLD: u32 = 1 << 8;
+
+/// Where they are.
+pub(crate) fn folder() -> PathBuf {
+    root().join("testdata/vectors")
+}
+
+/// Makes all of them.
+pub(crate) fn write() -> Result<()> {
+    let paper = std::fs::read(root().join("testdata/image/paper.img"))?;
+    let mirror = loops("triangle-28cm-dithered", true)?;
+    let heater = loops("prism-heater-loop", false)?;
+    compensator_full()?.write("compensator-full")?;
+    compensator_paper(&paper)?.write("compensator-paper")?;
+    compensator_edges()?.write("compensator-edges")?;
+    path_length(&mirror, 1, 1500)?.write("path-length-mirror")?;
+    path_length(&heater, 25, 400)?.write("path-length-heater")?;
+    intensity(&mirror.table)?.write("intensity")?;
+    quadrature()?.write("quadrature")
+}
+
+/// A file in the making: the machine that gives the outputs, and the text.
+struct Making {
+    machine: Machine,
+    about: &'static str,
+    head: [u32; 3],
+    table: Vec<u8>,
+    records: u32,
+    text: String,
+}
+
+impl Making {
+    fn new(module: Module, table: Vec<u8>, about: &'static str) -> Result<Self> {
+        let machine = Machine::new(module, &table).context("the table is refused")?;
+        let head = [MAGIC, module as u32, table.len() as u32];
+        Ok(Self { machine, about, head, table, records: 0, text: String::new() })
+    }
+
+    /// One record; its outputs.
+    fn step(&mut self, operation: u32, inputs: &[u32]) -> Result<[u32; 7]> {
+        let mut all = [0; INPUTS];
+        all[..inputs.len()].copy_from_slice(inputs);
+        let outputs = self.machine.step(operation, &all).context("no such operation")?;
+        for word in [operation].iter().chain(&all).chain(&outputs) {
+            write!(self.text, "{word:08x} ")?;
+        }
+        self.text.pop();
+        self.text.push('\n');
+        self.records += 1;
+        Ok(outputs)
+    }
+
+    fn write(self, name: &str) -> Result<()> {
+        let mut text = format!("// {}\n// Made by `cargo xtask vectors`; format in docs/vectors.md.\n", self.about);
+        let [magic, module, len] = self.head;
+        writeln!(text, "{magic:08x} {module:08x} {len:08x} {:08x}", self.records)?;
+        for line in self.table.chunks(32) {
+            let words = line.chunks(4).map(|four| {
+                let mut bytes = [0; 4];
+                bytes[..four.len()].copy_from_slice(four);
+                format!("{:08x}", u32::from_le_bytes(bytes))
+            });
+            writeln!(text, "{}", words.collect::<Vec<_>>().join(" "))?;
+        }
+        text.push_str(&self.text);
+        let path = folder().join(name).with_extension("hex");
+        std::fs::create_dir_all(folder())?;
+        std::fs::write(&path, &text)?;
+        println!(
+            "{}: {} records, {} ticks, {} KB",
+            path.display(),
+            self.records,
+            self.machine.ticks(),
+            text.len() / 1000
+        );
+        Ok(())
+    }
+}
+
+fn image_bytes(description: Description) -> Result<Vec<u8>> {
+    let image = Image::new(description)?;
+    let mut bytes = vec![0; image.encoded_len()];
+    image.encode(&mut bytes).context("does not fit its own length")?;
+    Ok(bytes)
+}
+
+/// The loops of a scenario, and the light that they hold.
+struct Loops {
+    table: Vec<u8>,
+    /// Photodiode code at the peak.
+    peak: u32,
+    /// What the vectors' plant calls the curvature, 2^-32 codes of light per code of actuator squared.
+    curvature: u32,
+    /// Lag of the actuator as a right shift of ticks.
+    lag: u32,
+}
+
+fn loops(scenario: &str, searches: bool) -> Result<Loops> {
+    let text = std::fs::read_to_string(root().join(format!("scenarios/{scenario}/{scenario}.toml")))?;
+    let mut scenario = Scenario::from_toml(&text)?;
+    if !searches {
+        // It closes where it stands: a heater's search is a minute of ticks.
+        scenario.path_length.sweep_s = 0.0;
+    }
+    let design = Design::of(&scenario)?;
+    let (path_length, intensity) = (design.path_length.integers, design.intensity.integers);
+    let table = LoopTable { tick_ns: 100_000, path_length, intensity };
+    let (light, cavity) = (&scenario.intensity, &scenario.cavity);
+    let peak = light.part_of_range * (light.photodiode_bits - 1.0).exp2();
+    let detuning = free_spectral_range_hz(scenario.geometry.perimeter_m) / (cavity.gain_width_mhz * 1e6);
+    let per_wave = cavity.gain_ratio / (cavity.gain_ratio - 1.0) * 4.0 * std::f64::consts::LN_2 * detuning * detuning;
+    let wavelength = f64::from(path_length.wavelength());
+    let curvature = (peak * per_wave / (wavelength * wavelength) * 32_f64.exp2()) as u32;
+    let lag_ticks = scenario.path_length.rising_lag_s / sagnac_sim::TICK_S;
+    let lag = lag_ticks.max(1.0).log2().round() as u32;
+    Ok(Loops { table: table.encode().to_vec(), peak: peak as u32, curvature, lag })
+}
+
+/// Codes of 2^-24 °C, a lag of 32 updates, a rate span of ±0.25 °C an update.
+fn thermometer(span_c: [i32; 2]) -> Result<Thermometer> {
+    let half = i64::from(span_c[1] - span_c[0]) << 23;
+    let bits = 63 - half.leading_zeros();
+    let x_shift = bits - 15;
+    Ok(Thermometer {
+        gain: Scale { mantissa: 1 << 30, shift: 30 },
+        plausible_lo_q24: -(80 << 24),
+        plausible_hi_q24: 120 << 24,
+        span_lo_q24: span_c[0] << 24,
+        span_hi_q24: span_c[1] << 24,
+        x_mantissa: u32::try_from((1_i64 << (47 + x_shift)) / half)?,
+        x_shift: u8::try_from(x_shift)?,
+        lag: LagSpec {
+            alpha_mantissa: 0x6000_0123,
+            alpha_shift: 36,
+            rate_shift: 8,
+            rate_lo: -(1 << 30),
+            rate_hi: 1 << 30,
+            y_mantissa: 1 << 31,
+            y_shift: 30,
+        },
+        hold_updates: 20,
+        settling_updates: 96,
+        ..Thermometer::UNUSED
+    })
+}
+
+fn terms(d: &mut Description, terms: &[(Kind, u8, u8, Multiplier, i32, u8)]) {
+    for (slot, &(kind, sensor, order, multiplier, mantissa, shift)) in d.terms.iter_mut().zip(terms) {
+        *slot = Term { kind, sensor, order, multiplier, mantissa, shift };
+    }
+    d.term_count = terms.len() as u8;
+}
+
+/// Bias 5, rate 1, scale 2 through a whole profile: a million ticks.
+fn compensator_full() -> Result<Making> {
+    use Kind::{Bias, Scale};
+    use Multiplier::{One, Rate};
+    let mut d = Description { period_ticks: 1000, ..Description::empty() };
+    d.serial[..4].copy_from_slice(b"FULL");
+    (d.thermometers[0], d.thermometer_count) = (thermometer([-35, 65])?, 1);
+    terms(
+        &mut d,
+        &[
+            (Bias, 0, 0, One, 558_484_714, 33),
+            (Bias, 0, 1, One, -657_166_594, 34),
+            (Bias, 0, 2, One, 621_868_304, 33),
+            (Bias, 0, 3, One, -987_654_321, 36),
+            (Bias, 0, 4, One, 1_012_345_679, 38),
+            (Bias, 0, 5, One, 700_000_001, 39),
+            (Bias, 0, 0, Rate, -1_050_505_051, 33),
+            (Bias, 0, 1, Rate, 888_888_883, 35),
+            (Scale, 0, 0, One, 611_953_011, 40),
+            (Scale, 0, 1, One, -1_060_000_007, 41),
+            (Scale, 0, 2, One, 777_777_777, 42),
+        ],
+    );
+    let about = "compensator: bias 5, rate 1, scale 2, a million ticks over -40 ... 70 degC and back";
+    let mut making = Making::new(Module::Compensator, image_bytes(d)?, about)?;
+    for update in 0..1000_u32 {
+        // Soak, up by 0.25 degC an update, soak, down; a little noise; now and then no sample.
+        let quarters = i32::try_from(update.clamp(40, 480) - 40)? - i32::try_from(update.clamp(540, 980) - 540)?;
+        let wobble = (update.wrapping_mul(2_654_435_761) >> 14) as i32 - (1 << 17);
+        let code = (-40 << 24) + quarters * (1 << 22) + wobble;
+        let present = u32::from(update % 97 != 96);
+        making.step(1, &[present, code as u32])?;
+        making.step(2, &[1000, update * 7919 + 1, 37, 5])?;
+    }
+    Ok(making)
+}
+
+/// The paper's curve at its own period.
+fn compensator_paper(image: &[u8]) -> Result<Making> {
+    let about = "compensator: the paper's curve (testdata/image/paper.img), 20 s";
+    let mut making = Making::new(Module::Compensator, image.to_vec(), about)?;
+    for second in 0..20_u32 {
+        making.step(1, &[1, (17 + second) << 24])?;
+        making.step(2, &[10_000, second + 1, 0, 2])?;
+    }
+    Ok(making)
+}
+
+/// Everything that can go wrong: late and early updates, missing and absurd temperatures, limits, overflow.
+fn compensator_edges() -> Result<Making> {
+    use Kind::{Bias, Scale};
+    use Multiplier::{One, Rate};
+    let mut d = Description { period_ticks: 40, slew_ticks: 7, output_limit: 9, ..Description::empty() };
+    d.serial[..5].copy_from_slice(b"EDGES");
+    d.thermometers[0] = Thermometer { hold_updates: 3, settling_updates: 5, ..thermometer([-35, 65])? };
+    d.thermometers[1] = Thermometer {
+        offset_q24: 3 << 24,
+        gain: sagnac_core::Scale { mantissa: -1_234_567_891, shift: 22 },
+        ..thermometer([10, 30])?
+    };
+    d.thermometer_count = 2;
+    terms(
+        &mut d,
+        &[
+            (Bias, 0, 8, One, 900_000_001, 22),
+            (Bias, 1, 7, Rate, -1_073_741_823, 23),
+            (Bias, 1, 1, One, 536_870_913, 20),
+            (Scale, 1, 3, Rate, 1_000_000_007, 38),
+            (Scale, 0, 0, One, -777_777_773, 37),
+        ],
+    );
+    let about = "compensator: two thermometers, limited output, missing and absurd samples, misuse, overflow";
+    let mut making = Making::new(Module::Compensator, image_bytes(d)?, about)?;
+    making.step(3, &[5, 1])?;
+    for round in 0..400_u32 {
+        let dice = round.wrapping_mul(2_654_435_761) >> 8;
+        let cold = ((dice % 130) as i32 - 50) << 24 | (dice as i32 & 0xff_ffff);
+        let second = ((dice >> 5) % 40_000) as i32 - 20_000;
+        let present = if dice % 7 == 0 { dice % 4 } else { 3 };
+        let code = if dice % 11 == 0 { i32::MIN + round as i32 } else { cold };
+        making.step(1, &[present, code as u32, second as u32])?;
+        match dice % 6 {
+            0 => making.step(1, &[3, 0, 0])?,
+            1 => making.step(4, &[dice % 45])?,
+            2 => making.step(3, &[(MAX_RAW + (dice % 3) as i32 - 1) as u32, 1])?,
+            3 => making.step(5, &[])?,
+            4 => making.step(3, &[dice % 90, 1 + dice % 41])?,
+            _ => making.step(2, &[dice % 44, round, 0, 3])?,
+        };
+        // To the next update, and one beyond it.
+        making.step(2, &[41, round, (dice % 3) - 1, 4 + dice % 3])?;
+        if round % 50 == 49 {
+            making.step(0, &[])?;
+        }
+    }
+    for _ in 0..6 {
+        making.step(1, &[3, 20 << 24, 0])?;
+        making.step(3, &[MAX_RAW as u32, 1])?;
+        making.step(2, &[41, 9, 0, 0])?;
+    }
+    making.step(2, &[3, 1, 1, 0])?;
+    Ok(making)
+}
+
+/// Search, lock, drift through mode resets, noise, darkness, a jump that loses the lock.
+fn path_length(of: &Loops, longer: u32, runs: u32) -> Result<Making> {
+    let about = "path-length loop: search, lock, drift through mode resets, noise, darkness, jumps";
+    let path_length = LoopTable::decode(&of.table)?.path_length;
+    let period = u32::from(path_length.ticks_per_period());
+    let wavelength = path_length.wavelength();
+    let mut making = Making::new(Module::PathLength, of.table.clone(), about)?;
+    making.step(0, &[])?;
+    let mut place_q32 = i64::from(wavelength / 5) << 32;
+    for run in 0..runs {
+        let dice = run.wrapping_mul(2_654_435_761) >> 8;
+        let drift = match run / 60 % 6 {
+            0 => 0,
+            1 => wavelength * 20,
+            2 => -wavelength * 40,
+            3 => wavelength * 3,
+            4 => wavelength * 90,
+            _ => -wavelength * 90,
+        } / (8 * longer as i32);
+        if run % 170 == 169 {
+            place_q32 += i64::from(wavelength) << 31;
+        }
+        let dark = run % 250 > 242 && run % 250 < 248;
+        let ticks = period * (1 + dice % 24) * longer;
+        // From none to a sixteenth of the light.
+        let bits = (of.peak.ilog2() - 4).saturating_sub([99, 8, 4, 0][(dice / 64 % 4) as usize]);
+        let flags = bits | if dark { 0 } else { LIGHT } | of.lag << 16;
+        let [low, high] = [place_q32 as u32, (place_q32 >> 32) as u32];
+        let inputs = [ticks, dice, low, high, drift as u32, of.peak, of.curvature, flags];
+        // Tried first: whether the loop is closed all along.
+        let mut tried = making.machine;
+        tried.step(1, &inputs).context("run")?;
+        let Machine::PathLength(path) = &tried else { anyhow::bail!("not a path-length machine") };
+        let mut with = inputs;
+        with[7] |= if path.was_closed() { CLOSED } else { 0 };
+        making.step(1, &with)?;
+        place_q32 += (i64::from(drift) << 16) * i64::from(ticks);
+    }
+    Ok(making)
+}
+
+/// Ignition with and without light, regulation, dimming, hold, the end of the range, failure.
+fn intensity(table: &[u8]) -> Result<Making> {
+    let about = "intensity loop: ignition, regulation, dimming lamp, hold, end of range, failure";
+    let loops = LoopTable::decode(table)?;
+    let fields = loops.intensity.fields();
+    let field = |wanted: &str| fields.iter().find(|(name, _)| *name == wanted).map(|(_, value)| *value as f64);
+    let (set, most) = (field("set_point").context("set_point")?, field("most").context("most")?);
+    let ticks = f64::from(loops.intensity.ticks_per_update());
+    // The set point at 60 % of the largest current.
+    let gain = set / ticks / (0.6 * most) * 65_536.0;
+    let mut making = Making::new(Module::Intensity, table.to_vec(), about)?;
+    making.step(0, &[])?;
+    for run in 0..600_u32 {
+        let dice = run.wrapping_mul(2_654_435_761) >> 8;
+        let dim = 1.0 - 0.45 * f64::from(run % 150) / 150.0;
+        let burns = !matches!(run, 0..=3 | 200..=230 | 400..=420) && run < 560;
+        let bits = [0, 6, 12, 16][(dice % 4) as usize];
+        let flags = bits | if burns { LIGHT } else { 0 } | if dice % 9 == 0 { HOLD } else { 0 };
+        let length = if (200..=230).contains(&run) || run >= 560 { 30_000 } else { 97 + dice % 500 };
+        making.step(1, &[length, dice, (gain * dim) as u32, 2 + dice % 5, flags])?;
+    }
+    Ok(making)
+}
+
+/// All three ways of counting, forward, back, trembling, and double steps.
+fn quadrature() -> Result<Making> {
+    let mut making = Making::new(Module::Quadrature, Vec::new(), "quadrature counter: 1, 2 and 4 counts per fringe")?;
+    for (index, multiplier) in [1, 2, 4].into_iter().enumerate() {
+        making.step(0, &[multiplier])?;
+        for run in 0..40_u32 {
+            let share = |percent: u32| u32::MAX / 100 * percent;
+            let (forward, back) = [(90, 95), (5, 90), (45, 90), (100, 100)][(run % 4) as usize];
+            let double = if run % 5 == 4 { 97 } else { back };
+            making.step(1, &[1000, run * 31 + index as u32, share(forward), share(back), share(double)])?;
+        }
+    }
+    Ok(making)
+}
