@@ -1,0 +1,627 @@
+/* The thermal correction of a ring laser gyro: see sagnac_compensator.h. */
+#include "sagnac_compensator.h"
+
+#define BASIS_LENGTH (SAGNAC_MAX_ORDER + 1U)
+#define ONE_Q31 ((int64_t)2147483648)
+#define ONE_Q32 ((int64_t)4294967296)
+#define ONE_Q47 ((int64_t)140737488355328)
+/* Bits of x below the Q30 that is multiplied first. */
+#define X_LOW_BITS 17U
+#define X_LOW ((int64_t)131072)
+/* Bits of a difference of temperatures that are multiplied apart. */
+#define LAG_LOW_BITS 23U
+#define LAG_LOW ((int64_t)8388608)
+/* Bits below Q32 in which terms are summed. */
+#define GUARD_BITS 8U
+/* An accumulator beyond this after a call has lost its meaning: 2^61. */
+#define ACCUMULATOR_BOUND ((int64_t)2305843009213693952)
+/* Largest |increment|, and |sum of increments| of a period. */
+#define MAX_INCREMENT ((int64_t)70368744177664)
+#define MAX_INCREMENT_SUM ((int64_t)2305843009213693952)
+#define MAX_SCALE ((int64_t)67108864)
+/* Layout of an image. */
+#define HEAD_LENGTH 128U
+#define THERMOMETER_LENGTH 64U
+#define TERM_LENGTH 12U
+#define CRC_LENGTH 4U
+
+/* What a slow update learned from one thermometer. */
+typedef struct {
+    int64_t x_q47;
+    int64_t y_q31;
+    uint32_t x_clamped;
+    uint32_t y_clamped;
+} reading;
+
+/* T_0(x) ... T_8(x) in Q31 for x in Q47, |x| <= 1. */
+static void gyro_chebyshev(int64_t x_q47, int64_t basis[BASIS_LENGTH])
+{
+    const int64_t high = sagnac_floor_shift(x_q47, X_LOW_BITS);
+    const int64_t low = x_q47 - (high * X_LOW);
+    int64_t before = ONE_Q32;
+    int64_t here = sagnac_round_shift(x_q47, 15U);
+    uint32_t order;
+    basis[0] = ONE_Q31;
+    for (order = 1U; order < BASIS_LENGTH; order++) {
+        const int64_t product = (high * here) + sagnac_floor_shift(low * here, X_LOW_BITS);
+        const int64_t next = sagnac_round_shift(product, 29U) - before;
+        basis[order] = sagnac_round_shift(here, 1U);
+        before = here;
+        here = next;
+    }
+}
+
+/* 1 and the temperature of a code, or 0 outside of the plausible limits. */
+static uint32_t gyro_temperature(const sagnac_thermometer *spec, int32_t code, int32_t *t_q24)
+{
+    const int64_t product = (int64_t)code * (int64_t)spec->gain_mantissa;
+    const int64_t t = (int64_t)spec->offset_q24 + sagnac_round_shift(product, spec->gain_shift);
+    uint32_t plausible = 0U;
+    if ((t >= (int64_t)spec->plausible_lo_q24) && (t <= (int64_t)spec->plausible_hi_q24)) {
+        *t_q24 = (int32_t)t;
+        plausible = 1U;
+    }
+    return plausible;
+}
+
+/* x of the temperature clamped to the span. */
+static void scale_temperature(const sagnac_thermometer *spec, int32_t t_q24, reading *out)
+{
+    const int32_t clamped = sagnac_held32(t_q24, spec->span_lo_q24, spec->span_hi_q24);
+    const int64_t both = (int64_t)spec->span_lo_q24 + (int64_t)spec->span_hi_q24;
+    const int64_t middle = sagnac_floor_shift(both, 1U);
+    const int64_t product = ((int64_t)clamped - middle) * (int64_t)spec->x_mantissa;
+    out->x_q47 = sagnac_held(sagnac_round_shift(product, spec->x_shift), -ONE_Q47, ONE_Q47);
+    out->x_clamped = (clamped != t_q24) ? SAGNAC_YES : SAGNAC_NO;
+}
+
+/* One period of the lag; y is the scaled, clamped rate. */
+static void step_lag(const sagnac_thermometer *spec, sagnac_thermometer_state *memory, int32_t t_q24, reading *out)
+{
+    out->y_q31 = 0;
+    out->y_clamped = 0U;
+    if (spec->alpha_mantissa != 0U) {
+        const int64_t mantissa = (int64_t)spec->alpha_mantissa;
+        const uint32_t shift = spec->alpha_shift - LAG_LOW_BITS;
+        const int64_t difference = ((int64_t)t_q24 * (int64_t)4194304) - memory->lag_q46;
+        const int64_t high = sagnac_floor_shift(difference, LAG_LOW_BITS);
+        const int64_t low = difference - (high * LAG_LOW);
+        const int64_t product = (high * mantissa) + sagnac_floor_shift(low * mantissa, LAG_LOW_BITS);
+        const int64_t total = product + memory->remainder;
+        const int64_t whole = sagnac_floor_shift(total, shift);
+        const int64_t rate = sagnac_round_shift(product, (spec->alpha_shift - 1U) - spec->rate_shift);
+        const int64_t clamped = sagnac_held(rate, (int64_t)spec->rate_lo, (int64_t)spec->rate_hi);
+        const int64_t y = sagnac_round_shift(clamped * (int64_t)spec->y_mantissa, spec->y_shift);
+        memory->remainder = total - (whole * sagnac_power(shift));
+        memory->lag_q46 += whole;
+        out->y_q31 = sagnac_held(y, -ONE_Q31, ONE_Q31);
+        out->y_clamped = (clamped != rate) ? SAGNAC_YES : SAGNAC_NO;
+    }
+}
+
+static uint32_t one_more(uint32_t count)
+{
+    return (count == UINT32_MAX) ? count : (count + 1U);
+}
+
+/* One period of one thermometer; 0 when it has no plausible temperature now. */
+static uint32_t read_thermometer(const sagnac_thermometer *spec, sagnac_thermometer_state *memory, uint32_t present,
+                                 int32_t code, reading *out)
+{
+    int32_t t_q24 = 0;
+    uint32_t fresh = 0U;
+    if (present != 0U) {
+        fresh = gyro_temperature(spec, code, &t_q24);
+    }
+    if ((fresh != 0U) && (memory->has_last == 0U)) {
+        memory->lag_q46 = (int64_t)t_q24 * (int64_t)4194304;
+    }
+    if ((fresh == 0U) && (memory->has_last != 0U)) {
+        t_q24 = memory->last_q24;
+    }
+    if ((fresh != 0U) || (memory->has_last != 0U)) {
+        reading now = {0, 0, 0U, 0U};
+        memory->last_q24 = t_q24;
+        memory->has_last = 1U;
+        memory->settled_updates = one_more(memory->settled_updates);
+        step_lag(spec, memory, t_q24, &now);
+        if (fresh != 0U) {
+            scale_temperature(spec, t_q24, &now);
+            *out = now;
+        }
+    }
+    memory->held_updates = (fresh != 0U) ? 0U : one_more(memory->held_updates);
+    return fresh;
+}
+
+/* Runs every thermometer; 1 if any has no temperature. */
+static uint32_t read_all(const sagnac_image *image, sagnac_compensator_state *state, const int32_t *codes,
+                         uint32_t present, reading *readings, uint32_t *status)
+{
+    uint32_t held = 0U;
+    uint32_t i;
+    *status = 0U;
+    for (i = 0U; i < image->thermometer_count; i++) {
+        const sagnac_thermometer *spec = &image->thermometers[i];
+        sagnac_thermometer_state *memory = &state->thermometers[i];
+        if (read_thermometer(spec, memory, (present >> i) & 1U, codes[i], &readings[i]) == 0U) {
+            held = 1U;
+            *status |= SAGNAC_HELD;
+            if (memory->held_updates > spec->hold_updates) {
+                *status |= SAGNAC_STALE;
+            }
+        }
+        if ((readings[i].x_clamped != 0U) || (readings[i].y_clamped != 0U)) {
+            *status |= SAGNAC_OUT_OF_SPAN;
+        }
+        if (readings[i].y_clamped != 0U) {
+            *status |= SAGNAC_RATE_OUT_OF_SPAN;
+        }
+        if ((spec->settling_updates > 0U) && (memory->settled_updates <= spec->settling_updates)) {
+            *status |= SAGNAC_SETTLING;
+        }
+    }
+    if (held != 0U) {
+        /* A held correction keeps what was said of the temperature it was made from. */
+        *status |= state->slow_status & (SAGNAC_OUT_OF_SPAN | SAGNAC_RATE_OUT_OF_SPAN);
+    }
+    return held;
+}
+
+/* k in Q32 and the increment in counts * 2^-32 per tick. */
+static void gyro_evaluate(const sagnac_image *image, const reading *readings, int64_t *k_q32, int64_t *increment)
+{
+    int64_t basis[SAGNAC_MAX_THERMOMETERS][BASIS_LENGTH];
+    int64_t bias = 0;
+    int64_t scale = 0;
+    uint32_t i;
+    for (i = 0U; i < image->thermometer_count; i++) {
+        gyro_chebyshev(readings[i].x_q47, basis[i]);
+    }
+    for (i = 0U; i < image->term_count; i++) {
+        const sagnac_term *term = &image->terms[i];
+        int64_t factor = basis[term->sensor][term->order];
+        int64_t value;
+        if (term->times_rate != 0U) {
+            factor = sagnac_round_shift(factor * readings[term->sensor].y_q31, 31U);
+        }
+        value = sagnac_round_shift((int64_t)term->mantissa * factor, term->shift);
+        if (term->kind == SAGNAC_BIAS) {
+            bias += value;
+        } else {
+            scale += value;
+        }
+    }
+    *k_q32 = ONE_Q32 + sagnac_round_shift(scale, GUARD_BITS);
+    *increment = sagnac_round_shift(bias, GUARD_BITS);
+}
+
+/* Starts the way to a new increment: `steeper` ticks by slope + 1, the others by slope. */
+static void gyro_slew_to(sagnac_compensator_state *state, int64_t target, uint32_t ticks)
+{
+    state->target = target;
+    if (ticks == 0U) {
+        state->increment = target;
+    } else {
+        const int64_t delta = target - state->increment;
+        int64_t slope = delta / (int64_t)ticks;
+        int64_t steeper = delta % (int64_t)ticks;
+        if (steeper < 0) {
+            steeper += (int64_t)ticks;
+            slope -= 1;
+        }
+        state->slope = slope;
+        state->steeper_ticks = (uint32_t)steeper;
+        state->slewing_ticks = ticks;
+    }
+}
+
+/* Moves the slew on by n ticks; the sum of its increments. */
+static int64_t gyro_slew(sagnac_compensator_state *state, uint32_t n)
+{
+    int64_t sum;
+    if (state->slewing_ticks == 0U) {
+        sum = (int64_t)n * state->increment;
+    } else {
+        const uint32_t slewing = (n < state->slewing_ticks) ? n : state->slewing_ticks;
+        const uint32_t steeper = (slewing < state->steeper_ticks) ? slewing : state->steeper_ticks;
+        const int64_t m = (int64_t)slewing;
+        const int64_t e = (int64_t)steeper;
+        const uint32_t steady = n - slewing;
+        sum = (m * state->increment) + (state->slope * ((m * (m + 1)) / 2)) + ((e * (e + 1)) / 2) + ((m - e) * e);
+        state->increment += (m * state->slope) + e;
+        state->slewing_ticks -= slewing;
+        state->steeper_ticks -= steeper;
+        sum += (int64_t)steady * state->increment;
+    }
+    return sum;
+}
+
+static sagnac_misuse run_clock(sagnac_compensator_state *state, uint32_t ticks, int64_t *increments)
+{
+    sagnac_misuse result = SAGNAC_OK;
+    if (ticks > state->ticks_to_update) {
+        result = SAGNAC_UPDATE_DUE;
+    } else {
+        state->ticks_to_update -= ticks;
+        *increments = gyro_slew(state, ticks);
+    }
+    return result;
+}
+
+static void give_out(const sagnac_image *image, sagnac_compensator_state *state, int32_t raw, int64_t increments,
+                     sagnac_output *output)
+{
+    if (state->overflow != 0U) {
+        output->counts = 0;
+        output->status = sagnac_compensator_status(state);
+    } else {
+        const int64_t sum = state->accumulator + (((int64_t)raw * state->k_q32) - increments);
+        const int64_t limit = (int64_t)image->output_limit;
+        const int64_t whole = sagnac_floor_shift(sum, 32U);
+        const int64_t counts = sagnac_held(whole, -limit, limit);
+        uint32_t limited = 0U;
+        state->accumulator = sum - (counts * ONE_Q32);
+        if (counts != whole) {
+            limited = SAGNAC_LIMITED;
+            if ((state->accumulator > ACCUMULATOR_BOUND) || (state->accumulator < -ACCUMULATOR_BOUND)) {
+                state->overflow = 1U;
+            }
+        }
+        output->counts = (int32_t)counts;
+        output->status = sagnac_compensator_status(state) | limited;
+    }
+}
+
+/* The largest |increment| that cannot overflow within a period. */
+static int64_t increment_bound(const sagnac_image *image)
+{
+    uint32_t bits = 0U;
+    int64_t by_period;
+    while (((image->period_ticks - 1U) >> bits) != 0U) {
+        bits++;
+    }
+    by_period = sagnac_floor_shift(MAX_INCREMENT_SUM, bits);
+    return (by_period < MAX_INCREMENT) ? by_period : MAX_INCREMENT;
+}
+
+void sagnac_compensator_start(sagnac_compensator_state *state)
+{
+    uint32_t i;
+    state->accumulator = 0;
+    state->k_q32 = ONE_Q32;
+    state->increment = 0;
+    state->target = 0;
+    state->slope = 0;
+    state->steeper_ticks = 0U;
+    state->slewing_ticks = 0U;
+    state->ticks_to_update = 0U;
+    state->slow_status = SAGNAC_UNCORRECTED;
+    state->corrected_once = 0U;
+    state->overflow = 0U;
+    for (i = 0U; i < SAGNAC_MAX_THERMOMETERS; i++) {
+        state->thermometers[i].lag_q46 = 0;
+        state->thermometers[i].remainder = 0;
+        state->thermometers[i].last_q24 = 0;
+        state->thermometers[i].has_last = 0U;
+        state->thermometers[i].held_updates = 0U;
+        state->thermometers[i].settled_updates = 0U;
+    }
+}
+
+void sagnac_compensator_take_over(const sagnac_image *image, sagnac_compensator_state *state)
+{
+    const int64_t bound = increment_bound(image);
+    const sagnac_compensator_state old = *state;
+    sagnac_compensator_start(state);
+    state->accumulator = old.accumulator;
+    state->overflow = old.overflow;
+    state->k_q32 = old.k_q32;
+    state->increment = sagnac_held(old.increment, -bound, bound);
+    state->target = state->increment;
+}
+
+sagnac_misuse sagnac_compensator_update(const sagnac_image *image, sagnac_compensator_state *state,
+                                        const int32_t *codes, uint32_t present)
+{
+    sagnac_misuse result = SAGNAC_OK;
+    if (state->ticks_to_update != 0U) {
+        result = SAGNAC_UPDATE_NOT_DUE;
+    } else {
+        reading readings[SAGNAC_MAX_THERMOMETERS] = {{0, 0, 0U, 0U}, {0, 0, 0U, 0U}, {0, 0, 0U, 0U}, {0, 0, 0U, 0U}};
+        uint32_t status;
+        const uint32_t held = read_all(image, state, codes, present, readings, &status);
+        state->ticks_to_update = image->period_ticks;
+        if (held == 0U) {
+            int64_t k_q32;
+            int64_t increment;
+            gyro_evaluate(image, readings, &k_q32, &increment);
+            state->k_q32 = k_q32;
+            gyro_slew_to(state, increment, image->slew_ticks);
+            state->corrected_once = 1U;
+        }
+        if (state->corrected_once == 0U) {
+            status |= SAGNAC_UNCORRECTED;
+        }
+        state->slow_status = status;
+    }
+    return result;
+}
+
+sagnac_misuse sagnac_compensator_tick(const sagnac_image *image, sagnac_compensator_state *state, int32_t raw,
+                                      sagnac_output *output)
+{
+    return sagnac_compensator_advance(image, state, raw, 1U, output);
+}
+
+sagnac_misuse sagnac_compensator_advance(const sagnac_image *image, sagnac_compensator_state *state, int32_t raw,
+                                         uint32_t ticks, sagnac_output *output)
+{
+    sagnac_misuse result = SAGNAC_RAW_OUT_OF_RANGE;
+    if ((raw >= -SAGNAC_MAX_RAW) && (raw <= SAGNAC_MAX_RAW)) {
+        int64_t increments = 0;
+        result = run_clock(state, ticks, &increments);
+        if (result == SAGNAC_OK) {
+            give_out(image, state, raw, increments, output);
+        }
+    }
+    return result;
+}
+
+sagnac_misuse sagnac_compensator_skip(sagnac_compensator_state *state, uint32_t ticks)
+{
+    int64_t increments = 0;
+    return run_clock(state, ticks, &increments);
+}
+
+uint32_t sagnac_compensator_status(const sagnac_compensator_state *state)
+{
+    return (state->overflow != 0U) ? (state->slow_status | SAGNAC_OVERFLOW) : state->slow_status;
+}
+
+/* border * mantissa * 2^-shift is 1 in Q31 to within 2^-28, and its product with a rounding fits 63 bits. */
+static uint32_t reaches_one(int64_t border, uint32_t mantissa, uint32_t shift)
+{
+    uint32_t reaches = 0U;
+    if ((shift <= 31U) && (mantissa != 0U) && (border > 0)) {
+        /* border <= 2^31 and mantissa < 2^32. */
+        const uint64_t product = (uint64_t)border * (uint64_t)mantissa;
+        const uint64_t end = product >> shift;
+        const int64_t most = INT64_MAX - ONE_Q31;
+        if ((product <= (uint64_t)most) && (end >= 2147483640U) && (end <= 2147483656U)) {
+            reaches = 1U;
+        }
+    }
+    return reaches;
+}
+
+static uint32_t lag_is_sound(const sagnac_thermometer *t)
+{
+    uint32_t sound;
+    if (t->alpha_mantissa == 0U) {
+        sound = ((t->alpha_shift | t->rate_shift | t->y_mantissa | t->y_shift) == 0U) ? SAGNAC_YES : SAGNAC_NO;
+        if ((t->rate_lo != 0) || (t->rate_hi != 0)) {
+            sound = 0U;
+        }
+    } else {
+        const int64_t below = -(int64_t)t->rate_lo;
+        const int64_t above = (int64_t)t->rate_hi;
+        const int64_t far = (below > above) ? below : above;
+        sound = 1U;
+        if ((t->alpha_mantissa > 2147483648U) || (t->alpha_shift < 31U) || (t->alpha_shift > 62U)) {
+            sound = 0U;
+        }
+        if ((t->rate_shift >= t->alpha_shift) || (t->rate_lo == INT32_MIN) || (below < 0) || (above < 0)) {
+            sound = 0U;
+        }
+        if (reaches_one(far, t->y_mantissa, t->y_shift) == 0U) {
+            sound = 0U;
+        }
+    }
+    return sound;
+}
+
+static uint32_t thermometer_is_sound(const sagnac_thermometer *t)
+{
+    const int64_t span = (int64_t)t->span_hi_q24 - (int64_t)t->span_lo_q24;
+    uint32_t sound = lag_is_sound(t);
+    if ((t->gain_mantissa == 0) || (t->gain_shift > 62U) || (t->x_shift > 15U)) {
+        sound = 0U;
+    }
+    if ((t->plausible_lo_q24 == INT32_MIN) || (t->plausible_hi_q24 == INT32_MAX) ||
+        (t->plausible_lo_q24 >= t->plausible_hi_q24)) {
+        sound = 0U;
+    }
+    if ((span <= 0) || ((span % 2) != 0) || (reaches_one(span / 2, t->x_mantissa, t->x_shift + 16U) == 0U)) {
+        sound = 0U;
+    }
+    return sound;
+}
+
+static uint32_t term_is_sound(const sagnac_image *image, const sagnac_term *term)
+{
+    uint32_t sound = 0U;
+    if ((term->sensor < image->thermometer_count) && (term->order <= SAGNAC_MAX_ORDER) && (term->shift >= 8U) &&
+        (term->shift <= 62U) && (term->mantissa != INT32_MIN) && (term->times_rate <= 1U)) {
+        const uint32_t has_rate = (image->thermometers[term->sensor].alpha_mantissa != 0U) ? SAGNAC_YES : SAGNAC_NO;
+        sound = ((term->times_rate == 0U) || (has_rate != 0U)) ? SAGNAC_YES : SAGNAC_NO;
+        if ((term->kind != SAGNAC_BIAS) && (term->kind != SAGNAC_SCALE)) {
+            sound = 0U;
+        }
+    }
+    return sound;
+}
+
+/* What the terms of a kind can reach together, in 2^-32. */
+static int64_t gyro_reach(const sagnac_image *image, sagnac_kind kind)
+{
+    int64_t sum = 0;
+    uint32_t i;
+    for (i = 0U; i < image->term_count; i++) {
+        const sagnac_term *term = &image->terms[i];
+        if (term->kind == kind) {
+            /* At most 2^54 each: 32 of them stay below 2^60. */
+            const uint64_t size = (uint64_t)sagnac_size32(term->mantissa);
+            const uint64_t bound = (size << 31) >> term->shift;
+            sum += (int64_t)bound + 1;
+        }
+    }
+    return sagnac_floor_shift(sum, GUARD_BITS);
+}
+
+/* Printable text, without control characters or blanks. */
+static uint32_t head_is_sound(const sagnac_image *image)
+{
+    uint32_t sound = 1U;
+    if ((image->axis < 33U) || (image->axis > 126U) || (image->tick_ns == 0U) || (image->period_ticks == 0U) ||
+        (image->period_ticks > 16777216U) || (image->slew_ticks > image->period_ticks)) {
+        sound = 0U;
+    }
+    if ((image->scale_factor_femto_arcsec == 0U) || (image->quantum_nano_counts == 0U) ||
+        (image->output_limit == 0U) || (image->output_limit > 2147483647U)) {
+        sound = 0U;
+    }
+    if ((image->thermometer_count > SAGNAC_MAX_THERMOMETERS) || (image->term_count > SAGNAC_MAX_TERMS)) {
+        sound = 0U;
+    }
+    return sound;
+}
+
+sagnac_image_error sagnac_image_check(const sagnac_image *image)
+{
+    sagnac_image_error error = SAGNAC_IMAGE_OK;
+    if (head_is_sound(image) == 0U) {
+        error = SAGNAC_IMAGE_HEAD;
+    } else {
+        uint32_t i;
+        for (i = 0U; (i < image->thermometer_count) && (error == SAGNAC_IMAGE_OK); i++) {
+            if (thermometer_is_sound(&image->thermometers[i]) == 0U) {
+                error = SAGNAC_IMAGE_THERMOMETER;
+            }
+        }
+        for (i = 0U; (i < image->term_count) && (error == SAGNAC_IMAGE_OK); i++) {
+            if (term_is_sound(image, &image->terms[i]) == 0U) {
+                error = SAGNAC_IMAGE_TERM;
+            }
+        }
+        if ((error == SAGNAC_IMAGE_OK) &&
+            ((gyro_reach(image, SAGNAC_BIAS) > increment_bound(image)) || (gyro_reach(image, SAGNAC_SCALE) > MAX_SCALE))) {
+            error = SAGNAC_IMAGE_SUM;
+        }
+    }
+    return error;
+}
+
+static void load_head(sagnac_image *image, sagnac_read_octet read, const void *context)
+{
+    uint32_t i;
+    for (i = 0U; i < 8U; i++) {
+        image->serial[i] = sagnac_read_u32(read, context, 16U + (4U * i));
+    }
+    image->axis = read(context, 48U) & 0xFFU;
+    image->thermometer_count = read(context, 49U) & 0xFFU;
+    image->term_count = read(context, 50U) & 0xFFU;
+    image->tick_ns = sagnac_read_u32(read, context, 52U);
+    image->period_ticks = sagnac_read_u32(read, context, 56U);
+    image->slew_ticks = sagnac_read_u32(read, context, 60U);
+    image->scale_factor_femto_arcsec = sagnac_read_u64(read, context, 64U);
+    image->quantum_nano_counts = sagnac_read_u64(read, context, 72U);
+    image->sequence = sagnac_read_u32(read, context, 84U);
+    image->output_limit = sagnac_read_u32(read, context, 88U);
+}
+
+static void load_thermometer(sagnac_thermometer *t, sagnac_read_octet read, const void *context, uint32_t at)
+{
+    t->offset_q24 = sagnac_read_i32(read, context, at);
+    t->gain_mantissa = sagnac_read_i32(read, context, at + 4U);
+    t->gain_shift = read(context, at + 8U) & 0xFFU;
+    t->x_shift = read(context, at + 9U) & 0xFFU;
+    t->alpha_shift = read(context, at + 10U) & 0xFFU;
+    t->rate_shift = read(context, at + 11U) & 0xFFU;
+    t->y_shift = read(context, at + 12U) & 0xFFU;
+    t->plausible_lo_q24 = sagnac_read_i32(read, context, at + 16U);
+    t->plausible_hi_q24 = sagnac_read_i32(read, context, at + 20U);
+    t->span_lo_q24 = sagnac_read_i32(read, context, at + 24U);
+    t->span_hi_q24 = sagnac_read_i32(read, context, at + 28U);
+    t->x_mantissa = sagnac_read_u32(read, context, at + 32U);
+    t->alpha_mantissa = sagnac_read_u32(read, context, at + 36U);
+    t->rate_lo = sagnac_read_i32(read, context, at + 40U);
+    t->rate_hi = sagnac_read_i32(read, context, at + 44U);
+    t->y_mantissa = sagnac_read_u32(read, context, at + 48U);
+    t->hold_updates = sagnac_read_u32(read, context, at + 52U);
+    t->settling_updates = sagnac_read_u32(read, context, at + 56U);
+}
+
+static uint32_t load_term(sagnac_term *term, sagnac_read_octet read, const void *context, uint32_t at)
+{
+    const uint32_t kind = read(context, at) & 0xFFU;
+    term->kind = (kind == 1U) ? SAGNAC_BIAS : SAGNAC_SCALE;
+    term->sensor = read(context, at + 1U) & 0xFFU;
+    term->order = read(context, at + 2U) & 0xFFU;
+    term->times_rate = read(context, at + 3U) & 0xFFU;
+    term->mantissa = sagnac_read_i32(read, context, at + 4U);
+    term->shift = read(context, at + 8U) & 0xFFU;
+    return ((kind == 1U) || (kind == 2U)) ? SAGNAC_YES : SAGNAC_NO;
+}
+
+/* Length, magic, version, checksum: whether these bytes are an image at all. */
+static sagnac_image_error gyro_envelope(sagnac_read_octet read, const void *context, uint32_t length)
+{
+    static const uint32_t magic[2] = {0x4E474153U, 0x4D494341U};
+    sagnac_image_error error = SAGNAC_IMAGE_OK;
+    if (length < (HEAD_LENGTH + CRC_LENGTH)) {
+        error = SAGNAC_IMAGE_LENGTH;
+    } else if ((sagnac_read_u32(read, context, 0U) != magic[0]) || (sagnac_read_u32(read, context, 4U) != magic[1])) {
+        error = SAGNAC_IMAGE_NOT_AN_IMAGE;
+    } else if (sagnac_read_u16(read, context, 8U) != 1U) {
+        error = SAGNAC_IMAGE_VERSION;
+    } else if (sagnac_read_u32(read, context, 12U) != length) {
+        error = SAGNAC_IMAGE_LENGTH;
+    } else if (sagnac_crc32(read, context, 0U, length - CRC_LENGTH) !=
+               sagnac_read_u32(read, context, length - CRC_LENGTH)) {
+        error = SAGNAC_IMAGE_CRC;
+    } else {
+        error = SAGNAC_IMAGE_OK;
+    }
+    return error;
+}
+
+sagnac_image_error sagnac_image_load(sagnac_image *image, sagnac_read_octet read, const void *context, uint32_t length)
+{
+    sagnac_image_error error = gyro_envelope(read, context, length);
+    uint32_t zeros = 1U;
+    if (error == SAGNAC_IMAGE_OK) {
+        load_head(image, read, context);
+        zeros &= sagnac_are_zero(read, context, 10U, 2U) & sagnac_are_zero(read, context, 51U, 1U);
+        zeros &= sagnac_are_zero(read, context, 124U, 4U);
+        error = (head_is_sound(image) != 0U) ? SAGNAC_IMAGE_OK : SAGNAC_IMAGE_HEAD;
+    }
+    if ((error == SAGNAC_IMAGE_OK) &&
+        (length != (HEAD_LENGTH + (THERMOMETER_LENGTH * image->thermometer_count) +
+                    (TERM_LENGTH * image->term_count) + CRC_LENGTH))) {
+        error = SAGNAC_IMAGE_LENGTH;
+    }
+    if (error == SAGNAC_IMAGE_OK) {
+        uint32_t kinds = 1U;
+        uint32_t at = HEAD_LENGTH;
+        uint32_t i;
+        for (i = 0U; i < image->thermometer_count; i++) {
+            load_thermometer(&image->thermometers[i], read, context, at);
+            zeros &= sagnac_are_zero(read, context, at + 13U, 3U) & sagnac_are_zero(read, context, at + 60U, 4U);
+            at += THERMOMETER_LENGTH;
+        }
+        for (i = 0U; i < image->term_count; i++) {
+            kinds &= load_term(&image->terms[i], read, context, at);
+            zeros &= sagnac_are_zero(read, context, at + 9U, 3U);
+            at += TERM_LENGTH;
+        }
+        if (zeros == 0U) {
+            error = SAGNAC_IMAGE_RESERVED;
+        } else if (kinds == 0U) {
+            error = SAGNAC_IMAGE_TERM;
+        } else {
+            error = sagnac_image_check(image);
+        }
+    }
+    return error;
+}

@@ -1,0 +1,180 @@
+/*
+ * The thermal correction of a ring laser gyro, once a tick.
+ *
+ *             every period (slow path)                            every tick (fast path)
+ *   code -> T -> lag -> rate --+                                  raw counts
+ *           +--> x ------------+-> series -> k, increment --(slew)--> acc += raw*k - increment -> whole counts
+ *
+ * Bit for bit the Rust crate sagnac-core; reference vectors prove it (docs/vectors.md). Widths, rounding and ranges:
+ * docs/arithmetic.md. Bytes of an image: docs/image-format.md.
+ *
+ * Use:
+ *   sagnac_image image;                           an image of flash, or a constant of sagnac_unit.c
+ *   sagnac_compensator_state state;
+ *   if (sagnac_image_load(&image, read, flash, length) == SAGNAC_IMAGE_OK) { sagnac_compensator_start(&state); }
+ *   in the 100 us interrupt:
+ *     if (state.ticks_to_update == 0U) { sagnac_compensator_update(&image, &state, codes, present); }
+ *     if (sagnac_compensator_tick(&image, &state, raw, &output) == SAGNAC_OK) { use output.counts, output.status; }
+ * The slow path may run in the interrupt, or before it in a task that is sure to be done in time.
+ *
+ * Signs: positive counts are positive rotation; temperatures are 2^-24 degC.
+ * Fails, and says so, when asked to run past a slow update or with more than 2^29 counts in a call.
+ */
+#ifndef SAGNAC_COMPENSATOR_H
+#define SAGNAC_COMPENSATOR_H
+
+#include <stdint.h>
+
+#include "sagnac_integer.h"
+
+#define SAGNAC_MAX_THERMOMETERS 4U
+#define SAGNAC_MAX_TERMS 32U
+#define SAGNAC_MAX_ORDER 8U
+/* Largest |raw| of one call. */
+#define SAGNAC_MAX_RAW ((int32_t)536870912)
+
+/* Status bits of a value; 0: corrected, nothing to report. */
+#define SAGNAC_OUT_OF_SPAN 1U
+#define SAGNAC_RATE_OUT_OF_SPAN 2U
+#define SAGNAC_HELD 4U
+#define SAGNAC_STALE 8U
+#define SAGNAC_SETTLING 16U
+#define SAGNAC_UNCORRECTED 32U
+#define SAGNAC_LIMITED 64U
+#define SAGNAC_OVERFLOW 128U
+
+/* What a call returns. After anything but SAGNAC_OK nothing has changed. */
+typedef enum {
+    SAGNAC_OK = 0,
+    SAGNAC_UPDATE_DUE = 1,
+    SAGNAC_UPDATE_NOT_DUE = 2,
+    SAGNAC_RAW_OUT_OF_RANGE = 3
+} sagnac_misuse;
+
+/* What an image is refused for. */
+typedef enum {
+    SAGNAC_IMAGE_OK = 0,
+    SAGNAC_IMAGE_LENGTH = 1,
+    SAGNAC_IMAGE_NOT_AN_IMAGE = 2,
+    SAGNAC_IMAGE_VERSION = 3,
+    SAGNAC_IMAGE_CRC = 4,
+    SAGNAC_IMAGE_RESERVED = 5,
+    SAGNAC_IMAGE_HEAD = 6,
+    SAGNAC_IMAGE_THERMOMETER = 7,
+    SAGNAC_IMAGE_TERM = 8,
+    SAGNAC_IMAGE_SUM = 9
+} sagnac_image_error;
+
+/* What a term adds to. */
+typedef enum { SAGNAC_BIAS = 1, SAGNAC_SCALE = 2 } sagnac_kind;
+
+typedef struct {
+    int32_t offset_q24;
+    int32_t gain_mantissa;
+    uint32_t gain_shift;
+    int32_t plausible_lo_q24;
+    int32_t plausible_hi_q24;
+    int32_t span_lo_q24;
+    int32_t span_hi_q24;
+    uint32_t x_mantissa;
+    uint32_t x_shift;
+    uint32_t alpha_mantissa;
+    uint32_t alpha_shift;
+    uint32_t rate_shift;
+    int32_t rate_lo;
+    int32_t rate_hi;
+    uint32_t y_mantissa;
+    uint32_t y_shift;
+    uint32_t hold_updates;
+    uint32_t settling_updates;
+} sagnac_thermometer;
+
+typedef struct {
+    sagnac_kind kind;
+    uint32_t sensor;
+    uint32_t order;
+    uint32_t times_rate;
+    int32_t mantissa;
+    uint32_t shift;
+} sagnac_term;
+
+/* An image. Fields of docs/image-format.md; the serial number as eight little-endian words. */
+typedef struct {
+    uint32_t serial[8];
+    uint32_t axis;
+    uint32_t tick_ns;
+    uint32_t period_ticks;
+    uint32_t slew_ticks;
+    uint64_t scale_factor_femto_arcsec;
+    uint64_t quantum_nano_counts;
+    uint32_t sequence;
+    uint32_t output_limit;
+    uint32_t thermometer_count;
+    uint32_t term_count;
+    sagnac_thermometer thermometers[SAGNAC_MAX_THERMOMETERS];
+    sagnac_term terms[SAGNAC_MAX_TERMS];
+} sagnac_image;
+
+/* Memory of one thermometer. */
+typedef struct {
+    int64_t lag_q46;
+    int64_t remainder;
+    int32_t last_q24;
+    uint32_t has_last;
+    uint32_t held_updates;
+    uint32_t settled_updates;
+} sagnac_thermometer_state;
+
+/* Memory of one compensator. Read it freely; change it only through the functions. */
+typedef struct {
+    int64_t accumulator;
+    int64_t k_q32;
+    int64_t increment;
+    int64_t target;
+    int64_t slope;
+    uint32_t steeper_ticks;
+    uint32_t slewing_ticks;
+    uint32_t ticks_to_update;
+    uint32_t slow_status;
+    uint32_t corrected_once;
+    uint32_t overflow;
+    sagnac_thermometer_state thermometers[SAGNAC_MAX_THERMOMETERS];
+} sagnac_compensator_state;
+
+/* One corrected value. */
+typedef struct {
+    int32_t counts;
+    uint32_t status;
+} sagnac_output;
+
+/* Reads an image of `length` bytes and checks every value; with anything but SAGNAC_IMAGE_OK do not use it. */
+sagnac_image_error sagnac_image_load(sagnac_image *image, sagnac_read_octet read, const void *context, uint32_t length);
+
+/* The rules alone, for an image from elsewhere. */
+sagnac_image_error sagnac_image_check(const sagnac_image *image);
+
+/* Memory at power-on: a slow update is due. */
+void sagnac_compensator_start(sagnac_compensator_state *state);
+
+/* Goes on with a new image between two ticks: counts owed stay owed, the correction in force is slewed away from. */
+void sagnac_compensator_take_over(const sagnac_image *image, sagnac_compensator_state *state);
+
+/* A slow update: one code per thermometer; bit i of `present` says whether thermometer i has a sample. */
+sagnac_misuse sagnac_compensator_update(const sagnac_image *image, sagnac_compensator_state *state,
+                                        const int32_t *codes, uint32_t present);
+
+/* One tick. */
+sagnac_misuse sagnac_compensator_tick(const sagnac_image *image, sagnac_compensator_state *state, int32_t raw,
+                                      sagnac_output *output);
+
+/* So many ticks at once: the sum of what they give and the state after them, while no output limit is reached. */
+sagnac_misuse sagnac_compensator_advance(const sagnac_image *image, sagnac_compensator_state *state, int32_t raw,
+                                         uint32_t ticks, sagnac_output *output);
+
+/* Ticks for which there are no counts: clock and slew move, the accumulator does not. */
+sagnac_misuse sagnac_compensator_skip(sagnac_compensator_state *state, uint32_t ticks);
+
+/* The status that a tick would carry now, without its own SAGNAC_LIMITED. */
+uint32_t sagnac_compensator_status(const sagnac_compensator_state *state);
+
+#endif

@@ -1,0 +1,106 @@
+/*
+ * Path-length control: the cavity of a ring laser gyro held on the peak of its gain.
+ *
+ *                +--------------------- modulation ---------------------+
+ *   light -> synchronous detector -> error -> kp + ki*sum (limits) -> (+) -+-> actuator
+ *
+ * Once a tick: the detector's code in, the actuator's code out. Bit for bit the Rust crate sagnac-loops. Bytes of a
+ * table: docs/loop-table.md. Signs: more code is a longer path. Counts of the gyro are good while status has no
+ * SAGNAC_PATH_INVALID.
+ *
+ *   SWEEPING -light-> SETTLING -> CLOSING -small error-> LOCKED -near the end-> RESETTING -> SETTLING ...
+ *     ^  +--none--> DARK <-- too long --+                  +-- error large, or dark --+
+ *     +--------------+ ^----------------------------------------------------------------+
+ *
+ * Fails near a resonance of the actuator, where the sign of the error turns: the table cannot know that.
+ */
+#ifndef SAGNAC_PATH_LENGTH_H
+#define SAGNAC_PATH_LENGTH_H
+
+#include <stdint.h>
+
+#include "sagnac_integer.h"
+
+#define SAGNAC_MAX_TICKS_PER_PERIOD 64U
+
+/* Status bits. */
+#define SAGNAC_PATH_INVALID 1U
+#define SAGNAC_PATH_ACQUIRING 2U
+#define SAGNAC_PATH_RESETTING 4U
+#define SAGNAC_PATH_LOW_SIGNAL 8U
+#define SAGNAC_PATH_AT_LIMIT 16U
+#define SAGNAC_PATH_WAS_LOST 32U
+/* The intensity loop is to hold its current. */
+#define SAGNAC_PATH_HOLD_LIGHT 64U
+
+typedef enum {
+    SAGNAC_PATH_DARK = 0,
+    SAGNAC_PATH_SWEEPING = 1,
+    SAGNAC_PATH_SETTLING = 2,
+    SAGNAC_PATH_CLOSING = 3,
+    SAGNAC_PATH_LOCKED = 4,
+    SAGNAC_PATH_MODE_RESET = 5
+} sagnac_path_phase;
+
+/* The loop, as its table has it. */
+typedef struct {
+    int32_t sine_q15[SAGNAC_MAX_TICKS_PER_PERIOD];
+    uint32_t ticks;
+    uint32_t delay;
+    uint32_t error_shift;
+    sagnac_gain kp;
+    sagnac_gain ki;
+    int32_t modulation;
+    int32_t low;
+    int32_t high;
+    int32_t reset_low;
+    int32_t reset_high;
+    int32_t wavelength;
+    int32_t lock_error;
+    int32_t lost_error;
+    int64_t sweep_step_q32;
+    int64_t reset_step_q32;
+    int64_t dark_sum;
+    uint32_t sweep_periods;
+    uint32_t settle_periods;
+    uint32_t lock_periods;
+    uint32_t lost_periods;
+    uint32_t give_up_periods;
+} sagnac_path_length;
+
+/* What it remembers. Read it freely. */
+typedef struct {
+    int64_t in_phase;
+    int64_t plain;
+    uint32_t index;
+    sagnac_path_phase phase;
+    uint32_t left;      /* periods to go: dark, sweeping, settling */
+    uint32_t count;     /* closing: good periods in a row; locked: bad ones */
+    uint32_t since;     /* closing: periods since it was closed */
+    int64_t best;       /* sweeping: brightest sum */
+    int64_t at_q32;     /* sweeping: where; resetting: where to */
+    int64_t integral_q32;
+    int32_t held;
+    int32_t error;
+    int32_t modes;
+    uint32_t status;
+} sagnac_path_length_state;
+
+typedef struct {
+    int32_t actuator;
+    int32_t modulation;
+    uint32_t status;
+} sagnac_path_length_output;
+
+/* Reads the loop from a table of the loops (384 bytes). 1, or 0 if it cannot be used. */
+uint32_t sagnac_path_length_load(sagnac_path_length *loop, sagnac_read_octet read, const void *context,
+                                 uint32_t length);
+
+/* A loop that has not seen light. */
+void sagnac_path_length_start(const sagnac_path_length *loop, sagnac_path_length_state *state);
+
+/* One tick. */
+void sagnac_path_length_tick(const sagnac_path_length *loop, sagnac_path_length_state *state, int32_t detector,
+                             sagnac_path_length_output *output);
+
+#endif
