@@ -3,68 +3,193 @@
 use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
-use sagnac::calibration::UNASSIGNED;
-use sagnac::export::{encode, image_bytes};
+use sagnac::calibration::{Calibration, UNASSIGNED};
+use sagnac::export::{TextFile, Widths, c_files, encode, image_bytes, verilog_files};
 use sagnac::ingest::{hex, sha256};
 use sagnac::write::write_bytes;
 use sagnac::{Error, Result};
+use sagnac_core::Image;
+use sagnac_loops::LoopTable;
+use sagnac_sim::plant::Design;
 
 use crate::console::{Console, Outcome, Ran};
-use crate::loading;
+use crate::loading::{self, Kind};
+use crate::simulate::{read_scenario, refused};
 
-/// Write a calibration as a flash image, one file per axis
+/// Write a calibration as what the target holds: a flash image per axis, C99, or Verilog
 #[derive(clap::Args)]
 #[command(after_help = "\
-Example:
-  sagnac export unit.cal.json --to image -o unit.img        (three axes: unit-x.img, unit-y.img, unit-z.img)")]
+Examples:
+  sagnac export unit.cal.json --to image -o unit.img        (three axes: unit-x.img, unit-y.img, unit-z.img)
+  sagnac export unit.cal.json --to c -o src/sagnac --loops gyro.toml
+  sagnac export unit.img --to verilog -o rtl --raw-bits 12
+  sagnac export gyro.toml --to loops -o gyro.loops")]
 pub(crate) struct Args {
-    /// Calibration
-    calibration: PathBuf,
+    /// Calibration or flash image; for `--to loops` the scenario whose loops are meant
+    #[arg(value_name = "INPUT")]
+    input: PathBuf,
     /// What to write
     #[arg(long, value_enum)]
     to: Target,
-    /// Image to write
-    #[arg(short, long, value_name = "FILE")]
+    /// File to write; for C and Verilog the folder
+    #[arg(short, long, value_name = "PATH")]
     output: PathBuf,
-    /// Sequence number of the image
-    #[arg(long, default_value_t = 1)]
-    sequence: u32,
+    /// Sequence number of the image, above that of the image the gyro has [default: 1]
+    #[arg(long)]
+    sequence: Option<u32>,
+    /// C and Verilog: the loops of this scenario too
+    #[arg(long, value_name = "SCENARIO")]
+    loops: Option<PathBuf>,
+    /// Verilog: width of a tick's counts, bits [default: 16]
+    #[arg(long)]
+    raw_bits: Option<u32>,
+    /// Verilog: width of the increment, bits [default: 48]
+    #[arg(long)]
+    increment_bits: Option<u32>,
 }
 
 /// What an export writes.
-#[derive(Clone, Copy, ValueEnum)]
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Target {
     /// Flash image (docs/image-format.md)
     Image,
+    /// C99 sources (docs/on-target.md)
+    C,
+    /// Verilog-2005 sources (docs/fpga.md)
+    Verilog,
+    /// Table of the control loops (docs/loop-table.md)
+    Loops,
 }
 
 pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
-    let Target::Image = args.to;
-    let calibration = loading::calibration(&args.calibration)?;
+    check_flags(args)?;
+    match args.to {
+        Target::Image => image(args, console),
+        Target::Loops => {
+            let table = loops_of(&args.input)?.encode();
+            wrote(&args.output, &table, console)
+        }
+        Target::C => {
+            let images = images(args)?;
+            let files = c_files(&images, table(args)?.as_ref());
+            folder(&args.output, &files, console)
+        }
+        Target::Verilog => {
+            let default = Widths::default();
+            let widths = Widths {
+                raw: args.raw_bits.unwrap_or(default.raw),
+                increment: args.increment_bits.unwrap_or(default.increment),
+            };
+            let (images, table) = (images(args)?, table(args)?);
+            for image in &images {
+                let axis = char::from(image.description().axis);
+                let path = if images.len() == 1 { args.output.clone() } else { args.output.join(axis.to_string()) };
+                let files = verilog_files(image, table.as_ref(), widths)
+                    .map_err(|e| e.file(args.input.display().to_string()))?;
+                folder(&path, &files, console)?;
+            }
+            Ok(Outcome::Done)
+        }
+    }
+}
+
+/// A flag that the target has no use for is a mistake, not a wish.
+fn check_flags(args: &Args) -> Result<()> {
+    use Target::{C, Image, Verilog};
+    let flags: [(&str, bool, &[Target]); 4] = [
+        ("--sequence", args.sequence.is_some(), &[Image, C, Verilog]),
+        ("--loops", args.loops.is_some(), &[C, Verilog]),
+        ("--raw-bits", args.raw_bits.is_some(), &[Verilog]),
+        ("--increment-bits", args.increment_bits.is_some(), &[Verilog]),
+    ];
+    match flags.iter().find(|(_, given, of)| *given && !of.contains(&args.to)) {
+        None => Ok(()),
+        Some((name, _, of)) => {
+            let of: Vec<&str> = of.iter().map(|target| target.name()).collect();
+            Err(Error::input(format!("belongs to --to {}", of.join(", --to "))).column(*name))
+        }
+    }
+}
+
+impl Target {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Image => "image",
+            Self::C => "c",
+            Self::Verilog => "verilog",
+            Self::Loops => "loops",
+        }
+    }
+}
+
+fn image(args: &Args, console: &mut Console) -> Ran {
+    let calibration = calibration(&args.input)?;
+    // All images first: a failure of the second axis leaves the first axis' old file.
+    let images = encode_all(&calibration, args.sequence)?;
+    for image in &images {
+        let axis = char::from(image.description().axis);
+        let path = if images.len() == 1 { args.output.clone() } else { path_of_axis(&args.output, axis) };
+        wrote(&path, &image_bytes(image), console)?;
+    }
+    Ok(Outcome::Done)
+}
+
+/// The images of a calibration, or the one that a file is.
+fn images(args: &Args) -> Result<Vec<Image>> {
+    match loading::kind_of(&args.input)? {
+        Kind::Image if args.sequence.is_some() => {
+            Err(Error::input("an image has its number already; export the calibration again").column("--sequence"))
+        }
+        Kind::Image => Ok(vec![loading::image(&args.input)?]),
+        _ => encode_all(&calibration(&args.input)?, args.sequence),
+    }
+}
+
+fn encode_all(calibration: &Calibration, sequence: Option<u32>) -> Result<Vec<Image>> {
+    let parent = sha256(calibration.to_json()?.as_bytes());
+    calibration.axes.iter().map(|axis| encode(calibration, axis, parent, sequence.unwrap_or(1))).collect()
+}
+
+fn calibration(path: &Path) -> Result<Calibration> {
+    let calibration = loading::calibration(path)?;
     if calibration.serial == UNASSIGNED {
         return Err(Error::refused(
             "the calibration belongs to no serial number, and an image must belong to one gyro",
         )
-        .file(args.calibration.display().to_string())
+        .file(path.display().to_string())
         .column("serial")
         .help("calibrate again with --serial"));
     }
-    let parent = sha256(calibration.to_json()?.as_bytes());
-    // All images first: a failure of the second axis leaves the first axis' old file.
-    let images: Result<Vec<(PathBuf, Vec<u8>)>> = calibration
-        .axes
-        .iter()
-        .map(|axis| {
-            let image = encode(&calibration, axis, parent, args.sequence)?;
-            let path =
-                if calibration.axes.len() == 1 { args.output.clone() } else { path_of_axis(&args.output, axis.axis) };
-            Ok((path, image_bytes(&image)))
-        })
-        .collect();
-    for (path, bytes) in images? {
-        write_bytes(&path, &bytes)?;
-        console.say(format!("wrote {}: {} bytes, SHA-256 {}", path.display(), bytes.len(), hex(&sha256(&bytes))));
+    Ok(calibration)
+}
+
+fn table(args: &Args) -> Result<Option<LoopTable>> {
+    args.loops.as_deref().map(loops_of).transpose()
+}
+
+/// The loops that a scenario describes, as the target holds them.
+fn loops_of(path: &Path) -> Result<LoopTable> {
+    let design = Design::of(&read_scenario(path)?).map_err(|problem| refused(path, &problem))?;
+    Ok(LoopTable {
+        tick_ns: (sagnac_sim::TICK_S * 1e9).round() as u32,
+        path_length: design.path_length.integers,
+        intensity: design.intensity.integers,
+    })
+}
+
+fn folder(path: &Path, files: &[TextFile], console: &mut Console) -> Ran {
+    std::fs::create_dir_all(path).map_err(|e| Error::io_path(path, "create", &e))?;
+    for file in files {
+        write_bytes(&path.join(&file.name), file.text.as_bytes())?;
     }
+    let names: Vec<&str> = files.iter().map(|file| file.name.as_str()).collect();
+    console.say(format!("wrote {}: {}", path.display(), names.join(", ")));
+    Ok(Outcome::Done)
+}
+
+fn wrote(path: &Path, bytes: &[u8], console: &mut Console) -> Ran {
+    write_bytes(path, bytes)?;
+    console.say(format!("wrote {}: {} bytes, SHA-256 {}", path.display(), bytes.len(), hex(&sha256(bytes))));
     Ok(Outcome::Done)
 }
 

@@ -112,26 +112,32 @@ fn check_files(args: &Args) -> Result<()> {
     Ok(())
 }
 
-fn refused(path: &Path, problem: &Problem) -> Error {
+/// A scenario's refusal, with its file and key.
+pub(crate) fn refused(path: &Path, problem: &Problem) -> Error {
     let error = Error::input(problem.what.clone()).file(path.display().to_string());
     let error = if problem.key.is_empty() { error } else { error.column(problem.key.clone()) };
     let error = problem.line.map_or(error.clone(), |line| error.line(line));
     error.help("docs/scenario.md lists every key with its unit and range")
 }
 
-fn scenario(args: &Args) -> Result<Scenario> {
+/// Reads and checks a scenario.
+pub(crate) fn read_scenario(path: &Path) -> Result<Scenario> {
     const MOST_BYTES: u64 = 1 << 20;
-    let file = std::fs::File::open(&args.scenario).map_err(|e| Error::io_path(&args.scenario, "open", &e))?;
+    let file = std::fs::File::open(path).map_err(|e| Error::io_path(path, "open", &e))?;
     let mut bytes = Vec::new();
-    file.take(MOST_BYTES + 1).read_to_end(&mut bytes).map_err(|e| Error::io_path(&args.scenario, "read", &e))?;
+    file.take(MOST_BYTES + 1).read_to_end(&mut bytes).map_err(|e| Error::io_path(path, "read", &e))?;
     if bytes.len() as u64 > MOST_BYTES {
-        return Err(Error::input(format!("more than {MOST_BYTES} bytes are no scenario"))
-            .file(args.scenario.display().to_string()));
+        return Err(
+            Error::input(format!("more than {MOST_BYTES} bytes are no scenario")).file(path.display().to_string())
+        );
     }
-    let text = String::from_utf8(bytes)
-        .map_err(|_| Error::input("not UTF-8 text").file(args.scenario.display().to_string()))?;
+    let text = String::from_utf8(bytes).map_err(|_| Error::input("not UTF-8 text").file(path.display().to_string()))?;
+    Scenario::from_toml(&text).map_err(|problem| refused(path, &problem))
+}
+
+fn scenario(args: &Args) -> Result<Scenario> {
     let refused = |problem: Problem| refused(&args.scenario, &problem);
-    let mut scenario = Scenario::from_toml(&text).map_err(refused)?;
+    let mut scenario = read_scenario(&args.scenario)?;
     if scenario.name.is_empty() {
         scenario.name = args.scenario.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
         scenario.name.retain(|c| !c.is_control());

@@ -1,7 +1,26 @@
 //! Calibrations out to the target, and old coefficients in.
 
+mod c;
 mod image;
 mod polynomial;
+mod verilog;
 
+pub use c::c_files;
 pub use image::{encode, image_bytes};
 pub use polynomial::{Polynomial, import};
+pub use verilog::{Widths, verilog_files};
+
+/// One file of source text.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct TextFile {
+    /// Its name, without a folder.
+    pub name: String,
+    /// What it holds.
+    pub text: String,
+}
+
+impl TextFile {
+    fn new(name: &str, text: String) -> Self {
+        Self { name: name.to_owned(), text }
+    }
+}

@@ -1,0 +1,191 @@
+//! The correction and the loops as C99.
+//!
+//! The modules are the same for every gyro and load an image or table from bytes; `sagnac_unit.c` holds the images and the
+//! table as constants for those who would rather compile them in. Nothing but `<stdint.h>` is needed, no 8-bit type, no
+//! allocation. For people: `docs/on-target.md`.
+
+use std::fmt::Write as _;
+
+use sagnac_core::{Image, Kind, Multiplier, Term, Thermometer};
+use sagnac_loops::LoopTable;
+
+use super::TextFile;
+
+const MODULES: [(&str, &str); 4] = [
+    ("sagnac_integer.h", include_str!("c/sagnac_integer.h")),
+    ("sagnac_integer.c", include_str!("c/sagnac_integer.c")),
+    ("sagnac_compensator.h", include_str!("c/sagnac_compensator.h")),
+    ("sagnac_compensator.c", include_str!("c/sagnac_compensator.c")),
+];
+const LOOPS: [(&str, &str); 4] = [
+    ("sagnac_path_length.h", include_str!("c/sagnac_path_length.h")),
+    ("sagnac_path_length.c", include_str!("c/sagnac_path_length.c")),
+    ("sagnac_intensity.h", include_str!("c/sagnac_intensity.h")),
+    ("sagnac_intensity.c", include_str!("c/sagnac_intensity.c")),
+];
+
+/// The files for some axes of a gyro, and for its loops if their table is given.
+pub fn c_files(images: &[Image], loops: Option<&LoopTable>) -> Vec<TextFile> {
+    let modules = MODULES.iter().chain(if loops.is_some() { &LOOPS[..] } else { &[] });
+    let mut files: Vec<TextFile> = modules.map(|(name, text)| TextFile::new(name, (*text).to_owned())).collect();
+    files.push(TextFile::new("sagnac_unit.h", unit_header(images, loops)));
+    files.push(TextFile::new("sagnac_unit.c", unit_source(images, loops)));
+    files
+}
+
+fn name_of(image: &Image) -> String {
+    let axis = image.description().axis;
+    if axis.is_ascii_alphanumeric() {
+        format!("sagnac_image_{}", axis as char)
+    } else {
+        format!("sagnac_image_{axis:02x}")
+    }
+}
+
+fn about(images: &[Image]) -> String {
+    let serial = images.first().and_then(Image::serial).unwrap_or("").escape_default().to_string();
+    // A serial number may not end the comment.
+    format!("/* Constants of gyro {}. Made by `sagnac export --to c`. */\n", serial.replace("*/", "*_/"))
+}
+
+fn unit_header(images: &[Image], loops: Option<&LoopTable>) -> String {
+    let mut out = about(images);
+    out.push_str("#ifndef SAGNAC_UNIT_H\n#define SAGNAC_UNIT_H\n\n#include \"sagnac_compensator.h\"\n");
+    if loops.is_some() {
+        out.push_str("#include \"sagnac_intensity.h\"\n#include \"sagnac_path_length.h\"\n");
+    }
+    out.push('\n');
+    for image in images {
+        let d = image.description();
+        // Writing to a String cannot fail.
+        let _ = writeln!(
+            out,
+            "/* Axis {}, image {}. */\nextern const sagnac_image {};\n",
+            d.axis as char,
+            d.sequence,
+            name_of(image)
+        );
+    }
+    if loops.is_some() {
+        out.push_str("extern const sagnac_path_length sagnac_unit_path_length;\nextern const sagnac_intensity sagnac_unit_intensity;\n\n");
+    }
+    out + "#endif\n"
+}
+
+fn unit_source(images: &[Image], loops: Option<&LoopTable>) -> String {
+    let mut out = about(images) + "#include \"sagnac_unit.h\"\n";
+    for image in images {
+        let _ = write!(out, "\nconst sagnac_image {} = {{\n{}}};\n", name_of(image), image_fields(image));
+    }
+    if let Some(loops) = loops {
+        let sine: Vec<String> = loops.path_length.sine_q15().map(|entry| entry.to_string()).collect();
+        let mut fields = loops.path_length.fields().to_vec();
+        fields.retain(|(name, _)| *name != "range_middle_q32");
+        let _ = write!(
+            out,
+            "\nconst sagnac_path_length sagnac_unit_path_length = {{\n    .sine_q15 = {{{}}},\n{}}};\n",
+            sine.join(", "),
+            loop_fields(&fields)
+        );
+        let fields = loop_fields(&loops.intensity.fields());
+        let _ = write!(out, "\nconst sagnac_intensity sagnac_unit_intensity = {{\n{fields}}};\n");
+    }
+    out
+}
+
+/// `kp_mantissa` is `kp.mantissa` in C.
+fn loop_fields(fields: &[(&str, i64)]) -> String {
+    let line = |(name, value): &(&str, i64)| {
+        let place = name.replace("kp_", "kp.").replace("ki_", "ki.");
+        format!("    .{place} = {},\n", constant(*value))
+    };
+    fields.iter().map(line).collect()
+}
+
+/// A constant that no compiler has to guess the type of.
+fn constant(value: i64) -> String {
+    let wide = i32::try_from(value).is_err() && u32::try_from(value).is_err();
+    match (wide, value < 0) {
+        (true, _) => format!("INT64_C({value})"),
+        (false, true) if value == i64::from(i32::MIN) => "(-INT32_C(2147483647) - 1)".to_owned(),
+        (false, true) => format!("-INT32_C({})", -value),
+        (false, false) if value > i64::from(i32::MAX) => format!("UINT32_C({value})"),
+        (false, false) => value.to_string(),
+    }
+}
+
+fn image_fields(image: &Image) -> String {
+    let d = image.description();
+    let words: Vec<String> = d
+        .serial
+        .chunks_exact(4)
+        .map(|four| format!("UINT32_C(0x{:08x})", u32::from_le_bytes([four[0], four[1], four[2], four[3]])))
+        .collect();
+    let mut out = format!("    .serial = {{{}}},\n", words.join(", "));
+    let narrow = [
+        ("axis", u32::from(d.axis)),
+        ("tick_ns", d.tick_ns),
+        ("period_ticks", d.period_ticks),
+        ("slew_ticks", d.slew_ticks),
+        ("sequence", d.sequence),
+        ("output_limit", d.output_limit),
+        ("thermometer_count", d.thermometer_count.into()),
+        ("term_count", d.term_count.into()),
+    ];
+    for (name, value) in narrow {
+        let _ = writeln!(out, "    .{name} = UINT32_C({value}),");
+    }
+    let wide =
+        [("scale_factor_femto_arcsec", d.scale_factor_femto_arcsec), ("quantum_nano_counts", d.quantum_nano_counts)];
+    for (name, value) in wide {
+        let _ = writeln!(out, "    .{name} = UINT64_C({value}),");
+    }
+    let thermometers: String = image.thermometers().iter().map(thermometer).collect();
+    let terms: String = image.terms().iter().map(term).collect();
+    for (name, list) in [("thermometers", thermometers), ("terms", terms)] {
+        if !list.is_empty() {
+            let _ = write!(out, "    .{name} = {{\n{list}    }},\n");
+        }
+    }
+    out
+}
+
+fn thermometer(t: &Thermometer) -> String {
+    let fields: [(&str, i64); 18] = [
+        ("offset_q24", t.offset_q24.into()),
+        ("gain_mantissa", t.gain.mantissa.into()),
+        ("gain_shift", t.gain.shift.into()),
+        ("plausible_lo_q24", t.plausible_lo_q24.into()),
+        ("plausible_hi_q24", t.plausible_hi_q24.into()),
+        ("span_lo_q24", t.span_lo_q24.into()),
+        ("span_hi_q24", t.span_hi_q24.into()),
+        ("x_mantissa", t.x_mantissa.into()),
+        ("x_shift", t.x_shift.into()),
+        ("alpha_mantissa", t.lag.alpha_mantissa.into()),
+        ("alpha_shift", t.lag.alpha_shift.into()),
+        ("rate_shift", t.lag.rate_shift.into()),
+        ("rate_lo", t.lag.rate_lo.into()),
+        ("rate_hi", t.lag.rate_hi.into()),
+        ("y_mantissa", t.lag.y_mantissa.into()),
+        ("y_shift", t.lag.y_shift.into()),
+        ("hold_updates", t.hold_updates.into()),
+        ("settling_updates", t.settling_updates.into()),
+    ];
+    let list: Vec<String> = fields.iter().map(|(name, value)| format!(".{name} = {}", constant(*value))).collect();
+    format!("        {{{}}},\n", list.join(", "))
+}
+
+fn term(term: &Term) -> String {
+    let kind = match term.kind {
+        Kind::Bias => "SAGNAC_BIAS",
+        Kind::Scale => "SAGNAC_SCALE",
+    };
+    let rate = u8::from(term.multiplier == Multiplier::Rate);
+    format!(
+        "        {{.kind = {kind}, .sensor = {}, .order = {}, .times_rate = {rate}, .mantissa = {}, .shift = {}}},\n",
+        term.sensor,
+        term.order,
+        constant(term.mantissa.into()),
+        term.shift
+    )
+}

@@ -1,0 +1,142 @@
+// Fast path of the thermal correction, once a tick:
+//
+//     acc += raw*k - increment          whole counts go out, the Q0.32 remainder is carried
+//
+// Bit for bit the Rust crate sagnac-core (docs/arithmetic.md). Three clocks from `tick` to `valid`. A new increment is
+// approached over SLEW_TICKS by an arithmetic progression: the first `steeper` ticks by slope + 1, the others by slope.
+//
+// `apply` brings the result of sagnac_series and is taken only while `due` is high, which it is for the boundary before a
+// period's first tick. A tick while `due`, or with |raw| > 2^29, is not taken: `refused` says so for a clock, and
+// nothing has changed. Ticks must be at least four clocks apart.
+//
+// Where it fails: RAW_BITS too small for the pulses of a tick loses them before they get here.
+`timescale 1ns / 1ns
+`default_nettype none
+
+module sagnac_fast #(
+    parameter RAW_BITS = 16,           // width of raw, 2 to 32
+    parameter INCREMENT_BITS = 48,     // width of increment, target and slope, at most 48
+    parameter PERIOD_TICKS = 10000,    // ticks of a temperature period
+    parameter SLEW_TICKS = 100,        // ticks of the way to a new increment
+    parameter OUTPUT_LIMIT = 2147483647
+) (
+    input  wire                             clk,
+    input  wire                             rst,
+    input  wire                             restart,      // new image: the slew ends, an update is due
+    input  wire                             tick,
+    input  wire                             gap,          // with tick: no counts for this tick
+    input  wire signed [RAW_BITS-1:0]       raw,
+    input  wire                             apply,
+    input  wire                             apply_held,   // keep k and increment
+    input  wire        [33:0]               apply_k,
+    input  wire signed [INCREMENT_BITS-1:0] apply_target,
+    input  wire signed [INCREMENT_BITS-1:0] apply_slope,
+    input  wire        [31:0]               apply_steeper,
+    output wire                             due,
+    output reg                              refused,
+    output reg                              valid,
+    output reg  signed [31:0]               counts,
+    output reg                              limited,
+    output reg                              overflow,
+    output reg  signed [63:0]               accumulator,
+    output reg  signed [INCREMENT_BITS-1:0] increment,
+    output reg  signed [INCREMENT_BITS-1:0] target,
+    output reg         [33:0]               k
+);
+    localparam [63:0] ACCUMULATOR_BOUND = 64'h2000000000000000;
+    localparam signed [31:0] LIMIT = OUTPUT_LIMIT;
+    localparam [31:0] PERIOD = PERIOD_TICKS;
+    localparam [31:0] SLEW = SLEW_TICKS;
+
+    reg [31:0] ticks_to_update;
+    reg [31:0] slewing;
+    reg [31:0] steeper;
+    reg signed [INCREMENT_BITS-1:0] slope;
+    reg taken, summed;
+    reg signed [63:0] product;
+    reg signed [63:0] sum;
+
+    assign due = ticks_to_update == 32'd0;
+
+    wire signed [31:0] raw_wide = {{(32 - RAW_BITS + 1){raw[RAW_BITS-1]}}, raw[RAW_BITS-2:0]};
+    wire too_large = !gap && (raw_wide > 32'sd536870912 || raw_wide < -32'sd536870912);
+    wire signed [INCREMENT_BITS-1:0] one_more = {{(INCREMENT_BITS - 1){1'b0}}, steeper != 32'd0};
+    wire signed [INCREMENT_BITS-1:0] next_increment = slewing == 32'd0 ? increment : increment + slope + one_more;
+
+    wire signed [RAW_BITS+34:0] scaled = $signed({{35{raw[RAW_BITS-1]}}, raw}) * $signed({{(RAW_BITS + 1){1'b0}}, k});
+    /* verilator lint_off UNUSEDSIGNAL */ // the other bits are dropped on purpose
+    wire signed [79:0] scaled_wide = {{(45 - RAW_BITS){scaled[RAW_BITS+34]}}, scaled};
+    /* verilator lint_on UNUSEDSIGNAL */
+
+    // Clock, slew, and the product.
+    always @(posedge clk) begin
+        taken <= 1'b0;
+        refused <= 1'b0;
+        if (rst || restart) begin
+            ticks_to_update <= 32'd0;
+            slewing <= 32'd0;
+            steeper <= 32'd0;
+            slope <= {INCREMENT_BITS{1'b0}};
+            target <= rst ? {INCREMENT_BITS{1'b0}} : increment;
+            if (rst) begin
+                increment <= {INCREMENT_BITS{1'b0}};
+                k <= 34'h100000000;
+                product <= 64'sd0;
+            end
+        end else if (apply && due) begin
+            ticks_to_update <= PERIOD;
+            if (!apply_held) begin
+                k <= apply_k;
+                target <= apply_target;
+                slope <= apply_slope;
+                steeper <= apply_steeper;
+                slewing <= SLEW;
+                if (SLEW == 32'd0)
+                    increment <= apply_target;
+            end
+        end else if (tick && (due || too_large)) begin
+            refused <= 1'b1;
+        end else if (tick) begin
+            ticks_to_update <= ticks_to_update - 32'd1;
+            increment <= next_increment;
+            if (slewing != 32'd0)
+                slewing <= slewing - 32'd1;
+            if (slewing != 32'd0 && steeper != 32'd0)
+                steeper <= steeper - 32'd1;
+            product <= scaled_wide[63:0];
+            taken <= !gap;
+        end
+    end
+
+    wire signed [63:0] increment_wide = {{(64 - INCREMENT_BITS){increment[INCREMENT_BITS-1]}}, increment};
+    wire signed [31:0] whole = sum[63:32];
+    wire signed [31:0] out = whole > LIMIT ? LIMIT : (whole < -LIMIT ? -LIMIT : whole);
+    wire signed [63:0] rest = sum - $signed({out, 32'd0});
+    wire [63:0] rest_size = rest[63] ? ~rest + 64'd1 : rest;
+
+    // Sum, then whole counts.
+    always @(posedge clk) begin
+        valid <= 1'b0;
+        summed <= 1'b0;
+        if (rst) begin
+            accumulator <= 64'sd0;
+            overflow <= 1'b0;
+            counts <= 32'sd0;
+            limited <= 1'b0;
+            sum <= 64'sd0;
+        end else if (taken) begin
+            sum <= accumulator + (product - increment_wide);
+            summed <= 1'b1;
+        end else if (summed) begin
+            valid <= 1'b1;
+            limited <= !overflow && out != whole;
+            counts <= overflow ? 32'sd0 : out;
+            if (!overflow) begin
+                accumulator <= rest;
+                overflow <= out != whole && rest_size > ACCUMULATOR_BOUND;
+            end
+        end
+    end
+endmodule
+
+`default_nettype wire

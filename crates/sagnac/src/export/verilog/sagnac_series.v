@@ -1,0 +1,367 @@
+// Slow path of the thermal correction, once per temperature period, with one serial multiplier:
+//
+//     code -> T -> lag -> rate y --+
+//             +--> x --------------+-> Chebyshev series -> k = 1 + scale, increment; and the way there (slope, steeper)
+//
+// Bit for bit the Rust crate sagnac-core (docs/arithmetic.md). The constants of sagnac_unit.vh are one gyro axis'.
+//
+// `start` with a code and a `present` bit per thermometer begins; `done` is high for one clock at the end, and the outputs
+// stay until the next start. `target_now` is the increment in force at the boundary: sagnac_fast's target. Start it early
+// enough: LATENCY in docs/fpga.md is some thousands of clocks. `restart` forgets the thermometers (a new image).
+//
+// Every product is at most 2^97: 64 bits times 35 bits, shifted right with one rounding, halves upward.
+// Where it fails: started again before `done`, the start is not taken.
+`timescale 1ns / 1ns
+`default_nettype none
+
+module sagnac_series #(
+    parameter INCREMENT_BITS = 48,    // width of target and slope, 34 to 48
+    parameter ORDER = 8               // highest order that any term has, 0 to 8
+) (
+    input  wire                             clk,
+    input  wire                             rst,
+    input  wire                             restart,
+    input  wire                             start,
+    input  wire        [127:0]              codes,
+    input  wire        [3:0]                present,
+    input  wire signed [INCREMENT_BITS-1:0] target_now,
+    output wire                             busy,
+    output reg                              done,
+    output reg                              held,
+    output reg         [33:0]               k,
+    output reg  signed [INCREMENT_BITS-1:0] target,
+    output reg  signed [INCREMENT_BITS-1:0] slope,
+    output reg         [31:0]               steeper,
+    output reg         [5:0]                status
+);
+`include "sagnac_unit.vh"
+
+    localparam [4:0] IDLE = 5'd0, SENSOR = 5'd1, CODE = 5'd2, BELIEVE = 5'd3, LAG = 5'd4, LAG_SUM = 5'd5,
+        LAG_RATE = 5'd6, RATE = 5'd7, SCALED_RATE = 5'd8, POSITION = 5'd9, SCALED = 5'd10, SAY = 5'd11,
+        BASIS = 5'd12, BASIS_STEP = 5'd13, BASIS_NEXT = 5'd14, TERM = 5'd15, TERM_RATE = 5'd16,
+        TERM_ADD = 5'd18, SCALE = 5'd19, BIAS = 5'd20, DIVIDE = 5'd21, DIVIDED = 5'd22, FINISH = 5'd23,
+        MULTIPLY = 5'd24, SHIFT = 5'd25, BASIS_TURN = 5'd17;
+
+    localparam signed [63:0] ONE_Q31 = 64'sd2147483648;
+    localparam signed [63:0] ONE_Q47 = 64'sd140737488355328;
+    localparam [INCREMENT_BITS-1:0] SLEW = {{(INCREMENT_BITS - 32){1'b0}}, SLEW_TICKS};
+    localparam [5:0] DIVISION_STEPS = INCREMENT_BITS;
+    localparam [3:0] LAST_ORDER = ORDER;
+
+    reg [4:0] state, back;
+
+    // The multiplier: result = (a*b + rounding) >> shift.
+    reg signed [98:0] addend;
+    reg signed [98:0] product;
+    reg [34:0] factor;
+    reg [5:0] bit_count;
+    reg [6:0] shift;
+    reg round;
+    reg [5:0] out_count;
+    reg [38:0] shifted_out;
+    wire signed [63:0] result = product[63:0];
+
+    // One thermometer at a time.
+    reg [2:0] sensor;
+    wire [1:0] at = sensor[1:0];
+    reg fresh;
+    reg signed [63:0] temperature;
+    reg signed [63:0] difference;
+    reg signed [54:0] lag_q46 [0:3];
+    reg [38:0] remainder [0:3];
+    reg signed [31:0] last_q24 [0:3];
+    reg [3:0] has_last;
+    reg [31:0] held_updates [0:3];
+    reg [31:0] settled_updates [0:3];
+    reg signed [63:0] x [0:3];
+    reg signed [34:0] y [0:3];
+    reg x_clamped, y_clamped;
+    reg [5:0] said, earlier;
+    reg corrected_once;
+
+    // The series.
+    reg [3:0] order;
+    reg signed [34:0] here, previous;
+    reg signed [34:0] basis [0:63];
+    reg [5:0] term;
+    reg signed [63:0] bias, scale;
+
+    // The division of the slew.
+    reg [INCREMENT_BITS-1:0] dividend;
+    reg [INCREMENT_BITS-1:0] rest;
+    reg [INCREMENT_BITS-1:0] quotient;
+    reg negative;
+
+    wire signed [31:0] code = codes[32*at +: 32];
+    wire signed [31:0] gain_mantissa = GAIN_MANTISSA[32*at +: 32];
+    wire signed [31:0] offset = OFFSET[32*at +: 32];
+    wire signed [31:0] plausible_lo = PLAUSIBLE_LO[32*at +: 32];
+    wire signed [31:0] plausible_hi = PLAUSIBLE_HI[32*at +: 32];
+    wire signed [31:0] span_lo = SPAN_LO[32*at +: 32];
+    wire signed [31:0] span_hi = SPAN_HI[32*at +: 32];
+    wire signed [31:0] rate_lo = RATE_LO[32*at +: 32];
+    wire signed [31:0] rate_hi = RATE_HI[32*at +: 32];
+    wire [31:0] alpha_mantissa = ALPHA_MANTISSA[32*at +: 32];
+    wire [31:0] x_mantissa = X_MANTISSA[32*at +: 32];
+    wire [31:0] y_mantissa = Y_MANTISSA[32*at +: 32];
+    wire [31:0] hold_updates = HOLD_UPDATES[32*at +: 32];
+    wire [31:0] settling_updates = SETTLING_UPDATES[32*at +: 32];
+    wire [6:0] alpha_shift = ALPHA_SHIFT[7*at +: 7];
+    wire [6:0] rate_shift = RATE_SHIFT[7*at +: 7];
+
+    wire [1:0] term_sensor = TERM_SENSOR[2*term[4:0] +: 2];
+    wire [3:0] term_order = TERM_ORDER[4*term[4:0] +: 4];
+    wire signed [31:0] term_mantissa = TERM_MANTISSA[32*term[4:0] +: 32];
+    wire [6:0] term_shift = TERM_SHIFT[7*term[4:0] +: 7];
+
+    wire signed [63:0] t_wide = {{32{last_q24[at][31]}}, last_q24[at]};
+    wire signed [63:0] believed = result + {{32{offset[31]}}, offset};
+    wire signed [63:0] plausible_lo_wide = {{32{plausible_lo[31]}}, plausible_lo};
+    wire signed [63:0] plausible_hi_wide = {{32{plausible_hi[31]}}, plausible_hi};
+    wire plausible = believed >= plausible_lo_wide && believed <= plausible_hi_wide;
+    wire signed [63:0] lag_wide = {{9{lag_q46[at][54]}}, lag_q46[at]};
+    wire signed [63:0] lo_wide = {{32{span_lo[31]}}, span_lo};
+    wire signed [63:0] hi_wide = {{32{span_hi[31]}}, span_hi};
+    wire signed [63:0] middle = (lo_wide + hi_wide) >>> 1;
+    wire signed [63:0] in_span = temperature < lo_wide ? lo_wide : (temperature > hi_wide ? hi_wide : temperature);
+    wire signed [63:0] rate_lo_wide = {{32{rate_lo[31]}}, rate_lo};
+    wire signed [63:0] rate_hi_wide = {{32{rate_hi[31]}}, rate_hi};
+    wire signed [63:0] rate_in_span = result < rate_lo_wide ? rate_lo_wide
+        : (result > rate_hi_wide ? rate_hi_wide : result);
+    wire signed [34:0] half_here = (here + 35'sd1) >>> 1;
+    wire signed [63:0] delta = bias - {{(64 - INCREMENT_BITS){target_now[INCREMENT_BITS-1]}}, target_now};
+    wire [INCREMENT_BITS-1:0] delta_turned = -delta[INCREMENT_BITS-1:0];
+    wire [INCREMENT_BITS-1:0] trial = {rest[INCREMENT_BITS-2:0], dividend[INCREMENT_BITS-1]};
+    wire exact = rest == {INCREMENT_BITS{1'b0}};
+    wire signed [34:0] term_basis = basis[{term_sensor, term_order}];
+    wire signed [98:0] rounded = product + 99'sd1;
+
+    assign busy = state != IDLE;
+
+    integer i;
+
+    task multiply;
+        input signed [63:0] a;
+        input signed [34:0] b;
+        input [6:0] by;
+        input rounding;
+        input [4:0] then;
+        begin
+            addend <= {{35{a[63]}}, a};
+            factor <= b;
+            product <= 99'sd0;
+            shift <= by;
+            round <= rounding;
+            bit_count <= 6'd0;
+            out_count <= 6'd0;
+            shifted_out <= 39'd0;
+            back <= then;
+            state <= MULTIPLY;
+        end
+    endtask
+
+    always @(posedge clk) begin
+        done <= 1'b0;
+        if (rst || restart) begin
+            state <= IDLE;
+            has_last <= 4'd0;
+            earlier <= 6'b100000;
+            status <= 6'b100000;
+            corrected_once <= 1'b0;
+            for (i = 0; i < 4; i = i + 1) begin
+                lag_q46[i] <= 55'sd0;
+                remainder[i] <= 39'd0;
+                last_q24[i] <= 32'sd0;
+                held_updates[i] <= 32'd0;
+                settled_updates[i] <= 32'd0;
+                x[i] <= 64'sd0;
+                y[i] <= 35'sd0;
+            end
+        end else begin
+            case (state)
+                IDLE: if (start) begin
+                    sensor <= 3'd0;
+                    held <= 1'b0;
+                    said <= 6'd0;
+                    state <= SENSOR;
+                end
+                // A thermometer: its temperature, if there is one.
+                SENSOR: begin
+                    x_clamped <= 1'b0;
+                    y_clamped <= 1'b0;
+                    if (sensor == THERMOMETERS) begin
+                        sensor <= 3'd0;
+                        // A held correction keeps what was said of the temperature it was made from.
+                        said <= held ? said | (earlier & 6'b000011) : said;
+                        state <= held ? FINISH : BASIS;
+                    end else if (present[at])
+                        multiply({{32{code[31]}}, code}, {{3{gain_mantissa[31]}}, gain_mantissa},
+                                 GAIN_SHIFT[7*at +: 7], 1'b1, CODE);
+                    else begin
+                        fresh <= 1'b0;
+                        state <= BELIEVE;
+                    end
+                end
+                CODE: begin
+                    fresh <= plausible;
+                    if (plausible) begin
+                        last_q24[at] <= believed[31:0];
+                        if (!has_last[at])
+                            lag_q46[at] <= {believed[31], believed[31:0], 22'd0};
+                        has_last[at] <= 1'b1;
+                    end
+                    state <= BELIEVE;
+                end
+                BELIEVE: begin
+                    temperature <= t_wide;
+                    difference <= {t_wide[41:0], 22'd0} - lag_wide;
+                    held_updates[at] <= fresh ? 32'd0
+                        : (&held_updates[at] ? held_updates[at] : held_updates[at] + 32'd1);
+                    if (has_last[at] && !(&settled_updates[at]))
+                        settled_updates[at] <= settled_updates[at] + 32'd1;
+                    state <= !has_last[at] ? SAY : (alpha_mantissa != 32'd0 ? LAG : POSITION);
+                    y[at] <= 35'sd0;
+                end
+                // The lag, and its rate.
+                LAG: multiply(difference, {3'd0, alpha_mantissa}, 7'd23, 1'b0, LAG_SUM);
+                LAG_SUM: multiply(result + $signed({25'd0, remainder[at]}), 35'sd1, alpha_shift - 7'd23, 1'b0, LAG_RATE);
+                LAG_RATE: begin
+                    remainder[at] <= shifted_out;
+                    lag_q46[at] <= lag_q46[at] + result[54:0];
+                    multiply(difference, {3'd0, alpha_mantissa}, 7'd22 + alpha_shift - rate_shift,
+                             alpha_shift - rate_shift != 7'd1, RATE);
+                end
+                RATE: begin
+                    y_clamped <= fresh && rate_in_span != result;
+                    multiply(rate_in_span, {3'd0, y_mantissa}, Y_SHIFT[7*at +: 7], 1'b1, SCALED_RATE);
+                end
+                SCALED_RATE: begin
+                    y[at] <= result > ONE_Q31 ? ONE_Q31[34:0] : (result < -ONE_Q31 ? -ONE_Q31[34:0] : result[34:0]);
+                    state <= POSITION;
+                end
+                POSITION: begin
+                    x_clamped <= fresh && in_span != temperature;
+                    multiply(in_span - middle, {3'd0, x_mantissa}, X_SHIFT[7*at +: 7], 1'b1, SCALED);
+                end
+                SCALED: begin
+                    x[at] <= result > ONE_Q47 ? ONE_Q47 : (result < -ONE_Q47 ? -ONE_Q47 : result);
+                    state <= SAY;
+                end
+                SAY: begin
+                    held <= held || !fresh;
+                    said <= said
+                        | {1'b0, settling_updates != 32'd0 && settled_updates[at] <= settling_updates,
+                           !fresh && held_updates[at] > hold_updates, !fresh, y_clamped, x_clamped || y_clamped};
+                    sensor <= sensor + 3'd1;
+                    state <= SENSOR;
+                end
+                // T_0 ... T_ORDER of every thermometer.
+                BASIS: begin
+                    order <= 4'd0;
+                    previous <= 35'sd4294967296;
+                    if (sensor == THERMOMETERS) begin
+                        term <= 6'd0;
+                        bias <= 64'sd0;
+                        scale <= 64'sd0;
+                        state <= TERM;
+                    end else
+                        multiply(x[at], 35'sd1, 7'd15, 1'b1, BASIS_STEP);
+                end
+                BASIS_STEP: begin
+                    basis[{at, 4'd0}] <= ONE_Q31[34:0];
+                    here <= result[34:0];
+                    order <= 4'd1;
+                    state <= BASIS_NEXT;
+                end
+                BASIS_NEXT: begin
+                    basis[{at, order}] <= half_here;
+                    if (order >= LAST_ORDER) begin
+                        sensor <= sensor + 3'd1;
+                        state <= BASIS;
+                    end else
+                        multiply(x[at], here, 7'd46, 1'b1, BASIS_TURN);
+                end
+                // 2x*T_n - T_(n-1).
+                BASIS_TURN: begin
+                    previous <= here;
+                    here <= result[34:0] - previous;
+                    order <= order + 4'd1;
+                    state <= BASIS_NEXT;
+                end
+                // Terms, one after the other.
+                TERM: if (term == TERMS)
+                    multiply(scale, 35'sd1, 7'd8, 1'b1, SCALE);
+                else if (TERM_RATED[term[4:0]])
+                    multiply({{29{term_basis[34]}}, term_basis}, y[term_sensor], 7'd31, 1'b1, TERM_RATE);
+                else
+                    multiply({{32{term_mantissa[31]}}, term_mantissa}, term_basis, term_shift, 1'b1, TERM_ADD);
+                TERM_RATE: multiply({{32{term_mantissa[31]}}, term_mantissa}, result[34:0], term_shift, 1'b1, TERM_ADD);
+                TERM_ADD: begin
+                    if (TERM_SCALES[term[4:0]])
+                        scale <= scale + result;
+                    else
+                        bias <= bias + result;
+                    term <= term + 6'd1;
+                    state <= TERM;
+                end
+                SCALE: begin
+                    k <= 34'h100000000 + result[33:0];
+                    multiply(bias, 35'sd1, 7'd8, 1'b1, BIAS);
+                end
+                // The way to the new increment: floor(delta / SLEW) and what is left of it.
+                BIAS: begin
+                    target <= result[INCREMENT_BITS-1:0];
+                    bias <= result;
+                    state <= DIVIDE;
+                end
+                DIVIDE: begin
+                    negative <= delta < 64'sd0;
+                    dividend <= delta < 64'sd0 ? delta_turned : delta[INCREMENT_BITS-1:0];
+                    rest <= {INCREMENT_BITS{1'b0}};
+                    quotient <= {INCREMENT_BITS{1'b0}};
+                    bit_count <= 6'd0;
+                    state <= DIVIDED;
+                    corrected_once <= 1'b1;
+                end
+                DIVIDED: if (bit_count == DIVISION_STEPS || SLEW == {INCREMENT_BITS{1'b0}}) begin
+                    slope <= !negative ? quotient : (exact ? -quotient : ~quotient);
+                    steeper <= !negative || exact ? rest[31:0] : SLEW[31:0] - rest[31:0];
+                    state <= FINISH;
+                end else begin
+                    rest <= trial >= SLEW ? trial - SLEW : trial;
+                    quotient <= {quotient[INCREMENT_BITS-2:0], trial >= SLEW};
+                    dividend <= {dividend[INCREMENT_BITS-2:0], 1'b0};
+                    bit_count <= bit_count + 6'd1;
+                end
+                FINISH: begin
+                    status <= {!corrected_once, said[4:0]};
+                    earlier <= {!corrected_once, said[4:0]};
+                    done <= 1'b1;
+                    state <= IDLE;
+                end
+                // The multiplier itself: 35 bits of the factor, the highest of them negative.
+                MULTIPLY: begin
+                    if (factor[0])
+                        product <= bit_count == 6'd34 ? product - addend : product + addend;
+                    addend <= addend <<< 1;
+                    factor <= {1'b0, factor[34:1]};
+                    bit_count <= bit_count + 6'd1;
+                    if (bit_count == 6'd34)
+                        state <= SHIFT;
+                end
+                SHIFT: if (shift == 7'd0)
+                    state <= back;
+                else begin
+                    if (out_count < 6'd39)
+                        shifted_out[out_count] <= product[0];
+                    out_count <= out_count + 6'd1;
+                    shift <= shift - 7'd1;
+                    product <= round && shift == 7'd1 ? rounded >>> 1 : product >>> 1;
+                end
+                default: state <= IDLE;
+            endcase
+        end
+    end
+endmodule
+
+`default_nettype wire
