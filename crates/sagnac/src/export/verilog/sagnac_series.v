@@ -9,7 +9,7 @@
 // stay until the next start. `target_now` is the increment in force at the boundary: sagnac_fast's target. Start it early
 // enough: LATENCY in docs/fpga.md is some thousands of clocks. `restart` forgets the thermometers (a new image).
 //
-// Every product is at most 2^97: 64 bits times 35 bits, shifted right with one rounding, halves upward.
+// Every product is below 2^89 in size, shifted right with one rounding, halves upward.
 // Where it fails: started again before `done`, the start is not taken.
 `timescale 1ns / 1ns
 `default_nettype none
@@ -40,7 +40,7 @@ module sagnac_series #(
         LAG_RATE = 5'd6, RATE = 5'd7, SCALED_RATE = 5'd8, POSITION = 5'd9, SCALED = 5'd10, SAY = 5'd11,
         BASIS = 5'd12, BASIS_STEP = 5'd13, BASIS_NEXT = 5'd14, TERM = 5'd15, TERM_RATE = 5'd16,
         TERM_ADD = 5'd18, SCALE = 5'd19, BIAS = 5'd20, DIVIDE = 5'd21, DIVIDED = 5'd22, FINISH = 5'd23,
-        MULTIPLY = 5'd24, SHIFT = 5'd25, BASIS_TURN = 5'd17;
+        MULTIPLY = 5'd24, SHIFT = 5'd25, BASIS_TURN = 5'd17, TERM_READ = 5'd26;
 
     localparam signed [63:0] ONE_Q31 = 64'sd2147483648;
     localparam signed [63:0] ONE_Q47 = 64'sd140737488355328;
@@ -51,8 +51,8 @@ module sagnac_series #(
     reg [4:0] state, back;
 
     // The multiplier: result = (a*b + rounding) >> shift.
-    reg signed [98:0] addend;
-    reg signed [98:0] product;
+    reg signed [89:0] addend;
+    reg signed [89:0] product;
     reg [34:0] factor;
     reg [5:0] bit_count;
     reg [6:0] shift;
@@ -63,17 +63,18 @@ module sagnac_series #(
 
     // One thermometer at a time.
     reg [2:0] sensor;
-    wire [1:0] at = sensor[1:0];
+    // One thermometer alone needs no memory of four.
+    wire [1:0] at = THERMOMETERS > 3'd1 ? sensor[1:0] : 2'd0;
     reg fresh;
-    reg signed [63:0] temperature;
-    reg signed [63:0] difference;
+    reg signed [31:0] temperature;
+    reg signed [55:0] difference;
     reg signed [54:0] lag_q46 [0:3];
     reg [38:0] remainder [0:3];
     reg signed [31:0] last_q24 [0:3];
     reg [3:0] has_last;
     reg [31:0] held_updates [0:3];
     reg [31:0] settled_updates [0:3];
-    reg signed [63:0] x [0:3];
+    reg signed [48:0] x [0:3];
     reg signed [34:0] y [0:3];
     reg x_clamped, y_clamped;
     reg [5:0] said, earlier;
@@ -83,8 +84,10 @@ module sagnac_series #(
     reg [3:0] order;
     reg signed [34:0] here, previous;
     reg signed [34:0] basis [0:63];
+    reg signed [34:0] term_basis;
     reg [5:0] term;
-    reg signed [63:0] bias, scale;
+    reg signed [55:0] bias;
+    reg signed [39:0] scale;
 
     // The division of the slew.
     reg [INCREMENT_BITS-1:0] dividend;
@@ -114,27 +117,24 @@ module sagnac_series #(
     wire signed [31:0] term_mantissa = TERM_MANTISSA[32*term[4:0] +: 32];
     wire [6:0] term_shift = TERM_SHIFT[7*term[4:0] +: 7];
 
-    wire signed [63:0] t_wide = {{32{last_q24[at][31]}}, last_q24[at]};
     wire signed [63:0] believed = result + {{32{offset[31]}}, offset};
-    wire signed [63:0] plausible_lo_wide = {{32{plausible_lo[31]}}, plausible_lo};
-    wire signed [63:0] plausible_hi_wide = {{32{plausible_hi[31]}}, plausible_hi};
-    wire plausible = believed >= plausible_lo_wide && believed <= plausible_hi_wide;
-    wire signed [63:0] lag_wide = {{9{lag_q46[at][54]}}, lag_q46[at]};
-    wire signed [63:0] lo_wide = {{32{span_lo[31]}}, span_lo};
-    wire signed [63:0] hi_wide = {{32{span_hi[31]}}, span_hi};
-    wire signed [63:0] middle = (lo_wide + hi_wide) >>> 1;
-    wire signed [63:0] in_span = temperature < lo_wide ? lo_wide : (temperature > hi_wide ? hi_wide : temperature);
+    wire signed [31:0] believed_code = believed[31:0];
+    wire plausible = believed[63:31] == {33{believed[31]}} && believed_code >= plausible_lo && believed_code <= plausible_hi;
+    wire signed [55:0] lag_wide = {lag_q46[at][54], lag_q46[at]};
+    wire signed [32:0] both = {span_lo[31], span_lo} + {span_hi[31], span_hi};
+    wire signed [32:0] middle = both >>> 1;
+    wire signed [31:0] in_span = temperature < span_lo ? span_lo : (temperature > span_hi ? span_hi : temperature);
+    wire signed [32:0] from_middle = {in_span[31], in_span} - middle;
     wire signed [63:0] rate_lo_wide = {{32{rate_lo[31]}}, rate_lo};
     wire signed [63:0] rate_hi_wide = {{32{rate_hi[31]}}, rate_hi};
     wire signed [63:0] rate_in_span = result < rate_lo_wide ? rate_lo_wide
         : (result > rate_hi_wide ? rate_hi_wide : result);
     wire signed [34:0] half_here = (here + 35'sd1) >>> 1;
-    wire signed [63:0] delta = bias - {{(64 - INCREMENT_BITS){target_now[INCREMENT_BITS-1]}}, target_now};
+    wire signed [55:0] delta = bias - {{(56 - INCREMENT_BITS){target_now[INCREMENT_BITS-1]}}, target_now};
     wire [INCREMENT_BITS-1:0] delta_turned = -delta[INCREMENT_BITS-1:0];
     wire [INCREMENT_BITS-1:0] trial = {rest[INCREMENT_BITS-2:0], dividend[INCREMENT_BITS-1]};
     wire exact = rest == {INCREMENT_BITS{1'b0}};
-    wire signed [34:0] term_basis = basis[{term_sensor, term_order}];
-    wire signed [98:0] rounded = product + 99'sd1;
+    wire signed [89:0] rounded = product + 90'sd1;
 
     assign busy = state != IDLE;
 
@@ -147,9 +147,9 @@ module sagnac_series #(
         input rounding;
         input [4:0] then;
         begin
-            addend <= {{35{a[63]}}, a};
+            addend <= {{26{a[63]}}, a};
             factor <= b;
-            product <= 99'sd0;
+            product <= 90'sd0;
             shift <= by;
             round <= rounding;
             bit_count <= 6'd0;
@@ -174,7 +174,7 @@ module sagnac_series #(
                 last_q24[i] <= 32'sd0;
                 held_updates[i] <= 32'd0;
                 settled_updates[i] <= 32'd0;
-                x[i] <= 64'sd0;
+                x[i] <= 49'sd0;
                 y[i] <= 35'sd0;
             end
         end else begin
@@ -213,8 +213,8 @@ module sagnac_series #(
                     state <= BELIEVE;
                 end
                 BELIEVE: begin
-                    temperature <= t_wide;
-                    difference <= {t_wide[41:0], 22'd0} - lag_wide;
+                    temperature <= last_q24[at];
+                    difference <= {{2{last_q24[at][31]}}, last_q24[at], 22'd0} - lag_wide;
                     held_updates[at] <= fresh ? 32'd0
                         : (&held_updates[at] ? held_updates[at] : held_updates[at] + 32'd1);
                     if (has_last[at] && !(&settled_updates[at]))
@@ -223,12 +223,12 @@ module sagnac_series #(
                     y[at] <= 35'sd0;
                 end
                 // The lag, and its rate.
-                LAG: multiply(difference, {3'd0, alpha_mantissa}, 7'd23, 1'b0, LAG_SUM);
+                LAG: multiply({{8{difference[55]}}, difference}, {3'd0, alpha_mantissa}, 7'd23, 1'b0, LAG_SUM);
                 LAG_SUM: multiply(result + $signed({25'd0, remainder[at]}), 35'sd1, alpha_shift - 7'd23, 1'b0, LAG_RATE);
                 LAG_RATE: begin
                     remainder[at] <= shifted_out;
                     lag_q46[at] <= lag_q46[at] + result[54:0];
-                    multiply(difference, {3'd0, alpha_mantissa}, 7'd22 + alpha_shift - rate_shift,
+                    multiply({{8{difference[55]}}, difference}, {3'd0, alpha_mantissa}, 7'd22 + alpha_shift - rate_shift,
                              alpha_shift - rate_shift != 7'd1, RATE);
                 end
                 RATE: begin
@@ -241,10 +241,10 @@ module sagnac_series #(
                 end
                 POSITION: begin
                     x_clamped <= fresh && in_span != temperature;
-                    multiply(in_span - middle, {3'd0, x_mantissa}, X_SHIFT[7*at +: 7], 1'b1, SCALED);
+                    multiply({{31{from_middle[32]}}, from_middle}, {3'd0, x_mantissa}, X_SHIFT[7*at +: 7], 1'b1, SCALED);
                 end
                 SCALED: begin
-                    x[at] <= result > ONE_Q47 ? ONE_Q47 : (result < -ONE_Q47 ? -ONE_Q47 : result);
+                    x[at] <= result > ONE_Q47 ? ONE_Q47[48:0] : (result < -ONE_Q47 ? -ONE_Q47[48:0] : result[48:0]);
                     state <= SAY;
                 end
                 SAY: begin
@@ -261,11 +261,11 @@ module sagnac_series #(
                     previous <= 35'sd4294967296;
                     if (sensor == THERMOMETERS) begin
                         term <= 6'd0;
-                        bias <= 64'sd0;
-                        scale <= 64'sd0;
-                        state <= TERM;
+                        bias <= 56'sd0;
+                        scale <= 40'sd0;
+                        state <= TERM_READ;
                     end else
-                        multiply(x[at], 35'sd1, 7'd15, 1'b1, BASIS_STEP);
+                        multiply({{15{x[at][48]}}, x[at]}, 35'sd1, 7'd15, 1'b1, BASIS_STEP);
                 end
                 BASIS_STEP: begin
                     basis[{at, 4'd0}] <= ONE_Q31[34:0];
@@ -279,7 +279,7 @@ module sagnac_series #(
                         sensor <= sensor + 3'd1;
                         state <= BASIS;
                     end else
-                        multiply(x[at], here, 7'd46, 1'b1, BASIS_TURN);
+                        multiply({{15{x[at][48]}}, x[at]}, here, 7'd46, 1'b1, BASIS_TURN);
                 end
                 // 2x*T_n - T_(n-1).
                 BASIS_TURN: begin
@@ -289,8 +289,12 @@ module sagnac_series #(
                     state <= BASIS_NEXT;
                 end
                 // Terms, one after the other.
+                TERM_READ: begin
+                    term_basis <= basis[{term_sensor, term_order}];
+                    state <= TERM;
+                end
                 TERM: if (term == TERMS)
-                    multiply(scale, 35'sd1, 7'd8, 1'b1, SCALE);
+                    multiply({{24{scale[39]}}, scale}, 35'sd1, 7'd8, 1'b1, SCALE);
                 else if (TERM_RATED[term[4:0]])
                     multiply({{29{term_basis[34]}}, term_basis}, y[term_sensor], 7'd31, 1'b1, TERM_RATE);
                 else
@@ -298,25 +302,25 @@ module sagnac_series #(
                 TERM_RATE: multiply({{32{term_mantissa[31]}}, term_mantissa}, result[34:0], term_shift, 1'b1, TERM_ADD);
                 TERM_ADD: begin
                     if (TERM_SCALES[term[4:0]])
-                        scale <= scale + result;
+                        scale <= scale + result[39:0];
                     else
-                        bias <= bias + result;
+                        bias <= bias + result[55:0];
                     term <= term + 6'd1;
-                    state <= TERM;
+                    state <= TERM_READ;
                 end
                 SCALE: begin
                     k <= 34'h100000000 + result[33:0];
-                    multiply(bias, 35'sd1, 7'd8, 1'b1, BIAS);
+                    multiply({{8{bias[55]}}, bias}, 35'sd1, 7'd8, 1'b1, BIAS);
                 end
                 // The way to the new increment: floor(delta / SLEW) and what is left of it.
                 BIAS: begin
                     target <= result[INCREMENT_BITS-1:0];
-                    bias <= result;
+                    bias <= result[55:0];
                     state <= DIVIDE;
                 end
                 DIVIDE: begin
-                    negative <= delta < 64'sd0;
-                    dividend <= delta < 64'sd0 ? delta_turned : delta[INCREMENT_BITS-1:0];
+                    negative <= delta < 56'sd0;
+                    dividend <= delta < 56'sd0 ? delta_turned : delta[INCREMENT_BITS-1:0];
                     rest <= {INCREMENT_BITS{1'b0}};
                     quotient <= {INCREMENT_BITS{1'b0}};
                     bit_count <= 6'd0;
