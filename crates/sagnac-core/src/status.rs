@@ -43,6 +43,11 @@ impl Status {
         self.0
     }
 
+    /// The status with these raw bits; `None` if one of them has no meaning.
+    pub const fn from_bits(bits: u16) -> Option<Self> {
+        if bits < 1 << Self::NAMES.len() { Some(Self(bits)) } else { None }
+    }
+
     /// True when every bit of `other` is set here.
     pub const fn contains(self, other: Self) -> bool {
         self.0 & other.0 == other.0

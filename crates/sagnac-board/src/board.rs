@@ -1,0 +1,167 @@
+//! One tick, in its order.
+//!
+//! ```text
+//! slow update, if due ─▶ levels ─▶ counts ─▶ stripping ─▶ compensation ─▶ path-length loop ─▶ intensity loop ─▶ frame
+//! ```
+//!
+//! A dithered gyro gives its counts to the correction at the end of each dither period; in the ticks between, none.
+//! The order is part of the format: what a tick's frame says depends on it.
+
+use sagnac_core::{Compensator, Image, Origin, State, Status};
+use sagnac_loops::{
+    Intensity, IntensityState, LoopTable, Multiplier, PathLength, PathLengthState, PathLengthStatus, Quadrature,
+    QuadratureState, Stripper,
+};
+
+use crate::message::Output;
+
+/// Ticks of an output frame: 10 ms at 100 µs.
+pub const FRAME_TICKS: u16 = 100;
+
+/// What a tick is given besides the levels.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Sample {
+    /// Thermometer codes, as far as there are new ones.
+    pub codes: [Option<i32>; 4],
+    /// Dither angle at the end of the tick, in any unit; not read without dither.
+    pub pickoff: i32,
+    /// Photodiode's code.
+    pub light: i32,
+}
+
+/// What a tick sets.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Commands {
+    /// Path-length actuator with its modulation, code.
+    pub actuator: i32,
+    /// The modulation alone, code.
+    pub modulation: i32,
+    /// Discharge current, code.
+    pub current: i32,
+}
+
+/// The board of one gyro axis.
+#[derive(Clone, Debug)]
+pub struct Board {
+    gyro: Compensator,
+    state: State,
+    counter: Quadrature,
+    count_state: QuadratureState,
+    stripper: Option<Stripper>,
+    path: (PathLength, PathLengthState),
+    light: (Intensity, IntensityState),
+    /// Added to every tick's status: what runs are the factory defaults.
+    always: Status,
+    /// The frame in the making, and its ticks.
+    frame: Output,
+    frame_ticks: u16,
+}
+
+impl Board {
+    /// A board at power-on. `longest_dither_ticks` is for a dithered gyro ([`Stripper::new`]).
+    pub fn new(image: Image, origin: Origin, loops: &LoopTable, longest_dither_ticks: Option<u16>) -> Self {
+        Self {
+            gyro: Compensator::new(image),
+            state: State::new(),
+            counter: Quadrature { multiplier: Multiplier::X4 },
+            count_state: QuadratureState::new(),
+            stripper: longest_dither_ticks.map(Stripper::new),
+            path: (loops.path_length, loops.path_length.start()),
+            light: (loops.intensity, loops.intensity.start()),
+            always: always(origin),
+            frame: Output::default(),
+            frame_ticks: 0,
+        }
+    }
+
+    /// Goes on with another image between two ticks.
+    pub fn take_over(&mut self, image: Image, origin: Origin) {
+        self.gyro = Compensator::new(image);
+        self.state = self.gyro.take_over(&self.state);
+        self.always = always(origin);
+    }
+
+    /// The image in force.
+    pub const fn image(&self) -> &Image {
+        self.gyro.image()
+    }
+
+    /// One tick: the levels that were seen in it, in order, and the sample at its end.
+    #[inline]
+    pub fn tick(&mut self, levels: impl Iterator<Item = (bool, bool)>, sample: &Sample) -> (Commands, Option<Output>) {
+        if self.state.ticks_to_update() == 0 {
+            self.slow_update(sample);
+        }
+        let raw = self.count(levels, sample.pickoff);
+        // Neither misuse can be: an update was made when it was due, and a tick's counts are few.
+        if let Ok(output) = self.gyro.tick(&mut self.state, raw) {
+            self.frame.counts = self.frame.counts.wrapping_add(output.counts);
+            self.frame.status |= output.status | self.always;
+        }
+        self.frame.raw = self.frame.raw.wrapping_add(raw);
+        let commands = self.loops(sample.light);
+        (commands, self.end_of_tick(&commands))
+    }
+
+    fn slow_update(&mut self, sample: &Sample) {
+        let wanted = self.gyro.image().thermometers().len();
+        let codes = sample.codes.get(..wanted).unwrap_or(&[]);
+        let _ = self.gyro.update(&mut self.state, codes);
+        self.frame.temperature = sample.codes.first().copied().flatten().unwrap_or(0);
+    }
+
+    fn count(&mut self, levels: impl Iterator<Item = (bool, bool)>, pickoff: i32) -> i32 {
+        let mut counts = 0_i32;
+        for (a, b) in levels {
+            counts = counts.wrapping_add(self.counter.take(&mut self.count_state, a, b));
+        }
+        match &mut self.stripper {
+            None => counts,
+            // A period's counts fit: a tick has at most 2^16 of them and a period at most 2^16 ticks.
+            Some(stripper) => stripper.take(counts, pickoff).map_or(0, |out| i32::try_from(out.counts).unwrap_or(0)),
+        }
+    }
+
+    fn loops(&mut self, light: i32) -> Commands {
+        let (path, path_state) = (&self.path.0, &mut self.path.1);
+        let held = path.tick(path_state, light);
+        let hold = held.status.contains(PathLengthStatus::HOLD_LIGHT);
+        let lit = self.light.0.tick(&mut self.light.1, light, hold);
+        self.frame.path_status |= held.status.bits();
+        self.frame.light_status |= lit.status.bits();
+        self.frame.actuator = held.actuator;
+        self.frame.current = lit.current;
+        Commands {
+            actuator: held.actuator.wrapping_add(held.modulation),
+            modulation: held.modulation,
+            current: lit.current,
+        }
+    }
+
+    fn end_of_tick(&mut self, commands: &Commands) -> Option<Output> {
+        self.frame.tick = self.frame.tick.wrapping_add(1);
+        self.frame_ticks += 1;
+        if self.frame_ticks < FRAME_TICKS {
+            return None;
+        }
+        self.frame.lost_steps = self.count_state.lost as u16;
+        let given = self.frame;
+        self.frame_ticks = 0;
+        self.frame = Output {
+            sequence: given.sequence.wrapping_add(1),
+            tick: given.tick,
+            temperature: given.temperature,
+            actuator: given.actuator,
+            current: commands.current,
+            ..Output::default()
+        };
+        Some(given)
+    }
+}
+
+fn always(origin: Origin) -> Status {
+    match origin {
+        Origin::FactoryDefaults => Status::UNCORRECTED,
+        Origin::Newest | Origin::Survivor => Status::OK,
+    }
+}

@@ -1,0 +1,302 @@
+//! What frames say: payloads in fields. Widths and units: `docs/serial-line.md`.
+
+use sagnac_core::Status;
+use sagnac_core::bytes::{Reader, Writer};
+
+use crate::frame::Frame;
+
+const OUTPUT: u8 = 0x01;
+const REPLY: u8 = 0x02;
+const SETTINGS: u8 = 0x10;
+const ROW: u8 = 0x11;
+const PIECE: u8 = 0x20;
+const COMMIT: u8 = 0x21;
+const ROLL_BACK: u8 = 0x22;
+
+/// Bytes of an output frame.
+pub const OUTPUT_LEN: usize = 40;
+/// Bytes of an image in one message.
+const PIECE_LEN: usize = 60;
+
+/// What the gyro says every [`crate::FRAME_TICKS`] ticks.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Output {
+    /// Counts up, from 0, and goes round.
+    pub sequence: u16,
+    /// Ticks since power-on, at the end of the frame, modulo 2³².
+    pub tick: u32,
+    /// Corrected counts of the frame's ticks.
+    pub counts: i32,
+    /// The counts that went into the correction.
+    pub raw: i32,
+    /// All status bits of those ticks.
+    pub status: Status,
+    /// All bits of the path-length loop's status.
+    pub path_status: u8,
+    /// All bits of the intensity loop's status.
+    pub light_status: u8,
+    /// Actuator without its modulation, code.
+    pub actuator: i32,
+    /// Current, code.
+    pub current: i32,
+    /// First thermometer's code at the last slow update; 0 without one.
+    pub temperature: i32,
+    /// Quadrature steps that could not be told in direction, since power-on, modulo 2¹⁶.
+    pub lost_steps: u16,
+}
+
+/// A row of a log, for a rig.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Row {
+    /// Ticks that it lasts.
+    pub ticks: u32,
+    /// Counts in them.
+    pub counts: i32,
+    /// Bit i: thermometer i has a sample.
+    pub present: u8,
+    /// Thermometer codes.
+    pub codes: [i32; 4],
+}
+
+/// What stands in for the gyro on a rig.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct RigSettings {
+    /// Swing of the dither, counts from the middle; 0 for none.
+    pub dither_counts: u32,
+    /// Its phase per tick, 2⁻³² turns.
+    pub dither_step: u32,
+    /// Place of the peak at code 0 of the first thermometer, actuator codes.
+    pub place: i32,
+    /// The place moves by this for 2²⁴ of the thermometer's codes, 2⁻¹⁶ actuator codes.
+    pub place_slope: i32,
+    /// Codes of a wavelength.
+    pub wavelength: i32,
+    /// Part of the light that is lost per code squared off the peak, 2⁻⁴⁸.
+    pub curvature: u32,
+    /// Light at the peak per current code, 2⁻¹⁶ codes.
+    pub lamp_gain: u32,
+    /// Right shift of ticks by which the light follows the current.
+    pub lamp_lag: u8,
+    /// The same for the path behind the actuator.
+    pub actuator_lag: u8,
+    /// Noise of the light, bits.
+    pub noise_bits: u8,
+}
+
+/// What became of a message.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ReplyCode {
+    /// Done.
+    Done = 0,
+    /// No image: damaged, or a value that cannot be.
+    NotAnImage = 1,
+    /// Not for this gyro, or beyond what it can need.
+    Unfit = 2,
+    /// Not newer than the image in force.
+    NotNewer = 3,
+    /// Nothing to go back to.
+    NothingToGoBackTo = 4,
+    /// The flash failed.
+    Flash = 5,
+    /// A piece outside of the image's room, or fewer pieces than the commit says.
+    Pieces = 6,
+}
+
+/// An answer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Reply {
+    /// Kind of the message that is answered; 0: power-on.
+    pub to: u8,
+    /// What became of it.
+    pub code: ReplyCode,
+    /// Sequence number of the image in force; 0 for the factory defaults.
+    pub sequence: u32,
+}
+
+/// Everything that goes over the line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Message {
+    /// From the gyro.
+    Output(Output),
+    /// From the gyro.
+    Reply(Reply),
+    /// To a rig.
+    Settings(RigSettings),
+    /// To a rig.
+    Row(Row),
+    /// To the gyro: bytes of an image.
+    Piece {
+        /// Where they belong.
+        offset: u16,
+        /// How many.
+        len: u8,
+        /// The bytes.
+        bytes: [u8; PIECE_LEN],
+    },
+    /// To the gyro: the image is complete.
+    Commit {
+        /// Its length.
+        len: u16,
+    },
+    /// To the gyro: the image before this one, please.
+    RollBack,
+}
+
+impl ReplyCode {
+    const ALL: [Self; 7] =
+        [Self::Done, Self::NotAnImage, Self::Unfit, Self::NotNewer, Self::NothingToGoBackTo, Self::Flash, Self::Pieces];
+}
+
+impl Message {
+    /// The pieces of an image, in order, without the commit.
+    pub fn pieces(image: &[u8]) -> impl Iterator<Item = Self> + '_ {
+        image.chunks(PIECE_LEN).zip(0_u16..).map(|(chunk, index)| {
+            let mut bytes = [0; PIECE_LEN];
+            bytes.iter_mut().zip(chunk).for_each(|(slot, byte)| *slot = *byte);
+            Self::Piece { offset: index.saturating_mul(PIECE_LEN as u16), len: chunk.len() as u8, bytes }
+        })
+    }
+
+    /// The number by which replies name it.
+    pub const fn kind(&self) -> u8 {
+        match self {
+            Self::Output(_) => OUTPUT,
+            Self::Reply(_) => REPLY,
+            Self::Settings(_) => SETTINGS,
+            Self::Row(_) => ROW,
+            Self::Piece { .. } => PIECE,
+            Self::Commit { .. } => COMMIT,
+            Self::RollBack => ROLL_BACK,
+        }
+    }
+
+    /// Its frame. `None` never happens: every payload fits (a test holds that).
+    pub fn frame(&self) -> Option<Frame> {
+        let mut payload = [0; crate::frame::MAX_PAYLOAD];
+        let mut w = Writer::new(&mut payload);
+        let len = self.write(&mut w)?;
+        Frame::new(self.kind(), payload.get(..len)?)
+    }
+
+    fn write(&self, w: &mut Writer<'_>) -> Option<usize> {
+        match self {
+            Self::Output(o) => {
+                w.put(o.sequence.to_le_bytes())?;
+                w.put(o.tick.to_le_bytes())?;
+                w.put(o.counts.to_le_bytes())?;
+                w.put(o.raw.to_le_bytes())?;
+                w.put(o.status.bits().to_le_bytes())?;
+                w.put([o.path_status, o.light_status])?;
+                for value in [o.actuator, o.current, o.temperature] {
+                    w.put(value.to_le_bytes())?;
+                }
+                w.put(o.lost_steps.to_le_bytes())?;
+                Some(OUTPUT_LEN - 8)
+            }
+            Self::Reply(reply) => {
+                w.put([reply.to, reply.code as u8])?;
+                w.put(reply.sequence.to_le_bytes())?;
+                Some(6)
+            }
+            Self::Settings(s) => {
+                for value in [s.dither_counts, s.dither_step, s.curvature, s.lamp_gain] {
+                    w.put(value.to_le_bytes())?;
+                }
+                for value in [s.place, s.place_slope, s.wavelength] {
+                    w.put(value.to_le_bytes())?;
+                }
+                w.put([s.lamp_lag, s.actuator_lag, s.noise_bits])?;
+                Some(31)
+            }
+            Self::Row(row) => {
+                w.put(row.ticks.to_le_bytes())?;
+                w.put(row.counts.to_le_bytes())?;
+                w.put([row.present])?;
+                for code in row.codes {
+                    w.put(code.to_le_bytes())?;
+                }
+                Some(25)
+            }
+            Self::Piece { offset, len, bytes } => {
+                w.put(offset.to_le_bytes())?;
+                w.put(*bytes)?;
+                Some(2 + usize::from(*len).min(PIECE_LEN))
+            }
+            Self::Commit { len } => {
+                w.put(len.to_le_bytes())?;
+                Some(2)
+            }
+            Self::RollBack => Some(0),
+        }
+    }
+
+    /// What a frame says; `None` for a kind that is not known, or a payload of another length.
+    pub fn of(frame: &Frame) -> Option<Self> {
+        let mut r = Reader::new(frame.payload());
+        let message = match frame.kind {
+            OUTPUT => Self::Output(read_output(&mut r)?),
+            REPLY => {
+                let [to, code] = r.take()?;
+                let code = *ReplyCode::ALL.get(usize::from(code))?;
+                Self::Reply(Reply { to, code, sequence: r.u32()? })
+            }
+            SETTINGS => Self::Settings(read_settings(&mut r)?),
+            ROW => {
+                let (ticks, counts, present) = (r.u32()?, r.i32()?, r.u8()?);
+                Self::Row(Row { ticks, counts, present, codes: [r.i32()?, r.i32()?, r.i32()?, r.i32()?] })
+            }
+            PIECE => {
+                let offset = r.u16()?;
+                let (mut bytes, mut len) = ([0; PIECE_LEN], 0);
+                for slot in &mut bytes {
+                    let Some(byte) = r.u8() else { break };
+                    (*slot, len) = (byte, len + 1);
+                }
+                Self::Piece { offset, len, bytes }
+            }
+            COMMIT => Self::Commit { len: r.u16()? },
+            ROLL_BACK => Self::RollBack,
+            _ => return None,
+        };
+        r.is_empty().then_some(message)
+    }
+}
+
+fn read_output(r: &mut Reader<'_>) -> Option<Output> {
+    let (sequence, tick, counts, raw) = (r.u16()?, r.u32()?, r.i32()?, r.i32()?);
+    let status = Status::from_bits(r.u16()?)?;
+    let (path_status, light_status) = (r.u8()?, r.u8()?);
+    let (actuator, current, temperature) = (r.i32()?, r.i32()?, r.i32()?);
+    let lost_steps = r.u16()?;
+    Some(Output {
+        sequence,
+        tick,
+        counts,
+        raw,
+        status,
+        path_status,
+        light_status,
+        actuator,
+        current,
+        temperature,
+        lost_steps,
+    })
+}
+
+fn read_settings(r: &mut Reader<'_>) -> Option<RigSettings> {
+    let (dither_counts, dither_step, curvature, lamp_gain) = (r.u32()?, r.u32()?, r.u32()?, r.u32()?);
+    let (place, place_slope, wavelength) = (r.i32()?, r.i32()?, r.i32()?);
+    let (lamp_lag, actuator_lag, noise_bits) = (r.u8()?, r.u8()?, r.u8()?);
+    Some(RigSettings {
+        dither_counts,
+        dither_step,
+        place,
+        place_slope,
+        wavelength,
+        curvature,
+        lamp_gain,
+        lamp_lag,
+        actuator_lag,
+        noise_bits,
+    })
+}
