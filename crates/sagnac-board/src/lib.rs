@@ -11,6 +11,7 @@
 //! * [`Board`] is one tick in its order: slow update if due, pulses, stripping, compensation, loops, frame.
 //! * [`Rig`] stands in for the gyro where there is none: it turns the rows of a log into levels, pickoff and light, in
 //!   integers, so that a board in an emulator and one on the host see the same.
+//! * [`Desk`] and [`Line`] are the main loop's and the interrupt's halves of the whole; [`run`] is both on this machine.
 //! * [`Upload`] takes an image from the line and commits it to the flash banks.
 //! * [`frame`] is the line's format: `docs/serial-line.md`.
 //!
@@ -20,12 +21,14 @@
 #![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used, clippy::panic))]
 
 mod board;
+mod desk;
 pub mod frame;
 mod message;
 mod rig;
 mod upload;
 
 pub use board::{Board, Commands, FRAME_TICKS, Sample};
+pub use desk::{Asked, Desk, Line, MemoryFlash, NotAllowed, run};
 pub use message::{Message, OUTPUT_LEN, Output, Reply, ReplyCode, RigSettings, Row};
 pub use rig::Rig;
 pub use upload::Upload;

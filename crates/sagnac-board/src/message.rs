@@ -12,6 +12,7 @@ const ROW: u8 = 0x11;
 const PIECE: u8 = 0x20;
 const COMMIT: u8 = 0x21;
 const ROLL_BACK: u8 = 0x22;
+const STOP: u8 = 0x30;
 
 /// Bytes of an output frame.
 pub const OUTPUT_LEN: usize = 40;
@@ -140,6 +141,8 @@ pub enum Message {
     },
     /// To the gyro: the image before this one, please.
     RollBack,
+    /// To a rig: the end of the run.
+    Stop,
 }
 
 impl ReplyCode {
@@ -167,6 +170,7 @@ impl Message {
             Self::Piece { .. } => PIECE,
             Self::Commit { .. } => COMMIT,
             Self::RollBack => ROLL_BACK,
+            Self::Stop => STOP,
         }
     }
 
@@ -226,7 +230,7 @@ impl Message {
                 w.put(len.to_le_bytes())?;
                 Some(2)
             }
-            Self::RollBack => Some(0),
+            Self::RollBack | Self::Stop => Some(0),
         }
     }
 
@@ -256,6 +260,7 @@ impl Message {
             }
             COMMIT => Self::Commit { len: r.u16()? },
             ROLL_BACK => Self::RollBack,
+            STOP => Self::Stop,
             _ => return None,
         };
         r.is_empty().then_some(message)

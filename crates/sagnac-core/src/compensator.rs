@@ -43,7 +43,7 @@ pub struct State {
     increment: i64,
     target: i64,
     slope: i64,
-    steeper_ticks: u32,
+    gentle_ticks: u32,
     slewing_ticks: u32,
     ticks_to_update: u32,
     thermometers: [ThermometerState; MAX_THERMOMETERS],
@@ -112,7 +112,7 @@ impl State {
             increment: 0,
             target: 0,
             slope: 0,
-            steeper_ticks: 0,
+            gentle_ticks: 0,
             slewing_ticks: 0,
             ticks_to_update: 0,
             thermometers: [ThermometerState::new(); MAX_THERMOMETERS],
@@ -164,13 +164,18 @@ impl State {
             // Most ticks: the formula below with m = e = 0.
             return i64::from(n) * self.increment;
         }
+        if n == 1 {
+            // A tick in the slew: the formula with m = 1.
+            self.increment += self.slope + i64::from(self.slewing_ticks > self.gentle_ticks);
+            self.slewing_ticks -= 1;
+            return self.increment;
+        }
         let slewing = n.min(self.slewing_ticks);
-        let steeper = slewing.min(self.steeper_ticks);
+        let steeper = slewing.min(self.slewing_ticks.saturating_sub(self.gentle_ticks));
         let (m, e) = (i64::from(slewing), i64::from(steeper));
         let sum = m * self.increment + self.slope * (m * (m + 1) / 2) + e * (e + 1) / 2 + (m - e) * e;
         self.increment += m * self.slope + e;
         self.slewing_ticks -= slewing;
-        self.steeper_ticks -= steeper;
         sum + i64::from(n - slewing) * self.increment
     }
 
@@ -181,7 +186,8 @@ impl State {
         match (delta.checked_div_euclid(i64::from(ticks)), delta.checked_rem_euclid(i64::from(ticks))) {
             (Some(slope), Some(steeper)) => {
                 self.slope = slope;
-                self.steeper_ticks = u32::try_from(steeper).unwrap_or(0);
+                // The steeper ticks come first, so that a count of the others tells them apart.
+                self.gentle_ticks = ticks - u32::try_from(steeper).unwrap_or(0).min(ticks);
                 self.slewing_ticks = ticks;
             }
             // No slew wanted (ticks = 0).
@@ -234,7 +240,8 @@ impl Compensator {
     /// nothing has changed.
     #[inline]
     pub fn advance(&self, state: &mut State, raw: i32, ticks: u32) -> Result<Output, Misuse> {
-        if raw.unsigned_abs() > MAX_RAW.unsigned_abs() {
+        // |raw| > MAX_RAW in one comparison.
+        if raw.wrapping_add(MAX_RAW).cast_unsigned() > 2 * MAX_RAW.cast_unsigned() {
             return Err(Misuse::RawOutOfRange);
         }
         self.run_clock(state, ticks).map(|increments| self.give_out(state, raw, increments))
@@ -291,17 +298,18 @@ impl Compensator {
             return Output { counts: 0, status: state.status() };
         }
         let sum = state.accumulator + (i64::from(raw) * state.k_q32 - increments);
-        let limit = i64::from(self.image.description().output_limit);
-        let whole = sum >> 32;
-        if (-limit..=limit).contains(&whole) {
+        // The image holds the limit within 1 … 2^31 − 1; the whole part of an i64 in Q32 is an i32.
+        let limit = self.image.description().output_limit.cast_signed();
+        let whole = (sum >> 32) as i32;
+        if whole <= limit && whole >= -limit {
             // All whole counts go out; what stays is the fraction alone.
             state.accumulator = sum & (ONE_Q32 - 1);
-            return Output { counts: i32::try_from(whole).unwrap_or(0), status: state.status() };
+            return Output { counts: whole, status: state.status() };
         }
-        let counts = whole.clamp(-limit, limit);
-        state.accumulator = sum - (counts << 32);
+        let counts = if whole > limit { limit } else { -limit };
+        state.accumulator = sum - (i64::from(counts) << 32);
         state.overflow = state.accumulator.unsigned_abs() > ACCUMULATOR_BOUND.unsigned_abs();
-        Output { counts: i32::try_from(counts).unwrap_or(0), status: state.status() | Status::LIMITED }
+        Output { counts, status: state.status() | Status::LIMITED }
     }
 
     /// Runs every thermometer; readings, status bits, and whether any temperature is missing.

@@ -1,0 +1,148 @@
+//! The gyro's program: a tick of 100 µs by SysTick, the serial line and the flash in the main loop.
+#![no_std]
+#![no_main]
+
+use core::cell::RefCell;
+
+use cortex_m::asm::wfi;
+use cortex_m::interrupt::{Mutex, free};
+use cortex_m::peripheral::Peripherals;
+use cortex_m::peripheral::syst::SystClkSource;
+use cortex_m_rt::{entry, exception};
+use sagnac_board::{Asked, Desk, Line, MemoryFlash, Message, RigSettings};
+use sagnac_core::Banks;
+use sagnac_firmware::{finish, say, serial, stack, unit_gyro, unit_loops};
+
+/// Processor clocks of a tick: 100 µs at the MPS2's 25 MHz.
+const TICK_CLOCKS: u32 = 2500;
+/// Room for outputs that are not yet sent.
+const ROOM: usize = 4096;
+
+/// What the interrupt and the main loop share.
+struct Shared {
+    line: Line,
+    out: Ring,
+    /// Times the interrupt came while there was neither a row nor room.
+    idle: u32,
+}
+
+/// Bytes on their way out.
+struct Ring {
+    bytes: [u8; ROOM],
+    read: usize,
+    held: usize,
+}
+
+impl Ring {
+    fn push(&mut self, bytes: &[u8]) {
+        for byte in bytes {
+            let at = (self.read + self.held) % ROOM;
+            if let Some(slot) = self.bytes.get_mut(at).filter(|_| self.held < ROOM) {
+                *slot = *byte;
+                self.held += 1;
+            }
+        }
+    }
+
+    fn pop(&mut self) -> Option<u8> {
+        let byte = *self.bytes.get(self.read).filter(|_| self.held > 0)?;
+        self.read = (self.read + 1) % ROOM;
+        self.held -= 1;
+        Some(byte)
+    }
+}
+
+static SHARED: Mutex<RefCell<Option<Shared>>> = Mutex::new(RefCell::new(None));
+
+/// Does something with what is shared, interrupts off; `None` only before it is there.
+fn shared<T>(act: impl FnOnce(&mut Shared) -> T) -> Option<T> {
+    free(|cs| SHARED.borrow(cs).try_borrow_mut().ok().and_then(|mut shared| shared.as_mut().map(act)))
+}
+
+#[exception]
+fn SysTick() {
+    shared(|shared| {
+        // A frame must fit; a gyro whose line is too slow for its frames would have to drop them here.
+        if shared.line.left() == 0 || shared.out.held + 128 > ROOM {
+            shared.idle = shared.idle.wrapping_add(1);
+        } else if let Some(output) = shared.line.tick() {
+            send(&mut shared.out, Message::Output(output));
+        }
+    });
+}
+
+fn send(out: &mut Ring, message: Message) {
+    if let Some(frame) = message.frame() {
+        let (bytes, len) = frame.bytes();
+        out.push(bytes.get(..len).unwrap_or(&[]));
+    }
+}
+
+#[entry]
+fn main() -> ! {
+    stack::paint();
+    serial::start();
+    let banks = Banks::new(MemoryFlash::new(), 0, MemoryFlash::BANK);
+    let (Some(banks), Some(gyro), Some(loops)) = (banks, unit_gyro(), unit_loops()) else {
+        say(format_args!("the unit's image or loops cannot be used"));
+        finish(false);
+    };
+    let mut desk = Desk::new(banks, gyro, loops);
+    let (line, reply) = desk.power_on(RigSettings::default());
+    let mut out = Ring { bytes: [0; ROOM], read: 0, held: 0 };
+    send(&mut out, Message::Reply(reply));
+    free(|cs| {
+        if let Ok(mut slot) = SHARED.borrow(cs).try_borrow_mut() {
+            *slot = Some(Shared { line, out, idle: 0 });
+        }
+    });
+    start_ticks();
+    loop {
+        while let Some(byte) = shared(|shared| shared.out.pop()).flatten() {
+            serial::put(byte);
+        }
+        let busy = shared(|shared| shared.line.left() > 0 || shared.out.held > 0).unwrap_or(false);
+        if busy {
+            wfi();
+        } else if let Some(asked) = serial::get().and_then(|byte| desk.take(byte)) {
+            answer(asked);
+        }
+    }
+}
+
+fn start_ticks() {
+    if let Some(mut peripherals) = Peripherals::take() {
+        peripherals.SYST.set_clock_source(SystClkSource::Core);
+        peripherals.SYST.set_reload(TICK_CLOCKS - 1);
+        peripherals.SYST.clear_current();
+        peripherals.SYST.enable_interrupt();
+        peripherals.SYST.enable_counter();
+    }
+}
+
+fn answer(asked: Asked) {
+    match asked {
+        Asked::Run(row) => {
+            shared(|shared| shared.line.begin(row));
+        }
+        Asked::Answer(reply, loaded) => {
+            shared(|shared| {
+                if let Some(loaded) = loaded {
+                    shared.line.take_over(&loaded);
+                }
+                send(&mut shared.out, Message::Reply(reply));
+            });
+        }
+        Asked::PowerOn(line, reply) => {
+            shared(|shared| {
+                shared.line = line;
+                send(&mut shared.out, Message::Reply(reply));
+            });
+        }
+        Asked::Stop => {
+            let idle = shared(|shared| shared.idle).unwrap_or(0);
+            say(format_args!("stack {} bytes, {idle} interrupts without a row", stack::used()));
+            finish(true);
+        }
+    }
+}

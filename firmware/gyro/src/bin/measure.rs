@@ -1,0 +1,106 @@
+//! Instructions of a tick and of a slow update. The emulator runs one instruction a nanosecond (`-icount shift=0`), and
+//! SysTick counts 25 MHz of that time: 40 instructions a count, so everything is run many times.
+//!
+//! Instructions are not cycles: what flash wait states and a pipeline make of them, only the real part can tell.
+#![no_std]
+#![no_main]
+
+use core::hint::black_box;
+
+use cortex_m::peripheral::{Peripherals, SYST};
+use cortex_m::peripheral::syst::SystClkSource;
+use cortex_m_rt::entry;
+use sagnac_board::{Board, Commands, Rig, RigSettings, Row};
+use sagnac_core::{Compensator, Origin, Output, State, Status};
+use sagnac_firmware::{finish, say, unit_image, unit_loops};
+
+/// Instructions a count.
+const PER_COUNT: u32 = 40;
+const TIMES: u32 = 4000;
+
+/// Instructions of one call of `act`, the loop around it taken off.
+fn instructions(act: impl FnMut()) -> u32 {
+    instructions_of(TIMES, act).saturating_sub(instructions_of(TIMES, || {
+        black_box(());
+    }))
+}
+
+/// The same over so many calls, with the loop around them.
+fn instructions_of(times: u32, mut act: impl FnMut()) -> u32 {
+    let before = SYST::get_current();
+    for _ in 0..times {
+        act();
+    }
+    // It counts down, over 24 bits.
+    let counts = before.wrapping_sub(SYST::get_current()) & 0x00ff_ffff;
+    counts.saturating_mul(PER_COUNT).div_ceil(times)
+}
+
+#[entry]
+fn main() -> ! {
+    let (Some(image), Some(loops), Some(mut peripherals)) = (unit_image(), unit_loops(), Peripherals::take()) else {
+        finish(false);
+    };
+    peripherals.SYST.set_clock_source(SystClkSource::Core);
+    peripherals.SYST.set_reload(0x00ff_ffff);
+    peripherals.SYST.clear_current();
+    peripherals.SYST.enable_counter();
+
+    let gyro = Compensator::new(image);
+    let codes = [Some(20 << 24); 4];
+    let wanted = gyro.image().thermometers().len();
+    let codes = codes.get(..wanted).unwrap_or(&[]);
+
+    let mut state = State::new();
+    let slow = instructions(|| {
+        // An update is due at power-on; each of these is one, with the temperature elsewhere than before.
+        let mut fresh = black_box(state);
+        let _ = black_box(black_box(&gyro).update(black_box(&mut fresh), black_box(codes)));
+    });
+    let copy = instructions(|| {
+        let _ = black_box(black_box(state));
+    });
+    let _ = gyro.update(&mut state, codes);
+    let slew_ticks = image.description().slew_ticks;
+    let slewing = tick_instructions(&gyro, &state, slew_ticks / 2);
+    let _ = gyro.skip(&mut state, slew_ticks);
+    let plain = tick_instructions(&gyro, &state, image.description().period_ticks - slew_ticks);
+
+    let mut board = Board::new(image, Origin::Newest, &loops, Some(50));
+    let mut rig = Rig::new(RigSettings { wavelength: 100_000, lamp_gain: 1 << 16, ..RigSettings::default() });
+    rig.begin(Row { ticks: u32::MAX, counts: 0, present: 1, codes: [20 << 24; 4] });
+    let (_, sample) = rig.tick(&Commands::default());
+    let whole = instructions(|| {
+        let _ = black_box(board.tick(black_box([(true, false), (true, true)]).into_iter(), black_box(&sample)));
+    });
+    say(format_args!("slow update {} instructions", slow.saturating_sub(copy)));
+    say(format_args!("compensation tick {plain} instructions, {slewing} while slewing"));
+    say(format_args!("tick with stripping, both loops, frame and its share of slow updates {whole} instructions"));
+    finish(true)
+}
+
+/// A tick as a function of its own, state in memory: what an interrupt would call.
+#[inline(never)]
+fn tick(gyro: &Compensator, state: &mut State, raw: i32) -> Option<Output> {
+    gyro.tick(state, raw).ok()
+}
+
+/// Instructions of a tick, over so many ticks from this state on.
+fn tick_instructions(gyro: &Compensator, state: &State, ticks: u32) -> u32 {
+    let ticks = ticks.clamp(1, 500);
+    let many = instructions_of(TIMES / ticks + 1, || {
+        let mut fresh = black_box(*state);
+        for _ in 0..ticks {
+            let _ = black_box(tick(black_box(gyro), black_box(&mut fresh), black_box(37)));
+        }
+    });
+    let none = instructions_of(TIMES / ticks + 1, || {
+        let mut fresh = black_box(*state);
+        for _ in 0..ticks {
+            // What the call is given and gives, without the call.
+            let _ = black_box((black_box(gyro), black_box(&mut fresh)));
+            let _ = black_box(Some(Output { counts: black_box(37), status: Status::OK }));
+        }
+    });
+    many.saturating_sub(none).div_ceil(ticks)
+}
