@@ -10,7 +10,8 @@ fn main() {
     println!("cargo:rerun-if-changed=memory.x");
     for (variable, name) in [("SAGNAC_IMAGE", "unit.img"), ("SAGNAC_LOOPS", "unit.loops")] {
         println!("cargo:rerun-if-env-changed={variable}");
-        let path = env::var_os(variable).unwrap_or_else(|| panic!("{variable} names no file: use cargo xtask firmware"));
+        let path =
+            env::var_os(variable).unwrap_or_else(|| panic!("{variable} names no file: use cargo xtask firmware"));
         println!("cargo:rerun-if-changed={}", PathBuf::from(&path).display());
         fs::copy(&path, out.join(name)).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
     }

@@ -3,9 +3,11 @@
 mod bench;
 mod checks;
 mod errors;
+mod firmware;
 mod fuzz;
 mod made;
 mod pictures;
+mod tools;
 mod vectors;
 
 use std::process::ExitCode;
@@ -24,6 +26,7 @@ cargo xtask fuzz       a million executions of every fuzz target, or of those na
 cargo xtask pictures   make the pictures of the README and of docs/ anew (needs chromium)
 cargo xtask errors     make docs/errors.md anew
 cargo xtask cli        make docs/cli.md anew
+cargo xtask firmware   build the firmware, run it in QEMU, compare it with the host bit for bit (needs Debian's packages; installs them)
 cargo xtask vectors    make the reference vectors in testdata/vectors/ anew: only after a change of the target that is meant
 cargo xtask schema     make docs/calibration.schema.json anew
 cargo xtask hexdump    make the worked example of docs/image-format.md anew (testdata/image/)";
@@ -52,6 +55,7 @@ fn run(task: &str) -> Result<()> {
         "pictures" => pictures::pictures(),
         "errors" => errors::write(),
         "cli" => made::cli(),
+        "firmware" => firmware::firmware(),
         "vectors" => vectors::write(),
         "schema" => made::schema(),
         "hexdump" => made::hexdump(),

@@ -58,13 +58,23 @@ pub struct Board {
 }
 
 impl Board {
-    /// A board at power-on. `longest_dither_ticks` is for a dithered gyro ([`Stripper::new`]).
-    pub fn new(image: Image, origin: Origin, loops: &LoopTable, longest_dither_ticks: Option<u16>) -> Self {
+    /// A board at power-on, which sees these levels: a step is one away from them. `longest_dither_ticks` is for a
+    /// dithered gyro ([`Stripper::new`]).
+    pub fn new(
+        image: Image,
+        origin: Origin,
+        loops: &LoopTable,
+        levels: (bool, bool),
+        longest_dither_ticks: Option<u16>,
+    ) -> Self {
+        let counter = Quadrature { multiplier: Multiplier::X4 };
+        let mut count_state = QuadratureState::new();
+        counter.take(&mut count_state, levels.0, levels.1);
         Self {
             gyro: Compensator::new(image),
             state: State::new(),
-            counter: Quadrature { multiplier: Multiplier::X4 },
-            count_state: QuadratureState::new(),
+            counter,
+            count_state,
             stripper: longest_dither_ticks.map(Stripper::new),
             path: (loops.path_length, loops.path_length.start()),
             light: (loops.intensity, loops.intensity.start()),

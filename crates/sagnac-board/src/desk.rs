@@ -82,7 +82,7 @@ impl<F: NorFlash> Desk<F> {
     pub fn power_on(&mut self, settings: RigSettings) -> (Line, Reply) {
         let loaded = self.banks.load(&self.gyro);
         let dithered = (settings.dither_counts > 0).then_some(LONGEST_DITHER_TICKS);
-        let board = Board::new(loaded.image, loaded.origin, &self.loops, dithered);
+        let board = Board::new(loaded.image, loaded.origin, &self.loops, Rig::LEVELS, dithered);
         let reply = Reply { to: 0, code: ReplyCode::Done, sequence: loaded.image.description().sequence };
         (Line { board, rig: Rig::new(settings), commands: Commands::default() }, reply)
     }

@@ -12,6 +12,9 @@
 use crate::board::{Commands, Sample};
 use crate::message::{RigSettings, Row};
 
+/// Steps of a tick are held to this: 40 MHz of counts.
+const MOST_STEPS: i32 = 4096;
+
 /// The stand-in.
 #[derive(Clone, Copy, Debug)]
 pub struct Rig {
@@ -34,6 +37,9 @@ pub struct Rig {
 }
 
 impl Rig {
+    /// Levels before the first tick.
+    pub const LEVELS: (bool, bool) = (false, false);
+
     /// At rest, in the dark.
     pub const fn new(settings: RigSettings) -> Self {
         Self {
@@ -79,7 +85,8 @@ impl Rig {
             self.carried = carried as u32;
         }
         let (swing, pickoff) = self.dither();
-        steps = steps.wrapping_add(swing);
+        // Whatever a row says, a tick ends.
+        steps = steps.saturating_add(swing).clamp(-MOST_STEPS, MOST_STEPS);
         let levels = Levels { place: self.place, left: steps };
         self.place = (i32::from(self.place).wrapping_add(steps) & 3) as u8;
         let light = self.light(commands);

@@ -8,6 +8,7 @@ use sagnac::export::{TextFile, Widths, c_files, encode, image_bytes, verilog_fil
 use sagnac::ingest::{hex, sha256};
 use sagnac::write::write_bytes;
 use sagnac::{Error, Result};
+use sagnac_board::Message;
 use sagnac_core::Image;
 use sagnac_loops::LoopTable;
 use sagnac_sim::plant::Design;
@@ -23,6 +24,7 @@ Examples:
   sagnac export unit.cal.json --to image -o unit.img        (three axes: unit-x.img, unit-y.img, unit-z.img)
   sagnac export unit.cal.json --to c -o src/sagnac --loops gyro.toml
   sagnac export unit.img --to verilog -o rtl --raw-bits 12
+  sagnac export unit.cal.json --to upload --sequence 2 -o /dev/ttyUSB0
   sagnac export gyro.toml --to loops -o gyro.loops")]
 pub(crate) struct Args {
     /// Calibration or flash image; for `--to loops` the scenario whose loops are meant
@@ -59,12 +61,14 @@ enum Target {
     Verilog,
     /// Table of the control loops (docs/loop-table.md)
     Loops,
+    /// Messages that bring an image to a gyro over its serial line (docs/serial-line.md)
+    Upload,
 }
 
 pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     check_flags(args)?;
     match args.to {
-        Target::Image => image(args, console),
+        Target::Image | Target::Upload => per_axis(args, console),
         Target::Loops => {
             let table = loops_of(&args.input)?.encode();
             wrote(&args.output, &table, console)
@@ -95,9 +99,9 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
 
 /// A flag that the target has no use for is a mistake, not a wish.
 fn check_flags(args: &Args) -> Result<()> {
-    use Target::{C, Image, Verilog};
+    use Target::{C, Image, Upload, Verilog};
     let flags: [(&str, bool, &[Target]); 4] = [
-        ("--sequence", args.sequence.is_some(), &[Image, C, Verilog]),
+        ("--sequence", args.sequence.is_some(), &[Image, Upload, C, Verilog]),
         ("--loops", args.loops.is_some(), &[C, Verilog]),
         ("--raw-bits", args.raw_bits.is_some(), &[Verilog]),
         ("--increment-bits", args.increment_bits.is_some(), &[Verilog]),
@@ -118,20 +122,29 @@ impl Target {
             Self::C => "c",
             Self::Verilog => "verilog",
             Self::Loops => "loops",
+            Self::Upload => "upload",
         }
     }
 }
 
-fn image(args: &Args, console: &mut Console) -> Ran {
-    let calibration = calibration(&args.input)?;
+fn per_axis(args: &Args, console: &mut Console) -> Ran {
     // All images first: a failure of the second axis leaves the first axis' old file.
-    let images = encode_all(&calibration, args.sequence)?;
+    let images = images(args)?;
     for image in &images {
         let axis = char::from(image.description().axis);
         let path = if images.len() == 1 { args.output.clone() } else { path_of_axis(&args.output, axis) };
-        wrote(&path, &image_bytes(image), console)?;
+        let bytes = image_bytes(image);
+        let bytes = if args.to == Target::Upload { upload(&bytes) } else { bytes };
+        wrote(&path, &bytes, console)?;
     }
     Ok(Outcome::Done)
+}
+
+/// The pieces of an image and the word to commit it.
+fn upload(image: &[u8]) -> Vec<u8> {
+    let commit = Message::Commit { len: image.len() as u16 };
+    let frames = Message::pieces(image).chain([commit]).filter_map(|message| message.frame());
+    frames.flat_map(|frame| frame.bytes().0.into_iter().take(frame.bytes().1)).collect()
 }
 
 /// The images of a calibration, or the one that a file is.

@@ -9,6 +9,7 @@ mod compensate;
 mod console;
 mod demo;
 mod export;
+mod frames;
 mod import;
 mod inspect;
 mod loading;
@@ -57,6 +58,7 @@ enum Command {
     Window(window::Args),
     Inspect(inspect::Args),
     Export(export::Args),
+    Frames(frames::Args),
     Import(import::Args),
     Demo(demo::Args),
     Simulate(simulate::Args),
@@ -104,6 +106,7 @@ fn run(command: Command, console: &mut Console) -> console::Ran {
         Command::Window(args) => window::run(&args, console),
         Command::Inspect(args) => inspect::run(&args, console),
         Command::Export(args) => export::run(&args, console),
+        Command::Frames(args) => frames::run(&args, console),
         Command::Import(args) => import::run(&args, console),
         Command::Demo(args) => demo::run(&args, console),
         Command::Simulate(args) => simulate::run(&args, console),

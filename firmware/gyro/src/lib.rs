@@ -40,6 +40,8 @@ pub fn unit_loops() -> Option<LoopTable> {
 
 /// A line to the host that emulates.
 pub fn say(text: fmt::Arguments<'_>) {
+    #[cfg(feature = "broken")]
+    assert!(text.as_str() != Some("x"), "a panic path on purpose");
     if let Ok(mut out) = hio::hstdout() {
         let _ = out.write_fmt(text);
         let _ = out.write_str("\n");

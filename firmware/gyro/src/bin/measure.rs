@@ -7,11 +7,11 @@
 
 use core::hint::black_box;
 
-use cortex_m::peripheral::{Peripherals, SYST};
 use cortex_m::peripheral::syst::SystClkSource;
+use cortex_m::peripheral::{Peripherals, SYST};
 use cortex_m_rt::entry;
 use sagnac_board::{Board, Commands, Rig, RigSettings, Row};
-use sagnac_core::{Compensator, Origin, Output, State, Status};
+use sagnac_core::{Compensator, Description, Image, Origin, Output, State, Status};
 use sagnac_firmware::{finish, say, unit_image, unit_loops};
 
 /// Instructions a count.
@@ -62,20 +62,23 @@ fn main() -> ! {
     });
     let _ = gyro.update(&mut state, codes);
     let slew_ticks = image.description().slew_ticks;
-    let slewing = tick_instructions(&gyro, &state, slew_ticks / 2);
+    let slewing = tick_instructions(&gyro, &state, slew_ticks / 2, 37);
+    let limited = limited_instructions(&gyro, slew_ticks / 2);
     let _ = gyro.skip(&mut state, slew_ticks);
-    let plain = tick_instructions(&gyro, &state, image.description().period_ticks - slew_ticks);
+    let plain = tick_instructions(&gyro, &state, image.description().period_ticks - slew_ticks, 37);
 
-    let mut board = Board::new(image, Origin::Newest, &loops, Some(50));
+    let mut board = Board::new(image, Origin::Newest, &loops, Rig::LEVELS, Some(50));
     let mut rig = Rig::new(RigSettings { wavelength: 100_000, lamp_gain: 1 << 16, ..RigSettings::default() });
     rig.begin(Row { ticks: u32::MAX, counts: 0, present: 1, codes: [20 << 24; 4] });
     let (_, sample) = rig.tick(&Commands::default());
     let whole = instructions(|| {
         let _ = black_box(board.tick(black_box([(true, false), (true, true)]).into_iter(), black_box(&sample)));
     });
-    say(format_args!("slow update {} instructions", slow.saturating_sub(copy)));
-    say(format_args!("compensation tick {plain} instructions, {slewing} while slewing"));
-    say(format_args!("tick with stripping, both loops, frame and its share of slow updates {whole} instructions"));
+    say(format_args!("slow-update {}", slow.saturating_sub(copy)));
+    say(format_args!("tick {plain}"));
+    say(format_args!("tick-slewing {slewing}"));
+    say(format_args!("tick-limited {limited}"));
+    say(format_args!("tick-whole {whole}"));
     finish(true)
 }
 
@@ -86,12 +89,12 @@ fn tick(gyro: &Compensator, state: &mut State, raw: i32) -> Option<Output> {
 }
 
 /// Instructions of a tick, over so many ticks from this state on.
-fn tick_instructions(gyro: &Compensator, state: &State, ticks: u32) -> u32 {
+fn tick_instructions(gyro: &Compensator, state: &State, ticks: u32, raw: i32) -> u32 {
     let ticks = ticks.clamp(1, 500);
     let many = instructions_of(TIMES / ticks + 1, || {
         let mut fresh = black_box(*state);
         for _ in 0..ticks {
-            let _ = black_box(tick(black_box(gyro), black_box(&mut fresh), black_box(37)));
+            let _ = black_box(tick(black_box(gyro), black_box(&mut fresh), black_box(raw)));
         }
     });
     let none = instructions_of(TIMES / ticks + 1, || {
@@ -99,8 +102,18 @@ fn tick_instructions(gyro: &Compensator, state: &State, ticks: u32) -> u32 {
         for _ in 0..ticks {
             // What the call is given and gives, without the call.
             let _ = black_box((black_box(gyro), black_box(&mut fresh)));
-            let _ = black_box(Some(Output { counts: black_box(37), status: Status::OK }));
+            let _ = black_box(Some(Output { counts: black_box(raw), status: Status::OK }));
         }
     });
     many.saturating_sub(none).div_ceil(ticks)
+}
+
+/// A tick in the slew that gives more than may go out.
+fn limited_instructions(gyro: &Compensator, ticks: u32) -> u32 {
+    let limited = Description { output_limit: 5, ..*gyro.image().description() };
+    let Ok(image) = Image::new(limited) else { return 0 };
+    let (gyro, mut state) = (Compensator::new(image), State::new());
+    let codes = [Some(20 << 24); 4];
+    let _ = gyro.update(&mut state, codes.get(..image.thermometers().len()).unwrap_or(&[]));
+    tick_instructions(&gyro, &state, ticks, 37)
 }

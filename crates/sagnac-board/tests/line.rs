@@ -1,0 +1,212 @@
+//! Frames survive damage to others; messages come back as they were; the whole line on this machine.
+
+use proptest::prelude::*;
+use sagnac_board::frame::{Frame, MAX_PAYLOAD, Reader};
+use sagnac_board::{Desk, MemoryFlash, Message, OUTPUT_LEN, Output, Reply, ReplyCode, RigSettings, Row, run};
+use sagnac_core::{Banks, Gyro, Image, Status};
+use sagnac_loops::LoopTable;
+
+fn bytes_of(message: &Message) -> Vec<u8> {
+    let (bytes, len) = message.frame().unwrap().bytes();
+    bytes[..len].to_vec()
+}
+
+fn frames(bytes: &[u8]) -> (Vec<Frame>, u64) {
+    let mut reader = Reader::new();
+    let mut found = Vec::new();
+    for byte in bytes {
+        let mut frame = reader.take(*byte);
+        while let Some(one) = frame {
+            found.push(one);
+            frame = reader.next_held();
+        }
+    }
+    (found, reader.skipped() + reader.pending() as u64)
+}
+
+fn message() -> impl Strategy<Value = Message> {
+    prop_oneof![
+        (any::<[i32; 6]>(), any::<u16>(), 0_u16..256, any::<[u8; 2]>()).prop_map(|(v, n, status, [p, l])| {
+            Message::Output(Output {
+                sequence: n,
+                tick: v[0] as u32,
+                counts: v[1],
+                raw: v[2],
+                status: Status::from_bits(status).unwrap(),
+                path_status: p,
+                light_status: l,
+                actuator: v[3],
+                current: v[4],
+                temperature: v[5],
+                lost_steps: n ^ 0x5a5a,
+            })
+        }),
+        (any::<u8>(), any::<u32>()).prop_map(|(to, sequence)| Message::Reply(Reply {
+            to,
+            code: ReplyCode::Unfit,
+            sequence
+        })),
+        (any::<[i32; 7]>(), any::<[u8; 3]>()).prop_map(|(v, b)| {
+            Message::Settings(RigSettings {
+                dither_counts: v[0] as u32,
+                dither_step: v[1] as u32,
+                place: v[2],
+                place_slope: v[3],
+                wavelength: v[4],
+                curvature: v[5] as u32,
+                lamp_gain: v[6] as u32,
+                lamp_lag: b[0],
+                actuator_lag: b[1],
+                noise_bits: b[2],
+            })
+        }),
+        (any::<[i32; 6]>(), any::<u8>()).prop_map(|(v, present)| {
+            Message::Row(Row { ticks: v[0] as u32, counts: v[1], present, codes: [v[2], v[3], v[4], v[5]] })
+        }),
+        any::<u16>().prop_map(|len| Message::Commit { len }),
+        Just(Message::RollBack),
+        Just(Message::Stop),
+    ]
+}
+
+proptest! {
+    #[test]
+    fn messages_come_back(message in message()) {
+        let bytes = bytes_of(&message);
+        if matches!(message, Message::Output(_)) {
+            prop_assert_eq!(bytes.len(), OUTPUT_LEN);
+        }
+        let (found, skipped) = frames(&bytes);
+        prop_assert_eq!(skipped, 0);
+        prop_assert_eq!(found.iter().map(Message::of).collect::<Vec<_>>(), vec![Some(message)]);
+    }
+
+    #[test]
+    fn images_come_back_in_pieces(image in prop::collection::vec(any::<u8>(), 0..772)) {
+        let mut back = vec![0; image.len()];
+        for piece in Message::pieces(&image) {
+            let bytes = bytes_of(&piece);
+            let (found, _) = frames(&bytes);
+            let Some(Message::Piece { offset, len, bytes }) = Message::of(&found[0]) else { panic!("{piece:?}") };
+            back[usize::from(offset)..][..usize::from(len)].copy_from_slice(&bytes[..usize::from(len)]);
+        }
+        prop_assert_eq!(back, image);
+    }
+
+    /// A damaged byte, lost bytes, bytes between: the frames around come out.
+    #[test]
+    fn damage_costs_the_frames_it_hits(
+        payloads in prop::collection::vec((any::<u8>(), prop::collection::vec(any::<u8>(), 0..=MAX_PAYLOAD)), 3..12),
+        hit in any::<prop::sample::Index>(),
+        how in 0..3_u8,
+        noise in prop::collection::vec(any::<u8>(), 1..9),
+    ) {
+        let all: Vec<Frame> = payloads.iter().map(|(kind, payload)| Frame::new(*kind, payload).unwrap()).collect();
+        let mut bytes = Vec::new();
+        let mut starts = Vec::new();
+        for frame in &all {
+            starts.push(bytes.len());
+            let (frame_bytes, len) = frame.bytes();
+            bytes.extend_from_slice(&frame_bytes[..len]);
+        }
+        starts.push(bytes.len());
+        let at = hit.index(bytes.len());
+        let struck = starts.iter().rposition(|start| *start <= at).unwrap();
+        match how {
+            0 => bytes[at] ^= noise[0].max(1),
+            1 => { bytes.remove(at); }
+            _ => { bytes.splice(at..at, noise); }
+        }
+        // What was torn may hold back what follows until enough bytes have come.
+        bytes.extend(std::iter::repeat_n(0, 80));
+        let (found, _) = frames(&bytes);
+        for (index, frame) in all.iter().enumerate().filter(|(index, _)| *index != struck) {
+            prop_assert!(found.contains(frame), "frame {index} of {}, struck {struck}", all.len());
+        }
+    }
+
+    /// Any bytes at all: no panic, and the desk goes on.
+    #[test]
+    fn any_bytes_are_survived(bytes in prop::collection::vec(any::<u8>(), 0..600), messages in prop::collection::vec(message(), 0..12)) {
+        let mut input = bytes;
+        for message in messages {
+            // A row of hours would be run.
+            let message = match message {
+                Message::Row(row) => Message::Row(Row { ticks: row.ticks % 3000, ..row }),
+                other => other,
+            };
+            input.extend(bytes_of(&message));
+        }
+        let mut out = 0;
+        run(&mut desk(), input.into_iter(), |bytes| out += bytes.len());
+        prop_assert!(out > 0);
+    }
+}
+
+const PAPER: &[u8] = include_bytes!("../../../testdata/image/paper.img");
+
+fn loops() -> LoopTable {
+    let text =
+        std::fs::read(concat!(env!("CARGO_MANIFEST_DIR"), "/../../testdata/vectors/path-length-mirror.hex")).unwrap();
+    let mut words = sagnac_vectors::Words::new(&text);
+    let head = words.head().unwrap();
+    let mut room = [0; sagnac_vectors::MAX_TABLE];
+    LoopTable::decode(words.table(&head, &mut room).unwrap()).unwrap()
+}
+
+fn desk() -> Desk<MemoryFlash> {
+    let gyro = Gyro::of(&Image::decode(PAPER).unwrap(), 4);
+    Desk::new(Banks::new(MemoryFlash::new(), 0, MemoryFlash::BANK).unwrap(), gyro, loops())
+}
+
+fn outputs(input: &[Message]) -> Vec<Message> {
+    let bytes: Vec<u8> = input.iter().flat_map(bytes_of).collect();
+    let mut out = Vec::new();
+    run(&mut desk(), bytes.into_iter(), |bytes| out.extend_from_slice(bytes));
+    frames(&out).0.iter().map(|frame| Message::of(frame).unwrap()).collect()
+}
+
+/// Without an image counts pass through and say UNCORRECTED; with one the same counts are corrected.
+#[test]
+fn a_new_image_is_taken_over_between_two_ticks() {
+    let settings = RigSettings { wavelength: 121_363, ..RigSettings::default() };
+    let row = Row { ticks: 100_000, counts: 400, present: 1, codes: [20 << 24, 0, 0, 0] };
+    let mut input = vec![Message::Settings(settings), Message::Row(row)];
+    input.extend(Message::pieces(PAPER));
+    input.extend([Message::Commit { len: PAPER.len() as u16 }, Message::Row(row), Message::RollBack]);
+    let out = outputs(&input);
+    let of = |from: usize| -> Vec<&Output> {
+        let frames = out.iter().skip(from).filter_map(|m| if let Message::Output(o) = m { Some(o) } else { None });
+        frames.take(1000).collect()
+    };
+    let (before, after) = (of(0), of(1003));
+    assert_eq!(before.iter().map(|o| o.counts).sum::<i32>(), 400);
+    assert!(before.iter().all(|o| o.status == Status::UNCORRECTED));
+    // The paper's drift at 20 °C is about 2.5 counts of 0.25 per 10 s against 25 °C.
+    let corrected = after.iter().map(|o| o.counts).sum::<i32>();
+    assert_eq!(after.iter().map(|o| o.raw).sum::<i32>(), 400);
+    assert!((370..400).contains(&corrected), "{corrected}");
+    assert!(after.iter().skip(2).all(|o| o.status == Status::OK));
+    let replies: Vec<&Reply> =
+        out.iter().filter_map(|m| if let Message::Reply(r) = m { Some(r) } else { None }).collect();
+    let commit = replies.iter().find(|r| r.to == 0x21).unwrap();
+    assert_eq!((commit.code, commit.sequence), (ReplyCode::Done, 1));
+    assert_eq!(replies.last().unwrap().code, ReplyCode::NothingToGoBackTo);
+}
+
+/// The swing of a dithered gyro leaves nothing behind: whole periods carry the counts of the rate alone.
+#[test]
+fn dither_is_stripped() {
+    let settings =
+        RigSettings { dither_counts: 60, dither_step: 171_956_000, wavelength: 121_363, ..RigSettings::default() };
+    let row = Row { ticks: 600_000, counts: 6000, present: 1, codes: [25 << 24, 0, 0, 0] };
+    let out = outputs(&[Message::Settings(settings), Message::Row(row)]);
+    let frames: Vec<&Output> =
+        out.iter().filter_map(|m| if let Message::Output(o) = m { Some(o) } else { None }).collect();
+    assert_eq!(frames.len(), 6000);
+    let sum: i32 = frames.iter().map(|o| o.raw).sum();
+    assert!((5998..=6000).contains(&sum), "{sum}");
+    // A frame of 10 ms holds four periods of 0.25 counts; unstripped it would hold up to 120.
+    assert!(frames.iter().all(|o| (0..=3).contains(&o.raw)), "{:?}", frames.iter().map(|o| o.raw).max());
+    assert!(frames.iter().all(|o| o.lost_steps == 0));
+}
