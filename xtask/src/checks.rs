@@ -3,6 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use crate::exports;
+use crate::firmware::firmware;
 use anyhow::{Context, Result, bail, ensure};
 use sagnac_core::{Compensator, Description, Image, Kind, Multiplier, Scale, State, Term, Thermometer};
 
@@ -32,7 +34,10 @@ pub(crate) fn ci() -> Result<()> {
     deny()?;
     no_panic()?;
     conserve()?;
-    sh("cargo", &["test", "--workspace", "--locked"])
+    sh("cargo", &["test", "--workspace", "--locked"])?;
+    exports::c()?;
+    exports::fpga(false)?;
+    firmware()
 }
 
 /// Licences, bans, sources.

@@ -182,7 +182,6 @@ fn line_of(folder: &Path, unit: &Unit, name: &str, dither_counts: u32, seconds: 
     let output = folder.join(format!("line-{}.bin", name.replace(' ', "-")));
     let (bytes, rows) = messages(unit, dither_counts, seconds)?;
     let here = here(unit, &bytes)?;
-    let bytes_in = bytes.len();
     let (there, said) = over_the_line(folder, bytes)?;
     fs::write(&output, &there)?;
     if let Some(at) = here.iter().zip(&there).position(|(a, b)| a != b).or((here.len() != there.len()).then_some(0)) {

@@ -3,6 +3,7 @@
 mod bench;
 mod checks;
 mod errors;
+mod exports;
 mod firmware;
 mod fuzz;
 mod made;
@@ -27,6 +28,8 @@ cargo xtask pictures   make the pictures of the README and of docs/ anew (needs 
 cargo xtask errors     make docs/errors.md anew
 cargo xtask cli        make docs/cli.md anew
 cargo xtask firmware   build the firmware, run it in QEMU, compare it with the host bit for bit (needs Debian's packages; installs them)
+cargo xtask c          the exported C: warnings, MISRA, vectors on this machine and on an emulated Cortex-M4F (installs Debian's packages)
+cargo xtask fpga       [place] the exported Verilog: lint, vectors in two simulators, synthesis (installs Debian's packages)
 cargo xtask vectors    make the reference vectors in testdata/vectors/ anew: only after a change of the target that is meant
 cargo xtask schema     make docs/calibration.schema.json anew
 cargo xtask hexdump    make the worked example of docs/image-format.md anew (testdata/image/)";
@@ -55,6 +58,8 @@ fn run(task: &str) -> Result<()> {
         "pictures" => pictures::pictures(),
         "errors" => errors::write(),
         "cli" => made::cli(),
+        "c" => exports::c(),
+        "fpga" => exports::fpga(std::env::args().nth(2).as_deref() == Some("place")),
         "firmware" => firmware::firmware(),
         "vectors" => vectors::write(),
         "schema" => made::schema(),
