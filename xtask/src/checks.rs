@@ -63,11 +63,14 @@ pub(crate) fn example() -> Result<()> {
     sh(sagnac, &["verify", "target/unit.cal.json", &three, "--limits", "testdata/chamber/limits.toml"])
 }
 
-/// Links core and loops with a panic handler that does not exist; with a panic put in on purpose, the same
+/// Links core, loops and board with a panic handler that does not exist; with a panic put in on purpose, the same
 /// links must fail.
 pub(crate) fn no_panic() -> Result<()> {
-    const ENTRIES: [(&str, &str); 2] =
-        [("sagnac-core", "sagnac_core_everything"), ("sagnac-loops", "sagnac_loops_everything")];
+    const ENTRIES: [(&str, &str); 3] = [
+        ("sagnac-core", "sagnac_core_everything"),
+        ("sagnac-loops", "sagnac_loops_everything"),
+        ("sagnac-board", "sagnac_board_everything"),
+    ];
     let target = root().join("target/no-panic");
     let library = target.join("release/libsagnac_no_panic.a");
     build_no_panic(&target, &["--features", "broken"])?;
@@ -95,7 +98,7 @@ fn link(library: &Path, entry: &str) -> Result<()> {
     let keep = format!("-Wl,--undefined={entry}");
     let args = ["-nostdlib", "-static", "-Wl,--gc-sections", &entry_flag, &keep];
     // What every target's runtime provides.
-    let runtime = ["memcpy", "memmove", "memset", "memcmp"].map(|name| format!("-Wl,--defsym={name}=0"));
+    let runtime = ["memcpy", "memmove", "memset", "memcmp", "bcmp"].map(|name| format!("-Wl,--defsym={name}=0"));
     let output = Command::new("cc")
         .args(args)
         .args(&runtime)

@@ -16,9 +16,9 @@ use std::process::ExitCode;
 use anyhow::{Result, bail};
 
 const HELP: &str = "\
-cargo xtask ci         everything that CI runs: fmt, clippy, docs, tests, deny, no-panic, conserve
+cargo xtask ci         everything that CI runs: fmt, clippy, docs, deny, no-panic, conserve, tests, c, fpga, firmware
 cargo xtask example    the main job on the log in testdata/: calibrate, export, verify
-cargo xtask no-panic   link check: sagnac-core and sagnac-loops have no panic path
+cargo xtask no-panic   link check: sagnac-core, sagnac-loops and sagnac-board have no panic path
 cargo xtask conserve   1e9 ticks (27.8 h): every count accounted for
 cargo xtask deny       licences, bans and sources of the dependencies (installs cargo-deny if missing)
 cargo xtask testdata   make the logs in testdata/ anew

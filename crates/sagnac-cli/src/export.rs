@@ -85,11 +85,17 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
                 increment: args.increment_bits.unwrap_or(default.increment),
             };
             let (images, table) = (images(args)?, table(args)?);
-            for image in &images {
-                let axis = char::from(image.description().axis);
-                let path = if images.len() == 1 { args.output.clone() } else { args.output.join(axis.to_string()) };
-                let files = verilog_files(image, table.as_ref(), widths)
-                    .map_err(|e| e.file(args.input.display().to_string()))?;
+            // All of them first: a refusal of the second axis leaves no folder of the first.
+            let made: Result<Vec<_>> = images
+                .iter()
+                .map(|image| {
+                    let axis = char::from(image.description().axis).to_string();
+                    let path = if images.len() == 1 { args.output.clone() } else { args.output.join(axis) };
+                    let files = verilog_files(image, table.as_ref(), widths);
+                    Ok((path, files.map_err(|e| e.file(args.input.display().to_string()))?))
+                })
+                .collect();
+            for (path, files) in made? {
                 folder(&path, &files, console)?;
             }
             Ok(Outcome::Done)

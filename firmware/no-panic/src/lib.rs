@@ -1,4 +1,4 @@
-//! A link check: every public function of `sagnac-core` and `sagnac-loops` is called from here, and the panic handler
+//! A link check: what `sagnac-core`, `sagnac-loops` and `sagnac-board` offer a target is called from here, and the panic handler
 //! calls a symbol that nothing defines. As long as one panic path remains, the library does not link.
 //!
 //! `cargo xtask no-panic` builds and links it.
@@ -8,8 +8,9 @@ use core::fmt::Write;
 use core::hint::black_box;
 use core::panic::PanicInfo;
 
-use sagnac_core::{Compensator, Description, Image, MAX_IMAGE_LEN, State, Status};
-use sagnac_loops::{Intensity, Multiplier, PathLength, Quadrature, QuadratureState, Stripper};
+use sagnac_board::{Asked, Desk, MemoryFlash, Message, run};
+use sagnac_core::{Banks, Compensator, Description, Gyro, Image, MAX_IMAGE_LEN, State, Status};
+use sagnac_loops::{Intensity, LoopTable, Multiplier, PathLength, Quadrature, QuadratureState, Stripper};
 
 unsafe extern "C" {
     fn sagnac_has_a_panic_path() -> !;
@@ -88,4 +89,38 @@ pub extern "C" fn sagnac_loops_everything(code: i32, path: &PathLength, light: &
     #[cfg(feature = "broken")]
     assert!(code != 12_345, "a panic path on purpose");
     out.actuator ^ out.modulation ^ current.current ^ stripped as i32
+}
+
+/// The board: flash banks, tables, the line.
+#[unsafe(no_mangle)]
+pub extern "C" fn sagnac_board_everything(input: &[u8; 64], gyro: &Gyro, image: &Image) -> i32 {
+    let flash = black_box(MemoryFlash::new());
+    let Some(mut banks) = Banks::new(flash, black_box(0), black_box(MemoryFlash::BANK)) else { return -1 };
+    if let Err(error) = banks.store(gyro, image) {
+        let _ = write!(Nowhere, "{error}");
+    }
+    if let Err(error) = banks.roll_back(gyro) {
+        let _ = write!(Nowhere, "{error}");
+    }
+    black_box(banks.load(gyro));
+    let table = match LoopTable::decode(black_box(input)) {
+        Ok(table) => table,
+        Err(error) => {
+            let _ = write!(Nowhere, "{error}");
+            return -2;
+        }
+    };
+    black_box(table.encode());
+    let mut desk = Desk::new(banks, *gyro, table);
+    if let Some(Asked::PowerOn(mut line, _)) = desk.take(black_box(7)) {
+        black_box(line.tick());
+    }
+    Message::pieces(black_box(input)).for_each(|piece| {
+        black_box(piece.frame());
+    });
+    let mut sent = 0_usize;
+    run(&mut desk, input.iter().copied(), |bytes| sent = sent.wrapping_add(bytes.len()));
+    #[cfg(feature = "broken")]
+    assert!(sent != 12_345, "a panic path on purpose");
+    sent as i32
 }

@@ -1,0 +1,172 @@
+//! `sagnac export` for every target, and `sagnac frames`.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use assert_cmd::Command;
+use sagnac_board::frame::{Frame, Reader};
+use sagnac_board::{Desk, MemoryFlash, Message, RigSettings, Row, run};
+use sagnac_core::{Banks, Gyro, Image};
+use sagnac_loops::LoopTable;
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
+
+fn paper() -> PathBuf {
+    root().join("testdata/image/paper.img")
+}
+
+fn mirror() -> PathBuf {
+    root().join("scenarios/triangle-28cm-dithered/triangle-28cm-dithered.toml")
+}
+
+fn sagnac(args: &[&str]) -> (i32, String, String) {
+    let output = Command::cargo_bin("sagnac").unwrap().args(args).output().unwrap();
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    (output.status.code().unwrap(), text(&output.stdout), text(&output.stderr))
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
+#[test]
+fn c_and_verilog_are_whole_folders() {
+    let folder = tempfile::tempdir().unwrap();
+    let image = paper();
+    for (to, files) in [
+        (
+            "c",
+            &["sagnac_compensator.c", "sagnac_intensity.h", "sagnac_path_length.c", "sagnac_unit.c", "sagnac_unit.h"][..],
+        ),
+        (
+            "verilog",
+            &["sagnac_fast.v", "sagnac_series.v", "sagnac_unit.vh", "sagnac_path_unit.vh", "tb_path_length.v"][..],
+        ),
+    ] {
+        let out = folder.path().join(to);
+        let (status, _, said) =
+            sagnac(&["export", text(&image), "--to", to, "-o", text(&out), "--loops", text(&mirror())]);
+        assert_eq!(status, 0, "{said}");
+        for file in files {
+            assert!(!fs::read_to_string(out.join(file)).unwrap().is_empty(), "{file}");
+        }
+    }
+    let unit = fs::read_to_string(folder.path().join("c/sagnac_unit.c")).unwrap();
+    // The worked example of docs/image-format.md.
+    assert!(unit.contains("PAPER-RIG") && unit.contains(".mantissa = 558484714, .shift = 33"), "{unit}");
+}
+
+#[test]
+fn loops_and_uploads_are_what_the_target_reads() {
+    let folder = tempfile::tempdir().unwrap();
+    let (table, upload) = (folder.path().join("gyro.loops"), folder.path().join("unit.upload"));
+    assert_eq!(sagnac(&["export", text(&mirror()), "--to", "loops", "-o", text(&table)]).0, 0);
+    LoopTable::decode(&fs::read(&table).unwrap()).unwrap();
+    assert_eq!(sagnac(&["export", text(&paper()), "--to", "upload", "-o", text(&upload)]).0, 0);
+    let mut reader = Reader::new();
+    let bytes = fs::read(&upload).unwrap();
+    let messages: Vec<Message> =
+        bytes.iter().filter_map(|byte| reader.take(*byte)).map(|frame| Message::of(&frame).unwrap()).collect();
+    let mut image = Vec::new();
+    for message in &messages {
+        match message {
+            Message::Piece { len, bytes, .. } => image.extend_from_slice(&bytes[..usize::from(*len)]),
+            Message::Commit { len } => assert_eq!(usize::from(*len), image.len()),
+            other => panic!("{other:?}"),
+        }
+    }
+    assert_eq!(image, fs::read(paper()).unwrap());
+}
+
+#[test]
+fn what_cannot_be_is_refused_by_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    let image = Image::decode(&fs::read(paper()).unwrap()).unwrap();
+    // The paper's drift a million times over: fits the image, not 40 bits.
+    let mut description = *image.description();
+    description.terms[2].shift -= 20;
+    let large = Image::new(description).unwrap();
+    let path = folder.path().join("large.img");
+    fs::write(&path, sagnac::export::image_bytes(&large)).unwrap();
+    let (status, _, said) =
+        sagnac(&["export", text(&path), "--to", "verilog", "-o", text(&out), "--increment-bits", "36"]);
+    assert_eq!(status, 3, "{said}");
+    assert!(said.contains("order 2") && said.contains("36 bits"), "{said}");
+    assert!(!out.exists(), "nothing is left behind");
+    for (args, expected) in [
+        (&["--to", "c", "--raw-bits", "12"][..], "--raw-bits"),
+        (&["--to", "image", "--increment-bits", "40"][..], "--increment-bits"),
+        (&["--to", "verilog", "--raw-bits", "33"][..], "2 to 32"),
+        (&["--to", "image", "--sequence", "3"][..], "--sequence"),
+        (&["--to", "loops"][..], "UTF-8"),
+    ] {
+        let all = [&["export", text(&path)], args, &["-o", text(&out)]].concat();
+        let (status, _, said) = sagnac(&all);
+        assert!(status == 2 && said.contains(expected), "{args:?}: {status} {said}");
+    }
+}
+
+/// A board's line, as bytes.
+fn captured() -> Vec<u8> {
+    let image = Image::decode(&fs::read(paper()).unwrap()).unwrap();
+    let loops = {
+        let folder = tempfile::tempdir().unwrap();
+        let table = folder.path().join("gyro.loops");
+        sagnac(&["export", text(&mirror()), "--to", "loops", "-o", text(&table)]);
+        LoopTable::decode(&fs::read(&table).unwrap()).unwrap()
+    };
+    let banks = Banks::new(MemoryFlash::new(), 0, MemoryFlash::BANK).unwrap();
+    let settings = RigSettings { wavelength: 100_000, ..RigSettings::default() };
+    let row = Row { ticks: 2000, counts: 40, present: 1, codes: [20 << 24, 0, 0, 0] };
+    let mut input = Vec::new();
+    for message in [Message::Settings(settings), Message::Row(row), Message::RollBack, Message::Row(row)] {
+        let (bytes, len) = message.frame().unwrap().bytes();
+        input.extend_from_slice(&bytes[..len]);
+    }
+    let mut out = Vec::new();
+    run(&mut Desk::new(banks, Gyro::of(&image, 4), loops), input.into_iter(), |bytes| out.extend_from_slice(bytes));
+    out
+}
+
+#[test]
+fn frames_become_rows_and_damage_is_counted() {
+    let folder = tempfile::tempdir().unwrap();
+    let (line, csv) = (folder.path().join("line.bin"), folder.path().join("frames.csv"));
+    let mut bytes = captured();
+    fs::write(&line, &bytes).unwrap();
+    let (status, _, said) = sagnac(&["frames", text(&line), "-o", text(&csv)]);
+    assert_eq!(status, 0, "{said}");
+    assert!(
+        said.contains("40 output frames, 0 missing") && said.contains("roll back: refused: no older image"),
+        "{said}"
+    );
+    let rows = fs::read_to_string(&csv).unwrap();
+    assert_eq!(rows.lines().count(), 41);
+    let counts: i32 = rows.lines().skip(1).map(|row| row.split(',').nth(3).unwrap().parse::<i32>().unwrap()).sum();
+    assert_eq!(counts, 80);
+    assert!(rows.lines().nth(1).unwrap().contains(",UNCORRECTED,"), "no bank holds an image");
+    // A byte of the tenth output is damaged, the twentieth is gone.
+    let outputs: Vec<usize> = (0..bytes.len() - 4).filter(|at| bytes[*at..].starts_with(b"SG\x01\x20")).collect();
+    bytes[outputs[9] + 20] ^= 0x10;
+    bytes.drain(outputs[19]..outputs[20]);
+    fs::write(&line, &bytes).unwrap();
+    let (status, out, said) = sagnac(&["frames", text(&line)]);
+    assert_eq!((status, out.lines().count()), (0, 39), "{said}");
+    assert!(said.contains("38 output frames, 2 missing") && said.contains("40 bytes belong to no frame"), "{said}");
+}
+
+#[test]
+fn what_is_no_line_is_refused() {
+    let (status, _, said) = sagnac(&["frames", text(&paper())]);
+    assert!(status == 2 && said.contains("holds no frame"), "{status} {said}");
+    let frame = Frame::new(0x77, &[1, 2, 3]).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let line = folder.path().join("line.bin");
+    let (bytes, len) = frame.bytes();
+    fs::write(&line, &bytes[..len]).unwrap();
+    assert_eq!(sagnac(&["frames", text(&line)]).0, 2);
+    assert_eq!(sagnac(&["frames", text(&line), "--tick-us", "nan"]).0, 2);
+}
