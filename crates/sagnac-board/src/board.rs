@@ -7,7 +7,7 @@
 //! A dithered gyro gives its counts to the correction at the end of each dither period; in the ticks between, none.
 //! The order is part of the format: what a tick's frame says depends on it.
 
-use sagnac_core::{Compensator, Image, Origin, State, Status};
+use sagnac_core::{Compensator, Image, MAX_RAW, Origin, State, Status};
 use sagnac_loops::{
     Intensity, IntensityState, LoopTable, Multiplier, PathLength, PathLengthState, PathLengthStatus, Quadrature,
     QuadratureState, Stripper,
@@ -102,8 +102,13 @@ impl Board {
         if self.state.ticks_to_update() == 0 {
             self.slow_update(sample);
         }
-        let raw = self.count(levels, sample.pickoff);
-        // Neither misuse can be: an update was made when it was due, and a tick's counts are few.
+        let counted = self.count(levels, sample.pickoff);
+        let raw = counted.clamp(i64::from(-MAX_RAW), i64::from(MAX_RAW)) as i32;
+        if i64::from(raw) != counted {
+            // More counts than a call takes: they are lost, and it is said.
+            self.frame.status |= Status::OVERFLOW;
+        }
+        // No misuse is left: an update was made when it was due, and the counts are in range.
         if let Ok(output) = self.gyro.tick(&mut self.state, raw) {
             self.frame.counts = self.frame.counts.wrapping_add(output.counts);
             self.frame.status |= output.status | self.always;
@@ -120,15 +125,14 @@ impl Board {
         self.frame.temperature = sample.codes.first().copied().flatten().unwrap_or(0);
     }
 
-    fn count(&mut self, levels: impl Iterator<Item = (bool, bool)>, pickoff: i32) -> i32 {
+    fn count(&mut self, levels: impl Iterator<Item = (bool, bool)>, pickoff: i32) -> i64 {
         let mut counts = 0_i32;
         for (a, b) in levels {
             counts = counts.wrapping_add(self.counter.take(&mut self.count_state, a, b));
         }
         match &mut self.stripper {
-            None => counts,
-            // A period's counts fit: a tick has at most 2^16 of them and a period at most 2^16 ticks.
-            Some(stripper) => stripper.take(counts, pickoff).map_or(0, |out| i32::try_from(out.counts).unwrap_or(0)),
+            None => counts.into(),
+            Some(stripper) => stripper.take(counts, pickoff).map_or(0, |out| out.counts),
         }
     }
 

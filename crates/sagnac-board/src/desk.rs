@@ -110,9 +110,11 @@ impl<F: NorFlash> Desk<F> {
 }
 
 impl Line {
-    /// Goes on with another image between two ticks.
+    /// Goes on with what flash holds, between two ticks; with the image that runs already nothing changes.
     pub fn take_over(&mut self, loaded: &Loaded) {
-        self.board.take_over(loaded.image, loaded.origin);
+        if loaded.image != *self.board.image() {
+            self.board.take_over(loaded.image, loaded.origin);
+        }
     }
 }
 

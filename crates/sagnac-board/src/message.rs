@@ -269,7 +269,7 @@ impl Message {
 
 fn read_output(r: &mut Reader<'_>) -> Option<Output> {
     let (sequence, tick, counts, raw) = (r.u16()?, r.u32()?, r.i32()?, r.i32()?);
-    let status = Status::from_bits(r.u16()?)?;
+    let status = Status::from_bits(r.u16()?);
     let (path_status, light_status) = (r.u8()?, r.u8()?);
     let (actuator, current, temperature) = (r.i32()?, r.i32()?, r.i32()?);
     let lost_steps = r.u16()?;

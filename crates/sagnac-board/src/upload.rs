@@ -29,8 +29,8 @@ impl Upload {
         Self { bytes: [0; MAX_IMAGE_LEN] }
     }
 
-    /// Handles a piece, a commit or a roll back: what to answer and, where the image in force has changed, what it is
-    /// now. `None` for every other message.
+    /// Handles a piece, a commit or a roll back: what to answer and, where the image in force may have changed, what it
+    /// is now. `None` for every other message.
     pub fn handle<F: NorFlash>(
         &mut self,
         message: &Message,
@@ -44,7 +44,8 @@ impl Upload {
             _ => return None,
         };
         let loaded = banks.load(gyro);
-        let changed = code == ReplyCode::Done && !matches!(message, Message::Piece { .. });
+        // What flash holds counts, whatever the code says: a failed step may have changed it all the same.
+        let changed = !matches!(message, Message::Piece { .. });
         let reply = Reply { to: message.kind(), code, sequence: sequence(&loaded) };
         Some((reply, changed.then_some(loaded)))
     }

@@ -26,13 +26,13 @@ fn frames(bytes: &[u8]) -> (Vec<Frame>, u64) {
 
 fn message() -> impl Strategy<Value = Message> {
     prop_oneof![
-        (any::<[i32; 6]>(), any::<u16>(), 0_u16..256, any::<[u8; 2]>()).prop_map(|(v, n, status, [p, l])| {
+        (any::<[i32; 6]>(), any::<u16>(), any::<u16>(), any::<[u8; 2]>()).prop_map(|(v, n, status, [p, l])| {
             Message::Output(Output {
                 sequence: n,
                 tick: v[0] as u32,
                 counts: v[1],
                 raw: v[2],
-                status: Status::from_bits(status).unwrap(),
+                status: Status::from_bits(status),
                 path_status: p,
                 light_status: l,
                 actuator: v[3],

@@ -46,6 +46,7 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
+    loading::keep_inputs(&args.logs, args.output.iter().chain(&args.report).map(PathBuf::as_path))?;
     let options = FitOptions { model: model_choice(&args.model)?, source_date_epoch: source_date_epoch()? };
     let (windows, setup) = loading::windows(&args.logs, &args.setup)?;
     let (calibration, evidence) = calibrate_with_evidence(windows, &setup, &options)?;

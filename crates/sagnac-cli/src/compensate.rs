@@ -38,6 +38,7 @@ pub(crate) struct Args {
 
 pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     args.output.iter().try_for_each(|path| loading::check_output_name(path, "CSV, or Parquet for .parquet"))?;
+    loading::keep_inputs(&[&args.correction, &args.log], args.output.as_deref())?;
     let correction = loading::correction(&args.correction)?;
     let setup = args.setup.over(correction.setup())?;
     let summary = match &args.output {

@@ -10,7 +10,7 @@ use sagnac::write::write_bytes;
 use sagnac::{Error, Result};
 use sagnac_board::Message;
 use sagnac_core::Image;
-use sagnac_loops::LoopTable;
+use sagnac_loops::{LoopTable, TABLE_MAGIC};
 use sagnac_sim::plant::Design;
 
 use crate::console::{Console, Outcome, Ran};
@@ -27,7 +27,7 @@ Examples:
   sagnac export unit.cal.json --to upload --sequence 2 -o /dev/ttyUSB0
   sagnac export gyro.toml --to loops -o gyro.loops")]
 pub(crate) struct Args {
-    /// Calibration or flash image; for `--to loops` the scenario whose loops are meant
+    /// Calibration, flash image or reference vectors; for `--to loops` the scenario whose loops are meant
     #[arg(value_name = "INPUT")]
     input: PathBuf,
     /// What to write
@@ -37,16 +37,16 @@ pub(crate) struct Args {
     #[arg(short, long, value_name = "PATH")]
     output: PathBuf,
     /// Sequence number of the image, above that of the image the gyro has [default: 1]
-    #[arg(long)]
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..i64::from(u32::MAX)))]
     sequence: Option<u32>,
-    /// C and Verilog: the loops of this scenario too
-    #[arg(long, value_name = "SCENARIO")]
+    /// C and Verilog: the loops too, of this scenario or table of the loops
+    #[arg(long, value_name = "FILE")]
     loops: Option<PathBuf>,
     /// Verilog: width of a tick's counts, bits [default: 16]
-    #[arg(long)]
+    #[arg(long, value_parser = clap::value_parser!(u32).range(2..=32))]
     raw_bits: Option<u32>,
     /// Verilog: width of the increment, bits [default: 48]
-    #[arg(long)]
+    #[arg(long, value_parser = clap::value_parser!(u32).range(34..=48))]
     increment_bits: Option<u32>,
 }
 
@@ -67,6 +67,7 @@ enum Target {
 
 pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     check_flags(args)?;
+    loading::keep_inputs(&[&args.input], [args.output.as_path()])?;
     match args.to {
         Target::Image | Target::Upload => per_axis(args, console),
         Target::Loops => {
@@ -75,7 +76,7 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
         }
         Target::C => {
             let images = images(args)?;
-            let files = c_files(&images, table(args)?.as_ref());
+            let files = c_files(&images, table(args, &images)?.as_ref());
             folder(&args.output, &files, console)
         }
         Target::Verilog => {
@@ -84,7 +85,8 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
                 raw: args.raw_bits.unwrap_or(default.raw),
                 increment: args.increment_bits.unwrap_or(default.increment),
             };
-            let (images, table) = (images(args)?, table(args)?);
+            let images = images(args)?;
+            let table = table(args, &images)?;
             // All of them first: a refusal of the second axis leaves no folder of the first.
             let made: Result<Vec<_>> = images
                 .iter()
@@ -160,6 +162,12 @@ fn images(args: &Args) -> Result<Vec<Image>> {
             Err(Error::input("an image has its number already; export the calibration again").column("--sequence"))
         }
         Kind::Image => Ok(vec![loading::image(&args.input)?]),
+        Kind::Log if args.input.extension().is_some_and(|extension| extension == "hex") => {
+            let bytes = table_or_vectors(&args.input)?;
+            let refused =
+                |e: sagnac_core::DecodeError| Error::input(e.to_string()).file(args.input.display().to_string());
+            Ok(vec![Image::decode(&bytes).map_err(refused)?])
+        }
         _ => encode_all(&calibration(&args.input)?, args.sequence),
     }
 }
@@ -182,12 +190,38 @@ fn calibration(path: &Path) -> Result<Calibration> {
     Ok(calibration)
 }
 
-fn table(args: &Args) -> Result<Option<LoopTable>> {
-    args.loops.as_deref().map(loops_of).transpose()
+/// The loops, for the same tick as the images.
+fn table(args: &Args, images: &[Image]) -> Result<Option<LoopTable>> {
+    let Some(path) = args.loops.as_deref() else { return Ok(None) };
+    let table = loops_of(path)?;
+    match images.iter().find(|image| image.description().tick_ns != table.tick_ns) {
+        None => Ok(Some(table)),
+        Some(image) => Err(Error::input(format!(
+            "its loops are for a tick of {} ns, the correction for one of {} ns",
+            table.tick_ns,
+            image.description().tick_ns
+        ))
+        .file(path.display().to_string())),
+    }
 }
 
-/// The loops that a scenario describes, as the target holds them.
+/// The table in a file of reference vectors, or the file itself.
+fn table_or_vectors(path: &Path) -> Result<Vec<u8>> {
+    let bytes = std::fs::read(path).map_err(|e| Error::io_path(path, "read", &e))?;
+    let mut words = sagnac_vectors::Words::new(&bytes);
+    let Ok(head) = words.head() else { return Ok(bytes) };
+    let mut room = [0; sagnac_vectors::MAX_TABLE];
+    let table = words.table(&head, &mut room);
+    Ok(table.map_err(|e| Error::input(e.to_string()).file(path.display().to_string()))?.to_vec())
+}
+
+/// The loops of a table, of reference vectors, or of a scenario.
 fn loops_of(path: &Path) -> Result<LoopTable> {
+    let bytes = table_or_vectors(path)?;
+    if bytes.starts_with(&TABLE_MAGIC) {
+        let refused = |e: sagnac_loops::TableError| Error::input(e.to_string()).file(path.display().to_string());
+        return LoopTable::decode(&bytes).map_err(refused);
+    }
     let design = Design::of(&read_scenario(path)?).map_err(|problem| refused(path, &problem))?;
     Ok(LoopTable {
         tick_ns: (sagnac_sim::TICK_S * 1e9).round() as u32,
@@ -197,6 +231,9 @@ fn loops_of(path: &Path) -> Result<LoopTable> {
 }
 
 fn folder(path: &Path, files: &[TextFile], console: &mut Console) -> Ran {
+    if path.is_file() {
+        return Err(Error::input("this is a file; sources need a folder").file(path.display().to_string()));
+    }
     std::fs::create_dir_all(path).map_err(|e| Error::io_path(path, "create", &e))?;
     for file in files {
         write_bytes(&path.join(&file.name), file.text.as_bytes())?;

@@ -11,14 +11,16 @@ use sagnac_core::Status;
 use sagnac_loops::{IntensityStatus, PathLengthStatus};
 
 use crate::console::{Console, Outcome, Ran};
+use crate::loading;
 use crate::pipe::PipeAware;
 
 const HEADER: &str =
-    "sequence,tick,time_s,counts,raw,status,path_length,intensity,actuator,current,temperature,lost_steps\n";
+    "sequence,tick,time_s,counts,raw,status,path_length,intensity,actuator,current,thermometer_code,lost_steps\n";
 
 /// Read the frames of a gyro's serial line (docs/serial-line.md) and write them as CSV
 ///
-/// Damaged and missing frames are counted; what the gyro answered is told on standard error.
+/// Damaged and missing frames are counted; what the gyro answered is told on standard error. To standard output each
+/// frame is a row at once, so that a live line may be ended with Ctrl-C; a file of -o is written whole at the end.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -43,8 +45,12 @@ struct Tally {
     answers: Vec<Reply>,
     others: u64,
     missing: u64,
+    /// Places where the frames' own count or clock jumps by what no loss explains.
+    breaks: u64,
     damaged_bytes: u64,
-    last: Option<u16>,
+    last: Option<Output>,
+    /// Ticks since power-on, beyond the 32 bits of a frame.
+    ticks: u64,
 }
 
 /// As many answers are told one by one.
@@ -56,6 +62,9 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
             .column("--tick-us")
             .value(args.tick_us.to_string()));
     }
+    let inputs: &[&Path] = if args.input.as_os_str() == "-" { &[] } else { &[&args.input] };
+    loading::keep_inputs(inputs, args.output.as_deref())?;
+    args.output.iter().try_for_each(|path| loading::check_output_name(path, "CSV"))?;
     let mut tally = Tally::default();
     match &args.output {
         Some(path) => {
@@ -69,19 +78,17 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
             }
         }
     }
-    tell(&tally, &args.input, console)
+    tell(&tally, console)
 }
 
-fn tell(tally: &Tally, input: &Path, console: &mut Console) -> Ran {
+fn tell(tally: &Tally, console: &mut Console) -> Ran {
     for answer in &tally.answers {
         console.note(words_of(answer));
     }
-    if tally.outputs == 0 && tally.answers.is_empty() {
-        return Err(Error::input("holds no frame")
-            .file(input.display().to_string())
-            .help("docs/serial-line.md has the format"));
-    }
     console.note(format!("{} output frames, {} missing between them", tally.outputs, tally.missing));
+    if tally.breaks > 0 {
+        console.note(format!("{} times count or clock jump: restarts, or frames twice or in disorder", tally.breaks));
+    }
     if tally.damaged_bytes > 0 {
         console.note(format!("{} bytes belong to no frame: damaged or of another sender", tally.damaged_bytes));
     }
@@ -143,19 +150,41 @@ fn pour(args: &Args, tally: &mut Tally, out: &mut dyn Write) -> Result<()> {
         }
     }
     tally.damaged_bytes = reader.skipped() + reader.pending() as u64;
+    if tally.outputs == 0 && tally.answers.is_empty() {
+        let error = Error::input("holds no frame of a gyro").help("docs/serial-line.md has the format");
+        return Err(error.file(input.display().to_string()));
+    }
     out.flush().map_err(|e| written(&e))
 }
 
+/// A gap of more frames than this, five minutes, is a restart or a disorder.
+const LONGEST_GAP: u16 = 1 << 15;
+
 impl Tally {
+    /// Counts what is missing before an output, and its clock on.
+    fn follow(&mut self, output: &Output) {
+        let Some(last) = self.last.replace(*output) else {
+            self.ticks = output.tick.into();
+            return;
+        };
+        let gap = output.sequence.wrapping_sub(last.sequence).wrapping_sub(1);
+        let moved = output.tick.wrapping_sub(last.tick);
+        if gap < LONGEST_GAP && moved < 1 << 31 {
+            self.missing += u64::from(gap);
+            self.ticks += u64::from(moved);
+        } else {
+            self.breaks += 1;
+            self.ticks = output.tick.into();
+        }
+    }
+
     /// Counts a frame; the row of an output.
     fn take(&mut self, frame: &sagnac_board::frame::Frame, tick_us: f64) -> Option<String> {
         match Message::of(frame) {
             Some(Message::Output(output)) => {
                 self.outputs += 1;
-                if let Some(last) = self.last.replace(output.sequence) {
-                    self.missing += u64::from(output.sequence.wrapping_sub(last).wrapping_sub(1));
-                }
-                Some(row(&output, tick_us))
+                self.follow(&output);
+                Some(row(&output, self.ticks, tick_us))
             }
             Some(Message::Reply(reply)) => {
                 if reply.to == 0 {
@@ -175,20 +204,27 @@ impl Tally {
     }
 }
 
-fn row(o: &Output, tick_us: f64) -> String {
-    let time_s = f64::from(o.tick) * tick_us * 1e-6;
-    let path = names(PathLengthStatus::NAMES.iter().map(|(bit, name)| (bit.bits(), *name)), o.path_status);
-    let light = names(IntensityStatus::NAMES.iter().map(|(bit, name)| (bit.bits(), *name)), o.light_status);
-    let status: Vec<&str> =
-        Status::NAMES.iter().filter(|(bit, _)| o.status.contains(*bit)).map(|(_, name)| *name).collect();
-    let status = if status.is_empty() { "OK".to_owned() } else { status.join("+") };
+fn row(o: &Output, ticks: u64, tick_us: f64) -> String {
+    let time_s = ticks as f64 * tick_us * 1e-6;
+    let status = names(Status::NAMES.iter().map(|(bit, name)| (bit.bits(), *name)), o.status.bits());
+    let path = PathLengthStatus::NAMES.iter().map(|(bit, name)| (bit.bits().into(), *name));
+    let light = IntensityStatus::NAMES.iter().map(|(bit, name)| (bit.bits().into(), *name));
+    let (path, light) = (names(path, o.path_status.into()), names(light, o.light_status.into()));
     format!(
-        "{},{},{time_s:.6},{},{},{status},{path},{light},{},{},{},{}\n",
-        o.sequence, o.tick, o.counts, o.raw, o.actuator, o.current, o.temperature, o.lost_steps
+        "{},{ticks},{time_s:.6},{},{},{status},{path},{light},{},{},{},{}\n",
+        o.sequence, o.counts, o.raw, o.actuator, o.current, o.temperature, o.lost_steps
     )
 }
 
-fn names<'a>(all: impl Iterator<Item = (u8, &'a str)>, bits: u8) -> String {
-    let set: Vec<&str> = all.filter(|(bit, _)| bits & bit != 0).map(|(_, name)| name).collect();
+/// Names of the bits that are set, joined; bits without a name as a number.
+fn names<'a>(all: impl Iterator<Item = (u16, &'a str)>, bits: u16) -> String {
+    let (mut set, mut left) = (Vec::new(), bits);
+    for (bit, name) in all.filter(|(bit, _)| bits & bit != 0) {
+        set.push(name.to_owned());
+        left &= !bit;
+    }
+    if left != 0 {
+        set.push(format!("0x{left:x}"));
+    }
     if set.is_empty() { "OK".to_owned() } else { set.join("+") }
 }

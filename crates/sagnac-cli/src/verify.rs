@@ -40,6 +40,8 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
+    loading::keep_inputs(&args.retests, args.report.as_deref())?;
+    loading::keep_inputs(&[&args.correction], args.report.as_deref())?;
     let correction = loading::correction(&args.correction)?;
     let setup = args.setup.over(correction.setup())?;
     let limits = args.limits.as_deref().map(Limits::read).transpose()?;

@@ -28,6 +28,7 @@ pub(crate) struct Args {
 
 pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     loading::check_output_name(&args.output, "Parquet, or CSV for .csv")?;
+    loading::keep_inputs(&args.logs, [args.output.as_path()])?;
     let (windows, setup) = loading::windows(&args.logs, &args.setup)?;
     let mut bytes = Vec::new();
     if loading::has_extension(&args.output, "csv") {

@@ -99,7 +99,7 @@ fn what_cannot_be_is_refused_by_name() {
     for (args, expected) in [
         (&["--to", "c", "--raw-bits", "12"][..], "--raw-bits"),
         (&["--to", "image", "--increment-bits", "40"][..], "--increment-bits"),
-        (&["--to", "verilog", "--raw-bits", "33"][..], "2 to 32"),
+        (&["--to", "verilog", "--raw-bits", "33"][..], "2..=32"),
         (&["--to", "image", "--sequence", "3"][..], "--sequence"),
         (&["--to", "loops"][..], "UTF-8"),
     ] {
@@ -107,6 +107,55 @@ fn what_cannot_be_is_refused_by_name() {
         let (status, _, said) = sagnac(&all);
         assert!(status == 2 && said.contains(expected), "{args:?}: {status} {said}");
     }
+}
+
+/// Two terms whose sizes add up to the last value that 34 bits hold; rounded, their sum is one more.
+#[test]
+fn a_width_that_rounding_could_exceed_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, out) = (folder.path().join("edge.img"), folder.path().join("out"));
+    let mut description = *Image::decode(&fs::read(paper()).unwrap()).unwrap().description();
+    (description.terms[0].mantissa, description.terms[0].shift) = ((1 << 30) - 1, 20);
+    (description.terms[1].mantissa, description.terms[1].shift, description.terms[1].order) = (15, 24, 0);
+    description.term_count = 2;
+    fs::write(&path, sagnac::export::image_bytes(&Image::new(description).unwrap())).unwrap();
+    let with =
+        |bits: &str| sagnac(&["export", text(&path), "--to", "verilog", "-o", text(&out), "--increment-bits", bits]);
+    let (status, _, said) = with("34");
+    assert!(status == 3 && said.contains("give the increment 35 bits"), "{status} {said}");
+    assert_eq!(with("35").0, 0);
+}
+
+/// What is read is never written over: a capture, a log, an image, a calibration.
+#[test]
+fn inputs_stay_as_they_are() {
+    let folder = tempfile::tempdir().unwrap();
+    let cycle = folder.path().join("cycle-1.csv.gz");
+    fs::copy(root().join("testdata/chamber/cycle-1.csv.gz"), &cycle).unwrap();
+    let image = folder.path().join("unit.img");
+    fs::copy(paper(), &image).unwrap();
+    let line = folder.path().join("line.bin");
+    fs::write(&line, captured()).unwrap();
+    let bench = root().join("testdata/chamber/bench.toml");
+    for (file, args) in [
+        (&cycle, vec!["calibrate", text(&cycle), "--setup", text(&bench), "-o", text(&cycle)]),
+        (&cycle, vec!["window", text(&cycle), "--setup", text(&bench), "-o", text(&cycle)]),
+        (&image, vec!["export", text(&image), "--to", "upload", "-o", text(&image)]),
+        (&line, vec!["frames", text(&line), "-o", text(&line)]),
+    ] {
+        let before = fs::read(file).unwrap();
+        let (status, _, said) = sagnac(&args);
+        assert!(
+            status == 2 && (said.contains("write to another") || said.contains("no .gz is written")),
+            "{args:?}: {said}"
+        );
+        assert_eq!(fs::read(file).unwrap(), before, "{args:?}");
+    }
+    // And a capture without a frame leaves an older table alone.
+    let csv = folder.path().join("frames.csv");
+    fs::write(&csv, "precious").unwrap();
+    assert_eq!(sagnac(&["frames", text(&image), "-o", text(&csv)]).0, 2);
+    assert_eq!(fs::read(&csv).unwrap(), b"precious");
 }
 
 /// A board's line, as bytes.
@@ -156,6 +205,27 @@ fn frames_become_rows_and_damage_is_counted() {
     let (status, out, said) = sagnac(&["frames", text(&line)]);
     assert_eq!((status, out.lines().count()), (0, 39), "{said}");
     assert!(said.contains("38 output frames, 2 missing") && said.contains("40 bytes belong to no frame"), "{said}");
+}
+
+/// The clock goes on past its 32 bits, a restart is told, and bits without a name are shown.
+#[test]
+fn odd_frames_are_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let line = folder.path().join("line.bin");
+    let mut bytes = Vec::new();
+    for (sequence, tick) in [(7, u32::MAX - 49), (8, 50), (9, 150), (3, 100), (4, 200)] {
+        let status = sagnac_core::Status::from_bits(0x0101);
+        let output = sagnac_board::Output { sequence, tick, status, light_status: 0x24, ..Default::default() };
+        let (frame, len) = Message::Output(output).frame().unwrap().bytes();
+        bytes.extend_from_slice(&frame[..len]);
+    }
+    fs::write(&line, bytes).unwrap();
+    let (status, out, said) = sagnac(&["frames", text(&line)]);
+    assert_eq!(status, 0);
+    assert!(said.contains("5 output frames, 0 missing") && said.contains("1 times count or clock jump"), "{said}");
+    let rows: Vec<&str> = out.lines().skip(1).collect();
+    assert!(rows[1].starts_with("8,4294967346,429496.734600,") && rows[3].starts_with("3,100,0.010000,"), "{out}");
+    assert!(rows[0].contains(",OUT_OF_SPAN+0x100,OK,IGNITING+0x20,"), "{out}");
 }
 
 #[test]

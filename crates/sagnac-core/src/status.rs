@@ -43,9 +43,9 @@ impl Status {
         self.0
     }
 
-    /// The status with these raw bits; `None` if one of them has no meaning.
-    pub const fn from_bits(bits: u16) -> Option<Self> {
-        if bits < 1 << Self::NAMES.len() { Some(Self(bits)) } else { None }
+    /// The status with these raw bits, those without a meaning to this program too.
+    pub const fn from_bits(bits: u16) -> Self {
+        Self(bits)
     }
 
     /// True when every bit of `other` is set here.

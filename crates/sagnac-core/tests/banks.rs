@@ -237,6 +237,54 @@ fn an_older_image_comes_back_only_on_purpose() {
     assert_eq!(banks.load(&gyro()).image, new);
 }
 
+/// The older image rots after a roll back; a new one is stored, and the power cut in every step: what was left stays left.
+#[test]
+fn what_was_left_stays_left_through_a_cut_store() {
+    for seed in 0..60_u64 {
+        let mut dice = Dice(seed);
+        let images = [1, 2, 3].map(|sequence| image(sequence, &mut dice));
+        let mut flash = Flash::<8, 1024>::new(seed);
+        for update in [Update::Store(images[0]), Update::Store(images[1]), Update::RollBack] {
+            flash = apply(flash, &update).0;
+        }
+        // A bit of the older image, behind commit word and notes.
+        flash.rot(200, 320);
+        assert_eq!(force(&flash).1, Origin::FactoryDefaults, "seed {seed}");
+        let (after, done) = apply(Flash { steps: 0, ..flash.clone() }, &Update::Store(images[2]));
+        assert!(done && force(&after).0 == images[2]);
+        for step in 1..=after.steps {
+            let torn = Flash { left: Some(step), dice: Dice(dice.throw()), ..flash.clone() };
+            let (torn, _) = apply(torn, &Update::Store(images[2]));
+            let found = force(&Flash { left: None, ..torn });
+            let new = found.0 == images[2];
+            assert!(new || found.1 == Origin::FactoryDefaults, "seed {seed}, step {step}: {found:?}");
+        }
+    }
+}
+
+/// On flash with error correction a torn unit may not read at all: one such slot takes no other note away.
+#[test]
+fn a_slot_that_cannot_be_read_hides_no_note() {
+    let mut dice = Dice(21);
+    let images = [1, 2].map(|sequence| image(sequence, &mut dice));
+    let mut flash = Flash::<8, 1024>::new(1);
+    for image in &images {
+        flash = apply(flash, &Update::Store(*image)).0;
+    }
+    // The first slot is torn and unreadable; the note goes to the second, and counts.
+    flash.unreadable = 32..64;
+    let (flash, done) = apply(flash, &Update::RollBack);
+    assert!(done);
+    assert_eq!(force(&flash), (images[0], Origin::Newest));
+    for slot in [0, 2, 3] {
+        let slot = Flash { unreadable: 32 + 32 * slot..64 + 32 * slot, ..flash.clone() };
+        assert_eq!(force(&slot), (images[0], Origin::Newest));
+    }
+    // The bank in force itself: the left image does not come back for it.
+    let gone = Flash { unreadable: 192..224, ..flash.clone() };
+    assert_eq!(force(&gone).1, Origin::FactoryDefaults);
+}
+
 #[test]
 fn worn_flash_is_told_and_the_old_image_stays() {
     let mut dice = Dice(3);

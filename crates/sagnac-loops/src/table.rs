@@ -190,8 +190,11 @@ impl PathLength {
             (self.kp.is_sound(), "path-length kp"),
             (self.ki.is_sound(), "path-length ki"),
             (code(self.low) && code(self.high) && self.low < self.high, "path-length range"),
-            (self.reset_low >= self.low - 1 && self.reset_low <= self.high, "path-length reset_low"),
-            (self.reset_high <= self.high + 1 && self.reset_high >= self.reset_low, "path-length reset_high"),
+            (self.reset_low >= self.low.saturating_sub(1) && self.reset_low <= self.high, "path-length reset_low"),
+            (
+                self.reset_high <= self.high.saturating_add(1) && self.reset_high >= self.reset_low,
+                "path-length reset_high",
+            ),
             ((1..=2 * MAX_CODE).contains(&self.wavelength), "path-length wavelength"),
             ((0..=step).contains(&self.sweep_step_q32), "path-length sweep step"),
             ((1..=step).contains(&self.reset_step_q32), "path-length reset step"),

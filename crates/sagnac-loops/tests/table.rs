@@ -76,7 +76,9 @@ fn every_flipped_bit_is_refused() {
 fn values_that_cannot_run_are_refused_by_name() {
     let good = designed(20.0, false, 8).encode();
     // Place of a field in the table, what is put there, what is said.
-    let cases: [(usize, &[u8], &str); 6] = [
+    let cases: [(usize, &[u8], &str); 8] = [
+        (24 + 152, &[0, 0, 0, 0x80], "path-length range"),
+        (24 + 156, &[0xff, 0xff, 0xff, 0x7f], "path-length range"),
         (16, &[0, 0, 0, 0], "tick"),
         (24 + 128, &[7], "path-length reference"),
         (24 + 132, &[0, 0, 0, 0x40], "path-length kp"),

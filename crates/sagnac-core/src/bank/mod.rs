@@ -191,11 +191,16 @@ impl<F: NorFlash> Banks<F> {
         let found = self.look_at_both(gyro);
         let banks = found.map(|bank| bank.report);
         let force = in_force(&banks);
-        if let Some(BankReport::Valid { sequence: in_force, .. }) = force.and_then(|bank| banks.get(bank)) {
-            let offered = image.description().sequence;
-            if offered <= *in_force {
-                return Err(StoreError::NotNewer { in_force: *in_force, offered });
-            }
+        let in_force =
+            if let Some(BankReport::Valid { sequence: in_force, .. }) = force.and_then(|bank| banks.get(bank)) {
+                *in_force
+            } else {
+                // Replies tell the factory defaults by 0, so no image has it.
+                0
+            };
+        let offered = image.description().sequence;
+        if offered <= in_force {
+            return Err(StoreError::NotNewer { in_force, offered });
         }
         let stored = |report: &BankReport| match report {
             BankReport::Valid { stored, .. } | BankReport::Left { stored } => Some(*stored),
@@ -203,11 +208,16 @@ impl<F: NorFlash> Banks<F> {
         };
         let newest = found.iter().flat_map(|bank| [stored(&bank.report), bank.left]).flatten().max().unwrap_or(0);
         let sequence = newest.checked_add(1).ok_or(StoreError::CounterAtEnd)?;
-        // With nothing in force, a bank that is damaged or empty goes before one that holds something for another gyro.
-        let foreign = |report: &BankReport| matches!(report, BankReport::NoImage(_) | BankReport::Unfit(_));
+        // With nothing in force: what was left goes first, because the note that it was stands in the other bank; what
+        // is for another gyro goes last.
+        let rank = |report: &BankReport| match report {
+            BankReport::Left { .. } => 0,
+            BankReport::NoImage(_) | BankReport::Unfit(_) => 2,
+            _ => 1,
+        };
         let target = match (force, &banks) {
             (Some(bank), _) => 1 - bank,
-            (None, [first, second]) => usize::from(foreign(first) && !foreign(second)),
+            (None, [first, second]) => usize::from(rank(second) < rank(first)),
         };
         self.write(target, sequence, image)
     }
@@ -232,7 +242,8 @@ impl<F: NorFlash> Banks<F> {
         let start = self.start(older);
         for slot in 0..LEFT_SLOTS {
             let offset = start + LEFT_AT + slot * REGION_ALIGNMENT as u32;
-            if self.read_unit(offset).map_err(StoreError::Flash)? == BLANK {
+            // A slot that cannot be read was torn by an attempt before, on flash with error correction.
+            if self.read_unit(offset).is_ok_and(|unit| unit == BLANK) {
                 self.program(offset, &layout::left_unit(number))?;
                 return found.get(older).and_then(|bank| bank.image).ok_or(StoreError::NothingToGoBackTo);
             }
@@ -306,7 +317,7 @@ impl<F: NorFlash> Banks<F> {
 
     fn look(&mut self, bank: usize, gyro: &Gyro) -> Found {
         let start = self.start(bank);
-        let left = self.read_left(start).unwrap_or(None);
+        let left = self.read_left(start);
         match self.read_bank(start) {
             Err(_) => Found { report: BankReport::Unreadable, image: None, left },
             Ok(Err(report)) => Found { report, image: None, left },
@@ -320,13 +331,10 @@ impl<F: NorFlash> Banks<F> {
         }
     }
 
-    fn read_left(&mut self, start: u32) -> Result<Option<u32>, F::Error> {
-        let mut left = None;
-        for slot in 0..LEFT_SLOTS {
-            let unit = self.read_unit(start + LEFT_AT + slot * REGION_ALIGNMENT as u32)?;
-            left = left.max(layout::left_number(&unit));
-        }
-        Ok(left)
+    /// The highest number of the notes that can be read.
+    fn read_left(&mut self, start: u32) -> Option<u32> {
+        let units = (0..LEFT_SLOTS).map(|slot| start + LEFT_AT + slot * REGION_ALIGNMENT as u32);
+        units.filter_map(|offset| layout::left_number(&self.read_unit(offset).ok()?)).max()
     }
 
     /// Number of the store and image. The outer error is the flash's, the inner one what is wrong with the bank.

@@ -48,6 +48,8 @@ pub(crate) struct Flash<const UNIT: usize, const SECTOR: usize> {
     /// Programmed units that come back with a stuck bit.
     pub(crate) worn: bool,
     pub(crate) dice: Dice,
+    /// Reading any of these bytes fails: an error beyond what the part's own code corrects.
+    pub(crate) unreadable: std::ops::Range<usize>,
 }
 
 impl<const UNIT: usize, const SECTOR: usize> Flash<UNIT, SECTOR> {
@@ -59,6 +61,7 @@ impl<const UNIT: usize, const SECTOR: usize> Flash<UNIT, SECTOR> {
             left: None,
             steps: 0,
             worn: false,
+            unreadable: 0..0,
             dice: Dice(seed),
         }
     }
@@ -126,6 +129,9 @@ impl<const UNIT: usize, const SECTOR: usize> ReadNorFlash for Flash<UNIT, SECTOR
 
     fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), Fault> {
         let range = offset as usize..offset as usize + bytes.len();
+        if range.start < self.unreadable.end && self.unreadable.start < range.end {
+            return Err(Fault::NotAllowed(NorFlashErrorKind::Other));
+        }
         let from = self.bytes.get(range).ok_or(Fault::NotAllowed(NorFlashErrorKind::OutOfBounds))?;
         bytes.copy_from_slice(from);
         Ok(())

@@ -43,9 +43,10 @@ fn name_of(image: &Image) -> String {
 }
 
 fn about(images: &[Image]) -> String {
-    let serial = images.first().and_then(Image::serial).unwrap_or("").escape_default().to_string();
-    // A serial number may not end the comment.
-    format!("/* Constants of gyro {}. Made by `sagnac export --to c`. */\n", serial.replace("*/", "*_/"))
+    let serial = images.first().and_then(Image::serial).unwrap_or("");
+    // A serial number may neither end the comment nor begin another.
+    let plain = serial.replace(|c: char| !c.is_ascii_alphanumeric() && !" -_.".contains(c), "_");
+    format!("/* Constants of gyro {plain}. Made by `sagnac export --to c`. */\n")
 }
 
 fn unit_header(images: &[Image], loops: Option<&LoopTable>) -> String {

@@ -144,7 +144,9 @@ static uint32_t read_all(const sagnac_image *image, sagnac_compensator_state *st
     for (i = 0U; i < image->thermometer_count; i++) {
         const sagnac_thermometer *spec = &image->thermometers[i];
         sagnac_thermometer_state *memory = &state->thermometers[i];
-        if (read_thermometer(spec, memory, (present >> i) & 1U, codes[i], &readings[i]) == 0U) {
+        const uint32_t has_sample = (present >> i) & 1U;
+        const int32_t code = (has_sample != 0U) ? codes[i] : 0;
+        if (read_thermometer(spec, memory, has_sample, code, &readings[i]) == 0U) {
             held = 1U;
             *status |= SAGNAC_HELD;
             if (memory->held_updates > spec->hold_updates) {
@@ -469,7 +471,7 @@ static int64_t gyro_reach(const sagnac_image *image, sagnac_kind kind)
     return sagnac_floor_shift(sum, GUARD_BITS);
 }
 
-/* Printable text, without control characters or blanks. */
+/* The axis is a printable character; what is counted is within its range. */
 static uint32_t head_is_sound(const sagnac_image *image)
 {
     uint32_t sound = 1U;

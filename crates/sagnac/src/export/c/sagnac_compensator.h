@@ -159,7 +159,8 @@ void sagnac_compensator_start(sagnac_compensator_state *state);
 /* Goes on with a new image between two ticks: counts owed stay owed, the correction in force is slewed away from. */
 void sagnac_compensator_take_over(const sagnac_image *image, sagnac_compensator_state *state);
 
-/* A slow update: one code per thermometer; bit i of `present` says whether thermometer i has a sample. */
+/* A slow update: bit i of `present` says whether thermometer i has a sample, which is codes[i]; an image has
+ * thermometer_count of them, and a code is read only where its bit is set. */
 sagnac_misuse sagnac_compensator_update(const sagnac_image *image, sagnac_compensator_state *state,
                                         const int32_t *codes, uint32_t present);
 

@@ -3,6 +3,9 @@
 
 /* 2^32. */
 #define ONE_Q32 ((int64_t)4294967296)
+/* Length of a table of the loops, and of what its checksum covers. */
+#define TABLE_LENGTH 384U
+#define TABLE_BODY 380U
 /* Products of a gain are held to this, 2^-32 codes. */
 #define MOST_Q32 ((int64_t)2305843009213693952)
 
@@ -165,4 +168,19 @@ uint32_t sagnac_are_zero(sagnac_read_octet read, const void *context, uint32_t f
         }
     }
     return all;
+}
+
+uint32_t sagnac_is_loop_table(sagnac_read_octet read, const void *context, uint32_t length)
+{
+    uint32_t is_table = SAGNAC_NO;
+    if ((length == TABLE_LENGTH) && (sagnac_read_u32(read, context, 0U) == 0x4E474153U) &&
+        (sagnac_read_u32(read, context, 4U) == 0x544C4341U) && (sagnac_read_u16(read, context, 8U) == 1U) &&
+        (sagnac_crc32(read, context, 0U, TABLE_BODY) == sagnac_read_u32(read, context, TABLE_BODY))) {
+        is_table = sagnac_are_zero(read, context, 10U, 2U) & sagnac_are_zero(read, context, 20U, 4U);
+        /* Its own length, and a tick. */
+        if ((sagnac_read_u32(read, context, 12U) != TABLE_LENGTH) || (sagnac_read_u32(read, context, 16U) == 0U)) {
+            is_table = SAGNAC_NO;
+        }
+    }
+    return is_table;
 }

@@ -6,8 +6,6 @@
 #define MAX_MANTISSA ((int32_t)1073741823)
 #define MAX_TIME 1000000000U
 #define MAX_TRIES 255U
-#define TABLE_LENGTH 384U
-#define TABLE_BODY 380U
 #define LIGHT_AT 288U
 
 static void light_ignite(const sagnac_intensity *loop, sagnac_intensity_state *state, uint32_t tries)
@@ -221,11 +219,11 @@ static void light_load_fields(sagnac_intensity *loop, sagnac_read_octet read, co
 uint32_t sagnac_intensity_load(sagnac_intensity *loop, sagnac_read_octet read, const void *context, uint32_t length)
 {
     uint32_t loaded = 0U;
-    if ((length == TABLE_LENGTH) && (sagnac_read_u32(read, context, 0U) == 0x4E474153U) &&
-        (sagnac_read_u32(read, context, 4U) == 0x544C4341U) && (sagnac_read_u16(read, context, 8U) == 1U) &&
-        (sagnac_crc32(read, context, 0U, TABLE_BODY) == sagnac_read_u32(read, context, TABLE_BODY))) {
+    if (sagnac_is_loop_table(read, context, length) != 0U) {
         light_load_fields(loop, read, context);
-        loaded = light_is_sound(loop);
+        loaded = light_is_sound(loop) & sagnac_are_zero(read, context, 297U, 3U) &
+                 sagnac_are_zero(read, context, 305U, 3U) &
+                 sagnac_are_zero(read, context, 368U, 12U);
     }
     return loaded;
 }

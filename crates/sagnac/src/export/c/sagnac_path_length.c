@@ -7,8 +7,6 @@
 #define MAX_TIME 1000000000U
 #define MAX_DARK_SUM ((int64_t)536870912)
 #define MAX_MANTISSA ((int32_t)1073741823)
-#define TABLE_LENGTH 384U
-#define TABLE_BODY 380U
 #define PATH_AT 24U
 
 static int64_t middle_q32(const sagnac_path_length *loop)
@@ -303,9 +301,12 @@ static uint32_t path_is_sound(const sagnac_path_length *loop)
         (loop->low >= loop->high) || (loop->wavelength < 1) || (loop->wavelength > (2 * MAX_CODE))) {
         sound = 0U;
     }
-    if ((loop->reset_low < (loop->low - 1)) || (loop->reset_low > loop->high) ||
-        (loop->reset_high > (loop->high + 1)) || (loop->reset_high < loop->reset_low)) {
-        sound = 0U;
+    /* Only a range that is sound has room for a code on either side. */
+    if (sound != 0U) {
+        if ((loop->reset_low < (loop->low - 1)) || (loop->reset_low > loop->high) ||
+            (loop->reset_high > (loop->high + 1)) || (loop->reset_high < loop->reset_low)) {
+            sound = 0U;
+        }
     }
     if ((loop->sweep_step_q32 < 0) || (loop->sweep_step_q32 > MAX_STEP) || (loop->reset_step_q32 < 1) ||
         (loop->reset_step_q32 > MAX_STEP) || (loop->dark_sum < 0) || (loop->dark_sum > MAX_DARK_SUM)) {
@@ -358,11 +359,12 @@ uint32_t sagnac_path_length_load(sagnac_path_length *loop, sagnac_read_octet rea
                                  uint32_t length)
 {
     uint32_t loaded = 0U;
-    if ((length == TABLE_LENGTH) && (sagnac_read_u32(read, context, 0U) == 0x4E474153U) &&
-        (sagnac_read_u32(read, context, 4U) == 0x544C4341U) && (sagnac_read_u16(read, context, 8U) == 1U) &&
-        (sagnac_crc32(read, context, 0U, TABLE_BODY) == sagnac_read_u32(read, context, TABLE_BODY))) {
+    if (sagnac_is_loop_table(read, context, length) != 0U) {
         path_load_fields(loop, read, context);
-        loaded = path_is_sound(loop);
+        loaded = path_is_sound(loop) & sagnac_are_zero(read, context, 155U, 1U) &
+                 sagnac_are_zero(read, context, 161U, 3U) &
+                 sagnac_are_zero(read, context, 169U, 3U) &
+                 sagnac_are_zero(read, context, 248U, 40U);
     }
     return loaded;
 }

@@ -5,9 +5,10 @@
 // Bit for bit the Rust crate sagnac-core (docs/arithmetic.md). Three clocks from `tick` to `valid`. A new increment is
 // approached over SLEW_TICKS by an arithmetic progression: the first `steeper` ticks by slope + 1, the others by slope.
 //
-// `apply` brings the result of sagnac_series and is taken only while `due` is high, which it is for the boundary before a
-// period's first tick. A tick while `due`, or with |raw| > 2^29, is not taken: `refused` says so for a clock, and
-// nothing has changed. Ticks must be at least four clocks apart.
+// `apply` is the `ready` of sagnac_series: it may be high long before its time and is taken when `due` is high, at the
+// boundary before a period's first tick; `applied` says so for that clock. A tick that is not taken, because of `due`,
+// |raw| > 2^29, or a restart in the same clock, raises `refused` for a clock, and nothing has changed. Ticks must be at
+// least four clocks apart. `status` is the slow path's of the update in force.
 //
 // Where it fails: RAW_BITS too small for the pulses of a tick loses them before they get here.
 `timescale 1ns / 1ns
@@ -32,6 +33,9 @@ module sagnac_fast #(
     input  wire signed [INCREMENT_BITS-1:0] apply_target,
     input  wire signed [INCREMENT_BITS-1:0] apply_slope,
     input  wire        [31:0]               apply_steeper,
+    input  wire        [5:0]                apply_status,
+    output wire                             applied,
+    output reg         [5:0]                status,
     output wire                             due,
     output reg                              refused,
     output reg                              valid,
@@ -57,6 +61,7 @@ module sagnac_fast #(
     reg signed [63:0] sum;
 
     assign due = ticks_to_update == 32'd0;
+    assign applied = apply && due && !rst && !restart;
 
     wire signed [31:0] raw_wide = {{(32 - RAW_BITS + 1){raw[RAW_BITS-1]}}, raw[RAW_BITS-2:0]};
     wire too_large = !gap && (raw_wide > 32'sd536870912 || raw_wide < -32'sd536870912);
@@ -78,13 +83,17 @@ module sagnac_fast #(
             steeper <= 32'd0;
             slope <= {INCREMENT_BITS{1'b0}};
             target <= rst ? {INCREMENT_BITS{1'b0}} : increment;
+            status <= 6'b100000;
+            refused <= tick;
             if (rst) begin
                 increment <= {INCREMENT_BITS{1'b0}};
                 k <= 34'h100000000;
                 product <= 64'sd0;
             end
-        end else if (apply && due) begin
+        end else if (applied) begin
             ticks_to_update <= PERIOD;
+            status <= apply_status;
+            refused <= tick;
             if (!apply_held) begin
                 k <= apply_k;
                 target <= apply_target;

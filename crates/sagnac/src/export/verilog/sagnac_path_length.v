@@ -30,6 +30,7 @@ module sagnac_path_length (
 
     localparam signed [63:0] LOW_Q32 = {LOW, 32'd0};
     localparam signed [63:0] HIGH_Q32 = {HIGH, 32'd0};
+    localparam signed [63:0] MIDDLE_HALF_UP = RANGE_MIDDLE_Q32 + 64'sd2147483648;
     localparam signed [63:0] MOST = 64'sh2000000000000000;
 
     reg [5:0] index;
@@ -97,7 +98,7 @@ module sagnac_path_length (
             code_now <= 24'sd0;
             error <= 32'sd0;
             integral <= RANGE_MIDDLE_Q32;
-            held <= 32'sd0;
+            held <= MIDDLE_HALF_UP[63:32];
             modulation <= 32'sd0;
             stage <= 4'd0;
             last <= 1'b0;

@@ -5,12 +5,13 @@
 //
 // Bit for bit the Rust crate sagnac-core (docs/arithmetic.md). The constants of sagnac_unit.vh are one gyro axis'.
 //
-// `start` with a code and a `present` bit per thermometer begins; `done` is high for one clock at the end, and the outputs
-// stay until the next start. `target_now` is the increment in force at the boundary: sagnac_fast's target. Start it early
-// enough: LATENCY in docs/fpga.md is some thousands of clocks. `restart` forgets the thermometers (a new image).
+// `start` with a code and a `present` bit per thermometer begins; both are taken in that clock. `ready` rises at the end and
+// stays, with the outputs, until `taken` (the `applied` of sagnac_fast). `target_now` is the increment in force at the
+// boundary: sagnac_fast's target. Start it early enough: docs/fpga.md says how many clocks it takes. `restart` forgets
+// the thermometers (a new image).
 //
 // Every product is below 2^89 in size, shifted right with one rounding, halves upward.
-// Where it fails: started again before `done`, the start is not taken.
+// Where it fails: started again before `taken`, the start is not taken.
 `timescale 1ns / 1ns
 `default_nettype none
 
@@ -25,8 +26,9 @@ module sagnac_series #(
     input  wire        [127:0]              codes,
     input  wire        [3:0]                present,
     input  wire signed [INCREMENT_BITS-1:0] target_now,
+    input  wire                             taken,
     output wire                             busy,
-    output reg                              done,
+    output reg                              ready,
     output reg                              held,
     output reg         [33:0]               k,
     output reg  signed [INCREMENT_BITS-1:0] target,
@@ -62,6 +64,8 @@ module sagnac_series #(
     wire signed [63:0] result = product[63:0];
 
     // One thermometer at a time.
+    reg [127:0] codes_now;
+    reg [3:0] present_now;
     reg [2:0] sensor;
     // One thermometer alone needs no memory of four.
     wire [1:0] at = THERMOMETERS > 3'd1 ? sensor[1:0] : 2'd0;
@@ -95,7 +99,7 @@ module sagnac_series #(
     reg [INCREMENT_BITS-1:0] quotient;
     reg negative;
 
-    wire signed [31:0] code = codes[32*at +: 32];
+    wire signed [31:0] code = codes_now[32*at +: 32];
     wire signed [31:0] gain_mantissa = GAIN_MANTISSA[32*at +: 32];
     wire signed [31:0] offset = OFFSET[32*at +: 32];
     wire signed [31:0] plausible_lo = PLAUSIBLE_LO[32*at +: 32];
@@ -161,9 +165,13 @@ module sagnac_series #(
     endtask
 
     always @(posedge clk) begin
-        done <= 1'b0;
+        if (taken)
+            ready <= 1'b0;
         if (rst || restart) begin
             state <= IDLE;
+            ready <= 1'b0;
+            codes_now <= 128'd0;
+            present_now <= 4'd0;
             has_last <= 4'd0;
             earlier <= 6'b100000;
             status <= 6'b100000;
@@ -179,7 +187,9 @@ module sagnac_series #(
             end
         end else begin
             case (state)
-                IDLE: if (start) begin
+                IDLE: if (start && !ready) begin
+                    codes_now <= codes;
+                    present_now <= present;
                     sensor <= 3'd0;
                     held <= 1'b0;
                     said <= 6'd0;
@@ -194,7 +204,7 @@ module sagnac_series #(
                         // A held correction keeps what was said of the temperature it was made from.
                         said <= held ? said | (earlier & 6'b000011) : said;
                         state <= held ? FINISH : BASIS;
-                    end else if (present[at])
+                    end else if (present_now[at])
                         multiply({{32{code[31]}}, code}, {{3{gain_mantissa[31]}}, gain_mantissa},
                                  GAIN_SHIFT[7*at +: 7], 1'b1, CODE);
                     else begin
@@ -340,7 +350,7 @@ module sagnac_series #(
                 FINISH: begin
                     status <= {!corrected_once, said[4:0]};
                     earlier <= {!corrected_once, said[4:0]};
-                    done <= 1'b1;
+                    ready <= 1'b1;
                     state <= IDLE;
                 end
                 // The multiplier itself: 35 bits of the factor, the highest of them negative.

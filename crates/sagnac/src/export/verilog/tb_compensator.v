@@ -11,28 +11,31 @@ module tb_compensator;
     reg clk = 1'b0;
     always #5 clk = ~clk;
 
-    reg rst = 1'b1, restart = 1'b0, tick = 1'b0, gap = 1'b0, apply = 1'b0, start = 1'b0;
-    reg signed [31:0] raw = 32'sd0;
+    reg rst = 1'b1, restart = 1'b0, tick = 1'b0, gap = 1'b0, start = 1'b0;
+    reg signed [RAW_WIDTH-1:0] raw = {RAW_WIDTH{1'b0}};
     reg [127:0] codes = 128'd0;
     reg [3:0] present = 4'd0;
-    wire due, refused, valid, limited, overflow, busy, done, held;
+    wire due, refused, valid, limited, overflow, busy, ready, applied, held;
     wire signed [31:0] counts;
     wire signed [63:0] accumulator;
-    wire signed [47:0] increment, target, new_target, new_slope;
+    wire signed [INCREMENT_WIDTH-1:0] increment, target, new_target, new_slope;
+    wire signed [63:0] increment_wide = {{(64 - INCREMENT_WIDTH){increment[INCREMENT_WIDTH-1]}}, increment};
+    wire signed [63:0] target_wide = {{(64 - INCREMENT_WIDTH){target[INCREMENT_WIDTH-1]}}, target};
     wire [33:0] k, new_k;
     wire [31:0] new_steeper;
-    wire [5:0] slow_status;
+    wire [5:0] slow_status, new_status;
 
-    sagnac_fast #(.RAW_BITS(32), .INCREMENT_BITS(48), .PERIOD_TICKS(PERIOD_TICKS), .SLEW_TICKS(SLEW_TICKS),
+    sagnac_fast #(.RAW_BITS(RAW_WIDTH), .INCREMENT_BITS(INCREMENT_WIDTH), .PERIOD_TICKS(PERIOD_TICKS), .SLEW_TICKS(SLEW_TICKS),
                   .OUTPUT_LIMIT(OUTPUT_LIMIT)) fast (
-        .clk(clk), .rst(rst), .restart(restart), .tick(tick), .gap(gap), .raw(raw), .apply(apply), .apply_held(held),
+        .clk(clk), .rst(rst), .restart(restart), .tick(tick), .gap(gap), .raw(raw), .apply(ready), .applied(applied),
+        .apply_status(new_status), .status(slow_status), .apply_held(held),
         .apply_k(new_k), .apply_target(new_target), .apply_slope(new_slope), .apply_steeper(new_steeper), .due(due),
         .refused(refused), .valid(valid), .counts(counts), .limited(limited), .overflow(overflow),
         .accumulator(accumulator), .increment(increment), .target(target), .k(k));
-    sagnac_series #(.INCREMENT_BITS(48), .ORDER(HIGHEST_ORDER)) series (
+    sagnac_series #(.INCREMENT_BITS(INCREMENT_WIDTH), .ORDER(HIGHEST_ORDER)) series (
         .clk(clk), .rst(rst), .restart(restart), .start(start), .codes(codes), .present(present), .target_now(target),
-        .busy(busy), .done(done), .held(held), .k(new_k), .target(new_target), .slope(new_slope), .steeper(new_steeper),
-        .status(slow_status));
+        .taken(applied), .busy(busy), .ready(ready), .held(held), .k(new_k), .target(new_target), .slope(new_slope), .steeper(new_steeper),
+        .status(new_status));
 
     reg [31:0] words [0:131071];
     reg [8*512-1:0] name;
@@ -41,7 +44,7 @@ module tb_compensator;
     reg [31:0] out [0:6];
     reg [31:0] seed, hash, sum, status, last;
     reg signed [31:0] wanted;
-    reg failed;
+    reg failed, started;
     integer ticks, longest, clocks;
 
     wire [31:0] tick_status = {24'd0, overflow, limited, slow_status};
@@ -62,7 +65,11 @@ module tb_compensator;
     task one_tick(input signed [31:0] value, input without);
         begin
             @(negedge clk);
-            raw = value;
+            raw = value[RAW_WIDTH-1:0];
+            if ({{(32 - RAW_WIDTH + 1){raw[RAW_WIDTH-1]}}, raw[RAW_WIDTH-2:0]} !== value && !failed) begin
+                $display("FAILED: record %0d has %0d counts in a tick, more than RAW_WIDTH = %0d holds", record, value, RAW_WIDTH);
+                failed = 1'b1;
+            end
             gap = without;
             tick = 1'b1;
             @(negedge clk);
@@ -89,8 +96,22 @@ module tb_compensator;
         begin
             out[3] = accumulator[31:0];
             out[4] = accumulator[63:32];
-            out[5] = increment[31:0];
-            out[6] = {{16{increment[47]}}, increment[47:32]};
+            out[5] = increment_wide[31:0];
+            out[6] = increment_wide[63:32];
+        end
+    endtask
+
+    // Begins the slow path with the inputs of the record at `from`; they may change behind the start.
+    task begin_update(input integer from);
+        begin
+            @(negedge clk);
+            present = words[from + 1][3:0];
+            codes = {words[from + 5], words[from + 4], words[from + 3], words[from + 2]};
+            start = 1'b1;
+            @(negedge clk) start = 1'b0;
+            present = ~present;
+            codes = ~codes;
+            started = 1'b1;
         end
     endtask
 
@@ -99,26 +120,24 @@ module tb_compensator;
             if (!due)
                 out[0] = 32'd2;
             else begin
-                @(negedge clk);
-                present = in[0][3:0];
-                codes = {in[4], in[3], in[2], in[1]};
-                start = 1'b1;
-                @(negedge clk) start = 1'b0;
                 clocks = 0;
-                while (!done) begin
+                if (!started)
+                    begin_update(at);
+                started = 1'b0;
+                while (!applied && due) begin
                     @(negedge clk);
                     clocks = clocks + 1;
                 end
                 if (clocks > longest)
                     longest = clocks;
-                apply = 1'b1;
-                @(negedge clk) apply = 1'b0;
+                if (due)
+                    @(negedge clk);
                 out[1] = state_status;
             end
             out[2] = k[31:0];
             out[3] = {30'd0, k[33:32]};
-            out[4] = target[31:0];
-            out[5] = {{16{target[47]}}, target[47:32]};
+            out[4] = target_wide[31:0];
+            out[5] = target_wide[63:32];
         end
     endtask
 
@@ -130,6 +149,9 @@ module tb_compensator;
             sum = 32'd0;
             last = 32'd0;
             for (n = 0; n < in[0]; n = n + 1) begin
+                // As hardware does it: two ticks ahead, where the run goes just to the boundary.
+                if (in[0] - n == 2 && fast.ticks_to_update == 32'd2 && words[at + 16] == 32'd1 && record + 1 < records)
+                    begin_update(at + 16);
                 noise(in[3], wanted);
                 wanted = wanted + $signed(in[2]);
                 one_tick(wanted, 1'b0);
@@ -147,7 +169,7 @@ module tb_compensator;
             out[2] = out[3];
             out[3] = out[4];
             out[4] = out[5];
-            out[5] = {{16{increment[47]}}, increment[47:32]};
+            out[5] = increment_wide[63:32];
             out[0] = sum;
             out[1] = hash;
             out[6] = last;
@@ -187,6 +209,7 @@ module tb_compensator;
 
     initial begin
         failed = 1'b0;
+        started = 1'b0;
         ticks = 0;
         longest = 0;
         if (!$value$plusargs("vectors=%s", name)) begin
@@ -194,7 +217,7 @@ module tb_compensator;
             $finish;
         end
         $readmemh(name, words);
-        if (words[0] != 32'h5a67ac01 || words[1] != 32'd1) begin
+        if (words[0] !== 32'h5a67ac01 || words[1] !== 32'd1) begin
             $display("FAILED: not a vector file of the compensator");
             failed = 1'b1;
         end
@@ -203,6 +226,10 @@ module tb_compensator;
         repeat (3) @(negedge clk);
         rst = 1'b0;
         at = 4 + (words[2] + 3) / 4;
+        if (!failed && words[at - 1] !== IMAGE_CRC) begin
+            $display("FAILED: the vectors hold another image than this export: export the vector file itself");
+            failed = 1'b1;
+        end
         for (record = 0; record < records && !failed; record = record + 1) begin
             for (i = 0; i < 8; i = i + 1)
                 in[i] = words[at + 1 + i];
@@ -236,6 +263,8 @@ module tb_compensator;
         end
         if (!failed && ticks > 0)
             $display("PASSED: %0d records, %0d ticks, slow path %0d clocks at most", records, ticks, longest);
+        if (!failed && !(ticks > 0))
+            $display("FAILED: nothing was run");
         $finish;
     end
 endmodule

@@ -89,13 +89,17 @@ module tb_path_length;
             $finish;
         end
         $readmemh(name, words);
-        if (words[0] != 32'h5a67ac01 || words[1] != 32'd2) begin
+        if (words[0] !== 32'h5a67ac01 || words[1] !== 32'd2) begin
             $display("FAILED: not a vector file of the path-length loop");
             failed = 1'b1;
         end
         repeat (3) @(negedge clk);
         rst = 1'b0;
         at = 4 + (words[2] + 3) / 4;
+        if (!failed && words[at - 1] !== TABLE_CRC) begin
+            $display("FAILED: the vectors hold another table of the loops than this export: export the vector file itself");
+            failed = 1'b1;
+        end
         for (record = 0; record < words[3] && !failed; record = record + 1) begin
             if (words[at] == 32'd1 && words[at + 8][8])
                 run;
@@ -103,6 +107,8 @@ module tb_path_length;
         end
         if (!failed && runs > 0)
             $display("PASSED: %0d records with the loop closed, %0d ticks", runs, ticks);
+        if (!failed && !(runs > 0))
+            $display("FAILED: nothing was run");
         $finish;
     end
 endmodule

@@ -61,7 +61,7 @@ module tb_quadrature;
             $finish;
         end
         $readmemh(name, words);
-        if (words[0] != 32'h5a67ac01 || words[1] != 32'd4) begin
+        if (words[0] !== 32'h5a67ac01 || words[1] !== 32'd4) begin
             $display("FAILED: not a vector file of the quadrature counter");
             failed = 1'b1;
         end
@@ -85,6 +85,8 @@ module tb_quadrature;
         end
         if (!failed && pairs > 0)
             $display("PASSED: %0d records, %0d pairs of levels", record, pairs);
+        if (!failed && !(pairs > 0))
+            $display("FAILED: nothing was run");
         $finish;
     end
 endmodule
