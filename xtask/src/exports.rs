@@ -17,7 +17,7 @@ const STRICT: [&str; 9] =
     ["-std=c99", "-O2", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wsign-conversion", "-Wshadow", "-Werror"];
 const MODULES: [&str; 4] = ["sagnac_integer.c", "sagnac_compensator.c", "sagnac_path_length.c", "sagnac_intensity.c"];
 /// Findings of cppcheck's MISRA add-on that stay, with their reasons in docs/on-target.md: rule and how often.
-const JUSTIFIED: [(&str, usize); 1] = [("misra-c2012-8.7", 3)];
+const JUSTIFIED: [(&str, usize); 2] = [("misra-c2012-8.7", 3), ("misra-c2012-9.3", 2)];
 
 /// The table that a vector file holds.
 fn table(name: &str) -> Result<Vec<u8>> {
@@ -307,7 +307,8 @@ fn synthesise(folder: &Path) -> Result<()> {
         ("compensator-full", WHOLE, "pins"),
         ("compensator-full", LOOP, "sagnac_path_length"),
     ] {
-        let here = folder.join(name);
+        let here = folder.join(format!("{name}-cells"));
+        write(&here, &verilog_files(&image(name)?, Some(&loops()?), Widths::default())?)?;
         fs::copy(root().join("firmware/fpga/pins.v"), here.join("pins.v"))?;
         let latches =
             format!("{read}; hierarchy -top {top}; proc; opt; select -assert-none t:$dlatch t:$adlatch t:$sr");
@@ -348,7 +349,7 @@ fn cells(stat: &str, counted: &[&str]) -> String {
 /// On an iCE40 UP5K: the paper's image with counting, correction and slow path.
 fn place_and_route(folder: &Path) -> Result<()> {
     need(&[("nextpnr-ice40", "nextpnr-ice40")])?;
-    let here = folder.join("compensator-paper");
+    let here = folder.join("compensator-paper-cells");
     let args = ["--up5k", "--package", "sg48", "--json", "pins.json", "--freq", "12"];
     let placed = output(1800, "nextpnr-ice40", &args, &here)?;
     let told = String::from_utf8_lossy(&placed.stderr);

@@ -8,6 +8,7 @@ use cortex_m::asm::wfi;
 use cortex_m::interrupt::{Mutex, free};
 use cortex_m::peripheral::Peripherals;
 use cortex_m::peripheral::syst::SystClkSource;
+use cortex_m::singleton;
 use cortex_m_rt::{entry, exception};
 use sagnac_board::{Asked, Desk, Line, MemoryFlash, Message, RigSettings};
 use sagnac_core::Banks;
@@ -82,20 +83,10 @@ fn send(out: &mut Ring, message: Message) {
 fn main() -> ! {
     stack::paint();
     serial::start();
-    let banks = Banks::new(MemoryFlash::new(), 0, MemoryFlash::BANK);
-    let (Some(banks), Some(gyro), Some(loops)) = (banks, unit_gyro(), unit_loops()) else {
+    let Some(desk) = power_on() else {
         say(format_args!("the unit's image or loops cannot be used"));
         finish(false);
     };
-    let mut desk = Desk::new(banks, gyro, loops);
-    let (line, reply) = desk.power_on(RigSettings::default());
-    let mut out = Ring { bytes: [0; ROOM], read: 0, held: 0 };
-    send(&mut out, Message::Reply(reply));
-    free(|cs| {
-        if let Ok(mut slot) = SHARED.borrow(cs).try_borrow_mut() {
-            *slot = Some(Shared { line, out, idle: 0 });
-        }
-    });
     start_ticks();
     loop {
         while let Some(byte) = shared(|shared| shared.out.pop()).flatten() {
@@ -104,9 +95,39 @@ fn main() -> ! {
         let busy = shared(|shared| shared.line.left() > 0 || shared.out.held > 0).unwrap_or(false);
         if busy {
             wfi();
-        } else if let Some(asked) = serial::get().and_then(|byte| desk.take(byte)) {
-            answer(asked);
+        } else if let Some(byte) = serial::get() {
+            hear(desk, byte);
         }
+    }
+}
+
+/// What the main loop holds goes into static memory, and the room for making it is free again afterwards.
+#[inline(never)]
+fn power_on() -> Option<&'static mut Desk<MemoryFlash>> {
+    let desk = desk()?;
+    let (line, reply) = desk.power_on(RigSettings::default());
+    let mut out = Ring { bytes: [0; ROOM], read: 0, held: 0 };
+    send(&mut out, Message::Reply(reply));
+    free(|cs| {
+        if let Ok(mut slot) = SHARED.borrow(cs).try_borrow_mut() {
+            *slot = Some(Shared { line, out, idle: 0 });
+        }
+    });
+    Some(desk)
+}
+
+#[inline(never)]
+fn desk() -> Option<&'static mut Desk<MemoryFlash>> {
+    let banks = Banks::new(MemoryFlash::new(), 0, MemoryFlash::BANK)?;
+    let (gyro, loops) = (unit_gyro()?, unit_loops()?);
+    singleton!(: Desk<MemoryFlash> = Desk::new(banks, gyro, loops))
+}
+
+/// A byte of the line, and what a message that ends with it asks for.
+#[inline(never)]
+fn hear(desk: &mut Desk<MemoryFlash>, byte: u8) {
+    if let Some(asked) = desk.take(byte) {
+        answer(asked);
     }
 }
 

@@ -6,6 +6,8 @@
 /* Length of a table of the loops, and of what its checksum covers. */
 #define TABLE_LENGTH 384U
 #define TABLE_BODY 380U
+/* Largest size of a gain's mantissa. */
+#define MAX_MANTISSA 1073741823U
 /* Products of a gain are held to this, 2^-32 codes. */
 #define MOST_Q32 ((int64_t)2305843009213693952)
 
@@ -96,6 +98,12 @@ int64_t sagnac_gain_times(sagnac_gain gain, int32_t error)
         result = sagnac_held(product, -most, most) * sagnac_power(left);
     }
     return result;
+}
+
+uint32_t sagnac_gain_is_sound(sagnac_gain gain)
+{
+    const uint32_t fits = (sagnac_size32(gain.mantissa) <= MAX_MANTISSA) ? SAGNAC_YES : SAGNAC_NO;
+    return (gain.shift <= 62U) ? fits : SAGNAC_NO;
 }
 
 uint32_t sagnac_read_u16(sagnac_read_octet read, const void *context, uint32_t at)

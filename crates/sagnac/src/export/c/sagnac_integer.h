@@ -50,6 +50,9 @@ int32_t sagnac_codes(int64_t q32);
 /* error times the gain in 2^-32 codes, held to +-2^61; |error| <= 2^30. */
 int64_t sagnac_gain_times(sagnac_gain gain, int32_t error);
 
+/* SAGNAC_YES if both fields of a gain are in range: mantissa below 2^30 in size, shift 0 to 62. */
+uint32_t sagnac_gain_is_sound(sagnac_gain gain);
+
 /* Little-endian fields of an image or table. */
 uint32_t sagnac_read_u16(sagnac_read_octet read, const void *context, uint32_t at);
 uint32_t sagnac_read_u32(sagnac_read_octet read, const void *context, uint32_t at);

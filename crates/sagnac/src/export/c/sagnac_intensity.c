@@ -3,7 +3,6 @@
 
 #define MAX_CODE ((int32_t)8388608)
 #define MAX_ERROR ((int32_t)1073741824)
-#define MAX_MANTISSA ((int32_t)1073741823)
 #define MAX_TIME 1000000000U
 #define MAX_TRIES 255U
 #define LIGHT_AT 288U
@@ -164,11 +163,6 @@ void sagnac_intensity_tick(const sagnac_intensity *loop, sagnac_intensity_state 
     output->status = state->status;
 }
 
-static uint32_t light_gain_is_sound(sagnac_gain gain)
-{
-    return ((gain.mantissa <= MAX_MANTISSA) && (gain.mantissa >= -MAX_MANTISSA) && (gain.shift <= 62U)) ? SAGNAC_YES : SAGNAC_NO;
-}
-
 static uint32_t light_is_sum(const sagnac_intensity *loop, int64_t value)
 {
     return ((value >= 0) && (value <= ((int64_t)MAX_CODE * (int64_t)loop->ticks))) ? SAGNAC_YES : SAGNAC_NO;
@@ -176,7 +170,7 @@ static uint32_t light_is_sum(const sagnac_intensity *loop, int64_t value)
 
 static uint32_t light_is_sound(const sagnac_intensity *loop)
 {
-    uint32_t sound = light_gain_is_sound(loop->kp) & light_gain_is_sound(loop->ki);
+    uint32_t sound = sagnac_gain_is_sound(loop->kp) & sagnac_gain_is_sound(loop->ki);
     sound &= light_is_sum(loop, loop->set_point) & light_is_sum(loop, loop->dark_sum) & light_is_sum(loop, loop->low_sum);
     if ((loop->ticks == 0U) || (loop->error_shift > 40U) || (loop->least < 0) || (loop->least > loop->most) ||
         (loop->most > MAX_CODE)) {

@@ -6,7 +6,6 @@
 #define MAX_STEP ((int64_t)72057594037927936)
 #define MAX_TIME 1000000000U
 #define MAX_DARK_SUM ((int64_t)536870912)
-#define MAX_MANTISSA ((int32_t)1073741823)
 #define PATH_AT 24U
 
 static int64_t middle_q32(const sagnac_path_length *loop)
@@ -261,11 +260,6 @@ void sagnac_path_length_tick(const sagnac_path_length *loop, sagnac_path_length_
     output->status = state->status;
 }
 
-static uint32_t path_gain_is_sound(sagnac_gain gain)
-{
-    return ((gain.mantissa <= MAX_MANTISSA) && (gain.mantissa >= -MAX_MANTISSA) && (gain.shift <= 62U)) ? SAGNAC_YES : SAGNAC_NO;
-}
-
 static uint32_t path_is_code(int32_t value)
 {
     return ((value >= -MAX_CODE) && (value <= MAX_CODE)) ? SAGNAC_YES : SAGNAC_NO;
@@ -295,7 +289,7 @@ static uint32_t reference_is_sound(const sagnac_path_length *loop)
 
 static uint32_t path_is_sound(const sagnac_path_length *loop)
 {
-    uint32_t sound = reference_is_sound(loop) & path_gain_is_sound(loop->kp) & path_gain_is_sound(loop->ki);
+    uint32_t sound = reference_is_sound(loop) & sagnac_gain_is_sound(loop->kp) & sagnac_gain_is_sound(loop->ki);
     sound &= path_is_code(loop->low) & path_is_code(loop->high);
     if ((loop->modulation < 0) || (loop->modulation > MAX_CODE) || (loop->error_shift > 40U) ||
         (loop->low >= loop->high) || (loop->wavelength < 1) || (loop->wavelength > (2 * MAX_CODE))) {
