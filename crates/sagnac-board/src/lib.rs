@@ -23,12 +23,14 @@
 mod board;
 mod desk;
 pub mod frame;
+mod memory_flash;
 mod message;
 mod rig;
 mod upload;
 
 pub use board::{Board, Commands, FRAME_TICKS, Sample};
-pub use desk::{Asked, Desk, Line, MemoryFlash, NotAllowed, run};
+pub use desk::{Asked, Desk, Line, run};
+pub use memory_flash::{MemoryFlash, NotAllowed};
 pub use message::{Message, OUTPUT_LEN, Output, Reply, ReplyCode, RigSettings, Row};
 pub use rig::Rig;
 pub use upload::Upload;
