@@ -43,7 +43,7 @@ module pins (
         .apply_steeper(new_steeper), .due(due), .refused(refused), .valid(valid), .counts(corrected), .limited(limited),
         .overflow(overflow), .accumulator(accumulator), .increment(increment), .target(target), .k(k));
     sagnac_series #(.INCREMENT_BITS(INCREMENT_WIDTH), .ORDER(HIGHEST_ORDER)) series (
-        .clk(clk), .rst(rst), .restart(1'b0), .start(start), .codes(in[127:0]), .present(in[131:128]),
+        .clk(clk), .rst(rst), .restart(1'b0), .start(start), .codes(in[131:4]), .present(in[3:0]),
         .target_now(target), .taken(applied), .busy(busy), .ready(ready), .held(held), .k(new_k), .target(new_target), .slope(new_slope),
         .steeper(new_steeper), .status(new_status));
 

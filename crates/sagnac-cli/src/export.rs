@@ -1,5 +1,6 @@
 //! `sagnac export`: a calibration becomes what the target holds.
 
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
@@ -91,7 +92,7 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
             let made: Result<Vec<_>> = images
                 .iter()
                 .map(|image| {
-                    let axis = char::from(image.description().axis).to_string();
+                    let axis = path_letter(char::from(image.description().axis));
                     let path = if images.len() == 1 { args.output.clone() } else { args.output.join(axis) };
                     let files = verilog_files(image, table.as_ref(), widths);
                     Ok((path, files.map_err(|e| e.file(args.input.display().to_string()))?))
@@ -207,7 +208,11 @@ fn table(args: &Args, images: &[Image]) -> Result<Option<LoopTable>> {
 
 /// The table in a file of reference vectors, or the file itself.
 fn table_or_vectors(path: &Path) -> Result<Vec<u8>> {
-    let bytes = std::fs::read(path).map_err(|e| Error::io_path(path, "read", &e))?;
+    /// Far beyond any of them.
+    const MOST_BYTES: u64 = 16 << 20;
+    let file = std::fs::File::open(path).map_err(|e| Error::io_path(path, "open", &e))?;
+    let mut bytes = Vec::new();
+    file.take(MOST_BYTES).read_to_end(&mut bytes).map_err(|e| Error::io_path(path, "read", &e))?;
     let mut words = sagnac_vectors::Words::new(&bytes);
     let Ok(head) = words.head() else { return Ok(bytes) };
     let mut room = [0; sagnac_vectors::MAX_TABLE];
@@ -249,8 +254,14 @@ fn wrote(path: &Path, bytes: &[u8], console: &mut Console) -> Ran {
     Ok(Outcome::Done)
 }
 
+/// An axis as part of a name: whatever is no letter or digit becomes its number, so that no name leaves its folder.
+fn path_letter(axis: char) -> String {
+    if axis.is_ascii_alphanumeric() { axis.to_string() } else { format!("{:02x}", u32::from(axis)) }
+}
+
 /// `unit.img` becomes `unit-x.img`.
 fn path_of_axis(path: &Path, axis: char) -> PathBuf {
+    let axis = path_letter(axis);
     let stem = path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
     let name = match path.extension() {
         Some(extension) => format!("{stem}-{axis}.{}", extension.to_string_lossy()),
