@@ -285,6 +285,19 @@ fn a_slot_that_cannot_be_read_hides_no_note() {
     assert_eq!(force(&gone).1, Origin::FactoryDefaults);
 }
 
+/// A fuzzer's find: four zero bytes where a note would stand are none, and stores go on.
+#[test]
+fn zeros_in_a_blank_slot_are_no_note() {
+    let mut dice = Dice(2);
+    let (old, new) = (image(1, &mut dice), image(2, &mut dice));
+    let (mut flash, _) = apply(Flash::<4, 2048>::new(1), &Update::Store(old));
+    flash.bytes[36..40].fill(0);
+    assert_eq!(force(&flash), (old, Origin::Newest));
+    let (flash, done) = apply(flash, &Update::Store(new));
+    assert!(done);
+    assert_eq!(force(&flash), (new, Origin::Newest));
+}
+
 #[test]
 fn worn_flash_is_told_and_the_old_image_stays() {
     let mut dice = Dice(3);

@@ -114,7 +114,8 @@ pub(super) fn left_number(unit: &Unit) -> Option<u32> {
     let mut r = Reader::new(unit);
     let mut found = None;
     while let (Some(number), Some(complement)) = (r.u32(), r.u32()) {
-        if number == !complement {
+        // Four zero bytes in a blank unit would read as the last number there is, which no store gets.
+        if number == !complement && number != u32::MAX {
             found = found.max(Some(number));
         }
     }

@@ -207,7 +207,7 @@ impl<F: NorFlash> Banks<F> {
             _ => None,
         };
         let newest = found.iter().flat_map(|bank| [stored(&bank.report), bank.left]).flatten().max().unwrap_or(0);
-        let sequence = newest.checked_add(1).ok_or(StoreError::CounterAtEnd)?;
+        let sequence = newest.checked_add(1).filter(|next| *next < u32::MAX).ok_or(StoreError::CounterAtEnd)?;
         // With nothing in force: what was left goes first, because the note that it was stands in the other bank; what
         // is for another gyro goes last.
         let rank = |report: &BankReport| match report {
