@@ -37,16 +37,17 @@ pub(crate) fn firmware() -> Result<()> {
     fs::create_dir_all(&folder)?;
     let sysroot = sysroot(&folder)?;
     let unit = unit(&folder)?;
-    let refused =
-        build(&sysroot, &unit, &["--features", "broken"]).err().context("a firmware with a panic path links")?;
+    let refused = build(&sysroot, &unit.image, &unit.loops, &["--features", "broken"])
+        .err()
+        .context("a firmware with a panic path links")?;
     let reason = format!("{refused:#}");
     ensure!(reason.contains("sagnac_firmware_has_a_panic_path"), "it fails for another reason: {reason}");
-    build(&sysroot, &unit, &[])?;
+    build(&sysroot, &unit.image, &unit.loops, &[])?;
     println!("check: no panic path in the linked programs, and with one they do not link");
     for line in emulate("vectors", &["-serial", "null"], 300)?.lines() {
         println!("check: Rust on the target: {line}");
     }
-    instructions(&sysroot, &folder)?;
+    instructions(&sysroot, &folder, &unit)?;
     line_of(&folder, &unit, "without dither", 0, 600)?;
     line_of(&folder, &unit, "dithered", 60, 60)?;
     println!("firmware: every check passed");
@@ -89,7 +90,6 @@ fn sysroot(folder: &Path) -> Result<PathBuf> {
 struct Unit {
     image: PathBuf,
     loops: PathBuf,
-    calibration: PathBuf,
     log: PathBuf,
 }
 
@@ -97,17 +97,12 @@ struct Unit {
 fn unit(folder: &Path) -> Result<Unit> {
     sh("cargo", &["build", "--release", "--locked", "--package", "sagnac-cli"])?;
     let file = |name: &str| folder.join(name);
-    let unit = Unit {
-        image: file("unit.img"),
-        loops: file("unit.loops"),
-        calibration: file("unit.cal.json"),
-        log: file("ten-minutes.csv"),
-    };
-    let thermal = file("thermal.csv");
+    let unit = Unit { image: file("unit.img"), loops: file("unit.loops"), log: file("ten-minutes.csv") };
+    let (thermal, calibration) = (file("thermal.csv"), file("unit.cal.json"));
     sagnac(&["simulate", "scenarios/paper/paper.toml", "-o", text(&thermal)?])?;
     let calibrate = ["calibrate", text(&thermal)?, "--setup", "scenarios/paper/bench.toml", "-o"];
-    sagnac(&[&calibrate[..], &[text(&unit.calibration)?]].concat())?;
-    sagnac(&["export", text(&unit.calibration)?, "--to", "image", "-o", text(&unit.image)?])?;
+    sagnac(&[&calibrate[..], &[text(&calibration)?]].concat())?;
+    sagnac(&["export", text(&calibration)?, "--to", "image", "-o", text(&unit.image)?])?;
     sagnac(&["export", SCENARIO, "--to", "loops", "-o", text(&unit.loops)?])?;
     sagnac(&["simulate", SCENARIO, "-o", text(&unit.log)?])?;
     Ok(unit)
@@ -117,7 +112,7 @@ fn sagnac(args: &[&str]) -> Result<String> {
     said(300, text(&root().join("target/release/sagnac"))?, args, &root())
 }
 
-fn build(sysroot: &Path, unit: &Unit, features: &[&str]) -> Result<()> {
+fn build(sysroot: &Path, image: &Path, loops: &Path, features: &[&str]) -> Result<()> {
     let flags = format!("-C link-arg=-Tlink.x -C linker=arm-none-eabi-ld --sysroot {}", text(sysroot)?);
     let target = root().join("target/firmware/build");
     let args = ["build", "--release", "--locked", "--target", TARGET, "--target-dir", text(&target)?];
@@ -127,8 +122,8 @@ fn build(sysroot: &Path, unit: &Unit, features: &[&str]) -> Result<()> {
         .current_dir(root().join("firmware/gyro"))
         .env("RUSTC", "/usr/bin/rustc")
         .env("RUSTFLAGS", &flags)
-        .env("SAGNAC_IMAGE", &unit.image)
-        .env("SAGNAC_LOOPS", &unit.loops)
+        .env("SAGNAC_IMAGE", image)
+        .env("SAGNAC_LOOPS", loops)
         .output()
         .context("cannot start cargo")?;
     ensure!(output.status.success(), "the firmware does not build:\n{}", String::from_utf8_lossy(&output.stderr));
@@ -144,16 +139,14 @@ fn emulate(program: &str, args: &[&str], seconds: u32) -> Result<String> {
 }
 
 /// Instructions of the image with bias 5, rate 1 and scale 2, which the vectors hold.
-fn instructions(sysroot: &Path, folder: &Path) -> Result<()> {
+fn instructions(sysroot: &Path, folder: &Path, unit: &Unit) -> Result<()> {
     let vectors = fs::read(root().join("testdata/vectors/compensator-full.hex"))?;
     let mut words = sagnac_vectors::Words::new(&vectors);
     let head = words.head()?;
     let mut bytes = [0; sagnac_vectors::MAX_TABLE];
     let image = folder.join("full.img");
     fs::write(&image, words.table(&head, &mut bytes)?)?;
-    let loops = folder.join("unit.loops");
-    let full = Unit { image, loops, calibration: PathBuf::new(), log: PathBuf::new() };
-    build(sysroot, &full, &["--bin", "measure"])?;
+    build(sysroot, &image, &unit.loops, &["--bin", "measure"])?;
     let said = emulate("measure", &["-serial", "null", "-icount", "shift=0"], 60)?;
     let number = |name: &str| -> Result<u32> {
         let line =
@@ -172,12 +165,8 @@ fn instructions(sysroot: &Path, folder: &Path) -> Result<()> {
     {
         ensure!(found <= most, "{name}: {found} instructions, at most {most}");
     }
-    build(sysroot, &unit_files(folder), &[])
-}
-
-fn unit_files(folder: &Path) -> Unit {
-    let file = |name: &str| folder.join(name);
-    Unit { image: file("unit.img"), loops: file("unit.loops"), calibration: PathBuf::new(), log: PathBuf::new() }
+    // The other programs are the unit's own again.
+    build(sysroot, &unit.image, &unit.loops, &[])
 }
 
 /// The ten-minute log over the emulated board's serial line and through the same board here.

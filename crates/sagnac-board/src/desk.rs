@@ -9,7 +9,7 @@ use sagnac_loops::LoopTable;
 
 use crate::board::{Board, Commands};
 use crate::frame::{Frame, Reader};
-use crate::message::{Message, Output, Reply, ReplyCode, RigSettings, Row};
+use crate::message::{Message, Output, POWER_ON, Reply, ReplyCode, RigSettings, Row};
 use crate::rig::Rig;
 use crate::upload::Upload;
 
@@ -90,7 +90,7 @@ impl<F: NorFlash> Desk<F> {
         let loaded = self.banks.load(&self.gyro);
         let dithered = (settings.dither_counts > 0).then_some(LONGEST_DITHER_TICKS);
         let board = Board::new(loaded.image, loaded.origin, &self.loops, Rig::LEVELS, dithered);
-        let reply = Reply { to: 0, code: ReplyCode::Done, sequence: loaded.image.description().sequence };
+        let reply = Reply { to: POWER_ON, code: ReplyCode::Done, sequence: loaded.image.description().sequence };
         (Line { board, rig: Rig::new(settings), commands: Commands::default() }, reply)
     }
 

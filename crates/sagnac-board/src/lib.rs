@@ -31,6 +31,8 @@ mod upload;
 pub use board::{Board, Commands, FRAME_TICKS, Sample};
 pub use desk::{Asked, Desk, Line, run};
 pub use memory_flash::{MemoryFlash, NotAllowed};
-pub use message::{Message, OUTPUT_LEN, Output, Reply, ReplyCode, RigSettings, Row};
+pub use message::{
+    COMMIT, Message, OUTPUT_LEN, Output, PIECE, POWER_ON, ROLL_BACK, Reply, ReplyCode, RigSettings, Row,
+};
 pub use rig::Rig;
 pub use upload::Upload;

@@ -9,9 +9,14 @@ const OUTPUT: u8 = 0x01;
 const REPLY: u8 = 0x02;
 const SETTINGS: u8 = 0x10;
 const ROW: u8 = 0x11;
-const PIECE: u8 = 0x20;
-const COMMIT: u8 = 0x21;
-const ROLL_BACK: u8 = 0x22;
+/// Kind of a piece of an image, as replies name it.
+pub const PIECE: u8 = 0x20;
+/// Kind of a commit.
+pub const COMMIT: u8 = 0x21;
+/// Kind of a roll back.
+pub const ROLL_BACK: u8 = 0x22;
+/// What a reply at power-on answers.
+pub const POWER_ON: u8 = 0;
 const STOP: u8 = 0x30;
 
 /// Bytes of an output frame.
@@ -106,7 +111,7 @@ pub enum ReplyCode {
 /// An answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Reply {
-    /// Kind of the message that is answered; 0: power-on.
+    /// Kind of the message that is answered, or [`POWER_ON`].
     pub to: u8,
     /// What became of it.
     pub code: ReplyCode,

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use sagnac::write::write_atomically;
 use sagnac::{Error, Result};
 use sagnac_board::frame::Reader;
-use sagnac_board::{Message, Output, Reply, ReplyCode};
+use sagnac_board::{COMMIT, Message, Output, PIECE, POWER_ON, ROLL_BACK, Reply, ReplyCode};
 use sagnac_core::Status;
 use sagnac_loops::{IntensityStatus, PathLengthStatus};
 
@@ -100,10 +100,10 @@ fn tell(tally: &Tally, console: &mut Console) -> Ran {
 
 fn words_of(reply: &Reply) -> String {
     let what = match reply.to {
-        0 => "power-on",
-        0x20 => "piece of an image",
-        0x21 => "commit of an image",
-        0x22 => "roll back",
+        POWER_ON => "power-on",
+        PIECE => "piece of an image",
+        COMMIT => "commit of an image",
+        ROLL_BACK => "roll back",
         _ => "message",
     };
     let became = match reply.code {
@@ -187,11 +187,11 @@ impl Tally {
                 Some(row(&output, self.ticks, tick_us))
             }
             Some(Message::Reply(reply)) => {
-                if reply.to == 0 {
+                if reply.to == POWER_ON {
                     // Power-on begins a new count.
                     self.last = None;
                 }
-                if self.answers.len() < MOST_ANSWERS && !(reply.to == 0x20 && reply.code == ReplyCode::Done) {
+                if self.answers.len() < MOST_ANSWERS && !(reply.to == PIECE && reply.code == ReplyCode::Done) {
                     self.answers.push(reply);
                 }
                 None
