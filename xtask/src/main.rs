@@ -22,7 +22,7 @@ cargo xtask no-panic   link check: sagnac-core, sagnac-loops and sagnac-board ha
 cargo xtask conserve   1e9 ticks (27.8 h): every count accounted for
 cargo xtask deny       licences, bans and sources of the dependencies (installs cargo-deny if missing)
 cargo xtask testdata   make the logs in testdata/ anew
-cargo xtask bench      [simulator] time and memory beside the peers, to docs/performance.md (10 minutes, 4 GB in target/bench; needs python3-venv)
+cargo xtask bench      [simulator | allan] time and memory beside the peers, to docs/performance.md (10 minutes, 4 GB in target/bench; needs python3-venv)
 cargo xtask fuzz       a million executions of every fuzz target, or of those named (installs cargo-fuzz if missing)
 cargo xtask pictures   make the pictures of the README and of docs/ anew (needs chromium)
 cargo xtask errors     make docs/errors.md anew

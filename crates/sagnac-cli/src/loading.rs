@@ -17,6 +17,9 @@ use crate::setup_args::SetupArgs;
 /// No calibration is larger.
 const MAX_CALIBRATION_BYTES: u64 = 64 << 20;
 
+/// Enough for a magic number or a line of headers.
+const FIRST_BYTES: u64 = 1024;
+
 /// What a file is, by its first bytes.
 pub(crate) enum Kind {
     Image,
@@ -33,25 +36,24 @@ pub(crate) fn kind_of(path: &Path) -> Result<Kind> {
         // What was read from a pipe cannot be read again.
         return Ok(Kind::Log);
     }
-    let mut file = std::fs::File::open(path).map_err(|e| Error::io_path(path, "open", &e))?;
-    if path.is_dir() {
-        return Err(Error::input("this is a directory; a file is needed").file(path.display().to_string()));
-    }
-    let mut start = [0; 8];
-    let mut have = 0;
-    while have < start.len() {
-        match file.read(&mut start[have..]).map_err(|e| Error::io_path(path, "read", &e))? {
-            0 => break,
-            n => have += n,
-        }
-    }
-    let start = &start[..have];
-    Ok(match start {
-        _ if start == MAGIC => Kind::Image,
+    let start = first_bytes(path)?;
+    Ok(match start.as_slice() {
+        start if start.starts_with(&MAGIC) => Kind::Image,
         [b'{', ..] => Kind::Calibration,
         [b'P', b'A', b'R', b'1', ..] if is_table(path)? => Kind::WindowTable,
         _ => Kind::Log,
     })
+}
+
+/// The first bytes of a file.
+pub(crate) fn first_bytes(path: &Path) -> Result<Vec<u8>> {
+    let file = std::fs::File::open(path).map_err(|e| Error::io_path(path, "open", &e))?;
+    if path.is_dir() {
+        return Err(Error::input("this is a directory; a file is needed").file(path.display().to_string()));
+    }
+    let mut start = Vec::new();
+    file.take(FIRST_BYTES).read_to_end(&mut start).map_err(|e| Error::io_path(path, "read", &e))?;
+    Ok(start)
 }
 
 /// True for a name that ends so, in any case.

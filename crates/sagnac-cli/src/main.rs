@@ -4,6 +4,7 @@
 //! done, 1 limits not met, 2 bad usage or input, 3 refused because the data cannot support the answer.
 #![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used, clippy::panic))]
 
+mod allan;
 mod calibrate;
 mod compensate;
 mod console;
@@ -56,6 +57,7 @@ enum Command {
     Verify(verify::Args),
     Compensate(compensate::Args),
     Window(window::Args),
+    Allan(allan::Args),
     Inspect(inspect::Args),
     Export(export::Args),
     Frames(frames::Args),
@@ -70,6 +72,7 @@ fn main() -> ExitCode {
     let json = match &cli.command {
         Command::Calibrate(args) => args.json,
         Command::Verify(args) => args.json,
+        Command::Allan(args) => args.json,
         Command::Inspect(args) => args.json,
         _ => false,
     };
@@ -104,6 +107,7 @@ fn run(command: Command, console: &mut Console) -> console::Ran {
         Command::Verify(args) => verify::run(&args, console),
         Command::Compensate(args) => compensate::run(&args, console),
         Command::Window(args) => window::run(&args, console),
+        Command::Allan(args) => allan::run(&args, console),
         Command::Inspect(args) => inspect::run(&args, console),
         Command::Export(args) => export::run(&args, console),
         Command::Frames(args) => frames::run(&args, console),

@@ -8,7 +8,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
-use crate::ingest::Tally;
+use crate::ingest::{LogSummary, Tally};
 use crate::setup::{Setup, ThermometerSetup, WindowSize, check_thermometer};
 
 /// Value of `Calibration::format`.
@@ -366,6 +366,13 @@ pub struct Input {
     pub sha256: String,
     /// Rows read.
     pub rows: u64,
+}
+
+impl Input {
+    /// Of a log that was read.
+    pub(crate) fn of(summary: &LogSummary) -> Self {
+        Self { file: crate::write::file_name(&summary.file), sha256: summary.sha256.clone(), rows: summary.rows }
+    }
 }
 
 impl Calibration {

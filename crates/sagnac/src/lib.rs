@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! log ─ingest▶ LogReader ─window▶ Windows ─fit▶ Calibration ─export▶ Image ─▶ Compensator (sagnac-core)
-//!                                    └─allan▶ ShortTau (N, Q, floor)               │
+//!           └─allan▶ NoiseBudget     └─allan▶ ShortTau (N, Q, floor)               │
 //! retest log ─────────────────── verify: replays through that same Compensator ◀───┘ ─▶ Verification
 //! ```
 //!
@@ -19,6 +19,7 @@ pub mod error;
 pub mod export;
 pub mod fit;
 pub mod ingest;
+mod parallel;
 pub mod report;
 pub mod setup;
 pub mod units;

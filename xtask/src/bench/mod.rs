@@ -6,6 +6,7 @@
 //!
 //! Figures of time are of the machine that the page names; ratios are what is claimed.
 
+mod deviations;
 mod logs;
 mod plot;
 mod process;
@@ -15,7 +16,7 @@ use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use anyhow::Result;
+use anyhow::{Result, bail};
 
 use crate::bench::logs::{csv_log, parquet_log};
 use crate::bench::process::{Cost, Pairs, measure, median};
@@ -52,35 +53,42 @@ struct Bench {
     folder: PathBuf,
 }
 
-/// Runs everything, about ten minutes and 4 GB of disk; or the part about the simulator alone, which is then replaced.
+/// Runs everything, about ten minutes and 4 GB of disk; or one part alone (`simulator`, `allan`), which is then replaced.
 pub(crate) fn bench(part: Option<&str>) -> Result<()> {
     sh("cargo", &["build", "--release", "--locked", "--package", "sagnac-cli"])?;
     let folder = root().join("target/bench");
     fs::create_dir_all(&folder)?;
-    if part == Some("simulator") {
-        return simulator_alone(folder);
-    }
     let bench = Bench { sagnac: "target/release/sagnac".to_owned(), python: peers(&folder)?, folder };
+    match part {
+        Some("simulator") => return alone(&bench, simulator::HEADING, simulator::measure),
+        Some("allan") => return alone(&bench, deviations::HEADING, deviations::measure),
+        Some(other) => bail!("no part {other} of the bench; there are simulator and allan"),
+        None => {}
+    }
     let mut page = head(&bench)?;
     bench.against_pandas(&mut page)?;
     bench.against_polars(&mut page)?;
     bench.lengths(&mut page)?;
     bench.ticks(&mut page)?;
     bench.verification(&mut page)?;
+    deviations::measure(&bench, &mut page)?;
     simulator::measure(&bench, &mut page)?;
     fs::write(root().join("docs/performance.md"), &page)?;
     println!("{page}\nwrote docs/performance.md");
     Ok(())
 }
 
-/// Its section comes last on the page.
-fn simulator_alone(folder: PathBuf) -> Result<()> {
+/// One section, in its place on the page, or at its end.
+fn alone(bench: &Bench, heading: &str, measure: impl Fn(&Bench, &mut String) -> Result<()>) -> Result<()> {
     let path = root().join("docs/performance.md");
     let page = fs::read_to_string(&path)?;
-    let mut page = page.split(simulator::HEADING).next().unwrap_or_default().to_owned();
-    let bench = Bench { sagnac: "target/release/sagnac".to_owned(), python: String::new(), folder };
-    simulator::measure(&bench, &mut page)?;
-    fs::write(&path, &page)?;
+    let (before, after) = match page.split_once(heading) {
+        Some((before, section)) => (before, section.find("\n## ").map_or("", |next| &section[next..])),
+        None => (page.as_str(), ""),
+    };
+    let mut made = before.to_owned();
+    measure(bench, &mut made)?;
+    fs::write(&path, made + after)?;
     println!("wrote docs/performance.md");
     Ok(())
 }
@@ -91,7 +99,7 @@ fn peers(folder: &Path) -> Result<String> {
     let python = venv.join("bin/python").display().to_string();
     if !Path::new(&python).exists() {
         sh("python3", &["-m", "venv", &venv.display().to_string()])?;
-        sh(&python, &["-m", "pip", "install", "--quiet", "numpy", "pandas", "polars"])?;
+        sh(&python, &["-m", "pip", "install", "--quiet", "numpy", "pandas", "polars", "allantools"])?;
     }
     fs::write(folder.join("pandas_peer.py"), PANDAS)?;
     fs::write(folder.join("polars_peer.py"), POLARS)?;

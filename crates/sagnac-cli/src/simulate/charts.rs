@@ -1,7 +1,7 @@
 //! The inside of a simulated gyro over time, thinned while it runs.
 
 use sagnac::digits::significant;
-use sagnac::report::{Chart, ChartPage, Curve};
+use sagnac::report::{Chart, ChartPage, Curve, PageTable};
 use sagnac_sim::Scenario;
 use sagnac_sim::gyro::{LogRow, SOURCES, Second};
 use sagnac_sim::plant::Bode;
@@ -138,6 +138,7 @@ impl Recorder {
             subtitle: format!("{words}. Seed {seed}."),
             charts,
             tables: vec![self.budget()],
+            ..ChartPage::default()
         }
     }
 
@@ -152,6 +153,7 @@ impl Recorder {
             y_label: y_label.to_owned(),
             curves,
             shades: if self.invalid.is_empty() { Vec::new() } else { vec![invalid] },
+            ..Chart::default()
         }
     }
 
@@ -166,7 +168,7 @@ impl Recorder {
         .collect()
     }
 
-    fn budget(&self) -> (String, Vec<String>, Vec<Vec<String>>) {
+    fn budget(&self) -> PageTable {
         let columns = ["source", "mean, °/h", "σ over the test, °/h", "max − min, °/h"].map(str::to_owned);
         let rows = SOURCES.iter().zip(&self.columns[FIXED..]).map(|(name, values)| {
             let (mean, sigma, span) = figures(values);
@@ -176,7 +178,7 @@ impl Recorder {
             );
             row
         });
-        ("Error sources".to_owned(), columns.to_vec(), rows.collect())
+        PageTable { heading: "Error sources".to_owned(), columns: columns.to_vec(), rows: rows.collect() }
     }
 }
 
@@ -209,6 +211,7 @@ pub(crate) fn bode_page(scenario: &Scenario, sweeps: &[Bode]) -> ChartPage {
             y_label: y_label.to_owned(),
             curves,
             shades: Vec::new(),
+            ..Chart::default()
         };
         let db = |gain: f64| 20.0 * gain.log10();
         let of =
@@ -223,6 +226,7 @@ pub(crate) fn bode_page(scenario: &Scenario, sweeps: &[Bode]) -> ChartPage {
         subtitle: "Open loop, measured on the closed one by adding a small sine to its output".to_owned(),
         charts: charts.collect(),
         tables: Vec::new(),
+        ..ChartPage::default()
     }
 }
 

@@ -6,11 +6,13 @@
 mod chamber;
 mod counter;
 mod paper;
+mod resting;
 
 use std::io::Write;
 
 pub use chamber::LaggedChamber;
 pub use paper::PaperRig;
+pub use resting::Resting;
 
 /// One row of a rig's log: counts of the interval that ends at `time_s`.
 #[derive(Clone, Copy, Debug, PartialEq)]

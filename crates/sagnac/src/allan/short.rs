@@ -1,28 +1,21 @@
-//! Angle random walk and quantization from short-τ Allan deviations, in one pass.
+//! Angle random walk and quantization from short-τ Allan deviations, window by window.
 //!
-//! Overlapping Allan variance at octave τ = m·τ0 (NIST SP 1065, eq. 11, on phase θ):
-//!
-//! ```text
-//! σ²(τ) = Σ (θ[k+2m] − 2θ[k+m] + θ[k])² / (2 τ² · number)        model: N²/τ + 3Q²/τ²
-//! ```
-//!
-//! summed within each analysis window, so that a window that is left out leaves no trace; fitted by
-//! weighted least squares with both terms non-negative. The weight of a point is its equivalent degrees
-//! of freedom (white FM, SP 1065 table 5) over twice the model squared. Without the Q term a ring laser's
+//! The overlapping Allan variance at octave τ = m·τ0, summed within each analysis window, so that a window that is left
+//! out leaves no trace; N and Q by the fit of [`super::terms`] with only those two. Without the Q term a ring laser's
 //! quantization would read as 2.7 times its ARW.
 //!
 //! Fails on a record with a strong signal at τ ≤ τ_w/4: what is not noise is counted as noise.
 //! Memory: 2·m_max + 4096 phases, and three numbers per octave and window.
 
+use crate::allan::difference::{Deviation, Difference, Running};
+use crate::allan::freedom::edf_white_fm;
+use crate::allan::terms::{Point, Term, fit_terms};
 use crate::units::ARCSEC_RT_S_PER_DEG_RT_H;
 
 /// Points with fewer equivalent degrees of freedom are not used.
 const MIN_EDF: f64 = 8.0;
 /// Never are more phases held than this.
 const MAX_HELD: usize = 1 << 18;
-/// Phases summed up together.
-const BLOCK: usize = 4096;
-const LANES: usize = 4;
 
 /// N and Q of a log.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -67,13 +60,13 @@ impl ShortTauSums {
         }
     }
 
-    /// Points (τ in s, σ² in (°/h)², degrees of freedom) that carry enough of them.
-    fn points(&self, tau0_s: f64) -> Vec<(f64, f64, f64)> {
+    /// σ² in (°/h)² that carry enough degrees of freedom.
+    fn points(&self, tau0_s: f64) -> Vec<Point> {
         let rows = self.squares.iter().zip(&self.numbers).zip(&self.edf).enumerate();
         let rows = rows.filter(|(_, ((_, number), edf))| **number > 0.0 && **edf >= MIN_EDF);
         rows.map(|(octave, ((squares, number), edf))| {
-            let tau = tau0_s * 2.0_f64.powi(octave as i32);
-            (tau, squares / (2.0 * tau * tau * number), *edf)
+            let tau_s = tau0_s * 2.0_f64.powi(octave as i32);
+            Point { tau_s, variance: squares / (2.0 * tau_s * tau_s * number), edf: *edf }
         })
         .collect()
     }
@@ -84,155 +77,59 @@ impl ShortTauSums {
         if points.len() < 2 {
             return None;
         }
-        let mut model: Vec<f64> = points.iter().map(|p| p.1).collect();
-        let mut terms = (0.0, 0.0);
-        for _ in 0..5 {
-            terms = solve_two(&points, &model)?;
-            model = points.iter().map(|(tau, ..)| terms.0 / tau + 3.0 * terms.1 / (tau * tau)).collect();
-        }
-        let (n2, q2) = terms;
-        (n2 + q2 > 0.0).then(|| NoiseTerms { n_arcsec_rt_s: n2.sqrt(), q_arcsec: q2.sqrt() })
+        let fitted = fit_terms(&points, &[Term::Quantization, Term::AngleRandomWalk])?;
+        let root = |term: Term| fitted.coefficient(term).sqrt();
+        let terms = NoiseTerms { n_arcsec_rt_s: root(Term::AngleRandomWalk), q_arcsec: root(Term::Quantization) };
+        (terms.n_arcsec_rt_s + terms.q_arcsec > 0.0).then_some(terms)
     }
 }
 
 /// One-pass estimator for one axis and one window after the other.
 #[derive(Clone, Debug)]
 pub struct ShortTau {
-    /// Multiples of τ0: 1, 2, 4 …
-    multiples: Vec<usize>,
-    /// Phases θ that are still needed and those that wait, arcsec.
-    phases: Vec<f64>,
-    /// Phases of this window before the first of `phases`.
-    dropped: usize,
-    /// Phases of this window that are in the sums.
-    summed: usize,
+    /// At multiples 1, 2, 4 … of τ0.
+    running: Running,
     phase: f64,
-    sums: ShortTauSums,
 }
 
 impl ShortTau {
     /// For samples of `tau0_s` seconds and deviations up to `tau_max_s`.
     pub fn new(tau0_s: f64, tau_max_s: f64) -> Self {
         let fits = |m: &usize| *m as f64 * tau0_s <= tau_max_s * (1.0 + 1e-9) && 2 * *m < MAX_HELD;
-        let multiples: Vec<usize> = (0..40).map(|octave| 1_usize << octave).take_while(fits).collect();
-        let sums = Self::no_sums(multiples.len());
-        Self { sums, multiples, phases: Vec::new(), dropped: 0, summed: 0, phase: 0.0 }
-    }
-
-    fn no_sums(octaves: usize) -> ShortTauSums {
-        let zeros = vec![0.0; octaves];
-        ShortTauSums { squares: zeros.clone(), numbers: zeros.clone(), edf: zeros }
+        let multiples = (0..40).map(|octave| 1_usize << octave).take_while(fits);
+        let wanted = multiples.map(|m| Difference { deviation: Deviation::Allan, m });
+        Self { running: Running::new(wanted.collect()), phase: 0.0 }
     }
 
     /// The next samples of the window: angles of one interval each, `arcsec` per unit.
     pub fn push(&mut self, angles: &[f64], arcsec: f64) {
-        if self.multiples.is_empty() {
+        if self.running.wanted().is_empty() {
             return;
         }
-        if self.phases.is_empty() {
-            self.phases.push(0.0);
+        if self.running.len() == 0 {
+            self.running.push(0.0);
         }
         for angle in angles {
             self.phase += angle * arcsec;
-            self.phases.push(self.phase);
-            // Counted from the start of the window, so that pieces do not matter.
-            if self.dropped + self.phases.len() == self.summed + BLOCK {
-                self.sum_up();
-            }
+            self.running.push(self.phase);
         }
-    }
-
-    /// Takes the waiting phases into the sums and drops what no difference needs any more.
-    fn sum_up(&mut self) {
-        let end = self.dropped + self.phases.len();
-        let slots = self.sums.squares.iter_mut().zip(&mut self.sums.numbers);
-        for (m, (squares, number)) in self.multiples.iter().zip(slots) {
-            let from = self.summed.max(2 * m);
-            if from >= end {
-                break;
-            }
-            let newest = &self.phases[from - self.dropped..];
-            let middle = &self.phases[from - m - self.dropped..];
-            let oldest = &self.phases[from - 2 * m - self.dropped..];
-            *squares += sum_of_squares(newest, middle, oldest);
-            *number += (end - from) as f64;
-        }
-        self.summed = end;
-        let needed = 2 * self.multiples.last().copied().unwrap_or(0);
-        let old = self.phases.len().saturating_sub(needed);
-        self.phases.drain(..old);
-        self.dropped += old;
     }
 
     /// Ends the window: its sums. What comes next does not join what came before.
     pub fn take(&mut self) -> ShortTauSums {
-        self.sum_up();
-        let phases = self.summed as f64;
-        for ((m, edf), number) in self.multiples.iter().zip(&mut self.sums.edf).zip(&self.sums.numbers) {
-            if *number > 0.0 {
-                *edf = edf_white_fm(phases, *m as f64).max(0.0);
-            }
-        }
-        self.phases.clear();
-        (self.dropped, self.summed, self.phase) = (0, 0, 0.0);
-        std::mem::replace(&mut self.sums, Self::no_sums(self.multiples.len()))
-    }
-}
-
-/// Σ (newest − 2·middle + oldest)², in four interleaved sums that a processor can keep apart.
-fn sum_of_squares(newest: &[f64], middle: &[f64], oldest: &[f64]) -> f64 {
-    let mut lanes = [0.0; LANES];
-    let squared = |a: f64, b: f64, c: f64| {
-        let difference = a - 2.0 * b + c;
-        difference * difference
-    };
-    let (middle, oldest) = (&middle[..newest.len()], &oldest[..newest.len()]);
-    let blocks = newest.chunks_exact(LANES).zip(middle.chunks_exact(LANES)).zip(oldest.chunks_exact(LANES));
-    for ((a, b), c) in blocks {
-        for lane in 0..LANES {
-            lanes[lane] += squared(a[lane], b[lane], c[lane]);
+        let phases = self.running.len() as f64;
+        let sums = self.running.take();
+        self.phase = 0.0;
+        let edf = sums.iter().zip(self.running.wanted()).map(|(sum, difference)| match sum.number {
+            0.0 => 0.0,
+            _ => edf_white_fm(phases, difference.m as f64).max(0.0),
+        });
+        ShortTauSums {
+            edf: edf.collect(),
+            squares: sums.iter().map(|sum| sum.squares).collect(),
+            numbers: sums.iter().map(|sum| sum.number).collect(),
         }
     }
-    let rest = newest.len() / LANES * LANES;
-    for i in rest..newest.len() {
-        lanes[0] += squared(newest[i], middle[i], oldest[i]);
-    }
-    lanes.iter().sum()
-}
-
-/// Equivalent degrees of freedom of the overlapping Allan variance for white FM, NIST SP 1065
-/// table 5: [3(N−1)/(2m) − 2(N−2)/N]·4m²/(4m²+5), N phases.
-fn edf_white_fm(n: f64, m: f64) -> f64 {
-    (3.0 * (n - 1.0) / (2.0 * m) - 2.0 * (n - 2.0) / n) * 4.0 * m * m / (4.0 * m * m + 5.0)
-}
-
-/// (N², Q²) ≥ 0 with weights edf/model².
-fn solve_two(points: &[(f64, f64, f64)], model: &[f64]) -> Option<(f64, f64)> {
-    let (mut aa, mut ab, mut bb, mut ay, mut by) = (0.0, 0.0, 0.0, 0.0, 0.0);
-    for ((tau, variance, edf), model) in points.iter().zip(model) {
-        if *model <= 0.0 {
-            return None;
-        }
-        let w = edf / (model * model);
-        let (a, b) = (1.0 / tau, 3.0 / (tau * tau));
-        aa += w * a * a;
-        ab += w * a * b;
-        bb += w * b * b;
-        ay += w * a * variance;
-        by += w * b * variance;
-    }
-    let det = aa * bb - ab * ab;
-    if det <= 0.0 || !det.is_finite() {
-        return None;
-    }
-    let (n2, q2) = ((ay * bb - by * ab) / det, (by * aa - ay * ab) / det);
-    Some(if n2 < 0.0 {
-        (0.0, (by / bb).max(0.0))
-    } else if q2 < 0.0 {
-        ((ay / aa).max(0.0), 0.0)
-    } else {
-        (n2, q2)
-    })
 }
 
 #[cfg(test)]

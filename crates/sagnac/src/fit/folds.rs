@@ -11,9 +11,9 @@ use nalgebra::DVector;
 
 use crate::fit::lag::RATE_COLUMNS;
 use crate::fit::model::ModelSpec;
-use crate::fit::parallel::in_parallel;
 use crate::fit::problem::Problem;
 use crate::fit::solve::{Factor, Reducer, Solution};
+use crate::parallel::in_parallel;
 
 const BLOCKS: usize = 12;
 const RUNS_TO_LEAVE_ONE_OUT: usize = 4;

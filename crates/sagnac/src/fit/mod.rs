@@ -12,7 +12,6 @@ mod folds;
 mod lag;
 mod model;
 mod monomial;
-mod parallel;
 mod problem;
 mod record;
 mod solution;

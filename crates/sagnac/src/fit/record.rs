@@ -120,12 +120,7 @@ fn provenance(windows: &Windows, options: &FitOptions) -> Provenance {
 
 /// The logs behind some windows.
 pub(crate) fn inputs(windows: &Windows) -> Vec<Input> {
-    let inputs = windows.runs.iter().map(|run| Input {
-        file: crate::write::file_name(&run.summary.file),
-        sha256: run.summary.sha256.clone(),
-        rows: run.summary.rows,
-    });
-    inputs.collect()
+    windows.runs.iter().map(|run| Input::of(&run.summary)).collect()
 }
 
 /// Name and version of this program.

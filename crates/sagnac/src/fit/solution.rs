@@ -11,9 +11,9 @@ use statrs::distribution::{ContinuousCDF, StudentsT};
 use crate::error::{Error, Result};
 use crate::fit::lag::RATE_COLUMNS;
 use crate::fit::model::ModelSpec;
-use crate::fit::parallel::in_parallel;
 use crate::fit::problem::Problem;
 use crate::fit::solve::{Factor, Reducer, Solution};
+use crate::parallel::in_parallel;
 
 /// τ is taken as resolved unless misfits this close to the least reach an end of the search.
 const FLAT_MISFIT: f64 = 1.02;

@@ -15,8 +15,23 @@ pub struct ChartPage {
     pub subtitle: String,
     /// Figures, in order.
     pub charts: Vec<Chart>,
-    /// Tables after the figures: heading, column names, rows.
-    pub tables: Vec<(String, Vec<String>, Vec<Vec<String>>)>,
+    /// Words under the subtitle: what to know before reading on.
+    pub notes: Vec<String>,
+    /// Tables before the figures: what a reader wants first.
+    pub results: Vec<PageTable>,
+    /// Tables after the figures.
+    pub tables: Vec<PageTable>,
+}
+
+/// A table of a page; columns of long texts are set as words.
+#[derive(Clone, Debug, Default)]
+pub struct PageTable {
+    /// Heading.
+    pub heading: String,
+    /// Names of the columns, with their units.
+    pub columns: Vec<String>,
+    /// Rows of cells.
+    pub rows: Vec<Vec<String>>,
 }
 
 /// A figure of curves over one axis.
@@ -36,6 +51,10 @@ pub struct Chart {
     pub y_label: String,
     /// Curves.
     pub curves: Vec<Curve>,
+    /// Bands between two curves, behind the curve of their place.
+    pub bands: Vec<Band>,
+    /// Both axes in decades; every value must be above zero.
+    pub decades: bool,
     /// Stretches of x that are shaded, with their label.
     pub shades: Vec<(String, Vec<[f64; 2]>)>,
 }
@@ -51,6 +70,19 @@ pub struct Curve {
     pub y: Vec<f64>,
     /// Dashed: what was designed, or how it was before.
     pub dashed: bool,
+}
+
+/// A band.
+#[derive(Clone, Debug, Default)]
+pub struct Band {
+    /// Its name in the legend.
+    pub label: String,
+    /// Along x, rising.
+    pub x: Vec<f64>,
+    /// Lower edge.
+    pub lo: Vec<f64>,
+    /// Upper edge.
+    pub hi: Vec<f64>,
 }
 
 /// Colours in the order of curves, all different; more curves begin again, dashed. What the roles stand for on other
@@ -75,6 +107,10 @@ impl Chart {
         for ((label, stretches), role) in self.shades.iter().zip(shades.into_iter().cycle()) {
             layers.push(Layer::Shades { label: label.clone(), role, stretches: stretches.clone() });
         }
+        for (band, role) in self.bands.iter().zip(ROLES) {
+            let [x, lo, hi] = [&band.x, &band.lo, &band.hi].map(|values| rounded(values.iter().copied()));
+            layers.push(Layer::Band { label: band.label.clone(), role, x, lo, hi });
+        }
         let points = MOST_POINTS / self.curves.len().max(1);
         for (index, curve) in self.curves.iter().enumerate() {
             let step = curve.x.len().div_ceil(points).max(1);
@@ -92,18 +128,28 @@ impl Chart {
             group: self.group.clone(),
             x: [0.0; 2],
             y: [0.0; 2],
+            decades: self.decades,
             layers,
         };
         figure.framed(false)
     }
 }
 
-fn table(heading: &str, columns: &[String], rows: &[Vec<String>]) -> Markup {
+/// Longer cells are words, not figures.
+const LONGEST_FIGURE: usize = 32;
+
+fn table(of: &PageTable) -> Markup {
+    let words: Vec<bool> = (0..of.columns.len())
+        .map(|column| {
+            of.rows.iter().any(|row| row.get(column).is_some_and(|cell| cell.chars().count() > LONGEST_FIGURE))
+        })
+        .collect();
+    let is_words = |column: usize| words.get(column) == Some(&true);
     html! {
-        h2 { (heading) }
+        h2 { (of.heading) }
         div.scroll { table {
-            thead { tr { @for column in columns { th { (column) } } } }
-            tbody { @for row in rows { tr { @for cell in row { td { (cell) } } } } }
+            thead { tr { @for (i, column) in of.columns.iter().enumerate() { th.words[is_words(i)] { (column) } } } }
+            tbody { @for row in &of.rows { tr { @for (i, cell) in row.iter().enumerate() { td.words[is_words(i)] { (cell) } } } } }
         } }
     }
 }
@@ -117,8 +163,10 @@ pub fn chart_report(content: &ChartPage) -> Result<String> {
     let body = html! {
         h1 { (content.title) }
         p.sub { (content.subtitle) }
+        @for note in &content.notes { p.note { (note) } }
+        @for result in &content.results { (table(result)) }
         @for figure in &drawn { (shown(figure)) }
-        @for (heading, columns, rows) in &content.tables { (table(heading, columns, rows)) }
+        @for data in &content.tables { (table(data)) }
     };
     page(&content.title, &body, &drawn)
 }

@@ -126,6 +126,8 @@ pub(crate) struct Figure {
     pub(crate) group: String,
     pub(crate) x: [f64; 2],
     pub(crate) y: [f64; 2],
+    /// Both axes in decades.
+    pub(crate) decades: bool,
     pub(crate) layers: Vec<Layer>,
 }
 
@@ -158,6 +160,12 @@ impl Figure {
         if keep_zero {
             ys.take(&[0.0]);
         }
+        if self.decades {
+            let padded = |range: &Range, part: f64| Some(range.log10().padded(part)?.map(|power| 10.0_f64.powf(power)));
+            self.x = padded(&xs, 0.02)?;
+            self.y = padded(&ys, 0.04)?;
+            return Some(self);
+        }
         self.x = xs.padded(0.02)?;
         self.y = ys.padded(0.06)?;
         if let Some(top) = self.highest_bar().filter(|top| self.y[1] > 2.0 * top) {
@@ -166,6 +174,23 @@ impl Figure {
         }
         self.clip_shades();
         Some(self)
+    }
+
+    /// The same with log10 of every value, for a drawing whose axes are straight. Values must be above zero.
+    pub(crate) fn in_powers(&self) -> Self {
+        let powers = |values: &mut [f64]| values.iter_mut().for_each(|value| *value = value.log10());
+        let mut out = self.clone();
+        powers(&mut out.x);
+        powers(&mut out.y);
+        for layer in &mut out.layers {
+            match layer {
+                Layer::Dots { x, y, .. } | Layer::Line { x, y, .. } => [x, y].into_iter().for_each(|v| powers(v)),
+                Layer::Band { x, lo, hi, .. } => [x, lo, hi].into_iter().for_each(|v| powers(v)),
+                Layer::Whiskers { x, .. } | Layer::Bars { edges: x, .. } => powers(x),
+                Layer::Shades { stretches, .. } => stretches.iter_mut().for_each(|stretch| powers(stretch)),
+            }
+        }
+        out
     }
 
     fn highest_bar(&self) -> Option<f64> {
@@ -202,6 +227,11 @@ impl Range {
         }
     }
 
+    /// The range of the powers of ten; empty where something is not above zero.
+    fn log10(&self) -> Self {
+        if self.lo > 0.0 { Self { lo: self.lo.log10(), hi: self.hi.log10() } } else { Self::EMPTY }
+    }
+
     /// With a margin on both sides; never empty, so that something can be drawn.
     fn padded(&self, part: f64) -> Option<[f64; 2]> {
         if self.lo > self.hi {
@@ -236,6 +266,7 @@ mod tests {
             group: String::new(),
             x: [0.0; 2],
             y: [0.0; 2],
+            decades: false,
             layers: vec![layer],
         };
         let flat = figure(line(vec![3.0, 3.0])).framed(false).unwrap();

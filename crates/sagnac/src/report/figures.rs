@@ -46,6 +46,7 @@ fn figure(axis: char, name: &str, title: &str, caption: String, labels: [&str; 2
         group: format!("{group}-{axis}"),
         x: [0.0; 2],
         y: [0.0; 2],
+        decades: false,
         layers: Vec::new(),
     }
 }

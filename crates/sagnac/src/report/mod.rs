@@ -16,13 +16,17 @@ mod figure;
 #[cfg(feature = "report")]
 mod figures;
 #[cfg(feature = "report")]
+mod noise;
+#[cfg(feature = "report")]
 mod page;
 #[cfg(feature = "report")]
 mod svg;
 
 #[cfg(feature = "report")]
-pub use charts::{Chart, ChartPage, Curve, chart_report};
+pub use charts::{Band, Chart, ChartPage, Curve, PageTable, chart_report};
 pub use evidence::{AxisEvidence, Evidence, Leg, Point, RunSpan};
 pub(crate) use evidence::{points, run_spans};
+#[cfg(feature = "report")]
+pub use noise::{noise_report, term_text};
 #[cfg(feature = "report")]
 pub use page::{calibration_report, verification_report};

@@ -44,6 +44,8 @@ fn colour(role: Role) -> RGBColor {
 
 /// Draws a figure; empty where the drawing fails, which is said in its place.
 pub(crate) fn draw(figure: &Figure) -> String {
+    let in_powers = figure.decades.then(|| figure.in_powers());
+    let figure = in_powers.as_ref().unwrap_or(figure);
     let mut svg = String::new();
     let drawn = {
         let area = SVGBackend::with_string(&mut svg, (WIDTH, HEIGHT)).into_drawing_area();
@@ -89,9 +91,13 @@ fn draw_on(area: &Area<'_>, figure: &Figure) -> Result<String, DrawingAreaErrorK
 }
 
 fn draw_mesh(chart: &mut Chart<'_, '_>, figure: &Figure) -> Drawn {
+    let decades = figure.decades;
     let text = |[lo, hi]: [f64; 2]| {
         let decimals = (2.0 - (hi - lo).log10().floor()).clamp(0.0, 9.0) as usize;
         move |value: &f64| {
+            if decades {
+                return power_of_ten(*value);
+            }
             let text = format!("{value:.decimals$}");
             let short = if decimals > 0 { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
             if short == "-0" { "0".to_owned() } else { short.to_owned() }
@@ -110,6 +116,17 @@ fn draw_mesh(chart: &mut Chart<'_, '_>, figure: &Figure) -> Drawn {
         .axis_style(INK)
         .label_style(("sans-serif", 15))
         .draw()
+}
+
+/// The label of a whole power; between them a line without one.
+fn power_of_ten(power: f64) -> String {
+    if (power - power.round()).abs() > 1e-6 {
+        return String::new();
+    }
+    match power.round() as i32 {
+        small @ -4..=4 => format!("{}", 10.0_f64.powi(small)),
+        large => format!("1e{large}"),
+    }
 }
 
 fn draw_layer(chart: &mut Chart<'_, '_>, figure: &Figure, layer: &Layer, marks: &mut String) -> Drawn {

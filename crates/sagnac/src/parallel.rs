@@ -1,25 +1,26 @@
-//! Independent pieces of a fit on as many threads as there are; the results stand in the order of the items.
+//! Independent pieces of a computation on as many threads as there are; the results stand in the order of the items.
 
 /// Fewer items are not worth a thread.
 const LEAST: usize = 4;
 
-/// `f` of every item, in order.
+/// `f` of every item, in order. Threads take the items in turn, so that neighbours of unlike cost are shared out.
 pub(crate) fn in_parallel<T: Sync, R: Send>(items: &[T], f: impl Fn(&T) -> R + Sync) -> Vec<R> {
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
     if threads == 1 || items.len() < LEAST {
         return items.iter().map(f).collect();
     }
-    let share = items.len().div_ceil(threads);
-    std::thread::scope(|scope| {
+    let shares: Vec<Vec<R>> = std::thread::scope(|scope| {
         let f = &f;
-        let shares: Vec<_> =
-            items.chunks(share).map(|part| scope.spawn(move || part.iter().map(f).collect())).collect();
-        let joined = shares.into_iter().map(|share| match share.join() {
+        let one = |first: usize| scope.spawn(move || items.iter().skip(first).step_by(threads).map(f).collect());
+        let running: Vec<_> = (0..threads).map(one).collect();
+        let joined = running.into_iter().map(|share| match share.join() {
             Ok(results) => results,
             Err(panic) => std::panic::resume_unwind(panic),
         });
-        joined.flat_map(|results: Vec<R>| results).collect()
-    })
+        joined.collect()
+    });
+    let mut shares: Vec<_> = shares.into_iter().map(Vec::into_iter).collect();
+    (0..items.len()).filter_map(|index| shares[index % threads].next()).collect()
 }
 
 #[cfg(test)]

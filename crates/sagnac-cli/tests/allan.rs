@@ -1,0 +1,47 @@
+//! `sagnac allan` as scripts call it.
+
+use std::fs;
+
+use assert_cmd::Command;
+use sagnac_sim::{PaperRig, csv_bytes};
+use serde_json::Value;
+use tempfile::TempDir;
+
+fn sagnac() -> Command {
+    Command::cargo_bin("sagnac").unwrap()
+}
+
+/// The names that scripts rely on, and a curve that is read again.
+#[test]
+fn allan_speaks_json_and_reads_its_own_curve() {
+    let folder = TempDir::new().unwrap();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    let still = PaperRig { coefficients: [0.0, 0.0, 424.64], windows: 40, ..PaperRig::PAPER };
+    fs::write(at("log.csv"), csv_bytes(still.run(1))).unwrap();
+    let (csv, html) = (at("curve.csv"), at("allan.html"));
+    let log = at("log.csv");
+    let flags = ["allan", &log, "--arcsec-per-count", "1.059", "--quantum", "0.25", "--json", "-o", &csv];
+    let out = sagnac().args(flags).args(["--report", &html]).assert().success().get_output().stdout.clone();
+    let object: Value = serde_json::from_slice(&out).unwrap();
+    let axis = &object["axes"][0];
+    for name in ["tau_s", "adev_dph", "lower_dph", "upper_dph", "n"] {
+        assert!(axis["curve"][0][name].is_number(), "{name}");
+    }
+    for name in ["q_arcsec", "n_deg_rt_h", "b_dph", "k_dph_rt_h", "r_dph_h"] {
+        let term = &axis["terms"][name];
+        assert!(
+            term["value"].is_number() && term["lower"].is_number() || term["unresolved"].is_string(),
+            "{name}: {term}"
+        );
+    }
+    // The rig's walk: 0.003 °/√h.
+    let n = axis["terms"]["n_deg_rt_h"].clone();
+    assert!(n["lower"].as_f64().unwrap() < 0.003 && n["upper"].as_f64().unwrap() > 0.003, "{n}");
+    let again =
+        sagnac().args(["allan", &csv, "--record", "4000", "--json"]).assert().success().get_output().stdout.clone();
+    let again: Value = serde_json::from_slice(&again).unwrap();
+    let value = |object: &Value| object["axes"][0]["terms"]["n_deg_rt_h"]["value"].as_f64().unwrap();
+    assert!((value(&again) / value(&object) - 1.0).abs() < 0.05, "{} and {}", value(&again), value(&object));
+    let page = fs::read_to_string(html).unwrap();
+    assert!(page.contains("Terms of axis x") && page.contains("allan-x"));
+}

@@ -1,0 +1,188 @@
+//! Squared differences of the phase, the sums that every deviation here is made of.
+//!
+//! With the phase θ[k] (arcsec, or any unit of angle) at the ends of rows of τ0, and τ = m·τ0:
+//!
+//! ```text
+//! Allan      z[k] = θ[k+2m] − 2θ[k+m] + θ[k]                 σ²(τ) = Σ z² / (2 τ² M)     NIST SP 1065, eq. 11
+//! Hadamard   z[k] = θ[k+3m] − 3θ[k+2m] + 3θ[k+m] − θ[k]      σ²(τ) = Σ z² / (6 τ² M)     NIST SP 1065, eq. 19
+//! ```
+//!
+//! over every k (fully overlapping), M of them. Sums of separate stretches add up, so a gap leaves no trace.
+
+/// Numbers that a processor can keep apart while it adds them.
+const LANES: usize = 4;
+
+/// Which difference of the phase is squared.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Deviation {
+    /// Second differences.
+    Allan,
+    /// Third differences: blind to a steady ramp of the rate.
+    Hadamard,
+}
+
+impl Deviation {
+    /// Multiples of τ that a difference spans.
+    pub fn order(self) -> usize {
+        match self {
+            Self::Allan => 2,
+            Self::Hadamard => 3,
+        }
+    }
+
+    /// Weights of θ[k+d·m] … θ[k].
+    pub(crate) fn weights(self) -> &'static [f64] {
+        match self {
+            Self::Allan => &[1.0, -2.0, 1.0],
+            Self::Hadamard => &[1.0, -3.0, 3.0, -1.0],
+        }
+    }
+
+    /// Σ z²/M over τ² of it is the variance: the sum of the squared weights less what white rate noise shares.
+    pub(crate) fn divisor(self) -> f64 {
+        match self {
+            Self::Allan => 2.0,
+            Self::Hadamard => 6.0,
+        }
+    }
+
+    /// Σ of the squared differences that end at `from..end` of the phases, at a distance of `m`.
+    pub(crate) fn squares(self, phases: &[f64], from: usize, end: usize, m: usize) -> f64 {
+        let before = |n: usize| &phases[from - n * m..end - n * m];
+        match self {
+            Self::Allan => sum_of_squares([before(0), before(1), before(2)], |[a, b, c]| a - 2.0 * b + c),
+            Self::Hadamard => {
+                sum_of_squares([before(0), before(1), before(2), before(3)], |[a, b, c, d]| (a - d) - 3.0 * (b - c))
+            }
+        }
+    }
+}
+
+/// Σ f(columns)², in four interleaved sums.
+fn sum_of_squares<const N: usize>(columns: [&[f64]; N], f: impl Fn([f64; N]) -> f64) -> f64 {
+    let length = columns[0].len();
+    let columns = columns.map(|column| &column[..length]);
+    let squared = |i: usize| {
+        let difference = f(columns.map(|column| column[i]));
+        difference * difference
+    };
+    let mut lanes = [0.0; LANES];
+    let whole = length / LANES * LANES;
+    for from in (0..whole).step_by(LANES) {
+        for (lane, sum) in lanes.iter_mut().enumerate() {
+            *sum += squared(from + lane);
+        }
+    }
+    (whole..length).for_each(|i| lanes[0] += squared(i));
+    lanes.iter().sum()
+}
+
+/// Σ z² and M of one τ.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SquareSum {
+    /// Σ z².
+    pub squares: f64,
+    /// How many.
+    pub number: f64,
+}
+
+impl SquareSum {
+    /// Adds another's.
+    pub fn merge(&mut self, other: Self) {
+        self.squares += other.squares;
+        self.number += other.number;
+    }
+
+    /// σ²(τ) in (unit of the phase / s)², or `None` without a difference.
+    pub fn variance(self, deviation: Deviation, tau_s: f64) -> Option<f64> {
+        (self.number > 0.0).then(|| self.squares / (deviation.divisor() * tau_s * tau_s * self.number))
+    }
+}
+
+/// A difference of the phase: which, and at what distance m.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Difference {
+    /// Which.
+    pub deviation: Deviation,
+    /// τ in rows.
+    pub m: usize,
+}
+
+impl Difference {
+    /// Phases from the oldest to the newest of it, less one.
+    pub fn span(self) -> usize {
+        self.deviation.order() * self.m
+    }
+
+    /// Σ of the squared differences that end at `from..end` of the phases.
+    pub(crate) fn sum(self, phases: &[f64], from: usize, end: usize) -> SquareSum {
+        SquareSum { squares: self.deviation.squares(phases, from, end, self.m), number: (end - from) as f64 }
+    }
+}
+
+/// Phases summed up together.
+const BLOCK: usize = 4096;
+
+/// The differences of one stretch as its phases arrive. Memory: the longest span and 4096 phases.
+#[derive(Clone, Debug)]
+pub(crate) struct Running {
+    wanted: Vec<Difference>,
+    longest: usize,
+    /// Phases that are still needed and those that wait.
+    phases: Vec<f64>,
+    /// Phases of this stretch before the first of `phases`.
+    dropped: usize,
+    /// Phases of this stretch that are in the sums.
+    summed: usize,
+    sums: Vec<SquareSum>,
+}
+
+impl Running {
+    pub(crate) fn new(wanted: Vec<Difference>) -> Self {
+        let sums = vec![SquareSum::default(); wanted.len()];
+        let longest = wanted.iter().map(|difference| difference.span()).max().unwrap_or(0);
+        Self { wanted, longest, phases: Vec::new(), dropped: 0, summed: 0, sums }
+    }
+
+    pub(crate) fn wanted(&self) -> &[Difference] {
+        &self.wanted
+    }
+
+    /// The next phase of the stretch.
+    #[inline]
+    pub(crate) fn push(&mut self, phase: f64) {
+        self.phases.push(phase);
+        // Counted from the start of the stretch, so that pieces do not matter.
+        if self.dropped + self.phases.len() == self.summed + BLOCK {
+            self.sum_up();
+        }
+    }
+
+    /// Phases of this stretch so far.
+    pub(crate) fn len(&self) -> usize {
+        self.dropped + self.phases.len()
+    }
+
+    /// Takes the waiting phases into the sums and drops what no difference needs any more.
+    fn sum_up(&mut self) {
+        let end = self.len();
+        for (difference, sum) in self.wanted.iter().zip(&mut self.sums) {
+            let from = self.summed.max(difference.span());
+            if from < end {
+                sum.merge(difference.sum(&self.phases, from - self.dropped, end - self.dropped));
+            }
+        }
+        self.summed = end;
+        let old = self.phases.len().saturating_sub(self.longest);
+        self.phases.drain(..old);
+        self.dropped += old;
+    }
+
+    /// Ends the stretch: its sums in the order of `wanted`. What comes next does not join what came before.
+    pub(crate) fn take(&mut self) -> Vec<SquareSum> {
+        self.sum_up();
+        self.phases.clear();
+        (self.dropped, self.summed) = (0, 0);
+        std::mem::replace(&mut self.sums, vec![SquareSum::default(); self.wanted.len()])
+    }
+}

@@ -1,0 +1,142 @@
+//! Whether the temperature moved during a record, and how to take out what followed it.
+//!
+//! An Allan deviation over a temperature ramp shows the thermal drift as rate ramp and rate random walk. The record is
+//! watched in blocks of ten minutes: a ramp is a movement of at least 1 °C between block means in all with a block that
+//! moves by 0.02 °C/min or more (the pace at which a soak counts as soaked). On demand the drift is taken out first: the curve that
+//! `calibrate` would fit over temperature (and its rate), read between the middles of its windows.
+
+use crate::error::{Error, Result};
+use crate::fit::{FitOptions, ModelChoice, calibrate_with_evidence};
+use crate::ingest::{Batch, LogReader};
+use crate::setup::Setup;
+use crate::units::{NS_PER_S, s_from_ns};
+use crate::window::WindowBuilder;
+
+/// Length of a block, s.
+const BLOCK_S: f64 = 600.0;
+/// Movement of a ramp, °C, and the pace within it, °C/min.
+const RAMP_C: f64 = 1.0;
+const RAMP_CPM: f64 = 0.02;
+
+/// One thermometer of one record, block by block.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct RampWatch {
+    block: Option<(i64, f64, f64)>,
+    last: Option<(i64, f64)>,
+    lo_c: f64,
+    hi_c: f64,
+    pace_cpm: f64,
+    begun: bool,
+}
+
+impl RampWatch {
+    /// The rows of a batch.
+    pub(crate) fn push(&mut self, batch: &Batch, sensor: usize) {
+        for (end_ns, celsius) in batch.end_ns.iter().zip(&batch.temperature_c[sensor]) {
+            if !celsius.is_nan() {
+                self.add(*end_ns, *celsius);
+            }
+        }
+    }
+
+    fn add(&mut self, time_ns: i64, celsius: f64) {
+        let number = time_ns.div_euclid((BLOCK_S * NS_PER_S) as i64);
+        match &mut self.block {
+            Some((at, sum, count)) if *at == number => {
+                *sum += celsius;
+                *count += 1.0;
+            }
+            _ => {
+                self.close();
+                self.block = Some((number, celsius, 1.0));
+            }
+        }
+    }
+
+    fn close(&mut self) {
+        let Some((at, sum, count)) = self.block.take() else { return };
+        let mean_c = sum / count;
+        if let Some((before, before_c)) = self.last {
+            let minutes = (at - before) as f64 * BLOCK_S / 60.0;
+            self.pace_cpm = self.pace_cpm.max(((mean_c - before_c) / minutes).abs());
+        }
+        if !self.begun {
+            (self.lo_c, self.hi_c, self.begun) = (mean_c, mean_c, true);
+        }
+        (self.lo_c, self.hi_c) = (self.lo_c.min(mean_c), self.hi_c.max(mean_c));
+        self.last = Some((at, mean_c));
+    }
+
+    /// Ends the record; what moved, in words, if it is a ramp.
+    pub(crate) fn verdict(mut self) -> Option<String> {
+        self.close();
+        let moved_c = self.hi_c - self.lo_c;
+        (moved_c >= RAMP_C && self.pace_cpm >= RAMP_CPM).then(|| {
+            format!(
+                "the temperature moved by {moved_c:.1} °C in this record ({:.2} °C/min at its fastest): its drift shows as rate ramp, rate \
+                 random walk and bias instability (`--detrend temperature` takes it out)",
+                self.pace_cpm
+            )
+        })
+    }
+}
+
+/// The drift of the axes of one run over its time, °/h.
+#[derive(Clone, Debug)]
+pub(crate) struct Drift {
+    /// Middles of windows, ns.
+    middle_ns: Vec<i64>,
+    /// Per axis, at the middles.
+    dph: Vec<Vec<f64>>,
+}
+
+impl Drift {
+    /// Fits each run's drift over temperature from the same logs, read once more.
+    ///
+    /// # Errors
+    /// What reading and fitting say: a record without a temperature, or with too little of a span.
+    pub(crate) fn of(logs: Vec<LogReader>, setup: &Setup) -> Result<Vec<Self>> {
+        let axes = logs.first().map(|log| log.shape().axes.clone()).unwrap_or_default();
+        let windows = WindowBuilder::read_all(logs, setup)?.finish(false);
+        let rows = windows.rows.clone();
+        let runs = windows.runs.len();
+        let options = FitOptions { model: ModelChoice::Auto, source_date_epoch: None };
+        let (_, evidence) = calibrate_with_evidence(windows, setup, &options)
+            .map_err(|e| e.help("without --detrend the record is taken as it is"))?;
+        let mut drifts = vec![Self { middle_ns: Vec::new(), dph: vec![Vec::new(); axes.len()] }; runs];
+        let index_of = |letter: char| evidence.axes.iter().find(|axis| axis.axis == letter);
+        for i in 0..rows.run.len() {
+            let fitted: Option<Vec<f64>> = axes
+                .iter()
+                .map(|letter| {
+                    let point = index_of(*letter)?.points.get(i)?;
+                    let drift = point.before_dph - point.after_dph;
+                    drift.is_finite().then_some(drift)
+                })
+                .collect();
+            let (Some(fitted), Some(run)) = (fitted, drifts.get_mut(rows.run[i] as usize)) else { continue };
+            run.middle_ns.push(rows.start_ns[i] / 2 + rows.end_ns[i] / 2);
+            run.dph.iter_mut().zip(fitted).for_each(|(column, value)| column.push(value));
+        }
+        if drifts.iter().any(|drift| drift.middle_ns.len() < 2) {
+            return Err(Error::refused("a run has fewer than two windows with a drift; nothing to take out"));
+        }
+        Ok(drifts)
+    }
+
+    /// Takes the drift out of a batch's angles, `arcsec` per unit.
+    pub(crate) fn take_from(&self, batch: &Batch, angles: &mut [Vec<f64>], arcsec: f64) {
+        for row in 0..batch.len() {
+            let (start_ns, end_ns) = (batch.start_ns[row], batch.end_ns[row]);
+            let middle_ns = start_ns / 2 + end_ns / 2;
+            let after = self.middle_ns.partition_point(|m| *m <= middle_ns).clamp(1, self.middle_ns.len() - 1);
+            let (from, to) = (self.middle_ns[after - 1], self.middle_ns[after]);
+            let part = ((middle_ns - from) as f64 / (to - from) as f64).clamp(0.0, 1.0);
+            let seconds = s_from_ns(end_ns - start_ns);
+            for (column, drift) in angles.iter_mut().zip(&self.dph) {
+                let dph = drift[after - 1] + part * (drift[after] - drift[after - 1]);
+                column[row] -= dph * seconds / arcsec;
+            }
+        }
+    }
+}

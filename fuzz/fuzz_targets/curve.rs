@@ -1,0 +1,13 @@
+//! Bare Allan curves, and the terms that are fitted to them.
+#![no_main]
+
+use sagnac::allan::{budget_of_curves, parse_curve};
+use sagnac::calibration::Input;
+
+libfuzzer_sys::fuzz_target!(|text: &[u8]| {
+    if let Ok(curves) = parse_curve(text) {
+        let input = Input { file: String::new(), sha256: String::new(), rows: 0 };
+        let budget = budget_of_curves(&curves, None, input);
+        serde_json::to_string(&budget).expect("a budget is JSON");
+    }
+});
