@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use sagnac::calibration::{AxisCalibration, Calibration, Candidate};
+use sagnac::calibration::{AxisCalibration, Calibration, Candidate, PpmEstimate, ScaleFactor};
 use sagnac::digits::{significant, with_sigma};
 use sagnac::fit::{FitOptions, ModelChoice, calibrate_with_evidence};
 use sagnac::ingest::Tally;
@@ -108,6 +108,12 @@ fn describe(console: &mut Console, axis: &AxisCalibration) {
             axis.reference_c
         ));
     }
+    if let Some(scale) = &axis.scale_factor {
+        console.say(scale_factor(scale, axis.reference_c));
+    }
+    for m in &axis.misalignment {
+        console.say(format!("  leans towards {} by {} arcsec", m.towards, with_sigma(m.arcsec, Some(m.sigma_arcsec))));
+    }
     if axis.candidates.len() > 1 {
         console.say(candidates(&axis.candidates));
     }
@@ -147,6 +153,37 @@ fn coefficients(axis: &AxisCalibration) -> String {
         return "  no term earns its place: the drift does not follow temperature beyond the noise".to_owned();
     }
     table(&["term", "value ± σ", "unit", ""], rows)
+}
+
+/// The scale factor at T0 and plateau by plateau.
+fn scale_factor(scale: &ScaleFactor, reference_c: f64) -> String {
+    let at = scale.at_reference;
+    let s = scale.arcsec_per_count.map_or(String::new(), |s| format!(", S = {s:.8} arcsec per count"));
+    let mut out =
+        format!("  scale factor at {reference_c} °C: {} ppm from nominal{s}", with_sigma(at.ppm, Some(at.sigma_ppm)));
+    if let Some(r) = scale.repeatability {
+        out += &format!(
+            "\n  repeatability over {} temperatures: σ {} ppm (noise makes {})",
+            r.temperatures,
+            significant(r.sigma_ppm, 2),
+            significant(r.of_noise_ppm, 2)
+        );
+    }
+    let estimate = |e: Option<PpmEstimate>| e.map_or("-".to_owned(), |e| with_sigma(e.ppm, Some(e.sigma_ppm)));
+    let rows = scale.plateaus.iter().map(|p| {
+        vec![
+            format!("{:.1}", p.temperature_c),
+            p.rates_dps.iter().map(|rate| significant(*rate, 4)).collect::<Vec<_>>().join(" "),
+            estimate(Some(p.scale)),
+            with_sigma(p.bias_dph, Some(p.bias_sigma_dph)),
+            estimate(p.nonlinearity),
+            estimate(p.asymmetry),
+        ]
+    });
+    let header =
+        ["plateau, °C", "rates, °/s", "scale, ppm", "rate at rest, °/h", "nonlinearity, ppm", "asymmetry, ppm"];
+    let rows: Vec<Vec<String>> = rows.collect();
+    if rows.is_empty() { out } else { out + "\n" + &table(&header, rows) }
 }
 
 fn candidates(all: &[Candidate]) -> String {

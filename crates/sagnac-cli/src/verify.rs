@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use sagnac::digits::significant;
 use sagnac::ingest::Pace;
 use sagnac::report::verification_report;
-use sagnac::verify::{AxisVerification, Figures, Limits, Verification, verify_with_evidence};
+use sagnac::verify::{AxisVerification, Figures, Limits, ScaleFigures, ScaleProof, Verification, verify_with_evidence};
 use sagnac::write::write_bytes;
 
 use crate::calibrate::excluded;
@@ -75,6 +75,9 @@ fn describe(console: &mut Console, verification: &Verification) {
         for (name, windows) in &axis.status_windows {
             console.say(format!("  status {name}: {windows} of {} windows", axis.after.n));
         }
+        if let Some(scale) = &axis.scale_factor {
+            console.say(scale_factor(scale));
+        }
         let rows = axis.left.rows();
         if !rows.is_empty() {
             console.say(table(&["what is left", "value", "of noise alone"], rows));
@@ -90,6 +93,19 @@ fn describe(console: &mut Console, verification: &Verification) {
     for line in excluded(&verification.excluded) {
         console.say(line);
     }
+}
+
+/// The scale factor over the plateaus, before and after.
+fn scale_factor(scale: &ScaleProof) -> String {
+    let row = |name: &str, f: &ScaleFigures| {
+        let cells = [f.mean_ppm, f.peak_to_peak_ppm, f.sigma_ppm].map(|v| significant(v, 3));
+        [vec![name.to_owned()], cells.to_vec()].concat()
+    };
+    let noise =
+        [vec!["noise alone".to_owned(), "-".to_owned(), "-".to_owned()], vec![significant(scale.of_noise_ppm, 3)]];
+    let rows = vec![row("before", &scale.before), row("after", &scale.after), noise.concat()];
+    let title = format!("scale factor, ppm, {} plateaus", scale.plateaus.len());
+    table(&[&title, "mean", "max − min", "σ"], rows)
 }
 
 fn verdict(axis: &AxisVerification) -> String {

@@ -27,7 +27,7 @@ pub mod rigs;
 pub mod scenario;
 pub mod thermal;
 
-pub use rigs::{LaggedChamber, PaperRig, Resting, Row, csv_bytes, write_csv};
+pub use rigs::{LaggedChamber, PaperRig, RateTable, Resting, Row, csv_bytes, write_csv};
 pub use scenario::{Problem, Scenario};
 pub use thermal::Leg;
 

@@ -155,6 +155,19 @@ impl ThermometerSetup {
     }
 }
 
+/// How the rate table stood and turned in a run.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct TableRun {
+    /// File name of the run without its folder; every run without one.
+    pub file: Option<String>,
+    /// Axis of the gyro along the table's axis: "z", or "-z" where the table's positive direction is the gyro's negative
+    /// one. Needed by logs of several axes.
+    pub axis: Option<String>,
+    /// Rate of the table, °/s, where the log has no column for it.
+    pub rate_dps: Option<f64>,
+}
+
 /// Everything a log cannot say of itself. Flags of the same names override the file.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -205,6 +218,9 @@ pub struct Setup {
     pub rate_lsb_arcsec: Option<f64>,
     /// Name of the thermometer that the model uses, if the log has several; the first unless told.
     pub use_thermometer: Option<String>,
+    /// Runs on a rate table.
+    #[serde(rename = "table", skip_serializing_if = "Vec::is_empty")]
+    pub tables: Vec<TableRun>,
     /// Thermometers that differ from the defaults.
     #[serde(rename = "thermometer")]
     pub thermometers: Vec<ThermometerSetup>,
@@ -260,6 +276,9 @@ impl Setup {
         if self.noise.is_some_and(|n| n.n_deg_rt_h == 0.0 && n.q_arcsec == 0.0) {
             return Err(Error::input("noise of zero is no floor; leave it out to have it measured").column("noise"));
         }
+        for table in &self.tables {
+            in_range("table.rate_dps", table.rate_dps, -1e4, 1e4)?;
+        }
         self.check_words()?;
         self.thermometers.iter().try_for_each(check_thermometer)
     }
@@ -293,6 +312,7 @@ impl Setup {
             sensor: None,
             input_rate_dph: None,
             earth: None,
+            tables: Vec::new(),
             reference_c: None,
             min_span_c: None,
             noise: None,
@@ -333,6 +353,12 @@ impl Setup {
     /// T0, 25 °C unless told.
     pub fn reference_c(&self) -> f64 {
         self.reference_c.unwrap_or(25.0)
+    }
+
+    /// What is said of the table in the run of a file: its own entry, else one for every run.
+    pub fn table_of(&self, file: &str) -> Option<&TableRun> {
+        let own = self.tables.iter().find(|table| table.file.as_deref() == Some(file));
+        own.or_else(|| self.tables.iter().find(|table| table.file.is_none()))
     }
 
     /// Known input rate along the axis, °/h.

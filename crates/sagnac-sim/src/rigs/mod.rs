@@ -6,12 +6,14 @@
 mod chamber;
 mod counter;
 mod paper;
+mod rate_table;
 mod resting;
 
 use std::io::Write;
 
 pub use chamber::LaggedChamber;
 pub use paper::PaperRig;
+pub use rate_table::RateTable;
 pub use resting::Resting;
 
 /// One row of a rig's log: counts of the interval that ends at `time_s`.

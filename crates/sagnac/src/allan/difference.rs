@@ -1,6 +1,6 @@
 //! Squared differences of the phase, the sums that every deviation here is made of.
 //!
-//! With the phase θ[k] (arcsec, or any unit of angle) at the ends of rows of τ0, and τ = m·τ0:
+//! With the phase `θ[k]` (arcsec, or any unit of angle) at the ends of rows of τ0, and τ = m·τ0:
 //!
 //! ```text
 //! Allan      z[k] = θ[k+2m] − 2θ[k+m] + θ[k]                 σ²(τ) = Σ z² / (2 τ² M)     NIST SP 1065, eq. 11
@@ -30,7 +30,7 @@ impl Deviation {
         }
     }
 
-    /// Weights of θ[k+d·m] … θ[k].
+    /// Weights of `θ[k+d·m] … θ[k]`.
     pub(crate) fn weights(self) -> &'static [f64] {
         match self {
             Self::Allan => &[1.0, -2.0, 1.0],

@@ -79,6 +79,8 @@ pub fn import(polynomial: &Polynomial, setup: &Setup) -> Result<Calibration> {
             coefficients: ascending,
             sigma: None,
         },
+        scale_factor: None,
+        misalignment: Vec::new(),
         residual: None,
         floor: None,
         cross_validation: None,

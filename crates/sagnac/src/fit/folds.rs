@@ -31,8 +31,8 @@ pub(crate) struct HeldOut {
 struct Division {
     block: Vec<usize>,
     blocks: usize,
-    /// Columns for constants; 0: every run is centred instead.
-    constants: usize,
+    /// Columns before the terms; 0: every run is centred instead.
+    levels: usize,
     scheme: &'static str,
 }
 
@@ -40,17 +40,20 @@ impl Division {
     fn of(problem: &Problem<'_>) -> Self {
         let (n, runs) = (problem.len(), problem.runs.len());
         if runs >= RUNS_TO_LEAVE_ONE_OUT {
-            return Self { block: problem.run.clone(), blocks: runs, constants: 0, scheme: "leave one run out" };
+            // On a table the scale factor at T0 and the constant that runs share are learned from the other runs.
+            let levels = if problem.turning.is_some() { problem.levels.len() } else { 0 };
+            return Self { block: problem.run.clone(), blocks: runs, levels, scheme: "leave one run out" };
         }
         let blocks = BLOCKS.min(n);
         let block = (0..n).map(|i| i * blocks / n).collect();
-        Self { block, blocks, constants: runs, scheme: "contiguous blocks" }
+        Self { block, blocks, levels: problem.levels.len(), scheme: "contiguous blocks" }
     }
 
-    /// Constants that the training set of a fold can tell, and those of runs held out whole.
-    fn constants_without(&self, problem: &Problem<'_>, fold: usize) -> (Vec<usize>, Vec<usize>) {
-        let trained = |run: &usize| (0..problem.len()).any(|i| problem.run[i] == *run && self.block[i] != fold);
-        (0..self.constants).partition(trained)
+    /// Levels that the training set of a fold can tell, and those that stand in the fold alone.
+    fn levels_without(&self, problem: &Problem<'_>, fold: usize) -> (Vec<usize>, Vec<usize>) {
+        let stands = |level: usize, i: usize| problem.level(i, problem.levels[level]) != 0.0;
+        let trained = |level: &usize| (0..problem.len()).any(|i| self.block[i] != fold && stands(*level, i));
+        (0..self.levels).partition(trained)
     }
 }
 
@@ -86,9 +89,9 @@ fn fold_squares(
         .iter()
         .map(|blocks| Factor::join(blocks.iter().enumerate().filter(|(b, _)| *b != fold).map(|(_, f)| f)))
         .collect();
-    let (known, free) = division.constants_without(problem, fold);
+    let (known, free) = division.levels_without(problem, fold);
     let squares = candidates.iter().map(|candidate| {
-        let columns = columns_of(*candidate, &known, division.constants);
+        let columns = columns_of(*candidate, &known, division.levels);
         let choices = if candidate.rate.is_some() { taus_s.len() } else { 1 };
         let (tau, theta) = best_tau(&training[..choices], &columns)?;
         Some(factors[tau][fold].ssr(&columns, &theta, &free))
@@ -103,9 +106,9 @@ fn best_tau(training: &[Option<Factor>], columns: &[usize]) -> Option<(usize, DV
     best.map(|(i, solution)| (i, solution.theta))
 }
 
-/// Columns of a candidate in the full row: constants, b₁…b₈, c₀…c₃, e₁….
-fn columns_of(spec: ModelSpec, known: &[usize], constants: usize) -> Vec<usize> {
-    let bias = constants;
+/// Columns of a candidate in the full row: levels, b₁…b₈, c₀…c₃, e₁….
+fn columns_of(spec: ModelSpec, known: &[usize], levels: usize) -> Vec<usize> {
+    let bias = levels;
     let rate = bias + BIAS_COLUMNS;
     let scale = rate + RATE_COLUMNS;
     let rates = spec.rate.map_or(0, |order| usize::from(order) + 1);
@@ -126,18 +129,18 @@ fn block_factors(
     scale_orders: usize,
 ) -> Vec<Factor> {
     let rates = if with_rate { problem.rate_columns(tau_s) } else { vec![[0.0; RATE_COLUMNS]; problem.len()] };
-    let width = division.constants + BIAS_COLUMNS + RATE_COLUMNS + scale_orders + 1;
+    let width = division.levels + BIAS_COLUMNS + RATE_COLUMNS + scale_orders + 1;
     let mut row = Vec::with_capacity(width);
     let fill = |row: &mut Vec<f64>, i: usize| {
         row.clear();
-        row.extend((0..division.constants).map(|c| f64::from(u8::from(c == problem.run[i]))));
+        row.extend(problem.levels[..division.levels].iter().map(|level| problem.level(i, *level)));
         row.extend_from_slice(&problem.bias[i][1..]);
         row.extend_from_slice(&rates[i]);
         row.extend((1..=scale_orders).map(|k| problem.scale_column(i, k)));
         row.push(problem.y[i]);
     };
     let mut centres = vec![vec![0.0; width]; problem.runs.len()];
-    if division.constants == 0 {
+    if division.levels == 0 {
         let mut weights = vec![0.0; problem.runs.len()];
         for i in 0..problem.len() {
             fill(&mut row, i);

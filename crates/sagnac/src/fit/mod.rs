@@ -12,20 +12,24 @@ mod folds;
 mod lag;
 mod model;
 mod monomial;
+mod plateaus;
 mod problem;
 mod record;
 mod solution;
 mod solve;
+mod turning;
 
 pub use basis::{BASIS_LEN, Span, chebyshev};
 pub use model::{MAX_RATE_ORDER, ModelSpec};
 pub(crate) use monomial::{powers_from_series, series_from_powers};
+pub(crate) use plateaus::Plateaus;
 pub use record::{FitOptions, calibrate, calibrate_with_evidence};
 pub(crate) use record::{inputs, noise_of, program};
+pub(crate) use turning::Turning;
 
 use crate::error::{Error, Result};
 use crate::fit::folds::cross_validate;
-use crate::fit::problem::Problem;
+use crate::fit::problem::{Level, Problem};
 
 /// A smaller model wins if its held-out mean square is within this factor of the least.
 const SMALLER_WINS_WITHIN: f64 = 1.02;
@@ -50,10 +54,13 @@ struct Selection {
 
 /// Tries what is asked for.
 fn select(problem: &Problem<'_>, choice: ModelChoice, taus_s: &[f64]) -> Result<Selection> {
-    let affordable = |spec: &ModelSpec| problem.len() >= 3 * (problem.runs.len() + spec.coefficients());
+    let affordable = |spec: &ModelSpec| problem.len() >= 3 * (problem.levels.len() + spec.coefficients());
     let specs: Vec<ModelSpec> = match choice {
         ModelChoice::Fixed(spec) => vec![spec],
-        ModelChoice::Auto => ModelSpec::candidates(problem.has_rate()).into_iter().filter(affordable).collect(),
+        ModelChoice::Auto => {
+            let with_scale = problem.place_of(Level::Scale).is_some();
+            ModelSpec::candidates(problem.has_rate(), with_scale).into_iter().filter(affordable).collect()
+        }
     };
     if specs.is_empty() {
         return Err(Error::refused(format!(

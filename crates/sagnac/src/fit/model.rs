@@ -10,6 +10,9 @@ use crate::error::{Error, Result};
 /// Highest order of the rate series.
 pub const MAX_RATE_ORDER: u8 = 3;
 
+/// Highest order of the scale-factor series that `auto` tries.
+const MAX_AUTO_SCALE_ORDER: u8 = 4;
+
 /// Orders of the series of a model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct ModelSpec {
@@ -27,11 +30,18 @@ impl ModelSpec {
         usize::from(self.bias) + self.rate.map_or(0, |r| usize::from(r) + 2) + usize::from(self.scale)
     }
 
-    /// Every candidate of `auto`, smallest first.
-    pub fn candidates(with_rate: bool) -> Vec<Self> {
+    /// Coefficients in the order of parameters before those of the scale series; the lag is none of them.
+    pub(crate) fn coefficients_before_scale(&self) -> usize {
+        usize::from(self.bias) + self.rate.map_or(0, |r| usize::from(r) + 1)
+    }
+
+    /// Every candidate of `auto`, smallest first; scale terms only where a rate table tells them.
+    pub fn candidates(with_rate: bool, with_scale: bool) -> Vec<Self> {
         let rates = if with_rate { vec![None, Some(0), Some(1), Some(2), Some(3)] } else { vec![None] };
+        let scales = 0..=if with_scale { MAX_AUTO_SCALE_ORDER } else { 0 };
+        let of = |rate: Option<u8>, scale: u8| (0..=MAX_ORDER).map(move |bias| Self { bias, rate, scale });
         let mut all: Vec<Self> =
-            rates.iter().flat_map(|rate| (0..=MAX_ORDER).map(|bias| Self { bias, rate: *rate, scale: 0 })).collect();
+            rates.iter().flat_map(|rate| scales.clone().flat_map(move |scale| of(*rate, scale))).collect();
         all.sort_by_key(Self::coefficients);
         all
     }
@@ -93,6 +103,7 @@ mod tests {
         for text in ["", "bias", "bias 9", "rate 4", "bias 1, bias 2", "cubic 3", "bias -1"] {
             assert!(text.parse::<ModelSpec>().is_err(), "{text}");
         }
-        assert_eq!(ModelSpec::candidates(true).len(), 45);
+        assert_eq!(ModelSpec::candidates(true, false).len(), 45);
+        assert_eq!(ModelSpec::candidates(true, true).len(), 45 * 5);
     }
 }

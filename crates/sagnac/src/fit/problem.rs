@@ -5,12 +5,22 @@
 //! ```
 //!
 //! y is the mean rate of a window, Ω_run the mean rate of its run: with one input rate per run that is
-//! the model of the target to first order in ε.
+//! the model of the target to first order in ε. On a rate table (see [`super::turning`]) it is exact instead:
+//!
+//! ```text
+//! y − Ω_table = C + δ·Ω_across − y·1e-6·{ε0 + Σ e_k·[T̄_k − T_k(x0)]} + Σ bᵢ·[…] + Σ cⱼ·mean(…)
+//! ```
+//!
+//! with ε0 the deviation of the scale factor at T0 and δ the misalignment towards another axis that was turned. C is one
+//! constant per run where every run was turned at several rates, else one for all: a run at a single rate cannot tell
+//! its constant from ε0.
 
 use crate::error::{Error, Result};
 use crate::fit::basis::{BASIS_LEN, Span, chebyshev, chebyshev_mean};
 use crate::fit::lag::{LagRate, RATE_COLUMNS};
 use crate::fit::model::ModelSpec;
+use crate::fit::plateaus::Plateaus;
+use crate::fit::turning::Turning;
 use crate::units::s_from_ns;
 use crate::window::Windows;
 
@@ -36,6 +46,35 @@ pub(crate) struct Problem<'a> {
     pub(crate) bias: Vec<[f64; BASIS_LEN]>,
     /// Mean rate of each run, °/h.
     pub(crate) run_rate: Vec<f64>,
+    /// Columns before the terms of a model.
+    pub(crate) levels: Vec<Level>,
+    /// What the axis was turned by, where a table did.
+    pub(crate) turning: Option<Turning>,
+}
+
+/// A column that stands before the terms: part of the fit, never of the correction.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Level {
+    /// Constant of a run (index into `runs`), °/h.
+    Run(usize),
+    /// One constant for all runs, °/h.
+    AllRuns,
+    /// ε0: the scale factor at T0, ppm.
+    Scale,
+    /// Misalignment towards an axis, rad.
+    Across(char),
+}
+
+impl Level {
+    /// Its name in the covariance.
+    pub(crate) fn name(self, runs: &[usize]) -> String {
+        match self {
+            Self::Run(index) => format!("constant {}", runs.get(index).copied().unwrap_or(index)),
+            Self::AllRuns => "constant".to_owned(),
+            Self::Scale => "scale 0".to_owned(),
+            Self::Across(letter) => format!("misalignment {letter}"),
+        }
+    }
 }
 
 impl<'a> Problem<'a> {
@@ -45,6 +84,7 @@ impl<'a> Problem<'a> {
         sensor: usize,
         reference_c: f64,
         min_span_c: f64,
+        turning: Option<Turning>,
     ) -> Result<Self> {
         let rows = &windows.rows;
         let used: Vec<usize> = (0..windows.len()).filter(|i| rows.excluded[*i].is_none()).collect();
@@ -70,7 +110,8 @@ impl<'a> Problem<'a> {
             let mean = chebyshev_mean(span.x(rows.mean_c[sensor][i]), variance);
             std::array::from_fn(|n| mean[n] - at_reference[n])
         });
-        let y: Vec<f64> = used.iter().map(|i| windows.rate_dph(axis, *i)).collect();
+        let along = |i: &usize| turning.as_ref().map_or(0.0, |turning| turning.along_dph[*i]);
+        let y: Vec<f64> = used.iter().map(|i| windows.rate_dph(axis, *i) - along(i)).collect();
         let by_row = windows.shape.window.seconds().is_none();
         let weight: Vec<f64> =
             used.iter().map(|i| if by_row { 1.0 } else { windows.duration_s(*i) / windows.shape.nominal_s }).collect();
@@ -81,7 +122,8 @@ impl<'a> Problem<'a> {
         }
         let run_rate = sums.iter().map(|(sum, weight)| sum / weight).collect();
         let bias = bias.collect();
-        Ok(Self { windows, sensor, span, used, y, weight, run, runs, bias, run_rate })
+        let levels = levels(turning.as_ref(), &used, &run, runs.len());
+        Ok(Self { windows, sensor, span, used, y, weight, run, runs, bias, run_rate, levels, turning })
     }
 
     pub(crate) fn len(&self) -> usize {
@@ -128,7 +170,38 @@ impl<'a> Problem<'a> {
 
     /// −Ω_run·1e-6·[T̄_k − T_k(x0)], °/h per ppm.
     pub(crate) fn scale_column(&self, row: usize, order: usize) -> f64 {
-        -self.run_rate[self.run[row]] * 1e-6 * self.bias[row][order]
+        -self.turned_dph(row) * 1e-6 * self.bias[row][order]
+    }
+
+    /// The rate that the scale factor scales: as measured in the window on a table, else that of the run.
+    fn turned_dph(&self, row: usize) -> f64 {
+        match &self.turning {
+            Some(turning) => self.y[row] + turning.along_dph[self.used[row]],
+            None => self.run_rate[self.run[row]],
+        }
+    }
+
+    /// One row of the columns before the terms.
+    pub(crate) fn level(&self, row: usize, level: Level) -> f64 {
+        match level {
+            Level::Run(run) => f64::from(u8::from(run == self.run[row])),
+            Level::AllRuns => 1.0,
+            Level::Scale => -self.turned_dph(row) * 1e-6,
+            Level::Across(letter) => {
+                let across = self.turning.as_ref().map(|turning| turning.across_dph[self.used[row]]);
+                across.filter(|(turned, _)| *turned == letter).map_or(0.0, |(_, rate)| rate)
+            }
+        }
+    }
+
+    /// The plateaus of the axis, where a table turned it.
+    pub(crate) fn plateaus(&self, axis: usize) -> Option<Plateaus> {
+        Some(Plateaus::of(self.windows, &self.used, axis, self.sensor, self.turning.as_ref()?))
+    }
+
+    /// Place of a level among the parameters.
+    pub(crate) fn place_of(&self, level: Level) -> Option<usize> {
+        self.levels.iter().position(|other| *other == level)
     }
 
     /// The regressors of a model on one row, without the constant; `rate` from [`Self::rate_columns`].
@@ -139,6 +212,29 @@ impl<'a> Problem<'a> {
         }
         out.extend((1..=usize::from(spec.scale)).map(|k| self.scale_column(row, k)));
     }
+}
+
+/// The columns before the terms.
+fn levels(turning: Option<&Turning>, used: &[usize], run: &[usize], runs: usize) -> Vec<Level> {
+    let Some(turning) = turning else { return (0..runs).map(Level::Run).collect() };
+    let of_run = |index: usize| used.iter().zip(run).filter(move |(_, run)| **run == index).map(|(i, _)| *i);
+    let along = turning.rates(used.iter().copied()).len() > 1;
+    let each_tells = (0..runs).all(|index| turning.rates(of_run(index)).len() > 1);
+    let mut levels: Vec<Level> =
+        if each_tells || !along { (0..runs).map(Level::Run).collect() } else { vec![Level::AllRuns] };
+    if along {
+        levels.push(Level::Scale);
+    }
+    let mut across: Vec<char> = used
+        .iter()
+        .map(|i| turning.across_dph[*i])
+        .filter(|(_, rate)| rate.is_finite() && *rate != 0.0)
+        .map(|(letter, _)| letter)
+        .collect();
+    across.sort_unstable();
+    across.dedup();
+    levels.extend(across.into_iter().map(Level::Across));
+    levels
 }
 
 /// Says why nothing is left, the commonest reason first.

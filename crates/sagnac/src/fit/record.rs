@@ -4,12 +4,15 @@ use std::collections::BTreeMap;
 
 use crate::allan::NoiseTerms;
 use crate::calibration::{
-    AxisCalibration, Calibration, Candidate, Constant, CrossValidation, FORMAT, Floor, Input, Lag, LogUnit, Monomial,
-    Provenance, Residual, Target, Term, TermKind, Thermometer, UNASSIGNED, VERSION,
+    AxisCalibration, Calibration, Candidate, Constant, CrossValidation, FORMAT, Floor, Input, Lag, LogUnit,
+    Misalignment, Monomial, PpmEstimate, Provenance, Residual, ScaleFactor, Target, Term, TermKind, Thermometer,
+    UNASSIGNED, VERSION,
 };
 use crate::error::{Error, Result};
-use crate::fit::problem::Problem;
+use crate::fit::plateaus::{Plateaus, repeatability};
+use crate::fit::problem::{Level, Problem};
 use crate::fit::solution::{Fitted, fit};
+use crate::fit::turning::Turning;
 use crate::fit::{ModelChoice, Selection, powers_from_series, select};
 use crate::ingest::{AngleUnit, Reason};
 use crate::report::{AxisEvidence, Evidence, points, run_spans};
@@ -55,16 +58,21 @@ pub fn calibrate_with_evidence(
             windows.exclude(i, Reason::NoTemperature);
         }
     }
+    Turning::leave_out_unknown(&mut windows, setup)?;
     let runs = run_spans(&windows);
     let (mut axes, mut shown) = (Vec::new(), Vec::new());
     for axis in 0..windows.shape.axes.len() {
-        let (record, residuals) = fit_axis(&windows, axis, sensor, setup, options).map_err(|e| of_file(e, &windows))?;
+        let (record, left) = fit_axis(&windows, axis, sensor, setup, options).map_err(|e| of_file(e, &windows))?;
         let constant = |i: usize| {
             let run = windows.rows.run[i];
             record.constants.iter().find(|c| c.run == run).map_or(f64::NAN, |c| c.value_dph)
         };
-        let before = |i: usize| windows.rate_dph(axis, i) - constant(i);
-        let after = |i: usize| residuals.get(&i).copied().unwrap_or(f64::NAN);
+        // What a table turns is no drift: known for every window that was used, unknown for the others.
+        let fitted = |i: usize| left.get(&i).copied().unwrap_or((f64::NAN, f64::NAN));
+        let before = |i: usize| {
+            if record.turned() { fitted(i).0 } else { windows.rate_dph(axis, i) - constant(i) }
+        };
+        let after = |i: usize| fitted(i).1;
         let points = points(&windows, &runs, Some(sensor), before, after);
         shown.push(AxisEvidence { axis: windows.shape.axes[axis], points });
         axes.push(record);
@@ -157,18 +165,22 @@ fn of_file(error: Error, windows: &Windows) -> Error {
     }
 }
 
-/// The record of one axis, and the residual of each window that was used, °/h.
+/// Of each used window: what it shows without its levels, and after the fit, °/h.
+type Left = BTreeMap<usize, (f64, f64)>;
+
+/// The record of one axis, and what each used window shows without its levels and after the fit, °/h.
 fn fit_axis(
     windows: &Windows,
     axis: usize,
     sensor: usize,
     setup: &Setup,
     options: &FitOptions,
-) -> Result<(AxisCalibration, BTreeMap<usize, f64>)> {
+) -> Result<(AxisCalibration, Left)> {
     let letter = windows.shape.axes[axis];
     let reference_c = setup.reference_c();
     let min_span_c = setup.min_span_c.unwrap_or(DEFAULT_MIN_SPAN_C);
-    let problem = Problem::new(windows, axis, sensor, reference_c, min_span_c)?;
+    let turning = Turning::of(windows, axis, setup)?;
+    let problem = Problem::new(windows, axis, sensor, reference_c, min_span_c, turning)?;
     if let ModelChoice::Fixed(spec) = options.model
         && spec.rate.is_some()
         && !problem.has_rate()
@@ -178,7 +190,7 @@ fn fit_axis(
     let taus_s = problem.tau_grid();
     let selection = select(&problem, options.model, &taus_s)?;
     let fitted = fit(&problem, selection.specs[selection.chosen], &taus_s)?;
-    let terms = terms(&fitted, problem.runs.len(), &windows.shape.thermometers[sensor]);
+    let terms = terms(&fitted, problem.levels.len(), &windows.shape.thermometers[sensor]);
     if let Some(vague) =
         terms.iter().find(|t| t.kind == TermKind::Scale && t.sigma.is_some_and(|s| s > SCALE_SIGMA_MAX_PPM))
     {
@@ -189,7 +201,18 @@ fn fit_axis(
         ))
         .help("test at several input rates, or leave the scale terms out of --model"));
     }
-    let residuals = problem.used.iter().copied().zip(fitted.residuals.iter().copied()).collect();
+    let level = |row: usize| -> f64 {
+        problem.levels.iter().zip(&fitted.theta).map(|(level, value)| problem.level(row, *level) * value).sum()
+    };
+    // On a table the scale factor's change, times the rate, is no drift either.
+    let scale_at = problem.levels.len() + fitted.spec.coefficients_before_scale();
+    let scaled = |row: usize| -> f64 {
+        let orders = if problem.turning.is_some() { usize::from(fitted.spec.scale) } else { 0 };
+        (1..=orders).map(|k| problem.scale_column(row, k) * fitted.theta[scale_at + k - 1]).sum()
+    };
+    let before = |row: usize| problem.y[row] - level(row) - scaled(row);
+    let left = (0..problem.len()).map(|row| (problem.used[row], (before(row), fitted.residuals[row])));
+    let left = left.collect();
     let record = AxisCalibration {
         axis: letter,
         model: fitted.spec.to_string(),
@@ -201,6 +224,8 @@ fn fit_axis(
         rate_span_cpm: fitted.tau.map(|tau| problem.rate_span(tau.value_s)),
         constants: constants(&fitted, &problem, setup, windows.shape.axes.len()),
         monomial: monomial(&fitted, &problem, &windows.shape, reference_c),
+        scale_factor: scale_factor(&fitted, &problem, axis, &windows.shape),
+        misalignment: misalignment(&fitted, &problem),
         residual: Some(residual(&fitted)),
         floor: floor_of(windows, axis, setup),
         cross_validation: cross_validation(&selection),
@@ -210,15 +235,15 @@ fn fit_axis(
         covariance_of: covariance_of(&fitted, &problem, &terms),
         terms,
     };
-    Ok((record, residuals))
+    Ok((record, left))
 }
 
-fn terms(fitted: &Fitted, constants: usize, sensor: &str) -> Vec<Term> {
+fn terms(fitted: &Fitted, levels: usize, sensor: &str) -> Vec<Term> {
     let spec = fitted.spec;
     let bias = (1..=spec.bias).map(|order| (TermKind::Bias, order));
     let rate = (0..spec.rate.map_or(0, |r| r + 1)).map(|order| (TermKind::Rate, order));
     let scale = (1..=spec.scale).map(|order| (TermKind::Scale, order));
-    let kinds = bias.chain(rate).chain(scale).zip(constants..);
+    let kinds = bias.chain(rate).chain(scale).zip(levels..);
     kinds
         .map(|((kind, order), index)| {
             let (value, sigma) = (fitted.theta[index], fitted.sigma(index));
@@ -236,7 +261,7 @@ fn terms(fitted: &Fitted, constants: usize, sensor: &str) -> Vec<Term> {
 }
 
 fn covariance_of(fitted: &Fitted, problem: &Problem<'_>, terms: &[Term]) -> Vec<String> {
-    let runs = problem.runs.iter().map(|run| format!("constant {run}"));
+    let runs = problem.levels.iter().map(|level| level.name(&problem.runs));
     let terms = terms.iter().map(|term| {
         let kind = match term.kind {
             TermKind::Bias => "bias",
@@ -252,13 +277,43 @@ fn covariance_of(fitted: &Fitted, problem: &Problem<'_>, terms: &[Term]) -> Vec<
 fn constants(fitted: &Fitted, problem: &Problem<'_>, setup: &Setup, axes: usize) -> Vec<Constant> {
     // One direction cannot be that of several axes.
     let input_dph = setup.known_input_rate_dph().filter(|_| axes == 1);
-    let rows = problem.runs.iter().enumerate().map(|(index, run)| Constant {
-        run: *run as u32,
-        value_dph: fitted.theta[index],
-        sigma_dph: Some(fitted.sigma(index)),
-        fixed_bias_dph: input_dph.map(|input| fitted.theta[index] - input),
+    let rows = problem.runs.iter().enumerate().filter_map(|(index, run)| {
+        let place = problem.place_of(Level::Run(index)).or_else(|| problem.place_of(Level::AllRuns))?;
+        Some(Constant {
+            run: *run as u32,
+            value_dph: fitted.theta[place],
+            sigma_dph: Some(fitted.sigma(place)),
+            fixed_bias_dph: input_dph.map(|input| fitted.theta[place] - input),
+        })
     });
     rows.collect()
+}
+
+/// What a table tells of the scale factor; `None` where the axis was not turned at several rates.
+fn scale_factor(fitted: &Fitted, problem: &Problem<'_>, axis: usize, shape: &WindowShape) -> Option<ScaleFactor> {
+    let place = problem.place_of(Level::Scale)?;
+    let Plateaus(plateaus) = problem.plateaus(axis)?;
+    let at_reference = PpmEstimate { ppm: fitted.theta[place], sigma_ppm: fitted.sigma(place) };
+    let arcsec_per_count = match shape.unit {
+        AngleUnit::Quanta { arcsec_per_count, .. } => Some(arcsec_per_count * (1.0 + at_reference.ppm * 1e-6)),
+        AngleUnit::Arcsec => None,
+    };
+    Some(ScaleFactor { arcsec_per_count, at_reference, repeatability: repeatability(&plateaus), plateaus })
+}
+
+/// arcsec in one rad.
+const ARCSEC_PER_RAD: f64 = 180.0 / std::f64::consts::PI * 3600.0;
+
+fn misalignment(fitted: &Fitted, problem: &Problem<'_>) -> Vec<Misalignment> {
+    let across = problem.levels.iter().enumerate().filter_map(|(place, level)| match level {
+        Level::Across(letter) => Some(Misalignment {
+            towards: *letter,
+            arcsec: fitted.theta[place] * ARCSEC_PER_RAD,
+            sigma_arcsec: fitted.sigma(place) * ARCSEC_PER_RAD,
+        }),
+        _ => None,
+    });
+    across.collect()
 }
 
 /// Factor from °/h to the monomial's unit, and the unit's name.
@@ -274,7 +329,7 @@ fn monomial(fitted: &Fitted, problem: &Problem<'_>, shape: &WindowShape, referen
     let spec = fitted.spec;
     let (bias, scale) = (usize::from(spec.bias), usize::from(spec.scale));
     let order = bias.max(scale);
-    let runs = problem.runs.len();
+    let levels = problem.levels.len();
     let rates = spec.rate.map_or(0, |r| usize::from(r) + 1);
     let rows = powers_from_series(problem.span, reference_c, order);
     let (factor, unit) = monomial_unit(shape.unit, shape.nominal_s);
@@ -284,9 +339,10 @@ fn monomial(fitted: &Fitted, problem: &Problem<'_>, shape: &WindowShape, referen
         .map(|row| {
             let mut map = vec![0.0; fitted.covariance.nrows()];
             map[0] = factor * row[0];
-            map[runs..runs + bias].iter_mut().zip(&row[1..]).for_each(|(m, value)| *m = factor * value);
-            let at = runs + bias + rates;
-            let omega = -problem.run_rate[0] * 1e-6;
+            map[levels..levels + bias].iter_mut().zip(&row[1..]).for_each(|(m, value)| *m = factor * value);
+            let at = levels + bias + rates;
+            // On a table the curve is that of a gyro that is not turned.
+            let omega = if problem.turning.is_some() { 0.0 } else { -problem.run_rate[0] * 1e-6 };
             map[at..at + scale].iter_mut().zip(&row[1..]).for_each(|(m, value)| *m = factor * omega * value);
             map
         })

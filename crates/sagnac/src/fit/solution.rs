@@ -52,7 +52,7 @@ impl Fitted {
 
 /// Fits a model on all rows.
 pub(crate) fn fit(problem: &Problem<'_>, spec: ModelSpec, taus_s: &[f64]) -> Result<Fitted> {
-    let parameters = problem.runs.len() + spec.coefficients();
+    let parameters = problem.levels.len() + spec.coefficients();
     if problem.len() < 3 * parameters {
         return Err(Error::refused(format!(
             "{} windows for {parameters} coefficients of `{spec}`; a fit needs three windows for each",
@@ -95,13 +95,12 @@ fn dependent(problem: &Problem<'_>, spec: ModelSpec) -> Error {
 
 /// The fitted values' regressors as a factor, with ∂y/∂τ as a last column if given.
 fn factor(problem: &Problem<'_>, spec: ModelSpec, rates: &[[f64; RATE_COLUMNS]], slope: Option<&[f64]>) -> Columns {
-    let constants = problem.runs.len();
     let mut row = Vec::new();
     let mut reducer: Option<Reducer> = None;
     let mut width = 0;
     for i in 0..problem.len() {
         row.clear();
-        row.extend((0..constants).map(|c| f64::from(u8::from(c == problem.run[i]))));
+        row.extend(problem.levels.iter().map(|level| problem.level(i, *level)));
         problem.regressors(spec, i, &rates[i], &mut row);
         row.extend(slope.map(|s| s[i]));
         row.push(problem.y[i]);
@@ -176,9 +175,9 @@ fn golden_section(mut lo: f64, mut hi: f64, f: impl Fn(f64) -> f64) -> f64 {
 
 fn model_at(problem: &Problem<'_>, spec: ModelSpec, row: usize, rate: &[f64; RATE_COLUMNS], theta: &[f64]) -> f64 {
     let mut regressors = Vec::new();
+    regressors.extend(problem.levels.iter().map(|level| problem.level(row, *level)));
     problem.regressors(spec, row, rate, &mut regressors);
-    let constants = problem.runs.len();
-    theta[problem.run[row]] + regressors.iter().zip(&theta[constants..]).map(|(a, b)| a * b).sum::<f64>()
+    regressors.iter().zip(theta).map(|(a, b)| a * b).sum::<f64>()
 }
 
 fn residuals(problem: &Problem<'_>, spec: ModelSpec, rates: &[[f64; RATE_COLUMNS]], theta: &[f64]) -> Vec<f64> {

@@ -38,7 +38,7 @@ impl Cells {
         let axes = layout.axes.iter().enumerate();
         axes.for_each(|(n, (index, _, unit))| set(*index, Slot::Axis(n, unit.unwrap_or(1.0))));
         layout.temperatures.iter().enumerate().for_each(|(n, (i, _, zero))| set(*i, Slot::Temperature(n, *zero)));
-        layout.reference.iter().for_each(|index| set(*index, Slot::Reference));
+        layout.reference.iter().for_each(|(index, _)| set(*index, Slot::Reference));
         layout.valid.iter().for_each(|index| set(*index, Slot::Valid));
         layout.aux.iter().enumerate().for_each(|(n, (index, _))| set(*index, Slot::Aux(n)));
         let has_time = layout.time.is_some();

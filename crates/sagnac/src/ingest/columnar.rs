@@ -291,7 +291,7 @@ impl ColumnFeed {
         for ((index, _), out) in layout.aux.iter().zip(&mut rows.aux) {
             self.values(batch, *index, f64::NAN, out)?;
         }
-        if let Some(index) = layout.reference {
+        if let Some((index, _)) = layout.reference {
             self.values(batch, index, f64::NAN, &mut rows.reference_dps)?;
         }
         if let Some(index) = layout.valid {

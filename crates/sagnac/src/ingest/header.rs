@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use crate::error::{Error, Result};
+use crate::ingest::table::TableColumn;
 use crate::units::{DPH_PER_DPS, DPH_PER_RADPS, KELVIN_AT_0_C};
 
 /// Header prefix of the program's own compensated output.
@@ -10,10 +11,10 @@ pub const COMPENSATED_PREFIX: &str = "compensated_";
 
 /// Recognised forms, for messages.
 pub const RECOGNISED: &str = "time_s|_ms|_us|_ns, temperature_c|_k[_name], counts[_x|_y|_z], \
-     rate_dph|_dps|_radps[_x|_y|_z], reference_rate_dps, valid, aux_name";
+     rate_dph|_dps|_radps[_x|_y|_z], reference_rate_dps or table_angle_deg or table_mark, valid, aux_name";
 
 /// Every recognised header and what its column holds, for the manual.
-pub const HEADERS: [(&str, &str); 7] = [
+pub const HEADERS: [(&str, &str); 9] = [
     (
         "time_s, time_ms, time_us, time_ns",
         "end of the row's interval; without it there is one window per row and no rate term",
@@ -22,6 +23,11 @@ pub const HEADERS: [(&str, &str); 7] = [
     ("counts[_x, _y, _z]", "counts of the row, or a running total with `counter = \"cumulative\"`"),
     ("rate_dph, rate_dps, rate_radps [_x, _y, _z]", "mean rate of the row in °/h, °/s or rad/s"),
     ("reference_rate_dps", "rate of the table under the gyro, °/s"),
+    ("table_angle_deg", "angle of the table, °, in place of its rate; it may wrap at 360"),
+    (
+        "table_mark",
+        "1 in the row in which the table completed a revolution, −1 for one backwards, else 0, in place of its rate",
+    ),
     ("valid", "1, true, ok, yes or 0, false, no: rows that are flagged are left out"),
     ("aux_name", "any number, carried into the window table"),
 ];
@@ -60,8 +66,8 @@ pub enum Role {
         /// °/h per unit.
         dph_per_unit: f64,
     },
-    /// Rate of the table under the gyro, °/s.
-    ReferenceRate,
+    /// What the table under the gyro does.
+    Reference(TableColumn),
     /// 1 or true: the row is good.
     Valid,
     /// Any number to be carried along.
@@ -88,7 +94,9 @@ pub fn role_of(header: &str) -> Result<Role> {
         "temperature" => temperature_role(header, rest),
         "counts" => Ok(Role::Counts { axis: axis_of(header, rest)? }),
         "rate" => rate_role(header, rest),
-        "reference" if rest == "rate_dps" => Ok(Role::ReferenceRate),
+        "reference" if rest == "rate_dps" => Ok(Role::Reference(TableColumn::Rate)),
+        "table" if rest == "angle_deg" => Ok(Role::Reference(TableColumn::Angle)),
+        "table" if rest == "mark" => Ok(Role::Reference(TableColumn::Mark)),
         "reference" => Err(unknown_unit(header, rest, "rate_dps")),
         "valid" if rest.is_empty() => Ok(Role::Valid),
         "aux" if !rest.is_empty() => Ok(Role::Aux { name: rest.to_owned() }),
@@ -161,7 +169,7 @@ pub struct Layout {
     /// Column, axis letter and °/h per unit (`None`: counts) of each axis.
     pub axes: Vec<(usize, char, Option<f64>)>,
     /// Column of the reference rate.
-    pub reference: Option<usize>,
+    pub reference: Option<(usize, TableColumn)>,
     /// Column of the validity flag.
     pub valid: Option<usize>,
     /// Column and name of auxiliary numbers.
@@ -213,9 +221,9 @@ impl Layout {
         let twice = || Error::input("a second column of the same kind; map one of them to \"ignore\"").column(header);
         match role {
             Role::Time { places } if self.time.is_none() => self.time = Some((index, places)),
-            Role::ReferenceRate if self.reference.is_none() => self.reference = Some(index),
+            Role::Reference(column) if self.reference.is_none() => self.reference = Some((index, column)),
             Role::Valid if self.valid.is_none() => self.valid = Some(index),
-            Role::Time { .. } | Role::ReferenceRate | Role::Valid => return Err(twice()),
+            Role::Time { .. } | Role::Reference(_) | Role::Valid => return Err(twice()),
             Role::Temperature { name, zero } => {
                 if self.temperatures.iter().any(|(_, other, _)| *other == name) {
                     return Err(twice());
@@ -264,7 +272,7 @@ impl Layout {
         let time = self.time.iter().map(|(index, _)| *index);
         let temperatures = self.temperatures.iter().map(|(index, ..)| *index);
         let axes = self.axes.iter().map(|(index, ..)| *index);
-        let others = self.reference.iter().chain(&self.valid).copied();
+        let others = self.reference.iter().map(|(index, _)| *index).chain(self.valid);
         let mut all: Vec<usize> = time
             .chain(temperatures)
             .chain(axes)

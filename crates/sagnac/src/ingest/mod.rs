@@ -22,6 +22,7 @@ mod raw;
 mod reason;
 mod rows;
 mod source;
+mod table;
 mod text;
 mod thermometer;
 #[cfg(feature = "ulog")]
@@ -43,6 +44,8 @@ pub use crate::ingest::reason::{Reason, Tallies, Tally};
 use crate::ingest::rows::RowCheck;
 pub use crate::ingest::source::{Format, Watch, hex, sha256};
 use crate::ingest::source::{HashHandle, Source};
+pub use crate::ingest::table::TableColumn;
+use crate::ingest::table::TableRates;
 pub use crate::ingest::text::COMPENSATED_STAMP;
 pub(crate) use crate::ingest::text::unquoted;
 use crate::ingest::text::{LineParser, TextFeed};
@@ -215,6 +218,7 @@ pub struct LogReader {
     rows: RawRows,
     ahead: VecDeque<RawRows>,
     align: Aligner,
+    table: TableRates,
     hash: HashHandle,
     name: String,
 }
@@ -272,7 +276,11 @@ impl LogReader {
         let batch = Batch::for_shape(&shape);
         let align = Aligner::new(ns_from_s(setup.temperature_offset_s).unwrap_or(0));
         let rows = RawRows::default();
-        Ok(Self { pieces, layout, delimiter, check, shape, batch, rows, ahead, align, hash, name })
+        let column = layout.reference.map_or(TableColumn::Rate, |(_, column)| column);
+        // Where a log is written out again row by row nothing waits: marks are for fits and proofs.
+        let column = if pace != Pace::Bulk && column == TableColumn::Mark { TableColumn::Rate } else { column };
+        let table = TableRates::new(column);
+        Ok(Self { pieces, layout, delimiter, check, shape, batch, rows, ahead, align, table, hash, name })
     }
 
     /// What the log consists of.
@@ -321,12 +329,32 @@ impl LogReader {
     /// # Errors
     /// A read error, or a line that makes the whole log unusable.
     pub fn next_batch(&mut self) -> Result<Option<&Batch>> {
+        if !self.table.waits() {
+            let more = self.read_batch()?;
+            self.table.convert(&mut self.batch);
+            return Ok(more.then_some(&self.batch));
+        }
+        loop {
+            if let Some(batch) = self.table.ready() {
+                self.batch = batch;
+                return Ok(Some(&self.batch));
+            }
+            if self.read_batch()? {
+                self.table.push(self.batch.clone());
+            } else if !self.table.end() {
+                return Ok(None);
+            }
+        }
+    }
+
+    /// The next rows into `self.batch`; false at the end.
+    fn read_batch(&mut self) -> Result<bool> {
         self.batch.clear();
         if !self.next_rows()? {
-            return Ok(None);
+            return Ok(false);
         }
         self.check.push(&self.rows, &mut self.batch)?;
-        Ok(Some(&self.batch))
+        Ok(true)
     }
 
     /// The next piece into `self.rows`, with the temperatures that belong to it; false at the end.

@@ -43,11 +43,15 @@ pub enum Reason {
     Motion,
     /// Window on the shorter side of a lasting step.
     Step,
+    /// Window in which the rate table changed its rate.
+    TableChange,
+    /// Window without a reference rate in a run that has one.
+    NoReference,
 }
 
 impl Reason {
     /// Every reason.
-    pub const ALL: [Self; 17] = [
+    pub const ALL: [Self; 19] = [
         Self::Ragged,
         Self::NotANumber,
         Self::ValueOutOfRange,
@@ -65,6 +69,8 @@ impl Reason {
         Self::StartUp,
         Self::Motion,
         Self::Step,
+        Self::TableChange,
+        Self::NoReference,
     ];
 
     /// The name scripts rely on.
@@ -87,6 +93,8 @@ impl Reason {
             Self::StartUp => "start_up",
             Self::Motion => "motion",
             Self::Step => "step",
+            Self::TableChange => "table_change",
+            Self::NoReference => "no_reference",
         }
     }
 }
@@ -114,6 +122,8 @@ impl Reason {
             Self::StartUp => "The first window of a run, far from what follows.",
             Self::Motion => "Far from the windows beside it: a bump, a motion.",
             Self::Step => "On the shorter side of a lasting step.",
+            Self::TableChange => "The rate table changed its rate within the window.",
+            Self::NoReference => "No reference rate in a run that has one.",
         }
     }
 }

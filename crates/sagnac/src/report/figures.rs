@@ -1,10 +1,11 @@
 //! Which figures a report has, and what is in each.
 
-use crate::calibration::{AxisCalibration, TermKind};
+use crate::calibration::{AxisCalibration, PpmEstimate, TermKind};
 use crate::fit::{BASIS_LEN, Span, chebyshev};
 use crate::ingest::Reason;
 use crate::report::evidence::{AxisEvidence, Evidence, Leg, Point};
 use crate::report::figure::{Figure, Layer, Role, rounded};
+use crate::verify::{PlateauProof, ScaleProof};
 
 /// The layers of one kind of all axes together draw no more points.
 const MOST_POINTS: usize = 1800;
@@ -60,24 +61,28 @@ fn line(label: &str, role: Role, x: &[f64], y: Vec<f64>, dashed: bool) -> Layer 
     Layer::Line { label: label.to_owned(), role, x: rounded(x.iter().copied()), y: rounded(y), dashed }
 }
 
-/// Drift at rest over the span with its 95 % band, from the record alone.
-fn curve(axis: &AxisCalibration) -> (Vec<f64>, Vec<f64>, Option<Vec<f64>>) {
+/// A series over the span with its 95 % band, from the record alone: the drift at rest, or the scale factor with its
+/// value at T0.
+fn curve(axis: &AxisCalibration, kind: TermKind) -> (Vec<f64>, Vec<f64>, Option<Vec<f64>>) {
     let span = Span { lo_c: axis.span_c[0], hi_c: axis.span_c[1] };
     let step = (span.hi_c - span.lo_c) / (CURVE_POINTS - 1) as f64;
     let x: Vec<f64> = (0..CURVE_POINTS).map(|i| span.lo_c + step * i as f64).collect();
     let at_reference = chebyshev(span.x(axis.reference_c));
-    let bias = axis.series(TermKind::Bias);
+    let mut series = axis.series(kind);
+    let scale = axis.scale_factor.as_ref().filter(|_| kind == TermKind::Scale);
+    series[0] = scale.map_or(0.0, |scale| scale.at_reference.ppm);
+    let prefix = if kind == TermKind::Scale { "scale " } else { "bias " };
     let basis = |t_c: f64| -> [f64; BASIS_LEN] {
         let values = chebyshev(span.x(t_c));
-        std::array::from_fn(|n| values[n] - at_reference[n])
+        std::array::from_fn(|n| if n == 0 { 1.0 } else { values[n] - at_reference[n] })
     };
-    let y = x.iter().map(|t| basis(*t).iter().zip(&bias).map(|(b, c)| b * c).sum()).collect();
-    // Rows of the covariance that are bias terms, and their orders.
+    let y = x.iter().map(|t| basis(*t).iter().zip(&series).map(|(b, c)| b * c).sum()).collect();
+    // Rows of the covariance that are such terms, and their orders.
     let rows: Vec<(usize, usize)> = axis
         .covariance_of
         .iter()
         .enumerate()
-        .filter_map(|(row, name)| Some((row, name.strip_prefix("bias ")?.parse().ok()?)))
+        .filter_map(|(row, name)| Some((row, name.strip_prefix(prefix)?.parse().ok()?)))
         .filter(|(_, order)| *order < BASIS_LEN)
         .collect();
     let half = |t_c: &f64| {
@@ -111,7 +116,7 @@ pub(crate) fn drift(evidence: &Evidence, axis: &AxisEvidence, record: &AxisCalib
         let of_leg = shown.iter().filter(|p| p.leg() == leg).map(|p| (p.temperature_c, p.before_dph));
         out.layers.push(dots(label, role, of_leg));
     }
-    let (x, y, band) = curve(record);
+    let (x, y, band) = curve(record, TermKind::Bias);
     if let Some(half) = band {
         let (lo, hi) = y.iter().zip(&half).map(|(y, half)| (y - half, y + half)).unzip::<_, _, Vec<_>, Vec<_>>();
         let (lo, hi, at) = (rounded(lo), rounded(hi), rounded(x.iter().copied()));
@@ -124,6 +129,49 @@ pub(crate) fn drift(evidence: &Evidence, axis: &AxisEvidence, record: &AxisCalib
         }
     }
     out.drop_empty().framed(false)
+}
+
+/// Scale factor against temperature: the joint fit with its band, the plateaus with twice their σ.
+pub(crate) fn scale_factor(record: &AxisCalibration) -> Option<Figure> {
+    let scale = record.scale_factor.as_ref()?;
+    let caption = "The curve is the joint fit of bias and scale factor, the band where it lies with 95 % confidence. Bars: each plateau \
+                   by itself, by the two-direction method, with twice its standard deviation.";
+    let labels = ["temperature, °C", "scale factor from nominal, ppm"];
+    let title = "Scale factor against temperature";
+    let mut out = figure(record.axis, "scale", title, caption.to_owned(), labels, "temperature");
+    let (x, y, band) = curve(record, TermKind::Scale);
+    if let Some(half) = band {
+        let (lo, hi): (Vec<f64>, Vec<f64>) = y.iter().zip(&half).map(|(y, half)| (y - half, y + half)).unzip();
+        let (lo, hi, at) = (rounded(lo), rounded(hi), rounded(x.iter().copied()));
+        out.layers.push(Layer::Band { label: "95 % band".to_owned(), role: Role::Fit, x: at, lo, hi });
+    }
+    out.layers.push(line("joint fit", Role::Fit, &x, y, false));
+    let points = scale.plateaus.iter().map(|p| (p.temperature_c, p.scale));
+    out.layers.extend(whiskers("plateaus", Role::After, points));
+    out.framed(false)
+}
+
+/// Scale factor at the plateaus of a proof, before and after.
+pub(crate) fn scale_proof(axis: char, proof: &ScaleProof) -> Option<Figure> {
+    let caption = "Each plateau by the two-direction method, with twice its standard deviation. The correction takes out what changes with \
+                   temperature; what remains the same is the scale factor at the reference temperature.";
+    let labels = ["temperature, °C", "scale factor from nominal, ppm"];
+    let title = "Scale factor before and after";
+    let mut out = figure(axis, "scale", title, caption.to_owned(), labels, "temperature");
+    let side = |of: fn(&PlateauProof) -> PpmEstimate| proof.plateaus.iter().map(move |p| (p.temperature_c, of(p)));
+    out.layers.extend(whiskers("before", Role::Before, side(|p| p.before)));
+    out.layers.extend(whiskers("after", Role::After, side(|p| p.after)));
+    out.framed(false)
+}
+
+fn whiskers(label: &str, role: Role, points: impl Iterator<Item = (f64, PpmEstimate)>) -> Option<Layer> {
+    let mut points: Vec<(f64, PpmEstimate)> = points.collect();
+    points.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let label = label.to_owned();
+    let x = rounded(points.iter().map(|(t, _)| *t));
+    let y = rounded(points.iter().map(|(_, e)| e.ppm));
+    let half = rounded(points.iter().map(|(_, e)| 2.0 * e.sigma_ppm));
+    (!points.is_empty()).then_some(Layer::Whiskers { label, role, x, y, half })
 }
 
 /// The fit at the median rate of a leg; `None` without rate terms or such windows.

@@ -2,7 +2,7 @@
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-use crate::calibration::{AxisCalibration, Calibration, Candidate, Input, LogUnit, TermKind, UNASSIGNED};
+use crate::calibration::{AxisCalibration, Calibration, Candidate, Input, LogUnit, PpmEstimate, TermKind, UNASSIGNED};
 use crate::digits::{significant, with_sigma};
 use crate::error::{Error, Result};
 use crate::ingest::{Tally, hex, sha256};
@@ -10,7 +10,7 @@ use crate::report::evidence::{AxisEvidence, Evidence};
 use crate::report::figure::Figure;
 use crate::report::figures::Wording;
 use crate::report::{figures, svg};
-use crate::verify::{AxisVerification, Figures, Verification};
+use crate::verify::{AxisVerification, Figures, ScaleFigures, Verification};
 
 /// What the page is made of besides its own words. uPlot 1.6.32 is under the MIT licence, which stands
 /// beside it.
@@ -47,6 +47,7 @@ pub fn calibration_report(calibration: &Calibration, evidence: &Evidence) -> Res
                 @let () = drawn.extend(all);
             }
             (coefficients(axis))
+            (plateaus(axis))
             (candidates(&axis.candidates))
             (left_out(&axis.excluded))
         }
@@ -77,6 +78,7 @@ pub fn verification_report(
         @for axis in &verification.axes {
             @if several { h2.axis { "Axis " (axis.axis) } }
             (before_after(axis, verification))
+            (scale_before_after(axis))
             (limits(axis))
             (left(axis))
             @if let Some(points) = evidence.axes.iter().find(|points| points.axis == axis.axis) {
@@ -159,11 +161,17 @@ fn legend(figure: &Figure) -> Vec<(&str, &'static str, &'static str)> {
 fn fit_figures(evidence: &Evidence, points: &AxisEvidence, axis: &AxisCalibration) -> Vec<Figure> {
     let floor = axis.floor.as_ref().map(|floor| floor.value_dph);
     let drift = figures::drift(evidence, points, axis);
-    drift.into_iter().chain(both_sides(evidence, points, &figures::OF_FIT, floor)).collect()
+    drift
+        .into_iter()
+        .chain(figures::scale_factor(axis))
+        .chain(both_sides(evidence, points, &figures::OF_FIT, floor))
+        .collect()
 }
 
 fn proof_figures(evidence: &Evidence, points: &AxisEvidence, axis: &AxisVerification) -> Vec<Figure> {
-    both_sides(evidence, points, &figures::OF_PROOF, axis.floor.as_ref().map(|floor| floor.value_dph))
+    let scale = axis.scale_factor.as_ref().and_then(|proof| figures::scale_proof(axis.axis, proof));
+    let floor = axis.floor.as_ref().map(|floor| floor.value_dph);
+    scale.into_iter().chain(both_sides(evidence, points, &figures::OF_PROOF, floor)).collect()
 }
 
 /// What a fit and a proof both show.
@@ -300,6 +308,59 @@ fn before_after(axis: &AxisVerification, verification: &Verification) -> Markup 
         } }
         @if let Some(floor) = &axis.floor {
             p.note { "Floor: " (floor.source) ". Its max − min is what " (floor.n) " windows of noise alone would show." }
+        }
+    }
+}
+
+/// The scale factor over the plateaus, before and after.
+fn scale_before_after(axis: &AxisVerification) -> Markup {
+    let row = |name: &str, f: &ScaleFigures| {
+        html! { tr { td { (name) } @for value in [f.mean_ppm, f.peak_to_peak_ppm, f.sigma_ppm] { td { (significant(value, 3)) } } } }
+    };
+    html! {
+        @if let Some(scale) = &axis.scale_factor {
+            h3 { "Scale factor over " (scale.plateaus.len()) " plateaus, ppm from nominal" }
+            div.scroll { table {
+                tr { th { "" } th { "mean" } th { "max − min" } th { "σ" } }
+                (row("before", &scale.before))
+                (row("after", &scale.after))
+                tr { td { "noise alone" } td {} td {} td { (significant(scale.of_noise_ppm, 3)) } }
+            } }
+        }
+    }
+}
+
+/// What the rate table told, plateau by plateau.
+fn plateaus(axis: &AxisCalibration) -> Markup {
+    let estimate = |e: Option<PpmEstimate>| e.map_or("-".to_owned(), |e| with_sigma(e.ppm, Some(e.sigma_ppm)));
+    html! {
+        @if let Some(scale) = &axis.scale_factor {
+            h3 { "Scale factor" }
+            p.note {
+                "At " (axis.reference_c) " °C: " (estimate(Some(scale.at_reference))) " ppm from nominal"
+                @if let Some(s) = scale.arcsec_per_count { ", " (format!("{s:.8}")) " arcsec per count" } "."
+                @if let Some(r) = scale.repeatability {
+                    " Repeatability over " (r.temperatures) " temperatures: σ " (significant(r.sigma_ppm, 2)) " ppm; noise makes "
+                    (significant(r.of_noise_ppm, 2)) "."
+                }
+            }
+            div.scroll { table {
+                tr {
+                    th { "plateau, °C" } th { "windows" } th { "rates, °/s" } th { "scale factor, ppm" } th { "rate at rest, °/h" }
+                    th { "nonlinearity, ppm" } th { "asymmetry, ppm" }
+                }
+                @for p in &scale.plateaus {
+                    tr {
+                        td { (format!("{:.1}", p.temperature_c)) } td { (p.windows) }
+                        td { (p.rates_dps.iter().map(|r| significant(*r, 4)).collect::<Vec<_>>().join(" ")) }
+                        td { (estimate(Some(p.scale))) } td { (with_sigma(p.bias_dph, Some(p.bias_sigma_dph))) }
+                        td { (estimate(p.nonlinearity)) } td { (estimate(p.asymmetry)) }
+                    }
+                }
+            } }
+        }
+        @for m in &axis.misalignment {
+            p.note { "The input axis leans towards " (m.towards) " by " (with_sigma(m.arcsec, Some(m.sigma_arcsec))) " arcsec." }
         }
     }
 }

@@ -12,6 +12,7 @@ mod left;
 mod limits;
 mod replay;
 mod stats;
+mod turned;
 
 use std::collections::BTreeMap;
 
@@ -24,6 +25,7 @@ pub use left::{AcrossGaps, Estimate, Left};
 pub use limits::{Limits, Verdict};
 pub use replay::{Corrected, Replay};
 pub use stats::{Figures, expected_range};
+pub use turned::{PlateauProof, ScaleFigures, ScaleProof};
 
 use crate::allan::NoiseTerms;
 use crate::calibration::{Calibration, Input, LogUnit};
@@ -33,6 +35,7 @@ use crate::ingest::{AngleUnit, Batch, LogReader, LogShape, Tally, hex, sha256};
 use crate::report::{AxisEvidence, Evidence, points, run_spans};
 use crate::setup::Setup;
 use crate::units::ARCSEC_RT_S_PER_DEG_RT_H;
+use crate::verify::turned::Drifts;
 use crate::window::{WindowBuilder, Windows, same_shape};
 
 /// What a retest is held against.
@@ -173,6 +176,9 @@ pub struct AxisVerification {
     pub improvement_sigma: Option<f64>,
     /// What can be seen of what the correction left.
     pub left: Left,
+    /// The scale factor over temperature, where a rate table tells it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scale_factor: Option<ScaleProof>,
     /// Windows in which each status occurred.
     pub status_windows: BTreeMap<String, usize>,
     /// Limits, if any were given.
@@ -237,12 +243,22 @@ pub fn verify_with_evidence(
 ) -> Result<(Verification, Evidence)> {
     let fits = |log: &LogReader| correction.fit_to(log.shape(), setup).map_err(|e| e.file(log.summary().file));
     let sensor = logs.first().map(fits).transpose()?.and_then(|(_, sensor)| sensor);
-    let windows = replay_windows(correction, logs, setup, keep_all)?;
+    let mut windows = replay_windows(correction, logs, setup, keep_all)?;
+    fit::Turning::leave_out_unknown(&mut windows, setup)?;
     let count = windows.shape.axes.len() / 2;
     let used: Vec<usize> = (0..windows.len()).filter(|i| windows.rows.excluded[*i].is_none()).collect();
-    let evidence = evidence(&windows, &used, sensor);
-    let axes: Result<Vec<AxisVerification>> =
-        (0..count).map(|axis| axis_figures(&windows, &used, &evidence, axis, correction, setup, limits)).collect();
+    let drifts = Drifts::of(&windows, &used, setup)?;
+    let evidence = evidence(&windows, &drifts, &used, sensor);
+    let axes = (0..count).map(|axis| {
+        let mut figures = axis_figures(&windows, &drifts, &used, &evidence, axis, correction, setup)?;
+        figures.scale_factor = drifts.scale_proof(&used, axis, sensor);
+        if let Some(limits) = limits {
+            figures.limits = limits.judge(&figures);
+            figures.pass = Some(figures.limits.iter().all(|verdict| verdict.pass));
+        }
+        Ok(figures)
+    });
+    let axes: Result<Vec<AxisVerification>> = axes.collect();
     let verification = Verification {
         program: fit::program(),
         serial: correction.serial(),
@@ -257,19 +273,19 @@ pub fn verify_with_evidence(
 }
 
 /// Both sides of every window about their own means over the used windows of the run.
-fn evidence(windows: &Windows, used: &[usize], sensor: Option<usize>) -> Evidence {
+fn evidence(windows: &Windows, drifts: &Drifts<'_>, used: &[usize], sensor: Option<usize>) -> Evidence {
     let runs = run_spans(windows);
     let count = windows.shape.axes.len() / 2;
     let mean = |column: usize, run: u32| {
         let members = used.iter().filter(|i| windows.rows.run[**i] == run);
-        let (sum, n) = members.fold((0.0, 0.0), |(sum, n), i| (sum + windows.rate_dph(column, *i), n + 1.0));
+        let (sum, n) = members.fold((0.0, 0.0), |(sum, n), i| (sum + drifts.rate_dph(column, *i), n + 1.0));
         sum / n
     };
     let axis = |axis: usize| {
         let means = |column: usize| -> Vec<f64> { (0..runs.len()).map(|run| mean(column, run as u32)).collect() };
         let (before, after) = (means(axis), means(axis + count));
         let about =
-            |means: &[f64], column: usize, i: usize| windows.rate_dph(column, i) - means[windows.rows.run[i] as usize];
+            |means: &[f64], column: usize, i: usize| drifts.rate_dph(column, i) - means[windows.rows.run[i] as usize];
         let points = points(windows, &runs, sensor, |i| about(&before, axis, i), |i| about(&after, axis + count, i));
         AxisEvidence { axis: windows.shape.axes[axis], points }
     };
@@ -330,20 +346,22 @@ fn unit_of(windows: &Windows) -> (f64, &'static str) {
 
 fn axis_figures(
     windows: &Windows,
+    drifts: &Drifts<'_>,
     used: &[usize],
     evidence: &Evidence,
     axis: usize,
     correction: &Correction,
     setup: &Setup,
-    limits: Option<&Limits>,
 ) -> Result<AxisVerification> {
     let count = windows.shape.axes.len() / 2;
     let scale = unit_of(windows).0;
     let dph_per_unit = windows.shape.unit.arcsec() / scale;
     let figures = |column: usize| {
         let angle = &windows.rows.angle[column];
-        let values: Vec<(u32, f64)> =
-            used.iter().map(|i| (windows.rows.run[*i], angle[*i] * scale / windows.duration_s(*i))).collect();
+        // What the table turned, in the unit of the figures; exactly nothing without one.
+        let turned = |i: usize| (windows.rate_dph(column, i) - drifts.rate_dph(column, i)) / dph_per_unit;
+        let value = |i: usize| angle[i] * scale / windows.duration_s(i) - turned(i);
+        let values: Vec<(u32, f64)> = used.iter().map(|i| (windows.rows.run[*i], value(*i))).collect();
         Figures::of(&values, dph_per_unit).ok_or_else(|| {
             Error::refused(format!("{} usable windows; before and after need at least two per run", used.len()))
                 .help("give a longer retest or a shorter --window")
@@ -358,7 +376,7 @@ fn axis_figures(
     let letter = windows.shape.axes[axis];
     let floor = floor(windows, used, axis, correction, setup, dph_per_unit);
     let left = left::left(&evidence.axes[axis].points, floor.as_ref().map(|floor| floor.value_dph));
-    let mut out = AxisVerification {
+    Ok(AxisVerification {
         axis: letter,
         before,
         after,
@@ -367,14 +385,10 @@ fn axis_figures(
         improvement_sigma: ratio(before.sigma, after.sigma),
         left,
         status_windows: status_windows.filter(|(_, n)| *n > 0).collect(),
+        scale_factor: None,
         limits: Vec::new(),
         pass: None,
-    };
-    if let Some(limits) = limits {
-        out.limits = limits.judge(&out);
-        out.pass = Some(out.limits.iter().all(|verdict| verdict.pass));
-    }
-    Ok(out)
+    })
 }
 
 /// From the retest log, else from the calibration: N and Q, at the lengths that the windows really have.

@@ -27,6 +27,8 @@ pub struct WindowBuilder {
     /// Length of each row of the batch at hand, ns.
     weights: Vec<f64>,
     judged_axes: usize,
+    /// Per window: σ of the reference rate within it, °/s.
+    table_spread_dps: Vec<f64>,
 }
 
 /// The run being read.
@@ -198,6 +200,7 @@ impl WindowBuilder {
             run: None,
             weights: Vec::new(),
             judged_axes: log.axes.len(),
+            table_spread_dps: Vec::new(),
         })
     }
 
@@ -313,7 +316,9 @@ impl WindowBuilder {
         rows.samples.push(sums.samples);
         rows.first_line.push(sums.first_line);
         rows.excluded.push(None);
-        rows.reference_dps.push(if sums.reference.weight() > 0.0 { sums.reference.mean() } else { f64::NAN });
+        let whole = sums.reference.weight() > 0.999 * sums.duration_ns as f64;
+        rows.reference_dps.push(if whole { sums.reference.mean() } else { f64::NAN });
+        self.table_spread_dps.push(if sums.reference.weight() > 0.0 { sums.reference.variance().sqrt() } else { 0.0 });
         let push = |columns: &mut Vec<Vec<f64>>, values: &mut dyn Iterator<Item = f64>| {
             columns.iter_mut().zip(values).for_each(|(column, value)| column.push(value));
         };
@@ -353,6 +358,7 @@ impl WindowBuilder {
                 windows.exclude(i, Reason::ShortWindow);
             }
         }
+        outliers::mark_table_changes(&mut windows, &self.table_spread_dps);
         if !keep_all {
             outliers::mark(&mut windows, self.judged_axes);
         }

@@ -14,6 +14,10 @@ use crate::ingest::Reason;
 use crate::units::s_from_ns;
 use crate::window::Windows;
 
+/// Reference rates closer than this part of themselves are one rate.
+const SAME_RATE: f64 = 1e-3;
+/// σ of the reference rate within a window, as a part of the largest rate, from which on the table changed its rate.
+const CHANGE: f64 = 0.02;
 const NEIGHBOURS: usize = 5;
 /// Runs shorter than this are not judged.
 const MIN_WINDOWS: usize = 12;
@@ -43,11 +47,31 @@ fn mark_run(windows: &mut Windows, run: usize, axis: usize) {
     let members: Vec<usize> = (0..windows.len())
         .filter(|i| windows.rows.run[*i] as usize == run && windows.rows.excluded[*i].is_none())
         .collect();
-    if members.len() < MIN_WINDOWS {
-        return;
+    // On a rate table a change of the rate is no outlier: each stretch of one rate is judged by itself.
+    let same_rate = |a: &usize, b: &usize| {
+        let (a, b) = (windows.rows.reference_dps[*a], windows.rows.reference_dps[*b]);
+        a.is_nan() || b.is_nan() || (a - b).abs() <= SAME_RATE * a.abs().max(b.abs())
+    };
+    let stretches: Vec<Vec<usize>> = members.chunk_by(same_rate).map(<[usize]>::to_vec).collect();
+    for stretch in stretches.iter().filter(|stretch| stretch.len() >= MIN_WINDOWS) {
+        mark_stretch(windows, stretch, axis);
     }
-    let series = Series::of(windows, axis, &members);
-    let scale = robust_scale(&residuals(windows, &members, &series));
+}
+
+/// Marks windows in which the table's rate changed; `spread_dps` is the σ of the reference rate within each.
+pub(crate) fn mark_table_changes(windows: &mut Windows, spread_dps: &[f64]) {
+    let rates = windows.rows.reference_dps.iter().filter(|rate| rate.is_finite());
+    let largest = rates.fold(0.0_f64, |most, rate| most.max(rate.abs()));
+    for (i, spread) in spread_dps.iter().enumerate() {
+        if *spread > CHANGE * largest {
+            windows.exclude(i, Reason::TableChange);
+        }
+    }
+}
+
+fn mark_stretch(windows: &mut Windows, members: &[usize], axis: usize) {
+    let series = Series::of(windows, axis, members);
+    let scale = robust_scale(&residuals(windows, members, &series));
     let kept = keep_one_level(&series, (STEP_SIGMAS * scale).max(STEP_OF_RANGE * decile_range(&series.rates)));
     for (member, _) in members.iter().zip(&kept).filter(|(_, kept)| !**kept) {
         windows.exclude(*member, Reason::Step);

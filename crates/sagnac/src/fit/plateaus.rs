@@ -1,0 +1,291 @@
+//! Scale factor and bias apart, plateau by plateau: the test as a rate-table engineer reads it.
+//!
+//! ```text
+//! y = B + k·Ω,   S = S0/k,   ε = (1/k − 1)·1e6 ppm        two directions: k = (y⁺ − y⁻)/(Ω⁺ − Ω⁻)
+//! ```
+//!
+//! over the windows of a plateau (temperature within ±1 °C, at least two rates), by least squares; with one rate in two
+//! directions that is the two-direction method S = (θ⁺ − θ⁻)/(N⁺ − N⁻) itself, which takes bias and Earth rate out. A
+//! plateau whose rates lie in different runs takes windows of equal temperature from each.
+//!
+//! * nonlinearity: largest distance of a rate's mean from the straight line, ppm of the largest rate; needs three rates
+//! * asymmetry: 2(S⁺ − S⁻)/(S⁺ + S⁻), slopes apart for both directions; needs two rates on a side, or rest and both sides
+//! * repeatability: σ of ε about the mean of its temperature, over plateaus that were visited more than once
+//!
+//! These figures judge the joint fit; they are not its input.
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::calibration::{Plateau, PpmEstimate, Repeatability};
+use crate::fit::turning::Turning;
+use crate::window::Windows;
+
+/// A plateau reaches this far from its mean, °C.
+const REACH_C: f64 = 1.0;
+/// Fewer windows tell no uncertainty.
+const FEWEST: usize = 4;
+/// Plateaus closer than this are visits of one temperature, °C.
+const SAME_C: f64 = 2.0;
+
+/// A window as the plateaus see it.
+#[derive(Clone, Copy)]
+struct TurnedWindow {
+    run: usize,
+    temperature_c: f64,
+    /// Rate of the table along the axis, °/h.
+    along_dph: f64,
+    /// Rate as measured, °/h.
+    measured_dph: f64,
+    weight: f64,
+}
+
+/// The plateaus of one axis.
+pub(crate) struct Plateaus(pub(crate) Vec<Plateau>);
+
+impl Plateaus {
+    /// Of some windows, in their order.
+    pub(crate) fn of(windows: &Windows, used: &[usize], column: usize, sensor: usize, turning: &Turning) -> Self {
+        let one = |i: &usize| TurnedWindow {
+            run: windows.rows.run[*i] as usize,
+            temperature_c: windows.rows.mean_c[sensor][*i],
+            along_dph: turning.along_dph[*i],
+            measured_dph: windows.rate_dph(column, *i),
+            weight: windows.duration_s(*i) / windows.shape.nominal_s,
+        };
+        Self(plateaus(&used.iter().map(one).filter(|w| w.temperature_c.is_finite()).collect::<Vec<_>>()))
+    }
+}
+
+/// Every plateau that tells scale factor and bias apart, by temperature within the order of the test.
+fn plateaus(windows: &[TurnedWindow]) -> Vec<Plateau> {
+    let mut stretches: Vec<Vec<TurnedWindow>> = Vec::new();
+    for window in windows {
+        match stretches.last_mut() {
+            Some(last) if last[0].run == window.run && (mean_c(last) - window.temperature_c).abs() <= REACH_C => {
+                last.push(*window);
+            }
+            _ => stretches.push(vec![*window]),
+        }
+    }
+    let (mut whole, mut single): (Vec<_>, Vec<_>) = stretches.into_iter().partition(|stretch| rates(stretch) > 1);
+    // Rates that lie in different runs: windows of equal temperature together.
+    single.sort_by(|a, b| mean_c(a).total_cmp(&mean_c(b)));
+    let mut gathered: Vec<Vec<TurnedWindow>> = Vec::new();
+    for stretch in single {
+        match gathered.last_mut() {
+            Some(last) if (mean_c(last) - mean_c(&stretch)).abs() <= REACH_C => last.extend(stretch),
+            _ => gathered.push(stretch),
+        }
+    }
+    whole.extend(gathered.into_iter().filter(|stretch| rates(stretch) > 1));
+    whole.iter().filter_map(|stretch| plateau(stretch)).collect()
+}
+
+fn mean_c(windows: &[TurnedWindow]) -> f64 {
+    windows.iter().map(|w| w.temperature_c).sum::<f64>() / windows.len() as f64
+}
+
+/// Different rates: (rate, its windows), rising.
+fn by_rate(windows: &[TurnedWindow]) -> Vec<(f64, Vec<TurnedWindow>)> {
+    let largest = windows.iter().fold(0.0_f64, |most, w| most.max(w.along_dph.abs()));
+    let mut sorted = windows.to_vec();
+    sorted.sort_by(|a, b| a.along_dph.total_cmp(&b.along_dph));
+    let mut out: Vec<(f64, Vec<TurnedWindow>)> = Vec::new();
+    for window in sorted {
+        match out.last_mut() {
+            Some((rate, members)) if window.along_dph - *rate <= 1e-3 * largest => members.push(window),
+            _ => out.push((window.along_dph, vec![window])),
+        }
+    }
+    out
+}
+
+fn rates(windows: &[TurnedWindow]) -> usize {
+    by_rate(windows).len()
+}
+
+/// Least squares of the measured rate on some columns: values and covariance by the residuals' own scatter.
+fn least_squares(
+    windows: &[TurnedWindow],
+    columns: &[fn(&TurnedWindow) -> f64],
+) -> Option<(DVector<f64>, DMatrix<f64>)> {
+    let degrees = windows.len().checked_sub(columns.len()).filter(|degrees| *degrees > 0)?;
+    let root = |i: usize| windows[i].weight.sqrt();
+    let design = DMatrix::from_fn(windows.len(), columns.len(), |i, j| root(i) * columns[j](&windows[i]));
+    // About the line of slope one, so that no digits are lost.
+    let right = DVector::from_fn(windows.len(), |i, _| root(i) * (windows[i].measured_dph - windows[i].along_dph));
+    let scale: Vec<f64> = (0..columns.len()).map(|j| design.column(j).norm()).collect();
+    if scale.iter().any(|length| *length <= 0.0) {
+        return None;
+    }
+    let scaled = DMatrix::from_fn(windows.len(), columns.len(), |i, j| design[(i, j)] / scale[j]);
+    let inverse = (scaled.transpose() * &scaled).try_inverse()?;
+    let solution = &inverse * scaled.transpose() * &right;
+    let variance = (&right - &scaled * &solution).norm_squared() / degrees as f64;
+    let unscaled = |i: usize, j: usize| inverse[(i, j)] * variance / (scale[i] * scale[j]);
+    let values = DVector::from_fn(columns.len(), |j, _| solution[j] / scale[j]);
+    let covariance = DMatrix::from_fn(columns.len(), columns.len(), unscaled);
+    (values.iter().all(|v| v.is_finite())).then_some((values, covariance))
+}
+
+/// ε of a slope that lies `excess` above one, ppm.
+fn ppm(excess: f64) -> f64 {
+    ((1.0 + excess).recip() - 1.0) * 1e6
+}
+
+fn plateau(windows: &[TurnedWindow]) -> Option<Plateau> {
+    if windows.len() < FEWEST {
+        return None;
+    }
+    let (line, covariance) = least_squares(windows, &[|_| 1.0, |w| w.along_dph])?;
+    let groups = by_rate(windows);
+    Some(Plateau {
+        temperature_c: mean_c(windows),
+        windows: windows.len(),
+        rates_dps: groups.iter().map(|(rate, _)| rate / crate::units::DPH_PER_DPS).collect(),
+        scale: PpmEstimate { ppm: ppm(line[1]), sigma_ppm: 1e6 * covariance[(1, 1)].sqrt() },
+        bias_dph: line[0],
+        bias_sigma_dph: covariance[(0, 0)].sqrt(),
+        nonlinearity: nonlinearity(&groups, line[0], line[1]),
+        asymmetry: asymmetry(windows, &groups),
+    })
+}
+
+fn nonlinearity(groups: &[(f64, Vec<TurnedWindow>)], bias: f64, excess: f64) -> Option<PpmEstimate> {
+    let largest = groups.iter().fold(0.0_f64, |most, (rate, _)| most.max(rate.abs()));
+    if groups.len() < 3 || largest == 0.0 {
+        return None;
+    }
+    let left = |w: &TurnedWindow| w.measured_dph - w.along_dph - bias - excess * w.along_dph;
+    let mean = |members: &[TurnedWindow]| members.iter().map(left).sum::<f64>() / members.len() as f64;
+    // One scatter for all rates: those of few windows cannot tell their own.
+    let (mut squares, mut windows) = (0.0, 0);
+    for (_, members) in groups {
+        let mean = mean(members);
+        squares += members.iter().map(|w| (left(w) - mean).powi(2)).sum::<f64>();
+        windows += members.len();
+    }
+    let variance = squares / windows.checked_sub(groups.len()).filter(|degrees| *degrees > 0)? as f64;
+    let all = groups.iter().map(|(_, members)| (mean(members).abs(), (variance / members.len() as f64).sqrt()));
+    let (distance, sigma) = all.max_by(|a, b| a.0.total_cmp(&b.0))?;
+    Some(PpmEstimate { ppm: 1e6 * distance / largest, sigma_ppm: 1e6 * sigma / largest })
+}
+
+fn asymmetry(windows: &[TurnedWindow], groups: &[(f64, Vec<TurnedWindow>)]) -> Option<PpmEstimate> {
+    let side = |sign: f64| groups.iter().filter(|(rate, _)| rate * sign > 0.0).count();
+    let rest = groups.iter().any(|(rate, _)| *rate == 0.0);
+    let (forward, backward) = (side(1.0), side(-1.0));
+    if forward == 0 || backward == 0 || !(rest || forward > 1 || backward > 1) {
+        return None;
+    }
+    let columns: [fn(&TurnedWindow) -> f64; 3] = [|_| 1.0, |w| w.along_dph.max(0.0), |w| w.along_dph.min(0.0)];
+    let (fit, covariance) = least_squares(windows, &columns)?;
+    let variance = covariance[(1, 1)] + covariance[(2, 2)] - 2.0 * covariance[(1, 2)];
+    // S is inverse to the slope: a steeper positive side is a smaller S⁺.
+    Some(PpmEstimate { ppm: ppm(fit[1]) - ppm(fit[2]), sigma_ppm: 1e6 * variance.max(0.0).sqrt() })
+}
+
+/// Spread of ε among visits of one temperature; `None` where none was visited twice.
+pub(crate) fn repeatability(plateaus: &[Plateau]) -> Option<Repeatability> {
+    let mut sorted: Vec<&Plateau> = plateaus.iter().collect();
+    sorted.sort_by(|a, b| a.temperature_c.total_cmp(&b.temperature_c));
+    let groups = sorted.chunk_by(|a, b| b.temperature_c - a.temperature_c <= SAME_C).filter(|group| group.len() > 1);
+    let (mut squares, mut noise, mut degrees, mut temperatures) = (0.0, 0.0, 0, 0);
+    for group in groups {
+        let n = group.len() as f64;
+        let mean = group.iter().map(|p| p.scale.ppm).sum::<f64>() / n;
+        squares += group.iter().map(|p| (p.scale.ppm - mean).powi(2)).sum::<f64>();
+        noise += group.iter().map(|p| p.scale.sigma_ppm.powi(2)).sum::<f64>() * (n - 1.0) / n;
+        degrees += group.len() - 1;
+        temperatures += 1;
+    }
+    (degrees > 0).then(|| Repeatability {
+        sigma_ppm: (squares / degrees as f64).sqrt(),
+        of_noise_ppm: (noise / degrees as f64).sqrt(),
+        temperatures,
+        degrees_of_freedom: degrees,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn windows(measured: impl Fn(f64, usize) -> f64, rates: &[f64], temperature_c: f64) -> Vec<TurnedWindow> {
+        let one = |i: usize| {
+            let along_dph = rates[i % rates.len()];
+            TurnedWindow { run: 0, temperature_c, along_dph, measured_dph: measured(along_dph, i), weight: 1.0 }
+        };
+        (0..24).map(one).collect()
+    }
+
+    /// Small, without correlation to the rates' period.
+    fn noise(i: usize) -> f64 {
+        0.002 * (((i * 7919 + i * i * 104_729) % 1009) as f64 / 1009.0 - 0.5)
+    }
+
+    /// By hand: S⁺ and S⁻ from one rate in both directions, bias and Earth rate drop out.
+    #[test]
+    fn two_directions_tell_scale_and_bias_apart() {
+        let epsilon = 250e-6;
+        let made = windows(|rate, i| (rate + 4.5 + 0.3) / (1.0 + epsilon) + noise(i), &[36_000.0, -36_000.0], 20.0);
+        let found = plateaus(&made).remove(0);
+        assert!(
+            (found.scale.ppm - 250.0).abs() < 3.0 * found.scale.sigma_ppm && found.scale.sigma_ppm < 0.01,
+            "{found:?}"
+        );
+        assert!((found.bias_dph - 4.8).abs() < 0.002, "{found:?}");
+        assert!(found.nonlinearity.is_none() && found.asymmetry.is_none(), "two rates cannot tell them");
+    }
+
+    #[test]
+    fn asymmetry_and_nonlinearity_need_their_rates() {
+        let rates = [36_000.0, -36_000.0, 0.0, 18_000.0, -18_000.0];
+        let lame = |rate: f64| if rate > 0.0 { rate / (1.0 + 30e-6) } else { rate / (1.0 - 10e-6) };
+        let found = plateaus(&windows(|rate, i| lame(rate) + noise(i), &rates, 20.0)).remove(0);
+        let asymmetry = found.asymmetry.unwrap();
+        assert!((asymmetry.ppm - 40.0).abs() < 3.0 * asymmetry.sigma_ppm, "{asymmetry:?}");
+        let bent = |rate: f64| rate + 1.0 * (rate / 36_000.0).powi(2);
+        let found = plateaus(&windows(|rate, i| bent(rate) + noise(i), &rates, 20.0)).remove(0);
+        // About the line through 1, 0.25, 0, 0.25, 1 (mean 0.5 but for unequal counts) the ends lie half a °/h away.
+        let nonlinearity = found.nonlinearity.unwrap();
+        assert!((nonlinearity.ppm - 0.5 / 36_000.0 * 1e6).abs() < 1.0, "{nonlinearity:?}");
+    }
+
+    #[test]
+    fn visits_of_one_temperature_repeat_or_not() {
+        let mut made = Vec::new();
+        for (visit, epsilon) in [100e-6, 104e-6, 98e-6].into_iter().enumerate() {
+            made.extend(windows(|rate, i| rate / (1.0 + epsilon) + noise(i), &[36_000.0, -36_000.0], 20.0));
+            made.extend(windows(
+                |rate, i| rate / (1.0 + 50e-6) + noise(i),
+                &[36_000.0, -36_000.0],
+                40.0 + 10.0 * visit as f64,
+            ));
+        }
+        let found = repeatability(&plateaus(&made)).unwrap();
+        // 100, 104, 98: σ = 3.055.
+        assert!((found.sigma_ppm - 3.055).abs() < 0.05 && found.temperatures == 1, "{found:?}");
+        assert!(found.of_noise_ppm < 0.02);
+    }
+
+    /// One direction per run: windows of equal temperature are brought together.
+    #[test]
+    fn directions_in_different_runs_meet() {
+        let mut made = Vec::new();
+        for (run, rate) in [36_000.0, -36_000.0].into_iter().enumerate() {
+            made.extend((0..60).map(|i| TurnedWindow {
+                run,
+                temperature_c: 10.0 + 0.25 * f64::from(i),
+                along_dph: rate,
+                measured_dph: rate / (1.0 + 1e-6 * f64::from(i)) + 1.0,
+                weight: 1.0,
+            }));
+        }
+        let found = plateaus(&made);
+        assert!(
+            found.len() >= 4 && found.iter().all(|p| (p.scale.ppm - 4.0 * (p.temperature_c - 10.0)).abs() < 0.5),
+            "{found:?}"
+        );
+    }
+}

@@ -1,0 +1,141 @@
+//! A proof on a rate table: drift without the turning, and the scale factor before and after in ppm.
+//!
+//! ```text
+//! drift = y − Ω − k·Ω       k: one slope per run and side, where the run holds several rates
+//! ```
+//!
+//! so that before and after speak of bias, as on a gyro at rest, whatever the table does and whatever the scale factor
+//! is off at T0 (the correction takes out its variation, not its value). What the scale factor does over temperature is
+//! told apart, plateau by plateau.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::calibration::PpmEstimate;
+use crate::error::Result;
+use crate::fit::{Plateaus, Turning};
+use crate::setup::Setup;
+use crate::window::Windows;
+
+/// Scale factor over the plateaus of a retest, ppm.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ScaleFigures {
+    /// Mean over the plateaus.
+    pub mean_ppm: f64,
+    /// σ over the plateaus, about that mean.
+    pub sigma_ppm: f64,
+    /// Largest less smallest.
+    pub peak_to_peak_ppm: f64,
+}
+
+/// One plateau, before and after.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PlateauProof {
+    /// Mean temperature, °C.
+    pub temperature_c: f64,
+    /// As logged.
+    pub before: PpmEstimate,
+    /// As corrected.
+    pub after: PpmEstimate,
+}
+
+/// What the correction does to the scale factor.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ScaleProof {
+    /// As logged.
+    pub before: ScaleFigures,
+    /// As corrected.
+    pub after: ScaleFigures,
+    /// σ over the plateaus that the windows' own scatter makes, ppm.
+    pub of_noise_ppm: f64,
+    /// In the order of the test.
+    pub plateaus: Vec<PlateauProof>,
+}
+
+/// Rates of the windows without what a table turned; raw axes first, corrected ones after them.
+pub(crate) struct Drifts<'a> {
+    windows: &'a Windows,
+    /// Per column and window, °/h; empty without a table.
+    drift_dph: Vec<Vec<f64>>,
+    turnings: Vec<Turning>,
+}
+
+impl<'a> Drifts<'a> {
+    /// Of the used windows.
+    ///
+    /// # Errors
+    /// As [`Turning::of`].
+    pub(crate) fn of(windows: &'a Windows, used: &[usize], setup: &Setup) -> Result<Self> {
+        let (mut drift_dph, mut turnings) = (Vec::new(), Vec::new());
+        for column in 0..windows.shape.axes.len() {
+            let Some(turning) = Turning::of(windows, column, setup)? else { continue };
+            let mut drift: Vec<f64> =
+                (0..windows.len()).map(|i| windows.rate_dph(column, i) - turning.along_dph[i]).collect();
+            for run in 0..windows.runs.len() {
+                let members: Vec<usize> =
+                    used.iter().copied().filter(|i| windows.rows.run[*i] as usize == run).collect();
+                take_slope(&mut drift, &members, |i| turning.along_dph[i]);
+                take_slope(&mut drift, &members, |i| turning.across_dph[i].1);
+            }
+            drift_dph.push(drift);
+            turnings.push(turning);
+        }
+        Ok(Self { windows, drift_dph, turnings })
+    }
+
+    /// Rate of a window without the turning, °/h.
+    pub(crate) fn rate_dph(&self, column: usize, window: usize) -> f64 {
+        match self.drift_dph.get(column) {
+            Some(drift) => drift[window],
+            None => self.windows.rate_dph(column, window),
+        }
+    }
+
+    /// The scale factor of an axis before and after; `None` without two plateaus that tell it.
+    pub(crate) fn scale_proof(&self, used: &[usize], axis: usize, sensor: Option<usize>) -> Option<ScaleProof> {
+        let count = self.windows.shape.axes.len() / 2;
+        let side =
+            |column: usize| Some(Plateaus::of(self.windows, used, column, sensor?, self.turnings.get(column)?).0);
+        let (before, after) = (side(axis)?, side(axis + count)?);
+        if before.len() < 2 || before.len() != after.len() {
+            return None;
+        }
+        let plateaus: Vec<PlateauProof> = before
+            .iter()
+            .zip(&after)
+            .map(|(b, a)| PlateauProof { temperature_c: b.temperature_c, before: b.scale, after: a.scale })
+            .collect();
+        let noise = plateaus.iter().map(|p| p.after.sigma_ppm.powi(2)).sum::<f64>() / plateaus.len() as f64;
+        Some(ScaleProof {
+            before: figures(plateaus.iter().map(|p| p.before.ppm)),
+            after: figures(plateaus.iter().map(|p| p.after.ppm)),
+            of_noise_ppm: noise.sqrt(),
+            plateaus,
+        })
+    }
+}
+
+/// Takes the straight line's slope over `of` out of some windows; nothing where it does not vary.
+fn take_slope(drift: &mut [f64], members: &[usize], of: impl Fn(usize) -> f64) {
+    let n = members.len() as f64;
+    let mean_of = members.iter().map(|i| of(*i)).sum::<f64>() / n;
+    let mean = members.iter().map(|i| drift[*i]).sum::<f64>() / n;
+    let square = members.iter().map(|i| (of(*i) - mean_of).powi(2)).sum::<f64>();
+    let product = members.iter().map(|i| (of(*i) - mean_of) * (drift[*i] - mean)).sum::<f64>();
+    let size = members.iter().map(|i| of(*i).powi(2)).sum::<f64>();
+    if square > 1e-6 * size {
+        members.iter().for_each(|i| drift[*i] -= product / square * of(*i));
+    }
+}
+
+fn figures(values: impl Iterator<Item = f64>) -> ScaleFigures {
+    let all: Vec<f64> = values.collect();
+    let n = all.len() as f64;
+    let mean_ppm = all.iter().sum::<f64>() / n;
+    let sigma_ppm = (all.iter().map(|v| (v - mean_ppm).powi(2)).sum::<f64>() / (n - 1.0).max(1.0)).sqrt();
+    let (lo, hi) = all.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| (v.min(lo), v.max(hi)));
+    ScaleFigures { mean_ppm, sigma_ppm, peak_to_peak_ppm: hi - lo }
+}

@@ -1,0 +1,203 @@
+//! Scale factor and bias over temperature from runs on a rate table.
+
+mod support;
+
+use std::fmt::Write as _;
+
+use sagnac::ErrorKind;
+use sagnac::calibration::{AxisCalibration, TermKind};
+use sagnac::setup::{Direction, Earth, Setup, TableRun};
+use sagnac_sim::RateTable;
+use support::{fit, retest};
+
+fn setup() -> Setup {
+    let earth = Earth { latitude_deg: 17.4, axis_direction: Direction::Up };
+    Setup { arcsec_per_count: Some(1.059), earth: Some(earth), serial: Some("RT-1".into()), ..Setup::default() }
+}
+
+/// ε(T) − ε(T0) and d(T) of a record, by the definition.
+fn series(axis: &AxisCalibration, kind: TermKind, celsius: f64) -> f64 {
+    let [lo, hi] = axis.span_c;
+    let x = |t: f64| (2.0 * t - lo - hi) / (hi - lo);
+    let chebyshev = |n: u8, x: f64| (f64::from(n) * x.clamp(-1.0, 1.0).acos()).cos();
+    let terms = axis.terms.iter().filter(|term| term.kind == kind);
+    terms.map(|t| t.value * (chebyshev(t.order, x(celsius)) - chebyshev(t.order, x(axis.reference_c)))).sum()
+}
+
+/// The rig's truth is in other powers than the fit's: ε within 0.25 ppm over 110 °C, d within `most_dph`, ε0 within four
+/// of its σ.
+fn holds_what_was_put_in(rig: &RateTable, axis: &AxisCalibration, most_dph: f64) {
+    let at_reference = axis.scale_factor.as_ref().unwrap().at_reference;
+    let away = at_reference.ppm - rig.epsilon_ppm(25.0);
+    assert!(away.abs() < 4.0 * at_reference.sigma_ppm && at_reference.sigma_ppm < 0.1, "{at_reference:?}: {away}");
+    for celsius in [-40.0, -20.0, 0.0, 40.0, 70.0] {
+        let epsilon = series(axis, TermKind::Scale, celsius) - (rig.epsilon_ppm(celsius) - rig.epsilon_ppm(25.0));
+        assert!(epsilon.abs() < 0.25, "{celsius} °C: ε is {epsilon} ppm off");
+        let bias = series(axis, TermKind::Bias, celsius) - (rig.bias_dph(celsius) - rig.bias_dph(25.0));
+        assert!(bias.abs() < most_dph, "{celsius} °C: d is {bias} °/h off");
+    }
+}
+
+#[test]
+fn bias_and_scale_factor_come_out_of_one_fit() {
+    let rig = RateTable::domain_notes();
+    for seed in 0..10 {
+        let made =
+            fit(vec![rig.csv(2 * seed, true), rig.csv(2 * seed + 1, true)], &setup(), "bias 2, scale 2").unwrap();
+        holds_what_was_put_in(&rig, &made.axes[0], 0.006);
+        let constant = &made.axes[0].constants[0];
+        let bias = constant.fixed_bias_dph.unwrap() - rig.bias_dph(25.0);
+        assert!(bias.abs() < 5.0 * constant.sigma_dph.unwrap() + 0.001, "the Earth's rate is taken off: {bias}");
+    }
+    let auto = fit(vec![rig.csv(1, true), rig.csv(2, true)], &setup(), "auto").unwrap();
+    assert_eq!(auto.axes[0].model, "bias 2, scale 2");
+}
+
+/// The plateaus say the same by the two-direction method, without the fit: 24 of them within four of their own σ.
+#[test]
+fn plateaus_tell_scale_and_bias_apart() {
+    let rig = RateTable::domain_notes();
+    let made = fit(vec![rig.csv(1, true), rig.csv(2, true)], &setup(), "bias 2, scale 2").unwrap();
+    let scale = made.axes[0].scale_factor.clone().unwrap();
+    assert_eq!(scale.plateaus.len(), 24);
+    for p in &scale.plateaus {
+        let away = p.scale.ppm - rig.epsilon_ppm(p.temperature_c);
+        assert!(away.abs() < 4.0 * p.scale.sigma_ppm, "{p:?}: {away}");
+        assert!((p.bias_dph - 4.498 - rig.bias_dph(p.temperature_c)).abs() < 4.0 * p.bias_sigma_dph, "{p:?}");
+        // The rig is straight and even: what is found is noise, and said to be.
+        let (bent, lame) = (p.nonlinearity.unwrap(), p.asymmetry.unwrap());
+        assert!(bent.ppm < 5.0 * bent.sigma_ppm && lame.ppm.abs() < 4.0 * lame.sigma_ppm, "{p:?}");
+    }
+    let repeats = scale.repeatability.unwrap();
+    assert_eq!(repeats.temperatures, 12);
+    assert!(repeats.sigma_ppm < 2.0 * repeats.of_noise_ppm, "{repeats:?}");
+    let s = scale.arcsec_per_count.unwrap();
+    assert!((s / 1.059 - 1.0 - 1e-6 * rig.epsilon_ppm(25.0)).abs() < 0.3e-6, "{s}");
+}
+
+/// A table's rate in the setup instead of a column: two sweeps, one per direction.
+#[test]
+fn rates_per_file_tell_them_apart_too() {
+    let rig = |dps: f64| RateTable { rates_dps: vec![dps], soak_s: 3000.0, ..RateTable::domain_notes() };
+    let table = |file: &str, dps: f64| TableRun { file: Some(file.into()), rate_dps: Some(dps), axis: None };
+    let folder = tempfile::tempdir().unwrap();
+    let mut logs = Vec::new();
+    for (seed, (name, dps)) in [("plus.csv", 10.0), ("minus.csv", -10.0)].into_iter().enumerate() {
+        let path = folder.path().join(name);
+        std::fs::write(&path, rig(dps).csv(seed as u64, false)).unwrap();
+        logs.push(path);
+    }
+    let with_rates = Setup { tables: vec![table("plus.csv", 10.0), table("minus.csv", -10.0)], ..setup() };
+    let fitted = |setup: &Setup| {
+        let open = |path: &std::path::PathBuf| sagnac::ingest::LogReader::open(path, setup, sagnac::ingest::Pace::Bulk);
+        let logs = logs.iter().map(|path| open(path).unwrap()).collect();
+        let windows = sagnac::window::WindowBuilder::read_all(logs, setup).unwrap().finish(false);
+        let options = sagnac::fit::FitOptions { model: support::model("bias 2, scale 2"), source_date_epoch: None };
+        sagnac::fit::calibrate(windows, setup, &options)
+    };
+    holds_what_was_put_in(&rig(10.0), &fitted(&with_rates).unwrap().axes[0], 0.006);
+}
+
+/// One rate alone cannot tell the scale factor from the bias, and says so.
+#[test]
+fn rates_that_cannot_separate_them_are_refused() {
+    let rig = RateTable { rates_dps: vec![10.0], ..RateTable::domain_notes() };
+    let refused = fit(vec![rig.csv(1, true), rig.csv(2, true)], &setup(), "bias 2, scale 2").unwrap_err();
+    assert_eq!(refused.kind, ErrorKind::Refused);
+    assert!(refused.what.contains("scale"), "{refused}");
+}
+
+/// The proof speaks of bias and of ppm: 36 ppm over the plateaus before, noise after.
+#[test]
+fn verify_reports_ppm_before_and_after() {
+    let rig = RateTable::domain_notes();
+    let made = fit(vec![rig.csv(1, true), rig.csv(2, true)], &setup(), "auto").unwrap();
+    let proof = retest(&made, rig.csv(3, true), &setup());
+    let scale = proof.axes[0].scale_factor.clone().unwrap();
+    assert_eq!(scale.plateaus.len(), 12);
+    assert!((scale.before.peak_to_peak_ppm - 36.0).abs() < 1.0, "{:?}", scale.before);
+    assert!(scale.after.sigma_ppm < 1.7 * scale.of_noise_ppm, "{:?} of noise {}", scale.after, scale.of_noise_ppm);
+    // The mean stays: it is the scale factor at T0, which the correction leaves to arcsec_per_count.
+    assert!((scale.after.mean_ppm - rig.epsilon_ppm(25.0)).abs() < 0.3, "{:?}", scale.after);
+    let axis = &proof.axes[0];
+    assert!(axis.after.sigma_dph < 1.1 * axis.floor.as_ref().unwrap().value_dph, "{axis:?}");
+    assert!(axis.improvement_sigma.unwrap() > 10.0, "{axis:?}");
+}
+
+/// The table's angle, and a mark per revolution, in place of its rate.
+#[test]
+fn angles_and_marks_stand_for_the_rate() {
+    let rig = RateTable { rates_dps: vec![10.0, -10.0], dwell_s: 720, soak_s: 2880.0, ..RateTable::domain_notes() };
+    let text = String::from_utf8(rig.csv(1, true)).unwrap();
+    let (mut angle, mut turned) = (0.0_f64, 0.0_f64);
+    let mut with_angle = String::from("time_s,temperature_c,counts,table_angle_deg\n");
+    let mut with_marks = String::from("time_s,temperature_c,counts,table_mark\n");
+    for row in text.lines().skip(1) {
+        let (fields, rate) = row.rsplit_once(',').unwrap();
+        let rate: f64 = rate.parse().unwrap();
+        angle = (angle + rate).rem_euclid(360.0);
+        turned += rate;
+        let mark = if turned.abs() >= 360.0 { turned.signum() } else { 0.0 };
+        turned -= 360.0 * mark;
+        writeln!(with_angle, "{fields},{angle}").unwrap();
+        writeln!(with_marks, "{fields},{mark}").unwrap();
+    }
+    // Windows of whole revolutions: 36 s each.
+    let setup = Setup { window: Some(sagnac::setup::WindowSize::Seconds(72.0)), ..setup() };
+    for log in [with_angle, with_marks] {
+        let made = fit(vec![log.into_bytes()], &setup, "bias 2, scale 2").unwrap();
+        holds_what_was_put_in(&rig, &made.axes[0], 0.012);
+    }
+}
+
+/// Three gyros, the table turned about z and then about x: how each input axis leans towards the turned one.
+#[test]
+fn misalignment_from_two_orientations() {
+    let arcsec = 180.0 / std::f64::consts::PI * 3600.0;
+    // Rows: gyros x, y, z; columns: the rate about x, y, z that each sees, rad.
+    let lean = [[1.0, 0.0, 35.0 / arcsec], [-20.0 / arcsec, 1.0, 12.0 / arcsec], [50.0 / arcsec, 0.0, 1.0]];
+    let log = |turned: usize, seed: u64| {
+        let mut state = seed | 1;
+        let mut noise = || {
+            state ^= state << 13;
+            state ^= state >> 7;
+            state ^= state << 17;
+            (state >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
+        };
+        let mut text = String::from("time_s,temperature_c,rate_dph_x,rate_dph_y,rate_dph_z,reference_rate_dps\n");
+        for second in 1..=20_000_u32 {
+            let celsius = -10.0 + 50.0 * f64::from(second) / 20_000.0;
+            let dps = if (second - 1) / 200 % 2 == 0 { 5.0 } else { -5.0 };
+            let rates = lean.map(|row| row[turned] * 3600.0 * dps + 0.002 * (celsius - 25.0) + noise());
+            writeln!(text, "{second},{celsius},{},{},{},{dps}", rates[0], rates[1], rates[2]).unwrap();
+        }
+        text.into_bytes()
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let paths = [("about-z.csv", 2), ("about-x.csv", 0)].map(|(name, turned)| {
+        std::fs::write(folder.path().join(name), log(turned, 7 + turned as u64)).unwrap();
+        folder.path().join(name)
+    });
+    let table = |file: &str, axis: &str| TableRun { file: Some(file.into()), axis: Some(axis.into()), rate_dps: None };
+    let tables = vec![table("about-z.csv", "z"), table("about-x.csv", "x")];
+    let fitted = |tables: Vec<TableRun>| {
+        let setup = Setup { tables, ..Setup::default() };
+        let open =
+            |path: &std::path::PathBuf| sagnac::ingest::LogReader::open(path, &setup, sagnac::ingest::Pace::Bulk);
+        let logs = paths.iter().map(|path| open(path).unwrap()).collect();
+        let windows = sagnac::window::WindowBuilder::read_all(logs, &setup).unwrap().finish(false);
+        let options = sagnac::fit::FitOptions { model: support::model("bias 1"), source_date_epoch: None };
+        sagnac::fit::calibrate(windows, &setup, &options)
+    };
+    let made = fitted(tables).unwrap();
+    for (axis, wanted) in made.axes.iter().zip([vec![('z', 35.0)], vec![('x', -20.0), ('z', 12.0)], vec![('x', 50.0)]])
+    {
+        let found: Vec<char> = axis.misalignment.iter().map(|m| m.towards).collect();
+        assert_eq!(found, wanted.iter().map(|(letter, _)| *letter).collect::<Vec<_>>(), "axis {}", axis.axis);
+        for (m, (_, arcsec)) in axis.misalignment.iter().zip(wanted) {
+            assert!((m.arcsec - arcsec).abs() < 4.0 * m.sigma_arcsec && m.sigma_arcsec < 0.5, "{}: {m:?}", axis.axis);
+        }
+    }
+    let asked = fitted(Vec::new()).unwrap_err();
+    assert!(asked.what.contains("about which axis"), "{asked}");
+}
