@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use sagnac::calibration::{AxisCalibration, Calibration, Candidate, PpmEstimate, ScaleFactor};
-use sagnac::digits::{significant, with_sigma};
+use sagnac::digits::{celsius, significant, with_sigma};
 use sagnac::fit::{FitOptions, ModelChoice, calibrate_with_evidence};
 use sagnac::ingest::Tally;
 use sagnac::report::calibration_report;
@@ -38,6 +38,9 @@ pub(crate) struct Args {
     /// `auto`, or orders: "bias 3", "bias 3, rate 1", "bias 2, scale 1"
     #[arg(long, default_value = "auto")]
     model: String,
+    /// 95 % intervals by so many draws of the block bootstrap beside those of the covariance
+    #[arg(long, value_name = "DRAWS", value_parser = clap::value_parser!(u16).range(100..=20_000))]
+    bootstrap: Option<u16>,
     /// One JSON object on standard output, text on standard error
     #[arg(long)]
     pub(crate) json: bool,
@@ -47,7 +50,11 @@ pub(crate) struct Args {
 
 pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     loading::keep_inputs(&args.logs, args.output.iter().chain(&args.report).map(PathBuf::as_path))?;
-    let options = FitOptions { model: model_choice(&args.model)?, source_date_epoch: source_date_epoch()? };
+    let options = FitOptions {
+        source_date_epoch: source_date_epoch()?,
+        bootstrap: args.bootstrap.map(usize::from),
+        ..FitOptions::new(model_choice(&args.model)?)
+    };
     let (windows, setup) = loading::windows(&args.logs, &args.setup)?;
     let (calibration, evidence) = calibrate_with_evidence(windows, &setup, &options)?;
     let text = calibration.to_json()?;
@@ -114,6 +121,14 @@ fn describe(console: &mut Console, axis: &AxisCalibration) {
     for m in &axis.misalignment {
         console.say(format!("  leans towards {} by {} arcsec", m.towards, with_sigma(m.arcsec, Some(m.sigma_arcsec))));
     }
+    if let Some(soak) = &axis.soak {
+        console.say(format!(
+            "  the next hour of soak buys most at {:.0} °C: σ of the curve {} → {} °/h (root mean square over the span)",
+            soak.best_c,
+            significant(soak.mean_sigma_dph, 2),
+            significant(soak.mean_sigma_after_dph, 2)
+        ));
+    }
     if axis.candidates.len() > 1 {
         console.say(candidates(&axis.candidates));
     }
@@ -142,7 +157,16 @@ fn coefficients(axis: &AxisCalibration) -> String {
     let terms = axis.terms.iter().map(|term| {
         let kind = format!("{:?}", term.kind).to_lowercase();
         let mark = if term.significant == Some(false) { "not significant" } else { "" };
-        vec![format!("{kind} {}", term.order), with_sigma(term.value, term.sigma), term.unit.clone(), mark.to_owned()]
+        let mut row = vec![
+            format!("{kind} {}", term.order),
+            with_sigma(term.value, term.sigma),
+            term.unit.clone(),
+            mark.to_owned(),
+        ];
+        if let Some([lo, hi]) = term.bootstrap {
+            row.push(format!("{} … {}", significant(lo, 3), significant(hi, 3)));
+        }
+        row
     });
     let lag = axis.lag_s.map(|lag| {
         let mark = if lag.sigma.is_none() { "not resolved: smallest within 2 % of the least misfit" } else { "" };
@@ -152,7 +176,9 @@ fn coefficients(axis: &AxisCalibration) -> String {
     if rows.is_empty() {
         return "  no term earns its place: the drift does not follow temperature beyond the noise".to_owned();
     }
-    table(&["term", "value ± σ", "unit", ""], rows)
+    let header = ["term", "value ± σ", "unit", "", "95 % by block bootstrap"];
+    let resampled = axis.terms.iter().any(|term| term.bootstrap.is_some());
+    table(if resampled { &header } else { &header[..4] }, rows)
 }
 
 /// The scale factor at T0 and plateau by plateau.
@@ -172,7 +198,7 @@ fn scale_factor(scale: &ScaleFactor, reference_c: f64) -> String {
     let estimate = |e: Option<PpmEstimate>| e.map_or("-".to_owned(), |e| with_sigma(e.ppm, Some(e.sigma_ppm)));
     let rows = scale.plateaus.iter().map(|p| {
         vec![
-            format!("{:.1}", p.temperature_c),
+            celsius(p.temperature_c),
             p.rates_dps.iter().map(|rate| significant(*rate, 4)).collect::<Vec<_>>().join(" "),
             estimate(Some(p.scale)),
             with_sigma(p.bias_dph, Some(p.bias_sigma_dph)),

@@ -52,7 +52,7 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     };
     let windows = WindowBuilder::read_all(vec![log(first)?], &setup)?.finish(false);
     let quadratic = ModelSpec { bias: 2, rate: None, scale: 0 };
-    let options = FitOptions { model: ModelChoice::Fixed(quadratic), source_date_epoch: None };
+    let options = FitOptions::new(ModelChoice::Fixed(quadratic));
     let calibration = calibrate(windows, &setup, &options)?;
     console.say(format!(
         "The paper's rig: N = {}·T² − {}·T + {} counts per 100 s at {} … {} °C, ARW {} °/√h, quantum {} count,",

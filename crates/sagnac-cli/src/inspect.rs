@@ -157,7 +157,7 @@ fn log(windows: Windows, ignored: Vec<String>, kind: &'static str, setup: &Setup
     }
     excluded(&object.excluded).iter().for_each(|line| console.say(line));
     let calibrate = if scale_known {
-        would(calibrate(windows, setup, &FitOptions { model: ModelChoice::Auto, source_date_epoch: None }), console)?
+        would(calibrate(windows, setup, &FitOptions::new(ModelChoice::Auto)), console)?
     } else {
         console.say("calibrate would ask how many arcsec a count is (--arcsec-per-count)");
         CalibrateObject::Asks { asks_for: SCALE_KEY }

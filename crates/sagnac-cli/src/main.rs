@@ -6,6 +6,7 @@
 
 mod allan;
 mod calibrate;
+mod compare;
 mod compensate;
 mod console;
 mod demo;
@@ -55,6 +56,7 @@ struct Cli {
 enum Command {
     Calibrate(calibrate::Args),
     Verify(verify::Args),
+    Compare(compare::Args),
     Compensate(compensate::Args),
     Window(window::Args),
     Allan(allan::Args),
@@ -73,6 +75,7 @@ fn main() -> ExitCode {
         Command::Calibrate(args) => args.json,
         Command::Verify(args) => args.json,
         Command::Allan(args) => args.json,
+        Command::Compare(args) => args.json,
         Command::Inspect(args) => args.json,
         _ => false,
     };
@@ -108,6 +111,7 @@ fn run(command: Command, console: &mut Console) -> console::Ran {
         Command::Compensate(args) => compensate::run(&args, console),
         Command::Window(args) => window::run(&args, console),
         Command::Allan(args) => allan::run(&args, console),
+        Command::Compare(args) => compare::run(&args, console),
         Command::Inspect(args) => inspect::run(&args, console),
         Command::Export(args) => export::run(&args, console),
         Command::Frames(args) => frames::run(&args, console),

@@ -8,6 +8,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
+use crate::fit::{BASIS_LEN, chebyshev};
 use crate::ingest::{LogSummary, Tally};
 use crate::setup::{Setup, ThermometerSetup, WindowSize, check_thermometer};
 
@@ -207,6 +208,9 @@ pub struct Term {
     pub unit: String,
     /// |value| exceeds its 95 % interval; null without sigma.
     pub significant: Option<bool>,
+    /// 95 % interval by the block bootstrap, where it was asked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bootstrap: Option<[f64; 2]>,
 }
 
 /// A fitted lag.
@@ -262,6 +266,8 @@ pub struct Residual {
     pub peak_to_peak_dph: f64,
     /// Correlation of neighbouring residuals, by which the intervals were widened.
     pub autocorrelation: f64,
+    /// Half a 95 % interval in units of σ: Student's t at as many degrees of freedom as that correlation leaves.
+    pub t95: f64,
 }
 
 /// What noise alone leaves in a window.
@@ -365,6 +371,34 @@ pub struct ScaleFactor {
     pub repeatability: Option<Repeatability>,
 }
 
+/// The doubt of the curve at one temperature, now and after soaking there.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SoakRow {
+    /// °C.
+    pub temperature_c: f64,
+    /// σ of the drift at rest now, °/h.
+    pub sigma_dph: f64,
+    /// The same after each of `hours` at this temperature, °/h.
+    pub after_dph: Vec<f64>,
+}
+
+/// What more soaking would buy, by the covariance of the fit.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Soak {
+    /// Hours that are forecast.
+    pub hours: Vec<f64>,
+    /// Temperature by temperature.
+    pub rows: Vec<SoakRow>,
+    /// Where the next hour makes the curve as a whole best known, °C.
+    pub best_c: f64,
+    /// Root mean square of σ over the rows now, °/h.
+    pub mean_sigma_dph: f64,
+    /// The same after that hour.
+    pub mean_sigma_after_dph: f64,
+}
+
 /// Angle between the input axis and the plane that another axis is normal to.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -409,6 +443,9 @@ pub struct AxisCalibration {
     pub residual: Option<Residual>,
     /// Noise floor; null where neither measured nor given.
     pub floor: Option<Floor>,
+    /// What more soaking would buy; absent where nothing was fitted here.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub soak: Option<Soak>,
     /// Held-out residual; null where nothing was fitted here.
     pub cross_validation: Option<CrossValidation>,
     /// What was tried.
@@ -447,7 +484,60 @@ pub struct Input {
     pub rows: u64,
 }
 
+/// What the fit says of a temperature.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Prediction {
+    /// d(T) at rest, °/h.
+    pub drift_dph: f64,
+    /// Half of its 95 % interval, °/h: the curve's own doubt.
+    pub curve_dph: f64,
+    /// Half of the 95 % interval of a further window of a run whose constant is known, °/h: the doubt and the noise.
+    pub window_dph: f64,
+}
+
 impl AxisCalibration {
+    /// The drift at rest at a temperature within the span, with its intervals; `None` outside, or where nothing was
+    /// fitted here.
+    pub fn predict(&self, celsius: f64) -> Option<Prediction> {
+        let residual = self.residual.as_ref()?;
+        if !(self.span_c[0]..=self.span_c[1]).contains(&celsius) || self.covariance.is_empty() {
+            return None;
+        }
+        let span = crate::fit::Span { lo_c: self.span_c[0], hi_c: self.span_c[1] };
+        let (at, at_reference) = (chebyshev(span.x(celsius)), chebyshev(span.x(self.reference_c)));
+        let basis = |order: usize| at[order] - at_reference[order];
+        let series = self.series(TermKind::Bias);
+        let drift_dph = (1..BASIS_LEN).map(|order| series[order] * basis(order)).sum();
+        let rows: Vec<(usize, f64)> = self.rows_of(TermKind::Bias).map(|(row, order)| (row, basis(order))).collect();
+        let variance = self.variance_of(&rows);
+        let half = |variance: f64| residual.t95 * variance.sqrt();
+        Some(Prediction {
+            drift_dph,
+            curve_dph: half(variance),
+            window_dph: half(variance + residual.sigma_dph.powi(2)),
+        })
+    }
+
+    /// Rows of the covariance that are terms of a kind, with their orders (`scale 0` is the scale factor at T0).
+    pub(crate) fn rows_of(&self, kind: TermKind) -> impl Iterator<Item = (usize, usize)> {
+        let prefix = match kind {
+            TermKind::Bias => "bias ",
+            TermKind::Rate => "rate ",
+            TermKind::Scale => "scale ",
+        };
+        let named = self.covariance_of.iter().enumerate();
+        named
+            .filter_map(move |(row, name)| Some((row, name.strip_prefix(prefix)?.parse().ok()?)))
+            .filter(|(_, order)| *order < BASIS_LEN)
+    }
+
+    /// Variance of a sum of parameters, each times its weight.
+    pub(crate) fn variance_of(&self, weights: &[(usize, f64)]) -> f64 {
+        let entry = |i: usize, j: usize| self.covariance.get(i).and_then(|row| row.get(j)).copied().unwrap_or(0.0);
+        let of = |(i, a): &(usize, f64)| weights.iter().map(|(j, b)| a * b * entry(*i, *j)).sum::<f64>();
+        weights.iter().map(of).sum::<f64>().max(0.0)
+    }
+
     /// A rate table turned it.
     pub(crate) fn turned(&self) -> bool {
         self.scale_factor.is_some() || !self.misalignment.is_empty()

@@ -30,6 +30,11 @@ pub fn significant(value: f64, digits: i32) -> String {
     format!("{value:.*}", (digits - 1 - magnitude).max(0) as usize)
 }
 
+/// A temperature to a tenth, without a minus before zero.
+pub fn celsius(value: f64) -> String {
+    format!("{:.1}", (10.0 * value).round() / 10.0 + 0.0)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -43,5 +48,6 @@ mod tests {
         assert_eq!(with_sigma(2.5, None), "2.50000");
         assert_eq!(significant(0.000_123_456, 3), "0.000123");
         assert_eq!(significant(-6.547e-8, 3), "-6.55e-8");
+        assert_eq!([celsius(-0.002), celsius(-39.95)], ["0.0", "-40.0"]);
     }
 }

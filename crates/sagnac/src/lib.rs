@@ -14,6 +14,7 @@
 
 pub mod allan;
 pub mod calibration;
+pub mod compare;
 pub mod digits;
 pub mod error;
 pub mod export;

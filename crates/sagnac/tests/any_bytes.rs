@@ -85,7 +85,7 @@ fn put_through(text: Vec<u8>, setup: &Setup, pace: Pace) {
     let open = |pace| LogReader::from_reader("log", Box::new(std::io::Cursor::new(text.clone())), setup, pace);
     let Ok(log) = open(pace) else { return };
     let Ok(windows) = WindowBuilder::read_all(vec![log], setup) else { return };
-    let options = FitOptions { model: ModelChoice::Auto, source_date_epoch: None };
+    let options = FitOptions::new(ModelChoice::Auto);
     let Ok(calibration) = calibrate(windows.finish(false), setup, &options) else { return };
     let Ok(correction) = Correction::from_calibration(calibration) else { return };
     if let Ok(mut log) = open(Pace::LineByLine) {

@@ -69,7 +69,7 @@ fn close(name: &str) -> Left {
     let setup = Setup::parse(&read(name, "bench.toml")).unwrap();
     let logs = [1, 2].map(|seed| reader(simulate(&scenario, seed).0, &setup)).into();
     let windows = WindowBuilder::read_all(logs, &setup).unwrap().finish(false);
-    let options = FitOptions { model: model("auto"), source_date_epoch: None };
+    let options = FitOptions::new(model("auto"));
     let calibration = calibrate(windows, &setup, &options).unwrap();
     let chosen = calibration.axes[0].model.clone();
     let correction = Correction::from_calibration(calibration).unwrap();

@@ -122,7 +122,7 @@ fn calibration(bytes: Vec<u8>, setup: &Setup) -> String {
 
 fn calibration_of(log: LogReader, setup: &Setup) -> String {
     let windows = WindowBuilder::read_all(vec![log], setup).unwrap().finish(false);
-    let options = FitOptions { model: support::model("bias 3, rate 1"), source_date_epoch: None };
+    let options = FitOptions::new(support::model("bias 3, rate 1"));
     let mut calibration = calibrate(windows, setup, &options).unwrap();
     for input in &mut calibration.provenance.inputs {
         assert_eq!(input.sha256.len(), 64);
@@ -342,7 +342,7 @@ fn a_comma_among_words_is_not_decimal() {
     };
     let log = LogReader::from_reader("log", Box::new(Cursor::new(with_words(false))), &setup, Pace::Bulk).unwrap();
     let windows = WindowBuilder::read_all(vec![log], &setup).unwrap().finish(false);
-    let options = FitOptions { model: support::model("bias 2"), source_date_epoch: None };
+    let options = FitOptions::new(support::model("bias 2"));
     let correction = Correction::from_calibration(calibrate(windows, &setup, &options).unwrap()).unwrap();
     for decimal_comma in [false, true] {
         let source = Box::new(Cursor::new(with_words(decimal_comma)));
@@ -366,7 +366,7 @@ fn corrected_logs_agree_in_both_formats() {
     let setup = setup();
     let log = LogReader::from_reader("log", Box::new(Cursor::new(csv(&c, ','))), &setup, Pace::Bulk).unwrap();
     let windows = WindowBuilder::read_all(vec![log], &setup).unwrap().finish(false);
-    let options = FitOptions { model: support::model("bias 2"), source_date_epoch: None };
+    let options = FitOptions::new(support::model("bias 2"));
     let correction = Correction::from_calibration(calibrate(windows, &setup, &options).unwrap()).unwrap();
     let corrected = |bytes: Vec<u8>, format| {
         let source = Box::new(Cursor::new(bytes));

@@ -92,7 +92,7 @@ fn rates_per_file_tell_them_apart_too() {
         let open = |path: &std::path::PathBuf| sagnac::ingest::LogReader::open(path, setup, sagnac::ingest::Pace::Bulk);
         let logs = logs.iter().map(|path| open(path).unwrap()).collect();
         let windows = sagnac::window::WindowBuilder::read_all(logs, setup).unwrap().finish(false);
-        let options = sagnac::fit::FitOptions { model: support::model("bias 2, scale 2"), source_date_epoch: None };
+        let options = sagnac::fit::FitOptions::new(support::model("bias 2, scale 2"));
         sagnac::fit::calibrate(windows, setup, &options)
     };
     holds_what_was_put_in(&rig(10.0), &fitted(&with_rates).unwrap().axes[0], 0.006);
@@ -186,7 +186,7 @@ fn misalignment_from_two_orientations() {
             |path: &std::path::PathBuf| sagnac::ingest::LogReader::open(path, &setup, sagnac::ingest::Pace::Bulk);
         let logs = paths.iter().map(|path| open(path).unwrap()).collect();
         let windows = sagnac::window::WindowBuilder::read_all(logs, &setup).unwrap().finish(false);
-        let options = sagnac::fit::FitOptions { model: support::model("bias 1"), source_date_epoch: None };
+        let options = sagnac::fit::FitOptions::new(support::model("bias 1"));
         sagnac::fit::calibrate(windows, &setup, &options)
     };
     let made = fitted(tables).unwrap();

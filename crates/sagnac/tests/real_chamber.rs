@@ -17,7 +17,7 @@ fn fit(text: &str, keep_all: bool) -> Option<Calibration> {
     let setup = bench("mems-chamber-sweep/bench.toml");
     let log = LogReader::open(&path, &setup, Pace::Bulk).unwrap();
     let windows = WindowBuilder::read_all(vec![log], &setup).unwrap().finish(keep_all);
-    Some(calibrate(windows, &setup, &FitOptions { model: model(text), source_date_epoch: None }).unwrap())
+    Some(calibrate(windows, &setup, &FitOptions::new(model(text))).unwrap())
 }
 
 /// Held-out σ in the log's own unit, rad/s.

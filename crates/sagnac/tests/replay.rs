@@ -26,6 +26,7 @@ fn calibration(setup: &Setup) -> Calibration {
         sigma: None,
         unit: kind.unit().to_owned(),
         significant: None,
+        bootstrap: None,
     });
     axis.lag_s = Some(Lag { value: 40.0, sigma: None });
     axis.rate_span_cpm = Some([-5.0, 5.0]);

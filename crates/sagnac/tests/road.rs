@@ -29,7 +29,7 @@ fn refusal(logs: Vec<Vec<u8>>, setup: &Setup, text: &str) -> String {
 fn a_window_table_gives_the_same_calibration_as_its_logs() {
     let setup = chamber_setup();
     let logs = || vec![csv_bytes(chamber_rig().run(1)), csv_bytes(chamber_rig().run(2))];
-    let options = FitOptions { model: model("auto"), source_date_epoch: None };
+    let options = FitOptions::new(model("auto"));
     let direct = calibrate(windows(logs(), &setup), &setup, &options).unwrap();
     let path = std::env::temp_dir().join(format!("sagnac-road-{}.parquet", std::process::id()));
     let mut bytes = Vec::new();

@@ -58,6 +58,7 @@ fn calibration(case: &Case) -> Calibration {
         sigma: None,
         unit: kind.unit().to_owned(),
         significant: None,
+        bootstrap: None,
     };
     let bias = case.bias.iter().enumerate().map(|(i, v)| term(TermKind::Bias, i + 1, *v));
     let rate = case.rate.iter().enumerate().map(|(i, v)| term(TermKind::Rate, i, *v));

@@ -100,7 +100,7 @@ impl Drift {
         let windows = WindowBuilder::read_all(logs, setup)?.finish(false);
         let rows = windows.rows.clone();
         let runs = windows.runs.len();
-        let options = FitOptions { model: ModelChoice::Auto, source_date_epoch: None };
+        let options = FitOptions::new(ModelChoice::Auto);
         let (_, evidence) = calibrate_with_evidence(windows, setup, &options)
             .map_err(|e| e.help("without --detrend the record is taken as it is"))?;
         let mut drifts = vec![Self { middle_ns: Vec::new(), dph: vec![Vec::new(); axes.len()] }; runs];

@@ -82,6 +82,7 @@ pub fn import(polynomial: &Polynomial, setup: &Setup) -> Result<Calibration> {
         scale_factor: None,
         misalignment: Vec::new(),
         residual: None,
+        soak: None,
         floor: None,
         cross_validation: None,
         candidates: Vec::new(),
@@ -112,7 +113,16 @@ pub fn import(polynomial: &Polynomial, setup: &Setup) -> Result<Calibration> {
 
 fn bias_term(order: u8, value: f64) -> Term {
     let kind = TermKind::Bias;
-    Term { kind, sensor: String::new(), order, value, sigma: None, unit: kind.unit().to_owned(), significant: None }
+    Term {
+        kind,
+        sensor: String::new(),
+        order,
+        value,
+        sigma: None,
+        unit: kind.unit().to_owned(),
+        significant: None,
+        bootstrap: None,
+    }
 }
 
 fn constant(value_dph: f64, setup: &Setup) -> Constant {

@@ -8,6 +8,7 @@
 //! `docs/method.md` tells the method; each step's equation stands in its module.
 
 mod basis;
+mod bootstrap;
 mod folds;
 mod lag;
 mod model;
@@ -15,6 +16,7 @@ mod monomial;
 mod plateaus;
 mod problem;
 mod record;
+mod soak;
 mod solution;
 mod solve;
 mod turning;

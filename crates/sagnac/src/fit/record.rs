@@ -11,7 +11,8 @@ use crate::calibration::{
 use crate::error::{Error, Result};
 use crate::fit::plateaus::{Plateaus, repeatability};
 use crate::fit::problem::{Level, Problem};
-use crate::fit::solution::{Fitted, fit};
+use crate::fit::soak::soak;
+use crate::fit::solution::{Fitted, bootstrap_intervals, fit};
 use crate::fit::turning::Turning;
 use crate::fit::{ModelChoice, Selection, powers_from_series, select};
 use crate::ingest::{AngleUnit, Reason};
@@ -32,6 +33,15 @@ pub struct FitOptions {
     pub model: ModelChoice,
     /// SOURCE_DATE_EPOCH if it is set.
     pub source_date_epoch: Option<i64>,
+    /// Draws of the block bootstrap, if intervals by it are wanted.
+    pub bootstrap: Option<usize>,
+}
+
+impl FitOptions {
+    /// A model, and nothing else asked for.
+    pub fn new(model: ModelChoice) -> Self {
+        Self { model, source_date_epoch: None, bootstrap: None }
+    }
 }
 
 /// Fits every axis.
@@ -190,7 +200,13 @@ fn fit_axis(
     let taus_s = problem.tau_grid();
     let selection = select(&problem, options.model, &taus_s)?;
     let fitted = fit(&problem, selection.specs[selection.chosen], &taus_s)?;
-    let terms = terms(&fitted, problem.levels.len(), &windows.shape.thermometers[sensor]);
+    let mut terms = terms(&fitted, problem.levels.len(), &windows.shape.thermometers[sensor]);
+    if let Some(draws) = options.bootstrap {
+        let intervals = bootstrap_intervals(&problem, &fitted, draws);
+        terms.iter_mut().zip(intervals.into_iter().skip(problem.levels.len())).for_each(|(term, interval)| {
+            term.bootstrap = Some(interval);
+        });
+    }
     if let Some(vague) =
         terms.iter().find(|t| t.kind == TermKind::Scale && t.sigma.is_some_and(|s| s > SCALE_SIGMA_MAX_PPM))
     {
@@ -213,7 +229,7 @@ fn fit_axis(
     let before = |row: usize| problem.y[row] - level(row) - scaled(row);
     let left = (0..problem.len()).map(|row| (problem.used[row], (before(row), fitted.residuals[row])));
     let left = left.collect();
-    let record = AxisCalibration {
+    let mut record = AxisCalibration {
         axis: letter,
         model: fitted.spec.to_string(),
         lag_s: fitted
@@ -228,6 +244,7 @@ fn fit_axis(
         misalignment: misalignment(&fitted, &problem),
         residual: Some(residual(&fitted)),
         floor: floor_of(windows, axis, setup),
+        soak: None,
         cross_validation: cross_validation(&selection),
         candidates: candidates(&selection),
         excluded: windows.tallies.list(),
@@ -235,6 +252,7 @@ fn fit_axis(
         covariance_of: covariance_of(&fitted, &problem, &terms),
         terms,
     };
+    record.soak = soak(&record, windows.shape.nominal_s);
     Ok((record, left))
 }
 
@@ -255,6 +273,7 @@ fn terms(fitted: &Fitted, levels: usize, sensor: &str) -> Vec<Term> {
                 sigma: Some(sigma),
                 unit: kind.unit().to_owned(),
                 significant: Some(value.abs() > fitted.t95 * sigma),
+                bootstrap: None,
             }
         })
         .collect()
@@ -369,6 +388,7 @@ fn residual(fitted: &Fitted) -> Residual {
         sigma_dph: fitted.sigma_dph,
         peak_to_peak_dph: hi - lo,
         autocorrelation: fitted.autocorrelation,
+        t95: fitted.t95,
     }
 }
 

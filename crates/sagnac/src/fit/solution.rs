@@ -9,6 +9,7 @@ use nalgebra::DMatrix;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
 use crate::error::{Error, Result};
+use crate::fit::bootstrap::Resampling;
 use crate::fit::lag::RATE_COLUMNS;
 use crate::fit::model::ModelSpec;
 use crate::fit::problem::Problem;
@@ -82,6 +83,33 @@ pub(crate) fn fit(problem: &Problem<'_>, spec: ModelSpec, taus_s: &[f64]) -> Res
     Ok(Fitted { spec, tau, theta, covariance, residuals, sigma_dph: variance.sqrt(), autocorrelation, t95 })
 }
 
+/// 95 % intervals of every parameter by the block bootstrap.
+pub(crate) fn bootstrap_intervals(problem: &Problem<'_>, fitted: &Fitted, draws: usize) -> Vec<[f64; 2]> {
+    let (spec, theta) = (fitted.spec, &fitted.theta);
+    let rates = rates_at(problem, fitted.tau.map(|t| t.value_s));
+    let slope = fitted.tau.filter(|t| t.resolved).map(|t| tau_column(problem, spec, t.value_s, theta));
+    let mut row = Vec::new();
+    let mut rows = Vec::new();
+    for (i, rate) in rates.iter().enumerate() {
+        row.clear();
+        regressor_row(problem, spec, i, rate, slope.as_deref(), &mut row);
+        let root = problem.weight[i].sqrt();
+        rows.extend(row.iter().map(|value| value * root));
+    }
+    let design = DMatrix::from_row_slice(problem.len(), row.len(), &rows);
+    let Some(normal) = factor(problem, spec, &rates, slope.as_deref()).solve_all().and_then(|s| s.inverse_normal())
+    else {
+        return Vec::new();
+    };
+    let gain = normal * design.transpose();
+    let residuals: Vec<f64> = fitted.residuals.iter().zip(&problem.weight).map(|(r, w)| r * w.sqrt()).collect();
+    let resampling =
+        Resampling { residuals: &residuals, run: &problem.run, gain: &gain, autocorrelation: fitted.autocorrelation };
+    let tau = fitted.tau.filter(|t| t.resolved).map(|t| t.value_s);
+    let theta: Vec<f64> = theta.iter().copied().chain(tau).collect();
+    resampling.intervals(&theta, draws)
+}
+
 fn dependent(problem: &Problem<'_>, spec: ModelSpec) -> Error {
     let rates: Vec<String> = problem.run_rate.iter().map(|r| format!("{r:.3}")).collect();
     let what = if spec.scale > 0 {
@@ -98,11 +126,9 @@ fn factor(problem: &Problem<'_>, spec: ModelSpec, rates: &[[f64; RATE_COLUMNS]],
     let mut row = Vec::new();
     let mut reducer: Option<Reducer> = None;
     let mut width = 0;
-    for i in 0..problem.len() {
+    for (i, rate) in rates.iter().enumerate() {
         row.clear();
-        row.extend(problem.levels.iter().map(|level| problem.level(i, *level)));
-        problem.regressors(spec, i, &rates[i], &mut row);
-        row.extend(slope.map(|s| s[i]));
+        regressor_row(problem, spec, i, rate, slope, &mut row);
         row.push(problem.y[i]);
         width = row.len();
         let root = problem.weight[i].sqrt();
@@ -110,6 +136,20 @@ fn factor(problem: &Problem<'_>, spec: ModelSpec, rates: &[[f64; RATE_COLUMNS]],
         reducer.get_or_insert_with(|| Reducer::new(width)).push(&row);
     }
     Columns { factor: reducer.unwrap_or_else(|| Reducer::new(1)).finish(), count: width.saturating_sub(1) }
+}
+
+/// Levels, terms and ∂y/∂τ of a row.
+fn regressor_row(
+    problem: &Problem<'_>,
+    spec: ModelSpec,
+    row: usize,
+    rate: &[f64; RATE_COLUMNS],
+    slope: Option<&[f64]>,
+    out: &mut Vec<f64>,
+) {
+    out.extend(problem.levels.iter().map(|level| problem.level(row, *level)));
+    problem.regressors(spec, row, rate, out);
+    out.extend(slope.map(|s| s[row]));
 }
 
 struct Columns {
@@ -175,8 +215,7 @@ fn golden_section(mut lo: f64, mut hi: f64, f: impl Fn(f64) -> f64) -> f64 {
 
 fn model_at(problem: &Problem<'_>, spec: ModelSpec, row: usize, rate: &[f64; RATE_COLUMNS], theta: &[f64]) -> f64 {
     let mut regressors = Vec::new();
-    regressors.extend(problem.levels.iter().map(|level| problem.level(row, *level)));
-    problem.regressors(spec, row, rate, &mut regressors);
+    regressor_row(problem, spec, row, rate, None, &mut regressors);
     regressors.iter().zip(theta).map(|(a, b)| a * b).sum::<f64>()
 }
 

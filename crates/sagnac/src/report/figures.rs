@@ -71,27 +71,16 @@ fn curve(axis: &AxisCalibration, kind: TermKind) -> (Vec<f64>, Vec<f64>, Option<
     let mut series = axis.series(kind);
     let scale = axis.scale_factor.as_ref().filter(|_| kind == TermKind::Scale);
     series[0] = scale.map_or(0.0, |scale| scale.at_reference.ppm);
-    let prefix = if kind == TermKind::Scale { "scale " } else { "bias " };
     let basis = |t_c: f64| -> [f64; BASIS_LEN] {
         let values = chebyshev(span.x(t_c));
         std::array::from_fn(|n| if n == 0 { 1.0 } else { values[n] - at_reference[n] })
     };
     let y = x.iter().map(|t| basis(*t).iter().zip(&series).map(|(b, c)| b * c).sum()).collect();
-    // Rows of the covariance that are such terms, and their orders.
-    let rows: Vec<(usize, usize)> = axis
-        .covariance_of
-        .iter()
-        .enumerate()
-        .filter_map(|(row, name)| Some((row, name.strip_prefix(prefix)?.parse().ok()?)))
-        .filter(|(_, order)| *order < BASIS_LEN)
-        .collect();
+    let rows: Vec<(usize, usize)> = axis.rows_of(kind).collect();
     let half = |t_c: &f64| {
         let basis = basis(*t_c);
-        let product = |(i, n): &(usize, usize), (j, m): &(usize, usize)| {
-            axis.covariance.get(*i).and_then(|row| row.get(*j)).map_or(0.0, |c| c * basis[*n] * basis[*m])
-        };
-        let variance: f64 = rows.iter().flat_map(|a| rows.iter().map(move |b| product(a, b))).sum();
-        TWO_SIGMA * variance.max(0.0).sqrt()
+        let weights: Vec<(usize, f64)> = rows.iter().map(|(row, order)| (*row, basis[*order])).collect();
+        TWO_SIGMA * axis.variance_of(&weights).sqrt()
     };
     let band = (!rows.is_empty()).then(|| x.iter().map(half).collect());
     (x, y, band)
@@ -129,6 +118,28 @@ pub(crate) fn drift(evidence: &Evidence, axis: &AxisEvidence, record: &AxisCalib
         }
     }
     out.drop_empty().framed(false)
+}
+
+/// What more soaking would buy.
+pub(crate) fn soak(record: &AxisCalibration) -> Option<Figure> {
+    let soak = record.soak.as_ref()?;
+    let caption = format!(
+        "Standard deviation of the curve at rest, now and after so many hours of soak at that very temperature. The next hour buys \
+         most for the curve as a whole at {:.0} °C.",
+        soak.best_c
+    );
+    let labels = ["temperature, °C", "σ of the drift, °/h"];
+    let title = "What would more soaking buy?";
+    let mut out = figure(record.axis, "soak", title, caption, labels, "temperature");
+    let x: Vec<f64> = soak.rows.iter().map(|row| row.temperature_c).collect();
+    let now = soak.rows.iter().map(|row| row.sigma_dph).collect();
+    out.layers.push(line("now", Role::Fit, &x, now, false));
+    let roles = [Role::Before, Role::After, Role::Floor, Role::ExcludedToo];
+    for ((index, hours), role) in soak.hours.iter().enumerate().zip(roles) {
+        let after = soak.rows.iter().map(|row| row.after_dph.get(index).copied().unwrap_or(f64::NAN)).collect();
+        out.layers.push(line(&format!("after {hours} h"), role, &x, after, true));
+    }
+    out.framed(true)
 }
 
 /// Scale factor against temperature: the joint fit with its band, the plateaus with twice their σ.

@@ -10,6 +10,8 @@
 
 #[cfg(feature = "report")]
 mod charts;
+#[cfg(feature = "report")]
+mod compared;
 mod evidence;
 #[cfg(feature = "report")]
 mod figure;
@@ -24,6 +26,8 @@ mod svg;
 
 #[cfg(feature = "report")]
 pub use charts::{Band, Chart, ChartPage, Curve, PageTable, chart_report};
+#[cfg(feature = "report")]
+pub use compared::comparison_report;
 pub use evidence::{AxisEvidence, Evidence, Leg, Point, RunSpan};
 pub(crate) use evidence::{points, run_spans};
 #[cfg(feature = "report")]

@@ -3,7 +3,7 @@
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use crate::calibration::{AxisCalibration, Calibration, Candidate, Input, LogUnit, PpmEstimate, TermKind, UNASSIGNED};
-use crate::digits::{significant, with_sigma};
+use crate::digits::{celsius, significant, with_sigma};
 use crate::error::{Error, Result};
 use crate::ingest::{Tally, hex, sha256};
 use crate::report::evidence::{AxisEvidence, Evidence};
@@ -164,6 +164,7 @@ fn fit_figures(evidence: &Evidence, points: &AxisEvidence, axis: &AxisCalibratio
     drift
         .into_iter()
         .chain(figures::scale_factor(axis))
+        .chain(figures::soak(axis))
         .chain(both_sides(evidence, points, &figures::OF_FIT, floor))
         .collect()
 }
@@ -351,7 +352,7 @@ fn plateaus(axis: &AxisCalibration) -> Markup {
                 }
                 @for p in &scale.plateaus {
                     tr {
-                        td { (format!("{:.1}", p.temperature_c)) } td { (p.windows) }
+                        td { (celsius(p.temperature_c)) } td { (p.windows) }
                         td { (p.rates_dps.iter().map(|r| significant(*r, 4)).collect::<Vec<_>>().join(" ")) }
                         td { (estimate(Some(p.scale))) } td { (with_sigma(p.bias_dph, Some(p.bias_sigma_dph))) }
                         td { (estimate(p.nonlinearity)) } td { (estimate(p.asymmetry)) }

@@ -25,7 +25,7 @@ pub(crate) fn model(text: &str) -> ModelChoice {
 }
 
 pub(crate) fn fit(logs: Vec<Vec<u8>>, setup: &Setup, text: &str) -> sagnac::Result<Calibration> {
-    calibrate(windows(logs, setup), setup, &FitOptions { model: model(text), source_date_epoch: None })
+    calibrate(windows(logs, setup), setup, &FitOptions::new(model(text)))
 }
 
 pub(crate) fn retest(calibration: &Calibration, log: Vec<u8>, setup: &Setup) -> Verification {

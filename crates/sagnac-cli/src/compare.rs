@@ -1,0 +1,90 @@
+//! `sagnac compare`: calibrations of one unit beside each other.
+
+use std::path::PathBuf;
+
+use sagnac::calibration::Calibration;
+use sagnac::compare::{ComparedAxis, ComparedCurve, ComparedNumber, Comparison, compare};
+use sagnac::digits::{significant, with_sigma};
+use sagnac::report::comparison_report;
+use sagnac::write::write_bytes;
+use sagnac::{Error, Result};
+
+use crate::console::{Console, Outcome, Ran, table};
+use crate::loading;
+
+/// Hold calibrations of one unit against each other: cycles, turn-ons, months
+#[derive(clap::Args)]
+#[command(after_help = "\
+Example:
+  sagnac compare january.cal.json may.cal.json september.cal.json --report drift-of-the-drift.html")]
+pub(crate) struct Args {
+    /// Calibrations of one serial number, two or more
+    #[arg(required = true, num_args = 2..)]
+    calibrations: Vec<PathBuf>,
+    /// Report to write: one HTML file for screen and paper
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
+    /// One JSON object on standard output, text on standard error
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
+    loading::keep_inputs(&args.calibrations, args.report.as_deref())?;
+    let read = |path: &PathBuf| -> Result<(String, Calibration)> {
+        let name = path.display().to_string();
+        match loading::kind_of(path)? {
+            loading::Kind::Calibration => Ok((name, loading::calibration(path)?)),
+            _ => Err(Error::input("no calibration").file(name).help("give files that `sagnac calibrate -o` wrote")),
+        }
+    };
+    let records: Result<Vec<(String, Calibration)>> = args.calibrations.iter().map(read).collect();
+    let comparison = compare(&records?)?;
+    for axis in &comparison.axes {
+        describe(console, &comparison, axis);
+    }
+    if let Some(path) = &args.report {
+        write_bytes(path, comparison_report(&comparison)?.as_bytes())?;
+        console.say(format!("wrote {}", path.display()));
+    }
+    console.object(&comparison)?;
+    Ok(Outcome::Done)
+}
+
+fn describe(console: &mut Console, comparison: &Comparison, axis: &ComparedAxis) {
+    for curve in &axis.curves {
+        console.say(format!("axis {}: {}", axis.axis, curve.verdict(&comparison.records)));
+        console.say(values(comparison, curve));
+    }
+    console.say(numbers(comparison, &axis.numbers));
+}
+
+fn values(comparison: &Comparison, curve: &ComparedCurve) -> String {
+    let title = format!("{}, {}", curve.quantity, curve.unit);
+    let mut header: Vec<&str> = vec![&title];
+    header.extend(comparison.records.iter().map(|(name, _)| name.as_str()));
+    header.push("beyond their σ");
+    let rows = curve.temperatures_c.iter().enumerate().map(|(at, celsius)| {
+        let of = |record: usize| with_sigma(curve.values[record][at], Some(curve.sigmas[record][at]));
+        let mut row = vec![format!("{celsius:.1} °C")];
+        row.extend((0..comparison.records.len()).map(of));
+        row.push(significant(curve.beyond[at], 2));
+        row
+    });
+    table(&header, rows)
+}
+
+fn numbers(comparison: &Comparison, all: &[ComparedNumber]) -> String {
+    let mut header = vec![""];
+    header.extend(comparison.records.iter().map(|(name, _)| name.as_str()));
+    header.extend(["unit", "farthest apart, σ"]);
+    let rows = all.iter().map(|number| {
+        let of = |value: &Option<[f64; 2]>| value.map_or("-".to_owned(), |[v, s]| with_sigma(v, Some(s)));
+        let mut row = vec![number.name.clone()];
+        row.extend(number.values.iter().map(of));
+        row.push(number.unit.clone());
+        row.push(number.sigmas.map_or("-".to_owned(), |s| significant(s, 2)));
+        row
+    });
+    table(&header, rows)
+}

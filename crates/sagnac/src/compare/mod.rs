@@ -1,0 +1,276 @@
+//! Calibrations of one unit beside each other: cycles, turn-ons, months.
+//!
+//! ```text
+//! d_i(T) ± σ_i(T), all zero at one T0      d̄ = Σ d_i/σ_i² / Σ 1/σ_i²      z_i = (d_i − d̄)/√(σ_i² − σ̄²),  σ̄² = 1/Σ 1/σ_i²
+//! ```
+//!
+//! at temperatures that every record spans. |z| beyond three says that a record disagrees with the others by more than
+//! the intervals explain; what they differ by beyond that is the spread that a correction made today may be off by tomorrow.
+//! The same for the scale factor (with its value at T0, if every record has one), for rate terms, lag and fixed bias.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::calibration::{AxisCalibration, Calibration, TermKind};
+use crate::digits::significant;
+use crate::error::{Error, Result};
+use crate::fit::{BASIS_LEN, Span, chebyshev};
+
+/// More sigmas than this are no chance.
+const DISAGREE: f64 = 3.0;
+/// Temperatures over the common span, ends included.
+const TEMPERATURES: usize = 12;
+/// Closer to T0 than this part of the span the drift is zero by definition and tells nothing.
+const NEAR_REFERENCE: f64 = 0.02;
+
+/// A curve of every record at the common temperatures.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct ComparedCurve {
+    /// `bias`, °/h, or `scale`, ppm.
+    pub quantity: String,
+    /// Unit of the values.
+    pub unit: String,
+    /// °C.
+    pub temperatures_c: Vec<f64>,
+    /// Per record: values.
+    pub values: Vec<Vec<f64>>,
+    /// Per record: σ.
+    pub sigmas: Vec<Vec<f64>>,
+    /// Weighted mean over the records.
+    pub mean: Vec<f64>,
+    /// Per record: distance from the mean in its σ; null at T0.
+    pub z: Vec<Vec<Option<f64>>>,
+    /// Spread of the records beyond their σ, at each temperature.
+    pub beyond: Vec<f64>,
+    /// Largest |z|, its record and temperature.
+    pub worst: Option<Worst>,
+}
+
+impl ComparedCurve {
+    /// What the comparison comes to, in words.
+    pub fn verdict(&self, records: &[(String, f64)]) -> String {
+        let Some(worst) = &self.worst else { return format!("{}: nothing to compare", self.quantity) };
+        let name = records.get(worst.record).map_or("", |(name, _)| name.as_str());
+        let beyond = self.beyond.iter().fold(0.0_f64, |most, b| most.max(*b));
+        let word =
+            if worst.sigmas > DISAGREE { "the records disagree" } else { "the records agree within their intervals" };
+        format!(
+            "{}: {word}; {name} stands farthest apart, {} σ at {:.1} °C; beyond their σ they differ by up to {} {}",
+            self.quantity,
+            significant(worst.sigmas, 2),
+            worst.temperature_c,
+            significant(beyond, 2),
+            self.unit
+        )
+    }
+}
+
+/// Where records disagree most.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Worst {
+    /// Record, from 0.
+    pub record: usize,
+    /// °C.
+    pub temperature_c: f64,
+    /// |z|.
+    pub sigmas: f64,
+}
+
+/// A number that every record has.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct ComparedNumber {
+    /// What it is.
+    pub name: String,
+    /// Its unit.
+    pub unit: String,
+    /// Per record: value and σ; null where the record has none.
+    pub values: Vec<Option<[f64; 2]>>,
+    /// Largest distance between two of them, in the σ of their difference.
+    pub sigmas: Option<f64>,
+}
+
+/// One axis.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct ComparedAxis {
+    /// Axis letter.
+    pub axis: char,
+    /// Bias, and the scale factor if every record has one.
+    pub curves: Vec<ComparedCurve>,
+    /// Constants, rate terms, lag.
+    pub numbers: Vec<ComparedNumber>,
+}
+
+/// The result of `sagnac compare`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Comparison {
+    /// Serial number that all share.
+    pub serial: String,
+    /// Per record: its name and the time of its newest sample, s.
+    pub records: Vec<(String, f64)>,
+    /// The axes that all have.
+    pub axes: Vec<ComparedAxis>,
+}
+
+/// Holds calibrations of one unit against each other.
+///
+/// # Errors
+/// Fewer than two, other serials, no common axis or span, records without uncertainty.
+pub fn compare(records: &[(String, Calibration)]) -> Result<Comparison> {
+    let [(first_name, first), others @ ..] = records else { return Err(few()) };
+    if others.is_empty() {
+        return Err(few());
+    }
+    for (name, other) in others {
+        if other.serial != first.serial {
+            let what = format!("a calibration of {:?}; {first_name} is of {:?}", other.serial, first.serial);
+            return Err(Error::input(what).file(name).column("serial").help("compare records of one unit"));
+        }
+    }
+    let of_axis = |letter: char| -> Option<Vec<&AxisCalibration>> {
+        records.iter().map(|(_, record)| record.axes.iter().find(|axis| axis.axis == letter)).collect()
+    };
+    let shared: Vec<(char, Vec<&AxisCalibration>)> =
+        first.axes.iter().filter_map(|axis| Some((axis.axis, of_axis(axis.axis)?))).collect();
+    if shared.is_empty() {
+        return Err(Error::input("no axis that every record has"));
+    }
+    let axes: Result<Vec<ComparedAxis>> =
+        shared.iter().map(|(letter, axes)| compare_axis(*letter, axes, records)).collect();
+    let named = records.iter().map(|(name, record)| (name.clone(), record.provenance.time_s));
+    Ok(Comparison { serial: first.serial.clone(), records: named.collect(), axes: axes? })
+}
+
+fn few() -> Error {
+    Error::input("two calibrations or more are needed").help("sagnac compare january.cal.json may.cal.json")
+}
+
+fn compare_axis(letter: char, axes: &[&AxisCalibration], records: &[(String, Calibration)]) -> Result<ComparedAxis> {
+    for (axis, (name, _)) in axes.iter().zip(records) {
+        if axis.covariance.is_empty() {
+            return Err(Error::input("a record without uncertainty (imported, not fitted); nothing to compare it by")
+                .file(name));
+        }
+    }
+    let lo_c = axes.iter().map(|axis| axis.span_c[0]).fold(f64::NEG_INFINITY, f64::max);
+    let hi_c = axes.iter().map(|axis| axis.span_c[1]).fold(f64::INFINITY, f64::min);
+    let reference_c = axes[0].reference_c;
+    if !(lo_c..=hi_c).contains(&reference_c) || hi_c - lo_c <= 0.0 {
+        return Err(Error::refused(format!(
+            "axis {letter}: the records share {lo_c:.1} … {hi_c:.1} °C, and {reference_c} °C is not in it"
+        )));
+    }
+    let width = (hi_c - lo_c) / (TEMPERATURES - 1) as f64;
+    let temperatures: Vec<f64> = (0..TEMPERATURES).map(|i| lo_c + width * i as f64).collect();
+    let mut curves = vec![curve(axes, TermKind::Bias, &temperatures, reference_c)];
+    if axes.iter().all(|axis| axis.scale_factor.is_some()) {
+        curves.push(curve(axes, TermKind::Scale, &temperatures, reference_c));
+    }
+    Ok(ComparedAxis { axis: letter, curves, numbers: numbers(axes) })
+}
+
+/// Value and σ of a record's series at a temperature, zero at the common reference (the scale factor with its value there).
+fn value(axis: &AxisCalibration, kind: TermKind, celsius: f64, reference_c: f64) -> (f64, f64) {
+    let span = Span { lo_c: axis.span_c[0], hi_c: axis.span_c[1] };
+    let (at, zero) = (chebyshev(span.x(celsius)), chebyshev(span.x(reference_c)));
+    let own = chebyshev(span.x(axis.reference_c));
+    let scale = kind == TermKind::Scale;
+    // The scale factor's constant belongs to the record's own T0.
+    let basis = |order: usize| match (order, scale) {
+        (0, true) => 1.0,
+        (0, false) => 0.0,
+        (_, true) => at[order] - own[order],
+        (_, false) => at[order] - zero[order],
+    };
+    let mut series = axis.series(kind);
+    series[0] = axis.scale_factor.as_ref().map_or(0.0, |scale| scale.at_reference.ppm);
+    let value = (0..BASIS_LEN).map(|order| series[order] * basis(order)).sum();
+    let rows: Vec<(usize, f64)> = axis.rows_of(kind).map(|(row, order)| (row, basis(order))).collect();
+    (value, axis.variance_of(&rows).sqrt())
+}
+
+fn curve(axes: &[&AxisCalibration], kind: TermKind, temperatures: &[f64], reference_c: f64) -> ComparedCurve {
+    let width = temperatures[temperatures.len() - 1] - temperatures[0];
+    let (mut values, mut sigmas) = (Vec::new(), Vec::new());
+    for axis in axes {
+        let (v, s): (Vec<f64>, Vec<f64>) = temperatures.iter().map(|t| value(axis, kind, *t, reference_c)).unzip();
+        values.push(v);
+        sigmas.push(s);
+    }
+    let (mut mean, mut beyond) = (Vec::new(), Vec::new());
+    let mut z = vec![Vec::new(); axes.len()];
+    let mut worst: Option<Worst> = None;
+    for (at, temperature_c) in temperatures.iter().enumerate() {
+        let column: Vec<(f64, f64)> = (0..axes.len()).map(|record| (values[record][at], sigmas[record][at])).collect();
+        let tells = kind == TermKind::Scale || (temperature_c - reference_c).abs() > NEAR_REFERENCE * width;
+        let tells = tells && column.iter().all(|(_, sigma)| *sigma > 0.0);
+        let information: f64 = column.iter().map(|(_, sigma)| sigma.powi(-2)).sum();
+        let centre = if tells {
+            column.iter().map(|(value, sigma)| value / sigma.powi(2)).sum::<f64>() / information
+        } else {
+            column.iter().map(|(value, _)| value).sum::<f64>() / column.len() as f64
+        };
+        mean.push(centre);
+        let n = column.len() as f64;
+        let spread = column.iter().map(|(value, _)| (value - centre).powi(2)).sum::<f64>() / (n - 1.0);
+        let explained = column.iter().map(|(_, sigma)| sigma.powi(2)).sum::<f64>() / n;
+        beyond.push((spread - explained).max(0.0).sqrt());
+        for (record, (value, sigma)) in column.iter().enumerate() {
+            let own = (sigma.powi(2) - information.recip()).max(0.0).sqrt();
+            let away = (tells && own > 0.0).then(|| (value - centre) / own);
+            z[record].push(away);
+            if let Some(sigmas) = away.map(f64::abs)
+                && worst.as_ref().is_none_or(|worst| sigmas > worst.sigmas)
+            {
+                worst = Some(Worst { record, temperature_c: *temperature_c, sigmas });
+            }
+        }
+    }
+    let (quantity, unit) = if kind == TermKind::Scale { ("scale", "ppm") } else { ("bias", "deg/h") };
+    ComparedCurve {
+        quantity: quantity.to_owned(),
+        unit: unit.to_owned(),
+        temperatures_c: temperatures.to_vec(),
+        values,
+        sigmas,
+        mean,
+        z,
+        beyond,
+        worst,
+    }
+}
+
+/// Numbers that stand for themselves.
+fn numbers(axes: &[&AxisCalibration]) -> Vec<ComparedNumber> {
+    let rate = |order: u8| {
+        move |axis: &AxisCalibration| {
+            let term = axis.terms.iter().find(|term| term.kind == TermKind::Rate && term.order == order)?;
+            Some([term.value, term.sigma?])
+        }
+    };
+    let constant = |axis: &AxisCalibration| {
+        let last = axis.constants.last()?;
+        Some([last.value_dph, last.sigma_dph?])
+    };
+    let lag = |axis: &AxisCalibration| axis.lag_s.and_then(|lag| Some([lag.value, lag.sigma?]));
+    let all = [
+        number("rate at T0, last run", "deg/h", axes, constant),
+        number("rate term 0", "deg/h per degC/min", axes, rate(0)),
+        number("rate term 1", "deg/h per degC/min", axes, rate(1)),
+        number("lag", "s", axes, lag),
+    ];
+    all.into_iter().flatten().collect()
+}
+
+fn number(
+    name: &str,
+    unit: &str,
+    axes: &[&AxisCalibration],
+    of: impl Fn(&AxisCalibration) -> Option<[f64; 2]>,
+) -> Option<ComparedNumber> {
+    let values: Vec<Option<[f64; 2]>> = axes.iter().map(|axis| of(axis)).collect();
+    let known: Vec<[f64; 2]> = values.iter().flatten().copied().collect();
+    let apart = |a: &[f64; 2], b: &[f64; 2]| (a[0] - b[0]).abs() / a[1].hypot(b[1]);
+    let pairs = known.iter().enumerate().flat_map(|(i, a)| known[i + 1..].iter().map(move |b| apart(a, b)));
+    let sigmas = pairs.filter(|s| s.is_finite()).reduce(f64::max);
+    (!known.is_empty()).then(|| ComparedNumber { name: name.to_owned(), unit: unit.to_owned(), values, sigmas })
+}

@@ -1,0 +1,73 @@
+//! What more soaking would buy: the curve's doubt after added hours, before anyone spends them.
+//!
+//! ```text
+//! Cov' = (Cov⁻¹ + m·g·gᵀ/s²)⁻¹ = Cov − Cov·g·gᵀ·Cov·m/(s² + m·gᵀ·Cov·g)      (Sherman and Morrison 1950)
+//! ```
+//!
+//! with g the regressors of a window at rest at the soak's temperature in the last run, m = hours·3600/τ_w windows and s²
+//! the variance of a window, widened by the residuals' correlation as in the fit. The forecast holds as long as the model does: no soak
+//! mends a term that is missing.
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::calibration::{AxisCalibration, Soak, SoakRow, TermKind};
+use crate::fit::{Span, chebyshev};
+
+/// Hours that are forecast.
+const HOURS: [f64; 4] = [1.0, 2.0, 4.0, 8.0];
+/// Temperatures over the span, ends included.
+const TEMPERATURES: usize = 12;
+
+/// The forecast of one axis; `None` where nothing was fitted here or no bias term is there to be known better.
+pub(crate) fn soak(axis: &AxisCalibration, window_s: f64) -> Option<Soak> {
+    let residual = axis.residual?;
+    let size = axis.covariance.len();
+    let covariance = DMatrix::from_fn(size, size, |i, j| axis.covariance[i].get(j).copied().unwrap_or(0.0));
+    let rows: Vec<(usize, usize)> = axis.rows_of(TermKind::Bias).collect();
+    let constant = axis.covariance_of.iter().rposition(|name| name.starts_with("constant"))?;
+    if rows.is_empty() {
+        return None;
+    }
+    let span = Span { lo_c: axis.span_c[0], hi_c: axis.span_c[1] };
+    let at_reference = chebyshev(span.x(axis.reference_c));
+    let curve = |celsius: f64| {
+        let at = chebyshev(span.x(celsius));
+        let mut g = DVector::zeros(size);
+        rows.iter().for_each(|(row, order)| g[*row] = at[*order] - at_reference[*order]);
+        g
+    };
+    let widening = (1.0 + residual.autocorrelation) / (1.0 - residual.autocorrelation);
+    let window_variance = residual.sigma_dph.powi(2) * widening;
+    let sigma_after = |of: &DVector<f64>, soaked_c: f64, hours: f64| {
+        let mut g = curve(soaked_c);
+        g[constant] = 1.0;
+        let windows = hours * 3600.0 / window_s;
+        let moved = &covariance * &g;
+        let known = (of.transpose() * &covariance * of)[(0, 0)];
+        let gained = of.dot(&moved).powi(2) * windows / (window_variance + windows * g.dot(&moved));
+        (known - gained).max(0.0).sqrt()
+    };
+    let width = (span.hi_c - span.lo_c) / (TEMPERATURES - 1) as f64;
+    let temperatures: Vec<f64> = (0..TEMPERATURES).map(|i| span.lo_c + width * i as f64).collect();
+    let table: Vec<SoakRow> = temperatures
+        .iter()
+        .map(|t| SoakRow {
+            temperature_c: *t,
+            sigma_dph: sigma_after(&curve(*t), *t, 0.0),
+            after_dph: HOURS.map(|hours| sigma_after(&curve(*t), *t, hours)).to_vec(),
+        })
+        .collect();
+    // Where an hour makes the whole curve best known.
+    let mean_square = |soaked_c: f64, hours: f64| -> f64 {
+        temperatures.iter().map(|t| sigma_after(&curve(*t), soaked_c, hours).powi(2)).sum::<f64>() / TEMPERATURES as f64
+    };
+    let best =
+        temperatures.iter().copied().min_by(|a, b| mean_square(*a, HOURS[0]).total_cmp(&mean_square(*b, HOURS[0])))?;
+    Some(Soak {
+        hours: HOURS.to_vec(),
+        rows: table,
+        best_c: best,
+        mean_sigma_dph: mean_square(best, 0.0).sqrt(),
+        mean_sigma_after_dph: mean_square(best, HOURS[0]).sqrt(),
+    })
+}
