@@ -14,8 +14,9 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use anyhow::{Context, Result, bail, ensure};
+use sagnac::fit::{ModelSpec, PRICED_WITHIN, slow_update_instructions};
 use sagnac_board::{Desk, MemoryFlash, Message, RigSettings, Row, run};
-use sagnac_core::{Banks, Gyro, Image};
+use sagnac_core::{Banks, Description, Gyro, Image, Kind, Multiplier, Term, Thermometer};
 use sagnac_loops::LoopTable;
 
 use crate::checks::{root, sh, sh_in};
@@ -145,7 +146,9 @@ fn instructions(sysroot: &Path, folder: &Path, unit: &Unit) -> Result<()> {
     let head = words.head()?;
     let mut bytes = [0; sagnac_vectors::MAX_TABLE];
     let image = folder.join("full.img");
-    fs::write(&image, words.table(&head, &mut bytes)?)?;
+    let table = words.table(&head, &mut bytes)?;
+    fs::write(&image, table)?;
+    let full = Image::decode(table).map_err(|e| anyhow::anyhow!("the vectors' image: {e}"))?;
     build(sysroot, &image, &unit.loops, &["--bin", "measure"])?;
     let said = emulate("measure", &["-serial", "null", "-icount", "shift=0"], 60)?;
     let number = |name: &str| -> Result<u32> {
@@ -165,8 +168,44 @@ fn instructions(sysroot: &Path, folder: &Path, unit: &Unit) -> Result<()> {
     {
         ensure!(found <= most, "{name}: {found} instructions, at most {most}");
     }
+    costs(sysroot, folder, unit, &full)?;
     // The other programs are the unit's own again.
     build(sysroot, &unit.image, &unit.loops, &[])
+}
+
+/// An image with a part of its terms; without a rate term its filter does not run.
+fn with_terms(full: &Image, kept: impl Fn(&Term) -> bool) -> Result<Image> {
+    let mut description: Description = *full.description();
+    let kept: Vec<Term> = full.terms().iter().filter(|term| kept(term)).copied().collect();
+    description.terms = [Term::ZERO; sagnac_core::MAX_TERMS];
+    description.terms[..kept.len()].copy_from_slice(&kept);
+    description.term_count = u8::try_from(kept.len())?;
+    if kept.iter().all(|term| term.multiplier != Multiplier::Rate) {
+        description.thermometers.iter_mut().for_each(|thermometer| thermometer.lag = Thermometer::UNUSED.lag);
+    }
+    Image::new(description).map_err(|e| anyhow::anyhow!("an image with fewer terms: {e}"))
+}
+
+/// The form by which `calibrate --tradeoff` prices models, against images of several.
+fn costs(sysroot: &Path, folder: &Path, unit: &Unit, full: &Image) -> Result<()> {
+    for words in ["bias 0", "bias 1", "bias 5", "bias 5, rate 0", "bias 5, rate 1", "bias 5, rate 1, scale 2"] {
+        let model: ModelSpec = words.parse().map_err(|e| anyhow::anyhow!("{e}"))?;
+        let kept = |term: &Term| match (term.kind, term.multiplier) {
+            (Kind::Scale, _) => model.scale > 0 && term.order <= model.scale,
+            (Kind::Bias, Multiplier::Rate) => model.rate.is_some_and(|order| term.order <= order),
+            (Kind::Bias, Multiplier::One) => model.bias > 0 && term.order <= model.bias,
+        };
+        let path = folder.join("priced.img");
+        fs::write(&path, sagnac::export::image_bytes(&with_terms(full, kept)?))?;
+        build(sysroot, &path, &unit.loops, &["--bin", "measure"])?;
+        let said = emulate("measure", &["-serial", "null", "-icount", "shift=0"], 60)?;
+        let counted = said.lines().find_map(|line| line.strip_prefix("slow-update ")).context("no slow-update")?;
+        let (counted, priced): (u32, u32) = (counted.trim().parse()?, slow_update_instructions(model));
+        println!("check: `{words}`: slow update of {counted} instructions, {priced} by the form of docs/method.md");
+        let away = (f64::from(priced) / f64::from(counted) - 1.0).abs();
+        ensure!(away <= PRICED_WITHIN, "`{words}`: {priced} instructions by the form, {counted} counted");
+    }
+    Ok(())
 }
 
 /// The ten-minute log over the emulated board's serial line and through the same board here.

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use sagnac::calibration::{AxisCalibration, Calibration, Candidate, PpmEstimate, ScaleFactor};
 use sagnac::digits::{celsius, significant, with_sigma};
-use sagnac::fit::{FitOptions, ModelChoice, calibrate_with_evidence};
+use sagnac::fit::{FitOptions, ModelChoice, TICK_INSTRUCTIONS, calibrate_with_evidence, frontier};
 use sagnac::ingest::Tally;
 use sagnac::report::calibration_report;
 use sagnac::write::write_bytes;
@@ -38,6 +38,9 @@ pub(crate) struct Args {
     /// `auto`, or orders: "bias 3", "bias 3, rate 1", "bias 2, scale 1"
     #[arg(long, default_value = "auto")]
     model: String,
+    /// What each order buys out of sample, and what it costs on the target in instructions
+    #[arg(long)]
+    tradeoff: bool,
     /// 95 % intervals by so many draws of the block bootstrap beside those of the covariance
     #[arg(long, value_name = "DRAWS", value_parser = clap::value_parser!(u16).range(100..=20_000))]
     bootstrap: Option<u16>,
@@ -60,6 +63,9 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     let text = calibration.to_json()?;
     for axis in &calibration.axes {
         describe(console, axis);
+        if args.tradeoff {
+            console.say(tradeoff(axis)?);
+        }
     }
     if let Some(path) = &args.output {
         write_bytes(path, text.as_bytes())?;
@@ -210,6 +216,29 @@ fn scale_factor(scale: &ScaleFactor, reference_c: f64) -> String {
         ["plateau, °C", "rates, °/s", "scale, ppm", "rate at rest, °/h", "nonlinearity, ppm", "asymmetry, ppm"];
     let rows: Vec<Vec<String>> = rows.collect();
     if rows.is_empty() { out } else { out + "\n" + &table(&header, rows) }
+}
+
+/// The models that none as cheap betters, with the knee.
+fn tradeoff(axis: &AxisCalibration) -> Result<String> {
+    let best = frontier(&axis.candidates);
+    if axis.candidates.len() < 2 || best.is_empty() {
+        return Err(Error::input("a trade needs several models").column("--tradeoff").help("leave --model at `auto`"));
+    }
+    let floor = axis.floor.as_ref().map(|floor| floor.value_dph);
+    let rows = best.iter().map(|point| {
+        vec![
+            point.candidate.model.clone(),
+            point.instructions.to_string(),
+            significant(point.held_out_dph, 4),
+            floor.map_or("-".to_owned(), |floor| significant(point.held_out_dph / floor, 3)),
+            if point.knee { "the knee: cheapest within 2 % of the least mean square" } else { "" }.to_owned(),
+        ]
+    });
+    let header = ["none as cheap betters", "slow update, instructions", "held-out σ, °/h", "over the floor", ""];
+    let words = format!(
+        "  the tick takes {TICK_INSTRUCTIONS} instructions whatever the model (Cortex-M4F; instructions are not cycles)"
+    );
+    Ok(format!("{}\n{words}", table(&header, rows)))
 }
 
 fn candidates(all: &[Candidate]) -> String {

@@ -34,3 +34,21 @@ fn compare_names_what_disagrees_and_by_how_much() {
     sagnac().args(["compare", &a, &at("0.csv")]).assert().code(2);
     sagnac().args(["compare", &a]).assert().code(2);
 }
+
+/// The knee on the paper's rig is the paper's own order; nothing to trade with one model.
+#[test]
+fn the_tradeoff_marks_the_knee() {
+    let folder = TempDir::new().unwrap();
+    let log = folder.path().join("log.csv").display().to_string();
+    fs::write(&log, csv_bytes(PaperRig::PAPER.run(1))).unwrap();
+    let calibrate = |flags: &[&str]| {
+        let mut command = Command::cargo_bin("sagnac").unwrap();
+        command.args(["calibrate", &log, "--arcsec-per-count", "1.059", "--quantum", "0.25", "--tradeoff"]).args(flags);
+        command.assert()
+    };
+    let out = String::from_utf8(calibrate(&[]).success().get_output().stdout.clone()).unwrap();
+    let knee = out.lines().find(|line| line.contains("the knee")).unwrap();
+    // 664 + 22 + 3·70: b₁, b₂ and what makes them zero at T0.
+    assert!(knee.contains("bias 2 ") && knee.contains(" 896 "), "{knee}");
+    calibrate(&["--model", "bias 2"]).code(2);
+}

@@ -306,6 +306,9 @@ pub struct Candidate {
     pub coefficients: usize,
     /// Root mean square of held-out residuals, °/h; null where a fold could not be fitted.
     pub held_out_dph: Option<f64>,
+    /// Instructions of its slow update on a Cortex-M4F; the tick costs the same for all.
+    #[serde(default)]
+    pub slow_update_instructions: Option<u32>,
     /// It was taken.
     pub chosen: bool,
 }

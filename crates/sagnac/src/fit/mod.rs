@@ -9,6 +9,7 @@
 
 mod basis;
 mod bootstrap;
+mod cost;
 mod folds;
 mod lag;
 mod model;
@@ -19,14 +20,17 @@ mod record;
 mod soak;
 mod solution;
 mod solve;
+mod tradeoff;
 mod turning;
 
 pub use basis::{BASIS_LEN, Span, chebyshev};
+pub use cost::{TICK_INSTRUCTIONS, WITHIN as PRICED_WITHIN, slow_update_instructions};
 pub use model::{MAX_RATE_ORDER, ModelSpec};
 pub(crate) use monomial::{powers_from_series, series_from_powers};
 pub(crate) use plateaus::Plateaus;
 pub use record::{FitOptions, calibrate, calibrate_with_evidence};
 pub(crate) use record::{inputs, noise_of, program};
+pub use tradeoff::{FrontierPoint, frontier};
 pub(crate) use turning::Turning;
 
 use crate::error::{Error, Result};

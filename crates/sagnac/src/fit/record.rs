@@ -14,7 +14,7 @@ use crate::fit::problem::{Level, Problem};
 use crate::fit::soak::soak;
 use crate::fit::solution::{Fitted, bootstrap_intervals, fit};
 use crate::fit::turning::Turning;
-use crate::fit::{ModelChoice, Selection, powers_from_series, select};
+use crate::fit::{ModelChoice, Selection, powers_from_series, select, slow_update_instructions};
 use crate::ingest::{AngleUnit, Reason};
 use crate::report::{AxisEvidence, Evidence, points, run_spans};
 use crate::setup::Setup;
@@ -404,6 +404,7 @@ fn candidates(selection: &Selection) -> Vec<Candidate> {
             model: spec.to_string(),
             coefficients: spec.coefficients(),
             held_out_dph: mean_square.map(f64::sqrt),
+            slow_update_instructions: Some(slow_update_instructions(*spec)),
             chosen: i == selection.chosen,
         });
     rows.collect()

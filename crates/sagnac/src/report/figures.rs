@@ -1,7 +1,7 @@
 //! Which figures a report has, and what is in each.
 
 use crate::calibration::{AxisCalibration, PpmEstimate, TermKind};
-use crate::fit::{BASIS_LEN, Span, chebyshev};
+use crate::fit::{BASIS_LEN, Span, TICK_INSTRUCTIONS, chebyshev, frontier};
 use crate::ingest::Reason;
 use crate::report::evidence::{AxisEvidence, Evidence, Leg, Point};
 use crate::report::figure::{Figure, Layer, Role, rounded};
@@ -118,6 +118,34 @@ pub(crate) fn drift(evidence: &Evidence, axis: &AxisEvidence, record: &AxisCalib
         }
     }
     out.drop_empty().framed(false)
+}
+
+/// Held-out residual against the instructions of the slow update.
+pub(crate) fn tradeoff(record: &AxisCalibration) -> Option<Figure> {
+    let best = frontier(&record.candidates);
+    if best.len() < 2 {
+        return None;
+    }
+    let knee = best.iter().find(|point| point.knee)?;
+    let caption = format!(
+        "Each point is a model, judged on data that its fit did not see. The line joins those that none as cheap betters; the knee, `{}`, is the \
+         cheapest within 2 % of the least mean square. The slow update runs once in a temperature period; the tick takes {} instructions \
+         whatever the model.",
+        knee.candidate.model, TICK_INSTRUCTIONS
+    );
+    let labels = ["slow update, instructions of a Cortex-M4F", "held-out σ, °/h"];
+    let title = "What does a higher order buy, and what does it cost?";
+    let mut out = figure(record.axis, "tradeoff", title, caption, labels, "instructions");
+    let all = record.candidates.iter().filter_map(|c| Some((f64::from(c.slow_update_instructions?), c.held_out_dph?)));
+    out.layers.push(dots("models", Role::Steady, all));
+    let x: Vec<f64> = best.iter().map(|point| f64::from(point.instructions)).collect();
+    out.layers.push(line("frontier", Role::After, &x, best.iter().map(|point| point.held_out_dph).collect(), false));
+    let at = [(f64::from(knee.instructions), knee.held_out_dph)];
+    out.layers.push(dots("knee", Role::Before, at.into_iter()));
+    if let Some(floor) = &record.floor {
+        out.layers.push(line("noise floor", Role::Floor, &[x[0], x[x.len() - 1]], vec![floor.value_dph; 2], true));
+    }
+    out.framed(false)
 }
 
 /// What more soaking would buy.

@@ -165,6 +165,7 @@ fn fit_figures(evidence: &Evidence, points: &AxisEvidence, axis: &AxisCalibratio
         .into_iter()
         .chain(figures::scale_factor(axis))
         .chain(figures::soak(axis))
+        .chain(figures::tradeoff(axis))
         .chain(both_sides(evidence, points, &figures::OF_FIT, floor))
         .collect()
 }
