@@ -2,10 +2,13 @@
 
 use std::path::PathBuf;
 
-use sagnac::digits::significant;
+use sagnac::digits::{significant, with_sigma};
 use sagnac::ingest::Pace;
 use sagnac::report::verification_report;
-use sagnac::verify::{AxisVerification, Figures, Limits, ScaleFigures, ScaleProof, Verification, verify_with_evidence};
+use sagnac::verify::{
+    AxisVerification, Estimate, Figures, Limits, MisDistance, ScaleFigures, ScaleProof, Verification,
+    verify_with_evidence,
+};
 use sagnac::write::write_bytes;
 
 use crate::calibrate::excluded;
@@ -26,9 +29,9 @@ pub(crate) struct Args {
     /// Logs that the fit did not see
     #[arg(required = true)]
     retests: Vec<PathBuf>,
-    /// Limits to be met (TOML)
-    #[arg(long, value_name = "FILE")]
-    limits: Option<PathBuf>,
+    /// Limits to be met: a TOML file, or `navigation-grade` or `paper`
+    #[arg(long, value_name = "FILE|SET")]
+    limits: Option<String>,
     /// Report to write: one HTML file for screen and paper
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
@@ -44,7 +47,7 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     loading::keep_inputs(&[&args.correction], args.report.as_deref())?;
     let correction = loading::correction(&args.correction)?;
     let setup = args.setup.over(correction.setup())?;
-    let limits = args.limits.as_deref().map(Limits::read).transpose()?;
+    let limits = args.limits.as_deref().map(Limits::named_or_read).transpose()?;
     let logs = loading::logs(&args.retests, &setup, Pace::Bulk)?;
     let (verification, evidence) =
         verify_with_evidence(&correction, logs, &setup, limits.as_ref(), args.setup.keep_all())?;
@@ -82,17 +85,38 @@ fn describe(console: &mut Console, verification: &Verification) {
         if !rows.is_empty() {
             console.say(table(&["what is left", "value", "of noise alone"], rows));
         }
+        if let Some(flight) = &axis.flight {
+            console.say(flown(flight));
+        }
+        if let Some(why) = &axis.flight_untold {
+            console.say(format!("  the flight cannot be told: {why}"));
+        }
         if !axis.limits.is_empty() {
             let rows = axis.limits.iter().map(|l| {
                 let value = l.value.map_or("unknown".to_owned(), |v| significant(v, 4));
-                vec![l.name.clone(), value, significant(l.limit, 4), if l.pass { "met" } else { "NOT MET" }.to_owned()]
+                let margin = l.margin.map_or("-".to_owned(), |m| format!("{:.0} %", 100.0 * m));
+                let word = if l.pass { "met" } else { "NOT MET" };
+                vec![l.name.clone(), value, significant(l.limit, 4), margin, word.to_owned()]
             });
-            console.say(table(&["limit", "value", "bound", ""], rows));
+            console.say(table(&["limit", "value", "bound", "margin", ""], rows));
         }
     }
     for line in excluded(&verification.excluded) {
         console.say(line);
     }
+}
+
+/// What the stated flight comes to; the drift apart from the noise.
+fn flown(flight: &MisDistance) -> String {
+    let metres = |e: Estimate| with_sigma(e.value, Some(e.sigma));
+    let noise = flight.noise_m.map_or("not known".to_owned(), |m| format!("{} m (σ)", significant(m, 3)));
+    format!(
+        "  flight of {:.0} min: position error by drift {} m before, {} m after ({} m at most on the way); angle random walk beside it: {noise}",
+        flight.minutes,
+        metres(flight.before_m),
+        metres(flight.after_m),
+        significant(flight.most_after_m, 3)
+    )
 }
 
 /// The scale factor over the plateaus, before and after.

@@ -145,6 +145,36 @@ fn a_browser_draws_every_figure_of_every_report() {
     must_be_drawn(chromium, &folder.path().join("demo.html"), 4);
 }
 
+/// Noise budget, rate table, comparison, and an acceptance with a flight.
+#[test]
+fn a_browser_draws_the_reports_of_a_whole_calibration() {
+    let Some(chromium) = chromium() else { return };
+    let folder = TempDir::new().unwrap();
+    let file = |name: &str| testdata(name).display().to_string();
+    let (one, two, three) =
+        (file("chamber/cycle-1.csv.gz"), file("chamber/cycle-2.csv.gz"), file("chamber/cycle-3.csv.gz"));
+    let (setup, limits) = (file("chamber/bench.toml"), file("chamber/acceptance.toml"));
+    sagnac(folder.path(), &["allan", &one, "--setup", &setup, "--report", "noise.html"]);
+    sagnac(folder.path(), &["calibrate", &one, "--setup", &setup, "--model", "bias 3, rate 0", "-o", "1.json"]);
+    sagnac(folder.path(), &["calibrate", &two, "--setup", &setup, "--model", "bias 3, rate 0", "-o", "2.json"]);
+    sagnac(folder.path(), &["compare", "1.json", "2.json", "--report", "compare.html"]);
+    sagnac(folder.path(), &["verify", "1.json", &three, "--limits", &limits, "--report", "acceptance.html"]);
+    for seed in 1..=2 {
+        let log = sagnac_sim::RateTable::domain_notes().csv(seed, true);
+        std::fs::write(folder.path().join(format!("table-{seed}.csv")), log).unwrap();
+    }
+    let flags = ["--arcsec-per-count", "1.059", "--model", "bias 2, scale 2", "-o", "t.json", "--report", "table.html"];
+    sagnac(folder.path(), &[&["calibrate", "table-1.csv"][..], &flags].concat());
+    sagnac(folder.path(), &["verify", "t.json", "table-2.csv", "--report", "ppm.html"]);
+    for (name, figures) in [("noise", 2), ("compare", 2), ("acceptance", 6), ("table", 6), ("ppm", 5)] {
+        must_be_drawn(chromium, &folder.path().join(format!("{name}.html")), figures);
+    }
+    let page = std::fs::read_to_string(folder.path().join("acceptance.html")).unwrap();
+    for words in ["Accepted: 12 of 12 limits met", "Tested by", "Signature", "Position error of the stated flight"] {
+        assert!(page.contains(words), "{words}");
+    }
+}
+
 /// A page with a script that asks for something, and a figure that is not drawn, must not pass for a good one.
 #[test]
 fn the_look_itself_sees_what_is_wrong() {

@@ -37,7 +37,7 @@ fn used(axis: &AxisEvidence) -> impl Iterator<Item = &Point> {
     axis.points.iter().filter(|p| p.excluded.is_none() && p.temperature_c.is_finite())
 }
 
-fn figure(axis: char, name: &str, title: &str, caption: String, labels: [&str; 2], group: &str) -> Figure {
+pub(crate) fn figure(axis: char, name: &str, title: &str, caption: String, labels: [&str; 2], group: &str) -> Figure {
     Figure {
         id: format!("{name}-{axis}"),
         title: title.to_owned(),

@@ -9,6 +9,8 @@
 //! every n-th is drawn and the caption says so. Results always count all.
 
 #[cfg(feature = "report")]
+mod acceptance;
+#[cfg(feature = "report")]
 mod charts;
 #[cfg(feature = "report")]
 mod compared;

@@ -9,7 +9,7 @@ use crate::ingest::{Tally, hex, sha256};
 use crate::report::evidence::{AxisEvidence, Evidence};
 use crate::report::figure::Figure;
 use crate::report::figures::Wording;
-use crate::report::{figures, svg};
+use crate::report::{acceptance, figures, svg};
 use crate::verify::{AxisVerification, Figures, ScaleFigures, Verification};
 
 /// What the page is made of besides its own words. uPlot 1.6.32 is under the MIT licence, which stands
@@ -67,19 +67,26 @@ pub fn verification_report(
 ) -> Result<String> {
     let mut drawn = Vec::new();
     let several = verification.axes.len() > 1;
+    let judged = acceptance::is_acceptance(verification);
     let body = html! {
-        h1 { "Proof on another test" @if !verification.serial.is_empty() && verification.serial != UNASSIGNED { ": " (verification.serial) } }
+        h1 { (if judged { "Acceptance test" } else { "Proof on another test" }) @if !verification.serial.is_empty() && verification.serial != UNASSIGNED { ": " (verification.serial) } }
         p.sub {
             "Logs that the fit did not see, replayed through the code and the image that ship. Windows of "
             (verification.window_s) " s."
         }
         @if let Some(calibration) = calibration { (same_log(verification, calibration)) }
+        @if judged {
+            (acceptance::identity(verification, calibration))
+            (acceptance::limits(verification))
+            (acceptance::signatures())
+        }
         @for axis in &verification.axes { (proof_verdict(axis, several)) }
         @for axis in &verification.axes {
             @if several { h2.axis { "Axis " (axis.axis) } }
             (before_after(axis, verification))
             (scale_before_after(axis))
-            (limits(axis))
+            (acceptance::residual(axis))
+            (acceptance::flight(axis))
             (left(axis))
             @if let Some(points) = evidence.axes.iter().find(|points| points.axis == axis.axis) {
                 @let all = proof_figures(evidence, points, axis);
@@ -98,7 +105,7 @@ pub fn verification_report(
             tr { td { "SHA-256 of the images" } td.hash { (verification.image_sha256) } }
         } }
     };
-    page(&format!("Proof {}", verification.serial), &body, &drawn)
+    page(&format!("{} {}", if judged { "Acceptance" } else { "Proof" }, verification.serial), &body, &drawn)
 }
 
 /// Everything into one file.
@@ -173,7 +180,11 @@ fn fit_figures(evidence: &Evidence, points: &AxisEvidence, axis: &AxisCalibratio
 fn proof_figures(evidence: &Evidence, points: &AxisEvidence, axis: &AxisVerification) -> Vec<Figure> {
     let scale = axis.scale_factor.as_ref().and_then(|proof| figures::scale_proof(axis.axis, proof));
     let floor = axis.floor.as_ref().map(|floor| floor.value_dph);
-    scale.into_iter().chain(both_sides(evidence, points, &figures::OF_PROOF, floor)).collect()
+    scale
+        .into_iter()
+        .chain(acceptance::flight_figure(axis))
+        .chain(both_sides(evidence, points, &figures::OF_PROOF, floor))
+        .collect()
 }
 
 /// What a fit and a proof both show.
@@ -381,24 +392,6 @@ fn left(axis: &AxisVerification) -> Markup {
                 "Heating less cooling: hysteresis, a gradient, another lag. Steps across gaps: mode steps, where resets are marked invalid. "
                 "Correlation of neighbours: anything slow. Limits of noise are two standard errors of white residuals."
             }
-        }
-    }
-}
-
-fn limits(axis: &AxisVerification) -> Markup {
-    html! {
-        @if !axis.limits.is_empty() {
-            h3 { "Limits" }
-            div.scroll { table {
-                tr { th { "limit" } th { "bound" } th { "value" } th { "" } }
-                @for limit in &axis.limits {
-                    tr {
-                        td { (limit.name) } td { (significant(limit.limit, 4)) }
-                        td { (limit.value.map_or("unknown".to_owned(), |v| significant(v, 4))) }
-                        @if limit.pass { td.pass { "met" } } @else { td.fail { "not met" } }
-                    }
-                }
-            } }
         }
     }
 }

@@ -120,7 +120,7 @@ fn legs(used: &[&Point], sigma: f64) -> Option<Estimate> {
 }
 
 /// Two windows follow each other without a break.
-fn joined(a: &Point, b: &Point) -> bool {
+pub(crate) fn joined(a: &Point, b: &Point) -> bool {
     let between = (b.hours - 0.5 * b.length_h) - (a.hours + 0.5 * a.length_h);
     a.run == b.run && between < GAP * a.length_h.min(b.length_h)
 }

@@ -8,10 +8,13 @@
 //! counts alone. `docs/verification.md` defines every figure.
 
 mod compensate;
+mod flight;
 mod left;
 mod limits;
 mod replay;
+mod residual;
 mod stats;
+mod strapdown;
 mod turned;
 
 use std::collections::BTreeMap;
@@ -21,10 +24,13 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub use compensate::{CorrectedFormat, compensate, status_text};
+pub use flight::{Corner, Flight, FlightAxis, MisDistance};
 pub use left::{AcrossGaps, Estimate, Left};
-pub use limits::{Limits, Verdict};
+pub use limits::{Limits, SETS, Verdict};
 pub use replay::{Corrected, Replay};
+pub use residual::{Plateaus, RandomWalk, Residual};
 pub use stats::{Figures, expected_range};
+pub use strapdown::{Channel, Strapdown, noise_m, positions_m};
 pub use turned::{PlateauProof, ScaleFigures, ScaleProof};
 
 use crate::allan::NoiseTerms;
@@ -176,6 +182,12 @@ pub struct AxisVerification {
     pub improvement_sigma: Option<f64>,
     /// What can be seen of what the correction left.
     pub left: Left,
+    /// What is left, figure by figure.
+    pub residual: Residual,
+    /// What a stated flight comes to; null without one, or where the retest does not tell it.
+    pub flight: Option<MisDistance>,
+    /// Why the flight cannot be told, if one was stated.
+    pub flight_untold: Option<String>,
     /// The scale factor over temperature, where a rate table tells it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scale_factor: Option<ScaleProof>,
@@ -252,9 +264,17 @@ pub fn verify_with_evidence(
     let axes = (0..count).map(|axis| {
         let mut figures = axis_figures(&windows, &drifts, &used, &evidence, axis, correction, setup)?;
         figures.scale_factor = drifts.scale_proof(&used, axis, sensor);
+        if let Some(flight) = limits.and_then(|limits| limits.flight.as_ref()) {
+            let n = figures.residual.random_walk.map(|walk| walk.after_deg_rt_h);
+            match flight.fly(&evidence.axes[axis].points, n) {
+                Ok(flown) => figures.flight = Some(flown),
+                Err(why) => figures.flight_untold = Some(why),
+            }
+        }
         if let Some(limits) = limits {
             figures.limits = limits.judge(&figures);
-            figures.pass = Some(figures.limits.iter().all(|verdict| verdict.pass));
+            let asked = !figures.limits.is_empty();
+            figures.pass = asked.then(|| figures.limits.iter().all(|verdict| verdict.pass));
         }
         Ok(figures)
     });
@@ -376,6 +396,10 @@ fn axis_figures(
     let letter = windows.shape.axes[axis];
     let floor = floor(windows, used, axis, correction, setup, dph_per_unit);
     let left = left::left(&evidence.axes[axis].points, floor.as_ref().map(|floor| floor.value_dph));
+    let walk = |column: usize| windows.measured_noise(column).map(|noise| noise.n_deg_rt_h()).filter(|n| *n > 0.0);
+    let random_walk = walk(axis)
+        .zip(walk(axis + count))
+        .map(|(before_deg_rt_h, after_deg_rt_h)| RandomWalk { before_deg_rt_h, after_deg_rt_h });
     Ok(AxisVerification {
         axis: letter,
         before,
@@ -385,6 +409,9 @@ fn axis_figures(
         improvement_sigma: ratio(before.sigma, after.sigma),
         left,
         status_windows: status_windows.filter(|(_, n)| *n > 0).collect(),
+        residual: residual::residual(&evidence.axes[axis].points, random_walk),
+        flight: None,
+        flight_untold: None,
         scale_factor: None,
         limits: Vec::new(),
         pass: None,

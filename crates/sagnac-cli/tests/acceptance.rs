@@ -1,0 +1,71 @@
+//! `sagnac verify --limits` as scripts call it.
+
+use std::path::Path;
+
+use assert_cmd::Command;
+use serde_json::Value;
+use tempfile::TempDir;
+
+fn sagnac() -> Command {
+    Command::cargo_bin("sagnac").unwrap()
+}
+
+fn testdata(name: &str) -> String {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../testdata/chamber").join(name).display().to_string()
+}
+
+/// A calibration of the first two cycles.
+fn record(folder: &TempDir) -> String {
+    let record = folder.path().join("u.cal.json").display().to_string();
+    let logs = [testdata("cycle-1.csv.gz"), testdata("cycle-2.csv.gz")];
+    let setup = testdata("bench.toml");
+    let flags = ["calibrate", &logs[0], &logs[1], "--setup", &setup, "--model", "bias 3, rate 0", "-o", &record];
+    sagnac().args(flags).assert().success();
+    record
+}
+
+#[test]
+fn every_limit_has_its_value_margin_and_verdict() {
+    let folder = TempDir::new().unwrap();
+    let (record, retest, limits) = (record(&folder), testdata("cycle-3.csv.gz"), testdata("acceptance.toml"));
+    let verify = |limits: &str| {
+        let out = sagnac().args(["verify", &record, &retest, "--limits", limits, "--json"]).output().unwrap();
+        (out.status.code().unwrap(), serde_json::from_slice::<Value>(&out.stdout).unwrap())
+    };
+    let (status, object) = verify(&limits);
+    let axis = &object["axes"][0];
+    assert_eq!((status, &axis["pass"]), (0, &Value::Bool(true)), "{}", axis["limits"]);
+    let all = axis["limits"].as_array().unwrap();
+    assert_eq!(all.len(), 12);
+    for limit in all {
+        let (value, bound, margin) = (&limit["value"], &limit["limit"], &limit["margin"]);
+        let (value, bound) = (value.as_f64().unwrap(), bound.as_f64().unwrap());
+        let room = if limit["name"].as_str().unwrap().ends_with("_min") { value - bound } else { bound - value };
+        assert!((margin.as_f64().unwrap() - room / bound).abs() < 1e-12, "{limit}");
+    }
+    // Drift apart from noise: kilometres before, within two of its σ after, the walk beside it.
+    let flight = &axis["flight"];
+    let metres = |name: &str, part: &str| flight[name][part].as_f64().unwrap();
+    assert!(metres("before_m", "value") > 4.0 * metres("before_m", "sigma"), "{}", flight["before_m"]);
+    assert!(metres("after_m", "value").abs() < 2.0 * metres("after_m", "sigma"), "{}", flight["after_m"]);
+    assert!((400.0..600.0).contains(&flight["noise_m"].as_f64().unwrap()));
+    // The paper asks for a gain that this gyro's little drift does not leave room for.
+    let (status, object) = verify("paper");
+    assert_eq!((status, &object["axes"][0]["pass"]), (1, &Value::Bool(false)));
+    assert_eq!(verify("navigation-grade").0, 0);
+}
+
+/// A flight to where nobody tested is not flown, and its limit is not met.
+#[test]
+fn a_flight_beyond_the_test_is_not_accepted() {
+    let folder = TempDir::new().unwrap();
+    let record = record(&folder);
+    let limits = folder.path().join("limits.toml").display().to_string();
+    let flight = "mis_distance_m_max = 1e6\n[flight]\nprofile = [{ minutes = 0, temperature_c = 20 }, { minutes = 60, temperature_c = 95 }]\n";
+    std::fs::write(&limits, flight).unwrap();
+    let out = sagnac().args(["verify", &record, &testdata("cycle-3.csv.gz"), "--limits", &limits]).assert().code(1);
+    let said = String::from_utf8(out.get_output().stdout.clone()).unwrap();
+    assert!(said.contains("the flight cannot be told: the flight goes to 95 °C") && said.contains("unknown"), "{said}");
+    std::fs::write(&limits, flight.replace("minutes = 60", "minutes = -1")).unwrap();
+    sagnac().args(["verify", &record, &testdata("cycle-3.csv.gz"), "--limits", &limits]).assert().code(2);
+}

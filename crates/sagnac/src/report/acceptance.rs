@@ -1,0 +1,175 @@
+//! What makes a proof an acceptance report: whose unit, which rig, which limits, what verdict, room to sign.
+
+use maud::{Markup, html};
+
+use crate::calibration::{Calibration, LogUnit};
+use crate::digits::{celsius, significant, with_sigma};
+use crate::report::figure::{Figure, Layer, Role, rounded};
+use crate::report::figures::figure;
+use crate::verify::{AxisVerification, Estimate, MisDistance, Verification};
+
+/// True where limits were held against the unit.
+pub(crate) fn is_acceptance(verification: &Verification) -> bool {
+    verification.axes.iter().any(|axis| axis.pass.is_some())
+}
+
+/// The verdict over all axes, and what was judged on what.
+pub(crate) fn identity(verification: &Verification, calibration: Option<&Calibration>) -> Markup {
+    let accepted = verification.passed();
+    let limits: usize = verification.axes.iter().map(|axis| axis.limits.len()).sum();
+    let met: usize = verification.axes.iter().map(|axis| axis.limits.iter().filter(|l| l.pass).count()).sum();
+    let setup = calibration.map(|c| &c.setup);
+    let rig = setup.and_then(|setup| setup.sensor.clone());
+    let tests: Vec<&str> = verification.inputs.iter().map(|input| input.file.as_str()).collect();
+    let unit = calibration.map(|c| match c.unit {
+        LogUnit::Counts { arcsec_per_count, quantum } => {
+            format!("counts of {arcsec_per_count} arcsec, quantum {quantum}")
+        }
+        LogUnit::Rates { .. } => "rates".to_owned(),
+    });
+    html! {
+        div class={ "verdict " (if accepted { "pass" } else { "fail" }) } {
+            b.word { (if accepted { "Accepted" } else { "Not accepted" }) ": " (met) " of " (limits) " limits met" }
+        }
+        div.scroll { table {
+            tr { td { "unit" } td.words { (verification.serial) } }
+            @if let Some(rig) = rig { tr { td { "sensor and rig" } td.words { (rig) } } }
+            @if let Some(unit) = unit { tr { td { "log" } td.words { (unit) } } }
+            tr { td { "tests, none of them seen by the fit" } td.words { (tests.join(", ")) } }
+            tr { td { "images judged, SHA-256" } td.hash { (verification.image_sha256) } }
+        } }
+    }
+}
+
+/// Every limit with its value, its margin and its verdict, axis by axis.
+pub(crate) fn limits(verification: &Verification) -> Markup {
+    let several = verification.axes.len() > 1;
+    html! {
+        @for axis in verification.axes.iter().filter(|axis| !axis.limits.is_empty()) {
+            h3 { "Limits" @if several { " of axis " (axis.axis) } }
+            div.scroll { table {
+                tr { th { "limit" } th.words { "unit" } th { "bound" } th { "value" } th { "margin" } th { "" } }
+                @for limit in &axis.limits {
+                    @let (words, unit) = limit_words(&limit.name);
+                    tr {
+                        td { (words) } td.words { (unit) } td { (significant(limit.limit, 4)) }
+                        td { (limit.value.map_or("unknown".to_owned(), |v| significant(v, 4))) }
+                        td { (limit.margin.map_or("-".to_owned(), |m| format!("{:.0} %", 100.0 * m))) }
+                        @if limit.pass { td.pass { "met" } } @else { td.fail { "not met" } }
+                    }
+                }
+            } }
+        }
+    }
+}
+
+/// A limit's name for people, and its unit.
+fn limit_words(name: &str) -> (&str, &'static str) {
+    match name {
+        "sigma_dph_max" => ("σ after, at most", "°/h"),
+        "peak_to_peak_dph_max" => ("max − min after, at most", "°/h"),
+        "sigma_over_floor_max" => ("σ after over the noise floor, at most", ""),
+        "improvement_min" => ("max − min before over after, at least", ""),
+        "improvement_sigma_min" => ("σ before over after, at least", ""),
+        "out_of_span_max" => ("part of the test outside the fit's span, at most", ""),
+        "plateau_sigma_dph_max" => ("σ within a plateau, at most", "°/h"),
+        "plateau_offset_dph_max" => ("a plateau's mean from the run's, at most", "°/h"),
+        "ramps_rms_dph_max" => ("root mean square in ramps, at most", "°/h"),
+        "drift_dph_per_c_max" => ("drift with temperature, at most", "°/h per °C"),
+        "drift_dph_per_cpm_max" => ("drift with its rate, at most", "°/h per °C/min"),
+        "hysteresis_dph_max" => ("heating less cooling, at most", "°/h"),
+        "scale_factor_sigma_ppm_max" => ("σ of the scale factor over temperature, at most", "ppm"),
+        "scale_factor_peak_to_peak_ppm_max" => ("max − min of the scale factor, at most", "ppm"),
+        "arw_deg_rt_h_max" => ("angle random walk after, at most", "°/√h"),
+        "arw_increase_max" => ("angle random walk after over before, at most", ""),
+        "bias_instability_dph_max" => ("bias instability after, at most", "°/h"),
+        "mis_distance_m_max" => ("position error of the flight by drift, at most", "m"),
+        other => (other, ""),
+    }
+}
+
+/// What is left, figure by figure.
+pub(crate) fn residual(axis: &AxisVerification) -> Markup {
+    let left = &axis.residual;
+    let estimate = |e: Estimate| with_sigma(e.value, Some(e.sigma));
+    let mut rows: Vec<(String, String, &str)> = Vec::new();
+    if let Some(p) = left.plateaus {
+        let name = format!("farthest of {} plateaus from the mean, at {} °C", p.plateaus, celsius(p.worst_offset_at_c));
+        rows.push((name, estimate(p.worst_offset_dph), "°/h"));
+        rows.push(("largest σ within a plateau".to_owned(), significant(p.worst_sigma_dph, 3), "°/h"));
+    }
+    if let Some(rms) = left.ramps_rms_dph {
+        rows.push(("root mean square in ramps".to_owned(), significant(rms, 3), "°/h"));
+    }
+    if let Some(slope) = left.per_c {
+        rows.push(("drift with temperature".to_owned(), estimate(slope), "°/h per °C"));
+    }
+    if let Some(slope) = left.per_cpm {
+        rows.push(("drift with its rate".to_owned(), estimate(slope), "°/h per °C/min"));
+    }
+    if let Some(walk) = left.random_walk {
+        rows.push(("angle random walk before".to_owned(), significant(walk.before_deg_rt_h, 3), "°/√h"));
+        rows.push(("angle random walk after".to_owned(), significant(walk.after_deg_rt_h, 3), "°/√h"));
+    }
+    if let Some(b) = left.bias_instability_dph {
+        rows.push(("bias instability, at most".to_owned(), significant(b, 3), "°/h"));
+    }
+    html! {
+        @if !rows.is_empty() {
+            h3 { "Residual of the corrected gyro" }
+            div.scroll { table {
+                tr { th { "" } th { "value" } th.words { "unit" } }
+                @for (name, value, unit) in &rows { tr { td { (name) } td { (value) } td.words { (unit) } } }
+            } }
+        }
+    }
+}
+
+/// What the stated flight comes to.
+pub(crate) fn flight(axis: &AxisVerification) -> Markup {
+    let metres = |e: Estimate| with_sigma(e.value, Some(e.sigma));
+    html! {
+        @if let Some(flown) = &axis.flight {
+            h3 { "Position error of the stated flight, m" }
+            div.scroll { table {
+                tr { th { "after " (significant(flown.minutes, 3)) " min" } th { "m" } }
+                tr { td { "by the drift as logged" } td { (metres(flown.before_m)) } }
+                tr { td { "by the drift as corrected" } td { (metres(flown.after_m)) } }
+                tr { td { "as corrected, most on the way" } td { (significant(flown.most_after_m, 3)) } }
+                @if let Some(noise) = flown.noise_m { tr { td { "angle random walk alone, σ" } td { (significant(noise, 3)) } } }
+            } }
+        }
+        @if let Some(why) = &axis.flight_untold { p.note { "The stated flight cannot be told: " (why) "." } }
+    }
+}
+
+/// Position error over the flight.
+pub(crate) fn flight_figure(axis: &AxisVerification) -> Option<Figure> {
+    let flown: &MisDistance = axis.flight.as_ref()?;
+    let title = "What the drift does to the position";
+    let caption = "The drift over temperature that the windows show, flown through the stated profile of temperature. Noise is not in these \
+                   curves: it leaves no distance of its own but a spread, which the table gives beside them."
+        .to_owned();
+    let mut out = figure(axis.axis, "flight", title, caption, ["time of flight, min", "position error, m"], "flight");
+    let curve = |label: &str, role: Role, y: &[f64]| Layer::Line {
+        label: label.to_owned(),
+        role,
+        x: rounded(flown.at_minutes.iter().copied()),
+        y: rounded(y.iter().copied()),
+        dashed: false,
+    };
+    out.layers.push(curve("as logged", Role::Before, &flown.curve_before_m));
+    out.layers.push(curve("corrected", Role::After, &flown.curve_after_m));
+    out.framed(true)
+}
+
+/// Room for names, on the page of the verdict.
+pub(crate) fn signatures() -> Markup {
+    html! {
+        div.signatures {
+            @for role in ["Tested by", "Accepted by"] {
+                div { p { (role) } p.line { "Name" } p.line { "Date" } p.line { "Signature" } }
+            }
+        }
+    }
+}

@@ -1,0 +1,319 @@
+//! A stated flight: what the drift that was proven leaves of it.
+//!
+//! ```text
+//! windows of the proof ─▶ b(T, Ṫ) = a₀ + Σ aₖTₖ(x) + c₀Ṫ + c₁ẋ·Ṫ (least squares, covariance) ─▶ b(T(t), Ṫ(t)) ─▶ strapdown ─▶ m
+//! ```
+//!
+//! once of the raw windows and once of the corrected ones. Position is linear in the coefficients, so its σ follows from
+//! their covariance: a mis-distance that is within two of its σ is none that the proof can show. b counts from the drift at
+//! take-off where the navigator was aligned (as gyrocompassing does), else from the mean of the proof. Never made of a
+//! peak to peak, and never of noise: what angle random walk leaves stands beside.
+
+use nalgebra::{DMatrix, DVector};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::error::{Error, Result};
+use crate::fit::{Span, chebyshev};
+use crate::report::Point;
+use crate::verify::left::Estimate;
+use crate::verify::strapdown::{Channel, noise_m, positions_m};
+
+/// Order of the residual in T.
+const ORDER: usize = 4;
+/// Its columns: ORDER + 1 of T, Ṫ, x·Ṫ.
+const COLUMNS: usize = ORDER + 3;
+/// Step of the navigator, s.
+const STEP_S: f64 = 1.0;
+/// A flight is no longer.
+const MOST_MINUTES: f64 = 24.0 * 60.0;
+/// Fewer windows tell no drift.
+const FEWEST: usize = 4 * COLUMNS;
+/// The flight may leave the proof's temperatures by this much, °C.
+const SLACK_C: f64 = 0.5;
+
+/// Which gyro of the navigator it is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum FlightAxis {
+    /// Its axis lies level: Schuler's pendulum.
+    #[default]
+    Level,
+    /// Its axis is vertical: the course bends.
+    Azimuth,
+}
+
+/// A corner of the temperature profile.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Corner {
+    /// Since take-off, min.
+    pub minutes: f64,
+    /// Of the thermometer, °C.
+    pub temperature_c: f64,
+}
+
+/// A stated flight.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Flight {
+    /// Which gyro of the navigator it is.
+    #[serde(default)]
+    pub axis: FlightAxis,
+    /// Ground speed, m/s; needed by the azimuth.
+    #[serde(default)]
+    pub speed_m_s: Option<f64>,
+    /// The drift at take-off is known, as after an alignment; true unless told.
+    #[serde(default = "yes")]
+    pub aligned: bool,
+    /// Temperature of the gyro's thermometer, straight between corners; at 0 the take-off.
+    pub profile: Vec<Corner>,
+}
+
+fn yes() -> bool {
+    true
+}
+
+/// What a flight comes to.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MisDistance {
+    /// Length of the flight, min.
+    pub minutes: f64,
+    /// Position error at its end by the drift as logged, m.
+    pub before_m: Estimate,
+    /// By the drift as corrected, m.
+    pub after_m: Estimate,
+    /// Largest position error on the way by the drift as corrected, m.
+    pub most_after_m: f64,
+    /// σ of the position at the end by the angle random walk alone, m; null where it is not known.
+    pub noise_m: Option<f64>,
+    /// Minutes of the curves.
+    pub at_minutes: Vec<f64>,
+    /// Position error as logged, m.
+    pub curve_before_m: Vec<f64>,
+    /// As corrected, m.
+    pub curve_after_m: Vec<f64>,
+}
+
+impl Flight {
+    /// Refuses what is no flight.
+    ///
+    /// # Errors
+    /// Fewer than two corners, times that do not rise from 0, values out of range, an azimuth without speed.
+    pub fn check(&self) -> Result<()> {
+        let bad = |what: &str| Err(Error::input(what.to_owned()).column("flight"));
+        let times: Vec<f64> = self.profile.iter().map(|corner| corner.minutes).collect();
+        if times.len() < 2 || times[0] != 0.0 || !times.is_sorted_by(|a, b| a < b) {
+            return bad("a profile has two corners or more, at minutes that rise from 0");
+        }
+        if times.iter().any(|t| !(0.0..=MOST_MINUTES).contains(t)) {
+            return bad("a flight takes no longer than a day");
+        }
+        if self.profile.iter().any(|corner| !(-127.0..=127.0).contains(&corner.temperature_c)) {
+            return bad("temperatures lie within -127 … 127 °C");
+        }
+        match (self.axis, self.speed_m_s) {
+            (FlightAxis::Azimuth, None) => bad("the azimuth needs speed_m_s"),
+            (_, Some(speed)) if !(0.0..=1e5).contains(&speed) => bad("speed_m_s lies within 0 … 100000"),
+            _ => Ok(()),
+        }
+    }
+
+    fn channel(&self) -> Channel {
+        match self.axis {
+            FlightAxis::Level => Channel::Level,
+            FlightAxis::Azimuth => Channel::Azimuth(self.speed_m_s.unwrap_or(0.0)),
+        }
+    }
+
+    /// Temperature and its rate (°C/min) after so many minutes.
+    fn at(&self, minutes: f64) -> (f64, f64) {
+        let after = self.profile.partition_point(|corner| corner.minutes <= minutes).clamp(1, self.profile.len() - 1);
+        let (from, to) = (self.profile[after - 1], self.profile[after]);
+        let rate_cpm = (to.temperature_c - from.temperature_c) / (to.minutes - from.minutes);
+        (from.temperature_c + rate_cpm * (minutes - from.minutes), rate_cpm)
+    }
+
+    fn minutes(&self) -> f64 {
+        self.profile.last().map_or(0.0, |corner| corner.minutes)
+    }
+
+    /// Flies it with the drift that the windows of a proof show; `Err` says in words why it cannot be told.
+    pub(crate) fn fly(&self, points: &[Point], n_deg_rt_h: Option<f64>) -> std::result::Result<MisDistance, String> {
+        let sound = |p: &&Point| {
+            p.excluded.is_none() && p.temperature_c.is_finite() && p.rate_cpm.is_finite() && p.after_dph.is_finite()
+        };
+        let used: Vec<&Point> = points.iter().filter(sound).collect();
+        if used.len() < FEWEST {
+            return Err(format!("{} windows with a temperature rate; a flight needs {FEWEST}", used.len()));
+        }
+        let extremes = used
+            .iter()
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), p| (lo.min(p.temperature_c), hi.max(p.temperature_c)));
+        let outside = |corner: &&Corner| !(extremes.0 - SLACK_C..=extremes.1 + SLACK_C).contains(&corner.temperature_c);
+        if let Some(corner) = self.profile.iter().find(outside) {
+            return Err(format!(
+                "the flight goes to {} °C, the proof from {:.1} to {:.1} °C",
+                corner.temperature_c, extremes.0, extremes.1
+            ));
+        }
+        let span = Span { lo_c: extremes.0, hi_c: extremes.1 };
+        let unit = self.unit_positions(span);
+        let before =
+            Drift::of(&used, span, |p| p.before_dph).ok_or("the windows do not tell a drift over temperature")?;
+        let after =
+            Drift::of(&used, span, |p| p.after_dph).ok_or("the windows do not tell a drift over temperature")?;
+        let steps = unit.nrows();
+        let (curve_before, curve_after) = (&unit * &before.coefficients, &unit * &after.coefficients);
+        let end = |drift: &Drift| {
+            let g = unit.row(steps - 1).transpose();
+            let variance = (g.transpose() * &drift.covariance * &g)[(0, 0)];
+            Estimate { value: g.dot(&drift.coefficients), sigma: variance.max(0.0).sqrt() }
+        };
+        let every = (steps / 300).max(1);
+        let shown: Vec<usize> = (0..steps).filter(|i| (i + 1) % every == 0 || *i == steps - 1).collect();
+        let pick = |curve: &DVector<f64>| shown.iter().map(|i| curve[*i]).collect();
+        Ok(MisDistance {
+            minutes: self.minutes(),
+            before_m: end(&before),
+            after_m: end(&after),
+            most_after_m: curve_after.iter().fold(0.0, |most: f64, x| most.max(x.abs())),
+            noise_m: n_deg_rt_h.map(|n| noise_m(self.channel(), n, 60.0 * self.minutes())),
+            at_minutes: shown.iter().map(|i| (*i + 1) as f64 * STEP_S / 60.0).collect(),
+            curve_before_m: pick(&curve_before),
+            curve_after_m: pick(&curve_after),
+        })
+    }
+
+    /// Position over the flight, a row per step, of a drift that is one of the columns with coefficient 1.
+    fn unit_positions(&self, span: Span) -> DMatrix<f64> {
+        let steps = ((60.0 * self.minutes() / STEP_S).round() as usize).max(1);
+        let row = |minutes: f64| {
+            let (celsius, rate_cpm) = self.at(minutes);
+            columns(span, celsius, rate_cpm)
+        };
+        // Aligned: what the gyro drifts on the ground is known, at its temperature and at rest.
+        let (start_c, _) = self.at(0.0);
+        let known = if self.aligned { columns(span, start_c, 0.0) } else { [0.0; COLUMNS] };
+        let mut drifts = vec![Vec::new(); COLUMNS];
+        for step in 0..steps {
+            let here = row((step as f64 + 0.5) * STEP_S / 60.0);
+            drifts.iter_mut().enumerate().for_each(|(column, all)| all.push(here[column] - known[column]));
+        }
+        let flown: Vec<Vec<f64>> = drifts.iter().map(|drift| positions_m(self.channel(), drift, STEP_S)).collect();
+        DMatrix::from_fn(steps, COLUMNS, |step, column| flown[column][step])
+    }
+}
+
+fn columns(span: Span, celsius: f64, rate_cpm: f64) -> [f64; COLUMNS] {
+    let x = span.x(celsius);
+    let series = chebyshev(x);
+    std::array::from_fn(|column| match column {
+        0..=ORDER => series[column],
+        _ if column == ORDER + 1 => rate_cpm,
+        _ => rate_cpm * x,
+    })
+}
+
+/// A drift over T and Ṫ with its covariance.
+struct Drift {
+    coefficients: DVector<f64>,
+    covariance: DMatrix<f64>,
+}
+
+impl Drift {
+    fn of(points: &[&Point], span: Span, value: impl Fn(&Point) -> f64) -> Option<Self> {
+        let design = DMatrix::from_row_iterator(
+            points.len(),
+            COLUMNS,
+            points.iter().flat_map(|p| columns(span, p.temperature_c, p.rate_cpm)),
+        );
+        let right = DVector::from_iterator(points.len(), points.iter().map(|p| value(p)));
+        // Columns that do not vary (no ramps in the test) take no part.
+        let svd = design.clone().svd(true, true);
+        let cut = 1e-9 * svd.singular_values.max();
+        let coefficients = svd.solve(&right, cut).ok()?;
+        let inverse = svd.pseudo_inverse(cut).ok()?;
+        let degrees = points.len().checked_sub(COLUMNS).filter(|degrees| *degrees > 0)? as f64;
+        let left = &right - &design * &coefficients;
+        let variance = left.norm_squared() / degrees;
+        // Neighbours hang together where something slow is left.
+        let product: f64 = left.iter().zip(left.iter().skip(1)).map(|(a, b)| a * b).sum();
+        let rho = (product / left.norm_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 0.99);
+        let widening = (1.0 + rho) / (1.0 - rho);
+        let covariance = &inverse * inverse.transpose() * (variance * widening);
+        Some(Self { coefficients, covariance })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn points(before: impl Fn(f64, f64) -> f64, after: impl Fn(f64, f64) -> f64) -> Vec<Point> {
+        let one = |i: usize| {
+            let phase = i as f64 / 100.0;
+            let up = phase % 2.0 < 1.0;
+            let celsius = if up { 110.0 * (phase % 1.0) - 40.0 } else { 70.0 - 110.0 * (phase % 1.0) };
+            let rate = if up { 1.0 } else { -1.0 };
+            let noise = 0.02 * (((i * 7919 + i * i * 104_729) % 1009) as f64 / 1009.0 - 0.5);
+            Point {
+                run: 0,
+                hours: i as f64 / 36.0,
+                length_h: 1.0 / 36.0,
+                temperature_c: celsius,
+                rate_cpm: rate,
+                before_dph: before(celsius, rate) + noise,
+                after_dph: after(celsius, rate) + noise,
+                excluded: None,
+            }
+        };
+        (0..400).map(one).collect()
+    }
+
+    fn flight(profile: &[(f64, f64)], aligned: bool) -> Flight {
+        let corner =
+            |(minutes, temperature_c): &(f64, f64)| Corner { minutes: *minutes, temperature_c: *temperature_c };
+        Flight { axis: FlightAxis::Level, speed_m_s: None, aligned, profile: profile.iter().map(corner).collect() }
+    }
+
+    /// A drift of 0.001 °/h per °C over a ramp of an hour, by the closed form of a ramp: b = β·t gives
+    /// x = β·R·(t²/2 − (1 − cos ω_s t)/ω_s²).
+    #[test]
+    fn a_ramp_of_drift_is_flown_as_the_closed_form_says() {
+        let said =
+            flight(&[(0.0, 0.0), (60.0, 60.0)], true).fly(&points(|t, _| 0.001 * t, |_, _| 0.0), Some(0.003)).unwrap();
+        let (r, g) = (super::super::strapdown::EARTH_RADIUS_M, super::super::strapdown::GRAVITY_M_S2);
+        let (t, omega) = (3600.0_f64, (g / r).sqrt());
+        let beta = 0.001 / 60.0 * std::f64::consts::PI / 180.0 / 3600.0;
+        let wanted = beta * r * (t * t / 2.0 - (1.0 - (omega * t).cos()) / (omega * omega));
+        assert!((said.before_m.value - wanted).abs() < 4.0 * said.before_m.sigma, "{:?} for {wanted}", said.before_m);
+        assert!(said.before_m.sigma < 0.1 * wanted, "{:?}", said.before_m);
+        assert!(said.after_m.value.abs() < 4.0 * said.after_m.sigma, "noise is no distance: {:?}", said.after_m);
+        assert!((said.noise_m.unwrap() / noise_m(Channel::Level, 0.003, t) - 1.0).abs() < 1e-12);
+        assert!((said.curve_before_m.last().unwrap() - said.before_m.value).abs() < 1e-6 * wanted);
+    }
+
+    /// A constant drift is known after an alignment, and flies along without one.
+    #[test]
+    fn an_alignment_takes_the_constant() {
+        let constant = points(|_, _| 0.01, |_, _| 0.0);
+        let still = [(0.0, 20.0), (60.0, 20.0)];
+        let aligned = flight(&still, true).fly(&constant, None).unwrap();
+        assert!(aligned.before_m.value.abs() < 1e-6, "{:?}", aligned.before_m);
+        let not = flight(&still, false).fly(&constant, None).unwrap();
+        assert!((not.before_m.value - 1350.0).abs() < 4.0 * not.before_m.sigma + 5.0, "{:?}", not.before_m);
+    }
+
+    #[test]
+    fn a_flight_beyond_the_proof_cannot_be_told() {
+        let said = flight(&[(0.0, 0.0), (60.0, 90.0)], true).fly(&points(|_, _| 0.0, |_, _| 0.0), None);
+        assert!(said.unwrap_err().contains("90 °C"));
+        for bad in
+            [vec![(0.0, 1.0)], vec![(1.0, 1.0), (2.0, 1.0)], vec![(0.0, 1.0), (0.0, 1.0)], vec![(0.0, 1.0), (9e9, 1.0)]]
+        {
+            assert!(flight(&bad, true).check().is_err(), "{bad:?}");
+        }
+    }
+}

@@ -1,0 +1,243 @@
+//! What the corrected windows of a proof come to, figure by figure, for limits to be held against.
+//!
+//! ```text
+//! plateau             steady windows (|Ṫ| ≤ 0.05 °C/min) within ±1 °C: σ about their own mean, and that mean about the run's
+//! ramps               root mean square of heating and cooling windows about the run's mean
+//! per °C, per °C/min  slopes of one line r = a + s·T + q·Ṫ through all windows
+//! ARW                 N of the rows themselves, raw and corrected, by short-τ Allan deviations
+//! bias instability    least overlapping Allan deviation of the corrected windows / 0.664: an upper bound of B
+//! ```
+//!
+//! Out of sample always: the windows are those of a retest.
+
+use nalgebra::{Matrix3, Vector3};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::allan::{Deviation, Difference, overlapping, phases};
+use crate::report::{Leg, Point};
+use crate::verify::left::{Estimate, joined};
+
+/// Temperatures of a plateau lie this close to its mean, °C.
+const REACH_C: f64 = 1.0;
+/// Fewer windows are no plateau.
+const FEWEST: usize = 5;
+/// Fewer windows of a leg tell no figure.
+const FEWEST_OF_LEG: usize = 10;
+/// √(2 ln 2/π): the flat of a flicker of B = 1.
+const FLAT: f64 = 0.664_28;
+
+/// Steady stretches of a retest.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Plateaus {
+    /// How many.
+    pub plateaus: usize,
+    /// Largest σ within one, about its own mean, °/h.
+    pub worst_sigma_dph: f64,
+    /// Largest distance of a plateau's mean from its run's mean, °/h.
+    pub worst_offset_dph: Estimate,
+    /// Temperature of the plateau with that distance, °C.
+    pub worst_offset_at_c: f64,
+}
+
+/// Angle random walk of the rows, °/√h.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RandomWalk {
+    /// As logged.
+    pub before_deg_rt_h: f64,
+    /// As corrected.
+    pub after_deg_rt_h: f64,
+}
+
+/// Figures of what is left.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Residual {
+    /// Null without a plateau.
+    pub plateaus: Option<Plateaus>,
+    /// Null without ramps.
+    pub ramps_rms_dph: Option<f64>,
+    /// °/h per °C; null where the temperature does not move.
+    pub per_c: Option<Estimate>,
+    /// °/h per °C/min; null where its rate does not.
+    pub per_cpm: Option<Estimate>,
+    /// Null where the rows do not tell it.
+    pub random_walk: Option<RandomWalk>,
+    /// Upper bound of the bias instability, °/h; null with too few neighbours.
+    pub bias_instability_dph: Option<f64>,
+}
+
+/// From the points of an axis.
+pub(crate) fn residual(points: &[Point], random_walk: Option<RandomWalk>) -> Residual {
+    let used: Vec<&Point> = points.iter().filter(|p| p.excluded.is_none() && p.after_dph.is_finite()).collect();
+    let (per_c, per_cpm) = slopes(&used);
+    Residual {
+        plateaus: plateaus(&used),
+        ramps_rms_dph: ramps(&used),
+        per_c,
+        per_cpm,
+        random_walk,
+        bias_instability_dph: bias_instability(&used),
+    }
+}
+
+fn mean(points: &[&Point], of: impl Fn(&Point) -> f64) -> f64 {
+    points.iter().map(|p| of(p)).sum::<f64>() / points.len() as f64
+}
+
+fn plateaus(used: &[&Point]) -> Option<Plateaus> {
+    let mut all: Vec<Vec<&Point>> = Vec::new();
+    for point in used.iter().filter(|p| p.leg() == Leg::Steady && p.temperature_c.is_finite()) {
+        let joins = |last: &Vec<&Point>| {
+            last[0].run == point.run && (mean(last, |p| p.temperature_c) - point.temperature_c).abs() <= REACH_C
+        };
+        match all.last_mut() {
+            Some(last) if joins(last) => last.push(point),
+            _ => all.push(vec![point]),
+        }
+    }
+    all.retain(|plateau| plateau.len() >= FEWEST);
+    let figures = |plateau: &Vec<&Point>| {
+        let (n, centre) = (plateau.len() as f64, mean(plateau, |p| p.after_dph));
+        let squares: f64 = plateau.iter().map(|p| (p.after_dph - centre).powi(2)).sum();
+        let sigma = (squares / (n - 1.0)).sqrt();
+        (sigma, Estimate { value: centre, sigma: sigma / n.sqrt() }, mean(plateau, |p| p.temperature_c))
+    };
+    let figures: Vec<_> = all.iter().map(figures).collect();
+    let worst = figures.iter().max_by(|a, b| a.1.value.abs().total_cmp(&b.1.value.abs()))?;
+    Some(Plateaus {
+        plateaus: figures.len(),
+        worst_sigma_dph: figures.iter().map(|f| f.0).fold(0.0, f64::max),
+        worst_offset_dph: worst.1,
+        worst_offset_at_c: worst.2,
+    })
+}
+
+fn ramps(used: &[&Point]) -> Option<f64> {
+    let moving: Vec<f64> = used.iter().filter(|p| p.leg() != Leg::Steady).map(|p| p.after_dph).collect();
+    let square = moving.iter().map(|r| r * r).sum::<f64>() / moving.len() as f64;
+    (moving.len() >= FEWEST_OF_LEG).then(|| square.sqrt())
+}
+
+/// Slopes over T and Ṫ of one line, each `None` where its column does not vary.
+fn slopes(used: &[&Point]) -> (Option<Estimate>, Option<Estimate>) {
+    let sound: Vec<&&Point> = used.iter().filter(|p| p.temperature_c.is_finite() && p.rate_cpm.is_finite()).collect();
+    if sound.len() < FEWEST_OF_LEG {
+        return (None, None);
+    }
+    let centre_c = sound.iter().map(|p| p.temperature_c).sum::<f64>() / sound.len() as f64;
+    let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
+    let row = |p: &Point| Vector3::new(1.0, p.temperature_c - centre_c, p.rate_cpm);
+    for point in &sound {
+        normal += row(point) * row(point).transpose();
+        right += row(point) * point.after_dph;
+    }
+    let Some(inverse) = normal.try_inverse() else { return (None, None) };
+    let solution = inverse * right;
+    let squares: f64 = sound.iter().map(|p| (p.after_dph - row(p).dot(&solution)).powi(2)).sum();
+    let variance = squares / (sound.len() - 3) as f64;
+    let slope = |i: usize| {
+        let estimate = Estimate { value: solution[i], sigma: (variance * inverse[(i, i)]).max(0.0).sqrt() };
+        (estimate.value.is_finite() && estimate.sigma.is_finite()).then_some(estimate)
+    };
+    (slope(1), slope(2))
+}
+
+/// The least deviation over octaves of the windows, to a sixth of what hangs together.
+fn bias_instability(used: &[&Point]) -> Option<f64> {
+    let mut squares: Vec<(f64, f64)> = Vec::new();
+    let mut stretches: Vec<Vec<f64>> = vec![Vec::new()];
+    for (index, point) in used.iter().enumerate() {
+        let follows = index > 0 && joined(used[index - 1], point);
+        if !follows {
+            stretches.push(Vec::new());
+        }
+        if let Some(last) = stretches.last_mut() {
+            last.push(point.after_dph);
+        }
+    }
+    let longest = stretches.iter().map(Vec::len).max().unwrap_or(0);
+    let wanted: Vec<Difference> = (0..16)
+        .map(|octave| 1_usize << octave)
+        .take_while(|m| 6 * m <= longest)
+        .map(|m| Difference { deviation: Deviation::Allan, m })
+        .collect();
+    squares.resize(wanted.len(), (0.0, 0.0));
+    for stretch in &stretches {
+        for (sum, part) in squares.iter_mut().zip(overlapping(&phases(stretch, 0.0), &wanted)) {
+            *sum = (sum.0 + part.squares, sum.1 + part.number);
+        }
+    }
+    let deviation = |(difference, (squares, number)): (&Difference, &(f64, f64))| {
+        let m = difference.m as f64;
+        (*number > 0.0).then(|| (squares / (2.0 * m * m * number)).sqrt() / FLAT)
+    };
+    wanted.iter().zip(&squares).filter_map(deviation).reduce(f64::min)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn points(after: impl Fn(usize, f64, f64) -> f64) -> Vec<Point> {
+        let one = |i: usize| {
+            let (celsius, rate) = match i / 50 {
+                0 => (-40.0, 0.0),
+                1 => (-40.0 + (i - 50) as f64, 0.6),
+                2 => (10.0, 0.0),
+                _ => (10.0 - (i - 150) as f64, -0.6),
+            };
+            Point {
+                run: 0,
+                hours: i as f64 / 36.0,
+                length_h: 1.0 / 36.0,
+                temperature_c: celsius,
+                rate_cpm: rate,
+                before_dph: 0.0,
+                after_dph: after(i, celsius, rate),
+                excluded: None,
+            }
+        };
+        (0..200).map(one).collect()
+    }
+
+    fn noise(i: usize) -> f64 {
+        ((i * 7919 + i * i * 104_729) % 1009) as f64 / 1009.0 - 0.5
+    }
+
+    #[test]
+    fn what_was_put_in_comes_out() {
+        let found = residual(&points(|i, t, r| 0.002 * t + 0.05 * r + 0.01 * noise(i)), None);
+        let (per_c, per_cpm) = (found.per_c.unwrap(), found.per_cpm.unwrap());
+        assert!((per_c.value - 0.002).abs() < 4.0 * per_c.sigma && per_c.sigma < 1e-4, "{per_c:?}");
+        assert!((per_cpm.value - 0.05).abs() < 4.0 * per_cpm.sigma && per_cpm.sigma < 3e-3, "{per_cpm:?}");
+        let plateaus = found.plateaus.unwrap();
+        assert_eq!(plateaus.plateaus, 2);
+        assert!(
+            (plateaus.worst_offset_dph.value + 0.08).abs() < 0.002 && (plateaus.worst_offset_at_c + 40.0).abs() < 0.1
+        );
+        assert!((plateaus.worst_sigma_dph - 0.01 / 12.0_f64.sqrt()).abs() < 0.001, "{plateaus:?}");
+        // Ramps: 0.002·T ± 0.03 over −40 … 10 °C up and down.
+        let wanted = (100.0_f64.recip()
+            * (0..50)
+                .map(|k| {
+                    let t = 0.002 * (f64::from(k) - 40.0);
+                    let down = 0.002 * (10.0 - f64::from(k));
+                    (t + 0.03).powi(2) + (down - 0.03).powi(2)
+                })
+                .sum::<f64>())
+        .sqrt();
+        assert!((found.ramps_rms_dph.unwrap() - wanted).abs() < 0.002);
+    }
+
+    /// White windows of σ: the deviation falls to τ = 32 windows, σ/√32.
+    #[test]
+    fn the_instability_is_bounded_by_the_least_deviation() {
+        let found = residual(&points(|i, _, _| noise(i)), None).bias_instability_dph.unwrap();
+        let white = (1.0_f64 / 12.0).sqrt() / 32.0_f64.sqrt() / FLAT;
+        assert!((0.4..2.0).contains(&(found / white)), "{found} for {white}");
+        assert!(residual(&points(|_, _, _| 0.0)[..8], None).bias_instability_dph == Some(0.0));
+    }
+}
