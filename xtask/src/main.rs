@@ -2,6 +2,7 @@
 
 mod bench;
 mod checks;
+mod compare;
 mod errors;
 mod exports;
 mod firmware;
@@ -23,6 +24,7 @@ cargo xtask conserve   1e9 ticks (27.8 h): every count accounted for
 cargo xtask deny       licences, bans and sources of the dependencies (installs cargo-deny if missing)
 cargo xtask testdata   make the logs in testdata/ anew
 cargo xtask bench      [simulator | allan] time and memory beside the peers, to docs/performance.md (10 minutes, 4 GB in target/bench; needs python3-venv)
+cargo xtask compare    ours and the peers' fits on one set of logs with a known truth, to docs/comparison.md (needs python3-venv)
 cargo xtask fuzz       a million executions of every fuzz target, or of those named (installs cargo-fuzz if missing)
 cargo xtask pictures   make the pictures of the README and of docs/ anew (needs chromium)
 cargo xtask errors     make docs/errors.md anew
@@ -54,6 +56,7 @@ fn run(task: &str) -> Result<()> {
         "deny" => checks::deny(),
         "testdata" => made::testdata(),
         "bench" => bench::bench(std::env::args().nth(2).as_deref()),
+        "compare" => compare::compare(),
         "fuzz" => fuzz::fuzz(&std::env::args().skip(2).collect::<Vec<_>>()),
         "pictures" => pictures::pictures(),
         "errors" => errors::write(),

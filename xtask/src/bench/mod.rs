@@ -94,13 +94,13 @@ fn alone(bench: &Bench, heading: &str, measure: impl Fn(&Bench, &mut String) -> 
 }
 
 /// A Python with the peers in it, made once.
-fn peers(folder: &Path) -> Result<String> {
+pub(crate) fn peers(folder: &Path) -> Result<String> {
     let venv = folder.join("venv");
     let python = venv.join("bin/python").display().to_string();
     if !Path::new(&python).exists() {
         sh("python3", &["-m", "venv", &venv.display().to_string()])?;
-        sh(&python, &["-m", "pip", "install", "--quiet", "numpy", "pandas", "polars", "allantools"])?;
     }
+    sh(&python, &["-m", "pip", "install", "--quiet", "numpy", "pandas", "polars", "allantools"])?;
     fs::write(folder.join("pandas_peer.py"), PANDAS)?;
     fs::write(folder.join("polars_peer.py"), POLARS)?;
     Ok(python)
