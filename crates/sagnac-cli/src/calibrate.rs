@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use sagnac::calibration::{AxisCalibration, Calibration, Candidate, PpmEstimate, ScaleFactor};
 use sagnac::digits::{celsius, significant, with_sigma};
-use sagnac::fit::{FitOptions, ModelChoice, TICK_INSTRUCTIONS, calibrate_with_evidence, frontier};
+use sagnac::fit::{FitOptions, Loss, ModelChoice, TICK_INSTRUCTIONS, calibrate_with_evidence, frontier};
 use sagnac::ingest::Tally;
 use sagnac::report::calibration_report;
 use sagnac::write::write_bytes;
@@ -38,6 +38,9 @@ pub(crate) struct Args {
     /// `auto`, or orders: "bias 3", "bias 3, rate 1", "bias 2, scale 1"
     #[arg(long, default_value = "auto")]
     model: String,
+    /// What misfit costs: `huber` lets windows far from the fit count for less
+    #[arg(long, value_enum, default_value = "squares")]
+    loss: LossWord,
     /// What each order buys out of sample, and what it costs on the target in instructions
     #[arg(long)]
     tradeoff: bool,
@@ -51,11 +54,22 @@ pub(crate) struct Args {
     setup: SetupArgs,
 }
 
+/// What misfit costs.
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum LossWord {
+    Squares,
+    Huber,
+}
+
 pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     loading::keep_inputs(&args.logs, args.output.iter().chain(&args.report).map(PathBuf::as_path))?;
     let options = FitOptions {
         source_date_epoch: source_date_epoch()?,
         bootstrap: args.bootstrap.map(usize::from),
+        loss: match args.loss {
+            LossWord::Squares => Loss::Squares,
+            LossWord::Huber => Loss::Huber,
+        },
         ..FitOptions::new(model_choice(&args.model)?)
     };
     let (windows, setup) = loading::windows(&args.logs, &args.setup)?;
@@ -126,6 +140,13 @@ fn describe(console: &mut Console, axis: &AxisCalibration) {
     }
     for m in &axis.misalignment {
         console.say(format!("  leans towards {} by {} arcsec", m.towards, with_sigma(m.arcsec, Some(m.sigma_arcsec))));
+    }
+    if let Some(legs) = axis.heating_less_cooling {
+        console.say(format!(
+            "  heating less cooling: {} °/h before, {} °/h less the fit",
+            with_sigma(legs.before_dph, Some(legs.sigma_dph)),
+            with_sigma(legs.after_dph, Some(legs.sigma_dph))
+        ));
     }
     if let Some(soak) = &axis.soak {
         console.say(format!(

@@ -374,6 +374,18 @@ pub struct ScaleFactor {
     pub repeatability: Option<Repeatability>,
 }
 
+/// Mean while heating less mean while cooling: hysteresis, a gradient, a rate term.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct HeatingLessCooling {
+    /// About the runs' constants, °/h.
+    pub before_dph: f64,
+    /// Less the fit, °/h. In-sample: quote a proof's instead.
+    pub after_dph: f64,
+    /// Standard error of both by the residuals' scatter, widened by their correlation, °/h.
+    pub sigma_dph: f64,
+}
+
 /// The doubt of the curve at one temperature, now and after soaking there.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -446,6 +458,9 @@ pub struct AxisCalibration {
     pub residual: Option<Residual>,
     /// Noise floor; null where neither measured nor given.
     pub floor: Option<Floor>,
+    /// Heating against cooling; absent where the test does not hold both.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub heating_less_cooling: Option<HeatingLessCooling>,
     /// What more soaking would buy; absent where nothing was fitted here.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub soak: Option<Soak>,

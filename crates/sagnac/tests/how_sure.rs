@@ -8,7 +8,7 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use sagnac::calibration::Calibration;
 use sagnac::compare::compare;
-use sagnac::fit::{FitOptions, calibrate};
+use sagnac::fit::{FitOptions, Loss, calibrate};
 use sagnac::setup::{Setup, WindowSize};
 use support::{fit, model, windows};
 
@@ -167,4 +167,48 @@ fn what_cannot_be_compared_is_refused_by_name() {
     assert!(alone.what.contains("two calibrations"), "{alone}");
     let foreign = compare(&[("a".to_owned(), unit), ("b".to_owned(), other)]).unwrap_err();
     assert_eq!(foreign.place.file.as_deref(), Some("b"));
+}
+
+/// Every sixth window above 45 °C 0.09 °/h too high, none of them left out: Huber's loss comes closer to the truth than
+/// squares, and on clean windows it costs little and its intervals hold. One-sided errors still bias it: there its intervals
+/// covered the truth in 168 of 200. Measured: 3.6 times less mean square error, 5 % more on clean windows.
+#[test]
+fn huber_comes_closer_where_some_windows_are_wild() {
+    let spoilt = |seed: u64| {
+        let text = String::from_utf8(log(300, 0, 0.0, seed)).unwrap();
+        let rows = text.lines().enumerate().map(|(k, line)| {
+            let fields: Vec<&str> = line.split(',').collect();
+            match fields[1].parse::<f64>() {
+                Ok(celsius) if celsius > 45.0 && k % 6 == 1 => {
+                    format!("{},{celsius},{}\n", fields[0], fields[2].parse::<f64>().unwrap() + 0.09)
+                }
+                _ => format!("{line}\n"),
+            }
+        });
+        rows.collect::<String>().into_bytes()
+    };
+    let fitted = |bytes: Vec<u8>, loss: Loss| {
+        let windows = sagnac::window::WindowBuilder::read_all(vec![support::reader(bytes, &by_rows())], &by_rows());
+        let options = FitOptions { loss, ..FitOptions::new(model("bias 3")) };
+        calibrate(windows.unwrap().finish(true), &by_rows(), &options).unwrap()
+    };
+    let (mut squares, mut huber, mut clean) = (0.0, 0.0, [0.0; 2]);
+    let mut covered = 0;
+    for seed in 0..200 {
+        let off =
+            |made: &Calibration| made.axes[0].terms.iter().zip(TRUTH).map(|(t, b)| (t.value - b).powi(2)).sum::<f64>();
+        squares += off(&fitted(spoilt(seed), Loss::Squares));
+        huber += off(&fitted(spoilt(seed), Loss::Huber));
+        clean[0] += off(&fitted(log(300, 0, 0.0, seed), Loss::Squares));
+        let robust = fitted(log(300, 0, 0.0, seed), Loss::Huber);
+        clean[1] += off(&robust);
+        let (term, t95) = (&robust.axes[0].terms[0], robust.axes[0].residual.as_ref().unwrap().t95);
+        covered += u32::from((term.value - TRUTH[0]).abs() <= t95 * term.sigma.unwrap());
+    }
+    let (gain, cost) = (squares / huber, clean[1] / clean[0]);
+    println!(
+        "mean square error: squares over Huber {gain} where some are wild, Huber over squares {cost} where none is; {covered} of 200 covered"
+    );
+    assert!(gain > 3.0 && cost < 1.08, "{gain} {cost}");
+    assert!((184..=198).contains(&covered), "{covered}");
 }

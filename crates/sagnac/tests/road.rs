@@ -325,3 +325,21 @@ fn fit_and_import_take_the_same_timing_from_the_setup() {
     assert_eq!(fitted.target, imported.target);
     assert_eq!((fitted.target.tick_ns, fitted.target.period_ticks, fitted.target.slew_ticks), (200_000, 2500, 20));
 }
+
+/// Heating against cooling is told without being asked for: the rate effect before the fit, nothing after it; without the rate
+/// term it stays.
+#[test]
+fn heating_against_cooling_is_always_told() {
+    let rig = LaggedChamber::domain_notes();
+    let setup = Setup { arcsec_per_count: Some(rig.arcsec_per_count), ..Setup::default() };
+    let legs = |model: &str| {
+        let made = fit(vec![csv_bytes(rig.run(1))], &setup, model).unwrap();
+        made.axes[0].heating_less_cooling.unwrap()
+    };
+    // 0.05 °/h per °C/min at up to ±1 °C/min, less in the tails of the ramps: up to a tenth of a °/h between the legs.
+    let with_rate = legs("bias 3, rate 0");
+    assert!((0.05..0.1).contains(&with_rate.before_dph), "{with_rate:?}");
+    assert!(with_rate.after_dph.abs() < 3.0 * with_rate.sigma_dph, "{with_rate:?}");
+    let without = legs("bias 3");
+    assert!(without.after_dph > 10.0 * without.sigma_dph.min(0.005), "{without:?}");
+}

@@ -82,6 +82,7 @@ pub fn import(polynomial: &Polynomial, setup: &Setup) -> Result<Calibration> {
         scale_factor: None,
         misalignment: Vec::new(),
         residual: None,
+        heating_less_cooling: None,
         soak: None,
         floor: None,
         cross_validation: None,

@@ -17,6 +17,7 @@ mod monomial;
 mod plateaus;
 mod problem;
 mod record;
+mod robust;
 mod soak;
 mod solution;
 mod solve;
@@ -30,6 +31,7 @@ pub(crate) use monomial::{powers_from_series, series_from_powers};
 pub(crate) use plateaus::Plateaus;
 pub use record::{FitOptions, calibrate, calibrate_with_evidence};
 pub(crate) use record::{inputs, noise_of, program};
+pub use robust::Loss;
 pub use tradeoff::{FrontierPoint, frontier};
 pub(crate) use turning::Turning;
 

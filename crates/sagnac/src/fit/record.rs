@@ -4,19 +4,20 @@ use std::collections::BTreeMap;
 
 use crate::allan::NoiseTerms;
 use crate::calibration::{
-    AxisCalibration, Calibration, Candidate, Constant, CrossValidation, FORMAT, Floor, Input, Lag, LogUnit,
-    Misalignment, Monomial, PpmEstimate, Provenance, Residual, ScaleFactor, Target, Term, TermKind, Thermometer,
-    UNASSIGNED, VERSION,
+    AxisCalibration, Calibration, Candidate, Constant, CrossValidation, FORMAT, Floor, HeatingLessCooling, Input, Lag,
+    LogUnit, Misalignment, Monomial, PpmEstimate, Provenance, Residual, ScaleFactor, Target, Term, TermKind,
+    Thermometer, UNASSIGNED, VERSION,
 };
 use crate::error::{Error, Result};
 use crate::fit::plateaus::{Plateaus, repeatability};
 use crate::fit::problem::{Level, Problem};
+use crate::fit::robust::{Loss, robust_fit};
 use crate::fit::soak::soak;
 use crate::fit::solution::{Fitted, bootstrap_intervals, fit};
 use crate::fit::turning::Turning;
 use crate::fit::{ModelChoice, Selection, powers_from_series, select, slow_update_instructions};
 use crate::ingest::{AngleUnit, Reason};
-use crate::report::{AxisEvidence, Evidence, points, run_spans};
+use crate::report::{AxisEvidence, Evidence, Leg, Point, points, run_spans};
 use crate::setup::Setup;
 use crate::units::{ARCSEC_RT_S_PER_DEG_RT_H, s_from_ns};
 use crate::window::{WindowShape, Windows};
@@ -35,12 +36,14 @@ pub struct FitOptions {
     pub source_date_epoch: Option<i64>,
     /// Draws of the block bootstrap, if intervals by it are wanted.
     pub bootstrap: Option<usize>,
+    /// What misfit costs in the fit that is written down.
+    pub loss: Loss,
 }
 
 impl FitOptions {
     /// A model, and nothing else asked for.
     pub fn new(model: ModelChoice) -> Self {
-        Self { model, source_date_epoch: None, bootstrap: None }
+        Self { model, source_date_epoch: None, bootstrap: None, loss: Loss::Squares }
     }
 }
 
@@ -72,7 +75,7 @@ pub fn calibrate_with_evidence(
     let runs = run_spans(&windows);
     let (mut axes, mut shown) = (Vec::new(), Vec::new());
     for axis in 0..windows.shape.axes.len() {
-        let (record, left) = fit_axis(&windows, axis, sensor, setup, options).map_err(|e| of_file(e, &windows))?;
+        let (mut record, left) = fit_axis(&windows, axis, sensor, setup, options).map_err(|e| of_file(e, &windows))?;
         let constant = |i: usize| {
             let run = windows.rows.run[i];
             record.constants.iter().find(|c| c.run == run).map_or(f64::NAN, |c| c.value_dph)
@@ -84,6 +87,7 @@ pub fn calibrate_with_evidence(
         };
         let after = |i: usize| fitted(i).1;
         let points = points(&windows, &runs, Some(sensor), before, after);
+        record.heating_less_cooling = heating_less_cooling(&points, &record);
         shown.push(AxisEvidence { axis: windows.shape.axes[axis], points });
         axes.push(record);
     }
@@ -190,7 +194,7 @@ fn fit_axis(
     let reference_c = setup.reference_c();
     let min_span_c = setup.min_span_c.unwrap_or(DEFAULT_MIN_SPAN_C);
     let turning = Turning::of(windows, axis, setup)?;
-    let problem = Problem::new(windows, axis, sensor, reference_c, min_span_c, turning)?;
+    let mut problem = Problem::new(windows, axis, sensor, reference_c, min_span_c, turning)?;
     if let ModelChoice::Fixed(spec) = options.model
         && spec.rate.is_some()
         && !problem.has_rate()
@@ -199,7 +203,11 @@ fn fit_axis(
     }
     let taus_s = problem.tau_grid();
     let selection = select(&problem, options.model, &taus_s)?;
-    let fitted = fit(&problem, selection.specs[selection.chosen], &taus_s)?;
+    let spec = selection.specs[selection.chosen];
+    let fitted = match options.loss {
+        Loss::Squares => fit(&problem, spec, &taus_s)?,
+        Loss::Huber => robust_fit(&mut problem, spec, &taus_s)?,
+    };
     let mut terms = terms(&fitted, problem.levels.len(), &windows.shape.thermometers[sensor]);
     if let Some(draws) = options.bootstrap {
         let intervals = bootstrap_intervals(&problem, &fitted, draws);
@@ -244,6 +252,7 @@ fn fit_axis(
         misalignment: misalignment(&fitted, &problem),
         residual: Some(residual(&fitted)),
         floor: floor_of(windows, axis, setup),
+        heating_less_cooling: None,
         soak: None,
         cross_validation: cross_validation(&selection),
         candidates: candidates(&selection),
@@ -254,6 +263,30 @@ fn fit_axis(
     };
     record.soak = soak(&record, windows.shape.nominal_s);
     Ok((record, left))
+}
+
+/// Windows of a leg that are enough for a mean.
+const LEAST_OF_LEG: usize = 10;
+
+fn heating_less_cooling(points: &[Point], record: &AxisCalibration) -> Option<HeatingLessCooling> {
+    let of = |leg: Leg| -> Vec<&Point> {
+        points.iter().filter(|p| p.leg() == leg && p.excluded.is_none() && p.after_dph.is_finite()).collect()
+    };
+    let (heating, cooling) = (of(Leg::Heating), of(Leg::Cooling));
+    let residual = record.residual?;
+    if heating.len() < LEAST_OF_LEG || cooling.len() < LEAST_OF_LEG {
+        return None;
+    }
+    let mean =
+        |points: &[&Point], of: fn(&Point) -> f64| points.iter().map(|p| of(p)).sum::<f64>() / points.len() as f64;
+    let apart = |of: fn(&Point) -> f64| mean(&heating, of) - mean(&cooling, of);
+    let widening = (1.0 + residual.autocorrelation) / (1.0 - residual.autocorrelation);
+    let parts = 1.0 / heating.len() as f64 + 1.0 / cooling.len() as f64;
+    Some(HeatingLessCooling {
+        before_dph: apart(|p| p.before_dph),
+        after_dph: apart(|p| p.after_dph),
+        sigma_dph: residual.sigma_dph * (widening * parts).sqrt(),
+    })
 }
 
 fn terms(fitted: &Fitted, levels: usize, sensor: &str) -> Vec<Term> {
