@@ -7,7 +7,7 @@ use sagnac::calibration::Input;
 libfuzzer_sys::fuzz_target!(|text: &[u8]| {
     if let Ok(curves) = parse_curve(text) {
         let input = Input { file: String::new(), sha256: String::new(), rows: 0 };
-        let budget = budget_of_curves(&curves, None, input);
+        let budget = budget_of_curves(&curves, None, input).expect("no length that could be wrong");
         serde_json::to_string(&budget).expect("a budget is JSON");
     }
 });

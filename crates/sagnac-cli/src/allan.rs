@@ -111,7 +111,7 @@ fn of_curve(path: &Path, args: &Args) -> Result<NoiseBudget> {
         if sound { Ok(seconds) } else { Err(Error::input("must be seconds above zero").column("--record")) }
     });
     let (curves, input) = read_curve(path)?;
-    Ok(budget_of_curves(&curves, record.transpose()?, input))
+    budget_of_curves(&curves, record.transpose()?, input)
 }
 
 fn of_logs(args: &Args) -> Result<NoiseBudget> {
@@ -179,7 +179,8 @@ fn describe(console: &mut Console, axis: &AxisBudget) {
         .iter()
         .step_by(step)
         .map(|p| vec![significant(p.tau_s, 4), significant(p.adev_dph, 4), end(p.lower_dph), end(p.upper_dph)]);
-    console.say(table(&["τ, s", "Allan deviation, °/h", "from", "to (95 %)"], rows));
+    let title = if step > 1 { format!("τ, s, one in {step} of {}", axis.curve.len()) } else { "τ, s".to_owned() };
+    console.say(table(&[&title, "Allan deviation, °/h", "from", "to (95 %)"], rows));
 }
 
 /// Why terms are missing: letters of those with the same reason together.

@@ -40,8 +40,16 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     };
     let records: Result<Vec<(String, Calibration)>> = args.calibrations.iter().map(read).collect();
     let comparison = compare(&records?)?;
+    if !comparison.shared_logs.is_empty() {
+        let logs = comparison.shared_logs.join(", ");
+        console
+            .note(format!("warning: records made from the same log ({logs}) are not independent and agree too well"));
+    }
     for axis in &comparison.axes {
         describe(console, &comparison, axis);
+        for words in axis.numbers.iter().filter_map(ComparedNumber::verdict) {
+            console.say(format!("axis {}: {words}", axis.axis));
+        }
     }
     if let Some(path) = &args.report {
         write_bytes(path, comparison_report(&comparison)?.as_bytes())?;

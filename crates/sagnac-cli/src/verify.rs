@@ -51,7 +51,7 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     let logs = loading::logs(&args.retests, &setup, Pace::Bulk)?;
     let (verification, evidence) =
         verify_with_evidence(&correction, logs, &setup, limits.as_ref(), args.setup.keep_all())?;
-    warn_of_same_log(console, &correction, &verification);
+    warn_of_same_log(console, &verification);
     describe(console, &verification);
     if let Some(path) = &args.report {
         let page = verification_report(&verification, correction.calibration.as_ref(), &evidence)?;
@@ -63,11 +63,9 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
 }
 
 /// A proof on the log of the fit is none.
-fn warn_of_same_log(console: &mut Console, correction: &sagnac::verify::Correction, verification: &Verification) {
-    let Some(calibration) = &correction.calibration else { return };
-    let seen = |sha: &str| calibration.provenance.inputs.iter().any(|input| input.sha256 == sha);
-    for input in verification.inputs.iter().filter(|input| seen(&input.sha256)) {
-        console.note(format!("warning: {} is a log that the calibration was made from; this is no proof", input.file));
+fn warn_of_same_log(console: &mut Console, verification: &Verification) {
+    for file in &verification.seen_by_fit {
+        console.note(format!("warning: {file} is a log that the calibration was made from; this is no proof"));
     }
 }
 
@@ -96,7 +94,8 @@ fn describe(console: &mut Console, verification: &Verification) {
                 let value = l.value.map_or("unknown".to_owned(), |v| significant(v, 4));
                 let margin = l.margin.map_or("-".to_owned(), |m| format!("{:.0} %", 100.0 * m));
                 let word = if l.pass { "met" } else { "NOT MET" };
-                vec![l.name.clone(), value, significant(l.limit, 4), margin, word.to_owned()]
+                let word = l.why.as_ref().map_or(word.to_owned(), |why| format!("{word}: {why}"));
+                vec![l.name.clone(), value, significant(l.limit, 4), margin, word]
             });
             console.say(table(&["limit", "value", "bound", "margin", ""], rows));
         }
@@ -111,11 +110,12 @@ fn flown(flight: &MisDistance) -> String {
     let metres = |e: Estimate| with_sigma(e.value, Some(e.sigma));
     let noise = flight.noise_m.map_or("not known".to_owned(), |m| format!("{} m (σ)", significant(m, 3)));
     format!(
-        "  flight of {:.0} min: position error by drift {} m before, {} m after ({} m at most on the way); angle random walk beside it: {noise}",
+        "  flight of {:.0} min: position error by drift {} m before, {} m after ({} m at most on the way, {} m with two of its σ); angle random walk beside it: {noise}",
         flight.minutes,
         metres(flight.before_m),
         metres(flight.after_m),
-        significant(flight.most_after_m, 3)
+        significant(flight.most_after_m, 3),
+        significant(flight.bound_after_m, 3)
     )
 }
 

@@ -53,6 +53,22 @@ fn every_limit_has_its_value_margin_and_verdict() {
     let (status, object) = verify("paper");
     assert_eq!((status, &object["axes"][0]["pass"]), (1, &Value::Bool(false)));
     assert_eq!(verify("navigation-grade").0, 0);
+    assert!(metres("after_m", "sigma") * 2.0 <= flight["bound_after_m"].as_f64().unwrap());
+}
+
+/// Limits met on a log of the fit are no acceptance, on the terminal and on paper.
+#[test]
+fn a_log_of_the_fit_is_never_accepted() {
+    let folder = TempDir::new().unwrap();
+    let (record, page) = (record(&folder), folder.path().join("a.html").display().to_string());
+    let limits = folder.path().join("limits.toml").display().to_string();
+    std::fs::write(&limits, "sigma_over_floor_max = 2.0\n").unwrap();
+    let flags = ["verify", &record, &testdata("cycle-1.csv.gz"), "--limits", &limits, "--report", &page, "--json"];
+    let out = sagnac().args(flags).assert().code(1).get_output().clone();
+    let object: Value = serde_json::from_slice(&out.stdout).unwrap();
+    assert_eq!(object["seen_by_fit"][0], "cycle-1.csv.gz");
+    let page = std::fs::read_to_string(page).unwrap();
+    assert!(page.contains("Not accepted") && page.contains("This is no proof") && !page.contains("none of them seen"));
 }
 
 /// A flight to where nobody tested is not flown, and its limit is not met.

@@ -45,3 +45,27 @@ fn allan_speaks_json_and_reads_its_own_curve() {
     let page = fs::read_to_string(html).unwrap();
     assert!(page.contains("Terms of axis x") && page.contains("allan-x"));
 }
+
+/// A record without any deviation, and curves as spreadsheets write them: said in words, drawn or not, never for ever.
+#[test]
+fn odd_records_end_with_words() {
+    let folder = TempDir::new().unwrap();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    let run = |args: &[&str]| {
+        let out =
+            sagnac().args(args).timeout(std::time::Duration::from_secs(60)).assert().success().get_output().clone();
+        String::from_utf8(out.stdout).unwrap()
+    };
+    let rows: String = (1..=1000).map(|k| format!("{k},7.123\n")).collect();
+    fs::write(at("constant.csv"), format!("time_s,rate_dph\n{rows}")).unwrap();
+    assert!(run(&["allan", &at("constant.csv"), "--report", &at("constant.html")]).contains("all its rows are alike"));
+    fs::write(at("two.csv"), "time_s,rate_dph\n1,5\n2,6\n").unwrap();
+    let two = run(&["allan", &at("two.csv"), "--json"]);
+    let object: Value = serde_json::from_str(&two).unwrap();
+    assert!(object["axes"][0]["curve"][0]["lower_dph"].is_null(), "one difference has no interval: {two}");
+    let curve = "\u{feff}# made elsewhere\ntau_s,adev_dph_x,adev_dph_y\n1,0.2,\n2,0.1,\n4,0.05,\n";
+    fs::write(at("curve.csv"), curve).unwrap();
+    let said = run(&["allan", &at("curve.csv"), "--report", &at("curve.html"), "-o", &at("again.csv")]);
+    assert!(said.contains("quantization Q") && said.contains("0.115"), "Q = 0.2/√3: {said}");
+    assert!(!said.contains("e-"), "a rounding is no term: {said}");
+}

@@ -1,12 +1,17 @@
 //! Independent pieces of a computation on as many threads as there are; the results stand in the order of the items.
 
+use std::sync::LazyLock;
+
+/// Asked once: the answer is read from files.
+static THREADS: LazyLock<usize> = LazyLock::new(|| std::thread::available_parallelism().map_or(1, usize::from));
+
 /// Fewer items are not worth a thread.
 const LEAST: usize = 4;
 
 /// `f` of every item, in order. Threads take the items in turn, so that neighbours of unlike cost are shared out.
 pub(crate) fn in_parallel<T: Sync, R: Send>(items: &[T], f: impl Fn(&T) -> R + Sync) -> Vec<R> {
-    let threads = std::thread::available_parallelism().map_or(1, usize::from);
-    if threads == 1 || items.len() < LEAST {
+    let threads = *THREADS;
+    if items.len() < LEAST || threads == 1 {
         return items.iter().map(f).collect();
     }
     let shares: Vec<Vec<R>> = std::thread::scope(|scope| {

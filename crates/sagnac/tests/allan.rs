@@ -189,7 +189,7 @@ fn curve(unit: &str, axis: char) -> Option<BareCurve> {
 /// deviation at 1 s and the least one of their curve).
 fn ratios(unit: &str, axis: char) -> Option<(f64, f64)> {
     let input = Input { file: unit.to_owned(), sha256: String::new(), rows: 0 };
-    let budget = budget_of_curves(&[curve(unit, axis)?], None, input).axes.remove(0);
+    let budget = budget_of_curves(&[curve(unit, axis)?], None, input).unwrap().axes.remove(0);
     let fitted = budget.fitted.unwrap();
     let least = budget.curve.iter().map(|p| fitted.variance(p.tau_s).sqrt()).fold(f64::INFINITY, f64::min);
     Some((fitted.variance(1.0).sqrt() / published(unit, axis, "gyr_n")?, least / published(unit, axis, "gyr_w")?))

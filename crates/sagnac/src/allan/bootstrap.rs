@@ -16,7 +16,7 @@ use nalgebra::{DMatrix, DVector};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use crate::allan::freedom::Record;
+use crate::allan::freedom::{PhaseNoise, Record};
 use crate::allan::terms::{FittedTerms, Point, Term, fit_terms};
 
 /// Curves drawn.
@@ -42,7 +42,7 @@ pub(crate) enum Spread {
     },
     /// Not told from zero.
     Unresolved {
-        /// What this record would show of it, one time in forty, where little or nothing is there.
+        /// What this record shows of it one time in forty where nothing of it is there.
         by_chance: f64,
     },
 }
@@ -50,24 +50,51 @@ pub(crate) enum Spread {
 /// Draws curves of the record and fits each, every point with a scatter of its own besides (of `scatter_edf` degrees of
 /// freedom; infinite for none); one spread per term of [`Term::ALL`].
 pub(crate) fn spreads(record: &Record<'_>, multiples: &[f64], scatter_edf: f64, fitted: &FittedTerms) -> Vec<Spread> {
+    let refits = refits(record, multiples, scatter_edf);
+    let first: Vec<Option<Spread>> =
+        Term::ALL.iter().map(|term| interval(*term, fitted.root(*term), &refits)).collect();
+    if first.iter().all(Option::is_some) {
+        return first.into_iter().flatten().collect();
+    }
+    // What is not told from zero is set to zero, and drawn again: what shows then is chance.
+    let mut noise = record.noise;
+    let coefficients = [&mut noise.q2, &mut noise.n2, &mut noise.b2, &mut noise.k2, &mut noise.r2];
+    coefficients
+        .into_iter()
+        .zip(&first)
+        .filter(|(_, found)| found.is_none())
+        .for_each(|(coefficient, _)| *coefficient = 0.0);
+    let without = Record { noise, ..*record };
+    let chance = if noise == PhaseNoise::default() { refits } else { self::refits(&without, multiples, scatter_edf) };
+    let spread = |(term, found): (&Term, Option<Spread>)| {
+        found.unwrap_or_else(|| Spread::Unresolved { by_chance: quantile(&roots(*term, &chance), 1.0 - TAIL) })
+    };
+    Term::ALL.iter().zip(first).map(spread).collect()
+}
+
+fn refits(record: &Record<'_>, multiples: &[f64], scatter_edf: f64) -> Vec<FittedTerms> {
     let curves = Curves::new(record, multiples, scatter_edf);
     let mut rng = ChaCha8Rng::seed_from_u64(SEED);
     let drawn: Vec<Vec<Point>> = (0..DRAWS).map(|_| curves.draw(&mut rng)).collect();
     let refits = crate::parallel::in_parallel(&drawn, |points| fit_terms(points, &Term::ALL));
-    let refits: Vec<FittedTerms> = refits.into_iter().flatten().collect();
-    Term::ALL.iter().map(|term| spread(*term, fitted.root(*term), &refits)).collect()
+    refits.into_iter().flatten().collect()
 }
 
-fn spread(term: Term, fitted: f64, refits: &[FittedTerms]) -> Spread {
+fn roots(term: Term, refits: &[FittedTerms]) -> Vec<f64> {
     let mut roots: Vec<f64> = refits.iter().map(|refit| refit.root(term)).collect();
     roots.sort_by(f64::total_cmp);
-    let at = |part: f64| roots.get((part * roots.len() as f64) as usize).copied().unwrap_or(0.0);
-    let (low, high) = (at(TAIL), at(1.0 - TAIL));
-    if fitted > 0.0 && low > LEAST_RATIO * fitted {
-        Spread::Interval { lower: fitted * fitted / high, upper: fitted * fitted / low }
-    } else {
-        Spread::Unresolved { by_chance: high }
-    }
+    roots
+}
+
+fn quantile(sorted: &[f64], part: f64) -> f64 {
+    sorted.get((part * sorted.len() as f64) as usize).copied().unwrap_or(0.0)
+}
+
+fn interval(term: Term, fitted: f64, refits: &[FittedTerms]) -> Option<Spread> {
+    let roots = roots(term, refits);
+    let (low, high) = (quantile(&roots, TAIL), quantile(&roots, 1.0 - TAIL));
+    let known = fitted > 0.0 && low > LEAST_RATIO * fitted;
+    known.then(|| Spread::Interval { lower: fitted * fitted / high, upper: fitted * fitted / low })
 }
 
 /// The distribution of a curve.

@@ -303,7 +303,9 @@ impl<'a> Model<'a> {
 
     /// Equivalent degrees of freedom of a point.
     pub(crate) fn edf(&self, deviation: Deviation, m: f64) -> Option<f64> {
-        self.record(deviation).map(|record| record.edf(m))
+        // One point fits any noise, and then says nothing of how well it is known.
+        let record = self.record(deviation).filter(|_| self.multiples.len() > 1)?;
+        Some(record.edf(m)).filter(|edf| *edf > 0.0)
     }
 
     pub(crate) fn terms(&self) -> Terms {

@@ -23,6 +23,10 @@ use crate::units::{DPH_PER_DPS, DPH_PER_RADPS};
 const TAU: &str = "tau_s";
 /// Recognised headers of a deviation, and their unit in °/h.
 const DEVIATIONS: [(&str, f64); 3] = [("adev_dph", 1.0), ("adev_dps", DPH_PER_DPS), ("adev_radps", DPH_PER_RADPS)];
+/// No record is longer: 30,000 years.
+const MOST_RECORD_S: f64 = 1e12;
+/// Less than this part of σ² at every τ is no term.
+const NO_PART: f64 = 1e-6;
 /// No curve is longer.
 const MAX_BYTES: u64 = 16 << 20;
 
@@ -35,9 +39,14 @@ pub struct BareCurve {
     pub points: Vec<(f64, f64)>,
 }
 
-/// True for text whose first line names τ and a deviation.
+/// A byte order mark, as spreadsheets write it.
+const BOM: &[u8] = b"\xef\xbb\xbf";
+
+/// True for text whose first line, but for comments, names τ and a deviation.
 pub fn is_curve(start: &[u8]) -> bool {
-    let line = start.split(|byte| matches!(byte, b'\n' | b'\r')).next().unwrap_or_default();
+    let start = start.strip_prefix(BOM).unwrap_or(start);
+    let mut lines = start.split(|byte| matches!(byte, b'\n' | b'\r'));
+    let line = lines.find(|line| !line.is_empty() && !line.starts_with(b"#")).unwrap_or_default();
     let Ok(line) = std::str::from_utf8(line) else { return false };
     let mut fields = line.split(',').map(str::trim);
     fields.clone().any(|field| field == TAU) && fields.any(|field| column_of(field).is_some())
@@ -77,7 +86,10 @@ pub fn read_curve(path: &Path) -> Result<(Vec<BareCurve>, Input)> {
 /// # Errors
 /// As [`read_curve`].
 pub fn parse_curve(text: &[u8]) -> Result<Vec<BareCurve>> {
-    let mut csv = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(text);
+    let mut csv = csv::ReaderBuilder::new()
+        .trim(csv::Trim::All)
+        .comment(Some(b'#'))
+        .from_reader(text.strip_prefix(BOM).unwrap_or(text));
     let unread = |e: &csv::Error| Error::input(format!("not a readable table: {e}"));
     let headers = csv.headers().map_err(|e| unread(&e))?.clone();
     let tau = headers.iter().position(|header| header == TAU);
@@ -88,11 +100,16 @@ pub fn parse_curve(text: &[u8]) -> Result<Vec<BareCurve>> {
         .enumerate()
         .filter_map(|(index, header)| column_of(header).map(|(axis, unit)| (index, axis, unit)))
         .collect();
+    for (index, (_, axis, _)) in columns.iter().enumerate() {
+        if columns[..index].iter().any(|(_, other, _)| other == axis) {
+            return Err(Error::input(format!("two columns of axis {axis}")).help("name them adev_dph_x, adev_dph_y …"));
+        }
+    }
     let mut curves: Vec<BareCurve> =
         columns.iter().map(|(_, axis, _)| BareCurve { axis: *axis, points: Vec::new() }).collect();
-    for (number, record) in csv.records().enumerate() {
+    for record in csv.records() {
         let record = record.map_err(|e| unread(&e))?;
-        let line = number as u64 + 2;
+        let line = record.position().map_or(0, csv::Position::line);
         let value = |index: usize| {
             let cell = record.get(index).unwrap_or_default();
             let number = cell.parse().ok().filter(|v: &f64| v.is_finite() && *v > 0.0);
@@ -117,20 +134,33 @@ pub fn parse_curve(text: &[u8]) -> Result<Vec<BareCurve>> {
 }
 
 /// The five terms of bare curves; `record_s` is the length of the record behind them, if it is known.
-pub fn budget_of_curves(curves: &[BareCurve], record_s: Option<f64>, input: Input) -> NoiseBudget {
+///
+/// # Errors
+/// A record too short for the curve's longest τ, or longer than any.
+pub fn budget_of_curves(curves: &[BareCurve], record_s: Option<f64>, input: Input) -> Result<NoiseBudget> {
+    let longest_s = curves.iter().flat_map(|curve| &curve.points).fold(0.0_f64, |most, (tau_s, _)| most.max(*tau_s));
+    if let Some(seconds) = record_s
+        && !(2.0 * longest_s..MOST_RECORD_S).contains(&seconds)
+    {
+        return Err(Error::input(format!(
+            "a record with a deviation at τ = {longest_s} s has at least twice that length"
+        ))
+        .column("--record")
+        .value(seconds.to_string()));
+    }
     let axes = curves.iter().map(|curve| match record_s {
         Some(record_s) => known_length(curve, record_s),
         None => of_unknown_length(curve),
     });
     let axes: Vec<AxisBudget> = axes.collect();
-    NoiseBudget {
+    Ok(NoiseBudget {
         warnings: axes.iter().filter_map(AxisBudget::misfit_text).collect(),
         axes,
         detrended: false,
         excluded: Vec::new(),
         inputs: vec![input],
         program: program(),
-    }
+    })
 }
 
 fn budget(curve: &BareCurve, points: Vec<CurvePoint>, terms: Terms) -> AxisBudget {
@@ -179,9 +209,11 @@ fn of_unknown_length(curve: &BareCurve) -> AxisBudget {
     let terms = fitted.as_ref().map_or_else(
         || Terms::none("a single τ tells no slope"),
         |fitted| {
-            Terms::from_each(|term| match fitted.root(term) {
-                0.0 => TermValue::Unresolved { unresolved: "the other terms explain the whole curve".to_owned() },
-                root => TermValue::Found { value: term.in_its_unit(root), lower: None, upper: None },
+            // A rounding's worth of a term is none.
+            let part = |term: Term, p: &Point| fitted.coefficient(term) * term.variance(p.tau_s) / p.variance;
+            Terms::from_each(|term| match points.iter().map(|p| part(term, p)).fold(0.0, f64::max) {
+                ..NO_PART => TermValue::Unresolved { unresolved: "the other terms explain the whole curve".to_owned() },
+                _ => TermValue::Found { value: term.in_its_unit(fitted.root(term)), lower: None, upper: None },
             })
         },
     );

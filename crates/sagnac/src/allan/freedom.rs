@@ -27,9 +27,6 @@ use crate::allan::difference::Deviation;
 /// Grid points per smaller m.
 const GRID: f64 = 32.0;
 
-/// A steady ramp alone is known without doubt; no more is claimed than this.
-const MOST_FREEDOM: f64 = 1e12;
-
 /// Equivalent degrees of freedom of the overlapping Allan variance for white rate noise, NIST SP 1065
 /// table 5: [3(N−1)/(2m) − 2(N−2)/N]·4m²/(4m²+5), N phases.
 pub(crate) fn edf_white_fm(n: f64, m: f64) -> f64 {
@@ -39,8 +36,8 @@ pub(crate) fn edf_white_fm(n: f64, m: f64) -> f64 {
 /// Unbroken stretches of a record, gathered by octaves of their lengths.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Stretches {
-    /// Octave of the number of phases: how many stretches, and their phases together.
-    octaves: BTreeMap<u32, (u64, u64)>,
+    /// Octave of the number of phases: how many stretches, their phases together, and those of the longest.
+    octaves: BTreeMap<u32, (u64, u64, u64)>,
     longest: u64,
 }
 
@@ -49,7 +46,7 @@ impl Stretches {
     pub fn add(&mut self, phases: u64) {
         if phases > 1 {
             let slot = self.octaves.entry(phases.ilog2()).or_default();
-            *slot = (slot.0 + 1, slot.1 + phases);
+            *slot = (slot.0 + 1, slot.1 + phases, slot.2.max(phases));
             self.longest = self.longest.max(phases);
         }
     }
@@ -61,12 +58,19 @@ impl Stretches {
 
     /// How many.
     pub fn count(&self) -> u64 {
-        self.octaves.values().map(|(count, _)| count).sum()
+        self.octaves.values().map(|(count, ..)| count).sum()
     }
 
-    /// (how many, phases of each).
+    /// (how many, phases of each): of every octave the longest by itself, which alone may serve a long τ, and the others by
+    /// their mean.
     fn groups(&self) -> impl Iterator<Item = (f64, f64)> {
-        self.octaves.values().map(|(count, phases)| (*count as f64, *phases as f64 / *count as f64))
+        self.octaves
+            .values()
+            .flat_map(|(count, phases, longest)| {
+                let (others, longest) = ((*count - 1) as f64, *longest as f64);
+                [(1.0, longest), (others, (*phases as f64 - longest) / others.max(1.0))]
+            })
+            .filter(|(count, _)| *count > 0.0)
     }
 }
 
@@ -112,16 +116,25 @@ impl Record<'_> {
 
     /// Equivalent degrees of freedom at m; 0 where no stretch is long enough.
     pub(crate) fn edf(&self, m: f64) -> f64 {
-        if self.stretches.longest() as f64 <= self.deviation.order() as f64 * m {
+        let differences = self.differences(m);
+        if differences == 0.0 {
             return 0.0;
         }
         let (expected, variance) = (self.expected(m), self.covariance(m, m));
-        (2.0 * expected * expected / variance).min(MOST_FREEDOM)
+        // No more than there are differences, though a steady ramp alone would be known without doubt.
+        (2.0 * expected * expected / variance).min(differences)
+    }
+
+    /// How many there are at m.
+    fn differences(&self, m: f64) -> f64 {
+        let span = self.deviation.order() as f64 * m;
+        self.stretches.groups().map(|(count, phases)| count * (phases - span).max(0.0)).sum()
     }
 
     /// Covariance of σ²(m1·τ0) and σ²(m2·τ0).
     pub(crate) fn covariance(&self, m1: f64, m2: f64) -> f64 {
-        let (mut all, mut numbers) = (PairSums::default(), [0.0; 2]);
+        let numbers = [m1, m2].map(|m| self.differences(m));
+        let mut all = PairSums::default();
         for (count, phases) in self.stretches.groups() {
             let differences = [m1, m2].map(|m| (phases - self.deviation.order() as f64 * m).max(0.0));
             if differences.contains(&0.0) {
@@ -131,7 +144,6 @@ impl Record<'_> {
             all.plain += count * sums.plain;
             all.squares += count * sums.squares;
             all.pairs += count * sums.pairs;
-            numbers = [numbers[0] + count * differences[0], numbers[1] + count * differences[1]];
         }
         if all.pairs == 0.0 {
             return 0.0;
@@ -287,6 +299,21 @@ mod tests {
         let got = edf(WHITE_RATE, Deviation::Allan, 101, 1.0);
         assert!((got / wanted - 1.0).abs() < 1e-12, "{got} for {wanted}");
         assert!((got / edf_white_fm(101.0, 1.0) - 1.0).abs() < 0.01);
+    }
+
+    /// One long stretch among short ones of its octave: at a τ that it alone serves it alone is counted.
+    #[test]
+    fn a_long_stretch_among_short_ones_stands_for_itself() {
+        let mut many = one_stretch(2001);
+        (0..50).for_each(|_| many.add(1031));
+        let alone = edf(WHITE_RATE, Deviation::Allan, 2001, 631.0);
+        let record = Record { noise: WHITE_RATE, deviation: Deviation::Allan, tau0_s: 0.5, stretches: &many };
+        assert!((record.edf(631.0) / alone - 1.0).abs() < 1e-9, "{} for {alone}", record.edf(631.0));
+        assert!((1.0..5.0).contains(&alone), "{alone}");
+        // A ramp without noise is not known better than there are differences.
+        let ramp = PhaseNoise { r2: 1.0, ..PhaseNoise::default() };
+        assert_eq!(edf(ramp, Deviation::Allan, 11, 2.0), 7.0);
+        assert_eq!(edf(WHITE_RATE, Deviation::Allan, 4, 2.0), 0.0);
     }
 
     /// Two stretches know twice as much as one.

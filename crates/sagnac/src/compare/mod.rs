@@ -6,7 +6,9 @@
 //!
 //! at temperatures that every record spans. |z| beyond three says that a record disagrees with the others by more than
 //! the intervals explain; what they differ by beyond that is the spread that a correction made today may be off by tomorrow.
-//! The same for the scale factor (with its value at T0, if every record has one), for rate terms, lag and fixed bias.
+//! The same for the scale factor (with its value at T0, if every record has one), for the rate effect, the lag and the fixed
+//! bias of the last run (its rate where the input is not known), all at the first record's T0. Records of other models than the others take
+//! part where they have such terms; records made from the same log are said to be.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -42,20 +44,38 @@ pub struct ComparedCurve {
     pub z: Vec<Vec<Option<f64>>>,
     /// Spread of the records beyond their σ, at each temperature.
     pub beyond: Vec<f64>,
+    /// Records whose model has no such term; they take no part.
+    pub without: Vec<usize>,
     /// Largest |z|, its record and temperature.
     pub worst: Option<Worst>,
+}
+
+impl ComparedNumber {
+    /// What it comes to, in words; `None` where it agrees or stands alone.
+    pub fn verdict(&self) -> Option<String> {
+        let sigmas = self.sigmas.filter(|sigmas| *sigmas > DISAGREE)?;
+        Some(format!("{}: the records disagree by {} σ", self.name, significant(sigmas, 2)))
+    }
 }
 
 impl ComparedCurve {
     /// What the comparison comes to, in words.
     pub fn verdict(&self, records: &[(String, f64)]) -> String {
-        let Some(worst) = &self.worst else { return format!("{}: nothing to compare", self.quantity) };
+        let of = |record: &usize| records.get(*record).map_or("", |(name, _)| name.as_str());
+        let lacking = match self.without.as_slice() {
+            [] => String::new(),
+            without => {
+                let names: Vec<&str> = without.iter().map(of).collect();
+                format!("; no such term in {}, which take no part", names.join(", "))
+            }
+        };
+        let Some(worst) = &self.worst else { return format!("{}: nothing to compare{lacking}", self.quantity) };
         let name = records.get(worst.record).map_or("", |(name, _)| name.as_str());
         let beyond = self.beyond.iter().fold(0.0_f64, |most, b| most.max(*b));
         let word =
             if worst.sigmas > DISAGREE { "the records disagree" } else { "the records agree within their intervals" };
         format!(
-            "{}: {word}; {name} stands farthest apart, {} σ at {:.1} °C; beyond their σ they differ by up to {} {}",
+            "{}: {word}; {name} stands farthest apart, {} σ at {:.1} °C; beyond their σ they differ by up to {} {}{lacking}",
             self.quantity,
             significant(worst.sigmas, 2),
             worst.temperature_c,
@@ -107,6 +127,8 @@ pub struct Comparison {
     pub serial: String,
     /// Per record: its name and the time of its newest sample, s.
     pub records: Vec<(String, f64)>,
+    /// Logs that more than one of them was made from: such records are not independent, and agree too well.
+    pub shared_logs: Vec<String>,
     /// The axes that all have.
     pub axes: Vec<ComparedAxis>,
 }
@@ -137,7 +159,22 @@ pub fn compare(records: &[(String, Calibration)]) -> Result<Comparison> {
     let axes: Result<Vec<ComparedAxis>> =
         shared.iter().map(|(letter, axes)| compare_axis(*letter, axes, records)).collect();
     let named = records.iter().map(|(name, record)| (name.clone(), record.provenance.time_s));
-    Ok(Comparison { serial: first.serial.clone(), records: named.collect(), axes: axes? })
+    Ok(Comparison {
+        serial: first.serial.clone(),
+        records: named.collect(),
+        shared_logs: shared_logs(records),
+        axes: axes?,
+    })
+}
+
+fn shared_logs(records: &[(String, Calibration)]) -> Vec<String> {
+    let of = |index: usize| records[index].1.provenance.inputs.iter();
+    let twice =
+        |index: usize| of(index).filter(move |log| (0..index).any(|before| of(before).any(|l| l.sha256 == log.sha256)));
+    let mut names: Vec<String> = (0..records.len()).flat_map(twice).map(|log| log.file.clone()).collect();
+    names.sort();
+    names.dedup();
+    names
 }
 
 fn few() -> Error {
@@ -165,7 +202,7 @@ fn compare_axis(letter: char, axes: &[&AxisCalibration], records: &[(String, Cal
     if axes.iter().all(|axis| axis.scale_factor.is_some()) {
         curves.push(curve(axes, TermKind::Scale, &temperatures, reference_c));
     }
-    Ok(ComparedAxis { axis: letter, curves, numbers: numbers(axes) })
+    Ok(ComparedAxis { axis: letter, curves, numbers: numbers(axes, reference_c) })
 }
 
 /// Value and σ of a record's series at a temperature, zero at the common reference (the scale factor with its value there).
@@ -196,11 +233,18 @@ fn curve(axes: &[&AxisCalibration], kind: TermKind, temperatures: &[f64], refere
         values.push(v);
         sigmas.push(s);
     }
+    let has_terms = |record: &usize| axes[*record].rows_of(kind).next().is_some();
+    let (with, without): (Vec<usize>, Vec<usize>) = (0..axes.len()).partition(has_terms);
     let (mut mean, mut beyond) = (Vec::new(), Vec::new());
-    let mut z = vec![Vec::new(); axes.len()];
+    let mut z = vec![vec![None; temperatures.len()]; axes.len()];
     let mut worst: Option<Worst> = None;
     for (at, temperature_c) in temperatures.iter().enumerate() {
-        let column: Vec<(f64, f64)> = (0..axes.len()).map(|record| (values[record][at], sigmas[record][at])).collect();
+        let column: Vec<(f64, f64)> = with.iter().map(|record| (values[*record][at], sigmas[*record][at])).collect();
+        if column.len() < 2 {
+            mean.push(column.first().map_or(0.0, |(value, _)| *value));
+            beyond.push(0.0);
+            continue;
+        }
         let tells = kind == TermKind::Scale || (temperature_c - reference_c).abs() > NEAR_REFERENCE * width;
         let tells = tells && column.iter().all(|(_, sigma)| *sigma > 0.0);
         let information: f64 = column.iter().map(|(_, sigma)| sigma.powi(-2)).sum();
@@ -214,10 +258,10 @@ fn curve(axes: &[&AxisCalibration], kind: TermKind, temperatures: &[f64], refere
         let spread = column.iter().map(|(value, _)| (value - centre).powi(2)).sum::<f64>() / (n - 1.0);
         let explained = column.iter().map(|(_, sigma)| sigma.powi(2)).sum::<f64>() / n;
         beyond.push((spread - explained).max(0.0).sqrt());
-        for (record, (value, sigma)) in column.iter().enumerate() {
+        for (record, (value, sigma)) in with.iter().copied().zip(&column) {
             let own = (sigma.powi(2) - information.recip()).max(0.0).sqrt();
             let away = (tells && own > 0.0).then(|| (value - centre) / own);
-            z[record].push(away);
+            z[record][at] = away;
             if let Some(sigmas) = away.map(f64::abs)
                 && worst.as_ref().is_none_or(|worst| sigmas > worst.sigmas)
             {
@@ -235,30 +279,47 @@ fn curve(axes: &[&AxisCalibration], kind: TermKind, temperatures: &[f64], refere
         mean,
         z,
         beyond,
+        without,
         worst,
     }
 }
 
-/// Numbers that stand for themselves.
-fn numbers(axes: &[&AxisCalibration]) -> Vec<ComparedNumber> {
-    let rate = |order: u8| {
-        move |axis: &AxisCalibration| {
-            let term = axis.terms.iter().find(|term| term.kind == TermKind::Rate && term.order == order)?;
-            Some([term.value, term.sigma?])
-        }
-    };
+/// Numbers that stand for themselves, all at the first record's T0.
+fn numbers(axes: &[&AxisCalibration], reference_c: f64) -> Vec<ComparedNumber> {
+    let all_known = axes.iter().all(|axis| axis.constants.last().is_some_and(|last| last.fixed_bias_dph.is_some()));
     let constant = |axis: &AxisCalibration| {
         let last = axis.constants.last()?;
-        Some([last.value_dph, last.sigma_dph?])
+        let (basis, own) = at(axis, reference_c);
+        let series = axis.series(TermKind::Bias);
+        let shift: f64 = (1..BASIS_LEN).map(|order| series[order] * (basis[order] - own[order])).sum();
+        let name = format!("constant {}", last.run);
+        let row = axis.covariance_of.iter().position(|n| *n == name || n == "constant")?;
+        let bias = axis.rows_of(TermKind::Bias).map(|(row, order)| (row, basis[order] - own[order]));
+        let weights: Vec<(usize, f64)> = std::iter::once((row, 1.0)).chain(bias).collect();
+        let value = if all_known { last.fixed_bias_dph? } else { last.value_dph };
+        Some([value + shift, axis.variance_of(&weights).sqrt()])
+    };
+    let rate = |axis: &AxisCalibration| {
+        let (basis, _) = at(axis, reference_c);
+        let series = axis.series(TermKind::Rate);
+        let weights: Vec<(usize, f64)> = axis.rows_of(TermKind::Rate).map(|(row, order)| (row, basis[order])).collect();
+        let value: f64 = series.iter().zip(&basis).map(|(c, t)| c * t).sum();
+        (!weights.is_empty()).then(|| [value, axis.variance_of(&weights).sqrt()])
     };
     let lag = |axis: &AxisCalibration| axis.lag_s.and_then(|lag| Some([lag.value, lag.sigma?]));
+    let what = if all_known { "fixed bias" } else { "rate" };
     let all = [
-        number("rate at T0, last run", "deg/h", axes, constant),
-        number("rate term 0", "deg/h per degC/min", axes, rate(0)),
-        number("rate term 1", "deg/h per degC/min", axes, rate(1)),
+        number(&format!("{what} at {reference_c} °C, last run"), "deg/h", axes, constant),
+        number(&format!("rate effect at {reference_c} °C"), "deg/h per degC/min", axes, rate),
         number("lag", "s", axes, lag),
     ];
     all.into_iter().flatten().collect()
+}
+
+/// The basis of a record at a temperature, and at its own T0.
+fn at(axis: &AxisCalibration, celsius: f64) -> ([f64; BASIS_LEN], [f64; BASIS_LEN]) {
+    let span = Span { lo_c: axis.span_c[0], hi_c: axis.span_c[1] };
+    (chebyshev(span.x(celsius)), chebyshev(span.x(axis.reference_c)))
 }
 
 fn number(

@@ -28,7 +28,7 @@ pub use basis::{BASIS_LEN, Span, chebyshev};
 pub use cost::{TICK_INSTRUCTIONS, WITHIN as PRICED_WITHIN, slow_update_instructions};
 pub use model::{MAX_RATE_ORDER, ModelSpec};
 pub(crate) use monomial::{powers_from_series, series_from_powers};
-pub(crate) use plateaus::Plateaus;
+pub(crate) use plateaus::{Plateaus, level_stretches};
 pub use record::{FitOptions, calibrate, calibrate_with_evidence};
 pub(crate) use record::{inputs, noise_of, program};
 pub use robust::Loss;
@@ -84,13 +84,14 @@ fn select(problem: &Problem<'_>, choice: ModelChoice, taus_s: &[f64]) -> Result<
             .help("give more data over more temperatures, or a fixed --model"));
     }
     let least = held_out.mean_square.iter().flatten().copied().fold(f64::INFINITY, f64::min);
-    // Specs stand smallest first; within one size the lower mean square wins.
+    // Specs stand smallest first; within one size no rate term, then the lower mean square wins.
     let good = (0..specs.len()).filter(|i| held_out.mean_square[*i].is_some_and(|m| m <= SMALLER_WINS_WITHIN * least));
     let chosen = good
         .min_by(|a, b| {
-            let key = |i: usize| (specs[i].coefficients(), held_out.mean_square[i].unwrap_or(f64::INFINITY));
-            let ((na, ma), (nb, mb)) = (key(*a), key(*b));
-            na.cmp(&nb).then(ma.total_cmp(&mb))
+            // Of equal size the one without a lag to be found wins: a slow lag can look like a curve.
+            let key = |i: usize| (specs[i].coefficients(), specs[i].rate.is_some());
+            let square = |i: usize| held_out.mean_square[i].unwrap_or(f64::INFINITY);
+            key(*a).cmp(&key(*b)).then(square(*a).total_cmp(&square(*b)))
         })
         .unwrap_or(0);
     Ok(Selection { chosen, specs, mean_square: held_out.mean_square, scheme: held_out.scheme, folds: held_out.folds })

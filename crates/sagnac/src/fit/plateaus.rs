@@ -24,6 +24,8 @@ use crate::window::Windows;
 const REACH_C: f64 = 1.0;
 /// Fewer windows tell no uncertainty.
 const FEWEST: usize = 4;
+/// A rate below this part of the largest is rest.
+const REST: f64 = 1e-3;
 /// Plateaus closer than this are visits of one temperature, °C.
 const SAME_C: f64 = 2.0;
 
@@ -58,15 +60,9 @@ impl Plateaus {
 
 /// Every plateau that tells scale factor and bias apart, by temperature within the order of the test.
 fn plateaus(windows: &[TurnedWindow]) -> Vec<Plateau> {
-    let mut stretches: Vec<Vec<TurnedWindow>> = Vec::new();
-    for window in windows {
-        match stretches.last_mut() {
-            Some(last) if last[0].run == window.run && (mean_c(last) - window.temperature_c).abs() <= REACH_C => {
-                last.push(*window);
-            }
-            _ => stretches.push(vec![*window]),
-        }
-    }
+    let places = windows.iter().map(|w| (w.run, w.temperature_c));
+    let stretches: Vec<Vec<TurnedWindow>> =
+        level_stretches(places).into_iter().map(|stretch| windows[stretch].to_vec()).collect();
     let (mut whole, mut single): (Vec<_>, Vec<_>) = stretches.into_iter().partition(|stretch| rates(stretch) > 1);
     // Rates that lie in different runs: windows of equal temperature together.
     single.sort_by(|a, b| mean_c(a).total_cmp(&mean_c(b)));
@@ -79,6 +75,25 @@ fn plateaus(windows: &[TurnedWindow]) -> Vec<Plateau> {
     }
     whole.extend(gathered.into_iter().filter(|stretch| rates(stretch) > 1));
     whole.iter().filter_map(|stretch| plateau(stretch)).collect()
+}
+
+/// Stretches of one run whose temperature stays within reach of its own mean so far, as ranges of the windows.
+pub(crate) fn level_stretches(places: impl Iterator<Item = (usize, f64)>) -> Vec<std::ops::Range<usize>> {
+    let mut stretches: Vec<std::ops::Range<usize>> = Vec::new();
+    let (mut of_run, mut sum) = (0, 0.0);
+    for (index, (run, celsius)) in places.enumerate() {
+        let joins =
+            stretches.last().is_some_and(|last| of_run == run && (sum / last.len() as f64 - celsius).abs() <= REACH_C);
+        match stretches.last_mut().filter(|_| joins) {
+            Some(last) => last.end = index + 1,
+            None => {
+                stretches.push(index..index + 1);
+                sum = 0.0;
+            }
+        }
+        (of_run, sum) = (run, sum + celsius);
+    }
+    stretches
 }
 
 fn mean_c(windows: &[TurnedWindow]) -> f64 {
@@ -172,8 +187,9 @@ fn nonlinearity(groups: &[(f64, Vec<TurnedWindow>)], bias: f64, excess: f64) -> 
 }
 
 fn asymmetry(windows: &[TurnedWindow], groups: &[(f64, Vec<TurnedWindow>)]) -> Option<PpmEstimate> {
-    let side = |sign: f64| groups.iter().filter(|(rate, _)| rate * sign > 0.0).count();
-    let rest = groups.iter().any(|(rate, _)| *rate == 0.0);
+    let largest = groups.iter().fold(0.0_f64, |most, (rate, _)| most.max(rate.abs()));
+    let side = |sign: f64| groups.iter().filter(|(rate, _)| rate * sign > REST * largest).count();
+    let rest = groups.iter().any(|(rate, _)| rate.abs() <= REST * largest);
     let (forward, backward) = (side(1.0), side(-1.0));
     if forward == 0 || backward == 0 || !(rest || forward > 1 || backward > 1) {
         return None;

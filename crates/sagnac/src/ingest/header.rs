@@ -23,7 +23,10 @@ pub const HEADERS: [(&str, &str); 9] = [
     ("counts[_x, _y, _z]", "counts of the row, or a running total with `counter = \"cumulative\"`"),
     ("rate_dph, rate_dps, rate_radps [_x, _y, _z]", "mean rate of the row in °/h, °/s or rad/s"),
     ("reference_rate_dps", "rate of the table under the gyro, °/s"),
-    ("table_angle_deg", "angle of the table, °, in place of its rate; it may wrap at 360"),
+    (
+        "table_angle_deg",
+        "angle of the table, °, in place of its rate; it may wrap at 360, and turns by less than 180 in a row",
+    ),
     (
         "table_mark",
         "1 in the row in which the table completed a revolution, −1 for one backwards, else 0, in place of its rate",

@@ -33,6 +33,8 @@ pub(crate) struct TableRates {
     last: Option<(i64, f64)>,
     /// End of the row of the last mark, and its sign.
     mark: Option<(i64, f64)>,
+    /// End of the newest row of the marks.
+    newest_ns: Option<i64>,
     waiting: VecDeque<Batch>,
     /// Batch and row of the first row that waits for a mark.
     cursor: (usize, usize),
@@ -40,7 +42,7 @@ pub(crate) struct TableRates {
 
 impl TableRates {
     pub(crate) fn new(column: TableColumn) -> Self {
-        Self { column, last: None, mark: None, waiting: VecDeque::new(), cursor: (0, 0) }
+        Self { column, last: None, mark: None, newest_ns: None, waiting: VecDeque::new(), cursor: (0, 0) }
     }
 
     /// True where rows wait for rows that come later.
@@ -67,12 +69,23 @@ impl TableRates {
     /// Takes a batch of marks.
     pub(crate) fn push(&mut self, batch: Batch) {
         let number = self.waiting.len();
-        let marks: Vec<(usize, i64, f64)> = (0..batch.len())
-            .map(|row| (row, batch.end_ns[row], batch.reference_dps.get(row).copied().unwrap_or(f64::NAN)))
-            .filter(|(.., mark)| mark.is_finite() && *mark != 0.0)
-            .collect();
+        // Marks, and rows that do not join the one before: a mark may have been lost there.
+        let mut events: Vec<(usize, i64, Option<f64>)> = Vec::new();
+        for row in 0..batch.len() {
+            if self.newest_ns != Some(batch.start_ns[row]) || !batch.valid.get(row).copied().unwrap_or(true) {
+                events.push((row, batch.end_ns[row], None));
+            }
+            let mark = batch.reference_dps.get(row).filter(|mark| mark.is_finite() && **mark != 0.0);
+            events.extend(mark.map(|mark| (row, batch.end_ns[row], Some(*mark))));
+            self.newest_ns = Some(batch.end_ns[row]);
+        }
         self.waiting.push_back(batch);
-        for (row, end_ns, mark) in marks {
+        for (row, end_ns, mark) in events {
+            let Some(mark) = mark else {
+                self.give((number, row), f64::NAN);
+                self.mark = None;
+                continue;
+            };
             let sign = mark.signum();
             let before = self.mark.filter(|(_, before)| *before == sign);
             let rate = before.map_or(f64::NAN, |(before_ns, _)| sign * 360.0 / s_from_ns(end_ns - before_ns));
@@ -131,8 +144,22 @@ mod tests {
             start_ns: values.iter().map(|(end, _)| (end - 1) * S).collect(),
             end_ns: values.iter().map(|(end, _)| end * S).collect(),
             reference_dps: values.iter().map(|(_, value)| *value).collect(),
+            valid: vec![true; values.len()],
             ..Batch::default()
         }
+    }
+
+    /// A gap between two marks may have held another.
+    #[test]
+    fn marks_do_not_reach_across_a_gap() {
+        let mut table = TableRates::new(TableColumn::Mark);
+        let mark = |t: i64| (t, if t % 10 == 0 { 1.0 } else { 0.0 });
+        table.push(batch(&(1..25).chain(36..61).map(mark).collect::<Vec<_>>()));
+        table.end();
+        let rates = table.ready().unwrap().reference_dps;
+        assert!(rates[10..20].iter().all(|rate| *rate == 36.0), "{rates:?}");
+        assert!(rates[20..29].iter().all(|rate| rate.is_nan()), "{rates:?}");
+        assert!(rates[29..].iter().all(|rate| *rate == 36.0), "{rates:?}");
     }
 
     #[test]

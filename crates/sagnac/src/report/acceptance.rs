@@ -27,6 +27,8 @@ pub(crate) fn identity(verification: &Verification, calibration: Option<&Calibra
         }
         LogUnit::Rates { .. } => "rates".to_owned(),
     });
+    // An image alone does not say what it was made from.
+    let unseen = calibration.is_some() && verification.seen_by_fit.is_empty();
     html! {
         div class={ "verdict " (if accepted { "pass" } else { "fail" }) } {
             b.word { (if accepted { "Accepted" } else { "Not accepted" }) ": " (met) " of " (limits) " limits met" }
@@ -35,7 +37,7 @@ pub(crate) fn identity(verification: &Verification, calibration: Option<&Calibra
             tr { td { "unit" } td.words { (verification.serial) } }
             @if let Some(rig) = rig { tr { td { "sensor and rig" } td.words { (rig) } } }
             @if let Some(unit) = unit { tr { td { "log" } td.words { (unit) } } }
-            tr { td { "tests, none of them seen by the fit" } td.words { (tests.join(", ")) } }
+            tr { td { "tests" (if unseen { ", none of them seen by the fit" } else { "" }) } td.words { (tests.join(", ")) } }
             tr { td { "images judged, SHA-256" } td.hash { (verification.image_sha256) } }
         } }
     }
@@ -55,7 +57,9 @@ pub(crate) fn limits(verification: &Verification) -> Markup {
                         td { (words) } td.words { (unit) } td { (significant(limit.limit, 4)) }
                         td { (limit.value.map_or("unknown".to_owned(), |v| significant(v, 4))) }
                         td { (limit.margin.map_or("-".to_owned(), |m| format!("{:.0} %", 100.0 * m))) }
-                        @if limit.pass { td.pass { "met" } } @else { td.fail { "not met" } }
+                        @if limit.pass { td.pass { "met" } } @else {
+                            td.fail.words { "not met" @if let Some(why) = &limit.why { ": " (why) } }
+                        }
                     }
                 }
             } }
@@ -83,7 +87,7 @@ fn limit_words(name: &str) -> (&str, &'static str) {
         "arw_deg_rt_h_max" => ("angle random walk after, at most", "°/√h"),
         "arw_increase_max" => ("angle random walk after over before, at most", ""),
         "bias_instability_dph_max" => ("bias instability after, at most", "°/h"),
-        "mis_distance_m_max" => ("position error of the flight by drift, at most", "m"),
+        "mis_distance_m_max" => ("position error of the flight by drift, with 2σ, at most", "m"),
         other => (other, ""),
     }
 }
@@ -112,7 +116,7 @@ pub(crate) fn residual(axis: &AxisVerification) -> Markup {
         rows.push(("angle random walk after".to_owned(), significant(walk.after_deg_rt_h, 3), "°/√h"));
     }
     if let Some(b) = left.bias_instability_dph {
-        rows.push(("bias instability, at most".to_owned(), significant(b, 3), "°/h"));
+        rows.push(("bias instability, from the least Allan deviation".to_owned(), significant(b, 3), "°/h"));
     }
     html! {
         @if !rows.is_empty() {
@@ -136,6 +140,7 @@ pub(crate) fn flight(axis: &AxisVerification) -> Markup {
                 tr { td { "by the drift as logged" } td { (metres(flown.before_m)) } }
                 tr { td { "by the drift as corrected" } td { (metres(flown.after_m)) } }
                 tr { td { "as corrected, most on the way" } td { (significant(flown.most_after_m, 3)) } }
+                tr { td { "the same with two of its σ" } td { (significant(flown.bound_after_m, 3)) } }
                 @if let Some(noise) = flown.noise_m { tr { td { "angle random walk alone, σ" } td { (significant(noise, 3)) } } }
             } }
         }

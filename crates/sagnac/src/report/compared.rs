@@ -1,6 +1,6 @@
 //! The report of a comparison: every record's curve with its band, and by how many sigmas each stands apart.
 
-use crate::compare::{ComparedCurve, Comparison};
+use crate::compare::{ComparedAxis, ComparedCurve, ComparedNumber, Comparison};
 use crate::digits::{significant, with_sigma};
 use crate::error::Result;
 use crate::report::charts::{Band, Chart, ChartPage, Curve, PageTable, chart_report};
@@ -25,6 +25,13 @@ pub fn comparison_report(comparison: &Comparison) -> Result<String> {
             page.charts.push(apart(comparison, axis.axis, curve));
             page.tables.push(table(comparison, axis.axis, curve));
         }
+        page.notes.extend(
+            axis.numbers
+                .iter()
+                .filter_map(ComparedNumber::verdict)
+                .map(|words| format!("Axis {}: {words}.", axis.axis)),
+        );
+        page.results.push(numbers(comparison, axis));
     }
     chart_report(&page)
 }
@@ -76,6 +83,21 @@ fn apart(comparison: &Comparison, axis: char, curve: &ComparedCurve) -> Chart {
         curves: (0..comparison.records.len()).map(line).collect(),
         ..Chart::default()
     }
+}
+
+fn numbers(comparison: &Comparison, axis: &ComparedAxis) -> PageTable {
+    let mut columns = vec![String::new()];
+    columns.extend(comparison.records.iter().map(|(name, _)| name.clone()));
+    columns.extend(["unit", "farthest apart, σ"].map(str::to_owned));
+    let rows = axis.numbers.iter().map(|number| {
+        let of = |value: &Option<[f64; 2]>| value.map_or("-".to_owned(), |[v, s]| with_sigma(v, Some(s)));
+        let mut row = vec![number.name.clone()];
+        row.extend(number.values.iter().map(of));
+        row.push(number.unit.clone());
+        row.push(number.sigmas.map_or("-".to_owned(), |s| significant(s, 2)));
+        row
+    });
+    PageTable { heading: format!("Numbers of axis {}", axis.axis), columns, rows: rows.collect() }
 }
 
 fn table(comparison: &Comparison, axis: char, curve: &ComparedCurve) -> PageTable {

@@ -229,7 +229,11 @@ impl Range {
 
     /// The range of the powers of ten; empty where something is not above zero.
     fn log10(&self) -> Self {
-        if self.lo > 0.0 { Self { lo: self.lo.log10(), hi: self.hi.log10() } } else { Self::EMPTY }
+        if self.lo > 0.0 && self.lo <= self.hi {
+            Self { lo: self.lo.log10(), hi: self.hi.log10() }
+        } else {
+            Self::EMPTY
+        }
     }
 
     /// With a margin on both sides; never empty, so that something can be drawn.

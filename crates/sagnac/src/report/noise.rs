@@ -120,7 +120,7 @@ fn allan_chart(axis: &AxisBudget) -> Chart {
     let mut curves = vec![line("overlapping Allan deviation", false, shown.iter().map(|p| p.adev_dph).collect())];
     if let Some(fitted) = &axis.fitted {
         curves.push(line(
-            "the five terms together",
+            "all five together, resolved or not",
             false,
             taus.iter().map(|tau| fitted.variance(*tau).sqrt()).collect(),
         ));

@@ -74,7 +74,7 @@ pub fn verification_report(
             "Logs that the fit did not see, replayed through the code and the image that ship. Windows of "
             (verification.window_s) " s."
         }
-        @if let Some(calibration) = calibration { (same_log(verification, calibration)) }
+        (same_log(verification))
         @if judged {
             (acceptance::identity(verification, calibration))
             (acceptance::limits(verification))
@@ -279,14 +279,12 @@ fn proof_verdict(axis: &AxisVerification, several: bool) -> Markup {
     }
 }
 
-fn same_log(verification: &Verification, calibration: &Calibration) -> Markup {
-    let seen = |input: &&Input| calibration.provenance.inputs.iter().any(|other| other.sha256 == input.sha256);
-    let again: Vec<&str> = verification.inputs.iter().filter(seen).map(|input| input.file.as_str()).collect();
+fn same_log(verification: &Verification) -> Markup {
     html! {
-        @if !again.is_empty() {
+        @if !verification.seen_by_fit.is_empty() {
             div.verdict.fail {
                 b.word { "This is no proof" }
-                p { (again.join(", ")) " is a log that the calibration was made from." }
+                p { (verification.seen_by_fit.join(", ")) " is a log that the calibration was made from." }
             }
         }
     }

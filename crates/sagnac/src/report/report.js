@@ -116,6 +116,7 @@
     const out = holder.parentElement.querySelector(".readout");
     const axis = (label, size) => ({
       label, stroke: css("soft"), grid: { stroke: css("grid"), width: 1 }, ticks: { stroke: css("line"), width: 1 },
+      values: (u, ticks) => ticks.map((tick) => (tick === null ? "" : short(tick))),
       font: "12px system-ui, sans-serif", labelFont: "12.5px system-ui, sans-serif", labelSize: 22, size,
     });
     const keep = (u, min, max) => [min, max];

@@ -29,6 +29,9 @@ const STEP_S: f64 = 1.0;
 const MOST_MINUTES: f64 = 24.0 * 60.0;
 /// Fewer windows tell no drift.
 const FEWEST: usize = 4 * COLUMNS;
+/// And its pace by this part and this much, °C/min.
+const SLACK_OF_PACE: f64 = 1.1;
+const SLACK_CPM: f64 = 0.05;
 /// The flight may leave the proof's temperatures by this much, °C.
 const SLACK_C: f64 = 0.5;
 
@@ -86,6 +89,8 @@ pub struct MisDistance {
     pub after_m: Estimate,
     /// Largest position error on the way by the drift as corrected, m.
     pub most_after_m: f64,
+    /// Largest of error and two of its σ on the way, m: what a limit is held against, for a retest cannot vouch for less.
+    pub bound_after_m: f64,
     /// σ of the position at the end by the angle random walk alone, m; null where it is not known.
     pub noise_m: Option<f64>,
     /// Minutes of the curves.
@@ -158,6 +163,15 @@ impl Flight {
                 corner.temperature_c, extremes.0, extremes.1
             ));
         }
+        let paces = self
+            .profile
+            .windows(2)
+            .map(|leg| ((leg[1].temperature_c - leg[0].temperature_c) / (leg[1].minutes - leg[0].minutes)).abs());
+        let (pace, known) =
+            (paces.fold(0.0, f64::max), used.iter().fold(0.0_f64, |most, p| most.max(p.rate_cpm.abs())));
+        if pace > SLACK_OF_PACE * known + SLACK_CPM {
+            return Err(format!("the flight changes by {pace:.2} °C/min, the proof by {known:.2} °C/min at most"));
+        }
         let span = Span { lo_c: extremes.0, hi_c: extremes.1 };
         let unit = self.unit_positions(span);
         let before =
@@ -178,6 +192,7 @@ impl Flight {
             minutes: self.minutes(),
             before_m: end(&before),
             after_m: end(&after),
+            bound_after_m: bound_m(&unit, &after, &curve_after),
             most_after_m: curve_after.iter().fold(0.0, |most: f64, x| most.max(x.abs())),
             noise_m: n_deg_rt_h.map(|n| noise_m(self.channel(), n, 60.0 * self.minutes())),
             at_minutes: shown.iter().map(|i| (*i + 1) as f64 * STEP_S / 60.0).collect(),
@@ -204,6 +219,18 @@ impl Flight {
         let flown: Vec<Vec<f64>> = drifts.iter().map(|drift| positions_m(self.channel(), drift, STEP_S)).collect();
         DMatrix::from_fn(steps, COLUMNS, |step, column| flown[column][step])
     }
+}
+
+/// Largest |x| + 2σ over the flight, looked at every minute and at its end.
+fn bound_m(unit: &DMatrix<f64>, drift: &Drift, curve: &DVector<f64>) -> f64 {
+    let last = unit.nrows() - 1;
+    let looks = (0..=last).filter(|step| step % 60 == 59 || *step == last);
+    let bound = |step: usize| {
+        let g = unit.row(step).transpose();
+        let variance = (g.transpose() * &drift.covariance * &g)[(0, 0)];
+        curve[step].abs() + 2.0 * variance.max(0.0).sqrt()
+    };
+    looks.map(bound).fold(0.0, f64::max)
 }
 
 fn columns(span: Span, celsius: f64, rate_cpm: f64) -> [f64; COLUMNS] {
@@ -310,6 +337,8 @@ mod tests {
     fn a_flight_beyond_the_proof_cannot_be_told() {
         let said = flight(&[(0.0, 0.0), (60.0, 90.0)], true).fly(&points(|_, _| 0.0, |_, _| 0.0), None);
         assert!(said.unwrap_err().contains("90 °C"));
+        let fast = flight(&[(0.0, -30.0), (1.0, 60.0)], true).fly(&points(|_, _| 0.0, |_, _| 0.0), None);
+        assert!(fast.unwrap_err().contains("90.00 °C/min"));
         for bad in
             [vec![(0.0, 1.0)], vec![(1.0, 1.0), (2.0, 1.0)], vec![(0.0, 1.0), (0.0, 1.0)], vec![(0.0, 1.0), (9e9, 1.0)]]
         {

@@ -50,7 +50,7 @@ pub struct Limits {
     pub arw_increase_max: Option<f64>,
     /// Largest bias instability after, °/h.
     pub bias_instability_dph_max: Option<f64>,
-    /// Largest position error of the flight by the drift after, m.
+    /// Largest position error of the flight by the drift after, two of its σ included, m.
     pub mis_distance_m_max: Option<f64>,
     /// A flight, whose position error is then stated.
     pub flight: Option<Flight>,
@@ -76,13 +76,16 @@ pub struct Verdict {
     pub margin: Option<f64>,
     /// It is met.
     pub pass: bool,
+    /// Why the retest does not tell the value, where it does not.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub why: Option<String>,
 }
 
 impl Limits {
     /// Reads a limits file.
     ///
     /// # Errors
-    /// Unreadable, an unknown key, a limit that is no positive number.
+    /// Unreadable, an unknown key, a limit below zero or no number.
     pub fn read(path: &Path) -> Result<Self> {
         let name = path.display().to_string();
         let text = std::fs::read_to_string(path).map_err(|e| Error::io_path(path, "read the limits", &e))?;
@@ -126,6 +129,11 @@ impl Limits {
         }
     }
 
+    /// True where it holds a limit, not a flight alone.
+    pub(crate) fn asks(&self) -> bool {
+        !self.given().is_empty()
+    }
+
     fn given(&self) -> Vec<(&'static str, f64)> {
         let all = [
             ("sigma_dph_max", self.sigma_dph_max),
@@ -152,14 +160,16 @@ impl Limits {
 
     /// Holds an axis against every limit given.
     pub(crate) fn judge(&self, axis: &AxisVerification) -> Vec<Verdict> {
-        let asked = |(name, _): &(&str, f64)| axis.scale_factor.is_some() || !name.starts_with("scale_factor");
+        // A table tells the scale factor, and a gyro at rest its noise.
+        let asked = |(name, _): &(&str, f64)| !name.starts_with(if axis.turned { "arw" } else { "scale_factor" });
         let verdict = |(name, limit): (&'static str, f64)| {
             let value = value_of(name, axis);
             let least = name.ends_with("_min");
             let room = |value: f64| if least { value - limit } else { limit - value };
             let pass = value.is_some_and(|value| room(value) >= 0.0);
             let margin = value.filter(|_| limit > 0.0).map(|value| room(value) / limit);
-            Verdict { name: name.to_owned(), limit, value, margin, pass }
+            let why = value.is_none().then(|| unknown(name, axis));
+            Verdict { name: name.to_owned(), limit, value, margin, pass, why }
         };
         self.given().into_iter().filter(asked).map(verdict).collect()
     }
@@ -187,9 +197,27 @@ fn value_of(name: &str, axis: &AxisVerification) -> Option<f64> {
         "arw_deg_rt_h_max" => left.random_walk.map(|walk| walk.after_deg_rt_h),
         "arw_increase_max" => left.random_walk.map(|walk| walk.after_deg_rt_h / walk.before_deg_rt_h),
         "bias_instability_dph_max" => left.bias_instability_dph,
-        "mis_distance_m_max" => axis.flight.as_ref().map(|flight| flight.most_after_m),
+        "mis_distance_m_max" => axis.flight.as_ref().map(|flight| flight.bound_after_m),
         _ => None,
     }
+}
+
+/// Why a figure cannot be had.
+fn unknown(name: &str, axis: &AxisVerification) -> String {
+    let why = match name {
+        "sigma_over_floor_max" => "the noise floor is not known",
+        "improvement_min" | "improvement_sigma_min" => "nothing is left to divide by",
+        "plateau_sigma_dph_max" | "plateau_offset_dph_max" => "no five steady windows within 1 °C of each other",
+        "ramps_rms_dph_max" => "fewer than ten windows in ramps",
+        "drift_dph_per_c_max" | "drift_dph_per_cpm_max" => "temperature or its rate does not vary",
+        "hysteresis_dph_max" => "fewer than 20 windows of heating or of cooling",
+        "scale_factor_sigma_ppm_max" | "scale_factor_peak_to_peak_ppm_max" => "fewer than two plateaus tell it",
+        "arw_deg_rt_h_max" | "arw_increase_max" => "the rows do not tell their noise",
+        "bias_instability_dph_max" => "no six windows that follow each other",
+        "mis_distance_m_max" => axis.flight_untold.as_deref().unwrap_or("the flight was not flown"),
+        _ => "the retest does not tell it",
+    };
+    why.to_owned()
 }
 
 #[cfg(test)]

@@ -182,6 +182,9 @@ pub struct AxisVerification {
     pub improvement_sigma: Option<f64>,
     /// What can be seen of what the correction left.
     pub left: Left,
+    /// A rate table turned the gyro.
+    #[serde(default)]
+    pub turned: bool,
     /// What is left, figure by figure.
     pub residual: Residual,
     /// What a stated flight comes to; null without one, or where the retest does not tell it.
@@ -219,12 +222,16 @@ pub struct Verification {
     pub image_sha256: String,
     /// The retest logs.
     pub inputs: Vec<Input>,
+    /// Those of them that the calibration was made from: with any of them this is no proof, and no limit can be met.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub seen_by_fit: Vec<String>,
 }
 
 impl Verification {
-    /// False when a limit is not met.
+    /// False when a limit is not met, or where limits were held against a log that the fit has seen.
     pub fn passed(&self) -> bool {
-        self.axes.iter().all(|axis| axis.pass != Some(false))
+        let judged = self.axes.iter().any(|axis| axis.pass.is_some());
+        self.axes.iter().all(|axis| axis.pass != Some(false)) && (!judged || self.seen_by_fit.is_empty())
     }
 }
 
@@ -273,8 +280,13 @@ pub fn verify_with_evidence(
         }
         if let Some(limits) = limits {
             figures.limits = limits.judge(&figures);
-            let asked = !figures.limits.is_empty();
-            figures.pass = asked.then(|| figures.limits.iter().all(|verdict| verdict.pass));
+            if figures.limits.is_empty() && limits.asks() {
+                return Err(Error::refused(
+                    "none of the limits can be asked of this retest: it has no rate table, or only that",
+                )
+                .help("docs/verification.md tells which limits ask for which test"));
+            }
+            figures.pass = limits.asks().then(|| figures.limits.iter().all(|verdict| verdict.pass));
         }
         Ok(figures)
     });
@@ -287,9 +299,17 @@ pub fn verify_with_evidence(
         axes: axes?,
         excluded: windows.tallies.list(),
         image_sha256: correction.sha256(),
+        seen_by_fit: seen_by_fit(correction, &fit::inputs(&windows)),
         inputs: fit::inputs(&windows),
     };
     Ok((verification, evidence))
+}
+
+/// Names of the retests whose bytes the calibration was made from.
+fn seen_by_fit(correction: &Correction, retests: &[Input]) -> Vec<String> {
+    let of_fit = || correction.calibration.iter().flat_map(|calibration| &calibration.provenance.inputs);
+    let seen = |retest: &&Input| of_fit().any(|input| input.sha256 == retest.sha256);
+    retests.iter().filter(seen).map(|retest| retest.file.clone()).collect()
 }
 
 /// Both sides of every window about their own means over the used windows of the run.
@@ -396,6 +416,7 @@ fn axis_figures(
     let letter = windows.shape.axes[axis];
     let floor = floor(windows, used, axis, correction, setup, dph_per_unit);
     let left = left::left(&evidence.axes[axis].points, floor.as_ref().map(|floor| floor.value_dph));
+    // Turned, a counter's quantization is a saw that the short-τ fit takes for a walk.
     let walk = |column: usize| windows.measured_noise(column).map(|noise| noise.n_deg_rt_h()).filter(|n| *n > 0.0);
     let random_walk = walk(axis)
         .zip(walk(axis + count))
@@ -409,7 +430,8 @@ fn axis_figures(
         improvement_sigma: ratio(before.sigma, after.sigma),
         left,
         status_windows: status_windows.filter(|(_, n)| *n > 0).collect(),
-        residual: residual::residual(&evidence.axes[axis].points, random_walk),
+        residual: residual::residual(&evidence.axes[axis].points, random_walk.filter(|_| !drifts.is_turned())),
+        turned: drifts.is_turned(),
         flight: None,
         flight_untold: None,
         scale_factor: None,

@@ -5,25 +5,28 @@
 //! ramps               root mean square of heating and cooling windows about the run's mean
 //! per °C, per °C/min  slopes of one line r = a + s·T + q·Ṫ through all windows
 //! ARW                 N of the rows themselves, raw and corrected, by short-τ Allan deviations
-//! bias instability    least overlapping Allan deviation of the corrected windows / 0.664: an upper bound of B
+//! bias instability    least overlapping Allan deviation of the corrected windows / 0.664: an estimate of B that noise lifts and few
+//!                     degrees of freedom scatter
 //! ```
 //!
 //! Out of sample always: the windows are those of a retest.
 
-use nalgebra::{Matrix3, Vector3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::allan::{Deviation, Difference, overlapping, phases};
+use crate::fit::level_stretches;
 use crate::report::{Leg, Point};
 use crate::verify::left::{Estimate, joined};
 
-/// Temperatures of a plateau lie this close to its mean, °C.
-const REACH_C: f64 = 1.0;
 /// Fewer windows are no plateau.
 const FEWEST: usize = 5;
 /// Fewer windows of a leg tell no figure.
 const FEWEST_OF_LEG: usize = 10;
+/// Mean square below which a column does not vary, °C² or (°C/min)².
+const LEAST_SPREAD: f64 = 1e-6;
+/// 1 − correlation² of T and Ṫ from which on they are told apart.
+const LEAST_APART: f64 = 1e-3;
 /// √(2 ln 2/π): the flat of a flicker of B = 1.
 const FLAT: f64 = 0.664_28;
 
@@ -65,7 +68,7 @@ pub struct Residual {
     pub per_cpm: Option<Estimate>,
     /// Null where the rows do not tell it.
     pub random_walk: Option<RandomWalk>,
-    /// Upper bound of the bias instability, °/h; null with too few neighbours.
+    /// Estimate of the bias instability, °/h; null with too few neighbours.
     pub bias_instability_dph: Option<f64>,
 }
 
@@ -88,18 +91,12 @@ fn mean(points: &[&Point], of: impl Fn(&Point) -> f64) -> f64 {
 }
 
 fn plateaus(used: &[&Point]) -> Option<Plateaus> {
-    let mut all: Vec<Vec<&Point>> = Vec::new();
-    for point in used.iter().filter(|p| p.leg() == Leg::Steady && p.temperature_c.is_finite()) {
-        let joins = |last: &Vec<&Point>| {
-            last[0].run == point.run && (mean(last, |p| p.temperature_c) - point.temperature_c).abs() <= REACH_C
-        };
-        match all.last_mut() {
-            Some(last) if joins(last) => last.push(point),
-            _ => all.push(vec![point]),
-        }
-    }
+    let is_steady = |p: &&Point| p.leg() == Leg::Steady && p.temperature_c.is_finite();
+    let steady: Vec<&Point> = used.iter().copied().filter(is_steady).collect();
+    let stretches = level_stretches(steady.iter().map(|p| (p.run, p.temperature_c)));
+    let mut all: Vec<&[&Point]> = stretches.into_iter().map(|stretch| &steady[stretch]).collect();
     all.retain(|plateau| plateau.len() >= FEWEST);
-    let figures = |plateau: &Vec<&Point>| {
+    let figures = |plateau: &&[&Point]| {
         let (n, centre) = (plateau.len() as f64, mean(plateau, |p| p.after_dph));
         let squares: f64 = plateau.iter().map(|p| (p.after_dph - centre).powi(2)).sum();
         let sigma = (squares / (n - 1.0)).sqrt();
@@ -121,28 +118,40 @@ fn ramps(used: &[&Point]) -> Option<f64> {
     (moving.len() >= FEWEST_OF_LEG).then(|| square.sqrt())
 }
 
-/// Slopes over T and Ṫ of one line, each `None` where its column does not vary.
+/// Slopes over T and Ṫ of one line, each `None` where its column does not vary, both where they vary as one.
 fn slopes(used: &[&Point]) -> (Option<Estimate>, Option<Estimate>) {
     let sound: Vec<&&Point> = used.iter().filter(|p| p.temperature_c.is_finite() && p.rate_cpm.is_finite()).collect();
     if sound.len() < FEWEST_OF_LEG {
         return (None, None);
     }
-    let centre_c = sound.iter().map(|p| p.temperature_c).sum::<f64>() / sound.len() as f64;
-    let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
-    let row = |p: &Point| Vector3::new(1.0, p.temperature_c - centre_c, p.rate_cpm);
-    for point in &sound {
-        normal += row(point) * row(point).transpose();
-        right += row(point) * point.after_dph;
-    }
-    let Some(inverse) = normal.try_inverse() else { return (None, None) };
-    let solution = inverse * right;
-    let squares: f64 = sound.iter().map(|p| (p.after_dph - row(p).dot(&solution)).powi(2)).sum();
-    let variance = squares / (sound.len() - 3) as f64;
-    let slope = |i: usize| {
-        let estimate = Estimate { value: solution[i], sigma: (variance * inverse[(i, i)]).max(0.0).sqrt() };
-        (estimate.value.is_finite() && estimate.sigma.is_finite()).then_some(estimate)
+    let n = sound.len() as f64;
+    let centred = |of: fn(&Point) -> f64| -> Vec<f64> {
+        let mean = sound.iter().map(|p| of(p)).sum::<f64>() / n;
+        sound.iter().map(|p| of(p) - mean).collect()
     };
-    (slope(1), slope(2))
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let (t, q, r) = (centred(|p| p.temperature_c), centred(|p| p.rate_cpm), centred(|p| p.after_dph));
+    let (tt, qq, tq, tr, qr) = (dot(&t, &t), dot(&q, &q), dot(&t, &q), dot(&t, &r), dot(&q, &r));
+    let (moves, ramps) = (tt > LEAST_SPREAD * n, qq > LEAST_SPREAD * n);
+    let estimates = |s: f64, w: f64, inverse: [f64; 2], parameters: f64| {
+        let left = |i: usize| r[i] - s * t[i] - w * q[i];
+        let variance = (0..t.len()).map(|i| left(i).powi(2)).sum::<f64>() / (n - parameters);
+        [(s, inverse[0]), (w, inverse[1])].map(|(value, part)| Estimate { value, sigma: (variance * part).sqrt() })
+    };
+    match (moves, ramps) {
+        (true, true) => {
+            let det = tt * qq - tq * tq;
+            if det < LEAST_APART * tt * qq {
+                return (None, None);
+            }
+            let (s, w) = ((tr * qq - qr * tq) / det, (qr * tt - tr * tq) / det);
+            let [per_c, per_cpm] = estimates(s, w, [qq / det, tt / det], 3.0);
+            (Some(per_c), Some(per_cpm))
+        }
+        (true, false) => (Some(estimates(tr / tt, 0.0, [1.0 / tt, 0.0], 2.0)[0]), None),
+        (false, true) => (None, Some(estimates(0.0, qr / qq, [0.0, 1.0 / qq], 2.0)[1])),
+        (false, false) => (None, None),
+    }
 }
 
 /// The least deviation over octaves of the windows, to a sixth of what hangs together.
@@ -234,7 +243,7 @@ mod tests {
 
     /// White windows of σ: the deviation falls to τ = 32 windows, σ/√32.
     #[test]
-    fn the_instability_is_bounded_by_the_least_deviation() {
+    fn the_instability_is_the_least_deviation() {
         let found = residual(&points(|i, _, _| noise(i)), None).bias_instability_dph.unwrap();
         let white = (1.0_f64 / 12.0).sqrt() / 32.0_f64.sqrt() / FLAT;
         assert!((0.4..2.0).contains(&(found / white)), "{found} for {white}");

@@ -66,7 +66,7 @@ impl Strapdown {
     }
 }
 
-/// Position error of a drift given at the start of every step, m; one value after each step.
+/// Position error of a drift that is held over each step, m; one value after each step.
 pub fn positions_m(channel: Channel, drift_dph: &[f64], dt_s: f64) -> Vec<f64> {
     let mut state = Strapdown::default();
     let one = |b: &f64| {

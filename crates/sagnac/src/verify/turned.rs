@@ -86,6 +86,11 @@ impl<'a> Drifts<'a> {
         Ok(Self { windows, drift_dph, turnings })
     }
 
+    /// A table turned the gyro.
+    pub(crate) fn is_turned(&self) -> bool {
+        !self.turnings.is_empty()
+    }
+
     /// Rate of a window without the turning, °/h.
     pub(crate) fn rate_dph(&self, column: usize, window: usize) -> f64 {
         match self.drift_dph.get(column) {
