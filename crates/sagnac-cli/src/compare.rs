@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use sagnac::calibration::Calibration;
 use sagnac::compare::{ComparedAxis, ComparedCurve, ComparedNumber, Comparison, compare};
-use sagnac::digits::{significant, with_sigma};
+use sagnac::digits;
 use sagnac::report::comparison_report;
 use sagnac::write::write_bytes;
 use sagnac::{Error, Result};
@@ -73,10 +73,8 @@ fn values(comparison: &Comparison, curve: &ComparedCurve) -> String {
     header.extend(comparison.records.iter().map(|(name, _)| name.as_str()));
     header.push("beyond their σ");
     let rows = curve.temperatures_c.iter().enumerate().map(|(at, celsius)| {
-        let of = |record: usize| with_sigma(curve.values[record][at], Some(curve.sigmas[record][at]));
-        let mut row = vec![format!("{celsius:.1} °C")];
-        row.extend((0..comparison.records.len()).map(of));
-        row.push(significant(curve.beyond[at], 2));
+        let mut row = vec![format!("{} °C", digits::celsius(*celsius))];
+        row.extend(curve.row(at));
         row
     });
     table(&header, rows)
@@ -86,13 +84,5 @@ fn numbers(comparison: &Comparison, all: &[ComparedNumber]) -> String {
     let mut header = vec![""];
     header.extend(comparison.records.iter().map(|(name, _)| name.as_str()));
     header.extend(["unit", "farthest apart, σ"]);
-    let rows = all.iter().map(|number| {
-        let of = |value: &Option<[f64; 2]>| value.map_or("-".to_owned(), |[v, s]| with_sigma(v, Some(s)));
-        let mut row = vec![number.name.clone()];
-        row.extend(number.values.iter().map(of));
-        row.push(number.unit.clone());
-        row.push(number.sigmas.map_or("-".to_owned(), |s| significant(s, 2)));
-        row
-    });
-    table(&header, rows)
+    table(&header, all.iter().map(ComparedNumber::row))
 }

@@ -1,5 +1,7 @@
 //! The corpus: what each case puts into its folder, what is run on it, and how it must end.
 
+mod noise;
+
 use std::io::Write;
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
@@ -221,6 +223,7 @@ pub(crate) fn cases() -> Vec<Case> {
     all.extend(models_and_data());
     all.extend(files());
     all.extend(records());
+    all.extend(noise::noise_budgets());
     all
 }
 
@@ -492,7 +495,6 @@ fn records() -> Vec<Case> {
     let good_record = calibration();
     let good_image = image(&good_record);
     let good_record_too = good_record.clone();
-    let good_record_again = good_record.clone();
     let json = |name: &'static str, text: String| {
         case(name, "export unit.cal.json --to image -o out.json").file("unit.cal.json", text).place("unit.cal.json")
     };
@@ -563,28 +565,6 @@ fn records() -> Vec<Case> {
             .place("log.csv:2"),
         case("corrected log in a format that is not written", "compensate unit.cal.json log.csv -o out.csv.gz")
             .place("out.csv.gz"),
-        case("curve whose tau falls", "allan curve.csv -o out.json")
-            .file("curve.csv", "tau_s,adev_dph\n1,0.2\n2,0.1\n1.5,0.1\n")
-            .place("curve.csv:4"),
-        case("curve below zero", "allan curve.csv -o out.json")
-            .file("curve.csv", "tau_s,adev_dph_x,adev_dph_y\n1,0.2,0.3\n2,0.1,-0.1\n")
-            .place("adev_dph_y"),
-        case("curve without points", "allan curve.csv -o out.json").file("curve.csv", "tau_s,adev_dph\n"),
-        case("curve with tau of its own and another asked for", "allan curve.csv --taus 1,2")
-            .file("curve.csv", "tau_s,adev_dph\n1,0.2\n")
-            .place("curve.csv"),
-        case("tau that is no number", "allan log.csv --arcsec-per-count 1 --taus 1,x")
-            .file("log.csv", good())
-            .place("--taus"),
-        case("tau shorter than a row", "allan log.csv --arcsec-per-count 1 --taus 0.001")
-            .file("log.csv", good())
-            .place("--taus"),
-        case("calibration where noise is looked for", "allan unit.cal.json")
-            .file("unit.cal.json", good_record_again)
-            .place("unit.cal.json"),
-        case("temperature to take out where there is none", "allan log.csv --detrend temperature")
-            .file("log.csv", "time_s,rate_dph\n1,1\n2,2\n3,1\n4,2\n")
-            .refused(),
         case("window table with another window", "calibrate w.parquet --window 50 -o out.json")
             .then(|folder| {
                 std::fs::write(folder.join("log.csv"), good()).unwrap();

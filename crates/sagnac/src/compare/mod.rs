@@ -14,7 +14,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::calibration::{AxisCalibration, Calibration, TermKind};
-use crate::digits::significant;
+use crate::digits::{significant, with_sigma};
 use crate::error::{Error, Result};
 use crate::fit::{BASIS_LEN, Span, chebyshev};
 
@@ -51,6 +51,16 @@ pub struct ComparedCurve {
 }
 
 impl ComparedNumber {
+    /// A row for people: name, values ± σ, unit, how far apart.
+    pub fn row(&self) -> Vec<String> {
+        let of = |value: &Option<[f64; 2]>| value.map_or("-".to_owned(), |[v, s]| with_sigma(v, Some(s)));
+        let mut row = vec![self.name.clone()];
+        row.extend(self.values.iter().map(of));
+        row.push(self.unit.clone());
+        row.push(self.sigmas.map_or("-".to_owned(), |s| significant(s, 2)));
+        row
+    }
+
     /// What it comes to, in words; `None` where it agrees or stands alone.
     pub fn verdict(&self) -> Option<String> {
         let sigmas = self.sigmas.filter(|sigmas| *sigmas > DISAGREE)?;
@@ -59,6 +69,12 @@ impl ComparedNumber {
 }
 
 impl ComparedCurve {
+    /// Values ± σ of every record at one of the temperatures, and the spread beyond them.
+    pub fn row(&self, at: usize) -> Vec<String> {
+        let of = |record: usize| with_sigma(self.values[record][at], Some(self.sigmas[record][at]));
+        (0..self.values.len()).map(of).chain([significant(self.beyond[at], 2)]).collect()
+    }
+
     /// What the comparison comes to, in words.
     pub fn verdict(&self, records: &[(String, f64)]) -> String {
         let of = |record: &usize| records.get(*record).map_or("", |(name, _)| name.as_str());

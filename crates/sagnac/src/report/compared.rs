@@ -1,7 +1,7 @@
 //! The report of a comparison: every record's curve with its band, and by how many sigmas each stands apart.
 
 use crate::compare::{ComparedAxis, ComparedCurve, ComparedNumber, Comparison};
-use crate::digits::{significant, with_sigma};
+use crate::digits::celsius;
 use crate::error::Result;
 use crate::report::charts::{Band, Chart, ChartPage, Curve, PageTable, chart_report};
 
@@ -89,14 +89,7 @@ fn numbers(comparison: &Comparison, axis: &ComparedAxis) -> PageTable {
     let mut columns = vec![String::new()];
     columns.extend(comparison.records.iter().map(|(name, _)| name.clone()));
     columns.extend(["unit", "farthest apart, σ"].map(str::to_owned));
-    let rows = axis.numbers.iter().map(|number| {
-        let of = |value: &Option<[f64; 2]>| value.map_or("-".to_owned(), |[v, s]| with_sigma(v, Some(s)));
-        let mut row = vec![number.name.clone()];
-        row.extend(number.values.iter().map(of));
-        row.push(number.unit.clone());
-        row.push(number.sigmas.map_or("-".to_owned(), |s| significant(s, 2)));
-        row
-    });
+    let rows = axis.numbers.iter().map(ComparedNumber::row);
     PageTable { heading: format!("Numbers of axis {}", axis.axis), columns, rows: rows.collect() }
 }
 
@@ -105,10 +98,8 @@ fn table(comparison: &Comparison, axis: char, curve: &ComparedCurve) -> PageTabl
     columns.extend(comparison.records.iter().map(|(name, _)| name.clone()));
     columns.push("beyond their σ".to_owned());
     let row = |at: usize| {
-        let mut row = vec![significant(curve.temperatures_c[at], 4)];
-        let of = |record: usize| with_sigma(curve.values[record][at], Some(curve.sigmas[record][at]));
-        row.extend((0..comparison.records.len()).map(of));
-        row.push(significant(curve.beyond[at], 2));
+        let mut row = vec![celsius(curve.temperatures_c[at])];
+        row.extend(curve.row(at));
         row
     };
     PageTable {

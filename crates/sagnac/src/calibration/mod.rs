@@ -2,13 +2,17 @@
 //!
 //! Its JSON schema is `docs/calibration.schema.json`, made from these types by `cargo xtask schema`.
 
+mod doubt;
+mod table;
+
 use std::path::Path;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+pub use crate::calibration::doubt::{HeatingLessCooling, Prediction, Soak, SoakRow};
+pub use crate::calibration::table::{Misalignment, Plateau, PpmEstimate, Repeatability, ScaleFactor};
 use crate::error::{Error, Result};
-use crate::fit::{BASIS_LEN, chebyshev};
 use crate::ingest::{LogSummary, Tally};
 use crate::setup::{Setup, ThermometerSetup, WindowSize, check_thermometer};
 
@@ -313,119 +317,6 @@ pub struct Candidate {
     pub chosen: bool,
 }
 
-/// A value in parts per million with its standard deviation.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct PpmEstimate {
-    /// Value, ppm.
-    pub ppm: f64,
-    /// Standard deviation, ppm.
-    pub sigma_ppm: f64,
-}
-
-/// One temperature of a test on a rate table.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Plateau {
-    /// Mean temperature, °C.
-    pub temperature_c: f64,
-    /// Windows.
-    pub windows: usize,
-    /// Rates of the table along the axis, °/s, rising.
-    pub rates_dps: Vec<f64>,
-    /// Deviation of the scale factor S from S0.
-    pub scale: PpmEstimate,
-    /// Rate at rest: bias and, where it is not taken off, the Earth's, °/h.
-    pub bias_dph: f64,
-    /// Its standard deviation, °/h.
-    pub bias_sigma_dph: f64,
-    /// Largest distance of a rate from the straight line, ppm of the largest rate; null with fewer than three rates.
-    pub nonlinearity: Option<PpmEstimate>,
-    /// 2(S⁺ − S⁻)/(S⁺ + S⁻); null where the rates do not tell it.
-    pub asymmetry: Option<PpmEstimate>,
-}
-
-/// How well the scale factor comes back to itself.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Repeatability {
-    /// σ among visits of one temperature, pooled over temperatures, ppm.
-    pub sigma_ppm: f64,
-    /// What the windows' own scatter makes of it, ppm.
-    pub of_noise_ppm: f64,
-    /// Temperatures that were visited more than once.
-    pub temperatures: usize,
-    /// Degrees of freedom of the σ.
-    pub degrees_of_freedom: usize,
-}
-
-/// What a rate table tells of the scale factor.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct ScaleFactor {
-    /// S at T0, arcsec per count; null for rate logs.
-    pub arcsec_per_count: Option<f64>,
-    /// Deviation of S from S0 at T0, by the joint fit. Not part of the correction, which takes out the variation: set S as
-    /// `arcsec_per_count` to have it in.
-    pub at_reference: PpmEstimate,
-    /// The plateaus, in the order of the test.
-    pub plateaus: Vec<Plateau>,
-    /// Null where no temperature was visited twice.
-    pub repeatability: Option<Repeatability>,
-}
-
-/// Mean while heating less mean while cooling: hysteresis, a gradient, a rate term.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct HeatingLessCooling {
-    /// About the runs' constants, °/h.
-    pub before_dph: f64,
-    /// Less the fit, °/h. In-sample: quote a proof's instead.
-    pub after_dph: f64,
-    /// Standard error of both by the residuals' scatter, widened by their correlation, °/h.
-    pub sigma_dph: f64,
-}
-
-/// The doubt of the curve at one temperature, now and after soaking there.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct SoakRow {
-    /// °C.
-    pub temperature_c: f64,
-    /// σ of the drift at rest now, °/h.
-    pub sigma_dph: f64,
-    /// The same after each of `hours` at this temperature, °/h.
-    pub after_dph: Vec<f64>,
-}
-
-/// What more soaking would buy, by the covariance of the fit.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Soak {
-    /// Hours that are forecast.
-    pub hours: Vec<f64>,
-    /// Temperature by temperature.
-    pub rows: Vec<SoakRow>,
-    /// Where the next hour makes the curve as a whole best known, °C.
-    pub best_c: f64,
-    /// Root mean square of σ over the rows now, °/h.
-    pub mean_sigma_dph: f64,
-    /// The same after that hour.
-    pub mean_sigma_after_dph: f64,
-}
-
-/// Angle between the input axis and the plane that another axis is normal to.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Misalignment {
-    /// The axis that was turned.
-    pub towards: char,
-    /// Angle by which the input axis leans towards it, arcsec; positive where its rotation adds to this axis' rate.
-    pub arcsec: f64,
-    /// Standard deviation, arcsec.
-    pub sigma_arcsec: f64,
-}
-
 /// The calibration of one axis.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -500,66 +391,6 @@ pub struct Input {
     pub sha256: String,
     /// Rows read.
     pub rows: u64,
-}
-
-/// What the fit says of a temperature.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Prediction {
-    /// d(T) at rest, °/h.
-    pub drift_dph: f64,
-    /// Half of its 95 % interval, °/h: the curve's own doubt.
-    pub curve_dph: f64,
-    /// Half of the 95 % interval of a further window of a run whose constant is known, °/h: the doubt and the noise.
-    pub window_dph: f64,
-}
-
-impl AxisCalibration {
-    /// The drift at rest at a temperature within the span, with its intervals; `None` outside, or where nothing was
-    /// fitted here.
-    pub fn predict(&self, celsius: f64) -> Option<Prediction> {
-        let residual = self.residual.as_ref()?;
-        if !(self.span_c[0]..=self.span_c[1]).contains(&celsius) || self.covariance.is_empty() {
-            return None;
-        }
-        let span = crate::fit::Span { lo_c: self.span_c[0], hi_c: self.span_c[1] };
-        let (at, at_reference) = (chebyshev(span.x(celsius)), chebyshev(span.x(self.reference_c)));
-        let basis = |order: usize| at[order] - at_reference[order];
-        let series = self.series(TermKind::Bias);
-        let drift_dph = (1..BASIS_LEN).map(|order| series[order] * basis(order)).sum();
-        let rows: Vec<(usize, f64)> = self.rows_of(TermKind::Bias).map(|(row, order)| (row, basis(order))).collect();
-        let variance = self.variance_of(&rows);
-        let half = |variance: f64| residual.t95 * variance.sqrt();
-        Some(Prediction {
-            drift_dph,
-            curve_dph: half(variance),
-            window_dph: half(variance + residual.sigma_dph.powi(2)),
-        })
-    }
-
-    /// Rows of the covariance that are terms of a kind, with their orders (`scale 0` is the scale factor at T0).
-    pub(crate) fn rows_of(&self, kind: TermKind) -> impl Iterator<Item = (usize, usize)> {
-        let prefix = match kind {
-            TermKind::Bias => "bias ",
-            TermKind::Rate => "rate ",
-            TermKind::Scale => "scale ",
-        };
-        let named = self.covariance_of.iter().enumerate();
-        named
-            .filter_map(move |(row, name)| Some((row, name.strip_prefix(prefix)?.parse().ok()?)))
-            .filter(|(_, order)| *order < BASIS_LEN)
-    }
-
-    /// Variance of a sum of parameters, each times its weight.
-    pub(crate) fn variance_of(&self, weights: &[(usize, f64)]) -> f64 {
-        let entry = |i: usize, j: usize| self.covariance.get(i).and_then(|row| row.get(j)).copied().unwrap_or(0.0);
-        let of = |(i, a): &(usize, f64)| weights.iter().map(|(j, b)| a * b * entry(*i, *j)).sum::<f64>();
-        weights.iter().map(of).sum::<f64>().max(0.0)
-    }
-
-    /// A rate table turned it.
-    pub(crate) fn turned(&self) -> bool {
-        self.scale_factor.is_some() || !self.misalignment.is_empty()
-    }
 }
 
 impl Input {

@@ -1,0 +1,77 @@
+//! What runs on a rate table add to a record.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// A value in parts per million with its standard deviation.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PpmEstimate {
+    /// Value, ppm.
+    pub ppm: f64,
+    /// Standard deviation, ppm.
+    pub sigma_ppm: f64,
+}
+
+/// One temperature of a test on a rate table.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Plateau {
+    /// Mean temperature, °C.
+    pub temperature_c: f64,
+    /// Windows.
+    pub windows: usize,
+    /// Rates of the table along the axis, °/s, rising.
+    pub rates_dps: Vec<f64>,
+    /// Deviation of the scale factor S from S0.
+    pub scale: PpmEstimate,
+    /// Rate at rest: bias and, where it is not taken off, the Earth's, °/h.
+    pub bias_dph: f64,
+    /// Its standard deviation, °/h.
+    pub bias_sigma_dph: f64,
+    /// Largest distance of a rate from the straight line, ppm of the largest rate; null with fewer than three rates.
+    pub nonlinearity: Option<PpmEstimate>,
+    /// 2(S⁺ − S⁻)/(S⁺ + S⁻); null where the rates do not tell it.
+    pub asymmetry: Option<PpmEstimate>,
+}
+
+/// How well the scale factor comes back to itself.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Repeatability {
+    /// σ among visits of one temperature, pooled over temperatures, ppm.
+    pub sigma_ppm: f64,
+    /// What the windows' own scatter makes of it, ppm.
+    pub of_noise_ppm: f64,
+    /// Temperatures that were visited more than once.
+    pub temperatures: usize,
+    /// Degrees of freedom of the σ.
+    pub degrees_of_freedom: usize,
+}
+
+/// What a rate table tells of the scale factor.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ScaleFactor {
+    /// S at T0, arcsec per count; null for rate logs.
+    pub arcsec_per_count: Option<f64>,
+    /// Deviation of S from S0 at T0, by the joint fit. Not part of the correction, which takes out the variation: set S as
+    /// `arcsec_per_count` to have it in.
+    pub at_reference: PpmEstimate,
+    /// The plateaus, in the order of the test.
+    pub plateaus: Vec<Plateau>,
+    /// Null where no temperature was visited twice.
+    pub repeatability: Option<Repeatability>,
+}
+
+/// Angle between the input axis and the plane that another axis is normal to.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Misalignment {
+    /// The axis that was turned.
+    pub towards: char,
+    /// Angle by which the input axis leans towards it, arcsec; positive where its rotation adds to this axis' rate.
+    pub arcsec: f64,
+    /// Standard deviation, arcsec.
+    pub sigma_arcsec: f64,
+}
