@@ -32,7 +32,7 @@ pub fn read_log(bytes: &[u8]) {
     };
     let Ok(windows) = WindowBuilder::read_all(vec![log], &setup).map(|builder| builder.finish(false)) else { return };
     if windows.len() < FEW_WINDOWS {
-        let options = FitOptions { model: ModelChoice::Auto, source_date_epoch: None };
+        let options = FitOptions::new(ModelChoice::Auto);
         let _ = calibrate(windows, &setup, &options).map(|calibration| calibration.to_json());
     }
 }

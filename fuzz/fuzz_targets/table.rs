@@ -10,7 +10,7 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     std::fs::write(file.path(), bytes).expect("room on the disk");
     let _ = is_table(file.path());
     if let Ok((windows, setup)) = read_table(file.path()) {
-        let options = FitOptions { model: ModelChoice::Auto, source_date_epoch: None };
+        let options = FitOptions::new(ModelChoice::Auto);
         let _ = calibrate(windows, &setup, &options);
     }
 });
