@@ -106,12 +106,8 @@ fn of_curve(path: &Path, args: &Args) -> Result<NoiseBudget> {
         )
         .file(path.display().to_string()));
     }
-    let record = args.record.map(|seconds| {
-        let sound = seconds.is_finite() && seconds > 0.0;
-        if sound { Ok(seconds) } else { Err(Error::input("must be seconds above zero").column("--record")) }
-    });
     let (curves, input) = read_curve(path)?;
-    budget_of_curves(&curves, record.transpose()?, input)
+    budget_of_curves(&curves, args.record, input)
 }
 
 fn of_logs(args: &Args) -> Result<NoiseBudget> {

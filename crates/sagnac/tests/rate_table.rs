@@ -124,6 +124,20 @@ fn verify_reports_ppm_before_and_after() {
     assert!(axis.improvement_sigma.unwrap() > 10.0, "{axis:?}");
 }
 
+/// A record on a turning table is no record at rest, and is said to be none.
+#[test]
+fn noise_of_a_turned_record_is_doubted() {
+    use sagnac::allan::{Request, Taus, noise_budget};
+    let warned = |rig: &RateTable| {
+        let log = support::reader(rig.csv(1, true), &setup());
+        let said = noise_budget(vec![log], None, &setup(), &Request { taus: Taus::Octaves, exact: false }).unwrap();
+        said.warnings.iter().any(|warning| warning.contains("a table turned in this record, from -10.00 to 10.00 °/s"))
+    };
+    let still = RateTable { rates_dps: vec![0.0], plateaus_c: vec![25.0], ..RateTable::domain_notes() };
+    let turned = RateTable { plateaus_c: vec![25.0], ..RateTable::domain_notes() };
+    assert!(warned(&turned) && !warned(&still));
+}
+
 /// The table's angle, and a mark per revolution, in place of its rate.
 #[test]
 fn angles_and_marks_stand_for_the_rate() {

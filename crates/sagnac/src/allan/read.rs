@@ -7,8 +7,9 @@ use crate::allan::pyramid::served;
 use crate::allan::ramp::{Drift, RampWatch};
 use crate::allan::recorder::{Recorded, Recorder};
 use crate::calibration::Input;
+use crate::digits::significant;
 use crate::error::{Error, Result};
-use crate::fit::program;
+use crate::fit::{SAME_RATE, program};
 use crate::ingest::{Batch, LogReader, LogShape, Tallies, Tally};
 use crate::setup::Setup;
 use crate::units::s_from_ns;
@@ -148,6 +149,8 @@ struct Reading {
     last_end_ns: Option<i64>,
     thermometers: usize,
     detrended: bool,
+    /// Lowest and highest rate of a table, °/s.
+    table_dps: [f64; 2],
     angles: Vec<Vec<f64>>,
 }
 
@@ -165,12 +168,16 @@ impl Reading {
             last_end_ns: None,
             thermometers: shape.thermometers.len(),
             detrended: false,
+            table_dps: [f64::INFINITY, f64::NEG_INFINITY],
             angles: Vec::new(),
         }
     }
 
     fn push(&mut self, batch: &Batch, drift: Option<&Drift>) {
         self.watches.iter_mut().enumerate().for_each(|(sensor, watch)| watch.push(batch, sensor));
+        for rate in batch.reference_dps.iter().filter(|rate| rate.is_finite()) {
+            self.table_dps = [self.table_dps[0].min(*rate), self.table_dps[1].max(*rate)];
+        }
         self.angles.clone_from(&batch.angle);
         if let Some(drift) = drift {
             drift.take_from(batch, &mut self.angles, self.arcsec);
@@ -224,6 +231,14 @@ impl Reading {
         warnings.dedup();
         if self.detrended {
             warnings.clear();
+        }
+        let [slowest, fastest] = self.table_dps;
+        if fastest - slowest > SAME_RATE * fastest.abs().max(slowest.abs()) {
+            warnings.push(format!(
+                "a table turned in this record, from {} to {} °/s: its turns read as noise",
+                significant(slowest, 4),
+                significant(fastest, 4)
+            ));
         }
         let axes = shape.axes.iter().zip(&recorded).map(|(letter, recorded)| {
             let shown_as = |asked: usize| if recorded.full_overlap { asked } else { served(asked) };

@@ -28,12 +28,12 @@ pub use basis::{BASIS_LEN, Span, chebyshev};
 pub use cost::{TICK_INSTRUCTIONS, WITHIN as PRICED_WITHIN, slow_update_instructions};
 pub use model::{MAX_RATE_ORDER, ModelSpec};
 pub(crate) use monomial::{powers_from_series, series_from_powers};
-pub(crate) use plateaus::{Plateaus, level_stretches};
+pub(crate) use plateaus::{level_stretches, plateaus_of};
 pub use record::{FitOptions, calibrate, calibrate_with_evidence};
 pub(crate) use record::{inputs, noise_of, program};
 pub use robust::Loss;
 pub use tradeoff::{FrontierPoint, frontier};
-pub(crate) use turning::Turning;
+pub(crate) use turning::{SAME_RATE, Turning};
 
 use crate::error::{Error, Result};
 use crate::fit::folds::cross_validate;

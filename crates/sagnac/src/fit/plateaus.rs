@@ -17,15 +17,13 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::calibration::{Plateau, PpmEstimate, Repeatability};
-use crate::fit::turning::Turning;
+use crate::fit::turning::{SAME_RATE, Turning};
 use crate::window::Windows;
 
 /// A plateau reaches this far from its mean, °C.
 const REACH_C: f64 = 1.0;
 /// Fewer windows tell no uncertainty.
 const FEWEST: usize = 4;
-/// A rate below this part of the largest is rest.
-const REST: f64 = 1e-3;
 /// Plateaus closer than this are visits of one temperature, °C.
 const SAME_C: f64 = 2.0;
 
@@ -41,21 +39,22 @@ struct TurnedWindow {
     weight: f64,
 }
 
-/// The plateaus of one axis.
-pub(crate) struct Plateaus(pub(crate) Vec<Plateau>);
-
-impl Plateaus {
-    /// Of some windows, in their order.
-    pub(crate) fn of(windows: &Windows, used: &[usize], column: usize, sensor: usize, turning: &Turning) -> Self {
-        let one = |i: &usize| TurnedWindow {
-            run: windows.rows.run[*i] as usize,
-            temperature_c: windows.rows.mean_c[sensor][*i],
-            along_dph: turning.along_dph[*i],
-            measured_dph: windows.rate_dph(column, *i),
-            weight: windows.duration_s(*i) / windows.shape.nominal_s,
-        };
-        Self(plateaus(&used.iter().map(one).filter(|w| w.temperature_c.is_finite()).collect::<Vec<_>>()))
-    }
+/// The plateaus of one axis over some windows, in their order.
+pub(crate) fn plateaus_of(
+    windows: &Windows,
+    used: &[usize],
+    column: usize,
+    sensor: usize,
+    turning: &Turning,
+) -> Vec<Plateau> {
+    let one = |i: &usize| TurnedWindow {
+        run: windows.rows.run[*i] as usize,
+        temperature_c: windows.rows.mean_c[sensor][*i],
+        along_dph: turning.along_dph[*i],
+        measured_dph: windows.rate_dph(column, *i),
+        weight: windows.duration_s(*i) / windows.shape.nominal_s,
+    };
+    plateaus(&used.iter().map(one).filter(|w| w.temperature_c.is_finite()).collect::<Vec<_>>())
 }
 
 /// Every plateau that tells scale factor and bias apart, by temperature within the order of the test.
@@ -108,7 +107,7 @@ fn by_rate(windows: &[TurnedWindow]) -> Vec<(f64, Vec<TurnedWindow>)> {
     let mut out: Vec<(f64, Vec<TurnedWindow>)> = Vec::new();
     for window in sorted {
         match out.last_mut() {
-            Some((rate, members)) if window.along_dph - *rate <= 1e-3 * largest => members.push(window),
+            Some((rate, members)) if window.along_dph - *rate <= SAME_RATE * largest => members.push(window),
             _ => out.push((window.along_dph, vec![window])),
         }
     }
@@ -188,8 +187,8 @@ fn nonlinearity(groups: &[(f64, Vec<TurnedWindow>)], bias: f64, excess: f64) -> 
 
 fn asymmetry(windows: &[TurnedWindow], groups: &[(f64, Vec<TurnedWindow>)]) -> Option<PpmEstimate> {
     let largest = groups.iter().fold(0.0_f64, |most, (rate, _)| most.max(rate.abs()));
-    let side = |sign: f64| groups.iter().filter(|(rate, _)| rate * sign > REST * largest).count();
-    let rest = groups.iter().any(|(rate, _)| rate.abs() <= REST * largest);
+    let side = |sign: f64| groups.iter().filter(|(rate, _)| rate * sign > SAME_RATE * largest).count();
+    let rest = groups.iter().any(|(rate, _)| rate.abs() <= SAME_RATE * largest);
     let (forward, backward) = (side(1.0), side(-1.0));
     if forward == 0 || backward == 0 || !(rest || forward > 1 || backward > 1) {
         return None;

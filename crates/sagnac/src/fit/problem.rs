@@ -15,11 +15,12 @@
 //! constant per run where every run was turned at several rates, else one for all: a run at a single rate cannot tell
 //! its constant from ε0.
 
+use crate::calibration::Plateau;
 use crate::error::{Error, Result};
 use crate::fit::basis::{BASIS_LEN, Span, chebyshev, chebyshev_mean};
 use crate::fit::lag::{LagRate, RATE_COLUMNS};
 use crate::fit::model::ModelSpec;
-use crate::fit::plateaus::Plateaus;
+use crate::fit::plateaus::plateaus_of;
 use crate::fit::turning::Turning;
 use crate::units::s_from_ns;
 use crate::window::Windows;
@@ -195,8 +196,8 @@ impl<'a> Problem<'a> {
     }
 
     /// The plateaus of the axis, where a table turned it.
-    pub(crate) fn plateaus(&self, axis: usize) -> Option<Plateaus> {
-        Some(Plateaus::of(self.windows, &self.used, axis, self.sensor, self.turning.as_ref()?))
+    pub(crate) fn plateaus(&self, axis: usize) -> Option<Vec<Plateau>> {
+        Some(plateaus_of(self.windows, &self.used, axis, self.sensor, self.turning.as_ref()?))
     }
 
     /// Place of a level among the parameters.

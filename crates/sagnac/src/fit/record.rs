@@ -9,7 +9,7 @@ use crate::calibration::{
     Thermometer, UNASSIGNED, VERSION,
 };
 use crate::error::{Error, Result};
-use crate::fit::plateaus::{Plateaus, repeatability};
+use crate::fit::plateaus::repeatability;
 use crate::fit::problem::{Level, Problem};
 use crate::fit::robust::{Loss, robust_fit};
 use crate::fit::soak::soak;
@@ -344,7 +344,7 @@ fn constants(fitted: &Fitted, problem: &Problem<'_>, setup: &Setup, axes: usize)
 /// What a table tells of the scale factor; `None` where the axis was not turned at several rates.
 fn scale_factor(fitted: &Fitted, problem: &Problem<'_>, axis: usize, shape: &WindowShape) -> Option<ScaleFactor> {
     let place = problem.place_of(Level::Scale)?;
-    let Plateaus(plateaus) = problem.plateaus(axis)?;
+    let plateaus = problem.plateaus(axis)?;
     let at_reference = PpmEstimate { ppm: fitted.theta[place], sigma_ppm: fitted.sigma(place) };
     let arcsec_per_count = match shape.unit {
         AngleUnit::Quanta { arcsec_per_count, .. } => Some(arcsec_per_count * (1.0 + at_reference.ppm * 1e-6)),

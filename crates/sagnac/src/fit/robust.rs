@@ -32,8 +32,8 @@ pub enum Loss {
 /// Fits a model with Huber's loss; the problem's weights end as they were.
 pub(crate) fn robust_fit(problem: &mut Problem<'_>, spec: ModelSpec, taus_s: &[f64]) -> Result<Fitted> {
     let base = problem.weight.clone();
-    let plain = fit(problem, spec, taus_s)?;
-    let mut fitted = Fitted { theta: plain.theta.clone(), residuals: plain.residuals.clone(), ..plain };
+    // Its covariance and σ stay those of least squares until the end.
+    let mut fitted = fit(problem, spec, taus_s)?;
     let mut bend = 0.0;
     for _ in 0..MOST_ROUNDS {
         let scaled: Vec<f64> = fitted.residuals.iter().zip(&base).map(|(r, w)| r * w.sqrt()).collect();
@@ -46,7 +46,8 @@ pub(crate) fn robust_fit(problem: &mut Problem<'_>, spec: ModelSpec, taus_s: &[f
         let next = fit(problem, spec, taus_s);
         problem.weight.clone_from(&base);
         let next = next?;
-        let moved = (0..next.theta.len()).map(|i| (next.theta[i] - fitted.theta[i]).abs() / plain_sigma(&fitted, i));
+        let sigma = |i: usize| fitted.sigma(i).max(f64::MIN_POSITIVE);
+        let moved = (0..next.theta.len()).map(|i| (next.theta[i] - fitted.theta[i]).abs() / sigma(i));
         let moved = moved.fold(0.0, f64::max);
         (fitted.theta, fitted.residuals, fitted.tau) = (next.theta, next.residuals, next.tau);
         if moved < STILL {
@@ -62,10 +63,6 @@ pub(crate) fn robust_fit(problem: &mut Problem<'_>, spec: ModelSpec, taus_s: &[f
         fitted.covariance *= psi / within.powi(2) / fitted.sigma_dph.powi(2);
     }
     Ok(fitted)
-}
-
-fn plain_sigma(fitted: &Fitted, index: usize) -> f64 {
-    fitted.sigma(index).max(f64::MIN_POSITIVE)
 }
 
 fn median(mut values: Vec<f64>) -> f64 {

@@ -10,8 +10,8 @@ use crate::setup::Setup;
 use crate::units::DPH_PER_DPS;
 use crate::window::Windows;
 
-/// Rates closer than this part of the largest are one rate.
-const SAME_RATE: f64 = 1e-3;
+/// Rates closer than this part of the largest are one rate; a rate below it is rest.
+pub(crate) const SAME_RATE: f64 = 1e-3;
 
 /// What the windows of one axis were turned by.
 #[derive(Clone, Debug)]

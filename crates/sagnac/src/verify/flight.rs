@@ -277,6 +277,7 @@ impl Drift {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::verify::tests::noise;
 
     fn points(before: impl Fn(f64, f64) -> f64, after: impl Fn(f64, f64) -> f64) -> Vec<Point> {
         let one = |i: usize| {
@@ -284,7 +285,7 @@ mod tests {
             let up = phase % 2.0 < 1.0;
             let celsius = if up { 110.0 * (phase % 1.0) - 40.0 } else { 70.0 - 110.0 * (phase % 1.0) };
             let rate = if up { 1.0 } else { -1.0 };
-            let noise = 0.02 * (((i * 7919 + i * i * 104_729) % 1009) as f64 / 1009.0 - 0.5);
+            let noise = 0.02 * noise(i);
             Point {
                 run: 0,
                 hours: i as f64 / 36.0,

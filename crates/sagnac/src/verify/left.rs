@@ -151,6 +151,7 @@ fn neighbours(used: &[&Point], sigma: f64) -> Option<Estimate> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::verify::tests::noise;
 
     /// Windows of 100 s: heating for a hundred, cooling for a hundred, a gap each fifty.
     fn points(after: impl Fn(usize) -> f64) -> Vec<Point> {
@@ -165,11 +166,6 @@ mod tests {
             excluded: None,
         };
         (0..200).map(one).collect()
-    }
-
-    /// A cheap sequence without correlation, variance 1/12.
-    fn noise(i: usize) -> f64 {
-        ((i * 7919 + i * i * 104_729) % 1009) as f64 / 1009.0 - 0.5
     }
 
     #[test]

@@ -466,3 +466,11 @@ fn floor(
     let (value_dph, value) = (mean_square.sqrt(), mean_square.sqrt() / dph_per_unit);
     Some(RetestFloor { value_dph, value, expected_peak_to_peak: expected_range(largest) * value, n: largest, source })
 }
+
+#[cfg(test)]
+mod tests {
+    /// A cheap sequence without correlation, variance 1/12.
+    pub(super) fn noise(i: usize) -> f64 {
+        ((i * 7919 + i * i * 104_729) % 1009) as f64 / 1009.0 - 0.5
+    }
+}

@@ -14,7 +14,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::allan::{Deviation, Difference, overlapping, phases};
+use crate::allan::{Deviation, Difference, SquareSum, overlapping, phases};
 use crate::fit::level_stretches;
 use crate::report::{Leg, Point};
 use crate::verify::left::{Estimate, joined};
@@ -156,7 +156,6 @@ fn slopes(used: &[&Point]) -> (Option<Estimate>, Option<Estimate>) {
 
 /// The least deviation over octaves of the windows, to a sixth of what hangs together.
 fn bias_instability(used: &[&Point]) -> Option<f64> {
-    let mut squares: Vec<(f64, f64)> = Vec::new();
     let mut stretches: Vec<Vec<f64>> = vec![Vec::new()];
     for (index, point) in used.iter().enumerate() {
         let follows = index > 0 && joined(used[index - 1], point);
@@ -173,22 +172,19 @@ fn bias_instability(used: &[&Point]) -> Option<f64> {
         .take_while(|m| 6 * m <= longest)
         .map(|m| Difference { deviation: Deviation::Allan, m })
         .collect();
-    squares.resize(wanted.len(), (0.0, 0.0));
+    let mut sums = vec![SquareSum::default(); wanted.len()];
     for stretch in &stretches {
-        for (sum, part) in squares.iter_mut().zip(overlapping(&phases(stretch, 0.0), &wanted)) {
-            *sum = (sum.0 + part.squares, sum.1 + part.number);
-        }
+        let parts = overlapping(&phases(stretch, 0.0), &wanted);
+        sums.iter_mut().zip(parts).for_each(|(sum, part)| sum.merge(part));
     }
-    let deviation = |(difference, (squares, number)): (&Difference, &(f64, f64))| {
-        let m = difference.m as f64;
-        (*number > 0.0).then(|| (squares / (2.0 * m * m * number)).sqrt() / FLAT)
-    };
-    wanted.iter().zip(&squares).filter_map(deviation).reduce(f64::min)
+    let variances = wanted.iter().zip(&sums).filter_map(|(d, sum)| sum.variance(Deviation::Allan, d.m as f64));
+    variances.reduce(f64::min).map(|least| least.sqrt() / FLAT)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::verify::tests::noise;
 
     fn points(after: impl Fn(usize, f64, f64) -> f64) -> Vec<Point> {
         let one = |i: usize| {
@@ -210,10 +206,6 @@ mod tests {
             }
         };
         (0..200).map(one).collect()
-    }
-
-    fn noise(i: usize) -> f64 {
-        ((i * 7919 + i * i * 104_729) % 1009) as f64 / 1009.0 - 0.5
     }
 
     #[test]

@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::calibration::PpmEstimate;
 use crate::error::Result;
-use crate::fit::{Plateaus, Turning};
+use crate::fit::{Turning, plateaus_of};
 use crate::setup::Setup;
 use crate::window::Windows;
 
@@ -102,8 +102,7 @@ impl<'a> Drifts<'a> {
     /// The scale factor of an axis before and after; `None` without two plateaus that tell it.
     pub(crate) fn scale_proof(&self, used: &[usize], axis: usize, sensor: Option<usize>) -> Option<ScaleProof> {
         let count = self.windows.shape.axes.len() / 2;
-        let side =
-            |column: usize| Some(Plateaus::of(self.windows, used, column, sensor?, self.turnings.get(column)?).0);
+        let side = |column: usize| Some(plateaus_of(self.windows, used, column, sensor?, self.turnings.get(column)?));
         let (before, after) = (side(axis)?, side(axis + count)?);
         if before.len() < 2 || before.len() != after.len() {
             return None;
