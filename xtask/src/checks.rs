@@ -6,7 +6,7 @@ use std::process::Command;
 use crate::exports;
 use crate::firmware::firmware;
 use anyhow::{Context, Result, bail, ensure};
-use sagnac_core::{Compensator, Description, Image, Kind, Multiplier, Scale, State, Term, Thermometer};
+use sagnac_core::{Compensator, Description, Image, Kind, Multiplier, Scale, Shape, State, Term, Thermometer};
 
 /// The workspace's folder.
 pub(crate) fn root() -> PathBuf {
@@ -157,8 +157,14 @@ fn swinging_image() -> Result<Image> {
         ..Thermometer::UNUSED
     };
     d.thermometer_count = 1;
-    let term =
-        |kind, order, mantissa, shift| Term { kind, sensor: 0, order, multiplier: Multiplier::One, mantissa, shift };
+    let term = |kind, order, mantissa, shift| Term {
+        kind,
+        sensor: 0,
+        shape: Shape::Chebyshev(order),
+        multiplier: Multiplier::One,
+        mantissa,
+        shift,
+    };
     d.terms[0] = term(Kind::Bias, 1, 987_654_321, 44);
     d.terms[1] = term(Kind::Bias, 3, -765_432_101, 45);
     d.terms[2] = term(Kind::Scale, 2, 555_555_555, 35);

@@ -241,6 +241,7 @@ pub(crate) fn fpga(place: bool) -> Result<()> {
         ("compensator-paper", 3, 34),
         ("compensator-edges", 32, 48),
         ("compensator-advance", 32, 48),
+        ("compensator-inputs", 16, 48),
     ] {
         let here = folder.join(name);
         let widths = Widths { raw, increment };

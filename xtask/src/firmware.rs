@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use anyhow::{Context, Result, bail, ensure};
-use sagnac::fit::{ModelSpec, PRICED_WITHIN, slow_update_instructions};
+use sagnac::fit::{PRICED_WITHIN, Work};
 use sagnac_board::{Desk, MemoryFlash, Message, RigSettings, Row, run};
 use sagnac_core::{Banks, Description, Gyro, Image, Kind, Multiplier, Term, Thermometer};
 use sagnac_loops::LoopTable;
@@ -141,14 +141,8 @@ fn emulate(program: &str, args: &[&str], seconds: u32) -> Result<String> {
 
 /// Instructions of the image with bias 5, rate 1 and scale 2, which the vectors hold.
 fn instructions(sysroot: &Path, folder: &Path, unit: &Unit) -> Result<()> {
-    let vectors = fs::read(root().join("testdata/vectors/compensator-full.hex"))?;
-    let mut words = sagnac_vectors::Words::new(&vectors);
-    let head = words.head()?;
-    let mut bytes = [0; sagnac_vectors::MAX_TABLE];
     let image = folder.join("full.img");
-    let table = words.table(&head, &mut bytes)?;
-    fs::write(&image, table)?;
-    let full = Image::decode(table).map_err(|e| anyhow::anyhow!("the vectors' image: {e}"))?;
+    fs::write(&image, sagnac::export::image_bytes(&image_of("compensator-full")?))?;
     build(sysroot, &image, &unit.loops, &["--bin", "measure"])?;
     let said = emulate("measure", &["-serial", "null", "-icount", "shift=0"], 60)?;
     let number = |name: &str| -> Result<u32> {
@@ -168,44 +162,83 @@ fn instructions(sysroot: &Path, folder: &Path, unit: &Unit) -> Result<()> {
     {
         ensure!(found <= most, "{name}: {found} instructions, at most {most}");
     }
-    costs(sysroot, folder, unit, &full)?;
+    costs(sysroot, folder, unit)?;
     // The other programs are the unit's own again.
     build(sysroot, &unit.image, &unit.loops, &[])
 }
 
-/// An image with a part of its terms; without a rate term its filter does not run.
-fn with_terms(full: &Image, kept: impl Fn(&Term) -> bool) -> Result<Image> {
-    let mut description: Description = *full.description();
-    let kept: Vec<Term> = full.terms().iter().filter(|term| kept(term)).copied().collect();
+/// An image with a part of its terms and the first of its thermometers; without a rate term no filter runs.
+fn with_terms(of: &Image, thermometers: u8, kept: impl Fn(&Term) -> bool) -> Result<Image> {
+    let mut description: Description = *of.description();
+    let kept: Vec<Term> = of.terms().iter().filter(|term| term.sensor < thermometers && kept(term)).copied().collect();
     description.terms = [Term::ZERO; sagnac_core::MAX_TERMS];
     description.terms[..kept.len()].copy_from_slice(&kept);
     description.term_count = u8::try_from(kept.len())?;
-    if kept.iter().all(|term| term.multiplier != Multiplier::Rate) {
-        description.thermometers.iter_mut().for_each(|thermometer| thermometer.lag = Thermometer::UNUSED.lag);
+    description.thermometer_count = thermometers;
+    for (at, thermometer) in (0_u8..).zip(description.thermometers.iter_mut()) {
+        if kept.iter().all(|term| term.multiplier != Multiplier::Rate || term.sensor != at) {
+            thermometer.lag = Thermometer::UNUSED.lag;
+        }
+        if at >= thermometers {
+            *thermometer = Thermometer::UNUSED;
+        }
     }
     Image::new(description).map_err(|e| anyhow::anyhow!("an image with fewer terms: {e}"))
 }
 
+/// The images whose slow update is counted.
+fn priced(full: &Image, inputs: &Image) -> Result<Vec<(&'static str, Image)>> {
+    let order = |term: &Term| term.shape.order().unwrap_or(0);
+    let series = |term: &Term| term.kind == Kind::Bias && term.multiplier == Multiplier::One;
+    let rate = |term: &Term, most: u8| term.multiplier == Multiplier::Rate && order(term) <= most;
+    // The codes that are measured with are believed of every input.
+    let mut believed = *inputs.description();
+    believed.thermometers[3].gain = believed.thermometers[0].gain;
+    let inputs = &Image::new(believed)?;
+    Ok(vec![
+        ("nothing", with_terms(full, 1, |_| false)?),
+        ("bias 1", with_terms(full, 1, |term| series(term) && order(term) <= 1)?),
+        ("bias 5", with_terms(full, 1, series)?),
+        ("bias 5, rate 0", with_terms(full, 1, |term| series(term) || rate(term, 0))?),
+        ("bias 5, rate 1", with_terms(full, 1, |term| series(term) || rate(term, 1))?),
+        ("bias 5, rate 1, scale 2", with_terms(full, 1, |_| true)?),
+        ("bias 2 and zones", with_terms(inputs, 1, |term| term.multiplier == Multiplier::One)?),
+        ("two thermometers", with_terms(inputs, 2, |term| term.multiplier == Multiplier::One)?),
+        ("and their difference", with_terms(inputs, 3, |term| term.kind == Kind::Bias)?),
+        ("and a voltage with steps", with_terms(inputs, 4, |_| true)?),
+    ])
+}
+
 /// The form by which `calibrate --tradeoff` prices models, against images of several.
-fn costs(sysroot: &Path, folder: &Path, unit: &Unit, full: &Image) -> Result<()> {
-    for words in ["bias 0", "bias 1", "bias 5", "bias 5, rate 0", "bias 5, rate 1", "bias 5, rate 1, scale 2"] {
-        let model: ModelSpec = words.parse().map_err(|e| anyhow::anyhow!("{e}"))?;
-        let kept = |term: &Term| match (term.kind, term.multiplier) {
-            (Kind::Scale, _) => model.scale > 0 && term.order <= model.scale,
-            (Kind::Bias, Multiplier::Rate) => model.rate.is_some_and(|order| term.order <= order),
-            (Kind::Bias, Multiplier::One) => model.bias > 0 && term.order <= model.bias,
-        };
+fn costs(sysroot: &Path, folder: &Path, unit: &Unit) -> Result<()> {
+    let (full, inputs) = (image_of("compensator-full")?, image_of("compensator-inputs")?);
+    let mut wrong = Vec::new();
+    for (name, image) in priced(&full, &inputs)? {
         let path = folder.join("priced.img");
-        fs::write(&path, sagnac::export::image_bytes(&with_terms(full, kept)?))?;
+        fs::write(&path, sagnac::export::image_bytes(&image))?;
         build(sysroot, &path, &unit.loops, &["--bin", "measure"])?;
         let said = emulate("measure", &["-serial", "null", "-icount", "shift=0"], 60)?;
         let counted = said.lines().find_map(|line| line.strip_prefix("slow-update ")).context("no slow-update")?;
-        let (counted, priced): (u32, u32) = (counted.trim().parse()?, slow_update_instructions(model));
-        println!("check: `{words}`: slow update of {counted} instructions, {priced} by the form of docs/method.md");
-        let away = (f64::from(priced) / f64::from(counted) - 1.0).abs();
-        ensure!(away <= PRICED_WITHIN, "`{words}`: {priced} instructions by the form, {counted} counted");
+        let work = Work::of_image(&image);
+        let (counted, priced): (u32, u32) = (counted.trim().parse()?, work.instructions());
+        println!(
+            "check: {name}: slow update of {counted} instructions, {priced} by the form of docs/method.md ({work:?})"
+        );
+        if (f64::from(priced) / f64::from(counted) - 1.0).abs() > PRICED_WITHIN {
+            wrong.push(format!("{name}: {priced} instructions by the form, {counted} counted"));
+        }
     }
+    ensure!(wrong.is_empty(), "{}", wrong.join("; "));
     Ok(())
+}
+
+/// The image of a file of vectors.
+fn image_of(name: &str) -> Result<Image> {
+    let vectors = fs::read(root().join(format!("testdata/vectors/{name}.hex")))?;
+    let mut words = sagnac_vectors::Words::new(&vectors);
+    let head = words.head()?;
+    let mut bytes = [0; sagnac_vectors::MAX_TABLE];
+    Image::decode(words.table(&head, &mut bytes)?).map_err(|e| anyhow::anyhow!("the image of {name}: {e}"))
 }
 
 /// The ten-minute log over the emulated board's serial line and through the same board here.

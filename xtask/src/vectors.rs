@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use anyhow::{Context, Result};
-use sagnac_core::{Description, Image, Kind, LagSpec, MAX_RAW, Multiplier, Scale, Term, Thermometer};
+use sagnac_core::{Description, Image, Kind, LagSpec, MAX_RAW, Multiplier, Scale, Shape, Source, Term, Thermometer};
 use sagnac_loops::LoopTable;
 use sagnac_sim::Scenario;
 use sagnac_sim::physics::free_spectral_range_hz;
@@ -29,6 +29,7 @@ pub(crate) fn write() -> Result<()> {
     let heater = loops("prism-heater-loop", false)?;
     compensator_full()?.write("compensator-full")?;
     compensator_paper(&paper)?.write("compensator-paper")?;
+    compensator_inputs()?.write("compensator-inputs")?;
     compensator_edges(9, 1)?.write("compensator-edges")?;
     compensator_edges(1 << 30, 41)?.write("compensator-advance")?;
     compensator_edges(9, 41)?.write("compensator-limits")?;
@@ -164,9 +165,15 @@ fn thermometer(span_c: [i32; 2]) -> Result<Thermometer> {
 }
 
 fn terms(d: &mut Description, terms: &[(Kind, u8, u8, Multiplier, i32, u8)]) {
-    for (slot, &(kind, sensor, order, multiplier, mantissa, shift)) in d.terms.iter_mut().zip(terms) {
-        *slot = Term { kind, sensor, order, multiplier, mantissa, shift };
-    }
+    let series = |&(kind, sensor, order, multiplier, mantissa, shift): &(Kind, u8, u8, Multiplier, i32, u8)| Term {
+        kind,
+        sensor,
+        shape: Shape::Chebyshev(order),
+        multiplier,
+        mantissa,
+        shift,
+    };
+    d.terms.iter_mut().zip(terms.iter().map(series)).for_each(|(slot, term)| *slot = term);
     d.term_count = terms.len() as u8;
 }
 
@@ -203,6 +210,86 @@ fn compensator_full() -> Result<Making> {
         let present = u32::from(update % 97 != 96);
         making.step(1, &[present, code as u32])?;
         making.step(2, &[1000, update * 7919 + 1, 37, 5])?;
+    }
+    Ok(making)
+}
+
+/// Two thermometers, their difference with a lag of its own, a voltage; zones and steps of bias and scale, with and
+/// without the rate.
+fn compensator_inputs() -> Result<Making> {
+    use Kind::{Bias, Scale};
+    use Multiplier::{One, Rate};
+    let mut d = Description { period_ticks: 200, slew_ticks: 50, ..Description::empty() };
+    d.serial[..6].copy_from_slice(b"INPUTS");
+    let difference = Thermometer {
+        source: Source::Difference { of: 1, less: 0 },
+        gain: sagnac_core::Scale::ONE,
+        plausible_lo_q24: -(40 << 24),
+        plausible_hi_q24: 40 << 24,
+        lag: LagSpec { alpha_mantissa: 0x4abc_def1, alpha_shift: 33, ..thermometer([-35, 65])?.lag },
+        hold_updates: 5,
+        ..thermometer([-6, 11])?
+    };
+    let voltage = Thermometer {
+        unit_exponent: 1,
+        gain: sagnac_core::Scale { mantissa: 1_333_333_333, shift: 24 },
+        lag: LagSpec::default(),
+        settling_updates: 0,
+        ..thermometer([-45, 45])?
+    };
+    d.thermometers = [thermometer([-35, 65])?, thermometer([-30, 60])?, difference, voltage];
+    d.thermometer_count = 4;
+    let series = |kind, sensor, order, multiplier, mantissa, shift| Term {
+        kind,
+        sensor,
+        shape: Shape::Chebyshev(order),
+        multiplier,
+        mantissa,
+        shift,
+    };
+    let piece =
+        |kind, sensor, shape, multiplier, mantissa, shift| Term { kind, sensor, shape, multiplier, mantissa, shift };
+    let (zone, step) = (|knot_q15| Shape::Zone { knot_q15 }, |knot_q15| Shape::Step { knot_q15 });
+    let all = [
+        series(Bias, 0, 0, One, -558_484_714, 33),
+        series(Bias, 0, 2, One, 621_868_304, 33),
+        series(Bias, 0, 0, Rate, 1_012_345_679, 34),
+        piece(Bias, 0, zone(-10_923), One, -1_000_000_007, 32),
+        piece(Bias, 0, zone(10_922), One, 1_073_741_789, 31),
+        piece(Bias, 0, zone(i16::MIN), One, 777_777_777, 34),
+        piece(Bias, 0, zone(i16::MAX), Rate, -888_888_883, 25),
+        series(Bias, 1, 1, One, 987_654_321, 36),
+        series(Bias, 2, 1, One, -700_000_001, 34),
+        series(Bias, 2, 1, Rate, 650_000_011, 35),
+        series(Bias, 3, 1, One, 536_870_909, 35),
+        piece(Bias, 3, step(-16_384), One, -1_060_000_007, 34),
+        piece(Bias, 3, step(0), One, 900_000_001, 33),
+        piece(Scale, 3, step(16_384), One, 611_953_011, 41),
+        piece(Scale, 2, zone(-1), Rate, -1_050_505_051, 38),
+        series(Scale, 3, 1, One, 800_000_011, 42),
+    ];
+    d.terms[..all.len()].copy_from_slice(&all);
+    d.term_count = all.len() as u8;
+    let about =
+        "compensator: two thermometers, their difference, a voltage; zones and steps, missing and absurd samples";
+    let mut making = Making::new(Module::Compensator, image_bytes(d)?, about)?;
+    for update in 0..1000_u32 {
+        let dice = update.wrapping_mul(2_654_435_761) >> 8;
+        let up = i32::try_from(update.min(1000 - update))?;
+        let first = (-42 << 24) + up * (15 << 20) / 7 + (dice as i32 % (1 << 18));
+        // The second lags by up to 11 degC and turns later; the voltage runs up and falls back.
+        let second = first + (((update as i32 % 400) - 200) << 19) + ((dice >> 3) as i32 % (1 << 17));
+        let volts = ((update as i32 % 140) - 70) * 9_000 + (dice as i32 % 4_000);
+        let mut present = 0b1011 | (dice & 4);
+        if dice % 53 == 0 {
+            present &= dice >> 7;
+        }
+        let absurd = if dice % 71 == 0 { i32::MAX } else { second };
+        making.step(1, &[present, first as u32, absurd as u32, dice, volts as u32])?;
+        making.step(2, &[200, update * 7919 + 1, 21, 4])?;
+        if update % 250 == 249 {
+            making.step(5, &[])?;
+        }
     }
     Ok(making)
 }

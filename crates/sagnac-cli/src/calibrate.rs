@@ -2,7 +2,9 @@
 
 use std::path::PathBuf;
 
-use sagnac::calibration::{AxisCalibration, Calibration, Candidate, PpmEstimate, ScaleFactor};
+use sagnac::calibration::{
+    AxisCalibration, Calibration, Candidate, Monomial, PathStep, PathVerdict, PpmEstimate, ScaleFactor,
+};
 use sagnac::digits::{celsius, significant, with_sigma};
 use sagnac::fit::{FitOptions, Loss, ModelChoice, TICK_INSTRUCTIONS, calibrate_with_evidence, frontier};
 use sagnac::ingest::Tally;
@@ -24,7 +26,9 @@ const SHOWN_CANDIDATES: usize = 8;
 #[command(after_help = "\
 Examples:
   sagnac calibrate cycle-1.csv cycle-2.csv --setup bench.toml -o unit.cal.json --report unit.html
-  sagnac calibrate log.csv --arcsec-per-count 1.059 --model \"bias 3, rate 1\" -o unit.cal.json --json")]
+  sagnac calibrate log.csv --arcsec-per-count 1.059 --model \"bias 3, rate 1\" -o unit.cal.json --json
+  sagnac calibrate log.csv --setup bench.toml --model \"bias 2, rate 0, bias(cavity - block) 1, steps(mode)\" -o unit.cal.json
+  sagnac calibrate log.csv --setup bench.toml --inputs \"cavity - block,path_length_v\" -o unit.cal.json")]
 pub(crate) struct Args {
     /// Thermal-test logs: CSV, Parquet, Arrow or PX4 ULog, also gzipped; `-` is standard input
     #[arg(required = true)]
@@ -35,7 +39,7 @@ pub(crate) struct Args {
     /// Report to write: one HTML file for screen and paper
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
-    /// `auto`, or orders: "bias 3", "bias 3, rate 1", "bias 2, scale 1"
+    /// `auto`, or orders: "bias 3", "bias 3, rate 1", "bias 2, zones 4", "bias 2, bias(cavity - block) 1, steps(mode)"
     #[arg(long, default_value = "auto")]
     model: String,
     /// What misfit costs: `huber` lets windows far from the fit count for less
@@ -112,18 +116,9 @@ pub(crate) fn source_date_epoch() -> Result<Option<i64>> {
 fn describe(console: &mut Console, axis: &AxisCalibration) {
     console.say(format!("axis {}: {}", axis.axis, verdict(axis)));
     console.say(coefficients(axis));
-    let monomial = &axis.monomial;
-    let sigmas = monomial.sigma.as_deref().unwrap_or(&[]);
-    let powers = monomial.coefficients.iter().enumerate().map(|(power, value)| {
-        let value = with_sigma(*value, sigmas.get(power).copied());
-        if power == 0 { value } else { format!("({value})·T^{power}") }
-    });
-    console.say(format!(
-        "  in powers of °C ({}, {} s): {}",
-        monomial.unit,
-        monomial.window_s,
-        powers.collect::<Vec<_>>().join(" + ")
-    ));
+    doubts(console, axis);
+    let in_zones = if axis.zones.is_empty() { std::slice::from_ref(&axis.monomial) } else { &axis.zones };
+    in_zones.iter().for_each(|zone| console.say(powers(zone)));
     for constant in &axis.constants {
         let bias = constant
             .fixed_bias_dph
@@ -159,9 +154,87 @@ fn describe(console: &mut Console, axis: &AxisCalibration) {
     if axis.candidates.len() > 1 {
         console.say(candidates(&axis.candidates));
     }
+    if axis.path.len() > 1 {
+        console.say(path(&axis.path));
+    }
     for line in excluded(&axis.excluded) {
         console.say(format!("  {line}"));
     }
+}
+
+/// What speaks against the terms: how near they are to each other, what their thermometers' noise does.
+fn doubts(console: &mut Console, axis: &AxisCalibration) {
+    for input in &axis.inputs {
+        let [lo, hi] = input.span;
+        console.say(format!(
+            "  {}: zero at {}, {} … {}",
+            input.name,
+            significant(input.reference, 4),
+            significant(lo, 4),
+            significant(hi, 4)
+        ));
+    }
+    let near = axis.collinearity.as_ref().map(|near| {
+        format!("condition of the terms {} (at most {})", significant(near.condition, 3), significant(near.limit, 3))
+    });
+    let noise = axis.correction_noise.as_ref().map(|noise| {
+        let part = |part: f64| format!("{} %", significant(100.0 * part, 2));
+        let raw = noise.increase.map_or("the raw one is not known".to_owned(), |more| {
+            format!("{} more than raw, at most {}", part(more), part(noise.limit))
+        });
+        format!("thermometer noise makes {} °/√h of angle random walk ({raw})", significant(noise.deg_rt_h, 2))
+    });
+    let words: Vec<String> = near.into_iter().chain(noise).collect();
+    if !words.is_empty() {
+        console.say(format!("  {}", words.join("; ")));
+    }
+}
+
+/// A curve in powers of °C, with the zone it is of.
+fn powers(monomial: &Monomial) -> String {
+    let sigmas = monomial.sigma.as_deref().unwrap_or(&[]);
+    let powers = monomial.coefficients.iter().enumerate().map(|(power, value)| {
+        let value = with_sigma(*value, sigmas.get(power).copied());
+        if power == 0 { value } else { format!("({value})·T^{power}") }
+    });
+    let zone = monomial.from_to_c.map_or(String::new(), |[from, to]| format!(", {from:.2} … {to:.2} °C"));
+    let sum = powers.collect::<Vec<_>>().join(" + ");
+    format!("  in powers of °C ({}, {} s{zone}): {sum}", monomial.unit, monomial.window_s)
+}
+
+/// The way from the grid's model to the one taken: what was taken, and the best of what was not.
+fn path(steps: &[PathStep]) -> String {
+    let last = steps.last().map_or(0, |step| step.step);
+    let kept =
+        |step: &&PathStep| !matches!(step.verdict, PathVerdict::NoGain | PathVerdict::Missed | PathVerdict::NotFitted);
+    let taken = steps.iter().filter(kept).filter(|step| step.verdict != PathVerdict::Collinear);
+    let rows = taken.map(|step| {
+        let others = steps.iter().filter(|other| other.step == step.step).count().saturating_sub(1);
+        let refused = |other: &&PathStep| other.step == step.step && other.verdict == PathVerdict::Collinear;
+        let refused = steps.iter().filter(refused).count();
+        vec![
+            step.step.to_string(),
+            step.model.clone(),
+            step.held_out_dph.map_or("-".to_owned(), |h| significant(h, 4)),
+            step.condition.map_or("-".to_owned(), |c| significant(c, 3)),
+            match step.verdict {
+                PathVerdict::Start => "the grid's best".to_owned(),
+                PathVerdict::LagRaised => "lag raised for the thermometer's noise".to_owned(),
+                PathVerdict::TooNoisy => "left: its thermometer is too noisy".to_owned(),
+                _ if refused > 0 => format!("taken out of {}, {refused} refused as collinear", others + 1),
+                _ => format!("taken out of {}", others + 1),
+            },
+        ]
+    });
+    let rows: Vec<Vec<String>> = rows.collect();
+    if rows.len() < 2 {
+        return format!(
+            "  {} models with one term more or less: none is better, none as good and smaller",
+            steps.len() - 1
+        );
+    }
+    let title = format!("path of {last} steps, {} models", steps.len());
+    table(&["step", &title, "held-out σ, °/h", "condition", ""], rows)
 }
 
 fn verdict(axis: &AxisCalibration) -> String {
@@ -182,24 +255,21 @@ fn verdict(axis: &AxisCalibration) -> String {
 
 fn coefficients(axis: &AxisCalibration) -> String {
     let terms = axis.terms.iter().map(|term| {
-        let kind = format!("{:?}", term.kind).to_lowercase();
         let mark = if term.significant == Some(false) { "not significant" } else { "" };
-        let mut row = vec![
-            format!("{kind} {}", term.order),
-            with_sigma(term.value, term.sigma),
-            term.unit.clone(),
-            mark.to_owned(),
-        ];
+        let mut row =
+            vec![term.name(axis.is_main(term)), with_sigma(term.value, term.sigma), term.unit.clone(), mark.to_owned()];
         if let Some([lo, hi]) = term.bootstrap {
             row.push(format!("{} … {}", significant(lo, 3), significant(hi, 3)));
         }
         row
     });
-    let lag = axis.lag_s.map(|lag| {
+    let lags = axis.lag_s.map(|lag| ("lag".to_owned(), lag)).into_iter();
+    let further = axis.inputs.iter().filter_map(|input| Some((format!("lag({})", input.name), input.lag_s?)));
+    let lags = lags.chain(further).map(|(name, lag)| {
         let mark = if lag.sigma.is_none() { "not resolved: smallest within 2 % of the least misfit" } else { "" };
-        vec!["lag".to_owned(), with_sigma(lag.value, lag.sigma), "s".to_owned(), mark.to_owned()]
+        vec![name, with_sigma(lag.value, lag.sigma), "s".to_owned(), mark.to_owned()]
     });
-    let rows: Vec<Vec<String>> = terms.chain(lag).collect();
+    let rows: Vec<Vec<String>> = terms.chain(lags).collect();
     if rows.is_empty() {
         return "  no term earns its place: the drift does not follow temperature beyond the noise".to_owned();
     }

@@ -51,7 +51,7 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
         LogReader::from_reader(&format!("seed {seed}"), Box::new(Cursor::new(bytes)), &setup, Pace::Bulk)
     };
     let windows = WindowBuilder::read_all(vec![log(first)?], &setup)?.finish(false);
-    let quadratic = ModelSpec { bias: 2, rate: None, scale: 0 };
+    let quadratic = ModelSpec { bias: 2, ..ModelSpec::default() };
     let options = FitOptions::new(ModelChoice::Fixed(quadratic));
     let calibration = calibrate(windows, &setup, &options)?;
     console.say(format!(

@@ -11,7 +11,7 @@ use sagnac::ingest::{AngleUnit, LogReader, LogShape, Pace, Tally, hex, sha256};
 use sagnac::setup::Setup;
 use sagnac::units::s_from_ns;
 use sagnac::window::{WindowBuilder, Windows};
-use sagnac_core::{Image, Kind as TermKind, Multiplier};
+use sagnac_core::{Image, Kind as TermKind, Multiplier, Shape, Source, Term};
 use serde::Serialize;
 
 use crate::calibrate::{excluded, summary};
@@ -251,6 +251,11 @@ struct ImageObject {
 
 #[derive(Serialize)]
 struct ImageThermometer {
+    /// Of a difference: the two thermometers, by their place.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    difference: Option<[u8; 2]>,
+    /// In units of 2^exponent of its own; 0 for °C.
+    unit_exponent: i8,
     span_c: [f64; 2],
     plausible_c: [f64; 2],
     has_rate: bool,
@@ -261,6 +266,12 @@ struct ImageTerm {
     kind: &'static str,
     sensor: u8,
     order: u8,
+    /// `zone` or `step`, for terms that begin at a knot.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    shape: Option<&'static str>,
+    /// Where it begins, in the unit of the span.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    from: Option<f64>,
     times_rate: bool,
     mantissa: i32,
     shift: u8,
@@ -277,18 +288,28 @@ fn image(path: &Path, console: &mut Console) -> Result<()> {
         "{} arcsec per output count ({} counts of the log); tick {} ns, temperature period {} ticks, slew {} ticks; zero at {:.3} °C",
         object.arcsec_per_count, object.quantum, object.tick_ns, object.period_ticks, object.slew_ticks, object.reference_c
     ));
-    for t in &object.thermometers {
+    for (at, t) in object.thermometers.iter().enumerate() {
+        let what = match t.difference {
+            Some([of, less]) => format!("input {at}: {of} less {less}, "),
+            None if object.thermometers.len() > 1 => format!("input {at}: "),
+            None => String::new(),
+        };
+        let unit = if t.unit_exponent == 0 { "°C".to_owned() } else { format!("times 2^{}", t.unit_exponent) };
         let rate = if t.has_rate { ", with a rate filter" } else { "" };
         console.say(format!(
-            "span {:.3} … {:.3} °C, believed {:.1} … {:.1} °C{rate}",
+            "{what}span {:.3} … {:.3} {unit}, believed {:.1} … {:.1} {unit}{rate}",
             t.span_c[0], t.span_c[1], t.plausible_c[0], t.plausible_c[1]
         ));
     }
     let rows = object.terms.iter().map(|t| {
         let times = if t.times_rate { "rate" } else { "1" };
-        vec![format!("{} {}", t.kind, t.order), times.to_owned(), t.mantissa.to_string(), t.shift.to_string()]
+        let name = match (t.shape, t.from) {
+            (Some(shape), Some(from)) => format!("{} {shape} from {from:.3}", t.kind),
+            _ => format!("{} {}", t.kind, t.order),
+        };
+        vec![name, t.sensor.to_string(), times.to_owned(), t.mantissa.to_string(), t.shift.to_string()]
     });
-    console.say(table(&["term", "times", "mantissa", "shift"], rows));
+    console.say(table(&["term", "input", "times", "mantissa", "shift"], rows));
     console.object(&object)
 }
 
@@ -296,14 +317,31 @@ fn image_object(image: &Image) -> ImageObject {
     let d = image.description();
     let celsius = |q24: i32| f64::from(q24) / f64::from(1 << 24);
     let thermometers = image.thermometers().iter().map(|t| ImageThermometer {
+        difference: match t.source {
+            Source::Difference { of, less } => Some([of, less]),
+            Source::Code => None,
+        },
+        unit_exponent: t.unit_exponent,
         span_c: [celsius(t.span_lo_q24), celsius(t.span_hi_q24)],
         plausible_c: [celsius(t.plausible_lo_q24), celsius(t.plausible_hi_q24)],
         has_rate: t.lag.is_used(),
     });
+    let from = |t: &Term, knot_q15: i16| {
+        let t = image.thermometers().get(usize::from(t.sensor))?;
+        let (lo, hi) = (celsius(t.span_lo_q24), celsius(t.span_hi_q24));
+        Some(f64::midpoint(lo, hi) + f64::from(knot_q15) / 32_768.0 * (hi - lo) / 2.0)
+    };
+    let piece = |t: &Term| match t.shape {
+        Shape::Chebyshev(_) => (None, None),
+        Shape::Zone { knot_q15 } => (Some("zone"), from(t, knot_q15)),
+        Shape::Step { knot_q15 } => (Some("step"), from(t, knot_q15)),
+    };
     let terms = image.terms().iter().map(|t| ImageTerm {
+        shape: piece(t).0,
+        from: piece(t).1,
         kind: if t.kind == TermKind::Bias { "bias" } else { "scale" },
         sensor: t.sensor,
-        order: t.order,
+        order: t.shape.order().unwrap_or(0),
         times_rate: t.multiplier == Multiplier::Rate,
         mantissa: t.mantissa,
         shift: t.shift,

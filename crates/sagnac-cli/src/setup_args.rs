@@ -58,9 +58,19 @@ pub(crate) struct SetupArgs {
     /// Name of the thermometer that the model uses
     #[arg(long, value_name = "NAME")]
     thermometer: Option<String>,
+    /// Further inputs that `auto` may use, with commas between them: thermometers, "one - another", auxiliary columns; `none`
+    /// for none. An image alone reads its further inputs by them
+    #[arg(long, value_name = "NAMES")]
+    inputs: Option<String>,
     /// `none` keeps every window; `auto` leaves out bumps, steps and start-up
     #[arg(long, value_enum, default_value = "auto")]
     pub(crate) exclude: Exclude,
+}
+
+/// Names between commas; none for the word `none`.
+fn names(text: &str) -> Vec<String> {
+    let all = text.split(',').map(|name| name.trim().to_owned());
+    if text == "none" { Vec::new() } else { all.collect() }
 }
 
 /// How a counts column counts.
@@ -102,6 +112,7 @@ impl SetupArgs {
         put(&mut setup.reference_c, &self.reference);
         put(&mut setup.min_span_c, &self.min_span);
         put(&mut setup.use_thermometer, &self.thermometer);
+        put(&mut setup.inputs, &self.inputs.as_deref().map(names));
         setup.settle_s = self.settle.unwrap_or(setup.settle_s);
         setup.temperature_offset_s = self.temperature_offset.unwrap_or(setup.temperature_offset_s);
         setup.counter = match self.counter {

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use assert_cmd::Command;
 use sagnac_board::frame::{Frame, Reader};
 use sagnac_board::{Desk, MemoryFlash, Message, RigSettings, Row, run};
-use sagnac_core::{Banks, Gyro, Image};
+use sagnac_core::{Banks, Gyro, Image, Shape};
 use sagnac_loops::LoopTable;
 
 fn root() -> PathBuf {
@@ -116,7 +116,8 @@ fn a_width_that_rounding_could_exceed_is_refused() {
     let (path, out) = (folder.path().join("edge.img"), folder.path().join("out"));
     let mut description = *Image::decode(&fs::read(paper()).unwrap()).unwrap().description();
     (description.terms[0].mantissa, description.terms[0].shift) = ((1 << 30) - 1, 20);
-    (description.terms[1].mantissa, description.terms[1].shift, description.terms[1].order) = (15, 24, 0);
+    (description.terms[1].mantissa, description.terms[1].shift, description.terms[1].shape) =
+        (15, 24, Shape::Chebyshev(0));
     description.term_count = 2;
     fs::write(&path, sagnac::export::image_bytes(&Image::new(description).unwrap())).unwrap();
     let with =

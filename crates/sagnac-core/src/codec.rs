@@ -14,8 +14,8 @@
 use core::fmt;
 
 use crate::bytes::{Reader, Writer, crc32};
-use crate::image::{Description, Image, ImageError, Kind, MAX_TERMS, MAX_THERMOMETERS, Multiplier, Term};
-use crate::thermometer::{LagSpec, Scale, Thermometer};
+use crate::image::{Description, Image, ImageError, Kind, MAX_TERMS, MAX_THERMOMETERS, Multiplier, Shape, Term};
+use crate::thermometer::{LagSpec, Scale, Source, Thermometer};
 
 /// First eight bytes of every image.
 pub const MAGIC: [u8; 8] = *b"SAGNACIM";
@@ -72,6 +72,13 @@ pub enum DecodeError {
         /// The multiplier found.
         multiplier: u8,
     },
+    /// A shape this code cannot evaluate.
+    UnknownShape {
+        /// Index of the term, from 0.
+        term: u8,
+        /// The shape found.
+        shape: u8,
+    },
     /// The bytes are intact, the values make no sense.
     Invalid(ImageError),
 }
@@ -95,6 +102,7 @@ impl fmt::Display for DecodeError {
             Self::UnknownMultiplier { term, multiplier } => {
                 write!(f, "term {term} has the unknown multiplier {multiplier}")
             }
+            Self::UnknownShape { term, shape } => write!(f, "term {term} has the unknown shape {shape}"),
             Self::Invalid(error) => write!(f, "{error}"),
         }
     }
@@ -224,7 +232,12 @@ fn read_head(r: &mut Reader<'_>) -> Parsed<Description> {
 fn write_thermometer(w: &mut Writer<'_>, t: &Thermometer) -> Option<()> {
     w.put(t.offset_q24.to_le_bytes())?;
     w.put(t.gain.mantissa.to_le_bytes())?;
-    w.put([t.gain.shift, t.x_shift, t.lag.alpha_shift, t.lag.rate_shift, t.lag.y_shift, 0, 0, 0])?;
+    let source = match t.source {
+        Source::Code => [0; 3],
+        Source::Difference { of, less } => [1, of, less],
+    };
+    w.put([t.gain.shift, t.x_shift, t.lag.alpha_shift, t.lag.rate_shift, t.lag.y_shift])?;
+    w.put(source)?;
     for value in [t.plausible_lo_q24, t.plausible_hi_q24, t.span_lo_q24, t.span_hi_q24] {
         w.put(value.to_le_bytes())?;
     }
@@ -235,23 +248,31 @@ fn write_thermometer(w: &mut Writer<'_>, t: &Thermometer) -> Option<()> {
     w.put(t.lag.y_mantissa.to_le_bytes())?;
     w.put(t.hold_updates.to_le_bytes())?;
     w.put(t.settling_updates.to_le_bytes())?;
-    w.put([0; 4])
+    w.put([t.unit_exponent.cast_unsigned(), 0, 0, 0])
 }
 
 fn read_thermometer(r: &mut Reader<'_>) -> Parsed<Thermometer> {
     let offset_q24 = r.i32()?;
     let mantissa = r.i32()?;
-    let [gain_shift, x_shift, alpha_shift, rate_shift, y_shift, zeros @ ..] = r.take::<8>()?;
+    let [gain_shift, x_shift, alpha_shift, rate_shift, y_shift, source @ ..] = r.take::<8>()?;
     let (plausible_lo_q24, plausible_hi_q24) = (r.i32()?, r.i32()?);
     let (span_lo_q24, span_hi_q24) = (r.i32()?, r.i32()?);
     let (x_mantissa, alpha_mantissa) = (r.u32()?, r.u32()?);
     let (rate_lo, rate_hi, y_mantissa) = (r.i32()?, r.i32()?, r.u32()?);
     let (hold_updates, settling_updates) = (r.u32()?, r.u32()?);
-    if r.u32()? != 0 || zeros != [0; 3] {
+    let [unit_exponent, zeros @ ..] = r.take::<4>()?;
+    let source = match source {
+        [0, 0, 0] => Source::Code,
+        [1, of, less] => Source::Difference { of, less },
+        _ => return Some(Err(DecodeError::Reserved("a thermometer"))),
+    };
+    if zeros != [0; 3] {
         return Some(Err(DecodeError::Reserved("a thermometer")));
     }
     let lag = LagSpec { alpha_mantissa, alpha_shift, rate_shift, rate_lo, rate_hi, y_mantissa, y_shift };
     Some(Ok(Thermometer {
+        source,
+        unit_exponent: unit_exponent.cast_signed(),
         offset_q24,
         gain: Scale { mantissa, shift: gain_shift },
         plausible_lo_q24,
@@ -275,18 +296,29 @@ fn write_term(w: &mut Writer<'_>, term: &Term) -> Option<()> {
         Multiplier::One => 0,
         Multiplier::Rate => 1,
     };
-    w.put([kind, term.sensor, term.order, multiplier])?;
+    let (shape, order, knot_q15) = match term.shape {
+        Shape::Chebyshev(order) => (0, order, 0),
+        Shape::Zone { knot_q15 } => (1, 0, knot_q15),
+        Shape::Step { knot_q15 } => (2, 0, knot_q15),
+    };
+    w.put([kind, term.sensor, order, multiplier])?;
     w.put(term.mantissa.to_le_bytes())?;
-    w.put([term.shift, 0, 0, 0])
+    w.put([term.shift, shape])?;
+    w.put(knot_q15.to_le_bytes())
 }
 
 fn read_term(r: &mut Reader<'_>, index: u8) -> Parsed<Term> {
     let [kind, sensor, order, multiplier] = r.take()?;
     let mantissa = r.i32()?;
-    let [shift, zeros @ ..] = r.take::<4>()?;
-    if zeros != [0; 3] {
-        return Some(Err(DecodeError::Reserved("a term")));
-    }
+    let [shift, shape, knot @ ..] = r.take::<4>()?;
+    let knot_q15 = i16::from_le_bytes(knot);
+    let shape = match (shape, order, knot_q15) {
+        (0, order, 0) => Shape::Chebyshev(order),
+        (1, 0, knot_q15) => Shape::Zone { knot_q15 },
+        (2, 0, knot_q15) => Shape::Step { knot_q15 },
+        (0..=2, ..) => return Some(Err(DecodeError::Reserved("a term"))),
+        (shape, ..) => return Some(Err(DecodeError::UnknownShape { term: index, shape })),
+    };
     let kind = match kind {
         1 => Kind::Bias,
         2 => Kind::Scale,
@@ -299,5 +331,5 @@ fn read_term(r: &mut Reader<'_>, index: u8) -> Parsed<Term> {
             return Some(Err(DecodeError::UnknownMultiplier { term: index, multiplier }));
         }
     };
-    Some(Ok(Term { kind, sensor, order, multiplier, mantissa, shift }))
+    Some(Ok(Term { kind, sensor, shape, multiplier, mantissa, shift }))
 }

@@ -17,11 +17,11 @@
 
 use core::fmt;
 
-use crate::image::{GUARD_BITS, Image, Kind, MAX_THERMOMETERS, Multiplier, Term};
+use crate::image::{GUARD_BITS, Image, Kind, MAX_THERMOMETERS, Multiplier, Shape, Term};
 use crate::rounding::round_shift;
-use crate::series::{BASIS_LEN, ONE_Q31, chebyshev};
+use crate::series::{BASIS_LEN, ONE_Q31, chebyshev, step, zone};
 use crate::status::Status;
-use crate::thermometer::{Reading, ThermometerState};
+use crate::thermometer::{Reading, Source, ThermometerState};
 
 /// Largest |raw| of one call: 2²⁹ counts.
 pub const MAX_RAW: i32 = 1 << 29;
@@ -256,7 +256,8 @@ impl Compensator {
         self.run_clock(state, ticks).map(|_| ())
     }
 
-    /// A slow update: one code per thermometer of the image, `None` where there is no sample.
+    /// A slow update: one code per thermometer of the image, `None` where there is no sample. A difference takes its
+    /// two thermometers' temperatures of this update; its own code is not looked at.
     ///
     /// # Errors
     /// [`Misuse`] when it is not due, or the number of codes is wrong; then nothing has changed.
@@ -316,9 +317,21 @@ impl Compensator {
     fn read(&self, state: &mut State, codes: &[Option<i32>]) -> ([Reading; MAX_THERMOMETERS], Status, bool) {
         let mut readings = [Reading::default(); MAX_THERMOMETERS];
         let (mut status, mut held) = (Status::OK, false);
+        // Of this update, for the differences that come after.
+        let mut fresh_q24 = [None; MAX_THERMOMETERS];
         let slots = readings.iter_mut().zip(state.thermometers.iter_mut());
-        for ((slot, memory), (spec, code)) in slots.zip(self.image.thermometers().iter().zip(codes)) {
-            match memory.update(spec, *code) {
+        for (at, ((slot, memory), (spec, code))) in slots.zip(self.image.thermometers().iter().zip(codes)).enumerate() {
+            let fresh = match spec.source {
+                Source::Code => code.and_then(|code| spec.temperature_q24(code)),
+                Source::Difference { of, less } => {
+                    let of_update = |i: u8| fresh_q24.get(usize::from(i)).copied().flatten();
+                    of_update(of).zip(of_update(less)).and_then(|(a, b): (i64, i64)| spec.plausible(a - b))
+                }
+            };
+            if let Some(place) = fresh_q24.get_mut(at) {
+                *place = fresh.map(i64::from);
+            }
+            match memory.update(spec, fresh) {
                 Some(reading) => *slot = reading,
                 None => {
                     held = true;
@@ -358,9 +371,15 @@ impl Compensator {
         let (mut bias, mut scale) = (0_i64, 0_i64);
         for term in self.image.terms() {
             let sensor = usize::from(term.sensor);
-            let polynomial = basis.get(sensor).and_then(|row| row.get(usize::from(term.order)));
-            let y = readings.get(sensor).map_or(0, |reading| reading.y_q31);
-            let value = term_value(term, polynomial.copied().unwrap_or(0), y);
+            let reading = readings.get(sensor).copied().unwrap_or_default();
+            let shape = match term.shape {
+                Shape::Chebyshev(order) => {
+                    basis.get(sensor).and_then(|row| row.get(usize::from(order))).copied().unwrap_or(0)
+                }
+                Shape::Zone { knot_q15 } => zone(reading.x_q47, knot_q15),
+                Shape::Step { knot_q15 } => step(reading.x_q47, knot_q15),
+            };
+            let value = term_value(term, shape, reading.y_q31);
             match term.kind {
                 Kind::Bias => bias += value,
                 Kind::Scale => scale += value,
@@ -372,10 +391,10 @@ impl Compensator {
 
 /// |mantissa|·|basis| ≤ 2³¹·(2³¹ + 36) < 2⁶²·¹.
 #[inline]
-fn term_value(term: &Term, polynomial: i64, y: i64) -> i64 {
+fn term_value(term: &Term, shape: i64, y: i64) -> i64 {
     let basis = match term.multiplier {
-        Multiplier::One => polynomial,
-        Multiplier::Rate => round_shift(polynomial * y, ONE_Q31.trailing_zeros()),
+        Multiplier::One => shape,
+        Multiplier::Rate => round_shift(shape * y, ONE_Q31.trailing_zeros()),
     };
     round_shift(i64::from(term.mantissa) * basis, u32::from(term.shift))
 }

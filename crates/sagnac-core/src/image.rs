@@ -4,14 +4,14 @@
 //! refuses every combination for which the arithmetic of [`crate::Compensator`] could overflow or
 //! mean nothing. After that no arithmetic needs a `Result`.
 //!
-//! A term is `coefficient · T_order(x_sensor) [· y_sensor]`, its coefficient a mantissa with its own
-//! exponent. Bias terms are in output counts per tick, scale terms in units of one; both are summed
-//! in Q40 (eight guard bits below the Q32 of the fast path).
+//! A term is `coefficient · shape(x_sensor) [· y_sensor]`, its shape a Chebyshev polynomial or a piece that begins at a
+//! knot ([`Shape`]), its coefficient a mantissa with its own exponent. Bias terms are in output counts per tick, scale
+//! terms in units of one; both are summed in Q40 (eight guard bits below the Q32 of the fast path).
 
 use core::fmt;
 
 use crate::series::MAX_ORDER;
-use crate::thermometer::{LagSpec, Thermometer};
+use crate::thermometer::{LagSpec, Scale, Source, Thermometer};
 
 /// Thermometers one image can describe.
 pub const MAX_THERMOMETERS: usize = 4;
@@ -44,6 +44,33 @@ pub enum Multiplier {
     Rate,
 }
 
+/// The function of x that a term is made of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Shape {
+    /// T_order(x), the Chebyshev polynomial of this order, 0..=8.
+    Chebyshev(u8),
+    /// ((x − knot)/2)² above the knot, 0 below: with a series beside it a piecewise polynomial with a continuous slope.
+    Zone {
+        /// x in 2⁻¹⁵.
+        knot_q15: i16,
+    },
+    /// 1 from the knot on, 0 below.
+    Step {
+        /// x in 2⁻¹⁵.
+        knot_q15: i16,
+    },
+}
+
+impl Shape {
+    /// The Chebyshev order, if it is one.
+    pub const fn order(self) -> Option<u8> {
+        match self {
+            Self::Chebyshev(order) => Some(order),
+            Self::Zone { .. } | Self::Step { .. } => None,
+        }
+    }
+}
+
 /// One row of the image's table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Term {
@@ -51,9 +78,9 @@ pub struct Term {
     pub kind: Kind,
     /// Which thermometer's x (and y).
     pub sensor: u8,
-    /// Order of the Chebyshev polynomial, 0..=8.
-    pub order: u8,
-    /// What the polynomial is multiplied with.
+    /// The function of x.
+    pub shape: Shape,
+    /// What the shape is multiplied with.
     pub multiplier: Multiplier,
     /// Coefficient = mantissa · 2^(31 − shift) in Q40.
     pub mantissa: i32,
@@ -63,8 +90,14 @@ pub struct Term {
 
 impl Term {
     /// A term that adds nothing; fills unused places of a description.
-    pub const ZERO: Self =
-        Self { kind: Kind::Bias, sensor: 0, order: 0, multiplier: Multiplier::One, mantissa: 0, shift: 62 };
+    pub const ZERO: Self = Self {
+        kind: Kind::Bias,
+        sensor: 0,
+        shape: Shape::Chebyshev(0),
+        multiplier: Multiplier::One,
+        mantissa: 0,
+        shift: 62,
+    };
 
     /// The largest value the term can reach, in Q40, rounded up.
     const fn bound_q40(&self) -> i64 {
@@ -172,7 +205,9 @@ impl Image {
         let image = Self(description);
         image.check_head()?;
         for (i, thermometer) in (0_u8..).zip(image.thermometers()) {
-            check_thermometer(thermometer).map_err(|field| ImageError::Thermometer(i, field))?;
+            check_thermometer(thermometer)
+                .and_then(|()| image.check_source(i, thermometer))
+                .map_err(|field| ImageError::Thermometer(i, field))?;
         }
         for (i, term) in (0_u8..).zip(image.terms()) {
             image.check_term(term).map_err(|field| ImageError::Term(i, field))?;
@@ -188,7 +223,7 @@ impl Image {
 
     /// What the terms of a kind can reach together, in 2⁻³² counts per tick (bias) or 2⁻³² (scale).
     ///
-    /// |T_n| ≤ 1 and |y| ≤ 1, so the sum of the coefficients' sizes bounds every value.
+    /// |shape| ≤ 1 and |y| ≤ 1, so the sum of the coefficients' sizes bounds every value.
     pub fn reach(&self, kind: Kind) -> i64 {
         let terms = self.terms().iter().filter(|term| term.kind == kind);
         terms.map(Term::bound_q40).fold(0_i64, i64::saturating_add) >> GUARD_BITS
@@ -237,12 +272,24 @@ impl Image {
         first_broken(&rules).map_err(ImageError::Head)
     }
 
+    /// A difference is of two thermometers that stand before it and have codes of their own, which need no conversion again.
+    fn check_source(&self, index: u8, t: &Thermometer) -> Result<(), &'static str> {
+        let Source::Difference { of, less } = t.source else { return Ok(()) };
+        let own_code = |i: u8| {
+            i < index && self.thermometers().get(usize::from(i)).is_some_and(|other| other.source == Source::Code)
+        };
+        first_broken(&[
+            (own_code(of) && own_code(less) && of != less, "difference"),
+            (t.offset_q24 == 0 && t.gain == Scale::ONE, "conversion (a difference has no code)"),
+        ])
+    }
+
     fn check_term(&self, term: &Term) -> Result<(), &'static str> {
         let sensor = self.thermometers().get(usize::from(term.sensor));
         let has_rate = sensor.is_some_and(|thermometer| thermometer.lag.is_used());
         first_broken(&[
             (sensor.is_some(), "sensor"),
-            (term.order <= MAX_ORDER, "order"),
+            (term.shape.order().is_none_or(|order| order <= MAX_ORDER), "order"),
             (term.multiplier == Multiplier::One || has_rate, "multiplier (the thermometer has no lag filter)"),
             (term.mantissa != i32::MIN, "mantissa"),
             ((8..=62).contains(&term.shift), "shift"),
@@ -268,6 +315,7 @@ fn check_thermometer(t: &Thermometer) -> Result<(), &'static str> {
         (t.plausible_lo_q24 > i32::MIN && t.plausible_hi_q24 < i32::MAX, "plausible limits (beyond ±128 °C)"),
         (t.plausible_lo_q24 < t.plausible_hi_q24, "plausible limits"),
         (span > 0 && span & 1 == 0, "span"),
+        (t.unit_exponent.unsigned_abs() <= 100, "unit exponent"),
         (t.x_shift <= 15 && reaches_one(span >> 1, t.x_mantissa, t.x_shift + 16), "x mantissa or shift"),
     ])?;
     if t.lag.is_used() { check_lag(&t.lag) } else { first_broken(&[(t.lag == LagSpec::default(), "lag")]) }

@@ -8,7 +8,8 @@
 //!
 //! The measurement model is the one of IEEE Std 647/952 turned round,
 //! `n' = n·(1 + ε·1e-6) − d·dt/S0`, with the bias drift `d` in °/h and the scale-factor deviation
-//! `ε` in ppm given as Chebyshev series of temperature, optionally times the temperature rate.
+//! `ε` in ppm given as Chebyshev series of temperature, optionally times the temperature rate, with zones and steps
+//! beside them. What is called a thermometer may be the difference of two of them, or another number with a code.
 //!
 //! * [`Image`] is what flash holds: a validated, immutable table of thermometers and terms.
 //!   If you have one, the arithmetic below cannot overflow; every check is made when it is built.
@@ -47,7 +48,9 @@ mod thermometer;
 pub use bank::{BANK_LEN, BankReport, Banks, Gyro, Loaded, Origin, REGION_ALIGNMENT, StoreError, Unfit};
 pub use codec::{DecodeError, FORMAT_VERSION, MAGIC, MAX_IMAGE_LEN};
 pub use compensator::{Compensator, MAX_RAW, Misuse, Output, State};
-pub use image::{Description, Image, ImageError, Kind, MAX_INCREMENT, MAX_TERMS, MAX_THERMOMETERS, Multiplier, Term};
+pub use image::{
+    Description, Image, ImageError, Kind, MAX_INCREMENT, MAX_TERMS, MAX_THERMOMETERS, Multiplier, Shape, Term,
+};
 pub use series::MAX_ORDER;
 pub use status::Status;
-pub use thermometer::{LagSpec, Scale, Thermometer};
+pub use thermometer::{LagSpec, Scale, Source, Thermometer};

@@ -12,6 +12,9 @@
 //! dead band and the steps sum to the change of temperature. `Ṫ` is taken from the product itself,
 //! finer than the state.
 //!
+//! What is said of a temperature holds for any number that a correction may depend on: the difference of two thermometers
+//! ([`Source::Difference`]), a voltage, a current. A unit of such a number is `2^unit_exponent` of its own.
+//!
 //! Fails where the code is no temperature: that is what the plausible limits are for.
 
 use crate::rounding::round_shift;
@@ -27,6 +30,26 @@ pub struct Scale {
     pub mantissa: i32,
     /// Binary places, 0..=62.
     pub shift: u8,
+}
+
+impl Scale {
+    /// A factor of one, in the only way an image may write it for a difference.
+    pub const ONE: Self = Self { mantissa: 1, shift: 0 };
+}
+
+/// Where a temperature comes from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Source {
+    /// A code of its own.
+    #[default]
+    Code,
+    /// Thermometer `of` less thermometer `less`, both with codes of their own and before this one.
+    Difference {
+        /// Index of the first.
+        of: u8,
+        /// Index of the one taken from it.
+        less: u8,
+    },
 }
 
 /// The lag filter of one thermometer and the span of its rate. All zero: no rate is wanted.
@@ -51,6 +74,10 @@ pub struct LagSpec {
 /// One thermometer as the image describes it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Thermometer {
+    /// Where it comes from.
+    pub source: Source,
+    /// What is called °C here is 2^unit_exponent of its own unit (volts, for one), within ±100. Informative; 0 for °C.
+    pub unit_exponent: i8,
     /// Temperature at code 0, 2⁻²⁴ °C.
     pub offset_q24: i32,
     /// 2⁻²⁴ °C per code.
@@ -78,8 +105,10 @@ pub struct Thermometer {
 impl Thermometer {
     /// A thermometer that nothing depends on; fills unused places of a description.
     pub const UNUSED: Self = Self {
+        source: Source::Code,
+        unit_exponent: 0,
         offset_q24: 0,
-        gain: Scale { mantissa: 1, shift: 0 },
+        gain: Scale::ONE,
         plausible_lo_q24: -1,
         plausible_hi_q24: 1,
         span_lo_q24: -(1 << 16),
@@ -104,7 +133,12 @@ impl Thermometer {
     /// `T = offset + round(code · gain)`; |code · mantissa| ≤ 2⁶², so nothing overflows.
     pub fn temperature_q24(&self, code: i32) -> Option<i32> {
         let scaled = round_shift(i64::from(code) * i64::from(self.gain.mantissa), u32::from(self.gain.shift));
-        let t = i32::try_from(i64::from(self.offset_q24) + scaled).ok()?;
+        self.plausible(i64::from(self.offset_q24) + scaled)
+    }
+
+    /// A temperature within the plausible limits.
+    pub(crate) fn plausible(&self, t_q24: i64) -> Option<i32> {
+        let t = i32::try_from(t_q24).ok()?;
         (self.plausible_lo_q24..=self.plausible_hi_q24).contains(&t).then_some(t)
     }
 
@@ -151,8 +185,7 @@ impl ThermometerState {
 
     /// One temperature period. `None` when there is no plausible temperature at this update; the
     /// filter then runs on the last one, as it does between samples.
-    pub(crate) fn update(&mut self, spec: &Thermometer, code: Option<i32>) -> Option<Reading> {
-        let fresh = code.and_then(|code| spec.temperature_q24(code));
+    pub(crate) fn update(&mut self, spec: &Thermometer, fresh: Option<i32>) -> Option<Reading> {
         let t = match (fresh, self.last_q24) {
             (Some(t), None) => {
                 self.lag_q46 = i64::from(t) << 22;

@@ -4,8 +4,8 @@ mod flash;
 
 use flash::{Dice, Fault, Flash};
 use sagnac_core::{
-    BANK_LEN, BankReport, Banks, Description, Gyro, Image, Kind, MAX_TERMS, Multiplier, Origin, Scale, StoreError,
-    Term, Thermometer, Unfit,
+    BANK_LEN, BankReport, Banks, Description, Gyro, Image, Kind, MAX_TERMS, Multiplier, Origin, Scale, Shape,
+    StoreError, Term, Thermometer, Unfit,
 };
 
 const LEN: u32 = 2048;
@@ -19,7 +19,7 @@ fn image(sequence: u32, dice: &mut Dice) -> Image {
     d.term_count = dice.below(MAX_TERMS as u64 + 1) as u8;
     for slot in &mut d.terms[..usize::from(d.term_count)] {
         let mantissa = dice.throw() as i32 | 1;
-        *slot = Term { mantissa, order: dice.below(9) as u8, shift: 45, ..Term::ZERO };
+        *slot = Term { mantissa, shape: Shape::Chebyshev(dice.below(9) as u8), shift: 45, ..Term::ZERO };
     }
     Image::new(d).unwrap()
 }

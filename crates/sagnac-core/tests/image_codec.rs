@@ -3,8 +3,10 @@
 mod support;
 
 use proptest::prelude::*;
-use sagnac_core::{DecodeError, Description, Image, ImageError, Kind, MAX_IMAGE_LEN, Multiplier};
-use support::{any_image, image, term};
+use sagnac_core::{
+    DecodeError, Description, Image, ImageError, Kind, MAX_IMAGE_LEN, Multiplier, Scale, Source, Thermometer,
+};
+use support::{any_image_of_three, difference, image, term, thermometer};
 
 fn bytes_of(image: &Image) -> Vec<u8> {
     let mut out = vec![0; MAX_IMAGE_LEN];
@@ -29,7 +31,7 @@ fn resealed(mut bytes: Vec<u8>, at: usize, value: u8) -> Vec<u8> {
 
 proptest! {
     #[test]
-    fn an_image_survives_its_bytes(image in any_image()) {
+    fn an_image_survives_its_bytes(image in any_image_of_three()) {
         prop_assert_eq!(Image::decode(&bytes_of(&image)), Ok(image));
     }
 
@@ -95,8 +97,37 @@ fn unknown_things_are_named() {
         Image::decode(&resealed(good.clone(), terms + 3, 2)),
         Err(DecodeError::UnknownMultiplier { term: 0, multiplier: 2 })
     );
+    assert_eq!(
+        Image::decode(&resealed(good.clone(), terms + 9, 3)),
+        Err(DecodeError::UnknownShape { term: 0, shape: 3 })
+    );
+    // A zone has no order, a series no knot, a code of its own no thermometers to take from each other.
     assert_eq!(Image::decode(&resealed(good.clone(), terms + 9, 1)), Err(DecodeError::Reserved("a term")));
+    assert_eq!(Image::decode(&resealed(good.clone(), terms + 11, 1)), Err(DecodeError::Reserved("a term")));
+    for place in [14, 13, 61] {
+        let bytes = resealed(good.clone(), 128 + place, 2);
+        assert_eq!(Image::decode(&bytes), Err(DecodeError::Reserved("a thermometer")), "{place}");
+    }
     assert_eq!(Image::decode(&resealed(good, terms + 2, 9)), Err(DecodeError::Invalid(ImageError::Term(0, "order"))));
+}
+
+#[test]
+fn a_difference_is_of_two_thermometers_before_it() {
+    let with = |source: Source, gain: Scale| {
+        let mut d = *typical().description();
+        d.thermometers[1] = thermometer();
+        d.thermometers[2] = Thermometer { source, gain, ..difference() };
+        d.thermometer_count = 3;
+        Image::new(d)
+    };
+    let between = |of, less| Source::Difference { of, less };
+    let image = with(between(0, 1), Scale::ONE).unwrap();
+    assert_eq!(Image::decode(&bytes_of(&image)), Ok(image));
+    for (of, less) in [(0, 0), (0, 2), (3, 1), (2, 0)] {
+        assert_eq!(with(between(of, less), Scale::ONE), Err(ImageError::Thermometer(2, "difference")), "{of} {less}");
+    }
+    let scaled = with(between(0, 1), Scale { mantissa: 2, shift: 1 });
+    assert_eq!(scaled, Err(ImageError::Thermometer(2, "conversion (a difference has no code)")));
 }
 
 #[test]

@@ -5,8 +5,8 @@ mod support;
 
 use num_bigint::BigInt;
 use proptest::prelude::*;
-use sagnac_core::{Compensator, Image, Kind, Multiplier, State};
-use support::any_image;
+use sagnac_core::{Compensator, Image, Kind, Multiplier, Shape, Source, State};
+use support::any_image_of_three;
 
 const FRACTION: u32 = 200;
 
@@ -14,16 +14,54 @@ fn fixed(numerator: impl Into<BigInt>, shift: u32) -> BigInt {
     numerator.into() << (FRACTION - shift)
 }
 
-/// The lag filter without any rounding.
+/// The lag filter without any rounding, one per thermometer.
 #[derive(Default)]
 struct Exact {
-    lag: Option<BigInt>,
+    lags: [Option<BigInt>; 3],
+}
+
+/// What a thermometer shows: T₀(x) … T₈(x) and y.
+struct Shown {
+    basis: Vec<BigInt>,
+    y: BigInt,
 }
 
 impl Exact {
     /// (increment, k − 1) with `FRACTION` fractional bits, at one slow update.
-    fn update(&mut self, image: &Image, t_q24: i32) -> (BigInt, BigInt) {
-        let spec = &image.thermometers()[0];
+    fn update(&mut self, image: &Image, own_q24: [i32; 2]) -> (BigInt, BigInt) {
+        let shown: Vec<Shown> = (0..image.thermometers().len())
+            .map(|sensor| {
+                let t_q24 = match image.thermometers()[sensor].source {
+                    Source::Code => own_q24[sensor],
+                    Source::Difference { of, less } => own_q24[usize::from(of)] - own_q24[usize::from(less)],
+                };
+                self.show(image, sensor, t_q24)
+            })
+            .collect();
+        let (mut bias, mut scale) = (BigInt::ZERO, BigInt::ZERO);
+        for term in image.terms() {
+            let Shown { basis, y } = &shown[usize::from(term.sensor)];
+            let above = |knot: i16| (&basis[1] - fixed(knot, 15)).max(BigInt::ZERO);
+            let mut value = match term.shape {
+                Shape::Chebyshev(order) => basis[usize::from(order)].clone(),
+                Shape::Zone { knot_q15 } => (above(knot_q15) * above(knot_q15)) >> (FRACTION + 2),
+                Shape::Step { knot_q15 } => fixed(i32::from(basis[1] >= fixed(knot_q15, 15)), 0),
+            };
+            if term.multiplier == Multiplier::Rate {
+                value = (value * y) >> FRACTION;
+            }
+            // Q40 mantissa·2^(31 − shift).
+            let value = ((value * term.mantissa) << 31_u32 >> u32::from(term.shift)) >> 40_u32;
+            match term.kind {
+                Kind::Bias => bias += value,
+                Kind::Scale => scale += value,
+            }
+        }
+        (bias, scale)
+    }
+
+    fn show(&mut self, image: &Image, sensor: usize, t_q24: i32) -> Shown {
+        let spec = &image.thermometers()[sensor];
         let one = fixed(1, 0);
         let clamped = t_q24.clamp(spec.span_lo_q24, spec.span_hi_q24);
         let middle = (i64::from(spec.span_lo_q24) + i64::from(spec.span_hi_q24)) / 2;
@@ -31,7 +69,7 @@ impl Exact {
         let x = x.clamp(-one.clone(), one.clone());
 
         let t = fixed(t_q24, 24);
-        let lag = self.lag.get_or_insert_with(|| t.clone());
+        let lag = self.lags[sensor].get_or_insert_with(|| t.clone());
         let step = ((&t - &*lag) * spec.lag.alpha_mantissa) >> u32::from(spec.lag.alpha_shift);
         *lag += &step;
         let unit = 24 + u32::from(spec.lag.rate_shift);
@@ -44,20 +82,7 @@ impl Exact {
             let next = ((&x * &basis[n]) >> (FRACTION - 1)) - &basis[n - 1];
             basis.push(next);
         }
-        let (mut bias, mut scale) = (BigInt::ZERO, BigInt::ZERO);
-        for term in image.terms() {
-            let mut value = basis[usize::from(term.order)].clone();
-            if term.multiplier == Multiplier::Rate {
-                value = (value * &y) >> FRACTION;
-            }
-            // Q40 mantissa·2^(31 − shift).
-            let value = ((value * term.mantissa) << 31_u32 >> u32::from(term.shift)) >> 40_u32;
-            match term.kind {
-                Kind::Bias => bias += value,
-                Kind::Scale => scale += value,
-            }
-        }
-        (bias, scale)
+        Shown { basis, y }
     }
 }
 
@@ -79,18 +104,19 @@ proptest! {
     /// Bound of docs/arithmetic.md: 2⁻²⁷ of the coefficients' sum, and one LSB of Q32 for the last rounding.
     #[test]
     fn roundings_stay_within_their_bound(
-        image in any_image(),
-        start in -(45 << 24)..(75_i32 << 24),
-        steps in prop::collection::vec(-(1 << 22)..(1_i32 << 22), 1..120),
+        image in any_image_of_three(),
+        start in prop::array::uniform2(-(45 << 24)..(75_i32 << 24)),
+        steps in prop::collection::vec(prop::array::uniform2(-(1 << 22)..(1_i32 << 22)), 1..120),
     ) {
         let gyro = Compensator::new(image);
         let (mut state, mut exact) = (State::new(), Exact::default());
         let mut t = start;
         for step in steps {
-            t = (t + step).clamp(-(79 << 24), 119 << 24);
+            // The two stay within 60 °C of each other, so that their difference fits its codes.
+            t = [(t[0] + step[0]).clamp(-(79 << 24), 0), (t[1] + step[1]).clamp(-(40 << 24), 40 << 24)];
             let left = state.ticks_to_update();
             gyro.skip(&mut state, left).unwrap();
-            gyro.update(&mut state, &[Some(t)]).unwrap();
+            gyro.update(&mut state, &[Some(t[0]), Some(t[1]), None]).unwrap();
             let (bias, scale) = exact.update(&image, t);
             let bound = |kind| size(&image, kind) * 2.0_f64.powi(-27) + 1.0;
             let (d_off, k_off) = (off_by(&bias, state.target_increment()), off_by(&scale, state.k_q32() - (1 << 32)));

@@ -155,6 +155,45 @@ impl ThermometerSetup {
     }
 }
 
+/// One auxiliary column as an input of the correction.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct AuxSetup {
+    /// Name as in the header `aux_<name>`.
+    pub name: String,
+    /// Values outside are not believed; the fit's span widened by its own width on both sides unless told.
+    #[serde(default)]
+    pub plausible: Option<[f64; 2]>,
+    /// How long a correction is kept without a value before it is STALE, s.
+    #[serde(default = "default_hold")]
+    pub hold_s: f64,
+    /// Value at code 0, where the target reads codes.
+    #[serde(default)]
+    pub offset: Option<f64>,
+    /// Units per code, where the target reads codes.
+    #[serde(default)]
+    pub gain_per_code: Option<f64>,
+}
+
+impl AuxSetup {
+    fn check(&self) -> Result<()> {
+        if let Some([lo, hi]) = self.plausible {
+            in_range("aux.plausible", Some(lo), -1e12, 1e12)?;
+            in_range("aux.plausible", Some(hi), lo, 1e12)?;
+            if lo == hi {
+                return Err(Error::input("must be two values, the lower first").column("aux.plausible"));
+            }
+        }
+        in_range("aux.hold_s", Some(self.hold_s), 0.0, 1e6)?;
+        in_range("aux.offset", self.offset, -1e12, 1e12)?;
+        in_range("aux.gain_per_code", self.gain_per_code.map(f64::abs), 1e-18, 1e12)?;
+        if self.offset.is_some() != self.gain_per_code.is_some() {
+            return Err(Error::input("offset and gain_per_code go together").column("aux"));
+        }
+        Ok(())
+    }
+}
+
 /// How the rate table stood and turned in a run.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -218,12 +257,19 @@ pub struct Setup {
     pub rate_lsb_arcsec: Option<f64>,
     /// Name of the thermometer that the model uses, if the log has several; the first unless told.
     pub use_thermometer: Option<String>,
+    /// Further inputs that `auto` may use (thermometers, "one - another", auxiliary columns); all of the log unless told.
+    /// An image alone is read by them too: those with a code of their own, in the image's order.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub inputs: Option<Vec<String>>,
     /// Runs on a rate table.
     #[serde(rename = "table", skip_serializing_if = "Vec::is_empty")]
     pub tables: Vec<TableRun>,
     /// Thermometers that differ from the defaults.
     #[serde(rename = "thermometer")]
     pub thermometers: Vec<ThermometerSetup>,
+    /// Auxiliary columns that differ from the defaults.
+    #[serde(rename = "aux", skip_serializing_if = "Vec::is_empty")]
+    pub aux: Vec<AuxSetup>,
 }
 
 impl Setup {
@@ -280,7 +326,8 @@ impl Setup {
             in_range("table.rate_dps", table.rate_dps, -1e4, 1e4)?;
         }
         self.check_words()?;
-        self.thermometers.iter().try_for_each(check_thermometer)
+        self.thermometers.iter().try_for_each(check_thermometer)?;
+        self.aux.iter().try_for_each(AuxSetup::check)
     }
 
     fn check_words(&self) -> Result<()> {
@@ -319,6 +366,8 @@ impl Setup {
             slew_ticks: None,
             rate_lsb_arcsec: None,
             use_thermometer: None,
+            inputs: None,
+            aux: Vec::new(),
             ..self.clone()
         }
     }
@@ -364,6 +413,18 @@ impl Setup {
     /// Known input rate along the axis, °/h.
     pub fn known_input_rate_dph(&self) -> Option<f64> {
         self.input_rate_dph.or_else(|| self.earth.map(|e| e.rate_dph()))
+    }
+
+    /// The auxiliary column of this name, with the defaults where the file has none.
+    pub fn aux(&self, name: &str) -> AuxSetup {
+        let known = self.aux.iter().find(|aux| aux.name == name);
+        known.cloned().unwrap_or_else(|| AuxSetup {
+            name: name.to_owned(),
+            plausible: None,
+            hold_s: default_hold(),
+            offset: None,
+            gain_per_code: None,
+        })
     }
 
     /// The thermometer of this name, with the defaults where the file has none.

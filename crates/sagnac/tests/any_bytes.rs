@@ -135,7 +135,7 @@ proptest! {
 
     #[test]
     fn any_damaged_record_is_answered(damage in prop::collection::vec((0_usize..1 << 20, prop::sample::select(b"0123456789-e.\"{}[],:nulx".to_vec())), 1..4)) {
-        let text = support::fit(vec![csv_bytes(PaperRig::PAPER.run(1))], &support::paper_setup(), "bias 2, rate 1").unwrap().to_json().unwrap();
+        let text = support::fit(vec![csv_bytes(PaperRig::PAPER.run(1))], &support::paper_setup(), "bias 2, zones 3").unwrap().to_json().unwrap();
         if let Ok(text) = String::from_utf8(damaged(text.into_bytes(), &damage))
             && let Ok(calibration) = Calibration::parse(&text)
             && let Ok(correction) = Correction::from_calibration(calibration)

@@ -122,7 +122,7 @@ fn calibration(bytes: Vec<u8>, setup: &Setup) -> String {
 
 fn calibration_of(log: LogReader, setup: &Setup) -> String {
     let windows = WindowBuilder::read_all(vec![log], setup).unwrap().finish(false);
-    let options = FitOptions::new(support::model("bias 3, rate 1"));
+    let options = FitOptions::new(support::model("bias 3"));
     let mut calibration = calibrate(windows, setup, &options).unwrap();
     for input in &mut calibration.provenance.inputs {
         assert_eq!(input.sha256.len(), 64);

@@ -8,7 +8,7 @@ use sagnac::calibration::{Calibration, Lag, Term, TermKind};
 use sagnac::export::{Polynomial, import};
 use sagnac::ingest::{LogReader, Pace};
 use sagnac::setup::Setup;
-use sagnac::verify::{Correction, Replay, verify};
+use sagnac::verify::{Correction, Readings, Replay, verify};
 use sagnac_core::{Compensator, State};
 
 const TICK_NS: i64 = 100_000;
@@ -22,6 +22,8 @@ fn calibration(setup: &Setup) -> Calibration {
         kind,
         sensor: String::new(),
         order: 0,
+        at: None,
+        inflation: None,
         value: 3.0,
         sigma: None,
         unit: kind.unit().to_owned(),
@@ -100,7 +102,7 @@ proptest! {
         let mut log = LogReader::from_reader("log", source, &rates, Pace::Bulk).unwrap();
         let shape = log.shape().clone();
         let batch = log.next_batch().unwrap().unwrap().clone();
-        let mut replay = Replay::new(&correction.images, &shape, Some(0), "log").unwrap();
+        let mut replay = Replay::new(&correction.images, &shape, Readings::of_one(&correction.images, Some(0)), "log").unwrap();
         let ours = replay.correct(&batch).unwrap();
         let rows: Vec<(i64, i64, f64, f64)> = (0..batch.len())
             .map(|i| (batch.start_ns[i], batch.end_ns[i], batch.temperature_c[0][i], batch.angle[0][i]))

@@ -54,6 +54,8 @@ fn calibration(case: &Case) -> Calibration {
         kind,
         sensor: String::new(),
         order: order as u8,
+        at: None,
+        inflation: None,
         value,
         sigma: None,
         unit: kind.unit().to_owned(),

@@ -3,7 +3,7 @@
 #![allow(dead_code, reason = "each test binary uses its own part")]
 
 use proptest::prelude::*;
-use sagnac_core::{Description, Image, Kind, LagSpec, Multiplier, Scale, Term, Thermometer};
+use sagnac_core::{Description, Image, Kind, LagSpec, Multiplier, Scale, Shape, Source, Term, Thermometer};
 
 /// Span −40 … +70 °C, rate span ±2 °C/min at Δt = 1 s, τ = 300 s, code = 2⁻²⁴ °C.
 pub(crate) fn thermometer() -> Thermometer {
@@ -11,6 +11,8 @@ pub(crate) fn thermometer() -> Thermometer {
     let alpha = 1.0 - (-1.0_f64 / 300.0).exp();
     let rate_hi = (2.0 / 60.0 * 2.0_f64.powi(36)) as i32;
     Thermometer {
+        source: Source::Code,
+        unit_exponent: 0,
         offset_q24: 0,
         gain: Scale { mantissa: 1 << 30, shift: 30 },
         plausible_lo_q24: -(80 << 24),
@@ -34,7 +36,7 @@ pub(crate) fn thermometer() -> Thermometer {
 }
 
 pub(crate) fn term(kind: Kind, order: u8, multiplier: Multiplier, mantissa: i32, shift: u8) -> Term {
-    Term { kind, sensor: 0, order, multiplier, mantissa, shift }
+    Term { kind, sensor: 0, shape: Shape::Chebyshev(order), multiplier, mantissa, shift }
 }
 
 /// An image with one thermometer and these terms.
@@ -50,25 +52,60 @@ pub(crate) fn image(terms: &[Term], period_ticks: u32, slew_ticks: u32) -> Image
     Image::new(d).unwrap()
 }
 
+fn any_shape() -> impl Strategy<Value = Shape> {
+    let knot = any::<i16>();
+    prop_oneof![
+        4 => (0_u8..=8).prop_map(Shape::Chebyshev),
+        1 => knot.prop_map(|knot_q15| Shape::Zone { knot_q15 }),
+        1 => knot.prop_map(|knot_q15| Shape::Step { knot_q15 }),
+    ]
+}
+
 /// Random images whose increments reach 2⁴⁶ LSB and whose k reaches its bound.
 pub(crate) fn any_image() -> impl Strategy<Value = Image> {
-    let bias = (0_u8..=8, any::<bool>(), -(1 << 30)..(1_i32 << 30), 14_u8..40);
-    let scale = (0_u8..=8, any::<bool>(), -(1 << 30)..(1_i32 << 30), 30_u8..50);
+    any_image_of(1)
+}
+
+/// The same with two thermometers and their difference, which is believed to ±127 °C and spans ±20 °C.
+pub(crate) fn any_image_of_three() -> impl Strategy<Value = Image> {
+    any_image_of(3)
+}
+
+fn any_image_of(thermometers: u8) -> impl Strategy<Value = Image> {
+    let row = |shifts| (any_shape(), 0..thermometers, any::<bool>(), -(1 << 30)..(1_i32 << 30), shifts);
+    let (bias, scale) = (row(14_u8..40), row(30_u8..50));
     (prop::collection::vec(bias, 0..6), prop::collection::vec(scale, 0..4), 1_u32..3000, 0_u32..3000).prop_filter_map(
         "sums in range",
-        |(bias, scale, period, slew)| {
+        move |(bias, scale, period, slew)| {
             let mut d = Description::empty();
-            d.thermometers[0] = thermometer();
-            d.thermometer_count = 1;
+            let all = [thermometer(), thermometer(), difference()];
+            let used = usize::from(thermometers);
+            d.thermometers[..used].copy_from_slice(&all[..used]);
+            d.thermometer_count = thermometers;
             d.period_ticks = period;
             d.slew_ticks = slew.min(period);
             let rows = bias.iter().map(|row| (Kind::Bias, row)).chain(scale.iter().map(|row| (Kind::Scale, row)));
-            for (slot, (kind, &(order, rate, mantissa, shift))) in d.terms.iter_mut().zip(rows) {
+            for (slot, (kind, &(shape, sensor, rate, mantissa, shift))) in d.terms.iter_mut().zip(rows) {
                 let multiplier = if rate { Multiplier::Rate } else { Multiplier::One };
-                *slot = term(kind, order, multiplier, mantissa, shift);
+                *slot = Term { kind, sensor, shape, multiplier, mantissa, shift };
                 d.term_count += 1;
             }
             Image::new(d).ok()
         },
     )
+}
+
+/// The second of two thermometers less the first.
+pub(crate) fn difference() -> Thermometer {
+    Thermometer {
+        source: Source::Difference { of: 1, less: 0 },
+        gain: Scale::ONE,
+        plausible_lo_q24: -(127 << 24),
+        plausible_hi_q24: 127 << 24,
+        span_lo_q24: -(20 << 24),
+        span_hi_q24: 20 << 24,
+        x_mantissa: ((1_i64 << 59) / (20_i64 << 24)) as u32,
+        x_shift: 12,
+        ..thermometer()
+    }
 }

@@ -5,6 +5,7 @@
 
 mod chamber;
 mod counter;
+mod many_inputs;
 mod paper;
 mod rate_table;
 mod resting;
@@ -12,6 +13,7 @@ mod resting;
 use std::io::Write;
 
 pub use chamber::LaggedChamber;
+pub use many_inputs::ManyInputs;
 pub use paper::PaperRig;
 pub use rate_table::RateTable;
 pub use resting::Resting;

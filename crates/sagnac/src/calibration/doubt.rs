@@ -3,8 +3,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::calibration::{AxisCalibration, TermKind};
-use crate::fit::{BASIS_LEN, chebyshev};
+use crate::calibration::{AxisCalibration, Term, TermKind};
+use crate::fit::{BASIS_LEN, chebyshev, zone};
 
 /// Mean while heating less mean while cooling: hysteresis, a gradient, a rate term.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -65,13 +65,8 @@ impl AxisCalibration {
         if !(self.span_c[0]..=self.span_c[1]).contains(&celsius) || self.covariance.is_empty() {
             return None;
         }
-        let span = crate::fit::Span { lo_c: self.span_c[0], hi_c: self.span_c[1] };
-        let (at, at_reference) = (chebyshev(span.x(celsius)), chebyshev(span.x(self.reference_c)));
-        let basis = |order: usize| at[order] - at_reference[order];
-        let series = self.series(TermKind::Bias);
-        let drift_dph = (1..BASIS_LEN).map(|order| series[order] * basis(order)).sum();
-        let rows: Vec<(usize, f64)> = self.rows_of(TermKind::Bias).map(|(row, order)| (row, basis(order))).collect();
-        let variance = self.variance_of(&rows);
+        let drift_dph = self.drift(celsius, self.reference_c);
+        let variance = self.variance_of(&self.drift_weights(celsius, self.reference_c));
         let half = |variance: f64| residual.t95 * variance.sqrt();
         Some(Prediction {
             drift_dph,
@@ -80,16 +75,41 @@ impl AxisCalibration {
         })
     }
 
-    /// Rows of the covariance that are terms of a kind, with their orders (`scale 0` is the scale factor at T0).
+    /// What each term makes of the drift at rest between two temperatures, further inputs at their references: the term
+    /// and its weight.
+    fn at_rest(&self, celsius: f64, from_c: f64) -> impl Iterator<Item = (&Term, f64)> {
+        let span = self.span();
+        let (x, from) = (span.x(celsius), span.x(from_c));
+        let (at, zero) = (chebyshev(x), chebyshev(from));
+        self.terms.iter().filter(|term| self.is_main(term)).filter_map(move |term| {
+            let weight = match (term.kind, term.at) {
+                (TermKind::Bias, _) => at.get(usize::from(term.order))? - zero.get(usize::from(term.order))?,
+                (TermKind::Zone, Some(from_c)) => zone(x, span.x(from_c)) - zone(from, span.x(from_c)),
+                _ => return None,
+            };
+            Some((term, weight))
+        })
+    }
+
+    /// The drift at rest at a temperature less that at another, °/h.
+    pub(crate) fn drift(&self, celsius: f64, from_c: f64) -> f64 {
+        self.at_rest(celsius, from_c).map(|(term, weight)| term.value * weight).sum()
+    }
+
+    /// The same as rows of the covariance with their weights; empty where nothing was fitted here.
+    pub(crate) fn drift_weights(&self, celsius: f64, from_c: f64) -> Vec<(usize, f64)> {
+        let row = |term: &Term| self.covariance_of.iter().position(|name| *name == term.name(true));
+        self.at_rest(celsius, from_c).filter_map(|(term, weight)| Some((row(term)?, weight))).collect()
+    }
+
+    /// Rows of the covariance that are terms of a kind over the thermometer of the fit, with their orders (`scale 0` is the
+    /// scale factor at T0).
     pub(crate) fn rows_of(&self, kind: TermKind) -> impl Iterator<Item = (usize, usize)> {
-        let prefix = match kind {
-            TermKind::Bias => "bias ",
-            TermKind::Rate => "rate ",
-            TermKind::Scale => "scale ",
-        };
         let named = self.covariance_of.iter().enumerate();
         named
-            .filter_map(move |(row, name)| Some((row, name.strip_prefix(prefix)?.parse().ok()?)))
+            .filter_map(move |(row, name)| {
+                Some((row, name.strip_prefix(kind.word())?.strip_prefix(' ')?.parse().ok()?))
+            })
             .filter(|(_, order)| *order < BASIS_LEN)
     }
 

@@ -3,6 +3,7 @@
 //! Its JSON schema is `docs/calibration.schema.json`, made from these types by `cargo xtask schema`.
 
 mod doubt;
+mod input;
 mod table;
 
 use std::path::Path;
@@ -11,6 +12,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub use crate::calibration::doubt::{HeatingLessCooling, Prediction, Soak, SoakRow};
+pub use crate::calibration::input::{
+    Collinearity, CorrectionNoise, FurtherInput, InputNoise, InputSource, PathStep, PathVerdict,
+};
 pub use crate::calibration::table::{Misalignment, Plateau, PpmEstimate, Repeatability, ScaleFactor};
 use crate::error::{Error, Result};
 use crate::ingest::{LogSummary, Tally};
@@ -146,7 +150,7 @@ pub struct Thermometer {
 }
 
 /// Replay's own temperature code: 2⁻²⁴ °C.
-const CODE_C: f64 = 1.0 / (1 << 24) as f64;
+pub(crate) const CODE_C: f64 = 1.0 / (1 << 24) as f64;
 
 impl Thermometer {
     fn check(&self) -> Result<()> {
@@ -181,13 +185,28 @@ pub enum TermKind {
     Rate,
     /// e_k·[T_k(x) − T_k(x0)], ppm.
     Scale,
+    /// z·[Z(x) − Z(x0)], Z = ((x − ξ)/(1 − ξ))² above the knot ξ, 0 below, °/h.
+    Zone,
+    /// s where the input is at or above the threshold (less that at its reference), °/h.
+    Step,
 }
 
 impl TermKind {
+    /// Its word in names of terms.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Bias => "bias",
+            Self::Rate => "rate",
+            Self::Scale => "scale",
+            Self::Zone => "zone",
+            Self::Step => "step",
+        }
+    }
+
     /// Unit of a coefficient.
     pub fn unit(self) -> &'static str {
         match self {
-            Self::Bias => "deg/h",
+            Self::Bias | Self::Zone | Self::Step => "deg/h",
             Self::Rate => "deg/h per degC/min",
             Self::Scale => "ppm",
         }
@@ -200,10 +219,13 @@ impl TermKind {
 pub struct Term {
     /// What it adds to.
     pub kind: TermKind,
-    /// Thermometer.
+    /// Thermometer, or the name of a further input.
     pub sensor: String,
-    /// Order of its Chebyshev polynomial.
+    /// Order of its Chebyshev polynomial; 2 for a zone, 0 for a step.
     pub order: u8,
+    /// Where a zone or a step begins, in the input's unit.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub at: Option<f64>,
     /// Coefficient.
     pub value: f64,
     /// Standard deviation; null where the coefficient was not fitted here.
@@ -212,6 +234,9 @@ pub struct Term {
     pub unit: String,
     /// |value| exceeds its 95 % interval; null without sigma.
     pub significant: Option<bool>,
+    /// By how much the other terms multiply its variance (1: not at all).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub inflation: Option<f64>,
     /// 95 % interval by the block bootstrap, where it was asked for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bootstrap: Option<[f64; 2]>,
@@ -256,6 +281,9 @@ pub struct Monomial {
     pub coefficients: Vec<f64>,
     /// Standard deviations; null where not fitted here.
     pub sigma: Option<Vec<f64>>,
+    /// Temperatures between which it holds, °C, where the span is cut into zones: that of T0; `zones` has them all.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub from_to_c: Option<[f64; 2]>,
 }
 
 /// Residual of the fit, about the fitted curve. In-sample: quote the cross-validation instead.
@@ -339,6 +367,21 @@ pub struct AxisCalibration {
     pub constants: Vec<Constant>,
     /// The curve in the paper's form.
     pub monomial: Monomial,
+    /// The curve zone by zone, coldest first, where the span is cut into zones.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub zones: Vec<Monomial>,
+    /// What further terms depend on, and the thermometers that their differences need.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub inputs: Vec<FurtherInput>,
+    /// How near the terms are to each other; absent without terms.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub collinearity: Option<Collinearity>,
+    /// What the noise of thermometers does to the corrected angle; absent where nothing was fitted here.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub correction_noise: Option<CorrectionNoise>,
+    /// The way from the grid's model to this one; empty where the model was given.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub path: Vec<PathStep>,
     /// Scale factor, from runs on a rate table.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scale_factor: Option<ScaleFactor>,
@@ -468,7 +511,16 @@ impl Calibration {
                 return Err(Error::input(what).column("axes").value(axis.axis.to_string()));
             }
         }
-        self.axes.iter().try_for_each(AxisCalibration::check)
+        for axis in &self.axes {
+            axis.check()?;
+            let stray = |term: &&Term| axis.is_main(term) && term.sensor != self.thermometer.name;
+            if let Some(term) = axis.terms.iter().find(stray) {
+                return Err(Error::input("a term over an input that the record does not have")
+                    .column(format!("axes[{}].terms.sensor", axis.axis))
+                    .value(&term.sensor));
+            }
+        }
+        Ok(())
     }
 }
 
@@ -508,26 +560,75 @@ impl AxisCalibration {
                 let what = format!("{:?} terms are in {}", term.kind, term.kind.unit());
                 return Err(Error::input(what).column(named("terms")).value(&term.unit));
             }
-            let lowest = u8::from(term.kind != TermKind::Rate);
-            let twice = self.terms[..i].iter().any(|t| (t.kind, t.order) == (term.kind, term.order));
+            let piece = matches!(term.kind, TermKind::Zone | TermKind::Step);
+            if piece != term.at.is_some_and(f64::is_finite) {
+                let what = "zones and steps, and no other terms, begin at a value";
+                return Err(Error::input(what).column(named("terms.at")).value(format!("{:?}", term.at)));
+            }
+            let lowest = u8::from(!matches!(term.kind, TermKind::Rate | TermKind::Step));
+            let same = |t: &&Term| (t.kind, t.order, &t.sensor, t.at) == (term.kind, term.order, &term.sensor, term.at);
+            let twice = self.terms[..i].iter().any(|t| same(&t));
             if !(lowest..=sagnac_core::MAX_ORDER).contains(&term.order) || twice {
                 let what =
                     format!("{:?} terms have orders {lowest} to {}, each once", term.kind, sagnac_core::MAX_ORDER);
                 return Err(Error::input(what).column(named("terms")).value(term.order.to_string()));
             }
         }
-        if self.terms.iter().any(|term| term.kind == TermKind::Rate)
-            && (self.lag_s.is_none() || self.rate_span_cpm.is_none())
-        {
+        let main_rate = self.terms.iter().any(|term| term.kind == TermKind::Rate && self.is_main(term));
+        if main_rate && (self.lag_s.is_none() || self.rate_span_cpm.is_none()) {
             return Err(Error::input("a rate term needs lag_s and rate_span_cpm").column(named("lag_s")));
+        }
+        self.check_inputs()
+    }
+
+    fn check_inputs(&self) -> Result<()> {
+        for (at, input) in self.inputs.iter().enumerate() {
+            let place = format!("axes[{}].inputs[{}]", self.axis, input.name);
+            let interval = |[lo, hi]: [f64; 2]| lo < hi && (hi - lo).is_finite();
+            let sound = [
+                ("name", !input.name.is_empty() && self.inputs[..at].iter().all(|other| other.name != input.name)),
+                ("span", interval(input.span)),
+                ("plausible", interval(input.plausible)),
+                ("reference", (input.span[0]..=input.span[1]).contains(&input.reference)),
+                ("hold_s", (0.0..=1e6).contains(&input.hold_s)),
+                ("offset", input.offset.is_finite()),
+                ("gain_per_code", input.gain_per_code != 0.0 && input.gain_per_code.is_finite()),
+                ("lag_s", input.lag_s.is_none_or(|lag| lag.value > 0.0 && lag.value.is_finite())),
+                (
+                    "rate_span_per_min",
+                    input.rate_span_per_min.is_none_or(|[lo, hi]| lo <= 0.0 && hi >= 0.0 && interval([lo, hi])),
+                ),
+            ];
+            if let Some((field, _)) = sound.iter().find(|(_, sound)| !sound) {
+                return Err(Error::input("is not sound").column(format!("{place}.{field}")));
+            }
+            let rated = self.terms.iter().any(|term| term.kind == TermKind::Rate && term.sensor == input.name);
+            if rated && (input.lag_s.is_none() || input.rate_span_per_min.is_none()) {
+                return Err(Error::input("a rate term needs lag_s and rate_span_per_min").column(place));
+            }
         }
         Ok(())
     }
 
-    /// The coefficients of one kind by order; zero where there is no term.
+    /// A term over the thermometer of the fit.
+    pub fn is_main(&self, term: &Term) -> bool {
+        self.input_of(term).is_none()
+    }
+
+    /// The further input of a term.
+    pub(crate) fn input_of(&self, term: &Term) -> Option<&FurtherInput> {
+        self.inputs.iter().find(|input| input.name == term.sensor)
+    }
+
+    /// The span of the thermometer of the fit as a scaling to −1 … 1.
+    pub(crate) fn span(&self) -> crate::fit::Span {
+        crate::fit::Span { lo_c: self.span_c[0], hi_c: self.span_c[1] }
+    }
+
+    /// The coefficients of one kind by order over the thermometer of the fit; zero where there is no term.
     pub fn series(&self, kind: TermKind) -> [f64; crate::fit::BASIS_LEN] {
         let mut series = [0.0; crate::fit::BASIS_LEN];
-        for term in self.terms.iter().filter(|term| term.kind == kind) {
+        for term in self.terms.iter().filter(|term| term.kind == kind && self.is_main(term)) {
             if let Some(slot) = series.get_mut(usize::from(term.order)) {
                 *slot = term.value;
             }

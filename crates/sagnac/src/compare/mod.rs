@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 use crate::calibration::{AxisCalibration, Calibration, TermKind};
 use crate::digits::{significant, with_sigma};
 use crate::error::{Error, Result};
-use crate::fit::{BASIS_LEN, Span, chebyshev};
+use crate::fit::{BASIS_LEN, chebyshev};
 
 /// More sigmas than this are no chance.
 const DISAGREE: f64 = 3.0;
@@ -223,22 +223,22 @@ fn compare_axis(letter: char, axes: &[&AxisCalibration], records: &[(String, Cal
 
 /// Value and σ of a record's series at a temperature, zero at the common reference (the scale factor with its value there).
 fn value(axis: &AxisCalibration, kind: TermKind, celsius: f64, reference_c: f64) -> (f64, f64) {
-    let span = Span { lo_c: axis.span_c[0], hi_c: axis.span_c[1] };
-    let (at, zero) = (chebyshev(span.x(celsius)), chebyshev(span.x(reference_c)));
-    let own = chebyshev(span.x(axis.reference_c));
-    let scale = kind == TermKind::Scale;
+    if kind == TermKind::Bias {
+        return drift(axis, celsius, reference_c);
+    }
     // The scale factor's constant belongs to the record's own T0.
-    let basis = |order: usize| match (order, scale) {
-        (0, true) => 1.0,
-        (0, false) => 0.0,
-        (_, true) => at[order] - own[order],
-        (_, false) => at[order] - zero[order],
-    };
+    let (at, own) = at(axis, celsius);
+    let basis = |order: usize| if order == 0 { 1.0 } else { at[order] - own[order] };
     let mut series = axis.series(kind);
     series[0] = axis.scale_factor.as_ref().map_or(0.0, |scale| scale.at_reference.ppm);
     let value = (0..BASIS_LEN).map(|order| series[order] * basis(order)).sum();
     let rows: Vec<(usize, f64)> = axis.rows_of(kind).map(|(row, order)| (row, basis(order))).collect();
     (value, axis.variance_of(&rows).sqrt())
+}
+
+/// The drift at rest between two temperatures and its σ.
+fn drift(axis: &AxisCalibration, celsius: f64, from_c: f64) -> (f64, f64) {
+    (axis.drift(celsius, from_c), axis.variance_of(&axis.drift_weights(celsius, from_c)).sqrt())
 }
 
 fn curve(axes: &[&AxisCalibration], kind: TermKind, temperatures: &[f64], reference_c: f64) -> ComparedCurve {
@@ -249,7 +249,13 @@ fn curve(axes: &[&AxisCalibration], kind: TermKind, temperatures: &[f64], refere
         values.push(v);
         sigmas.push(s);
     }
-    let has_terms = |record: &usize| axes[*record].rows_of(kind).next().is_some();
+    let has_terms = |record: &usize| {
+        let axis = axes[*record];
+        match kind {
+            TermKind::Bias => !axis.drift_weights(reference_c, reference_c).is_empty(),
+            _ => axis.rows_of(kind).next().is_some(),
+        }
+    };
     let (with, without): (Vec<usize>, Vec<usize>) = (0..axes.len()).partition(has_terms);
     let (mut mean, mut beyond) = (Vec::new(), Vec::new());
     let mut z = vec![vec![None; temperatures.len()]; axes.len()];
@@ -305,12 +311,10 @@ fn numbers(axes: &[&AxisCalibration], reference_c: f64) -> Vec<ComparedNumber> {
     let all_known = axes.iter().all(|axis| axis.constants.last().is_some_and(|last| last.fixed_bias_dph.is_some()));
     let constant = |axis: &AxisCalibration| {
         let last = axis.constants.last()?;
-        let (basis, own) = at(axis, reference_c);
-        let series = axis.series(TermKind::Bias);
-        let shift: f64 = (1..BASIS_LEN).map(|order| series[order] * (basis[order] - own[order])).sum();
+        let shift = axis.drift(reference_c, axis.reference_c);
         let name = format!("constant {}", last.run);
         let row = axis.covariance_of.iter().position(|n| *n == name || n == "constant")?;
-        let bias = axis.rows_of(TermKind::Bias).map(|(row, order)| (row, basis[order] - own[order]));
+        let bias = axis.drift_weights(reference_c, axis.reference_c);
         let weights: Vec<(usize, f64)> = std::iter::once((row, 1.0)).chain(bias).collect();
         let value = if all_known { last.fixed_bias_dph? } else { last.value_dph };
         Some([value + shift, axis.variance_of(&weights).sqrt()])
@@ -334,7 +338,7 @@ fn numbers(axes: &[&AxisCalibration], reference_c: f64) -> Vec<ComparedNumber> {
 
 /// The basis of a record at a temperature, and at its own T0.
 fn at(axis: &AxisCalibration, celsius: f64) -> ([f64; BASIS_LEN], [f64; BASIS_LEN]) {
-    let span = Span { lo_c: axis.span_c[0], hi_c: axis.span_c[1] };
+    let span = axis.span();
     (chebyshev(span.x(celsius)), chebyshev(span.x(axis.reference_c)))
 }
 

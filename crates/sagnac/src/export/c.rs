@@ -6,7 +6,7 @@
 
 use std::fmt::Write as _;
 
-use sagnac_core::{Image, Kind, Multiplier, Term, Thermometer};
+use sagnac_core::{Image, Kind, Multiplier, Shape, Source, Term, Thermometer};
 use sagnac_loops::LoopTable;
 
 use super::TextFile;
@@ -152,7 +152,15 @@ fn image_fields(image: &Image) -> String {
 }
 
 fn thermometer(t: &Thermometer) -> String {
-    let fields: [(&str, i64); 18] = [
+    let (is_difference, of, less) = match t.source {
+        Source::Code => (0, 0, 0),
+        Source::Difference { of, less } => (1, of.into(), less.into()),
+    };
+    let fields: [(&str, i64); 22] = [
+        ("is_difference", is_difference),
+        ("of", of),
+        ("less", less),
+        ("unit_exponent", t.unit_exponent.into()),
         ("offset_q24", t.offset_q24.into()),
         ("gain_mantissa", t.gain.mantissa.into()),
         ("gain_shift", t.gain.shift.into()),
@@ -182,10 +190,16 @@ fn term(term: &Term) -> String {
         Kind::Scale => "SAGNAC_SCALE",
     };
     let rate = u8::from(term.multiplier == Multiplier::Rate);
+    let (shape, order, knot) = match term.shape {
+        Shape::Chebyshev(order) => ("CHEBYSHEV", order, 0),
+        Shape::Zone { knot_q15 } => ("ZONE", 0, knot_q15),
+        Shape::Step { knot_q15 } => ("STEP", 0, knot_q15),
+    };
     format!(
-        "        {{.kind = {kind}, .sensor = {}, .order = {}, .times_rate = {rate}, .mantissa = {}, .shift = {}}},\n",
+        "        {{.kind = {kind}, .sensor = {}, .shape = SAGNAC_{shape}, .order = {order}, .knot_q15 = {}, \
+         .times_rate = {rate}, .mantissa = {}, .shift = {}}},\n",
         term.sensor,
-        term.order,
+        constant(knot.into()),
         constant(term.mantissa.into()),
         term.shift
     )

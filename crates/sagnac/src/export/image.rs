@@ -8,14 +8,21 @@
 //! τ s         ─▶ α = 1 − e^(−Δt/τ), 31-bit mantissa    span ─▶ 2⁻²⁴ °C
 //! ```
 //!
-//! The offsets −Σ bᵢTᵢ(x0) and −Σ e_kT_k(x0) become terms of order 0. A coefficient too large for its
+//! Further inputs become thermometers of the image, differences last. A column's unit is a power of two of its own, so that what
+//! is believed of it fits a thermometer's codes. A zone's square is the target's times (2/(1 − ξ))².
+//!
+//! What every series, zone and step makes of its reference becomes, with its sign turned, one term of order 0 for bias and one
+//! for the scale factor. A coefficient too large for its
 //! width is refused by name, never clipped.
 
-use sagnac_core::{Description, Image, Kind, LagSpec, MAX_IMAGE_LEN, MAX_TERMS, Multiplier, Scale, Term, Thermometer};
+use sagnac_core::{
+    Description, Image, Kind, LagSpec, MAX_IMAGE_LEN, MAX_TERMS, MAX_THERMOMETERS, Multiplier, Scale, Shape, Source,
+    Term, Thermometer,
+};
 
-use crate::calibration::{AxisCalibration, Calibration, LogUnit, TermKind};
+use crate::calibration::{AxisCalibration, Calibration, InputSource, Lag, LogUnit, Term as FittedTerm, TermKind};
 use crate::error::{Error, Result};
-use crate::fit::{BASIS_LEN, Span, chebyshev};
+use crate::fit::{Span, chebyshev, unit_exponent, zone};
 
 /// 2⁻²⁴ °C per °C.
 const Q24: f64 = (1 << 24) as f64;
@@ -44,10 +51,15 @@ pub fn encode(calibration: &Calibration, axis: &AxisCalibration, parent: [u8; 32
     d.reference_q24 = q24("reference_c", axis.reference_c)?;
     d.sequence = sequence;
     d.parent = parent;
-    let far_cpm = rate_far(axis);
-    d.thermometers[0] = thermometer(calibration, axis, far_cpm)?;
-    d.thermometer_count = 1;
-    let terms = terms(calibration, axis, far_cpm)?;
+    let channels = channels(calibration, axis)?;
+    if channels.len() > MAX_THERMOMETERS {
+        return Err(too_large("number of inputs", channels.len() as f64));
+    }
+    for (slot, channel) in d.thermometers.iter_mut().zip(&channels) {
+        *slot = thermometer(channel, calibration.target.period_s())?;
+    }
+    d.thermometer_count = channels.len() as u8;
+    let terms = terms(calibration, axis, &channels)?;
     if terms.len() > MAX_TERMS {
         return Err(too_large("number of terms", terms.len() as f64));
     }
@@ -82,47 +94,126 @@ fn q24(name: &str, celsius: f64) -> Result<i32> {
     signed(name, celsius * Q24)
 }
 
-/// The border of the rate span that is farther from zero, °C/min.
-fn rate_far(axis: &AxisCalibration) -> Option<f64> {
-    axis.lag_s?;
-    axis.rate_span_cpm.map(|[lo, hi]| lo.abs().max(hi.abs())).filter(|far| *far > 0.0)
+/// An input as the image reads it, in the units of its record.
+struct Channel<'a> {
+    /// Name in the record's terms; `None` for the thermometer of the fit.
+    name: Option<&'a str>,
+    source: Source,
+    /// What the image calls °C is 2^exponent of its unit.
+    exponent: i8,
+    reference: f64,
+    span: Span,
+    lag: Option<Lag>,
+    rate_span: Option<[f64; 2]>,
+    offset: f64,
+    gain_per_code: f64,
+    plausible: [f64; 2],
+    hold_s: f64,
 }
 
-fn thermometer(calibration: &Calibration, axis: &AxisCalibration, far_cpm: Option<f64>) -> Result<Thermometer> {
+impl Channel<'_> {
+    /// The border of the rate span that is farther from zero, units per minute.
+    fn rate_far(&self) -> Option<f64> {
+        self.lag?;
+        self.rate_span.map(|[lo, hi]| lo.abs().max(hi.abs())).filter(|far| *far > 0.0)
+    }
+
+    /// Units of the record per °C of the image.
+    fn unit(&self) -> f64 {
+        2.0_f64.powi(self.exponent.into())
+    }
+}
+
+/// The thermometer of the fit, then the record's further inputs in their order.
+fn channels<'a>(calibration: &Calibration, axis: &'a AxisCalibration) -> Result<Vec<Channel<'a>>> {
     let spec = &calibration.thermometer;
-    let period_s = calibration.target.period_s();
+    let mut all = vec![Channel {
+        name: None,
+        source: Source::Code,
+        exponent: 0,
+        reference: axis.reference_c,
+        span: axis.span(),
+        lag: axis.lag_s,
+        rate_span: axis.rate_span_cpm,
+        offset: spec.offset_c,
+        gain_per_code: spec.gain_c_per_code,
+        plausible: spec.plausible_c,
+        hold_s: spec.hold_s,
+    }];
+    for input in &axis.inputs {
+        let place = |wanted: &String| {
+            let further = || {
+                let is = |source: &InputSource| *source == InputSource::Thermometer(wanted.clone());
+                Some(1 + axis.inputs.iter().position(|other| is(&other.source))?)
+            };
+            let found = if *wanted == spec.name { Some(0) } else { further() };
+            found.and_then(|at| u8::try_from(at).ok()).ok_or_else(|| {
+                Error::input("a difference of thermometers that are not inputs").column("inputs").value(&input.name)
+            })
+        };
+        let source = match &input.source {
+            InputSource::Difference(of, less) => Source::Difference { of: place(of)?, less: place(less)? },
+            InputSource::Thermometer(_) | InputSource::Column(_) => Source::Code,
+        };
+        let is_column = matches!(input.source, InputSource::Column(_));
+        all.push(Channel {
+            name: Some(&input.name),
+            source,
+            exponent: if is_column { unit_exponent(input.plausible) } else { 0 },
+            reference: input.reference,
+            span: Span { lo_c: input.span[0], hi_c: input.span[1] },
+            lag: input.lag_s,
+            rate_span: input.rate_span_per_min,
+            offset: input.offset,
+            gain_per_code: input.gain_per_code,
+            plausible: input.plausible,
+            hold_s: input.hold_s,
+        });
+    }
+    Ok(all)
+}
+
+fn thermometer(of: &Channel<'_>, period_s: f64) -> Result<Thermometer> {
+    let (unit, span) = (of.unit(), [of.span.lo_c, of.span.hi_c]);
     // Spans of our own stand on even codes already; others move by one code at most.
-    let (span_lo_q24, mut span_hi_q24) = (q24("span_c", axis.span_c[0])?, q24("span_c", axis.span_c[1])?);
+    let (span_lo_q24, mut span_hi_q24) = (q24("span_c", span[0] / unit)?, q24("span_c", span[1] / unit)?);
     span_hi_q24 += (span_hi_q24 ^ span_lo_q24) & 1;
     let half = (i64::from(span_hi_q24) - i64::from(span_lo_q24)) / 2;
     let (x_mantissa, shift_to_q31) = reciprocal("span_c", half)?;
     let x_shift =
         shift_to_q31.checked_sub(16).ok_or_else(|| too_large("span_c (narrower than 0.004 °C)", half as f64))?;
-    let lag = match (axis.lag_s, far_cpm) {
-        (Some(lag), Some(far)) => lag_spec(lag.value, period_s, far, axis.rate_span_cpm.unwrap_or([-far, far]))?,
+    let lag = match (of.lag, of.rate_far()) {
+        (Some(lag), Some(far)) => {
+            let [lo, hi] = of.rate_span.unwrap_or([-far, far]);
+            lag_spec(lag.value, period_s, far / unit, [lo / unit, hi / unit])?
+        }
         _ => LagSpec::default(),
     };
-    let settling_s = axis.lag_s.map_or(0.0, |lag| (SETTLING_TAUS * lag.value).min(SETTLING_MAX_S));
-    for celsius in axis.span_c {
-        let code = (celsius - spec.offset_c) / spec.gain_c_per_code;
+    let settling_s = of.lag.map_or(0.0, |lag| (SETTLING_TAUS * lag.value).min(SETTLING_MAX_S));
+    let has_code = of.source == Source::Code;
+    for value in span.into_iter().filter(|_| has_code) {
+        let code = (value - of.offset) / of.gain_per_code;
         if code.abs() > f64::from(i32::MAX) {
-            let what = format!("the thermometer's 32-bit codes do not reach {celsius:.2} °C of the fit span");
+            let (what, unit) = of.name.map_or(("the thermometer".to_owned(), " °C"), |name| (name.to_owned(), ""));
+            let what = format!("32-bit codes of {what} do not reach {value:.2}{unit} of the fit span");
             return Err(Error::input(what)
-                .column("thermometer.gain_c_per_code")
-                .value(spec.gain_c_per_code.to_string()));
+                .column(if of.name.is_some() { "gain_per_code" } else { "thermometer.gain_c_per_code" })
+                .value(of.gain_per_code.to_string()));
         }
     }
     Ok(Thermometer {
-        offset_q24: q24("thermometer.offset_c", spec.offset_c)?,
-        gain: gain(spec.gain_c_per_code * Q24)?,
-        plausible_lo_q24: q24("thermometer.plausible_c", spec.plausible_c[0])?,
-        plausible_hi_q24: q24("thermometer.plausible_c", spec.plausible_c[1])?,
+        source: of.source,
+        unit_exponent: of.exponent,
+        offset_q24: if has_code { q24("thermometer.offset_c", of.offset / unit)? } else { 0 },
+        gain: if has_code { gain(of.gain_per_code / unit * Q24)? } else { Scale::ONE },
+        plausible_lo_q24: q24("thermometer.plausible_c", of.plausible[0] / unit)?,
+        plausible_hi_q24: q24("thermometer.plausible_c", of.plausible[1] / unit)?,
         span_lo_q24,
         span_hi_q24,
         x_mantissa,
         x_shift,
         lag,
-        hold_updates: (spec.hold_s / period_s).ceil() as u32,
+        hold_updates: (of.hold_s / period_s).ceil() as u32,
         settling_updates: if lag.is_used() { (settling_s / period_s).ceil() as u32 } else { 0 },
     })
 }
@@ -174,31 +265,81 @@ fn lag_spec(tau_s: f64, period_s: f64, far_cpm: f64, span_cpm: [f64; 2]) -> Resu
     })
 }
 
-fn terms(calibration: &Calibration, axis: &AxisCalibration, far_cpm: Option<f64>) -> Result<Vec<Term>> {
-    let span = Span { lo_c: axis.span_c[0], hi_c: axis.span_c[1] };
-    let at_reference = chebyshev(span.x(axis.reference_c));
+fn terms(calibration: &Calibration, axis: &AxisCalibration, channels: &[Channel<'_>]) -> Result<Vec<Term>> {
     let per_dph = calibration.target.tick_s() / calibration.unit.arcsec_per_lsb();
     let mut out = Vec::new();
-    let mut series = |kind: Kind, multiplier: Multiplier, name: TermKind, factor: f64| -> Result<()> {
-        let mut coefficients = axis.series(name);
+    // What all terms make of their references, bias and scale.
+    let mut at_reference = [0.0; 2];
+    for fitted in &axis.terms {
+        let sensor = channels.iter().position(|channel| channel.name == axis.input_of(fitted).map(|i| i.name.as_str()));
+        let sensor = sensor.unwrap_or(0);
+        let channel = &channels[sensor];
+        let (shape, factor, zero) = shape_of(fitted, channel)?;
+        let (kind, multiplier, unit) = match fitted.kind {
+            TermKind::Scale => (Kind::Scale, Multiplier::One, 1e-6),
+            TermKind::Rate => (Kind::Bias, Multiplier::Rate, per_dph * channel.rate_far().unwrap_or(0.0)),
+            TermKind::Bias | TermKind::Zone | TermKind::Step => (Kind::Bias, Multiplier::One, per_dph),
+        };
         if multiplier == Multiplier::One {
-            coefficients[0] = -(1..BASIS_LEN).map(|n| coefficients[n] * at_reference[n]).sum::<f64>();
+            at_reference[usize::from(kind == Kind::Scale)] += fitted.value * zero * unit;
         }
-        for (order, coefficient) in (0_u8..).zip(coefficients) {
-            out.extend(term(kind, order, multiplier, coefficient * factor)?);
-        }
-        Ok(())
-    };
-    series(Kind::Bias, Multiplier::One, TermKind::Bias, per_dph)?;
-    if let Some(far) = far_cpm {
-        series(Kind::Bias, Multiplier::Rate, TermKind::Rate, per_dph * far)?;
+        let place = Place { kind, sensor: sensor as u8, shape, multiplier };
+        out.extend(term(place, fitted.value * factor * unit)?);
     }
-    series(Kind::Scale, Multiplier::One, TermKind::Scale, 1e-6)?;
+    for (kind, zero) in [Kind::Bias, Kind::Scale].into_iter().zip(at_reference) {
+        let place = Place { kind, sensor: 0, shape: Shape::Chebyshev(0), multiplier: Multiplier::One };
+        out.extend(term(place, -zero)?);
+    }
+    // Bias before rate before scale, thermometer by thermometer, order by order: one record, one image.
+    out.sort_by_key(|term: &Term| {
+        (term.kind == Kind::Scale, term.multiplier == Multiplier::Rate, term.sensor, order_key(term.shape))
+    });
     Ok(out)
 }
 
+fn order_key(shape: Shape) -> (u8, i32) {
+    match shape {
+        Shape::Chebyshev(order) => (0, order.into()),
+        Shape::Zone { knot_q15 } => (1, knot_q15.into()),
+        Shape::Step { knot_q15 } => (2, knot_q15.into()),
+    }
+}
+
+/// The target's shape of a term, by what its coefficient is to be multiplied for it, and what the record's own shape makes of
+/// the reference.
+fn shape_of(fitted: &FittedTerm, channel: &Channel<'_>) -> Result<(Shape, f64, f64)> {
+    let x0 = channel.span.x(channel.reference);
+    let knot = |at: f64| -> Result<i16> {
+        let knot = (channel.span.x(at) * 32_768.0).round();
+        if knot.abs() < 32_768.0 { Ok(knot as i16) } else { Err(too_large("terms.at (outside of the span)", at)) }
+    };
+    Ok(match (fitted.kind, fitted.at) {
+        (TermKind::Zone, Some(at)) => {
+            let knot_q15 = knot(at)?;
+            let wide = 1.0 - f64::from(knot_q15) / 32_768.0;
+            (Shape::Zone { knot_q15 }, (2.0 / wide).powi(2), zone(x0, 1.0 - wide))
+        }
+        (TermKind::Step, Some(at)) => {
+            (Shape::Step { knot_q15: knot(at)? }, 1.0, f64::from(u8::from(channel.reference >= at)))
+        }
+        _ => {
+            let basis = chebyshev(x0);
+            (Shape::Chebyshev(fitted.order), 1.0, basis.get(usize::from(fitted.order)).copied().unwrap_or(0.0))
+        }
+    })
+}
+
+/// Where a term of the image stands.
+struct Place {
+    kind: Kind,
+    sensor: u8,
+    shape: Shape,
+    multiplier: Multiplier,
+}
+
 /// A coefficient in counts per tick (or as a part of one) as mantissa and shift; `None` for zero.
-fn term(kind: Kind, order: u8, multiplier: Multiplier, value: f64) -> Result<Option<Term>> {
+fn term(place: Place, value: f64) -> Result<Option<Term>> {
+    let Place { kind, sensor, shape, multiplier } = place;
     let q40 = value * 2.0_f64.powi(40);
     let shift = (60.0 - q40.abs().log2().floor()).min(62.0);
     let mantissa = (q40 * 2.0_f64.powf(shift - 31.0)).round();
@@ -206,7 +347,12 @@ fn term(kind: Kind, order: u8, multiplier: Multiplier, value: f64) -> Result<Opt
         return Ok(None);
     }
     if shift < 8.0 || !mantissa.is_finite() {
-        return Err(too_large(&format!("{kind:?} term of order {order}"), value));
+        let what = match shape {
+            Shape::Chebyshev(order) => format!("{kind:?} term of order {order}"),
+            Shape::Zone { .. } => format!("{kind:?} term of a zone"),
+            Shape::Step { .. } => format!("{kind:?} step"),
+        };
+        return Err(too_large(&what, value));
     }
-    Ok(Some(Term { kind, sensor: 0, order, multiplier, mantissa: mantissa as i32, shift: shift as u8 }))
+    Ok(Some(Term { kind, sensor, shape, multiplier, mantissa: mantissa as i32, shift: shift as u8 }))
 }

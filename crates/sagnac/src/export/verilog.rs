@@ -9,7 +9,7 @@
 
 use std::fmt::Write as _;
 
-use sagnac_core::{Image, Kind, MAX_THERMOMETERS, Multiplier, Term, Thermometer};
+use sagnac_core::{Image, Kind, MAX_THERMOMETERS, Multiplier, Shape, Source, Term, Thermometer};
 use sagnac_loops::LoopTable;
 
 use super::TextFile;
@@ -78,7 +78,12 @@ fn check_widths(image: &Image, widths: Widths) -> Result<()> {
     let largest = image.terms().iter().filter(|term| term.kind == Kind::Bias).max_by_key(size);
     let named = largest.map_or_else(String::new, |term| {
         let rate = if term.multiplier == Multiplier::Rate { ", times the rate," } else { "" };
-        format!("; the bias term of order {}{rate} alone reaches {}", term.order, size(&term) >> 8)
+        let what = match term.shape {
+            Shape::Chebyshev(order) => format!("bias term of order {order}"),
+            Shape::Zone { .. } => "bias term of a zone".to_owned(),
+            Shape::Step { .. } => "bias step".to_owned(),
+        };
+        format!("; the {what}{rate} alone reaches {}", size(&term) >> 8)
     });
     let bits = 65 - reach.leading_zeros();
     Err(Error::refused(format!(
@@ -112,7 +117,7 @@ fn unit(image: &Image, widths: Widths) -> String {
     let mut out = String::new();
     let serial = image.serial().unwrap_or("").escape_default().to_string();
     opening(&mut out, &format!("Constants of gyro {serial}, axis {}, image {}.", d.axis as char, d.sequence));
-    let highest = image.terms().iter().map(|term| term.order).max().unwrap_or(0);
+    let highest = image.terms().iter().filter_map(|term| term.shape.order()).max().unwrap_or(0);
     let _ = writeln!(out, "localparam [31:0] IMAGE_CRC = 32'h{:08x};", crc_of(&super::image_bytes(image)));
     let _ = writeln!(out, "localparam integer RAW_WIDTH = {};", widths.raw);
     let _ = writeln!(out, "localparam integer INCREMENT_WIDTH = {};", widths.increment);
@@ -131,7 +136,10 @@ fn unit(image: &Image, widths: Widths) -> String {
 fn thermometers(out: &mut String, all: &[Thermometer; MAX_THERMOMETERS]) {
     /// A field's name, its width, and where it stands.
     type Field = (&'static str, u32, fn(&Thermometer) -> i64);
-    let fields: [Field; 18] = [
+    let fields: [Field; 21] = [
+        ("IS_DIFFERENCE", 1, |t| (t.source != Source::Code).into()),
+        ("DIFFERENCE_OF", 2, |t| difference(t)[0]),
+        ("DIFFERENCE_LESS", 2, |t| difference(t)[1]),
         ("OFFSET", 32, |t| t.offset_q24.into()),
         ("GAIN_MANTISSA", 32, |t| t.gain.mantissa.into()),
         ("GAIN_SHIFT", 7, |t| t.gain.shift.into()),
@@ -156,9 +164,24 @@ fn thermometers(out: &mut String, all: &[Thermometer; MAX_THERMOMETERS]) {
     }
 }
 
+/// The two thermometers of a difference.
+fn difference(t: &Thermometer) -> [i64; 2] {
+    match t.source {
+        Source::Code => [0, 0],
+        Source::Difference { of, less } => [of.into(), less.into()],
+    }
+}
+
 fn terms(out: &mut String, all: &[Term]) {
+    let knot = |term: &Term| match term.shape {
+        Shape::Chebyshev(_) => 0,
+        Shape::Zone { knot_q15 } | Shape::Step { knot_q15 } => knot_q15.into(),
+    };
     packed(out, "TERM_SENSOR", 2, all.iter().map(|term| term.sensor.into()));
-    packed(out, "TERM_ORDER", 4, all.iter().map(|term| term.order.into()));
+    packed(out, "TERM_ORDER", 4, all.iter().map(|term| term.shape.order().unwrap_or(0).into()));
+    packed(out, "TERM_IS_ZONE", 1, all.iter().map(|term| matches!(term.shape, Shape::Zone { .. }).into()));
+    packed(out, "TERM_IS_STEP", 1, all.iter().map(|term| matches!(term.shape, Shape::Step { .. }).into()));
+    packed(out, "TERM_KNOT", 16, all.iter().map(knot));
     packed(out, "TERM_MANTISSA", 32, all.iter().map(|term| term.mantissa.into()));
     packed(out, "TERM_SHIFT", 7, all.iter().map(|term| term.shift.into()));
     packed(out, "TERM_RATED", 1, all.iter().map(|term| (term.multiplier == Multiplier::Rate).into()));

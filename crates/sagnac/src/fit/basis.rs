@@ -32,6 +32,11 @@ impl Span {
         (2.0 * t_c - self.lo_c - self.hi_c) / (self.hi_c - self.lo_c)
     }
 
+    /// The temperature of x.
+    pub fn at(&self, x: f64) -> f64 {
+        f64::midpoint(self.lo_c, self.hi_c) + x / self.slope()
+    }
+
     /// dx/dT.
     pub fn slope(&self) -> f64 {
         2.0 / (self.hi_c - self.lo_c)

@@ -1,7 +1,7 @@
 //! What a model costs on the target, instructions of a Cortex-M4F.
 //!
 //! ```text
-//! slow update = BASE + SERIES·[any term] + LAG·[any rate term] + TERM·(terms of bias, rate and scale)
+//! slow update = BASE + SERIES·[any term] + INPUT·(inputs − 1) + LAG·(lags) + TERM·(terms) + ZONE·(zones)
 //! tick        = TICK, whatever the model: the series is evaluated when a temperature arrives
 //! ```
 //!
@@ -9,28 +9,73 @@
 //! an emulated part (`cargo xtask firmware`, `-icount shift=0`), which holds this form against images of several models to within
 //! [`WITHIN`]. Instructions are not cycles.
 
+use sagnac_core::{Image, Shape};
+
 use crate::fit::model::ModelSpec;
 
 /// A slow update without any term.
-const BASE: f64 = 664.0;
+const BASE: f64 = 670.0;
 /// More with any term.
-const SERIES: f64 = 22.0;
-/// More with a rate term: the lag filter and its rate.
-const LAG: f64 = 163.0;
-/// More with each term.
-const TERM: f64 = 70.0;
+const SERIES: f64 = 20.0;
+/// More with each further thermometer, difference or column.
+const INPUT: f64 = 400.0;
+/// More with each lag filter and its rate.
+const LAG: f64 = 154.0;
+/// More with each term, of whatever shape.
+const TERM: f64 = 80.0;
+/// More with each zone.
+const ZONE: f64 = 8.0;
 /// A tick of compensation between slews.
 pub const TICK_INSTRUCTIONS: u32 = 46;
 /// The form is this close to what is counted, as a part.
 pub const WITHIN: f64 = 0.02;
 
-/// Instructions of a slow update with so many terms.
-pub fn slow_update_instructions(model: ModelSpec) -> u32 {
-    // A series that is not multiplied has a term of order 0 that makes it zero at T0.
-    let with_zero = |order: u8| if order > 0 { usize::from(order) + 1 } else { 0 };
-    let rates = model.rate.map_or(0, |order| usize::from(order) + 1);
-    let terms = with_zero(model.bias) + rates + with_zero(model.scale);
-    let series = if terms > 0 { SERIES } else { 0.0 };
-    let lag = if model.rate.is_some() { LAG } else { 0.0 };
-    (BASE + series + lag + TERM * terms as f64).round() as u32
+/// What a slow update has to do.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Work {
+    /// Thermometers, differences and columns.
+    pub inputs: usize,
+    /// Lag filters.
+    pub lags: usize,
+    /// Terms of any shape.
+    pub terms: usize,
+    /// Those of them that are zones.
+    pub zones: usize,
+}
+
+impl Work {
+    /// Of a model that reads so many inputs.
+    pub fn of_model(model: &ModelSpec, inputs: usize) -> Self {
+        let rates = |rate: Option<u8>| rate.map_or(0, |order| usize::from(order) + 1);
+        let zones = usize::from(model.zones.saturating_sub(1));
+        let mut bias = usize::from(model.bias) + zones;
+        let (mut rated, mut scale) = (rates(model.rate), usize::from(model.scale));
+        for of in &model.further {
+            bias += usize::from(of.bias) + usize::from(of.steps.unwrap_or(0));
+            rated += rates(of.rate);
+            scale += usize::from(of.scale);
+        }
+        // What is not multiplied has, together, a term of order 0 that makes it zero at its references.
+        let with_zero = |terms: usize| if terms > 0 { terms + 1 } else { 0 };
+        Self { inputs, lags: model.lags(), terms: with_zero(bias) + rated + with_zero(scale), zones }
+    }
+
+    /// Of an image.
+    pub fn of_image(image: &Image) -> Self {
+        Self {
+            inputs: image.thermometers().len(),
+            lags: image.thermometers().iter().filter(|t| t.lag.is_used()).count(),
+            terms: image.terms().len(),
+            zones: image.terms().iter().filter(|term| matches!(term.shape, Shape::Zone { .. })).count(),
+        }
+    }
+
+    /// Instructions of a slow update.
+    pub fn instructions(self) -> u32 {
+        let series = if self.terms > 0 { SERIES } else { 0.0 };
+        let further = INPUT * self.inputs.saturating_sub(1) as f64;
+        let sum =
+            BASE + series + further + LAG * self.lags as f64 + TERM * self.terms as f64 + ZONE * self.zones as f64;
+        sum.round() as u32
+    }
 }

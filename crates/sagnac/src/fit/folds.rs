@@ -4,28 +4,23 @@
 //! runs. The lag filter runs through what is left out, and τ is fitted anew in each fold. A held-out
 //! block is judged with its run's constant, a run that is held out whole about its own mean.
 //!
-//! One R factor per block and τ serves all candidates: training sets are stacks of the factors of the
-//! other blocks, candidates are subsets of columns.
+//! One R factor per block and τ serves all candidates of the grid: training sets are stacks of the factors of the
+//! other blocks, candidates are subsets of columns. A model of several inputs has a factor of its own per block and set of
+//! τ ([`Trial`]); with several lags each fold descends on one after the other from where the whole problem ends.
+
+use std::collections::BTreeMap;
 
 use nalgebra::DVector;
 
 use crate::fit::lag::RATE_COLUMNS;
 use crate::fit::model::ModelSpec;
-use crate::fit::problem::Problem;
+use crate::fit::problem::{Problem, Rates, TermPlace};
 use crate::fit::solve::{Factor, Reducer, Solution};
 use crate::parallel::in_parallel;
 
 const BLOCKS: usize = 12;
 const RUNS_TO_LEAVE_ONE_OUT: usize = 4;
 const BIAS_COLUMNS: usize = crate::fit::basis::BASIS_LEN - 1;
-
-/// Held-out mean squares of some candidates.
-pub(crate) struct HeldOut {
-    pub(crate) scheme: &'static str,
-    pub(crate) folds: usize,
-    /// (°/h)², in the order of the candidates; `None` where a fold could not be fitted.
-    pub(crate) mean_square: Vec<Option<f64>>,
-}
 
 /// How rows are divided, and which columns stand before the regressors.
 struct Division {
@@ -57,8 +52,14 @@ impl Division {
     }
 }
 
-/// Cross-validates every candidate.
-pub(crate) fn cross_validate(problem: &Problem<'_>, candidates: &[ModelSpec], taus_s: &[f64]) -> HeldOut {
+/// How the rows of a problem are divided, and into how many folds.
+pub(crate) fn scheme_of(problem: &Problem<'_>) -> (&'static str, usize) {
+    let division = Division::of(problem);
+    (division.scheme, division.blocks)
+}
+
+/// Held-out mean squares, (°/h)², in the order of the candidates; `None` where a fold could not be fitted.
+pub(crate) fn cross_validate(problem: &Problem<'_>, candidates: &[ModelSpec], taus_s: &[f64]) -> Vec<Option<f64>> {
     let division = Division::of(problem);
     let scale_orders = candidates.iter().map(|c| usize::from(c.scale)).max().unwrap_or(0);
     let with_rate = candidates.iter().any(|c| c.rate.is_some());
@@ -72,8 +73,7 @@ pub(crate) fn cross_validate(problem: &Problem<'_>, candidates: &[ModelSpec], ta
     let held_out =
         (0..candidates.len()).map(|candidate| squares.iter().map(|fold| fold[candidate]).sum::<Option<f64>>());
     // Weights take each window to the nominal length, as in the residual σ beside it.
-    let mean_square = held_out.map(|sum| sum.map(|sum| sum / problem.len() as f64)).collect();
-    HeldOut { scheme: division.scheme, folds: division.blocks, mean_square }
+    held_out.map(|sum| sum.map(|sum| sum / problem.len() as f64)).collect()
 }
 
 /// Held-out sum of squares of every candidate in one fold; `None` where it could not be fitted.
@@ -91,7 +91,7 @@ fn fold_squares(
         .collect();
     let (known, free) = division.levels_without(problem, fold);
     let squares = candidates.iter().map(|candidate| {
-        let columns = columns_of(*candidate, &known, division.levels);
+        let columns = columns_of(candidate, &known, division.levels);
         let choices = if candidate.rate.is_some() { taus_s.len() } else { 1 };
         let (tau, theta) = best_tau(&training[..choices], &columns)?;
         Some(factors[tau][fold].ssr(&columns, &theta, &free))
@@ -107,7 +107,7 @@ fn best_tau(training: &[Option<Factor>], columns: &[usize]) -> Option<(usize, DV
 }
 
 /// Columns of a candidate in the full row: levels, b₁…b₈, c₀…c₃, e₁….
-fn columns_of(spec: ModelSpec, known: &[usize], levels: usize) -> Vec<usize> {
+fn columns_of(spec: &ModelSpec, known: &[usize], levels: usize) -> Vec<usize> {
     let bias = levels;
     let rate = bias + BIAS_COLUMNS;
     let scale = rate + RATE_COLUMNS;
@@ -128,15 +128,27 @@ fn block_factors(
     with_rate: bool,
     scale_orders: usize,
 ) -> Vec<Factor> {
-    let rates = if with_rate { problem.rate_columns(tau_s) } else { vec![[0.0; RATE_COLUMNS]; problem.len()] };
-    let width = division.levels + BIAS_COLUMNS + RATE_COLUMNS + scale_orders + 1;
+    let rates = if with_rate { problem.rate_columns(0, tau_s) } else { vec![[0.0; RATE_COLUMNS]; problem.len()] };
+    reduced(problem, division, BIAS_COLUMNS + RATE_COLUMNS + scale_orders, |row, i| {
+        row.extend_from_slice(&problem.inputs[0].basis[i][1..]);
+        row.extend_from_slice(&rates[i]);
+        row.extend((1..=scale_orders).map(|k| problem.scale_column(0, i, k)));
+    })
+}
+
+/// Factors of the blocks, of levels, `regressors` columns that `add` puts behind them, and y.
+fn reduced(
+    problem: &Problem<'_>,
+    division: &Division,
+    regressors: usize,
+    add: impl Fn(&mut Vec<f64>, usize),
+) -> Vec<Factor> {
+    let width = division.levels + regressors + 1;
     let mut row = Vec::with_capacity(width);
     let fill = |row: &mut Vec<f64>, i: usize| {
         row.clear();
         row.extend(problem.levels[..division.levels].iter().map(|level| problem.level(i, *level)));
-        row.extend_from_slice(&problem.bias[i][1..]);
-        row.extend_from_slice(&rates[i]);
-        row.extend((1..=scale_orders).map(|k| problem.scale_column(i, k)));
+        add(row, i);
         row.push(problem.y[i]);
     };
     let mut centres = vec![vec![0.0; width]; problem.runs.len()];
@@ -157,4 +169,108 @@ fn block_factors(
         reducers[division.block[i]].push(&row);
     }
     reducers.into_iter().map(Reducer::finish).collect()
+}
+
+/// Sweeps over several lags before it is called enough.
+const MOST_SWEEPS: usize = 4;
+
+/// One model of any inputs, cross-validated by itself.
+pub(crate) struct Trial<'a> {
+    problem: &'a Problem<'a>,
+    division: Division,
+    terms: Vec<TermPlace>,
+    /// Inputs whose lag is fitted.
+    rated: Vec<usize>,
+    taus_s: &'a [f64],
+    /// Rate columns by input and τ.
+    rates: BTreeMap<(usize, usize), Rates>,
+    /// Factors of the blocks by the places of the lags in the grid.
+    factors: BTreeMap<Vec<usize>, Vec<Factor>>,
+}
+
+impl<'a> Trial<'a> {
+    pub(crate) fn new(problem: &'a Problem<'a>, spec: &ModelSpec, taus_s: &'a [f64]) -> Self {
+        let (terms, rated) = (problem.terms(spec), problem.rated(spec));
+        let division = Division::of(problem);
+        Self { problem, division, terms, rated, taus_s, rates: BTreeMap::new(), factors: BTreeMap::new() }
+    }
+
+    /// Held-out mean square, (°/h)²; `None` where a fold could not be fitted.
+    pub(crate) fn held_out(mut self) -> Option<f64> {
+        // Where the whole problem ends: every fold's way begins there.
+        let start: Vec<usize> =
+            self.rated.iter().map(|input| self.problem.tau_from[*input].max(self.taus_s.len() / 2)).collect();
+        let all: Vec<usize> = (0..self.division.levels).collect();
+        let (start, _) = self.descend(start, None, &all)?;
+        let mut sum = 0.0;
+        for fold in 0..self.division.blocks {
+            let (known, free) = self.division.levels_without(self.problem, fold);
+            let (best, theta) = self.descend(start.clone(), Some(fold), &known)?;
+            let columns = self.columns(&known);
+            sum += self.blocks(&best)[fold].ssr(&columns, &theta, &free);
+        }
+        Some(sum / self.problem.len() as f64)
+    }
+
+    fn columns(&self, known: &[usize]) -> Vec<usize> {
+        known.iter().copied().chain(self.division.levels..self.division.levels + self.terms.len()).collect()
+    }
+
+    /// The lags of least misfit outside of a fold, one after the other, and the coefficients there.
+    fn descend(
+        &mut self,
+        mut at: Vec<usize>,
+        fold: Option<usize>,
+        known: &[usize],
+    ) -> Option<(Vec<usize>, DVector<f64>)> {
+        let mut best = self.misfit(&at, fold, known);
+        for _ in 0..MOST_SWEEPS {
+            let before = at.clone();
+            for lag in 0..at.len() {
+                for tau in self.problem.tau_from[self.rated[lag]]..self.taus_s.len() {
+                    let mut there = at.clone();
+                    there[lag] = tau;
+                    let tried = self.misfit(&there, fold, known);
+                    if ssr_of(&tried) < ssr_of(&best) {
+                        (at, best) = (there, tried);
+                    }
+                }
+            }
+            if at == before || at.len() < 2 {
+                break;
+            }
+        }
+        best.map(|solution| (at, solution.theta))
+    }
+
+    fn misfit(&mut self, at: &[usize], fold: Option<usize>, known: &[usize]) -> Option<Solution> {
+        let columns = self.columns(known);
+        let blocks = self.blocks(at).iter().enumerate().filter(|(block, _)| Some(*block) != fold);
+        Factor::join(blocks.map(|(_, factor)| factor))?.solve(&columns)
+    }
+
+    /// Factors of the blocks at these lags, made once.
+    fn blocks(&mut self, at: &[usize]) -> &[Factor] {
+        if !self.factors.contains_key(at) {
+            for (input, tau) in self.rated.iter().zip(at) {
+                let tau_s = self.taus_s[*tau];
+                self.rates.entry((*input, *tau)).or_insert_with(|| self.problem.rates(&[(*input, tau_s)]));
+            }
+            let of_input = |input: usize| -> Option<&Rates> {
+                let lag = self.rated.iter().position(|rated| *rated == input)?;
+                self.rates.get(&(input, at[lag]))
+            };
+            let none = vec![Vec::new(); self.problem.inputs.len()];
+            let made = reduced(self.problem, &self.division, self.terms.len(), |row, i| {
+                let value = |term: &TermPlace| self.problem.regressor(term, i, of_input(term.input).unwrap_or(&none));
+                row.extend(self.terms.iter().map(value));
+            });
+            self.factors.insert(at.to_vec(), made);
+        }
+        &self.factors[at]
+    }
+}
+
+fn ssr_of(solution: &Option<Solution>) -> f64 {
+    solution.as_ref().map_or(f64::INFINITY, |solution| solution.ssr)
 }

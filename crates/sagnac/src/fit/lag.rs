@@ -8,6 +8,8 @@
 //! The same recursion as `sagnac_core::Thermometer` on the same grid with the same zero-order hold;
 //! a window's mean of Ṫ·T_j(x) is the difference of a running sum at its ends.
 
+use std::borrow::Cow;
+
 use crate::fit::basis::Span;
 use crate::fit::model::MAX_RATE_ORDER;
 
@@ -16,7 +18,7 @@ pub(crate) const RATE_COLUMNS: usize = MAX_RATE_ORDER as usize + 1;
 
 /// The lag on one run's track.
 pub(crate) struct LagRate<'a> {
-    pub(crate) track_c: &'a [f64],
+    pub(crate) track_c: Cow<'a, [f64]>,
     pub(crate) span: Span,
     pub(crate) period_s: f64,
     pub(crate) tau_s: f64,
@@ -89,7 +91,7 @@ mod tests {
     use super::*;
 
     fn ramp(track_c: &[f64], span: Span, tau_s: f64) -> LagRate<'_> {
-        LagRate { track_c, span, period_s: 1.0, tau_s }
+        LagRate { track_c: Cow::Borrowed(track_c), span, period_s: 1.0, tau_s }
     }
 
     #[test]

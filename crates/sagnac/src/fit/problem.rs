@@ -4,6 +4,9 @@
 //! y = C_run + Σ bᵢ·[T̄ᵢ − Tᵢ(x0)] + Σ cⱼ·mean(Ṫ·Tⱼ) − Ω_run·1e-6·Σ e_k·[T̄_k − T_k(x0)]       °/h
 //! ```
 //!
+//! with the same sums over every further input (another x, another Ṫ of its own lag), and zones and steps beside them
+//! ([`super::input`]).
+//!
 //! y is the mean rate of a window, Ω_run the mean rate of its run: with one input rate per run that is
 //! the model of the target to first order in ε. On a rate table (see [`super::turning`]) it is exact instead:
 //!
@@ -16,10 +19,12 @@
 //! its constant from ε0.
 
 use crate::calibration::Plateau;
+use crate::calibration::TermKind;
 use crate::error::{Error, Result};
-use crate::fit::basis::{BASIS_LEN, Span, chebyshev, chebyshev_mean};
+use crate::fit::basis::Span;
+use crate::fit::input::{Input, Source, knots};
 use crate::fit::lag::{LagRate, RATE_COLUMNS};
-use crate::fit::model::ModelSpec;
+use crate::fit::model::{FurtherTerms, ModelSpec};
 use crate::fit::plateaus::plateaus_of;
 use crate::fit::turning::Turning;
 use crate::units::s_from_ns;
@@ -31,8 +36,10 @@ const TAU_STEPS: usize = 24;
 /// The used windows of one axis.
 pub(crate) struct Problem<'a> {
     windows: &'a Windows,
-    sensor: usize,
-    pub(crate) span: Span,
+    /// What terms may be functions of; the first is the thermometer of the fit.
+    pub(crate) inputs: Vec<Input>,
+    /// Per input: the first τ of the grid that is tried. Raised where a thermometer's noise asks for more.
+    pub(crate) tau_from: Vec<usize>,
     /// Window of each row.
     pub(crate) used: Vec<usize>,
     /// Rate, °/h.
@@ -43,8 +50,6 @@ pub(crate) struct Problem<'a> {
     pub(crate) run: Vec<usize>,
     /// Runs that have windows.
     pub(crate) runs: Vec<usize>,
-    /// T̄ᵢ − Tᵢ(x0).
-    pub(crate) bias: Vec<[f64; BASIS_LEN]>,
     /// Mean rate of each run, °/h.
     pub(crate) run_rate: Vec<f64>,
     /// Columns before the terms of a model.
@@ -78,21 +83,40 @@ impl Level {
     }
 }
 
+/// A term of a model on a problem.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct TermPlace {
+    /// Place among the problem's inputs.
+    pub(crate) input: usize,
+    pub(crate) kind: TermKind,
+    pub(crate) order: u8,
+    /// Where a zone or a step begins: x of the knot, or the threshold in the input's unit.
+    pub(crate) at: Option<f64>,
+}
+
+/// Means of Ṫ·T₀ … Ṫ·T₃ of every row, per input; nothing for inputs without a rate term.
+pub(crate) type Rates = Vec<Vec<[f64; RATE_COLUMNS]>>;
+
 impl<'a> Problem<'a> {
+    /// The windows in which all of `sources` are known; the first of them is the thermometer of the fit.
     pub(crate) fn new(
         windows: &'a Windows,
         axis: usize,
-        sensor: usize,
+        sources: &[Source],
         reference_c: f64,
         min_span_c: f64,
         turning: Option<Turning>,
     ) -> Result<Self> {
         let rows = &windows.rows;
-        let used: Vec<usize> = (0..windows.len()).filter(|i| rows.excluded[*i].is_none()).collect();
+        let known = |i: &usize| sources.iter().all(|source| source.in_window(windows, *i).0.is_finite());
+        let used: Vec<usize> = (0..windows.len()).filter(|i| rows.excluded[*i].is_none() && known(i)).collect();
         if used.is_empty() {
             return Err(no_window(windows));
         }
-        let span = span_of(windows, sensor, &used, min_span_c)?;
+        let inputs: Vec<Input> =
+            sources.iter().map(|source| Input::new(*source, windows, &used, reference_c)).collect();
+        let span = inputs[0].span;
+        check_span(windows, span, min_span_c)?;
         if !(span.lo_c..=span.hi_c).contains(&reference_c) {
             return Err(Error::refused(format!(
                 "the reference temperature {reference_c} °C lies outside the span of the data, {:.2} … {:.2} °C",
@@ -105,12 +129,6 @@ impl<'a> Problem<'a> {
         let all_runs = runs.clone();
         runs.dedup();
         let run: Vec<usize> = all_runs.iter().map(|r| runs.binary_search(r).unwrap_or(0)).collect();
-        let at_reference = chebyshev(span.x(reference_c));
-        let bias = used.iter().map(|&i| {
-            let variance = rows.variance_c2[sensor][i] * span.slope().powi(2);
-            let mean = chebyshev_mean(span.x(rows.mean_c[sensor][i]), variance);
-            std::array::from_fn(|n| mean[n] - at_reference[n])
-        });
         let along = |i: &usize| turning.as_ref().map_or(0.0, |turning| turning.along_dph[*i]);
         let y: Vec<f64> = used.iter().map(|i| windows.rate_dph(axis, *i) - along(i)).collect();
         let by_row = windows.shape.window.seconds().is_none();
@@ -122,9 +140,46 @@ impl<'a> Problem<'a> {
             sums[*r].1 += w;
         }
         let run_rate = sums.iter().map(|(sum, weight)| sum / weight).collect();
-        let bias = bias.collect();
         let levels = levels(turning.as_ref(), &used, &run, runs.len());
-        Ok(Self { windows, sensor, span, used, y, weight, run, runs, bias, run_rate, levels, turning })
+        let tau_from = vec![0; inputs.len()];
+        Ok(Self { windows, inputs, tau_from, used, y, weight, run, runs, run_rate, levels, turning })
+    }
+
+    /// The span of the thermometer of the fit.
+    pub(crate) fn span(&self) -> Span {
+        self.inputs[0].span
+    }
+
+    /// Place of the input of this name.
+    pub(crate) fn input(&self, name: &str) -> Option<usize> {
+        self.inputs.iter().position(|input| input.name == name)
+    }
+
+    /// The terms of a model, in the order of its parameters; those of inputs that are not here are left out.
+    pub(crate) fn terms(&self, spec: &ModelSpec) -> Vec<TermPlace> {
+        let main =
+            FurtherTerms { input: String::new(), bias: spec.bias, rate: spec.rate, scale: spec.scale, steps: None };
+        let further = spec.further.iter().filter_map(|of| Some((self.input(&of.input)?, of)));
+        let mut terms = Vec::new();
+        for (input, of) in std::iter::once((0, &main)).chain(further) {
+            let mut add = |kind, order, at| terms.push(TermPlace { input, kind, order, at });
+            (1..=of.bias).for_each(|order| add(TermKind::Bias, order, None));
+            (0..of.rate.map_or(0, |order| order + 1)).for_each(|order| add(TermKind::Rate, order, None));
+            if input == 0 {
+                knots(spec.zones).into_iter().for_each(|knot| add(TermKind::Zone, 2, Some(knot)));
+            }
+            if of.steps.is_some() {
+                self.inputs[input].thresholds().into_iter().for_each(|at| add(TermKind::Step, 0, Some(at)));
+            }
+            (1..=of.scale).for_each(|order| add(TermKind::Scale, order, None));
+        }
+        terms
+    }
+
+    /// Places of the inputs whose lag a model needs.
+    pub(crate) fn rated(&self, spec: &ModelSpec) -> Vec<usize> {
+        let further = spec.further.iter().filter(|of| of.rate.is_some()).filter_map(|of| self.input(&of.input));
+        spec.rate.iter().map(|_| 0).chain(further).collect()
     }
 
     pub(crate) fn len(&self) -> usize {
@@ -145,9 +200,20 @@ impl<'a> Problem<'a> {
         if ratio > 0.0 { grid } else { vec![lo] }
     }
 
-    fn lag(&self, run: usize, tau_s: f64) -> LagRate<'_> {
-        let track_c = &self.windows.runs[self.runs[run]].tracks[self.sensor];
-        LagRate { track_c, span: self.span, period_s: s_from_ns(self.windows.shape.period_ns), tau_s }
+    /// Δt, s.
+    pub(crate) fn period_s(&self) -> f64 {
+        s_from_ns(self.windows.shape.period_ns)
+    }
+
+    /// The windows behind it.
+    pub(crate) fn windows(&self) -> &'a Windows {
+        self.windows
+    }
+
+    fn lag(&self, input: usize, run: usize, tau_s: f64) -> LagRate<'_> {
+        let Input { source, span, .. } = &self.inputs[input];
+        let track_c = source.track(self.windows, self.runs[run]);
+        LagRate { track_c, span: *span, period_s: self.period_s(), tau_s }
     }
 
     /// Start and end of each row's window of one run, s from the start of the run.
@@ -159,19 +225,26 @@ impl<'a> Problem<'a> {
     }
 
     /// Means of Ṫ·T₀ … Ṫ·T₃ of every row, °C/min. Rows stand run by run.
-    pub(crate) fn rate_columns(&self, tau_s: f64) -> Vec<[f64; RATE_COLUMNS]> {
-        (0..self.runs.len()).flat_map(|run| self.lag(run, tau_s).means(&self.bounds(run))).collect()
+    pub(crate) fn rate_columns(&self, input: usize, tau_s: f64) -> Vec<[f64; RATE_COLUMNS]> {
+        (0..self.runs.len()).flat_map(|run| self.lag(input, run, tau_s).means(&self.bounds(run))).collect()
+    }
+
+    /// The rate columns of the inputs that have a τ.
+    pub(crate) fn rates(&self, taus_s: &[(usize, f64)]) -> Rates {
+        let mut rates = vec![Vec::new(); self.inputs.len()];
+        taus_s.iter().for_each(|(input, tau_s)| rates[*input] = self.rate_columns(*input, *tau_s));
+        rates
     }
 
     /// Lowest and highest Ṫ that the used windows hold, °C/min; 0 is always within.
-    pub(crate) fn rate_span(&self, tau_s: f64) -> [f64; 2] {
-        let of_runs = (0..self.runs.len()).map(|run| self.lag(run, tau_s).extremes(&self.bounds(run)));
+    pub(crate) fn rate_span(&self, input: usize, tau_s: f64) -> [f64; 2] {
+        let of_runs = (0..self.runs.len()).map(|run| self.lag(input, run, tau_s).extremes(&self.bounds(run)));
         of_runs.fold([0.0, 0.0], |[lo, hi], [l, h]| [l.min(lo), h.max(hi)])
     }
 
     /// −Ω_run·1e-6·[T̄_k − T_k(x0)], °/h per ppm.
-    pub(crate) fn scale_column(&self, row: usize, order: usize) -> f64 {
-        -self.turned_dph(row) * 1e-6 * self.bias[row][order]
+    pub(crate) fn scale_column(&self, input: usize, row: usize, order: usize) -> f64 {
+        -self.turned_dph(row) * 1e-6 * self.inputs[input].basis[row][order]
     }
 
     /// The rate that the scale factor scales: as measured in the window on a table, else that of the run.
@@ -197,7 +270,8 @@ impl<'a> Problem<'a> {
 
     /// The plateaus of the axis, where a table turned it.
     pub(crate) fn plateaus(&self, axis: usize) -> Option<Vec<Plateau>> {
-        Some(plateaus_of(self.windows, &self.used, axis, self.sensor, self.turning.as_ref()?))
+        let Source::Thermometer(sensor) = self.inputs[0].source else { return None };
+        Some(plateaus_of(self.windows, &self.used, axis, sensor, self.turning.as_ref()?))
     }
 
     /// Place of a level among the parameters.
@@ -205,13 +279,17 @@ impl<'a> Problem<'a> {
         self.levels.iter().position(|other| *other == level)
     }
 
-    /// The regressors of a model on one row, without the constant; `rate` from [`Self::rate_columns`].
-    pub(crate) fn regressors(&self, spec: ModelSpec, row: usize, rate: &[f64; RATE_COLUMNS], out: &mut Vec<f64>) {
-        out.extend_from_slice(&self.bias[row][1..=usize::from(spec.bias)]);
-        if let Some(order) = spec.rate {
-            out.extend_from_slice(&rate[..=usize::from(order)]);
+    /// The regressor of a term on one row; `rates` from [`Self::rates`].
+    pub(crate) fn regressor(&self, term: &TermPlace, row: usize, rates: &Rates) -> f64 {
+        let (input, order) = (&self.inputs[term.input], usize::from(term.order));
+        match (term.kind, term.at) {
+            (TermKind::Bias, _) => input.basis[row][order],
+            (TermKind::Rate, _) => rates[term.input].get(row).map_or(0.0, |rate| rate[order]),
+            (TermKind::Scale, _) => self.scale_column(term.input, row, order),
+            (TermKind::Zone, Some(knot)) => input.zone(row, knot),
+            (TermKind::Step, Some(threshold)) => input.step(row, threshold),
+            (TermKind::Zone | TermKind::Step, None) => 0.0,
         }
-        out.extend((1..=usize::from(spec.scale)).map(|k| self.scale_column(row, k)));
     }
 }
 
@@ -251,10 +329,8 @@ fn most_left_out(windows: &Windows) -> Option<String> {
     Some(format!("{} rows are left out as {} (first at {})", most.rows, most.reason.name(), most.first))
 }
 
-/// Lowest to highest sample of the used windows.
-fn span_of(windows: &Windows, sensor: usize, used: &[usize], min_span_c: f64) -> Result<Span> {
-    let lo_c = used.iter().map(|i| windows.rows.min_c[sensor][*i]).fold(f64::INFINITY, f64::min);
-    let hi_c = used.iter().map(|i| windows.rows.max_c[sensor][*i]).fold(f64::NEG_INFINITY, f64::max);
+/// Lowest to highest sample of the used windows must be wide enough.
+fn check_span(windows: &Windows, Span { lo_c, hi_c }: Span, min_span_c: f64) -> Result<()> {
     if hi_c - lo_c < min_span_c {
         return Err(Error::refused(format!(
             "the data span {:.2} °C ({lo_c:.2} … {hi_c:.2} °C); a fit needs {min_span_c} °C{}",
@@ -264,5 +340,5 @@ fn span_of(windows: &Windows, sensor: usize, used: &[usize], min_span_c: f64) ->
         .column("min_span_c")
         .help("test over a wider range, or lower --min-span if you know what you do"));
     }
-    Ok(Span::on_grid(lo_c, hi_c))
+    Ok(())
 }

@@ -4,18 +4,22 @@ use std::collections::BTreeMap;
 
 use crate::allan::NoiseTerms;
 use crate::calibration::{
-    AxisCalibration, Calibration, Candidate, Constant, CrossValidation, FORMAT, Floor, HeatingLessCooling, Input, Lag,
-    LogUnit, Misalignment, Monomial, PpmEstimate, Provenance, Residual, ScaleFactor, Target, Term, TermKind,
-    Thermometer, UNASSIGNED, VERSION,
+    AxisCalibration, CODE_C, Calibration, Collinearity, Constant, FORMAT, Floor, FurtherInput, HeatingLessCooling,
+    Input as LogInput, InputSource, Lag, LogUnit, Misalignment, Monomial, PpmEstimate, Provenance, Residual,
+    ScaleFactor, Target, Term, TermKind, Thermometer, UNASSIGNED, VERSION,
 };
 use crate::error::{Error, Result};
+use crate::fit::basis::Span;
+use crate::fit::choose::choose;
+use crate::fit::input::{Input, channels, plausible_about, unit_exponent, zone};
+use crate::fit::path::CONDITION_MAX;
 use crate::fit::plateaus::repeatability;
-use crate::fit::problem::{Level, Problem};
-use crate::fit::robust::{Loss, robust_fit};
+use crate::fit::problem::{Level, Problem, TermPlace};
+use crate::fit::robust::Loss;
 use crate::fit::soak::soak;
-use crate::fit::solution::{Fitted, bootstrap_intervals, fit};
+use crate::fit::solution::{Fitted, bootstrap_intervals};
 use crate::fit::turning::Turning;
-use crate::fit::{ModelChoice, Selection, powers_from_series, select, slow_update_instructions};
+use crate::fit::{InputPlace, ModelChoice, powers_from_series};
 use crate::ingest::{AngleUnit, Reason};
 use crate::report::{AxisEvidence, Evidence, Leg, Point, points, run_spans};
 use crate::setup::Setup;
@@ -141,8 +145,8 @@ fn provenance(windows: &Windows, options: &FitOptions) -> Provenance {
 }
 
 /// The logs behind some windows.
-pub(crate) fn inputs(windows: &Windows) -> Vec<Input> {
-    windows.runs.iter().map(|run| Input::of(&run.summary)).collect()
+pub(crate) fn inputs(windows: &Windows) -> Vec<LogInput> {
+    windows.runs.iter().map(|run| LogInput::of(&run.summary)).collect()
 }
 
 /// Name and version of this program.
@@ -194,75 +198,168 @@ fn fit_axis(
     let reference_c = setup.reference_c();
     let min_span_c = setup.min_span_c.unwrap_or(DEFAULT_MIN_SPAN_C);
     let turning = Turning::of(windows, axis, setup)?;
-    let mut problem = Problem::new(windows, axis, sensor, reference_c, min_span_c, turning)?;
-    if let ModelChoice::Fixed(spec) = options.model
-        && spec.rate.is_some()
-        && !problem.has_rate()
-    {
-        return Err(Error::refused("a rate term needs times, and the log has none").column("--model"));
-    }
-    let taus_s = problem.tau_grid();
-    let selection = select(&problem, options.model, &taus_s)?;
-    let spec = selection.specs[selection.chosen];
-    let fitted = match options.loss {
-        Loss::Squares => fit(&problem, spec, &taus_s)?,
-        Loss::Huber => robust_fit(&mut problem, spec, &taus_s)?,
-    };
-    let mut terms = terms(&fitted, problem.levels.len(), &windows.shape.thermometers[sensor]);
+    let make = |sources: &[InputPlace]| Problem::new(windows, axis, sources, reference_c, min_span_c, turning.clone());
+    let mut chosen = choose(windows, InputPlace::Thermometer(sensor), setup, &options.model, &make)?;
+    let floor = floor_of(windows, axis, setup);
+    let is_given = options.model != ModelChoice::Auto;
+    let (fitted, noise) = chosen.fit(is_given, floor.as_ref().map(|floor| floor.n_deg_rt_h), options.loss)?;
+    let problem = &chosen.problem;
+    let mut terms = terms(&fitted, problem, &windows.shape.thermometers[sensor]);
     if let Some(draws) = options.bootstrap {
-        let intervals = bootstrap_intervals(&problem, &fitted, draws);
+        let intervals = bootstrap_intervals(problem, &fitted, draws);
         terms.iter_mut().zip(intervals.into_iter().skip(problem.levels.len())).for_each(|(term, interval)| {
             term.bootstrap = Some(interval);
         });
     }
-    if let Some(vague) =
-        terms.iter().find(|t| t.kind == TermKind::Scale && t.sigma.is_some_and(|s| s > SCALE_SIGMA_MAX_PPM))
-    {
-        return Err(Error::refused(format!(
-            "a scale-factor term of axis {letter} would be {:.0} ± {:.0} ppm: the runs' input rates do not separate it from bias",
-            vague.value,
-            vague.sigma.unwrap_or(f64::NAN)
-        ))
-        .help("test at several input rates, or leave the scale terms out of --model"));
-    }
+    check_scale(&terms, letter)?;
     let level = |row: usize| -> f64 {
         problem.levels.iter().zip(&fitted.theta).map(|(level, value)| problem.level(row, *level) * value).sum()
     };
     // On a table the scale factor's change, times the rate, is no drift either.
-    let scale_at = problem.levels.len() + fitted.spec.coefficients_before_scale();
     let scaled = |row: usize| -> f64 {
-        let orders = if problem.turning.is_some() { usize::from(fitted.spec.scale) } else { 0 };
-        (1..=orders).map(|k| problem.scale_column(row, k) * fitted.theta[scale_at + k - 1]).sum()
+        let of_terms = fitted.terms.iter().zip(&fitted.theta[problem.levels.len()..]);
+        let scales = of_terms.filter(|(term, _)| problem.turning.is_some() && term.kind == TermKind::Scale);
+        scales.map(|(term, value)| problem.scale_column(term.input, row, usize::from(term.order)) * value).sum()
     };
     let before = |row: usize| problem.y[row] - level(row) - scaled(row);
     let left = (0..problem.len()).map(|row| (problem.used[row], (before(row), fitted.residuals[row])));
     let left = left.collect();
+    let (monomial, zones) = monomials(&fitted, problem, &windows.shape, reference_c);
     let mut record = AxisCalibration {
         axis: letter,
         model: fitted.spec.to_string(),
-        lag_s: fitted
-            .tau
-            .map(|tau| Lag { value: tau.value_s, sigma: tau.resolved.then(|| fitted.sigma(fitted.theta.len())) }),
+        lag_s: lag(&fitted, 0),
         reference_c,
-        span_c: [problem.span.lo_c, problem.span.hi_c],
-        rate_span_cpm: fitted.tau.map(|tau| problem.rate_span(tau.value_s)),
-        constants: constants(&fitted, &problem, setup, windows.shape.axes.len()),
-        monomial: monomial(&fitted, &problem, &windows.shape, reference_c),
-        scale_factor: scale_factor(&fitted, &problem, axis, &windows.shape),
-        misalignment: misalignment(&fitted, &problem),
+        span_c: [problem.span().lo_c, problem.span().hi_c],
+        rate_span_cpm: fitted.lag(0).map(|(tau_s, _)| problem.rate_span(0, tau_s)),
+        constants: constants(&fitted, problem, setup, windows.shape.axes.len()),
+        monomial,
+        zones,
+        inputs: further_inputs(&fitted, problem, windows, setup, sensor),
+        collinearity: fitted
+            .nearness
+            .as_ref()
+            .map(|near| Collinearity { condition: near.condition, limit: CONDITION_MAX }),
+        correction_noise: (!fitted.terms.is_empty()).then_some(noise),
+        scale_factor: scale_factor(&fitted, problem, axis, &windows.shape),
+        misalignment: misalignment(&fitted, problem),
         residual: Some(residual(&fitted)),
-        floor: floor_of(windows, axis, setup),
+        floor,
         heating_less_cooling: None,
         soak: None,
-        cross_validation: cross_validation(&selection),
-        candidates: candidates(&selection),
+        cross_validation: chosen.cross_validation(),
+        candidates: chosen.candidates(),
+        path: chosen.path.clone(),
         excluded: windows.tallies.list(),
         covariance: fitted.covariance.row_iter().map(|row| row.iter().copied().collect()).collect(),
-        covariance_of: covariance_of(&fitted, &problem, &terms),
+        covariance_of: covariance_of(&fitted, problem, &terms),
         terms,
     };
     record.soak = soak(&record, windows.shape.nominal_s);
     Ok((record, left))
+}
+
+/// A scale term that the input rates do not tell is refused.
+fn check_scale(terms: &[Term], letter: char) -> Result<()> {
+    let vague = |t: &&Term| t.kind == TermKind::Scale && t.sigma.is_some_and(|s| s > SCALE_SIGMA_MAX_PPM);
+    terms.iter().find(vague).map_or(Ok(()), |vague| {
+        Err(Error::refused(format!(
+            "a scale-factor term of axis {letter} would be {:.0} ± {:.0} ppm: the runs' input rates do not separate it from bias",
+            vague.value,
+            vague.sigma.unwrap_or(f64::NAN)
+        ))
+        .help("test at several input rates, or leave the scale terms out of --model"))
+    })
+}
+
+fn lag(fitted: &Fitted, input: usize) -> Option<Lag> {
+    fitted.lag(input).map(|(value, sigma)| Lag { value, sigma })
+}
+
+/// What the target must read besides the thermometer of the fit, in the order of the image.
+fn further_inputs(
+    fitted: &Fitted,
+    problem: &Problem<'_>,
+    windows: &Windows,
+    setup: &Setup,
+    sensor: usize,
+) -> Vec<FurtherInput> {
+    let shape = &windows.shape;
+    let named: Vec<InputPlace> = problem.inputs[1..].iter().map(|input| input.source).collect();
+    let needed = channels(InputPlace::Thermometer(sensor), &named).into_iter().skip(1);
+    let of = |source: InputPlace| {
+        let name = source.name(shape);
+        let own = problem.inputs.iter().position(|input| input.source == source);
+        // A thermometer that only a difference needs has no terms, but a span to be within.
+        let bare = own.is_none().then(|| Input::new(source, windows, &problem.used, setup.reference_c()));
+        let input = own.map(|at| &problem.inputs[at]).or(bare.as_ref())?;
+        let (span, reference) = ([input.span.lo_c, input.span.hi_c], input.reference);
+        let (lag_s, rate_span_per_min) = own.map_or((None, None), |at| {
+            (lag(fitted, at), fitted.lag(at).map(|(tau_s, _)| problem.rate_span(at, tau_s)))
+        });
+        let reading = Reading::of(source, shape, setup, span);
+        let Reading { from, offset, gain_per_code, plausible, hold_s } = reading;
+        Some(FurtherInput {
+            name,
+            source: from,
+            reference,
+            span,
+            lag_s,
+            rate_span_per_min,
+            offset,
+            gain_per_code,
+            plausible,
+            hold_s,
+        })
+    };
+    needed.filter_map(of).collect()
+}
+
+/// How the target reads an input.
+struct Reading {
+    from: InputSource,
+    offset: f64,
+    gain_per_code: f64,
+    plausible: [f64; 2],
+    hold_s: f64,
+}
+
+impl Reading {
+    fn of(source: InputPlace, shape: &WindowShape, setup: &Setup, span: [f64; 2]) -> Self {
+        let thermometer = |at: usize| shape.thermometers.get(at).cloned().unwrap_or_default();
+        match source {
+            InputPlace::Thermometer(at) => {
+                let t = Thermometer::from_setup(setup.thermometer(&thermometer(at)));
+                Self {
+                    from: InputSource::Thermometer(t.name),
+                    offset: t.offset_c,
+                    gain_per_code: t.gain_c_per_code,
+                    plausible: t.plausible_c,
+                    hold_s: t.hold_s,
+                }
+            }
+            InputPlace::Difference { of, less } => Self {
+                from: InputSource::Difference(thermometer(of), thermometer(less)),
+                offset: 0.0,
+                gain_per_code: CODE_C,
+                plausible: [-127.0, 127.0],
+                hold_s: [of, less].map(|at| setup.thermometer(&thermometer(at)).hold_s).into_iter().fold(0.0, f64::max),
+            },
+            InputPlace::Column(at) => {
+                let name = shape.aux.get(at).cloned().unwrap_or_default();
+                let aux = setup.aux(&name);
+                let plausible = aux.plausible.unwrap_or_else(|| plausible_about(span));
+                let code = CODE_C * 2.0_f64.powi(unit_exponent(plausible).into());
+                Self {
+                    from: InputSource::Column(name),
+                    offset: aux.offset.unwrap_or(0.0),
+                    gain_per_code: aux.gain_per_code.unwrap_or(code),
+                    plausible,
+                    hold_s: aux.hold_s,
+                }
+            }
+        }
+    }
 }
 
 /// Windows of a leg that are enough for a mean.
@@ -289,41 +386,39 @@ fn heating_less_cooling(points: &[Point], record: &AxisCalibration) -> Option<He
     })
 }
 
-fn terms(fitted: &Fitted, levels: usize, sensor: &str) -> Vec<Term> {
-    let spec = fitted.spec;
-    let bias = (1..=spec.bias).map(|order| (TermKind::Bias, order));
-    let rate = (0..spec.rate.map_or(0, |r| r + 1)).map(|order| (TermKind::Rate, order));
-    let scale = (1..=spec.scale).map(|order| (TermKind::Scale, order));
-    let kinds = bias.chain(rate).chain(scale).zip(levels..);
-    kinds
-        .map(|((kind, order), index)| {
-            let (value, sigma) = (fitted.theta[index], fitted.sigma(index));
-            Term {
-                kind,
-                sensor: sensor.to_owned(),
-                order,
-                value,
-                sigma: Some(sigma),
-                unit: kind.unit().to_owned(),
-                significant: Some(value.abs() > fitted.t95 * sigma),
-                bootstrap: None,
-            }
-        })
-        .collect()
+fn terms(fitted: &Fitted, problem: &Problem<'_>, sensor: &str) -> Vec<Term> {
+    let inflation = |at: usize| fitted.nearness.as_ref().and_then(|near| *near.inflation.get(at)?);
+    let levels = problem.levels.len();
+    let of = |(at, place): (usize, &TermPlace)| {
+        let (value, sigma) = (fitted.theta[levels + at], fitted.sigma(levels + at));
+        let input = &problem.inputs[place.input];
+        let begins = |at: f64| {
+            if place.kind == TermKind::Zone { input.span.at(at) } else { at }
+        };
+        Term {
+            kind: place.kind,
+            sensor: if place.input == 0 { sensor.to_owned() } else { input.name.clone() },
+            order: place.order,
+            at: place.at.map(begins),
+            value,
+            sigma: Some(sigma),
+            unit: place.kind.unit().to_owned(),
+            significant: Some(value.abs() > fitted.t95 * sigma),
+            inflation: inflation(at),
+            bootstrap: None,
+        }
+    };
+    fitted.terms.iter().enumerate().map(of).collect()
 }
 
 fn covariance_of(fitted: &Fitted, problem: &Problem<'_>, terms: &[Term]) -> Vec<String> {
     let runs = problem.levels.iter().map(|level| level.name(&problem.runs));
-    let terms = terms.iter().map(|term| {
-        let kind = match term.kind {
-            TermKind::Bias => "bias",
-            TermKind::Rate => "rate",
-            TermKind::Scale => "scale",
-        };
-        format!("{kind} {}", term.order)
+    let terms = terms.iter().zip(&fitted.terms).map(|(term, place)| term.name(place.input == 0));
+    let lags = fitted.resolved().map(|tau| match tau.input {
+        0 => "lag_s".to_owned(),
+        input => format!("lag_s({})", problem.inputs[input].name),
     });
-    let lag = fitted.tau.filter(|tau| tau.resolved).map(|_| "lag_s".to_owned());
-    runs.chain(terms).chain(lag).collect()
+    runs.chain(terms).chain(lags).collect()
 }
 
 fn constants(fitted: &Fitted, problem: &Problem<'_>, setup: &Setup, axes: usize) -> Vec<Constant> {
@@ -376,29 +471,60 @@ pub(crate) fn monomial_unit(unit: AngleUnit, window_s: f64) -> (f64, &'static st
     }
 }
 
-/// Powers of °C with the first run's constant; scale terms linearised at that run's rate.
-fn monomial(fitted: &Fitted, problem: &Problem<'_>, shape: &WindowShape, reference_c: f64) -> Monomial {
-    let spec = fitted.spec;
-    let (bias, scale) = (usize::from(spec.bias), usize::from(spec.scale));
-    let order = bias.max(scale);
-    let levels = problem.levels.len();
-    let rates = spec.rate.map_or(0, |r| usize::from(r) + 1);
-    let rows = powers_from_series(problem.span, reference_c, order);
+/// Powers of °C with the first run's constant, in the zone of T0 and zone by zone; scale terms linearised at that run's
+/// rate, further inputs at their references.
+fn monomials(
+    fitted: &Fitted,
+    problem: &Problem<'_>,
+    shape: &WindowShape,
+    reference_c: f64,
+) -> (Monomial, Vec<Monomial>) {
+    let span = problem.span();
+    let knots: Vec<f64> = fitted.terms.iter().filter_map(|t| t.at.filter(|_| t.kind == TermKind::Zone)).collect();
+    if knots.is_empty() {
+        return (monomial(fitted, problem, shape, reference_c, None), Vec::new());
+    }
+    let mut borders = vec![-1.0];
+    borders.extend(&knots);
+    borders.push(1.0);
+    let zones: Vec<Monomial> =
+        borders.windows(2).map(|z| monomial(fitted, problem, shape, reference_c, Some([z[0], z[1]]))).collect();
+    let at = knots.iter().filter(|knot| span.x(reference_c) >= **knot).count();
+    (zones[at].clone(), zones)
+}
+
+/// Powers of °C between two values of x.
+fn monomial(
+    fitted: &Fitted,
+    problem: &Problem<'_>,
+    shape: &WindowShape,
+    reference_c: f64,
+    from_to: Option<[f64; 2]>,
+) -> Monomial {
+    let (span, levels) = (problem.span(), problem.levels.len());
+    let main = || fitted.terms.iter().enumerate().filter(|(_, term)| term.input == 0 && term.kind != TermKind::Rate);
+    let order = main().map(|(_, term)| usize::from(term.order)).max().unwrap_or(0);
+    let rows = powers_from_series(span, reference_c, order);
     let (factor, unit) = monomial_unit(shape.unit, shape.nominal_s);
+    // On a table the curve is that of a gyro that is not turned.
+    let omega = if problem.turning.is_some() { 0.0 } else { -problem.run_rate[0] * 1e-6 };
     // One linear map from all parameters to each power.
-    let maps: Vec<Vec<f64>> = rows
-        .iter()
-        .map(|row| {
-            let mut map = vec![0.0; fitted.covariance.nrows()];
-            map[0] = factor * row[0];
-            map[levels..levels + bias].iter_mut().zip(&row[1..]).for_each(|(m, value)| *m = factor * value);
-            let at = levels + bias + rates;
-            // On a table the curve is that of a gyro that is not turned.
-            let omega = if problem.turning.is_some() { 0.0 } else { -problem.run_rate[0] * 1e-6 };
-            map[at..at + scale].iter_mut().zip(&row[1..]).for_each(|(m, value)| *m = factor * omega * value);
-            map
-        })
-        .collect();
+    let map_of = |power: usize| {
+        let mut map = vec![0.0; fitted.covariance.nrows()];
+        map[0] = factor * rows[power][0];
+        for (at, term) in main() {
+            map[levels + at] = factor
+                * match (term.kind, term.at) {
+                    (TermKind::Scale, _) => omega * rows[power][usize::from(term.order)],
+                    (TermKind::Zone, Some(knot)) => {
+                        zone_power(span, knot, reference_c, from_to.is_some_and(|[from, _]| from >= knot), power)
+                    }
+                    _ => rows[power][usize::from(term.order)],
+                };
+        }
+        map
+    };
+    let maps: Vec<Vec<f64>> = (0..=order).map(map_of).collect();
     let coefficients = maps.iter().map(|map| map.iter().zip(&fitted.theta).map(|(m, t)| m * t).sum());
     let sigma = maps.iter().map(|map| {
         let map = nalgebra::DVector::from_column_slice(map);
@@ -410,7 +536,16 @@ fn monomial(fitted: &Fitted, problem: &Problem<'_>, shape: &WindowShape, referen
         window_s: shape.nominal_s,
         coefficients: coefficients.collect(),
         sigma: Some(sigma.collect()),
+        from_to_c: from_to.map(|[from, to]| [span.at(from), span.at(to)]),
     }
+}
+
+/// Coefficient of T^power in ((x − ξ)/(1 − ξ))² where the knot is below, less its value at T0.
+fn zone_power(span: Span, knot: f64, reference_c: f64, above: bool, power: usize) -> f64 {
+    let (knot_c, wide_c) = (span.at(knot), span.hi_c - span.at(knot));
+    let square = [knot_c * knot_c, -2.0 * knot_c, 1.0].get(power).map_or(0.0, |c| c / (wide_c * wide_c));
+    let zero = if power == 0 { zone(span.x(reference_c), knot) } else { 0.0 };
+    (if above { square } else { 0.0 }) - zero
 }
 
 fn residual(fitted: &Fitted) -> Residual {
@@ -423,22 +558,4 @@ fn residual(fitted: &Fitted) -> Residual {
         autocorrelation: fitted.autocorrelation,
         t95: fitted.t95,
     }
-}
-
-fn cross_validation(selection: &Selection) -> Option<CrossValidation> {
-    let mean_square = selection.mean_square[selection.chosen]?;
-    let scheme = selection.scheme.to_owned();
-    Some(CrossValidation { scheme, folds: selection.folds, sigma_dph: mean_square.sqrt() })
-}
-
-fn candidates(selection: &Selection) -> Vec<Candidate> {
-    let rows =
-        selection.specs.iter().zip(&selection.mean_square).enumerate().map(|(i, (spec, mean_square))| Candidate {
-            model: spec.to_string(),
-            coefficients: spec.coefficients(),
-            held_out_dph: mean_square.map(f64::sqrt),
-            slow_update_instructions: Some(slow_update_instructions(*spec)),
-            chosen: i == selection.chosen,
-        });
-    rows.collect()
 }

@@ -30,7 +30,7 @@ pub enum Loss {
 }
 
 /// Fits a model with Huber's loss; the problem's weights end as they were.
-pub(crate) fn robust_fit(problem: &mut Problem<'_>, spec: ModelSpec, taus_s: &[f64]) -> Result<Fitted> {
+pub(crate) fn robust_fit(problem: &mut Problem<'_>, spec: &ModelSpec, taus_s: &[f64]) -> Result<Fitted> {
     let base = problem.weight.clone();
     // Its covariance and σ stay those of least squares until the end.
     let mut fitted = fit(problem, spec, taus_s)?;
@@ -49,7 +49,9 @@ pub(crate) fn robust_fit(problem: &mut Problem<'_>, spec: ModelSpec, taus_s: &[f
         let sigma = |i: usize| fitted.sigma(i).max(f64::MIN_POSITIVE);
         let moved = (0..next.theta.len()).map(|i| (next.theta[i] - fitted.theta[i]).abs() / sigma(i));
         let moved = moved.fold(0.0, f64::max);
-        (fitted.theta, fitted.residuals, fitted.tau) = (next.theta, next.residuals, next.tau);
+        (fitted.theta, fitted.residuals) = (next.theta, next.residuals);
+        // Which lags stand in the covariance is settled by the first fit.
+        fitted.taus.iter_mut().zip(next.taus).for_each(|(tau, next)| tau.value_s = next.value_s);
         if moved < STILL {
             break;
         }

@@ -10,8 +10,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::calibration::{AxisCalibration, Soak, SoakRow, TermKind};
-use crate::fit::{Span, chebyshev};
+use crate::calibration::{AxisCalibration, Soak, SoakRow};
 
 /// Hours that are forecast.
 const HOURS: [f64; 4] = [1.0, 2.0, 4.0, 8.0];
@@ -23,19 +22,16 @@ pub(crate) fn soak(axis: &AxisCalibration, window_s: f64) -> Option<Soak> {
     let residual = axis.residual?;
     let size = axis.covariance.len();
     let covariance = DMatrix::from_fn(size, size, |i, j| axis.covariance[i].get(j).copied().unwrap_or(0.0));
-    let rows: Vec<(usize, usize)> = axis.rows_of(TermKind::Bias).collect();
     let constant = axis.covariance_of.iter().rposition(|name| name.starts_with("constant"))?;
-    if rows.is_empty() {
-        return None;
-    }
-    let span = Span { lo_c: axis.span_c[0], hi_c: axis.span_c[1] };
-    let at_reference = chebyshev(span.x(axis.reference_c));
+    let span = axis.span();
     let curve = |celsius: f64| {
-        let at = chebyshev(span.x(celsius));
         let mut g = DVector::zeros(size);
-        rows.iter().for_each(|(row, order)| g[*row] = at[*order] - at_reference[*order]);
+        axis.drift_weights(celsius, axis.reference_c).iter().for_each(|(row, weight)| g[*row] = *weight);
         g
     };
+    if axis.drift_weights(span.hi_c, span.lo_c).is_empty() {
+        return None;
+    }
     let widening = (1.0 + residual.autocorrelation) / (1.0 - residual.autocorrelation);
     let window_variance = residual.sigma_dph.powi(2) * widening;
     let sigma_after = |of: &DVector<f64>, soaked_c: f64, hours: f64| {

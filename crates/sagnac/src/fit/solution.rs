@@ -1,28 +1,34 @@
 //! The fit of one model on all windows, with its covariance.
 //!
 //! For given τ the model is linear and solved by QR; τ is found by a grid over [Δt, run/4] and a
-//! golden section. Covariance: s²·(JᵀWJ)⁻¹ with ∂y/∂τ as a column of J, widened by
+//! golden section; of several lags one after the other, again and again until they stand. Covariance: s²·(JᵀWJ)⁻¹ with ∂y/∂τ as a column of J, widened by
 //! (1 + ρ)/(1 − ρ) for residuals of lag-one correlation ρ (AR(1); Bartlett 1946), which is what slow
 //! misfit looks like to neighbouring windows.
 
 use nalgebra::DMatrix;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
+use crate::calibration::TermKind;
 use crate::error::{Error, Result};
 use crate::fit::bootstrap::Resampling;
-use crate::fit::lag::RATE_COLUMNS;
 use crate::fit::model::ModelSpec;
-use crate::fit::problem::Problem;
-use crate::fit::solve::{Factor, Reducer, Solution};
+use crate::fit::problem::{Problem, Rates, TermPlace};
+use crate::fit::solve::{Factor, Nearness, Reducer, Solution};
 use crate::parallel::in_parallel;
 
 /// τ is taken as resolved unless misfits this close to the least reach an end of the search.
 const FLAT_MISFIT: f64 = 1.02;
 const GOLDEN_STEPS: usize = 24;
+/// Sweeps over several lags before it is called enough.
+const MOST_SWEEPS: usize = 6;
+/// Lags stand still when none moves by more than this part of itself.
+const STILL: f64 = 1e-3;
 
-/// τ of a rate term.
+/// τ of the rate terms of an input.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Tau {
+    /// Place of the input.
+    pub(crate) input: usize,
     pub(crate) value_s: f64,
     pub(crate) resolved: bool,
 }
@@ -30,10 +36,12 @@ pub(crate) struct Tau {
 /// A fitted model.
 pub(crate) struct Fitted {
     pub(crate) spec: ModelSpec,
-    pub(crate) tau: Option<Tau>,
-    /// Constants of the runs, then b, c, e.
+    pub(crate) terms: Vec<TermPlace>,
+    /// One per input with rate terms.
+    pub(crate) taus: Vec<Tau>,
+    /// Levels, then the terms in their order.
     pub(crate) theta: Vec<f64>,
-    /// Covariance of theta and, where resolved, τ.
+    /// Covariance of theta and the resolved τ in their order.
     pub(crate) covariance: DMatrix<f64>,
     /// y − model, °/h.
     pub(crate) residuals: Vec<f64>,
@@ -43,16 +51,30 @@ pub(crate) struct Fitted {
     pub(crate) autocorrelation: f64,
     /// |value|/σ beyond which a coefficient differs from zero at 95 %.
     pub(crate) t95: f64,
+    /// How near the terms are to each other; `None` without any.
+    pub(crate) nearness: Option<Nearness>,
 }
 
 impl Fitted {
     pub(crate) fn sigma(&self, index: usize) -> f64 {
         self.covariance[(index, index)].max(0.0).sqrt()
     }
+
+    /// τ of an input and its σ where it is resolved.
+    pub(crate) fn lag(&self, input: usize) -> Option<(f64, Option<f64>)> {
+        let tau = self.taus.iter().find(|tau| tau.input == input)?;
+        let before = self.resolved().take_while(|other| other.input != input).count();
+        Some((tau.value_s, tau.resolved.then(|| self.sigma(self.theta.len() + before))))
+    }
+
+    /// The lags that stand in the covariance.
+    pub(crate) fn resolved(&self) -> impl Iterator<Item = &Tau> {
+        self.taus.iter().filter(|tau| tau.resolved)
+    }
 }
 
 /// Fits a model on all rows.
-pub(crate) fn fit(problem: &Problem<'_>, spec: ModelSpec, taus_s: &[f64]) -> Result<Fitted> {
+pub(crate) fn fit(problem: &Problem<'_>, spec: &ModelSpec, taus_s: &[f64]) -> Result<Fitted> {
     let parameters = problem.levels.len() + spec.coefficients();
     if problem.len() < 3 * parameters {
         return Err(Error::refused(format!(
@@ -61,16 +83,15 @@ pub(crate) fn fit(problem: &Problem<'_>, spec: ModelSpec, taus_s: &[f64]) -> Res
         ))
         .help("give more data, a shorter --window or a smaller --model"));
     }
-    let tau = spec.rate.map(|_| find_tau(problem, spec, taus_s)).transpose()?;
-    let rates = rates_at(problem, tau.map(|t| t.value_s));
-    let solution = solve(problem, spec, &rates).ok_or_else(|| dependent(problem, spec))?;
+    let terms = problem.terms(spec);
+    let taus = find_taus(problem, spec, &terms, taus_s)?;
+    let design = Design { problem, terms: &terms, rates: problem.rates(&values(&taus)) };
+    let solution = design.factor(&[]).solve_all().ok_or_else(|| dependent(problem, spec))?;
     let theta: Vec<f64> = solution.theta.iter().copied().collect();
-    let residuals = residuals(problem, spec, &rates, &theta);
-    let slope = tau.filter(|t| t.resolved).map(|t| tau_column(problem, spec, t.value_s, &theta));
-    let covered = match &slope {
-        Some(slope) => factor(problem, spec, &rates, Some(slope)).solve_all(),
-        None => Some(solution),
-    };
+    let residuals = design.residuals(&theta);
+    let nearness = solution.nearness(problem.levels.len(), &together(&terms));
+    let slopes = tau_columns(&design, &taus, &theta);
+    let covered = if slopes.is_empty() { Some(solution) } else { design.factor(&slopes).solve_all() };
     let normal = covered.and_then(|s| s.inverse_normal()).ok_or_else(|| dependent(problem, spec))?;
     let degrees = (problem.len() - normal.nrows()) as f64;
     let ssr: f64 = residuals.iter().zip(&problem.weight).map(|(r, w)| w * r * r).sum();
@@ -79,38 +100,47 @@ pub(crate) fn fit(problem: &Problem<'_>, spec: ModelSpec, taus_s: &[f64]) -> Res
     let widening = (1.0 + autocorrelation) / (1.0 - autocorrelation);
     let effective = (problem.len() as f64 / widening - normal.nrows() as f64).max(1.0);
     let t95 = StudentsT::new(0.0, 1.0, effective).map_or(1.96, |t| t.inverse_cdf(0.975));
-    let covariance = normal * (variance * widening);
-    Ok(Fitted { spec, tau, theta, covariance, residuals, sigma_dph: variance.sqrt(), autocorrelation, t95 })
+    let (covariance, sigma_dph) = (normal * (variance * widening), variance.sqrt());
+    let spec = spec.clone();
+    Ok(Fitted { spec, terms, taus, theta, covariance, residuals, sigma_dph, autocorrelation, t95, nearness })
 }
 
 /// 95 % intervals of every parameter by the block bootstrap.
 pub(crate) fn bootstrap_intervals(problem: &Problem<'_>, fitted: &Fitted, draws: usize) -> Vec<[f64; 2]> {
-    let (spec, theta) = (fitted.spec, &fitted.theta);
-    let rates = rates_at(problem, fitted.tau.map(|t| t.value_s));
-    let slope = fitted.tau.filter(|t| t.resolved).map(|t| tau_column(problem, spec, t.value_s, theta));
+    let design = Design { problem, terms: &fitted.terms, rates: problem.rates(&values(&fitted.taus)) };
+    let slopes = tau_columns(&design, &fitted.taus, &fitted.theta);
     let mut row = Vec::new();
     let mut rows = Vec::new();
-    for (i, rate) in rates.iter().enumerate() {
-        row.clear();
-        regressor_row(problem, spec, i, rate, slope.as_deref(), &mut row);
+    for i in 0..problem.len() {
+        design.row(i, &slopes, &mut row);
         let root = problem.weight[i].sqrt();
         rows.extend(row.iter().map(|value| value * root));
     }
-    let design = DMatrix::from_row_slice(problem.len(), row.len(), &rows);
-    let Some(normal) = factor(problem, spec, &rates, slope.as_deref()).solve_all().and_then(|s| s.inverse_normal())
-    else {
+    let matrix = DMatrix::from_row_slice(problem.len(), row.len(), &rows);
+    let Some(normal) = design.factor(&slopes).solve_all().and_then(|s| s.inverse_normal()) else {
         return Vec::new();
     };
-    let gain = normal * design.transpose();
+    let gain = normal * matrix.transpose();
     let residuals: Vec<f64> = fitted.residuals.iter().zip(&problem.weight).map(|(r, w)| r * w.sqrt()).collect();
     let resampling =
         Resampling { residuals: &residuals, run: &problem.run, gain: &gain, autocorrelation: fitted.autocorrelation };
-    let tau = fitted.tau.filter(|t| t.resolved).map(|t| t.value_s);
-    let theta: Vec<f64> = theta.iter().copied().chain(tau).collect();
+    let theta: Vec<f64> = fitted.theta.iter().copied().chain(fitted.resolved().map(|tau| tau.value_s)).collect();
     resampling.intervals(&theta, draws)
 }
 
-fn dependent(problem: &Problem<'_>, spec: ModelSpec) -> Error {
+/// Series and zones over the thermometer of the fit, where there are zones: squares above their knots look alike however
+/// well the curve is known.
+fn together(terms: &[TermPlace]) -> Vec<usize> {
+    let of_curve = |term: &TermPlace| term.input == 0 && matches!(term.kind, TermKind::Bias | TermKind::Zone);
+    let zoned = terms.iter().any(|term| term.kind == TermKind::Zone);
+    (0..terms.len()).filter(|at| zoned && of_curve(&terms[*at])).collect()
+}
+
+fn values(taus: &[Tau]) -> Vec<(usize, f64)> {
+    taus.iter().map(|tau| (tau.input, tau.value_s)).collect()
+}
+
+fn dependent(problem: &Problem<'_>, spec: &ModelSpec) -> Error {
     let rates: Vec<String> = problem.run_rate.iter().map(|r| format!("{r:.3}")).collect();
     let what = if spec.scale > 0 {
         format!("scale-factor and bias terms of `{spec}` cannot be told apart by runs at {} °/h", rates.join(", "))
@@ -121,35 +151,46 @@ fn dependent(problem: &Problem<'_>, spec: ModelSpec) -> Error {
         .help("test at more temperatures (or, for scale terms, at several input rates), or take a smaller --model")
 }
 
-/// The fitted values' regressors as a factor, with ∂y/∂τ as a last column if given.
-fn factor(problem: &Problem<'_>, spec: ModelSpec, rates: &[[f64; RATE_COLUMNS]], slope: Option<&[f64]>) -> Columns {
-    let mut row = Vec::new();
-    let mut reducer: Option<Reducer> = None;
-    let mut width = 0;
-    for (i, rate) in rates.iter().enumerate() {
-        row.clear();
-        regressor_row(problem, spec, i, rate, slope, &mut row);
-        row.push(problem.y[i]);
-        width = row.len();
-        let root = problem.weight[i].sqrt();
-        row.iter_mut().for_each(|value| *value *= root);
-        reducer.get_or_insert_with(|| Reducer::new(width)).push(&row);
-    }
-    Columns { factor: reducer.unwrap_or_else(|| Reducer::new(1)).finish(), count: width.saturating_sub(1) }
+/// The regressors of some terms at some lags.
+struct Design<'a> {
+    problem: &'a Problem<'a>,
+    terms: &'a [TermPlace],
+    rates: Rates,
 }
 
-/// Levels, terms and ∂y/∂τ of a row.
-fn regressor_row(
-    problem: &Problem<'_>,
-    spec: ModelSpec,
-    row: usize,
-    rate: &[f64; RATE_COLUMNS],
-    slope: Option<&[f64]>,
-    out: &mut Vec<f64>,
-) {
-    out.extend(problem.levels.iter().map(|level| problem.level(row, *level)));
-    problem.regressors(spec, row, rate, out);
-    out.extend(slope.map(|s| s[row]));
+impl Design<'_> {
+    /// Levels, terms and the ∂y/∂τ of a row.
+    fn row(&self, row: usize, slopes: &[Vec<f64>], out: &mut Vec<f64>) {
+        out.clear();
+        out.extend(self.problem.levels.iter().map(|level| self.problem.level(row, *level)));
+        out.extend(self.terms.iter().map(|term| self.problem.regressor(term, row, &self.rates)));
+        out.extend(slopes.iter().map(|slope| slope[row]));
+    }
+
+    /// All rows as a factor, with ∂y/∂τ as last columns if given.
+    fn factor(&self, slopes: &[Vec<f64>]) -> Columns {
+        let count = self.problem.levels.len() + self.terms.len() + slopes.len();
+        let mut reducer = Reducer::new(count + 1);
+        let mut row = Vec::with_capacity(count + 1);
+        for i in 0..self.problem.len() {
+            self.row(i, slopes, &mut row);
+            row.push(self.problem.y[i]);
+            let root = self.problem.weight[i].sqrt();
+            row.iter_mut().for_each(|value| *value *= root);
+            reducer.push(&row);
+        }
+        Columns { factor: reducer.finish(), count }
+    }
+
+    fn model_at(&self, row: usize, theta: &[f64], regressors: &mut Vec<f64>) -> f64 {
+        self.row(row, &[], regressors);
+        regressors.iter().zip(theta).map(|(a, b)| a * b).sum::<f64>()
+    }
+
+    fn residuals(&self, theta: &[f64]) -> Vec<f64> {
+        let mut regressors = Vec::new();
+        (0..self.problem.len()).map(|i| self.problem.y[i] - self.model_at(i, theta, &mut regressors)).collect()
+    }
 }
 
 struct Columns {
@@ -163,35 +204,52 @@ impl Columns {
     }
 }
 
-fn solve(problem: &Problem<'_>, spec: ModelSpec, rates: &[[f64; RATE_COLUMNS]]) -> Option<Solution> {
-    factor(problem, spec, rates, None).solve_all()
+fn misfit(problem: &Problem<'_>, terms: &[TermPlace], taus_s: &[(usize, f64)]) -> f64 {
+    let design = Design { problem, terms, rates: problem.rates(taus_s) };
+    design.factor(&[]).solve_all().map_or(f64::INFINITY, |s| s.ssr)
 }
 
-fn rates_at(problem: &Problem<'_>, tau_s: Option<f64>) -> Vec<[f64; RATE_COLUMNS]> {
-    tau_s.map_or_else(|| vec![[0.0; RATE_COLUMNS]; problem.len()], |tau| problem.rate_columns(tau))
+/// The lags of least misfit, one after the other until they stand.
+fn find_taus(problem: &Problem<'_>, spec: &ModelSpec, terms: &[TermPlace], taus_s: &[f64]) -> Result<Vec<Tau>> {
+    let middle = taus_s.get(taus_s.len() / 2).copied().unwrap_or(1.0);
+    let rated = problem.rated(spec);
+    let mut taus: Vec<Tau> =
+        rated.iter().map(|input| Tau { input: *input, value_s: middle, resolved: false }).collect();
+    for _ in 0..MOST_SWEEPS {
+        let before = taus.clone();
+        for at in 0..taus.len() {
+            let with = |tau_s: f64| -> Vec<(usize, f64)> {
+                let of = |(other, tau): (usize, &Tau)| (tau.input, if other == at { tau_s } else { tau.value_s });
+                taus.iter().enumerate().map(of).collect()
+            };
+            let grid = taus_s.get(problem.tau_from[taus[at].input]..).unwrap_or(&[]);
+            let found = find_tau(grid, |tau_s| misfit(problem, terms, &with(tau_s)));
+            (taus[at].value_s, taus[at].resolved) = found.ok_or_else(|| dependent(problem, spec))?;
+        }
+        let moved = taus.iter().zip(&before).any(|(a, b)| (a.value_s / b.value_s - 1.0).abs() > STILL);
+        if taus.len() < 2 || !moved {
+            break;
+        }
+    }
+    Ok(taus)
 }
 
-fn misfit(problem: &Problem<'_>, spec: ModelSpec, tau_s: f64) -> f64 {
-    solve(problem, spec, &problem.rate_columns(tau_s)).map_or(f64::INFINITY, |s| s.ssr)
-}
-
-/// The τ of least misfit; where the misfit is flat to an end of the search, the smallest within 2 %.
-fn find_tau(problem: &Problem<'_>, spec: ModelSpec, taus_s: &[f64]) -> Result<Tau> {
-    let misfits: Vec<f64> = in_parallel(taus_s, |tau| misfit(problem, spec, *tau));
-    let best = misfits.iter().enumerate().min_by(|(_, a), (_, b)| a.total_cmp(b)).map_or(0, |(i, _)| i);
-    let least = misfits[best];
+/// The τ of least misfit and whether it is resolved; where the misfit is flat to an end of the search, the smallest
+/// within 2 %. `None` where nothing could be fitted.
+fn find_tau(taus_s: &[f64], misfit: impl Fn(f64) -> f64 + Sync) -> Option<(f64, bool)> {
+    let misfits: Vec<f64> = in_parallel(taus_s, |tau| misfit(*tau));
+    let (best, least) = misfits.iter().copied().enumerate().min_by(|(_, a), (_, b)| a.total_cmp(b))?;
     if !least.is_finite() {
-        return Err(dependent(problem, spec));
+        return None;
     }
     let near = |m: &f64| *m <= FLAT_MISFIT * least;
     let ends_are_far = misfits.first().is_some_and(|m| !near(m)) && misfits.last().is_some_and(|m| !near(m));
     if !ends_are_far {
         let smallest = misfits.iter().position(near).unwrap_or(best);
-        return Ok(Tau { value_s: taus_s[smallest], resolved: false });
+        return Some((taus_s[smallest], false));
     }
-    let value_s =
-        golden_section(taus_s[best - 1].ln(), taus_s[best + 1].ln(), |log| misfit(problem, spec, log.exp())).exp();
-    Ok(Tau { value_s, resolved: true })
+    let value_s = golden_section(taus_s[best - 1].ln(), taus_s[best + 1].ln(), |log| misfit(log.exp())).exp();
+    Some((value_s, true))
 }
 
 /// Minimum of a function with one valley between `lo` and `hi`.
@@ -213,23 +271,23 @@ fn golden_section(mut lo: f64, mut hi: f64, f: impl Fn(f64) -> f64) -> f64 {
     f64::midpoint(lo, hi)
 }
 
-fn model_at(problem: &Problem<'_>, spec: ModelSpec, row: usize, rate: &[f64; RATE_COLUMNS], theta: &[f64]) -> f64 {
-    let mut regressors = Vec::new();
-    regressor_row(problem, spec, row, rate, None, &mut regressors);
-    regressors.iter().zip(theta).map(|(a, b)| a * b).sum::<f64>()
-}
-
-fn residuals(problem: &Problem<'_>, spec: ModelSpec, rates: &[[f64; RATE_COLUMNS]], theta: &[f64]) -> Vec<f64> {
-    (0..problem.len()).map(|i| problem.y[i] - model_at(problem, spec, i, &rates[i], theta)).collect()
-}
-
-/// ∂y/∂τ by central difference over ±1 %.
-fn tau_column(problem: &Problem<'_>, spec: ModelSpec, tau_s: f64, theta: &[f64]) -> Vec<f64> {
-    let step = 0.01 * tau_s;
-    let (above, below) = (problem.rate_columns(tau_s + step), problem.rate_columns(tau_s - step));
-    let difference =
-        |i: usize| model_at(problem, spec, i, &above[i], theta) - model_at(problem, spec, i, &below[i], theta);
-    (0..problem.len()).map(|i| difference(i) / (2.0 * step)).collect()
+/// ∂y/∂τ of every resolved lag by central difference over ±1 %.
+fn tau_columns(design: &Design<'_>, taus: &[Tau], theta: &[f64]) -> Vec<Vec<f64>> {
+    let of = |tau: &Tau| {
+        let step = 0.01 * tau.value_s;
+        let moved = |by: f64| {
+            let taus_s: Vec<(usize, f64)> = taus
+                .iter()
+                .map(|other| (other.input, other.value_s + if other.input == tau.input { by } else { 0.0 }))
+                .collect();
+            Design { rates: design.problem.rates(&taus_s), ..*design }
+        };
+        let (above, below) = (moved(step), moved(-step));
+        let (mut a, mut b) = (Vec::new(), Vec::new());
+        let difference = |i: usize| above.model_at(i, theta, &mut a) - below.model_at(i, theta, &mut b);
+        (0..design.problem.len()).map(difference).map(|d| d / (2.0 * step)).collect()
+    };
+    taus.iter().filter(|tau| tau.resolved).map(of).collect()
 }
 
 /// Lag-one correlation of neighbouring residuals of a run, with Kendall's (1954) correction for the

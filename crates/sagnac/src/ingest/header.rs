@@ -32,7 +32,7 @@ pub const HEADERS: [(&str, &str); 9] = [
         "1 in the row in which the table completed a revolution, −1 for one backwards, else 0, in place of its rate",
     ),
     ("valid", "1, true, ok, yes or 0, false, no: rows that are flagged are left out"),
-    ("aux_name", "any number, carried into the window table"),
+    ("aux_name", "any number that the correction may depend on: a voltage, a current, a mode"),
 ];
 
 /// Columns by which a table of `sagnac window` is known, whoever wrote it again.

@@ -1,7 +1,7 @@
 //! Which figures a report has, and what is in each.
 
 use crate::calibration::{AxisCalibration, PpmEstimate, TermKind};
-use crate::fit::{BASIS_LEN, Span, TICK_INSTRUCTIONS, chebyshev, frontier};
+use crate::fit::{BASIS_LEN, TICK_INSTRUCTIONS, chebyshev, frontier};
 use crate::ingest::Reason;
 use crate::report::evidence::{AxisEvidence, Evidence, Leg, Point};
 use crate::report::figure::{Figure, Layer, Role, rounded};
@@ -64,9 +64,16 @@ fn line(label: &str, role: Role, x: &[f64], y: Vec<f64>, dashed: bool) -> Layer 
 /// A series over the span with its 95 % band, from the record alone: the drift at rest, or the scale factor with its
 /// value at T0.
 fn curve(axis: &AxisCalibration, kind: TermKind) -> (Vec<f64>, Vec<f64>, Option<Vec<f64>>) {
-    let span = Span { lo_c: axis.span_c[0], hi_c: axis.span_c[1] };
+    let span = axis.span();
     let step = (span.hi_c - span.lo_c) / (CURVE_POINTS - 1) as f64;
     let x: Vec<f64> = (0..CURVE_POINTS).map(|i| span.lo_c + step * i as f64).collect();
+    if kind == TermKind::Bias {
+        let y = x.iter().map(|t| axis.drift(*t, axis.reference_c)).collect();
+        let weights = |t_c: f64| axis.drift_weights(t_c, axis.reference_c);
+        let half = |t_c: &f64| TWO_SIGMA * axis.variance_of(&weights(*t_c)).sqrt();
+        let band = (!weights(span.lo_c).is_empty()).then(|| x.iter().map(half).collect());
+        return (x, y, band);
+    }
     let at_reference = chebyshev(span.x(axis.reference_c));
     let mut series = axis.series(kind);
     let scale = axis.scale_factor.as_ref().filter(|_| kind == TermKind::Scale);
@@ -94,9 +101,10 @@ pub(crate) fn drift(evidence: &Evidence, axis: &AxisEvidence, record: &AxisCalib
     } else {
         ""
     };
+    let further = if record.inputs.is_empty() { "" } else { " What depends on further inputs is not in the curve." };
     let caption = format!(
         "Each point is a window, less its run's constant. The curve is the fit at rest, zero at {} °C; the band is where \
-         it lies with 95 % confidence.{rate}{words}",
+         it lies with 95 % confidence.{rate}{further}{words}",
         record.reference_c
     );
     let title = "Drift against temperature";
@@ -225,7 +233,7 @@ fn while_moving(
     let mut rates: Vec<f64> = used(axis).filter(|p| p.leg() == leg).map(|p| p.rate_cpm).collect();
     rates.sort_by(f64::total_cmp);
     let cpm = *rates.get(rates.len() / 2)?;
-    let (span, series) = (Span { lo_c: record.span_c[0], hi_c: record.span_c[1] }, record.series(TermKind::Rate));
+    let (span, series) = (record.span(), record.series(TermKind::Rate));
     let rate_part = |t_c: &f64| -> f64 { chebyshev(span.x(*t_c)).iter().zip(&series).map(|(b, c)| b * c).sum() };
     Some((cpm, x.iter().zip(at_rest).map(|(t, rest)| rest + cpm * rate_part(t)).collect()))
 }

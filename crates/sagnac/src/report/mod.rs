@@ -25,6 +25,7 @@ mod noise;
 mod page;
 #[cfg(feature = "report")]
 mod svg;
+mod terms;
 
 #[cfg(feature = "report")]
 pub use charts::{Band, Chart, ChartPage, Curve, PageTable, chart_report};

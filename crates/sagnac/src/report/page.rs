@@ -2,14 +2,14 @@
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-use crate::calibration::{AxisCalibration, Calibration, Candidate, Input, LogUnit, PpmEstimate, TermKind, UNASSIGNED};
+use crate::calibration::{AxisCalibration, Calibration, Input, LogUnit, PpmEstimate, UNASSIGNED};
 use crate::digits::{celsius, significant, with_sigma};
 use crate::error::{Error, Result};
 use crate::ingest::{Tally, hex, sha256};
 use crate::report::evidence::{AxisEvidence, Evidence};
 use crate::report::figure::Figure;
 use crate::report::figures::Wording;
-use crate::report::{acceptance, figures, svg};
+use crate::report::{acceptance, figures, svg, terms};
 use crate::verify::{AxisVerification, Figures, ScaleFigures, Verification};
 
 /// What the page is made of besides its own words. uPlot 1.6.32 is under the MIT licence, which stands
@@ -21,8 +21,6 @@ const STYLE: &str = include_str!("report.css");
 const SCRIPT: &str = include_str!("report.js");
 /// Nothing is loaded from anywhere, and the browser holds the page to it.
 const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'";
-/// Candidates shown besides the one that was taken.
-const SHOWN_CANDIDATES: usize = 12;
 
 /// The report of a calibration.
 ///
@@ -46,9 +44,10 @@ pub fn calibration_report(calibration: &Calibration, evidence: &Evidence) -> Res
                 @for figure in &all { (shown(figure)) }
                 @let () = drawn.extend(all);
             }
-            (coefficients(axis))
+            (terms::coefficients(axis))
             (plateaus(axis))
-            (candidates(&axis.candidates))
+            (terms::candidates(&axis.candidates))
+            (terms::path(&axis.path))
             (left_out(&axis.excluded))
         }
         (provenance(calibration)?)
@@ -94,7 +93,7 @@ pub fn verification_report(
                 @let () = drawn.extend(all);
             }
             @if let Some(record) = calibration.and_then(|c| c.axes.iter().find(|a| a.axis == axis.axis)) {
-                (coefficients(record))
+                (terms::coefficients(record))
             }
         }
         (left_out(&verification.excluded))
@@ -390,84 +389,6 @@ fn left(axis: &AxisVerification) -> Markup {
                 "Heating less cooling: hysteresis, a gradient, another lag. Steps across gaps: mode steps, where resets are marked invalid. "
                 "Correlation of neighbours: anything slow. Limits of noise are two standard errors of white residuals."
             }
-        }
-    }
-}
-
-fn coefficients(axis: &AxisCalibration) -> Markup {
-    let name = |kind: TermKind| format!("{kind:?}").to_lowercase();
-    let monomial = &axis.monomial;
-    let sigma = |power: usize| monomial.sigma.as_ref().and_then(|all| all.get(power).copied());
-    html! {
-        h3 { "Coefficients" }
-        @if axis.terms.is_empty() {
-            p { "No term earns its place: the drift does not follow temperature beyond the noise." }
-        } @else {
-            p.note {
-                "Chebyshev polynomials of temperature scaled to " (format!("{:.3} … {:.3}", axis.span_c[0], axis.span_c[1]))
-                " °C, zero at " (axis.reference_c) " °C: what the target computes with."
-            }
-            div.scroll { table {
-                tr { th { "term" } th { "value ± σ" } th.words { "unit" } th.words { "" } }
-                @for term in &axis.terms {
-                    tr {
-                        td { (name(term.kind)) " " (term.order) } td { (with_sigma(term.value, term.sigma)) }
-                        td.words { (term.unit) }
-                        td.words { @if term.significant == Some(false) { "not significant at 95 %" } }
-                    }
-                }
-                @if let Some(lag) = axis.lag_s {
-                    tr {
-                        td { "lag" } td { (lag.sigma.map_or_else(|| significant(lag.value, 3), |s| with_sigma(lag.value, Some(s)))) } td.words { "s" }
-                        td.words { @if lag.sigma.is_none() { "not resolved: the smallest within 2 % of the least misfit" } }
-                    }
-                }
-            } }
-        }
-        p.note {
-            "The same curve at rest in powers of °C, " (monomial.unit) " of " (monomial.window_s) " s, with the constant of run "
-            (monomial.run) ":"
-        }
-        div.scroll { table {
-            tr { th { "power" } th { "value ± σ" } }
-            @for (power, value) in monomial.coefficients.iter().enumerate() {
-                tr { td { "T" sup { (power) } } td { (with_sigma(*value, sigma(power))) } }
-            }
-        } }
-        div.scroll { table {
-            tr { th { "run of the fit" } th { "constant ± σ, °/h" } th { "fixed bias, °/h" } }
-            @for constant in &axis.constants {
-                tr {
-                    td { (constant.run) } td { (with_sigma(constant.value_dph, constant.sigma_dph)) }
-                    td { (constant.fixed_bias_dph.map_or("input rate not known".to_owned(), |b| with_sigma(b, constant.sigma_dph))) }
-                }
-            }
-        } }
-    }
-}
-
-fn candidates(all: &[Candidate]) -> Markup {
-    let mut ranked: Vec<&Candidate> = all.iter().collect();
-    ranked.sort_by(|a, b| a.held_out_dph.unwrap_or(f64::INFINITY).total_cmp(&b.held_out_dph.unwrap_or(f64::INFINITY)));
-    let least = ranked.first().map_or("", |c| c.model.as_str());
-    let rows = ranked.iter().enumerate().filter(|(i, c)| *i < SHOWN_CANDIDATES || c.chosen).map(|(_, c)| *c);
-    html! {
-        @if all.len() > 1 {
-            h3 { "Candidates" }
-            p.note {
-                (all.len()) " models were tried on data that each fit did not see. The least held-out mean square is that of " code { (least) }
-                "; the smallest model within 2 % of it is taken."
-            }
-            div.scroll { table {
-                tr { th { "model" } th { "coefficients" } th { "held-out σ, °/h" } th.words { "" } }
-                @for candidate in rows {
-                    tr.taken[candidate.chosen] {
-                        td { (candidate.model) } td { (candidate.coefficients) }
-                        td { (candidate.held_out_dph.map_or("not fitted".to_owned(), |h| significant(h, 4))) }
-                        td.words { @if candidate.chosen { "taken" } }
-                    }
-                }
-            } }
         }
     }
 }

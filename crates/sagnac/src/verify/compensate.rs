@@ -48,8 +48,8 @@ pub fn compensate(
 ) -> Result<LogSummary> {
     let shape = log.shape().clone();
     let file = log.summary().file;
-    let (images, sensor) = correction.fit_to(&shape, setup).map_err(|e| e.file(&file))?;
-    let mut replay = Replay::new(&images, &shape, sensor, &file)?;
+    let (images, readings) = correction.fit_to(&shape, setup).map_err(|e| e.file(&file))?;
+    let mut replay = Replay::new(&images, &shape, readings, &file)?;
     let (columns, read, units) = (log.axis_columns(), log.columns_read(), log.rate_units());
     let stamp = format!("{COMPENSATED_STAMP}: serial {}, images {}", correction.serial(), correction.sha256());
     let mut rows = rows_out(log, setup, format, &stamp, out)?;

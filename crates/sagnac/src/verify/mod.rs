@@ -11,6 +11,7 @@ mod compensate;
 mod flight;
 mod left;
 mod limits;
+mod readings;
 mod replay;
 mod residual;
 mod stats;
@@ -27,6 +28,7 @@ pub use compensate::{CorrectedFormat, compensate, status_text};
 pub use flight::{Corner, Flight, FlightAxis, MisDistance};
 pub use left::{AcrossGaps, Estimate, Left};
 pub use limits::{Limits, SETS, Verdict};
+pub use readings::{LogColumn, Readings};
 pub use replay::{Corrected, Replay};
 pub use residual::{Plateaus, RandomWalk, Residual};
 pub use stats::{Figures, expected_range};
@@ -103,11 +105,11 @@ impl Correction {
         self.images.first().and_then(Image::serial).unwrap_or_default().to_owned()
     }
 
-    /// The image of each axis of a log, and the thermometer they use.
+    /// The image of each axis of a log, and the columns they read.
     ///
     /// # Errors
     /// An axis without image, a thermometer that the log does not have, another serial in the setup.
-    pub fn fit_to(&self, shape: &LogShape, setup: &Setup) -> Result<(Vec<Image>, Option<usize>)> {
+    pub fn fit_to(&self, shape: &LogShape, setup: &Setup) -> Result<(Vec<Image>, Readings)> {
         if let Some(wanted) = setup.serial.as_deref().filter(|serial| *serial != self.serial()) {
             return Err(Error::input(format!("the correction belongs to {:?}, not to {wanted:?}", self.serial()))
                 .column("serial")
@@ -138,7 +140,10 @@ impl Correction {
                 return Err(Error::input(what).help("name it with --thermometer"));
             }
         };
-        Ok((images?, sensor))
+        let images = images?;
+        let axes = self.calibration.as_ref().map(|calibration| calibration.axes.as_slice());
+        let readings = Readings::find(&images, axes, sensor, shape, setup)?;
+        Ok((images, readings))
     }
 
     /// SHA-256 of the images' bytes, in the order of the axes.
@@ -261,7 +266,7 @@ pub fn verify_with_evidence(
     keep_all: bool,
 ) -> Result<(Verification, Evidence)> {
     let fits = |log: &LogReader| correction.fit_to(log.shape(), setup).map_err(|e| e.file(log.summary().file));
-    let sensor = logs.first().map(fits).transpose()?.and_then(|(_, sensor)| sensor);
+    let sensor = logs.first().map(fits).transpose()?.and_then(|(_, readings)| readings.thermometer);
     let mut windows = replay_windows(correction, logs, setup, keep_all)?;
     fit::Turning::leave_out_unknown(&mut windows, setup)?;
     let count = windows.shape.axes.len() / 2;
@@ -340,13 +345,14 @@ fn replay_windows(correction: &Correction, logs: Vec<LogReader>, setup: &Setup, 
     for mut log in logs {
         let shape = log.shape().clone();
         let name = log.summary().file;
-        let (images, sensor) = correction.fit_to(&shape, setup).map_err(|e| e.file(&name))?;
-        let mut replay = Replay::new(&images, &shape, sensor, &name).map_err(|e| e.file(&name))?;
+        let (images, readings) = correction.fit_to(&shape, setup).map_err(|e| e.file(&name))?;
+        let mut replay = Replay::new(&images, &shape, readings, &name).map_err(|e| e.file(&name))?;
         let (builder, first) = match &mut builder {
             Some(both) => both,
             None => {
                 let both_sides = with_corrected_axes(&shape);
-                builder.insert((WindowBuilder::new(&both_sides, setup)?.judging(shape.axes.len()), shape.clone()))
+                let own = WindowBuilder::new(&both_sides, setup)?.judging(shape.axes.len()).without_aux_tracks();
+                builder.insert((own, shape.clone()))
             }
         };
         same_shape(first, &shape).map_err(|e| e.file(&name))?;

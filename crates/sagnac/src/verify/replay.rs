@@ -10,17 +10,18 @@
 //! the first row's. A row that a slow update cuts is split in integer proportion to its ticks. Through
 //! gaps the clock runs on without counts.
 
-use sagnac_core::{Compensator, Image, Misuse, State, Status};
+use sagnac_core::{Compensator, Image, MAX_THERMOMETERS, Misuse, State, Status, Thermometer};
 
 use crate::error::{Error, Result};
 use crate::ingest::{AngleUnit, Batch, LogShape};
+use crate::verify::readings::{LogColumn, Readings};
 
 /// No row and no gap may last longer than this many slow updates (116 days at 1 s).
 const MAX_UPDATES: i64 = 10_000_000;
 /// Largest |raw| the core takes at once.
 const MAX_RAW: i64 = sagnac_core::MAX_RAW as i64;
 
-/// How a thermometer's °C become the codes its image expects.
+/// How a thermometer's °C, or a column's numbers, become the codes its image expects.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Coder {
     offset_c: f64,
@@ -28,11 +29,10 @@ struct Coder {
 }
 
 impl Coder {
-    fn of(image: &Image) -> Option<Self> {
-        let spec = image.thermometers().first()?;
-        let q24 = f64::from(1 << 24);
-        let gain_c = f64::from(spec.gain.mantissa) * 2.0_f64.powi(-i32::from(spec.gain.shift)) / q24;
-        Some(Self { offset_c: f64::from(spec.offset_q24) / q24, gain_c })
+    fn of(spec: &Thermometer) -> Self {
+        let unit = 2.0_f64.powi(i32::from(spec.unit_exponent) - 24);
+        let gain_c = f64::from(spec.gain.mantissa) * 2.0_f64.powi(-i32::from(spec.gain.shift)) * unit;
+        Self { offset_c: f64::from(spec.offset_q24) * unit, gain_c }
     }
 
     /// `None` for a missing temperature or one that no code can hold.
@@ -46,7 +46,8 @@ impl Coder {
 struct AxisReplay {
     gyro: Compensator,
     state: State,
-    coder: Option<Coder>,
+    /// Per thermometer of the image: the column it reads and how; `None` for the difference of two.
+    coders: Vec<Option<(LogColumn, Coder)>>,
     /// Angle of one output count in the log's own unit (1 for quanta).
     lsb: f64,
     /// Part of an LSB not yet given to the core (rate logs), or counts of rows shorter than a tick.
@@ -65,13 +66,12 @@ pub struct Corrected {
 /// A log's replay.
 pub struct Replay {
     axes: Vec<AxisReplay>,
-    /// Which thermometer of the log the images use.
-    sensor: Option<usize>,
     tick_ns: i64,
     period_ticks: i64,
     origin_ns: Option<i64>,
     ticks_done: i64,
-    register_c: f64,
+    /// Newest value of every thermometer and auxiliary column of the log, as the images last saw it.
+    register: Register,
     file: String,
 }
 
@@ -79,8 +79,8 @@ impl Replay {
     /// One image per axis of the log, in the log's order.
     ///
     /// # Errors
-    /// Images that do not fit the log (scale factor, tick, number), or no such thermometer.
-    pub fn new(images: &[Image], shape: &LogShape, sensor: Option<usize>, file: &str) -> Result<Self> {
+    /// Images that do not fit the log (scale factor, tick, number).
+    pub fn new(images: &[Image], shape: &LogShape, readings: Readings, file: &str) -> Result<Self> {
         let head = images.first().ok_or_else(|| Error::input("no image for any axis of the log"))?.description();
         let same = |image: &Image| {
             let d = image.description();
@@ -89,15 +89,16 @@ impl Replay {
         if images.len() != shape.axes.len() || !images.iter().all(same) {
             return Err(Error::input("the images must be one per axis of the log, all with one tick and period"));
         }
-        let axes: Result<Vec<AxisReplay>> = images.iter().map(|image| AxisReplay::new(image, shape.unit)).collect();
+        let with_columns = images.iter().zip(&readings.columns);
+        let axes: Result<Vec<AxisReplay>> =
+            with_columns.map(|(image, columns)| AxisReplay::new(image, shape.unit, columns)).collect();
         Ok(Self {
             axes: axes?,
-            sensor,
             tick_ns: i64::from(head.tick_ns),
             period_ticks: i64::from(head.period_ticks),
             origin_ns: None,
             ticks_done: 0,
-            register_c: f64::NAN,
+            register: Register::default(),
             file: file.to_owned(),
         })
     }
@@ -115,10 +116,9 @@ impl Replay {
     }
 
     fn correct_row(&mut self, batch: &Batch, row: usize, out: &mut Corrected) -> Result<()> {
-        let celsius = self.sensor.map_or(f64::NAN, |sensor| batch.temperature_c[sensor][row]);
         let origin_ns = *self.origin_ns.get_or_insert_with(|| {
-            // The thermometer was there before the first row.
-            self.register_c = celsius;
+            // The thermometers were there before the first row.
+            self.register.take(batch, row);
             batch.start_ns[row]
         });
         let tick = |t_ns: i64| (t_ns - origin_ns).div_euclid(self.tick_ns);
@@ -131,16 +131,16 @@ impl Replay {
                 .help("cut the log there; each file is a run of its own"));
         }
         for (index, axis) in self.axes.iter_mut().enumerate() {
-            let code = axis.coder.and_then(|coder| coder.code(self.register_c));
-            axis.skip(code, gap).map_err(|e| misused(e, &self.file, batch.line[row]))?;
+            let codes = axis.codes(&self.register);
+            axis.skip(codes, gap).map_err(|e| misused(e, &self.file, batch.line[row]))?;
             let (angle, status) = axis
-                .row(code, batch.angle[index][row], end - start)
+                .row(codes, batch.angle[index][row], end - start)
                 .map_err(|e| misused(e, &self.file, batch.line[row]))?;
             out.angle[index].push(angle);
             out.status[index].push(status);
         }
         self.ticks_done = end.max(start);
-        self.register_c = celsius;
+        self.register.take(batch, row);
         Ok(())
     }
 
@@ -157,8 +157,35 @@ fn misused(error: Misuse, file: &str, line: u64) -> Error {
         .help("for a rate log, a coarser rate_lsb_arcsec in the setup makes the counts smaller")
 }
 
+/// Values of a row of a log.
+#[derive(Default)]
+struct Register {
+    temperature_c: Vec<f64>,
+    aux: Vec<f64>,
+}
+
+impl Register {
+    fn take(&mut self, batch: &Batch, row: usize) {
+        for (register, columns) in [(&mut self.temperature_c, &batch.temperature_c), (&mut self.aux, &batch.aux)] {
+            register.clear();
+            register.extend(columns.iter().map(|column| column[row]));
+        }
+    }
+
+    fn value(&self, column: LogColumn) -> f64 {
+        let value = match column {
+            LogColumn::Thermometer(at) => self.temperature_c.get(at),
+            LogColumn::Aux(at) => self.aux.get(at),
+        };
+        value.copied().unwrap_or(f64::NAN)
+    }
+}
+
+/// One code per thermometer of an image.
+type Codes = [Option<i32>; MAX_THERMOMETERS];
+
 impl AxisReplay {
-    fn new(image: &Image, unit: AngleUnit) -> Result<Self> {
+    fn new(image: &Image, unit: AngleUnit, columns: &[Option<LogColumn>]) -> Result<Self> {
         let arcsec_per_lsb = image.description().scale_factor_femto_arcsec as f64 / 1e15;
         let lsb = match unit {
             AngleUnit::Quanta { .. } if (unit.arcsec() / arcsec_per_lsb - 1.0).abs() < 1e-9 => 1.0,
@@ -171,13 +198,23 @@ impl AxisReplay {
             }
             AngleUnit::Arcsec => arcsec_per_lsb,
         };
-        Ok(Self { gyro: Compensator::new(*image), state: State::new(), coder: Coder::of(image), lsb, pending: 0.0 })
+        let coder = |(column, spec): (&Option<LogColumn>, &Thermometer)| column.map(|column| (column, Coder::of(spec)));
+        let coders = columns.iter().zip(image.thermometers()).map(coder).collect();
+        Ok(Self { gyro: Compensator::new(*image), state: State::new(), coders, lsb, pending: 0.0 })
+    }
+
+    fn codes(&self, register: &Register) -> Codes {
+        let mut codes = [None; MAX_THERMOMETERS];
+        for (code, coder) in codes.iter_mut().zip(&self.coders) {
+            *code = coder.and_then(|(column, coder)| coder.code(register.value(column)));
+        }
+        codes
     }
 
     /// Lets ticks pass without counts.
-    fn skip(&mut self, code: Option<i32>, mut ticks: i64) -> std::result::Result<(), Misuse> {
+    fn skip(&mut self, codes: Codes, mut ticks: i64) -> std::result::Result<(), Misuse> {
         while ticks > 0 {
-            let step = self.step(code, ticks)?;
+            let step = self.step(&codes, ticks)?;
             self.gyro.skip(&mut self.state, step)?;
             ticks -= i64::from(step);
         }
@@ -185,7 +222,7 @@ impl AxisReplay {
     }
 
     /// Gives a row's counts to the core; what came out, in the log's unit, and its status.
-    fn row(&mut self, code: Option<i32>, angle: f64, ticks: i64) -> std::result::Result<(f64, Status), Misuse> {
+    fn row(&mut self, codes: Codes, angle: f64, ticks: i64) -> std::result::Result<(f64, Status), Misuse> {
         let exact = angle / self.lsb + self.pending;
         if ticks == 0 {
             self.pending = exact;
@@ -199,7 +236,7 @@ impl AxisReplay {
         let (mut raw, mut left) = (whole as i64, ticks);
         let (mut out, mut status) = (0_i64, Status::OK);
         while left > 0 {
-            let step = self.step(code, left)?;
+            let step = self.step(&codes, left)?;
             // Integer proportion; the last part takes the rest.
             let part = (i128::from(raw) * i128::from(step) / i128::from(left)) as i64;
             if part.abs() > MAX_RAW {
@@ -215,9 +252,8 @@ impl AxisReplay {
     }
 
     /// Makes the slow update if it is due; how many of `ticks` may then run at once.
-    fn step(&mut self, code: Option<i32>, ticks: i64) -> std::result::Result<u32, Misuse> {
+    fn step(&mut self, codes: &Codes, ticks: i64) -> std::result::Result<u32, Misuse> {
         if self.state.ticks_to_update() == 0 {
-            let codes = [code];
             self.gyro.update(&mut self.state, &codes[..self.gyro.image().thermometers().len()])?;
         }
         Ok(self.state.ticks_to_update().min(u32::try_from(ticks).unwrap_or(u32::MAX)))

@@ -27,6 +27,8 @@ pub struct WindowBuilder {
     /// Length of each row of the batch at hand, ns.
     weights: Vec<f64>,
     judged_axes: usize,
+    /// Columns whose track is kept: thermometers, then auxiliary columns.
+    tracks: usize,
     /// Per window: σ of the reference rate within it, °/s.
     table_spread_dps: Vec<f64>,
 }
@@ -123,7 +125,7 @@ impl Moments {
     }
 }
 
-/// Zero-order hold of one thermometer on the grid of the temperature period.
+/// Zero-order hold of one thermometer or auxiliary column on the grid of the temperature period.
 struct Track {
     newest_c: f64,
     values: Vec<f64>,
@@ -188,6 +190,7 @@ impl WindowBuilder {
             min_c: columns(log.thermometers.len()),
             max_c: columns(log.thermometers.len()),
             aux: columns(log.aux.len()),
+            aux_variance: columns(log.aux.len()),
             ..WindowRows::default()
         };
         Ok(Self {
@@ -200,6 +203,7 @@ impl WindowBuilder {
             run: None,
             weights: Vec::new(),
             judged_axes: log.axes.len(),
+            tracks: log.thermometers.len() + log.aux.len(),
             table_spread_dps: Vec::new(),
         })
     }
@@ -208,6 +212,12 @@ impl WindowBuilder {
     #[must_use]
     pub fn judging(self, axes: usize) -> Self {
         Self { judged_axes: axes, ..self }
+    }
+
+    /// Keeps the tracks of thermometers alone.
+    #[must_use]
+    pub fn without_aux_tracks(self) -> Self {
+        Self { tracks: self.shape.thermometers.len(), ..self }
     }
 
     /// Reads whole logs, each as one run.
@@ -240,7 +250,7 @@ impl WindowBuilder {
     /// A run of more temperature periods than a track may have.
     pub fn push(&mut self, batch: &Batch) -> Result<()> {
         let (Some(first_ns), Some(last_ns)) = (batch.start_ns.first(), batch.end_ns.last()) else { return Ok(()) };
-        let run = self.run.get_or_insert_with(|| OpenRun::new(*first_ns, self.shape.thermometers.len()));
+        let run = self.run.get_or_insert_with(|| OpenRun::new(*first_ns, self.tracks));
         run.end_ns = *last_ns;
         if self.shape.timed {
             run.sample_tracks(batch, self.tick_ns, self.shape.period_ns)?;
@@ -334,12 +344,13 @@ impl WindowBuilder {
         push(&mut rows.min_c, &mut extremes().map(|(m, (min, _))| known(m, *min)));
         push(&mut rows.max_c, &mut extremes().map(|(m, (_, max))| known(m, *max)));
         push(&mut rows.aux, &mut sums.aux.iter().map(|m| known(m, m.mean())));
+        push(&mut rows.aux_variance, &mut sums.aux.iter().map(|m| known(m, m.variance())));
     }
 
     /// Ends the run; `summary` tells where it came from.
     pub fn end_run(&mut self, summary: LogSummary) {
         self.close_window();
-        let run = self.run.take().unwrap_or_else(|| OpenRun::new(0, self.shape.thermometers.len()));
+        let run = self.run.take().unwrap_or_else(|| OpenRun::new(0, self.tracks));
         let tracks = run.tracks.into_iter().map(|track| track.values).collect();
         self.runs.push(Run { summary, start_ns: run.start_ns, end_ns: run.end_ns, tracks });
     }
@@ -374,7 +385,8 @@ impl OpenRun {
             // As in replay: a stamp counts from the tick it falls into.
             let due_ns = self.start_ns.saturating_add(points.saturating_mul(period_ns)).saturating_add(tick_ns);
             let next = at + batch.end_ns[at..].partition_point(|end| *end < due_ns);
-            for (track, column) in self.tracks.iter_mut().zip(&batch.temperature_c) {
+            let columns = || batch.temperature_c.iter().chain(&batch.aux);
+            for (track, column) in self.tracks.iter_mut().zip(columns()) {
                 let known = || column[at..next].iter().copied().filter(|value| !value.is_nan());
                 // The very first stands for the time before it, however rows come in pieces.
                 known().next().filter(|_| track.newest_c.is_nan()).into_iter().for_each(|value| track.hold(value));
@@ -389,7 +401,7 @@ impl OpenRun {
             if before > MAX_TRACK {
                 return Err(too_many_periods(period_ns).line(batch.line[next]));
             }
-            for (track, column) in self.tracks.iter_mut().zip(&batch.temperature_c) {
+            for (track, column) in self.tracks.iter_mut().zip(columns()) {
                 track.sample(before, column[next]);
             }
             at = next + 1;

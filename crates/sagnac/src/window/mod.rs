@@ -54,7 +54,7 @@ pub struct Run {
     pub start_ns: i64,
     /// Time of the last row, ns.
     pub end_ns: i64,
-    /// Per thermometer: newest temperature at start + k·Δt, °C (zero-order hold).
+    /// Per thermometer, then per auxiliary column: newest value at start + k·Δt (zero-order hold), °C for thermometers.
     pub tracks: Vec<Vec<f64>>,
 }
 
@@ -90,6 +90,8 @@ pub struct WindowRows {
     pub max_c: Vec<Vec<f64>>,
     /// Per auxiliary column: mean.
     pub aux: Vec<Vec<f64>>,
+    /// Per auxiliary column: second moment about the mean.
+    pub aux_variance: Vec<Vec<f64>>,
     /// Mean reference rate, °/s; NaN without.
     pub reference_dps: Vec<f64>,
     /// Line of the window's first row.

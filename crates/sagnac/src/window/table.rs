@@ -3,7 +3,7 @@
 //! One row per window. Angles are Int64 quanta for count logs, Float64 arcsec for rate logs. Each
 //! row carries its short-τ sums (`short_tau_<axis>`: squares, numbers, degrees of freedom, one each per
 //! octave) and the piece of its run's temperature track that ends with it
-//! (`track_c_<name>`, a list; the last row of a run carries the rest), so rows can be partitioned
+//! (`track_c_<name>`, `track_aux_<name>`, a list; the last row of a run carries the rest), so rows can be partitioned
 //! by run without losing the lag filter's input. What belongs to no row (units, runs, hashes,
 //! tallies, how the logs were read) stands as JSON under `sagnac.windows` in the schema's metadata.
 
@@ -31,7 +31,7 @@ use crate::setup::{Setup, WindowSize};
 use crate::window::{Run, WindowRows, WindowShape, Windows};
 
 /// Version of the table's schema.
-pub const TABLE_VERSION: u32 = 1;
+pub const TABLE_VERSION: u32 = 2;
 const METADATA_KEY: &str = "sagnac.windows";
 
 #[derive(Serialize, Deserialize)]
@@ -151,10 +151,14 @@ fn to_batch(windows: &Windows, setup: &Setup) -> Result<RecordBatch> {
         for (prefix, column) in SENSOR_COLUMNS.iter().zip([&rows.mean_c, &rows.variance_c2, &rows.min_c, &rows.max_c]) {
             columns.push((format!("{prefix}_{name}"), float(&column[i])));
         }
-        columns.push((format!("track_c_{name}"), tracks(windows, i)));
+        columns.push((track_column(shape, i), tracks(windows, i)));
     }
-    for (name, column) in shape.aux.iter().zip(&rows.aux) {
-        columns.push((format!("aux_{name}"), float(column)));
+    for (name, (mean, variance)) in shape.aux.iter().zip(rows.aux.iter().zip(&rows.aux_variance)) {
+        columns.push((format!("aux_{name}"), float(mean)));
+        columns.push((format!("variance_aux_{name}"), float(variance)));
+    }
+    for at in shape.thermometers.len()..shape.thermometers.len() + shape.aux.len() {
+        columns.push((track_column(shape, at), tracks(windows, at)));
     }
     let fields: Vec<Field> =
         columns.iter().map(|(name, column)| Field::new(name, column.data_type().clone(), true)).collect();
@@ -169,6 +173,12 @@ const SENSOR_COLUMNS: [&str; 4] = ["mean_c", "variance_c2", "min_c", "max_c"];
 
 fn float(values: &[f64]) -> ArrayRef {
     Arc::new(Float64Array::from(values.to_vec()))
+}
+
+/// Name of a track's column: thermometers first, then auxiliary columns.
+fn track_column(shape: &WindowShape, at: usize) -> String {
+    let aux = || shape.aux.get(at - shape.thermometers.len()).map_or("", String::as_str);
+    shape.thermometers.get(at).map_or_else(|| format!("track_aux_{}", aux()), |name| format!("track_c_{name}"))
 }
 
 /// Each row's piece of its run's track.
@@ -260,7 +270,8 @@ fn read(path: &Path) -> Result<(Windows, Setup)> {
     let meta: Metadata =
         serde_json::from_str(&json).map_err(|e| Error::input(format!("its description is damaged: {e}")))?;
     if meta.version != TABLE_VERSION {
-        return Err(Error::input(format!("window table version {}; this program reads {TABLE_VERSION}", meta.version)));
+        return Err(Error::input(format!("window table version {}; this program reads {TABLE_VERSION}", meta.version))
+            .help("make it again from its logs with `sagnac window`"));
     }
     meta.setup.check()?;
     let setup = meta.setup.clone();
@@ -284,6 +295,7 @@ fn empty_windows(meta: Metadata) -> Windows {
         min_c: columns(sensors),
         max_c: columns(sensors),
         aux: columns(meta.aux.len()),
+        aux_variance: columns(meta.aux.len()),
         ..WindowRows::default()
     };
     let unit = match (meta.arcsec_per_count, meta.quantum) {
@@ -299,7 +311,7 @@ fn empty_windows(meta: Metadata) -> Windows {
         },
         start_ns: run.start_ns,
         end_ns: run.end_ns,
-        tracks: columns(sensors),
+        tracks: columns(sensors + meta.aux.len()),
     });
     Windows {
         runs: runs.collect(),
@@ -371,17 +383,20 @@ fn append(windows: &mut Windows, batch: &RecordBatch) -> Result<()> {
         for (prefix, slot) in SENSOR_COLUMNS.iter().zip(slots) {
             slot[i].extend(floats(&format!("{prefix}_{sensor}"))?);
         }
-        let name = format!("track_c_{sensor}");
+    }
+    for at in 0..shape.thermometers.len() + shape.aux.len() {
+        let name = track_column(shape, at);
         let lists = column(&name)?.as_list_opt::<i32>().ok_or_else(|| missing(&name))?;
         for (list, run) in lists.iter().zip(&run) {
             let piece =
                 list.as_ref().and_then(|l| l.as_primitive_opt::<Float64Type>()).ok_or_else(|| missing(&name))?;
-            let target = windows.runs.get_mut(*run as usize).and_then(|run| run.tracks.get_mut(i));
+            let target = windows.runs.get_mut(*run as usize).and_then(|run| run.tracks.get_mut(at));
             target.ok_or_else(|| missing("run"))?.extend(piece.values());
         }
     }
-    for (name, slot) in shape.aux.iter().zip(&mut rows.aux) {
-        slot.extend(floats(&format!("aux_{name}"))?);
+    for (name, (mean, variance)) in shape.aux.iter().zip(rows.aux.iter_mut().zip(&mut rows.aux_variance)) {
+        mean.extend(floats(&format!("aux_{name}"))?);
+        variance.extend(floats(&format!("variance_aux_{name}"))?);
     }
     rows.run.extend(run);
     Ok(())

@@ -12,9 +12,10 @@ macro_rules! vectors {
     };
 }
 
-const FILES: [(&str, &[u8]); 9] = vectors!(
+const FILES: [(&str, &[u8]); 10] = vectors!(
     "compensator-full",
     "compensator-paper",
+    "compensator-inputs",
     "compensator-edges",
     "compensator-advance",
     "compensator-limits",

@@ -51,11 +51,28 @@ static void gyro_chebyshev(int64_t x_q47, int64_t basis[BASIS_LENGTH])
     }
 }
 
-/* 1 and the temperature of a code, or 0 outside of the plausible limits. */
-static uint32_t gyro_temperature(const sagnac_thermometer *spec, int32_t code, int32_t *t_q24)
+/* ((x - knot)/2)^2 in Q31 above the knot, 0 below it. */
+static int64_t gyro_zone(int64_t x_q47, int32_t knot_q15)
+{
+    const int64_t above = x_q47 - ((int64_t)knot_q15 * ONE_Q32);
+    int64_t square = 0;
+    if (above > 0) {
+        const int64_t half = sagnac_round_shift(above, X_LOW_BITS);
+        square = sagnac_round_shift(half * half, 31U);
+    }
+    return square;
+}
+
+/* The temperature of a code, 2^-24 degC, not yet believed. */
+static int64_t gyro_temperature(const sagnac_thermometer *spec, int32_t code)
 {
     const int64_t product = (int64_t)code * (int64_t)spec->gain_mantissa;
-    const int64_t t = (int64_t)spec->offset_q24 + sagnac_round_shift(product, spec->gain_shift);
+    return (int64_t)spec->offset_q24 + sagnac_round_shift(product, spec->gain_shift);
+}
+
+/* 1 and the temperature, or 0 outside of the plausible limits. */
+static uint32_t gyro_believe(const sagnac_thermometer *spec, int64_t t, int32_t *t_q24)
+{
     uint32_t plausible = 0U;
     if ((t >= (int64_t)spec->plausible_lo_q24) && (t <= (int64_t)spec->plausible_hi_q24)) {
         *t_q24 = (int32_t)t;
@@ -106,12 +123,12 @@ static uint32_t one_more(uint32_t count)
 
 /* One period of one thermometer; 0 when it has no plausible temperature now. */
 static uint32_t read_thermometer(const sagnac_thermometer *spec, sagnac_thermometer_state *memory, uint32_t present,
-                                 int32_t code, reading *out)
+                                 int64_t temperature, reading *out)
 {
     int32_t t_q24 = 0;
     uint32_t fresh = 0U;
     if (present != 0U) {
-        fresh = gyro_temperature(spec, code, &t_q24);
+        fresh = gyro_believe(spec, temperature, &t_q24);
     }
     if ((fresh != 0U) && (memory->has_last == 0U)) {
         memory->lag_q46 = (int64_t)t_q24 * (int64_t)4194304;
@@ -134,19 +151,44 @@ static uint32_t read_thermometer(const sagnac_thermometer *spec, sagnac_thermome
     return fresh;
 }
 
+/* The temperature of thermometer i by its code, or as the difference of two that are fresh; 0 if there is none. */
+static uint32_t find_temperature(const sagnac_image *image, const sagnac_compensator_state *state, uint32_t i,
+                                 const int32_t *codes, uint32_t present, uint32_t fresh, int64_t *temperature)
+{
+    const sagnac_thermometer *spec = &image->thermometers[i];
+    uint32_t found;
+    *temperature = 0;
+    if (spec->is_difference != 0U) {
+        found = (fresh >> spec->of) & (fresh >> spec->less) & 1U;
+        if (found != 0U) {
+            *temperature = (int64_t)state->thermometers[spec->of].last_q24 -
+                           (int64_t)state->thermometers[spec->less].last_q24;
+        }
+    } else {
+        found = (present >> i) & 1U;
+        if (found != 0U) {
+            *temperature = gyro_temperature(spec, codes[i]);
+        }
+    }
+    return found;
+}
+
 /* Runs every thermometer; 1 if any has no temperature. */
 static uint32_t read_all(const sagnac_image *image, sagnac_compensator_state *state, const int32_t *codes,
                          uint32_t present, reading *readings, uint32_t *status)
 {
     uint32_t held = 0U;
+    uint32_t fresh = 0U;
     uint32_t i;
     *status = 0U;
     for (i = 0U; i < image->thermometer_count; i++) {
         const sagnac_thermometer *spec = &image->thermometers[i];
         sagnac_thermometer_state *memory = &state->thermometers[i];
-        const uint32_t has_sample = (present >> i) & 1U;
-        const int32_t code = (has_sample != 0U) ? codes[i] : 0;
-        if (read_thermometer(spec, memory, has_sample, code, &readings[i]) == 0U) {
+        int64_t temperature;
+        const uint32_t has_sample = find_temperature(image, state, i, codes, present, fresh, &temperature);
+        if (read_thermometer(spec, memory, has_sample, temperature, &readings[i]) != 0U) {
+            fresh |= 1U << i;
+        } else {
             held = 1U;
             *status |= SAGNAC_HELD;
             if (memory->held_updates > spec->hold_updates) {
@@ -182,8 +224,16 @@ static void gyro_evaluate(const sagnac_image *image, const reading *readings, in
     }
     for (i = 0U; i < image->term_count; i++) {
         const sagnac_term *term = &image->terms[i];
-        int64_t factor = basis[term->sensor][term->order];
+        const int64_t x_q47 = readings[term->sensor].x_q47;
+        int64_t factor;
         int64_t value;
+        if (term->shape == SAGNAC_ZONE) {
+            factor = gyro_zone(x_q47, term->knot_q15);
+        } else if (term->shape == SAGNAC_STEP) {
+            factor = (x_q47 >= ((int64_t)term->knot_q15 * ONE_Q32)) ? ONE_Q31 : 0;
+        } else {
+            factor = basis[term->sensor][term->order];
+        }
         if (term->times_rate != 0U) {
             factor = sagnac_round_shift(factor * readings[term->sensor].y_q31, 31U);
         }
@@ -430,6 +480,9 @@ static uint32_t thermometer_is_sound(const sagnac_thermometer *t)
     if ((t->gain_mantissa == 0) || (t->gain_shift > 62U) || (t->x_shift > 15U)) {
         sound = 0U;
     }
+    if ((t->unit_exponent < -100) || (t->unit_exponent > 100)) {
+        sound = 0U;
+    }
     if ((t->plausible_lo_q24 == INT32_MIN) || (t->plausible_hi_q24 == INT32_MAX) ||
         (t->plausible_lo_q24 >= t->plausible_hi_q24)) {
         sound = 0U;
@@ -440,10 +493,45 @@ static uint32_t thermometer_is_sound(const sagnac_thermometer *t)
     return sound;
 }
 
+/* A difference is of two thermometers before it with codes of their own, and has no conversion. */
+static uint32_t source_is_sound(const sagnac_image *image, uint32_t i)
+{
+    const sagnac_thermometer *t = &image->thermometers[i];
+    uint32_t sound = 1U;
+    if (t->is_difference > 1U) {
+        sound = 0U;
+    } else if (t->is_difference == 0U) {
+        sound = ((t->of | t->less) == 0U) ? SAGNAC_YES : SAGNAC_NO;
+    } else if ((t->of >= i) || (t->less >= i) || (t->of == t->less)) {
+        sound = 0U;
+    } else {
+        if ((image->thermometers[t->of].is_difference != 0U) || (image->thermometers[t->less].is_difference != 0U) ||
+            (t->offset_q24 != 0) || (t->gain_mantissa != 1) || (t->gain_shift != 0U)) {
+            sound = 0U;
+        }
+    }
+    return sound;
+}
+
+/* A series has an order and no knot, a piece a knot and no order. */
+static uint32_t shape_is_sound(const sagnac_term *term)
+{
+    uint32_t sound;
+    if (term->shape == SAGNAC_CHEBYSHEV) {
+        sound = ((term->order <= SAGNAC_MAX_ORDER) && (term->knot_q15 == 0)) ? SAGNAC_YES : SAGNAC_NO;
+    } else {
+        sound = ((term->order == 0U) && (term->knot_q15 >= -32768) && (term->knot_q15 <= 32767)) ? SAGNAC_YES : SAGNAC_NO;
+        if ((term->shape != SAGNAC_ZONE) && (term->shape != SAGNAC_STEP)) {
+            sound = 0U;
+        }
+    }
+    return sound;
+}
+
 static uint32_t term_is_sound(const sagnac_image *image, const sagnac_term *term)
 {
     uint32_t sound = 0U;
-    if ((term->sensor < image->thermometer_count) && (term->order <= SAGNAC_MAX_ORDER) && (term->shift >= 8U) &&
+    if ((term->sensor < image->thermometer_count) && (shape_is_sound(term) != 0U) && (term->shift >= 8U) &&
         (term->shift <= 62U) && (term->mantissa != INT32_MIN) && (term->times_rate <= 1U)) {
         const uint32_t has_rate = (image->thermometers[term->sensor].alpha_mantissa != 0U) ? SAGNAC_YES : SAGNAC_NO;
         sound = ((term->times_rate == 0U) || (has_rate != 0U)) ? SAGNAC_YES : SAGNAC_NO;
@@ -497,7 +585,7 @@ sagnac_image_error sagnac_image_check(const sagnac_image *image)
     } else {
         uint32_t i;
         for (i = 0U; (i < image->thermometer_count) && (error == SAGNAC_IMAGE_OK); i++) {
-            if (thermometer_is_sound(&image->thermometers[i]) == 0U) {
+            if ((thermometer_is_sound(&image->thermometers[i]) == 0U) || (source_is_sound(image, i) == 0U)) {
                 error = SAGNAC_IMAGE_THERMOMETER;
             }
         }
@@ -534,6 +622,9 @@ static void load_head(sagnac_image *image, sagnac_read_octet read, const void *c
 
 static void load_thermometer(sagnac_thermometer *t, sagnac_read_octet read, const void *context, uint32_t at)
 {
+    const uint32_t octet = read(context, at + 60U) & 0xFFU;
+    const int32_t exponent = (int32_t)octet;
+    t->unit_exponent = (exponent < 128) ? exponent : (exponent - 256);
     t->offset_q24 = sagnac_read_i32(read, context, at);
     t->gain_mantissa = sagnac_read_i32(read, context, at + 4U);
     t->gain_shift = read(context, at + 8U) & 0xFFU;
@@ -541,6 +632,9 @@ static void load_thermometer(sagnac_thermometer *t, sagnac_read_octet read, cons
     t->alpha_shift = read(context, at + 10U) & 0xFFU;
     t->rate_shift = read(context, at + 11U) & 0xFFU;
     t->y_shift = read(context, at + 12U) & 0xFFU;
+    t->is_difference = read(context, at + 13U) & 0xFFU;
+    t->of = read(context, at + 14U) & 0xFFU;
+    t->less = read(context, at + 15U) & 0xFFU;
     t->plausible_lo_q24 = sagnac_read_i32(read, context, at + 16U);
     t->plausible_hi_q24 = sagnac_read_i32(read, context, at + 20U);
     t->span_lo_q24 = sagnac_read_i32(read, context, at + 24U);
@@ -557,13 +651,23 @@ static void load_thermometer(sagnac_thermometer *t, sagnac_read_octet read, cons
 static uint32_t load_term(sagnac_term *term, sagnac_read_octet read, const void *context, uint32_t at)
 {
     const uint32_t kind = read(context, at) & 0xFFU;
+    const uint32_t shape = read(context, at + 9U) & 0xFFU;
+    const int32_t knot = (int32_t)sagnac_read_u16(read, context, at + 10U);
     term->kind = (kind == 1U) ? SAGNAC_BIAS : SAGNAC_SCALE;
     term->sensor = read(context, at + 1U) & 0xFFU;
     term->order = read(context, at + 2U) & 0xFFU;
     term->times_rate = read(context, at + 3U) & 0xFFU;
     term->mantissa = sagnac_read_i32(read, context, at + 4U);
     term->shift = read(context, at + 8U) & 0xFFU;
-    return ((kind == 1U) || (kind == 2U)) ? SAGNAC_YES : SAGNAC_NO;
+    if (shape == 1U) {
+        term->shape = SAGNAC_ZONE;
+    } else if (shape == 2U) {
+        term->shape = SAGNAC_STEP;
+    } else {
+        term->shape = SAGNAC_CHEBYSHEV;
+    }
+    term->knot_q15 = (knot < 32768) ? knot : (knot - 65536);
+    return (((kind == 1U) || (kind == 2U)) && (shape <= 2U)) ? SAGNAC_YES : SAGNAC_NO;
 }
 
 /* Length, magic, version, checksum: whether these bytes are an image at all. */
@@ -609,12 +713,11 @@ sagnac_image_error sagnac_image_load(sagnac_image *image, sagnac_read_octet read
         uint32_t i;
         for (i = 0U; i < image->thermometer_count; i++) {
             load_thermometer(&image->thermometers[i], read, context, at);
-            zeros &= sagnac_are_zero(read, context, at + 13U, 3U) & sagnac_are_zero(read, context, at + 60U, 4U);
+            zeros &= sagnac_are_zero(read, context, at + 61U, 3U);
             at += THERMOMETER_LENGTH;
         }
         for (i = 0U; i < image->term_count; i++) {
             kinds &= load_term(&image->terms[i], read, context, at);
-            zeros &= sagnac_are_zero(read, context, at + 9U, 3U);
             at += TERM_LENGTH;
         }
         if (zeros == 0U) {

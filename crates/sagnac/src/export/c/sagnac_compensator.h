@@ -68,7 +68,16 @@ typedef enum {
 /* What a term adds to. */
 typedef enum { SAGNAC_BIAS = 1, SAGNAC_SCALE = 2 } sagnac_kind;
 
+/* The function of x that a term is made of: T_order(x), ((x - knot)/2)^2 above the knot, or 1 from the knot on. */
+typedef enum { SAGNAC_CHEBYSHEV = 0, SAGNAC_ZONE = 1, SAGNAC_STEP = 2 } sagnac_shape;
+
+/* A thermometer; or, where is_difference is 1, thermometer `of` less thermometer `less`, which stand before it. */
 typedef struct {
+    uint32_t is_difference;
+    uint32_t of;
+    uint32_t less;
+    /* What is called degC here is 2^unit_exponent of its own unit; 0 for degC. */
+    int32_t unit_exponent;
     int32_t offset_q24;
     int32_t gain_mantissa;
     uint32_t gain_shift;
@@ -92,7 +101,9 @@ typedef struct {
 typedef struct {
     sagnac_kind kind;
     uint32_t sensor;
+    sagnac_shape shape;
     uint32_t order;
+    int32_t knot_q15;
     uint32_t times_rate;
     int32_t mantissa;
     uint32_t shift;
@@ -160,7 +171,7 @@ void sagnac_compensator_start(sagnac_compensator_state *state);
 void sagnac_compensator_take_over(const sagnac_image *image, sagnac_compensator_state *state);
 
 /* A slow update: bit i of `present` says whether thermometer i has a sample, which is codes[i]; an image has
- * thermometer_count of them, and a code is read only where its bit is set. */
+ * thermometer_count of them, and a code is read only where its bit is set. A difference has neither. */
 sagnac_misuse sagnac_compensator_update(const sagnac_image *image, sagnac_compensator_state *state,
                                         const int32_t *codes, uint32_t present);
 

@@ -6,7 +6,7 @@
 // Bit for bit the Rust crate sagnac-core (docs/arithmetic.md). The constants of sagnac_unit.vh are one gyro axis'.
 //
 // `start` with a code and a `present` bit per thermometer begins; both are taken in that clock. `ready` rises at the end and
-// stays, with the outputs, until `taken` (the `applied` of sagnac_fast). `target_now` is the increment in force at the
+// stays, with the outputs, until `taken` (the `applied` of sagnac_fast). The difference of two thermometers has neither code nor bit. `target_now` is the increment in force at the
 // boundary: sagnac_fast's target. Start it early enough: docs/fpga.md says how many clocks it takes. `restart` forgets
 // the thermometers (a new image).
 //
@@ -42,7 +42,7 @@ module sagnac_series #(
         LAG_RATE = 5'd6, RATE = 5'd7, SCALED_RATE = 5'd8, POSITION = 5'd9, SCALED = 5'd10, SAY = 5'd11,
         BASIS = 5'd12, BASIS_STEP = 5'd13, BASIS_NEXT = 5'd14, TERM = 5'd15, TERM_RATE = 5'd16,
         TERM_ADD = 5'd18, SCALE = 5'd19, BIAS = 5'd20, DIVIDE = 5'd21, DIVIDED = 5'd22, FINISH = 5'd23,
-        MULTIPLY = 5'd24, SHIFT = 5'd25, BASIS_TURN = 5'd17, TERM_READ = 5'd26;
+        MULTIPLY = 5'd24, SHIFT = 5'd25, BASIS_TURN = 5'd17, TERM_READ = 5'd26, TERM_ZONE = 5'd27;
 
     localparam signed [63:0] ONE_Q31 = 64'sd2147483648;
     localparam signed [63:0] ONE_Q47 = 64'sd140737488355328;
@@ -76,6 +76,8 @@ module sagnac_series #(
     reg [38:0] remainder [0:3];
     reg signed [31:0] last_q24 [0:3];
     reg [3:0] has_last;
+    // Thermometers with a plausible temperature in this update, for the differences of two.
+    reg [3:0] fresh_now;
     reg [31:0] held_updates [0:3];
     reg [31:0] settled_updates [0:3];
     reg signed [48:0] x [0:3];
@@ -120,6 +122,15 @@ module sagnac_series #(
     wire [3:0] term_order = TERM_ORDER[4*term[4:0] +: 4];
     wire signed [31:0] term_mantissa = TERM_MANTISSA[32*term[4:0] +: 32];
     wire [6:0] term_shift = TERM_SHIFT[7*term[4:0] +: 7];
+    wire signed [15:0] term_knot = TERM_KNOT[16*term[4:0] +: 16];
+    wire signed [48:0] above_knot = x[term_sensor] - {term_knot[15], term_knot, 32'd0};
+    wire signed [48:0] half_above = (above_knot + 49'sd65536) >>> 17;
+
+    // Nothing of what an image does not use is made.
+    localparam HAS_DIFFERENCES = |IS_DIFFERENCE, HAS_ZONES = |TERM_IS_ZONE, HAS_STEPS = |TERM_IS_STEP;
+    wire [1:0] minuend = DIFFERENCE_OF[2*at +: 2];
+    wire [1:0] subtrahend = DIFFERENCE_LESS[2*at +: 2];
+    wire signed [32:0] apart = {last_q24[minuend][31], last_q24[minuend]} - {last_q24[subtrahend][31], last_q24[subtrahend]};
 
     wire signed [63:0] believed = result + {{32{offset[31]}}, offset};
     wire signed [31:0] believed_code = believed[31:0];
@@ -192,6 +203,7 @@ module sagnac_series #(
                     present_now <= present;
                     sensor <= 3'd0;
                     held <= 1'b0;
+                    fresh_now <= 4'd0;
                     said <= 6'd0;
                     state <= SENSOR;
                 end
@@ -204,6 +216,10 @@ module sagnac_series #(
                         // A held correction keeps what was said of the temperature it was made from.
                         said <= held ? said | (earlier & 6'b000011) : said;
                         state <= held ? FINISH : BASIS;
+                    end else if (HAS_DIFFERENCES && IS_DIFFERENCE[at]) begin
+                        fresh <= 1'b0;
+                        product <= {{57{apart[32]}}, apart};
+                        state <= fresh_now[minuend] && fresh_now[subtrahend] ? CODE : BELIEVE;
                     end else if (present_now[at])
                         multiply({{32{code[31]}}, code}, {{3{gain_mantissa[31]}}, gain_mantissa},
                                  GAIN_SHIFT[7*at +: 7], 1'b1, CODE);
@@ -259,6 +275,7 @@ module sagnac_series #(
                 end
                 SAY: begin
                     held <= held || !fresh;
+                    fresh_now[at] <= fresh;
                     said <= said
                         | {1'b0, settling_updates != 32'd0 && settled_updates[at] <= settling_updates,
                            !fresh && held_updates[at] > hold_updates, !fresh, y_clamped, x_clamped || y_clamped};
@@ -299,8 +316,16 @@ module sagnac_series #(
                     state <= BASIS_NEXT;
                 end
                 // Terms, one after the other.
-                TERM_READ: begin
-                    term_basis <= basis[{term_sensor, term_order}];
+                TERM_READ: if (HAS_ZONES && TERM_IS_ZONE[term[4:0]])
+                    multiply(above_knot < 49'sd0 ? 64'sd0 : {{15{half_above[48]}}, half_above},
+                             above_knot < 49'sd0 ? 35'sd0 : half_above[34:0], 7'd31, 1'b1, TERM_ZONE);
+                else begin
+                    term_basis <= !(HAS_STEPS && TERM_IS_STEP[term[4:0]]) ? basis[{term_sensor, term_order}]
+                        : (above_knot < 49'sd0 ? 35'sd0 : ONE_Q31[34:0]);
+                    state <= TERM;
+                end
+                TERM_ZONE: begin
+                    term_basis <= result[34:0];
                     state <= TERM;
                 end
                 TERM: if (term == TERMS)

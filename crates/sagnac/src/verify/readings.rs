@@ -1,0 +1,116 @@
+//! Which column of a log each thermometer of an image reads.
+//!
+//! A calibration says it by name. An image alone holds no names: its first thermometer is the log's only one or that of
+//! `--thermometer`, further ones are those of `--inputs`, in the image's order.
+
+use sagnac_core::{Image, Source};
+
+use crate::calibration::{AxisCalibration, InputSource};
+use crate::error::{Error, Result};
+use crate::fit::label;
+use crate::ingest::LogShape;
+use crate::setup::Setup;
+
+/// A column of a log that is read as a code.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LogColumn {
+    /// Place among the log's thermometers.
+    Thermometer(usize),
+    /// Place among its auxiliary columns.
+    Aux(usize),
+}
+
+/// What the images of a log's axes read.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Readings {
+    /// The thermometer of the fit.
+    pub thermometer: Option<usize>,
+    /// Per axis of the log and thermometer of its image; `None` for the difference of two.
+    pub columns: Vec<Vec<Option<LogColumn>>>,
+}
+
+impl Readings {
+    /// Images that read one thermometer, or none.
+    pub fn of_one(images: &[Image], thermometer: Option<usize>) -> Self {
+        let column = |image: &Image| {
+            image.thermometers().iter().map(|_| thermometer.map(LogColumn::Thermometer)).collect::<Vec<_>>()
+        };
+        Self { thermometer, columns: images.iter().map(column).collect() }
+    }
+
+    /// By the calibration's names, or those of the setup.
+    pub(crate) fn find(
+        images: &[Image],
+        axes: Option<&[AxisCalibration]>,
+        main: Option<usize>,
+        shape: &LogShape,
+        setup: &Setup,
+    ) -> Result<Self> {
+        let columns: Result<Vec<_>> = images
+            .iter()
+            .map(|image| {
+                let letter = char::from(image.description().axis);
+                let record = axes.and_then(|axes| axes.iter().find(|axis| axis.axis == letter));
+                let own = image.thermometers().iter().filter(|t| t.source == Source::Code).count();
+                let mut further = match record {
+                    Some(record) => recorded(record, shape)?,
+                    None => named(own.saturating_sub(1), shape, setup)?,
+                }
+                .into_iter();
+                let column = |(at, source): (usize, Source)| match (at, source) {
+                    (_, Source::Difference { .. }) => None,
+                    (0, Source::Code) => main.map(LogColumn::Thermometer),
+                    (_, Source::Code) => further.next(),
+                };
+                Ok(image.thermometers().iter().map(|t| t.source).enumerate().map(column).collect())
+            })
+            .collect();
+        Ok(Self { thermometer: main, columns: columns? })
+    }
+}
+
+/// Of a calibration's further inputs with codes of their own.
+fn recorded(axis: &AxisCalibration, shape: &LogShape) -> Result<Vec<LogColumn>> {
+    let find = |source: &InputSource| {
+        let (what, name, found) = match source {
+            InputSource::Difference(..) => return None,
+            InputSource::Thermometer(name) => {
+                ("thermometer", name, place(&shape.thermometers, name).map(LogColumn::Thermometer))
+            }
+            InputSource::Column(name) => ("auxiliary column", name, place(&shape.aux, name).map(LogColumn::Aux)),
+        };
+        Some(found.ok_or_else(|| {
+            let all: Vec<String> =
+                shape.thermometers.iter().map(|t| label(t).to_owned()).chain(shape.aux.clone()).collect();
+            Error::input(format!("the log has no {what} {name:?}, which the correction uses"))
+                .help(format!("it has: {}", Error::choices(&all)))
+        }))
+    };
+    axis.inputs.iter().filter_map(|input| find(&input.source)).collect()
+}
+
+/// Of an image without names.
+fn named(wanted: usize, shape: &LogShape, setup: &Setup) -> Result<Vec<LogColumn>> {
+    let names = setup.inputs.as_deref().unwrap_or(&[]);
+    if wanted == 0 {
+        return Ok(Vec::new());
+    }
+    if names.len() != wanted {
+        return Err(Error::input(format!(
+            "the image reads {wanted} further inputs and does not say which; {} are named",
+            names.len()
+        ))
+        .column("inputs")
+        .help("name them in the image's order with --inputs, or give the calibration instead"));
+    }
+    let find = |name: &String| {
+        let thermometer = shape.thermometers.iter().position(|other| label(other) == name);
+        let found = thermometer.map(LogColumn::Thermometer).or_else(|| place(&shape.aux, name).map(LogColumn::Aux));
+        found.ok_or_else(|| Error::input("the log has no such input").column("inputs").value(name))
+    };
+    names.iter().map(find).collect()
+}
+
+fn place(names: &[String], wanted: &str) -> Option<usize> {
+    names.iter().position(|name| name == wanted)
+}

@@ -1,0 +1,300 @@
+//! Further inputs, zones and steps against a simulated truth that is none of the fitter's own: every useful term, no useless
+//! one, and what a thermometer's noise does.
+
+mod support;
+
+use sagnac::calibration::{AxisCalibration, Calibration, PathVerdict, Term, TermKind};
+use sagnac::fit::Work;
+use sagnac::setup::{Noise, Setup};
+use sagnac::verify::Correction;
+use sagnac_core::{Compensator, State, Status};
+use sagnac_sim::rigs::ManyInputs;
+use support::{fit, retest};
+
+fn setup() -> Setup {
+    Setup { arcsec_per_count: Some(0.05), reference_c: Some(20.0), ..Setup::default() }
+}
+
+fn only(calibration: &Calibration) -> &AxisCalibration {
+    &calibration.axes[0]
+}
+
+/// σ left of another run over the noise floor, by the image.
+fn left(calibration: &Calibration, rig: &ManyInputs, setup: &Setup) -> f64 {
+    let verification = retest(calibration, rig.csv(2), setup);
+    let axis = &verification.axes[0];
+    axis.after.sigma_dph / axis.floor.as_ref().unwrap().value_dph
+}
+
+/// With every input as a candidate, and with the thermometer of the fit alone.
+fn with_and_without(rig: &ManyInputs) -> (Calibration, [f64; 2]) {
+    with_and_without_of(rig, None)
+}
+
+fn with_and_without_of(rig: &ManyInputs, inputs: Option<[&str; 3]>) -> (Calibration, [f64; 2]) {
+    let all = Setup { inputs: inputs.map(|names| names.map(str::to_owned).to_vec()), ..setup() };
+    let alone = Setup { inputs: Some(Vec::new()), ..setup() };
+    let (found, without) =
+        (fit(vec![rig.csv(1)], &all, "auto").unwrap(), fit(vec![rig.csv(1)], &alone, "auto").unwrap());
+    println!("{} (alone: {})", only(&found).model, only(&without).model);
+    let ratios = [left(&found, rig, &all), left(&without, rig, &alone)];
+    println!("left over the floor: {:.3}, alone {:.3}", ratios[0], ratios[1]);
+    (found, ratios)
+}
+
+#[test]
+fn a_gradient_is_found() {
+    let rig = ManyInputs { gradient_dph_per_c: 0.004, cavity_heat_c: 6.0, ..ManyInputs::plain() };
+    let (found, [with, without]) = with_and_without(&rig);
+    assert!(only(&found).model.contains("cavity"), "{}", only(&found).model);
+    assert!(with < 1.06 && without > 1.2 * with, "{with} {without}");
+}
+
+#[test]
+fn a_voltage_is_found() {
+    let rig = ManyInputs { voltage_dph_per_v: 5e-4, ..ManyInputs::plain() };
+    // The mode is a sum of voltage and temperature, so it would tell the same.
+    let (found, [with, without]) = with_and_without_of(&rig, Some(["cavity", "path_length_v", "bystander"]));
+    assert!(only(&found).model.contains("bias(path_length_v) 1"), "{}", only(&found).model);
+    assert!(with < 1.06 && without > 1.2 * with, "{with} {without}");
+    let axis = only(&found);
+    let input = axis.inputs.iter().find(|input| input.name == "path_length_v").unwrap();
+    let term = axis.terms.iter().find(|t| t.sensor == "path_length_v" && t.order == 1).unwrap();
+    let per_v = 2.0 / (input.span[1] - input.span[0]);
+    let (slope, sigma) = (term.value * per_v, term.sigma.unwrap() * per_v);
+    assert!((slope - 5e-4).abs() < 4.0 * sigma && sigma < 1e-4, "{slope} ± {sigma} °/h per V");
+}
+
+/// Steps of no order: no slope of voltage or temperature makes them.
+#[test]
+fn steps_between_modes_are_found() {
+    let steps_dph = vec![0.045, -0.015, 0.03, -0.045, 0.015];
+    let rig = ManyInputs { steps_dph: steps_dph.clone(), ..ManyInputs::plain() };
+    let (found, [with, without]) = with_and_without(&rig);
+    let axis = only(&found);
+    assert!(axis.model.contains("steps(mode)"), "{}", axis.model);
+    assert!(with < 1.06 && without > 1.3 * with, "{with} {without}");
+    for term in axis.terms.iter().filter(|term| term.kind == TermKind::Step) {
+        let above = (term.at.unwrap() + 0.5 + 2.0).round() as usize;
+        let truth = steps_dph[above] - steps_dph[above - 1];
+        let (value, sigma) = (term.value, term.sigma.unwrap());
+        println!("step from {:?}: {value:.4} ± {sigma:.4}, true {truth:.4}", term.at);
+        assert!((value - truth).abs() < 4.0 * sigma, "{term:?}, true {truth}");
+    }
+}
+
+/// Equal steps where only the voltage is logged: the mode is a sum of voltage and temperature (of which a line in
+/// temperature alone catches most).
+#[test]
+fn equal_steps_are_found_in_the_voltage() {
+    let rig = ManyInputs { steps_dph: vec![-0.03, -0.015, 0.0, 0.015, 0.03], ..ManyInputs::plain() };
+    let (found, [with, without]) = with_and_without_of(&rig, Some(["cavity", "path_length_v", "bystander"]));
+    assert!(only(&found).model.contains("bias(path_length_v) 1"), "{}", only(&found).model);
+    assert!(with < 1.06 && without > 1.03 * with, "{with} {without}");
+}
+
+/// Two lags of their own: 600 s behind the block's thermometer is not there to be found, so the rate effects act at once.
+#[test]
+fn each_thermometer_has_a_lag_of_its_own() {
+    let rig = ManyInputs { rate_effects: [0.05, 0.03], ..ManyInputs::plain() };
+    let found = fit(vec![rig.csv(1)], &setup(), "bias 3, rate 0, rate(cavity) 0").unwrap();
+    let axis = only(&found);
+    let of = |sensor: &str| axis.terms.iter().find(|t| t.kind == TermKind::Rate && t.sensor == sensor).unwrap();
+    for (sensor, truth) in [("block", 0.05), ("cavity", 0.03)] {
+        let term = of(sensor);
+        println!("rate({sensor}): {:.4} ± {:.4}, true {truth}", term.value, term.sigma.unwrap());
+        assert!((term.value - truth).abs() < 4.0 * term.sigma.unwrap(), "{term:?}");
+    }
+    let cavity = axis.inputs.iter().find(|input| input.name == "cavity").unwrap();
+    assert!(axis.lag_s.is_some() && cavity.lag_s.is_some() && cavity.rate_span_per_min.is_some());
+    assert!(left(&found, &rig, &setup()) < 1.06);
+}
+
+#[test]
+fn zones_follow_a_knee_that_a_series_of_their_order_cannot() {
+    let rig = ManyInputs { knee_dph: 0.06, rate_effects: [0.0, 0.0], ..ManyInputs::plain() };
+    let sigma = |model: &str| {
+        let found = fit(vec![rig.csv(1)], &setup(), model).unwrap();
+        (left(&found, &rig, &setup()), found)
+    };
+    let (series, _) = sigma("bias 2");
+    let (zones, found) = sigma("bias 2, zones 6");
+    let (auto, by_itself) = sigma("auto");
+    println!(
+        "left over the floor: bias 2 {series:.3}, with six zones {zones:.3}, {} {auto:.3}",
+        only(&by_itself).model
+    );
+    assert!(zones < 1.1 && series > 1.5 * zones, "{zones} {series}");
+    let axis = only(&found);
+    // The zones meet with one value and one slope.
+    assert_eq!(axis.zones.len(), 6);
+    for pair in axis.zones.windows(2) {
+        let at = pair[0].from_to_c.unwrap()[1];
+        assert!((at - pair[1].from_to_c.unwrap()[0]).abs() < 1e-9);
+        let value = |z: usize| pair[z].coefficients.iter().rev().fold(0.0, |sum, c| sum * at + c);
+        let slope = |z: usize| pair[z].coefficients[1] + 2.0 * pair[z].coefficients[2] * at;
+        let size = pair[0].coefficients[0].abs();
+        assert!((value(0) - value(1)).abs() < 1e-9 * size, "{} {}", value(0), value(1));
+        assert!((slope(0) - slope(1)).abs() < 1e-9 * size, "{} {}", slope(0), slope(1));
+    }
+    // The record's own curve and its zones in powers of °C are one curve.
+    let constant = axis.constants[0].value_dph;
+    for zone in &axis.zones {
+        let [from, to] = zone.from_to_c.unwrap();
+        let at = f64::midpoint(from, to);
+        let counts = zone.coefficients.iter().rev().fold(0.0, |sum, c| sum * at + c);
+        let dph = counts * 0.05 / 100.0 - constant;
+        assert!((dph - axis.predict(at).unwrap().drift_dph).abs() < 1e-9, "{at}");
+    }
+    let t0 = axis.monomial.from_to_c.unwrap();
+    assert!((t0[0]..=t0[1]).contains(&20.0));
+}
+
+/// A walk that nothing depends on, a second thermometer that adds nothing, modes without steps: the path takes none of them.
+#[test]
+fn bystanders_stay_outside() {
+    let mut taken = 0;
+    for seed in 0..20 {
+        let found = fit(vec![ManyInputs::plain().csv(100 + seed)], &setup(), "auto").unwrap();
+        let axis = only(&found);
+        taken += usize::from(!axis.inputs.is_empty());
+        println!("seed {seed}: {}", axis.model);
+        assert_eq!(axis.path[0].verdict, PathVerdict::Start);
+        assert!(axis.path.iter().any(|step| step.model.contains("bystander") && step.verdict == PathVerdict::NoGain));
+    }
+    assert!(taken <= 2, "{taken} of 20 records have an input that nothing depends on");
+}
+
+/// A second thermometer glued to the first.
+#[test]
+fn terms_that_cannot_be_told_apart_are_refused() {
+    let rig = ManyInputs { lags_s: [900.0, 899.0], ..ManyInputs::plain() };
+    let error = fit(vec![rig.csv(1)], &setup(), "bias 2, bias(cavity) 2").unwrap_err();
+    assert!(error.what.contains("condition"), "{error}");
+    let found = fit(vec![rig.csv(1)], &setup(), "auto").unwrap();
+    let axis = only(&found);
+    let refused = axis.path.iter().filter(|step| step.verdict == PathVerdict::Collinear).count();
+    let near = axis.collinearity.as_ref().unwrap();
+    println!("{}: condition {:.1}, {refused} candidates refused", axis.model, near.condition);
+    assert!(refused > 0 && near.condition < near.limit);
+    assert!(axis.terms.iter().all(|term| term.inflation.unwrap() >= 1.0 - 1e-9));
+}
+
+/// The prediction against the replay: N of a rest before and after, the correction's noise between them.
+#[test]
+fn thermometer_noise_is_predicted_as_the_replay_shows_it() {
+    let rig = ManyInputs {
+        thermometer_noise_c: 0.05,
+        rate_effects: [0.3, 0.0],
+        lags_s: [30.0, 30.0],
+        arw_deg_rt_h: 0.002,
+        ..ManyInputs::plain()
+    };
+    // Said to be noisier than it is, so that nothing is raised or left out.
+    let noise = Some(Noise { n_deg_rt_h: 0.05, q_arcsec: 0.0 });
+    let free = Setup { noise, inputs: Some(Vec::new()), ..setup() };
+    let found = fit(vec![rig.csv(1)], &free, "bias 3, rate 0").unwrap();
+    let predicted = only(&found).correction_noise.clone().unwrap();
+    let verification = retest(&found, rig.csv(2), &setup());
+    let walk = verification.axes[0].residual.random_walk.unwrap();
+    let added = (walk.after_deg_rt_h.powi(2) - walk.before_deg_rt_h.powi(2)).sqrt();
+    println!(
+        "σ {:.4} °C, lag {:?}: predicted {:.5}, found {added:.5} °/√h (before {:.5}, after {:.5})",
+        predicted.inputs[0].sigma,
+        only(&found).lag_s,
+        predicted.deg_rt_h,
+        walk.before_deg_rt_h,
+        walk.after_deg_rt_h
+    );
+    assert!((predicted.inputs[0].sigma / 0.05 - 1.0).abs() < 0.05);
+    assert!((predicted.deg_rt_h / added - 1.0).abs() < 0.15, "{} {added}", predicted.deg_rt_h);
+
+    // With the noise that it has, the lag is raised until the walk stays within 5 %, or the term left out.
+    let held = fit(vec![rig.csv(1)], &Setup { inputs: Some(Vec::new()), ..setup() }, "auto").unwrap();
+    let axis = only(&held);
+    let noise = axis.correction_noise.as_ref().unwrap();
+    let verification = retest(&held, rig.csv(2), &setup());
+    let walk = verification.axes[0].residual.random_walk.unwrap();
+    println!(
+        "{}: lag {:?}, predicted {:?}, found {:.3}",
+        axis.model,
+        axis.lag_s,
+        noise.increase,
+        walk.after_deg_rt_h / walk.before_deg_rt_h
+    );
+    assert!(noise.increase.unwrap() <= 0.05);
+    assert!(walk.after_deg_rt_h / walk.before_deg_rt_h < 1.05 + 0.02);
+    assert!(
+        axis.path.iter().any(|s| [PathVerdict::LagRaised, PathVerdict::TooNoisy].contains(&s.verdict)),
+        "{:?}",
+        axis.path.last()
+    );
+}
+
+/// The drift that the record's terms stand for, without any rate, in f64.
+fn drift_of_record(axis: &AxisCalibration, value_of: impl Fn(&str) -> f64) -> f64 {
+    let of = |term: &Term| {
+        let further = axis.inputs.iter().find(|input| input.name == term.sensor);
+        let span = further.map_or(axis.span_c, |input| input.span);
+        let reference = further.map_or(axis.reference_c, |input| input.reference);
+        let x = |value: f64| (2.0 * value - span[0] - span[1]) / (span[1] - span[0]);
+        let shape = |value: f64| match (term.kind, term.at) {
+            (TermKind::Bias, _) => (f64::from(term.order) * x(value).clamp(-1.0, 1.0).acos()).cos(),
+            (TermKind::Zone, Some(at)) => ((value - at).max(0.0) / (span[1] - at)).powi(2),
+            (TermKind::Step, Some(at)) => f64::from(u8::from(value >= at)),
+            _ => 0.0,
+        };
+        term.value * (shape(value_of(&term.sensor)) - shape(reference))
+    };
+    axis.terms.iter().map(of).sum()
+}
+
+/// Series, zones, steps and a difference through the bytes of the image, against the record in f64: within 1e-4 °/h.
+#[test]
+fn the_image_computes_what_the_record_says() {
+    let rig =
+        ManyInputs { cavity_heat_c: 6.0, steps_dph: vec![0.03, -0.02, 0.01], knee_dph: 0.02, ..ManyInputs::plain() };
+    let words = "bias 3, rate 0, zones 3, bias(cavity - block) 2, bias(path_length_v) 1";
+    let more = "bias 2, zones 2, steps(mode), rate(cavity) 0";
+    for model in [words, more] {
+        let found = fit(vec![rig.csv(1)], &setup(), model).unwrap();
+        let axis = only(&found);
+        let image = Correction::from_calibration(found.clone()).unwrap().images[0];
+        // What it was priced at is what the image has to do.
+        let priced = axis.candidates.iter().find(|c| c.chosen).unwrap().slow_update_instructions;
+        assert_eq!(priced, Some(Work::of_image(&image).instructions()), "{model}");
+        let gyro = Compensator::new(image);
+        let dph_per_lsb = 0.05 / 1e-4 / 2.0_f64.powi(32);
+        let mut worst = 0.0_f64;
+        for i in 0..2000 {
+            let part = |n: i32| f64::from((i * n) % 1009) / 1009.0;
+            let (block_c, mode) = (-8.0 + 56.0 * part(7), (5.0 * part(11)).floor() - 2.0);
+            let (cavity_c, volts) = (block_c + 5.0 * part(13), -60.0 + 120.0 * part(17));
+            let value = |name: &str| match name {
+                "block" => block_c,
+                "cavity" => cavity_c,
+                "cavity - block" => cavity_c - block_c,
+                "path_length_v" => volts,
+                _ => mode,
+            };
+            let names: Vec<&str> =
+                std::iter::once("block").chain(axis.inputs.iter().map(|input| input.name.as_str())).collect();
+            let code = |(name, spec): (&&str, &sagnac_core::Thermometer)| {
+                let unit = 2.0_f64.powi(i32::from(spec.unit_exponent) - 24);
+                let gain = f64::from(spec.gain.mantissa) * 2.0_f64.powi(-i32::from(spec.gain.shift)) * unit;
+                Some((value(name) / gain).round() as i32)
+            };
+            let codes: Vec<Option<i32>> = names.iter().zip(image.thermometers()).map(code).collect();
+            let mut state = State::new();
+            let status = gyro.update(&mut state, &codes).unwrap();
+            assert!(!status.contains(Status::HELD), "{model}: {names:?}");
+            if status.contains(Status::OUT_OF_SPAN) {
+                continue;
+            }
+            let target = state.target_increment() as f64 * dph_per_lsb;
+            worst = worst.max((target - drift_of_record(axis, value)).abs());
+        }
+        println!("{model}: worst {worst:.2e} °/h");
+        assert!(worst > 0.0 && worst < 1e-4, "{model}: {worst}");
+    }
+}
