@@ -256,8 +256,10 @@ fn compensator_inputs() -> Result<Making> {
         series(Bias, 0, 0, Rate, 1_012_345_679, 34),
         piece(Bias, 0, zone(-10_923), One, -1_000_000_007, 32),
         piece(Bias, 0, zone(10_922), One, 1_073_741_789, 31),
-        piece(Bias, 0, zone(i16::MIN), One, 777_777_777, 34),
-        piece(Bias, 0, zone(i16::MAX), Rate, -888_888_883, 25),
+        piece(Bias, 0, zone(-30_000), One, 777_777_777, 34),
+        piece(Bias, 0, zone(32_000), Rate, -888_888_883, 30),
+        piece(Bias, 1, zone(i16::MIN), One, 600_000_001, 36),
+        piece(Bias, 1, step(i16::MIN), One, 500_000_003, 37),
         series(Bias, 1, 1, One, 987_654_321, 36),
         series(Bias, 2, 1, One, -700_000_001, 34),
         series(Bias, 2, 1, Rate, 650_000_011, 35),
@@ -273,25 +275,56 @@ fn compensator_inputs() -> Result<Making> {
     let about =
         "compensator: two thermometers, their difference, a voltage; zones and steps, missing and absurd samples";
     let mut making = Making::new(Module::Compensator, image_bytes(d)?, about)?;
+    let mut seen = vec![[false; 2]; all.len()];
     for update in 0..1000_u32 {
         let dice = update.wrapping_mul(2_654_435_761) >> 8;
-        let up = i32::try_from(update.min(1000 - update))?;
-        let first = (-42 << 24) + up * (15 << 20) / 7 + (dice as i32 % (1 << 18));
-        // The second lags by up to 11 degC and turns later; the voltage runs up and falls back.
-        let second = first + (((update as i32 % 400) - 200) << 19) + ((dice >> 3) as i32 % (1 << 17));
-        let volts = ((update as i32 % 140) - 70) * 9_000 + (dice as i32 % 4_000);
+        let up = i64::from(update.min(1000 - update));
+        // -43 ... 72 degC and back, beyond both ends of the span; the second lags by up to 12 degC and turns later; the
+        // voltage runs through its span and falls back.
+        let first = (-43_i64 << 24) + (up * (115 << 24)) / 500 + i64::from(dice % (1 << 18));
+        let second = first + ((i64::from(update % 400) - 200) << 20) + i64::from((dice >> 3) % (1 << 17));
+        let volts = (i64::from(update % 140) - 70) * 144_000 + i64::from(dice % 4_000);
         let mut present = 0b1011 | (dice & 4);
         if dice % 53 == 0 {
             present &= dice >> 7;
         }
-        let absurd = if dice % 71 == 0 { i32::MAX } else { second };
-        making.step(1, &[present, first as u32, absurd as u32, dice, volts as u32])?;
+        let absurd = if dice % 71 == 0 { i32::MAX } else { i32::try_from(second)? };
+        let codes = [i32::try_from(first)?, absurd, dice as i32, i32::try_from(volts)?];
+        making.step(1, &[present, codes[0] as u32, codes[1] as u32, codes[2] as u32, codes[3] as u32])?;
         making.step(2, &[200, update * 7919 + 1, 21, 4])?;
         if update % 250 == 249 {
             making.step(5, &[])?;
         }
+        let shown = [first, second, second - first, codes[3].into()];
+        for (seen, term) in seen.iter_mut().zip(&all).filter(|_| present & 0b1011 == 0b1011) {
+            seen[usize::from(is_above(
+                &d.thermometers[usize::from(term.sensor)],
+                term.shape,
+                shown[usize::from(term.sensor)],
+            ))] = true;
+        }
+    }
+    // Each zone and step has been on both sides of its knot.
+    let lowest = |shape| matches!(shape, Shape::Zone { knot_q15: i16::MIN } | Shape::Step { knot_q15: i16::MIN });
+    for (term, seen) in all.iter().zip(&seen).filter(|(term, _)| !lowest(term.shape)) {
+        anyhow::ensure!(
+            term.shape.order().is_some() || *seen == [true; 2],
+            "{term:?} stays on one side of its knot: {seen:?}"
+        );
     }
     Ok(making)
+}
+
+/// Whether a temperature in 2^-24 degC (a code, for a thermometer with one) is above the knot of a shape.
+fn is_above(of: &Thermometer, shape: Shape, value: i64) -> bool {
+    let knot_q15 = match shape {
+        Shape::Chebyshev(_) => return true,
+        Shape::Zone { knot_q15 } | Shape::Step { knot_q15 } => i64::from(knot_q15),
+    };
+    let t = if of.source == Source::Code { of.temperature_q24(value as i32).map_or(0, i64::from) } else { value };
+    let (lo, hi) = (i64::from(of.span_lo_q24), i64::from(of.span_hi_q24));
+    // x > knot, with x clamped to the span.
+    (2 * t.clamp(lo, hi) - lo - hi) * 32_768 > knot_q15 * (hi - lo)
 }
 
 /// The paper's curve at its own period.

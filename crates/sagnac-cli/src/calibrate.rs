@@ -16,6 +16,8 @@ use crate::console::{Console, Outcome, Ran, table};
 use crate::loading;
 use crate::setup_args::SetupArgs;
 
+/// A residual below this part of the floor is none of noise alone.
+const BELOW_FLOOR: f64 = 0.9;
 /// Candidates shown besides the one that was taken.
 const SHOWN_CANDIDATES: usize = 8;
 
@@ -123,8 +125,9 @@ fn describe(console: &mut Console, axis: &AxisCalibration) {
         let bias = constant
             .fixed_bias_dph
             .map_or(String::new(), |b| format!(", fixed bias {} °/h", with_sigma(b, constant.sigma_dph)));
+        let zeros = if axis.inputs.is_empty() { "" } else { ", further inputs at no effect" };
         console.say(format!(
-            "  run {}: {} °/h at {} °C{bias}",
+            "  run {}: {} °/h at {} °C{zeros}{bias}",
             constant.run,
             with_sigma(constant.value_dph, constant.sigma_dph),
             axis.reference_c
@@ -157,6 +160,19 @@ fn describe(console: &mut Console, axis: &AxisCalibration) {
     if axis.path.len() > 1 {
         console.say(path(&axis.path));
     }
+    for aside in &axis.inputs_aside {
+        console.say(format!("  not looked at: {}, {}", aside.input, aside.why));
+    }
+    let below = axis
+        .residual
+        .zip(axis.floor.as_ref())
+        .filter(|(residual, floor)| residual.sigma_dph < BELOW_FLOOR * floor.value_dph);
+    if below.is_some() && !axis.inputs.is_empty() {
+        console.note(
+            "note: the residual is well below the noise floor, so the floor holds what an input moves within seconds; compare with \
+             the held-out σ of other models instead",
+        );
+    }
     for line in excluded(&axis.excluded) {
         console.say(format!("  {line}"));
     }
@@ -166,8 +182,12 @@ fn describe(console: &mut Console, axis: &AxisCalibration) {
 fn doubts(console: &mut Console, axis: &AxisCalibration) {
     for input in &axis.inputs {
         let [lo, hi] = input.span;
+        let made = match input.rms_dph {
+            0.0 => "read for a difference".to_owned(),
+            rms => format!("its terms make {} °/h rms", significant(rms, 3)),
+        };
         console.say(format!(
-            "  {}: zero at {}, {} … {}",
+            "  input {}: {made}; no effect at {}, seen from {} to {}",
             input.name,
             significant(input.reference, 4),
             significant(lo, 4),
@@ -180,7 +200,9 @@ fn doubts(console: &mut Console, axis: &AxisCalibration) {
     let noise = axis.correction_noise.as_ref().map(|noise| {
         let part = |part: f64| format!("{} %", significant(100.0 * part, 2));
         let raw = noise.increase.map_or("the raw one is not known".to_owned(), |more| {
-            format!("{} more than raw, at most {}", part(more), part(noise.limit))
+            let told =
+                if more > noise.limit { "; the value terms make it: a quieter thermometer would help" } else { "" };
+            format!("{} more than raw, at most {}{told}", part(more), part(noise.limit))
         });
         format!("thermometer noise makes {} °/√h of angle random walk ({raw})", significant(noise.deg_rt_h, 2))
     });
@@ -218,18 +240,18 @@ fn path(steps: &[PathStep]) -> String {
             step.held_out_dph.map_or("-".to_owned(), |h| significant(h, 4)),
             step.condition.map_or("-".to_owned(), |c| significant(c, 3)),
             match step.verdict {
-                PathVerdict::Start => "the grid's best".to_owned(),
+                PathVerdict::Start => "start".to_owned(),
                 PathVerdict::LagRaised => "lag raised for the thermometer's noise".to_owned(),
                 PathVerdict::TooNoisy => "left: its thermometer is too noisy".to_owned(),
-                _ if refused > 0 => format!("taken out of {}, {refused} refused as collinear", others + 1),
-                _ => format!("taken out of {}", others + 1),
+                _ if refused > 0 => format!("best of {} tried, {refused} refused as collinear", others + 1),
+                _ => format!("best of {} tried", others + 1),
             },
         ]
     });
     let rows: Vec<Vec<String>> = rows.collect();
     if rows.len() < 2 {
         return format!(
-            "  {} models with one term more or less: none is better, none as good and smaller",
+            "  {} models with one term more or less: none earns its coefficients, none is as good and smaller",
             steps.len() - 1
         );
     }

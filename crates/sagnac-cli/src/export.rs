@@ -4,8 +4,8 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
-use sagnac::calibration::{Calibration, UNASSIGNED};
-use sagnac::export::{TextFile, Widths, c_files, encode, image_bytes, verilog_files};
+use sagnac::calibration::{Calibration, InputSource, UNASSIGNED};
+use sagnac::export::{TextFile, Widths, c_files, codes, encode, image_bytes, verilog_files};
 use sagnac::ingest::{hex, sha256};
 use sagnac::write::write_bytes;
 use sagnac::{Error, Result};
@@ -14,7 +14,7 @@ use sagnac_core::Image;
 use sagnac_loops::{LoopTable, TABLE_MAGIC};
 use sagnac_sim::plant::Design;
 
-use crate::console::{Console, Outcome, Ran};
+use crate::console::{Console, Outcome, Ran, table as drawn};
 use crate::loading::{self, Kind};
 use crate::simulate::{read_scenario, refused};
 
@@ -78,7 +78,9 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
         Target::C => {
             let images = images(args)?;
             let files = c_files(&images, table(args, &images)?.as_ref());
-            folder(&args.output, &files, console)
+            folder(&args.output, &files, console)?;
+            say_codes(args, console)?;
+            Ok(Outcome::Done)
         }
         Target::Verilog => {
             let default = Widths::default();
@@ -101,6 +103,7 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
             for (path, files) in made? {
                 folder(&path, &files, console)?;
             }
+            say_codes(args, console)?;
             Ok(Outcome::Done)
         }
     }
@@ -146,7 +149,36 @@ fn per_axis(args: &Args, console: &mut Console) -> Ran {
         let bytes = if args.to == Target::Upload { upload(&bytes) } else { bytes };
         wrote(&path, &bytes, console)?;
     }
+    say_codes(args, console)?;
     Ok(Outcome::Done)
+}
+
+/// What the target gives the image at each slow update, where it is more than one thermometer's code.
+fn say_codes(args: &Args, console: &mut Console) -> Result<()> {
+    if !matches!(loading::kind_of(&args.input)?, Kind::Calibration) {
+        return Ok(());
+    }
+    let calibration = loading::calibration(&args.input)?;
+    for axis in calibration.axes.iter().filter(|axis| !axis.inputs.is_empty()) {
+        let rows = codes(&calibration, axis).into_iter().enumerate().map(|(at, code)| {
+            let fed = code.per_code.map_or("none: made on the target".to_owned(), |per_code| {
+                format!("(value - {}) / {per_code:e}", code.offset)
+            });
+            vec![at.to_string(), code.name, fed]
+        });
+        let title = format!("input of axis {}", axis.axis);
+        console.say(drawn(&["place", &title, "code"], rows));
+        let data_given = axis.inputs.iter().filter(|input| {
+            matches!(&input.source, InputSource::Column(name) if calibration.setup.aux(name).gain_per_code.is_none())
+        });
+        for input in data_given {
+            console.note(format!(
+                "note: the code of {} follows from this fit's span and changes with the next; set gain_per_code under [[aux]] to fix it",
+                input.name
+            ));
+        }
+    }
+    Ok(())
 }
 
 /// The pieces of an image and the word to commit it.

@@ -327,7 +327,13 @@ impl Setup {
         }
         self.check_words()?;
         self.thermometers.iter().try_for_each(check_thermometer)?;
-        self.aux.iter().try_for_each(AuxSetup::check)
+        for (at, aux) in self.aux.iter().enumerate() {
+            aux.check()?;
+            if self.aux[..at].iter().any(|other| other.name == aux.name) {
+                return Err(Error::input("the same auxiliary column twice").column("aux.name").value(&aux.name));
+            }
+        }
+        Ok(())
     }
 
     fn check_words(&self) -> Result<()> {
@@ -367,7 +373,6 @@ impl Setup {
             rate_lsb_arcsec: None,
             use_thermometer: None,
             inputs: None,
-            aux: Vec::new(),
             ..self.clone()
         }
     }

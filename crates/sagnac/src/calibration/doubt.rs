@@ -84,7 +84,7 @@ impl AxisCalibration {
         self.terms.iter().filter(|term| self.is_main(term)).filter_map(move |term| {
             let weight = match (term.kind, term.at) {
                 (TermKind::Bias, _) => at.get(usize::from(term.order))? - zero.get(usize::from(term.order))?,
-                (TermKind::Zone, Some(from_c)) => zone(x, span.x(from_c)) - zone(from, span.x(from_c)),
+                (TermKind::Zone, Some(knot_c)) => zone(x, span.x(knot_c)) - zone(from, span.x(knot_c)),
                 _ => return None,
             };
             Some((term, weight))
@@ -100,6 +100,26 @@ impl AxisCalibration {
     pub(crate) fn drift_weights(&self, celsius: f64, from_c: f64) -> Vec<(usize, f64)> {
         let row = |term: &Term| self.covariance_of.iter().position(|name| *name == term.name(true));
         self.at_rest(celsius, from_c).filter_map(|(term, weight)| Some((row(term)?, weight))).collect()
+    }
+
+    /// Drift per unit of a further input at its reference and its σ; `None` without value terms over it.
+    pub(crate) fn slope_of_input(&self, name: &str) -> Option<[f64; 2]> {
+        const STEP: f64 = 1e-5;
+        let input = self.inputs.iter().find(|input| input.name == name)?;
+        let span = crate::fit::Span { lo_c: input.span[0], hi_c: input.span[1] };
+        let x0 = span.x(input.reference);
+        let (above, below) = (chebyshev(x0 + STEP), chebyshev(x0 - STEP));
+        let terms = self.terms.iter().filter(|term| term.kind == TermKind::Bias && term.sensor == name);
+        let slopes: Vec<(&Term, f64)> = terms
+            .map(|term| {
+                let order = usize::from(term.order).min(BASIS_LEN - 1);
+                (term, (above[order] - below[order]) / (2.0 * STEP) * span.slope())
+            })
+            .collect();
+        let row = |term: &Term| self.covariance_of.iter().position(|name| *name == term.name(false));
+        let weights: Vec<(usize, f64)> = slopes.iter().filter_map(|(term, slope)| Some((row(term)?, *slope))).collect();
+        let value = slopes.iter().map(|(term, slope)| term.value * slope).sum();
+        (!slopes.is_empty()).then(|| [value, self.variance_of(&weights).sqrt()])
     }
 
     /// Rows of the covariance that are terms of a kind over the thermometer of the fit, with their orders (`scale 0` is the

@@ -39,6 +39,9 @@ pub struct FurtherInput {
     pub gain_per_code: f64,
     /// Values outside are not believed.
     pub plausible: [f64; 2],
+    /// Root mean square of what its own terms make over the windows of the fit, about their mean, °/h.
+    #[serde(default)]
+    pub rms_dph: f64,
     /// Time without a value after which the correction is STALE, s.
     pub hold_s: f64,
 }
@@ -47,11 +50,11 @@ pub struct FurtherInput {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum PathVerdict {
-    /// The best of the grid, where the path begins.
+    /// Where the path begins: the best of the grid, or a small model.
     Start,
-    /// Taken: better by over 2 %, or smaller and within 2 % of the least.
+    /// Taken: better by over 2 % and by what its coefficients must earn, or smaller and within 2 % of the least.
     Taken,
-    /// A term more that does not help by 2 % of the mean square, or helps less than another.
+    /// A term more that does not earn its coefficients, or earns less than another.
     NoGain,
     /// A term less that is missed, or saves less than another.
     Missed,
@@ -59,7 +62,7 @@ pub enum PathVerdict {
     Collinear,
     /// A fold could not be fitted.
     NotFitted,
-    /// Left: the thermometer's noise through its terms would raise the angle random walk by over 5 %.
+    /// Left: the noise of a thermometer through its rate terms would raise the angle random walk by over 5 %.
     TooNoisy,
     /// Kept with a longer lag, so that the noise of its thermometer stays within 5 %.
     LagRaised,
@@ -85,6 +88,16 @@ pub struct PathStep {
     pub verdict: PathVerdict,
 }
 
+/// A further input that `auto` did not look at.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct InputAside {
+    /// Its name.
+    pub input: String,
+    /// Why.
+    pub why: String,
+}
+
 /// How near the terms are to being combinations of each other, levels taken out, columns at unit length.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -99,7 +112,7 @@ pub struct Collinearity {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct InputNoise {
-    /// Its name; empty or the thermometer's for the thermometer of the fit.
+    /// Name of the thermometer or column.
     pub input: String,
     /// σ of a sample, in its own unit, from second differences of its track.
     pub sigma: f64,
@@ -119,6 +132,8 @@ pub struct CorrectionNoise {
     pub deg_rt_h: f64,
     /// By what part the corrected angle random walk exceeds the raw one; null where that is not known.
     pub increase: Option<f64>,
+    /// The same by the value terms alone, which no lag can make quieter.
+    pub increase_by_value: Option<f64>,
     /// The part that is allowed.
     pub limit: f64,
 }

@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 
 pub use crate::calibration::doubt::{HeatingLessCooling, Prediction, Soak, SoakRow};
 pub use crate::calibration::input::{
-    Collinearity, CorrectionNoise, FurtherInput, InputNoise, InputSource, PathStep, PathVerdict,
+    Collinearity, CorrectionNoise, FurtherInput, InputAside, InputNoise, InputSource, PathStep, PathVerdict,
 };
 pub use crate::calibration::table::{Misalignment, Plateau, PpmEstimate, Repeatability, ScaleFactor};
 use crate::error::{Error, Result};
@@ -149,6 +149,8 @@ pub struct Thermometer {
     pub hold_s: f64,
 }
 
+/// Values of an input beyond this are none.
+const MOST_OF_INPUT: f64 = 1e13;
 /// Replay's own temperature code: 2⁻²⁴ °C.
 pub(crate) const CODE_C: f64 = 1.0 / (1 << 24) as f64;
 
@@ -201,6 +203,11 @@ impl TermKind {
             Self::Zone => "zone",
             Self::Step => "step",
         }
+    }
+
+    /// Unit of a coefficient over a column, which has a unit of its own.
+    pub fn unit_over_column(self) -> &'static str {
+        if self == Self::Rate { "deg/h per unit/min" } else { self.unit() }
     }
 
     /// Unit of a coefficient.
@@ -379,6 +386,9 @@ pub struct AxisCalibration {
     /// What the noise of thermometers does to the corrected angle; absent where nothing was fitted here.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub correction_noise: Option<CorrectionNoise>,
+    /// Further inputs that `auto` did not look at, and why.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub inputs_aside: Vec<InputAside>,
     /// The way from the grid's model to this one; empty where the model was given.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub path: Vec<PathStep>,
@@ -513,7 +523,14 @@ impl Calibration {
         }
         for axis in &self.axes {
             axis.check()?;
-            let stray = |term: &&Term| axis.is_main(term) && term.sensor != self.thermometer.name;
+            let main = &self.thermometer.name;
+            if let Some(input) = axis.inputs.iter().find(|input| input.source == InputSource::Thermometer(main.clone()))
+            {
+                return Err(Error::input("the thermometer of the fit is no further input")
+                    .column(format!("axes[{}].inputs", axis.axis))
+                    .value(&input.name));
+            }
+            let stray = |term: &&Term| axis.is_main(term) && term.sensor != *main;
             if let Some(term) = axis.terms.iter().find(stray) {
                 return Err(Error::input("a term over an input that the record does not have")
                     .column(format!("axes[{}].terms.sensor", axis.axis))
@@ -556,14 +573,21 @@ impl AxisCalibration {
             return Err(Error::input("must be a positive time").column(named("lag_s")));
         }
         for (i, term) in self.terms.iter().enumerate() {
-            if term.unit != term.kind.unit() {
-                let what = format!("{:?} terms are in {}", term.kind, term.kind.unit());
+            let unit = self.unit_of(term);
+            if term.unit != unit {
+                let what = format!("{:?} terms are in {unit}", term.kind);
                 return Err(Error::input(what).column(named("terms")).value(&term.unit));
             }
             let piece = matches!(term.kind, TermKind::Zone | TermKind::Step);
-            if piece != term.at.is_some_and(f64::is_finite) {
-                let what = "zones and steps, and no other terms, begin at a value";
+            let span = self.input_of(term).map_or(self.span_c, |input| input.span);
+            let begins = |at: f64| at > span[0] && at < span[1];
+            if piece != term.at.is_some() || !term.at.is_none_or(begins) {
+                let what = "zones and steps, and no other terms, begin at a value within the span of their input";
                 return Err(Error::input(what).column(named("terms.at")).value(format!("{:?}", term.at)));
+            }
+            if term.kind == TermKind::Zone && !(self.is_main(term) && term.order == 2) {
+                let what = "zones are of order 2, over the thermometer of the fit";
+                return Err(Error::input(what).column(named("terms")).value(term.order.to_string()));
             }
             let lowest = u8::from(!matches!(term.kind, TermKind::Rate | TermKind::Step));
             let same = |t: &&Term| (t.kind, t.order, &t.sensor, t.at) == (term.kind, term.order, &term.sensor, term.at);
@@ -584,11 +608,12 @@ impl AxisCalibration {
     fn check_inputs(&self) -> Result<()> {
         for (at, input) in self.inputs.iter().enumerate() {
             let place = format!("axes[{}].inputs[{}]", self.axis, input.name);
-            let interval = |[lo, hi]: [f64; 2]| lo < hi && (hi - lo).is_finite();
+            let interval = |[lo, hi]: [f64; 2]| lo < hi && lo.abs().max(hi.abs()) <= MOST_OF_INPUT;
+            let believed = input.plausible[0] <= input.span[0] && input.plausible[1] >= input.span[1];
             let sound = [
                 ("name", !input.name.is_empty() && self.inputs[..at].iter().all(|other| other.name != input.name)),
                 ("span", interval(input.span)),
-                ("plausible", interval(input.plausible)),
+                ("plausible", interval(input.plausible) && believed),
                 ("reference", (input.span[0]..=input.span[1]).contains(&input.reference)),
                 ("hold_s", (0.0..=1e6).contains(&input.hold_s)),
                 ("offset", input.offset.is_finite()),
@@ -600,7 +625,8 @@ impl AxisCalibration {
                 ),
             ];
             if let Some((field, _)) = sound.iter().find(|(_, sound)| !sound) {
-                return Err(Error::input("is not sound").column(format!("{place}.{field}")));
+                let what = "must be finite, in order, and plausible around the span";
+                return Err(Error::input(what).column(format!("{place}.{field}")));
             }
             let rated = self.terms.iter().any(|term| term.kind == TermKind::Rate && term.sensor == input.name);
             if rated && (input.lag_s.is_none() || input.rate_span_per_min.is_none()) {
@@ -608,6 +634,12 @@ impl AxisCalibration {
             }
         }
         Ok(())
+    }
+
+    /// Unit of a term's coefficient.
+    fn unit_of(&self, term: &Term) -> &'static str {
+        let of_column = self.input_of(term).is_some_and(|input| matches!(input.source, InputSource::Column(_)));
+        if of_column { term.kind.unit_over_column() } else { term.kind.unit() }
     }
 
     /// A term over the thermometer of the fit.

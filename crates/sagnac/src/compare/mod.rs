@@ -132,7 +132,7 @@ pub struct ComparedAxis {
     pub axis: char,
     /// Bias, and the scale factor if every record has one.
     pub curves: Vec<ComparedCurve>,
-    /// Constants, rate terms, lag.
+    /// Constants, rate terms, lag; slopes and steps of further inputs.
     pub numbers: Vec<ComparedNumber>,
 }
 
@@ -333,7 +333,32 @@ fn numbers(axes: &[&AxisCalibration], reference_c: f64) -> Vec<ComparedNumber> {
         number(&format!("rate effect at {reference_c} °C"), "deg/h per degC/min", axes, rate),
         number("lag", "s", axes, lag),
     ];
-    all.into_iter().flatten().collect()
+    all.into_iter().flatten().chain(of_inputs(axes)).collect()
+}
+
+/// What depends on further inputs: the slope of each at its zero, and every step.
+fn of_inputs(axes: &[&AxisCalibration]) -> Vec<ComparedNumber> {
+    let mut names: Vec<&str> = axes.iter().flat_map(|axis| &axis.inputs).map(|input| input.name.as_str()).collect();
+    names.sort_unstable();
+    names.dedup();
+    let slopes = names.iter().filter_map(|name| {
+        let of = |axis: &AxisCalibration| axis.slope_of_input(name);
+        number(&format!("drift per unit of {name} at its zero"), "deg/h per unit", axes, of)
+    });
+    let mut steps: Vec<String> = axes
+        .iter()
+        .flat_map(|axis| axis.terms.iter().filter(|term| term.kind == TermKind::Step).map(|term| term.name(false)))
+        .collect();
+    steps.sort();
+    steps.dedup();
+    let steps = steps.iter().filter_map(|name| {
+        let of = |axis: &AxisCalibration| {
+            let term = axis.terms.iter().find(|term| term.name(axis.is_main(term)) == *name)?;
+            Some([term.value, term.sigma?])
+        };
+        number(name, "deg/h", axes, of)
+    });
+    slopes.chain(steps).collect()
 }
 
 /// The basis of a record at a temperature, and at its own T0.

@@ -22,7 +22,7 @@ use sagnac_core::{
 
 use crate::calibration::{AxisCalibration, Calibration, InputSource, Lag, LogUnit, Term as FittedTerm, TermKind};
 use crate::error::{Error, Result};
-use crate::fit::{Span, chebyshev, unit_exponent, zone};
+use crate::fit::{Span, chebyshev, label, unit_exponent, zone};
 
 /// 2⁻²⁴ °C per °C.
 const Q24: f64 = (1 << 24) as f64;
@@ -171,6 +171,29 @@ fn channels<'a>(calibration: &Calibration, axis: &'a AxisCalibration) -> Result<
         });
     }
     Ok(all)
+}
+
+/// What the target gives an image at a slow update.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Code {
+    /// Thermometer, difference or column.
+    pub name: String,
+    /// Value at code 0, in its own unit.
+    pub offset: f64,
+    /// Units per code; `None` for a difference, which the target makes itself.
+    pub per_code: Option<f64>,
+}
+
+/// The codes of an axis in the order of its image.
+pub fn codes(calibration: &Calibration, axis: &AxisCalibration) -> Vec<Code> {
+    let main = &calibration.thermometer;
+    let first =
+        Code { name: label(&main.name).to_owned(), offset: main.offset_c, per_code: Some(main.gain_c_per_code) };
+    let further = axis.inputs.iter().map(|input| {
+        let own = !matches!(input.source, InputSource::Difference(..));
+        Code { name: input.name.clone(), offset: input.offset, per_code: own.then_some(input.gain_per_code) }
+    });
+    std::iter::once(first).chain(further).collect()
 }
 
 fn thermometer(of: &Channel<'_>, period_s: f64) -> Result<Thermometer> {

@@ -6,7 +6,7 @@ mod polynomial;
 mod verilog;
 
 pub use c::c_files;
-pub use image::{encode, image_bytes};
+pub use image::{Code, codes, encode, image_bytes};
 pub use polynomial::{Polynomial, import};
 pub use verilog::{Widths, verilog_files};
 

@@ -84,6 +84,7 @@ pub fn import(polynomial: &Polynomial, setup: &Setup) -> Result<Calibration> {
         inputs: Vec::new(),
         collinearity: None,
         correction_noise: None,
+        inputs_aside: Vec::new(),
         path: Vec::new(),
         scale_factor: None,
         misalignment: Vec::new(),

@@ -1,24 +1,27 @@
 //! Which model, on which windows, and what its thermometers' noise allows.
 //!
 //! `auto` takes the best of the grid over the thermometer of the fit, then goes the [`super::path`] over every other input,
-//! zones and steps. Whatever was chosen, the noise of its thermometers may raise the angle random walk by 5 % at most
-//! ([`super::input_noise`]): else the lag of the noisiest rate term is raised, or the term left out if that costs more on
-//! held-out data than it is worth.
+//! zones and steps. Whatever was chosen, the noise of its thermometers through its rate terms may raise the angle random walk
+//! by 5 % at most ([`super::input_noise`]): else the lag of the noisiest rate term is raised, or the term left out if that costs
+//! more on held-out data than it is worth. What the value terms add is told, not cured: without them there is no correction.
 
-use crate::calibration::{Candidate, CorrectionNoise, CrossValidation, PathStep, PathVerdict};
+use crate::calibration::{Candidate, CorrectionNoise, CrossValidation, InputAside, PathStep, PathVerdict};
 use crate::error::{Error, Result};
 use crate::fit::cost::Work;
 use crate::fit::folds::{Trial, cross_validate, scheme_of};
 use crate::fit::input::{Source, channels};
-use crate::fit::input_noise::{INCREASE_MAX, correction_noise};
+use crate::fit::input_noise::{INCREASE_MAX, correction_noise, loudest_rate};
 use crate::fit::model::ModelSpec;
-use crate::fit::path::{CONDITION_MAX, inputs_read, walk};
+use crate::fit::path::{CONDITION_MAX, fits_image, inputs_read, walk};
 use crate::fit::problem::{Level, Problem};
 use crate::fit::robust::{Loss, robust_fit};
 use crate::fit::solution::{Fitted, fit};
-use crate::fit::{ModelChoice, SMALLER_WINS_WITHIN};
+use crate::fit::{ModelChoice, SAME_RATE, SMALLER_WINS_WITHIN};
 use crate::setup::Setup;
 use crate::window::{WindowShape, Windows};
+
+/// Part of the windows that must know all inputs of `auto`.
+const KNOWN_TOGETHER: f64 = 0.9;
 
 /// The grid's best.
 struct Best {
@@ -34,6 +37,7 @@ pub(crate) struct Chosen<'a> {
     pub(crate) taus_s: Vec<f64>,
     pub(crate) mean_square: Option<f64>,
     candidates: Vec<Candidate>,
+    pub(crate) aside: Vec<InputAside>,
     pub(crate) path: Vec<PathStep>,
 }
 
@@ -57,27 +61,64 @@ pub(crate) fn choose<'a>(
             let grid = make(&[main])?;
             let taus_s = grid.tau_grid();
             let best = best_of_grid(&grid, &taus_s)?;
-            let further = candidate_inputs(windows, main, setup, &grid.used)?;
-            let with_all: Vec<Source> = std::iter::once(main).chain(further).collect();
-            // Where too few windows know them all, the thermometer of the fit alone.
-            let all = if with_all.len() > 1 { make(&with_all).unwrap_or(grid) } else { grid };
+            let (further, mut aside) = candidate_inputs(windows, main, setup, &grid.used)?;
+            let all = known_together(main, further, setup.inputs.is_some(), grid, make, &mut aside)?;
             let walked = walk(&all, &best.spec, &taus_s);
             let Some(path) = walked else {
                 let Best { spec, mean_square, candidates } = best;
-                return Ok(Chosen { problem: make(&[main])?, spec, taus_s, mean_square, candidates, path: Vec::new() });
+                return Ok(Chosen {
+                    problem: make(&[main])?,
+                    spec,
+                    taus_s,
+                    mean_square,
+                    candidates,
+                    aside,
+                    path: Vec::new(),
+                });
             };
             let named = path.spec.further.iter().filter_map(|of| all.input(&of.input)).map(|at| all.inputs[at].source);
             let needed: Vec<Source> = std::iter::once(main).chain(named).collect();
             let (problem, mut spec) = (make(&needed)?, path.spec);
             count_steps(&problem, &mut spec)?;
-            Ok(Chosen {
-                problem,
-                spec,
-                taus_s,
-                mean_square: Some(path.mean_square),
-                candidates: best.candidates,
-                path: path.steps,
-            })
+            // On the very windows that it is fitted to, which may be more than those that know every candidate.
+            let same = problem.used == all.used;
+            let mean_square =
+                if same { Some(path.mean_square) } else { Trial::new(&problem, &spec, &taus_s).held_out() };
+            Ok(Chosen { problem, spec, taus_s, mean_square, candidates: best.candidates, aside, path: path.steps })
+        }
+    }
+}
+
+/// The problem of all further inputs on the windows that know them; of inputs that were not named, those known least are left
+/// out until nine tenths of the windows are there.
+fn known_together<'a>(
+    main: Source,
+    mut further: Vec<Source>,
+    named: bool,
+    grid: Problem<'a>,
+    make: &MakeProblem<'a, '_>,
+    aside: &mut Vec<InputAside>,
+) -> Result<Problem<'a>> {
+    loop {
+        if further.is_empty() {
+            return Ok(grid);
+        }
+        let with_all: Vec<Source> = std::iter::once(main).chain(further.iter().copied()).collect();
+        let made = make(&with_all);
+        let enough = |problem: &Problem<'_>| problem.len() as f64 >= KNOWN_TOGETHER * grid.len() as f64;
+        match made {
+            Ok(problem) if named || enough(&problem) => return Ok(problem),
+            Err(error) if named => {
+                return Err(error.column("inputs").help("the inputs that are named must be known in the same windows"));
+            }
+            _ => {
+                let known = |source: &Source| {
+                    grid.used.iter().filter(|i| source.in_window(grid.windows(), **i).0.is_finite()).count()
+                };
+                let least = (0..further.len()).min_by_key(|at| known(&further[*at])).unwrap_or(0);
+                let name = further.remove(least).name(&grid.windows().shape);
+                aside.push(InputAside { input: name, why: "not known in the same windows as the others".to_owned() });
+            }
         }
     }
 }
@@ -94,18 +135,49 @@ fn given<'a>(shape: &WindowShape, main: Source, spec: &ModelSpec, make: &MakePro
         }
         sources.push(source);
     }
-    if channels(main, &sources[1..]).len() > sagnac_core::MAX_THERMOMETERS {
-        let what = format!("an image reads {} thermometers, differences and columns", sagnac_core::MAX_THERMOMETERS);
-        return Err(Error::refused(format!("`{spec}` needs more: {what}")).column("--model"));
+    let read = channels(main, &sources[1..]);
+    if read.len() > sagnac_core::MAX_THERMOMETERS {
+        let names: Vec<String> = read.iter().map(|source| source.name(shape)).collect();
+        let what = format!("`{spec}` reads {} inputs ({})", read.len(), names.join(", "));
+        let most = sagnac_core::MAX_THERMOMETERS;
+        return Err(Error::refused(format!("{what}; an image reads {most}"))
+            .column("--model")
+            .help("a difference is read with both of its thermometers: leave one input out, or take a thermometer for a difference"));
     }
     let problem = make(&sources)?;
+    if let Some(input) = problem.inputs[1..].iter().find(|input| !input.fits_codes()) {
+        return Err(Error::refused(format!(
+            "{} moves from {} to {}: too little of its size for the codes of an image",
+            input.name, input.span.lo_c, input.span.hi_c
+        ))
+        .column("--model")
+        .help("log it less its middle value"));
+    }
+    if let Some(of) = spec.further.iter().find(|of| of.scale > 0).filter(|_| !several_rates(&problem)) {
+        return Err(Error::refused(format!(
+            "scale({}) needs runs at several input rates; at one rate a scale factor is a bias",
+            of.input
+        ))
+        .column("--model")
+        .help("take bias(...) instead, or test on a rate table"));
+    }
     count_steps(&problem, &mut spec)?;
+    if !fits_image(&problem, &spec) {
+        let most = sagnac_core::MAX_TERMS;
+        return Err(Error::refused(format!("`{spec}` has more terms than an image holds ({most})")).column("--model"));
+    }
     if spec.lags() > 0 && !problem.has_rate() {
         return Err(Error::refused("a rate term needs times, and the log has none").column("--model"));
     }
     let taus_s = problem.tau_grid();
     let mean_square = Trial::new(&problem, &spec, &taus_s).held_out();
-    Ok(Chosen { problem, spec, taus_s, mean_square, candidates: Vec::new(), path: Vec::new() })
+    Ok(Chosen { problem, spec, taus_s, mean_square, candidates: Vec::new(), aside: Vec::new(), path: Vec::new() })
+}
+
+/// True where the input rates of the runs tell a scale factor from a bias.
+fn several_rates(problem: &Problem<'_>) -> bool {
+    let (lo, hi) = problem.run_rate.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), r| (l.min(*r), h.max(*r)));
+    problem.place_of(Level::Scale).is_some() || hi - lo > SAME_RATE * lo.abs().max(hi.abs())
 }
 
 /// How many steps each stepped input has on these windows.
@@ -113,9 +185,10 @@ fn count_steps(problem: &Problem<'_>, spec: &mut ModelSpec) -> Result<()> {
     for of in spec.further.iter_mut().filter(|of| of.steps.is_some()) {
         let steps = problem.input(&of.input).map_or(0, |at| problem.inputs[at].thresholds().len());
         if steps == 0 {
-            return Err(Error::refused(format!("`{}` does not step between 2 to 16 whole numbers", of.input))
+            let what = "does not stand at one of 2 to 16 whole numbers in nine of ten windows";
+            return Err(Error::refused(format!("`{}` {what}", of.input))
                 .column("--model")
-                .help("give it a series instead: bias(...) 1"));
+                .help("give it a series instead, bias(...) 1, or a --window within which it stands still"));
         }
         of.steps = u8::try_from(steps).ok();
     }
@@ -140,15 +213,26 @@ fn find_input(name: &str, main: Source, shape: &WindowShape) -> Result<Source> {
 
 /// Inputs besides the thermometer of the fit that `auto` may use: those named in the setup, else all that are known in
 /// enough windows and move.
-fn candidate_inputs(windows: &Windows, main: Source, setup: &Setup, used: &[usize]) -> Result<Vec<Source>> {
+fn candidate_inputs(
+    windows: &Windows,
+    main: Source,
+    setup: &Setup,
+    used: &[usize],
+) -> Result<(Vec<Source>, Vec<InputAside>)> {
     let shape = &windows.shape;
     if let Some(names) = &setup.inputs {
         let found = names.iter().map(|name| find_input(name, main, shape).map_err(|e| e.column("inputs")));
-        return found.collect();
+        return Ok((found.collect::<Result<_>>()?, Vec::new()));
     }
-    let Source::Thermometer(at) = main else { return Ok(Vec::new()) };
-    let all = Source::further(shape, at).into_iter();
-    Ok(all.filter(|source| source.is_candidate(windows, used)).collect())
+    let Source::Thermometer(at) = main else { return Ok((Vec::new(), Vec::new())) };
+    let (mut further, mut aside) = (Vec::new(), Vec::new());
+    for source in Source::further(shape, at) {
+        match source.unfit(windows, used) {
+            None => further.push(source),
+            Some(why) => aside.push(InputAside { input: source.name(shape), why: why.to_owned() }),
+        }
+    }
+    Ok((further, aside))
 }
 
 /// Tries every model over the thermometer of the fit.
@@ -170,19 +254,33 @@ fn best_of_grid(problem: &Problem<'_>, taus_s: &[f64]) -> Result<Best> {
         return Err(Error::refused("no candidate can be fitted with a part of the data held out")
             .help("give more data over more temperatures, or a fixed --model"));
     }
-    let least = mean_square.iter().flatten().copied().fold(f64::INFINITY, f64::min);
-    // Specs stand smallest first; within one size no rate term, then the lower mean square wins.
-    let good = (0..specs.len()).filter(|i| mean_square[*i].is_some_and(|m| m <= SMALLER_WINS_WITHIN * least));
-    let chosen = good
-        .min_by(|a, b| {
-            // Of equal size the one without a lag to be found wins: a slow lag can look like a curve.
-            let key = |i: usize| (specs[i].coefficients(), specs[i].rate.is_some());
-            let square = |i: usize| mean_square[i].unwrap_or(f64::INFINITY);
-            key(*a).cmp(&key(*b)).then(square(*a).total_cmp(&square(*b)))
-        })
-        .unwrap_or(0);
+    let mut fair: Vec<usize> = (0..specs.len()).filter(|i| mean_square[*i].is_some()).collect();
+    let chosen = loop {
+        let chosen = best_of(&fair, &specs, &mean_square).ok_or_else(|| {
+            Error::refused("the terms of no candidate can be told apart on these data")
+                .help("test so that temperature and its rate move apart, or give a fixed --model")
+        })?;
+        let fitted = fit(problem, &specs[chosen], taus_s).ok();
+        let near = fitted.as_ref().map(|f| f.nearness.as_ref().map_or(1.0, |near| near.condition));
+        if near.is_some_and(|condition| condition <= CONDITION_MAX) {
+            break chosen;
+        }
+        fair.retain(|other| *other != chosen);
+    };
     let candidates = specs.iter().zip(&mean_square).map(|(spec, square)| candidate(spec, *square, 1)).collect();
     Ok(Best { spec: specs[chosen].clone(), mean_square: mean_square[chosen], candidates })
+}
+
+/// The smallest within 2 % of the least mean square; within one size no rate term, then the lower mean square wins: a slow lag can
+/// look like a curve.
+fn best_of(fair: &[usize], specs: &[ModelSpec], mean_square: &[Option<f64>]) -> Option<usize> {
+    let square = |i: usize| mean_square[i].unwrap_or(f64::INFINITY);
+    let least = fair.iter().map(|i| square(*i)).fold(f64::INFINITY, f64::min);
+    let good = fair.iter().copied().filter(|i| square(*i) <= SMALLER_WINS_WITHIN * least);
+    good.min_by(|a, b| {
+        let key = |i: usize| (specs[i].coefficients(), specs[i].rate.is_some());
+        key(*a).cmp(&key(*b)).then(square(*a).total_cmp(&square(*b)))
+    })
 }
 
 fn candidate(spec: &ModelSpec, mean_square: Option<f64>, inputs: usize) -> Candidate {
@@ -212,11 +310,20 @@ impl Chosen<'_> {
                 Loss::Huber => robust_fit(&mut self.problem, &self.spec, &self.taus_s)?,
             };
             self.check_condition(&fitted)?;
-            let noise = correction_noise(&self.problem, &fitted, n_deg_rt_h);
-            if noise.increase.is_none_or(|increase| increase <= INCREASE_MAX) {
-                return Ok((fitted, noise));
+            if let Some(step) = self.path.last_mut().filter(|step| step.condition.is_none()) {
+                step.condition = fitted.nearness.as_ref().map(|near| near.condition);
             }
-            self.quieten(&fitted, &noise, is_given)?;
+            let noise = correction_noise(&self.problem, &fitted, n_deg_rt_h);
+            // Where the value terms alone are too loud, what the rate terms add to them is what counts.
+            let by_value = noise.increase_by_value.unwrap_or(0.0);
+            let most = if by_value > INCREASE_MAX { by_value + INCREASE_MAX } else { INCREASE_MAX };
+            let loudest = loudest_rate(&self.problem, &fitted);
+            match loudest {
+                Some(input) if noise.increase.is_some_and(|increase| increase > most) => {
+                    self.quieten(&fitted, &noise, input, is_given)?;
+                }
+                _ => return Ok((fitted, noise)),
+            }
         }
     }
 
@@ -237,49 +344,41 @@ impl Chosen<'_> {
         .help("take fewer terms, or test so that the inputs move apart"))
     }
 
-    /// Raises the lag of the noisiest rate term by a step of the grid, or leaves out the noisiest term.
-    fn quieten(&mut self, fitted: &Fitted, noise: &CorrectionNoise, is_given: bool) -> Result<()> {
-        let loudest = |of: fn(&crate::calibration::InputNoise) -> f64| {
-            noise.inputs.iter().max_by(|a, b| of(a).total_cmp(&of(b))).map(|input| (of(input), input.input.clone()))
-        };
-        let (rate, rated) = loudest(|noise| noise.rate_deg_rt_h).unwrap_or_default();
-        let (value, valued) = loudest(|noise| noise.value_deg_rt_h).unwrap_or_default();
-        let by_rate = rate >= value;
-        let input = self.problem.input(if by_rate { &rated } else { &valued }).unwrap_or(0);
-        let without = less_of(&self.problem, &self.spec, input, by_rate);
-        if by_rate {
-            let now_s = fitted.lag(input).map_or(0.0, |(tau_s, _)| tau_s);
-            let next = self.taus_s.partition_point(|tau_s| *tau_s <= now_s * 1.0001);
-            if next < self.taus_s.len() {
-                self.problem.tau_from[input] = next.max(self.problem.tau_from[input]);
-                let raised = Trial::new(&self.problem, &self.spec, &self.taus_s).held_out();
-                let alone = Trial::new(&self.problem, &without, &self.taus_s).held_out();
-                let worth = |raised: f64| alone.is_none_or(|alone| raised * SMALLER_WINS_WITHIN < alone);
-                if is_given || raised.is_some_and(worth) {
-                    self.mean_square = raised;
-                    self.note(PathVerdict::LagRaised, fitted);
-                    return Ok(());
-                }
+    /// Raises the lag of the noisiest rate term by a step of the grid, or leaves that term out.
+    fn quieten(&mut self, fitted: &Fitted, noise: &CorrectionNoise, input: usize, is_given: bool) -> Result<()> {
+        let without = without_rate(&self.problem, &self.spec, input);
+        let now_s = fitted.lag(input).map_or(0.0, |(tau_s, _)| tau_s);
+        let next = self.taus_s.partition_point(|tau_s| *tau_s <= now_s * 1.0001);
+        if next < self.taus_s.len() {
+            self.problem.tau_from[input] = next.max(self.problem.tau_from[input]);
+            let raised = Trial::new(&self.problem, &self.spec, &self.taus_s).held_out();
+            let alone = Trial::new(&self.problem, &without, &self.taus_s).held_out();
+            let worth = |raised: f64| alone.is_none_or(|alone| raised * SMALLER_WINS_WITHIN < alone);
+            if is_given || raised.is_some_and(worth) {
+                self.mean_square = raised;
+                self.note(PathVerdict::LagRaised);
+                return Ok(());
             }
         }
-        if is_given || without == self.spec {
+        if is_given {
             let part = noise.increase.unwrap_or(f64::NAN) * 100.0;
             let name = &self.problem.inputs[input].name;
             return Err(Error::refused(format!(
-                "the noise of {name} through the terms of `{}` would raise the angle random walk by {part:.0} %, and {:.0} % are allowed",
+                "the noise of {name} through the rate terms of `{}` would raise the angle random walk by {part:.0} %, and {:.0} % are allowed",
                 self.spec,
                 INCREASE_MAX * 100.0
             ))
-            .help("take a quieter thermometer or average its samples; or leave the terms out of --model"));
+            .help("take a quieter thermometer or average its samples; or leave the rate terms out of --model"));
         }
-        self.note(PathVerdict::TooNoisy, fitted);
+        self.note(PathVerdict::TooNoisy);
         self.mean_square = Trial::new(&self.problem, &without, &self.taus_s).held_out();
         self.spec = without;
-        self.note(PathVerdict::Taken, fitted);
+        self.note(PathVerdict::Taken);
         Ok(())
     }
 
-    fn note(&mut self, verdict: PathVerdict, fitted: &Fitted) {
+    /// One more row of the path; its condition comes with the next fit.
+    fn note(&mut self, verdict: PathVerdict) {
         let last = self.path.last();
         if last.is_some_and(|step| step.verdict == verdict && step.model == self.spec.to_string()) {
             self.path.pop();
@@ -289,7 +388,7 @@ impl Chosen<'_> {
             model: self.spec.to_string(),
             coefficients: self.spec.coefficients(),
             held_out_dph: self.mean_square.map(f64::sqrt),
-            condition: fitted.nearness.as_ref().map(|near| near.condition),
+            condition: None,
             slow_update_instructions: Work::of_model(&self.spec, inputs_read(&self.problem, &self.spec)).instructions(),
             verdict,
         });
@@ -313,7 +412,10 @@ impl Chosen<'_> {
         if all.iter().all(|other| other.model != chosen) {
             all.push(candidate(&self.spec, self.mean_square, inputs_read(&self.problem, &self.spec)));
         }
-        all.iter_mut().for_each(|row| row.chosen = row.model == chosen);
+        for row in all.iter_mut().filter(|row| row.model == chosen) {
+            row.chosen = true;
+            row.held_out_dph = self.mean_square.map(f64::sqrt);
+        }
         all
     }
 
@@ -323,25 +425,14 @@ impl Chosen<'_> {
     }
 }
 
-/// A model without the rate terms of an input, or with one order less of its value terms.
-fn less_of(problem: &Problem<'_>, spec: &ModelSpec, input: usize, rate: bool) -> ModelSpec {
+/// A model without the rate terms of an input.
+fn without_rate(problem: &Problem<'_>, spec: &ModelSpec, input: usize) -> ModelSpec {
     let mut spec = spec.clone();
     if input == 0 {
-        if rate {
-            spec.rate = None;
-        } else if spec.zones > 1 {
-            spec.zones = 0;
-        } else {
-            spec.bias = spec.bias.saturating_sub(1);
-        }
-        return spec;
-    }
-    let of = spec.of_input(&problem.inputs[input].name);
-    if rate {
-        of.rate = None;
+        spec.rate = None;
     } else {
-        of.bias = of.bias.saturating_sub(1);
+        spec.of_input(&problem.inputs[input].name).rate = None;
+        spec.further.retain(|of| !of.is_empty());
     }
-    spec.further.retain(|of| !of.is_empty());
     spec
 }

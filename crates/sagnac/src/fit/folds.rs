@@ -12,6 +12,7 @@ use std::collections::BTreeMap;
 
 use nalgebra::DVector;
 
+use crate::calibration::TermKind;
 use crate::fit::lag::RATE_COLUMNS;
 use crate::fit::model::ModelSpec;
 use crate::fit::problem::{Problem, Rates, TermPlace};
@@ -182,8 +183,10 @@ pub(crate) struct Trial<'a> {
     /// Inputs whose lag is fitted.
     rated: Vec<usize>,
     taus_s: &'a [f64],
-    /// Rate columns by input and τ.
-    rates: BTreeMap<(usize, usize), Rates>,
+    /// Rate columns of each input at the τ that it was last tried at.
+    rates: BTreeMap<usize, (usize, Rates)>,
+    /// Per step term and block: lowest and highest value of its column.
+    steps: BTreeMap<usize, Vec<(f64, f64)>>,
     /// Factors of the blocks by the places of the lags in the grid.
     factors: BTreeMap<Vec<usize>, Vec<Factor>>,
 }
@@ -192,7 +195,9 @@ impl<'a> Trial<'a> {
     pub(crate) fn new(problem: &'a Problem<'a>, spec: &ModelSpec, taus_s: &'a [f64]) -> Self {
         let (terms, rated) = (problem.terms(spec), problem.rated(spec));
         let division = Division::of(problem);
-        Self { problem, division, terms, rated, taus_s, rates: BTreeMap::new(), factors: BTreeMap::new() }
+        let steps = terms.iter().enumerate().filter(|(_, term)| term.kind == TermKind::Step);
+        let steps = steps.map(|(at, term)| (at, extremes_of(problem, &division, term))).collect();
+        Self { problem, division, terms, rated, taus_s, rates: BTreeMap::new(), steps, factors: BTreeMap::new() }
     }
 
     /// Held-out mean square, (°/h)²; `None` where a fold could not be fitted.
@@ -200,16 +205,28 @@ impl<'a> Trial<'a> {
         // Where the whole problem ends: every fold's way begins there.
         let start: Vec<usize> =
             self.rated.iter().map(|input| self.problem.tau_from[*input].max(self.taus_s.len() / 2)).collect();
-        let all: Vec<usize> = (0..self.division.levels).collect();
-        let (start, _) = self.descend(start, None, &all)?;
+        let whole: Vec<usize> = self.columns(&(0..self.division.levels).collect::<Vec<_>>());
+        let (start, _) = self.descend(start, None, &whole)?;
         let mut sum = 0.0;
         for fold in 0..self.division.blocks {
-            let (known, free) = self.division.levels_without(self.problem, fold);
-            let (best, theta) = self.descend(start.clone(), Some(fold), &known)?;
-            let columns = self.columns(&known);
+            let (known, mut free) = self.division.levels_without(self.problem, fold);
+            let (columns, unseen): (Vec<usize>, Vec<usize>) =
+                self.columns(&known).into_iter().partition(|column| self.is_seen(*column, fold));
+            free.extend(unseen);
+            let (best, theta) = self.descend(start.clone(), Some(fold), &columns)?;
             sum += self.blocks(&best)[fold].ssr(&columns, &theta, &free);
         }
         Some(sum / self.problem.len() as f64)
+    }
+
+    /// False for a step that the training set of a fold does not hold: like the level of a run that stands in the fold alone
+    /// it takes its best value there.
+    fn is_seen(&self, column: usize, fold: usize) -> bool {
+        let of_term = column.checked_sub(self.division.levels).and_then(|term| self.steps.get(&term));
+        let Some(blocks) = of_term else { return true };
+        let others = blocks.iter().enumerate().filter(|(block, _)| *block != fold).map(|(_, extremes)| *extremes);
+        let (lo, hi) = others.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), (l, h)| (lo.min(l), hi.max(h)));
+        hi > lo
     }
 
     fn columns(&self, known: &[usize]) -> Vec<usize> {
@@ -221,16 +238,16 @@ impl<'a> Trial<'a> {
         &mut self,
         mut at: Vec<usize>,
         fold: Option<usize>,
-        known: &[usize],
+        columns: &[usize],
     ) -> Option<(Vec<usize>, DVector<f64>)> {
-        let mut best = self.misfit(&at, fold, known);
+        let mut best = self.misfit(&at, fold, columns);
         for _ in 0..MOST_SWEEPS {
             let before = at.clone();
             for lag in 0..at.len() {
                 for tau in self.problem.tau_from[self.rated[lag]]..self.taus_s.len() {
                     let mut there = at.clone();
                     there[lag] = tau;
-                    let tried = self.misfit(&there, fold, known);
+                    let tried = self.misfit(&there, fold, columns);
                     if ssr_of(&tried) < ssr_of(&best) {
                         (at, best) = (there, tried);
                     }
@@ -243,23 +260,20 @@ impl<'a> Trial<'a> {
         best.map(|solution| (at, solution.theta))
     }
 
-    fn misfit(&mut self, at: &[usize], fold: Option<usize>, known: &[usize]) -> Option<Solution> {
-        let columns = self.columns(known);
+    fn misfit(&mut self, at: &[usize], fold: Option<usize>, columns: &[usize]) -> Option<Solution> {
         let blocks = self.blocks(at).iter().enumerate().filter(|(block, _)| Some(*block) != fold);
-        Factor::join(blocks.map(|(_, factor)| factor))?.solve(&columns)
+        Factor::join(blocks.map(|(_, factor)| factor))?.solve(columns)
     }
 
     /// Factors of the blocks at these lags, made once.
     fn blocks(&mut self, at: &[usize]) -> &[Factor] {
         if !self.factors.contains_key(at) {
             for (input, tau) in self.rated.iter().zip(at) {
-                let tau_s = self.taus_s[*tau];
-                self.rates.entry((*input, *tau)).or_insert_with(|| self.problem.rates(&[(*input, tau_s)]));
+                if self.rates.get(input).is_none_or(|(at, _)| at != tau) {
+                    self.rates.insert(*input, (*tau, self.problem.rates(&[(*input, self.taus_s[*tau])])));
+                }
             }
-            let of_input = |input: usize| -> Option<&Rates> {
-                let lag = self.rated.iter().position(|rated| *rated == input)?;
-                self.rates.get(&(input, at[lag]))
-            };
+            let of_input = |input: usize| self.rates.get(&input).map(|(_, rates)| rates);
             let none = vec![Vec::new(); self.problem.inputs.len()];
             let made = reduced(self.problem, &self.division, self.terms.len(), |row, i| {
                 let value = |term: &TermPlace| self.problem.regressor(term, i, of_input(term.input).unwrap_or(&none));
@@ -269,6 +283,17 @@ impl<'a> Trial<'a> {
         }
         &self.factors[at]
     }
+}
+
+/// Lowest and highest value of a term's column in each block.
+fn extremes_of(problem: &Problem<'_>, division: &Division, term: &TermPlace) -> Vec<(f64, f64)> {
+    let mut blocks = vec![(f64::INFINITY, f64::NEG_INFINITY); division.blocks];
+    for row in 0..problem.len() {
+        let value = problem.regressor(term, row, &Rates::new());
+        let (lo, hi) = &mut blocks[division.block[row]];
+        (*lo, *hi) = (lo.min(value), hi.max(value));
+    }
+    blocks
 }
 
 fn ssr_of(solution: &Option<Solution>) -> f64 {

@@ -1,8 +1,8 @@
 //! What a term may be a function of: a thermometer, the difference of two, an auxiliary column.
 //!
-//! Each has a span, a reference at which its terms are zero, and for every row of the problem its mean and second moment.
-//! The thermometer of the fit is input 0; its reference is T0. A further thermometer is zero at T0 too (at the nearer end of
-//! its span where T0 lies outside), a difference at 0, a column at its mean over the rows.
+//! Each has a span (from the lowest to the highest sample of the rows), a reference at which its terms are zero, and for every
+//! row of the problem its mean and second moment. The thermometer of the fit is input 0; its reference is T0. A further
+//! thermometer is zero at T0 too (at the nearer end of its span where T0 lies outside), differences and columns at their mean.
 //!
 //! A column whose windows hold whole numbers, 2 to 16 of them, may have steps between them: the longitudinal mode, a gain.
 //!
@@ -17,6 +17,12 @@ use crate::window::{WindowShape, Windows};
 const STEPPED: std::ops::RangeInclusive<usize> = 2..=16;
 /// Part of the windows that must hold one whole number only.
 const WHOLE: f64 = 0.9;
+/// Knots of the image per unit of x.
+const KNOTS_PER_ONE: f64 = 32_768.0;
+/// A column narrower than this part of its size has too few codes for an image.
+const LEAST_OF_SIZE: f64 = 2e-4;
+/// Nor is one narrower than this.
+const LEAST_WIDTH: f64 = 1e-15;
 /// A mean this close to a whole number is one.
 const NEAR_WHOLE: f64 = 1e-9;
 /// Part of the windows in which an input must be known to be a candidate.
@@ -79,14 +85,36 @@ impl Source {
         }
     }
 
-    /// Lowest and highest value in a window, in its own unit.
-    fn extremes(self, windows: &Windows, window: usize) -> (f64, f64) {
+    /// Lowest and highest value in some windows, in its own unit.
+    fn extremes(self, windows: &Windows, used: &[usize]) -> (f64, f64) {
+        let rows = &windows.rows;
+        let of = |window: &usize| match self {
+            Self::Thermometer(at) => (rows.min_c[at][*window], rows.max_c[at][*window]),
+            Self::Difference { .. } => self.in_track(windows, *window),
+            Self::Column(at) => (rows.aux_min[at][*window], rows.aux_max[at][*window]),
+        };
+        used.iter().map(of).fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), (l, h)| (lo.min(l), hi.max(h)))
+    }
+
+    /// Lowest and highest value of its track in a window; its mean where there is no track.
+    fn in_track(self, windows: &Windows, window: usize) -> (f64, f64) {
+        let (rows, run) = (&windows.rows, &windows.runs[windows.rows.run[window] as usize]);
+        let place =
+            |ns: i64| usize::try_from(ns.saturating_sub(run.start_ns) / windows.shape.period_ns.max(1)).unwrap_or(0);
+        let (from, to) = (place(rows.start_ns[window]), place(rows.end_ns[window]));
+        let mean = self.in_window(windows, window).0;
+        (from..=to)
+            .filter_map(|at| self.track_at(windows, rows.run[window] as usize, at))
+            .fold((mean, mean), |(lo, hi), value| (lo.min(value), hi.max(value)))
+    }
+
+    /// A point of its track in a run.
+    fn track_at(self, windows: &Windows, run: usize, at: usize) -> Option<f64> {
+        let tracks = &windows.runs[run].tracks;
         match self {
-            Self::Thermometer(at) => (windows.rows.min_c[at][window], windows.rows.max_c[at][window]),
-            _ => {
-                let (mean, variance) = self.in_window(windows, window);
-                (mean - variance.sqrt(), mean + variance.sqrt())
-            }
+            Self::Thermometer(sensor) => tracks.get(sensor)?.get(at).copied(),
+            Self::Difference { of, less } => Some(tracks.get(of)?.get(at)? - tracks.get(less)?.get(at)?),
+            Self::Column(column) => tracks.get(windows.shape.thermometers.len() + column)?.get(at).copied(),
         }
     }
 
@@ -105,14 +133,26 @@ impl Source {
         }
     }
 
-    /// Known in enough windows, and not always the same.
-    pub(crate) fn is_candidate(self, windows: &Windows, used: &[usize]) -> bool {
+    /// Why `auto` does not look at it; `None` where it does.
+    pub(crate) fn unfit(self, windows: &Windows, used: &[usize]) -> Option<&'static str> {
         let means: Vec<f64> =
             used.iter().map(|i| self.in_window(windows, *i).0).filter(|mean| mean.is_finite()).collect();
         let (lo, hi) = means.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), m| (lo.min(*m), hi.max(*m)));
-        let least = if self.in_celsius() { LEAST_SPAN_C } else { 1e-9 * lo.abs().max(hi.abs()) };
-        means.len() as f64 >= KNOWN * used.len() as f64 && hi - lo > least
+        if (means.len() as f64) < KNOWN * used.len() as f64 {
+            Some("known in fewer than 95 of 100 windows")
+        } else if self.in_celsius() && hi - lo < LEAST_SPAN_C {
+            Some("moves by less than 0.05 °C")
+        } else if !self.in_celsius() && !is_wide([lo, hi]) {
+            Some("always the same, or too nearly for the codes of an image")
+        } else {
+            None
+        }
     }
+}
+
+/// A column that moves by enough of its size for the codes of an image.
+fn is_wide([lo, hi]: [f64; 2]) -> bool {
+    hi - lo > (LEAST_OF_SIZE * lo.abs().max(hi.abs())).max(LEAST_WIDTH)
 }
 
 /// A thermometer's name; `temperature_c` for the one without.
@@ -163,18 +203,16 @@ impl Input {
     /// On these windows, in which it must be known; `reference` or its own where that is `None`.
     pub(crate) fn new(source: Source, windows: &Windows, used: &[usize], reference: f64) -> Self {
         let moments: Vec<(f64, f64)> = used.iter().map(|i| source.in_window(windows, *i)).collect();
-        let (lo, hi) = used.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), i| {
-            let (l, h) = source.extremes(windows, *i);
-            (lo.min(l), hi.max(h))
-        });
+        let (lo, hi) = source.extremes(windows, used);
         let exponent = if source.in_celsius() { 0 } else { unit_exponent(plausible_about([lo, hi])) };
         let unit = 2.0_f64.powi(exponent.into());
         let on_grid = Span::on_grid(lo / unit, hi / unit);
         let span = Span { lo_c: on_grid.lo_c * unit, hi_c: on_grid.hi_c * unit };
         let reference = match source {
             Source::Thermometer(_) => reference.clamp(span.lo_c, span.hi_c),
-            Source::Difference { .. } => 0.0_f64.clamp(span.lo_c, span.hi_c),
-            Source::Column(_) => moments.iter().map(|(mean, _)| mean).sum::<f64>() / moments.len().max(1) as f64,
+            Source::Difference { .. } | Source::Column(_) => {
+                moments.iter().map(|(mean, _)| mean).sum::<f64>() / moments.len().max(1) as f64
+            }
         };
         let at_reference = chebyshev(span.x(reference));
         let x: Vec<f64> = moments.iter().map(|(mean, _)| span.x(*mean)).collect();
@@ -185,8 +223,16 @@ impl Input {
         });
         let basis = basis.collect();
         let levels = if source.in_celsius() { Vec::new() } else { whole_numbers(&moments) };
+        // The image's knots stand on a grid of the span; a threshold must stay between its two levels there.
+        let apart = |pair: &[f64]| span.x(pair[1]) - span.x(pair[0]) > 4.0 / KNOTS_PER_ONE;
+        let levels = if levels.windows(2).all(apart) { levels } else { Vec::new() };
         let name = source.name(&windows.shape);
         Self { source, name, span, reference, x, basis, x_variance, levels }
+    }
+
+    /// True where an image has codes enough for its span.
+    pub(crate) fn fits_codes(&self) -> bool {
+        self.source.in_celsius() || is_wide([self.span.lo_c, self.span.hi_c])
     }
 
     /// Thresholds of its steps: halfway between the whole numbers it takes.
@@ -220,7 +266,7 @@ pub(crate) fn zone(x: f64, knot: f64) -> f64 {
 
 /// Knots of so many zones of equal width, on the grid of the image.
 pub(crate) fn knots(zones: u8) -> Vec<f64> {
-    let on_grid = |x: f64| (x * 32_768.0).round() / 32_768.0;
+    let on_grid = |x: f64| (x * KNOTS_PER_ONE).round() / KNOTS_PER_ONE;
     (1..zones).map(|k| on_grid(2.0 * f64::from(k) / f64::from(zones) - 1.0)).collect()
 }
 

@@ -4,18 +4,21 @@
 //! terms it moves the lag by α:
 //!
 //! ```text
-//! N = σ·(|d'(T)|·h + 60·|c(T)|·α)/√h        arcsec/√s,   α = 1 − e^(−h/τ),  d' °/h per °C, c °/h per °C/min, rms over the rows
+//! N = σ·(|Σ ±d'(T)|·h + 60·|Σ ±c(T)·α|)/√h        arcsec/√s,   α = 1 − e^(−h/τ),  d' °/h per °C, c °/h per °C/min, rms over the rows
 //! ```
 //!
-//! The value terms walk for ever; the rate terms are bounded, 60·c·T_lag, and walk like this for times shorter than τ only. The
-//! two are added as if they pulled the same way, inputs as if they were independent. σ² is a sixth of the mean square
-//! second difference of the track: drift drops out, a converter's steps count.
+//! The sums go over every input that a thermometer is part of: itself, and differences with their sign. The value terms walk for ever;
+//! the rate terms are bounded, 60·c·T_lag, and walk like this for times shorter than τ only. The two are added as if they pulled the
+//! same way, thermometers as if they were independent. h is the time after which a reading is a new one. σ is from second differences of the
+//! track: of a column, which may jump, 1.4826 times their median size, of a thermometer their root mean square (a converter's steps
+//! count), each over √6.
 //!
-//! Fails where noise is slower than h: it is then taken for temperature, as the fit does.
+//! Not counted: noise at the threshold of a step, and through terms of the scale factor. Fails where noise is slower than h: it is then taken
+//! for temperature, as the fit does.
 
 use crate::calibration::{CorrectionNoise, InputNoise, TermKind};
 use crate::fit::basis::chebyshev;
-use crate::fit::input::{Input, zone};
+use crate::fit::input::{Input, Source, zone};
 use crate::fit::problem::{Problem, TermPlace};
 use crate::fit::solution::Fitted;
 use crate::units::ARCSEC_RT_S_PER_DEG_RT_H;
@@ -24,78 +27,171 @@ use crate::units::ARCSEC_RT_S_PER_DEG_RT_H;
 pub(crate) const INCREASE_MAX: f64 = 0.05;
 /// Step of x for the slope of a series.
 const STEP: f64 = 1e-4;
+const NORMAL_MEDIAN: f64 = 1.4826;
 
-/// Of all inputs with terms, beside the raw angle random walk `n_deg_rt_h` if it is known.
+/// Of every thermometer and column that the terms depend on, beside the raw angle random walk if it is known.
 pub(crate) fn correction_noise(problem: &Problem<'_>, fitted: &Fitted, n_deg_rt_h: Option<f64>) -> CorrectionNoise {
-    let used = (0..problem.inputs.len()).filter(|input| fitted.terms.iter().any(|term| term.input == *input));
-    let inputs: Vec<InputNoise> = used.map(|input| of_input(problem, fitted, input)).collect();
+    let read = read_by(problem, fitted);
+    let inputs: Vec<InputNoise> = read.iter().map(|source| of_source(problem, fitted, *source)).collect();
     let total = inputs.iter().map(|noise| (noise.value_deg_rt_h + noise.rate_deg_rt_h).powi(2)).sum::<f64>();
+    let value = inputs.iter().map(|noise| noise.value_deg_rt_h.powi(2)).sum::<f64>();
     let raw = n_deg_rt_h.filter(|n| *n > 0.0);
+    let increase = |added: f64| raw.map(|n| (1.0 + added / n.powi(2)).sqrt() - 1.0);
     CorrectionNoise {
         inputs,
         deg_rt_h: total.sqrt(),
-        increase: raw.map(|n| (1.0 + total / n.powi(2)).sqrt() - 1.0),
+        increase: increase(total),
+        increase_by_value: increase(value),
         limit: INCREASE_MAX,
     }
 }
 
-/// Seconds between two samples of the thermometers.
-fn interval_s(problem: &Problem<'_>) -> f64 {
-    let steps = (problem.windows().shape.sample_interval_s / problem.period_s()).round().max(1.0);
-    steps * problem.period_s()
+/// Which input's rate terms make the most of it.
+pub(crate) fn loudest_rate(problem: &Problem<'_>, fitted: &Fitted) -> Option<usize> {
+    let noise = |input: &usize| {
+        let sources = parts(problem.inputs[*input].source);
+        let sigma = sources.iter().map(|(source, _)| Track::of(problem, *source).sigma.powi(2)).sum::<f64>().sqrt();
+        let h = sources.first().map_or(1.0, |(source, _)| Track::of(problem, *source).interval_s);
+        let sensed = Sensed::of(problem, fitted, *input, h);
+        sigma * rms(sensed.rate_alpha.iter().copied()) / h.sqrt()
+    };
+    fitted.taus.iter().map(|tau| tau.input).max_by(|a, b| noise(a).total_cmp(&noise(b)))
 }
 
-fn of_input(problem: &Problem<'_>, fitted: &Fitted, at: usize) -> InputNoise {
-    let input = &problem.inputs[at];
-    let sigma = sample_sigma(problem, input);
-    let interval_s = interval_s(problem);
-    let alpha = fitted.lag(at).map_or(0.0, |(tau_s, _)| -(-interval_s / tau_s).exp_m1());
-    let terms: Vec<_> =
-        fitted.terms.iter().zip(&fitted.theta[problem.levels.len()..]).filter(|(term, _)| term.input == at).collect();
-    let value_at = |x: f64| -> f64 {
-        let basis = chebyshev(x);
-        let of = |term: &TermPlace| match (term.kind, term.at) {
-            (TermKind::Bias, _) => basis[usize::from(term.order)],
-            (TermKind::Zone, Some(knot)) => zone(x, knot),
-            _ => 0.0,
-        };
-        terms.iter().map(|(term, value)| *value * of(term)).sum()
-    };
-    let slope = |x: &f64| (value_at(x + STEP) - value_at(x - STEP)) / (2.0 * STEP) * input.span.slope();
-    let rate = |x: &f64| -> f64 {
-        let basis = chebyshev(*x);
-        terms
-            .iter()
-            .filter(|(term, _)| term.kind == TermKind::Rate)
-            .map(|(t, c)| *c * basis[usize::from(t.order)])
-            .sum()
-    };
-    let rms = |of: &dyn Fn(&f64) -> f64| {
-        (input.x.iter().map(|x| of(x).powi(2)).sum::<f64>() / input.x.len().max(1) as f64).sqrt()
-    };
-    let walk = sigma / interval_s.sqrt() / ARCSEC_RT_S_PER_DEG_RT_H;
-    InputNoise {
-        input: input.name.clone(),
-        sigma,
-        value_deg_rt_h: walk * rms(&slope) * interval_s,
-        rate_deg_rt_h: walk * 60.0 * rms(&rate) * alpha,
-    }
-}
-
-/// σ of a sample; 0 where there is no track.
-fn sample_sigma(problem: &Problem<'_>, input: &Input) -> f64 {
-    let every = (interval_s(problem) / problem.period_s()).round().max(1.0) as usize;
-    let (mut sum, mut count) = (0.0, 0_u64);
-    for run in &problem.runs {
-        let track = input.source.track(problem.windows(), *run);
-        let last = track.len().saturating_sub(2 * every);
-        for at in (0..last).step_by(every) {
-            let second = track[at] - 2.0 * track[at + every] + track[at + 2 * every];
-            if second.is_finite() {
-                sum += second * second;
-                count += 1;
+/// Thermometers and columns behind the inputs that have terms.
+fn read_by(problem: &Problem<'_>, fitted: &Fitted) -> Vec<Source> {
+    let mut all: Vec<Source> = Vec::new();
+    for term in &fitted.terms {
+        for (source, _) in parts(problem.inputs[term.input].source) {
+            if !all.contains(&source) {
+                all.push(source);
             }
         }
     }
-    if count == 0 { 0.0 } else { (sum / 6.0 / count as f64).sqrt() }
+    all
+}
+
+/// What an input is read from, with its sign.
+fn parts(source: Source) -> Vec<(Source, f64)> {
+    match source {
+        Source::Difference { of, less } => vec![(Source::Thermometer(of), 1.0), (Source::Thermometer(less), -1.0)],
+        other => vec![(other, 1.0)],
+    }
+}
+
+fn of_source(problem: &Problem<'_>, fitted: &Fitted, source: Source) -> InputNoise {
+    let Track { sigma, interval_s } = Track::of(problem, source);
+    let mut value = vec![0.0; problem.len()];
+    let mut rate = value.clone();
+    for (at, input) in problem.inputs.iter().enumerate() {
+        let Some((_, sign)) = parts(input.source).into_iter().find(|(part, _)| *part == source) else { continue };
+        let sensed = Sensed::of(problem, fitted, at, interval_s);
+        value.iter_mut().zip(&sensed.slope).for_each(|(sum, slope)| *sum += sign * slope);
+        rate.iter_mut().zip(&sensed.rate_alpha).for_each(|(sum, c)| *sum += sign * c);
+    }
+    let walk = sigma / interval_s.sqrt() / ARCSEC_RT_S_PER_DEG_RT_H;
+    InputNoise {
+        input: source.name(&problem.windows().shape),
+        sigma,
+        value_deg_rt_h: walk * rms(value.into_iter()) * interval_s,
+        rate_deg_rt_h: walk * 60.0 * rms(rate.into_iter()),
+    }
+}
+
+/// What an input's terms make of a change of it, row by row: °/h per unit, and c·α of its rate terms.
+struct Sensed {
+    slope: Vec<f64>,
+    rate_alpha: Vec<f64>,
+}
+
+impl Sensed {
+    fn of(problem: &Problem<'_>, fitted: &Fitted, at: usize, interval_s: f64) -> Self {
+        let input: &Input = &problem.inputs[at];
+        let theta = &fitted.theta[problem.levels.len()..];
+        let terms: Vec<(&TermPlace, &f64)> =
+            fitted.terms.iter().zip(theta).filter(|(term, _)| term.input == at).collect();
+        let alpha = fitted.lag(at).map_or(0.0, |(tau_s, _)| -(-interval_s / tau_s).exp_m1());
+        let value_at = |x: f64| -> f64 {
+            let basis = chebyshev(x);
+            let of = |term: &TermPlace| match (term.kind, term.at) {
+                (TermKind::Bias, _) => basis[usize::from(term.order)],
+                (TermKind::Zone, Some(knot)) => zone(x, knot),
+                _ => 0.0,
+            };
+            terms.iter().map(|(term, value)| *value * of(term)).sum()
+        };
+        let slope = |x: &f64| (value_at(x + STEP) - value_at(x - STEP)) / (2.0 * STEP) * input.span.slope();
+        let rate = |x: &f64| -> f64 {
+            let basis = chebyshev(*x);
+            let rates = terms.iter().filter(|(term, _)| term.kind == TermKind::Rate);
+            alpha * rates.map(|(term, c)| *c * basis[usize::from(term.order)]).sum::<f64>()
+        };
+        Self { slope: input.x.iter().map(slope).collect(), rate_alpha: input.x.iter().map(rate).collect() }
+    }
+}
+
+fn rms(values: impl ExactSizeIterator<Item = f64>) -> f64 {
+    let count = values.len().max(1);
+    (values.map(|v| v * v).sum::<f64>() / count as f64).sqrt()
+}
+
+/// Noise of a thermometer or column as its track shows it.
+#[derive(Clone, Copy)]
+struct Track {
+    sigma: f64,
+    /// Time after which a reading is a new one, s.
+    interval_s: f64,
+}
+
+impl Track {
+    fn of(problem: &Problem<'_>, source: Source) -> Self {
+        let windows = problem.windows();
+        let row = (windows.shape.sample_interval_s / problem.period_s()).round().max(1.0) as usize;
+        let tracks: Vec<_> = problem.runs.iter().map(|run| source.track(windows, *run)).collect();
+        let renewal = tracks.iter().map(|track| renewal(track)).fold(0, gcd).max(row);
+        let mut seconds: Vec<f64> = Vec::new();
+        for track in &tracks {
+            // From the first renewal on, one point of each reading.
+            let first = track.windows(2).position(|pair| pair[0] != pair[1]).map_or(0, |at| at + 1);
+            let readings: Vec<f64> = track.iter().skip(first).step_by(renewal).copied().collect();
+            seconds.extend(readings.windows(3).map(|w| w[0] - 2.0 * w[1] + w[2]).filter(|s| s.is_finite()));
+        }
+        let interval_s = renewal as f64 * problem.period_s();
+        if seconds.is_empty() {
+            return Self { sigma: 0.0, interval_s };
+        }
+        let spread = if source.in_celsius() {
+            (seconds.iter().map(|s| s * s).sum::<f64>() / seconds.len() as f64).sqrt()
+        } else {
+            seconds.iter_mut().for_each(|s| *s = s.abs());
+            let middle = seconds.len() / 2;
+            NORMAL_MEDIAN * *seconds.select_nth_unstable_by(middle, f64::total_cmp).1
+        };
+        Self { sigma: spread / 6.0_f64.sqrt(), interval_s }
+    }
+}
+
+/// Points of a track after which its value may change: the greatest common divisor of the ways between changes; 0 without two
+/// of them.
+fn renewal(track: &[f64]) -> usize {
+    let mut changes = track.windows(2).enumerate().filter(|(_, pair)| pair[0] != pair[1]).map(|(at, _)| at);
+    let Some(first) = changes.next() else { return 0 };
+    changes.fold(0, |divisor, at| gcd(divisor, at - first))
+}
+
+fn gcd(a: usize, b: usize) -> usize {
+    if b == 0 { a } else { gcd(b, a % b) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_held_reading_is_new_after_its_hold() {
+        let held: Vec<f64> = (0..100).map(|i| f64::from((i + 3) / 10 * 7 % 13)).collect();
+        assert_eq!(renewal(&held), 10);
+        let fresh: Vec<f64> = (0..100).map(|i| f64::from(i * 7 % 13)).collect();
+        assert_eq!((renewal(&fresh), renewal(&[1.0; 9])), (1, 0));
+    }
 }

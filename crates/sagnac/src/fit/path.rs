@@ -4,11 +4,14 @@
 //! ```text
 //! forward:  of all models with one order (input, zone, set of steps) more, the smallest within 2 % of the least held-out
 //!           mean square M; taken if M_now/M > max(1.02, e^((Δk·ln n + 2·ln m)/n))
-//! back:     of all models with one order less, that of the least; taken if it is within 2 % of the least of all
+//! back:     of all models with one order less that are within 2 % of the least of all, the smallest
 //! ```
 //!
-//! with Δk coefficients more, n windows and m models that were tried in that step: the extended Bayesian criterion (Chen and Chen
+//! with Δk coefficients more, n windows (over (1 + ρ)/(1 − ρ) for residuals of lag-one correlation ρ) and m models that were tried in that step: the extended Bayesian criterion (Chen and Chen
 //! 2008) on data the fit did not see. Without it the best of twenty useless terms passes 2 % in every seventh record.
+//!
+//! Where there are further inputs three paths are gone, from the grid's best, from `bias 2` and from `bias 2, rate 0`. Of their ends within
+//! 2 % of the best the one with the fewest inputs is taken, then the smallest.
 //!
 //! A candidate whose terms are nearly combinations of each other (condition over [`CONDITION_MAX`], levels taken out,
 //! columns at unit length) is refused: its coefficients would be the noise's. Of candidates of one size within those 2 % the one of
@@ -45,6 +48,8 @@ pub(crate) struct Path {
 /// A model that was tried.
 struct Tried {
     spec: ModelSpec,
+    /// Windows over what their residuals' correlation makes of them.
+    windows: f64,
     /// Inputs that an image of it reads.
     inputs: usize,
     mean_square: Option<f64>,
@@ -69,22 +74,44 @@ impl Tried {
     }
 }
 
-/// Goes on from a model. `None` where it cannot be fitted out of sample itself.
+/// Goes on from a model; where there are further inputs from two small ones too, because the grid, which does not know the inputs,
+/// may end far from where they lead. Of the ends within 2 % of the best that with the fewest inputs counts, then the smallest. `None` where nothing can be fitted out of sample.
 pub(crate) fn walk(problem: &Problem<'_>, start: &ModelSpec, taus_s: &[f64]) -> Option<Path> {
+    let mut starts = vec![start.clone()];
+    if problem.inputs.len() > 1 {
+        let rates = if problem.has_rate() { vec![None, Some(0)] } else { vec![None] };
+        starts.extend(rates.into_iter().map(|rate| ModelSpec {
+            bias: 2,
+            rate,
+            scale: start.scale,
+            ..ModelSpec::default()
+        }));
+        starts.dedup();
+    }
+    let ends: Vec<Path> = starts.iter().filter_map(|start| walk_from(problem, start, taus_s)).collect();
+    let least = ends.iter().map(|end| end.mean_square).fold(f64::INFINITY, f64::min);
+    let good = ends.into_iter().filter(|end| end.mean_square <= SMALLER_WINS_WITHIN * least);
+    // An input more is a wire more: fewer of them win before fewer coefficients.
+    good.min_by_key(|end| (inputs_read(problem, &end.spec), end.spec.coefficients()))
+}
+
+fn walk_from(problem: &Problem<'_>, start: &ModelSpec, taus_s: &[f64]) -> Option<Path> {
     let mut here = try_all(problem, std::slice::from_ref(start), taus_s).pop().filter(|t| t.mean_square.is_some())?;
     let mut steps = vec![here.step(0, PathVerdict::Start)];
     let mut least = here.square();
+    let mut number = 0;
     for forward in [true, false] {
-        while steps.iter().filter(|step| step.verdict == PathVerdict::Taken).count() < MOST_STEPS {
+        for _ in 0..MOST_STEPS {
             let next = if forward { grown(problem, &here.spec) } else { shrunk(&here.spec) };
             let tried = try_all(problem, &next, taus_s);
-            let number = steps.last().map_or(0, |step| step.step) + 1;
-            let best = best_of(&tried);
-            let taken = best.filter(|at| {
-                let (square, more) = (tried[*at].square(), tried[*at].spec.coefficients());
-                let gain = needed_gain(problem.len(), more.saturating_sub(here.spec.coefficients()), tried.len());
+            let passes = |model: &Tried| {
+                let more = model.spec.coefficients().saturating_sub(here.spec.coefficients());
+                let gain = needed_gain(here.windows, more, tried.len());
+                let square = model.square();
                 if forward { square * gain < least } else { square <= SMALLER_WINS_WITHIN * least }
-            });
+            };
+            let taken = best_of(&tried, passes);
+            number += 1;
             steps.extend(tried.iter().enumerate().map(|(at, model)| {
                 let verdict = match (Some(at) == taken, model.mean_square.is_some(), collinear(model)) {
                     (true, ..) => PathVerdict::Taken,
@@ -95,7 +122,10 @@ pub(crate) fn walk(problem: &Problem<'_>, start: &ModelSpec, taus_s: &[f64]) -> 
                 };
                 model.step(number, verdict)
             }));
-            let Some(at) = taken else { break };
+            let Some(at) = taken else {
+                number -= 1;
+                break;
+            };
             here = tried.into_iter().nth(at)?;
             least = least.min(here.square());
         }
@@ -108,15 +138,16 @@ fn collinear(model: &Tried) -> bool {
 }
 
 /// By what factor a model must better the one before it.
-fn needed_gain(windows: usize, more: usize, tried: usize) -> f64 {
-    let n = windows.max(2) as f64;
+fn needed_gain(windows: f64, more: usize, tried: usize) -> f64 {
+    let n = windows.max(2.0);
     let criterion = (more as f64 * n.ln() + 2.0 * (tried.max(1) as f64).ln()) / n;
     criterion.exp().max(SMALLER_WINS_WITHIN)
 }
 
-/// The smallest within 2 % of the least mean square; of those of one size the least condition.
-fn best_of(tried: &[Tried]) -> Option<usize> {
-    let fair = || (0..tried.len()).filter(|at| !collinear(&tried[*at]) && tried[*at].mean_square.is_some());
+/// Of those that pass the smallest within 2 % of the least mean square; of those of one size the least condition.
+fn best_of(tried: &[Tried], passes: impl Fn(&Tried) -> bool) -> Option<usize> {
+    let is_fair = |model: &Tried| !collinear(model) && model.mean_square.is_some() && passes(model);
+    let fair = || (0..tried.len()).filter(|at| is_fair(&tried[*at]));
     let least = fair().map(|at| tried[at].square()).fold(f64::INFINITY, f64::min);
     let condition = |at: usize| tried[at].condition.unwrap_or(1.0);
     fair().filter(|at| tried[*at].square() <= SMALLER_WINS_WITHIN * least).min_by(|a, b| {
@@ -132,8 +163,16 @@ fn try_all(problem: &Problem<'_>, specs: &[ModelSpec], taus_s: &[f64]) -> Vec<Tr
         let condition = fitted.as_ref().and_then(|f| f.nearness.as_ref()).map(|near| near.condition);
         let fair = fitted.is_some() && condition.is_none_or(|condition| condition <= CONDITION_MAX);
         let mean_square = if fair { Trial::new(problem, spec, taus_s).held_out() } else { None };
-        Tried { spec: spec.clone(), inputs: inputs_read(problem, spec), mean_square, condition }
+        let rho = fitted.as_ref().map_or(0.0, |f| f.autocorrelation);
+        let windows = problem.len() as f64 * (1.0 - rho) / (1.0 + rho);
+        Tried { spec: spec.clone(), windows, inputs: inputs_read(problem, spec), mean_square, condition }
     })
+}
+
+/// An image can read all inputs of a model and hold all its terms.
+pub(crate) fn fits_image(problem: &Problem<'_>, spec: &ModelSpec) -> bool {
+    let inputs = inputs_read(problem, spec);
+    inputs <= sagnac_core::MAX_THERMOMETERS && Work::of_model(spec, inputs).terms <= sagnac_core::MAX_TERMS
 }
 
 /// Thermometers, differences and columns that an image of a model describes.
@@ -181,7 +220,7 @@ fn grown(problem: &Problem<'_>, from: &ModelSpec) -> Vec<ModelSpec> {
         }
     }
     let affordable = |spec: &ModelSpec| problem.len() >= 3 * (problem.levels.len() + spec.coefficients());
-    all.retain(|spec| affordable(spec) && inputs_read(problem, spec) <= sagnac_core::MAX_THERMOMETERS);
+    all.retain(|spec| affordable(spec) && fits_image(problem, spec));
     all
 }
 

@@ -70,6 +70,7 @@ pub fn calibrate_with_evidence(
     options: &FitOptions,
 ) -> Result<(Calibration, Evidence)> {
     let sensor = sensor_of(&windows.shape, setup).map_err(|e| of_file(e, &windows))?;
+    check_aux(&windows.shape, setup)?;
     for i in 0..windows.len() {
         if windows.rows.mean_c[sensor][i].is_nan() {
             windows.exclude(i, Reason::NoTemperature);
@@ -132,6 +133,16 @@ fn sensor_of(shape: &WindowShape, setup: &Setup) -> Result<usize> {
             .column("use_thermometer")
             .value(wanted)
             .help(format!("it has: {}", Error::choices(&shape.thermometers)))
+    })
+}
+
+/// A setup for a column that is not there would do nothing without a word.
+fn check_aux(shape: &WindowShape, setup: &Setup) -> Result<()> {
+    setup.aux.iter().find(|aux| !shape.aux.contains(&aux.name)).map_or(Ok(()), |stray| {
+        Err(Error::input("the log has no auxiliary column of this name")
+            .column("aux.name")
+            .value(&stray.name)
+            .help(format!("it has: {}", Error::choices(&shape.aux))))
     })
 }
 
@@ -249,6 +260,7 @@ fn fit_axis(
         soak: None,
         cross_validation: chosen.cross_validation(),
         candidates: chosen.candidates(),
+        inputs_aside: chosen.aside.clone(),
         path: chosen.path.clone(),
         excluded: windows.tallies.list(),
         covariance: fitted.covariance.row_iter().map(|row| row.iter().copied().collect()).collect(),
@@ -285,7 +297,10 @@ fn further_inputs(
     sensor: usize,
 ) -> Vec<FurtherInput> {
     let shape = &windows.shape;
-    let named: Vec<InputPlace> = problem.inputs[1..].iter().map(|input| input.source).collect();
+    // One whose terms were all left out is read no more.
+    let has_terms = |at: &usize| fitted.terms.iter().any(|term| term.input == *at);
+    let named: Vec<InputPlace> =
+        (1..problem.inputs.len()).filter(has_terms).map(|at| problem.inputs[at].source).collect();
     let needed = channels(InputPlace::Thermometer(sensor), &named).into_iter().skip(1);
     let of = |source: InputPlace| {
         let name = source.name(shape);
@@ -309,10 +324,25 @@ fn further_inputs(
             offset,
             gain_per_code,
             plausible,
+            rms_dph: own.map_or(0.0, |at| rms_of(fitted, problem, at)),
             hold_s,
         })
     };
     needed.filter_map(of).collect()
+}
+
+/// Root mean square of what the terms of an input make over the rows, about their mean, °/h.
+fn rms_of(fitted: &Fitted, problem: &Problem<'_>, input: usize) -> f64 {
+    let taus: Vec<(usize, f64)> = fitted.taus.iter().map(|tau| (tau.input, tau.value_s)).collect();
+    let rates = problem.rates(&taus);
+    let theta = &fitted.theta[problem.levels.len()..];
+    let made = |row: usize| -> f64 {
+        let own = fitted.terms.iter().zip(theta).filter(|(term, _)| term.input == input);
+        own.map(|(term, value)| value * problem.regressor(term, row, &rates)).sum()
+    };
+    let made: Vec<f64> = (0..problem.len()).map(made).collect();
+    let mean = made.iter().sum::<f64>() / made.len().max(1) as f64;
+    (made.iter().map(|m| (m - mean).powi(2)).sum::<f64>() / made.len().max(1) as f64).sqrt()
 }
 
 /// How the target reads an input.
@@ -402,7 +432,7 @@ fn terms(fitted: &Fitted, problem: &Problem<'_>, sensor: &str) -> Vec<Term> {
             at: place.at.map(begins),
             value,
             sigma: Some(sigma),
-            unit: place.kind.unit().to_owned(),
+            unit: if input.source.in_celsius() { place.kind.unit() } else { place.kind.unit_over_column() }.to_owned(),
             significant: Some(value.abs() > fitted.t95 * sigma),
             inflation: inflation(at),
             bootstrap: None,

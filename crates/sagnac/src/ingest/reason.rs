@@ -27,6 +27,8 @@ pub enum Reason {
     TemperatureNotANumber,
     /// A temperature outside the plausible limits.
     TemperatureImplausible,
+    /// An auxiliary value outside of what the setup believes of its column.
+    AuxImplausible,
     /// A temperature that jumped by more than 5 °C between rows and did not stay.
     ThermometerJump,
     /// A thermometer that stood still while another moved.
@@ -51,7 +53,7 @@ pub enum Reason {
 
 impl Reason {
     /// Every reason.
-    pub const ALL: [Self; 19] = [
+    pub const ALL: [Self; 20] = [
         Self::Ragged,
         Self::NotANumber,
         Self::ValueOutOfRange,
@@ -61,6 +63,7 @@ impl Reason {
         Self::FlaggedInvalid,
         Self::TemperatureNotANumber,
         Self::TemperatureImplausible,
+        Self::AuxImplausible,
         Self::ThermometerJump,
         Self::ThermometerFrozen,
         Self::Settling,
@@ -85,6 +88,7 @@ impl Reason {
             Self::FlaggedInvalid => "flagged_invalid",
             Self::TemperatureNotANumber => "temperature_not_a_number",
             Self::TemperatureImplausible => "temperature_implausible",
+            Self::AuxImplausible => "aux_implausible",
             Self::ThermometerJump => "thermometer_jump",
             Self::ThermometerFrozen => "thermometer_frozen",
             Self::Settling => "settling",
@@ -114,6 +118,7 @@ impl Reason {
             Self::FlaggedInvalid => "The log's own flag.",
             Self::TemperatureNotANumber => "A temperature field that holds no number.",
             Self::TemperatureImplausible => "A temperature outside the plausible limits.",
+            Self::AuxImplausible => "An auxiliary value outside of what the setup believes of its column.",
             Self::ThermometerJump => "A temperature that jumped by over 5 °C between rows and did not stay.",
             Self::ThermometerFrozen => "A thermometer that stood still while another moved.",
             Self::Settling => "Within settle_s of the start of the run.",

@@ -18,6 +18,8 @@ use crate::setup::{Counter, Setup};
 use crate::units::s_from_ns;
 
 /// A cumulative counter may bridge rows that could not be read, up to this many intervals.
+/// What is believed of an auxiliary column of which nothing is said.
+const MOST_OF_AUX: [f64; 2] = [-1e12, 1e12];
 const BRIDGED_INTERVALS: i64 = 3;
 /// No log has a gap of 30 days.
 const LEAP_NS: i64 = 30 * 86_400 * 1_000_000_000;
@@ -86,6 +88,8 @@ pub(crate) struct RowCheck {
     /// The largest step of a total so far, with its sign.
     largest_step: i64,
     thermometers: Vec<ThermometerCheck>,
+    /// Per auxiliary column: what is believed of it.
+    aux_plausible: Vec<Option<[f64; 2]>>,
     pub(crate) tallies: Tallies,
     pub(crate) rows_read: u64,
 }
@@ -108,6 +112,7 @@ impl RowCheck {
             last_counter: None,
             largest_step: 0,
             thermometers: thermometers.collect(),
+            aux_plausible: layout.aux.iter().map(|(_, name)| setup.aux(name).plausible).collect(),
             tallies: Tallies::default(),
             rows_read: 0,
         }
@@ -115,7 +120,7 @@ impl RowCheck {
 
     /// Judges rows; appends to `batch` those that are usable.
     pub(crate) fn push(&mut self, rows: &RawRows, batch: &mut Batch) -> Result<()> {
-        let mut at = 0;
+        let (mut at, from) = (0, batch.len());
         while at < rows.len() {
             let plain = self.plain_rows(rows, at);
             if plain > at {
@@ -129,7 +134,20 @@ impl RowCheck {
                 }
             }
         }
+        self.believe_aux(batch, from);
         Ok(())
+    }
+
+    /// Auxiliary values that the setup does not believe are not known.
+    fn believe_aux(&mut self, batch: &mut Batch, from: usize) {
+        let (file, tallies) = (&self.file, &mut self.tallies);
+        for (column, plausible) in batch.aux.iter_mut().zip(&self.aux_plausible) {
+            let [lo, hi] = plausible.as_ref().unwrap_or(&MOST_OF_AUX);
+            for (value, line) in column.iter_mut().zip(&batch.line).skip(from).filter(|(v, _)| **v < *lo || **v > *hi) {
+                *value = f64::NAN;
+                tallies.add(Reason::AuxImplausible, 1, || format!("{file}:{line}"));
+            }
+        }
     }
 
     /// The end of the rows from `at` on that the state machine would let through as they are. A log with

@@ -338,7 +338,7 @@ fn evidence(windows: &Windows, drifts: &Drifts<'_>, used: &[usize], sensor: Opti
     Evidence { timed: windows.shape.timed, axes, runs }
 }
 
-/// Windows with the raw axes first, the corrected ones after them, and one auxiliary column per axis
+/// Windows with the raw axes first, the corrected ones after them, and behind the log's own one auxiliary column per axis
 /// and status bit.
 fn replay_windows(correction: &Correction, logs: Vec<LogReader>, setup: &Setup, keep_all: bool) -> Result<Windows> {
     let mut builder: Option<(WindowBuilder, LogShape)> = None;
@@ -351,7 +351,9 @@ fn replay_windows(correction: &Correction, logs: Vec<LogReader>, setup: &Setup, 
             Some(both) => both,
             None => {
                 let both_sides = with_corrected_axes(&shape);
-                let own = WindowBuilder::new(&both_sides, setup)?.judging(shape.axes.len()).without_aux_tracks();
+                let own = WindowBuilder::new(&both_sides, setup)?
+                    .judging(shape.axes.len(), shape.aux.len())
+                    .without_aux_tracks();
                 builder.insert((own, shape.clone()))
             }
         };
@@ -368,16 +370,19 @@ fn replay_windows(correction: &Correction, logs: Vec<LogReader>, setup: &Setup, 
 
 fn with_corrected_axes(shape: &LogShape) -> LogShape {
     let bits = shape.axes.iter().flat_map(|axis| Status::NAMES.iter().map(move |(_, name)| format!("{axis} {name}")));
-    LogShape { axes: [shape.axes.clone(), shape.axes.clone()].concat(), aux: bits.collect(), ..shape.clone() }
+    LogShape {
+        axes: [shape.axes.clone(), shape.axes.clone()].concat(),
+        aux: shape.aux.iter().cloned().chain(bits).collect(),
+        ..shape.clone()
+    }
 }
 
 fn with_corrected(batch: &Batch, corrected: Corrected) -> Batch {
     let bits = corrected.status.iter().flat_map(|rows| {
         Status::NAMES.iter().map(|(bit, _)| rows.iter().map(|s| f64::from(u8::from(s.contains(*bit)))).collect())
     });
-    let aux = bits.collect();
     let mut both = batch.clone();
-    both.aux = aux;
+    both.aux.extend(bits);
     both.angle.extend(corrected.angle);
     both
 }
@@ -416,7 +421,8 @@ fn axis_figures(
     let (before, after) = (figures(axis)?, figures(axis + count)?);
     let ratio = |before: f64, after: f64| (after > 0.0).then_some(before / after);
     let status_windows = Status::NAMES.iter().enumerate().map(|(bit, (_, name))| {
-        let column = &windows.rows.aux[axis * Status::NAMES.len() + bit];
+        let own = windows.rows.aux.len() - count * Status::NAMES.len();
+        let column = &windows.rows.aux[own + axis * Status::NAMES.len() + bit];
         ((*name).to_owned(), used.iter().filter(|i| column[**i] > 0.0).count())
     });
     let letter = windows.shape.axes[axis];

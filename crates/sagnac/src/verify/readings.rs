@@ -91,9 +91,21 @@ fn recorded(axis: &AxisCalibration, shape: &LogShape) -> Result<Vec<LogColumn>> 
 
 /// Of an image without names.
 fn named(wanted: usize, shape: &LogShape, setup: &Setup) -> Result<Vec<LogColumn>> {
-    let names = setup.inputs.as_deref().unwrap_or(&[]);
     if wanted == 0 {
         return Ok(Vec::new());
+    }
+    // A difference is read as its two thermometers, of which the first of all is not named here.
+    let main = setup.use_thermometer.as_deref().map_or("", label);
+    let mut names: Vec<&str> = Vec::new();
+    for name in setup.inputs.iter().flatten() {
+        let known = shape.aux.iter().any(|aux| aux == name);
+        let parts: Vec<&str> = if known { vec![name] } else { name.split(" - ").collect() };
+        let one = parts.len() == 1;
+        for part in parts.into_iter().filter(|part| one || *part != main) {
+            if !names.contains(&part) {
+                names.push(part);
+            }
+        }
     }
     if names.len() != wanted {
         return Err(Error::input(format!(
@@ -103,10 +115,10 @@ fn named(wanted: usize, shape: &LogShape, setup: &Setup) -> Result<Vec<LogColumn
         .column("inputs")
         .help("name them in the image's order with --inputs, or give the calibration instead"));
     }
-    let find = |name: &String| {
-        let thermometer = shape.thermometers.iter().position(|other| label(other) == name);
+    let find = |name: &&str| {
+        let thermometer = shape.thermometers.iter().position(|other| label(other) == *name);
         let found = thermometer.map(LogColumn::Thermometer).or_else(|| place(&shape.aux, name).map(LogColumn::Aux));
-        found.ok_or_else(|| Error::input("the log has no such input").column("inputs").value(name))
+        found.ok_or_else(|| Error::input("the log has no such input").column("inputs").value(*name))
     };
     names.iter().map(find).collect()
 }

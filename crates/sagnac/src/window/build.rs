@@ -27,6 +27,8 @@ pub struct WindowBuilder {
     /// Length of each row of the batch at hand, ns.
     weights: Vec<f64>,
     judged_axes: usize,
+    /// Auxiliary columns of the log whose jumps explain jumps of the rate.
+    judged_aux: usize,
     /// Columns whose track is kept: thermometers, then auxiliary columns.
     tracks: usize,
     /// Per window: σ of the reference rate within it, °/s.
@@ -54,6 +56,8 @@ struct Sums {
     /// Per thermometer: lowest and highest.
     extremes_c: Vec<(f64, f64)>,
     aux: Vec<Moments>,
+    /// Per auxiliary column: lowest and highest.
+    aux_extremes: Vec<(f64, f64)>,
     reference: Moments,
 }
 
@@ -191,6 +195,8 @@ impl WindowBuilder {
             max_c: columns(log.thermometers.len()),
             aux: columns(log.aux.len()),
             aux_variance: columns(log.aux.len()),
+            aux_min: columns(log.aux.len()),
+            aux_max: columns(log.aux.len()),
             ..WindowRows::default()
         };
         Ok(Self {
@@ -203,15 +209,16 @@ impl WindowBuilder {
             run: None,
             weights: Vec::new(),
             judged_axes: log.axes.len(),
+            judged_aux: log.aux.len(),
             tracks: log.thermometers.len() + log.aux.len(),
             table_spread_dps: Vec::new(),
         })
     }
 
-    /// Lets only the first `axes` axes decide which windows are outliers.
+    /// Lets only the first `axes` axes and `aux` auxiliary columns decide which windows are outliers.
     #[must_use]
-    pub fn judging(self, axes: usize) -> Self {
-        Self { judged_axes: axes, ..self }
+    pub fn judging(self, axes: usize, aux: usize) -> Self {
+        Self { judged_axes: axes, judged_aux: aux, ..self }
     }
 
     /// Keeps the tracks of thermometers alone.
@@ -345,6 +352,9 @@ impl WindowBuilder {
         push(&mut rows.max_c, &mut extremes().map(|(m, (_, max))| known(m, *max)));
         push(&mut rows.aux, &mut sums.aux.iter().map(|m| known(m, m.mean())));
         push(&mut rows.aux_variance, &mut sums.aux.iter().map(|m| known(m, m.variance())));
+        let extremes = || sums.aux.iter().zip(&sums.aux_extremes);
+        push(&mut rows.aux_min, &mut extremes().map(|(m, (min, _))| known(m, *min)));
+        push(&mut rows.aux_max, &mut extremes().map(|(m, (_, max))| known(m, *max)));
     }
 
     /// Ends the run; `summary` tells where it came from.
@@ -371,7 +381,7 @@ impl WindowBuilder {
         }
         outliers::mark_table_changes(&mut windows, &self.table_spread_dps);
         if !keep_all {
-            outliers::mark(&mut windows, self.judged_axes);
+            outliers::mark(&mut windows, self.judged_axes, self.judged_aux);
         }
         windows
     }
@@ -428,6 +438,7 @@ impl Sums {
             temperatures: vec![Moments::EMPTY; batch.temperature_c.len()],
             extremes_c: Vec::new(),
             aux: vec![Moments::EMPTY; batch.aux.len()],
+            aux_extremes: vec![(f64::INFINITY, f64::NEG_INFINITY); batch.aux.len()],
             reference: Moments::EMPTY,
         }
     }
@@ -445,6 +456,9 @@ impl Sums {
         let temperatures = self.temperatures.iter_mut().zip(&batch.temperature_c);
         for (moments, column) in temperatures.chain(self.aux.iter_mut().zip(&batch.aux)) {
             moments.add(place, &column[rows.clone()], weights);
+        }
+        for (extremes, column) in self.aux_extremes.iter_mut().zip(&batch.aux) {
+            *extremes = extremes_with(*extremes, &column[rows.clone()]);
         }
         self.reference.add(place, batch.reference_dps.get(rows).unwrap_or(&[]), weights);
     }

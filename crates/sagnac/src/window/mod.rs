@@ -92,6 +92,10 @@ pub struct WindowRows {
     pub aux: Vec<Vec<f64>>,
     /// Per auxiliary column: second moment about the mean.
     pub aux_variance: Vec<Vec<f64>>,
+    /// Per auxiliary column: lowest value.
+    pub aux_min: Vec<Vec<f64>>,
+    /// Per auxiliary column: highest value.
+    pub aux_max: Vec<Vec<f64>>,
     /// Mean reference rate, °/s; NaN without.
     pub reference_dps: Vec<f64>,
     /// Line of the window's first row.

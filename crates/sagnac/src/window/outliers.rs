@@ -4,7 +4,9 @@
 //! size passes, in windows of any length. Five predictions interpolate between a window before and one
 //! after (at the ends of a run they extrapolate), and the second closest counts; the scale is robust
 //! and has a floor of 10 % of the run's own range, so that a noise-free record is not taken apart at its
-//! corners. A step is a lasting change that happens at once, among small ones.
+//! corners. A step is a lasting change that happens at once, among small ones. Where an auxiliary column jumps with it (the
+//! mode, the path-length voltage at a reset) it is no outlier but something to be fitted: there the two sides are laid
+//! together before they are judged.
 //!
 //! Limits: a bump longer than three windows passes unless it rises and falls like steps; so does a step
 //! of less than ten sigma or a quarter of the range, and one where the temperature rate changes by over
@@ -25,6 +27,14 @@ const BUMP_SIGMAS: f64 = 8.0;
 const BUMP_OF_RANGE: f64 = 0.1;
 const STEP_SIGMAS: f64 = 10.0;
 const STEP_OF_RANGE: f64 = 0.25;
+/// An auxiliary column that moves by this part of its range between two windows jumps …
+const COLUMN_JUMP: f64 = 0.25;
+/// … if that is this many times what it usually moves.
+const JUMP_OF_USUAL: f64 = 8.0;
+/// A column of which this part of the windows hold a whole number …
+const WHOLE: f64 = 0.9;
+/// … to within this.
+const NEAR_WHOLE: f64 = 1e-9;
 /// It happens in this part of the time between the two sides (evenly spaced windows: 1/3).
 const STEP_OF_TIME: f64 = 0.45;
 /// Nothing is called a step where the temperature rate changes by this much.
@@ -35,15 +45,15 @@ const STEP_OF_CHANGES: f64 = 4.0;
 const STEP_AT_ONCE: f64 = 0.7;
 
 /// Marks outliers of every run, as the first `axes` axes show them.
-pub(crate) fn mark(windows: &mut Windows, axes: usize) {
+pub(crate) fn mark(windows: &mut Windows, axes: usize, aux: usize) {
     for run in 0..windows.runs.len() {
         for axis in 0..axes {
-            mark_run(windows, run, axis);
+            mark_run(windows, run, axis, aux);
         }
     }
 }
 
-fn mark_run(windows: &mut Windows, run: usize, axis: usize) {
+fn mark_run(windows: &mut Windows, run: usize, axis: usize, aux: usize) {
     let members: Vec<usize> = (0..windows.len())
         .filter(|i| windows.rows.run[*i] as usize == run && windows.rows.excluded[*i].is_none())
         .collect();
@@ -54,7 +64,7 @@ fn mark_run(windows: &mut Windows, run: usize, axis: usize) {
     };
     let stretches: Vec<Vec<usize>> = members.chunk_by(same_rate).map(<[usize]>::to_vec).collect();
     for stretch in stretches.iter().filter(|stretch| stretch.len() >= MIN_WINDOWS) {
-        mark_stretch(windows, stretch, axis);
+        mark_stretch(windows, stretch, axis, aux);
     }
 }
 
@@ -69,8 +79,28 @@ pub(crate) fn mark_table_changes(windows: &mut Windows, spread_dps: &[f64]) {
     }
 }
 
-fn mark_stretch(windows: &mut Windows, members: &[usize], axis: usize) {
-    let series = Series::of(windows, axis, members);
+/// True behind each window of a stretch at which an auxiliary column jumps: by over a quarter of its range in the stretch, and
+/// by far more than it usually moves between two windows.
+fn jumps(windows: &Windows, members: &[usize], aux: usize) -> Vec<bool> {
+    let mut jumps = vec![false; members.len()];
+    for column in &windows.rows.aux[..aux.min(windows.rows.aux.len())] {
+        let values: Vec<f64> = members.iter().map(|i| column[*i]).collect();
+        let (lo, hi) = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| (lo.min(*v), hi.max(*v)));
+        let each: Vec<f64> = values.windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect();
+        let usual = median(each.iter().copied().filter(|m| m.is_finite()).collect());
+        // Whole numbers are modes or gains: each change counts.
+        let whole = values.iter().filter(|v| (*v - v.round()).abs() < NEAR_WHOLE).count();
+        let is_whole = whole as f64 >= WHOLE * values.len() as f64;
+        let limit = if is_whole { NEAR_WHOLE } else { (COLUMN_JUMP * (hi - lo)).max(JUMP_OF_USUAL * usual) };
+        let found = each.iter().zip(&mut jumps[1..]).filter(|(m, _)| **m >= limit && **m > 0.0);
+        found.for_each(|(_, jump)| *jump = true);
+    }
+    jumps
+}
+
+fn mark_stretch(windows: &mut Windows, members: &[usize], axis: usize, aux: usize) {
+    let levels = Levels::of(windows, axis, members, aux);
+    let series = Series::of(windows, axis, members, &levels);
     let scale = robust_scale(&residuals(windows, members, &series));
     let kept = keep_one_level(&series, (STEP_SIGMAS * scale).max(STEP_OF_RANGE * decile_range(&series.rates)));
     for (member, _) in members.iter().zip(&kept).filter(|(_, kept)| !**kept) {
@@ -78,11 +108,34 @@ fn mark_stretch(windows: &mut Windows, members: &[usize], axis: usize) {
     }
     // What is left is one level: a bump stands out from it alone.
     let left: Vec<usize> = members.iter().zip(&kept).filter(|(_, kept)| **kept).map(|(i, _)| *i).collect();
-    let series = Series::of(windows, axis, &left);
+    let series = Series::of(windows, axis, &left, &levels);
     let residuals = residuals(windows, &left, &series);
     let limit = (BUMP_SIGMAS * robust_scale(&residuals)).max(BUMP_OF_RANGE * decile_range(&series.rates));
     for (i, member) in left.iter().enumerate().filter(|(i, _)| residuals[*i].abs() > limit) {
         windows.exclude(*member, if *member == members[0] && i == 0 { Reason::StartUp } else { Reason::Motion });
+    }
+}
+
+/// What to take from the rate of each window so that the two sides of a jump of an auxiliary column lie together.
+struct Levels(std::collections::BTreeMap<usize, f64>);
+
+impl Levels {
+    fn of(windows: &Windows, axis: usize, members: &[usize], aux: usize) -> Self {
+        let rate = |i: usize| windows.rate_dph(axis, i);
+        let mut level = 0.0;
+        let jumps = jumps(windows, members, aux);
+        let mut levels = std::collections::BTreeMap::new();
+        for (at, member) in members.iter().enumerate() {
+            if jumps[at] {
+                // Medians of up to three windows on both sides, not reaching across another jump.
+                let before = (at.saturating_sub(3)..at).rev().take_while(|k| *k + 1 == at || !jumps[*k + 1]);
+                let before = median(before.map(|k| rate(members[k])).collect());
+                let after = (at..members.len().min(at + 3)).take_while(|k| *k == at || !jumps[*k]);
+                level += median(after.map(|k| rate(members[k])).collect()) - before;
+            }
+            levels.insert(*member, level);
+        }
+        Self(levels)
     }
 }
 
@@ -95,11 +148,12 @@ struct Series {
 }
 
 impl Series {
-    fn of(windows: &Windows, axis: usize, members: &[usize]) -> Self {
+    fn of(windows: &Windows, axis: usize, members: &[usize], levels: &Levels) -> Self {
+        let level = |i: &usize| levels.0.get(i).copied().unwrap_or(0.0);
         let middle = |i: &usize| s_from_ns(windows.rows.start_ns[*i] / 2 + windows.rows.end_ns[*i] / 2);
         Self {
             times_s: members.iter().map(middle).collect(),
-            rates: members.iter().map(|i| windows.rate_dph(axis, *i)).collect(),
+            rates: members.iter().map(|i| windows.rate_dph(axis, *i) - level(i)).collect(),
             temperatures_c: members
                 .iter()
                 .map(|i| windows.rows.mean_c.first().map_or(f64::NAN, |column| column[*i]))

@@ -153,9 +153,11 @@ fn to_batch(windows: &Windows, setup: &Setup) -> Result<RecordBatch> {
         }
         columns.push((track_column(shape, i), tracks(windows, i)));
     }
-    for (name, (mean, variance)) in shape.aux.iter().zip(rows.aux.iter().zip(&rows.aux_variance)) {
-        columns.push((format!("aux_{name}"), float(mean)));
-        columns.push((format!("variance_aux_{name}"), float(variance)));
+    for (i, name) in shape.aux.iter().enumerate() {
+        let all = [&rows.aux, &rows.aux_variance, &rows.aux_min, &rows.aux_max];
+        for (prefix, column) in AUX_COLUMNS.iter().zip(all) {
+            columns.push((format!("{prefix}_{name}"), float(&column[i])));
+        }
     }
     for at in shape.thermometers.len()..shape.thermometers.len() + shape.aux.len() {
         columns.push((track_column(shape, at), tracks(windows, at)));
@@ -170,6 +172,7 @@ fn to_batch(windows: &Windows, setup: &Setup) -> Result<RecordBatch> {
 }
 
 const SENSOR_COLUMNS: [&str; 4] = ["mean_c", "variance_c2", "min_c", "max_c"];
+const AUX_COLUMNS: [&str; 4] = ["aux", "variance_aux", "min_aux", "max_aux"];
 
 fn float(values: &[f64]) -> ArrayRef {
     Arc::new(Float64Array::from(values.to_vec()))
@@ -296,6 +299,8 @@ fn empty_windows(meta: Metadata) -> Windows {
         max_c: columns(sensors),
         aux: columns(meta.aux.len()),
         aux_variance: columns(meta.aux.len()),
+        aux_min: columns(meta.aux.len()),
+        aux_max: columns(meta.aux.len()),
         ..WindowRows::default()
     };
     let unit = match (meta.arcsec_per_count, meta.quantum) {
@@ -394,9 +399,11 @@ fn append(windows: &mut Windows, batch: &RecordBatch) -> Result<()> {
             target.ok_or_else(|| missing("run"))?.extend(piece.values());
         }
     }
-    for (name, (mean, variance)) in shape.aux.iter().zip(rows.aux.iter_mut().zip(&mut rows.aux_variance)) {
-        mean.extend(floats(&format!("aux_{name}"))?);
-        variance.extend(floats(&format!("variance_aux_{name}"))?);
+    for (i, name) in shape.aux.iter().enumerate() {
+        let slots = [&mut rows.aux, &mut rows.aux_variance, &mut rows.aux_min, &mut rows.aux_max];
+        for (prefix, slot) in AUX_COLUMNS.iter().zip(slots) {
+            slot[i].extend(floats(&format!("{prefix}_{name}"))?);
+        }
     }
     rows.run.extend(run);
     Ok(())

@@ -123,8 +123,9 @@ module sagnac_series #(
     wire signed [31:0] term_mantissa = TERM_MANTISSA[32*term[4:0] +: 32];
     wire [6:0] term_shift = TERM_SHIFT[7*term[4:0] +: 7];
     wire signed [15:0] term_knot = TERM_KNOT[16*term[4:0] +: 16];
-    wire signed [48:0] above_knot = x[term_sensor] - {term_knot[15], term_knot, 32'd0};
-    wire signed [48:0] half_above = (above_knot + 49'sd65536) >>> 17;
+    // From -1 to +1 are 2 in Q47: 50 bits with the sign.
+    wire signed [49:0] above_knot = {x[term_sensor][48], x[term_sensor]} - {{2{term_knot[15]}}, term_knot, 32'd0};
+    wire signed [49:0] half_above = (above_knot + 50'sd65536) >>> 17;
 
     // Nothing of what an image does not use is made.
     localparam HAS_DIFFERENCES = |IS_DIFFERENCE, HAS_ZONES = |TERM_IS_ZONE, HAS_STEPS = |TERM_IS_STEP;
@@ -317,11 +318,11 @@ module sagnac_series #(
                 end
                 // Terms, one after the other.
                 TERM_READ: if (HAS_ZONES && TERM_IS_ZONE[term[4:0]])
-                    multiply(above_knot < 49'sd0 ? 64'sd0 : {{15{half_above[48]}}, half_above},
-                             above_knot < 49'sd0 ? 35'sd0 : half_above[34:0], 7'd31, 1'b1, TERM_ZONE);
+                    multiply(above_knot < 50'sd0 ? 64'sd0 : {{14{half_above[49]}}, half_above},
+                             above_knot < 50'sd0 ? 35'sd0 : half_above[34:0], 7'd31, 1'b1, TERM_ZONE);
                 else begin
                     term_basis <= !(HAS_STEPS && TERM_IS_STEP[term[4:0]]) ? basis[{term_sensor, term_order}]
-                        : (above_knot < 49'sd0 ? 35'sd0 : ONE_Q31[34:0]);
+                        : (above_knot < 50'sd0 ? 35'sd0 : ONE_Q31[34:0]);
                     state <= TERM;
                 end
                 TERM_ZONE: begin
