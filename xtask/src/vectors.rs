@@ -164,16 +164,14 @@ fn thermometer(span_c: [i32; 2]) -> Result<Thermometer> {
     })
 }
 
+fn series(kind: Kind, sensor: u8, order: u8, multiplier: Multiplier, mantissa: i32, shift: u8) -> Term {
+    Term { kind, sensor, shape: Shape::Chebyshev(order), multiplier, mantissa, shift }
+}
+
 fn terms(d: &mut Description, terms: &[(Kind, u8, u8, Multiplier, i32, u8)]) {
-    let series = |&(kind, sensor, order, multiplier, mantissa, shift): &(Kind, u8, u8, Multiplier, i32, u8)| Term {
-        kind,
-        sensor,
-        shape: Shape::Chebyshev(order),
-        multiplier,
-        mantissa,
-        shift,
-    };
-    d.terms.iter_mut().zip(terms.iter().map(series)).for_each(|(slot, term)| *slot = term);
+    for (slot, &(kind, sensor, order, multiplier, mantissa, shift)) in d.terms.iter_mut().zip(terms) {
+        *slot = series(kind, sensor, order, multiplier, mantissa, shift);
+    }
     d.term_count = terms.len() as u8;
 }
 
@@ -239,14 +237,6 @@ fn compensator_inputs() -> Result<Making> {
     };
     d.thermometers = [thermometer([-35, 65])?, thermometer([-30, 60])?, difference, voltage];
     d.thermometer_count = 4;
-    let series = |kind, sensor, order, multiplier, mantissa, shift| Term {
-        kind,
-        sensor,
-        shape: Shape::Chebyshev(order),
-        multiplier,
-        mantissa,
-        shift,
-    };
     let piece =
         |kind, sensor, shape, multiplier, mantissa, shift| Term { kind, sensor, shape, multiplier, mantissa, shift };
     let (zone, step) = (|knot_q15| Shape::Zone { knot_q15 }, |knot_q15| Shape::Step { knot_q15 });

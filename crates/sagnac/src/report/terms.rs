@@ -79,10 +79,12 @@ fn inputs_and_doubts(axis: &AxisCalibration) -> Markup {
         @if !axis.inputs.is_empty() {
             p.note { "Further inputs: the target must read them too, but for differences of two." }
             div.scroll { table {
-                tr { th.words { "input" } th { "zero at" } th { "from" } th { "to" } }
+                tr { th.words { "input" } th { "its terms make, °/h rms" } th { "no effect at" } th { "seen from" } th { "to" } }
                 @for input in &axis.inputs {
                     tr {
-                        td.words { (input.name) } td { (significant(input.reference, 5)) }
+                        td.words { (input.name) }
+                        td { @if input.rms_dph > 0.0 { (significant(input.rms_dph, 3)) } @else { "read for a difference" } }
+                        td { (significant(input.reference, 5)) }
                         td { (significant(input.span[0], 5)) } td { (significant(input.span[1], 5)) }
                     }
                 }
@@ -110,7 +112,7 @@ fn inputs_and_doubts(axis: &AxisCalibration) -> Markup {
 /// The way from the grid's model to the one taken.
 pub(crate) fn path(steps: &[PathStep]) -> Markup {
     let words = |verdict: PathVerdict| match verdict {
-        PathVerdict::Start => "the grid's best",
+        PathVerdict::Start => "start",
         PathVerdict::Taken => "taken",
         PathVerdict::NoGain => "",
         PathVerdict::Missed => "",
@@ -123,8 +125,8 @@ pub(crate) fn path(steps: &[PathStep]) -> Markup {
         @if steps.len() > 1 {
             h3 { "Path" }
             p.note {
-                "From the grid's best, one order, zone table or set of steps more while that helps on data the fit did not see; then \
-                 one less while none is missed."
+                "One order, zone table or set of steps more while that earns its coefficients on data the fit did not see; then one less \
+                 while none is missed."
             }
             div.scroll { table {
                 tr { th { "step" } th { "model" } th { "held-out σ, °/h" } th { "condition" } th.words { "" } }

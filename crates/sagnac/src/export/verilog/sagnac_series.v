@@ -90,7 +90,8 @@ module sagnac_series #(
     reg [3:0] order;
     reg signed [34:0] here, previous;
     reg signed [34:0] basis [0:63];
-    reg signed [34:0] term_basis;
+    // Read alone, so that the basis can stand in block memory; what begins at a knot beside it.
+    reg signed [34:0] basis_read, piece;
     reg [5:0] term;
     reg signed [55:0] bias;
     reg signed [39:0] scale;
@@ -129,6 +130,8 @@ module sagnac_series #(
 
     // Nothing of what an image does not use is made.
     localparam HAS_DIFFERENCES = |IS_DIFFERENCE, HAS_ZONES = |TERM_IS_ZONE, HAS_STEPS = |TERM_IS_STEP;
+    wire is_piece = (HAS_ZONES && TERM_IS_ZONE[term[4:0]]) || (HAS_STEPS && TERM_IS_STEP[term[4:0]]);
+    wire signed [34:0] term_basis = is_piece ? piece : basis_read;
     wire [1:0] minuend = DIFFERENCE_OF[2*at +: 2];
     wire [1:0] subtrahend = DIFFERENCE_LESS[2*at +: 2];
     wire signed [32:0] apart = {last_q24[minuend][31], last_q24[minuend]} - {last_q24[subtrahend][31], last_q24[subtrahend]};
@@ -321,12 +324,12 @@ module sagnac_series #(
                     multiply(above_knot < 50'sd0 ? 64'sd0 : {{14{half_above[49]}}, half_above},
                              above_knot < 50'sd0 ? 35'sd0 : half_above[34:0], 7'd31, 1'b1, TERM_ZONE);
                 else begin
-                    term_basis <= !(HAS_STEPS && TERM_IS_STEP[term[4:0]]) ? basis[{term_sensor, term_order}]
-                        : (above_knot < 50'sd0 ? 35'sd0 : ONE_Q31[34:0]);
+                    basis_read <= basis[{term_sensor, term_order}];
+                    piece <= above_knot < 50'sd0 ? 35'sd0 : ONE_Q31[34:0];
                     state <= TERM;
                 end
                 TERM_ZONE: begin
-                    term_basis <= result[34:0];
+                    piece <= result[34:0];
                     state <= TERM;
                 end
                 TERM: if (term == TERMS)
