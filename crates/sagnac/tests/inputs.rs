@@ -358,6 +358,10 @@ fn large_steps_with_the_mode_are_no_outliers() {
     let steps: u64 = axis.excluded.iter().filter(|tally| tally.reason.name() == "step").map(|tally| tally.rows).sum();
     println!("{}: {steps} rows left out as steps", axis.model);
     assert!(axis.model.contains("steps(mode)") && steps == 0, "{} {steps}", axis.model);
+    // A mode that changes by the hour is no noise.
+    let noise = axis.correction_noise.as_ref().unwrap();
+    let of_mode = noise.inputs.iter().find(|noise| noise.input == "mode").unwrap();
+    assert!(of_mode.sigma < 1e-9, "{of_mode:?}");
     let verification = retest(&found, rig.csv(2), &setup());
     assert!(verification.excluded.iter().all(|tally| tally.reason.name() != "step"), "{:?}", verification.excluded);
     assert!(left(&found, &rig, &setup()) < 1.1);
