@@ -410,6 +410,8 @@ fn an_even_ramp_is_fitted_without_its_rate() {
 #[test]
 fn scale_terms_of_inputs_need_several_rates() {
     let rig = ManyInputs { voltage_dph_per_v: 5e-4, ..ManyInputs::plain() };
-    let error = fit(vec![rig.csv(1)], &setup(), "bias 2, scale(path_length_v) 1").unwrap_err();
-    assert!(error.what.contains("several input rates"), "{error}");
+    for model in ["bias 2, scale(path_length_v) 1", "bias 1, scale 2"] {
+        let error = fit(vec![rig.csv(1)], &setup(), model).unwrap_err();
+        assert!(error.what.contains("several input rates"), "{model}: {error}");
+    }
 }

@@ -153,10 +153,12 @@ fn given<'a>(shape: &WindowShape, main: Source, spec: &ModelSpec, make: &MakePro
         .column("--model")
         .help("log it less its middle value"));
     }
-    if let Some(of) = spec.further.iter().find(|of| of.scale > 0).filter(|_| !several_rates(&problem)) {
+    // Beside a bias series as long the fit itself says that the two cannot be told apart.
+    let main_alone = (spec.scale > spec.bias).then(|| format!("scale {}", spec.scale));
+    let of_input = spec.further.iter().find(|of| of.scale > 0).map(|of| format!("scale({})", of.input));
+    if let Some(term) = main_alone.or(of_input).filter(|_| !several_rates(&problem)) {
         return Err(Error::refused(format!(
-            "scale({}) needs runs at several input rates; at one rate a scale factor is a bias",
-            of.input
+            "{term} needs runs at several input rates; at one rate a scale factor is a bias"
         ))
         .column("--model")
         .help("take bias(...) instead, or test on a rate table"));

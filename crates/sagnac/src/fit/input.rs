@@ -11,20 +11,18 @@
 use std::borrow::Cow;
 
 use crate::fit::basis::{BASIS_LEN, Span, chebyshev, chebyshev_mean};
-use crate::window::{WindowShape, Windows};
+use crate::window::{WindowShape, Windows, holds_whole_numbers, is_whole};
 
 /// Fewest and most whole numbers of a column that may have steps.
 const STEPPED: std::ops::RangeInclusive<usize> = 2..=16;
-/// Part of the windows that must hold one whole number only.
-const WHOLE: f64 = 0.9;
 /// Knots of the image per unit of x.
 const KNOTS_PER_ONE: f64 = 32_768.0;
 /// A column narrower than this part of its size has too few codes for an image.
 const LEAST_OF_SIZE: f64 = 2e-4;
 /// Nor is one narrower than this.
 const LEAST_WIDTH: f64 = 1e-15;
-/// A mean this close to a whole number is one.
-const NEAR_WHOLE: f64 = 1e-9;
+/// A column whose second moment within a window is below this stands still in it.
+const STILL: f64 = 1e-9;
 /// Part of the windows in which an input must be known to be a candidate.
 const KNOWN: f64 = 0.95;
 /// A thermometer or difference must move by this, °C, to be a candidate.
@@ -272,9 +270,10 @@ pub(crate) fn knots(zones: u8) -> Vec<f64> {
 
 /// The whole numbers of a column, if its windows hold nothing else but where it changes.
 fn whole_numbers(moments: &[(f64, f64)]) -> Vec<f64> {
-    let whole = |(mean, variance): &&(f64, f64)| (mean - mean.round()).abs() < NEAR_WHOLE && *variance < NEAR_WHOLE;
-    let mut levels: Vec<f64> = moments.iter().filter(whole).map(|(mean, _)| mean.round()).collect();
-    let enough = levels.len() as f64 >= WHOLE * moments.len() as f64;
+    // A window that changes between two numbers may have a whole mean, but it does not stand still.
+    let still = |(mean, variance): &(f64, f64)| if *variance < STILL { *mean } else { f64::NAN };
+    let enough = holds_whole_numbers(moments.iter().map(still));
+    let mut levels: Vec<f64> = moments.iter().map(still).filter(|mean| is_whole(*mean)).map(f64::round).collect();
     levels.sort_by(f64::total_cmp);
     levels.dedup();
     if enough && STEPPED.contains(&levels.len()) { levels } else { Vec::new() }

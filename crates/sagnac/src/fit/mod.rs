@@ -30,7 +30,6 @@ mod turning;
 
 pub use basis::{BASIS_LEN, Span, chebyshev};
 pub use cost::{TICK_INSTRUCTIONS, WITHIN as PRICED_WITHIN, Work};
-pub(crate) use input::Source as InputPlace;
 pub(crate) use input::{label, unit_exponent, zone};
 pub use model::{MAX_RATE_ORDER, ModelSpec};
 pub(crate) use monomial::{powers_from_series, series_from_powers};

@@ -11,7 +11,7 @@ use crate::calibration::{
 use crate::error::{Error, Result};
 use crate::fit::basis::Span;
 use crate::fit::choose::choose;
-use crate::fit::input::{Input, channels, plausible_about, unit_exponent, zone};
+use crate::fit::input::{Input, Source, channels, plausible_about, unit_exponent, zone};
 use crate::fit::path::CONDITION_MAX;
 use crate::fit::plateaus::repeatability;
 use crate::fit::problem::{Level, Problem, TermPlace};
@@ -19,7 +19,7 @@ use crate::fit::robust::Loss;
 use crate::fit::soak::soak;
 use crate::fit::solution::{Fitted, bootstrap_intervals};
 use crate::fit::turning::Turning;
-use crate::fit::{InputPlace, ModelChoice, powers_from_series};
+use crate::fit::{ModelChoice, powers_from_series};
 use crate::ingest::{AngleUnit, Reason};
 use crate::report::{AxisEvidence, Evidence, Leg, Point, points, run_spans};
 use crate::setup::Setup;
@@ -209,8 +209,8 @@ fn fit_axis(
     let reference_c = setup.reference_c();
     let min_span_c = setup.min_span_c.unwrap_or(DEFAULT_MIN_SPAN_C);
     let turning = Turning::of(windows, axis, setup)?;
-    let make = |sources: &[InputPlace]| Problem::new(windows, axis, sources, reference_c, min_span_c, turning.clone());
-    let mut chosen = choose(windows, InputPlace::Thermometer(sensor), setup, &options.model, &make)?;
+    let make = |sources: &[Source]| Problem::new(windows, axis, sources, reference_c, min_span_c, turning.clone());
+    let mut chosen = choose(windows, Source::Thermometer(sensor), setup, &options.model, &make)?;
     let floor = floor_of(windows, axis, setup);
     let is_given = options.model != ModelChoice::Auto;
     let (fitted, noise) = chosen.fit(is_given, floor.as_ref().map(|floor| floor.n_deg_rt_h), options.loss)?;
@@ -299,10 +299,9 @@ fn further_inputs(
     let shape = &windows.shape;
     // One whose terms were all left out is read no more.
     let has_terms = |at: &usize| fitted.terms.iter().any(|term| term.input == *at);
-    let named: Vec<InputPlace> =
-        (1..problem.inputs.len()).filter(has_terms).map(|at| problem.inputs[at].source).collect();
-    let needed = channels(InputPlace::Thermometer(sensor), &named).into_iter().skip(1);
-    let of = |source: InputPlace| {
+    let named: Vec<Source> = (1..problem.inputs.len()).filter(has_terms).map(|at| problem.inputs[at].source).collect();
+    let needed = channels(Source::Thermometer(sensor), &named).into_iter().skip(1);
+    let of = |source: Source| {
         let name = source.name(shape);
         let own = problem.inputs.iter().position(|input| input.source == source);
         // A thermometer that only a difference needs has no terms, but a span to be within.
@@ -355,10 +354,10 @@ struct Reading {
 }
 
 impl Reading {
-    fn of(source: InputPlace, shape: &WindowShape, setup: &Setup, span: [f64; 2]) -> Self {
+    fn of(source: Source, shape: &WindowShape, setup: &Setup, span: [f64; 2]) -> Self {
         let thermometer = |at: usize| shape.thermometers.get(at).cloned().unwrap_or_default();
         match source {
-            InputPlace::Thermometer(at) => {
+            Source::Thermometer(at) => {
                 let t = Thermometer::from_setup(setup.thermometer(&thermometer(at)));
                 Self {
                     from: InputSource::Thermometer(t.name),
@@ -368,14 +367,14 @@ impl Reading {
                     hold_s: t.hold_s,
                 }
             }
-            InputPlace::Difference { of, less } => Self {
+            Source::Difference { of, less } => Self {
                 from: InputSource::Difference(thermometer(of), thermometer(less)),
                 offset: 0.0,
                 gain_per_code: CODE_C,
                 plausible: [-127.0, 127.0],
                 hold_s: [of, less].map(|at| setup.thermometer(&thermometer(at)).hold_s).into_iter().fold(0.0, f64::max),
             },
-            InputPlace::Column(at) => {
+            Source::Column(at) => {
                 let name = shape.aux.get(at).cloned().unwrap_or_default();
                 let aux = setup.aux(&name);
                 let plausible = aux.plausible.unwrap_or_else(|| plausible_about(span));

@@ -12,6 +12,7 @@ mod table;
 
 pub use crate::window::build::WindowBuilder;
 pub(crate) use crate::window::build::same_shape;
+pub(crate) use crate::window::outliers::{holds_whole_numbers, is_whole};
 #[cfg(feature = "parquet")]
 pub(crate) use crate::window::table::parquet_properties;
 #[cfg(feature = "parquet")]

@@ -79,6 +79,17 @@ pub(crate) fn mark_table_changes(windows: &mut Windows, spread_dps: &[f64]) {
     }
 }
 
+/// True for means of windows of which nine in ten are whole numbers: a mode, a gain; where it changes within a window it is none.
+pub(crate) fn holds_whole_numbers(means: impl ExactSizeIterator<Item = f64>) -> bool {
+    let count = means.len();
+    means.filter(|mean| is_whole(*mean)).count() as f64 >= WHOLE * count as f64
+}
+
+/// A mean that is a whole number.
+pub(crate) fn is_whole(mean: f64) -> bool {
+    (mean - mean.round()).abs() < NEAR_WHOLE
+}
+
 /// True behind each window of a stretch at which an auxiliary column jumps: by over a quarter of its range in the stretch, and
 /// by far more than it usually moves between two windows.
 fn jumps(windows: &Windows, members: &[usize], aux: usize) -> Vec<bool> {
@@ -89,9 +100,11 @@ fn jumps(windows: &Windows, members: &[usize], aux: usize) -> Vec<bool> {
         let each: Vec<f64> = values.windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect();
         let usual = median(each.iter().copied().filter(|m| m.is_finite()).collect());
         // Whole numbers are modes or gains: each change counts.
-        let whole = values.iter().filter(|v| (*v - v.round()).abs() < NEAR_WHOLE).count();
-        let is_whole = whole as f64 >= WHOLE * values.len() as f64;
-        let limit = if is_whole { NEAR_WHOLE } else { (COLUMN_JUMP * (hi - lo)).max(JUMP_OF_USUAL * usual) };
+        let limit = if holds_whole_numbers(values.iter().copied()) {
+            NEAR_WHOLE
+        } else {
+            (COLUMN_JUMP * (hi - lo)).max(JUMP_OF_USUAL * usual)
+        };
         let found = each.iter().zip(&mut jumps[1..]).filter(|(m, _)| **m >= limit && **m > 0.0);
         found.for_each(|(_, jump)| *jump = true);
     }
