@@ -8,7 +8,8 @@
 //! ```
 //!
 //! The checksum is over kind, length and payload. A reader that finds something else skips a byte and looks for the
-//! next `SG`: bytes lost or added cost the frames that they hit and no other.
+//! next `SG`: bytes lost or added cost the frames that they hit and no other. (A lost `S` between two frames, the end of
+//! one checksum or the start of the next frame, costs one of the two: the bytes that are left are the same.)
 //!
 //! Where it fails: a damaged frame is found by its checksum alone; by chance one in 2³² is not.
 

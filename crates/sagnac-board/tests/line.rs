@@ -69,6 +69,29 @@ fn message() -> impl Strategy<Value = Message> {
     ]
 }
 
+/// The frames that a blow to the byte at `at` may cost.
+///
+/// Of bytes that are the same, one after another, nobody can tell which was lost: a checksum that ends in `S` before
+/// the `S` of the next frame makes either of the two the torn one.
+fn frames_touched(starts: &[usize], bytes: &[u8], at: usize) -> std::ops::RangeInclusive<usize> {
+    let last = at + bytes[at..].iter().take_while(|byte| **byte == bytes[at]).count() - 1;
+    let frame_of = |place: usize| starts.iter().rposition(|start| *start <= place).unwrap();
+    frame_of(at)..=frame_of(last)
+}
+
+/// Found by chance in CI: the checksum of the first frame ends in `S`.
+#[test]
+fn one_of_two_equal_bytes_lost_costs_one_frame() {
+    let payload = [234, 86, 135, 41, 181, 201, 117, 202, 117, 38, 246, 84, 146, 143];
+    let (first, second) = (Frame::new(193, &payload).unwrap(), Frame::new(0, &[0; 9]).unwrap());
+    let (first_bytes, len) = first.bytes();
+    assert_eq!(first_bytes[len - 1], b'S');
+    let (second_bytes, second_len) = second.bytes();
+    let mut bytes = [&first_bytes[..len - 1], &second_bytes[..second_len]].concat();
+    bytes.extend([0; 80]);
+    assert_eq!(frames(&bytes).0, [first], "the second frame lacks its first byte");
+}
+
 proptest! {
     #[test]
     fn messages_come_back(message in message()) {
@@ -93,7 +116,7 @@ proptest! {
         prop_assert_eq!(back, image);
     }
 
-    /// A damaged byte, lost bytes, bytes between: the frames around come out.
+    /// A damaged byte, a lost byte, bytes between: the frames around come out.
     #[test]
     fn damage_costs_the_frames_it_hits(
         payloads in prop::collection::vec((any::<u8>(), prop::collection::vec(any::<u8>(), 0..=MAX_PAYLOAD)), 3..12),
@@ -109,9 +132,8 @@ proptest! {
             let (frame_bytes, len) = frame.bytes();
             bytes.extend_from_slice(&frame_bytes[..len]);
         }
-        starts.push(bytes.len());
         let at = hit.index(bytes.len());
-        let struck = starts.iter().rposition(|start| *start <= at).unwrap();
+        let struck = frames_touched(&starts, &bytes, at);
         match how {
             0 => bytes[at] ^= noise[0].max(1),
             1 => { bytes.remove(at); }
@@ -120,9 +142,13 @@ proptest! {
         // What was torn may hold back what follows until enough bytes have come.
         bytes.extend(std::iter::repeat_n(0, 80));
         let (found, _) = frames(&bytes);
-        for (index, frame) in all.iter().enumerate().filter(|(index, _)| *index != struck) {
-            prop_assert!(found.contains(frame), "frame {index} of {}, struck {struck}", all.len());
+        let mut lost = 0;
+        for (index, frame) in all.iter().enumerate() {
+            let out = found.contains(frame);
+            prop_assert!(out || struck.contains(&index), "frame {index} of {}, struck {struck:?}", all.len());
+            lost += usize::from(!out);
         }
+        prop_assert!(lost <= 1, "{lost} frames lost by one blow to {struck:?}");
     }
 
     /// Any bytes at all: no panic, and the desk goes on.
