@@ -4,6 +4,8 @@
 //! Ṫ_block = (T_chamber − T_block)/lag_block        Ṫ_cavity = (T_chamber + heat − T_cavity)/lag_cavity
 //! V = (mode − 0.08·(T_block − 20))/0.012            a reset to the mode nearest to 0 V where |V| reaches 70 V
 //! d = Σ aᵢuⁱ + knee·tanh((T_block − 20)/6) + r·Ṫ_block + r_c·Ṫ_cavity + g·(T_cavity − T_block) + v·V + steps[mode]
+//! ε = s_T·(T_block − 20) + s_g·(T_cavity − T_block) + s_V·V
+//! n = ∫ (Ω_table + Ω_input + d) dt / (S₀·(1 + ε·1e-6))
 //! ```
 //!
 //! with u = (T_block − 20 °C)/30 °C; a heater at the cavity is on for 47 minutes of every 94. Which mode holds depends on the way there, so no function of temperature stands for
@@ -24,6 +26,8 @@ const WAVES_PER_V: f64 = 0.012;
 const RESET_V: f64 = 70.0;
 const RESET_S: u32 = 2;
 const HEATED_S: u32 = 2820;
+/// Time at each rate of the table, s.
+const DWELL_S: u32 = 100;
 /// Modes are counted from this one up.
 const FIRST_MODE: i64 = -2;
 
@@ -48,6 +52,10 @@ pub struct ManyInputs {
     pub voltage_dph_per_v: f64,
     /// Drift on each mode from −2 up, °/h; 0 beyond.
     pub steps_dph: Vec<f64>,
+    /// Deviation of the scale factor, ppm per °C of the block, per °C of cavity less block, and per volt.
+    pub scale_ppm_per: [f64; 3],
+    /// Rates of a table below the gyro, °/s, each for 100 s, gone through again and again; none: it rests.
+    pub rates_dps: Vec<f64>,
     /// By how much the heater at the cavity warms it in the end, °C.
     pub cavity_heat_c: f64,
     /// Noise of the thermometers, °C, and their step.
@@ -77,6 +85,8 @@ impl ManyInputs {
             gradient_dph_per_c: 0.0,
             voltage_dph_per_v: 0.0,
             steps_dph: Vec::new(),
+            scale_ppm_per: [0.0; 3],
+            rates_dps: Vec::new(),
             cavity_heat_c: 0.0,
             thermometer_noise_c: 0.005,
             thermometer_lsb_c: 0.01,
@@ -86,11 +96,13 @@ impl ManyInputs {
         }
     }
 
-    /// The log of one run, as the bytes of a CSV file.
+    /// The log of one run, as the bytes of a CSV file; with the reference rate where there is a table.
     pub fn csv(&self, seed: u64) -> Vec<u8> {
         let mut out =
-            b"time_s,temperature_c_block,temperature_c_cavity,counts,valid,aux_path_length_v,aux_mode,aux_bystander\n"
+            b"time_s,temperature_c_block,temperature_c_cavity,counts,valid,aux_path_length_v,aux_mode,aux_bystander"
                 .to_vec();
+        let turns = !self.rates_dps.is_empty();
+        out.extend_from_slice(if turns { b",reference_rate_dps\n" } else { b"\n" });
         let profile = Profile::new(self.start_c, &self.legs, 1);
         let mut counter = Counter::new(seed, self.arw_deg_rt_h);
         let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x696e_7075_7473);
@@ -112,7 +124,10 @@ impl ManyInputs {
             }
             let rates_cpm = [0, 1].map(|at| (nodes_c[at] - before_c[at]) * 60.0);
             let drift = self.drift(nodes_c, rates_cpm, volts, mode);
-            let counts = counter.count(self.input_dph + drift, 1.0, self.arcsec_per_count);
+            let leg = ((second - 1) / DWELL_S) as usize % self.rates_dps.len().max(1);
+            let table_dps = self.rates_dps.get(leg).copied().unwrap_or(0.0);
+            let scale = self.arcsec_per_count * (1.0 + self.epsilon_ppm(nodes_c, volts) * 1e-6);
+            let counts = counter.count(3600.0 * table_dps + self.input_dph + drift, 1.0, scale);
             let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
             bystander += 0.01 * normal();
             let readings = nodes_c.map(|node| {
@@ -121,13 +136,20 @@ impl ManyInputs {
             });
             let valid = u8::from(second >= reset_until);
             // A Vec takes every byte it is given.
-            let _ = writeln!(
+            let _ = write!(
                 out,
                 "{second},{:.6},{:.6},{counts},{valid},{volts:.4},{mode},{bystander:.5}",
                 readings[0], readings[1]
             );
+            let _ = if turns { writeln!(out, ",{table_dps}") } else { writeln!(out) };
         }
         out
+    }
+
+    /// ε of block and cavity, °C, and of the loop's voltage, ppm.
+    pub fn epsilon_ppm(&self, [block_c, cavity_c]: [f64; 2], volts: f64) -> f64 {
+        let causes = [block_c - 20.0, cavity_c - block_c, volts];
+        self.scale_ppm_per.iter().zip(causes).map(|(per, cause)| per * cause).sum()
     }
 
     fn drift(&self, [block_c, cavity_c]: [f64; 2], rates_cpm: [f64; 2], volts: f64, mode: i64) -> f64 {

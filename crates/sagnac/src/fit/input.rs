@@ -10,6 +10,7 @@
 
 use std::borrow::Cow;
 
+use crate::calibration::TermKind;
 use crate::fit::basis::{BASIS_LEN, Span, chebyshev, chebyshev_mean};
 use crate::window::{WindowShape, Windows, holds_whole_numbers, is_whole};
 
@@ -246,8 +247,22 @@ impl Input {
             return 0.0;
         };
         let part = |value: f64| ((value - lo) / (hi - lo)).clamp(0.0, 1.0);
-        let value = f64::midpoint(self.span.lo_c, self.span.hi_c) + self.x[row] / self.span.slope();
-        part(value) - f64::from(u8::from(self.reference >= threshold))
+        part(self.value(row)) - f64::from(u8::from(self.reference >= threshold))
+    }
+
+    /// Mean of a row, in its own unit.
+    pub(crate) fn value(&self, row: usize) -> f64 {
+        f64::midpoint(self.span.lo_c, self.span.hi_c) + self.x[row] / self.span.slope()
+    }
+
+    /// A term's shape where the input stands still at a value, in its own unit, less that at the reference.
+    pub(crate) fn at(&self, kind: TermKind, order: u8, begins: Option<f64>, value: f64) -> f64 {
+        let shape = |value: f64| match (kind, begins) {
+            (TermKind::Zone, Some(knot)) => zone(self.span.x(value), knot),
+            (TermKind::Step, Some(threshold)) => f64::from(u8::from(value >= threshold)),
+            _ => chebyshev(self.span.x(value)).get(usize::from(order)).copied().unwrap_or(0.0),
+        };
+        shape(value) - shape(self.reference)
     }
 
     /// Mean of the zone's square above a knot (in x) less its value at the reference.

@@ -248,7 +248,7 @@ impl<'a> Problem<'a> {
     }
 
     /// The rate that the scale factor scales: as measured in the window on a table, else that of the run.
-    fn turned_dph(&self, row: usize) -> f64 {
+    pub(crate) fn turned_dph(&self, row: usize) -> f64 {
         match &self.turning {
             Some(turning) => self.y[row] + turning.along_dph[self.used[row]],
             None => self.run_rate[self.run[row]],

@@ -4,14 +4,16 @@ use std::collections::BTreeMap;
 
 use crate::allan::NoiseTerms;
 use crate::calibration::{
-    AxisCalibration, CODE_C, Calibration, Collinearity, Constant, FORMAT, Floor, FurtherInput, HeatingLessCooling,
-    Input as LogInput, InputSource, Lag, LogUnit, Misalignment, Monomial, PpmEstimate, Provenance, Residual,
-    ScaleFactor, Target, Term, TermKind, Thermometer, UNASSIGNED, VERSION,
+    AxisCalibration, Calibration, Collinearity, Constant, FORMAT, Floor, HeatingLessCooling, Input as LogInput,
+    LogUnit, Misalignment, Monomial, PpmEstimate, Provenance, Residual, ScaleFactor, Target, Term, TermKind,
+    Thermometer, UNASSIGNED, VERSION,
 };
 use crate::error::{Error, Result};
 use crate::fit::basis::Span;
 use crate::fit::choose::choose;
-use crate::fit::input::{Input, Source, channels, plausible_about, unit_exponent, zone};
+use crate::fit::effects::Parts;
+use crate::fit::further::further_inputs;
+use crate::fit::input::{Source, zone};
 use crate::fit::path::CONDITION_MAX;
 use crate::fit::plateaus::repeatability;
 use crate::fit::problem::{Level, Problem, TermPlace};
@@ -21,7 +23,7 @@ use crate::fit::solution::{Fitted, bootstrap_intervals};
 use crate::fit::turning::Turning;
 use crate::fit::{ModelChoice, powers_from_series};
 use crate::ingest::{AngleUnit, Reason};
-use crate::report::{AxisEvidence, Evidence, Leg, Point, points, run_spans};
+use crate::report::{AxisEvidence, Effect, Evidence, Leg, Point, points, run_spans};
 use crate::setup::Setup;
 use crate::units::{ARCSEC_RT_S_PER_DEG_RT_H, s_from_ns};
 use crate::window::{WindowShape, Windows};
@@ -78,25 +80,33 @@ pub fn calibrate_with_evidence(
     }
     Turning::leave_out_unknown(&mut windows, setup)?;
     let runs = run_spans(&windows);
-    let (mut axes, mut shown) = (Vec::new(), Vec::new());
+    let (mut axes, mut drawn) = (Vec::new(), Vec::new());
     for axis in 0..windows.shape.axes.len() {
-        let (mut record, left) = fit_axis(&windows, axis, sensor, setup, options).map_err(|e| of_file(e, &windows))?;
+        let (mut record, behind) =
+            fit_axis(&windows, axis, sensor, setup, options).map_err(|e| of_file(e, &windows))?;
         let constant = |i: usize| {
             let run = windows.rows.run[i];
             record.constants.iter().find(|c| c.run == run).map_or(f64::NAN, |c| c.value_dph)
         };
         // What a table turns is no drift: known for every window that was used, unknown for the others.
-        let fitted = |i: usize| left.get(&i).copied().unwrap_or((f64::NAN, f64::NAN));
+        let shown = |i: usize| behind.windows.get(&i);
         let before = |i: usize| {
-            if record.turned() { fitted(i).0 } else { windows.rate_dph(axis, i) - constant(i) }
+            if record.turned() {
+                shown(i).map_or(f64::NAN, |shown| shown.before)
+            } else {
+                windows.rate_dph(axis, i) - constant(i)
+            }
         };
-        let after = |i: usize| fitted(i).1;
-        let points = points(&windows, &runs, Some(sensor), before, after);
+        let after = |i: usize| shown(i).map_or(f64::NAN, |shown| shown.after);
+        let mut points = points(&windows, &runs, Some(sensor), before, after);
+        for (i, shown) in &behind.windows {
+            points[*i].further_dph = shown.further;
+        }
         record.heating_less_cooling = heating_less_cooling(&points, &record);
-        shown.push(AxisEvidence { axis: windows.shape.axes[axis], points });
+        drawn.push(AxisEvidence { axis: windows.shape.axes[axis], points, effects: behind.effects });
         axes.push(record);
     }
-    let evidence = Evidence { runs, timed: windows.shape.timed, axes: shown };
+    let evidence = Evidence { runs, timed: windows.shape.timed, axes: drawn };
     let shape = &windows.shape;
     let calibration = Calibration {
         format: FORMAT.to_owned(),
@@ -194,17 +204,48 @@ fn of_file(error: Error, windows: &Windows) -> Error {
     }
 }
 
-/// Of each used window: what it shows without its levels, and after the fit, °/h.
-type Left = BTreeMap<usize, (f64, f64)>;
+/// A used window, °/h.
+#[derive(Clone, Copy)]
+struct Shown {
+    /// Without its levels; on a table without what the scale factor's change makes of the rate, either: neither is drift.
+    before: f64,
+    /// What the fit lays to further inputs.
+    further: f64,
+    /// What the fit leaves.
+    after: f64,
+}
 
-/// The record of one axis, and what each used window shows without its levels and after the fit, °/h.
+/// What a report draws of a fit.
+struct Behind {
+    windows: BTreeMap<usize, Shown>,
+    effects: Vec<Effect>,
+}
+
+impl Behind {
+    fn of(fitted: &Fitted, problem: &Problem<'_>, parts: &Parts<'_>) -> Self {
+        let level = |row: usize| -> f64 {
+            problem.levels.iter().zip(&fitted.theta).map(|(level, value)| problem.level(row, *level) * value).sum()
+        };
+        let scaled = parts.made(|term| problem.turning.is_some() && term.kind == TermKind::Scale);
+        let further = parts.made(|term| term.input > 0 && term.kind != TermKind::Scale);
+        let shown = |row: usize| Shown {
+            before: problem.y[row] - level(row) - scaled[row],
+            further: further[row],
+            after: fitted.residuals[row],
+        };
+        let windows = (0..problem.len()).map(|row| (problem.used[row], shown(row))).collect();
+        Self { windows, effects: parts.effects() }
+    }
+}
+
+/// The record of one axis, and what stands behind it.
 fn fit_axis(
     windows: &Windows,
     axis: usize,
     sensor: usize,
     setup: &Setup,
     options: &FitOptions,
-) -> Result<(AxisCalibration, Left)> {
+) -> Result<(AxisCalibration, Behind)> {
     let letter = windows.shape.axes[axis];
     let reference_c = setup.reference_c();
     let min_span_c = setup.min_span_c.unwrap_or(DEFAULT_MIN_SPAN_C);
@@ -223,30 +264,20 @@ fn fit_axis(
         });
     }
     check_scale(&terms, letter)?;
-    let level = |row: usize| -> f64 {
-        problem.levels.iter().zip(&fitted.theta).map(|(level, value)| problem.level(row, *level) * value).sum()
-    };
-    // On a table the scale factor's change, times the rate, is no drift either.
-    let scaled = |row: usize| -> f64 {
-        let of_terms = fitted.terms.iter().zip(&fitted.theta[problem.levels.len()..]);
-        let scales = of_terms.filter(|(term, _)| problem.turning.is_some() && term.kind == TermKind::Scale);
-        scales.map(|(term, value)| problem.scale_column(term.input, row, usize::from(term.order)) * value).sum()
-    };
-    let before = |row: usize| problem.y[row] - level(row) - scaled(row);
-    let left = (0..problem.len()).map(|row| (problem.used[row], (before(row), fitted.residuals[row])));
-    let left = left.collect();
+    let parts = Parts::new(&fitted, problem);
+    let behind = Behind::of(&fitted, problem, &parts);
     let (monomial, zones) = monomials(&fitted, problem, &windows.shape, reference_c);
     let mut record = AxisCalibration {
         axis: letter,
         model: fitted.spec.to_string(),
-        lag_s: lag(&fitted, 0),
+        lag_s: fitted.lag_of(0),
         reference_c,
         span_c: [problem.span().lo_c, problem.span().hi_c],
         rate_span_cpm: fitted.lag(0).map(|(tau_s, _)| problem.rate_span(0, tau_s)),
         constants: constants(&fitted, problem, setup, windows.shape.axes.len()),
         monomial,
         zones,
-        inputs: further_inputs(&fitted, problem, windows, setup, sensor),
+        inputs: further_inputs(&fitted, &parts, problem, windows, setup, sensor),
         collinearity: fitted
             .nearness
             .as_ref()
@@ -268,7 +299,7 @@ fn fit_axis(
         terms,
     };
     record.soak = soak(&record, windows.shape.nominal_s);
-    Ok((record, left))
+    Ok((record, behind))
 }
 
 /// A scale term that the input rates do not tell is refused.
@@ -282,113 +313,6 @@ fn check_scale(terms: &[Term], letter: char) -> Result<()> {
         ))
         .help("test at several input rates, or leave the scale terms out of --model"))
     })
-}
-
-fn lag(fitted: &Fitted, input: usize) -> Option<Lag> {
-    fitted.lag(input).map(|(value, sigma)| Lag { value, sigma })
-}
-
-/// What the target must read besides the thermometer of the fit, in the order of the image.
-fn further_inputs(
-    fitted: &Fitted,
-    problem: &Problem<'_>,
-    windows: &Windows,
-    setup: &Setup,
-    sensor: usize,
-) -> Vec<FurtherInput> {
-    let shape = &windows.shape;
-    // One whose terms were all left out is read no more.
-    let has_terms = |at: &usize| fitted.terms.iter().any(|term| term.input == *at);
-    let named: Vec<Source> = (1..problem.inputs.len()).filter(has_terms).map(|at| problem.inputs[at].source).collect();
-    let needed = channels(Source::Thermometer(sensor), &named).into_iter().skip(1);
-    let of = |source: Source| {
-        let name = source.name(shape);
-        let own = problem.inputs.iter().position(|input| input.source == source);
-        // A thermometer that only a difference needs has no terms, but a span to be within.
-        let bare = own.is_none().then(|| Input::new(source, windows, &problem.used, setup.reference_c()));
-        let input = own.map(|at| &problem.inputs[at]).or(bare.as_ref())?;
-        let (span, reference) = ([input.span.lo_c, input.span.hi_c], input.reference);
-        let (lag_s, rate_span_per_min) = own.map_or((None, None), |at| {
-            (lag(fitted, at), fitted.lag(at).map(|(tau_s, _)| problem.rate_span(at, tau_s)))
-        });
-        let reading = Reading::of(source, shape, setup, span);
-        let Reading { from, offset, gain_per_code, plausible, hold_s } = reading;
-        Some(FurtherInput {
-            name,
-            source: from,
-            reference,
-            span,
-            lag_s,
-            rate_span_per_min,
-            offset,
-            gain_per_code,
-            plausible,
-            rms_dph: own.map_or(0.0, |at| rms_of(fitted, problem, at)),
-            hold_s,
-        })
-    };
-    needed.filter_map(of).collect()
-}
-
-/// Root mean square of what the terms of an input make over the rows, about their mean, °/h.
-fn rms_of(fitted: &Fitted, problem: &Problem<'_>, input: usize) -> f64 {
-    let taus: Vec<(usize, f64)> = fitted.taus.iter().map(|tau| (tau.input, tau.value_s)).collect();
-    let rates = problem.rates(&taus);
-    let theta = &fitted.theta[problem.levels.len()..];
-    let made = |row: usize| -> f64 {
-        let own = fitted.terms.iter().zip(theta).filter(|(term, _)| term.input == input);
-        own.map(|(term, value)| value * problem.regressor(term, row, &rates)).sum()
-    };
-    let made: Vec<f64> = (0..problem.len()).map(made).collect();
-    let mean = made.iter().sum::<f64>() / made.len().max(1) as f64;
-    (made.iter().map(|m| (m - mean).powi(2)).sum::<f64>() / made.len().max(1) as f64).sqrt()
-}
-
-/// How the target reads an input.
-struct Reading {
-    from: InputSource,
-    offset: f64,
-    gain_per_code: f64,
-    plausible: [f64; 2],
-    hold_s: f64,
-}
-
-impl Reading {
-    fn of(source: Source, shape: &WindowShape, setup: &Setup, span: [f64; 2]) -> Self {
-        let thermometer = |at: usize| shape.thermometers.get(at).cloned().unwrap_or_default();
-        match source {
-            Source::Thermometer(at) => {
-                let t = Thermometer::from_setup(setup.thermometer(&thermometer(at)));
-                Self {
-                    from: InputSource::Thermometer(t.name),
-                    offset: t.offset_c,
-                    gain_per_code: t.gain_c_per_code,
-                    plausible: t.plausible_c,
-                    hold_s: t.hold_s,
-                }
-            }
-            Source::Difference { of, less } => Self {
-                from: InputSource::Difference(thermometer(of), thermometer(less)),
-                offset: 0.0,
-                gain_per_code: CODE_C,
-                plausible: [-127.0, 127.0],
-                hold_s: [of, less].map(|at| setup.thermometer(&thermometer(at)).hold_s).into_iter().fold(0.0, f64::max),
-            },
-            Source::Column(at) => {
-                let name = shape.aux.get(at).cloned().unwrap_or_default();
-                let aux = setup.aux(&name);
-                let plausible = aux.plausible.unwrap_or_else(|| plausible_about(span));
-                let code = CODE_C * 2.0_f64.powi(unit_exponent(plausible).into());
-                Self {
-                    from: InputSource::Column(name),
-                    offset: aux.offset.unwrap_or(0.0),
-                    gain_per_code: aux.gain_per_code.unwrap_or(code),
-                    plausible,
-                    hold_s: aux.hold_s,
-                }
-            }
-        }
-    }
 }
 
 /// Windows of a leg that are enough for a mean.

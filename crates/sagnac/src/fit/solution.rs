@@ -8,7 +8,7 @@
 use nalgebra::DMatrix;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
-use crate::calibration::TermKind;
+use crate::calibration::{Lag, TermKind};
 use crate::error::{Error, Result};
 use crate::fit::bootstrap::Resampling;
 use crate::fit::model::ModelSpec;
@@ -65,6 +65,11 @@ impl Fitted {
         let tau = self.taus.iter().find(|tau| tau.input == input)?;
         let before = self.resolved().take_while(|other| other.input != input).count();
         Some((tau.value_s, tau.resolved.then(|| self.sigma(self.theta.len() + before))))
+    }
+
+    /// The same for a record.
+    pub(crate) fn lag_of(&self, input: usize) -> Option<Lag> {
+        self.lag(input).map(|(value, sigma)| Lag { value, sigma })
     }
 
     /// The lags that stand in the covariance.

@@ -4,7 +4,7 @@ use maud::{Markup, html};
 
 use crate::calibration::{Calibration, LogUnit};
 use crate::digits::{celsius, significant, with_sigma};
-use crate::report::figure::{Figure, Layer, Role, rounded};
+use crate::report::figure::{Figure, Layer, Role, SOLID, rounded};
 use crate::report::figures::figure;
 use crate::verify::{AxisVerification, Estimate, MisDistance, Verification};
 
@@ -161,7 +161,7 @@ pub(crate) fn flight_figure(axis: &AxisVerification) -> Option<Figure> {
         role,
         x: rounded(flown.at_minutes.iter().copied()),
         y: rounded(y.iter().copied()),
-        dashed: false,
+        dash: if role == Role::Before { role.dash() } else { SOLID },
     };
     out.layers.push(curve("as logged", Role::Before, &flown.curve_before_m));
     out.layers.push(curve("corrected", Role::After, &flown.curve_after_m));

@@ -3,7 +3,7 @@
 use maud::{Markup, html};
 
 use crate::error::Result;
-use crate::report::figure::{Figure, Layer, Role, rounded};
+use crate::report::figure::{DASHES, Figure, Layer, Role, SOLID, rounded};
 use crate::report::page::{page, shown};
 
 /// Curves and words of a page.
@@ -112,12 +112,18 @@ impl Chart {
             layers.push(Layer::Band { label: band.label.clone(), role, x, lo, hi });
         }
         let points = MOST_POINTS / self.curves.len().max(1);
+        // Where broken lines mean nothing of their own, they keep apart what has no colour on paper.
+        let alike = self.curves.len() > 2 && !self.curves.iter().any(|curve| curve.dashed);
         for (index, curve) in self.curves.iter().enumerate() {
             let step = curve.x.len().div_ceil(points).max(1);
-            let dashed = curve.dashed || index >= ROLES.len();
+            let dash = if curve.dashed || index >= ROLES.len() || (alike && index > 0) {
+                DASHES[(index + DASHES.len() - 1) % DASHES.len()]
+            } else {
+                SOLID
+            };
             let thin = |values: &[f64]| rounded(values.iter().copied().step_by(step));
             let role = ROLES[index % ROLES.len()];
-            layers.push(Layer::Line { label: curve.label.clone(), role, x: thin(&curve.x), y: thin(&curve.y), dashed });
+            layers.push(Layer::Line { label: curve.label.clone(), role, x: thin(&curve.x), y: thin(&curve.y), dash });
         }
         let figure = Figure {
             id: self.id.clone(),

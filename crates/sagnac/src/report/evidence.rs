@@ -2,6 +2,7 @@
 //!
 //! Nothing here is a result: results stand in the record. These are the points behind them.
 
+use crate::calibration::TermKind;
 use crate::ingest::Reason;
 use crate::units::s_from_ns;
 use crate::window::Windows;
@@ -35,6 +36,8 @@ pub struct Point {
     pub rate_cpm: f64,
     /// As logged, about the run's own constant, °/h.
     pub before_dph: f64,
+    /// What the fit lays to further inputs, °/h; 0 without any, and in a proof.
+    pub further_dph: f64,
     /// As corrected, or less the fit; NaN where the window was left out of it.
     pub after_dph: f64,
     /// Why it is left out, if it is.
@@ -57,6 +60,53 @@ pub struct AxisEvidence {
     pub axis: char,
     /// Every window in order.
     pub points: Vec<Point>,
+    /// What each input does by itself; nothing in a proof.
+    pub effects: Vec<Effect>,
+}
+
+/// What of an input an effect is a function of, or what it changes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum EffectOf {
+    /// The drift that its value makes, °/h.
+    Value,
+    /// The drift that its rate makes, °/h.
+    Rate,
+    /// The change of the scale factor that its value makes, ppm.
+    Scale,
+}
+
+impl EffectOf {
+    /// Whether a term is part of it.
+    pub(crate) fn holds(self, kind: TermKind) -> bool {
+        match kind {
+            TermKind::Bias | TermKind::Zone | TermKind::Step => self == Self::Value,
+            TermKind::Rate => self == Self::Rate,
+            TermKind::Scale => self == Self::Scale,
+        }
+    }
+}
+
+/// What one input does, with what the fit left.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Effect {
+    /// Its name.
+    pub input: String,
+    /// False for the thermometer of the fit.
+    pub further: bool,
+    /// Its unit is °C; else that of a column.
+    pub in_celsius: bool,
+    /// What is shown of it.
+    pub of: EffectOf,
+    /// Value at which it is zero.
+    pub reference: f64,
+    /// Of each window that tells of it: the input's value, or its lagged rate per minute.
+    pub x: Vec<f64>,
+    /// What its terms make of the window, °/h or ppm.
+    pub fit: Vec<f64>,
+    /// The same with what the whole fit left.
+    pub shown: Vec<f64>,
+    /// Its terms as a curve (x, °/h or ppm); empty where they are none of x alone.
+    pub curve: Vec<[f64; 2]>,
 }
 
 /// Everything a report draws.
@@ -103,6 +153,7 @@ pub(crate) fn points(
             temperature_c: sensor.map_or(f64::NAN, |sensor| rows.mean_c[sensor][i]),
             rate_cpm: sensor.map_or(f64::NAN, |sensor| rate_cpm(windows, sensor, i)),
             before_dph: before(i),
+            further_dph: 0.0,
             after_dph: after(i),
             excluded: rows.excluded[i],
         }

@@ -38,6 +38,27 @@ impl Role {
     }
 }
 
+/// Lengths of strokes and gaps, px; none: an unbroken line. Lines of one figure keep apart by it where there is no colour.
+pub(crate) type Dash = &'static [u8];
+
+/// An unbroken line.
+pub(crate) const SOLID: Dash = &[];
+/// Broken lines, to be told from each other.
+pub(crate) const DASHES: [Dash; 6] = [&[8, 5], &[2, 4], &[12, 4, 2, 4], &[16, 6], &[8, 3, 2, 3, 2, 3], &[5, 2]];
+
+impl Role {
+    /// How its broken lines are broken.
+    pub(crate) fn dash(self) -> Dash {
+        match self {
+            Self::Cooling | Self::After => DASHES[1],
+            Self::Floor => DASHES[2],
+            Self::ExcludedToo => DASHES[3],
+            Self::Excluded | Self::ExcludedAlso => DASHES[4],
+            Self::Before | Self::Heating | Self::Fit | Self::Steady | Self::Temperature => DASHES[0],
+        }
+    }
+}
+
 /// One thing drawn.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
@@ -53,7 +74,7 @@ pub(crate) enum Layer {
         role: Role,
         x: Vec<f64>,
         y: Vec<f64>,
-        dashed: bool,
+        dash: Dash,
     },
     Band {
         label: String,
@@ -69,6 +90,8 @@ pub(crate) enum Layer {
         x: Vec<f64>,
         y: Vec<f64>,
         half: Vec<f64>,
+        /// A line from middle to middle.
+        joined: bool,
     },
     Bars {
         label: String,
@@ -89,8 +112,11 @@ impl Layer {
     pub(crate) fn sign(&self) -> &'static str {
         match self {
             Self::Dots { role: Role::Cooling, .. } => "cross",
+            Self::Dots { role: Role::Before, .. } => "ring",
+            Self::Dots { role: Role::Steady, .. } => "point",
             Self::Dots { .. } => "dot",
-            Self::Line { dashed: true, .. } => "dashed",
+            Self::Line { dash, .. } if !dash.is_empty() => "dashed",
+            Self::Whiskers { joined: false, .. } => "bar",
             Self::Line { .. } | Self::Whiskers { .. } => "solid",
             Self::Band { .. } | Self::Shades { .. } => "pale",
             Self::Bars { .. } => "full",
@@ -260,7 +286,7 @@ mod tests {
     #[test]
     fn a_frame_holds_everything_and_is_never_empty() {
         let line =
-            |y: Vec<f64>| Layer::Line { label: String::new(), role: Role::Fit, x: vec![0.0, 1.0], y, dashed: false };
+            |y: Vec<f64>| Layer::Line { label: String::new(), role: Role::Fit, x: vec![0.0, 1.0], y, dash: SOLID };
         let figure = |layer| Figure {
             id: String::new(),
             title: String::new(),

@@ -1,10 +1,11 @@
 //! Which figures a report has, and what is in each.
 
 use crate::calibration::{AxisCalibration, PpmEstimate, TermKind};
+use crate::digits::significant;
 use crate::fit::{BASIS_LEN, TICK_INSTRUCTIONS, chebyshev, frontier};
 use crate::ingest::Reason;
-use crate::report::evidence::{AxisEvidence, Evidence, Leg, Point};
-use crate::report::figure::{Figure, Layer, Role, rounded};
+use crate::report::evidence::{AxisEvidence, Effect, EffectOf, Evidence, Leg, Point};
+use crate::report::figure::{Figure, Layer, Role, SOLID, rounded};
 use crate::verify::{PlateauProof, ScaleProof};
 
 /// The layers of one kind of all axes together draw no more points.
@@ -57,8 +58,9 @@ fn dots(label: &str, role: Role, at: impl Iterator<Item = (f64, f64)>) -> Layer 
     Layer::Dots { label: label.to_owned(), role, x: rounded(x), y: rounded(y) }
 }
 
-fn line(label: &str, role: Role, x: &[f64], y: Vec<f64>, dashed: bool) -> Layer {
-    Layer::Line { label: label.to_owned(), role, x: rounded(x.iter().copied()), y: rounded(y), dashed }
+fn line(label: &str, role: Role, x: &[f64], y: Vec<f64>, broken: bool) -> Layer {
+    let dash = if broken { role.dash() } else { SOLID };
+    Layer::Line { label: label.to_owned(), role, x: rounded(x.iter().copied()), y: rounded(y), dash }
 }
 
 /// A series over the span with its 95 % band, from the record alone: the drift at rest, or the scale factor with its
@@ -101,16 +103,16 @@ pub(crate) fn drift(evidence: &Evidence, axis: &AxisEvidence, record: &AxisCalib
     } else {
         ""
     };
-    let further = if record.inputs.is_empty() { "" } else { " What depends on further inputs is not in the curve." };
+    let further = if record.inputs.is_empty() { "" } else { " and what the fit lays to further inputs" };
     let caption = format!(
-        "Each point is a window, less its run's constant. The curve is the fit at rest, zero at {} °C; the band is where \
-         it lies with 95 % confidence.{rate}{further}{words}",
+        "Each point is a window, less its run's constant{further}. The curve is the fit at rest, zero at {} °C; the band is where \
+         it lies with 95 % confidence.{rate}{words}",
         record.reference_c
     );
     let title = "Drift against temperature";
     let mut out = figure(axis.axis, "drift", title, caption, ["temperature, °C", "drift, °/h"], "temperature");
     for (label, role, leg) in LEGS {
-        let of_leg = shown.iter().filter(|p| p.leg() == leg).map(|p| (p.temperature_c, p.before_dph));
+        let of_leg = shown.iter().filter(|p| p.leg() == leg).map(|p| (p.temperature_c, p.before_dph - p.further_dph));
         out.layers.push(dots(label, role, of_leg));
     }
     let (x, y, band) = curve(record, TermKind::Bias);
@@ -126,6 +128,47 @@ pub(crate) fn drift(evidence: &Evidence, axis: &AxisEvidence, record: &AxisCalib
         }
     }
     out.drop_empty().framed(false)
+}
+
+/// What one input does: its terms, and the windows less everything else.
+pub(crate) fn effect(evidence: &Evidence, axis: char, place: usize, effect: &Effect) -> Option<Figure> {
+    let Effect { input, of, .. } = effect;
+    let unit = if effect.in_celsius { ", °C" } else { "" };
+    let (title, x_label, y_label) = match of {
+        EffectOf::Value => (format!("Drift against {input}"), format!("{input}{unit}"), "drift, °/h"),
+        EffectOf::Rate => {
+            (format!("Drift against the rate of {input}"), format!("lagged rate of {input}{unit}/min"), "drift, °/h")
+        }
+        EffectOf::Scale => {
+            (format!("Scale factor against {input}"), format!("{input}{unit}"), "scale factor's change, ppm")
+        }
+    };
+    let at = |y: &'_ [f64]| effect.x.iter().copied().zip(y.iter().copied()).collect::<Vec<_>>();
+    let every = effect.x.len().div_ceil(MOST_POINTS / evidence.axes.len().clamp(1, 6)).max(1);
+    let thin = |y: &'_ [f64]| at(y).into_iter().step_by(every);
+    let words = if every > 1 { format!(" One window in {every} is drawn.") } else { String::new() };
+    let zero = match of {
+        EffectOf::Rate => "no rate".to_owned(),
+        EffectOf::Value | EffectOf::Scale => {
+            format!("{}{}", significant(effect.reference, 4), unit.trim_start_matches(','))
+        }
+    };
+    let caption = format!(
+        "Each point is a window less everything that the fit lays to other causes; bars are means of bins with twice their own σ.          They lie on the terms where these say what the data say. Zero at {zero}.{words}"
+    );
+    let mut out =
+        figure(axis, &format!("effect-{place}"), &title, caption, [&x_label, y_label], &format!("effect-{place}"));
+    out.layers.push(dots("windows", Role::Steady, thin(&effect.shown)));
+    if effect.curve.is_empty() {
+        out.layers.push(dots("terms", Role::Fit, thin(&effect.fit)));
+    } else {
+        let (x, y): (Vec<f64>, Vec<f64>) = effect.curve.iter().map(|[x, y]| (*x, *y)).unzip();
+        out.layers.push(line("terms", Role::Fit, &x, y, false));
+    }
+    let (x, y, half) = bins(&at(&effect.shown));
+    let (label, x, y, half) = ("means of bins".to_owned(), rounded(x), rounded(y), rounded(half));
+    out.layers.push(Layer::Whiskers { label, role: Role::After, x, y, half, joined: false });
+    out.framed(true)
 }
 
 /// Held-out residual against the instructions of the slow update.
@@ -218,7 +261,7 @@ fn whiskers(label: &str, role: Role, points: impl Iterator<Item = (f64, PpmEstim
     let x = rounded(points.iter().map(|(t, _)| *t));
     let y = rounded(points.iter().map(|(_, e)| e.ppm));
     let half = rounded(points.iter().map(|(_, e)| 2.0 * e.sigma_ppm));
-    (!points.is_empty()).then_some(Layer::Whiskers { label, role, x, y, half })
+    (!points.is_empty()).then_some(Layer::Whiskers { label, role, x, y, half, joined: true })
 }
 
 /// The fit at the median rate of a leg; `None` without rate terms or such windows.
@@ -286,7 +329,7 @@ pub(crate) fn histogram(axis: &AxisEvidence, floor_dph: Option<f64>) -> Option<F
         Some(floor) => format!(
             "Bars: windows per bin. Line: {} windows of noise alone, σ = {} °/h (the floor).",
             values.len(),
-            crate::digits::significant(floor, 3)
+            significant(floor, 3)
         ),
         None => "The noise floor of this log is not known, so there is nothing to hold the bars against.".to_owned(),
     };
@@ -384,11 +427,20 @@ pub(crate) fn hysteresis(axis: &AxisEvidence, wording: &Wording) -> Option<Figur
     let mut out = figure(axis.axis, "hysteresis", title, caption.to_owned(), labels, "temperature");
     for (name, role, leg) in &LEGS[..2] {
         let members: Vec<&Point> = used(axis).filter(|p| p.leg() == *leg).collect();
-        let (x, y, _) = bins(&members, |p| p.before_dph);
+        let over_temperature =
+            |y: fn(&Point) -> f64| -> Vec<(f64, f64)> { members.iter().map(|p| (p.temperature_c, y(p))).collect() };
+        let (x, y, _) = bins(&over_temperature(|p| p.before_dph));
         out.layers.push(line(&format!("{name}, {}", wording.before), *role, &x, y, true));
-        let (x, y, half) = bins(&members, |p| p.after_dph);
+        let (x, y, half) = bins(&over_temperature(|p| p.after_dph));
         let (x, y, half) = (rounded(x), rounded(y), rounded(half));
-        out.layers.push(Layer::Whiskers { label: format!("{name}, {}", wording.after), role: *role, x, y, half });
+        out.layers.push(Layer::Whiskers {
+            label: format!("{name}, {}", wording.after),
+            role: *role,
+            x,
+            y,
+            half,
+            joined: true,
+        });
     }
     if out.layers.iter().any(|layer| matches!(layer, Layer::Whiskers { x, .. } if x.len() < 2)) {
         return None;
@@ -396,18 +448,17 @@ pub(crate) fn hysteresis(axis: &AxisEvidence, wording: &Wording) -> Option<Figur
     out.framed(true)
 }
 
-/// Mean temperature, mean value and twice its σ in up to twelve equal bins of temperature with at least four windows.
-fn bins(members: &[&Point], value: impl Fn(&Point) -> f64) -> (Vec<f64>, Vec<f64>, Vec<f64>) {
+/// Mean x, mean y and twice its σ in up to twelve equal bins of x with at least four points.
+fn bins(points: &[(f64, f64)]) -> (Vec<f64>, Vec<f64>, Vec<f64>) {
     const BINS: usize = 12;
-    let extremes = |(lo, hi): (f64, f64), p: &&Point| (lo.min(p.temperature_c), hi.max(p.temperature_c));
-    let (lo, hi) = members.iter().fold((f64::INFINITY, f64::NEG_INFINITY), extremes);
+    let extremes = |(lo, hi): (f64, f64), (x, _): &(f64, f64)| (lo.min(*x), hi.max(*x));
+    let (lo, hi) = points.iter().fold((f64::INFINITY, f64::NEG_INFINITY), extremes);
     let mut sums = [(0.0, 0.0, 0.0, 0.0); BINS];
-    for point in members {
-        let bin = ((point.temperature_c - lo) / (hi - lo) * BINS as f64) as usize;
+    for (x, y) in points {
+        let bin = ((x - lo) / (hi - lo) * BINS as f64) as usize;
         let (n, t, v, squares) = &mut sums[bin.min(BINS - 1)];
-        let y = value(point);
         *n += 1.0;
-        *t += point.temperature_c;
+        *t += x;
         *v += y;
         *squares += y * y;
     }

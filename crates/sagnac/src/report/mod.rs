@@ -31,7 +31,7 @@ mod terms;
 pub use charts::{Band, Chart, ChartPage, Curve, PageTable, chart_report};
 #[cfg(feature = "report")]
 pub use compared::comparison_report;
-pub use evidence::{AxisEvidence, Evidence, Leg, Point, RunSpan};
+pub use evidence::{AxisEvidence, Effect, EffectOf, Evidence, Leg, Point, RunSpan};
 pub(crate) use evidence::{points, run_spans};
 #[cfg(feature = "report")]
 pub use noise::{noise_report, term_text};

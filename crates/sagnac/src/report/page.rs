@@ -167,8 +167,10 @@ fn legend(figure: &Figure) -> Vec<(&str, &'static str, &'static str)> {
 fn fit_figures(evidence: &Evidence, points: &AxisEvidence, axis: &AxisCalibration) -> Vec<Figure> {
     let floor = axis.floor.as_ref().map(|floor| floor.value_dph);
     let drift = figures::drift(evidence, points, axis);
+    let effect = |(place, effect)| figures::effect(evidence, axis.axis, place, effect);
     drift
         .into_iter()
+        .chain(points.effects.iter().enumerate().filter_map(effect))
         .chain(figures::scale_factor(axis))
         .chain(figures::soak(axis))
         .chain(figures::tradeoff(axis))

@@ -8,24 +8,25 @@
 
   const marks = {
     dots(u, ctx, layer, ratio) {
-      const size = (layer.role === "cooling" || layer.role === "excluded" ? 3 : 2.1) * ratio;
+      const cross = layer.role === "cooling", ring = layer.role === "before";
+      const size = (cross ? 3 : layer.role === "steady" ? 1.4 : 2.1) * ratio;
       ctx.globalAlpha = 0.65;
       ctx.lineWidth = 1.3 * ratio;
       ctx.beginPath();
       layer.x.forEach((x, i) => {
         if (layer.y[i] === null) return;
         const px = u.valToPos(x, "x", true), py = u.valToPos(layer.y[i], "y", true);
-        if (layer.role === "cooling") {
+        if (cross) {
           ctx.moveTo(px - size, py); ctx.lineTo(px + size, py); ctx.moveTo(px, py - size); ctx.lineTo(px, py + size);
         } else {
           ctx.moveTo(px + size, py); ctx.arc(px, py, size, 0, 2 * Math.PI);
         }
       });
-      layer.role === "cooling" ? ctx.stroke() : ctx.fill();
+      cross || ring ? ctx.stroke() : ctx.fill();
     },
     line(u, ctx, layer, ratio) {
       ctx.lineWidth = 2 * ratio;
-      if (layer.dashed) ctx.setLineDash([7 * ratio, 5 * ratio]);
+      if (layer.dash) ctx.setLineDash(layer.dash.map((length) => length * ratio));
       ctx.beginPath();
       layer.x.forEach((x, i) => {
         const at = [u.valToPos(x, "x", true), u.valToPos(layer.y[i], "y", true)];
@@ -49,7 +50,7 @@
         ctx.lineTo(px, u.valToPos(layer.y[i] + layer.half[i], "y", true));
       });
       ctx.stroke();
-      marks.line(u, ctx, layer, ratio);
+      (layer.joined ? marks.line : marks.dots)(u, ctx, layer, ratio);
     },
     bars(u, ctx, layer) {
       ctx.globalAlpha = 0.6;

@@ -15,7 +15,7 @@ use plotters::element::{PathElement, Polygon, Rectangle};
 use plotters::series::LineSeries;
 use plotters::style::{Color, RGBColor, ShapeStyle, WHITE};
 
-use crate::report::figure::{Figure, Layer, Role};
+use crate::report::figure::{Dash, Figure, Layer, Role};
 
 const WIDTH: u32 = 860;
 const HEIGHT: u32 = 350;
@@ -137,17 +137,16 @@ fn draw_layer(chart: &mut Chart<'_, '_>, figure: &Figure, layer: &Layer, marks: 
             let pixels: Vec<(i32, i32)> = at.map(|(x, y)| chart.backend_coord(&(*x, clip(*y)))).collect();
             *marks += &dots(&pixels, *role);
         }
-        Layer::Line { role, x, y, dashed, .. } => {
+        Layer::Line { role, x, y, dash, .. } => {
             let points: Vec<(f64, f64)> = x.iter().zip(y).map(|(x, y)| (*x, clip(*y))).collect();
-            if *dashed {
+            if !dash.is_empty() {
                 // One path; dash by dash it would be a hundred elements.
                 let pixels: Vec<(i32, i32)> = points.iter().map(|point| chart.backend_coord(point)).collect();
                 let corners: Vec<String> = pixels.iter().map(|(x, y)| format!("{x} {y}")).collect();
                 let path = corners.join("L");
-                let stroke = hex(*role);
-                *marks += &format!(
-                    "<path d=\"M{path}\" fill=\"none\" stroke=\"{stroke}\" stroke-width=\"2\" stroke-dasharray=\"7 5\"/>"
-                );
+                let (stroke, dashes) = (hex(*role), dashes(dash));
+                *marks +=
+                    &format!("<path d=\"M{path}\" fill=\"none\" stroke=\"{stroke}\" stroke-width=\"2\"{dashes}/>");
             } else {
                 chart.draw_series(LineSeries::new(points, colour(*role).stroke_width(2)))?;
             }
@@ -157,12 +156,18 @@ fn draw_layer(chart: &mut Chart<'_, '_>, figure: &Figure, layer: &Layer, marks: 
             let outline: Vec<(f64, f64)> = outline.map(|(x, y)| (*x, clip(*y))).collect();
             chart.draw_series([Polygon::new(outline, colour(*role).mix(0.18))])?;
         }
-        Layer::Whiskers { role, x, y, half, .. } => {
+        Layer::Whiskers { role, x, y, half, joined, .. } => {
             let style: ShapeStyle = colour(*role).stroke_width(2);
             let ends = x.iter().zip(y).zip(half).filter(|((_, y), _)| y.is_finite());
             let bars = ends.map(|((x, y), half)| PathElement::new([(*x, clip(y - half)), (*x, clip(y + half))], style));
             chart.draw_series(bars)?;
-            chart.draw_series(LineSeries::new(x.iter().copied().zip(y.iter().map(|y| clip(*y))), colour(*role)))?;
+            let middles: Vec<(f64, f64)> = x.iter().copied().zip(y.iter().map(|y| clip(*y))).collect();
+            if *joined {
+                chart.draw_series(LineSeries::new(middles, colour(*role)))?;
+            } else {
+                let pixels: Vec<(i32, i32)> = middles.iter().map(|point| chart.backend_coord(point)).collect();
+                *marks += &dots(&pixels, *role);
+            }
         }
         Layer::Bars { role, edges, heights, .. } => {
             let fill = colour(*role).mix(0.55).filled();
@@ -178,22 +183,37 @@ fn draw_layer(chart: &mut Chart<'_, '_>, figure: &Figure, layer: &Layer, marks: 
     Ok(())
 }
 
-/// Round dots; for cooling crosses, for what is left out oblique ones.
+/// Round dots; as logged they are rings, for cooling crosses, for what is left out oblique ones, small where nothing moves.
 fn dots(pixels: &[(i32, i32)], role: Role) -> String {
     let mut path = String::new();
     for (x, y) in pixels {
         // A String takes all that is written to it.
         let _ = match role {
+            Role::Before => write!(path, "M{} {y}a2 2 0 1 0 4 0a2 2 0 1 0-4 0", x - 2),
             Role::Cooling => write!(path, "M{} {y}h6m-3-3v6", x - 3),
             Role::Excluded => write!(path, "M{} {}l6 6m0-6l-6 6", x - 3, y - 3),
             _ => write!(path, "M{x} {y}h0"),
         };
     }
-    let (width, opacity) = if matches!(role, Role::Cooling | Role::Excluded) { (1.3, 0.8) } else { (4.2, 0.6) };
+    let (width, opacity) = match role {
+        Role::Before => (1.0, 0.8),
+        Role::Cooling | Role::Excluded => (1.3, 0.8),
+        Role::Steady => (2.4, 0.7),
+        _ => (4.2, 0.6),
+    };
     format!(
         "<path d=\"{path}\" fill=\"none\" stroke=\"{}\" stroke-width=\"{width}\" stroke-opacity=\"{opacity}\" stroke-linecap=\"round\"/>",
         hex(role)
     )
+}
+
+/// The attribute of a broken line.
+fn dashes(dash: Dash) -> String {
+    if dash.is_empty() {
+        return String::new();
+    }
+    let lengths: Vec<String> = dash.iter().map(u8::to_string).collect();
+    format!(" stroke-dasharray=\"{}\"", lengths.join(" "))
 }
 
 fn hex(role: Role) -> String {
@@ -234,9 +254,17 @@ fn sign(layer: &Layer, at: f64, row: i32) -> String {
     let stroke = hex(layer.label().1);
     match layer {
         Layer::Dots { role, .. } => dots(&[(at as i32 + 9, row)], *role),
-        Layer::Line { dashed, .. } => {
-            let dash = if *dashed { " stroke-dasharray=\"5 4\"" } else { "" };
-            format!("<path d=\"M{at} {row}h18\" stroke=\"{stroke}\" stroke-width=\"2\"{dash}/>")
+        Layer::Line { dash, .. } => {
+            let dashes = dashes(dash);
+            format!("<path d=\"M{at} {row}h18\" stroke=\"{stroke}\" stroke-width=\"2\"{dashes}/>")
+        }
+        Layer::Whiskers { joined: false, role, .. } => {
+            let dot = dots(&[(at as i32 + 9, row)], *role);
+            format!(
+                "<path d=\"M{} {}v12\" fill=\"none\" stroke=\"{stroke}\" stroke-width=\"2\"/>{dot}",
+                at + 9.0,
+                row - 6
+            )
         }
         Layer::Whiskers { .. } => {
             format!("<path d=\"M{at} {row}h18m-9-6v12\" fill=\"none\" stroke=\"{stroke}\" stroke-width=\"2\"/>")

@@ -293,6 +293,7 @@ mod tests {
                 temperature_c: celsius,
                 rate_cpm: rate,
                 before_dph: before(celsius, rate) + noise,
+                further_dph: 0.0,
                 after_dph: after(celsius, rate) + noise,
                 excluded: None,
             }

@@ -162,6 +162,7 @@ mod tests {
             temperature_c: 20.0,
             rate_cpm: if i < 100 { 1.0 } else { -1.0 },
             before_dph: 0.0,
+            further_dph: 0.0,
             after_dph: after(i),
             excluded: None,
         };

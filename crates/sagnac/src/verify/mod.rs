@@ -332,7 +332,7 @@ fn evidence(windows: &Windows, drifts: &Drifts<'_>, used: &[usize], sensor: Opti
         let about =
             |means: &[f64], column: usize, i: usize| drifts.rate_dph(column, i) - means[windows.rows.run[i] as usize];
         let points = points(windows, &runs, sensor, |i| about(&before, axis, i), |i| about(&after, axis + count, i));
-        AxisEvidence { axis: windows.shape.axes[axis], points }
+        AxisEvidence { axis: windows.shape.axes[axis], points, effects: Vec::new() }
     };
     let axes = (0..count).map(axis).collect();
     Evidence { timed: windows.shape.timed, axes, runs }

@@ -201,6 +201,7 @@ mod tests {
                 temperature_c: celsius,
                 rate_cpm: rate,
                 before_dph: 0.0,
+                further_dph: 0.0,
                 after_dph: after(i, celsius, rate),
                 excluded: None,
             }
