@@ -2,9 +2,7 @@
 
 use std::path::PathBuf;
 
-use sagnac::calibration::{
-    AxisCalibration, Calibration, Candidate, Monomial, PathStep, PathVerdict, PpmEstimate, ScaleFactor,
-};
+use sagnac::calibration::{AxisCalibration, Calibration, Candidate, Monomial, PathStep, PpmEstimate, ScaleFactor};
 use sagnac::digits::{celsius, significant, with_sigma};
 use sagnac::fit::{FitOptions, Loss, ModelChoice, TICK_INSTRUCTIONS, calibrate_with_evidence, frontier};
 use sagnac::ingest::Tally;
@@ -135,6 +133,9 @@ fn describe(console: &mut Console, axis: &AxisCalibration) {
     }
     if let Some(scale) = &axis.scale_factor {
         console.say(scale_factor(scale, axis.reference_c));
+        if let Some(note) = scale.asymmetry_note() {
+            console.note(format!("note: axis {}: {note}", axis.axis));
+        }
     }
     for m in &axis.misalignment {
         console.say(format!("  leans towards {} by {} arcsec", m.towards, with_sigma(m.arcsec, Some(m.sigma_arcsec))));
@@ -189,9 +190,9 @@ fn doubts(console: &mut Console, axis: &AxisCalibration) {
         console.say(format!(
             "  input {}: {made}; no effect at {}, seen from {} to {}",
             input.name,
-            significant(input.reference, 4),
-            significant(lo, 4),
-            significant(hi, 4)
+            input.on_its_scale(input.reference),
+            input.on_its_scale(lo),
+            input.on_its_scale(hi)
         ));
     }
     let near = axis.collinearity.as_ref().map(|near| {
@@ -227,28 +228,7 @@ fn powers(monomial: &Monomial) -> String {
 /// The way from the grid's model to the one taken: what was taken, and the best of what was not.
 fn path(steps: &[PathStep]) -> String {
     let last = steps.last().map_or(0, |step| step.step);
-    let kept =
-        |step: &&PathStep| !matches!(step.verdict, PathVerdict::NoGain | PathVerdict::Missed | PathVerdict::NotFitted);
-    let taken = steps.iter().filter(kept).filter(|step| step.verdict != PathVerdict::Collinear);
-    let rows = taken.map(|step| {
-        let others = steps.iter().filter(|other| other.step == step.step).count().saturating_sub(1);
-        let refused = |other: &&PathStep| other.step == step.step && other.verdict == PathVerdict::Collinear;
-        let refused = steps.iter().filter(refused).count();
-        vec![
-            step.step.to_string(),
-            step.model.clone(),
-            step.held_out_dph.map_or("-".to_owned(), |h| significant(h, 4)),
-            step.condition.map_or("-".to_owned(), |c| significant(c, 3)),
-            match step.verdict {
-                PathVerdict::Start => "start".to_owned(),
-                PathVerdict::LagRaised => "lag raised for the thermometer's noise".to_owned(),
-                PathVerdict::TooNoisy => "left: its thermometer is too noisy".to_owned(),
-                _ if refused > 0 => format!("best of {} tried, {refused} refused as collinear", others + 1),
-                _ => format!("best of {} tried", others + 1),
-            },
-        ]
-    });
-    let rows: Vec<Vec<String>> = rows.collect();
+    let rows: Vec<Vec<String>> = PathStep::rows(steps).into_iter().map(Vec::from).collect();
     if rows.len() < 2 {
         return format!(
             "  {} models with one term more or less: none earns its coefficients, none is as good and smaller",
@@ -359,7 +339,7 @@ fn candidates(all: &[Candidate]) -> String {
     ranked.sort_by(|a, b| a.held_out_dph.unwrap_or(f64::INFINITY).total_cmp(&b.held_out_dph.unwrap_or(f64::INFINITY)));
     let shown = ranked.iter().enumerate().filter(|(i, c)| *i < SHOWN_CANDIDATES || c.chosen).map(|(_, c)| {
         let held_out = c.held_out_dph.map_or("not fitted".to_owned(), |h| significant(h, 4));
-        let mark = if c.chosen { "taken: the smallest within 2 % of the least mean square" } else { "" };
+        let mark = if c.chosen { "taken: no larger one earns its coefficients" } else { "" };
         vec![c.model.clone(), c.coefficients.to_string(), held_out, mark.to_owned()]
     });
     let shown: Vec<Vec<String>> = shown.collect();

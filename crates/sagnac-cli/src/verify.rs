@@ -6,7 +6,7 @@ use sagnac::digits::{significant, with_sigma};
 use sagnac::ingest::Pace;
 use sagnac::report::verification_report;
 use sagnac::verify::{
-    AxisVerification, Estimate, Figures, Limits, MisDistance, ScaleFigures, ScaleProof, Verification,
+    AxisVerification, Estimate, Figures, Judged, Limits, MisDistance, ScaleFigures, ScaleProof, Verification,
     verify_with_evidence,
 };
 use sagnac::write::write_bytes;
@@ -73,6 +73,9 @@ fn describe(console: &mut Console, verification: &Verification) {
     for axis in &verification.axes {
         console.say(format!("axis {}: {}", axis.axis, verdict(axis)));
         console.say(figures(axis, verification));
+        if let Some(coverage) = &axis.coverage {
+            console.say(format!("  temperatures {}", coverage.words()));
+        }
         for (name, windows) in &axis.status_windows {
             console.say(format!("  status {name}: {windows} of {} windows", axis.after.n));
         }
@@ -91,11 +94,9 @@ fn describe(console: &mut Console, verification: &Verification) {
         }
         if !axis.limits.is_empty() {
             let rows = axis.limits.iter().map(|l| {
-                let value = l.value.map_or("unknown".to_owned(), |v| significant(v, 4));
-                let margin = l.margin.map_or("-".to_owned(), |m| format!("{:.0} %", 100.0 * m));
-                let word = if l.pass { "met" } else { "NOT MET" };
+                let word = if l.pass == Some(false) { "NOT MET" } else { l.word() };
                 let word = l.why.as_ref().map_or(word.to_owned(), |why| format!("{word}: {why}"));
-                vec![l.name.clone(), value, significant(l.limit, 4), margin, word]
+                vec![l.name.clone(), l.value_text(), significant(l.limit, 4), l.margin_text(), word]
             });
             console.say(table(&["limit", "value", "bound", "margin", ""], rows));
         }
@@ -134,10 +135,12 @@ fn scale_factor(scale: &ScaleProof) -> String {
 
 fn verdict(axis: &AxisVerification) -> String {
     let times = |ratio: Option<f64>| ratio.map_or("-".to_owned(), |r| format!("{} times", significant(r, 3)));
+    let judged = Judged::of(&axis.limits);
     let judged = match axis.pass {
-        Some(true) => "all limits met; ",
-        Some(false) => "LIMITS NOT MET; ",
-        None => "",
+        Some(true) if judged.not_asked == 0 => "all limits met; ".to_owned(),
+        Some(true) => format!("{}; ", judged.words()),
+        Some(false) => "LIMITS NOT MET; ".to_owned(),
+        None => String::new(),
     };
     let floor = axis.floor.as_ref().map_or("noise floor unknown".to_owned(), |floor| {
         format!("σ after is {} of the noise floor", significant(axis.after.sigma_dph / floor.value_dph, 3))

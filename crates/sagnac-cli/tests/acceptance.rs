@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use assert_cmd::Command;
+use sagnac::ingest::{hex, sha256};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -54,6 +55,62 @@ fn every_limit_has_its_value_margin_and_verdict() {
     assert_eq!((status, &object["axes"][0]["pass"]), (1, &Value::Bool(false)));
     assert_eq!(verify("navigation-grade").0, 0);
     assert!(metres("after_m", "sigma") * 2.0 <= flight["bound_after_m"].as_f64().unwrap());
+}
+
+/// What such a retest is not asked stands as not asked, and the verdict says so; the page says what was held against what.
+#[test]
+fn what_is_not_asked_is_not_met() {
+    let folder = TempDir::new().unwrap();
+    let (record, retest) = (record(&folder), testdata("cycle-3.csv.gz"));
+    let page = folder.path().join("page.html").display().to_string();
+    let flags = ["verify", &record, &retest, "--limits", "navigation-grade", "--report", &page, "--json"];
+    let out = sagnac().args(flags).output().unwrap();
+    let object: Value = serde_json::from_slice(&out.stdout).unwrap();
+    let limits = object["axes"][0]["limits"].as_array().unwrap();
+    let unasked: Vec<&Value> = limits.iter().filter(|limit| limit["pass"].is_null()).collect();
+    assert_eq!((unasked.len(), &unasked[0]["name"]), (1, &"scale_factor_sigma_ppm_max".into()));
+    assert_eq!(unasked[0]["why"], "needs a retest on a rate table");
+    let said = String::from_utf8(out.stderr).unwrap();
+    assert!(
+        said.contains("10 of 10 limits met, 1 not asked of such a retest") && !said.contains("all limits met"),
+        "{said}"
+    );
+    let html = std::fs::read_to_string(&page).unwrap();
+    let record_hash = hex(&sha256(&std::fs::read(&record).unwrap()));
+    for words in
+        ["Accepted as far as asked", "navigation-grade", object["limits"]["sha256"].as_str().unwrap(), &record_hash]
+    {
+        assert!(html.contains(words), "{words}");
+    }
+    // Limits of which none can be asked are refused.
+    let table_only = folder.path().join("table.toml").display().to_string();
+    std::fs::write(&table_only, "scale_factor_sigma_ppm_max = 5.0\n").unwrap();
+    sagnac().args(["verify", &record, &retest, "--limits", &table_only]).assert().code(3);
+}
+
+/// A retest over half of the temperatures vouches for half of them, by record and by image alone.
+#[test]
+fn a_narrow_retest_is_no_acceptance() {
+    let folder = TempDir::new().unwrap();
+    let record = record(&folder);
+    let narrow = folder.path().join("narrow.csv").display().to_string();
+    let out = Command::new("gzip").args(["-dc", &testdata("cycle-3.csv.gz")]).output().unwrap();
+    let whole = String::from_utf8(out.stdout).unwrap();
+    let place = whole.lines().next().unwrap().split(',').position(|name| name.starts_with("temperature_c")).unwrap();
+    let warm = |line: &&str| line.split(',').nth(place).unwrap().parse::<f64>().is_ok_and(|celsius| celsius > 15.0);
+    let kept: Vec<&str> = whole.lines().take(1).chain(whole.lines().skip(1).filter(warm)).collect();
+    std::fs::write(&narrow, kept.join("\n")).unwrap();
+    let limits = folder.path().join("limits.toml").display().to_string();
+    std::fs::write(&limits, "base = \"navigation-grade\"\nsigma_over_floor_max = 2.0\n").unwrap();
+    let out = sagnac().args(["verify", &record, &narrow, "--limits", &limits, "--json"]).output().unwrap();
+    let object: Value = serde_json::from_slice(&out.stdout).unwrap();
+    let axis = &object["axes"][0];
+    let missed: Vec<&Value> =
+        axis["limits"].as_array().unwrap().iter().filter(|limit| limit["pass"] == false).map(|l| &l["name"]).collect();
+    // The only plateau above 15 °C is compared with nothing.
+    let both = ["span_covered_min", "plateau_offset_dph_max"].map(Value::from);
+    assert_eq!((out.status.code(), missed), (Some(1), both.iter().collect()), "{}", axis["limits"]);
+    assert!((axis["coverage"]["part"].as_f64().unwrap() - 0.5).abs() < 0.01, "{}", axis["coverage"]);
 }
 
 /// Limits met on a log of the fit are no acceptance, on the terminal and on paper.

@@ -30,6 +30,17 @@ pub fn significant(value: f64, digits: i32) -> String {
     format!("{value:.*}", (digits - 1 - magnitude).max(0) as usize)
 }
 
+/// A setting as it was meant: no more than nine significant digits, and no zeros behind them.
+pub fn plain(value: f64) -> String {
+    significant(value, 9).parse::<f64>().map_or(String::new(), |value| value.to_string())
+}
+
+/// A value no finer than a ten-thousandth of a width, without zeros behind it.
+pub fn on_scale(value: f64, width: f64) -> String {
+    let decimals = (4.0 - width.abs().log10()).ceil().clamp(0.0, 12.0) as usize;
+    format!("{value:.decimals$}").parse::<f64>().map_or(String::new(), |value| (value + 0.0).to_string())
+}
+
 /// A temperature to a tenth, without a minus before zero.
 pub fn celsius(value: f64) -> String {
     format!("{:.1}", (10.0 * value).round() / 10.0 + 0.0)
@@ -48,6 +59,8 @@ mod tests {
         assert_eq!(with_sigma(2.5, None), "2.50000");
         assert_eq!(significant(0.000_123_456, 3), "0.000123");
         assert_eq!(significant(-6.547e-8, 3), "-6.55e-8");
+        assert_eq!([plain(0.5), plain(0.653_137_508_981_430_6), plain(100.0)], ["0.5", "0.653137509", "100"]);
+        assert_eq!([on_scale(-5.9e-18, 4.0), on_scale(-0.0474, 4.0), on_scale(21.0, 0.0)], ["0", "-0.0474", "21"]);
         assert_eq!([celsius(-0.002), celsius(-39.95)], ["0.0", "-40.0"]);
     }
 }

@@ -217,6 +217,9 @@ pub struct Setup {
     pub axis: Option<char>,
     /// What the sensor is, in words.
     pub sensor: Option<String>,
+    /// What it is tested on, in words: chamber, table, site.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rig: Option<String>,
     /// Nominal scale factor S0, arcsec per count. Needed by count logs, never guessed.
     pub arcsec_per_count: Option<f64>,
     /// Smallest step of the counts column, counts; 1 unless told.

@@ -418,6 +418,21 @@ fn steps_that_happen_once_are_found() {
     assert!(left(&found, &rig, &setup()) < 1.1);
 }
 
+/// Whole counts of half an arcsecond: rounding the output again is no angle random walk (read from the rounded counts the
+/// ratio is 1.13 … 1.21).
+#[test]
+fn coarse_counts_add_no_walk() {
+    let rig = ManyInputs { arcsec_per_count: 0.5, thermometer_noise_c: 0.0005, ..ManyInputs::plain() };
+    let coarse = Setup { arcsec_per_count: Some(0.5), inputs: Some(Vec::new()), ..setup() };
+    let found = fit(vec![rig.csv(1)], &coarse, "bias 3, rate 0").unwrap();
+    for seed in 2..6 {
+        let walk = retest(&found, rig.csv(seed), &coarse).axes[0].residual.random_walk.unwrap();
+        let ratio = walk.after_deg_rt_h / walk.before_deg_rt_h;
+        println!("{walk:?}: {ratio:.4}");
+        assert!((ratio - 1.0).abs() < 0.02, "{walk:?}");
+    }
+}
+
 /// A thermometer too noisy for its own slope: told, but the correction stays.
 #[test]
 fn a_noisy_thermometer_costs_no_correction() {

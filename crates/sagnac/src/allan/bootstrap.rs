@@ -1,36 +1,45 @@
-//! Intervals of the five terms by a parametric bootstrap: curves drawn from the fitted model, each fitted again.
+//! Intervals of the five terms: profiles of the misfit, with thresholds from curves drawn from the fitted model.
 //!
 //! ```text
-//! σ²*(τᵢ) = E σ²(τᵢ) · χ²(edfᵢ)/edfᵢ,    the χ² tied together by the correlation of the points (Gaussian copula)
-//! interval of X = Q, N, B, K, R:    [X̂ / q₉₇.₅,  X̂ / q₂.₅],    q quantiles of X*/X̂
+//! D(θ) = Σᵢ edfᵢ·[σ²ᵢ/fᵢ(θ) − 1 − ln(σ²ᵢ/fᵢ(θ))]                    deviance of χ² variances; its least is the fit
+//! interval of v = Q², N², B², K², R²:    { v : min over the other four of D − D_least ≤ c }
+//! c: what D(v̂) − D_least exceeds in one of twenty curves σ²*(τᵢ) = E σ²(τᵢ)·χ²(edfᵢ)/edfᵢ of the fitted model,
+//!    the χ² tied together by the correlation of the points (Gaussian copula)
 //! ```
 //!
-//! Expectations, edf and correlations are those of [`super::freedom`] for this very record: its length, its gaps, its
-//! noise. Points of an overlapping curve are far from independent, and an interval that took them so would be too
-//! narrow. The χ² come from normal values by the cube-root form of Wilson and Hilferty (1931). The ratio is used
-//! because these are scales: σ² known by few degrees of freedom is skew, its ratio is not a guess of its own.
+//! Terms that can stand in for each other (B, K and R at the long end of a short record) do so in the profile: what one may
+//! give to another is part of its interval. Expectations, edf and correlations are those of [`super::freedom`] for this very
+//! record: its length, its gaps, its noise. Points of an overlapping curve are far from independent, and thresholds of
+//! independent points would be too low; of a term that is not told from zero they are drawn without it too, and the higher
+//! threshold holds. The χ² come from normal values by the cube-root form of Wilson and Hilferty (1931).
 //!
-//! A term that is zero in one draw of forty or more, or known to less than a factor of five, has no interval.
+//! A term whose interval reaches down to a fifth of its value or further has no value, but an upper end: more of it would
+//! lift the curve above what was measured.
 
 use nalgebra::{DMatrix, DVector};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use crate::allan::freedom::{PhaseNoise, Record};
-use crate::allan::terms::{FittedTerms, Point, Term, fit_terms};
+use crate::allan::freedom::Record;
+use crate::allan::terms::{FittedTerms, Point, Term, deviance, fit_terms, fit_terms_beside, least_deviance};
 
 /// Curves drawn.
-const DRAWS: usize = 800;
-/// Part of the draws beyond each end of an interval: 95 % in all.
-const TAIL: f64 = 0.025;
-/// Least X*/X̂ at the lower tail.
+const DRAWS: usize = 400;
+/// Part of the curves beyond the threshold.
+const BEYOND: f64 = 0.05;
+/// The same for a term that was fitted as zero: half of its curves have no misfit to tell.
+const BEYOND_AT_ZERO: f64 = 0.025;
+/// Lower end over value below which a term is not resolved.
 const LEAST_RATIO: f64 = 0.2;
+/// Halvings in search of an end, and doublings to enclose it.
+const HALVINGS: usize = 20;
+const DOUBLINGS: usize = 60;
 /// Points farther apart than this in τ are taken as independent.
 const FAR: f64 = 64.0;
 /// Fixed, so that the same record gives the same intervals.
 const SEED: u64 = 0x5a67_6e61_6331_3131;
 
-/// What the draws say of one term, as a root (Q, N, B, K or R).
+/// What the record says of one term, as a root (Q, N, B, K or R).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Spread {
     /// 95 % interval.
@@ -42,59 +51,139 @@ pub(crate) enum Spread {
     },
     /// Not told from zero.
     Unresolved {
-        /// What this record shows of it one time in forty where nothing of it is there.
-        by_chance: f64,
+        /// More of it would not fit the curve.
+        at_most: f64,
     },
 }
 
-/// Draws curves of the record and fits each, every point with a scatter of its own besides (of `scatter_edf` degrees of
-/// freedom; infinite for none); one spread per term of [`Term::ALL`].
-pub(crate) fn spreads(record: &Record<'_>, multiples: &[f64], scatter_edf: f64, fitted: &FittedTerms) -> Vec<Spread> {
-    let refits = refits(record, multiples, scatter_edf);
-    let first: Vec<Option<Spread>> =
-        Term::ALL.iter().map(|term| interval(*term, fitted.root(*term), &refits)).collect();
-    if first.iter().all(Option::is_some) {
-        return first.into_iter().flatten().collect();
+/// One spread per term of [`Term::ALL`], and whether the curve needs any of those that are not told from zero. Every point
+/// has a scatter of its own besides (of `scatter_edf` degrees of freedom; infinite for none).
+pub(crate) fn spreads(
+    record: &Record<'_>,
+    measured: &[Point],
+    multiples: &[f64],
+    scatter_edf: f64,
+    fitted: &FittedTerms,
+) -> (Vec<Spread>, bool) {
+    let curves = Curves::new(record, multiples, scatter_edf);
+    let points: Vec<Point> = measured.iter().zip(&curves.expected).map(|(m, e)| Point { edf: e.edf, ..*m }).collect();
+    let profile = Profile { points: &points, least: least_deviance(&points).min(deviance(&points, fitted)) };
+    let mut thresholds = thresholds(&curves, fitted);
+    let resolved = of_resolved(&profile.spreads(fitted, &thresholds));
+    // Where a term is not told from zero, zero may be the truth; beside a border the others swing farther.
+    let without = fit_terms(&points, &resolved).filter(|_| resolved.len() < Term::ALL.len());
+    if let Some(without) = &without {
+        let curves = Curves::new(&Record { noise: without.noise(), ..*record }, multiples, scatter_edf);
+        let beside = self::thresholds(&curves, without);
+        thresholds.iter_mut().zip(beside).for_each(|(mine, theirs)| *mine = mine.max(theirs));
     }
-    // What is not told from zero is set to zero, and drawn again: what shows then is chance.
-    let mut noise = record.noise;
-    let coefficients = [&mut noise.q2, &mut noise.n2, &mut noise.b2, &mut noise.k2, &mut noise.r2];
-    coefficients
-        .into_iter()
-        .zip(&first)
-        .filter(|(_, found)| found.is_none())
-        .for_each(|(coefficient, _)| *coefficient = 0.0);
-    let without = Record { noise, ..*record };
-    let chance = if noise == PhaseNoise::default() { refits } else { self::refits(&without, multiples, scatter_edf) };
-    let spread = |(term, found): (&Term, Option<Spread>)| {
-        found.unwrap_or_else(|| Spread::Unresolved { by_chance: quantile(&roots(*term, &chance), 1.0 - TAIL) })
-    };
-    Term::ALL.iter().zip(first).map(spread).collect()
+    let mut spreads = profile.spreads(fitted, &thresholds);
+    for (term, spread) in Term::ALL.into_iter().zip(&mut spreads) {
+        // Long correlations come with the term itself: its threshold is drawn where its bound is.
+        if let Spread::Unresolved { at_most } = spread {
+            let there = fit_terms_beside(&points, term, at_most.powi(2));
+            let curves = Curves::new(&Record { noise: there.noise(), ..*record }, multiples, scatter_edf);
+            let threshold = self::thresholds_of(&curves, &there, &[term])[0].max(thresholds[term as usize]);
+            *at_most = profile.upper(term, fitted.coefficient(term), threshold).sqrt();
+        }
+    }
+    let left = fit_terms(&points, &of_resolved(&spreads)).map_or(f64::INFINITY, |left| deviance(&points, &left));
+    let highest = thresholds.into_iter().fold(0.0, f64::max);
+    (spreads, left - profile.least > highest)
 }
 
-fn refits(record: &Record<'_>, multiples: &[f64], scatter_edf: f64) -> Vec<FittedTerms> {
-    let curves = Curves::new(record, multiples, scatter_edf);
+/// The terms that have an interval.
+fn of_resolved(spreads: &[Spread]) -> Vec<Term> {
+    let all = Term::ALL.into_iter().zip(spreads);
+    all.filter(|(_, spread)| matches!(spread, Spread::Interval { .. })).map(|(term, _)| term).collect()
+}
+
+/// Per term: what D at the truth less the least D exceeds by chance.
+fn thresholds(curves: &Curves, truth: &FittedTerms) -> [f64; 5] {
+    let all = thresholds_of(curves, truth, &Term::ALL);
+    std::array::from_fn(|term| all[term])
+}
+
+/// The same of some terms, in their order.
+fn thresholds_of(curves: &Curves, truth: &FittedTerms, terms: &[Term]) -> Vec<f64> {
     let mut rng = ChaCha8Rng::seed_from_u64(SEED);
     let drawn: Vec<Vec<Point>> = (0..DRAWS).map(|_| curves.draw(&mut rng)).collect();
-    let refits = crate::parallel::in_parallel(&drawn, |points| fit_terms(points, &Term::ALL));
-    refits.into_iter().flatten().collect()
+    let apart = crate::parallel::in_parallel(&drawn, |points| {
+        let least = least_deviance(points);
+        let of = |term: &Term| {
+            let beside = fit_terms_beside(points, *term, truth.coefficient(*term));
+            (deviance(points, &beside) - least).max(0.0)
+        };
+        terms.iter().map(of).collect::<Vec<f64>>()
+    });
+    let threshold = |(place, term): (usize, &Term)| {
+        let mut apart: Vec<f64> = apart.iter().map(|of_draw| of_draw[place]).collect();
+        apart.sort_by(f64::total_cmp);
+        let beyond = if truth.coefficient(*term) > 0.0 { BEYOND } else { BEYOND_AT_ZERO };
+        apart.get(((1.0 - beyond) * apart.len() as f64) as usize).copied().unwrap_or(f64::INFINITY)
+    };
+    terms.iter().enumerate().map(threshold).collect()
 }
 
-fn roots(term: Term, refits: &[FittedTerms]) -> Vec<f64> {
-    let mut roots: Vec<f64> = refits.iter().map(|refit| refit.root(term)).collect();
-    roots.sort_by(f64::total_cmp);
-    roots
+/// The least misfit for every value of one term.
+struct Profile<'a> {
+    points: &'a [Point],
+    least: f64,
 }
 
-fn quantile(sorted: &[f64], part: f64) -> f64 {
-    sorted.get((part * sorted.len() as f64) as usize).copied().unwrap_or(0.0)
-}
+impl Profile<'_> {
+    fn spreads(&self, fitted: &FittedTerms, thresholds: &[f64; 5]) -> Vec<Spread> {
+        let spread = |(term, threshold): (Term, &f64)| {
+            let value = fitted.coefficient(term);
+            let upper = self.upper(term, value, *threshold).sqrt();
+            match self.lower(term, value, *threshold).sqrt() {
+                lower if lower > LEAST_RATIO * value.sqrt() => Spread::Interval { lower, upper },
+                _ => Spread::Unresolved { at_most: upper },
+            }
+        };
+        Term::ALL.into_iter().zip(thresholds).map(spread).collect()
+    }
 
-fn interval(term: Term, fitted: f64, refits: &[FittedTerms]) -> Option<Spread> {
-    let roots = roots(term, refits);
-    let (low, high) = (quantile(&roots, TAIL), quantile(&roots, 1.0 - TAIL));
-    let known = fitted > 0.0 && low > LEAST_RATIO * fitted;
-    known.then(|| Spread::Interval { lower: fitted * fitted / high, upper: fitted * fitted / low })
+    fn fits(&self, term: Term, value: f64, threshold: f64) -> bool {
+        deviance(self.points, &fit_terms_beside(self.points, term, value)) - self.least <= threshold
+    }
+
+    /// The smallest value that fits; 0 where none of the term fits too.
+    fn lower(&self, term: Term, value: f64, threshold: f64) -> f64 {
+        if value <= 0.0 || self.fits(term, 0.0, threshold) {
+            return 0.0;
+        }
+        self.border(term, threshold, value, value * 2.0_f64.powi(-8))
+    }
+
+    /// The largest value that fits.
+    fn upper(&self, term: Term, value: f64, threshold: f64) -> f64 {
+        // Alone it could make the lowest point of the curve: where a search without a value begins.
+        let reach = |p: &Point| p.variance / term.variance(p.tau_s);
+        let alone = self.points.iter().map(reach).fold(f64::INFINITY, f64::min);
+        let inside = if value > 0.0 { value } else { 0.0 };
+        let mut outside = inside.max(1e-6 * alone);
+        for _ in 0..DOUBLINGS {
+            if !self.fits(term, outside, threshold) {
+                break;
+            }
+            outside *= 2.0;
+        }
+        self.border(term, threshold, inside, outside)
+    }
+
+    /// Between a value that fits and one that does not, to a part in a million of them.
+    fn border(&self, term: Term, threshold: f64, mut inside: f64, mut outside: f64) -> f64 {
+        for _ in 0..HALVINGS {
+            let middle = f64::midpoint(inside, outside);
+            if self.fits(term, middle, threshold) {
+                inside = middle;
+            } else {
+                outside = middle;
+            }
+        }
+        f64::midpoint(inside, outside)
+    }
 }
 
 /// The distribution of a curve.

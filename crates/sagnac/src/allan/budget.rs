@@ -243,6 +243,7 @@ pub(crate) struct Model<'a> {
     /// Degrees of freedom that a scatter of its own, the same at every τ, would leave to a point.
     scatter_edf: f64,
     multiples: Vec<f64>,
+    points: Vec<Point>,
     tau0_s: f64,
     stretches: &'a Stretches,
 }
@@ -253,8 +254,9 @@ impl<'a> Model<'a> {
         let multiples: Vec<f64> = points.iter().map(|(m, ..)| *m).collect();
         let point = |(m, variance, edf): &(f64, f64, f64)| Point { tau_s: m * tau0_s, variance: *variance, edf: *edf };
         let mut fit: Vec<Point> = points.iter().map(point).collect();
-        let mut model =
-            Self { fitted: fit_terms(&fit, &Term::ALL), scatter_edf: f64::INFINITY, multiples, tau0_s, stretches };
+        let fitted = fit_terms(&fit, &Term::ALL);
+        let (scatter_edf, points) = (f64::INFINITY, Vec::new());
+        let mut model = Self { fitted, scatter_edf, multiples, points, tau0_s, stretches };
         for _ in 0..ROUNDS {
             for (point, m) in fit.iter_mut().zip(&model.multiples) {
                 point.edf = model.edf(Deviation::Allan, *m).unwrap_or(point.edf);
@@ -262,6 +264,7 @@ impl<'a> Model<'a> {
             model.fitted = fit_terms(&fit, &Term::ALL);
         }
         model.explain_misfit(&fit);
+        model.points = fit;
         model
     }
 
@@ -316,29 +319,31 @@ impl<'a> Model<'a> {
             return Terms::none("a single τ tells no slope: the longest stretch is shorter than six rows");
         }
         let longest_s = self.multiples.last().map_or(0.0, |m| m * self.tau0_s);
-        let mut spreads = spreads(&record, &self.multiples, self.scatter_edf, fitted).into_iter();
+        let (spreads, needed) = spreads(&record, &self.points, &self.multiples, self.scatter_edf, fitted);
+        let mut spreads = spreads.into_iter();
         Terms::from_each(|term| match spreads.next() {
             Some(Spread::Interval { lower, upper }) => TermValue::Found {
                 value: term.in_its_unit(fitted.root(term)),
                 lower: Some(term.in_its_unit(lower)),
                 upper: Some(term.in_its_unit(upper)),
             },
-            Some(Spread::Unresolved { by_chance }) => {
-                TermValue::Unresolved { unresolved: not_resolvable(term, longest_s, term.in_its_unit(by_chance)) }
+            Some(Spread::Unresolved { at_most }) => {
+                TermValue::Unresolved { unresolved: not_resolvable(term, longest_s, term.in_its_unit(at_most), needed) }
             }
             None => TermValue::Unresolved { unresolved: "no curve could be drawn from the model".to_owned() },
         })
     }
 }
 
-fn not_resolvable(term: Term, longest_s: f64, by_chance: f64) -> String {
+fn not_resolvable(term: Term, longest_s: f64, at_most: f64, needed: bool) -> String {
     let (_, unit) = term.name();
-    let record = format!("not resolvable from this record (τ up to {} s)", significant(longest_s, 3));
-    if by_chance > 0.0 {
-        format!("{record}: below {} {unit} it is not told from none", significant(by_chance, 2))
-    } else {
-        format!("{record}: the other terms explain the whole curve")
-    }
+    let traded =
+        if needed { "; the curve needs one of the terms that are not resolved, and does not tell which" } else { "" };
+    format!(
+        "not resolvable from this record (τ up to {} s): at most {} {unit}{traded}",
+        significant(longest_s, 3),
+        significant(at_most, 2)
+    )
 }
 
 /// Ends of a deviation's interval: σ·√(edf/χ²).

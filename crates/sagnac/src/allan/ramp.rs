@@ -2,9 +2,10 @@
 //!
 //! An Allan deviation over a temperature ramp shows the thermal drift as rate ramp and rate random walk. The record is
 //! watched in blocks of ten minutes: a ramp is a movement of at least 1 °C between block means in all with a block that
-//! moves by 0.02 °C/min or more (the pace at which a soak counts as soaked). On demand the drift is taken out first: the curve that
+//! moves by 0.02 °C/min or more (the pace at which a soak counts as soaked), or of 3 °C at any pace. On demand the drift is taken out first: the curve that
 //! `calibrate` would fit over temperature (and its rate), read between the middles of its windows.
 
+use crate::digits::significant;
 use crate::error::{Error, Result};
 use crate::fit::{FitOptions, ModelChoice, calibrate_with_evidence};
 use crate::ingest::{Batch, LogReader};
@@ -17,6 +18,8 @@ const BLOCK_S: f64 = 600.0;
 /// Movement of a ramp, °C, and the pace within it, °C/min.
 const RAMP_C: f64 = 1.0;
 const RAMP_CPM: f64 = 0.02;
+/// Movement that is a ramp however slow, °C.
+const SLOW_RAMP_C: f64 = 3.0;
 
 /// One thermometer of one record, block by block.
 #[derive(Clone, Debug, Default)]
@@ -71,11 +74,12 @@ impl RampWatch {
     pub(crate) fn verdict(mut self) -> Option<String> {
         self.close();
         let moved_c = self.hi_c - self.lo_c;
-        (moved_c >= RAMP_C && self.pace_cpm >= RAMP_CPM).then(|| {
+        let ramps = (moved_c >= RAMP_C && self.pace_cpm >= RAMP_CPM) || moved_c >= SLOW_RAMP_C;
+        ramps.then(|| {
             format!(
-                "the temperature moved by {moved_c:.1} °C in this record ({:.2} °C/min at its fastest): its drift shows as rate ramp, rate \
+                "the temperature moved by {moved_c:.1} °C in this record ({} °C/min at its fastest): its drift shows as rate ramp, rate \
                  random walk and bias instability (`--detrend temperature` takes it out)",
-                self.pace_cpm
+                significant(self.pace_cpm, 2)
             )
         })
     }
@@ -138,5 +142,25 @@ impl Drift {
                 column[row] -= dph * seconds / arcsec;
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// °C of every ten seconds of a day.
+    fn verdict(celsius: impl Fn(f64) -> f64) -> Option<String> {
+        let mut watch = RampWatch::default();
+        (0..8640).for_each(|i| watch.add(i64::from(i) * 10_000_000_000, celsius(f64::from(i) / 360.0)));
+        watch.verdict()
+    }
+
+    #[test]
+    fn ramps_are_told_from_soaks() {
+        assert!(verdict(|hours| 20.0 + hours).is_some(), "24 °C at 0.017 °C/min");
+        assert!(verdict(|hours| 20.0 + (hours - 12.0).clamp(0.0, 1.0) * 2.0).is_some(), "2 °C within an hour");
+        assert_eq!(verdict(|hours| 20.0 + 0.05 * hours), None, "1.2 °C in a day");
+        assert_eq!(verdict(|hours| 20.0 + 0.4 * hours.sin()), None, "a room");
     }
 }

@@ -19,6 +19,8 @@ use crate::allan::freedom::PhaseNoise;
 const MOST_ROUNDS: usize = 100;
 /// Weights have settled when no model variance moves by more.
 const SETTLED: f64 = 1e-10;
+/// Enough where only the deviance is wanted: at its least it is level.
+const SETTLED_FOR_DEVIANCE: f64 = 1e-5;
 
 /// A term of the noise model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -91,18 +93,50 @@ impl FittedTerms {
 
 /// Fits `terms` to the points; `None` without a usable point or where all of them are zero.
 pub fn fit_terms(points: &[Point], terms: &[Term]) -> Option<FittedTerms> {
-    let usable: Vec<Point> = points.iter().copied().filter(|p| p.variance > 0.0 && p.edf > 0.0).collect();
+    let usable = usable(points);
     if usable.is_empty() || terms.is_empty() {
         return None;
     }
-    let mut model: Vec<f64> = usable.iter().map(|p| p.variance).collect();
-    let mut fitted = FittedTerms::default();
+    settled(&usable, terms, FittedTerms::default(), SETTLED)
+}
+
+/// The least deviance of all five terms.
+pub(crate) fn least_deviance(points: &[Point]) -> f64 {
+    let fitted = settled(&usable(points), &Term::ALL, FittedTerms::default(), SETTLED_FOR_DEVIANCE);
+    fitted.map_or(f64::INFINITY, |fitted| deviance(points, &fitted))
+}
+
+/// The other four terms, with the coefficient of one held.
+pub(crate) fn fit_terms_beside(points: &[Point], held: Term, coefficient: f64) -> FittedTerms {
+    let others: Vec<Term> = Term::ALL.into_iter().filter(|term| *term != held).collect();
+    let mut alone = FittedTerms::default();
+    alone.0[held as usize] = coefficient;
+    settled(&usable(points), &others, alone, SETTLED_FOR_DEVIANCE).unwrap_or(alone)
+}
+
+fn usable(points: &[Point]) -> Vec<Point> {
+    points.iter().copied().filter(|p| p.variance > 0.0 && p.edf > 0.0).collect()
+}
+
+/// Deviance of χ² variances from a model: Σ edf·(σ²/f − 1 − ln(σ²/f)); infinite where the model is zero. The fit makes it least.
+pub(crate) fn deviance(points: &[Point], fitted: &FittedTerms) -> f64 {
+    let of = |p: &Point| {
+        let ratio = p.variance / fitted.variance(p.tau_s);
+        p.edf * (ratio - 1.0 - ratio.ln())
+    };
+    points.iter().filter(|p| p.variance > 0.0 && p.edf > 0.0).map(of).sum()
+}
+
+/// Re-weighted until nothing moves; `held` is part of the model and stays.
+fn settled(points: &[Point], terms: &[Term], held: FittedTerms, enough: f64) -> Option<FittedTerms> {
+    let mut model: Vec<f64> = points.iter().map(|p| p.variance.max(held.variance(p.tau_s))).collect();
+    let mut fitted = held;
     for _ in 0..MOST_ROUNDS {
-        fitted = best_set(&usable, &model, terms)?;
-        let next: Vec<f64> = usable.iter().map(|p| fitted.variance(p.tau_s)).collect();
+        fitted = best_set(points, &model, terms, &held)?;
+        let next: Vec<f64> = points.iter().map(|p| fitted.variance(p.tau_s)).collect();
         let moved = next.iter().zip(&model).map(|(new, old)| (new / old - 1.0).abs()).fold(0.0, f64::max);
         model = next;
-        if moved < SETTLED {
+        if moved < enough {
             break;
         }
     }
@@ -110,14 +144,14 @@ pub fn fit_terms(points: &[Point], terms: &[Term]) -> Option<FittedTerms> {
 }
 
 /// One round: of all sets of terms, the one of least misfit without a negative coefficient.
-fn best_set(points: &[Point], model: &[f64], terms: &[Term]) -> Option<FittedTerms> {
+fn best_set(points: &[Point], model: &[f64], terms: &[Term], held: &FittedTerms) -> Option<FittedTerms> {
     let mut gram = SMatrix::<f64, 5, 5>::zeros();
     let mut right = SVector::<f64, 5>::zeros();
     for (point, model) in points.iter().zip(model) {
         let weight = point.edf / (2.0 * model * model);
         let columns = SVector::<f64, 5>::from_fn(|i, _| terms.get(i).map_or(0.0, |term| term.variance(point.tau_s)));
         gram += columns * columns.transpose() * weight;
-        right += columns * (weight * point.variance);
+        right += columns * (weight * (point.variance - held.variance(point.tau_s)));
     }
     // To a diagonal of one: columns lie decades apart.
     let scale = gram.diagonal().map(|d| if d > 0.0 { d.sqrt().recip() } else { 0.0 });
@@ -125,10 +159,12 @@ fn best_set(points: &[Point], model: &[f64], terms: &[Term]) -> Option<FittedTer
     let right = right.component_mul(&scale);
     let sets = 1_u32..1 << terms.len();
     let tried = sets.filter_map(|set| solve_set(&gram, &right, set));
-    // Less is a better fit: the misfit is a constant less this.
-    let (_, solution) = tried.max_by(|a, b| a.0.total_cmp(&b.0))?;
+    // Less is a better fit: the misfit is a constant less this. With a term held, none of the others may be best.
+    let Some((_, solution)) = tried.max_by(|a, b| a.0.total_cmp(&b.0)) else {
+        return (held.variance(1.0) > 0.0).then_some(*held);
+    };
     let solution = solution.component_mul(&scale);
-    let mut fitted = FittedTerms::default();
+    let mut fitted = *held;
     terms.iter().zip(solution.iter()).for_each(|(term, value)| fitted.0[*term as usize] = *value);
     Some(fitted)
 }

@@ -4,6 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::calibration::{Lag, Term};
+use crate::digits::{on_scale, significant};
 
 /// Where the numbers of an input come from.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -46,6 +47,13 @@ pub struct FurtherInput {
     pub hold_s: f64,
 }
 
+impl FurtherInput {
+    /// A value of it for people: no finer than a ten-thousandth of its span.
+    pub fn on_its_scale(&self, value: f64) -> String {
+        on_scale(value, self.span[1] - self.span[0])
+    }
+}
+
 /// What became of a model on the path.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
@@ -86,6 +94,30 @@ pub struct PathStep {
     pub slow_update_instructions: u32,
     /// What became of it.
     pub verdict: PathVerdict,
+}
+
+impl PathStep {
+    /// The way for people, a row per step: its number, the model taken, held-out σ in °/h, condition, and out of how many.
+    pub fn rows(steps: &[Self]) -> Vec<[String; 5]> {
+        let kept = |step: &&Self| {
+            use PathVerdict::{LagRaised, Start, Taken, TooNoisy};
+            matches!(step.verdict, Start | Taken | LagRaised | TooNoisy)
+        };
+        let row = |step: &Self| {
+            let beside = || steps.iter().filter(|other| other.step == step.step);
+            let refused = beside().filter(|other| other.verdict == PathVerdict::Collinear).count();
+            let words = match step.verdict {
+                PathVerdict::Start => "start".to_owned(),
+                PathVerdict::LagRaised => "lag raised for the thermometer's noise".to_owned(),
+                PathVerdict::TooNoisy => "left: its thermometer is too noisy".to_owned(),
+                _ if refused > 0 => format!("best of {} tried, {refused} refused as collinear", beside().count()),
+                _ => format!("best of {} tried", beside().count()),
+            };
+            let number = |value: Option<f64>, digits| value.map_or("-".to_owned(), |v| significant(v, digits));
+            [step.step.to_string(), step.model.clone(), number(step.held_out_dph, 4), number(step.condition, 3), words]
+        };
+        steps.iter().filter(kept).map(row).collect()
+    }
 }
 
 /// A further input that `auto` did not look at.

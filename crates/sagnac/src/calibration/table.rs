@@ -3,6 +3,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::digits::significant;
+
 /// A value in parts per million with its standard deviation.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -63,6 +65,32 @@ pub struct ScaleFactor {
     /// Null where no temperature was visited twice.
     pub repeatability: Option<Repeatability>,
 }
+
+impl ScaleFactor {
+    /// What an asymmetry beyond its noise does to the bias, in words: S|Ω| is a rate that does not turn with the table.
+    pub fn asymmetry_note(&self) -> Option<String> {
+        let beyond = |p: &&Plateau| p.asymmetry.is_some_and(|a| a.ppm.abs() > BEYOND_NOISE * a.sigma_ppm);
+        let made = |p: &Plateau| {
+            let fastest_dps = p.rates_dps.iter().fold(0.0_f64, |most, rate| most.max(rate.abs()));
+            p.asymmetry.map_or(0.0, |a| 0.5 * a.ppm.abs() * 1e-6 * fastest_dps * 3600.0)
+        };
+        let lame: Vec<&Plateau> = self.plateaus.iter().filter(beyond).collect();
+        let most_dph = lame.iter().map(|p| made(p)).fold(0.0, f64::max);
+        // One in a hundred is beyond three σ by chance.
+        (lame.len() * 10 > self.plateaus.len() && most_dph > 0.0).then(|| {
+            format!(
+                "the asymmetry is beyond its noise at {} of {} plateaus: up to {} °/h of it stand in the rate at rest and in the bias; a run \
+                 at rest tells the bias alone",
+                lame.len(),
+                self.plateaus.len(),
+                significant(most_dph, 2)
+            )
+        })
+    }
+}
+
+/// σ beyond which an asymmetry is none of noise.
+const BEYOND_NOISE: f64 = 3.0;
 
 /// Angle between the input axis and the plane that another axis is normal to.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -20,6 +20,8 @@ use crate::fit::{BASIS_LEN, chebyshev};
 
 /// More sigmas than this are no chance.
 const DISAGREE: f64 = 3.0;
+/// Records closer than this are one record.
+const SAME: f64 = 1e-6;
 /// Temperatures over the common span, ends included.
 const TEMPERATURES: usize = 12;
 /// Closer to T0 than this part of the span the drift is zero by definition and tells nothing.
@@ -88,15 +90,21 @@ impl ComparedCurve {
         let Some(worst) = &self.worst else { return format!("{}: nothing to compare{lacking}", self.quantity) };
         let name = records.get(worst.record).map_or("", |(name, _)| name.as_str());
         let beyond = self.beyond.iter().fold(0.0_f64, |most, b| most.max(*b));
-        let word =
-            if worst.sigmas > DISAGREE { "the records disagree" } else { "the records agree within their intervals" };
-        format!(
-            "{}: {word}; {name} stands farthest apart, {} σ at {:.1} °C; beyond their σ they differ by up to {} {}{lacking}",
-            self.quantity,
+        let quantity = &self.quantity;
+        if worst.sigmas < SAME {
+            return format!("{quantity}: the records are the same{lacking}");
+        }
+        let farthest = format!(
+            "{name} stands farthest apart, {} σ at {:.1} °C",
             significant(worst.sigmas, 2),
-            worst.temperature_c,
-            significant(beyond, 2),
-            self.unit
+            worst.temperature_c
+        );
+        if worst.sigmas <= DISAGREE {
+            return format!("{quantity}: the records agree within their intervals; {farthest}{lacking}");
+        }
+        let (beyond, unit) = (significant(beyond, 2), &self.unit);
+        format!(
+            "{quantity}: the records disagree; {farthest}; beyond their σ they differ by up to {beyond} {unit}{lacking}"
         )
     }
 }

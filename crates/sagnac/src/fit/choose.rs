@@ -12,7 +12,7 @@ use crate::fit::folds::{Trial, cross_validate, scheme_of};
 use crate::fit::input::{Source, channels};
 use crate::fit::input_noise::{INCREASE_MAX, correction_noise, loudest_rate};
 use crate::fit::model::ModelSpec;
-use crate::fit::path::{CONDITION_MAX, fits_image, inputs_read, walk};
+use crate::fit::path::{CONDITION_MAX, fits_image, inputs_read, needed_gain, walk};
 use crate::fit::problem::{Level, Problem};
 use crate::fit::robust::{Loss, robust_fit};
 use crate::fit::solution::{Fitted, fit};
@@ -153,10 +153,9 @@ fn given<'a>(shape: &WindowShape, main: Source, spec: &ModelSpec, make: &MakePro
         .column("--model")
         .help("log it less its middle value"));
     }
-    // Beside a bias series as long the fit itself says that the two cannot be told apart.
-    let main_alone = (spec.scale > spec.bias).then(|| format!("scale {}", spec.scale));
+    let of_main = (spec.scale > 0).then(|| format!("scale {}", spec.scale));
     let of_input = spec.further.iter().find(|of| of.scale > 0).map(|of| format!("scale({})", of.input));
-    if let Some(term) = main_alone.or(of_input).filter(|_| !several_rates(&problem)) {
+    if let Some(term) = of_main.or(of_input).filter(|_| !several_rates(&problem)) {
         return Err(Error::refused(format!(
             "{term} needs runs at several input rates; at one rate a scale factor is a bias"
         ))
@@ -258,7 +257,7 @@ fn best_of_grid(problem: &Problem<'_>, taus_s: &[f64]) -> Result<Best> {
     }
     let mut fair: Vec<usize> = (0..specs.len()).filter(|i| mean_square[*i].is_some()).collect();
     let chosen = loop {
-        let chosen = best_of(&fair, &specs, &mean_square).ok_or_else(|| {
+        let chosen = best_of(problem, &fair, &specs, &mean_square, taus_s).ok_or_else(|| {
             Error::refused("the terms of no candidate can be told apart on these data")
                 .help("test so that temperature and its rate move apart, or give a fixed --model")
         })?;
@@ -273,16 +272,33 @@ fn best_of_grid(problem: &Problem<'_>, taus_s: &[f64]) -> Result<Best> {
     Ok(Best { spec: specs[chosen].clone(), mean_square: mean_square[chosen], candidates })
 }
 
-/// The smallest within 2 % of the least mean square; within one size no rate term, then the lower mean square wins: a slow lag can
-/// look like a curve.
-fn best_of(fair: &[usize], specs: &[ModelSpec], mean_square: &[Option<f64>]) -> Option<usize> {
+/// The smallest that no larger one betters by what its coefficients must earn ([`needed_gain`]); within one size no rate term,
+/// then the lower mean square wins: a slow lag can look like a curve.
+fn best_of(
+    problem: &Problem<'_>,
+    fair: &[usize],
+    specs: &[ModelSpec],
+    mean_square: &[Option<f64>],
+    taus_s: &[f64],
+) -> Option<usize> {
     let square = |i: usize| mean_square[i].unwrap_or(f64::INFINITY);
-    let least = fair.iter().map(|i| square(*i)).fold(f64::INFINITY, f64::min);
-    let good = fair.iter().copied().filter(|i| square(*i) <= SMALLER_WINS_WITHIN * least);
-    good.min_by(|a, b| {
-        let key = |i: usize| (specs[i].coefficients(), specs[i].rate.is_some());
-        key(*a).cmp(&key(*b)).then(square(*a).total_cmp(&square(*b)))
-    })
+    let least = fair.iter().copied().min_by(|a, b| square(*a).total_cmp(&square(*b)))?;
+    let rho = fit(problem, &specs[least], taus_s).map_or(0.0, |fitted| fitted.autocorrelation);
+    let windows = problem.len() as f64 * (1.0 - rho) / (1.0 + rho);
+    let size = |i: usize| specs[i].coefficients();
+    let stands = |i: &usize| {
+        let larger = fair.iter().filter(|other| size(**other) > size(*i));
+        let bettered = |other: &usize| square(*i) > needed_gain(windows, size(*other) - size(*i), 1) * square(*other);
+        square(*i).is_finite() && !larger.copied().any(|other| bettered(&other))
+    };
+    let good: Vec<usize> = fair.iter().copied().filter(stands).collect();
+    let smallest = good.iter().map(|i| size(*i)).min()?;
+    // Of one size none that another of them betters.
+    let of_size = || good.iter().copied().filter(|i| size(*i) == smallest);
+    let best = of_size().map(square).fold(f64::INFINITY, f64::min);
+    of_size()
+        .filter(|i| square(*i) <= SMALLER_WINS_WITHIN * best)
+        .min_by(|a, b| specs[*a].rate.is_some().cmp(&specs[*b].rate.is_some()).then(square(*a).total_cmp(&square(*b))))
 }
 
 fn candidate(spec: &ModelSpec, mean_square: Option<f64>, inputs: usize) -> Candidate {

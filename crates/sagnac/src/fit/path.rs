@@ -4,7 +4,7 @@
 //! ```text
 //! forward:  of all models with one order (input, zone, set of steps) more, the smallest within 2 % of the least held-out
 //!           mean square M; taken if M_now/M > max(1.02, e^((Δk·ln n + 2·ln m)/n))
-//! back:     of all models with one order less that are within 2 % of the least of all, the smallest
+//! back:     of all models with one order less that are within max(1.02, e^(Δk·ln n/n)) of the least of all, the smallest
 //! ```
 //!
 //! with Δk coefficients more, n windows (over (1 + ρ)/(1 − ρ) for residuals of lag-one correlation ρ) and m models that were tried in that step: the extended Bayesian criterion (Chen and Chen
@@ -108,7 +108,7 @@ fn walk_from(problem: &Problem<'_>, start: &ModelSpec, taus_s: &[f64]) -> Option
                 let more = model.spec.coefficients().saturating_sub(here.spec.coefficients());
                 let gain = needed_gain(here.windows, more, tried.len());
                 let square = model.square();
-                if forward { square * gain < least } else { square <= SMALLER_WINS_WITHIN * least }
+                if forward { square * gain < least } else { square <= spared(&here, model) * least }
             };
             let taken = best_of(&tried, passes);
             number += 1;
@@ -133,12 +133,17 @@ fn walk_from(problem: &Problem<'_>, start: &ModelSpec, taus_s: &[f64]) -> Option
     Some(Path { mean_square: here.square(), spec: here.spec, steps })
 }
 
+/// How far from the least a model may be for what it spares.
+fn spared(here: &Tried, smaller: &Tried) -> f64 {
+    needed_gain(here.windows, here.spec.coefficients().saturating_sub(smaller.spec.coefficients()), 1)
+}
+
 fn collinear(model: &Tried) -> bool {
     model.condition.is_some_and(|condition| condition > CONDITION_MAX)
 }
 
-/// By what factor a model must better the one before it.
-fn needed_gain(windows: f64, more: usize, tried: usize) -> f64 {
+/// By what factor a model of so many coefficients more must better one, of so many that were tried.
+pub(crate) fn needed_gain(windows: f64, more: usize, tried: usize) -> f64 {
     let n = windows.max(2.0);
     let criterion = (more as f64 * n.ln() + 2.0 * (tried.max(1) as f64).ln()) / n;
     criterion.exp().max(SMALLER_WINS_WITHIN)

@@ -3,10 +3,10 @@
 use maud::{Markup, html};
 
 use crate::calibration::{Calibration, LogUnit};
-use crate::digits::{celsius, significant, with_sigma};
+use crate::digits::{celsius, plain, significant, with_sigma};
 use crate::report::figure::{Figure, Layer, Role, SOLID, rounded};
 use crate::report::figures::figure;
-use crate::verify::{AxisVerification, Estimate, MisDistance, Verification};
+use crate::verify::{AxisVerification, Estimate, Judged, MisDistance, Verification};
 
 /// True where limits were held against the unit.
 pub(crate) fn is_acceptance(verification: &Verification) -> bool {
@@ -16,29 +16,46 @@ pub(crate) fn is_acceptance(verification: &Verification) -> bool {
 /// The verdict over all axes, and what was judged on what.
 pub(crate) fn identity(verification: &Verification, calibration: Option<&Calibration>) -> Markup {
     let accepted = verification.passed();
-    let limits: usize = verification.axes.iter().map(|axis| axis.limits.len()).sum();
-    let met: usize = verification.axes.iter().map(|axis| axis.limits.iter().filter(|l| l.pass).count()).sum();
-    let setup = calibration.map(|c| &c.setup);
-    let rig = setup.and_then(|setup| setup.sensor.clone());
-    let tests: Vec<&str> = verification.inputs.iter().map(|input| input.file.as_str()).collect();
-    let unit = calibration.map(|c| match c.unit {
+    let judged = Judged::of(verification.axes.iter().flat_map(|axis| &axis.limits));
+    let word = match (accepted, judged.not_asked) {
+        (true, 0) => "Accepted",
+        (true, _) => "Accepted as far as asked",
+        (false, _) => "Not accepted",
+    };
+    let not_stated = || "not stated in the setup".to_owned();
+    let log = calibration.map(|c| match c.unit {
         LogUnit::Counts { arcsec_per_count, quantum } => {
-            format!("counts of {arcsec_per_count} arcsec, quantum {quantum}")
+            format!("counts of {} arcsec, quantum {quantum}", plain(arcsec_per_count))
         }
         LogUnit::Rates { .. } => "rates".to_owned(),
     });
     // An image alone does not say what it was made from.
     let unseen = calibration.is_some() && verification.seen_by_fit.is_empty();
+    let limits = verification.limits.as_ref();
     html! {
-        div class={ "verdict " (if accepted { "pass" } else { "fail" }) } {
-            b.word { (if accepted { "Accepted" } else { "Not accepted" }) ": " (met) " of " (limits) " limits met" }
-        }
+        div class={ "verdict " (if accepted { "pass" } else { "fail" }) } { b.word { (word) ": " (judged.words()) } }
         div.scroll { table {
             tr { td { "unit" } td.words { (verification.serial) } }
-            @if let Some(rig) = rig { tr { td { "sensor and rig" } td.words { (rig) } } }
-            @if let Some(unit) = unit { tr { td { "log" } td.words { (unit) } } }
-            tr { td { "tests" (if unseen { ", none of them seen by the fit" } else { "" }) } td.words { (tests.join(", ")) } }
+            tr { td { "sensor" } td.words { (verification.sensor.clone().unwrap_or_else(not_stated)) } }
+            tr { td { "rig" } td.words { (verification.rig.clone().unwrap_or_else(not_stated)) } }
+            @if let Some(log) = log { tr { td { "log" } td.words { (log) } } }
+            @for test in &verification.inputs {
+                tr {
+                    td { "test" @if unseen { ", not seen by the fit" } }
+                    td.words { (test.file) ", " (test.rows) " rows" br; span.hash { "SHA-256 " (test.sha256) } }
+                }
+            }
+            @for axis in &verification.axes {
+                @if let Some(coverage) = &axis.coverage {
+                    tr { td { "temperatures, axis " (axis.axis) } td.words { (coverage.words()) } }
+                }
+            }
+            @if let Some(limits) = limits {
+                tr { td { "limits" } td.words { (limits.name) br; span.hash { "SHA-256 " (limits.sha256) } } }
+            }
+            tr { td { "record, SHA-256" } td.hash { (verification.record_sha256) } }
             tr { td { "images judged, SHA-256" } td.hash { (verification.image_sha256) } }
+            tr { td { "program" } td.words { (verification.program) } }
         } }
     }
 }
@@ -50,19 +67,18 @@ pub(crate) fn limits(verification: &Verification) -> Markup {
         @for axis in verification.axes.iter().filter(|axis| !axis.limits.is_empty()) {
             h3 { "Limits" @if several { " of axis " (axis.axis) } }
             div.scroll { table {
-                tr { th { "limit" } th.words { "unit" } th { "bound" } th { "value" } th { "margin" } th { "" } }
+                thead { tr { th { "limit" } th.words { "unit" } th { "bound" } th { "value" } th { "margin" } th.words { "" } } }
                 @for limit in &axis.limits {
                     @let (words, unit) = limit_words(&limit.name);
                     tr {
                         td { (words) } td.words { (unit) } td { (significant(limit.limit, 4)) }
-                        td { (limit.value.map_or("unknown".to_owned(), |v| significant(v, 4))) }
-                        td { (limit.margin.map_or("-".to_owned(), |m| format!("{:.0} %", 100.0 * m))) }
-                        @if limit.pass { td.pass { "met" } } @else {
-                            td.fail.words { "not met" @if let Some(why) = &limit.why { ": " (why) } }
-                        }
+                        td { (limit.value_text()) } td { (limit.margin_text()) }
+                        td class=(if limit.pass == Some(false) { "fail words" } else if limit.pass.is_some() { "pass words" } else { "words" }) { (limit.word()) }
                     }
+                    @if let Some(why) = &limit.why { tr.why.fail[limit.pass == Some(false)] { td colspan="6" { (limit.word()) ": " (why) } } }
                 }
             } }
+            p.note { "A limit is met where the value itself is within its bound; ± is the value's standard error. Margin: the room left, as a part of the bound." }
         }
     }
 }
@@ -76,6 +92,7 @@ fn limit_words(name: &str) -> (&str, &'static str) {
         "improvement_min" => ("max − min before over after, at least", ""),
         "improvement_sigma_min" => ("σ before over after, at least", ""),
         "out_of_span_max" => ("part of the test outside the fit's span, at most", ""),
+        "span_covered_min" => ("part of the fit's span that the test covers, at least", ""),
         "plateau_sigma_dph_max" => ("σ within a plateau, at most", "°/h"),
         "plateau_offset_dph_max" => ("a plateau's mean from the run's, at most", "°/h"),
         "ramps_rms_dph_max" => ("root mean square in ramps, at most", "°/h"),
@@ -122,7 +139,7 @@ pub(crate) fn residual(axis: &AxisVerification) -> Markup {
         @if !rows.is_empty() {
             h3 { "Residual of the corrected gyro" }
             div.scroll { table {
-                tr { th { "" } th { "value" } th.words { "unit" } }
+                thead { tr { th { "" } th { "value" } th.words { "unit" } } }
                 @for (name, value, unit) in &rows { tr { td { (name) } td { (value) } td.words { (unit) } } }
             } }
         }
@@ -135,8 +152,9 @@ pub(crate) fn flight(axis: &AxisVerification) -> Markup {
     html! {
         @if let Some(flown) = &axis.flight {
             h3 { "Position error of the stated flight, m" }
+            p.note { "Stated: " (flown.stated.described()) "." }
             div.scroll { table {
-                tr { th { "after " (significant(flown.minutes, 3)) " min" } th { "m" } }
+                thead { tr { th { "after " (significant(flown.minutes, 3)) " min" } th { "m" } } }
                 tr { td { "by the drift as logged" } td { (metres(flown.before_m)) } }
                 tr { td { "by the drift as corrected" } td { (metres(flown.after_m)) } }
                 tr { td { "as corrected, most on the way" } td { (significant(flown.most_after_m, 3)) } }

@@ -1,7 +1,7 @@
 //! Which figures a report has, and what is in each.
 
 use crate::calibration::{AxisCalibration, PpmEstimate, TermKind};
-use crate::digits::significant;
+use crate::digits::{on_scale, significant};
 use crate::fit::{BASIS_LEN, TICK_INSTRUCTIONS, chebyshev, frontier};
 use crate::ingest::Reason;
 use crate::report::evidence::{AxisEvidence, Effect, EffectOf, Evidence, Leg, Point};
@@ -71,9 +71,7 @@ fn curve(axis: &AxisCalibration, kind: TermKind) -> (Vec<f64>, Vec<f64>, Option<
     let x: Vec<f64> = (0..CURVE_POINTS).map(|i| span.lo_c + step * i as f64).collect();
     if kind == TermKind::Bias {
         let y = x.iter().map(|t| axis.drift(*t, axis.reference_c)).collect();
-        let weights = |t_c: f64| axis.drift_weights(t_c, axis.reference_c);
-        let half = |t_c: &f64| TWO_SIGMA * axis.variance_of(&weights(*t_c)).sqrt();
-        let band = (!weights(span.lo_c).is_empty()).then(|| x.iter().map(half).collect());
+        let band = x.iter().map(|t| Some(axis.predict(*t)?.curve_dph)).collect();
         return (x, y, band);
     }
     let at_reference = chebyshev(span.x(axis.reference_c));
@@ -122,6 +120,11 @@ pub(crate) fn drift(evidence: &Evidence, axis: &AxisEvidence, record: &AxisCalib
         out.layers.push(Layer::Band { label: "95 % band".to_owned(), role: Role::Fit, x: at, lo, hi });
     }
     out.layers.push(line("fit at rest", Role::Fit, &x, y.clone(), false));
+    let window: Option<Vec<f64>> = x.iter().map(|t| Some(record.predict(*t)?.window_dph)).collect();
+    for (half, sign) in window.iter().flat_map(|half| [(half, -1.0), (half, 1.0)]) {
+        let edge = y.iter().zip(half).map(|(y, half)| y + sign * half).collect();
+        out.layers.push(line("95 % of further windows at rest", Role::Floor, &x, edge, true));
+    }
     for (name, role, leg) in &LEGS[..2] {
         if let Some((cpm, y)) = while_moving(axis, record, *leg, &x, &y) {
             out.layers.push(line(&format!("fit while {name} at {cpm:+.2} °C/min"), *role, &x, y, true));
@@ -150,7 +153,9 @@ pub(crate) fn effect(evidence: &Evidence, axis: char, place: usize, effect: &Eff
     let zero = match of {
         EffectOf::Rate => "no rate".to_owned(),
         EffectOf::Value | EffectOf::Scale => {
-            format!("{}{}", significant(effect.reference, 4), unit.trim_start_matches(','))
+            let ends = |pick: fn(f64, f64) -> f64| effect.x.iter().copied().reduce(pick).unwrap_or(0.0);
+            let width = ends(f64::max) - ends(f64::min);
+            format!("{}{}", on_scale(effect.reference, width), unit.trim_start_matches(','))
         }
     };
     let caption = format!(
@@ -179,7 +184,7 @@ pub(crate) fn tradeoff(record: &AxisCalibration) -> Option<Figure> {
     }
     let knee = best.iter().find(|point| point.knee)?;
     let caption = format!(
-        "Each point is a model, judged on data that its fit did not see. The line joins those that none as cheap betters; the knee, `{}`, is the \
+        "Each point is a model, judged on data that its fit did not see. The line joins those that no model as cheap is better than; the knee, {}, is the \
          cheapest within 2 % of the least mean square. The slow update runs once in a temperature period; the tick takes {} instructions \
          whatever the model.",
         knee.candidate.model, TICK_INSTRUCTIONS
@@ -192,7 +197,7 @@ pub(crate) fn tradeoff(record: &AxisCalibration) -> Option<Figure> {
     let x: Vec<f64> = best.iter().map(|point| f64::from(point.instructions)).collect();
     out.layers.push(line("frontier", Role::After, &x, best.iter().map(|point| point.held_out_dph).collect(), false));
     let at = [(f64::from(knee.instructions), knee.held_out_dph)];
-    out.layers.push(dots("knee", Role::Before, at.into_iter()));
+    out.layers.push(dots(&format!("knee: {}", knee.candidate.model), Role::Excluded, at.into_iter()));
     if let Some(floor) = &record.floor {
         out.layers.push(line("noise floor", Role::Floor, &[x[0], x[x.len() - 1]], vec![floor.value_dph; 2], true));
     }

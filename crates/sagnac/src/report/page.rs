@@ -3,14 +3,14 @@
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use crate::calibration::{AxisCalibration, Calibration, Input, LogUnit, PpmEstimate, UNASSIGNED};
-use crate::digits::{celsius, significant, with_sigma};
+use crate::digits::{celsius, plain, significant, with_sigma};
 use crate::error::{Error, Result};
 use crate::ingest::{Tally, hex, sha256};
 use crate::report::evidence::{AxisEvidence, Evidence};
 use crate::report::figure::Figure;
 use crate::report::figures::Wording;
 use crate::report::{acceptance, figures, svg, terms};
-use crate::verify::{AxisVerification, Figures, ScaleFigures, Verification};
+use crate::verify::{AxisVerification, Correction, Figures, Judged, ScaleFigures, Verification};
 
 /// What the page is made of besides its own words. uPlot 1.6.32 is under the MIT licence, which stands
 /// beside it.
@@ -70,8 +70,8 @@ pub fn verification_report(
     let body = html! {
         h1 { (if judged { "Acceptance test" } else { "Proof on another test" }) @if !verification.serial.is_empty() && verification.serial != UNASSIGNED { ": " (verification.serial) } }
         p.sub {
-            "Logs that the fit did not see, replayed through the code and the image that ship. Windows of "
-            (verification.window_s) " s."
+            (if verification.seen_by_fit.is_empty() { "Logs that the fit did not see, replayed" } else { "Logs replayed" })
+            " through the code and the image that ship. Windows of " (plain(verification.window_s)) " s."
         }
         (same_log(verification))
         @if judged {
@@ -101,6 +101,7 @@ pub fn verification_report(
         (inputs(&verification.inputs))
         div.scroll { table {
             tr { td { "program" } td.words { (verification.program) } }
+            tr { td { "SHA-256 of the record" } td.hash { (verification.record_sha256) } }
             tr { td { "SHA-256 of the images" } td.hash { (verification.image_sha256) } }
         } }
     };
@@ -119,7 +120,7 @@ pub(crate) fn page(title: &str, body: &Markup, figures: &[Figure]) -> Result<Str
                 meta http-equiv="Content-Security-Policy" content=(POLICY);
                 meta name="viewport" content="width=device-width, initial-scale=1";
                 title { (title) }
-                style { (PreEscaped(UPLOT_CSS)) (PreEscaped(STYLE)) }
+                style { (PreEscaped(UPLOT_CSS)) (PreEscaped(STYLE)) (PreEscaped(footer(title))) }
             }
             body {
                 main {
@@ -133,6 +134,15 @@ pub(crate) fn page(title: &str, body: &Markup, figures: &[Figure]) -> Result<Str
         }
     };
     Ok(markup.into_string())
+}
+
+/// Every printed page says what it belongs to, and which of how many it is.
+fn footer(title: &str) -> String {
+    let plain = |c: &char| c.is_alphanumeric() || " .,:;()[]/+-_…".contains(*c);
+    let title: String = title.chars().filter(plain).collect();
+    format!(
+        "@page {{ @bottom-left {{ content: \"{title}\"; font: 8pt sans-serif; color: #4a505b }} @bottom-right {{ content: counter(page) \" / \" counter(pages); font: 8pt sans-serif; color: #4a505b }} }}"
+    )
 }
 
 /// A figure on the page: heading, legend, drawing, caption.
@@ -202,12 +212,16 @@ fn both_sides(evidence: &Evidence, points: &AxisEvidence, words: &Wording, floor
 
 fn subtitle(calibration: &Calibration) -> String {
     let unit = match calibration.unit {
-        LogUnit::Counts { arcsec_per_count, .. } => format!("counts of {arcsec_per_count} arcsec"),
+        LogUnit::Counts { arcsec_per_count, .. } => format!("counts of {} arcsec", plain(arcsec_per_count)),
         LogUnit::Rates { .. } => "rates".to_owned(),
     };
     let sensor = calibration.setup.sensor.as_deref().map_or(String::new(), |sensor| format!("{sensor}; "));
     let runs = calibration.provenance.inputs.len();
-    format!("{sensor}{runs} run{} of {unit}, windows of {} s", if runs == 1 { "" } else { "s" }, calibration.window_s)
+    format!(
+        "{sensor}{runs} run{} of {unit}, windows of {} s",
+        if runs == 1 { "" } else { "s" },
+        plain(calibration.window_s)
+    )
 }
 
 fn tile(name: &str, number: &str, unit: &str) -> Markup {
@@ -251,10 +265,10 @@ fn proof_verdict(axis: &AxisVerification, several: bool) -> Markup {
     let left = axis.floor.as_ref().map_or("the noise floor is not known".to_owned(), |floor| {
         format!("{} of the noise floor is left", significant(axis.after.sigma_dph / floor.value_dph, 3))
     });
-    let (class, word) = match axis.pass {
-        Some(true) => ("pass", format!("All limits met: {left}")),
-        Some(false) => ("fail", format!("Limits not met: {left}")),
-        None => ("", format!("No limits were given: {left}")),
+    let class = axis.pass.map_or("", |pass| if pass { "pass" } else { "fail" });
+    let word = match axis.pass {
+        Some(_) => format!("{}; {left}", Judged::of(&axis.limits).words()),
+        None => format!("No limits were given: {left}"),
     };
     let times = |ratio: Option<f64>| ratio.map_or("-".to_owned(), |r| significant(r, 3));
     html! {
@@ -273,6 +287,7 @@ fn proof_verdict(axis: &AxisVerification, several: bool) -> Markup {
                 }
                 (tile("windows", &axis.after.n.to_string(), ""))
             }
+            @if let Some(coverage) = &axis.coverage { p.note { "The test covers " (coverage.words()) "." } }
             @for (name, windows) in &axis.status_windows {
                 p.note { "Status " (name) " in " (windows) " of " (axis.after.n) " windows." }
             }
@@ -307,7 +322,7 @@ fn before_after(axis: &AxisVerification, verification: &Verification) -> Markup 
     html! {
         h3 { "Before and after, " (verification.unit) }
         div.scroll { table {
-            tr { th { "" } th { "n" } th { "min" } th { "max" } th { "mean" } th { "max − min" } th { "σ" } th { "σ, °/h" } }
+            thead { tr { th { "" } th { "n" } th { "min" } th { "max" } th { "mean" } th { "max − min" } th { "σ" } th { "σ, °/h" } } }
             (row("before", &axis.before))
             (row("after", &axis.after))
             @if let Some(floor) = &axis.floor {
@@ -333,7 +348,7 @@ fn scale_before_after(axis: &AxisVerification) -> Markup {
         @if let Some(scale) = &axis.scale_factor {
             h3 { "Scale factor over " (scale.plateaus.len()) " plateaus, ppm from nominal" }
             div.scroll { table {
-                tr { th { "" } th { "mean" } th { "max − min" } th { "σ" } }
+                thead { tr { th { "" } th { "mean" } th { "max − min" } th { "σ" } } }
                 (row("before", &scale.before))
                 (row("after", &scale.after))
                 tr { td { "noise alone" } td {} td {} td { (significant(scale.of_noise_ppm, 3)) } }
@@ -357,20 +372,21 @@ fn plateaus(axis: &AxisCalibration) -> Markup {
                 }
             }
             div.scroll { table {
-                tr {
-                    th { "plateau, °C" } th { "windows" } th { "rates, °/s" } th { "scale factor, ppm" } th { "rate at rest, °/h" }
+                thead { tr {
+                    th { "plateau, °C" } th { "windows" } th.words { "rates, °/s" } th { "scale factor, ppm" } th { "rate at rest, °/h" }
                     th { "nonlinearity, ppm" } th { "asymmetry, ppm" }
-                }
+                } }
                 @for p in &scale.plateaus {
                     tr {
                         td { (celsius(p.temperature_c)) } td { (p.windows) }
-                        td { (p.rates_dps.iter().map(|r| significant(*r, 4)).collect::<Vec<_>>().join(" ")) }
+                        td.words { (p.rates_dps.iter().map(|r| significant(*r, 4)).collect::<Vec<_>>().join(", ")) }
                         td { (estimate(Some(p.scale))) } td { (with_sigma(p.bias_dph, Some(p.bias_sigma_dph))) }
                         td { (estimate(p.nonlinearity)) } td { (estimate(p.asymmetry)) }
                     }
                 }
             } }
         }
+        @if let Some(note) = axis.scale_factor.as_ref().and_then(|scale| scale.asymmetry_note()) { p.note { "Note: " (note) "." } }
         @for m in &axis.misalignment {
             p.note { "The input axis leans towards " (m.towards) " by " (with_sigma(m.arcsec, Some(m.sigma_arcsec))) " arcsec." }
         }
@@ -384,7 +400,7 @@ fn left(axis: &AxisVerification) -> Markup {
         @if !rows.is_empty() {
             h3 { "What is left" }
             div.scroll { table {
-                tr { th { "" } th { "value" } th { "of noise alone" } }
+                thead { tr { th { "" } th { "value" } th { "of noise alone" } } }
                 @for row in &rows { tr { @for cell in row { td { (cell) } } } }
             } }
             p.note {
@@ -402,7 +418,7 @@ fn left_out(tallies: &[Tally]) -> Markup {
             p { "Nothing." }
         } @else {
             div.scroll { table {
-                tr { th { "reason" } th { "rows" } th.words { "first" } th.words { "what it means" } }
+                thead { tr { th { "reason" } th { "rows" } th.words { "first" } th.words { "what it means" } } }
                 @for tally in tallies {
                     tr {
                         td { (tally.reason.name().replace('_', " ")) } td { (tally.rows) }
@@ -417,7 +433,7 @@ fn left_out(tallies: &[Tally]) -> Markup {
 fn inputs(inputs: &[Input]) -> Markup {
     html! {
         div.scroll { table {
-            tr { th { "log" } th { "rows" } th.words { "SHA-256" } }
+            thead { tr { th { "log" } th { "rows" } th.words { "SHA-256" } } }
             @for input in inputs {
                 tr { td { (input.file) } td { (input.rows) } td.hash { (input.sha256) } }
             }
@@ -427,6 +443,8 @@ fn inputs(inputs: &[Input]) -> Markup {
 
 fn provenance(calibration: &Calibration) -> Result<Markup> {
     let record = hex(&sha256(calibration.to_json()?.as_bytes()));
+    // A record that fits no image still has a report.
+    let images = Correction::from_calibration(calibration.clone()).map_or_else(|why| why.what, |made| made.sha256());
     let from = &calibration.provenance;
     let thermometer = match calibration.thermometer.name.as_str() {
         "" => "temperature_c".to_owned(),
@@ -443,6 +461,7 @@ fn provenance(calibration: &Calibration) -> Result<Markup> {
                 "tick " (calibration.target.tick_s() * 1e6) " µs, temperature period " (calibration.target.period_s()) " s"
             } }
             tr { td { "SHA-256 of the record" } td.hash { (record) } }
+            tr { td { "SHA-256 of its images, the first that `export` makes" } td.hash { (images) } }
         } }
     })
 }

@@ -9,7 +9,7 @@
   const marks = {
     dots(u, ctx, layer, ratio) {
       const cross = layer.role === "cooling", ring = layer.role === "before";
-      const size = (cross ? 3 : layer.role === "steady" ? 1.4 : 2.1) * ratio;
+      const size = (cross ? 3 : layer.role === "excluded" ? 4 : layer.role === "steady" ? 1.4 : 2.1) * ratio;
       ctx.globalAlpha = 0.65;
       ctx.lineWidth = 1.3 * ratio;
       ctx.beginPath();

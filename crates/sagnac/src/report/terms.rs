@@ -2,8 +2,8 @@
 
 use maud::{Markup, html};
 
-use crate::calibration::{AxisCalibration, Candidate, Monomial, PathStep, PathVerdict};
-use crate::digits::{significant, with_sigma};
+use crate::calibration::{AxisCalibration, Candidate, InputSource, Monomial, PathStep, Prediction};
+use crate::digits::{celsius, on_scale, significant, with_sigma};
 
 /// Candidates shown besides the one that was taken.
 const SHOWN_CANDIDATES: usize = 12;
@@ -11,6 +11,7 @@ const SHOWN_CANDIDATES: usize = 12;
 pub(crate) fn coefficients(axis: &AxisCalibration) -> Markup {
     let further = axis.inputs.iter().filter_map(|input| Some((format!("lag({})", input.name), input.lag_s?)));
     let lags = axis.lag_s.map(|lag| ("lag".to_owned(), lag)).into_iter().chain(further);
+    let by_bootstrap = axis.terms.iter().any(|term| term.bootstrap.is_some());
     let in_zones = if axis.zones.is_empty() { std::slice::from_ref(&axis.monomial) } else { &axis.zones };
     html! {
         h3 { "Coefficients" }
@@ -22,12 +23,17 @@ pub(crate) fn coefficients(axis: &AxisCalibration) -> Markup {
                 " °C, zero at " (axis.reference_c) " °C: what the target computes with."
             }
             div.scroll { table {
-                tr { th { "term" } th { "value ± σ" } th.words { "unit" } th { "variance ×" } th.words { "" } }
+                thead { tr {
+                    th { "term" } th { "value ± σ" } th.words { "unit" } th { "variance ×" }
+                    @if by_bootstrap { th { "95 %, block bootstrap" } }
+                    th.words { "" }
+                } }
                 @for term in &axis.terms {
                     tr {
                         td { (term.name(axis.is_main(term))) } td { (with_sigma(term.value, term.sigma)) }
                         td.words { (term.unit) }
-                        td { (term.inflation.map_or(String::new(), |v| significant(v, 2))) }
+                        td { (term.inflation.map_or("-".to_owned(), |v| significant(v, 2))) }
+                        @if by_bootstrap { td { (term.bootstrap.map_or("-".to_owned(), |[lo, hi]| format!("{} … {}", significant(lo, 3), significant(hi, 3)))) } }
                         td.words { @if term.significant == Some(false) { "not significant at 95 %" } }
                     }
                 }
@@ -45,8 +51,9 @@ pub(crate) fn coefficients(axis: &AxisCalibration) -> Markup {
             (axis.monomial.run) ":"
         }
         @for zone in in_zones { (powers(zone)) }
+        (expected(axis))
         div.scroll { table {
-            tr { th { "run of the fit" } th { "constant ± σ, °/h" } th { "fixed bias, °/h" } }
+            thead { tr { th { "run of the fit" } th { "constant ± σ, °/h" } th { "fixed bias, °/h" } } }
             @for constant in &axis.constants {
                 tr {
                     td { (constant.run) } td { (with_sigma(constant.value_dph, constant.sigma_dph)) }
@@ -57,17 +64,44 @@ pub(crate) fn coefficients(axis: &AxisCalibration) -> Markup {
     }
 }
 
+/// Temperatures of the table of what to expect.
+const EXPECTED_AT: usize = 7;
+
+/// The curve at rest with its intervals.
+fn expected(axis: &AxisCalibration) -> Markup {
+    let [lo, hi] = axis.span_c;
+    let at = (0..EXPECTED_AT).map(|i| lo + (hi - lo) * i as f64 / (EXPECTED_AT - 1) as f64);
+    let rows: Vec<(f64, Prediction)> = at.filter_map(|celsius| Some((celsius, axis.predict(celsius)?))).collect();
+    html! {
+        @if !rows.is_empty() && !axis.terms.is_empty() {
+            p.note { "What to expect at rest, less its value at " (axis.reference_c) " °C, with 95 % confidence: of the curve, and of a further window of a run whose constant is known." }
+            div.scroll { table {
+                thead { tr { th { "°C" } th { "drift, °/h" } th { "curve ±, °/h" } th { "a window ±, °/h" } } }
+                @for (celsius_at, said) in &rows {
+                    tr {
+                        td { (celsius(*celsius_at)) } td { (on_scale(said.drift_dph, 1000.0 * said.curve_dph)) }
+                        td { (significant(said.curve_dph, 2)) } td { (significant(said.window_dph, 2)) }
+                    }
+                }
+            } }
+        }
+    }
+}
+
 /// A curve in powers of °C, with the zone it is of.
 fn powers(monomial: &Monomial) -> Markup {
     let sigma = |power: usize| monomial.sigma.as_ref().and_then(|all| all.get(power).copied());
     html! {
         div.scroll { table {
-            tr {
+            thead { tr {
                 th { @match monomial.from_to_c { Some([from, to]) => { (format!("{from:.2} … {to:.2} °C")) } None => { "power" } } }
-                th { "value ± σ" }
-            }
+                th { "value ± σ" } th.words { "unit" }
+            } }
             @for (power, value) in monomial.coefficients.iter().enumerate() {
-                tr { td { "T" sup { (power) } } td { (with_sigma(*value, sigma(power))) } }
+                tr {
+                    td { "T" sup { (power) } } td { (with_sigma(*value, sigma(power))) }
+                    td.words { (monomial.unit) @match power { 0 => {} 1 => { " per °C" } _ => { " per °C" sup { (power) } } } }
+                }
             }
         } }
     }
@@ -79,13 +113,19 @@ fn inputs_and_doubts(axis: &AxisCalibration) -> Markup {
         @if !axis.inputs.is_empty() {
             p.note { "Further inputs: the target must read them too, but for differences of two." }
             div.scroll { table {
-                tr { th.words { "input" } th { "its terms make, °/h rms" } th { "no effect at" } th { "seen from" } th { "to" } }
+                thead { tr {
+                    th.words { "input" } th.words { "unit" } th { "its terms make, °/h rms" } th { "no effect at" } th { "seen from" } th { "to" }
+                } }
                 @for input in &axis.inputs {
                     tr {
                         td.words { (input.name) }
-                        td { @if input.rms_dph > 0.0 { (significant(input.rms_dph, 3)) } @else { "read for a difference" } }
-                        td { (significant(input.reference, 5)) }
-                        td { (significant(input.span[0], 5)) } td { (significant(input.span[1], 5)) }
+                        td.words { @if matches!(input.source, InputSource::Column(_)) { "of its column" } @else { "°C" } }
+                        @if input.rms_dph > 0.0 {
+                            td { (significant(input.rms_dph, 3)) } td { (input.on_its_scale(input.reference)) }
+                        } @else {
+                            td { "read for a difference only" } td { "-" }
+                        }
+                        td { (input.on_its_scale(input.span[0])) } td { (input.on_its_scale(input.span[1])) }
                     }
                 }
             } }
@@ -111,32 +151,18 @@ fn inputs_and_doubts(axis: &AxisCalibration) -> Markup {
 
 /// The way from the grid's model to the one taken.
 pub(crate) fn path(steps: &[PathStep]) -> Markup {
-    let words = |verdict: PathVerdict| match verdict {
-        PathVerdict::Start => "start",
-        PathVerdict::Taken => "taken",
-        PathVerdict::NoGain => "",
-        PathVerdict::Missed => "",
-        PathVerdict::Collinear => "refused: collinear",
-        PathVerdict::NotFitted => "not fitted",
-        PathVerdict::TooNoisy => "left: its thermometer is too noisy",
-        PathVerdict::LagRaised => "lag raised for the thermometer's noise",
-    };
+    let rows = PathStep::rows(steps);
     html! {
         @if steps.len() > 1 {
             h3 { "Path" }
             p.note {
                 "One order, zone table or set of steps more while that earns its coefficients on data the fit did not see; then one less \
-                 while none is missed."
+                 while none is missed. " (steps.len()) " models were tried; the record holds every one of them."
             }
             div.scroll { table {
-                tr { th { "step" } th { "model" } th { "held-out σ, °/h" } th { "condition" } th.words { "" } }
-                @for step in steps {
-                    tr.taken[step.verdict == PathVerdict::Taken || step.verdict == PathVerdict::Start] {
-                        td { (step.step) } td { (step.model) }
-                        td { (step.held_out_dph.map_or("-".to_owned(), |h| significant(h, 4))) }
-                        td { (step.condition.map_or("-".to_owned(), |c| significant(c, 3))) }
-                        td.words { (words(step.verdict)) }
-                    }
+                thead { tr { th { "step" } th.model { "model" } th { "held-out σ, °/h" } th { "condition" } th.words { "" } } }
+                @for [step, model, held_out, condition, words] in &rows {
+                    tr { td { (step) } td.model { (model) } td { (held_out) } td { (condition) } td.words { (words) } }
                 }
             } }
         }
@@ -153,13 +179,13 @@ pub(crate) fn candidates(all: &[Candidate]) -> Markup {
             h3 { "Candidates" }
             p.note {
                 (all.len()) " models were tried on data that each fit did not see. The least held-out mean square is that of " code { (least) }
-                "; the smallest model within 2 % of it is taken."
+                "; the smallest model is taken that no larger one betters by what its coefficients must earn."
             }
             div.scroll { table {
-                tr { th { "model" } th { "coefficients" } th { "held-out σ, °/h" } th.words { "" } }
+                thead { tr { th.model { "model" } th { "coefficients" } th { "held-out σ, °/h" } th.words { "" } } }
                 @for candidate in rows {
                     tr.taken[candidate.chosen] {
-                        td { (candidate.model) } td { (candidate.coefficients) }
+                        td.model { (candidate.model) } td { (candidate.coefficients) }
                         td { (candidate.held_out_dph.map_or("not fitted".to_owned(), |h| significant(h, 4))) }
                         td.words { @if candidate.chosen { "taken" } }
                     }

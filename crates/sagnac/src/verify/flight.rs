@@ -81,6 +81,8 @@ fn yes() -> bool {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MisDistance {
+    /// The flight as stated.
+    pub stated: Flight,
     /// Length of the flight, min.
     pub minutes: f64,
     /// Position error at its end by the drift as logged, m.
@@ -119,10 +121,25 @@ impl Flight {
             return bad("temperatures lie within -127 … 127 °C");
         }
         match (self.axis, self.speed_m_s) {
-            (FlightAxis::Azimuth, None) => bad("the azimuth needs speed_m_s"),
+            (FlightAxis::Azimuth, None) => {
+                bad("the azimuth needs speed_m_s").map_err(|e| e.help("speed_m_s = 250.0, the ground speed"))
+            }
             (_, Some(speed)) if !(0.0..=1e5).contains(&speed) => bad("speed_m_s lies within 0 … 100000"),
             _ => Ok(()),
         }
+    }
+
+    /// In words.
+    pub fn described(&self) -> String {
+        let gyro = match (self.axis, self.speed_m_s) {
+            (FlightAxis::Level, _) => "a level gyro (Schuler)".to_owned(),
+            (FlightAxis::Azimuth, speed) => format!("the azimuth gyro at {} m/s", speed.unwrap_or(0.0)),
+        };
+        let drift =
+            if self.aligned { "drift at take-off known by alignment" } else { "drift from the mean of the retest" };
+        let corner = |corner: &Corner| format!("{} min {} °C", corner.minutes, corner.temperature_c);
+        let profile: Vec<String> = self.profile.iter().map(corner).collect();
+        format!("{gyro}, {drift}; {}", profile.join(", "))
     }
 
     fn channel(&self) -> Channel {
@@ -189,6 +206,7 @@ impl Flight {
         let shown: Vec<usize> = (0..steps).filter(|i| (i + 1) % every == 0 || *i == steps - 1).collect();
         let pick = |curve: &DVector<f64>| shown.iter().map(|i| curve[*i]).collect();
         Ok(MisDistance {
+            stated: self.clone(),
             minutes: self.minutes(),
             before_m: end(&before),
             after_m: end(&after),

@@ -27,7 +27,7 @@ use serde::{Deserialize, Serialize};
 pub use compensate::{CorrectedFormat, compensate, status_text};
 pub use flight::{Corner, Flight, FlightAxis, MisDistance};
 pub use left::{AcrossGaps, Estimate, Left};
-pub use limits::{Limits, SETS, Verdict};
+pub use limits::{Judged, Limits, LimitsSource, SETS, Verdict};
 pub use readings::{LogColumn, Readings};
 pub use replay::{Corrected, Replay};
 pub use residual::{Plateaus, RandomWalk, Residual};
@@ -37,6 +37,7 @@ pub use turned::{PlateauProof, ScaleFigures, ScaleProof};
 
 use crate::allan::NoiseTerms;
 use crate::calibration::{Calibration, Input, LogUnit};
+use crate::digits::celsius;
 use crate::error::{Error, Result};
 use crate::fit;
 use crate::ingest::{AngleUnit, Batch, LogReader, LogShape, Tally, hex, sha256};
@@ -169,6 +170,38 @@ pub struct RetestFloor {
     pub source: String,
 }
 
+/// How much of the temperatures of the fit a retest saw.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Coverage {
+    /// Span of the fit, by the image, °C.
+    pub fit_c: [f64; 2],
+    /// Lowest and highest sample of the used windows, °C.
+    pub tested_c: [f64; 2],
+    /// Part of the fit's span that lies between those, 0 to 1.
+    pub part: f64,
+}
+
+impl Coverage {
+    /// `20.0 … 45.0 °C: 23 % of the fit's -39.0 … 69.0 °C`.
+    pub fn words(&self) -> String {
+        let Self { tested_c: [lo, hi], fit_c: [from, to], part } = *self;
+        let [lo, hi, from, to] = [lo, hi, from, to].map(celsius);
+        format!("{lo} … {hi} °C: {:.0} % of the fit's {from} … {to} °C", 100.0 * part)
+    }
+
+    fn of(image: &Image, windows: &Windows, used: &[usize], sensor: usize) -> Option<Self> {
+        let spec = image.thermometers().first()?;
+        let fit_c = [spec.span_lo_q24, spec.span_hi_q24].map(|q24| f64::from(q24) / 2.0_f64.powi(24));
+        let (min_c, max_c) = (&windows.rows.min_c[sensor], &windows.rows.max_c[sensor]);
+        let lo = used.iter().map(|i| min_c[*i]).fold(f64::INFINITY, f64::min);
+        let hi = used.iter().map(|i| max_c[*i]).fold(f64::NEG_INFINITY, f64::max);
+        let common = hi.min(fit_c[1]) - lo.max(fit_c[0]);
+        let part = (common / (fit_c[1] - fit_c[0])).clamp(0.0, 1.0);
+        (lo <= hi).then_some(Self { fit_c, tested_c: [lo, hi], part })
+    }
+}
+
 /// One axis of a verification.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -187,6 +220,8 @@ pub struct AxisVerification {
     pub improvement_sigma: Option<f64>,
     /// What can be seen of what the correction left.
     pub left: Left,
+    /// Temperatures of the retest beside those of the fit; null without a temperature.
+    pub coverage: Option<Coverage>,
     /// A rate table turned the gyro.
     #[serde(default)]
     pub turned: bool,
@@ -203,7 +238,7 @@ pub struct AxisVerification {
     pub status_windows: BTreeMap<String, usize>,
     /// Limits, if any were given.
     pub limits: Vec<Verdict>,
-    /// All limits are met; null without limits.
+    /// All limits that are asked of such a retest are met; null without limits.
     pub pass: Option<bool>,
 }
 
@@ -215,6 +250,12 @@ pub struct Verification {
     pub program: String,
     /// Serial number of the gyro.
     pub serial: String,
+    /// What the sensor is, as the setup says.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sensor: Option<String>,
+    /// What it was tested on, as the setup says.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rig: Option<String>,
     /// Unit of the figures: `counts per window` or `deg/h`.
     pub unit: String,
     /// Length to which windows are scaled, s.
@@ -225,6 +266,11 @@ pub struct Verification {
     pub excluded: Vec<Tally>,
     /// SHA-256 of the images' bytes, in the order of their axes.
     pub image_sha256: String,
+    /// SHA-256 of the record that the images were made from, by the images.
+    pub record_sha256: String,
+    /// What it was held against, if limits were given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub limits: Option<LimitsSource>,
     /// The retest logs.
     pub inputs: Vec<Input>,
     /// Those of them that the calibration was made from: with any of them this is no proof, and no limit can be met.
@@ -276,6 +322,8 @@ pub fn verify_with_evidence(
     let axes = (0..count).map(|axis| {
         let mut figures = axis_figures(&windows, &drifts, &used, &evidence, axis, correction, setup)?;
         figures.scale_factor = drifts.scale_proof(&used, axis, sensor);
+        let image = correction.images.iter().find(|image| char::from(image.description().axis) == figures.axis);
+        figures.coverage = image.zip(sensor).and_then(|(image, sensor)| Coverage::of(image, &windows, &used, sensor));
         if let Some(flight) = limits.and_then(|limits| limits.flight.as_ref()) {
             let n = figures.residual.random_walk.map(|walk| walk.after_deg_rt_h);
             match flight.fly(&evidence.axes[axis].points, n) {
@@ -285,13 +333,13 @@ pub fn verify_with_evidence(
         }
         if let Some(limits) = limits {
             figures.limits = limits.judge(&figures);
-            if figures.limits.is_empty() && limits.asks() {
+            if limits.asks() && figures.limits.iter().all(|verdict| verdict.pass.is_none()) {
                 return Err(Error::refused(
                     "none of the limits can be asked of this retest: it has no rate table, or only that",
                 )
                 .help("docs/verification.md tells which limits ask for which test"));
             }
-            figures.pass = limits.asks().then(|| figures.limits.iter().all(|verdict| verdict.pass));
+            figures.pass = limits.asks().then(|| figures.limits.iter().all(|verdict| verdict.pass != Some(false)));
         }
         Ok(figures)
     });
@@ -299,11 +347,15 @@ pub fn verify_with_evidence(
     let verification = Verification {
         program: fit::program(),
         serial: correction.serial(),
+        sensor: setup.sensor.clone(),
+        rig: setup.rig.clone(),
         unit: unit_of(&windows).1.to_owned(),
         window_s: windows.shape.nominal_s,
         axes: axes?,
         excluded: windows.tallies.list(),
         image_sha256: correction.sha256(),
+        record_sha256: correction.images.first().map_or(String::new(), |image| hex(&image.description().parent)),
+        limits: limits.map(|limits| limits.source.clone()),
         seen_by_fit: seen_by_fit(correction, &fit::inputs(&windows)),
         inputs: fit::inputs(&windows),
     };
@@ -359,8 +411,12 @@ fn replay_windows(correction: &Correction, logs: Vec<LogReader>, setup: &Setup, 
         };
         same_shape(first, &shape).map_err(|e| e.file(&name))?;
         while let Some(batch) = log.next_batch()? {
-            let corrected = replay.correct(batch)?;
-            builder.push(&with_corrected(batch, corrected)).map_err(|e| e.file(&name))?;
+            let mut corrected = replay.correct(batch)?;
+            // Rounding to whole counts never walks, so the walk is told without it: at rest it is a slow saw, which a fit of
+            // short τ takes for a walk.
+            let mut noise = batch.angle.clone();
+            noise.append(&mut corrected.unrounded);
+            builder.push_with_noise(&with_corrected(batch, corrected), &noise).map_err(|e| e.file(&name))?;
         }
         builder.end_run(log.summary());
     }
@@ -442,6 +498,7 @@ fn axis_figures(
         improvement_sigma: ratio(before.sigma, after.sigma),
         left,
         status_windows: status_windows.filter(|(_, n)| *n > 0).collect(),
+        coverage: None,
         residual: residual::residual(&evidence.axes[axis].points, random_walk.filter(|_| !drifts.is_turned())),
         turned: drifts.is_turned(),
         flight: None,

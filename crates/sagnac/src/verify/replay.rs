@@ -21,6 +21,9 @@ const MAX_UPDATES: i64 = 10_000_000;
 /// Largest |raw| the core takes at once.
 const MAX_RAW: i64 = sagnac_core::MAX_RAW as i64;
 
+/// One count of the target's accumulator.
+const COUNT: f64 = 4_294_967_296.0;
+
 /// How a thermometer's °C, or a column's numbers, become the codes its image expects.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Coder {
@@ -59,6 +62,9 @@ struct AxisReplay {
 pub struct Corrected {
     /// Angle in the log's own unit: whole quanta, or arcsec.
     pub angle: Vec<Vec<f64>>,
+    /// The same with what the target gained of the part of a count that it holds back: the angle before it is rounded.
+    /// The two never lie farther apart than one count.
+    pub unrounded: Vec<Vec<f64>>,
     /// Status bits that occurred during the row.
     pub status: Vec<Vec<Status>>,
 }
@@ -108,7 +114,8 @@ impl Replay {
     /// # Errors
     /// A row with more counts than the core takes between two slow updates.
     pub fn correct(&mut self, batch: &Batch) -> Result<Corrected> {
-        let mut out = Corrected { angle: vec![Vec::new(); self.axes.len()], status: vec![Vec::new(); self.axes.len()] };
+        let columns = || vec![Vec::new(); self.axes.len()];
+        let mut out = Corrected { angle: columns(), unrounded: columns(), status: vec![Vec::new(); self.axes.len()] };
         for row in 0..batch.len() {
             self.correct_row(batch, row, &mut out)?;
         }
@@ -133,10 +140,13 @@ impl Replay {
         for (index, axis) in self.axes.iter_mut().enumerate() {
             let codes = axis.codes(&self.register);
             axis.skip(codes, gap).map_err(|e| misused(e, &self.file, batch.line[row]))?;
+            let held = axis.state.remainder();
             let (angle, status) = axis
                 .row(codes, batch.angle[index][row], end - start)
                 .map_err(|e| misused(e, &self.file, batch.line[row]))?;
             out.angle[index].push(angle);
+            let gained = (axis.state.remainder() - held) as f64 / COUNT;
+            out.unrounded[index].push(angle + gained * axis.lsb);
             out.status[index].push(status);
         }
         self.ticks_done = end.max(start);

@@ -4,7 +4,7 @@
 //! plateau             steady windows (|Ṫ| ≤ 0.05 °C/min) within ±1 °C: σ about their own mean, and that mean about the run's
 //! ramps               root mean square of heating and cooling windows about the run's mean
 //! per °C, per °C/min  slopes of one line r = a + s·T + q·Ṫ through all windows
-//! ARW                 N of the rows themselves, raw and corrected, by short-τ Allan deviations
+//! ARW                 N of the rows, raw, and corrected before they are rounded, by short-τ Allan deviations
 //! bias instability    least overlapping Allan deviation of the corrected windows / 0.664: an estimate of B that noise lifts and few
 //!                     degrees of freedom scatter
 //! ```
@@ -23,8 +23,10 @@ use crate::verify::left::{Estimate, joined};
 const FEWEST: usize = 5;
 /// Fewer windows of a leg tell no figure.
 const FEWEST_OF_LEG: usize = 10;
-/// Mean square below which a column does not vary, °C² or (°C/min)².
-const LEAST_SPREAD: f64 = 1e-6;
+/// Mean square below which temperature does not vary, °C².
+const LEAST_SPREAD_C2: f64 = 0.09;
+/// The same of its rate, (°C/min)².
+const LEAST_SPREAD_CPM2: f64 = 1e-4;
 /// 1 − correlation² of T and Ṫ from which on they are told apart.
 const LEAST_APART: f64 = 1e-3;
 /// √(2 ln 2/π): the flat of a flicker of B = 1.
@@ -50,7 +52,7 @@ pub struct Plateaus {
 pub struct RandomWalk {
     /// As logged.
     pub before_deg_rt_h: f64,
-    /// As corrected.
+    /// As corrected, before rounding to whole counts.
     pub after_deg_rt_h: f64,
 }
 
@@ -132,7 +134,7 @@ fn slopes(used: &[&Point]) -> (Option<Estimate>, Option<Estimate>) {
     let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
     let (t, q, r) = (centred(|p| p.temperature_c), centred(|p| p.rate_cpm), centred(|p| p.after_dph));
     let (tt, qq, tq, tr, qr) = (dot(&t, &t), dot(&q, &q), dot(&t, &q), dot(&t, &r), dot(&q, &r));
-    let (moves, ramps) = (tt > LEAST_SPREAD * n, qq > LEAST_SPREAD * n);
+    let (moves, ramps) = (tt > LEAST_SPREAD_C2 * n, qq > LEAST_SPREAD_CPM2 * n);
     let estimates = |s: f64, w: f64, inverse: [f64; 2], parameters: f64| {
         let left = |i: usize| r[i] - s * t[i] - w * q[i];
         let variance = (0..t.len()).map(|i| left(i).powi(2)).sum::<f64>() / (n - parameters);

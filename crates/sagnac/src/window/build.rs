@@ -256,6 +256,11 @@ impl WindowBuilder {
     /// # Errors
     /// A run of more temperature periods than a track may have.
     pub fn push(&mut self, batch: &Batch) -> Result<()> {
+        self.push_with_noise(batch, &batch.angle)
+    }
+
+    /// The same, with the angles whose short-τ deviations tell the noise of each axis.
+    pub(crate) fn push_with_noise(&mut self, batch: &Batch, noise: &[Vec<f64>]) -> Result<()> {
         let (Some(first_ns), Some(last_ns)) = (batch.start_ns.first(), batch.end_ns.last()) else { return Ok(()) };
         let run = self.run.get_or_insert_with(|| OpenRun::new(*first_ns, self.tracks));
         run.end_ns = *last_ns;
@@ -269,7 +274,7 @@ impl WindowBuilder {
         while at < batch.len() {
             let end = self.same_window(batch, at);
             if batch.valid[at] {
-                self.add(batch, at..end);
+                self.add(batch, noise, at..end);
             }
             at = end;
         }
@@ -289,7 +294,7 @@ impl WindowBuilder {
     }
 
     /// Adds rows of one window by time; a temperature that moves far within it divides it.
-    fn add(&mut self, batch: &Batch, rows: Range<usize>) {
+    fn add(&mut self, batch: &Batch, noise: &[Vec<f64>], rows: Range<usize>) {
         let index = match (self.shape.window.seconds(), &self.run) {
             (Some(seconds), Some(run)) => (batch.end_ns[rows.start] - 1 - run.start_ns).div_euclid(window_ns(seconds)),
             _ => i64::try_from(self.rows.run.len()).unwrap_or(i64::MAX),
@@ -308,7 +313,7 @@ impl WindowBuilder {
                 self.close_window();
                 continue;
             }
-            for (short_tau, column) in self.short_tau.iter_mut().zip(&batch.angle) {
+            for (short_tau, column) in self.short_tau.iter_mut().zip(noise) {
                 short_tau.push(&column[at..end], self.shape.unit.arcsec());
             }
             if let Some(run) = self.run.as_mut() {
