@@ -14,8 +14,6 @@ use crate::console::{Console, Outcome, Ran, table};
 use crate::loading;
 use crate::setup_args::SetupArgs;
 
-/// A residual below this part of the floor is none of noise alone.
-const BELOW_FLOOR: f64 = 0.9;
 /// Candidates shown besides the one that was taken.
 const SHOWN_CANDIDATES: usize = 8;
 
@@ -164,15 +162,8 @@ fn describe(console: &mut Console, axis: &AxisCalibration) {
     for aside in &axis.inputs_aside {
         console.say(format!("  not looked at: {}, {}", aside.input, aside.why));
     }
-    let below = axis
-        .residual
-        .zip(axis.floor.as_ref())
-        .filter(|(residual, floor)| residual.sigma_dph < BELOW_FLOOR * floor.value_dph);
-    if below.is_some() && !axis.inputs.is_empty() {
-        console.note(
-            "note: the residual is well below the noise floor, so the floor holds what an input moves within seconds; compare with \
-             the held-out σ of other models instead",
-        );
+    if let Some(note) = axis.below_floor_note() {
+        console.note(format!("note: axis {}: {note}", axis.axis));
     }
     for line in excluded(&axis.excluded) {
         console.say(format!("  {line}"));

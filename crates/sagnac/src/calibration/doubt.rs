@@ -57,7 +57,29 @@ pub struct Prediction {
     pub window_dph: f64,
 }
 
+/// A residual below this part of the floor is none of noise alone.
+const BELOW_FLOOR: f64 = 0.9;
+
 impl AxisCalibration {
+    /// Why a residual well below the noise floor is no better than noise: then the floor holds more than noise.
+    pub fn below_floor_note(&self) -> Option<&'static str> {
+        let (residual, floor) = (self.residual.as_ref()?, self.floor.as_ref()?);
+        let below = residual.sigma_dph < BELOW_FLOOR * floor.value_dph;
+        if below && self.turned() {
+            Some(
+                "the residual is well below the noise floor: turned by a table, a counter's quantization is a saw that the floor takes for noise; \
+                  give [noise] from a record at rest",
+            )
+        } else if below && !self.inputs.is_empty() {
+            Some(
+                "the residual is well below the noise floor, so the floor holds what an input moves within seconds; compare with the held-out σ \
+                  of other models instead",
+            )
+        } else {
+            None
+        }
+    }
+
     /// The drift at rest at a temperature within the span, with its intervals; `None` outside, or where nothing was
     /// fitted here.
     pub fn predict(&self, celsius: f64) -> Option<Prediction> {

@@ -4,7 +4,7 @@
 //! y = B + k·Ω,   S = S0/k,   ε = (1/k − 1)·1e6 ppm        two directions: k = (y⁺ − y⁻)/(Ω⁺ − Ω⁻)
 //! ```
 //!
-//! over the windows of a plateau (temperature within ±1 °C, at least two rates), by least squares; with one rate in two
+//! over the windows of a plateau (temperature within ±1 °C, from end to end by no more than 1 °C, at least two rates), by least squares; with one rate in two
 //! directions that is the two-direction method S = (θ⁺ − θ⁻)/(N⁺ − N⁻) itself, which takes bias and Earth rate out. A
 //! plateau whose rates lie in different runs takes windows of equal temperature from each.
 //!
@@ -63,6 +63,11 @@ fn plateaus(windows: &[TurnedWindow]) -> Vec<Plateau> {
     let stretches: Vec<Vec<TurnedWindow>> =
         level_stretches(places).into_iter().map(|stretch| windows[stretch].to_vec()).collect();
     let (mut whole, mut single): (Vec<_>, Vec<_>) = stretches.into_iter().partition(|stretch| rates(stretch) > 1);
+    // On a ramp rate and temperature change together; from end to end it goes farther than a soak settles.
+    whole.retain(|stretch| match stretch.as_slice() {
+        [first, .., last] => (last.temperature_c - first.temperature_c).abs() <= REACH_C,
+        _ => true,
+    });
     // Rates that lie in different runs: windows of equal temperature together.
     single.sort_by(|a, b| mean_c(a).total_cmp(&mean_c(b)));
     let mut gathered: Vec<Vec<TurnedWindow>> = Vec::new();
@@ -251,6 +256,17 @@ mod tests {
         );
         assert!((found.bias_dph - 4.8).abs() < 0.002, "{found:?}");
         assert!(found.nonlinearity.is_none() && found.asymmetry.is_none(), "two rates cannot tell them");
+    }
+
+    /// A ramp of 1 °C/min in windows of 20 s: within ±1 °C of each other for a while, and no plateau.
+    #[test]
+    fn a_ramp_has_no_plateaus() {
+        let mut made = windows(|rate, i| rate + noise(i), &[36_000.0, -36_000.0], 20.0);
+        made.iter_mut().enumerate().for_each(|(i, w)| w.temperature_c += i as f64 / 3.0);
+        assert!(plateaus(&made).is_empty());
+        // A soak that still settles by half a degree is one.
+        made.iter_mut().enumerate().for_each(|(i, w)| w.temperature_c = 20.0 - 0.5 * (-(i as f64) / 5.0).exp());
+        assert_eq!(plateaus(&made).len(), 1);
     }
 
     #[test]

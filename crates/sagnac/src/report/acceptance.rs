@@ -71,11 +71,17 @@ pub(crate) fn limits(verification: &Verification) -> Markup {
                 @for limit in &axis.limits {
                     @let (words, unit) = limit_words(&limit.name);
                     tr {
-                        td { (words) } td.words { (unit) } td { (significant(limit.limit, 4)) }
+                        td { (words) } td.unit { (unit) } td { (significant(limit.limit, 4)) }
                         td { (limit.value_text()) } td { (limit.margin_text()) }
-                        td class=(if limit.pass == Some(false) { "fail words" } else if limit.pass.is_some() { "pass words" } else { "words" }) { (limit.word()) }
+                        @match (limit.pass, &limit.why) {
+                            (Some(true), _) => { td.pass.words { "met" } }
+                            (Some(false), _) => { td.fail.words { "not met" } }
+                            (None, why) => { td.words { (why.as_deref().unwrap_or("not asked")) } }
+                        }
                     }
-                    @if let Some(why) = &limit.why { tr.why.fail[limit.pass == Some(false)] { td colspan="6" { (limit.word()) ": " (why) } } }
+                    @if let Some(why) = limit.why.as_ref().filter(|_| limit.pass.is_some()) {
+                        tr.why { td colspan="6" { "not met: " (why) } }
+                    }
                 }
             } }
             p.note { "A limit is met where the value itself is within its bound; ± is the value's standard error. Margin: the room left, as a part of the bound." }

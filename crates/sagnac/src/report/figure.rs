@@ -268,20 +268,43 @@ impl Range {
             return None;
         }
         let width = self.hi - self.lo;
-        let margin = if width > 0.0 { part * width } else { self.hi.abs().max(1e-9) };
+        let alike = if self.hi == 0.0 { 1.0 } else { self.hi.abs() };
+        let margin = if width > 0.0 { part * width } else { alike };
         Some([self.lo - margin, self.hi + margin])
     }
 }
 
-/// Five significant digits: finer than any screen, and a fifth of the bytes.
+/// Five significant digits, and a hundred-thousandth of the range where that is finer: finer than any screen, and a fifth of
+/// the bytes.
 pub(crate) fn rounded(values: impl IntoIterator<Item = f64>) -> Vec<f64> {
-    let round = |value: f64| if value.is_finite() { format!("{value:.4e}").parse().unwrap_or(value) } else { value };
-    values.into_iter().map(round).collect()
+    let values: Vec<f64> = values.into_iter().collect();
+    let finite = || values.iter().copied().filter(|v| v.is_finite());
+    let width = finite().fold(f64::NEG_INFINITY, f64::max) - finite().fold(f64::INFINITY, f64::min);
+    let of_range = (5.0 - width.log10().floor()).clamp(0.0, 15.0);
+    let round = |value: f64| {
+        let own = format!("{value:.4e}").parse().unwrap_or(value);
+        // A range of nothing, or of one value, asks for no more.
+        if !(width > 0.0 && width < 0.1 * value.abs()) {
+            return own;
+        }
+        format!("{value:.*}", of_range as usize).parse().unwrap_or(value)
+    };
+    values.iter().map(|value| if value.is_finite() { round(*value) } else { *value }).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_small_change_of_a_large_value_is_kept() {
+        let values: Vec<f64> = (0..=20).map(|i| -527_850.0 - 0.37 * f64::from(i)).collect();
+        let drawn = rounded(values.iter().copied());
+        assert!(values.iter().zip(&drawn).all(|(a, b)| (a - b).abs() < 1e-3), "{drawn:?}");
+        assert_eq!(rounded([1.234_567e-7, 1.0]), [1.2346e-7, 1.0]);
+        assert_eq!(rounded([f64::NAN])[0].to_bits(), f64::NAN.to_bits());
+        assert_eq!(rounded([123_456.789]), [123_460.0]);
+    }
 
     #[test]
     fn a_frame_holds_everything_and_is_never_empty() {

@@ -257,6 +257,7 @@ fn fit_verdict(axis: &AxisCalibration, evidence: &Evidence, several: bool) -> Ma
                 (tile("span", &format!("{:.1} … {:.1}", axis.span_c[0], axis.span_c[1]), "°C"))
                 (tile("windows used", &format!("{used} of {all}"), ""))
             }
+            @if let Some(note) = axis.below_floor_note() { p.note { "Note: " (note) "." } }
         }
     }
 }
@@ -267,7 +268,8 @@ fn proof_verdict(axis: &AxisVerification, several: bool) -> Markup {
     });
     let class = axis.pass.map_or("", |pass| if pass { "pass" } else { "fail" });
     let word = match axis.pass {
-        Some(_) => format!("{}; {left}", Judged::of(&axis.limits).words()),
+        Some(_) if several => format!("{}; {left}", Judged::of(&axis.limits).words()),
+        Some(_) => left,
         None => format!("No limits were given: {left}"),
     };
     let times = |ratio: Option<f64>| ratio.map_or("-".to_owned(), |r| significant(r, 3));
