@@ -88,18 +88,43 @@ fn what_is_not_asked_is_not_met() {
     sagnac().args(["verify", &record, &retest, "--limits", &table_only]).assert().code(3);
 }
 
+/// The rows of the third cycle at some temperatures.
+fn cycle_3_where(folder: &TempDir, wanted: fn(f64) -> bool) -> String {
+    let path = folder.path().join("part.csv").display().to_string();
+    let out = Command::new("gzip").args(["-dc", &testdata("cycle-3.csv.gz")]).output().unwrap();
+    let whole = String::from_utf8(out.stdout).unwrap();
+    let place = whole.lines().next().unwrap().split(',').position(|name| name.starts_with("temperature_c")).unwrap();
+    let is_wanted = |line: &&str| line.split(',').nth(place).unwrap().parse().is_ok_and(wanted);
+    let kept: Vec<&str> = whole.lines().take(1).chain(whole.lines().skip(1).filter(is_wanted)).collect();
+    std::fs::write(&path, kept.join("\n")).unwrap();
+    path
+}
+
+/// Both ends of the span without its middle cover what they cover, and tell no flight through it.
+#[test]
+fn a_hole_in_the_retest_is_not_bridged() {
+    let folder = TempDir::new().unwrap();
+    let record = record(&folder);
+    let ends = cycle_3_where(&folder, |celsius| !(-20.0..50.0).contains(&celsius));
+    let limits = folder.path().join("limits.toml").display().to_string();
+    let flight = "[flight]\nprofile = [{ minutes = 0, temperature_c = -10 }, { minutes = 60, temperature_c = 40 }]\n";
+    std::fs::write(&limits, format!("span_covered_min = 0.9\nmis_distance_m_max = 1e6\n{flight}")).unwrap();
+    let out = sagnac().args(["verify", &record, &ends, "--limits", &limits, "--json"]).output().unwrap();
+    let object: Value = serde_json::from_slice(&out.stdout).unwrap();
+    let axis = &object["axes"][0];
+    assert_eq!(out.status.code(), Some(1));
+    assert!((axis["coverage"]["part"].as_f64().unwrap() - 40.0 / 110.0).abs() < 0.02, "{}", axis["coverage"]);
+    assert!(axis["flight_untold"].as_str().unwrap().contains("no window lies between"), "{}", axis["flight_untold"]);
+    // And one retest counts once.
+    sagnac().args(["verify", &record, &ends, &ends]).assert().code(2);
+}
+
 /// A retest over half of the temperatures vouches for half of them, by record and by image alone.
 #[test]
 fn a_narrow_retest_is_no_acceptance() {
     let folder = TempDir::new().unwrap();
     let record = record(&folder);
-    let narrow = folder.path().join("narrow.csv").display().to_string();
-    let out = Command::new("gzip").args(["-dc", &testdata("cycle-3.csv.gz")]).output().unwrap();
-    let whole = String::from_utf8(out.stdout).unwrap();
-    let place = whole.lines().next().unwrap().split(',').position(|name| name.starts_with("temperature_c")).unwrap();
-    let warm = |line: &&str| line.split(',').nth(place).unwrap().parse::<f64>().is_ok_and(|celsius| celsius > 15.0);
-    let kept: Vec<&str> = whole.lines().take(1).chain(whole.lines().skip(1).filter(warm)).collect();
-    std::fs::write(&narrow, kept.join("\n")).unwrap();
+    let narrow = cycle_3_where(&folder, |celsius| celsius > 15.0);
     let limits = folder.path().join("limits.toml").display().to_string();
     std::fs::write(&limits, "base = \"navigation-grade\"\nsigma_over_floor_max = 2.0\n").unwrap();
     let out = sagnac().args(["verify", &record, &narrow, "--limits", &limits, "--json"]).output().unwrap();

@@ -433,6 +433,25 @@ fn coarse_counts_add_no_walk() {
     }
 }
 
+/// The same of a rate log with a coarse virtual LSB, which rounds on both sides.
+#[test]
+fn a_coarse_virtual_lsb_adds_no_walk() {
+    let noise = sagnac_sim::scenario::tables::Noise { arw_deg_rt_h: 0.002, ..Default::default() };
+    let resting = sagnac_sim::Resting { noise, q_arcsec: 0.0 };
+    let log = |seed: u64| {
+        let row = |(i, arcsec): (usize, f64)| {
+            let celsius = 20.0 + 15.0 * (i as f64 / 2000.0).sin();
+            format!("{},{celsius:.3},{:.12}\n", i + 1, arcsec / 3600.0)
+        };
+        let rows: String = resting.angles(12_000, seed).into_iter().enumerate().map(row).collect();
+        format!("time_s,temperature_c,rate_dps\n{rows}").into_bytes()
+    };
+    let coarse = Setup { rate_lsb_arcsec: Some(0.5), reference_c: Some(20.0), ..Setup::default() };
+    let found = fit(vec![log(1)], &coarse, "bias 1").unwrap();
+    let walk = retest(&found, log(2), &coarse).axes[0].residual.random_walk.unwrap();
+    assert!((walk.after_deg_rt_h / walk.before_deg_rt_h - 1.0).abs() < 0.02, "{walk:?}");
+}
+
 /// A thermometer too noisy for its own slope: told, but the correction stays.
 #[test]
 fn a_noisy_thermometer_costs_no_correction() {

@@ -29,6 +29,12 @@ const DRAWS: usize = 400;
 const BEYOND: f64 = 0.05;
 /// The same for a term that was fitted as zero: half of its curves have no misfit to tell.
 const BEYOND_AT_ZERO: f64 = 0.025;
+/// The least threshold: χ² of one degree of freedom, 95 %.
+const LEAST_THRESHOLD: f64 = 3.841;
+/// Rounds in search of a bound, its draws, and what it may still move by.
+const BOUND_ROUNDS: usize = 4;
+const BOUND_DRAWS: usize = 160;
+const BOUND_SETTLED: f64 = 0.02;
 /// Lower end over value below which a term is not resolved.
 const LEAST_RATIO: f64 = 0.2;
 /// Halvings in search of an end, and doublings to enclose it.
@@ -51,45 +57,75 @@ pub(crate) enum Spread {
     },
     /// Not told from zero.
     Unresolved {
-        /// More of it would not fit the curve.
+        /// More of it would not fit the curve; infinite where nothing bounds it.
         at_most: f64,
     },
 }
 
-/// One spread per term of [`Term::ALL`], and whether the curve needs any of those that are not told from zero. Every point
-/// has a scatter of its own besides (of `scatter_edf` degrees of freedom; infinite for none).
-pub(crate) fn spreads(
-    record: &Record<'_>,
-    measured: &[Point],
-    multiples: &[f64],
-    scatter_edf: f64,
-    fitted: &FittedTerms,
-) -> (Vec<Spread>, bool) {
-    let curves = Curves::new(record, multiples, scatter_edf);
-    let points: Vec<Point> = measured.iter().zip(&curves.expected).map(|(m, e)| Point { edf: e.edf, ..*m }).collect();
-    let profile = Profile { points: &points, least: least_deviance(&points).min(deviance(&points, fitted)) };
-    let mut thresholds = thresholds(&curves, fitted);
-    let resolved = of_resolved(&profile.spreads(fitted, &thresholds));
-    // Where a term is not told from zero, zero may be the truth; beside a border the others swing farther.
-    let without = fit_terms(&points, &resolved).filter(|_| resolved.len() < Term::ALL.len());
-    if let Some(without) = &without {
-        let curves = Curves::new(&Record { noise: without.noise(), ..*record }, multiples, scatter_edf);
-        let beside = self::thresholds(&curves, without);
-        thresholds.iter_mut().zip(beside).for_each(|(mine, theirs)| *mine = mine.max(theirs));
+/// What the record says of all terms.
+pub(crate) struct Said {
+    /// In the order of [`Term::ALL`].
+    pub(crate) spreads: Vec<Spread>,
+    /// Terms that are not told from zero, of which the curve needs one and does not tell which.
+    pub(crate) traded: Vec<Term>,
+}
+
+/// What a record and its curve leave open, every point with a scatter of its own besides (of `scatter_edf` degrees of freedom;
+/// infinite for none).
+pub(crate) struct Doubt<'a> {
+    pub(crate) record: &'a Record<'a>,
+    pub(crate) measured: &'a [Point],
+    pub(crate) multiples: &'a [f64],
+    pub(crate) scatter_edf: f64,
+}
+
+impl Doubt<'_> {
+    /// The distribution of the curve for some noise, and the profile of the measured one with the same degrees of freedom.
+    fn under(&self, noise: &FittedTerms) -> (Curves, Profile) {
+        let record = Record { noise: noise.noise(), ..*self.record };
+        let curves = Curves::new(&record, self.multiples, self.scatter_edf);
+        let pairs = self.measured.iter().zip(&curves.expected);
+        let points: Vec<Point> = pairs.map(|(measured, expected)| Point { edf: expected.edf, ..*measured }).collect();
+        let least = least_deviance(&points);
+        (curves, Profile { points, least })
     }
-    let mut spreads = profile.spreads(fitted, &thresholds);
-    for (term, spread) in Term::ALL.into_iter().zip(&mut spreads) {
-        // Long correlations come with the term itself: its threshold is drawn where its bound is.
-        if let Spread::Unresolved { at_most } = spread {
-            let there = fit_terms_beside(&points, term, at_most.powi(2));
-            let curves = Curves::new(&Record { noise: there.noise(), ..*record }, multiples, scatter_edf);
-            let threshold = self::thresholds_of(&curves, &there, &[term])[0].max(thresholds[term as usize]);
-            *at_most = profile.upper(term, fitted.coefficient(term), threshold).sqrt();
+
+    pub(crate) fn of_terms(&self, fitted: &FittedTerms) -> Said {
+        let (curves, profile) = self.under(fitted);
+        let mut thresholds = thresholds(&curves, fitted, &Term::ALL, DRAWS);
+        let resolved = of_resolved(&profile.spreads(fitted, &thresholds));
+        // Where a term is not told from zero, zero may be the truth; beside a border the others swing farther.
+        let without = fit_terms(&profile.points, &resolved).filter(|_| resolved.len() < Term::ALL.len());
+        if let Some(without) = &without {
+            let beside = self::thresholds(&self.under(without).0, without, &Term::ALL, DRAWS);
+            thresholds.iter_mut().zip(beside).for_each(|(mine, theirs)| *mine = mine.max(theirs));
         }
+        let mut spreads = profile.spreads(fitted, &thresholds);
+        for (term, spread) in Term::ALL.into_iter().zip(&mut spreads) {
+            if let Spread::Unresolved { at_most } = spread {
+                *at_most = self.bound(term, *at_most, fitted.coefficient(term));
+            }
+        }
+        let traded = traded(&profile, &spreads, &thresholds);
+        Said { spreads, traded }
     }
-    let left = fit_terms(&points, &of_resolved(&spreads)).map_or(f64::INFINITY, |left| deviance(&points, &left));
-    let highest = thresholds.into_iter().fold(0.0, f64::max);
-    (spreads, left - profile.least > highest)
+
+    /// The largest value of a term that fits. Long correlations and few degrees of freedom come with the term itself, so
+    /// threshold and profile are those of the bound, until it stands still.
+    fn bound(&self, term: Term, mut at_most: f64, fitted: f64) -> f64 {
+        for _ in 0..BOUND_ROUNDS {
+            let there = fit_terms_beside(self.measured, term, at_most.powi(2));
+            let (curves, profile) = self.under(&there);
+            let threshold = thresholds(&curves, &there, &[term], BOUND_DRAWS)[0];
+            let next = profile.upper(term, fitted, threshold).sqrt();
+            let stands = next <= at_most * (1.0 + BOUND_SETTLED);
+            at_most = at_most.max(next);
+            if stands || !at_most.is_finite() {
+                break;
+            }
+        }
+        at_most
+    }
 }
 
 /// The terms that have an interval.
@@ -98,16 +134,26 @@ fn of_resolved(spreads: &[Spread]) -> Vec<Term> {
     all.filter(|(_, spread)| matches!(spread, Spread::Interval { .. })).map(|(term, _)| term).collect()
 }
 
-/// Per term: what D at the truth less the least D exceeds by chance.
-fn thresholds(curves: &Curves, truth: &FittedTerms) -> [f64; 5] {
-    let all = thresholds_of(curves, truth, &Term::ALL);
-    std::array::from_fn(|term| all[term])
+/// Terms without an interval of which any one, beside those that have one, explains what these leave of the curve.
+fn traded(profile: &Profile, spreads: &[Spread], thresholds: &[f64]) -> Vec<Term> {
+    let resolved = of_resolved(spreads);
+    let left = |terms: &[Term]| {
+        fit_terms(&profile.points, terms).map_or(f64::INFINITY, |f| deviance(&profile.points, &f)) - profile.least
+    };
+    let highest = thresholds.iter().fold(0.0_f64, |most, threshold| most.max(*threshold));
+    if resolved.is_empty() || left(&resolved) <= highest {
+        return Vec::new();
+    }
+    let explains = |term: &Term| left(&[&resolved[..], &[*term]].concat()) <= highest;
+    let able: Vec<Term> = Term::ALL.into_iter().filter(|term| !resolved.contains(term)).filter(explains).collect();
+    if able.len() > 1 { able } else { Vec::new() }
 }
 
-/// The same of some terms, in their order.
-fn thresholds_of(curves: &Curves, truth: &FittedTerms, terms: &[Term]) -> Vec<f64> {
+/// Per term: what D at the truth less the least D exceeds by chance; never less than for one normal value, so that what a
+/// solver leaves is no threshold.
+fn thresholds(curves: &Curves, truth: &FittedTerms, terms: &[Term], draws: usize) -> Vec<f64> {
     let mut rng = ChaCha8Rng::seed_from_u64(SEED);
-    let drawn: Vec<Vec<Point>> = (0..DRAWS).map(|_| curves.draw(&mut rng)).collect();
+    let drawn: Vec<Vec<Point>> = (0..draws).map(|_| curves.draw(&mut rng)).collect();
     let apart = crate::parallel::in_parallel(&drawn, |points| {
         let least = least_deviance(points);
         let of = |term: &Term| {
@@ -120,19 +166,21 @@ fn thresholds_of(curves: &Curves, truth: &FittedTerms, terms: &[Term]) -> Vec<f6
         let mut apart: Vec<f64> = apart.iter().map(|of_draw| of_draw[place]).collect();
         apart.sort_by(f64::total_cmp);
         let beyond = if truth.coefficient(*term) > 0.0 { BEYOND } else { BEYOND_AT_ZERO };
-        apart.get(((1.0 - beyond) * apart.len() as f64) as usize).copied().unwrap_or(f64::INFINITY)
+        apart
+            .get(((1.0 - beyond) * apart.len() as f64) as usize)
+            .map_or(f64::INFINITY, |apart| apart.max(LEAST_THRESHOLD))
     };
     terms.iter().enumerate().map(threshold).collect()
 }
 
 /// The least misfit for every value of one term.
-struct Profile<'a> {
-    points: &'a [Point],
+struct Profile {
+    points: Vec<Point>,
     least: f64,
 }
 
-impl Profile<'_> {
-    fn spreads(&self, fitted: &FittedTerms, thresholds: &[f64; 5]) -> Vec<Spread> {
+impl Profile {
+    fn spreads(&self, fitted: &FittedTerms, thresholds: &[f64]) -> Vec<Spread> {
         let spread = |(term, threshold): (Term, &f64)| {
             let value = fitted.coefficient(term);
             let upper = self.upper(term, value, *threshold).sqrt();
@@ -145,7 +193,7 @@ impl Profile<'_> {
     }
 
     fn fits(&self, term: Term, value: f64, threshold: f64) -> bool {
-        deviance(self.points, &fit_terms_beside(self.points, term, value)) - self.least <= threshold
+        deviance(&self.points, &fit_terms_beside(&self.points, term, value)) - self.least <= threshold
     }
 
     /// The smallest value that fits; 0 where none of the term fits too.
@@ -156,7 +204,7 @@ impl Profile<'_> {
         self.border(term, threshold, value, value * 2.0_f64.powi(-8))
     }
 
-    /// The largest value that fits.
+    /// The largest value that fits; infinite where none is too large.
     fn upper(&self, term: Term, value: f64, threshold: f64) -> f64 {
         // Alone it could make the lowest point of the curve: where a search without a value begins.
         let reach = |p: &Point| p.variance / term.variance(p.tau_s);
@@ -165,11 +213,11 @@ impl Profile<'_> {
         let mut outside = inside.max(1e-6 * alone);
         for _ in 0..DOUBLINGS {
             if !self.fits(term, outside, threshold) {
-                break;
+                return self.border(term, threshold, inside, outside);
             }
             outside *= 2.0;
         }
-        self.border(term, threshold, inside, outside)
+        f64::INFINITY
     }
 
     /// Between a value that fits and one that does not, to a part in a million of them.

@@ -3,7 +3,7 @@
 use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-use crate::allan::bootstrap::{Spread, spreads};
+use crate::allan::bootstrap::{Doubt, Spread};
 use crate::allan::difference::{Deviation, Difference};
 use crate::allan::freedom::{Record, Stretches};
 use crate::allan::recorder::Recorded;
@@ -20,6 +20,8 @@ pub(crate) const LONGEST_PART: u64 = 3;
 const MISFIT: f64 = 4.0;
 /// Halvings in search of what scatter explains a misfit.
 const HALVINGS: usize = 40;
+/// Fewer τ tell no terms apart.
+const FEWEST_TAUS: usize = 4;
 /// Rounds of fit and degrees of freedom, which need each other.
 const ROUNDS: usize = 3;
 
@@ -308,42 +310,47 @@ impl<'a> Model<'a> {
     pub(crate) fn edf(&self, deviation: Deviation, m: f64) -> Option<f64> {
         // One point fits any noise, and then says nothing of how well it is known.
         let record = self.record(deviation).filter(|_| self.multiples.len() > 1)?;
-        Some(record.edf(m)).filter(|edf| *edf > 0.0)
+        // A difference that is there has one at least.
+        Some(record.edf(m)).filter(|edf| *edf > 0.0).map(|edf| edf.max(1.0))
     }
 
     pub(crate) fn terms(&self) -> Terms {
         let (Some(fitted), Some(record)) = (&self.fitted, self.record(Deviation::Allan)) else {
             return Terms::none("no deviation above zero in this record: it is too short, or all its rows are alike");
         };
-        if self.multiples.len() < 2 {
-            return Terms::none("a single τ tells no slope: the longest stretch is shorter than six rows");
+        if self.multiples.len() < FEWEST_TAUS {
+            return Terms::none(
+                "fewer than four octaves of τ above zero tell no slopes: the longest stretch is shorter than 24 rows, or silent",
+            );
         }
         let longest_s = self.multiples.last().map_or(0.0, |m| m * self.tau0_s);
-        let (spreads, needed) = spreads(&record, &self.points, &self.multiples, self.scatter_edf, fitted);
-        let mut spreads = spreads.into_iter();
+        let (measured, multiples, scatter_edf) = (&self.points[..], &self.multiples[..], self.scatter_edf);
+        let said = Doubt { record: &record, measured, multiples, scatter_edf }.of_terms(fitted);
+        let mut spreads = said.spreads.into_iter();
         Terms::from_each(|term| match spreads.next() {
             Some(Spread::Interval { lower, upper }) => TermValue::Found {
                 value: term.in_its_unit(fitted.root(term)),
                 lower: Some(term.in_its_unit(lower)),
                 upper: Some(term.in_its_unit(upper)),
             },
-            Some(Spread::Unresolved { at_most }) => {
-                TermValue::Unresolved { unresolved: not_resolvable(term, longest_s, term.in_its_unit(at_most), needed) }
-            }
+            Some(Spread::Unresolved { at_most }) => TermValue::Unresolved {
+                unresolved: not_resolvable(term, longest_s, term.in_its_unit(at_most), &said.traded),
+            },
             None => TermValue::Unresolved { unresolved: "no curve could be drawn from the model".to_owned() },
         })
     }
 }
 
-fn not_resolvable(term: Term, longest_s: f64, at_most: f64, needed: bool) -> String {
+fn not_resolvable(term: Term, longest_s: f64, at_most: f64, traded: &[Term]) -> String {
     let (_, unit) = term.name();
-    let traded =
-        if needed { "; the curve needs one of the terms that are not resolved, and does not tell which" } else { "" };
-    format!(
-        "not resolvable from this record (τ up to {} s): at most {} {unit}{traded}",
-        significant(longest_s, 3),
-        significant(at_most, 2)
-    )
+    let bound = match at_most {
+        bound if bound.is_finite() => format!(": at most {} {unit}", significant(bound, 2)),
+        _ => ", nor bounded by it".to_owned(),
+    };
+    let others = traded.iter().filter(|other| **other != term).map(|other| other.name().0);
+    let others = if traded.contains(&term) { others.collect::<Vec<_>>().join(" or ") } else { String::new() };
+    let instead = if others.is_empty() { String::new() } else { format!("; the curve needs it, or {others} instead") };
+    format!("not resolvable from this record (τ up to {} s){bound}{instead}", significant(longest_s, 3))
 }
 
 /// Ends of a deviation's interval: σ·√(edf/χ²).

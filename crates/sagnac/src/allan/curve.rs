@@ -19,6 +19,8 @@ use crate::fit::program;
 use crate::ingest::{hex, sha256};
 use crate::units::{DPH_PER_DPS, DPH_PER_RADPS};
 
+/// Ratio of neighbouring τ that are fitted, at least.
+const APART: f64 = 1.4;
 /// Where τ stands.
 const TAU: &str = "tau_s";
 /// Recognised headers of a deviation, and their unit in °/h.
@@ -184,7 +186,14 @@ fn known_length(curve: &BareCurve, record_s: f64) -> AxisBudget {
     let tau0_s = curve.points.first().map_or(1.0, |(tau_s, _)| *tau_s);
     let mut stretches = Stretches::default();
     stretches.add((record_s / tau0_s).round() as u64 + 1);
-    let usable = curve.points.iter().filter(|(tau_s, _)| *tau_s <= record_s / 3.0);
+    // Points nearer to each other than half an octave tell the same twice.
+    let mut last_s = 0.0;
+    let mut apart = |tau_s: f64| {
+        let apart = tau_s >= APART * last_s;
+        last_s = if apart { tau_s } else { last_s };
+        apart
+    };
+    let usable = curve.points.iter().filter(|(tau_s, _)| *tau_s <= record_s / 3.0).filter(|(tau_s, _)| apart(*tau_s));
     let points = usable.map(|(tau_s, adev)| (tau_s / tau0_s, adev * adev, record_s / tau_s));
     let model = Model::new(points.collect(), tau0_s, &stretches);
     let shown = curve.points.iter().map(|(tau_s, adev_dph)| {

@@ -60,7 +60,7 @@ impl FurtherInput {
 pub enum PathVerdict {
     /// Where the path begins: the best of the grid, or a small model.
     Start,
-    /// Taken: better by over 2 % and by what its coefficients must earn, or smaller and within 2 % of the least.
+    /// Taken: better by what its coefficients must earn, or smaller and not bettered by that.
     Taken,
     /// A term more that does not earn its coefficients, or earns less than another.
     NoGain,

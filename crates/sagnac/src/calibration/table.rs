@@ -76,7 +76,7 @@ impl ScaleFactor {
         };
         let lame: Vec<&Plateau> = self.plateaus.iter().filter(beyond).collect();
         let most_dph = lame.iter().map(|p| made(p)).fold(0.0, f64::max);
-        // One in a hundred is beyond three σ by chance.
+        // One in 370 is beyond three σ by chance.
         (lame.len() * 10 > self.plateaus.len() && most_dph > 0.0).then(|| {
             format!(
                 "the asymmetry is beyond its noise at {} of {} plateaus: up to {} °/h of it stand in the rate at rest and in the bias; a run \

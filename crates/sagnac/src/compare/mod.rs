@@ -71,6 +71,11 @@ impl ComparedNumber {
 }
 
 impl ComparedCurve {
+    /// By more than chance.
+    pub fn disagrees(&self) -> bool {
+        self.worst.as_ref().is_some_and(|worst| worst.sigmas > DISAGREE)
+    }
+
     /// Values ± σ of every record at one of the temperatures, and the spread beyond them.
     pub fn row(&self, at: usize) -> Vec<String> {
         let of = |record: usize| with_sigma(self.values[record][at], Some(self.sigmas[record][at]));
@@ -99,7 +104,7 @@ impl ComparedCurve {
             significant(worst.sigmas, 2),
             worst.temperature_c
         );
-        if worst.sigmas <= DISAGREE {
+        if !self.disagrees() {
             return format!("{quantity}: the records agree within their intervals; {farthest}{lacking}");
         }
         let (beyond, unit) = (significant(beyond, 2), &self.unit);

@@ -8,11 +8,12 @@
 use crate::calibration::{Candidate, CorrectionNoise, CrossValidation, InputAside, PathStep, PathVerdict};
 use crate::error::{Error, Result};
 use crate::fit::cost::Work;
+use crate::fit::criterion::{Held, effective_windows, stands};
 use crate::fit::folds::{Trial, cross_validate, scheme_of};
 use crate::fit::input::{Source, channels};
 use crate::fit::input_noise::{INCREASE_MAX, correction_noise, loudest_rate};
 use crate::fit::model::ModelSpec;
-use crate::fit::path::{CONDITION_MAX, fits_image, inputs_read, needed_gain, walk};
+use crate::fit::path::{CONDITION_MAX, fits_image, inputs_read, walk};
 use crate::fit::problem::{Level, Problem};
 use crate::fit::robust::{Loss, robust_fit};
 use crate::fit::solution::{Fitted, fit};
@@ -126,42 +127,11 @@ fn known_together<'a>(
 /// A model that was asked for.
 fn given<'a>(shape: &WindowShape, main: Source, spec: &ModelSpec, make: &MakeProblem<'a, '_>) -> Result<Chosen<'a>> {
     let mut spec = spec.clone();
-    let mut sources = vec![main];
-    for of in &mut spec.further {
-        let source = find_input(&of.input, main, shape).map_err(|e| e.column("--model"))?;
-        of.input = source.name(shape);
-        if sources.contains(&source) {
-            return Err(Error::input("the same input under two names").column("--model").value(&of.input));
-        }
-        sources.push(source);
-    }
-    let read = channels(main, &sources[1..]);
-    if read.len() > sagnac_core::MAX_THERMOMETERS {
-        let names: Vec<String> = read.iter().map(|source| source.name(shape)).collect();
-        let what = format!("`{spec}` reads {} inputs ({})", read.len(), names.join(", "));
-        let most = sagnac_core::MAX_THERMOMETERS;
-        return Err(Error::refused(format!("{what}; an image reads {most}"))
-            .column("--model")
-            .help("a difference is read with both of its thermometers: leave one input out, or take a thermometer for a difference"));
-    }
+    let sources = sources_of(&mut spec, main, shape)?;
+    check_channels(&spec, &sources, shape)?;
     let problem = make(&sources)?;
-    if let Some(input) = problem.inputs[1..].iter().find(|input| !input.fits_codes()) {
-        return Err(Error::refused(format!(
-            "{} moves from {} to {}: too little of its size for the codes of an image",
-            input.name, input.span.lo_c, input.span.hi_c
-        ))
-        .column("--model")
-        .help("log it less its middle value"));
-    }
-    let of_main = (spec.scale > 0).then(|| format!("scale {}", spec.scale));
-    let of_input = spec.further.iter().find(|of| of.scale > 0).map(|of| format!("scale({})", of.input));
-    if let Some(term) = of_main.or(of_input).filter(|_| !several_rates(&problem)) {
-        return Err(Error::refused(format!(
-            "{term} needs runs at several input rates; at one rate a scale factor is a bias"
-        ))
-        .column("--model")
-        .help("take bias(...) instead, or test on a rate table"));
-    }
+    check_codes(&problem)?;
+    check_scale_rates(&problem, &spec)?;
     count_steps(&problem, &mut spec)?;
     if !fits_image(&problem, &spec) {
         let most = sagnac_core::MAX_TERMS;
@@ -173,6 +143,56 @@ fn given<'a>(shape: &WindowShape, main: Source, spec: &ModelSpec, make: &MakePro
     let taus_s = problem.tau_grid();
     let mean_square = Trial::new(&problem, &spec, &taus_s).held_out();
     Ok(Chosen { problem, spec, taus_s, mean_square, candidates: Vec::new(), aside: Vec::new(), path: Vec::new() })
+}
+
+/// The inputs that a model names, the thermometer of the fit first; their names as the log has them.
+fn sources_of(spec: &mut ModelSpec, main: Source, shape: &WindowShape) -> Result<Vec<Source>> {
+    let mut sources = vec![main];
+    for of in &mut spec.further {
+        let source = find_input(&of.input, main, shape).map_err(|e| e.column("--model"))?;
+        of.input = source.name(shape);
+        if sources.contains(&source) {
+            return Err(Error::input("the same input under two names").column("--model").value(&of.input));
+        }
+        sources.push(source);
+    }
+    Ok(sources)
+}
+
+/// An image reads so many inputs and no more.
+fn check_channels(spec: &ModelSpec, sources: &[Source], shape: &WindowShape) -> Result<()> {
+    let most = sagnac_core::MAX_THERMOMETERS;
+    let read = channels(sources[0], &sources[1..]);
+    if read.len() <= most {
+        return Ok(());
+    }
+    let names: Vec<String> = read.iter().map(|source| source.name(shape)).collect();
+    let what = format!("`{spec}` reads {} inputs ({})", read.len(), names.join(", "));
+    Err(Error::refused(format!("{what}; an image reads {most}"))
+        .column("--model")
+        .help("a difference is read with both of its thermometers: leave one input out, or take a thermometer for a difference"))
+}
+
+/// An input that hardly moves has too few codes.
+fn check_codes(problem: &Problem<'_>) -> Result<()> {
+    problem.inputs[1..].iter().find(|input| !input.fits_codes()).map_or(Ok(()), |input| {
+        Err(Error::refused(format!(
+            "{} moves from {} to {}: too little of its size for the codes of an image",
+            input.name, input.span.lo_c, input.span.hi_c
+        ))
+        .column("--model")
+        .help("log it less its middle value"))
+    })
+}
+
+/// At one input rate a scale factor is a bias.
+fn check_scale_rates(problem: &Problem<'_>, spec: &ModelSpec) -> Result<()> {
+    let of_main = (spec.scale > 0).then(|| format!("scale {}", spec.scale));
+    let of_input = spec.further.iter().find(|of| of.scale > 0).map(|of| format!("scale({})", of.input));
+    of_main.or(of_input).filter(|_| !several_rates(problem)).map_or(Ok(()), |term| {
+        let what = format!("{term} needs runs at several input rates; at one rate a scale factor is a bias");
+        Err(Error::refused(what).column("--model").help("take bias(...) instead, or test on a rate table"))
+    })
 }
 
 /// True where the input rates of the runs tell a scale factor from a bias.
@@ -272,8 +292,8 @@ fn best_of_grid(problem: &Problem<'_>, taus_s: &[f64]) -> Result<Best> {
     Ok(Best { spec: specs[chosen].clone(), mean_square: mean_square[chosen], candidates })
 }
 
-/// The smallest that no larger one betters by what its coefficients must earn ([`needed_gain`]); within one size no rate term,
-/// then the lower mean square wins: a slow lag can look like a curve.
+/// The smallest that no other betters by what it must ([`super::criterion`]); within one size no rate term, then the lower mean
+/// square wins: a slow lag can look like a curve.
 fn best_of(
     problem: &Problem<'_>,
     fair: &[usize],
@@ -284,21 +304,13 @@ fn best_of(
     let square = |i: usize| mean_square[i].unwrap_or(f64::INFINITY);
     let least = fair.iter().copied().min_by(|a, b| square(*a).total_cmp(&square(*b)))?;
     let rho = fit(problem, &specs[least], taus_s).map_or(0.0, |fitted| fitted.autocorrelation);
-    let windows = problem.len() as f64 * (1.0 - rho) / (1.0 + rho);
-    let size = |i: usize| specs[i].coefficients();
-    let stands = |i: &usize| {
-        let larger = fair.iter().filter(|other| size(**other) > size(*i));
-        let bettered = |other: &usize| square(*i) > needed_gain(windows, size(*other) - size(*i), 1) * square(*other);
-        square(*i).is_finite() && !larger.copied().any(|other| bettered(&other))
-    };
-    let good: Vec<usize> = fair.iter().copied().filter(stands).collect();
-    let smallest = good.iter().map(|i| size(*i)).min()?;
-    // Of one size none that another of them betters.
-    let of_size = || good.iter().copied().filter(|i| size(*i) == smallest);
-    let best = of_size().map(square).fold(f64::INFINITY, f64::min);
-    of_size()
-        .filter(|i| square(*i) <= SMALLER_WINS_WITHIN * best)
-        .min_by(|a, b| specs[*a].rate.is_some().cmp(&specs[*b].rate.is_some()).then(square(*a).total_cmp(&square(*b))))
+    let windows = effective_windows(problem.len(), rho);
+    let held = |i: usize| Held { coefficients: specs[i].coefficients(), mean_square: square(i) };
+    let all: Vec<Held> = fair.iter().map(|i| held(*i)).collect();
+    fair.iter().copied().filter(|i| stands(held(*i), &all, windows)).min_by(|a, b| {
+        let key = |i: usize| (specs[i].coefficients(), specs[i].rate.is_some());
+        key(*a).cmp(&key(*b)).then(square(*a).total_cmp(&square(*b)))
+    })
 }
 
 fn candidate(spec: &ModelSpec, mean_square: Option<f64>, inputs: usize) -> Candidate {

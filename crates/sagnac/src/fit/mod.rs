@@ -11,6 +11,7 @@ mod basis;
 mod bootstrap;
 mod choose;
 mod cost;
+mod criterion;
 mod effects;
 mod folds;
 mod further;

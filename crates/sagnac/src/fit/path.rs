@@ -2,24 +2,22 @@
 //! did not see, then back while none is missed.
 //!
 //! ```text
-//! forward:  of all models with one order (input, zone, set of steps) more, the smallest within 2 % of the least held-out
-//!           mean square M; taken if M_now/M > max(1.02, e^((Δk·ln n + 2·ln m)/n))
-//! back:     of all models with one order less that are within max(1.02, e^(Δk·ln n/n)) of the least of all, the smallest
+//! forward:  of all models with one order (input, zone, set of steps) more that better the least of all by what they must
+//!           ([`super::criterion`], m the models of that step), the smallest that none of them betters
+//! back:     of all models with one order less that the least of all does not better by what its coefficients must earn, the
+//!           smallest
 //! ```
 //!
-//! with Δk coefficients more, n windows (over (1 + ρ)/(1 − ρ) for residuals of lag-one correlation ρ) and m models that were tried in that step: the extended Bayesian criterion (Chen and Chen
-//! 2008) on data the fit did not see. Without it the best of twenty useless terms passes 2 % in every seventh record.
-//!
-//! Where there are further inputs three paths are gone, from the grid's best, from `bias 2` and from `bias 2, rate 0`. Of their ends within
-//! 2 % of the best the one with the fewest inputs is taken, then the smallest.
+//! Where there are further inputs three paths are gone, from the grid's best, from `bias 2` and from `bias 2, rate 0`. Of their ends that
+//! no other betters by what it must the one with the fewest inputs is taken, then the smallest.
 //!
 //! A candidate whose terms are nearly combinations of each other (condition over [`CONDITION_MAX`], levels taken out,
-//! columns at unit length) is refused: its coefficients would be the noise's. Of candidates of one size within those 2 % the one of
+//! columns at unit length) is refused: its coefficients would be the noise's. Of candidates of one size the one of
 //! the least condition is taken.
 
 use crate::calibration::{PathStep, PathVerdict};
-use crate::fit::SMALLER_WINS_WITHIN;
 use crate::fit::cost::Work;
+use crate::fit::criterion::{Held, effective_windows, needed_gain, stands};
 use crate::fit::folds::Trial;
 use crate::fit::input::channels;
 use crate::fit::model::{MAX_RATE_ORDER, ModelSpec};
@@ -42,7 +40,14 @@ const MOST_STEPS: usize = 24;
 pub(crate) struct Path {
     pub(crate) spec: ModelSpec,
     pub(crate) mean_square: f64,
+    windows: f64,
     pub(crate) steps: Vec<PathStep>,
+}
+
+impl Path {
+    fn held(&self) -> Held {
+        Held { coefficients: self.spec.coefficients(), mean_square: self.mean_square }
+    }
 }
 
 /// A model that was tried.
@@ -61,6 +66,10 @@ impl Tried {
         self.mean_square.unwrap_or(f64::INFINITY)
     }
 
+    fn held(&self) -> Held {
+        Held { coefficients: self.spec.coefficients(), mean_square: self.square() }
+    }
+
     fn step(&self, number: usize, verdict: PathVerdict) -> PathStep {
         PathStep {
             step: number,
@@ -75,7 +84,7 @@ impl Tried {
 }
 
 /// Goes on from a model; where there are further inputs from two small ones too, because the grid, which does not know the inputs,
-/// may end far from where they lead. Of the ends within 2 % of the best that with the fewest inputs counts, then the smallest. `None` where nothing can be fitted out of sample.
+/// may end far from where they lead. Of the ends that stand that with the fewest inputs counts, then the smallest. `None` where nothing can be fitted out of sample.
 pub(crate) fn walk(problem: &Problem<'_>, start: &ModelSpec, taus_s: &[f64]) -> Option<Path> {
     let mut starts = vec![start.clone()];
     if problem.inputs.len() > 1 {
@@ -89,8 +98,8 @@ pub(crate) fn walk(problem: &Problem<'_>, start: &ModelSpec, taus_s: &[f64]) -> 
         starts.dedup();
     }
     let ends: Vec<Path> = starts.iter().filter_map(|start| walk_from(problem, start, taus_s)).collect();
-    let least = ends.iter().map(|end| end.mean_square).fold(f64::INFINITY, f64::min);
-    let good = ends.into_iter().filter(|end| end.mean_square <= SMALLER_WINS_WITHIN * least);
+    let held: Vec<Held> = ends.iter().map(Path::held).collect();
+    let good = ends.into_iter().filter(|end| stands(end.held(), &held, end.windows));
     // An input more is a wire more: fewer of them win before fewer coefficients.
     good.min_by_key(|end| (inputs_read(problem, &end.spec), end.spec.coefficients()))
 }
@@ -98,19 +107,20 @@ pub(crate) fn walk(problem: &Problem<'_>, start: &ModelSpec, taus_s: &[f64]) -> 
 fn walk_from(problem: &Problem<'_>, start: &ModelSpec, taus_s: &[f64]) -> Option<Path> {
     let mut here = try_all(problem, std::slice::from_ref(start), taus_s).pop().filter(|t| t.mean_square.is_some())?;
     let mut steps = vec![here.step(0, PathVerdict::Start)];
-    let mut least = here.square();
+    let mut least = here.held();
     let mut number = 0;
     for forward in [true, false] {
         for _ in 0..MOST_STEPS {
             let next = if forward { grown(problem, &here.spec) } else { shrunk(&here.spec) };
             let tried = try_all(problem, &next, taus_s);
             let passes = |model: &Tried| {
+                if !forward {
+                    return stands(model.held(), &[least], here.windows);
+                }
                 let more = model.spec.coefficients().saturating_sub(here.spec.coefficients());
-                let gain = needed_gain(here.windows, more, tried.len());
-                let square = model.square();
-                if forward { square * gain < least } else { square <= spared(&here, model) * least }
+                model.square() * needed_gain(here.windows, more, tried.len()) < least.mean_square
             };
-            let taken = best_of(&tried, passes);
+            let taken = best_of(&tried, here.windows, passes);
             number += 1;
             steps.extend(tried.iter().enumerate().map(|(at, model)| {
                 let verdict = match (Some(at) == taken, model.mean_square.is_some(), collinear(model)) {
@@ -127,35 +137,25 @@ fn walk_from(problem: &Problem<'_>, start: &ModelSpec, taus_s: &[f64]) -> Option
                 break;
             };
             here = tried.into_iter().nth(at)?;
-            least = least.min(here.square());
+            if here.square() < least.mean_square {
+                least = here.held();
+            }
         }
     }
-    Some(Path { mean_square: here.square(), spec: here.spec, steps })
-}
-
-/// How far from the least a model may be for what it spares.
-fn spared(here: &Tried, smaller: &Tried) -> f64 {
-    needed_gain(here.windows, here.spec.coefficients().saturating_sub(smaller.spec.coefficients()), 1)
+    Some(Path { mean_square: here.square(), windows: here.windows, spec: here.spec, steps })
 }
 
 fn collinear(model: &Tried) -> bool {
     model.condition.is_some_and(|condition| condition > CONDITION_MAX)
 }
 
-/// By what factor a model of so many coefficients more must better one, of so many that were tried.
-pub(crate) fn needed_gain(windows: f64, more: usize, tried: usize) -> f64 {
-    let n = windows.max(2.0);
-    let criterion = (more as f64 * n.ln() + 2.0 * (tried.max(1) as f64).ln()) / n;
-    criterion.exp().max(SMALLER_WINS_WITHIN)
-}
-
-/// Of those that pass the smallest within 2 % of the least mean square; of those of one size the least condition.
-fn best_of(tried: &[Tried], passes: impl Fn(&Tried) -> bool) -> Option<usize> {
+/// Of those that pass the smallest that none of them betters by what it must; of those of one size the least condition.
+fn best_of(tried: &[Tried], windows: f64, passes: impl Fn(&Tried) -> bool) -> Option<usize> {
     let is_fair = |model: &Tried| !collinear(model) && model.mean_square.is_some() && passes(model);
-    let fair = || (0..tried.len()).filter(|at| is_fair(&tried[*at]));
-    let least = fair().map(|at| tried[at].square()).fold(f64::INFINITY, f64::min);
+    let fair: Vec<usize> = (0..tried.len()).filter(|at| is_fair(&tried[*at])).collect();
+    let held: Vec<Held> = fair.iter().map(|at| tried[*at].held()).collect();
     let condition = |at: usize| tried[at].condition.unwrap_or(1.0);
-    fair().filter(|at| tried[*at].square() <= SMALLER_WINS_WITHIN * least).min_by(|a, b| {
+    fair.iter().copied().filter(|at| stands(tried[*at].held(), &held, windows)).min_by(|a, b| {
         let size = |at: usize| tried[at].spec.coefficients();
         size(*a).cmp(&size(*b)).then(condition(*a).total_cmp(&condition(*b)))
     })
@@ -169,7 +169,7 @@ fn try_all(problem: &Problem<'_>, specs: &[ModelSpec], taus_s: &[f64]) -> Vec<Tr
         let fair = fitted.is_some() && condition.is_none_or(|condition| condition <= CONDITION_MAX);
         let mean_square = if fair { Trial::new(problem, spec, taus_s).held_out() } else { None };
         let rho = fitted.as_ref().map_or(0.0, |f| f.autocorrelation);
-        let windows = problem.len() as f64 * (1.0 - rho) / (1.0 + rho);
+        let windows = effective_windows(problem.len(), rho);
         Tried { spec: spec.clone(), windows, inputs: inputs_read(problem, spec), mean_square, condition }
     })
 }

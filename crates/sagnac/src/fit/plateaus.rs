@@ -4,13 +4,14 @@
 //! y = B + k·Ω,   S = S0/k,   ε = (1/k − 1)·1e6 ppm        two directions: k = (y⁺ − y⁻)/(Ω⁺ − Ω⁻)
 //! ```
 //!
-//! over the windows of a plateau (temperature within ±1 °C, from end to end by no more than 1 °C, at least two rates), by least squares; with one rate in two
+//! over the windows of a plateau (temperature within ±1 °C, that of each rate on average within 0.5 °C, at least two rates), by least squares; with one rate in two
 //! directions that is the two-direction method S = (θ⁺ − θ⁻)/(N⁺ − N⁻) itself, which takes bias and Earth rate out. A
 //! plateau whose rates lie in different runs takes windows of equal temperature from each.
 //!
 //! * nonlinearity: largest distance of a rate's mean from the straight line, ppm of the largest rate; needs three rates
 //! * asymmetry: 2(S⁺ − S⁻)/(S⁺ + S⁻), slopes apart for both directions; needs two rates on a side, or rest and both sides
-//! * repeatability: σ of ε about the mean of its temperature, over plateaus that were visited more than once
+//! * repeatability: σ of ε, less its slope over all plateaus, about the mean of its temperature (within 2 °C), over those
+//!   that were visited more than once
 //!
 //! These figures judge the joint fit; they are not its input.
 
@@ -24,6 +25,8 @@ use crate::window::Windows;
 const REACH_C: f64 = 1.0;
 /// Fewer windows tell no uncertainty.
 const FEWEST: usize = 4;
+/// A gyro that is said to follow its table by a factor farther than this from one does not.
+const FAR_FROM_ONE: f64 = 0.9;
 /// Plateaus closer than this are visits of one temperature, °C.
 const SAME_C: f64 = 2.0;
 
@@ -63,10 +66,11 @@ fn plateaus(windows: &[TurnedWindow]) -> Vec<Plateau> {
     let stretches: Vec<Vec<TurnedWindow>> =
         level_stretches(places).into_iter().map(|stretch| windows[stretch].to_vec()).collect();
     let (mut whole, mut single): (Vec<_>, Vec<_>) = stretches.into_iter().partition(|stretch| rates(stretch) > 1);
-    // On a ramp rate and temperature change together; from end to end it goes farther than a soak settles.
-    whole.retain(|stretch| match stretch.as_slice() {
-        [first, .., last] => (last.temperature_c - first.temperature_c).abs() <= REACH_C,
-        _ => true,
+    // Where rate and temperature change together, as on a ramp, a slope over one is none over the other.
+    whole.retain(|stretch| {
+        let means = by_rate(stretch).into_iter().map(|(_, members)| mean_c(&members));
+        let (lo, hi) = means.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), c| (lo.min(c), hi.max(c)));
+        hi - lo <= 0.5 * REACH_C
     });
     // Rates that lie in different runs: windows of equal temperature together.
     single.sort_by(|a, b| mean_c(a).total_cmp(&mean_c(b)));
@@ -157,6 +161,9 @@ fn plateau(windows: &[TurnedWindow]) -> Option<Plateau> {
         return None;
     }
     let (line, covariance) = least_squares(windows, &[|_| 1.0, |w| w.along_dph])?;
+    if line[1].abs() > FAR_FROM_ONE {
+        return None;
+    }
     let groups = by_rate(windows);
     Some(Plateau {
         temperature_c: mean_c(windows),
@@ -205,16 +212,31 @@ fn asymmetry(windows: &[TurnedWindow], groups: &[(f64, Vec<TurnedWindow>)]) -> O
     Some(PpmEstimate { ppm: ppm(fit[1]) - ppm(fit[2]), sigma_ppm: 1e6 * variance.max(0.0).sqrt() })
 }
 
-/// Spread of ε among visits of one temperature; `None` where none was visited twice.
+/// Spread of ε among visits of one temperature, its slope over all plateaus taken off; `None` where none was visited twice.
 pub(crate) fn repeatability(plateaus: &[Plateau]) -> Option<Repeatability> {
     let mut sorted: Vec<&Plateau> = plateaus.iter().collect();
     sorted.sort_by(|a, b| a.temperature_c.total_cmp(&b.temperature_c));
-    let groups = sorted.chunk_by(|a, b| b.temperature_c - a.temperature_c <= SAME_C).filter(|group| group.len() > 1);
+    let mean = |of: fn(&Plateau) -> f64| plateaus.iter().map(of).sum::<f64>() / plateaus.len().max(1) as f64;
+    let (t, e) = (mean(|p| p.temperature_c), mean(|p| p.scale.ppm));
+    let moment = |of: &dyn Fn(&Plateau) -> f64| plateaus.iter().map(|p| (p.temperature_c - t) * of(p)).sum::<f64>();
+    let spread = moment(&|p| p.temperature_c - t);
+    let wide = spread > plateaus.len() as f64 * SAME_C * SAME_C;
+    let per_c = if wide { moment(&|p| p.scale.ppm - e) / spread } else { 0.0 };
+    let level = |p: &Plateau| p.scale.ppm - per_c * (p.temperature_c - t);
+    let mut groups: Vec<Vec<&Plateau>> = Vec::new();
+    for plateau in sorted {
+        match groups.last_mut() {
+            // From the first of them, so that a ramp is no chain of visits.
+            Some(group) if plateau.temperature_c - group[0].temperature_c <= SAME_C => group.push(plateau),
+            _ => groups.push(vec![plateau]),
+        }
+    }
+    groups.retain(|group| group.len() > 1);
     let (mut squares, mut noise, mut degrees, mut temperatures) = (0.0, 0.0, 0, 0);
     for group in groups {
         let n = group.len() as f64;
-        let mean = group.iter().map(|p| p.scale.ppm).sum::<f64>() / n;
-        squares += group.iter().map(|p| (p.scale.ppm - mean).powi(2)).sum::<f64>();
+        let mean = group.iter().map(|p| level(p)).sum::<f64>() / n;
+        squares += group.iter().map(|p| (level(p) - mean).powi(2)).sum::<f64>();
         noise += group.iter().map(|p| p.scale.sigma_ppm.powi(2)).sum::<f64>() * (n - 1.0) / n;
         degrees += group.len() - 1;
         temperatures += 1;
@@ -258,15 +280,24 @@ mod tests {
         assert!(found.nonlinearity.is_none() && found.asymmetry.is_none(), "two rates cannot tell them");
     }
 
-    /// A ramp of 1 °C/min in windows of 20 s: within ±1 °C of each other for a while, and no plateau.
+    /// A ramp of 1 °C/min in windows of 20 s with a rate every two minutes: no plateau. Rates that come and go within a degree
+    /// are one, and so is a soak with the ends of its ramps.
     #[test]
-    fn a_ramp_has_no_plateaus() {
-        let mut made = windows(|rate, i| rate + noise(i), &[36_000.0, -36_000.0], 20.0);
-        made.iter_mut().enumerate().for_each(|(i, w)| w.temperature_c += i as f64 / 3.0);
-        assert!(plateaus(&made).is_empty());
-        // A soak that still settles by half a degree is one.
-        made.iter_mut().enumerate().for_each(|(i, w)| w.temperature_c = 20.0 - 0.5 * (-(i as f64) / 5.0).exp());
-        assert_eq!(plateaus(&made).len(), 1);
+    fn a_ramp_whose_rates_follow_the_temperature_has_no_plateaus() {
+        let ramp = |change: usize| {
+            let mut made = windows(|rate, i| rate + noise(i), &[0.0], 20.0);
+            for (i, w) in made.iter_mut().enumerate() {
+                w.along_dph = if (i / change).is_multiple_of(2) { 36_000.0 } else { -36_000.0 };
+                (w.measured_dph, w.temperature_c) = (w.along_dph + noise(i), 20.0 + i as f64 / 3.0);
+            }
+            plateaus(&made).len()
+        };
+        assert_eq!(ramp(6), 0);
+        assert!(ramp(1) > 0);
+        let mut soak = windows(|rate, i| rate + noise(i), &[36_000.0, -36_000.0], 20.0);
+        soak[0].temperature_c = 19.2;
+        soak[23].temperature_c = 20.9;
+        assert_eq!(plateaus(&soak).len(), 1);
     }
 
     #[test]

@@ -51,7 +51,11 @@ pub(crate) fn identity(verification: &Verification, calibration: Option<&Calibra
                 }
             }
             @if let Some(limits) = limits {
-                tr { td { "limits" } td.words { (limits.name) br; span.hash { "SHA-256 " (limits.sha256) } } }
+                @for (word, source) in [("limits", Some(limits)), ("limits start from", limits.base.as_deref())] {
+                    @if let Some(source) = source {
+                        tr { td { (word) } td.words { (source.name) br; span.hash { "SHA-256 " (source.sha256) } } }
+                    }
+                }
             }
             tr { td { "record, SHA-256" } td.hash { (verification.record_sha256) } }
             tr { td { "images judged, SHA-256" } td.hash { (verification.image_sha256) } }

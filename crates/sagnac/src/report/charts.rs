@@ -15,7 +15,9 @@ pub struct ChartPage {
     pub subtitle: String,
     /// Figures, in order.
     pub charts: Vec<Chart>,
-    /// Words under the subtitle: what to know before reading on.
+    /// Verdicts under the subtitle: whether it is well, and in words.
+    pub verdicts: Vec<(bool, String)>,
+    /// Words under them: what to know before reading on.
     pub notes: Vec<String>,
     /// Tables before the figures: what a reader wants first.
     pub results: Vec<PageTable>,
@@ -169,6 +171,9 @@ pub fn chart_report(content: &ChartPage) -> Result<String> {
     let body = html! {
         h1 { (content.title) }
         p.sub { (content.subtitle) }
+        @for (well, words) in &content.verdicts {
+            div class={ "verdict " (if *well { "pass" } else { "fail" }) } { b.word { (words) } }
+        }
         @for note in &content.notes { p.note { (note) } }
         @for result in &content.results { (table(result)) }
         @for figure in &drawn { (shown(figure)) }

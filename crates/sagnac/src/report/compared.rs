@@ -20,7 +20,8 @@ pub fn comparison_report(comparison: &Comparison) -> Result<String> {
     };
     for axis in &comparison.axes {
         for curve in &axis.curves {
-            page.notes.push(format!("Axis {}: {}.", axis.axis, curve.verdict(&comparison.records)));
+            let words = format!("Axis {}: {}", axis.axis, curve.verdict(&comparison.records));
+            page.verdicts.push((!curve.disagrees(), words));
             page.charts.push(values(comparison, axis.axis, curve));
             page.charts.push(apart(comparison, axis.axis, curve));
             page.tables.push(table(comparison, axis.axis, curve));

@@ -159,7 +159,7 @@ pub(crate) fn effect(evidence: &Evidence, axis: char, place: usize, effect: &Eff
         }
     };
     let caption = format!(
-        "Each point is a window less everything that the fit lays to other causes; bars are means of bins with twice their own σ.          They lie on the terms where these say what the data say. Zero at {zero}.{words}"
+        "Each point is a window less everything that the fit lays to other causes; bars are means of bins with twice their own σ. They lie on the terms where these say what the data say. Zero at {zero}.{words}"
     );
     let mut out =
         figure(axis, &format!("effect-{place}"), &title, caption, [&x_label, y_label], &format!("effect-{place}"));

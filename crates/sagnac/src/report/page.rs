@@ -445,8 +445,9 @@ fn inputs(inputs: &[Input]) -> Markup {
 
 fn provenance(calibration: &Calibration) -> Result<Markup> {
     let record = hex(&sha256(calibration.to_json()?.as_bytes()));
-    // A record that fits no image still has a report.
-    let images = Correction::from_calibration(calibration.clone()).map_or_else(|why| why.what, |made| made.sha256());
+    // A record without a serial number, or that fits no image, still has a report.
+    let made =
+        (calibration.serial != UNASSIGNED).then(|| Correction::from_calibration(calibration.clone()).ok()).flatten();
     let from = &calibration.provenance;
     let thermometer = match calibration.thermometer.name.as_str() {
         "" => "temperature_c".to_owned(),
@@ -463,7 +464,9 @@ fn provenance(calibration: &Calibration) -> Result<Markup> {
                 "tick " (calibration.target.tick_s() * 1e6) " µs, temperature period " (calibration.target.period_s()) " s"
             } }
             tr { td { "SHA-256 of the record" } td.hash { (record) } }
-            tr { td { "SHA-256 of its images, the first that `export` makes" } td.hash { (images) } }
+            @if let Some(made) = made {
+                tr { td { "SHA-256 of its images, the first that export makes" } td.hash { (made.sha256()) } }
+            }
         } }
     })
 }

@@ -25,6 +25,9 @@ const ORDER: usize = 4;
 const COLUMNS: usize = ORDER + 3;
 /// Step of the navigator, s.
 const STEP_S: f64 = 1.0;
+/// A hole in the proof's temperatures that a flight may pass: a part of their span, or this much, °C.
+const HOLE: f64 = 0.15;
+const HOLE_C: f64 = 5.0;
 /// A flight is no longer.
 const MOST_MINUTES: f64 = 24.0 * 60.0;
 /// Fewer windows tell no drift.
@@ -180,6 +183,7 @@ impl Flight {
                 corner.temperature_c, extremes.0, extremes.1
             ));
         }
+        self.check_holes(&used)?;
         let paces = self
             .profile
             .windows(2)
@@ -216,6 +220,20 @@ impl Flight {
             at_minutes: shown.iter().map(|i| (*i + 1) as f64 * STEP_S / 60.0).collect(),
             curve_before_m: pick(&curve_before),
             curve_after_m: pick(&curve_after),
+        })
+    }
+
+    /// Temperatures of the flight that no window is near cannot be told by a curve through those beside them.
+    fn check_holes(&self, used: &[&Point]) -> std::result::Result<(), String> {
+        let of_flight = self.profile.iter().map(|corner| corner.temperature_c);
+        let lo = of_flight.clone().fold(f64::INFINITY, f64::min);
+        let hi = of_flight.fold(f64::NEG_INFINITY, f64::max);
+        let mut known: Vec<f64> = used.iter().map(|p| p.temperature_c).collect();
+        known.sort_by(f64::total_cmp);
+        let most = (HOLE * (known[known.len() - 1] - known[0])).max(HOLE_C);
+        let hole = known.windows(2).find(|pair| pair[1] - pair[0] > most && pair[1] > lo && pair[0] < hi);
+        hole.map_or(Ok(()), |pair| {
+            Err(format!("no window lies between {:.1} and {:.1} °C, where the flight goes", pair[0], pair[1]))
         })
     }
 

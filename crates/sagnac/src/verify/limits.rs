@@ -37,7 +37,7 @@ pub struct Limits {
     pub improvement_sigma_min: Option<f64>,
     /// Largest part of the windows with the status OUT_OF_SPAN, 0 to 1.
     pub out_of_span_max: Option<f64>,
-    /// Least part of the fit's span of temperature that the used windows cover, 0 to 1.
+    /// Least part of the fit's span of temperature that the used windows cover, 0 to 1; gaps of a twentieth of it count as covered.
     pub span_covered_min: Option<f64>,
     /// Largest σ within a plateau, °/h.
     pub plateau_sigma_dph_max: Option<f64>,
@@ -75,6 +75,15 @@ pub struct LimitsSource {
     pub name: String,
     /// SHA-256 of its text.
     pub sha256: String,
+    /// The set that it starts from.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub base: Option<Box<LimitsSource>>,
+}
+
+impl LimitsSource {
+    fn of(name: &str, text: &str) -> Self {
+        Self { name: name.to_owned(), sha256: hex(&sha256(text.as_bytes())), base: None }
+    }
 }
 
 /// Sets that come with the program.
@@ -182,7 +191,9 @@ impl Limits {
 
     fn of_text(name: &str, text: &str) -> Result<Self> {
         let limits = Self::parse(text).map_err(|e| e.file(name))?;
-        Ok(Self { source: LimitsSource { name: name.to_owned(), sha256: hex(&sha256(text.as_bytes())) }, ..limits })
+        let set = SETS.iter().find(|(set, _)| limits.base.as_deref() == Some(*set));
+        let base = set.map(|(set, text)| Box::new(LimitsSource::of(set, text)));
+        Ok(Self { source: LimitsSource { base, ..LimitsSource::of(name, text) }, ..limits })
     }
 
     /// Parses the text of a limits file.
@@ -350,7 +361,9 @@ fn unknown(name: &str, axis: &AxisVerification) -> String {
         "plateau_sigma_dph_max" | "plateau_offset_dph_max" => "no five steady windows within 1 °C of each other",
         "span_covered_min" => "the retest has no temperature",
         "ramps_rms_dph_max" => "fewer than ten windows in ramps",
-        "drift_dph_per_c_max" | "drift_dph_per_cpm_max" => "temperature or its rate does not vary",
+        "drift_dph_per_c_max" | "drift_dph_per_cpm_max" => {
+            "temperature (by σ 0.3 °C) and its rate (by 0.01 °C/min) do not vary, or not apart, or in fewer than ten windows"
+        }
         "hysteresis_dph_max" => "fewer than 20 windows of heating or of cooling",
         "scale_factor_sigma_ppm_max" | "scale_factor_peak_to_peak_ppm_max" => "fewer than two plateaus tell it",
         "arw_deg_rt_h_max" | "arw_increase_max" => "the rows do not tell their noise",

@@ -178,9 +178,12 @@ pub struct Coverage {
     pub fit_c: [f64; 2],
     /// Lowest and highest sample of the used windows, °C.
     pub tested_c: [f64; 2],
-    /// Part of the fit's span that lies between those, 0 to 1.
+    /// Part of the fit's span that the windows cover, 0 to 1; gaps of a twentieth of it count as covered.
     pub part: f64,
 }
+
+/// Part of the fit's span that a gap between windows may have and count as covered.
+const BRIDGED: f64 = 0.05;
 
 impl Coverage {
     /// `20.0 … 45.0 °C: 23 % of the fit's -39.0 … 69.0 °C`.
@@ -194,10 +197,20 @@ impl Coverage {
         let spec = image.thermometers().first()?;
         let fit_c = [spec.span_lo_q24, spec.span_hi_q24].map(|q24| f64::from(q24) / 2.0_f64.powi(24));
         let (min_c, max_c) = (&windows.rows.min_c[sensor], &windows.rows.max_c[sensor]);
-        let lo = used.iter().map(|i| min_c[*i]).fold(f64::INFINITY, f64::min);
-        let hi = used.iter().map(|i| max_c[*i]).fold(f64::NEG_INFINITY, f64::max);
-        let common = hi.min(fit_c[1]) - lo.max(fit_c[0]);
-        let part = (common / (fit_c[1] - fit_c[0])).clamp(0.0, 1.0);
+        let mut stretches: Vec<[f64; 2]> =
+            used.iter().map(|i| [min_c[*i], max_c[*i]]).filter(|[lo, _]| lo.is_finite()).collect();
+        stretches.sort_by(|a, b| a[0].total_cmp(&b[0]));
+        let span = fit_c[1] - fit_c[0];
+        let (mut common, mut reached) = (0.0, f64::NEG_INFINITY);
+        for [from, to] in &stretches {
+            // Between windows a little is left out; farther apart nothing was seen.
+            let start = if from - reached <= BRIDGED * span { reached } else { *from };
+            common += (to.min(fit_c[1]) - start.max(fit_c[0]).min(fit_c[1])).max(0.0);
+            reached = reached.max(*to);
+        }
+        let lo = stretches.first().map_or(f64::INFINITY, |[lo, _]| *lo);
+        let hi = reached;
+        let part = (common / span).clamp(0.0, 1.0);
         (lo <= hi).then_some(Self { fit_c, tested_c: [lo, hi], part })
     }
 }
@@ -394,6 +407,7 @@ fn evidence(windows: &Windows, drifts: &Drifts<'_>, used: &[usize], sensor: Opti
 /// and status bit.
 fn replay_windows(correction: &Correction, logs: Vec<LogReader>, setup: &Setup, keep_all: bool) -> Result<Windows> {
     let mut builder: Option<(WindowBuilder, LogShape)> = None;
+    let mut seen: Vec<(String, String)> = Vec::new();
     for mut log in logs {
         let shape = log.shape().clone();
         let name = log.summary().file;
@@ -418,7 +432,13 @@ fn replay_windows(correction: &Correction, logs: Vec<LogReader>, setup: &Setup, 
             noise.append(&mut corrected.unrounded);
             builder.push_with_noise(&with_corrected(batch, corrected), &noise).map_err(|e| e.file(&name))?;
         }
-        builder.end_run(log.summary());
+        let summary = log.summary();
+        if let Some((_, twin)) = seen.iter().find(|(sha256, _)| *sha256 == summary.sha256) {
+            let what = format!("holds the same bytes as {twin}; one retest counts once");
+            return Err(Error::input(what).file(summary.file).help("give each log once"));
+        }
+        seen.push((summary.sha256.clone(), summary.file.clone()));
+        builder.end_run(summary);
     }
     let (builder, _) = builder.ok_or_else(|| Error::input("no retest log given"))?;
     Ok(builder.finish(keep_all))

@@ -62,8 +62,8 @@ struct AxisReplay {
 pub struct Corrected {
     /// Angle in the log's own unit: whole quanta, or arcsec.
     pub angle: Vec<Vec<f64>>,
-    /// The same with what the target gained of the part of a count that it holds back: the angle before it is rounded.
-    /// The two never lie farther apart than one count.
+    /// The same with what is held back of a count: the angle before it is rounded. Over a run the two never lie farther
+    /// apart than what a row shorter than a tick, or the output limit, still holds back.
     pub unrounded: Vec<Vec<f64>>,
     /// Status bits that occurred during the row.
     pub status: Vec<Vec<Status>>,
@@ -140,13 +140,12 @@ impl Replay {
         for (index, axis) in self.axes.iter_mut().enumerate() {
             let codes = axis.codes(&self.register);
             axis.skip(codes, gap).map_err(|e| misused(e, &self.file, batch.line[row]))?;
-            let held = axis.state.remainder();
+            let held = axis.held();
             let (angle, status) = axis
                 .row(codes, batch.angle[index][row], end - start)
                 .map_err(|e| misused(e, &self.file, batch.line[row]))?;
             out.angle[index].push(angle);
-            let gained = (axis.state.remainder() - held) as f64 / COUNT;
-            out.unrounded[index].push(angle + gained * axis.lsb);
+            out.unrounded[index].push(angle + (axis.held() - held) * axis.lsb);
             out.status[index].push(status);
         }
         self.ticks_done = end.max(start);
@@ -219,6 +218,11 @@ impl AxisReplay {
             *code = coder.and_then(|(column, coder)| coder.code(register.value(column)));
         }
         codes
+    }
+
+    /// Counts that went in and have not come out: of the input's rounding to counts and of the output's.
+    fn held(&self) -> f64 {
+        self.pending + self.state.remainder() as f64 / COUNT
     }
 
     /// Lets ticks pass without counts.

@@ -120,6 +120,9 @@ pub struct Windows {
     pub tallies: Tallies,
 }
 
+/// Noise below this part of a window's angle is that of sums.
+const ROUNDING: f64 = 1e-12;
+
 impl Windows {
     /// Number of windows.
     pub fn len(&self) -> usize {
@@ -146,7 +149,11 @@ impl Windows {
         let mut all = ShortTauSums::default();
         let used = self.rows.short_tau[axis].iter().zip(&self.rows.excluded).filter(|(_, reason)| reason.is_none());
         used.for_each(|(sums, _)| all.merge(sums));
-        all.fit(self.shape.sample_interval_s)
+        let terms = all.fit(self.shape.sample_interval_s)?;
+        // What the rounding of sums makes is no noise: of a counter that always counts the same.
+        let largest = self.rows.angle[axis].iter().fold(0.0_f64, |most, angle| most.max(angle.abs()));
+        let noise_arcsec = terms.q_arcsec + terms.n_arcsec_rt_s * self.shape.sample_interval_s.sqrt();
+        (noise_arcsec > ROUNDING * largest * self.shape.unit.arcsec()).then_some(terms)
     }
 
     /// Marks a window as left out and counts its rows.

@@ -1,0 +1,66 @@
+//! What a larger model must earn on data that its fit did not see.
+//!
+//! ```text
+//! M_small/M_large > max(1.02, e^((Δk·ln n + 2·ln m)/n))
+//! ```
+//!
+//! with M held-out mean squares, Δk coefficients more, n windows (over (1 + ρ)/(1 − ρ) for residuals of lag-one correlation ρ)
+//! and m models that were tried for it: the Bayesian criterion, with m > 1 the extended one (Chen and Chen 2008). Without it
+//! the best of twenty useless terms passes 2 % in every seventh record.
+//!
+//! Where it fails: n counts windows as if one thermal cycle told as much as many; what only another cycle would show, no
+//! criterion of one record shows.
+
+use crate::fit::SMALLER_WINS_WITHIN;
+
+/// A model that was tried.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Held {
+    /// Coefficients without constants.
+    pub(crate) coefficients: usize,
+    /// Held-out mean square; infinite where it was not found.
+    pub(crate) mean_square: f64,
+}
+
+/// Windows over what their residuals' correlation makes of them.
+pub(crate) fn effective_windows(windows: usize, rho: f64) -> f64 {
+    (windows as f64 * (1.0 - rho) / (1.0 + rho)).max(2.0)
+}
+
+/// By what factor a model of so many coefficients more must better one, of so many that were tried.
+pub(crate) fn needed_gain(windows: f64, more: usize, tried: usize) -> f64 {
+    let n = windows.max(2.0);
+    let criterion = (more as f64 * n.ln() + 2.0 * (tried.max(1) as f64).ln()) / n;
+    criterion.exp().max(SMALLER_WINS_WITHIN)
+}
+
+/// True where no larger one of `all` betters it by what its coefficients must earn, and none as small or smaller by over 2 %.
+pub(crate) fn stands(one: Held, all: &[Held], windows: f64) -> bool {
+    let beaten = |other: &Held| {
+        let more = other.coefficients.saturating_sub(one.coefficients);
+        one.mean_square > needed_gain(windows, more, 1) * other.mean_square
+    };
+    one.mean_square.is_finite() && !all.iter().any(beaten)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn held(coefficients: usize, mean_square: f64) -> Held {
+        Held { coefficients, mean_square }
+    }
+
+    #[test]
+    fn more_coefficients_must_earn_more() {
+        // ln 200 = 5.298: three coefficients more must better by e^(15.9/200) = 1.0827.
+        let all = [held(2, 1.08), held(5, 1.0)];
+        assert!(stands(all[0], &all, 200.0) && stands(all[1], &all, 200.0));
+        let all = [held(2, 1.09), held(5, 1.0)];
+        assert!(!stands(all[0], &all, 200.0));
+        // Of a thousand windows two per cent are enough for one.
+        assert!((needed_gain(1000.0, 1, 1) - 1.02).abs() < 1e-12);
+        assert!((needed_gain(200.0, 1, 20) - ((5.298_317 + 5.991_465) / 200.0_f64).exp()).abs() < 1e-6);
+        assert!(!stands(held(3, f64::INFINITY), &[held(3, f64::INFINITY)], 100.0));
+    }
+}
