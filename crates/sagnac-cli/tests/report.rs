@@ -141,6 +141,11 @@ fn a_browser_draws_every_figure_of_every_report() {
     sagnac(folder.path(), &["verify", "u.json", &three, "--limits", &limits, "--report", "proof.html"]);
     sagnac(folder.path(), &["demo", "--report", "demo.html"]);
     must_be_drawn(chromium, &folder.path().join("fit.html"), 6);
+    let fit = std::fs::read_to_string(folder.path().join("fit.html")).unwrap();
+    for words in ["95 % band", "95 % of further windows at rest", "What to expect at rest", "Drift against the rate of"]
+    {
+        assert!(fit.contains(words), "{words}");
+    }
     must_be_drawn(chromium, &folder.path().join("proof.html"), 5);
     must_be_drawn(chromium, &folder.path().join("demo.html"), 4);
 }

@@ -77,10 +77,10 @@ pub(crate) fn limits(verification: &Verification) -> Markup {
                     tr {
                         td { (words) } td.unit { (unit) } td { (significant(limit.limit, 4)) }
                         td { (limit.value_text()) } td { (limit.margin_text()) }
-                        @match (limit.pass, &limit.why) {
-                            (Some(true), _) => { td.pass.words { "met" } }
-                            (Some(false), _) => { td.fail.words { "not met" } }
-                            (None, why) => { td.words { (why.as_deref().unwrap_or("not asked")) } }
+                        @match limit.pass {
+                            Some(true) => { td.pass.words { (limit.word()) } }
+                            Some(false) => { td.fail.words { (limit.word()) } }
+                            None => { td.unit { (limit.word()) } }
                         }
                     }
                     @if let Some(why) = limit.why.as_ref().filter(|_| limit.pass.is_some()) {
@@ -88,6 +88,9 @@ pub(crate) fn limits(verification: &Verification) -> Markup {
                     }
                 }
             } }
+            @for limit in axis.limits.iter().filter(|limit| limit.pass.is_none()) {
+                p.note { "Not asked: " (limit_words(&limit.name).0) "; it " (limit.why.as_deref().unwrap_or("is of another test")) "." }
+            }
             p.note { "A limit is met where the value itself is within its bound; ± is the value's standard error. Margin: the room left, as a part of the bound." }
         }
     }

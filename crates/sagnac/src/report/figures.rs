@@ -68,7 +68,8 @@ fn line(label: &str, role: Role, x: &[f64], y: Vec<f64>, broken: bool) -> Layer 
 fn curve(axis: &AxisCalibration, kind: TermKind) -> (Vec<f64>, Vec<f64>, Option<Vec<f64>>) {
     let span = axis.span();
     let step = (span.hi_c - span.lo_c) / (CURVE_POINTS - 1) as f64;
-    let x: Vec<f64> = (0..CURVE_POINTS).map(|i| span.lo_c + step * i as f64).collect();
+    // The last of them may lie a rounding beyond the span.
+    let x: Vec<f64> = (0..CURVE_POINTS).map(|i| (span.lo_c + step * i as f64).min(span.hi_c)).collect();
     if kind == TermKind::Bias {
         let y = x.iter().map(|t| axis.drift(*t, axis.reference_c)).collect();
         let band = x.iter().map(|t| Some(axis.predict(*t)?.curve_dph)).collect();

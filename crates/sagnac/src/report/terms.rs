@@ -70,7 +70,7 @@ const EXPECTED_AT: usize = 7;
 /// The curve at rest with its intervals.
 fn expected(axis: &AxisCalibration) -> Markup {
     let [lo, hi] = axis.span_c;
-    let at = (0..EXPECTED_AT).map(|i| lo + (hi - lo) * i as f64 / (EXPECTED_AT - 1) as f64);
+    let at = (0..EXPECTED_AT).map(|i| (lo + (hi - lo) * i as f64 / (EXPECTED_AT - 1) as f64).min(hi));
     let rows: Vec<(f64, Prediction)> = at.filter_map(|celsius| Some((celsius, axis.predict(celsius)?))).collect();
     html! {
         @if !rows.is_empty() && !axis.terms.is_empty() {
