@@ -121,7 +121,9 @@ pub(crate) fn drift(evidence: &Evidence, axis: &AxisEvidence, record: &AxisCalib
         out.layers.push(Layer::Band { label: "95 % band".to_owned(), role: Role::Fit, x: at, lo, hi });
     }
     out.layers.push(line("fit at rest", Role::Fit, &x, y.clone(), false));
-    let window: Option<Vec<f64>> = x.iter().map(|t| Some(record.predict(*t)?.window_dph)).collect();
+    // With rate terms the moving fits already stand there, and most windows are none at rest.
+    let at_rest = |t: &f64| record.predict(*t).filter(|_| record.rate_span_cpm.is_none());
+    let window: Option<Vec<f64>> = x.iter().map(|t| Some(at_rest(t)?.window_dph)).collect();
     for (half, sign) in window.iter().flat_map(|half| [(half, -1.0), (half, 1.0)]) {
         let edge = y.iter().zip(half).map(|(y, half)| y + sign * half).collect();
         out.layers.push(line("95 % of further windows at rest", Role::Floor, &x, edge, true));

@@ -45,7 +45,7 @@ use crate::report::{AxisEvidence, Evidence, points, run_spans};
 use crate::setup::Setup;
 use crate::units::ARCSEC_RT_S_PER_DEG_RT_H;
 use crate::verify::turned::Drifts;
-use crate::window::{WindowBuilder, Windows, same_shape};
+use crate::window::{SeenLogs, WindowBuilder, Windows, same_shape};
 
 /// What a retest is held against.
 #[derive(Clone, Debug)]
@@ -407,7 +407,7 @@ fn evidence(windows: &Windows, drifts: &Drifts<'_>, used: &[usize], sensor: Opti
 /// and status bit.
 fn replay_windows(correction: &Correction, logs: Vec<LogReader>, setup: &Setup, keep_all: bool) -> Result<Windows> {
     let mut builder: Option<(WindowBuilder, LogShape)> = None;
-    let mut seen: Vec<(String, String)> = Vec::new();
+    let mut seen = SeenLogs::default();
     for mut log in logs {
         let shape = log.shape().clone();
         let name = log.summary().file;
@@ -433,11 +433,7 @@ fn replay_windows(correction: &Correction, logs: Vec<LogReader>, setup: &Setup, 
             builder.push_with_noise(&with_corrected(batch, corrected), &noise).map_err(|e| e.file(&name))?;
         }
         let summary = log.summary();
-        if let Some((_, twin)) = seen.iter().find(|(sha256, _)| *sha256 == summary.sha256) {
-            let what = format!("holds the same bytes as {twin}; one retest counts once");
-            return Err(Error::input(what).file(summary.file).help("give each log once"));
-        }
-        seen.push((summary.sha256.clone(), summary.file.clone()));
+        seen.take(&summary)?;
         builder.end_run(summary);
     }
     let (builder, _) = builder.ok_or_else(|| Error::input("no retest log given"))?;

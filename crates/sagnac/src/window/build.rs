@@ -61,6 +61,23 @@ struct Sums {
     reference: Moments,
 }
 
+/// Logs that were read: one whose bytes came before would count twice.
+#[derive(Default)]
+pub(crate) struct SeenLogs(Vec<(String, String)>);
+
+impl SeenLogs {
+    /// # Errors
+    /// The same bytes again.
+    pub(crate) fn take(&mut self, log: &LogSummary) -> Result<()> {
+        if let Some((_, twin)) = self.0.iter().find(|(sha256, _)| *sha256 == log.sha256) {
+            let what = format!("holds the same bytes as {twin}; one run counts once");
+            return Err(Error::input(what).file(&log.file).help("give each log once"));
+        }
+        self.0.push((log.sha256.clone(), log.file.clone()));
+        Ok(())
+    }
+}
+
 /// A sum in four lanes, which a processor adds side by side. A value's lane is its place in the window, so the
 /// result does not depend on how rows come in pieces.
 #[derive(Clone, Copy, Default)]
@@ -234,18 +251,14 @@ impl WindowBuilder {
     pub fn read_all(logs: Vec<LogReader>, setup: &Setup) -> Result<Self> {
         let first = logs.first().ok_or_else(|| Error::input("no log given"))?.shape().clone();
         let mut builder = Self::new(&first, setup)?;
-        let mut seen: Vec<(String, String)> = Vec::new();
+        let mut seen = SeenLogs::default();
         for mut log in logs {
             same_shape(&first, log.shape()).map_err(|e| e.file(log.summary().file))?;
             while let Some(batch) = log.next_batch()? {
                 builder.push(batch)?;
             }
             let summary = log.summary();
-            if let Some((_, twin)) = seen.iter().find(|(sha256, _)| *sha256 == summary.sha256) {
-                let what = format!("holds the same bytes as {twin}; one run counts once");
-                return Err(Error::input(what).file(summary.file).help("give each log once"));
-            }
-            seen.push((summary.sha256.clone(), summary.file.clone()));
+            seen.take(&summary)?;
             builder.end_run(summary);
         }
         Ok(builder)

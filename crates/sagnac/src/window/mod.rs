@@ -11,7 +11,7 @@ mod outliers;
 mod table;
 
 pub use crate::window::build::WindowBuilder;
-pub(crate) use crate::window::build::same_shape;
+pub(crate) use crate::window::build::{SeenLogs, same_shape};
 pub(crate) use crate::window::outliers::{holds_whole_numbers, is_whole};
 #[cfg(feature = "parquet")]
 pub(crate) use crate::window::table::parquet_properties;
