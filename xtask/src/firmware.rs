@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use anyhow::{Context, Result, bail, ensure};
-use sagnac::fit::{PRICED_WITHIN, Work};
+use sagnac::model::{PRICED_WITHIN, Work};
 use sagnac_board::{Desk, MemoryFlash, Message, RigSettings, Row, run};
 use sagnac_core::{Banks, Description, Gyro, Image, Kind, Multiplier, Term, Thermometer};
 use sagnac_loops::LoopTable;

@@ -8,7 +8,7 @@ use anyhow::{Context, Result};
 use flate2::{Compression, GzBuilder};
 use sagnac::calibration::Calibration;
 use sagnac::export::{Polynomial, encode, image_bytes, import};
-use sagnac::setup::Setup;
+use sagnac_log::setup::Setup;
 use sagnac_sim::{LaggedChamber, csv_bytes};
 
 use crate::checks::root;

@@ -3,12 +3,13 @@
 use std::path::PathBuf;
 
 use sagnac::calibration::{AxisCalibration, Calibration, Candidate, Monomial, PathStep, PpmEstimate, ScaleFactor};
-use sagnac::digits::{celsius, significant, with_sigma};
-use sagnac::fit::{FitOptions, Loss, ModelChoice, TICK_INSTRUCTIONS, calibrate_with_evidence, frontier};
-use sagnac::ingest::Tally;
-use sagnac::report::calibration_report;
-use sagnac::write::write_bytes;
+use sagnac::fit::{FitOptions, Loss, ModelChoice, calibrate_with_evidence, frontier};
+use sagnac::model::TICK_INSTRUCTIONS;
 use sagnac::{Error, Result};
+use sagnac_log::ingest::Tally;
+use sagnac_log::write::write_bytes;
+use sagnac_report::calibration_report;
+use sagnac_units::format::{celsius, significant, with_sigma};
 
 use crate::console::{Console, Outcome, Ran, table};
 use crate::loading;

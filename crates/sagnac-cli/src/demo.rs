@@ -6,16 +6,17 @@
 use std::io::Cursor;
 use std::path::PathBuf;
 
-use sagnac::digits::{significant, with_sigma};
-use sagnac::fit::{FitOptions, ModelChoice, ModelSpec, calibrate};
-use sagnac::ingest::{LogReader, Pace};
-use sagnac::report::verification_report;
-use sagnac::setup::Setup;
+use sagnac::fit::{FitOptions, ModelChoice, calibrate};
+use sagnac::model::ModelSpec;
 use sagnac::verify::{Correction, Verification, verify_with_evidence};
 use sagnac::window::WindowBuilder;
-use sagnac::write::write_bytes;
 use sagnac::{Error, Result};
+use sagnac_log::ingest::{LogReader, Pace};
+use sagnac_log::setup::Setup;
+use sagnac_log::write::write_bytes;
+use sagnac_report::verification_report;
 use sagnac_sim::{PaperRig, csv_bytes};
+use sagnac_units::format::{significant, with_sigma};
 
 use crate::console::{Console, Outcome, Ran, table};
 

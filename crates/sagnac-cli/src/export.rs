@@ -6,11 +6,11 @@ use std::path::{Path, PathBuf};
 use clap::ValueEnum;
 use sagnac::calibration::{Calibration, InputSource, UNASSIGNED};
 use sagnac::export::{TextFile, Widths, c_files, codes, encode, image_bytes, verilog_files};
-use sagnac::ingest::{hex, sha256};
-use sagnac::write::write_bytes;
 use sagnac::{Error, Result};
 use sagnac_board::Message;
 use sagnac_core::Image;
+use sagnac_log::ingest::{hex, sha256};
+use sagnac_log::write::write_bytes;
 use sagnac_loops::{LoopTable, TABLE_MAGIC};
 use sagnac_sim::plant::Design;
 

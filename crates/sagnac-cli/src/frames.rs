@@ -3,11 +3,11 @@
 use std::io::{BufReader, Read, Write};
 use std::path::{Path, PathBuf};
 
-use sagnac::write::write_atomically;
 use sagnac::{Error, Result};
 use sagnac_board::frame::Reader;
 use sagnac_board::{COMMIT, Message, Output, PIECE, POWER_ON, ROLL_BACK, Reply, ReplyCode};
 use sagnac_core::Status;
+use sagnac_log::write::write_atomically;
 use sagnac_loops::{IntensityStatus, PathLengthStatus};
 
 use crate::console::{Console, Outcome, Ran};

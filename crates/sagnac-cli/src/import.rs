@@ -2,11 +2,11 @@
 
 use std::path::PathBuf;
 
-use sagnac::digits::significant;
 use sagnac::export::{Polynomial, import};
-use sagnac::setup::Setup;
-use sagnac::write::write_bytes;
 use sagnac::{Error, Result};
+use sagnac_log::setup::Setup;
+use sagnac_log::write::write_bytes;
+use sagnac_units::format::significant;
 
 use crate::console::{Console, Outcome, Ran};
 use crate::setup_args::numbers;

@@ -4,14 +4,14 @@ use std::path::{Path, PathBuf};
 
 use sagnac::Result;
 use sagnac::calibration::Calibration;
-use sagnac::digits::significant;
 use sagnac::export::image_bytes;
 use sagnac::fit::{FitOptions, ModelChoice, calibrate};
-use sagnac::ingest::{AngleUnit, LogReader, LogShape, Pace, Tally, hex, sha256};
-use sagnac::setup::Setup;
-use sagnac::units::s_from_ns;
 use sagnac::window::{WindowBuilder, Windows};
 use sagnac_core::{Image, Kind as TermKind, Multiplier, Shape, Source, Term};
+use sagnac_log::ingest::{AngleUnit, LogReader, LogShape, Pace, Tally, hex, sha256};
+use sagnac_log::setup::Setup;
+use sagnac_units::format::significant;
+use sagnac_units::s_from_ns;
 use serde::Serialize;
 
 use crate::calibrate::{excluded, summary};

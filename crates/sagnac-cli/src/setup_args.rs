@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use sagnac::setup::{Counter, Setup, WindowSize};
 use sagnac::{Error, Result};
+use sagnac_log::setup::{Counter, Setup, WindowSize};
 
 /// What the log cannot say of itself.
 #[derive(Args, Clone, Default)]

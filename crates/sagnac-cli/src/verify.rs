@@ -2,14 +2,14 @@
 
 use std::path::PathBuf;
 
-use sagnac::digits::{significant, with_sigma};
-use sagnac::ingest::Pace;
-use sagnac::report::verification_report;
 use sagnac::verify::{
     AxisVerification, Estimate, Figures, Judged, Limits, MisDistance, ScaleFigures, ScaleProof, Verification,
     verify_with_evidence,
 };
-use sagnac::write::write_bytes;
+use sagnac_log::ingest::Pace;
+use sagnac_log::write::write_bytes;
+use sagnac_report::verification_report;
+use sagnac_units::format::{significant, with_sigma};
 
 use crate::calibrate::excluded;
 use crate::console::{Console, Outcome, Ran, table};

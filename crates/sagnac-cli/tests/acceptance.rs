@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use assert_cmd::Command;
-use sagnac::ingest::{hex, sha256};
+use sagnac_log::ingest::{hex, sha256};
 use serde_json::Value;
 use tempfile::TempDir;
 

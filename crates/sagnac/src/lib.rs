@@ -15,17 +15,11 @@
 pub mod allan;
 pub mod calibration;
 pub mod compare;
-pub mod digits;
-pub mod error;
+pub mod diagnostics;
 pub mod export;
 pub mod fit;
-pub mod ingest;
-mod parallel;
-pub mod report;
-pub mod setup;
-pub mod units;
+pub mod model;
 pub mod verify;
 pub mod window;
-pub mod write;
 
-pub use error::{Error, ErrorKind, Place, Result};
+pub use sagnac_log::{Error, ErrorKind, Place, Result};

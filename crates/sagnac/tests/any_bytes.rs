@@ -5,11 +5,12 @@ mod support;
 
 use proptest::prelude::*;
 use sagnac::calibration::Calibration;
-use sagnac::fit::{FitOptions, ModelChoice, ModelSpec, calibrate};
-use sagnac::ingest::{LogReader, Pace};
-use sagnac::setup::{Counter, Setup};
+use sagnac::fit::{FitOptions, ModelChoice, calibrate};
+use sagnac::model::ModelSpec;
 use sagnac::verify::{CorrectedFormat, Correction, Limits, compensate};
 use sagnac::window::WindowBuilder;
+use sagnac_log::ingest::{LogReader, Pace};
+use sagnac_log::setup::{Counter, Setup};
 use sagnac_sim::{PaperRig, csv_bytes};
 
 /// Cells that logs hold, and cells that break them.

@@ -11,12 +11,12 @@ use std::io::{Cursor, Write as _};
 use std::path::{Path, PathBuf};
 
 use nalgebra::{DMatrix, DVector};
+use sagnac::diagnostics::Point;
 use sagnac::fit::{FitOptions, calibrate};
-use sagnac::ingest::{LogReader, Pace};
-use sagnac::report::Point;
-use sagnac::setup::Setup;
 use sagnac::verify::{Correction, verify_with_evidence};
 use sagnac::window::WindowBuilder;
+use sagnac_log::ingest::{LogReader, Pace};
+use sagnac_log::setup::Setup;
 use sagnac_sim::Scenario;
 use sagnac_sim::gyro::{GyroRun, SOURCES};
 use sagnac_sim::log::LogText;

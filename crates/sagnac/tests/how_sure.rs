@@ -9,7 +9,7 @@ use rand_chacha::ChaCha8Rng;
 use sagnac::calibration::Calibration;
 use sagnac::compare::compare;
 use sagnac::fit::{FitOptions, Loss, calibrate};
-use sagnac::setup::{Setup, WindowSize};
+use sagnac_log::setup::{Setup, WindowSize};
 use support::{fit, model, windows};
 
 const SEEDS: u64 = 500;

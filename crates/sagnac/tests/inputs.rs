@@ -4,11 +4,12 @@
 mod support;
 
 use sagnac::calibration::{AxisCalibration, Calibration, PathVerdict, Term, TermKind};
-use sagnac::fit::{FitOptions, Work, calibrate_with_evidence};
-use sagnac::report::EffectOf;
-use sagnac::setup::{Noise, Setup};
+use sagnac::diagnostics::EffectOf;
+use sagnac::fit::{FitOptions, calibrate_with_evidence};
+use sagnac::model::Work;
 use sagnac::verify::Correction;
 use sagnac_core::{Compensator, State, Status};
+use sagnac_log::setup::{Noise, Setup};
 use sagnac_sim::rigs::ManyInputs;
 use sagnac_sim::thermal::Leg;
 use support::{fit, retest};

@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 
 use sagnac::ErrorKind;
 use sagnac::calibration::{AxisCalibration, TermKind};
-use sagnac::setup::{Direction, Earth, Setup, TableRun};
+use sagnac_log::setup::{Direction, Earth, Setup, TableRun};
 use sagnac_sim::RateTable;
 use support::{fit, retest};
 
@@ -89,7 +89,9 @@ fn rates_per_file_tell_them_apart_too() {
     }
     let with_rates = Setup { tables: vec![table("plus.csv", 10.0), table("minus.csv", -10.0)], ..setup() };
     let fitted = |setup: &Setup| {
-        let open = |path: &std::path::PathBuf| sagnac::ingest::LogReader::open(path, setup, sagnac::ingest::Pace::Bulk);
+        let open = |path: &std::path::PathBuf| {
+            sagnac_log::ingest::LogReader::open(path, setup, sagnac_log::ingest::Pace::Bulk)
+        };
         let logs = logs.iter().map(|path| open(path).unwrap()).collect();
         let windows = sagnac::window::WindowBuilder::read_all(logs, setup).unwrap().finish(false);
         let options = sagnac::fit::FitOptions::new(support::model("bias 2, scale 2"));
@@ -127,7 +129,8 @@ fn verify_reports_ppm_before_and_after() {
 /// A record on a turning table is no record at rest, and is said to be none.
 #[test]
 fn noise_of_a_turned_record_is_doubted() {
-    use sagnac::allan::{Request, Taus, noise_budget};
+    use sagnac::allan::{Request, noise_budget};
+    use sagnac_noise::Taus;
     let warned = |rig: &RateTable| {
         let log = support::reader(rig.csv(1, true), &setup());
         let said = noise_budget(vec![log], None, &setup(), &Request { taus: Taus::Octaves, exact: false }).unwrap();
@@ -157,7 +160,7 @@ fn angles_and_marks_stand_for_the_rate() {
         writeln!(with_marks, "{fields},{mark}").unwrap();
     }
     // Windows of whole revolutions: 36 s each.
-    let setup = Setup { window: Some(sagnac::setup::WindowSize::Seconds(72.0)), ..setup() };
+    let setup = Setup { window: Some(sagnac_log::setup::WindowSize::Seconds(72.0)), ..setup() };
     for log in [with_angle, with_marks] {
         let made = fit(vec![log.into_bytes()], &setup, "bias 2, scale 2").unwrap();
         holds_what_was_put_in(&rig, &made.axes[0], 0.012);
@@ -196,8 +199,9 @@ fn misalignment_from_two_orientations() {
     let tables = vec![table("about-z.csv", "z"), table("about-x.csv", "x")];
     let fitted = |tables: Vec<TableRun>| {
         let setup = Setup { tables, ..Setup::default() };
-        let open =
-            |path: &std::path::PathBuf| sagnac::ingest::LogReader::open(path, &setup, sagnac::ingest::Pace::Bulk);
+        let open = |path: &std::path::PathBuf| {
+            sagnac_log::ingest::LogReader::open(path, &setup, sagnac_log::ingest::Pace::Bulk)
+        };
         let logs = paths.iter().map(|path| open(path).unwrap()).collect();
         let windows = sagnac::window::WindowBuilder::read_all(logs, &setup).unwrap().finish(false);
         let options = sagnac::fit::FitOptions::new(support::model("bias 1"));

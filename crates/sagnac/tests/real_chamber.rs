@@ -7,9 +7,9 @@ mod support;
 
 use sagnac::calibration::{AxisCalibration, Calibration};
 use sagnac::fit::{FitOptions, calibrate};
-use sagnac::ingest::{LogReader, Pace, Reason};
-use sagnac::units::DPH_PER_RADPS;
 use sagnac::window::WindowBuilder;
+use sagnac_log::ingest::{LogReader, Pace, Reason};
+use sagnac_units::DPH_PER_RADPS;
 use support::{bench, model, shared};
 
 fn fit(text: &str, keep_all: bool) -> Option<Calibration> {

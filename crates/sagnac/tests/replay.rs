@@ -6,10 +6,10 @@ mod support;
 use proptest::prelude::*;
 use sagnac::calibration::{Calibration, Lag, Term, TermKind};
 use sagnac::export::{Polynomial, import};
-use sagnac::ingest::{LogReader, Pace};
-use sagnac::setup::Setup;
 use sagnac::verify::{Correction, Readings, Replay, verify};
 use sagnac_core::{Compensator, State};
+use sagnac_log::ingest::{LogReader, Pace};
+use sagnac_log::setup::Setup;
 
 const TICK_NS: i64 = 100_000;
 

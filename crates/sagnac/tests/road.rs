@@ -3,11 +3,11 @@
 mod support;
 
 use sagnac::fit::{FitOptions, calibrate};
-use sagnac::ingest::{LogReader, Pace, Reason};
-use sagnac::setup::{Noise, Setup};
 use sagnac::verify::{CorrectedFormat, Correction, Limits, compensate, verify};
 use sagnac::window::{read_table, write_table};
 use sagnac::{ErrorKind, calibration::Calibration};
+use sagnac_log::ingest::{LogReader, Pace, Reason};
+use sagnac_log::setup::{Noise, Setup};
 use sagnac_sim::{LaggedChamber, PaperRig, csv_bytes};
 use support::{fit, model, paper_setup, reader, retest, windows};
 

@@ -2,7 +2,7 @@
 
 mod support;
 
-use sagnac::setup::Setup;
+use sagnac_log::setup::Setup;
 use sagnac_sim::{LaggedChamber, csv_bytes};
 use support::{fit, retest};
 

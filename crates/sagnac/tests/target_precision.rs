@@ -8,9 +8,9 @@ mod support;
 use proptest::prelude::*;
 use sagnac::calibration::{AxisCalibration, Calibration, Lag, Term, TermKind};
 use sagnac::export::{Polynomial, encode, image_bytes, import};
-use sagnac::fit::{Span, chebyshev};
-use sagnac::setup::Setup;
+use sagnac::model::{Span, chebyshev};
 use sagnac_core::{Compensator, Image, State};
+use sagnac_log::setup::Setup;
 
 const PERIOD_S: f64 = 1.0;
 

@@ -6,16 +6,16 @@ use std::cell::RefCell;
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 
-use sagnac::digits::significant;
-use sagnac::ingest::Content;
-use sagnac::report::{ChartPage, chart_report};
-use sagnac::write::{ParquetRows, write_atomically, write_bytes};
 use sagnac::{Error, Result};
+use sagnac_log::ingest::Content;
+use sagnac_log::write::{ParquetRows, write_atomically, write_bytes};
+use sagnac_report::{ChartPage, chart_report};
 use sagnac_sim::fault::{Fault, FaultKind};
 use sagnac_sim::gyro::{GyroRun, LogRow, Second};
 use sagnac_sim::log::{Blocks, LogText, truth_header, write_truth};
 use sagnac_sim::plant::{Bode, Design, LoopName, measure};
 use sagnac_sim::{Problem, Scenario};
+use sagnac_units::format::significant;
 
 use crate::console::{Console, Outcome, Ran, table};
 use crate::loading;

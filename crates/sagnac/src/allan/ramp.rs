@@ -5,13 +5,13 @@
 //! moves by 0.02 °C/min or more (the pace at which a soak counts as soaked), or of 3 °C at any pace. On demand the drift is taken out first: the curve that
 //! `calibrate` would fit over temperature (and its rate), read between the middles of its windows.
 
-use crate::digits::significant;
-use crate::error::{Error, Result};
 use crate::fit::{FitOptions, ModelChoice, calibrate_with_evidence};
-use crate::ingest::{Batch, LogReader};
-use crate::setup::Setup;
-use crate::units::{NS_PER_S, s_from_ns};
 use crate::window::WindowBuilder;
+use sagnac_log::error::{Error, Result};
+use sagnac_log::ingest::{Batch, LogReader};
+use sagnac_log::setup::Setup;
+use sagnac_units::format::significant;
+use sagnac_units::{NS_PER_S, s_from_ns};
 
 /// Length of a block, s.
 const BLOCK_S: f64 = 600.0;

@@ -1,7 +1,7 @@
 //! What a record must be before anything is made of it: read from a file that anyone may have edited, or about to be written.
 
 use crate::calibration::{AxisCalibration, Calibration, InputSource, Term, TermKind};
-use crate::error::{Error, Result};
+use sagnac_log::error::{Error, Result};
 
 /// Values of an input beyond this are none.
 const MOST_OF_INPUT: f64 = 1e13;

@@ -4,7 +4,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::calibration::{AxisCalibration, Term, TermKind};
-use crate::fit::{BASIS_LEN, chebyshev, zone};
+use crate::model::input::zone;
+use crate::model::{BASIS_LEN, chebyshev};
 
 /// Mean while heating less mean while cooling: hysteresis, a gradient, a rate term.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -114,7 +115,7 @@ impl AxisCalibration {
     }
 
     /// The drift at rest at a temperature less that at another, °/h.
-    pub(crate) fn drift(&self, celsius: f64, from_c: f64) -> f64 {
+    pub fn drift(&self, celsius: f64, from_c: f64) -> f64 {
         self.at_rest(celsius, from_c).map(|(term, weight)| term.value * weight).sum()
     }
 
@@ -128,7 +129,7 @@ impl AxisCalibration {
     pub(crate) fn slope_of_input(&self, name: &str) -> Option<[f64; 2]> {
         const STEP: f64 = 1e-5;
         let input = self.inputs.iter().find(|input| input.name == name)?;
-        let span = crate::fit::Span { lo_c: input.span[0], hi_c: input.span[1] };
+        let span = crate::model::Span { lo_c: input.span[0], hi_c: input.span[1] };
         let x0 = span.x(input.reference);
         let (above, below) = (chebyshev(x0 + STEP), chebyshev(x0 - STEP));
         let terms = self.terms.iter().filter(|term| term.kind == TermKind::Bias && term.sensor == name);
@@ -146,7 +147,7 @@ impl AxisCalibration {
 
     /// Rows of the covariance that are terms of a kind over the thermometer of the fit, with their orders (`scale 0` is the
     /// scale factor at T0).
-    pub(crate) fn rows_of(&self, kind: TermKind) -> impl Iterator<Item = (usize, usize)> {
+    pub fn rows_of(&self, kind: TermKind) -> impl Iterator<Item = (usize, usize)> {
         let named = self.covariance_of.iter().enumerate();
         named
             .filter_map(move |(row, name)| {
@@ -156,14 +157,14 @@ impl AxisCalibration {
     }
 
     /// Variance of a sum of parameters, each times its weight.
-    pub(crate) fn variance_of(&self, weights: &[(usize, f64)]) -> f64 {
+    pub fn variance_of(&self, weights: &[(usize, f64)]) -> f64 {
         let entry = |i: usize, j: usize| self.covariance.get(i).and_then(|row| row.get(j)).copied().unwrap_or(0.0);
         let of = |(i, a): &(usize, f64)| weights.iter().map(|(j, b)| a * b * entry(*i, *j)).sum::<f64>();
         weights.iter().map(of).sum::<f64>().max(0.0)
     }
 
     /// A rate table turned it.
-    pub(crate) fn turned(&self) -> bool {
+    pub fn turned(&self) -> bool {
         self.scale_factor.is_some() || !self.misalignment.is_empty()
     }
 }

@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::calibration::{Lag, Term};
-use crate::digits::{on_scale, significant};
+use sagnac_units::format::{on_scale, significant};
 
 /// Where the numbers of an input come from.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]

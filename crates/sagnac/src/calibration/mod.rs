@@ -17,9 +17,9 @@ pub use crate::calibration::input::{
     Collinearity, CorrectionNoise, FurtherInput, InputAside, InputNoise, InputSource, PathStep, PathVerdict,
 };
 pub use crate::calibration::table::{Misalignment, Plateau, PpmEstimate, Repeatability, ScaleFactor};
-use crate::error::{Error, Result};
-use crate::ingest::{LogSummary, Tally};
-use crate::setup::{Setup, ThermometerSetup, WindowSize, check_thermometer};
+use sagnac_log::error::{Error, Result};
+use sagnac_log::ingest::{LogSummary, Tally};
+use sagnac_log::setup::{Setup, ThermometerSetup, WindowSize, check_thermometer};
 
 /// Value of `Calibration::format`.
 pub const FORMAT: &str = "sagnac-calibration";
@@ -433,6 +433,11 @@ pub struct Provenance {
     pub inputs: Vec<Input>,
 }
 
+/// Name and version of this program.
+pub(crate) fn program() -> String {
+    format!("sagnac {}", env!("CARGO_PKG_VERSION"))
+}
+
 /// One log.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -448,7 +453,11 @@ pub struct Input {
 impl Input {
     /// Of a log that was read.
     pub(crate) fn of(summary: &LogSummary) -> Self {
-        Self { file: crate::write::file_name(&summary.file), sha256: summary.sha256.clone(), rows: summary.rows }
+        Self {
+            file: sagnac_units::format::file_name(&summary.file),
+            sha256: summary.sha256.clone(),
+            rows: summary.rows,
+        }
     }
 }
 
@@ -517,13 +526,13 @@ impl AxisCalibration {
     }
 
     /// The span of the thermometer of the fit as a scaling to −1 … 1.
-    pub(crate) fn span(&self) -> crate::fit::Span {
-        crate::fit::Span { lo_c: self.span_c[0], hi_c: self.span_c[1] }
+    pub fn span(&self) -> crate::model::Span {
+        crate::model::Span { lo_c: self.span_c[0], hi_c: self.span_c[1] }
     }
 
     /// The coefficients of one kind by order over the thermometer of the fit; zero where there is no term.
-    pub fn series(&self, kind: TermKind) -> [f64; crate::fit::BASIS_LEN] {
-        let mut series = [0.0; crate::fit::BASIS_LEN];
+    pub fn series(&self, kind: TermKind) -> [f64; crate::model::BASIS_LEN] {
+        let mut series = [0.0; crate::model::BASIS_LEN];
         for term in self.terms.iter().filter(|term| term.kind == kind && self.is_main(term)) {
             if let Some(slot) = series.get_mut(usize::from(term.order)) {
                 *slot = term.value;

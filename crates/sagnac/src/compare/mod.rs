@@ -14,9 +14,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::calibration::{AxisCalibration, Calibration, TermKind};
-use crate::digits::{significant, with_sigma};
-use crate::error::{Error, Result};
-use crate::fit::{BASIS_LEN, chebyshev};
+use crate::model::{BASIS_LEN, chebyshev};
+use sagnac_log::error::{Error, Result};
+use sagnac_units::format::{significant, with_sigma};
 
 /// More sigmas than this are no chance.
 const DISAGREE: f64 = 3.0;

@@ -21,8 +21,9 @@ use sagnac_core::{
 };
 
 use crate::calibration::{AxisCalibration, Calibration, InputSource, Lag, LogUnit, Term as FittedTerm, TermKind};
-use crate::error::{Error, Result};
-use crate::fit::{Span, chebyshev, label, unit_exponent, zone};
+use crate::model::input::{label, unit_exponent, zone};
+use crate::model::{Span, chebyshev};
+use sagnac_log::error::{Error, Result};
 
 /// 2⁻²⁴ °C per °C.
 const Q24: f64 = (1 << 24) as f64;

@@ -10,9 +10,10 @@ use crate::calibration::{
     AxisCalibration, Calibration, Constant, FORMAT, LogUnit, Monomial, Provenance, Target, Term, TermKind, Thermometer,
     UNASSIGNED, VERSION,
 };
-use crate::error::{Error, Result};
-use crate::fit::{Span, series_from_powers};
-use crate::setup::{Setup, WindowSize};
+use crate::model::Span;
+use crate::model::powers::series_from_powers;
+use sagnac_log::error::{Error, Result};
+use sagnac_log::setup::{Setup, WindowSize};
 
 /// An old correction.
 #[derive(Clone, Debug, PartialEq)]
@@ -111,7 +112,7 @@ pub fn import(polynomial: &Polynomial, setup: &Setup) -> Result<Calibration> {
         axes: vec![axis],
         setup: setup.clone(),
         provenance: Provenance {
-            program: crate::fit::program(),
+            program: crate::calibration::program(),
             time_s: 0.0,
             time_source: "imported coefficients".to_owned(),
             inputs: Vec::new(),

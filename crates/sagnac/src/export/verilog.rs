@@ -13,7 +13,7 @@ use sagnac_core::{Image, Kind, MAX_THERMOMETERS, Multiplier, Shape, Source, Term
 use sagnac_loops::LoopTable;
 
 use super::TextFile;
-use crate::error::{Error, Result};
+use sagnac_log::error::{Error, Result};
 
 const MODULES: [(&str, &str); 3] = [
     ("sagnac_fast.v", include_str!("verilog/sagnac_fast.v")),

@@ -6,20 +6,20 @@
 //! more on held-out data than it is worth. What the value terms add is told, not cured: without them there is no correction.
 
 use crate::calibration::{Candidate, CorrectionNoise, CrossValidation, InputAside, PathStep, PathVerdict};
-use crate::error::{Error, Result};
-use crate::fit::cost::Work;
 use crate::fit::criterion::{Held, effective_windows, stands};
 use crate::fit::folds::{Trial, cross_validate, scheme_of};
-use crate::fit::input::{Source, channels};
 use crate::fit::input_noise::{INCREASE_MAX, correction_noise, loudest_rate};
-use crate::fit::model::ModelSpec;
 use crate::fit::path::{CONDITION_MAX, fits_image, inputs_read, walk};
 use crate::fit::problem::{Level, Problem};
 use crate::fit::robust::{Loss, robust_fit};
 use crate::fit::solution::{Fitted, fit};
 use crate::fit::{ModelChoice, SAME_RATE, SMALLER_WINS_WITHIN};
-use crate::setup::Setup;
+use crate::model::input::{Source, channels};
+use crate::model::price::Work;
+use crate::model::spec::ModelSpec;
 use crate::window::{WindowShape, Windows};
+use sagnac_log::error::{Error, Result};
+use sagnac_log::setup::Setup;
 
 /// Part of the windows that must know all inputs of `auto`.
 const KNOWN_TOGETHER: f64 = 0.9;

@@ -11,9 +11,9 @@
 //! wrong one of them is not seen here.
 
 use crate::calibration::TermKind;
+use crate::diagnostics::{Effect, EffectOf};
 use crate::fit::problem::{Problem, Rates, TermPlace};
 use crate::fit::solution::Fitted;
-use crate::report::{Effect, EffectOf};
 
 /// Points of a curve.
 const CURVE_POINTS: usize = 121;

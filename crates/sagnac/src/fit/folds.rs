@@ -14,14 +14,14 @@ use nalgebra::DVector;
 
 use crate::calibration::TermKind;
 use crate::fit::lag::RATE_COLUMNS;
-use crate::fit::model::ModelSpec;
 use crate::fit::problem::{Problem, Rates, TermPlace};
 use crate::fit::solve::{Factor, Reducer, Solution};
-use crate::parallel::in_parallel;
+use crate::model::spec::ModelSpec;
+use rayon::prelude::*;
 
 const BLOCKS: usize = 12;
 const RUNS_TO_LEAVE_ONE_OUT: usize = 4;
-const BIAS_COLUMNS: usize = crate::fit::basis::BASIS_LEN - 1;
+const BIAS_COLUMNS: usize = crate::model::basis::BASIS_LEN - 1;
 
 /// How rows are divided, and which columns stand before the regressors.
 struct Division {
@@ -67,9 +67,10 @@ pub(crate) fn cross_validate(problem: &Problem<'_>, candidates: &[ModelSpec], ta
     // Without a rate term any τ serves.
     let taus_s = if with_rate { taus_s } else { &taus_s[..1] };
     let factors: Vec<Vec<Factor>> =
-        in_parallel(taus_s, |tau| block_factors(problem, &division, *tau, with_rate, scale_orders));
+        taus_s.par_iter().map(|tau| block_factors(problem, &division, *tau, with_rate, scale_orders)).collect();
     let folds: Vec<usize> = (0..division.blocks).collect();
-    let squares = in_parallel(&folds, |fold| fold_squares(problem, &division, candidates, taus_s, &factors, *fold));
+    let squares: Vec<_> =
+        folds.par_iter().map(|fold| fold_squares(problem, &division, candidates, taus_s, &factors, *fold)).collect();
     // Added in the order of the folds, whoever was first.
     let held_out =
         (0..candidates.len()).map(|candidate| squares.iter().map(|fold| fold[candidate]).sum::<Option<f64>>());

@@ -2,11 +2,11 @@
 
 use crate::calibration::{CODE_C, FurtherInput, InputSource, Thermometer};
 use crate::fit::effects::Parts;
-use crate::fit::input::{Input, Source, channels, plausible_about, unit_exponent};
 use crate::fit::problem::Problem;
 use crate::fit::solution::Fitted;
-use crate::setup::Setup;
+use crate::model::input::{Input, Source, channels, plausible_about, unit_exponent};
 use crate::window::{WindowShape, Windows};
+use sagnac_log::setup::Setup;
 
 /// What the target must read besides the thermometer of the fit, in the order of the image.
 pub(crate) fn further_inputs(

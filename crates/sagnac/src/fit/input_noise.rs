@@ -17,11 +17,11 @@
 //! for temperature, as the fit does.
 
 use crate::calibration::{CorrectionNoise, InputNoise, TermKind};
-use crate::fit::basis::chebyshev;
-use crate::fit::input::{Input, Source, zone};
 use crate::fit::problem::{Problem, TermPlace};
 use crate::fit::solution::Fitted;
-use crate::units::ARCSEC_RT_S_PER_DEG_RT_H;
+use crate::model::basis::chebyshev;
+use crate::model::input::{Input, Source, zone};
+use sagnac_units::ARCSEC_RT_S_PER_DEG_RT_H;
 
 /// The corrected angle random walk may exceed the raw one by this part.
 pub(crate) const INCREASE_MAX: f64 = 0.05;

@@ -10,8 +10,8 @@
 
 use std::borrow::Cow;
 
-use crate::fit::basis::Span;
-use crate::fit::model::MAX_RATE_ORDER;
+use crate::model::basis::Span;
+use crate::model::spec::MAX_RATE_ORDER;
 
 /// Columns of a full rate series, c₀ … c₃.
 pub(crate) const RATE_COLUMNS: usize = MAX_RATE_ORDER as usize + 1;
@@ -97,7 +97,7 @@ mod tests {
     #[test]
     fn low_orders_are_those_of_the_basis() {
         for x in [-1.0, -0.3, 0.0, 0.7, 1.0] {
-            let (low, all) = (low_orders(x), crate::fit::basis::chebyshev(x));
+            let (low, all) = (low_orders(x), crate::model::basis::chebyshev(x));
             assert!(low.iter().zip(all).all(|(a, b)| (a - b).abs() < 1e-15));
         }
     }

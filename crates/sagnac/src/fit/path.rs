@@ -16,14 +16,14 @@
 //! the least condition is taken.
 
 use crate::calibration::{PathStep, PathVerdict};
-use crate::fit::cost::Work;
 use crate::fit::criterion::{Held, effective_windows, needed_gain, stands};
 use crate::fit::folds::Trial;
-use crate::fit::input::channels;
-use crate::fit::model::{MAX_RATE_ORDER, ModelSpec};
 use crate::fit::problem::{Level, Problem};
 use crate::fit::solution::fit;
-use crate::parallel::in_parallel;
+use crate::model::input::channels;
+use crate::model::price::Work;
+use crate::model::spec::{MAX_RATE_ORDER, ModelSpec};
+use rayon::prelude::*;
 
 /// Beyond this condition terms cannot be told apart.
 pub(crate) const CONDITION_MAX: f64 = 100.0;
@@ -162,7 +162,7 @@ fn best_of(tried: &[Tried], windows: f64, passes: impl Fn(&Tried) -> bool) -> Op
 }
 
 fn try_all(problem: &Problem<'_>, specs: &[ModelSpec], taus_s: &[f64]) -> Vec<Tried> {
-    in_parallel(specs, |spec| {
+    let tried = |spec: &ModelSpec| {
         // A model that is refused for its terms needs no folds.
         let fitted = fit(problem, spec, taus_s).ok();
         let condition = fitted.as_ref().and_then(|f| f.nearness.as_ref()).map(|near| near.condition);
@@ -171,7 +171,8 @@ fn try_all(problem: &Problem<'_>, specs: &[ModelSpec], taus_s: &[f64]) -> Vec<Tr
         let rho = fitted.as_ref().map_or(0.0, |f| f.autocorrelation);
         let windows = effective_windows(problem.len(), rho);
         Tried { spec: spec.clone(), windows, inputs: inputs_read(problem, spec), mean_square, condition }
-    })
+    };
+    specs.par_iter().map(tried).collect()
 }
 
 /// An image can read all inputs of a model and hold all its terms.

@@ -20,15 +20,15 @@
 
 use crate::calibration::Plateau;
 use crate::calibration::TermKind;
-use crate::error::{Error, Result};
-use crate::fit::basis::Span;
-use crate::fit::input::{Input, Source, knots};
 use crate::fit::lag::{LagRate, RATE_COLUMNS};
-use crate::fit::model::{FurtherTerms, ModelSpec};
 use crate::fit::plateaus::plateaus_of;
 use crate::fit::turning::Turning;
-use crate::units::s_from_ns;
+use crate::model::basis::Span;
+use crate::model::input::{Input, Source, knots};
+use crate::model::spec::{FurtherTerms, ModelSpec};
 use crate::window::Windows;
+use sagnac_log::error::{Error, Result};
+use sagnac_units::s_from_ns;
 
 /// Number of τ tried before the last refinement.
 const TAU_STEPS: usize = 24;

@@ -2,18 +2,16 @@
 
 use std::collections::BTreeMap;
 
-use crate::allan::NoiseTerms;
 use crate::calibration::{
     AxisCalibration, Calibration, Collinearity, Constant, FORMAT, Floor, HeatingLessCooling, Input as LogInput,
     LogUnit, Misalignment, Monomial, PpmEstimate, Provenance, Residual, ScaleFactor, Target, Term, TermKind,
-    Thermometer, UNASSIGNED, VERSION,
+    Thermometer, UNASSIGNED, VERSION, program,
 };
-use crate::error::{Error, Result};
-use crate::fit::basis::Span;
+use crate::diagnostics::{AxisEvidence, Effect, Evidence, Leg, Point, points, run_spans};
+use crate::fit::ModelChoice;
 use crate::fit::choose::choose;
 use crate::fit::effects::Parts;
 use crate::fit::further::further_inputs;
-use crate::fit::input::{Source, zone};
 use crate::fit::path::CONDITION_MAX;
 use crate::fit::plateaus::repeatability;
 use crate::fit::problem::{Level, Problem, TermPlace};
@@ -21,12 +19,15 @@ use crate::fit::robust::Loss;
 use crate::fit::soak::soak;
 use crate::fit::solution::{Fitted, bootstrap_intervals};
 use crate::fit::turning::Turning;
-use crate::fit::{ModelChoice, powers_from_series};
-use crate::ingest::{AngleUnit, Reason};
-use crate::report::{AxisEvidence, Effect, Evidence, Leg, Point, points, run_spans};
-use crate::setup::Setup;
-use crate::units::{ARCSEC_RT_S_PER_DEG_RT_H, s_from_ns};
+use crate::model::basis::Span;
+use crate::model::input::{Source, zone};
+use crate::model::powers::powers_from_series;
 use crate::window::{WindowShape, Windows};
+use sagnac_log::error::{Error, Result};
+use sagnac_log::ingest::{AngleUnit, Reason};
+use sagnac_log::setup::Setup;
+use sagnac_noise::NoiseTerms;
+use sagnac_units::{ARCSEC_RT_S_PER_DEG_RT_H, s_from_ns};
 
 /// Scale terms less certain than this cannot be told from bias.
 const SCALE_SIGMA_MAX_PPM: f64 = 1000.0;
@@ -56,7 +57,7 @@ impl FitOptions {
 /// Fits every axis.
 ///
 /// # Errors
-/// [`crate::ErrorKind::Refused`] where the data cannot support the answer: no temperature, too small a
+/// [`sagnac_log::ErrorKind::Refused`] where the data cannot support the answer: no temperature, too small a
 /// span, T0 outside it, too few windows, terms that cannot be told apart.
 pub fn calibrate(windows: Windows, setup: &Setup, options: &FitOptions) -> Result<Calibration> {
     calibrate_with_evidence(windows, setup, options).map(|(calibration, _)| calibration)
@@ -168,11 +169,6 @@ fn provenance(windows: &Windows, options: &FitOptions) -> Provenance {
 /// The logs behind some windows.
 pub(crate) fn inputs(windows: &Windows) -> Vec<LogInput> {
     windows.runs.iter().map(|run| LogInput::of(&run.summary)).collect()
-}
-
-/// Name and version of this program.
-pub(crate) fn program() -> String {
-    format!("sagnac {}", env!("CARGO_PKG_VERSION"))
 }
 
 /// N and Q of an axis: as given, else measured; with words for where they come from.

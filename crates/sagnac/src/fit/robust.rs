@@ -8,10 +8,10 @@
 //! by the residuals' correlation as in the least squares it takes the place of. The choice of the model and the folds stay
 //! with least squares.
 
-use crate::error::Result;
-use crate::fit::model::ModelSpec;
 use crate::fit::problem::Problem;
 use crate::fit::solution::{Fitted, fit};
+use crate::model::spec::ModelSpec;
+use sagnac_log::error::Result;
 
 const TUNING: f64 = 1.345;
 const NORMAL_MEDIAN: f64 = 1.4826;

@@ -9,12 +9,12 @@ use nalgebra::DMatrix;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
 use crate::calibration::{Lag, TermKind};
-use crate::error::{Error, Result};
 use crate::fit::bootstrap::Resampling;
-use crate::fit::model::ModelSpec;
 use crate::fit::problem::{Problem, Rates, TermPlace};
 use crate::fit::solve::{Factor, Nearness, Reducer, Solution};
-use crate::parallel::in_parallel;
+use crate::model::spec::ModelSpec;
+use rayon::prelude::*;
+use sagnac_log::error::{Error, Result};
 
 /// τ is taken as resolved unless misfits this close to the least reach an end of the search.
 const FLAT_MISFIT: f64 = 1.02;
@@ -242,7 +242,7 @@ fn find_taus(problem: &Problem<'_>, spec: &ModelSpec, terms: &[TermPlace], taus_
 /// The τ of least misfit and whether it is resolved; where the misfit is flat to an end of the search, the smallest
 /// within 2 %. `None` where nothing could be fitted.
 fn find_tau(taus_s: &[f64], misfit: impl Fn(f64) -> f64 + Sync) -> Option<(f64, bool)> {
-    let misfits: Vec<f64> = in_parallel(taus_s, |tau| misfit(*tau));
+    let misfits: Vec<f64> = taus_s.par_iter().map(|tau| misfit(*tau)).collect();
     let (best, least) = misfits.iter().copied().enumerate().min_by(|(_, a), (_, b)| a.total_cmp(b))?;
     if !least.is_finite() {
         return None;

@@ -4,11 +4,11 @@
 //! table's positive direction is that of the axis it turns; `[[table]] axis = "-z"` says it is the other one. The Earth's
 //! rate is not in the reference: along a vertical table axis it is a constant and stays in the run's constant.
 
-use crate::error::{Error, Result};
-use crate::ingest::Reason;
-use crate::setup::Setup;
-use crate::units::DPH_PER_DPS;
 use crate::window::Windows;
+use sagnac_log::error::{Error, Result};
+use sagnac_log::ingest::Reason;
+use sagnac_log::setup::Setup;
+use sagnac_units::DPH_PER_DPS;
 
 /// Rates closer than this part of the largest are one rate; a rate below it is rest.
 pub(crate) const SAME_RATE: f64 = 1e-3;
@@ -34,14 +34,14 @@ impl Turning {
         letters.sort_unstable();
         letters.dedup();
         let turned_run = |run: usize| {
-            let name = crate::write::file_name(&windows.runs[run].summary.file);
+            let name = sagnac_units::format::file_name(&windows.runs[run].summary.file);
             let table = setup.table_of(&name);
             let has_column =
                 (0..windows.len()).any(|i| rows.run[i] as usize == run && rows.reference_dps[i].is_finite());
             (name, table, has_column)
         };
         let runs: Vec<_> = (0..windows.runs.len()).map(turned_run).collect();
-        let turns = |(_, table, has_column): &(String, Option<&crate::setup::TableRun>, bool)| {
+        let turns = |(_, table, has_column): &(String, Option<&sagnac_log::setup::TableRun>, bool)| {
             *has_column || table.is_some_and(|table| table.rate_dps.is_some())
         };
         if !runs.iter().any(turns) {

@@ -13,11 +13,11 @@ use nalgebra::{DMatrix, DVector};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::error::{Error, Result};
-use crate::fit::{Span, chebyshev};
-use crate::report::Point;
+use crate::diagnostics::Point;
+use crate::model::{Span, chebyshev};
 use crate::verify::left::Estimate;
 use crate::verify::strapdown::{Channel, noise_m, positions_m};
+use sagnac_log::error::{Error, Result};
 
 /// Order of the residual in T.
 const ORDER: usize = 4;

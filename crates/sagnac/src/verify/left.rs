@@ -14,8 +14,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::digits::{significant, with_sigma};
-use crate::report::{Leg, Point};
+use crate::diagnostics::{Leg, Point};
+use sagnac_units::format::{significant, with_sigma};
 
 /// Windows on each side of a gap whose means are compared.
 const BESIDE: usize = 10;

@@ -9,11 +9,11 @@ use std::path::Path;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::digits::{significant, with_sigma};
-use crate::error::{Error, Result};
-use crate::ingest::{hex, sha256};
 use crate::verify::flight::Flight;
 use crate::verify::{AxisVerification, Estimate};
+use sagnac_log::error::{Error, Result};
+use sagnac_log::ingest::{hex, sha256};
+use sagnac_units::format::{significant, with_sigma};
 
 /// Limits of a verification.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -35,17 +35,17 @@ pub use stats::{Figures, expected_range};
 pub use strapdown::{Channel, Strapdown, noise_m, positions_m};
 pub use turned::{PlateauProof, ScaleFigures, ScaleProof};
 
-use crate::allan::NoiseTerms;
-use crate::calibration::{Calibration, Input, LogUnit};
-use crate::digits::celsius;
-use crate::error::{Error, Result};
+use crate::calibration::{Calibration, Input, LogUnit, program};
+use crate::diagnostics::{AxisEvidence, Evidence, points, run_spans};
 use crate::fit;
-use crate::ingest::{AngleUnit, Batch, LogReader, LogShape, Tally, hex, sha256};
-use crate::report::{AxisEvidence, Evidence, points, run_spans};
-use crate::setup::Setup;
-use crate::units::ARCSEC_RT_S_PER_DEG_RT_H;
 use crate::verify::turned::Drifts;
-use crate::window::{SeenLogs, WindowBuilder, Windows, same_shape};
+use crate::window::{SeenLogs, WindowBuilder, Windows};
+use sagnac_log::error::{Error, Result};
+use sagnac_log::ingest::{AngleUnit, Batch, LogReader, LogShape, Tally, hex, same_shape, sha256};
+use sagnac_log::setup::Setup;
+use sagnac_noise::NoiseTerms;
+use sagnac_units::ARCSEC_RT_S_PER_DEG_RT_H;
+use sagnac_units::format::celsius;
 
 /// What a retest is held against.
 #[derive(Clone, Debug)]
@@ -358,7 +358,7 @@ pub fn verify_with_evidence(
     });
     let axes: Result<Vec<AxisVerification>> = axes.collect();
     let verification = Verification {
-        program: fit::program(),
+        program: program(),
         serial: correction.serial(),
         sensor: setup.sensor.clone(),
         rig: setup.rig.clone(),

@@ -14,10 +14,10 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::allan::{Deviation, Difference, SquareSum, overlapping, phases};
+use crate::diagnostics::{Leg, Point};
 use crate::fit::level_stretches;
-use crate::report::{Leg, Point};
 use crate::verify::left::{Estimate, joined};
+use sagnac_noise::{Deviation, Difference, SquareSum, overlapping, phases};
 
 /// Fewer windows are no plateau.
 const FEWEST: usize = 5;

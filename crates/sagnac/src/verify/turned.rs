@@ -12,10 +12,10 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::calibration::PpmEstimate;
-use crate::error::Result;
 use crate::fit::{Turning, plateaus_of};
-use crate::setup::Setup;
 use crate::window::Windows;
+use sagnac_log::error::Result;
+use sagnac_log::setup::Setup;
 
 /// Scale factor over the plateaus of a retest, ppm.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -2,12 +2,12 @@
 
 use std::ops::Range;
 
-use crate::allan::ShortTau;
-use crate::error::{Error, Result};
-use crate::ingest::{Batch, LogReader, LogShape, LogSummary, Reason, Tallies};
-use crate::setup::{Setup, WindowSize};
-use crate::units::{ns_from_s, s_from_ns};
 use crate::window::{Run, WindowRows, WindowShape, Windows, outliers};
+use sagnac_log::error::{Error, Result};
+use sagnac_log::ingest::{Batch, LogReader, LogShape, LogSummary, Reason, Tallies, same_shape};
+use sagnac_log::setup::{Setup, WindowSize};
+use sagnac_noise::ShortTau;
+use sagnac_units::{ns_from_s, s_from_ns};
 
 /// A window ends when a temperature has moved by this much within it, °C.
 const SPLIT_C: f64 = 2.0;
@@ -527,23 +527,4 @@ fn too_many_periods(period_ns: i64) -> Error {
     Error::input(format!("the run is longer than {MAX_TRACK} temperature periods of {} s", s_from_ns(period_ns)))
         .column("temperature_period_s")
         .help("cut the log into shorter files (each is a run), or give a longer temperature_period_s in the setup")
-}
-
-/// Logs that can stand in one set of windows.
-pub(crate) fn same_shape(first: &LogShape, other: &LogShape) -> Result<()> {
-    let differs = |what: &str| Err(Error::input(format!("{what} differ from those of the first log")));
-    if first.axes != other.axes {
-        return differs("axes");
-    }
-    if first.thermometers != other.thermometers || first.aux != other.aux {
-        return differs("thermometers or auxiliary columns");
-    }
-    if first.unit != other.unit || first.timed != other.timed {
-        return differs("units (counts or rates, with or without time)");
-    }
-    let ratio = first.nominal_ns as f64 / other.nominal_ns as f64;
-    if !(0.9..1.1).contains(&ratio) {
-        return differs("row intervals");
-    }
-    Ok(())
 }
