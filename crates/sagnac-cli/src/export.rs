@@ -159,8 +159,8 @@ fn say_codes(args: &Args, console: &mut Console) -> Result<()> {
         return Ok(());
     }
     let calibration = loading::calibration(&args.input)?;
-    for axis in calibration.axes.iter().filter(|axis| !axis.inputs.is_empty()) {
-        let rows = codes(&calibration, axis).into_iter().enumerate().map(|(at, code)| {
+    for axis in calibration.axes.iter().filter(|axis| !axis.other_inputs().is_empty()) {
+        let rows = codes(axis).into_iter().enumerate().map(|(at, code)| {
             let fed = code.per_code.map_or("none: made on the target".to_owned(), |per_code| {
                 format!("(value - {}) / {per_code:e}", code.offset)
             });
@@ -168,7 +168,7 @@ fn say_codes(args: &Args, console: &mut Console) -> Result<()> {
         });
         let title = format!("input of axis {}", axis.axis);
         console.say(drawn(&["place", &title, "code"], rows));
-        let data_given = axis.inputs.iter().filter(|input| {
+        let data_given = axis.other_inputs().iter().filter(|input| {
             matches!(&input.source, InputSource::Column(name) if calibration.setup.aux(name).gain_per_code.is_none())
         });
         for input in data_given {

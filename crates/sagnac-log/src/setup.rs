@@ -121,11 +121,11 @@ pub struct ThermometerSetup {
     #[serde(default)]
     pub name: String,
     /// Temperatures outside are not believed, °C.
-    #[serde(default = "default_plausible")]
-    pub plausible_c: [f64; 2],
+    #[serde(default = "default_valid_range")]
+    pub valid_range_c: [f64; 2],
     /// How long a correction is kept without a temperature before it is STALE, s.
-    #[serde(default = "default_hold")]
-    pub hold_s: f64,
+    #[serde(default = "default_stale_after")]
+    pub stale_after_s: f64,
     /// Temperature at code 0, °C, where the target reads codes.
     #[serde(default)]
     pub offset_c: Option<f64>,
@@ -134,11 +134,11 @@ pub struct ThermometerSetup {
     pub gain_c_per_code: Option<f64>,
 }
 
-fn default_plausible() -> [f64; 2] {
+fn default_valid_range() -> [f64; 2] {
     [-80.0, 125.0]
 }
 
-fn default_hold() -> f64 {
+fn default_stale_after() -> f64 {
     10.0
 }
 
@@ -147,8 +147,8 @@ impl ThermometerSetup {
     pub fn named(name: &str) -> Self {
         Self {
             name: name.to_owned(),
-            plausible_c: default_plausible(),
-            hold_s: default_hold(),
+            valid_range_c: default_valid_range(),
+            stale_after_s: default_stale_after(),
             offset_c: None,
             gain_c_per_code: None,
         }
@@ -163,10 +163,10 @@ pub struct AuxSetup {
     pub name: String,
     /// Values outside are not believed; the fit's span widened by its own width on both sides unless told.
     #[serde(default)]
-    pub plausible: Option<[f64; 2]>,
+    pub valid_range: Option<[f64; 2]>,
     /// How long a correction is kept without a value before it is STALE, s.
-    #[serde(default = "default_hold")]
-    pub hold_s: f64,
+    #[serde(default = "default_stale_after")]
+    pub stale_after_s: f64,
     /// Value at code 0, where the target reads codes.
     #[serde(default)]
     pub offset: Option<f64>,
@@ -177,14 +177,14 @@ pub struct AuxSetup {
 
 impl AuxSetup {
     fn check(&self) -> Result<()> {
-        if let Some([lo, hi]) = self.plausible {
-            in_range("aux.plausible", Some(lo), -1e12, 1e12)?;
-            in_range("aux.plausible", Some(hi), lo, 1e12)?;
+        if let Some([lo, hi]) = self.valid_range {
+            in_range("aux.valid_range", Some(lo), -1e12, 1e12)?;
+            in_range("aux.valid_range", Some(hi), lo, 1e12)?;
             if lo == hi {
-                return Err(Error::input("must be two values, the lower first").column("aux.plausible"));
+                return Err(Error::input("must be two values, the lower first").column("aux.valid_range"));
             }
         }
-        in_range("aux.hold_s", Some(self.hold_s), 0.0, 1e6)?;
+        in_range("aux.stale_after_s", Some(self.stale_after_s), 0.0, 1e6)?;
         in_range("aux.offset", self.offset, -1e12, 1e12)?;
         in_range("aux.gain_per_code", self.gain_per_code.map(f64::abs), 1e-18, 1e12)?;
         if self.offset.is_some() != self.gain_per_code.is_some() {
@@ -245,7 +245,7 @@ pub struct Setup {
     /// Temperature T0 at which the correction is zero, °C; 25 unless told.
     pub reference_c: Option<f64>,
     /// Left out of the fit at the start of each run, s.
-    pub settle_s: f64,
+    pub discard_initial_s: f64,
     /// Smallest temperature span a fit is made on, °C; 10 unless told.
     pub min_span_c: Option<f64>,
     /// Noise if known; measured from the log unless told.
@@ -315,7 +315,7 @@ impl Setup {
             in_range(name, value, lo, hi)?;
         }
         in_range("reference_c", self.reference_c, -127.0, 127.0)?;
-        in_range("settle_s", Some(self.settle_s), 0.0, 1e7)?;
+        in_range("discard_initial_s", Some(self.discard_initial_s), 0.0, 1e7)?;
         in_range("temperature_offset_s", Some(self.temperature_offset_s), -3600.0, 3600.0)?;
         in_range("input_rate_dph", self.input_rate_dph, -1e8, 1e8)?;
         in_range("noise.n_deg_rt_h", self.noise.map(|n| n.n_deg_rt_h), 0.0, 1e3)?;
@@ -428,8 +428,8 @@ impl Setup {
         let known = self.aux.iter().find(|aux| aux.name == name);
         known.cloned().unwrap_or_else(|| AuxSetup {
             name: name.to_owned(),
-            plausible: None,
-            hold_s: default_hold(),
+            valid_range: None,
+            stale_after_s: default_stale_after(),
             offset: None,
             gain_per_code: None,
         })
@@ -447,10 +447,10 @@ impl Setup {
 /// # Errors
 /// The first value outside its range, by name.
 pub fn check_thermometer(t: &ThermometerSetup) -> Result<()> {
-    let [lo, hi] = t.plausible_c;
-    in_range("thermometer.plausible_c", Some(lo), -127.0, 127.0)?;
-    in_range("thermometer.plausible_c", Some(hi), lo, 127.0)?;
-    in_range("thermometer.hold_s", Some(t.hold_s), 0.0, 1e6)?;
+    let [lo, hi] = t.valid_range_c;
+    in_range("thermometer.valid_range_c", Some(lo), -127.0, 127.0)?;
+    in_range("thermometer.valid_range_c", Some(hi), lo, 127.0)?;
+    in_range("thermometer.stale_after_s", Some(t.stale_after_s), 0.0, 1e6)?;
     in_range("thermometer.offset_c", t.offset_c, -127.0, 127.0)?;
     in_range("thermometer.gain_c_per_code", t.gain_c_per_code.map(f64::abs), 1e-8, 100.0)?;
     if t.offset_c.is_some() != t.gain_c_per_code.is_some() {

@@ -5,7 +5,7 @@ use maud::{Markup, html};
 use crate::figure::{Figure, Layer, Role, SOLID, rounded};
 use crate::figures::figure;
 use sagnac::calibration::{Calibration, LogUnit};
-use sagnac::verify::{AxisVerification, Estimate, Judged, MisDistance, Verification};
+use sagnac::verify::{AxisVerification, Estimate, Judged, PositionError, Verification};
 use sagnac_units::format::{celsius, plain, significant, with_sigma};
 
 /// True where limits were held against the unit.
@@ -30,7 +30,7 @@ pub(crate) fn identity(verification: &Verification, calibration: Option<&Calibra
         LogUnit::Rates { .. } => "rates".to_owned(),
     });
     // An image alone does not say what it was made from.
-    let unseen = calibration.is_some() && verification.seen_by_fit.is_empty();
+    let unseen = calibration.is_some() && verification.training_overlap.is_empty();
     let limits = verification.limits.as_ref();
     html! {
         div class={ "verdict " (if accepted { "pass" } else { "fail" }) } { b.word { (word) ": " (judged.words()) } }
@@ -117,7 +117,7 @@ fn limit_words(name: &str) -> (&str, &'static str) {
         "arw_deg_rt_h_max" => ("angle random walk after, at most", "°/√h"),
         "arw_increase_max" => ("angle random walk after over before, at most", ""),
         "bias_instability_dph_max" => ("bias instability after, at most", "°/h"),
-        "mis_distance_m_max" => ("position error of the flight by drift, with 2σ, at most", "m"),
+        "position_error_m_max" => ("position error of the flight by drift, with 2σ, at most", "m"),
         other => (other, ""),
     }
 }
@@ -128,17 +128,21 @@ pub(crate) fn residual(axis: &AxisVerification) -> Markup {
     let estimate = |e: Estimate| with_sigma(e.value, Some(e.sigma));
     let mut rows: Vec<(String, String, &str)> = Vec::new();
     if let Some(p) = left.plateaus {
-        let name = format!("farthest of {} plateaus from the mean, at {} °C", p.plateaus, celsius(p.worst_offset_at_c));
+        let name = format!(
+            "farthest of {} plateaus from the mean, at {} °C",
+            p.plateaus,
+            celsius(p.worst_offset_temperature_c)
+        );
         rows.push((name, estimate(p.worst_offset_dph), "°/h"));
         rows.push(("largest σ within a plateau".to_owned(), significant(p.worst_sigma_dph, 3), "°/h"));
     }
     if let Some(rms) = left.ramps_rms_dph {
         rows.push(("root mean square in ramps".to_owned(), significant(rms, 3), "°/h"));
     }
-    if let Some(slope) = left.per_c {
+    if let Some(slope) = left.temperature_slope {
         rows.push(("drift with temperature".to_owned(), estimate(slope), "°/h per °C"));
     }
-    if let Some(slope) = left.per_cpm {
+    if let Some(slope) = left.rate_slope {
         rows.push(("drift with its rate".to_owned(), estimate(slope), "°/h per °C/min"));
     }
     if let Some(walk) = left.random_walk {
@@ -175,13 +179,13 @@ pub(crate) fn flight(axis: &AxisVerification) -> Markup {
                 @if let Some(noise) = flown.noise_m { tr { td { "angle random walk alone, σ" } td { (significant(noise, 3)) } } }
             } }
         }
-        @if let Some(why) = &axis.flight_untold { p.note { "The stated flight cannot be told: " (why) "." } }
+        @if let Some(why) = &axis.flight_unavailable { p.note { "The stated flight cannot be told: " (why) "." } }
     }
 }
 
 /// Position error over the flight.
 pub(crate) fn flight_figure(axis: &AxisVerification) -> Option<Figure> {
-    let flown: &MisDistance = axis.flight.as_ref()?;
+    let flown: &PositionError = axis.flight.as_ref()?;
     let title = "What the drift does to the position";
     let caption = "The drift over temperature that the windows show, flown through the stated profile of temperature. Noise is not in these \
                    curves: it leaves no distance of its own but a spread, which the table gives beside them."

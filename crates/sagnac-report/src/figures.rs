@@ -1,10 +1,11 @@
 //! Which figures a report has, and what is in each.
 
 use crate::figure::{Figure, Layer, Role, SOLID, rounded};
-use sagnac::calibration::{AxisCalibration, PpmEstimate, TermKind};
-use sagnac::diagnostics::{AxisEvidence, Effect, EffectOf, Evidence, Leg, Point};
+use sagnac::calibration::{AxisCalibration, PpmEstimate};
+use sagnac::diagnostics::{AxisReportData, Effect, EffectOf, Leg, Point, ReportData};
 use sagnac::fit::frontier;
-use sagnac::model::{BASIS_LEN, TICK_INSTRUCTIONS, chebyshev};
+use sagnac::model::{ActsOn, Form};
+use sagnac::model::{TICK_INSTRUCTIONS, chebyshev};
 use sagnac::verify::{PlateauProof, ScaleProof};
 use sagnac_log::ingest::Reason;
 use sagnac_units::format::{on_scale, significant};
@@ -28,14 +29,14 @@ pub(crate) const OF_FIT: Wording = Wording { before: "as logged", after: "less t
 pub(crate) const OF_PROOF: Wording = Wording { before: "as logged", after: "corrected" };
 
 /// Points drawn of so many, and the words for it.
-fn thinned<'a>(evidence: &Evidence, points: impl Iterator<Item = &'a Point>) -> (Vec<&'a Point>, String) {
+fn thinned<'a>(report_data: &ReportData, points: impl Iterator<Item = &'a Point>) -> (Vec<&'a Point>, String) {
     let all: Vec<&Point> = points.collect();
-    let step = all.len().div_ceil(MOST_POINTS / evidence.axes.len().clamp(1, 6)).max(1);
+    let step = all.len().div_ceil(MOST_POINTS / report_data.axes.len().clamp(1, 6)).max(1);
     let words = if step > 1 { format!(" One window in {step} is drawn.") } else { String::new() };
     (all.into_iter().step_by(step).collect(), words)
 }
 
-fn used(axis: &AxisEvidence) -> impl Iterator<Item = &Point> {
+fn used(axis: &AxisReportData) -> impl Iterator<Item = &Point> {
     axis.points.iter().filter(|p| p.excluded.is_none() && p.temperature_c.is_finite())
 }
 
@@ -64,58 +65,48 @@ fn line(label: &str, role: Role, x: &[f64], y: Vec<f64>, broken: bool) -> Layer 
     Layer::Line { label: label.to_owned(), role, x: rounded(x.iter().copied()), y: rounded(y), dash }
 }
 
-/// A series over the span with its 95 % band, from the record alone: the drift at rest, or the scale factor with its
-/// value at T0.
-fn curve(axis: &AxisCalibration, kind: TermKind) -> (Vec<f64>, Vec<f64>, Option<Vec<f64>>) {
+/// A curve over the span with its 95 % band, from the record alone: the drift at rest, or the scale factor with its value at
+/// T0.
+fn curve(axis: &AxisCalibration, quantity: ActsOn) -> (Vec<f64>, Vec<f64>, Option<Vec<f64>>) {
     let span = axis.span();
-    let step = (span.hi_c - span.lo_c) / (CURVE_POINTS - 1) as f64;
+    let step = (span.hi - span.lo) / (CURVE_POINTS - 1) as f64;
     // The last of them may lie a rounding beyond the span.
-    let x: Vec<f64> = (0..CURVE_POINTS).map(|i| (span.lo_c + step * i as f64).min(span.hi_c)).collect();
-    if kind == TermKind::Bias {
-        let y = x.iter().map(|t| axis.drift(*t, axis.reference_c)).collect();
-        let band = x.iter().map(|t| Some(axis.predict(*t)?.curve_dph)).collect();
-        return (x, y, band);
+    let x: Vec<f64> = (0..CURVE_POINTS).map(|i| (span.lo + step * i as f64).min(span.hi)).collect();
+    match quantity {
+        ActsOn::Bias => {
+            let y = x.iter().map(|t| axis.drift(*t, axis.reference_c())).collect();
+            let band = x.iter().map(|t| Some(axis.predict(*t)?.curve_dph)).collect();
+            (x, y, band)
+        }
+        ActsOn::ScaleFactor => {
+            let (y, sigma): (Vec<f64>, Vec<f64>) = x.iter().map(|t| axis.scale_deviation(*t).into()).unzip();
+            let band = sigma.iter().any(|sigma| *sigma > 0.0);
+            (x, y, band.then(|| sigma.into_iter().map(|sigma| TWO_SIGMA * sigma).collect()))
+        }
     }
-    let at_reference = chebyshev(span.x(axis.reference_c));
-    let mut series = axis.series(kind);
-    let scale = axis.scale_factor.as_ref().filter(|_| kind == TermKind::Scale);
-    series[0] = scale.map_or(0.0, |scale| scale.at_reference.ppm);
-    let basis = |t_c: f64| -> [f64; BASIS_LEN] {
-        let values = chebyshev(span.x(t_c));
-        std::array::from_fn(|n| if n == 0 { 1.0 } else { values[n] - at_reference[n] })
-    };
-    let y = x.iter().map(|t| basis(*t).iter().zip(&series).map(|(b, c)| b * c).sum()).collect();
-    let rows: Vec<(usize, usize)> = axis.rows_of(kind).collect();
-    let half = |t_c: &f64| {
-        let basis = basis(*t_c);
-        let weights: Vec<(usize, f64)> = rows.iter().map(|(row, order)| (*row, basis[*order])).collect();
-        TWO_SIGMA * axis.variance_of(&weights).sqrt()
-    };
-    let band = (!rows.is_empty()).then(|| x.iter().map(half).collect());
-    (x, y, band)
 }
 
 /// Drift against temperature with the curve at rest and its band.
-pub(crate) fn drift(evidence: &Evidence, axis: &AxisEvidence, record: &AxisCalibration) -> Option<Figure> {
-    let (shown, words) = thinned(evidence, used(axis));
-    let rate = if record.rate_span_cpm.is_some() {
+pub(crate) fn drift(report_data: &ReportData, axis: &AxisReportData, record: &AxisCalibration) -> Option<Figure> {
+    let (shown, words) = thinned(report_data, used(axis));
+    let rate = if record.rate_span_cpm().is_some() {
         " Dashed: the fit at the median rates of heating and cooling; what lies between is what the rate terms stand for."
     } else {
         ""
     };
-    let further = if record.inputs.is_empty() { "" } else { " and what the fit lays to further inputs" };
+    let further = if record.other_inputs().is_empty() { "" } else { " and what the fit assigns to other inputs" };
     let caption = format!(
         "Each point is a window, less its run's constant{further}. The curve is the fit at rest, zero at {} °C; the band is where \
          it lies with 95 % confidence.{rate}{words}",
-        record.reference_c
+        record.reference_c()
     );
     let title = "Drift against temperature";
     let mut out = figure(axis.axis, "drift", title, caption, ["temperature, °C", "drift, °/h"], "temperature");
     for (label, role, leg) in LEGS {
-        let of_leg = shown.iter().filter(|p| p.leg() == leg).map(|p| (p.temperature_c, p.before_dph - p.further_dph));
+        let of_leg = shown.iter().filter(|p| p.leg() == leg).map(|p| (p.temperature_c, p.before_dph - p.inputs_dph));
         out.layers.push(dots(label, role, of_leg));
     }
-    let (x, y, band) = curve(record, TermKind::Bias);
+    let (x, y, band) = curve(record, ActsOn::Bias);
     if let Some(half) = band {
         let (lo, hi) = y.iter().zip(&half).map(|(y, half)| (y - half, y + half)).unzip::<_, _, Vec<_>, Vec<_>>();
         let (lo, hi, at) = (rounded(lo), rounded(hi), rounded(x.iter().copied()));
@@ -123,7 +114,7 @@ pub(crate) fn drift(evidence: &Evidence, axis: &AxisEvidence, record: &AxisCalib
     }
     out.layers.push(line("fit at rest", Role::Fit, &x, y.clone(), false));
     // With rate terms the moving fits already stand there, and most windows are none at rest.
-    let at_rest = |t: &f64| record.predict(*t).filter(|_| record.rate_span_cpm.is_none());
+    let at_rest = |t: &f64| record.predict(*t).filter(|_| record.rate_span_cpm().is_none());
     let window: Option<Vec<f64>> = x.iter().map(|t| Some(at_rest(t)?.window_dph)).collect();
     for (half, sign) in window.iter().flat_map(|half| [(half, -1.0), (half, 1.0)]) {
         let edge = y.iter().zip(half).map(|(y, half)| y + sign * half).collect();
@@ -138,7 +129,7 @@ pub(crate) fn drift(evidence: &Evidence, axis: &AxisEvidence, record: &AxisCalib
 }
 
 /// What one input does: its terms, and the windows less everything else.
-pub(crate) fn effect(evidence: &Evidence, axis: char, place: usize, effect: &Effect) -> Option<Figure> {
+pub(crate) fn effect(report_data: &ReportData, axis: char, place: usize, effect: &Effect) -> Option<Figure> {
     let Effect { input, of, .. } = effect;
     let unit = if effect.in_celsius { ", °C" } else { "" };
     let (title, x_label, y_label) = match of {
@@ -151,7 +142,7 @@ pub(crate) fn effect(evidence: &Evidence, axis: char, place: usize, effect: &Eff
         }
     };
     let at = |y: &'_ [f64]| effect.x.iter().copied().zip(y.iter().copied()).collect::<Vec<_>>();
-    let every = effect.x.len().div_ceil(MOST_POINTS / evidence.axes.len().clamp(1, 6)).max(1);
+    let every = effect.x.len().div_ceil(MOST_POINTS / report_data.axes.len().clamp(1, 6)).max(1);
     let thin = |y: &'_ [f64]| at(y).into_iter().step_by(every);
     let words = if every > 1 { format!(" One window in {every} is drawn.") } else { String::new() };
     let zero = match of {
@@ -182,7 +173,7 @@ pub(crate) fn effect(evidence: &Evidence, axis: char, place: usize, effect: &Eff
 
 /// Held-out residual against the instructions of the slow update.
 pub(crate) fn tradeoff(record: &AxisCalibration) -> Option<Figure> {
-    let best = frontier(&record.candidates);
+    let best = frontier(record.candidates());
     if best.len() < 2 {
         return None;
     }
@@ -196,13 +187,14 @@ pub(crate) fn tradeoff(record: &AxisCalibration) -> Option<Figure> {
     let labels = ["slow update, instructions of a Cortex-M4F", "held-out σ, °/h"];
     let title = "What does a higher order buy, and what does it cost?";
     let mut out = figure(record.axis, "tradeoff", title, caption, labels, "instructions");
-    let all = record.candidates.iter().filter_map(|c| Some((f64::from(c.slow_update_instructions?), c.held_out_dph?)));
+    let all =
+        record.candidates().iter().filter_map(|c| Some((f64::from(c.slow_update_instructions?), c.held_out_dph?)));
     out.layers.push(dots("models", Role::Steady, all));
     let x: Vec<f64> = best.iter().map(|point| f64::from(point.instructions)).collect();
     out.layers.push(line("frontier", Role::After, &x, best.iter().map(|point| point.held_out_dph).collect(), false));
     let at = [(f64::from(knee.instructions), knee.held_out_dph)];
     out.layers.push(dots(&format!("knee: {}", knee.candidate.model), Role::Excluded, at.into_iter()));
-    if let Some(floor) = &record.floor {
+    if let Some(floor) = record.noise_floor() {
         out.layers.push(line("noise floor", Role::Floor, &[x[0], x[x.len() - 1]], vec![floor.value_dph; 2], true));
     }
     out.framed(false)
@@ -210,7 +202,7 @@ pub(crate) fn tradeoff(record: &AxisCalibration) -> Option<Figure> {
 
 /// What more soaking would buy.
 pub(crate) fn soak(record: &AxisCalibration) -> Option<Figure> {
-    let soak = record.soak.as_ref()?;
+    let soak = record.fit.as_ref()?.soak.as_ref()?;
     let caption = format!(
         "Standard deviation of the curve at rest, now and after so many hours of soak at that very temperature. The next hour buys \
          most for the curve as a whole at {:.0} °C.",
@@ -232,13 +224,13 @@ pub(crate) fn soak(record: &AxisCalibration) -> Option<Figure> {
 
 /// Scale factor against temperature: the joint fit with its band, the plateaus with twice their σ.
 pub(crate) fn scale_factor(record: &AxisCalibration) -> Option<Figure> {
-    let scale = record.scale_factor.as_ref()?;
+    let scale = record.scale_factor()?;
     let caption = "The curve is the joint fit of bias and scale factor, the band where it lies with 95 % confidence. Bars: each plateau \
                    by itself, by the two-direction method, with twice its standard deviation.";
     let labels = ["temperature, °C", "scale factor from nominal, ppm"];
     let title = "Scale factor against temperature";
     let mut out = figure(record.axis, "scale", title, caption.to_owned(), labels, "temperature");
-    let (x, y, band) = curve(record, TermKind::Scale);
+    let (x, y, band) = curve(record, ActsOn::ScaleFactor);
     if let Some(half) = band {
         let (lo, hi): (Vec<f64>, Vec<f64>) = y.iter().zip(&half).map(|(y, half)| (y - half, y + half)).unzip();
         let (lo, hi, at) = (rounded(lo), rounded(hi), rounded(x.iter().copied()));
@@ -275,17 +267,17 @@ fn whiskers(label: &str, role: Role, points: impl Iterator<Item = (f64, PpmEstim
 
 /// The fit at the median rate of a leg; `None` without rate terms or such windows.
 fn while_moving(
-    axis: &AxisEvidence,
+    axis: &AxisReportData,
     record: &AxisCalibration,
     leg: Leg,
     x: &[f64],
     at_rest: &[f64],
 ) -> Option<(f64, Vec<f64>)> {
-    record.rate_span_cpm?;
+    record.rate_span_cpm()?;
     let mut rates: Vec<f64> = used(axis).filter(|p| p.leg() == leg).map(|p| p.rate_cpm).collect();
     rates.sort_by(f64::total_cmp);
     let cpm = *rates.get(rates.len() / 2)?;
-    let (span, series) = (record.span(), record.series(TermKind::Rate));
+    let (span, series) = (record.span(), record.series(Form::rate(0)));
     let rate_part = |t_c: &f64| -> f64 { chebyshev(span.x(*t_c)).iter().zip(&series).map(|(b, c)| b * c).sum() };
     Some((cpm, x.iter().zip(at_rest).map(|(t, rest)| rest + cpm * rate_part(t)).collect()))
 }
@@ -297,31 +289,31 @@ const LEGS: [(&str, Role, Leg); 3] = [
 ];
 
 /// Before and after against the time of the test.
-pub(crate) fn over_time(evidence: &Evidence, axis: &AxisEvidence, wording: &Wording) -> Option<Figure> {
-    let (shown, words) = thinned(evidence, used(axis));
-    let caption = format!("Each run about its own constant.{}{words}", runs_in_words(evidence));
-    let labels = [time_label(evidence), "drift, °/h"];
+pub(crate) fn over_time(report_data: &ReportData, axis: &AxisReportData, wording: &Wording) -> Option<Figure> {
+    let (shown, words) = thinned(report_data, used(axis));
+    let caption = format!("Each run about its own constant.{}{words}", runs_in_words(report_data));
+    let labels = [time_label(report_data), "drift, °/h"];
     let mut out = figure(axis.axis, "time", "Before and after against time", caption, labels, "time");
     out.layers.push(dots(wording.before, Role::Before, shown.iter().map(|p| (p.hours, p.before_dph))));
     out.layers.push(dots(wording.after, Role::After, shown.iter().map(|p| (p.hours, p.after_dph))));
     out.drop_empty().framed(true)
 }
 
-fn time_label(evidence: &Evidence) -> &'static str {
-    if evidence.timed { "hours of test" } else { "hours of test (rows without time, counted)" }
+fn time_label(report_data: &ReportData) -> &'static str {
+    if report_data.timed { "hours of test" } else { "hours of test (rows without time, counted)" }
 }
 
-fn runs_in_words(evidence: &Evidence) -> String {
-    if evidence.runs.len() < 2 {
+fn runs_in_words(report_data: &ReportData) -> String {
+    if report_data.runs.len() < 2 {
         return String::new();
     }
-    let runs = evidence.runs.iter().map(|run| format!("{} from {:.1} h", run.file, run.hours[0]));
+    let runs = report_data.runs.iter().map(|run| format!("{} from {:.1} h", run.file, run.hours[0]));
     format!(" Runs stand one after the other: {}.", runs.collect::<Vec<_>>().join(", "))
 }
 
 /// Before and after against temperature.
-pub(crate) fn over_temperature(evidence: &Evidence, axis: &AxisEvidence, wording: &Wording) -> Option<Figure> {
-    let (shown, words) = thinned(evidence, used(axis));
+pub(crate) fn over_temperature(report_data: &ReportData, axis: &AxisReportData, wording: &Wording) -> Option<Figure> {
+    let (shown, words) = thinned(report_data, used(axis));
     let caption = format!("What is left should be a level cloud as wide as the noise.{words}");
     let title = "Before and after against temperature";
     let mut out = figure(axis.axis, "temperature", title, caption, ["temperature, °C", "drift, °/h"], "temperature");
@@ -331,7 +323,7 @@ pub(crate) fn over_temperature(evidence: &Evidence, axis: &AxisEvidence, wording
 }
 
 /// Residuals beside what noise alone would leave.
-pub(crate) fn histogram(axis: &AxisEvidence, floor_dph: Option<f64>) -> Option<Figure> {
+pub(crate) fn histogram(axis: &AxisReportData, floor_dph: Option<f64>) -> Option<Figure> {
     let values: Vec<f64> = used(axis).map(|p| p.after_dph).filter(|v| v.is_finite()).collect();
     let (edges, heights) = binned(&values)?;
     let caption = match floor_dph {
@@ -378,22 +370,23 @@ fn binned(values: &[f64]) -> Option<(Vec<f64>, Vec<f64>)> {
 }
 
 /// The temperature profile; what is left out is shaded by its reason.
-pub(crate) fn profile(evidence: &Evidence, axis: &AxisEvidence) -> Option<Figure> {
+pub(crate) fn profile(report_data: &ReportData, axis: &AxisReportData) -> Option<Figure> {
     let reasons = stretches(axis);
     let caption = if reasons.is_empty() {
         "Every window is used.".to_owned()
     } else {
         "Shaded: windows that are left out, and why. The reasons are explained with the table below.".to_owned()
     };
-    let labels = [time_label(evidence), "temperature, °C"];
+    let labels = [time_label(report_data), "temperature, °C"];
     let mut out = figure(axis.axis, "profile", "Temperature of the test", caption, labels, "time");
     const SHADES: [Role; 3] = [Role::Excluded, Role::ExcludedToo, Role::ExcludedAlso];
     for ((reason, stretches), role) in reasons.into_iter().zip(SHADES.into_iter().cycle()) {
         let label = format!("left out: {}", reason.name().replace('_', " "));
         out.layers.push(Layer::Shades { label, role, stretches });
     }
-    for run in 0..evidence.runs.len() {
-        let (of_run, _) = thinned(evidence, axis.points.iter().filter(|p| p.run == run && p.temperature_c.is_finite()));
+    for run in 0..report_data.runs.len() {
+        let (of_run, _) =
+            thinned(report_data, axis.points.iter().filter(|p| p.run == run && p.temperature_c.is_finite()));
         let (x, y): (Vec<f64>, Vec<f64>) = of_run.iter().map(|p| (p.hours, p.temperature_c)).unzip();
         let label = if run == 0 { "thermometer of the model" } else { "" };
         out.layers.push(line(label, Role::Temperature, &x, y, false));
@@ -402,7 +395,7 @@ pub(crate) fn profile(evidence: &Evidence, axis: &AxisEvidence) -> Option<Figure
 }
 
 /// Neighbouring windows of one reason as one stretch, by reason.
-fn stretches(axis: &AxisEvidence) -> Vec<(Reason, Vec<[f64; 2]>)> {
+fn stretches(axis: &AxisReportData) -> Vec<(Reason, Vec<[f64; 2]>)> {
     let mut out: Vec<(Reason, Vec<[f64; 2]>)> = Vec::new();
     let mut last: Option<(Reason, usize)> = None;
     for point in &axis.points {
@@ -428,7 +421,7 @@ fn stretches(axis: &AxisEvidence) -> Vec<(Reason, Vec<[f64; 2]>)> {
 }
 
 /// Heating against cooling: means of temperature bins, before and after.
-pub(crate) fn hysteresis(axis: &AxisEvidence, wording: &Wording) -> Option<Figure> {
+pub(crate) fn hysteresis(axis: &AxisReportData, wording: &Wording) -> Option<Figure> {
     let caption = "Means of temperature bins with twice their own σ. Heating and cooling that lie apart after the correction \
                    are what it does not see: another lag, a gradient, hysteresis of the block.";
     let labels = ["temperature, °C", "mean drift, °/h"];

@@ -1,7 +1,7 @@
 //! Reports: one HTML file that needs nothing else, for screen and paper.
 //!
 //! ```text
-//! record (Calibration, Verification) + Evidence (windows) ─▶ Figure (data) ─▶ svg (paper), page's script (screen)
+//! record (Calibration, Verification) + ReportData (windows) ─▶ Figure (data) ─▶ svg (paper), page's script (screen)
 //!                                                       └──────────────────▶ tables, verdict, provenance
 //! ```
 //!

@@ -5,8 +5,8 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 use crate::figure::Figure;
 use crate::figures::Wording;
 use crate::{acceptance, figures, svg, terms};
-use sagnac::calibration::{AxisCalibration, Calibration, Input, LogUnit, PpmEstimate, UNASSIGNED};
-use sagnac::diagnostics::{AxisEvidence, Evidence};
+use sagnac::calibration::{AxisCalibration, Calibration, LogFile, LogUnit, PpmEstimate, UNASSIGNED};
+use sagnac::diagnostics::{AxisReportData, ReportData};
 use sagnac::verify::{AxisVerification, Correction, Figures, Judged, ScaleFigures, Verification};
 use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::{Tally, hex, sha256};
@@ -26,7 +26,7 @@ const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; script-src 
 ///
 /// # Errors
 /// A record that cannot be written as JSON.
-pub fn calibration_report(calibration: &Calibration, evidence: &Evidence) -> Result<String> {
+pub fn calibration_report(calibration: &Calibration, report_data: &ReportData) -> Result<String> {
     let mut drawn = Vec::new();
     let several = calibration.axes.len() > 1;
     let body = html! {
@@ -36,19 +36,19 @@ pub fn calibration_report(calibration: &Calibration, evidence: &Evidence) -> Res
             "Held-out figures come from data that each fit did not see. The proof is another test: " code { "sagnac verify" }
             " replays one through the image that ships."
         }
-        @for axis in &calibration.axes { (fit_verdict(axis, evidence, several)) }
+        @for axis in &calibration.axes { (fit_verdict(axis, report_data, several)) }
         @for axis in &calibration.axes {
             @if several { h2.axis { "Axis " (axis.axis) } }
-            @if let Some(points) = evidence.axes.iter().find(|points| points.axis == axis.axis) {
-                @let all = fit_figures(evidence, points, axis);
+            @if let Some(points) = report_data.axes.iter().find(|points| points.axis == axis.axis) {
+                @let all = fit_figures(report_data, points, axis);
                 @for figure in &all { (shown(figure)) }
                 @let () = drawn.extend(all);
             }
             (terms::coefficients(axis))
             (plateaus(axis))
-            (terms::candidates(&axis.candidates))
-            (terms::path(&axis.path))
-            (left_out(&axis.excluded))
+            (terms::candidates(axis.candidates()))
+            (terms::model_search(axis.fit.as_ref().map_or(&[], |fit| &fit.model_search)))
+            (excluded(axis.excluded()))
         }
         (provenance(calibration)?)
     };
@@ -62,7 +62,7 @@ pub fn calibration_report(calibration: &Calibration, evidence: &Evidence) -> Res
 pub fn verification_report(
     verification: &Verification,
     calibration: Option<&Calibration>,
-    evidence: &Evidence,
+    report_data: &ReportData,
 ) -> Result<String> {
     let mut drawn = Vec::new();
     let several = verification.axes.len() > 1;
@@ -70,7 +70,7 @@ pub fn verification_report(
     let body = html! {
         h1 { (if judged { "Acceptance test" } else { "Proof on another test" }) @if !verification.serial.is_empty() && verification.serial != UNASSIGNED { ": " (verification.serial) } }
         p.sub {
-            (if verification.seen_by_fit.is_empty() { "Logs that the fit did not see, replayed" } else { "Logs replayed" })
+            (if verification.training_overlap.is_empty() { "Logs that the fit did not see, replayed" } else { "Logs replayed" })
             " through the code and the image that ship. Windows of " (plain(verification.window_s)) " s."
         }
         (same_log(verification))
@@ -87,8 +87,8 @@ pub fn verification_report(
             (acceptance::residual(axis))
             (acceptance::flight(axis))
             (left(axis))
-            @if let Some(points) = evidence.axes.iter().find(|points| points.axis == axis.axis) {
-                @let all = proof_figures(evidence, points, axis);
+            @if let Some(points) = report_data.axes.iter().find(|points| points.axis == axis.axis) {
+                @let all = proof_figures(report_data, points, axis);
                 @for figure in &all { (shown(figure)) }
                 @let () = drawn.extend(all);
             }
@@ -96,7 +96,7 @@ pub fn verification_report(
                 (terms::coefficients(record))
             }
         }
-        (left_out(&verification.excluded))
+        (excluded(&verification.excluded))
         h2 { "Provenance" }
         (inputs(&verification.inputs))
         div.scroll { table {
@@ -174,36 +174,41 @@ fn legend(figure: &Figure) -> Vec<(&str, &'static str, &'static str)> {
     out
 }
 
-fn fit_figures(evidence: &Evidence, points: &AxisEvidence, axis: &AxisCalibration) -> Vec<Figure> {
-    let floor = axis.floor.as_ref().map(|floor| floor.value_dph);
-    let drift = figures::drift(evidence, points, axis);
-    let effect = |(place, effect)| figures::effect(evidence, axis.axis, place, effect);
+fn fit_figures(report_data: &ReportData, points: &AxisReportData, axis: &AxisCalibration) -> Vec<Figure> {
+    let floor = axis.noise_floor().map(|floor| floor.value_dph);
+    let drift = figures::drift(report_data, points, axis);
+    let effect = |(place, effect)| figures::effect(report_data, axis.axis, place, effect);
     drift
         .into_iter()
         .chain(points.effects.iter().enumerate().filter_map(effect))
         .chain(figures::scale_factor(axis))
         .chain(figures::soak(axis))
         .chain(figures::tradeoff(axis))
-        .chain(both_sides(evidence, points, &figures::OF_FIT, floor))
+        .chain(both_sides(report_data, points, &figures::OF_FIT, floor))
         .collect()
 }
 
-fn proof_figures(evidence: &Evidence, points: &AxisEvidence, axis: &AxisVerification) -> Vec<Figure> {
+fn proof_figures(report_data: &ReportData, points: &AxisReportData, axis: &AxisVerification) -> Vec<Figure> {
     let scale = axis.scale_factor.as_ref().and_then(|proof| figures::scale_proof(axis.axis, proof));
-    let floor = axis.floor.as_ref().map(|floor| floor.value_dph);
+    let floor = axis.noise_floor.as_ref().map(|floor| floor.value_dph);
     scale
         .into_iter()
         .chain(acceptance::flight_figure(axis))
-        .chain(both_sides(evidence, points, &figures::OF_PROOF, floor))
+        .chain(both_sides(report_data, points, &figures::OF_PROOF, floor))
         .collect()
 }
 
 /// What a fit and a proof both show.
-fn both_sides(evidence: &Evidence, points: &AxisEvidence, words: &Wording, floor_dph: Option<f64>) -> Vec<Figure> {
+fn both_sides(
+    report_data: &ReportData,
+    points: &AxisReportData,
+    words: &Wording,
+    floor_dph: Option<f64>,
+) -> Vec<Figure> {
     let all = [
-        figures::over_time(evidence, points, words),
-        figures::profile(evidence, points),
-        figures::over_temperature(evidence, points, words),
+        figures::over_time(report_data, points, words),
+        figures::profile(report_data, points),
+        figures::over_temperature(report_data, points, words),
         figures::histogram(points, floor_dph),
         figures::hysteresis(points, words),
     ];
@@ -232,10 +237,10 @@ fn axis_word(axis: char, several: bool) -> String {
     if several { format!("Axis {axis}: ") } else { String::new() }
 }
 
-fn fit_verdict(axis: &AxisCalibration, evidence: &Evidence, several: bool) -> Markup {
-    let held_out = axis.cross_validation.as_ref().map(|cv| cv.sigma_dph);
-    let floor = axis.floor.as_ref().map(|floor| floor.value_dph);
-    let points = evidence.axes.iter().find(|points| points.axis == axis.axis);
+fn fit_verdict(axis: &AxisCalibration, report_data: &ReportData, several: bool) -> Markup {
+    let held_out = axis.cross_validation().map(|cv| cv.sigma_dph);
+    let floor = axis.noise_floor().map(|floor| floor.value_dph);
+    let points = report_data.axes.iter().find(|points| points.axis == axis.axis);
     let used = points.map_or(0, |p| p.points.iter().filter(|p| p.excluded.is_none()).count());
     let all = points.map_or(0, |p| p.points.len());
     let word = match (held_out, floor) {
@@ -249,12 +254,12 @@ fn fit_verdict(axis: &AxisCalibration, evidence: &Evidence, several: bool) -> Ma
     };
     html! {
         div.verdict {
-            b.word { (axis_word(axis.axis, several)) code { (axis.model) } " " (word) }
+            b.word { (axis_word(axis.axis, several)) code { (axis.correction.model) } " " (word) }
             div.tiles {
                 @if let Some(value) = held_out { (tile("held-out σ", &significant(value, 3), "°/h")) }
                 @if let Some(value) = floor { (tile("noise floor of a window", &significant(value, 3), "°/h")) }
-                @if let Some(residual) = &axis.residual { (tile("σ of the fit's residuals", &significant(residual.sigma_dph, 3), "°/h")) }
-                (tile("span", &format!("{:.1} … {:.1}", axis.span_c[0], axis.span_c[1]), "°C"))
+                @if let Some(residual) = axis.residual() { (tile("σ of the fit's residuals", &significant(residual.sigma_dph, 3), "°/h")) }
+                (tile("span", &format!("{:.1} … {:.1}", axis.span_c()[0], axis.span_c()[1]), "°C"))
                 (tile("windows used", &format!("{used} of {all}"), ""))
             }
             @if let Some(note) = axis.below_floor_note() { p.note { "Note: " (note) "." } }
@@ -263,7 +268,7 @@ fn fit_verdict(axis: &AxisCalibration, evidence: &Evidence, several: bool) -> Ma
 }
 
 fn proof_verdict(axis: &AxisVerification, several: bool) -> Markup {
-    let left = axis.floor.as_ref().map_or("the noise floor is not known".to_owned(), |floor| {
+    let left = axis.noise_floor.as_ref().map_or("the noise floor is not known".to_owned(), |floor| {
         format!("{} of the noise floor is left", significant(axis.after.sigma_dph / floor.value_dph, 3))
     });
     let class = axis.pass.map_or("", |pass| if pass { "pass" } else { "fail" });
@@ -280,7 +285,7 @@ fn proof_verdict(axis: &AxisVerification, several: bool) -> Markup {
                 (tile("max − min, before over after", &times(axis.improvement), "times"))
                 (tile("σ, before over after", &times(axis.improvement_sigma), "times"))
                 (tile("σ after", &significant(axis.after.sigma_dph, 3), "°/h"))
-                @match &axis.floor {
+                @match &axis.noise_floor {
                     Some(floor) => {
                         (tile("noise floor", &significant(floor.value_dph, 3), "°/h"))
                         (tile("σ after over the floor", &significant(axis.after.sigma_dph / floor.value_dph, 3), ""))
@@ -299,10 +304,10 @@ fn proof_verdict(axis: &AxisVerification, several: bool) -> Markup {
 
 fn same_log(verification: &Verification) -> Markup {
     html! {
-        @if !verification.seen_by_fit.is_empty() {
+        @if !verification.training_overlap.is_empty() {
             div.verdict.fail {
                 b.word { "This is no proof" }
-                p { (verification.seen_by_fit.join(", ")) " is a log that the calibration was made from." }
+                p { (verification.training_overlap.join(", ")) " is a log that the calibration was made from." }
             }
         }
     }
@@ -327,7 +332,7 @@ fn before_after(axis: &AxisVerification, verification: &Verification) -> Markup 
             thead { tr { th { "" } th { "n" } th { "min" } th { "max" } th { "mean" } th { "max − min" } th { "σ" } th { "σ, °/h" } } }
             (row("before", &axis.before))
             (row("after", &axis.after))
-            @if let Some(floor) = &axis.floor {
+            @if let Some(floor) = &axis.noise_floor {
                 tr {
                     td { "noise floor" } td { (floor.n) } td {} td {} td {}
                     td { (significant(floor.expected_peak_to_peak, 3)) }
@@ -335,7 +340,7 @@ fn before_after(axis: &AxisVerification, verification: &Verification) -> Markup 
                 }
             }
         } }
-        @if let Some(floor) = &axis.floor {
+        @if let Some(floor) = &axis.noise_floor {
             p.note { "Floor: " (floor.source) ". Its max − min is what " (floor.n) " windows of noise alone would show." }
         }
     }
@@ -363,10 +368,10 @@ fn scale_before_after(axis: &AxisVerification) -> Markup {
 fn plateaus(axis: &AxisCalibration) -> Markup {
     let estimate = |e: Option<PpmEstimate>| e.map_or("-".to_owned(), |e| with_sigma(e.ppm, Some(e.sigma_ppm)));
     html! {
-        @if let Some(scale) = &axis.scale_factor {
+        @if let Some(scale) = axis.scale_factor() {
             h3 { "Scale factor" }
             p.note {
-                "At " (axis.reference_c) " °C: " (estimate(Some(scale.at_reference))) " ppm from nominal"
+                "At " (axis.reference_c()) " °C: " (estimate(Some(scale.at_reference))) " ppm from nominal"
                 @if let Some(s) = scale.arcsec_per_count { ", " (format!("{s:.8}")) " arcsec per count" } "."
                 @if let Some(r) = scale.repeatability {
                     " Repeatability over " (r.temperatures) " temperatures: σ " (significant(r.sigma_ppm, 2)) " ppm; noise makes "
@@ -388,8 +393,8 @@ fn plateaus(axis: &AxisCalibration) -> Markup {
                 }
             } }
         }
-        @if let Some(note) = axis.scale_factor.as_ref().and_then(|scale| scale.asymmetry_note()) { p.note { "Note: " (note) "." } }
-        @for m in &axis.misalignment {
+        @if let Some(note) = axis.scale_factor().and_then(|scale| scale.asymmetry_note()) { p.note { "Note: " (note) "." } }
+        @for m in axis.fit.iter().flat_map(|fit| &fit.misalignment) {
             p.note { "The input axis leans towards " (m.towards) " by " (with_sigma(m.arcsec, Some(m.sigma_arcsec))) " arcsec." }
         }
     }
@@ -397,7 +402,7 @@ fn plateaus(axis: &AxisCalibration) -> Markup {
 
 /// What can be seen of what the correction left.
 fn left(axis: &AxisVerification) -> Markup {
-    let rows = axis.left.rows();
+    let rows = axis.residual_diagnostics.rows();
     html! {
         @if !rows.is_empty() {
             h3 { "What is left" }
@@ -413,7 +418,7 @@ fn left(axis: &AxisVerification) -> Markup {
     }
 }
 
-fn left_out(tallies: &[Tally]) -> Markup {
+fn excluded(tallies: &[Tally]) -> Markup {
     html! {
         h3 { "Left out" }
         @if tallies.is_empty() {
@@ -432,7 +437,7 @@ fn left_out(tallies: &[Tally]) -> Markup {
     }
 }
 
-fn inputs(inputs: &[Input]) -> Markup {
+fn inputs(inputs: &[LogFile]) -> Markup {
     html! {
         div.scroll { table {
             thead { tr { th { "log" } th { "rows" } th.words { "SHA-256" } } }
@@ -449,7 +454,7 @@ fn provenance(calibration: &Calibration) -> Result<Markup> {
     let made =
         (calibration.serial != UNASSIGNED).then(|| Correction::from_calibration(calibration.clone()).ok()).flatten();
     let from = &calibration.provenance;
-    let thermometer = match calibration.thermometer.name.as_str() {
+    let thermometer = match calibration.thermometer_name().unwrap_or_default() {
         "" => "temperature_c".to_owned(),
         name => format!("temperature_c_{name}"),
     };

@@ -3,7 +3,7 @@
 mod support;
 
 use sagnac::allan::{Request, budget_of_curves, noise_budget, parse_curve};
-use sagnac::calibration::Input;
+use sagnac::calibration::LogFile;
 use sagnac_log::setup::Setup;
 use sagnac_noise::{AxisBudget, BareCurve, Deviation, Difference, Taus, TermValue, overlapping, phases};
 use sagnac_sim::{PaperRig, csv_bytes};
@@ -186,7 +186,7 @@ fn curve(unit: &str, axis: char) -> Option<BareCurve> {
 /// N at 1 s and the floor 0.664·B against the published `gyr_n` and `gyr_w` of their authors' own fit (which are the
 /// deviation at 1 s and the least one of their curve).
 fn ratios(unit: &str, axis: char) -> Option<(f64, f64)> {
-    let input = Input { file: unit.to_owned(), sha256: String::new(), rows: 0 };
+    let input = LogFile { file: unit.to_owned(), sha256: String::new(), rows: 0 };
     let budget = budget_of_curves(&[curve(unit, axis)?], None, input).unwrap().axes.remove(0);
     let fitted = budget.fitted.unwrap();
     let least = budget.curve.iter().map(|p| fitted.variance(p.tau_s).sqrt()).fold(f64::INFINITY, f64::min);

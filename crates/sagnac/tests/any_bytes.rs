@@ -62,7 +62,7 @@ fn any_setup() -> impl Strategy<Value = Setup> {
     let window = prop::sample::select(vec!["", "window = \"row\"\n", "window = 5\n", "window = 1e6\n"]);
     let more = prop::sample::select(vec![
         "",
-        "settle_s = 10\n",
+        "discard_initial_s = 10\n",
         "temperature_offset_s = -7.5\n",
         "temperature_offset_s = 3600\n",
         "sample_interval_s = 1e-6\n",

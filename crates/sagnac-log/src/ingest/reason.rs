@@ -33,7 +33,7 @@ pub enum Reason {
     ThermometerJump,
     /// A thermometer that stood still while another moved.
     ThermometerFrozen,
-    /// Window within `settle_s` of the start of its run.
+    /// Window within `discard_initial_s` of the start of its run.
     Settling,
     /// Window of less than a tenth of the nominal length.
     ShortWindow,
@@ -121,7 +121,7 @@ impl Reason {
             Self::AuxImplausible => "An auxiliary value outside of what the setup believes of its column.",
             Self::ThermometerJump => "A temperature that jumped by over 5 °C between rows and did not stay.",
             Self::ThermometerFrozen => "A thermometer that stood still while another moved.",
-            Self::Settling => "Within settle_s of the start of the run.",
+            Self::Settling => "Within discard_initial_s of the start of the run.",
             Self::ShortWindow => "A window of less than a tenth of the nominal length.",
             Self::NoTemperature => "A window with fewer than half of its temperatures.",
             Self::StartUp => "The first window of a run, far from what follows.",

@@ -89,7 +89,7 @@ pub(crate) struct RowCheck {
     largest_step: i64,
     thermometers: Vec<ThermometerCheck>,
     /// Per auxiliary column: what is believed of it.
-    aux_plausible: Vec<Option<[f64; 2]>>,
+    aux_valid_range: Vec<Option<[f64; 2]>>,
     pub(crate) tallies: Tallies,
     pub(crate) rows_read: u64,
 }
@@ -112,7 +112,7 @@ impl RowCheck {
             last_counter: None,
             largest_step: 0,
             thermometers: thermometers.collect(),
-            aux_plausible: layout.aux.iter().map(|(_, name)| setup.aux(name).plausible).collect(),
+            aux_valid_range: layout.aux.iter().map(|(_, name)| setup.aux(name).valid_range).collect(),
             tallies: Tallies::default(),
             rows_read: 0,
         }
@@ -141,7 +141,7 @@ impl RowCheck {
     /// Auxiliary values that the setup does not believe are not known.
     fn believe_aux(&mut self, batch: &mut Batch, from: usize) {
         let (file, tallies) = (&self.file, &mut self.tallies);
-        for (column, plausible) in batch.aux.iter_mut().zip(&self.aux_plausible) {
+        for (column, plausible) in batch.aux.iter_mut().zip(&self.aux_valid_range) {
             let [lo, hi] = plausible.as_ref().unwrap_or(&MOST_OF_AUX);
             for (value, line) in column.iter_mut().zip(&batch.line).skip(from).filter(|(v, _)| **v < *lo || **v > *hi) {
                 *value = f64::NAN;

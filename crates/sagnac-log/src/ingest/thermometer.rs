@@ -57,7 +57,7 @@ impl ThermometerCheck {
     /// True if [`Self::check`] would believe each of these readings, that follow `before_c` row by row. Of a log's
     /// only thermometer, which nothing can call frozen.
     pub(crate) fn are_plain(&self, readings_c: &[f64], before_c: f64) -> bool {
-        let [lo, hi] = self.spec.plausible_c;
+        let [lo, hi] = self.spec.valid_range_c;
         let (mut all, mut before) = (true, before_c);
         for &t_c in readings_c {
             all &= (t_c >= lo) & (t_c <= hi) & ((t_c - before).abs() <= JUMP_C);
@@ -80,7 +80,7 @@ impl ThermometerCheck {
 
     /// The reading, if it is believed. `joins`: there is a row right before it.
     pub(crate) fn check(&mut self, t_c: f64, t_ns: i64, joins: bool, others_moved_c: f64) -> Result<f64, Reason> {
-        if !(self.spec.plausible_c[0]..=self.spec.plausible_c[1]).contains(&t_c) {
+        if !(self.spec.valid_range_c[0]..=self.spec.valid_range_c[1]).contains(&t_c) {
             return Err(Reason::TemperatureImplausible);
         }
         // Since its own last reading: a thermometer may be slower than the log.
@@ -99,7 +99,7 @@ impl ThermometerCheck {
 
     /// What an empty field stands for: the newest reading while it holds, else NaN.
     pub(crate) fn held(&self, t_ns: i64) -> f64 {
-        let hold_ns = ns_from_s(self.spec.hold_s).unwrap_or(i64::MAX);
+        let hold_ns = ns_from_s(self.spec.stale_after_s).unwrap_or(i64::MAX);
         let limit = self.interval_ns.map_or(hold_ns, |interval| interval.saturating_add(interval / 2).min(hold_ns));
         if t_ns.saturating_sub(self.believed_ns) <= limit { self.believed_c } else { f64::NAN }
     }

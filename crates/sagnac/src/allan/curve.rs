@@ -13,7 +13,7 @@ use sagnac_units::format::file_name;
 use sagnac_units::{DPH_PER_DPS, DPH_PER_RADPS};
 
 use crate::allan::read::{NoiseBudget, misfit_text};
-use crate::calibration::{Input, program};
+use crate::calibration::{LogFile, program};
 
 /// Where τ stands.
 const TAU: &str = "tau_s";
@@ -51,7 +51,7 @@ fn column_of(header: &str) -> Option<(char, f64)> {
 ///
 /// # Errors
 /// No curve, a cell that is no number above zero, τ that do not rise.
-pub fn read_curve(path: &Path) -> Result<(Vec<BareCurve>, Input)> {
+pub fn read_curve(path: &Path) -> Result<(Vec<BareCurve>, LogFile)> {
     let name = path.display().to_string();
     let file = std::fs::File::open(path).map_err(|e| Error::io_path(path, "open", &e))?;
     let mut bytes = Vec::new();
@@ -61,7 +61,7 @@ pub fn read_curve(path: &Path) -> Result<(Vec<BareCurve>, Input)> {
     }
     let curves = parse_curve(&bytes).map_err(|e| e.file(&name))?;
     let rows = curves.iter().map(|curve| curve.points.len()).max().unwrap_or(0) as u64;
-    Ok((curves, Input { file: file_name(&name), sha256: hex(&sha256(&bytes)), rows }))
+    Ok((curves, LogFile { file: file_name(&name), sha256: hex(&sha256(&bytes)), rows }))
 }
 
 /// Reads the text of a curve.
@@ -120,7 +120,7 @@ pub fn parse_curve(text: &[u8]) -> Result<Vec<BareCurve>> {
 ///
 /// # Errors
 /// A record too short for the curve's longest τ, or longer than any.
-pub fn budget_of_curves(curves: &[BareCurve], record_s: Option<f64>, input: Input) -> Result<NoiseBudget> {
+pub fn budget_of_curves(curves: &[BareCurve], record_s: Option<f64>, input: LogFile) -> Result<NoiseBudget> {
     let one = |curve: &BareCurve| {
         budget_of_curve(curve, record_s)
             .map_err(|e| Error::input(e.to_string()).column("--duration").value(e.record_s.to_string()))

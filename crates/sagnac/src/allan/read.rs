@@ -11,7 +11,7 @@ use sagnac_units::s_from_ns;
 use serde::Serialize;
 
 use crate::allan::ramp::{Drift, RampWatch};
-use crate::calibration::{Input, program};
+use crate::calibration::{LogFile, program};
 use crate::fit::SAME_RATE;
 
 /// What is asked for.
@@ -35,7 +35,7 @@ pub struct NoiseBudget {
     /// What was not used.
     pub excluded: Vec<Tally>,
     /// The logs.
-    pub inputs: Vec<Input>,
+    pub inputs: Vec<LogFile>,
     /// Program and version.
     pub program: String,
 }
@@ -65,7 +65,7 @@ pub fn noise_budget(
         reading.end_run();
         let summary = log.summary();
         reading.tallies.merge(&summary.tallies);
-        reading.inputs.push(Input::of(&summary));
+        reading.inputs.push(LogFile::of(&summary));
     }
     reading.finish(&shape, &shown, request)
 }
@@ -91,7 +91,7 @@ struct Reading {
     watches: Vec<RampWatch>,
     warnings: Vec<String>,
     tallies: Tallies,
-    inputs: Vec<Input>,
+    inputs: Vec<LogFile>,
     arcsec: f64,
     last_end_ns: Option<i64>,
     thermometers: usize,

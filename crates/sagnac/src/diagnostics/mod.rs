@@ -2,7 +2,7 @@
 //!
 //! Nothing here is a result: results stand in the record. These are the points behind them.
 
-use crate::calibration::TermKind;
+use crate::model::{ActsOn, Form};
 use crate::window::Windows;
 use sagnac_log::ingest::Reason;
 use sagnac_units::s_from_ns;
@@ -36,8 +36,8 @@ pub struct Point {
     pub rate_cpm: f64,
     /// As logged, about the run's own constant, °/h.
     pub before_dph: f64,
-    /// What the fit lays to further inputs, °/h; 0 without any, and in a proof.
-    pub further_dph: f64,
+    /// What the fit assigns to inputs other than its thermometer, °/h; 0 without any, and in a verification.
+    pub inputs_dph: f64,
     /// As corrected, or less the fit; NaN where the window was left out of it.
     pub after_dph: f64,
     /// Why it is left out, if it is.
@@ -55,7 +55,7 @@ pub struct RunSpan {
 
 /// The points of one axis.
 #[derive(Clone, Debug, PartialEq)]
-pub struct AxisEvidence {
+pub struct AxisReportData {
     /// Axis letter.
     pub axis: char,
     /// Every window in order.
@@ -77,12 +77,13 @@ pub enum EffectOf {
 
 impl EffectOf {
     /// Whether a term is part of it.
-    pub(crate) fn holds(self, kind: TermKind) -> bool {
-        match kind {
-            TermKind::Bias | TermKind::Zone | TermKind::Step => self == Self::Value,
-            TermKind::Rate => self == Self::Rate,
-            TermKind::Scale => self == Self::Scale,
-        }
+    pub(crate) fn holds(self, form: Form) -> bool {
+        let of = match (form.acts_on, form.times_rate) {
+            (ActsOn::Bias, false) => Self::Value,
+            (ActsOn::Bias, true) => Self::Rate,
+            (ActsOn::ScaleFactor, _) => Self::Scale,
+        };
+        self == of
     }
 }
 
@@ -111,13 +112,13 @@ pub struct Effect {
 
 /// Everything a report draws.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Evidence {
+pub struct ReportData {
     /// The runs.
     pub runs: Vec<RunSpan>,
     /// Time was logged: points have hours. Without it they are counted.
     pub timed: bool,
     /// The axes.
-    pub axes: Vec<AxisEvidence>,
+    pub axes: Vec<AxisReportData>,
 }
 
 /// Runs one after the other, a fiftieth of the whole apart.
@@ -153,7 +154,7 @@ pub(crate) fn points(
             temperature_c: sensor.map_or(f64::NAN, |sensor| rows.mean_c[sensor][i]),
             rate_cpm: sensor.map_or(f64::NAN, |sensor| rate_cpm(windows, sensor, i)),
             before_dph: before(i),
-            further_dph: 0.0,
+            inputs_dph: 0.0,
             after_dph: after(i),
             excluded: rows.excluded[i],
         }
@@ -171,6 +172,27 @@ fn rate_cpm(windows: &Windows, sensor: usize, i: usize) -> f64 {
         return f64::NAN;
     }
     60.0 * (rows.mean_c[sensor][to] - rows.mean_c[sensor][from]) / (middle_s(to) - middle_s(from))
+}
+
+/// Mean while heating less mean while cooling.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct LegDifference {
+    /// The difference, °/h.
+    pub(crate) difference_dph: f64,
+    /// Its standard error per σ of a window: √(1/n₁ + 1/n₂).
+    pub(crate) per_sigma: f64,
+}
+
+/// Heating against cooling over the used windows; `None` with fewer than `least` windows of a leg. The one rule for fit and
+/// verification, which differ in the standard error of a window.
+pub(crate) fn hysteresis_of(points: &[Point], least: usize, of: impl Fn(&Point) -> f64) -> Option<LegDifference> {
+    let mean = |leg: Leg| {
+        let used = |p: &&Point| p.leg() == leg && p.excluded.is_none() && p.after_dph.is_finite();
+        let values: Vec<f64> = points.iter().filter(used).map(&of).collect();
+        (values.len() >= least).then(|| (values.iter().sum::<f64>() / values.len() as f64, values.len() as f64))
+    };
+    let ((heating, n_heating), (cooling, n_cooling)) = (mean(Leg::Heating)?, mean(Leg::Cooling)?);
+    Some(LegDifference { difference_dph: heating - cooling, per_sigma: (1.0 / n_heating + 1.0 / n_cooling).sqrt() })
 }
 
 impl Point {

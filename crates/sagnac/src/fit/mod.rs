@@ -1,7 +1,7 @@
 //! From windows to a calibration.
 //!
 //! ```text
-//! Windows ─▶ Problem (one axis) ─▶ folds (held-out σ of every candidate of the grid) ─▶ path (further inputs, zones,
+//! Windows ─▶ LeastSquares (one axis) ─▶ folds (held-out σ of every candidate of the grid) ─▶ path (other inputs, zones,
 //!            steps) ─▶ solution (chosen model, covariance) ─▶ input noise ─▶ AxisCalibration
 //! ```
 //!
@@ -12,26 +12,27 @@ mod choose;
 mod criterion;
 mod effects;
 mod folds;
-mod further;
 mod input_noise;
+mod inputs;
 mod lag;
-mod path;
+mod least_squares;
+mod monomial;
 mod plateaus;
-mod problem;
+mod rate_table_input;
 mod record;
 mod robust;
+mod search;
 mod soak;
 mod solution;
 mod solve;
 mod tradeoff;
-mod turning;
 
 pub(crate) use plateaus::{level_stretches, plateaus_of};
-pub use record::{FitOptions, calibrate, calibrate_with_evidence};
-pub(crate) use record::{inputs, noise_of};
+pub(crate) use rate_table_input::{RateTableInput, SAME_RATE};
+pub use record::{FitOptions, calibrate, calibrate_with_report_data};
+pub(crate) use record::{log_files, noise_of};
 pub use robust::Loss;
 pub use tradeoff::{FrontierPoint, frontier};
-pub(crate) use turning::{SAME_RATE, Turning};
 
 /// A smaller model wins if its held-out mean square is within this factor of the least.
 const SMALLER_WINS_WITHIN: f64 = 1.02;
@@ -39,7 +40,7 @@ const SMALLER_WINS_WITHIN: f64 = 1.02;
 use crate::model::ModelSpec;
 
 /// Which model to fit.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum ModelChoice {
     /// The best out of sample.
     Auto,

@@ -18,7 +18,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::calibration::{Plateau, PpmEstimate, Repeatability};
-use crate::fit::turning::{SAME_RATE, Turning};
+use crate::fit::rate_table_input::{RateTableInput, SAME_RATE};
 use crate::window::Windows;
 
 /// A plateau reaches this far from its mean, °C.
@@ -48,7 +48,7 @@ pub(crate) fn plateaus_of(
     used: &[usize],
     column: usize,
     sensor: usize,
-    turning: &Turning,
+    turning: &RateTableInput,
 ) -> Vec<Plateau> {
     let one = |i: &usize| TurnedWindow {
         run: windows.rows.run[*i] as usize,

@@ -8,38 +8,38 @@ use sagnac_core::MAX_ORDER;
 /// Values of order 0 to 8.
 pub const BASIS_LEN: usize = MAX_ORDER as usize + 1;
 
-/// The span of a fit and the scaling to x ∈ [−1, 1].
+/// The span of an input, in its own unit, and the scaling to x ∈ [−1, 1].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Span {
-    /// Lowest temperature, °C.
-    pub lo_c: f64,
-    /// Highest temperature, °C.
-    pub hi_c: f64,
+    /// Lowest value.
+    pub lo: f64,
+    /// Highest value.
+    pub hi: f64,
 }
 
 /// Even codes of 2⁻²⁴ °C per °C.
 const GRID_PER_C: f64 = (1 << 23) as f64;
 
 impl Span {
-    /// The span from `lo_c` to `hi_c`, widened by at most 1.2e-7 °C to even codes of the target's
+    /// The span from `lo` to `hi`, widened by at most 1.2e-7 °C to even codes of the target's
     /// temperature, so that host and target scale by the same borders exactly.
-    pub fn on_grid(lo_c: f64, hi_c: f64) -> Self {
-        Self { lo_c: (lo_c * GRID_PER_C).floor() / GRID_PER_C, hi_c: (hi_c * GRID_PER_C).ceil() / GRID_PER_C }
+    pub fn on_grid(lo: f64, hi: f64) -> Self {
+        Self { lo: (lo * GRID_PER_C).floor() / GRID_PER_C, hi: (hi * GRID_PER_C).ceil() / GRID_PER_C }
     }
 
-    /// x of a temperature.
+    /// x of a value.
     pub fn x(&self, t_c: f64) -> f64 {
-        (2.0 * t_c - self.lo_c - self.hi_c) / (self.hi_c - self.lo_c)
+        (2.0 * t_c - self.lo - self.hi) / (self.hi - self.lo)
     }
 
-    /// The temperature of x.
+    /// The value at x.
     pub fn at(&self, x: f64) -> f64 {
-        f64::midpoint(self.lo_c, self.hi_c) + x / self.slope()
+        f64::midpoint(self.lo, self.hi) + x / self.slope()
     }
 
-    /// dx/dT.
+    /// dx per unit of the input.
     pub fn slope(&self) -> f64 {
-        2.0 / (self.hi_c - self.lo_c)
+        2.0 / (self.hi - self.lo)
     }
 }
 
@@ -58,6 +58,16 @@ pub(crate) fn chebyshev_mean(x: f64, variance: f64) -> [f64; BASIS_LEN] {
         second[n + 1] = 4.0 * first[n] + 2.0 * x * second[n] - second[n - 1];
     }
     std::array::from_fn(|n| value[n] + 0.5 * second[n] * variance)
+}
+
+/// Derivatives of T₀ … T₈ at x: T_{n+1}' = 2·T_n + 2x·T_n' − T_{n−1}'.
+pub(crate) fn chebyshev_slope(x: f64) -> [f64; BASIS_LEN] {
+    let (value, mut first) = (chebyshev(x), [0.0; BASIS_LEN]);
+    first[1] = 1.0;
+    for n in 1..BASIS_LEN - 1 {
+        first[n + 1] = 2.0 * value[n] + 2.0 * x * first[n] - first[n - 1];
+    }
+    first
 }
 
 /// Coefficients of T_n as a polynomial of x, ascending powers; row n has n + 1 of them.

@@ -1,7 +1,7 @@
 //! What a term may be a function of: a thermometer, the difference of two, an auxiliary column.
 //!
 //! Each has a span (from the lowest to the highest sample of the rows), a reference at which its terms are zero, and for every
-//! row of the problem its mean and second moment. The thermometer of the fit is input 0; its reference is T0. A further
+//! row of the problem its mean and second moment. The thermometer of the fit is input 0; its reference is T0. Another
 //! thermometer is zero at T0 too (at the nearer end of its span where T0 lies outside), differences and columns at their mean.
 //!
 //! A column whose windows hold whole numbers, 2 to 16 of them, may have steps between them: the longitudinal mode, a gain.
@@ -10,14 +10,12 @@
 
 use std::borrow::Cow;
 
-use crate::calibration::TermKind;
 use crate::model::basis::{BASIS_LEN, Span, chebyshev, chebyshev_mean};
+use crate::model::shape::{KNOTS_PER_ONE, Movement, Shape};
 use crate::window::{WindowShape, Windows, holds_whole_numbers, is_whole};
 
 /// Fewest and most whole numbers of a column that may have steps.
 const STEPPED: std::ops::RangeInclusive<usize> = 2..=16;
-/// Knots of the image per unit of x.
-const KNOTS_PER_ONE: f64 = 32_768.0;
 /// A column narrower than this part of its size has too few codes for an image.
 const LEAST_OF_SIZE: f64 = 2e-4;
 /// Nor is one narrower than this.
@@ -29,15 +27,15 @@ const KNOWN: f64 = 0.95;
 /// A thermometer or difference must move by this, °C, to be a candidate.
 const LEAST_SPAN_C: f64 = 0.05;
 
-/// Where an input's numbers come from: places in [`WindowShape::thermometers`] and [`WindowShape::aux`].
+/// A signal of a log that terms may depend on, by its index in [`WindowShape::thermometers`] and [`WindowShape::aux`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Source {
+pub(crate) enum Signal {
     Thermometer(usize),
     Difference { of: usize, less: usize },
     Column(usize),
 }
 
-impl Source {
+impl Signal {
     /// The input of a name, if the log has it.
     pub(crate) fn named(name: &str, shape: &WindowShape) -> Option<Self> {
         let thermometer = |name: &str| {
@@ -66,8 +64,8 @@ impl Source {
         }
     }
 
-    /// Every input of a log besides the thermometer of the fit, simplest first.
-    pub(crate) fn further(shape: &WindowShape, main: usize) -> Vec<Self> {
+    /// Every signal of a log besides the thermometer of the fit, simplest first.
+    pub(crate) fn others(shape: &WindowShape, main: usize) -> Vec<Self> {
         let count = shape.thermometers.len();
         let thermometers = (0..count).filter(|at| *at != main).map(Self::Thermometer);
         let pairs = (0..count).flat_map(|of| (0..of).map(move |less| Self::Difference { of, less }));
@@ -132,8 +130,8 @@ impl Source {
         }
     }
 
-    /// Why `auto` does not look at it; `None` where it does.
-    pub(crate) fn unfit(self, windows: &Windows, used: &[usize]) -> Option<&'static str> {
+    /// Why `auto` does not try it; `None` where it does.
+    pub(crate) fn rejection(self, windows: &Windows, used: &[usize]) -> Option<&'static str> {
         let means: Vec<f64> =
             used.iter().map(|i| self.in_window(windows, *i).0).filter(|mean| mean.is_finite()).collect();
         let (lo, hi) = means.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), m| (lo.min(*m), hi.max(*m)));
@@ -161,20 +159,20 @@ pub(crate) fn label(name: &str) -> &str {
 
 /// What an image must read for some inputs: the thermometer of the fit, everything with a code of its own, then the
 /// differences, each once.
-pub(crate) fn channels(main: Source, further: &[Source]) -> Vec<Source> {
+pub(crate) fn channels(main: Signal, others: &[Signal]) -> Vec<Signal> {
     let mut own = vec![main];
     let mut differences = Vec::new();
-    for source in further {
-        let needed = match *source {
-            Source::Difference { of, less } => {
-                differences.push(*source);
-                vec![Source::Thermometer(of), Source::Thermometer(less)]
+    for signal in others {
+        let needed = match *signal {
+            Signal::Difference { of, less } => {
+                differences.push(*signal);
+                vec![Signal::Thermometer(of), Signal::Thermometer(less)]
             }
             other => vec![other],
         };
-        needed.into_iter().for_each(|source| {
-            if !own.contains(&source) {
-                own.push(source)
+        needed.into_iter().for_each(|signal| {
+            if !own.contains(&signal) {
+                own.push(signal)
             }
         });
     }
@@ -183,8 +181,8 @@ pub(crate) fn channels(main: Source, further: &[Source]) -> Vec<Source> {
 }
 
 /// An input on the rows of a problem.
-pub(crate) struct Input {
-    pub(crate) source: Source,
+pub(crate) struct SampledInput {
+    pub(crate) signal: Signal,
     pub(crate) name: String,
     pub(crate) span: Span,
     /// Where its terms are zero.
@@ -198,18 +196,18 @@ pub(crate) struct Input {
     levels: Vec<f64>,
 }
 
-impl Input {
+impl SampledInput {
     /// On these windows, in which it must be known; `reference` or its own where that is `None`.
-    pub(crate) fn new(source: Source, windows: &Windows, used: &[usize], reference: f64) -> Self {
-        let moments: Vec<(f64, f64)> = used.iter().map(|i| source.in_window(windows, *i)).collect();
-        let (lo, hi) = source.extremes(windows, used);
-        let exponent = if source.in_celsius() { 0 } else { unit_exponent(plausible_about([lo, hi])) };
+    pub(crate) fn new(signal: Signal, windows: &Windows, used: &[usize], reference: f64) -> Self {
+        let moments: Vec<(f64, f64)> = used.iter().map(|i| signal.in_window(windows, *i)).collect();
+        let (lo, hi) = signal.extremes(windows, used);
+        let exponent = if signal.in_celsius() { 0 } else { unit_exponent(plausible_about([lo, hi])) };
         let unit = 2.0_f64.powi(exponent.into());
         let on_grid = Span::on_grid(lo / unit, hi / unit);
-        let span = Span { lo_c: on_grid.lo_c * unit, hi_c: on_grid.hi_c * unit };
-        let reference = match source {
-            Source::Thermometer(_) => reference.clamp(span.lo_c, span.hi_c),
-            Source::Difference { .. } | Source::Column(_) => {
+        let span = Span { lo: on_grid.lo * unit, hi: on_grid.hi * unit };
+        let reference = match signal {
+            Signal::Thermometer(_) => reference.clamp(span.lo, span.hi),
+            Signal::Difference { .. } | Signal::Column(_) => {
                 moments.iter().map(|(mean, _)| mean).sum::<f64>() / moments.len().max(1) as f64
             }
         };
@@ -221,17 +219,17 @@ impl Input {
             std::array::from_fn(|n| mean[n] - at_reference[n])
         });
         let basis = basis.collect();
-        let levels = if source.in_celsius() { Vec::new() } else { whole_numbers(&moments) };
+        let levels = if signal.in_celsius() { Vec::new() } else { whole_numbers(&moments) };
         // The image's knots stand on a grid of the span; a threshold must stay between its two levels there.
         let apart = |pair: &[f64]| span.x(pair[1]) - span.x(pair[0]) > 4.0 / KNOTS_PER_ONE;
         let levels = if levels.windows(2).all(apart) { levels } else { Vec::new() };
-        let name = source.name(&windows.shape);
-        Self { source, name, span, reference, x, basis, x_variance, levels }
+        let name = signal.name(&windows.shape);
+        Self { signal, name, span, reference, x, basis, x_variance, levels }
     }
 
     /// True where an image has codes enough for its span.
     pub(crate) fn fits_codes(&self) -> bool {
-        self.source.in_celsius() || is_wide([self.span.lo_c, self.span.hi_c])
+        self.signal.in_celsius() || is_wide([self.span.lo, self.span.hi])
     }
 
     /// Thresholds of its steps: halfway between the whole numbers it takes.
@@ -239,48 +237,25 @@ impl Input {
         self.levels.windows(2).map(|pair| f64::midpoint(pair[0], pair[1])).collect()
     }
 
-    /// Mean of the step at a threshold less its value at the reference: the part of the window spent above it.
-    pub(crate) fn step(&self, row: usize, threshold: f64) -> f64 {
-        let above = self.levels.partition_point(|level| *level < threshold);
-        let (Some(lo), Some(hi)) = (above.checked_sub(1).and_then(|at| self.levels.get(at)), self.levels.get(above))
-        else {
-            return 0.0;
-        };
-        let part = |value: f64| ((value - lo) / (hi - lo)).clamp(0.0, 1.0);
-        part(self.value(row)) - f64::from(u8::from(self.reference >= threshold))
+    /// Mean of a shape over a row, less its value at the reference.
+    pub(crate) fn mean(&self, shape: Shape, row: usize) -> f64 {
+        if let Shape::Chebyshev { order } = shape {
+            return self.basis[row].get(usize::from(order)).copied().unwrap_or(0.0);
+        }
+        let over = Movement { x: self.x[row], variance: self.x_variance[row], levels: &self.levels };
+        shape.mean(self.span, over) - shape.value(self.span, self.reference)
     }
 
     /// Mean of a row, in its own unit.
     pub(crate) fn value(&self, row: usize) -> f64 {
-        f64::midpoint(self.span.lo_c, self.span.hi_c) + self.x[row] / self.span.slope()
-    }
-
-    /// A term's shape where the input stands still at a value, in its own unit, less that at the reference.
-    pub(crate) fn at(&self, kind: TermKind, order: u8, begins: Option<f64>, value: f64) -> f64 {
-        let shape = |value: f64| match (kind, begins) {
-            (TermKind::Zone, Some(knot)) => zone(self.span.x(value), knot),
-            (TermKind::Step, Some(threshold)) => f64::from(u8::from(value >= threshold)),
-            _ => chebyshev(self.span.x(value)).get(usize::from(order)).copied().unwrap_or(0.0),
-        };
-        shape(value) - shape(self.reference)
-    }
-
-    /// Mean of the zone's square above a knot (in x) less its value at the reference.
-    pub(crate) fn zone(&self, row: usize, knot: f64) -> f64 {
-        let inside = if self.x[row] > knot { self.x_variance[row] / (1.0 - knot).powi(2) } else { 0.0 };
-        zone(self.x[row], knot) + inside - zone(self.span.x(self.reference), knot)
+        f64::midpoint(self.span.lo, self.span.hi) + self.x[row] / self.span.slope()
     }
 }
 
-/// ((x − knot)/(1 − knot))² above the knot, 0 below: 1 at the upper end of the span.
-pub(crate) fn zone(x: f64, knot: f64) -> f64 {
-    ((x - knot).max(0.0) / (1.0 - knot)).powi(2)
-}
-
-/// Knots of so many zones of equal width, on the grid of the image.
-pub(crate) fn knots(zones: u8) -> Vec<f64> {
+/// Knots of so many zones of equal width over a span, on the grid of the image, in the unit of the input.
+pub(crate) fn knots(zones: u8, span: Span) -> Vec<f64> {
     let on_grid = |x: f64| (x * KNOTS_PER_ONE).round() / KNOTS_PER_ONE;
-    (1..zones).map(|k| on_grid(2.0 * f64::from(k) / f64::from(zones) - 1.0)).collect()
+    (1..zones).map(|k| span.at(on_grid(2.0 * f64::from(k) / f64::from(zones) - 1.0))).collect()
 }
 
 /// The whole numbers of a column, if its windows hold nothing else but where it changes.
@@ -313,11 +288,12 @@ mod tests {
 
     #[test]
     fn zones_meet_with_a_continuous_slope() {
-        let (knot, step) = (knots(4)[2], 1e-6);
+        let span = Span { lo: -1.0, hi: 1.0 };
+        let knot = knots(4, span)[2];
+        let zone = Shape::Zone { knot };
         assert!((knot - 0.5).abs() < 1e-12);
-        let slope = |x: f64| (zone(x + step, knot) - zone(x, knot)) / step;
-        assert!(slope(knot - 2.0 * step).abs() < 1e-9 && slope(knot).abs() < 1e-4);
-        assert!((zone(1.0, knot) - 1.0).abs() < 1e-12 && (slope(0.75) - 2.0).abs() < 1e-3);
+        assert!(zone.slope(span, knot - 1e-6).abs() < 1e-9 && zone.slope(span, knot + 1e-6).abs() < 1e-4);
+        assert!((zone.value(span, 1.0) - 1.0).abs() < 1e-12 && (zone.slope(span, 0.75) - 2.0).abs() < 1e-9);
     }
 
     #[test]

@@ -4,22 +4,11 @@
 //! carries the covariance too. Printed for people and old systems: nothing in Sagnac computes with it,
 //! because raw powers of °C are ill-conditioned.
 
-use crate::model::basis::{BASIS_LEN, Span, chebyshev, chebyshev_powers};
+use crate::model::basis::{BASIS_LEN, Span, chebyshev_powers};
 
-/// Row i: power Tⁱ; column 0: the constant, column n: coefficient of order n.
-pub(crate) fn powers_from_series(span: Span, reference_c: f64, order: usize) -> Vec<Vec<f64>> {
-    let at_reference = chebyshev(span.x(reference_c));
-    let shift = span.x(0.0);
-    let mut rows = vec![vec![0.0; order + 1]; order + 1];
-    rows[0][0] = 1.0;
-    for n in 1..=order {
-        let column = substitute(&chebyshev_powers()[n], span.slope(), shift);
-        for (power, row) in rows.iter_mut().enumerate() {
-            row[n] = column[power];
-        }
-        rows[0][n] -= at_reference[n];
-    }
-    rows
+/// T_order of the scaled input in ascending powers of the input.
+pub(crate) fn powers_of_chebyshev(span: Span, order: u8) -> [f64; BASIS_LEN] {
+    substitute(&chebyshev_powers()[usize::from(order).min(BASIS_LEN - 1)], span.slope(), span.x(0.0))
 }
 
 /// Chebyshev coefficients 0 … order of a polynomial given by ascending powers of °C.
@@ -58,14 +47,12 @@ mod tests {
 
     #[test]
     fn there_and_back_again() {
-        let span = Span { lo_c: -40.0, hi_c: 70.0 };
+        let span = Span { lo: -40.0, hi: 70.0 };
         let powers = [0.3, -0.02, 5e-4, 1e-6];
         let series = series_from_powers(span, &powers);
-        let rows = powers_from_series(span, 25.0, 3);
-        let constant: f64 = powers.iter().rev().fold(0.0, |sum, c| sum * 25.0 + c);
-        for (power, row) in rows.iter().enumerate() {
-            let value = row[0] * constant + (1..=3).map(|n| row[n] * series[n]).sum::<f64>();
-            assert!((value - powers[power]).abs() < 1e-12 * (1.0 + powers[power].abs()), "{power}: {value}");
+        for (power, expected) in powers.iter().enumerate() {
+            let value: f64 = (0..=3).map(|n| powers_of_chebyshev(span, n)[power] * series[usize::from(n)]).sum();
+            assert!((value - expected).abs() < 1e-12 * (1.0 + expected.abs()), "{power}: {value}");
         }
     }
 }

@@ -17,14 +17,14 @@ use crate::model::spec::ModelSpec;
 const BASE: f64 = 670.0;
 /// More with any term.
 const SERIES: f64 = 20.0;
-/// More with each further thermometer, difference or column.
+/// More with each thermometer, difference or column after the first.
 const INPUT: f64 = 400.0;
 /// More with each lag filter and its rate.
 const LAG: f64 = 154.0;
 /// More with each term, of whatever shape.
 const TERM: f64 = 80.0;
 /// More with each zone.
-const ZONE: f64 = 8.0;
+pub(crate) const ZONE: f64 = 8.0;
 /// A tick of compensation between slews.
 pub const TICK_INSTRUCTIONS: u32 = 46;
 /// The form is this close to what is counted, as a part.
@@ -46,17 +46,10 @@ pub struct Work {
 impl Work {
     /// Of a model that reads so many inputs.
     pub fn of_model(model: &ModelSpec, inputs: usize) -> Self {
-        let rates = |rate: Option<u8>| rate.map_or(0, |order| usize::from(order) + 1);
-        let zones = usize::from(model.zones.saturating_sub(1));
-        let mut bias = usize::from(model.bias) + zones;
-        let (mut rated, mut scale) = (rates(model.rate), usize::from(model.scale));
-        for of in &model.further {
-            bias += usize::from(of.bias) + usize::from(of.steps.unwrap_or(0));
-            rated += rates(of.rate);
-            scale += usize::from(of.scale);
-        }
+        let [bias, rated, scale] = model.image_terms();
         // What is not multiplied has, together, a term of order 0 that makes it zero at its references.
         let with_zero = |terms: usize| if terms > 0 { terms + 1 } else { 0 };
+        let zones = usize::from(model.thermometer().zones.saturating_sub(1));
         Self { inputs, lags: model.lags(), terms: with_zero(bias) + rated + with_zero(scale), zones }
     }
 
@@ -73,9 +66,8 @@ impl Work {
     /// Instructions of a slow update.
     pub fn instructions(self) -> u32 {
         let series = if self.terms > 0 { SERIES } else { 0.0 };
-        let further = INPUT * self.inputs.saturating_sub(1) as f64;
-        let sum =
-            BASE + series + further + LAG * self.lags as f64 + TERM * self.terms as f64 + ZONE * self.zones as f64;
+        let others = INPUT * self.inputs.saturating_sub(1) as f64;
+        let sum = BASE + series + others + LAG * self.lags as f64 + TERM * self.terms as f64 + ZONE * self.zones as f64;
         sum.round() as u32
     }
 }

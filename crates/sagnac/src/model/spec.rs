@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! bias 3, rate 1, zones 4, scale 2        over the thermometer of the fit
-//! bias(cavity - block) 1, rate(cavity) 0, scale(path_length_v) 1, steps(mode)        over further inputs, by name
+//! bias(cavity - block) 1, rate(cavity) 0, scale(path_length_v) 1, steps(mode)        over other inputs, by name
 //! ```
 
 use std::fmt;
@@ -12,6 +12,8 @@ use sagnac_core::MAX_ORDER;
 
 use sagnac_log::error::{Error, Result};
 
+use crate::model::shape::{Form, Shape};
+
 /// Highest order of the rate series.
 pub const MAX_RATE_ORDER: u8 = 3;
 /// Most zones of a span.
@@ -20,37 +22,32 @@ const MAX_ZONES: u8 = 8;
 /// Highest order of the scale-factor series that `auto` tries.
 const MAX_AUTO_SCALE_ORDER: u8 = 4;
 
-/// Orders of the series of a model.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]
+/// The terms of a model, input by input. The first entry is the thermometer of the fit, which has no name here.
+#[derive(Clone, Debug, PartialEq)]
 pub struct ModelSpec {
-    /// Order of the bias series; 0: none.
-    pub bias: u8,
-    /// Order of the series that multiplies Ṫ; `None`: no rate term, `Some(0)`: c₀ alone.
-    pub rate: Option<u8>,
-    /// Order of the scale-factor series; 0: none.
-    pub scale: u8,
-    /// Zones of equal width into which the span is cut, with a continuous slope where they meet; 0: none.
-    pub zones: u8,
-    /// What depends on other inputs, in the order in which it was named.
-    pub further: Vec<FurtherTerms>,
+    inputs: Vec<InputTerms>,
 }
 
-/// Orders of the series over a further input.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]
-pub struct FurtherTerms {
-    /// A thermometer, two with ` - ` between them, or an auxiliary column.
+/// Orders of the series over one input, and its other shapes.
+#[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
+pub struct InputTerms {
+    /// A thermometer, two with ` - ` between them, or an auxiliary column; empty for the thermometer of the fit.
     pub input: String,
     /// Order of the bias series; 0: none.
     pub bias: u8,
-    /// Order of the series that multiplies its rate.
+    /// Order of the series that multiplies its rate; `None`: no rate term, `Some(0)`: c₀ alone.
     pub rate: Option<u8>,
     /// Order of the scale-factor series; 0: none.
     pub scale: u8,
+    /// Zones of equal width into which the span is cut, with a continuous slope where they meet; 0: none. Only of the
+    /// thermometer of the fit.
+    pub zones: u8,
     /// A step of bias where the input goes from one whole number to the next: how many of them, once the data are known.
     pub steps: Option<u8>,
 }
 
-impl FurtherTerms {
+impl InputTerms {
     /// No term of this input.
     pub(crate) fn of(input: &str) -> Self {
         Self { input: input.to_owned(), ..Self::default() }
@@ -59,43 +56,108 @@ impl FurtherTerms {
     pub(crate) fn is_empty(&self) -> bool {
         *self == Self::of(&self.input)
     }
+
+    /// Terms of a series with a rate in front, c₀ counted.
+    fn rates(&self) -> usize {
+        self.rate.map_or(0, |order| usize::from(order) + 1)
+    }
+
+    /// Terms that act on the bias without a rate.
+    fn of_bias(&self) -> usize {
+        usize::from(self.bias) + usize::from(self.zones.saturating_sub(1)) + usize::from(self.steps.unwrap_or(0))
+    }
+
+    /// Coefficients; a lag counts as one.
+    fn coefficients(&self) -> usize {
+        self.of_bias() + self.rates() + usize::from(self.rate.is_some()) + usize::from(self.scale)
+    }
+
+    /// Its terms, over an input whose knots and thresholds are known, in the order of the parameters of a fit.
+    pub(crate) fn forms(&self, knots: &[f64], thresholds: &[f64]) -> Vec<Form> {
+        let mut forms: Vec<Form> = (1..=self.bias).map(Form::bias).collect();
+        forms.extend(self.rate.into_iter().flat_map(|order| (0..=order).map(Form::rate)));
+        let on_bias = |shape| Form { shape, ..Form::bias(0) };
+        forms.extend(knots.iter().map(|knot| on_bias(Shape::Zone { knot: *knot })));
+        if self.steps.is_some() {
+            forms.extend(thresholds.iter().map(|threshold| on_bias(Shape::Step { threshold: *threshold })));
+        }
+        forms.extend((1..=self.scale).map(Form::scale));
+        forms
+    }
+}
+
+impl Default for ModelSpec {
+    fn default() -> Self {
+        Self { inputs: vec![InputTerms::default()] }
+    }
 }
 
 impl ModelSpec {
+    /// Of these terms over the thermometer of the fit, and nothing else.
+    pub(crate) fn of_thermometer(terms: InputTerms) -> Self {
+        Self { inputs: vec![terms] }
+    }
+
+    /// The terms over the thermometer of the fit.
+    pub fn thermometer(&self) -> &InputTerms {
+        &self.inputs[0]
+    }
+
+    pub(crate) fn thermometer_mut(&mut self) -> &mut InputTerms {
+        &mut self.inputs[0]
+    }
+
+    /// The terms of every input, the thermometer of the fit first.
+    pub fn inputs(&self) -> &[InputTerms] {
+        &self.inputs
+    }
+
+    pub(crate) fn inputs_mut(&mut self) -> &mut [InputTerms] {
+        &mut self.inputs
+    }
+
+    /// Without the inputs that have no terms.
+    pub(crate) fn drop_empty(&mut self) {
+        let mut at = 0;
+        self.inputs.retain(|of| {
+            at += 1;
+            at == 1 || !of.is_empty()
+        });
+    }
+
     /// Coefficients without the constants of the runs; a lag counts as one.
     pub fn coefficients(&self) -> usize {
-        let rates = |rate: Option<u8>| rate.map_or(0, |r| usize::from(r) + 2);
-        let further = self.further.iter().map(|of| {
-            usize::from(of.bias) + rates(of.rate) + usize::from(of.scale) + usize::from(of.steps.unwrap_or(0))
-        });
-        usize::from(self.bias)
-            + rates(self.rate)
-            + usize::from(self.scale)
-            + usize::from(self.zones.saturating_sub(1))
-            + further.sum::<usize>()
+        self.inputs.iter().map(InputTerms::coefficients).sum()
     }
 
     /// Inputs whose lag is fitted.
     pub(crate) fn lags(&self) -> usize {
-        usize::from(self.rate.is_some()) + self.further.iter().filter(|of| of.rate.is_some()).count()
+        self.inputs.iter().filter(|of| of.rate.is_some()).count()
     }
 
-    /// What depends on a further input; begun if nothing did.
-    pub(crate) fn of_input(&mut self, input: &str) -> &mut FurtherTerms {
-        let at = self.further.iter().position(|of| of.input == input).unwrap_or_else(|| {
-            self.further.push(FurtherTerms::of(input));
-            self.further.len() - 1
+    /// Terms of its image without rate, with rate, and of the scale factor.
+    pub(crate) fn image_terms(&self) -> [usize; 3] {
+        let sum = |of: &dyn Fn(&InputTerms) -> usize| self.inputs.iter().map(of).sum();
+        [sum(&InputTerms::of_bias), sum(&InputTerms::rates), sum(&|of| usize::from(of.scale))]
+    }
+
+    /// What depends on an input; begun if nothing did.
+    pub(crate) fn of_input(&mut self, input: &str) -> &mut InputTerms {
+        let at = self.inputs.iter().position(|of| of.input == input).unwrap_or_else(|| {
+            self.inputs.push(InputTerms::of(input));
+            self.inputs.len() - 1
         });
-        &mut self.further[at]
+        &mut self.inputs[at]
     }
 
     /// Every candidate of the grid over the thermometer of the fit, smallest first; scale terms only where a rate table
-    /// tells them.
+    /// determines them.
     pub fn candidates(with_rate: bool, with_scale: bool) -> Vec<Self> {
         let rates = if with_rate { vec![None, Some(0), Some(1), Some(2), Some(3)] } else { vec![None] };
         let scales = 0..=if with_scale { MAX_AUTO_SCALE_ORDER } else { 0 };
         let of = |rate: Option<u8>, scale: u8| {
-            (0..=MAX_ORDER).map(move |bias| Self { bias, rate, scale, ..Self::default() })
+            let terms = move |bias| InputTerms { bias, rate, scale, ..InputTerms::default() };
+            (0..=MAX_ORDER).map(move |bias| Self::of_thermometer(terms(bias)))
         };
         let mut all: Vec<Self> =
             rates.iter().flat_map(|rate| scales.clone().flat_map(move |scale| of(*rate, scale))).collect();
@@ -106,28 +168,23 @@ impl ModelSpec {
 
 impl fmt::Display for ModelSpec {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "bias {}", self.bias)?;
-        if let Some(rate) = self.rate {
-            write!(f, ", rate {rate}")?;
-        }
-        if self.zones > 1 {
-            write!(f, ", zones {}", self.zones)?;
-        }
-        if self.scale > 0 {
-            write!(f, ", scale {}", self.scale)?;
-        }
-        for FurtherTerms { input, bias, rate, scale, steps } in &self.further {
-            if *bias > 0 {
-                write!(f, ", bias({input}) {bias}")?;
+        write!(f, "bias {}", self.thermometer().bias)?;
+        for (at, InputTerms { input, bias, rate, scale, zones, steps }) in self.inputs.iter().enumerate() {
+            let of = if at == 0 { String::new() } else { format!("({input})") };
+            if at > 0 && *bias > 0 {
+                write!(f, ", bias{of} {bias}")?;
             }
             if let Some(rate) = rate {
-                write!(f, ", rate({input}) {rate}")?;
+                write!(f, ", rate{of} {rate}")?;
+            }
+            if *zones > 1 {
+                write!(f, ", zones{of} {zones}")?;
             }
             if *scale > 0 {
-                write!(f, ", scale({input}) {scale}")?;
+                write!(f, ", scale{of} {scale}")?;
             }
             if steps.is_some() {
-                write!(f, ", steps({input})")?;
+                write!(f, ", steps{of}")?;
             }
         }
         Ok(())
@@ -202,22 +259,19 @@ impl FromStr for ModelSpec {
                 ("steps", _, None) => return Err(bad("steps without an input")),
                 ("steps", Some(_), _) => return Err(bad("steps with an order")),
                 (_, None, _) if known => return Err(bad("a term without its order")),
-                ("bias", Some(n), None) if n <= MAX_ORDER => spec.bias = n,
-                ("scale", Some(n), None) if n <= MAX_ORDER => spec.scale = n,
-                ("rate", Some(n), None) if n <= MAX_RATE_ORDER => spec.rate = Some(n),
-                ("zones", Some(n), None) if (2..=MAX_ZONES).contains(&n) => spec.zones = n,
+                ("zones", Some(n), None) if (2..=MAX_ZONES).contains(&n) => spec.thermometer_mut().zones = n,
                 ("zones", Some(_), Some(_)) => {
                     return Err(bad("zones of another input than the thermometer of the fit"));
                 }
                 ("zones", Some(_), None) => return Err(bad("fewer than two or more than eight zones")),
-                ("bias", Some(n), Some(input)) if n <= MAX_ORDER => spec.of_input(input).bias = n,
-                ("scale", Some(n), Some(input)) if n <= MAX_ORDER => spec.of_input(input).scale = n,
-                ("rate", Some(n), Some(input)) if n <= MAX_RATE_ORDER => spec.of_input(input).rate = Some(n),
+                ("bias", Some(n), of) if n <= MAX_ORDER => spec.of_input(of.unwrap_or_default()).bias = n,
+                ("scale", Some(n), of) if n <= MAX_ORDER => spec.of_input(of.unwrap_or_default()).scale = n,
+                ("rate", Some(n), of) if n <= MAX_RATE_ORDER => spec.of_input(of.unwrap_or_default()).rate = Some(n),
                 _ if known => return Err(bad("an order too high")),
                 _ => return Err(bad("an unknown term")),
             }
         }
-        spec.further.retain(|of| !of.is_empty());
+        spec.drop_empty();
         Ok(spec)
     }
 }

@@ -86,7 +86,7 @@ fn recorded(axis: &AxisCalibration, shape: &LogShape) -> Result<Vec<LogColumn>> 
                 .help(format!("it has: {}", Error::choices(&all)))
         }))
     };
-    axis.inputs.iter().filter_map(|input| find(&input.source)).collect()
+    axis.other_inputs().iter().filter_map(|input| find(&input.source)).collect()
 }
 
 /// Of an image without names.

@@ -18,7 +18,7 @@ const LANES: usize = 4;
 /// Collects windows; push batches run by run, then finish.
 pub struct WindowBuilder {
     shape: WindowShape,
-    settle_ns: i64,
+    discard_initial_ns: i64,
     tick_ns: i64,
     rows: WindowRows,
     runs: Vec<Run>,
@@ -219,7 +219,7 @@ impl WindowBuilder {
         Ok(Self {
             short_tau: vec![ShortTau::new(sample_interval_s, longest); log.axes.len()],
             shape,
-            settle_ns: ns_from_s(setup.settle_s).unwrap_or(0),
+            discard_initial_ns: ns_from_s(setup.discard_initial_s).unwrap_or(0),
             tick_ns,
             rows,
             runs: Vec::new(),
@@ -384,14 +384,14 @@ impl WindowBuilder {
     }
 
     /// Windows with what must be left out marked. `keep_all` keeps every window that has numbers
-    /// (only `settle_s` is still left out).
+    /// (only `discard_initial_s` is still left out).
     pub fn finish(self, keep_all: bool) -> Windows {
         let mut tallies = Tallies::default();
         self.runs.iter().for_each(|run| tallies.merge(&run.summary.tallies));
         let mut windows = Windows { shape: self.shape, runs: self.runs, rows: self.rows, tallies };
         for i in 0..windows.len() {
             let run = &windows.runs[windows.rows.run[i] as usize];
-            if windows.rows.start_ns[i] - run.start_ns < self.settle_ns {
+            if windows.rows.start_ns[i] - run.start_ns < self.discard_initial_ns {
                 windows.exclude(i, Reason::Settling);
             } else if !keep_all && windows.duration_s(i) < windows.shape.nominal_s / 10.0 {
                 windows.exclude(i, Reason::ShortWindow);

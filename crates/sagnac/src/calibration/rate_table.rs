@@ -1,4 +1,4 @@
-//! What runs on a rate table add to a record.
+//! Scale factor and misalignment from runs on a rate table.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -7,7 +7,6 @@ use sagnac_units::format::significant;
 
 /// A value in parts per million with its standard deviation.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
 pub struct PpmEstimate {
     /// Value, ppm.
     pub ppm: f64,
@@ -17,7 +16,6 @@ pub struct PpmEstimate {
 
 /// One temperature of a test on a rate table.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
 pub struct Plateau {
     /// Mean temperature, °C.
     pub temperature_c: f64,
@@ -33,13 +31,12 @@ pub struct Plateau {
     pub bias_sigma_dph: f64,
     /// Largest distance of a rate from the straight line, ppm of the largest rate; null with fewer than three rates.
     pub nonlinearity: Option<PpmEstimate>,
-    /// 2(S⁺ − S⁻)/(S⁺ + S⁻); null where the rates do not tell it.
+    /// 2(S⁺ − S⁻)/(S⁺ + S⁻); null where the rates do not determine it.
     pub asymmetry: Option<PpmEstimate>,
 }
 
 /// How well the scale factor comes back to itself.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
 pub struct Repeatability {
     /// σ among visits of one temperature, pooled over temperatures, ppm.
     pub sigma_ppm: f64,
@@ -51,9 +48,8 @@ pub struct Repeatability {
     pub degrees_of_freedom: usize,
 }
 
-/// What a rate table tells of the scale factor.
+/// The scale factor, from runs on a rate table.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
 pub struct ScaleFactor {
     /// S at T0, arcsec per count; null for rate logs.
     pub arcsec_per_count: Option<f64>,
@@ -94,11 +90,10 @@ const BEYOND_NOISE: f64 = 3.0;
 
 /// Angle between the input axis and the plane that another axis is normal to.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
 pub struct Misalignment {
     /// The axis that was turned.
     pub towards: char,
-    /// Angle by which the input axis leans towards it, arcsec; positive where its rotation adds to this axis' rate.
+    /// Misalignment of the input axis towards it, arcsec; positive where its rotation adds to the rate of this axis.
     pub arcsec: f64,
     /// Standard deviation, arcsec.
     pub sigma_arcsec: f64,

@@ -15,14 +15,14 @@
 //! columns at unit length) is refused: its coefficients would be the noise's. Of candidates of one size the one of
 //! the least condition is taken.
 
-use crate::calibration::{PathStep, PathVerdict};
-use crate::fit::criterion::{Held, effective_windows, needed_gain, stands};
+use crate::calibration::{SearchStep, SearchVerdict};
+use crate::fit::criterion::{CvScore, effective_windows, is_undominated, needed_gain};
 use crate::fit::folds::Trial;
-use crate::fit::problem::{Level, Problem};
+use crate::fit::least_squares::{LeastSquares, Level};
 use crate::fit::solution::fit;
 use crate::model::input::channels;
 use crate::model::price::Work;
-use crate::model::spec::{MAX_RATE_ORDER, ModelSpec};
+use crate::model::spec::{InputTerms, MAX_RATE_ORDER, ModelSpec};
 use rayon::prelude::*;
 
 /// Beyond this condition terms cannot be told apart.
@@ -41,12 +41,12 @@ pub(crate) struct Path {
     pub(crate) spec: ModelSpec,
     pub(crate) mean_square: f64,
     windows: f64,
-    pub(crate) steps: Vec<PathStep>,
+    pub(crate) steps: Vec<SearchStep>,
 }
 
 impl Path {
-    fn held(&self) -> Held {
-        Held { coefficients: self.spec.coefficients(), mean_square: self.mean_square }
+    fn held(&self) -> CvScore {
+        CvScore { coefficients: self.spec.coefficients(), mean_square: self.mean_square }
     }
 }
 
@@ -66,12 +66,12 @@ impl Tried {
         self.mean_square.unwrap_or(f64::INFINITY)
     }
 
-    fn held(&self) -> Held {
-        Held { coefficients: self.spec.coefficients(), mean_square: self.square() }
+    fn held(&self) -> CvScore {
+        CvScore { coefficients: self.spec.coefficients(), mean_square: self.square() }
     }
 
-    fn step(&self, number: usize, verdict: PathVerdict) -> PathStep {
-        PathStep {
+    fn step(&self, number: usize, verdict: SearchVerdict) -> SearchStep {
+        SearchStep {
             step: number,
             model: self.spec.to_string(),
             coefficients: self.spec.coefficients(),
@@ -85,28 +85,25 @@ impl Tried {
 
 /// Goes on from a model; where there are further inputs from two small ones too, because the grid, which does not know the inputs,
 /// may end far from where they lead. Of the ends that stand that with the fewest inputs counts, then the smallest. `None` where nothing can be fitted out of sample.
-pub(crate) fn walk(problem: &Problem<'_>, start: &ModelSpec, taus_s: &[f64]) -> Option<Path> {
+pub(crate) fn walk(problem: &LeastSquares<'_>, start: &ModelSpec, taus_s: &[f64]) -> Option<Path> {
     let mut starts = vec![start.clone()];
     if problem.inputs.len() > 1 {
         let rates = if problem.has_rate() { vec![None, Some(0)] } else { vec![None] };
-        starts.extend(rates.into_iter().map(|rate| ModelSpec {
-            bias: 2,
-            rate,
-            scale: start.scale,
-            ..ModelSpec::default()
-        }));
+        let scale = start.thermometer().scale;
+        let small = |rate| InputTerms { bias: 2, rate, scale, ..InputTerms::default() };
+        starts.extend(rates.into_iter().map(|rate| ModelSpec::of_thermometer(small(rate))));
         starts.dedup();
     }
     let ends: Vec<Path> = starts.iter().filter_map(|start| walk_from(problem, start, taus_s)).collect();
-    let held: Vec<Held> = ends.iter().map(Path::held).collect();
-    let good = ends.into_iter().filter(|end| stands(end.held(), &held, end.windows));
+    let held: Vec<CvScore> = ends.iter().map(Path::held).collect();
+    let good = ends.into_iter().filter(|end| is_undominated(end.held(), &held, end.windows));
     // An input more is a wire more: fewer of them win before fewer coefficients.
     good.min_by_key(|end| (inputs_read(problem, &end.spec), end.spec.coefficients()))
 }
 
-fn walk_from(problem: &Problem<'_>, start: &ModelSpec, taus_s: &[f64]) -> Option<Path> {
+fn walk_from(problem: &LeastSquares<'_>, start: &ModelSpec, taus_s: &[f64]) -> Option<Path> {
     let mut here = try_all(problem, std::slice::from_ref(start), taus_s).pop().filter(|t| t.mean_square.is_some())?;
-    let mut steps = vec![here.step(0, PathVerdict::Start)];
+    let mut steps = vec![here.step(0, SearchVerdict::Start)];
     let mut least = here.held();
     let mut number = 0;
     for forward in [true, false] {
@@ -115,7 +112,7 @@ fn walk_from(problem: &Problem<'_>, start: &ModelSpec, taus_s: &[f64]) -> Option
             let tried = try_all(problem, &next, taus_s);
             let passes = |model: &Tried| {
                 if !forward {
-                    return stands(model.held(), &[least], here.windows);
+                    return is_undominated(model.held(), &[least], here.windows);
                 }
                 let more = model.spec.coefficients().saturating_sub(here.spec.coefficients());
                 model.square() * needed_gain(here.windows, more, tried.len()) < least.mean_square
@@ -124,11 +121,11 @@ fn walk_from(problem: &Problem<'_>, start: &ModelSpec, taus_s: &[f64]) -> Option
             number += 1;
             steps.extend(tried.iter().enumerate().map(|(at, model)| {
                 let verdict = match (Some(at) == taken, model.mean_square.is_some(), collinear(model)) {
-                    (true, ..) => PathVerdict::Taken,
-                    (_, _, true) => PathVerdict::Collinear,
-                    (_, false, _) => PathVerdict::NotFitted,
-                    _ if forward => PathVerdict::NoGain,
-                    _ => PathVerdict::Missed,
+                    (true, ..) => SearchVerdict::Selected,
+                    (_, _, true) => SearchVerdict::Collinear,
+                    (_, false, _) => SearchVerdict::NotFitted,
+                    _ if forward => SearchVerdict::NoGain,
+                    _ => SearchVerdict::Needed,
                 };
                 model.step(number, verdict)
             }));
@@ -153,19 +150,19 @@ fn collinear(model: &Tried) -> bool {
 fn best_of(tried: &[Tried], windows: f64, passes: impl Fn(&Tried) -> bool) -> Option<usize> {
     let is_fair = |model: &Tried| !collinear(model) && model.mean_square.is_some() && passes(model);
     let fair: Vec<usize> = (0..tried.len()).filter(|at| is_fair(&tried[*at])).collect();
-    let held: Vec<Held> = fair.iter().map(|at| tried[*at].held()).collect();
+    let held: Vec<CvScore> = fair.iter().map(|at| tried[*at].held()).collect();
     let condition = |at: usize| tried[at].condition.unwrap_or(1.0);
-    fair.iter().copied().filter(|at| stands(tried[*at].held(), &held, windows)).min_by(|a, b| {
+    fair.iter().copied().filter(|at| is_undominated(tried[*at].held(), &held, windows)).min_by(|a, b| {
         let size = |at: usize| tried[at].spec.coefficients();
         size(*a).cmp(&size(*b)).then(condition(*a).total_cmp(&condition(*b)))
     })
 }
 
-fn try_all(problem: &Problem<'_>, specs: &[ModelSpec], taus_s: &[f64]) -> Vec<Tried> {
+fn try_all(problem: &LeastSquares<'_>, specs: &[ModelSpec], taus_s: &[f64]) -> Vec<Tried> {
     let tried = |spec: &ModelSpec| {
         // A model that is refused for its terms needs no folds.
         let fitted = fit(problem, spec, taus_s).ok();
-        let condition = fitted.as_ref().and_then(|f| f.nearness.as_ref()).map(|near| near.condition);
+        let condition = fitted.as_ref().and_then(|f| f.conditioning.as_ref()).map(|near| near.condition);
         let fair = fitted.is_some() && condition.is_none_or(|condition| condition <= CONDITION_MAX);
         let mean_square = if fair { Trial::new(problem, spec, taus_s).held_out() } else { None };
         let rho = fitted.as_ref().map_or(0.0, |f| f.autocorrelation);
@@ -176,39 +173,43 @@ fn try_all(problem: &Problem<'_>, specs: &[ModelSpec], taus_s: &[f64]) -> Vec<Tr
 }
 
 /// An image can read all inputs of a model and hold all its terms.
-pub(crate) fn fits_image(problem: &Problem<'_>, spec: &ModelSpec) -> bool {
+pub(crate) fn fits_image(problem: &LeastSquares<'_>, spec: &ModelSpec) -> bool {
     let inputs = inputs_read(problem, spec);
     inputs <= sagnac_core::MAX_THERMOMETERS && Work::of_model(spec, inputs).terms <= sagnac_core::MAX_TERMS
 }
 
 /// Thermometers, differences and columns that an image of a model describes.
-pub(crate) fn inputs_read(problem: &Problem<'_>, spec: &ModelSpec) -> usize {
-    let named: Vec<_> =
-        spec.further.iter().filter_map(|of| problem.input(&of.input)).map(|at| problem.inputs[at].source).collect();
-    channels(problem.inputs[0].source, &named).len()
+pub(crate) fn inputs_read(problem: &LeastSquares<'_>, spec: &ModelSpec) -> usize {
+    let named: Vec<_> = spec.inputs()[1..]
+        .iter()
+        .filter_map(|of| problem.input(&of.input))
+        .map(|at| problem.inputs[at].signal)
+        .collect();
+    channels(problem.inputs[0].signal, &named).len()
 }
 
 /// Every model with one order, zone table or set of steps more.
-fn grown(problem: &Problem<'_>, from: &ModelSpec) -> Vec<ModelSpec> {
-    let with_scale = problem.place_of(Level::Scale).is_some();
+fn grown(problem: &LeastSquares<'_>, from: &ModelSpec) -> Vec<ModelSpec> {
+    let with_scale = problem.column_of(Level::Scale).is_some();
     let mut all = Vec::new();
     let mut add = |change: &dyn Fn(&mut ModelSpec)| {
         let mut spec = from.clone();
         change(&mut spec);
         all.push(spec);
     };
-    if from.bias < sagnac_core::MAX_ORDER {
-        add(&|spec| spec.bias += 1);
+    let main = from.thermometer();
+    if main.bias < sagnac_core::MAX_ORDER {
+        add(&|spec| spec.thermometer_mut().bias += 1);
     }
-    if problem.has_rate() && from.rate.is_none_or(|rate| rate < MAX_RATE_ORDER) {
-        add(&|spec| spec.rate = Some(spec.rate.map_or(0, |rate| rate + 1)));
+    if problem.has_rate() && main.rate.is_none_or(|rate| rate < MAX_RATE_ORDER) {
+        add(&|spec| spec.thermometer_mut().rate = Some(main.rate.map_or(0, |rate| rate + 1)));
     }
-    if let Some(zones) = ZONES.into_iter().find(|zones| *zones > from.zones).filter(|_| from.bias > 0) {
-        add(&|spec| spec.zones = zones);
+    if let Some(zones) = ZONES.into_iter().find(|zones| *zones > main.zones).filter(|_| main.bias > 0) {
+        add(&|spec| spec.thermometer_mut().zones = zones);
     }
     for input in &problem.inputs[1..] {
         let name = input.name.as_str();
-        let now = from.further.iter().find(|of| of.input == name);
+        let now = from.inputs()[1..].iter().find(|of| of.input == name);
         let (bias, scale) = now.map_or((0, 0), |of| (of.bias, of.scale));
         let rate = now.and_then(|of| of.rate);
         if bias < MOST_BIAS {
@@ -236,34 +237,26 @@ fn shrunk(from: &ModelSpec) -> Vec<ModelSpec> {
     let mut add = |change: &dyn Fn(&mut ModelSpec)| {
         let mut spec = from.clone();
         change(&mut spec);
-        spec.further.retain(|of| !of.is_empty());
+        spec.drop_empty();
         all.push(spec);
     };
     let less = |rate: Option<u8>| rate.and_then(|rate| rate.checked_sub(1));
-    if from.bias > 0 {
-        add(&|spec| spec.bias -= 1);
-    }
-    if from.rate.is_some() {
-        add(&|spec| spec.rate = less(spec.rate));
-    }
-    if from.scale > 0 {
-        add(&|spec| spec.scale -= 1);
-    }
-    if from.zones > 1 {
-        add(&|spec| spec.zones = ZONES.into_iter().rfind(|zones| *zones < from.zones).unwrap_or(0));
-    }
-    for (at, of) in from.further.iter().enumerate() {
+    for (at, of) in from.inputs().iter().enumerate() {
         if of.bias > 0 {
-            add(&|spec| spec.further[at].bias -= 1);
+            add(&|spec| spec.inputs_mut()[at].bias -= 1);
         }
         if of.rate.is_some() {
-            add(&|spec| spec.further[at].rate = less(spec.further[at].rate));
+            add(&|spec| spec.inputs_mut()[at].rate = less(of.rate));
         }
         if of.scale > 0 {
-            add(&|spec| spec.further[at].scale -= 1);
+            add(&|spec| spec.inputs_mut()[at].scale -= 1);
+        }
+        if of.zones > 1 {
+            let fewer = ZONES.into_iter().rfind(|zones| *zones < of.zones).unwrap_or(0);
+            add(&|spec| spec.inputs_mut()[at].zones = fewer);
         }
         if of.steps.is_some() {
-            add(&|spec| spec.further[at].steps = None);
+            add(&|spec| spec.inputs_mut()[at].steps = None);
         }
     }
     all

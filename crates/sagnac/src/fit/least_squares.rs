@@ -5,10 +5,10 @@
 //! ```
 //!
 //! with the same sums over every further input (another x, another Ṫ of its own lag), and zones and steps beside them
-//! ([`super::input`]).
+//! ([`crate::model::input`]).
 //!
 //! y is the mean rate of a window, Ω_run the mean rate of its run: with one input rate per run that is
-//! the model of the target to first order in ε. On a rate table (see [`super::turning`]) it is exact instead:
+//! the model of the target to first order in ε. On a rate table (see [`super::rate_table_input`]) it is exact instead:
 //!
 //! ```text
 //! y − Ω_table = C + δ·Ω_across − y·1e-6·{ε0 + Σ e_k·[T̄_k − T_k(x0)]} + Σ bᵢ·[…] + Σ cⱼ·mean(…)
@@ -18,14 +18,14 @@
 //! constant per run where every run was turned at several rates, else one for all: a run at a single rate cannot tell
 //! its constant from ε0.
 
-use crate::calibration::Plateau;
-use crate::calibration::TermKind;
+use crate::calibration::{Plateau, SCALE_AT_REFERENCE};
 use crate::fit::lag::{LagRate, RATE_COLUMNS};
 use crate::fit::plateaus::plateaus_of;
-use crate::fit::turning::Turning;
+use crate::fit::rate_table_input::RateTableInput;
 use crate::model::basis::Span;
-use crate::model::input::{Input, Source, knots};
-use crate::model::spec::{FurtherTerms, ModelSpec};
+use crate::model::input::{SampledInput, Signal, knots};
+use crate::model::spec::ModelSpec;
+use crate::model::{ActsOn, Form, InputTerms, Shape};
 use crate::window::Windows;
 use sagnac_log::error::{Error, Result};
 use sagnac_units::s_from_ns;
@@ -34,10 +34,10 @@ use sagnac_units::s_from_ns;
 const TAU_STEPS: usize = 24;
 
 /// The used windows of one axis.
-pub(crate) struct Problem<'a> {
+pub(crate) struct LeastSquares<'a> {
     windows: &'a Windows,
     /// What terms may be functions of; the first is the thermometer of the fit.
-    pub(crate) inputs: Vec<Input>,
+    pub(crate) inputs: Vec<SampledInput>,
     /// Per input: the first τ of the grid that is tried. Raised where a thermometer's noise asks for more.
     pub(crate) tau_from: Vec<usize>,
     /// Window of each row.
@@ -55,7 +55,7 @@ pub(crate) struct Problem<'a> {
     /// Columns before the terms of a model.
     pub(crate) levels: Vec<Level>,
     /// What the axis was turned by, where a table did.
-    pub(crate) turning: Option<Turning>,
+    pub(crate) turning: Option<RateTableInput>,
 }
 
 /// A column that stands before the terms: part of the fit, never of the correction.
@@ -75,52 +75,49 @@ impl Level {
     /// Its name in the covariance.
     pub(crate) fn name(self, runs: &[usize]) -> String {
         match self {
-            Self::Run(index) => format!("constant {}", runs.get(index).copied().unwrap_or(index)),
-            Self::AllRuns => "constant".to_owned(),
-            Self::Scale => "scale 0".to_owned(),
+            Self::Run(index) => format!("offset {}", runs.get(index).copied().unwrap_or(index)),
+            Self::AllRuns => "offset".to_owned(),
+            Self::Scale => SCALE_AT_REFERENCE.to_owned(),
             Self::Across(letter) => format!("misalignment {letter}"),
         }
     }
 }
 
-/// A term of a model on a problem.
+/// A term of a model on the rows of a problem.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct TermPlace {
-    /// Place among the problem's inputs.
+pub(crate) struct TermColumn {
+    /// Index among the problem's inputs.
     pub(crate) input: usize,
-    pub(crate) kind: TermKind,
-    pub(crate) order: u8,
-    /// Where a zone or a step begins: x of the knot, or the threshold in the input's unit.
-    pub(crate) at: Option<f64>,
+    pub(crate) form: Form,
 }
 
 /// Means of Ṫ·T₀ … Ṫ·T₃ of every row, per input; nothing for inputs without a rate term.
 pub(crate) type Rates = Vec<Vec<[f64; RATE_COLUMNS]>>;
 
-impl<'a> Problem<'a> {
-    /// The windows in which all of `sources` are known; the first of them is the thermometer of the fit.
+impl<'a> LeastSquares<'a> {
+    /// The windows in which all of `signals` are known; the first of them is the thermometer of the fit.
     pub(crate) fn new(
         windows: &'a Windows,
         axis: usize,
-        sources: &[Source],
+        signals: &[Signal],
         reference_c: f64,
         min_span_c: f64,
-        turning: Option<Turning>,
+        turning: Option<RateTableInput>,
     ) -> Result<Self> {
         let rows = &windows.rows;
-        let known = |i: &usize| sources.iter().all(|source| source.in_window(windows, *i).0.is_finite());
+        let known = |i: &usize| signals.iter().all(|signal| signal.in_window(windows, *i).0.is_finite());
         let used: Vec<usize> = (0..windows.len()).filter(|i| rows.excluded[*i].is_none() && known(i)).collect();
         if used.is_empty() {
             return Err(no_window(windows));
         }
-        let inputs: Vec<Input> =
-            sources.iter().map(|source| Input::new(*source, windows, &used, reference_c)).collect();
+        let inputs: Vec<SampledInput> =
+            signals.iter().map(|signal| SampledInput::new(*signal, windows, &used, reference_c)).collect();
         let span = inputs[0].span;
         check_span(windows, span, min_span_c)?;
-        if !(span.lo_c..=span.hi_c).contains(&reference_c) {
+        if !(span.lo..=span.hi).contains(&reference_c) {
             return Err(Error::refused(format!(
                 "the reference temperature {reference_c} °C lies outside the span of the data, {:.2} … {:.2} °C",
-                span.lo_c, span.hi_c
+                span.lo, span.hi
             ))
             .column("reference_c")
             .help("give --reference a temperature within the span"));
@@ -155,31 +152,25 @@ impl<'a> Problem<'a> {
         self.inputs.iter().position(|input| input.name == name)
     }
 
-    /// The terms of a model, in the order of its parameters; those of inputs that are not here are left out.
-    pub(crate) fn terms(&self, spec: &ModelSpec) -> Vec<TermPlace> {
-        let main =
-            FurtherTerms { input: String::new(), bias: spec.bias, rate: spec.rate, scale: spec.scale, steps: None };
-        let further = spec.further.iter().filter_map(|of| Some((self.input(&of.input)?, of)));
-        let mut terms = Vec::new();
-        for (input, of) in std::iter::once((0, &main)).chain(further) {
-            let mut add = |kind, order, at| terms.push(TermPlace { input, kind, order, at });
-            (1..=of.bias).for_each(|order| add(TermKind::Bias, order, None));
-            (0..of.rate.map_or(0, |order| order + 1)).for_each(|order| add(TermKind::Rate, order, None));
-            if input == 0 {
-                knots(spec.zones).into_iter().for_each(|knot| add(TermKind::Zone, 2, Some(knot)));
-            }
-            if of.steps.is_some() {
-                self.inputs[input].thresholds().into_iter().for_each(|at| add(TermKind::Step, 0, Some(at)));
-            }
-            (1..=of.scale).for_each(|order| add(TermKind::Scale, order, None));
-        }
-        terms
+    /// The terms of a model, in the order of its parameters, without those of inputs that the problem does not have.
+    pub(crate) fn terms(&self, spec: &ModelSpec) -> Vec<TermColumn> {
+        let known = spec.inputs().iter().filter_map(|of| Some((self.index_of(of)?, of)));
+        let of_input = |(input, of): (usize, &InputTerms)| {
+            let sampled = &self.inputs[input];
+            let forms = of.forms(&knots(of.zones, sampled.span), &sampled.thresholds());
+            forms.into_iter().map(move |form| TermColumn { input, form })
+        };
+        known.flat_map(of_input).collect()
     }
 
-    /// Places of the inputs whose lag a model needs.
+    /// Index of the input of some terms; the thermometer of the fit is the first.
+    fn index_of(&self, terms: &InputTerms) -> Option<usize> {
+        if terms.input.is_empty() { Some(0) } else { self.input(&terms.input) }
+    }
+
+    /// Indices of the inputs whose lag a model needs.
     pub(crate) fn rated(&self, spec: &ModelSpec) -> Vec<usize> {
-        let further = spec.further.iter().filter(|of| of.rate.is_some()).filter_map(|of| self.input(&of.input));
-        spec.rate.iter().map(|_| 0).chain(further).collect()
+        spec.inputs().iter().filter(|of| of.rate.is_some()).filter_map(|of| self.index_of(of)).collect()
     }
 
     pub(crate) fn len(&self) -> usize {
@@ -211,8 +202,8 @@ impl<'a> Problem<'a> {
     }
 
     fn lag(&self, input: usize, run: usize, tau_s: f64) -> LagRate<'_> {
-        let Input { source, span, .. } = &self.inputs[input];
-        let track_c = source.track(self.windows, self.runs[run]);
+        let SampledInput { signal, span, .. } = &self.inputs[input];
+        let track_c = signal.track(self.windows, self.runs[run]);
         LagRate { track_c, span: *span, period_s: self.period_s(), tau_s }
     }
 
@@ -270,31 +261,36 @@ impl<'a> Problem<'a> {
 
     /// The plateaus of the axis, where a table turned it.
     pub(crate) fn plateaus(&self, axis: usize) -> Option<Vec<Plateau>> {
-        let Source::Thermometer(sensor) = self.inputs[0].source else { return None };
+        let Signal::Thermometer(sensor) = self.inputs[0].signal else { return None };
         Some(plateaus_of(self.windows, &self.used, axis, sensor, self.turning.as_ref()?))
     }
 
-    /// Place of a level among the parameters.
-    pub(crate) fn place_of(&self, level: Level) -> Option<usize> {
+    /// Index of a level among the parameters.
+    pub(crate) fn column_of(&self, level: Level) -> Option<usize> {
         self.levels.iter().position(|other| *other == level)
     }
 
     /// The regressor of a term on one row; `rates` from [`Self::rates`].
-    pub(crate) fn regressor(&self, term: &TermPlace, row: usize, rates: &Rates) -> f64 {
-        let (input, order) = (&self.inputs[term.input], usize::from(term.order));
-        match (term.kind, term.at) {
-            (TermKind::Bias, _) => input.basis[row][order],
-            (TermKind::Rate, _) => rates[term.input].get(row).map_or(0.0, |rate| rate[order]),
-            (TermKind::Scale, _) => self.scale_column(term.input, row, order),
-            (TermKind::Zone, Some(knot)) => input.zone(row, knot),
-            (TermKind::Step, Some(threshold)) => input.step(row, threshold),
-            (TermKind::Zone | TermKind::Step, None) => 0.0,
+    pub(crate) fn regressor(&self, term: &TermColumn, row: usize, rates: &Rates) -> f64 {
+        let TermColumn { input, form } = *term;
+        let mean = match (form.times_rate, form.shape) {
+            (false, shape) => self.inputs[input].mean(shape, row),
+            // Means of Ṫ times a polynomial are summed along the track, not from the moments of the window.
+            (true, Shape::Chebyshev { order }) => {
+                rates[input].get(row).and_then(|rate| rate.get(usize::from(order))).copied().unwrap_or(0.0)
+            }
+            // No model of the fit has them.
+            (true, Shape::Zone { .. } | Shape::Step { .. }) => f64::NAN,
+        };
+        match form.acts_on {
+            ActsOn::Bias => mean,
+            ActsOn::ScaleFactor => -self.turned_dph(row) * 1e-6 * mean,
         }
     }
 }
 
 /// The columns before the terms.
-fn levels(turning: Option<&Turning>, used: &[usize], run: &[usize], runs: usize) -> Vec<Level> {
+fn levels(turning: Option<&RateTableInput>, used: &[usize], run: &[usize], runs: usize) -> Vec<Level> {
     let Some(turning) = turning else { return (0..runs).map(Level::Run).collect() };
     let of_run = |index: usize| used.iter().zip(run).filter(move |(_, run)| **run == index).map(|(i, _)| *i);
     let along = turning.rates(used.iter().copied()).len() > 1;
@@ -330,11 +326,11 @@ fn most_left_out(windows: &Windows) -> Option<String> {
 }
 
 /// Lowest to highest sample of the used windows must be wide enough.
-fn check_span(windows: &Windows, Span { lo_c, hi_c }: Span, min_span_c: f64) -> Result<()> {
-    if hi_c - lo_c < min_span_c {
+fn check_span(windows: &Windows, Span { lo, hi }: Span, min_span_c: f64) -> Result<()> {
+    if hi - lo < min_span_c {
         return Err(Error::refused(format!(
-            "the data span {:.2} °C ({lo_c:.2} … {hi_c:.2} °C); a fit needs {min_span_c} °C{}",
-            hi_c - lo_c,
+            "the data span {:.2} °C ({lo:.2} … {hi:.2} °C); a fit needs {min_span_c} °C{}",
+            hi - lo,
             most_left_out(windows).map_or(String::new(), |why| format!("; {why}"))
         ))
         .column("min_span_c")

@@ -15,14 +15,14 @@ pub(crate) const SAME_RATE: f64 = 1e-3;
 
 /// What the windows of one axis were turned by.
 #[derive(Clone, Debug)]
-pub(crate) struct Turning {
+pub(crate) struct RateTableInput {
     /// Per window of the whole set: rate along the axis, °/h; NaN where a run with a reference has none there.
     pub(crate) along_dph: Vec<f64>,
     /// Per window: rate about another axis of the gyro and that axis' letter, °/h; 0 where there is none.
     pub(crate) across_dph: Vec<(char, f64)>,
 }
 
-impl Turning {
+impl RateTableInput {
     /// `None` where nothing says that a table turned.
     ///
     /// # Errors
