@@ -43,14 +43,14 @@ pub(crate) fn pictures() -> Result<()> {
 
 /// The mirror of docs/simulator.md: a loop that holds, and one that is too slow.
 fn loops(work: &Path) -> Result<()> {
-    let text = fs::read_to_string(root().join("scenarios/loop-design/loop-design.toml"))?;
-    let slow = text.replace("bandwidth_hz = 20.0", "bandwidth_hz = 1.0");
-    ensure!(slow != text, "the scenario has another bandwidth");
+    let quick = fs::read_to_string(root().join("scenarios/loop-design/loop-design.toml"))?;
+    let slow = quick.replace("bandwidth_hz = 20.0", "bandwidth_hz = 1.0");
+    ensure!(slow != quick, "the scenario has another bandwidth");
     let folder = root().join("docs/simulator");
     fs::create_dir_all(&folder)?;
-    for (name, text) in [("held", &text), ("broken", &slow)] {
+    for (name, design) in [("held", &quick), ("broken", &slow)] {
         let (scenario, report) = (work.join(format!("{name}.toml")), work.join(format!("{name}.html")));
-        fs::write(&scenario, text)?;
+        fs::write(&scenario, design)?;
         let (scenario, report) = (scenario.display().to_string(), report.display().to_string());
         sh(text(&program::sagnac()?)?, &["simulate", &scenario, "--report", &report])?;
         picture(work, &fs::read_to_string(&report)?, "actuator", &folder.join(format!("{name}.png")))?;
