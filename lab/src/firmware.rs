@@ -18,9 +18,9 @@ use sagnac::model::{PRICED_WITHIN, Work};
 use sagnac_board::{Desk, MemoryFlash, Message, RigSettings, Row, run};
 use sagnac_core::{Banks, Description, Gyro, Image, Kind, Multiplier, Term, Thermometer};
 use sagnac_loops::LoopTable;
+use xtask::shell::{need, root, said, sh_in, text};
 
-use crate::checks::{root, sh, sh_in};
-use crate::tools::{need, said, text};
+use crate::program;
 
 const TARGET: &str = "thumbv7em-none-eabihf";
 const SCENARIO: &str = "firmware/gyro/ten-minutes.toml";
@@ -96,7 +96,6 @@ struct Unit {
 
 /// Everything by the program itself: a calibration from the long log, its image, the loops, the ten-minute log.
 fn unit(folder: &Path) -> Result<Unit> {
-    sh("cargo", &["build", "--release", "--locked", "--package", "sagnac-cli"])?;
     let file = |name: &str| folder.join(name);
     let unit = Unit { image: file("unit.img"), loops: file("unit.loops"), log: file("ten-minutes.csv") };
     let (thermal, calibration) = (file("thermal.csv"), file("unit.cal.json"));
@@ -110,7 +109,7 @@ fn unit(folder: &Path) -> Result<Unit> {
 }
 
 fn sagnac(args: &[&str]) -> Result<String> {
-    said(300, text(&root().join("target/release/sagnac"))?, args, &root())
+    said(300, text(&program::sagnac()?)?, args, &root())
 }
 
 fn build(sysroot: &Path, image: &Path, loops: &Path, features: &[&str]) -> Result<()> {
@@ -296,8 +295,7 @@ fn over_the_line(folder: &Path, bytes: Vec<u8>) -> Result<(Vec<u8>, String)> {
 
 /// `sagnac frames` reads the line; its last word on it.
 fn said_by_frames(line: &Path, csv: &Path) -> Result<String> {
-    let program = root().join("target/release/sagnac");
-    let output = Command::new(program).args(["frames", text(line)?, "-o", text(csv)?]).output()?;
+    let output = Command::new(program::sagnac()?).args(["frames", text(line)?, "-o", text(csv)?]).output()?;
     let told = String::from_utf8_lossy(&output.stderr).trim().replace('\n', "; ");
     ensure!(
         output.status.success() && told.contains(" 0 missing") && !told.contains("belong to no frame"),

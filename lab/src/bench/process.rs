@@ -4,8 +4,7 @@ use std::process::{Command, Stdio};
 use std::time::Instant;
 
 use anyhow::{Context, Result, ensure};
-
-use crate::checks::root;
+use xtask::shell::root;
 
 /// What a run cost.
 #[derive(Clone, Copy, Debug)]

@@ -8,9 +8,8 @@ use sagnac::export::{TextFile, Widths, c_files, verilog_files};
 use sagnac_core::Image;
 use sagnac_loops::LoopTable;
 use sagnac_vectors::{MAX_TABLE, Words};
+use xtask::shell::{need, output, root, said, text};
 
-use crate::checks::root;
-use crate::tools::{need, output, said, text};
 use crate::vectors;
 
 const STRICT: [&str; 9] =
@@ -71,7 +70,7 @@ pub(crate) fn c() -> Result<()> {
     need(&[
         ("gcc", "gcc"),
         ("/usr/include/x86_64-linux-gnu/asm/errno.h", "linux-libc-dev"),
-        ("/usr/lib/gcc/x86_64-linux-gnu/12/32/libgcc.a", "gcc-multilib"),
+        ("/usr/lib/gcc/x86_64-linux-gnu/*/32/libgcc.a", "gcc-multilib"),
         ("arm-none-eabi-gcc", "gcc-arm-none-eabi"),
         ("/usr/lib/arm-none-eabi/newlib/thumb/v7e-m+fp/hard/librdimon.a", "libnewlib-arm-none-eabi"),
         ("qemu-system-arm", "qemu-system-arm"),

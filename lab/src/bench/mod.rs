@@ -17,10 +17,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
+use xtask::shell::{root, sh};
 
 use crate::bench::logs::{csv_log, parquet_log};
 use crate::bench::process::{Cost, Pairs, measure, median};
-use crate::checks::{root, sh};
 
 const PAIRS: usize = 7;
 /// Lengths of the plot, rows.

@@ -10,8 +10,9 @@ use sagnac::calibration::Calibration;
 use sagnac::export::{Polynomial, encode, image_bytes, import};
 use sagnac_log::setup::Setup;
 use sagnac_sim::{LaggedChamber, csv_bytes};
+use xtask::shell::{root, said, text};
 
-use crate::checks::root;
+use crate::program;
 
 /// Three cycles of the domain notes' chamber, a row every 5 s.
 pub(crate) fn testdata() -> Result<()> {
@@ -32,13 +33,8 @@ fn chamber_cycle(cycle: u64) -> Vec<u8> {
 
 /// The manual, as the program prints it.
 pub(crate) fn cli() -> Result<()> {
-    let output = std::process::Command::new("cargo")
-        .args(["run", "--quiet", "--locked", "-p", "sagnac-cli", "--", "manual", "markdown"])
-        .current_dir(root())
-        .output()
-        .context("cannot start cargo")?;
-    anyhow::ensure!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    write(&root().join("docs/cli.md"), &output.stdout)
+    let manual = said(60, text(&program::sagnac()?)?, &["manual", "markdown"], &root())?;
+    write(&root().join("docs/cli.md"), manual.as_bytes())
 }
 
 /// The JSON schema of the calibration record.

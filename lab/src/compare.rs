@@ -16,9 +16,10 @@ use std::process::Command;
 use anyhow::{Context, Result, ensure};
 use sagnac_sim::Resting;
 use sagnac_sim::scenario::tables::Noise;
+use xtask::shell::root;
 
 use crate::bench::peers;
-use crate::checks::{root, sh};
+use crate::program;
 
 /// Angle random walk of every log, °/√h; a window of 100 s then has σ = 0.018 °/h.
 const ARW_DEG_RT_H: f64 = 0.003;
@@ -219,7 +220,7 @@ enum Came {
 
 /// Ours through the program as a user runs it: fit, correct the retest, compare what was taken off.
 fn ours(folder: &Path, fit: &Path, retest: &Path, truth: &[Second]) -> Result<Came> {
-    let program = root().join("target/release/sagnac");
+    let program = program::sagnac()?;
     let (record, corrected) = (folder.join("u.cal.json"), folder.join("corrected.csv"));
     let run = |args: &[&std::ffi::OsStr]| Command::new(&program).args(args).output().context("cannot start sagnac");
     let flags = ["-o".as_ref(), record.as_os_str(), "--serial".as_ref(), "COMPARED".as_ref()];
@@ -275,7 +276,6 @@ fn cell(came: &Came) -> String {
 
 /// Runs every trial and writes the page.
 pub(crate) fn compare() -> Result<()> {
-    sh("cargo", &["build", "--release", "--locked", "--package", "sagnac-cli"])?;
     let folder: PathBuf = root().join("target/compare");
     fs::create_dir_all(root().join("target/bench"))?;
     fs::create_dir_all(&folder)?;

@@ -3,8 +3,7 @@
 use std::fs;
 
 use anyhow::{Context, Result};
-
-use crate::checks::root;
+use xtask::shell::root;
 
 const HEAD: &str = "# What the program says of broken inputs
 

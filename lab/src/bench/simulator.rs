@@ -4,9 +4,9 @@ use std::fmt::Write as _;
 use std::fs;
 
 use anyhow::{Context, Result};
+use xtask::shell::root;
 
 use crate::bench::{Bench, line, median_cost, process};
-use crate::checks::root;
 
 /// Where its section begins.
 pub(super) const HEADING: &str = "\n## The simulator\n\n";

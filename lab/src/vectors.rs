@@ -10,8 +10,7 @@ use sagnac_sim::Scenario;
 use sagnac_sim::physics::free_spectral_range_hz;
 use sagnac_sim::plant::Design;
 use sagnac_vectors::{INPUTS, MAGIC, Machine, Module};
-
-use crate::checks::root;
+use xtask::shell::root;
 
 const LIGHT: u32 = 1 << 9;
 const CLOSED: u32 = 1 << 8;

@@ -5,8 +5,9 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use anyhow::{Context, Result, ensure};
+use xtask::shell::{root, sh, text};
 
-use crate::checks::{root, sh};
+use crate::program;
 
 /// Figures of the worked example: identifier in the report, and file.
 const FIGURES: [(&str, &str); 4] = [
@@ -19,12 +20,12 @@ const SIZE: [u32; 2] = [860, 350];
 
 /// Makes them anew; the recording is found beside the checkout.
 pub(crate) fn pictures() -> Result<()> {
-    sh("cargo", &["build", "--release", "--locked", "--package", "sagnac-cli"])?;
     let work = root().join("target/pictures");
     fs::create_dir_all(&work)?;
     let report = |name: &str| work.join(name).display().to_string();
     let cycle = |n: u8| format!("testdata/chamber/cycle-{n}.csv.gz");
-    let sagnac = "target/release/sagnac";
+    let sagnac = program::sagnac()?;
+    let sagnac = text(&sagnac)?;
     let (fit, sweep) = (report("fit.html"), report("sweep.html"));
     sh(sagnac, &["calibrate", &cycle(1), &cycle(2), "--setup", "testdata/chamber/bench.toml", "--report", &fit])?;
     let log = "../shared/data/mems-chamber-sweep/imu_raw_data.csv";
@@ -42,16 +43,16 @@ pub(crate) fn pictures() -> Result<()> {
 
 /// The mirror of docs/simulator.md: a loop that holds, and one that is too slow.
 fn loops(work: &Path) -> Result<()> {
-    let text = fs::read_to_string(root().join("scenarios/loop-design/loop-design.toml"))?;
-    let slow = text.replace("bandwidth_hz = 20.0", "bandwidth_hz = 1.0");
-    ensure!(slow != text, "the scenario has another bandwidth");
+    let quick = fs::read_to_string(root().join("scenarios/loop-design/loop-design.toml"))?;
+    let slow = quick.replace("bandwidth_hz = 20.0", "bandwidth_hz = 1.0");
+    ensure!(slow != quick, "the scenario has another bandwidth");
     let folder = root().join("docs/simulator");
     fs::create_dir_all(&folder)?;
-    for (name, text) in [("held", &text), ("broken", &slow)] {
+    for (name, design) in [("held", &quick), ("broken", &slow)] {
         let (scenario, report) = (work.join(format!("{name}.toml")), work.join(format!("{name}.html")));
-        fs::write(&scenario, text)?;
+        fs::write(&scenario, design)?;
         let (scenario, report) = (scenario.display().to_string(), report.display().to_string());
-        sh("target/release/sagnac", &["simulate", &scenario, "--report", &report])?;
+        sh(text(&program::sagnac()?)?, &["simulate", &scenario, "--report", &report])?;
         picture(work, &fs::read_to_string(&report)?, "actuator", &folder.join(format!("{name}.png")))?;
     }
     Ok(())

@@ -5,9 +5,9 @@ use std::fs;
 use std::path::Path;
 
 use anyhow::{Context, Result, ensure};
+use xtask::shell::{root, sh};
 
 use crate::bench::{Bench, PAIRS, median, process};
-use crate::checks::{root, sh};
 
 /// Where its section begins.
 pub(super) const HEADING: &str = "\n## Allan deviations\n\n";
