@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use crate::docs;
 use crate::exports;
 use crate::firmware::firmware;
 use anyhow::{Context, Result, bail, ensure};
@@ -29,8 +30,7 @@ pub(crate) fn sh_in(folder: &Path, program: &str, args: &[&str], env: &[(&str, &
 pub(crate) fn ci() -> Result<()> {
     sh("cargo", &["fmt", "--all", "--check"])?;
     sh("cargo", &["clippy", "--workspace", "--all-targets", "--locked", "--", "-D", "warnings"])?;
-    let docs = ["doc", "--workspace", "--no-deps", "--document-private-items", "--locked"];
-    sh_in(&root(), "cargo", &docs, &[("RUSTDOCFLAGS", "-D warnings")])?;
+    docs::docs(true)?;
     deny()?;
     no_panic()?;
     conserve()?;

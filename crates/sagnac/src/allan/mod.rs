@@ -6,7 +6,7 @@
 //! each window ─▶ ShortTau ─▶ N and Q at short τ ─▶ floor of every residual
 //! ```
 //!
-//! Inside: °/h (which is arcsec/s), arcsec and seconds; terms come out in the field's units. `docs/noise.md` tells the
+//! Inside: °/h (which is arcsec/s), arcsec and seconds; terms come out in the field's units. `docs/explanation/noise.md` tells the
 //! method, its sources and what it is held against.
 
 mod bootstrap;

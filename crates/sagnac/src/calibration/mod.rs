@@ -1,6 +1,6 @@
 //! The calibration record: what people read and machines exchange (`unit.cal.json`).
 //!
-//! Its JSON schema is `docs/calibration.schema.json`, made from these types by `cargo xtask schema`.
+//! Its JSON schema is `docs/reference/calibration.schema.json`, made from these types by `cargo xtask schema`.
 
 mod check;
 mod doubt;
