@@ -1,8 +1,8 @@
-//! `cargo xtask compare`: ours and the peers' fits on one set of logs with a known truth; docs/comparison.md.
+//! `cargo xtask compare`: ours and the peers' fits on one set of logs with a known truth; docs/explanation/comparison.md.
 //!
 //! ```text
 //! seven tests (fit log, retest, truth) ─▶ sagnac calibrate + compensate ─┐
-//!                                     └─▶ numpy, as each peer's users do ─┴▶ truth less correction on the retest ─▶ docs/comparison.md
+//!                                     └─▶ numpy, as each peer's users do ─┴▶ truth less correction on the retest ─▶ docs/explanation/comparison.md
 //! ```
 //!
 //! What is judged is the correction itself: its distance from the true drift at every second of a retest, about its mean.
@@ -311,8 +311,8 @@ pub(crate) fn compare() -> Result<()> {
     }
     page += "\nWhat a bump, a step or a missing temperature does is decided before the fit: windows are left out by name. A span too small is refused. The \
              rate term is what the peers lack; a thermometer behind the block looks like one.\n";
-    fs::write(root().join("docs/comparison.md"), &page)?;
+    fs::write(root().join("docs/explanation/comparison.md"), &page)?;
     ensure!(missed.is_empty(), "not at the floor and not refused: {}", missed.join(", "));
-    println!("wrote docs/comparison.md");
+    println!("wrote docs/explanation/comparison.md");
     Ok(())
 }

@@ -1,4 +1,4 @@
-//! docs/errors.md, made of the snapshot that holds every message of the broken inputs.
+//! docs/reference/errors.md, made of the snapshot that holds every message of the broken inputs.
 
 use std::fs;
 
@@ -15,7 +15,7 @@ happens, files that were there before stay as they are.
 
 /// Writes it.
 pub(crate) fn write() -> Result<()> {
-    let path = root().join("docs/errors.md");
+    let path = root().join("docs/reference/errors.md");
     fs::write(&path, text()?).with_context(|| format!("cannot write {}", path.display()))?;
     println!("wrote {}", path.display());
     Ok(())
@@ -43,7 +43,7 @@ mod tests {
 
     #[test]
     fn the_catalogue_is_that_of_the_snapshot() {
-        let page = fs::read_to_string(root().join("docs/errors.md")).unwrap();
+        let page = fs::read_to_string(root().join("docs/reference/errors.md")).unwrap();
         assert!(page == text().unwrap(), "run `cargo xtask errors`");
         assert!(page.lines().filter(|line| line.starts_with("| ")).count() > 50);
     }

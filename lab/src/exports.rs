@@ -15,7 +15,7 @@ use crate::vectors;
 const STRICT: [&str; 9] =
     ["-std=c99", "-O2", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wsign-conversion", "-Wshadow", "-Werror"];
 const MODULES: [&str; 4] = ["sagnac_integer.c", "sagnac_compensator.c", "sagnac_path_length.c", "sagnac_intensity.c"];
-/// Findings of cppcheck's MISRA add-on that stay, with their reasons in docs/on-target.md: rule and how often.
+/// Findings of cppcheck's MISRA add-on that stay, with their reasons in docs/explanation/on-target.md: rule and how often.
 const JUSTIFIED: [(&str, usize); 2] = [("misra-c2012-8.7", 3), ("misra-c2012-9.3", 2)];
 
 /// The table that a vector file holds.
@@ -139,11 +139,11 @@ fn misra(folder: &Path) -> Result<()> {
     let mut left = findings.clone();
     for (rule, times) in JUSTIFIED {
         let count = left.iter().filter(|id| **id == rule).count();
-        ensure!(count == times, "cppcheck: {rule} {count} times, docs/on-target.md justifies {times}");
+        ensure!(count == times, "cppcheck: {rule} {count} times, docs/explanation/on-target.md justifies {times}");
         left.retain(|id| *id != rule);
     }
     ensure!(left.is_empty(), "cppcheck: {left:?}");
-    println!("check: C: cppcheck with MISRA C:2012: {} findings, all justified in docs/on-target.md", findings.len());
+    println!("check: C: cppcheck with MISRA C:2012: {} findings, all justified in docs/explanation/on-target.md", findings.len());
     Ok(())
 }
 

@@ -221,7 +221,7 @@ fn costs(sysroot: &Path, folder: &Path, unit: &Unit) -> Result<()> {
         let work = Work::of_image(&image);
         let (counted, priced): (u32, u32) = (counted.trim().parse()?, work.instructions());
         println!(
-            "check: {name}: slow update of {counted} instructions, {priced} by the form of docs/method.md ({work:?})"
+            "check: {name}: slow update of {counted} instructions, {priced} by the form of docs/explanation/method.md ({work:?})"
         );
         if (f64::from(priced) / f64::from(counted) - 1.0).abs() > PRICED_WITHIN {
             wrong.push(format!("{name}: {priced} instructions by the form, {counted} counted"));

@@ -34,12 +34,12 @@ fn chamber_cycle(cycle: u64) -> Vec<u8> {
 /// The manual, as the program prints it.
 pub(crate) fn cli() -> Result<()> {
     let manual = said(60, text(&program::sagnac()?)?, &["manual", "markdown"], &root())?;
-    write(&root().join("docs/cli.md"), manual.as_bytes())
+    write(&root().join("docs/reference/cli.md"), manual.as_bytes())
 }
 
 /// The JSON schema of the calibration record.
 pub(crate) fn schema() -> Result<()> {
-    write(&root().join("docs/calibration.schema.json"), schema_text()?.as_bytes())
+    write(&root().join("docs/reference/calibration.schema.json"), schema_text()?.as_bytes())
 }
 
 fn schema_text() -> Result<String> {
@@ -47,7 +47,7 @@ fn schema_text() -> Result<String> {
     Ok(serde_json::to_string_pretty(&schema)? + "\n")
 }
 
-/// The image of docs/image-format.md.
+/// The image of docs/reference/image-format.md.
 pub(crate) fn hexdump() -> Result<()> {
     let bytes = paper_image()?;
     let folder = root().join("testdata/image");
@@ -107,7 +107,7 @@ mod tests {
 
     #[test]
     fn the_schema_is_that_of_the_types() {
-        let committed = fs::read_to_string(root().join("docs/calibration.schema.json")).unwrap();
+        let committed = fs::read_to_string(root().join("docs/reference/calibration.schema.json")).unwrap();
         assert!(committed == schema_text().unwrap(), "run `cargo xtask schema`");
     }
 
@@ -116,7 +116,7 @@ mod tests {
         let bytes = paper_image().unwrap();
         assert_eq!(fs::read(root().join("testdata/image/paper.img")).unwrap(), bytes, "run `cargo xtask hexdump`");
         assert_eq!(Image::decode(&bytes).unwrap().serial(), Some("PAPER-RIG"));
-        let page = fs::read_to_string(root().join("docs/image-format.md")).unwrap();
-        assert!(page.contains(&dump(&bytes)), "docs/image-format.md shows another image");
+        let page = fs::read_to_string(root().join("docs/reference/image-format.md")).unwrap();
+        assert!(page.contains(&dump(&bytes)), "docs/reference/image-format.md shows another image");
     }
 }

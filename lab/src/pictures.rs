@@ -1,4 +1,4 @@
-//! The pictures of the README, of docs/worked-example.md and docs/simulator.md: figures of reports, drawn by Chromium.
+//! The pictures of the README, of docs/tutorial/real-log.md and docs/explanation/simulator.md: figures of reports, drawn by Chromium.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -31,8 +31,8 @@ pub(crate) fn pictures() -> Result<()> {
     let log = "../shared/data/mems-chamber-sweep/imu_raw_data.csv";
     let setup = "testdata/mems-chamber-sweep/bench.toml";
     sh(sagnac, &["calibrate", log, "--setup", setup, "--report", &sweep])?;
-    shoot(Path::new(&fit), [1020, 872], &root().join("docs/report.png"))?;
-    let folder = root().join("docs/worked-example");
+    shoot(Path::new(&fit), [1020, 872], &root().join("docs/pictures/report.png"))?;
+    let folder = root().join("docs/pictures/worked-example");
     fs::create_dir_all(&folder)?;
     let page = fs::read_to_string(&sweep)?;
     for (id, file) in FIGURES {
@@ -41,12 +41,12 @@ pub(crate) fn pictures() -> Result<()> {
     loops(&work)
 }
 
-/// The mirror of docs/simulator.md: a loop that holds, and one that is too slow.
+/// The mirror of docs/explanation/simulator.md: a loop that holds, and one that is too slow.
 fn loops(work: &Path) -> Result<()> {
     let quick = fs::read_to_string(root().join("scenarios/loop-design/loop-design.toml"))?;
     let slow = quick.replace("bandwidth_hz = 20.0", "bandwidth_hz = 1.0");
     ensure!(slow != quick, "the scenario has another bandwidth");
-    let folder = root().join("docs/simulator");
+    let folder = root().join("docs/pictures/simulator");
     fs::create_dir_all(&folder)?;
     for (name, design) in [("held", &quick), ("broken", &slow)] {
         let (scenario, report) = (work.join(format!("{name}.toml")), work.join(format!("{name}.html")));

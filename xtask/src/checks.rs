@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use std::process::Command;
 
+use crate::docs;
 use anyhow::{Context, Result, ensure};
 use xtask::shell::{built, root, said, sh, sh_in, target, text};
 
@@ -12,8 +13,7 @@ pub(crate) fn ci() -> Result<()> {
     sh("cargo", &["fmt", "--all", "--check"])?;
     compiled_once()?;
     sh("cargo", &["clippy", "--workspace", "--all-targets", "--locked", "--", "-D", "warnings"])?;
-    let docs = ["doc", "--workspace", "--no-deps", "--document-private-items", "--locked"];
-    sh_in(&root(), "cargo", &docs, &[("RUSTDOCFLAGS", "-D warnings")])?;
+    docs::docs(true)?;
     deny()?;
     no_panic()?;
     sh("cargo", &["test", "--workspace", "--locked"])?;

@@ -54,15 +54,15 @@ pub(crate) struct Args {
 /// What an export writes.
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Target {
-    /// Flash image (docs/image-format.md)
+    /// Flash image (docs/reference/image-format.md)
     Image,
-    /// C99 sources (docs/on-target.md)
+    /// C99 sources (docs/explanation/on-target.md)
     C,
-    /// Verilog-2005 sources (docs/fpga.md)
+    /// Verilog-2005 sources (docs/explanation/fpga.md)
     Verilog,
-    /// Table of the control loops (docs/loop-table.md)
+    /// Table of the control loops (docs/reference/loop-table.md)
     Loops,
-    /// Messages that bring an image to a gyro over its serial line (docs/serial-line.md)
+    /// Messages that bring an image to a gyro over its serial line (docs/reference/serial-line.md)
     Upload,
 }
 

@@ -1,7 +1,7 @@
 //! `bench.toml`: what a log cannot say of itself.
 //!
 //! Every key is optional in the file; what a log needs and neither file nor flag gives is asked for
-//! by name. Unknown keys are refused. `docs/cli.md` has the table of keys.
+//! by name. Unknown keys are refused. `docs/reference/cli.md` has the table of keys.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -291,7 +291,7 @@ impl Setup {
     /// As [`Setup::read`].
     pub fn parse(text: &str) -> Result<Self> {
         let setup: Self =
-            toml::from_str(text).map_err(|e| Error::toml("setup", text, &e).help("docs/cli.md lists the keys"))?;
+            toml::from_str(text).map_err(|e| Error::toml("setup", text, &e).help("docs/reference/cli.md lists the keys"))?;
         setup.check()?;
         Ok(setup)
     }

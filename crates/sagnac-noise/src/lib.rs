@@ -7,7 +7,7 @@
 //! ```
 //!
 //! Pure: numbers in, numbers out. No file, no gyro, no clock; work is shared among the threads of the caller's rayon pool.
-//! Inside: °/h (which is arcsec/s), arcsec and seconds. The terms come out in the units of the field. `docs/noise.md` has
+//! Inside: °/h (which is arcsec/s), arcsec and seconds. The terms come out in the units of the field. `docs/explanation/noise.md` has
 //! the method, its sources and the references it is checked against.
 //!
 //! ```

@@ -1,7 +1,7 @@
 //! The circle closes: simulate three runs, calibrate on two, prove on the third, for each ready scenario.
 //!
 //! The calibrator sees logs only. Truth comes in at the end, to say what is left and whose it is: the true errors of
-//! each window less what the correction took off it, without any noise. docs/circle.md is this table;
+//! each window less what the correction took off it, without any noise. docs/explanation/circle.md is this table;
 //! SAGNAC_WRITE_DOCS=1 writes it anew.
 
 mod support;
@@ -173,11 +173,11 @@ fn three_runs_of_each_scenario() {
         )
         .unwrap();
     }
-    let path = root().join("docs/circle.md");
+    let path = root().join("docs/explanation/circle.md");
     if std::env::var_os("SAGNAC_WRITE_DOCS").is_some() {
         std::fs::write(&path, &table).unwrap();
     }
-    assert!(std::fs::read_to_string(&path).unwrap() == table, "docs/circle.md is not what this makes:\n{table}");
+    assert!(std::fs::read_to_string(&path).unwrap() == table, "docs/explanation/circle.md is not what this makes:\n{table}");
     for ((name, most), l) in MOST_LEFT.iter().zip(&all) {
         assert!(l.left < most * l.floor, "{name}: {} is left, floor {}", l.left, l.floor);
         assert!(l.before > 5.0 * l.left, "{name}: {} of {} is left", l.left, l.before);

@@ -1,4 +1,4 @@
-//! Replay against a walk tick by tick, written down here once more from the rules of docs/arithmetic.md:
+//! Replay against a walk tick by tick, written down here once more from the rules of docs/explanation/arithmetic.md:
 //! rows at any nanosecond, rows that slow updates cut, gaps, rates with a virtual LSB, several axes.
 
 mod support;

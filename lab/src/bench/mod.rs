@@ -1,7 +1,7 @@
-//! `cargo xtask bench`: whole processes, each pair in one run; docs/performance.md and its plot.
+//! `cargo xtask bench`: whole processes, each pair in one run; docs/explanation/performance.md and its plot.
 //!
 //! ```text
-//! logs (made once in target/bench) ─▶ ours, peer, ours, peer … ─▶ medians and ratios ─▶ docs/performance.md
+//! logs (made once in target/bench) ─▶ ours, peer, ours, peer … ─▶ medians and ratios ─▶ docs/explanation/performance.md
 //! ```
 //!
 //! Figures of time are of the machine that the page names; ratios are what is claimed.
@@ -73,14 +73,14 @@ pub(crate) fn bench(part: Option<&str>) -> Result<()> {
     bench.verification(&mut page)?;
     deviations::measure(&bench, &mut page)?;
     simulator::measure(&bench, &mut page)?;
-    fs::write(root().join("docs/performance.md"), &page)?;
-    println!("{page}\nwrote docs/performance.md");
+    fs::write(root().join("docs/explanation/performance.md"), &page)?;
+    println!("{page}\nwrote docs/explanation/performance.md");
     Ok(())
 }
 
 /// One section, in its place on the page, or at its end.
 fn alone(bench: &Bench, heading: &str, measure: impl Fn(&Bench, &mut String) -> Result<()>) -> Result<()> {
-    let path = root().join("docs/performance.md");
+    let path = root().join("docs/explanation/performance.md");
     let page = fs::read_to_string(&path)?;
     let (before, after) = match page.split_once(heading) {
         Some((before, section)) => (before, section.find("\n## ").map_or("", |next| &section[next..])),
@@ -89,7 +89,7 @@ fn alone(bench: &Bench, heading: &str, measure: impl Fn(&Bench, &mut String) -> 
     let mut made = before.to_owned();
     measure(bench, &mut made)?;
     fs::write(&path, made + after)?;
-    println!("wrote docs/performance.md");
+    println!("wrote docs/explanation/performance.md");
     Ok(())
 }
 
@@ -192,7 +192,7 @@ impl Bench {
         let long = csv_log(&self.folder, 100_000_000, 100)?;
         let cost = median_cost(&self.calibrate(&long))?;
         line(page, "100 million at 100 Hz (11.6 days)", &cost);
-        plot::draw(&root().join("docs/performance.svg"), &points)
+        plot::draw(&root().join("docs/explanation/performance.svg"), &points)
     }
 
     /// The compensator alone, with the image of the calibration just made.

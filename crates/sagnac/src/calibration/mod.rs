@@ -5,7 +5,7 @@
 //!                                        └─ fit (how it was found and how sure it is; null for imported coefficients)
 //! ```
 //!
-//! Its JSON schema is `docs/calibration.schema.json`, made from these types. In the file an axis is one flat object
+//! Its JSON schema is `docs/reference/calibration.schema.json`, made from these types. In the file an axis is one flat object
 //! ([`axis_record`]).
 
 mod axis;

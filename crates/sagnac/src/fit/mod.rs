@@ -5,7 +5,7 @@
 //!            steps) ─▶ solution (chosen model, covariance) ─▶ input noise ─▶ AxisCalibration
 //! ```
 //!
-//! `docs/method.md` tells the method; each step's equation stands in its module.
+//! `docs/explanation/method.md` tells the method; each step's equation stands in its module.
 
 mod bootstrap;
 mod choose;

@@ -202,7 +202,7 @@ impl Limits {
     /// As [`Limits::read`].
     pub fn parse(text: &str) -> Result<Self> {
         let own: Self = toml::from_str(text)
-            .map_err(|e| Error::toml("limits", text, &e).help("docs/verification.md lists the keys"))?;
+            .map_err(|e| Error::toml("limits", text, &e).help("docs/reference/limits.md lists the keys"))?;
         let limits = own.on_base()?;
         for (name, value) in limits.given() {
             if !(value.is_finite() && value >= 0.0) || (PARTS.contains(&name) && value > 1.0) {
@@ -217,10 +217,10 @@ impl Limits {
         if limits.position_error_m_max.is_some() && limits.flight.is_none() {
             return Err(Error::input("a limit of mis-distance needs a [flight]")
                 .column("position_error_m_max")
-                .help("[flight] with axis = \"level\" and profile = [{ minutes = 0, temperature_c = 20 }, …]; docs/verification.md"));
+                .help("[flight] with axis = \"level\" and profile = [{ minutes = 0, temperature_c = 20 }, …]; docs/reference/limits.md"));
         }
         if limits.given().is_empty() && limits.flight.is_none() {
-            return Err(Error::input("no limit in the limits file").help("docs/verification.md lists the keys"));
+            return Err(Error::input("no limit in the limits file").help("docs/reference/limits.md lists the keys"));
         }
         Ok(limits)
     }
@@ -381,9 +381,9 @@ mod tests {
     /// The documentation holds the sets word for word.
     #[test]
     fn the_sets_stand_in_the_documentation() {
-        let page = include_str!("../../../../docs/verification.md");
+        let page = include_str!("../../../../docs/reference/limits.md");
         for (name, text) in SETS {
-            assert!(page.contains(text), "{name} in docs/verification.md is another");
+            assert!(page.contains(text), "{name} in docs/reference/limits.md is another");
         }
     }
 

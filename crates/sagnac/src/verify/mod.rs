@@ -5,7 +5,7 @@
 //! ```
 //!
 //! Both sides are summed over the same windows; which windows are left out is decided from the raw
-//! counts alone. `docs/verification.md` defines every figure.
+//! counts alone. `docs/explanation/verification.md` defines every figure.
 
 mod compensate;
 mod flight;
@@ -354,7 +354,7 @@ pub fn verify_with_report_data(
                 return Err(Error::refused(
                     "none of the limits can be asked of this retest: it has no rate table, or only that",
                 )
-                .help("docs/verification.md tells which limits ask for which test"));
+                .help("docs/reference/limits.md tells which limits ask for which test"));
             }
             figures.pass = limits.asks().then(|| figures.limits.iter().all(|verdict| verdict.pass != Some(false)));
         }
