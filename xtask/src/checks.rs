@@ -4,13 +4,14 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use std::process::Command;
 
-use crate::docs;
+use crate::{docs, layers};
 use anyhow::{Context, Result, ensure};
 use xtask::shell::{built, root, said, sh, sh_in, target, text};
 
 /// Everything.
 pub(crate) fn ci() -> Result<()> {
     sh("cargo", &["fmt", "--all", "--check"])?;
+    layers::layers()?;
     compiled_once()?;
     sh("cargo", &["clippy", "--workspace", "--all-targets", "--locked", "--", "-D", "warnings"])?;
     docs::docs(true)?;

@@ -2,6 +2,7 @@
 
 mod checks;
 mod docs;
+mod layers;
 mod fuzz;
 
 use std::process::ExitCode;
@@ -19,6 +20,7 @@ cargo xtask ci         everything that CI runs: fmt, clippy, docs, deny, no-pani
 cargo xtask example    the main job on the log in testdata/: calibrate, export, verify
 cargo xtask no-panic   link check: sagnac-core, sagnac-loops and sagnac-board have no panic path
 cargo xtask conserve   1e9 ticks (27.8 h): every count accounted for
+cargo xtask layers     the imports of the code against the drawing in ARCHITECTURE.md
 cargo xtask deny       licences, bans and sources of the dependencies (installs cargo-deny if missing)
 cargo xtask testdata   make the logs in testdata/ anew
 cargo xtask bench      [simulator | allan] time and memory beside the peers, to docs/explanation/performance.md (10 minutes, 4 GB in target/bench; needs python3-venv)
@@ -53,6 +55,7 @@ fn run(args: &[&str]) -> Result<()> {
         ["example"] => checks::example(),
         ["no-panic"] => checks::no_panic(),
         ["deny"] => checks::deny(),
+        ["layers"] => layers::layers(),
         ["docs", flags @ ..] => docs::docs(flags.contains(&"--check")),
         ["fuzz", targets @ ..] => fuzz::fuzz(targets),
         [task, ..] if LAB.contains(task) => checks::lab(args),

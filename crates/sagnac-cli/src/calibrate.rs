@@ -262,13 +262,11 @@ fn coefficients(axis: &AxisCalibration) -> String {
         }
         row
     });
-    let lags = axis.lag_s().map(|lag| ("lag".to_owned(), lag)).into_iter();
-    let others = axis.other_inputs().iter().filter_map(|input| Some((format!("lag({})", input.name), input.lag_s?)));
-    let lags = lags.chain(others).map(|(name, lag)| {
-        let mark = if lag.sigma.is_none() { "not resolved: smallest within 2 % of the least misfit" } else { "" };
-        vec![name, with_sigma(lag.value, lag.sigma), "s".to_owned(), mark.to_owned()]
+    let others = axis.nonlinear().into_iter().map(|found| {
+        let mark = if found.sigma.is_none() { "not resolved: smallest within 2 % of the least misfit" } else { "" };
+        vec![found.name, with_sigma(found.value, found.sigma), found.unit, mark.to_owned()]
     });
-    let rows: Vec<Vec<String>> = terms.chain(lags).collect();
+    let rows: Vec<Vec<String>> = terms.chain(others).collect();
     if rows.is_empty() {
         return "  no term is justified: the drift does not follow temperature beyond the noise".to_owned();
     }

@@ -9,8 +9,6 @@ use sagnac_units::format::{celsius, on_scale, significant, with_sigma};
 const SHOWN_CANDIDATES: usize = 12;
 
 pub(crate) fn coefficients(axis: &AxisCalibration) -> Markup {
-    let others = axis.other_inputs().iter().filter_map(|input| Some((format!("lag({})", input.name), input.lag_s?)));
-    let lags = axis.lag_s().map(|lag| ("lag".to_owned(), lag)).into_iter().chain(others);
     let by_bootstrap = axis.correction.terms.iter().any(|term| term.bootstrap.is_some());
     let in_zones: Vec<&Monomial> =
         if axis.zones.is_empty() { axis.monomial.iter().collect() } else { axis.zones.iter().collect() };
@@ -38,10 +36,10 @@ pub(crate) fn coefficients(axis: &AxisCalibration) -> Markup {
                         td.words { @if term.significant == Some(false) { "not significant at 95 %" } }
                     }
                 }
-                @for (name, lag) in lags {
+                @for found in axis.nonlinear() {
                     tr {
-                        td { (name) } td { (lag.sigma.map_or_else(|| significant(lag.value, 3), |s| with_sigma(lag.value, Some(s)))) } td.words { "s" } td {}
-                        td.words { @if lag.sigma.is_none() { "not resolved: the smallest within 2 % of the least misfit" } }
+                        td { (found.name) } td { (found.sigma.map_or_else(|| significant(found.value, 3), |s| with_sigma(found.value, Some(s)))) } td.words { (found.unit) } td {}
+                        td.words { @if found.sigma.is_none() { "not resolved: the smallest within 2 % of the least misfit" } }
                     }
                 }
             } }

@@ -57,6 +57,19 @@ pub struct FitDiagnostics {
     pub covariance_of: Vec<String>,
 }
 
+/// A parameter of the fit that is no coefficient.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NonlinearParameter {
+    /// Its name: `lag`, `lag(cavity)`.
+    pub name: String,
+    /// Value.
+    pub value: f64,
+    /// Standard deviation; `None` where the data do not resolve it.
+    pub sigma: Option<f64>,
+    /// Unit of both.
+    pub unit: String,
+}
+
 /// The calibration of one axis. In JSON it is one flat object.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(try_from = "AxisRecord", into = "AxisRecord")]
@@ -170,6 +183,16 @@ impl AxisCalibration {
     pub(crate) fn unit_of(&self, term: &Term) -> &'static str {
         let in_celsius = self.input_of(term).is_none_or(|input| !matches!(input.source, InputSource::Column(_)));
         term.form().unit(in_celsius)
+    }
+
+    /// Parameters that the model is not linear in, for tables: the lags of its inputs.
+    pub fn nonlinear(&self) -> Vec<NonlinearParameter> {
+        let lag = |(at, input): (usize, &Input)| {
+            let Lag { value, sigma } = input.lag_s?;
+            let name = if at == 0 { "lag".to_owned() } else { format!("lag({})", input.name) };
+            Some(NonlinearParameter { name, value, sigma, unit: "s".to_owned() })
+        };
+        self.correction.inputs.iter().enumerate().filter_map(lag).collect()
     }
 
     /// Coefficients of a polynomial over the thermometer of the fit by order; zero where there is no term. `of` is any term

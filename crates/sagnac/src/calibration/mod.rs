@@ -23,7 +23,7 @@ use sagnac_log::setup::{Setup, WindowSize};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-pub use crate::calibration::axis::{AxisCalibration, AxisCorrection, FitDiagnostics};
+pub use crate::calibration::axis::{AxisCalibration, AxisCorrection, FitDiagnostics, NonlinearParameter};
 pub use crate::calibration::input::{Input, InputSource};
 pub use crate::calibration::rate_table::{Misalignment, Plateau, PpmEstimate, Repeatability, ScaleFactor};
 pub use crate::calibration::search::{

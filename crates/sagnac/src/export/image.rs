@@ -22,6 +22,7 @@ use sagnac_core::{
 
 use crate::calibration::{AxisCalibration, Calibration, Input, InputSource, LogUnit};
 use crate::model::input::unit_exponent;
+use crate::model::shape::{image_order, image_words};
 use crate::model::{ActsOn, Form};
 use sagnac_log::error::{Error, Result};
 
@@ -283,17 +284,9 @@ fn terms(calibration: &Calibration, axis: &AxisCalibration, channels: &[Channel<
     }
     // Bias before rate before scale, thermometer by thermometer, order by order: one record, one image.
     out.sort_by_key(|term: &Term| {
-        (term.kind == Kind::Scale, term.multiplier == Multiplier::Rate, term.sensor, order_key(term.shape))
+        (term.kind == Kind::Scale, term.multiplier == Multiplier::Rate, term.sensor, image_order(term.shape))
     });
     Ok(out)
-}
-
-fn order_key(shape: Shape) -> (u8, i32) {
-    match shape {
-        Shape::Chebyshev(order) => (0, order.into()),
-        Shape::Zone { knot_q15 } => (1, knot_q15.into()),
-        Shape::Step { knot_q15 } => (2, knot_q15.into()),
-    }
 }
 
 /// A row of the image's table of terms, without its coefficient.
@@ -314,11 +307,7 @@ fn term(row: Row, value: f64) -> Result<Option<Term>> {
         return Ok(None);
     }
     if shift < 8.0 || !mantissa.is_finite() {
-        let what = match shape {
-            Shape::Chebyshev(order) => format!("{kind:?} term of order {order}"),
-            Shape::Zone { .. } => format!("{kind:?} term of a zone"),
-            Shape::Step { .. } => format!("{kind:?} step"),
-        };
+        let what = format!("{kind:?} term: {}", image_words(shape));
         return Err(too_large(&what, value));
     }
     Ok(Some(Term { kind, sensor, shape, multiplier, mantissa: mantissa as i32, shift: shift as u8 }))

@@ -18,7 +18,7 @@ use crate::fit::SMALLER_WINS_WITHIN;
 pub(crate) struct CvScore {
     /// Coefficients without constants.
     pub(crate) coefficients: usize,
-    /// CvScore-out mean square; infinite where it was not found.
+    /// Held-out mean square; infinite where it was not found.
     pub(crate) mean_square: f64,
 }
 

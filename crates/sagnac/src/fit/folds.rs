@@ -58,7 +58,7 @@ pub(crate) fn scheme_of(problem: &LeastSquares<'_>) -> (&'static str, usize) {
     (division.scheme, division.blocks)
 }
 
-/// CvScore-out mean squares, (°/h)², in the order of the candidates; `None` where a fold could not be fitted.
+/// Held-out mean squares, (°/h)², in the order of the candidates; `None` where a fold could not be fitted.
 pub(crate) fn cross_validate(problem: &LeastSquares<'_>, candidates: &[ModelSpec], taus_s: &[f64]) -> Vec<Option<f64>> {
     let division = Division::of(problem);
     let scale_orders = candidates.iter().map(|c| usize::from(c.thermometer().scale)).max().unwrap_or(0);
@@ -77,7 +77,7 @@ pub(crate) fn cross_validate(problem: &LeastSquares<'_>, candidates: &[ModelSpec
     held_out.map(|sum| sum.map(|sum| sum / problem.len() as f64)).collect()
 }
 
-/// CvScore-out sum of squares of every candidate in one fold; `None` where it could not be fitted.
+/// Held-out sum of squares of every candidate in one fold; `None` where it could not be fitted.
 fn fold_squares(
     problem: &LeastSquares<'_>,
     division: &Division,
@@ -201,7 +201,7 @@ impl<'a> Trial<'a> {
         Self { problem, division, terms, rated, taus_s, rates: BTreeMap::new(), steps, factors: BTreeMap::new() }
     }
 
-    /// CvScore-out mean square, (°/h)²; `None` where a fold could not be fitted.
+    /// Held-out mean square, (°/h)²; `None` where a fold could not be fitted.
     pub(crate) fn held_out(mut self) -> Option<f64> {
         // Where the whole problem ends: every fold's way begins there.
         let start: Vec<usize> =

@@ -262,6 +262,24 @@ impl Form {
     }
 }
 
+/// Position of a shape among the terms of an image: one record, one image.
+pub(crate) fn image_order(shape: TargetShape) -> (u8, i32) {
+    match shape {
+        TargetShape::Chebyshev(order) => (0, order.into()),
+        TargetShape::Zone { knot_q15 } => (1, knot_q15.into()),
+        TargetShape::Step { knot_q15 } => (2, knot_q15.into()),
+    }
+}
+
+/// A shape of an image in words, for errors.
+pub(crate) fn image_words(shape: TargetShape) -> String {
+    match shape {
+        TargetShape::Chebyshev(order) => format!("order {order}"),
+        TargetShape::Zone { .. } => "zone".to_owned(),
+        TargetShape::Step { .. } => "step".to_owned(),
+    }
+}
+
 fn of_order(values: [f64; BASIS_LEN], order: u8) -> f64 {
     values.get(usize::from(order)).copied().unwrap_or(0.0)
 }
