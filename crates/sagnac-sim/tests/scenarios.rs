@@ -29,83 +29,88 @@ fn little_is_needed() {
     assert_eq!(scenario.build().unwrap().length_s(), 100.0);
 }
 
+/// Replaced text of the least scenario, its replacement, and words of the refusal.
+const BAD: &[(&str, &str, &str)] = &[
+    ("perimeter_m = 0.28", "perimeter_m = -0.28", "`geometry.perimeter_m` is -0.28; it can be 0.02 to 20 m"),
+    ("perimeter_m = 0.28", "", "`geometry.perimeter_m` must be given"),
+    ("perimeter_m = 0.28", "perimeter_m = nan", "`geometry.perimeter_m` must be given"),
+    ("perimeter_m = 0.28", "perimeter_m = 0.28\nlength_m = 1.0", "unknown field `length_m`"),
+    ("[geometry]", "[geometri]", "unknown field `geometri`"),
+    ("[[thermometer]]", "", "`thermometer` is missing"),
+    ("[[thermometer]]", "[[thermometer]]\n[[thermometer]]", "`thermometer[1].name` is `` again"),
+    ("[[thermometer]]", "[[thermometer]]\nname = \"A b\"", "small letters, digits and _"),
+    ("{ soak_s = 100 }", "", "`chamber.leg` is missing"),
+    ("{ soak_s = 100 }", "{ soak_s = 0 }", "`chamber.leg[0]` soaks for 0 s"),
+    ("{ soak_s = 100 }", "{ soak_h = 1 }", "a leg is { soak_s = … } or { to_c = …, rate_cpm = … }"),
+    ("{ soak_s = 100 }", "{ to_c = 900, rate_cpm = 1 }", "ramps to 900 °C"),
+    ("{ soak_s = 100 }", "{ to_c = 70, rate_cpm = 0 }", "at 0 °C/min"),
+    ("[geometry]", "[run]\ninterval_s = 0.3\n[geometry]", "`run.interval_s` is 0.3; it can be whole seconds"),
+    ("[geometry]", "[run]\ninterval_s = 500.0\n[geometry]", "`run.interval_s` is 500 s, longer than the test (100 s)"),
+    (
+        "[geometry]",
+        "[run]\nfidelity = \"beat\"\n[input]\nrate_dph = 3.6e6\n[dither]\nfrequency_hz = 2000.0\namplitude_arcsec = 1000.0\n[geometry]",
+        "fringes in a tick of 100 µs, 500 can be followed",
+    ),
+    ("[geometry]", "[path_length]\nrange_low = 50.0\nrange_high = 40.0\n[geometry]", "not above range_low"),
+    ("[geometry]", "[path_length]\nrange_low = -40.0\nrange_high = 40.0\n[geometry]", "holds 0.92 wavelengths"),
+    (
+        "[geometry]",
+        "[path_length]\nbandwidth_hz = 120.0\nrising_lag_s = 1.0\nfalling_lag_s = 1.0\nsweep_s = 0.0\n[geometry]",
+        "`path_length.bandwidth_hz` makes a loop that cannot be built",
+    ),
+    ("perimeter_m = 0.28", "perimeter_m = 0.8", "the next longitudinal mode has 1.26 times"),
+    ("[geometry]", "[dither]\nfrequency_hz = 400.0\nnoise = 0.0\n[geometry]", "pure dither has dynamic lock-in zones"),
+    (
+        "[geometry]",
+        "[dither]\nfrequency_hz = 400.0\namplitude_arcsec = 1.0\n[geometry]",
+        "`dither.amplitude_arcsec` is 0.4",
+    ),
+    ("[[thermometer]]", "[[thermometer]]\nlsb_c = 1e-310", "`thermometer[0].lsb_c`"),
+    ("[chamber]", "[chamber]\ncycles = 1.5", "`chamber.cycles` is 1.5; it is a whole number"),
+    (
+        "leg = [{ soak_s = 100 }]",
+        "cycles = 10000\nleg = [{ soak_s = 1e6 }]",
+        "`chamber.cycles` make a test of 10000000000 s",
+    ),
+    ("[geometry]", "name = \"a\\u001b[31m\"\n[geometry]", "`name` holds control characters"),
+    ("[geometry]", "[[fault]]\nat_s = 5\nfor_s = 5\nsensor = 3\n[geometry]", "`fault[0].sensor` is 3; there are 1"),
+    (
+        "[geometry]",
+        "[[fault]]\nat_s = 500\nfor_s = 5\n[geometry]",
+        "`fault[0].at_s` is 500 s, and the test ends at 100 s",
+    ),
+    (
+        "[geometry]",
+        "[run]\nfidelity = \"beat\"\nbeat_model = \"two_mode\"\n[cavity]\nloss_ppm = 20000\ngain_ratio = 3\n[geometry]",
+        "a tick needs",
+    ),
+    ("[geometry]", "[intensity]\nnominal_ma = 5.0\n[geometry]", "`intensity.nominal_ma` is 5, not between"),
+    ("[geometry]", "[[fault]]\nkind = \"stuck_thermometer\"\nfor_s = 1.0\n[geometry]", "`fault[0].at_s` must be given"),
+];
+
 #[test]
 fn bad_scenarios_are_refused_by_name() {
-    for (from, to, words) in [
-        ("perimeter_m = 0.28", "perimeter_m = -0.28", "`geometry.perimeter_m` is -0.28; it can be 0.02 to 20 m"),
-        ("perimeter_m = 0.28", "", "`geometry.perimeter_m` must be given"),
-        ("perimeter_m = 0.28", "perimeter_m = nan", "`geometry.perimeter_m` must be given"),
-        ("perimeter_m = 0.28", "perimeter_m = 0.28\nlength_m = 1.0", "unknown field `length_m`"),
-        ("[geometry]", "[geometri]", "unknown field `geometri`"),
-        ("[[thermometer]]", "", "`thermometer` is missing"),
-        ("[[thermometer]]", "[[thermometer]]\n[[thermometer]]", "`thermometer[1].name` is `` again"),
-        ("[[thermometer]]", "[[thermometer]]\nname = \"A b\"", "small letters, digits and _"),
-        ("{ soak_s = 100 }", "", "`chamber.leg` is missing"),
-        ("{ soak_s = 100 }", "{ soak_s = 0 }", "`chamber.leg[0]` soaks for 0 s"),
-        ("{ soak_s = 100 }", "{ soak_h = 1 }", "a leg is { soak_s = … } or { to_c = …, rate_cpm = … }"),
-        ("{ soak_s = 100 }", "{ to_c = 900, rate_cpm = 1 }", "ramps to 900 °C"),
-        ("{ soak_s = 100 }", "{ to_c = 70, rate_cpm = 0 }", "at 0 °C/min"),
-        ("[geometry]", "[run]\ninterval_s = 0.3\n[geometry]", "`run.interval_s` is 0.3; it can be whole seconds"),
-        (
-            "[geometry]",
-            "[run]\ninterval_s = 500.0\n[geometry]",
-            "`run.interval_s` is 500 s, longer than the test (100 s)",
-        ),
-        (
-            "[geometry]",
-            "[run]\nfidelity = \"beat\"\n[input]\nrate_dph = 3.6e6\n[dither]\nfrequency_hz = 2000.0\namplitude_arcsec = 1000.0\n[geometry]",
-            "fringes in a tick of 100 µs, 500 can be followed",
-        ),
-        ("[geometry]", "[path_length]\nrange_low = 50.0\nrange_high = 40.0\n[geometry]", "not above range_low"),
-        ("[geometry]", "[path_length]\nrange_low = -40.0\nrange_high = 40.0\n[geometry]", "holds 0.92 wavelengths"),
-        (
-            "[geometry]",
-            "[path_length]\nbandwidth_hz = 120.0\nrising_lag_s = 1.0\nfalling_lag_s = 1.0\nsweep_s = 0.0\n[geometry]",
-            "is not to be had at this bandwidth",
-        ),
-        ("perimeter_m = 0.28", "perimeter_m = 0.8", "the next longitudinal mode has 1.26 times"),
-        (
-            "[geometry]",
-            "[dither]\nfrequency_hz = 400.0\nnoise = 0.0\n[geometry]",
-            "pure dither has dynamic lock-in zones",
-        ),
-        (
-            "[geometry]",
-            "[dither]\nfrequency_hz = 400.0\namplitude_arcsec = 1.0\n[geometry]",
-            "`dither.amplitude_arcsec` is 0.4",
-        ),
-        ("[[thermometer]]", "[[thermometer]]\nlsb_c = 1e-310", "`thermometer[0].lsb_c`"),
-        ("[chamber]", "[chamber]\ncycles = 1.5", "`chamber.cycles` is 1.5; it is a whole number"),
-        (
-            "leg = [{ soak_s = 100 }]",
-            "cycles = 10000\nleg = [{ soak_s = 1e6 }]",
-            "`chamber.cycles` make a test of 10000000000 s",
-        ),
-        ("[geometry]", "name = \"a\\u001b[31m\"\n[geometry]", "`name` holds control characters"),
-        ("[geometry]", "[[fault]]\nat_s = 5\nfor_s = 5\nsensor = 3\n[geometry]", "`fault[0].sensor` is 3; there are 1"),
-        (
-            "[geometry]",
-            "[[fault]]\nat_s = 500\nfor_s = 5\n[geometry]",
-            "`fault[0].at_s` is 500 s, and the test ends at 100 s",
-        ),
-        (
-            "[geometry]",
-            "[run]\nfidelity = \"beat\"\nbeat_model = \"two_mode\"\n[cavity]\nloss_ppm = 20000\ngain_ratio = 3\n[geometry]",
-            "a tick needs",
-        ),
-        ("[geometry]", "[intensity]\nnominal_ma = 5.0\n[geometry]", "`intensity.nominal_ma` is 5, not between"),
-        (
-            "[geometry]",
-            "[[fault]]\nkind = \"stuck_thermometer\"\nfor_s = 1.0\n[geometry]",
-            "`fault[0].at_s` must be given",
-        ),
-    ] {
+    for (from, to, words) in BAD {
         let text = LEAST.replacen(from, to, 1);
         let said = refusal(&text);
         assert!(said.contains(words), "{to:?}: {said}");
     }
     let torn = Scenario::from_toml("seed = 3\n[geometry\n").unwrap_err();
     assert_eq!(torn.line, Some(2), "{torn}");
+}
+
+#[test]
+fn names_and_files_are_parsed() {
+    for (kind, name) in FaultKind::ALL {
+        assert_eq!(name.parse::<FaultKind>(), Ok(kind));
+        assert_eq!(kind.to_string(), name);
+    }
+    let unknown = "meteor".parse::<FaultKind>().unwrap_err();
+    assert_eq!(unknown.key, "fault.kind");
+    assert!(unknown.message.starts_with("is `meteor`; it can be stuck_thermometer, "), "{unknown}");
+    assert_eq!(LEAST.parse::<Scenario>(), Scenario::from_toml(LEAST));
+    let missing = Scenario::from_file("no/such/gyro.toml").unwrap_err().to_string();
+    assert!(missing.starts_with("cannot read no/such/gyro.toml: "), "{missing}");
 }
 
 /// The log and the truth of the first rows.
