@@ -14,8 +14,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use anyhow::{Context, Result, ensure};
-use sagnac_sim::Resting;
-use sagnac_sim::scenario::tables::Noise;
+use sagnac_sim::{NoiseConfig, Resting};
 use xtask::shell::root;
 
 use crate::bench::peers;
@@ -126,7 +125,7 @@ impl Rig {
 
     fn run(&self, seed: u64) -> Vec<Second> {
         let chamber = self.chamber_c();
-        let noise = Noise { arw_deg_rt_h: ARW_DEG_RT_H, ..Noise::default() };
+        let noise = NoiseConfig { arw_deg_rt_h: ARW_DEG_RT_H, ..NoiseConfig::default() };
         let noise = Resting { noise, q_arcsec: 0.0 }.angles(chamber.len(), seed);
         let start = chamber[0];
         let (mut block, mut thermometer, mut played) = (start, start, start);

@@ -6,9 +6,8 @@ use std::path::PathBuf;
 use anyhow::{Context, Result};
 use sagnac_core::{Description, Image, Kind, LagSpec, MAX_RAW, Multiplier, Scale, Shape, Source, Term, Thermometer};
 use sagnac_loops::LoopTable;
-use sagnac_sim::Scenario;
 use sagnac_sim::physics::free_spectral_range_hz;
-use sagnac_sim::plant::Design;
+use sagnac_sim::{LoopDesign, Scenario};
 use sagnac_vectors::{INPUTS, MAGIC, Machine, Module};
 use xtask::shell::root;
 
@@ -121,7 +120,7 @@ fn loops(scenario: &str, searches: bool) -> Result<Loops> {
         // It closes where it stands: a heater's search is a minute of ticks.
         scenario.path_length.sweep_s = 0.0;
     }
-    let design = Design::of(&scenario)?;
+    let design = LoopDesign::build(&scenario)?;
     let (path_length, intensity) = (design.path_length.integers, design.intensity.integers);
     let table = LoopTable { tick_ns: 100_000, path_length, intensity };
     let (light, cavity) = (&scenario.intensity, &scenario.cavity);

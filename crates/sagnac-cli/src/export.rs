@@ -12,7 +12,7 @@ use sagnac_core::Image;
 use sagnac_log::ingest::{hex, sha256};
 use sagnac_log::write::write_bytes;
 use sagnac_loops::{LoopTable, TABLE_MAGIC};
-use sagnac_sim::plant::Design;
+use sagnac_sim::LoopDesign;
 
 use crate::console::{Console, Outcome, Ran, table as drawn};
 use crate::loading::{self, Kind};
@@ -259,7 +259,7 @@ fn loops_of(path: &Path) -> Result<LoopTable> {
         let refused = |e: sagnac_loops::TableError| Error::input(e.to_string()).file(path.display().to_string());
         return LoopTable::decode(&bytes).map_err(refused);
     }
-    let design = Design::of(&read_scenario(path)?).map_err(|problem| refused(path, &problem))?;
+    let design = LoopDesign::build(&read_scenario(path)?).map_err(|problem| refused(path, &problem))?;
     Ok(LoopTable {
         tick_ns: (sagnac_sim::TICK_S * 1e9).round() as u32,
         path_length: design.path_length.integers,

@@ -8,15 +8,13 @@ use crate::difference::{Deviation, Difference};
 use crate::freedom::{Record, Stretches};
 use crate::pyramid::FULL_OVERLAP;
 use crate::recorder::{Recorded, Recorder};
-use crate::taus::{TauError, Taus};
+use crate::taus::{LONGEST_PART, TauError, Taus};
 use crate::terms::{FittedTerms, Point, Term, fit_terms};
 use sagnac_units::ARCSEC_RT_S_PER_DEG_RT_H;
 use sagnac_units::format::significant;
 
 /// Confidence of every interval here.
 pub const CONFIDENCE: f64 = 0.95;
-/// The longest τ that is fitted and that is shown unless asked for: a third of the longest stretch.
-pub(crate) const LONGEST_PART: u64 = 3;
 /// The curve is not that of the five terms where its points lie, in the mean square, farther from them than this many of
 /// their variances. Points of an overlapping curve move together, which lets the sum swing more than that of χ²/n.
 const MISFIT: f64 = 4.0;

@@ -1,8 +1,9 @@
 //! Which τ a deviation is shown at.
 
-use crate::budget::LONGEST_PART;
 use crate::recorder::MOST_ROWS;
 
+/// The longest τ that is fitted, and that is shown by default: a third of the longest stretch.
+pub(crate) const LONGEST_PART: u64 = 3;
 /// Points per decade of τ by default.
 const PER_DECADE: usize = 10;
 /// [`Taus::All`] shows at most this many τ.

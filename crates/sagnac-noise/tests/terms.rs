@@ -1,8 +1,7 @@
 //! Five terms put in, seed by seed; inside their intervals they come out.
 
 use sagnac_noise::{Taus, Term, TermValue, budget_of_angles};
-use sagnac_sim::Resting;
-use sagnac_sim::scenario::tables::Noise;
+use sagnac_sim::{NoiseConfig, Resting};
 
 const SEEDS: u64 = 100;
 /// Three days of seconds.
@@ -40,7 +39,7 @@ fn coverage(resting: &Resting) -> [(u32, u32); 5] {
 /// Measured: inside 96, 95 and 97 of 100.
 #[test]
 fn quantization_walk_and_instability_lie_in_their_intervals() {
-    let noise = Noise { arw_deg_rt_h: 0.1 / 60.0, bias_instability_dph: 0.0106, ..Noise::default() };
+    let noise = NoiseConfig { arw_deg_rt_h: 0.1 / 60.0, bias_instability_dph: 0.0106, ..NoiseConfig::default() };
     let [q, n, b, ..] = coverage(&Resting { noise, q_arcsec: 0.16 });
     for (inside, resolved) in [q, n, b] {
         assert!(inside >= 88 && resolved == 100, "{inside} of {resolved}");
@@ -51,11 +50,11 @@ fn quantization_walk_and_instability_lie_in_their_intervals() {
 /// Measured: inside 93, 97 and 97 of 100.
 #[test]
 fn rate_random_walk_and_ramp_lie_in_their_intervals() {
-    let noise = Noise {
+    let noise = NoiseConfig {
         arw_deg_rt_h: 0.1 / 60.0,
         rate_random_walk_dph_rt_h: 0.104,
         rate_ramp_dph_h: 0.093,
-        ..Noise::default()
+        ..NoiseConfig::default()
     };
     let [_, n, _, k, r] = coverage(&Resting { noise, q_arcsec: 0.0 });
     for (inside, resolved) in [n, k, r] {
@@ -68,9 +67,13 @@ fn rate_random_walk_and_ramp_lie_in_their_intervals() {
 /// them are within a few times of what was put in.
 #[test]
 fn terms_that_trade_lie_in_their_intervals_or_below_their_bounds() {
-    let walk =
-        Noise { arw_deg_rt_h: 0.003, bias_instability_dph: 0.01, rate_random_walk_dph_rt_h: 0.02, ..Noise::default() };
-    let all_five = Noise { rate_ramp_dph_h: 0.02, ..walk.clone() };
+    let walk = NoiseConfig {
+        arw_deg_rt_h: 0.003,
+        bias_instability_dph: 0.01,
+        rate_random_walk_dph_rt_h: 0.02,
+        ..NoiseConfig::default()
+    };
+    let all_five = NoiseConfig { rate_ramp_dph_h: 0.02, ..walk.clone() };
     check_bounds(&Resting { noise: walk, q_arcsec: 0.0 }, 40_000, [0.0, 1.0, 5.0, 5.0, 0.0]);
     check_bounds(&Resting { noise: all_five, q_arcsec: 0.5 }, 40_000, [1.0, 1.0, 5.0, 5.0, 5.0]);
 }
@@ -80,7 +83,7 @@ fn terms_that_trade_lie_in_their_intervals_or_below_their_bounds() {
 #[test]
 fn bounds_of_short_records_hold() {
     for (seconds, rate_random_walk_dph_rt_h, most_times) in [(100, 6.0, 10.0), (1000, 0.6, 10.0), (3600, 0.18, 10.0)] {
-        let noise = Noise { arw_deg_rt_h: 1.0 / 60.0, rate_random_walk_dph_rt_h, ..Noise::default() };
+        let noise = NoiseConfig { arw_deg_rt_h: 1.0 / 60.0, rate_random_walk_dph_rt_h, ..NoiseConfig::default() };
         check_bounds(&Resting { noise, q_arcsec: 0.0 }, seconds, [0.0, 3.0, 0.0, most_times, 0.0]);
     }
 }

@@ -17,9 +17,7 @@ use sagnac::verify::{Correction, verify_with_report_data};
 use sagnac::window::WindowBuilder;
 use sagnac_log::ingest::{LogReader, Pace};
 use sagnac_log::setup::Setup;
-use sagnac_sim::Scenario;
-use sagnac_sim::gyro::{GyroRun, SOURCES};
-use sagnac_sim::log::LogText;
+use sagnac_sim::{ERROR_SOURCES, GyroRun, LogText, Scenario};
 use support::model;
 
 fn root() -> PathBuf {
@@ -31,7 +29,7 @@ fn read(name: &str, file: &str) -> String {
 }
 
 /// The log of a run, and its error sources second by second.
-fn simulate(scenario: &Scenario, seed: u64) -> (Vec<u8>, Vec<[f64; SOURCES.len()]>) {
+fn simulate(scenario: &Scenario, seed: u64) -> (Vec<u8>, Vec<[f64; ERROR_SOURCES.len()]>) {
     let mut text = LogText::new(scenario);
     let mut log = text.header_line().into_bytes();
     let mut truth = Vec::new();
@@ -79,7 +77,7 @@ fn close(name: &str) -> Found {
     let axis = &proof.axes[0];
     let used: Vec<&Point> =
         report_data.axes[0].points.iter().filter(|p| p.excluded.is_none() && p.after_dph.is_finite()).collect();
-    let all = |p: &&Point| (0..SOURCES.len()).map(|source| mean(&truth, p, source)).sum::<f64>();
+    let all = |p: &&Point| (0..ERROR_SOURCES.len()).map(|source| mean(&truth, p, source)).sum::<f64>();
     let left = sigma(&used.iter().map(|p| all(p) - (p.before_dph - p.after_dph)).collect::<Vec<f64>>());
     let sources = unreachable_parts(&used, &truth, &chosen);
     let named: f64 = sources.iter().map(|(_, s)| s * s).sum();
@@ -108,7 +106,7 @@ fn orders(model: &str) -> (i32, Option<i32>) {
 }
 
 /// σ of what least squares on the terms of the model leaves of each source.
-fn unreachable_parts(points: &[&Point], truth: &[[f64; SOURCES.len()]], model: &str) -> Vec<(&'static str, f64)> {
+fn unreachable_parts(points: &[&Point], truth: &[[f64; ERROR_SOURCES.len()]], model: &str) -> Vec<(&'static str, f64)> {
     let (bias, rate) = orders(model);
     let (lo, hi) =
         points.iter().fold((f64::MAX, f64::MIN), |(lo, hi), p| (lo.min(p.temperature_c), hi.max(p.temperature_c)));
@@ -125,14 +123,14 @@ fn unreachable_parts(points: &[&Point], truth: &[[f64; SOURCES.len()]], model: &
         let fitted = svd.solve(&y, 1e-9).unwrap();
         ((&y - &basis * fitted).norm_squared() / points.len() as f64).sqrt()
     };
-    let mut parts: Vec<(&str, f64)> = SOURCES.iter().enumerate().map(|(i, name)| (*name, left(i))).collect();
+    let mut parts: Vec<(&str, f64)> = ERROR_SOURCES.iter().enumerate().map(|(i, name)| (*name, left(i))).collect();
     parts.retain(|(_, sigma)| *sigma > 5e-5);
     parts.sort_by(|a, b| b.1.total_cmp(&a.1));
     parts
 }
 
 /// Mean of a source over a window.
-fn mean(truth: &[[f64; SOURCES.len()]], point: &Point, source: usize) -> f64 {
+fn mean(truth: &[[f64; ERROR_SOURCES.len()]], point: &Point, source: usize) -> f64 {
     let second = |hours: f64| (hours * 3600.0).round() as usize;
     let (from, to) = (second(point.hours - 0.5 * point.length_h), second(point.hours + 0.5 * point.length_h));
     let of_window = &truth[from.min(truth.len() - 1)..to.min(truth.len())];

@@ -11,8 +11,7 @@ use sagnac::model::{ActsOn, Form, Shape};
 use sagnac::verify::Correction;
 use sagnac_core::{Compensator, State, Status};
 use sagnac_log::setup::{Noise, Setup};
-use sagnac_sim::rigs::ManyInputs;
-use sagnac_sim::thermal::Leg;
+use sagnac_sim::{Leg, ManyInputs};
 use support::{fit, retest};
 
 fn setup() -> Setup {
@@ -442,7 +441,7 @@ fn coarse_counts_add_no_walk() {
 /// The same of a rate log with a coarse virtual LSB, which rounds on both sides.
 #[test]
 fn a_coarse_virtual_lsb_adds_no_walk() {
-    let noise = sagnac_sim::scenario::tables::Noise { arw_deg_rt_h: 0.002, ..Default::default() };
+    let noise = sagnac_sim::NoiseConfig { arw_deg_rt_h: 0.002, ..Default::default() };
     let resting = sagnac_sim::Resting { noise, q_arcsec: 0.0 };
     let log = |seed: u64| {
         let row = |(i, arcsec): (usize, f64)| {
