@@ -17,7 +17,7 @@ use sagnac::verify::{Correction, verify_with_report_data};
 use sagnac::window::WindowBuilder;
 use sagnac_log::ingest::{LogReader, Pace};
 use sagnac_log::setup::Setup;
-use sagnac_sim::{ERROR_SOURCES, GyroRun, LogText, Scenario};
+use sagnac_sim::{ERROR_SOURCES, LogText, Scenario};
 use support::model;
 
 fn root() -> PathBuf {
@@ -33,8 +33,10 @@ fn simulate(scenario: &Scenario, seed: u64) -> (Vec<u8>, Vec<[f64; ERROR_SOURCES
     let mut text = LogText::new(scenario);
     let mut log = text.header_line().into_bytes();
     let mut truth = Vec::new();
-    GyroRun::new(scenario, seed)
+    scenario
+        .build()
         .unwrap()
+        .start(seed)
         .each_row(|row, second| {
             truth.push(second.errors_dph);
             log.write_all(text.line(row, second))
