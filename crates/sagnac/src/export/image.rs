@@ -325,6 +325,8 @@ fn order_key(shape: Shape) -> (u8, i32) {
         Shape::Chebyshev(order) => (0, order.into()),
         Shape::Zone { knot_q15 } => (1, knot_q15.into()),
         Shape::Step { knot_q15 } => (2, knot_q15.into()),
+        Shape::Cosine { turns_q18 } => (3, turns_q18.cast_signed()),
+        Shape::Sine { turns_q18 } => (4, turns_q18.cast_signed()),
     }
 }
 
@@ -374,6 +376,7 @@ fn term(place: Place, value: f64) -> Result<Option<Term>> {
             Shape::Chebyshev(order) => format!("{kind:?} term of order {order}"),
             Shape::Zone { .. } => format!("{kind:?} term of a zone"),
             Shape::Step { .. } => format!("{kind:?} step"),
+            Shape::Cosine { .. } | Shape::Sine { .. } => format!("{kind:?} harmonic"),
         };
         return Err(too_large(&what, value));
     }
