@@ -4,8 +4,8 @@
 use std::io::Cursor;
 
 use sagnac::fit::{FitOptions, ModelChoice, calibrate};
-use sagnac::ingest::{LogReader, Pace};
-use sagnac::setup::Setup;
+use sagnac_log::ingest::{LogReader, Pace};
+use sagnac_log::setup::Setup;
 use sagnac::window::WindowBuilder;
 
 /// More windows than this are not fitted: the fit is not what is hunted here.
@@ -18,7 +18,7 @@ pub fn read_log(bytes: &[u8]) {
         arcsec_per_count: Some(1.0),
         min_span_c: Some(1.0),
         reference_c: Some(20.0),
-        window: Some(sagnac::setup::WindowSize::Seconds(10.0)),
+        window: Some(sagnac_log::setup::WindowSize::Seconds(10.0)),
         ..Setup::default()
     };
     for pace in [Pace::Bulk, Pace::BulkWithText] {

@@ -1,5 +1,5 @@
 /*
- * The exported C against the reference vectors (docs/vectors.md).
+ * The exported C against the reference vectors (docs/reference/vectors.md).
  *
  *   check_vectors FILE...     a line per file; 0 if all of them pass
  *
@@ -186,7 +186,7 @@ static int compensator_step(machine *m, uint32_t operation, const uint32_t *in, 
     }
 }
 
-/* What the vectors' plant shows: docs/vectors.md. */
+/* What the vectors' plant shows: docs/reference/vectors.md. */
 static int32_t plant(const machine *m, int64_t place_q32, const uint32_t *in)
 {
     const int64_t wavelength = m->path.loop.wavelength;

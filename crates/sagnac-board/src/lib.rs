@@ -13,7 +13,7 @@
 //!   integers, so that a board in an emulator and one on the host see the same.
 //! * [`Desk`] and [`Line`] are the main loop's and the interrupt's halves of the whole; [`run`] is both on this machine.
 //! * [`Upload`] takes an image from the line and commits it to the flash banks.
-//! * [`frame`] is the line's format: `docs/serial-line.md`.
+//! * [`frame`] is the line's format: `docs/reference/serial-line.md`.
 //!
 //! No allocation, no floating point, no `unsafe`, no panic path: the firmware that links this with a panic handler that
 //! does not exist links. What it does not do: touch a register; that is the firmware's (`firmware/gyro`).

@@ -1,4 +1,4 @@
-//! What frames say: payloads in fields. Widths and units: `docs/serial-line.md`.
+//! What frames say: payloads in fields. Widths and units: `docs/reference/serial-line.md`.
 
 use sagnac_core::Status;
 use sagnac_core::bytes::{Reader, Writer};

@@ -3,10 +3,11 @@
 use std::io::Write;
 use std::path::PathBuf;
 
-use sagnac::ingest::{LogSummary, Pace};
+use sagnac::Result;
 use sagnac::verify::{CorrectedFormat, Correction, compensate};
-use sagnac::write::write_atomically;
-use sagnac::{Result, setup::Setup};
+use sagnac_log::ingest::{LogSummary, Pace};
+use sagnac_log::setup::Setup;
+use sagnac_log::write::write_atomically;
 
 use crate::calibrate::excluded;
 use crate::console::{Console, Outcome, Ran};

@@ -6,16 +6,17 @@
 use std::io::Cursor;
 use std::path::PathBuf;
 
-use sagnac::digits::{significant, with_sigma};
-use sagnac::fit::{FitOptions, ModelChoice, ModelSpec, calibrate};
-use sagnac::ingest::{LogReader, Pace};
-use sagnac::report::verification_report;
-use sagnac::setup::Setup;
-use sagnac::verify::{Correction, Verification, verify_with_evidence};
+use sagnac::fit::{FitOptions, ModelChoice, calibrate};
+use sagnac::model::ModelSpec;
+use sagnac::verify::{Correction, Verification, verify_with_report_data};
 use sagnac::window::WindowBuilder;
-use sagnac::write::write_bytes;
 use sagnac::{Error, Result};
+use sagnac_log::ingest::{LogReader, Pace};
+use sagnac_log::setup::Setup;
+use sagnac_log::write::write_bytes;
+use sagnac_report::verification_report;
 use sagnac_sim::{PaperRig, csv_bytes};
+use sagnac_units::format::{significant, with_sigma};
 
 use crate::console::{Console, Outcome, Ran, table};
 
@@ -51,7 +52,7 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
         LogReader::from_reader(&format!("seed {seed}"), Box::new(Cursor::new(bytes)), &setup, Pace::Bulk)
     };
     let windows = WindowBuilder::read_all(vec![log(first)?], &setup)?.finish(false);
-    let quadratic = ModelSpec { bias: 2, ..ModelSpec::default() };
+    let quadratic: ModelSpec = "bias 2".parse()?;
     let options = FitOptions::new(ModelChoice::Fixed(quadratic));
     let calibration = calibrate(windows, &setup, &options)?;
     console.say(format!(
@@ -68,7 +69,8 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
         "{} arcsec per count. Calibrated on seed {first}, proven on seed {second}.\n",
         rig.arcsec_per_count
     ));
-    let monomial = &calibration.axes.first().ok_or_else(|| Error::input("no axis"))?.monomial;
+    let axis = calibration.axes.first();
+    let monomial = axis.and_then(|axis| axis.monomial.as_ref()).ok_or_else(|| Error::input("no curve"))?;
     let sigmas = monomial.sigma.clone().unwrap_or_default();
     let names = ["C", "B", "A"];
     let rows = (0..3).rev().map(|power| {
@@ -81,12 +83,12 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     });
     console.say(table(&["coefficient", "rig", "fitted ± σ"], rows));
     let correction = Correction::from_calibration(calibration)?;
-    let (proof, evidence) = verify_with_evidence(&correction, vec![log(second)?], &setup, None, false)?;
+    let (proof, report_data) = verify_with_report_data(&correction, vec![log(second)?], &setup, None, false)?;
     describe(console, &proof)?;
     equations(console);
     printed_constant(console);
     if let Some(path) = &args.report {
-        let page = verification_report(&proof, correction.calibration.as_ref(), &evidence)?;
+        let page = verification_report(&proof, correction.calibration.as_ref(), &report_data)?;
         write_bytes(path, page.as_bytes())?;
         console.say(format!("wrote {}", path.display()));
     }
@@ -109,7 +111,7 @@ fn describe(console: &mut Console, proof: &Verification) -> Result<()> {
         paper("paper, after", PAPER_AFTER),
         ours("ours, after", &axis.after),
     ];
-    if let Some(floor) = &axis.floor {
+    if let Some(floor) = &axis.noise_floor {
         let blank = String::new;
         rows.push(vec![
             "noise floor".to_owned(),

@@ -6,11 +6,11 @@ use std::path::{Path, PathBuf};
 use clap::ValueEnum;
 use sagnac::calibration::{Calibration, InputSource, UNASSIGNED};
 use sagnac::export::{TextFile, Widths, c_files, codes, encode, image_bytes, verilog_files};
-use sagnac::ingest::{hex, sha256};
-use sagnac::write::write_bytes;
 use sagnac::{Error, Result};
 use sagnac_board::Message;
 use sagnac_core::Image;
+use sagnac_log::ingest::{hex, sha256};
+use sagnac_log::write::write_bytes;
 use sagnac_loops::{LoopTable, TABLE_MAGIC};
 use sagnac_sim::plant::Design;
 
@@ -54,15 +54,15 @@ pub(crate) struct Args {
 /// What an export writes.
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Target {
-    /// Flash image (docs/image-format.md)
+    /// Flash image (docs/reference/image-format.md)
     Image,
-    /// C99 sources (docs/on-target.md)
+    /// C99 sources (docs/explanation/on-target.md)
     C,
-    /// Verilog-2005 sources (docs/fpga.md)
+    /// Verilog-2005 sources (docs/explanation/fpga.md)
     Verilog,
-    /// Table of the control loops (docs/loop-table.md)
+    /// Table of the control loops (docs/reference/loop-table.md)
     Loops,
-    /// Messages that bring an image to a gyro over its serial line (docs/serial-line.md)
+    /// Messages that bring an image to a gyro over its serial line (docs/reference/serial-line.md)
     Upload,
 }
 
@@ -159,8 +159,8 @@ fn say_codes(args: &Args, console: &mut Console) -> Result<()> {
         return Ok(());
     }
     let calibration = loading::calibration(&args.input)?;
-    for axis in calibration.axes.iter().filter(|axis| !axis.inputs.is_empty()) {
-        let rows = codes(&calibration, axis).into_iter().enumerate().map(|(at, code)| {
+    for axis in calibration.axes.iter().filter(|axis| !axis.other_inputs().is_empty()) {
+        let rows = codes(axis).into_iter().enumerate().map(|(at, code)| {
             let fed = code.per_code.map_or("none: made on the target".to_owned(), |per_code| {
                 format!("(value - {}) / {per_code:e}", code.offset)
             });
@@ -168,7 +168,7 @@ fn say_codes(args: &Args, console: &mut Console) -> Result<()> {
         });
         let title = format!("input of axis {}", axis.axis);
         console.say(drawn(&["place", &title, "code"], rows));
-        let data_given = axis.inputs.iter().filter(|input| {
+        let data_given = axis.other_inputs().iter().filter(|input| {
             matches!(&input.source, InputSource::Column(name) if calibration.setup.aux(name).gain_per_code.is_none())
         });
         for input in data_given {

@@ -3,11 +3,11 @@
 use std::io::{BufReader, Read, Write};
 use std::path::{Path, PathBuf};
 
-use sagnac::write::write_atomically;
 use sagnac::{Error, Result};
 use sagnac_board::frame::Reader;
 use sagnac_board::{COMMIT, Message, Output, PIECE, POWER_ON, ROLL_BACK, Reply, ReplyCode};
 use sagnac_core::Status;
+use sagnac_log::write::write_atomically;
 use sagnac_loops::{IntensityStatus, PathLengthStatus};
 
 use crate::console::{Console, Outcome, Ran};
@@ -17,7 +17,7 @@ use crate::pipe::PipeAware;
 const HEADER: &str =
     "sequence,tick,time_s,counts,raw,status,path_length,intensity,actuator,current,thermometer_code,lost_steps\n";
 
-/// Read the frames of a gyro's serial line (docs/serial-line.md) and write them as CSV
+/// Read the frames of a gyro's serial line (docs/reference/serial-line.md) and write them as CSV
 ///
 /// Damaged and missing frames are counted; what the gyro answered is told on standard error. To standard output each
 /// frame is a row at once, so that a live line may be ended with Ctrl-C; a file of -o is written whole at the end.
@@ -151,7 +151,7 @@ fn pour(args: &Args, tally: &mut Tally, out: &mut dyn Write) -> Result<()> {
     }
     tally.damaged_bytes = reader.skipped() + reader.pending() as u64;
     if tally.outputs == 0 && tally.answers.is_empty() {
-        let error = Error::input("holds no frame of a gyro").help("docs/serial-line.md has the format");
+        let error = Error::input("holds no frame of a gyro").help("docs/reference/serial-line.md has the format");
         return Err(error.file(input.display().to_string()));
     }
     out.flush().map_err(|e| written(&e))

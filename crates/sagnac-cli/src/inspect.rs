@@ -4,14 +4,14 @@ use std::path::{Path, PathBuf};
 
 use sagnac::Result;
 use sagnac::calibration::Calibration;
-use sagnac::digits::significant;
 use sagnac::export::image_bytes;
 use sagnac::fit::{FitOptions, ModelChoice, calibrate};
-use sagnac::ingest::{AngleUnit, LogReader, LogShape, Pace, Tally, hex, sha256};
-use sagnac::setup::Setup;
-use sagnac::units::s_from_ns;
 use sagnac::window::{WindowBuilder, Windows};
-use sagnac_core::{Image, Kind as TermKind, Multiplier, Shape, Source, Term};
+use sagnac_core::{Image, Kind as Quantity, Multiplier, Shape, Source, Term};
+use sagnac_log::ingest::{AngleUnit, LogReader, LogShape, Pace, Tally, hex, sha256};
+use sagnac_log::setup::Setup;
+use sagnac_units::format::significant;
+use sagnac_units::s_from_ns;
 use serde::Serialize;
 
 use crate::calibrate::{excluded, summary};
@@ -169,12 +169,12 @@ fn log(windows: Windows, ignored: Vec<String>, kind: &'static str, setup: &Setup
 fn would(tried: Result<Calibration>, console: &mut Console) -> Result<CalibrateObject> {
     match tried {
         Ok(calibration) => {
-            let models: Vec<String> = calibration.axes.iter().map(|axis| axis.model.clone()).collect();
+            let models: Vec<String> = calibration.axes.iter().map(|axis| axis.correction.model.clone()).collect();
             for axis in &calibration.axes {
-                let held_out = axis.cross_validation.as_ref().map_or(f64::NAN, |cv| cv.sigma_dph);
+                let held_out = axis.cross_validation().map_or(f64::NAN, |cv| cv.sigma_dph);
                 console.say(format!(
                     "calibrate would take `{}` for axis {}: held-out σ {} °/h",
-                    axis.model,
+                    axis.correction.model,
                     axis.axis,
                     significant(held_out, 3)
                 ));
@@ -257,7 +257,7 @@ struct ImageThermometer {
     /// In units of 2^exponent of its own; 0 for °C.
     unit_exponent: i8,
     span_c: [f64; 2],
-    plausible_c: [f64; 2],
+    valid_range_c: [f64; 2],
     has_rate: bool,
 }
 
@@ -301,7 +301,7 @@ fn image(path: &Path, console: &mut Console) -> Result<()> {
         let rate = if t.has_rate { ", with a rate filter" } else { "" };
         console.say(format!(
             "{what}span {:.3} … {:.3} {unit}, believed {:.1} … {:.1} {unit}{rate}",
-            t.span_c[0], t.span_c[1], t.plausible_c[0], t.plausible_c[1]
+            t.span_c[0], t.span_c[1], t.valid_range_c[0], t.valid_range_c[1]
         ));
     }
     let rows = object.terms.iter().map(|t| {
@@ -327,7 +327,7 @@ fn image_object(image: &Image) -> ImageObject {
         },
         unit_exponent: t.unit_exponent,
         span_c: [celsius(t.span_lo_q24), celsius(t.span_hi_q24)],
-        plausible_c: [celsius(t.plausible_lo_q24), celsius(t.plausible_hi_q24)],
+        valid_range_c: [celsius(t.plausible_lo_q24), celsius(t.plausible_hi_q24)],
         has_rate: t.lag.is_used(),
     });
     let from = |t: &Term, knot_q15: i16| {
@@ -346,7 +346,7 @@ fn image_object(image: &Image) -> ImageObject {
         shape: piece(t).0,
         from: piece(t).1,
         turns: t.shape.turns_q18().map(|turns| f64::from(turns) / f64::from(1 << 18)),
-        kind: if t.kind == TermKind::Bias { "bias" } else { "scale" },
+        kind: if t.kind == Quantity::Bias { "bias" } else { "scale" },
         sensor: t.sensor,
         order: t.shape.order().unwrap_or(0),
         times_rate: t.multiplier == Multiplier::Rate,

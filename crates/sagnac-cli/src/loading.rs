@@ -4,12 +4,12 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use sagnac::calibration::Calibration;
-use sagnac::ingest::{LogReader, Pace};
-use sagnac::setup::Setup;
 use sagnac::verify::Correction;
 use sagnac::window::{WindowBuilder, Windows, is_table, read_table};
 use sagnac::{Error, Result};
 use sagnac_core::{Image, MAGIC, MAX_IMAGE_LEN};
+use sagnac_log::ingest::{LogReader, Pace};
+use sagnac_log::setup::Setup;
 
 use crate::progress::open_log;
 use crate::setup_args::SetupArgs;

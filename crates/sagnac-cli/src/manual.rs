@@ -1,4 +1,4 @@
-//! `sagnac manual`: shell completions, man pages and docs/cli.md, made from the program itself.
+//! `sagnac manual`: shell completions, man pages and docs/reference/cli.md, made from the program itself.
 
 use std::io::Write;
 use std::path::PathBuf;
@@ -6,12 +6,12 @@ use std::path::PathBuf;
 use clap::builder::StyledStr;
 use clap::{Arg, ArgAction, Command, ValueEnum};
 use clap_complete::{Generator, Shell};
-use sagnac::ingest::Reason;
-use sagnac::ingest::header::HEADERS;
-use sagnac::setup::Setup;
 use sagnac::verify::Limits;
 use sagnac::{Error, Result};
 use sagnac_core::Status;
+use sagnac_log::ingest::Reason;
+use sagnac_log::ingest::header::HEADERS;
+use sagnac_log::setup::Setup;
 use serde_json::Value;
 
 use crate::console::{Console, Outcome, Ran};
@@ -78,7 +78,7 @@ fn rendered(fill: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Result<
     Ok(String::from_utf8_lossy(&bytes).into_owned())
 }
 
-/// docs/cli.md.
+/// docs/reference/cli.md.
 fn markdown(program: &mut Command) -> Result<String> {
     let mut out =
         String::from("# Command line\n\nMade by `sagnac manual markdown`; do not edit.\n\n| command | |\n|---|---|\n");
@@ -112,7 +112,7 @@ fn markdown(program: &mut Command) -> Result<String> {
     Reason::ALL.iter().for_each(|r| out += &format!("| `{}` | {} |\n", r.name(), r.meaning()));
     out += "\n## Status of corrected rows\n\nThe words of the `status` column, joined by `|`; `OK` for none of them: ";
     out += &Status::NAMES.map(|(_, name)| format!("`{name}`")).join(", ");
-    out += ". What each means stands in [arithmetic.md](arithmetic.md).\n";
+    out += ". What each means stands in [arithmetic.md](../explanation/arithmetic.md).\n";
     Ok(out)
 }
 

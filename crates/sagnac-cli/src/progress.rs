@@ -6,8 +6,8 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use sagnac::Result;
-use sagnac::ingest::{LogReader, Pace, Watch};
-use sagnac::setup::Setup;
+use sagnac_log::ingest::{LogReader, Pace, Watch};
+use sagnac_log::setup::Setup;
 
 /// Nothing is shown of what ends sooner.
 const PATIENCE: Duration = Duration::from_secs(1);

@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use sagnac::setup::{Counter, Setup, WindowSize};
 use sagnac::{Error, Result};
+use sagnac_log::setup::{Counter, Setup, WindowSize};
 
 /// What the log cannot say of itself.
 #[derive(Args, Clone, Default)]
@@ -113,7 +113,7 @@ impl SetupArgs {
         put(&mut setup.min_span_c, &self.min_span);
         put(&mut setup.use_thermometer, &self.thermometer);
         put(&mut setup.inputs, &self.inputs.as_deref().map(names));
-        setup.settle_s = self.settle.unwrap_or(setup.settle_s);
+        setup.discard_initial_s = self.settle.unwrap_or(setup.discard_initial_s);
         setup.temperature_offset_s = self.temperature_offset.unwrap_or(setup.temperature_offset_s);
         setup.counter = match self.counter {
             Some(CounterWord::Incremental) => Counter::Incremental,

@@ -1,5 +1,5 @@
 //! Broken inputs, made here: each ends with the documented status, one message that names the place, and
-//! leaves what was there untouched. The snapshot holds every message in one file, and docs/errors.md is made
+//! leaves what was there untouched. The snapshot holds every message in one file, and docs/reference/errors.md is made
 //! of it (`cargo xtask errors`).
 //!
 //! SAGNAC_KEEP_CORPUS=FOLDER keeps the files.

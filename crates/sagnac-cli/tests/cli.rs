@@ -317,26 +317,6 @@ fn the_demo_prints_the_papers_table_beside_ours() {
     assert_eq!(ran.out, run(&["demo", "--seed", "1"]).out);
 }
 
-/// The README's worked example is what the program prints. SAGNAC_WRITE_DOCS=1 writes it.
-#[test]
-fn the_readme_shows_what_the_program_prints() {
-    let readme = fs::read_to_string(root().join("README.md")).unwrap();
-    let block = readme.split("```text\n").nth(1).unwrap().split("```").next().unwrap();
-    fs::create_dir_all(root().join("target")).unwrap();
-    let mut printed = String::new();
-    for line in block.lines().filter_map(|line| line.strip_prefix("$ sagnac ")) {
-        let output = sagnac().current_dir(root()).args(line.split_whitespace()).output().unwrap();
-        assert!(output.status.success(), "{line}");
-        printed += &format!("$ sagnac {line}\n{}", String::from_utf8(output.stdout).unwrap());
-    }
-    let trimmed = |text: &str| text.lines().map(str::trim_end).collect::<Vec<_>>().join("\n");
-    if std::env::var_os("SAGNAC_WRITE_DOCS").is_some() {
-        fs::write(root().join("README.md"), readme.replace(block, &format!("{}\n", trimmed(&printed)))).unwrap();
-        return;
-    }
-    assert_eq!(trimmed(block), trimmed(&printed));
-}
-
 #[test]
 fn real_recordings_are_described_and_refused_as_they_deserve() {
     let setup = testdata("rlg-ln100-static/bench.toml");
@@ -362,11 +342,11 @@ fn real_recordings_are_described_and_refused_as_they_deserve() {
     }
 }
 
-/// docs/cli.md is what the program prints; run `cargo xtask cli` where it is not.
+/// docs/reference/cli.md is what the program prints; run `cargo xtask cli` where it is not.
 #[test]
 fn the_manual_is_made_from_the_program() {
     let printed = sagnac().args(["manual", "markdown"]).output().unwrap().stdout;
-    let page = std::fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/cli.md")).unwrap();
+    let page = std::fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/reference/cli.md")).unwrap();
     assert!(page == printed, "run `cargo xtask cli`");
 }
 

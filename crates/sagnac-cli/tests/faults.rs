@@ -1,5 +1,5 @@
 //! Each ready scenario with each fault, through `inspect` (which tries `calibrate`): noticed, named, or refused.
-//! docs/faults.md is this table; SAGNAC_WRITE_DOCS=1 writes it anew.
+//! docs/reference/faults.md is this table; SAGNAC_WRITE_DOCS=1 writes it anew.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -11,7 +11,7 @@ use serde_json::Value;
 
 const READY: [&str; 4] = ["paper", "square-28cm", "prism-heater-loop", "triangle-28cm-dithered"];
 
-/// What goes unnoticed, and is listed in docs/simulator.md. A thermometer alone that stands still is no more than a
+/// What goes unnoticed, and is listed in docs/explanation/simulator.md. A thermometer alone that stands still is no more than a
 /// steady one; a clock that slows down stretches all rows alike.
 const UNNOTICED: [(&str, &str); 5] = [
     ("paper", "stuck_thermometer"),
@@ -77,7 +77,7 @@ const HEAD: &str = "# Faults, and what notices them
 
 Made by `SAGNAC_WRITE_DOCS=1 cargo test -p sagnac-cli --test faults`, which also holds it: each ready scenario with each fault from two fifths to three fifths of
 its run, through `sagnac inspect`. *Named* are the reasons for which rows are left out beyond those of the same test without
-the fault, with their number. **Not noticed** means that the log looks like a good one; docs/simulator.md says why.
+the fault, with their number. **Not noticed** means that the log looks like a good one; docs/explanation/simulator.md says why.
 
 | scenario | fault | named | calibrate |
 |---|---|---|---|
@@ -93,11 +93,11 @@ fn every_fault_in_every_scenario() {
     });
     let (parts, unnoticed): (Vec<String>, Vec<Unnoticed>) = tables.into_iter().unzip();
     let table = String::from(HEAD) + &parts.concat();
-    let path = root().join("docs/faults.md");
+    let path = root().join("docs/reference/faults.md");
     if std::env::var_os("SAGNAC_WRITE_DOCS").is_some() {
         std::fs::write(&path, &table).unwrap();
     }
-    assert!(std::fs::read_to_string(&path).unwrap() == table, "docs/faults.md is not what this makes:\n{table}");
+    assert!(std::fs::read_to_string(&path).unwrap() == table, "docs/reference/faults.md is not what this makes:\n{table}");
     assert_eq!(unnoticed.concat(), UNNOTICED);
 }
 

@@ -54,7 +54,7 @@ fn c_and_verilog_are_whole_folders() {
         }
     }
     let unit = fs::read_to_string(folder.path().join("c/sagnac_unit.c")).unwrap();
-    // The worked example of docs/image-format.md.
+    // The worked example of docs/reference/image-format.md.
     assert!(unit.contains("PAPER-RIG") && unit.contains(".mantissa = 558484714, .shift = 33"), "{unit}");
 }
 

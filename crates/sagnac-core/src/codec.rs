@@ -7,7 +7,7 @@
 //! └────────┴─────────────────┴─────────────────────┴──────┘
 //! ```
 //!
-//! Every field and a worked example stand in `docs/image-format.md`. The CRC is CRC-32/ISO-HDLC over
+//! Every field and a worked example stand in `docs/reference/image-format.md`. The CRC is CRC-32/ISO-HDLC over
 //! everything before it; its Hamming distance over these lengths is at least 4, so every one-, two-
 //! and three-bit error is refused. Reserved bytes must be zero: one image, one byte string.
 

@@ -18,7 +18,7 @@
 //! * Everything is `i32`/`i64`; there is no allocation, no floating point, no `unsafe` and no panic
 //!   path (a link check in `cargo xtask no-panic` holds that).
 //!
-//! Widths, rounding and ranges are listed in `docs/arithmetic.md`, bytes in `docs/image-format.md`.
+//! Widths, rounding and ranges are listed in `docs/explanation/arithmetic.md`, bytes in `docs/reference/image-format.md`.
 //!
 //! What it does not do: count pulses, strip dither, read a thermometer or write flash.
 //!

@@ -11,7 +11,7 @@
 
 use crate::rounding::round_shift;
 
-/// Highest order of a series. The error bound of `docs/arithmetic.md` is stated for it.
+/// Highest order of a series. The error bound of `docs/explanation/arithmetic.md` is stated for it.
 pub const MAX_ORDER: u8 = 8;
 
 /// Number of basis values, order 0 to [`MAX_ORDER`].

@@ -169,7 +169,7 @@ fn drifts_of_125_and_105_counts_per_100_s_come_out_whole() {
     }
 }
 
-/// The step of k at an update is |Δε|·1e-6 of 2³², rounded: bounded as `docs/arithmetic.md` says.
+/// The step of k at an update is |Δε|·1e-6 of 2³², rounded: bounded as `docs/explanation/arithmetic.md` says.
 #[test]
 fn k_steps_by_the_change_of_epsilon_only() {
     // ε = 50 ppm · x.

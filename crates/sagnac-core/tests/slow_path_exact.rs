@@ -155,7 +155,7 @@ fn the_big_sine_is_one() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(1000))]
 
-    /// Bound of docs/arithmetic.md: 2⁻²⁷ of the coefficients' sum, and one LSB of Q32 for the last rounding.
+    /// Bound of docs/explanation/arithmetic.md: 2⁻²⁷ of the coefficients' sum, and one LSB of Q32 for the last rounding.
     #[test]
     fn roundings_stay_within_their_bound(
         image in any_image_of_three(),

@@ -8,7 +8,7 @@
 //! ```
 //!
 //! [`LoopTable::decode`] refuses every value with which the arithmetic of a tick could overflow or an actuator leave
-//! its range; what the host designed always passes. Fields: `docs/loop-table.md`.
+//! its range; what the host designed always passes. Fields: `docs/reference/loop-table.md`.
 
 use core::fmt;
 

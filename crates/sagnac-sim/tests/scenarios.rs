@@ -311,11 +311,11 @@ fn the_manual_lists_every_key() {
                 .unwrap();
         }
     }
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/scenario.md");
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/reference/scenario.md");
     if std::env::var_os("SAGNAC_WRITE_DOCS").is_some() {
         std::fs::write(&path, &text).unwrap();
     }
-    assert!(std::fs::read_to_string(path).unwrap() == text, "docs/scenario.md is not what the program has");
+    assert!(std::fs::read_to_string(path).unwrap() == text, "docs/reference/scenario.md is not what the program has");
 }
 
 /// Every scenario of the project is one that runs, and its bench.toml has its scale factor.

@@ -11,7 +11,7 @@
 //! the host and on a Cortex-M, the C99 export on both, and the Verilog export read them.
 //!
 //! A record runs many ticks: its stimulus comes from a linear congruential generator and, for the loops, from a small
-//! integer plant, both written out in `docs/vectors.md`; its outputs are the state at the end and a hash over every tick.
+//! integer plant, both written out in `docs/reference/vectors.md`; its outputs are the state at the end and a hash over every tick.
 //!
 //! Where it fails: a hash tells in which record something differs, not in which tick. Two differences of a record
 //! hide each other with a chance of 2⁻³².

@@ -5,11 +5,12 @@ mod support;
 
 use proptest::prelude::*;
 use sagnac::calibration::Calibration;
-use sagnac::fit::{FitOptions, ModelChoice, ModelSpec, calibrate};
-use sagnac::ingest::{LogReader, Pace};
-use sagnac::setup::{Counter, Setup};
+use sagnac::fit::{FitOptions, ModelChoice, calibrate};
+use sagnac::model::ModelSpec;
 use sagnac::verify::{CorrectedFormat, Correction, Limits, compensate};
 use sagnac::window::WindowBuilder;
+use sagnac_log::ingest::{LogReader, Pace};
+use sagnac_log::setup::{Counter, Setup};
 use sagnac_sim::{PaperRig, csv_bytes};
 
 /// Cells that logs hold, and cells that break them.
@@ -61,7 +62,7 @@ fn any_setup() -> impl Strategy<Value = Setup> {
     let window = prop::sample::select(vec!["", "window = \"row\"\n", "window = 5\n", "window = 1e6\n"]);
     let more = prop::sample::select(vec![
         "",
-        "settle_s = 10\n",
+        "discard_initial_s = 10\n",
         "temperature_offset_s = -7.5\n",
         "temperature_offset_s = 3600\n",
         "sample_interval_s = 1e-6\n",

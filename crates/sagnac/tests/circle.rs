@@ -1,7 +1,7 @@
 //! The circle closes: simulate three runs, calibrate on two, prove on the third, for each ready scenario.
 //!
 //! The calibrator sees logs only. Truth comes in at the end, to say what is left and whose it is: the true errors of
-//! each window less what the correction took off it, without any noise. docs/circle.md is this table;
+//! each window less what the correction took off it, without any noise. docs/explanation/circle.md is this table;
 //! SAGNAC_WRITE_DOCS=1 writes it anew.
 
 mod support;
@@ -11,12 +11,12 @@ use std::io::{Cursor, Write as _};
 use std::path::{Path, PathBuf};
 
 use nalgebra::{DMatrix, DVector};
+use sagnac::diagnostics::Point;
 use sagnac::fit::{FitOptions, calibrate};
-use sagnac::ingest::{LogReader, Pace};
-use sagnac::report::Point;
-use sagnac::setup::Setup;
-use sagnac::verify::{Correction, verify_with_evidence};
+use sagnac::verify::{Correction, verify_with_report_data};
 use sagnac::window::WindowBuilder;
+use sagnac_log::ingest::{LogReader, Pace};
+use sagnac_log::setup::Setup;
 use sagnac_sim::Scenario;
 use sagnac_sim::gyro::{GyroRun, SOURCES};
 use sagnac_sim::log::LogText;
@@ -50,7 +50,7 @@ fn reader(log: Vec<u8>, setup: &Setup) -> LogReader {
 }
 
 /// What a proof left, in °/h.
-struct Left {
+struct Found {
     model: String,
     windows: usize,
     before: f64,
@@ -64,30 +64,31 @@ struct Left {
     fit: f64,
 }
 
-fn close(name: &str) -> Left {
+fn close(name: &str) -> Found {
     let scenario = Scenario::from_toml(&read(name, &format!("{name}.toml"))).unwrap();
     let setup = Setup::parse(&read(name, "bench.toml")).unwrap();
     let logs = [1, 2].map(|seed| reader(simulate(&scenario, seed).0, &setup)).into();
     let windows = WindowBuilder::read_all(logs, &setup).unwrap().finish(false);
     let options = FitOptions::new(model("auto"));
     let calibration = calibrate(windows, &setup, &options).unwrap();
-    let chosen = calibration.axes[0].model.clone();
+    let chosen = calibration.axes[0].correction.model.clone();
     let correction = Correction::from_calibration(calibration).unwrap();
     let (log, truth) = simulate(&scenario, 3);
-    let (proof, evidence) = verify_with_evidence(&correction, vec![reader(log, &setup)], &setup, None, false).unwrap();
+    let (proof, report_data) =
+        verify_with_report_data(&correction, vec![reader(log, &setup)], &setup, None, false).unwrap();
     let axis = &proof.axes[0];
     let used: Vec<&Point> =
-        evidence.axes[0].points.iter().filter(|p| p.excluded.is_none() && p.after_dph.is_finite()).collect();
+        report_data.axes[0].points.iter().filter(|p| p.excluded.is_none() && p.after_dph.is_finite()).collect();
     let all = |p: &&Point| (0..SOURCES.len()).map(|source| mean(&truth, p, source)).sum::<f64>();
     let left = sigma(&used.iter().map(|p| all(p) - (p.before_dph - p.after_dph)).collect::<Vec<f64>>());
     let sources = unreachable_parts(&used, &truth, &chosen);
     let named: f64 = sources.iter().map(|(_, s)| s * s).sum();
-    Left {
+    Found {
         model: chosen,
         windows: used.len(),
         before: axis.before.sigma_dph,
         after: axis.after.sigma_dph,
-        floor: axis.floor.as_ref().unwrap().value_dph,
+        floor: axis.noise_floor.as_ref().unwrap().value_dph,
         left,
         sources,
         fit: (left * left - named).max(0.0).sqrt(),
@@ -156,7 +157,7 @@ const MOST_LEFT: [(&str, f64); 4] =
 
 #[test]
 fn three_runs_of_each_scenario() {
-    let all: Vec<Left> = std::thread::scope(|scope| {
+    let all: Vec<Found> = std::thread::scope(|scope| {
         let threads = MOST_LEFT.map(|(name, _)| scope.spawn(move || close(name)));
         threads.map(|thread| thread.join().unwrap()).into()
     });
@@ -172,11 +173,11 @@ fn three_runs_of_each_scenario() {
         )
         .unwrap();
     }
-    let path = root().join("docs/circle.md");
+    let path = root().join("docs/explanation/circle.md");
     if std::env::var_os("SAGNAC_WRITE_DOCS").is_some() {
         std::fs::write(&path, &table).unwrap();
     }
-    assert!(std::fs::read_to_string(&path).unwrap() == table, "docs/circle.md is not what this makes:\n{table}");
+    assert!(std::fs::read_to_string(&path).unwrap() == table, "docs/explanation/circle.md is not what this makes:\n{table}");
     for ((name, most), l) in MOST_LEFT.iter().zip(&all) {
         assert!(l.left < most * l.floor, "{name}: {} is left, floor {}", l.left, l.floor);
         assert!(l.before > 5.0 * l.left, "{name}: {} of {} is left", l.left, l.before);

@@ -17,10 +17,10 @@ use parquet::arrow::ArrowWriter;
 use parquet::basic::{Compression as ParquetCompression, ZstdLevel};
 use parquet::file::properties::WriterProperties;
 use sagnac::fit::{FitOptions, calibrate};
-use sagnac::ingest::{LogReader, Pace};
-use sagnac::setup::Setup;
 use sagnac::verify::{CorrectedFormat, Correction, compensate};
 use sagnac::window::WindowBuilder;
+use sagnac_log::ingest::{LogReader, Pace};
+use sagnac_log::setup::Setup;
 use sagnac_sim::LaggedChamber;
 use ulog_writer::ULogWriter;
 
@@ -168,7 +168,7 @@ fn files_are_hashed_as_they_are() {
         std::fs::write(&path, &bytes).unwrap();
         let mut log = LogReader::open(&path, &setup(), Pace::Bulk).unwrap();
         while log.next_batch().unwrap().is_some() {}
-        assert_eq!(log.summary().sha256, sagnac::ingest::hex(&sagnac::ingest::sha256(&bytes)), "{name}");
+        assert_eq!(log.summary().sha256, sagnac_log::ingest::hex(&sagnac_log::ingest::sha256(&bytes)), "{name}");
         assert_eq!(log.summary().rows, batch.num_rows() as u64);
     }
 }
@@ -239,7 +239,7 @@ fn px4() -> (ULogWriter, String) {
 fn a_ulog_is_the_csv_of_its_values() {
     let (log, text) = px4();
     let setup =
-        Setup { window: Some("20".parse().map(sagnac::setup::WindowSize::Seconds).unwrap()), ..Setup::default() };
+        Setup { window: Some("20".parse().map(sagnac_log::setup::WindowSize::Seconds).unwrap()), ..Setup::default() };
     let setup = Setup { reference_c: Some(30.0), ..setup };
     assert!(calibration(log.finish(), &setup) == calibration(text.into_bytes(), &setup));
 }

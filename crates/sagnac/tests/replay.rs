@@ -1,15 +1,16 @@
-//! Replay against a walk tick by tick, written down here once more from the rules of docs/arithmetic.md:
+//! Replay against a walk tick by tick, written down here once more from the rules of docs/explanation/arithmetic.md:
 //! rows at any nanosecond, rows that slow updates cut, gaps, rates with a virtual LSB, several axes.
 
 mod support;
 
 use proptest::prelude::*;
-use sagnac::calibration::{Calibration, Lag, Term, TermKind};
+use sagnac::calibration::{Calibration, Lag, Term};
 use sagnac::export::{Polynomial, import};
-use sagnac::ingest::{LogReader, Pace};
-use sagnac::setup::Setup;
+use sagnac::model::Form;
 use sagnac::verify::{Correction, Readings, Replay, verify};
 use sagnac_core::{Compensator, State};
+use sagnac_log::ingest::{LogReader, Pace};
+use sagnac_log::setup::Setup;
 
 const TICK_NS: i64 = 100_000;
 
@@ -17,21 +18,10 @@ fn calibration(setup: &Setup) -> Calibration {
     let base = Polynomial { coefficients: vec![0.4, -20.0, 400.0], window_s: 100.0, span_c: [0.0, 60.0] };
     let mut calibration = import(&base, setup).unwrap();
     let axis = &mut calibration.axes[0];
-    let kind = TermKind::Rate;
-    axis.terms.push(Term {
-        kind,
-        sensor: String::new(),
-        order: 0,
-        at: None,
-        inflation: None,
-        value: 3.0,
-        sigma: None,
-        unit: kind.unit().to_owned(),
-        significant: None,
-        bootstrap: None,
-    });
-    axis.lag_s = Some(Lag { value: 40.0, sigma: None });
-    axis.rate_span_cpm = Some([-5.0, 5.0]);
+    let thermometer = &mut axis.correction.inputs[0];
+    thermometer.lag_s = Some(Lag { value: 40.0, sigma: None });
+    thermometer.rate_span_per_min = Some([-5.0, 5.0]);
+    axis.correction.terms.push(Term::given(Form::rate(0), thermometer, 3.0));
     calibration
 }
 
@@ -135,7 +125,7 @@ fn rates_of_two_axes_with_a_late_thermometer() {
     let setup = Setup { temperature_offset_s: -20.0, ..Setup::default() };
     let calibration = support::fit(vec![log(20.0)], &setup, "bias 1").unwrap();
     for (axis, slope) in calibration.axes.iter().zip([0.2, -0.4]) {
-        assert!((axis.monomial.coefficients[1] / slope - 1.0).abs() < 1e-3, "{:?}", axis.monomial);
+        assert!((axis.monomial.as_ref().unwrap().coefficients[1] / slope - 1.0).abs() < 1e-3, "{:?}", axis.monomial);
     }
     let proof = |setup: &Setup| {
         let correction = Correction::from_calibration(calibration.clone()).unwrap();

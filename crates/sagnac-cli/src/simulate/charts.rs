@@ -1,11 +1,11 @@
 //! The inside of a simulated gyro over time, thinned while it runs.
 
-use sagnac::digits::significant;
-use sagnac::report::{Chart, ChartPage, Curve, PageTable};
+use sagnac_report::{Chart, ChartPage, Curve, PageTable};
 use sagnac_sim::Scenario;
 use sagnac_sim::gyro::{LogRow, SOURCES, Second};
 use sagnac_sim::plant::Bode;
 use sagnac_sim::scenario::tables::Actuator;
+use sagnac_units::format::significant;
 
 /// Stretches of the run that are drawn as one point.
 const POINTS: f64 = 1200.0;

@@ -6,16 +6,16 @@ use std::cell::RefCell;
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 
-use sagnac::digits::significant;
-use sagnac::ingest::Content;
-use sagnac::report::{ChartPage, chart_report};
-use sagnac::write::{ParquetRows, write_atomically, write_bytes};
 use sagnac::{Error, Result};
+use sagnac_log::ingest::Content;
+use sagnac_log::write::{ParquetRows, write_atomically, write_bytes};
+use sagnac_report::{ChartPage, chart_report};
 use sagnac_sim::fault::{Fault, FaultKind};
 use sagnac_sim::gyro::{GyroRun, LogRow, Second};
 use sagnac_sim::log::{Blocks, LogText, truth_header, write_truth};
 use sagnac_sim::plant::{Bode, Design, LoopName, measure};
 use sagnac_sim::{Problem, Scenario};
+use sagnac_units::format::significant;
 
 use crate::console::{Console, Outcome, Ran, table};
 use crate::loading;
@@ -31,7 +31,7 @@ Examples:
   sagnac simulate scenarios/paper/paper.toml --fault stuck_thermometer@6000+3000 -o broken.csv
   sagnac simulate scenarios/square-28cm/square-28cm.toml --bode --report loops.html")]
 pub(crate) struct Args {
-    /// Gyro, test and faults; docs/scenario.md has every key
+    /// Gyro, test and faults; docs/reference/scenario.md has every key
     #[arg(value_name = "SCENARIO")]
     scenario: PathBuf,
     /// Seed of all random numbers; that of the scenario unless told
@@ -49,7 +49,7 @@ pub(crate) struct Args {
     /// Sweep both running loops instead, and print their open-loop gain beside the design
     #[arg(long)]
     bode: bool,
-    /// Break something: KIND, KIND@START+SECONDS or KIND@START+SECONDS:SIZE (docs/simulator.md lists the kinds)
+    /// Break something: KIND, KIND@START+SECONDS or KIND@START+SECONDS:SIZE (docs/explanation/simulator.md lists the kinds)
     #[arg(long, value_name = "FAULT")]
     fault: Vec<String>,
 }
@@ -117,7 +117,7 @@ pub(crate) fn refused(path: &Path, problem: &Problem) -> Error {
     let error = Error::input(problem.what.clone()).file(path.display().to_string());
     let error = if problem.key.is_empty() { error } else { error.column(problem.key.clone()) };
     let error = problem.line.map_or(error.clone(), |line| error.line(line));
-    error.help("docs/scenario.md lists every key with its unit and range")
+    error.help("docs/reference/scenario.md lists every key with its unit and range")
 }
 
 /// Reads and checks a scenario.

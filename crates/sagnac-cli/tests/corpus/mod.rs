@@ -575,7 +575,7 @@ fn records() -> Vec<Case> {
     ]
 }
 
-/// CRC-32 of IEEE 802.3, as docs/image-format.md has it.
+/// CRC-32 of IEEE 802.3, as docs/reference/image-format.md has it.
 fn crc32(bytes: &[u8]) -> u32 {
     let mut crc = flate2::Crc::new();
     crc.update(bytes);

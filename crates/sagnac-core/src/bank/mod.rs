@@ -13,7 +13,7 @@
 //! An image whose own sequence number is not above that of the image in force is refused, so that an old file cannot
 //! come back by mistake; going back takes [`Banks::roll_back`]. What was left stays left, also when the older bank's
 //! image is damaged later: the note stands beside that image, in four copies, and an erase of the bank that was left,
-//! however far it comes, cannot remove it. Bytes: `docs/image-format.md`.
+//! however far it comes, cannot remove it. Bytes: `docs/reference/image-format.md`.
 //!
 //! Where it fails: both banks damaged at once leave the factory defaults, and say so. A bank whose commit word is
 //! damaged cannot be told from one whose store was cut short in that word; both are [`BankReport::Damaged`]. A commit

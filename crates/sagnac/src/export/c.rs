@@ -2,7 +2,7 @@
 //!
 //! The modules are the same for every gyro and load an image or table from bytes; `sagnac_unit.c` holds the images and the
 //! table as constants for those who would rather compile them in. Nothing but `<stdint.h>` is needed, no 8-bit type, no
-//! allocation. For people: `docs/on-target.md`.
+//! allocation. For people: `docs/explanation/on-target.md`.
 
 use std::fmt::Write as _;
 

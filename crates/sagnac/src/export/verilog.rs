@@ -2,7 +2,7 @@
 //!
 //! The modules are the same for every gyro; what an image and a table hold goes into two headers that they include:
 //! `sagnac_unit.vh` (one axis) and `sagnac_path_unit.vh`. Test benches that check themselves against the reference vectors
-//! (`docs/vectors.md`) come with them. Sizes and frequencies: `docs/fpga.md`.
+//! (`docs/reference/vectors.md`) come with them. Sizes and frequencies: `docs/explanation/fpga.md`.
 //!
 //! Widths are chosen by the caller. An image whose terms could exceed them is refused by the name of the term that reaches
 //! farthest: in hardware an overflow would wrap without a word.
@@ -13,7 +13,7 @@ use sagnac_core::{Image, Kind, MAX_THERMOMETERS, Multiplier, Shape, Source, Term
 use sagnac_loops::LoopTable;
 
 use super::TextFile;
-use crate::error::{Error, Result};
+use sagnac_log::error::{Error, Result};
 
 const MODULES: [(&str, &str); 3] = [
     ("sagnac_fast.v", include_str!("verilog/sagnac_fast.v")),
@@ -69,7 +69,7 @@ fn check_widths(image: &Image, widths: Widths) -> Result<()> {
     }
     let most = (1_i64 << (widths.increment - 1)) - 1;
     let reach = image.reach(Kind::Bias);
-    // Each term and the sum are rounded, and the integers' T_n overshoot 1 by a few 2^-31: docs/arithmetic.md.
+    // Each term and the sum are rounded, and the integers' T_n overshoot 1 by a few 2^-31: docs/explanation/arithmetic.md.
     let reach = reach + 64 + (reach >> 25);
     if reach <= most {
         return Ok(());

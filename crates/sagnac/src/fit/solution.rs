@@ -8,13 +8,15 @@
 use nalgebra::DMatrix;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
-use crate::calibration::{Lag, TermKind};
-use crate::error::{Error, Result};
+use crate::calibration::Lag;
 use crate::fit::bootstrap::Resampling;
-use crate::fit::model::ModelSpec;
-use crate::fit::problem::{Problem, Rates, TermPlace};
-use crate::fit::solve::{Factor, Nearness, Reducer, Solution};
-use crate::parallel::in_parallel;
+use crate::fit::least_squares::{LeastSquares, Rates, TermColumn};
+use crate::fit::solve::{Conditioning, Factor, Reducer, Solution};
+use crate::model::ActsOn;
+use crate::model::Shape;
+use crate::model::spec::ModelSpec;
+use rayon::prelude::*;
+use sagnac_log::error::{Error, Result};
 
 /// τ is taken as resolved unless misfits this close to the least reach an end of the search.
 const FLAT_MISFIT: f64 = 1.02;
@@ -36,7 +38,7 @@ pub(crate) struct Tau {
 /// A fitted model.
 pub(crate) struct Fitted {
     pub(crate) spec: ModelSpec,
-    pub(crate) terms: Vec<TermPlace>,
+    pub(crate) terms: Vec<TermColumn>,
     /// One per input with rate terms.
     pub(crate) taus: Vec<Tau>,
     /// Levels, then the terms in their order.
@@ -49,10 +51,10 @@ pub(crate) struct Fitted {
     pub(crate) sigma_dph: f64,
     /// Lag-one correlation of residuals.
     pub(crate) autocorrelation: f64,
-    /// |value|/σ beyond which a coefficient differs from zero at 95 %.
-    pub(crate) t95: f64,
+    /// Half a 95 % interval in units of σ.
+    pub(crate) t_quantile_975: f64,
     /// How near the terms are to each other; `None` without any.
-    pub(crate) nearness: Option<Nearness>,
+    pub(crate) conditioning: Option<Conditioning>,
 }
 
 impl Fitted {
@@ -79,7 +81,7 @@ impl Fitted {
 }
 
 /// Fits a model on all rows.
-pub(crate) fn fit(problem: &Problem<'_>, spec: &ModelSpec, taus_s: &[f64]) -> Result<Fitted> {
+pub(crate) fn fit(problem: &LeastSquares<'_>, spec: &ModelSpec, taus_s: &[f64]) -> Result<Fitted> {
     let parameters = problem.levels.len() + spec.coefficients();
     if problem.len() < 3 * parameters {
         return Err(Error::refused(format!(
@@ -94,7 +96,7 @@ pub(crate) fn fit(problem: &Problem<'_>, spec: &ModelSpec, taus_s: &[f64]) -> Re
     let solution = design.factor(&[]).solve_all().ok_or_else(|| dependent(problem, spec))?;
     let theta: Vec<f64> = solution.theta.iter().copied().collect();
     let residuals = design.residuals(&theta);
-    let nearness = solution.nearness(problem.levels.len(), &together(&terms));
+    let conditioning = solution.conditioning(problem.levels.len(), &together(&terms));
     let slopes = tau_columns(&design, &taus, &theta);
     let covered = if slopes.is_empty() { Some(solution) } else { design.factor(&slopes).solve_all() };
     let normal = covered.and_then(|s| s.inverse_normal()).ok_or_else(|| dependent(problem, spec))?;
@@ -104,14 +106,25 @@ pub(crate) fn fit(problem: &Problem<'_>, spec: &ModelSpec, taus_s: &[f64]) -> Re
     let autocorrelation = lag_one(problem, &residuals);
     let widening = (1.0 + autocorrelation) / (1.0 - autocorrelation);
     let effective = (problem.len() as f64 / widening - normal.nrows() as f64).max(1.0);
-    let t95 = StudentsT::new(0.0, 1.0, effective).map_or(1.96, |t| t.inverse_cdf(0.975));
+    let t_quantile_975 = StudentsT::new(0.0, 1.0, effective).map_or(1.96, |t| t.inverse_cdf(0.975));
     let (covariance, sigma_dph) = (normal * (variance * widening), variance.sqrt());
     let spec = spec.clone();
-    Ok(Fitted { spec, terms, taus, theta, covariance, residuals, sigma_dph, autocorrelation, t95, nearness })
+    Ok(Fitted {
+        spec,
+        terms,
+        taus,
+        theta,
+        covariance,
+        residuals,
+        sigma_dph,
+        autocorrelation,
+        t_quantile_975,
+        conditioning,
+    })
 }
 
 /// 95 % intervals of every parameter by the block bootstrap.
-pub(crate) fn bootstrap_intervals(problem: &Problem<'_>, fitted: &Fitted, draws: usize) -> Vec<[f64; 2]> {
+pub(crate) fn bootstrap_intervals(problem: &LeastSquares<'_>, fitted: &Fitted, draws: usize) -> Vec<[f64; 2]> {
     let design = Design { problem, terms: &fitted.terms, rates: problem.rates(&values(&fitted.taus)) };
     let slopes = tau_columns(&design, &fitted.taus, &fitted.theta);
     let mut row = Vec::new();
@@ -133,11 +146,13 @@ pub(crate) fn bootstrap_intervals(problem: &Problem<'_>, fitted: &Fitted, draws:
     resampling.intervals(&theta, draws)
 }
 
-/// Series and zones over the thermometer of the fit, where there are zones: squares above their knots look alike however
-/// well the curve is known.
-fn together(terms: &[TermPlace]) -> Vec<usize> {
-    let of_curve = |term: &TermPlace| term.input == 0 && matches!(term.kind, TermKind::Bias | TermKind::Zone);
-    let zoned = terms.iter().any(|term| term.kind == TermKind::Zone);
+/// Series and zones of the bias over the thermometer of the fit, where there are zones: squares above their knots look alike
+/// however well the curve is known.
+fn together(terms: &[TermColumn]) -> Vec<usize> {
+    let of_curve = |term: &TermColumn| {
+        term.input == 0 && !term.form.times_rate && term.form.acts_on == ActsOn::Bias && term.form.shape.joins_series()
+    };
+    let zoned = terms.iter().any(|term| matches!(term.form.shape, Shape::Zone { .. }));
     (0..terms.len()).filter(|at| zoned && of_curve(&terms[*at])).collect()
 }
 
@@ -145,9 +160,9 @@ fn values(taus: &[Tau]) -> Vec<(usize, f64)> {
     taus.iter().map(|tau| (tau.input, tau.value_s)).collect()
 }
 
-fn dependent(problem: &Problem<'_>, spec: &ModelSpec) -> Error {
+fn dependent(problem: &LeastSquares<'_>, spec: &ModelSpec) -> Error {
     let rates: Vec<String> = problem.run_rate.iter().map(|r| format!("{r:.3}")).collect();
-    let what = if spec.scale > 0 {
+    let what = if spec.thermometer().scale > 0 {
         format!("scale-factor and bias terms of `{spec}` cannot be told apart by runs at {} °/h", rates.join(", "))
     } else {
         format!("the terms of `{spec}` are not independent on these data")
@@ -158,8 +173,8 @@ fn dependent(problem: &Problem<'_>, spec: &ModelSpec) -> Error {
 
 /// The regressors of some terms at some lags.
 struct Design<'a> {
-    problem: &'a Problem<'a>,
-    terms: &'a [TermPlace],
+    problem: &'a LeastSquares<'a>,
+    terms: &'a [TermColumn],
     rates: Rates,
 }
 
@@ -209,13 +224,13 @@ impl Columns {
     }
 }
 
-fn misfit(problem: &Problem<'_>, terms: &[TermPlace], taus_s: &[(usize, f64)]) -> f64 {
+fn misfit(problem: &LeastSquares<'_>, terms: &[TermColumn], taus_s: &[(usize, f64)]) -> f64 {
     let design = Design { problem, terms, rates: problem.rates(taus_s) };
     design.factor(&[]).solve_all().map_or(f64::INFINITY, |s| s.ssr)
 }
 
 /// The lags of least misfit, one after the other until they stand.
-fn find_taus(problem: &Problem<'_>, spec: &ModelSpec, terms: &[TermPlace], taus_s: &[f64]) -> Result<Vec<Tau>> {
+fn find_taus(problem: &LeastSquares<'_>, spec: &ModelSpec, terms: &[TermColumn], taus_s: &[f64]) -> Result<Vec<Tau>> {
     let middle = taus_s.get(taus_s.len() / 2).copied().unwrap_or(1.0);
     let rated = problem.rated(spec);
     let mut taus: Vec<Tau> =
@@ -242,7 +257,7 @@ fn find_taus(problem: &Problem<'_>, spec: &ModelSpec, terms: &[TermPlace], taus_
 /// The τ of least misfit and whether it is resolved; where the misfit is flat to an end of the search, the smallest
 /// within 2 %. `None` where nothing could be fitted.
 fn find_tau(taus_s: &[f64], misfit: impl Fn(f64) -> f64 + Sync) -> Option<(f64, bool)> {
-    let misfits: Vec<f64> = in_parallel(taus_s, |tau| misfit(*tau));
+    let misfits: Vec<f64> = taus_s.par_iter().map(|tau| misfit(*tau)).collect();
     let (best, least) = misfits.iter().copied().enumerate().min_by(|(_, a), (_, b)| a.total_cmp(b))?;
     if !least.is_finite() {
         return None;
@@ -297,7 +312,7 @@ fn tau_columns(design: &Design<'_>, taus: &[Tau], theta: &[f64]) -> Vec<Vec<f64>
 
 /// Lag-one correlation of neighbouring residuals of a run, with Kendall's (1954) correction for the
 /// small-sample bias; within 0 … 0.99.
-fn lag_one(problem: &Problem<'_>, residuals: &[f64]) -> f64 {
+fn lag_one(problem: &LeastSquares<'_>, residuals: &[f64]) -> f64 {
     let scaled: Vec<f64> = residuals.iter().zip(&problem.weight).map(|(r, w)| r * w.sqrt()).collect();
     let square: f64 = scaled.iter().map(|r| r * r).sum();
     let product: f64 =

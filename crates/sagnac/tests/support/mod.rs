@@ -6,10 +6,10 @@ use std::io::Cursor;
 
 use sagnac::calibration::Calibration;
 use sagnac::fit::{FitOptions, ModelChoice, calibrate};
-use sagnac::ingest::{LogReader, Pace};
-use sagnac::setup::Setup;
 use sagnac::verify::{Correction, Verification, verify};
 use sagnac::window::{WindowBuilder, Windows};
+use sagnac_log::ingest::{LogReader, Pace};
+use sagnac_log::setup::Setup;
 
 pub(crate) fn reader(csv: Vec<u8>, setup: &Setup) -> LogReader {
     LogReader::from_reader("simulated.csv", Box::new(Cursor::new(csv)), setup, Pace::Bulk).unwrap()

@@ -5,8 +5,8 @@
  *   code -> T -> lag -> rate --+                                  raw counts
  *           +--> x ------------+-> series -> k, increment --(slew)--> acc += raw*k - increment -> whole counts
  *
- * Bit for bit the Rust crate sagnac-core; reference vectors prove it (docs/vectors.md). Widths, rounding and ranges:
- * docs/arithmetic.md. Bytes of an image: docs/image-format.md.
+ * Bit for bit the Rust crate sagnac-core; reference vectors prove it (docs/reference/vectors.md). Widths, rounding and ranges:
+ * docs/explanation/arithmetic.md. Bytes of an image: docs/reference/image-format.md.
  *
  * Use:
  *   sagnac_image image;                           an image of flash, or a constant of sagnac_unit.c
@@ -119,7 +119,7 @@ typedef struct {
     uint32_t shift;
 } sagnac_term;
 
-/* An image. Fields of docs/image-format.md; the serial number as eight little-endian words. */
+/* An image. Fields of docs/reference/image-format.md; the serial number as eight little-endian words. */
 typedef struct {
     uint32_t serial[8];
     uint32_t axis;

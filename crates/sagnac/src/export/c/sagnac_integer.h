@@ -67,7 +67,7 @@ uint32_t sagnac_crc32(sagnac_read_octet read, const void *context, uint32_t from
 /* 1 if all of these bytes are zero, else 0. */
 uint32_t sagnac_are_zero(sagnac_read_octet read, const void *context, uint32_t from, uint32_t length);
 
-/* 1 if these bytes are a table of the loops (docs/loop-table.md) by length, magic, version, head and checksum, else 0. */
+/* 1 if these bytes are a table of the loops (docs/reference/loop-table.md) by length, magic, version, head and checksum, else 0. */
 uint32_t sagnac_is_loop_table(sagnac_read_octet read, const void *context, uint32_t length);
 
 #endif

@@ -6,7 +6,7 @@
  *   IGNITING -light-> RUNNING -dark for long-> RESTING -> IGNITING ...  -after all tries-> FAILED
  *
  * Once a tick: the photodiode's code in, the current's code out. Bit for bit the Rust crate sagnac-loops. Bytes of a
- * table: docs/loop-table.md. Signs: more current code is more light.
+ * table: docs/reference/loop-table.md. Signs: more current code is more light.
  */
 #ifndef SAGNAC_INTENSITY_H
 #define SAGNAC_INTENSITY_H

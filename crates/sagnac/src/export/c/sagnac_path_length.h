@@ -5,7 +5,7 @@
  *   light -> synchronous detector -> error -> kp + ki*sum (limits) -> (+) -+-> actuator
  *
  * Once a tick: the detector's code in, the actuator's code out. Bit for bit the Rust crate sagnac-loops. Bytes of a
- * table: docs/loop-table.md. Signs: more code is a longer path. Counts of the gyro are good while status has no
+ * table: docs/reference/loop-table.md. Signs: more code is a longer path. Counts of the gyro are good while status has no
  * SAGNAC_PATH_INVALID.
  *
  *   SWEEPING -light-> SETTLING -> CLOSING -small error-> LOCKED -near the end-> RESETTING -> SETTLING ...

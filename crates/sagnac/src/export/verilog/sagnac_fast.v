@@ -2,7 +2,7 @@
 //
 //     acc += raw*k - increment          whole counts go out, the Q0.32 remainder is carried
 //
-// Bit for bit the Rust crate sagnac-core (docs/arithmetic.md). Three clocks from `tick` to `valid`. A new increment is
+// Bit for bit the Rust crate sagnac-core (docs/explanation/arithmetic.md). Three clocks from `tick` to `valid`. A new increment is
 // approached over SLEW_TICKS by an arithmetic progression: the first `steeper` ticks by slope + 1, the others by slope.
 //
 // `apply` is the `ready` of sagnac_series: it may be high long before its time and is taken when `due` is high, at the

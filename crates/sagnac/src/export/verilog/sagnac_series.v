@@ -3,11 +3,11 @@
 //     code -> T -> lag -> rate y --+
 //             +--> x --------------+-> Chebyshev series -> k = 1 + scale, increment; and the way there (slope, steeper)
 //
-// Bit for bit the Rust crate sagnac-core (docs/arithmetic.md). The constants of sagnac_unit.vh are one gyro axis'.
+// Bit for bit the Rust crate sagnac-core (docs/explanation/arithmetic.md). The constants of sagnac_unit.vh are one gyro axis'.
 //
 // `start` with a code and a `present` bit per thermometer begins; both are taken in that clock. `ready` rises at the end and
 // stays, with the outputs, until `taken` (the `applied` of sagnac_fast). The difference of two thermometers has neither code nor bit. `target_now` is the increment in force at the
-// boundary: sagnac_fast's target. Start it early enough: docs/fpga.md says how many clocks it takes. `restart` forgets
+// boundary: sagnac_fast's target. Start it early enough: docs/explanation/fpga.md says how many clocks it takes. `restart` forgets
 // the thermometers (a new image).
 //
 // Every product is below 2^89 in size, shifted right with one rounding, halves upward.

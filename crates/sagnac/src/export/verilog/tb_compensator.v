@@ -1,4 +1,4 @@
-// Self-checking bench: sagnac_fast and sagnac_series against a file of reference vectors (docs/vectors.md).
+// Self-checking bench: sagnac_fast and sagnac_series against a file of reference vectors (docs/reference/vectors.md).
 //
 //     +vectors=FILE   [+records=N]     prints PASSED and what was run, or FAILED and the first record that differs
 //

@@ -1,4 +1,4 @@
-// Self-checking bench: sagnac_path_length against the records of reference vectors (docs/vectors.md) in which the loop is
+// Self-checking bench: sagnac_path_length against the records of reference vectors (docs/reference/vectors.md) in which the loop is
 // closed all along; the others belong to the processor that searches and resets.
 `timescale 1ns / 1ns
 `default_nettype none

@@ -1,4 +1,4 @@
-// Self-checking bench: sagnac_quadrature against reference vectors (docs/vectors.md), all three ways of counting.
+// Self-checking bench: sagnac_quadrature against reference vectors (docs/reference/vectors.md), all three ways of counting.
 `timescale 1ns / 1ns
 `default_nettype none
 

@@ -1,0 +1,67 @@
+//! `cargo xtask docs`: the book of `docs/` with its equations, and rustdoc beside it, as a site that needs no network.
+
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+use anyhow::{Context, Result, bail, ensure};
+
+use xtask::shell::{root, sh, sh_in};
+
+const MDBOOK: &str = "0.5.4";
+
+/// Builds `target/site`. Findings in it are printed; with `strict` any of them is an error.
+pub(crate) fn docs(strict: bool) -> Result<()> {
+    need_mdbook()?;
+    rustdoc()?;
+    sh("cargo", &["build", "--quiet", "--locked", "--package", "sagnac-site"])?;
+    sh("mdbook", &["build", "docs"])?;
+    let site = root().join("target/site");
+    // mdBook copies whatever stands beside the pages.
+    fs::remove_file(site.join("book.toml")).context("mdBook's output is not in target/site")?;
+    copy(&root().join("target/doc"), &site.join("api"))?;
+    let check = ["run", "--quiet", "--locked", "--package", "sagnac-site", "--", "check", "docs", "target/site"];
+    match sh("cargo", &check) {
+        Ok(()) => println!("docs: every link and anchor leads somewhere, nothing is loaded from outside"),
+        Err(error) if strict => return Err(error.context("the site has the findings above")),
+        Err(_) => println!("docs: the site has the findings above; `cargo xtask docs --check` fails by them"),
+    }
+    println!("docs: target/site/index.html");
+    Ok(())
+}
+
+/// The library's own pages; a broken link in them is an error.
+fn rustdoc() -> Result<()> {
+    let args = ["doc", "--workspace", "--no-deps", "--document-private-items", "--locked"];
+    sh_in(&root(), "cargo", &args, &[("RUSTDOCFLAGS", "-D warnings")])
+}
+
+/// mdBook without the parts that reach out or serve pages.
+fn need_mdbook() -> Result<()> {
+    let version = Command::new("mdbook").arg("--version").output();
+    let version = version.map(|out| String::from_utf8_lossy(&out.stdout).trim().to_owned()).unwrap_or_default();
+    if version.is_empty() {
+        let features = ["--no-default-features", "--features", "search"];
+        return sh("cargo", &[&["install", "mdbook", "--locked", "--version", MDBOOK], &features[..]].concat());
+    }
+    ensure!(version.starts_with("mdbook v0.5."), "docs/ needs mdBook 0.5, found {version}: cargo install mdbook --locked --version {MDBOOK}");
+    Ok(())
+}
+
+/// A folder with all that is in it.
+fn copy(from: &Path, to: &Path) -> Result<()> {
+    if !from.is_dir() {
+        bail!("{} is no folder", from.display());
+    }
+    fs::create_dir_all(to)?;
+    for entry in fs::read_dir(from)? {
+        let entry = entry?;
+        let target = to.join(entry.file_name());
+        if entry.file_type()?.is_dir() {
+            copy(&entry.path(), &target)?;
+        } else {
+            fs::copy(entry.path(), &target).with_context(|| format!("cannot write {}", target.display()))?;
+        }
+    }
+    Ok(())
+}
