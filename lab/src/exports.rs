@@ -168,8 +168,12 @@ fn loaders(folder: &Path) -> Result<()> {
         dice = dice.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
         (dice >> 8) as usize % below
     };
-    let good =
-        [(0_u8, table("compensator-edges")?), (0, table("compensator-full")?), (1, table("path-length-heater")?)];
+    let good = [
+        (0_u8, table("compensator-edges")?),
+        (0, table("compensator-full")?),
+        (0, table("compensator-harmonic")?),
+        (1, table("path-length-heater")?),
+    ];
     let edges = [0_u8, 1, 2, 7, 8, 15, 16, 30, 31, 32, 62, 63, 64, 0x7f, 0x80, 0xff];
     let mut records = Vec::new();
     for _ in 0..60_000 {
@@ -241,6 +245,7 @@ pub(crate) fn fpga(place: bool) -> Result<()> {
         ("compensator-edges", 32, 48),
         ("compensator-advance", 32, 48),
         ("compensator-inputs", 16, 48),
+        ("compensator-harmonic", 16, 48),
     ] {
         let here = folder.join(name);
         let widths = Widths { raw, increment };

@@ -186,7 +186,7 @@ fn with_terms(of: &Image, thermometers: u8, kept: impl Fn(&Term) -> bool) -> Res
 }
 
 /// The images whose slow update is counted.
-fn priced(full: &Image, inputs: &Image) -> Result<Vec<(&'static str, Image)>> {
+fn priced(full: &Image, inputs: &Image, harmonic: &Image) -> Result<Vec<(&'static str, Image)>> {
     let order = |term: &Term| term.shape.order().unwrap_or(0);
     let series = |term: &Term| term.kind == Kind::Bias && term.multiplier == Multiplier::One;
     let rate = |term: &Term, most: u8| term.multiplier == Multiplier::Rate && order(term) <= most;
@@ -205,14 +205,16 @@ fn priced(full: &Image, inputs: &Image) -> Result<Vec<(&'static str, Image)>> {
         ("two thermometers", with_terms(inputs, 2, |term| term.multiplier == Multiplier::One)?),
         ("and their difference", with_terms(inputs, 3, |term| term.kind == Kind::Bias)?),
         ("and a voltage with steps", with_terms(inputs, 4, |_| true)?),
+        ("bias 3 and harmonics", with_terms(harmonic, 1, |term| term.multiplier == Multiplier::One)?),
+        ("harmonics of two thermometers and their rates", with_terms(harmonic, 2, |_| true)?),
     ])
 }
 
 /// The form by which `calibrate --tradeoff` prices models, against images of several.
 fn costs(sysroot: &Path, folder: &Path, unit: &Unit) -> Result<()> {
-    let (full, inputs) = (image_of("compensator-full")?, image_of("compensator-inputs")?);
+    let [full, inputs, harmonic] = ["full", "inputs", "harmonic"].map(|name| image_of(&format!("compensator-{name}")));
     let mut wrong = Vec::new();
-    for (name, image) in priced(&full, &inputs)? {
+    for (name, image) in priced(&full?, &inputs?, &harmonic?)? {
         let path = folder.join("priced.img");
         fs::write(&path, sagnac::export::image_bytes(&image))?;
         build(sysroot, &path, &unit.loops, &["--bin", "measure"])?;

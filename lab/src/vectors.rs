@@ -28,6 +28,7 @@ pub(crate) fn write() -> Result<()> {
     compensator_full()?.write("compensator-full")?;
     compensator_paper(&paper)?.write("compensator-paper")?;
     compensator_inputs()?.write("compensator-inputs")?;
+    compensator_harmonic()?.write("compensator-harmonic")?;
     compensator_edges(9, 1)?.write("compensator-edges")?;
     compensator_edges(1 << 30, 41)?.write("compensator-advance")?;
     compensator_edges(9, 41)?.write("compensator-limits")?;
@@ -303,10 +304,61 @@ fn compensator_inputs() -> Result<Making> {
     Ok(making)
 }
 
+/// Cosines and sines from a part of a turn to nearly 64 turns, of bias and scale, with and without the rate, on two thermometers;
+/// x from beyond one end of the span to beyond the other, both ends themselves, and back.
+fn compensator_harmonic() -> Result<Making> {
+    use Kind::{Bias, Scale};
+    use Multiplier::{One, Rate};
+    let mut d = Description { period_ticks: 100, slew_ticks: 20, ..Description::empty() };
+    d.serial[..8].copy_from_slice(b"HARMONIC");
+    (d.thermometers[0], d.thermometers[1]) = (thermometer([-35, 65])?, thermometer([-20, 50])?);
+    d.thermometer_count = 2;
+    let wave =
+        |kind, sensor, shape, multiplier, mantissa, shift| Term { kind, sensor, shape, multiplier, mantissa, shift };
+    let cosine = |turns_q18| Shape::Cosine { turns_q18 };
+    let sine = |turns_q18| Shape::Sine { turns_q18 };
+    let all = [
+        series(Bias, 0, 0, One, -558_484_714, 33),
+        series(Bias, 0, 3, One, 621_868_304, 33),
+        series(Bias, 0, 0, Rate, 1_012_345_679, 34),
+        wave(Bias, 0, cosine(3 << 18), One, -1_000_000_007, 32),
+        wave(Bias, 0, sine(3 << 18), One, 1_073_741_789, 33),
+        wave(Bias, 0, cosine(1_234_567), Rate, 777_777_777, 34),
+        wave(Bias, 0, sine(sagnac_core::MAX_TURNS_Q18), One, -888_888_883, 31),
+        wave(Bias, 1, cosine(1), One, 600_000_001, 36),
+        wave(Bias, 1, sine(5 << 16), Rate, -1_060_000_007, 33),
+        wave(Bias, 1, cosine(17 << 17), One, 900_000_001, 34),
+        wave(Scale, 0, cosine(2 << 18), One, 611_953_011, 41),
+        wave(Scale, 1, sine(2_718_282), One, -800_000_011, 40),
+        wave(Scale, 0, sine(7 << 17), Rate, -1_050_505_051, 40),
+    ];
+    d.terms[..all.len()].copy_from_slice(&all);
+    d.term_count = all.len() as u8;
+    let about =
+        "compensator: cosines and sines over the span, up to 64 turns, of bias and scale, with and without the rate";
+    let mut making = Making::new(Module::Compensator, image_bytes(d)?, about)?;
+    for update in 0..1200_u32 {
+        let dice = update.wrapping_mul(2_654_435_761) >> 8;
+        // -38 ... 68 degC and back; every tenth code is an end of a span, a quarter of it, or a code beside one of them.
+        let up = i64::from(update.min(1200 - update));
+        let along = (-38_i64 << 24) + (up * (106 << 24)) / 600 + i64::from(dice % (1 << 19));
+        let quarter =
+            |[lo, hi]: [i64; 2]| (lo << 24) + i64::from(dice % 5) * ((hi - lo) << 22) + i64::from(dice / 5 % 3) - 1;
+        let first = if update % 10 == 7 { quarter([-35, 65]) } else { along };
+        let second =
+            if update % 10 == 3 { quarter([-20, 50]) } else { along * 3 / 4 - i64::from((dice >> 5) % (1 << 18)) };
+        let codes = [i32::try_from(first)?, i32::try_from(second)?];
+        let present = if dice % 61 == 0 { dice >> 7 & 3 } else { 3 };
+        making.step(1, &[present, codes[0] as u32, codes[1] as u32])?;
+        making.step(2, &[100, update * 7919 + 1, 21, 4])?;
+    }
+    Ok(making)
+}
+
 /// Whether a temperature in 2^-24 degC (a code, for a thermometer with one) is above the knot of a shape.
 fn is_above(of: &Thermometer, shape: Shape, value: i64) -> bool {
     let knot_q15 = match shape {
-        Shape::Chebyshev(_) => return true,
+        Shape::Chebyshev(_) | Shape::Cosine { .. } | Shape::Sine { .. } => return true,
         Shape::Zone { knot_q15 } | Shape::Step { knot_q15 } => i64::from(knot_q15),
     };
     let t = if of.source == Source::Code { of.temperature_q24(value as i32).map_or(0, i64::from) } else { value };
@@ -375,7 +427,7 @@ fn compensator_edges(output_limit: u32, longest: u32) -> Result<Making> {
             _ => making.step(2, &[dice % 44, round, 0, 3])?,
         };
         // To the next update, and one beyond it.
-        making.step(2, &[41, round, (dice % 3) - 1, 4 + dice % 3])?;
+        making.step(2, &[41, round, (dice % 3).wrapping_sub(1), 4 + dice % 3])?;
         if round % 50 == 49 {
             making.step(0, &[])?;
         }

@@ -266,12 +266,15 @@ struct ImageTerm {
     kind: &'static str,
     sensor: u8,
     order: u8,
-    /// `zone` or `step`, for terms that begin at a knot.
+    /// `zone` or `step`, for terms that begin at a knot; `cosine` or `sine`.
     #[serde(skip_serializing_if = "Option::is_none")]
     shape: Option<&'static str>,
     /// Where it begins, in the unit of the span.
     #[serde(skip_serializing_if = "Option::is_none")]
     from: Option<f64>,
+    /// Of a cosine or sine: turns over the span.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    turns: Option<f64>,
     times_rate: bool,
     mantissa: i32,
     shift: u8,
@@ -303,8 +306,9 @@ fn image(path: &Path, console: &mut Console) -> Result<()> {
     }
     let rows = object.terms.iter().map(|t| {
         let times = if t.times_rate { "rate" } else { "1" };
-        let name = match (t.shape, t.from) {
-            (Some(shape), Some(from)) => format!("{} {shape} from {from:.3}", t.kind),
+        let name = match (t.shape, t.from, t.turns) {
+            (Some(shape), Some(from), _) => format!("{} {shape} from {from:.3}", t.kind),
+            (Some(shape), _, Some(turns)) => format!("{} {shape} of {turns:.3} turns", t.kind),
             _ => format!("{} {}", t.kind, t.order),
         };
         vec![name, t.sensor.to_string(), times.to_owned(), t.mantissa.to_string(), t.shift.to_string()]
@@ -335,10 +339,13 @@ fn image_object(image: &Image) -> ImageObject {
         Shape::Chebyshev(_) => (None, None),
         Shape::Zone { knot_q15 } => (Some("zone"), from(t, knot_q15)),
         Shape::Step { knot_q15 } => (Some("step"), from(t, knot_q15)),
+        Shape::Cosine { .. } => (Some("cosine"), None),
+        Shape::Sine { .. } => (Some("sine"), None),
     };
     let terms = image.terms().iter().map(|t| ImageTerm {
         shape: piece(t).0,
         from: piece(t).1,
+        turns: t.shape.turns_q18().map(|turns| f64::from(turns) / f64::from(1 << 18)),
         kind: if t.kind == Quantity::Bias { "bias" } else { "scale" },
         sensor: t.sensor,
         order: t.shape.order().unwrap_or(0),

@@ -1,7 +1,7 @@
 //! What a model costs on the target, instructions of a Cortex-M4F.
 //!
 //! ```text
-//! slow update = BASE + SERIES·[any term] + INPUT·(inputs − 1) + LAG·(lags) + TERM·(terms) + ZONE·(zones)
+//! slow update = BASE + SERIES·[any term] + INPUT·(inputs − 1) + LAG·(lags) + TERM·(terms) + ZONE·(zones) + HARMONIC·(harmonics)
 //! tick        = TICK, whatever the model: the series is evaluated when a temperature arrives
 //! ```
 //!
@@ -25,6 +25,8 @@ const LAG: f64 = 154.0;
 const TERM: f64 = 80.0;
 /// More with each zone.
 pub(crate) const ZONE: f64 = 8.0;
+/// More with each harmonic: a cosine or a sine.
+pub(crate) const HARMONIC: f64 = 126.0;
 /// A tick of compensation between slews.
 pub const TICK_INSTRUCTIONS: u32 = 46;
 /// The form is this close to what is counted, as a part.
@@ -41,6 +43,8 @@ pub struct Work {
     pub terms: usize,
     /// Those of them that are zones.
     pub zones: usize,
+    /// Those of them that are cosines or sines.
+    pub harmonics: usize,
 }
 
 impl Work {
@@ -50,7 +54,7 @@ impl Work {
         // What is not multiplied has, together, a term of order 0 that makes it zero at its references.
         let with_zero = |terms: usize| if terms > 0 { terms + 1 } else { 0 };
         let zones = usize::from(model.thermometer().zones.saturating_sub(1));
-        Self { inputs, lags: model.lags(), terms: with_zero(bias) + rated + with_zero(scale), zones }
+        Self { inputs, lags: model.lags(), terms: with_zero(bias) + rated + with_zero(scale), zones, harmonics: 0 }
     }
 
     /// Of an image.
@@ -60,6 +64,7 @@ impl Work {
             lags: image.thermometers().iter().filter(|t| t.lag.is_used()).count(),
             terms: image.terms().len(),
             zones: image.terms().iter().filter(|term| matches!(term.shape, Shape::Zone { .. })).count(),
+            harmonics: image.terms().iter().filter(|term| term.shape.turns_q18().is_some()).count(),
         }
     }
 
@@ -67,7 +72,7 @@ impl Work {
     pub fn instructions(self) -> u32 {
         let series = if self.terms > 0 { SERIES } else { 0.0 };
         let others = INPUT * self.inputs.saturating_sub(1) as f64;
-        let sum = BASE + series + others + LAG * self.lags as f64 + TERM * self.terms as f64 + ZONE * self.zones as f64;
-        sum.round() as u32
+        let shapes = TERM * self.terms as f64 + ZONE * self.zones as f64 + HARMONIC * self.harmonics as f64;
+        (BASE + series + others + LAG * self.lags as f64 + shapes).round() as u32
     }
 }

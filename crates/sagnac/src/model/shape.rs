@@ -268,6 +268,8 @@ pub(crate) fn image_order(shape: TargetShape) -> (u8, i32) {
         TargetShape::Chebyshev(order) => (0, order.into()),
         TargetShape::Zone { knot_q15 } => (1, knot_q15.into()),
         TargetShape::Step { knot_q15 } => (2, knot_q15.into()),
+        TargetShape::Cosine { turns_q18 } => (3, turns_q18.cast_signed()),
+        TargetShape::Sine { turns_q18 } => (4, turns_q18.cast_signed()),
     }
 }
 
@@ -277,6 +279,8 @@ pub(crate) fn image_words(shape: TargetShape) -> String {
         TargetShape::Chebyshev(order) => format!("order {order}"),
         TargetShape::Zone { .. } => "zone".to_owned(),
         TargetShape::Step { .. } => "step".to_owned(),
+        TargetShape::Cosine { .. } => "cosine".to_owned(),
+        TargetShape::Sine { .. } => "sine".to_owned(),
     }
 }
 
