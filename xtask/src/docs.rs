@@ -44,7 +44,10 @@ fn need_mdbook() -> Result<()> {
         let features = ["--no-default-features", "--features", "search"];
         return sh("cargo", &[&["install", "mdbook", "--locked", "--version", MDBOOK], &features[..]].concat());
     }
-    ensure!(version.starts_with("mdbook v0.5."), "docs/ needs mdBook 0.5, found {version}: cargo install mdbook --locked --version {MDBOOK}");
+    ensure!(
+        version.starts_with("mdbook v0.5."),
+        "docs/ needs mdBook 0.5, found {version}: cargo install mdbook --locked --version {MDBOOK}"
+    );
     Ok(())
 }
 

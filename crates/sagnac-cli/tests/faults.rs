@@ -97,7 +97,10 @@ fn every_fault_in_every_scenario() {
     if std::env::var_os("SAGNAC_WRITE_DOCS").is_some() {
         std::fs::write(&path, &table).unwrap();
     }
-    assert!(std::fs::read_to_string(&path).unwrap() == table, "docs/reference/faults.md is not what this makes:\n{table}");
+    assert!(
+        std::fs::read_to_string(&path).unwrap() == table,
+        "docs/reference/faults.md is not what this makes:\n{table}"
+    );
     assert_eq!(unnoticed.concat(), UNNOTICED);
 }
 

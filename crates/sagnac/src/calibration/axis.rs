@@ -9,7 +9,7 @@ use crate::calibration::{
     Calibration, Candidate, Collinearity, CorrectionNoise, CrossValidation, Hysteresis, Input, InputSource, Lag,
     Misalignment, Monomial, NoiseFloor, RejectedInput, Residual, RunOffset, ScaleFactor, SearchStep, Soak, Term,
 };
-use crate::model::{BASIS_LEN, Form, Shape, Span};
+use crate::model::{BASIS_LEN, Form, Span};
 
 /// What the target of one axis applies.
 #[derive(Clone, Debug, PartialEq)]
@@ -181,7 +181,7 @@ impl AxisCalibration {
 
     /// Unit of a term's coefficient.
     pub(crate) fn unit_of(&self, term: &Term) -> &'static str {
-        let in_celsius = self.input_of(term).is_none_or(|input| !matches!(input.source, InputSource::Column(_)));
+        let in_celsius = self.input_of(term).is_none_or(Input::is_in_celsius);
         term.form().unit(in_celsius)
     }
 
@@ -200,9 +200,9 @@ impl AxisCalibration {
     pub fn series(&self, of: Form) -> [f64; BASIS_LEN] {
         let mut series = [0.0; BASIS_LEN];
         for term in self.correction.terms.iter().filter(|term| self.is_over_thermometer(term)) {
-            if let Shape::Chebyshev { order } = term.shape
+            if let Some(order) = term.shape.order()
                 && (term.acts_on, term.times_rate) == (of.acts_on, of.times_rate)
-                && let Some(slot) = series.get_mut(usize::from(order))
+                && let Some(slot) = series.get_mut(order)
             {
                 *slot = term.value;
             }

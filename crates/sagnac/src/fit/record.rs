@@ -356,11 +356,11 @@ fn covariance_of(fitted: &Fitted, problem: &LeastSquares<'_>) -> Vec<String> {
     let of = |input: usize| (input > 0).then(|| problem.inputs[input].name.as_str());
     let runs = problem.levels.iter().map(|level| level.name(&problem.runs));
     let terms = fitted.terms.iter().map(|term| term.form.name(of(term.input)));
-    let lags = fitted.resolved().map(|tau| match of(tau.input) {
-        None => "lag_s".to_owned(),
-        Some(input) => format!("lag_s({input})"),
+    let others = fitted.nonlinear().into_iter().map(|(input, name, _)| match of(input) {
+        None => name.to_owned(),
+        Some(input) => format!("{name}({input})"),
     });
-    runs.chain(terms).chain(lags).collect()
+    runs.chain(terms).chain(others).collect()
 }
 
 fn run_offsets(fitted: &Fitted, problem: &LeastSquares<'_>, setup: &Setup, axes: usize) -> Vec<RunOffset> {

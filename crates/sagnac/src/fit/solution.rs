@@ -74,7 +74,13 @@ impl Fitted {
         self.lag(input).map(|(value, sigma)| Lag { value, sigma })
     }
 
-    /// The lags that stand in the covariance.
+    /// Parameters that the model is not linear in and that are resolved, as the covariance has them after the coefficients: input,
+    /// name, value.
+    pub(crate) fn nonlinear(&self) -> Vec<(usize, &'static str, f64)> {
+        self.resolved().map(|tau| (tau.input, "lag_s", tau.value_s)).collect()
+    }
+
+    /// The lags in the covariance.
     pub(crate) fn resolved(&self) -> impl Iterator<Item = &Tau> {
         self.taus.iter().filter(|tau| tau.resolved)
     }
@@ -97,7 +103,7 @@ pub(crate) fn fit(problem: &LeastSquares<'_>, spec: &ModelSpec, taus_s: &[f64]) 
     let theta: Vec<f64> = solution.theta.iter().copied().collect();
     let residuals = design.residuals(&theta);
     let conditioning = solution.conditioning(problem.levels.len(), &together(&terms));
-    let slopes = tau_columns(&design, &taus, &theta);
+    let slopes = nonlinear_columns(&design, spec, &taus, &theta);
     let covered = if slopes.is_empty() { Some(solution) } else { design.factor(&slopes).solve_all() };
     let normal = covered.and_then(|s| s.inverse_normal()).ok_or_else(|| dependent(problem, spec))?;
     let degrees = (problem.len() - normal.nrows()) as f64;
@@ -126,7 +132,7 @@ pub(crate) fn fit(problem: &LeastSquares<'_>, spec: &ModelSpec, taus_s: &[f64]) 
 /// 95 % intervals of every parameter by the block bootstrap.
 pub(crate) fn bootstrap_intervals(problem: &LeastSquares<'_>, fitted: &Fitted, draws: usize) -> Vec<[f64; 2]> {
     let design = Design { problem, terms: &fitted.terms, rates: problem.rates(&values(&fitted.taus)) };
-    let slopes = tau_columns(&design, &fitted.taus, &fitted.theta);
+    let slopes = nonlinear_columns(&design, &fitted.spec, &fitted.taus, &fitted.theta);
     let mut row = Vec::new();
     let mut rows = Vec::new();
     for i in 0..problem.len() {
@@ -142,7 +148,8 @@ pub(crate) fn bootstrap_intervals(problem: &LeastSquares<'_>, fitted: &Fitted, d
     let residuals: Vec<f64> = fitted.residuals.iter().zip(&problem.weight).map(|(r, w)| r * w.sqrt()).collect();
     let resampling =
         Resampling { residuals: &residuals, run: &problem.run, gain: &gain, autocorrelation: fitted.autocorrelation };
-    let theta: Vec<f64> = fitted.theta.iter().copied().chain(fitted.resolved().map(|tau| tau.value_s)).collect();
+    let others = fitted.nonlinear().into_iter().map(|(_, _, value)| value);
+    let theta: Vec<f64> = fitted.theta.iter().copied().chain(others).collect();
     resampling.intervals(&theta, draws)
 }
 
@@ -289,6 +296,11 @@ fn golden_section(mut lo: f64, mut hi: f64, f: impl Fn(f64) -> f64) -> f64 {
         }
     }
     f64::midpoint(lo, hi)
+}
+
+/// ∂y of every parameter of [`Fitted::nonlinear`], in its order.
+fn nonlinear_columns(design: &Design<'_>, _: &ModelSpec, taus: &[Tau], theta: &[f64]) -> Vec<Vec<f64>> {
+    tau_columns(design, taus, theta)
 }
 
 /// ∂y/∂τ of every resolved lag by central difference over ±1 %.

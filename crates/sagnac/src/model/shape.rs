@@ -114,6 +114,14 @@ impl Shape {
         }
     }
 
+    /// Its order, if it is a Chebyshev polynomial.
+    pub fn order(self) -> Option<usize> {
+        match self {
+            Self::Chebyshev { order } => Some(usize::from(order)),
+            Self::Zone { .. } | Self::Step { .. } => None,
+        }
+    }
+
     /// Its degree as a polynomial of the input; `None` where it is none.
     pub(crate) fn degree(self) -> Option<usize> {
         match self {
