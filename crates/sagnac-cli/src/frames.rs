@@ -113,7 +113,7 @@ fn words_of(reply: &Reply) -> String {
         ReplyCode::NotNewer => "refused: not newer than the image in force",
         ReplyCode::NothingToGoBackTo => "refused: no older image to go back to",
         ReplyCode::Flash => "failed: flash",
-        ReplyCode::Pieces => "refused: outside of an image's room",
+        ReplyCode::ChunkReader => "refused: outside of an image's room",
     };
     match reply.sequence {
         0 => format!("{what}: {became}; factory defaults in force"),

@@ -190,7 +190,7 @@ fn huber_comes_closer_where_some_windows_are_wild() {
     let fitted = |bytes: Vec<u8>, loss: Loss| {
         let windows = sagnac::window::WindowBuilder::read_all(vec![support::reader(bytes, &by_rows())], &by_rows());
         let options = FitOptions { loss, ..FitOptions::new(model("bias 3")) };
-        calibrate(windows.unwrap().finish(true), &by_rows(), &options).unwrap()
+        calibrate(windows.unwrap().keep_outliers().finish(), &by_rows(), &options).unwrap()
     };
     let (mut squares, mut huber, mut clean) = (0.0, 0.0, [0.0; 2]);
     let mut covered = 0;

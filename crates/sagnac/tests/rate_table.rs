@@ -92,10 +92,10 @@ fn rates_per_file_tell_them_apart_too() {
     let with_rates = Setup { tables: vec![table("plus.csv", 10.0), table("minus.csv", -10.0)], ..setup() };
     let fitted = |setup: &Setup| {
         let open = |path: &std::path::PathBuf| {
-            sagnac_log::ingest::LogReader::open(path, setup, sagnac_log::ingest::Pace::Bulk)
+            sagnac_log::ingest::LogReader::open(path, setup, sagnac_log::ingest::ReadMode::Bulk)
         };
         let logs = logs.iter().map(|path| open(path).unwrap()).collect();
-        let windows = sagnac::window::WindowBuilder::read_all(logs, setup).unwrap().finish(false);
+        let windows = sagnac::window::WindowBuilder::read_all(logs, setup).unwrap().finish();
         let options = sagnac::fit::FitOptions::new(support::model("bias 2, scale 2"));
         sagnac::fit::calibrate(windows, setup, &options)
     };
@@ -202,10 +202,10 @@ fn misalignment_from_two_orientations() {
     let fitted = |tables: Vec<TableRun>| {
         let setup = Setup { tables, ..Setup::default() };
         let open = |path: &std::path::PathBuf| {
-            sagnac_log::ingest::LogReader::open(path, &setup, sagnac_log::ingest::Pace::Bulk)
+            sagnac_log::ingest::LogReader::open(path, &setup, sagnac_log::ingest::ReadMode::Bulk)
         };
         let logs = paths.iter().map(|path| open(path).unwrap()).collect();
-        let windows = sagnac::window::WindowBuilder::read_all(logs, &setup).unwrap().finish(false);
+        let windows = sagnac::window::WindowBuilder::read_all(logs, &setup).unwrap().finish();
         let options = sagnac::fit::FitOptions::new(support::model("bias 1"));
         sagnac::fit::calibrate(windows, &setup, &options)
     };

@@ -9,7 +9,7 @@ use crate::calibration::{
     Calibration, Candidate, Collinearity, CorrectionNoise, CrossValidation, Hysteresis, Input, InputSource, Lag,
     Misalignment, Monomial, NoiseFloor, RejectedInput, Residual, RunOffset, ScaleFactor, SearchStep, Soak, Term,
 };
-use crate::model::{BASIS_LEN, Form, Span};
+use crate::model::{BASIS_LEN, Form, Shape, Span};
 
 /// What the target of one axis applies.
 #[derive(Clone, Debug, PartialEq)]
@@ -185,14 +185,25 @@ impl AxisCalibration {
         term.form().unit(in_celsius)
     }
 
-    /// Parameters that the model is not linear in, for tables: the lags of its inputs.
+    /// Parameters that the model is not linear in, for tables: the lags of its inputs and the fitted periods of its harmonics. A
+    /// stated period has no uncertainty and is not among them.
     pub fn nonlinear(&self) -> Vec<NonlinearParameter> {
         let lag = |(at, input): (usize, &Input)| {
             let Lag { value, sigma } = input.lag_s?;
             let name = if at == 0 { "lag".to_owned() } else { format!("lag({})", input.name) };
             Some(NonlinearParameter { name, value, sigma, unit: "s".to_owned() })
         };
-        self.correction.inputs.iter().enumerate().filter_map(lag).collect()
+        let period = |term: &Term| {
+            let (Shape::Cosine { period: value }, Some(input)) = (term.shape, self.input_of(term)) else { return None };
+            let word = term.acts_on.period_name();
+            let is_main = self.is_over_thermometer(term);
+            let name = if is_main { word.to_owned() } else { format!("{word}({})", term.input) };
+            let row = self.fit.as_ref()?.covariance_of.iter().position(|row| *row == name)?;
+            let unit = if input.is_in_celsius() { "degC" } else { "unit" }.to_owned();
+            Some(NonlinearParameter { name, value, sigma: Some(self.variance_of(&[(row, 1.0)]).sqrt()), unit })
+        };
+        let lags = self.correction.inputs.iter().enumerate().filter_map(lag);
+        lags.chain(self.correction.terms.iter().filter_map(period)).collect()
     }
 
     /// Coefficients of a polynomial over the thermometer of the fit by order; zero where there is no term. `of` is any term

@@ -14,7 +14,7 @@ use crate::calibration::{
     Target, Term, UNASSIGNED, VERSION, program,
 };
 use crate::diagnostics::{AxisReportData, Effect, Point, ReportData, hysteresis_of, points, run_spans};
-use crate::fit::ModelChoice;
+use crate::fit::Model;
 use crate::fit::choose::choose;
 use crate::fit::effects::Parts;
 use crate::fit::inputs::recorded_inputs;
@@ -41,7 +41,7 @@ const DEFAULT_RATE_LSB_ARCSEC: f64 = 1e-4;
 #[derive(Clone, Debug)]
 pub struct FitOptions {
     /// Model.
-    pub model: ModelChoice,
+    pub model: Model,
     /// SOURCE_DATE_EPOCH if it is set.
     pub source_date_epoch: Option<i64>,
     /// Draws of the block bootstrap, if intervals by it are wanted.
@@ -52,7 +52,7 @@ pub struct FitOptions {
 
 impl FitOptions {
     /// A model, and nothing else asked for.
-    pub fn new(model: ModelChoice) -> Self {
+    pub fn new(model: Model) -> Self {
         Self { model, source_date_epoch: None, bootstrap: None, loss: Loss::Squares }
     }
 }
@@ -255,7 +255,7 @@ fn fit_axis(
     let make = |signals: &[Signal]| LeastSquares::new(windows, axis, signals, reference_c, min_span_c, turning.clone());
     let mut chosen = choose(windows, Signal::Thermometer(sensor), setup, &options.model, &make)?;
     let noise_floor = noise_floor_of(windows, axis, setup);
-    let is_given = options.model != ModelChoice::Auto;
+    let is_given = options.model != Model::Auto;
     let raw_n = noise_floor.as_ref().map(|floor| floor.n_deg_rt_h);
     let (fitted, noise) = chosen.fit(is_given, raw_n, options.loss)?;
     let problem = &chosen.problem;

@@ -77,7 +77,12 @@ impl Fitted {
     /// Parameters that the model is not linear in and that are resolved, as the covariance has them after the coefficients: input,
     /// name, value.
     pub(crate) fn nonlinear(&self) -> Vec<(usize, &'static str, f64)> {
-        self.resolved().map(|tau| (tau.input, "lag_s", tau.value_s)).collect()
+        let lags = self.resolved().map(|tau| (tau.input, "lag_s", tau.value_s));
+        let periods = fitted_periods(&self.spec, &self.terms).into_iter().map(|(cosine, period)| {
+            let TermColumn { input, form } = self.terms[cosine];
+            (input, form.acts_on.period_name(), period)
+        });
+        lags.chain(periods).collect()
     }
 
     /// The lags in the covariance.
@@ -280,7 +285,7 @@ fn find_tau(taus_s: &[f64], misfit: impl Fn(f64) -> f64 + Sync) -> Option<(f64, 
 }
 
 /// Minimum of a function with one valley between `lo` and `hi`.
-fn golden_section(mut lo: f64, mut hi: f64, f: impl Fn(f64) -> f64) -> f64 {
+pub(crate) fn golden_section(mut lo: f64, mut hi: f64, f: impl Fn(f64) -> f64) -> f64 {
     const RATIO: f64 = 0.618_033_988_749_894_9;
     let (mut left, mut right) = (hi - RATIO * (hi - lo), lo + RATIO * (hi - lo));
     let (mut at_left, mut at_right) = (f(left), f(right));
@@ -299,8 +304,10 @@ fn golden_section(mut lo: f64, mut hi: f64, f: impl Fn(f64) -> f64) -> f64 {
 }
 
 /// ∂y of every parameter of [`Fitted::nonlinear`], in its order.
-fn nonlinear_columns(design: &Design<'_>, _: &ModelSpec, taus: &[Tau], theta: &[f64]) -> Vec<Vec<f64>> {
-    tau_columns(design, taus, theta)
+fn nonlinear_columns(design: &Design<'_>, spec: &ModelSpec, taus: &[Tau], theta: &[f64]) -> Vec<Vec<f64>> {
+    let mut columns = tau_columns(design, taus, theta);
+    columns.extend(period_columns(design, spec, theta));
+    columns
 }
 
 /// ∂y/∂τ of every resolved lag by central difference over ±1 %.
@@ -320,6 +327,45 @@ fn tau_columns(design: &Design<'_>, taus: &[Tau], theta: &[f64]) -> Vec<Vec<f64>
         (0..design.problem.len()).map(difference).map(|d| d / (2.0 * step)).collect()
     };
     taus.iter().filter(|tau| tau.resolved).map(of).collect()
+}
+
+/// Index of the cosine and the period of every harmonic whose period is a parameter of the fit.
+fn fitted_periods(spec: &ModelSpec, terms: &[TermColumn]) -> Vec<(usize, f64)> {
+    let harmonics = spec.inputs().iter().flat_map(|of| &of.harmonics);
+    let fitted: Vec<f64> = harmonics.filter(|wave| wave.is_fitted).filter_map(|wave| wave.period).collect();
+    let cosine = |(at, term): (usize, &TermColumn)| match term.form.shape {
+        Shape::Cosine { period } if fitted.contains(&period) => Some((at, period)),
+        Shape::Cosine { .. } | Shape::Sine { .. } => None,
+        Shape::Chebyshev { .. } | Shape::Zone { .. } | Shape::Step { .. } => None,
+    };
+    terms.iter().enumerate().filter_map(cosine).collect()
+}
+
+/// ∂y/∂P of every fitted period by central difference over ± a thousandth of a turn over the span.
+fn period_columns(design: &Design<'_>, spec: &ModelSpec, theta: &[f64]) -> Vec<Vec<f64>> {
+    const STEP_TURNS: f64 = 1e-3;
+    let problem = design.problem;
+    let of = |(cosine, period): (usize, f64)| {
+        let span = problem.inputs[design.terms[cosine].input].span;
+        let step = STEP_TURNS * period * period / (span.hi - span.lo);
+        let wave = |by: f64, row: usize| -> f64 {
+            let period = period + by;
+            let shapes = [Shape::Cosine { period }, Shape::Sine { period }];
+            let value = |(at, shape): (usize, Shape)| {
+                let mut term = design.terms[cosine + at];
+                term.form.shape = shape;
+                theta[problem.levels.len() + cosine + at] * problem.regressor(&term, row, &design.rates)
+            };
+            shapes.into_iter().enumerate().map(value).sum()
+        };
+        (0..problem.len()).map(|row| (wave(step, row) - wave(-step, row)) / (2.0 * step)).collect()
+    };
+    fitted_periods(spec, design.terms).into_iter().map(of).collect()
+}
+
+/// Misfit of a model at given lags.
+pub(crate) fn misfit_at(problem: &LeastSquares<'_>, spec: &ModelSpec, lags_s: &[(usize, f64)]) -> f64 {
+    misfit(problem, &problem.terms(spec), lags_s)
 }
 
 /// Lag-one correlation of neighbouring residuals of a run, with Kendall's (1954) correction for the
