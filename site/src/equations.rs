@@ -23,7 +23,9 @@ pub(crate) fn to_mathml(markdown: &str) -> Result<String> {
                 format!("<span class=\"equation\">{}</span>", render(&latex, DisplayMode::Block)?)
             }
             Event::Text(text) if text.contains("$$") => {
-                bail!("`$$` that Markdown takes for text; does a line of the equation begin with + or -, or hold a blank line?")
+                bail!(
+                    "`$$` that Markdown takes for text; does a line of the equation begin with + or -, or hold a blank line?"
+                )
             }
             _ => continue,
         };
@@ -59,7 +61,10 @@ fn escape(mathml: &str) -> String {
             '>' => in_tag = false,
             _ => {}
         }
-        let own = matches!(c, '*' | '_' | '[' | ']' | '(' | ')' | '`' | '~' | '\\' | '$' | '{' | '}' | '!' | '#' | '^' | '-' | '+');
+        let own = matches!(
+            c,
+            '*' | '_' | '[' | ']' | '(' | ')' | '`' | '~' | '\\' | '$' | '{' | '}' | '!' | '#' | '^' | '-' | '+'
+        );
         match c {
             '\n' | '\r' => out.push(' '),
             '|' => out += "&#124;",

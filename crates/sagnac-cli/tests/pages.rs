@@ -133,7 +133,8 @@ fn made_anew(workplace: &Workplace, page: &str) -> Result<String, String> {
 
 /// Pages with examples: each alone, steps together.
 fn groups() -> Vec<Vec<(PathBuf, String)>> {
-    let is_step = |path: &Path| path.file_name().is_some_and(|name| name.to_string_lossy().starts_with(char::is_numeric));
+    let is_step =
+        |path: &Path| path.file_name().is_some_and(|name| name.to_string_lossy().starts_with(char::is_numeric));
     let mut groups: Vec<Vec<(PathBuf, String)>> = Vec::new();
     for (path, page) in pages().into_iter().filter(|(_, page)| page.contains("```console\n")) {
         match groups.last_mut() {
@@ -173,7 +174,10 @@ fn first_difference(page: &str, anew: &str) -> String {
 #[test]
 fn pages_show_what_the_program_prints() {
     let groups = groups();
-    assert!(groups.len() > 4 && groups.iter().any(|group| group.len() > 4), "the README, the tutorial, some of the how-to");
+    assert!(
+        groups.len() > 4 && groups.iter().any(|group| group.len() > 4),
+        "the README, the tutorial, some of the how-to"
+    );
     let threads: Vec<_> = groups.into_iter().map(|group| std::thread::spawn(move || findings(group))).collect();
     let found: Vec<String> = threads.into_iter().flat_map(|thread| thread.join().unwrap()).collect();
     let help = "SAGNAC_WRITE_DOCS=1 cargo test -p sagnac-cli --test pages writes the outputs anew";
@@ -205,7 +209,10 @@ fn commands_on_pages_can_be_parsed() {
 fn blocks_and_commands_are_found() {
     let page = "a\n```console\n$ one \\\n> two\nout\n> no command\n$ three\n```\n```toml file=x.toml\nk = 1\n```\n";
     let blocks = blocks(page);
-    assert_eq!((blocks[0].info.as_slice(), blocks[1].info.as_slice()), (&["console"][..], &["toml", "file=x.toml"][..]));
+    assert_eq!(
+        (blocks[0].info.as_slice(), blocks[1].info.as_slice()),
+        (&["console"][..], &["toml", "file=x.toml"][..])
+    );
     let expected = [("one \\\ntwo", "out\n> no command\n"), ("three", "")];
     assert_eq!(commands(blocks[0].text), expected.map(|(command, output)| (command.to_owned(), output.to_owned())));
 }

@@ -290,8 +290,8 @@ impl Setup {
     /// # Errors
     /// As [`Setup::read`].
     pub fn parse(text: &str) -> Result<Self> {
-        let setup: Self =
-            toml::from_str(text).map_err(|e| Error::toml("setup", text, &e).help("docs/reference/cli.md lists the keys"))?;
+        let setup: Self = toml::from_str(text)
+            .map_err(|e| Error::toml("setup", text, &e).help("docs/reference/cli.md lists the keys"))?;
         setup.check()?;
         Ok(setup)
     }

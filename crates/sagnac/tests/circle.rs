@@ -176,7 +176,10 @@ fn three_runs_of_each_scenario() {
     if std::env::var_os("SAGNAC_WRITE_DOCS").is_some() {
         std::fs::write(&path, &table).unwrap();
     }
-    assert!(std::fs::read_to_string(&path).unwrap() == table, "docs/explanation/circle.md is not what this makes:\n{table}");
+    assert!(
+        std::fs::read_to_string(&path).unwrap() == table,
+        "docs/explanation/circle.md is not what this makes:\n{table}"
+    );
     for ((name, most), l) in MOST_LEFT.iter().zip(&all) {
         assert!(l.left < most * l.floor, "{name}: {} is left, floor {}", l.left, l.floor);
         assert!(l.before > 5.0 * l.left, "{name}: {} of {} is left", l.left, l.before);
