@@ -98,6 +98,10 @@ impl Page {
 /// Addresses of a tag.
 fn links(tag: &Tag<'_>) -> Vec<Link> {
     let mut found = Vec::new();
+    // mdBook's script asks this server what an example may use, as soon as a page has one that can be run.
+    if tag.get("class").is_some_and(|class| class.split_whitespace().any(|name| name == "playground")) {
+        found.push(Link { address: "https://play.rust-lang.org/".to_owned(), loaded: true });
+    }
     for key in ["href", "src", "data", "poster", "xlink:href"] {
         if let Some(address) = tag.get(key) {
             found.push(Link { address: address.to_owned(), loaded: tag.name != "a" });
@@ -219,6 +223,7 @@ mod tests {
     #[test]
     fn what_is_loaded_from_outside_is_found() {
         let loads = [
+            "<pre><pre class=\"playground\"></pre></pre>",
             "<script src=\"https://cdn.example.org/a.js\"></script>",
             "<link rel=\"stylesheet\" href=\"//cdn.example.org/a.css\">",
             "<img src=\"http://example.org/a.png\">",
