@@ -280,7 +280,8 @@ impl Setup {
     ///
     /// # Errors
     /// Unreadable, not TOML, an unknown key, or a value outside its range (key and value named).
-    pub fn read(path: &Path) -> Result<Self> {
+    pub fn read(path: impl AsRef<Path>) -> Result<Self> {
+        let path = path.as_ref();
         let text = std::fs::read_to_string(path).map_err(|e| Error::io_path(path, "read the setup", &e))?;
         Self::parse(&text).map_err(|e| e.file(path.display().to_string()))
     }
@@ -465,6 +466,14 @@ fn in_range(name: &str, value: Option<f64>, lo: f64, hi: f64) -> Result<()> {
             Err(Error::input(format!("must be within {lo} … {hi}")).column(name).value(v.to_string()))
         }
         _ => Ok(()),
+    }
+}
+
+impl std::str::FromStr for Setup {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        Self::parse(text)
     }
 }
 

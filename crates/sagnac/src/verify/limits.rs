@@ -181,7 +181,8 @@ impl Limits {
     ///
     /// # Errors
     /// Unreadable, an unknown key, a limit below zero or no number.
-    pub fn read(path: &Path) -> Result<Self> {
+    pub fn read(path: impl AsRef<Path>) -> Result<Self> {
+        let path = path.as_ref();
         let name = path.display().to_string();
         let sets = Error::choices(&SETS.map(|(set, _)| set.to_owned()));
         let text = std::fs::read_to_string(path)
@@ -372,6 +373,14 @@ fn unknown(name: &str, axis: &AxisVerification) -> String {
         _ => "the retest does not tell it",
     };
     why.to_owned()
+}
+
+impl std::str::FromStr for Limits {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        Self::parse(text)
+    }
 }
 
 #[cfg(test)]
