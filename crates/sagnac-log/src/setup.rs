@@ -362,22 +362,56 @@ impl Setup {
         Ok(())
     }
 
-    /// The part of a setup that windows are made with: two setups with the same part make the same windows.
+    /// The part of a setup that windows are made with: two setups with the same part make the same windows. Every key is
+    /// named here, so that a new one cannot be forgotten.
     pub fn of_windows(&self) -> Self {
+        let Self {
+            serial: _,
+            axis,
+            sensor: _,
+            rig: _,
+            arcsec_per_count,
+            quantum,
+            counter,
+            counter_bits,
+            sample_interval_s,
+            columns,
+            instance,
+            temperature_offset_s,
+            input_rate_dph: _,
+            earth: _,
+            window,
+            reference_c: _,
+            discard_initial_s,
+            min_span_c: _,
+            noise: _,
+            tick_s,
+            temperature_period_s,
+            slew_ticks: _,
+            rate_lsb_arcsec: _,
+            use_thermometer: _,
+            inputs: _,
+            tables: _,
+            thermometers,
+            aux,
+        } = self.clone();
         Self {
-            serial: None,
-            sensor: None,
-            input_rate_dph: None,
-            earth: None,
-            tables: Vec::new(),
-            reference_c: None,
-            min_span_c: None,
-            noise: None,
-            slew_ticks: None,
-            rate_lsb_arcsec: None,
-            use_thermometer: None,
-            inputs: None,
-            ..self.clone()
+            axis,
+            arcsec_per_count,
+            quantum,
+            counter,
+            counter_bits,
+            sample_interval_s,
+            columns,
+            instance,
+            temperature_offset_s,
+            window,
+            discard_initial_s,
+            tick_s,
+            temperature_period_s,
+            thermometers,
+            aux,
+            ..Self::default()
         }
     }
 
@@ -488,6 +522,15 @@ mod tests {
         assert!(error.what.contains("arcsec_per_cuont"), "{error}");
         let error = Setup::parse("arcsec_per_count = -1.0").unwrap_err();
         assert_eq!(error.place.column.as_deref(), Some("arcsec_per_count"));
+    }
+
+    /// What is said of the bench in words changes no window, what says how rows are read does.
+    #[test]
+    fn windows_depend_on_what_rows_are_read_with() {
+        let plain = Setup::default();
+        let words = Setup { rig: Some("chamber 3".into()), sensor: Some("RLG".into()), ..Setup::default() };
+        assert_eq!(words.of_windows(), plain.of_windows());
+        assert!(Setup { discard_initial_s: 60.0, ..Setup::default() }.of_windows() != plain.of_windows());
     }
 
     #[test]
