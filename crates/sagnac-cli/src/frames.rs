@@ -27,10 +27,10 @@ Examples:
   sagnac frames captured.bin -o frames.csv
   sagnac frames < /dev/ttyUSB0")]
 pub(crate) struct Args {
-    /// Bytes of the line; standard input unless told
+    /// Bytes of the line; standard input by default
     #[arg(default_value = "-")]
     input: PathBuf,
-    /// CSV to write; standard output unless told
+    /// CSV to write; standard output by default
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
     /// Length of a tick, µs
