@@ -31,7 +31,7 @@ fn text() -> Result<String> {
         let mut lines = case.lines().filter(|line| !line.is_empty());
         let name = lines.next().context("a case without a name")?;
         let status = lines.nth(1).and_then(|line| line.strip_prefix("status ")).context("a case without a status")?;
-        let message: Vec<String> = lines.map(|line| line.trim().replace('|', "\\|")).collect();
+        let message: Vec<String> = lines.map(|line| line.trim().replace('|', "\\|").replace('<', "&lt;")).collect();
         out += &format!("| {name} | {status} | {} |\n", message.join("<br>"));
     }
     Ok(out)

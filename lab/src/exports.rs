@@ -143,7 +143,10 @@ fn misra(folder: &Path) -> Result<()> {
         left.retain(|id| *id != rule);
     }
     ensure!(left.is_empty(), "cppcheck: {left:?}");
-    println!("check: C: cppcheck with MISRA C:2012: {} findings, all justified in docs/explanation/on-target.md", findings.len());
+    println!(
+        "check: C: cppcheck with MISRA C:2012: {} findings, all justified in docs/explanation/on-target.md",
+        findings.len()
+    );
     Ok(())
 }
 

@@ -70,7 +70,8 @@ impl Making {
     }
 
     fn write(self, name: &str) -> Result<()> {
-        let mut text = format!("// {}\n// Made by `cargo xtask vectors`; format in docs/reference/vectors.md.\n", self.about);
+        let mut text =
+            format!("// {}\n// Made by `cargo xtask vectors`; format in docs/reference/vectors.md.\n", self.about);
         let [magic, module, len] = self.head;
         writeln!(text, "{magic:08x} {module:08x} {len:08x} {:08x}", self.records)?;
         for line in self.table.chunks(32) {

@@ -6,8 +6,8 @@
 
 use std::fmt::Write;
 
-use anyhow::{Result, anyhow};
-use pulldown_cmark::{Event, Options, Parser as Markdown};
+use anyhow::{Result, anyhow, bail};
+use pulldown_cmark::{Event, Options, Parser as Markdown, TextMergeWithOffset};
 use pulldown_latex::config::DisplayMode;
 use pulldown_latex::{Parser as Latex, RenderConfig, Storage, push_mathml};
 
@@ -16,11 +16,16 @@ pub(crate) fn to_mathml(markdown: &str) -> Result<String> {
     let options = Options::ENABLE_MATH | Options::ENABLE_TABLES | Options::ENABLE_FOOTNOTES;
     let mut out = String::with_capacity(markdown.len());
     let mut copied = 0;
-    for (event, range) in Markdown::new_ext(markdown, options).into_offset_iter() {
+    for (event, range) in TextMergeWithOffset::new(Markdown::new_ext(markdown, options).into_offset_iter()) {
         let mathml = match event {
             Event::InlineMath(latex) => render(&latex, DisplayMode::Inline)?,
             Event::DisplayMath(latex) => {
                 format!("<span class=\"equation\">{}</span>", render(&latex, DisplayMode::Block)?)
+            }
+            Event::Text(text) if text.contains("$$") => {
+                bail!(
+                    "`$$` that Markdown takes for text; does a line of the equation begin with + or -, or hold a blank line?"
+                )
             }
             _ => continue,
         };
@@ -56,7 +61,10 @@ fn escape(mathml: &str) -> String {
             '>' => in_tag = false,
             _ => {}
         }
-        let own = matches!(c, '*' | '_' | '[' | ']' | '(' | ')' | '`' | '~' | '\\' | '$' | '{' | '}' | '!' | '#' | '^' | '-' | '+');
+        let own = matches!(
+            c,
+            '*' | '_' | '[' | ']' | '(' | ')' | '`' | '~' | '\\' | '$' | '{' | '}' | '!' | '#' | '^' | '-' | '+'
+        );
         match c {
             '\n' | '\r' => out.push(' '),
             '|' => out += "&#124;",
@@ -111,6 +119,13 @@ mod tests {
         }
         assert_eq!(cells, 4, "{page}");
         assert_eq!(text, "aba∗b∗[c]1(d)|x|");
+    }
+
+    #[test]
+    fn an_equation_that_markdown_tears_apart_is_an_error() {
+        for torn in ["$$\nx\n+ y\n$$", "$$\nx\n\ny\n$$"] {
+            assert!(to_mathml(torn).unwrap_err().to_string().contains("begin with +"), "{torn}");
+        }
     }
 
     #[test]

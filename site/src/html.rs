@@ -93,7 +93,10 @@ mod tests {
     fn attributes_of_every_form_are_read() {
         let found = tags("<p>a < b</p><A HREF='x.html?a=1&amp;b' id = \"y\" hidden><img src=p.png/></a>");
         assert_eq!(found.len(), 3, "{found:?}");
-        assert_eq!((found[1].get("href"), found[1].get("id"), found[1].get("hidden")), (Some("x.html?a=1&b"), Some("y"), Some("")));
+        assert_eq!(
+            (found[1].get("href"), found[1].get("id"), found[1].get("hidden")),
+            (Some("x.html?a=1&b"), Some("y"), Some(""))
+        );
         assert_eq!(found[2].get("src"), Some("p.png/"));
     }
 

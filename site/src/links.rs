@@ -98,12 +98,17 @@ impl Page {
 /// Addresses of a tag.
 fn links(tag: &Tag<'_>) -> Vec<Link> {
     let mut found = Vec::new();
+    // mdBook's script asks this server what an example may use, as soon as a page has one that can be run.
+    if tag.get("class").is_some_and(|class| class.split_whitespace().any(|name| name == "playground")) {
+        found.push(Link { address: "https://play.rust-lang.org/".to_owned(), loaded: true });
+    }
     for key in ["href", "src", "data", "poster", "xlink:href"] {
         if let Some(address) = tag.get(key) {
             found.push(Link { address: address.to_owned(), loaded: tag.name != "a" });
         }
     }
-    for candidate in tag.get("srcset").unwrap_or_default().split(',').filter_map(|part| part.split_whitespace().next()) {
+    for candidate in tag.get("srcset").unwrap_or_default().split(',').filter_map(|part| part.split_whitespace().next())
+    {
         found.push(Link { address: candidate.to_owned(), loaded: true });
     }
     found.extend(of_style(tag.get("style").unwrap_or_default()));
@@ -151,7 +156,8 @@ fn broken(file: &Path, link: &Link, files: &BTreeSet<PathBuf>, pages: &BTreeMap<
 
 /// `http`, `mailto` and the like.
 fn is_scheme(text: &str) -> bool {
-    text.starts_with(|c: char| c.is_ascii_alphabetic()) && text.chars().all(|c| c.is_ascii_alphanumeric() || "+.-".contains(c))
+    text.starts_with(|c: char| c.is_ascii_alphabetic())
+        && text.chars().all(|c| c.is_ascii_alphanumeric() || "+.-".contains(c))
 }
 
 /// A path without `.` and `..`.
@@ -204,7 +210,8 @@ mod tests {
 
     #[test]
     fn broken_links_and_anchors_are_found() {
-        let page = format!("{PAGE}<a href=\"two.html\"></a><a href=\"../index.html#bottom\"></a><a href=\"/index.html\"></a>");
+        let page =
+            format!("{PAGE}<a href=\"two.html\"></a><a href=\"../index.html#bottom\"></a><a href=\"/index.html\"></a>");
         let found = findings(SUMMARY, &page, "");
         assert_eq!(found.len(), 3, "{found:?}");
         assert!(found[0].starts_with("how-to/one.html: ../index.html#bottom: no such anchor"), "{found:?}");
@@ -216,6 +223,7 @@ mod tests {
     #[test]
     fn what_is_loaded_from_outside_is_found() {
         let loads = [
+            "<pre><pre class=\"playground\"></pre></pre>",
             "<script src=\"https://cdn.example.org/a.js\"></script>",
             "<link rel=\"stylesheet\" href=\"//cdn.example.org/a.css\">",
             "<img src=\"http://example.org/a.png\">",

@@ -164,6 +164,9 @@ mod tests {
 
     #[test]
     fn a_schema_that_is_not_there_is_an_error() {
-        assert!(format!("{:#}", expand("{{#fields no.json}}", Path::new("/nowhere")).unwrap_err()).contains("/nowhere/no.json"));
+        assert!(
+            format!("{:#}", expand("{{#fields no.json}}", Path::new("/nowhere")).unwrap_err())
+                .contains("/nowhere/no.json")
+        );
     }
 }

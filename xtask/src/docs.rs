@@ -15,7 +15,7 @@ pub(crate) fn docs(strict: bool) -> Result<()> {
     need_mdbook()?;
     rustdoc()?;
     sh("cargo", &["build", "--quiet", "--locked", "--package", "sagnac-site"])?;
-    sh("mdbook", &["build", "docs"])?;
+    book(strict)?;
     let site = root().join("target/site");
     // mdBook copies whatever stands beside the pages.
     fs::remove_file(site.join("book.toml")).context("mdBook's output is not in target/site")?;
@@ -27,6 +27,19 @@ pub(crate) fn docs(strict: bool) -> Result<()> {
         Err(_) => println!("docs: the site has the findings above; `cargo xtask docs --check` fails by them"),
     }
     println!("docs: target/site/index.html");
+    Ok(())
+}
+
+/// The pages of `docs/`. A warning of mdBook is a page that shows something else than it says.
+fn book(strict: bool) -> Result<()> {
+    println!("$ mdbook build docs");
+    let output =
+        Command::new("mdbook").args(["build", "docs"]).current_dir(root()).output().context("cannot start mdbook")?;
+    let said = [output.stdout, output.stderr].concat();
+    let said = String::from_utf8_lossy(&said);
+    print!("{said}");
+    ensure!(output.status.success(), "mdbook build docs failed ({})", output.status);
+    ensure!(!strict || !said.contains("WARN"), "mdbook warns of a page: see above");
     Ok(())
 }
 
@@ -44,7 +57,10 @@ fn need_mdbook() -> Result<()> {
         let features = ["--no-default-features", "--features", "search"];
         return sh("cargo", &[&["install", "mdbook", "--locked", "--version", MDBOOK], &features[..]].concat());
     }
-    ensure!(version.starts_with("mdbook v0.5."), "docs/ needs mdBook 0.5, found {version}: cargo install mdbook --locked --version {MDBOOK}");
+    ensure!(
+        version.starts_with("mdbook v0.5."),
+        "docs/ needs mdBook 0.5, found {version}: cargo install mdbook --locked --version {MDBOOK}"
+    );
     Ok(())
 }
 

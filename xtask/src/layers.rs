@@ -149,7 +149,8 @@ fn files_of(source: &Path, name: &str) -> Result<Vec<PathBuf>> {
 
 /// First names of the paths that begin with `crate::`, outside of comments.
 fn imports(text: &str) -> BTreeSet<String> {
-    let code: String = text.lines().map(|line| line.split("//").next().unwrap_or_default()).collect::<Vec<_>>().join("\n");
+    let code: String =
+        text.lines().map(|line| line.split("//").next().unwrap_or_default()).collect::<Vec<_>>().join("\n");
     let mut found = BTreeSet::new();
     for path in code.split("crate::").skip(1) {
         match path.strip_prefix('{') {
@@ -209,8 +210,11 @@ fn differences(drawn: &Arrows, found: &Arrows) -> Vec<String> {
 fn circle(arrows: &Arrows) -> Option<String> {
     let mut open: Arrows = arrows.clone();
     loop {
-        let done: Vec<String> =
-            open.iter().filter(|(_, uses)| uses.iter().all(|used| !open.contains_key(used))).map(|(r, _)| r.clone()).collect();
+        let done: Vec<String> = open
+            .iter()
+            .filter(|(_, uses)| uses.iter().all(|used| !open.contains_key(used)))
+            .map(|(r, _)| r.clone())
+            .collect();
         if done.is_empty() {
             let rooms: Vec<&str> = open.keys().map(String::as_str).collect();
             return (!rooms.is_empty()).then(|| rooms.join(", "));

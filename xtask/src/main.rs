@@ -2,8 +2,8 @@
 
 mod checks;
 mod docs;
-mod layers;
 mod fuzz;
+mod layers;
 
 use std::process::ExitCode;
 

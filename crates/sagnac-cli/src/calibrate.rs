@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use sagnac::calibration::{AxisCalibration, Calibration, Candidate, Monomial, PpmEstimate, ScaleFactor, SearchStep};
-use sagnac::fit::{FitOptions, Loss, ModelChoice, calibrate_with_report_data, frontier};
+use sagnac::fit::{FitOptions, Loss, calibrate_with_report_data, frontier};
 use sagnac::model::TICK_INSTRUCTIONS;
 use sagnac::{Error, Result};
 use sagnac_log::ingest::Tally;
@@ -66,15 +66,14 @@ enum LossWord {
 
 pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     loading::keep_inputs(&args.logs, args.output.iter().chain(&args.report).map(PathBuf::as_path))?;
-    let options = FitOptions {
-        source_date_epoch: source_date_epoch()?,
-        bootstrap: args.bootstrap.map(usize::from),
-        loss: match args.loss {
-            LossWord::Squares => Loss::Squares,
-            LossWord::Huber => Loss::Huber,
-        },
-        ..FitOptions::new(model_choice(&args.model)?)
+    let loss = match args.loss {
+        LossWord::Squares => Loss::Squares,
+        LossWord::Huber => Loss::Huber,
     };
+    let options = FitOptions::new(args.model.parse()?)
+        .source_date_epoch(source_date_epoch()?)
+        .bootstrap(args.bootstrap.map(usize::from))
+        .loss(loss);
     let (windows, setup) = loading::windows(&args.logs, &args.setup)?;
     let (calibration, report_data) = calibrate_with_report_data(windows, &setup, &options)?;
     let text = calibration.to_json()?;
@@ -97,10 +96,6 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     }
     console.object(&calibration)?;
     Ok(Outcome::Done)
-}
-
-pub(crate) fn model_choice(text: &str) -> Result<ModelChoice> {
-    if text == "auto" { Ok(ModelChoice::Auto) } else { text.parse().map(ModelChoice::Fixed) }
 }
 
 /// SOURCE_DATE_EPOCH, which takes the place of the newest sample's time in provenance.

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use sagnac::Result;
 use sagnac::verify::{CorrectedFormat, Correction, compensate};
-use sagnac_log::ingest::{LogSummary, Pace};
+use sagnac_log::ingest::{LogSummary, ReadMode};
 use sagnac_log::setup::Setup;
 use sagnac_log::write::write_atomically;
 
@@ -62,7 +62,7 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
 
 fn pour(args: &Args, correction: &Correction, setup: &Setup, out: &mut (dyn Write + Send)) -> Result<LogSummary> {
     let live = args.log.as_os_str() == "-";
-    let pace = if live { Pace::LineByLine } else { Pace::BulkWithText };
+    let pace = if live { ReadMode::LineByLine } else { ReadMode::BulkWithText };
     let mut setup = setup.clone();
     if live {
         // A pipe shows too few rows to take the interval from; the calibration knows it.

@@ -6,12 +6,12 @@
 use std::io::Cursor;
 use std::path::PathBuf;
 
-use sagnac::fit::{FitOptions, ModelChoice, calibrate};
+use sagnac::fit::{FitOptions, Model, calibrate};
 use sagnac::model::ModelSpec;
-use sagnac::verify::{Correction, Verification, verify_with_report_data};
+use sagnac::verify::{Correction, Proof, Verification, VerifyOptions, verify};
 use sagnac::window::WindowBuilder;
 use sagnac::{Error, Result};
-use sagnac_log::ingest::{LogReader, Pace};
+use sagnac_log::ingest::{LogReader, ReadMode};
 use sagnac_log::setup::Setup;
 use sagnac_log::write::write_bytes;
 use sagnac_report::verification_report;
@@ -49,11 +49,11 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     let (first, second) = (args.seed, args.seed.wrapping_add(1));
     let log = |seed: u64| {
         let bytes = csv_bytes(rig.run(seed));
-        LogReader::from_reader(&format!("seed {seed}"), Box::new(Cursor::new(bytes)), &setup, Pace::Bulk)
+        LogReader::from_reader(&format!("seed {seed}"), Box::new(Cursor::new(bytes)), &setup, ReadMode::Bulk)
     };
-    let windows = WindowBuilder::read_all(vec![log(first)?], &setup)?.finish(false);
+    let windows = WindowBuilder::read_all(vec![log(first)?], &setup)?.finish();
     let quadratic: ModelSpec = "bias 2".parse()?;
-    let options = FitOptions::new(ModelChoice::Fixed(quadratic));
+    let options = FitOptions::new(Model::Fixed(quadratic));
     let calibration = calibrate(windows, &setup, &options)?;
     console.say(format!(
         "The paper's rig: N = {}·T² − {}·T + {} counts per 100 s at {} … {} °C, ARW {} °/√h, quantum {} count,",
@@ -83,7 +83,8 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     });
     console.say(table(&["coefficient", "rig", "fitted ± σ"], rows));
     let correction = Correction::from_calibration(calibration)?;
-    let (proof, report_data) = verify_with_report_data(&correction, vec![log(second)?], &setup, None, false)?;
+    let Proof { verification: proof, report_data } =
+        verify(&correction, vec![log(second)?], &setup, VerifyOptions::default())?;
     describe(console, &proof)?;
     equations(console);
     printed_constant(console);

@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 use sagnac::Result;
 use sagnac::calibration::Calibration;
 use sagnac::export::image_bytes;
-use sagnac::fit::{FitOptions, ModelChoice, calibrate};
+use sagnac::fit::{FitOptions, Model, calibrate};
 use sagnac::window::{WindowBuilder, Windows};
 use sagnac_core::{Image, Kind as Quantity, Multiplier, Shape, Source, Term};
-use sagnac_log::ingest::{AngleUnit, LogReader, LogShape, Pace, Tally, hex, sha256};
+use sagnac_log::ingest::{AngleUnit, LogReader, LogShape, ReadMode, Tally, hex, sha256};
 use sagnac_log::setup::Setup;
 use sagnac_units::format::significant;
 use sagnac_units::s_from_ns;
@@ -98,7 +98,7 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
             let (reader, setup) = open_as_far_as_known(&args.file, given)?;
             let shape = reader.shape().clone();
             console.say(shape_text(&shape));
-            let windows = WindowBuilder::read_all(vec![reader], &setup)?.finish(args.setup.keep_all());
+            let windows = args.setup.outliers(WindowBuilder::read_all(vec![reader], &setup)?).finish();
             log(windows, shape.ignored, "log", &setup, console)?;
         }
     }
@@ -108,10 +108,10 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
 /// Opens a log. Counts whose scale nobody gave are read with 1 arcsec per count, so that what is called
 /// °/h elsewhere is counts per second; the setup that comes back still lacks the scale.
 fn open_as_far_as_known(path: &Path, given: Setup) -> Result<(LogReader, Setup)> {
-    match open_log(path, &given, Pace::Bulk) {
+    match open_log(path, &given, ReadMode::Bulk) {
         Err(error) if error.place.column.as_deref() == Some(SCALE_KEY) && path.as_os_str() != "-" => {
             let setup = Setup { arcsec_per_count: Some(1.0), ..given };
-            Ok((open_log(path, &setup, Pace::Bulk)?, Setup { arcsec_per_count: None, ..setup }))
+            Ok((open_log(path, &setup, ReadMode::Bulk)?, Setup { arcsec_per_count: None, ..setup }))
         }
         opened => Ok((opened?, given)),
     }
@@ -157,7 +157,7 @@ fn log(windows: Windows, ignored: Vec<String>, kind: &'static str, setup: &Setup
     }
     excluded(&object.excluded).iter().for_each(|line| console.say(line));
     let calibrate = if scale_known {
-        would(calibrate(windows, setup, &FitOptions::new(ModelChoice::Auto)), console)?
+        would(calibrate(windows, setup, &FitOptions::new(Model::Auto)), console)?
     } else {
         console.say("calibrate would ask how many arcsec a count is (--arcsec-per-count)");
         CalibrateObject::Asks { asks_for: SCALE_KEY }

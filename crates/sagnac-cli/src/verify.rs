@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 
 use sagnac::verify::{
-    AxisVerification, Estimate, Figures, Judged, Limits, PositionError, ScaleFigures, ScaleProof, Verification,
-    verify_with_report_data,
+    AxisVerification, Estimate, Figures, Judged, Limits, PositionError, Proof, ScaleFigures, ScaleProof, Verification,
+    VerifyOptions, verify,
 };
-use sagnac_log::ingest::Pace;
+use sagnac_log::ingest::ReadMode;
 use sagnac_log::write::write_bytes;
 use sagnac_report::verification_report;
 use sagnac_units::format::{significant, with_sigma};
@@ -48,9 +48,13 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     let correction = loading::correction(&args.correction)?;
     let setup = args.setup.over(correction.setup())?;
     let limits = args.limits.as_deref().map(Limits::named_or_read).transpose()?;
-    let logs = loading::logs(&args.retests, &setup, Pace::Bulk)?;
-    let (verification, report_data) =
-        verify_with_report_data(&correction, logs, &setup, limits.as_ref(), args.setup.keep_all())?;
+    let logs = loading::logs(&args.retests, &setup, ReadMode::Bulk)?;
+    let options = VerifyOptions::default().keep_outliers(args.setup.keep_outliers);
+    let proof = verify(&correction, logs, &setup, options)?;
+    let Proof { verification, report_data } = match &limits {
+        Some(limits) => proof.limits(limits)?,
+        None => proof,
+    };
     warn_of_same_log(console, &verification);
     describe(console, &verification);
     if let Some(path) = &args.report {

@@ -77,7 +77,7 @@ const HEAD: &str = "# Faults, and what notices them
 
 Made by `SAGNAC_WRITE_DOCS=1 cargo test -p sagnac-cli --test faults`, which also holds it: each ready scenario with each fault from two fifths to three fifths of
 its run, through `sagnac inspect`. *Named* are the reasons for which rows are left out beyond those of the same test without
-the fault, with their number. **Not noticed** means that the log looks like a good one; docs/explanation/simulator.md says why.
+the fault, with their number. **Not noticed** means that the log looks like a good one; [Simulator](../explanation/simulator.md#faults-that-nobody-notices) says why.
 
 | scenario | fault | named | calibrate |
 |---|---|---|---|
@@ -97,7 +97,10 @@ fn every_fault_in_every_scenario() {
     if std::env::var_os("SAGNAC_WRITE_DOCS").is_some() {
         std::fs::write(&path, &table).unwrap();
     }
-    assert!(std::fs::read_to_string(&path).unwrap() == table, "docs/reference/faults.md is not what this makes:\n{table}");
+    assert!(
+        std::fs::read_to_string(&path).unwrap() == table,
+        "docs/reference/faults.md is not what this makes:\n{table}"
+    );
     assert_eq!(unnoticed.concat(), UNNOTICED);
 }
 

@@ -104,8 +104,8 @@ fn trimmed(text: &str) -> String {
     text.lines().map(str::trim_end).collect::<Vec<_>>().join("\n").trim_end().to_owned()
 }
 
-/// The page as the program would have it; panics where a command fails.
-fn made_anew(workplace: &Workplace, path: &Path, page: &str) -> String {
+/// The page as the program would have it; else the command that failed.
+fn made_anew(workplace: &Workplace, page: &str) -> Result<String, String> {
     let (mut out, mut copied) = (String::new(), 0);
     for block in blocks(page) {
         if let Some(name) = block.info.iter().find_map(|word| word.strip_prefix("file=")) {
@@ -117,22 +117,24 @@ fn made_anew(workplace: &Workplace, path: &Path, page: &str) -> String {
         out += &page[copied..block.start];
         for (command, _) in commands(block.text) {
             let output = workplace.run(&command);
-            let printed = String::from_utf8(output.stdout).unwrap();
-            assert!(output.status.success(), "{}: {command}\n{printed}", path.display());
+            let printed = trimmed(&String::from_utf8_lossy(&output.stdout));
+            if !output.status.success() {
+                return Err(format!("fails: {command}\n{printed}"));
+            }
             out += &format!("$ {}\n", command.replace('\n', "\n> "));
-            let printed = trimmed(&printed);
             if !printed.is_empty() {
                 out += &format!("{printed}\n");
             }
         }
         copied = block.start + block.text.len();
     }
-    out + &page[copied..]
+    Ok(out + &page[copied..])
 }
 
 /// Pages with examples: each alone, steps together.
 fn groups() -> Vec<Vec<(PathBuf, String)>> {
-    let is_step = |path: &Path| path.file_name().is_some_and(|name| name.to_string_lossy().starts_with(char::is_numeric));
+    let is_step =
+        |path: &Path| path.file_name().is_some_and(|name| name.to_string_lossy().starts_with(char::is_numeric));
     let mut groups: Vec<Vec<(PathBuf, String)>> = Vec::new();
     for (path, page) in pages().into_iter().filter(|(_, page)| page.contains("```console\n")) {
         match groups.last_mut() {
@@ -145,32 +147,41 @@ fn groups() -> Vec<Vec<(PathBuf, String)>> {
     groups
 }
 
-/// Each page of a group with what it should hold.
-fn run_group(group: Vec<(PathBuf, String)>) -> Vec<(String, PathBuf, String)> {
+/// What is wrong with each page of a group; `SAGNAC_WRITE_DOCS` writes stale outputs anew instead.
+fn findings(group: Vec<(PathBuf, String)>) -> Vec<String> {
     let workplace = Workplace::new();
-    group.into_iter().map(|(path, page)| (made_anew(&workplace, &path, &page), path, page)).collect()
+    let mut found = Vec::new();
+    for (path, page) in group {
+        match made_anew(&workplace, &page) {
+            Err(failure) => found.push(format!("{}: {failure}", path.display())),
+            Ok(anew) if anew == page => {}
+            Ok(anew) if std::env::var_os("SAGNAC_WRITE_DOCS").is_some() => fs::write(&path, anew).unwrap(),
+            Ok(anew) => found.push(format!("{}:{}", path.display(), first_difference(&page, &anew))),
+        }
+    }
+    found
+}
+
+/// Line, what the page shows there, and what the program prints.
+fn first_difference(page: &str, anew: &str) -> String {
+    let mut lines = page.lines().zip(anew.lines()).enumerate();
+    let shorter = page.lines().count().min(anew.lines().count());
+    let (at, (shown, printed)) =
+        lines.find(|(_, (shown, printed))| shown != printed).unwrap_or((shorter, ("(ends)", "(ends)")));
+    format!("{}\n  shows  {shown}\n  prints {printed}", at + 1)
 }
 
 #[test]
 fn pages_show_what_the_program_prints() {
     let groups = groups();
-    assert!(groups.len() > 4 && groups.iter().any(|group| group.len() > 4), "the README, the tutorial, some of the how-to");
-    let threads: Vec<_> = groups.into_iter().map(|group| std::thread::spawn(move || run_group(group))).collect();
-    let mut stale = Vec::new();
-    for (anew, path, page) in threads.into_iter().flat_map(|thread| thread.join().unwrap()) {
-        if anew == page {
-            continue;
-        }
-        if std::env::var_os("SAGNAC_WRITE_DOCS").is_some() {
-            fs::write(&path, anew).unwrap();
-            continue;
-        }
-        let differs = page.lines().zip(anew.lines()).enumerate().find(|(_, (shown, printed))| shown != printed);
-        let (at, (shown, printed)) = differs.unwrap_or((page.lines().count().min(anew.lines().count()), ("", "")));
-        stale.push(format!("{}:{}\n  shows  {shown}\n  prints {printed}", path.display(), at + 1));
-    }
+    assert!(
+        groups.len() > 4 && groups.iter().any(|group| group.len() > 4),
+        "the README, the tutorial, some of the how-to"
+    );
+    let threads: Vec<_> = groups.into_iter().map(|group| std::thread::spawn(move || findings(group))).collect();
+    let found: Vec<String> = threads.into_iter().flat_map(|thread| thread.join().unwrap()).collect();
     let help = "SAGNAC_WRITE_DOCS=1 cargo test -p sagnac-cli --test pages writes the outputs anew";
-    assert!(stale.is_empty(), "{}\n{help}", stale.join("\n"));
+    assert!(found.is_empty(), "{}\n{help}", found.join("\n"));
 }
 
 /// With `--help` behind it a command is parsed up to there and does nothing; a flag that is not there fails.
@@ -198,7 +209,10 @@ fn commands_on_pages_can_be_parsed() {
 fn blocks_and_commands_are_found() {
     let page = "a\n```console\n$ one \\\n> two\nout\n> no command\n$ three\n```\n```toml file=x.toml\nk = 1\n```\n";
     let blocks = blocks(page);
-    assert_eq!((blocks[0].info.as_slice(), blocks[1].info.as_slice()), (&["console"][..], &["toml", "file=x.toml"][..]));
+    assert_eq!(
+        (blocks[0].info.as_slice(), blocks[1].info.as_slice()),
+        (&["console"][..], &["toml", "file=x.toml"][..])
+    );
     let expected = [("one \\\ntwo", "out\n> no command\n"), ("three", "")];
     assert_eq!(commands(blocks[0].text), expected.map(|(command, output)| (command.to_owned(), output.to_owned())));
 }

@@ -117,7 +117,7 @@ fn the_sweep_prints_what_was_designed_and_measured() {
     let folder = TempDir::new().unwrap();
     let out = sagnac(&folder, &["simulate", &scenario("loop-design"), "--bode"]);
     let text = String::from_utf8(out.stdout).unwrap();
-    // docs/explanation/simulator.md quotes this line.
+    // docs/how-to/simulate.md shows this line.
     let line = "path length loop: crossover 20.09 Hz (design 20.00 Hz), phase margin 87.47° (design 87.12°)";
     assert!(text.contains(line), "{text}");
 }

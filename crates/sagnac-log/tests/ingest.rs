@@ -4,7 +4,7 @@ use std::io::{Cursor, Write};
 
 use flate2::Compression;
 use flate2::write::GzEncoder;
-use sagnac_log::ingest::{Batch, LogReader, Pace, Reason};
+use sagnac_log::ingest::{Batch, LogReader, ReadMode, Reason};
 use sagnac_log::setup::{Counter, Setup};
 use sagnac_log::{Error, ErrorKind, Result};
 
@@ -14,7 +14,7 @@ fn counts_setup() -> Setup {
 
 /// Everything usable in one batch, with the reader.
 fn read(bytes: impl Into<Vec<u8>>, setup: &Setup) -> Result<(Batch, LogReader)> {
-    let mut reader = LogReader::from_reader("log.csv", Box::new(Cursor::new(bytes.into())), setup, Pace::Bulk)?;
+    let mut reader = LogReader::from_reader("log.csv", Box::new(Cursor::new(bytes.into())), setup, ReadMode::Bulk)?;
     let batch = reader.next_batch()?.cloned().unwrap_or_default();
     Ok((batch, reader))
 }
@@ -263,7 +263,7 @@ fn a_format_is_known_even_byte_by_byte() {
     gzip.write_all(PLAIN.as_bytes()).unwrap();
     for bytes in [PLAIN.as_bytes().to_vec(), gzip.finish().unwrap()] {
         let drip = Box::new(Drip(Cursor::new(bytes)));
-        let mut reader = LogReader::from_reader("log.csv", drip, &counts_setup(), Pace::Bulk).unwrap();
+        let mut reader = LogReader::from_reader("log.csv", drip, &counts_setup(), ReadMode::Bulk).unwrap();
         assert_eq!(reader.next_batch().unwrap().unwrap().angle[0], [7.0, 8.0, -9.0]);
     }
 }
@@ -274,7 +274,7 @@ fn a_live_log_may_begin_with_a_broken_row() {
     for first in ["5,20\n", "11,20,1\n"] {
         let log = format!("time_s,temperature_c,counts\n{first}11,20,1\n12,20,1\n13,20,1\n");
         let reader =
-            LogReader::from_reader("-", Box::new(Cursor::new(log)), &counts_setup(), Pace::LineByLine).unwrap();
+            LogReader::from_reader("-", Box::new(Cursor::new(log)), &counts_setup(), ReadMode::LineByLine).unwrap();
         assert_eq!(reader.shape().nominal_ns, 1_000_000_000);
     }
 }

@@ -132,7 +132,7 @@ fn ln100_falls_with_the_slope_of_quantization() {
     let Some(path) = shared("rlg-ln100-static/x_LN100_up.csv.gz") else { return };
     let setup = bench("rlg-ln100-static/bench.toml");
     let budget = |setup: &Setup, taus: Taus| {
-        let log = sagnac_log::ingest::LogReader::open(&path, setup, sagnac_log::ingest::Pace::Bulk).unwrap();
+        let log = sagnac_log::ingest::LogReader::open(&path, setup, sagnac_log::ingest::ReadMode::Bulk).unwrap();
         noise_budget(vec![log], None, setup, &Request { taus, exact: false }).unwrap()
     };
     // The README's figures take rows as evenly spaced; the stamps jitter by 1 %.

@@ -13,9 +13,9 @@ use std::path::{Path, PathBuf};
 use nalgebra::{DMatrix, DVector};
 use sagnac::diagnostics::Point;
 use sagnac::fit::{FitOptions, calibrate};
-use sagnac::verify::{Correction, verify_with_report_data};
+use sagnac::verify::{Correction, Proof, VerifyOptions, verify};
 use sagnac::window::WindowBuilder;
-use sagnac_log::ingest::{LogReader, Pace};
+use sagnac_log::ingest::{LogReader, ReadMode};
 use sagnac_log::setup::Setup;
 use sagnac_sim::{ERROR_SOURCES, LogText, Scenario};
 use support::model;
@@ -46,7 +46,7 @@ fn simulate(scenario: &Scenario, seed: u64) -> (Vec<u8>, Vec<[f64; ERROR_SOURCES
 }
 
 fn reader(log: Vec<u8>, setup: &Setup) -> LogReader {
-    LogReader::from_reader("run.csv", Box::new(Cursor::new(log)), setup, Pace::Bulk).unwrap()
+    LogReader::from_reader("run.csv", Box::new(Cursor::new(log)), setup, ReadMode::Bulk).unwrap()
 }
 
 /// What a proof left, in °/h.
@@ -68,14 +68,14 @@ fn close(name: &str) -> Found {
     let scenario = Scenario::from_toml(&read(name, &format!("{name}.toml"))).unwrap();
     let setup = Setup::parse(&read(name, "bench.toml")).unwrap();
     let logs = [1, 2].map(|seed| reader(simulate(&scenario, seed).0, &setup)).into();
-    let windows = WindowBuilder::read_all(logs, &setup).unwrap().finish(false);
+    let windows = WindowBuilder::read_all(logs, &setup).unwrap().finish();
     let options = FitOptions::new(model("auto"));
     let calibration = calibrate(windows, &setup, &options).unwrap();
     let chosen = calibration.axes[0].correction.model.clone();
     let correction = Correction::from_calibration(calibration).unwrap();
     let (log, truth) = simulate(&scenario, 3);
-    let (proof, report_data) =
-        verify_with_report_data(&correction, vec![reader(log, &setup)], &setup, None, false).unwrap();
+    let Proof { verification: proof, report_data } =
+        verify(&correction, vec![reader(log, &setup)], &setup, VerifyOptions::default()).unwrap();
     let axis = &proof.axes[0];
     let used: Vec<&Point> =
         report_data.axes[0].points.iter().filter(|p| p.excluded.is_none() && p.after_dph.is_finite()).collect();
@@ -177,7 +177,10 @@ fn three_runs_of_each_scenario() {
     if std::env::var_os("SAGNAC_WRITE_DOCS").is_some() {
         std::fs::write(&path, &table).unwrap();
     }
-    assert!(std::fs::read_to_string(&path).unwrap() == table, "docs/explanation/circle.md is not what this makes:\n{table}");
+    assert!(
+        std::fs::read_to_string(&path).unwrap() == table,
+        "docs/explanation/circle.md is not what this makes:\n{table}"
+    );
     for ((name, most), l) in MOST_LEFT.iter().zip(&all) {
         assert!(l.left < most * l.floor, "{name}: {} is left, floor {}", l.left, l.floor);
         assert!(l.before > 5.0 * l.left, "{name}: {} of {} is left", l.left, l.before);

@@ -296,6 +296,8 @@ fn of_record(axis: &AxisCalibration, value_of: impl Fn(&str) -> f64, rate_of: im
         let shape = |value: f64| match term.shape {
             Shape::Zone { knot } => ((value - knot).max(0.0) / (span[1] - knot)).powi(2),
             Shape::Step { threshold } => f64::from(u8::from(value >= threshold)),
+            Shape::Cosine { period } => (std::f64::consts::TAU * (value - span[0]) / period).cos(),
+            Shape::Sine { period } => (std::f64::consts::TAU * (value - span[0]) / period).sin(),
             Shape::Chebyshev { order } => (f64::from(order) * x(value).clamp(-1.0, 1.0).acos()).cos(),
         };
         let value = value_of(&term.input);
@@ -315,7 +317,8 @@ fn the_image_computes_what_the_record_says() {
     let words = "bias 3, rate 1, zones 3, bias(cavity - block) 2, rate(cavity - block) 0, bias(path_length_v) 1";
     let columns = "bias 2, zones 2, rate(cavity) 0, bias(path_length_v) 1, rate(path_length_v) 0";
     let more = "bias 2, zones 2, steps(mode), rate(cavity) 0";
-    for (model, scaled) in [(words, "path_length_v"), (columns, "cavity"), (more, "mode")] {
+    let waves = "bias 2, harmonic 37.3, rate 0, bias(path_length_v) 1, harmonic(path_length_v) 21.7";
+    for (model, scaled) in [(words, "path_length_v"), (columns, "cavity"), (more, "mode"), (waves, "path_length_v")] {
         let mut found = fit(vec![rig.csv(1)], &setup(), model).unwrap();
         // No rate table is at hand: scale terms by hand.
         let correction = &mut found.axes[0].correction;

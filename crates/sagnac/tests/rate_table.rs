@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 
 use sagnac::ErrorKind;
 use sagnac::calibration::AxisCalibration;
-use sagnac::model::{ActsOn, Shape};
+use sagnac::model::ActsOn;
 use sagnac_log::setup::{Direction, Earth, Setup, TableRun};
 use sagnac_sim::RateTable;
 use support::{fit, retest};
@@ -22,11 +22,8 @@ fn series(axis: &AxisCalibration, of: ActsOn, celsius: f64) -> f64 {
     let x = |t: f64| (2.0 * t - lo - hi) / (hi - lo);
     let chebyshev = |n: u8, x: f64| (f64::from(n) * x.clamp(-1.0, 1.0).acos()).cos();
     let terms = axis.correction.terms.iter().filter(|term| term.acts_on == of && !term.times_rate);
-    let of_order = |shape: Shape| match shape {
-        Shape::Chebyshev { order } => chebyshev(order, x(celsius)) - chebyshev(order, x(axis.reference_c())),
-        Shape::Zone { .. } | Shape::Step { .. } => panic!("a polynomial"),
-    };
-    terms.map(|t| t.value * of_order(t.shape)).sum()
+    let of_order = |order: u8| chebyshev(order, x(celsius)) - chebyshev(order, x(axis.reference_c()));
+    terms.map(|t| t.value * of_order(t.shape.order().unwrap() as u8)).sum()
 }
 
 /// The rig's truth is in other powers than the fit's: ε within 0.25 ppm over 110 °C, d within `most_dph`, ε0 within four
@@ -95,10 +92,10 @@ fn rates_per_file_tell_them_apart_too() {
     let with_rates = Setup { tables: vec![table("plus.csv", 10.0), table("minus.csv", -10.0)], ..setup() };
     let fitted = |setup: &Setup| {
         let open = |path: &std::path::PathBuf| {
-            sagnac_log::ingest::LogReader::open(path, setup, sagnac_log::ingest::Pace::Bulk)
+            sagnac_log::ingest::LogReader::open(path, setup, sagnac_log::ingest::ReadMode::Bulk)
         };
         let logs = logs.iter().map(|path| open(path).unwrap()).collect();
-        let windows = sagnac::window::WindowBuilder::read_all(logs, setup).unwrap().finish(false);
+        let windows = sagnac::window::WindowBuilder::read_all(logs, setup).unwrap().finish();
         let options = sagnac::fit::FitOptions::new(support::model("bias 2, scale 2"));
         sagnac::fit::calibrate(windows, setup, &options)
     };
@@ -205,10 +202,10 @@ fn misalignment_from_two_orientations() {
     let fitted = |tables: Vec<TableRun>| {
         let setup = Setup { tables, ..Setup::default() };
         let open = |path: &std::path::PathBuf| {
-            sagnac_log::ingest::LogReader::open(path, &setup, sagnac_log::ingest::Pace::Bulk)
+            sagnac_log::ingest::LogReader::open(path, &setup, sagnac_log::ingest::ReadMode::Bulk)
         };
         let logs = paths.iter().map(|path| open(path).unwrap()).collect();
-        let windows = sagnac::window::WindowBuilder::read_all(logs, &setup).unwrap().finish(false);
+        let windows = sagnac::window::WindowBuilder::read_all(logs, &setup).unwrap().finish();
         let options = sagnac::fit::FitOptions::new(support::model("bias 1"));
         sagnac::fit::calibrate(windows, &setup, &options)
     };

@@ -8,15 +8,16 @@ mod support;
 use sagnac::calibration::{AxisCalibration, Calibration};
 use sagnac::fit::{FitOptions, calibrate};
 use sagnac::window::WindowBuilder;
-use sagnac_log::ingest::{LogReader, Pace, Reason};
+use sagnac_log::ingest::{LogReader, ReadMode, Reason};
 use sagnac_units::DPH_PER_RADPS;
 use support::{bench, model, shared};
 
 fn fit(text: &str, keep_all: bool) -> Option<Calibration> {
     let path = shared("mems-chamber-sweep/imu_raw_data.csv")?;
     let setup = bench("mems-chamber-sweep/bench.toml");
-    let log = LogReader::open(&path, &setup, Pace::Bulk).unwrap();
-    let windows = WindowBuilder::read_all(vec![log], &setup).unwrap().finish(keep_all);
+    let log = LogReader::open(&path, &setup, ReadMode::Bulk).unwrap();
+    let windows = WindowBuilder::read_all(vec![log], &setup).unwrap();
+    let windows = if keep_all { windows.keep_outliers() } else { windows }.finish();
     Some(calibrate(windows, &setup, &FitOptions::new(model(text))).unwrap())
 }
 

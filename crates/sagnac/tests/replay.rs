@@ -7,9 +7,9 @@ use proptest::prelude::*;
 use sagnac::calibration::{Calibration, Lag, Term};
 use sagnac::export::{Polynomial, import};
 use sagnac::model::Form;
-use sagnac::verify::{Correction, Readings, Replay, verify};
+use sagnac::verify::{Correction, Readings, Replay, VerifyOptions, verify};
 use sagnac_core::{Compensator, State};
-use sagnac_log::ingest::{LogReader, Pace};
+use sagnac_log::ingest::{LogReader, ReadMode};
 use sagnac_log::setup::Setup;
 
 const TICK_NS: i64 = 100_000;
@@ -89,7 +89,7 @@ proptest! {
         let correction = Correction::from_calibration(calibration).unwrap();
         let rates = Setup { arcsec_per_count: None, ..setup };
         let source = Box::new(std::io::Cursor::new(text.into_bytes()));
-        let mut log = LogReader::from_reader("log", source, &rates, Pace::Bulk).unwrap();
+        let mut log = LogReader::from_reader("log", source, &rates, ReadMode::Bulk).unwrap();
         let shape = log.shape().clone();
         let batch = log.next_batch().unwrap().unwrap().clone();
         let mut replay = Replay::new(&correction.images, &shape, Readings::of_one(&correction.images, Some(0)), "log").unwrap();
@@ -130,7 +130,8 @@ fn rates_of_two_axes_with_a_late_thermometer() {
     let proof = |setup: &Setup| {
         let correction = Correction::from_calibration(calibration.clone()).unwrap();
         let reader = support::reader(log(20.0), setup);
-        verify(&correction, vec![reader], setup, None, true)
+        verify(&correction, vec![reader], setup, VerifyOptions::default().keep_outliers(true))
+            .map(|proof| proof.verification)
             .unwrap()
             .axes
             .iter()

@@ -3,10 +3,10 @@
 mod support;
 
 use sagnac::fit::{FitOptions, calibrate};
-use sagnac::verify::{CorrectedFormat, Correction, Limits, compensate, verify};
+use sagnac::verify::{CorrectedFormat, Correction, Limits, VerifyOptions, compensate, verify};
 use sagnac::window::{read_table, write_table};
 use sagnac::{ErrorKind, calibration::Calibration};
-use sagnac_log::ingest::{LogReader, Pace, Reason};
+use sagnac_log::ingest::{LogReader, ReadMode, Reason};
 use sagnac_log::setup::{Noise, Setup};
 use sagnac_sim::{LaggedChamber, PaperRig, csv_bytes};
 use support::{fit, model, paper_setup, reader, retest, windows};
@@ -140,10 +140,13 @@ fn verify_goes_through_the_image_and_limits_decide() {
         "simulated.csv",
         Box::new(std::io::Cursor::new(csv_bytes(chamber_rig().run(3)))),
         &alone_setup,
-        Pace::Bulk,
+        ReadMode::Bulk,
     );
     let limits = Limits::parse("improvement_min = 1000.0\nsigma_dph_max = 1.0").unwrap();
-    let by_image = verify(&alone, vec![log.unwrap()], &alone_setup, Some(&limits), false).unwrap();
+    let by_image = verify(&alone, vec![log.unwrap()], &alone_setup, VerifyOptions::default())
+        .and_then(|proof| proof.limits(&limits))
+        .unwrap()
+        .verification;
     assert_eq!((&proof.axes[0].before, &proof.axes[0].after), (&by_image.axes[0].before, &by_image.axes[0].after));
     assert_eq!(proof.image_sha256, by_image.image_sha256);
     let passes: Vec<Option<bool>> = by_image.axes[0].limits.iter().map(|l| l.pass).collect();
@@ -181,15 +184,15 @@ fn compensated_output_is_stamped_conserves_counts_and_is_refused_as_input() {
     let calibration = fit(vec![csv_bytes(PaperRig::PAPER.run(1))], &setup, "bias 2").unwrap();
     let proof = retest(&calibration, csv_bytes(PaperRig::PAPER.run(2)), &setup);
     let correction = Correction::from_calibration(calibration).unwrap();
-    let make = |pace: Pace| {
+    let make = |pace: ReadMode| {
         let source = Box::new(std::io::Cursor::new(csv_bytes(PaperRig::PAPER.run(2))));
         let mut log = LogReader::from_reader("log", source, &setup, pace).unwrap();
         let mut out = Vec::new();
         compensate(&correction, &mut log, &setup, CorrectedFormat::Csv, &mut out).unwrap();
         String::from_utf8(out).unwrap()
     };
-    let text = make(Pace::BulkWithText);
-    assert_eq!(text, make(Pace::LineByLine));
+    let text = make(ReadMode::BulkWithText);
+    assert_eq!(text, make(ReadMode::LineByLine));
     let mut lines = text.lines();
     assert!(lines.next().unwrap().starts_with("# sagnac compensated"));
     assert_eq!(lines.next().unwrap(), "time_s,temperature_c,compensated_counts,status");
@@ -199,7 +202,7 @@ fn compensated_output_is_stamped_conserves_counts_and_is_refused_as_input() {
     let without_stamp = text.lines().skip(1).map(|l| format!("{l}\n")).collect::<String>();
     for again in [text, without_stamp] {
         let again = Box::new(std::io::Cursor::new(again.into_bytes()));
-        let error = LogReader::from_reader("log", again, &setup, Pace::Bulk).err().unwrap();
+        let error = LogReader::from_reader("log", again, &setup, ReadMode::Bulk).err().unwrap();
         assert_eq!(error.kind, ErrorKind::Refused);
     }
 }
@@ -219,7 +222,7 @@ fn replay_tells_held_and_stale_and_jumps_over_gaps() {
     let mut log = reader(format!("time_s,temperature_c,counts\n{rows}").into_bytes(), &setup);
     let mut log_with_text = {
         let source = Box::new(std::io::Cursor::new(format!("time_s,temperature_c,counts\n{rows}").into_bytes()));
-        LogReader::from_reader("log", source, &setup, Pace::BulkWithText).unwrap()
+        LogReader::from_reader("log", source, &setup, ReadMode::BulkWithText).unwrap()
     };
     assert!(log.next_batch().unwrap().is_some());
     let mut out = Vec::new();

@@ -23,11 +23,11 @@ use arrow_schema::{ArrowError, DataType, Schema, TimeUnit};
 use csv::ByteRecord;
 
 use crate::error::{Error, Result};
-use crate::ingest::Pace;
+use crate::ingest::ReadMode;
+use crate::ingest::chunks::TableFeed;
 use crate::ingest::header::Layout;
 use crate::ingest::number::{parse_flag, parse_time_ns, parse_value, time_ns_of};
 use crate::ingest::parquet_file::{parquet_batches, parquet_schema};
-use crate::ingest::pieces::TableFeed;
 use crate::ingest::raw::{BAD_TEMPERATURE, Faults, NO_TIME, RawRows};
 use crate::ingest::source::{Format, Source};
 
@@ -211,8 +211,8 @@ fn check_message(metadata: &[u8], file: &mut File, body_at: u64, size: u64) -> R
 
 impl Columnar {
     /// Begins to decode. `pace` says whether all columns are kept as text.
-    pub(crate) fn feed(self, layout: &Layout, pace: Pace) -> Result<ColumnFeed> {
-        let keep_fields = pace != Pace::Bulk;
+    pub(crate) fn feed(self, layout: &Layout, pace: ReadMode) -> Result<ColumnFeed> {
+        let keep_fields = pace != ReadMode::Bulk;
         let wanted: Vec<usize> = if keep_fields { (0..layout.headers.len()).collect() } else { layout.columns_read() };
         let batches: Batches = match self.format {
             Format::Parquet => guarded(|| {

@@ -1,14 +1,15 @@
 //! Logs in: from bytes to judged rows.
 //!
 //! ```text
-//! Source (hash, gunzip, format) ─▶ Pieces (parsed in parallel: text, Parquet, Arrow, ULog) ─▶ Aligner
-//!        (temperatures to the time of counts) ─▶ RowCheck (judged rows) ─▶ Batch
+//! Source (hash, gunzip, format) ─▶ ChunkReader (parsed in parallel: text, Parquet, Arrow, ULog) ─▶ Aligner
+//!        (temperatures to the time of counts) ─▶ RowValidator (judged rows) ─▶ Batch
 //! ```
 //!
 //! [`LogReader`] gives one batch after the other and never holds the log. One file is one run.
 
 mod align;
 mod cells;
+mod chunks;
 #[cfg(feature = "parquet")]
 mod columnar;
 pub mod header;
@@ -17,7 +18,6 @@ mod number;
 mod parquet_file;
 #[cfg(feature = "parquet")]
 mod parquet_footer;
-mod pieces;
 mod raw;
 mod reason;
 mod rows;
@@ -33,15 +33,15 @@ use std::path::Path;
 
 use crate::error::{Error, Result};
 use crate::ingest::align::Aligner;
+use crate::ingest::chunks::{ChunkReader, Feed};
 use crate::ingest::header::Layout;
 #[cfg(feature = "parquet")]
 pub(crate) use crate::ingest::number::parse_time_ns;
 #[cfg(feature = "parquet")]
 pub use crate::ingest::parquet_file::{parquet_batches, parquet_schema};
-use crate::ingest::pieces::{Feed, Pieces};
 use crate::ingest::raw::{Faults, RawRows};
 pub use crate::ingest::reason::{Reason, Tallies, Tally};
-use crate::ingest::rows::RowCheck;
+use crate::ingest::rows::RowValidator;
 pub use crate::ingest::source::{Format, Watch, hex, sha256};
 use crate::ingest::source::{HashHandle, Source};
 pub use crate::ingest::table::TableColumn;
@@ -144,7 +144,7 @@ pub struct Batch {
     pub valid: Vec<bool>,
     /// Line in the file, from 1.
     pub line: Vec<u64>,
-    /// The row's fields as text (empty with [`Pace::Bulk`]).
+    /// The row's fields as text (empty with [`ReadMode::Bulk`]).
     pub fields: Vec<::csv::ByteRecord>,
     pub(crate) checked_c: Vec<f64>,
 }
@@ -209,7 +209,7 @@ pub struct LogSummary {
 
 /// How a log is to be read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Pace {
+pub enum ReadMode {
     /// Large batches; the nominal interval from the first rows.
     Bulk,
     /// The same, and rows kept as text, for a log that is written out again.
@@ -231,10 +231,10 @@ pub enum Content {
 
 /// A log being read.
 pub struct LogReader {
-    pieces: Pieces,
+    pieces: ChunkReader,
     layout: Layout,
     delimiter: u8,
-    check: RowCheck,
+    check: RowValidator,
     shape: LogShape,
     batch: Batch,
     rows: RawRows,
@@ -251,15 +251,15 @@ impl LogReader {
     /// # Errors
     /// Unreadable, binary, no header, headers that say nothing or contradict the setup, no scale
     /// factor for counts, no interval.
-    pub fn open(path: &Path, setup: &Setup, pace: Pace) -> Result<Self> {
-        Self::open_watched(path, setup, pace, None)
+    pub fn open(path: impl AsRef<Path>, setup: &Setup, mode: ReadMode) -> Result<Self> {
+        Self::open_watched(path.as_ref(), setup, mode, None)
     }
 
     /// The same; `watch` is told how many bytes of the file have been read.
     ///
     /// # Errors
     /// As [`LogReader::open`].
-    pub fn open_watched(path: &Path, setup: &Setup, pace: Pace, watch: Option<Watch>) -> Result<Self> {
+    pub fn open_watched(path: &Path, setup: &Setup, pace: ReadMode, watch: Option<Watch>) -> Result<Self> {
         Self::from_source(Source::open(path, watch)?, setup, pace)
     }
 
@@ -267,21 +267,26 @@ impl LogReader {
     ///
     /// # Errors
     /// As [`LogReader::open`].
-    pub fn from_reader(name: &str, reader: Box<dyn std::io::Read + Send>, setup: &Setup, pace: Pace) -> Result<Self> {
+    pub fn from_reader(
+        name: &str,
+        reader: Box<dyn std::io::Read + Send>,
+        setup: &Setup,
+        pace: ReadMode,
+    ) -> Result<Self> {
         Self::from_source(Source::from_reader(name.to_owned(), reader)?, setup, pace)
     }
 
-    fn from_source(source: Source, setup: &Setup, pace: Pace) -> Result<Self> {
+    fn from_source(source: Source, setup: &Setup, pace: ReadMode) -> Result<Self> {
         let name = source.name.clone();
         Self::start(source, setup, pace).map_err(|e| e.file(name))
     }
 
-    fn start(source: Source, setup: &Setup, pace: Pace) -> Result<Self> {
+    fn start(source: Source, setup: &Setup, pace: ReadMode) -> Result<Self> {
         let (name, hash) = (source.name.clone(), source.hash.clone());
         let Opened { feed, layout, delimiter, lines_before } = open_feed(source, setup, pace)?;
-        let mut pieces = Pieces::new(feed, lines_before, pace != Pace::LineByLine);
+        let mut pieces = ChunkReader::new(feed, lines_before, pace != ReadMode::LineByLine);
         let unit = angle_unit(&layout, setup)?;
-        let lookahead = if pace == Pace::LineByLine { 2 } else { LOOKAHEAD_ROWS };
+        let lookahead = if pace == ReadMode::LineByLine { 2 } else { LOOKAHEAD_ROWS };
         let mut ahead = VecDeque::new();
         let nominal_ns = nominal_interval(&mut pieces, &layout, setup, lookahead, &mut ahead)?;
         let shape = LogShape {
@@ -294,13 +299,13 @@ impl LogReader {
             has_reference: layout.reference.is_some(),
             ignored: layout.ignored.clone(),
         };
-        let check = RowCheck::new(name.clone(), &layout, setup, nominal_ns);
+        let check = RowValidator::new(name.clone(), &layout, setup, nominal_ns);
         let batch = Batch::for_shape(&shape);
         let align = Aligner::new(ns_from_s(setup.temperature_offset_s).unwrap_or(0));
         let rows = RawRows::default();
         let column = layout.reference.map_or(TableColumn::Rate, |(_, column)| column);
         // Where a log is written out again row by row nothing waits: marks are for fits and proofs.
-        let column = if pace != Pace::Bulk && column == TableColumn::Mark { TableColumn::Rate } else { column };
+        let column = if pace != ReadMode::Bulk && column == TableColumn::Mark { TableColumn::Rate } else { column };
         let table = TableRates::new(column);
         Ok(Self { pieces, layout, delimiter, check, shape, batch, rows, ahead, align, table, hash, name })
     }
@@ -430,7 +435,7 @@ struct Opened {
     lines_before: u64,
 }
 
-fn open_feed(source: Source, setup: &Setup, pace: Pace) -> Result<Opened> {
+fn open_feed(source: Source, setup: &Setup, pace: ReadMode) -> Result<Opened> {
     match source.format {
         Format::Text => open_text(source, setup, pace),
         #[cfg(feature = "parquet")]
@@ -443,7 +448,7 @@ fn open_feed(source: Source, setup: &Setup, pace: Pace) -> Result<Opened> {
         }
         #[cfg(feature = "ulog")]
         Format::ULog => {
-            let (feed, layout) = ulog::open(source, setup, pace != Pace::Bulk)?;
+            let (feed, layout) = ulog::open(source, setup, pace != ReadMode::Bulk)?;
             Ok(Opened { feed: Feed::Table(Box::new(feed)), layout, delimiter: b',', lines_before: 1 })
         }
         #[cfg(not(all(feature = "parquet", feature = "ulog")))]
@@ -451,7 +456,7 @@ fn open_feed(source: Source, setup: &Setup, pace: Pace) -> Result<Opened> {
     }
 }
 
-fn open_text(mut source: Source, setup: &Setup, pace: Pace) -> Result<Opened> {
+fn open_text(mut source: Source, setup: &Setup, pace: ReadMode) -> Result<Opened> {
     let header = text::read_header(&mut source)?;
     let layout = text::layout_of(&header, setup)?;
     let parser = LineParser::new(&layout, header.delimiter, pace);
@@ -486,7 +491,7 @@ fn typical_step(times: &[i64]) -> Option<i64> {
 
 /// The interval of a row: as given, else from the first rows.
 fn nominal_interval(
-    pieces: &mut Pieces,
+    pieces: &mut ChunkReader,
     layout: &Layout,
     setup: &Setup,
     lookahead: usize,

@@ -73,7 +73,7 @@ struct Interval {
 }
 
 /// The state machine that turns raw rows into usable ones.
-pub(crate) struct RowCheck {
+pub(crate) struct RowValidator {
     file: String,
     timed: bool,
     /// Stretches of plain rows may be taken whole.
@@ -94,7 +94,7 @@ pub(crate) struct RowCheck {
     pub(crate) rows_read: u64,
 }
 
-impl RowCheck {
+impl RowValidator {
     pub(crate) fn new(file: String, layout: &Layout, setup: &Setup, nominal_ns: i64) -> Self {
         let thermometers =
             layout.temperatures.iter().map(|(_, name, _)| ThermometerCheck::new(setup.thermometer(name)));
@@ -505,7 +505,7 @@ mod tests {
             let headers = ["time_ns", "temperature_c", header].map(str::to_owned).to_vec();
             let layout = Layout::new(headers, &Default::default(), None).unwrap();
             let judge = |whole_rows: bool| {
-                let mut check = RowCheck::new("log".to_owned(), &layout, &Setup::default(), 10);
+                let mut check = RowValidator::new("log".to_owned(), &layout, &Setup::default(), 10);
                 check.whole_rows &= whole_rows;
                 let mut batch = Batch { angle: vec![vec![]], temperature_c: vec![vec![]], ..Batch::default() };
                 let (first, second) = rows.split_at(cut.min(rows.len()));

@@ -14,7 +14,7 @@ use csv::ByteRecord;
 use memchr::{memchr, memrchr};
 
 use crate::error::{Error, Result};
-use crate::ingest::Pace;
+use crate::ingest::ReadMode;
 use crate::ingest::cells::{Cells, Slot};
 use crate::ingest::header::{self, Layout};
 use crate::ingest::number::{Decimal, parse_flag, parse_time_ns, parse_value};
@@ -112,8 +112,8 @@ pub(crate) struct TextFeed {
 }
 
 impl TextFeed {
-    pub(crate) fn new(reader: Box<dyn BufRead + Send>, pace: Pace) -> Self {
-        Self { reader, carried: Vec::new(), failed: None, line_by_line: pace == Pace::LineByLine }
+    pub(crate) fn new(reader: Box<dyn BufRead + Send>, pace: ReadMode) -> Self {
+        Self { reader, carried: Vec::new(), failed: None, line_by_line: pace == ReadMode::LineByLine }
     }
 
     /// The next lines into `piece`; false at the end.
@@ -182,13 +182,13 @@ pub(crate) struct LineParser {
 }
 
 impl LineParser {
-    pub(crate) fn new(layout: &Layout, delimiter: u8, pace: Pace) -> Self {
+    pub(crate) fn new(layout: &Layout, delimiter: u8, pace: ReadMode) -> Self {
         Self {
             layout: layout.clone(),
             cells: Cells::new(layout),
             delimiter,
             decimal_comma: delimiter != b',',
-            keep_fields: pace != Pace::Bulk,
+            keep_fields: pace != ReadMode::Bulk,
         }
     }
 
@@ -341,7 +341,7 @@ mod tests {
     fn parser(keep_fields: bool) -> LineParser {
         let headers = ["time_s", "note", "temperature_k", "counts"].map(str::to_owned).to_vec();
         let layout = Layout::new(headers, &Default::default(), None).unwrap();
-        let pace = if keep_fields { Pace::BulkWithText } else { Pace::Bulk };
+        let pace = if keep_fields { ReadMode::BulkWithText } else { ReadMode::Bulk };
         LineParser::new(&layout, b',', pace)
     }
 
@@ -370,10 +370,10 @@ mod tests {
             prop_assert_eq!((&fast.time_ns, &fast.faults, &fast.line), (&slow.time_ns, &slow.faults, &slow.line));
         }
 
-        /// Pieces hold the text's bytes in order, each ending in a newline, whatever the reader gives at a time.
+        /// ChunkReader hold the text's bytes in order, each ending in a newline, whatever the reader gives at a time.
         #[test]
         fn pieces_are_the_text(text in "[ab\\n]{0,200}", line_by_line: bool) {
-            let pace = if line_by_line { Pace::LineByLine } else { Pace::Bulk };
+            let pace = if line_by_line { ReadMode::LineByLine } else { ReadMode::Bulk };
             let mut feed = TextFeed::new(Box::new(std::io::Cursor::new(text.clone())), pace);
             let (mut all, mut piece) = (Vec::new(), Vec::new());
             while feed.next(&mut piece).unwrap() {

@@ -23,8 +23,8 @@ use px4_ulog::stream_parser::model::{DataMessage, UlogParseError};
 
 use crate::error::{Error, Result};
 use crate::ingest::cells::Cells;
+use crate::ingest::chunks::TableFeed;
 use crate::ingest::header::Layout;
-use crate::ingest::pieces::TableFeed;
 use crate::ingest::raw::{BAD_TEMPERATURE, Faults, NO_TIME, RawRows};
 use crate::ingest::source::Source;
 use crate::setup::Setup;

@@ -22,7 +22,7 @@ pub(crate) struct Adler {
     pub(crate) epsilon: f64,
 }
 
-/// Pieces of a stretch that are treated on their own, s.
+/// ChunkReader of a stretch that are treated on their own, s.
 const PIECE_S: f64 = 1.25e-5;
 /// |g| over √|g′| beyond which the ends suffice.
 const FAR: f64 = 4.5;

@@ -181,18 +181,29 @@ impl AxisCalibration {
 
     /// Unit of a term's coefficient.
     pub(crate) fn unit_of(&self, term: &Term) -> &'static str {
-        let in_celsius = self.input_of(term).is_none_or(|input| !matches!(input.source, InputSource::Column(_)));
+        let in_celsius = self.input_of(term).is_none_or(Input::is_in_celsius);
         term.form().unit(in_celsius)
     }
 
-    /// Parameters that the model is not linear in, for tables: the lags of its inputs.
+    /// Parameters that the model is not linear in, for tables: the lags of its inputs and the fitted periods of its harmonics. A
+    /// stated period has no uncertainty and is not among them.
     pub fn nonlinear(&self) -> Vec<NonlinearParameter> {
         let lag = |(at, input): (usize, &Input)| {
             let Lag { value, sigma } = input.lag_s?;
             let name = if at == 0 { "lag".to_owned() } else { format!("lag({})", input.name) };
             Some(NonlinearParameter { name, value, sigma, unit: "s".to_owned() })
         };
-        self.correction.inputs.iter().enumerate().filter_map(lag).collect()
+        let period = |term: &Term| {
+            let (Shape::Cosine { period: value }, Some(input)) = (term.shape, self.input_of(term)) else { return None };
+            let word = term.acts_on.period_name();
+            let is_main = self.is_over_thermometer(term);
+            let name = if is_main { word.to_owned() } else { format!("{word}({})", term.input) };
+            let row = self.fit.as_ref()?.covariance_of.iter().position(|row| *row == name)?;
+            let unit = if input.is_in_celsius() { "degC" } else { "unit" }.to_owned();
+            Some(NonlinearParameter { name, value, sigma: Some(self.variance_of(&[(row, 1.0)]).sqrt()), unit })
+        };
+        let lags = self.correction.inputs.iter().enumerate().filter_map(lag);
+        lags.chain(self.correction.terms.iter().filter_map(period)).collect()
     }
 
     /// Coefficients of a polynomial over the thermometer of the fit by order; zero where there is no term. `of` is any term
@@ -200,9 +211,9 @@ impl AxisCalibration {
     pub fn series(&self, of: Form) -> [f64; BASIS_LEN] {
         let mut series = [0.0; BASIS_LEN];
         for term in self.correction.terms.iter().filter(|term| self.is_over_thermometer(term)) {
-            if let Shape::Chebyshev { order } = term.shape
+            if let Some(order) = term.shape.order()
                 && (term.acts_on, term.times_rate) == (of.acts_on, of.times_rate)
-                && let Some(slot) = series.get_mut(usize::from(order))
+                && let Some(slot) = series.get_mut(order)
             {
                 *slot = term.value;
             }

@@ -102,6 +102,11 @@ impl Input {
         }
     }
 
+    /// A temperature or a difference of two; else a column with a unit of its own.
+    pub fn is_in_celsius(&self) -> bool {
+        !matches!(self.source, InputSource::Column(_))
+    }
+
     /// Its span as a scaling to −1 … 1.
     pub fn scaling(&self) -> Span {
         Span { lo: self.span[0], hi: self.span[1] }

@@ -179,7 +179,7 @@ pub struct Term {
 impl Term {
     /// A term that was not fitted here, over an input of the record.
     pub fn given(form: Form, input: &Input, value: f64) -> Self {
-        let in_celsius = !matches!(input.source, InputSource::Column(_));
+        let in_celsius = input.is_in_celsius();
         let Form { acts_on, shape, times_rate } = form;
         Self {
             acts_on,

@@ -141,9 +141,9 @@ fn image_fields(image: &Image) -> String {
     for (name, value) in wide {
         let _ = writeln!(out, "    .{name} = UINT64_C({value}),");
     }
-    let inputs: String = image.inputs().iter().map(thermometer).collect();
+    let inputs: String = image.inputs().iter().map(input).collect();
     let terms: String = image.terms().iter().map(term).collect();
-    for (name, list) in [("thermometers", thermometers), ("terms", terms)] {
+    for (name, list) in [("inputs", inputs), ("terms", terms)] {
         if !list.is_empty() {
             let _ = write!(out, "    .{name} = {{\n{list}    }},\n");
         }
@@ -151,7 +151,7 @@ fn image_fields(image: &Image) -> String {
     out
 }
 
-fn thermometer(t: &InputSpec) -> String {
+fn input(t: &InputSpec) -> String {
     let (is_difference, of, less) = match t.source {
         ValueSource::Code => (0, 0, 0),
         ValueSource::Difference { of, less } => (1, of.into(), less.into()),

@@ -126,9 +126,9 @@ fn unit(image: &Image, widths: Widths) -> String {
     let _ = writeln!(out, "localparam [31:0] SLEW_TICKS = 32'd{};", d.slew_ticks);
     let _ = writeln!(out, "localparam [31:0] OUTPUT_LIMIT = 32'd{};", d.output_limit);
     let _ = writeln!(out, "localparam integer HIGHEST_ORDER = {highest};");
-    let _ = writeln!(out, "localparam [2:0] INPUTS_USED = 3'd{};", d.input_count);
+    let _ = writeln!(out, "localparam [2:0] INPUTS = 3'd{};", d.input_count);
     let _ = writeln!(out, "localparam [5:0] TERMS = 6'd{};", d.term_count);
-    thermometers(&mut out, &d.inputs);
+    inputs(&mut out, &d.inputs);
     terms(&mut out, &d.terms);
     out.push_str("/* verilator lint_on UNUSEDPARAM */\n");
     out
@@ -165,7 +165,7 @@ fn inputs(out: &mut String, all: &[InputSpec; MAX_INPUTS]) {
     }
 }
 
-/// The two thermometers of a difference.
+/// The two inputs of a difference.
 fn difference(t: &InputSpec) -> [i64; 2] {
     match t.source {
         ValueSource::Code => [0, 0],

@@ -10,10 +10,11 @@ use crate::fit::criterion::{CvScore, effective_windows, is_undominated};
 use crate::fit::folds::{Trial, cross_validate, scheme_of};
 use crate::fit::input_noise::{INCREASE_MAX, correction_noise, loudest_rate};
 use crate::fit::least_squares::{LeastSquares, Level};
+use crate::fit::period::settle_periods;
 use crate::fit::robust::{Loss, robust_fit};
 use crate::fit::search::{CONDITION_MAX, fits_image, inputs_read, walk};
 use crate::fit::solution::{Fitted, fit};
-use crate::fit::{ModelChoice, SAME_RATE, SMALLER_WINS_WITHIN};
+use crate::fit::{Model, SAME_RATE, SMALLER_WINS_WITHIN};
 use crate::model::input::{Signal, channels};
 use crate::model::price::Work;
 use crate::model::spec::ModelSpec;
@@ -53,12 +54,12 @@ pub(crate) fn choose<'a>(
     windows: &'a Windows,
     main: Signal,
     setup: &Setup,
-    choice: &ModelChoice,
+    choice: &Model,
     make: &MakeProblem<'a, '_>,
 ) -> Result<Chosen<'a>> {
     match choice {
-        ModelChoice::Fixed(spec) => given(&windows.shape, main, spec, make),
-        ModelChoice::Auto => {
+        Model::Fixed(spec) => given(&windows.shape, main, spec, make),
+        Model::Auto => {
             let grid = make(&[main])?;
             let taus_s = grid.tau_grid();
             let best = best_of_grid(&grid, &taus_s)?;
@@ -145,6 +146,7 @@ fn given<'a>(shape: &WindowShape, main: Signal, spec: &ModelSpec, make: &MakePro
         return Err(Error::refused("a rate term needs times, and the log has none").column("--model"));
     }
     let taus_s = problem.tau_grid();
+    settle_periods(&problem, &mut spec, &taus_s)?;
     let mean_square = Trial::new(&problem, &spec, &taus_s).held_out();
     Ok(Chosen { problem, spec, taus_s, mean_square, candidates: Vec::new(), aside: Vec::new(), path: Vec::new() })
 }

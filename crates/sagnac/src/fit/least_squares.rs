@@ -25,7 +25,7 @@ use crate::fit::rate_table_input::RateTableInput;
 use crate::model::basis::Span;
 use crate::model::input::{SampledInput, Signal, knots};
 use crate::model::spec::ModelSpec;
-use crate::model::{ActsOn, Form, InputTerms, Shape};
+use crate::model::{ActsOn, Form, InputTerms};
 use crate::window::Windows;
 use sagnac_log::error::{Error, Result};
 use sagnac_units::s_from_ns;
@@ -164,7 +164,7 @@ impl<'a> LeastSquares<'a> {
     }
 
     /// Index of the input of some terms; the thermometer of the fit is the first.
-    fn index_of(&self, terms: &InputTerms) -> Option<usize> {
+    pub(crate) fn index_of(&self, terms: &InputTerms) -> Option<usize> {
         if terms.input.is_empty() { Some(0) } else { self.input(&terms.input) }
     }
 
@@ -273,14 +273,13 @@ impl<'a> LeastSquares<'a> {
     /// The regressor of a term on one row; `rates` from [`Self::rates`].
     pub(crate) fn regressor(&self, term: &TermColumn, row: usize, rates: &Rates) -> f64 {
         let TermColumn { input, form } = *term;
-        let mean = match (form.times_rate, form.shape) {
-            (false, shape) => self.inputs[input].mean(shape, row),
-            // Means of Ṫ times a polynomial are summed along the track, not from the moments of the window.
-            (true, Shape::Chebyshev { order }) => {
-                rates[input].get(row).and_then(|rate| rate.get(usize::from(order))).copied().unwrap_or(0.0)
-            }
-            // No model of the fit has them.
-            (true, Shape::Zone { .. } | Shape::Step { .. }) => f64::NAN,
+        let mean = if form.times_rate {
+            // Means of Ṫ times a polynomial are summed along the track, not from the moments of the window. No model of the fit
+            // multiplies another shape with the rate.
+            let rate = rates[input].get(row);
+            form.shape.order().map_or(f64::NAN, |order| rate.and_then(|rate| rate.get(order)).copied().unwrap_or(0.0))
+        } else {
+            self.inputs[input].mean(form.shape, row)
         };
         match form.acts_on {
             ActsOn::Bias => mean,

@@ -17,6 +17,7 @@ mod inputs;
 mod lag;
 mod least_squares;
 mod monomial;
+mod period;
 mod plateaus;
 mod rate_table_input;
 mod record;
@@ -37,13 +38,24 @@ pub use tradeoff::{FrontierPoint, frontier};
 /// A smaller model wins if its held-out mean square is within this factor of the least.
 const SMALLER_WINS_WITHIN: f64 = 1.02;
 
+use sagnac_log::error::{Error, Result};
+
 use crate::model::ModelSpec;
 
 /// Which model to fit.
 #[derive(Clone, Debug, PartialEq)]
-pub enum ModelChoice {
+pub enum Model {
     /// The best out of sample.
     Auto,
     /// This one.
     Fixed(ModelSpec),
+}
+
+impl std::str::FromStr for Model {
+    type Err = Error;
+
+    /// `auto`, or the words of `--model`.
+    fn from_str(text: &str) -> Result<Self> {
+        if text == "auto" { Ok(Self::Auto) } else { text.parse().map(Self::Fixed) }
+    }
 }

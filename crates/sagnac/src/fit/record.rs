@@ -14,7 +14,7 @@ use crate::calibration::{
     Target, Term, UNASSIGNED, VERSION, program,
 };
 use crate::diagnostics::{AxisReportData, Effect, Point, ReportData, hysteresis_of, points, run_spans};
-use crate::fit::ModelChoice;
+use crate::fit::Model;
 use crate::fit::choose::choose;
 use crate::fit::effects::Parts;
 use crate::fit::inputs::recorded_inputs;
@@ -39,9 +39,10 @@ const DEFAULT_RATE_LSB_ARCSEC: f64 = 1e-4;
 
 /// What to fit.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct FitOptions {
     /// Model.
-    pub model: ModelChoice,
+    pub model: Model,
     /// SOURCE_DATE_EPOCH if it is set.
     pub source_date_epoch: Option<i64>,
     /// Draws of the block bootstrap, if intervals by it are wanted.
@@ -51,9 +52,27 @@ pub struct FitOptions {
 }
 
 impl FitOptions {
-    /// A model, and nothing else asked for.
-    pub fn new(model: ModelChoice) -> Self {
+    /// A model, by least squares.
+    pub fn new(model: Model) -> Self {
         Self { model, source_date_epoch: None, bootstrap: None, loss: Loss::Squares }
+    }
+
+    /// With the time of SOURCE_DATE_EPOCH in place of that of the newest input sample.
+    #[must_use]
+    pub fn source_date_epoch(self, epoch_s: Option<i64>) -> Self {
+        Self { source_date_epoch: epoch_s, ..self }
+    }
+
+    /// With 95 % intervals by so many draws of the block bootstrap.
+    #[must_use]
+    pub fn bootstrap(self, draws: Option<usize>) -> Self {
+        Self { bootstrap: draws, ..self }
+    }
+
+    /// With another loss.
+    #[must_use]
+    pub fn loss(self, loss: Loss) -> Self {
+        Self { loss, ..self }
     }
 }
 
@@ -255,7 +274,7 @@ fn fit_axis(
     let make = |signals: &[Signal]| LeastSquares::new(windows, axis, signals, reference_c, min_span_c, turning.clone());
     let mut chosen = choose(windows, Signal::Thermometer(sensor), setup, &options.model, &make)?;
     let noise_floor = noise_floor_of(windows, axis, setup);
-    let is_given = options.model != ModelChoice::Auto;
+    let is_given = options.model != Model::Auto;
     let raw_n = noise_floor.as_ref().map(|floor| floor.n_deg_rt_h);
     let (fitted, noise) = chosen.fit(is_given, raw_n, options.loss)?;
     let problem = &chosen.problem;
@@ -356,11 +375,11 @@ fn covariance_of(fitted: &Fitted, problem: &LeastSquares<'_>) -> Vec<String> {
     let of = |input: usize| (input > 0).then(|| problem.inputs[input].name.as_str());
     let runs = problem.levels.iter().map(|level| level.name(&problem.runs));
     let terms = fitted.terms.iter().map(|term| term.form.name(of(term.input)));
-    let lags = fitted.resolved().map(|tau| match of(tau.input) {
-        None => "lag_s".to_owned(),
-        Some(input) => format!("lag_s({input})"),
+    let others = fitted.nonlinear().into_iter().map(|(input, name, _)| match of(input) {
+        None => name.to_owned(),
+        Some(input) => format!("{name}({input})"),
     });
-    runs.chain(terms).chain(lags).collect()
+    runs.chain(terms).chain(others).collect()
 }
 
 fn run_offsets(fitted: &Fitted, problem: &LeastSquares<'_>, setup: &Setup, axes: usize) -> Vec<RunOffset> {

@@ -74,7 +74,18 @@ impl Fitted {
         self.lag(input).map(|(value, sigma)| Lag { value, sigma })
     }
 
-    /// The lags that stand in the covariance.
+    /// Parameters that the model is not linear in and that are resolved, as the covariance has them after the coefficients: input,
+    /// name, value.
+    pub(crate) fn nonlinear(&self) -> Vec<(usize, &'static str, f64)> {
+        let lags = self.resolved().map(|tau| (tau.input, "lag_s", tau.value_s));
+        let periods = fitted_periods(&self.spec, &self.terms).into_iter().map(|(cosine, period)| {
+            let TermColumn { input, form } = self.terms[cosine];
+            (input, form.acts_on.period_name(), period)
+        });
+        lags.chain(periods).collect()
+    }
+
+    /// The lags in the covariance.
     pub(crate) fn resolved(&self) -> impl Iterator<Item = &Tau> {
         self.taus.iter().filter(|tau| tau.resolved)
     }
@@ -97,7 +108,7 @@ pub(crate) fn fit(problem: &LeastSquares<'_>, spec: &ModelSpec, taus_s: &[f64]) 
     let theta: Vec<f64> = solution.theta.iter().copied().collect();
     let residuals = design.residuals(&theta);
     let conditioning = solution.conditioning(problem.levels.len(), &together(&terms));
-    let slopes = tau_columns(&design, &taus, &theta);
+    let slopes = nonlinear_columns(&design, spec, &taus, &theta);
     let covered = if slopes.is_empty() { Some(solution) } else { design.factor(&slopes).solve_all() };
     let normal = covered.and_then(|s| s.inverse_normal()).ok_or_else(|| dependent(problem, spec))?;
     let degrees = (problem.len() - normal.nrows()) as f64;
@@ -126,7 +137,7 @@ pub(crate) fn fit(problem: &LeastSquares<'_>, spec: &ModelSpec, taus_s: &[f64]) 
 /// 95 % intervals of every parameter by the block bootstrap.
 pub(crate) fn bootstrap_intervals(problem: &LeastSquares<'_>, fitted: &Fitted, draws: usize) -> Vec<[f64; 2]> {
     let design = Design { problem, terms: &fitted.terms, rates: problem.rates(&values(&fitted.taus)) };
-    let slopes = tau_columns(&design, &fitted.taus, &fitted.theta);
+    let slopes = nonlinear_columns(&design, &fitted.spec, &fitted.taus, &fitted.theta);
     let mut row = Vec::new();
     let mut rows = Vec::new();
     for i in 0..problem.len() {
@@ -142,7 +153,8 @@ pub(crate) fn bootstrap_intervals(problem: &LeastSquares<'_>, fitted: &Fitted, d
     let residuals: Vec<f64> = fitted.residuals.iter().zip(&problem.weight).map(|(r, w)| r * w.sqrt()).collect();
     let resampling =
         Resampling { residuals: &residuals, run: &problem.run, gain: &gain, autocorrelation: fitted.autocorrelation };
-    let theta: Vec<f64> = fitted.theta.iter().copied().chain(fitted.resolved().map(|tau| tau.value_s)).collect();
+    let others = fitted.nonlinear().into_iter().map(|(_, _, value)| value);
+    let theta: Vec<f64> = fitted.theta.iter().copied().chain(others).collect();
     resampling.intervals(&theta, draws)
 }
 
@@ -273,7 +285,7 @@ fn find_tau(taus_s: &[f64], misfit: impl Fn(f64) -> f64 + Sync) -> Option<(f64, 
 }
 
 /// Minimum of a function with one valley between `lo` and `hi`.
-fn golden_section(mut lo: f64, mut hi: f64, f: impl Fn(f64) -> f64) -> f64 {
+pub(crate) fn golden_section(mut lo: f64, mut hi: f64, f: impl Fn(f64) -> f64) -> f64 {
     const RATIO: f64 = 0.618_033_988_749_894_9;
     let (mut left, mut right) = (hi - RATIO * (hi - lo), lo + RATIO * (hi - lo));
     let (mut at_left, mut at_right) = (f(left), f(right));
@@ -289,6 +301,13 @@ fn golden_section(mut lo: f64, mut hi: f64, f: impl Fn(f64) -> f64) -> f64 {
         }
     }
     f64::midpoint(lo, hi)
+}
+
+/// ∂y of every parameter of [`Fitted::nonlinear`], in its order.
+fn nonlinear_columns(design: &Design<'_>, spec: &ModelSpec, taus: &[Tau], theta: &[f64]) -> Vec<Vec<f64>> {
+    let mut columns = tau_columns(design, taus, theta);
+    columns.extend(period_columns(design, spec, theta));
+    columns
 }
 
 /// ∂y/∂τ of every resolved lag by central difference over ±1 %.
@@ -308,6 +327,45 @@ fn tau_columns(design: &Design<'_>, taus: &[Tau], theta: &[f64]) -> Vec<Vec<f64>
         (0..design.problem.len()).map(difference).map(|d| d / (2.0 * step)).collect()
     };
     taus.iter().filter(|tau| tau.resolved).map(of).collect()
+}
+
+/// Index of the cosine and the period of every harmonic whose period is a parameter of the fit.
+fn fitted_periods(spec: &ModelSpec, terms: &[TermColumn]) -> Vec<(usize, f64)> {
+    let harmonics = spec.inputs().iter().flat_map(|of| &of.harmonics);
+    let fitted: Vec<f64> = harmonics.filter(|wave| wave.is_fitted).filter_map(|wave| wave.period).collect();
+    let cosine = |(at, term): (usize, &TermColumn)| match term.form.shape {
+        Shape::Cosine { period } if fitted.contains(&period) => Some((at, period)),
+        Shape::Cosine { .. } | Shape::Sine { .. } => None,
+        Shape::Chebyshev { .. } | Shape::Zone { .. } | Shape::Step { .. } => None,
+    };
+    terms.iter().enumerate().filter_map(cosine).collect()
+}
+
+/// ∂y/∂P of every fitted period by central difference over ± a thousandth of a turn over the span.
+fn period_columns(design: &Design<'_>, spec: &ModelSpec, theta: &[f64]) -> Vec<Vec<f64>> {
+    const STEP_TURNS: f64 = 1e-3;
+    let problem = design.problem;
+    let of = |(cosine, period): (usize, f64)| {
+        let span = problem.inputs[design.terms[cosine].input].span;
+        let step = STEP_TURNS * period * period / (span.hi - span.lo);
+        let wave = |by: f64, row: usize| -> f64 {
+            let period = period + by;
+            let shapes = [Shape::Cosine { period }, Shape::Sine { period }];
+            let value = |(at, shape): (usize, Shape)| {
+                let mut term = design.terms[cosine + at];
+                term.form.shape = shape;
+                theta[problem.levels.len() + cosine + at] * problem.regressor(&term, row, &design.rates)
+            };
+            shapes.into_iter().enumerate().map(value).sum()
+        };
+        (0..problem.len()).map(|row| (wave(step, row) - wave(-step, row)) / (2.0 * step)).collect()
+    };
+    fitted_periods(spec, design.terms).into_iter().map(of).collect()
+}
+
+/// Misfit of a model at given lags.
+pub(crate) fn misfit_at(problem: &LeastSquares<'_>, spec: &ModelSpec, lags_s: &[(usize, f64)]) -> f64 {
+    misfit(problem, &problem.terms(spec), lags_s)
 }
 
 /// Lag-one correlation of neighbouring residuals of a run, with Kendall's (1954) correction for the

@@ -54,7 +54,8 @@ impl Work {
         // What is not multiplied has, together, a term of order 0 that makes it zero at its references.
         let with_zero = |terms: usize| if terms > 0 { terms + 1 } else { 0 };
         let zones = usize::from(model.thermometer().zones.saturating_sub(1));
-        Self { inputs, lags: model.lags(), terms: with_zero(bias) + rated + with_zero(scale), zones, harmonics: 0 }
+        let harmonics = 2 * model.inputs().iter().map(|of| of.harmonics.len()).sum::<usize>();
+        Self { inputs, lags: model.lags(), terms: with_zero(bias) + rated + with_zero(scale), zones, harmonics }
     }
 
     /// Of an image.

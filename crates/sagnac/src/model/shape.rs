@@ -4,6 +4,7 @@
 //! Chebyshev n      T_n(x)                                    x: the input scaled to −1 … 1 over its span
 //! zone             ((x − ξ)/(1 − ξ))² above the knot ξ, else 0     a piecewise polynomial with a continuous slope
 //! step             1 from the threshold on, else 0
+//! cosine, sine     cos(2π·(v − v_lo)/P), sin(2π·(v − v_lo)/P)      v: the input, v_lo the lower end of its span, P the period
 //! ```
 //!
 //! A [`Shape`] holds everything that a form of term needs: its value, its mean over a window, its slope, its powers of the
@@ -31,7 +32,17 @@ pub enum ActsOn {
     ScaleFactor,
 }
 
-/// A function of one input. Knots and thresholds are in the unit of the input.
+impl ActsOn {
+    /// Name of the fitted period of a harmonic in the covariance.
+    pub(crate) fn period_name(self) -> &'static str {
+        match self {
+            Self::Bias => "period",
+            Self::ScaleFactor => "scale period",
+        }
+    }
+}
+
+/// A function of one input. Knots, thresholds and periods are in the unit of the input.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Shape {
@@ -50,6 +61,16 @@ pub enum Shape {
         /// The threshold.
         threshold: f64,
     },
+    /// The cosine of the input: 1 at the lower end of the span.
+    Cosine {
+        /// The period.
+        period: f64,
+    },
+    /// The sine of the input: 0 at the lower end of the span.
+    Sine {
+        /// The period.
+        period: f64,
+    },
 }
 
 /// How an input moves within a window: the mean of x, its second moment, and the whole numbers that a stepped input takes.
@@ -67,10 +88,13 @@ impl Shape {
             Self::Chebyshev { order } => of_order(chebyshev(span.x(value)), order),
             Self::Zone { knot } => square_above(span.x(value), knot_x(span, knot)),
             Self::Step { threshold } => f64::from(u8::from(value >= threshold)),
+            Self::Cosine { period } => phase(span, period, value).cos(),
+            Self::Sine { period } => phase(span, period, value).sin(),
         }
     }
 
-    /// Its mean over a window: to the second moment for polynomials, the part of the window above the threshold for steps.
+    /// Its mean over a window: to the second moment for polynomials and harmonics (exp(−ω²·var/2) for these), the part
+    /// of the window above the threshold for steps.
     pub(crate) fn mean(self, span: Span, over: Movement<'_>) -> f64 {
         match self {
             Self::Chebyshev { order } => of_order(chebyshev_mean(over.x, over.variance), order),
@@ -80,21 +104,26 @@ impl Shape {
                 square_above(over.x, knot) + inside
             }
             Self::Step { threshold } => part_above(threshold, span.at(over.x), over.levels),
+            Self::Cosine { period } | Self::Sine { period } => {
+                let spread = (omega(span, period) / span.slope()).powi(2) * over.variance;
+                self.value(span, span.at(over.x)) * (-0.5 * spread).exp()
+            }
         }
     }
 
     /// Its derivative with respect to the input, per unit of the input. 0 at a step.
     pub(crate) fn slope(self, span: Span, value: f64) -> f64 {
         let x = span.x(value);
-        span.slope()
-            * match self {
-                Self::Chebyshev { order } => of_order(chebyshev_slope(x), order),
-                Self::Zone { knot } => {
-                    let knot = knot_x(span, knot);
-                    2.0 * (x - knot).max(0.0) / (1.0 - knot).powi(2)
-                }
-                Self::Step { .. } => 0.0,
+        match self {
+            Self::Chebyshev { order } => span.slope() * of_order(chebyshev_slope(x), order),
+            Self::Zone { knot } => {
+                let knot = knot_x(span, knot);
+                span.slope() * 2.0 * (x - knot).max(0.0) / (1.0 - knot).powi(2)
             }
+            Self::Step { .. } => 0.0,
+            Self::Cosine { period } => -omega(span, period) * phase(span, period, value).sin(),
+            Self::Sine { period } => omega(span, period) * phase(span, period, value).cos(),
+        }
     }
 
     /// Its coefficients in ascending powers of the input between two values of it; `None` where it is no polynomial there.
@@ -110,7 +139,15 @@ impl Shape {
                 }
                 Some(powers)
             }
-            Self::Step { .. } => None,
+            Self::Step { .. } | Self::Cosine { .. } | Self::Sine { .. } => None,
+        }
+    }
+
+    /// Its order, if it is a Chebyshev polynomial.
+    pub fn order(self) -> Option<usize> {
+        match self {
+            Self::Chebyshev { order } => Some(usize::from(order)),
+            Self::Zone { .. } | Self::Step { .. } | Self::Cosine { .. } | Self::Sine { .. } => None,
         }
     }
 
@@ -119,7 +156,7 @@ impl Shape {
         match self {
             Self::Chebyshev { order } => Some(usize::from(order)),
             Self::Zone { .. } => Some(2),
-            Self::Step { .. } => None,
+            Self::Step { .. } | Self::Cosine { .. } | Self::Sine { .. } => None,
         }
     }
 
@@ -127,7 +164,7 @@ impl Shape {
     pub(crate) fn joint(self) -> Option<f64> {
         match self {
             Self::Zone { knot } => Some(knot),
-            Self::Chebyshev { .. } | Self::Step { .. } => None,
+            Self::Chebyshev { .. } | Self::Step { .. } | Self::Cosine { .. } | Self::Sine { .. } => None,
         }
     }
 
@@ -135,7 +172,7 @@ impl Shape {
     pub fn jump(self) -> Option<f64> {
         match self {
             Self::Step { threshold } => Some(threshold),
-            Self::Chebyshev { .. } | Self::Zone { .. } => None,
+            Self::Chebyshev { .. } | Self::Zone { .. } | Self::Cosine { .. } | Self::Sine { .. } => None,
         }
     }
 
@@ -156,6 +193,8 @@ impl Shape {
             Self::Step { threshold } => {
                 Ok((TargetShape::Step { knot_q15: knot_q15(threshold, "threshold (outside of the span)")? }, 1.0))
             }
+            Self::Cosine { period } => Ok((TargetShape::Cosine { turns_q18: target_turns(span, period)? }, 1.0)),
+            Self::Sine { period } => Ok((TargetShape::Sine { turns_q18: target_turns(span, period)? }, 1.0)),
         }
     }
 
@@ -172,6 +211,9 @@ impl Shape {
             Self::Step { threshold } => {
                 (!inside(threshold)).then(|| "a threshold lies within the span of its input".to_owned())
             }
+            Self::Cosine { period } | Self::Sine { period } => target_turns(span, period)
+                .err()
+                .map(|_| "a period lies within 1/64 of the span and 64 spans".to_owned()),
         }
     }
 
@@ -179,7 +221,7 @@ impl Shape {
     pub(crate) fn joins_series(self) -> bool {
         match self {
             Self::Chebyshev { .. } | Self::Zone { .. } => true,
-            Self::Step { .. } => false,
+            Self::Step { .. } | Self::Cosine { .. } | Self::Sine { .. } => false,
         }
     }
 
@@ -188,6 +230,7 @@ impl Shape {
         match self {
             Self::Chebyshev { order } => order.to_string(),
             Self::Zone { knot: at } | Self::Step { threshold: at } => format!("from {at:.4}"),
+            Self::Cosine { period } | Self::Sine { period } => format!("of period {period:.4}"),
         }
     }
 }
@@ -244,6 +287,8 @@ impl Form {
             Shape::Chebyshev { .. } => "",
             Shape::Zone { .. } => "zone",
             Shape::Step { .. } => "step",
+            Shape::Cosine { .. } => "cosine",
+            Shape::Sine { .. } => "sine",
         };
         let of_form = match (self.acts_on, self.times_rate) {
             (ActsOn::Bias, false) if of_shape.is_empty() => "bias",
@@ -293,6 +338,41 @@ fn knot_x(span: Span, knot: f64) -> f64 {
     (span.x(knot) * KNOTS_PER_ONE).round() / KNOTS_PER_ONE
 }
 
+/// Turns over the span per unit of the image.
+const TURNS_PER_ONE: f64 = (1 << 18) as f64;
+/// Fewest and most turns over the span.
+const TURNS: std::ops::Range<f64> = 1.0 / 64.0..64.0;
+
+/// Whole turns that a period makes over the span, on the grid of the image.
+fn turns(span: Span, period: f64) -> f64 {
+    ((span.hi - span.lo) / period * TURNS_PER_ONE).round() / TURNS_PER_ONE
+}
+
+/// The same as the image has them; `Err` where it cannot.
+fn target_turns(span: Span, period: f64) -> Result<u32, &'static str> {
+    let turns = turns(span, period);
+    if TURNS.contains(&turns) {
+        Ok((turns * TURNS_PER_ONE) as u32)
+    } else {
+        Err("period (outside of 1/64 to 64 spans)")
+    }
+}
+
+/// The period nearest to this one that the image can hold over a span.
+pub(crate) fn period_on_grid(span: Span, period: f64) -> f64 {
+    (span.hi - span.lo) / turns(span, period)
+}
+
+/// Phase of a harmonic, rad.
+fn phase(span: Span, period: f64, value: f64) -> f64 {
+    omega(span, period) * (value - span.lo)
+}
+
+/// Its change per unit of the input.
+fn omega(span: Span, period: f64) -> f64 {
+    std::f64::consts::TAU * turns(span, period) / (span.hi - span.lo)
+}
+
 /// ((x − ξ)/(1 − ξ))² above ξ, 0 below.
 fn square_above(x: f64, knot: f64) -> f64 {
     ((x - knot).max(0.0) / (1.0 - knot)).powi(2)
@@ -312,11 +392,13 @@ mod tests {
     use super::*;
 
     const SPAN: Span = Span { lo: -40.0, hi: 70.0 };
-    const SHAPES: [Shape; 4] = [
+    const SHAPES: [Shape; 6] = [
         Shape::Chebyshev { order: 3 },
         Shape::Chebyshev { order: 8 },
         Shape::Zone { knot: 15.0 },
         Shape::Zone { knot: -12.5 },
+        Shape::Cosine { period: 27.5 },
+        Shape::Sine { period: 110.0 },
     ];
 
     /// Central differences of the value.
@@ -346,13 +428,15 @@ mod tests {
             let variance = mean(&|v| (v - middle).powi(2)) * SPAN.slope().powi(2);
             let over = Movement { x: SPAN.x(middle), variance, levels: &[] };
             let expected = mean(&|v| shape.value(SPAN, v));
-            assert!((shape.mean(SPAN, over) - expected).abs() < 1e-9, "{shape:?}");
+            // Of a harmonic the fourth moment is not known: ω⁴·half⁴/120 here, 2.3e-5.
+            let bound = if shape.degree().is_some() { 1e-9 } else { 5e-5 };
+            assert!((shape.mean(SPAN, over) - expected).abs() < bound, "{shape:?}");
         }
     }
 
     #[test]
     fn powers_are_those_of_the_values() {
-        for shape in SHAPES {
+        for shape in SHAPES.into_iter().filter(|shape| shape.degree().is_some()) {
             for (piece, value) in [([-40.0, 14.0], -13.0), ([15.0, 70.0], 44.0)] {
                 let powers = shape.powers(SPAN, piece).unwrap();
                 let sum = powers.iter().rev().fold(0.0, |sum, c| sum * value + c);

@@ -3,6 +3,7 @@
 //! ```text
 //! bias 3, rate 1, zones 4, scale 2        over the thermometer of the fit
 //! bias(cavity - block) 1, rate(cavity) 0, scale(path_length_v) 1, steps(mode)        over other inputs, by name
+//! harmonic(path_length_v) 25.3, scale harmonic(path_length_v)      sine and cosine of a stated period, of a fitted one
 //! ```
 
 use std::fmt;
@@ -12,7 +13,7 @@ use sagnac_core::MAX_ORDER;
 
 use sagnac_log::error::{Error, Result};
 
-use crate::model::shape::{Form, Shape};
+use crate::model::shape::{ActsOn, Form, Shape};
 
 /// Highest order of the rate series.
 pub const MAX_RATE_ORDER: u8 = 3;
@@ -45,6 +46,36 @@ pub struct InputTerms {
     pub zones: u8,
     /// A step of bias where the input goes from one whole number to the next: how many of them, once the data are known.
     pub steps: Option<u8>,
+    /// Sines and cosines of the input.
+    pub harmonics: Vec<Harmonic>,
+}
+
+/// A sine and a cosine of one period.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct Harmonic {
+    /// What they act on.
+    pub acts_on: ActsOn,
+    /// The period, in the unit of the input; `None` until it is fitted.
+    pub period: Option<f64>,
+    /// The period is a parameter of the fit.
+    pub is_fitted: bool,
+}
+
+impl Harmonic {
+    /// Its word in a model.
+    fn word(self) -> &'static str {
+        match self.acts_on {
+            ActsOn::Bias => "harmonic",
+            ActsOn::ScaleFactor => "scale harmonic",
+        }
+    }
+
+    /// The terms of it, once the period is known.
+    fn forms(self) -> impl Iterator<Item = Form> {
+        let form = move |shape| Form { acts_on: self.acts_on, shape, times_rate: false };
+        self.period.into_iter().flat_map(move |period| [form(Shape::Cosine { period }), form(Shape::Sine { period })])
+    }
 }
 
 impl InputTerms {
@@ -64,12 +95,26 @@ impl InputTerms {
 
     /// Terms that act on the bias without a rate.
     fn of_bias(&self) -> usize {
-        usize::from(self.bias) + usize::from(self.zones.saturating_sub(1)) + usize::from(self.steps.unwrap_or(0))
+        usize::from(self.bias)
+            + usize::from(self.zones.saturating_sub(1))
+            + usize::from(self.steps.unwrap_or(0))
+            + self.waves(ActsOn::Bias)
     }
 
-    /// Coefficients; a lag counts as one.
+    /// Terms of harmonics.
+    fn waves(&self, acts_on: ActsOn) -> usize {
+        2 * self.harmonics.iter().filter(|harmonic| harmonic.acts_on == acts_on).count()
+    }
+
+    /// Terms that act on the scale factor.
+    fn of_scale(&self) -> usize {
+        usize::from(self.scale) + self.waves(ActsOn::ScaleFactor)
+    }
+
+    /// Coefficients; a lag and a fitted period count as one.
     fn coefficients(&self) -> usize {
-        self.of_bias() + self.rates() + usize::from(self.rate.is_some()) + usize::from(self.scale)
+        let periods = self.harmonics.iter().filter(|harmonic| harmonic.is_fitted).count();
+        self.of_bias() + self.rates() + usize::from(self.rate.is_some()) + self.of_scale() + periods
     }
 
     /// Its terms, over an input whose knots and thresholds are known, in the order of the parameters of a fit.
@@ -81,7 +126,10 @@ impl InputTerms {
         if self.steps.is_some() {
             forms.extend(thresholds.iter().map(|threshold| on_bias(Shape::Step { threshold: *threshold })));
         }
+        let of = |acts_on| self.harmonics.iter().filter(move |harmonic| harmonic.acts_on == acts_on);
+        forms.extend(of(ActsOn::Bias).flat_map(|harmonic| harmonic.forms()));
         forms.extend((1..=self.scale).map(Form::scale));
+        forms.extend(of(ActsOn::ScaleFactor).flat_map(|harmonic| harmonic.forms()));
         forms
     }
 }
@@ -138,7 +186,7 @@ impl ModelSpec {
     /// Terms of its image without rate, with rate, and of the scale factor.
     pub(crate) fn image_terms(&self) -> [usize; 3] {
         let sum = |of: &dyn Fn(&InputTerms) -> usize| self.inputs.iter().map(of).sum();
-        [sum(&InputTerms::of_bias), sum(&InputTerms::rates), sum(&|of| usize::from(of.scale))]
+        [sum(&InputTerms::of_bias), sum(&InputTerms::rates), sum(&InputTerms::of_scale)]
     }
 
     /// What depends on an input; begun if nothing did.
@@ -169,7 +217,7 @@ impl ModelSpec {
 impl fmt::Display for ModelSpec {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "bias {}", self.thermometer().bias)?;
-        for (at, InputTerms { input, bias, rate, scale, zones, steps }) in self.inputs.iter().enumerate() {
+        for (at, InputTerms { input, bias, rate, scale, zones, steps, harmonics }) in self.inputs.iter().enumerate() {
             let of = if at == 0 { String::new() } else { format!("({input})") };
             if at > 0 && *bias > 0 {
                 write!(f, ", bias{of} {bias}")?;
@@ -186,16 +234,22 @@ impl fmt::Display for ModelSpec {
             if steps.is_some() {
                 write!(f, ", steps{of}")?;
             }
+            for harmonic in harmonics {
+                write!(f, ", {}{of}", harmonic.word())?;
+                if let Some(period) = harmonic.period.filter(|_| !harmonic.is_fitted) {
+                    write!(f, " {period}")?;
+                }
+            }
         }
         Ok(())
     }
 }
 
-/// A term of `--model`: its word, its input if one is named, its order if it has one.
+/// A term of `--model`: its word, its input if one is named, the number behind it if there is one.
 struct Part<'a> {
     word: &'a str,
     input: Option<&'a str>,
-    order: Option<u8>,
+    number: &'a str,
 }
 
 impl<'a> Part<'a> {
@@ -206,15 +260,38 @@ impl<'a> Part<'a> {
                 (word, Some(input.trim()), rest)
             }
             None => {
-                let (word, rest) = text.split_once(char::is_whitespace).unwrap_or((text, ""));
+                // Words, then a number.
+                let digits =
+                    text.find(|c: char| c.is_ascii_digit() || matches!(c, '-' | '+' | '.')).unwrap_or(text.len());
+                let (word, rest) = text.split_at(digits);
                 (word, None, rest)
             }
         };
-        let order = match rest.trim() {
-            "" => None,
-            digits => Some(digits.parse().map_err(|_| "an order that is no small whole number")?),
+        Ok(Self { word: head.trim(), input, number: rest.trim() })
+    }
+
+    fn order(&self) -> std::result::Result<Option<u8>, &'static str> {
+        match self.number {
+            "" => Ok(None),
+            digits => digits.parse().map(Some).map_err(|_| "an order that is no small whole number"),
+        }
+    }
+
+    /// What a harmonic acts on, if it is one.
+    fn harmonic(&self) -> std::result::Result<Option<Harmonic>, &'static str> {
+        let acts_on = match self.word {
+            "harmonic" => ActsOn::Bias,
+            "scale harmonic" => ActsOn::ScaleFactor,
+            _ => return Ok(None),
         };
-        Ok(Self { word: head.trim(), input, order })
+        let period = match self.number {
+            "" => None,
+            digits => {
+                let period = digits.parse().ok().filter(|period: &f64| period.is_finite() && *period > 0.0);
+                Some(period.ok_or("a period that is no number above zero")?)
+            }
+        };
+        Ok(Some(Harmonic { acts_on, period, is_fitted: period.is_none() }))
     }
 }
 
@@ -239,20 +316,32 @@ impl FromStr for ModelSpec {
         let bad = |why: &str| {
             Error::input(format!("{why} in the model")).column("--model").value(text).help(
                 "write `auto`, or orders such as `bias 3`, `bias 3, rate 1`, `bias 2, zones 4`, `bias 2, bias(cavity - block) 1, \
-                 steps(mode)` (bias and scale up to 8, rate up to 3, zones up to 8)",
+                 steps(mode)` (bias and scale up to 8, rate up to 3, zones up to 8), or `harmonic(path_length_v) 25.3` with its period, `harmonic(path_length_v)` to fit \
+                 it",
             )
         };
         let mut spec = Self::default();
         let mut seen = Vec::new();
         for part in parts(text) {
-            let Part { word, input, order } = Part::parse(part).map_err(bad)?;
-            if seen.contains(&(word, input)) {
+            let part = Part::parse(part).map_err(bad)?;
+            let (word, input, harmonic) = (part.word, part.input, part.harmonic().map_err(bad)?);
+            if seen.contains(&(word, input)) && harmonic.is_none() {
                 return Err(bad("the same term twice"));
             }
             seen.push((word, input));
             if input.is_some_and(str::is_empty) {
                 return Err(bad("an input without a name"));
             }
+            if let Some(harmonic) = harmonic {
+                let of = spec.of_input(input.unwrap_or_default());
+                if of.harmonics.iter().any(|other| other.acts_on == harmonic.acts_on && other.period == harmonic.period)
+                {
+                    return Err(bad("the same harmonic twice"));
+                }
+                of.harmonics.push(harmonic);
+                continue;
+            }
+            let order = part.order().map_err(bad)?;
             let known = ["bias", "rate", "scale", "zones", "steps"].contains(&word);
             match (word, order, input) {
                 ("steps", None, Some(input)) => spec.of_input(input).steps = Some(0),
@@ -288,6 +377,7 @@ mod tests {
             "bias 0, rate 0, scale 2",
             "bias 2, zones 4",
             "bias 1, rate 0, zones 2, scale 1, bias(a, b (c)) 2, rate(a, b (c)) 0, bias(cavity - block) 1, steps(mode)",
+            "bias 2, harmonic 12.5, bias(v) 1, harmonic(v) 25.3, harmonic(v), scale harmonic(v) 3",
         ] {
             assert_eq!(text.parse::<ModelSpec>().unwrap().to_string(), text);
         }
@@ -308,6 +398,9 @@ mod tests {
             "bias(cavity 1",
             "bias(cavity)",
             "bias(cavity) 1, bias(cavity) 2",
+            "harmonic(v) -3",
+            "harmonic(v) 3, harmonic(v) 3",
+            "harmonic(v) x",
         ] {
             assert!(text.parse::<ModelSpec>().is_err(), "{text}");
         }

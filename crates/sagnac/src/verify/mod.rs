@@ -26,7 +26,7 @@ use serde::{Deserialize, Serialize};
 
 pub use compensate::{CorrectedFormat, compensate, status_text};
 pub use flight::{Corner, Flight, FlightAxis, PositionError};
-pub use limits::{Judged, Limits, LimitsSource, SETS, Verdict};
+pub use limits::{Applies, Bound, Judged, LimitSpec, Limits, LimitsSource, SETS, SPECS, Verdict};
 pub use readings::{LogColumn, Readings};
 pub use replay::{Corrected, Replay};
 pub use residual::{Plateaus, RandomWalk, Residual};
@@ -36,7 +36,7 @@ pub use strapdown::{Channel, Strapdown, noise_m, positions_m};
 pub use turned::{PlateauProof, ScaleFigures, ScaleProof};
 
 use crate::calibration::{Calibration, LogFile, LogUnit, program};
-use crate::diagnostics::{AxisReportData, ReportData, points, run_spans};
+use crate::diagnostics::{AxisReportData, Point, ReportData, points, run_spans};
 use crate::fit;
 use crate::verify::turned::Drifts;
 use crate::window::{SeenLogs, WindowBuilder, Windows};
@@ -303,34 +303,79 @@ impl Verification {
     }
 }
 
-/// Replays the retest logs and holds both sides against each other.
-///
-/// # Errors
-/// Logs that do not fit the correction, or too few windows to say anything.
-pub fn verify(
-    correction: &Correction,
-    logs: Vec<LogReader>,
-    setup: &Setup,
-    limits: Option<&Limits>,
-    keep_all: bool,
-) -> Result<Verification> {
-    verify_with_report_data(correction, logs, setup, limits, keep_all).map(|(verification, _)| verification)
+/// A verification and the windows behind it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Proof {
+    /// The result.
+    pub verification: Verification,
+    /// The windows behind it, for a report.
+    pub report_data: ReportData,
 }
 
-/// The same, with the points behind it for a report.
+impl Proof {
+    /// Judges every axis by limits, and flies the flight that they state.
+    ///
+    /// # Errors
+    /// [`sagnac_log::ErrorKind::Refused`] where none of the limits applies to such a retest.
+    pub fn limits(mut self, limits: &Limits) -> Result<Self> {
+        for (axis, drawn) in self.verification.axes.iter_mut().zip(&self.report_data.axes) {
+            axis.judge(limits, &drawn.points)?;
+        }
+        self.verification.limits = Some(limits.source.clone());
+        Ok(self)
+    }
+
+    /// False when a limit is not met, or where limits were applied to a log that the fit has seen.
+    pub fn passed(&self) -> bool {
+        self.verification.passed()
+    }
+}
+
+impl AxisVerification {
+    fn judge(&mut self, limits: &Limits, points: &[Point]) -> Result<()> {
+        if let Some(flight) = &limits.flight {
+            let n = self.residual.random_walk.map(|walk| walk.after_deg_rt_h);
+            match flight.fly(points, n) {
+                Ok(flown) => self.flight = Some(flown),
+                Err(why) => self.flight_unavailable = Some(why),
+            }
+        }
+        self.limits = limits.judge(self);
+        if limits.asks() && self.limits.iter().all(|verdict| verdict.pass.is_none()) {
+            return Err(Error::refused(
+                "none of the limits can be asked of this retest: it has no rate table, or only that",
+            )
+            .help("docs/reference/limits.md says which limits ask for which test"));
+        }
+        self.pass = limits.asks().then(|| self.limits.iter().all(|verdict| verdict.pass != Some(false)));
+        Ok(())
+    }
+}
+
+/// How retest logs are replayed.
+#[derive(Clone, Copy, Debug, Default)]
+#[non_exhaustive]
+pub struct VerifyOptions {
+    /// Judge the windows that look like outliers too.
+    pub keep_outliers: bool,
+}
+
+impl VerifyOptions {
+    /// Judges the windows that look like outliers too.
+    #[must_use]
+    pub fn keep_outliers(self, keep: bool) -> Self {
+        Self { keep_outliers: keep, ..self }
+    }
+}
+
+/// Replays retest logs through the images of a correction and compares both sides, window by window.
 ///
 /// # Errors
-/// As [`verify`].
-pub fn verify_with_report_data(
-    correction: &Correction,
-    logs: Vec<LogReader>,
-    setup: &Setup,
-    limits: Option<&Limits>,
-    keep_all: bool,
-) -> Result<(Verification, ReportData)> {
+/// Logs that do not fit the correction, or too few windows for any figure.
+pub fn verify(correction: &Correction, logs: Vec<LogReader>, setup: &Setup, options: VerifyOptions) -> Result<Proof> {
     let fits = |log: &LogReader| correction.fit_to(log.shape(), setup).map_err(|e| e.file(log.summary().file));
     let sensor = logs.first().map(fits).transpose()?.and_then(|(_, readings)| readings.thermometer);
-    let mut windows = replay_windows(correction, logs, setup, keep_all)?;
+    let mut windows = replay_windows(correction, logs, setup, options.keep_outliers)?;
     fit::RateTableInput::leave_out_unknown(&mut windows, setup)?;
     let count = windows.shape.axes.len() / 2;
     let used: Vec<usize> = (0..windows.len()).filter(|i| windows.rows.excluded[*i].is_none()).collect();
@@ -341,23 +386,6 @@ pub fn verify_with_report_data(
         figures.scale_factor = drifts.scale_proof(&used, axis, sensor);
         let image = correction.images.iter().find(|image| char::from(image.description().axis) == figures.axis);
         figures.coverage = image.zip(sensor).and_then(|(image, sensor)| Coverage::of(image, &windows, &used, sensor));
-        if let Some(flight) = limits.and_then(|limits| limits.flight.as_ref()) {
-            let n = figures.residual.random_walk.map(|walk| walk.after_deg_rt_h);
-            match flight.fly(&report_data.axes[axis].points, n) {
-                Ok(flown) => figures.flight = Some(flown),
-                Err(why) => figures.flight_unavailable = Some(why),
-            }
-        }
-        if let Some(limits) = limits {
-            figures.limits = limits.judge(&figures);
-            if limits.asks() && figures.limits.iter().all(|verdict| verdict.pass.is_none()) {
-                return Err(Error::refused(
-                    "none of the limits can be asked of this retest: it has no rate table, or only that",
-                )
-                .help("docs/reference/limits.md tells which limits ask for which test"));
-            }
-            figures.pass = limits.asks().then(|| figures.limits.iter().all(|verdict| verdict.pass != Some(false)));
-        }
         Ok(figures)
     });
     let axes: Result<Vec<AxisVerification>> = axes.collect();
@@ -372,11 +400,11 @@ pub fn verify_with_report_data(
         excluded: windows.tallies.list(),
         image_sha256: correction.sha256(),
         record_sha256: correction.images.first().map_or(String::new(), |image| hex(&image.description().parent)),
-        limits: limits.map(|limits| limits.source.clone()),
+        limits: None,
         training_overlap: training_overlap(correction, &fit::log_files(&windows)),
         inputs: fit::log_files(&windows),
     };
-    Ok((verification, report_data))
+    Ok(Proof { verification, report_data })
 }
 
 /// Names of the retests whose bytes the calibration was made from.
@@ -441,7 +469,7 @@ fn replay_windows(correction: &Correction, logs: Vec<LogReader>, setup: &Setup, 
         builder.end_run(summary);
     }
     let (builder, _) = builder.ok_or_else(|| Error::input("no retest log given"))?;
-    Ok(builder.finish(keep_all))
+    Ok(if keep_all { builder.keep_outliers() } else { builder }.finish())
 }
 
 fn with_corrected_axes(shape: &LogShape) -> LogShape {

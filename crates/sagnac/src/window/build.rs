@@ -33,6 +33,7 @@ pub struct WindowBuilder {
     tracks: usize,
     /// Per window: σ of the reference rate within it, °/s.
     table_spread_dps: Vec<f64>,
+    keep_outliers: bool,
 }
 
 /// The run being read.
@@ -229,6 +230,7 @@ impl WindowBuilder {
             judged_aux: log.aux.len(),
             tracks: log.thermometers.len() + log.aux.len(),
             table_spread_dps: Vec::new(),
+            keep_outliers: false,
         })
     }
 
@@ -383,9 +385,15 @@ impl WindowBuilder {
         self.runs.push(Run { summary, start_ns: run.start_ns, end_ns: run.end_ns, tracks });
     }
 
-    /// Windows with what must be left out marked. `keep_all` keeps every window that has numbers
-    /// (only `discard_initial_s` is still left out).
-    pub fn finish(self, keep_all: bool) -> Windows {
+    /// Keeps every window that has numbers; only `discard_initial_s` still applies.
+    #[must_use]
+    pub fn keep_outliers(self) -> Self {
+        Self { keep_outliers: true, ..self }
+    }
+
+    /// The windows, with the excluded ones marked.
+    pub fn finish(self) -> Windows {
+        let keep_all = self.keep_outliers;
         let mut tallies = Tallies::default();
         self.runs.iter().for_each(|run| tallies.merge(&run.summary.tallies));
         let mut windows = Windows { shape: self.shape, runs: self.runs, rows: self.rows, tallies };

@@ -1,4 +1,4 @@
-//! Pieces of a log, read in order, parsed on as many threads as there are, and given out in order.
+//! ChunkReader of a log, read in order, parsed on as many threads as there are, and given out in order.
 //!
 //! ```text
 //! Feed (one at a time: read, hash, unpack) ─▶ parse (any order) ─▶ ready pieces ─▶ next(), in order
@@ -37,7 +37,7 @@ struct Reading {
     ended: bool,
 }
 
-/// Pieces that are parsed and wait for their turn.
+/// ChunkReader that are parsed and wait for their turn.
 #[derive(Default)]
 struct Ready {
     pieces: BTreeMap<u64, Result<RawRows>>,
@@ -53,7 +53,7 @@ struct Shared {
     reading: Mutex<Reading>,
     ready: Mutex<Ready>,
     changed: Condvar,
-    /// Pieces that may wait.
+    /// ChunkReader that may wait.
     room: usize,
 }
 
@@ -132,7 +132,7 @@ impl Shared {
 }
 
 /// The pieces of one log.
-pub(crate) struct Pieces {
+pub(crate) struct ChunkReader {
     shared: Arc<Shared>,
     worker: Worker,
     /// Helpers to be started when there is more than one piece.
@@ -141,7 +141,7 @@ pub(crate) struct Pieces {
     lines: u64,
 }
 
-impl Pieces {
+impl ChunkReader {
     /// `lines_before`: lines of the file above its first row. Without `parallel` nothing is read ahead.
     pub(crate) fn new(feed: Feed, lines_before: u64, parallel: bool) -> Self {
         let parser = match &feed {
@@ -228,7 +228,7 @@ impl Pieces {
     }
 }
 
-impl Drop for Pieces {
+impl Drop for ChunkReader {
     /// Helpers end by themselves; one that waits for a pipe to say more is not waited for.
     fn drop(&mut self) {
         lock(&self.shared.ready).abandoned = true;
