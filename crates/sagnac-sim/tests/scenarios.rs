@@ -284,15 +284,18 @@ fn a_failed_dither_locks_the_beat_too() {
     assert!((sum(&counts[21..]) - 205).abs() < 8, "{counts:?}");
 }
 
-const HEAD: &str = "# Keys of a scenario
+const HEAD: &str = "# Scenario
 
-Made by `SAGNAC_WRITE_DOCS=1 cargo test -p sagnac-sim --test scenarios`, which also holds it. Unknown keys are refused, and so are
-values outside their range, before a run starts. Sources: [S] public sources and [M] general knowledge of the field that was not
-verified, as the project's domain notes mark them; [D] a choice of this simulator. A number without a default must be given; of
-words the first is the default. `name`, `description` and `seed` stand before the first table. `[[thermometer]]` and `[[fault]]` are lists.
+Made by `SAGNAC_WRITE_DOCS=1 cargo test -p sagnac-sim --test scenarios`, which also holds it.
 
-A leg of `chamber.leg` is `{ soak_s }` (1 s to 10 years) or `{ to_c, rate_cpm }` (−100 … 150 °C at 0.001 … 50 °C/min, positive both ways); one
-of `input.table` is `{ rate_dps, for_s }` (−2000 … 2000 °/s for whole seconds; the rate changes at once).
+Unknown keys are refused before a run starts, and so are values outside their range. `name`, `description` and `seed` are above the first
+table. `[[thermometer]]` and `[[fault]]` are lists. A number without a default must be given; of words the first is the default.
+
+Sources: [S] public sources; [M] general knowledge of the field that was not verified; [D] a choice of this simulator. *Domain notes* are
+the project's notes on the physics.
+
+A leg of `chamber.leg` is `{ soak_s }` (1 s to 10 years) or `{ to_c, rate_cpm }` (−100 … 150 °C at 0.001 … 50 °C/min, positive both ways).
+One of `input.table` is `{ rate_dps, for_s }` (−2000 … 2000 °/s for whole seconds; the rate changes at once).
 ";
 
 #[test]
