@@ -3,9 +3,9 @@
 
 use std::io::Cursor;
 
-use sagnac::fit::{FitOptions, ModelChoice, calibrate};
-use sagnac::ingest::{LogReader, Pace};
-use sagnac::setup::Setup;
+use sagnac::fit::{FitOptions, Model, calibrate};
+use sagnac_log::ingest::{LogReader, ReadMode};
+use sagnac_log::setup::Setup;
 use sagnac::window::WindowBuilder;
 
 /// More windows than this are not fitted: the fit is not what is hunted here.
@@ -18,21 +18,21 @@ pub fn read_log(bytes: &[u8]) {
         arcsec_per_count: Some(1.0),
         min_span_c: Some(1.0),
         reference_c: Some(20.0),
-        window: Some(sagnac::setup::WindowSize::Seconds(10.0)),
+        window: Some(sagnac_log::setup::WindowSize::Seconds(10.0)),
         ..Setup::default()
     };
-    for pace in [Pace::Bulk, Pace::BulkWithText] {
+    for pace in [ReadMode::Bulk, ReadMode::BulkWithText] {
         let Ok(mut log) = LogReader::from_reader("log", Box::new(Cursor::new(bytes.to_vec())), &setup, pace) else {
             continue;
         };
         while let Ok(Some(_)) = log.next_batch() {}
     }
-    let Ok(log) = LogReader::from_reader("log", Box::new(Cursor::new(bytes.to_vec())), &setup, Pace::Bulk) else {
+    let Ok(log) = LogReader::from_reader("log", Box::new(Cursor::new(bytes.to_vec())), &setup, ReadMode::Bulk) else {
         return;
     };
-    let Ok(windows) = WindowBuilder::read_all(vec![log], &setup).map(|builder| builder.finish(false)) else { return };
+    let Ok(windows) = WindowBuilder::read_all(vec![log], &setup).map(|builder| builder.finish()) else { return };
     if windows.len() < FEW_WINDOWS {
-        let options = FitOptions::new(ModelChoice::Auto);
+        let options = FitOptions::new(Model::Auto);
         let _ = calibrate(windows, &setup, &options).map(|calibration| calibration.to_json());
     }
 }

@@ -1,7 +1,7 @@
 //! Setup files.
 #![no_main]
 
-use sagnac::setup::Setup;
+use sagnac_log::setup::Setup;
 
 libfuzzer_sys::fuzz_target!(|text: &str| {
     if let Ok(setup) = Setup::parse(text) {

@@ -1,7 +1,7 @@
 //! Window tables: Parquet from disk, and what a fit makes of one.
 #![no_main]
 
-use sagnac::fit::{FitOptions, ModelChoice, calibrate};
+use sagnac::fit::{FitOptions, Model, calibrate};
 use sagnac::window::{is_table, read_table};
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
@@ -10,7 +10,7 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     std::fs::write(file.path(), bytes).expect("room on the disk");
     let _ = is_table(file.path());
     if let Ok((windows, setup)) = read_table(file.path()) {
-        let options = FitOptions::new(ModelChoice::Auto);
+        let options = FitOptions::new(Model::Auto);
         let _ = calibrate(windows, &setup, &options);
     }
 });

@@ -6,7 +6,7 @@ use std::process::Command;
 
 use anyhow::{Context, Result, bail, ensure};
 
-use crate::checks::{root, sh, sh_in};
+use xtask::shell::{root, sh, sh_in};
 
 const MDBOOK: &str = "0.5.4";
 

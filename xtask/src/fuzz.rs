@@ -5,8 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use anyhow::{Context, Result, bail, ensure};
-
-use crate::checks::{root, sh, sh_in};
+use xtask::shell::{root, sh, sh_in};
 
 const EXECUTIONS: u32 = 1_000_000;
 /// Larger inputs find nothing that smaller ones do not; only Parquet needs some room for its footer. What unpacks or
@@ -19,18 +18,18 @@ fn max_length(target: &str) -> u32 {
 }
 
 /// Runs all targets, or those named.
-pub(crate) fn fuzz(wanted: &[String]) -> Result<()> {
+pub(crate) fn fuzz(wanted: &[&str]) -> Result<()> {
     let installed = Command::new("cargo").args(["fuzz", "--version"]).output().is_ok_and(|out| out.status.success());
     if !installed {
         sh("cargo", &["install", "cargo-fuzz", "--locked"])?;
     }
     let targets = targets()?;
-    if let Some(unknown) = wanted.iter().find(|name| !targets.contains(name)) {
+    if let Some(unknown) = wanted.iter().find(|name| targets.iter().all(|target| target != *name)) {
         bail!("no fuzz target {unknown}; there are: {}", targets.join(", "));
     }
     let seeds = seeds()?;
     sh_in(&root().join("fuzz"), "cargo", &["+nightly", "fuzz", "build", "--target-dir", "../target/fuzz"], &[])?;
-    for target in targets.iter().filter(|name| wanted.is_empty() || wanted.contains(name)) {
+    for target in targets.iter().filter(|name| wanted.is_empty() || wanted.contains(&name.as_str())) {
         run(target, &seeds)?;
     }
     Ok(())

@@ -1,27 +1,26 @@
 //! `cargo xtask`: what CI runs, and what makes the files that the project made.
 
-mod bench;
 mod checks;
-mod compare;
 mod docs;
-mod errors;
-mod exports;
-mod firmware;
 mod fuzz;
-mod made;
-mod pictures;
-mod tools;
-mod vectors;
+mod layers;
 
 use std::process::ExitCode;
 
 use anyhow::{Result, bail};
+
+/// Tasks that need our crates; the lab does them.
+const LAB: [&str; 13] = [
+    "bench", "c", "cli", "compare", "conserve", "errors", "firmware", "fpga", "hexdump", "pictures", "schema",
+    "testdata", "vectors",
+];
 
 const HELP: &str = "\
 cargo xtask ci         everything that CI runs: fmt, clippy, docs, deny, no-panic, conserve, tests, c, fpga, firmware
 cargo xtask example    the main job on the log in testdata/: calibrate, export, verify
 cargo xtask no-panic   link check: sagnac-core, sagnac-loops and sagnac-board have no panic path
 cargo xtask conserve   1e9 ticks (27.8 h): every count accounted for
+cargo xtask layers     the imports of the code against the drawing in ARCHITECTURE.md
 cargo xtask deny       licences, bans and sources of the dependencies (installs cargo-deny if missing)
 cargo xtask testdata   make the logs in testdata/ anew
 cargo xtask bench      [simulator | allan] time and memory beside the peers, to docs/explanation/performance.md (10 minutes, 4 GB in target/bench; needs python3-venv)
@@ -39,41 +38,31 @@ cargo xtask schema     make docs/reference/calibration.schema.json anew
 cargo xtask hexdump    make the worked example of docs/reference/image-format.md anew (testdata/image/)";
 
 fn main() -> ExitCode {
-    let task = std::env::args().nth(1).unwrap_or_default();
-    match run(&task) {
+    let args: Vec<String> = std::env::args().skip(1).collect();
+    let args: Vec<&str> = args.iter().map(String::as_str).collect();
+    match run(&args) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("xtask {task}: {error:#}");
+            eprintln!("xtask {}: {error:#}", args.join(" "));
             ExitCode::FAILURE
         }
     }
 }
 
-fn run(task: &str) -> Result<()> {
-    match task {
-        "ci" => checks::ci(),
-        "example" => checks::example(),
-        "no-panic" => checks::no_panic(),
-        "conserve" => checks::conserve(),
-        "deny" => checks::deny(),
-        "testdata" => made::testdata(),
-        "bench" => bench::bench(std::env::args().nth(2).as_deref()),
-        "compare" => compare::compare(),
-        "fuzz" => fuzz::fuzz(&std::env::args().skip(2).collect::<Vec<_>>()),
-        "pictures" => pictures::pictures(),
-        "errors" => errors::write(),
-        "docs" => docs::docs(std::env::args().nth(2).as_deref() == Some("--check")),
-        "cli" => made::cli(),
-        "c" => exports::c(),
-        "fpga" => exports::fpga(std::env::args().nth(2).as_deref() == Some("place")),
-        "firmware" => firmware::firmware(),
-        "vectors" => vectors::write(),
-        "schema" => made::schema(),
-        "hexdump" => made::hexdump(),
-        "" | "help" => {
+fn run(args: &[&str]) -> Result<()> {
+    match args {
+        ["ci"] => checks::ci(),
+        ["example"] => checks::example(),
+        ["no-panic"] => checks::no_panic(),
+        ["deny"] => checks::deny(),
+        ["layers"] => layers::layers(),
+        ["docs", flags @ ..] => docs::docs(flags.contains(&"--check")),
+        ["fuzz", targets @ ..] => fuzz::fuzz(targets),
+        [task, ..] if LAB.contains(task) => checks::lab(args),
+        [] | ["help"] => {
             println!("{HELP}");
             Ok(())
         }
-        other => bail!("no such task: {other}\n{HELP}"),
+        other => bail!("no such task: {}\n{HELP}", other.join(" ")),
     }
 }

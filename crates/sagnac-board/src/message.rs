@@ -105,7 +105,7 @@ pub enum ReplyCode {
     /// The flash failed.
     Flash = 5,
     /// A piece outside of the image's room, or fewer pieces than the commit says.
-    Pieces = 6,
+    ChunkReader = 6,
 }
 
 /// An answer.
@@ -151,8 +151,15 @@ pub enum Message {
 }
 
 impl ReplyCode {
-    const ALL: [Self; 7] =
-        [Self::Done, Self::NotAnImage, Self::Unfit, Self::NotNewer, Self::NothingToGoBackTo, Self::Flash, Self::Pieces];
+    const ALL: [Self; 7] = [
+        Self::Done,
+        Self::NotAnImage,
+        Self::Unfit,
+        Self::NotNewer,
+        Self::NothingToGoBackTo,
+        Self::Flash,
+        Self::ChunkReader,
+    ];
 }
 
 impl Message {

@@ -1,6 +1,6 @@
 //! A new image over the line: pieces, then a commit; or back to the one before.
 //!
-//! Pieces may come in any order and more than once. The commit decodes, checks and stores; the board takes the image
+//! ChunkReader may come in any order and more than once. The commit decodes, checks and stores; the board takes the image
 //! over between two ticks. A commit that is refused leaves the image in force, and the pieces, so that only what was
 //! missing need be sent again.
 //!
@@ -56,12 +56,12 @@ impl Upload {
                 room.copy_from_slice(piece);
                 ReplyCode::Done
             }
-            None => ReplyCode::Pieces,
+            None => ReplyCode::ChunkReader,
         }
     }
 
     fn commit<F: NorFlash>(&mut self, len: usize, banks: &mut Banks<F>, gyro: &Gyro) -> ReplyCode {
-        let Some(bytes) = self.bytes.get(..len) else { return ReplyCode::Pieces };
+        let Some(bytes) = self.bytes.get(..len) else { return ReplyCode::ChunkReader };
         match Image::decode(bytes) {
             Ok(image) => banks.store(gyro, &image).map_or_else(of_store, |()| ReplyCode::Done),
             Err(_) => ReplyCode::NotAnImage,

@@ -3,15 +3,14 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use sagnac::allan::{
-    AxisBudget, NoiseBudget, Request, Taus, Term, TermValue, budget_of_curves, is_curve, noise_budget, read_curve,
-};
-use sagnac::digits::significant;
-use sagnac::ingest::Pace;
-use sagnac::report::{noise_report, term_text};
-use sagnac::setup::Setup;
-use sagnac::write::write_bytes;
+use sagnac::allan::{NoiseBudget, Request, budget_of_curves, is_curve, noise_budget, read_curve};
 use sagnac::{Error, Result};
+use sagnac_log::ingest::ReadMode;
+use sagnac_log::setup::Setup;
+use sagnac_log::write::write_bytes;
+use sagnac_noise::{AxisBudget, Taus, Term, TermValue};
+use sagnac_report::{noise_report, term_text};
+use sagnac_units::format::significant;
 
 use crate::calibrate::excluded;
 use crate::console::{Console, Outcome, Ran, table};
@@ -128,11 +127,11 @@ fn of_logs(args: &Args) -> Result<NoiseBudget> {
                 return Err(Error::input("--detrend reads the log twice, which a pipe does not allow")
                     .file(pipe.display().to_string()));
             }
-            Some(loading::logs(&args.logs, &setup, Pace::Bulk)?)
+            Some(loading::logs(&args.logs, &setup, ReadMode::Bulk)?)
         }
         None => None,
     };
-    noise_budget(loading::logs(&args.logs, &setup, Pace::Bulk)?, again, &setup, &request)
+    noise_budget(loading::logs(&args.logs, &setup, ReadMode::Bulk)?, again, &setup, &request)
 }
 
 fn taus(text: &str) -> Result<Taus> {

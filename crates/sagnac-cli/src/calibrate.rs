@@ -2,19 +2,20 @@
 
 use std::path::PathBuf;
 
-use sagnac::calibration::{AxisCalibration, Calibration, Candidate, Monomial, PathStep, PpmEstimate, ScaleFactor};
-use sagnac::digits::{celsius, significant, with_sigma};
-use sagnac::fit::{FitOptions, Loss, ModelChoice, TICK_INSTRUCTIONS, calibrate_with_evidence, frontier};
-use sagnac::ingest::Tally;
-use sagnac::report::calibration_report;
-use sagnac::write::write_bytes;
+use sagnac::calibration::{AxisCalibration, Calibration, Candidate, Monomial, PpmEstimate, ScaleFactor, SearchStep};
+use sagnac::fit::{FitOptions, Loss, calibrate_with_report_data, frontier};
+use sagnac::model::TICK_INSTRUCTIONS;
 use sagnac::{Error, Result};
+use sagnac_log::ingest::Tally;
+use sagnac_log::write::write_bytes;
+use sagnac_report::calibration_report;
+use sagnac_units::format::{celsius, significant, with_sigma};
 
 use crate::console::{Console, Outcome, Ran, table};
 use crate::loading;
 use crate::setup_args::SetupArgs;
 
-/// Candidates shown besides the one that was taken.
+/// Candidates shown besides the one that was selected.
 const SHOWN_CANDIDATES: usize = 8;
 
 /// Fit how bias and scale factor move with temperature
@@ -72,10 +73,10 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
             LossWord::Squares => Loss::Squares,
             LossWord::Huber => Loss::Huber,
         },
-        ..FitOptions::new(model_choice(&args.model)?)
+        ..FitOptions::new(args.model.parse()?)
     };
     let (windows, setup) = loading::windows(&args.logs, &args.setup)?;
-    let (calibration, evidence) = calibrate_with_evidence(windows, &setup, &options)?;
+    let (calibration, report_data) = calibrate_with_report_data(windows, &setup, &options)?;
     let text = calibration.to_json()?;
     for axis in &calibration.axes {
         describe(console, axis);
@@ -88,7 +89,7 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
         console.say(format!("wrote {}", path.display()));
     }
     if let Some(path) = &args.report {
-        write_bytes(path, calibration_report(&calibration, &evidence)?.as_bytes())?;
+        write_bytes(path, calibration_report(&calibration, &report_data)?.as_bytes())?;
         console.say(format!("wrote {}", path.display()));
     }
     if calibration.serial == sagnac::calibration::UNASSIGNED {
@@ -96,10 +97,6 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     }
     console.object(&calibration)?;
     Ok(Outcome::Done)
-}
-
-pub(crate) fn model_choice(text: &str) -> Result<ModelChoice> {
-    if text == "auto" { Ok(ModelChoice::Auto) } else { text.parse().map(ModelChoice::Fixed) }
 }
 
 /// SOURCE_DATE_EPOCH, which takes the place of the newest sample's time in provenance.
@@ -114,87 +111,93 @@ pub(crate) fn source_date_epoch() -> Result<Option<i64>> {
 fn describe(console: &mut Console, axis: &AxisCalibration) {
     console.say(format!("axis {}: {}", axis.axis, verdict(axis)));
     console.say(coefficients(axis));
-    doubts(console, axis);
-    let in_zones = if axis.zones.is_empty() { std::slice::from_ref(&axis.monomial) } else { &axis.zones };
-    in_zones.iter().for_each(|zone| console.say(powers(zone)));
-    for constant in &axis.constants {
-        let bias = constant
+    conditioning(console, axis);
+    let whole = axis.monomial.iter().filter(|_| axis.zones.is_empty());
+    whole.chain(&axis.zones).for_each(|zone| console.say(powers(zone)));
+    for offset in &axis.run_offsets {
+        let bias = offset
             .fixed_bias_dph
-            .map_or(String::new(), |b| format!(", fixed bias {} °/h", with_sigma(b, constant.sigma_dph)));
-        let zeros = if axis.inputs.is_empty() { "" } else { ", further inputs at no effect" };
+            .map_or(String::new(), |b| format!(", fixed bias {} °/h", with_sigma(b, offset.sigma_dph)));
+        let zeros = if axis.other_inputs().is_empty() { "" } else { ", other inputs at their references" };
         console.say(format!(
             "  run {}: {} °/h at {} °C{zeros}{bias}",
-            constant.run,
-            with_sigma(constant.value_dph, constant.sigma_dph),
-            axis.reference_c
+            offset.run,
+            with_sigma(offset.value_dph, offset.sigma_dph),
+            axis.reference_c()
         ));
     }
-    if let Some(scale) = &axis.scale_factor {
-        console.say(scale_factor(scale, axis.reference_c));
+    if let Some(scale) = axis.scale_factor() {
+        console.say(scale_factor(scale, axis.reference_c()));
         if let Some(note) = scale.asymmetry_note() {
             console.note(format!("note: axis {}: {note}", axis.axis));
         }
     }
-    for m in &axis.misalignment {
-        console.say(format!("  leans towards {} by {} arcsec", m.towards, with_sigma(m.arcsec, Some(m.sigma_arcsec))));
-    }
-    if let Some(legs) = axis.heating_less_cooling {
+    let Some(fit) = &axis.fit else { return };
+    for m in &fit.misalignment {
         console.say(format!(
-            "  heating less cooling: {} °/h before, {} °/h less the fit",
+            "  misaligned towards {} by {} arcsec",
+            m.towards,
+            with_sigma(m.arcsec, Some(m.sigma_arcsec))
+        ));
+    }
+    if let Some(legs) = fit.hysteresis {
+        console.say(format!(
+            "  hysteresis (heating less cooling): {} °/h before, {} °/h after the fit",
             with_sigma(legs.before_dph, Some(legs.sigma_dph)),
             with_sigma(legs.after_dph, Some(legs.sigma_dph))
         ));
     }
-    if let Some(soak) = &axis.soak {
+    if let Some(soak) = &fit.soak {
         console.say(format!(
-            "  the next hour of soak buys most at {:.0} °C: σ of the curve {} → {} °/h (root mean square over the span)",
+            "  the next hour of soak improves the curve most at {:.0} °C: σ of the curve {} → {} °/h (root mean square over the span)",
             soak.best_c,
             significant(soak.mean_sigma_dph, 2),
             significant(soak.mean_sigma_after_dph, 2)
         ));
     }
-    if axis.candidates.len() > 1 {
-        console.say(candidates(&axis.candidates));
+    if fit.candidates.len() > 1 {
+        console.say(candidates(&fit.candidates));
     }
-    if axis.path.len() > 1 {
-        console.say(path(&axis.path));
+    if fit.model_search.len() > 1 {
+        console.say(model_search(&fit.model_search));
     }
-    for aside in &axis.inputs_aside {
-        console.say(format!("  not looked at: {}, {}", aside.input, aside.why));
+    for rejected in &fit.rejected_inputs {
+        console.say(format!("  input rejected: {}, {}", rejected.input, rejected.reason));
     }
     if let Some(note) = axis.below_floor_note() {
         console.note(format!("note: axis {}: {note}", axis.axis));
     }
-    for line in excluded(&axis.excluded) {
+    for line in excluded(&fit.excluded) {
         console.say(format!("  {line}"));
     }
 }
 
-/// What speaks against the terms: how near they are to each other, what their thermometers' noise does.
-fn doubts(console: &mut Console, axis: &AxisCalibration) {
-    for input in &axis.inputs {
+/// The other inputs, the conditioning of the terms, and what the noise of thermometers does.
+fn conditioning(console: &mut Console, axis: &AxisCalibration) {
+    for input in axis.other_inputs() {
         let [lo, hi] = input.span;
-        let made = match input.rms_dph {
-            0.0 => "read for a difference".to_owned(),
-            rms => format!("its terms make {} °/h rms", significant(rms, 3)),
+        let made = match input.rms_dph.filter(|rms| *rms > 0.0) {
+            None => "read for a difference".to_owned(),
+            Some(rms) => format!("its terms make {} °/h rms", significant(rms, 3)),
         };
         console.say(format!(
-            "  input {}: {made}; no effect at {}, seen from {} to {}",
+            "  input {}: {made}; reference {}, span {} to {}",
             input.name,
             input.on_its_scale(input.reference),
             input.on_its_scale(lo),
             input.on_its_scale(hi)
         ));
     }
-    let near = axis.collinearity.as_ref().map(|near| {
+    let fit = axis.fit.as_ref();
+    let near = fit.and_then(|fit| fit.collinearity.as_ref()).map(|near| {
         format!("condition of the terms {} (at most {})", significant(near.condition, 3), significant(near.limit, 3))
     });
-    let noise = axis.correction_noise.as_ref().map(|noise| {
+    let noise = fit.and_then(|fit| fit.correction_noise.as_ref()).map(|noise| {
         let part = |part: f64| format!("{} %", significant(100.0 * part, 2));
         let raw = noise.increase.map_or("the raw one is not known".to_owned(), |more| {
-            let told =
+            let note =
                 if more > noise.limit { "; the value terms make it: a quieter thermometer would help" } else { "" };
-            format!("{} more than raw, at most {}{told}", part(more), part(noise.limit))
+            format!("{} more than raw, at most {}{note}", part(more), part(noise.limit))
         });
         format!("thermometer noise makes {} °/√h of angle random walk ({raw})", significant(noise.deg_rt_h, 2))
     });
@@ -211,63 +214,60 @@ fn powers(monomial: &Monomial) -> String {
         let value = with_sigma(*value, sigmas.get(power).copied());
         if power == 0 { value } else { format!("({value})·T^{power}") }
     });
-    let zone = monomial.from_to_c.map_or(String::new(), |[from, to]| format!(", {from:.2} … {to:.2} °C"));
+    let zone = monomial.range_c.map_or(String::new(), |[from, to]| format!(", {from:.2} … {to:.2} °C"));
     let sum = powers.collect::<Vec<_>>().join(" + ");
     format!("  in powers of °C ({}, {} s{zone}): {sum}", monomial.unit, monomial.window_s)
 }
 
-/// The way from the grid's model to the one taken: what was taken, and the best of what was not.
-fn path(steps: &[PathStep]) -> String {
+/// The search from the grid's model to the one selected, with the best of each step.
+fn model_search(steps: &[SearchStep]) -> String {
     let last = steps.last().map_or(0, |step| step.step);
-    let rows: Vec<Vec<String>> = PathStep::rows(steps).into_iter().map(Vec::from).collect();
+    let rows: Vec<Vec<String>> = SearchStep::rows(steps).into_iter().map(Vec::from).collect();
     if rows.len() < 2 {
         return format!(
-            "  {} models with one term more or less: none earns its coefficients, none is as good and smaller",
+            "  {} models with one term more or less: none is justified, and none smaller is as good",
             steps.len() - 1
         );
     }
-    let title = format!("path of {last} steps, {} models", steps.len());
+    let title = format!("model search, {last} steps, {} models", steps.len());
     table(&["step", &title, "held-out σ, °/h", "condition", ""], rows)
 }
 
 fn verdict(axis: &AxisCalibration) -> String {
-    let mut parts = vec![format!("`{}`", axis.model)];
-    if let Some(cv) = &axis.cross_validation {
+    let mut parts = vec![format!("`{}`", axis.correction.model)];
+    if let Some(cv) = axis.cross_validation() {
         parts.push(format!("held-out σ {} °/h ({}, {})", significant(cv.sigma_dph, 3), cv.folds, cv.scheme));
     }
-    if let Some(residual) = &axis.residual {
+    if let Some(residual) = axis.residual() {
         parts.push(format!("residual σ {} °/h over {} windows", significant(residual.sigma_dph, 3), residual.n));
     }
-    parts.push(match &axis.floor {
+    parts.push(match axis.noise_floor() {
         Some(floor) => format!("noise floor {} °/h", significant(floor.value_dph, 3)),
         None => "noise floor unknown".to_owned(),
     });
-    parts.push(format!("span {:.2} … {:.2} °C", axis.span_c[0], axis.span_c[1]));
+    parts.push(format!("span {:.2} … {:.2} °C", axis.span_c()[0], axis.span_c()[1]));
     parts.join("; ")
 }
 
 fn coefficients(axis: &AxisCalibration) -> String {
-    let terms = axis.terms.iter().map(|term| {
+    let terms = axis.correction.terms.iter().map(|term| {
         let mark = if term.significant == Some(false) { "not significant" } else { "" };
-        let mut row =
-            vec![term.name(axis.is_main(term)), with_sigma(term.value, term.sigma), term.unit.clone(), mark.to_owned()];
+        let mut row = vec![axis.name_of(term), with_sigma(term.value, term.sigma), term.unit.clone(), mark.to_owned()];
         if let Some([lo, hi]) = term.bootstrap {
             row.push(format!("{} … {}", significant(lo, 3), significant(hi, 3)));
         }
         row
     });
-    let lags = axis.lag_s.map(|lag| ("lag".to_owned(), lag)).into_iter();
-    let further = axis.inputs.iter().filter_map(|input| Some((format!("lag({})", input.name), input.lag_s?)));
-    let lags = lags.chain(further).map(|(name, lag)| {
-        let mark = if lag.sigma.is_none() { "not resolved: smallest within 2 % of the least misfit" } else { "" };
-        vec![name, with_sigma(lag.value, lag.sigma), "s".to_owned(), mark.to_owned()]
+    let others = axis.nonlinear().into_iter().map(|found| {
+        let mark = if found.sigma.is_none() { "not resolved: smallest within 2 % of the least misfit" } else { "" };
+        vec![found.name, with_sigma(found.value, found.sigma), found.unit, mark.to_owned()]
     });
-    let rows: Vec<Vec<String>> = terms.chain(lags).collect();
+    let rows: Vec<Vec<String>> = terms.chain(others).collect();
     if rows.is_empty() {
-        return "  no term earns its place: the drift does not follow temperature beyond the noise".to_owned();
+        return "  no term is justified: the drift does not follow temperature beyond the noise".to_owned();
     }
     let header = ["term", "value ± σ", "unit", "", "95 % by block bootstrap"];
-    let resampled = axis.terms.iter().any(|term| term.bootstrap.is_some());
+    let resampled = axis.correction.terms.iter().any(|term| term.bootstrap.is_some());
     table(if resampled { &header } else { &header[..4] }, rows)
 }
 
@@ -302,13 +302,13 @@ fn scale_factor(scale: &ScaleFactor, reference_c: f64) -> String {
     if rows.is_empty() { out } else { out + "\n" + &table(&header, rows) }
 }
 
-/// The models that none as cheap betters, with the knee.
+/// The frontier of price and held-out residual, with the knee.
 fn tradeoff(axis: &AxisCalibration) -> Result<String> {
-    let best = frontier(&axis.candidates);
-    if axis.candidates.len() < 2 || best.is_empty() {
+    let best = frontier(axis.candidates());
+    if axis.candidates().len() < 2 || best.is_empty() {
         return Err(Error::input("a trade needs several models").column("--tradeoff").help("leave --model at `auto`"));
     }
-    let floor = axis.floor.as_ref().map(|floor| floor.value_dph);
+    let floor = axis.noise_floor().map(|floor| floor.value_dph);
     let rows = best.iter().map(|point| {
         vec![
             point.candidate.model.clone(),
@@ -318,7 +318,7 @@ fn tradeoff(axis: &AxisCalibration) -> Result<String> {
             if point.knee { "the knee: cheapest within 2 % of the least mean square" } else { "" }.to_owned(),
         ]
     });
-    let header = ["none as cheap betters", "slow update, instructions", "held-out σ, °/h", "over the floor", ""];
+    let header = ["cheapest models", "slow update, instructions", "held-out σ, °/h", "over the floor", ""];
     let words = format!(
         "  the tick takes {TICK_INSTRUCTIONS} instructions whatever the model (Cortex-M4F; instructions are not cycles)"
     );
@@ -330,7 +330,7 @@ fn candidates(all: &[Candidate]) -> String {
     ranked.sort_by(|a, b| a.held_out_dph.unwrap_or(f64::INFINITY).total_cmp(&b.held_out_dph.unwrap_or(f64::INFINITY)));
     let shown = ranked.iter().enumerate().filter(|(i, c)| *i < SHOWN_CANDIDATES || c.chosen).map(|(_, c)| {
         let held_out = c.held_out_dph.map_or("not fitted".to_owned(), |h| significant(h, 4));
-        let mark = if c.chosen { "taken: no larger one earns its coefficients" } else { "" };
+        let mark = if c.chosen { "selected: no larger one is justified" } else { "" };
         vec![c.model.clone(), c.coefficients.to_string(), held_out, mark.to_owned()]
     });
     let shown: Vec<Vec<String>> = shown.collect();
@@ -338,9 +338,9 @@ fn candidates(all: &[Candidate]) -> String {
     table(&[&title, "coefficients", "held-out σ, °/h", ""], shown)
 }
 
-/// What was left out, one line per reason.
+/// What was excluded, one line per reason.
 pub(crate) fn excluded(tallies: &[Tally]) -> Vec<String> {
-    tallies.iter().map(|t| format!("left out: {} rows, {} (first at {})", t.rows, t.reason.name(), t.first)).collect()
+    tallies.iter().map(|t| format!("excluded: {} rows, {} (first at {})", t.rows, t.reason.name(), t.first)).collect()
 }
 
 /// A short description of a calibration, for `inspect`.

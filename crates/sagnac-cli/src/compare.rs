@@ -4,10 +4,10 @@ use std::path::PathBuf;
 
 use sagnac::calibration::Calibration;
 use sagnac::compare::{ComparedAxis, ComparedCurve, ComparedNumber, Comparison, compare};
-use sagnac::digits;
-use sagnac::report::comparison_report;
-use sagnac::write::write_bytes;
 use sagnac::{Error, Result};
+use sagnac_log::write::write_bytes;
+use sagnac_report::comparison_report;
+use sagnac_units::format;
 
 use crate::console::{Console, Outcome, Ran, table};
 use crate::loading;
@@ -73,7 +73,7 @@ fn values(comparison: &Comparison, curve: &ComparedCurve) -> String {
     header.extend(comparison.records.iter().map(|(name, _)| name.as_str()));
     header.push("beyond their σ");
     let rows = curve.temperatures_c.iter().enumerate().map(|(at, celsius)| {
-        let mut row = vec![format!("{} °C", digits::celsius(*celsius))];
+        let mut row = vec![format!("{} °C", format::celsius(*celsius))];
         row.extend(curve.row(at));
         row
     });

@@ -3,10 +3,11 @@
 use std::io::Write;
 use std::path::PathBuf;
 
-use sagnac::ingest::{LogSummary, Pace};
+use sagnac::Result;
 use sagnac::verify::{CorrectedFormat, Correction, compensate};
-use sagnac::write::write_atomically;
-use sagnac::{Result, setup::Setup};
+use sagnac_log::ingest::{LogSummary, ReadMode};
+use sagnac_log::setup::Setup;
+use sagnac_log::write::write_atomically;
 
 use crate::calibrate::excluded;
 use crate::console::{Console, Outcome, Ran};
@@ -61,7 +62,7 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
 
 fn pour(args: &Args, correction: &Correction, setup: &Setup, out: &mut (dyn Write + Send)) -> Result<LogSummary> {
     let live = args.log.as_os_str() == "-";
-    let pace = if live { Pace::LineByLine } else { Pace::BulkWithText };
+    let pace = if live { ReadMode::LineByLine } else { ReadMode::BulkWithText };
     let mut setup = setup.clone();
     if live {
         // A pipe shows too few rows to take the interval from; the calibration knows it.

@@ -6,16 +6,17 @@
 use std::io::Cursor;
 use std::path::PathBuf;
 
-use sagnac::digits::{significant, with_sigma};
-use sagnac::fit::{FitOptions, ModelChoice, ModelSpec, calibrate};
-use sagnac::ingest::{LogReader, Pace};
-use sagnac::report::verification_report;
-use sagnac::setup::Setup;
-use sagnac::verify::{Correction, Verification, verify_with_evidence};
+use sagnac::fit::{FitOptions, Model, calibrate};
+use sagnac::model::ModelSpec;
+use sagnac::verify::{Correction, Proof, Verification, VerifyOptions, verify};
 use sagnac::window::WindowBuilder;
-use sagnac::write::write_bytes;
 use sagnac::{Error, Result};
+use sagnac_log::ingest::{LogReader, ReadMode};
+use sagnac_log::setup::Setup;
+use sagnac_log::write::write_bytes;
+use sagnac_report::verification_report;
 use sagnac_sim::{PaperRig, csv_bytes};
+use sagnac_units::format::{significant, with_sigma};
 
 use crate::console::{Console, Outcome, Ran, table};
 
@@ -48,11 +49,11 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     let (first, second) = (args.seed, args.seed.wrapping_add(1));
     let log = |seed: u64| {
         let bytes = csv_bytes(rig.run(seed));
-        LogReader::from_reader(&format!("seed {seed}"), Box::new(Cursor::new(bytes)), &setup, Pace::Bulk)
+        LogReader::from_reader(&format!("seed {seed}"), Box::new(Cursor::new(bytes)), &setup, ReadMode::Bulk)
     };
-    let windows = WindowBuilder::read_all(vec![log(first)?], &setup)?.finish(false);
-    let quadratic = ModelSpec { bias: 2, ..ModelSpec::default() };
-    let options = FitOptions::new(ModelChoice::Fixed(quadratic));
+    let windows = WindowBuilder::read_all(vec![log(first)?], &setup)?.finish();
+    let quadratic: ModelSpec = "bias 2".parse()?;
+    let options = FitOptions::new(Model::Fixed(quadratic));
     let calibration = calibrate(windows, &setup, &options)?;
     console.say(format!(
         "The paper's rig: N = {}·T² − {}·T + {} counts per 100 s at {} … {} °C, ARW {} °/√h, quantum {} count,",
@@ -68,7 +69,8 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
         "{} arcsec per count. Calibrated on seed {first}, proven on seed {second}.\n",
         rig.arcsec_per_count
     ));
-    let monomial = &calibration.axes.first().ok_or_else(|| Error::input("no axis"))?.monomial;
+    let axis = calibration.axes.first();
+    let monomial = axis.and_then(|axis| axis.monomial.as_ref()).ok_or_else(|| Error::input("no curve"))?;
     let sigmas = monomial.sigma.clone().unwrap_or_default();
     let names = ["C", "B", "A"];
     let rows = (0..3).rev().map(|power| {
@@ -81,12 +83,13 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     });
     console.say(table(&["coefficient", "rig", "fitted ± σ"], rows));
     let correction = Correction::from_calibration(calibration)?;
-    let (proof, evidence) = verify_with_evidence(&correction, vec![log(second)?], &setup, None, false)?;
+    let Proof { verification: proof, report_data } =
+        verify(&correction, vec![log(second)?], &setup, VerifyOptions::default())?;
     describe(console, &proof)?;
     equations(console);
     printed_constant(console);
     if let Some(path) = &args.report {
-        let page = verification_report(&proof, correction.calibration.as_ref(), &evidence)?;
+        let page = verification_report(&proof, correction.calibration.as_ref(), &report_data)?;
         write_bytes(path, page.as_bytes())?;
         console.say(format!("wrote {}", path.display()));
     }
@@ -109,7 +112,7 @@ fn describe(console: &mut Console, proof: &Verification) -> Result<()> {
         paper("paper, after", PAPER_AFTER),
         ours("ours, after", &axis.after),
     ];
-    if let Some(floor) = &axis.floor {
+    if let Some(floor) = &axis.noise_floor {
         let blank = String::new;
         rows.push(vec![
             "noise floor".to_owned(),

@@ -6,13 +6,13 @@ use std::path::{Path, PathBuf};
 use clap::ValueEnum;
 use sagnac::calibration::{Calibration, InputSource, UNASSIGNED};
 use sagnac::export::{TextFile, Widths, c_files, codes, encode, image_bytes, verilog_files};
-use sagnac::ingest::{hex, sha256};
-use sagnac::write::write_bytes;
 use sagnac::{Error, Result};
 use sagnac_board::Message;
 use sagnac_core::Image;
+use sagnac_log::ingest::{hex, sha256};
+use sagnac_log::write::write_bytes;
 use sagnac_loops::{LoopTable, TABLE_MAGIC};
-use sagnac_sim::plant::Design;
+use sagnac_sim::LoopDesign;
 
 use crate::console::{Console, Outcome, Ran, table as drawn};
 use crate::loading::{self, Kind};
@@ -159,8 +159,8 @@ fn say_codes(args: &Args, console: &mut Console) -> Result<()> {
         return Ok(());
     }
     let calibration = loading::calibration(&args.input)?;
-    for axis in calibration.axes.iter().filter(|axis| !axis.inputs.is_empty()) {
-        let rows = codes(&calibration, axis).into_iter().enumerate().map(|(at, code)| {
+    for axis in calibration.axes.iter().filter(|axis| !axis.other_inputs().is_empty()) {
+        let rows = codes(axis).into_iter().enumerate().map(|(at, code)| {
             let fed = code.per_code.map_or("none: made on the target".to_owned(), |per_code| {
                 format!("(value - {}) / {per_code:e}", code.offset)
             });
@@ -168,7 +168,7 @@ fn say_codes(args: &Args, console: &mut Console) -> Result<()> {
         });
         let title = format!("input of axis {}", axis.axis);
         console.say(drawn(&["place", &title, "code"], rows));
-        let data_given = axis.inputs.iter().filter(|input| {
+        let data_given = axis.other_inputs().iter().filter(|input| {
             matches!(&input.source, InputSource::Column(name) if calibration.setup.aux(name).gain_per_code.is_none())
         });
         for input in data_given {
@@ -259,7 +259,7 @@ fn loops_of(path: &Path) -> Result<LoopTable> {
         let refused = |e: sagnac_loops::TableError| Error::input(e.to_string()).file(path.display().to_string());
         return LoopTable::decode(&bytes).map_err(refused);
     }
-    let design = Design::of(&read_scenario(path)?).map_err(|problem| refused(path, &problem))?;
+    let design = LoopDesign::build(&read_scenario(path)?).map_err(|problem| refused(path, &problem))?;
     Ok(LoopTable {
         tick_ns: (sagnac_sim::TICK_S * 1e9).round() as u32,
         path_length: design.path_length.integers,

@@ -3,11 +3,11 @@
 use std::io::{BufReader, Read, Write};
 use std::path::{Path, PathBuf};
 
-use sagnac::write::write_atomically;
 use sagnac::{Error, Result};
 use sagnac_board::frame::Reader;
 use sagnac_board::{COMMIT, Message, Output, PIECE, POWER_ON, ROLL_BACK, Reply, ReplyCode};
 use sagnac_core::Status;
+use sagnac_log::write::write_atomically;
 use sagnac_loops::{IntensityStatus, PathLengthStatus};
 
 use crate::console::{Console, Outcome, Ran};
@@ -113,7 +113,7 @@ fn words_of(reply: &Reply) -> String {
         ReplyCode::NotNewer => "refused: not newer than the image in force",
         ReplyCode::NothingToGoBackTo => "refused: no older image to go back to",
         ReplyCode::Flash => "failed: flash",
-        ReplyCode::Pieces => "refused: outside of an image's room",
+        ReplyCode::ChunkReader => "refused: outside of an image's room",
     };
     match reply.sequence {
         0 => format!("{what}: {became}; factory defaults in force"),

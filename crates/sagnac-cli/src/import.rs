@@ -2,11 +2,11 @@
 
 use std::path::PathBuf;
 
-use sagnac::digits::significant;
 use sagnac::export::{Polynomial, import};
-use sagnac::setup::Setup;
-use sagnac::write::write_bytes;
 use sagnac::{Error, Result};
+use sagnac_log::setup::Setup;
+use sagnac_log::write::write_bytes;
+use sagnac_units::format::significant;
 
 use crate::console::{Console, Outcome, Ran};
 use crate::setup_args::numbers;
@@ -63,13 +63,13 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     let calibration = import(&polynomial, &setup)?;
     write_bytes(&args.output, calibration.to_json()?.as_bytes())?;
     for axis in &calibration.axes {
-        let at_reference: f64 = axis.constants.iter().map(|c| c.value_dph).sum();
+        let at_reference: f64 = axis.run_offsets.iter().map(|c| c.value_dph).sum();
         console.say(format!(
             "axis {}: `{}`, {} °/h at {} °C",
             axis.axis,
-            axis.model,
+            axis.correction.model,
             significant(at_reference, 6),
-            axis.reference_c
+            axis.reference_c()
         ));
     }
     console.say(format!("wrote {}", args.output.display()));

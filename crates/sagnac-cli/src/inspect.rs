@@ -4,14 +4,14 @@ use std::path::{Path, PathBuf};
 
 use sagnac::Result;
 use sagnac::calibration::Calibration;
-use sagnac::digits::significant;
 use sagnac::export::image_bytes;
-use sagnac::fit::{FitOptions, ModelChoice, calibrate};
-use sagnac::ingest::{AngleUnit, LogReader, LogShape, Pace, Tally, hex, sha256};
-use sagnac::setup::Setup;
-use sagnac::units::s_from_ns;
+use sagnac::fit::{FitOptions, Model, calibrate};
 use sagnac::window::{WindowBuilder, Windows};
-use sagnac_core::{Image, Kind as TermKind, Multiplier, Shape, Source, Term};
+use sagnac_core::{Image, Kind as Quantity, Multiplier, Shape, Source, Term};
+use sagnac_log::ingest::{AngleUnit, LogReader, LogShape, ReadMode, Tally, hex, sha256};
+use sagnac_log::setup::Setup;
+use sagnac_units::format::significant;
+use sagnac_units::s_from_ns;
 use serde::Serialize;
 
 use crate::calibrate::{excluded, summary};
@@ -98,7 +98,7 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
             let (reader, setup) = open_as_far_as_known(&args.file, given)?;
             let shape = reader.shape().clone();
             console.say(shape_text(&shape));
-            let windows = WindowBuilder::read_all(vec![reader], &setup)?.finish(args.setup.keep_all());
+            let windows = args.setup.outliers(WindowBuilder::read_all(vec![reader], &setup)?).finish();
             log(windows, shape.ignored, "log", &setup, console)?;
         }
     }
@@ -108,10 +108,10 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
 /// Opens a log. Counts whose scale nobody gave are read with 1 arcsec per count, so that what is called
 /// °/h elsewhere is counts per second; the setup that comes back still lacks the scale.
 fn open_as_far_as_known(path: &Path, given: Setup) -> Result<(LogReader, Setup)> {
-    match open_log(path, &given, Pace::Bulk) {
+    match open_log(path, &given, ReadMode::Bulk) {
         Err(error) if error.place.column.as_deref() == Some(SCALE_KEY) && path.as_os_str() != "-" => {
             let setup = Setup { arcsec_per_count: Some(1.0), ..given };
-            Ok((open_log(path, &setup, Pace::Bulk)?, Setup { arcsec_per_count: None, ..setup }))
+            Ok((open_log(path, &setup, ReadMode::Bulk)?, Setup { arcsec_per_count: None, ..setup }))
         }
         opened => Ok((opened?, given)),
     }
@@ -157,7 +157,7 @@ fn log(windows: Windows, ignored: Vec<String>, kind: &'static str, setup: &Setup
     }
     excluded(&object.excluded).iter().for_each(|line| console.say(line));
     let calibrate = if scale_known {
-        would(calibrate(windows, setup, &FitOptions::new(ModelChoice::Auto)), console)?
+        would(calibrate(windows, setup, &FitOptions::new(Model::Auto)), console)?
     } else {
         console.say("calibrate would ask how many arcsec a count is (--arcsec-per-count)");
         CalibrateObject::Asks { asks_for: SCALE_KEY }
@@ -169,12 +169,12 @@ fn log(windows: Windows, ignored: Vec<String>, kind: &'static str, setup: &Setup
 fn would(tried: Result<Calibration>, console: &mut Console) -> Result<CalibrateObject> {
     match tried {
         Ok(calibration) => {
-            let models: Vec<String> = calibration.axes.iter().map(|axis| axis.model.clone()).collect();
+            let models: Vec<String> = calibration.axes.iter().map(|axis| axis.correction.model.clone()).collect();
             for axis in &calibration.axes {
-                let held_out = axis.cross_validation.as_ref().map_or(f64::NAN, |cv| cv.sigma_dph);
+                let held_out = axis.cross_validation().map_or(f64::NAN, |cv| cv.sigma_dph);
                 console.say(format!(
                     "calibrate would take `{}` for axis {}: held-out σ {} °/h",
-                    axis.model,
+                    axis.correction.model,
                     axis.axis,
                     significant(held_out, 3)
                 ));
@@ -257,7 +257,7 @@ struct ImageThermometer {
     /// In units of 2^exponent of its own; 0 for °C.
     unit_exponent: i8,
     span_c: [f64; 2],
-    plausible_c: [f64; 2],
+    valid_range_c: [f64; 2],
     has_rate: bool,
 }
 
@@ -266,12 +266,15 @@ struct ImageTerm {
     kind: &'static str,
     sensor: u8,
     order: u8,
-    /// `zone` or `step`, for terms that begin at a knot.
+    /// `zone` or `step`, for terms that begin at a knot; `cosine` or `sine`.
     #[serde(skip_serializing_if = "Option::is_none")]
     shape: Option<&'static str>,
     /// Where it begins, in the unit of the span.
     #[serde(skip_serializing_if = "Option::is_none")]
     from: Option<f64>,
+    /// Of a cosine or sine: turns over the span.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    turns: Option<f64>,
     times_rate: bool,
     mantissa: i32,
     shift: u8,
@@ -298,13 +301,14 @@ fn image(path: &Path, console: &mut Console) -> Result<()> {
         let rate = if t.has_rate { ", with a rate filter" } else { "" };
         console.say(format!(
             "{what}span {:.3} … {:.3} {unit}, believed {:.1} … {:.1} {unit}{rate}",
-            t.span_c[0], t.span_c[1], t.plausible_c[0], t.plausible_c[1]
+            t.span_c[0], t.span_c[1], t.valid_range_c[0], t.valid_range_c[1]
         ));
     }
     let rows = object.terms.iter().map(|t| {
         let times = if t.times_rate { "rate" } else { "1" };
-        let name = match (t.shape, t.from) {
-            (Some(shape), Some(from)) => format!("{} {shape} from {from:.3}", t.kind),
+        let name = match (t.shape, t.from, t.turns) {
+            (Some(shape), Some(from), _) => format!("{} {shape} from {from:.3}", t.kind),
+            (Some(shape), _, Some(turns)) => format!("{} {shape} of {turns:.3} turns", t.kind),
             _ => format!("{} {}", t.kind, t.order),
         };
         vec![name, t.sensor.to_string(), times.to_owned(), t.mantissa.to_string(), t.shift.to_string()]
@@ -323,7 +327,7 @@ fn image_object(image: &Image) -> ImageObject {
         },
         unit_exponent: t.unit_exponent,
         span_c: [celsius(t.span_lo_q24), celsius(t.span_hi_q24)],
-        plausible_c: [celsius(t.plausible_lo_q24), celsius(t.plausible_hi_q24)],
+        valid_range_c: [celsius(t.plausible_lo_q24), celsius(t.plausible_hi_q24)],
         has_rate: t.lag.is_used(),
     });
     let from = |t: &Term, knot_q15: i16| {
@@ -335,11 +339,14 @@ fn image_object(image: &Image) -> ImageObject {
         Shape::Chebyshev(_) => (None, None),
         Shape::Zone { knot_q15 } => (Some("zone"), from(t, knot_q15)),
         Shape::Step { knot_q15 } => (Some("step"), from(t, knot_q15)),
+        Shape::Cosine { .. } => (Some("cosine"), None),
+        Shape::Sine { .. } => (Some("sine"), None),
     };
     let terms = image.terms().iter().map(|t| ImageTerm {
         shape: piece(t).0,
         from: piece(t).1,
-        kind: if t.kind == TermKind::Bias { "bias" } else { "scale" },
+        turns: t.shape.turns_q18().map(|turns| f64::from(turns) / f64::from(1 << 18)),
+        kind: if t.kind == Quantity::Bias { "bias" } else { "scale" },
         sensor: t.sensor,
         order: t.shape.order().unwrap_or(0),
         times_rate: t.multiplier == Multiplier::Rate,

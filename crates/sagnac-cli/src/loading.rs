@@ -4,12 +4,12 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use sagnac::calibration::Calibration;
-use sagnac::ingest::{LogReader, Pace};
-use sagnac::setup::Setup;
 use sagnac::verify::Correction;
 use sagnac::window::{WindowBuilder, Windows, is_table, read_table};
 use sagnac::{Error, Result};
 use sagnac_core::{Image, MAGIC, MAX_IMAGE_LEN};
+use sagnac_log::ingest::{LogReader, ReadMode};
+use sagnac_log::setup::Setup;
 
 use crate::progress::open_log;
 use crate::setup_args::SetupArgs;
@@ -84,7 +84,7 @@ pub(crate) fn keep_inputs<'a>(inputs: &[impl AsRef<Path>], outputs: impl IntoIte
 }
 
 /// Opens several logs, each a run.
-pub(crate) fn logs(paths: &[PathBuf], setup: &Setup, pace: Pace) -> Result<Vec<LogReader>> {
+pub(crate) fn logs(paths: &[PathBuf], setup: &Setup, pace: ReadMode) -> Result<Vec<LogReader>> {
     paths.iter().map(|path| open_log(path, setup, pace)).collect()
 }
 
@@ -106,15 +106,15 @@ pub(crate) fn windows(paths: &[PathBuf], args: &SetupArgs) -> Result<(Windows, S
         }
     }
     let setup = args.over(Setup::default())?;
-    let windows = WindowBuilder::read_all(logs(paths, &setup, Pace::Bulk)?, &setup)?.finish(args.keep_all());
-    Ok((windows, setup))
+    let builder = WindowBuilder::read_all(logs(paths, &setup, ReadMode::Bulk)?, &setup)?;
+    Ok((args.outliers(builder).finish(), setup))
 }
 
 /// A window table. What its windows were made with cannot be changed any more.
 fn table(path: &Path, args: &SetupArgs) -> Result<(Windows, Setup)> {
     let (windows, made_with) = read_table(path)?;
     let setup = args.over(made_with.clone())?;
-    if setup.of_windows() != made_with.of_windows() || args.keep_all() {
+    if setup.of_windows() != made_with.of_windows() || args.keep_outliers {
         return Err(Error::input("a flag or the setup would change how the windows of this table were made")
             .file(path.display().to_string())
             .help("make the table anew with `sagnac window`, or leave that to what it was made with"));

@@ -99,7 +99,7 @@ fn main() -> ExitCode {
 fn leave_nothing_behind() {
     // Without a handler the program ends as well; only a temporary file may then be left.
     let _ = ctrlc::set_handler(|| {
-        sagnac::write::remove_unfinished();
+        sagnac_log::write::remove_unfinished();
         std::process::exit(INTERRUPTED);
     });
 }

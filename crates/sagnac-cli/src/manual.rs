@@ -6,12 +6,12 @@ use std::path::PathBuf;
 use clap::builder::StyledStr;
 use clap::{Arg, ArgAction, Command, ValueEnum};
 use clap_complete::{Generator, Shell};
-use sagnac::ingest::Reason;
-use sagnac::ingest::header::HEADERS;
-use sagnac::setup::Setup;
 use sagnac::verify::Limits;
 use sagnac::{Error, Result};
 use sagnac_core::Status;
+use sagnac_log::ingest::Reason;
+use sagnac_log::ingest::header::HEADERS;
+use sagnac_log::setup::Setup;
 use serde_json::Value;
 
 use crate::console::{Console, Outcome, Ran};

@@ -6,15 +6,15 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use sagnac::Result;
-use sagnac::ingest::{LogReader, Pace, Watch};
-use sagnac::setup::Setup;
+use sagnac_log::ingest::{LogReader, ReadMode, Watch};
+use sagnac_log::setup::Setup;
 
 /// Nothing is shown of what ends sooner.
 const PATIENCE: Duration = Duration::from_secs(1);
 const TEMPLATE: &str = "{msg} {wide_bar} {bytes} of {total_bytes}, {binary_bytes_per_sec}, {eta} left";
 
 /// Opens a log; a long read from a file shows itself on a terminal.
-pub(crate) fn open_log(path: &Path, setup: &Setup, pace: Pace) -> Result<LogReader> {
+pub(crate) fn open_log(path: &Path, setup: &Setup, pace: ReadMode) -> Result<LogReader> {
     let regular = std::fs::metadata(path).ok().filter(std::fs::Metadata::is_file);
     let watch = regular.filter(|_| std::io::stderr().is_terminal()).map(|metadata| watch(path, metadata.len()));
     LogReader::open_watched(path, setup, pace, watch)

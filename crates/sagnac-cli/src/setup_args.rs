@@ -3,8 +3,9 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use sagnac::setup::{Counter, Setup, WindowSize};
+use sagnac::window::WindowBuilder;
 use sagnac::{Error, Result};
+use sagnac_log::setup::{Counter, Setup, WindowSize};
 
 /// What the log cannot say of itself.
 #[derive(Args, Clone, Default)]
@@ -49,22 +50,22 @@ pub(crate) struct SetupArgs {
     /// Temperature at which the correction is zero, °C
     #[arg(long, value_name = "C", allow_negative_numbers = true)]
     reference: Option<f64>,
-    /// Left out at the start of each run, s
+    /// Discarded at the start of each run, s
     #[arg(long, value_name = "S")]
-    settle: Option<f64>,
+    discard_initial: Option<f64>,
     /// Smallest temperature span a fit is made on, °C
     #[arg(long, value_name = "C")]
     min_span: Option<f64>,
     /// Name of the thermometer that the model uses
     #[arg(long, value_name = "NAME")]
     thermometer: Option<String>,
-    /// Further inputs that `auto` may use, with commas between them: thermometers, "one - another", auxiliary columns; `none`
-    /// for none. An image alone reads its further inputs by them
+    /// Inputs besides the thermometer that `auto` may use, with commas between them: thermometers, "one - another", auxiliary
+    /// columns; `none` for none. An image alone reads its other inputs by them
     #[arg(long, value_name = "NAMES")]
     inputs: Option<String>,
-    /// `none` keeps every window; `auto` leaves out bumps, steps and start-up
-    #[arg(long, value_enum, default_value = "auto")]
-    pub(crate) exclude: Exclude,
+    /// Keep the windows that look like bumps, steps or start-up
+    #[arg(long)]
+    pub(crate) keep_outliers: bool,
 }
 
 /// Names between commas; none for the word `none`.
@@ -78,14 +79,6 @@ fn names(text: &str) -> Vec<String> {
 enum CounterWord {
     Incremental,
     Cumulative,
-}
-
-/// Which windows are left out.
-#[derive(Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Exclude {
-    #[default]
-    Auto,
-    None,
 }
 
 impl SetupArgs {
@@ -113,7 +106,7 @@ impl SetupArgs {
         put(&mut setup.min_span_c, &self.min_span);
         put(&mut setup.use_thermometer, &self.thermometer);
         put(&mut setup.inputs, &self.inputs.as_deref().map(names));
-        setup.settle_s = self.settle.unwrap_or(setup.settle_s);
+        setup.discard_initial_s = self.discard_initial.unwrap_or(setup.discard_initial_s);
         setup.temperature_offset_s = self.temperature_offset.unwrap_or(setup.temperature_offset_s);
         setup.counter = match self.counter {
             Some(CounterWord::Incremental) => Counter::Incremental,
@@ -127,9 +120,9 @@ impl SetupArgs {
         Ok(setup)
     }
 
-    /// True with `--exclude none`.
-    pub(crate) fn keep_all(&self) -> bool {
-        self.exclude == Exclude::None
+    /// A builder that keeps outliers where `--keep-outliers` says so.
+    pub(crate) fn outliers(&self, builder: WindowBuilder) -> WindowBuilder {
+        if self.keep_outliers { builder.keep_outliers() } else { builder }
     }
 }
 

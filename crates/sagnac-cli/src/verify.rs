@@ -2,14 +2,14 @@
 
 use std::path::PathBuf;
 
-use sagnac::digits::{significant, with_sigma};
-use sagnac::ingest::Pace;
-use sagnac::report::verification_report;
 use sagnac::verify::{
-    AxisVerification, Estimate, Figures, Judged, Limits, MisDistance, ScaleFigures, ScaleProof, Verification,
-    verify_with_evidence,
+    AxisVerification, Estimate, Figures, Judged, Limits, PositionError, Proof, ScaleFigures, ScaleProof, Verification,
+    VerifyOptions, verify,
 };
-use sagnac::write::write_bytes;
+use sagnac_log::ingest::ReadMode;
+use sagnac_log::write::write_bytes;
+use sagnac_report::verification_report;
+use sagnac_units::format::{significant, with_sigma};
 
 use crate::calibrate::excluded;
 use crate::console::{Console, Outcome, Ran, table};
@@ -48,13 +48,17 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     let correction = loading::correction(&args.correction)?;
     let setup = args.setup.over(correction.setup())?;
     let limits = args.limits.as_deref().map(Limits::named_or_read).transpose()?;
-    let logs = loading::logs(&args.retests, &setup, Pace::Bulk)?;
-    let (verification, evidence) =
-        verify_with_evidence(&correction, logs, &setup, limits.as_ref(), args.setup.keep_all())?;
+    let logs = loading::logs(&args.retests, &setup, ReadMode::Bulk)?;
+    let options = VerifyOptions::default().keep_outliers(args.setup.keep_outliers);
+    let proof = verify(&correction, logs, &setup, options)?;
+    let Proof { verification, report_data } = match &limits {
+        Some(limits) => proof.limits(limits)?,
+        None => proof,
+    };
     warn_of_same_log(console, &verification);
     describe(console, &verification);
     if let Some(path) = &args.report {
-        let page = verification_report(&verification, correction.calibration.as_ref(), &evidence)?;
+        let page = verification_report(&verification, correction.calibration.as_ref(), &report_data)?;
         write_bytes(path, page.as_bytes())?;
         console.say(format!("wrote {}", path.display()));
     }
@@ -64,7 +68,7 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
 
 /// A proof on the log of the fit is none.
 fn warn_of_same_log(console: &mut Console, verification: &Verification) {
-    for file in &verification.seen_by_fit {
+    for file in &verification.training_overlap {
         console.note(format!("warning: {file} is a log that the calibration was made from; this is no proof"));
     }
 }
@@ -82,15 +86,15 @@ fn describe(console: &mut Console, verification: &Verification) {
         if let Some(scale) = &axis.scale_factor {
             console.say(scale_factor(scale));
         }
-        let rows = axis.left.rows();
+        let rows = axis.residual_diagnostics.rows();
         if !rows.is_empty() {
-            console.say(table(&["what is left", "value", "of noise alone"], rows));
+            console.say(table(&["residual", "value", "noise alone"], rows));
         }
         if let Some(flight) = &axis.flight {
             console.say(flown(flight));
         }
-        if let Some(why) = &axis.flight_untold {
-            console.say(format!("  the flight cannot be told: {why}"));
+        if let Some(why) = &axis.flight_unavailable {
+            console.say(format!("  the flight is not available: {why}"));
         }
         if !axis.limits.is_empty() {
             let rows = axis.limits.iter().map(|l| {
@@ -107,7 +111,7 @@ fn describe(console: &mut Console, verification: &Verification) {
 }
 
 /// What the stated flight comes to; the drift apart from the noise.
-fn flown(flight: &MisDistance) -> String {
+fn flown(flight: &PositionError) -> String {
     let metres = |e: Estimate| with_sigma(e.value, Some(e.sigma));
     let noise = flight.noise_m.map_or("not known".to_owned(), |m| format!("{} m (σ)", significant(m, 3)));
     format!(
@@ -142,7 +146,7 @@ fn verdict(axis: &AxisVerification) -> String {
         Some(false) => "LIMITS NOT MET; ".to_owned(),
         None => String::new(),
     };
-    let floor = axis.floor.as_ref().map_or("noise floor unknown".to_owned(), |floor| {
+    let floor = axis.noise_floor.as_ref().map_or("noise floor unknown".to_owned(), |floor| {
         format!("σ after is {} of the noise floor", significant(axis.after.sigma_dph / floor.value_dph, 3))
     });
     format!("{judged}max − min improved {}, σ {}; {floor}", times(axis.improvement), times(axis.improvement_sigma))
@@ -156,7 +160,7 @@ fn figures(axis: &AxisVerification, verification: &Verification) -> String {
         [vec![name.to_owned(), f.n.to_string()], cells.to_vec(), vec![significant(f.sigma_dph, 3)]].concat()
     };
     let mut rows = vec![row("before", &axis.before), row("after", &axis.after)];
-    if let Some(floor) = &axis.floor {
+    if let Some(floor) = &axis.noise_floor {
         let blank = String::new;
         rows.push(vec![
             format!("noise floor ({})", floor.source),

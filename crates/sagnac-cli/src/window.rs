@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use sagnac::window::{write_table, write_table_csv};
-use sagnac::write::write_bytes;
+use sagnac_log::write::write_bytes;
 
 use crate::calibrate::excluded;
 use crate::console::{Console, Outcome, Ran};

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use assert_cmd::Command;
-use sagnac::ingest::{hex, sha256};
+use sagnac_log::ingest::{hex, sha256};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -114,7 +114,11 @@ fn a_hole_in_the_retest_is_not_bridged() {
     let axis = &object["axes"][0];
     assert_eq!(out.status.code(), Some(1));
     assert!((axis["coverage"]["part"].as_f64().unwrap() - 40.0 / 110.0).abs() < 0.02, "{}", axis["coverage"]);
-    assert!(axis["flight_untold"].as_str().unwrap().contains("no window lies between"), "{}", axis["flight_untold"]);
+    assert!(
+        axis["flight_unavailable"].as_str().unwrap().contains("no window lies between"),
+        "{}",
+        axis["flight_unavailable"]
+    );
     // And one retest counts once.
     sagnac().args(["verify", &record, &ends, &ends]).assert().code(2);
 }
@@ -148,7 +152,7 @@ fn a_log_of_the_fit_is_never_accepted() {
     let flags = ["verify", &record, &testdata("cycle-1.csv.gz"), "--limits", &limits, "--report", &page, "--json"];
     let out = sagnac().args(flags).assert().code(1).get_output().clone();
     let object: Value = serde_json::from_slice(&out.stdout).unwrap();
-    assert_eq!(object["seen_by_fit"][0], "cycle-1.csv.gz");
+    assert_eq!(object["training_overlap"][0], "cycle-1.csv.gz");
     let page = std::fs::read_to_string(page).unwrap();
     assert!(page.contains("Not accepted") && page.contains("This is no proof") && !page.contains("none of them seen"));
 }
@@ -159,7 +163,7 @@ fn a_flight_beyond_the_test_is_not_accepted() {
     let folder = TempDir::new().unwrap();
     let record = record(&folder);
     let limits = folder.path().join("limits.toml").display().to_string();
-    let flight = "mis_distance_m_max = 1e6\n[flight]\nprofile = [{ minutes = 0, temperature_c = 20 }, { minutes = 60, temperature_c = 95 }]\n";
+    let flight = "position_error_m_max = 1e6\n[flight]\nprofile = [{ minutes = 0, temperature_c = 20 }, { minutes = 60, temperature_c = 95 }]\n";
     std::fs::write(&limits, flight).unwrap();
     let out = sagnac().args(["verify", &record, &testdata("cycle-3.csv.gz"), "--limits", &limits]).assert().code(1);
     let said = String::from_utf8(out.get_output().stdout.clone()).unwrap();

@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use sagnac_sim::fault::FaultKind;
+use sagnac_sim::FaultKind;
 use serde_json::Value;
 
 const READY: [&str; 4] = ["paper", "square-28cm", "prism-heater-loop", "triangle-28cm-dithered"];

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use assert_cmd::Command;
-use sagnac_sim::rigs::ManyInputs;
+use sagnac_sim::ManyInputs;
 use serde_json::Value;
 use tempfile::TempDir;
 

@@ -21,6 +21,11 @@ use crate::thermometer::{LagSpec, Scale, Source, Thermometer};
 pub const MAGIC: [u8; 8] = *b"SAGNACIM";
 /// Version of the layout this code reads and writes.
 pub const FORMAT_VERSION: u16 = 1;
+/// Newest minor version this code reads. Every shape added after the first three raises it; an image has the least minor version
+/// that knows all of its terms.
+pub const FORMAT_MINOR: u16 = 1;
+/// The minor version that added harmonics.
+const MINOR_OF_HARMONICS: u16 = 1;
 const HEAD_LEN: usize = 128;
 const THERMOMETER_LEN: usize = 64;
 const TERM_LEN: usize = 12;
@@ -42,6 +47,15 @@ pub enum DecodeError {
     NotAnImage,
     /// A layout this code does not know.
     UnknownVersion(u16),
+    /// The layout is known, but the image needs a shape that came later than this code.
+    UnknownMinor(u16),
+    /// The minor version is not the one its terms need: one image, one byte string.
+    WrongMinor {
+        /// Minor version in the image.
+        stored: u16,
+        /// The least that knows its terms.
+        needed: u16,
+    },
     /// Bytes left after the announced end.
     TooLong {
         /// Bytes announced.
@@ -91,6 +105,14 @@ impl fmt::Display for DecodeError {
             }
             Self::NotAnImage => f.write_str("does not begin like a Sagnac image"),
             Self::UnknownVersion(v) => write!(f, "image format version {v}; this program reads {FORMAT_VERSION}"),
+            Self::UnknownMinor(minor) => write!(
+                f,
+                "image format version {FORMAT_VERSION}.{minor}; this program reads up to {FORMAT_VERSION}.{FORMAT_MINOR}"
+            ),
+            Self::WrongMinor { stored, needed } => write!(
+                f,
+                "image format version {FORMAT_VERSION}.{stored}, but its terms are of version {FORMAT_VERSION}.{needed}"
+            ),
             Self::TooLong { needed, given } => {
                 write!(f, "{given} bytes where the image ends at {needed}")
             }
@@ -116,6 +138,11 @@ impl Image {
         HEAD_LEN + THERMOMETER_LEN * self.thermometers().len() + TERM_LEN * self.terms().len() + CRC_LEN
     }
 
+    /// The minor version of its format: the least that knows all of its terms.
+    pub fn format_minor(&self) -> u16 {
+        minor_of(self.terms())
+    }
+
     /// Writes the image to the front of `out`; returns its length, or `None` if `out` is too small.
     pub fn encode(&self, out: &mut [u8]) -> Option<usize> {
         let len = self.encoded_len();
@@ -138,7 +165,7 @@ impl Image {
     /// # Errors
     /// [`DecodeError`], cheapest check first: length, magic, version, CRC, then every value.
     pub fn decode(bytes: &[u8]) -> Result<Self, DecodeError> {
-        let announced = announced_len(bytes)?;
+        let (announced, stored_minor) = announced(bytes)?;
         let (needed, given) = (announced, bytes.len());
         if given < needed {
             return Err(DecodeError::TooShort { needed, given });
@@ -152,13 +179,24 @@ impl Image {
         if stored != computed {
             return Err(DecodeError::Crc { stored, computed });
         }
-        let description = read_body(&mut Reader::new(body), short)?;
+        // Filled in place: a description is a kilobyte, and every value returned may be one more on a small stack.
+        let mut description = Description::empty();
+        read_body(&mut Reader::new(body), &mut description, short)?;
+        let needed = minor_of(description.terms.get(..usize::from(description.term_count)).unwrap_or(&[]));
+        if stored_minor != needed {
+            return Err(DecodeError::WrongMinor { stored: stored_minor, needed });
+        }
         Image::new(description).map_err(DecodeError::Invalid)
     }
 }
 
-/// Checks magic and version; the length that the head's counts make.
-fn announced_len(bytes: &[u8]) -> Result<usize, DecodeError> {
+/// The least minor version that knows all of these terms.
+fn minor_of(terms: &[Term]) -> u16 {
+    if terms.iter().any(|term| term.shape.turns_q18().is_some()) { MINOR_OF_HARMONICS } else { 0 }
+}
+
+/// Checks magic and both versions; the length that the head announces, and its minor version.
+fn announced(bytes: &[u8]) -> Result<(usize, u16), DecodeError> {
     let given = bytes.len();
     let mut r = Reader::new(bytes);
     let short = DecodeError::TooShort { needed: HEAD_LEN + CRC_LEN, given };
@@ -169,15 +207,18 @@ fn announced_len(bytes: &[u8]) -> Result<usize, DecodeError> {
     if version != FORMAT_VERSION {
         return Err(DecodeError::UnknownVersion(version));
     }
-    r.take::<2>().ok_or(short)?;
-    Ok(r.u32().ok_or(short)? as usize)
+    let minor = r.u16().ok_or(short)?;
+    if minor > FORMAT_MINOR {
+        return Err(DecodeError::UnknownMinor(minor));
+    }
+    Ok((r.u32().ok_or(short)? as usize, minor))
 }
 
 fn write_head(w: &mut Writer<'_>, image: &Image, len: usize) -> Option<()> {
     let d = image.description();
     w.put(MAGIC)?;
     w.put(FORMAT_VERSION.to_le_bytes())?;
-    w.put([0; 2])?;
+    w.put(image.format_minor().to_le_bytes())?;
     w.put(u32::try_from(len).ok()?.to_le_bytes())?;
     w.put(d.serial)?;
     w.put([d.axis, d.thermometer_count, d.term_count, 0])?;
@@ -193,29 +234,27 @@ fn write_head(w: &mut Writer<'_>, image: &Image, len: usize) -> Option<()> {
     w.put([0; 4])
 }
 
-fn read_body(r: &mut Reader<'_>, short: DecodeError) -> Result<Description, DecodeError> {
-    let mut d = read_head(r).ok_or(short)??;
+fn read_body(r: &mut Reader<'_>, d: &mut Description, short: DecodeError) -> Result<(), DecodeError> {
+    read_head(r, d).ok_or(short)??;
     for slot in d.thermometers.iter_mut().take(usize::from(d.thermometer_count)) {
         *slot = read_thermometer(r).ok_or(short)??;
     }
     for (i, slot) in (0_u8..).zip(d.terms.iter_mut().take(usize::from(d.term_count))) {
         *slot = read_term(r, i).ok_or(short)??;
     }
-    if r.is_empty() { Ok(d) } else { Err(DecodeError::Reserved("the end (length and counts disagree)")) }
+    if r.is_empty() { Ok(()) } else { Err(DecodeError::Reserved("the end (length and counts disagree)")) }
 }
 
 /// `None`: the bytes ended. The inner error: they said something unknown.
 type Parsed<T> = Option<Result<T, DecodeError>>;
 
-fn read_head(r: &mut Reader<'_>) -> Parsed<Description> {
-    let mut d = Description::empty();
-    r.take::<10>()?;
-    let mut reserved = r.u16()? != 0;
-    r.u32()?;
+fn read_head(r: &mut Reader<'_>, d: &mut Description) -> Parsed<()> {
+    // Magic, versions and length are checked.
+    r.take::<16>()?;
     d.serial = r.take()?;
     let [axis, thermometer_count, term_count, zero] = r.take()?;
     (d.axis, d.thermometer_count, d.term_count) = (axis, thermometer_count, term_count);
-    reserved |= zero != 0;
+    let mut reserved = zero != 0;
     d.tick_ns = r.u32()?;
     d.period_ticks = r.u32()?;
     d.slew_ticks = r.u32()?;
@@ -226,7 +265,7 @@ fn read_head(r: &mut Reader<'_>) -> Parsed<Description> {
     d.output_limit = r.u32()?;
     d.parent = r.take()?;
     reserved |= r.u32()? != 0;
-    Some(if reserved { Err(DecodeError::Reserved("the head")) } else { Ok(d) })
+    Some(if reserved { Err(DecodeError::Reserved("the head")) } else { Ok(()) })
 }
 
 fn write_thermometer(w: &mut Writer<'_>, t: &Thermometer) -> Option<()> {
@@ -296,26 +335,36 @@ fn write_term(w: &mut Writer<'_>, term: &Term) -> Option<()> {
         Multiplier::One => 0,
         Multiplier::Rate => 1,
     };
-    let (shape, order, knot_q15) = match term.shape {
-        Shape::Chebyshev(order) => (0, order, 0),
-        Shape::Zone { knot_q15 } => (1, 0, knot_q15),
-        Shape::Step { knot_q15 } => (2, 0, knot_q15),
+    // Of the turns of a harmonic the low 16 bits stand where a knot does, the high 8 where an order does.
+    let harmonic = |number: u8, turns_q18: u32| {
+        let [low, middle, high, _] = turns_q18.to_le_bytes();
+        (number, high, [low, middle])
+    };
+    let (shape, order, low) = match term.shape {
+        Shape::Chebyshev(order) => (0, order, [0; 2]),
+        Shape::Zone { knot_q15 } => (1, 0, knot_q15.to_le_bytes()),
+        Shape::Step { knot_q15 } => (2, 0, knot_q15.to_le_bytes()),
+        Shape::Cosine { turns_q18 } => harmonic(3, turns_q18),
+        Shape::Sine { turns_q18 } => harmonic(4, turns_q18),
     };
     w.put([kind, term.sensor, order, multiplier])?;
     w.put(term.mantissa.to_le_bytes())?;
     w.put([term.shift, shape])?;
-    w.put(knot_q15.to_le_bytes())
+    w.put(low)
 }
 
 fn read_term(r: &mut Reader<'_>, index: u8) -> Parsed<Term> {
     let [kind, sensor, order, multiplier] = r.take()?;
     let mantissa = r.i32()?;
-    let [shift, shape, knot @ ..] = r.take::<4>()?;
-    let knot_q15 = i16::from_le_bytes(knot);
+    let [shift, shape, low, middle] = r.take::<4>()?;
+    let knot_q15 = i16::from_le_bytes([low, middle]);
+    let turns_q18 = u32::from_le_bytes([low, middle, order, 0]);
     let shape = match (shape, order, knot_q15) {
         (0, order, 0) => Shape::Chebyshev(order),
         (1, 0, knot_q15) => Shape::Zone { knot_q15 },
         (2, 0, knot_q15) => Shape::Step { knot_q15 },
+        (3, ..) => Shape::Cosine { turns_q18 },
+        (4, ..) => Shape::Sine { turns_q18 },
         (0..=2, ..) => return Some(Err(DecodeError::Reserved("a term"))),
         (shape, ..) => return Some(Err(DecodeError::UnknownShape { term: index, shape })),
     };

@@ -17,6 +17,7 @@
 
 use core::fmt;
 
+use crate::harmonic::{cosine, sine};
 use crate::image::{GUARD_BITS, Image, Kind, MAX_THERMOMETERS, Multiplier, Shape, Term};
 use crate::rounding::round_shift;
 use crate::series::{BASIS_LEN, ONE_Q31, chebyshev, step, zone};
@@ -378,6 +379,8 @@ impl Compensator {
                 }
                 Shape::Zone { knot_q15 } => zone(reading.x_q47, knot_q15),
                 Shape::Step { knot_q15 } => step(reading.x_q47, knot_q15),
+                Shape::Cosine { turns_q18 } => cosine(reading.x_q47, turns_q18),
+                Shape::Sine { turns_q18 } => sine(reading.x_q47, turns_q18),
             };
             let value = term_value(term, shape, reading.y_q31);
             match term.kind {

@@ -4,12 +4,13 @@
 //! refuses every combination for which the arithmetic of [`crate::Compensator`] could overflow or
 //! mean nothing. After that no arithmetic needs a `Result`.
 //!
-//! A term is `coefficient · shape(x_sensor) [· y_sensor]`, its shape a Chebyshev polynomial or a piece that begins at a
-//! knot ([`Shape`]), its coefficient a mantissa with its own exponent. Bias terms are in output counts per tick, scale
+//! A term is `coefficient · shape(x_sensor) [· y_sensor]`, its shape a Chebyshev polynomial, a piece that begins at a
+//! knot, or a harmonic ([`Shape`]), its coefficient a mantissa with its own exponent. Bias terms are in output counts per tick, scale
 //! terms in units of one; both are summed in Q40 (eight guard bits below the Q32 of the fast path).
 
 use core::fmt;
 
+use crate::harmonic::MAX_TURNS_Q18;
 use crate::series::MAX_ORDER;
 use crate::thermometer::{LagSpec, Scale, Source, Thermometer};
 
@@ -59,6 +60,16 @@ pub enum Shape {
         /// x in 2⁻¹⁵.
         knot_q15: i16,
     },
+    /// `cos(2π·u·(x + 1)/2)`: u turns over the span, from phase 0 at its lower end.
+    Cosine {
+        /// u in 2⁻¹⁸ turns, 1..=[`MAX_TURNS_Q18`].
+        turns_q18: u32,
+    },
+    /// `sin(2π·u·(x + 1)/2)`, the same.
+    Sine {
+        /// u in 2⁻¹⁸ turns, 1..=[`MAX_TURNS_Q18`].
+        turns_q18: u32,
+    },
 }
 
 impl Shape {
@@ -66,7 +77,15 @@ impl Shape {
     pub const fn order(self) -> Option<u8> {
         match self {
             Self::Chebyshev(order) => Some(order),
-            Self::Zone { .. } | Self::Step { .. } => None,
+            Self::Zone { .. } | Self::Step { .. } | Self::Cosine { .. } | Self::Sine { .. } => None,
+        }
+    }
+
+    /// The turns over the span in 2⁻¹⁸, if it is a harmonic.
+    pub const fn turns_q18(self) -> Option<u32> {
+        match self {
+            Self::Cosine { turns_q18 } | Self::Sine { turns_q18 } => Some(turns_q18),
+            Self::Chebyshev(_) | Self::Zone { .. } | Self::Step { .. } => None,
         }
     }
 }
@@ -290,6 +309,7 @@ impl Image {
         first_broken(&[
             (sensor.is_some(), "sensor"),
             (term.shape.order().is_none_or(|order| order <= MAX_ORDER), "order"),
+            (term.shape.turns_q18().is_none_or(|turns| (1..=MAX_TURNS_Q18).contains(&turns)), "turns"),
             (term.multiplier == Multiplier::One || has_rate, "multiplier (the thermometer has no lag filter)"),
             (term.mantissa != i32::MIN, "mantissa"),
             ((8..=62).contains(&term.shift), "shift"),

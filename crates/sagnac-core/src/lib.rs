@@ -8,7 +8,7 @@
 //!
 //! The measurement model is the one of IEEE Std 647/952 turned round,
 //! `n' = n·(1 + ε·1e-6) − d·dt/S0`, with the bias drift `d` in °/h and the scale-factor deviation
-//! `ε` in ppm given as Chebyshev series of temperature, optionally times the temperature rate, with zones and steps
+//! `ε` in ppm given as Chebyshev series of temperature, optionally times the temperature rate, with zones, steps and harmonics
 //! beside them. What is called a thermometer may be the difference of two of them, or another number with a code.
 //!
 //! * [`Image`] is what flash holds: a validated, immutable table of thermometers and terms.
@@ -39,6 +39,7 @@ mod bank;
 pub mod bytes;
 mod codec;
 mod compensator;
+mod harmonic;
 mod image;
 mod rounding;
 mod series;
@@ -46,8 +47,9 @@ mod status;
 mod thermometer;
 
 pub use bank::{BANK_LEN, BankReport, Banks, Gyro, Loaded, Origin, REGION_ALIGNMENT, StoreError, Unfit};
-pub use codec::{DecodeError, FORMAT_VERSION, MAGIC, MAX_IMAGE_LEN};
+pub use codec::{DecodeError, FORMAT_MINOR, FORMAT_VERSION, MAGIC, MAX_IMAGE_LEN};
 pub use compensator::{Compensator, MAX_RAW, Misuse, Output, State};
+pub use harmonic::MAX_TURNS_Q18;
 pub use image::{
     Description, Image, ImageError, Kind, MAX_INCREMENT, MAX_TERMS, MAX_THERMOMETERS, Multiplier, Shape, Term,
 };

@@ -4,7 +4,8 @@ mod support;
 
 use proptest::prelude::*;
 use sagnac_core::{
-    DecodeError, Description, Image, ImageError, Kind, MAX_IMAGE_LEN, Multiplier, Scale, Source, Thermometer,
+    DecodeError, Description, FORMAT_MINOR, Image, ImageError, Kind, MAX_IMAGE_LEN, MAX_TURNS_Q18, Multiplier, Scale,
+    Shape, Source, Term, Thermometer,
 };
 use support::{any_image_of_three, difference, image, term, thermometer};
 
@@ -98,8 +99,8 @@ fn unknown_things_are_named() {
         Err(DecodeError::UnknownMultiplier { term: 0, multiplier: 2 })
     );
     assert_eq!(
-        Image::decode(&resealed(good.clone(), terms + 9, 3)),
-        Err(DecodeError::UnknownShape { term: 0, shape: 3 })
+        Image::decode(&resealed(good.clone(), terms + 9, 5)),
+        Err(DecodeError::UnknownShape { term: 0, shape: 5 })
     );
     // A zone has no order, a series no knot, a code of its own no thermometers to take from each other.
     assert_eq!(Image::decode(&resealed(good.clone(), terms + 9, 1)), Err(DecodeError::Reserved("a term")));
@@ -109,6 +110,61 @@ fn unknown_things_are_named() {
         assert_eq!(Image::decode(&bytes), Err(DecodeError::Reserved("a thermometer")), "{place}");
     }
     assert_eq!(Image::decode(&resealed(good, terms + 2, 9)), Err(DecodeError::Invalid(ImageError::Term(0, "order"))));
+}
+
+fn with_harmonics() -> Image {
+    let harmonic = |shape, multiplier| Term { shape, ..term(Kind::Bias, 0, multiplier, 1 << 29, 40) };
+    image(
+        &[
+            harmonic(Shape::Cosine { turns_q18: 0x12_3456 }, Multiplier::Rate),
+            harmonic(Shape::Sine { turns_q18: MAX_TURNS_Q18 }, Multiplier::One),
+        ],
+        10_000,
+        100,
+    )
+}
+
+#[test]
+fn harmonics_raise_the_minor_version() {
+    assert_eq!((typical().format_minor(), bytes_of(&typical())[10]), (0, 0));
+    let good = bytes_of(&with_harmonics());
+    let terms = good.len() - 4 - 24;
+    assert_eq!((with_harmonics().format_minor(), good[10], good[11]), (1, 1, 0));
+    // Shape, the low 16 bits of the turns, their high 8 in the place of an order.
+    assert_eq!((&good[terms + 9..terms + 12], good[terms + 2]), (&[3, 0x56, 0x34][..], 0x12));
+    assert_eq!((&good[terms + 21..terms + 24], good[terms + 14]), (&[4, 0xff, 0xff][..], 0xff));
+    assert_eq!(Image::decode(&good), Ok(with_harmonics()));
+
+    let wrong = |stored, needed| Err(DecodeError::WrongMinor { stored, needed });
+    assert_eq!(Image::decode(&resealed(good.clone(), 10, 0)), wrong(0, 1));
+    assert_eq!(Image::decode(&resealed(bytes_of(&typical()), 10, 1)), wrong(1, 0));
+    let newer = Image::decode(&resealed(good.clone(), 10, 2)).unwrap_err();
+    assert_eq!(newer, DecodeError::UnknownMinor(FORMAT_MINOR + 1));
+    assert_eq!(newer.to_string(), "image format version 1.2; this program reads up to 1.1");
+    assert_eq!(Image::decode(&resealed(good, 11, 3)), Err(DecodeError::UnknownMinor(0x301)));
+}
+
+#[test]
+fn turns_have_a_range() {
+    let with = |shape: Shape| {
+        let mut d = *with_harmonics().description();
+        d.terms[1].shape = shape;
+        Image::new(d)
+    };
+    for turns_q18 in [1, 1 << 18, MAX_TURNS_Q18] {
+        let image = with(Shape::Cosine { turns_q18 }).unwrap();
+        assert_eq!(Image::decode(&bytes_of(&image)), Ok(image), "{turns_q18}");
+    }
+    for turns_q18 in [0, MAX_TURNS_Q18 + 1, u32::MAX] {
+        assert_eq!(with(Shape::Cosine { turns_q18 }), Err(ImageError::Term(1, "turns")), "{turns_q18}");
+        assert_eq!(with(Shape::Sine { turns_q18 }), Err(ImageError::Term(1, "turns")), "{turns_q18}");
+    }
+    let none = [(2, 0), (10, 0), (11, 0)];
+    let bytes = none.iter().fold(bytes_of(&with_harmonics()), |bytes, (at, value)| {
+        let term = bytes.len() - 4 - 24;
+        resealed(bytes, term + at, *value)
+    });
+    assert_eq!(Image::decode(&bytes), Err(DecodeError::Invalid(ImageError::Term(0, "turns"))));
 }
 
 #[test]

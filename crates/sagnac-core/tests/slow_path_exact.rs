@@ -3,6 +3,8 @@
 
 mod support;
 
+use std::sync::LazyLock;
+
 use num_bigint::BigInt;
 use proptest::prelude::*;
 use sagnac_core::{Compensator, Image, Kind, Multiplier, Shape, Source, State};
@@ -46,6 +48,8 @@ impl Exact {
                 Shape::Chebyshev(order) => basis[usize::from(order)].clone(),
                 Shape::Zone { knot_q15 } => (above(knot_q15) * above(knot_q15)) >> (FRACTION + 2),
                 Shape::Step { knot_q15 } => fixed(i32::from(basis[1] >= fixed(knot_q15, 15)), 0),
+                Shape::Cosine { turns_q18 } => sine_of_turns(turns(&basis[1], turns_q18) + fixed(1, 2)),
+                Shape::Sine { turns_q18 } => sine_of_turns(turns(&basis[1], turns_q18)),
             };
             if term.multiplier == Multiplier::Rate {
                 value = (value * y) >> FRACTION;
@@ -86,6 +90,40 @@ impl Exact {
     }
 }
 
+/// u·(x + 1)/2.
+fn turns(x: &BigInt, turns_q18: u32) -> BigInt {
+    ((x + fixed(1, 0)) * turns_q18) >> 19_u32
+}
+
+/// sin(2π·turns), turns ≥ 0: folded into a quarter, then the power series.
+fn sine_of_turns(turns: BigInt) -> BigInt {
+    /// 2π by Machin's formula, π/4 = 4·atan(1/5) − atan(1/239).
+    static TAU: LazyLock<BigInt> = LazyLock::new(|| {
+        let atan_of_one_by = |n: i32| {
+            let (mut sum, mut power, mut k) = (BigInt::ZERO, fixed(1, 0) / n, 1);
+            while power != BigInt::ZERO {
+                sum += &power / k * if k % 4 == 1 { 1 } else { -1 };
+                power /= n * n;
+                k += 2;
+            }
+            sum
+        };
+        (atan_of_one_by(5) * 4 - atan_of_one_by(239)) * 8
+    });
+    let fraction = turns % fixed(1, 0);
+    let (past, sign) = if fraction < fixed(1, 1) { (fraction, 1) } else { (fraction - fixed(1, 1), -1) };
+    let nearer = past.clone().min(fixed(1, 1) - past);
+    let angle = (nearer * &*TAU) >> FRACTION;
+    let square = (&angle * &angle) >> FRACTION;
+    let (mut sum, mut power, mut k) = (BigInt::ZERO, angle, 1);
+    while power != BigInt::ZERO {
+        sum += &power;
+        power = -((power * &square) >> FRACTION) / ((k + 1) * (k + 2));
+        k += 2;
+    }
+    sum * sign
+}
+
 /// Sum of the sizes of the coefficients of one kind, in LSB of Q32.
 fn size(image: &Image, kind: Kind) -> f64 {
     let terms = image.terms().iter().filter(|term| term.kind == kind);
@@ -96,6 +134,22 @@ fn off_by(exact: &BigInt, rounded: i64) -> f64 {
     let difference: BigInt = exact - fixed(rounded, 32);
     let lsb: BigInt = difference >> (FRACTION - 32 - 20);
     i64::try_from(lsb).unwrap() as f64 / f64::from(1 << 20)
+}
+
+/// The reference itself, where the sine is known in closed form.
+#[test]
+fn the_big_sine_is_one() {
+    let near = |found: BigInt, exact: BigInt| {
+        let off: BigInt = found - exact;
+        assert!(off.clone().max(-off.clone()) < fixed(1, 190), "{off}");
+    };
+    near(sine_of_turns(fixed(13, 2)), fixed(1, 0));
+    near(sine_of_turns(fixed(7, 2)), fixed(-1, 0));
+    near(sine_of_turns(fixed(5, 1)), BigInt::ZERO);
+    // sin 30° = 1/2; sin² 45° = 1/2.
+    near(sine_of_turns(fixed(1, 0) / 12), fixed(1, 1));
+    let half = sine_of_turns(fixed(3, 3));
+    near((&half * &half) >> FRACTION, fixed(1, 1));
 }
 
 proptest! {

@@ -1,14 +1,12 @@
-//! Laws of the ring laser that the beat must obey. Source of each beside it; tolerances are twice what was measured
-//! with these seeds, or more.
+//! Laws of the ring laser that the beat must obey, each with its source. Tolerances are at least twice the deviation
+//! measured with these seeds.
 
 mod gyros;
 
 use gyros::{mean_dph, triangle, walk_deg_rt_h};
 use sagnac_loops::{Multiplier, Quadrature, QuadratureState};
-use sagnac_sim::Scenario;
-use sagnac_sim::beat::Beat;
-use sagnac_sim::physics::{Shape, adler_mean_dph, dithered_arw_deg_rt_h};
-use sagnac_sim::scenario::tables::{BeatModel, Counting};
+use sagnac_sim::physics::{adler_mean_dph, dithered_arw_deg_rt_h};
+use sagnac_sim::{Beat, BeatModel, Counting, RingShape, Scenario};
 
 /// Without dither.
 fn still(lock_in_dph: f64, model: BeatModel) -> Scenario {
@@ -22,28 +20,29 @@ fn still(lock_in_dph: f64, model: BeatModel) -> Scenario {
 #[test]
 fn the_papers_beat() {
     let mut scenario = still(0.0, BeatModel::Adler);
-    scenario.geometry.shape = Shape::Circle;
+    scenario.geometry.shape = RingShape::Circle;
     scenario.geometry.perimeter_m = std::f64::consts::TAU * 0.1;
     scenario.geometry.wavelength_um = 0.6333;
     scenario.readout.counting = Counting::X1;
-    let mut beat = Beat::new(&scenario, 1);
-    let counts: i64 = (0..1_000_000).map(|_| i64::from(beat.tick(10.0).raw)).sum();
+    let beat = Beat::build(&scenario).unwrap();
+    let mut state = beat.start(1);
+    let counts: i64 = (0..1_000_000).map(|_| i64::from(beat.tick(&mut state, 10.0).raw)).sum();
     // 1531.07 in 100 s.
     assert_eq!(counts, 1531);
 }
 
-/// Adler (1946), Aronowitz: √(Ω² − Ω_L²) outside of the dead band, nothing inside; both forms of the equations.
+/// Adler (1946), Aronowitz: √(Ω² − Ω_L²) outside the dead band, 0 inside; both forms of the equations.
 #[test]
 fn adlers_mean_rate_and_the_dead_band() {
     for (model, tolerance) in [(BeatModel::Adler, 2e-4), (BeatModel::TwoMode, 5e-3)] {
         let scenario = still(200.0, model);
         for rate in [-1000.0, -210.0, 205.0, 250.0, 400.0, 3000.0] {
-            let mean = mean_dph(&mut Beat::new(&scenario, 1), &scenario, rate, 20.0);
+            let mean = mean_dph(&scenario, 1, rate, 20.0);
             let wanted = adler_mean_dph(rate, 200.0);
             assert!((mean - wanted).abs() < tolerance * 200.0, "{model:?} at {rate}: {mean}, Adler {wanted}");
         }
         for rate in [-195.0, -10.0, 0.0, 190.0] {
-            let mean = mean_dph(&mut Beat::new(&scenario, 1), &scenario, rate, 20.0);
+            let mean = mean_dph(&scenario, 1, rate, 20.0);
             assert!(mean.abs() < 0.01, "{model:?} at {rate} is locked: {mean}");
         }
     }
@@ -55,7 +54,7 @@ fn scale_factor_error_far_from_lock_in() {
     let scenario = still(300.0, BeatModel::Adler);
     for ratio in [20.0, 40.0, 80.0] {
         let rate = 300.0 * ratio;
-        let mean = mean_dph(&mut Beat::new(&scenario, 1), &scenario, rate, 200.0);
+        let mean = mean_dph(&scenario, 1, rate, 200.0);
         let error = mean / rate - 1.0;
         let wanted = -0.5 / (ratio * ratio);
         assert!((error / wanted - 1.0).abs() < 0.01, "at {ratio} Ω_L: {error:e}, law {wanted:e}");
@@ -71,7 +70,7 @@ fn dither_makes_a_walk_of_lock_in() {
     assert!((arw / law - 1.0).abs() < 0.05, "{arw}, law {law}");
 }
 
-/// Its scaling: with Ω_L, and with the root of the dither frequency turned over. 1.1 % σ each.
+/// Its scaling: with Ω_L, and with the inverse root of the dither frequency. Standard error 1.1 % each.
 #[test]
 fn the_walk_scales_with_lock_in_and_frequency() {
     for (lock_in, hz) in [(75.0, 400.0), (600.0, 400.0), (300.0, 300.0), (300.0, 600.0)] {
@@ -93,8 +92,8 @@ fn amplitude_noise_raises_the_walk() {
     assert!((0.015..0.03).contains(&raised), "{raised}");
 }
 
-/// Pure sine dither: inside Ω_L·|J_n(Kθ)| of n·f_D fringes per second the mean is n·f_D to the last digit. The
-/// Bessel function is libm's.
+/// Pure sine dither: within Ω_L·|J_n(Kθ)| of n·f_D fringes per second the mean is exactly n·f_D. The Bessel function
+/// is that of libm.
 #[test]
 fn dynamic_lock_in_zones_come_with_pure_sine_and_go_with_noise() {
     let scenario = triangle(300.0, 400.0, 0.0);
@@ -103,13 +102,13 @@ fn dynamic_lock_in_zones_come_with_pure_sine_and_go_with_noise() {
         let middle = f64::from(n) * 400.0 * scenario.arcsec_per_fringe();
         let half = 300.0 * libm::jn(n, k * 150.0).abs();
         assert!(half > 1.0, "zone {n} is {half} wide");
-        let mean = |rate: f64, scenario: &Scenario| mean_dph(&mut Beat::new(scenario, 1), scenario, rate, 40.0);
+        let mean = |rate: f64, scenario: &Scenario| mean_dph(scenario, 1, rate, 40.0);
         let inside = mean(middle + 0.8 * half, &scenario);
         assert!((inside - middle).abs() < 0.1, "zone {n}: {inside} is not {middle}");
         let outside = mean(middle + 1.5 * half, &scenario);
         let free = half * (1.5_f64 * 1.5 - 1.0).sqrt();
         assert!((outside - middle - free).abs() < 0.1 * half, "zone {n}: {outside} is not {middle} + {free}");
-        // With noise only the walk is left: 0.3 °/h σ over 40 s would be 0.005 °/√h.
+        // With noise only the walk remains: 0.3 °/h σ over 40 s would be 0.005 °/√h.
         let noisy = mean(middle + 0.8 * half, &triangle(300.0, 400.0, 0.2));
         assert!((noisy - middle - 0.8 * half).abs() < 0.5, "zone {n} with noise: {noisy}");
     }
@@ -134,7 +133,8 @@ fn counting_is_that_of_the_target() {
         [(Counting::X1, Multiplier::X1), (Counting::X2, Multiplier::X2), (Counting::X4, Multiplier::X4)]
     {
         scenario.readout.counting = counting;
-        let mut beat = Beat::new(&scenario, 1);
+        let beat = Beat::build(&scenario).unwrap();
+        let mut light = beat.start(1);
         let counter = Quadrature { multiplier };
         let mut state = QuadratureState::default();
         let second_edge = 0.25 + 20.0 / 360.0;
@@ -144,13 +144,13 @@ fn counting_is_that_of_the_target() {
             let (a, b) = (within < 0.5, (second_edge..second_edge + 0.5).contains(&within));
             i64::from(counter.take(&mut state, a, b))
         };
-        levels(beat.phase_fringes());
+        levels(beat.phase_fringes(&light));
         let (mut ours, mut theirs) = (0, 0);
         for tick in 0..400_000 {
-            // To and fro, slowly enough for the comparators to be seen at each tick.
+            // Slowly forth and back, so that every state of the comparators is seen.
             let rate = 2000.0 * libm::sin(f64::from(tick) * 3e-5);
-            ours += i64::from(beat.tick(rate).raw);
-            theirs += levels(beat.phase_fringes());
+            ours += i64::from(beat.tick(&mut light, rate).raw);
+            theirs += levels(beat.phase_fringes(&light));
             assert!((ours - theirs).abs() <= 1, "{counting:?} at tick {tick}: {ours} and {theirs}");
         }
         assert_eq!(state.lost, 0);

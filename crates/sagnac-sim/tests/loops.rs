@@ -1,34 +1,32 @@
-//! Both loops, their own code running on the simulated plant.
+//! Both loops: their own code, running on the simulated plant.
 
 mod gyros;
 
-use gyros::ready;
-use sagnac_loops::{IntensityStatus, PathLengthStatus};
-use sagnac_sim::Scenario;
-use sagnac_sim::gyro::GyroRun;
-use sagnac_sim::plant::{Design, LoopName, Running, SecondOfLoops, measure};
-use sagnac_sim::scenario::tables::{LegTable, Loops};
+use gyros::{ready, run};
+use sagnac_sim::{
+    ChamberLeg, IntensityStatus, LoopAverages, LoopDesign, LoopModel, LoopName, PathLengthStatus, PlantConditions,
+    RunConfig, Scenario,
+};
 
 /// Seconds of both loops while the block goes from one temperature to another at a rate.
-fn ramp(scenario: &Scenario, from_c: f64, to_c: f64, cpm: f64) -> Vec<SecondOfLoops> {
-    let design = Design::of(scenario).unwrap();
-    let mut running = Running::new(&design, 1);
-    let (at, loss) = (|t: f64| design.thermal_waves(t), |t: f64| design.loss(t));
+fn ramp(scenario: &Scenario, from_c: f64, to_c: f64, cpm: f64) -> Vec<LoopAverages> {
+    let design = LoopDesign::build(scenario).unwrap();
+    let mut state = design.start(1);
     let seconds = ((to_c - from_c).abs() / cpm * 60.0) as u32;
     let step = (to_c - from_c) / f64::from(seconds);
-    // Some time to ignite and lock where it starts.
+    // Time to ignite and lock at the start temperature.
     for _ in 0..120 {
-        running.stretch(10_000, [at(from_c); 2], [loss(from_c); 2], false);
+        design.advance(&mut state, 10_000, &design.conditions([from_c; 2]));
     }
     (0..seconds)
         .map(|s| {
             let t = [f64::from(s), f64::from(s + 1)].map(|s| from_c + step * s);
-            running.stretch(10_000, t.map(at), t.map(loss), false)
+            design.advance(&mut state, 10_000, &design.conditions(t))
         })
         .collect()
 }
 
-fn rms_waves(seconds: &[SecondOfLoops]) -> f64 {
+fn rms_waves(seconds: &[LoopAverages]) -> f64 {
     let sum: f64 = seconds.iter().map(|s| s.detuning_squares).sum();
     let ticks: u32 = seconds.iter().map(|s| s.valid_ticks).sum();
     (sum / f64::from(ticks)).sqrt()
@@ -43,7 +41,7 @@ fn the_path_is_held_and_locked_again() {
     let rms = rms_waves(&seconds);
     assert!(rms < 1e-3, "{rms} wavelengths rms");
     // 2.43 wavelengths of growth need two resets with this mirror.
-    let resets: Vec<&SecondOfLoops> = seconds.windows(2).filter(|w| w[0].modes != w[1].modes).map(|w| &w[1]).collect();
+    let resets: Vec<&LoopAverages> = seconds.windows(2).filter(|w| w[0].modes != w[1].modes).map(|w| &w[1]).collect();
     assert_eq!(resets.len(), 2);
     let stated_s =
         scenario.path_length.reset_s + scenario.path_length.settle_s + 2.0 / scenario.path_length.bandwidth_hz;
@@ -87,27 +85,29 @@ fn the_light_is_held() {
     assert_eq!(seconds.last().unwrap().intensity_status, IntensityStatus::OK);
 }
 
-/// A current that cannot rise any more says so, and that the light is low.
+/// A current at its upper limit is reported, and so is the low light.
 #[test]
-fn the_end_of_the_current_is_told() {
+fn the_limit_of_the_current_is_reported() {
     let mut scenario = ready("square-28cm");
     scenario.intensity.loss_growth = 1.0;
     // 1.39 mA would hold the light at 70 °C.
     scenario.intensity.high_ma = 1.1;
     scenario.intensity.ignition_ma = 1.05;
     let last = *ramp(&scenario, 0.0, 70.0, 4.0).last().unwrap();
-    let told = IntensityStatus::END_OF_RANGE | IntensityStatus::LOW_INTENSITY;
-    assert!(last.intensity_status.contains(told), "{:?}", last.intensity_status);
+    let expected = IntensityStatus::END_OF_RANGE | IntensityStatus::LOW_INTENSITY;
+    assert!(last.intensity_status.contains(expected), "{:?}", last.intensity_status);
 }
 
-/// Light that goes out: the loops say so, try to ignite, and lock again when it comes back.
+/// Loss of light: the loops report it, try to ignite, and lock again when the light returns.
 #[test]
 fn after_the_dark_it_locks_again() {
     let scenario = ready("triangle-28cm-dithered");
-    let design = Design::of(&scenario).unwrap();
-    let mut running = Running::new(&design, 1);
-    let mut seconds =
-        |n: u32, dark: bool| (0..n).map(|_| running.stretch(10_000, [0.2; 2], [1.0; 2], dark)).last().unwrap();
+    let design = LoopDesign::build(&scenario).unwrap();
+    let mut state = design.start(1);
+    let mut seconds = |n: u32, dark: bool| {
+        let conditions = PlantConditions { thermal_waves: [0.2; 2], dark, ..PlantConditions::default() };
+        (0..n).map(|_| design.advance(&mut state, 10_000, &conditions)).last().unwrap()
+    };
     assert_eq!(seconds(5, false).invalid_ticks, 0);
     let dark = seconds(3, true);
     assert_eq!(dark.valid_ticks, 0);
@@ -118,14 +118,15 @@ fn after_the_dark_it_locks_again() {
     assert_eq!(back.path_status, PathLengthStatus::WAS_LOST, "and remembers it");
 }
 
-/// No light at all: the tries end.
+/// Without light the attempts to ignite end.
 #[test]
 fn ignition_gives_up() {
     let mut scenario = ready("triangle-28cm-dithered");
     scenario.intensity.ignition_tries = 3.0;
-    let design = Design::of(&scenario).unwrap();
-    let mut running = Running::new(&design, 1);
-    let last = (0..40).map(|_| running.stretch(10_000, [0.0; 2], [1.0; 2], true)).last().unwrap();
+    let design = LoopDesign::build(&scenario).unwrap();
+    let mut state = design.start(1);
+    let dark = PlantConditions { dark: true, ..PlantConditions::default() };
+    let last = (0..40).map(|_| design.advance(&mut state, 10_000, &dark)).last().unwrap();
     assert!(last.intensity_status.contains(IntensityStatus::FAILED | IntensityStatus::LOW_INTENSITY));
     assert_eq!(last.current_ma, 0.0);
 }
@@ -135,10 +136,10 @@ fn ignition_gives_up() {
 fn the_running_loops_are_those_designed() {
     for name in ["triangle-28cm-dithered", "square-28cm", "prism-heater-loop"] {
         let scenario = ready(name);
-        let design = Design::of(&scenario).unwrap();
-        let mut sweeps = vec![measure(&design, LoopName::Intensity, scenario.intensity.bandwidth_hz).unwrap()];
+        let design = LoopDesign::build(&scenario).unwrap();
+        let mut sweeps = vec![design.sweep(LoopName::Intensity, scenario.intensity.bandwidth_hz).unwrap()];
         if name != "prism-heater-loop" {
-            sweeps.push(measure(&design, LoopName::PathLength, scenario.path_length.bandwidth_hz).unwrap());
+            sweeps.push(design.sweep(LoopName::PathLength, scenario.path_length.bandwidth_hz).unwrap());
         }
         for sweep in sweeps {
             let (crossover, margin) = (sweep.crossover_hz.unwrap(), sweep.phase_margin_deg.unwrap());
@@ -149,43 +150,43 @@ fn the_running_loops_are_those_designed() {
     }
 }
 
-/// A mirror whose lag weakens and turns the modulation.
+/// A mirror whose lag attenuates the modulation and shifts its phase.
 #[test]
 fn a_mirror_with_a_lag_is_designed_too() {
     let mut scenario = ready("triangle-28cm-dithered");
     for lag_s in [5e-5, 1e-4, 3e-4] {
         (scenario.path_length.rising_lag_s, scenario.path_length.falling_lag_s) = (lag_s, lag_s);
-        let design = Design::of(&scenario).unwrap();
-        let sweep = measure(&design, LoopName::PathLength, scenario.path_length.bandwidth_hz).unwrap();
+        let design = LoopDesign::build(&scenario).unwrap();
+        let sweep = design.sweep(LoopName::PathLength, scenario.path_length.bandwidth_hz).unwrap();
         let ratio = sweep.crossover_hz.unwrap() / sweep.design_crossover_hz;
         assert!((ratio - 1.0).abs() < 0.03, "{lag_s}: {ratio}");
         assert!((sweep.phase_margin_deg.unwrap() - sweep.design_phase_margin_deg).abs() < 1.5);
     }
 }
 
-/// At 16 cm the next mode is far enough for a dark stretch between two: acquired from every place all the same.
+/// At 16 cm there is a dark stretch between two modes; the loop locks from every starting point.
 #[test]
 fn a_dark_start_is_searched_through() {
     let mut scenario = ready("triangle-28cm-dithered");
     scenario.geometry.perimeter_m = 0.16;
-    let design = Design::of(&scenario).unwrap();
+    let design = LoopDesign::build(&scenario).unwrap();
     for tenth in 0..10 {
-        let mut running = Running::new(&design, 1);
+        let mut state = design.start(1);
         let thermal = f64::from(tenth) * 0.1;
-        let seconds: Vec<SecondOfLoops> =
-            (0..15).map(|_| running.stretch(10_000, [thermal; 2], [1.0; 2], false)).collect();
+        let conditions = PlantConditions { thermal_waves: [thermal; 2], ..PlantConditions::default() };
+        let seconds: Vec<LoopAverages> = (0..15).map(|_| design.advance(&mut state, 10_000, &conditions)).collect();
         let last = seconds.last().unwrap();
         assert_eq!(last.invalid_ticks, 0, "from {thermal}: {:?} {:?}", last.path_status, last.intensity_status);
         assert!((last.light - 1.0).abs() < 1e-3);
     }
 }
 
-/// A heater's lag is between that of heating and that of cooling, so the crossover is between those of both.
+/// The lag of a heater is between those of heating and cooling, and so is its crossover.
 #[test]
 fn a_heaters_crossover_is_between_heating_and_cooling() {
     let scenario = ready("prism-heater-loop");
-    let design = Design::of(&scenario).unwrap();
-    let sweep = measure(&design, LoopName::PathLength, scenario.path_length.bandwidth_hz).unwrap();
+    let design = LoopDesign::build(&scenario).unwrap();
+    let sweep = design.sweep(LoopName::PathLength, scenario.path_length.bandwidth_hz).unwrap();
     let ratio = sweep.crossover_hz.unwrap() / sweep.design_crossover_hz;
     assert!((6.0 / 9.0..1.0).contains(&ratio), "{ratio}");
     let margin = sweep.phase_margin_deg.unwrap();
@@ -193,29 +194,22 @@ fn a_heaters_crossover_is_between_heating_and_cooling() {
     assert!(between.contains(&margin), "{margin}° is not in {between:?}");
 }
 
-/// A whole test with the running loops beside one with ideal ones: the same modes to a reset's reach, the same
-/// actuator to 0.2 % of a wavelength, and the same counts but for noise.
+/// A whole test with running loops and with ideal ones: the same modes to within a reset, the same actuator to 0.2 % of
+/// a wavelength, and the same counts apart from noise.
 #[test]
 fn ideal_loops_stand_for_the_running_ones() {
     let mut scenario = ready("triangle-28cm-dithered");
     scenario.chamber.start_c = 0.0;
     scenario.chamber.cycles = 1.0;
-    scenario.chamber.leg = vec![LegTable::Soak { soak_s: 60.0 }, LegTable::Ramp { to_c: 20.0, rate_cpm: 5.0 }];
+    scenario.chamber.leg = vec![ChamberLeg::Soak { soak_s: 60.0 }, ChamberLeg::Ramp { to_c: 20.0, rate_cpm: 5.0 }];
     scenario.block.lag_s = 30.0;
-    let run = |loops: Loops| {
-        let scenario =
-            Scenario { run: sagnac_sim::scenario::tables::Run { loops, ..scenario.run.clone() }, ..scenario.clone() };
+    let rows = |loops: LoopModel| {
+        let scenario = Scenario { run: RunConfig { loops, ..scenario.run.clone() }, ..scenario.clone() };
         let mut rows = Vec::new();
-        GyroRun::new(&scenario, 5)
-            .unwrap()
-            .each_row(|row, second| {
-                rows.push((row.counts, second.loops, row.valid));
-                Ok::<(), ()>(())
-            })
-            .unwrap();
+        run(&scenario, 5, |row, second| rows.push((row.counts, second.loops, row.valid)));
         rows
     };
-    let (ideal, running) = (run(Loops::Ideal), run(Loops::Running));
+    let (ideal, running) = (rows(LoopModel::Ideal), rows(LoopModel::Running));
     let both: Vec<_> = ideal.iter().zip(&running).filter(|(a, b)| a.2 && b.2).collect();
     assert!(both.len() > 250, "{} rows", both.len());
     for (a, b) in &both {
@@ -228,7 +222,7 @@ fn ideal_loops_stand_for_the_running_ones() {
     assert!((counts(&ideal) - counts(&running)).abs() <= 2);
 }
 
-/// Converters of 14 and 16 bits do as well: what they cannot resolve averages out.
+/// Converters of 14 and 16 bits suffice: their quantization averages out.
 #[test]
 fn small_converters_hold_the_path() {
     let mut scenario = ready("triangle-28cm-dithered");

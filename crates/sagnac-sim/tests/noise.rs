@@ -1,23 +1,23 @@
-//! Allan terms put in come out, at constant temperature; and beat and count level agree.
+//! Noise terms of the scenario are found in the log, at constant temperature; beat and count level agree.
 //!
 //! Overlapping Allan deviation of counts, by its definition (NIST SP 1065 §5.2.4) on the accumulated angle.
 
 mod gyros;
 
-use gyros::{mean_dph, ready, walk_deg_rt_h};
-use sagnac_sim::Scenario;
-use sagnac_sim::beat::Beat;
-use sagnac_sim::gyro::GyroRun;
-use sagnac_sim::scenario::tables::{Chamber, LegTable, Noise, TableLeg};
+use gyros::{mean_dph, ready, run, walk_deg_rt_h};
+use sagnac_sim::{
+    BeatModel, BiasConfig, ChamberConfig, ChamberLeg, ERROR_SOURCES, Fidelity, NoiseConfig, RateTableLeg, Scenario,
+};
 
-/// A gyro at rest at 25 °C without any error, for so many hours.
+/// A gyro at rest at 25 °C without any error.
 fn quiet(hours: f64) -> Scenario {
     let mut scenario = ready("triangle-28cm-dithered");
-    scenario.bias = sagnac_sim::scenario::tables::Bias { slope_dph_per_c: 0.0, ..Default::default() };
-    scenario.noise = Noise::default();
+    scenario.bias = BiasConfig { slope_dph_per_c: 0.0, ..Default::default() };
+    scenario.noise = NoiseConfig::default();
     scenario.cavity.backscatter_1_ppm = 0.0;
     scenario.cavity.backscatter_2_ppm = 0.0;
-    scenario.chamber = Chamber { leg: vec![LegTable::Soak { soak_s: hours * 3600.0 }], ..Chamber::default() };
+    scenario.chamber =
+        ChamberConfig { leg: vec![ChamberLeg::Soak { soak_s: hours * 3600.0 }], ..ChamberConfig::default() };
     scenario.fault.clear();
     scenario
 }
@@ -26,13 +26,10 @@ fn quiet(hours: f64) -> Scenario {
 fn angle(scenario: &Scenario, seed: u64) -> Vec<f64> {
     let (mut sum, mut out) = (0, vec![0.0]);
     let scale = scenario.arcsec_per_count();
-    let mut run = GyroRun::new(scenario, seed).unwrap();
-    run.each_row(|row, _| {
+    run(scenario, seed, |row, _| {
         sum += row.counts;
         out.push(sum as f64 * scale);
-        Ok::<(), ()>(())
-    })
-    .unwrap();
+    });
     out
 }
 
@@ -48,7 +45,7 @@ fn angle_random_walk_comes_out() {
     let mut scenario = quiet(300.0);
     scenario.noise.arw_deg_rt_h = 0.003;
     let angle = angle(&scenario, 1);
-    // N = 0.18 arcsec/√s; quantization is gone by 100 s. 0.6 % σ by 1.5 degrees of freedom per 100 s.
+    // N = 0.18 arcsec/√s; quantization is negligible at 100 s. σ is 0.6 %: 1.5 degrees of freedom per 100 s.
     let n = oadev(&angle, 100) * 10.0 / 60.0;
     assert!((n / 0.003 - 1.0).abs() < 0.02, "{n}");
 }
@@ -100,28 +97,24 @@ fn rate_random_walk_and_ramp_come_out() {
 #[test]
 fn a_mode_change_steps_the_scale_factor() {
     let mut scenario = quiet(1.0);
-    scenario.input.table = vec![TableLeg { rate_dps: 100.0, for_s: 1e6 }];
+    scenario.input.table = vec![RateTableLeg { rate_dps: 100.0, for_s: 1e6 }];
     scenario.noise.arw_deg_rt_h = 0.001;
     scenario.block.lag_s = 1.0;
     scenario.chamber.leg = vec![
-        LegTable::Soak { soak_s: 2000.0 },
-        LegTable::Ramp { to_c: 70.0, rate_cpm: 10.0 },
-        LegTable::Soak { soak_s: 2000.0 },
+        ChamberLeg::Soak { soak_s: 2000.0 },
+        ChamberLeg::Ramp { to_c: 70.0, rate_cpm: 10.0 },
+        ChamberLeg::Soak { soak_s: 2000.0 },
     ];
     scenario.scale_factor.actuator_ppm_per_wave = 0.0;
     let (mut counts, mut rows, mut modes) = ([0_i64; 2], [0_i64; 2], Vec::new());
-    GyroRun::new(&scenario, 1)
-        .unwrap()
-        .each_row(|row, second| {
-            let side = usize::from(second.end_s > 2200.0);
-            if row.valid && !(2000.0..2400.0).contains(&second.end_s) {
-                counts[side] += row.counts;
-                rows[side] += 1;
-            }
-            modes.push(second.loops.mode);
-            Ok::<(), ()>(())
-        })
-        .unwrap();
+    run(&scenario, 1, |row, second| {
+        let side = usize::from(second.end_s > 2200.0);
+        if row.valid && !(2000.0..2400.0).contains(&second.end_s) {
+            counts[side] += row.counts;
+            rows[side] += 1;
+        }
+        modes.push(second.loops.mode);
+    });
     let steps = modes.last().unwrap() - modes[0];
     assert_eq!(steps, 1, "one reset on the way");
     let rate = |side: usize| counts[side] as f64 / rows[side] as f64;
@@ -141,30 +134,26 @@ fn beat_and_count_level_agree() {
         assert!((beat_arw / count_arw - 1.0).abs() < 0.035, "{name}: {beat_arw} and {count_arw} °/√h");
         // The count level counts input over S; so does the beat, to four sigma of its walk: 0.1 ppm at the high rate.
         for rate in [scenario.input_dph(), 1_800_000.0] {
-            let beat = mean_dph(&mut Beat::new(&scenario, 2), &scenario, rate, 60.0);
+            let beat = mean_dph(&scenario, 2, rate, 60.0);
             let sigma = 60.0 * count_arw / 60.0_f64.sqrt();
             assert!((beat - rate).abs() < 4.0 * sigma, "{name} at {rate}: {beat}, σ {sigma}");
         }
     }
 }
 
-/// The same through counter, stripper and log: what was counted in 100 s, both ways.
+/// The same through counter, stripper and log: counts of 100 s at both levels.
 #[test]
 fn stripped_counts_agree_with_the_count_level() {
-    use sagnac_sim::scenario::tables::{BeatModel, Fidelity};
     let mut scenario = ready("square-28cm");
-    scenario.chamber = Chamber { leg: vec![LegTable::Soak { soak_s: 100.0 }], ..Chamber::default() };
+    scenario.chamber = ChamberConfig { leg: vec![ChamberLeg::Soak { soak_s: 100.0 }], ..ChamberConfig::default() };
     let mut counts = |fidelity: Fidelity, model: BeatModel| {
         scenario.run.fidelity = fidelity;
         scenario.run.beat_model = model;
         let (mut sum, mut worst) = (0, 0);
-        let mut run = GyroRun::new(&scenario, 3).unwrap();
-        run.each_row(|row, _| {
+        run(&scenario, 3, |row, _| {
             sum += row.counts;
             worst = worst.max(row.counts.abs());
-            Ok::<(), ()>(())
-        })
-        .unwrap();
+        });
         (sum, worst)
     };
     let (count, _) = counts(Fidelity::Count, BeatModel::Adler);
@@ -176,25 +165,21 @@ fn stripped_counts_agree_with_the_count_level() {
     }
 }
 
-/// A scale factor that is off shows with the same sign and size at both levels: 80 ppm at 100 °/s.
+/// A scale-factor error has the same sign and size at both levels: 80 ppm at 100 °/s.
 #[test]
 fn the_scale_factor_is_the_same_at_both_levels() {
-    use sagnac_sim::scenario::tables::Fidelity;
     let mut scenario = quiet(1.0);
-    scenario.chamber.leg = vec![LegTable::Soak { soak_s: 60.0 }];
+    scenario.chamber.leg = vec![ChamberLeg::Soak { soak_s: 60.0 }];
     scenario.chamber.start_c = 45.0;
     scenario.input.rate_dph = 360_000.0;
     scenario.scale_factor.actuator_ppm_per_wave = -100.0;
     let counts = |fidelity, scenario: &mut Scenario| {
         scenario.run.fidelity = fidelity;
         let (mut sum, mut ppm) = (0, 0.0);
-        let mut run = GyroRun::new(scenario, 1).unwrap();
-        run.each_row(|row, second| {
+        run(scenario, 1, |row, second| {
             sum += row.counts;
             ppm = second.scale_ppm;
-            Ok::<(), ()>(())
-        })
-        .unwrap();
+        });
         (sum as f64, ppm)
     };
     let (count, ppm) = counts(Fidelity::Count, &mut scenario);
@@ -208,10 +193,9 @@ fn the_scale_factor_is_the_same_at_both_levels() {
     }
 }
 
-/// Warm-up, gradient, null shift and lock-in stand in the truth with their sign and size.
+/// Warm-up, gradient, null shift and lock-in are in the truth with their sign and size.
 #[test]
 fn every_source_is_in_the_truth() {
-    use sagnac_sim::gyro::SOURCES;
     let mut scenario = quiet(1.0);
     scenario.chamber.cold_start = true;
     scenario.bias.warm_up_1_dph = 0.3;
@@ -225,19 +209,14 @@ fn every_source_is_in_the_truth() {
     let lock_in = scenario.lock_in_dph();
     assert!((1.0..40.0).contains(&lock_in), "{lock_in}");
     let mut seconds = Vec::new();
-    GyroRun::new(&scenario, 1)
-        .unwrap()
-        .each_row(|_, second| {
-            seconds.push(second.clone());
-            Ok::<(), ()>(())
-        })
-        .unwrap();
-    let of = |name: &str, at: usize| seconds[at - 1].errors_dph[SOURCES.iter().position(|s| *s == name).unwrap()];
+    run(&scenario, 1, |_, second| seconds.push(second.clone()));
+    let column = |name: &str| ERROR_SOURCES.iter().position(|s| *s == name).unwrap();
+    let of = |name: &str, at: usize| seconds[at - 1].errors_dph[column(name)];
     assert!((of("warm_up", 100) / 0.3 - (-1.0_f64).exp()).abs() < 1e-9);
-    // The anode starts 2 °C below what it is at rest and comes up with 700 s.
+    // The anode starts 2 °C below its steady value and approaches it with 700 s.
     assert!((of("gradient", 700) / (0.1 * -2.0) - (-1.0_f64).exp()).abs() < 0.01);
     assert!((of("null_shift", 5) + 0.5).abs() < 1e-9);
     let rate = seconds[9].input_dph + seconds[9].errors_dph.iter().sum::<f64>() - of("uncounted", 10);
-    let left = (rate * rate - lock_in * lock_in).sqrt();
-    assert!((of("uncounted", 10) - (left - rate)).abs() < 1e-9);
+    let counted = (rate * rate - lock_in * lock_in).sqrt();
+    assert!((of("uncounted", 10) - (counted - rate)).abs() < 1e-9);
 }

@@ -5,7 +5,7 @@
 
 use std::time::Instant;
 
-use sagnac::allan::{Deviation, Difference, Recorder, overlapping, phases};
+use sagnac_noise::{Deviation, Difference, Recorder, overlapping, phases};
 
 fn differences(multiples: impl Iterator<Item = usize>) -> Vec<Difference> {
     multiples.map(|m| Difference { deviation: Deviation::Allan, m }).collect()

@@ -1,31 +1,47 @@
 //! Thermal calibration of ring laser gyros, on the host.
 //!
-//! ```text
-//! log ─ingest▶ LogReader ─window▶ Windows ─fit▶ Calibration ─export▶ Image ─▶ Compensator (sagnac-core)
-//!           └─allan▶ NoiseBudget     └─allan▶ ShortTau (N, Q, floor)               │
-//! retest log ─────────────────── verify: replays through that same Compensator ◀───┘ ─▶ Verification
+//! ```
+//! use sagnac::{Limits, Model, Setup};
+//!
+//! # let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../../testdata/chamber");
+//! # std::env::set_current_dir(root).unwrap();
+//! let bench = Setup::read("bench.toml")?;
+//! let calibration = sagnac::calibrate(&bench, ["cycle-1.csv.gz", "cycle-2.csv.gz"], Model::Auto)?;
+//! let proof = calibration.verify(["cycle-3.csv.gz"])?.limits(&Limits::read("limits.toml")?)?;
+//! let image = calibration.image('z')?;
+//! assert!(proof.passed() && calibration.evaluate(25.0, 0.0)?.drift_dph == 0.0);
+//! assert_eq!(image.len(), 256);
+//! # Ok::<(), sagnac::Error>(())
 //! ```
 //!
-//! A folder per arrow. The library reads and writes what it is given; it holds no terminal and no clock,
-//! and its threads only parse a log ahead of the one that asked for it. Sign: `d` is the bias drift referred to the input in °/h, positive as the input
-//! rate; `ε` in ppm is the deviation of the scale factor S = S0·(1 + ε·1e-6), so ε > 0 means fewer
-//! counts for the same angle. `docs/explanation/method.md` tells the method, `docs/explanation/verification.md` the proof.
+//! The rooms, each using those before it (ARCHITECTURE.md):
+//!
+//! ```text
+//! log ─window▶ Windows ─▶ model ─▶ calibration ─▶ diagnostics ─fit▶ Calibration ─export▶ Image ─▶ Compensator (sagnac-core)
+//! retest log ───────────────────────────────── verify: replays through that same Compensator ◀──┘ ─▶ Proof
+//! ```
+//!
+//! The library reads and writes what it is given; it holds no terminal and no clock. Its threads parse a log ahead of the one
+//! that asked for it, and share out fits in the caller's rayon pool. Sign: `d` is the bias drift referred to the input in °/h,
+//! positive as the input rate; `ε` in ppm is the deviation of the scale factor S = S0·(1 + ε·1e-6), so ε > 0 means fewer
+//! counts for the same angle. `docs/explanation/method.md` has the method, `docs/explanation/verification.md` the verification.
 #![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used, clippy::panic))]
 
 pub mod allan;
 pub mod calibration;
 pub mod compare;
-pub mod digits;
-pub mod error;
+pub mod diagnostics;
 pub mod export;
 pub mod fit;
-pub mod ingest;
-mod parallel;
-pub mod report;
-pub mod setup;
-pub mod units;
+pub mod model;
 pub mod verify;
 pub mod window;
-pub mod write;
+mod workflow;
 
-pub use error::{Error, ErrorKind, Place, Result};
+pub use allan::NoiseBudget;
+pub use calibration::{AxisCalibration, Calibration, Evaluation};
+pub use fit::{FitOptions, Model};
+pub use sagnac_log::{Error, ErrorKind, Place, Result, Setup};
+pub use sagnac_noise::Taus;
+pub use verify::{Limits, Proof, Verification};
+pub use workflow::{allan, calibrate};

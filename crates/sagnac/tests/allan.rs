@@ -2,12 +2,10 @@
 
 mod support;
 
-use sagnac::allan::{
-    AxisBudget, BareCurve, Deviation, Difference, Request, Taus, TermValue, budget_of_curves, noise_budget,
-    overlapping, parse_curve, phases,
-};
-use sagnac::calibration::Input;
-use sagnac::setup::Setup;
+use sagnac::allan::{Request, budget_of_curves, noise_budget, parse_curve};
+use sagnac::calibration::LogFile;
+use sagnac_log::setup::Setup;
+use sagnac_noise::{AxisBudget, BareCurve, Deviation, Difference, Taus, TermValue, overlapping, phases};
 use sagnac_sim::{PaperRig, csv_bytes};
 use support::{bench, paper_setup, reader, shared};
 
@@ -134,7 +132,7 @@ fn ln100_falls_with_the_slope_of_quantization() {
     let Some(path) = shared("rlg-ln100-static/x_LN100_up.csv.gz") else { return };
     let setup = bench("rlg-ln100-static/bench.toml");
     let budget = |setup: &Setup, taus: Taus| {
-        let log = sagnac::ingest::LogReader::open(&path, setup, sagnac::ingest::Pace::Bulk).unwrap();
+        let log = sagnac_log::ingest::LogReader::open(&path, setup, sagnac_log::ingest::ReadMode::Bulk).unwrap();
         noise_budget(vec![log], None, setup, &Request { taus, exact: false }).unwrap()
     };
     // The README's figures take rows as evenly spaced; the stamps jitter by 1 %.
@@ -188,7 +186,7 @@ fn curve(unit: &str, axis: char) -> Option<BareCurve> {
 /// N at 1 s and the floor 0.664·B against the published `gyr_n` and `gyr_w` of their authors' own fit (which are the
 /// deviation at 1 s and the least one of their curve).
 fn ratios(unit: &str, axis: char) -> Option<(f64, f64)> {
-    let input = Input { file: unit.to_owned(), sha256: String::new(), rows: 0 };
+    let input = LogFile { file: unit.to_owned(), sha256: String::new(), rows: 0 };
     let budget = budget_of_curves(&[curve(unit, axis)?], None, input).unwrap().axes.remove(0);
     let fitted = budget.fitted.unwrap();
     let least = budget.curve.iter().map(|p| fitted.variance(p.tau_s).sqrt()).fold(f64::INFINITY, f64::min);

@@ -5,11 +5,12 @@ mod support;
 
 use proptest::prelude::*;
 use sagnac::calibration::Calibration;
-use sagnac::fit::{FitOptions, ModelChoice, ModelSpec, calibrate};
-use sagnac::ingest::{LogReader, Pace};
-use sagnac::setup::{Counter, Setup};
+use sagnac::fit::{FitOptions, Model, calibrate};
+use sagnac::model::ModelSpec;
 use sagnac::verify::{CorrectedFormat, Correction, Limits, compensate};
 use sagnac::window::WindowBuilder;
+use sagnac_log::ingest::{LogReader, ReadMode};
+use sagnac_log::setup::{Counter, Setup};
 use sagnac_sim::{PaperRig, csv_bytes};
 
 /// Cells that logs hold, and cells that break them.
@@ -61,7 +62,7 @@ fn any_setup() -> impl Strategy<Value = Setup> {
     let window = prop::sample::select(vec!["", "window = \"row\"\n", "window = 5\n", "window = 1e6\n"]);
     let more = prop::sample::select(vec![
         "",
-        "settle_s = 10\n",
+        "discard_initial_s = 10\n",
         "temperature_offset_s = -7.5\n",
         "temperature_offset_s = 3600\n",
         "sample_interval_s = 1e-6\n",
@@ -81,14 +82,14 @@ fn any_setup() -> impl Strategy<Value = Setup> {
 }
 
 /// Everything that a log can be put through.
-fn put_through(text: Vec<u8>, setup: &Setup, pace: Pace) {
+fn put_through(text: Vec<u8>, setup: &Setup, pace: ReadMode) {
     let open = |pace| LogReader::from_reader("log", Box::new(std::io::Cursor::new(text.clone())), setup, pace);
     let Ok(log) = open(pace) else { return };
     let Ok(windows) = WindowBuilder::read_all(vec![log], setup) else { return };
-    let options = FitOptions::new(ModelChoice::Auto);
-    let Ok(calibration) = calibrate(windows.finish(false), setup, &options) else { return };
+    let options = FitOptions::new(Model::Auto);
+    let Ok(calibration) = calibrate(windows.finish(), setup, &options) else { return };
     let Ok(correction) = Correction::from_calibration(calibration) else { return };
-    if let Ok(mut log) = open(Pace::LineByLine) {
+    if let Ok(mut log) = open(ReadMode::LineByLine) {
         let _ = compensate(&correction, &mut log, setup, CorrectedFormat::Csv, &mut Vec::new());
     }
 }
@@ -106,13 +107,13 @@ proptest! {
 
     #[test]
     fn any_table_is_answered(log in any_log(), setup in any_setup()) {
-        put_through(log.into_bytes(), &setup, Pace::BulkWithText);
+        put_through(log.into_bytes(), &setup, ReadMode::BulkWithText);
     }
 
     #[test]
     fn any_bytes_are_answered(bytes in prop::collection::vec(any::<u8>(), 0..600), gzip in any::<bool>(), setup in any_setup()) {
         let bytes = if gzip { [vec![0x1f, 0x8b, 8], bytes].concat() } else { bytes };
-        put_through(bytes, &setup, Pace::Bulk);
+        put_through(bytes, &setup, ReadMode::Bulk);
     }
 
     #[test]
@@ -130,7 +131,7 @@ proptest! {
     #[test]
     fn any_damaged_log_is_answered(damage in prop::collection::vec((0_usize..1 << 20, any::<u8>()), 1..40)) {
         let rig = PaperRig { windows: 20, ..PaperRig::PAPER };
-        put_through(damaged(csv_bytes(rig.run(1)), &damage), &support::paper_setup(), Pace::Bulk);
+        put_through(damaged(csv_bytes(rig.run(1)), &damage), &support::paper_setup(), ReadMode::Bulk);
     }
 
     #[test]
@@ -142,7 +143,7 @@ proptest! {
         {
             let setup = correction.setup();
             let log = csv_bytes(PaperRig { windows: 2, ..PaperRig::PAPER }.run(2));
-            if let Ok(mut log) = LogReader::from_reader("log", Box::new(std::io::Cursor::new(log)), &setup, Pace::BulkWithText) {
+            if let Ok(mut log) = LogReader::from_reader("log", Box::new(std::io::Cursor::new(log)), &setup, ReadMode::BulkWithText) {
                 let _ = compensate(&correction, &mut log, &setup, CorrectedFormat::Parquet, &mut Vec::new());
             }
         }

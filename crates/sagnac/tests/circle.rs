@@ -11,15 +11,13 @@ use std::io::{Cursor, Write as _};
 use std::path::{Path, PathBuf};
 
 use nalgebra::{DMatrix, DVector};
+use sagnac::diagnostics::Point;
 use sagnac::fit::{FitOptions, calibrate};
-use sagnac::ingest::{LogReader, Pace};
-use sagnac::report::Point;
-use sagnac::setup::Setup;
-use sagnac::verify::{Correction, verify_with_evidence};
+use sagnac::verify::{Correction, Proof, VerifyOptions, verify};
 use sagnac::window::WindowBuilder;
-use sagnac_sim::Scenario;
-use sagnac_sim::gyro::{GyroRun, SOURCES};
-use sagnac_sim::log::LogText;
+use sagnac_log::ingest::{LogReader, ReadMode};
+use sagnac_log::setup::Setup;
+use sagnac_sim::{ERROR_SOURCES, LogText, Scenario};
 use support::model;
 
 fn root() -> PathBuf {
@@ -31,12 +29,14 @@ fn read(name: &str, file: &str) -> String {
 }
 
 /// The log of a run, and its error sources second by second.
-fn simulate(scenario: &Scenario, seed: u64) -> (Vec<u8>, Vec<[f64; SOURCES.len()]>) {
+fn simulate(scenario: &Scenario, seed: u64) -> (Vec<u8>, Vec<[f64; ERROR_SOURCES.len()]>) {
     let mut text = LogText::new(scenario);
     let mut log = text.header_line().into_bytes();
     let mut truth = Vec::new();
-    GyroRun::new(scenario, seed)
+    scenario
+        .build()
         .unwrap()
+        .start(seed)
         .each_row(|row, second| {
             truth.push(second.errors_dph);
             log.write_all(text.line(row, second))
@@ -46,11 +46,11 @@ fn simulate(scenario: &Scenario, seed: u64) -> (Vec<u8>, Vec<[f64; SOURCES.len()
 }
 
 fn reader(log: Vec<u8>, setup: &Setup) -> LogReader {
-    LogReader::from_reader("run.csv", Box::new(Cursor::new(log)), setup, Pace::Bulk).unwrap()
+    LogReader::from_reader("run.csv", Box::new(Cursor::new(log)), setup, ReadMode::Bulk).unwrap()
 }
 
 /// What a proof left, in °/h.
-struct Left {
+struct Found {
     model: String,
     windows: usize,
     before: f64,
@@ -64,30 +64,31 @@ struct Left {
     fit: f64,
 }
 
-fn close(name: &str) -> Left {
+fn close(name: &str) -> Found {
     let scenario = Scenario::from_toml(&read(name, &format!("{name}.toml"))).unwrap();
     let setup = Setup::parse(&read(name, "bench.toml")).unwrap();
     let logs = [1, 2].map(|seed| reader(simulate(&scenario, seed).0, &setup)).into();
-    let windows = WindowBuilder::read_all(logs, &setup).unwrap().finish(false);
+    let windows = WindowBuilder::read_all(logs, &setup).unwrap().finish();
     let options = FitOptions::new(model("auto"));
     let calibration = calibrate(windows, &setup, &options).unwrap();
-    let chosen = calibration.axes[0].model.clone();
+    let chosen = calibration.axes[0].correction.model.clone();
     let correction = Correction::from_calibration(calibration).unwrap();
     let (log, truth) = simulate(&scenario, 3);
-    let (proof, evidence) = verify_with_evidence(&correction, vec![reader(log, &setup)], &setup, None, false).unwrap();
+    let Proof { verification: proof, report_data } =
+        verify(&correction, vec![reader(log, &setup)], &setup, VerifyOptions::default()).unwrap();
     let axis = &proof.axes[0];
     let used: Vec<&Point> =
-        evidence.axes[0].points.iter().filter(|p| p.excluded.is_none() && p.after_dph.is_finite()).collect();
-    let all = |p: &&Point| (0..SOURCES.len()).map(|source| mean(&truth, p, source)).sum::<f64>();
+        report_data.axes[0].points.iter().filter(|p| p.excluded.is_none() && p.after_dph.is_finite()).collect();
+    let all = |p: &&Point| (0..ERROR_SOURCES.len()).map(|source| mean(&truth, p, source)).sum::<f64>();
     let left = sigma(&used.iter().map(|p| all(p) - (p.before_dph - p.after_dph)).collect::<Vec<f64>>());
     let sources = unreachable_parts(&used, &truth, &chosen);
     let named: f64 = sources.iter().map(|(_, s)| s * s).sum();
-    Left {
+    Found {
         model: chosen,
         windows: used.len(),
         before: axis.before.sigma_dph,
         after: axis.after.sigma_dph,
-        floor: axis.floor.as_ref().unwrap().value_dph,
+        floor: axis.noise_floor.as_ref().unwrap().value_dph,
         left,
         sources,
         fit: (left * left - named).max(0.0).sqrt(),
@@ -107,7 +108,7 @@ fn orders(model: &str) -> (i32, Option<i32>) {
 }
 
 /// σ of what least squares on the terms of the model leaves of each source.
-fn unreachable_parts(points: &[&Point], truth: &[[f64; SOURCES.len()]], model: &str) -> Vec<(&'static str, f64)> {
+fn unreachable_parts(points: &[&Point], truth: &[[f64; ERROR_SOURCES.len()]], model: &str) -> Vec<(&'static str, f64)> {
     let (bias, rate) = orders(model);
     let (lo, hi) =
         points.iter().fold((f64::MAX, f64::MIN), |(lo, hi), p| (lo.min(p.temperature_c), hi.max(p.temperature_c)));
@@ -124,14 +125,14 @@ fn unreachable_parts(points: &[&Point], truth: &[[f64; SOURCES.len()]], model: &
         let fitted = svd.solve(&y, 1e-9).unwrap();
         ((&y - &basis * fitted).norm_squared() / points.len() as f64).sqrt()
     };
-    let mut parts: Vec<(&str, f64)> = SOURCES.iter().enumerate().map(|(i, name)| (*name, left(i))).collect();
+    let mut parts: Vec<(&str, f64)> = ERROR_SOURCES.iter().enumerate().map(|(i, name)| (*name, left(i))).collect();
     parts.retain(|(_, sigma)| *sigma > 5e-5);
     parts.sort_by(|a, b| b.1.total_cmp(&a.1));
     parts
 }
 
 /// Mean of a source over a window.
-fn mean(truth: &[[f64; SOURCES.len()]], point: &Point, source: usize) -> f64 {
+fn mean(truth: &[[f64; ERROR_SOURCES.len()]], point: &Point, source: usize) -> f64 {
     let second = |hours: f64| (hours * 3600.0).round() as usize;
     let (from, to) = (second(point.hours - 0.5 * point.length_h), second(point.hours + 0.5 * point.length_h));
     let of_window = &truth[from.min(truth.len() - 1)..to.min(truth.len())];
@@ -162,7 +163,7 @@ const MOST_LEFT: [(&str, f64); 4] =
 
 #[test]
 fn three_runs_of_each_scenario() {
-    let all: Vec<Left> = std::thread::scope(|scope| {
+    let all: Vec<Found> = std::thread::scope(|scope| {
         let threads = MOST_LEFT.map(|(name, _)| scope.spawn(move || close(name)));
         threads.map(|thread| thread.join().unwrap()).into()
     });

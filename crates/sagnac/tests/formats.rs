@@ -17,10 +17,10 @@ use parquet::arrow::ArrowWriter;
 use parquet::basic::{Compression as ParquetCompression, ZstdLevel};
 use parquet::file::properties::WriterProperties;
 use sagnac::fit::{FitOptions, calibrate};
-use sagnac::ingest::{LogReader, Pace};
-use sagnac::setup::Setup;
 use sagnac::verify::{CorrectedFormat, Correction, compensate};
 use sagnac::window::WindowBuilder;
+use sagnac_log::ingest::{LogReader, ReadMode};
+use sagnac_log::setup::Setup;
 use sagnac_sim::LaggedChamber;
 use ulog_writer::ULogWriter;
 
@@ -116,12 +116,12 @@ fn gzip(bytes: &[u8]) -> Vec<u8> {
 
 /// The calibration's JSON without the hash of its input.
 fn calibration(bytes: Vec<u8>, setup: &Setup) -> String {
-    let log = LogReader::from_reader("log", Box::new(Cursor::new(bytes)), setup, Pace::Bulk).unwrap();
+    let log = LogReader::from_reader("log", Box::new(Cursor::new(bytes)), setup, ReadMode::Bulk).unwrap();
     calibration_of(log, setup)
 }
 
 fn calibration_of(log: LogReader, setup: &Setup) -> String {
-    let windows = WindowBuilder::read_all(vec![log], setup).unwrap().finish(false);
+    let windows = WindowBuilder::read_all(vec![log], setup).unwrap().finish();
     let options = FitOptions::new(support::model("bias 3"));
     let mut calibration = calibrate(windows, setup, &options).unwrap();
     for input in &mut calibration.provenance.inputs {
@@ -166,9 +166,9 @@ fn files_are_hashed_as_they_are() {
     {
         let path = folder.path().join(name);
         std::fs::write(&path, &bytes).unwrap();
-        let mut log = LogReader::open(&path, &setup(), Pace::Bulk).unwrap();
+        let mut log = LogReader::open(&path, &setup(), ReadMode::Bulk).unwrap();
         while log.next_batch().unwrap().is_some() {}
-        assert_eq!(log.summary().sha256, sagnac::ingest::hex(&sagnac::ingest::sha256(&bytes)), "{name}");
+        assert_eq!(log.summary().sha256, sagnac_log::ingest::hex(&sagnac_log::ingest::sha256(&bytes)), "{name}");
         assert_eq!(log.summary().rows, batch.num_rows() as u64);
     }
 }
@@ -201,7 +201,7 @@ fn a_column_of_another_kind_is_refused_by_name() {
         ("counts", Arc::new(Int64Array::from(c.counts.clone()))),
     ]);
     let bytes = parquet(&wrong, ParquetCompression::SNAPPY);
-    let error = LogReader::from_reader("log", Box::new(Cursor::new(bytes)), &setup(), Pace::Bulk).err().unwrap();
+    let error = LogReader::from_reader("log", Box::new(Cursor::new(bytes)), &setup(), ReadMode::Bulk).err().unwrap();
     assert_eq!(error.place.column.as_deref(), Some("temperature_c"));
     assert!(error.what.contains("Boolean"), "{error}");
 }
@@ -239,7 +239,7 @@ fn px4() -> (ULogWriter, String) {
 fn a_ulog_is_the_csv_of_its_values() {
     let (log, text) = px4();
     let setup =
-        Setup { window: Some("20".parse().map(sagnac::setup::WindowSize::Seconds).unwrap()), ..Setup::default() };
+        Setup { window: Some("20".parse().map(sagnac_log::setup::WindowSize::Seconds).unwrap()), ..Setup::default() };
     let setup = Setup { reference_c: Some(30.0), ..setup };
     assert!(calibration(log.finish(), &setup) == calibration(text.into_bytes(), &setup));
 }
@@ -250,7 +250,7 @@ fn a_ulog_that_was_cut_keeps_its_rows_and_says_so() {
     let mut bytes = log.finish();
     bytes.truncate(bytes.len() - 60);
     let mut reader =
-        LogReader::from_reader("log", Box::new(Cursor::new(bytes)), &Setup::default(), Pace::Bulk).unwrap();
+        LogReader::from_reader("log", Box::new(Cursor::new(bytes)), &Setup::default(), ReadMode::Bulk).unwrap();
     let mut rows = 0;
     while let Some(batch) = reader.next_batch().unwrap() {
         rows += batch.len();
@@ -285,7 +285,7 @@ fn a_ulog_goes_on_where_data_was_appended() {
     };
     for left in 0..=5 {
         let source = Box::new(Cursor::new(build(left)));
-        let mut log = LogReader::from_reader("log", source, &Setup::default(), Pace::Bulk).unwrap();
+        let mut log = LogReader::from_reader("log", source, &Setup::default(), ReadMode::Bulk).unwrap();
         let batch = log.next_batch().unwrap().unwrap();
         assert_eq!(batch.len(), 120, "{left} bytes of a message before what was appended");
         assert_eq!(batch.temperature_c[1][0], 31.5);
@@ -297,11 +297,12 @@ fn the_second_gyro_is_read_when_asked_for() {
     let (log, _) = px4();
     let setup = Setup { instance: Some(1), ..Setup::default() };
     let bytes = log.finish();
-    let mut reader = LogReader::from_reader("log", Box::new(Cursor::new(bytes.clone())), &setup, Pace::Bulk).unwrap();
+    let mut reader =
+        LogReader::from_reader("log", Box::new(Cursor::new(bytes.clone())), &setup, ReadMode::Bulk).unwrap();
     let batch = reader.next_batch().unwrap().unwrap();
     assert_eq!(batch.temperature_c[0][0], 99.0);
     let third = Setup { instance: Some(2), ..Setup::default() };
-    let error = LogReader::from_reader("log", Box::new(Cursor::new(bytes)), &third, Pace::Bulk).err().unwrap();
+    let error = LogReader::from_reader("log", Box::new(Cursor::new(bytes)), &third, ReadMode::Bulk).err().unwrap();
     assert!(error.what.contains("instance 2") && error.help.unwrap().contains("sensor_gyro"));
 }
 
@@ -319,7 +320,7 @@ fn arrows_times_are_written_as_their_header_says() {
     ]);
     let setup = setup();
     let source = Box::new(Cursor::new(parquet(&other, ParquetCompression::SNAPPY)));
-    let mut log = LogReader::from_reader("log", source, &setup, Pace::BulkWithText).unwrap();
+    let mut log = LogReader::from_reader("log", source, &setup, ReadMode::BulkWithText).unwrap();
     let batch = log.next_batch().unwrap().unwrap();
     let field = |row: usize, column: usize| String::from_utf8(batch.fields[row][column].to_vec()).unwrap();
     assert_eq!(field(0, 0), c.time_s[0].to_string());
@@ -340,13 +341,13 @@ fn a_comma_among_words_is_not_decimal() {
         });
         lines.collect::<String>().into_bytes()
     };
-    let log = LogReader::from_reader("log", Box::new(Cursor::new(with_words(false))), &setup, Pace::Bulk).unwrap();
-    let windows = WindowBuilder::read_all(vec![log], &setup).unwrap().finish(false);
+    let log = LogReader::from_reader("log", Box::new(Cursor::new(with_words(false))), &setup, ReadMode::Bulk).unwrap();
+    let windows = WindowBuilder::read_all(vec![log], &setup).unwrap().finish();
     let options = FitOptions::new(support::model("bias 2"));
     let correction = Correction::from_calibration(calibrate(windows, &setup, &options).unwrap()).unwrap();
     for decimal_comma in [false, true] {
         let source = Box::new(Cursor::new(with_words(decimal_comma)));
-        let mut log = LogReader::from_reader("log", source, &setup, Pace::BulkWithText).unwrap();
+        let mut log = LogReader::from_reader("log", source, &setup, ReadMode::BulkWithText).unwrap();
         let mut out = Vec::new();
         compensate(&correction, &mut log, &setup, CorrectedFormat::Csv, &mut out).unwrap();
         let out = String::from_utf8(out).unwrap();
@@ -364,13 +365,13 @@ fn a_comma_among_words_is_not_decimal() {
 fn corrected_logs_agree_in_both_formats() {
     let c = columns();
     let setup = setup();
-    let log = LogReader::from_reader("log", Box::new(Cursor::new(csv(&c, ','))), &setup, Pace::Bulk).unwrap();
-    let windows = WindowBuilder::read_all(vec![log], &setup).unwrap().finish(false);
+    let log = LogReader::from_reader("log", Box::new(Cursor::new(csv(&c, ','))), &setup, ReadMode::Bulk).unwrap();
+    let windows = WindowBuilder::read_all(vec![log], &setup).unwrap().finish();
     let options = FitOptions::new(support::model("bias 2"));
     let correction = Correction::from_calibration(calibrate(windows, &setup, &options).unwrap()).unwrap();
     let corrected = |bytes: Vec<u8>, format| {
         let source = Box::new(Cursor::new(bytes));
-        let mut log = LogReader::from_reader("log", source, &correction.setup(), Pace::BulkWithText).unwrap();
+        let mut log = LogReader::from_reader("log", source, &correction.setup(), ReadMode::BulkWithText).unwrap();
         let mut out = Vec::new();
         compensate(&correction, &mut log, &correction.setup(), format, &mut out).unwrap();
         out

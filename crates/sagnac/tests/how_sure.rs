@@ -9,7 +9,7 @@ use rand_chacha::ChaCha8Rng;
 use sagnac::calibration::Calibration;
 use sagnac::compare::compare;
 use sagnac::fit::{FitOptions, Loss, calibrate};
-use sagnac::setup::{Setup, WindowSize};
+use sagnac_log::setup::{Setup, WindowSize};
 use support::{fit, model, windows};
 
 const SEEDS: u64 = 500;
@@ -53,8 +53,8 @@ fn coverage(correlation_windows: f64) -> [f64; 7] {
     for seed in 0..SEEDS {
         let made = fit(vec![log(300, 0, correlation_windows, seed)], &by_rows(), "bias 3").unwrap();
         let axis = &made.axes[0];
-        let t95 = axis.residual.as_ref().unwrap().t95;
-        for (i, term) in axis.terms.iter().enumerate() {
+        let t95 = axis.residual().unwrap().t_quantile_975;
+        for (i, term) in axis.correction.terms.iter().enumerate() {
             covered[i] += u32::from((term.value - TRUTH[i]).abs() <= t95 * term.sigma.unwrap());
         }
         let mut rng = ChaCha8Rng::seed_from_u64(seed + 1_000_000);
@@ -90,14 +90,14 @@ fn the_forecast_of_a_soak_comes_true() {
         for seed in 0..40 {
             let made =
                 |soak: usize| fit(vec![log(300, soak, correlation_windows, seed)], &by_rows(), "bias 3").unwrap();
-            let soak = made(0).axes[0].soak.clone().unwrap();
+            let soak = made(0).axes[0].fit.as_ref().unwrap().soak.clone().unwrap();
             let cold = &soak.rows[0];
             assert!((cold.temperature_c + 40.0).abs() < 1.0 && soak.hours == [1.0, 2.0, 4.0, 8.0]);
             assert!(cold.after_dph.is_sorted_by(|a, b| a > b) && cold.after_dph[0] < cold.sigma_dph);
             for (ratios, (hours, forecast)) in
                 ratios.iter_mut().zip([(36, cold.after_dph[0]), (144, cold.after_dph[2])])
             {
-                let after = made(hours).axes[0].soak.clone().unwrap();
+                let after = made(hours).axes[0].fit.as_ref().unwrap().soak.clone().unwrap();
                 ratios.push(after.rows[0].sigma_dph / forecast);
             }
         }
@@ -121,9 +121,9 @@ fn the_block_bootstrap_agrees_with_the_covariance() {
             let options = FitOptions { bootstrap: Some(1000), ..FitOptions::new(model("bias 3")) };
             let made = calibrate(windows, &by_rows(), &options).unwrap();
             let axis = &made.axes[0];
-            for (ratios, term) in ratios.iter_mut().zip(&axis.terms) {
+            for (ratios, term) in ratios.iter_mut().zip(&axis.correction.terms) {
                 let [lo, hi] = term.bootstrap.unwrap();
-                ratios.push(0.5 * (hi - lo) / (axis.residual.as_ref().unwrap().t95 * term.sigma.unwrap()));
+                ratios.push(0.5 * (hi - lo) / (axis.residual().unwrap().t_quantile_975 * term.sigma.unwrap()));
             }
         }
         for ratios in ratios {
@@ -151,7 +151,7 @@ fn records_of_one_gyro_agree_and_a_changed_one_stands_out() {
     // Some ten independent comparisons each: three sigma by chance in 3 of 100.
     assert!(stood_out <= 2, "{stood_out} of 20");
     let mut changed = unit(7);
-    changed.axes[0].terms[0].value += 0.03;
+    changed.axes[0].correction.terms[0].value += 0.03;
     let apart = compare(&named(vec![unit(5), unit(6), changed])).unwrap();
     let curve = &apart.axes[0].curves[0];
     let worst = curve.worst.as_ref().unwrap();
@@ -190,19 +190,20 @@ fn huber_comes_closer_where_some_windows_are_wild() {
     let fitted = |bytes: Vec<u8>, loss: Loss| {
         let windows = sagnac::window::WindowBuilder::read_all(vec![support::reader(bytes, &by_rows())], &by_rows());
         let options = FitOptions { loss, ..FitOptions::new(model("bias 3")) };
-        calibrate(windows.unwrap().finish(true), &by_rows(), &options).unwrap()
+        calibrate(windows.unwrap().keep_outliers().finish(), &by_rows(), &options).unwrap()
     };
     let (mut squares, mut huber, mut clean) = (0.0, 0.0, [0.0; 2]);
     let mut covered = 0;
     for seed in 0..200 {
-        let off =
-            |made: &Calibration| made.axes[0].terms.iter().zip(TRUTH).map(|(t, b)| (t.value - b).powi(2)).sum::<f64>();
+        let off = |made: &Calibration| {
+            made.axes[0].correction.terms.iter().zip(TRUTH).map(|(t, b)| (t.value - b).powi(2)).sum::<f64>()
+        };
         squares += off(&fitted(spoilt(seed), Loss::Squares));
         huber += off(&fitted(spoilt(seed), Loss::Huber));
         clean[0] += off(&fitted(log(300, 0, 0.0, seed), Loss::Squares));
         let robust = fitted(log(300, 0, 0.0, seed), Loss::Huber);
         clean[1] += off(&robust);
-        let (term, t95) = (&robust.axes[0].terms[0], robust.axes[0].residual.as_ref().unwrap().t95);
+        let (term, t95) = (&robust.axes[0].correction.terms[0], robust.axes[0].residual().unwrap().t_quantile_975);
         covered += u32::from((term.value - TRUTH[0]).abs() <= t95 * term.sigma.unwrap());
     }
     let (gain, cost) = (squares / huber, clean[1] / clean[0]);

@@ -3,14 +3,15 @@
 
 mod support;
 
-use sagnac::calibration::{AxisCalibration, Calibration, PathVerdict, Term, TermKind};
-use sagnac::fit::{FitOptions, Work, calibrate_with_evidence};
-use sagnac::report::EffectOf;
-use sagnac::setup::{Noise, Setup};
+use sagnac::calibration::{AxisCalibration, Calibration, Input, SearchVerdict, Term};
+use sagnac::diagnostics::EffectOf;
+use sagnac::fit::{FitOptions, calibrate_with_report_data};
+use sagnac::model::Work;
+use sagnac::model::{ActsOn, Form, Shape};
 use sagnac::verify::Correction;
 use sagnac_core::{Compensator, State, Status};
-use sagnac_sim::rigs::ManyInputs;
-use sagnac_sim::thermal::Leg;
+use sagnac_log::setup::{Noise, Setup};
+use sagnac_sim::{Leg, ManyInputs};
 use support::{fit, retest};
 
 fn setup() -> Setup {
@@ -25,7 +26,7 @@ fn only(calibration: &Calibration) -> &AxisCalibration {
 fn left(calibration: &Calibration, rig: &ManyInputs, setup: &Setup) -> f64 {
     let verification = retest(calibration, rig.csv(2), setup);
     let axis = &verification.axes[0];
-    axis.after.sigma_dph / axis.floor.as_ref().unwrap().value_dph
+    axis.after.sigma_dph / axis.noise_floor.as_ref().unwrap().value_dph
 }
 
 /// With every input as a candidate, and with the thermometer of the fit alone.
@@ -38,7 +39,7 @@ fn with_and_without_of(rig: &ManyInputs, inputs: Option<[&str; 3]>) -> (Calibrat
     let alone = Setup { inputs: Some(Vec::new()), ..setup() };
     let (found, without) =
         (fit(vec![rig.csv(1)], &all, "auto").unwrap(), fit(vec![rig.csv(1)], &alone, "auto").unwrap());
-    println!("{} (alone: {})", only(&found).model, only(&without).model);
+    println!("{} (alone: {})", only(&found).correction.model, only(&without).correction.model);
     let ratios = [left(&found, rig, &all), left(&without, rig, &alone)];
     println!("left over the floor: {:.3}, alone {:.3}", ratios[0], ratios[1]);
     (found, ratios)
@@ -48,7 +49,7 @@ fn with_and_without_of(rig: &ManyInputs, inputs: Option<[&str; 3]>) -> (Calibrat
 fn a_gradient_is_found() {
     let rig = ManyInputs { gradient_dph_per_c: 0.004, cavity_heat_c: 6.0, ..ManyInputs::plain() };
     let (found, [with, without]) = with_and_without(&rig);
-    assert!(only(&found).model.contains("cavity"), "{}", only(&found).model);
+    assert!(only(&found).correction.model.contains("cavity"), "{}", only(&found).correction.model);
     assert!(with < 1.06 && without > 1.2 * with, "{with} {without}");
 }
 
@@ -57,11 +58,11 @@ fn a_voltage_is_found() {
     let rig = ManyInputs { voltage_dph_per_v: 5e-4, ..ManyInputs::plain() };
     // The mode is a sum of voltage and temperature, so it would tell the same.
     let (found, [with, without]) = with_and_without_of(&rig, Some(["cavity", "path_length_v", "bystander"]));
-    assert!(only(&found).model.contains("bias(path_length_v) 1"), "{}", only(&found).model);
+    assert!(only(&found).correction.model.contains("bias(path_length_v) 1"), "{}", only(&found).correction.model);
     assert!(with < 1.06 && without > 1.2 * with, "{with} {without}");
     let axis = only(&found);
-    let input = axis.inputs.iter().find(|input| input.name == "path_length_v").unwrap();
-    let term = axis.terms.iter().find(|t| t.sensor == "path_length_v" && t.order == 1).unwrap();
+    let input = axis.other_inputs().iter().find(|input| input.name == "path_length_v").unwrap();
+    let term = axis.correction.terms.iter().find(|t| t.input == "path_length_v" && t.form() == Form::bias(1)).unwrap();
     let per_v = 2.0 / (input.span[1] - input.span[0]);
     let (slope, sigma) = (term.value * per_v, term.sigma.unwrap() * per_v);
     assert!((slope - 5e-4).abs() < 4.0 * sigma && sigma < 1e-4, "{slope} ± {sigma} °/h per V");
@@ -74,13 +75,13 @@ fn steps_between_modes_are_found() {
     let rig = ManyInputs { steps_dph: steps_dph.clone(), ..ManyInputs::plain() };
     let (found, [with, without]) = with_and_without(&rig);
     let axis = only(&found);
-    assert!(axis.model.contains("steps(mode)"), "{}", axis.model);
+    assert!(axis.correction.model.contains("steps(mode)"), "{}", axis.correction.model);
     assert!(with < 1.06 && without > 1.3 * with, "{with} {without}");
-    for term in axis.terms.iter().filter(|term| term.kind == TermKind::Step) {
-        let above = (term.at.unwrap() + 0.5 + 2.0).round() as usize;
+    for term in axis.correction.terms.iter().filter(|term| term.shape.jump().is_some()) {
+        let above = (term.shape.jump().unwrap() + 0.5 + 2.0).round() as usize;
         let truth = steps_dph[above] - steps_dph[above - 1];
         let (value, sigma) = (term.value, term.sigma.unwrap());
-        println!("step from {:?}: {value:.4} ± {sigma:.4}, true {truth:.4}", term.at);
+        println!("step from {:?}: {value:.4} ± {sigma:.4}, true {truth:.4}", term.shape);
         assert!((value - truth).abs() < 4.0 * sigma, "{term:?}, true {truth}");
     }
 }
@@ -92,19 +93,19 @@ fn each_input_is_shown_by_itself() {
     let rig = ManyInputs { steps_dph: steps_dph.clone(), ..ManyInputs::plain() };
     let options = FitOptions::new(support::model("bias 3, rate 0, steps(mode)"));
     let windows = support::windows(vec![rig.csv(1)], &setup());
-    let (calibration, evidence) = calibrate_with_evidence(windows, &setup(), &options).unwrap();
-    let effects = &evidence.axes[0].effects;
+    let (calibration, report_data) = calibrate_with_report_data(windows, &setup(), &options).unwrap();
+    let effects = &report_data.axes[0].effects;
     let names: Vec<(&str, EffectOf)> = effects.iter().map(|effect| (effect.input.as_str(), effect.of)).collect();
     assert_eq!(names, [("block", EffectOf::Rate), ("mode", EffectOf::Value)]);
     let of_mode = &effects[1];
-    let noise_dph = only(&calibration).floor.as_ref().unwrap().value_dph;
+    let noise_dph = only(&calibration).noise_floor().as_ref().unwrap().value_dph;
     let on = |mode: f64| {
         let members: Vec<f64> =
             of_mode.x.iter().zip(&of_mode.shown).filter(|(x, _)| **x == mode).map(|(_, y)| *y).collect();
         (members.iter().sum::<f64>() / members.len() as f64, noise_dph / (members.len() as f64).sqrt())
     };
-    for term in only(&calibration).terms.iter().filter(|term| term.kind == TermKind::Step) {
-        let threshold = term.at.unwrap();
+    for term in only(&calibration).correction.terms.iter().filter(|term| term.shape.jump().is_some()) {
+        let threshold = term.shape.jump().unwrap();
         let ((below, of_below), (above, of_above)) = (on(threshold - 0.5), on(threshold + 0.5));
         let place = (threshold + 0.5 + 2.0).round() as usize;
         let truth = steps_dph[place] - steps_dph[place - 1];
@@ -115,12 +116,12 @@ fn each_input_is_shown_by_itself() {
     }
     // The curve is the record's own, step for step.
     let curve_at = |mode: f64| of_mode.curve.iter().find(|[x, _]| *x >= mode - 0.2).unwrap()[1];
-    for term in only(&calibration).terms.iter().filter(|term| term.kind == TermKind::Step) {
-        let threshold = term.at.unwrap();
+    for term in only(&calibration).correction.terms.iter().filter(|term| term.shape.jump().is_some()) {
+        let threshold = term.shape.jump().unwrap();
         assert!((curve_at(threshold + 0.5) - curve_at(threshold - 0.5) - term.value).abs() < 1e-9, "{term:?}");
     }
     // What the main figure shows no longer has the steps in it.
-    let further: Vec<f64> = evidence.axes[0].points.iter().map(|point| point.further_dph).collect();
+    let further: Vec<f64> = report_data.axes[0].points.iter().map(|point| point.inputs_dph).collect();
     assert!(further.iter().any(|made| made.abs() > 0.01));
 }
 
@@ -130,7 +131,7 @@ fn each_input_is_shown_by_itself() {
 fn equal_steps_are_found_in_the_voltage() {
     let rig = ManyInputs { steps_dph: vec![-0.03, -0.015, 0.0, 0.015, 0.03], ..ManyInputs::plain() };
     let (found, [with, without]) = with_and_without_of(&rig, Some(["cavity", "path_length_v", "bystander"]));
-    assert!(only(&found).model.contains("bias(path_length_v) 1"), "{}", only(&found).model);
+    assert!(only(&found).correction.model.contains("bias(path_length_v) 1"), "{}", only(&found).correction.model);
     assert!(with < 1.06 && without > 1.03 * with, "{with} {without}");
 }
 
@@ -140,14 +141,14 @@ fn each_thermometer_has_a_lag_of_its_own() {
     let rig = ManyInputs { rate_effects: [0.05, 0.03], ..ManyInputs::plain() };
     let found = fit(vec![rig.csv(1)], &setup(), "bias 3, rate 0, rate(cavity) 0").unwrap();
     let axis = only(&found);
-    let of = |sensor: &str| axis.terms.iter().find(|t| t.kind == TermKind::Rate && t.sensor == sensor).unwrap();
+    let of = |sensor: &str| axis.correction.terms.iter().find(|t| t.times_rate && t.input == sensor).unwrap();
     for (sensor, truth) in [("block", 0.05), ("cavity", 0.03)] {
         let term = of(sensor);
         println!("rate({sensor}): {:.4} ± {:.4}, true {truth}", term.value, term.sigma.unwrap());
         assert!((term.value - truth).abs() < 4.0 * term.sigma.unwrap(), "{term:?}");
     }
-    let cavity = axis.inputs.iter().find(|input| input.name == "cavity").unwrap();
-    assert!(axis.lag_s.is_some() && cavity.lag_s.is_some() && cavity.rate_span_per_min.is_some());
+    let cavity = axis.other_inputs().iter().find(|input| input.name == "cavity").unwrap();
+    assert!(axis.lag_s().is_some() && cavity.lag_s.is_some() && cavity.rate_span_per_min.is_some());
     assert!(left(&found, &rig, &setup()) < 1.06);
 }
 
@@ -163,15 +164,15 @@ fn zones_follow_a_knee_that_a_series_of_their_order_cannot() {
     let (auto, by_itself) = sigma("auto");
     println!(
         "left over the floor: bias 2 {series:.3}, with six zones {zones:.3}, {} {auto:.3}",
-        only(&by_itself).model
+        only(&by_itself).correction.model
     );
     assert!(zones < 1.1 && series > 1.5 * zones, "{zones} {series}");
     let axis = only(&found);
     // The zones meet with one value and one slope.
     assert_eq!(axis.zones.len(), 6);
     for pair in axis.zones.windows(2) {
-        let at = pair[0].from_to_c.unwrap()[1];
-        assert!((at - pair[1].from_to_c.unwrap()[0]).abs() < 1e-9);
+        let at = pair[0].range_c.unwrap()[1];
+        assert!((at - pair[1].range_c.unwrap()[0]).abs() < 1e-9);
         let value = |z: usize| pair[z].coefficients.iter().rev().fold(0.0, |sum, c| sum * at + c);
         let slope = |z: usize| pair[z].coefficients[1] + 2.0 * pair[z].coefficients[2] * at;
         let size = pair[0].coefficients[0].abs();
@@ -179,15 +180,15 @@ fn zones_follow_a_knee_that_a_series_of_their_order_cannot() {
         assert!((slope(0) - slope(1)).abs() < 1e-9 * size, "{} {}", slope(0), slope(1));
     }
     // The record's own curve and its zones in powers of °C are one curve.
-    let constant = axis.constants[0].value_dph;
+    let constant = axis.run_offsets[0].value_dph;
     for zone in &axis.zones {
-        let [from, to] = zone.from_to_c.unwrap();
+        let [from, to] = zone.range_c.unwrap();
         let at = f64::midpoint(from, to);
         let counts = zone.coefficients.iter().rev().fold(0.0, |sum, c| sum * at + c);
         let dph = counts * 0.05 / 100.0 - constant;
         assert!((dph - axis.predict(at).unwrap().drift_dph).abs() < 1e-9, "{at}");
     }
-    let t0 = axis.monomial.from_to_c.unwrap();
+    let t0 = axis.monomial.as_ref().unwrap().range_c.unwrap();
     assert!((t0[0]..=t0[1]).contains(&20.0));
 }
 
@@ -198,10 +199,17 @@ fn bystanders_stay_outside() {
     for seed in 0..20 {
         let found = fit(vec![ManyInputs::plain().csv(100 + seed)], &setup(), "auto").unwrap();
         let axis = only(&found);
-        taken += usize::from(!axis.inputs.is_empty());
-        println!("seed {seed}: {}", axis.model);
-        assert_eq!(axis.path[0].verdict, PathVerdict::Start);
-        assert!(axis.path.iter().any(|step| step.model.contains("bystander") && step.verdict == PathVerdict::NoGain));
+        taken += usize::from(!axis.other_inputs().is_empty());
+        println!("seed {seed}: {}", axis.correction.model);
+        assert_eq!(axis.fit.as_ref().unwrap().model_search[0].verdict, SearchVerdict::Start);
+        assert!(
+            axis.fit
+                .as_ref()
+                .unwrap()
+                .model_search
+                .iter()
+                .any(|step| step.model.contains("bystander") && step.verdict == SearchVerdict::NoGain)
+        );
     }
     assert!(taken <= 2, "{taken} of 20 records have an input that nothing depends on");
 }
@@ -214,11 +222,12 @@ fn terms_that_cannot_be_told_apart_are_refused() {
     assert!(error.what.contains("condition"), "{error}");
     let found = fit(vec![rig.csv(1)], &setup(), "auto").unwrap();
     let axis = only(&found);
-    let refused = axis.path.iter().filter(|step| step.verdict == PathVerdict::Collinear).count();
-    let near = axis.collinearity.as_ref().unwrap();
-    println!("{}: condition {:.1}, {refused} candidates refused", axis.model, near.condition);
+    let refused =
+        axis.fit.as_ref().unwrap().model_search.iter().filter(|step| step.verdict == SearchVerdict::Collinear).count();
+    let near = axis.fit.as_ref().unwrap().collinearity.as_ref().unwrap();
+    println!("{}: condition {:.1}, {refused} candidates refused", axis.correction.model, near.condition);
     assert!(refused > 0 && near.condition < near.limit);
-    assert!(axis.terms.iter().all(|term| term.inflation.unwrap() >= 1.0 - 1e-9));
+    assert!(axis.correction.terms.iter().all(|term| term.vif.unwrap() >= 1.0 - 1e-9));
 }
 
 /// The prediction against the replay: N of a rest before and after, the correction's noise between them.
@@ -235,14 +244,14 @@ fn thermometer_noise_is_predicted_as_the_replay_shows_it() {
     let noise = Some(Noise { n_deg_rt_h: 0.05, q_arcsec: 0.0 });
     let free = Setup { noise, inputs: Some(Vec::new()), ..setup() };
     let found = fit(vec![rig.csv(1)], &free, "bias 3, rate 0").unwrap();
-    let predicted = only(&found).correction_noise.clone().unwrap();
+    let predicted = only(&found).fit.as_ref().unwrap().correction_noise.clone().unwrap();
     let verification = retest(&found, rig.csv(2), &setup());
     let walk = verification.axes[0].residual.random_walk.unwrap();
     let added = (walk.after_deg_rt_h.powi(2) - walk.before_deg_rt_h.powi(2)).sqrt();
     println!(
         "σ {:.4} °C, lag {:?}: predicted {:.5}, found {added:.5} °/√h (before {:.5}, after {:.5})",
         predicted.inputs[0].sigma,
-        only(&found).lag_s,
+        only(&found).lag_s(),
         predicted.deg_rt_h,
         walk.before_deg_rt_h,
         walk.after_deg_rt_h
@@ -253,44 +262,48 @@ fn thermometer_noise_is_predicted_as_the_replay_shows_it() {
     // With the noise that it has, the lag is raised until the walk stays within 5 %, or the term left out.
     let held = fit(vec![rig.csv(1)], &Setup { inputs: Some(Vec::new()), ..setup() }, "auto").unwrap();
     let axis = only(&held);
-    let noise = axis.correction_noise.as_ref().unwrap();
+    let noise = axis.fit.as_ref().unwrap().correction_noise.as_ref().unwrap();
     let verification = retest(&held, rig.csv(2), &setup());
     let walk = verification.axes[0].residual.random_walk.unwrap();
     println!(
         "{}: lag {:?}, predicted {:?}, found {:.3}",
-        axis.model,
-        axis.lag_s,
+        axis.correction.model,
+        axis.lag_s(),
         noise.increase,
         walk.after_deg_rt_h / walk.before_deg_rt_h
     );
     assert!(noise.increase.unwrap() <= 0.05);
     assert!(walk.after_deg_rt_h / walk.before_deg_rt_h < 1.05 + 0.02);
     assert!(
-        axis.path.iter().any(|s| [PathVerdict::LagRaised, PathVerdict::TooNoisy].contains(&s.verdict)),
+        axis.fit
+            .as_ref()
+            .unwrap()
+            .model_search
+            .iter()
+            .any(|s| [SearchVerdict::LagRaised, SearchVerdict::TooNoisy].contains(&s.verdict)),
         "{:?}",
-        axis.path.last()
+        axis.fit.as_ref().unwrap().model_search.last()
     );
 }
 
 /// The record's terms in f64: drift in °/h, scale factor in ppm, of values and their lagged rates per minute.
 fn of_record(axis: &AxisCalibration, value_of: impl Fn(&str) -> f64, rate_of: impl Fn(&str) -> f64) -> [f64; 2] {
     let mut sums = [0.0; 2];
-    for term in &axis.terms {
-        let further = axis.inputs.iter().find(|input| input.name == term.sensor);
-        let span = further.map_or(axis.span_c, |input| input.span);
-        let reference = further.map_or(axis.reference_c, |input| input.reference);
+    for term in &axis.correction.terms {
+        let input = axis.input_of(term).unwrap();
+        let span = input.span;
         let x = |value: f64| (2.0 * value - span[0] - span[1]) / (span[1] - span[0]);
-        let shape = |value: f64| match (term.kind, term.at) {
-            (TermKind::Zone, Some(at)) => ((value - at).max(0.0) / (span[1] - at)).powi(2),
-            (TermKind::Step, Some(at)) => f64::from(u8::from(value >= at)),
-            _ => (f64::from(term.order) * x(value).clamp(-1.0, 1.0).acos()).cos(),
+        let shape = |value: f64| match term.shape {
+            Shape::Zone { knot } => ((value - knot).max(0.0) / (span[1] - knot)).powi(2),
+            Shape::Step { threshold } => f64::from(u8::from(value >= threshold)),
+            Shape::Cosine { period } => (std::f64::consts::TAU * (value - span[0]) / period).cos(),
+            Shape::Sine { period } => (std::f64::consts::TAU * (value - span[0]) / period).sin(),
+            Shape::Chebyshev { order } => (f64::from(order) * x(value).clamp(-1.0, 1.0).acos()).cos(),
         };
-        let value = value_of(&term.sensor);
-        let made = match term.kind {
-            TermKind::Rate => rate_of(&term.sensor) * shape(value),
-            _ => shape(value) - shape(reference),
-        };
-        sums[usize::from(term.kind == TermKind::Scale)] += term.value * made;
+        let value = value_of(&term.input);
+        let made =
+            if term.times_rate { rate_of(&term.input) * shape(value) } else { shape(value) - shape(input.reference) };
+        sums[usize::from(term.acts_on == ActsOn::ScaleFactor)] += term.value * made;
     }
     sums
 }
@@ -304,27 +317,22 @@ fn the_image_computes_what_the_record_says() {
     let words = "bias 3, rate 1, zones 3, bias(cavity - block) 2, rate(cavity - block) 0, bias(path_length_v) 1";
     let columns = "bias 2, zones 2, rate(cavity) 0, bias(path_length_v) 1, rate(path_length_v) 0";
     let more = "bias 2, zones 2, steps(mode), rate(cavity) 0";
-    for (model, scaled) in [(words, "path_length_v"), (columns, "cavity"), (more, "mode")] {
+    let waves = "bias 2, harmonic 37.3, rate 0, bias(path_length_v) 1, harmonic(path_length_v) 21.7";
+    for (model, scaled) in [(words, "path_length_v"), (columns, "cavity"), (more, "mode"), (waves, "path_length_v")] {
         let mut found = fit(vec![rig.csv(1)], &setup(), model).unwrap();
         // No rate table is at hand: scale terms by hand.
-        for (sensor, order, value) in [("block".to_owned(), 1, 7.0), (scaled.to_owned(), 1, -5.0)] {
-            let unit = TermKind::Scale.unit().to_owned();
-            let like = found.axes[0].terms[0].clone();
-            found.axes[0].terms.push(Term { kind: TermKind::Scale, sensor, order, value, unit, at: None, ..like });
+        let correction = &mut found.axes[0].correction;
+        for (name, value) in [("block", 7.0), (scaled, -5.0)] {
+            let input = correction.inputs.iter().find(|input| input.name == name).unwrap();
+            correction.terms.push(Term::given(Form::scale(1), input, value));
         }
         let axis = only(&found);
         let image = Correction::from_calibration(found.clone()).unwrap().images[0];
         let gyro = Compensator::new(image);
-        let names: Vec<&str> =
-            std::iter::once("block").chain(axis.inputs.iter().map(|input| input.name.as_str())).collect();
-        let lags: Vec<Option<(f64, [f64; 2])>> =
-            std::iter::once(axis.lag_s.map(|lag| (lag.value, axis.rate_span_cpm.unwrap())))
-                .chain(
-                    axis.inputs
-                        .iter()
-                        .map(|input| input.lag_s.map(|lag| (lag.value, input.rate_span_per_min.unwrap()))),
-                )
-                .collect();
+        let inputs = &axis.correction.inputs;
+        let names: Vec<&str> = inputs.iter().map(|input| input.name.as_str()).collect();
+        let lag = |input: &Input| input.lag_s.map(|lag| (lag.value, input.rate_span_per_min.unwrap()));
+        let lags: Vec<Option<(f64, [f64; 2])>> = inputs.iter().map(lag).collect();
         let mut state = State::new();
         let mut lagged = vec![f64::NAN; names.len()];
         let (mut worst, mut compared) = ([0.0_f64; 2], 0);
@@ -364,7 +372,7 @@ fn the_image_computes_what_the_record_says() {
             assert!(!status.contains(Status::HELD), "{model}: {names:?}");
             // Where x is clamped the record's own curve goes on; rates are clamped here as there.
             let inside = |at: usize| {
-                let span = if at == 0 { axis.span_c } else { axis.inputs[at - 1].span };
+                let span = inputs[at].span;
                 (span[0]..=span[1]).contains(&values[at])
             };
             if !(0..names.len()).all(inside) {
@@ -385,7 +393,7 @@ fn the_image_computes_what_the_record_says() {
     // What a model is priced at is what its image has to do.
     let found = fit(vec![rig.csv(1)], &setup(), more).unwrap();
     let image = Correction::from_calibration(found.clone()).unwrap().images[0];
-    let priced = only(&found).candidates.iter().find(|c| c.chosen).unwrap().slow_update_instructions;
+    let priced = only(&found).candidates().iter().find(|c| c.chosen).unwrap().slow_update_instructions;
     assert_eq!(priced, Some(Work::of_image(&image).instructions()));
 }
 
@@ -395,11 +403,11 @@ fn large_steps_with_the_mode_are_no_outliers() {
     let rig = ManyInputs { steps_dph: vec![0.4, -0.3, 0.5, -0.4, 0.2], ..ManyInputs::plain() };
     let found = fit(vec![rig.csv(1)], &setup(), "auto").unwrap();
     let axis = only(&found);
-    let steps: u64 = axis.excluded.iter().filter(|tally| tally.reason.name() == "step").map(|tally| tally.rows).sum();
-    println!("{}: {steps} rows left out as steps", axis.model);
-    assert!(axis.model.contains("steps(mode)") && steps == 0, "{} {steps}", axis.model);
+    let steps: u64 = axis.excluded().iter().filter(|tally| tally.reason.name() == "step").map(|tally| tally.rows).sum();
+    println!("{}: {steps} rows left out as steps", axis.correction.model);
+    assert!(axis.correction.model.contains("steps(mode)") && steps == 0, "{} {steps}", axis.correction.model);
     // A mode that changes by the hour is no noise.
-    let noise = axis.correction_noise.as_ref().unwrap();
+    let noise = axis.fit.as_ref().unwrap().correction_noise.as_ref().unwrap();
     let of_mode = noise.inputs.iter().find(|noise| noise.input == "mode").unwrap();
     assert!(of_mode.sigma < 1e-9, "{of_mode:?}");
     let verification = retest(&found, rig.csv(2), &setup());
@@ -413,8 +421,8 @@ fn steps_that_happen_once_are_found() {
     let once = |up: f64| vec![Leg::Soak(3600.0), Leg::Ramp(up, 0.25), Leg::Soak(3600.0)];
     let rig = ManyInputs { steps_dph: vec![0.06, -0.03, 0.05, -0.06, 0.03], legs: once(50.0), ..ManyInputs::plain() };
     let found = fit(vec![rig.csv(1)], &setup(), "auto").unwrap();
-    println!("{}: held-out {:?}", only(&found).model, only(&found).cross_validation);
-    assert!(only(&found).model.contains("steps(mode)"), "{}", only(&found).model);
+    println!("{}: held-out {:?}", only(&found).correction.model, only(&found).cross_validation());
+    assert!(only(&found).correction.model.contains("steps(mode)"), "{}", only(&found).correction.model);
     assert!(left(&found, &rig, &setup()) < 1.1);
 }
 
@@ -436,7 +444,7 @@ fn coarse_counts_add_no_walk() {
 /// The same of a rate log with a coarse virtual LSB, which rounds on both sides.
 #[test]
 fn a_coarse_virtual_lsb_adds_no_walk() {
-    let noise = sagnac_sim::scenario::tables::Noise { arw_deg_rt_h: 0.002, ..Default::default() };
+    let noise = sagnac_sim::NoiseConfig { arw_deg_rt_h: 0.002, ..Default::default() };
     let resting = sagnac_sim::Resting { noise, q_arcsec: 0.0 };
     let log = |seed: u64| {
         let row = |(i, arcsec): (usize, f64)| {
@@ -463,10 +471,14 @@ fn a_noisy_thermometer_costs_no_correction() {
     };
     let found = fit(vec![rig.csv(1)], &Setup { inputs: Some(Vec::new()), ..setup() }, "auto").unwrap();
     let axis = only(&found);
-    let noise = axis.correction_noise.as_ref().unwrap();
-    let held_out = axis.cross_validation.as_ref().unwrap().sigma_dph;
-    println!("{}: held-out {held_out:.4}, {:?}", axis.model, noise.increase);
-    assert!(axis.terms.iter().any(|term| term.kind == TermKind::Bias) && held_out < 0.02, "{} {held_out}", axis.model);
+    let noise = axis.fit.as_ref().unwrap().correction_noise.as_ref().unwrap();
+    let held_out = axis.cross_validation().unwrap().sigma_dph;
+    println!("{}: held-out {held_out:.4}, {:?}", axis.correction.model, noise.increase);
+    assert!(
+        axis.correction.terms.iter().any(|term| term.acts_on == ActsOn::Bias) && held_out < 0.02,
+        "{} {held_out}",
+        axis.correction.model
+    );
     assert!(noise.increase_by_value.unwrap() > noise.limit);
 }
 
@@ -476,8 +488,8 @@ fn an_even_ramp_is_fitted_without_its_rate() {
     let rig = ManyInputs { legs: vec![Leg::Ramp(50.0, 0.15)], lags_s: [1.0, 1.0], ..ManyInputs::plain() };
     let found = fit(vec![rig.csv(1)], &setup(), "auto").unwrap();
     let axis = only(&found);
-    println!("{}: condition {:?}", axis.model, axis.collinearity);
-    assert!(axis.collinearity.as_ref().is_none_or(|near| near.condition <= near.limit));
+    println!("{}: condition {:?}", axis.correction.model, axis.fit.as_ref().unwrap().collinearity);
+    assert!(axis.fit.as_ref().unwrap().collinearity.as_ref().is_none_or(|near| near.condition <= near.limit));
 }
 
 /// At one input rate a scale factor is a bias.
@@ -504,11 +516,11 @@ fn scale_terms_over_inputs_are_found_on_a_table() {
     let all = inputs(&["cavity - block", "path_length_v", "bystander"]);
     let found = fit(vec![rig.csv(1)], &all, "auto").unwrap();
     let axis = only(&found);
-    println!("{}", axis.model);
+    println!("{}", axis.correction.model);
     for (name, truth) in [("cavity - block", 1.0), ("path_length_v", 0.1)] {
-        let input = axis.inputs.iter().find(|input| input.name == name).unwrap();
-        let scale = |t: &&Term| t.kind == TermKind::Scale && t.sensor == name && t.order == 1;
-        let term = axis.terms.iter().find(scale).unwrap();
+        let input = axis.other_inputs().iter().find(|input| input.name == name).unwrap();
+        let scale = |t: &&Term| t.input == name && t.form() == Form::scale(1);
+        let term = axis.correction.terms.iter().find(scale).unwrap();
         let per_unit = 2.0 / (input.span[1] - input.span[0]);
         let (slope, sigma) = (term.value * per_unit, term.sigma.unwrap() * per_unit);
         println!("scale({name}): {slope:.4} ± {sigma:.4} ppm, true {truth}");
@@ -518,11 +530,11 @@ fn scale_terms_over_inputs_are_found_on_a_table() {
         let proof = retest(calibration, rig.csv(2), setup);
         let axis = &proof.axes[0];
         println!("{:?}", axis.scale_factor.as_ref().map(|s| (&s.before, &s.after, s.of_noise_ppm)));
-        axis.after.sigma_dph / axis.floor.as_ref().unwrap().value_dph
+        axis.after.sigma_dph / axis.noise_floor.as_ref().unwrap().value_dph
     };
     let alone = inputs(&[]);
     let without = fit(vec![rig.csv(1)], &alone, "auto").unwrap();
-    println!("alone: {}", only(&without).model);
+    println!("alone: {}", only(&without).correction.model);
     let [with, without] = [spread(&found, &all), spread(&without, &alone)];
     println!("left over the floor: {with:.3}, alone {without:.3}");
     assert!(with < 1.06 && without > 5.0 * with, "{with} {without}");

@@ -19,14 +19,14 @@ fn intervals_cover_the_truth_and_the_correction_reaches_the_floor() {
     for seed in 0..SEEDS {
         let calibration = fit(vec![csv_bytes(rig.run(2 * seed))], &setup, "bias 2").unwrap();
         let axis = &calibration.axes[0];
-        let sigmas = axis.monomial.sigma.as_ref().unwrap();
+        let sigmas = axis.monomial.as_ref().unwrap().sigma.as_ref().unwrap();
         // 95 % interval of Student's t; 147 degrees of freedom less what the autocorrelation takes.
         for (i, hit) in covered.iter_mut().enumerate() {
-            *hit += u32::from((axis.monomial.coefficients[i] - truth[i]).abs() <= 1.976 * sigmas[i]);
+            *hit += u32::from((axis.monomial.as_ref().unwrap().coefficients[i] - truth[i]).abs() <= 1.976 * sigmas[i]);
         }
         let verification = retest(&calibration, csv_bytes(rig.run(2 * seed + 1)), &setup);
         let proof = &verification.axes[0];
-        over_floor.push(proof.after.sigma_dph / proof.floor.as_ref().unwrap().value_dph);
+        over_floor.push(proof.after.sigma_dph / proof.noise_floor.as_ref().unwrap().value_dph);
         improvements.push(proof.improvement.unwrap());
     }
     improvements.sort_by(f64::total_cmp);

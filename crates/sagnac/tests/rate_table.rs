@@ -5,8 +5,9 @@ mod support;
 use std::fmt::Write as _;
 
 use sagnac::ErrorKind;
-use sagnac::calibration::{AxisCalibration, TermKind};
-use sagnac::setup::{Direction, Earth, Setup, TableRun};
+use sagnac::calibration::AxisCalibration;
+use sagnac::model::ActsOn;
+use sagnac_log::setup::{Direction, Earth, Setup, TableRun};
 use sagnac_sim::RateTable;
 use support::{fit, retest};
 
@@ -16,24 +17,25 @@ fn setup() -> Setup {
 }
 
 /// ε(T) − ε(T0) and d(T) of a record, by the definition.
-fn series(axis: &AxisCalibration, kind: TermKind, celsius: f64) -> f64 {
-    let [lo, hi] = axis.span_c;
+fn series(axis: &AxisCalibration, of: ActsOn, celsius: f64) -> f64 {
+    let [lo, hi] = axis.span_c();
     let x = |t: f64| (2.0 * t - lo - hi) / (hi - lo);
     let chebyshev = |n: u8, x: f64| (f64::from(n) * x.clamp(-1.0, 1.0).acos()).cos();
-    let terms = axis.terms.iter().filter(|term| term.kind == kind);
-    terms.map(|t| t.value * (chebyshev(t.order, x(celsius)) - chebyshev(t.order, x(axis.reference_c)))).sum()
+    let terms = axis.correction.terms.iter().filter(|term| term.acts_on == of && !term.times_rate);
+    let of_order = |order: u8| chebyshev(order, x(celsius)) - chebyshev(order, x(axis.reference_c()));
+    terms.map(|t| t.value * of_order(t.shape.order().unwrap() as u8)).sum()
 }
 
 /// The rig's truth is in other powers than the fit's: ε within 0.25 ppm over 110 °C, d within `most_dph`, ε0 within four
 /// of its σ.
 fn holds_what_was_put_in(rig: &RateTable, axis: &AxisCalibration, most_dph: f64) {
-    let at_reference = axis.scale_factor.as_ref().unwrap().at_reference;
+    let at_reference = axis.scale_factor().unwrap().at_reference;
     let away = at_reference.ppm - rig.epsilon_ppm(25.0);
     assert!(away.abs() < 4.0 * at_reference.sigma_ppm && at_reference.sigma_ppm < 0.1, "{at_reference:?}: {away}");
     for celsius in [-40.0, -20.0, 0.0, 40.0, 70.0] {
-        let epsilon = series(axis, TermKind::Scale, celsius) - (rig.epsilon_ppm(celsius) - rig.epsilon_ppm(25.0));
+        let epsilon = series(axis, ActsOn::ScaleFactor, celsius) - (rig.epsilon_ppm(celsius) - rig.epsilon_ppm(25.0));
         assert!(epsilon.abs() < 0.25, "{celsius} °C: ε is {epsilon} ppm off");
-        let bias = series(axis, TermKind::Bias, celsius) - (rig.bias_dph(celsius) - rig.bias_dph(25.0));
+        let bias = series(axis, ActsOn::Bias, celsius) - (rig.bias_dph(celsius) - rig.bias_dph(25.0));
         assert!(bias.abs() < most_dph, "{celsius} °C: d is {bias} °/h off");
     }
 }
@@ -45,12 +47,12 @@ fn bias_and_scale_factor_come_out_of_one_fit() {
         let made =
             fit(vec![rig.csv(2 * seed, true), rig.csv(2 * seed + 1, true)], &setup(), "bias 2, scale 2").unwrap();
         holds_what_was_put_in(&rig, &made.axes[0], 0.006);
-        let constant = &made.axes[0].constants[0];
+        let constant = &made.axes[0].run_offsets[0];
         let bias = constant.fixed_bias_dph.unwrap() - rig.bias_dph(25.0);
         assert!(bias.abs() < 5.0 * constant.sigma_dph.unwrap() + 0.001, "the Earth's rate is taken off: {bias}");
     }
     let auto = fit(vec![rig.csv(1, true), rig.csv(2, true)], &setup(), "auto").unwrap();
-    assert_eq!(auto.axes[0].model, "bias 2, scale 2");
+    assert_eq!(auto.axes[0].correction.model, "bias 2, scale 2");
 }
 
 /// The plateaus say the same by the two-direction method, without the fit: 24 of them within four of their own σ.
@@ -58,7 +60,7 @@ fn bias_and_scale_factor_come_out_of_one_fit() {
 fn plateaus_tell_scale_and_bias_apart() {
     let rig = RateTable::domain_notes();
     let made = fit(vec![rig.csv(1, true), rig.csv(2, true)], &setup(), "bias 2, scale 2").unwrap();
-    let scale = made.axes[0].scale_factor.clone().unwrap();
+    let scale = made.axes[0].scale_factor().cloned().unwrap();
     assert_eq!(scale.plateaus.len(), 24);
     for p in &scale.plateaus {
         let away = p.scale.ppm - rig.epsilon_ppm(p.temperature_c);
@@ -89,9 +91,11 @@ fn rates_per_file_tell_them_apart_too() {
     }
     let with_rates = Setup { tables: vec![table("plus.csv", 10.0), table("minus.csv", -10.0)], ..setup() };
     let fitted = |setup: &Setup| {
-        let open = |path: &std::path::PathBuf| sagnac::ingest::LogReader::open(path, setup, sagnac::ingest::Pace::Bulk);
+        let open = |path: &std::path::PathBuf| {
+            sagnac_log::ingest::LogReader::open(path, setup, sagnac_log::ingest::ReadMode::Bulk)
+        };
         let logs = logs.iter().map(|path| open(path).unwrap()).collect();
-        let windows = sagnac::window::WindowBuilder::read_all(logs, setup).unwrap().finish(false);
+        let windows = sagnac::window::WindowBuilder::read_all(logs, setup).unwrap().finish();
         let options = sagnac::fit::FitOptions::new(support::model("bias 2, scale 2"));
         sagnac::fit::calibrate(windows, setup, &options)
     };
@@ -120,14 +124,15 @@ fn verify_reports_ppm_before_and_after() {
     // The mean stays: it is the scale factor at T0, which the correction leaves to arcsec_per_count.
     assert!((scale.after.mean_ppm - rig.epsilon_ppm(25.0)).abs() < 0.3, "{:?}", scale.after);
     let axis = &proof.axes[0];
-    assert!(axis.after.sigma_dph < 1.1 * axis.floor.as_ref().unwrap().value_dph, "{axis:?}");
+    assert!(axis.after.sigma_dph < 1.1 * axis.noise_floor.as_ref().unwrap().value_dph, "{axis:?}");
     assert!(axis.improvement_sigma.unwrap() > 10.0, "{axis:?}");
 }
 
 /// A record on a turning table is no record at rest, and is said to be none.
 #[test]
 fn noise_of_a_turned_record_is_doubted() {
-    use sagnac::allan::{Request, Taus, noise_budget};
+    use sagnac::allan::{Request, noise_budget};
+    use sagnac_noise::Taus;
     let warned = |rig: &RateTable| {
         let log = support::reader(rig.csv(1, true), &setup());
         let said = noise_budget(vec![log], None, &setup(), &Request { taus: Taus::Octaves, exact: false }).unwrap();
@@ -157,7 +162,7 @@ fn angles_and_marks_stand_for_the_rate() {
         writeln!(with_marks, "{fields},{mark}").unwrap();
     }
     // Windows of whole revolutions: 36 s each.
-    let setup = Setup { window: Some(sagnac::setup::WindowSize::Seconds(72.0)), ..setup() };
+    let setup = Setup { window: Some(sagnac_log::setup::WindowSize::Seconds(72.0)), ..setup() };
     for log in [with_angle, with_marks] {
         let made = fit(vec![log.into_bytes()], &setup, "bias 2, scale 2").unwrap();
         holds_what_was_put_in(&rig, &made.axes[0], 0.012);
@@ -196,19 +201,20 @@ fn misalignment_from_two_orientations() {
     let tables = vec![table("about-z.csv", "z"), table("about-x.csv", "x")];
     let fitted = |tables: Vec<TableRun>| {
         let setup = Setup { tables, ..Setup::default() };
-        let open =
-            |path: &std::path::PathBuf| sagnac::ingest::LogReader::open(path, &setup, sagnac::ingest::Pace::Bulk);
+        let open = |path: &std::path::PathBuf| {
+            sagnac_log::ingest::LogReader::open(path, &setup, sagnac_log::ingest::ReadMode::Bulk)
+        };
         let logs = paths.iter().map(|path| open(path).unwrap()).collect();
-        let windows = sagnac::window::WindowBuilder::read_all(logs, &setup).unwrap().finish(false);
+        let windows = sagnac::window::WindowBuilder::read_all(logs, &setup).unwrap().finish();
         let options = sagnac::fit::FitOptions::new(support::model("bias 1"));
         sagnac::fit::calibrate(windows, &setup, &options)
     };
     let made = fitted(tables).unwrap();
     for (axis, wanted) in made.axes.iter().zip([vec![('z', 35.0)], vec![('x', -20.0), ('z', 12.0)], vec![('x', 50.0)]])
     {
-        let found: Vec<char> = axis.misalignment.iter().map(|m| m.towards).collect();
+        let found: Vec<char> = axis.fit.as_ref().unwrap().misalignment.iter().map(|m| m.towards).collect();
         assert_eq!(found, wanted.iter().map(|(letter, _)| *letter).collect::<Vec<_>>(), "axis {}", axis.axis);
-        for (m, (_, arcsec)) in axis.misalignment.iter().zip(wanted) {
+        for (m, (_, arcsec)) in axis.fit.as_ref().unwrap().misalignment.iter().zip(wanted) {
             assert!((m.arcsec - arcsec).abs() < 4.0 * m.sigma_arcsec && m.sigma_arcsec < 0.5, "{}: {m:?}", axis.axis);
         }
     }

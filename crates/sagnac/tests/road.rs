@@ -3,11 +3,11 @@
 mod support;
 
 use sagnac::fit::{FitOptions, calibrate};
-use sagnac::ingest::{LogReader, Pace, Reason};
-use sagnac::setup::{Noise, Setup};
-use sagnac::verify::{CorrectedFormat, Correction, Limits, compensate, verify};
+use sagnac::verify::{CorrectedFormat, Correction, Limits, VerifyOptions, compensate, verify};
 use sagnac::window::{read_table, write_table};
 use sagnac::{ErrorKind, calibration::Calibration};
+use sagnac_log::ingest::{LogReader, ReadMode, Reason};
+use sagnac_log::setup::{Noise, Setup};
 use sagnac_sim::{LaggedChamber, PaperRig, csv_bytes};
 use support::{fit, model, paper_setup, reader, retest, windows};
 
@@ -87,7 +87,9 @@ fn what_the_data_cannot_support_is_refused_by_name() {
 fn auto_on_pure_noise_keeps_no_term() {
     let flat = LaggedChamber { drift_dph: vec![0.0], rate_effect: 0.0, ..chamber_rig() };
     let kept: Vec<String> = (1..=6)
-        .map(|seed| fit(vec![csv_bytes(flat.run(seed))], &chamber_setup(), "auto").unwrap().axes[0].model.clone())
+        .map(|seed| {
+            fit(vec![csv_bytes(flat.run(seed))], &chamber_setup(), "auto").unwrap().axes[0].correction.model.clone()
+        })
         .collect();
     assert!(kept.iter().all(|m| m == "bias 0"), "{kept:?}");
 }
@@ -95,7 +97,7 @@ fn auto_on_pure_noise_keeps_no_term() {
 #[test]
 fn insignificant_terms_of_a_fixed_model_are_marked() {
     let calibration = fit(vec![csv_bytes(PaperRig::PAPER.run(4))], &paper_setup(), "bias 5").unwrap();
-    let marks: Vec<bool> = calibration.axes[0].terms.iter().map(|t| t.significant.unwrap()).collect();
+    let marks: Vec<bool> = calibration.axes[0].correction.terms.iter().map(|t| t.significant.unwrap()).collect();
     // The span is symmetric about the vertex, so the truth is in T₂ alone.
     assert!(marks[1], "{marks:?}");
     assert!(marks[2..].iter().any(|m| !m), "{marks:?}");
@@ -112,12 +114,13 @@ fn bumps_and_steps_are_left_out_by_name() {
     let bump = spoil(&|t| if (5050.0..5080.0).contains(&t) { 44.5 } else { 0.0 });
     let step = spoil(&|t| if t > 12_030.0 { 1.0 } else { 0.0 });
     for (spoiled, reason, windows) in [(bump, Reason::Motion, 1), (step, Reason::Step, 30)] {
-        let excluded = &spoiled.axes[0].excluded;
+        let excluded = spoiled.axes[0].excluded();
         assert_eq!(excluded.len(), 1, "{excluded:?}");
         assert_eq!(excluded[0].reason, reason);
         assert!(excluded[0].rows.abs_diff(windows * 100) <= 200, "{excluded:?}");
         // The spans differ, so the curves are compared in powers of °C.
-        let (a, b) = (&clean.axes[0].monomial, &spoiled.axes[0].monomial);
+        let powers = |of: &Calibration| of.axes[0].monomial.clone().unwrap();
+        let (a, b) = (powers(&clean), powers(&spoiled));
         let sigma = b.sigma.as_ref().unwrap()[2];
         assert!((a.coefficients[2] - b.coefficients[2]).abs() < 3.0 * sigma, "{a:?} {b:?}");
     }
@@ -137,16 +140,19 @@ fn verify_goes_through_the_image_and_limits_decide() {
         "simulated.csv",
         Box::new(std::io::Cursor::new(csv_bytes(chamber_rig().run(3)))),
         &alone_setup,
-        Pace::Bulk,
+        ReadMode::Bulk,
     );
     let limits = Limits::parse("improvement_min = 1000.0\nsigma_dph_max = 1.0").unwrap();
-    let by_image = verify(&alone, vec![log.unwrap()], &alone_setup, Some(&limits), false).unwrap();
+    let by_image = verify(&alone, vec![log.unwrap()], &alone_setup, VerifyOptions::default())
+        .and_then(|proof| proof.limits(&limits))
+        .unwrap()
+        .verification;
     assert_eq!((&proof.axes[0].before, &proof.axes[0].after), (&by_image.axes[0].before, &by_image.axes[0].after));
     assert_eq!(proof.image_sha256, by_image.image_sha256);
     let passes: Vec<Option<bool>> = by_image.axes[0].limits.iter().map(|l| l.pass).collect();
     assert_eq!((passes, by_image.passed()), (vec![Some(true), Some(false)], false));
     let given = Setup { noise: Some(Noise { n_deg_rt_h: 0.006, q_arcsec: 0.0 }), ..setup };
-    let floor = retest(&calibration, csv_bytes(chamber_rig().run(3)), &given).axes[0].floor.clone().unwrap();
+    let floor = retest(&calibration, csv_bytes(chamber_rig().run(3)), &given).axes[0].noise_floor.clone().unwrap();
     assert!((floor.value_dph - 0.036).abs() < 1e-12, "0.36 arcsec/√s over 100 s is 0.036 °/h");
 }
 
@@ -162,7 +168,7 @@ fn an_old_correction_can_be_verified_too() {
     let old = sagnac::export::import(&polynomial, &setup).unwrap();
     let proof = retest(&old, csv_bytes(PaperRig::PAPER.run(5)), &setup);
     let axis = &proof.axes[0];
-    let over_floor = axis.after.sigma_dph / axis.floor.as_ref().unwrap().value_dph;
+    let over_floor = axis.after.sigma_dph / axis.noise_floor.as_ref().unwrap().value_dph;
     assert!((over_floor - 1.0).abs() < 0.15, "{over_floor}");
     assert!((axis.after.mean - 424.64).abs() < 0.5, "the table's after-mean, {}", axis.after.mean);
     // C cancels: the printed constant corrects just as well.
@@ -178,15 +184,15 @@ fn compensated_output_is_stamped_conserves_counts_and_is_refused_as_input() {
     let calibration = fit(vec![csv_bytes(PaperRig::PAPER.run(1))], &setup, "bias 2").unwrap();
     let proof = retest(&calibration, csv_bytes(PaperRig::PAPER.run(2)), &setup);
     let correction = Correction::from_calibration(calibration).unwrap();
-    let make = |pace: Pace| {
+    let make = |pace: ReadMode| {
         let source = Box::new(std::io::Cursor::new(csv_bytes(PaperRig::PAPER.run(2))));
         let mut log = LogReader::from_reader("log", source, &setup, pace).unwrap();
         let mut out = Vec::new();
         compensate(&correction, &mut log, &setup, CorrectedFormat::Csv, &mut out).unwrap();
         String::from_utf8(out).unwrap()
     };
-    let text = make(Pace::BulkWithText);
-    assert_eq!(text, make(Pace::LineByLine));
+    let text = make(ReadMode::BulkWithText);
+    assert_eq!(text, make(ReadMode::LineByLine));
     let mut lines = text.lines();
     assert!(lines.next().unwrap().starts_with("# sagnac compensated"));
     assert_eq!(lines.next().unwrap(), "time_s,temperature_c,compensated_counts,status");
@@ -196,7 +202,7 @@ fn compensated_output_is_stamped_conserves_counts_and_is_refused_as_input() {
     let without_stamp = text.lines().skip(1).map(|l| format!("{l}\n")).collect::<String>();
     for again in [text, without_stamp] {
         let again = Box::new(std::io::Cursor::new(again.into_bytes()));
-        let error = LogReader::from_reader("log", again, &setup, Pace::Bulk).err().unwrap();
+        let error = LogReader::from_reader("log", again, &setup, ReadMode::Bulk).err().unwrap();
         assert_eq!(error.kind, ErrorKind::Refused);
     }
 }
@@ -216,7 +222,7 @@ fn replay_tells_held_and_stale_and_jumps_over_gaps() {
     let mut log = reader(format!("time_s,temperature_c,counts\n{rows}").into_bytes(), &setup);
     let mut log_with_text = {
         let source = Box::new(std::io::Cursor::new(format!("time_s,temperature_c,counts\n{rows}").into_bytes()));
-        LogReader::from_reader("log", source, &setup, Pace::BulkWithText).unwrap()
+        LogReader::from_reader("log", source, &setup, ReadMode::BulkWithText).unwrap()
     };
     assert!(log.next_batch().unwrap().is_some());
     let mut out = Vec::new();
@@ -242,7 +248,7 @@ fn a_glitch_that_is_left_out_leaves_no_trace_in_the_floor() {
     };
     let clean = csv_bytes(chamber_rig().run(3));
     let calibration = fit(vec![csv_bytes(chamber_rig().run(1))], &setup, "bias 1").unwrap();
-    let floor = |log: Vec<u8>| retest(&calibration, log, &setup).axes[0].floor.clone().unwrap().value_dph;
+    let floor = |log: Vec<u8>| retest(&calibration, log, &setup).axes[0].noise_floor.clone().unwrap().value_dph;
     let (without, with) = (floor(clean), floor(cycle(3, 1e6)));
     assert!((with / without - 1.0).abs() < 0.02, "{with} {without}");
 }
@@ -265,11 +271,11 @@ fn noise_is_at_its_floor_on_any_ramp() {
         let setup = chamber_setup();
         let calibration = fit(vec![csv_bytes(rig.run(1))], &setup, "bias 1").unwrap();
         let proof = retest(&calibration, csv_bytes(rig.run(2)), &setup);
-        let over_floor = proof.axes[0].after.sigma_dph / proof.axes[0].floor.as_ref().unwrap().value_dph;
+        let over_floor = proof.axes[0].after.sigma_dph / proof.axes[0].noise_floor.as_ref().unwrap().value_dph;
         println!("{rate_cpm} °C/min: {over_floor:.3}");
         assert!((over_floor - 1.0).abs() < 0.1, "{rate_cpm} °C/min: {over_floor}");
         let axis = &calibration.axes[0];
-        let held_out = axis.cross_validation.as_ref().unwrap().sigma_dph / axis.residual.unwrap().sigma_dph;
+        let held_out = axis.cross_validation().unwrap().sigma_dph / axis.residual().unwrap().sigma_dph;
         assert!((held_out - 1.0).abs() < 0.1, "{held_out}");
     }
 }
@@ -281,8 +287,8 @@ fn a_run_shorter_than_a_block_is_judged_about_its_own_mean() {
     let short = PaperRig { windows: 5, ..PaperRig::PAPER };
     let logs = vec![csv_bytes(PaperRig::PAPER.run(1)), csv_bytes(PaperRig::PAPER.run(2)), csv_bytes(short.run(3))];
     let axis = fit(logs, &setup, "auto").unwrap().axes.remove(0);
-    assert!(axis.model.starts_with("bias 2"), "{}", axis.model);
-    assert!(axis.candidates.iter().all(|c| c.held_out_dph.is_some()), "{:?}", axis.candidates);
+    assert!(axis.correction.model.starts_with("bias 2"), "{}", axis.correction.model);
+    assert!(axis.candidates().iter().all(|c| c.held_out_dph.is_some()), "{:?}", axis.candidates());
 }
 
 #[test]
@@ -305,7 +311,7 @@ fn hand_edited_records_are_refused_by_field() {
         ("\"unit\": \"deg/h\"", "\"unit\": \"deg/s\"", "deg/h"),
         ("\"serial\": \"RLG-1\"", "\"serial\": \"\"", "1 to 32"),
         ("\"axis\": \"x\"", "\"axis\": \"/\"", "letters or digits"),
-        ("\"hold_s\": 10.0", "\"hold_s\": -1.0", "within"),
+        ("\"stale_after_s\": 10.0", "\"stale_after_s\": -1.0", "within"),
         ("\"gain_c_per_code\": 5.960464477539063e-8", "\"gain_c_per_code\": 1e-300", "within"),
     ] {
         assert!(text.contains(from), "{from}");
@@ -334,7 +340,7 @@ fn heating_against_cooling_is_always_told() {
     let setup = Setup { arcsec_per_count: Some(rig.arcsec_per_count), ..Setup::default() };
     let legs = |model: &str| {
         let made = fit(vec![csv_bytes(rig.run(1))], &setup, model).unwrap();
-        made.axes[0].heating_less_cooling.unwrap()
+        made.axes[0].fit.as_ref().unwrap().hysteresis.unwrap()
     };
     // 0.05 °/h per °C/min at up to ±1 °C/min, less in the tails of the ramps: up to a tenth of a °/h between the legs.
     let with_rate = legs("bias 3, rate 0");

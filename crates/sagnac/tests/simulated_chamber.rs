@@ -2,7 +2,7 @@
 
 mod support;
 
-use sagnac::setup::Setup;
+use sagnac_log::setup::Setup;
 use sagnac_sim::{LaggedChamber, csv_bytes};
 use support::{fit, retest};
 
@@ -14,9 +14,9 @@ fn left_over(model: &str, seeds: [u64; 3]) -> f64 {
     let calibration = fit(vec![cycle(seeds[0]), cycle(seeds[1])], &setup, model).unwrap();
     let verification = retest(&calibration, cycle(seeds[2]), &setup);
     let axis = &verification.axes[0];
-    let floor = axis.floor.as_ref().unwrap().value_dph;
+    let floor = axis.noise_floor.as_ref().unwrap().value_dph;
     let (before, after) = (axis.before.sigma_dph, axis.after.sigma_dph);
-    println!("{}: before {before:.4}, after {after:.4} °/h, floor {floor:.4}", calibration.axes[0].model);
+    println!("{}: before {before:.4}, after {after:.4} °/h, floor {floor:.4}", calibration.axes[0].correction.model);
     after / floor
 }
 

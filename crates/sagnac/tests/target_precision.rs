@@ -6,11 +6,11 @@
 mod support;
 
 use proptest::prelude::*;
-use sagnac::calibration::{AxisCalibration, Calibration, Lag, Term, TermKind};
+use sagnac::calibration::{Calibration, Lag, Term};
 use sagnac::export::{Polynomial, encode, image_bytes, import};
-use sagnac::fit::{Span, chebyshev};
-use sagnac::setup::Setup;
+use sagnac::model::{Form, Span, chebyshev};
 use sagnac_core::{Compensator, Image, State};
+use sagnac_log::setup::Setup;
 
 const PERIOD_S: f64 = 1.0;
 
@@ -50,25 +50,15 @@ fn calibration(case: &Case) -> Calibration {
     let setup = Setup { arcsec_per_count: Some(case.arcsec), reference_c: Some(case.reference), ..Setup::default() };
     let base = Polynomial { coefficients: vec![0.0], window_s: 100.0, span_c: case.span_c };
     let mut calibration = import(&base, &setup).unwrap();
-    let term = |kind: TermKind, order: usize, value: f64| Term {
-        kind,
-        sensor: String::new(),
-        order: order as u8,
-        at: None,
-        inflation: None,
-        value,
-        sigma: None,
-        unit: kind.unit().to_owned(),
-        significant: None,
-        bootstrap: None,
-    };
-    let bias = case.bias.iter().enumerate().map(|(i, v)| term(TermKind::Bias, i + 1, *v));
-    let rate = case.rate.iter().enumerate().map(|(i, v)| term(TermKind::Rate, i, *v));
-    let scale = case.scale.iter().enumerate().map(|(i, v)| term(TermKind::Scale, i + 1, *v));
-    let axis: &mut AxisCalibration = &mut calibration.axes[0];
-    axis.terms = bias.chain(rate).chain(scale).collect();
-    axis.lag_s = Some(Lag { value: case.tau_s, sigma: None });
-    axis.rate_span_cpm = Some([-case.rate_cpm, case.rate_cpm]);
+    let correction = &mut calibration.axes[0].correction;
+    let thermometer = &mut correction.inputs[0];
+    thermometer.lag_s = Some(Lag { value: case.tau_s, sigma: None });
+    thermometer.rate_span_per_min = Some([-case.rate_cpm, case.rate_cpm]);
+    let term = |form: fn(u8) -> Form, order: usize, value: f64| Term::given(form(order as u8), thermometer, value);
+    let bias = case.bias.iter().enumerate().map(|(i, v)| term(Form::bias, i + 1, *v));
+    let rate = case.rate.iter().enumerate().map(|(i, v)| term(Form::rate, i, *v));
+    let scale = case.scale.iter().enumerate().map(|(i, v)| term(Form::scale, i + 1, *v));
+    correction.terms = bias.chain(rate).chain(scale).collect();
     calibration
 }
 
@@ -92,7 +82,7 @@ impl Model<'_> {
     fn update(&mut self, t_c: f64) -> (f64, f64) {
         let span = Span::on_grid(self.case.span_c[0], self.case.span_c[1]);
         let x0 = span.x(self.case.reference);
-        let x = span.x(t_c.clamp(span.lo_c, span.hi_c));
+        let x = span.x(t_c.clamp(span.lo, span.hi));
         let lag = self.lag_c.get_or_insert(t_c);
         let step = -(-PERIOD_S / self.case.tau_s).exp_m1() * (t_c - *lag);
         *lag += step;

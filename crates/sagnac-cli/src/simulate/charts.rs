@@ -1,11 +1,8 @@
 //! The inside of a simulated gyro over time, thinned while it runs.
 
-use sagnac::digits::significant;
-use sagnac::report::{Chart, ChartPage, Curve, PageTable};
-use sagnac_sim::Scenario;
-use sagnac_sim::gyro::{LogRow, SOURCES, Second};
-use sagnac_sim::plant::Bode;
-use sagnac_sim::scenario::tables::Actuator;
+use sagnac_report::{Chart, ChartPage, Curve, PageTable};
+use sagnac_sim::{Actuator, Bode, BodePoint, ERROR_SOURCES, LogRow, Scenario, Second};
+use sagnac_units::format::significant;
 
 /// Stretches of the run that are drawn as one point.
 const POINTS: f64 = 1200.0;
@@ -41,7 +38,7 @@ impl Recorder {
             stretch_s: (length_s / POINTS).max(scenario.run.interval_s),
             open: None,
             hours: Vec::new(),
-            columns: vec![Vec::new(); FIXED + SOURCES.len()],
+            columns: vec![Vec::new(); FIXED + ERROR_SOURCES.len()],
             output: Vec::new(),
             invalid: Vec::new(),
             scenario: scenario.clone(),
@@ -159,7 +156,7 @@ impl Recorder {
 
     /// Sources that are not constant, less their means.
     fn sources(&self) -> Vec<Curve> {
-        let all = SOURCES.iter().zip(&self.columns[FIXED..]);
+        let all = ERROR_SOURCES.iter().zip(&self.columns[FIXED..]);
         all.filter_map(|(name, values)| {
             let (mean, sigma, _) = figures(values);
             let centred: Vec<f64> = values.iter().map(|v| v - mean).collect();
@@ -170,7 +167,7 @@ impl Recorder {
 
     fn budget(&self) -> PageTable {
         let columns = ["source", "mean, °/h", "σ over the test, °/h", "max − min, °/h"].map(str::to_owned);
-        let rows = SOURCES.iter().zip(&self.columns[FIXED..]).map(|(name, values)| {
+        let rows = ERROR_SOURCES.iter().zip(&self.columns[FIXED..]).map(|(name, values)| {
             let (mean, sigma, span) = figures(values);
             let mut row = vec![name.replace('_', " ")];
             row.extend(
@@ -214,8 +211,7 @@ pub(crate) fn bode_page(scenario: &Scenario, sweeps: &[Bode]) -> ChartPage {
             ..Chart::default()
         };
         let db = |gain: f64| 20.0 * gain.log10();
-        let of =
-            |value: &dyn Fn(&sagnac_sim::plant::BodePoint) -> f64| sweep.points.iter().map(value).collect::<Vec<f64>>();
+        let of = |value: &dyn Fn(&BodePoint) -> f64| sweep.points.iter().map(value).collect::<Vec<f64>>();
         [
             chart("gain", "open-loop gain, dB", curves(of(&|p| db(p.gain)), of(&|p| db(p.design_gain)))),
             chart("phase", "open-loop phase, deg", curves(of(&|p| p.phase_deg), of(&|p| p.design_phase_deg))),

@@ -6,16 +6,15 @@ use std::cell::RefCell;
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 
-use sagnac::digits::significant;
-use sagnac::ingest::Content;
-use sagnac::report::{ChartPage, chart_report};
-use sagnac::write::{ParquetRows, write_atomically, write_bytes};
 use sagnac::{Error, Result};
-use sagnac_sim::fault::{Fault, FaultKind};
-use sagnac_sim::gyro::{GyroRun, LogRow, Second};
-use sagnac_sim::log::{Blocks, LogText, truth_header, write_truth};
-use sagnac_sim::plant::{Bode, Design, LoopName, measure};
-use sagnac_sim::{Problem, Scenario};
+use sagnac_log::ingest::Content;
+use sagnac_log::write::{ParquetRows, write_atomically, write_bytes};
+use sagnac_report::{ChartPage, chart_report};
+use sagnac_sim::{
+    BlockWriter, Bode, Fault, FaultKind, LogRow, LogText, LoopDesign, LoopName, Scenario, ScenarioError, Second,
+    truth_header, write_truth,
+};
+use sagnac_units::format::significant;
 
 use crate::console::{Console, Outcome, Ran, table};
 use crate::loading;
@@ -113,8 +112,8 @@ fn check_files(args: &Args) -> Result<()> {
 }
 
 /// A scenario's refusal, with its file and key.
-pub(crate) fn refused(path: &Path, problem: &Problem) -> Error {
-    let error = Error::input(problem.what.clone()).file(path.display().to_string());
+pub(crate) fn refused(path: &Path, problem: &ScenarioError) -> Error {
+    let error = Error::input(problem.message.clone()).file(path.display().to_string());
     let error = if problem.key.is_empty() { error } else { error.column(problem.key.clone()) };
     let error = problem.line.map_or(error.clone(), |line| error.line(line));
     error.help("docs/reference/scenario.md lists every key with its unit and range")
@@ -132,11 +131,13 @@ pub(crate) fn read_scenario(path: &Path) -> Result<Scenario> {
         );
     }
     let text = String::from_utf8(bytes).map_err(|_| Error::input("not UTF-8 text").file(path.display().to_string()))?;
-    Scenario::from_toml(&text).map_err(|problem| refused(path, &problem))
+    let scenario = Scenario::from_toml(&text).map_err(|problem| refused(path, &problem))?;
+    scenario.build().map_err(|problem| refused(path, &problem))?;
+    Ok(scenario)
 }
 
 fn scenario(args: &Args) -> Result<Scenario> {
-    let refused = |problem: Problem| refused(&args.scenario, &problem);
+    let refused = |problem: ScenarioError| refused(&args.scenario, &problem);
     let mut scenario = read_scenario(&args.scenario)?;
     if scenario.name.is_empty() {
         scenario.name = args.scenario.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
@@ -146,7 +147,7 @@ fn scenario(args: &Args) -> Result<Scenario> {
     for text in &args.fault {
         scenario.fault.push(fault(text, length_s)?);
         // The file was good: what is wrong now is what was just added.
-        scenario.check().map_err(|problem| Error::input(problem.to_string()).column("--fault").value(text))?;
+        scenario.build().map_err(|problem| Error::input(problem.to_string()).column("--fault").value(text))?;
     }
     Ok(scenario)
 }
@@ -158,7 +159,7 @@ fn fault(text: &str, length_s: f64) -> Result<Fault> {
         let names = FaultKind::ALL.map(|(_, name)| name).join(", ");
         Error::input(format!("no such fault; there are {names}")).column("--fault").value(text)
     };
-    let mut fault = Fault::usual(FaultKind::named(kind).ok_or_else(unknown)?, length_s);
+    let mut fault = Fault::of_kind(kind.parse::<FaultKind>().map_err(|_| unknown())?, length_s);
     if let Some(rest) = rest {
         let form =
             || Error::input("a fault is KIND@START+SECONDS or KIND@START+SECONDS:SIZE").column("--fault").value(text);
@@ -174,7 +175,7 @@ fn fault(text: &str, length_s: f64) -> Result<Fault> {
 
 /// Where rows go.
 enum RowsOut<'a> {
-    Text(Blocks<&'a mut (dyn Write + Send)>),
+    Text(BlockWriter<&'a mut (dyn Write + Send)>),
     Parquet(Box<ParquetRows<'a>>),
 }
 
@@ -184,7 +185,7 @@ impl<'a> RowsOut<'a> {
             let columns = text.headers().iter().map(|name| (name.clone(), Content::Number));
             return Ok(Self::Parquet(Box::new(ParquetRows::new(out, columns.collect(), None, false)?)));
         }
-        let mut blocks = Blocks::new(out);
+        let mut blocks = BlockWriter::new(out);
         blocks.write_all(text.header_line().as_bytes()).map_err(unwritten)?;
         Ok(Self::Text(blocks))
     }
@@ -238,11 +239,11 @@ fn pour(
     truth: Option<&mut (dyn Write + Send)>,
     recorder: &mut Option<Recorder>,
 ) -> Result<u64> {
-    let invalid = |problem: Problem| Error::input(problem.what.clone()).column(problem.key);
-    let mut run = GyroRun::new(scenario, seed).map_err(invalid)?;
+    let invalid = |problem: ScenarioError| Error::input(problem.message.clone()).column(problem.key);
+    let mut run = scenario.build().map_err(invalid)?.start(seed);
     let mut text = LogText::new(scenario);
     let mut log = RowsOut::new(path, &text, out)?;
-    let mut truth = truth.map(Blocks::new);
+    let mut truth = truth.map(BlockWriter::new);
     if let Some(truth) = &mut truth {
         truth.write_all(truth_header().as_bytes()).map_err(unwritten)?;
     }
@@ -306,10 +307,10 @@ fn bode(args: &Args, scenario: &Scenario, console: &mut Console) -> Ran {
             Error::input("--bode sweeps the loops and makes no log; leave -o and --truth away").column("--bode")
         );
     }
-    let refused = |problem: Problem| refused(&args.scenario, &problem);
-    let design = Design::of(scenario).map_err(refused)?;
-    let path = measure(&design, LoopName::PathLength, scenario.path_length.bandwidth_hz).map_err(refused)?;
-    let light = measure(&design, LoopName::Intensity, scenario.intensity.bandwidth_hz).map_err(refused)?;
+    let refused = |problem: ScenarioError| refused(&args.scenario, &problem);
+    let design = LoopDesign::build(scenario).map_err(refused)?;
+    let path = design.sweep(LoopName::PathLength, scenario.path_length.bandwidth_hz).map_err(refused)?;
+    let light = design.sweep(LoopName::Intensity, scenario.intensity.bandwidth_hz).map_err(refused)?;
     for sweep in [&path, &light] {
         describe_loop(sweep, console);
     }

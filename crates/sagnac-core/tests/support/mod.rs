@@ -3,7 +3,9 @@
 #![allow(dead_code, reason = "each test binary uses its own part")]
 
 use proptest::prelude::*;
-use sagnac_core::{Description, Image, Kind, LagSpec, Multiplier, Scale, Shape, Source, Term, Thermometer};
+use sagnac_core::{
+    Description, Image, Kind, LagSpec, MAX_TURNS_Q18, Multiplier, Scale, Shape, Source, Term, Thermometer,
+};
 
 /// Span −40 … +70 °C, rate span ±2 °C/min at Δt = 1 s, τ = 300 s, code = 2⁻²⁴ °C.
 pub(crate) fn thermometer() -> Thermometer {
@@ -53,11 +55,13 @@ pub(crate) fn image(terms: &[Term], period_ticks: u32, slew_ticks: u32) -> Image
 }
 
 fn any_shape() -> impl Strategy<Value = Shape> {
-    let knot = any::<i16>();
+    let (knot, turns) = (any::<i16>(), 1..=MAX_TURNS_Q18);
     prop_oneof![
         4 => (0_u8..=8).prop_map(Shape::Chebyshev),
         1 => knot.prop_map(|knot_q15| Shape::Zone { knot_q15 }),
         1 => knot.prop_map(|knot_q15| Shape::Step { knot_q15 }),
+        1 => turns.clone().prop_map(|turns_q18| Shape::Cosine { turns_q18 }),
+        1 => turns.prop_map(|turns_q18| Shape::Sine { turns_q18 }),
     ]
 }
 

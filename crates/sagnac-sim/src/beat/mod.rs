@@ -1,209 +1,232 @@
-//! Beat level: the phase of the light, tick by tick, through dither, lock-in, counter and stripping.
+//! Beat level: the phase of the beat, tick by tick, through dither, lock-in, counter and stripping.
 //!
 //! ```text
 //! swing θ(t) ─┐
 //! input Ω ────┴▶ Φ = K(θ + ∫Ω) ─▶ ψ = Φ + χ ─▶ edges of two photodiodes ─▶ counts ─▶ whole dither periods
-//!                                   ▲ backscatter: [adler] or [two_mode]
+//!                                   ▲ backscatter: Adler's equation, or both modes
 //! ```
 //!
-//! K = 2π/S, S the scale factor in arcsec per fringe. Counting is asynchronous: an edge at any time within a tick is
-//! counted, as a counter in hardware does (`sagnac_loops::Quadrature` is that counter; a test holds the two together).
-//! Stripping is that of `sagnac_loops::Stripper` on a pickoff of 1e-4 arcsec. Noise of the photodiodes is not
-//! modelled: it makes edges tremble, which counts up and down and adds nothing.
+//! K = 2π/S with S in arcsec per fringe. Equations and sources: `adler.rs` (Adler 1946) and `two_mode.rs` (Lamb,
+//! Aronowitz); the scenario selects one.
+//!
+//! Counting is asynchronous, as in hardware: an edge at any time within a tick is counted. A test holds it to
+//! `sagnac_loops::Quadrature`. Stripping is `sagnac_loops::Stripper` on a pickoff with a resolution of 1e-4 arcsec.
+//!
+//! Not modelled: noise of the photodiodes (the edges tremble, which counts up and down and adds nothing); a change of
+//! backscatter with temperature; detuning of the cavity by its loops.
+//!
+//! [`Beat::build`] makes the constants, [`BeatState`] is the memory, [`Beat::tick`] advances it by 100 µs.
 
 mod adler;
 mod swing;
 mod two_mode;
 
+use std::f64::consts::TAU;
+
 use rand_chacha::ChaCha8Rng;
 use sagnac_loops::{Stripped, Stripper};
 
-use crate::TICK_S;
 use crate::beat::adler::Adler;
-use crate::beat::swing::Swing;
-pub(crate) use crate::beat::two_mode::STEPS_PER_LIFETIME;
-use crate::beat::two_mode::{TwoMode, TwoModeConstants};
-use crate::noise::{Stream, generator, normal};
-use crate::physics::free_spectral_range_hz;
-use crate::scenario::Scenario;
-use crate::scenario::tables::{BeatModel, Counting};
+use crate::beat::swing::{Swing, SwingState};
+use crate::beat::two_mode::{TwoMode, TwoModeState};
+use crate::random::{Stream, generator, normal};
+use crate::scenario::{BeatModel, Counting, Scenario, ScenarioError, TICK_S};
 
 /// Codes of the dither pickoff per arcsec.
 const PICKOFF_CODES_PER_ARCSEC: f64 = 1e4;
+/// χ at the start, rad. Any value will do; this one is no special point of the lock-in.
+const FIRST_CHI: f64 = 1.0;
+/// Most fringes of a tick that the integration follows.
+const MOST_FRINGES_PER_TICK: f64 = 500.0;
+/// Most integration steps of a tick.
+const MOST_STEPS_PER_TICK: f64 = 1000.0;
 
-#[derive(Clone, Debug)]
-enum Model {
-    Adler(Adler),
-    TwoMode(Box<TwoMode>),
-}
-
-/// The light of a gyro, its counter and its stripper.
+/// The optics of a gyro with its counter and stripper. Nothing in it changes during a run.
 #[derive(Clone, Debug)]
 pub struct Beat {
-    model: Model,
+    model: BeatModel,
+    adler: Adler,
+    two_mode: TwoMode,
     swing: Swing,
     frequency_hz: f64,
     frequency_ppm_per_c: f64,
-    stopped: bool,
     /// rad per arcsec.
     k: f64,
-    /// K·∫Ω dt, rad, less whole fringes, which are counted apart.
+    counting: Counting,
+    /// Phase of the second photodiode's first edge, fringes.
+    second_edge: f64,
+    /// Longest dither period of the stripper, ticks; `None` without dither.
+    longest_period: Option<u16>,
+    pickoff_noise_arcsec: f64,
+}
+
+/// Phase beside the part known in closed form, by model.
+#[derive(Clone, Debug)]
+enum Light {
+    /// χ, rad.
+    Adler(f64),
+    TwoMode(Box<TwoModeState>),
+}
+
+/// Memory of a beat: phase, dither, counter and stripper.
+#[derive(Clone, Debug)]
+pub struct BeatState {
+    light: Light,
+    swing: SwingState,
+    stopped: bool,
+    /// K·∫Ω dt, rad, minus the whole fringes, which are counted apart.
     turned: f64,
     fringes: i64,
-    counting: Counting,
-    second_edge: f64,
+    /// Edges counted so far.
     counted: i64,
     stripper: Option<Stripper>,
-    pickoff_noise: f64,
     pickoff_rng: ChaCha8Rng,
 }
 
-fn model_of(scenario: &Scenario, k: f64) -> Model {
-    // Any start will do; this one is no special place of the lock-in.
-    let chi = 1.0;
-    if scenario.run.beat_model == BeatModel::Adler {
-        return Model::Adler(Adler::new(k * scenario.lock_in_dph(), chi));
-    }
-    let cavity = &scenario.cavity;
-    let fsr = free_spectral_range_hz(scenario.geometry.perimeter_m);
-    // In units of the intensity at rest: α = β + θ.
-    let gain = scenario.intensity_rate();
-    let own = gain / (1.0 + cavity.cross_saturation);
-    let constants = TwoModeConstants {
-        gain,
-        own,
-        cross: own * cavity.cross_saturation,
-        backscatter: [cavity.backscatter_1_ppm, cavity.backscatter_2_ppm].map(|ppm| fsr * ppm * 1e-6),
-        epsilon: [cavity.backscatter_phase_1_deg, cavity.backscatter_phase_2_deg].map(f64::to_radians),
-    };
-    Model::TwoMode(Box::new(TwoMode::new(constants, chi)))
-}
-
-/// What a tick gave.
+/// Counts of a tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct BeatTick {
-    /// Counts of the counter, dither and all.
+    /// Counts of the counter, dither included.
     pub raw: i32,
     /// Counts of whole dither periods that ended in this tick; without dither the raw counts.
     pub stripped: i64,
-    /// The dither shows no zeros: what was stripped still holds its swing.
+    /// The pickoff had no zero crossing: the stripped counts still contain the dither.
     pub without_zero: bool,
 }
 
 impl Beat {
-    /// A beat of a scenario that was checked.
-    pub fn new(scenario: &Scenario, seed: u64) -> Self {
+    /// The beat of a scenario.
+    ///
+    /// # Errors
+    /// Rates or a dither so fast, or intensities that settle so fast, that a tick cannot be integrated.
+    pub fn build(scenario: &Scenario) -> Result<Self, ScenarioError> {
         let dither = &scenario.dither;
-        let k = std::f64::consts::TAU / scenario.arcsec_per_fringe();
-        let model = model_of(scenario, k);
+        let k = TAU / scenario.arcsec_per_fringe();
         let dithered = scenario.is_dithered();
-        let longest = if dithered { libm::ceil(2.0 / (dither.frequency_hz * TICK_S)) as u16 } else { 1 };
-        let frequency_hz = if dithered { dither.frequency_hz } else { 0.0 };
-        let amplitude = if dithered { dither.amplitude_arcsec } else { 0.0 };
-        let mut beat = Self {
-            model,
-            swing: Swing::new(frequency_hz, amplitude, dither.noise, generator(seed, Stream::Dither)),
-            frequency_hz,
+        let amplitude_arcsec = if dithered { dither.amplitude_arcsec } else { 0.0 };
+        let beat = Self {
+            model: scenario.run.beat_model,
+            adler: Adler { epsilon: k * scenario.lock_in_dph() },
+            two_mode: TwoMode::build(scenario),
+            swing: Swing { amplitude_arcsec, noise: dither.noise },
+            frequency_hz: if dithered { dither.frequency_hz } else { 0.0 },
             frequency_ppm_per_c: dither.frequency_ppm_per_c,
-            stopped: false,
             k,
-            turned: 0.0,
-            fringes: 0,
             counting: scenario.readout.counting,
             second_edge: 0.25 + scenario.readout.phase_error_deg / 360.0,
+            longest_period: dithered.then(|| libm::ceil(2.0 / (dither.frequency_hz * TICK_S)) as u16),
+            pickoff_noise_arcsec: scenario.readout.pickoff_noise_arcsec,
+        };
+        check_fringes(scenario)?;
+        beat.check_steps(scenario)?;
+        Ok(beat)
+    }
+
+    fn check_steps(&self, scenario: &Scenario) -> Result<(), ScenarioError> {
+        let steps = self.two_mode.least_steps(TICK_S);
+        if self.model == BeatModel::Adler || steps <= MOST_STEPS_PER_TICK {
+            return Ok(());
+        }
+        let message = format!(
+            "is {}: the intensities settle so fast that a tick needs {steps:.0} steps; the limit is {MOST_STEPS_PER_TICK}. Give less loss or gain_ratio, or run.beat_model = \"adler\"",
+            scenario.cavity.loss_ppm
+        );
+        Err(ScenarioError::new("cavity.loss_ppm", message))
+    }
+
+    /// The beat at rest; the dither begins a half cycle.
+    pub fn start(&self, seed: u64) -> BeatState {
+        let light = match self.model {
+            BeatModel::Adler => Light::Adler(FIRST_CHI),
+            BeatModel::TwoMode => Light::TwoMode(Box::new(self.two_mode.start(FIRST_CHI))),
+        };
+        let mut state = BeatState {
+            light,
+            swing: self.swing.start(self.frequency_hz, generator(seed, Stream::Dither)),
+            stopped: false,
+            turned: 0.0,
+            fringes: 0,
             counted: 0,
-            stripper: dithered.then(|| Stripper::new(longest)),
-            pickoff_noise: scenario.readout.pickoff_noise_arcsec,
+            stripper: self.longest_period.map(Stripper::new),
             pickoff_rng: generator(seed, Stream::Pickoff),
         };
-        beat.counted = beat.edges();
-        beat
+        state.counted = self.edges(&state);
+        state
     }
 
-    /// Dither frequency at a block temperature; `stopped` where it has failed.
-    pub(crate) fn tune(&mut self, from_reference_c: f64, stopped: bool) {
-        if stopped && !self.stopped {
-            self.swing.stop();
+    /// Dither frequency at a block temperature relative to 25 °C; `stopped` if the dither has failed.
+    pub(crate) fn tune(&self, state: &mut BeatState, from_reference_c: f64, stopped: bool) {
+        if stopped && !state.stopped {
+            state.swing.stop();
         }
         if !stopped {
-            if self.stopped {
-                self.swing.restart();
+            if state.stopped {
+                self.swing.restart(&mut state.swing);
             }
-            self.swing.tune(self.frequency_hz * (1.0 + self.frequency_ppm_per_c * 1e-6 * from_reference_c));
+            state.swing.tune(self.frequency_hz * (1.0 + self.frequency_ppm_per_c * 1e-6 * from_reference_c));
         }
-        self.stopped = stopped;
+        state.stopped = stopped;
     }
 
-    /// A tick under a mean rate, °/h.
-    pub fn tick(&mut self, rate_dph: f64) -> BeatTick {
-        let mut left_s = TICK_S;
-        while left_s > 0.0 {
-            let stretch = self.swing.stretch(left_s, self.k, rate_dph);
-            match &mut self.model {
-                Model::Adler(adler) => adler.go(&stretch, self.turned),
-                Model::TwoMode(modes) => modes.go(&stretch, self.turned),
+    /// A tick at a mean rate, °/h.
+    pub fn tick(&self, state: &mut BeatState, rate_dph: f64) -> BeatTick {
+        let mut remaining_s = TICK_S;
+        while remaining_s > 0.0 {
+            let stretch = self.swing.stretch(&mut state.swing, remaining_s, self.k, rate_dph);
+            match &mut state.light {
+                Light::Adler(chi) => self.adler.advance(chi, &stretch, state.turned),
+                Light::TwoMode(modes) => self.two_mode.advance(modes, &stretch, state.turned),
             }
-            self.turned += stretch.rate * stretch.length_s;
-            left_s -= stretch.length_s;
-            if left_s < 1e-15 {
+            state.turned += stretch.rate * stretch.length_s;
+            remaining_s -= stretch.length_s;
+            if remaining_s < 1e-15 {
                 break;
             }
         }
-        let whole = libm::floor(self.turned / std::f64::consts::TAU);
-        self.turned -= whole * std::f64::consts::TAU;
-        self.fringes += whole as i64;
-        let edges = self.edges();
-        let raw = (edges - self.counted) as i32;
-        self.counted = edges;
-        let Some(out) = self.strip(raw) else { return BeatTick { raw, stripped: 0, without_zero: false } };
-        BeatTick { raw, stripped: out.counts, without_zero: out.without_zero }
+        let whole = libm::floor(state.turned / TAU);
+        state.turned -= whole * TAU;
+        state.fringes += whole as i64;
+        let edges = self.edges(state);
+        let raw = (edges - state.counted) as i32;
+        state.counted = edges;
+        match self.strip(state, raw) {
+            Some(out) => BeatTick { raw, stripped: out.counts, without_zero: out.without_zero },
+            None => BeatTick { raw, stripped: 0, without_zero: false },
+        }
     }
 
-    fn strip(&mut self, raw: i32) -> Option<Stripped> {
-        let Some(stripper) = &mut self.stripper else {
+    fn strip(&self, state: &mut BeatState, raw: i32) -> Option<Stripped> {
+        let Some(stripper) = &mut state.stripper else {
             return Some(Stripped { counts: i64::from(raw), ticks: 1, without_zero: false });
         };
-        let noise = if self.pickoff_noise > 0.0 { self.pickoff_noise * normal(&mut self.pickoff_rng) } else { 0.0 };
-        let pickoff = (self.swing.angle_arcsec() + noise) * PICKOFF_CODES_PER_ARCSEC;
+        let sigma_arcsec = self.pickoff_noise_arcsec;
+        let noise = if sigma_arcsec > 0.0 { sigma_arcsec * normal(&mut state.pickoff_rng) } else { 0.0 };
+        let pickoff = (state.swing.angle_arcsec() + noise) * PICKOFF_CODES_PER_ARCSEC;
         stripper.take(raw, libm::round(pickoff) as i32)
     }
 
-    /// Phase of the beat from the start, fringes; the swing of the dither included.
-    pub fn phase_fringes(&self) -> f64 {
-        self.fringes as f64 + self.part()
+    /// Phase of the beat since the start, fringes; the dither included.
+    pub fn phase_fringes(&self, state: &BeatState) -> f64 {
+        state.fringes as f64 + self.fraction(state)
     }
 
-    /// Phase without the dither's own part, fringes: input and what lock-in made of it.
-    pub fn drift_fringes(&self) -> f64 {
-        self.fringes as f64 + (self.turned + self.chi()) / std::f64::consts::TAU
+    /// Phase since the start without the dither, fringes: the input as lock-in has changed it.
+    pub fn drift_fringes(&self, state: &BeatState) -> f64 {
+        state.fringes as f64 + (state.turned + state.chi()) / TAU
     }
 
-    fn chi(&self) -> f64 {
-        match &self.model {
-            Model::Adler(adler) => adler.chi(),
-            Model::TwoMode(modes) => modes.chi(),
-        }
-    }
-
-    /// Intensities of both modes, 1 at rest; `None` in the reduced form.
-    pub fn intensities(&self) -> Option<[f64; 2]> {
-        match &self.model {
-            Model::Adler(_) => None,
-            Model::TwoMode(modes) => Some(modes.intensities()),
-        }
-    }
-
-    /// Phase besides the whole fringes of the input, fringes.
-    fn part(&self) -> f64 {
-        (self.turned + self.k * self.swing.angle_arcsec() + self.chi()) / std::f64::consts::TAU
+    /// Phase beside the whole fringes of the input, fringes.
+    fn fraction(&self, state: &BeatState) -> f64 {
+        (state.turned + self.k * state.swing.angle_arcsec() + state.chi()) / TAU
     }
 
     /// Edges passed since phase 0.
-    fn edges(&self) -> i64 {
-        let part = self.part();
-        let whole = libm::floor(part);
-        let fringes = self.fringes + whole as i64;
-        let within = part - whole;
+    fn edges(&self, state: &BeatState) -> i64 {
+        let fraction = self.fraction(state);
+        let whole = libm::floor(fraction);
+        let fringes = state.fringes + whole as i64;
+        let within = fraction - whole;
         let passed = |edge: f64| i64::from(within >= edge);
         match self.counting {
             Counting::X1 => fringes,
@@ -211,4 +234,36 @@ impl Beat {
             Counting::X4 => 4 * fringes + passed(self.second_edge) + passed(0.5) + passed(0.5 + self.second_edge),
         }
     }
+}
+
+impl BeatState {
+    fn chi(&self) -> f64 {
+        match &self.light {
+            Light::Adler(chi) => *chi,
+            Light::TwoMode(modes) => modes.chi(),
+        }
+    }
+
+    /// Intensities of both modes, 1 at rest; `None` for Adler's equation.
+    pub fn intensities(&self) -> Option<[f64; 2]> {
+        match &self.light {
+            Light::Adler(_) => None,
+            Light::TwoMode(modes) => Some(modes.intensities()),
+        }
+    }
+}
+
+/// The fastest beat of a scenario must fit a tick.
+fn check_fringes(scenario: &Scenario) -> Result<(), ScenarioError> {
+    let table_dph = scenario.input.table.iter().map(|leg| leg.rate_dps.abs() * 3600.0).fold(0.0, f64::max);
+    let swing_dph = TAU * scenario.dither.frequency_hz * scenario.dither.amplitude_arcsec;
+    let rate_dph = scenario.input_dph().abs() + table_dph + swing_dph;
+    let fringes = rate_dph / scenario.arcsec_per_fringe() * TICK_S;
+    if fringes <= MOST_FRINGES_PER_TICK {
+        return Ok(());
+    }
+    let message = format!(
+        "beat: up to {fringes:.0} fringes in a tick of 100 µs, {MOST_FRINGES_PER_TICK} can be followed; lower the rates or the dither"
+    );
+    Err(ScenarioError::new("run.fidelity", message))
 }

@@ -1,27 +1,38 @@
-//! Mechanical dither: a sine whose amplitude is new at each swing.
+//! Mechanical dither: a sine with a new amplitude for each half cycle.
 //!
-//! θ(t) = A_n·sin(ωt), A_n drawn anew where θ = 0, so that the angle never jumps. A_n = A·(1 + σ·normal), held
-//! between 1 − 3σ and 1 + 3σ, every swing with the other sign.
+//! ```text
+//! θ(t) = ±A_n·sin(ωt)        A_n = A·(1 + σ·normal), limited to A·(1 ± 3σ)
+//! ```
+//!
+//! A_n is drawn at the zeros of θ, so the angle is continuous; its rate is not. Half cycles alternate in sign.
+//!
+//! The block's reaction on its case and coning are not modelled. A failed dither returns to zero at once.
 
 use rand_chacha::ChaCha8Rng;
 
-use crate::noise::normal;
+use crate::random::normal;
 
-/// The block's swing.
-#[derive(Clone, Debug)]
+/// Amplitude of the dither and its noise.
+#[derive(Clone, Copy, Debug)]
 pub(crate) struct Swing {
-    amplitude_arcsec: f64,
-    noise: f64,
+    pub(crate) amplitude_arcsec: f64,
+    /// Relative standard deviation of the amplitude.
+    pub(crate) noise: f64,
+}
+
+/// The dither at the present instant.
+#[derive(Clone, Debug)]
+pub(crate) struct SwingState {
     omega: f64,
-    /// In 0 … π within this swing.
+    /// Within this half cycle, 0 … π.
     phase: f64,
-    /// Amplitude of this swing with its sign.
-    now_arcsec: f64,
+    /// Amplitude of this half cycle with its sign.
+    signed_arcsec: f64,
     upward: bool,
     rng: ChaCha8Rng,
 }
 
-/// A stretch of one swing under a constant input rate: Φ(t) = k·A·sin(phase + ωt) + k·Ω·t, rad.
+/// Part of one half cycle under a constant input rate: Φ(t) = k·A·sin(phase + ωt) + k·Ω·t, rad.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Stretch {
     pub(crate) amplitude: f64,
@@ -31,7 +42,7 @@ pub(crate) struct Stretch {
     pub(crate) length_s: f64,
 }
 
-/// Φ and its first derivatives at a time.
+/// Φ and its first four derivatives at an instant.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Jet {
     pub(crate) value: f64,
@@ -57,7 +68,7 @@ impl Stretch {
 }
 
 impl Jet {
-    /// Φ a little later, to fourth order.
+    /// Φ after a short time h, to fourth order.
     #[inline]
     pub(crate) fn later(&self, h: f64) -> f64 {
         self.value + h * (self.first + h * (0.5 * self.second + h * (self.third / 6.0 + h * (self.fourth / 24.0))))
@@ -65,62 +76,58 @@ impl Jet {
 }
 
 impl Swing {
-    /// A swing that begins upward through 0; without frequency or amplitude it stays there.
-    pub(crate) fn new(frequency_hz: f64, amplitude_arcsec: f64, noise: f64, rng: ChaCha8Rng) -> Self {
-        let mut swing = Self {
-            amplitude_arcsec,
-            noise,
-            omega: std::f64::consts::TAU * frequency_hz,
-            phase: 0.0,
-            now_arcsec: 0.0,
-            upward: false,
-            rng,
-        };
-        swing.turn();
-        swing
+    /// Begins upward through 0; without frequency or amplitude the angle stays 0.
+    pub(crate) fn start(&self, frequency_hz: f64, rng: ChaCha8Rng) -> SwingState {
+        let omega = std::f64::consts::TAU * frequency_hz;
+        let mut state = SwingState { omega, phase: 0.0, signed_arcsec: 0.0, upward: false, rng };
+        self.turn(&mut state);
+        state
     }
 
+    /// Restarts a stopped dither, upward.
+    pub(crate) fn restart(&self, state: &mut SwingState) {
+        state.upward = false;
+        self.turn(state);
+    }
+
+    /// The next half cycle.
+    fn turn(&self, state: &mut SwingState) {
+        state.upward = !state.upward;
+        let random = if self.noise > 0.0 { normal(&mut state.rng).clamp(-3.0, 3.0) * self.noise } else { 0.0 };
+        let sign = if state.upward { 1.0 } else { -1.0 };
+        state.signed_arcsec = sign * self.amplitude_arcsec * (1.0 + random);
+        state.phase = 0.0;
+    }
+
+    /// The stretch from now to the end of the half cycle, or of `most_s`; the dither moves to its end.
+    pub(crate) fn stretch(&self, state: &mut SwingState, most_s: f64, k: f64, rate_dph: f64) -> Stretch {
+        let mut length_s = most_s;
+        let (phase, amplitude) = (state.phase, state.signed_arcsec);
+        if state.omega > 0.0 {
+            let to_turn = (std::f64::consts::PI - state.phase) / state.omega;
+            if to_turn <= most_s {
+                length_s = to_turn;
+                self.turn(state);
+            } else {
+                state.phase += state.omega * most_s;
+            }
+        }
+        Stretch { amplitude: k * amplitude, omega: state.omega, phase, rate: k * rate_dph, length_s }
+    }
+}
+
+impl SwingState {
     pub(crate) fn tune(&mut self, frequency_hz: f64) {
         self.omega = std::f64::consts::TAU * frequency_hz;
     }
 
-    /// Stops: the angle goes to 0 at once and stays.
+    /// The angle goes to 0 at once and stays there.
     pub(crate) fn stop(&mut self) {
-        (self.omega, self.now_arcsec, self.phase) = (0.0, 0.0, 0.0);
+        (self.omega, self.signed_arcsec, self.phase) = (0.0, 0.0, 0.0);
     }
 
-    /// Begins a swing, upward, from the 0 at which it stopped.
-    pub(crate) fn restart(&mut self) {
-        self.upward = false;
-        self.turn();
-    }
-
-    fn turn(&mut self) {
-        self.upward = !self.upward;
-        let random = if self.noise > 0.0 { normal(&mut self.rng).clamp(-3.0, 3.0) * self.noise } else { 0.0 };
-        let sign = if self.upward { 1.0 } else { -1.0 };
-        self.now_arcsec = sign * self.amplitude_arcsec * (1.0 + random);
-        self.phase = 0.0;
-    }
-
-    /// Angle now, arcsec.
+    /// Present angle, arcsec.
     pub(crate) fn angle_arcsec(&self) -> f64 {
-        self.now_arcsec * libm::sin(self.phase)
-    }
-
-    /// The stretch from now to the end of the swing or of `left_s`, and moves there.
-    pub(crate) fn stretch(&mut self, left_s: f64, k: f64, rate_dph: f64) -> Stretch {
-        let mut length_s = left_s;
-        let (phase, amplitude) = (self.phase, self.now_arcsec);
-        if self.omega > 0.0 {
-            let to_turn = (std::f64::consts::PI - self.phase) / self.omega;
-            if to_turn <= left_s {
-                length_s = to_turn;
-                self.turn();
-            } else {
-                self.phase += self.omega * left_s;
-            }
-        }
-        Stretch { amplitude: k * amplitude, omega: self.omega, phase, rate: k * rate_dph, length_s }
+        self.signed_arcsec * libm::sin(self.phase)
     }
 }

@@ -4,23 +4,23 @@
 //! Ṫ_block = (T_chamber − T_block)/lag        d = Σ aᵢuⁱ + c·Ṫ_block,   u = (T_block − 15 °C)/55 °C
 //! ```
 //!
-//! The thermometer sits on the block and reads in steps of its LSB. The drift is in powers of u, not
-//! in the fitter's basis, and the rate in it is the block's true one, not a filtered reading.
+//! The thermometer is on the block and reads in steps of its LSB. The drift is in powers of u, not in the fitter's
+//! basis. Its rate is the true one of the block, not that of a filtered reading. No gradient within the block.
 
+use crate::profile::{Leg, Profile};
 use crate::rigs::Row;
 use crate::rigs::counter::Counter;
-use crate::thermal::{Leg, Profile};
 
 /// Parameters of gyro, block and chamber.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LaggedChamber {
-    /// Chamber and block at the start, °C.
+    /// Temperature of chamber and block at the start, °C.
     pub start_c: f64,
-    /// Profile.
+    /// Temperature profile.
     pub legs: Vec<Leg>,
     /// Time constant of the block, s.
     pub block_lag_s: f64,
-    /// Step of the thermometer, °C.
+    /// Resolution of the thermometer, °C.
     pub thermometer_lsb_c: f64,
     /// Drift: ascending powers of u, °/h.
     pub drift_dph: Vec<f64>,
@@ -39,7 +39,7 @@ pub struct LaggedChamber {
 impl LaggedChamber {
     /// The case of the domain notes §2: ±1 °C/min with soaks between −40 and +70 °C, block lag 20 min, a
     /// cubic and 0.05 °/h per °C/min, ARW 0.003 °/√h, thermometer steps of 0.0625 °C; counts of a 28 cm
-    /// triangle (2.42 arcsec per fringe) interpolated sixteen times.
+    /// triangle (2.42 arcsec per fringe) interpolated by sixteen.
     pub fn domain_notes() -> Self {
         let soak = Leg::Soak(13_200.0);
         Self {

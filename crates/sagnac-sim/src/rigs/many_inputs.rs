@@ -2,15 +2,15 @@
 //!
 //! ```text
 //! Ṫ_block = (T_chamber − T_block)/lag_block        Ṫ_cavity = (T_chamber + heat − T_cavity)/lag_cavity
-//! V = (mode − 0.08·(T_block − 20))/0.012            a reset to the mode nearest to 0 V where |V| reaches 70 V
+//! V = (mode − 0.08·(T_block − 20))/0.012            reset to the mode nearest to 0 V where |V| reaches 70 V
 //! d = Σ aᵢuⁱ + knee·tanh((T_block − 20)/6) + r·Ṫ_block + r_c·Ṫ_cavity + g·(T_cavity − T_block) + v·V + steps[mode]
 //! ε = s_T·(T_block − 20) + s_g·(T_cavity − T_block) + s_V·V
 //! n = ∫ (Ω_table + Ω_input + d) dt / (S₀·(1 + ε·1e-6))
 //! ```
 //!
-//! with u = (T_block − 20 °C)/30 °C; a heater at the cavity is on for 47 minutes of every 94. Which mode holds depends on the way there, so no function of temperature stands for
-//! steps and voltage. A bystander, a walk that nothing depends on, is logged beside them. While the loop resets (2 s) the
-//! rows are not valid.
+//! with u = (T_block − 20 °C)/30 °C. A heater at the cavity is on for 47 minutes of every 94. The mode in use depends on
+//! the history, so no function of temperature replaces steps and voltage. A bystander, a random walk without any
+//! effect, is logged as well. During a reset (2 s) rows are invalid.
 
 use std::io::Write;
 
@@ -18,25 +18,30 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
+use crate::profile::{Leg, Profile};
 use crate::rigs::counter::Counter;
-use crate::thermal::{Leg, Profile};
 
+/// Growth of the path with block temperature, wavelengths per °C.
 const WAVES_PER_C: f64 = 0.08;
+/// Path change of the mirror, wavelengths per V.
 const WAVES_PER_V: f64 = 0.012;
+/// Voltage at which the loop resets.
 const RESET_V: f64 = 70.0;
+/// Length of a reset, s.
 const RESET_S: u32 = 2;
+/// Half a period of the heater, s.
 const HEATED_S: u32 = 2820;
 /// Time at each rate of the table, s.
 const DWELL_S: u32 = 100;
-/// Modes are counted from this one up.
+/// Mode of the first entry of `steps_dph`.
 const FIRST_MODE: i64 = -2;
 
 /// Parameters of gyro, thermometers and chamber.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ManyInputs {
-    /// Chamber and gyro at the start, °C.
+    /// Temperature of chamber and gyro at the start, °C.
     pub start_c: f64,
-    /// Profile.
+    /// Temperature profile.
     pub legs: Vec<Leg>,
     /// Time constants of block and cavity, s.
     pub lags_s: [f64; 2],
@@ -46,21 +51,21 @@ pub struct ManyInputs {
     pub knee_dph: f64,
     /// Rate effects of block and cavity, °/h per °C/min.
     pub rate_effects: [f64; 2],
-    /// Drift per °C of cavity less block, °/h.
+    /// Drift per °C of cavity minus block, °/h.
     pub gradient_dph_per_c: f64,
     /// Drift per volt, °/h.
     pub voltage_dph_per_v: f64,
     /// Drift on each mode from −2 up, °/h; 0 beyond.
     pub steps_dph: Vec<f64>,
-    /// Deviation of the scale factor, ppm per °C of the block, per °C of cavity less block, and per volt.
+    /// Deviation of the scale factor, ppm per °C of the block, per °C of cavity minus block, and per volt.
     pub scale_ppm_per: [f64; 3],
-    /// Rates of a table below the gyro, °/s, each for 100 s, gone through again and again; none: it rests.
+    /// Rates of a rate table, °/s, each for 100 s, repeated; empty for a gyro at rest.
     pub rates_dps: Vec<f64>,
-    /// By how much the heater at the cavity warms it in the end, °C.
+    /// Steady temperature rise of the cavity by its heater, °C.
     pub cavity_heat_c: f64,
-    /// Noise of the thermometers, °C, and their step.
+    /// Noise of the thermometers, standard deviation, °C.
     pub thermometer_noise_c: f64,
-    /// See `thermometer_noise_c`.
+    /// Resolution of the thermometers, °C.
     pub thermometer_lsb_c: f64,
     /// Input rate, °/h.
     pub input_dph: f64,
@@ -71,7 +76,7 @@ pub struct ManyInputs {
 }
 
 impl ManyInputs {
-    /// Two cycles −10 … 50 °C at 1 °C/min with soaks of an hour; a cubic, a rate effect, and nothing else; navigation grade.
+    /// Two cycles −10 … 50 °C at 1 °C/min with soaks of an hour. A cubic and a rate effect only; navigation grade.
     pub fn plain() -> Self {
         let soak = Leg::Soak(3600.0);
         let cycle = [soak, Leg::Ramp(50.0, 1.0), soak, Leg::Ramp(-10.0, 1.0)];
@@ -96,57 +101,55 @@ impl ManyInputs {
         }
     }
 
-    /// The log of one run, as the bytes of a CSV file; with the reference rate where there is a table.
+    /// The log of one run as the bytes of a CSV file; with the reference rate if there is a rate table.
     pub fn csv(&self, seed: u64) -> Vec<u8> {
         let mut out =
             b"time_s,temperature_c_block,temperature_c_cavity,counts,valid,aux_path_length_v,aux_mode,aux_bystander"
                 .to_vec();
-        let turns = !self.rates_dps.is_empty();
-        out.extend_from_slice(if turns { b",reference_rate_dps\n" } else { b"\n" });
+        let has_table = !self.rates_dps.is_empty();
+        out.extend_from_slice(if has_table { b",reference_rate_dps\n" } else { b"\n" });
         let profile = Profile::new(self.start_c, &self.legs, 1);
-        let mut counter = Counter::new(seed, self.arw_deg_rt_h);
-        let mut rng = ChaCha8Rng::seed_from_u64(seed ^ 0x696e_7075_7473);
-        let mut nodes_c = [self.start_c; 2];
-        let (mut mode, mut reset_until, mut bystander) = (0, 0, 0.0);
+        let mut state = State::start(self, seed);
         for second in 1..=profile.length_s() as u32 {
-            let chamber_c = profile.at(f64::from(second));
-            let before_c = nodes_c;
-            let heat_c = if second / HEATED_S % 2 == 1 { self.cavity_heat_c } else { 0.0 };
-            for ((node, lag_s), to_c) in nodes_c.iter_mut().zip(self.lags_s).zip([chamber_c, chamber_c + heat_c]) {
-                *node = to_c + (*node - to_c) * libm::exp(-1.0 / lag_s);
-            }
-            let waves = WAVES_PER_C * (nodes_c[0] - 20.0);
-            let mut volts = (mode as f64 - waves) / WAVES_PER_V;
-            if volts.abs() >= RESET_V || second == 1 {
-                mode = libm::round(waves) as i64;
-                volts = (mode as f64 - waves) / WAVES_PER_V;
-                reset_until = second + RESET_S;
-            }
-            let rates_cpm = [0, 1].map(|at| (nodes_c[at] - before_c[at]) * 60.0);
-            let drift = self.drift(nodes_c, rates_cpm, volts, mode);
-            let leg = ((second - 1) / DWELL_S) as usize % self.rates_dps.len().max(1);
-            let table_dps = self.rates_dps.get(leg).copied().unwrap_or(0.0);
-            let scale = self.arcsec_per_count * (1.0 + self.epsilon_ppm(nodes_c, volts) * 1e-6);
-            let counts = counter.count(3600.0 * table_dps + self.input_dph + drift, 1.0, scale);
-            let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
-            bystander += 0.01 * normal();
-            let readings = nodes_c.map(|node| {
-                let lsb = self.thermometer_lsb_c;
-                libm::round((node + self.thermometer_noise_c * normal()) / lsb) * lsb
-            });
-            let valid = u8::from(second >= reset_until);
-            // A Vec takes every byte it is given.
+            let row = self.second(&mut state, second, profile.at(f64::from(second)));
+            let valid = u8::from(second >= state.reset_until);
+            // Writing to a Vec cannot fail.
             let _ = write!(
                 out,
-                "{second},{:.6},{:.6},{counts},{valid},{volts:.4},{mode},{bystander:.5}",
-                readings[0], readings[1]
+                "{second},{:.6},{:.6},{},{valid},{:.4},{},{:.5}",
+                row.readings_c[0], row.readings_c[1], row.counts, row.volts, state.mode, state.bystander
             );
-            let _ = if turns { writeln!(out, ",{table_dps}") } else { writeln!(out) };
+            let _ = if has_table { writeln!(out, ",{}", row.table_dps) } else { writeln!(out) };
         }
         out
     }
 
-    /// ε of block and cavity, °C, and of the loop's voltage, ppm.
+    /// Advances by a second at a temperature of the chamber.
+    fn second(&self, state: &mut State, second: u32, chamber_c: f64) -> SecondRow {
+        let before_c = state.nodes_c;
+        let heat_c = if second / HEATED_S % 2 == 1 { self.cavity_heat_c } else { 0.0 };
+        let targets_c = [chamber_c, chamber_c + heat_c];
+        for ((node, lag_s), to_c) in state.nodes_c.iter_mut().zip(self.lags_s).zip(targets_c) {
+            *node = to_c + (*node - to_c) * libm::exp(-1.0 / lag_s);
+        }
+        let nodes_c = state.nodes_c;
+        let volts = state.volts(second);
+        let rates_cpm = [0, 1].map(|at| (nodes_c[at] - before_c[at]) * 60.0);
+        let drift = self.drift(nodes_c, rates_cpm, volts, state.mode);
+        let leg = ((second - 1) / DWELL_S) as usize % self.rates_dps.len().max(1);
+        let table_dps = self.rates_dps.get(leg).copied().unwrap_or(0.0);
+        let scale = self.arcsec_per_count * (1.0 + self.epsilon_ppm(nodes_c, volts) * 1e-6);
+        let counts = state.counter.count(3600.0 * table_dps + self.input_dph + drift, 1.0, scale);
+        let mut normal = || -> f64 { StandardNormal.sample(&mut state.rng) };
+        state.bystander += 0.01 * normal();
+        let readings_c = nodes_c.map(|node| {
+            let lsb = self.thermometer_lsb_c;
+            libm::round((node + self.thermometer_noise_c * normal()) / lsb) * lsb
+        });
+        SecondRow { readings_c, counts, volts, table_dps }
+    }
+
+    /// ε at temperatures of block and cavity, °C, and a voltage of the loop; ppm.
     pub fn epsilon_ppm(&self, [block_c, cavity_c]: [f64; 2], volts: f64) -> f64 {
         let causes = [block_c - 20.0, cavity_c - block_c, volts];
         self.scale_ppm_per.iter().zip(causes).map(|(per, cause)| per * cause).sum()
@@ -162,5 +165,50 @@ impl ManyInputs {
             + self.gradient_dph_per_c * (cavity_c - block_c)
             + self.voltage_dph_per_v * volts
             + step.copied().unwrap_or(0.0)
+    }
+}
+
+/// Memory of a run.
+struct State {
+    counter: Counter,
+    rng: ChaCha8Rng,
+    /// Temperatures of block and cavity.
+    nodes_c: [f64; 2],
+    mode: i64,
+    /// The second from which rows are valid again.
+    reset_until: u32,
+    bystander: f64,
+}
+
+/// What a row shows beside the state.
+struct SecondRow {
+    readings_c: [f64; 2],
+    counts: f64,
+    volts: f64,
+    table_dps: f64,
+}
+
+impl State {
+    fn start(rig: &ManyInputs, seed: u64) -> Self {
+        Self {
+            counter: Counter::new(seed, rig.arw_deg_rt_h),
+            rng: ChaCha8Rng::seed_from_u64(seed ^ 0x696e_7075_7473),
+            nodes_c: [rig.start_c; 2],
+            mode: 0,
+            reset_until: 0,
+            bystander: 0.0,
+        }
+    }
+
+    /// Voltage of the mirror at the block's temperature, after a reset if one is due.
+    fn volts(&mut self, second: u32) -> f64 {
+        let waves = WAVES_PER_C * (self.nodes_c[0] - 20.0);
+        let volts = (self.mode as f64 - waves) / WAVES_PER_V;
+        if volts.abs() < RESET_V && second != 1 {
+            return volts;
+        }
+        self.mode = libm::round(waves) as i64;
+        self.reset_until = second + RESET_S;
+        (self.mode as f64 - waves) / WAVES_PER_V
     }
 }

@@ -1,7 +1,16 @@
-//! Two small rigs with a known truth, for tests of the fitter: the source paper's and a lagged block.
+//! Small rigs with a known truth, for tests of the fitter.
 //!
-//! They came before the gyro and draw their normal values from `rand_distr`; the logs in testdata/ and the figures of
-//! the README were made with them.
+//! | rig | truth |
+//! |---|---|
+//! | [`PaperRig`] | the source paper's quadratic in temperature |
+//! | [`LaggedChamber`] | cubic drift and rate effect of a block that lags the chamber |
+//! | [`RateTable`] | drift and scale factor over temperature, on a rate table |
+//! | [`ManyInputs`] | drift and scale factor that depend on several inputs |
+//! | [`Resting`] | the five noise terms at one temperature |
+//!
+//! Each is a few lines of equations, without the loops, faults and readout of the simulated gyro. The logs in `testdata/`
+//! and the figures of the README were made with them. Except for [`Resting`] they draw normal values from
+//! `rand_distr`, whose last bits depend on the platform's `exp` and `ln`.
 
 mod chamber;
 mod counter;
@@ -23,16 +32,16 @@ pub use resting::Resting;
 pub struct Row {
     /// End of the interval, s.
     pub time_s: f64,
-    /// Thermometer reading at that time, °C.
+    /// Reading of the thermometer at that time, °C.
     pub temperature_c: f64,
-    /// Counts of the interval, a multiple of the quantum.
+    /// Counts of the interval, a multiple of the counter's step.
     pub counts: f64,
 }
 
 /// Writes rows as CSV under `time_s,temperature_c,counts`.
 ///
 /// # Errors
-/// What the writer says.
+/// Those of the writer.
 pub fn write_csv(rows: impl Iterator<Item = Row>, mut out: impl Write) -> std::io::Result<()> {
     writeln!(out, "time_s,temperature_c,counts")?;
     for row in rows {
@@ -44,7 +53,7 @@ pub fn write_csv(rows: impl Iterator<Item = Row>, mut out: impl Write) -> std::i
 /// Rows as the bytes of a CSV file.
 pub fn csv_bytes(rows: impl Iterator<Item = Row>) -> Vec<u8> {
     let mut bytes = Vec::new();
-    // A Vec takes every byte it is given.
+    // Writing to a Vec cannot fail.
     let _ = write_csv(rows, &mut bytes);
     bytes
 }

@@ -1,8 +1,12 @@
-//! The source paper's rig: a fixed-rate thermal test with N = A·T² + B·T + C counts per 100 s.
+//! The source paper's rig: a thermal test at a fixed rate.
 //!
-//! Temperature rises evenly over the span, as slowly as the run is long; the thermometer reads it to
-//! 0.0001 °C. C is 1043.39, not the printed 1000: with the printed one the curve's own minimum is
-//! 377.65 counts, below the 421 of the paper's table (see `PaperRig::as_printed`).
+//! ```text
+//! N = A·T² + B·T + C counts per 100 s
+//! ```
+//!
+//! The temperature rises linearly over the span during the run; the thermometer resolves 0.0001 °C. C is 1043.39, not
+//! the printed 1000: with the printed value the minimum of the curve is 377.65 counts, below the 421 of the paper's
+//! table ([`PaperRig::as_printed`]). One thermometer, no lag and no rate effect.
 
 use crate::rigs::Row;
 use crate::rigs::counter::Counter;
@@ -16,7 +20,7 @@ pub struct PaperRig {
     pub span_c: [f64; 2],
     /// Angle random walk, °/√h.
     pub arw_deg_rt_h: f64,
-    /// Smallest step of the counter, counts.
+    /// Step of the counter, counts.
     pub quantum: f64,
     /// Scale factor, arcsec per count.
     pub arcsec_per_count: f64,
@@ -25,7 +29,7 @@ pub struct PaperRig {
 }
 
 impl PaperRig {
-    /// The rig whose curve agrees with the paper's table.
+    /// The rig that agrees with the paper's table.
     pub const PAPER: Self = Self {
         coefficients: [0.85, -46.0, 1043.39],
         span_c: [17.94, 36.18],
@@ -46,7 +50,7 @@ impl PaperRig {
         (a * t_c + b) * t_c + c
     }
 
-    /// One run, a row per second.
+    /// One run, one row per second.
     pub fn run(&self, seed: u64) -> impl Iterator<Item = Row> + use<> {
         let rig = *self;
         let rows = rig.windows * 100;
@@ -87,7 +91,7 @@ mod tests {
 
     #[test]
     fn the_same_seed_gives_the_same_rows() {
-        let bytes = |seed| crate::csv_bytes(PaperRig::PAPER.run(seed).take(500));
+        let bytes = |seed| crate::rigs::csv_bytes(PaperRig::PAPER.run(seed).take(500));
         assert_eq!(bytes(7), bytes(7));
         assert_ne!(bytes(7), bytes(8));
     }

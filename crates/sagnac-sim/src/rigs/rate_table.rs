@@ -1,22 +1,24 @@
-//! A gyro on a rate table inside a thermal chamber: soaks at some temperatures, the table's rates gone through at each.
+//! A gyro on a rate table inside a thermal chamber: soaks at several temperatures, all rates at each.
 //!
 //! ```text
 //! n = ∫ (Ω_table + Ω_Earth + d(T)) dt / (S₀·(1 + ε(T)·1e-6))       d, ε: powers of u = (T − 15 °C)/55 °C
 //! ```
+//!
+//! The gyro has the temperature of the chamber, without a lag; the table changes its rate at once.
 
 use std::io::Write;
 
+use crate::profile::{Leg, Profile};
 use crate::rigs::counter::Counter;
-use crate::thermal::{Leg, Profile};
 
 /// Parameters of gyro, table and chamber.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RateTable {
-    /// Temperatures that are soaked at, °C.
+    /// Temperatures of the soaks, °C.
     pub plateaus_c: Vec<f64>,
     /// Length of each soak, s; the chamber ramps at 1 °C/min between them.
     pub soak_s: f64,
-    /// Rates of the table, °/s, each for `dwell_s`, gone through again and again.
+    /// Rates of the table, °/s, each for `dwell_s`, repeated.
     pub rates_dps: Vec<f64>,
     /// Time at each rate, s (whole seconds).
     pub dwell_s: u32,
@@ -28,12 +30,12 @@ pub struct RateTable {
     pub scale_ppm: Vec<f64>,
     /// Angle random walk, °/√h.
     pub arw_deg_rt_h: f64,
-    /// Scale factor S0, arcsec per count.
+    /// Nominal scale factor S₀, arcsec per count.
     pub arcsec_per_count: f64,
 }
 
 impl RateTable {
-    /// −40 … +70 °C in steps of ten, 25 minutes each, ±10 °/s and ±5 °/s and rest; a navigation-grade gyro.
+    /// −40 … +70 °C in steps of ten, 25 minutes each; ±10 °/s, ±5 °/s and rest; a navigation-grade gyro.
     pub fn domain_notes() -> Self {
         Self {
             plateaus_c: (0..12).map(|i| -40.0 + 10.0 * f64::from(i)).collect(),
@@ -58,7 +60,7 @@ impl RateTable {
         powers(&self.drift_dph, celsius)
     }
 
-    /// One run as CSV; the reference rate only `with_reference`.
+    /// One run as the bytes of a CSV file; with the reference rate if `with_reference`.
     pub fn csv(&self, seed: u64, with_reference: bool) -> Vec<u8> {
         let mut legs = Vec::new();
         for celsius in &self.plateaus_c {
@@ -69,7 +71,7 @@ impl RateTable {
         let mut counter = Counter::new(seed, self.arw_deg_rt_h);
         let mut out = Vec::new();
         let reference = if with_reference { ",reference_rate_dps" } else { "" };
-        // A Vec takes every byte it is given.
+        // Writing to a Vec cannot fail.
         let _ = writeln!(out, "time_s,temperature_c,counts{reference}");
         for second in 1..=profile.length_s() as u32 {
             let celsius = profile.at(f64::from(second) - 0.5);

@@ -1,27 +1,36 @@
-//! A gyro at rest at one temperature: nothing but the five terms of its noise, a row a second.
+//! A gyro at rest at one temperature: the five noise terms of IEEE Std 952, one row per second.
+//!
+//! ```text
+//! angle = ∫(flicker + rate walk + ramp) dt + N·√dt·normal + q[n] − q[n−1]        q: white, σ = Q
+//! ```
+//!
+//! No mean rate, no lock-in, no counting: angles are real numbers.
 
-use crate::noise::{SlowNoise, Stream, generator, normal};
-use crate::scenario::tables::Noise;
+use crate::noise::SlowNoise;
+use crate::physics::ARCSEC_RT_S_PER_DEG_RT_H;
+use crate::random::{Stream, generator, normal};
+use crate::scenario::NoiseConfig;
 
-/// The noise of a gyro at rest.
+/// A gyro at rest with a known noise.
 #[derive(Clone, Debug, Default)]
 pub struct Resting {
     /// Angle random walk, bias instability, rate random walk and rate ramp.
-    pub noise: Noise,
-    /// Quantization, arcsec: white, of this σ, on the angle at the end of each second.
+    pub noise: NoiseConfig,
+    /// Quantization Q, arcsec: standard deviation of white noise on the angle at the end of each second.
     pub q_arcsec: f64,
 }
 
 impl Resting {
-    /// Angle of each second, arcsec.
+    /// Angle increment of each second, arcsec.
     pub fn angles(&self, seconds: usize, seed: u64) -> Vec<f64> {
-        let mut slow = SlowNoise::new(&self.noise, seed);
+        let slow = SlowNoise::build(&self.noise);
+        let mut slow_state = slow.start(seed);
         let (mut walk, mut pickoff) = (generator(seed, Stream::Walk), generator(seed, Stream::Pickoff));
-        let walk_arcsec = 60.0 * self.noise.arw_deg_rt_h;
+        let walk_arcsec = ARCSEC_RT_S_PER_DEG_RT_H * self.noise.arw_deg_rt_h;
         let mut last = 0.0;
         let angles = (1..=seconds).map(|second| {
             // 1 °/h is 1 arcsec/s.
-            let rate: f64 = slow.second(second as f64).iter().sum();
+            let rate: f64 = slow.second(&mut slow_state, second as f64).iter().sum();
             let read = self.q_arcsec * normal(&mut pickoff);
             let angle = rate + walk_arcsec * normal(&mut walk) + read - last;
             last = read;

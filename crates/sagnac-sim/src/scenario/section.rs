@@ -1,19 +1,23 @@
-//! One declaration per key: type, default, range, unit, source and words, so that none can drift from the others.
+//! One declaration per key: type, default, range, unit, source and description.
+//!
+//! The macro [`section!`] makes three things of a declaration: the struct that reads the table, the range check, and
+//! the entry of the manual (`docs/scenario.md`). They cannot drift apart.
 
-/// What is said of a key in the manual and checked when a scenario is read.
+/// What the manual says of a key; the range is also what a scenario is checked against.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Key {
+#[non_exhaustive]
+pub struct KeyDoc {
     /// Name in its table.
     pub name: &'static str,
-    /// What it is.
+    /// Description.
     pub text: &'static str,
-    /// Unit, empty for a pure number.
+    /// Unit; empty for a pure number.
     pub unit: &'static str,
     /// Smallest and largest value; `None` for a word.
     pub range: Option<(f64, f64)>,
-    /// Value where none is given; `None` where one must be.
+    /// Default; `None` if the key is required.
     pub default: Option<f64>,
-    /// Words that can be given, for a word.
+    /// Allowed words, if the value is a word.
     pub words: &'static str,
     /// Where the range comes from.
     pub source: &'static str,
@@ -23,15 +27,15 @@ pub struct Key {
 pub(crate) trait Section {
     /// Its name.
     const PATH: &'static str;
-    /// What it is.
+    /// Its description.
     const ABOUT: &'static str;
     /// Its keys.
-    const KEYS: &'static [Key];
-    /// Values of the numeric keys, in their order.
+    const KEYS: &'static [KeyDoc];
+    /// Values of the numeric keys, in the order of `KEYS`.
     fn numbers(&self) -> Vec<f64>;
 }
 
-/// A value that must be given.
+/// Default of a required key.
 pub(crate) const REQUIRED: f64 = f64::NAN;
 
 /// Declares a table: `numbers { key = default, range, unit, source; }` and `words { key: Type = default, words; }`.
@@ -59,12 +63,12 @@ macro_rules! section {
         impl $crate::scenario::section::Section for $name {
             const PATH: &'static str = $path;
             const ABOUT: &'static str = concat!($($about),+);
-            const KEYS: &'static [$crate::scenario::section::Key] = &[
-                $( $crate::scenario::section::Key {
+            const KEYS: &'static [$crate::scenario::section::KeyDoc] = &[
+                $( $crate::scenario::section::KeyDoc {
                     name: stringify!($word), text: concat!($($word_text),+), unit: "", range: None,
                     default: None, words: $words, source: "",
                 }, )*
-                $( $crate::scenario::section::Key {
+                $( $crate::scenario::section::KeyDoc {
                     name: stringify!($key), text: concat!($($text),+), unit: $unit, range: Some(($lo, $hi)),
                     default: { let value: f64 = $default; if value.is_nan() { None } else { Some(value) } },
                     words: "", source: $source,

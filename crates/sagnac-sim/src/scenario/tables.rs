@@ -1,18 +1,21 @@
-//! The tables of a scenario. Sources: S public sources, M general knowledge of the field, not verified, both
-//! as the project's domain notes mark them; D a choice of this simulator.
+//! The tables of a scenario file: what a person types, in Hz, V, s and °C.
+//!
+//! Each key has its default, range, unit and source in its declaration. Sources: `[S]` public sources; `[M]` general
+//! knowledge of the field, not verified; both as marked in the project's domain notes; `[D]` a choice of this
+//! simulator.
 
 use serde::Deserialize;
 
-use crate::physics::Shape;
+use crate::physics::RingShape;
 use crate::scenario::section::{REQUIRED, section};
 
-/// How much of the gyro is integrated.
+/// Level of detail of the simulation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Fidelity {
-    /// Counts per interval, for days.
+    /// Counts per interval; for tests of days.
     Count,
-    /// The phase of the light itself, for minutes.
+    /// Phase of the beat, every 100 µs; for tests of minutes.
     Beat,
 }
 
@@ -20,23 +23,23 @@ pub enum Fidelity {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum BeatModel {
-    /// One equation for the phase.
+    /// One equation for the phase (Adler).
     Adler,
-    /// Both intensities and the phase.
+    /// Both intensities and the phase (Lamb, Aronowitz).
     TwoMode,
 }
 
-/// Whether the loops' code runs.
+/// Model of the path-length and intensity loops.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Loops {
-    /// They do what they are for, at once.
+pub enum LoopModel {
+    /// Ideal loops: no error and no delay inside the actuator's range.
     Ideal,
-    /// `sagnac-loops` runs every tick on a simulated plant.
+    /// The code of `sagnac-loops`, run every tick on a simulated plant.
     Running,
 }
 
-/// Counts of a fringe.
+/// Counts per fringe.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Counting {
@@ -59,96 +62,96 @@ impl Counting {
     }
 }
 
-/// What moves the path.
+/// Actuator of the path-length loop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Actuator {
-    /// A mirror on a piezo; its unit is V.
+    /// Mirror on a piezo; unit V.
     Piezo,
-    /// A heater on a prism or the block; its unit is W.
+    /// Heater on a prism or on the block; unit W.
     Heater,
 }
 
-/// Where a thermometer sits.
+/// Where a thermometer is mounted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Place {
+pub enum SensorLocation {
     /// On the block.
     #[default]
     Block,
-    /// Near the anode, where the discharge heats.
+    /// Near the anode, which the discharge heats.
     Anode,
     /// In the chamber's air.
     Chamber,
 }
 
-/// Where the input axis points.
+/// Orientation of the input axis, for the Earth's rate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Direction {
-    /// Nothing of the Earth's rate.
+pub enum AxisDirection {
+    /// No Earth rate.
     None,
-    /// Away from the Earth's centre.
+    /// Along the local vertical, upward.
     Up,
     /// True north.
     North,
 }
 
 section! {
-    /// What is integrated, and how often a row is written.
-    Run "run"
+    /// Level of detail and interval of the rows.
+    RunConfig "run"
     numbers {
-        /// Time between rows of the log; whole seconds, or a second divided by a whole number.
+        /// Time between rows of the log: whole seconds, or a second divided by a whole number.
         interval_s = 1.0, 0.0001 ..= 1000.0, "s", "design: tick 100 µs, thermal tests at 1 s";
     }
     words {
-        /// Counts for days, or the phase of the light for minutes.
+        /// Level of detail: counts per interval (tests of days) or phase of the beat (minutes).
         fidelity: Fidelity = Fidelity::Count, "count, beat";
-        /// Equations of the beat; without a meaning at the count level.
+        /// Equations of the beat; not used at the count level.
         beat_model: BeatModel = BeatModel::Adler, "adler, two_mode";
-        /// Whether the loops' own code runs every 100 µs, or just does what it is for.
-        loops: Loops = Loops::Ideal, "ideal, running";
+        /// Loops: ideal, or their own code run every 100 µs.
+        loops: LoopModel = LoopModel::Ideal, "ideal, running";
     }
 }
 
 section! {
-    /// The light's path.
-    Geometry "geometry"
+    /// Geometry of the ring.
+    GeometryConfig "geometry"
     numbers {
-        /// Length once round.
+        /// Length of the closed light path.
         perimeter_m = REQUIRED, 0.02 ..= 20.0, "m", "16 and 28 cm in the domain notes §4";
         /// Wavelength in vacuum.
         wavelength_um = 0.63299, 0.3 ..= 2.0, "µm", "He-Ne, domain notes §1";
     }
     words {
-        /// Shape of the path.
-        shape: Shape = Shape::Triangle, "triangle, square, circle";
+        /// Shape of the ring.
+        shape: RingShape = RingShape::Triangle, "triangle, square, circle";
     }
 }
 
 section! {
     /// Losses, gain and backscatter.
-    Cavity "cavity"
+    CavityConfig "cavity"
     numbers {
         /// Loss of a round trip.
         loss_ppm = 300.0, 10.0 ..= 20000.0, "ppm", "[M]";
-        /// Gain over loss at the peak, at the nominal current.
+        /// Ratio of gain to loss at line centre and nominal current.
         gain_ratio = 1.5, 1.05 ..= 5.0, "", "[M]";
-        /// Full width of the gain curve at half height.
+        /// Full width of the gain curve at half maximum.
         gain_width_mhz = 1500.0, 200.0 ..= 5000.0, "MHz", "[M] Doppler width of neon";
-        /// Cross over self saturation, θ/β.
+        /// Ratio of cross to self saturation, θ/β.
         cross_saturation = 0.5, 0.0 ..= 0.95, "", "[M] two isotopes keep it below 1";
-        /// Field that mode 1 sends into mode 2, of its own per round trip.
+        /// Field scattered from mode 1 into mode 2, as a fraction of mode 1 per round trip.
         backscatter_1_ppm = 0.3, 0.0 ..= 10.0, "ppm", "lock-in 50 to 1000 °/h [M]";
-        /// Field that mode 2 sends into mode 1.
+        /// Field scattered from mode 2 into mode 1.
         backscatter_2_ppm = 0.3, 0.0 ..= 10.0, "ppm", "lock-in 50 to 1000 °/h [M]";
-        /// Phase ε₁ of the first.
+        /// Phase ε₁ of the scattering from mode 1.
         backscatter_phase_1_deg = 40.0, -360.0 ..= 360.0, "deg", "any";
-        /// Phase ε₂ of the second.
+        /// Phase ε₂ of the scattering from mode 2.
         backscatter_phase_2_deg = 40.0, -360.0 ..= 360.0, "deg", "any";
-        /// Null shift of a current that is not the same in both arms.
+        /// Null shift per difference of the two arm currents.
         null_shift_dph_per_ma = 0.0, -100.0 ..= 100.0, "°/h per mA", "[M] Langmuir flow";
-        /// That difference at the nominal current; it grows with the current.
+        /// Difference of the arm currents at the nominal current; proportional to the current.
         current_imbalance_ma = 0.0, -1.0 ..= 1.0, "mA", "[M]";
     }
     words {}
@@ -156,193 +159,193 @@ section! {
 
 section! {
     /// Mechanical dither.
-    Dither "dither"
+    DitherConfig "dither"
     numbers {
-        /// Frequency at 25 °C; 0 for none.
+        /// Frequency at 25 °C; 0 for no dither.
         frequency_hz = 0.0, 0.0 ..= 2000.0, "Hz", "300 to 600 [M], 406 to 463 in firmware [S]";
-        /// Its change with block temperature.
+        /// Change of the frequency with block temperature.
         frequency_ppm_per_c = 0.0, -1000.0 ..= 1000.0, "ppm/°C", "[M] stiffness of the spring";
         /// Amplitude.
         amplitude_arcsec = 150.0, 0.0 ..= 1000.0, "arcsec", "40 to 200 [M]";
-        /// Random change of the amplitude from one swing to the next, σ of its part.
-        noise = 0.1, 0.0 ..= 0.3, "", "[M]; 0 leaves dynamic lock-in zones";
+        /// Random change of the amplitude between half cycles, relative standard deviation.
+        noise = 0.1, 0.0 ..= 0.3, "", "[M]; 0 keeps dynamic lock-in zones";
     }
     words {}
 }
 
 section! {
     /// Photodiodes and counter.
-    Readout "readout"
+    ReadoutConfig "readout"
     numbers {
-        /// How far from a quarter of a fringe the photodiodes are apart.
+        /// Deviation of the spacing of the photodiodes from a quarter fringe.
         phase_error_deg = 0.0, -45.0 ..= 45.0, "deg", "[D]";
-        /// Noise of the dither pickoff.
+        /// Noise of the dither pickoff, standard deviation.
         pickoff_noise_arcsec = 0.0, 0.0 ..= 10.0, "arcsec", "[D]";
     }
     words {
-        /// Counts of a fringe.
+        /// Counts per fringe.
         counting: Counting = Counting::X4, "x4, x2, x1";
     }
 }
 
 section! {
-    /// The block and how it follows the chamber.
-    Block "block"
+    /// The block: thermal expansion and thermal lag.
+    BlockConfig "block"
     numbers {
-        /// Expansion at 25 °C.
+        /// Coefficient of thermal expansion at 25 °C.
         expansion_ppm_per_c = 0.05, -10.0 ..= 20.0, "ppm/°C", "glass-ceramic ±0.02, 0.05, 0.10 by class [S]";
-        /// Its change with temperature.
+        /// Change of the coefficient with temperature.
         expansion_bend_ppm_per_c2 = 0.0, -0.1 ..= 0.1, "ppm/°C²", "[M]";
-        /// Time constant towards the chamber.
+        /// Time constant of the block relative to the chamber.
         lag_s = 1200.0, 1.0 ..= 100000.0, "s", "20 min in the domain notes §2";
-        /// Time constant of the place near the anode.
+        /// Time constant of the region near the anode.
         anode_lag_s = 700.0, 1.0 ..= 100000.0, "s", "[D]";
-        /// How much the discharge warms that place.
+        /// Steady temperature rise of that region by the discharge.
         anode_heat_c = 2.0, 0.0 ..= 30.0, "°C", "[D]";
     }
     words {}
 }
 
 section! {
-    /// Bias and where it comes from. None of it is a polynomial of a thermometer's reading.
-    Bias "bias"
+    /// Bias by cause. None of it is a polynomial in a thermometer's reading.
+    BiasConfig "bias"
     numbers {
-        /// Without any cause below.
+        /// Fixed bias.
         fixed_dph = 0.0, -100.0 ..= 100.0, "°/h", "any";
-        /// With block temperature from 25 °C.
+        /// Sensitivity to block temperature, from 25 °C.
         slope_dph_per_c = 0.0005, -1.0 ..= 1.0, "°/h/°C", "0.0005 to 0.005 [M]";
-        /// Height of a knee: knee·tanh((T − knee_c)/knee_width_c).
+        /// Height of a knee, knee·tanh((T − knee_c)/knee_width_c).
         knee_dph = 0.0, -10.0 ..= 10.0, "°/h", "[D] not a polynomial";
-        /// Middle of the knee.
+        /// Centre of the knee.
         knee_c = 15.0, -100.0 ..= 150.0, "°C", "[D]";
         /// Width of the knee.
         knee_width_c = 25.0, 1.0 ..= 200.0, "°C", "[D]";
-        /// With the block's own rate.
+        /// Sensitivity to the temperature rate of the block.
         rate_dph_per_cpm = 0.0, -1.0 ..= 1.0, "°/h per °C/min", "0.005 to 0.05 [M]";
-        /// With the difference between anode and block, from that at rest.
+        /// Sensitivity to the temperature difference between anode and block, relative to its steady value.
         gradient_dph_per_c = 0.0, -1.0 ..= 1.0, "°/h/°C", "[M]";
-        /// Half the distance between heating and cooling.
+        /// Half the difference between heating and cooling.
         hysteresis_dph = 0.0, 0.0 ..= 1.0, "°/h", "[M]";
-        /// Turn of temperature over which it changes sides.
+        /// Temperature change after a reversal over which the hysteresis changes sign.
         hysteresis_width_c = 10.0, 0.1 ..= 200.0, "°C", "[D]";
-        /// Step from one mode to the next; the next one takes it back.
+        /// Step between adjacent modes, alternating in sign.
         mode_step_dph = 0.0, 0.0 ..= 1.0, "°/h", "0.001 to 0.05 [M]";
-        /// Ripple with the actuator, periodic over two modes.
+        /// Amplitude of a ripple in the actuator's path, with a period of two modes.
         ripple_dph = 0.0, 0.0 ..= 1.0, "°/h", "period: US5438410 [S]; size [M]";
-        /// First warm-up term.
+        /// First warm-up component.
         warm_up_1_dph = 0.0, -10.0 ..= 10.0, "°/h", "[M]";
-        /// Its time constant.
+        /// Time constant of the first warm-up component.
         warm_up_1_s = 180.0, 1.0 ..= 100000.0, "s", "1 to 5 min [M]";
-        /// Second warm-up term.
+        /// Second warm-up component.
         warm_up_2_dph = 0.0, -10.0 ..= 10.0, "°/h", "[M]";
-        /// Its time constant.
+        /// Time constant of the second warm-up component.
         warm_up_2_s = 1500.0, 1.0 ..= 100000.0, "s", "15 to 40 min [M]";
     }
     words {}
 }
 
 section! {
-    /// Scale factor besides the geometry: steps of 1/m with the mode come by themselves.
-    ScaleFactor "scale_factor"
+    /// Scale-factor errors. The steps of 1/m at mode changes follow from the geometry and have no key.
+    ScaleFactorConfig "scale_factor"
     numbers {
-        /// Change with the path the actuator makes up for: the sawtooth's slope.
+        /// Change with the path set by the actuator: slope of the sawtooth.
         actuator_ppm_per_wave = 0.0, -100.0 ..= 100.0, "ppm", "[M] uniform expansion alone changes nothing";
     }
     words {}
 }
 
 section! {
-    /// Path-length control. Units of the actuator are V (piezo) or W (heater).
-    PathLengthTable "path_length"
+    /// Path-length control. The actuator's unit is V (piezo) or W (heater).
+    PathLengthControlConfig "path_length"
     numbers {
-        /// Lower end of the actuator's range.
+        /// Lower limit of the actuator.
         range_low = -150.0, -10000.0 ..= 10000.0, "V or W", "[M] tens of volts per wavelength";
-        /// Upper end.
+        /// Upper limit of the actuator.
         range_high = 150.0, -10000.0 ..= 10000.0, "V or W", "[M]";
-        /// Path per unit.
+        /// Path change per unit.
         waves_per_unit = 0.012, 0.000001 ..= 1000.0, "waves per V or W", "[M]";
-        /// Converter of the actuator.
+        /// Resolution of the actuator's D/A converter.
         converter_bits = 18.0, 8.0 ..= 24.0, "bit", "[D]";
-        /// Lag when the path grows.
-        rising_lag_s = 0.0, 0.0 ..= 10000.0, "s", "a heater heats";
-        /// Lag when it shrinks.
+        /// Lag while the path grows.
+        rising_lag_s = 0.0, 0.0 ..= 10000.0, "s", "a heater heats …";
+        /// Lag while the path shrinks.
         falling_lag_s = 0.0, 0.0 ..= 10000.0, "s", "… and cools more slowly";
-        /// Modulation.
+        /// Modulation frequency.
         modulation_hz = 1250.0, 0.1 ..= 2500.0, "Hz", "250 in heater firmware [S]; 1 to 10 kHz piezo [M]";
-        /// Its amplitude.
+        /// Modulation amplitude.
         modulation_waves = 0.02, 0.0001 ..= 0.1, "waves", "[M]";
-        /// Crossover of the loop.
+        /// Crossover frequency of the loop.
         bandwidth_hz = 20.0, 0.001 ..= 200.0, "Hz", "[D]";
-        /// Phase margin, at least.
+        /// Phase margin, minimum.
         phase_margin_deg = 60.0, 20.0 ..= 120.0, "deg", "[D]";
-        /// A reset happens this far from an end of the range.
+        /// Distance from a limit at which a mode reset starts.
         reset_margin_waves = 0.3, 0.0 ..= 100.0, "waves", "[D]";
-        /// Time in which a reset goes one wavelength.
+        /// Time a reset takes per wavelength.
         reset_s = 0.2, 0.0 ..= 10000.0, "s", "[D]";
-        /// Time the actuator is given to arrive.
+        /// Settling time after a reset or a sweep.
         settle_s = 0.1, 0.0 ..= 10000.0, "s", "[D]";
-        /// Time of the search through one wavelength: at least eight of the lags above. 0 for none, where there is light
-        /// everywhere.
+        /// Duration of the search through one wavelength: at least eight of the lags above. 0 for no search, if there is
+        /// light everywhere.
         sweep_s = 1.0, 0.0 ..= 10000.0, "s", "[D]";
-        /// Locked is within this of the peak.
+        /// Detuning below which the loop counts as locked.
         lock_waves = 0.005, 0.00001 ..= 0.05, "waves", "[D]";
     }
     words {
-        /// What moves the path.
+        /// Actuator.
         actuator: Actuator = Actuator::Piezo, "piezo, heater";
     }
 }
 
 section! {
-    /// Intensity control: discharge current, or pump.
-    IntensityTable "intensity"
+    /// Intensity control: discharge current or pump.
+    IntensityControlConfig "intensity"
     numbers {
-        /// Converter of the photodiode.
+        /// Resolution of the photodiode's A/D converter.
         photodiode_bits = 20.0, 8.0 ..= 24.0, "bit", "[D]";
-        /// Part of its range the regulated light takes. What ignition makes must fit in as well, or the search for
-        /// the brightest place is blind.
+        /// Fraction of the converter's range used by the regulated light. The light at ignition must fit as well, or
+        /// the search for the peak compares saturated readings.
         part_of_range = 0.4, 0.05 ..= 0.9, "", "[D]";
-        /// Noise of a reading, σ of the regulated light.
+        /// Noise of a sample, standard deviation relative to the regulated light.
         noise = 0.0001, 0.0 ..= 0.01, "", "[D] shot noise of some µW";
-        /// Current at 25 °C.
+        /// Nominal current, at 25 °C.
         nominal_ma = 1.0, 0.01 ..= 1000.0, "mA", "[M]";
-        /// Least current.
+        /// Minimum current.
         low_ma = 0.3, 0.0 ..= 1000.0, "mA", "[M]";
-        /// Most current.
+        /// Maximum current.
         high_ma = 2.0, 0.01 ..= 1000.0, "mA", "[M]";
-        /// Change of the gain per change of the current, both as parts.
+        /// Exponent of gain over current: relative change of gain per relative change of current.
         gain_exponent = 0.7, 0.1 ..= 2.0, "", "[M]";
         /// Lag from current to light.
         lag_s = 0.001, 0.0 ..= 10.0, "s", "[M]";
-        /// Fastest change of the current.
+        /// Maximum slew rate of the current.
         slew_ma_per_s = 5.0, 0.0001 ..= 100000.0, "mA/s", "[D]";
-        /// Current while igniting.
+        /// Current during ignition.
         ignition_ma = 1.5, 0.01 ..= 1000.0, "mA", "[D]";
-        /// Longest try.
+        /// Duration of one ignition attempt.
         ignition_s = 0.5, 0.0 ..= 1000.0, "s", "[D]";
-        /// Pause between tries.
+        /// Pause between attempts.
         rest_s = 1.0, 0.0 ..= 1000.0, "s", "[D]";
-        /// Tries to ignite after the first; then it stays dark.
+        /// Ignition attempts after the first; then the loop stays off.
         ignition_tries = 10.0, 0.0 ..= 200.0, "", "[D]";
-        /// Crossover of the loop.
+        /// Crossover frequency of the loop.
         bandwidth_hz = 10.0, 0.01 ..= 200.0, "Hz", "1 to 100 [M]";
-        /// Phase margin, at least.
+        /// Phase margin, minimum.
         phase_margin_deg = 60.0, 20.0 ..= 120.0, "deg", "[D]";
-        /// Growth of the losses from −40 to +70 °C.
-        loss_growth = 0.0, -0.5 ..= 1.0, "", "30 % asked of the loop";
-        /// Light below this part is called low.
+        /// Relative growth of the losses from −40 to +70 °C.
+        loss_growth = 0.0, -0.5 ..= 1.0, "", "30 % required of the loop";
+        /// Light below this fraction of the set point is reported as low.
         low_part = 0.8, 0.05 ..= 1.0, "", "[D]";
     }
     words {}
 }
 
 section! {
-    /// Noise. The walk that dither makes of lock-in comes on top by itself.
-    Noise "noise"
+    /// Noise. The angle random walk of dithered lock-in is added automatically.
+    NoiseConfig "noise"
     numbers {
-        /// Angle random walk besides that of dithered lock-in.
+        /// Angle random walk N in addition to that of dithered lock-in.
         arw_deg_rt_h = 0.0, 0.0 ..= 10.0, "°/√h", "0.003 in the domain notes";
-        /// Bias instability B: its Allan deviation is flat at 0.664 B.
+        /// Bias instability B; its Allan deviation is flat at 0.664 B.
         bias_instability_dph = 0.0, 0.0 ..= 100.0, "°/h", "domain notes §3";
         /// Rate random walk K.
         rate_random_walk_dph_rt_h = 0.0, 0.0 ..= 100.0, "°/h/√h", "domain notes §3";
@@ -353,98 +356,98 @@ section! {
 }
 
 section! {
-    /// A thermometer; the first is the one of the header `temperature_c`.
-    ThermometerTable "thermometer"
+    /// A thermometer. Its column is `temperature_c_` and its name, or `temperature_c` if it has none.
+    ThermometerConfig "thermometer"
     numbers {
         /// Time constant.
         lag_s = 0.0, 0.0 ..= 10000.0, "s", "[D]";
-        /// Noise of a reading.
+        /// Noise of a reading, standard deviation.
         noise_c = 0.0, 0.0 ..= 10.0, "°C", "[D]";
-        /// Step of a reading; 0 for none.
+        /// Resolution; 0 for unlimited.
         lsb_c = 0.0625, 0.0 ..= 10.0, "°C", "0.0625 in the domain notes §2";
-        /// What it reads too much.
+        /// Offset of the readings.
         offset_c = 0.0, -100.0 ..= 100.0, "°C", "[D]";
     }
     words {
-        /// Name in the header; the first may go without.
+        /// Name in the header; one thermometer may have none.
         name: String = String::new(), "letters, digits, _";
-        /// Where it sits.
-        at: Place = Place::Block, "block, anode, chamber";
+        /// Where it is mounted.
+        at: SensorLocation = SensorLocation::Block, "block, anode, chamber";
     }
 }
 
 section! {
-    /// Oscillator of the counter and of the log's time.
-    Electronics "electronics"
+    /// Electronics: the oscillator of the counter and of the log's time, and the width of the counter.
+    ElectronicsConfig "electronics"
     numbers {
-        /// What the clock is fast by.
+        /// Rate error of the clock; positive is fast.
         clock_ppm = 0.0, -1000.0 ..= 1000.0, "ppm", "[D]";
-        /// Its change with block temperature from 25 °C.
+        /// Change of the rate error with block temperature, from 25 °C.
         clock_ppm_per_c = 0.0, -10.0 ..= 10.0, "ppm/°C", "[D]";
-        /// Width of the counter of a row; it stops at its ends. 0: wide enough.
+        /// Width of the counter, which saturates within a row; 0 for unlimited.
         counter_bits = 0.0, 0.0 ..= 63.0, "bit", "[D]";
     }
     words {}
 }
 
-/// A leg of the chamber's profile: a soak, or a ramp.
+/// A leg of the chamber's profile: a soak or a ramp.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(untagged, deny_unknown_fields, expecting = "a leg is { soak_s = … } or { to_c = …, rate_cpm = … }")]
-pub enum LegTable {
-    /// Stay.
+pub enum ChamberLeg {
+    /// Hold the temperature.
     Soak {
-        /// For so long.
+        /// Duration, s.
         soak_s: f64,
     },
-    /// Go.
+    /// Change the temperature.
     Ramp {
-        /// To this temperature, °C.
+        /// End temperature, °C.
         to_c: f64,
-        /// At this rate, °C/min, positive.
+        /// Rate, °C/min, positive in both directions.
         rate_cpm: f64,
     },
 }
 
 section! {
     /// The thermal chamber.
-    Chamber "chamber"
+    ChamberConfig "chamber"
     numbers {
-        /// Temperature at the start, of the block too.
+        /// Temperature of chamber and block at the start.
         start_c = 25.0, -100.0 ..= 150.0, "°C", "−40 … +70 in the domain notes §5";
-        /// How often the legs are gone through.
+        /// Number of passes through the legs.
         cycles = 1.0, 1.0 ..= 10000.0, "", "at least 3 in a thermal test, domain notes §5";
     }
     words {
-        /// The gyro is switched on at the start; else it has been on for long.
+        /// Whether the gyro is switched on at the start; otherwise it is warm.
         cold_start: bool = false, "false, true";
-        /// Soaks { soak_s } and ramps { to_c, rate_cpm }.
-        leg: Vec<LegTable> = Vec::new(), "list";
+        /// Legs: soaks { soak_s } and ramps { to_c, rate_cpm }.
+        leg: Vec<ChamberLeg> = Vec::new(), "list";
     }
 }
 
-/// A stretch of the rate table's profile.
+/// A dwell of the rate table at one rate.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct TableLeg {
+pub struct RateTableLeg {
     /// Rate of the table, °/s.
     pub rate_dps: f64,
-    /// For so long, s.
+    /// Duration, s.
     pub for_s: f64,
 }
 
 section! {
-    /// What the gyro is turned by.
-    Input "input"
+    /// Input rate: a constant, the Earth's rate, and a rate table.
+    InputConfig "input"
     numbers {
-        /// A constant rate.
+        /// Constant rate.
         rate_dph = 0.0, -3600000.0 ..= 3600000.0, "°/h", "any";
         /// Geodetic latitude.
         latitude_deg = 0.0, -90.0 ..= 90.0, "deg", "17.4 in the domain notes §1";
     }
     words {
-        /// Where the input axis points, for the Earth's rate.
-        direction: Direction = Direction::None, "none, up, north";
-        /// Rate table: { rate_dps, for_s }, gone through again and again.
-        table: Vec<TableLeg> = Vec::new(), "list";
+        /// Orientation of the input axis, for the Earth's rate.
+        direction: AxisDirection = AxisDirection::None, "none, up, north";
+        /// Rate table: { rate_dps, for_s }, repeated.
+        table: Vec<RateTableLeg> = Vec::new(), "list";
     }
 }

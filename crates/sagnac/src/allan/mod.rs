@@ -1,34 +1,16 @@
-//! The noise of a record at rest, from its own raw rows.
+//! The noise budget of a log at rest.
 //!
 //! ```text
-//! rows ─▶ Recorder (phase; stretches between gaps) ─▶ difference sums ─▶ curve ─▶ five terms ─▶ intervals ─▶ NoiseBudget
-//!          overlap (in memory) or pyramid (any length)      [difference]  [budget]   [terms]  [freedom, bootstrap]
-//! each window ─▶ ShortTau ─▶ N and Q at short τ ─▶ floor of every residual
+//! log ─▶ rows ─▶ sagnac_noise::Recorder, axis by axis ─▶ sagnac_noise::budget ─▶ NoiseBudget
+//! curve of another program ─▶ sagnac_noise::budget_of_curve ─────────────────────┘
 //! ```
 //!
-//! Inside: °/h (which is arcsec/s), arcsec and seconds; terms come out in the field's units. `docs/explanation/noise.md` tells the
-//! method, its sources and what it is held against.
+//! The mathematics is in `sagnac-noise`. This module reads logs and curves, watches for what would spoil a budget (a
+//! temperature ramp, a table that turned) and takes the drift over temperature out first where that is wanted.
 
-mod bootstrap;
-mod budget;
 mod curve;
-mod difference;
-mod freedom;
-mod overlap;
-mod pyramid;
 mod ramp;
 mod read;
-mod recorder;
-mod short;
-mod terms;
 
-pub use budget::{AxisBudget, CONFIDENCE, CurvePoint, HadamardPoint, TermValue, Terms};
-pub use curve::{BareCurve, budget_of_curves, is_curve, parse_curve, read_curve};
-pub use difference::{Deviation, Difference, SquareSum};
-pub use freedom::Stretches;
-pub use overlap::{overlapping, phases};
-pub use pyramid::FULL_OVERLAP;
-pub use read::{HELD_PHASES, NoiseBudget, Request, Taus, budget_of_angles, noise_budget};
-pub use recorder::{Recorded, Recorder};
-pub use short::{NoiseTerms, ShortTau, ShortTauSums};
-pub use terms::{FittedTerms, Point, Term, fit_terms};
+pub use curve::{budget_of_curves, is_curve, parse_curve, read_curve};
+pub use read::{NoiseBudget, Request, noise_budget};

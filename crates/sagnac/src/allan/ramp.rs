@@ -5,13 +5,13 @@
 //! moves by 0.02 °C/min or more (the pace at which a soak counts as soaked), or of 3 °C at any pace. On demand the drift is taken out first: the curve that
 //! `calibrate` would fit over temperature (and its rate), read between the middles of its windows.
 
-use crate::digits::significant;
-use crate::error::{Error, Result};
-use crate::fit::{FitOptions, ModelChoice, calibrate_with_evidence};
-use crate::ingest::{Batch, LogReader};
-use crate::setup::Setup;
-use crate::units::{NS_PER_S, s_from_ns};
+use crate::fit::{FitOptions, Model, calibrate_with_report_data};
 use crate::window::WindowBuilder;
+use sagnac_log::error::{Error, Result};
+use sagnac_log::ingest::{Batch, LogReader};
+use sagnac_log::setup::Setup;
+use sagnac_units::format::significant;
+use sagnac_units::{NS_PER_S, s_from_ns};
 
 /// Length of a block, s.
 const BLOCK_S: f64 = 600.0;
@@ -101,14 +101,14 @@ impl Drift {
     /// What reading and fitting say: a record without a temperature, or with too little of a span.
     pub(crate) fn of(logs: Vec<LogReader>, setup: &Setup) -> Result<Vec<Self>> {
         let axes = logs.first().map(|log| log.shape().axes.clone()).unwrap_or_default();
-        let windows = WindowBuilder::read_all(logs, setup)?.finish(false);
+        let windows = WindowBuilder::read_all(logs, setup)?.finish();
         let rows = windows.rows.clone();
         let runs = windows.runs.len();
-        let options = FitOptions::new(ModelChoice::Auto);
-        let (_, evidence) = calibrate_with_evidence(windows, setup, &options)
+        let options = FitOptions::new(Model::Auto);
+        let (_, report_data) = calibrate_with_report_data(windows, setup, &options)
             .map_err(|e| e.help("without --detrend the record is taken as it is"))?;
         let mut drifts = vec![Self { middle_ns: Vec::new(), dph: vec![Vec::new(); axes.len()] }; runs];
-        let index_of = |letter: char| evidence.axes.iter().find(|axis| axis.axis == letter);
+        let index_of = |letter: char| report_data.axes.iter().find(|axis| axis.axis == letter);
         for i in 0..rows.run.len() {
             let fitted: Option<Vec<f64>> = axes
                 .iter()

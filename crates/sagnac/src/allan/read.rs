@@ -1,41 +1,18 @@
 //! Logs in, noise budget out.
 
+use sagnac_log::error::{Error, Result};
+use sagnac_log::ingest::{Batch, LogReader, LogShape, Tallies, Tally, same_shape};
+use sagnac_log::setup::Setup;
+use sagnac_noise::{
+    AxisBudget, HELD_PHASES, MOST_ROWS, MOST_TAUS, Recorded, Recorder, TauError, Taus, budget, differences, served,
+};
+use sagnac_units::format::significant;
+use sagnac_units::s_from_ns;
 use serde::Serialize;
 
-use crate::allan::budget::{AxisBudget, LONGEST_PART, budget, differences};
-use crate::allan::pyramid::served;
 use crate::allan::ramp::{Drift, RampWatch};
-use crate::allan::recorder::{Recorded, Recorder};
-use crate::calibration::Input;
-use crate::digits::significant;
-use crate::error::{Error, Result};
-use crate::fit::{SAME_RATE, program};
-use crate::ingest::{Batch, LogReader, LogShape, Tallies, Tally};
-use crate::setup::Setup;
-use crate::units::s_from_ns;
-use crate::window::same_shape;
-
-/// Points per decade of τ unless told.
-const PER_DECADE: usize = 10;
-/// Phases that are held, all axes together, before the pyramid takes them: 24 MiB.
-pub const HELD_PHASES: usize = 3 << 20;
-/// `all` shows no more τ than this.
-const MOST_TAUS: usize = 20_000;
-/// Distances that are prepared: no record is longer.
-const HIGHEST: usize = 1 << 40;
-
-/// The τ to show.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Taus {
-    /// Ten per decade.
-    LogSpaced,
-    /// Powers of two of the row's interval.
-    Octaves,
-    /// Every multiple of the row's interval.
-    All,
-    /// These, s; each to the nearest multiple.
-    Given(Vec<f64>),
-}
+use crate::calibration::{LogFile, program};
+use crate::fit::SAME_RATE;
 
 /// What is asked for.
 #[derive(Clone, Debug, PartialEq)]
@@ -58,41 +35,9 @@ pub struct NoiseBudget {
     /// What was not used.
     pub excluded: Vec<Tally>,
     /// The logs.
-    pub inputs: Vec<Input>,
+    pub inputs: Vec<LogFile>,
     /// Program and version.
     pub program: String,
-}
-
-impl Taus {
-    /// Distances in rows, rising; for `All` those of a record of so many rows.
-    fn multiples(&self, tau0_s: f64) -> Result<Vec<usize>> {
-        let mut out: Vec<usize> = match self {
-            Self::LogSpaced => {
-                let exponents = 0..=12 * PER_DECADE;
-                exponents.map(|i| 10.0_f64.powf(i as f64 / PER_DECADE as f64).round() as usize).collect()
-            }
-            Self::Octaves => (0..40).map(|octave| 1 << octave).collect(),
-            Self::All => (1..=MOST_TAUS).collect(),
-            Self::Given(seconds) => {
-                let one = |tau_s: &f64| {
-                    let m = (tau_s / tau0_s).round();
-                    if (1.0..HIGHEST as f64).contains(&m) {
-                        return Ok(m as usize);
-                    }
-                    Err(Error::input(format!(
-                        "τ must be a multiple of the row's interval, {tau0_s} s, and at least it"
-                    ))
-                    .column("--taus")
-                    .value(tau_s.to_string()))
-                };
-                seconds.iter().map(one).collect::<Result<_>>()?
-            }
-        };
-        out.sort_unstable();
-        out.dedup();
-        out.retain(|m| *m <= HIGHEST);
-        Ok(out)
-    }
 }
 
 /// Reads logs, each as one or more unbroken stretches, into a noise budget.
@@ -110,7 +55,7 @@ pub fn noise_budget(
     let shape = logs.first().ok_or_else(|| Error::input("no log given"))?.shape().clone();
     let tau0_s = s_from_ns(shape.nominal_ns);
     let drifts = again.map(|again| Drift::of(again, setup)).transpose()?;
-    let shown = request.taus.multiples(tau0_s)?;
+    let shown = request.taus.multiples(tau0_s).map_err(bad_tau)?;
     let mut reading = Reading::new(&shape, &shown, request.exact);
     for (number, mut log) in logs.into_iter().enumerate() {
         same_shape(&shape, log.shape()).map_err(|e| e.file(log.summary().file))?;
@@ -120,22 +65,24 @@ pub fn noise_budget(
         reading.end_run();
         let summary = log.summary();
         reading.tallies.merge(&summary.tallies);
-        reading.inputs.push(Input::of(&summary));
+        reading.inputs.push(LogFile::of(&summary));
     }
     reading.finish(&shape, &shown, request)
 }
 
-/// The budget of one unbroken stretch that is at hand: angles of `tau0_s` seconds each, arcsec.
-///
-/// # Errors
-/// As [`noise_budget`].
-pub fn budget_of_angles(angles: &[f64], tau0_s: f64, taus: &Taus) -> Result<AxisBudget> {
-    let shown = taus.multiples(tau0_s)?;
-    let mut recorder = Recorder::new(differences(&shown, angles.len().max(1)), usize::MAX);
-    recorder.push(angles);
-    let recorded = recorder.finish();
-    let limit = shown_limit(taus, recorded.stretches.longest());
-    Ok(budget('x', &recorded, tau0_s, 1.0, |m| m <= limit && shown.contains(&m)))
+/// What a misfit of the curve means, in words.
+pub(crate) fn misfit_text(axis: &AxisBudget) -> Option<String> {
+    let part = axis.misfit?;
+    Some(format!(
+        "axis {}: the curve scatters about the five terms by {} % more than chance explains (a period, dither or steps); \
+         the intervals of its terms include that",
+        axis.axis,
+        significant(100.0 * part, 2)
+    ))
+}
+
+fn bad_tau(error: TauError) -> Error {
+    Error::input(error.to_string()).column("--taus").value(error.tau_s.to_string())
 }
 
 /// What is being read.
@@ -144,7 +91,7 @@ struct Reading {
     watches: Vec<RampWatch>,
     warnings: Vec<String>,
     tallies: Tallies,
-    inputs: Vec<Input>,
+    inputs: Vec<LogFile>,
     arcsec: f64,
     last_end_ns: Option<i64>,
     thermometers: usize,
@@ -156,7 +103,7 @@ struct Reading {
 
 impl Reading {
     fn new(shape: &LogShape, shown: &[usize], exact: bool) -> Self {
-        let wanted = differences(shown, HIGHEST);
+        let wanted = differences(shown, MOST_ROWS);
         let hold = if exact { usize::MAX } else { HELD_PHASES / shape.axes.len().max(1) };
         Self {
             recorders: shape.axes.iter().map(|_| Recorder::new(wanted.clone(), hold)).collect(),
@@ -221,7 +168,7 @@ impl Reading {
         if recorded.iter().all(|axis| axis.rows == 0) {
             return Err(Error::input("no row of this log can be used").help("`sagnac inspect` tells why"));
         }
-        let limit = shown_limit(&request.taus, longest);
+        let limit = request.taus.longest_shown(longest);
         if request.taus == Taus::All && limit > MOST_TAUS {
             return Err(Error::input(format!("`all` would be {limit} τ; at most {MOST_TAUS} are shown"))
                 .column("--taus")
@@ -246,7 +193,7 @@ impl Reading {
             budget(*letter, recorded, tau0_s, self.arcsec, asked)
         });
         let axes: Vec<AxisBudget> = axes.collect();
-        warnings.extend(axes.iter().filter_map(AxisBudget::misfit_text));
+        warnings.extend(axes.iter().filter_map(misfit_text));
         Ok(NoiseBudget {
             axes,
             warnings,
@@ -256,13 +203,4 @@ impl Reading {
             program: program(),
         })
     }
-}
-
-/// What was asked for by name is shown while there is a difference; else up to a third of the longest stretch.
-fn shown_limit(taus: &Taus, longest_phases: u64) -> usize {
-    let part = match taus {
-        Taus::Given(_) => 2,
-        _ => LONGEST_PART,
-    };
-    usize::try_from(longest_phases / part).unwrap_or(usize::MAX)
 }

@@ -1,14 +1,17 @@
-//! What a record says of inputs besides the thermometer of the fit, of the way to its model, and of what speaks against it.
+//! The inputs of a correction: what its terms depend on, and how the target reads it.
 
+use sagnac_log::setup::{AuxSetup, ThermometerSetup};
+use sagnac_units::format::on_scale;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::calibration::{Lag, Term};
-use crate::digits::{on_scale, significant};
+use crate::calibration::{CODE_C, Lag};
+use crate::model::Span;
+use crate::model::input::{label, plausible_about, unit_exponent};
 
 /// Where the numbers of an input come from.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case", deny_unknown_fields)]
+#[serde(rename_all = "snake_case")]
 pub enum InputSource {
     /// The log's thermometer of this name (empty for a plain `temperature_c`).
     Thermometer(String),
@@ -18,15 +21,15 @@ pub enum InputSource {
     Column(String),
 }
 
-/// An input besides the thermometer of the fit: what its terms mean and how the target reads it.
+/// An input: what its terms mean and how the target reads it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct FurtherInput {
+pub struct Input {
     /// Its name in models and terms.
     pub name: String,
     /// Where its numbers come from.
     pub source: InputSource,
-    /// Value at which its terms are zero, in its own unit (°C for thermometers and differences).
+    /// Value at which its terms are zero, in its own unit (°C for thermometers and differences); T0 of the thermometer of
+    /// the fit.
     pub reference: f64,
     /// Values of the fit. Outside, the correction is the one at the border.
     pub span: [f64; 2],
@@ -34,150 +37,86 @@ pub struct FurtherInput {
     pub lag_s: Option<Lag>,
     /// Rates of the fit, units per minute; null without rate terms.
     pub rate_span_per_min: Option<[f64; 2]>,
-    /// Value at code 0.
+    /// Value at code 0. Without the setup's own conversion a thermometer's code is 2⁻²⁴ °C.
     pub offset: f64,
     /// Units per code.
     pub gain_per_code: f64,
-    /// Values outside are not believed.
-    pub plausible: [f64; 2],
-    /// Root mean square of what its own terms make over the windows of the fit, about their mean, °/h.
-    #[serde(default)]
-    pub rms_dph: f64,
+    /// Values outside are rejected.
+    pub valid_range: [f64; 2],
+    /// Root mean square of what its own terms make over the windows of the fit, about their mean, °/h; null where nothing
+    /// was fitted here.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rms_dph: Option<f64>,
     /// Time without a value after which the correction is STALE, s.
-    pub hold_s: f64,
+    pub stale_after_s: f64,
 }
 
-impl FurtherInput {
+impl Input {
+    /// A thermometer as set up, over the span and with the reference of a fit.
+    pub(crate) fn thermometer(setup: ThermometerSetup, span: Span, reference: f64) -> Self {
+        Self {
+            name: label(&setup.name).to_owned(),
+            source: InputSource::Thermometer(setup.name),
+            reference,
+            span: [span.lo, span.hi],
+            lag_s: None,
+            rate_span_per_min: None,
+            offset: setup.offset_c.unwrap_or(0.0),
+            gain_per_code: setup.gain_c_per_code.unwrap_or(CODE_C),
+            valid_range: setup.valid_range_c,
+            rms_dph: None,
+            stale_after_s: setup.stale_after_s,
+        }
+    }
+
+    /// The difference of two thermometers, stale when either is.
+    pub(crate) fn difference(name: String, of: [ThermometerSetup; 2], span: Span, reference: f64) -> Self {
+        let stale_after_s = of.iter().map(|setup| setup.stale_after_s).fold(0.0, f64::max);
+        let [of, less] = of;
+        Self {
+            name,
+            source: InputSource::Difference(of.name.clone(), less.name),
+            valid_range: DIFFERENCE_RANGE_C,
+            stale_after_s,
+            ..Self::thermometer(ThermometerSetup { offset_c: None, gain_c_per_code: None, ..of }, span, reference)
+        }
+    }
+
+    /// An auxiliary column as set up.
+    pub(crate) fn column(name: String, setup: AuxSetup, span: Span, reference: f64) -> Self {
+        let span = [span.lo, span.hi];
+        let valid_range = setup.valid_range.unwrap_or_else(|| plausible_about(span));
+        let code = CODE_C * 2.0_f64.powi(unit_exponent(valid_range).into());
+        Self {
+            name,
+            source: InputSource::Column(setup.name),
+            reference,
+            span,
+            lag_s: None,
+            rate_span_per_min: None,
+            offset: setup.offset.unwrap_or(0.0),
+            gain_per_code: setup.gain_per_code.unwrap_or(code),
+            valid_range,
+            rms_dph: None,
+            stale_after_s: setup.stale_after_s,
+        }
+    }
+
+    /// A temperature or a difference of two; else a column with a unit of its own.
+    pub fn is_in_celsius(&self) -> bool {
+        !matches!(self.source, InputSource::Column(_))
+    }
+
+    /// Its span as a scaling to −1 … 1.
+    pub fn scaling(&self) -> Span {
+        Span { lo: self.span[0], hi: self.span[1] }
+    }
+
     /// A value of it for people: no finer than a ten-thousandth of its span.
     pub fn on_its_scale(&self, value: f64) -> String {
         on_scale(value, self.span[1] - self.span[0])
     }
 }
 
-/// What became of a model on the path.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum PathVerdict {
-    /// Where the path begins: the best of the grid, or a small model.
-    Start,
-    /// Taken: better by what its coefficients must earn, or smaller and not bettered by that.
-    Taken,
-    /// A term more that does not earn its coefficients, or earns less than another.
-    NoGain,
-    /// A term less that is missed, or saves less than another.
-    Missed,
-    /// Refused: its terms are nearly combinations of each other.
-    Collinear,
-    /// A fold could not be fitted.
-    NotFitted,
-    /// Left: the noise of a thermometer through its rate terms would raise the angle random walk by over 5 %.
-    TooNoisy,
-    /// Kept with a longer lag, so that the noise of its thermometer stays within 5 %.
-    LagRaised,
-}
-
-/// One model that the path looked at.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct PathStep {
-    /// Step of the path, from 0.
-    pub step: usize,
-    /// In the words of `--model`.
-    pub model: String,
-    /// Coefficients without constants, lags included.
-    pub coefficients: usize,
-    /// Root mean square of held-out residuals, °/h; null where it was not found.
-    pub held_out_dph: Option<f64>,
-    /// Condition of its terms; null where it was not found.
-    pub condition: Option<f64>,
-    /// Instructions of its slow update on a Cortex-M4F.
-    pub slow_update_instructions: u32,
-    /// What became of it.
-    pub verdict: PathVerdict,
-}
-
-impl PathStep {
-    /// The way for people, a row per step: its number, the model taken, held-out σ in °/h, condition, and out of how many.
-    pub fn rows(steps: &[Self]) -> Vec<[String; 5]> {
-        let kept = |step: &&Self| {
-            use PathVerdict::{LagRaised, Start, Taken, TooNoisy};
-            matches!(step.verdict, Start | Taken | LagRaised | TooNoisy)
-        };
-        let row = |step: &Self| {
-            let beside = || steps.iter().filter(|other| other.step == step.step);
-            let refused = beside().filter(|other| other.verdict == PathVerdict::Collinear).count();
-            let words = match step.verdict {
-                PathVerdict::Start => "start".to_owned(),
-                PathVerdict::LagRaised => "lag raised for the thermometer's noise".to_owned(),
-                PathVerdict::TooNoisy => "left: its thermometer is too noisy".to_owned(),
-                _ if refused > 0 => format!("best of {} tried, {refused} refused as collinear", beside().count()),
-                _ => format!("best of {} tried", beside().count()),
-            };
-            let number = |value: Option<f64>, digits| value.map_or("-".to_owned(), |v| significant(v, digits));
-            [step.step.to_string(), step.model.clone(), number(step.held_out_dph, 4), number(step.condition, 3), words]
-        };
-        steps.iter().filter(kept).map(row).collect()
-    }
-}
-
-/// A further input that `auto` did not look at.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct InputAside {
-    /// Its name.
-    pub input: String,
-    /// Why.
-    pub why: String,
-}
-
-/// How near the terms are to being combinations of each other, levels taken out, columns at unit length.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Collinearity {
-    /// Largest over smallest singular value.
-    pub condition: f64,
-    /// Models beyond this are refused.
-    pub limit: f64,
-}
-
-/// Noise that an input's terms add to the corrected angle.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct InputNoise {
-    /// Name of the thermometer or column.
-    pub input: String,
-    /// σ of a sample, in its own unit, from second differences of its track.
-    pub sigma: f64,
-    /// Angle random walk through its value terms, °/√h.
-    pub value_deg_rt_h: f64,
-    /// Angle random walk through its rate terms at times shorter than their lag, °/√h.
-    pub rate_deg_rt_h: f64,
-}
-
-/// Noise of the correction itself.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct CorrectionNoise {
-    /// Input by input.
-    pub inputs: Vec<InputNoise>,
-    /// Of all together, °/√h.
-    pub deg_rt_h: f64,
-    /// By what part the corrected angle random walk exceeds the raw one; null where that is not known.
-    pub increase: Option<f64>,
-    /// The same by the value terms alone, which no lag can make quieter.
-    pub increase_by_value: Option<f64>,
-    /// The part that is allowed.
-    pub limit: f64,
-}
-
-impl Term {
-    /// Its name: `bias 2`, `rate(cavity) 0`, `zone 35.2`.
-    pub fn name(&self, main: bool) -> String {
-        let word = self.kind.word();
-        let of = if main { String::new() } else { format!("({})", self.sensor) };
-        match self.at {
-            Some(at) => format!("{word}{of} from {at:.4}"),
-            None => format!("{word}{of} {}", self.order),
-        }
-    }
-}
+/// What the codes of an image hold of a difference, °C.
+const DIFFERENCE_RANGE_C: [f64; 2] = [-127.0, 127.0];

@@ -1,49 +1,62 @@
 //! The calibration record: what people read and machines exchange (`unit.cal.json`).
 //!
-//! Its JSON schema is `docs/reference/calibration.schema.json`, made from these types by `cargo xtask schema`.
+//! ```text
+//! Calibration ── axes ── AxisCalibration ── correction (what the target applies: inputs and terms)
+//!                                        └─ fit (how it was found and how sure it is; null for imported coefficients)
+//! ```
+//!
+//! Its JSON schema is `docs/reference/calibration.schema.json`, made from these types. In the file an axis is one flat object
+//! ([`axis_record`]).
 
+mod axis;
+mod axis_record;
 mod check;
-mod doubt;
+mod file;
 mod input;
-mod table;
+mod rate_table;
+mod search;
+mod uncertainty;
 
-use std::path::Path;
-
+use sagnac_log::error::{Error, Result};
+use sagnac_log::ingest::LogSummary;
+use sagnac_log::setup::{Setup, WindowSize};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-pub use crate::calibration::doubt::{HeatingLessCooling, Prediction, Soak, SoakRow};
-pub use crate::calibration::input::{
-    Collinearity, CorrectionNoise, FurtherInput, InputAside, InputNoise, InputSource, PathStep, PathVerdict,
+pub use crate::calibration::axis::{AxisCalibration, AxisCorrection, FitDiagnostics, NonlinearParameter};
+pub use crate::calibration::input::{Input, InputSource};
+pub use crate::calibration::rate_table::{Misalignment, Plateau, PpmEstimate, Repeatability, ScaleFactor};
+pub use crate::calibration::search::{
+    Collinearity, CorrectionNoise, InputNoise, RejectedInput, SearchStep, SearchVerdict,
 };
-pub use crate::calibration::table::{Misalignment, Plateau, PpmEstimate, Repeatability, ScaleFactor};
-use crate::error::{Error, Result};
-use crate::ingest::{LogSummary, Tally};
-use crate::setup::{Setup, ThermometerSetup, WindowSize, check_thermometer};
+pub(crate) use crate::calibration::uncertainty::SCALE_AT_REFERENCE;
+pub use crate::calibration::uncertainty::{Evaluation, Hysteresis, Prediction, Soak, SoakRow};
+use crate::model::{ActsOn, Form, Shape};
 
 /// Value of `Calibration::format`.
 pub const FORMAT: &str = "sagnac-calibration";
-/// Value of `Calibration::version`.
-pub const VERSION: u32 = 1;
+/// Value of `Calibration::version`: a change of meaning or a field less raises it.
+pub const VERSION: u32 = 2;
+/// Value of `Calibration::minor_version`: a field or a shape more raises it.
+pub const MINOR_VERSION: u32 = 0;
 /// Serial of a calibration whose gyro was not named.
 pub const UNASSIGNED: &str = "unassigned";
 
 /// A calibration of one unit, one entry per axis.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
 pub struct Calibration {
     /// Always `sagnac-calibration`.
     pub format: String,
-    /// Version of this schema.
+    /// Version of this schema. A reader refuses another one.
     pub version: u32,
+    /// Minor version. A reader ignores the fields that a newer one adds.
+    pub minor_version: u32,
     /// Serial number of the gyro, or `unassigned`.
     pub serial: String,
     /// Quantity of the log.
     pub unit: LogUnit,
     /// Timing of the target that the calibration was made for.
     pub target: Target,
-    /// The thermometer that the terms use.
-    pub thermometer: Thermometer,
     /// Analysis window.
     pub window: WindowSize,
     /// Length to which sums per window are scaled, s.
@@ -60,7 +73,7 @@ pub struct Calibration {
 
 /// Quantity and scale of a log.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(tag = "quantity", rename_all = "snake_case", deny_unknown_fields)]
+#[serde(tag = "quantity", rename_all = "snake_case")]
 pub enum LogUnit {
     /// Counts.
     Counts {
@@ -88,7 +101,6 @@ impl LogUnit {
 
 /// Timing of the target.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
 pub struct Target {
     /// Tick, ns.
     pub tick_ns: u32,
@@ -134,104 +146,20 @@ impl Target {
     }
 }
 
-/// The thermometer of the model.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Thermometer {
-    /// Name in the log's header; empty for a plain `temperature_c`.
-    pub name: String,
-    /// Temperature at code 0, °C. Without the setup's own conversion a code is 2⁻²⁴ °C.
-    pub offset_c: f64,
-    /// °C per code.
-    pub gain_c_per_code: f64,
-    /// Temperatures outside are not believed, °C.
-    pub plausible_c: [f64; 2],
-    /// Time without temperature after which the correction is STALE, s.
-    pub hold_s: f64,
-}
-
 /// Replay's own temperature code: 2⁻²⁴ °C.
 pub(crate) const CODE_C: f64 = 1.0 / (1 << 24) as f64;
 
-impl Thermometer {
-    fn check(&self) -> Result<()> {
-        check_thermometer(&ThermometerSetup {
-            name: self.name.clone(),
-            plausible_c: self.plausible_c,
-            hold_s: self.hold_s,
-            offset_c: Some(self.offset_c),
-            gain_c_per_code: Some(self.gain_c_per_code),
-        })
-    }
-
-    /// As set up; without a conversion a code is 2⁻²⁴ °C.
-    pub(crate) fn from_setup(spec: ThermometerSetup) -> Self {
-        Self {
-            name: spec.name,
-            offset_c: spec.offset_c.unwrap_or(0.0),
-            gain_c_per_code: spec.gain_c_per_code.unwrap_or(CODE_C),
-            plausible_c: spec.plausible_c,
-            hold_s: spec.hold_s,
-        }
-    }
-}
-
-/// What a term adds to.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum TermKind {
-    /// bᵢ·[Tᵢ(x) − Tᵢ(x0)], °/h.
-    Bias,
-    /// cⱼ·Ṫ·Tⱼ(x), °/h per °C/min.
-    Rate,
-    /// e_k·[T_k(x) − T_k(x0)], ppm.
-    Scale,
-    /// z·[Z(x) − Z(x0)], Z = ((x − ξ)/(1 − ξ))² above the knot ξ, 0 below, °/h.
-    Zone,
-    /// s where the input is at or above the threshold (less that at its reference), °/h.
-    Step,
-}
-
-impl TermKind {
-    /// Its word in names of terms.
-    pub fn word(self) -> &'static str {
-        match self {
-            Self::Bias => "bias",
-            Self::Rate => "rate",
-            Self::Scale => "scale",
-            Self::Zone => "zone",
-            Self::Step => "step",
-        }
-    }
-
-    /// Unit of a coefficient over a column, which has a unit of its own.
-    pub fn unit_over_column(self) -> &'static str {
-        if self == Self::Rate { "deg/h per unit/min" } else { self.unit() }
-    }
-
-    /// Unit of a coefficient.
-    pub fn unit(self) -> &'static str {
-        match self {
-            Self::Bias | Self::Zone | Self::Step => "deg/h",
-            Self::Rate => "deg/h per degC/min",
-            Self::Scale => "ppm",
-        }
-    }
-}
-
-/// One coefficient.
+/// One term of a correction: what it acts on × input × shape × rate, and its estimate.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
 pub struct Term {
-    /// What it adds to.
-    pub kind: TermKind,
-    /// Thermometer, or the name of a further input.
-    pub sensor: String,
-    /// Order of its Chebyshev polynomial; 2 for a zone, 0 for a step.
-    pub order: u8,
-    /// Where a zone or a step begins, in the input's unit.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub at: Option<f64>,
+    /// What it acts on.
+    pub acts_on: ActsOn,
+    /// Name of its input in `inputs`.
+    pub input: String,
+    /// The function of the input.
+    pub shape: Shape,
+    /// It is multiplied with the lagged rate of the input, per minute.
+    pub times_rate: bool,
     /// Coefficient.
     pub value: f64,
     /// Standard deviation; null where the coefficient was not fitted here.
@@ -240,44 +168,66 @@ pub struct Term {
     pub unit: String,
     /// |value| exceeds its 95 % interval; null without sigma.
     pub significant: Option<bool>,
-    /// By how much the other terms multiply its variance (1: not at all).
+    /// Variance inflation factor: by how much the other terms multiply its variance (1: not at all).
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub inflation: Option<f64>,
+    pub vif: Option<f64>,
     /// 95 % interval by the block bootstrap, where it was asked for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bootstrap: Option<[f64; 2]>,
 }
 
+impl Term {
+    /// A term that was not fitted here, over an input of the record.
+    pub fn given(form: Form, input: &Input, value: f64) -> Self {
+        let in_celsius = input.is_in_celsius();
+        let Form { acts_on, shape, times_rate } = form;
+        Self {
+            acts_on,
+            input: input.name.clone(),
+            shape,
+            times_rate,
+            value,
+            sigma: None,
+            unit: form.unit(in_celsius).to_owned(),
+            significant: None,
+            vif: None,
+            bootstrap: None,
+        }
+    }
+
+    /// Without its input and its estimate.
+    pub fn form(&self) -> Form {
+        Form { acts_on: self.acts_on, shape: self.shape, times_rate: self.times_rate }
+    }
+}
+
 /// A fitted lag.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
 pub struct Lag {
     /// τ, s.
     pub value: f64,
-    /// Standard deviation; null where τ is not resolved and the smallest within 2 % was taken.
+    /// Standard deviation; null where τ is not resolved: then it is the smallest within 2 % of the least misfit.
     pub sigma: Option<f64>,
 }
 
-/// The constant of one run: fixed bias plus input rate. Never part of the correction.
+/// The offset of one run: fixed bias plus input rate. Never part of the correction.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Constant {
+pub struct RunOffset {
     /// Index of the run.
     pub run: u32,
     /// Rate at T0 and Ṫ = 0, °/h.
     pub value_dph: f64,
     /// Standard deviation; null where it was not fitted here.
     pub sigma_dph: Option<f64>,
-    /// The constant less the known input rate: the fixed bias, °/h; null where the input rate is not
+    /// The offset less the known input rate: the fixed bias, °/h; null where the input rate is not
     /// known or the log has several axes.
     pub fixed_bias_dph: Option<f64>,
 }
 
 /// The curve at Ṫ = 0 in the paper's form: value = Σ coefficientᵢ·Tⁱ, T in °C.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
 pub struct Monomial {
-    /// Run whose constant it holds.
+    /// Run whose offset it holds.
     pub run: u32,
     /// `counts per window` or `deg/h`.
     pub unit: String,
@@ -289,12 +239,11 @@ pub struct Monomial {
     pub sigma: Option<Vec<f64>>,
     /// Temperatures between which it holds, °C, where the span is cut into zones: that of T0; `zones` has them all.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub from_to_c: Option<[f64; 2]>,
+    pub range_c: Option<[f64; 2]>,
 }
 
 /// Residual of the fit, about the fitted curve. In-sample: quote the cross-validation instead.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
 pub struct Residual {
     /// Windows.
     pub n: usize,
@@ -303,15 +252,14 @@ pub struct Residual {
     /// Largest minus smallest, °/h.
     pub peak_to_peak_dph: f64,
     /// Correlation of neighbouring residuals, by which the intervals were widened.
-    pub autocorrelation: f64,
+    pub lag1_autocorrelation: f64,
     /// Half a 95 % interval in units of σ: Student's t at as many degrees of freedom as that correlation leaves.
-    pub t95: f64,
+    pub t_quantile_975: f64,
 }
 
-/// What noise alone leaves in a window.
+/// What noise alone makes of the mean of a window.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Floor {
+pub struct NoiseFloor {
     /// √(N²/τ + 2Q²/τ²) for the nominal window, °/h.
     pub value_dph: f64,
     /// Angle random walk N, °/√h.
@@ -324,7 +272,6 @@ pub struct Floor {
 
 /// Held-out residual.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
 pub struct CrossValidation {
     /// What is held out.
     pub scheme: String,
@@ -336,7 +283,6 @@ pub struct CrossValidation {
 
 /// One model that was tried.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
 pub struct Candidate {
     /// In the words of `--model`.
     pub model: String,
@@ -347,81 +293,12 @@ pub struct Candidate {
     /// Instructions of its slow update on a Cortex-M4F; the tick costs the same for all.
     #[serde(default)]
     pub slow_update_instructions: Option<u32>,
-    /// It was taken.
+    /// It was selected.
     pub chosen: bool,
-}
-
-/// The calibration of one axis.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct AxisCalibration {
-    /// Axis letter.
-    pub axis: char,
-    /// In the words of `--model`.
-    pub model: String,
-    /// Coefficients.
-    pub terms: Vec<Term>,
-    /// Lag of the rate term; null without one.
-    pub lag_s: Option<Lag>,
-    /// T0, °C.
-    pub reference_c: f64,
-    /// Temperatures of the fit, °C. Outside, the correction is the one at the border.
-    pub span_c: [f64; 2],
-    /// Temperature rates of the fit, °C/min; null without a rate term.
-    pub rate_span_cpm: Option<[f64; 2]>,
-    /// Constants of the runs.
-    pub constants: Vec<Constant>,
-    /// The curve in the paper's form.
-    pub monomial: Monomial,
-    /// The curve zone by zone, coldest first, where the span is cut into zones.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub zones: Vec<Monomial>,
-    /// What further terms depend on, and the thermometers that their differences need.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub inputs: Vec<FurtherInput>,
-    /// How near the terms are to each other; absent without terms.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub collinearity: Option<Collinearity>,
-    /// What the noise of thermometers does to the corrected angle; absent where nothing was fitted here.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub correction_noise: Option<CorrectionNoise>,
-    /// Further inputs that `auto` did not look at, and why.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub inputs_aside: Vec<InputAside>,
-    /// The way from the grid's model to this one; empty where the model was given.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub path: Vec<PathStep>,
-    /// Scale factor, from runs on a rate table.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub scale_factor: Option<ScaleFactor>,
-    /// Misalignment of the input axis, from runs in which another axis was turned.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub misalignment: Vec<Misalignment>,
-    /// Residual of the fit; null where nothing was fitted here.
-    pub residual: Option<Residual>,
-    /// Noise floor; null where neither measured nor given.
-    pub floor: Option<Floor>,
-    /// Heating against cooling; absent where the test does not hold both.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub heating_less_cooling: Option<HeatingLessCooling>,
-    /// What more soaking would buy; absent where nothing was fitted here.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub soak: Option<Soak>,
-    /// Held-out residual; null where nothing was fitted here.
-    pub cross_validation: Option<CrossValidation>,
-    /// What was tried.
-    pub candidates: Vec<Candidate>,
-    /// What was left out, and why.
-    pub excluded: Vec<Tally>,
-    /// Covariance of constants, terms and lag in the order of `covariance_of`; empty where not fitted.
-    pub covariance: Vec<Vec<f64>>,
-    /// Names of its rows.
-    pub covariance_of: Vec<String>,
 }
 
 /// Where a record comes from. No clock: the same input gives the same bytes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
 pub struct Provenance {
     /// Program and version.
     pub program: String,
@@ -430,13 +307,17 @@ pub struct Provenance {
     /// Which of the two.
     pub time_source: String,
     /// The logs.
-    pub inputs: Vec<Input>,
+    pub inputs: Vec<LogFile>,
 }
 
-/// One log.
+/// Name and version of this program.
+pub(crate) fn program() -> String {
+    format!("sagnac {}", env!("CARGO_PKG_VERSION"))
+}
+
+/// One log file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Input {
+pub struct LogFile {
     /// File name without its folder.
     pub file: String,
     /// SHA-256 of its bytes.
@@ -445,90 +326,13 @@ pub struct Input {
     pub rows: u64,
 }
 
-impl Input {
+impl LogFile {
     /// Of a log that was read.
     pub(crate) fn of(summary: &LogSummary) -> Self {
-        Self { file: crate::write::file_name(&summary.file), sha256: summary.sha256.clone(), rows: summary.rows }
-    }
-}
-
-impl Calibration {
-    /// Reads and checks a record.
-    ///
-    /// # Errors
-    /// Not JSON, a missing, extra or non-finite field, another format or version (field named).
-    pub fn parse(text: &str) -> Result<Self> {
-        let head: serde_json::Value = serde_json::from_str(text).map_err(|e| not_json(&e))?;
-        if head.get("format").and_then(|f| f.as_str()) != Some(FORMAT) {
-            return Err(Error::input("JSON, but no calibration of Sagnac").column("format"));
+        Self {
+            file: sagnac_units::format::file_name(&summary.file),
+            sha256: summary.sha256.clone(),
+            rows: summary.rows,
         }
-        if head.get("version").and_then(serde_json::Value::as_u64) != Some(u64::from(VERSION)) {
-            let found = head.get("version").map(ToString::to_string).unwrap_or_default();
-            return Err(Error::input(format!("this program reads version {VERSION}")).column("version").value(found));
-        }
-        let calibration: Self = serde_json::from_str(text).map_err(|e| not_json(&e))?;
-        calibration.check()?;
-        Ok(calibration)
-    }
-
-    /// Reads a file.
-    ///
-    /// # Errors
-    /// As [`Calibration::parse`], with the file named.
-    pub fn read(path: &Path) -> Result<Self> {
-        let text = std::fs::read_to_string(path).map_err(|e| Error::io_path(path, "read", &e))?;
-        Self::parse(&text).map_err(|e| e.file(path.display().to_string()))
-    }
-
-    /// As JSON, ending in a newline.
-    ///
-    /// # Errors
-    /// A number that JSON cannot hold.
-    pub fn to_json(&self) -> Result<String> {
-        self.check()?;
-        let mut text =
-            serde_json::to_string_pretty(self).map_err(|e| Error::input(format!("cannot write JSON: {e}")))?;
-        text.push('\n');
-        Ok(text)
-    }
-}
-
-fn not_json(error: &serde_json::Error) -> Error {
-    let text = error.to_string();
-    let what = text.rsplit_once(" at line ").map_or(text.as_str(), |(what, _)| what);
-    Error::input(format!("not a readable calibration: {what}")).line(error.line() as u64)
-}
-
-impl AxisCalibration {
-    /// Unit of a term's coefficient.
-    fn unit_of(&self, term: &Term) -> &'static str {
-        let of_column = self.input_of(term).is_some_and(|input| matches!(input.source, InputSource::Column(_)));
-        if of_column { term.kind.unit_over_column() } else { term.kind.unit() }
-    }
-
-    /// A term over the thermometer of the fit.
-    pub fn is_main(&self, term: &Term) -> bool {
-        self.input_of(term).is_none()
-    }
-
-    /// The further input of a term.
-    pub(crate) fn input_of(&self, term: &Term) -> Option<&FurtherInput> {
-        self.inputs.iter().find(|input| input.name == term.sensor)
-    }
-
-    /// The span of the thermometer of the fit as a scaling to −1 … 1.
-    pub(crate) fn span(&self) -> crate::fit::Span {
-        crate::fit::Span { lo_c: self.span_c[0], hi_c: self.span_c[1] }
-    }
-
-    /// The coefficients of one kind by order over the thermometer of the fit; zero where there is no term.
-    pub fn series(&self, kind: TermKind) -> [f64; crate::fit::BASIS_LEN] {
-        let mut series = [0.0; crate::fit::BASIS_LEN];
-        for term in self.terms.iter().filter(|term| term.kind == kind && self.is_main(term)) {
-            if let Some(slot) = series.get_mut(usize::from(term.order)) {
-                *slot = term.value;
-            }
-        }
-        series
     }
 }

@@ -13,10 +13,10 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::calibration::{AxisCalibration, Calibration, TermKind};
-use crate::digits::{significant, with_sigma};
-use crate::error::{Error, Result};
-use crate::fit::{BASIS_LEN, chebyshev};
+use crate::calibration::{AxisCalibration, Calibration, Term};
+use crate::model::ActsOn;
+use sagnac_log::error::{Error, Result};
+use sagnac_units::format::{significant, with_sigma};
 
 /// More sigmas than this are no chance.
 const DISAGREE: f64 = 3.0;
@@ -212,14 +212,14 @@ fn few() -> Error {
 
 fn compare_axis(letter: char, axes: &[&AxisCalibration], records: &[(String, Calibration)]) -> Result<ComparedAxis> {
     for (axis, (name, _)) in axes.iter().zip(records) {
-        if axis.covariance.is_empty() {
+        if axis.fit.is_none() {
             return Err(Error::input("a record without uncertainty (imported, not fitted); nothing to compare it by")
                 .file(name));
         }
     }
-    let lo_c = axes.iter().map(|axis| axis.span_c[0]).fold(f64::NEG_INFINITY, f64::max);
-    let hi_c = axes.iter().map(|axis| axis.span_c[1]).fold(f64::INFINITY, f64::min);
-    let reference_c = axes[0].reference_c;
+    let lo_c = axes.iter().map(|axis| axis.span_c()[0]).fold(f64::NEG_INFINITY, f64::max);
+    let hi_c = axes.iter().map(|axis| axis.span_c()[1]).fold(f64::INFINITY, f64::min);
+    let reference_c = axes[0].reference_c();
     if !(lo_c..=hi_c).contains(&reference_c) || hi_c - lo_c <= 0.0 {
         return Err(Error::refused(format!(
             "axis {letter}: the records share {lo_c:.1} … {hi_c:.1} °C, and {reference_c} °C is not in it"
@@ -227,26 +227,20 @@ fn compare_axis(letter: char, axes: &[&AxisCalibration], records: &[(String, Cal
     }
     let width = (hi_c - lo_c) / (TEMPERATURES - 1) as f64;
     let temperatures: Vec<f64> = (0..TEMPERATURES).map(|i| lo_c + width * i as f64).collect();
-    let mut curves = vec![curve(axes, TermKind::Bias, &temperatures, reference_c)];
-    if axes.iter().all(|axis| axis.scale_factor.is_some()) {
-        curves.push(curve(axes, TermKind::Scale, &temperatures, reference_c));
+    let mut curves = vec![curve(axes, ActsOn::Bias, &temperatures, reference_c)];
+    if axes.iter().all(|axis| axis.fit.as_ref().is_some_and(|fit| fit.scale_factor.is_some())) {
+        curves.push(curve(axes, ActsOn::ScaleFactor, &temperatures, reference_c));
     }
     Ok(ComparedAxis { axis: letter, curves, numbers: numbers(axes, reference_c) })
 }
 
-/// Value and σ of a record's series at a temperature, zero at the common reference (the scale factor with its value there).
-fn value(axis: &AxisCalibration, kind: TermKind, celsius: f64, reference_c: f64) -> (f64, f64) {
-    if kind == TermKind::Bias {
-        return drift(axis, celsius, reference_c);
+/// Value and σ of a record's curve at a temperature: the drift is zero at the common reference, the scale factor has its value
+/// at the record's own T0.
+fn value(axis: &AxisCalibration, quantity: ActsOn, celsius: f64, reference_c: f64) -> (f64, f64) {
+    match quantity {
+        ActsOn::Bias => drift(axis, celsius, reference_c),
+        ActsOn::ScaleFactor => axis.scale_deviation(celsius).into(),
     }
-    // The scale factor's constant belongs to the record's own T0.
-    let (at, own) = at(axis, celsius);
-    let basis = |order: usize| if order == 0 { 1.0 } else { at[order] - own[order] };
-    let mut series = axis.series(kind);
-    series[0] = axis.scale_factor.as_ref().map_or(0.0, |scale| scale.at_reference.ppm);
-    let value = (0..BASIS_LEN).map(|order| series[order] * basis(order)).sum();
-    let rows: Vec<(usize, f64)> = axis.rows_of(kind).map(|(row, order)| (row, basis(order))).collect();
-    (value, axis.variance_of(&rows).sqrt())
 }
 
 /// The drift at rest between two temperatures and its σ.
@@ -254,20 +248,18 @@ fn drift(axis: &AxisCalibration, celsius: f64, from_c: f64) -> (f64, f64) {
     (axis.drift(celsius, from_c), axis.variance_of(&axis.drift_weights(celsius, from_c)).sqrt())
 }
 
-fn curve(axes: &[&AxisCalibration], kind: TermKind, temperatures: &[f64], reference_c: f64) -> ComparedCurve {
+fn curve(axes: &[&AxisCalibration], quantity: ActsOn, temperatures: &[f64], reference_c: f64) -> ComparedCurve {
     let width = temperatures[temperatures.len() - 1] - temperatures[0];
     let (mut values, mut sigmas) = (Vec::new(), Vec::new());
     for axis in axes {
-        let (v, s): (Vec<f64>, Vec<f64>) = temperatures.iter().map(|t| value(axis, kind, *t, reference_c)).unzip();
+        let (v, s): (Vec<f64>, Vec<f64>) = temperatures.iter().map(|t| value(axis, quantity, *t, reference_c)).unzip();
         values.push(v);
         sigmas.push(s);
     }
     let has_terms = |record: &usize| {
         let axis = axes[*record];
-        match kind {
-            TermKind::Bias => !axis.drift_weights(reference_c, reference_c).is_empty(),
-            _ => axis.rows_of(kind).next().is_some(),
-        }
+        let of_curve = |term: &Term| term.acts_on == quantity && !term.times_rate && axis.is_over_thermometer(term);
+        quantity == ActsOn::ScaleFactor || axis.correction.terms.iter().any(of_curve)
     };
     let (with, without): (Vec<usize>, Vec<usize>) = (0..axes.len()).partition(has_terms);
     let (mut mean, mut beyond) = (Vec::new(), Vec::new());
@@ -280,7 +272,7 @@ fn curve(axes: &[&AxisCalibration], kind: TermKind, temperatures: &[f64], refere
             beyond.push(0.0);
             continue;
         }
-        let tells = kind == TermKind::Scale || (temperature_c - reference_c).abs() > NEAR_REFERENCE * width;
+        let tells = quantity == ActsOn::ScaleFactor || (temperature_c - reference_c).abs() > NEAR_REFERENCE * width;
         let tells = tells && column.iter().all(|(_, sigma)| *sigma > 0.0);
         let information: f64 = column.iter().map(|(_, sigma)| sigma.powi(-2)).sum();
         let centre = if tells {
@@ -304,9 +296,12 @@ fn curve(axes: &[&AxisCalibration], kind: TermKind, temperatures: &[f64], refere
             }
         }
     }
-    let (quantity, unit) = if kind == TermKind::Scale { ("scale", "ppm") } else { ("bias", "deg/h") };
+    let (name, unit) = match quantity {
+        ActsOn::Bias => ("bias", "deg/h"),
+        ActsOn::ScaleFactor => ("scale", "ppm"),
+    };
     ComparedCurve {
-        quantity: quantity.to_owned(),
+        quantity: name.to_owned(),
         unit: unit.to_owned(),
         temperatures_c: temperatures.to_vec(),
         values,
@@ -321,25 +316,19 @@ fn curve(axes: &[&AxisCalibration], kind: TermKind, temperatures: &[f64], refere
 
 /// Numbers that stand for themselves, all at the first record's T0.
 fn numbers(axes: &[&AxisCalibration], reference_c: f64) -> Vec<ComparedNumber> {
-    let all_known = axes.iter().all(|axis| axis.constants.last().is_some_and(|last| last.fixed_bias_dph.is_some()));
+    let all_known = axes.iter().all(|axis| axis.run_offsets.last().is_some_and(|last| last.fixed_bias_dph.is_some()));
     let constant = |axis: &AxisCalibration| {
-        let last = axis.constants.last()?;
-        let shift = axis.drift(reference_c, axis.reference_c);
-        let name = format!("constant {}", last.run);
-        let row = axis.covariance_of.iter().position(|n| *n == name || n == "constant")?;
-        let bias = axis.drift_weights(reference_c, axis.reference_c);
+        let last = axis.run_offsets.last()?;
+        let shift = axis.drift(reference_c, axis.reference_c());
+        let name = format!("offset {}", last.run);
+        let row = axis.fit.as_ref()?.covariance_of.iter().position(|n| *n == name || n == "offset")?;
+        let bias = axis.drift_weights(reference_c, axis.reference_c());
         let weights: Vec<(usize, f64)> = std::iter::once((row, 1.0)).chain(bias).collect();
         let value = if all_known { last.fixed_bias_dph? } else { last.value_dph };
         Some([value + shift, axis.variance_of(&weights).sqrt()])
     };
-    let rate = |axis: &AxisCalibration| {
-        let (basis, _) = at(axis, reference_c);
-        let series = axis.series(TermKind::Rate);
-        let weights: Vec<(usize, f64)> = axis.rows_of(TermKind::Rate).map(|(row, order)| (row, basis[order])).collect();
-        let value: f64 = series.iter().zip(&basis).map(|(c, t)| c * t).sum();
-        (!weights.is_empty()).then(|| [value, axis.variance_of(&weights).sqrt()])
-    };
-    let lag = |axis: &AxisCalibration| axis.lag_s.and_then(|lag| Some([lag.value, lag.sigma?]));
+    let rate = |axis: &AxisCalibration| axis.rate_effect(reference_c);
+    let lag = |axis: &AxisCalibration| axis.lag_s().and_then(|lag| Some([lag.value, lag.sigma?]));
     let what = if all_known { "fixed bias" } else { "rate" };
     let all = [
         number(&format!("{what} at {reference_c} °C, last run"), "deg/h", axes, constant),
@@ -351,33 +340,27 @@ fn numbers(axes: &[&AxisCalibration], reference_c: f64) -> Vec<ComparedNumber> {
 
 /// What depends on further inputs: the slope of each at its zero, and every step.
 fn of_inputs(axes: &[&AxisCalibration]) -> Vec<ComparedNumber> {
-    let mut names: Vec<&str> = axes.iter().flat_map(|axis| &axis.inputs).map(|input| input.name.as_str()).collect();
+    let mut names: Vec<&str> =
+        axes.iter().flat_map(|axis| axis.other_inputs()).map(|input| input.name.as_str()).collect();
     names.sort_unstable();
     names.dedup();
     let slopes = names.iter().filter_map(|name| {
         let of = |axis: &AxisCalibration| axis.slope_of_input(name);
         number(&format!("drift per unit of {name} at its zero"), "deg/h per unit", axes, of)
     });
-    let mut steps: Vec<String> = axes
-        .iter()
-        .flat_map(|axis| axis.terms.iter().filter(|term| term.kind == TermKind::Step).map(|term| term.name(false)))
-        .collect();
+    let own = |axis: &AxisCalibration, term: &Term| term.shape.jump().is_some().then(|| axis.name_of(term));
+    let mut steps: Vec<String> =
+        axes.iter().flat_map(|axis| axis.correction.terms.iter().filter_map(move |term| own(axis, term))).collect();
     steps.sort();
     steps.dedup();
     let steps = steps.iter().filter_map(|name| {
         let of = |axis: &AxisCalibration| {
-            let term = axis.terms.iter().find(|term| term.name(axis.is_main(term)) == *name)?;
+            let term = axis.correction.terms.iter().find(|term| axis.name_of(term) == *name)?;
             Some([term.value, term.sigma?])
         };
         number(name, "deg/h", axes, of)
     });
     slopes.chain(steps).collect()
-}
-
-/// The basis of a record at a temperature, and at its own T0.
-fn at(axis: &AxisCalibration, celsius: f64) -> ([f64; BASIS_LEN], [f64; BASIS_LEN]) {
-    let span = axis.span();
-    (chebyshev(span.x(celsius)), chebyshev(span.x(axis.reference_c)))
 }
 
 fn number(

@@ -194,10 +194,13 @@ fn term(term: &Term) -> String {
         Shape::Chebyshev(order) => ("CHEBYSHEV", order, 0),
         Shape::Zone { knot_q15 } => ("ZONE", 0, knot_q15),
         Shape::Step { knot_q15 } => ("STEP", 0, knot_q15),
+        Shape::Cosine { .. } => ("COSINE", 0, 0),
+        Shape::Sine { .. } => ("SINE", 0, 0),
     };
+    let turns = term.shape.turns_q18().unwrap_or(0);
     format!(
         "        {{.kind = {kind}, .sensor = {}, .shape = SAGNAC_{shape}, .order = {order}, .knot_q15 = {}, \
-         .times_rate = {rate}, .mantissa = {}, .shift = {}}},\n",
+         .turns_q18 = {turns}, .times_rate = {rate}, .mantissa = {}, .shift = {}}},\n",
         term.sensor,
         constant(knot.into()),
         constant(term.mantissa.into()),

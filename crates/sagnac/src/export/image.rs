@@ -8,11 +8,11 @@
 //! τ s         ─▶ α = 1 − e^(−Δt/τ), 31-bit mantissa    span ─▶ 2⁻²⁴ °C
 //! ```
 //!
-//! Further inputs become thermometers of the image, differences last. A column's unit is a power of two of its own, so that what
-//! is believed of it fits a thermometer's codes. A zone's square is the target's times (2/(1 − ξ))².
+//! Each input becomes a thermometer of the image, in the order of the record. A column's unit is a power of two of its own, so
+//! that its valid range fits a thermometer's codes. A shape gives its target's shape and the factor to it.
 //!
-//! What every series, zone and step makes of its reference becomes, with its sign turned, one term of order 0 for bias and one
-//! for the scale factor. A coefficient too large for its
+//! The values of all terms at their references become, with opposite sign, one term of order 0 for bias and one for the scale
+//! factor. A coefficient too large for its
 //! width is refused by name, never clipped.
 
 use sagnac_core::{
@@ -20,9 +20,11 @@ use sagnac_core::{
     Term, Thermometer,
 };
 
-use crate::calibration::{AxisCalibration, Calibration, InputSource, Lag, LogUnit, Term as FittedTerm, TermKind};
-use crate::error::{Error, Result};
-use crate::fit::{Span, chebyshev, label, unit_exponent, zone};
+use crate::calibration::{AxisCalibration, Calibration, Input, InputSource, LogUnit};
+use crate::model::input::unit_exponent;
+use crate::model::shape::{image_order, image_words};
+use crate::model::{ActsOn, Form};
+use sagnac_log::error::{Error, Result};
 
 /// 2⁻²⁴ °C per °C.
 const Q24: f64 = (1 << 24) as f64;
@@ -48,10 +50,10 @@ pub fn encode(calibration: &Calibration, axis: &AxisCalibration, parent: [u8; 32
         LogUnit::Counts { quantum, .. } => unsigned("quantum", quantum * 1e9)?,
         LogUnit::Rates { .. } => 1_000_000_000,
     };
-    d.reference_q24 = q24("reference_c", axis.reference_c)?;
+    d.reference_q24 = q24("reference_c", axis.reference_c())?;
     d.sequence = sequence;
     d.parent = parent;
-    let channels = channels(calibration, axis)?;
+    let channels = channels(axis)?;
     if channels.len() > MAX_THERMOMETERS {
         return Err(too_large("number of inputs", channels.len() as f64));
     }
@@ -94,28 +96,19 @@ fn q24(name: &str, celsius: f64) -> Result<i32> {
     signed(name, celsius * Q24)
 }
 
-/// An input as the image reads it, in the units of its record.
+/// An input as the image reads it.
 struct Channel<'a> {
-    /// Name in the record's terms; `None` for the thermometer of the fit.
-    name: Option<&'a str>,
+    input: &'a Input,
     source: Source,
     /// What the image calls °C is 2^exponent of its unit.
     exponent: i8,
-    reference: f64,
-    span: Span,
-    lag: Option<Lag>,
-    rate_span: Option<[f64; 2]>,
-    offset: f64,
-    gain_per_code: f64,
-    plausible: [f64; 2],
-    hold_s: f64,
 }
 
 impl Channel<'_> {
     /// The border of the rate span that is farther from zero, units per minute.
     fn rate_far(&self) -> Option<f64> {
-        self.lag?;
-        self.rate_span.map(|[lo, hi]| lo.abs().max(hi.abs())).filter(|far| *far > 0.0)
+        self.input.lag_s?;
+        self.input.rate_span_per_min.map(|[lo, hi]| lo.abs().max(hi.abs())).filter(|far| *far > 0.0)
     }
 
     /// Units of the record per °C of the image.
@@ -124,53 +117,27 @@ impl Channel<'_> {
     }
 }
 
-/// The thermometer of the fit, then the record's further inputs in their order.
-fn channels<'a>(calibration: &Calibration, axis: &'a AxisCalibration) -> Result<Vec<Channel<'a>>> {
-    let spec = &calibration.thermometer;
-    let mut all = vec![Channel {
-        name: None,
-        source: Source::Code,
-        exponent: 0,
-        reference: axis.reference_c,
-        span: axis.span(),
-        lag: axis.lag_s,
-        rate_span: axis.rate_span_cpm,
-        offset: spec.offset_c,
-        gain_per_code: spec.gain_c_per_code,
-        plausible: spec.plausible_c,
-        hold_s: spec.hold_s,
-    }];
-    for input in &axis.inputs {
-        let place = |wanted: &String| {
-            let further = || {
-                let is = |source: &InputSource| *source == InputSource::Thermometer(wanted.clone());
-                Some(1 + axis.inputs.iter().position(|other| is(&other.source))?)
-            };
-            let found = if *wanted == spec.name { Some(0) } else { further() };
-            found.and_then(|at| u8::try_from(at).ok()).ok_or_else(|| {
-                Error::input("a difference of thermometers that are not inputs").column("inputs").value(&input.name)
-            })
+/// The record's inputs in their order.
+fn channels(axis: &AxisCalibration) -> Result<Vec<Channel<'_>>> {
+    let inputs = &axis.correction.inputs;
+    let index_of = |wanted: &String, of: &Input| {
+        let found = inputs.iter().position(|other| other.source == InputSource::Thermometer(wanted.clone()));
+        found.and_then(|at| u8::try_from(at).ok()).ok_or_else(|| {
+            Error::input("a difference of thermometers that are not inputs").column("inputs").value(&of.name)
+        })
+    };
+    let channel = |input| {
+        let input: &Input = input;
+        let (source, exponent) = match &input.source {
+            InputSource::Thermometer(_) => (Source::Code, 0),
+            InputSource::Difference(of, less) => {
+                (Source::Difference { of: index_of(of, input)?, less: index_of(less, input)? }, 0)
+            }
+            InputSource::Column(_) => (Source::Code, unit_exponent(input.valid_range)),
         };
-        let source = match &input.source {
-            InputSource::Difference(of, less) => Source::Difference { of: place(of)?, less: place(less)? },
-            InputSource::Thermometer(_) | InputSource::Column(_) => Source::Code,
-        };
-        let is_column = matches!(input.source, InputSource::Column(_));
-        all.push(Channel {
-            name: Some(&input.name),
-            source,
-            exponent: if is_column { unit_exponent(input.plausible) } else { 0 },
-            reference: input.reference,
-            span: Span { lo_c: input.span[0], hi_c: input.span[1] },
-            lag: input.lag_s,
-            rate_span: input.rate_span_per_min,
-            offset: input.offset,
-            gain_per_code: input.gain_per_code,
-            plausible: input.plausible,
-            hold_s: input.hold_s,
-        });
-    }
-    Ok(all)
+        Ok(Channel { input, source, exponent })
+    };
+    inputs.iter().map(channel).collect()
 }
 
 /// What the target gives an image at a slow update.
@@ -185,19 +152,17 @@ pub struct Code {
 }
 
 /// The codes of an axis in the order of its image.
-pub fn codes(calibration: &Calibration, axis: &AxisCalibration) -> Vec<Code> {
-    let main = &calibration.thermometer;
-    let first =
-        Code { name: label(&main.name).to_owned(), offset: main.offset_c, per_code: Some(main.gain_c_per_code) };
-    let further = axis.inputs.iter().map(|input| {
+pub fn codes(axis: &AxisCalibration) -> Vec<Code> {
+    let code = |input: &Input| {
         let own = !matches!(input.source, InputSource::Difference(..));
         Code { name: input.name.clone(), offset: input.offset, per_code: own.then_some(input.gain_per_code) }
-    });
-    std::iter::once(first).chain(further).collect()
+    };
+    axis.correction.inputs.iter().map(code).collect()
 }
 
 fn thermometer(of: &Channel<'_>, period_s: f64) -> Result<Thermometer> {
-    let (unit, span) = (of.unit(), [of.span.lo_c, of.span.hi_c]);
+    let (unit, input) = (of.unit(), of.input);
+    let span = input.span;
     // Spans of our own stand on even codes already; others move by one code at most.
     let (span_lo_q24, mut span_hi_q24) = (q24("span_c", span[0] / unit)?, q24("span_c", span[1] / unit)?);
     span_hi_q24 += (span_hi_q24 ^ span_lo_q24) & 1;
@@ -205,38 +170,35 @@ fn thermometer(of: &Channel<'_>, period_s: f64) -> Result<Thermometer> {
     let (x_mantissa, shift_to_q31) = reciprocal("span_c", half)?;
     let x_shift =
         shift_to_q31.checked_sub(16).ok_or_else(|| too_large("span_c (narrower than 0.004 °C)", half as f64))?;
-    let lag = match (of.lag, of.rate_far()) {
+    let lag = match (input.lag_s, of.rate_far()) {
         (Some(lag), Some(far)) => {
-            let [lo, hi] = of.rate_span.unwrap_or([-far, far]);
+            let [lo, hi] = input.rate_span_per_min.unwrap_or([-far, far]);
             lag_spec(lag.value, period_s, far / unit, [lo / unit, hi / unit])?
         }
         _ => LagSpec::default(),
     };
-    let settling_s = of.lag.map_or(0.0, |lag| (SETTLING_TAUS * lag.value).min(SETTLING_MAX_S));
+    let settling_s = input.lag_s.map_or(0.0, |lag| (SETTLING_TAUS * lag.value).min(SETTLING_MAX_S));
     let has_code = of.source == Source::Code;
     for value in span.into_iter().filter(|_| has_code) {
-        let code = (value - of.offset) / of.gain_per_code;
+        let code = (value - input.offset) / input.gain_per_code;
         if code.abs() > f64::from(i32::MAX) {
-            let (what, unit) = of.name.map_or(("the thermometer".to_owned(), " °C"), |name| (name.to_owned(), ""));
-            let what = format!("32-bit codes of {what} do not reach {value:.2}{unit} of the fit span");
-            return Err(Error::input(what)
-                .column(if of.name.is_some() { "gain_per_code" } else { "thermometer.gain_c_per_code" })
-                .value(of.gain_per_code.to_string()));
+            let what = format!("32-bit codes of {} do not reach {value:.2} of the fit span", input.name);
+            return Err(Error::input(what).column("gain_per_code").value(input.gain_per_code.to_string()));
         }
     }
     Ok(Thermometer {
         source: of.source,
         unit_exponent: of.exponent,
-        offset_q24: if has_code { q24("thermometer.offset_c", of.offset / unit)? } else { 0 },
-        gain: if has_code { gain(of.gain_per_code / unit * Q24)? } else { Scale::ONE },
-        plausible_lo_q24: q24("thermometer.plausible_c", of.plausible[0] / unit)?,
-        plausible_hi_q24: q24("thermometer.plausible_c", of.plausible[1] / unit)?,
+        offset_q24: if has_code { q24("offset", input.offset / unit)? } else { 0 },
+        gain: if has_code { gain(input.gain_per_code / unit * Q24)? } else { Scale::ONE },
+        plausible_lo_q24: q24("valid_range", input.valid_range[0] / unit)?,
+        plausible_hi_q24: q24("valid_range", input.valid_range[1] / unit)?,
         span_lo_q24,
         span_hi_q24,
         x_mantissa,
         x_shift,
         lag,
-        hold_updates: (of.hold_s / period_s).ceil() as u32,
+        hold_updates: (input.stale_after_s / period_s).ceil() as u32,
         settling_updates: if lag.is_used() { (settling_s / period_s).ceil() as u32 } else { 0 },
     })
 }
@@ -245,7 +207,7 @@ fn thermometer(of: &Channel<'_>, period_s: f64) -> Result<Thermometer> {
 fn gain(value: f64) -> Result<Scale> {
     let shift = 30 - value.abs().log2().floor() as i32;
     let shift = shift.clamp(0, 62);
-    Ok(Scale { mantissa: signed("thermometer.gain_c_per_code", value * 2.0_f64.powi(shift))?, shift: shift as u8 })
+    Ok(Scale { mantissa: signed("gain_per_code", value * 2.0_f64.powi(shift))?, shift: shift as u8 })
 }
 
 /// `mantissa · 2^−shift` that takes `border` to 1 in Q31, with 32 significant bits.
@@ -291,69 +253,44 @@ fn lag_spec(tau_s: f64, period_s: f64, far_cpm: f64, span_cpm: [f64; 2]) -> Resu
 fn terms(calibration: &Calibration, axis: &AxisCalibration, channels: &[Channel<'_>]) -> Result<Vec<Term>> {
     let per_dph = calibration.target.tick_s() / calibration.unit.arcsec_per_lsb();
     let mut out = Vec::new();
-    // What all terms make of their references, bias and scale.
+    // The values of all terms at their references: bias, scale factor.
     let mut at_reference = [0.0; 2];
-    for fitted in &axis.terms {
-        let sensor = channels.iter().position(|channel| channel.name == axis.input_of(fitted).map(|i| i.name.as_str()));
-        let sensor = sensor.unwrap_or(0);
-        let channel = &channels[sensor];
-        let (shape, factor, zero) = shape_of(fitted, channel)?;
-        let (kind, multiplier, unit) = match fitted.kind {
-            TermKind::Scale => (Kind::Scale, Multiplier::One, 1e-6),
-            TermKind::Rate => (Kind::Bias, Multiplier::Rate, per_dph * channel.rate_far().unwrap_or(0.0)),
-            TermKind::Bias | TermKind::Zone | TermKind::Step => (Kind::Bias, Multiplier::One, per_dph),
+    for fitted in &axis.correction.terms {
+        let found = channels.iter().enumerate().find(|(_, channel)| channel.input.name == fitted.input);
+        let (sensor, channel) = found.ok_or_else(|| {
+            Error::input("a term over an input that the record does not have")
+                .column("terms.input")
+                .value(&fitted.input)
+        })?;
+        let Form { acts_on, shape, times_rate } = fitted.form();
+        let span = channel.input.scaling();
+        let (target, factor) = shape.encode(span).map_err(|what| too_large(&format!("terms.{what}"), fitted.value))?;
+        let (kind, unit) = match acts_on {
+            ActsOn::Bias => (Kind::Bias, per_dph),
+            ActsOn::ScaleFactor => (Kind::Scale, 1e-6),
         };
-        if multiplier == Multiplier::One {
-            at_reference[usize::from(kind == Kind::Scale)] += fitted.value * zero * unit;
+        let (multiplier, rate) =
+            if times_rate { (Multiplier::Rate, channel.rate_far().unwrap_or(0.0)) } else { (Multiplier::One, 1.0) };
+        if !times_rate {
+            at_reference[usize::from(kind == Kind::Scale)] +=
+                fitted.value * shape.value(span, channel.input.reference) * unit;
         }
-        let place = Place { kind, sensor: sensor as u8, shape, multiplier };
-        out.extend(term(place, fitted.value * factor * unit)?);
+        let row = Row { kind, sensor: sensor as u8, shape: target, multiplier };
+        out.extend(term(row, fitted.value * factor * unit * rate)?);
     }
     for (kind, zero) in [Kind::Bias, Kind::Scale].into_iter().zip(at_reference) {
-        let place = Place { kind, sensor: 0, shape: Shape::Chebyshev(0), multiplier: Multiplier::One };
-        out.extend(term(place, -zero)?);
+        let row = Row { kind, sensor: 0, shape: Shape::Chebyshev(0), multiplier: Multiplier::One };
+        out.extend(term(row, -zero)?);
     }
     // Bias before rate before scale, thermometer by thermometer, order by order: one record, one image.
     out.sort_by_key(|term: &Term| {
-        (term.kind == Kind::Scale, term.multiplier == Multiplier::Rate, term.sensor, order_key(term.shape))
+        (term.kind == Kind::Scale, term.multiplier == Multiplier::Rate, term.sensor, image_order(term.shape))
     });
     Ok(out)
 }
 
-fn order_key(shape: Shape) -> (u8, i32) {
-    match shape {
-        Shape::Chebyshev(order) => (0, order.into()),
-        Shape::Zone { knot_q15 } => (1, knot_q15.into()),
-        Shape::Step { knot_q15 } => (2, knot_q15.into()),
-    }
-}
-
-/// The target's shape of a term, by what its coefficient is to be multiplied for it, and what the record's own shape makes of
-/// the reference.
-fn shape_of(fitted: &FittedTerm, channel: &Channel<'_>) -> Result<(Shape, f64, f64)> {
-    let x0 = channel.span.x(channel.reference);
-    let knot = |at: f64| -> Result<i16> {
-        let knot = (channel.span.x(at) * 32_768.0).round();
-        if knot.abs() < 32_768.0 { Ok(knot as i16) } else { Err(too_large("terms.at (outside of the span)", at)) }
-    };
-    Ok(match (fitted.kind, fitted.at) {
-        (TermKind::Zone, Some(at)) => {
-            let knot_q15 = knot(at)?;
-            let wide = 1.0 - f64::from(knot_q15) / 32_768.0;
-            (Shape::Zone { knot_q15 }, (2.0 / wide).powi(2), zone(x0, 1.0 - wide))
-        }
-        (TermKind::Step, Some(at)) => {
-            (Shape::Step { knot_q15: knot(at)? }, 1.0, f64::from(u8::from(channel.reference >= at)))
-        }
-        _ => {
-            let basis = chebyshev(x0);
-            (Shape::Chebyshev(fitted.order), 1.0, basis.get(usize::from(fitted.order)).copied().unwrap_or(0.0))
-        }
-    })
-}
-
-/// Where a term of the image stands.
-struct Place {
+/// A row of the image's table of terms, without its coefficient.
+struct Row {
     kind: Kind,
     sensor: u8,
     shape: Shape,
@@ -361,8 +298,8 @@ struct Place {
 }
 
 /// A coefficient in counts per tick (or as a part of one) as mantissa and shift; `None` for zero.
-fn term(place: Place, value: f64) -> Result<Option<Term>> {
-    let Place { kind, sensor, shape, multiplier } = place;
+fn term(row: Row, value: f64) -> Result<Option<Term>> {
+    let Row { kind, sensor, shape, multiplier } = row;
     let q40 = value * 2.0_f64.powi(40);
     let shift = (60.0 - q40.abs().log2().floor()).min(62.0);
     let mantissa = (q40 * 2.0_f64.powf(shift - 31.0)).round();
@@ -370,11 +307,7 @@ fn term(place: Place, value: f64) -> Result<Option<Term>> {
         return Ok(None);
     }
     if shift < 8.0 || !mantissa.is_finite() {
-        let what = match shape {
-            Shape::Chebyshev(order) => format!("{kind:?} term of order {order}"),
-            Shape::Zone { .. } => format!("{kind:?} term of a zone"),
-            Shape::Step { .. } => format!("{kind:?} step"),
-        };
+        let what = format!("{kind:?} term: {}", image_words(shape));
         return Err(too_large(&what, value));
     }
     Ok(Some(Term { kind, sensor, shape, multiplier, mantissa: mantissa as i32, shift: shift as u8 }))

@@ -2,17 +2,18 @@
 //! old correction can be verified like a new one.
 //!
 //! The polynomial is the paper's: counts per window as a function of °C at the rate of that test. Only
-//! its variation P(T) − P(T0) is kept; the constant P(T0) becomes the constant of run 0.
+//! its variation P(T) − P(T0) is kept; the constant P(T0) becomes the offset of run 0.
 
 use sagnac_core::MAX_ORDER;
+use sagnac_log::error::{Error, Result};
+use sagnac_log::setup::{Setup, WindowSize};
 
 use crate::calibration::{
-    AxisCalibration, Calibration, Constant, FORMAT, LogUnit, Monomial, Provenance, Target, Term, TermKind, Thermometer,
-    UNASSIGNED, VERSION,
+    AxisCalibration, AxisCorrection, Calibration, FORMAT, Input, LogUnit, MINOR_VERSION, Monomial, Provenance,
+    RunOffset, Target, Term, UNASSIGNED, VERSION, program,
 };
-use crate::error::{Error, Result};
-use crate::fit::{Span, series_from_powers};
-use crate::setup::{Setup, WindowSize};
+use crate::model::powers::series_from_powers;
+use crate::model::{Form, Span};
 
 /// An old correction.
 #[derive(Clone, Debug, PartialEq)]
@@ -63,55 +64,37 @@ pub fn import(polynomial: &Polynomial, setup: &Setup) -> Result<Calibration> {
     let dph: Vec<f64> = ascending.iter().map(|c| c * dph_per_count).collect();
     let at_reference = dph.iter().rev().fold(0.0, |sum, c| sum * reference_c + c);
     let series = series_from_powers(span, &dph);
+    let input = Input::thermometer(setup.thermometer(""), span, reference_c);
+    let terms = (1..=order).map(|n| Term::given(Form::bias(n as u8), &input, series[n])).collect();
     let axis = AxisCalibration {
         axis: setup.axis.unwrap_or('x'),
-        model: format!("bias {order}"),
-        terms: (1..=order).map(|n| bias_term(n as u8, series[n])).collect(),
-        lag_s: None,
-        reference_c,
-        span_c: [span.lo_c, span.hi_c],
-        rate_span_cpm: None,
-        constants: vec![constant(at_reference, setup)],
-        monomial: Monomial {
+        correction: AxisCorrection { model: format!("bias {order}"), inputs: vec![input], terms },
+        run_offsets: vec![run_offset(at_reference, setup)],
+        monomial: Some(Monomial {
             run: 0,
             unit: "counts per window".to_owned(),
             window_s: polynomial.window_s,
             coefficients: ascending,
             sigma: None,
-            from_to_c: None,
-        },
+            range_c: None,
+        }),
         zones: Vec::new(),
-        inputs: Vec::new(),
-        collinearity: None,
-        correction_noise: None,
-        inputs_aside: Vec::new(),
-        path: Vec::new(),
-        scale_factor: None,
-        misalignment: Vec::new(),
-        residual: None,
-        heating_less_cooling: None,
-        soak: None,
-        floor: None,
-        cross_validation: None,
-        candidates: Vec::new(),
-        excluded: Vec::new(),
-        covariance: Vec::new(),
-        covariance_of: Vec::new(),
+        fit: None,
     };
     Ok(Calibration {
         format: FORMAT.to_owned(),
         version: VERSION,
+        minor_version: MINOR_VERSION,
         serial: setup.serial.clone().unwrap_or_else(|| UNASSIGNED.to_owned()),
         unit: LogUnit::Counts { arcsec_per_count, quantum: setup.quantum.unwrap_or(1.0) },
         target: Target::from_setup(setup)?,
-        thermometer: Thermometer::from_setup(setup.thermometer("")),
         window: WindowSize::Seconds(polynomial.window_s),
         window_s: polynomial.window_s,
         sample_interval_s: setup.sample_interval_s.unwrap_or(1.0),
         axes: vec![axis],
         setup: setup.clone(),
         provenance: Provenance {
-            program: crate::fit::program(),
+            program: program(),
             time_s: 0.0,
             time_source: "imported coefficients".to_owned(),
             inputs: Vec::new(),
@@ -119,23 +102,7 @@ pub fn import(polynomial: &Polynomial, setup: &Setup) -> Result<Calibration> {
     })
 }
 
-fn bias_term(order: u8, value: f64) -> Term {
-    let kind = TermKind::Bias;
-    Term {
-        kind,
-        sensor: String::new(),
-        order,
-        at: None,
-        value,
-        sigma: None,
-        unit: kind.unit().to_owned(),
-        significant: None,
-        inflation: None,
-        bootstrap: None,
-    }
-}
-
-fn constant(value_dph: f64, setup: &Setup) -> Constant {
+fn run_offset(value_dph: f64, setup: &Setup) -> RunOffset {
     let fixed_bias_dph = setup.known_input_rate_dph().map(|input| value_dph - input);
-    Constant { run: 0, value_dph, sigma_dph: None, fixed_bias_dph }
+    RunOffset { run: 0, value_dph, sigma_dph: None, fixed_bias_dph }
 }

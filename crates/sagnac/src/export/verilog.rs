@@ -13,7 +13,7 @@ use sagnac_core::{Image, Kind, MAX_THERMOMETERS, Multiplier, Shape, Source, Term
 use sagnac_loops::LoopTable;
 
 use super::TextFile;
-use crate::error::{Error, Result};
+use sagnac_log::error::{Error, Result};
 
 const MODULES: [(&str, &str); 3] = [
     ("sagnac_fast.v", include_str!("verilog/sagnac_fast.v")),
@@ -82,6 +82,7 @@ fn check_widths(image: &Image, widths: Widths) -> Result<()> {
             Shape::Chebyshev(order) => format!("bias term of order {order}"),
             Shape::Zone { .. } => "bias term of a zone".to_owned(),
             Shape::Step { .. } => "bias step".to_owned(),
+            Shape::Cosine { .. } | Shape::Sine { .. } => "bias harmonic".to_owned(),
         };
         format!("; the {what}{rate} alone reaches {}", size(&term) >> 8)
     });
@@ -176,12 +177,16 @@ fn terms(out: &mut String, all: &[Term]) {
     let knot = |term: &Term| match term.shape {
         Shape::Chebyshev(_) => 0,
         Shape::Zone { knot_q15 } | Shape::Step { knot_q15 } => knot_q15.into(),
+        // Turns count from the lower end of the span: the subtraction that a knot needs gives x + 1.
+        Shape::Cosine { .. } | Shape::Sine { .. } => i16::MIN.into(),
     };
     packed(out, "TERM_SENSOR", 2, all.iter().map(|term| term.sensor.into()));
     packed(out, "TERM_ORDER", 4, all.iter().map(|term| term.shape.order().unwrap_or(0).into()));
     packed(out, "TERM_IS_ZONE", 1, all.iter().map(|term| matches!(term.shape, Shape::Zone { .. }).into()));
     packed(out, "TERM_IS_STEP", 1, all.iter().map(|term| matches!(term.shape, Shape::Step { .. }).into()));
     packed(out, "TERM_KNOT", 16, all.iter().map(knot));
+    packed(out, "TERM_TURNS", 24, all.iter().map(|term| term.shape.turns_q18().unwrap_or(0).into()));
+    packed(out, "TERM_IS_COSINE", 1, all.iter().map(|term| matches!(term.shape, Shape::Cosine { .. }).into()));
     packed(out, "TERM_MANTISSA", 32, all.iter().map(|term| term.mantissa.into()));
     packed(out, "TERM_SHIFT", 7, all.iter().map(|term| term.shift.into()));
     packed(out, "TERM_RATED", 1, all.iter().map(|term| (term.multiplier == Multiplier::Rate).into()));

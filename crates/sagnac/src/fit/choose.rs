@@ -1,25 +1,26 @@
 //! Which model, on which windows, and what its thermometers' noise allows.
 //!
-//! `auto` takes the best of the grid over the thermometer of the fit, then goes the [`super::path`] over every other input,
+//! `auto` takes the best of the grid over the thermometer of the fit, then goes the [`super::search`] over every other input,
 //! zones and steps. Whatever was chosen, the noise of its thermometers through its rate terms may raise the angle random walk
 //! by 5 % at most ([`super::input_noise`]): else the lag of the noisiest rate term is raised, or the term left out if that costs
 //! more on held-out data than it is worth. What the value terms add is told, not cured: without them there is no correction.
 
-use crate::calibration::{Candidate, CorrectionNoise, CrossValidation, InputAside, PathStep, PathVerdict};
-use crate::error::{Error, Result};
-use crate::fit::cost::Work;
-use crate::fit::criterion::{Held, effective_windows, stands};
+use crate::calibration::{Candidate, CorrectionNoise, CrossValidation, RejectedInput, SearchStep, SearchVerdict};
+use crate::fit::criterion::{CvScore, effective_windows, is_undominated};
 use crate::fit::folds::{Trial, cross_validate, scheme_of};
-use crate::fit::input::{Source, channels};
 use crate::fit::input_noise::{INCREASE_MAX, correction_noise, loudest_rate};
-use crate::fit::model::ModelSpec;
-use crate::fit::path::{CONDITION_MAX, fits_image, inputs_read, walk};
-use crate::fit::problem::{Level, Problem};
+use crate::fit::least_squares::{LeastSquares, Level};
+use crate::fit::period::settle_periods;
 use crate::fit::robust::{Loss, robust_fit};
+use crate::fit::search::{CONDITION_MAX, fits_image, inputs_read, walk};
 use crate::fit::solution::{Fitted, fit};
-use crate::fit::{ModelChoice, SAME_RATE, SMALLER_WINS_WITHIN};
-use crate::setup::Setup;
+use crate::fit::{Model, SAME_RATE, SMALLER_WINS_WITHIN};
+use crate::model::input::{Signal, channels};
+use crate::model::price::Work;
+use crate::model::spec::ModelSpec;
 use crate::window::{WindowShape, Windows};
+use sagnac_log::error::{Error, Result};
+use sagnac_log::setup::Setup;
 
 /// Part of the windows that must know all inputs of `auto`.
 const KNOWN_TOGETHER: f64 = 0.9;
@@ -33,17 +34,17 @@ struct Best {
 
 /// A model on the windows it is to be fitted to, and how it was found.
 pub(crate) struct Chosen<'a> {
-    pub(crate) problem: Problem<'a>,
+    pub(crate) problem: LeastSquares<'a>,
     pub(crate) spec: ModelSpec,
     pub(crate) taus_s: Vec<f64>,
     pub(crate) mean_square: Option<f64>,
     candidates: Vec<Candidate>,
-    pub(crate) aside: Vec<InputAside>,
-    pub(crate) path: Vec<PathStep>,
+    pub(crate) aside: Vec<RejectedInput>,
+    pub(crate) path: Vec<SearchStep>,
 }
 
 /// Makes the problem of an axis on the windows in which some inputs are known.
-pub(crate) type MakeProblem<'a, 'b> = dyn Fn(&[Source]) -> Result<Problem<'a>> + 'b;
+pub(crate) type MakeProblem<'a, 'b> = dyn Fn(&[Signal]) -> Result<LeastSquares<'a>> + 'b;
 
 /// Chooses a model.
 ///
@@ -51,14 +52,14 @@ pub(crate) type MakeProblem<'a, 'b> = dyn Fn(&[Source]) -> Result<Problem<'a>> +
 /// Inputs that the log does not have; no candidate that can be fitted.
 pub(crate) fn choose<'a>(
     windows: &'a Windows,
-    main: Source,
+    main: Signal,
     setup: &Setup,
-    choice: &ModelChoice,
+    choice: &Model,
     make: &MakeProblem<'a, '_>,
 ) -> Result<Chosen<'a>> {
     match choice {
-        ModelChoice::Fixed(spec) => given(&windows.shape, main, spec, make),
-        ModelChoice::Auto => {
+        Model::Fixed(spec) => given(&windows.shape, main, spec, make),
+        Model::Auto => {
             let grid = make(&[main])?;
             let taus_s = grid.tau_grid();
             let best = best_of_grid(&grid, &taus_s)?;
@@ -77,8 +78,9 @@ pub(crate) fn choose<'a>(
                     path: Vec::new(),
                 });
             };
-            let named = path.spec.further.iter().filter_map(|of| all.input(&of.input)).map(|at| all.inputs[at].source);
-            let needed: Vec<Source> = std::iter::once(main).chain(named).collect();
+            let named =
+                path.spec.inputs()[1..].iter().filter_map(|of| all.input(&of.input)).map(|at| all.inputs[at].signal);
+            let needed: Vec<Signal> = std::iter::once(main).chain(named).collect();
             let (problem, mut spec) = (make(&needed)?, path.spec);
             count_steps(&problem, &mut spec)?;
             // On the very windows that it is fitted to, which may be more than those that know every candidate.
@@ -93,39 +95,42 @@ pub(crate) fn choose<'a>(
 /// The problem of all further inputs on the windows that know them; of inputs that were not named, those known least are left
 /// out until nine tenths of the windows are there.
 fn known_together<'a>(
-    main: Source,
-    mut further: Vec<Source>,
+    main: Signal,
+    mut further: Vec<Signal>,
     named: bool,
-    grid: Problem<'a>,
+    grid: LeastSquares<'a>,
     make: &MakeProblem<'a, '_>,
-    aside: &mut Vec<InputAside>,
-) -> Result<Problem<'a>> {
+    aside: &mut Vec<RejectedInput>,
+) -> Result<LeastSquares<'a>> {
     loop {
         if further.is_empty() {
             return Ok(grid);
         }
-        let with_all: Vec<Source> = std::iter::once(main).chain(further.iter().copied()).collect();
+        let with_all: Vec<Signal> = std::iter::once(main).chain(further.iter().copied()).collect();
         let made = make(&with_all);
-        let enough = |problem: &Problem<'_>| problem.len() as f64 >= KNOWN_TOGETHER * grid.len() as f64;
+        let enough = |problem: &LeastSquares<'_>| problem.len() as f64 >= KNOWN_TOGETHER * grid.len() as f64;
         match made {
             Ok(problem) if named || enough(&problem) => return Ok(problem),
             Err(error) if named => {
                 return Err(error.column("inputs").help("the inputs that are named must be known in the same windows"));
             }
             _ => {
-                let known = |source: &Source| {
+                let known = |source: &Signal| {
                     grid.used.iter().filter(|i| source.in_window(grid.windows(), **i).0.is_finite()).count()
                 };
                 let least = (0..further.len()).min_by_key(|at| known(&further[*at])).unwrap_or(0);
                 let name = further.remove(least).name(&grid.windows().shape);
-                aside.push(InputAside { input: name, why: "not known in the same windows as the others".to_owned() });
+                aside.push(RejectedInput {
+                    input: name,
+                    reason: "not known in the same windows as the others".to_owned(),
+                });
             }
         }
     }
 }
 
 /// A model that was asked for.
-fn given<'a>(shape: &WindowShape, main: Source, spec: &ModelSpec, make: &MakeProblem<'a, '_>) -> Result<Chosen<'a>> {
+fn given<'a>(shape: &WindowShape, main: Signal, spec: &ModelSpec, make: &MakeProblem<'a, '_>) -> Result<Chosen<'a>> {
     let mut spec = spec.clone();
     let sources = sources_of(&mut spec, main, shape)?;
     check_channels(&spec, &sources, shape)?;
@@ -141,14 +146,15 @@ fn given<'a>(shape: &WindowShape, main: Source, spec: &ModelSpec, make: &MakePro
         return Err(Error::refused("a rate term needs times, and the log has none").column("--model"));
     }
     let taus_s = problem.tau_grid();
+    settle_periods(&problem, &mut spec, &taus_s)?;
     let mean_square = Trial::new(&problem, &spec, &taus_s).held_out();
     Ok(Chosen { problem, spec, taus_s, mean_square, candidates: Vec::new(), aside: Vec::new(), path: Vec::new() })
 }
 
 /// The inputs that a model names, the thermometer of the fit first; their names as the log has them.
-fn sources_of(spec: &mut ModelSpec, main: Source, shape: &WindowShape) -> Result<Vec<Source>> {
+fn sources_of(spec: &mut ModelSpec, main: Signal, shape: &WindowShape) -> Result<Vec<Signal>> {
     let mut sources = vec![main];
-    for of in &mut spec.further {
+    for of in spec.inputs_mut().iter_mut().skip(1) {
         let source = find_input(&of.input, main, shape).map_err(|e| e.column("--model"))?;
         of.input = source.name(shape);
         if sources.contains(&source) {
@@ -160,7 +166,7 @@ fn sources_of(spec: &mut ModelSpec, main: Source, shape: &WindowShape) -> Result
 }
 
 /// An image reads so many inputs and no more.
-fn check_channels(spec: &ModelSpec, sources: &[Source], shape: &WindowShape) -> Result<()> {
+fn check_channels(spec: &ModelSpec, sources: &[Signal], shape: &WindowShape) -> Result<()> {
     let most = sagnac_core::MAX_THERMOMETERS;
     let read = channels(sources[0], &sources[1..]);
     if read.len() <= most {
@@ -174,11 +180,11 @@ fn check_channels(spec: &ModelSpec, sources: &[Source], shape: &WindowShape) -> 
 }
 
 /// An input that hardly moves has too few codes.
-fn check_codes(problem: &Problem<'_>) -> Result<()> {
+fn check_codes(problem: &LeastSquares<'_>) -> Result<()> {
     problem.inputs[1..].iter().find(|input| !input.fits_codes()).map_or(Ok(()), |input| {
         Err(Error::refused(format!(
             "{} moves from {} to {}: too little of its size for the codes of an image",
-            input.name, input.span.lo_c, input.span.hi_c
+            input.name, input.span.lo, input.span.hi
         ))
         .column("--model")
         .help("log it less its middle value"))
@@ -186,24 +192,27 @@ fn check_codes(problem: &Problem<'_>) -> Result<()> {
 }
 
 /// At one input rate a scale factor is a bias.
-fn check_scale_rates(problem: &Problem<'_>, spec: &ModelSpec) -> Result<()> {
-    let of_main = (spec.scale > 0).then(|| format!("scale {}", spec.scale));
-    let of_input = spec.further.iter().find(|of| of.scale > 0).map(|of| format!("scale({})", of.input));
-    of_main.or(of_input).filter(|_| !several_rates(problem)).map_or(Ok(()), |term| {
+fn check_scale_rates(problem: &LeastSquares<'_>, spec: &ModelSpec) -> Result<()> {
+    let scaled = spec.inputs().iter().find(|of| of.scale > 0);
+    let term = scaled.map(|of| match of.input.as_str() {
+        "" => format!("scale {}", of.scale),
+        input => format!("scale({input})"),
+    });
+    term.filter(|_| !several_rates(problem)).map_or(Ok(()), |term| {
         let what = format!("{term} needs runs at several input rates; at one rate a scale factor is a bias");
         Err(Error::refused(what).column("--model").help("take bias(...) instead, or test on a rate table"))
     })
 }
 
 /// True where the input rates of the runs tell a scale factor from a bias.
-fn several_rates(problem: &Problem<'_>) -> bool {
+fn several_rates(problem: &LeastSquares<'_>) -> bool {
     let (lo, hi) = problem.run_rate.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), r| (l.min(*r), h.max(*r)));
-    problem.place_of(Level::Scale).is_some() || hi - lo > SAME_RATE * lo.abs().max(hi.abs())
+    problem.column_of(Level::Scale).is_some() || hi - lo > SAME_RATE * lo.abs().max(hi.abs())
 }
 
 /// How many steps each stepped input has on these windows.
-fn count_steps(problem: &Problem<'_>, spec: &mut ModelSpec) -> Result<()> {
-    for of in spec.further.iter_mut().filter(|of| of.steps.is_some()) {
+fn count_steps(problem: &LeastSquares<'_>, spec: &mut ModelSpec) -> Result<()> {
+    for of in spec.inputs_mut().iter_mut().filter(|of| of.steps.is_some()) {
         let steps = problem.input(&of.input).map_or(0, |at| problem.inputs[at].thresholds().len());
         if steps == 0 {
             let what = "does not stand at one of 2 to 16 whole numbers in nine of ten windows";
@@ -216,15 +225,15 @@ fn count_steps(problem: &Problem<'_>, spec: &mut ModelSpec) -> Result<()> {
     Ok(())
 }
 
-fn find_input(name: &str, main: Source, shape: &WindowShape) -> Result<Source> {
-    let found = Source::named(name, shape).ok_or_else(|| {
-        let all: Vec<String> = Source::further(shape, usize::MAX).into_iter().map(|s| s.name(shape)).collect();
+fn find_input(name: &str, main: Signal, shape: &WindowShape) -> Result<Signal> {
+    let found = Signal::named(name, shape).ok_or_else(|| {
+        let all: Vec<String> = Signal::others(shape, usize::MAX).into_iter().map(|s| s.name(shape)).collect();
         Error::input("the log has no such input").value(name).help(format!("it has: {}", Error::choices(&all)))
     })?;
     if found == main {
         return Err(Error::input("is the thermometer of the fit; its terms stand without brackets").value(name));
     }
-    if let Source::Difference { of, less } = found
+    if let Signal::Difference { of, less } = found
         && of == less
     {
         return Err(Error::input("a thermometer less itself is nothing").value(name));
@@ -236,30 +245,30 @@ fn find_input(name: &str, main: Source, shape: &WindowShape) -> Result<Source> {
 /// enough windows and move.
 fn candidate_inputs(
     windows: &Windows,
-    main: Source,
+    main: Signal,
     setup: &Setup,
     used: &[usize],
-) -> Result<(Vec<Source>, Vec<InputAside>)> {
+) -> Result<(Vec<Signal>, Vec<RejectedInput>)> {
     let shape = &windows.shape;
     if let Some(names) = &setup.inputs {
         let found = names.iter().map(|name| find_input(name, main, shape).map_err(|e| e.column("inputs")));
         return Ok((found.collect::<Result<_>>()?, Vec::new()));
     }
-    let Source::Thermometer(at) = main else { return Ok((Vec::new(), Vec::new())) };
+    let Signal::Thermometer(at) = main else { return Ok((Vec::new(), Vec::new())) };
     let (mut further, mut aside) = (Vec::new(), Vec::new());
-    for source in Source::further(shape, at) {
-        match source.unfit(windows, used) {
+    for source in Signal::others(shape, at) {
+        match source.rejection(windows, used) {
             None => further.push(source),
-            Some(why) => aside.push(InputAside { input: source.name(shape), why: why.to_owned() }),
+            Some(reason) => aside.push(RejectedInput { input: source.name(shape), reason: reason.to_owned() }),
         }
     }
     Ok((further, aside))
 }
 
 /// Tries every model over the thermometer of the fit.
-fn best_of_grid(problem: &Problem<'_>, taus_s: &[f64]) -> Result<Best> {
+fn best_of_grid(problem: &LeastSquares<'_>, taus_s: &[f64]) -> Result<Best> {
     let affordable = |spec: &ModelSpec| problem.len() >= 3 * (problem.levels.len() + spec.coefficients());
-    let with_scale = problem.place_of(Level::Scale).is_some();
+    let with_scale = problem.column_of(Level::Scale).is_some();
     let specs: Vec<ModelSpec> =
         ModelSpec::candidates(problem.has_rate(), with_scale).into_iter().filter(affordable).collect();
     if specs.is_empty() {
@@ -282,7 +291,7 @@ fn best_of_grid(problem: &Problem<'_>, taus_s: &[f64]) -> Result<Best> {
                 .help("test so that temperature and its rate move apart, or give a fixed --model")
         })?;
         let fitted = fit(problem, &specs[chosen], taus_s).ok();
-        let near = fitted.as_ref().map(|f| f.nearness.as_ref().map_or(1.0, |near| near.condition));
+        let near = fitted.as_ref().map(|f| f.conditioning.as_ref().map_or(1.0, |near| near.condition));
         if near.is_some_and(|condition| condition <= CONDITION_MAX) {
             break chosen;
         }
@@ -295,7 +304,7 @@ fn best_of_grid(problem: &Problem<'_>, taus_s: &[f64]) -> Result<Best> {
 /// The smallest that no other betters by what it must ([`super::criterion`]); within one size no rate term, then the lower mean
 /// square wins: a slow lag can look like a curve.
 fn best_of(
-    problem: &Problem<'_>,
+    problem: &LeastSquares<'_>,
     fair: &[usize],
     specs: &[ModelSpec],
     mean_square: &[Option<f64>],
@@ -305,10 +314,10 @@ fn best_of(
     let least = fair.iter().copied().min_by(|a, b| square(*a).total_cmp(&square(*b)))?;
     let rho = fit(problem, &specs[least], taus_s).map_or(0.0, |fitted| fitted.autocorrelation);
     let windows = effective_windows(problem.len(), rho);
-    let held = |i: usize| Held { coefficients: specs[i].coefficients(), mean_square: square(i) };
-    let all: Vec<Held> = fair.iter().map(|i| held(*i)).collect();
-    fair.iter().copied().filter(|i| stands(held(*i), &all, windows)).min_by(|a, b| {
-        let key = |i: usize| (specs[i].coefficients(), specs[i].rate.is_some());
+    let held = |i: usize| CvScore { coefficients: specs[i].coefficients(), mean_square: square(i) };
+    let all: Vec<CvScore> = fair.iter().map(|i| held(*i)).collect();
+    fair.iter().copied().filter(|i| is_undominated(held(*i), &all, windows)).min_by(|a, b| {
+        let key = |i: usize| (specs[i].coefficients(), specs[i].thermometer().rate.is_some());
         key(*a).cmp(&key(*b)).then(square(*a).total_cmp(&square(*b)))
     })
 }
@@ -341,7 +350,7 @@ impl Chosen<'_> {
             };
             self.check_condition(&fitted)?;
             if let Some(step) = self.path.last_mut().filter(|step| step.condition.is_none()) {
-                step.condition = fitted.nearness.as_ref().map(|near| near.condition);
+                step.condition = fitted.conditioning.as_ref().map(|near| near.condition);
             }
             let noise = correction_noise(&self.problem, &fitted, n_deg_rt_h);
             // Where the value terms alone are too loud, what the rate terms add to them is what counts.
@@ -358,18 +367,19 @@ impl Chosen<'_> {
     }
 
     fn check_condition(&self, fitted: &Fitted) -> Result<()> {
-        let Some(near) = fitted.nearness.as_ref().filter(|near| near.condition > CONDITION_MAX) else { return Ok(()) };
-        let known = near.inflation.iter().enumerate().filter_map(|(at, inflation)| Some((at, (*inflation)?)));
+        let Some(near) = fitted.conditioning.as_ref().filter(|near| near.condition > CONDITION_MAX) else {
+            return Ok(());
+        };
+        let known = near.vif.iter().enumerate().filter_map(|(at, vif)| Some((at, (*vif)?)));
         let worst = known.max_by(|(_, a), (_, b)| a.total_cmp(b)).map_or(0, |(at, _)| at);
         let term = &fitted.terms[worst];
-        let input = &self.problem.inputs[term.input].name;
+        let input = self.problem.inputs[term.input].name.as_str();
         Err(Error::refused(format!(
             "the terms of `{}` cannot be told apart on these data: condition {:.0}, at most {CONDITION_MAX:.0}; the others \
-             explain the {} term of order {} over {input} best",
+             explain the term {} best",
             self.spec,
             near.condition,
-            term.kind.word(),
-            term.order
+            term.form.name((term.input > 0).then_some(input))
         ))
         .help("take fewer terms, or test so that the inputs move apart"))
     }
@@ -386,7 +396,7 @@ impl Chosen<'_> {
             let worth = |raised: f64| alone.is_none_or(|alone| raised * SMALLER_WINS_WITHIN < alone);
             if is_given || raised.is_some_and(worth) {
                 self.mean_square = raised;
-                self.note(PathVerdict::LagRaised);
+                self.note(SearchVerdict::LagRaised);
                 return Ok(());
             }
         }
@@ -400,20 +410,20 @@ impl Chosen<'_> {
             ))
             .help("take a quieter thermometer or average its samples; or leave the rate terms out of --model"));
         }
-        self.note(PathVerdict::TooNoisy);
+        self.note(SearchVerdict::TooNoisy);
         self.mean_square = Trial::new(&self.problem, &without, &self.taus_s).held_out();
         self.spec = without;
-        self.note(PathVerdict::Taken);
+        self.note(SearchVerdict::Selected);
         Ok(())
     }
 
     /// One more row of the path; its condition comes with the next fit.
-    fn note(&mut self, verdict: PathVerdict) {
+    fn note(&mut self, verdict: SearchVerdict) {
         let last = self.path.last();
         if last.is_some_and(|step| step.verdict == verdict && step.model == self.spec.to_string()) {
             self.path.pop();
         }
-        self.path.push(PathStep {
+        self.path.push(SearchStep {
             step: self.path.last().map_or(0, |step| step.step + 1),
             model: self.spec.to_string(),
             coefficients: self.spec.coefficients(),
@@ -456,13 +466,10 @@ impl Chosen<'_> {
 }
 
 /// A model without the rate terms of an input.
-fn without_rate(problem: &Problem<'_>, spec: &ModelSpec, input: usize) -> ModelSpec {
+fn without_rate(problem: &LeastSquares<'_>, spec: &ModelSpec, input: usize) -> ModelSpec {
     let mut spec = spec.clone();
-    if input == 0 {
-        spec.rate = None;
-    } else {
-        spec.of_input(&problem.inputs[input].name).rate = None;
-        spec.further.retain(|of| !of.is_empty());
-    }
+    let name = if input == 0 { "" } else { problem.inputs[input].name.as_str() };
+    spec.of_input(name).rate = None;
+    spec.drop_empty();
     spec
 }

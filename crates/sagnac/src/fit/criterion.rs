@@ -15,7 +15,7 @@ use crate::fit::SMALLER_WINS_WITHIN;
 
 /// A model that was tried.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Held {
+pub(crate) struct CvScore {
     /// Coefficients without constants.
     pub(crate) coefficients: usize,
     /// Held-out mean square; infinite where it was not found.
@@ -35,8 +35,8 @@ pub(crate) fn needed_gain(windows: f64, more: usize, tried: usize) -> f64 {
 }
 
 /// True where no larger one of `all` betters it by what its coefficients must earn, and none as small or smaller by over 2 %.
-pub(crate) fn stands(one: Held, all: &[Held], windows: f64) -> bool {
-    let beaten = |other: &Held| {
+pub(crate) fn is_undominated(one: CvScore, all: &[CvScore], windows: f64) -> bool {
+    let beaten = |other: &CvScore| {
         let more = other.coefficients.saturating_sub(one.coefficients);
         one.mean_square > needed_gain(windows, more, 1) * other.mean_square
     };
@@ -47,20 +47,20 @@ pub(crate) fn stands(one: Held, all: &[Held], windows: f64) -> bool {
 mod tests {
     use super::*;
 
-    fn held(coefficients: usize, mean_square: f64) -> Held {
-        Held { coefficients, mean_square }
+    fn held(coefficients: usize, mean_square: f64) -> CvScore {
+        CvScore { coefficients, mean_square }
     }
 
     #[test]
     fn more_coefficients_must_earn_more() {
         // ln 200 = 5.298: three coefficients more must better by e^(15.9/200) = 1.0827.
         let all = [held(2, 1.08), held(5, 1.0)];
-        assert!(stands(all[0], &all, 200.0) && stands(all[1], &all, 200.0));
+        assert!(is_undominated(all[0], &all, 200.0) && is_undominated(all[1], &all, 200.0));
         let all = [held(2, 1.09), held(5, 1.0)];
-        assert!(!stands(all[0], &all, 200.0));
+        assert!(!is_undominated(all[0], &all, 200.0));
         // Of a thousand windows two per cent are enough for one.
         assert!((needed_gain(1000.0, 1, 1) - 1.02).abs() < 1e-12);
         assert!((needed_gain(200.0, 1, 20) - ((5.298_317 + 5.991_465) / 200.0_f64).exp()).abs() < 1e-6);
-        assert!(!stands(held(3, f64::INFINITY), &[held(3, f64::INFINITY)], 100.0));
+        assert!(!is_undominated(held(3, f64::INFINITY), &[held(3, f64::INFINITY)], 100.0));
     }
 }

@@ -10,10 +10,10 @@
 //! Where it fails: inputs that move together share what they cause as the fit shares it, so a cause that the fit laid to the
 //! wrong one of them is not seen here.
 
-use crate::calibration::TermKind;
-use crate::fit::problem::{Problem, Rates, TermPlace};
+use crate::diagnostics::{Effect, EffectOf};
+use crate::fit::least_squares::{LeastSquares, Rates, TermColumn};
 use crate::fit::solution::Fitted;
-use crate::report::{Effect, EffectOf};
+use crate::model::Form;
 
 /// Points of a curve.
 const CURVE_POINTS: usize = 121;
@@ -23,23 +23,23 @@ const TURNED: f64 = 0.5;
 /// The parts of a fit on its rows.
 pub(crate) struct Parts<'a> {
     fitted: &'a Fitted,
-    problem: &'a Problem<'a>,
+    problem: &'a LeastSquares<'a>,
     rates: Rates,
 }
 
 impl<'a> Parts<'a> {
-    pub(crate) fn new(fitted: &'a Fitted, problem: &'a Problem<'a>) -> Self {
+    pub(crate) fn new(fitted: &'a Fitted, problem: &'a LeastSquares<'a>) -> Self {
         let taus: Vec<(usize, f64)> = fitted.taus.iter().map(|tau| (tau.input, tau.value_s)).collect();
         Self { fitted, problem, rates: problem.rates(&taus) }
     }
 
-    fn terms(&self, wanted: impl Fn(&TermPlace) -> bool) -> Vec<(&'a TermPlace, f64)> {
+    fn terms(&self, wanted: impl Fn(&TermColumn) -> bool) -> Vec<(&'a TermColumn, f64)> {
         let values = &self.fitted.theta[self.problem.levels.len()..];
         self.fitted.terms.iter().zip(values.iter().copied()).filter(|(term, _)| wanted(term)).collect()
     }
 
     /// What some terms make of each row, °/h.
-    pub(crate) fn made(&self, wanted: impl Fn(&TermPlace) -> bool) -> Vec<f64> {
+    pub(crate) fn made(&self, wanted: impl Fn(&TermColumn) -> bool) -> Vec<f64> {
         let terms = self.terms(wanted);
         let of_row =
             |row| terms.iter().map(|(term, value)| value * self.problem.regressor(term, row, &self.rates)).sum();
@@ -63,11 +63,11 @@ impl<'a> Parts<'a> {
     }
 
     fn effect(&self, input: usize, of: EffectOf) -> Option<Effect> {
-        let terms = self.terms(|term| term.input == input && of.holds(term.kind));
+        let terms = self.terms(|term| term.input == input && of.holds(term.form));
         if terms.is_empty() {
             return None;
         }
-        let own = self.made(|term| term.input == input && of.holds(term.kind));
+        let own = self.made(|term| term.input == input && of.holds(term.form));
         let here = &self.problem.inputs[input];
         let fastest = (0..self.problem.len()).map(|row| self.problem.turned_dph(row).abs()).fold(0.0, f64::max);
         let told = |row: &usize| of != EffectOf::Scale || self.problem.turned_dph(*row).abs() >= TURNED * fastest;
@@ -83,7 +83,7 @@ impl<'a> Parts<'a> {
         Some(Effect {
             input: here.name.clone(),
             further: input > 0,
-            in_celsius: here.source.in_celsius(),
+            in_celsius: here.signal.in_celsius(),
             of,
             reference: here.reference,
             curve: self.curve(input, of, &terms, &x),
@@ -94,21 +94,25 @@ impl<'a> Parts<'a> {
     }
 
     /// The terms over their input, at rest; of a rate the straight line, where it is one.
-    fn curve(&self, input: usize, of: EffectOf, terms: &[(&TermPlace, f64)], x: &[f64]) -> Vec<[f64; 2]> {
+    fn curve(&self, input: usize, of: EffectOf, terms: &[(&TermColumn, f64)], x: &[f64]) -> Vec<[f64; 2]> {
         let here = &self.problem.inputs[input];
         if of == EffectOf::Rate {
-            let [(TermPlace { order: 0, .. }, slope)] = terms else { return Vec::new() };
+            let [(TermColumn { form, .. }, slope)] = terms else { return Vec::new() };
+            if *form != Form::rate(0) {
+                return Vec::new();
+            }
             let ends = x.iter().fold([0.0, 0.0], |[lo, hi]: [f64; 2], x| [lo.min(*x), hi.max(*x)]);
             return ends.map(|x| [x, slope * x]).to_vec();
         }
-        let (lo, hi) = (here.span.lo_c, here.span.hi_c);
+        let (lo, hi) = (here.span.lo, here.span.hi);
         let mut at: Vec<f64> =
             (0..CURVE_POINTS).map(|i| lo + (hi - lo) * i as f64 / (CURVE_POINTS - 1) as f64).collect();
-        let steps = terms.iter().filter(|(term, _)| term.kind == TermKind::Step).filter_map(|(term, _)| term.at);
-        at.extend(steps.flat_map(|threshold| [threshold.next_down(), threshold]));
+        let jumps = terms.iter().filter_map(|(term, _)| term.form.shape.jump());
+        at.extend(jumps.flat_map(|threshold| [threshold.next_down(), threshold]));
         at.sort_by(f64::total_cmp);
-        let sum =
-            |value: f64| terms.iter().map(|(term, theta)| theta * here.at(term.kind, term.order, term.at, value)).sum();
+        let sum = |value: f64| {
+            terms.iter().map(|(term, theta)| theta * term.form.value(here.span, value, here.reference)).sum()
+        };
         at.into_iter().map(|value| [value, sum(value)]).collect()
     }
 }

@@ -12,16 +12,15 @@ use std::collections::BTreeMap;
 
 use nalgebra::DVector;
 
-use crate::calibration::TermKind;
 use crate::fit::lag::RATE_COLUMNS;
-use crate::fit::model::ModelSpec;
-use crate::fit::problem::{Problem, Rates, TermPlace};
+use crate::fit::least_squares::{LeastSquares, Rates, TermColumn};
 use crate::fit::solve::{Factor, Reducer, Solution};
-use crate::parallel::in_parallel;
+use crate::model::spec::ModelSpec;
+use rayon::prelude::*;
 
 const BLOCKS: usize = 12;
 const RUNS_TO_LEAVE_ONE_OUT: usize = 4;
-const BIAS_COLUMNS: usize = crate::fit::basis::BASIS_LEN - 1;
+const BIAS_COLUMNS: usize = crate::model::basis::BASIS_LEN - 1;
 
 /// How rows are divided, and which columns stand before the regressors.
 struct Division {
@@ -33,7 +32,7 @@ struct Division {
 }
 
 impl Division {
-    fn of(problem: &Problem<'_>) -> Self {
+    fn of(problem: &LeastSquares<'_>) -> Self {
         let (n, runs) = (problem.len(), problem.runs.len());
         if runs >= RUNS_TO_LEAVE_ONE_OUT {
             // On a table the scale factor at T0 and the constant that runs share are learned from the other runs.
@@ -46,30 +45,31 @@ impl Division {
     }
 
     /// Levels that the training set of a fold can tell, and those that stand in the fold alone.
-    fn levels_without(&self, problem: &Problem<'_>, fold: usize) -> (Vec<usize>, Vec<usize>) {
-        let stands = |level: usize, i: usize| problem.level(i, problem.levels[level]) != 0.0;
-        let trained = |level: &usize| (0..problem.len()).any(|i| self.block[i] != fold && stands(*level, i));
+    fn levels_without(&self, problem: &LeastSquares<'_>, fold: usize) -> (Vec<usize>, Vec<usize>) {
+        let is_present = |level: usize, i: usize| problem.level(i, problem.levels[level]) != 0.0;
+        let trained = |level: &usize| (0..problem.len()).any(|i| self.block[i] != fold && is_present(*level, i));
         (0..self.levels).partition(trained)
     }
 }
 
 /// How the rows of a problem are divided, and into how many folds.
-pub(crate) fn scheme_of(problem: &Problem<'_>) -> (&'static str, usize) {
+pub(crate) fn scheme_of(problem: &LeastSquares<'_>) -> (&'static str, usize) {
     let division = Division::of(problem);
     (division.scheme, division.blocks)
 }
 
 /// Held-out mean squares, (°/h)², in the order of the candidates; `None` where a fold could not be fitted.
-pub(crate) fn cross_validate(problem: &Problem<'_>, candidates: &[ModelSpec], taus_s: &[f64]) -> Vec<Option<f64>> {
+pub(crate) fn cross_validate(problem: &LeastSquares<'_>, candidates: &[ModelSpec], taus_s: &[f64]) -> Vec<Option<f64>> {
     let division = Division::of(problem);
-    let scale_orders = candidates.iter().map(|c| usize::from(c.scale)).max().unwrap_or(0);
-    let with_rate = candidates.iter().any(|c| c.rate.is_some());
+    let scale_orders = candidates.iter().map(|c| usize::from(c.thermometer().scale)).max().unwrap_or(0);
+    let with_rate = candidates.iter().any(|c| c.thermometer().rate.is_some());
     // Without a rate term any τ serves.
     let taus_s = if with_rate { taus_s } else { &taus_s[..1] };
     let factors: Vec<Vec<Factor>> =
-        in_parallel(taus_s, |tau| block_factors(problem, &division, *tau, with_rate, scale_orders));
+        taus_s.par_iter().map(|tau| block_factors(problem, &division, *tau, with_rate, scale_orders)).collect();
     let folds: Vec<usize> = (0..division.blocks).collect();
-    let squares = in_parallel(&folds, |fold| fold_squares(problem, &division, candidates, taus_s, &factors, *fold));
+    let squares: Vec<_> =
+        folds.par_iter().map(|fold| fold_squares(problem, &division, candidates, taus_s, &factors, *fold)).collect();
     // Added in the order of the folds, whoever was first.
     let held_out =
         (0..candidates.len()).map(|candidate| squares.iter().map(|fold| fold[candidate]).sum::<Option<f64>>());
@@ -79,7 +79,7 @@ pub(crate) fn cross_validate(problem: &Problem<'_>, candidates: &[ModelSpec], ta
 
 /// Held-out sum of squares of every candidate in one fold; `None` where it could not be fitted.
 fn fold_squares(
-    problem: &Problem<'_>,
+    problem: &LeastSquares<'_>,
     division: &Division,
     candidates: &[ModelSpec],
     taus_s: &[f64],
@@ -93,7 +93,7 @@ fn fold_squares(
     let (known, free) = division.levels_without(problem, fold);
     let squares = candidates.iter().map(|candidate| {
         let columns = columns_of(candidate, &known, division.levels);
-        let choices = if candidate.rate.is_some() { taus_s.len() } else { 1 };
+        let choices = if candidate.thermometer().rate.is_some() { taus_s.len() } else { 1 };
         let (tau, theta) = best_tau(&training[..choices], &columns)?;
         Some(factors[tau][fold].ssr(&columns, &theta, &free))
     });
@@ -112,18 +112,19 @@ fn columns_of(spec: &ModelSpec, known: &[usize], levels: usize) -> Vec<usize> {
     let bias = levels;
     let rate = bias + BIAS_COLUMNS;
     let scale = rate + RATE_COLUMNS;
-    let rates = spec.rate.map_or(0, |order| usize::from(order) + 1);
+    let of = spec.thermometer();
+    let rates = of.rate.map_or(0, |order| usize::from(order) + 1);
     known
         .iter()
         .copied()
-        .chain(bias..bias + usize::from(spec.bias))
+        .chain(bias..bias + usize::from(of.bias))
         .chain(rate..rate + rates)
-        .chain(scale..scale + usize::from(spec.scale))
+        .chain(scale..scale + usize::from(of.scale))
         .collect()
 }
 
 fn block_factors(
-    problem: &Problem<'_>,
+    problem: &LeastSquares<'_>,
     division: &Division,
     tau_s: f64,
     with_rate: bool,
@@ -139,7 +140,7 @@ fn block_factors(
 
 /// Factors of the blocks, of levels, `regressors` columns that `add` puts behind them, and y.
 fn reduced(
-    problem: &Problem<'_>,
+    problem: &LeastSquares<'_>,
     division: &Division,
     regressors: usize,
     add: impl Fn(&mut Vec<f64>, usize),
@@ -177,9 +178,9 @@ const MOST_SWEEPS: usize = 4;
 
 /// One model of any inputs, cross-validated by itself.
 pub(crate) struct Trial<'a> {
-    problem: &'a Problem<'a>,
+    problem: &'a LeastSquares<'a>,
     division: Division,
-    terms: Vec<TermPlace>,
+    terms: Vec<TermColumn>,
     /// Inputs whose lag is fitted.
     rated: Vec<usize>,
     taus_s: &'a [f64],
@@ -192,10 +193,10 @@ pub(crate) struct Trial<'a> {
 }
 
 impl<'a> Trial<'a> {
-    pub(crate) fn new(problem: &'a Problem<'a>, spec: &ModelSpec, taus_s: &'a [f64]) -> Self {
+    pub(crate) fn new(problem: &'a LeastSquares<'a>, spec: &ModelSpec, taus_s: &'a [f64]) -> Self {
         let (terms, rated) = (problem.terms(spec), problem.rated(spec));
         let division = Division::of(problem);
-        let steps = terms.iter().enumerate().filter(|(_, term)| term.kind == TermKind::Step);
+        let steps = terms.iter().enumerate().filter(|(_, term)| term.form.shape.jump().is_some());
         let steps = steps.map(|(at, term)| (at, extremes_of(problem, &division, term))).collect();
         Self { problem, division, terms, rated, taus_s, rates: BTreeMap::new(), steps, factors: BTreeMap::new() }
     }
@@ -276,7 +277,7 @@ impl<'a> Trial<'a> {
             let of_input = |input: usize| self.rates.get(&input).map(|(_, rates)| rates);
             let none = vec![Vec::new(); self.problem.inputs.len()];
             let made = reduced(self.problem, &self.division, self.terms.len(), |row, i| {
-                let value = |term: &TermPlace| self.problem.regressor(term, i, of_input(term.input).unwrap_or(&none));
+                let value = |term: &TermColumn| self.problem.regressor(term, i, of_input(term.input).unwrap_or(&none));
                 row.extend(self.terms.iter().map(value));
             });
             self.factors.insert(at.to_vec(), made);
@@ -286,7 +287,7 @@ impl<'a> Trial<'a> {
 }
 
 /// Lowest and highest value of a term's column in each block.
-fn extremes_of(problem: &Problem<'_>, division: &Division, term: &TermPlace) -> Vec<(f64, f64)> {
+fn extremes_of(problem: &LeastSquares<'_>, division: &Division, term: &TermColumn) -> Vec<(f64, f64)> {
     let mut blocks = vec![(f64::INFINITY, f64::NEG_INFINITY); division.blocks];
     for row in 0..problem.len() {
         let value = problem.regressor(term, row, &Rates::new());

@@ -16,21 +16,23 @@
 //! Not counted: noise at the threshold of a step, and through terms of the scale factor. Fails where noise is slower than h: it is then taken
 //! for temperature, as the fit does.
 
-use crate::calibration::{CorrectionNoise, InputNoise, TermKind};
-use crate::fit::basis::chebyshev;
-use crate::fit::input::{Input, Source, zone};
-use crate::fit::problem::{Problem, TermPlace};
+use crate::calibration::{CorrectionNoise, InputNoise};
+use crate::fit::least_squares::{LeastSquares, TermColumn};
 use crate::fit::solution::Fitted;
-use crate::units::ARCSEC_RT_S_PER_DEG_RT_H;
+use crate::model::ActsOn;
+use crate::model::input::{SampledInput, Signal};
+use sagnac_units::ARCSEC_RT_S_PER_DEG_RT_H;
 
 /// The corrected angle random walk may exceed the raw one by this part.
 pub(crate) const INCREASE_MAX: f64 = 0.05;
-/// Step of x for the slope of a series.
-const STEP: f64 = 1e-4;
 const NORMAL_MEDIAN: f64 = 1.4826;
 
 /// Of every thermometer and column that the terms depend on, beside the raw angle random walk if it is known.
-pub(crate) fn correction_noise(problem: &Problem<'_>, fitted: &Fitted, n_deg_rt_h: Option<f64>) -> CorrectionNoise {
+pub(crate) fn correction_noise(
+    problem: &LeastSquares<'_>,
+    fitted: &Fitted,
+    n_deg_rt_h: Option<f64>,
+) -> CorrectionNoise {
     let read = read_by(problem, fitted);
     let inputs: Vec<InputNoise> = read.iter().map(|source| of_source(problem, fitted, *source)).collect();
     let total = inputs.iter().map(|noise| (noise.value_deg_rt_h + noise.rate_deg_rt_h).powi(2)).sum::<f64>();
@@ -47,9 +49,9 @@ pub(crate) fn correction_noise(problem: &Problem<'_>, fitted: &Fitted, n_deg_rt_
 }
 
 /// Which input's rate terms make the most of it.
-pub(crate) fn loudest_rate(problem: &Problem<'_>, fitted: &Fitted) -> Option<usize> {
+pub(crate) fn loudest_rate(problem: &LeastSquares<'_>, fitted: &Fitted) -> Option<usize> {
     let noise = |input: &usize| {
-        let sources = parts(problem.inputs[*input].source);
+        let sources = parts(problem.inputs[*input].signal);
         let sigma = sources.iter().map(|(source, _)| Track::of(problem, *source).sigma.powi(2)).sum::<f64>().sqrt();
         let h = sources.first().map_or(1.0, |(source, _)| Track::of(problem, *source).interval_s);
         let sensed = Sensed::of(problem, fitted, *input, h);
@@ -59,10 +61,10 @@ pub(crate) fn loudest_rate(problem: &Problem<'_>, fitted: &Fitted) -> Option<usi
 }
 
 /// Thermometers and columns behind the inputs that have terms.
-fn read_by(problem: &Problem<'_>, fitted: &Fitted) -> Vec<Source> {
-    let mut all: Vec<Source> = Vec::new();
+fn read_by(problem: &LeastSquares<'_>, fitted: &Fitted) -> Vec<Signal> {
+    let mut all: Vec<Signal> = Vec::new();
     for term in &fitted.terms {
-        for (source, _) in parts(problem.inputs[term.input].source) {
+        for (source, _) in parts(problem.inputs[term.input].signal) {
             if !all.contains(&source) {
                 all.push(source);
             }
@@ -72,19 +74,19 @@ fn read_by(problem: &Problem<'_>, fitted: &Fitted) -> Vec<Source> {
 }
 
 /// What an input is read from, with its sign.
-fn parts(source: Source) -> Vec<(Source, f64)> {
-    match source {
-        Source::Difference { of, less } => vec![(Source::Thermometer(of), 1.0), (Source::Thermometer(less), -1.0)],
+fn parts(signal: Signal) -> Vec<(Signal, f64)> {
+    match signal {
+        Signal::Difference { of, less } => vec![(Signal::Thermometer(of), 1.0), (Signal::Thermometer(less), -1.0)],
         other => vec![(other, 1.0)],
     }
 }
 
-fn of_source(problem: &Problem<'_>, fitted: &Fitted, source: Source) -> InputNoise {
+fn of_source(problem: &LeastSquares<'_>, fitted: &Fitted, source: Signal) -> InputNoise {
     let Track { sigma, interval_s } = Track::of(problem, source);
     let mut value = vec![0.0; problem.len()];
     let mut rate = value.clone();
     for (at, input) in problem.inputs.iter().enumerate() {
-        let Some((_, sign)) = parts(input.source).into_iter().find(|(part, _)| *part == source) else { continue };
+        let Some((_, sign)) = parts(input.signal).into_iter().find(|(part, _)| *part == source) else { continue };
         let sensed = Sensed::of(problem, fitted, at, interval_s);
         value.iter_mut().zip(&sensed.slope).for_each(|(sum, slope)| *sum += sign * slope);
         rate.iter_mut().zip(&sensed.rate_alpha).for_each(|(sum, c)| *sum += sign * c);
@@ -105,28 +107,26 @@ struct Sensed {
 }
 
 impl Sensed {
-    fn of(problem: &Problem<'_>, fitted: &Fitted, at: usize, interval_s: f64) -> Self {
-        let input: &Input = &problem.inputs[at];
+    fn of(problem: &LeastSquares<'_>, fitted: &Fitted, at: usize, interval_s: f64) -> Self {
+        let input: &SampledInput = &problem.inputs[at];
         let theta = &fitted.theta[problem.levels.len()..];
-        let terms: Vec<(&TermPlace, &f64)> =
+        let terms: Vec<(&TermColumn, &f64)> =
             fitted.terms.iter().zip(theta).filter(|(term, _)| term.input == at).collect();
         let alpha = fitted.lag(at).map_or(0.0, |(tau_s, _)| -(-interval_s / tau_s).exp_m1());
-        let value_at = |x: f64| -> f64 {
-            let basis = chebyshev(x);
-            let of = |term: &TermPlace| match (term.kind, term.at) {
-                (TermKind::Bias, _) => basis[usize::from(term.order)],
-                (TermKind::Zone, Some(knot)) => zone(x, knot),
-                _ => 0.0,
-            };
-            terms.iter().map(|(term, value)| *value * of(term)).sum()
+        let over = |wanted: bool| {
+            terms.iter().filter(move |(term, _)| term.form.acts_on == ActsOn::Bias && term.form.times_rate == wanted)
         };
-        let slope = |x: &f64| (value_at(x + STEP) - value_at(x - STEP)) / (2.0 * STEP) * input.span.slope();
-        let rate = |x: &f64| -> f64 {
-            let basis = chebyshev(*x);
-            let rates = terms.iter().filter(|(term, _)| term.kind == TermKind::Rate);
-            alpha * rates.map(|(term, c)| *c * basis[usize::from(term.order)]).sum::<f64>()
+        let slope = |value: f64| -> f64 {
+            over(false).map(|(term, theta)| *theta * term.form.shape.slope(input.span, value)).sum()
         };
-        Self { slope: input.x.iter().map(slope).collect(), rate_alpha: input.x.iter().map(rate).collect() }
+        let rate = |value: f64| -> f64 {
+            alpha * over(true).map(|(term, theta)| *theta * term.form.shape.value(input.span, value)).sum::<f64>()
+        };
+        let rows = 0..problem.len();
+        Self {
+            slope: rows.clone().map(|row| slope(input.value(row))).collect(),
+            rate_alpha: rows.map(|row| rate(input.value(row))).collect(),
+        }
     }
 }
 
@@ -144,7 +144,7 @@ struct Track {
 }
 
 impl Track {
-    fn of(problem: &Problem<'_>, source: Source) -> Self {
+    fn of(problem: &LeastSquares<'_>, source: Signal) -> Self {
         let windows = problem.windows();
         let row = (windows.shape.sample_interval_s / problem.period_s()).round().max(1.0) as usize;
         let tracks: Vec<_> = problem.runs.iter().map(|run| source.track(windows, *run)).collect();

@@ -10,8 +10,8 @@
 
 use std::borrow::Cow;
 
-use crate::fit::basis::Span;
-use crate::fit::model::MAX_RATE_ORDER;
+use crate::model::basis::Span;
+use crate::model::spec::MAX_RATE_ORDER;
 
 /// Columns of a full rate series, c₀ … c₃.
 pub(crate) const RATE_COLUMNS: usize = MAX_RATE_ORDER as usize + 1;
@@ -97,7 +97,7 @@ mod tests {
     #[test]
     fn low_orders_are_those_of_the_basis() {
         for x in [-1.0, -0.3, 0.0, 0.7, 1.0] {
-            let (low, all) = (low_orders(x), crate::fit::basis::chebyshev(x));
+            let (low, all) = (low_orders(x), crate::model::basis::chebyshev(x));
             assert!(low.iter().zip(all).all(|(a, b)| (a - b).abs() < 1e-15));
         }
     }
@@ -106,7 +106,7 @@ mod tests {
     #[test]
     fn a_ramp_shows_its_own_rate() {
         let track: Vec<f64> = (0..4000).map(|n| f64::from(n) / 60.0).collect();
-        let span = Span { lo_c: 0.0, hi_c: 70.0 };
+        let span = Span { lo: 0.0, hi: 70.0 };
         let lag = ramp(&track, span, 120.0);
         let means = lag.means(&[(10.0, 20.0), (3000.0, 3100.0)]);
         assert!((means[1][0] - 1.0).abs() < 1e-9, "{}", means[1][0]);
@@ -125,7 +125,7 @@ mod tests {
             let last = lags[lags.len() - 1];
             lags.push(last + alpha * (t - last));
         }
-        let lag = ramp(&track, Span { lo_c: 0.0, hi_c: 10.0 }, 7.0);
+        let lag = ramp(&track, Span { lo: 0.0, hi: 10.0 }, 7.0);
         // Windows between grid points and up to the very end too.
         let means = lag.means(&[(50.0, 150.0), (150.25, 160.5), (190.0, 200.0)]);
         assert!((means[0][0] - 60.0 * (lags[150] - lags[50]) / 100.0).abs() < 1e-12);

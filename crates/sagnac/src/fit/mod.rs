@@ -1,56 +1,61 @@
 //! From windows to a calibration.
 //!
 //! ```text
-//! Windows ─▶ Problem (one axis) ─▶ folds (held-out σ of every candidate of the grid) ─▶ path (further inputs, zones,
+//! Windows ─▶ LeastSquares (one axis) ─▶ folds (held-out σ of every candidate of the grid) ─▶ path (other inputs, zones,
 //!            steps) ─▶ solution (chosen model, covariance) ─▶ input noise ─▶ AxisCalibration
 //! ```
 //!
 //! `docs/explanation/method.md` tells the method; each step's equation stands in its module.
 
-mod basis;
 mod bootstrap;
 mod choose;
-mod cost;
 mod criterion;
 mod effects;
 mod folds;
-mod further;
-mod input;
 mod input_noise;
+mod inputs;
 mod lag;
-mod model;
+mod least_squares;
 mod monomial;
-mod path;
+mod period;
 mod plateaus;
-mod problem;
+mod rate_table_input;
 mod record;
 mod robust;
+mod search;
 mod soak;
 mod solution;
 mod solve;
 mod tradeoff;
-mod turning;
 
-pub use basis::{BASIS_LEN, Span, chebyshev};
-pub use cost::{TICK_INSTRUCTIONS, WITHIN as PRICED_WITHIN, Work};
-pub(crate) use input::{label, unit_exponent, zone};
-pub use model::{MAX_RATE_ORDER, ModelSpec};
-pub(crate) use monomial::{powers_from_series, series_from_powers};
 pub(crate) use plateaus::{level_stretches, plateaus_of};
-pub use record::{FitOptions, calibrate, calibrate_with_evidence};
-pub(crate) use record::{inputs, noise_of, program};
+pub(crate) use rate_table_input::{RateTableInput, SAME_RATE};
+pub use record::{FitOptions, calibrate, calibrate_with_report_data};
+pub(crate) use record::{log_files, noise_of};
 pub use robust::Loss;
 pub use tradeoff::{FrontierPoint, frontier};
-pub(crate) use turning::{SAME_RATE, Turning};
 
 /// A smaller model wins if its held-out mean square is within this factor of the least.
 const SMALLER_WINS_WITHIN: f64 = 1.02;
 
+use sagnac_log::error::{Error, Result};
+
+use crate::model::ModelSpec;
+
 /// Which model to fit.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum ModelChoice {
+#[derive(Clone, Debug, PartialEq)]
+pub enum Model {
     /// The best out of sample.
     Auto,
     /// This one.
     Fixed(ModelSpec),
+}
+
+impl std::str::FromStr for Model {
+    type Err = Error;
+
+    /// `auto`, or the words of `--model`.
+    fn from_str(text: &str) -> Result<Self> {
+        if text == "auto" { Ok(Self::Auto) } else { text.parse().map(Self::Fixed) }
+    }
 }

@@ -1,71 +1,92 @@
-//! The fitted curve in the paper's form: powers of °C.
+//! The fitted curve in the paper's form: powers of °C, with the offset of the first run.
 //!
-//! `C + Σ bᵢ·[Tᵢ(x) − Tᵢ(x0)]` with `x = a·T + s` is expanded exactly; the map is linear, so its matrix
-//! carries the covariance too. Printed for people and old systems: nothing in Sagnac computes with it,
-//! because raw powers of °C are ill-conditioned.
+//! ```text
+//! value = f·{C + Σ bᵢ·[Sᵢ(T) − Sᵢ(T0)] − Ω·1e-6·Σ e_k·[S_k(T) − S_k(T0)]} = Σ cₚ·Tᵖ        f: from °/h to the unit
+//! ```
+//!
+//! One linear map from the parameters to the powers, so that the covariance goes with it. Scale terms are linearised at the
+//! rate of that run, other inputs are at their references. A curve with a shape that has no powers has no monomial.
 
-use crate::fit::basis::{BASIS_LEN, Span, chebyshev, chebyshev_powers};
+use sagnac_log::ingest::AngleUnit;
 
-/// Row i: power Tⁱ; column 0: the constant, column n: coefficient of order n.
-pub(crate) fn powers_from_series(span: Span, reference_c: f64, order: usize) -> Vec<Vec<f64>> {
-    let at_reference = chebyshev(span.x(reference_c));
-    let shift = span.x(0.0);
-    let mut rows = vec![vec![0.0; order + 1]; order + 1];
-    rows[0][0] = 1.0;
-    for n in 1..=order {
-        let column = substitute(&chebyshev_powers()[n], span.slope(), shift);
-        for (power, row) in rows.iter_mut().enumerate() {
-            row[n] = column[power];
-        }
-        rows[0][n] -= at_reference[n];
+use crate::calibration::Monomial;
+use crate::fit::least_squares::{LeastSquares, TermColumn};
+use crate::fit::solution::Fitted;
+use crate::model::{ActsOn, BASIS_LEN};
+use crate::window::WindowShape;
+
+/// Factor from °/h to the monomial's unit, and the name of the unit.
+fn unit_of(unit: AngleUnit, window_s: f64) -> (f64, &'static str) {
+    match unit {
+        AngleUnit::Quanta { arcsec_per_count, .. } => (window_s / arcsec_per_count, "counts per window"),
+        AngleUnit::Arcsec => (1.0, "deg/h"),
     }
-    rows
 }
 
-/// Chebyshev coefficients 0 … order of a polynomial given by ascending powers of °C.
-pub(crate) fn series_from_powers(span: Span, powers: &[f64]) -> [f64; BASIS_LEN] {
-    // T = (x − shift)/slope, then peel off the highest power with the T_n that leads it.
-    let mut in_x = [0.0; BASIS_LEN];
-    in_x[..powers.len()].copy_from_slice(powers);
-    let mut in_x = substitute(&in_x, 1.0 / span.slope(), -span.x(0.0) / span.slope());
-    let table = chebyshev_powers();
-    let mut series = [0.0; BASIS_LEN];
-    for n in (0..BASIS_LEN).rev() {
-        series[n] = in_x[n] / table[n][n];
-        for power in 0..=n {
-            in_x[power] -= series[n] * table[n][power];
-        }
+/// The curve in the zone of T0, and zone by zone where there are zones.
+pub(crate) fn monomials(
+    fitted: &Fitted,
+    problem: &LeastSquares<'_>,
+    shape: &WindowShape,
+    reference_c: f64,
+) -> (Option<Monomial>, Vec<Monomial>) {
+    let span = problem.span();
+    let knots: Vec<f64> = curve_terms(fitted).filter_map(|(_, term)| term.form.shape.joint()).collect();
+    let mut borders = vec![span.lo];
+    borders.extend(&knots);
+    borders.push(span.hi);
+    let pieces = borders.windows(2).map(|ends| monomial(fitted, problem, shape, reference_c, [ends[0], ends[1]]));
+    let Some(mut zones) = pieces.collect::<Option<Vec<Monomial>>>() else { return (None, Vec::new()) };
+    if knots.is_empty() {
+        let whole = zones.pop().map(|curve| Monomial { range_c: None, ..curve });
+        return (whole, Vec::new());
     }
-    series
+    let of_reference = knots.iter().filter(|knot| reference_c >= **knot).count();
+    (zones.get(of_reference).cloned(), zones)
 }
 
-/// p(slope·u + shift) by Horner's rule on polynomials.
-fn substitute(powers: &[f64; BASIS_LEN], slope: f64, shift: f64) -> [f64; BASIS_LEN] {
-    let mut out = [0.0; BASIS_LEN];
-    for coefficient in powers.iter().rev() {
-        for power in (0..BASIS_LEN).rev() {
-            let below = if power > 0 { out[power - 1] } else { 0.0 };
-            out[power] = out[power] * shift + below * slope;
-        }
-        out[0] += coefficient;
-    }
-    out
+/// Terms at rest over the thermometer of the fit, with their index.
+fn curve_terms(fitted: &Fitted) -> impl Iterator<Item = (usize, &TermColumn)> {
+    fitted.terms.iter().enumerate().filter(|(_, term)| term.input == 0 && !term.form.times_rate)
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn there_and_back_again() {
-        let span = Span { lo_c: -40.0, hi_c: 70.0 };
-        let powers = [0.3, -0.02, 5e-4, 1e-6];
-        let series = series_from_powers(span, &powers);
-        let rows = powers_from_series(span, 25.0, 3);
-        let constant: f64 = powers.iter().rev().fold(0.0, |sum, c| sum * 25.0 + c);
-        for (power, row) in rows.iter().enumerate() {
-            let value = row[0] * constant + (1..=3).map(|n| row[n] * series[n]).sum::<f64>();
-            assert!((value - powers[power]).abs() < 1e-12 * (1.0 + powers[power].abs()), "{power}: {value}");
-        }
+/// Powers of °C between two temperatures; `None` where a shape has none.
+fn monomial(
+    fitted: &Fitted,
+    problem: &LeastSquares<'_>,
+    shape: &WindowShape,
+    reference_c: f64,
+    piece: [f64; 2],
+) -> Option<Monomial> {
+    let (span, levels) = (problem.span(), problem.levels.len());
+    let (factor, unit) = unit_of(shape.unit, shape.nominal_s);
+    // On a table the curve is that of a gyro that is not turned.
+    let omega = if problem.turning.is_some() { 0.0 } else { -problem.run_rate[0] * 1e-6 };
+    let mut maps = vec![vec![0.0; fitted.covariance.nrows()]; BASIS_LEN];
+    maps[0][0] = factor;
+    let mut order = 0;
+    for (at, term) in curve_terms(fitted) {
+        let mut powers = term.form.shape.powers(span, piece)?;
+        order = order.max(term.form.shape.degree()?);
+        powers[0] -= term.form.shape.value(span, reference_c);
+        let acts = match term.form.acts_on {
+            ActsOn::Bias => 1.0,
+            ActsOn::ScaleFactor => omega,
+        };
+        maps.iter_mut().zip(powers).for_each(|(map, power)| map[levels + at] = factor * acts * power);
     }
+    maps.truncate(order + 1);
+    let coefficients = maps.iter().map(|map| map.iter().zip(&fitted.theta).map(|(m, t)| m * t).sum());
+    let sigma = maps.iter().map(|map| {
+        let map = nalgebra::DVector::from_column_slice(map);
+        (map.transpose() * &fitted.covariance * &map)[(0, 0)].max(0.0).sqrt()
+    });
+    Some(Monomial {
+        run: problem.runs[0] as u32,
+        unit: unit.to_owned(),
+        window_s: shape.nominal_s,
+        coefficients: coefficients.collect(),
+        sigma: Some(sigma.collect()),
+        range_c: Some(piece),
+    })
 }

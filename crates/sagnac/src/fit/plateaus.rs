@@ -18,7 +18,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::calibration::{Plateau, PpmEstimate, Repeatability};
-use crate::fit::turning::{SAME_RATE, Turning};
+use crate::fit::rate_table_input::{RateTableInput, SAME_RATE};
 use crate::window::Windows;
 
 /// A plateau reaches this far from its mean, °C.
@@ -48,7 +48,7 @@ pub(crate) fn plateaus_of(
     used: &[usize],
     column: usize,
     sensor: usize,
-    turning: &Turning,
+    turning: &RateTableInput,
 ) -> Vec<Plateau> {
     let one = |i: &usize| TurnedWindow {
         run: windows.rows.run[*i] as usize,
@@ -168,7 +168,7 @@ fn plateau(windows: &[TurnedWindow]) -> Option<Plateau> {
     Some(Plateau {
         temperature_c: mean_c(windows),
         windows: windows.len(),
-        rates_dps: groups.iter().map(|(rate, _)| rate / crate::units::DPH_PER_DPS).collect(),
+        rates_dps: groups.iter().map(|(rate, _)| rate / sagnac_units::DPH_PER_DPS).collect(),
         scale: PpmEstimate { ppm: ppm(line[1]), sigma_ppm: 1e6 * covariance[(1, 1)].sqrt() },
         bias_dph: line[0],
         bias_sigma_dph: covariance[(0, 0)].sqrt(),

@@ -8,10 +8,10 @@
 //! by the residuals' correlation as in the least squares it takes the place of. The choice of the model and the folds stay
 //! with least squares.
 
-use crate::error::Result;
-use crate::fit::model::ModelSpec;
-use crate::fit::problem::Problem;
+use crate::fit::least_squares::LeastSquares;
 use crate::fit::solution::{Fitted, fit};
+use crate::model::spec::ModelSpec;
+use sagnac_log::error::Result;
 
 const TUNING: f64 = 1.345;
 const NORMAL_MEDIAN: f64 = 1.4826;
@@ -30,7 +30,7 @@ pub enum Loss {
 }
 
 /// Fits a model with Huber's loss; the problem's weights end as they were.
-pub(crate) fn robust_fit(problem: &mut Problem<'_>, spec: &ModelSpec, taus_s: &[f64]) -> Result<Fitted> {
+pub(crate) fn robust_fit(problem: &mut LeastSquares<'_>, spec: &ModelSpec, taus_s: &[f64]) -> Result<Fitted> {
     let base = problem.weight.clone();
     // Its covariance and σ stay those of least squares until the end.
     let mut fitted = fit(problem, spec, taus_s)?;

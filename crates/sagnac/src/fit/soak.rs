@@ -1,4 +1,4 @@
-//! What more soaking would buy: the curve's doubt after added hours, before anyone spends them.
+//! What more soaking would improve: the uncertainty of the curve after added hours, before anyone spends them.
 //!
 //! ```text
 //! Cov' = (Cov⁻¹ + m·g·gᵀ/s²)⁻¹ = Cov − Cov·g·gᵀ·Cov·m/(s² + m·gᵀ·Cov·g)      (Sherman and Morrison 1950)
@@ -19,32 +19,34 @@ const TEMPERATURES: usize = 12;
 
 /// The forecast of one axis; `None` where nothing was fitted here or no bias term is there to be known better.
 pub(crate) fn soak(axis: &AxisCalibration, window_s: f64) -> Option<Soak> {
-    let residual = axis.residual?;
-    let size = axis.covariance.len();
-    let covariance = DMatrix::from_fn(size, size, |i, j| axis.covariance[i].get(j).copied().unwrap_or(0.0));
-    let constant = axis.covariance_of.iter().rposition(|name| name.starts_with("constant"))?;
+    let fit = axis.fit.as_ref()?;
+    let residual = fit.residual;
+    let size = fit.covariance.len();
+    let covariance = DMatrix::from_fn(size, size, |i, j| fit.covariance[i].get(j).copied().unwrap_or(0.0));
+    let offset = fit.covariance_of.iter().rposition(|name| name.starts_with("offset"))?;
+    let reference_c = axis.reference_c();
     let span = axis.span();
     let curve = |celsius: f64| {
         let mut g = DVector::zeros(size);
-        axis.drift_weights(celsius, axis.reference_c).iter().for_each(|(row, weight)| g[*row] = *weight);
+        axis.drift_weights(celsius, reference_c).iter().for_each(|(row, weight)| g[*row] = *weight);
         g
     };
-    if axis.drift_weights(span.hi_c, span.lo_c).is_empty() {
+    if axis.drift_weights(span.hi, span.lo).is_empty() {
         return None;
     }
-    let widening = (1.0 + residual.autocorrelation) / (1.0 - residual.autocorrelation);
+    let widening = (1.0 + residual.lag1_autocorrelation) / (1.0 - residual.lag1_autocorrelation);
     let window_variance = residual.sigma_dph.powi(2) * widening;
     let sigma_after = |of: &DVector<f64>, soaked_c: f64, hours: f64| {
         let mut g = curve(soaked_c);
-        g[constant] = 1.0;
+        g[offset] = 1.0;
         let windows = hours * 3600.0 / window_s;
         let moved = &covariance * &g;
         let known = (of.transpose() * &covariance * of)[(0, 0)];
         let gained = of.dot(&moved).powi(2) * windows / (window_variance + windows * g.dot(&moved));
         (known - gained).max(0.0).sqrt()
     };
-    let width = (span.hi_c - span.lo_c) / (TEMPERATURES - 1) as f64;
-    let temperatures: Vec<f64> = (0..TEMPERATURES).map(|i| span.lo_c + width * i as f64).collect();
+    let width = (span.hi - span.lo) / (TEMPERATURES - 1) as f64;
+    let temperatures: Vec<f64> = (0..TEMPERATURES).map(|i| span.lo + width * i as f64).collect();
     let table: Vec<SoakRow> = temperatures
         .iter()
         .map(|t| SoakRow {

@@ -8,13 +8,15 @@
 use nalgebra::DMatrix;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
-use crate::calibration::{Lag, TermKind};
-use crate::error::{Error, Result};
+use crate::calibration::Lag;
 use crate::fit::bootstrap::Resampling;
-use crate::fit::model::ModelSpec;
-use crate::fit::problem::{Problem, Rates, TermPlace};
-use crate::fit::solve::{Factor, Nearness, Reducer, Solution};
-use crate::parallel::in_parallel;
+use crate::fit::least_squares::{LeastSquares, Rates, TermColumn};
+use crate::fit::solve::{Conditioning, Factor, Reducer, Solution};
+use crate::model::ActsOn;
+use crate::model::Shape;
+use crate::model::spec::ModelSpec;
+use rayon::prelude::*;
+use sagnac_log::error::{Error, Result};
 
 /// τ is taken as resolved unless misfits this close to the least reach an end of the search.
 const FLAT_MISFIT: f64 = 1.02;
@@ -36,7 +38,7 @@ pub(crate) struct Tau {
 /// A fitted model.
 pub(crate) struct Fitted {
     pub(crate) spec: ModelSpec,
-    pub(crate) terms: Vec<TermPlace>,
+    pub(crate) terms: Vec<TermColumn>,
     /// One per input with rate terms.
     pub(crate) taus: Vec<Tau>,
     /// Levels, then the terms in their order.
@@ -49,10 +51,10 @@ pub(crate) struct Fitted {
     pub(crate) sigma_dph: f64,
     /// Lag-one correlation of residuals.
     pub(crate) autocorrelation: f64,
-    /// |value|/σ beyond which a coefficient differs from zero at 95 %.
-    pub(crate) t95: f64,
+    /// Half a 95 % interval in units of σ.
+    pub(crate) t_quantile_975: f64,
     /// How near the terms are to each other; `None` without any.
-    pub(crate) nearness: Option<Nearness>,
+    pub(crate) conditioning: Option<Conditioning>,
 }
 
 impl Fitted {
@@ -72,14 +74,25 @@ impl Fitted {
         self.lag(input).map(|(value, sigma)| Lag { value, sigma })
     }
 
-    /// The lags that stand in the covariance.
+    /// Parameters that the model is not linear in and that are resolved, as the covariance has them after the coefficients: input,
+    /// name, value.
+    pub(crate) fn nonlinear(&self) -> Vec<(usize, &'static str, f64)> {
+        let lags = self.resolved().map(|tau| (tau.input, "lag_s", tau.value_s));
+        let periods = fitted_periods(&self.spec, &self.terms).into_iter().map(|(cosine, period)| {
+            let TermColumn { input, form } = self.terms[cosine];
+            (input, form.acts_on.period_name(), period)
+        });
+        lags.chain(periods).collect()
+    }
+
+    /// The lags in the covariance.
     pub(crate) fn resolved(&self) -> impl Iterator<Item = &Tau> {
         self.taus.iter().filter(|tau| tau.resolved)
     }
 }
 
 /// Fits a model on all rows.
-pub(crate) fn fit(problem: &Problem<'_>, spec: &ModelSpec, taus_s: &[f64]) -> Result<Fitted> {
+pub(crate) fn fit(problem: &LeastSquares<'_>, spec: &ModelSpec, taus_s: &[f64]) -> Result<Fitted> {
     let parameters = problem.levels.len() + spec.coefficients();
     if problem.len() < 3 * parameters {
         return Err(Error::refused(format!(
@@ -94,8 +107,8 @@ pub(crate) fn fit(problem: &Problem<'_>, spec: &ModelSpec, taus_s: &[f64]) -> Re
     let solution = design.factor(&[]).solve_all().ok_or_else(|| dependent(problem, spec))?;
     let theta: Vec<f64> = solution.theta.iter().copied().collect();
     let residuals = design.residuals(&theta);
-    let nearness = solution.nearness(problem.levels.len(), &together(&terms));
-    let slopes = tau_columns(&design, &taus, &theta);
+    let conditioning = solution.conditioning(problem.levels.len(), &together(&terms));
+    let slopes = nonlinear_columns(&design, spec, &taus, &theta);
     let covered = if slopes.is_empty() { Some(solution) } else { design.factor(&slopes).solve_all() };
     let normal = covered.and_then(|s| s.inverse_normal()).ok_or_else(|| dependent(problem, spec))?;
     let degrees = (problem.len() - normal.nrows()) as f64;
@@ -104,16 +117,27 @@ pub(crate) fn fit(problem: &Problem<'_>, spec: &ModelSpec, taus_s: &[f64]) -> Re
     let autocorrelation = lag_one(problem, &residuals);
     let widening = (1.0 + autocorrelation) / (1.0 - autocorrelation);
     let effective = (problem.len() as f64 / widening - normal.nrows() as f64).max(1.0);
-    let t95 = StudentsT::new(0.0, 1.0, effective).map_or(1.96, |t| t.inverse_cdf(0.975));
+    let t_quantile_975 = StudentsT::new(0.0, 1.0, effective).map_or(1.96, |t| t.inverse_cdf(0.975));
     let (covariance, sigma_dph) = (normal * (variance * widening), variance.sqrt());
     let spec = spec.clone();
-    Ok(Fitted { spec, terms, taus, theta, covariance, residuals, sigma_dph, autocorrelation, t95, nearness })
+    Ok(Fitted {
+        spec,
+        terms,
+        taus,
+        theta,
+        covariance,
+        residuals,
+        sigma_dph,
+        autocorrelation,
+        t_quantile_975,
+        conditioning,
+    })
 }
 
 /// 95 % intervals of every parameter by the block bootstrap.
-pub(crate) fn bootstrap_intervals(problem: &Problem<'_>, fitted: &Fitted, draws: usize) -> Vec<[f64; 2]> {
+pub(crate) fn bootstrap_intervals(problem: &LeastSquares<'_>, fitted: &Fitted, draws: usize) -> Vec<[f64; 2]> {
     let design = Design { problem, terms: &fitted.terms, rates: problem.rates(&values(&fitted.taus)) };
-    let slopes = tau_columns(&design, &fitted.taus, &fitted.theta);
+    let slopes = nonlinear_columns(&design, &fitted.spec, &fitted.taus, &fitted.theta);
     let mut row = Vec::new();
     let mut rows = Vec::new();
     for i in 0..problem.len() {
@@ -129,15 +153,18 @@ pub(crate) fn bootstrap_intervals(problem: &Problem<'_>, fitted: &Fitted, draws:
     let residuals: Vec<f64> = fitted.residuals.iter().zip(&problem.weight).map(|(r, w)| r * w.sqrt()).collect();
     let resampling =
         Resampling { residuals: &residuals, run: &problem.run, gain: &gain, autocorrelation: fitted.autocorrelation };
-    let theta: Vec<f64> = fitted.theta.iter().copied().chain(fitted.resolved().map(|tau| tau.value_s)).collect();
+    let others = fitted.nonlinear().into_iter().map(|(_, _, value)| value);
+    let theta: Vec<f64> = fitted.theta.iter().copied().chain(others).collect();
     resampling.intervals(&theta, draws)
 }
 
-/// Series and zones over the thermometer of the fit, where there are zones: squares above their knots look alike however
-/// well the curve is known.
-fn together(terms: &[TermPlace]) -> Vec<usize> {
-    let of_curve = |term: &TermPlace| term.input == 0 && matches!(term.kind, TermKind::Bias | TermKind::Zone);
-    let zoned = terms.iter().any(|term| term.kind == TermKind::Zone);
+/// Series and zones of the bias over the thermometer of the fit, where there are zones: squares above their knots look alike
+/// however well the curve is known.
+fn together(terms: &[TermColumn]) -> Vec<usize> {
+    let of_curve = |term: &TermColumn| {
+        term.input == 0 && !term.form.times_rate && term.form.acts_on == ActsOn::Bias && term.form.shape.joins_series()
+    };
+    let zoned = terms.iter().any(|term| matches!(term.form.shape, Shape::Zone { .. }));
     (0..terms.len()).filter(|at| zoned && of_curve(&terms[*at])).collect()
 }
 
@@ -145,9 +172,9 @@ fn values(taus: &[Tau]) -> Vec<(usize, f64)> {
     taus.iter().map(|tau| (tau.input, tau.value_s)).collect()
 }
 
-fn dependent(problem: &Problem<'_>, spec: &ModelSpec) -> Error {
+fn dependent(problem: &LeastSquares<'_>, spec: &ModelSpec) -> Error {
     let rates: Vec<String> = problem.run_rate.iter().map(|r| format!("{r:.3}")).collect();
-    let what = if spec.scale > 0 {
+    let what = if spec.thermometer().scale > 0 {
         format!("scale-factor and bias terms of `{spec}` cannot be told apart by runs at {} °/h", rates.join(", "))
     } else {
         format!("the terms of `{spec}` are not independent on these data")
@@ -158,8 +185,8 @@ fn dependent(problem: &Problem<'_>, spec: &ModelSpec) -> Error {
 
 /// The regressors of some terms at some lags.
 struct Design<'a> {
-    problem: &'a Problem<'a>,
-    terms: &'a [TermPlace],
+    problem: &'a LeastSquares<'a>,
+    terms: &'a [TermColumn],
     rates: Rates,
 }
 
@@ -209,13 +236,13 @@ impl Columns {
     }
 }
 
-fn misfit(problem: &Problem<'_>, terms: &[TermPlace], taus_s: &[(usize, f64)]) -> f64 {
+fn misfit(problem: &LeastSquares<'_>, terms: &[TermColumn], taus_s: &[(usize, f64)]) -> f64 {
     let design = Design { problem, terms, rates: problem.rates(taus_s) };
     design.factor(&[]).solve_all().map_or(f64::INFINITY, |s| s.ssr)
 }
 
 /// The lags of least misfit, one after the other until they stand.
-fn find_taus(problem: &Problem<'_>, spec: &ModelSpec, terms: &[TermPlace], taus_s: &[f64]) -> Result<Vec<Tau>> {
+fn find_taus(problem: &LeastSquares<'_>, spec: &ModelSpec, terms: &[TermColumn], taus_s: &[f64]) -> Result<Vec<Tau>> {
     let middle = taus_s.get(taus_s.len() / 2).copied().unwrap_or(1.0);
     let rated = problem.rated(spec);
     let mut taus: Vec<Tau> =
@@ -242,7 +269,7 @@ fn find_taus(problem: &Problem<'_>, spec: &ModelSpec, terms: &[TermPlace], taus_
 /// The τ of least misfit and whether it is resolved; where the misfit is flat to an end of the search, the smallest
 /// within 2 %. `None` where nothing could be fitted.
 fn find_tau(taus_s: &[f64], misfit: impl Fn(f64) -> f64 + Sync) -> Option<(f64, bool)> {
-    let misfits: Vec<f64> = in_parallel(taus_s, |tau| misfit(*tau));
+    let misfits: Vec<f64> = taus_s.par_iter().map(|tau| misfit(*tau)).collect();
     let (best, least) = misfits.iter().copied().enumerate().min_by(|(_, a), (_, b)| a.total_cmp(b))?;
     if !least.is_finite() {
         return None;
@@ -258,7 +285,7 @@ fn find_tau(taus_s: &[f64], misfit: impl Fn(f64) -> f64 + Sync) -> Option<(f64, 
 }
 
 /// Minimum of a function with one valley between `lo` and `hi`.
-fn golden_section(mut lo: f64, mut hi: f64, f: impl Fn(f64) -> f64) -> f64 {
+pub(crate) fn golden_section(mut lo: f64, mut hi: f64, f: impl Fn(f64) -> f64) -> f64 {
     const RATIO: f64 = 0.618_033_988_749_894_9;
     let (mut left, mut right) = (hi - RATIO * (hi - lo), lo + RATIO * (hi - lo));
     let (mut at_left, mut at_right) = (f(left), f(right));
@@ -274,6 +301,13 @@ fn golden_section(mut lo: f64, mut hi: f64, f: impl Fn(f64) -> f64) -> f64 {
         }
     }
     f64::midpoint(lo, hi)
+}
+
+/// ∂y of every parameter of [`Fitted::nonlinear`], in its order.
+fn nonlinear_columns(design: &Design<'_>, spec: &ModelSpec, taus: &[Tau], theta: &[f64]) -> Vec<Vec<f64>> {
+    let mut columns = tau_columns(design, taus, theta);
+    columns.extend(period_columns(design, spec, theta));
+    columns
 }
 
 /// ∂y/∂τ of every resolved lag by central difference over ±1 %.
@@ -295,9 +329,48 @@ fn tau_columns(design: &Design<'_>, taus: &[Tau], theta: &[f64]) -> Vec<Vec<f64>
     taus.iter().filter(|tau| tau.resolved).map(of).collect()
 }
 
+/// Index of the cosine and the period of every harmonic whose period is a parameter of the fit.
+fn fitted_periods(spec: &ModelSpec, terms: &[TermColumn]) -> Vec<(usize, f64)> {
+    let harmonics = spec.inputs().iter().flat_map(|of| &of.harmonics);
+    let fitted: Vec<f64> = harmonics.filter(|wave| wave.is_fitted).filter_map(|wave| wave.period).collect();
+    let cosine = |(at, term): (usize, &TermColumn)| match term.form.shape {
+        Shape::Cosine { period } if fitted.contains(&period) => Some((at, period)),
+        Shape::Cosine { .. } | Shape::Sine { .. } => None,
+        Shape::Chebyshev { .. } | Shape::Zone { .. } | Shape::Step { .. } => None,
+    };
+    terms.iter().enumerate().filter_map(cosine).collect()
+}
+
+/// ∂y/∂P of every fitted period by central difference over ± a thousandth of a turn over the span.
+fn period_columns(design: &Design<'_>, spec: &ModelSpec, theta: &[f64]) -> Vec<Vec<f64>> {
+    const STEP_TURNS: f64 = 1e-3;
+    let problem = design.problem;
+    let of = |(cosine, period): (usize, f64)| {
+        let span = problem.inputs[design.terms[cosine].input].span;
+        let step = STEP_TURNS * period * period / (span.hi - span.lo);
+        let wave = |by: f64, row: usize| -> f64 {
+            let period = period + by;
+            let shapes = [Shape::Cosine { period }, Shape::Sine { period }];
+            let value = |(at, shape): (usize, Shape)| {
+                let mut term = design.terms[cosine + at];
+                term.form.shape = shape;
+                theta[problem.levels.len() + cosine + at] * problem.regressor(&term, row, &design.rates)
+            };
+            shapes.into_iter().enumerate().map(value).sum()
+        };
+        (0..problem.len()).map(|row| (wave(step, row) - wave(-step, row)) / (2.0 * step)).collect()
+    };
+    fitted_periods(spec, design.terms).into_iter().map(of).collect()
+}
+
+/// Misfit of a model at given lags.
+pub(crate) fn misfit_at(problem: &LeastSquares<'_>, spec: &ModelSpec, lags_s: &[(usize, f64)]) -> f64 {
+    misfit(problem, &problem.terms(spec), lags_s)
+}
+
 /// Lag-one correlation of neighbouring residuals of a run, with Kendall's (1954) correction for the
 /// small-sample bias; within 0 … 0.99.
-fn lag_one(problem: &Problem<'_>, residuals: &[f64]) -> f64 {
+fn lag_one(problem: &LeastSquares<'_>, residuals: &[f64]) -> f64 {
     let scaled: Vec<f64> = residuals.iter().zip(&problem.weight).map(|(r, w)| r * w.sqrt()).collect();
     let square: f64 = scaled.iter().map(|r| r * r).sum();
     let product: f64 =

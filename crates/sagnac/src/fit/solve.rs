@@ -106,17 +106,17 @@ impl Factor {
 
 /// How near the columns of a fit are to being combinations of each other.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Nearness {
+pub(crate) struct Conditioning {
     /// Largest over smallest singular value of the columns at unit length.
     pub(crate) condition: f64,
     /// Per column: by how much the others multiply its variance; `None` for columns that count as one.
-    pub(crate) inflation: Vec<Option<f64>>,
+    pub(crate) vif: Vec<Option<f64>>,
 }
 
 impl Solution {
     /// Of the columns after the first `before`, with what those explain taken out; `None` without any. The columns of
     /// `together` (counted from `before`) count as the space that they span, whatever basis they are of it.
-    pub(crate) fn nearness(&self, before: usize, together: &[usize]) -> Option<Nearness> {
+    pub(crate) fn conditioning(&self, before: usize, together: &[usize]) -> Option<Conditioning> {
         let p = self.r.nrows().checked_sub(before).filter(|p| *p > 0)?;
         let mut own = self.r.view((before, before), (p, p)).into_owned();
         own.column_iter_mut().for_each(|mut column| {
@@ -129,8 +129,8 @@ impl Solution {
         let values = own.clone().singular_values();
         let inverse = own.try_inverse()?;
         let of = |(at, row): (usize, nalgebra::RowDVector<f64>)| (!together.contains(&at)).then(|| row.norm_squared());
-        let inflation = inverse.row_iter().map(|row| row.into_owned()).enumerate().map(of).collect();
-        Some(Nearness { condition: values.max() / values.min(), inflation })
+        let vif = inverse.row_iter().map(|row| row.into_owned()).enumerate().map(of).collect();
+        Some(Conditioning { condition: values.max() / values.min(), vif })
     }
 
     /// (AᵀWA)⁻¹ of the solved columns.
@@ -169,19 +169,19 @@ mod tests {
         reducer.finish()
     }
 
-    /// Closed form: two columns at unit length with scalar product ρ have the condition √((1 + ρ)/(1 − ρ)) and the inflation
+    /// Closed form: two columns at unit length with scalar product ρ have the condition √((1 + ρ)/(1 − ρ)) and the vif
     /// 1/(1 − ρ²).
     #[test]
     fn nearness_is_that_of_two_columns_at_an_angle() {
         let rows = [[1.0, 1.0, 0.9, 1.0], [1.0, -1.0, -0.9, 2.0], [1.0, 0.0, 0.5, 3.0], [1.0, 0.0, -0.5, 4.0]];
         let solution = factor(&rows).solve(&[0, 1, 2]).unwrap();
         let rho: f64 = 1.8 / (2.0_f64 * 2.12).sqrt();
-        let near = solution.nearness(1, &[]).unwrap();
+        let near = solution.conditioning(1, &[]).unwrap();
         assert!((near.condition - ((1.0 + rho) / (1.0 - rho)).sqrt()).abs() < 1e-9);
-        assert!(near.inflation.iter().flatten().all(|v| (v - 1.0 / (1.0 - rho * rho)).abs() < 1e-9), "{near:?}");
-        assert!(solution.nearness(3, &[]).is_none());
-        let as_one = solution.nearness(1, &[0, 1]).unwrap();
-        assert!((as_one.condition - 1.0).abs() < 1e-9 && as_one.inflation == [None, None]);
+        assert!(near.vif.iter().flatten().all(|v| (v - 1.0 / (1.0 - rho * rho)).abs() < 1e-9), "{near:?}");
+        assert!(solution.conditioning(3, &[]).is_none());
+        let as_one = solution.conditioning(1, &[0, 1]).unwrap();
+        assert!((as_one.condition - 1.0).abs() < 1e-9 && as_one.vif == [None, None]);
     }
 
     /// y = 2 + 3x on four exact points, with a third column that repeats the second.

@@ -9,14 +9,14 @@ use std::io::Write;
 
 use sagnac_core::Status;
 
-use crate::error::{Error, Result};
-use crate::ingest::header::COMPENSATED_PREFIX;
-use crate::ingest::{AngleUnit, COMPENSATED_STAMP, LogReader, LogSummary, unquoted};
-use crate::setup::{Counter, Setup};
-use crate::units::s_from_ns;
 use crate::verify::{Correction, Replay};
+use sagnac_log::error::{Error, Result};
+use sagnac_log::ingest::header::COMPENSATED_PREFIX;
+use sagnac_log::ingest::{AngleUnit, COMPENSATED_STAMP, LogReader, LogSummary, unquoted};
+use sagnac_log::setup::{Counter, Setup};
 #[cfg(feature = "parquet")]
-use crate::write::ParquetRows;
+use sagnac_log::write::ParquetRows;
+use sagnac_units::s_from_ns;
 
 /// What a corrected log is written as.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

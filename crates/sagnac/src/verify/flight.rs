@@ -13,11 +13,11 @@ use nalgebra::{DMatrix, DVector};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::error::{Error, Result};
-use crate::fit::{Span, chebyshev};
-use crate::report::Point;
-use crate::verify::left::Estimate;
+use crate::diagnostics::Point;
+use crate::model::{Span, chebyshev};
+use crate::verify::residual_diagnostics::Estimate;
 use crate::verify::strapdown::{Channel, noise_m, positions_m};
+use sagnac_log::error::{Error, Result};
 
 /// Order of the residual in T.
 const ORDER: usize = 4;
@@ -83,7 +83,7 @@ fn yes() -> bool {
 /// What a flight comes to.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct MisDistance {
+pub struct PositionError {
     /// The flight as stated.
     pub stated: Flight,
     /// Length of the flight, min.
@@ -165,7 +165,7 @@ impl Flight {
     }
 
     /// Flies it with the drift that the windows of a proof show; `Err` says in words why it cannot be told.
-    pub(crate) fn fly(&self, points: &[Point], n_deg_rt_h: Option<f64>) -> std::result::Result<MisDistance, String> {
+    pub(crate) fn fly(&self, points: &[Point], n_deg_rt_h: Option<f64>) -> std::result::Result<PositionError, String> {
         let sound = |p: &&Point| {
             p.excluded.is_none() && p.temperature_c.is_finite() && p.rate_cpm.is_finite() && p.after_dph.is_finite()
         };
@@ -193,7 +193,7 @@ impl Flight {
         if pace > SLACK_OF_PACE * known + SLACK_CPM {
             return Err(format!("the flight changes by {pace:.2} °C/min, the proof by {known:.2} °C/min at most"));
         }
-        let span = Span { lo_c: extremes.0, hi_c: extremes.1 };
+        let span = Span { lo: extremes.0, hi: extremes.1 };
         let unit = self.unit_positions(span);
         let before =
             Drift::of(&used, span, |p| p.before_dph).ok_or("the windows do not tell a drift over temperature")?;
@@ -209,7 +209,7 @@ impl Flight {
         let every = (steps / 300).max(1);
         let shown: Vec<usize> = (0..steps).filter(|i| (i + 1) % every == 0 || *i == steps - 1).collect();
         let pick = |curve: &DVector<f64>| shown.iter().map(|i| curve[*i]).collect();
-        Ok(MisDistance {
+        Ok(PositionError {
             stated: self.clone(),
             minutes: self.minutes(),
             before_m: end(&before),
@@ -329,7 +329,7 @@ mod tests {
                 temperature_c: celsius,
                 rate_cpm: rate,
                 before_dph: before(celsius, rate) + noise,
-                further_dph: 0.0,
+                inputs_dph: 0.0,
                 after_dph: after(celsius, rate) + noise,
                 excluded: None,
             }

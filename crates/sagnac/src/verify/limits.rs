@@ -9,11 +9,11 @@ use std::path::Path;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::digits::{significant, with_sigma};
-use crate::error::{Error, Result};
-use crate::ingest::{hex, sha256};
 use crate::verify::flight::Flight;
 use crate::verify::{AxisVerification, Estimate};
+use sagnac_log::error::{Error, Result};
+use sagnac_log::ingest::{hex, sha256};
+use sagnac_units::format::{significant, with_sigma};
 
 /// Limits of a verification.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -62,7 +62,7 @@ pub struct Limits {
     /// Largest bias instability after, °/h.
     pub bias_instability_dph_max: Option<f64>,
     /// Largest position error of the flight by the drift after, two of its σ included, m.
-    pub mis_distance_m_max: Option<f64>,
+    pub position_error_m_max: Option<f64>,
     /// A flight, whose position error is then stated.
     pub flight: Option<Flight>,
 }
@@ -214,9 +214,9 @@ impl Limits {
         if let Some(flight) = &limits.flight {
             flight.check()?;
         }
-        if limits.mis_distance_m_max.is_some() && limits.flight.is_none() {
+        if limits.position_error_m_max.is_some() && limits.flight.is_none() {
             return Err(Error::input("a limit of mis-distance needs a [flight]")
-                .column("mis_distance_m_max")
+                .column("position_error_m_max")
                 .help("[flight] with axis = \"level\" and profile = [{ minutes = 0, temperature_c = 20 }, …]; docs/reference/limits.md"));
         }
         if limits.given().is_empty() && limits.flight.is_none() {
@@ -279,7 +279,7 @@ impl Limits {
             ("arw_deg_rt_h_max", self.arw_deg_rt_h_max),
             ("arw_increase_max", self.arw_increase_max),
             ("bias_instability_dph_max", self.bias_instability_dph_max),
-            ("mis_distance_m_max", self.mis_distance_m_max),
+            ("position_error_m_max", self.position_error_m_max),
         ];
         all.into_iter().filter_map(|(name, value)| Some((name, value?))).collect()
     }
@@ -323,28 +323,28 @@ fn value_of(name: &str, axis: &AxisVerification) -> Option<(f64, Option<f64>)> {
     match name {
         // The only plateau's mean is that of its run, or nearly.
         "plateau_offset_dph_max" => return left.plateaus.filter(|p| p.plateaus > 1).map(|p| size(p.worst_offset_dph)),
-        "drift_dph_per_c_max" => return left.per_c.map(size),
-        "drift_dph_per_cpm_max" => return left.per_cpm.map(size),
-        "hysteresis_dph_max" => return axis.left.heating_less_cooling_dph.map(size),
+        "drift_dph_per_c_max" => return left.temperature_slope.map(size),
+        "drift_dph_per_cpm_max" => return left.rate_slope.map(size),
+        "hysteresis_dph_max" => return axis.residual_diagnostics.hysteresis_dph.map(size),
         _ => {}
     }
     let dph_per_unit = if after.sigma > 0.0 { after.sigma_dph / after.sigma } else { 0.0 };
     let value = match name {
         "sigma_dph_max" => Some(after.sigma_dph),
         "peak_to_peak_dph_max" => Some(after.peak_to_peak * dph_per_unit),
-        "sigma_over_floor_max" => axis.floor.as_ref().map(|floor| after.sigma_dph / floor.value_dph),
+        "sigma_over_floor_max" => axis.noise_floor.as_ref().map(|floor| after.sigma_dph / floor.value_dph),
         "improvement_min" => axis.improvement,
         "improvement_sigma_min" => axis.improvement_sigma,
         "out_of_span_max" => Some(axis.status_windows.get("OUT_OF_SPAN").copied().unwrap_or(0) as f64 / after.n as f64),
         "plateau_sigma_dph_max" => left.plateaus.map(|p| p.worst_sigma_dph),
-        "span_covered_min" => axis.coverage.as_ref().map(|coverage| coverage.part),
+        "span_covered_min" => axis.coverage.as_ref().map(|coverage| coverage.covered_fraction),
         "ramps_rms_dph_max" => left.ramps_rms_dph,
         "scale_factor_sigma_ppm_max" => axis.scale_factor.as_ref().map(|scale| scale.after.sigma_ppm),
         "scale_factor_peak_to_peak_ppm_max" => axis.scale_factor.as_ref().map(|scale| scale.after.peak_to_peak_ppm),
         "arw_deg_rt_h_max" => left.random_walk.map(|walk| walk.after_deg_rt_h),
         "arw_increase_max" => left.random_walk.map(|walk| walk.after_deg_rt_h / walk.before_deg_rt_h),
         "bias_instability_dph_max" => left.bias_instability_dph,
-        "mis_distance_m_max" => axis.flight.as_ref().map(|flight| flight.bound_after_m),
+        "position_error_m_max" => axis.flight.as_ref().map(|flight| flight.bound_after_m),
         _ => None,
     };
     value.map(|value| (value, None))
@@ -368,7 +368,7 @@ fn unknown(name: &str, axis: &AxisVerification) -> String {
         "scale_factor_sigma_ppm_max" | "scale_factor_peak_to_peak_ppm_max" => "fewer than two plateaus tell it",
         "arw_deg_rt_h_max" | "arw_increase_max" => "the rows do not tell their noise",
         "bias_instability_dph_max" => "no six windows that follow each other",
-        "mis_distance_m_max" => axis.flight_untold.as_deref().unwrap_or("the flight was not flown"),
+        "position_error_m_max" => axis.flight_unavailable.as_deref().unwrap_or("the flight was not flown"),
         _ => "the retest does not tell it",
     };
     why.to_owned()
@@ -399,7 +399,7 @@ mod tests {
         assert_eq!(joined.given().len(), set.given().len());
         assert!(Limits::parse("base = \"nav-grade\"").is_err());
         assert!(Limits::parse("span_covered_min = 90.0").is_err());
-        assert!(Limits::parse("mis_distance_m_max = 100.0").is_err());
+        assert!(Limits::parse("position_error_m_max = 100.0").is_err());
         assert!(Limits::named_or_read("no such file or set").is_err());
     }
 }

@@ -9,11 +9,11 @@
 
 mod compensate;
 mod flight;
-mod left;
 mod limits;
 mod readings;
 mod replay;
 mod residual;
+mod residual_diagnostics;
 mod stats;
 mod strapdown;
 mod turned;
@@ -25,27 +25,27 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub use compensate::{CorrectedFormat, compensate, status_text};
-pub use flight::{Corner, Flight, FlightAxis, MisDistance};
-pub use left::{AcrossGaps, Estimate, Left};
+pub use flight::{Corner, Flight, FlightAxis, PositionError};
 pub use limits::{Judged, Limits, LimitsSource, SETS, Verdict};
 pub use readings::{LogColumn, Readings};
 pub use replay::{Corrected, Replay};
 pub use residual::{Plateaus, RandomWalk, Residual};
+pub use residual_diagnostics::{Estimate, GapSteps, ResidualDiagnostics};
 pub use stats::{Figures, expected_range};
 pub use strapdown::{Channel, Strapdown, noise_m, positions_m};
 pub use turned::{PlateauProof, ScaleFigures, ScaleProof};
 
-use crate::allan::NoiseTerms;
-use crate::calibration::{Calibration, Input, LogUnit};
-use crate::digits::celsius;
-use crate::error::{Error, Result};
+use crate::calibration::{Calibration, LogFile, LogUnit, program};
+use crate::diagnostics::{AxisReportData, Point, ReportData, points, run_spans};
 use crate::fit;
-use crate::ingest::{AngleUnit, Batch, LogReader, LogShape, Tally, hex, sha256};
-use crate::report::{AxisEvidence, Evidence, points, run_spans};
-use crate::setup::Setup;
-use crate::units::ARCSEC_RT_S_PER_DEG_RT_H;
 use crate::verify::turned::Drifts;
-use crate::window::{SeenLogs, WindowBuilder, Windows, same_shape};
+use crate::window::{SeenLogs, WindowBuilder, Windows};
+use sagnac_log::error::{Error, Result};
+use sagnac_log::ingest::{AngleUnit, Batch, LogReader, LogShape, Tally, hex, same_shape, sha256};
+use sagnac_log::setup::Setup;
+use sagnac_noise::NoiseTerms;
+use sagnac_units::ARCSEC_RT_S_PER_DEG_RT_H;
+use sagnac_units::format::celsius;
 
 /// What a retest is held against.
 #[derive(Clone, Debug)]
@@ -125,8 +125,12 @@ impl Correction {
         };
         let images: Result<Vec<Image>> = shape.axes.iter().map(find).collect();
         let only = shape.thermometers.len() == 1;
-        let own =
-            self.calibration.as_ref().map(|c| c.thermometer.name.clone()).filter(|name| !(only && name.is_empty()));
+        let own = self
+            .calibration
+            .as_ref()
+            .and_then(Calibration::thermometer_name)
+            .map(str::to_owned)
+            .filter(|name| !(only && name.is_empty()));
         let sensor = match setup.use_thermometer.clone().or(own) {
             Some(name) => Some(shape.thermometers.iter().position(|other| *other == name).ok_or_else(|| {
                 Error::input(format!("the log has no thermometer {name:?}, which the correction uses"))
@@ -157,7 +161,7 @@ impl Correction {
 /// The floor of a retest's windows.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct RetestFloor {
+pub struct RetestNoiseFloor {
     /// σ of the used windows from noise alone, °/h: root mean square of √(N²/τ + 2Q²/τ²) over their lengths τ.
     pub value_dph: f64,
     /// The same in the unit of the figures.
@@ -179,7 +183,7 @@ pub struct Coverage {
     /// Lowest and highest sample of the used windows, °C.
     pub tested_c: [f64; 2],
     /// Part of the fit's span that the windows cover, 0 to 1; gaps of a twentieth of it count as covered.
-    pub part: f64,
+    pub covered_fraction: f64,
 }
 
 /// Part of the fit's span that a gap between windows may have and count as covered.
@@ -188,9 +192,9 @@ const BRIDGED: f64 = 0.05;
 impl Coverage {
     /// `20.0 … 45.0 °C: 23 % of the fit's -39.0 … 69.0 °C`.
     pub fn words(&self) -> String {
-        let Self { tested_c: [lo, hi], fit_c: [from, to], part } = *self;
+        let Self { tested_c: [lo, hi], fit_c: [from, to], covered_fraction } = *self;
         let [lo, hi, from, to] = [lo, hi, from, to].map(celsius);
-        format!("{lo} … {hi} °C: {:.0} % of the fit's {from} … {to} °C", 100.0 * part)
+        format!("{lo} … {hi} °C: {:.0} % of the fit's {from} … {to} °C", 100.0 * covered_fraction)
     }
 
     fn of(image: &Image, windows: &Windows, used: &[usize], sensor: usize) -> Option<Self> {
@@ -210,8 +214,8 @@ impl Coverage {
         }
         let lo = stretches.first().map_or(f64::INFINITY, |[lo, _]| *lo);
         let hi = reached;
-        let part = (common / span).clamp(0.0, 1.0);
-        (lo <= hi).then_some(Self { fit_c, tested_c: [lo, hi], part })
+        let covered_fraction = (common / span).clamp(0.0, 1.0);
+        (lo <= hi).then_some(Self { fit_c, tested_c: [lo, hi], covered_fraction })
     }
 }
 
@@ -226,13 +230,13 @@ pub struct AxisVerification {
     /// As corrected.
     pub after: Figures,
     /// Noise floor; null where neither the retest nor the calibration knows it.
-    pub floor: Option<RetestFloor>,
+    pub noise_floor: Option<RetestNoiseFloor>,
     /// max − min before over after; null where after is zero.
     pub improvement: Option<f64>,
     /// σ before over after; null where after is zero.
     pub improvement_sigma: Option<f64>,
-    /// What can be seen of what the correction left.
-    pub left: Left,
+    /// Diagnostics of the residual.
+    pub residual_diagnostics: ResidualDiagnostics,
     /// Temperatures of the retest beside those of the fit; null without a temperature.
     pub coverage: Option<Coverage>,
     /// A rate table turned the gyro.
@@ -241,9 +245,9 @@ pub struct AxisVerification {
     /// What is left, figure by figure.
     pub residual: Residual,
     /// What a stated flight comes to; null without one, or where the retest does not tell it.
-    pub flight: Option<MisDistance>,
+    pub flight: Option<PositionError>,
     /// Why the flight cannot be told, if one was stated.
-    pub flight_untold: Option<String>,
+    pub flight_unavailable: Option<String>,
     /// The scale factor over temperature, where a rate table tells it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scale_factor: Option<ScaleProof>,
@@ -285,80 +289,108 @@ pub struct Verification {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub limits: Option<LimitsSource>,
     /// The retest logs.
-    pub inputs: Vec<Input>,
+    pub inputs: Vec<LogFile>,
     /// Those of them that the calibration was made from: with any of them this is no proof, and no limit can be met.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub seen_by_fit: Vec<String>,
+    pub training_overlap: Vec<String>,
 }
 
 impl Verification {
     /// False when a limit is not met, or where limits were held against a log that the fit has seen.
     pub fn passed(&self) -> bool {
         let judged = self.axes.iter().any(|axis| axis.pass.is_some());
-        self.axes.iter().all(|axis| axis.pass != Some(false)) && (!judged || self.seen_by_fit.is_empty())
+        self.axes.iter().all(|axis| axis.pass != Some(false)) && (!judged || self.training_overlap.is_empty())
     }
 }
 
-/// Replays the retest logs and holds both sides against each other.
-///
-/// # Errors
-/// Logs that do not fit the correction, or too few windows to say anything.
-pub fn verify(
-    correction: &Correction,
-    logs: Vec<LogReader>,
-    setup: &Setup,
-    limits: Option<&Limits>,
-    keep_all: bool,
-) -> Result<Verification> {
-    verify_with_evidence(correction, logs, setup, limits, keep_all).map(|(verification, _)| verification)
+/// A verification and the windows behind it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Proof {
+    /// The result.
+    pub verification: Verification,
+    /// The windows behind it, for a report.
+    pub report_data: ReportData,
 }
 
-/// The same, with the points behind it for a report.
+impl Proof {
+    /// Judges every axis by limits, and flies the flight that they state.
+    ///
+    /// # Errors
+    /// [`sagnac_log::ErrorKind::Refused`] where none of the limits applies to such a retest.
+    pub fn limits(mut self, limits: &Limits) -> Result<Self> {
+        for (axis, drawn) in self.verification.axes.iter_mut().zip(&self.report_data.axes) {
+            axis.judge(limits, &drawn.points)?;
+        }
+        self.verification.limits = Some(limits.source.clone());
+        Ok(self)
+    }
+
+    /// False when a limit is not met, or where limits were applied to a log that the fit has seen.
+    pub fn passed(&self) -> bool {
+        self.verification.passed()
+    }
+}
+
+impl AxisVerification {
+    fn judge(&mut self, limits: &Limits, points: &[Point]) -> Result<()> {
+        if let Some(flight) = &limits.flight {
+            let n = self.residual.random_walk.map(|walk| walk.after_deg_rt_h);
+            match flight.fly(points, n) {
+                Ok(flown) => self.flight = Some(flown),
+                Err(why) => self.flight_unavailable = Some(why),
+            }
+        }
+        self.limits = limits.judge(self);
+        if limits.asks() && self.limits.iter().all(|verdict| verdict.pass.is_none()) {
+            return Err(Error::refused(
+                "none of the limits can be asked of this retest: it has no rate table, or only that",
+            )
+            .help("docs/reference/limits.md says which limits ask for which test"));
+        }
+        self.pass = limits.asks().then(|| self.limits.iter().all(|verdict| verdict.pass != Some(false)));
+        Ok(())
+    }
+}
+
+/// How retest logs are replayed.
+#[derive(Clone, Copy, Debug, Default)]
+#[non_exhaustive]
+pub struct VerifyOptions {
+    /// Judge the windows that look like outliers too.
+    pub keep_outliers: bool,
+}
+
+impl VerifyOptions {
+    /// Judges the windows that look like outliers too.
+    #[must_use]
+    pub fn keep_outliers(self, keep: bool) -> Self {
+        Self { keep_outliers: keep, ..self }
+    }
+}
+
+/// Replays retest logs through the images of a correction and compares both sides, window by window.
 ///
 /// # Errors
-/// As [`verify`].
-pub fn verify_with_evidence(
-    correction: &Correction,
-    logs: Vec<LogReader>,
-    setup: &Setup,
-    limits: Option<&Limits>,
-    keep_all: bool,
-) -> Result<(Verification, Evidence)> {
+/// Logs that do not fit the correction, or too few windows for any figure.
+pub fn verify(correction: &Correction, logs: Vec<LogReader>, setup: &Setup, options: VerifyOptions) -> Result<Proof> {
     let fits = |log: &LogReader| correction.fit_to(log.shape(), setup).map_err(|e| e.file(log.summary().file));
     let sensor = logs.first().map(fits).transpose()?.and_then(|(_, readings)| readings.thermometer);
-    let mut windows = replay_windows(correction, logs, setup, keep_all)?;
-    fit::Turning::leave_out_unknown(&mut windows, setup)?;
+    let mut windows = replay_windows(correction, logs, setup, options.keep_outliers)?;
+    fit::RateTableInput::leave_out_unknown(&mut windows, setup)?;
     let count = windows.shape.axes.len() / 2;
     let used: Vec<usize> = (0..windows.len()).filter(|i| windows.rows.excluded[*i].is_none()).collect();
     let drifts = Drifts::of(&windows, &used, setup)?;
-    let evidence = evidence(&windows, &drifts, &used, sensor);
+    let report_data = report_data(&windows, &drifts, &used, sensor);
     let axes = (0..count).map(|axis| {
-        let mut figures = axis_figures(&windows, &drifts, &used, &evidence, axis, correction, setup)?;
+        let mut figures = axis_figures(&windows, &drifts, &used, &report_data, axis, correction, setup)?;
         figures.scale_factor = drifts.scale_proof(&used, axis, sensor);
         let image = correction.images.iter().find(|image| char::from(image.description().axis) == figures.axis);
         figures.coverage = image.zip(sensor).and_then(|(image, sensor)| Coverage::of(image, &windows, &used, sensor));
-        if let Some(flight) = limits.and_then(|limits| limits.flight.as_ref()) {
-            let n = figures.residual.random_walk.map(|walk| walk.after_deg_rt_h);
-            match flight.fly(&evidence.axes[axis].points, n) {
-                Ok(flown) => figures.flight = Some(flown),
-                Err(why) => figures.flight_untold = Some(why),
-            }
-        }
-        if let Some(limits) = limits {
-            figures.limits = limits.judge(&figures);
-            if limits.asks() && figures.limits.iter().all(|verdict| verdict.pass.is_none()) {
-                return Err(Error::refused(
-                    "none of the limits can be asked of this retest: it has no rate table, or only that",
-                )
-                .help("docs/reference/limits.md tells which limits ask for which test"));
-            }
-            figures.pass = limits.asks().then(|| figures.limits.iter().all(|verdict| verdict.pass != Some(false)));
-        }
         Ok(figures)
     });
     let axes: Result<Vec<AxisVerification>> = axes.collect();
     let verification = Verification {
-        program: fit::program(),
+        program: program(),
         serial: correction.serial(),
         sensor: setup.sensor.clone(),
         rig: setup.rig.clone(),
@@ -368,22 +400,22 @@ pub fn verify_with_evidence(
         excluded: windows.tallies.list(),
         image_sha256: correction.sha256(),
         record_sha256: correction.images.first().map_or(String::new(), |image| hex(&image.description().parent)),
-        limits: limits.map(|limits| limits.source.clone()),
-        seen_by_fit: seen_by_fit(correction, &fit::inputs(&windows)),
-        inputs: fit::inputs(&windows),
+        limits: None,
+        training_overlap: training_overlap(correction, &fit::log_files(&windows)),
+        inputs: fit::log_files(&windows),
     };
-    Ok((verification, evidence))
+    Ok(Proof { verification, report_data })
 }
 
 /// Names of the retests whose bytes the calibration was made from.
-fn seen_by_fit(correction: &Correction, retests: &[Input]) -> Vec<String> {
+fn training_overlap(correction: &Correction, retests: &[LogFile]) -> Vec<String> {
     let of_fit = || correction.calibration.iter().flat_map(|calibration| &calibration.provenance.inputs);
-    let seen = |retest: &&Input| of_fit().any(|input| input.sha256 == retest.sha256);
+    let seen = |retest: &&LogFile| of_fit().any(|input| input.sha256 == retest.sha256);
     retests.iter().filter(seen).map(|retest| retest.file.clone()).collect()
 }
 
 /// Both sides of every window about their own means over the used windows of the run.
-fn evidence(windows: &Windows, drifts: &Drifts<'_>, used: &[usize], sensor: Option<usize>) -> Evidence {
+fn report_data(windows: &Windows, drifts: &Drifts<'_>, used: &[usize], sensor: Option<usize>) -> ReportData {
     let runs = run_spans(windows);
     let count = windows.shape.axes.len() / 2;
     let mean = |column: usize, run: u32| {
@@ -397,10 +429,10 @@ fn evidence(windows: &Windows, drifts: &Drifts<'_>, used: &[usize], sensor: Opti
         let about =
             |means: &[f64], column: usize, i: usize| drifts.rate_dph(column, i) - means[windows.rows.run[i] as usize];
         let points = points(windows, &runs, sensor, |i| about(&before, axis, i), |i| about(&after, axis + count, i));
-        AxisEvidence { axis: windows.shape.axes[axis], points, effects: Vec::new() }
+        AxisReportData { axis: windows.shape.axes[axis], points, effects: Vec::new() }
     };
     let axes = (0..count).map(axis).collect();
-    Evidence { timed: windows.shape.timed, axes, runs }
+    ReportData { timed: windows.shape.timed, axes, runs }
 }
 
 /// Windows with the raw axes first, the corrected ones after them, and behind the log's own one auxiliary column per axis
@@ -437,7 +469,7 @@ fn replay_windows(correction: &Correction, logs: Vec<LogReader>, setup: &Setup, 
         builder.end_run(summary);
     }
     let (builder, _) = builder.ok_or_else(|| Error::input("no retest log given"))?;
-    Ok(builder.finish(keep_all))
+    Ok(if keep_all { builder.keep_outliers() } else { builder }.finish())
 }
 
 fn with_corrected_axes(shape: &LogShape) -> LogShape {
@@ -471,7 +503,7 @@ fn axis_figures(
     windows: &Windows,
     drifts: &Drifts<'_>,
     used: &[usize],
-    evidence: &Evidence,
+    report_data: &ReportData,
     axis: usize,
     correction: &Correction,
     setup: &Setup,
@@ -498,8 +530,11 @@ fn axis_figures(
         ((*name).to_owned(), used.iter().filter(|i| column[**i] > 0.0).count())
     });
     let letter = windows.shape.axes[axis];
-    let floor = floor(windows, used, axis, correction, setup, dph_per_unit);
-    let left = left::left(&evidence.axes[axis].points, floor.as_ref().map(|floor| floor.value_dph));
+    let noise_floor = noise_floor(windows, used, axis, correction, setup, dph_per_unit);
+    let diagnostics = residual_diagnostics::residual_diagnostics(
+        &report_data.axes[axis].points,
+        noise_floor.as_ref().map(|floor| floor.value_dph),
+    );
     // Turned, a counter's quantization is a saw that the short-τ fit takes for a walk.
     let walk = |column: usize| windows.measured_noise(column).map(|noise| noise.n_deg_rt_h()).filter(|n| *n > 0.0);
     let random_walk = walk(axis)
@@ -509,16 +544,16 @@ fn axis_figures(
         axis: letter,
         before,
         after,
-        floor,
+        noise_floor,
         improvement: ratio(before.peak_to_peak, after.peak_to_peak),
         improvement_sigma: ratio(before.sigma, after.sigma),
-        left,
+        residual_diagnostics: diagnostics,
         status_windows: status_windows.filter(|(_, n)| *n > 0).collect(),
         coverage: None,
-        residual: residual::residual(&evidence.axes[axis].points, random_walk.filter(|_| !drifts.is_turned())),
+        residual: residual::residual(&report_data.axes[axis].points, random_walk.filter(|_| !drifts.is_turned())),
         turned: drifts.is_turned(),
         flight: None,
-        flight_untold: None,
+        flight_unavailable: None,
         scale_factor: None,
         limits: Vec::new(),
         pass: None,
@@ -526,18 +561,18 @@ fn axis_figures(
 }
 
 /// From the retest log, else from the calibration: N and Q, at the lengths that the windows really have.
-fn floor(
+fn noise_floor(
     windows: &Windows,
     used: &[usize],
     axis: usize,
     correction: &Correction,
     setup: &Setup,
     dph_per_unit: f64,
-) -> Option<RetestFloor> {
+) -> Option<RetestNoiseFloor> {
     let letter = windows.shape.axes[axis];
     let calibrations = correction.calibration.iter().flat_map(|c| &c.axes);
     let earlier = || {
-        let known = calibrations.into_iter().find(|a| a.axis == letter)?.floor.as_ref()?;
+        let known = calibrations.into_iter().find(|a| a.axis == letter)?.fit.as_ref()?.noise_floor.as_ref()?;
         let n_arcsec_rt_s = known.n_deg_rt_h * ARCSEC_RT_S_PER_DEG_RT_H;
         windows.shape.window.seconds()?;
         Some((NoiseTerms { n_arcsec_rt_s, q_arcsec: known.q_arcsec }, format!("calibration ({})", known.source)))
@@ -549,7 +584,13 @@ fn floor(
     let count = |run: usize| used.iter().filter(|i| windows.rows.run[**i] as usize == run).count();
     let largest = (0..windows.runs.len()).map(count).max()?;
     let (value_dph, value) = (mean_square.sqrt(), mean_square.sqrt() / dph_per_unit);
-    Some(RetestFloor { value_dph, value, expected_peak_to_peak: expected_range(largest) * value, n: largest, source })
+    Some(RetestNoiseFloor {
+        value_dph,
+        value,
+        expected_peak_to_peak: expected_range(largest) * value,
+        n: largest,
+        source,
+    })
 }
 
 #[cfg(test)]

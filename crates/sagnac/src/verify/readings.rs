@@ -6,10 +6,10 @@
 use sagnac_core::{Image, Source};
 
 use crate::calibration::{AxisCalibration, InputSource};
-use crate::error::{Error, Result};
-use crate::fit::label;
-use crate::ingest::LogShape;
-use crate::setup::Setup;
+use crate::model::input::label;
+use sagnac_log::error::{Error, Result};
+use sagnac_log::ingest::LogShape;
+use sagnac_log::setup::Setup;
 
 /// A column of a log that is read as a code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -86,7 +86,7 @@ fn recorded(axis: &AxisCalibration, shape: &LogShape) -> Result<Vec<LogColumn>> 
                 .help(format!("it has: {}", Error::choices(&all)))
         }))
     };
-    axis.inputs.iter().filter_map(|input| find(&input.source)).collect()
+    axis.other_inputs().iter().filter_map(|input| find(&input.source)).collect()
 }
 
 /// Of an image without names.

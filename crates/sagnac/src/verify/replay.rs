@@ -12,9 +12,9 @@
 
 use sagnac_core::{Compensator, Image, MAX_THERMOMETERS, Misuse, State, Status, Thermometer};
 
-use crate::error::{Error, Result};
-use crate::ingest::{AngleUnit, Batch, LogShape};
 use crate::verify::readings::{LogColumn, Readings};
+use sagnac_log::error::{Error, Result};
+use sagnac_log::ingest::{AngleUnit, Batch, LogShape};
 
 /// No row and no gap may last longer than this many slow updates (116 days at 1 s).
 const MAX_UPDATES: i64 = 10_000_000;

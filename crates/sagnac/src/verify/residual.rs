@@ -14,10 +14,10 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::allan::{Deviation, Difference, SquareSum, overlapping, phases};
+use crate::diagnostics::{Leg, Point};
 use crate::fit::level_stretches;
-use crate::report::{Leg, Point};
-use crate::verify::left::{Estimate, joined};
+use crate::verify::residual_diagnostics::{Estimate, joined};
+use sagnac_noise::{Deviation, Difference, SquareSum, overlapping, phases};
 
 /// Fewer windows are no plateau.
 const FEWEST: usize = 5;
@@ -43,7 +43,7 @@ pub struct Plateaus {
     /// Largest distance of a plateau's mean from its run's mean, °/h.
     pub worst_offset_dph: Estimate,
     /// Temperature of the plateau with that distance, °C.
-    pub worst_offset_at_c: f64,
+    pub worst_offset_temperature_c: f64,
 }
 
 /// Angle random walk of the rows, °/√h.
@@ -65,9 +65,9 @@ pub struct Residual {
     /// Null without ramps.
     pub ramps_rms_dph: Option<f64>,
     /// °/h per °C; null where the temperature does not move.
-    pub per_c: Option<Estimate>,
+    pub temperature_slope: Option<Estimate>,
     /// °/h per °C/min; null where its rate does not.
-    pub per_cpm: Option<Estimate>,
+    pub rate_slope: Option<Estimate>,
     /// Null where the rows do not tell it.
     pub random_walk: Option<RandomWalk>,
     /// Estimate of the bias instability, °/h; null with too few neighbours.
@@ -77,12 +77,12 @@ pub struct Residual {
 /// From the points of an axis.
 pub(crate) fn residual(points: &[Point], random_walk: Option<RandomWalk>) -> Residual {
     let used: Vec<&Point> = points.iter().filter(|p| p.excluded.is_none() && p.after_dph.is_finite()).collect();
-    let (per_c, per_cpm) = slopes(&used);
+    let (temperature_slope, rate_slope) = slopes(&used);
     Residual {
         plateaus: plateaus(&used),
         ramps_rms_dph: ramps(&used),
-        per_c,
-        per_cpm,
+        temperature_slope,
+        rate_slope,
         random_walk,
         bias_instability_dph: bias_instability(&used),
     }
@@ -110,7 +110,7 @@ fn plateaus(used: &[&Point]) -> Option<Plateaus> {
         plateaus: figures.len(),
         worst_sigma_dph: figures.iter().map(|f| f.0).fold(0.0, f64::max),
         worst_offset_dph: worst.1,
-        worst_offset_at_c: worst.2,
+        worst_offset_temperature_c: worst.2,
     })
 }
 
@@ -147,8 +147,8 @@ fn slopes(used: &[&Point]) -> (Option<Estimate>, Option<Estimate>) {
                 return (None, None);
             }
             let (s, w) = ((tr * qq - qr * tq) / det, (qr * tt - tr * tq) / det);
-            let [per_c, per_cpm] = estimates(s, w, [qq / det, tt / det], 3.0);
-            (Some(per_c), Some(per_cpm))
+            let [temperature_slope, rate_slope] = estimates(s, w, [qq / det, tt / det], 3.0);
+            (Some(temperature_slope), Some(rate_slope))
         }
         (true, false) => (Some(estimates(tr / tt, 0.0, [1.0 / tt, 0.0], 2.0)[0]), None),
         (false, true) => (None, Some(estimates(0.0, qr / qq, [0.0, 1.0 / qq], 2.0)[1])),
@@ -203,7 +203,7 @@ mod tests {
                 temperature_c: celsius,
                 rate_cpm: rate,
                 before_dph: 0.0,
-                further_dph: 0.0,
+                inputs_dph: 0.0,
                 after_dph: after(i, celsius, rate),
                 excluded: None,
             }
@@ -214,13 +214,17 @@ mod tests {
     #[test]
     fn what_was_put_in_comes_out() {
         let found = residual(&points(|i, t, r| 0.002 * t + 0.05 * r + 0.01 * noise(i)), None);
-        let (per_c, per_cpm) = (found.per_c.unwrap(), found.per_cpm.unwrap());
-        assert!((per_c.value - 0.002).abs() < 4.0 * per_c.sigma && per_c.sigma < 1e-4, "{per_c:?}");
-        assert!((per_cpm.value - 0.05).abs() < 4.0 * per_cpm.sigma && per_cpm.sigma < 3e-3, "{per_cpm:?}");
+        let (temperature_slope, rate_slope) = (found.temperature_slope.unwrap(), found.rate_slope.unwrap());
+        assert!(
+            (temperature_slope.value - 0.002).abs() < 4.0 * temperature_slope.sigma && temperature_slope.sigma < 1e-4,
+            "{temperature_slope:?}"
+        );
+        assert!((rate_slope.value - 0.05).abs() < 4.0 * rate_slope.sigma && rate_slope.sigma < 3e-3, "{rate_slope:?}");
         let plateaus = found.plateaus.unwrap();
         assert_eq!(plateaus.plateaus, 2);
         assert!(
-            (plateaus.worst_offset_dph.value + 0.08).abs() < 0.002 && (plateaus.worst_offset_at_c + 40.0).abs() < 0.1
+            (plateaus.worst_offset_dph.value + 0.08).abs() < 0.002
+                && (plateaus.worst_offset_temperature_c + 40.0).abs() < 0.1
         );
         assert!((plateaus.worst_sigma_dph - 0.01 / 12.0_f64.sqrt()).abs() < 0.001, "{plateaus:?}");
         // Ramps: 0.002·T ± 0.03 over −40 … 10 °C up and down.

@@ -12,10 +12,10 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::calibration::PpmEstimate;
-use crate::error::Result;
-use crate::fit::{Turning, plateaus_of};
-use crate::setup::Setup;
+use crate::fit::{RateTableInput, plateaus_of};
 use crate::window::Windows;
+use sagnac_log::error::Result;
+use sagnac_log::setup::Setup;
 
 /// Scale factor over the plateaus of a retest, ppm.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -60,18 +60,18 @@ pub(crate) struct Drifts<'a> {
     windows: &'a Windows,
     /// Per column and window, °/h; empty without a table.
     drift_dph: Vec<Vec<f64>>,
-    turnings: Vec<Turning>,
+    turnings: Vec<RateTableInput>,
 }
 
 impl<'a> Drifts<'a> {
     /// Of the used windows.
     ///
     /// # Errors
-    /// As [`Turning::of`].
+    /// As [`RateTableInput::of`].
     pub(crate) fn of(windows: &'a Windows, used: &[usize], setup: &Setup) -> Result<Self> {
         let (mut drift_dph, mut turnings) = (Vec::new(), Vec::new());
         for column in 0..windows.shape.axes.len() {
-            let Some(turning) = Turning::of(windows, column, setup)? else { continue };
+            let Some(turning) = RateTableInput::of(windows, column, setup)? else { continue };
             let mut drift: Vec<f64> =
                 (0..windows.len()).map(|i| windows.rate_dph(column, i) - turning.along_dph[i]).collect();
             for run in 0..windows.runs.len() {

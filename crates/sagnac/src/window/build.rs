@@ -2,12 +2,12 @@
 
 use std::ops::Range;
 
-use crate::allan::ShortTau;
-use crate::error::{Error, Result};
-use crate::ingest::{Batch, LogReader, LogShape, LogSummary, Reason, Tallies};
-use crate::setup::{Setup, WindowSize};
-use crate::units::{ns_from_s, s_from_ns};
 use crate::window::{Run, WindowRows, WindowShape, Windows, outliers};
+use sagnac_log::error::{Error, Result};
+use sagnac_log::ingest::{Batch, LogReader, LogShape, LogSummary, Reason, Tallies, same_shape};
+use sagnac_log::setup::{Setup, WindowSize};
+use sagnac_noise::ShortTau;
+use sagnac_units::{ns_from_s, s_from_ns};
 
 /// A window ends when a temperature has moved by this much within it, °C.
 const SPLIT_C: f64 = 2.0;
@@ -18,7 +18,7 @@ const LANES: usize = 4;
 /// Collects windows; push batches run by run, then finish.
 pub struct WindowBuilder {
     shape: WindowShape,
-    settle_ns: i64,
+    discard_initial_ns: i64,
     tick_ns: i64,
     rows: WindowRows,
     runs: Vec<Run>,
@@ -33,6 +33,7 @@ pub struct WindowBuilder {
     tracks: usize,
     /// Per window: σ of the reference rate within it, °/s.
     table_spread_dps: Vec<f64>,
+    keep_outliers: bool,
 }
 
 /// The run being read.
@@ -219,7 +220,7 @@ impl WindowBuilder {
         Ok(Self {
             short_tau: vec![ShortTau::new(sample_interval_s, longest); log.axes.len()],
             shape,
-            settle_ns: ns_from_s(setup.settle_s).unwrap_or(0),
+            discard_initial_ns: ns_from_s(setup.discard_initial_s).unwrap_or(0),
             tick_ns,
             rows,
             runs: Vec::new(),
@@ -229,6 +230,7 @@ impl WindowBuilder {
             judged_aux: log.aux.len(),
             tracks: log.thermometers.len() + log.aux.len(),
             table_spread_dps: Vec::new(),
+            keep_outliers: false,
         })
     }
 
@@ -383,15 +385,21 @@ impl WindowBuilder {
         self.runs.push(Run { summary, start_ns: run.start_ns, end_ns: run.end_ns, tracks });
     }
 
-    /// Windows with what must be left out marked. `keep_all` keeps every window that has numbers
-    /// (only `settle_s` is still left out).
-    pub fn finish(self, keep_all: bool) -> Windows {
+    /// Keeps every window that has numbers; only `discard_initial_s` still applies.
+    #[must_use]
+    pub fn keep_outliers(self) -> Self {
+        Self { keep_outliers: true, ..self }
+    }
+
+    /// The windows, with the excluded ones marked.
+    pub fn finish(self) -> Windows {
+        let keep_all = self.keep_outliers;
         let mut tallies = Tallies::default();
         self.runs.iter().for_each(|run| tallies.merge(&run.summary.tallies));
         let mut windows = Windows { shape: self.shape, runs: self.runs, rows: self.rows, tallies };
         for i in 0..windows.len() {
             let run = &windows.runs[windows.rows.run[i] as usize];
-            if windows.rows.start_ns[i] - run.start_ns < self.settle_ns {
+            if windows.rows.start_ns[i] - run.start_ns < self.discard_initial_ns {
                 windows.exclude(i, Reason::Settling);
             } else if !keep_all && windows.duration_s(i) < windows.shape.nominal_s / 10.0 {
                 windows.exclude(i, Reason::ShortWindow);
@@ -527,23 +535,4 @@ fn too_many_periods(period_ns: i64) -> Error {
     Error::input(format!("the run is longer than {MAX_TRACK} temperature periods of {} s", s_from_ns(period_ns)))
         .column("temperature_period_s")
         .help("cut the log into shorter files (each is a run), or give a longer temperature_period_s in the setup")
-}
-
-/// Logs that can stand in one set of windows.
-pub(crate) fn same_shape(first: &LogShape, other: &LogShape) -> Result<()> {
-    let differs = |what: &str| Err(Error::input(format!("{what} differ from those of the first log")));
-    if first.axes != other.axes {
-        return differs("axes");
-    }
-    if first.thermometers != other.thermometers || first.aux != other.aux {
-        return differs("thermometers or auxiliary columns");
-    }
-    if first.unit != other.unit || first.timed != other.timed {
-        return differs("units (counts or rates, with or without time)");
-    }
-    let ratio = first.nominal_ns as f64 / other.nominal_ns as f64;
-    if !(0.9..1.1).contains(&ratio) {
-        return differs("row intervals");
-    }
-    Ok(())
 }

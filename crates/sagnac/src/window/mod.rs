@@ -10,18 +10,16 @@ mod outliers;
 #[cfg(feature = "parquet")]
 mod table;
 
+pub(crate) use crate::window::build::SeenLogs;
 pub use crate::window::build::WindowBuilder;
-pub(crate) use crate::window::build::{SeenLogs, same_shape};
 pub(crate) use crate::window::outliers::{holds_whole_numbers, is_whole};
-#[cfg(feature = "parquet")]
-pub(crate) use crate::window::table::parquet_properties;
 #[cfg(feature = "parquet")]
 pub use crate::window::table::{TABLE_VERSION, is_table, read_table, write_table, write_table_csv};
 
-use crate::allan::{NoiseTerms, ShortTauSums};
-use crate::ingest::{AngleUnit, LogSummary, Reason, Tallies};
-use crate::setup::WindowSize;
-use crate::units::s_from_ns;
+use sagnac_log::ingest::{AngleUnit, LogSummary, Reason, Tallies};
+use sagnac_log::setup::WindowSize;
+use sagnac_noise::{NoiseTerms, ShortTauSums};
+use sagnac_units::s_from_ns;
 
 /// What a set of windows consists of.
 #[derive(Clone, Debug, PartialEq)]

@@ -12,9 +12,9 @@
 //! of less than ten sigma or a quarter of the range, and one where the temperature rate changes by over
 //! 0.2 °C/min, because a drift with the rate steps there too.
 
-use crate::ingest::Reason;
-use crate::units::s_from_ns;
 use crate::window::Windows;
+use sagnac_log::ingest::Reason;
+use sagnac_units::s_from_ns;
 
 /// Reference rates closer than this part of themselves are one rate.
 const SAME_RATE: f64 = 1e-3;

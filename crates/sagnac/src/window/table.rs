@@ -19,16 +19,15 @@ use arrow_array::types::{Float64Type, Int64Type, UInt32Type, UInt64Type};
 use arrow_array::{Array, ArrayRef, Float64Array, Int64Array, RecordBatch, StringArray, UInt32Array, UInt64Array};
 use arrow_schema::{Field, Schema};
 use parquet::arrow::ArrowWriter;
-use parquet::basic::Compression;
-use parquet::file::properties::WriterProperties;
 use serde::{Deserialize, Serialize};
 
-use crate::allan::ShortTauSums;
-use crate::error::{Error, Result};
-use crate::ingest::{AngleUnit, LogSummary, Tallies, Tally};
-use crate::ingest::{parquet_batches, parquet_schema};
-use crate::setup::{Setup, WindowSize};
 use crate::window::{Run, WindowRows, WindowShape, Windows};
+use sagnac_log::error::{Error, Result};
+use sagnac_log::ingest::{AngleUnit, LogSummary, Tallies, Tally};
+use sagnac_log::ingest::{parquet_batches, parquet_schema};
+use sagnac_log::setup::{Setup, WindowSize};
+use sagnac_log::write::parquet_properties;
+use sagnac_noise::ShortTauSums;
 
 /// Version of the table's schema.
 pub const TABLE_VERSION: u32 = 2;
@@ -75,11 +74,6 @@ pub fn write_table(windows: &Windows, setup: &Setup, out: impl Write + Send) -> 
     writer.write(&batch).map_err(|e| broken(&e))?;
     writer.close().map_err(|e| broken(&e))?;
     Ok(())
-}
-
-/// How every Parquet file of Sagnac is written.
-pub(crate) fn parquet_properties() -> WriterProperties {
-    WriterProperties::builder().set_compression(Compression::SNAPPY).set_created_by("sagnac".into()).build()
 }
 
 /// Writes the windows as text, for people and spreadsheets: a line each, without the tracks and noise sums that

@@ -5,23 +5,23 @@
 use std::io::Cursor;
 
 use sagnac::calibration::Calibration;
-use sagnac::fit::{FitOptions, ModelChoice, calibrate};
-use sagnac::ingest::{LogReader, Pace};
-use sagnac::setup::Setup;
-use sagnac::verify::{Correction, Verification, verify};
+use sagnac::fit::{FitOptions, Model, calibrate};
+use sagnac::verify::{Correction, Verification, VerifyOptions, verify};
 use sagnac::window::{WindowBuilder, Windows};
+use sagnac_log::ingest::{LogReader, ReadMode};
+use sagnac_log::setup::Setup;
 
 pub(crate) fn reader(csv: Vec<u8>, setup: &Setup) -> LogReader {
-    LogReader::from_reader("simulated.csv", Box::new(Cursor::new(csv)), setup, Pace::Bulk).unwrap()
+    LogReader::from_reader("simulated.csv", Box::new(Cursor::new(csv)), setup, ReadMode::Bulk).unwrap()
 }
 
 pub(crate) fn windows(logs: Vec<Vec<u8>>, setup: &Setup) -> Windows {
     let logs = logs.into_iter().map(|csv| reader(csv, setup)).collect();
-    WindowBuilder::read_all(logs, setup).unwrap().finish(false)
+    WindowBuilder::read_all(logs, setup).unwrap().finish()
 }
 
-pub(crate) fn model(text: &str) -> ModelChoice {
-    if text == "auto" { ModelChoice::Auto } else { ModelChoice::Fixed(text.parse().unwrap()) }
+pub(crate) fn model(text: &str) -> Model {
+    text.parse().unwrap()
 }
 
 pub(crate) fn fit(logs: Vec<Vec<u8>>, setup: &Setup, text: &str) -> sagnac::Result<Calibration> {
@@ -30,7 +30,7 @@ pub(crate) fn fit(logs: Vec<Vec<u8>>, setup: &Setup, text: &str) -> sagnac::Resu
 
 pub(crate) fn retest(calibration: &Calibration, log: Vec<u8>, setup: &Setup) -> Verification {
     let correction = Correction::from_calibration(calibration.clone()).unwrap();
-    verify(&correction, vec![reader(log, setup)], setup, None, false).unwrap()
+    verify(&correction, vec![reader(log, setup)], setup, VerifyOptions::default()).unwrap().verification
 }
 
 /// The paper's rig as a bench would describe it.

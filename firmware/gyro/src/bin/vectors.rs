@@ -12,10 +12,11 @@ macro_rules! vectors {
     };
 }
 
-const FILES: [(&str, &[u8]); 10] = vectors!(
+const FILES: [(&str, &[u8]); 11] = vectors!(
     "compensator-full",
     "compensator-paper",
     "compensator-inputs",
+    "compensator-harmonic",
     "compensator-edges",
     "compensator-advance",
     "compensator-limits",

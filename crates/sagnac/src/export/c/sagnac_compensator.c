@@ -11,6 +11,10 @@
 /* Bits of a difference of temperatures that are multiplied apart. */
 #define LAG_LOW_BITS 23U
 #define LAG_LOW ((int64_t)8388608)
+/* A quarter of a turn in 2^-56, and the coefficients of a quarter of the sine. */
+#define QUARTER_Q56 ((int64_t)18014398509481984)
+#define QUARTER_BITS 54U
+#define SINE_LENGTH 6U
 /* Bits below Q32 in which terms are summed. */
 #define GUARD_BITS 8U
 /* An accumulator beyond this after a call has lost its meaning: 2^61. */
@@ -24,6 +28,8 @@
 #define THERMOMETER_LENGTH 64U
 #define TERM_LENGTH 12U
 #define CRC_LENGTH 4U
+/* The minor version of an image with harmonics, the newest that is read; 0 without. */
+#define MINOR_OF_HARMONICS 1U
 
 /* What a slow update learned from one thermometer. */
 typedef struct {
@@ -61,6 +67,32 @@ static int64_t gyro_zone(int64_t x_q47, int32_t knot_q15)
         square = sagnac_round_shift(half * half, 31U);
     }
     return square;
+}
+
+static uint32_t is_harmonic(const sagnac_term *term)
+{
+    return ((term->shape == SAGNAC_COSINE) || (term->shape == SAGNAC_SINE)) ? SAGNAC_YES : SAGNAC_NO;
+}
+
+/* The sine of a term's turns at x, the cosine a quarter of a turn later: z + z*R(z^2) of a quarter, R in Q32. */
+static int64_t gyro_harmonic(int64_t x_q47, const sagnac_term *term)
+{
+    static const int64_t rest_q32[SINE_LENGTH] = {2451551556, -2774394651, 342277046, -20107381, 688100, -14670};
+    const int64_t later = (term->shape == SAGNAC_COSINE) ? QUARTER_Q56 : 0;
+    const int64_t position = sagnac_round_shift(x_q47 + ONE_Q47, 10U);
+    const int64_t turns = (position * (int64_t)term->turns_q18) + later;
+    const int64_t quarters = sagnac_floor_shift(turns, QUARTER_BITS);
+    const int64_t past = turns - (quarters * QUARTER_Q56);
+    const int64_t z = sagnac_round_shift(((quarters % 2) == 0) ? past : (QUARTER_Q56 - past), 23U);
+    const int64_t square = sagnac_round_shift(z * z, 31U);
+    int64_t sum = 0;
+    int64_t size;
+    uint32_t i;
+    for (i = SINE_LENGTH; i > 0U; i--) {
+        sum = rest_q32[i - 1U] + sagnac_round_shift(sum * square, 31U);
+    }
+    size = sagnac_held(z + sagnac_round_shift(z * sum, 32U), 0, ONE_Q31);
+    return ((quarters % 4) < 2) ? size : -size;
 }
 
 /* The temperature of a code, 2^-24 degC, not yet believed. */
@@ -231,6 +263,8 @@ static void gyro_evaluate(const sagnac_image *image, const reading *readings, in
             factor = gyro_zone(x_q47, term->knot_q15);
         } else if (term->shape == SAGNAC_STEP) {
             factor = (x_q47 >= ((int64_t)term->knot_q15 * ONE_Q32)) ? ONE_Q31 : 0;
+        } else if (is_harmonic(term) != 0U) {
+            factor = gyro_harmonic(x_q47, term);
         } else {
             factor = basis[term->sensor][term->order];
         }
@@ -513,15 +547,20 @@ static uint32_t source_is_sound(const sagnac_image *image, uint32_t i)
     return sound;
 }
 
-/* A series has an order and no knot, a piece a knot and no order. */
+/* A series has an order, a piece a knot, a harmonic its turns; none has what belongs to another. */
 static uint32_t shape_is_sound(const sagnac_term *term)
 {
     uint32_t sound;
     if (term->shape == SAGNAC_CHEBYSHEV) {
-        sound = ((term->order <= SAGNAC_MAX_ORDER) && (term->knot_q15 == 0)) ? SAGNAC_YES : SAGNAC_NO;
+        sound = ((term->order <= SAGNAC_MAX_ORDER) && (term->knot_q15 == 0) && (term->turns_q18 == 0U)) ? SAGNAC_YES : SAGNAC_NO;
+    } else if (is_harmonic(term) != 0U) {
+        sound = ((term->turns_q18 > 0U) && (term->turns_q18 <= SAGNAC_MAX_TURNS_Q18)) ? SAGNAC_YES : SAGNAC_NO;
+        if ((term->order != 0U) || (term->knot_q15 != 0)) {
+            sound = 0U;
+        }
     } else {
-        sound = ((term->order == 0U) && (term->knot_q15 >= -32768) && (term->knot_q15 <= 32767)) ? SAGNAC_YES : SAGNAC_NO;
-        if ((term->shape != SAGNAC_ZONE) && (term->shape != SAGNAC_STEP)) {
+        sound = ((term->knot_q15 >= -32768) && (term->knot_q15 <= 32767)) ? SAGNAC_YES : SAGNAC_NO;
+        if ((term->order != 0U) || (term->turns_q18 != 0U) || ((term->shape != SAGNAC_ZONE) && (term->shape != SAGNAC_STEP))) {
             sound = 0U;
         }
     }
@@ -652,10 +691,14 @@ static uint32_t load_term(sagnac_term *term, sagnac_read_octet read, const void 
 {
     const uint32_t kind = read(context, at) & 0xFFU;
     const uint32_t shape = read(context, at + 9U) & 0xFFU;
-    const int32_t knot = (int32_t)sagnac_read_u16(read, context, at + 10U);
+    const uint32_t order = read(context, at + 2U) & 0xFFU;
+    const uint32_t low = sagnac_read_u16(read, context, at + 10U);
+    const int32_t knot = (int32_t)low;
     term->kind = (kind == 1U) ? SAGNAC_BIAS : SAGNAC_SCALE;
     term->sensor = read(context, at + 1U) & 0xFFU;
-    term->order = read(context, at + 2U) & 0xFFU;
+    term->order = order;
+    term->knot_q15 = (knot < 32768) ? knot : (knot - 65536);
+    term->turns_q18 = 0U;
     term->times_rate = read(context, at + 3U) & 0xFFU;
     term->mantissa = sagnac_read_i32(read, context, at + 4U);
     term->shift = read(context, at + 8U) & 0xFFU;
@@ -663,11 +706,16 @@ static uint32_t load_term(sagnac_term *term, sagnac_read_octet read, const void 
         term->shape = SAGNAC_ZONE;
     } else if (shape == 2U) {
         term->shape = SAGNAC_STEP;
+    } else if ((shape == 3U) || (shape == 4U)) {
+        /* The low 16 bits of the turns stand where a knot does, the high 8 where an order does. */
+        term->shape = (shape == 3U) ? SAGNAC_COSINE : SAGNAC_SINE;
+        term->turns_q18 = low | (order << 16);
+        term->order = 0U;
+        term->knot_q15 = 0;
     } else {
         term->shape = SAGNAC_CHEBYSHEV;
     }
-    term->knot_q15 = (knot < 32768) ? knot : (knot - 65536);
-    return (((kind == 1U) || (kind == 2U)) && (shape <= 2U)) ? SAGNAC_YES : SAGNAC_NO;
+    return (((kind == 1U) || (kind == 2U)) && (shape <= 4U)) ? SAGNAC_YES : SAGNAC_NO;
 }
 
 /* Length, magic, version, checksum: whether these bytes are an image at all. */
@@ -679,7 +727,7 @@ static sagnac_image_error gyro_envelope(sagnac_read_octet read, const void *cont
         error = SAGNAC_IMAGE_LENGTH;
     } else if ((sagnac_read_u32(read, context, 0U) != magic[0]) || (sagnac_read_u32(read, context, 4U) != magic[1])) {
         error = SAGNAC_IMAGE_NOT_AN_IMAGE;
-    } else if (sagnac_read_u16(read, context, 8U) != 1U) {
+    } else if ((sagnac_read_u16(read, context, 8U) != 1U) || (sagnac_read_u16(read, context, 10U) > MINOR_OF_HARMONICS)) {
         error = SAGNAC_IMAGE_VERSION;
     } else if (sagnac_read_u32(read, context, 12U) != length) {
         error = SAGNAC_IMAGE_LENGTH;
@@ -698,8 +746,7 @@ sagnac_image_error sagnac_image_load(sagnac_image *image, sagnac_read_octet read
     uint32_t zeros = 1U;
     if (error == SAGNAC_IMAGE_OK) {
         load_head(image, read, context);
-        zeros &= sagnac_are_zero(read, context, 10U, 2U) & sagnac_are_zero(read, context, 51U, 1U);
-        zeros &= sagnac_are_zero(read, context, 124U, 4U);
+        zeros &= sagnac_are_zero(read, context, 51U, 1U) & sagnac_are_zero(read, context, 124U, 4U);
         error = (head_is_sound(image) != 0U) ? SAGNAC_IMAGE_OK : SAGNAC_IMAGE_HEAD;
     }
     if ((error == SAGNAC_IMAGE_OK) &&
@@ -709,6 +756,7 @@ sagnac_image_error sagnac_image_load(sagnac_image *image, sagnac_read_octet read
     }
     if (error == SAGNAC_IMAGE_OK) {
         uint32_t kinds = 1U;
+        uint32_t minor = 0U;
         uint32_t at = HEAD_LENGTH;
         uint32_t i;
         for (i = 0U; i < image->thermometer_count; i++) {
@@ -718,12 +766,17 @@ sagnac_image_error sagnac_image_load(sagnac_image *image, sagnac_read_octet read
         }
         for (i = 0U; i < image->term_count; i++) {
             kinds &= load_term(&image->terms[i], read, context, at);
+            if (is_harmonic(&image->terms[i]) != 0U) {
+                minor = MINOR_OF_HARMONICS;
+            }
             at += TERM_LENGTH;
         }
         if (zeros == 0U) {
             error = SAGNAC_IMAGE_RESERVED;
         } else if (kinds == 0U) {
             error = SAGNAC_IMAGE_TERM;
+        } else if (sagnac_read_u16(read, context, 10U) != minor) {
+            error = SAGNAC_IMAGE_VERSION;
         } else {
             error = sagnac_image_check(image);
         }

@@ -30,6 +30,8 @@
 #define SAGNAC_MAX_THERMOMETERS 4U
 #define SAGNAC_MAX_TERMS 32U
 #define SAGNAC_MAX_ORDER 8U
+/* Most turns of a harmonic over the span, 2^-18: just below 64. */
+#define SAGNAC_MAX_TURNS_Q18 16777215U
 /* Largest |raw| of one call. */
 #define SAGNAC_MAX_RAW ((int32_t)536870912)
 
@@ -68,8 +70,15 @@ typedef enum {
 /* What a term adds to. */
 typedef enum { SAGNAC_BIAS = 1, SAGNAC_SCALE = 2 } sagnac_kind;
 
-/* The function of x that a term is made of: T_order(x), ((x - knot)/2)^2 above the knot, or 1 from the knot on. */
-typedef enum { SAGNAC_CHEBYSHEV = 0, SAGNAC_ZONE = 1, SAGNAC_STEP = 2 } sagnac_shape;
+/* The function of x that a term is made of: T_order(x), ((x - knot)/2)^2 above the knot, 1 from the knot on, or the
+ * cosine or sine of 2 pi turns (x + 1)/2. */
+typedef enum {
+    SAGNAC_CHEBYSHEV = 0,
+    SAGNAC_ZONE = 1,
+    SAGNAC_STEP = 2,
+    SAGNAC_COSINE = 3,
+    SAGNAC_SINE = 4
+} sagnac_shape;
 
 /* A thermometer; or, where is_difference is 1, thermometer `of` less thermometer `less`, which stand before it. */
 typedef struct {
@@ -104,6 +113,7 @@ typedef struct {
     sagnac_shape shape;
     uint32_t order;
     int32_t knot_q15;
+    uint32_t turns_q18;
     uint32_t times_rate;
     int32_t mantissa;
     uint32_t shift;

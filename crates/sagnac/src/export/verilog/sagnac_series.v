@@ -42,10 +42,13 @@ module sagnac_series #(
         LAG_RATE = 5'd6, RATE = 5'd7, SCALED_RATE = 5'd8, POSITION = 5'd9, SCALED = 5'd10, SAY = 5'd11,
         BASIS = 5'd12, BASIS_STEP = 5'd13, BASIS_NEXT = 5'd14, TERM = 5'd15, TERM_RATE = 5'd16,
         TERM_ADD = 5'd18, SCALE = 5'd19, BIAS = 5'd20, DIVIDE = 5'd21, DIVIDED = 5'd22, FINISH = 5'd23,
-        MULTIPLY = 5'd24, SHIFT = 5'd25, BASIS_TURN = 5'd17, TERM_READ = 5'd26, TERM_ZONE = 5'd27;
+        MULTIPLY = 5'd24, SHIFT = 5'd25, BASIS_TURN = 5'd17, TERM_READ = 5'd26, TERM_ZONE = 5'd27,
+        TURNS = 5'd28, TURNS_SQUARE = 5'd29, TURNS_SUM = 5'd30, TURNS_SINE = 5'd31;
 
     localparam signed [63:0] ONE_Q31 = 64'sd2147483648;
     localparam signed [63:0] ONE_Q47 = 64'sd140737488355328;
+    // A quarter of the sine is z + z*R(z^2): R in Q32, from the constant on, 34 bits each.
+    localparam [203:0] REST = {-34'sd14670, 34'sd688100, -34'sd20107381, 34'sd342277046, -34'sd2774394651, 34'sd2451551556};
     localparam [INCREMENT_BITS-1:0] SLEW = {{(INCREMENT_BITS - 32){1'b0}}, SLEW_TICKS};
     localparam [5:0] DIVISION_STEPS = INCREMENT_BITS;
     localparam [3:0] LAST_ORDER = ORDER;
@@ -127,10 +130,28 @@ module sagnac_series #(
     // From -1 to +1 are 2 in Q47: 50 bits with the sign.
     wire signed [49:0] above_knot = {x[term_sensor][48], x[term_sensor]} - {{2{term_knot[15]}}, term_knot, 32'd0};
     wire signed [49:0] half_above = (above_knot + 50'sd65536) >>> 17;
+    // A harmonic's knot is -1, the lower end of the span: (x + 1)/2 in Q38.
+    wire signed [49:0] position = (above_knot + 50'sd512) >>> 10;
+    wire [23:0] term_turns = TERM_TURNS[24*term[4:0] +: 24];
 
     // Nothing of what an image does not use is made.
-    localparam HAS_DIFFERENCES = |IS_DIFFERENCE, HAS_ZONES = |TERM_IS_ZONE, HAS_STEPS = |TERM_IS_STEP;
-    wire is_piece = (HAS_ZONES && TERM_IS_ZONE[term[4:0]]) || (HAS_STEPS && TERM_IS_STEP[term[4:0]]);
+    localparam HAS_DIFFERENCES = |IS_DIFFERENCE, HAS_ZONES = |TERM_IS_ZONE, HAS_STEPS = |TERM_IS_STEP,
+        HAS_HARMONICS = |TERM_TURNS;
+    wire is_harmonic = HAS_HARMONICS && term_turns != 24'd0;
+    wire is_piece = (HAS_ZONES && TERM_IS_ZONE[term[4:0]]) || (HAS_STEPS && TERM_IS_STEP[term[4:0]]) || is_harmonic;
+    // The turns in Q56, a cosine's a quarter later: which quarter, how far in it, and as z in Q31.
+    wire [1:0] quarter = result[55:54] + {1'b0, TERM_IS_COSINE[term[4:0]]};
+    wire [54:0] along = quarter[0] ? 55'h40000000000000 - {1'b0, result[53:0]} : {1'b0, result[53:0]};
+    /* verilator lint_off UNUSEDSIGNAL */ // the other bits are rounded away
+    wire [54:0] along_half_up = along + 55'h400000;
+    /* verilator lint_on UNUSEDSIGNAL */
+    reg below;
+    reg [31:0] z, square;
+    reg [2:0] rest_at;
+    wire signed [33:0] rest_here = REST[34*rest_at +: 34];
+    wire signed [63:0] rest_sum = result + {{30{rest_here[33]}}, rest_here};
+    wire [34:0] sine_sum = result[34:0] + {3'd0, z};
+    wire [34:0] sine_size = sine_sum > ONE_Q31[34:0] ? ONE_Q31[34:0] : sine_sum;
     wire signed [34:0] term_basis = is_piece ? piece : basis_read;
     wire [1:0] minuend = DIFFERENCE_OF[2*at +: 2];
     wire [1:0] subtrahend = DIFFERENCE_LESS[2*at +: 2];
@@ -323,6 +344,8 @@ module sagnac_series #(
                 TERM_READ: if (HAS_ZONES && TERM_IS_ZONE[term[4:0]])
                     multiply(above_knot < 50'sd0 ? 64'sd0 : {{14{half_above[49]}}, half_above},
                              above_knot < 50'sd0 ? 35'sd0 : half_above[34:0], 7'd31, 1'b1, TERM_ZONE);
+                else if (is_harmonic)
+                    multiply({{14{position[49]}}, position}, {11'd0, term_turns}, 7'd0, 1'b0, TURNS);
                 else begin
                     basis_read <= basis[{term_sensor, term_order}];
                     piece <= above_knot < 50'sd0 ? 35'sd0 : ONE_Q31[34:0];
@@ -330,6 +353,28 @@ module sagnac_series #(
                 end
                 TERM_ZONE: begin
                     piece <= result[34:0];
+                    state <= TERM;
+                end
+                // A harmonic: turns, folded into a quarter; z^2; R by Horner; z + z*R.
+                TURNS: if (HAS_HARMONICS) begin
+                    below <= quarter[1];
+                    z <= along_half_up[54:23];
+                    multiply({32'd0, along_half_up[54:23]}, {3'd0, along_half_up[54:23]}, 7'd31, 1'b1, TURNS_SQUARE);
+                end
+                TURNS_SQUARE: if (HAS_HARMONICS) begin
+                    square <= result[31:0];
+                    rest_at <= 3'd4;
+                    multiply({{30{REST[203]}}, REST[203:170]}, {3'd0, result[31:0]}, 7'd31, 1'b1, TURNS_SUM);
+                end
+                TURNS_SUM: if (HAS_HARMONICS) begin
+                    rest_at <= rest_at - 3'd1;
+                    if (rest_at == 3'd0)
+                        multiply(rest_sum, {3'd0, z}, 7'd32, 1'b1, TURNS_SINE);
+                    else
+                        multiply(rest_sum, {3'd0, square}, 7'd31, 1'b1, TURNS_SUM);
+                end
+                TURNS_SINE: if (HAS_HARMONICS) begin
+                    piece <= below ? -sine_size : sine_size;
                     state <= TERM;
                 end
                 TERM: if (term == TERMS)

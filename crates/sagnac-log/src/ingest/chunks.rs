@@ -1,0 +1,237 @@
+//! ChunkReader of a log, read in order, parsed on as many threads as there are, and given out in order.
+//!
+//! ```text
+//! Feed (one at a time: read, hash, unpack) ─▶ parse (any order) ─▶ ready pieces ─▶ next(), in order
+//! ```
+//!
+//! Whoever waits for a piece takes part in the work, so one thread is enough, and helpers are started
+//! only for logs of more than one piece. What comes out does not depend on how many there are. Memory:
+//! as many pieces as [`Shared::room`] says.
+
+use std::collections::BTreeMap;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+
+use crate::error::{Error, Result};
+use crate::ingest::raw::RawRows;
+use crate::ingest::text::{LineParser, TextFeed};
+
+/// More threads than this do not read one log faster: hashing goes in order.
+const MAX_HELPERS: usize = 3;
+
+/// A decoder of a binary table: the next rows, or false at the end.
+pub(crate) trait TableFeed: Send {
+    fn next(&mut self, rows: &mut RawRows) -> Result<bool>;
+}
+
+/// Where pieces come from.
+pub(crate) enum Feed {
+    Text(TextFeed, Box<LineParser>),
+    Table(Box<dyn TableFeed>),
+}
+
+/// Feed and numbering of its pieces; whoever holds it reads.
+struct Reading {
+    feed: Feed,
+    read: u64,
+    ended: bool,
+}
+
+/// ChunkReader that are parsed and wait for their turn.
+#[derive(Default)]
+struct Ready {
+    pieces: BTreeMap<u64, Result<RawRows>>,
+    /// Number of pieces, once it is known.
+    total: Option<u64>,
+    /// Buffers to be used again.
+    spare: Vec<RawRows>,
+    /// Nobody waits for more.
+    abandoned: bool,
+}
+
+struct Shared {
+    reading: Mutex<Reading>,
+    ready: Mutex<Ready>,
+    changed: Condvar,
+    /// ChunkReader that may wait.
+    room: usize,
+}
+
+/// Nothing is left half done under these locks, so a poisoned one is as good as new.
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// What one thread needs to turn bytes into rows.
+struct Worker {
+    text: Vec<u8>,
+    parser: Option<LineParser>,
+}
+
+impl Shared {
+    /// Reads and parses one piece; false at the end.
+    fn work(&self, worker: &mut Worker, mut reading: MutexGuard<'_, Reading>) -> bool {
+        if reading.ended {
+            return false;
+        }
+        let mut rows = lock(&self.ready).spare.pop().unwrap_or_default();
+        // The decoders are not ours; whatever they do with a damaged file, the file is what is bad.
+        let read = catch_unwind(AssertUnwindSafe(|| match &mut reading.feed {
+            Feed::Text(feed, _) => feed.next(&mut worker.text),
+            Feed::Table(feed) => feed.next(&mut rows),
+        }));
+        let read = read.unwrap_or_else(|_| Err(Error::input("a damaged file (its decoder gave up)")));
+        let number = reading.read;
+        if matches!(read, Ok(false)) {
+            reading.ended = true;
+            drop(reading);
+            lock(&self.ready).total = Some(number);
+            self.changed.notify_all();
+            return false;
+        }
+        reading.read += 1;
+        reading.ended = read.is_err();
+        drop(reading);
+        let ended = read.is_err();
+        let piece = read.and_then(|_| {
+            // Whatever happens here, this piece must come out, or everybody waits for it.
+            let parsed = catch_unwind(AssertUnwindSafe(|| {
+                if let Some(parser) = &mut worker.parser {
+                    parser.parse(&worker.text, &mut rows);
+                }
+                rows
+            }));
+            parsed.map_err(|_| Error::input("a defect of this program: a piece of the log could not be parsed"))
+        });
+        let mut ready = lock(&self.ready);
+        if ended {
+            ready.total = Some(number + 1);
+        }
+        ready.pieces.insert(number, piece);
+        drop(ready);
+        self.changed.notify_all();
+        !ended
+    }
+
+    /// Works while there is room, until the end.
+    fn help(&self, mut worker: Worker) {
+        loop {
+            let mut ready = lock(&self.ready);
+            while ready.pieces.len() >= self.room && !ready.abandoned {
+                ready = self.changed.wait(ready).unwrap_or_else(PoisonError::into_inner);
+            }
+            if ready.abandoned {
+                return;
+            }
+            drop(ready);
+            if !self.work(&mut worker, lock(&self.reading)) {
+                return;
+            }
+        }
+    }
+}
+
+/// The pieces of one log.
+pub(crate) struct ChunkReader {
+    shared: Arc<Shared>,
+    worker: Worker,
+    /// Helpers to be started when there is more than one piece.
+    helpers: usize,
+    next: u64,
+    lines: u64,
+}
+
+impl ChunkReader {
+    /// `lines_before`: lines of the file above its first row. Without `parallel` nothing is read ahead.
+    pub(crate) fn new(feed: Feed, lines_before: u64, parallel: bool) -> Self {
+        let parser = match &feed {
+            Feed::Text(_, parser) => Some(parser.as_ref().clone()),
+            Feed::Table(_) => None,
+        };
+        let cores = std::thread::available_parallelism().map_or(1, usize::from);
+        let helpers = if parallel { (cores - 1).min(MAX_HELPERS) } else { 0 };
+        let shared = Shared {
+            reading: Mutex::new(Reading { feed, read: 0, ended: false }),
+            ready: Mutex::default(),
+            changed: Condvar::new(),
+            room: 2 + 2 * helpers,
+        };
+        let worker = Worker { text: Vec::new(), parser };
+        Self { shared: Arc::new(shared), worker, helpers, next: 0, lines: lines_before }
+    }
+
+    /// The next piece into `rows`; false at the end.
+    pub(crate) fn next(&mut self, rows: &mut RawRows) -> Result<bool> {
+        if self.next == 1 {
+            self.start_helpers();
+        }
+        let Some(piece) = self.wait() else { return Ok(false) };
+        self.next += 1;
+        let piece = piece.map_err(|e| if e.place.line.is_none() { e.line(self.lines + 1) } else { e })?;
+        let used = std::mem::replace(rows, piece);
+        rows.lines_before = self.lines;
+        self.lines += rows.lines;
+        let mut ready = lock(&self.shared.ready);
+        if ready.spare.len() <= self.shared.room {
+            ready.spare.push(used);
+        }
+        drop(ready);
+        self.shared.changed.notify_all();
+        Ok(true)
+    }
+
+    /// The piece whose turn it is, working on it or another meanwhile; `None` after the last.
+    fn wait(&mut self) -> Option<Result<RawRows>> {
+        loop {
+            if let Some(turn) = self.turn() {
+                return turn;
+            }
+            let reading = lock(&self.shared.reading);
+            // While this thread waited to read, the piece may have come.
+            if let Some(turn) = self.turn() {
+                return turn;
+            }
+            let ahead = reading.read > self.next && lock(&self.shared.ready).pieces.len() >= self.shared.room;
+            if reading.ended || ahead {
+                // Somebody else parses it; they say when it is there.
+                drop(reading);
+                self.sleep();
+            } else {
+                self.shared.work(&mut self.worker, reading);
+            }
+        }
+    }
+
+    /// The piece if it is there, `Some(None)` after the last.
+    fn turn(&self) -> Option<Option<Result<RawRows>>> {
+        let mut ready = lock(&self.shared.ready);
+        match ready.pieces.remove(&self.next) {
+            Some(piece) => Some(Some(piece)),
+            None if ready.total.is_some_and(|total| self.next >= total) => Some(None),
+            None => None,
+        }
+    }
+
+    fn sleep(&self) {
+        let nothing =
+            |ready: &mut Ready| !ready.pieces.contains_key(&self.next) && ready.total.is_none_or(|t| self.next < t);
+        let waited = self.shared.changed.wait_while(lock(&self.shared.ready), nothing);
+        drop(waited.unwrap_or_else(PoisonError::into_inner));
+    }
+
+    fn start_helpers(&mut self) {
+        for _ in 0..self.helpers {
+            let shared = Arc::clone(&self.shared);
+            let worker = Worker { text: Vec::new(), parser: self.worker.parser.clone() };
+            std::thread::spawn(move || shared.help(worker));
+        }
+    }
+}
+
+impl Drop for ChunkReader {
+    /// Helpers end by themselves; one that waits for a pipe to say more is not waited for.
+    fn drop(&mut self) {
+        lock(&self.shared.ready).abandoned = true;
+        self.shared.changed.notify_all();
+    }
+}

@@ -1,0 +1,326 @@
+//! What each column of a log is, from its header.
+
+use std::collections::BTreeMap;
+
+use crate::error::{Error, Result};
+use crate::ingest::table::TableColumn;
+use sagnac_units::{DPH_PER_DPS, DPH_PER_RADPS, KELVIN_AT_0_C};
+
+/// Header prefix of the program's own compensated output.
+pub const COMPENSATED_PREFIX: &str = "compensated_";
+
+/// Recognised forms, for messages.
+pub const RECOGNISED: &str = "time_s|_ms|_us|_ns, temperature_c|_k[_name], counts[_x|_y|_z], \
+     rate_dph|_dps|_radps[_x|_y|_z], reference_rate_dps or table_angle_deg or table_mark, valid, aux_name";
+
+/// Every recognised header and what its column holds, for the manual.
+pub const HEADERS: [(&str, &str); 9] = [
+    (
+        "time_s, time_ms, time_us, time_ns",
+        "end of the row's interval; without it there is one window per row and no rate term",
+    ),
+    ("temperature_c[_name], temperature_k[_name]", "a thermometer, in °C or K"),
+    ("counts[_x, _y, _z]", "counts of the row, or a running total with `counter = \"cumulative\"`"),
+    ("rate_dph, rate_dps, rate_radps [_x, _y, _z]", "mean rate of the row in °/h, °/s or rad/s"),
+    ("reference_rate_dps", "rate of the table under the gyro, °/s"),
+    (
+        "table_angle_deg",
+        "angle of the table, °, in place of its rate; it may wrap at 360, and turns by less than 180 in a row",
+    ),
+    (
+        "table_mark",
+        "1 in the row in which the table completed a revolution, −1 for one backwards, else 0, in place of its rate",
+    ),
+    ("valid", "1, true, ok, yes or 0, false, no: rows that are flagged are left out"),
+    ("aux_name", "any number that the correction may depend on: a voltage, a current, a mode"),
+];
+
+/// Columns by which a table of `sagnac window` is known, whoever wrote it again.
+const WINDOW_TABLE: [&str; 4] = ["run", "start_ns", "duration_ns", "first_line"];
+/// Most thermometers of a log.
+const MAX_THERMOMETERS: usize = 32;
+/// Most auxiliary columns of a log.
+const MAX_AUX: usize = 256;
+
+/// What a column is.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Role {
+    /// Time; decimal places to nanoseconds (9 for seconds).
+    Time {
+        /// Power of ten from the column's unit to ns.
+        places: u32,
+    },
+    /// Temperature: °C = value − `zero`.
+    Temperature {
+        /// Name, empty if the header has none.
+        name: String,
+        /// 0 for °C, 273.15 for K.
+        zero: f64,
+    },
+    /// Counts of an axis.
+    Counts {
+        /// Axis letter if the header has one.
+        axis: Option<char>,
+    },
+    /// Rate of an axis.
+    Rate {
+        /// Axis letter if the header has one.
+        axis: Option<char>,
+        /// °/h per unit.
+        dph_per_unit: f64,
+    },
+    /// What the table under the gyro does.
+    Reference(TableColumn),
+    /// 1 or true: the row is good.
+    Valid,
+    /// Any number to be carried along.
+    Aux {
+        /// Its name.
+        name: String,
+    },
+    /// Not read.
+    Ignored,
+}
+
+/// The role of one header.
+///
+/// # Errors
+/// A known quantity with an unknown unit or axis; a header of our own compensated output.
+pub fn role_of(header: &str) -> Result<Role> {
+    let lower = header.trim().to_ascii_lowercase();
+    if lower.starts_with(COMPENSATED_PREFIX) {
+        return Err(already_compensated().column(header));
+    }
+    let (quantity, rest) = lower.split_once('_').unwrap_or((&lower, ""));
+    match quantity {
+        "time" => time_role(header, rest),
+        "temperature" => temperature_role(header, rest),
+        "counts" => Ok(Role::Counts { axis: axis_of(header, rest)? }),
+        "rate" => rate_role(header, rest),
+        "reference" if rest == "rate_dps" => Ok(Role::Reference(TableColumn::Rate)),
+        "table" if rest == "angle_deg" => Ok(Role::Reference(TableColumn::Angle)),
+        "table" if rest == "mark" => Ok(Role::Reference(TableColumn::Mark)),
+        "reference" => Err(unknown_unit(header, rest, "rate_dps")),
+        "valid" if rest.is_empty() => Ok(Role::Valid),
+        "aux" if !rest.is_empty() => Ok(Role::Aux { name: rest.to_owned() }),
+        _ => Ok(Role::Ignored),
+    }
+}
+
+/// The refusal for output that was corrected once.
+pub fn already_compensated() -> Error {
+    Error::refused("this log is already compensated; a second compensation would be wrong twice")
+        .help("use the log that `sagnac compensate` read")
+}
+
+fn time_role(header: &str, unit: &str) -> Result<Role> {
+    let places = match unit {
+        "s" => 9,
+        "ms" => 6,
+        "us" => 3,
+        "ns" => 0,
+        _ => return Err(unknown_unit(header, unit, "s, ms, us, ns")),
+    };
+    Ok(Role::Time { places })
+}
+
+fn temperature_role(header: &str, rest: &str) -> Result<Role> {
+    let (unit, name) = rest.split_once('_').unwrap_or((rest, ""));
+    let zero = match unit {
+        "c" => 0.0,
+        "k" => KELVIN_AT_0_C,
+        _ => return Err(unknown_unit(header, unit, "c, k")),
+    };
+    Ok(Role::Temperature { name: name.to_owned(), zero })
+}
+
+fn rate_role(header: &str, rest: &str) -> Result<Role> {
+    let (unit, axis) = rest.split_once('_').unwrap_or((rest, ""));
+    let dph_per_unit = match unit {
+        "dph" => 1.0,
+        "dps" => DPH_PER_DPS,
+        "radps" => DPH_PER_RADPS,
+        _ => return Err(unknown_unit(header, unit, "dph, dps, radps")),
+    };
+    Ok(Role::Rate { axis: axis_of(header, axis)?, dph_per_unit })
+}
+
+fn unknown_unit(header: &str, unit: &str, known: &str) -> Error {
+    Error::input(format!("unknown unit {unit:?}; known here: {known}"))
+        .column(header)
+        .help("rename the header, or map it under [columns] in the setup")
+}
+
+fn axis_of(header: &str, text: &str) -> Result<Option<char>> {
+    let mut letters = text.chars();
+    match (letters.next(), letters.next()) {
+        (None, _) => Ok(None),
+        (Some(axis), None) if axis.is_ascii_alphanumeric() => Ok(Some(axis)),
+        _ => Err(Error::input("an axis is one letter after the last underscore").column(header)),
+    }
+}
+
+/// A log's columns by role, with the index of each.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Layout {
+    /// Headers as they stand in the log.
+    pub headers: Vec<String>,
+    /// Column and decimal places of the time, if there is one.
+    pub time: Option<(usize, u32)>,
+    /// Column, name and zero of each thermometer.
+    pub temperatures: Vec<(usize, String, f64)>,
+    /// Column, axis letter and °/h per unit (`None`: counts) of each axis.
+    pub axes: Vec<(usize, char, Option<f64>)>,
+    /// Column of the reference rate.
+    pub reference: Option<(usize, TableColumn)>,
+    /// Column of the validity flag.
+    pub valid: Option<usize>,
+    /// Column and name of auxiliary numbers.
+    pub aux: Vec<(usize, String)>,
+    /// Headers that are not read.
+    pub ignored: Vec<String>,
+}
+
+impl Layout {
+    /// Gives every header its role, through the setup's `[columns]`.
+    ///
+    /// # Errors
+    /// Duplicate headers or roles, unknown units, a mapped header that is not there, no axis.
+    pub fn new(headers: Vec<String>, columns: &BTreeMap<String, String>, axis: Option<char>) -> Result<Self> {
+        let mut layout = Self { headers, ..Self::default() };
+        if WINDOW_TABLE.iter().all(|name| layout.headers.iter().any(|header| header == name)) {
+            return Err(Error::input("a table of windows, not a log").help(
+                "calibrate takes the Parquet table as `sagnac window` wrote it; verify and compensate need the log itself",
+            ));
+        }
+        if let Some(missing) = columns.keys().find(|name| !layout.headers.contains(name)) {
+            return Err(Error::input(format!("[columns] maps {missing:?}, but the log has no such header"))
+                .help(format!("the log has: {}", layout.headers.join(", "))));
+        }
+        for (index, header) in layout.headers.clone().iter().enumerate() {
+            if layout.headers[..index].contains(header) {
+                return Err(Error::input("this header stands there twice").column(header));
+            }
+            let role = match columns.get(header) {
+                Some(name) => match role_of(name)? {
+                    Role::Ignored if name != "ignore" => {
+                        return Err(Error::input(format!(
+                            "[columns] maps it to {name:?}, which is no header of Sagnac"
+                        ))
+                        .column(header)
+                        .help(format!("known: {RECOGNISED}, ignore")));
+                    }
+                    role => role,
+                },
+                None => role_of(header)?,
+            };
+            layout.place(index, header, role, axis.unwrap_or('x'))?;
+        }
+        layout.check()?;
+        Ok(layout)
+    }
+
+    fn place(&mut self, index: usize, header: &str, role: Role, default_axis: char) -> Result<()> {
+        let twice = || Error::input("a second column of the same kind; map one of them to \"ignore\"").column(header);
+        match role {
+            Role::Time { places } if self.time.is_none() => self.time = Some((index, places)),
+            Role::Reference(column) if self.reference.is_none() => self.reference = Some((index, column)),
+            Role::Valid if self.valid.is_none() => self.valid = Some(index),
+            Role::Time { .. } | Role::Reference(_) | Role::Valid => return Err(twice()),
+            Role::Temperature { name, zero } => {
+                if self.temperatures.iter().any(|(_, other, _)| *other == name) {
+                    return Err(twice());
+                }
+                self.temperatures.push((index, name, zero));
+            }
+            Role::Counts { axis } => self.place_axis(index, axis.unwrap_or(default_axis), None).ok_or_else(twice)?,
+            Role::Rate { axis, dph_per_unit } => {
+                self.place_axis(index, axis.unwrap_or(default_axis), Some(dph_per_unit)).ok_or_else(twice)?;
+            }
+            Role::Aux { name } => self.aux.push((index, name)),
+            Role::Ignored => self.ignored.push(header.to_owned()),
+        }
+        Ok(())
+    }
+
+    fn place_axis(&mut self, index: usize, axis: char, dph_per_unit: Option<f64>) -> Option<()> {
+        if self.axes.iter().any(|(_, other, _)| *other == axis) {
+            return None;
+        }
+        self.axes.push((index, axis, dph_per_unit));
+        Some(())
+    }
+
+    fn check(&self) -> Result<()> {
+        if self.temperatures.len() > MAX_THERMOMETERS || self.aux.len() > MAX_AUX {
+            return Err(Error::input(format!(
+                "more than {MAX_THERMOMETERS} thermometers or {MAX_AUX} auxiliary columns"
+            ))
+            .help("map those that are not needed to \"ignore\" under [columns]"));
+        }
+        if self.axes.is_empty() {
+            return Err(Error::input("no column of counts or rates").help(format!(
+                "the log has: {}; recognised: {RECOGNISED}; map others under [columns]",
+                self.headers.join(", ")
+            )));
+        }
+        if self.axes.iter().any(|a| a.2.is_none()) && self.axes.iter().any(|a| a.2.is_some()) {
+            return Err(Error::input("both counts and rates; map one of them to \"ignore\""));
+        }
+        Ok(())
+    }
+
+    /// Columns that are read, in the order of the file.
+    pub fn columns_read(&self) -> Vec<usize> {
+        let time = self.time.iter().map(|(index, _)| *index);
+        let temperatures = self.temperatures.iter().map(|(index, ..)| *index);
+        let axes = self.axes.iter().map(|(index, ..)| *index);
+        let others = self.reference.iter().map(|(index, _)| *index).chain(self.valid);
+        let mut all: Vec<usize> = time
+            .chain(temperatures)
+            .chain(axes)
+            .chain(others)
+            .chain(self.aux.iter().map(|(index, _)| *index))
+            .collect();
+        all.sort_unstable();
+        all
+    }
+
+    /// True for counts, false for rates.
+    pub fn is_count_log(&self) -> bool {
+        self.axes.iter().all(|(_, _, unit)| unit.is_none())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn layout(headers: &[&str]) -> Result<Layout> {
+        Layout::new(headers.iter().map(ToString::to_string).collect(), &BTreeMap::new(), None)
+    }
+
+    #[test]
+    fn recognises_the_documented_headers() {
+        let l = layout(&["time_ms", "Temperature_C_block", "temperature_k", "counts_y", "valid", "aux_volts", "note"])
+            .unwrap();
+        assert_eq!(l.time, Some((0, 6)));
+        assert_eq!(l.temperatures, [(1, "block".to_owned(), 0.0), (2, String::new(), 273.15)]);
+        assert_eq!(l.axes, [(3, 'y', None)]);
+        assert_eq!((l.valid, l.aux, l.ignored), (Some(4), vec![(5, "volts".to_owned())], vec!["note".to_owned()]));
+    }
+
+    #[test]
+    fn refuses_unknown_units_duplicates_and_mixtures() {
+        for headers in [
+            ["temperature_f", "counts"],
+            ["counts", "counts"],
+            ["counts", "rate_dps"],
+            ["time_s", "time_ms"],
+            ["a", "b"],
+        ] {
+            assert!(layout(&headers).is_err(), "{headers:?}");
+        }
+        assert_eq!(layout(&["compensated_counts", "time_s"]).unwrap_err().kind, crate::ErrorKind::Refused);
+    }
+}

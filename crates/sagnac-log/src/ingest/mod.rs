@@ -1,0 +1,550 @@
+//! Logs in: from bytes to judged rows.
+//!
+//! ```text
+//! Source (hash, gunzip, format) ─▶ ChunkReader (parsed in parallel: text, Parquet, Arrow, ULog) ─▶ Aligner
+//!        (temperatures to the time of counts) ─▶ RowValidator (judged rows) ─▶ Batch
+//! ```
+//!
+//! [`LogReader`] gives one batch after the other and never holds the log. One file is one run.
+
+mod align;
+mod cells;
+mod chunks;
+#[cfg(feature = "parquet")]
+mod columnar;
+pub mod header;
+mod number;
+#[cfg(feature = "parquet")]
+mod parquet_file;
+#[cfg(feature = "parquet")]
+mod parquet_footer;
+mod raw;
+mod reason;
+mod rows;
+mod source;
+mod table;
+mod text;
+mod thermometer;
+#[cfg(feature = "ulog")]
+mod ulog;
+
+use std::collections::VecDeque;
+use std::path::Path;
+
+use crate::error::{Error, Result};
+use crate::ingest::align::Aligner;
+use crate::ingest::chunks::{ChunkReader, Feed};
+use crate::ingest::header::Layout;
+#[cfg(feature = "parquet")]
+pub(crate) use crate::ingest::number::parse_time_ns;
+#[cfg(feature = "parquet")]
+pub use crate::ingest::parquet_file::{parquet_batches, parquet_schema};
+use crate::ingest::raw::{Faults, RawRows};
+pub use crate::ingest::reason::{Reason, Tallies, Tally};
+use crate::ingest::rows::RowValidator;
+pub use crate::ingest::source::{Format, Watch, hex, sha256};
+use crate::ingest::source::{HashHandle, Source};
+pub use crate::ingest::table::TableColumn;
+use crate::ingest::table::TableRates;
+pub use crate::ingest::text::COMPENSATED_STAMP;
+pub use crate::ingest::text::unquoted;
+use crate::ingest::text::{LineParser, TextFeed};
+use crate::setup::{Counter, Setup};
+use sagnac_units::{ns_from_s, s_from_ns};
+
+/// Rows from which the nominal interval is taken when it is not given.
+const LOOKAHEAD_ROWS: usize = 129;
+
+/// No more rows are read in search of sound ones.
+const MOST_LOOKAHEAD: usize = 100_000;
+
+/// What one unit of an angle column is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum AngleUnit {
+    /// A count log: whole quanta of `arcsec_per_count · quantum` arcsec.
+    Quanta {
+        /// Nominal scale factor S0, arcsec per count.
+        arcsec_per_count: f64,
+        /// Counts per quantum.
+        quantum: f64,
+    },
+    /// A rate log: arcsec (rate × interval).
+    Arcsec,
+}
+
+impl AngleUnit {
+    /// arcsec per unit of an angle column.
+    pub fn arcsec(self) -> f64 {
+        match self {
+            Self::Quanta { arcsec_per_count, quantum } => arcsec_per_count * quantum,
+            Self::Arcsec => 1.0,
+        }
+    }
+}
+
+/// What a log consists of; the same for every batch of it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LogShape {
+    /// Axis letters, in the order of `Batch::angle`.
+    pub axes: Vec<char>,
+    /// Thermometer names, in the order of `Batch::temperature_c`.
+    pub thermometers: Vec<String>,
+    /// Names of auxiliary columns.
+    pub aux: Vec<String>,
+    /// Unit of `Batch::angle`.
+    pub unit: AngleUnit,
+    /// False for a table without time: intervals are then nominal.
+    pub timed: bool,
+    /// Nominal interval of a row, ns.
+    pub nominal_ns: i64,
+    /// There is a reference-rate column.
+    pub has_reference: bool,
+    /// Headers that are not read.
+    pub ignored: Vec<String>,
+}
+
+/// Logs that can be analysed together: the same axes, thermometers, units and row interval.
+///
+/// # Errors
+/// What differs.
+pub fn same_shape(first: &LogShape, other: &LogShape) -> Result<()> {
+    let differs = |what: &str| Err(Error::input(format!("{what} differ from those of the first log")));
+    if first.axes != other.axes {
+        return differs("axes");
+    }
+    if first.thermometers != other.thermometers || first.aux != other.aux {
+        return differs("thermometers or auxiliary columns");
+    }
+    if first.unit != other.unit || first.timed != other.timed {
+        return differs("units (counts or rates, with or without time)");
+    }
+    let ratio = first.nominal_ns as f64 / other.nominal_ns as f64;
+    if !(0.9..1.1).contains(&ratio) {
+        return differs("row intervals");
+    }
+    Ok(())
+}
+
+/// Columns of usable rows. A row covers (start, end].
+#[derive(Clone, Debug, Default)]
+pub struct Batch {
+    /// Start of each row's interval, ns.
+    pub start_ns: Vec<i64>,
+    /// End of each row's interval: the row's own time, ns.
+    pub end_ns: Vec<i64>,
+    /// Per axis: angle of the interval in `LogShape::unit`.
+    pub angle: Vec<Vec<f64>>,
+    /// Per thermometer: °C, NaN where missing or not believed.
+    pub temperature_c: Vec<Vec<f64>>,
+    /// Per auxiliary column; NaN where missing.
+    pub aux: Vec<Vec<f64>>,
+    /// Rate of the table, °/s; NaN where missing, empty without such a column.
+    pub reference_dps: Vec<f64>,
+    /// The log's own flag; true without one.
+    pub valid: Vec<bool>,
+    /// Line in the file, from 1.
+    pub line: Vec<u64>,
+    /// The row's fields as text (empty with [`ReadMode::Bulk`]).
+    pub fields: Vec<::csv::ByteRecord>,
+    pub(crate) checked_c: Vec<f64>,
+}
+
+impl Batch {
+    /// Rows in it.
+    pub fn len(&self) -> usize {
+        self.end_ns.len()
+    }
+
+    /// True without rows.
+    pub fn is_empty(&self) -> bool {
+        self.end_ns.is_empty()
+    }
+
+    fn for_shape(shape: &LogShape) -> Self {
+        Self {
+            angle: vec![Vec::new(); shape.axes.len()],
+            temperature_c: vec![Vec::new(); shape.thermometers.len()],
+            aux: vec![Vec::new(); shape.aux.len()],
+            ..Self::default()
+        }
+    }
+
+    fn clear(&mut self) {
+        self.start_ns.clear();
+        self.end_ns.clear();
+        self.reference_dps.clear();
+        self.valid.clear();
+        self.line.clear();
+        self.fields.clear();
+        for column in self.angle.iter_mut().chain(&mut self.temperature_c).chain(&mut self.aux) {
+            column.clear();
+        }
+    }
+
+    fn push(&mut self, start_ns: i64, end_ns: i64, angles: &[f64], rows: &RawRows, at: usize) {
+        self.start_ns.push(start_ns);
+        self.end_ns.push(end_ns);
+        self.valid.push(!rows.faults[at].has(Faults::FLAGGED));
+        self.line.push(rows.line_of(at));
+        let columns = self.angle.iter_mut().zip(angles).chain(self.temperature_c.iter_mut().zip(&self.checked_c));
+        columns.for_each(|(column, value)| column.push(*value));
+        self.aux.iter_mut().zip(&rows.aux).for_each(|(column, values)| column.push(values[at]));
+        self.reference_dps.extend(rows.reference_dps.get(at));
+        self.fields.extend(rows.fields.get(at).cloned());
+    }
+}
+
+/// What is known of a log once it was read to its end.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LogSummary {
+    /// File name as given.
+    pub file: String,
+    /// SHA-256 of its bytes.
+    pub sha256: String,
+    /// Rows read, usable or not.
+    pub rows: u64,
+    /// What was not used, by reason.
+    pub tallies: Tallies,
+}
+
+/// How a log is to be read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ReadMode {
+    /// Large batches; the nominal interval from the first rows.
+    Bulk,
+    /// The same, and rows kept as text, for a log that is written out again.
+    BulkWithText,
+    /// A batch per row and rows kept as text: for a pipe that must answer line by line.
+    LineByLine,
+}
+
+/// What stands in a column of a log.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Content {
+    /// Whole nanoseconds.
+    Nanoseconds,
+    /// A number.
+    Number,
+    /// Anything.
+    Text,
+}
+
+/// A log being read.
+pub struct LogReader {
+    pieces: ChunkReader,
+    layout: Layout,
+    delimiter: u8,
+    check: RowValidator,
+    shape: LogShape,
+    batch: Batch,
+    rows: RawRows,
+    ahead: VecDeque<RawRows>,
+    align: Aligner,
+    table: TableRates,
+    hash: HashHandle,
+    name: String,
+}
+
+impl LogReader {
+    /// Opens a log; `-` is standard input.
+    ///
+    /// # Errors
+    /// Unreadable, binary, no header, headers that say nothing or contradict the setup, no scale
+    /// factor for counts, no interval.
+    pub fn open(path: &Path, setup: &Setup, pace: ReadMode) -> Result<Self> {
+        Self::open_watched(path, setup, pace, None)
+    }
+
+    /// The same; `watch` is told how many bytes of the file have been read.
+    ///
+    /// # Errors
+    /// As [`LogReader::open`].
+    pub fn open_watched(path: &Path, setup: &Setup, pace: ReadMode, watch: Option<Watch>) -> Result<Self> {
+        Self::from_source(Source::open(path, watch)?, setup, pace)
+    }
+
+    /// Reads a log from bytes that come from anywhere; `name` is used in messages.
+    ///
+    /// # Errors
+    /// As [`LogReader::open`].
+    pub fn from_reader(
+        name: &str,
+        reader: Box<dyn std::io::Read + Send>,
+        setup: &Setup,
+        pace: ReadMode,
+    ) -> Result<Self> {
+        Self::from_source(Source::from_reader(name.to_owned(), reader)?, setup, pace)
+    }
+
+    fn from_source(source: Source, setup: &Setup, pace: ReadMode) -> Result<Self> {
+        let name = source.name.clone();
+        Self::start(source, setup, pace).map_err(|e| e.file(name))
+    }
+
+    fn start(source: Source, setup: &Setup, pace: ReadMode) -> Result<Self> {
+        let (name, hash) = (source.name.clone(), source.hash.clone());
+        let Opened { feed, layout, delimiter, lines_before } = open_feed(source, setup, pace)?;
+        let mut pieces = ChunkReader::new(feed, lines_before, pace != ReadMode::LineByLine);
+        let unit = angle_unit(&layout, setup)?;
+        let lookahead = if pace == ReadMode::LineByLine { 2 } else { LOOKAHEAD_ROWS };
+        let mut ahead = VecDeque::new();
+        let nominal_ns = nominal_interval(&mut pieces, &layout, setup, lookahead, &mut ahead)?;
+        let shape = LogShape {
+            axes: layout.axes.iter().map(|(_, axis, _)| *axis).collect(),
+            thermometers: layout.temperatures.iter().map(|(_, name, _)| name.clone()).collect(),
+            aux: layout.aux.iter().map(|(_, name)| name.clone()).collect(),
+            unit,
+            timed: layout.time.is_some(),
+            nominal_ns,
+            has_reference: layout.reference.is_some(),
+            ignored: layout.ignored.clone(),
+        };
+        let check = RowValidator::new(name.clone(), &layout, setup, nominal_ns);
+        let batch = Batch::for_shape(&shape);
+        let align = Aligner::new(ns_from_s(setup.temperature_offset_s).unwrap_or(0));
+        let rows = RawRows::default();
+        let column = layout.reference.map_or(TableColumn::Rate, |(_, column)| column);
+        // Where a log is written out again row by row nothing waits: marks are for fits and proofs.
+        let column = if pace != ReadMode::Bulk && column == TableColumn::Mark { TableColumn::Rate } else { column };
+        let table = TableRates::new(column);
+        Ok(Self { pieces, layout, delimiter, check, shape, batch, rows, ahead, align, table, hash, name })
+    }
+
+    /// What the log consists of.
+    pub fn shape(&self) -> &LogShape {
+        &self.shape
+    }
+
+    /// Headers as they stand in the file.
+    pub fn headers(&self) -> &[String] {
+        &self.layout.headers
+    }
+
+    /// The delimiter between fields; a comma for binary formats.
+    pub fn delimiter(&self) -> u8 {
+        self.delimiter
+    }
+
+    /// Column index of each axis.
+    pub fn axis_columns(&self) -> Vec<usize> {
+        self.layout.axes.iter().map(|(index, ..)| *index).collect()
+    }
+
+    /// Indices of the columns that are read.
+    pub fn columns_read(&self) -> Vec<usize> {
+        self.layout.columns_read()
+    }
+
+    /// °/h per unit of each rate column; `None` for counts.
+    pub fn rate_units(&self) -> Vec<Option<f64>> {
+        self.layout.axes.iter().map(|(.., unit)| *unit).collect()
+    }
+
+    /// What stands in a column.
+    #[cfg(feature = "parquet")]
+    pub fn content_of(&self, index: usize) -> Content {
+        let read = self.layout.columns_read().contains(&index) && self.layout.valid != Some(index);
+        match self.layout.time {
+            Some((time, 0)) if time == index => Content::Nanoseconds,
+            _ if read => Content::Number,
+            _ => Content::Text,
+        }
+    }
+
+    /// The next batch, or `None` at the end. A batch may be empty (its rows were all rejected).
+    ///
+    /// # Errors
+    /// A read error, or a line that makes the whole log unusable.
+    pub fn next_batch(&mut self) -> Result<Option<&Batch>> {
+        if !self.table.waits() {
+            let more = self.read_batch()?;
+            self.table.convert(&mut self.batch);
+            return Ok(more.then_some(&self.batch));
+        }
+        loop {
+            if let Some(batch) = self.table.ready() {
+                self.batch = batch;
+                return Ok(Some(&self.batch));
+            }
+            if self.read_batch()? {
+                self.table.push(self.batch.clone());
+            } else if !self.table.end() {
+                return Ok(None);
+            }
+        }
+    }
+
+    /// The next rows into `self.batch`; false at the end.
+    fn read_batch(&mut self) -> Result<bool> {
+        self.batch.clear();
+        if !self.next_rows()? {
+            return Ok(false);
+        }
+        self.check.push(&self.rows, &mut self.batch)?;
+        Ok(true)
+    }
+
+    /// The next piece into `self.rows`, with the temperatures that belong to it; false at the end.
+    fn next_rows(&mut self) -> Result<bool> {
+        if self.align.is_straight() {
+            return self.next_piece();
+        }
+        loop {
+            if let Some(rows) = self.align.ready() {
+                self.rows = rows;
+                return Ok(true);
+            }
+            if self.align.ended() {
+                return Ok(false);
+            }
+            if self.next_piece()? {
+                self.align.push(std::mem::take(&mut self.rows));
+            } else {
+                self.align.end();
+            }
+        }
+    }
+
+    /// The next piece of the file into `self.rows`.
+    fn next_piece(&mut self) -> Result<bool> {
+        match self.ahead.pop_front() {
+            Some(rows) => {
+                self.rows = rows;
+                Ok(true)
+            }
+            None => self.pieces.next(&mut self.rows).map_err(|e| e.file(&self.name)),
+        }
+    }
+
+    /// What was read so far.
+    pub fn summary(&self) -> LogSummary {
+        LogSummary {
+            file: self.name.clone(),
+            sha256: self.hash.hex(),
+            rows: self.check.rows_read,
+            tallies: self.check.tallies.clone(),
+        }
+    }
+}
+
+/// A log whose header has been read.
+struct Opened {
+    feed: Feed,
+    layout: Layout,
+    delimiter: u8,
+    lines_before: u64,
+}
+
+fn open_feed(source: Source, setup: &Setup, pace: ReadMode) -> Result<Opened> {
+    match source.format {
+        Format::Text => open_text(source, setup, pace),
+        #[cfg(feature = "parquet")]
+        Format::Parquet | Format::ArrowFile | Format::ArrowStream => {
+            let columnar = columnar::open(source)?;
+            let layout = Layout::new(columnar.headers.clone(), &setup.columns, setup.axis)?;
+            let feed = Feed::Table(Box::new(columnar.feed(&layout, pace)?));
+            // As if one line of headers stood above the rows.
+            Ok(Opened { feed, layout, delimiter: b',', lines_before: 1 })
+        }
+        #[cfg(feature = "ulog")]
+        Format::ULog => {
+            let (feed, layout) = ulog::open(source, setup, pace != ReadMode::Bulk)?;
+            Ok(Opened { feed: Feed::Table(Box::new(feed)), layout, delimiter: b',', lines_before: 1 })
+        }
+        #[cfg(not(all(feature = "parquet", feature = "ulog")))]
+        other => Err(Error::input(format!("this program was built without {other:?}"))),
+    }
+}
+
+fn open_text(mut source: Source, setup: &Setup, pace: ReadMode) -> Result<Opened> {
+    let header = text::read_header(&mut source)?;
+    let layout = text::layout_of(&header, setup)?;
+    let parser = LineParser::new(&layout, header.delimiter, pace);
+    let feed = Feed::Text(TextFeed::new(source.reader, pace), Box::new(parser));
+    Ok(Opened { feed, layout, delimiter: header.delimiter, lines_before: header.lines })
+}
+
+fn angle_unit(layout: &Layout, setup: &Setup) -> Result<AngleUnit> {
+    if !layout.is_count_log() {
+        if setup.counter == Counter::Cumulative {
+            return Err(Error::input("a cumulative counter is set up, but the log holds rates").column("counter"));
+        }
+        return Ok(AngleUnit::Arcsec);
+    }
+    let arcsec_per_count = setup.arcsec_per_count.ok_or_else(|| {
+        Error::input("the log holds counts, and nothing says how many arcsec a count is")
+            .column("arcsec_per_count")
+            .help("give --arcsec-per-count or arcsec_per_count in the setup; it is never guessed")
+    })?;
+    Ok(AngleUnit::Quanta { arcsec_per_count, quantum: setup.quantum.unwrap_or(1.0) })
+}
+
+/// Mean of the differences within a tenth of their median: stamps are often rounded.
+fn typical_step(times: &[i64]) -> Option<i64> {
+    let mut steps: Vec<i64> = times.windows(2).map(|pair| pair[1].saturating_sub(pair[0])).filter(|s| *s > 0).collect();
+    steps.sort_unstable();
+    let median = *steps.get(steps.len().checked_sub(1)? / 2)?;
+    steps.retain(|step| step.abs_diff(median) <= median.unsigned_abs() / 10);
+    let sum: i128 = steps.iter().map(|step| i128::from(*step)).sum();
+    i64::try_from(sum / steps.len() as i128).ok()
+}
+
+/// The interval of a row: as given, else from the first rows.
+fn nominal_interval(
+    pieces: &mut ChunkReader,
+    layout: &Layout,
+    setup: &Setup,
+    lookahead: usize,
+    ahead: &mut VecDeque<RawRows>,
+) -> Result<i64> {
+    if let Some(seconds) = setup.sample_interval_s {
+        return ns_from_s(seconds).ok_or_else(|| Error::input("out of range").column("sample_interval_s"));
+    }
+    if layout.time.is_none() {
+        if layout.is_count_log() {
+            return Err(Error::input("counts without a time column, and nothing says how long a row is")
+                .column("sample_interval_s")
+                .help("give --sample-interval or sample_interval_s in the setup"));
+        }
+        return Ok(1_000_000_000);
+    }
+    let (mut read, mut times) = (0, Vec::new());
+    let mut rows = RawRows::default();
+    // Broken rows and repeated times tell nothing, and a pipe may begin in the middle of a row.
+    while times.len() < lookahead && pieces.next(&mut rows)? {
+        read += rows.len();
+        let sound = (0..rows.len()).filter(|row| !rows.faults[*row].has(Faults::RAGGED));
+        let left = lookahead - times.len();
+        for time in sound.filter_map(|row| rows.time(row)).take(left) {
+            if times.last() != Some(&time) {
+                times.push(time);
+            }
+        }
+        ahead.push_back(std::mem::take(&mut rows));
+        if read > MOST_LOOKAHEAD {
+            break;
+        }
+    }
+    typical_step(&times).filter(|step| s_from_ns(*step) <= 1e5).ok_or_else(|| {
+        let backwards = times.windows(2).any(|pair| pair[1] < pair[0]);
+        let ragged = ahead.iter().flat_map(|rows| &rows.faults).all(|faults| faults.has(Faults::RAGGED));
+        let (what, help) = match read {
+            0 => ("a header, but no row below it", "a log needs rows"),
+            1 => ("a single row, so the interval of a row is unknown", "give --sample-interval"),
+            _ if ragged => (
+                "no row has as many fields as the header",
+                "is the delimiter of the header that of the rows? A tab goes before a semicolon, that before a comma",
+            ),
+            _ if times.is_empty() => (
+                "no time in the first rows is a number",
+                "times are numbers in the unit of the header; dates are not read",
+            ),
+            _ if backwards => ("rows are not in the order of their times", "sort the log by time"),
+            _ => (
+                "time does not advance in the first rows, so the interval of a row is unknown",
+                "look at the time column",
+            ),
+        };
+        Error::input(what).help(help)
+    })
+}

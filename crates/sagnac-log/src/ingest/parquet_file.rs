@@ -1,0 +1,165 @@
+//! Parquet read with some doubt in the file.
+//!
+//! Three things the decoder (parquet 59) believes of a damaged file are checked here, all found by fuzzing:
+//!
+//! * It answers reads beyond the end with nothing, and its Thrift reader takes that for a skipped byte: a page header
+//!   that announces a list of 2^31 elements is walked through to the last one, an hour for a file of a kilobyte.
+//!   Here reading on at the end is an error ([`ParquetFile`]).
+//! * It goes through every list of the footer, whatever length that announces
+//!   ([`crate::ingest::parquet_footer`]).
+//! * It makes room for as many values as a dictionary page announces. Here a page must hold at least a bit for each.
+
+use std::fs::File;
+use std::io::{self, BufReader, Read};
+use std::sync::Arc;
+
+use arrow_schema::SchemaRef;
+use bytes::Bytes;
+use parquet::arrow::arrow_reader::{ArrowReaderMetadata, ParquetRecordBatchReader, RowGroups};
+use parquet::arrow::{ProjectionMask, parquet_to_arrow_field_levels};
+use parquet::column::page::{Page, PageIterator, PageMetadata, PageReader};
+use parquet::errors::{ParquetError, Result};
+use parquet::file::metadata::{ParquetMetaData, RowGroupMetaData};
+use parquet::file::reader::{ChunkReader, FileReader, Length};
+use parquet::file::serialized_reader::SerializedFileReader;
+
+use crate::ingest::parquet_footer::footer_is_whole;
+
+/// The columns of those root indices (all of them without) in batches of at most so many rows.
+///
+/// # Errors
+/// What the decoder says of the footer.
+pub fn parquet_batches(file: File, roots: Option<&[usize]>, rows: usize) -> Result<ParquetRecordBatchReader> {
+    let file = ParquetFile(file);
+    let described = described(&file)?;
+    let schema = described.metadata().file_metadata().schema_descr_ptr();
+    let mask = match roots {
+        Some(roots) => ProjectionMask::roots(&schema, roots.iter().copied()),
+        None => ProjectionMask::all(),
+    };
+    let levels = parquet_to_arrow_field_levels(&schema, mask, Some(described.schema().fields()))?;
+    let groups = DoubtedGroups(Arc::new(SerializedFileReader::new(file)?));
+    ParquetRecordBatchReader::try_new_with_row_groups(&levels, &groups, rows, None)
+}
+
+/// Names and types of the columns, with what the writer said of them.
+///
+/// # Errors
+/// As [`parquet_batches`].
+pub fn parquet_schema(file: File) -> Result<SchemaRef> {
+    Ok(Arc::clone(described(&ParquetFile(file))?.schema()))
+}
+
+fn described(file: &ParquetFile) -> Result<ArrowReaderMetadata> {
+    if !footer_is_whole(&file.0) {
+        return Err(ParquetError::General("a footer that announces more than it holds".to_owned()));
+    }
+    ArrowReaderMetadata::load(file, Default::default())
+}
+
+/// Row groups whose pages are looked at before they are decoded.
+struct DoubtedGroups(Arc<dyn FileReader>);
+
+impl RowGroups for DoubtedGroups {
+    fn num_rows(&self) -> usize {
+        self.0.num_rows()
+    }
+
+    fn column_chunks(&self, column: usize) -> Result<Box<dyn PageIterator>> {
+        Ok(Box::new(DoubtedChunks(self.0.column_chunks(column)?)))
+    }
+
+    fn row_groups(&self) -> Box<dyn Iterator<Item = &RowGroupMetaData> + '_> {
+        self.0.row_groups()
+    }
+
+    fn metadata(&self) -> &ParquetMetaData {
+        RowGroups::metadata(&self.0)
+    }
+}
+
+struct DoubtedChunks(Box<dyn PageIterator>);
+
+impl Iterator for DoubtedChunks {
+    type Item = Result<Box<dyn PageReader>>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        Some(self.0.next()?.map(|pages| Box::new(DoubtedPages(pages)) as Box<dyn PageReader>))
+    }
+}
+
+impl PageIterator for DoubtedChunks {}
+
+struct DoubtedPages(Box<dyn PageReader>);
+
+impl Iterator for DoubtedPages {
+    type Item = Result<Page>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        self.get_next_page().transpose()
+    }
+}
+
+impl PageReader for DoubtedPages {
+    fn get_next_page(&mut self) -> Result<Option<Page>> {
+        let page = self.0.get_next_page()?;
+        if let Some(Page::DictionaryPage { buf, num_values, .. }) = &page
+            && *num_values as usize > buf.len().saturating_mul(8)
+        {
+            let what = format!("a dictionary of {num_values} values in {} bytes", buf.len());
+            return Err(ParquetError::General(what));
+        }
+        Ok(page)
+    }
+
+    fn peek_next_page(&mut self) -> Result<Option<PageMetadata>> {
+        self.0.peek_next_page()
+    }
+
+    fn skip_next_page(&mut self) -> Result<()> {
+        self.0.skip_next_page()
+    }
+}
+
+/// Reads at the end that are let pass: readers look for the end once or twice.
+const PATIENCE: u32 = 8;
+
+/// The file, for the decoder.
+struct ParquetFile(File);
+
+/// Bytes from a place on.
+struct UntilEnd {
+    inner: BufReader<File>,
+    at_end: u32,
+}
+
+impl Read for UntilEnd {
+    fn read(&mut self, out: &mut [u8]) -> io::Result<usize> {
+        let read = self.inner.read(out)?;
+        if read == 0 && !out.is_empty() {
+            self.at_end += 1;
+            if self.at_end > PATIENCE {
+                return Err(io::Error::new(io::ErrorKind::UnexpectedEof, "the file ends before its content"));
+            }
+        }
+        Ok(read)
+    }
+}
+
+impl Length for ParquetFile {
+    fn len(&self) -> u64 {
+        self.0.len()
+    }
+}
+
+impl ChunkReader for ParquetFile {
+    type T = UntilEnd;
+
+    fn get_read(&self, start: u64) -> Result<UntilEnd> {
+        Ok(UntilEnd { inner: self.0.get_read(start)?, at_end: 0 })
+    }
+
+    fn get_bytes(&self, start: u64, length: usize) -> Result<Bytes> {
+        self.0.get_bytes(start, length)
+    }
+}

@@ -1,0 +1,203 @@
+//! Why rows, temperatures and windows are not used, and how often.
+
+use std::collections::BTreeMap;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Why a row, a temperature or a window is not used.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Reason {
+    /// Not as many fields as the header has.
+    Ragged,
+    /// A time or count that is not a finite number.
+    NotANumber,
+    /// More than 2^40 quanta or 1e8 °/h in a row.
+    ValueOutOfRange,
+    /// Time before the row above.
+    TimeBackwards,
+    /// Time of the row above.
+    DuplicateTime,
+    /// More than 1.5 intervals since the row above; the row itself is used unless its counter is cumulative.
+    Gap,
+    /// The log's own flag.
+    FlaggedInvalid,
+    /// A temperature field that holds no number.
+    TemperatureNotANumber,
+    /// A temperature outside the plausible limits.
+    TemperatureImplausible,
+    /// An auxiliary value outside of what the setup believes of its column.
+    AuxImplausible,
+    /// A temperature that jumped by more than 5 °C between rows and did not stay.
+    ThermometerJump,
+    /// A thermometer that stood still while another moved.
+    ThermometerFrozen,
+    /// Window within `discard_initial_s` of the start of its run.
+    Settling,
+    /// Window of less than a tenth of the nominal length.
+    ShortWindow,
+    /// Window with fewer than half of its temperatures.
+    NoTemperature,
+    /// First window of a run, far from what follows.
+    StartUp,
+    /// Window far from its neighbours (a bump, a motion).
+    Motion,
+    /// Window on the shorter side of a lasting step.
+    Step,
+    /// Window in which the rate table changed its rate.
+    TableChange,
+    /// Window without a reference rate in a run that has one.
+    NoReference,
+}
+
+impl Reason {
+    /// Every reason.
+    pub const ALL: [Self; 20] = [
+        Self::Ragged,
+        Self::NotANumber,
+        Self::ValueOutOfRange,
+        Self::TimeBackwards,
+        Self::DuplicateTime,
+        Self::Gap,
+        Self::FlaggedInvalid,
+        Self::TemperatureNotANumber,
+        Self::TemperatureImplausible,
+        Self::AuxImplausible,
+        Self::ThermometerJump,
+        Self::ThermometerFrozen,
+        Self::Settling,
+        Self::ShortWindow,
+        Self::NoTemperature,
+        Self::StartUp,
+        Self::Motion,
+        Self::Step,
+        Self::TableChange,
+        Self::NoReference,
+    ];
+
+    /// The name scripts rely on.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Ragged => "ragged",
+            Self::NotANumber => "not_a_number",
+            Self::ValueOutOfRange => "value_out_of_range",
+            Self::TimeBackwards => "time_backwards",
+            Self::DuplicateTime => "duplicate_time",
+            Self::Gap => "gap",
+            Self::FlaggedInvalid => "flagged_invalid",
+            Self::TemperatureNotANumber => "temperature_not_a_number",
+            Self::TemperatureImplausible => "temperature_implausible",
+            Self::AuxImplausible => "aux_implausible",
+            Self::ThermometerJump => "thermometer_jump",
+            Self::ThermometerFrozen => "thermometer_frozen",
+            Self::Settling => "settling",
+            Self::ShortWindow => "short_window",
+            Self::NoTemperature => "no_temperature",
+            Self::StartUp => "start_up",
+            Self::Motion => "motion",
+            Self::Step => "step",
+            Self::TableChange => "table_change",
+            Self::NoReference => "no_reference",
+        }
+    }
+}
+
+impl Reason {
+    /// What it means, in a sentence for people.
+    pub fn meaning(self) -> &'static str {
+        match self {
+            Self::Ragged => "Not as many fields as the header has.",
+            Self::NotANumber => "A time or count that is not a finite number.",
+            Self::ValueOutOfRange => "More than 2^40 quanta or 1e8 °/h in a row.",
+            Self::TimeBackwards => "Time before that of the row above.",
+            Self::DuplicateTime => "Time of the row above.",
+            Self::Gap => {
+                "Over 1.5 intervals since the row above; the row itself is used unless its counter is cumulative."
+            }
+            Self::FlaggedInvalid => "The log's own flag.",
+            Self::TemperatureNotANumber => "A temperature field that holds no number.",
+            Self::TemperatureImplausible => "A temperature outside the plausible limits.",
+            Self::AuxImplausible => "An auxiliary value outside of what the setup believes of its column.",
+            Self::ThermometerJump => "A temperature that jumped by over 5 °C between rows and did not stay.",
+            Self::ThermometerFrozen => "A thermometer that stood still while another moved.",
+            Self::Settling => "Within discard_initial_s of the start of the run.",
+            Self::ShortWindow => "A window of less than a tenth of the nominal length.",
+            Self::NoTemperature => "A window with fewer than half of its temperatures.",
+            Self::StartUp => "The first window of a run, far from what follows.",
+            Self::Motion => "Far from the windows beside it: a bump, a motion.",
+            Self::Step => "On the shorter side of a lasting step.",
+            Self::TableChange => "The rate table changed its rate within the window.",
+            Self::NoReference => "No reference rate in a run that has one.",
+        }
+    }
+}
+
+/// How often a reason occurred, and where first.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct Tally {
+    /// The reason.
+    pub reason: Reason,
+    /// Rows of the log it concerns.
+    pub rows: u64,
+    /// `file:line` of the first.
+    pub first: String,
+}
+
+/// Tallies of one or several logs, in the order of [`Reason`].
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Tallies(BTreeMap<Reason, (u64, String)>);
+
+impl Tallies {
+    /// Counts `rows` more for a reason.
+    pub fn add(&mut self, reason: Reason, rows: u64, first: impl FnOnce() -> String) {
+        self.0.entry(reason).or_insert_with(|| (0, first())).0 += rows;
+    }
+
+    /// Adds another log's tallies; first places stay.
+    pub fn merge(&mut self, other: &Self) {
+        for (reason, (rows, first)) in &other.0 {
+            self.add(*reason, *rows, || first.clone());
+        }
+    }
+
+    /// From a list.
+    pub fn from_list(list: Vec<Tally>) -> Self {
+        Self(list.into_iter().map(|tally| (tally.reason, (tally.rows, tally.first))).collect())
+    }
+
+    /// The reason with the most rows; of equals the first, because what is wrong with rows comes before what
+    /// follows from it.
+    pub fn most(&self) -> Option<Tally> {
+        self.list().into_iter().rev().max_by_key(|tally| tally.rows)
+    }
+
+    /// As a list.
+    pub fn list(&self) -> Vec<Tally> {
+        self.0
+            .iter()
+            .map(|(reason, (rows, first))| Tally { reason: *reason, rows: *rows, first: first.clone() })
+            .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_reason_is_listed_once() {
+        let schema = serde_json::to_value(schemars::schema_for!(Reason)).unwrap().to_string();
+        assert_eq!(schema.matches("\"const\"").count(), Reason::ALL.len());
+        assert!(Reason::ALL.iter().all(|reason| schema.contains(&format!("\"const\":\"{}\"", reason.name()))));
+    }
+
+    #[test]
+    fn the_most_is_the_first_of_equals() {
+        let mut tallies = Tallies::default();
+        tallies.add(Reason::NoTemperature, 7, String::new);
+        tallies.add(Reason::TemperatureNotANumber, 7, String::new);
+        tallies.add(Reason::Gap, 2, String::new);
+        assert_eq!(tallies.most().map(|tally| tally.reason), Some(Reason::TemperatureNotANumber));
+    }
+}

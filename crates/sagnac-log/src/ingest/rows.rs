@@ -1,0 +1,519 @@
+//! Judging rows: time in order, counters unrolled, temperatures believed or not.
+//!
+//! A row at t holds the counts (or the mean rate) of (t − dt, t]; the first row and the first after
+//! a gap take the nominal interval. What cannot be used is counted by reason, never guessed.
+//!
+//! Stretches of rows that have nothing to be said against them are taken whole, column by column; any other
+//! row goes through the state machine alone. A property test holds that both give the same.
+
+use std::ops::Range;
+
+use crate::error::{Error, Result};
+use crate::ingest::Batch;
+use crate::ingest::header::Layout;
+use crate::ingest::raw::{BAD_TEMPERATURE, Faults, RawRows};
+use crate::ingest::reason::{Reason, Tallies};
+use crate::ingest::thermometer::ThermometerCheck;
+use crate::setup::{Counter, Setup};
+use sagnac_units::s_from_ns;
+
+/// A cumulative counter may bridge rows that could not be read, up to this many intervals.
+/// What is believed of an auxiliary column of which nothing is said.
+const MOST_OF_AUX: [f64; 2] = [-1e12, 1e12];
+const BRIDGED_INTERVALS: i64 = 3;
+/// No log has a gap of 30 days.
+const LEAP_NS: i64 = 30 * 86_400 * 1_000_000_000;
+/// A quotient counts / quantum this close to a whole number is one (and the rounding of the division).
+const WHOLE_TO: f64 = 1e-6;
+/// Totals are held exactly up to here.
+const MAX_TOTAL_QUANTA: f64 = 9e15;
+const MAX_QUANTA: f64 = (1_u64 << 40) as f64;
+const MAX_RATE_DPH: f64 = 1e8;
+
+/// Times beyond this many ns (146 years) are none.
+pub(crate) const MAX_TIME: u64 = 1 << 62;
+/// Rows looked at together.
+const PLAIN_CHUNK: usize = 256;
+/// Rows judged one by one before the next look at a stretch.
+const ONE_BY_ONE: usize = 32;
+
+/// One row of a piece.
+struct Row<'a> {
+    rows: &'a RawRows,
+    at: usize,
+}
+
+impl Row<'_> {
+    fn line(&self) -> u64 {
+        self.rows.line_of(self.at)
+    }
+
+    fn time_ns(&self) -> Option<i64> {
+        self.rows.time(self.at)
+    }
+
+    fn is_flagged(&self) -> bool {
+        self.rows.faults[self.at].has(Faults::FLAGGED)
+    }
+
+    fn axes(&self) -> impl Iterator<Item = f64> {
+        self.rows.axes.iter().map(|column| column[self.at])
+    }
+
+    fn temperatures_c(&self) -> impl Iterator<Item = f64> {
+        self.rows.temperatures_c.iter().map(|column| column[self.at])
+    }
+}
+
+/// What a row speaks of.
+struct Interval {
+    start_ns: i64,
+    end_ns: i64,
+    after_gap: bool,
+}
+
+/// The state machine that turns raw rows into usable ones.
+pub(crate) struct RowValidator {
+    file: String,
+    timed: bool,
+    /// Stretches of plain rows may be taken whole.
+    whole_rows: bool,
+    nominal_ns: i64,
+    counter: Counter,
+    counter_bits: Option<u8>,
+    /// Counts per quantum, or `None` for a rate log.
+    quantum: Option<f64>,
+    clock_ns: Option<i64>,
+    last_counter: Option<(i64, Vec<i64>)>,
+    /// The largest step of a total so far, with its sign.
+    largest_step: i64,
+    thermometers: Vec<ThermometerCheck>,
+    /// Per auxiliary column: what is believed of it.
+    aux_valid_range: Vec<Option<[f64; 2]>>,
+    pub(crate) tallies: Tallies,
+    pub(crate) rows_read: u64,
+}
+
+impl RowValidator {
+    pub(crate) fn new(file: String, layout: &Layout, setup: &Setup, nominal_ns: i64) -> Self {
+        let thermometers =
+            layout.temperatures.iter().map(|(_, name, _)| ThermometerCheck::new(setup.thermometer(name)));
+        Self {
+            file,
+            timed: layout.time.is_some(),
+            whole_rows: layout.time.is_some()
+                && layout.temperatures.len() <= 1
+                && (setup.counter == Counter::Incremental || !layout.is_count_log()),
+            nominal_ns,
+            counter: setup.counter,
+            counter_bits: setup.counter_bits,
+            quantum: layout.is_count_log().then(|| setup.quantum.unwrap_or(1.0)),
+            clock_ns: None,
+            last_counter: None,
+            largest_step: 0,
+            thermometers: thermometers.collect(),
+            aux_valid_range: layout.aux.iter().map(|(_, name)| setup.aux(name).valid_range).collect(),
+            tallies: Tallies::default(),
+            rows_read: 0,
+        }
+    }
+
+    /// Judges rows; appends to `batch` those that are usable.
+    pub(crate) fn push(&mut self, rows: &RawRows, batch: &mut Batch) -> Result<()> {
+        let (mut at, from) = (0, batch.len());
+        while at < rows.len() {
+            let plain = self.plain_rows(rows, at);
+            if plain > at {
+                self.push_plain(rows, at..plain, batch);
+                at = plain;
+            } else {
+                let one_by_one = at..(at + ONE_BY_ONE).min(rows.len());
+                at = one_by_one.end;
+                for at in one_by_one {
+                    self.push_row(&Row { rows, at }, batch)?;
+                }
+            }
+        }
+        self.believe_aux(batch, from);
+        Ok(())
+    }
+
+    /// Auxiliary values that the setup does not believe are not known.
+    fn believe_aux(&mut self, batch: &mut Batch, from: usize) {
+        let (file, tallies) = (&self.file, &mut self.tallies);
+        for (column, plausible) in batch.aux.iter_mut().zip(&self.aux_valid_range) {
+            let [lo, hi] = plausible.as_ref().unwrap_or(&MOST_OF_AUX);
+            for (value, line) in column.iter_mut().zip(&batch.line).skip(from).filter(|(v, _)| **v < *lo || **v > *hi) {
+                *value = f64::NAN;
+                tallies.add(Reason::AuxImplausible, 1, || format!("{file}:{line}"));
+            }
+        }
+    }
+
+    /// The end of the rows from `at` on that the state machine would let through as they are. A log with
+    /// running totals has none, nor one with several thermometers (they are held against each other).
+    fn plain_rows(&self, rows: &RawRows, at: usize) -> usize {
+        let Some(clock_ns) = self.clock_ns.filter(|_| self.whole_rows) else { return at };
+        let mut end = at;
+        let mut before_ns = clock_ns;
+        while end < rows.len() {
+            let next = (end + PLAIN_CHUNK).min(rows.len());
+            if !self.is_plain(rows, end..next, before_ns, end == at) {
+                break;
+            }
+            before_ns = rows.time_ns[next - 1];
+            end = next;
+        }
+        end
+    }
+
+    fn is_plain(&self, rows: &RawRows, part: Range<usize>, before_ns: i64, first: bool) -> bool {
+        let times = &rows.time_ns[part.clone()];
+        let most_ns = self.nominal_ns + self.nominal_ns / 2;
+        let mut in_order = before_ns.unsigned_abs() < MAX_TIME && times[times.len() - 1].unsigned_abs() < MAX_TIME;
+        let mut last = before_ns;
+        for &now in times {
+            in_order &= (1..=most_ns).contains(&now.wrapping_sub(last));
+            last = now;
+        }
+        let sound = rows.faults[part.clone()].iter().fold(true, |all, faults| all & (*faults == Faults::NONE));
+        let usable = |column: &Vec<f64>| match self.quantum {
+            Some(quantum) => column[part.clone()].iter().fold(true, |all, counts| all & is_whole(counts / quantum)),
+            None => column[part.clone()].iter().fold(true, |all, rate| all & (rate.abs() <= MAX_RATE_DPH)),
+        };
+        if !(in_order && sound && rows.axes.iter().all(usable)) {
+            return false;
+        }
+        let (Some(column), Some(thermometer)) = (rows.temperatures_c.first(), self.thermometers.first()) else {
+            return true;
+        };
+        let before_c = if first { thermometer.believed_c() } else { column[part.start - 1] };
+        thermometer.are_plain(&column[part], before_c)
+    }
+
+    fn push_plain(&mut self, rows: &RawRows, part: Range<usize>, batch: &mut Batch) {
+        let times = &rows.time_ns[part.clone()];
+        let (Some(clock_ns), [.., last_ns]) = (self.clock_ns, times) else { return };
+        batch.start_ns.push(clock_ns);
+        batch.start_ns.extend_from_slice(&times[..times.len() - 1]);
+        batch.end_ns.extend_from_slice(times);
+        for (angle, column) in batch.angle.iter_mut().zip(&rows.axes) {
+            let column = &column[part.clone()];
+            match self.quantum {
+                Some(quantum) => angle.extend(column.iter().map(|counts| nearest(counts / quantum))),
+                None => {
+                    let starts = std::iter::once(&clock_ns).chain(times);
+                    let durations = times.iter().zip(starts).map(|(end, start)| s_from_ns(end - start));
+                    angle.extend(column.iter().zip(durations).map(|(rate_dph, s)| rate_dph * s));
+                }
+            }
+        }
+        let pairs = batch.temperature_c.iter_mut().zip(&rows.temperatures_c).chain(batch.aux.iter_mut().zip(&rows.aux));
+        pairs.for_each(|(mine, theirs)| mine.extend_from_slice(&theirs[part.clone()]));
+        batch.reference_dps.extend_from_slice(rows.reference_dps.get(part.clone()).unwrap_or(&[]));
+        batch.valid.resize(batch.end_ns.len(), true);
+        batch.line.extend(rows.line[part.clone()].iter().map(|line| rows.lines_before + u64::from(*line)));
+        batch.fields.extend_from_slice(rows.fields.get(part.clone()).unwrap_or(&[]));
+        if let (Some(thermometer), Some(column)) = (self.thermometers.first_mut(), rows.temperatures_c.first()) {
+            let before_ns = times.len().checked_sub(2).map(|last_but_one| times[last_but_one]);
+            thermometer.believe(column[part.end - 1], *last_ns, before_ns);
+        }
+        self.clock_ns = Some(*last_ns);
+        self.rows_read += part.len() as u64;
+    }
+
+    /// Judges one row. A row that the log itself flags as invalid keeps clock and thermometers going; its
+    /// counts are taken only if they are sound.
+    fn push_row(&mut self, row: &Row<'_>, batch: &mut Batch) -> Result<()> {
+        self.rows_read += 1;
+        self.refuse_leap(row)?;
+        let Some(interval) = self.interval(row) else {
+            return Ok(());
+        };
+        let joins = self.clock_ns.replace(interval.end_ns).is_some() && !interval.after_gap && self.timed;
+        self.check_temperatures(row, &interval, joins, batch);
+        let no_number = row.axes().any(f64::is_nan);
+        if row.is_flagged() {
+            self.reject(Reason::FlaggedInvalid, row);
+        } else if no_number {
+            self.reject(Reason::NotANumber, row);
+        }
+        if no_number {
+            return Ok(());
+        }
+        let units = match self.quantum {
+            Some(quantum) => self.counts(row, quantum, &interval)?,
+            None => self.rates(row, &interval).map(|angles| (interval.start_ns, angles)),
+        };
+        if let Some((start_ns, angles)) = units {
+            batch.push(start_ns, interval.end_ns, &angles, row.rows, row.at);
+        }
+        Ok(())
+    }
+
+    /// A clock that was set in the middle of a log makes one log into two.
+    fn refuse_leap(&self, row: &Row<'_>) -> Result<()> {
+        let broken = row.rows.faults[row.at].has(Faults::RAGGED);
+        match (row.time_ns(), self.clock_ns) {
+            (Some(now), Some(before)) if !broken && now.saturating_sub(before) > LEAP_NS => {
+                Err(Error::input(format!("time leaps by {:.0} days", s_from_ns(now.saturating_sub(before)) / 86_400.0))
+                    .file(&self.file)
+                    .line(row.line())
+                    .help("cut the log there and give both parts; each file is a run of its own"))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn reject(&mut self, reason: Reason, row: &Row<'_>) {
+        let file = &self.file;
+        self.tallies.add(reason, 1, || format!("{file}:{}", row.line()));
+    }
+
+    /// The interval (start, end] the row speaks of, or `None` if its time cannot be used.
+    fn interval(&mut self, row: &Row<'_>) -> Option<Interval> {
+        if row.rows.faults[row.at].has(Faults::RAGGED) {
+            self.reject(Reason::Ragged, row);
+            return None;
+        }
+        let nominal = |end_ns: i64, after_gap: bool| Interval { start_ns: end_ns - self.nominal_ns, end_ns, after_gap };
+        if !self.timed {
+            return Some(nominal(self.clock_ns.unwrap_or(0).saturating_add(self.nominal_ns), false));
+        }
+        let Some(end_ns) = row.time_ns().filter(|t| t.unsigned_abs() < MAX_TIME) else {
+            self.reject(Reason::NotANumber, row);
+            return None;
+        };
+        let Some(start_ns) = self.clock_ns else {
+            return Some(nominal(end_ns, false));
+        };
+        if end_ns <= start_ns {
+            self.reject(if end_ns == start_ns { Reason::DuplicateTime } else { Reason::TimeBackwards }, row);
+            return None;
+        }
+        if end_ns - start_ns > self.nominal_ns + self.nominal_ns / 2 {
+            let interval = nominal(end_ns, true);
+            self.reject(Reason::Gap, row);
+            return Some(interval);
+        }
+        Some(Interval { start_ns, end_ns, after_gap: false })
+    }
+
+    /// Quanta of each axis, with the start of the interval they belong to.
+    fn counts(&mut self, row: &Row<'_>, quantum: f64, interval: &Interval) -> Result<Option<(i64, Vec<f64>)>> {
+        let exact: Vec<f64> = row.axes().map(|counts| counts / quantum).collect();
+        let most = if self.counter == Counter::Incremental { MAX_QUANTA } else { MAX_TOTAL_QUANTA };
+        if exact.iter().any(|q| q.abs() > most) {
+            if !row.is_flagged() {
+                self.reject(Reason::ValueOutOfRange, row);
+            }
+            return Ok(None);
+        }
+        let broken = exact.iter().position(|q| !is_whole_total(*q));
+        match broken {
+            Some(axis) if !row.is_flagged() => {
+                return Err(Error::input(format!("not a whole number of quanta (quantum {quantum} counts)"))
+                    .file(&self.file)
+                    .line(row.line())
+                    .value(row.rows.axes[axis][row.at].to_string())
+                    .help("give the smallest step of the counts column with --quantum or in the setup"));
+            }
+            Some(_) => return Ok(None),
+            None => {}
+        }
+        match self.counter {
+            Counter::Incremental
+                if !row.is_flagged() || exact.iter().all(|q| q.abs() <= f64::from(sagnac_core::MAX_RAW)) =>
+            {
+                Ok(Some((interval.start_ns, exact.iter().map(|q| q.round()).collect())))
+            }
+            Counter::Incremental => Ok(None),
+            // A flagged total is not built upon.
+            Counter::Cumulative if row.is_flagged() => Ok(None),
+            Counter::Cumulative if exact.iter().any(|q| self.beyond_width(*q)) => {
+                Err(Error::input(format!("a total beyond {} bits", self.counter_bits.unwrap_or(0)))
+                    .file(&self.file)
+                    .line(row.line())
+                    .column("counter_bits")
+                    .help("give the counter's true width"))
+            }
+            Counter::Cumulative => self.steps(row, exact.iter().map(|q| q.round() as i64).collect(), interval),
+        }
+    }
+
+    /// True for a total that a counter of the given width cannot hold, signed or not.
+    fn beyond_width(&self, quanta: f64) -> bool {
+        self.counter_bits.is_some_and(|bits| quanta.abs() >= 2.0_f64.powi(i32::from(bits)))
+    }
+
+    /// Differences to the last usable totals; rows between them that could not be read are bridged.
+    fn steps(&mut self, row: &Row<'_>, totals: Vec<i64>, interval: &Interval) -> Result<Option<(i64, Vec<f64>)>> {
+        let Some((before_ns, before)) = self.last_counter.replace((interval.end_ns, totals.clone())) else {
+            return Ok(None);
+        };
+        if interval.end_ns - before_ns > BRIDGED_INTERVALS * self.nominal_ns {
+            if !interval.after_gap {
+                self.reject(Reason::Gap, row);
+            }
+            return Ok(None);
+        }
+        let mut steps = Vec::with_capacity(totals.len());
+        for (now, before) in totals.iter().zip(&before) {
+            steps.push(self.unroll(now - before, row)? as f64);
+        }
+        Ok(Some((before_ns, steps)))
+    }
+
+    /// The step of a total, past its wrap if its width is known. Without a width, a step back by a power
+    /// of two less what a row usually brings is taken for a wrap and refused.
+    fn unroll(&mut self, step: i64, row: &Row<'_>) -> Result<i64> {
+        if let Some(bits) = self.counter_bits {
+            let half = 1_i64 << (bits - 1);
+            return Ok((step + half).rem_euclid(half << 1) - half);
+        }
+        let size = step.unsigned_abs();
+        let usual = self.largest_step.unsigned_abs();
+        let turned = self.largest_step != 0 && step.signum() != self.largest_step.signum();
+        let wrap = size.max(1).ilog2() + u32::from(!size.is_power_of_two());
+        let of_a_wrap = (1_u64 << wrap.min(62)).abs_diff(size) <= usual + usual / 2 + 16;
+        if turned && wrap >= 8 && size > 4 * usual && of_a_wrap {
+            return Err(Error::input(format!(
+                "the cumulative counter steps by {step} quanta, as one of {wrap} bits that wraps does"
+            ))
+            .file(&self.file)
+            .line(row.line())
+            .help("give its width with --counter-bits or counter_bits in the setup"));
+        }
+        if size > usual {
+            self.largest_step = step;
+        }
+        Ok(step)
+    }
+
+    fn rates(&mut self, row: &Row<'_>, interval: &Interval) -> Option<Vec<f64>> {
+        if row.axes().any(|rate| rate.abs() > MAX_RATE_DPH) {
+            if !row.is_flagged() {
+                self.reject(Reason::ValueOutOfRange, row);
+            }
+            return None;
+        }
+        let duration_s = s_from_ns(interval.end_ns - interval.start_ns);
+        Some(row.axes().map(|rate_dph| rate_dph * duration_s).collect())
+    }
+
+    /// Believed temperatures into `batch.checked_c`.
+    fn check_temperatures(&mut self, row: &Row<'_>, interval: &Interval, joins: bool, batch: &mut Batch) {
+        if row.temperatures_c().any(|t_c| t_c == BAD_TEMPERATURE) {
+            self.reject(Reason::TemperatureNotANumber, row);
+        }
+        batch.checked_c.clear();
+        for (index, t_c) in row.temperatures_c().enumerate() {
+            let others_moved = self.others_moved(index, interval.end_ns);
+            let thermometer = &mut self.thermometers[index];
+            let believed = if t_c == BAD_TEMPERATURE {
+                Ok(f64::NAN)
+            } else if t_c.is_nan() {
+                Ok(thermometer.held(interval.end_ns))
+            } else {
+                thermometer.check(t_c, interval.end_ns, joins, others_moved)
+            };
+            if let Err(reason) = believed {
+                self.reject(reason, row);
+            }
+            batch.checked_c.push(believed.unwrap_or(f64::NAN));
+        }
+    }
+
+    /// How far any other thermometer has gone since this one last changed; 0 while that is no matter.
+    fn others_moved(&self, index: usize, now_ns: i64) -> f64 {
+        if !self.thermometers[index].may_be_frozen(now_ns) {
+            return 0.0;
+        }
+        let since = self.thermometers[index].changed_ns;
+        let others = self.thermometers.iter().enumerate().filter(|(other, _)| *other != index);
+        others.map(|(_, other)| other.moved_since(since)).fold(0.0, f64::max)
+    }
+}
+
+/// A number of quanta that a row may hold.
+fn is_whole(quanta: f64) -> bool {
+    (quanta.abs() <= MAX_QUANTA) & is_near(quanta, nearest(quanta))
+}
+
+/// The same for a total, which may be larger.
+fn is_whole_total(quanta: f64) -> bool {
+    is_near(quanta, quanta.round())
+}
+
+fn is_near(quanta: f64, whole: f64) -> bool {
+    (quanta - whole).abs() <= WHOLE_TO + 4.0 * f64::EPSILON * quanta.abs()
+}
+
+/// The nearest whole number of a value within ±2^51 (halves go to even), without a call.
+fn nearest(value: f64) -> f64 {
+    const SHIFT: f64 = 1.5 * (1_u64 << 52) as f64;
+    (value + SHIFT) - SHIFT
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::ingest::raw::NO_TIME;
+
+    fn piece(rows: &[(i64, f64, f64, u8)]) -> RawRows {
+        let mut piece = RawRows::default();
+        piece.reset(1, 1, 0);
+        for (i, (time_ns, t_c, counts, faults)) in rows.iter().enumerate() {
+            piece.line.push(i as u32 + 1);
+            piece.time_ns.push(*time_ns);
+            piece.temperatures_c[0].push(*t_c);
+            piece.axes[0].push(*counts);
+            piece.faults.push(Faults::NONE.with(Faults::RAGGED, *faults == 1).with(Faults::FLAGGED, *faults == 2));
+        }
+        piece.lines = rows.len() as u64;
+        piece
+    }
+
+    /// Mostly good rows, and each kind of trouble now and then.
+    fn any_rows() -> impl Strategy<Value = Vec<(i64, f64, f64, u8)>> {
+        let step = prop_oneof![8000 => Just(10_i64), 1 => 0_i64..40, 1 => Just(-5), 1 => Just(i64::MIN), 1 => Just(14)];
+        let warming = prop_oneof![8000 => -0.5..0.5, 1 => Just(f64::NAN), 1 => Just(BAD_TEMPERATURE), 1 => -30.0..30.0, 1 => Just(300.0)];
+        let counts = prop_oneof![
+            8000 => (-50_i32..50).prop_map(f64::from), 1 => Just(f64::NAN), 1 => Just(1e13), 1 => Just(-1e18), 1 => Just(3.000_000_2)
+        ];
+        let faults = prop_oneof![8000 => Just(0_u8), 1 => Just(1), 1 => Just(2)];
+        prop::collection::vec((step, warming, counts, faults), 0..1500).prop_map(|moves| {
+            let (mut time_ns, mut t_c) = (0_i64, 20.0_f64);
+            let row = |(step, warming, counts, faults): (i64, f64, f64, u8)| {
+                let now = if step == i64::MIN { NO_TIME } else { time_ns + step };
+                time_ns = if step == i64::MIN { time_ns } else { now };
+                let reading = t_c + warming;
+                t_c = if warming.abs() < 1.0 { reading.clamp(-60.0, 100.0) } else { t_c };
+                (now, reading, counts, faults)
+            };
+            moves.into_iter().map(row).collect()
+        })
+    }
+
+    proptest! {
+        /// Stretches taken whole and rows taken one by one: the same rows, tallies and state.
+        #[test]
+        fn whole_stretches_are_what_single_rows_are(rows in any_rows(), rates: bool, cut in 0_usize..1500) {
+            let header = if rates { "rate_dph" } else { "counts" };
+            let headers = ["time_ns", "temperature_c", header].map(str::to_owned).to_vec();
+            let layout = Layout::new(headers, &Default::default(), None).unwrap();
+            let judge = |whole_rows: bool| {
+                let mut check = RowValidator::new("log".to_owned(), &layout, &Setup::default(), 10);
+                check.whole_rows &= whole_rows;
+                let mut batch = Batch { angle: vec![vec![]], temperature_c: vec![vec![]], ..Batch::default() };
+                let (first, second) = rows.split_at(cut.min(rows.len()));
+                let ended = check.push(&piece(first), &mut batch).and_then(|()| check.push(&piece(second), &mut batch));
+                batch.checked_c.clear();
+                (format!("{ended:?} {batch:?}"), check.tallies, check.rows_read, check.clock_ns)
+            };
+            prop_assert_eq!(judge(true), judge(false));
+        }
+    }
+}

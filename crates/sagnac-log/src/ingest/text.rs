@@ -1,0 +1,387 @@
+//! Delimited text: header, pieces of whole lines, rows.
+//!
+//! ```text
+//! bytes ─TextFeed▶ pieces of whole lines (in order) ─LineParser▶ RawRows (in any order)
+//! ```
+//!
+//! A row of plain decimals is read in one pass; any other (quotes, exponents, decimal commas, missing
+//! fields) goes through fields one by one, with the same outcome. Memory is bounded for any input: a
+//! line without end is refused, not collected.
+
+use std::io::{BufRead, Read};
+
+use csv::ByteRecord;
+use memchr::{memchr, memrchr};
+
+use crate::error::{Error, Result};
+use crate::ingest::ReadMode;
+use crate::ingest::cells::{Cells, Slot};
+use crate::ingest::header::{self, Layout};
+use crate::ingest::number::{Decimal, parse_flag, parse_time_ns, parse_value};
+use crate::ingest::raw::{BAD_TEMPERATURE, Faults, NO_TIME, RawRows};
+use crate::ingest::source::Source;
+use crate::setup::Setup;
+
+/// First words of the comment that `sagnac compensate` puts above its output.
+pub const COMPENSATED_STAMP: &str = "# sagnac compensated";
+/// No line of a log is longer.
+const MAX_LINE_BYTES: usize = 1 << 20;
+/// Rows handed over to their columns together.
+const WAITING_ROWS: usize = 512;
+/// Bytes of a piece.
+const PIECE_BYTES: usize = 256 << 10;
+
+/// The line of headers and where it ends.
+pub(crate) struct TextHeader {
+    pub(crate) headers: Vec<String>,
+    pub(crate) delimiter: u8,
+    /// Lines up to and with it.
+    pub(crate) lines: u64,
+}
+
+/// Reads the header of a text log.
+pub(crate) fn read_header(source: &mut Source) -> Result<TextHeader> {
+    refuse_binary(source.reader.fill_buf().map_err(|e| Error::io(&source.name, "read", &e))?)?;
+    let (line, lines) = header_line(source)?;
+    let delimiter = [b'\t', b';'].into_iter().find(|d| line.as_bytes().contains(d)).unwrap_or(b',');
+    let headers = split_header(&line, delimiter)?;
+    if headers.iter().all(|h| h.parse::<f64>().is_ok()) {
+        return Err(Error::input("the first line holds numbers, not headers")
+            .line(lines)
+            .help(format!("put a line of headers above it; recognised: {}", header::RECOGNISED)));
+    }
+    Ok(TextHeader { headers, delimiter, lines })
+}
+
+/// A text log has no zero byte and is UTF-8 where it begins.
+fn refuse_binary(start: &[u8]) -> Result<()> {
+    let start = &start[..start.len().min(4096)];
+    let broken = std::str::from_utf8(start).err().is_some_and(|e| e.error_len().is_some());
+    if broken || start.contains(&0) {
+        return Err(Error::input("binary data in no format that Sagnac reads").help(
+            "logs are CSV (comma, tab or semicolon), Parquet, Arrow or ULog, also gzipped; convert this file first",
+        ));
+    }
+    Ok(())
+}
+
+/// Skips blank lines and comments; the header line and its number. Finds our own stamp.
+fn header_line(source: &mut Source) -> Result<(String, u64)> {
+    let mut lines = 0;
+    loop {
+        let mut line = Vec::new();
+        let mut limited = source.reader.by_ref().take(MAX_LINE_BYTES as u64 + 1);
+        let n = limited.read_until(b'\n', &mut line).map_err(|e| Error::io(&source.name, "read", &e))?;
+        if n == 0 {
+            return Err(Error::input("no header: the file is empty").help("a log begins with a line of column headers"));
+        }
+        lines += 1;
+        if n > MAX_LINE_BYTES {
+            return Err(line_without_end().line(lines));
+        }
+        let text = String::from_utf8(line).map_err(|_| Error::input("the header is not UTF-8").line(lines))?;
+        let text = text.trim_start_matches('\u{feff}').trim();
+        if text.starts_with(COMPENSATED_STAMP) {
+            return Err(header::already_compensated().line(lines));
+        }
+        if !text.is_empty() && !text.starts_with('#') {
+            return Ok((text.to_owned(), lines));
+        }
+    }
+}
+
+fn split_header(line: &str, delimiter: u8) -> Result<Vec<String>> {
+    let mut reader = csv::ReaderBuilder::new().has_headers(false).delimiter(delimiter).from_reader(line.as_bytes());
+    let mut record = csv::StringRecord::new();
+    reader.read_record(&mut record).map_err(|e| Error::input(format!("cannot read the header: {e}")))?;
+    Ok(record.iter().map(|h| h.trim().to_owned()).collect())
+}
+
+fn line_without_end() -> Error {
+    Error::input("a line of more than 1 MiB; this is no table of text")
+}
+
+/// Gives a text out in pieces of whole lines.
+pub(crate) struct TextFeed {
+    reader: Box<dyn BufRead + Send>,
+    /// The start of a line whose end is not read yet.
+    carried: Vec<u8>,
+    /// What ended the reading, to be told after the lines before it.
+    failed: Option<Error>,
+    line_by_line: bool,
+}
+
+impl TextFeed {
+    pub(crate) fn new(reader: Box<dyn BufRead + Send>, pace: ReadMode) -> Self {
+        Self { reader, carried: Vec::new(), failed: None, line_by_line: pace == ReadMode::LineByLine }
+    }
+
+    /// The next lines into `piece`; false at the end.
+    pub(crate) fn next(&mut self, piece: &mut Vec<u8>) -> Result<bool> {
+        piece.clear();
+        if let Some(error) = self.failed.take() {
+            return Err(error);
+        }
+        piece.append(&mut self.carried);
+        loop {
+            let before = piece.len();
+            let filled = self.fill(piece).map_err(|e| Error::input(format!("cannot read on: {e}")));
+            match (filled, memrchr(b'\n', &piece[before..])) {
+                (Ok(0), _) => {
+                    let rest = !piece.is_empty();
+                    if rest {
+                        piece.push(b'\n');
+                    }
+                    return Ok(rest);
+                }
+                (filled, Some(last)) => {
+                    self.failed = filled.err();
+                    self.carried.extend_from_slice(&piece[before + last + 1..]);
+                    piece.truncate(before + last + 1);
+                    return Ok(true);
+                }
+                (Err(error), None) => return Err(error),
+                (Ok(_), None) if piece.len() > MAX_LINE_BYTES => return Err(line_without_end()),
+                (Ok(_), None) => {}
+            }
+        }
+    }
+
+    fn fill(&mut self, piece: &mut Vec<u8>) -> std::io::Result<usize> {
+        if self.line_by_line {
+            return self.reader.by_ref().take(MAX_LINE_BYTES as u64).read_until(b'\n', piece);
+        }
+        let before = piece.len();
+        piece.resize(before + PIECE_BYTES, 0);
+        let mut filled = before;
+        let mut outcome = Ok(());
+        while filled < piece.len() {
+            match self.reader.read(&mut piece[filled..]) {
+                Ok(0) => break,
+                Ok(n) => filled += n,
+                Err(e) if e.kind() == std::io::ErrorKind::Interrupted => {}
+                Err(e) => {
+                    outcome = Err(e);
+                    break;
+                }
+            }
+        }
+        piece.truncate(filled);
+        outcome.map(|()| filled - before)
+    }
+}
+
+/// Lines to rows.
+#[derive(Clone)]
+pub(crate) struct LineParser {
+    layout: Layout,
+    cells: Cells,
+    delimiter: u8,
+    decimal_comma: bool,
+    keep_fields: bool,
+}
+
+impl LineParser {
+    pub(crate) fn new(layout: &Layout, delimiter: u8, pace: ReadMode) -> Self {
+        Self {
+            layout: layout.clone(),
+            cells: Cells::new(layout),
+            delimiter,
+            decimal_comma: delimiter != b',',
+            keep_fields: pace != ReadMode::Bulk,
+        }
+    }
+
+    /// Every row of a piece; it ends in a newline.
+    pub(crate) fn parse(&mut self, piece: &[u8], rows: &mut RawRows) {
+        rows.reset(self.layout.axes.len(), self.layout.temperatures.len(), self.layout.aux.len());
+        let (mut at, mut line) = (0, 0_u32);
+        while at < piece.len() {
+            line += 1;
+            if !self.keep_fields
+                && let Some(length) = self.plain_row(&piece[at..])
+            {
+                rows.line.push(line);
+                at += length;
+            } else {
+                let length = memchr(b'\n', &piece[at..]).unwrap_or(piece.len() - at);
+                let text = &piece[at..at + length];
+                let text = text.strip_suffix(b"\r").unwrap_or(text);
+                if !text.is_empty() && text[0] != b'#' {
+                    let fields = self.any_row(text);
+                    rows.fields.extend(self.keep_fields.then_some(fields));
+                    rows.line.push(line);
+                }
+                at += length + 1;
+            }
+            if self.cells.len() == WAITING_ROWS {
+                self.cells.hand_over(rows);
+            }
+        }
+        self.cells.hand_over(rows);
+        rows.lines = u64::from(line);
+    }
+
+    /// A row of plain decimals, as many as there are headers, to those that wait: its length with the newline.
+    /// `None`, and nothing kept, for any other.
+    #[inline]
+    fn plain_row(&mut self, bytes: &[u8]) -> Option<usize> {
+        if *bytes.first()? == b'#' {
+            return None;
+        }
+        let before = self.cells.values.len();
+        let row = self.plain_fields(bytes);
+        if row.is_none() {
+            self.cells.values.truncate(before);
+        }
+        let (length, time_ns, faults) = row?;
+        self.cells.finish_row(time_ns, faults);
+        Some(length)
+    }
+
+    /// Fields into `cells`; length, time and faults of the row.
+    #[inline(always)]
+    fn plain_fields(&mut self, bytes: &[u8]) -> Option<(usize, i64, Faults)> {
+        let (mut at, mut time_ns, mut faults) = (0, NO_TIME, Faults::NONE);
+        let last = self.cells.slots.len() - 1;
+        for (index, slot) in self.cells.slots.iter().enumerate() {
+            let mut value = 0.0;
+            at += match slot {
+                Slot::Skipped => skipped(&bytes[at..], self.delimiter)?,
+                Slot::Valid => {
+                    faults = match bytes.get(at)? {
+                        b'1' => faults,
+                        b'0' => Faults::FLAGGED,
+                        _ => return None,
+                    };
+                    1
+                }
+                Slot::Time(places) => {
+                    let (decimal, length) = Decimal::read(&bytes[at..])?;
+                    time_ns = decimal.scaled(*places)?;
+                    length
+                }
+                _ => {
+                    let (decimal, length) = Decimal::read(&bytes[at..])?;
+                    value = decimal.value()?;
+                    length
+                }
+            };
+            self.cells.values.push(value);
+            if index == last {
+                at += usize::from(*bytes.get(at)? == b'\r');
+            }
+            if *bytes.get(at)? != (if index == last { b'\n' } else { self.delimiter }) {
+                return None;
+            }
+            at += 1;
+        }
+        Some((at, time_ns, faults))
+    }
+
+    /// A row of anything; its fields.
+    fn any_row(&mut self, text: &[u8]) -> ByteRecord {
+        let record = fields_of(text, self.delimiter);
+        let mut time_ns = NO_TIME;
+        let mut faults = Faults::NONE.with(Faults::RAGGED, record.len() != self.cells.slots.len());
+        for (index, slot) in self.cells.slots.iter().enumerate() {
+            let field = unquoted(record.get(index).unwrap_or(b""));
+            let value = parse_value(field, self.decimal_comma);
+            self.cells.values.push(match slot {
+                Slot::Temperature(..) if value.is_none() && !field.is_empty() => BAD_TEMPERATURE,
+                _ => value.unwrap_or(f64::NAN),
+            });
+            match slot {
+                Slot::Time(places) => time_ns = parse_time_ns(field, *places, self.decimal_comma).unwrap_or(NO_TIME),
+                Slot::Valid => faults = faults.with(Faults::FLAGGED, !parse_flag(field).unwrap_or(false)),
+                _ => {}
+            }
+        }
+        self.cells.finish_row(time_ns, faults);
+        record
+    }
+}
+
+/// Length of a field that is not read.
+fn skipped(bytes: &[u8], delimiter: u8) -> Option<usize> {
+    bytes.iter().position(|byte| *byte == delimiter || *byte == b'\n' || *byte == b'\r')
+}
+
+/// The fields of one line. A quote can hold a delimiter, but never reaches beyond its line.
+fn fields_of(text: &[u8], delimiter: u8) -> ByteRecord {
+    let quotes = text.iter().filter(|byte| **byte == b'"').count();
+    // A stray one is part of its field, which is then no number.
+    if quotes > 0 && quotes % 2 == 0 {
+        let mut reader = csv::ReaderBuilder::new().has_headers(false).delimiter(delimiter).from_reader(text);
+        let mut record = ByteRecord::new();
+        if matches!(reader.read_byte_record(&mut record), Ok(true)) {
+            return record;
+        }
+    }
+    text.split(|byte| *byte == delimiter).collect()
+}
+
+/// A field without the quotes around it.
+pub fn unquoted(field: &[u8]) -> &[u8] {
+    let trimmed = field.trim_ascii();
+    trimmed.strip_prefix(b"\"").and_then(|f| f.strip_suffix(b"\"")).unwrap_or(trimmed)
+}
+
+/// The layout of a text log.
+pub(crate) fn layout_of(header: &TextHeader, setup: &Setup) -> Result<Layout> {
+    Layout::new(header.headers.clone(), &setup.columns, setup.axis).map_err(|e| e.line(header.lines))
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn parser(keep_fields: bool) -> LineParser {
+        let headers = ["time_s", "note", "temperature_k", "counts"].map(str::to_owned).to_vec();
+        let layout = Layout::new(headers, &Default::default(), None).unwrap();
+        let pace = if keep_fields { ReadMode::BulkWithText } else { ReadMode::Bulk };
+        LineParser::new(&layout, b',', pace)
+    }
+
+    fn cell() -> impl Strategy<Value = String> {
+        prop_oneof![
+            6 => (-1e6..1e6_f64, 0_usize..12).prop_map(|(v, places)| format!("{v:.places$}")),
+            3 => any::<i64>().prop_map(|v| v.to_string()),
+            2 => any::<f64>().prop_map(|v| v.to_string()),
+            2 => "[-+0-9.,eE\" ]{0,8}",
+            1 => "[a-z#\\r]{0,4}",
+        ]
+    }
+
+    proptest! {
+        /// The one-pass road and the field-by-field road give the same rows, bit for bit.
+        #[test]
+        fn both_roads_through_a_line_agree(lines in prop::collection::vec(prop::collection::vec(cell(), 1..6), 0..20)) {
+            let text: String = lines.iter().map(|cells| cells.join(",") + "\n").collect();
+            let (mut fast, mut slow) = (RawRows::default(), RawRows::default());
+            parser(false).parse(text.as_bytes(), &mut fast);
+            parser(true).parse(text.as_bytes(), &mut slow);
+            let bits = |rows: &RawRows| -> Vec<Vec<u64>> {
+                rows.axes.iter().chain(&rows.temperatures_c).map(|c| c.iter().map(|v| v.to_bits()).collect()).collect()
+            };
+            prop_assert_eq!(bits(&fast), bits(&slow));
+            prop_assert_eq!((&fast.time_ns, &fast.faults, &fast.line), (&slow.time_ns, &slow.faults, &slow.line));
+        }
+
+        /// ChunkReader hold the text's bytes in order, each ending in a newline, whatever the reader gives at a time.
+        #[test]
+        fn pieces_are_the_text(text in "[ab\\n]{0,200}", line_by_line: bool) {
+            let pace = if line_by_line { ReadMode::LineByLine } else { ReadMode::Bulk };
+            let mut feed = TextFeed::new(Box::new(std::io::Cursor::new(text.clone())), pace);
+            let (mut all, mut piece) = (Vec::new(), Vec::new());
+            while feed.next(&mut piece).unwrap() {
+                prop_assert_eq!(piece.last(), Some(&b'\n'));
+                all.extend_from_slice(&piece);
+            }
+            let ends = text.is_empty() || text.ends_with('\n');
+            prop_assert_eq!(all, (if ends { text } else { text + "\n" }).into_bytes());
+        }
+    }
+}

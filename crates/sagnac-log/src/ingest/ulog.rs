@@ -1,0 +1,441 @@
+//! PX4 ULog: the gyro's topic as a table.
+//!
+//! ```text
+//! messages ─▶ one row per message of sensor_gyro (else sensor_combined) of the chosen instance:
+//!             time_us, rate_radps_x, _y, _z, temperature_c (its own), temperature_c_baro … (of other sensors)
+//! ```
+//!
+//! The thermometer of another sensor fills its field in the first row logged after its message; other rows
+//! leave it empty, as a slower thermometer does in text. Values are the log's 32-bit floats exactly.
+//! A file that ends within a message, as after a power loss, gives one ragged row for it.
+//!
+//! Messages are taken apart here and only those of topics that are read, all of them flat, go through
+//! `px4-ulog`: it panics on some malformed records and follows nested formats without a limit.
+
+use std::cell::RefCell;
+use std::collections::{BTreeMap, BTreeSet};
+use std::io::{BufRead, Read};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+
+use csv::ByteRecord;
+use px4_ulog::stream_parser::file_reader::LogParser;
+use px4_ulog::stream_parser::model::{DataMessage, UlogParseError};
+
+use crate::error::{Error, Result};
+use crate::ingest::cells::Cells;
+use crate::ingest::chunks::TableFeed;
+use crate::ingest::header::Layout;
+use crate::ingest::raw::{BAD_TEMPERATURE, Faults, NO_TIME, RawRows};
+use crate::ingest::source::Source;
+use crate::setup::Setup;
+
+/// Rows given out at once.
+const BATCH_ROWS: usize = 4096;
+/// Formats and subscriptions that are remembered.
+const MAX_KNOWN: usize = 4096;
+/// Topics that hold rates, the better first, and their fields.
+const GYROS: [(&str, [&str; 3]); 2] =
+    [("sensor_gyro", ["x", "y", "z"]), ("sensor_combined", ["gyro_rad[0]", "gyro_rad[1]", "gyro_rad[2]"])];
+const TEMPERATURE: &str = "temperature";
+/// Types a flat format may have.
+const SCALARS: [&str; 12] = [
+    "int8_t", "uint8_t", "int16_t", "uint16_t", "int32_t", "uint32_t", "int64_t", "uint64_t", "float", "double",
+    "bool", "char",
+];
+
+/// What the decoding thread sends: the layout once, then rows.
+enum Sent {
+    Layout(Layout),
+    Rows(Result<RawRows>),
+}
+
+/// Rows from the decoding thread.
+pub(crate) struct ULogFeed(Receiver<Sent>);
+
+/// Starts to decode; the layout is known when the first row of the gyro is.
+pub(crate) fn open(source: Source, setup: &Setup, keep_fields: bool) -> Result<(ULogFeed, Layout)> {
+    let (sender, receiver) = sync_channel(2);
+    let (reader, setup) = (source.reader, setup.clone());
+    std::thread::spawn(move || {
+        if let Err(error) = decode(reader, &setup, keep_fields, &sender) {
+            // Nobody may be listening any more.
+            let _ = sender.send(Sent::Rows(Err(error)));
+        }
+    });
+    match receiver.recv() {
+        Ok(Sent::Layout(layout)) => Ok((ULogFeed(receiver), layout)),
+        Ok(Sent::Rows(Err(error))) => Err(error),
+        Ok(Sent::Rows(Ok(_))) | Err(_) => Err(Error::input("a damaged ULog file (its decoder gave up)")),
+    }
+}
+
+impl TableFeed for ULogFeed {
+    fn next(&mut self, rows: &mut RawRows) -> Result<bool> {
+        match self.0.recv() {
+            Ok(Sent::Rows(sent)) => {
+                *rows = sent?;
+                Ok(rows.lines > 0)
+            }
+            // The thread ends with an empty piece or an error; without either it gave up.
+            Ok(Sent::Layout(_)) | Err(_) => Err(Error::input("a damaged ULog file (its decoder gave up)")),
+        }
+    }
+}
+
+/// One message: type and payload.
+struct Message {
+    kind: u8,
+    payload: Vec<u8>,
+}
+
+impl Message {
+    /// The topic a data message belongs to.
+    fn id(&self) -> Option<u16> {
+        self.payload.first_chunk::<2>().map(|id| u16::from_le_bytes(*id))
+    }
+}
+
+/// Takes a file apart into messages.
+struct Messages {
+    reader: Box<dyn BufRead + Send>,
+    position: u64,
+    /// Where data was appended later; a message cut before it has no end.
+    appended: BTreeSet<u64>,
+}
+
+enum Next {
+    Message(Message),
+    Cut,
+    End,
+}
+
+impl Messages {
+    /// As many bytes as there are, up to the buffer's length.
+    fn fill(&mut self, buffer: &mut [u8]) -> Result<usize> {
+        let mut filled = 0;
+        while filled < buffer.len() {
+            match self.reader.read(&mut buffer[filled..]) {
+                Ok(0) => break,
+                Ok(n) => filled += n,
+                Err(e) if e.kind() == std::io::ErrorKind::Interrupted => {}
+                Err(e) => return Err(Error::input(format!("cannot read on: {e}"))),
+            }
+        }
+        self.position += filled as u64;
+        Ok(filled)
+    }
+
+    fn next(&mut self) -> Result<Next> {
+        let mut head = [0; 3];
+        let end = self.position + head.len() as u64;
+        if let Some(at) = self.appended.range(self.position + 1..end).next().copied() {
+            // Not even the head of the last message before what was appended.
+            let left = (at - self.position) as usize;
+            self.fill(&mut head[..left])?;
+            return Ok(Next::Cut);
+        }
+        match self.fill(&mut head)? {
+            0 => return Ok(Next::End),
+            3 => {}
+            _ => return Ok(Next::Cut),
+        }
+        let length = u64::from(u16::from_le_bytes([head[0], head[1]]));
+        let until_appended = self.appended.range(self.position..).next().map(|at| at - self.position);
+        let cut = until_appended.filter(|left| *left < length);
+        let mut payload = vec![0; cut.unwrap_or(length) as usize];
+        let filled = self.fill(&mut payload)?;
+        Ok(match cut {
+            Some(_) => Next::Cut,
+            None if filled < payload.len() => Next::Cut,
+            None => Next::Message(Message { kind: head[2], payload }),
+        })
+    }
+}
+
+/// Where data was appended, from a flag-bits message.
+fn appended_offsets(payload: &[u8]) -> BTreeSet<u64> {
+    let offsets = payload.get(16..40).unwrap_or(&[]).chunks_exact(8);
+    let offsets = offsets.map(|bytes| u64::from_le_bytes(bytes.try_into().unwrap_or([0; 8])));
+    offsets.filter(|offset| *offset > 0).collect()
+}
+
+/// Type and name of each.
+type Fields = Vec<(String, String)>;
+
+/// Name and fields of a flat format; `None` for a nested one.
+fn flat_format(payload: &[u8]) -> Option<(String, Fields)> {
+    let text = std::str::from_utf8(payload).ok()?;
+    let (name, fields) = text.split_once(':')?;
+    let fields = fields.split_terminator(';').map(|field| {
+        let (kind, name) = field.split_once(' ')?;
+        let scalar = kind.split_once('[').map_or(kind, |(scalar, _)| scalar);
+        SCALARS.contains(&scalar).then(|| (kind.to_owned(), name.to_owned()))
+    });
+    Some((name.to_owned(), fields.collect::<Option<Vec<_>>>()?))
+}
+
+/// A topic that is read.
+#[derive(Clone, Debug)]
+enum Use {
+    Gyro([&'static str; 3], bool),
+    /// Index of the column.
+    Thermometer(usize),
+}
+
+/// Formats and subscriptions of the file so far.
+#[derive(Default)]
+struct Known {
+    /// Each record itself, and the fields it names.
+    formats: BTreeMap<String, (Vec<u8>, Fields)>,
+    /// Message id to topic, instance and the record itself.
+    subscribed: BTreeMap<u16, (String, u8, Vec<u8>)>,
+}
+
+impl Known {
+    fn learn(&mut self, message: &Message) {
+        match message.kind {
+            b'F' if self.formats.len() < MAX_KNOWN => {
+                if let Some((name, fields)) = flat_format(&message.payload) {
+                    self.formats.insert(name, (message.payload.clone(), fields));
+                }
+            }
+            b'A' if message.payload.len() > 3 && self.subscribed.len() < MAX_KNOWN => {
+                let id = u16::from_le_bytes([message.payload[1], message.payload[2]]);
+                if let Ok(topic) = std::str::from_utf8(&message.payload[3..])
+                    && self.formats.contains_key(topic)
+                {
+                    let subscription = (topic.to_owned(), message.payload[0], message.payload.clone());
+                    self.subscribed.entry(id).or_insert(subscription);
+                }
+            }
+            _ => {}
+        }
+    }
+
+    fn has_field(&self, topic: &str, field: &str) -> bool {
+        let fields = self.formats.get(topic).map(|(_, fields)| fields.as_slice()).unwrap_or_default();
+        fields.iter().any(|(kind, name)| name == field && kind == "float")
+    }
+
+    /// The gyro's message id, its fields, and whether it has a temperature of its own.
+    fn gyro(&self, instance: u8) -> Option<(u16, Use)> {
+        GYROS.iter().find_map(|(topic, fields)| {
+            let mut of_topic = self.subscribed.iter().filter(|(_, (name, of, _))| name == topic && *of == instance);
+            of_topic.next().map(|(id, _)| (*id, Use::Gyro(*fields, self.has_field(topic, TEMPERATURE))))
+        })
+    }
+
+    /// Thermometers of other sensors: message id and name.
+    fn thermometers(&self, gyro: u16) -> Vec<(u16, String)> {
+        let others = self.subscribed.iter().filter(|(id, (topic, of, _))| {
+            **id != gyro && *of == 0 && !topic.contains("gyro") && self.has_field(topic, TEMPERATURE)
+        });
+        others.map(|(id, (topic, ..))| (*id, topic.trim_start_matches("sensor_").to_owned())).collect()
+    }
+
+    fn topics(&self) -> String {
+        let names: BTreeSet<&str> = self.subscribed.values().map(|(topic, ..)| topic.as_str()).collect();
+        names.into_iter().collect::<Vec<_>>().join(", ")
+    }
+}
+
+/// The road through a file, on its own thread.
+fn decode(reader: Box<dyn BufRead + Send>, setup: &Setup, keep_fields: bool, sender: &SyncSender<Sent>) -> Result<()> {
+    let mut messages = Messages { reader, position: 0, appended: BTreeSet::new() };
+    let mut header = [0; 16];
+    if messages.fill(&mut header)? < header.len() {
+        return Err(Error::input("a truncated ULog file: not even its header is whole"));
+    }
+    let mut known = Known::default();
+    let mut early = BTreeMap::new();
+    let (first, gyro) = until_gyro(&mut messages, &mut known, &mut early, setup.instance.unwrap_or(0))?;
+    let (headers, topics) = columns(&known, gyro);
+    let layout = Layout::new(headers, &setup.columns, setup.axis)?;
+    if sender.send(Sent::Layout(layout.clone())).is_err() {
+        return Ok(());
+    }
+    let table = RefCell::new(Table {
+        cells: Cells::new(&layout),
+        layout,
+        topics,
+        waiting: Vec::new(),
+        keep_fields,
+        fields: Vec::new(),
+    });
+    let mut on_data = |message: &DataMessage<'_>| table.borrow_mut().take(message);
+    let mut parser = LogParser::default();
+    parser.set_data_message_callback(&mut on_data);
+    begin(&mut parser, &header, &known, &table.borrow().topics)?;
+    for message in early.values().filter(|message| table.borrow().wants(message)) {
+        // A thermometer that spoke before the gyro did.
+        let _ = feed(&mut parser, message.kind, &message.payload);
+    }
+    let mut next = Next::Message(first);
+    loop {
+        match &next {
+            Next::Message(message) if table.borrow().wants(message) => {
+                if feed(&mut parser, message.kind, &message.payload).is_err() {
+                    table.borrow_mut().push_broken_row();
+                }
+            }
+            Next::Cut => table.borrow_mut().push_broken_row(),
+            Next::Message(_) | Next::End => {}
+        }
+        let ended = matches!(next, Next::End);
+        let waiting = table.borrow().cells.len();
+        if waiting >= BATCH_ROWS || (ended && waiting > 0) {
+            let rows = table.borrow_mut().rows();
+            if sender.send(Sent::Rows(Ok(rows))).is_err() {
+                return Ok(());
+            }
+        }
+        if ended {
+            // An empty piece is the end.
+            let _ = sender.send(Sent::Rows(Ok(RawRows::default())));
+            return Ok(());
+        }
+        next = messages.next()?;
+    }
+}
+
+/// Reads up to the first message of the gyro; `early` takes the newest message of every other topic.
+fn until_gyro(
+    messages: &mut Messages,
+    known: &mut Known,
+    early: &mut BTreeMap<u16, Message>,
+    instance: u8,
+) -> Result<(Message, (u16, Use))> {
+    loop {
+        match messages.next()? {
+            Next::Message(message) if message.kind == b'D' => {
+                if let Some(gyro) = known.gyro(instance).filter(|(id, _)| message.id() == Some(*id)) {
+                    return Ok((message, gyro));
+                }
+                if let Some(id) = message.id().filter(|id| known.subscribed.contains_key(id)) {
+                    early.insert(id, message);
+                }
+            }
+            Next::Message(message) if message.kind == b'B' => messages.appended = appended_offsets(&message.payload),
+            Next::Message(message) => known.learn(&message),
+            Next::Cut | Next::End => return Err(no_gyro(known, instance)),
+        }
+    }
+}
+
+/// The table's headers, and what is made of each topic that is read.
+fn columns(known: &Known, gyro: (u16, Use)) -> (Vec<String>, BTreeMap<u16, Use>) {
+    let mut headers: Vec<String> =
+        ["time_us", "rate_radps_x", "rate_radps_y", "rate_radps_z"].map(str::to_owned).into();
+    if matches!(gyro.1, Use::Gyro(_, true)) {
+        headers.push("temperature_c".to_owned());
+    }
+    let others = known.thermometers(gyro.0);
+    let mut topics = BTreeMap::from([gyro]);
+    for (id, name) in others {
+        topics.insert(id, Use::Thermometer(headers.len()));
+        headers.push(format!("temperature_c_{name}"));
+    }
+    (headers, topics)
+}
+
+/// Tells the parser of the topics that are read, and of nothing else.
+fn begin(parser: &mut LogParser<'_>, header: &[u8; 16], known: &Known, topics: &BTreeMap<u16, Use>) -> Result<()> {
+    parser.consume_bytes(header).map_err(|e| damaged(&e))?;
+    // Flags go first, or no subscription is taken; these say that nothing was appended.
+    feed(parser, b'B', &[0; 40])?;
+    let subscriptions: Vec<_> = topics.keys().filter_map(|id| known.subscribed.get(id)).collect();
+    let formats: BTreeSet<&str> = subscriptions.iter().map(|(topic, ..)| topic.as_str()).collect();
+    for (format, _) in formats.into_iter().filter_map(|topic| known.formats.get(topic)) {
+        feed(parser, b'F', format)?;
+    }
+    subscriptions.iter().try_for_each(|(.., subscription)| feed(parser, b'A', subscription))
+}
+
+fn feed(parser: &mut LogParser<'_>, kind: u8, payload: &[u8]) -> Result<()> {
+    let mut whole = (payload.len() as u16).to_le_bytes().to_vec();
+    whole.push(kind);
+    whole.extend_from_slice(payload);
+    parser.consume_bytes(&whole).map_err(|e| damaged(&e))
+}
+
+fn damaged(error: &UlogParseError) -> Error {
+    Error::input(format!("a damaged ULog file: {}", error.description))
+}
+
+/// The gyro's messages as rows that wait.
+struct Table {
+    layout: Layout,
+    topics: BTreeMap<u16, Use>,
+    cells: Cells,
+    /// Readings of other thermometers since the last row, by column.
+    waiting: Vec<(usize, f64)>,
+    keep_fields: bool,
+    fields: Vec<ByteRecord>,
+}
+
+impl Table {
+    fn wants(&self, message: &Message) -> bool {
+        message.kind == b'D' && message.id().is_some_and(|id| self.topics.contains_key(&id))
+    }
+
+    fn take(&mut self, message: &DataMessage<'_>) {
+        let float = |name: &str| -> f64 {
+            let parser = message.flattened_format.get_field_parser::<f32>(name);
+            parser.map_or(f64::NAN, |parser| f64::from(parser.parse(message.data)))
+        };
+        match self.topics.get(&message.msg_id) {
+            Some(Use::Gyro(fields, warm)) => {
+                let time = message.flattened_format.timestamp_field.as_ref();
+                let time_us = time.map(|field| field.parse_timestamp(message.data));
+                let time_ns = time_us.and_then(|us| i64::try_from(us).ok()?.checked_mul(1000)).unwrap_or(NO_TIME);
+                let rates = fields.map(float);
+                let own = warm.then(|| float(TEMPERATURE));
+                self.push_row(time_us.unwrap_or(0), time_ns, rates, own);
+            }
+            Some(Use::Thermometer(column)) => self.waiting.push((*column, float(TEMPERATURE))),
+            None => {}
+        }
+    }
+
+    fn push_row(&mut self, time_us: u64, time_ns: i64, rates: [f64; 3], own_c: Option<f64>) {
+        let mut row = vec![f64::NAN; self.layout.headers.len()];
+        // A rate that is no number is none.
+        row[1..4].copy_from_slice(&rates.map(|rate| if rate.is_finite() { rate } else { f64::NAN }));
+        // A reading that is no number is told apart from none, as in text.
+        let reading = |value: f64| if value.is_finite() { value } else { BAD_TEMPERATURE };
+        own_c.into_iter().for_each(|value| row[4] = reading(value));
+        self.waiting.drain(..).for_each(|(column, value)| row[column] = reading(value));
+        if self.keep_fields {
+            let text = |value: &f64| if value.is_nan() { String::new() } else { value.to_string() };
+            let texts = std::iter::once(time_us.to_string()).chain(row[1..].iter().map(text));
+            self.fields.push(texts.map(String::into_bytes).collect());
+        }
+        self.cells.values.append(&mut row);
+        self.cells.finish_row(time_ns, Faults::NONE);
+    }
+
+    fn push_broken_row(&mut self) {
+        self.cells.push_broken_row();
+        if self.keep_fields {
+            self.fields.push(ByteRecord::new());
+        }
+    }
+
+    /// The rows that wait.
+    fn rows(&mut self) -> RawRows {
+        let mut rows = RawRows::default();
+        let layout = &self.layout;
+        rows.reset(layout.axes.len(), layout.temperatures.len(), layout.aux.len());
+        self.cells.hand_over(&mut rows);
+        rows.lines = rows.faults.len() as u64;
+        rows.line.extend(1..=rows.faults.len() as u32);
+        rows.fields.append(&mut self.fields);
+        rows
+    }
+}
+
+fn no_gyro(known: &Known, instance: u8) -> Error {
+    let topics = known.topics();
+    Error::input(format!("a ULog file without messages of sensor_gyro or sensor_combined, instance {instance}"))
+        .help(if topics.is_empty() { "it has no topic at all".to_owned() } else { format!("it has: {topics}") })
+}

@@ -1,0 +1,20 @@
+//! Logs of gyroscope tests, in and out.
+//!
+//! ```text
+//! bench.toml ─▶ Setup ─┐
+//! log file ────────────┴▶ ingest::LogReader (rows read, judged, counted) ─▶ batches of columns in SI names
+//! results ─▶ write (whole or not at all)
+//! ```
+//!
+//! [`setup`] holds what a log cannot say of itself. [`ingest`] streams CSV, Parquet, Arrow and PX4 logs in batches and
+//! counts each rejected row with its reason. [`write`] replaces files atomically. [`error`] says what was wrong, where and
+//! what to do.
+#![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used, clippy::panic))]
+
+pub mod error;
+pub mod ingest;
+pub mod setup;
+pub mod write;
+
+pub use error::{Error, ErrorKind, Place, Result};
+pub use setup::Setup;

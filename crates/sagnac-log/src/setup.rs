@@ -1,0 +1,497 @@
+//! `bench.toml`: what a log cannot say of itself.
+//!
+//! Every key is optional in the file; what a log needs and neither file nor flag gives is asked for
+//! by name. Unknown keys are refused. `docs/reference/cli.md` has the table of keys.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::error::{Error, Result};
+use sagnac_units::{EARTH_RATE_DPH, ns_from_s};
+
+const DEFAULT_TICK_NS: i64 = 100_000;
+const ONE_SECOND_NS: i64 = 1_000_000_000;
+
+/// How a counts column counts.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Counter {
+    /// Counts of the row's own interval.
+    #[default]
+    Incremental,
+    /// A running total; with `counter_bits` it wraps at that width.
+    Cumulative,
+}
+
+/// Length of an analysis window.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged, expecting = "a window is a number of seconds, or the word \"row\"")]
+pub enum WindowSize {
+    /// Seconds, aligned to the start of the run.
+    Seconds(f64),
+    /// The word `row`: each row of the log is a window.
+    Row(RowWord),
+}
+
+/// The word `row`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum RowWord {
+    /// One window per row.
+    Row,
+}
+
+impl WindowSize {
+    /// One window per row.
+    pub const ROW: Self = Self::Row(RowWord::Row);
+    /// The design's default.
+    pub const DEFAULT: Self = Self::Seconds(100.0);
+
+    /// Seconds of a window, or `None` for one window per row.
+    pub fn seconds(self) -> Option<f64> {
+        match self {
+            Self::Seconds(s) => Some(s),
+            Self::Row(_) => None,
+        }
+    }
+}
+
+/// Noise given instead of measured.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Noise {
+    /// Angle random walk, °/√h.
+    pub n_deg_rt_h: f64,
+    /// Quantization, arcsec.
+    #[serde(default)]
+    pub q_arcsec: f64,
+}
+
+/// Where the input axis points, for the Earth rate it sees.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Direction {
+    /// Away from the Earth's centre.
+    Up,
+    /// Towards it.
+    Down,
+    /// Along the horizon to true north.
+    North,
+    /// Along the horizon to true south.
+    South,
+    /// Along the horizon to the east: sees no Earth rate.
+    East,
+    /// Along the horizon to the west: sees no Earth rate.
+    West,
+}
+
+/// Site and attitude of a static test.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Earth {
+    /// Geodetic latitude, degrees, north positive.
+    pub latitude_deg: f64,
+    /// Where the input axis points.
+    pub axis_direction: Direction,
+}
+
+impl Earth {
+    /// Input rate of that axis in °/h: Ω sin φ up, Ω cos φ north.
+    pub fn rate_dph(&self) -> f64 {
+        let (sin, cos) = self.latitude_deg.to_radians().sin_cos();
+        EARTH_RATE_DPH
+            * match self.axis_direction {
+                Direction::Up => sin,
+                Direction::Down => -sin,
+                Direction::North => cos,
+                Direction::South => -cos,
+                Direction::East | Direction::West => 0.0,
+            }
+    }
+}
+
+/// One thermometer.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ThermometerSetup {
+    /// Name as in the header `temperature_c_<name>`; empty for a plain `temperature_c`.
+    #[serde(default)]
+    pub name: String,
+    /// Temperatures outside are not believed, °C.
+    #[serde(default = "default_valid_range")]
+    pub valid_range_c: [f64; 2],
+    /// How long a correction is kept without a temperature before it is STALE, s.
+    #[serde(default = "default_stale_after")]
+    pub stale_after_s: f64,
+    /// Temperature at code 0, °C, where the target reads codes.
+    #[serde(default)]
+    pub offset_c: Option<f64>,
+    /// °C per code, where the target reads codes.
+    #[serde(default)]
+    pub gain_c_per_code: Option<f64>,
+}
+
+fn default_valid_range() -> [f64; 2] {
+    [-80.0, 125.0]
+}
+
+fn default_stale_after() -> f64 {
+    10.0
+}
+
+impl ThermometerSetup {
+    /// The defaults under a name.
+    pub fn named(name: &str) -> Self {
+        Self {
+            name: name.to_owned(),
+            valid_range_c: default_valid_range(),
+            stale_after_s: default_stale_after(),
+            offset_c: None,
+            gain_c_per_code: None,
+        }
+    }
+}
+
+/// One auxiliary column as an input of the correction.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct AuxSetup {
+    /// Name as in the header `aux_<name>`.
+    pub name: String,
+    /// Values outside are not believed; the fit's span widened by its own width on both sides unless told.
+    #[serde(default)]
+    pub valid_range: Option<[f64; 2]>,
+    /// How long a correction is kept without a value before it is STALE, s.
+    #[serde(default = "default_stale_after")]
+    pub stale_after_s: f64,
+    /// Value at code 0, where the target reads codes.
+    #[serde(default)]
+    pub offset: Option<f64>,
+    /// Units per code, where the target reads codes.
+    #[serde(default)]
+    pub gain_per_code: Option<f64>,
+}
+
+impl AuxSetup {
+    fn check(&self) -> Result<()> {
+        if let Some([lo, hi]) = self.valid_range {
+            in_range("aux.valid_range", Some(lo), -1e12, 1e12)?;
+            in_range("aux.valid_range", Some(hi), lo, 1e12)?;
+            if lo == hi {
+                return Err(Error::input("must be two values, the lower first").column("aux.valid_range"));
+            }
+        }
+        in_range("aux.stale_after_s", Some(self.stale_after_s), 0.0, 1e6)?;
+        in_range("aux.offset", self.offset, -1e12, 1e12)?;
+        in_range("aux.gain_per_code", self.gain_per_code.map(f64::abs), 1e-18, 1e12)?;
+        if self.offset.is_some() != self.gain_per_code.is_some() {
+            return Err(Error::input("offset and gain_per_code go together").column("aux"));
+        }
+        Ok(())
+    }
+}
+
+/// How the rate table stood and turned in a run.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct TableRun {
+    /// File name of the run without its folder; every run without one.
+    pub file: Option<String>,
+    /// Axis of the gyro along the table's axis: "z", or "-z" where the table's positive direction is the gyro's negative
+    /// one. Needed by logs of several axes.
+    pub axis: Option<String>,
+    /// Rate of the table, °/s, where the log has no column for it.
+    pub rate_dps: Option<f64>,
+}
+
+/// Everything a log cannot say of itself. Flags of the same names override the file.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Setup {
+    /// Serial number of the gyro, up to 32 bytes.
+    pub serial: Option<String>,
+    /// Axis letter of a log whose headers name none.
+    pub axis: Option<char>,
+    /// What the sensor is, in words.
+    pub sensor: Option<String>,
+    /// What it is tested on, in words: chamber, table, site.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rig: Option<String>,
+    /// Nominal scale factor S0, arcsec per count. Needed by count logs, never guessed.
+    pub arcsec_per_count: Option<f64>,
+    /// Smallest step of the counts column, counts; 1 unless told.
+    pub quantum: Option<f64>,
+    /// How the counts column counts.
+    pub counter: Counter,
+    /// Width of a wrapping cumulative counter, bits.
+    pub counter_bits: Option<u8>,
+    /// Interval of a row, s; the median of the first rows unless told.
+    pub sample_interval_s: Option<f64>,
+    /// The log's own header on the left, a header of Sagnac on the right (`"imu.gyro.x" = "rate_radps_x"`).
+    pub columns: BTreeMap<String, String>,
+    /// Which of several sensors a PX4 log is read for, from 0; 0 unless told.
+    pub instance: Option<u8>,
+    /// Added to the time of temperatures to bring them to the time of the counts, s.
+    pub temperature_offset_s: f64,
+    /// Input rate along the axis during the test, °/h, if known.
+    pub input_rate_dph: Option<f64>,
+    /// Site and attitude, from which the input rate of a static test follows.
+    pub earth: Option<Earth>,
+    /// Analysis window: seconds or "row"; 100 s unless told.
+    pub window: Option<WindowSize>,
+    /// Temperature T0 at which the correction is zero, °C; 25 unless told.
+    pub reference_c: Option<f64>,
+    /// Left out of the fit at the start of each run, s.
+    pub discard_initial_s: f64,
+    /// Smallest temperature span a fit is made on, °C; 10 unless told.
+    pub min_span_c: Option<f64>,
+    /// Noise if known; measured from the log unless told.
+    pub noise: Option<Noise>,
+    /// Tick of the target, s; 100 µs unless told.
+    pub tick_s: Option<f64>,
+    /// Temperature period Δt of the target, s; 1 s unless told.
+    pub temperature_period_s: Option<f64>,
+    /// Ticks over which a new correction is approached; 100 unless told.
+    pub slew_ticks: Option<u32>,
+    /// Virtual LSB with which a rate log is replayed, arcsec; 1e-4 unless told.
+    pub rate_lsb_arcsec: Option<f64>,
+    /// Name of the thermometer that the model uses, if the log has several; the first unless told.
+    pub use_thermometer: Option<String>,
+    /// Further inputs that `auto` may use (thermometers, "one - another", auxiliary columns); all of the log unless told.
+    /// An image alone is read by them too: those with a code of their own, in the image's order.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub inputs: Option<Vec<String>>,
+    /// Runs on a rate table.
+    #[serde(rename = "table", skip_serializing_if = "Vec::is_empty")]
+    pub tables: Vec<TableRun>,
+    /// Thermometers that differ from the defaults.
+    #[serde(rename = "thermometer")]
+    pub thermometers: Vec<ThermometerSetup>,
+    /// Auxiliary columns that differ from the defaults.
+    #[serde(rename = "aux", skip_serializing_if = "Vec::is_empty")]
+    pub aux: Vec<AuxSetup>,
+}
+
+impl Setup {
+    /// Reads and checks a setup file.
+    ///
+    /// # Errors
+    /// Unreadable, not TOML, an unknown key, or a value outside its range (key and value named).
+    pub fn read(path: &Path) -> Result<Self> {
+        let text = std::fs::read_to_string(path).map_err(|e| Error::io_path(path, "read the setup", &e))?;
+        Self::parse(&text).map_err(|e| e.file(path.display().to_string()))
+    }
+
+    /// Parses and checks the text of a setup file.
+    ///
+    /// # Errors
+    /// As [`Setup::read`].
+    pub fn parse(text: &str) -> Result<Self> {
+        let setup: Self = toml::from_str(text)
+            .map_err(|e| Error::toml("setup", text, &e).help("docs/reference/cli.md lists the keys"))?;
+        setup.check()?;
+        Ok(setup)
+    }
+
+    /// Checks every value against its range.
+    ///
+    /// # Errors
+    /// The first value outside its range, by name.
+    pub fn check(&self) -> Result<()> {
+        let positive = [
+            ("arcsec_per_count", self.arcsec_per_count, 1e-9, 1e4),
+            ("quantum", self.quantum, 1e-6, 1e6),
+            ("sample_interval_s", self.sample_interval_s, 1e-6, 1e5),
+            ("min_span_c", self.min_span_c, 0.1, 200.0),
+            ("tick_s", self.tick_s, 1e-7, 1.0),
+            ("temperature_period_s", self.temperature_period_s, 1e-3, 3600.0),
+            ("rate_lsb_arcsec", self.rate_lsb_arcsec, 1e-9, 1e3),
+            ("window", self.window.and_then(WindowSize::seconds), 1e-3, 1e6),
+        ];
+        for (name, value, lo, hi) in positive {
+            in_range(name, value, lo, hi)?;
+        }
+        in_range("reference_c", self.reference_c, -127.0, 127.0)?;
+        in_range("discard_initial_s", Some(self.discard_initial_s), 0.0, 1e7)?;
+        in_range("temperature_offset_s", Some(self.temperature_offset_s), -3600.0, 3600.0)?;
+        in_range("input_rate_dph", self.input_rate_dph, -1e8, 1e8)?;
+        in_range("noise.n_deg_rt_h", self.noise.map(|n| n.n_deg_rt_h), 0.0, 1e3)?;
+        in_range("noise.q_arcsec", self.noise.map(|n| n.q_arcsec), 0.0, 1e4)?;
+        in_range("earth.latitude_deg", self.earth.map(|e| e.latitude_deg), -90.0, 90.0)?;
+        in_range("counter_bits", self.counter_bits.map(f64::from), 4.0, 52.0)?;
+        if self.noise.is_some_and(|n| n.n_deg_rt_h == 0.0 && n.q_arcsec == 0.0) {
+            return Err(Error::input("noise of zero is no floor; leave it out to have it measured").column("noise"));
+        }
+        for table in &self.tables {
+            in_range("table.rate_dps", table.rate_dps, -1e4, 1e4)?;
+        }
+        self.check_words()?;
+        self.thermometers.iter().try_for_each(check_thermometer)?;
+        for (at, aux) in self.aux.iter().enumerate() {
+            aux.check()?;
+            if self.aux[..at].iter().any(|other| other.name == aux.name) {
+                return Err(Error::input("the same auxiliary column twice").column("aux.name").value(&aux.name));
+            }
+        }
+        Ok(())
+    }
+
+    fn check_words(&self) -> Result<()> {
+        if let Some(serial) = self.serial.as_deref()
+            && (serial.len() > 32 || serial.is_empty() || serial.contains('\0'))
+        {
+            return Err(Error::input("a serial has 1 to 32 bytes").column("serial").value(serial));
+        }
+        if let Some(axis) = self.axis
+            && !axis.is_ascii_alphanumeric()
+        {
+            return Err(Error::input("an axis is one letter or digit").column("axis").value(axis.to_string()));
+        }
+        if self.input_rate_dph.is_some() && self.earth.is_some() {
+            return Err(Error::input("input_rate_dph and [earth] both give the input rate; keep one").column("earth"));
+        }
+        if self.counter_bits.is_some() && self.counter == Counter::Incremental {
+            return Err(
+                Error::input("only a cumulative counter wraps; set counter = \"cumulative\"").column("counter_bits")
+            );
+        }
+        Ok(())
+    }
+
+    /// The part of a setup that windows are made with: two setups with the same part make the same windows.
+    pub fn of_windows(&self) -> Self {
+        Self {
+            serial: None,
+            sensor: None,
+            input_rate_dph: None,
+            earth: None,
+            tables: Vec::new(),
+            reference_c: None,
+            min_span_c: None,
+            noise: None,
+            slew_ticks: None,
+            rate_lsb_arcsec: None,
+            use_thermometer: None,
+            inputs: None,
+            ..self.clone()
+        }
+    }
+
+    /// Tick of the target, ns; 100 µs unless told.
+    pub fn tick_ns(&self) -> i64 {
+        self.tick_s.and_then(ns_from_s).unwrap_or(DEFAULT_TICK_NS).max(1)
+    }
+
+    /// Temperature period Δt of the target, ns: as given, else 1 s rounded up to whole ticks.
+    ///
+    /// # Errors
+    /// A given period that is no whole number of ticks.
+    pub fn period_ns(&self) -> Result<i64> {
+        let tick_ns = self.tick_ns();
+        let Some(seconds) = self.temperature_period_s else {
+            return Ok((ONE_SECOND_NS + tick_ns - 1) / tick_ns * tick_ns);
+        };
+        let period_ns = ns_from_s(seconds).unwrap_or(0);
+        if period_ns < tick_ns || period_ns % tick_ns != 0 {
+            let error = Error::input("must be a whole number of ticks").column("temperature_period_s");
+            return Err(error.value(seconds.to_string()));
+        }
+        Ok(period_ns)
+    }
+
+    /// Window size, 100 s unless told.
+    pub fn window(&self) -> WindowSize {
+        self.window.unwrap_or(WindowSize::DEFAULT)
+    }
+
+    /// T0, 25 °C unless told.
+    pub fn reference_c(&self) -> f64 {
+        self.reference_c.unwrap_or(25.0)
+    }
+
+    /// What is said of the table in the run of a file: its own entry, else one for every run.
+    pub fn table_of(&self, file: &str) -> Option<&TableRun> {
+        let own = self.tables.iter().find(|table| table.file.as_deref() == Some(file));
+        own.or_else(|| self.tables.iter().find(|table| table.file.is_none()))
+    }
+
+    /// Known input rate along the axis, °/h.
+    pub fn known_input_rate_dph(&self) -> Option<f64> {
+        self.input_rate_dph.or_else(|| self.earth.map(|e| e.rate_dph()))
+    }
+
+    /// The auxiliary column of this name, with the defaults where the file has none.
+    pub fn aux(&self, name: &str) -> AuxSetup {
+        let known = self.aux.iter().find(|aux| aux.name == name);
+        known.cloned().unwrap_or_else(|| AuxSetup {
+            name: name.to_owned(),
+            valid_range: None,
+            stale_after_s: default_stale_after(),
+            offset: None,
+            gain_per_code: None,
+        })
+    }
+
+    /// The thermometer of this name, with the defaults where the file has none.
+    pub fn thermometer(&self, name: &str) -> ThermometerSetup {
+        let known = self.thermometers.iter().find(|t| t.name == name);
+        known.cloned().unwrap_or_else(|| ThermometerSetup::named(name))
+    }
+}
+
+/// Checks a thermometer against its ranges.
+///
+/// # Errors
+/// The first value outside its range, by name.
+pub fn check_thermometer(t: &ThermometerSetup) -> Result<()> {
+    let [lo, hi] = t.valid_range_c;
+    in_range("thermometer.valid_range_c", Some(lo), -127.0, 127.0)?;
+    in_range("thermometer.valid_range_c", Some(hi), lo, 127.0)?;
+    in_range("thermometer.stale_after_s", Some(t.stale_after_s), 0.0, 1e6)?;
+    in_range("thermometer.offset_c", t.offset_c, -127.0, 127.0)?;
+    in_range("thermometer.gain_c_per_code", t.gain_c_per_code.map(f64::abs), 1e-8, 100.0)?;
+    if t.offset_c.is_some() != t.gain_c_per_code.is_some() {
+        return Err(Error::input("offset_c and gain_c_per_code go together").column("thermometer"));
+    }
+    Ok(())
+}
+
+fn in_range(name: &str, value: Option<f64>, lo: f64, hi: f64) -> Result<()> {
+    match value {
+        Some(v) if !(lo..=hi).contains(&v) => {
+            Err(Error::input(format!("must be within {lo} … {hi}")).column(name).value(v.to_string()))
+        }
+        _ => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn unknown_keys_and_absurd_values_are_named() {
+        let error = Setup::parse("serial = \"a\"\narcsec_per_cuont = 1.0\n").unwrap_err();
+        assert_eq!(error.place.line, Some(2));
+        assert!(error.what.contains("arcsec_per_cuont"), "{error}");
+        let error = Setup::parse("arcsec_per_count = -1.0").unwrap_err();
+        assert_eq!(error.place.column.as_deref(), Some("arcsec_per_count"));
+    }
+
+    #[test]
+    fn window_is_seconds_or_the_word_row() {
+        assert_eq!(Setup::parse("window = \"row\"").unwrap().window(), WindowSize::ROW);
+        assert_eq!(Setup::parse("window = 50").unwrap().window().seconds(), Some(50.0));
+        assert!(Setup::parse("window = \"hour\"").is_err());
+    }
+
+    /// Domain notes §1: 4.498 °/h on a vertical axis at 17.4° N.
+    #[test]
+    fn earth_rate_is_that_of_the_paper() {
+        let earth = Earth { latitude_deg: 17.4, axis_direction: Direction::Up };
+        assert!((earth.rate_dph() - 4.498).abs() < 5e-4);
+    }
+}

@@ -1,0 +1,118 @@
+//! Files out: whole or not at all.
+
+#[cfg(feature = "parquet")]
+mod parquet_rows;
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use crate::error::{Error, Result};
+#[cfg(feature = "parquet")]
+pub use parquet_rows::{ParquetRows, parquet_properties};
+
+/// Temporary files that are being written.
+static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+
+fn unfinished() -> MutexGuard<'static, Vec<PathBuf>> {
+    UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Removes what is being written by whichever thread: for a program that was told to stop and is about to. The
+/// files that were to be replaced stay as they are, and no new one is begun after this.
+pub fn remove_unfinished() {
+    let mut unfinished = unfinished();
+    for path in unfinished.drain(..) {
+        // It may have become the result a moment ago.
+        let _ = std::fs::remove_file(path);
+    }
+    // Whoever would begin another file waits until the program has ended.
+    std::mem::forget(unfinished);
+}
+
+/// A temporary file that is known as long as it is unfinished.
+struct Unfinished(PathBuf);
+
+impl Unfinished {
+    /// A new one in a folder, known from the moment it is there.
+    fn create(folder: &Path) -> std::io::Result<(tempfile::NamedTempFile, Self)> {
+        let mut unfinished = unfinished();
+        let file = tempfile::Builder::new().prefix(".sagnac-").tempfile_in(folder)?;
+        unfinished.push(file.path().to_owned());
+        let known = Self(file.path().to_owned());
+        Ok((file, known))
+    }
+}
+
+impl Drop for Unfinished {
+    fn drop(&mut self) {
+        unfinished().retain(|path| *path != self.0);
+    }
+}
+
+/// Writes a file atomically: temporary file beside it, fsync, rename. Whatever happens, the path holds
+/// the old file or the new one. A symbolic link is followed; a device or pipe is written to directly.
+///
+/// # Errors
+/// What `fill` says, or what the file system does (path named).
+pub fn write_atomically(path: &Path, fill: impl FnOnce(&mut (dyn Write + Send)) -> Result<()>) -> Result<()> {
+    let failed = |e: &std::io::Error| Error::io_path(path, "write", e);
+    if path.as_os_str() == "-" {
+        return Err(
+            Error::input("`-` is no file; leave -o away for standard output where a command has it").column("-o")
+        );
+    }
+    if path.is_dir() {
+        return Err(Error::input("this is a directory; give the name of a file").file(path.display().to_string()));
+    }
+    if path.exists() && !path.is_file() {
+        // A device or a pipe is written to, never replaced.
+        let mut out = std::fs::OpenOptions::new().write(true).open(path).map_err(|e| failed(&e))?;
+        fill(&mut out)?;
+        return out.flush().map_err(|e| failed(&e));
+    }
+    let target = if path.is_symlink() { path.canonicalize().map_err(|e| failed(&e))? } else { path.to_owned() };
+    let path = target.as_path();
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    if !folder.is_dir() {
+        let what = format!("cannot write: the folder {} does not exist", folder.display());
+        return Err(Error::input(what).file(path.display().to_string()));
+    }
+    let (file, _known) = Unfinished::create(folder).map_err(|e| failed(&plain(&e)))?;
+    let mut out = std::io::BufWriter::new(file);
+    fill(&mut out)?;
+    let file = out.into_inner().map_err(|e| failed(e.error()))?;
+    set_mode(file.as_file()).map_err(|e| failed(&e))?;
+    file.as_file().sync_all().map_err(|e| failed(&e))?;
+    file.persist(path).map_err(|e| failed(&e.error))?;
+    if let Ok(folder) = std::fs::File::open(folder) {
+        // Makes the rename itself durable where the system can.
+        let _ = folder.sync_all();
+    }
+    Ok(())
+}
+
+/// The system's own word: the name of a temporary file says nothing to anybody.
+fn plain(error: &std::io::Error) -> std::io::Error {
+    error.kind().into()
+}
+
+/// Writes bytes atomically.
+///
+/// # Errors
+/// As [`write_atomically`].
+pub fn write_bytes(path: &Path, bytes: &[u8]) -> Result<()> {
+    write_atomically(path, |out| out.write_all(bytes).map_err(|e| Error::io_path(path, "write", &e)))
+}
+
+/// Temporary files are private; a result is as readable as any other new file.
+#[cfg(unix)]
+fn set_mode(file: &std::fs::File) -> std::io::Result<()> {
+    use std::os::unix::fs::PermissionsExt;
+    file.set_permissions(std::fs::Permissions::from_mode(0o644))
+}
+
+#[cfg(not(unix))]
+fn set_mode(_: &std::fs::File) -> std::io::Result<()> {
+    Ok(())
+}

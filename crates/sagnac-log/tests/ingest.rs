@@ -1,0 +1,280 @@
+//! Logs in every shape: the same numbers come out, and what cannot be used is counted with its place.
+
+use std::io::{Cursor, Write};
+
+use flate2::Compression;
+use flate2::write::GzEncoder;
+use sagnac_log::ingest::{Batch, LogReader, ReadMode, Reason};
+use sagnac_log::setup::{Counter, Setup};
+use sagnac_log::{Error, ErrorKind, Result};
+
+fn counts_setup() -> Setup {
+    Setup { arcsec_per_count: Some(1.0), ..Setup::default() }
+}
+
+/// Everything usable in one batch, with the reader.
+fn read(bytes: impl Into<Vec<u8>>, setup: &Setup) -> Result<(Batch, LogReader)> {
+    let mut reader = LogReader::from_reader("log.csv", Box::new(Cursor::new(bytes.into())), setup, ReadMode::Bulk)?;
+    let batch = reader.next_batch()?.cloned().unwrap_or_default();
+    Ok((batch, reader))
+}
+
+fn refused(bytes: impl Into<Vec<u8>>, setup: &Setup) -> Error {
+    match read(bytes, setup) {
+        Err(error) => error,
+        Ok(_) => panic!("accepted"),
+    }
+}
+
+fn tallies(reader: &LogReader) -> Vec<(Reason, u64, String)> {
+    reader.summary().tallies.list().into_iter().map(|t| (t.reason, t.rows, t.first)).collect()
+}
+
+const PLAIN: &str = "time_s,temperature_c,counts\n1,20.5,7\n2,20.6,8\n3,20.7,-9\n";
+
+#[test]
+fn the_same_numbers_come_out_of_every_dialect() {
+    let (plain, _) = read(PLAIN, &counts_setup()).unwrap();
+    assert_eq!(plain.angle[0], [7.0, 8.0, -9.0]);
+    assert_eq!(plain.start_ns, [0, 1_000_000_000, 2_000_000_000]);
+    let mut gzip = GzEncoder::new(Vec::new(), Compression::fast());
+    gzip.write_all(PLAIN.as_bytes()).unwrap();
+    let dialects: Vec<Vec<u8>> = vec![
+        PLAIN.replace(',', "\t").into(),
+        PLAIN.replace(',', ";").replace('.', ",").into(),
+        format!("\u{feff}{}", PLAIN.replace('\n', "\r\n")).into(),
+        format!("# a comment\n\n{PLAIN}# another\n").into(),
+        PLAIN.replace("time_s,temperature_c", "\"time_s\",\"temperature_c\"").into(),
+        "time_ms,temperature_k,counts\n1000,293.65,7\n2000,293.75,8\n3000,293.85,-9\n".into(),
+        gzip.finish().unwrap(),
+    ];
+    for dialect in dialects {
+        let (batch, reader) = read(dialect.clone(), &counts_setup()).unwrap();
+        assert_eq!(
+            (&batch.angle, &batch.end_ns),
+            (&plain.angle, &plain.end_ns),
+            "{}",
+            String::from_utf8_lossy(&dialect)
+        );
+        for (ours, theirs) in batch.temperature_c[0].iter().zip(&plain.temperature_c[0]) {
+            assert!((ours - theirs).abs() < 1e-9);
+        }
+        assert_eq!(tallies(&reader), []);
+    }
+}
+
+#[test]
+fn rows_that_cannot_be_used_are_counted_with_their_first_line() {
+    let log = "time_s,temperature_c,counts,valid\n\
+               1,20,1,1\n2,20,1,1\n2,20,1,1\n1.5,20,1,1\n3,20,x,1\n4,20,1,1\n5,20,inf,1\n6,20\n7,20,1,1\n\
+               50,20,1,1\n51,999,1,1\n52,warm,1,1\n53,,1,1\n54,20,1,0\nx,20,1,1\n55,20,1e300,1\n";
+    let (batch, reader) = read(log, &counts_setup()).unwrap();
+    let expected = [
+        (Reason::Ragged, 1, 9),
+        (Reason::NotANumber, 3, 6),
+        (Reason::ValueOutOfRange, 1, 17),
+        (Reason::TimeBackwards, 1, 5),
+        (Reason::DuplicateTime, 1, 4),
+        // After the ragged row, and the real one.
+        (Reason::Gap, 2, 10),
+        (Reason::FlaggedInvalid, 1, 15),
+        (Reason::TemperatureNotANumber, 1, 13),
+        (Reason::TemperatureImplausible, 1, 12),
+    ];
+    let expected: Vec<_> = expected.into_iter().map(|(r, n, line)| (r, n, format!("log.csv:{line}"))).collect();
+    assert_eq!(tallies(&reader), expected);
+    assert_eq!(batch.line, [2, 3, 7, 10, 11, 12, 13, 14, 15]);
+    // A row after a gap takes the nominal interval; one after an unreadable count its own.
+    assert_eq!((batch.start_ns[2], batch.start_ns[4]), (3_000_000_000, 49_000_000_000));
+    // Not believed is no temperature; an empty field leaves the newest one in the register.
+    assert!(batch.temperature_c[0][5].is_nan() && batch.temperature_c[0][6].is_nan());
+    assert_eq!(batch.temperature_c[0][7], 20.0);
+    assert!(!batch.valid[8]);
+    assert_eq!(reader.summary().rows, 16);
+}
+
+#[test]
+fn a_thermometer_that_jumps_or_freezes_is_not_believed() {
+    let rows = |t: &dyn Fn(u32) -> String| {
+        let lines: Vec<String> = (1..=1500).map(|s| format!("{s},{},1\n", t(s))).collect();
+        lines.concat()
+    };
+    let jump = format!("time_s,temperature_c,counts\n{}", rows(&|s| if s == 700 { "60".into() } else { "20".into() }));
+    let (batch, reader) = read(jump, &counts_setup()).unwrap();
+    assert_eq!(tallies(&reader), [(Reason::ThermometerJump, 1, "log.csv:701".to_owned())]);
+    assert!(batch.temperature_c[0][699].is_nan() && batch.temperature_c[0][700] == 20.0);
+
+    let stays = format!("time_s,temperature_c,counts\n{}", rows(&|s| if s >= 700 { "60".into() } else { "20".into() }));
+    let (batch, _) = read(stays, &counts_setup()).unwrap();
+    assert_eq!(batch.temperature_c[0][720], 60.0, "a new level that stays is one");
+
+    let moving = |s: u32| {
+        format!("{},{}", 20.0 + f64::from(s) / 100.0, if s < 100 { 20.0 + f64::from(s) / 100.0 } else { 21.0 })
+    };
+    let frozen = format!("time_s,temperature_c_a,temperature_c_b,counts\n{}", rows(&moving));
+    let (batch, reader) = read(frozen, &counts_setup()).unwrap();
+    let list = tallies(&reader);
+    assert_eq!(list.len(), 1);
+    assert_eq!(list[0].0, Reason::ThermometerFrozen);
+    assert!(batch.temperature_c[1][1400].is_nan() && batch.temperature_c[0][1400] > 30.0);
+}
+
+/// A thermometer read every tenth row: its register holds between, and no longer than that.
+#[test]
+fn a_sparse_thermometer_is_a_register() {
+    let rows: String = (1..=200)
+        .map(|s| {
+            let celsius = if s % 10 == 1 && s < 100 { format!("{}", f64::from(s) / 10.0) } else { String::new() };
+            format!("{s},{celsius},1\n")
+        })
+        .collect();
+    let (batch, reader) = read(format!("time_s,temperature_c,counts\n{rows}"), &counts_setup()).unwrap();
+    let t = &batch.temperature_c[0];
+    assert_eq!((t[0], t[9], t[10], t[19], t[99]), (0.1, 0.1, 1.1, 1.1, 9.1));
+    assert!(t[101].is_nan() && t[199].is_nan(), "held for 10 s at most");
+    assert_eq!(tallies(&reader), []);
+}
+
+/// Fast ramps in slow rows, and whatever happened during a gap, are no jumps.
+#[test]
+fn a_ramp_in_slow_rows_is_no_jump() {
+    let rows: String =
+        (1..=40).map(|i| format!("{},{},1\n", i * 100, -40.0 + f64::from(i) * 8.3 / 4.0 * 1.5)).collect();
+    let (_, reader) =
+        read(format!("time_s,temperature_c,counts\n{rows}6000,99,1\n6100,99,1\n"), &counts_setup()).unwrap();
+    assert_eq!(tallies(&reader), [(Reason::Gap, 1, "log.csv:42".to_owned())]);
+}
+
+/// One stray quote costs its row, not the rest of the log.
+#[test]
+fn a_stray_quote_costs_one_row() {
+    let (batch, reader) = read("time_s,counts\n1,\"4\"\n2,\"5\n3,6\n4,7\n", &counts_setup()).unwrap();
+    assert_eq!(batch.angle[0], [4.0, 6.0, 7.0]);
+    assert_eq!(tallies(&reader), [(Reason::NotANumber, 1, "log.csv:3".to_owned())]);
+}
+
+#[test]
+fn a_quoted_field_may_hold_the_delimiter() {
+    let log = "time_s,note,counts\n1,\"by anna, b\",4\n2,\"an \"\"x\"\"\",5\n3,plain,6\n";
+    let (batch, reader) = read(log, &counts_setup()).unwrap();
+    assert_eq!(batch.angle[0], [4.0, 5.0, 6.0]);
+    assert_eq!(tallies(&reader), []);
+}
+
+/// What the log itself flags cannot make it unreadable.
+#[test]
+fn a_flagged_row_may_hold_anything() {
+    let (batch, reader) =
+        read("time_s,counts,valid\n1,4,1\n2,0.37,0\n3,1e300,0\n4,x,0\n5,6,1\n", &counts_setup()).unwrap();
+    assert_eq!(batch.angle[0], [4.0, 6.0]);
+    assert_eq!(tallies(&reader), [(Reason::FlaggedInvalid, 3, "log.csv:3".to_owned())]);
+}
+
+#[test]
+fn cumulative_counters_are_unrolled_and_their_wraps_too() {
+    let setup = Setup { counter: Counter::Cumulative, ..counts_setup() };
+    let (batch, _) = read("time_s,counts\n1,100\n2,107\n3,x\n4,120\n5,118\n", &setup).unwrap();
+    assert_eq!(batch.angle[0], [7.0, 13.0, -2.0]);
+    // The unreadable row's counts are in the next one, and so is its interval.
+    assert_eq!((batch.start_ns[1], batch.end_ns[1]), (2_000_000_000, 4_000_000_000));
+    let wrapping = "time_s,counts\n1,65530\n2,65534\n3,3\n4,7\n5,65533\n";
+    let with_width = Setup { counter_bits: Some(16), ..setup.clone() };
+    let (batch, _) = read(wrapping, &with_width).unwrap();
+    assert_eq!(batch.angle[0], [4.0, 5.0, 4.0, -10.0]);
+    let error = refused(wrapping, &setup);
+    assert_eq!((error.kind, error.place.line), (ErrorKind::Input, Some(4)));
+    assert!(error.help.unwrap().contains("counter_bits"));
+}
+
+#[test]
+fn quanta_are_whole_or_the_log_is_refused() {
+    let log = "time_s,counts\n1,1.25\n2,0.75\n";
+    let (batch, _) = read(log, &Setup { quantum: Some(0.25), ..counts_setup() }).unwrap();
+    assert_eq!(batch.angle[0], [5.0, 3.0]);
+    let error = refused(log, &counts_setup());
+    assert_eq!((error.place.line, error.place.value.as_deref()), (Some(2), Some("1.25")));
+}
+
+#[test]
+fn what_a_log_cannot_say_is_asked_for() {
+    let error = refused(PLAIN, &Setup::default());
+    assert_eq!(error.place.column.as_deref(), Some("arcsec_per_count"));
+    let error = refused("temperature_c,counts\n20,1\n", &counts_setup());
+    assert_eq!(error.place.column.as_deref(), Some("sample_interval_s"));
+    for (log, word) in [
+        ("", "empty"),
+        ("time_s,counts\n", "no row"),
+        ("1,2\n3,4\n", "numbers"),
+        ("a,b\n1,2\n", "no column"),
+        ("time_s,counts\n1,1\n1,1\n", "does not advance"),
+        ("time_s,counts,counts\n1,1,1\n", "twice"),
+        ("time_s,temperature_f,counts\n1,1,1\n", "unknown unit"),
+        ("time,temperature_c,counts\n1,1,1\n", "unknown unit"),
+        ("time_s,reference_rate_dph,counts\n1,1,1\n", "unknown unit"),
+        ("time_s,counts\n1,1\n2,1\n90000000,1\n", "leaps"),
+    ] {
+        let error = refused(log, &counts_setup());
+        assert!(error.what.contains(word) && error.kind == ErrorKind::Input, "{log:?}: {error}");
+        assert_eq!(error.place.file.as_deref(), Some("log.csv"), "{log:?}");
+    }
+    assert!(refused(b"PK\x03\x04\x00\x00".to_vec(), &counts_setup()).what.contains("binary"));
+    assert!(refused(vec![b'1'; 3 << 20], &counts_setup()).what.contains("1 MiB"));
+}
+
+#[test]
+fn tables_without_time_are_rows_of_one_interval() {
+    let setup = Setup { sample_interval_s: Some(100.0), ..counts_setup() };
+    let (batch, reader) = read("temperature_c,counts\n20,421\n25,424\n", &setup).unwrap();
+    assert_eq!((batch.end_ns[1], reader.shape().timed), (200_000_000_000, false));
+}
+
+/// What stands in a broken row can neither refuse the log nor hold up the temperatures of the others.
+#[test]
+fn a_ragged_row_is_only_that() {
+    let mut log = "time_s,temperature_c,counts\n".to_owned();
+    for t in 1..=200 {
+        log += &format!("{t},{}.5,1\n", 20 + t / 10);
+        if t == 100 {
+            log += "99999999,22\n";
+        }
+    }
+    for offset in [-2.0, 0.0, 2.0] {
+        let setup = Setup { temperature_offset_s: offset, ..counts_setup() };
+        let (batch, reader) = read(log.clone(), &setup).unwrap();
+        assert_eq!(batch.len(), 200, "offset {offset}");
+        assert_eq!(tallies(&reader), [(Reason::Ragged, 1, "log.csv:102".to_owned())]);
+        assert!((batch.temperature_c[0][195] - 39.5).abs() <= 1.0, "offset {offset}: {}", batch.temperature_c[0][195]);
+    }
+}
+
+/// A reader that gives a byte at a time, as a slow pipe may.
+struct Drip(Cursor<Vec<u8>>);
+
+impl std::io::Read for Drip {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        let one = buffer.len().min(1);
+        self.0.read(&mut buffer[..one])
+    }
+}
+
+#[test]
+fn a_format_is_known_even_byte_by_byte() {
+    let mut gzip = GzEncoder::new(Vec::new(), Compression::fast());
+    gzip.write_all(PLAIN.as_bytes()).unwrap();
+    for bytes in [PLAIN.as_bytes().to_vec(), gzip.finish().unwrap()] {
+        let drip = Box::new(Drip(Cursor::new(bytes)));
+        let mut reader = LogReader::from_reader("log.csv", drip, &counts_setup(), ReadMode::Bulk).unwrap();
+        assert_eq!(reader.next_batch().unwrap().unwrap().angle[0], [7.0, 8.0, -9.0]);
+    }
+}
+
+/// A pipe that begins in the middle of a row, or repeats one.
+#[test]
+fn a_live_log_may_begin_with_a_broken_row() {
+    for first in ["5,20\n", "11,20,1\n"] {
+        let log = format!("time_s,temperature_c,counts\n{first}11,20,1\n12,20,1\n13,20,1\n");
+        let reader =
+            LogReader::from_reader("-", Box::new(Cursor::new(log)), &counts_setup(), ReadMode::LineByLine).unwrap();
+        assert_eq!(reader.shape().nominal_ns, 1_000_000_000);
+    }
+}

@@ -1,0 +1,122 @@
+//! A bare curve: τ and σ of an Allan deviation that another program computed.
+//!
+//! A curve does not say how well its points are known. With the length of the record behind it they count as points of a
+//! full overlap; without it every point has the same weight and the terms have no interval.
+
+use crate::budget::{AxisBudget, CurvePoint, Model, TermValue, Terms, interval};
+use crate::difference::Deviation;
+use crate::freedom::Stretches;
+use crate::terms::{Point, Term, fit_terms};
+
+/// Smallest ratio of neighbouring τ in the fit.
+const APART: f64 = 1.4;
+/// Longest record, s: 30,000 years.
+const MOST_RECORD_S: f64 = 1e12;
+/// Less than this part of σ² at every τ is no term.
+const NO_PART: f64 = 1e-6;
+
+/// A curve of one axis.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BareCurve {
+    /// Axis letter.
+    pub axis: char,
+    /// (τ s, deviation °/h), τ rising.
+    pub points: Vec<(f64, f64)>,
+}
+
+/// A record too short for its curve's longest τ, or longer than any.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error("a record with a deviation at τ = {longest_s} s has at least twice that length")]
+pub struct RecordLengthError {
+    /// Longest τ of the curve, s.
+    pub longest_s: f64,
+    /// Length of the record as given, s.
+    pub record_s: f64,
+}
+
+/// The five terms of a bare curve; `record_s` is the length of the record behind it, if it is known.
+///
+/// # Errors
+/// A record too short for the curve's longest τ, or longer than 1e12 s.
+pub fn budget_of_curve(curve: &BareCurve, record_s: Option<f64>) -> Result<AxisBudget, RecordLengthError> {
+    let longest_s = curve.points.iter().fold(0.0_f64, |most, (tau_s, _)| most.max(*tau_s));
+    match record_s {
+        Some(record_s) if !(2.0 * longest_s..MOST_RECORD_S).contains(&record_s) => {
+            Err(RecordLengthError { longest_s, record_s })
+        }
+        Some(record_s) => Ok(known_length(curve, record_s)),
+        None => Ok(of_unknown_length(curve)),
+    }
+}
+
+fn budget(curve: &BareCurve, points: Vec<CurvePoint>, terms: Terms) -> AxisBudget {
+    AxisBudget {
+        axis: curve.axis,
+        rows: 0,
+        stretches: 1,
+        longest_s: 0.0,
+        sample_interval_s: 0.0,
+        full_overlap_s: None,
+        curve: points,
+        hadamard: Vec::new(),
+        terms,
+        misfit: None,
+        fitted: None,
+    }
+}
+
+/// The shortest τ stands for the interval of a row.
+fn known_length(curve: &BareCurve, record_s: f64) -> AxisBudget {
+    let tau0_s = curve.points.first().map_or(1.0, |(tau_s, _)| *tau_s);
+    let mut stretches = Stretches::default();
+    stretches.add((record_s / tau0_s).round() as u64 + 1);
+    // Points nearer to each other than half an octave tell the same twice.
+    let mut last_s = 0.0;
+    let mut apart = |tau_s: f64| {
+        let apart = tau_s >= APART * last_s;
+        last_s = if apart { tau_s } else { last_s };
+        apart
+    };
+    let usable = curve.points.iter().filter(|(tau_s, _)| *tau_s <= record_s / 3.0).filter(|(tau_s, _)| apart(*tau_s));
+    let points = usable.map(|(tau_s, adev)| (tau_s / tau0_s, adev * adev, record_s / tau_s));
+    let model = Model::new(points.collect(), tau0_s, &stretches);
+    let shown = curve.points.iter().map(|(tau_s, adev_dph)| {
+        let edf = model.edf(Deviation::Allan, tau_s / tau0_s).filter(|edf| *edf > 0.0);
+        let [lower_dph, upper_dph] = interval(adev_dph * adev_dph, edf);
+        CurvePoint { tau_s: *tau_s, adev_dph: *adev_dph, lower_dph, upper_dph, n: None, edf }
+    });
+    let (terms, misfit) = (model.terms(), model.misfit());
+    AxisBudget {
+        misfit,
+        longest_s: record_s,
+        sample_interval_s: tau0_s,
+        fitted: model.fitted,
+        ..budget(curve, shown.collect(), terms)
+    }
+}
+
+fn of_unknown_length(curve: &BareCurve) -> AxisBudget {
+    let point = |(tau_s, adev): &(f64, f64)| Point { tau_s: *tau_s, variance: adev * adev, edf: 1.0 };
+    let points: Vec<Point> = curve.points.iter().map(point).collect();
+    let fitted = fit_terms(&points, &Term::ALL).filter(|_| points.len() > 1);
+    let terms = fitted.as_ref().map_or_else(
+        || Terms::none("a single τ tells no slope"),
+        |fitted| {
+            // A rounding's worth of a term is none.
+            let part = |term: Term, p: &Point| fitted.coefficient(term) * term.variance(p.tau_s) / p.variance;
+            Terms::from_each(|term| match points.iter().map(|p| part(term, p)).fold(0.0, f64::max) {
+                ..NO_PART => TermValue::Unresolved { unresolved: "the other terms explain the whole curve".to_owned() },
+                _ => TermValue::Found { value: term.in_its_unit(fitted.root(term)), lower: None, upper: None },
+            })
+        },
+    );
+    let shown = curve.points.iter().map(|(tau_s, adev_dph)| CurvePoint {
+        tau_s: *tau_s,
+        adev_dph: *adev_dph,
+        lower_dph: None,
+        upper_dph: None,
+        n: None,
+        edf: None,
+    });
+    AxisBudget { fitted, ..budget(curve, shown.collect(), terms) }
+}

@@ -1,0 +1,304 @@
+//! Intervals of the five terms: profiles of the misfit, with thresholds from curves drawn from the fitted model.
+//!
+//! ```text
+//! D(θ) = Σᵢ edfᵢ·[σ²ᵢ/fᵢ(θ) − 1 − ln(σ²ᵢ/fᵢ(θ))]                    deviance of χ² variances; its least is the fit
+//! interval of v = Q², N², B², K², R²:    { v : min over the other four of D − D_least ≤ c }
+//! c: what D(v̂) − D_least exceeds in one of twenty curves σ²*(τᵢ) = E σ²(τᵢ)·χ²(edfᵢ)/edfᵢ of the fitted model,
+//!    the χ² tied together by the correlation of the points (Gaussian copula)
+//! ```
+//!
+//! Terms that can stand in for each other (B, K and R at the long end of a short record) do so in the profile: what one may
+//! give to another is part of its interval. Expectations, edf and correlations are those of [`super::freedom`] for this very
+//! record: its length, its gaps, its noise. Points of an overlapping curve are far from independent, and thresholds of
+//! independent points would be too low; of a term that is not told from zero they are drawn without it too, and the higher
+//! threshold holds. The χ² come from normal values by the cube-root form of Wilson and Hilferty (1931).
+//!
+//! A term whose interval reaches down to a fifth of its value or further has no value, but an upper end: more of it would
+//! lift the curve above what was measured.
+
+use nalgebra::{DMatrix, DVector};
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+
+use crate::freedom::Record;
+use crate::terms::{FittedTerms, Point, Term, deviance, fit_terms, fit_terms_beside, least_deviance};
+
+/// Curves drawn.
+const DRAWS: usize = 400;
+/// Part of the curves beyond the threshold.
+const BEYOND: f64 = 0.05;
+/// The same for a term that was fitted as zero: half of its curves have no misfit to tell.
+const BEYOND_AT_ZERO: f64 = 0.025;
+/// The least threshold: χ² of one degree of freedom, 95 %.
+const LEAST_THRESHOLD: f64 = 3.841;
+/// Rounds in search of a bound, its draws, and what it may still move by.
+const BOUND_ROUNDS: usize = 4;
+const BOUND_DRAWS: usize = 160;
+const BOUND_SETTLED: f64 = 0.02;
+/// Lower end over value below which a term is not resolved.
+const LEAST_RATIO: f64 = 0.2;
+/// Halvings in search of an end, and doublings to enclose it.
+const HALVINGS: usize = 20;
+const DOUBLINGS: usize = 60;
+/// Points farther apart than this in τ are taken as independent.
+const FAR: f64 = 64.0;
+/// Fixed, so that the same record gives the same intervals.
+const SEED: u64 = 0x5a67_6e61_6331_3131;
+
+/// What the record says of one term, as a root (Q, N, B, K or R).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Spread {
+    /// 95 % interval.
+    Interval {
+        /// Lower end.
+        lower: f64,
+        /// Upper end.
+        upper: f64,
+    },
+    /// Not told from zero.
+    Unresolved {
+        /// More of it would not fit the curve; infinite where nothing bounds it.
+        at_most: f64,
+    },
+}
+
+/// What the record says of all terms.
+pub(crate) struct Said {
+    /// In the order of [`Term::ALL`].
+    pub(crate) spreads: Vec<Spread>,
+    /// Terms that are not told from zero, of which the curve needs one and does not tell which.
+    pub(crate) traded: Vec<Term>,
+}
+
+/// What a record and its curve leave open, every point with a scatter of its own besides (of `scatter_edf` degrees of freedom;
+/// infinite for none).
+pub(crate) struct Doubt<'a> {
+    pub(crate) record: &'a Record<'a>,
+    pub(crate) measured: &'a [Point],
+    pub(crate) multiples: &'a [f64],
+    pub(crate) scatter_edf: f64,
+}
+
+impl Doubt<'_> {
+    /// The distribution of the curve for some noise, and the profile of the measured one with the same degrees of freedom.
+    fn under(&self, noise: &FittedTerms) -> (Curves, Profile) {
+        let record = Record { noise: noise.noise(), ..*self.record };
+        let curves = Curves::new(&record, self.multiples, self.scatter_edf);
+        let pairs = self.measured.iter().zip(&curves.expected);
+        let points: Vec<Point> = pairs.map(|(measured, expected)| Point { edf: expected.edf, ..*measured }).collect();
+        let least = least_deviance(&points);
+        (curves, Profile { points, least })
+    }
+
+    pub(crate) fn of_terms(&self, fitted: &FittedTerms) -> Said {
+        let (curves, profile) = self.under(fitted);
+        let mut thresholds = thresholds(&curves, fitted, &Term::ALL, DRAWS);
+        let resolved = of_resolved(&profile.spreads(fitted, &thresholds));
+        // Where a term is not told from zero, zero may be the truth; beside a border the others swing farther.
+        let without = fit_terms(&profile.points, &resolved).filter(|_| resolved.len() < Term::ALL.len());
+        if let Some(without) = &without {
+            let beside = self::thresholds(&self.under(without).0, without, &Term::ALL, DRAWS);
+            thresholds.iter_mut().zip(beside).for_each(|(mine, theirs)| *mine = mine.max(theirs));
+        }
+        let mut spreads = profile.spreads(fitted, &thresholds);
+        for (term, spread) in Term::ALL.into_iter().zip(&mut spreads) {
+            if let Spread::Unresolved { at_most } = spread {
+                *at_most = self.bound(term, *at_most, fitted.coefficient(term));
+            }
+        }
+        let traded = traded(&profile, &spreads, &thresholds);
+        Said { spreads, traded }
+    }
+
+    /// The largest value of a term that fits. Long correlations and few degrees of freedom come with the term itself, so
+    /// threshold and profile are those of the bound, until it stands still.
+    fn bound(&self, term: Term, mut at_most: f64, fitted: f64) -> f64 {
+        for _ in 0..BOUND_ROUNDS {
+            let there = fit_terms_beside(self.measured, term, at_most.powi(2));
+            let (curves, profile) = self.under(&there);
+            let threshold = thresholds(&curves, &there, &[term], BOUND_DRAWS)[0];
+            let next = profile.upper(term, fitted, threshold).sqrt();
+            let stands = next <= at_most * (1.0 + BOUND_SETTLED);
+            at_most = at_most.max(next);
+            if stands || !at_most.is_finite() {
+                break;
+            }
+        }
+        at_most
+    }
+}
+
+/// The terms that have an interval.
+fn of_resolved(spreads: &[Spread]) -> Vec<Term> {
+    let all = Term::ALL.into_iter().zip(spreads);
+    all.filter(|(_, spread)| matches!(spread, Spread::Interval { .. })).map(|(term, _)| term).collect()
+}
+
+/// Terms without an interval of which any one, beside those that have one, explains what these leave of the curve.
+fn traded(profile: &Profile, spreads: &[Spread], thresholds: &[f64]) -> Vec<Term> {
+    let resolved = of_resolved(spreads);
+    let left = |terms: &[Term]| {
+        fit_terms(&profile.points, terms).map_or(f64::INFINITY, |f| deviance(&profile.points, &f)) - profile.least
+    };
+    let highest = thresholds.iter().fold(0.0_f64, |most, threshold| most.max(*threshold));
+    if resolved.is_empty() || left(&resolved) <= highest {
+        return Vec::new();
+    }
+    let explains = |term: &Term| left(&[&resolved[..], &[*term]].concat()) <= highest;
+    let able: Vec<Term> = Term::ALL.into_iter().filter(|term| !resolved.contains(term)).filter(explains).collect();
+    if able.len() > 1 { able } else { Vec::new() }
+}
+
+/// Per term: what D at the truth less the least D exceeds by chance; never less than for one normal value, so that what a
+/// solver leaves is no threshold.
+fn thresholds(curves: &Curves, truth: &FittedTerms, terms: &[Term], draws: usize) -> Vec<f64> {
+    let mut rng = ChaCha8Rng::seed_from_u64(SEED);
+    let drawn: Vec<Vec<Point>> = (0..draws).map(|_| curves.draw(&mut rng)).collect();
+    let apart: Vec<Vec<f64>> = drawn
+        .par_iter()
+        .map(|points| {
+            let least = least_deviance(points);
+            let of = |term: &Term| {
+                let beside = fit_terms_beside(points, *term, truth.coefficient(*term));
+                (deviance(points, &beside) - least).max(0.0)
+            };
+            terms.iter().map(of).collect()
+        })
+        .collect();
+    let threshold = |(place, term): (usize, &Term)| {
+        let mut apart: Vec<f64> = apart.iter().map(|of_draw| of_draw[place]).collect();
+        apart.sort_by(f64::total_cmp);
+        let beyond = if truth.coefficient(*term) > 0.0 { BEYOND } else { BEYOND_AT_ZERO };
+        apart
+            .get(((1.0 - beyond) * apart.len() as f64) as usize)
+            .map_or(f64::INFINITY, |apart| apart.max(LEAST_THRESHOLD))
+    };
+    terms.iter().enumerate().map(threshold).collect()
+}
+
+/// The least misfit for every value of one term.
+struct Profile {
+    points: Vec<Point>,
+    least: f64,
+}
+
+impl Profile {
+    fn spreads(&self, fitted: &FittedTerms, thresholds: &[f64]) -> Vec<Spread> {
+        let spread = |(term, threshold): (Term, &f64)| {
+            let value = fitted.coefficient(term);
+            let upper = self.upper(term, value, *threshold).sqrt();
+            match self.lower(term, value, *threshold).sqrt() {
+                lower if lower > LEAST_RATIO * value.sqrt() => Spread::Interval { lower, upper },
+                _ => Spread::Unresolved { at_most: upper },
+            }
+        };
+        Term::ALL.into_iter().zip(thresholds).map(spread).collect()
+    }
+
+    fn fits(&self, term: Term, value: f64, threshold: f64) -> bool {
+        deviance(&self.points, &fit_terms_beside(&self.points, term, value)) - self.least <= threshold
+    }
+
+    /// The smallest value that fits; 0 where none of the term fits too.
+    fn lower(&self, term: Term, value: f64, threshold: f64) -> f64 {
+        if value <= 0.0 || self.fits(term, 0.0, threshold) {
+            return 0.0;
+        }
+        self.border(term, threshold, value, value * 2.0_f64.powi(-8))
+    }
+
+    /// The largest value that fits; infinite where none is too large.
+    fn upper(&self, term: Term, value: f64, threshold: f64) -> f64 {
+        // Alone it could make the lowest point of the curve: where a search without a value begins.
+        let reach = |p: &Point| p.variance / term.variance(p.tau_s);
+        let alone = self.points.iter().map(reach).fold(f64::INFINITY, f64::min);
+        let inside = if value > 0.0 { value } else { 0.0 };
+        let mut outside = inside.max(1e-6 * alone);
+        for _ in 0..DOUBLINGS {
+            if !self.fits(term, outside, threshold) {
+                return self.border(term, threshold, inside, outside);
+            }
+            outside *= 2.0;
+        }
+        f64::INFINITY
+    }
+
+    /// Between a value that fits and one that does not, to a part in a million of them.
+    fn border(&self, term: Term, threshold: f64, mut inside: f64, mut outside: f64) -> f64 {
+        for _ in 0..HALVINGS {
+            let middle = f64::midpoint(inside, outside);
+            if self.fits(term, middle, threshold) {
+                inside = middle;
+            } else {
+                outside = middle;
+            }
+        }
+        f64::midpoint(inside, outside)
+    }
+}
+
+/// The distribution of a curve.
+struct Curves {
+    expected: Vec<Point>,
+    /// Turns independent normal values into correlated ones.
+    mix: DMatrix<f64>,
+}
+
+impl Curves {
+    fn new(record: &Record<'_>, multiples: &[f64], scatter_edf: f64) -> Self {
+        let with_scatter = |edf: f64| (1.0 / edf + 1.0 / scatter_edf).recip();
+        let expected: Vec<Point> = multiples
+            .iter()
+            .map(|m| Point {
+                tau_s: m * record.tau0_s,
+                variance: record.expected(*m),
+                edf: with_scatter(record.edf(*m)),
+            })
+            .collect();
+        let size = multiples.len();
+        let mut correlation = DMatrix::<f64>::identity(size, size);
+        let sigma = |point: &Point| point.variance * (2.0 / point.edf).sqrt();
+        for i in 0..size {
+            for j in 0..i {
+                let (near, far) = (multiples[j], multiples[i]);
+                if far <= FAR * near {
+                    let both = sigma(&expected[i]) * sigma(&expected[j]);
+                    let shared = (record.covariance(near, far) / both).clamp(-1.0, 1.0);
+                    correlation[(i, j)] = shared;
+                    correlation[(j, i)] = shared;
+                }
+            }
+        }
+        // What was cut off far away may leave it a little indefinite: nothing below zero is kept.
+        let eigen = correlation.symmetric_eigen();
+        let roots = eigen.eigenvalues.map(|value| value.max(0.0).sqrt());
+        let mut mix = eigen.eigenvectors * DMatrix::from_diagonal(&roots);
+        for mut row in mix.row_iter_mut() {
+            let norm = row.norm();
+            if norm > 0.0 {
+                row /= norm;
+            }
+        }
+        Self { expected, mix }
+    }
+
+    fn draw(&self, rng: &mut ChaCha8Rng) -> Vec<Point> {
+        let normal = DVector::from_fn(self.expected.len(), |_, _| normal(rng));
+        let mixed = &self.mix * normal;
+        let points = self.expected.iter().zip(mixed.iter());
+        points.map(|(point, z)| Point { variance: point.variance * chi_square_mean(point.edf, *z), ..*point }).collect()
+    }
+}
+
+/// χ²/edf at the place of its distribution where a normal value is z (Wilson and Hilferty).
+fn chi_square_mean(edf: f64, z: f64) -> f64 {
+    let spread = 2.0 / (9.0 * edf);
+    (1.0 - spread + z * spread.sqrt()).max(0.0).powi(3)
+}
+
+/// A normal value (Box and Muller), the same on every machine.
+fn normal(rng: &mut ChaCha8Rng) -> f64 {
+    let mut uniform = || ((rng.next_u64() >> 11) + 1) as f64 * (1.0 / (1_u64 << 53) as f64);
+    libm::sqrt(-2.0 * libm::log(uniform())) * libm::cos(std::f64::consts::TAU * uniform())
+}

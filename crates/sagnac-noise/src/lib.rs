@@ -1,0 +1,47 @@
+//! Noise of a gyroscope at rest: Allan and Hadamard deviations, and the five terms behind them.
+//!
+//! ```text
+//! angles ─▶ Recorder (phase; stretches between gaps) ─▶ difference sums ─▶ curve ─▶ five terms ─▶ intervals ─▶ AxisBudget
+//!           overlap (in memory) or pyramid (any length)     [difference]  [budget]    [terms]  [freedom, bootstrap]
+//! each window ─▶ ShortTau ─▶ N and Q at short τ ─▶ noise floor of every residual
+//! ```
+//!
+//! Pure: numbers in, numbers out. No file, no gyro, no clock; work is shared among the threads of the caller's rayon pool.
+//! Inside: °/h (which is arcsec/s), arcsec and seconds. The terms come out in the units of the field. `docs/explanation/noise.md` has
+//! the method, its sources and the references it is checked against.
+//!
+//! ```
+//! use sagnac_noise::{Taus, budget_of_angles};
+//!
+//! // One hour of rows of 1 s: 15 °/h turns 15 arcsec in each of them.
+//! let angles: Vec<f64> = (0..3600).map(|i| 15.0 + if i % 2 == 0 { 0.5 } else { -0.5 }).collect();
+//! let budget = budget_of_angles(&angles, 1.0, &Taus::Octaves)?;
+//! assert_eq!(budget.curve[0].tau_s, 1.0);
+//! # Ok::<(), sagnac_noise::TauError>(())
+//! ```
+#![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used, clippy::panic))]
+
+mod bare;
+mod bootstrap;
+mod budget;
+mod difference;
+mod freedom;
+mod overlap;
+mod pyramid;
+mod recorder;
+mod short;
+mod taus;
+mod terms;
+
+pub use bare::{BareCurve, RecordLengthError, budget_of_curve};
+pub use budget::{
+    AxisBudget, CONFIDENCE, CurvePoint, HadamardPoint, TermValue, Terms, budget, budget_of_angles, differences,
+};
+pub use difference::{Deviation, Difference, SquareSum};
+pub use freedom::Stretches;
+pub use overlap::{overlapping, phases};
+pub use pyramid::{FULL_OVERLAP, served};
+pub use recorder::{HELD_PHASES, MOST_ROWS, Recorded, Recorder};
+pub use short::{NoiseTerms, ShortTau, ShortTauSums};
+pub use taus::{MOST_TAUS, TauError, Taus};
+pub use terms::{FittedTerms, Point, Term, fit_terms};

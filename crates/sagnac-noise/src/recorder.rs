@@ -1,0 +1,226 @@
+//! The phase of one axis as it is read: held whole while it is short, else through the pyramid.
+
+use crate::difference::{Difference, SquareSum};
+use crate::freedom::Stretches;
+use crate::overlap::overlapping;
+use crate::pyramid::{Pyramid, served};
+
+/// Phases that are held, all axes together, before the pyramid takes them: 24 MiB.
+pub const HELD_PHASES: usize = 3 << 20;
+/// Longest distance of a difference, rows: no record is longer.
+pub const MOST_ROWS: usize = 1 << 40;
+
+/// Collects one axis.
+#[derive(Clone, Debug)]
+pub struct Recorder {
+    wanted: Vec<Difference>,
+    /// Phases that may be held; beyond it the pyramid takes them.
+    hold: usize,
+    held: Vec<Vec<f64>>,
+    held_phases: usize,
+    pyramid: Option<Pyramid>,
+    stretches: Stretches,
+    /// Of the open stretch; 0 between stretches.
+    phases: u64,
+    phase: f64,
+    /// First angle of the record, taken from all so that sums keep their digits.
+    offset: Option<f64>,
+    rows: u64,
+}
+
+/// What a recorder saw.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recorded {
+    /// Sums and the differences they are of.
+    pub sums: Vec<(Difference, SquareSum)>,
+    /// Unbroken stretches.
+    pub stretches: Stretches,
+    /// Rows in them.
+    pub rows: u64,
+    /// Every start was used at every distance; else only up to [`crate::FULL_OVERLAP`] rows.
+    pub full_overlap: bool,
+}
+
+impl Recorder {
+    /// Sums over these differences; exactly as given while at most `hold` phases came, else at distances that the
+    /// pyramid serves.
+    pub fn new(wanted: Vec<Difference>, hold: usize) -> Self {
+        Self {
+            wanted,
+            hold,
+            held: Vec::new(),
+            held_phases: 0,
+            pyramid: None,
+            stretches: Stretches::default(),
+            phases: 0,
+            phase: 0.0,
+            offset: None,
+            rows: 0,
+        }
+    }
+
+    /// The next rows of the open stretch: angles of one interval each.
+    pub fn push(&mut self, angles: &[f64]) {
+        let Some(first) = angles.first() else { return };
+        let offset = *self.offset.get_or_insert(*first);
+        if self.phases == 0 {
+            self.phase = 0.0;
+            if self.pyramid.is_none() {
+                self.held.push(Vec::new());
+            }
+            self.keep(0.0);
+        }
+        for angle in angles {
+            self.phase += angle - offset;
+            self.keep(self.phase);
+        }
+        self.rows += angles.len() as u64;
+    }
+
+    #[inline]
+    fn keep(&mut self, phase: f64) {
+        self.phases += 1;
+        if let Some(pyramid) = &mut self.pyramid {
+            pyramid.push(phase);
+            return;
+        }
+        if let Some(stretch) = self.held.last_mut() {
+            stretch.push(phase);
+        }
+        self.held_phases += 1;
+        if self.held_phases > self.hold {
+            self.let_go();
+        }
+    }
+
+    /// From now on through the pyramid, all that was held first.
+    fn let_go(&mut self) {
+        let served = |difference: &Difference| Difference { m: served(difference.m), ..*difference };
+        self.wanted = self.wanted.iter().map(served).collect();
+        self.wanted.dedup();
+        let mut pyramid = Pyramid::new(self.wanted.clone());
+        let held = std::mem::take(&mut self.held);
+        let last = held.len().saturating_sub(1);
+        for (number, stretch) in held.into_iter().enumerate() {
+            stretch.into_iter().for_each(|phase| pyramid.push(phase));
+            if number < last {
+                pyramid.end_stretch();
+            }
+        }
+        self.pyramid = Some(pyramid);
+    }
+
+    /// A gap: what comes next does not join what came before.
+    pub fn end_stretch(&mut self) {
+        if self.phases > 0 {
+            self.stretches.add(self.phases);
+            if let Some(pyramid) = &mut self.pyramid {
+                pyramid.end_stretch();
+            }
+            self.phases = 0;
+        }
+    }
+
+    /// Ends the record.
+    pub fn finish(mut self) -> Recorded {
+        self.end_stretch();
+        let mut sums = vec![SquareSum::default(); self.wanted.len()];
+        match &self.pyramid {
+            Some(pyramid) => sums.copy_from_slice(pyramid.sums()),
+            None => {
+                for stretch in &self.held {
+                    let here = overlapping(stretch, &self.wanted);
+                    sums.iter_mut().zip(here).for_each(|(sum, part)| sum.merge(part));
+                }
+            }
+        }
+        Recorded {
+            sums: self.wanted.iter().copied().zip(sums).collect(),
+            stretches: self.stretches,
+            rows: self.rows,
+            full_overlap: self.pyramid.is_none(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::difference::Deviation;
+    use crate::freedom::{PhaseNoise, Record};
+    use crate::pyramid::FULL_OVERLAP;
+
+    fn differences(highest: usize) -> Vec<Difference> {
+        let multiples = (0..).map(|octave| 1_usize << octave).take_while(|m| *m <= highest);
+        let odd = [3, 5, 511, 513, 1023, 1025, 3001].into_iter().filter(|m| *m <= highest);
+        let all: Vec<usize> = multiples.chain(odd).collect();
+        let both = [Deviation::Allan, Deviation::Hadamard];
+        both.iter().flat_map(|deviation| all.iter().map(|m| Difference { deviation: *deviation, m: *m })).collect()
+    }
+
+    /// White rates of unit variance: a small generator of even values, summed to near normal ones.
+    fn white(rows: usize, seed: u64) -> Vec<f64> {
+        let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
+        let mut uniform = || {
+            state ^= state << 13;
+            state ^= state >> 7;
+            state ^= state << 17;
+            (state >> 11) as f64 / (1_u64 << 53) as f64
+        };
+        (0..rows).map(|_| (0..12).map(|_| uniform()).sum::<f64>() - 6.0).collect()
+    }
+
+    /// However rows come in pieces, held or not: below full overlap the same sums to rounding.
+    #[test]
+    fn the_pyramid_overlaps_fully_at_its_foot() {
+        let angles = white(50_000, 1);
+        let recorded = |hold: usize, piece: usize| {
+            let mut recorder = Recorder::new(differences(8192), hold);
+            for (number, part) in angles.chunks(piece).enumerate() {
+                recorder.push(part);
+                if number % 10 == 9 {
+                    recorder.end_stretch();
+                }
+            }
+            recorder.finish()
+        };
+        let (held, through) = (recorded(usize::MAX, 4000), recorded(0, 4000));
+        assert!(held.full_overlap && !through.full_overlap);
+        assert_eq!((held.rows, held.stretches.count()), (50_000, 2));
+        let sum_of =
+            |of: &Recorded, wanted: Difference| of.sums.iter().find(|(d, _)| *d == wanted).map(|(_, sum)| *sum);
+        for (difference, sum) in through.sums.iter().filter(|(difference, _)| difference.m <= FULL_OVERLAP) {
+            let exact = sum_of(&held, *difference).unwrap();
+            assert_eq!(sum.number, exact.number, "{difference:?}");
+            assert!((sum.squares / exact.squares - 1.0).abs() < 1e-11, "{difference:?}");
+        }
+        assert_eq!(recorded(20_000, 4000), through, "letting go in the middle changes nothing");
+    }
+
+    /// The module's claim: how far the pyramid is from full overlap, in standard deviations of the result.
+    #[test]
+    fn the_pyramid_is_close_to_full_overlap_above() {
+        const ROWS: usize = 1 << 18;
+        let noise = PhaseNoise { n2: 1.0, ..PhaseNoise::default() };
+        let mut worst: f64 = 0.0;
+        for seed in 1..=20 {
+            let angles = white(ROWS, seed);
+            let recorded = |hold: usize| {
+                let mut recorder = Recorder::new(differences(ROWS / 8), hold);
+                recorder.push(&angles);
+                recorder.finish()
+            };
+            let (held, through) = (recorded(usize::MAX), recorded(0));
+            for (difference, sum) in &through.sums {
+                let Some((_, exact)) = held.sums.iter().find(|(d, _)| d == difference) else { continue };
+                let variance = |sum: &SquareSum| sum.variance(difference.deviation, difference.m as f64).unwrap();
+                let record = Record { noise, deviation: difference.deviation, tau0_s: 1.0, stretches: &held.stretches };
+                let relative_sigma = (0.5 / record.edf(difference.m as f64)).sqrt();
+                let away = (variance(sum) / variance(exact)).sqrt() - 1.0;
+                worst = worst.max(away.abs() / relative_sigma);
+            }
+        }
+        println!("worst {worst}");
+        assert!(worst < 0.01, "{worst} of a standard deviation");
+    }
+}

@@ -1,0 +1,193 @@
+//! Angle random walk and quantization from short-τ Allan deviations, window by window.
+//!
+//! The overlapping Allan variance at octave τ = m·τ0, summed within each analysis window, so that a window that is left
+//! out leaves no trace; N and Q by the fit of [`super::terms`] with only those two. Without the Q term a ring laser's
+//! quantization would read as 2.7 times its ARW.
+//!
+//! Fails on a record with a strong signal at τ ≤ τ_w/4: what is not noise is counted as noise.
+//! Memory: 2·m_max + 4096 phases, and three numbers per octave and window.
+
+use crate::difference::{Deviation, Difference, Running};
+use crate::freedom::edf_white_fm;
+use crate::terms::{Point, Term, fit_terms};
+use sagnac_units::ARCSEC_RT_S_PER_DEG_RT_H;
+
+/// Points with fewer equivalent degrees of freedom are not used.
+const MIN_EDF: f64 = 8.0;
+/// Never are more phases held than this.
+const MAX_HELD: usize = 1 << 18;
+
+/// N and Q of a log.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NoiseTerms {
+    /// Angle random walk, arcsec/√s.
+    pub n_arcsec_rt_s: f64,
+    /// Quantization, arcsec.
+    pub q_arcsec: f64,
+}
+
+impl NoiseTerms {
+    /// Angle random walk in °/√h.
+    pub fn n_deg_rt_h(&self) -> f64 {
+        self.n_arcsec_rt_s / ARCSEC_RT_S_PER_DEG_RT_H
+    }
+
+    /// σ of the mean rate over `tau_s` that this noise alone makes, °/h: √(N²/τ + 2Q²/τ²).
+    pub fn floor_dph(&self, tau_s: f64) -> f64 {
+        (self.n_arcsec_rt_s.powi(2) / tau_s + 2.0 * self.q_arcsec.powi(2) / tau_s.powi(2)).sqrt()
+    }
+}
+
+/// Sums of squared second differences, one entry per octave.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ShortTauSums {
+    /// Σ (second difference)², arcsec².
+    pub squares: Vec<f64>,
+    /// How many of them.
+    pub numbers: Vec<f64>,
+    /// Their equivalent degrees of freedom.
+    pub edf: Vec<f64>,
+}
+
+impl ShortTauSums {
+    /// Adds another window's.
+    pub fn merge(&mut self, other: &Self) {
+        let pairs =
+            [(&mut self.squares, &other.squares), (&mut self.numbers, &other.numbers), (&mut self.edf, &other.edf)];
+        for (mine, theirs) in pairs {
+            mine.resize(mine.len().max(theirs.len()), 0.0);
+            mine.iter_mut().zip(theirs).for_each(|(mine, theirs)| *mine += theirs);
+        }
+    }
+
+    /// σ² in (°/h)² that carry enough degrees of freedom.
+    fn points(&self, tau0_s: f64) -> Vec<Point> {
+        let rows = self.squares.iter().zip(&self.numbers).zip(&self.edf).enumerate();
+        let rows = rows.filter(|(_, ((_, number), edf))| **number > 0.0 && **edf >= MIN_EDF);
+        rows.map(|(octave, ((squares, number), edf))| {
+            let tau_s = tau0_s * 2.0_f64.powi(octave as i32);
+            Point { tau_s, variance: squares / (2.0 * tau_s * tau_s * number), edf: *edf }
+        })
+        .collect()
+    }
+
+    /// N and Q, or `None` from fewer than two usable τ or without any noise.
+    pub fn fit(&self, tau0_s: f64) -> Option<NoiseTerms> {
+        let points = self.points(tau0_s);
+        if points.len() < 2 {
+            return None;
+        }
+        let fitted = fit_terms(&points, &[Term::Quantization, Term::AngleRandomWalk])?;
+        let root = |term: Term| fitted.coefficient(term).sqrt();
+        let terms = NoiseTerms { n_arcsec_rt_s: root(Term::AngleRandomWalk), q_arcsec: root(Term::Quantization) };
+        (terms.n_arcsec_rt_s + terms.q_arcsec > 0.0).then_some(terms)
+    }
+}
+
+/// One-pass estimator for one axis and one window after the other.
+#[derive(Clone, Debug)]
+pub struct ShortTau {
+    /// At multiples 1, 2, 4 … of τ0.
+    running: Running,
+    phase: f64,
+}
+
+impl ShortTau {
+    /// For samples of `tau0_s` seconds and deviations up to `tau_max_s`.
+    pub fn new(tau0_s: f64, tau_max_s: f64) -> Self {
+        let fits = |m: &usize| *m as f64 * tau0_s <= tau_max_s * (1.0 + 1e-9) && 2 * *m < MAX_HELD;
+        let multiples = (0..40).map(|octave| 1_usize << octave).take_while(fits);
+        let wanted = multiples.map(|m| Difference { deviation: Deviation::Allan, m });
+        Self { running: Running::new(wanted.collect()), phase: 0.0 }
+    }
+
+    /// The next samples of the window: angles of one interval each, `arcsec` per unit.
+    pub fn push(&mut self, angles: &[f64], arcsec: f64) {
+        if self.running.wanted().is_empty() {
+            return;
+        }
+        if self.running.len() == 0 {
+            self.running.push(0.0);
+        }
+        for angle in angles {
+            self.phase += angle * arcsec;
+            self.running.push(self.phase);
+        }
+    }
+
+    /// Ends the window: its sums. What comes next does not join what came before.
+    pub fn take(&mut self) -> ShortTauSums {
+        let phases = self.running.len() as f64;
+        let sums = self.running.take();
+        self.phase = 0.0;
+        let edf = sums.iter().zip(self.running.wanted()).map(|(sum, difference)| match sum.number {
+            0.0 => 0.0,
+            _ => edf_white_fm(phases, difference.m as f64).max(0.0),
+        });
+        ShortTauSums {
+            edf: edf.collect(),
+            squares: sums.iter().map(|sum| sum.squares).collect(),
+            numbers: sums.iter().map(|sum| sum.number).collect(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Closed form: phase alternating 0, 1, 0, 1 … has second difference ±2 at m = 1 and 0 at m = 2.
+    #[test]
+    fn second_differences_are_those_of_the_phase() {
+        let mut short = ShortTau::new(1.0, 4.0);
+        let angles: Vec<f64> = (0..100).map(|k| if k % 2 == 0 { 1.0 } else { -1.0 }).collect();
+        short.push(&angles, 1.0);
+        let sums = short.take();
+        assert!((sums.squares[0] / sums.numbers[0] - 4.0).abs() < 1e-12);
+        assert_eq!((sums.squares[1], sums.numbers.as_slice()), (0.0, &[99.0, 97.0, 93.0][..]));
+    }
+
+    #[test]
+    fn windows_are_apart_and_merge() {
+        let mut short = ShortTau::new(1.0, 2.0);
+        let mut window = || {
+            (0..10).for_each(|k| short.push(&[f64::from(k % 3)], 1.0));
+            short.take()
+        };
+        let (one, two) = (window(), window());
+        assert_eq!(one, two);
+        let mut both = one.clone();
+        both.merge(&two);
+        assert_eq!(both.squares[0], 2.0 * one.squares[0]);
+    }
+
+    #[test]
+    fn silence_has_no_floor() {
+        let mut short = ShortTau::new(1.0, 25.0);
+        short.push(&[4.5; 1000], 1.0);
+        assert_eq!(short.take().fit(1.0), None);
+    }
+
+    /// However samples come in pieces: the same bits, those of the definition.
+    #[test]
+    fn pieces_do_not_matter() {
+        let angles: Vec<f64> = (0..20_000).map(|k| f64::from((k * 7919) % 101) / 7.0).collect();
+        let sums = |piece: usize| {
+            let mut short = ShortTau::new(1.0, 1000.0);
+            angles.chunks(piece).for_each(|part| short.push(part, 0.15));
+            short.take()
+        };
+        let whole = sums(angles.len());
+        assert_eq!(whole, sums(1));
+        assert_eq!(whole, sums(4097));
+        let mut phases = vec![0.0];
+        angles.iter().for_each(|angle| phases.push(phases[phases.len() - 1] + 0.15 * angle));
+        for (octave, squares) in whole.squares.iter().enumerate() {
+            let m = 1 << octave;
+            let second = (2 * m..phases.len()).map(|k| phases[k] - 2.0 * phases[k - m] + phases[k - 2 * m]);
+            let expected: f64 = second.map(|d| d * d).sum();
+            assert!((squares / expected - 1.0).abs() < 1e-12, "m {m}");
+            assert_eq!(whole.numbers[octave], (phases.len() - 2 * m) as f64);
+        }
+    }
+}

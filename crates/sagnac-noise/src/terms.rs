@@ -1,0 +1,224 @@
+//! The five terms of a rate noise, fitted to Allan variances with none below zero.
+//!
+//! ```text
+//! σ²(τ) = 3Q²/τ² + N²/τ + (2 ln 2/π)B² + K²τ/3 + R²τ²/2          forms of IEEE Std 647 and 952
+//! ```
+//!
+//! Least squares on σ² with the weight of a point edf/(2σ⁴), σ from the model of the step before, until nothing moves.
+//! None below zero: of the 2⁵ sets of terms the one with the least misfit whose coefficients are all positive. That is
+//! exact for so few.
+//!
+//! Fails to tell apart terms whose slopes the record's span of τ does not separate: the intervals of
+//! [`super::bootstrap`] show it.
+
+use nalgebra::{SMatrix, SVector};
+
+use crate::freedom::PhaseNoise;
+
+/// Rounds of re-weighting at most.
+const MOST_ROUNDS: usize = 100;
+/// Weights have settled when no model variance moves by more.
+const SETTLED: f64 = 1e-10;
+/// Enough where only the deviance is wanted: at its least it is level.
+const SETTLED_FOR_DEVIANCE: f64 = 1e-5;
+
+/// A term of the noise model.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Term {
+    /// Q, arcsec.
+    Quantization,
+    /// N, arcsec/√s.
+    AngleRandomWalk,
+    /// B, °/h.
+    BiasInstability,
+    /// K, °/h/√s.
+    RateRandomWalk,
+    /// R, °/h/s.
+    RateRamp,
+}
+
+impl Term {
+    /// In the order of their slopes.
+    pub const ALL: [Self; 5] =
+        [Self::Quantization, Self::AngleRandomWalk, Self::BiasInstability, Self::RateRandomWalk, Self::RateRamp];
+
+    /// What a coefficient of 1 (a variance: Q², N², B², K², R²) adds to σ²(τ).
+    pub fn variance(self, tau_s: f64) -> f64 {
+        match self {
+            Self::Quantization => 3.0 / (tau_s * tau_s),
+            Self::AngleRandomWalk => 1.0 / tau_s,
+            Self::BiasInstability => 2.0 * std::f64::consts::LN_2 / std::f64::consts::PI,
+            Self::RateRandomWalk => tau_s / 3.0,
+            Self::RateRamp => tau_s * tau_s / 2.0,
+        }
+    }
+}
+
+/// A point of a curve.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Point {
+    /// τ, s.
+    pub tau_s: f64,
+    /// σ²(τ), (°/h)².
+    pub variance: f64,
+    /// Its equivalent degrees of freedom, or any weight where they are unknown.
+    pub edf: f64,
+}
+
+/// Coefficients as variances; zero for a term that was not asked for or not found.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct FittedTerms([f64; 5]);
+
+impl FittedTerms {
+    /// Q², N², B², K² or R², in arcsec and seconds.
+    pub fn coefficient(&self, term: Term) -> f64 {
+        self.0[term as usize]
+    }
+
+    /// Q, N, B, K or R, in arcsec and seconds.
+    pub fn root(&self, term: Term) -> f64 {
+        self.coefficient(term).sqrt()
+    }
+
+    /// σ²(τ) of the model.
+    pub fn variance(&self, tau_s: f64) -> f64 {
+        Term::ALL.iter().map(|term| self.coefficient(*term) * term.variance(tau_s)).sum()
+    }
+
+    pub(crate) fn noise(&self) -> PhaseNoise {
+        let [q2, n2, b2, k2, r2] = self.0;
+        PhaseNoise { q2, n2, b2, k2, r2 }
+    }
+}
+
+/// Fits `terms` to the points; `None` without a usable point or where all of them are zero.
+pub fn fit_terms(points: &[Point], terms: &[Term]) -> Option<FittedTerms> {
+    let usable = usable(points);
+    if usable.is_empty() || terms.is_empty() {
+        return None;
+    }
+    settled(&usable, terms, FittedTerms::default(), SETTLED)
+}
+
+/// The least deviance of all five terms.
+pub(crate) fn least_deviance(points: &[Point]) -> f64 {
+    let fitted = settled(&usable(points), &Term::ALL, FittedTerms::default(), SETTLED_FOR_DEVIANCE);
+    fitted.map_or(f64::INFINITY, |fitted| deviance(points, &fitted))
+}
+
+/// The other four terms, with the coefficient of one held.
+pub(crate) fn fit_terms_beside(points: &[Point], held: Term, coefficient: f64) -> FittedTerms {
+    let others: Vec<Term> = Term::ALL.into_iter().filter(|term| *term != held).collect();
+    let mut alone = FittedTerms::default();
+    alone.0[held as usize] = coefficient;
+    settled(&usable(points), &others, alone, SETTLED_FOR_DEVIANCE).unwrap_or(alone)
+}
+
+fn usable(points: &[Point]) -> Vec<Point> {
+    points.iter().copied().filter(|p| p.variance > 0.0 && p.edf > 0.0).collect()
+}
+
+/// Deviance of χ² variances from a model: Σ edf·(σ²/f − 1 − ln(σ²/f)); infinite where the model is zero. The fit makes it least.
+pub(crate) fn deviance(points: &[Point], fitted: &FittedTerms) -> f64 {
+    let of = |p: &Point| {
+        let ratio = p.variance / fitted.variance(p.tau_s);
+        p.edf * (ratio - 1.0 - ratio.ln())
+    };
+    points.iter().filter(|p| p.variance > 0.0 && p.edf > 0.0).map(of).sum()
+}
+
+/// Re-weighted until nothing moves; `held` is part of the model and stays.
+fn settled(points: &[Point], terms: &[Term], held: FittedTerms, enough: f64) -> Option<FittedTerms> {
+    let mut model: Vec<f64> = points.iter().map(|p| p.variance.max(held.variance(p.tau_s))).collect();
+    let mut fitted = held;
+    for _ in 0..MOST_ROUNDS {
+        fitted = best_set(points, &model, terms, &held)?;
+        let next: Vec<f64> = points.iter().map(|p| fitted.variance(p.tau_s)).collect();
+        let moved = next.iter().zip(&model).map(|(new, old)| (new / old - 1.0).abs()).fold(0.0, f64::max);
+        model = next;
+        if moved < enough {
+            break;
+        }
+    }
+    Some(fitted)
+}
+
+/// One round: of all sets of terms, the one of least misfit without a negative coefficient.
+fn best_set(points: &[Point], model: &[f64], terms: &[Term], held: &FittedTerms) -> Option<FittedTerms> {
+    let mut gram = SMatrix::<f64, 5, 5>::zeros();
+    let mut right = SVector::<f64, 5>::zeros();
+    for (point, model) in points.iter().zip(model) {
+        let weight = point.edf / (2.0 * model * model);
+        let columns = SVector::<f64, 5>::from_fn(|i, _| terms.get(i).map_or(0.0, |term| term.variance(point.tau_s)));
+        gram += columns * columns.transpose() * weight;
+        right += columns * (weight * (point.variance - held.variance(point.tau_s)));
+    }
+    // To a diagonal of one: columns lie decades apart.
+    let scale = gram.diagonal().map(|d| if d > 0.0 { d.sqrt().recip() } else { 0.0 });
+    let gram = SMatrix::<f64, 5, 5>::from_fn(|i, j| gram[(i, j)] * scale[i] * scale[j]);
+    let right = right.component_mul(&scale);
+    let sets = 1_u32..1 << terms.len();
+    let tried = sets.filter_map(|set| solve_set(&gram, &right, set));
+    // Less is a better fit: the misfit is a constant less this. With a term held, none of the others may be best.
+    let Some((_, solution)) = tried.max_by(|a, b| a.0.total_cmp(&b.0)) else {
+        return (held.variance(1.0) > 0.0).then_some(*held);
+    };
+    let solution = solution.component_mul(&scale);
+    let mut fitted = *held;
+    terms.iter().zip(solution.iter()).for_each(|(term, value)| fitted.0[*term as usize] = *value);
+    Some(fitted)
+}
+
+/// The solution with only the terms of `set`, and how much misfit it takes away; `None` where one would be negative.
+fn solve_set(gram: &SMatrix<f64, 5, 5>, right: &SVector<f64, 5>, set: u32) -> Option<(f64, SVector<f64, 5>)> {
+    let taken = |i: usize| set >> i & 1 == 1;
+    let masked = SMatrix::<f64, 5, 5>::from_fn(|i, j| match (taken(i) && taken(j), i == j) {
+        (true, _) => gram[(i, j)],
+        (false, true) => 1.0,
+        (false, false) => 0.0,
+    });
+    let masked_right = SVector::<f64, 5>::from_fn(|i, _| if taken(i) { right[i] } else { 0.0 });
+    let solution = masked.cholesky()?.solve(&masked_right);
+    let positive = (0..5).all(|i| !taken(i) || solution[i] > 0.0);
+    positive.then(|| (masked_right.dot(&solution), solution))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const WANTED: [f64; 5] = [0.25, 0.0324, 4e-6, 1e-9, 1e-14];
+
+    fn curve(of: &FittedTerms) -> Vec<Point> {
+        let taus = (0..28).map(|octave| 0.01 * 2.0_f64.powi(octave));
+        taus.map(|tau_s| Point { tau_s, variance: of.variance(tau_s), edf: 1e8 / tau_s }).collect()
+    }
+
+    #[test]
+    fn a_curve_of_the_model_gives_its_terms() {
+        let truth = FittedTerms(WANTED);
+        let fitted = fit_terms(&curve(&truth), &Term::ALL).unwrap();
+        for term in Term::ALL {
+            let ratio = fitted.coefficient(term) / truth.coefficient(term);
+            assert!((ratio - 1.0).abs() < 1e-6, "{term:?}: {ratio}");
+        }
+    }
+
+    /// A term that is not there is exactly zero, and never below.
+    #[test]
+    fn nothing_is_below_zero() {
+        let truth = FittedTerms([0.25, 0.0324, 0.0, 0.0, 0.0]);
+        let mut points = curve(&truth);
+        points.iter_mut().skip(8).for_each(|p| p.variance *= 0.9);
+        let fitted = fit_terms(&points, &Term::ALL).unwrap();
+        assert!(Term::ALL.iter().all(|term| fitted.coefficient(*term) >= 0.0));
+        assert_eq!((fitted.coefficient(Term::RateRandomWalk), fitted.coefficient(Term::RateRamp)), (0.0, 0.0));
+    }
+
+    #[test]
+    fn no_points_no_terms() {
+        assert_eq!(fit_terms(&[], &Term::ALL), None);
+        let silent = Point { tau_s: 1.0, variance: 0.0, edf: 10.0 };
+        assert_eq!(fit_terms(&[silent], &Term::ALL), None);
+    }
+}

@@ -1,0 +1,183 @@
+//! A page of curves: what a simulation did, or how a loop answers.
+
+use maud::{Markup, html};
+
+use crate::figure::{DASHES, Figure, Layer, Role, SOLID, rounded};
+use crate::page::{page, shown};
+use sagnac_log::error::Result;
+
+/// Curves and words of a page.
+#[derive(Clone, Debug, Default)]
+pub struct ChartPage {
+    /// Heading.
+    pub title: String,
+    /// What it is of.
+    pub subtitle: String,
+    /// Figures, in order.
+    pub charts: Vec<Chart>,
+    /// Verdicts under the subtitle: whether it is well, and in words.
+    pub verdicts: Vec<(bool, String)>,
+    /// Words under them: what to know before reading on.
+    pub notes: Vec<String>,
+    /// Tables before the figures: what a reader wants first.
+    pub results: Vec<PageTable>,
+    /// Tables after the figures.
+    pub tables: Vec<PageTable>,
+}
+
+/// A table of a page; columns of long texts are set as words.
+#[derive(Clone, Debug, Default)]
+pub struct PageTable {
+    /// Heading.
+    pub heading: String,
+    /// Names of the columns, with their units.
+    pub columns: Vec<String>,
+    /// Rows of cells.
+    pub rows: Vec<Vec<String>>,
+}
+
+/// A figure of curves over one axis.
+#[derive(Clone, Debug, Default)]
+pub struct Chart {
+    /// Unique on the page: letters, digits, -.
+    pub id: String,
+    /// Charts of one group share zoom and cursor.
+    pub group: String,
+    /// What it answers.
+    pub title: String,
+    /// What to see in it.
+    pub caption: String,
+    /// Quantity and unit along x.
+    pub x_label: String,
+    /// Quantity and unit along y.
+    pub y_label: String,
+    /// Curves.
+    pub curves: Vec<Curve>,
+    /// Bands between two curves, behind the curve of their place.
+    pub bands: Vec<Band>,
+    /// Both axes in decades; every value must be above zero.
+    pub decades: bool,
+    /// Stretches of x that are shaded, with their label.
+    pub shades: Vec<(String, Vec<[f64; 2]>)>,
+}
+
+/// A curve.
+#[derive(Clone, Debug, Default)]
+pub struct Curve {
+    /// Its name in the legend.
+    pub label: String,
+    /// Along x, rising.
+    pub x: Vec<f64>,
+    /// Along y.
+    pub y: Vec<f64>,
+    /// Dashed: what was designed, or how it was before.
+    pub dashed: bool,
+}
+
+/// A band.
+#[derive(Clone, Debug, Default)]
+pub struct Band {
+    /// Its name in the legend.
+    pub label: String,
+    /// Along x, rising.
+    pub x: Vec<f64>,
+    /// Lower edge.
+    pub lo: Vec<f64>,
+    /// Upper edge.
+    pub hi: Vec<f64>,
+}
+
+/// Colours in the order of curves, all different; more curves begin again, dashed. What the roles stand for on other
+/// pages has no meaning here.
+const ROLES: [Role; 8] = [
+    Role::After,
+    Role::Before,
+    Role::Floor,
+    Role::Fit,
+    Role::Excluded,
+    Role::ExcludedToo,
+    Role::ExcludedAlso,
+    Role::Steady,
+];
+/// Curves of a chart draw no more points together.
+const MOST_POINTS: usize = 4000;
+
+impl Chart {
+    fn figure(&self) -> Option<Figure> {
+        let mut layers = Vec::new();
+        let shades = [Role::Excluded, Role::ExcludedToo, Role::ExcludedAlso];
+        for ((label, stretches), role) in self.shades.iter().zip(shades.into_iter().cycle()) {
+            layers.push(Layer::Shades { label: label.clone(), role, stretches: stretches.clone() });
+        }
+        for (band, role) in self.bands.iter().zip(ROLES) {
+            let [x, lo, hi] = [&band.x, &band.lo, &band.hi].map(|values| rounded(values.iter().copied()));
+            layers.push(Layer::Band { label: band.label.clone(), role, x, lo, hi });
+        }
+        let points = MOST_POINTS / self.curves.len().max(1);
+        // Where broken lines mean nothing of their own, they keep apart what has no colour on paper.
+        let alike = self.curves.len() > 2 && !self.curves.iter().any(|curve| curve.dashed);
+        for (index, curve) in self.curves.iter().enumerate() {
+            let step = curve.x.len().div_ceil(points).max(1);
+            let dash = if curve.dashed || index >= ROLES.len() || (alike && index > 0) {
+                DASHES[(index + DASHES.len() - 1) % DASHES.len()]
+            } else {
+                SOLID
+            };
+            let thin = |values: &[f64]| rounded(values.iter().copied().step_by(step));
+            let role = ROLES[index % ROLES.len()];
+            layers.push(Layer::Line { label: curve.label.clone(), role, x: thin(&curve.x), y: thin(&curve.y), dash });
+        }
+        let figure = Figure {
+            id: self.id.clone(),
+            title: self.title.clone(),
+            caption: self.caption.clone(),
+            x_label: self.x_label.clone(),
+            y_label: self.y_label.clone(),
+            group: self.group.clone(),
+            x: [0.0; 2],
+            y: [0.0; 2],
+            decades: self.decades,
+            layers,
+        };
+        figure.framed(false)
+    }
+}
+
+/// Longer cells are words, not figures.
+const LONGEST_FIGURE: usize = 32;
+
+fn table(of: &PageTable) -> Markup {
+    let words: Vec<bool> = (0..of.columns.len())
+        .map(|column| {
+            of.rows.iter().any(|row| row.get(column).is_some_and(|cell| cell.chars().count() > LONGEST_FIGURE))
+        })
+        .collect();
+    let is_words = |column: usize| words.get(column) == Some(&true);
+    html! {
+        h2 { (of.heading) }
+        div.scroll { table {
+            thead { tr { @for (i, column) in of.columns.iter().enumerate() { th.words[is_words(i)] { (column) } } } }
+            tbody { @for row in &of.rows { tr { @for (i, cell) in row.iter().enumerate() { td.words[is_words(i)] { (cell) } } } } }
+        } }
+    }
+}
+
+/// The page as one self-contained HTML file.
+///
+/// # Errors
+/// Figures that cannot be written as JSON.
+pub fn chart_report(content: &ChartPage) -> Result<String> {
+    let drawn: Vec<Figure> = content.charts.iter().filter_map(Chart::figure).collect();
+    let body = html! {
+        h1 { (content.title) }
+        p.sub { (content.subtitle) }
+        @for (well, words) in &content.verdicts {
+            div class={ "verdict " (if *well { "pass" } else { "fail" }) } { b.word { (words) } }
+        }
+        @for note in &content.notes { p.note { (note) } }
+        @for result in &content.results { (table(result)) }
+        @for figure in &drawn { (shown(figure)) }
+        @for data in &content.tables { (table(data)) }
+    };
+    page(&content.title, &body, &drawn)
+}

@@ -1,0 +1,204 @@
+//! The report of a noise budget: the curve with its confidence, the terms through it, what they come to.
+
+use crate::charts::{Band, Chart, ChartPage, Curve, PageTable, chart_report};
+use sagnac::allan::NoiseBudget;
+use sagnac_log::error::Result;
+use sagnac_noise::{AxisBudget, CurvePoint, Term, TermValue};
+use sagnac_units::format::significant;
+
+/// τ that the table lists at most.
+const SHOWN_TAUS: usize = 40;
+
+/// A noise budget as one self-contained HTML file.
+///
+/// # Errors
+/// Figures that cannot be written as JSON.
+pub fn noise_report(budget: &NoiseBudget) -> Result<String> {
+    let files: Vec<&str> = budget.inputs.iter().map(|input| input.file.as_str()).collect();
+    let mut page = ChartPage {
+        title: "Noise budget".to_owned(),
+        subtitle: files.join(", "),
+        notes: notes(budget),
+        ..ChartPage::default()
+    };
+    for axis in &budget.axes {
+        page.charts.push(allan_chart(axis));
+        page.charts.extend(hadamard_chart(axis));
+        page.results.push(terms_table(axis));
+        page.tables.push(curve_table(axis));
+    }
+    let inputs = budget.inputs.iter().map(|i| vec![i.file.clone(), i.rows.to_string(), i.sha256.clone()]);
+    page.tables.push(table("Provenance", ["log", "rows", "SHA-256"], inputs));
+    if !budget.excluded.is_empty() {
+        let rows = budget.excluded.iter().map(|tally| {
+            vec![tally.reason.name().replace('_', " "), tally.rows.to_string(), tally.reason.meaning().to_owned()]
+        });
+        page.tables.push(table("Left out", ["reason", "rows", "what it means"], rows));
+    }
+    chart_report(&page)
+}
+
+fn table<const N: usize>(heading: &str, columns: [&str; N], rows: impl Iterator<Item = Vec<String>>) -> PageTable {
+    PageTable { heading: heading.to_owned(), columns: columns.map(str::to_owned).into(), rows: rows.collect() }
+}
+
+fn notes(budget: &NoiseBudget) -> Vec<String> {
+    let mut out: Vec<String> = budget.warnings.iter().map(|warning| format!("Warning: {warning}.")).collect();
+    if budget.detrended {
+        out.push(
+            "The drift over temperature was taken out first: at long τ these curves lie lower than the log's own."
+                .into(),
+        );
+    }
+    for axis in &budget.axes {
+        if axis.rows > 0 {
+            let stretches = match axis.stretches {
+                1 => "one unbroken stretch".to_owned(),
+                n => format!(
+                    "{n} unbroken stretches, the longest of {} s; no difference spans a gap",
+                    significant(axis.longest_s, 5)
+                ),
+            };
+            let overlap = axis.full_overlap_s.map_or("Every start is used at every τ.".to_owned(), |s| {
+                format!("Every start is used up to τ = {} s; above, starts lie at most τ/256 apart.", significant(s, 4))
+            });
+            out.push(format!(
+                "Axis {}: {} rows of {} s in {stretches}. {overlap}",
+                axis.axis,
+                axis.rows,
+                significant(axis.sample_interval_s, 6)
+            ));
+        }
+    }
+    out
+}
+
+/// A value with its interval, as people read it.
+pub fn term_text(value: &TermValue) -> [String; 2] {
+    match value {
+        TermValue::Found { value, lower: Some(lower), upper: Some(upper) } => {
+            [significant(*value, 3), format!("{} … {}", significant(*lower, 3), significant(*upper, 3))]
+        }
+        TermValue::Found { value, .. } => [significant(*value, 3), "not known: a bare curve".to_owned()],
+        TermValue::Unresolved { .. } => ["-".to_owned(), "not resolvable".to_owned()],
+    }
+}
+
+fn terms_table(axis: &AxisBudget) -> PageTable {
+    let rows = Term::ALL.iter().map(|term| {
+        let (name, unit) = term.name();
+        let [value, interval] = term_text(axis.terms.get(*term));
+        let why = match axis.terms.get(*term) {
+            TermValue::Unresolved { unresolved } => unresolved.clone(),
+            TermValue::Found { .. } => String::new(),
+        };
+        vec![name.to_owned(), unit.to_owned(), value, interval, why]
+    });
+    table(&format!("Terms of axis {}", axis.axis), ["term", "unit", "value", "95 % interval", ""], rows)
+}
+
+fn curve_table(axis: &AxisBudget) -> PageTable {
+    let step = axis.curve.len().div_ceil(SHOWN_TAUS).max(1);
+    let end = |value: Option<f64>| value.map_or("-".to_owned(), |v| significant(v, 4));
+    let rows = axis.curve.iter().step_by(step).map(|point| {
+        vec![
+            significant(point.tau_s, 5),
+            significant(point.adev_dph, 5),
+            end(point.lower_dph),
+            end(point.upper_dph),
+            point.n.map_or("-".to_owned(), |n| n.to_string()),
+            point.edf.map_or("-".to_owned(), |edf| significant(edf, 3)),
+        ]
+    });
+    let header = ["τ, s", "Allan deviation, °/h", "from, °/h", "to (95 %), °/h", "differences", "degrees of freedom"];
+    table(&format!("Curve of axis {}", axis.axis), header, rows)
+}
+
+fn allan_chart(axis: &AxisBudget) -> Chart {
+    let shown: Vec<&CurvePoint> = axis.curve.iter().filter(|point| point.adev_dph > 0.0).collect();
+    let taus: Vec<f64> = shown.iter().map(|point| point.tau_s).collect();
+    let line = |label: &str, dashed, y: Vec<f64>| Curve { label: label.to_owned(), x: taus.clone(), y, dashed };
+    let mut curves = vec![line("overlapping Allan deviation", false, shown.iter().map(|p| p.adev_dph).collect())];
+    if let Some(fitted) = &axis.fitted {
+        curves.push(line(
+            "all five together, resolved or not",
+            false,
+            taus.iter().map(|tau| fitted.variance(*tau).sqrt()).collect(),
+        ));
+        let (lo, hi) =
+            shown.iter().fold((f64::INFINITY, 0.0_f64), |(lo, hi), p| (lo.min(p.adev_dph), hi.max(p.adev_dph)));
+        for term in Term::ALL {
+            if let TermValue::Found { .. } = axis.terms.get(term) {
+                let y = |tau: &f64| fitted.root(term) * term.variance(*tau).sqrt();
+                // A slope is drawn where the curve is, not to the edge of nothing.
+                let points = taus.iter().filter(|tau| (lo / 3.0..hi * 3.0).contains(&y(tau)));
+                let (x, y) = points.map(|tau| (*tau, y(tau))).unzip();
+                curves.push(Curve { label: term.name().0.to_owned(), x, y, dashed: true });
+            }
+        }
+    }
+    let found: Vec<String> = Term::ALL
+        .iter()
+        .filter_map(|term| match axis.terms.get(*term) {
+            TermValue::Found { value, .. } => {
+                let (name, unit) = term.name();
+                Some(format!("{name} {} {unit}", significant(*value, 3)))
+            }
+            TermValue::Unresolved { .. } => None,
+        })
+        .collect();
+    let found = if found.is_empty() { "none is resolved".to_owned() } else { found.join(", ") };
+    Chart {
+        id: format!("allan-{}", axis.axis),
+        group: format!("tau-{}", axis.axis),
+        title: format!("Which noise rules at which averaging time, axis {}?", axis.axis),
+        caption: format!("Terms: {found}. Dashed: each term alone. The band holds 95 % at each τ."),
+        x_label: "averaging time τ, s".to_owned(),
+        y_label: "deviation, °/h".to_owned(),
+        curves,
+        bands: band(axis.curve.iter().map(|p| (p.tau_s, p.lower_dph, p.upper_dph))),
+        decades: true,
+        ..Chart::default()
+    }
+}
+
+fn band(points: impl Iterator<Item = (f64, Option<f64>, Option<f64>)>) -> Vec<Band> {
+    let mut band = Band { label: "95 % interval".to_owned(), ..Band::default() };
+    for (tau_s, lower, upper) in points {
+        if let (Some(lower), Some(upper)) = (lower.filter(|l| *l > 0.0), upper) {
+            band.x.push(tau_s);
+            band.lo.push(lower);
+            band.hi.push(upper);
+        }
+    }
+    if band.x.len() > 1 { vec![band] } else { Vec::new() }
+}
+
+fn hadamard_chart(axis: &AxisBudget) -> Option<Chart> {
+    let shown: Vec<_> = axis.hadamard.iter().filter(|point| point.hdev_dph > 0.0).collect();
+    let curve = Curve {
+        label: "overlapping Hadamard deviation".to_owned(),
+        x: shown.iter().map(|p| p.tau_s).collect(),
+        y: shown.iter().map(|p| p.hdev_dph).collect(),
+        dashed: false,
+    };
+    let allan: Vec<&CurvePoint> = axis.curve.iter().filter(|point| point.adev_dph > 0.0).collect();
+    let beside = Curve {
+        label: "overlapping Allan deviation".to_owned(),
+        x: allan.iter().map(|p| p.tau_s).collect(),
+        y: allan.iter().map(|p| p.adev_dph).collect(),
+        dashed: true,
+    };
+    (!shown.is_empty()).then(|| Chart {
+        id: format!("hadamard-{}", axis.axis),
+        group: format!("tau-{}", axis.axis),
+        title: format!("Does a steady ramp of the rate make the long end, axis {}?", axis.axis),
+        caption: "The Hadamard deviation does not see a steady ramp: where it stays below the Allan deviation at long τ, one is there.".to_owned(),
+        x_label: "averaging time τ, s".to_owned(),
+        y_label: "deviation, °/h".to_owned(),
+        curves: vec![curve, beside],
+        bands: band(axis.hadamard.iter().map(|p| (p.tau_s, p.lower_dph, p.upper_dph))),
+        decades: true,
+        ..Chart::default()
+    })
+}

@@ -1,0 +1,477 @@
+//! The page: verdict first, then figures, tables, provenance.
+
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+
+use crate::figure::Figure;
+use crate::figures::Wording;
+use crate::{acceptance, figures, svg, terms};
+use sagnac::calibration::{AxisCalibration, Calibration, LogFile, LogUnit, PpmEstimate, UNASSIGNED};
+use sagnac::diagnostics::{AxisReportData, ReportData};
+use sagnac::verify::{AxisVerification, Correction, Figures, Judged, ScaleFigures, Verification};
+use sagnac_log::error::{Error, Result};
+use sagnac_log::ingest::{Tally, hex, sha256};
+use sagnac_units::format::{celsius, plain, significant, with_sigma};
+
+/// What the page is made of besides its own words. uPlot 1.6.32 is under the MIT licence, which stands
+/// beside it.
+const UPLOT_JS: &str = include_str!("vendor/uplot/uPlot.iife.min.js");
+const UPLOT_CSS: &str = include_str!("vendor/uplot/uPlot.min.css");
+const UPLOT_LICENCE: &str = include_str!("vendor/uplot/LICENSE");
+const STYLE: &str = include_str!("report.css");
+const SCRIPT: &str = include_str!("report.js");
+/// Nothing is loaded from anywhere, and the browser holds the page to it.
+const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'";
+
+/// The report of a calibration.
+///
+/// # Errors
+/// A record that cannot be written as JSON.
+pub fn calibration_report(calibration: &Calibration, report_data: &ReportData) -> Result<String> {
+    let mut drawn = Vec::new();
+    let several = calibration.axes.len() > 1;
+    let body = html! {
+        h1 { "Thermal calibration" @if calibration.serial != UNASSIGNED { " of " (calibration.serial) } }
+        p.sub { (subtitle(calibration)) }
+        p.note {
+            "Held-out figures come from data that each fit did not see. The proof is another test: " code { "sagnac verify" }
+            " replays one through the image that ships."
+        }
+        @for axis in &calibration.axes { (fit_verdict(axis, report_data, several)) }
+        @for axis in &calibration.axes {
+            @if several { h2.axis { "Axis " (axis.axis) } }
+            @if let Some(points) = report_data.axes.iter().find(|points| points.axis == axis.axis) {
+                @let all = fit_figures(report_data, points, axis);
+                @for figure in &all { (shown(figure)) }
+                @let () = drawn.extend(all);
+            }
+            (terms::coefficients(axis))
+            (plateaus(axis))
+            (terms::candidates(axis.candidates()))
+            (terms::model_search(axis.fit.as_ref().map_or(&[], |fit| &fit.model_search)))
+            (excluded(axis.excluded()))
+        }
+        (provenance(calibration)?)
+    };
+    page(&format!("Thermal calibration ({})", calibration.serial), &body, &drawn)
+}
+
+/// The report of a proof; `calibration` adds what was proven, where it is at hand.
+///
+/// # Errors
+/// A record that cannot be written as JSON.
+pub fn verification_report(
+    verification: &Verification,
+    calibration: Option<&Calibration>,
+    report_data: &ReportData,
+) -> Result<String> {
+    let mut drawn = Vec::new();
+    let several = verification.axes.len() > 1;
+    let judged = acceptance::is_acceptance(verification);
+    let body = html! {
+        h1 { (if judged { "Acceptance test" } else { "Proof on another test" }) @if !verification.serial.is_empty() && verification.serial != UNASSIGNED { ": " (verification.serial) } }
+        p.sub {
+            (if verification.training_overlap.is_empty() { "Logs that the fit did not see, replayed" } else { "Logs replayed" })
+            " through the code and the image that ship. Windows of " (plain(verification.window_s)) " s."
+        }
+        (same_log(verification))
+        @if judged {
+            (acceptance::identity(verification, calibration))
+            (acceptance::limits(verification))
+            (acceptance::signatures())
+        }
+        @for axis in &verification.axes { (proof_verdict(axis, several)) }
+        @for axis in &verification.axes {
+            @if several { h2.axis { "Axis " (axis.axis) } }
+            (before_after(axis, verification))
+            (scale_before_after(axis))
+            (acceptance::residual(axis))
+            (acceptance::flight(axis))
+            (left(axis))
+            @if let Some(points) = report_data.axes.iter().find(|points| points.axis == axis.axis) {
+                @let all = proof_figures(report_data, points, axis);
+                @for figure in &all { (shown(figure)) }
+                @let () = drawn.extend(all);
+            }
+            @if let Some(record) = calibration.and_then(|c| c.axes.iter().find(|a| a.axis == axis.axis)) {
+                (terms::coefficients(record))
+            }
+        }
+        (excluded(&verification.excluded))
+        h2 { "Provenance" }
+        (inputs(&verification.inputs))
+        div.scroll { table {
+            tr { td { "program" } td.words { (verification.program) } }
+            tr { td { "SHA-256 of the record" } td.hash { (verification.record_sha256) } }
+            tr { td { "SHA-256 of the images" } td.hash { (verification.image_sha256) } }
+        } }
+    };
+    page(&format!("{} {}", if judged { "Acceptance" } else { "Proof" }, verification.serial), &body, &drawn)
+}
+
+/// Everything into one file.
+pub(crate) fn page(title: &str, body: &Markup, figures: &[Figure]) -> Result<String> {
+    let data = serde_json::to_string(figures).map_err(|e| Error::input(format!("cannot write the figures: {e}")))?;
+    let data = data.replace('<', "\\u003c");
+    let markup = html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta http-equiv="Content-Security-Policy" content=(POLICY);
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                title { (title) }
+                style { (PreEscaped(UPLOT_CSS)) (PreEscaped(STYLE)) (PreEscaped(footer(title))) }
+            }
+            body {
+                main {
+                    (body)
+                    p.note.screen { "Drag in a figure to zoom, double-click to reset. Figures with a common axis move together." }
+                }
+                script type="application/json" id="figures" { (PreEscaped(data)) }
+                script { (PreEscaped("/*\n")) (PreEscaped(UPLOT_LICENCE)) (PreEscaped("*/\n")) (PreEscaped(UPLOT_JS)) }
+                script { (PreEscaped(SCRIPT)) }
+            }
+        }
+    };
+    Ok(markup.into_string())
+}
+
+/// Every printed page says what it belongs to, and which of how many it is.
+fn footer(title: &str) -> String {
+    let plain = |c: &char| c.is_alphanumeric() || " .,:;()[]/+-_…".contains(*c);
+    let title: String = title.chars().filter(plain).collect();
+    format!(
+        "@page {{ @bottom-left {{ content: \"{title}\"; font: 8pt sans-serif; color: #4a505b }} @bottom-right {{ content: counter(page) \" / \" counter(pages); font: 8pt sans-serif; color: #4a505b }} }}"
+    )
+}
+
+/// A figure on the page: heading, legend, drawing, caption.
+pub(crate) fn shown(figure: &Figure) -> Markup {
+    html! {
+        figure {
+            h3 { (figure.title) }
+            div.legend {
+                @for (label, role, kind) in legend(figure) {
+                    span { i class=(kind) style={ "color:var(--" (role) ")" } {} (label) }
+                }
+            }
+            div.plot id=(figure.id) { (PreEscaped(svg::draw(figure))) }
+            div.readout {}
+            figcaption { (figure.caption) }
+        }
+    }
+}
+
+/// Labels once each, with the names of their colour and their sign.
+fn legend(figure: &Figure) -> Vec<(&str, &'static str, &'static str)> {
+    let mut out: Vec<(&str, &'static str, &'static str)> = Vec::new();
+    for layer in &figure.layers {
+        let (label, role) = layer.label();
+        if !label.is_empty() && out.iter().all(|(seen, ..)| *seen != label) {
+            out.push((label, role.name(), layer.sign()));
+        }
+    }
+    out
+}
+
+fn fit_figures(report_data: &ReportData, points: &AxisReportData, axis: &AxisCalibration) -> Vec<Figure> {
+    let floor = axis.noise_floor().map(|floor| floor.value_dph);
+    let drift = figures::drift(report_data, points, axis);
+    let effect = |(place, effect)| figures::effect(report_data, axis.axis, place, effect);
+    drift
+        .into_iter()
+        .chain(points.effects.iter().enumerate().filter_map(effect))
+        .chain(figures::scale_factor(axis))
+        .chain(figures::soak(axis))
+        .chain(figures::tradeoff(axis))
+        .chain(both_sides(report_data, points, &figures::OF_FIT, floor))
+        .collect()
+}
+
+fn proof_figures(report_data: &ReportData, points: &AxisReportData, axis: &AxisVerification) -> Vec<Figure> {
+    let scale = axis.scale_factor.as_ref().and_then(|proof| figures::scale_proof(axis.axis, proof));
+    let floor = axis.noise_floor.as_ref().map(|floor| floor.value_dph);
+    scale
+        .into_iter()
+        .chain(acceptance::flight_figure(axis))
+        .chain(both_sides(report_data, points, &figures::OF_PROOF, floor))
+        .collect()
+}
+
+/// What a fit and a proof both show.
+fn both_sides(
+    report_data: &ReportData,
+    points: &AxisReportData,
+    words: &Wording,
+    floor_dph: Option<f64>,
+) -> Vec<Figure> {
+    let all = [
+        figures::over_time(report_data, points, words),
+        figures::profile(report_data, points),
+        figures::over_temperature(report_data, points, words),
+        figures::histogram(points, floor_dph),
+        figures::hysteresis(points, words),
+    ];
+    all.into_iter().flatten().collect()
+}
+
+fn subtitle(calibration: &Calibration) -> String {
+    let unit = match calibration.unit {
+        LogUnit::Counts { arcsec_per_count, .. } => format!("counts of {} arcsec", plain(arcsec_per_count)),
+        LogUnit::Rates { .. } => "rates".to_owned(),
+    };
+    let sensor = calibration.setup.sensor.as_deref().map_or(String::new(), |sensor| format!("{sensor}; "));
+    let runs = calibration.provenance.inputs.len();
+    format!(
+        "{sensor}{runs} run{} of {unit}, windows of {} s",
+        if runs == 1 { "" } else { "s" },
+        plain(calibration.window_s)
+    )
+}
+
+fn tile(name: &str, number: &str, unit: &str) -> Markup {
+    html! { div.tile { div.name { (name) } div.number { (number) " " span.unit { (unit) } } } }
+}
+
+fn axis_word(axis: char, several: bool) -> String {
+    if several { format!("Axis {axis}: ") } else { String::new() }
+}
+
+fn fit_verdict(axis: &AxisCalibration, report_data: &ReportData, several: bool) -> Markup {
+    let held_out = axis.cross_validation().map(|cv| cv.sigma_dph);
+    let floor = axis.noise_floor().map(|floor| floor.value_dph);
+    let points = report_data.axes.iter().find(|points| points.axis == axis.axis);
+    let used = points.map_or(0, |p| p.points.iter().filter(|p| p.excluded.is_none()).count());
+    let all = points.map_or(0, |p| p.points.len());
+    let word = match (held_out, floor) {
+        (Some(held_out), Some(floor)) => {
+            let ratio = held_out / floor;
+            let times = if ratio < 2.0 { "of" } else { "times" };
+            format!("leaves {} {times} the noise floor on held-out data", significant(ratio, 3))
+        }
+        (Some(_), None) => "fitted; the noise floor of this log is not known".to_owned(),
+        _ => "not fitted here".to_owned(),
+    };
+    html! {
+        div.verdict {
+            b.word { (axis_word(axis.axis, several)) code { (axis.correction.model) } " " (word) }
+            div.tiles {
+                @if let Some(value) = held_out { (tile("held-out σ", &significant(value, 3), "°/h")) }
+                @if let Some(value) = floor { (tile("noise floor of a window", &significant(value, 3), "°/h")) }
+                @if let Some(residual) = axis.residual() { (tile("σ of the fit's residuals", &significant(residual.sigma_dph, 3), "°/h")) }
+                (tile("span", &format!("{:.1} … {:.1}", axis.span_c()[0], axis.span_c()[1]), "°C"))
+                (tile("windows used", &format!("{used} of {all}"), ""))
+            }
+            @if let Some(note) = axis.below_floor_note() { p.note { "Note: " (note) "." } }
+        }
+    }
+}
+
+fn proof_verdict(axis: &AxisVerification, several: bool) -> Markup {
+    let left = axis.noise_floor.as_ref().map_or("the noise floor is not known".to_owned(), |floor| {
+        format!("{} of the noise floor is left", significant(axis.after.sigma_dph / floor.value_dph, 3))
+    });
+    let class = axis.pass.map_or("", |pass| if pass { "pass" } else { "fail" });
+    let word = match axis.pass {
+        Some(_) if several => format!("{}; {left}", Judged::of(&axis.limits).words()),
+        Some(_) => left,
+        None => format!("No limits were given: {left}"),
+    };
+    let times = |ratio: Option<f64>| ratio.map_or("-".to_owned(), |r| significant(r, 3));
+    html! {
+        div class={ "verdict " (class) } {
+            b.word { (axis_word(axis.axis, several)) (word) }
+            div.tiles {
+                (tile("max − min, before over after", &times(axis.improvement), "times"))
+                (tile("σ, before over after", &times(axis.improvement_sigma), "times"))
+                (tile("σ after", &significant(axis.after.sigma_dph, 3), "°/h"))
+                @match &axis.noise_floor {
+                    Some(floor) => {
+                        (tile("noise floor", &significant(floor.value_dph, 3), "°/h"))
+                        (tile("σ after over the floor", &significant(axis.after.sigma_dph / floor.value_dph, 3), ""))
+                    }
+                    None => { (tile("noise floor", "not known", "")) }
+                }
+                (tile("windows", &axis.after.n.to_string(), ""))
+            }
+            @if let Some(coverage) = &axis.coverage { p.note { "The test covers " (coverage.words()) "." } }
+            @for (name, windows) in &axis.status_windows {
+                p.note { "Status " (name) " in " (windows) " of " (axis.after.n) " windows." }
+            }
+        }
+    }
+}
+
+fn same_log(verification: &Verification) -> Markup {
+    html! {
+        @if !verification.training_overlap.is_empty() {
+            div.verdict.fail {
+                b.word { "This is no proof" }
+                p { (verification.training_overlap.join(", ")) " is a log that the calibration was made from." }
+            }
+        }
+    }
+}
+
+fn before_after(axis: &AxisVerification, verification: &Verification) -> Markup {
+    let row = |name: &str, f: &Figures| {
+        html! {
+            tr {
+                td { (name) } td { (f.n) }
+                @for value in [f.min, f.max, f.mean, f.peak_to_peak, f.sigma] {
+                    // Counts have steps of their own; rates have none.
+                    td { @if verification.unit == "deg/h" { (significant(value, 5)) } @else { (format!("{value:.2}")) } }
+                }
+                td { (significant(f.sigma_dph, 3)) }
+            }
+        }
+    };
+    html! {
+        h3 { "Before and after, " (verification.unit) }
+        div.scroll { table {
+            thead { tr { th { "" } th { "n" } th { "min" } th { "max" } th { "mean" } th { "max − min" } th { "σ" } th { "σ, °/h" } } }
+            (row("before", &axis.before))
+            (row("after", &axis.after))
+            @if let Some(floor) = &axis.noise_floor {
+                tr {
+                    td { "noise floor" } td { (floor.n) } td {} td {} td {}
+                    td { (significant(floor.expected_peak_to_peak, 3)) }
+                    td { (significant(floor.value, 3)) } td { (significant(floor.value_dph, 3)) }
+                }
+            }
+        } }
+        @if let Some(floor) = &axis.noise_floor {
+            p.note { "Floor: " (floor.source) ". Its max − min is what " (floor.n) " windows of noise alone would show." }
+        }
+    }
+}
+
+/// The scale factor over the plateaus, before and after.
+fn scale_before_after(axis: &AxisVerification) -> Markup {
+    let row = |name: &str, f: &ScaleFigures| {
+        html! { tr { td { (name) } @for value in [f.mean_ppm, f.peak_to_peak_ppm, f.sigma_ppm] { td { (significant(value, 3)) } } } }
+    };
+    html! {
+        @if let Some(scale) = &axis.scale_factor {
+            h3 { "Scale factor over " (scale.plateaus.len()) " plateaus, ppm from nominal" }
+            div.scroll { table {
+                thead { tr { th { "" } th { "mean" } th { "max − min" } th { "σ" } } }
+                (row("before", &scale.before))
+                (row("after", &scale.after))
+                tr { td { "noise alone" } td {} td {} td { (significant(scale.of_noise_ppm, 3)) } }
+            } }
+        }
+    }
+}
+
+/// What the rate table told, plateau by plateau.
+fn plateaus(axis: &AxisCalibration) -> Markup {
+    let estimate = |e: Option<PpmEstimate>| e.map_or("-".to_owned(), |e| with_sigma(e.ppm, Some(e.sigma_ppm)));
+    html! {
+        @if let Some(scale) = axis.scale_factor() {
+            h3 { "Scale factor" }
+            p.note {
+                "At " (axis.reference_c()) " °C: " (estimate(Some(scale.at_reference))) " ppm from nominal"
+                @if let Some(s) = scale.arcsec_per_count { ", " (format!("{s:.8}")) " arcsec per count" } "."
+                @if let Some(r) = scale.repeatability {
+                    " Repeatability over " (r.temperatures) " temperatures: σ " (significant(r.sigma_ppm, 2)) " ppm; noise makes "
+                    (significant(r.of_noise_ppm, 2)) "."
+                }
+            }
+            div.scroll { table {
+                thead { tr {
+                    th { "plateau, °C" } th { "windows" } th.words { "rates, °/s" } th { "scale factor, ppm" } th { "rate at rest, °/h" }
+                    th { "nonlinearity, ppm" } th { "asymmetry, ppm" }
+                } }
+                @for p in &scale.plateaus {
+                    tr {
+                        td { (celsius(p.temperature_c)) } td { (p.windows) }
+                        td.words { (p.rates_dps.iter().map(|r| significant(*r, 4)).collect::<Vec<_>>().join(", ")) }
+                        td { (estimate(Some(p.scale))) } td { (with_sigma(p.bias_dph, Some(p.bias_sigma_dph))) }
+                        td { (estimate(p.nonlinearity)) } td { (estimate(p.asymmetry)) }
+                    }
+                }
+            } }
+        }
+        @if let Some(note) = axis.scale_factor().and_then(|scale| scale.asymmetry_note()) { p.note { "Note: " (note) "." } }
+        @for m in axis.fit.iter().flat_map(|fit| &fit.misalignment) {
+            p.note { "The input axis leans towards " (m.towards) " by " (with_sigma(m.arcsec, Some(m.sigma_arcsec))) " arcsec." }
+        }
+    }
+}
+
+/// What can be seen of what the correction left.
+fn left(axis: &AxisVerification) -> Markup {
+    let rows = axis.residual_diagnostics.rows();
+    html! {
+        @if !rows.is_empty() {
+            h3 { "What is left" }
+            div.scroll { table {
+                thead { tr { th { "" } th { "value" } th { "of noise alone" } } }
+                @for row in &rows { tr { @for cell in row { td { (cell) } } } }
+            } }
+            p.note {
+                "Heating less cooling: hysteresis, a gradient, another lag. Steps across gaps: mode steps, where resets are marked invalid. "
+                "Correlation of neighbours: anything slow. Limits of noise are two standard errors of white residuals."
+            }
+        }
+    }
+}
+
+fn excluded(tallies: &[Tally]) -> Markup {
+    html! {
+        h3 { "Left out" }
+        @if tallies.is_empty() {
+            p { "Nothing." }
+        } @else {
+            div.scroll { table {
+                thead { tr { th { "reason" } th { "rows" } th.words { "first" } th.words { "what it means" } } }
+                @for tally in tallies {
+                    tr {
+                        td { (tally.reason.name().replace('_', " ")) } td { (tally.rows) }
+                        td.words { (tally.first) } td.words { (tally.reason.meaning()) }
+                    }
+                }
+            } }
+        }
+    }
+}
+
+fn inputs(inputs: &[LogFile]) -> Markup {
+    html! {
+        div.scroll { table {
+            thead { tr { th { "log" } th { "rows" } th.words { "SHA-256" } } }
+            @for input in inputs {
+                tr { td { (input.file) } td { (input.rows) } td.hash { (input.sha256) } }
+            }
+        } }
+    }
+}
+
+fn provenance(calibration: &Calibration) -> Result<Markup> {
+    let record = hex(&sha256(calibration.to_json()?.as_bytes()));
+    // A record without a serial number, or that fits no image, still has a report.
+    let made =
+        (calibration.serial != UNASSIGNED).then(|| Correction::from_calibration(calibration.clone()).ok()).flatten();
+    let from = &calibration.provenance;
+    let thermometer = match calibration.thermometer_name().unwrap_or_default() {
+        "" => "temperature_c".to_owned(),
+        name => format!("temperature_c_{name}"),
+    };
+    Ok(html! {
+        h2 { "Provenance" }
+        (inputs(&from.inputs))
+        div.scroll { table {
+            tr { td { "program" } td.words { (from.program) } }
+            tr { td { "newest sample, or SOURCE_DATE_EPOCH" } td.words { (from.time_s) " s (" (from.time_source) ")" } }
+            tr { td { "thermometer" } td.words { (thermometer) } }
+            tr { td { "target" } td.words {
+                "tick " (calibration.target.tick_s() * 1e6) " µs, temperature period " (calibration.target.period_s()) " s"
+            } }
+            tr { td { "SHA-256 of the record" } td.hash { (record) } }
+            @if let Some(made) = made {
+                tr { td { "SHA-256 of its images, the first that export makes" } td.hash { (made.sha256()) } }
+            }
+        } }
+    })
+}

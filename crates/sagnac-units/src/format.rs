@@ -1,0 +1,71 @@
+//! Numbers as people read them: no more digits than their uncertainty supports.
+
+/// The last part of a path, as provenance names it.
+pub fn file_name(path: &str) -> String {
+    std::path::Path::new(path).file_name().map_or_else(|| path.to_owned(), |name| name.to_string_lossy().into_owned())
+}
+
+/// A number with as many decimals as two digits of its uncertainty need.
+pub fn with_sigma(value: f64, sigma: Option<f64>) -> String {
+    match sigma {
+        Some(sigma) if sigma > 0.0 && sigma.is_finite() => {
+            let decimals = (1.0 - sigma.log10().floor()).clamp(0.0, 17.0) as usize;
+            if decimals > 9 {
+                // One power of ten for both: the value's, or sigma's where that is larger.
+                let power = value.abs().max(sigma).log10().floor();
+                let decimals = (1.0 + power - sigma.log10().floor()).max(1.0) as usize;
+                let scale = 10.0_f64.powf(-power);
+                return format!("({:.decimals$} ± {:.decimals$})e{power}", value * scale, sigma * scale);
+            }
+            format!("{value:.decimals$} ± {sigma:.decimals$}")
+        }
+        _ => significant(value, 6),
+    }
+}
+
+/// A number to so many significant digits.
+pub fn significant(value: f64, digits: i32) -> String {
+    if value == 0.0 || !value.is_finite() {
+        return value.to_string();
+    }
+    let magnitude = value.abs().log10().floor() as i32;
+    if !(-5..=8).contains(&magnitude) {
+        return format!("{value:.*e}", (digits - 1).max(0) as usize);
+    }
+    format!("{value:.*}", (digits - 1 - magnitude).max(0) as usize)
+}
+
+/// A setting as it was meant: no more than nine significant digits, and no zeros behind them.
+pub fn plain(value: f64) -> String {
+    significant(value, 9).parse::<f64>().map_or(String::new(), |value| value.to_string())
+}
+
+/// A value no finer than a ten-thousandth of a width, without zeros behind it.
+pub fn on_scale(value: f64, width: f64) -> String {
+    let decimals = (4.0 - width.abs().log10()).ceil().clamp(0.0, 12.0) as usize;
+    format!("{value:.decimals$}").parse::<f64>().map_or(String::new(), |value| (value + 0.0).to_string())
+}
+
+/// A temperature to a tenth, without a minus before zero.
+pub fn celsius(value: f64) -> String {
+    format!("{:.1}", (10.0 * value).round() / 10.0 + 0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_carry_the_digits_their_uncertainty_supports() {
+        assert_eq!(with_sigma(0.123_456, Some(0.0123)), "0.123 ± 0.012");
+        assert_eq!(with_sigma(1043.39, Some(12.0)), "1043 ± 12");
+        assert_eq!(with_sigma(-7.656e-9, Some(2.64e-10)), "(-7.66 ± 0.26)e-9");
+        assert_eq!(with_sigma(1e-12, Some(2.6e-10)), "(0.0 ± 2.6)e-10");
+        assert_eq!(with_sigma(2.5, None), "2.50000");
+        assert_eq!(significant(0.000_123_456, 3), "0.000123");
+        assert_eq!(significant(-6.547e-8, 3), "-6.55e-8");
+        assert_eq!([plain(0.5), plain(0.653_137_508_981_430_6), plain(100.0)], ["0.5", "0.653137509", "100"]);
+        assert_eq!([on_scale(-5.9e-18, 4.0), on_scale(-0.0474, 4.0), on_scale(21.0, 0.0)], ["0", "-0.0474", "21"]);
+        assert_eq!([celsius(-0.002), celsius(-39.95)], ["0.0", "-40.0"]);
+    }
+}

@@ -1,0 +1,223 @@
+//! One axis of a record: what its target applies, and how that was found.
+
+use sagnac_log::ingest::Tally;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::calibration::axis_record::AxisRecord;
+use crate::calibration::{
+    Calibration, Candidate, Collinearity, CorrectionNoise, CrossValidation, Hysteresis, Input, InputSource, Lag,
+    Misalignment, Monomial, NoiseFloor, RejectedInput, Residual, RunOffset, ScaleFactor, SearchStep, Soak, Term,
+};
+use crate::model::{BASIS_LEN, Form, Shape, Span};
+
+/// What the target of one axis applies.
+#[derive(Clone, Debug, PartialEq)]
+pub struct AxisCorrection {
+    /// In the words of `--model`.
+    pub model: String,
+    /// What the terms depend on, and the thermometers that differences need. The first is the thermometer of the fit.
+    pub inputs: Vec<Input>,
+    /// The terms.
+    pub terms: Vec<Term>,
+}
+
+/// How a correction was found, and how sure it is.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FitDiagnostics {
+    /// Residual of the fit.
+    pub residual: Residual,
+    /// Noise floor; null where neither measured nor given.
+    pub noise_floor: Option<NoiseFloor>,
+    /// Held-out residual; null where a fold could not be fitted.
+    pub cross_validation: Option<CrossValidation>,
+    /// Conditioning of the terms; null without terms.
+    pub collinearity: Option<Collinearity>,
+    /// What the noise of thermometers does to the corrected angle.
+    pub correction_noise: Option<CorrectionNoise>,
+    /// Heating against cooling; null where the test does not hold both.
+    pub hysteresis: Option<Hysteresis>,
+    /// What more soaking would improve; null without a bias term.
+    pub soak: Option<Soak>,
+    /// Scale factor, from runs on a rate table.
+    pub scale_factor: Option<ScaleFactor>,
+    /// Misalignment of the input axis, from runs in which another axis was turned.
+    pub misalignment: Vec<Misalignment>,
+    /// Models that were tried.
+    pub candidates: Vec<Candidate>,
+    /// The search from the grid's model to this one; empty where the model was given.
+    pub model_search: Vec<SearchStep>,
+    /// Inputs that the search did not try, and why.
+    pub rejected_inputs: Vec<RejectedInput>,
+    /// Windows and rows that were excluded, and why.
+    pub excluded: Vec<Tally>,
+    /// Covariance of run offsets, terms and lags in the order of `covariance_of`.
+    pub covariance: Vec<Vec<f64>>,
+    /// Names of its rows.
+    pub covariance_of: Vec<String>,
+}
+
+/// A parameter of the fit that is no coefficient.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NonlinearParameter {
+    /// Its name: `lag`, `lag(cavity)`.
+    pub name: String,
+    /// Value.
+    pub value: f64,
+    /// Standard deviation; `None` where the data do not resolve it.
+    pub sigma: Option<f64>,
+    /// Unit of both.
+    pub unit: String,
+}
+
+/// The calibration of one axis. In JSON it is one flat object.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(try_from = "AxisRecord", into = "AxisRecord")]
+pub struct AxisCalibration {
+    /// Axis letter.
+    pub axis: char,
+    /// What the target applies.
+    pub correction: AxisCorrection,
+    /// Offsets of the runs. Never part of the correction.
+    pub run_offsets: Vec<RunOffset>,
+    /// The curve in the paper's form; null where it is no polynomial of the temperature.
+    pub monomial: Option<Monomial>,
+    /// The curve zone by zone, coldest first, where the span is cut into zones.
+    pub zones: Vec<Monomial>,
+    /// How the correction was found; null for imported coefficients.
+    pub fit: Option<FitDiagnostics>,
+}
+
+impl Calibration {
+    /// Name of the thermometer of the fit in the log's header; empty for a plain `temperature_c`.
+    pub fn thermometer_name(&self) -> Option<&str> {
+        match &self.axes.first()?.correction.inputs.first()?.source {
+            InputSource::Thermometer(name) => Some(name),
+            InputSource::Difference(..) | InputSource::Column(_) => None,
+        }
+    }
+}
+
+impl AxisCalibration {
+    /// The thermometer of the fit. A record without one is refused when it is read.
+    pub fn thermometer(&self) -> &Input {
+        &self.correction.inputs[0]
+    }
+
+    /// T0, °C: the correction is zero there at rest.
+    pub fn reference_c(&self) -> f64 {
+        self.thermometer().reference
+    }
+
+    /// Temperatures of the fit, °C. Outside, the correction is the one at the border.
+    pub fn span_c(&self) -> [f64; 2] {
+        self.thermometer().span
+    }
+
+    /// The span of the thermometer of the fit as a scaling to −1 … 1.
+    pub fn span(&self) -> Span {
+        self.thermometer().scaling()
+    }
+
+    /// Lag of the rate terms over the thermometer of the fit.
+    pub fn lag_s(&self) -> Option<Lag> {
+        self.thermometer().lag_s
+    }
+
+    /// Temperature rates of the fit, °C/min; `None` without rate terms over the thermometer of the fit.
+    pub fn rate_span_cpm(&self) -> Option<[f64; 2]> {
+        self.thermometer().rate_span_per_min
+    }
+
+    /// Residual of the fit; `None` for imported coefficients, as all that follows.
+    pub fn residual(&self) -> Option<&Residual> {
+        self.fit.as_ref().map(|fit| &fit.residual)
+    }
+
+    /// Noise floor.
+    pub fn noise_floor(&self) -> Option<&NoiseFloor> {
+        self.fit.as_ref()?.noise_floor.as_ref()
+    }
+
+    /// Held-out residual.
+    pub fn cross_validation(&self) -> Option<&CrossValidation> {
+        self.fit.as_ref()?.cross_validation.as_ref()
+    }
+
+    /// Scale factor from a rate table.
+    pub fn scale_factor(&self) -> Option<&ScaleFactor> {
+        self.fit.as_ref()?.scale_factor.as_ref()
+    }
+
+    /// Models that were tried.
+    pub fn candidates(&self) -> &[Candidate] {
+        self.fit.as_ref().map_or(&[], |fit| &fit.candidates)
+    }
+
+    /// Windows and rows that were excluded, and why.
+    pub fn excluded(&self) -> &[Tally] {
+        self.fit.as_ref().map_or(&[], |fit| &fit.excluded)
+    }
+
+    /// Inputs other than the thermometer of the fit.
+    pub fn other_inputs(&self) -> &[Input] {
+        self.correction.inputs.get(1..).unwrap_or(&[])
+    }
+
+    /// A term over the thermometer of the fit.
+    pub fn is_over_thermometer(&self, term: &Term) -> bool {
+        term.input == self.thermometer().name
+    }
+
+    /// The input of a term.
+    pub fn input_of(&self, term: &Term) -> Option<&Input> {
+        self.correction.inputs.iter().find(|input| input.name == term.input)
+    }
+
+    /// Name of a term, as the covariance and people have it: `bias 2`, `rate(cavity) 0`.
+    pub fn name_of(&self, term: &Term) -> String {
+        term.form().name((!self.is_over_thermometer(term)).then_some(term.input.as_str()))
+    }
+
+    /// Unit of a term's coefficient.
+    pub(crate) fn unit_of(&self, term: &Term) -> &'static str {
+        let in_celsius = self.input_of(term).is_none_or(Input::is_in_celsius);
+        term.form().unit(in_celsius)
+    }
+
+    /// Parameters that the model is not linear in, for tables: the lags of its inputs and the fitted periods of its harmonics. A
+    /// stated period has no uncertainty and is not among them.
+    pub fn nonlinear(&self) -> Vec<NonlinearParameter> {
+        let lag = |(at, input): (usize, &Input)| {
+            let Lag { value, sigma } = input.lag_s?;
+            let name = if at == 0 { "lag".to_owned() } else { format!("lag({})", input.name) };
+            Some(NonlinearParameter { name, value, sigma, unit: "s".to_owned() })
+        };
+        let period = |term: &Term| {
+            let (Shape::Cosine { period: value }, Some(input)) = (term.shape, self.input_of(term)) else { return None };
+            let word = term.acts_on.period_name();
+            let is_main = self.is_over_thermometer(term);
+            let name = if is_main { word.to_owned() } else { format!("{word}({})", term.input) };
+            let row = self.fit.as_ref()?.covariance_of.iter().position(|row| *row == name)?;
+            let unit = if input.is_in_celsius() { "degC" } else { "unit" }.to_owned();
+            Some(NonlinearParameter { name, value, sigma: Some(self.variance_of(&[(row, 1.0)]).sqrt()), unit })
+        };
+        let lags = self.correction.inputs.iter().enumerate().filter_map(lag);
+        lags.chain(self.correction.terms.iter().filter_map(period)).collect()
+    }
+
+    /// Coefficients of a polynomial over the thermometer of the fit by order; zero where there is no term. `of` is any term
+    /// of it: [`Form::bias`], [`Form::rate`] or [`Form::scale`].
+    pub fn series(&self, of: Form) -> [f64; BASIS_LEN] {
+        let mut series = [0.0; BASIS_LEN];
+        for term in self.correction.terms.iter().filter(|term| self.is_over_thermometer(term)) {
+            if let Some(order) = term.shape.order()
+                && (term.acts_on, term.times_rate) == (of.acts_on, of.times_rate)
+                && let Some(slot) = series.get_mut(order)
+            {
+                *slot = term.value;
+            }
+        }
+        series
+    }
+}

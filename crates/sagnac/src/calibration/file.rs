@@ -1,0 +1,85 @@
+//! The record as a file: JSON in and out.
+
+use std::path::Path;
+
+use sagnac_log::error::{Error, Result};
+use serde_json::Value;
+
+use crate::calibration::{Calibration, FORMAT, MINOR_VERSION, VERSION};
+
+impl Calibration {
+    /// Reads and checks a record. Fields that this program does not know are ignored in a record of a newer minor version,
+    /// and refused in any other.
+    ///
+    /// # Errors
+    /// Not JSON, a missing, unknown or non-finite field, another format or version (field named).
+    pub fn parse(text: &str) -> Result<Self> {
+        let head: Value = serde_json::from_str(text).map_err(|e| not_json(&e))?;
+        if head.get("format").and_then(Value::as_str) != Some(FORMAT) {
+            return Err(Error::input("JSON, but no calibration of Sagnac").column("format"));
+        }
+        if head.get("version").and_then(Value::as_u64) != Some(u64::from(VERSION)) {
+            let found = head.get("version").map(ToString::to_string).unwrap_or_default();
+            return Err(Error::input(format!("this program reads version {VERSION}"))
+                .column("version")
+                .value(found)
+                .help("calibrate again from the logs, or use the program that wrote the record"));
+        }
+        let is_newer = head.get("minor_version").and_then(Value::as_u64) > Some(u64::from(MINOR_VERSION));
+        let mut unknown = None;
+        let mut json = serde_json::Deserializer::from_str(text);
+        let calibration: Self = serde_ignored::deserialize(&mut json, |path| {
+            unknown.get_or_insert_with(|| path.to_string());
+        })
+        .map_err(|e| not_json(&e))?;
+        if let Some(field) = unknown.filter(|_| !is_newer) {
+            return Err(Error::input("a field that this version of the record does not have").column(field));
+        }
+        calibration.check()?;
+        Ok(calibration)
+    }
+
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// As [`Calibration::parse`], with the file named.
+    pub fn read(path: impl AsRef<Path>) -> Result<Self> {
+        let path = path.as_ref();
+        let text = std::fs::read_to_string(path).map_err(|e| Error::io_path(path, "read", &e))?;
+        Self::parse(&text).map_err(|e| e.file(path.display().to_string()))
+    }
+
+    /// As JSON, ending in a newline.
+    ///
+    /// # Errors
+    /// A number that JSON cannot hold.
+    pub fn to_json(&self) -> Result<String> {
+        self.check()?;
+        let mut text =
+            serde_json::to_string_pretty(self).map_err(|e| Error::input(format!("cannot write JSON: {e}")))?;
+        text.push('\n');
+        Ok(text)
+    }
+
+    /// Writes a file, whole or not at all.
+    ///
+    /// # Errors
+    /// As [`Calibration::to_json`], and what the file system says.
+    pub fn save(&self, path: impl AsRef<Path>) -> Result<()> {
+        sagnac_log::write::write_bytes(path.as_ref(), self.to_json()?.as_bytes())
+    }
+}
+
+impl std::str::FromStr for Calibration {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        Self::parse(text)
+    }
+}
+
+fn not_json(error: &serde_json::Error) -> Error {
+    let text = error.to_string();
+    let what = text.rsplit_once(" at line ").map_or(text.as_str(), |(what, _)| what);
+    Error::input(format!("not a readable calibration: {what}")).line(error.line() as u64)
+}

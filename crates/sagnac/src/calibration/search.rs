@@ -1,0 +1,116 @@
+//! How a model was found: the steps of the search, rejected inputs, conditioning, and the noise of the correction.
+
+use sagnac_units::format::significant;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// The outcome of a model in the search.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum SearchVerdict {
+    /// Where the search begins: the best of the grid, or a small model.
+    Start,
+    /// Selected: its additional coefficients are justified, or it is smaller and no larger one is justified.
+    Selected,
+    /// One term more, not justified, or less so than another.
+    NoGain,
+    /// One term less, and the fit needs it, or another saves more.
+    Needed,
+    /// Refused: its terms are nearly combinations of each other.
+    Collinear,
+    /// A fold could not be fitted.
+    NotFitted,
+    /// Rejected: the noise of a thermometer through its rate terms would raise the angle random walk by over 5 %.
+    TooNoisy,
+    /// Selected with a longer lag, so that the noise of its thermometer stays within 5 %.
+    LagRaised,
+}
+
+/// One model that the search tried.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct SearchStep {
+    /// Step of the search, from 0.
+    pub step: usize,
+    /// In the words of `--model`.
+    pub model: String,
+    /// Coefficients without constants, lags included.
+    pub coefficients: usize,
+    /// Root mean square of held-out residuals, °/h; null where it was not found.
+    pub held_out_dph: Option<f64>,
+    /// Condition of its terms; null where it was not found.
+    pub condition: Option<f64>,
+    /// Instructions of its slow update on a Cortex-M4F.
+    pub slow_update_instructions: u32,
+    /// Its outcome.
+    pub verdict: SearchVerdict,
+}
+
+impl SearchStep {
+    /// The search for people, a row per step: its number, the model selected, held-out σ in °/h, condition, and out of how many.
+    pub fn rows(steps: &[Self]) -> Vec<[String; 5]> {
+        let kept = |step: &&Self| {
+            use SearchVerdict::{LagRaised, Selected, Start, TooNoisy};
+            matches!(step.verdict, Start | Selected | LagRaised | TooNoisy)
+        };
+        let row = |step: &Self| {
+            let beside = || steps.iter().filter(|other| other.step == step.step);
+            let refused = beside().filter(|other| other.verdict == SearchVerdict::Collinear).count();
+            let words = match step.verdict {
+                SearchVerdict::Start => "start".to_owned(),
+                SearchVerdict::LagRaised => "lag raised for the thermometer's noise".to_owned(),
+                SearchVerdict::TooNoisy => "rejected: its thermometer is too noisy".to_owned(),
+                _ if refused > 0 => format!("best of {} tried, {refused} refused as collinear", beside().count()),
+                _ => format!("best of {} tried", beside().count()),
+            };
+            let number = |value: Option<f64>, digits| value.map_or("-".to_owned(), |v| significant(v, digits));
+            [step.step.to_string(), step.model.clone(), number(step.held_out_dph, 4), number(step.condition, 3), words]
+        };
+        steps.iter().filter(kept).map(row).collect()
+    }
+}
+
+/// An input that the search did not try.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct RejectedInput {
+    /// Its name.
+    pub input: String,
+    /// Why.
+    pub reason: String,
+}
+
+/// Conditioning of the terms: run offsets projected out, columns at unit length.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Collinearity {
+    /// Largest over smallest singular value.
+    pub condition: f64,
+    /// Models beyond this are refused.
+    pub limit: f64,
+}
+
+/// Noise that an input's terms add to the corrected angle.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct InputNoise {
+    /// Name of the thermometer or column.
+    pub input: String,
+    /// σ of a sample, in its own unit, from second differences of its track.
+    pub sigma: f64,
+    /// Angle random walk through its value terms, °/√h.
+    pub value_deg_rt_h: f64,
+    /// Angle random walk through its rate terms at times shorter than their lag, °/√h.
+    pub rate_deg_rt_h: f64,
+}
+
+/// Noise of the correction itself.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct CorrectionNoise {
+    /// Input by input.
+    pub inputs: Vec<InputNoise>,
+    /// Of all together, °/√h.
+    pub deg_rt_h: f64,
+    /// Fraction by which the corrected angle random walk exceeds the raw one; null where that is not known.
+    pub increase: Option<f64>,
+    /// The same by the value terms alone, which no lag reduces.
+    pub increase_by_value: Option<f64>,
+    /// The fraction that is allowed.
+    pub limit: f64,
+}

@@ -1,0 +1,207 @@
+//! What a report shows of each window, drawn from the windows of a fit or of a proof.
+//!
+//! Nothing here is a result: results stand in the record. These are the points behind them.
+
+use crate::model::{ActsOn, Form};
+use crate::window::Windows;
+use sagnac_log::ingest::Reason;
+use sagnac_units::s_from_ns;
+
+/// Windows whose temperature moves slower than this are neither heating nor cooling, °C/min.
+const STEADY_CPM: f64 = 0.05;
+
+/// Whether a window's temperature rises or falls.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Leg {
+    /// Rises.
+    Heating,
+    /// Falls.
+    Cooling,
+    /// Neither.
+    Steady,
+}
+
+/// One window.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Point {
+    /// Index of the run.
+    pub run: usize,
+    /// Middle of the window, hours of test: runs stand one after the other.
+    pub hours: f64,
+    /// Length, h.
+    pub length_h: f64,
+    /// Mean temperature, °C; NaN where unknown.
+    pub temperature_c: f64,
+    /// Its rate from the windows beside it, °C/min; NaN without time or temperature.
+    pub rate_cpm: f64,
+    /// As logged, about the run's own constant, °/h.
+    pub before_dph: f64,
+    /// What the fit assigns to inputs other than its thermometer, °/h; 0 without any, and in a verification.
+    pub inputs_dph: f64,
+    /// As corrected, or less the fit; NaN where the window was left out of it.
+    pub after_dph: f64,
+    /// Why it is left out, if it is.
+    pub excluded: Option<Reason>,
+}
+
+/// A stretch of the hours of test that is one run.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RunSpan {
+    /// File name.
+    pub file: String,
+    /// Start and end, hours of test.
+    pub hours: [f64; 2],
+}
+
+/// The points of one axis.
+#[derive(Clone, Debug, PartialEq)]
+pub struct AxisReportData {
+    /// Axis letter.
+    pub axis: char,
+    /// Every window in order.
+    pub points: Vec<Point>,
+    /// What each input does by itself; nothing in a proof.
+    pub effects: Vec<Effect>,
+}
+
+/// What of an input an effect is a function of, or what it changes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum EffectOf {
+    /// The drift that its value makes, °/h.
+    Value,
+    /// The drift that its rate makes, °/h.
+    Rate,
+    /// The change of the scale factor that its value makes, ppm.
+    Scale,
+}
+
+impl EffectOf {
+    /// Whether a term is part of it.
+    pub(crate) fn holds(self, form: Form) -> bool {
+        let of = match (form.acts_on, form.times_rate) {
+            (ActsOn::Bias, false) => Self::Value,
+            (ActsOn::Bias, true) => Self::Rate,
+            (ActsOn::ScaleFactor, _) => Self::Scale,
+        };
+        self == of
+    }
+}
+
+/// What one input does, with what the fit left.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Effect {
+    /// Its name.
+    pub input: String,
+    /// False for the thermometer of the fit.
+    pub further: bool,
+    /// Its unit is °C; else that of a column.
+    pub in_celsius: bool,
+    /// What is shown of it.
+    pub of: EffectOf,
+    /// Value at which it is zero.
+    pub reference: f64,
+    /// Of each window that tells of it: the input's value, or its lagged rate per minute.
+    pub x: Vec<f64>,
+    /// What its terms make of the window, °/h or ppm.
+    pub fit: Vec<f64>,
+    /// The same with what the whole fit left.
+    pub shown: Vec<f64>,
+    /// Its terms as a curve (x, °/h or ppm); empty where they are none of x alone.
+    pub curve: Vec<[f64; 2]>,
+}
+
+/// Everything a report draws.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ReportData {
+    /// The runs.
+    pub runs: Vec<RunSpan>,
+    /// Time was logged: points have hours. Without it they are counted.
+    pub timed: bool,
+    /// The axes.
+    pub axes: Vec<AxisReportData>,
+}
+
+/// Runs one after the other, a fiftieth of the whole apart.
+pub(crate) fn run_spans(windows: &Windows) -> Vec<RunSpan> {
+    let whole: f64 = windows.runs.iter().map(|run| run.length_s() / 3600.0).sum();
+    let mut start = 0.0;
+    let spans = windows.runs.iter().map(|run| {
+        let hours = [start, start + run.length_s() / 3600.0];
+        start = hours[1] + whole / 50.0;
+        RunSpan { file: sagnac_units::format::file_name(&run.summary.file), hours }
+    });
+    spans.collect()
+}
+
+/// The points of one axis; `before` and `after` give a window's rates, °/h.
+pub(crate) fn points(
+    windows: &Windows,
+    spans: &[RunSpan],
+    sensor: Option<usize>,
+    before: impl Fn(usize) -> f64,
+    after: impl Fn(usize) -> f64,
+) -> Vec<Point> {
+    let rows = &windows.rows;
+    let one = |i: usize| {
+        let run = rows.run[i] as usize;
+        let origin_ns = windows.runs[run].start_ns;
+        let hours = |ns: i64| spans[run].hours[0] + s_from_ns(ns - origin_ns) / 3600.0;
+        let (from, to) = (hours(rows.start_ns[i]), hours(rows.end_ns[i]));
+        Point {
+            run,
+            hours: f64::midpoint(from, to),
+            length_h: to - from,
+            temperature_c: sensor.map_or(f64::NAN, |sensor| rows.mean_c[sensor][i]),
+            rate_cpm: sensor.map_or(f64::NAN, |sensor| rate_cpm(windows, sensor, i)),
+            before_dph: before(i),
+            inputs_dph: 0.0,
+            after_dph: after(i),
+            excluded: rows.excluded[i],
+        }
+    };
+    (0..windows.len()).map(one).collect()
+}
+
+/// From the mean temperatures of the windows beside it.
+fn rate_cpm(windows: &Windows, sensor: usize, i: usize) -> f64 {
+    let rows = &windows.rows;
+    let beside = |j: usize| (rows.run.get(j) == Some(&rows.run[i])).then_some(j);
+    let (from, to) = (i.checked_sub(1).and_then(beside).unwrap_or(i), beside(i + 1).unwrap_or(i));
+    let middle_s = |j: usize| s_from_ns(rows.start_ns[j] / 2 + rows.end_ns[j] / 2);
+    if !windows.shape.timed {
+        return f64::NAN;
+    }
+    60.0 * (rows.mean_c[sensor][to] - rows.mean_c[sensor][from]) / (middle_s(to) - middle_s(from))
+}
+
+/// Mean while heating less mean while cooling.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct LegDifference {
+    /// The difference, °/h.
+    pub(crate) difference_dph: f64,
+    /// Its standard error per σ of a window: √(1/n₁ + 1/n₂).
+    pub(crate) per_sigma: f64,
+}
+
+/// Heating against cooling over the used windows; `None` with fewer than `least` windows of a leg. The one rule for fit and
+/// verification, which differ in the standard error of a window.
+pub(crate) fn hysteresis_of(points: &[Point], least: usize, of: impl Fn(&Point) -> f64) -> Option<LegDifference> {
+    let mean = |leg: Leg| {
+        let used = |p: &&Point| p.leg() == leg && p.excluded.is_none() && p.after_dph.is_finite();
+        let values: Vec<f64> = points.iter().filter(used).map(&of).collect();
+        (values.len() >= least).then(|| (values.iter().sum::<f64>() / values.len() as f64, values.len() as f64))
+    };
+    let ((heating, n_heating), (cooling, n_cooling)) = (mean(Leg::Heating)?, mean(Leg::Cooling)?);
+    Some(LegDifference { difference_dph: heating - cooling, per_sigma: (1.0 / n_heating + 1.0 / n_cooling).sqrt() })
+}
+
+impl Point {
+    /// Heating, cooling or neither.
+    pub fn leg(&self) -> Leg {
+        match self.rate_cpm {
+            rate if rate > STEADY_CPM => Leg::Heating,
+            rate if rate < -STEADY_CPM => Leg::Cooling,
+            _ => Leg::Steady,
+        }
+    }
+}

@@ -1,0 +1,50 @@
+//! The inputs of a fitted model, as the record has them and in the order of the image: the thermometer of the fit, everything
+//! else with a code of its own, then the differences.
+
+use sagnac_log::setup::Setup;
+
+use crate::calibration::Input;
+use crate::fit::effects::Parts;
+use crate::fit::least_squares::LeastSquares;
+use crate::fit::solution::Fitted;
+use crate::model::input::{SampledInput, Signal, channels};
+use crate::window::{WindowShape, Windows};
+
+/// What the target must read.
+pub(crate) fn recorded_inputs(
+    fitted: &Fitted,
+    parts: &Parts<'_>,
+    problem: &LeastSquares<'_>,
+    windows: &Windows,
+    setup: &Setup,
+    sensor: usize,
+) -> Vec<Input> {
+    // An input without terms is not read.
+    let has_terms = |at: &usize| fitted.terms.iter().any(|term| term.input == *at);
+    let named: Vec<Signal> = (1..problem.inputs.len()).filter(has_terms).map(|at| problem.inputs[at].signal).collect();
+    let of = |signal: Signal| {
+        let own = problem.inputs.iter().position(|input| input.signal == signal);
+        // A thermometer that only a difference needs has no terms, but a span to be within.
+        let bare = own.is_none().then(|| SampledInput::new(signal, windows, &problem.used, setup.reference_c()));
+        let sampled = own.map(|at| &problem.inputs[at]).or(bare.as_ref())?;
+        let (lag_s, rate_span_per_min) = own.map_or((None, None), |at| {
+            (fitted.lag_of(at), fitted.lag(at).map(|(tau_s, _)| problem.rate_span(at, tau_s)))
+        });
+        let rms_dph = Some(own.map_or(0.0, |at| parts.rms_of(at)));
+        Some(Input { lag_s, rate_span_per_min, rms_dph, ..as_set_up(sampled, &windows.shape, setup) })
+    };
+    channels(Signal::Thermometer(sensor), &named).into_iter().filter_map(of).collect()
+}
+
+fn as_set_up(sampled: &SampledInput, shape: &WindowShape, setup: &Setup) -> Input {
+    let (span, reference, name) = (sampled.span, sampled.reference, sampled.name.clone());
+    let thermometer = |at: usize| setup.thermometer(shape.thermometers.get(at).map_or("", String::as_str));
+    match sampled.signal {
+        Signal::Thermometer(at) => Input::thermometer(thermometer(at), span, reference),
+        Signal::Difference { of, less } => Input::difference(name, [of, less].map(thermometer), span, reference),
+        Signal::Column(at) => {
+            let column = setup.aux(shape.aux.get(at).map_or("", String::as_str));
+            Input::column(name, column, span, reference)
+        }
+    }
+}

@@ -1,0 +1,339 @@
+//! One axis as a least-squares problem.
+//!
+//! ```text
+//! y = C_run + Σ bᵢ·[T̄ᵢ − Tᵢ(x0)] + Σ cⱼ·mean(Ṫ·Tⱼ) − Ω_run·1e-6·Σ e_k·[T̄_k − T_k(x0)]       °/h
+//! ```
+//!
+//! with the same sums over every further input (another x, another Ṫ of its own lag), and zones and steps beside them
+//! ([`crate::model::input`]).
+//!
+//! y is the mean rate of a window, Ω_run the mean rate of its run: with one input rate per run that is
+//! the model of the target to first order in ε. On a rate table (see [`super::rate_table_input`]) it is exact instead:
+//!
+//! ```text
+//! y − Ω_table = C + δ·Ω_across − y·1e-6·{ε0 + Σ e_k·[T̄_k − T_k(x0)]} + Σ bᵢ·[…] + Σ cⱼ·mean(…)
+//! ```
+//!
+//! with ε0 the deviation of the scale factor at T0 and δ the misalignment towards another axis that was turned. C is one
+//! constant per run where every run was turned at several rates, else one for all: a run at a single rate cannot tell
+//! its constant from ε0.
+
+use crate::calibration::{Plateau, SCALE_AT_REFERENCE};
+use crate::fit::lag::{LagRate, RATE_COLUMNS};
+use crate::fit::plateaus::plateaus_of;
+use crate::fit::rate_table_input::RateTableInput;
+use crate::model::basis::Span;
+use crate::model::input::{SampledInput, Signal, knots};
+use crate::model::spec::ModelSpec;
+use crate::model::{ActsOn, Form, InputTerms};
+use crate::window::Windows;
+use sagnac_log::error::{Error, Result};
+use sagnac_units::s_from_ns;
+
+/// Number of τ tried before the last refinement.
+const TAU_STEPS: usize = 24;
+
+/// The used windows of one axis.
+pub(crate) struct LeastSquares<'a> {
+    windows: &'a Windows,
+    /// What terms may be functions of; the first is the thermometer of the fit.
+    pub(crate) inputs: Vec<SampledInput>,
+    /// Per input: the first τ of the grid that is tried. Raised where a thermometer's noise asks for more.
+    pub(crate) tau_from: Vec<usize>,
+    /// Window of each row.
+    pub(crate) used: Vec<usize>,
+    /// Rate, °/h.
+    pub(crate) y: Vec<f64>,
+    /// Weight; 1 for a window of nominal length.
+    pub(crate) weight: Vec<f64>,
+    /// Index into `runs`.
+    pub(crate) run: Vec<usize>,
+    /// Runs that have windows.
+    pub(crate) runs: Vec<usize>,
+    /// Mean rate of each run, °/h.
+    pub(crate) run_rate: Vec<f64>,
+    /// Columns before the terms of a model.
+    pub(crate) levels: Vec<Level>,
+    /// What the axis was turned by, where a table did.
+    pub(crate) turning: Option<RateTableInput>,
+}
+
+/// A column that stands before the terms: part of the fit, never of the correction.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Level {
+    /// Constant of a run (index into `runs`), °/h.
+    Run(usize),
+    /// One constant for all runs, °/h.
+    AllRuns,
+    /// ε0: the scale factor at T0, ppm.
+    Scale,
+    /// Misalignment towards an axis, rad.
+    Across(char),
+}
+
+impl Level {
+    /// Its name in the covariance.
+    pub(crate) fn name(self, runs: &[usize]) -> String {
+        match self {
+            Self::Run(index) => format!("offset {}", runs.get(index).copied().unwrap_or(index)),
+            Self::AllRuns => "offset".to_owned(),
+            Self::Scale => SCALE_AT_REFERENCE.to_owned(),
+            Self::Across(letter) => format!("misalignment {letter}"),
+        }
+    }
+}
+
+/// A term of a model on the rows of a problem.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct TermColumn {
+    /// Index among the problem's inputs.
+    pub(crate) input: usize,
+    pub(crate) form: Form,
+}
+
+/// Means of Ṫ·T₀ … Ṫ·T₃ of every row, per input; nothing for inputs without a rate term.
+pub(crate) type Rates = Vec<Vec<[f64; RATE_COLUMNS]>>;
+
+impl<'a> LeastSquares<'a> {
+    /// The windows in which all of `signals` are known; the first of them is the thermometer of the fit.
+    pub(crate) fn new(
+        windows: &'a Windows,
+        axis: usize,
+        signals: &[Signal],
+        reference_c: f64,
+        min_span_c: f64,
+        turning: Option<RateTableInput>,
+    ) -> Result<Self> {
+        let rows = &windows.rows;
+        let known = |i: &usize| signals.iter().all(|signal| signal.in_window(windows, *i).0.is_finite());
+        let used: Vec<usize> = (0..windows.len()).filter(|i| rows.excluded[*i].is_none() && known(i)).collect();
+        if used.is_empty() {
+            return Err(no_window(windows));
+        }
+        let inputs: Vec<SampledInput> =
+            signals.iter().map(|signal| SampledInput::new(*signal, windows, &used, reference_c)).collect();
+        let span = inputs[0].span;
+        check_span(windows, span, min_span_c)?;
+        if !(span.lo..=span.hi).contains(&reference_c) {
+            return Err(Error::refused(format!(
+                "the reference temperature {reference_c} °C lies outside the span of the data, {:.2} … {:.2} °C",
+                span.lo, span.hi
+            ))
+            .column("reference_c")
+            .help("give --reference a temperature within the span"));
+        }
+        let mut runs: Vec<usize> = used.iter().map(|i| rows.run[*i] as usize).collect();
+        let all_runs = runs.clone();
+        runs.dedup();
+        let run: Vec<usize> = all_runs.iter().map(|r| runs.binary_search(r).unwrap_or(0)).collect();
+        let along = |i: &usize| turning.as_ref().map_or(0.0, |turning| turning.along_dph[*i]);
+        let y: Vec<f64> = used.iter().map(|i| windows.rate_dph(axis, *i) - along(i)).collect();
+        let by_row = windows.shape.window.seconds().is_none();
+        let weight: Vec<f64> =
+            used.iter().map(|i| if by_row { 1.0 } else { windows.duration_s(*i) / windows.shape.nominal_s }).collect();
+        let mut sums = vec![(0.0, 0.0); runs.len()];
+        for ((r, y), w) in run.iter().zip(&y).zip(&weight) {
+            sums[*r].0 += w * y;
+            sums[*r].1 += w;
+        }
+        let run_rate = sums.iter().map(|(sum, weight)| sum / weight).collect();
+        let levels = levels(turning.as_ref(), &used, &run, runs.len());
+        let tau_from = vec![0; inputs.len()];
+        Ok(Self { windows, inputs, tau_from, used, y, weight, run, runs, run_rate, levels, turning })
+    }
+
+    /// The span of the thermometer of the fit.
+    pub(crate) fn span(&self) -> Span {
+        self.inputs[0].span
+    }
+
+    /// Place of the input of this name.
+    pub(crate) fn input(&self, name: &str) -> Option<usize> {
+        self.inputs.iter().position(|input| input.name == name)
+    }
+
+    /// The terms of a model, in the order of its parameters, without those of inputs that the problem does not have.
+    pub(crate) fn terms(&self, spec: &ModelSpec) -> Vec<TermColumn> {
+        let known = spec.inputs().iter().filter_map(|of| Some((self.index_of(of)?, of)));
+        let of_input = |(input, of): (usize, &InputTerms)| {
+            let sampled = &self.inputs[input];
+            let forms = of.forms(&knots(of.zones, sampled.span), &sampled.thresholds());
+            forms.into_iter().map(move |form| TermColumn { input, form })
+        };
+        known.flat_map(of_input).collect()
+    }
+
+    /// Index of the input of some terms; the thermometer of the fit is the first.
+    pub(crate) fn index_of(&self, terms: &InputTerms) -> Option<usize> {
+        if terms.input.is_empty() { Some(0) } else { self.input(&terms.input) }
+    }
+
+    /// Indices of the inputs whose lag a model needs.
+    pub(crate) fn rated(&self, spec: &ModelSpec) -> Vec<usize> {
+        spec.inputs().iter().filter(|of| of.rate.is_some()).filter_map(|of| self.index_of(of)).collect()
+    }
+
+    pub(crate) fn len(&self) -> usize {
+        self.y.len()
+    }
+
+    /// True where a temperature rate can be had.
+    pub(crate) fn has_rate(&self) -> bool {
+        self.windows.shape.timed
+    }
+
+    /// τ from Δt to a quarter of the longest run, in equal ratios.
+    pub(crate) fn tau_grid(&self) -> Vec<f64> {
+        let lo = s_from_ns(self.windows.shape.period_ns);
+        let longest = self.runs.iter().map(|r| self.windows.runs[*r].length_s()).fold(0.0, f64::max);
+        let ratio = (longest / 4.0 / lo).max(1.0).ln() / (TAU_STEPS - 1) as f64;
+        let grid: Vec<f64> = (0..TAU_STEPS).map(|i| lo * (ratio * i as f64).exp()).collect();
+        if ratio > 0.0 { grid } else { vec![lo] }
+    }
+
+    /// Δt, s.
+    pub(crate) fn period_s(&self) -> f64 {
+        s_from_ns(self.windows.shape.period_ns)
+    }
+
+    /// The windows behind it.
+    pub(crate) fn windows(&self) -> &'a Windows {
+        self.windows
+    }
+
+    fn lag(&self, input: usize, run: usize, tau_s: f64) -> LagRate<'_> {
+        let SampledInput { signal, span, .. } = &self.inputs[input];
+        let track_c = signal.track(self.windows, self.runs[run]);
+        LagRate { track_c, span: *span, period_s: self.period_s(), tau_s }
+    }
+
+    /// Start and end of each row's window of one run, s from the start of the run.
+    fn bounds(&self, of: usize) -> Vec<(f64, f64)> {
+        let origin_ns = self.windows.runs[self.runs[of]].start_ns;
+        let seconds = |ns: i64| s_from_ns(ns - origin_ns);
+        let members = self.used.iter().zip(&self.run).filter(|(_, run)| **run == of);
+        members.map(|(i, _)| (seconds(self.windows.rows.start_ns[*i]), seconds(self.windows.rows.end_ns[*i]))).collect()
+    }
+
+    /// Means of Ṫ·T₀ … Ṫ·T₃ of every row, °C/min. Rows stand run by run.
+    pub(crate) fn rate_columns(&self, input: usize, tau_s: f64) -> Vec<[f64; RATE_COLUMNS]> {
+        (0..self.runs.len()).flat_map(|run| self.lag(input, run, tau_s).means(&self.bounds(run))).collect()
+    }
+
+    /// The rate columns of the inputs that have a τ.
+    pub(crate) fn rates(&self, taus_s: &[(usize, f64)]) -> Rates {
+        let mut rates = vec![Vec::new(); self.inputs.len()];
+        taus_s.iter().for_each(|(input, tau_s)| rates[*input] = self.rate_columns(*input, *tau_s));
+        rates
+    }
+
+    /// Lowest and highest Ṫ that the used windows hold, °C/min; 0 is always within.
+    pub(crate) fn rate_span(&self, input: usize, tau_s: f64) -> [f64; 2] {
+        let of_runs = (0..self.runs.len()).map(|run| self.lag(input, run, tau_s).extremes(&self.bounds(run)));
+        of_runs.fold([0.0, 0.0], |[lo, hi], [l, h]| [l.min(lo), h.max(hi)])
+    }
+
+    /// −Ω_run·1e-6·[T̄_k − T_k(x0)], °/h per ppm.
+    pub(crate) fn scale_column(&self, input: usize, row: usize, order: usize) -> f64 {
+        -self.turned_dph(row) * 1e-6 * self.inputs[input].basis[row][order]
+    }
+
+    /// The rate that the scale factor scales: as measured in the window on a table, else that of the run.
+    pub(crate) fn turned_dph(&self, row: usize) -> f64 {
+        match &self.turning {
+            Some(turning) => self.y[row] + turning.along_dph[self.used[row]],
+            None => self.run_rate[self.run[row]],
+        }
+    }
+
+    /// One row of the columns before the terms.
+    pub(crate) fn level(&self, row: usize, level: Level) -> f64 {
+        match level {
+            Level::Run(run) => f64::from(u8::from(run == self.run[row])),
+            Level::AllRuns => 1.0,
+            Level::Scale => -self.turned_dph(row) * 1e-6,
+            Level::Across(letter) => {
+                let across = self.turning.as_ref().map(|turning| turning.across_dph[self.used[row]]);
+                across.filter(|(turned, _)| *turned == letter).map_or(0.0, |(_, rate)| rate)
+            }
+        }
+    }
+
+    /// The plateaus of the axis, where a table turned it.
+    pub(crate) fn plateaus(&self, axis: usize) -> Option<Vec<Plateau>> {
+        let Signal::Thermometer(sensor) = self.inputs[0].signal else { return None };
+        Some(plateaus_of(self.windows, &self.used, axis, sensor, self.turning.as_ref()?))
+    }
+
+    /// Index of a level among the parameters.
+    pub(crate) fn column_of(&self, level: Level) -> Option<usize> {
+        self.levels.iter().position(|other| *other == level)
+    }
+
+    /// The regressor of a term on one row; `rates` from [`Self::rates`].
+    pub(crate) fn regressor(&self, term: &TermColumn, row: usize, rates: &Rates) -> f64 {
+        let TermColumn { input, form } = *term;
+        let mean = if form.times_rate {
+            // Means of Ṫ times a polynomial are summed along the track, not from the moments of the window. No model of the fit
+            // multiplies another shape with the rate.
+            let rate = rates[input].get(row);
+            form.shape.order().map_or(f64::NAN, |order| rate.and_then(|rate| rate.get(order)).copied().unwrap_or(0.0))
+        } else {
+            self.inputs[input].mean(form.shape, row)
+        };
+        match form.acts_on {
+            ActsOn::Bias => mean,
+            ActsOn::ScaleFactor => -self.turned_dph(row) * 1e-6 * mean,
+        }
+    }
+}
+
+/// The columns before the terms.
+fn levels(turning: Option<&RateTableInput>, used: &[usize], run: &[usize], runs: usize) -> Vec<Level> {
+    let Some(turning) = turning else { return (0..runs).map(Level::Run).collect() };
+    let of_run = |index: usize| used.iter().zip(run).filter(move |(_, run)| **run == index).map(|(i, _)| *i);
+    let along = turning.rates(used.iter().copied()).len() > 1;
+    let each_tells = (0..runs).all(|index| turning.rates(of_run(index)).len() > 1);
+    let mut levels: Vec<Level> =
+        if each_tells || !along { (0..runs).map(Level::Run).collect() } else { vec![Level::AllRuns] };
+    if along {
+        levels.push(Level::Scale);
+    }
+    let mut across: Vec<char> = used
+        .iter()
+        .map(|i| turning.across_dph[*i])
+        .filter(|(_, rate)| rate.is_finite() && *rate != 0.0)
+        .map(|(letter, _)| letter)
+        .collect();
+    across.sort_unstable();
+    across.dedup();
+    levels.extend(across.into_iter().map(Level::Across));
+    levels
+}
+
+/// Says why nothing is left, the commonest reason first.
+fn no_window(windows: &Windows) -> Error {
+    let why = most_left_out(windows).unwrap_or("it holds no usable row".to_owned());
+    Error::refused(format!("no window of the log can be used: {why}"))
+        .help("`sagnac inspect` lists everything left out")
+}
+
+/// The reason for which most rows are left out, in words.
+fn most_left_out(windows: &Windows) -> Option<String> {
+    let most = windows.tallies.most()?;
+    Some(format!("{} rows are left out as {} (first at {})", most.rows, most.reason.name(), most.first))
+}
+
+/// Lowest to highest sample of the used windows must be wide enough.
+fn check_span(windows: &Windows, Span { lo, hi }: Span, min_span_c: f64) -> Result<()> {
+    if hi - lo < min_span_c {
+        return Err(Error::refused(format!(
+            "the data span {:.2} °C ({lo:.2} … {hi:.2} °C); a fit needs {min_span_c} °C{}",
+            hi - lo,
+            most_left_out(windows).map_or(String::new(), |why| format!("; {why}"))
+        ))
+        .column("min_span_c")
+        .help("test over a wider range, or lower --min-span if you know what you do"));
+    }
+    Ok(())
+}

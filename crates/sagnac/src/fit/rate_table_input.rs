@@ -1,0 +1,123 @@
+//! Runs on a rate table: what each axis was turned by.
+//!
+//! A run is turned where its log has a reference rate (or table angle) or the setup says `rate_dps` for its file. The
+//! table's positive direction is that of the axis it turns; `[[table]] axis = "-z"` says it is the other one. The Earth's
+//! rate is not in the reference: along a vertical table axis it is a constant and stays in the run's constant.
+
+use crate::window::Windows;
+use sagnac_log::error::{Error, Result};
+use sagnac_log::ingest::Reason;
+use sagnac_log::setup::Setup;
+use sagnac_units::DPH_PER_DPS;
+
+/// Rates closer than this part of the largest are one rate; a rate below it is rest.
+pub(crate) const SAME_RATE: f64 = 1e-3;
+
+/// What the windows of one axis were turned by.
+#[derive(Clone, Debug)]
+pub(crate) struct RateTableInput {
+    /// Per window of the whole set: rate along the axis, °/h; NaN where a run with a reference has none there.
+    pub(crate) along_dph: Vec<f64>,
+    /// Per window: rate about another axis of the gyro and that axis' letter, °/h; 0 where there is none.
+    pub(crate) across_dph: Vec<(char, f64)>,
+}
+
+impl RateTableInput {
+    /// `None` where nothing says that a table turned.
+    ///
+    /// # Errors
+    /// A log of several axes of which nothing says which one was turned.
+    pub(crate) fn of(windows: &Windows, axis: usize, setup: &Setup) -> Result<Option<Self>> {
+        let (rows, shape) = (&windows.rows, &windows.shape);
+        let letter = shape.axes[axis];
+        let mut letters = shape.axes.clone();
+        letters.sort_unstable();
+        letters.dedup();
+        let turned_run = |run: usize| {
+            let name = sagnac_units::format::file_name(&windows.runs[run].summary.file);
+            let table = setup.table_of(&name);
+            let has_column =
+                (0..windows.len()).any(|i| rows.run[i] as usize == run && rows.reference_dps[i].is_finite());
+            (name, table, has_column)
+        };
+        let runs: Vec<_> = (0..windows.runs.len()).map(turned_run).collect();
+        let turns = |(_, table, has_column): &(String, Option<&sagnac_log::setup::TableRun>, bool)| {
+            *has_column || table.is_some_and(|table| table.rate_dps.is_some())
+        };
+        if !runs.iter().any(turns) {
+            return Ok(None);
+        }
+        let mut out = Self { along_dph: vec![0.0; windows.len()], across_dph: vec![(letter, 0.0); windows.len()] };
+        for (run, of_run) in runs.iter().enumerate().filter(|(_, run)| turns(run)) {
+            let (name, table, has_column) = of_run;
+            let (turned, sign) = match table.and_then(|table| table.axis.as_deref()) {
+                Some(words) => axis_and_sign(words)?,
+                None if letters.len() == 1 => (letter, 1.0),
+                None => {
+                    return Err(Error::input("this run was turned, and nothing says about which axis of the gyro")
+                        .file(name)
+                        .column("table")
+                        .help(
+                            "give [[table]] with file and axis (\"z\", or \"-z\" for the other direction) in the setup",
+                        ));
+                }
+            };
+            for i in (0..windows.len()).filter(|i| rows.run[*i] as usize == run) {
+                let given = table.and_then(|table| table.rate_dps);
+                let reference_dps = if *has_column { rows.reference_dps[i] } else { given.unwrap_or(f64::NAN) };
+                let rate_dph = sign * reference_dps * DPH_PER_DPS;
+                if turned == letter {
+                    out.along_dph[i] = rate_dph;
+                } else {
+                    out.across_dph[i] = (turned, rate_dph);
+                }
+            }
+        }
+        Ok(Some(out))
+    }
+
+    /// Leaves out windows of which nothing says how fast the table turned.
+    ///
+    /// # Errors
+    /// As [`Self::of`].
+    pub(crate) fn leave_out_unknown(windows: &mut Windows, setup: &Setup) -> Result<()> {
+        for axis in 0..windows.shape.axes.len() {
+            let Some(turning) = Self::of(windows, axis, setup)? else { return Ok(()) };
+            for (i, (along, (_, across))) in turning.along_dph.iter().zip(&turning.across_dph).enumerate() {
+                if along.is_nan() || across.is_nan() {
+                    windows.exclude(i, Reason::NoReference);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Different rates along the axis among some windows, rising.
+    pub(crate) fn rates(&self, members: impl Iterator<Item = usize>) -> Vec<f64> {
+        let mut all: Vec<f64> = members.map(|i| self.along_dph[i]).filter(|rate| rate.is_finite()).collect();
+        all.sort_by(f64::total_cmp);
+        let largest = all.iter().fold(0.0_f64, |most, rate| most.max(rate.abs()));
+        let mut rates: Vec<f64> = Vec::new();
+        for rate in all {
+            if rates.last().is_none_or(|last| rate - last > SAME_RATE * largest) {
+                rates.push(rate);
+            }
+        }
+        rates
+    }
+}
+
+/// `z` or `-z`.
+fn axis_and_sign(words: &str) -> Result<(char, f64)> {
+    let (letter, sign) = match words.strip_prefix('-') {
+        Some(rest) => (rest, -1.0),
+        None => (words.strip_prefix('+').unwrap_or(words), 1.0),
+    };
+    let mut letters = letter.chars();
+    match (letters.next(), letters.next()) {
+        (Some(letter), None) if letter.is_ascii_alphanumeric() => Ok((letter, sign)),
+        _ => Err(Error::input("an axis of the gyro is a letter, with - for the other direction")
+            .column("table.axis")
+            .value(words)),
+    }
+}

@@ -1,0 +1,263 @@
+//! From the grid's model, term by term, to the one that the data support: forward while a term helps on data that the fit
+//! did not see, then back while none is missed.
+//!
+//! ```text
+//! forward:  of all models with one order (input, zone, set of steps) more that better the least of all by what they must
+//!           ([`super::criterion`], m the models of that step), the smallest that none of them betters
+//! back:     of all models with one order less that the least of all does not better by what its coefficients must earn, the
+//!           smallest
+//! ```
+//!
+//! Where there are further inputs three paths are gone, from the grid's best, from `bias 2` and from `bias 2, rate 0`. Of their ends that
+//! no other betters by what it must the one with the fewest inputs is taken, then the smallest.
+//!
+//! A candidate whose terms are nearly combinations of each other (condition over [`CONDITION_MAX`], levels taken out,
+//! columns at unit length) is refused: its coefficients would be the noise's. Of candidates of one size the one of
+//! the least condition is taken.
+
+use crate::calibration::{SearchStep, SearchVerdict};
+use crate::fit::criterion::{CvScore, effective_windows, is_undominated, needed_gain};
+use crate::fit::folds::Trial;
+use crate::fit::least_squares::{LeastSquares, Level};
+use crate::fit::solution::fit;
+use crate::model::input::channels;
+use crate::model::price::Work;
+use crate::model::spec::{InputTerms, MAX_RATE_ORDER, ModelSpec};
+use rayon::prelude::*;
+
+/// Beyond this condition terms cannot be told apart.
+pub(crate) const CONDITION_MAX: f64 = 100.0;
+/// Highest orders over further inputs that are tried.
+const MOST_BIAS: u8 = 3;
+const MOST_RATE: u8 = 1;
+const MOST_SCALE: u8 = 2;
+/// Zones that are tried, one after the other.
+const ZONES: [u8; 4] = [2, 3, 4, 6];
+/// More steps than this are no path but a wander.
+const MOST_STEPS: usize = 24;
+
+/// Where the path ended, and the way there.
+pub(crate) struct Path {
+    pub(crate) spec: ModelSpec,
+    pub(crate) mean_square: f64,
+    windows: f64,
+    pub(crate) steps: Vec<SearchStep>,
+}
+
+impl Path {
+    fn held(&self) -> CvScore {
+        CvScore { coefficients: self.spec.coefficients(), mean_square: self.mean_square }
+    }
+}
+
+/// A model that was tried.
+struct Tried {
+    spec: ModelSpec,
+    /// Windows over what their residuals' correlation makes of them.
+    windows: f64,
+    /// Inputs that an image of it reads.
+    inputs: usize,
+    mean_square: Option<f64>,
+    condition: Option<f64>,
+}
+
+impl Tried {
+    fn square(&self) -> f64 {
+        self.mean_square.unwrap_or(f64::INFINITY)
+    }
+
+    fn held(&self) -> CvScore {
+        CvScore { coefficients: self.spec.coefficients(), mean_square: self.square() }
+    }
+
+    fn step(&self, number: usize, verdict: SearchVerdict) -> SearchStep {
+        SearchStep {
+            step: number,
+            model: self.spec.to_string(),
+            coefficients: self.spec.coefficients(),
+            held_out_dph: self.mean_square.map(f64::sqrt),
+            condition: self.condition,
+            slow_update_instructions: Work::of_model(&self.spec, self.inputs).instructions(),
+            verdict,
+        }
+    }
+}
+
+/// Goes on from a model; where there are further inputs from two small ones too, because the grid, which does not know the inputs,
+/// may end far from where they lead. Of the ends that stand that with the fewest inputs counts, then the smallest. `None` where nothing can be fitted out of sample.
+pub(crate) fn walk(problem: &LeastSquares<'_>, start: &ModelSpec, taus_s: &[f64]) -> Option<Path> {
+    let mut starts = vec![start.clone()];
+    if problem.inputs.len() > 1 {
+        let rates = if problem.has_rate() { vec![None, Some(0)] } else { vec![None] };
+        let scale = start.thermometer().scale;
+        let small = |rate| InputTerms { bias: 2, rate, scale, ..InputTerms::default() };
+        starts.extend(rates.into_iter().map(|rate| ModelSpec::of_thermometer(small(rate))));
+        starts.dedup();
+    }
+    let ends: Vec<Path> = starts.iter().filter_map(|start| walk_from(problem, start, taus_s)).collect();
+    let held: Vec<CvScore> = ends.iter().map(Path::held).collect();
+    let good = ends.into_iter().filter(|end| is_undominated(end.held(), &held, end.windows));
+    // An input more is a wire more: fewer of them win before fewer coefficients.
+    good.min_by_key(|end| (inputs_read(problem, &end.spec), end.spec.coefficients()))
+}
+
+fn walk_from(problem: &LeastSquares<'_>, start: &ModelSpec, taus_s: &[f64]) -> Option<Path> {
+    let mut here = try_all(problem, std::slice::from_ref(start), taus_s).pop().filter(|t| t.mean_square.is_some())?;
+    let mut steps = vec![here.step(0, SearchVerdict::Start)];
+    let mut least = here.held();
+    let mut number = 0;
+    for forward in [true, false] {
+        for _ in 0..MOST_STEPS {
+            let next = if forward { grown(problem, &here.spec) } else { shrunk(&here.spec) };
+            let tried = try_all(problem, &next, taus_s);
+            let passes = |model: &Tried| {
+                if !forward {
+                    return is_undominated(model.held(), &[least], here.windows);
+                }
+                let more = model.spec.coefficients().saturating_sub(here.spec.coefficients());
+                model.square() * needed_gain(here.windows, more, tried.len()) < least.mean_square
+            };
+            let taken = best_of(&tried, here.windows, passes);
+            number += 1;
+            steps.extend(tried.iter().enumerate().map(|(at, model)| {
+                let verdict = match (Some(at) == taken, model.mean_square.is_some(), collinear(model)) {
+                    (true, ..) => SearchVerdict::Selected,
+                    (_, _, true) => SearchVerdict::Collinear,
+                    (_, false, _) => SearchVerdict::NotFitted,
+                    _ if forward => SearchVerdict::NoGain,
+                    _ => SearchVerdict::Needed,
+                };
+                model.step(number, verdict)
+            }));
+            let Some(at) = taken else {
+                number -= 1;
+                break;
+            };
+            here = tried.into_iter().nth(at)?;
+            if here.square() < least.mean_square {
+                least = here.held();
+            }
+        }
+    }
+    Some(Path { mean_square: here.square(), windows: here.windows, spec: here.spec, steps })
+}
+
+fn collinear(model: &Tried) -> bool {
+    model.condition.is_some_and(|condition| condition > CONDITION_MAX)
+}
+
+/// Of those that pass the smallest that none of them betters by what it must; of those of one size the least condition.
+fn best_of(tried: &[Tried], windows: f64, passes: impl Fn(&Tried) -> bool) -> Option<usize> {
+    let is_fair = |model: &Tried| !collinear(model) && model.mean_square.is_some() && passes(model);
+    let fair: Vec<usize> = (0..tried.len()).filter(|at| is_fair(&tried[*at])).collect();
+    let held: Vec<CvScore> = fair.iter().map(|at| tried[*at].held()).collect();
+    let condition = |at: usize| tried[at].condition.unwrap_or(1.0);
+    fair.iter().copied().filter(|at| is_undominated(tried[*at].held(), &held, windows)).min_by(|a, b| {
+        let size = |at: usize| tried[at].spec.coefficients();
+        size(*a).cmp(&size(*b)).then(condition(*a).total_cmp(&condition(*b)))
+    })
+}
+
+fn try_all(problem: &LeastSquares<'_>, specs: &[ModelSpec], taus_s: &[f64]) -> Vec<Tried> {
+    let tried = |spec: &ModelSpec| {
+        // A model that is refused for its terms needs no folds.
+        let fitted = fit(problem, spec, taus_s).ok();
+        let condition = fitted.as_ref().and_then(|f| f.conditioning.as_ref()).map(|near| near.condition);
+        let fair = fitted.is_some() && condition.is_none_or(|condition| condition <= CONDITION_MAX);
+        let mean_square = if fair { Trial::new(problem, spec, taus_s).held_out() } else { None };
+        let rho = fitted.as_ref().map_or(0.0, |f| f.autocorrelation);
+        let windows = effective_windows(problem.len(), rho);
+        Tried { spec: spec.clone(), windows, inputs: inputs_read(problem, spec), mean_square, condition }
+    };
+    specs.par_iter().map(tried).collect()
+}
+
+/// An image can read all inputs of a model and hold all its terms.
+pub(crate) fn fits_image(problem: &LeastSquares<'_>, spec: &ModelSpec) -> bool {
+    let inputs = inputs_read(problem, spec);
+    inputs <= sagnac_core::MAX_THERMOMETERS && Work::of_model(spec, inputs).terms <= sagnac_core::MAX_TERMS
+}
+
+/// Thermometers, differences and columns that an image of a model describes.
+pub(crate) fn inputs_read(problem: &LeastSquares<'_>, spec: &ModelSpec) -> usize {
+    let named: Vec<_> = spec.inputs()[1..]
+        .iter()
+        .filter_map(|of| problem.input(&of.input))
+        .map(|at| problem.inputs[at].signal)
+        .collect();
+    channels(problem.inputs[0].signal, &named).len()
+}
+
+/// Every model with one order, zone table or set of steps more.
+fn grown(problem: &LeastSquares<'_>, from: &ModelSpec) -> Vec<ModelSpec> {
+    let with_scale = problem.column_of(Level::Scale).is_some();
+    let mut all = Vec::new();
+    let mut add = |change: &dyn Fn(&mut ModelSpec)| {
+        let mut spec = from.clone();
+        change(&mut spec);
+        all.push(spec);
+    };
+    let main = from.thermometer();
+    if main.bias < sagnac_core::MAX_ORDER {
+        add(&|spec| spec.thermometer_mut().bias += 1);
+    }
+    if problem.has_rate() && main.rate.is_none_or(|rate| rate < MAX_RATE_ORDER) {
+        add(&|spec| spec.thermometer_mut().rate = Some(main.rate.map_or(0, |rate| rate + 1)));
+    }
+    if let Some(zones) = ZONES.into_iter().find(|zones| *zones > main.zones).filter(|_| main.bias > 0) {
+        add(&|spec| spec.thermometer_mut().zones = zones);
+    }
+    for input in &problem.inputs[1..] {
+        let name = input.name.as_str();
+        let now = from.inputs()[1..].iter().find(|of| of.input == name);
+        let (bias, scale) = now.map_or((0, 0), |of| (of.bias, of.scale));
+        let rate = now.and_then(|of| of.rate);
+        if bias < MOST_BIAS {
+            add(&|spec| spec.of_input(name).bias += 1);
+        }
+        if problem.has_rate() && rate.is_none_or(|rate| rate < MOST_RATE) {
+            add(&|spec| spec.of_input(name).rate = Some(rate.map_or(0, |rate| rate + 1)));
+        }
+        if with_scale && scale < MOST_SCALE {
+            add(&|spec| spec.of_input(name).scale += 1);
+        }
+        let steps = input.thresholds().len();
+        if steps > 0 && now.is_none_or(|of| of.steps.is_none()) {
+            add(&|spec| spec.of_input(name).steps = u8::try_from(steps).ok());
+        }
+    }
+    let affordable = |spec: &ModelSpec| problem.len() >= 3 * (problem.levels.len() + spec.coefficients());
+    all.retain(|spec| affordable(spec) && fits_image(problem, spec));
+    all
+}
+
+/// Every model with one order, zone table or set of steps less.
+fn shrunk(from: &ModelSpec) -> Vec<ModelSpec> {
+    let mut all = Vec::new();
+    let mut add = |change: &dyn Fn(&mut ModelSpec)| {
+        let mut spec = from.clone();
+        change(&mut spec);
+        spec.drop_empty();
+        all.push(spec);
+    };
+    let less = |rate: Option<u8>| rate.and_then(|rate| rate.checked_sub(1));
+    for (at, of) in from.inputs().iter().enumerate() {
+        if of.bias > 0 {
+            add(&|spec| spec.inputs_mut()[at].bias -= 1);
+        }
+        if of.rate.is_some() {
+            add(&|spec| spec.inputs_mut()[at].rate = less(of.rate));
+        }
+        if of.scale > 0 {
+            add(&|spec| spec.inputs_mut()[at].scale -= 1);
+        }
+        if of.zones > 1 {
+            let fewer = ZONES.into_iter().rfind(|zones| *zones < of.zones).unwrap_or(0);
+            add(&|spec| spec.inputs_mut()[at].zones = fewer);
+        }
+        if of.steps.is_some() {
+            add(&|spec| spec.inputs_mut()[at].steps = None);
+        }
+    }
+    all
+}

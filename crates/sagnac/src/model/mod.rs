@@ -1,0 +1,19 @@
+//! What a correction can consist of: inputs, shapes over them, and the models made of both.
+//!
+//! ```text
+//! basis (Chebyshev polynomials on a scaled span) ─▶ powers (the same in powers of °C) ─▶ shape (functions of one input)
+//! shape ─▶ input (thermometer, difference, column on the rows of a fit)
+//! shape ─▶ spec (which terms a model has, in the words of `--model`) ─▶ price (instructions on the target)
+//! ```
+
+pub(crate) mod basis;
+pub(crate) mod input;
+pub(crate) mod powers;
+pub(crate) mod price;
+pub(crate) mod shape;
+pub(crate) mod spec;
+
+pub use basis::{BASIS_LEN, Span, chebyshev};
+pub use price::{TICK_INSTRUCTIONS, WITHIN as PRICED_WITHIN, Work};
+pub use shape::{ActsOn, Form, Shape};
+pub use spec::{InputTerms, MAX_RATE_ORDER, ModelSpec};

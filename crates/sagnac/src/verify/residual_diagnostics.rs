@@ -1,0 +1,190 @@
+//! Diagnostics of the residual of a verification, from the retest alone.
+//!
+//! ```text
+//! over the floor            √(σ² − floor²)                                if it exceeds two sampling errors
+//! hysteresis                mean while heating less mean while cooling    a gradient, another lag
+//! gap steps                 rms of the steps over breaks of the record    mode steps, where resets are marked invalid
+//! lag-1 autocorrelation     of neighbouring windows                       anything slow
+//! ```
+//!
+//! All of corrected windows, each run about its own mean. Sampling errors are those of white residuals of n windows:
+//! √(2/n)·floor² for the variance, σ√(1/n₁ + 1/n₂) for means, 1/√n for the correlation. Where the residual is not
+//! white they are too small.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::diagnostics::{Point, hysteresis_of};
+use sagnac_units::format::{significant, with_sigma};
+
+/// Windows on each side of a gap whose means are compared.
+const BESIDE: usize = 10;
+/// Fewer windows show nothing.
+const FEWEST: usize = 20;
+/// Part of a window between two neighbours that is a gap.
+const GAP: f64 = 0.005;
+
+/// A value with its standard error.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Estimate {
+    /// The value.
+    pub value: f64,
+    /// Its standard error.
+    pub sigma: f64,
+}
+
+/// Steps over the breaks of a record.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct GapSteps {
+    /// Breaks with enough windows on both sides.
+    pub gaps: usize,
+    /// Root mean square of the steps, °/h.
+    pub rms_dph: f64,
+    /// What the windows' own spread makes of it, °/h.
+    pub noise_dph: f64,
+}
+
+/// Diagnostics of the residual.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ResidualDiagnostics {
+    /// √(σ² − floor²), °/h; null where it is within two sampling errors of nothing, or without a floor.
+    pub over_floor_dph: Option<f64>,
+    /// Mean while heating less mean while cooling, °/h; null without both.
+    pub hysteresis_dph: Option<Estimate>,
+    /// Null without gaps.
+    pub gap_steps: Option<GapSteps>,
+    /// Correlation of neighbouring windows; null with too few.
+    pub lag1_autocorrelation: Option<Estimate>,
+}
+
+impl ResidualDiagnostics {
+    /// Rows for people: what, its value, and what noise alone would show.
+    pub fn rows(&self) -> Vec<Vec<String>> {
+        let mut rows = Vec::new();
+        let mut row = |name: &str, value: String, noise: String| rows.push(vec![name.to_owned(), value, noise]);
+        if let Some(over) = self.over_floor_dph {
+            row("over the floor, °/h", significant(over, 2), "0".to_owned());
+        }
+        if let Some(legs) = self.hysteresis_dph {
+            let noise = format!("± {}", significant(2.0 * legs.sigma, 2));
+            row("hysteresis (heating less cooling), °/h", with_sigma(legs.value, Some(legs.sigma)), noise);
+        }
+        if let Some(gaps) = self.gap_steps {
+            let name = format!("steps across {} gaps, rms, °/h", gaps.gaps);
+            row(&name, significant(gaps.rms_dph, 2), significant(gaps.noise_dph, 2));
+        }
+        if let Some(slow) = self.lag1_autocorrelation {
+            let noise = format!("± {}", significant(2.0 * slow.sigma, 2));
+            row("lag-1 autocorrelation", with_sigma(slow.value, Some(slow.sigma)), noise);
+        }
+        rows
+    }
+}
+
+/// From the points of an axis; the floor in °/h.
+pub(crate) fn residual_diagnostics(points: &[Point], floor_dph: Option<f64>) -> ResidualDiagnostics {
+    let used: Vec<&Point> = points.iter().filter(|p| p.excluded.is_none() && p.after_dph.is_finite()).collect();
+    let sigma = spread(&used);
+    ResidualDiagnostics {
+        over_floor_dph: floor_dph.and_then(|floor| over(sigma, floor, used.len())),
+        hysteresis_dph: hysteresis(points, sigma),
+        gap_steps: gap_steps(&used, sigma),
+        lag1_autocorrelation: lag1_autocorrelation(&used, sigma),
+    }
+}
+
+fn mean(points: &[&Point]) -> f64 {
+    points.iter().map(|p| p.after_dph).sum::<f64>() / points.len() as f64
+}
+
+fn spread(points: &[&Point]) -> f64 {
+    let mean = mean(points);
+    (points.iter().map(|p| (p.after_dph - mean).powi(2)).sum::<f64>() / points.len() as f64).sqrt()
+}
+
+fn over(sigma: f64, floor: f64, n: usize) -> Option<f64> {
+    let excess = sigma * sigma - floor * floor;
+    let sampling = (2.0 / n as f64).sqrt() * floor * floor;
+    (n >= FEWEST && excess > 2.0 * sampling).then(|| excess.sqrt())
+}
+
+fn hysteresis(points: &[Point], sigma: f64) -> Option<Estimate> {
+    let legs = hysteresis_of(points, FEWEST, |p| p.after_dph)?;
+    Some(Estimate { value: legs.difference_dph, sigma: sigma * legs.per_sigma })
+}
+
+/// Two windows follow each other without a break.
+pub(crate) fn joined(a: &Point, b: &Point) -> bool {
+    let between = (b.hours - 0.5 * b.length_h) - (a.hours + 0.5 * a.length_h);
+    a.run == b.run && between < GAP * a.length_h.min(b.length_h)
+}
+
+fn gap_steps(used: &[&Point], sigma: f64) -> Option<GapSteps> {
+    let breaks = (BESIDE..used.len().saturating_sub(BESIDE - 1)).filter(|i| {
+        let beside = &used[i - BESIDE..i + BESIDE];
+        let whole = |part: &[&Point]| part.windows(2).all(|pair| joined(pair[0], pair[1]));
+        used[i - 1].run == used[*i].run
+            && !joined(used[i - 1], used[*i])
+            && whole(&beside[..BESIDE])
+            && whole(&beside[BESIDE..])
+    });
+    let steps: Vec<f64> = breaks.map(|i| mean(&used[i..i + BESIDE]) - mean(&used[i - BESIDE..i])).collect();
+    let mean_square = steps.iter().map(|step| step * step).sum::<f64>() / steps.len() as f64;
+    let noise_dph = sigma * (2.0 / BESIDE as f64).sqrt();
+    (!steps.is_empty()).then(|| GapSteps { gaps: steps.len(), rms_dph: mean_square.sqrt(), noise_dph })
+}
+
+fn lag1_autocorrelation(used: &[&Point], sigma: f64) -> Option<Estimate> {
+    let pairs: Vec<f64> =
+        used.windows(2).filter(|w| joined(w[0], w[1])).map(|w| w[0].after_dph * w[1].after_dph).collect();
+    let n = pairs.len() as f64;
+    let value = pairs.iter().sum::<f64>() / n / (sigma * sigma);
+    (pairs.len() >= FEWEST && sigma > 0.0).then(|| Estimate { value, sigma: 1.0 / n.sqrt() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::verify::tests::noise;
+
+    /// Windows of 100 s: heating for a hundred, cooling for a hundred, a gap each fifty.
+    fn points(after: impl Fn(usize) -> f64) -> Vec<Point> {
+        let one = |i: usize| Point {
+            run: 0,
+            hours: (i as f64 + (i / 50) as f64 * 0.1) / 36.0,
+            length_h: 1.0 / 36.0,
+            temperature_c: 20.0,
+            rate_cpm: if i < 100 { 1.0 } else { -1.0 },
+            before_dph: 0.0,
+            inputs_dph: 0.0,
+            after_dph: after(i),
+            excluded: None,
+        };
+        (0..200).map(one).collect()
+    }
+
+    #[test]
+    fn what_was_put_in_is_named() {
+        let floor = (1.0_f64 / 12.0).sqrt();
+        let nothing = residual_diagnostics(&points(noise), Some(floor));
+        assert_eq!(nothing.over_floor_dph, None);
+        let (legs, slow) = (nothing.hysteresis_dph.unwrap(), nothing.lag1_autocorrelation.unwrap());
+        assert!(legs.value.abs() < 3.0 * legs.sigma && slow.value.abs() < 3.0 * slow.sigma, "{nothing:?}");
+        let gaps = nothing.gap_steps.unwrap();
+        assert!(gaps.gaps == 3 && gaps.rms_dph < 2.0 * gaps.noise_dph, "{gaps:?}");
+        // Half a degree an hour between the legs, and a step at each gap.
+        let apart = residual_diagnostics(&points(|i| noise(i) + if i < 100 { 0.25 } else { -0.25 }), Some(floor));
+        let legs = apart.hysteresis_dph.unwrap();
+        assert!((legs.value - 0.5).abs() < 3.0 * legs.sigma, "{legs:?}");
+        assert!((apart.over_floor_dph.unwrap() - 0.25).abs() < 0.06, "{apart:?}");
+        assert!(apart.lag1_autocorrelation.unwrap().value > 0.25);
+        let stepped =
+            residual_diagnostics(&points(|i| 0.1 * noise(i) + if (i / 50) % 2 == 0 { 0.5 } else { -0.5 }), None);
+        let gaps = stepped.gap_steps.unwrap();
+        assert!((gaps.rms_dph - 1.0).abs() < 0.1, "{gaps:?}");
+        assert_eq!(stepped.over_floor_dph, None, "no floor");
+    }
+}

@@ -1,0 +1,317 @@
+//! `cargo xtask compare`: ours and the peers' fits on one set of logs with a known truth; docs/explanation/comparison.md.
+//!
+//! ```text
+//! seven tests (fit log, retest, truth) ─▶ sagnac calibrate + compensate ─┐
+//!                                     └─▶ numpy, as each peer's users do ─┴▶ truth less correction on the retest ─▶ docs/explanation/comparison.md
+//! ```
+//!
+//! What is judged is the correction itself: its distance from the true drift at every second of a retest, about its mean.
+//! Ours must be at the floor, or refuse by name; else the task fails.
+
+use std::fmt::Write as _;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use anyhow::{Context, Result, ensure};
+use sagnac_sim::{NoiseConfig, Resting};
+use xtask::shell::root;
+
+use crate::bench::peers;
+use crate::program;
+
+/// Angle random walk of every log, °/√h; a window of 100 s then has σ = 0.018 °/h.
+const ARW_DEG_RT_H: f64 = 0.003;
+const FLOOR_DPH: f64 = 60.0 * ARW_DEG_RT_H / 10.0;
+/// An error that widens a retest's σ by less than a tenth cannot be seen there: √(1 + 0.46²) = 1.10.
+const AT_THE_FLOOR: f64 = 0.46;
+const INPUT_DPH: f64 = 4.5;
+/// The trial that is to be refused.
+const NARROW: &str = "2 °C";
+
+/// Peers as their documentation has them, each a function of temperature fitted to the log's rows.
+const PEERS: &str = r#"import sys, numpy as np
+fit, retest, out = sys.argv[1:4]
+def read(path):
+    rows = np.genfromtxt(path, delimiter=',', names=True)
+    return rows['temperature_c'], rows['rate_dph']
+t, y = read(fit)
+tr, _ = read(retest)
+def px4(t, y, tr):
+    # PX4 thermal calibration: polyfit of order 3 on the temperature about the middle of its range.
+    middle = 0.5 * (np.max(t) + np.min(t))
+    return np.polyval(np.polyfit(t - middle, y, 3), tr - middle)
+def ardupilot(t, y, tr):
+    # ArduPilot IMU temperature calibration: a cubic about 35 degC whose constant is not kept.
+    return np.polyval(np.append(np.polyfit(t - 35.0, y, 3)[:3], 0.0), tr - 35.0)
+def linear(t, y, tr):
+    # Android's temperature bias models, MATLAB's imuSensor: one slope and a constant.
+    return np.polyval(np.polyfit(t, y, 1), tr)
+names, columns = [], []
+for peer in (px4, ardupilot, linear):
+    try:
+        columns.append(peer(t, y, tr))
+        names.append('peer: ok')
+    except Exception as error:
+        columns.append(np.full(len(tr), np.nan))
+        names.append('peer: ' + type(error).__name__ + ': ' + str(error))
+np.savetxt(out, np.column_stack(columns), delimiter=',', fmt='%.9g')
+print('\n'.join(names))
+"#;
+const PEER_NAMES: [&str; 3] =
+    ["cubic about mid-range (PX4)", "cubic about 35 °C (ArduPilot)", "linear (Android, MATLAB)"];
+
+/// The gyro and its chamber in a test.
+#[derive(Clone, Copy)]
+struct Rig {
+    /// Chamber: lowest and highest, °C, and pace, °C/min.
+    span_c: [f64; 2],
+    pace_cpm: f64,
+    /// Soak at both ends, s.
+    soak_s: f64,
+    cycles: usize,
+    /// Rate effect, °/h per °C/min of the block.
+    rate_effect: f64,
+    /// Play of the drift's temperature, °C, and what it moves, °/h.
+    hysteresis: (f64, f64),
+    /// The thermometer is this many seconds behind the block.
+    thermometer_lag_s: f64,
+    thermometer_step_c: f64,
+}
+
+const QUIET: Rig = Rig {
+    span_c: [-20.0, 60.0],
+    pace_cpm: 0.25,
+    soak_s: 1800.0,
+    cycles: 1,
+    rate_effect: 0.0,
+    hysteresis: (0.0, 0.0),
+    thermometer_lag_s: 0.0,
+    thermometer_step_c: 0.001,
+};
+const MOVING: Rig = Rig {
+    pace_cpm: 1.0,
+    soak_s: 5400.0,
+    cycles: 2,
+    rate_effect: 0.05,
+    hysteresis: (1.0, 0.0005),
+    thermometer_lag_s: 240.0,
+    ..QUIET
+};
+
+/// A second of a log.
+struct Second {
+    temperature_c: f64,
+    rate_dph: f64,
+    /// True drift, °/h.
+    drift_dph: f64,
+}
+
+impl Rig {
+    /// Chamber temperature, a value a second.
+    fn chamber_c(&self) -> Vec<f64> {
+        let [lo, hi] = self.span_c;
+        let ramp_s = 60.0 * (hi - lo) / self.pace_cpm;
+        let mut out = vec![lo; self.soak_s as usize];
+        for _ in 0..self.cycles {
+            let ramp = |from: f64, to: f64| (1..=ramp_s as usize).map(move |s| from + (to - from) * s as f64 / ramp_s);
+            out.extend(ramp(lo, hi));
+            out.extend(std::iter::repeat_n(hi, self.soak_s as usize));
+            out.extend(ramp(hi, lo));
+            out.extend(std::iter::repeat_n(lo, self.soak_s as usize));
+        }
+        out
+    }
+
+    fn run(&self, seed: u64) -> Vec<Second> {
+        let chamber = self.chamber_c();
+        let noise = NoiseConfig { arw_deg_rt_h: ARW_DEG_RT_H, ..NoiseConfig::default() };
+        let noise = Resting { noise, q_arcsec: 0.0 }.angles(chamber.len(), seed);
+        let start = chamber[0];
+        let (mut block, mut thermometer, mut played) = (start, start, start);
+        let rows = chamber.iter().zip(noise).map(|(chamber_c, noise)| {
+            let before = block;
+            // The block follows the chamber with ten minutes.
+            block += (chamber_c - block) / 600.0;
+            thermometer += if self.thermometer_lag_s > 0.0 {
+                (block - thermometer) / self.thermometer_lag_s
+            } else {
+                block - thermometer
+            };
+            played = played.clamp(block - self.hysteresis.0, block + self.hysteresis.0);
+            let u = (block - 20.0) / 40.0;
+            let curve = 0.06 * u - 0.04 * u * u + 0.03 * u * u * u;
+            let drift = curve + self.rate_effect * 60.0 * (block - before) + self.hysteresis.1 * (block - played);
+            Second {
+                temperature_c: (thermometer / self.thermometer_step_c).round() * self.thermometer_step_c,
+                rate_dph: INPUT_DPH + drift + noise,
+                drift_dph: drift,
+            }
+        });
+        rows.collect()
+    }
+}
+
+/// One row of the comparison.
+struct Trial {
+    name: &'static str,
+    what: &'static str,
+    fit: Vec<Second>,
+    retest: Vec<Second>,
+}
+
+fn trials() -> Vec<Trial> {
+    let trial = |name, what, rig: Rig| Trial { name, what, fit: rig.run(1), retest: rig.run(2) };
+    let mut bump = trial("bump", "clean, with a motion of 30 s at 1 °/s in the fit's log", QUIET);
+    let middle = bump.fit.len() / 2;
+    bump.fit[middle..middle + 30].iter_mut().for_each(|second| second.rate_dph += 3600.0);
+    let mut missing = trial("NaN", "clean, one temperature of the fit's log is no number", QUIET);
+    missing.fit[5000].temperature_c = f64::NAN;
+    let narrow = Rig { span_c: [20.0, 22.0], pace_cpm: 0.05, ..QUIET };
+    vec![
+        trial("clean ramp", "0.25 °C/min up and down over 80 °C, thermometer on the block", QUIET),
+        trial(
+            "rate and hysteresis",
+            "1 °C/min, 0.05 °/h per °C/min, hysteresis, thermometer 4 min behind the block",
+            MOVING,
+        ),
+        bump,
+        missing,
+        trial(
+            "whole degrees",
+            "clean, a thermometer that reads whole degrees",
+            Rig { thermometer_step_c: 1.0, ..QUIET },
+        ),
+        Trial { retest: QUIET.run(2), ..trial(NARROW, "a fit's log of 2 °C, used over 80 °C", narrow) },
+        Trial {
+            fit: MOVING.run(3),
+            retest: Rig { pace_cpm: 0.5, ..MOVING }.run(4),
+            ..trial("second cycle", "fitted at 1 °C/min, used at 0.5", MOVING)
+        },
+    ]
+}
+
+fn csv(seconds: &[Second]) -> String {
+    let mut out = String::from("time_s,temperature_c,rate_dph\n");
+    for (index, second) in seconds.iter().enumerate() {
+        // A String takes all that is written to it.
+        let _ = writeln!(out, "{},{},{:.6}", index + 1, second.temperature_c, second.rate_dph);
+    }
+    out
+}
+
+/// Root mean square and worst of truth less correction, about its mean; `None` where the correction is no number.
+fn error_of(correction: &[f64], retest: &[Second]) -> Option<(f64, f64)> {
+    let errors: Vec<f64> = correction.iter().zip(retest).map(|(c, second)| second.drift_dph - c).collect();
+    let mean = errors.iter().sum::<f64>() / errors.len() as f64;
+    let square = errors.iter().map(|e| (e - mean).powi(2)).sum::<f64>() / errors.len() as f64;
+    let worst = errors.iter().map(|e| (e - mean).abs()).fold(0.0, f64::max);
+    (square.is_finite() && !errors.is_empty()).then(|| (square.sqrt(), worst))
+}
+
+/// What came of one tool on one trial.
+enum Came {
+    /// rms and worst, °/h.
+    Error(f64, f64),
+    /// Its own words.
+    Said(String),
+}
+
+/// Ours through the program as a user runs it: fit, correct the retest, compare what was taken off.
+fn ours(folder: &Path, fit: &Path, retest: &Path, truth: &[Second]) -> Result<Came> {
+    let program = program::sagnac()?;
+    let (record, corrected) = (folder.join("u.cal.json"), folder.join("corrected.csv"));
+    let run = |args: &[&std::ffi::OsStr]| Command::new(&program).args(args).output().context("cannot start sagnac");
+    let flags = ["-o".as_ref(), record.as_os_str(), "--serial".as_ref(), "COMPARED".as_ref()];
+    let fitted = run(&[&["calibrate".as_ref(), fit.as_os_str()][..], &flags].concat())?;
+    if !fitted.status.success() {
+        let said = String::from_utf8_lossy(&fitted.stderr).into_owned();
+        let words = said.lines().next().unwrap_or_default();
+        return Ok(Came::Said(words.replace(&format!("{}/", folder.display()), "")));
+    }
+    let done =
+        run(&["compensate".as_ref(), record.as_os_str(), retest.as_os_str(), "-o".as_ref(), corrected.as_os_str()])?;
+    ensure!(done.status.success(), "compensate: {}", String::from_utf8_lossy(&done.stderr));
+    let text = fs::read_to_string(&corrected)?;
+    let header: Vec<&str> = text.lines().find(|line| !line.starts_with('#')).unwrap_or_default().split(',').collect();
+    let column = header.iter().position(|name| name.starts_with("compensated_rate")).context("no corrected rate")?;
+    let rows = text.lines().filter(|line| !line.starts_with('#')).skip(1);
+    let rates: Result<Vec<f64>, _> =
+        rows.map(|row| row.split(',').nth(column).unwrap_or_default().parse::<f64>()).collect();
+    let correction: Vec<f64> = rates?.iter().zip(truth).map(|(after, second)| second.rate_dph - after).collect();
+    ensure!(correction.len() == truth.len(), "{} corrected rows of {}", correction.len(), truth.len());
+    Ok(error_of(&correction, truth).map_or(Came::Said("no number".to_owned()), |(rms, worst)| Came::Error(rms, worst)))
+}
+
+fn theirs(python: &str, folder: &Path, fit: &Path, retest: &Path, truth: &[Second]) -> Result<Vec<Came>> {
+    let (script, out) = (folder.join("peers.py"), folder.join("peers.csv"));
+    fs::write(&script, PEERS)?;
+    let output = Command::new(python).arg(&script).args([fit, retest, &out]).output().context("cannot start python")?;
+    ensure!(output.status.success(), "the peers: {}", String::from_utf8_lossy(&output.stderr));
+    let said = String::from_utf8_lossy(&output.stdout).into_owned();
+    let table = fs::read_to_string(&out)?;
+    // What the libraries below print of their own is not the peers' word.
+    let words = said.lines().filter_map(|line| line.strip_prefix("peer: "));
+    let came = words.enumerate().map(|(peer, words)| {
+        let column: Vec<f64> = table
+            .lines()
+            .map(|row| row.split(',').nth(peer).and_then(|c| c.parse().ok()).unwrap_or(f64::NAN))
+            .collect();
+        match error_of(&column, truth) {
+            Some((rms, worst)) => Came::Error(rms, worst),
+            None if words == "ok" => Came::Said("NaN, without a word".to_owned()),
+            None => Came::Said(words.to_owned()),
+        }
+    });
+    Ok(came.collect())
+}
+
+fn cell(came: &Came) -> String {
+    match came {
+        Came::Error(rms, worst) => format!("{rms:.4}, {worst:.3}"),
+        Came::Said(words) => words.replace('|', "/"),
+    }
+}
+
+/// Runs every trial and writes the page.
+pub(crate) fn compare() -> Result<()> {
+    let folder: PathBuf = root().join("target/compare");
+    fs::create_dir_all(root().join("target/bench"))?;
+    fs::create_dir_all(&folder)?;
+    let python = peers(&root().join("target/bench"))?;
+    let mut page = format!(
+        "# Beside the peers\n\nMade by `cargo xtask compare`; do not edit. One set of simulated logs with a known drift (cubic over 80 °C, 0.13 °/h in \
+         all, ARW {ARW_DEG_RT_H} °/√h); each tool fits one log and its correction is held against the true drift at every second of another: root mean \
+         square and worst distance about the mean, °/h. Noise alone gives a window of 100 s σ = {FLOOR_DPH} °/h; an error below {:.4} cannot be seen in a \
+         retest and counts as at the floor. Peers are written with numpy as their documentation has them; none of their code runs here.\n\n\
+         | test | `sagnac calibrate`, auto | {} |\n|---|---|---|---|---|\n",
+        AT_THE_FLOOR * FLOOR_DPH,
+        PEER_NAMES.join(" | ")
+    );
+    let mut missed = Vec::new();
+    for trial in trials() {
+        let (fit, retest) = (folder.join("fit.csv"), folder.join("retest.csv"));
+        fs::write(&fit, csv(&trial.fit))?;
+        fs::write(&retest, csv(&trial.retest))?;
+        let mine = ours(&folder, &fit, &retest, &trial.retest)?;
+        let others = theirs(&python, &folder, &fit, &retest, &trial.retest)?;
+        let cells: Vec<String> = others.iter().map(cell).collect();
+        let row = format!("| **{}**: {} | {} | {} |", trial.name, trial.what, cell(&mine), cells.join(" | "));
+        println!("{row}");
+        page = page + &row + "\n";
+        let kept = match &mine {
+            Came::Error(rms, _) => *rms <= AT_THE_FLOOR * FLOOR_DPH,
+            // Only where the data cannot tell: a refusal of a good log is no success.
+            Came::Said(words) => trial.name == NARROW && words.starts_with("refused: "),
+        };
+        if !kept {
+            missed.push(trial.name);
+        }
+    }
+    page += "\nWhat a bump, a step or a missing temperature does is decided before the fit: windows are left out by name. A span too small is refused. The \
+             rate term is what the peers lack; a thermometer behind the block looks like one.\n";
+    fs::write(root().join("docs/explanation/comparison.md"), &page)?;
+    ensure!(missed.is_empty(), "not at the floor and not refused: {}", missed.join(", "));
+    println!("wrote docs/explanation/comparison.md");
+    Ok(())
+}

@@ -1,0 +1,435 @@
+//! `cargo xtask firmware`: from Debian's packages to a verdict, a line per check.
+//!
+//! ```text
+//! simulate ─▶ calibrate ─▶ image ─┐
+//! scenario ─▶ loops ──────────────┴▶ firmware (thumbv7em) ─▶ QEMU ─▶ vectors, instructions, frames
+//! ten-minute log ─▶ messages ─┬─▶ serial line of the emulated board ─▶ frames ─┐
+//!                             └─▶ the same board on this machine ─────▶ frames ┴▶ equal, byte for byte
+//! ```
+
+use std::fs;
+use std::io::{Read, Write};
+use std::os::unix::net::{UnixListener, UnixStream};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use anyhow::{Context, Result, bail, ensure};
+use sagnac::model::{PRICED_WITHIN, Work};
+use sagnac_board::{Desk, MemoryFlash, Message, RigSettings, Row, run};
+use sagnac_core::{Banks, Description, Gyro, Image, Kind, Multiplier, Term, Thermometer};
+use sagnac_loops::LoopTable;
+use xtask::shell::{need, root, said, sh_in, text};
+
+use crate::program;
+
+const TARGET: &str = "thumbv7em-none-eabihf";
+const SCENARIO: &str = "firmware/gyro/ten-minutes.toml";
+/// Instructions that may not be exceeded: tick with slew, tick with both loops, slow update.
+const MOST: [u32; 3] = [60, 1000, 2000];
+
+pub(crate) fn firmware() -> Result<()> {
+    need(&[
+        ("/usr/bin/rustc", "rustc-web"),
+        ("/usr/lib/rustlib/src/rust/library/core/Cargo.toml", "rust-web-src"),
+        ("qemu-system-arm", "qemu-system-arm"),
+        ("arm-none-eabi-ld", "binutils-arm-none-eabi"),
+    ])?;
+    let folder = root().join("target/firmware");
+    fs::create_dir_all(&folder)?;
+    let sysroot = sysroot(&folder)?;
+    let unit = unit(&folder)?;
+    let refused = build(&sysroot, &unit.image, &unit.loops, &["--features", "broken"])
+        .err()
+        .context("a firmware with a panic path links")?;
+    let reason = format!("{refused:#}");
+    ensure!(reason.contains("sagnac_firmware_has_a_panic_path"), "it fails for another reason: {reason}");
+    build(&sysroot, &unit.image, &unit.loops, &[])?;
+    println!("check: no panic path in the linked programs, and with one they do not link");
+    for line in emulate("vectors", &["-serial", "null"], 300)?.lines() {
+        println!("check: Rust on the target: {line}");
+    }
+    instructions(&sysroot, &folder, &unit)?;
+    line_of(&folder, &unit, "without dither", 0, 600)?;
+    line_of(&folder, &unit, "dithered", 60, 60)?;
+    println!("firmware: every check passed");
+    Ok(())
+}
+
+/// core and compiler_builtins for the target, once: from Debian's source of the very compiler that is used.
+fn sysroot(folder: &Path) -> Result<PathBuf> {
+    let versions = ["rustc-web", "rust-web-src"].map(|package| {
+        let version = said(60, "dpkg-query", &["-W", "-f", "${Version}", package], &root())?;
+        Ok::<_, anyhow::Error>(version)
+    });
+    let [compiler, source] = versions;
+    let (compiler, source) = (compiler?, source?);
+    ensure!(compiler == source, "rustc-web {compiler} and rust-web-src {source} are not of one version");
+    let sysroot = folder.join(format!("sysroot-{compiler}"));
+    let libraries = sysroot.join(format!("lib/rustlib/{TARGET}/lib"));
+    let core = libraries.join("libcore.rlib");
+    if !libraries.join("libcompiler_builtins.rlib").exists() {
+        fs::create_dir_all(&libraries)?;
+        let library = Path::new("/usr/lib/rustlib/src/rust/library");
+        let common = ["--target", TARGET, "--edition=2024", "--crate-type", "rlib", "-O", "-C", "panic=abort"];
+        let common = [&common[..], &["-C", "embed-bitcode=yes", "--cap-lints", "allow"]].concat();
+        let common = [&common[..], &["-Z", "force-unstable-if-unmarked", "--out-dir", text(&libraries)?]].concat();
+        let env = [("RUSTC_BOOTSTRAP", "1")];
+        let source = library.join("core/src/lib.rs");
+        sh_in(folder, "/usr/bin/rustc", &[&common[..], &["--crate-name", "core", text(&source)?]].concat(), &env)?;
+        let source = library.join("compiler-builtins/compiler-builtins/src/lib.rs");
+        let external = format!("core={}", text(&core)?);
+        let features = ["--cfg", "feature=\"compiler-builtins\"", "--cfg", "feature=\"mem\"", "--extern", &external];
+        let name = ["--crate-name", "compiler_builtins", "-C", "codegen-units=1"];
+        let all = [&common[..], &name, &features, &[text(&source)?]].concat();
+        sh_in(folder, "/usr/bin/rustc", &all, &env)?;
+    }
+    println!("check: core for {TARGET} from rust-web-src {compiler}, the compiler's own version");
+    Ok(sysroot)
+}
+
+/// The unit that the firmware is built for.
+struct Unit {
+    image: PathBuf,
+    loops: PathBuf,
+    log: PathBuf,
+}
+
+/// Everything by the program itself: a calibration from the long log, its image, the loops, the ten-minute log.
+fn unit(folder: &Path) -> Result<Unit> {
+    let file = |name: &str| folder.join(name);
+    let unit = Unit { image: file("unit.img"), loops: file("unit.loops"), log: file("ten-minutes.csv") };
+    let (thermal, calibration) = (file("thermal.csv"), file("unit.cal.json"));
+    sagnac(&["simulate", "scenarios/paper/paper.toml", "-o", text(&thermal)?])?;
+    let calibrate = ["calibrate", text(&thermal)?, "--setup", "scenarios/paper/bench.toml", "-o"];
+    sagnac(&[&calibrate[..], &[text(&calibration)?]].concat())?;
+    sagnac(&["export", text(&calibration)?, "--to", "image", "-o", text(&unit.image)?])?;
+    sagnac(&["export", SCENARIO, "--to", "loops", "-o", text(&unit.loops)?])?;
+    sagnac(&["simulate", SCENARIO, "-o", text(&unit.log)?])?;
+    Ok(unit)
+}
+
+fn sagnac(args: &[&str]) -> Result<String> {
+    said(300, text(&program::sagnac()?)?, args, &root())
+}
+
+fn build(sysroot: &Path, image: &Path, loops: &Path, features: &[&str]) -> Result<()> {
+    let flags = format!("-C link-arg=-Tlink.x -C linker=arm-none-eabi-ld --sysroot {}", text(sysroot)?);
+    let target = root().join("target/firmware/build");
+    let args = ["build", "--release", "--locked", "--target", TARGET, "--target-dir", text(&target)?];
+    let output = Command::new("cargo")
+        .args(args)
+        .args(features)
+        .current_dir(root().join("firmware/gyro"))
+        .env("RUSTC", "/usr/bin/rustc")
+        .env("RUSTFLAGS", &flags)
+        .env("SAGNAC_IMAGE", image)
+        .env("SAGNAC_LOOPS", loops)
+        .output()
+        .context("cannot start cargo")?;
+    ensure!(output.status.success(), "the firmware does not build:\n{}", String::from_utf8_lossy(&output.stderr));
+    Ok(())
+}
+
+/// Runs a program in the emulator; what it said. Its own verdict is the exit status.
+fn emulate(program: &str, args: &[&str], seconds: u32) -> Result<String> {
+    let path = root().join(format!("target/firmware/build/{TARGET}/release/{program}"));
+    let machine = ["-M", "mps2-an386", "-cpu", "cortex-m4", "-nographic", "-monitor", "none"];
+    let hosting = ["-semihosting-config", "enable=on,target=native", "-kernel", text(&path)?];
+    said(seconds, "qemu-system-arm", &[&machine[..], &hosting, args].concat(), &root())
+}
+
+/// Instructions of the image with bias 5, rate 1 and scale 2, which the vectors hold.
+fn instructions(sysroot: &Path, folder: &Path, unit: &Unit) -> Result<()> {
+    let image = folder.join("full.img");
+    fs::write(&image, sagnac::export::image_bytes(&image_of("compensator-full")?))?;
+    build(sysroot, &image, &unit.loops, &["--bin", "measure"])?;
+    let said = emulate("measure", &["-serial", "null", "-icount", "shift=0"], 60)?;
+    let number = |name: &str| -> Result<u32> {
+        let line =
+            said.lines().find_map(|line| line.strip_prefix(name)).with_context(|| format!("no {name}: {said}"))?;
+        Ok(line.trim().parse()?)
+    };
+    let tick = number("tick")?;
+    let [slewing, whole, slow] = [number("tick-slewing")?, number("tick-whole")?, number("slow-update")?];
+    println!("check: compensation tick {tick} instructions, {slewing} while slewing (at most {})", MOST[0]);
+    println!("check: tick at the output limit, slewing: {} instructions", number("tick-limited")?);
+    println!("check: tick with stripping, both loops and frame {whole} instructions on average (at most {})", MOST[1]);
+    println!("check: slow update at bias 5, rate 1, scale 2: {slow} instructions (at most {})", MOST[2]);
+    println!("       instructions, not cycles: a 100 MHz part has 10,000 cycles per tick");
+    for (name, found, most) in
+        [("tick", slewing, MOST[0]), ("whole tick", whole, MOST[1]), ("slow update", slow, MOST[2])]
+    {
+        ensure!(found <= most, "{name}: {found} instructions, at most {most}");
+    }
+    costs(sysroot, folder, unit)?;
+    // The other programs are the unit's own again.
+    build(sysroot, &unit.image, &unit.loops, &[])
+}
+
+/// An image with a part of its terms and the first of its thermometers; without a rate term no filter runs.
+fn with_terms(of: &Image, thermometers: u8, kept: impl Fn(&Term) -> bool) -> Result<Image> {
+    let mut description: Description = *of.description();
+    let kept: Vec<Term> = of.terms().iter().filter(|term| term.sensor < thermometers && kept(term)).copied().collect();
+    description.terms = [Term::ZERO; sagnac_core::MAX_TERMS];
+    description.terms[..kept.len()].copy_from_slice(&kept);
+    description.term_count = u8::try_from(kept.len())?;
+    description.thermometer_count = thermometers;
+    for (at, thermometer) in (0_u8..).zip(description.thermometers.iter_mut()) {
+        if kept.iter().all(|term| term.multiplier != Multiplier::Rate || term.sensor != at) {
+            thermometer.lag = Thermometer::UNUSED.lag;
+        }
+        if at >= thermometers {
+            *thermometer = Thermometer::UNUSED;
+        }
+    }
+    Image::new(description).map_err(|e| anyhow::anyhow!("an image with fewer terms: {e}"))
+}
+
+/// The images whose slow update is counted.
+fn priced(full: &Image, inputs: &Image, harmonic: &Image) -> Result<Vec<(&'static str, Image)>> {
+    let order = |term: &Term| term.shape.order().unwrap_or(0);
+    let series = |term: &Term| term.kind == Kind::Bias && term.multiplier == Multiplier::One;
+    let rate = |term: &Term, most: u8| term.multiplier == Multiplier::Rate && order(term) <= most;
+    // The codes that are measured with are believed of every input.
+    let mut believed = *inputs.description();
+    believed.thermometers[3].gain = believed.thermometers[0].gain;
+    let inputs = &Image::new(believed)?;
+    Ok(vec![
+        ("nothing", with_terms(full, 1, |_| false)?),
+        ("bias 1", with_terms(full, 1, |term| series(term) && order(term) <= 1)?),
+        ("bias 5", with_terms(full, 1, series)?),
+        ("bias 5, rate 0", with_terms(full, 1, |term| series(term) || rate(term, 0))?),
+        ("bias 5, rate 1", with_terms(full, 1, |term| series(term) || rate(term, 1))?),
+        ("bias 5, rate 1, scale 2", with_terms(full, 1, |_| true)?),
+        ("bias 2 and zones", with_terms(inputs, 1, |term| term.multiplier == Multiplier::One)?),
+        ("two thermometers", with_terms(inputs, 2, |term| term.multiplier == Multiplier::One)?),
+        ("and their difference", with_terms(inputs, 3, |term| term.kind == Kind::Bias)?),
+        ("and a voltage with steps", with_terms(inputs, 4, |_| true)?),
+        ("bias 3 and harmonics", with_terms(harmonic, 1, |term| term.multiplier == Multiplier::One)?),
+        ("harmonics of two thermometers and their rates", with_terms(harmonic, 2, |_| true)?),
+    ])
+}
+
+/// The form by which `calibrate --tradeoff` prices models, against images of several.
+fn costs(sysroot: &Path, folder: &Path, unit: &Unit) -> Result<()> {
+    let [full, inputs, harmonic] = ["full", "inputs", "harmonic"].map(|name| image_of(&format!("compensator-{name}")));
+    let mut wrong = Vec::new();
+    for (name, image) in priced(&full?, &inputs?, &harmonic?)? {
+        let path = folder.join("priced.img");
+        fs::write(&path, sagnac::export::image_bytes(&image))?;
+        build(sysroot, &path, &unit.loops, &["--bin", "measure"])?;
+        let said = emulate("measure", &["-serial", "null", "-icount", "shift=0"], 60)?;
+        let counted = said.lines().find_map(|line| line.strip_prefix("slow-update ")).context("no slow-update")?;
+        let work = Work::of_image(&image);
+        let (counted, priced): (u32, u32) = (counted.trim().parse()?, work.instructions());
+        println!(
+            "check: {name}: slow update of {counted} instructions, {priced} by the form of docs/explanation/method.md ({work:?})"
+        );
+        if (f64::from(priced) / f64::from(counted) - 1.0).abs() > PRICED_WITHIN {
+            wrong.push(format!("{name}: {priced} instructions by the form, {counted} counted"));
+        }
+    }
+    ensure!(wrong.is_empty(), "{}", wrong.join("; "));
+    Ok(())
+}
+
+/// The image of a file of vectors.
+fn image_of(name: &str) -> Result<Image> {
+    let vectors = fs::read(root().join(format!("testdata/vectors/{name}.hex")))?;
+    let mut words = sagnac_vectors::Words::new(&vectors);
+    let head = words.head()?;
+    let mut bytes = [0; sagnac_vectors::MAX_TABLE];
+    Image::decode(words.table(&head, &mut bytes)?).map_err(|e| anyhow::anyhow!("the image of {name}: {e}"))
+}
+
+/// The ten-minute log over the emulated board's serial line and through the same board here.
+fn line_of(folder: &Path, unit: &Unit, name: &str, dither_counts: u32, seconds: usize) -> Result<()> {
+    let output = folder.join(format!("line-{}.bin", name.replace(' ', "-")));
+    let (bytes, rows) = messages(unit, dither_counts, seconds)?;
+    let here = here(unit, &bytes)?;
+    let (there, said) = over_the_line(folder, bytes)?;
+    fs::write(&output, &there)?;
+    let both = here.len().min(there.len());
+    let first = here.iter().zip(&there).position(|(a, b)| a != b).or((here.len() != there.len()).then_some(both));
+    if let Some(at) = first {
+        bail!("{name}: {} bytes here, {} from the target; the first difference is at {at}", here.len(), there.len());
+    }
+    println!(
+        "check: {name}: {rows} rows, {} bytes of frames from the target equal the host's; {}",
+        there.len(),
+        said.trim()
+    );
+    let csv = folder.join("frames.csv");
+    let told = said_by_frames(&output, &csv)?;
+    println!("check: {name}: {told}");
+    if dither_counts == 0 {
+        against_compensate(folder, unit, &csv)?;
+    }
+    Ok(())
+}
+
+/// Sends the bytes to the emulated board; what it sent back, and what it said at the end.
+fn over_the_line(folder: &Path, bytes: Vec<u8>) -> Result<(Vec<u8>, String)> {
+    let socket = folder.join("line.socket");
+    let _ = fs::remove_file(&socket);
+    let listener = UnixListener::bind(&socket).with_context(|| format!("{}", socket.display()))?;
+    let port = format!("socket,id=line,path={}", text(&socket)?);
+    // Time stands still for nobody here: the emulated clock jumps to the next tick as soon as the processor waits.
+    let ours = socket.clone();
+    let emulated = std::thread::spawn(move || {
+        let args = ["-chardev", &port, "-serial", "chardev:line", "-icount", "shift=0,sleep=off"];
+        let said = emulate("gyro", &args, 900);
+        // An emulator that never came would leave the other side waiting for it.
+        let _ = UnixStream::connect(ours);
+        said
+    });
+    let (mut line, _) = listener.accept()?;
+    let mut writing = line.try_clone()?;
+    // The emulator may end before it has read all that it was sent; that shows in what comes back.
+    let sent = std::thread::spawn(move || writing.write_all(&bytes));
+    let mut back = Vec::new();
+    line.read_to_end(&mut back)?;
+    let said = emulated.join().map_err(|_| anyhow::anyhow!("the emulator's thread"))??;
+    let _ = sent.join();
+    fs::remove_file(&socket)?;
+    Ok((back, said))
+}
+
+/// `sagnac frames` reads the line; its last word on it.
+fn said_by_frames(line: &Path, csv: &Path) -> Result<String> {
+    let output = Command::new(program::sagnac()?).args(["frames", text(line)?, "-o", text(csv)?]).output()?;
+    let told = String::from_utf8_lossy(&output.stderr).trim().replace('\n', "; ");
+    ensure!(
+        output.status.success() && told.contains(" 0 missing") && !told.contains("belong to no frame"),
+        "frames: {told}"
+    );
+    for expected in [
+        "commit of an image: refused: not an image",
+        "refused: for another gyro",
+        "refused: not newer",
+        "roll back: done",
+    ] {
+        ensure!(told.contains(expected), "the target did not say {expected:?}: {told}");
+    }
+    Ok(told)
+}
+
+/// The log as rows for the rig, with images, good and bad, sent in between.
+///
+/// A slow update uses the newest temperature whose row has ended, as a replay does: a row carries the one before its own.
+fn messages(unit: &Unit, dither_counts: u32, seconds: usize) -> Result<(Vec<u8>, usize)> {
+    let log = fs::read_to_string(&unit.log)?;
+    let loops = LoopTable::decode(&fs::read(&unit.loops)?)?;
+    let mut rows = rows(&log)?;
+    ensure!(rows.len() >= seconds, "the log has {} rows", rows.len());
+    rows.truncate(seconds);
+    let image = fs::read(&unit.image)?;
+    let with = |change: &dyn Fn(&mut sagnac_core::Description)| -> Result<Vec<u8>> {
+        let mut description = *Image::decode(&image)?.description();
+        change(&mut description);
+        Ok(sagnac::export::image_bytes(&Image::new(description)?))
+    };
+    let second = with(&|d| d.sequence = 2)?;
+    let other = with(&|d| d.serial[0] ^= 1)?;
+    let mut damaged = second.clone();
+    damaged[150] ^= 4;
+    let mut out = Vec::new();
+    let mut send = |message: Message| -> Result<()> {
+        let (bytes, len) = message.frame().context("a message without a frame")?.bytes();
+        out.extend_from_slice(&bytes[..len]);
+        Ok(())
+    };
+    send(Message::Settings(settings(&loops, dither_counts)))?;
+    for (second_of_run, row) in rows.iter().enumerate() {
+        // The first image comes before the first row, so that a replay with it is the same from the start.
+        let images: &[&Vec<u8>] = match second_of_run {
+            0 => &[&image],
+            row if row == seconds / 3 => &[&damaged, &other, &image, &second],
+            _ => &[],
+        };
+        for image in images {
+            Message::pieces(image).try_for_each(&mut send)?;
+            send(Message::Commit { len: image.len() as u16 })?;
+        }
+        if second_of_run == seconds * 2 / 3 {
+            send(Message::RollBack)?;
+        }
+        send(Message::Row(*row))?;
+    }
+    send(Message::Stop)?;
+    Ok((out, rows.len()))
+}
+
+fn rows(log: &str) -> Result<Vec<Row>> {
+    let mut rows: Vec<Row> = Vec::new();
+    let (mut before_ticks, mut before_code) = (0_i64, None);
+    for line in log.lines().skip(1) {
+        let cells: Vec<&str> = line.split(',').collect();
+        let [time, counts, _, temperature, ..] = cells[..] else { bail!("a row of the log: {line}") };
+        let ticks = (time.parse::<f64>()? * 1e4).round() as i64;
+        let code = (temperature.parse::<f64>()? * f64::from(1 << 24)).round() as i32;
+        let codes = [before_code.unwrap_or(code), 0, 0, 0];
+        rows.push(Row { ticks: (ticks - before_ticks) as u32, counts: counts.parse()?, present: 1, codes });
+        (before_ticks, before_code) = (ticks, Some(code));
+    }
+    Ok(rows)
+}
+
+/// A plant that the loops can hold: what the vectors use, drifting by a tenth of a wavelength per °C.
+fn settings(loops: &LoopTable, dither_counts: u32) -> RigSettings {
+    let wavelength = loops.path_length.wavelength();
+    let field = |wanted: &str| {
+        let all = loops.intensity.fields();
+        all.iter().find(|(name, _)| *name == wanted).map_or(0.0, |(_, value)| *value as f64)
+    };
+    let light = field("set_point") / field("ticks");
+    RigSettings {
+        dither_counts,
+        // 400 Hz and a little, so that the swing does not stand still against the frames.
+        dither_step: (400.37e-4 * 32_f64.exp2()) as u32,
+        place: wavelength / 7,
+        // 2^-16 codes for a °C.
+        place_slope: wavelength / 10 * 65_536,
+        wavelength,
+        curvature: (3.9 / f64::from(wavelength).powi(2) * 48_f64.exp2()) as u32,
+        lamp_gain: (light / (0.6 * field("most")) * 65_536.0) as u32,
+        lamp_lag: 4,
+        actuator_lag: 0,
+        noise_bits: (light.log2() as u8).saturating_sub(10),
+    }
+}
+
+fn here(unit: &Unit, input: &[u8]) -> Result<Vec<u8>> {
+    let gyro = Gyro::of(&Image::decode(&fs::read(&unit.image)?)?, 4);
+    let loops = LoopTable::decode(&fs::read(&unit.loops)?)?;
+    let banks = Banks::new(MemoryFlash::new(), 0, MemoryFlash::BANK).context("the banks do not fit")?;
+    let mut out = Vec::new();
+    run(&mut Desk::new(banks, gyro, loops), input.iter().copied(), |bytes| out.extend_from_slice(bytes));
+    Ok(out)
+}
+
+/// What the frames of each second add up to is what `sagnac compensate` says of that row; the second image corrects as
+/// the first, and taking it over between two ticks loses nothing.
+fn against_compensate(folder: &Path, unit: &Unit, frames: &Path) -> Result<()> {
+    let corrected = folder.join("corrected.csv");
+    sagnac(&["compensate", text(&unit.image)?, text(&unit.log)?, "-o", text(&corrected)?])?;
+    let table = |path: &Path, column: &str| -> Result<Vec<i64>> {
+        let text = fs::read_to_string(path)?;
+        let mut lines = text.lines().filter(|line| !line.starts_with('#'));
+        let header = lines.next().context("no header")?;
+        let at = header.split(',').position(|name| name == column).with_context(|| format!("{column} in {header}"))?;
+        lines.map(|line| Ok(line.split(',').nth(at).context("a short row")?.parse::<f64>()? as i64)).collect()
+    };
+    let rows = table(&corrected, "compensated_counts")?;
+    let frames = table(frames, "counts")?;
+    let seconds: Vec<i64> = frames.chunks(100).map(|second| second.iter().sum()).collect();
+    let same = rows.iter().zip(&seconds).take_while(|(row, second)| row == second).count();
+    ensure!(
+        same == rows.len(),
+        "the frames of second {same} add up to {:?}, compensate says {:?}",
+        seconds.get(same),
+        rows.get(same)
+    );
+    println!("check: the frames of each of the first {same} s add up to the rows of `sagnac compensate`");
+    Ok(())
+}

@@ -1,0 +1,523 @@
+//! The reference vectors in `testdata/vectors/`, made from the core: on purpose, after a change that is meant.
+
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use anyhow::{Context, Result};
+use sagnac_core::{Description, Image, Kind, LagSpec, MAX_RAW, Multiplier, Scale, Shape, Source, Term, Thermometer};
+use sagnac_loops::LoopTable;
+use sagnac_sim::physics::free_spectral_range_hz;
+use sagnac_sim::{LoopDesign, Scenario};
+use sagnac_vectors::{INPUTS, MAGIC, Machine, Module};
+use xtask::shell::root;
+
+const LIGHT: u32 = 1 << 9;
+const CLOSED: u32 = 1 << 8;
+const HOLD: u32 = 1 << 8;
+
+/// Where they are.
+pub(crate) fn folder() -> PathBuf {
+    root().join("testdata/vectors")
+}
+
+/// Makes all of them.
+pub(crate) fn write() -> Result<()> {
+    let paper = std::fs::read(root().join("testdata/image/paper.img"))?;
+    let mirror = loops("triangle-28cm-dithered", true)?;
+    let heater = loops("prism-heater-loop", false)?;
+    compensator_full()?.write("compensator-full")?;
+    compensator_paper(&paper)?.write("compensator-paper")?;
+    compensator_inputs()?.write("compensator-inputs")?;
+    compensator_harmonic()?.write("compensator-harmonic")?;
+    compensator_edges(9, 1)?.write("compensator-edges")?;
+    compensator_edges(1 << 30, 41)?.write("compensator-advance")?;
+    compensator_edges(9, 41)?.write("compensator-limits")?;
+    path_length(&mirror, 1, 1500)?.write("path-length-mirror")?;
+    path_length(&heater, 25, 400)?.write("path-length-heater")?;
+    intensity(&mirror.table)?.write("intensity")?;
+    quadrature()?.write("quadrature")
+}
+
+/// A file in the making: the machine that gives the outputs, and the text.
+struct Making {
+    machine: Machine,
+    about: &'static str,
+    head: [u32; 3],
+    table: Vec<u8>,
+    records: u32,
+    text: String,
+}
+
+impl Making {
+    fn new(module: Module, table: Vec<u8>, about: &'static str) -> Result<Self> {
+        let machine = Machine::new(module, &table).context("the table is refused")?;
+        let head = [MAGIC, module as u32, table.len() as u32];
+        Ok(Self { machine, about, head, table, records: 0, text: String::new() })
+    }
+
+    /// One record; its outputs.
+    fn step(&mut self, operation: u32, inputs: &[u32]) -> Result<[u32; 7]> {
+        let mut all = [0; INPUTS];
+        all[..inputs.len()].copy_from_slice(inputs);
+        let outputs = self.machine.step(operation, &all).context("no such operation")?;
+        for word in [operation].iter().chain(&all).chain(&outputs) {
+            write!(self.text, "{word:08x} ")?;
+        }
+        self.text.pop();
+        self.text.push('\n');
+        self.records += 1;
+        Ok(outputs)
+    }
+
+    fn write(self, name: &str) -> Result<()> {
+        let mut text =
+            format!("// {}\n// Made by `cargo xtask vectors`; format in docs/reference/vectors.md.\n", self.about);
+        let [magic, module, len] = self.head;
+        writeln!(text, "{magic:08x} {module:08x} {len:08x} {:08x}", self.records)?;
+        for line in self.table.chunks(32) {
+            let words = line.chunks(4).map(|four| {
+                let mut bytes = [0; 4];
+                bytes[..four.len()].copy_from_slice(four);
+                format!("{:08x}", u32::from_le_bytes(bytes))
+            });
+            writeln!(text, "{}", words.collect::<Vec<_>>().join(" "))?;
+        }
+        text.push_str(&self.text);
+        let path = folder().join(name).with_extension("hex");
+        std::fs::create_dir_all(folder())?;
+        std::fs::write(&path, &text)?;
+        println!(
+            "{}: {} records, {} ticks, {} KB",
+            path.display(),
+            self.records,
+            self.machine.ticks(),
+            text.len() / 1000
+        );
+        Ok(())
+    }
+}
+
+fn image_bytes(description: Description) -> Result<Vec<u8>> {
+    let image = Image::new(description)?;
+    let mut bytes = vec![0; image.encoded_len()];
+    image.encode(&mut bytes).context("does not fit its own length")?;
+    Ok(bytes)
+}
+
+/// The loops of a scenario, and the light that they hold.
+struct Loops {
+    table: Vec<u8>,
+    /// Photodiode code at the peak.
+    peak: u32,
+    /// What the vectors' plant calls the curvature, 2^-32 codes of light per code of actuator squared.
+    curvature: u32,
+    /// Lag of the actuator as a right shift of ticks.
+    lag: u32,
+}
+
+fn loops(scenario: &str, searches: bool) -> Result<Loops> {
+    let text = std::fs::read_to_string(root().join(format!("scenarios/{scenario}/{scenario}.toml")))?;
+    let mut scenario = Scenario::from_toml(&text)?;
+    if !searches {
+        // It closes where it stands: a heater's search is a minute of ticks.
+        scenario.path_length.sweep_s = 0.0;
+    }
+    let design = LoopDesign::build(&scenario)?;
+    let (path_length, intensity) = (design.path_length.integers, design.intensity.integers);
+    let table = LoopTable { tick_ns: 100_000, path_length, intensity };
+    let (light, cavity) = (&scenario.intensity, &scenario.cavity);
+    let peak = light.part_of_range * (light.photodiode_bits - 1.0).exp2();
+    let detuning = free_spectral_range_hz(scenario.geometry.perimeter_m) / (cavity.gain_width_mhz * 1e6);
+    let per_wave = cavity.gain_ratio / (cavity.gain_ratio - 1.0) * 4.0 * std::f64::consts::LN_2 * detuning * detuning;
+    let wavelength = f64::from(path_length.wavelength());
+    let curvature = (peak * per_wave / (wavelength * wavelength) * 32_f64.exp2()) as u32;
+    let lag_ticks = scenario.path_length.rising_lag_s / sagnac_sim::TICK_S;
+    let lag = lag_ticks.max(1.0).log2().round() as u32;
+    Ok(Loops { table: table.encode().to_vec(), peak: peak as u32, curvature, lag })
+}
+
+/// Codes of 2^-24 °C, a lag of 32 updates, a rate span of ±0.25 °C an update.
+fn thermometer(span_c: [i32; 2]) -> Result<Thermometer> {
+    let half = i64::from(span_c[1] - span_c[0]) << 23;
+    let bits = 63 - half.leading_zeros();
+    let x_shift = bits - 15;
+    Ok(Thermometer {
+        gain: Scale { mantissa: 1 << 30, shift: 30 },
+        plausible_lo_q24: -(80 << 24),
+        plausible_hi_q24: 120 << 24,
+        span_lo_q24: span_c[0] << 24,
+        span_hi_q24: span_c[1] << 24,
+        x_mantissa: u32::try_from((1_i64 << (47 + x_shift)) / half)?,
+        x_shift: u8::try_from(x_shift)?,
+        lag: LagSpec {
+            alpha_mantissa: 0x6000_0123,
+            alpha_shift: 36,
+            rate_shift: 8,
+            rate_lo: -(1 << 30),
+            rate_hi: 1 << 30,
+            y_mantissa: 1 << 31,
+            y_shift: 30,
+        },
+        hold_updates: 20,
+        settling_updates: 96,
+        ..Thermometer::UNUSED
+    })
+}
+
+fn series(kind: Kind, sensor: u8, order: u8, multiplier: Multiplier, mantissa: i32, shift: u8) -> Term {
+    Term { kind, sensor, shape: Shape::Chebyshev(order), multiplier, mantissa, shift }
+}
+
+fn terms(d: &mut Description, terms: &[(Kind, u8, u8, Multiplier, i32, u8)]) {
+    for (slot, &(kind, sensor, order, multiplier, mantissa, shift)) in d.terms.iter_mut().zip(terms) {
+        *slot = series(kind, sensor, order, multiplier, mantissa, shift);
+    }
+    d.term_count = terms.len() as u8;
+}
+
+/// Bias 5, rate 1, scale 2 through a whole profile: a million ticks.
+fn compensator_full() -> Result<Making> {
+    use Kind::{Bias, Scale};
+    use Multiplier::{One, Rate};
+    let mut d = Description { period_ticks: 1000, ..Description::empty() };
+    d.serial[..4].copy_from_slice(b"FULL");
+    (d.thermometers[0], d.thermometer_count) = (thermometer([-35, 65])?, 1);
+    terms(
+        &mut d,
+        &[
+            (Bias, 0, 0, One, 558_484_714, 33),
+            (Bias, 0, 1, One, -657_166_594, 34),
+            (Bias, 0, 2, One, 621_868_304, 33),
+            (Bias, 0, 3, One, -987_654_321, 36),
+            (Bias, 0, 4, One, 1_012_345_679, 38),
+            (Bias, 0, 5, One, 700_000_001, 39),
+            (Bias, 0, 0, Rate, -1_050_505_051, 33),
+            (Bias, 0, 1, Rate, 888_888_883, 35),
+            (Scale, 0, 0, One, 611_953_011, 40),
+            (Scale, 0, 1, One, -1_060_000_007, 41),
+            (Scale, 0, 2, One, 777_777_777, 42),
+        ],
+    );
+    let about = "compensator: bias 5, rate 1, scale 2, a million ticks over -40 ... 70 degC and back";
+    let mut making = Making::new(Module::Compensator, image_bytes(d)?, about)?;
+    for update in 0..1000_u32 {
+        // Soak, up by 0.25 degC an update, soak, down; a little noise; now and then no sample.
+        let quarters = i32::try_from(update.clamp(40, 480) - 40)? - i32::try_from(update.clamp(540, 980) - 540)?;
+        let wobble = (update.wrapping_mul(2_654_435_761) >> 14) as i32 - (1 << 17);
+        let code = (-40 << 24) + quarters * (1 << 22) + wobble;
+        let present = u32::from(update % 97 != 96);
+        making.step(1, &[present, code as u32])?;
+        making.step(2, &[1000, update * 7919 + 1, 37, 5])?;
+    }
+    Ok(making)
+}
+
+/// Two thermometers, their difference with a lag of its own, a voltage; zones and steps of bias and scale, with and
+/// without the rate.
+fn compensator_inputs() -> Result<Making> {
+    use Kind::{Bias, Scale};
+    use Multiplier::{One, Rate};
+    let mut d = Description { period_ticks: 200, slew_ticks: 50, ..Description::empty() };
+    d.serial[..6].copy_from_slice(b"INPUTS");
+    let difference = Thermometer {
+        source: Source::Difference { of: 1, less: 0 },
+        gain: sagnac_core::Scale::ONE,
+        plausible_lo_q24: -(40 << 24),
+        plausible_hi_q24: 40 << 24,
+        lag: LagSpec { alpha_mantissa: 0x4abc_def1, alpha_shift: 33, ..thermometer([-35, 65])?.lag },
+        hold_updates: 5,
+        ..thermometer([-6, 11])?
+    };
+    let voltage = Thermometer {
+        unit_exponent: 1,
+        gain: sagnac_core::Scale { mantissa: 1_333_333_333, shift: 24 },
+        lag: LagSpec::default(),
+        settling_updates: 0,
+        ..thermometer([-45, 45])?
+    };
+    d.thermometers = [thermometer([-35, 65])?, thermometer([-30, 60])?, difference, voltage];
+    d.thermometer_count = 4;
+    let piece =
+        |kind, sensor, shape, multiplier, mantissa, shift| Term { kind, sensor, shape, multiplier, mantissa, shift };
+    let (zone, step) = (|knot_q15| Shape::Zone { knot_q15 }, |knot_q15| Shape::Step { knot_q15 });
+    let all = [
+        series(Bias, 0, 0, One, -558_484_714, 33),
+        series(Bias, 0, 2, One, 621_868_304, 33),
+        series(Bias, 0, 0, Rate, 1_012_345_679, 34),
+        piece(Bias, 0, zone(-10_923), One, -1_000_000_007, 32),
+        piece(Bias, 0, zone(10_922), One, 1_073_741_789, 31),
+        piece(Bias, 0, zone(-30_000), One, 777_777_777, 34),
+        piece(Bias, 0, zone(32_000), Rate, -888_888_883, 30),
+        piece(Bias, 1, zone(i16::MIN), One, 600_000_001, 36),
+        piece(Bias, 1, step(i16::MIN), One, 500_000_003, 37),
+        series(Bias, 1, 1, One, 987_654_321, 36),
+        series(Bias, 2, 1, One, -700_000_001, 34),
+        series(Bias, 2, 1, Rate, 650_000_011, 35),
+        series(Bias, 3, 1, One, 536_870_909, 35),
+        piece(Bias, 3, step(-16_384), One, -1_060_000_007, 34),
+        piece(Bias, 3, step(0), One, 900_000_001, 33),
+        piece(Scale, 3, step(16_384), One, 611_953_011, 41),
+        piece(Scale, 2, zone(-1), Rate, -1_050_505_051, 38),
+        series(Scale, 3, 1, One, 800_000_011, 42),
+    ];
+    d.terms[..all.len()].copy_from_slice(&all);
+    d.term_count = all.len() as u8;
+    let about =
+        "compensator: two thermometers, their difference, a voltage; zones and steps, missing and absurd samples";
+    let mut making = Making::new(Module::Compensator, image_bytes(d)?, about)?;
+    let mut seen = vec![[false; 2]; all.len()];
+    for update in 0..1000_u32 {
+        let dice = update.wrapping_mul(2_654_435_761) >> 8;
+        let up = i64::from(update.min(1000 - update));
+        // -43 ... 72 degC and back, beyond both ends of the span; the second lags by up to 12 degC and turns later; the
+        // voltage runs through its span and falls back.
+        let first = (-43_i64 << 24) + (up * (115 << 24)) / 500 + i64::from(dice % (1 << 18));
+        let second = first + ((i64::from(update % 400) - 200) << 20) + i64::from((dice >> 3) % (1 << 17));
+        let volts = (i64::from(update % 140) - 70) * 144_000 + i64::from(dice % 4_000);
+        let mut present = 0b1011 | (dice & 4);
+        if dice % 53 == 0 {
+            present &= dice >> 7;
+        }
+        let absurd = if dice % 71 == 0 { i32::MAX } else { i32::try_from(second)? };
+        let codes = [i32::try_from(first)?, absurd, dice as i32, i32::try_from(volts)?];
+        making.step(1, &[present, codes[0] as u32, codes[1] as u32, codes[2] as u32, codes[3] as u32])?;
+        making.step(2, &[200, update * 7919 + 1, 21, 4])?;
+        if update % 250 == 249 {
+            making.step(5, &[])?;
+        }
+        let shown = [first, second, second - first, codes[3].into()];
+        for (seen, term) in seen.iter_mut().zip(&all).filter(|_| present & 0b1011 == 0b1011) {
+            seen[usize::from(is_above(
+                &d.thermometers[usize::from(term.sensor)],
+                term.shape,
+                shown[usize::from(term.sensor)],
+            ))] = true;
+        }
+    }
+    // Each zone and step has been on both sides of its knot.
+    let lowest = |shape| matches!(shape, Shape::Zone { knot_q15: i16::MIN } | Shape::Step { knot_q15: i16::MIN });
+    for (term, seen) in all.iter().zip(&seen).filter(|(term, _)| !lowest(term.shape)) {
+        anyhow::ensure!(
+            term.shape.order().is_some() || *seen == [true; 2],
+            "{term:?} stays on one side of its knot: {seen:?}"
+        );
+    }
+    Ok(making)
+}
+
+/// Cosines and sines from a part of a turn to nearly 64 turns, of bias and scale, with and without the rate, on two thermometers;
+/// x from beyond one end of the span to beyond the other, both ends themselves, and back.
+fn compensator_harmonic() -> Result<Making> {
+    use Kind::{Bias, Scale};
+    use Multiplier::{One, Rate};
+    let mut d = Description { period_ticks: 100, slew_ticks: 20, ..Description::empty() };
+    d.serial[..8].copy_from_slice(b"HARMONIC");
+    (d.thermometers[0], d.thermometers[1]) = (thermometer([-35, 65])?, thermometer([-20, 50])?);
+    d.thermometer_count = 2;
+    let wave =
+        |kind, sensor, shape, multiplier, mantissa, shift| Term { kind, sensor, shape, multiplier, mantissa, shift };
+    let cosine = |turns_q18| Shape::Cosine { turns_q18 };
+    let sine = |turns_q18| Shape::Sine { turns_q18 };
+    let all = [
+        series(Bias, 0, 0, One, -558_484_714, 33),
+        series(Bias, 0, 3, One, 621_868_304, 33),
+        series(Bias, 0, 0, Rate, 1_012_345_679, 34),
+        wave(Bias, 0, cosine(3 << 18), One, -1_000_000_007, 32),
+        wave(Bias, 0, sine(3 << 18), One, 1_073_741_789, 33),
+        wave(Bias, 0, cosine(1_234_567), Rate, 777_777_777, 34),
+        wave(Bias, 0, sine(sagnac_core::MAX_TURNS_Q18), One, -888_888_883, 31),
+        wave(Bias, 1, cosine(1), One, 600_000_001, 36),
+        wave(Bias, 1, sine(5 << 16), Rate, -1_060_000_007, 33),
+        wave(Bias, 1, cosine(17 << 17), One, 900_000_001, 34),
+        wave(Scale, 0, cosine(2 << 18), One, 611_953_011, 41),
+        wave(Scale, 1, sine(2_718_282), One, -800_000_011, 40),
+        wave(Scale, 0, sine(7 << 17), Rate, -1_050_505_051, 40),
+    ];
+    d.terms[..all.len()].copy_from_slice(&all);
+    d.term_count = all.len() as u8;
+    let about =
+        "compensator: cosines and sines over the span, up to 64 turns, of bias and scale, with and without the rate";
+    let mut making = Making::new(Module::Compensator, image_bytes(d)?, about)?;
+    for update in 0..1200_u32 {
+        let dice = update.wrapping_mul(2_654_435_761) >> 8;
+        // -38 ... 68 degC and back; every tenth code is an end of a span, a quarter of it, or a code beside one of them.
+        let up = i64::from(update.min(1200 - update));
+        let along = (-38_i64 << 24) + (up * (106 << 24)) / 600 + i64::from(dice % (1 << 19));
+        let quarter =
+            |[lo, hi]: [i64; 2]| (lo << 24) + i64::from(dice % 5) * ((hi - lo) << 22) + i64::from(dice / 5 % 3) - 1;
+        let first = if update % 10 == 7 { quarter([-35, 65]) } else { along };
+        let second =
+            if update % 10 == 3 { quarter([-20, 50]) } else { along * 3 / 4 - i64::from((dice >> 5) % (1 << 18)) };
+        let codes = [i32::try_from(first)?, i32::try_from(second)?];
+        let present = if dice % 61 == 0 { dice >> 7 & 3 } else { 3 };
+        making.step(1, &[present, codes[0] as u32, codes[1] as u32])?;
+        making.step(2, &[100, update * 7919 + 1, 21, 4])?;
+    }
+    Ok(making)
+}
+
+/// Whether a temperature in 2^-24 degC (a code, for a thermometer with one) is above the knot of a shape.
+fn is_above(of: &Thermometer, shape: Shape, value: i64) -> bool {
+    let knot_q15 = match shape {
+        Shape::Chebyshev(_) | Shape::Cosine { .. } | Shape::Sine { .. } => return true,
+        Shape::Zone { knot_q15 } | Shape::Step { knot_q15 } => i64::from(knot_q15),
+    };
+    let t = if of.source == Source::Code { of.temperature_q24(value as i32).map_or(0, i64::from) } else { value };
+    let (lo, hi) = (i64::from(of.span_lo_q24), i64::from(of.span_hi_q24));
+    // x > knot, with x clamped to the span.
+    (2 * t.clamp(lo, hi) - lo - hi) * 32_768 > knot_q15 * (hi - lo)
+}
+
+/// The paper's curve at its own period.
+fn compensator_paper(image: &[u8]) -> Result<Making> {
+    let about = "compensator: the paper's curve (testdata/image/paper.img), 20 s";
+    let mut making = Making::new(Module::Compensator, image.to_vec(), about)?;
+    for second in 0..20_u32 {
+        making.step(1, &[1, (17 + second) << 24])?;
+        making.step(2, &[10_000, second + 1, 0, 2])?;
+    }
+    Ok(making)
+}
+
+/// Everything that can go wrong: late and early updates, missing and absurd temperatures, limits, overflow.
+///
+/// An advance of many ticks into an output limit has no meaning tick by tick: the benches of hardware, which know
+/// single ticks only, leave the last of these files out.
+fn compensator_edges(output_limit: u32, longest: u32) -> Result<Making> {
+    use Kind::{Bias, Scale};
+    use Multiplier::{One, Rate};
+    let mut d = Description { period_ticks: 40, slew_ticks: 7, output_limit, ..Description::empty() };
+    d.serial[..5].copy_from_slice(b"EDGES");
+    d.thermometers[0] = Thermometer { hold_updates: 3, settling_updates: 5, ..thermometer([-35, 65])? };
+    d.thermometers[1] = Thermometer {
+        offset_q24: 3 << 24,
+        gain: sagnac_core::Scale { mantissa: -1_234_567_891, shift: 22 },
+        ..thermometer([10, 30])?
+    };
+    d.thermometer_count = 2;
+    terms(
+        &mut d,
+        &[
+            (Bias, 0, 8, One, 900_000_001, 22),
+            (Bias, 1, 7, Rate, -1_073_741_823, 23),
+            (Bias, 1, 1, One, 536_870_913, 20),
+            (Scale, 1, 3, Rate, 1_000_000_007, 38),
+            (Scale, 0, 0, One, -777_777_773, 37),
+        ],
+    );
+    let about = match (output_limit, longest) {
+        (9, 1) => "compensator: two thermometers, limited output, missing and absurd samples, misuse, overflow",
+        (9, _) => "compensator: the same, with advances of many ticks into the limit",
+        _ => "compensator: the same without a limit, with advances of many ticks",
+    };
+    let mut making = Making::new(Module::Compensator, image_bytes(d)?, about)?;
+    making.step(3, &[5, 1])?;
+    for round in 0..400_u32 {
+        let dice = round.wrapping_mul(2_654_435_761) >> 8;
+        let cold = ((dice % 130) as i32 - 50) << 24 | (dice as i32 & 0xff_ffff);
+        let second = ((dice >> 5) % 40_000) as i32 - 20_000;
+        let present = if dice % 7 == 0 { dice % 4 } else { 3 };
+        let code = if dice % 11 == 0 { i32::MIN + round as i32 } else { cold };
+        making.step(1, &[present, code as u32, second as u32])?;
+        match dice % 6 {
+            0 => making.step(1, &[3, 0, 0])?,
+            1 => making.step(4, &[dice % 45])?,
+            2 => making.step(3, &[(MAX_RAW + (dice % 3) as i32 - 1) as u32, 1])?,
+            3 => making.step(5, &[])?,
+            4 => making.step(3, &[dice % 90, 1 + dice % longest])?,
+            _ => making.step(2, &[dice % 44, round, 0, 3])?,
+        };
+        // To the next update, and one beyond it.
+        making.step(2, &[41, round, (dice % 3).wrapping_sub(1), 4 + dice % 3])?;
+        if round % 50 == 49 {
+            making.step(0, &[])?;
+        }
+    }
+    for _ in 0..6 {
+        making.step(1, &[3, 20 << 24, 0])?;
+        making.step(3, &[MAX_RAW as u32, 1])?;
+        making.step(2, &[41, 9, 0, 0])?;
+    }
+    making.step(2, &[3, 1, 1, 0])?;
+    Ok(making)
+}
+
+/// Search, lock, drift through mode resets, noise, darkness, a jump that loses the lock.
+fn path_length(of: &Loops, longer: u32, runs: u32) -> Result<Making> {
+    let about = "path-length loop: search, lock, drift through mode resets, noise, darkness, jumps";
+    let path_length = LoopTable::decode(&of.table)?.path_length;
+    let period = u32::from(path_length.ticks_per_period());
+    let wavelength = path_length.wavelength();
+    let mut making = Making::new(Module::PathLength, of.table.clone(), about)?;
+    making.step(0, &[])?;
+    let mut place_q32 = i64::from(wavelength / 5) << 32;
+    for run in 0..runs {
+        let dice = run.wrapping_mul(2_654_435_761) >> 8;
+        let drift = match run / 60 % 6 {
+            0 => 0,
+            1 => wavelength * 20,
+            2 => -wavelength * 40,
+            3 => wavelength * 3,
+            4 => wavelength * 90,
+            _ => -wavelength * 90,
+        } / (8 * longer as i32);
+        if run % 170 == 169 {
+            place_q32 += i64::from(wavelength) << 31;
+        }
+        let dark = run % 250 > 242 && run % 250 < 248;
+        let ticks = period * (1 + dice % 24) * longer;
+        // From none to a sixteenth of the light.
+        let bits = (of.peak.ilog2() - 4).saturating_sub([99, 8, 4, 0][(dice / 64 % 4) as usize]);
+        let flags = bits | if dark { 0 } else { LIGHT } | of.lag << 16;
+        let [low, high] = [place_q32 as u32, (place_q32 >> 32) as u32];
+        let inputs = [ticks, dice, low, high, drift as u32, of.peak, of.curvature, flags];
+        // Tried first: whether the loop is closed all along.
+        let mut tried = making.machine;
+        tried.step(1, &inputs).context("run")?;
+        let Machine::PathLength(path) = &tried else { anyhow::bail!("not a path-length machine") };
+        let mut with = inputs;
+        with[7] |= if path.was_closed() { CLOSED } else { 0 };
+        making.step(1, &with)?;
+        place_q32 += (i64::from(drift) << 16) * i64::from(ticks);
+    }
+    Ok(making)
+}
+
+/// Ignition with and without light, regulation, dimming, hold, the end of the range, failure.
+fn intensity(table: &[u8]) -> Result<Making> {
+    let about = "intensity loop: ignition, regulation, dimming lamp, hold, end of range, failure";
+    let loops = LoopTable::decode(table)?;
+    let fields = loops.intensity.fields();
+    let field = |wanted: &str| fields.iter().find(|(name, _)| *name == wanted).map(|(_, value)| *value as f64);
+    let (set, most) = (field("set_point").context("set_point")?, field("most").context("most")?);
+    let ticks = f64::from(loops.intensity.ticks_per_update());
+    // The set point at 60 % of the largest current.
+    let gain = set / ticks / (0.6 * most) * 65_536.0;
+    let mut making = Making::new(Module::Intensity, table.to_vec(), about)?;
+    making.step(0, &[])?;
+    for run in 0..600_u32 {
+        let dice = run.wrapping_mul(2_654_435_761) >> 8;
+        let dim = 1.0 - 0.45 * f64::from(run % 150) / 150.0;
+        let burns = !matches!(run, 0..=3 | 200..=230 | 400..=420) && run < 560;
+        let bits = [0, 6, 12, 16][(dice % 4) as usize];
+        let flags = bits | if burns { LIGHT } else { 0 } | if dice % 9 == 0 { HOLD } else { 0 };
+        let length = if (200..=230).contains(&run) || run >= 560 { 30_000 } else { 97 + dice % 500 };
+        making.step(1, &[length, dice, (gain * dim) as u32, 2 + dice % 5, flags])?;
+    }
+    Ok(making)
+}
+
+/// All three ways of counting, forward, back, trembling, and double steps.
+fn quadrature() -> Result<Making> {
+    let mut making = Making::new(Module::Quadrature, Vec::new(), "quadrature counter: 1, 2 and 4 counts per fringe")?;
+    for (index, multiplier) in [1, 2, 4].into_iter().enumerate() {
+        making.step(0, &[multiplier])?;
+        for run in 0..40_u32 {
+            let share = |percent: u32| u32::MAX / 100 * percent;
+            let (forward, back) = [(90, 95), (5, 90), (45, 90), (100, 100)][(run % 4) as usize];
+            let double = if run % 5 == 4 { 97 } else { back };
+            making.step(1, &[1000, run * 31 + index as u32, share(forward), share(back), share(double)])?;
+        }
+    }
+    Ok(making)
+}

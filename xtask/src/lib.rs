@@ -1,0 +1,3 @@
+//! What `xtask` and `lab` share: starting other programs.
+
+pub mod shell;
