@@ -280,7 +280,8 @@ impl Setup {
     ///
     /// # Errors
     /// Unreadable, not TOML, an unknown key, or a value outside its range (key and value named).
-    pub fn read(path: &Path) -> Result<Self> {
+    pub fn read(path: impl AsRef<Path>) -> Result<Self> {
+        let path = path.as_ref();
         let text = std::fs::read_to_string(path).map_err(|e| Error::io_path(path, "read the setup", &e))?;
         Self::parse(&text).map_err(|e| e.file(path.display().to_string()))
     }
@@ -361,22 +362,56 @@ impl Setup {
         Ok(())
     }
 
-    /// The part of a setup that windows are made with: two setups with the same part make the same windows.
+    /// The part of a setup that windows are made with: two setups with the same part make the same windows. Every key is
+    /// named here, so that a new one cannot be forgotten.
     pub fn of_windows(&self) -> Self {
+        let Self {
+            serial: _,
+            axis,
+            sensor: _,
+            rig: _,
+            arcsec_per_count,
+            quantum,
+            counter,
+            counter_bits,
+            sample_interval_s,
+            columns,
+            instance,
+            temperature_offset_s,
+            input_rate_dph: _,
+            earth: _,
+            window,
+            reference_c: _,
+            discard_initial_s,
+            min_span_c: _,
+            noise: _,
+            tick_s,
+            temperature_period_s,
+            slew_ticks: _,
+            rate_lsb_arcsec: _,
+            use_thermometer: _,
+            inputs: _,
+            tables: _,
+            thermometers,
+            aux,
+        } = self.clone();
         Self {
-            serial: None,
-            sensor: None,
-            input_rate_dph: None,
-            earth: None,
-            tables: Vec::new(),
-            reference_c: None,
-            min_span_c: None,
-            noise: None,
-            slew_ticks: None,
-            rate_lsb_arcsec: None,
-            use_thermometer: None,
-            inputs: None,
-            ..self.clone()
+            axis,
+            arcsec_per_count,
+            quantum,
+            counter,
+            counter_bits,
+            sample_interval_s,
+            columns,
+            instance,
+            temperature_offset_s,
+            window,
+            discard_initial_s,
+            tick_s,
+            temperature_period_s,
+            thermometers,
+            aux,
+            ..Self::default()
         }
     }
 
@@ -468,6 +503,14 @@ fn in_range(name: &str, value: Option<f64>, lo: f64, hi: f64) -> Result<()> {
     }
 }
 
+impl std::str::FromStr for Setup {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        Self::parse(text)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -479,6 +522,15 @@ mod tests {
         assert!(error.what.contains("arcsec_per_cuont"), "{error}");
         let error = Setup::parse("arcsec_per_count = -1.0").unwrap_err();
         assert_eq!(error.place.column.as_deref(), Some("arcsec_per_count"));
+    }
+
+    /// What is said of the bench in words changes no window, what says how rows are read does.
+    #[test]
+    fn windows_depend_on_what_rows_are_read_with() {
+        let plain = Setup::default();
+        let words = Setup { rig: Some("chamber 3".into()), sensor: Some("RLG".into()), ..Setup::default() };
+        assert_eq!(words.of_windows(), plain.of_windows());
+        assert!(Setup { discard_initial_s: 60.0, ..Setup::default() }.of_windows() != plain.of_windows());
     }
 
     #[test]

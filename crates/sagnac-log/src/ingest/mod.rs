@@ -251,8 +251,8 @@ impl LogReader {
     /// # Errors
     /// Unreadable, binary, no header, headers that say nothing or contradict the setup, no scale
     /// factor for counts, no interval.
-    pub fn open(path: &Path, setup: &Setup, pace: ReadMode) -> Result<Self> {
-        Self::open_watched(path, setup, pace, None)
+    pub fn open(path: impl AsRef<Path>, setup: &Setup, mode: ReadMode) -> Result<Self> {
+        Self::open_watched(path.as_ref(), setup, mode, None)
     }
 
     /// The same; `watch` is told how many bytes of the file have been read.

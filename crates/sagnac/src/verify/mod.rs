@@ -26,7 +26,7 @@ use serde::{Deserialize, Serialize};
 
 pub use compensate::{CorrectedFormat, compensate, status_text};
 pub use flight::{Corner, Flight, FlightAxis, PositionError};
-pub use limits::{Judged, Limits, LimitsSource, SETS, Verdict};
+pub use limits::{Applies, Bound, Judged, LimitSpec, Limits, LimitsSource, SETS, SPECS, Verdict};
 pub use readings::{LogColumn, Readings};
 pub use replay::{Corrected, Replay};
 pub use residual::{Plateaus, RandomWalk, Residual};
