@@ -136,15 +136,21 @@ fn mean(truth: &[[f64; ERROR_SOURCES.len()]], point: &Point, source: usize) -> f
     of_window.iter().map(|errors| errors[source]).sum::<f64>() / of_window.len() as f64
 }
 
-const HEAD: &str = "# The circle: simulated, calibrated, proven
+const HEAD: &str = "# Simulated, calibrated, proven
 
-Made by `SAGNAC_WRITE_DOCS=1 cargo test -p sagnac --test circle`, which also holds it: seeds 1 and 2 of each ready scenario are
-calibrated with `auto`, seed 3 is the proof. σ of windows of 100 s, °/h. The calibrator sees logs only. *Left* is what the simulator's
-truth says of the corrected log: true errors less the correction, without noise; *after* is the root of floor² + left² within the
-sampling error of n windows. *By source* is the part of each error source that the chosen terms cannot represent (least squares of the source
-itself on them); *fit* is the rest: coefficients that two noisy runs could not give better, and what thermometer and lag made of them.
+Made by `SAGNAC_WRITE_DOCS=1 cargo test -p sagnac --test circle`, which also holds it.
 
-| scenario | model | n | before | after | floor | left | by source | fit |
+Seeds 1 and 2 of each ready scenario are calibrated with `auto`; seed 3 is the proof. The calibrator sees logs only. All figures are
+σ of windows of 100 s, °/h.
+
+| column | meaning |
+|---|---|
+| before, after, floor | as in [Verification](verification.md#figures) |
+| residual | true errors of the simulator minus the correction, without noise; *after* is the root of floor² + residual² within the sampling error of n windows |
+| by source | the part of each error source that the selected terms cannot represent (least squares of the source itself on them) |
+| fit | the rest: coefficients that two noisy runs cannot give better, and the effect of thermometer and lag on them |
+
+| scenario | model | n | before | after | floor | residual | by source | fit |
 |---|---|---|---|---|---|---|---|---|
 ";
 
