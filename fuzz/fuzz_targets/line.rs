@@ -26,7 +26,9 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
                 let frame = sagnac_board::frame::Frame::new(kind, rest).expect("40 bytes fit");
                 // A row of hours would be run.
                 let frame = match Message::parse(&frame) {
-                    Some(Message::Row(row)) => Message::Row(Row { ticks: row.ticks % 500, ..row }).frame().expect("fits"),
+                    Some(Message::Row(row)) => {
+                        Message::Row(Row { ticks: row.ticks % 500, ..row }).frame().expect("fits")
+                    }
                     _ => frame,
                 };
                 let (bytes, len) = frame.bytes();

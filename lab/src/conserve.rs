@@ -1,7 +1,7 @@
 //! `cargo xtask conserve`: a day of ticks in which every count is accounted for.
 
 use anyhow::{Result, bail};
-use sagnac_core::{Compensator, Description, Image, Kind, Multiplier, Scale, Shape, State, Term, InputSpec};
+use sagnac_core::{Compensator, Description, Gain, Image, InputSpec, Kind, Multiplier, Shape, State, Term};
 
 /// 1e9 ticks of a gyro at Earth rate, its temperature swinging: Σ out·2³² + remainder =
 /// Σ raw·k − Σ increment, each sum kept apart in 128 bits, tick by tick.

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use anyhow::{Context, Result};
-use sagnac_core::{Description, Image, Kind, LagSpec, MAX_RAW, Multiplier, Scale, Shape, ValueSource, Term, InputSpec};
+use sagnac_core::{Description, Gain, Image, InputSpec, Kind, LagSpec, MAX_RAW, Multiplier, Shape, Term, ValueSource};
 use sagnac_loops::LoopTable;
 use sagnac_sim::physics::free_spectral_range_hz;
 use sagnac_sim::{LoopDesign, Scenario};
@@ -165,12 +165,12 @@ fn thermometer(span_c: [i32; 2]) -> Result<InputSpec> {
 }
 
 fn series(kind: Kind, input: u8, order: u8, multiplier: Multiplier, mantissa: i32, shift: u8) -> Term {
-    Term { kind, sensor, shape: Shape::Chebyshev(order), multiplier, mantissa, shift }
+    Term { kind, input, shape: Shape::Chebyshev(order), multiplier, mantissa, shift }
 }
 
 fn terms(d: &mut Description, terms: &[(Kind, u8, u8, Multiplier, i32, u8)]) {
-    for (slot, &(kind, sensor, order, multiplier, mantissa, shift)) in d.terms.iter_mut().zip(terms) {
-        *slot = series(kind, sensor, order, multiplier, mantissa, shift);
+    for (slot, &(kind, input, order, multiplier, mantissa, shift)) in d.terms.iter_mut().zip(terms) {
+        *slot = series(kind, input, order, multiplier, mantissa, shift);
     }
     d.term_count = terms.len() as u8;
 }
@@ -238,7 +238,7 @@ fn compensator_inputs() -> Result<Making> {
     d.inputs = [thermometer([-35, 65])?, thermometer([-30, 60])?, difference, voltage];
     d.input_count = 4;
     let piece =
-        |kind, sensor, shape, multiplier, mantissa, shift| Term { kind, sensor, shape, multiplier, mantissa, shift };
+        |kind, input, shape, multiplier, mantissa, shift| Term { kind, input, shape, multiplier, mantissa, shift };
     let (zone, step) = (|knot_q15| Shape::Zone { knot_q15 }, |knot_q15| Shape::Step { knot_q15 });
     let all = [
         series(Bias, 0, 0, One, -558_484_714, 33),
@@ -315,7 +315,7 @@ fn compensator_harmonic() -> Result<Making> {
     (d.inputs[0], d.inputs[1]) = (thermometer([-35, 65])?, thermometer([-20, 50])?);
     d.input_count = 2;
     let wave =
-        |kind, sensor, shape, multiplier, mantissa, shift| Term { kind, sensor, shape, multiplier, mantissa, shift };
+        |kind, input, shape, multiplier, mantissa, shift| Term { kind, input, shape, multiplier, mantissa, shift };
     let cosine = |turns_q18| Shape::Cosine { turns_q18 };
     let sine = |turns_q18| Shape::Sine { turns_q18 };
     let all = [

@@ -177,7 +177,9 @@ fn captured() -> Vec<u8> {
         input.extend_from_slice(&bytes[..len]);
     }
     let mut out = Vec::new();
-    run(&mut CommandHandler::new(banks, Gyro::of(&image, 4), loops), input.into_iter(), |bytes| out.extend_from_slice(bytes));
+    run(&mut CommandHandler::new(banks, Gyro::of(&image, 4), loops), input.into_iter(), |bytes| {
+        out.extend_from_slice(bytes)
+    });
     out
 }
 

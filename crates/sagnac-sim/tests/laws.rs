@@ -129,13 +129,13 @@ fn both_forms_walk_alike() {
 fn counting_is_that_of_the_target() {
     let mut scenario = still(100.0, BeatModel::Adler);
     scenario.readout.phase_error_deg = 20.0;
-    for (counting, multiplier) in
+    for (counting, of_target) in
         [(Counting::X1, LoopCounting::X1), (Counting::X2, LoopCounting::X2), (Counting::X4, LoopCounting::X4)]
     {
         scenario.readout.counting = counting;
         let beat = Beat::build(&scenario).unwrap();
         let mut light = beat.start(1);
-        let counter = Quadrature { counting };
+        let counter = Quadrature { counting: of_target };
         let mut state = QuadratureState::default();
         let second_edge = 0.25 + 20.0 / 360.0;
         let mut levels = |phase: f64| {

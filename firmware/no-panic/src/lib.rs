@@ -1,5 +1,5 @@
-//! A link check: what `sagnac-core`, `sagnac-loops` and `sagnac-board` offer a target is called from here, and the panic handler
-//! calls a symbol that nothing defines. As long as one panic path remains, the library does not link.
+//! A link check. This library calls all functions that `sagnac-core`, `sagnac-loops` and `sagnac-board` have for a target; its panic handler
+//! calls a symbol that nothing defines. While any panic path remains, the library does not link.
 //!
 //! `cargo xtask no-panic` builds and links it.
 #![no_std]
@@ -10,7 +10,7 @@ use core::panic::PanicInfo;
 
 use sagnac_board::{Action, CommandHandler, MemoryFlash, Message, run};
 use sagnac_core::{Banks, Compensator, Description, Gyro, Image, MAX_IMAGE_LEN, State, Status};
-use sagnac_loops::{Intensity, LoopTable, Counting, PathLength, Quadrature, QuadratureState, Stripper};
+use sagnac_loops::{Counting, Intensity, LoopTable, PathLength, Quadrature, QuadratureState, Stripper};
 
 unsafe extern "C" {
     fn sagnac_has_a_panic_path() -> !;
@@ -22,7 +22,7 @@ fn panic(_: &PanicInfo<'_>) -> ! {
     unsafe { sagnac_has_a_panic_path() }
 }
 
-/// Takes what is formatted and keeps nothing.
+/// Discards formatted text.
 struct Nowhere;
 
 impl Write for Nowhere {
@@ -65,14 +65,14 @@ pub extern "C" fn sagnac_core_everything(raw: i32, ticks: u32, code: i32) -> i32
     if let Err(misuse) = gyro.tick(&mut state, raw) {
         let _ = write!(Nowhere, "{misuse}");
     }
-    state = gyro.use_image(&state);
+    state = gyro.migrate_state(&state);
     black_box((state.k_q32(), state.increment(), state.target_increment(), state.ticks_to_update()));
     #[cfg(feature = "broken")]
     assert!(raw != 12_345, "a panic path on purpose");
     tick ^ many ^ i32::from((status | Status::HELD | state.status()).bits()) ^ (state.remainder() as i32)
 }
 
-/// The same for the loops, whose tables come from the host.
+/// The loops; their tables come from the host.
 #[unsafe(no_mangle)]
 pub extern "C" fn sagnac_loops_everything(code: i32, path: &PathLength, light: &Intensity) -> i32 {
     let (mut held, mut lit) = (path.start(), light.start());
@@ -112,8 +112,8 @@ pub extern "C" fn sagnac_board_everything(input: &[u8; 64], gyro: &Gyro, image: 
     };
     black_box(table.encode());
     let mut handler = CommandHandler::new(banks, *gyro, table);
-    if let Some(Action::PowerOn(mut line, _)) = handler.receive(black_box(7)) {
-        black_box(line.tick());
+    if let Some(Action::PowerOn(mut ticks, _)) = handler.receive(black_box(7)) {
+        black_box(ticks.tick());
     }
     Message::pieces(black_box(input)).for_each(|piece| {
         black_box(piece.frame());

@@ -1,6 +1,6 @@
 //! Both loops built for a scenario: from its SI units to the integers of `sagnac-loops`.
 
-use sagnac_loops::{DesignError, IntensityConfig, IntensityDesign, PathLengthConfig, PathLengthDesign, LoopGoal};
+use sagnac_loops::{DesignError, IntensityConfig, IntensityDesign, LoopGoal, PathLengthConfig, PathLengthDesign};
 
 use crate::plant::Plant;
 use crate::scenario::{Scenario, ScenarioError, TICK_S};

@@ -6,7 +6,7 @@
 
 use std::fmt::Write as _;
 
-use sagnac_core::{Image, Kind, Multiplier, Shape, ValueSource, Term, InputSpec};
+use sagnac_core::{Image, InputSpec, Kind, Multiplier, Shape, Term, ValueSource};
 use sagnac_loops::LoopTable;
 
 use super::TextFile;

@@ -9,7 +9,7 @@
 
 use std::fmt::Write as _;
 
-use sagnac_core::{Image, Kind, MAX_INPUTS, Multiplier, Shape, ValueSource, Term, InputSpec};
+use sagnac_core::{Image, InputSpec, Kind, MAX_INPUTS, Multiplier, Shape, Term, ValueSource};
 use sagnac_loops::LoopTable;
 
 use super::TextFile;

@@ -167,7 +167,7 @@ fn sources_of(spec: &mut ModelSpec, main: Signal, shape: &WindowShape) -> Result
 
 /// An image reads so many inputs and no more.
 fn check_channels(spec: &ModelSpec, sources: &[Signal], shape: &WindowShape) -> Result<()> {
-    let most = sagnac_core::MAX_THERMOMETERS;
+    let most = sagnac_core::MAX_INPUTS;
     let read = channels(sources[0], &sources[1..]);
     if read.len() <= most {
         return Ok(());
