@@ -108,7 +108,7 @@ fn a_hole_in_the_retest_is_not_bridged() {
     let ends = cycle_3_where(&folder, |celsius| !(-20.0..50.0).contains(&celsius));
     let limits = folder.path().join("limits.toml").display().to_string();
     let flight = "[flight]\nprofile = [{ minutes = 0, temperature_c = -10 }, { minutes = 60, temperature_c = 40 }]\n";
-    std::fs::write(&limits, format!("span_covered_min = 0.9\nmis_distance_m_max = 1e6\n{flight}")).unwrap();
+    std::fs::write(&limits, format!("span_covered_min = 0.9\nposition_error_m_max = 1e6\n{flight}")).unwrap();
     let out = sagnac().args(["verify", &record, &ends, "--limits", &limits, "--json"]).output().unwrap();
     let object: Value = serde_json::from_slice(&out.stdout).unwrap();
     let axis = &object["axes"][0];
