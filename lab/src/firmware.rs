@@ -15,8 +15,8 @@ use std::process::Command;
 
 use anyhow::{Context, Result, bail, ensure};
 use sagnac::model::{PRICED_WITHIN, Work};
-use sagnac_board::{Desk, MemoryFlash, Message, RigSettings, Row, run};
-use sagnac_core::{Banks, Description, Gyro, Image, Kind, Multiplier, Term, Thermometer};
+use sagnac_board::{CommandHandler, MemoryFlash, Message, RigSettings, Row, run};
+use sagnac_core::{Banks, Description, Gyro, Image, Kind, Multiplier, Term, InputSpec};
 use sagnac_loops::LoopTable;
 use xtask::shell::{need, root, said, sh_in, text};
 
@@ -167,19 +167,19 @@ fn instructions(sysroot: &Path, folder: &Path, unit: &Unit) -> Result<()> {
 }
 
 /// An image with a part of its terms and the first of its thermometers; without a rate term no filter runs.
-fn with_terms(of: &Image, thermometers: u8, kept: impl Fn(&Term) -> bool) -> Result<Image> {
+fn with_terms(of: &Image, inputs: u8, kept: impl Fn(&Term) -> bool) -> Result<Image> {
     let mut description: Description = *of.description();
-    let kept: Vec<Term> = of.terms().iter().filter(|term| term.sensor < thermometers && kept(term)).copied().collect();
+    let kept: Vec<Term> = of.terms().iter().filter(|term| term.input < thermometers && kept(term)).copied().collect();
     description.terms = [Term::ZERO; sagnac_core::MAX_TERMS];
     description.terms[..kept.len()].copy_from_slice(&kept);
     description.term_count = u8::try_from(kept.len())?;
-    description.thermometer_count = thermometers;
-    for (at, thermometer) in (0_u8..).zip(description.thermometers.iter_mut()) {
-        if kept.iter().all(|term| term.multiplier != Multiplier::Rate || term.sensor != at) {
-            thermometer.lag = Thermometer::UNUSED.lag;
+    description.input_count = thermometers;
+    for (at, thermometer) in (0_u8..).zip(description.inputs.iter_mut()) {
+        if kept.iter().all(|term| term.multiplier != Multiplier::Rate || term.input != at) {
+            thermometer.lag = InputSpec::UNUSED.lag;
         }
         if at >= thermometers {
-            *thermometer = Thermometer::UNUSED;
+            *thermometer = InputSpec::UNUSED;
         }
     }
     Image::new(description).map_err(|e| anyhow::anyhow!("an image with fewer terms: {e}"))
@@ -192,7 +192,7 @@ fn priced(full: &Image, inputs: &Image, harmonic: &Image) -> Result<Vec<(&'stati
     let rate = |term: &Term, most: u8| term.multiplier == Multiplier::Rate && order(term) <= most;
     // The codes that are measured with are believed of every input.
     let mut believed = *inputs.description();
-    believed.thermometers[3].gain = believed.thermometers[0].gain;
+    believed.inputs[3].gain = believed.inputs[0].gain;
     let inputs = &Image::new(believed)?;
     Ok(vec![
         ("nothing", with_terms(full, 1, |_| false)?),
@@ -404,7 +404,7 @@ fn here(unit: &Unit, input: &[u8]) -> Result<Vec<u8>> {
     let loops = LoopTable::decode(&fs::read(&unit.loops)?)?;
     let banks = Banks::new(MemoryFlash::new(), 0, MemoryFlash::BANK).context("the banks do not fit")?;
     let mut out = Vec::new();
-    run(&mut Desk::new(banks, gyro, loops), input.iter().copied(), |bytes| out.extend_from_slice(bytes));
+    run(&mut CommandHandler::new(banks, gyro, loops), input.iter().copied(), |bytes| out.extend_from_slice(bytes));
     Ok(out)
 }
 

@@ -161,7 +161,7 @@ impl ThermometerSetup {
 pub struct AuxSetup {
     /// Name as in the header `aux_<name>`.
     pub name: String,
-    /// Values outside are not believed; the fit's span widened by its own width on both sides unless told.
+    /// Values outside are not believed; the fit's span widened by its own width on both sides by default.
     #[serde(default)]
     pub valid_range: Option<[f64; 2]>,
     /// How long a correction is kept without a value before it is STALE, s.
@@ -222,17 +222,17 @@ pub struct Setup {
     pub rig: Option<String>,
     /// Nominal scale factor S0, arcsec per count. Needed by count logs, never guessed.
     pub arcsec_per_count: Option<f64>,
-    /// Smallest step of the counts column, counts; 1 unless told.
+    /// Smallest step of the counts column, counts; 1 by default.
     pub quantum: Option<f64>,
     /// How the counts column counts.
     pub counter: Counter,
     /// Width of a wrapping cumulative counter, bits.
     pub counter_bits: Option<u8>,
-    /// Interval of a row, s; the median of the first rows unless told.
+    /// Interval of a row, s; the median of the first rows by default.
     pub sample_interval_s: Option<f64>,
     /// The log's own header on the left, a header of Sagnac on the right (`"imu.gyro.x" = "rate_radps_x"`).
     pub columns: BTreeMap<String, String>,
-    /// Which of several sensors a PX4 log is read for, from 0; 0 unless told.
+    /// Which of several sensors a PX4 log is read for, from 0; 0 by default.
     pub instance: Option<u8>,
     /// Added to the time of temperatures to bring them to the time of the counts, s.
     pub temperature_offset_s: f64,
@@ -240,27 +240,27 @@ pub struct Setup {
     pub input_rate_dph: Option<f64>,
     /// Site and attitude, from which the input rate of a static test follows.
     pub earth: Option<Earth>,
-    /// Analysis window: seconds or "row"; 100 s unless told.
+    /// Analysis window: seconds or "row"; 100 s by default.
     pub window: Option<WindowSize>,
-    /// Temperature T0 at which the correction is zero, °C; 25 unless told.
+    /// Temperature T0 at which the correction is zero, °C; 25 by default.
     pub reference_c: Option<f64>,
     /// Left out of the fit at the start of each run, s.
     pub discard_initial_s: f64,
-    /// Smallest temperature span a fit is made on, °C; 10 unless told.
+    /// Smallest temperature span a fit is made on, °C; 10 by default.
     pub min_span_c: Option<f64>,
-    /// Noise if known; measured from the log unless told.
+    /// Noise if known; measured from the log by default.
     pub noise: Option<Noise>,
-    /// Tick of the target, s; 100 µs unless told.
+    /// Tick of the target, s; 100 µs by default.
     pub tick_s: Option<f64>,
-    /// Temperature period Δt of the target, s; 1 s unless told.
+    /// Temperature period Δt of the target, s; 1 s by default.
     pub temperature_period_s: Option<f64>,
-    /// Ticks over which a new correction is approached; 100 unless told.
+    /// Ticks over which a new correction is approached; 100 by default.
     pub slew_ticks: Option<u32>,
-    /// Virtual LSB with which a rate log is replayed, arcsec; 1e-4 unless told.
+    /// Virtual LSB with which a rate log is replayed, arcsec; 1e-4 by default.
     pub rate_lsb_arcsec: Option<f64>,
-    /// Name of the thermometer that the model uses, if the log has several; the first unless told.
+    /// Name of the thermometer that the model uses, if the log has several; the first by default.
     pub use_thermometer: Option<String>,
-    /// Further inputs that `auto` may use (thermometers, "one - another", auxiliary columns); all of the log unless told.
+    /// Further inputs that `auto` may use (thermometers, "one - another", auxiliary columns); all of the log by default.
     /// An image alone is read by them too: those with a code of their own, in the image's order.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub inputs: Option<Vec<String>>,
@@ -415,7 +415,7 @@ impl Setup {
         }
     }
 
-    /// Tick of the target, ns; 100 µs unless told.
+    /// Tick of the target, ns; 100 µs by default.
     pub fn tick_ns(&self) -> i64 {
         self.tick_s.and_then(ns_from_s).unwrap_or(DEFAULT_TICK_NS).max(1)
     }
@@ -437,12 +437,12 @@ impl Setup {
         Ok(period_ns)
     }
 
-    /// Window size, 100 s unless told.
+    /// Window size, 100 s by default.
     pub fn window(&self) -> WindowSize {
         self.window.unwrap_or(WindowSize::DEFAULT)
     }
 
-    /// T0, 25 °C unless told.
+    /// T0, 25 °C by default.
     pub fn reference_c(&self) -> f64 {
         self.reference_c.unwrap_or(25.0)
     }

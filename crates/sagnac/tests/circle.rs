@@ -33,15 +33,12 @@ fn simulate(scenario: &Scenario, seed: u64) -> (Vec<u8>, Vec<[f64; ERROR_SOURCES
     let mut text = LogText::new(scenario);
     let mut log = text.header_line().into_bytes();
     let mut truth = Vec::new();
-    scenario
-        .build()
-        .unwrap()
-        .start(seed)
-        .each_row(|row, second| {
-            truth.push(second.errors_dph);
-            log.write_all(text.line(row, second))
-        })
-        .unwrap();
+    let mut run = scenario.build().unwrap().start(seed);
+    run.each_row(|row, second| {
+        truth.push(second.errors_dph);
+        log.write_all(text.line(row, second))
+    })
+    .unwrap();
     (log, truth)
 }
 

@@ -157,7 +157,7 @@ pub fn calibrate_with_report_data(
 
 fn sensor_of(shape: &WindowShape, setup: &Setup) -> Result<usize> {
     if shape.thermometers.is_empty() {
-        return Err(Error::refused("the log has no temperature, so nothing can be said of drift over temperature")
+        return Err(Error::refused("the log has no temperature, so it holds no drift over temperature")
             .help("name a column temperature_c, or map one under [columns]"));
     }
     let Some(wanted) = &setup.use_thermometer else {

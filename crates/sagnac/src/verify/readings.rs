@@ -109,7 +109,7 @@ fn named(wanted: usize, shape: &LogShape, setup: &Setup) -> Result<Vec<LogColumn
     }
     if names.len() != wanted {
         return Err(Error::input(format!(
-            "the image reads {wanted} further inputs and does not say which; {} are named",
+            "the image reads {wanted} inputs besides the thermometer and does not name them; {} are named",
             names.len()
         ))
         .column("inputs")

@@ -10,7 +10,7 @@ use cortex_m::peripheral::Peripherals;
 use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m::singleton;
 use cortex_m_rt::{entry, exception};
-use sagnac_board::{Asked, Desk, Line, MemoryFlash, Message, RigSettings};
+use sagnac_board::{Action, CommandHandler, Line, MemoryFlash, Message, RigSettings};
 use sagnac_core::Banks;
 use sagnac_firmware::{finish, say, serial, stack, unit_gyro, unit_loops};
 
@@ -83,7 +83,7 @@ fn send(out: &mut Ring, message: Message) {
 fn main() -> ! {
     stack::paint();
     serial::start();
-    let Some(desk) = power_on() else {
+    let Some(handler) = power_on() else {
         say(format_args!("the unit's image or loops cannot be used"));
         finish(false);
     };
@@ -96,16 +96,16 @@ fn main() -> ! {
         if busy {
             wfi();
         } else if let Some(byte) = serial::get() {
-            hear(desk, byte);
+            hear(handler, byte);
         }
     }
 }
 
 /// What the main loop holds goes into static memory, and the room for making it is free again afterwards.
 #[inline(never)]
-fn power_on() -> Option<&'static mut Desk<MemoryFlash>> {
-    let desk = desk()?;
-    let (line, reply) = desk.power_on(RigSettings::default());
+fn power_on() -> Option<&'static mut CommandHandler<MemoryFlash>> {
+    let handler = handler()?;
+    let (line, reply) = handler.power_on(RigSettings::default());
     let mut out = Ring { bytes: [0; ROOM], read: 0, held: 0 };
     send(&mut out, Message::Reply(reply));
     free(|cs| {
@@ -113,20 +113,20 @@ fn power_on() -> Option<&'static mut Desk<MemoryFlash>> {
             *slot = Some(Shared { line, out, idle: 0 });
         }
     });
-    Some(desk)
+    Some(handler)
 }
 
 #[inline(never)]
-fn desk() -> Option<&'static mut Desk<MemoryFlash>> {
+fn handler() -> Option<&'static mut CommandHandler<MemoryFlash>> {
     let banks = Banks::new(MemoryFlash::new(), 0, MemoryFlash::BANK)?;
     let (gyro, loops) = (unit_gyro()?, unit_loops()?);
-    singleton!(: Desk<MemoryFlash> = Desk::new(banks, gyro, loops))
+    singleton!(: CommandHandler<MemoryFlash> = CommandHandler::new(banks, gyro, loops))
 }
 
 /// A byte of the line, and what a message that ends with it asks for.
 #[inline(never)]
-fn hear(desk: &mut Desk<MemoryFlash>, byte: u8) {
-    if let Some(asked) = desk.take(byte) {
+fn hear(handler: &mut CommandHandler<MemoryFlash>, byte: u8) {
+    if let Some(asked) = handler.receive(byte) {
         answer(asked);
     }
 }
@@ -141,26 +141,26 @@ fn start_ticks() {
     }
 }
 
-fn answer(asked: Asked) {
+fn answer(asked: Action) {
     match asked {
-        Asked::Run(row) => {
+        Action::Run(row) => {
             shared(|shared| shared.line.begin(row));
         }
-        Asked::Answer(reply, loaded) => {
+        Action::Answer(reply, loaded) => {
             shared(|shared| {
                 if let Some(loaded) = loaded {
-                    shared.line.take_over(&loaded);
+                    shared.line.use_image(&loaded);
                 }
                 send(&mut shared.out, Message::Reply(reply));
             });
         }
-        Asked::PowerOn(line, reply) => {
+        Action::PowerOn(line, reply) => {
             shared(|shared| {
                 shared.line = line;
                 send(&mut shared.out, Message::Reply(reply));
             });
         }
-        Asked::Stop => {
+        Action::Stop => {
             let idle = shared(|shared| shared.idle).unwrap_or(0);
             say(format_args!("stack {} bytes, {idle} interrupts without a row", stack::used()));
             finish(true);

@@ -10,7 +10,7 @@ use core::hint::black_box;
 use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m::peripheral::{Peripherals, SYST};
 use cortex_m_rt::entry;
-use sagnac_board::{Board, Commands, Rig, RigSettings, Row};
+use sagnac_board::{Board, ActuatorCodes, Rig, RigSettings, Row};
 use sagnac_core::{Compensator, Description, Image, Origin, Output, State, Status};
 use sagnac_firmware::{finish, say, unit_image, unit_loops};
 
@@ -48,7 +48,7 @@ fn main() -> ! {
 
     let gyro = Compensator::new(image);
     let codes = [Some(20 << 24); 4];
-    let wanted = gyro.image().thermometers().len();
+    let wanted = gyro.image().inputs().len();
     let codes = codes.get(..wanted).unwrap_or(&[]);
 
     let mut state = State::new();
@@ -70,7 +70,7 @@ fn main() -> ! {
     let mut board = Board::new(image, Origin::Newest, &loops, Rig::LEVELS, Some(50));
     let mut rig = Rig::new(RigSettings { wavelength: 100_000, lamp_gain: 1 << 16, ..RigSettings::default() });
     rig.begin(Row { ticks: u32::MAX, counts: 0, present: 1, codes: [20 << 24; 4] });
-    let (_, sample) = rig.tick(&Commands::default());
+    let (_, sample) = rig.tick(&ActuatorCodes::default());
     let whole = instructions(|| {
         let _ = black_box(board.tick(black_box([(true, false), (true, true)]).into_iter(), black_box(&sample)));
     });
@@ -114,6 +114,6 @@ fn limited_instructions(gyro: &Compensator, ticks: u32) -> u32 {
     let Ok(image) = Image::new(limited) else { return 0 };
     let (gyro, mut state) = (Compensator::new(image), State::new());
     let codes = [Some(20 << 24); 4];
-    let _ = gyro.update(&mut state, codes.get(..image.thermometers().len()).unwrap_or(&[]));
+    let _ = gyro.update(&mut state, codes.get(..image.inputs().len()).unwrap_or(&[]));
     tick_instructions(&gyro, &state, ticks, 37)
 }
