@@ -4,9 +4,11 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use std::process::Command;
 
-use crate::{docs, layers};
 use anyhow::{Context, Result, ensure};
 use xtask::shell::{built, root, said, sh, sh_in, target, text};
+
+use crate::cargo_tools::need_cargo_tool;
+use crate::{docs, fuzz, layers};
 
 /// Everything.
 pub(crate) fn ci() -> Result<()> {
@@ -61,10 +63,7 @@ fn compiled_once() -> Result<()> {
 
 /// Licences, bans, sources.
 pub(crate) fn deny() -> Result<()> {
-    let found = Command::new("cargo").args(["deny", "--version"]).output().is_ok_and(|out| out.status.success());
-    if !found {
-        sh("cargo", &["install", "cargo-deny", "--locked"])?;
-    }
+    need_cargo_tool("deny")?;
     // For every platform, so that the check itself needs no network.
     sh("cargo", &["fetch", "--locked"])?;
     sh("cargo", &["deny", "--offline", "check", "licenses", "bans", "sources"])
