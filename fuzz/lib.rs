@@ -4,9 +4,9 @@
 use std::io::Cursor;
 
 use sagnac::fit::{FitOptions, Model, calibrate};
+use sagnac::window::WindowBuilder;
 use sagnac_log::ingest::{LogReader, ReadMode};
 use sagnac_log::setup::Setup;
-use sagnac::window::WindowBuilder;
 
 /// More windows than this are not fitted: the fit is not what is hunted here.
 const FEW_WINDOWS: usize = 60;

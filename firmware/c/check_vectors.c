@@ -177,7 +177,7 @@ static int compensator_step(machine *m, uint32_t operation, const uint32_t *in, 
         with_state(state, out);
         return 1;
     case 5:
-        sagnac_compensator_take_over(image, state);
+        sagnac_compensator_migrate_state(image, state);
         out[2] = sagnac_compensator_status(state);
         with_state(state, out);
         return 1;

@@ -36,7 +36,7 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     match banks.store(&gyro, &image(7)) {
         Ok(()) => assert_eq!(banks.load(&gyro).image, image(7)),
         // Eight bytes of a note that says so.
-        Err(StoreError::CounterAtEnd) => {}
+        Err(StoreError::StoreCounterFull) => {}
         Err(error) => panic!("{error}"),
     }
 });

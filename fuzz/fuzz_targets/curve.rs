@@ -2,11 +2,11 @@
 #![no_main]
 
 use sagnac::allan::{budget_of_curves, parse_curve};
-use sagnac::calibration::Input;
+use sagnac::calibration::LogFile;
 
 libfuzzer_sys::fuzz_target!(|text: &[u8]| {
     if let Ok(curves) = parse_curve(text) {
-        let input = Input { file: String::new(), sha256: String::new(), rows: 0 };
+        let input = LogFile { file: String::new(), sha256: String::new(), rows: 0 };
         let budget = budget_of_curves(&curves, None, input).expect("no length that could be wrong");
         serde_json::to_string(&budget).expect("a budget is JSON");
     }

@@ -14,7 +14,7 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     assert_eq!(sagnac::export::image_bytes(&image), whole);
     let gyro = Compensator::new(image);
     let mut state = State::new();
-    let codes = vec![Some(i32::from(bytes[0]) << 23); gyro.image().thermometers().len()];
+    let codes = vec![Some(i32::from(bytes[0]) << 23); gyro.image().inputs().len()];
     for raw in bytes.iter().take(64) {
         if state.ticks_to_update() == 0 {
             let _ = gyro.update(&mut state, &codes);

@@ -1,8 +1,8 @@
-//! The serial line: any bytes keep the desk going, and what comes out are whole frames.
+//! The serial line: any bytes keep the handler going, and what comes out are whole frames.
 #![no_main]
 
-use sagnac_board::frame::Reader;
-use sagnac_board::{Desk, MemoryFlash, Message, Row, run};
+use sagnac_board::frame::FrameReader;
+use sagnac_board::{CommandHandler, MemoryFlash, Message, Row, run};
 use sagnac_core::{Banks, Gyro, Image};
 use sagnac_loops::LoopTable;
 
@@ -25,8 +25,10 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
                 let kind = [0x10, 0x11, 0x20, 0x21, 0x22, 0x01, 0x30][usize::from(kind % 8)];
                 let frame = sagnac_board::frame::Frame::new(kind, rest).expect("40 bytes fit");
                 // A row of hours would be run.
-                let frame = match Message::of(&frame) {
-                    Some(Message::Row(row)) => Message::Row(Row { ticks: row.ticks % 500, ..row }).frame().expect("fits"),
+                let frame = match Message::parse(&frame) {
+                    Some(Message::Row(row)) => {
+                        Message::Row(Row { ticks: row.ticks % 500, ..row }).frame().expect("fits")
+                    }
                     _ => frame,
                 };
                 let (bytes, len) = frame.bytes();
@@ -37,10 +39,10 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     }
     let image = Image::decode(IMAGE).expect("our own image");
     let banks = Banks::new(MemoryFlash::new(), 0, MemoryFlash::BANK).expect("they fit");
-    let mut reader = Reader::new();
-    run(&mut Desk::new(banks, Gyro::of(&image, 4), loops()), input.into_iter(), |bytes| {
-        let found = bytes.iter().filter_map(|byte| reader.take(*byte)).count();
-        assert_eq!((found, reader.pending()), (1, 0));
+    let mut reader = FrameReader::new();
+    run(&mut CommandHandler::new(banks, Gyro::of(&image, 4), loops()), input.into_iter(), |bytes| {
+        let found = bytes.iter().filter_map(|byte| reader.push(*byte)).count();
+        assert_eq!((found, reader.buffered()), (1, 0));
     });
     assert_eq!(reader.skipped(), 0);
 });

@@ -1,7 +1,7 @@
 //! `cargo xtask conserve`: a day of ticks in which every count is accounted for.
 
 use anyhow::{Result, bail};
-use sagnac_core::{Compensator, Description, Image, Kind, Multiplier, Scale, Shape, State, Term, Thermometer};
+use sagnac_core::{Compensator, Description, Gain, Image, InputSpec, Kind, Multiplier, Shape, State, Term};
 
 /// 1e9 ticks of a gyro at Earth rate, its temperature swinging: Σ out·2³² + remainder =
 /// Σ raw·k − Σ increment, each sum kept apart in 128 bits, tick by tick.
@@ -38,20 +38,20 @@ pub(crate) fn conserve() -> Result<()> {
 fn swinging_image() -> Result<Image> {
     let mut d = Description::empty();
     let half = 55_i64 << 24;
-    d.thermometers[0] = Thermometer {
-        gain: Scale { mantissa: 1 << 30, shift: 30 },
-        plausible_lo_q24: -(80 << 24),
-        plausible_hi_q24: 120 << 24,
+    d.inputs[0] = InputSpec {
+        gain: Gain { mantissa: 1 << 30, shift: 30 },
+        valid_lo_q24: -(80 << 24),
+        valid_hi_q24: 120 << 24,
         span_lo_q24: -(40 << 24),
         span_hi_q24: 70 << 24,
         x_mantissa: u32::try_from((1_i64 << 61) / half)?,
         x_shift: 14,
-        ..Thermometer::UNUSED
+        ..InputSpec::UNUSED
     };
-    d.thermometer_count = 1;
+    d.input_count = 1;
     let term = |kind, order, mantissa, shift| Term {
         kind,
-        sensor: 0,
+        input: 0,
         shape: Shape::Chebyshev(order),
         multiplier: Multiplier::One,
         mantissa,

@@ -15,8 +15,8 @@ use std::process::Command;
 
 use anyhow::{Context, Result, bail, ensure};
 use sagnac::model::{PRICED_WITHIN, Work};
-use sagnac_board::{Desk, MemoryFlash, Message, RigSettings, Row, run};
-use sagnac_core::{Banks, Description, Gyro, Image, Kind, Multiplier, Term, Thermometer};
+use sagnac_board::{CommandHandler, MemoryFlash, Message, RigSettings, Row, run};
+use sagnac_core::{Banks, Description, Gyro, Image, InputSpec, Kind, Multiplier, Term};
 use sagnac_loops::LoopTable;
 use xtask::debian::{self, need};
 use xtask::shell::{root, said, sh_in, text};
@@ -162,20 +162,20 @@ fn instructions(sysroot: &Path, folder: &Path, unit: &Unit) -> Result<()> {
     build(sysroot, &unit.image, &unit.loops, &[])
 }
 
-/// An image with a part of its terms and the first of its thermometers; without a rate term no filter runs.
-fn with_terms(of: &Image, thermometers: u8, kept: impl Fn(&Term) -> bool) -> Result<Image> {
+/// An image with a part of its terms and the first of its inputs; without a rate term no filter runs.
+fn with_terms(of: &Image, inputs: u8, kept: impl Fn(&Term) -> bool) -> Result<Image> {
     let mut description: Description = *of.description();
-    let kept: Vec<Term> = of.terms().iter().filter(|term| term.sensor < thermometers && kept(term)).copied().collect();
+    let kept: Vec<Term> = of.terms().iter().filter(|term| term.input < inputs && kept(term)).copied().collect();
     description.terms = [Term::ZERO; sagnac_core::MAX_TERMS];
     description.terms[..kept.len()].copy_from_slice(&kept);
     description.term_count = u8::try_from(kept.len())?;
-    description.thermometer_count = thermometers;
-    for (at, thermometer) in (0_u8..).zip(description.thermometers.iter_mut()) {
-        if kept.iter().all(|term| term.multiplier != Multiplier::Rate || term.sensor != at) {
-            thermometer.lag = Thermometer::UNUSED.lag;
+    description.input_count = inputs;
+    for (at, input) in (0_u8..).zip(description.inputs.iter_mut()) {
+        if kept.iter().all(|term| term.multiplier != Multiplier::Rate || term.input != at) {
+            input.lag = InputSpec::UNUSED.lag;
         }
-        if at >= thermometers {
-            *thermometer = Thermometer::UNUSED;
+        if at >= inputs {
+            *input = InputSpec::UNUSED;
         }
     }
     Image::new(description).map_err(|e| anyhow::anyhow!("an image with fewer terms: {e}"))
@@ -188,7 +188,7 @@ fn priced(full: &Image, inputs: &Image, harmonic: &Image) -> Result<Vec<(&'stati
     let rate = |term: &Term, most: u8| term.multiplier == Multiplier::Rate && order(term) <= most;
     // The codes that are measured with are believed of every input.
     let mut believed = *inputs.description();
-    believed.thermometers[3].gain = believed.thermometers[0].gain;
+    believed.inputs[3].gain = believed.inputs[0].gain;
     let inputs = &Image::new(believed)?;
     Ok(vec![
         ("nothing", with_terms(full, 1, |_| false)?),
@@ -384,9 +384,9 @@ fn settings(loops: &LoopTable, dither_counts: u32) -> RigSettings {
         dither_counts,
         // 400 Hz and a little, so that the swing does not stand still against the frames.
         dither_step: (400.37e-4 * 32_f64.exp2()) as u32,
-        place: wavelength / 7,
+        peak: wavelength / 7,
         // 2^-16 codes for a °C.
-        place_slope: wavelength / 10 * 65_536,
+        peak_slope: wavelength / 10 * 65_536,
         wavelength,
         curvature: (3.9 / f64::from(wavelength).powi(2) * 48_f64.exp2()) as u32,
         lamp_gain: (light / (0.6 * field("most")) * 65_536.0) as u32,
@@ -401,7 +401,7 @@ fn here(unit: &Unit, input: &[u8]) -> Result<Vec<u8>> {
     let loops = LoopTable::decode(&fs::read(&unit.loops)?)?;
     let banks = Banks::new(MemoryFlash::new(), 0, MemoryFlash::BANK).context("the banks do not fit")?;
     let mut out = Vec::new();
-    run(&mut Desk::new(banks, gyro, loops), input.iter().copied(), |bytes| out.extend_from_slice(bytes));
+    run(&mut CommandHandler::new(banks, gyro, loops), input.iter().copied(), |bytes| out.extend_from_slice(bytes));
     Ok(out)
 }
 

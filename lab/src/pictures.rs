@@ -33,7 +33,7 @@ pub(crate) fn pictures() -> Result<()> {
     let setup = "testdata/mems-chamber-sweep/bench.toml";
     sh(sagnac, &["calibrate", log, "--setup", setup, "--report", &sweep])?;
     shoot(Path::new(&fit), [1020, 872], &root().join(PICTURES).join("report.png"))?;
-    let folder = root().join(PICTURES).join("worked-example");
+    let folder = root().join(PICTURES).join("real-log");
     fs::create_dir_all(&folder)?;
     let page = fs::read_to_string(&sweep)?;
     for (id, file) in FIGURES {

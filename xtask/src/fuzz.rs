@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
-use xtask::shell::{root, sh, sh_in, text};
+use xtask::shell::{root, sh_in, text};
 
 use crate::cargo_tools::need_cargo_tool;
 use crate::checks::lab;

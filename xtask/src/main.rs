@@ -3,6 +3,7 @@
 mod cargo_tools;
 mod checks;
 mod docs;
+mod features;
 mod fuzz;
 mod layers;
 
@@ -19,6 +20,7 @@ cargo xtask ci         everything that CI runs; it says at its start which Debia
 
 Parts of ci
 cargo xtask layers     the imports of the code against the drawing in ARCHITECTURE.md
+cargo xtask features   every crate with features compiles without any, and with each alone
 cargo xtask docs       [--check] the site of docs/ in target/site, with search, equations and rustdoc, for reading without a network
 cargo xtask deny       licences, bans and sources of the dependencies
 cargo xtask no-panic   link check: sagnac-core, sagnac-loops and sagnac-board have no panic path
@@ -56,6 +58,7 @@ fn run(args: &[&str]) -> Result<()> {
         ["example"] => checks::example(),
         ["no-panic"] => checks::no_panic(),
         ["deny"] => checks::deny(),
+        ["features"] => features::features(),
         ["layers"] => layers::layers(),
         ["docs", flags @ ..] => docs::docs(flags.contains(&"--check")),
         ["fuzz", targets @ ..] => fuzz::fuzz(targets),

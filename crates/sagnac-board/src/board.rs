@@ -1,15 +1,15 @@
-//! One tick, in its order.
+//! One tick of the board, in a fixed order.
 //!
 //! ```text
 //! slow update, if due ─▶ levels ─▶ counts ─▶ stripping ─▶ compensation ─▶ path-length loop ─▶ intensity loop ─▶ frame
 //! ```
 //!
-//! A dithered gyro gives its counts to the correction at the end of each dither period; in the ticks between, none.
-//! The order is part of the format: what a tick's frame says depends on it.
+//! With a dithered gyro the counts go to the correction at the end of each dither period; the ticks in between have none. The order is
+//! part of the format: the content of a frame depends on it.
 
 use sagnac_core::{Compensator, Image, MAX_RAW, Origin, State, Status};
 use sagnac_loops::{
-    Intensity, IntensityState, LoopTable, Multiplier, PathLength, PathLengthState, PathLengthStatus, Quadrature,
+    Counting, Intensity, IntensityState, LoopTable, PathLength, PathLengthState, PathLengthStatus, Quadrature,
     QuadratureState, Stripper,
 };
 
@@ -18,20 +18,20 @@ use crate::message::Output;
 /// Ticks of an output frame: 10 ms at 100 µs.
 pub const FRAME_TICKS: u16 = 100;
 
-/// What a tick is given besides the levels.
+/// Inputs of a tick besides the levels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Sample {
-    /// Thermometer codes, as far as there are new ones.
+    /// Codes of the image's inputs; `None` where there is no new sample.
     pub codes: [Option<i32>; 4],
-    /// Dither angle at the end of the tick, in any unit; not read without dither.
+    /// Dither angle at the end of the tick, in any unit. Not used without dither.
     pub pickoff: i32,
-    /// Photodiode's code.
+    /// Code of the photodiode.
     pub light: i32,
 }
 
-/// What a tick sets.
+/// Outputs of a tick to the converters.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Commands {
+pub struct ActuatorCodes {
     /// Path-length actuator with its modulation, code.
     pub actuator: i32,
     /// The modulation alone, code.
@@ -50,15 +50,15 @@ pub struct Board {
     stripper: Option<Stripper>,
     path: (PathLength, PathLengthState),
     light: (Intensity, IntensityState),
-    /// Added to every tick's status: what runs are the factory defaults.
+    /// Added to the status of every tick: UNCORRECTED while the factory defaults run.
     always: Status,
-    /// The frame in the making, and its ticks.
+    /// The frame being filled, and its ticks so far.
     frame: Output,
     frame_ticks: u16,
 }
 
 impl Board {
-    /// A board at power-on, which sees these levels: a step is one away from them. `longest_dither_ticks` is for a
+    /// A board at power-on. `levels` are the A/B levels at this moment; the first step counts from them. `longest_dither_ticks` is for a
     /// dithered gyro ([`Stripper::new`]).
     pub fn new(
         image: Image,
@@ -67,9 +67,9 @@ impl Board {
         levels: (bool, bool),
         longest_dither_ticks: Option<u16>,
     ) -> Self {
-        let counter = Quadrature { multiplier: Multiplier::X4 };
+        let counter = Quadrature { counting: Counting::X4 };
         let mut count_state = QuadratureState::new();
-        counter.take(&mut count_state, levels.0, levels.1);
+        counter.update(&mut count_state, levels.0, levels.1);
         Self {
             gyro: Compensator::new(image),
             state: State::new(),
@@ -84,31 +84,35 @@ impl Board {
         }
     }
 
-    /// Goes on with another image between two ticks.
-    pub fn take_over(&mut self, image: Image, origin: Origin) {
+    /// Continues with another image, between two ticks.
+    pub fn use_image(&mut self, image: Image, origin: Origin) {
         self.gyro = Compensator::new(image);
-        self.state = self.gyro.take_over(&self.state);
+        self.state = self.gyro.migrate_state(&self.state);
         self.always = always(origin);
     }
 
-    /// The image in force.
+    /// The active image.
     pub const fn image(&self) -> &Image {
         self.gyro.image()
     }
 
-    /// One tick: the levels that were seen in it, in order, and the sample at its end.
+    /// One tick: the levels seen during it, in order, and the sample at its end. A frame is returned every [`FRAME_TICKS`] ticks.
     #[inline]
-    pub fn tick(&mut self, levels: impl Iterator<Item = (bool, bool)>, sample: &Sample) -> (Commands, Option<Output>) {
+    pub fn tick(
+        &mut self,
+        levels: impl Iterator<Item = (bool, bool)>,
+        sample: &Sample,
+    ) -> (ActuatorCodes, Option<Output>) {
         if self.state.ticks_to_update() == 0 {
             self.slow_update(sample);
         }
         let counted = self.count(levels, sample.pickoff);
         let raw = counted.clamp(i64::from(-MAX_RAW), i64::from(MAX_RAW)) as i32;
         if i64::from(raw) != counted {
-            // More counts than a call takes: they are lost, and it is said.
+            // More counts than one call accepts: the excess is lost, and the status reports it.
             self.frame.status |= Status::OVERFLOW;
         }
-        // No misuse is left: an update was made when it was due, and the counts are in range.
+        // No misuse is possible: a due update was made, and the counts are in range.
         if let Ok(output) = self.gyro.tick(&mut self.state, raw) {
             self.frame.counts = self.frame.counts.wrapping_add(output.counts);
             self.frame.status |= output.status | self.always;
@@ -119,7 +123,7 @@ impl Board {
     }
 
     fn slow_update(&mut self, sample: &Sample) {
-        let wanted = self.gyro.image().thermometers().len();
+        let wanted = self.gyro.image().inputs().len();
         let codes = sample.codes.get(..wanted).unwrap_or(&[]);
         let _ = self.gyro.update(&mut self.state, codes);
         self.frame.temperature = sample.codes.first().copied().flatten().unwrap_or(0);
@@ -128,15 +132,15 @@ impl Board {
     fn count(&mut self, levels: impl Iterator<Item = (bool, bool)>, pickoff: i32) -> i64 {
         let mut counts = 0_i32;
         for (a, b) in levels {
-            counts = counts.wrapping_add(self.counter.take(&mut self.count_state, a, b));
+            counts = counts.wrapping_add(self.counter.update(&mut self.count_state, a, b));
         }
         match &mut self.stripper {
             None => counts.into(),
-            Some(stripper) => stripper.take(counts, pickoff).map_or(0, |out| out.counts),
+            Some(stripper) => stripper.update(counts, pickoff).map_or(0, |out| out.counts),
         }
     }
 
-    fn loops(&mut self, light: i32) -> Commands {
+    fn loops(&mut self, light: i32) -> ActuatorCodes {
         let (path, path_state) = (&self.path.0, &mut self.path.1);
         let held = path.tick(path_state, light);
         let hold = held.status.contains(PathLengthStatus::HOLD_LIGHT);
@@ -145,14 +149,14 @@ impl Board {
         self.frame.light_status |= lit.status.bits();
         self.frame.actuator = held.actuator;
         self.frame.current = lit.current;
-        Commands {
+        ActuatorCodes {
             actuator: held.actuator.wrapping_add(held.modulation),
             modulation: held.modulation,
             current: lit.current,
         }
     }
 
-    fn end_of_tick(&mut self, commands: &Commands) -> Option<Output> {
+    fn end_of_tick(&mut self, commands: &ActuatorCodes) -> Option<Output> {
         self.frame.tick = self.frame.tick.wrapping_add(1);
         self.frame_ticks += 1;
         if self.frame_ticks < FRAME_TICKS {

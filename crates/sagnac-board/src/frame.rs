@@ -7,11 +7,11 @@
 //! └─────┴──────┴──────┴────────────────┴───────────┘
 //! ```
 //!
-//! The checksum is over kind, length and payload. A reader that finds something else skips a byte and looks for the
-//! next `SG`: bytes lost or added cost the frames that they hit and no other. (A lost `S` between two frames, the end of
-//! one checksum or the start of the next frame, costs one of the two: the bytes that are left are the same.)
+//! The checksum covers kind, length and payload. If the bytes are not a frame, the reader skips one byte and looks for the next `SG`. So
+//! lost or added bytes cost only the frames that they hit. (If one checksum ends in `S` and one of the two equal bytes `S` is lost, one of
+//! the two frames is lost: the remaining bytes are the same in both cases.)
 //!
-//! Where it fails: a damaged frame is found by its checksum alone; by chance one in 2³² is not.
+//! Only the checksum detects a damaged frame; one in 2³² passes by chance.
 
 use sagnac_core::bytes::crc32_of;
 
@@ -24,10 +24,10 @@ pub const MAX_FRAME: usize = HEAD + MAX_PAYLOAD + CRC;
 const HEAD: usize = 4;
 const CRC: usize = 4;
 
-/// A frame as it came.
+/// A frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Frame {
-    /// What it is.
+    /// Kind of the message.
     pub kind: u8,
     len: u8,
     payload: [u8; MAX_PAYLOAD],
@@ -41,12 +41,12 @@ impl Frame {
         Some(frame)
     }
 
-    /// What it holds.
+    /// Its payload.
     pub fn payload(&self) -> &[u8] {
         self.payload.get(..usize::from(self.len)).unwrap_or(&[])
     }
 
-    /// Its bytes at the front of a buffer, and how many.
+    /// Its bytes: a buffer, and the number of bytes used.
     pub fn bytes(&self) -> ([u8; MAX_FRAME], usize) {
         let mut bytes = [0; MAX_FRAME];
         let head = [self.kind, self.len];
@@ -59,56 +59,56 @@ impl Frame {
 
 /// Finds frames in a stream of bytes.
 #[derive(Clone, Debug)]
-pub struct Reader {
+pub struct FrameReader {
     held: [u8; MAX_FRAME],
     len: usize,
     skipped: u64,
 }
 
-impl Default for Reader {
+impl Default for FrameReader {
     fn default() -> Self {
         Self::new()
     }
 }
 
-impl Reader {
-    /// Nothing read yet.
+impl FrameReader {
+    /// An empty reader.
     pub const fn new() -> Self {
         Self { held: [0; MAX_FRAME], len: 0, skipped: 0 }
     }
 
-    /// Bytes that belonged to no frame.
+    /// Number of bytes that belonged to no frame.
     pub const fn skipped(&self) -> u64 {
         self.skipped
     }
 
-    /// Bytes that may yet become a frame.
-    pub const fn pending(&self) -> usize {
+    /// Number of bytes held back because they may be the start of a frame.
+    pub const fn buffered(&self) -> usize {
         self.len
     }
 
-    /// The next byte; a frame if one ends with it.
+    /// Adds one byte. Returns a frame if one ends with it.
     ///
-    /// Bytes behind a damaged head may hold whole frames already; they come out with the bytes that follow
-    /// ([`Reader::next_held`] gives them at once).
-    pub fn take(&mut self, byte: u8) -> Option<Frame> {
+    /// After a damaged head the buffer may hold more whole frames. They are returned with the next bytes, or at once by
+    /// [`FrameReader::next_buffered`].
+    pub fn push(&mut self, byte: u8) -> Option<Frame> {
         if let Some(slot) = self.held.get_mut(self.len) {
             *slot = byte;
             self.len += 1;
         }
-        self.next_held()
+        self.next_buffered()
     }
 
-    /// A frame among the bytes that are held, if there is a whole one.
-    pub fn next_held(&mut self) -> Option<Frame> {
+    /// The next whole frame in the buffer.
+    pub fn next_buffered(&mut self) -> Option<Frame> {
         while self.len > 0 {
-            match self.look() {
-                Looked::Frame(frame, len) => {
+            match self.parse() {
+                Parsed::Frame(frame, len) => {
                     self.drop_front(len);
                     return Some(frame);
                 }
-                Looked::MoreNeeded => return None,
-                Looked::NotHere => {
+                Parsed::MoreNeeded => return None,
+                Parsed::NotHere => {
                     self.drop_front(1);
                     self.skipped = self.skipped.saturating_add(1);
                 }
@@ -122,30 +122,30 @@ impl Reader {
         self.len = self.len.saturating_sub(count);
     }
 
-    fn look(&self) -> Looked {
+    fn parse(&self) -> Parsed {
         let held = self.held.get(..self.len).unwrap_or(&[]);
         let expected = SYNC.iter().zip(held);
         if expected.into_iter().any(|(wanted, byte)| wanted != byte) {
-            return Looked::NotHere;
+            return Parsed::NotHere;
         }
-        let [_, _, kind, len, ..] = *held else { return Looked::MoreNeeded };
+        let [_, _, kind, len, ..] = *held else { return Parsed::MoreNeeded };
         let payload_len = usize::from(len);
         if payload_len > MAX_PAYLOAD {
-            return Looked::NotHere;
+            return Parsed::NotHere;
         }
         let whole = HEAD + payload_len + CRC;
         let (Some(payload), Some(crc)) = (held.get(HEAD..HEAD + payload_len), held.get(HEAD + payload_len..whole))
         else {
-            return Looked::MoreNeeded;
+            return Parsed::MoreNeeded;
         };
         if crc != crc32_of(&[&[kind, len], payload]).to_le_bytes() {
-            return Looked::NotHere;
+            return Parsed::NotHere;
         }
-        Frame::new(kind, payload).map_or(Looked::NotHere, |frame| Looked::Frame(frame, whole))
+        Frame::new(kind, payload).map_or(Parsed::NotHere, |frame| Parsed::Frame(frame, whole))
     }
 }
 
-enum Looked {
+enum Parsed {
     Frame(Frame, usize),
     MoreNeeded,
     NotHere,

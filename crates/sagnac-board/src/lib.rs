@@ -1,36 +1,39 @@
-//! What a gyro's board does, tick by tick, and what it says on its serial line.
+//! The program of a gyro's board: one tick after the other, and the messages on its serial line.
 //!
 //! ```text
 //! A/B levels ─▶ counter ─▶ (dither stripping) ─▶ compensator ─┐
-//! thermometer codes ── once per Δt ──────────────▲            ├─▶ output frame ─▶ serial line
+//! input codes ── once per Δt ────────────────────▲            ├─▶ output frame ─▶ serial line
 //! light ─▶ path-length loop ─▶ actuator, modulation ──────────┤
 //!       └▶ intensity loop ─▶ current ─────────────────────────┘
 //! serial line ─▶ messages: rows of a rig, a new image in pieces, commit, roll back ─▶ flash banks
 //! ```
 //!
-//! * [`Board`] is one tick in its order: slow update if due, pulses, stripping, compensation, loops, frame.
-//! * [`Rig`] stands in for the gyro where there is none: it turns the rows of a log into levels, pickoff and light, in
-//!   integers, so that a board in an emulator and one on the host see the same.
-//! * [`Desk`] and [`Line`] are the main loop's and the interrupt's halves of the whole; [`run`] is both on this machine.
-//! * [`Upload`] takes an image from the line and commits it to the flash banks.
-//! * [`frame`] is the line's format: `docs/reference/serial-line.md`.
+//! * [`Board`] runs one tick in a fixed order: slow update if due, pulses, stripping, compensation, loops, frame.
+//! * [`Rig`] replaces the gyro where there is none. It turns the rows of a log into levels, pickoff and light, in integers, so a board
+//!   in an emulator and one on the host see the same.
+//! * [`TickHandler`] is the part for the tick's interrupt, [`CommandHandler`] the part for the main loop; [`run`] runs both on the host.
+//! * [`Upload`] receives an image over the line and commits it to the flash banks.
+//! * [`frame`] is the format of the line: `docs/reference/serial-line.md`.
 //!
-//! No allocation, no floating point, no `unsafe`, no panic path: the firmware that links this with a panic handler that
-//! does not exist links. What it does not do: touch a register; that is the firmware's (`firmware/gyro`).
+//! There is no allocation, no floating point, no `unsafe` and no panic path (`cargo xtask no-panic` checks that at link time). The
+//! crate touches no register; that is the firmware's part (`firmware/gyro`).
+//!
+//! Two examples to copy from are in `examples/`: `one_board` runs a board tick by tick; `upload_image` sends a new image over the serial
+//! line.
 #![no_std]
 #![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used, clippy::panic))]
 
 mod board;
-mod desk;
 pub mod frame;
+mod handler;
 mod memory_flash;
 mod message;
 mod rig;
 mod upload;
 
-pub use board::{Board, Commands, FRAME_TICKS, Sample};
-pub use desk::{Asked, Desk, Line, run};
-pub use memory_flash::{MemoryFlash, NotAllowed};
+pub use board::{ActuatorCodes, Board, FRAME_TICKS, Sample};
+pub use handler::{Action, CommandHandler, TickHandler, run};
+pub use memory_flash::{MemoryFlash, MemoryFlashError};
 pub use message::{
     COMMIT, Message, OUTPUT_LEN, Output, PIECE, POWER_ON, ROLL_BACK, Reply, ReplyCode, RigSettings, Row,
 };

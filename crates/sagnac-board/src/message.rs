@@ -1,4 +1,4 @@
-//! What frames say: payloads in fields. Widths and units: `docs/reference/serial-line.md`.
+//! Messages: the payloads of frames as fields. Widths and units: `docs/reference/serial-line.md`.
 
 use sagnac_core::Status;
 use sagnac_core::bytes::{Reader, Writer};
@@ -9,13 +9,13 @@ const OUTPUT: u8 = 0x01;
 const REPLY: u8 = 0x02;
 const SETTINGS: u8 = 0x10;
 const ROW: u8 = 0x11;
-/// Kind of a piece of an image, as replies name it.
+/// Kind of [`Message::Piece`], as in [`Reply::to`].
 pub const PIECE: u8 = 0x20;
-/// Kind of a commit.
+/// Kind of [`Message::Commit`].
 pub const COMMIT: u8 = 0x21;
-/// Kind of a roll back.
+/// Kind of [`Message::RollBack`].
 pub const ROLL_BACK: u8 = 0x22;
-/// What a reply at power-on answers.
+/// Value of [`Reply::to`] in the reply that is sent at power-on.
 pub const POWER_ON: u8 = 0;
 const STOP: u8 = 0x30;
 
@@ -24,16 +24,16 @@ pub const OUTPUT_LEN: usize = 40;
 /// Bytes of an image in one message.
 const PIECE_LEN: usize = 60;
 
-/// What the gyro says every [`crate::FRAME_TICKS`] ticks.
+/// What the gyro sends every [`crate::FRAME_TICKS`] ticks.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Output {
-    /// Counts up, from 0, and goes round.
+    /// Number of the frame, from 0, modulo 2¹⁶.
     pub sequence: u16,
     /// Ticks since power-on, at the end of the frame, modulo 2³².
     pub tick: u32,
     /// Corrected counts of the frame's ticks.
     pub counts: i32,
-    /// The counts that went into the correction.
+    /// Counts before the correction.
     pub raw: i32,
     /// All status bits of those ticks.
     pub status: Status,
@@ -45,121 +45,114 @@ pub struct Output {
     pub actuator: i32,
     /// Current, code.
     pub current: i32,
-    /// First thermometer's code at the last slow update; 0 without one.
+    /// Code of the image's first input at the last slow update; 0 without a sample.
     pub temperature: i32,
-    /// Quadrature steps that could not be told in direction, since power-on, modulo 2¹⁶.
+    /// Quadrature steps of unknown direction since power-on, modulo 2¹⁶.
     pub lost_steps: u16,
 }
 
-/// A row of a log, for a rig.
+/// One row of a log, for a rig.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Row {
-    /// Ticks that it lasts.
+    /// Length, ticks.
     pub ticks: u32,
-    /// Counts in them.
+    /// Counts in these ticks.
     pub counts: i32,
-    /// Bit i: thermometer i has a sample.
+    /// Bit i: input i has a sample.
     pub present: u8,
-    /// Thermometer codes.
+    /// Codes of the inputs.
     pub codes: [i32; 4],
 }
 
-/// What stands in for the gyro on a rig.
+/// Parameters of the rig that replaces the gyro.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RigSettings {
-    /// Swing of the dither, counts from the middle; 0 for none.
+    /// Amplitude of the dither, counts; 0 for none.
     pub dither_counts: u32,
-    /// Its phase per tick, 2⁻³² turns.
+    /// Phase of the dither per tick, 2⁻³² turns.
     pub dither_step: u32,
-    /// Place of the peak at code 0 of the first thermometer, actuator codes.
-    pub place: i32,
-    /// The place moves by this for 2²⁴ of the thermometer's codes, 2⁻¹⁶ actuator codes.
-    pub place_slope: i32,
-    /// Codes of a wavelength.
+    /// Position of the light's peak at code 0 of the first input, actuator codes.
+    pub peak: i32,
+    /// Movement of the peak for 2²⁴ codes of that input, 2⁻¹⁶ actuator codes.
+    pub peak_slope: i32,
+    /// One wavelength, actuator codes.
     pub wavelength: i32,
-    /// Part of the light that is lost per code squared off the peak, 2⁻⁴⁸.
+    /// Fraction of the light that is lost per squared code of distance from the peak, 2⁻⁴⁸.
     pub curvature: u32,
-    /// Light at the peak per current code, 2⁻¹⁶ codes.
+    /// Light at the peak per code of the current, 2⁻¹⁶ codes.
     pub lamp_gain: u32,
-    /// Right shift of ticks by which the light follows the current.
+    /// Time constant with which the light follows the current: 2^lamp_lag ticks.
     pub lamp_lag: u8,
-    /// The same for the path behind the actuator.
+    /// Time constant with which the path follows the actuator: 2^actuator_lag ticks.
     pub actuator_lag: u8,
-    /// Noise of the light, bits.
+    /// Noise of the light code, bits.
     pub noise_bits: u8,
 }
 
-/// What became of a message.
+/// Result of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ReplyCode {
     /// Done.
     Done = 0,
-    /// No image: damaged, or a value that cannot be.
+    /// The bytes are not an image: damaged, or a value out of range.
     NotAnImage = 1,
-    /// Not for this gyro, or beyond what it can need.
-    Unfit = 2,
-    /// Not newer than the image in force.
+    /// The image is for another gyro, or its terms exceed the limits of this one.
+    Mismatch = 2,
+    /// The image is not newer than the active one.
     NotNewer = 3,
-    /// Nothing to go back to.
-    NothingToGoBackTo = 4,
+    /// There is no older image to go back to.
+    NoOlderImage = 4,
     /// The flash failed.
     Flash = 5,
-    /// A piece outside of the image's room, or fewer pieces than the commit says.
-    ChunkReader = 6,
+    /// A piece or a commit beyond the longest image.
+    BadPiece = 6,
 }
 
-/// An answer.
+/// The reply to a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Reply {
-    /// Kind of the message that is answered, or [`POWER_ON`].
+    /// Kind of the message, or [`POWER_ON`].
     pub to: u8,
-    /// What became of it.
+    /// Its result.
     pub code: ReplyCode,
-    /// Sequence number of the image in force; 0 for the factory defaults.
+    /// Sequence number of the active image; 0 for the factory defaults.
     pub sequence: u32,
 }
 
-/// Everything that goes over the line.
+/// All messages of the serial line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Message {
-    /// From the gyro.
+    /// From the gyro: corrected counts and status.
     Output(Output),
-    /// From the gyro.
+    /// From the gyro: the result of a message.
     Reply(Reply),
-    /// To a rig.
+    /// To a rig: its parameters. Restarts the board.
     Settings(RigSettings),
-    /// To a rig.
+    /// To a rig: run one row of a log.
     Row(Row),
     /// To the gyro: bytes of an image.
     Piece {
-        /// Where they belong.
+        /// Offset of the first byte in the image.
         offset: u16,
-        /// How many.
+        /// Number of bytes.
         len: u8,
         /// The bytes.
         bytes: [u8; PIECE_LEN],
     },
-    /// To the gyro: the image is complete.
+    /// To the gyro: the image is complete; store it.
     Commit {
         /// Its length.
         len: u16,
     },
-    /// To the gyro: the image before this one, please.
+    /// To the gyro: go back to the image before this one.
     RollBack,
     /// To a rig: the end of the run.
     Stop,
 }
 
 impl ReplyCode {
-    const ALL: [Self; 7] = [
-        Self::Done,
-        Self::NotAnImage,
-        Self::Unfit,
-        Self::NotNewer,
-        Self::NothingToGoBackTo,
-        Self::Flash,
-        Self::ChunkReader,
-    ];
+    const ALL: [Self; 7] =
+        [Self::Done, Self::NotAnImage, Self::Mismatch, Self::NotNewer, Self::NoOlderImage, Self::Flash, Self::BadPiece];
 }
 
 impl Message {
@@ -172,7 +165,7 @@ impl Message {
         })
     }
 
-    /// The number by which replies name it.
+    /// Its kind: the number in the frame.
     pub const fn kind(&self) -> u8 {
         match self {
             Self::Output(_) => OUTPUT,
@@ -186,7 +179,7 @@ impl Message {
         }
     }
 
-    /// Its frame. `None` never happens: every payload fits (a test holds that).
+    /// Its frame. Never `None`: every payload fits (a test confirms it).
     pub fn frame(&self) -> Option<Frame> {
         let mut payload = [0; crate::frame::MAX_PAYLOAD];
         let mut w = Writer::new(&mut payload);
@@ -218,7 +211,7 @@ impl Message {
                 for value in [s.dither_counts, s.dither_step, s.curvature, s.lamp_gain] {
                     w.put(value.to_le_bytes())?;
                 }
-                for value in [s.place, s.place_slope, s.wavelength] {
+                for value in [s.peak, s.peak_slope, s.wavelength] {
                     w.put(value.to_le_bytes())?;
                 }
                 w.put([s.lamp_lag, s.actuator_lag, s.noise_bits])?;
@@ -246,8 +239,8 @@ impl Message {
         }
     }
 
-    /// What a frame says; `None` for a kind that is not known, or a payload of another length.
-    pub fn of(frame: &Frame) -> Option<Self> {
+    /// The message of a frame; `None` for an unknown kind or a payload of the wrong length.
+    pub fn parse(frame: &Frame) -> Option<Self> {
         let mut r = Reader::new(frame.payload());
         let message = match frame.kind {
             OUTPUT => Self::Output(read_output(&mut r)?),
@@ -302,13 +295,13 @@ fn read_output(r: &mut Reader<'_>) -> Option<Output> {
 
 fn read_settings(r: &mut Reader<'_>) -> Option<RigSettings> {
     let (dither_counts, dither_step, curvature, lamp_gain) = (r.u32()?, r.u32()?, r.u32()?, r.u32()?);
-    let (place, place_slope, wavelength) = (r.i32()?, r.i32()?, r.i32()?);
+    let (peak, peak_slope, wavelength) = (r.i32()?, r.i32()?, r.i32()?);
     let (lamp_lag, actuator_lag, noise_bits) = (r.u8()?, r.u8()?, r.u8()?);
     Some(RigSettings {
         dither_counts,
         dither_step,
-        place,
-        place_slope,
+        peak,
+        peak_slope,
         wavelength,
         curvature,
         lamp_gain,

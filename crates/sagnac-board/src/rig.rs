@@ -1,36 +1,36 @@
-//! A gyro for a board that has none: levels, pickoff and light from the rows of a log.
+//! A replacement for the gyro: levels, pickoff and light from the rows of a log.
 //!
 //! ```text
 //! row: counts over ticks ─▶ spread evenly ─┬─▶ quarter steps ─▶ A/B levels
-//! dither: y = 4p(1 − 2|p|), p in turns ────┘         (a parabola in place of a sine; the pickoff shows y itself)
-//! light = lamp(current)·(1 − c·d²) + noise           d: actuator's place off the peak, within a wavelength
+//! dither: y = 4p(1 − 2|p|), p in turns ────┘         (a parabola instead of a sine; the pickoff measures y)
+//! light = lamp(current)·(1 − c·d²) + noise           d: distance of the path from the peak, within a wavelength
 //! ```
 //!
-//! Everything is integers, so that an emulated board and one on the host see the same to the bit. The rig is the
-//! simulator's log with the readout and the loops' plant added, not the simulator: physics is in `sagnac-sim`.
+//! Everything is in integers, so an emulated board and one on the host see the same to the bit. The rig adds the readout and the plant of
+//! the loops to a log; it is not the simulator. The physics is in `sagnac-sim`.
 
-use crate::board::{Commands, Sample};
+use crate::board::{ActuatorCodes, Sample};
 use crate::message::{RigSettings, Row};
 
-/// Steps of a tick are held to this: 40 MHz of counts.
+/// Most quarter steps of a tick: 40 MHz of counts.
 const MOST_STEPS: i32 = 4096;
 
-/// The stand-in.
+/// The rig: see [`RigSettings`] for its parameters.
 #[derive(Clone, Copy, Debug)]
 pub struct Rig {
     settings: RigSettings,
     row: Row,
-    /// Ticks of the row to go.
-    left: u32,
-    /// Whole counts of a tick, and what is left of them in counts per row.
+    /// Remaining ticks of the row.
+    ticks_left: u32,
+    /// Whole counts of a tick, and the remainder in counts per row.
     whole: i32,
     part: u32,
     carried: u32,
     phase: u32,
-    /// Counts of the swing so far.
+    /// Counts of the dither so far.
     swing: i32,
-    /// Place in the fringe, quarter steps.
-    place: u8,
+    /// Position in the fringe, quarter steps.
+    quarter: u8,
     light_q16: i64,
     at_q32: i64,
     noise: u32,
@@ -40,41 +40,41 @@ impl Rig {
     /// Levels before the first tick.
     pub const LEVELS: (bool, bool) = (false, false);
 
-    /// At rest, in the dark.
+    /// A rig at rest, without light.
     pub const fn new(settings: RigSettings) -> Self {
         Self {
             settings,
             row: Row { ticks: 0, counts: 0, present: 0, codes: [0; 4] },
-            left: 0,
+            ticks_left: 0,
             whole: 0,
             part: 0,
             carried: 0,
             phase: 0,
             swing: 0,
-            place: 0,
+            quarter: 0,
             light_q16: 0,
             at_q32: 0,
             noise: 1,
         }
     }
 
-    /// Ticks of the row to go.
-    pub const fn left(&self) -> u32 {
-        self.left
+    /// Remaining ticks of the row.
+    pub const fn ticks_left(&self) -> u32 {
+        self.ticks_left
     }
 
-    /// Begins a row. What was left of the one before is lost, so wait for [`Rig::left`] to be 0.
-    pub fn begin(&mut self, row: Row) {
+    /// Starts a row. The rest of the row before is dropped: wait until [`Rig::ticks_left`] is 0.
+    pub fn start_row(&mut self, row: Row) {
         let counts = i64::from(row.counts);
         let ticks = i64::from(row.ticks);
         self.whole = counts.checked_div_euclid(ticks).unwrap_or(0) as i32;
         self.part = counts.checked_rem_euclid(ticks).unwrap_or(0) as u32;
-        (self.row, self.left, self.carried) = (row, row.ticks, 0);
+        (self.row, self.ticks_left, self.carried) = (row, row.ticks, 0);
     }
 
-    /// The levels and the sample of the next tick, after what the board set in the one before.
-    pub fn tick(&mut self, commands: &Commands) -> (Levels, Sample) {
-        self.left = self.left.saturating_sub(1);
+    /// The levels and the sample of the next tick, with the actuators as the board set them in the tick before.
+    pub fn tick(&mut self, actuators: &ActuatorCodes) -> (Levels, Sample) {
+        self.ticks_left = self.ticks_left.saturating_sub(1);
         let mut steps = self.whole;
         // Both are below the row's ticks.
         let carried = u64::from(self.carried) + u64::from(self.part);
@@ -85,11 +85,11 @@ impl Rig {
             self.carried = carried as u32;
         }
         let (swing, pickoff) = self.dither();
-        // Whatever a row says, a tick ends.
+        // A tick ends for every row, even a damaged one.
         steps = steps.saturating_add(swing).clamp(-MOST_STEPS, MOST_STEPS);
-        let levels = Levels { place: self.place, left: steps };
-        self.place = (i32::from(self.place).wrapping_add(steps) & 3) as u8;
-        let light = self.light(commands);
+        let levels = Levels { quarter: self.quarter, steps_left: steps };
+        self.quarter = (i32::from(self.quarter).wrapping_add(steps) & 3) as u8;
+        let light = self.light(actuators);
         let mut codes = [None; 4];
         for (i, (slot, code)) in codes.iter_mut().zip(self.row.codes).enumerate() {
             *slot = (self.row.present >> i & 1 == 1).then_some(code);
@@ -97,7 +97,7 @@ impl Rig {
         (levels, Sample { codes, pickoff, light })
     }
 
-    /// Counts that the swing adds in this tick, and its angle at the end.
+    /// Counts that the dither adds in this tick, and its angle at the end.
     fn dither(&mut self) -> (i32, i32) {
         if self.settings.dither_counts == 0 {
             return (0, 0);
@@ -112,14 +112,14 @@ impl Rig {
         (moved, (y >> 4) as i32)
     }
 
-    fn light(&mut self, commands: &Commands) -> i32 {
+    fn light(&mut self, actuators: &ActuatorCodes) -> i32 {
         let s = &self.settings;
-        let lamp = i64::from(commands.current).wrapping_mul(i64::from(s.lamp_gain));
+        let lamp = i64::from(actuators.current).wrapping_mul(i64::from(s.lamp_gain));
         self.light_q16 += (lamp - self.light_q16) >> s.lamp_lag.min(31);
-        let wanted = i64::from(commands.actuator.wrapping_sub(commands.modulation)) << 32;
+        let wanted = i64::from(actuators.actuator.wrapping_sub(actuators.modulation)) << 32;
         self.at_q32 += (wanted - self.at_q32) >> s.actuator_lag.min(31);
-        let warm = (i64::from(self.row.codes.first().copied().unwrap_or(0)) * i64::from(s.place_slope)) >> 40;
-        let x = (self.at_q32 >> 32) + i64::from(commands.modulation) - i64::from(s.place) - warm;
+        let warm = (i64::from(self.row.codes.first().copied().unwrap_or(0)) * i64::from(s.peak_slope)) >> 40;
+        let x = (self.at_q32 >> 32) + i64::from(actuators.modulation) - i64::from(s.peak) - warm;
         let wave = i64::from(s.wavelength.max(1));
         let d = x.checked_rem_euclid(wave).unwrap_or(0);
         let d = if d > wave / 2 { d - wave } else { d };
@@ -134,11 +134,11 @@ impl Rig {
     }
 }
 
-/// The levels of a tick: as many steps forward or back as it counts.
+/// The levels of a tick: one item for each quarter step, forward or back.
 #[derive(Clone, Copy, Debug)]
 pub struct Levels {
-    place: u8,
-    left: i32,
+    quarter: u8,
+    steps_left: i32,
 }
 
 impl Iterator for Levels {
@@ -146,12 +146,12 @@ impl Iterator for Levels {
 
     #[inline]
     fn next(&mut self) -> Option<(bool, bool)> {
-        let step = self.left.signum();
+        let step = self.steps_left.signum();
         if step == 0 {
             return None;
         }
-        self.left -= step;
-        self.place = (i32::from(self.place) + step) as u8 & 3;
-        Some((matches!(self.place, 1 | 2), matches!(self.place, 2 | 3)))
+        self.steps_left -= step;
+        self.quarter = (i32::from(self.quarter) + step) as u8 & 3;
+        Some((matches!(self.quarter, 1 | 2), matches!(self.quarter, 2 | 3)))
     }
 }

@@ -1,17 +1,16 @@
-//! A new image over the line: pieces, then a commit; or back to the one before.
+//! A new image over the serial line: pieces, then a commit; or a roll back to the image before.
 //!
-//! ChunkReader may come in any order and more than once. The commit decodes, checks and stores; the board takes the image
-//! over between two ticks. A commit that is refused leaves the image in force, and the pieces, so that only what was
-//! missing need be sent again.
+//! Pieces may arrive in any order and more than once. The commit decodes, checks and stores the image; the board starts to use it between
+//! two ticks. A refused commit changes neither the active image nor the received pieces, so only missing pieces need to be sent again.
 //!
-//! Storing erases and programs flash and takes milliseconds: it belongs into the main loop, not the tick.
+//! A store erases and programs flash and takes milliseconds. Call it from the main loop, not from the tick.
 
 use embedded_storage::nor_flash::NorFlash;
 use sagnac_core::{Banks, Gyro, Image, Loaded, MAX_IMAGE_LEN, StoreError};
 
 use crate::message::{Message, Reply, ReplyCode};
 
-/// The room for an image in pieces.
+/// Buffer for an image in pieces.
 #[derive(Clone, Debug)]
 pub struct Upload {
     bytes: [u8; MAX_IMAGE_LEN],
@@ -24,13 +23,13 @@ impl Default for Upload {
 }
 
 impl Upload {
-    /// Nothing there yet.
+    /// An empty buffer.
     pub const fn new() -> Self {
         Self { bytes: [0; MAX_IMAGE_LEN] }
     }
 
-    /// Handles a piece, a commit or a roll back: what to answer and, where the image in force may have changed, what it
-    /// is now. `None` for every other message.
+    /// Handles a piece, a commit or a roll back. Returns the reply and, if the active image may have changed, what flash holds now.
+    /// `None` for every other message.
     pub fn handle<F: NorFlash>(
         &mut self,
         message: &Message,
@@ -44,7 +43,7 @@ impl Upload {
             _ => return None,
         };
         let loaded = banks.load(gyro);
-        // What flash holds counts, whatever the code says: a failed step may have changed it all the same.
+        // Use what flash holds, not the code: a failed step may still have changed the active image.
         let changed = !matches!(message, Message::Piece { .. });
         let reply = Reply { to: message.kind(), code, sequence: sequence(&loaded) };
         Some((reply, changed.then_some(loaded)))
@@ -56,12 +55,12 @@ impl Upload {
                 room.copy_from_slice(piece);
                 ReplyCode::Done
             }
-            None => ReplyCode::ChunkReader,
+            None => ReplyCode::BadPiece,
         }
     }
 
     fn commit<F: NorFlash>(&mut self, len: usize, banks: &mut Banks<F>, gyro: &Gyro) -> ReplyCode {
-        let Some(bytes) = self.bytes.get(..len) else { return ReplyCode::ChunkReader };
+        let Some(bytes) = self.bytes.get(..len) else { return ReplyCode::BadPiece };
         match Image::decode(bytes) {
             Ok(image) => banks.store(gyro, &image).map_or_else(of_store, |()| ReplyCode::Done),
             Err(_) => ReplyCode::NotAnImage,
@@ -69,17 +68,17 @@ impl Upload {
     }
 }
 
-/// Number of the image in force, 0 for the defaults.
+/// Sequence number of the active image, 0 for the factory defaults.
 fn sequence(loaded: &Loaded) -> u32 {
     loaded.image.description().sequence
 }
 
 fn of_store<E>(error: StoreError<E>) -> ReplyCode {
     match error {
-        StoreError::Unfit(_) => ReplyCode::Unfit,
+        StoreError::Mismatch(_) => ReplyCode::Mismatch,
         StoreError::NotNewer { .. } => ReplyCode::NotNewer,
-        StoreError::NothingToGoBackTo => ReplyCode::NothingToGoBackTo,
-        StoreError::NoSlotLeft | StoreError::CounterAtEnd | StoreError::ReadBack { .. } | StoreError::Flash(_) => {
+        StoreError::NoOlderImage => ReplyCode::NoOlderImage,
+        StoreError::NoFreeNote | StoreError::StoreCounterFull | StoreError::ReadBack { .. } | StoreError::Flash(_) => {
             ReplyCode::Flash
         }
     }

@@ -1,8 +1,8 @@
 //! Frames survive damage to others; messages come back as they were; the whole line on this machine.
 
 use proptest::prelude::*;
-use sagnac_board::frame::{Frame, MAX_PAYLOAD, Reader};
-use sagnac_board::{Desk, MemoryFlash, Message, OUTPUT_LEN, Output, Reply, ReplyCode, RigSettings, Row, run};
+use sagnac_board::frame::{Frame, FrameReader, MAX_PAYLOAD};
+use sagnac_board::{CommandHandler, MemoryFlash, Message, OUTPUT_LEN, Output, Reply, ReplyCode, RigSettings, Row, run};
 use sagnac_core::{Banks, Gyro, Image, Status};
 use sagnac_loops::LoopTable;
 
@@ -12,16 +12,16 @@ fn bytes_of(message: &Message) -> Vec<u8> {
 }
 
 fn frames(bytes: &[u8]) -> (Vec<Frame>, u64) {
-    let mut reader = Reader::new();
+    let mut reader = FrameReader::new();
     let mut found = Vec::new();
     for byte in bytes {
-        let mut frame = reader.take(*byte);
+        let mut frame = reader.push(*byte);
         while let Some(one) = frame {
             found.push(one);
-            frame = reader.next_held();
+            frame = reader.next_buffered();
         }
     }
-    (found, reader.skipped() + reader.pending() as u64)
+    (found, reader.skipped() + reader.buffered() as u64)
 }
 
 fn message() -> impl Strategy<Value = Message> {
@@ -43,15 +43,15 @@ fn message() -> impl Strategy<Value = Message> {
         }),
         (any::<u8>(), any::<u32>()).prop_map(|(to, sequence)| Message::Reply(Reply {
             to,
-            code: ReplyCode::Unfit,
+            code: ReplyCode::Mismatch,
             sequence
         })),
         (any::<[i32; 7]>(), any::<[u8; 3]>()).prop_map(|(v, b)| {
             Message::Settings(RigSettings {
                 dither_counts: v[0] as u32,
                 dither_step: v[1] as u32,
-                place: v[2],
-                place_slope: v[3],
+                peak: v[2],
+                peak_slope: v[3],
                 wavelength: v[4],
                 curvature: v[5] as u32,
                 lamp_gain: v[6] as u32,
@@ -101,7 +101,7 @@ proptest! {
         }
         let (found, skipped) = frames(&bytes);
         prop_assert_eq!(skipped, 0);
-        prop_assert_eq!(found.iter().map(Message::of).collect::<Vec<_>>(), vec![Some(message)]);
+        prop_assert_eq!(found.iter().map(Message::parse).collect::<Vec<_>>(), vec![Some(message)]);
     }
 
     #[test]
@@ -110,7 +110,7 @@ proptest! {
         for piece in Message::pieces(&image) {
             let bytes = bytes_of(&piece);
             let (found, _) = frames(&bytes);
-            let Some(Message::Piece { offset, len, bytes }) = Message::of(&found[0]) else { panic!("{piece:?}") };
+            let Some(Message::Piece { offset, len, bytes }) = Message::parse(&found[0]) else { panic!("{piece:?}") };
             back[usize::from(offset)..][..usize::from(len)].copy_from_slice(&bytes[..usize::from(len)]);
         }
         prop_assert_eq!(back, image);
@@ -151,7 +151,7 @@ proptest! {
         prop_assert!(lost <= 1, "{lost} frames lost by one blow to {struck:?}");
     }
 
-    /// Any bytes at all: no panic, and the desk goes on.
+    /// Any bytes at all: no panic, and the handler goes on.
     #[test]
     fn any_bytes_are_survived(bytes in prop::collection::vec(any::<u8>(), 0..600), messages in prop::collection::vec(message(), 0..12)) {
         let mut input = bytes;
@@ -164,7 +164,7 @@ proptest! {
             input.extend(bytes_of(&message));
         }
         let mut out = 0;
-        run(&mut desk(), input.into_iter(), |bytes| out += bytes.len());
+        run(&mut handler(), input.into_iter(), |bytes| out += bytes.len());
         prop_assert!(out > 0);
     }
 }
@@ -180,16 +180,16 @@ fn loops() -> LoopTable {
     LoopTable::decode(words.table(&head, &mut room).unwrap()).unwrap()
 }
 
-fn desk() -> Desk<MemoryFlash> {
+fn handler() -> CommandHandler<MemoryFlash> {
     let gyro = Gyro::of(&Image::decode(PAPER).unwrap(), 4);
-    Desk::new(Banks::new(MemoryFlash::new(), 0, MemoryFlash::BANK).unwrap(), gyro, loops())
+    CommandHandler::new(Banks::new(MemoryFlash::new(), 0, MemoryFlash::BANK).unwrap(), gyro, loops())
 }
 
 fn outputs(input: &[Message]) -> Vec<Message> {
     let bytes: Vec<u8> = input.iter().flat_map(bytes_of).collect();
     let mut out = Vec::new();
-    run(&mut desk(), bytes.into_iter(), |bytes| out.extend_from_slice(bytes));
-    frames(&out).0.iter().map(|frame| Message::of(frame).unwrap()).collect()
+    run(&mut handler(), bytes.into_iter(), |bytes| out.extend_from_slice(bytes));
+    frames(&out).0.iter().map(|frame| Message::parse(frame).unwrap()).collect()
 }
 
 /// Without an image counts pass through and say UNCORRECTED; with one the same counts are corrected.
@@ -217,7 +217,7 @@ fn a_new_image_is_taken_over_between_two_ticks() {
         out.iter().filter_map(|m| if let Message::Reply(r) = m { Some(r) } else { None }).collect();
     let commit = replies.iter().find(|r| r.to == 0x21).unwrap();
     assert_eq!((commit.code, commit.sequence), (ReplyCode::Done, 1));
-    assert_eq!(replies.last().unwrap().code, ReplyCode::NothingToGoBackTo);
+    assert_eq!(replies.last().unwrap().code, ReplyCode::NoOlderImage);
 }
 
 /// The swing of a dithered gyro leaves nothing behind: whole periods carry the counts of the rate alone.

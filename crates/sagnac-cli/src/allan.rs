@@ -45,7 +45,7 @@ pub(crate) struct Args {
     detrend: Option<Detrend>,
     /// Length of the record behind a bare curve, s: gives it intervals
     #[arg(long, value_name = "S")]
-    record: Option<f64>,
+    duration: Option<f64>,
     /// Curve to write: CSV
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
@@ -106,12 +106,12 @@ fn of_curve(path: &Path, args: &Args) -> Result<NoiseBudget> {
         .file(path.display().to_string()));
     }
     let (curves, input) = read_curve(path)?;
-    budget_of_curves(&curves, args.record, input)
+    budget_of_curves(&curves, args.duration, input)
 }
 
 fn of_logs(args: &Args) -> Result<NoiseBudget> {
-    if args.record.is_some() {
-        return Err(Error::input("belongs to a bare curve; a log knows its own length").column("--record"));
+    if args.duration.is_some() {
+        return Err(Error::input("belongs to a bare curve; a log knows its own length").column("--duration"));
     }
     for path in &args.logs {
         if !matches!(loading::kind_of(path)?, loading::Kind::Log) {

@@ -66,15 +66,14 @@ enum LossWord {
 
 pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     loading::keep_inputs(&args.logs, args.output.iter().chain(&args.report).map(PathBuf::as_path))?;
-    let options = FitOptions {
-        source_date_epoch: source_date_epoch()?,
-        bootstrap: args.bootstrap.map(usize::from),
-        loss: match args.loss {
-            LossWord::Squares => Loss::Squares,
-            LossWord::Huber => Loss::Huber,
-        },
-        ..FitOptions::new(args.model.parse()?)
+    let loss = match args.loss {
+        LossWord::Squares => Loss::Squares,
+        LossWord::Huber => Loss::Huber,
     };
+    let options = FitOptions::new(args.model.parse()?)
+        .source_date_epoch(source_date_epoch()?)
+        .bootstrap(args.bootstrap.map(usize::from))
+        .loss(loss);
     let (windows, setup) = loading::windows(&args.logs, &args.setup)?;
     let (calibration, report_data) = calibrate_with_report_data(windows, &setup, &options)?;
     let text = calibration.to_json()?;

@@ -27,10 +27,10 @@ Examples:
 pub(crate) struct Args {
     /// Calibration or image
     correction: PathBuf,
-    /// Log; standard input unless told
+    /// Log; standard input by default
     #[arg(default_value = "-")]
     log: PathBuf,
-    /// Corrected log: CSV, or Parquet for a name in .parquet; standard output unless told
+    /// Corrected log: CSV, or Parquet for a name in .parquet; standard output by default
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
     #[command(flatten)]

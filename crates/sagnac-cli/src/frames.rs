@@ -4,7 +4,7 @@ use std::io::{BufReader, Read, Write};
 use std::path::{Path, PathBuf};
 
 use sagnac::{Error, Result};
-use sagnac_board::frame::Reader;
+use sagnac_board::frame::FrameReader;
 use sagnac_board::{COMMIT, Message, Output, PIECE, POWER_ON, ROLL_BACK, Reply, ReplyCode};
 use sagnac_core::Status;
 use sagnac_log::write::write_atomically;
@@ -27,10 +27,10 @@ Examples:
   sagnac frames captured.bin -o frames.csv
   sagnac frames < /dev/ttyUSB0")]
 pub(crate) struct Args {
-    /// Bytes of the line; standard input unless told
+    /// Bytes of the line; standard input by default
     #[arg(default_value = "-")]
     input: PathBuf,
-    /// CSV to write; standard output unless told
+    /// CSV to write; standard output by default
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
     /// Length of a tick, µs
@@ -109,11 +109,11 @@ fn words_of(reply: &Reply) -> String {
     let became = match reply.code {
         ReplyCode::Done => "done",
         ReplyCode::NotAnImage => "refused: not an image, or damaged",
-        ReplyCode::Unfit => "refused: for another gyro, or beyond what this one can need",
+        ReplyCode::Mismatch => "refused: for another gyro, or beyond what this one can need",
         ReplyCode::NotNewer => "refused: not newer than the image in force",
-        ReplyCode::NothingToGoBackTo => "refused: no older image to go back to",
+        ReplyCode::NoOlderImage => "refused: no older image to go back to",
         ReplyCode::Flash => "failed: flash",
-        ReplyCode::ChunkReader => "refused: outside of an image's room",
+        ReplyCode::BadPiece => "refused: outside of an image's room",
     };
     match reply.sequence {
         0 => format!("{what}: {became}; factory defaults in force"),
@@ -131,7 +131,7 @@ fn pour(args: &Args, tally: &mut Tally, out: &mut dyn Write) -> Result<()> {
     };
     let written = |e: &std::io::Error| Error::io("output", "write", e);
     out.write_all(HEADER.as_bytes()).map_err(|e| written(&e))?;
-    let mut reader = Reader::new();
+    let mut reader = FrameReader::new();
     let mut block = [0; 1 << 16];
     let mut source = BufReader::new(&mut bytes);
     loop {
@@ -140,16 +140,16 @@ fn pour(args: &Args, tally: &mut Tally, out: &mut dyn Write) -> Result<()> {
             break;
         }
         for byte in &block[..have] {
-            let mut frame = reader.take(*byte);
+            let mut frame = reader.push(*byte);
             while let Some(found) = frame {
                 if let Some(row) = tally.take(&found, args.tick_us) {
                     out.write_all(row.as_bytes()).map_err(|e| written(&e))?;
                 }
-                frame = reader.next_held();
+                frame = reader.next_buffered();
             }
         }
     }
-    tally.damaged_bytes = reader.skipped() + reader.pending() as u64;
+    tally.damaged_bytes = reader.skipped() + reader.buffered() as u64;
     if tally.outputs == 0 && tally.answers.is_empty() {
         let error = Error::input("holds no frame of a gyro").help("docs/reference/serial-line.md has the format");
         return Err(error.file(input.display().to_string()));
@@ -180,7 +180,7 @@ impl Tally {
 
     /// Counts a frame; the row of an output.
     fn take(&mut self, frame: &sagnac_board::frame::Frame, tick_us: f64) -> Option<String> {
-        match Message::of(frame) {
+        match Message::parse(frame) {
             Some(Message::Output(output)) => {
                 self.outputs += 1;
                 self.follow(&output);

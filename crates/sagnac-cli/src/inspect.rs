@@ -7,7 +7,7 @@ use sagnac::calibration::Calibration;
 use sagnac::export::image_bytes;
 use sagnac::fit::{FitOptions, Model, calibrate};
 use sagnac::window::{WindowBuilder, Windows};
-use sagnac_core::{Image, Kind as Quantity, Multiplier, Shape, Source, Term};
+use sagnac_core::{Image, Kind as Quantity, Multiplier, Shape, Term, ValueSource};
 use sagnac_log::ingest::{AngleUnit, LogReader, LogShape, ReadMode, Tally, hex, sha256};
 use sagnac_log::setup::Setup;
 use sagnac_units::format::significant;
@@ -320,18 +320,18 @@ fn image(path: &Path, console: &mut Console) -> Result<()> {
 fn image_object(image: &Image) -> ImageObject {
     let d = image.description();
     let celsius = |q24: i32| f64::from(q24) / f64::from(1 << 24);
-    let thermometers = image.thermometers().iter().map(|t| ImageThermometer {
+    let thermometers = image.inputs().iter().map(|t| ImageThermometer {
         difference: match t.source {
-            Source::Difference { of, less } => Some([of, less]),
-            Source::Code => None,
+            ValueSource::Difference { of, less } => Some([of, less]),
+            ValueSource::Code => None,
         },
         unit_exponent: t.unit_exponent,
         span_c: [celsius(t.span_lo_q24), celsius(t.span_hi_q24)],
-        valid_range_c: [celsius(t.plausible_lo_q24), celsius(t.plausible_hi_q24)],
+        valid_range_c: [celsius(t.valid_lo_q24), celsius(t.valid_hi_q24)],
         has_rate: t.lag.is_used(),
     });
     let from = |t: &Term, knot_q15: i16| {
-        let t = image.thermometers().get(usize::from(t.sensor))?;
+        let t = image.inputs().get(usize::from(t.input))?;
         let (lo, hi) = (celsius(t.span_lo_q24), celsius(t.span_hi_q24));
         Some(f64::midpoint(lo, hi) + f64::from(knot_q15) / 32_768.0 * (hi - lo) / 2.0)
     };
@@ -347,7 +347,7 @@ fn image_object(image: &Image) -> ImageObject {
         from: piece(t).1,
         turns: t.shape.turns_q18().map(|turns| f64::from(turns) / f64::from(1 << 18)),
         kind: if t.kind == Quantity::Bias { "bias" } else { "scale" },
-        sensor: t.sensor,
+        sensor: t.input,
         order: t.shape.order().unwrap_or(0),
         times_rate: t.multiplier == Multiplier::Rate,
         mantissa: t.mantissa,

@@ -10,6 +10,7 @@ mod compare;
 mod compensate;
 mod console;
 mod demo;
+mod evaluate;
 mod export;
 mod frames;
 mod import;
@@ -61,6 +62,7 @@ enum Command {
     Window(window::Args),
     Allan(allan::Args),
     Inspect(inspect::Args),
+    Evaluate(evaluate::Args),
     Export(export::Args),
     Frames(frames::Args),
     Import(import::Args),
@@ -77,6 +79,7 @@ fn main() -> ExitCode {
         Command::Allan(args) => args.json,
         Command::Compare(args) => args.json,
         Command::Inspect(args) => args.json,
+        Command::Evaluate(args) => args.json,
         _ => false,
     };
     let mut console = Console::new(json);
@@ -113,6 +116,7 @@ fn run(command: Command, console: &mut Console) -> console::Ran {
         Command::Allan(args) => allan::run(&args, console),
         Command::Compare(args) => compare::run(&args, console),
         Command::Inspect(args) => inspect::run(&args, console),
+        Command::Evaluate(args) => evaluate::run(&args, console),
         Command::Export(args) => export::run(&args, console),
         Command::Frames(args) => frames::run(&args, console),
         Command::Import(args) => import::run(&args, console),

@@ -108,11 +108,11 @@ fn markdown(program: &mut Command) -> Result<String> {
     out += &keys(&schema_of::<Setup>()?)?;
     out += "\n## limits.toml\n\nWhat a retest must show; every key is optional. Exit status 1 if any is not met.\n\n";
     out += &keys(&schema_of::<Limits>()?)?;
-    out += "\n## Why rows and windows are left out\n\n| reason | what it means |\n|---|---|\n";
+    out += "\n## Why rows and windows are excluded\n\n| reason | what it means |\n|---|---|\n";
     Reason::ALL.iter().for_each(|r| out += &format!("| `{}` | {} |\n", r.name(), r.meaning()));
     out += "\n## Status of corrected rows\n\nThe words of the `status` column, joined by `|`; `OK` for none of them: ";
     out += &Status::NAMES.map(|(_, name)| format!("`{name}`")).join(", ");
-    out += ". What each means stands in [arithmetic.md](../explanation/arithmetic.md).\n";
+    out += ". Each is explained in [arithmetic.md](../explanation/arithmetic.md).\n";
     Ok(out)
 }
 
@@ -195,8 +195,8 @@ fn meaning(arg: &Arg) -> String {
         out += &format!(" ({})", possible.join(", "));
     }
     let defaults: Vec<String> = arg.get_default_values().iter().map(|v| format!("`{}`", v.to_string_lossy())).collect();
-    if !defaults.is_empty() && matches!(arg.get_action(), ArgAction::Set) && !out.contains("unless told") {
-        out += &format!("; {} unless told", defaults.join(", "));
+    if !defaults.is_empty() && matches!(arg.get_action(), ArgAction::Set) && !out.contains("by default") {
+        out += &format!("; {} by default", defaults.join(", "));
     }
     out.replace('|', "\\|")
 }

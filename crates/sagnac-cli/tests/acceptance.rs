@@ -108,12 +108,16 @@ fn a_hole_in_the_retest_is_not_bridged() {
     let ends = cycle_3_where(&folder, |celsius| !(-20.0..50.0).contains(&celsius));
     let limits = folder.path().join("limits.toml").display().to_string();
     let flight = "[flight]\nprofile = [{ minutes = 0, temperature_c = -10 }, { minutes = 60, temperature_c = 40 }]\n";
-    std::fs::write(&limits, format!("span_covered_min = 0.9\nmis_distance_m_max = 1e6\n{flight}")).unwrap();
+    std::fs::write(&limits, format!("span_covered_min = 0.9\nposition_error_m_max = 1e6\n{flight}")).unwrap();
     let out = sagnac().args(["verify", &record, &ends, "--limits", &limits, "--json"]).output().unwrap();
     let object: Value = serde_json::from_slice(&out.stdout).unwrap();
     let axis = &object["axes"][0];
     assert_eq!(out.status.code(), Some(1));
-    assert!((axis["coverage"]["part"].as_f64().unwrap() - 40.0 / 110.0).abs() < 0.02, "{}", axis["coverage"]);
+    assert!(
+        (axis["coverage"]["covered_fraction"].as_f64().unwrap() - 40.0 / 110.0).abs() < 0.02,
+        "{}",
+        axis["coverage"]
+    );
     assert!(
         axis["flight_unavailable"].as_str().unwrap().contains("no window lies between"),
         "{}",
@@ -139,7 +143,7 @@ fn a_narrow_retest_is_no_acceptance() {
     // The only plateau above 15 °C is compared with nothing.
     let both = ["span_covered_min", "plateau_offset_dph_max"].map(Value::from);
     assert_eq!((out.status.code(), missed), (Some(1), both.iter().collect()), "{}", axis["limits"]);
-    assert!((axis["coverage"]["part"].as_f64().unwrap() - 0.5).abs() < 0.01, "{}", axis["coverage"]);
+    assert!((axis["coverage"]["covered_fraction"].as_f64().unwrap() - 0.5).abs() < 0.01, "{}", axis["coverage"]);
 }
 
 /// Limits met on a log of the fit are no acceptance, on the terminal and on paper.
@@ -167,7 +171,10 @@ fn a_flight_beyond_the_test_is_not_accepted() {
     std::fs::write(&limits, flight).unwrap();
     let out = sagnac().args(["verify", &record, &testdata("cycle-3.csv.gz"), "--limits", &limits]).assert().code(1);
     let said = String::from_utf8(out.get_output().stdout.clone()).unwrap();
-    assert!(said.contains("the flight cannot be told: the flight goes to 95 °C") && said.contains("unknown"), "{said}");
+    assert!(
+        said.contains("the flight is not available: the flight goes to 95 °C") && said.contains("unknown"),
+        "{said}"
+    );
     std::fs::write(&limits, flight.replace("minutes = 60", "minutes = -1")).unwrap();
     sagnac().args(["verify", &record, &testdata("cycle-3.csv.gz"), "--limits", &limits]).assert().code(2);
 }

@@ -38,7 +38,7 @@ fn allan_speaks_json_and_reads_its_own_curve() {
     let n = axis["terms"]["n_deg_rt_h"].clone();
     assert!(n["lower"].as_f64().unwrap() < 0.003 && n["upper"].as_f64().unwrap() > 0.003, "{n}");
     let again =
-        sagnac().args(["allan", &csv, "--record", "4000", "--json"]).assert().success().get_output().stdout.clone();
+        sagnac().args(["allan", &csv, "--duration", "4000", "--json"]).assert().success().get_output().stdout.clone();
     let again: Value = serde_json::from_slice(&again).unwrap();
     let value = |object: &Value| object["axes"][0]["terms"]["n_deg_rt_h"]["value"].as_f64().unwrap();
     assert!((value(&again) / value(&object) - 1.0).abs() < 0.05, "{} and {}", value(&again), value(&object));

@@ -4,8 +4,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use assert_cmd::Command;
-use sagnac_board::frame::{Frame, Reader};
-use sagnac_board::{Desk, MemoryFlash, Message, RigSettings, Row, run};
+use sagnac_board::frame::{Frame, FrameReader};
+use sagnac_board::{CommandHandler, MemoryFlash, Message, RigSettings, Row, run};
 use sagnac_core::{Banks, Gyro, Image, Shape};
 use sagnac_loops::LoopTable;
 
@@ -65,10 +65,10 @@ fn loops_and_uploads_are_what_the_target_reads() {
     assert_eq!(sagnac(&["export", text(&mirror()), "--to", "loops", "-o", text(&table)]).0, 0);
     LoopTable::decode(&fs::read(&table).unwrap()).unwrap();
     assert_eq!(sagnac(&["export", text(&paper()), "--to", "upload", "-o", text(&upload)]).0, 0);
-    let mut reader = Reader::new();
+    let mut reader = FrameReader::new();
     let bytes = fs::read(&upload).unwrap();
     let messages: Vec<Message> =
-        bytes.iter().filter_map(|byte| reader.take(*byte)).map(|frame| Message::of(&frame).unwrap()).collect();
+        bytes.iter().filter_map(|byte| reader.push(*byte)).map(|frame| Message::parse(&frame).unwrap()).collect();
     let mut image = Vec::new();
     for message in &messages {
         match message {
@@ -177,7 +177,9 @@ fn captured() -> Vec<u8> {
         input.extend_from_slice(&bytes[..len]);
     }
     let mut out = Vec::new();
-    run(&mut Desk::new(banks, Gyro::of(&image, 4), loops), input.into_iter(), |bytes| out.extend_from_slice(bytes));
+    run(&mut CommandHandler::new(banks, Gyro::of(&image, 4), loops), input.into_iter(), |bytes| {
+        out.extend_from_slice(bytes)
+    });
     out
 }
 

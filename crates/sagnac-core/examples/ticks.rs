@@ -26,7 +26,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 /// Counts out of a day at 30 pulses per second.
 fn walk(gyro: &Compensator) -> Result<i64, sagnac_core::Misuse> {
     let mut state = State::new();
-    let codes = &mut [None; sagnac_core::MAX_THERMOMETERS][..gyro.image().thermometers().len()];
+    let codes = &mut [None; sagnac_core::MAX_INPUTS][..gyro.image().inputs().len()];
     let (mut out, mut phase, mut done) = (0_i64, 0_u32, 0_u64);
     while done < TICKS {
         // 0 … 56 °C and back in two hours, in steps of 1/64 °C.

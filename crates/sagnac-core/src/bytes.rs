@@ -1,6 +1,6 @@
-//! Little-endian fields in a row, and the checksum behind them: what every stored or sent record is made of.
+//! Little-endian fields and a checksum: the parts of every record that is stored or sent.
 //!
-//! Both sides return `None` at the end of their bytes instead of panicking. The checksum is CRC-32/ISO-HDLC, the one of
+//! [`Reader`] and [`Writer`] return `None` at the end of their bytes instead of panicking. The checksum is CRC-32/ISO-HDLC, as in
 //! Ethernet and zlib: polynomial 04C11DB7 reflected, start and final XOR all ones.
 
 use crc::{CRC_32_ISO_HDLC, Crc, Table};
@@ -12,14 +12,14 @@ pub fn crc32(bytes: &[u8]) -> u32 {
     CRC.checksum(bytes)
 }
 
-/// The checksum of parts that follow each other.
+/// The checksum of several slices in sequence.
 pub fn crc32_of(parts: &[&[u8]]) -> u32 {
     let mut digest = CRC.digest();
     parts.iter().for_each(|part| digest.update(part));
     digest.finalize()
 }
 
-/// Puts fields one after the other.
+/// Writes fields one after the other.
 #[derive(Debug)]
 pub struct Writer<'a> {
     rest: &'a mut [u8],
@@ -31,7 +31,7 @@ impl<'a> Writer<'a> {
         Self { rest: bytes }
     }
 
-    /// The next field; `None` when it does not fit any more.
+    /// Writes the next field; `None` if it does not fit.
     pub fn put<const N: usize>(&mut self, bytes: [u8; N]) -> Option<()> {
         let (front, rest) = core::mem::take(&mut self.rest).split_at_mut_checked(N)?;
         front.copy_from_slice(&bytes);
@@ -40,7 +40,7 @@ impl<'a> Writer<'a> {
     }
 }
 
-/// Takes fields one after the other.
+/// Reads fields one after the other.
 #[derive(Clone, Copy, Debug)]
 pub struct Reader<'a> {
     rest: &'a [u8],
@@ -52,7 +52,7 @@ impl<'a> Reader<'a> {
         Self { rest: bytes }
     }
 
-    /// True when every byte is taken.
+    /// True when all bytes have been read.
     pub const fn is_empty(&self) -> bool {
         self.rest.is_empty()
     }
@@ -64,32 +64,32 @@ impl<'a> Reader<'a> {
         Some(*front)
     }
 
-    /// The next field.
+    /// The next field as `u8`.
     pub fn u8(&mut self) -> Option<u8> {
         self.take().map(u8::from_le_bytes)
     }
 
-    /// The next field.
+    /// The next field as `u16`.
     pub fn u16(&mut self) -> Option<u16> {
         self.take().map(u16::from_le_bytes)
     }
 
-    /// The next field.
+    /// The next field as `i16`.
     pub fn i16(&mut self) -> Option<i16> {
         self.take().map(i16::from_le_bytes)
     }
 
-    /// The next field.
+    /// The next field as `u32`.
     pub fn u32(&mut self) -> Option<u32> {
         self.take().map(u32::from_le_bytes)
     }
 
-    /// The next field.
+    /// The next field as `i32`.
     pub fn i32(&mut self) -> Option<i32> {
         self.take().map(i32::from_le_bytes)
     }
 
-    /// The next field.
+    /// The next field as `i64`.
     pub fn i64(&mut self) -> Option<i64> {
         self.take().map(i64::from_le_bytes)
     }

@@ -3,37 +3,37 @@
 //! ```text
 //! 0        128               128 + 64·m            128 + 64·m + 12·t      + 4
 //! ┌────────┬─────────────────┬─────────────────────┬──────┐
-//! │ head   │ m thermometers  │ t terms             │ CRC  │
+//! │ head   │ m inputs        │ t terms             │ CRC  │
 //! └────────┴─────────────────┴─────────────────────┴──────┘
 //! ```
 //!
-//! Every field and a worked example stand in `docs/reference/image-format.md`. The CRC is CRC-32/ISO-HDLC over
+//! `docs/reference/image-format.md` lists every field and works an example. The CRC is CRC-32/ISO-HDLC over
 //! everything before it; its Hamming distance over these lengths is at least 4, so every one-, two-
 //! and three-bit error is refused. Reserved bytes must be zero: one image, one byte string.
 
 use core::fmt;
 
 use crate::bytes::{Reader, Writer, crc32};
-use crate::image::{Description, Image, ImageError, Kind, MAX_TERMS, MAX_THERMOMETERS, Multiplier, Shape, Term};
-use crate::thermometer::{LagSpec, Scale, Source, Thermometer};
+use crate::image::{Description, Image, ImageError, Kind, MAX_INPUTS, MAX_TERMS, Multiplier, Shape, Term};
+use crate::input::{Gain, InputSpec, LagSpec, ValueSource};
 
 /// First eight bytes of every image.
 pub const MAGIC: [u8; 8] = *b"SAGNACIM";
 /// Version of the layout this code reads and writes.
 pub const FORMAT_VERSION: u16 = 1;
-/// Newest minor version this code reads. Every shape added after the first three raises it; an image has the least minor version
-/// that knows all of its terms.
+/// Newest minor version that this code reads. A new shape raises it; an image carries the lowest minor version that has all its
+/// shapes.
 pub const FORMAT_MINOR: u16 = 1;
 /// The minor version that added harmonics.
 const MINOR_OF_HARMONICS: u16 = 1;
 const HEAD_LEN: usize = 128;
-const THERMOMETER_LEN: usize = 64;
+const INPUT_LEN: usize = 64;
 const TERM_LEN: usize = 12;
 const CRC_LEN: usize = 4;
 /// Length of the largest image.
-pub const MAX_IMAGE_LEN: usize = HEAD_LEN + THERMOMETER_LEN * MAX_THERMOMETERS + TERM_LEN * MAX_TERMS + CRC_LEN;
+pub const MAX_IMAGE_LEN: usize = HEAD_LEN + INPUT_LEN * MAX_INPUTS + TERM_LEN * MAX_TERMS + CRC_LEN;
 
-/// Why bytes are no image.
+/// Why bytes are refused as an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DecodeError {
     /// Fewer bytes than the head, or than the head announces.
@@ -45,18 +45,18 @@ pub enum DecodeError {
     },
     /// The first eight bytes are not an image's.
     NotAnImage,
-    /// A layout this code does not know.
+    /// A layout that this code does not know.
     UnknownVersion(u16),
-    /// The layout is known, but the image needs a shape that came later than this code.
+    /// The layout is known, but the image uses a shape that is newer than this code.
     UnknownMinor(u16),
-    /// The minor version is not the one its terms need: one image, one byte string.
+    /// The minor version is not the lowest one that has all shapes of the image: one image, one byte string.
     WrongMinor {
         /// Minor version in the image.
         stored: u16,
-        /// The least that knows its terms.
+        /// Lowest minor version that has all its shapes.
         needed: u16,
     },
-    /// Bytes left after the announced end.
+    /// Bytes after the end that the head announces.
     TooLong {
         /// Bytes announced.
         needed: usize,
@@ -72,28 +72,28 @@ pub enum DecodeError {
     },
     /// Reserved bytes are not zero.
     Reserved(&'static str),
-    /// A kind of term this code cannot evaluate.
+    /// A kind of term that this code cannot evaluate.
     UnknownKind {
         /// Index of the term, from 0.
         term: u8,
         /// The kind found.
         kind: u8,
     },
-    /// A multiplier this code cannot evaluate.
+    /// A multiplier that this code cannot evaluate.
     UnknownMultiplier {
         /// Index of the term, from 0.
         term: u8,
         /// The multiplier found.
         multiplier: u8,
     },
-    /// A shape this code cannot evaluate.
+    /// A shape that this code cannot evaluate.
     UnknownShape {
         /// Index of the term, from 0.
         term: u8,
         /// The shape found.
         shape: u8,
     },
-    /// The bytes are intact, the values make no sense.
+    /// The bytes are intact, but a value is out of range.
     Invalid(ImageError),
 }
 
@@ -133,12 +133,12 @@ impl fmt::Display for DecodeError {
 impl core::error::Error for DecodeError {}
 
 impl Image {
-    /// Bytes this image takes.
+    /// Number of bytes of this image.
     pub fn encoded_len(&self) -> usize {
-        HEAD_LEN + THERMOMETER_LEN * self.thermometers().len() + TERM_LEN * self.terms().len() + CRC_LEN
+        HEAD_LEN + INPUT_LEN * self.inputs().len() + TERM_LEN * self.terms().len() + CRC_LEN
     }
 
-    /// The minor version of its format: the least that knows all of its terms.
+    /// The minor version of its format: the lowest one that has all its shapes.
     pub fn format_minor(&self) -> u16 {
         minor_of(self.terms())
     }
@@ -150,8 +150,8 @@ impl Image {
         let (body, tail) = out.split_at_mut_checked(len - CRC_LEN)?;
         let mut w = Writer::new(body);
         write_head(&mut w, self, len)?;
-        for thermometer in self.thermometers() {
-            write_thermometer(&mut w, thermometer)?;
+        for input in self.inputs() {
+            write_input(&mut w, input)?;
         }
         for term in self.terms() {
             write_term(&mut w, term)?;
@@ -190,7 +190,7 @@ impl Image {
     }
 }
 
-/// The least minor version that knows all of these terms.
+/// The lowest minor version that has the shapes of all these terms.
 fn minor_of(terms: &[Term]) -> u16 {
     if terms.iter().any(|term| term.shape.turns_q18().is_some()) { MINOR_OF_HARMONICS } else { 0 }
 }
@@ -221,7 +221,7 @@ fn write_head(w: &mut Writer<'_>, image: &Image, len: usize) -> Option<()> {
     w.put(image.format_minor().to_le_bytes())?;
     w.put(u32::try_from(len).ok()?.to_le_bytes())?;
     w.put(d.serial)?;
-    w.put([d.axis, d.thermometer_count, d.term_count, 0])?;
+    w.put([d.axis, d.input_count, d.term_count, 0])?;
     w.put(d.tick_ns.to_le_bytes())?;
     w.put(d.period_ticks.to_le_bytes())?;
     w.put(d.slew_ticks.to_le_bytes())?;
@@ -236,8 +236,8 @@ fn write_head(w: &mut Writer<'_>, image: &Image, len: usize) -> Option<()> {
 
 fn read_body(r: &mut Reader<'_>, d: &mut Description, short: DecodeError) -> Result<(), DecodeError> {
     read_head(r, d).ok_or(short)??;
-    for slot in d.thermometers.iter_mut().take(usize::from(d.thermometer_count)) {
-        *slot = read_thermometer(r).ok_or(short)??;
+    for slot in d.inputs.iter_mut().take(usize::from(d.input_count)) {
+        *slot = read_input(r).ok_or(short)??;
     }
     for (i, slot) in (0_u8..).zip(d.terms.iter_mut().take(usize::from(d.term_count))) {
         *slot = read_term(r, i).ok_or(short)??;
@@ -245,15 +245,15 @@ fn read_body(r: &mut Reader<'_>, d: &mut Description, short: DecodeError) -> Res
     if r.is_empty() { Ok(()) } else { Err(DecodeError::Reserved("the end (length and counts disagree)")) }
 }
 
-/// `None`: the bytes ended. The inner error: they said something unknown.
+/// `None`: the bytes ended. The inner error: a value is unknown.
 type Parsed<T> = Option<Result<T, DecodeError>>;
 
 fn read_head(r: &mut Reader<'_>, d: &mut Description) -> Parsed<()> {
     // Magic, versions and length are checked.
     r.take::<16>()?;
     d.serial = r.take()?;
-    let [axis, thermometer_count, term_count, zero] = r.take()?;
-    (d.axis, d.thermometer_count, d.term_count) = (axis, thermometer_count, term_count);
+    let [axis, input_count, term_count, zero] = r.take()?;
+    (d.axis, d.input_count, d.term_count) = (axis, input_count, term_count);
     let mut reserved = zero != 0;
     d.tick_ns = r.u32()?;
     d.period_ticks = r.u32()?;
@@ -268,16 +268,16 @@ fn read_head(r: &mut Reader<'_>, d: &mut Description) -> Parsed<()> {
     Some(if reserved { Err(DecodeError::Reserved("the head")) } else { Ok(()) })
 }
 
-fn write_thermometer(w: &mut Writer<'_>, t: &Thermometer) -> Option<()> {
+fn write_input(w: &mut Writer<'_>, t: &InputSpec) -> Option<()> {
     w.put(t.offset_q24.to_le_bytes())?;
     w.put(t.gain.mantissa.to_le_bytes())?;
     let source = match t.source {
-        Source::Code => [0; 3],
-        Source::Difference { of, less } => [1, of, less],
+        ValueSource::Code => [0; 3],
+        ValueSource::Difference { of, less } => [1, of, less],
     };
     w.put([t.gain.shift, t.x_shift, t.lag.alpha_shift, t.lag.rate_shift, t.lag.y_shift])?;
     w.put(source)?;
-    for value in [t.plausible_lo_q24, t.plausible_hi_q24, t.span_lo_q24, t.span_hi_q24] {
+    for value in [t.valid_lo_q24, t.valid_hi_q24, t.span_lo_q24, t.span_hi_q24] {
         w.put(value.to_le_bytes())?;
     }
     w.put(t.x_mantissa.to_le_bytes())?;
@@ -285,43 +285,43 @@ fn write_thermometer(w: &mut Writer<'_>, t: &Thermometer) -> Option<()> {
     w.put(t.lag.rate_lo.to_le_bytes())?;
     w.put(t.lag.rate_hi.to_le_bytes())?;
     w.put(t.lag.y_mantissa.to_le_bytes())?;
-    w.put(t.hold_updates.to_le_bytes())?;
+    w.put(t.stale_after_updates.to_le_bytes())?;
     w.put(t.settling_updates.to_le_bytes())?;
     w.put([t.unit_exponent.cast_unsigned(), 0, 0, 0])
 }
 
-fn read_thermometer(r: &mut Reader<'_>) -> Parsed<Thermometer> {
+fn read_input(r: &mut Reader<'_>) -> Parsed<InputSpec> {
     let offset_q24 = r.i32()?;
     let mantissa = r.i32()?;
     let [gain_shift, x_shift, alpha_shift, rate_shift, y_shift, source @ ..] = r.take::<8>()?;
-    let (plausible_lo_q24, plausible_hi_q24) = (r.i32()?, r.i32()?);
+    let (valid_lo_q24, valid_hi_q24) = (r.i32()?, r.i32()?);
     let (span_lo_q24, span_hi_q24) = (r.i32()?, r.i32()?);
     let (x_mantissa, alpha_mantissa) = (r.u32()?, r.u32()?);
     let (rate_lo, rate_hi, y_mantissa) = (r.i32()?, r.i32()?, r.u32()?);
-    let (hold_updates, settling_updates) = (r.u32()?, r.u32()?);
+    let (stale_after_updates, settling_updates) = (r.u32()?, r.u32()?);
     let [unit_exponent, zeros @ ..] = r.take::<4>()?;
     let source = match source {
-        [0, 0, 0] => Source::Code,
-        [1, of, less] => Source::Difference { of, less },
-        _ => return Some(Err(DecodeError::Reserved("a thermometer"))),
+        [0, 0, 0] => ValueSource::Code,
+        [1, of, less] => ValueSource::Difference { of, less },
+        _ => return Some(Err(DecodeError::Reserved("an input"))),
     };
     if zeros != [0; 3] {
-        return Some(Err(DecodeError::Reserved("a thermometer")));
+        return Some(Err(DecodeError::Reserved("an input")));
     }
     let lag = LagSpec { alpha_mantissa, alpha_shift, rate_shift, rate_lo, rate_hi, y_mantissa, y_shift };
-    Some(Ok(Thermometer {
+    Some(Ok(InputSpec {
         source,
         unit_exponent: unit_exponent.cast_signed(),
         offset_q24,
-        gain: Scale { mantissa, shift: gain_shift },
-        plausible_lo_q24,
-        plausible_hi_q24,
+        gain: Gain { mantissa, shift: gain_shift },
+        valid_lo_q24,
+        valid_hi_q24,
         span_lo_q24,
         span_hi_q24,
         x_mantissa,
         x_shift,
         lag,
-        hold_updates,
+        stale_after_updates,
         settling_updates,
     }))
 }
@@ -335,7 +335,7 @@ fn write_term(w: &mut Writer<'_>, term: &Term) -> Option<()> {
         Multiplier::One => 0,
         Multiplier::Rate => 1,
     };
-    // Of the turns of a harmonic the low 16 bits stand where a knot does, the high 8 where an order does.
+    // The low 16 bits of a harmonic's turns use the bytes of a knot, the high 8 bits the byte of an order.
     let harmonic = |number: u8, turns_q18: u32| {
         let [low, middle, high, _] = turns_q18.to_le_bytes();
         (number, high, [low, middle])
@@ -347,14 +347,14 @@ fn write_term(w: &mut Writer<'_>, term: &Term) -> Option<()> {
         Shape::Cosine { turns_q18 } => harmonic(3, turns_q18),
         Shape::Sine { turns_q18 } => harmonic(4, turns_q18),
     };
-    w.put([kind, term.sensor, order, multiplier])?;
+    w.put([kind, term.input, order, multiplier])?;
     w.put(term.mantissa.to_le_bytes())?;
     w.put([term.shift, shape])?;
     w.put(low)
 }
 
 fn read_term(r: &mut Reader<'_>, index: u8) -> Parsed<Term> {
-    let [kind, sensor, order, multiplier] = r.take()?;
+    let [kind, input, order, multiplier] = r.take()?;
     let mantissa = r.i32()?;
     let [shift, shape, low, middle] = r.take::<4>()?;
     let knot_q15 = i16::from_le_bytes([low, middle]);
@@ -380,5 +380,5 @@ fn read_term(r: &mut Reader<'_>, index: u8) -> Parsed<Term> {
             return Some(Err(DecodeError::UnknownMultiplier { term: index, multiplier }));
         }
     };
-    Some(Ok(Term { kind, sensor, shape, multiplier, mantissa, shift }))
+    Some(Ok(Term { kind, input, shape, multiplier, mantissa, shift }))
 }

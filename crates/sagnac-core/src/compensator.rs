@@ -1,32 +1,31 @@
 //! The correction itself.
 //!
-//! Slow path, once per Δt: temperature codes → `k = 1 + ε·1e-6` (Q32) and the increment
-//! `d·tick/S0` (counts·2⁻³² per tick). Fast path, every tick:
+//! Slow path, once per Δt: input codes → `k = 1 + ε·1e-6` (Q32) and the increment `d·tick/S0` (counts·2⁻³² per tick).
+//! Fast path, every tick:
 //!
 //! ```text
-//! acc += raw·k − increment          whole counts go out, the Q0.32 remainder is carried
-//! Σ out·2³² + remainder = Σ raw·k − Σ increment        exactly, for ever
+//! acc += raw·k − increment                             whole counts are output, the Q0.32 remainder is carried
+//! Σ out·2³² + remainder = Σ raw·k − Σ increment        exactly, without drift
 //! ```
 //!
-//! A new increment is approached over `slew_ticks` by an arithmetic progression in two pieces: with
-//! `Δ = q·L + r`, 0 ≤ r < L, the first r ticks step by q + 1 and the others by q. It arrives exactly,
-//! strays from the straight line by at most L/4 LSB (6e-5 °/h for L = 100 and 1 arcsec per count), and
-//! its sum has a closed form, which is how [`Compensator::advance`] equals that many ticks.
+//! The increment slews to a new value over `slew_ticks` L in an arithmetic progression of two parts: with `Δ = q·L + r`, 0 ≤ r < L, the
+//! first r ticks step by q + 1 and the others by q. It ends exactly at the new value and differs from the straight line by at most L/4
+//! LSB (6e-5 °/h for L = 100 and 1 arcsec per count). Its sum has a closed form, so [`Compensator::advance`] equals that many ticks.
 //!
-//! Fails, and says so, when asked to run past a slow update or with |raw| > 2²⁹ per call.
+//! A call past a slow update, or with |raw| > 2²⁹, is refused with a [`Misuse`] and changes nothing.
 
 use core::fmt;
 
 use crate::harmonic::{cosine, sine};
-use crate::image::{GUARD_BITS, Image, Kind, MAX_THERMOMETERS, Multiplier, Shape, Term};
+use crate::image::{GUARD_BITS, Image, Kind, MAX_INPUTS, Multiplier, Shape, Term};
+use crate::input::{InputState, ScaledInput, ValueSource};
 use crate::rounding::round_shift;
 use crate::series::{BASIS_LEN, ONE_Q31, chebyshev, step, zone};
 use crate::status::Status;
-use crate::thermometer::{Reading, Source, ThermometerState};
 
 /// Largest |raw| of one call: 2²⁹ counts.
 pub const MAX_RAW: i32 = 1 << 29;
-/// An accumulator beyond this after a call has lost its meaning: 2⁶¹ (2²⁹ counts not yet given out).
+/// An accumulator beyond this after a call has lost its meaning: 2⁶¹ (2²⁹ counts that have not been output).
 const ACCUMULATOR_BOUND: i64 = 1 << 61;
 const ONE_Q32: i64 = 1 << 32;
 
@@ -47,7 +46,7 @@ pub struct State {
     gentle_ticks: u32,
     slewing_ticks: u32,
     ticks_to_update: u32,
-    thermometers: [ThermometerState; MAX_THERMOMETERS],
+    inputs: [InputState; MAX_INPUTS],
     slow_status: Status,
     corrected_once: bool,
     overflow: bool,
@@ -58,11 +57,11 @@ pub struct State {
 pub struct Output {
     /// Corrected counts, in quanta.
     pub counts: i32,
-    /// What must be known about them.
+    /// What the user of the counts must know about them.
     pub status: Status,
 }
 
-/// A call that breaks the contract. Nothing was changed and no count was taken.
+/// A call that breaks the contract. Nothing has changed and no count was used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Misuse {
     /// A slow update is due before the next tick, or before the `n`-th of an advance.
@@ -77,8 +76,8 @@ pub enum Misuse {
     },
     /// |raw| exceeds [`MAX_RAW`].
     RawOutOfRange,
-    /// Not one temperature code (or `None`) per thermometer of the image.
-    ThermometerCount,
+    /// The number of codes is not the number of inputs of the image.
+    InputCount,
 }
 
 impl fmt::Display for Misuse {
@@ -91,7 +90,7 @@ impl fmt::Display for Misuse {
                 write!(f, "the next slow update is {ticks_left} ticks away")
             }
             Self::RawOutOfRange => write!(f, "more than {MAX_RAW} counts in one call"),
-            Self::ThermometerCount => f.write_str("not one temperature per thermometer of the image"),
+            Self::InputCount => f.write_str("the number of codes is not the number of inputs of the image"),
         }
     }
 }
@@ -116,7 +115,7 @@ impl State {
             gentle_ticks: 0,
             slewing_ticks: 0,
             ticks_to_update: 0,
-            thermometers: [ThermometerState::new(); MAX_THERMOMETERS],
+            inputs: [InputState::new(); MAX_INPUTS],
             slow_status: Status::UNCORRECTED,
             corrected_once: false,
             overflow: false,
@@ -128,7 +127,7 @@ impl State {
         self.ticks_to_update
     }
 
-    /// The part of a count not yet given out, counts·2⁻³² (with any excess an output limit left).
+    /// The part of a count that has not been output yet, counts·2⁻³² (including what an output limit held back).
     pub const fn remainder(&self) -> i64 {
         self.accumulator
     }
@@ -138,23 +137,23 @@ impl State {
         self.k_q32
     }
 
-    /// Increment that was used in the last tick, counts·2⁻³² per tick.
+    /// Increment used in the last tick, counts·2⁻³² per tick.
     pub const fn increment(&self) -> i64 {
         self.increment
     }
 
-    /// Increment towards which the slew goes (equal to it once the slew has ended).
+    /// Increment at the end of the slew; equal to [`State::increment`] once the slew has ended.
     pub const fn target_increment(&self) -> i64 {
         self.target
     }
 
-    /// The status a tick would carry now, without its own LIMITED.
+    /// The status that a tick would have now, without its own LIMITED.
     #[inline]
     pub fn status(&self) -> Status {
         if self.overflow { self.slow_status | Status::OVERFLOW } else { self.slow_status }
     }
 
-    /// Moves the slew on by `n` ticks (n ≤ ticks to the next update); the sum of its increments.
+    /// Advances the slew by `n` ticks (n ≤ ticks to the next update); returns the sum of its increments.
     ///
     /// With m slewing ticks of which e are the steeper ones,
     /// Σ = m·i₀ + q·m(m+1)/2 + e(e+1)/2 + (m−e)·e, then (n−m) times the target.
@@ -162,7 +161,7 @@ impl State {
     #[inline]
     fn slew(&mut self, n: u32) -> i64 {
         if self.slewing_ticks == 0 {
-            // Most ticks: the formula below with m = e = 0.
+            // The usual case: the formula below with m = e = 0.
             return i64::from(n) * self.increment;
         }
         if n == 1 {
@@ -180,14 +179,14 @@ impl State {
         sum + i64::from(n - slewing) * self.increment
     }
 
-    /// Starts the way to a new increment.
+    /// Starts the slew to a new increment.
     fn slew_to(&mut self, target: i64, ticks: u32) {
         let delta = target - self.increment;
         self.target = target;
         match (delta.checked_div_euclid(i64::from(ticks)), delta.checked_rem_euclid(i64::from(ticks))) {
             (Some(slope), Some(steeper)) => {
                 self.slope = slope;
-                // The steeper ticks come first, so that a count of the others tells them apart.
+                // The steeper ticks come first, so a count of the gentle ones separates the two.
                 self.gentle_ticks = ticks - u32::try_from(steeper).unwrap_or(0).min(ticks);
                 self.slewing_ticks = ticks;
             }
@@ -208,10 +207,11 @@ impl Compensator {
         &self.image
     }
 
-    /// The memory with which this compensator goes on from another one's, between two ticks (a new image
-    /// for the same gyro): counts owed stay owed, the correction in force is slewed away from, thermometers
-    /// start anew (SETTLING, UNCORRECTED until the first temperature) and a slow update is due.
-    pub fn take_over(&self, old: &State) -> State {
+    /// The memory for this compensator, made from that of another one for the same gyro: changes the image between two ticks.
+    ///
+    /// The remainder of a count is kept. The active correction stays until the next slow update, which is due at once, and slews away
+    /// from it. Inputs start again: SETTLING, and UNCORRECTED until all of them have a valid value.
+    pub fn migrate_state(&self, old: &State) -> State {
         let bound = self.image.increment_bound();
         let increment = old.increment.max(-bound).min(bound);
         State {
@@ -233,8 +233,8 @@ impl Compensator {
         self.advance(state, raw, 1)
     }
 
-    /// `ticks` ticks at once. The sum of what comes out and the state afterwards are those of that
-    /// many single ticks, however `raw` is spread over them (while no output limit is reached).
+    /// `ticks` ticks at once. The counts and the state afterwards are those of that many single ticks, for any distribution of `raw`
+    /// over them, while no output limit is reached.
     ///
     /// # Errors
     /// [`Misuse`] when a slow update is due before the last tick or |raw| > [`MAX_RAW`]; then
@@ -245,11 +245,10 @@ impl Compensator {
         if raw.wrapping_add(MAX_RAW).cast_unsigned() > 2 * MAX_RAW.cast_unsigned() {
             return Err(Misuse::RawOutOfRange);
         }
-        self.run_clock(state, ticks).map(|increments| self.give_out(state, raw, increments))
+        self.run_clock(state, ticks).map(|increments| self.emit(state, raw, increments))
     }
 
-    /// Lets `ticks` ticks pass for which there are no counts (a gap in a log): clock and slew move,
-    /// the accumulator does not.
+    /// Skips `ticks` ticks that have no counts (a gap in a log): clock and slew advance, the accumulator does not change.
     ///
     /// # Errors
     /// [`Misuse::UpdateDue`] when a slow update is due before the last tick.
@@ -257,8 +256,8 @@ impl Compensator {
         self.run_clock(state, ticks).map(|_| ())
     }
 
-    /// A slow update: one code per thermometer of the image, `None` where there is no sample. A difference takes its
-    /// two thermometers' temperatures of this update; its own code is not looked at.
+    /// A slow update: one code per input of the image, `None` where there is no sample. A difference uses the values of its two inputs
+    /// at this update; its own code is ignored.
     ///
     /// # Errors
     /// [`Misuse`] when it is not due, or the number of codes is wrong; then nothing has changed.
@@ -266,13 +265,13 @@ impl Compensator {
         if state.ticks_to_update != 0 {
             return Err(Misuse::UpdateNotDue { ticks_left: state.ticks_to_update });
         }
-        if codes.len() != self.image.thermometers().len() {
-            return Err(Misuse::ThermometerCount);
+        if codes.len() != self.image.inputs().len() {
+            return Err(Misuse::InputCount);
         }
         state.ticks_to_update = self.image.description().period_ticks;
-        let (readings, mut status, held) = self.read(state, codes);
+        let (inputs, mut status, held) = self.read(state, codes);
         if !held {
-            let (k_q32, increment) = self.evaluate(&readings);
+            let (k_q32, increment) = self.evaluate(&inputs);
             state.k_q32 = k_q32;
             state.slew_to(increment, self.image.description().slew_ticks);
             state.corrected_once = true;
@@ -295,7 +294,7 @@ impl Compensator {
 
     /// acc ≤ 2⁶¹ before, raw·k ≤ 2²⁹·(2³² + 2²⁶), Σ increments ≤ 2⁶¹: the sum stays below 2⁶³.
     #[inline]
-    fn give_out(&self, state: &mut State, raw: i32, increments: i64) -> Output {
+    fn emit(&self, state: &mut State, raw: i32, increments: i64) -> Output {
         if state.overflow {
             return Output { counts: 0, status: state.status() };
         }
@@ -304,7 +303,7 @@ impl Compensator {
         let limit = self.image.description().output_limit.cast_signed();
         let whole = (sum >> 32) as i32;
         if whole <= limit && whole >= -limit {
-            // All whole counts go out; what stays is the fraction alone.
+            // All whole counts are output; only the fraction stays.
             state.accumulator = sum & (ONE_Q32 - 1);
             return Output { counts: whole, status: state.status() };
         }
@@ -314,30 +313,30 @@ impl Compensator {
         Output { counts, status: state.status() | Status::LIMITED }
     }
 
-    /// Runs every thermometer; readings, status bits, and whether any temperature is missing.
-    fn read(&self, state: &mut State, codes: &[Option<i32>]) -> ([Reading; MAX_THERMOMETERS], Status, bool) {
-        let mut readings = [Reading::default(); MAX_THERMOMETERS];
+    /// Runs every input; returns their scaled values, the status bits, and whether any value is missing.
+    fn read(&self, state: &mut State, codes: &[Option<i32>]) -> ([ScaledInput; MAX_INPUTS], Status, bool) {
+        let mut inputs = [ScaledInput::default(); MAX_INPUTS];
         let (mut status, mut held) = (Status::OK, false);
-        // Of this update, for the differences that come after.
-        let mut fresh_q24 = [None; MAX_THERMOMETERS];
-        let slots = readings.iter_mut().zip(state.thermometers.iter_mut());
-        for (at, ((slot, memory), (spec, code))) in slots.zip(self.image.thermometers().iter().zip(codes)).enumerate() {
+        // Values of this update, for the differences that come later in the table.
+        let mut fresh_q24 = [None; MAX_INPUTS];
+        let slots = inputs.iter_mut().zip(state.inputs.iter_mut());
+        for (at, ((slot, memory), (spec, code))) in slots.zip(self.image.inputs().iter().zip(codes)).enumerate() {
             let fresh = match spec.source {
-                Source::Code => code.and_then(|code| spec.temperature_q24(code)),
-                Source::Difference { of, less } => {
+                ValueSource::Code => code.and_then(|code| spec.value_q24(code)),
+                ValueSource::Difference { of, less } => {
                     let of_update = |i: u8| fresh_q24.get(usize::from(i)).copied().flatten();
-                    of_update(of).zip(of_update(less)).and_then(|(a, b): (i64, i64)| spec.plausible(a - b))
+                    of_update(of).zip(of_update(less)).and_then(|(a, b): (i64, i64)| spec.if_valid(a - b))
                 }
             };
             if let Some(place) = fresh_q24.get_mut(at) {
                 *place = fresh.map(i64::from);
             }
             match memory.update(spec, fresh) {
-                Some(reading) => *slot = reading,
+                Some(scaled) => *slot = scaled,
                 None => {
                     held = true;
                     status |= Status::HELD;
-                    if memory.held_updates > spec.hold_updates {
+                    if memory.held_updates > spec.stale_after_updates {
                         status |= Status::STALE;
                     }
                 }
@@ -352,7 +351,7 @@ impl Compensator {
                 status |= Status::SETTLING;
             }
         }
-        // A held correction keeps what was said of the temperature it was made from.
+        // A held correction keeps the span bits of the values it was computed from.
         if held {
             for (bit, _) in Status::NAMES.iter().take(2) {
                 if state.slow_status.contains(*bit) {
@@ -360,29 +359,29 @@ impl Compensator {
                 }
             }
         }
-        (readings, status, held)
+        (inputs, status, held)
     }
 
     /// k in Q32 and the increment in counts·2⁻³² per tick. Sums in Q40; `Image::new` bounds them.
-    fn evaluate(&self, readings: &[Reading; MAX_THERMOMETERS]) -> (i64, i64) {
-        let mut basis = [[0_i64; BASIS_LEN]; MAX_THERMOMETERS];
-        for (row, reading) in basis.iter_mut().zip(readings).take(self.image.thermometers().len()) {
-            *row = chebyshev(reading.x_q47);
+    fn evaluate(&self, inputs: &[ScaledInput; MAX_INPUTS]) -> (i64, i64) {
+        let mut basis = [[0_i64; BASIS_LEN]; MAX_INPUTS];
+        for (row, input) in basis.iter_mut().zip(inputs).take(self.image.inputs().len()) {
+            *row = chebyshev(input.x_q47);
         }
         let (mut bias, mut scale) = (0_i64, 0_i64);
         for term in self.image.terms() {
-            let sensor = usize::from(term.sensor);
-            let reading = readings.get(sensor).copied().unwrap_or_default();
+            let index = usize::from(term.input);
+            let input = inputs.get(index).copied().unwrap_or_default();
             let shape = match term.shape {
                 Shape::Chebyshev(order) => {
-                    basis.get(sensor).and_then(|row| row.get(usize::from(order))).copied().unwrap_or(0)
+                    basis.get(index).and_then(|row| row.get(usize::from(order))).copied().unwrap_or(0)
                 }
-                Shape::Zone { knot_q15 } => zone(reading.x_q47, knot_q15),
-                Shape::Step { knot_q15 } => step(reading.x_q47, knot_q15),
-                Shape::Cosine { turns_q18 } => cosine(reading.x_q47, turns_q18),
-                Shape::Sine { turns_q18 } => sine(reading.x_q47, turns_q18),
+                Shape::Zone { knot_q15 } => zone(input.x_q47, knot_q15),
+                Shape::Step { knot_q15 } => step(input.x_q47, knot_q15),
+                Shape::Cosine { turns_q18 } => cosine(input.x_q47, turns_q18),
+                Shape::Sine { turns_q18 } => sine(input.x_q47, turns_q18),
             };
-            let value = term_value(term, shape, reading.y_q31);
+            let value = term_value(term, shape, input.y_q31);
             match term.kind {
                 Kind::Bias => bias += value,
                 Kind::Scale => scale += value,

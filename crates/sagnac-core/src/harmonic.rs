@@ -1,20 +1,20 @@
 //! Cosine and sine of whole or fractional turns over the span, in fixed point.
 //!
-//! With u turns over the span the angle is `2π·u·(x + 1)/2`, so both ends of the span have known phases: 0 at x = −1, u turns
-//! at x = +1. The position (x + 1)/2 is rounded to Q38 and multiplied by u in Q18: turns in Q56, below 2⁶². Only the fraction of
-//! a turn counts. It is folded into a quarter, `z ∈ [0, 1]` in Q31, where
+//! With u turns over the span the angle is `2π·u·(x + 1)/2`: zero at x = −1, u turns at x = +1. The position (x + 1)/2 is rounded to
+//! Q38 and multiplied by u in Q18, which gives turns in Q56, below 2⁶². Only the fraction of a turn matters. It is folded into a
+//! quarter, `z ∈ [0, 1]` in Q31, where
 //!
 //! ```text
 //! sin(πz/2) = z + z·R(z²),   R of degree 5 by Horner: z² in Q31, sums in Q32
 //! ```
 //!
-//! so that the sine is odd and symmetric about its quarters to the bit, and the quarters themselves are exact (R(1) = 0). Sums
-//! stay below 0.646·2³² and products below 2⁶³. Coefficients: Remez exchange, `testdata/sine/quarter_wave.py`.
+//! So the sine is odd, and symmetric about its quarters, to the bit; the quarters themselves are exact because R(1) = 0. Sums stay
+//! below 0.646·2³² and products below 2⁶³. Coefficients: Remez exchange, `testdata/sine/quarter_wave.py`.
 //!
-//! Error in LSB of Q31, at most: position 1.57 (at 64 turns, in proportion), z 0.79, z² 0.33, five sums 1.25, the last rounding 0.5,
-//! polynomial and its coefficients 0.15: together 4.6.
+//! Largest error in LSB of Q31: position 1.57 (at 64 turns; proportional to u), z 0.79, z² 0.33, five sums 1.25, the last rounding 0.5,
+//! polynomial and its coefficients 0.15; together 4.6.
 //!
-//! Fails for |x| > 1 (the product could overflow). Callers clamp first.
+//! Not valid for |x| > 1, where the product could overflow. Callers clamp first.
 
 use crate::rounding::round_shift;
 use crate::series::{ONE_Q31, ONE_Q47};
@@ -24,7 +24,7 @@ pub const MAX_TURNS_Q18: u32 = (1 << 24) - 1;
 
 /// A quarter of a turn in Q56.
 const QUARTER_Q56: i64 = 1 << 54;
-/// R(w) in Q32, from the constant on; their sum is zero.
+/// Coefficients of R(w) in Q32, constant first; their sum is zero.
 const REST_Q32: [i64; 6] = [2_451_551_556, -2_774_394_651, 342_277_046, -20_107_381, 688_100, -14_670];
 
 /// `cos(2π·turns·(x + 1)/2)` in Q31.
@@ -39,7 +39,7 @@ pub(crate) fn sine(x_q47: i64, turns_q18: u32) -> i64 {
     sine_of(turns_q56(x_q47, turns_q18))
 }
 
-/// Turns since the lower end of the span; at most 2³⁸·2²⁴.
+/// Turns from the lower end of the span; at most 2³⁸·2²⁴.
 fn turns_q56(x_q47: i64, turns_q18: u32) -> i64 {
     round_shift(x_q47 + ONE_Q47, 10) * i64::from(turns_q18)
 }

@@ -1,28 +1,27 @@
 //! What flash holds, once it has been checked.
 //!
-//! [`Description`] is the plain list of fields; [`Image::new`] is the only way to an [`Image`] and
-//! refuses every combination for which the arithmetic of [`crate::Compensator`] could overflow or
-//! mean nothing. After that no arithmetic needs a `Result`.
+//! [`Description`] is the plain list of fields. [`Image::new`] is the only way to an [`Image`]: it refuses every combination for which
+//! the arithmetic of [`crate::Compensator`] could overflow or have no meaning. So the arithmetic itself needs no `Result`.
 //!
-//! A term is `coefficient · shape(x_sensor) [· y_sensor]`, its shape a Chebyshev polynomial, a piece that begins at a
-//! knot, or a harmonic ([`Shape`]), its coefficient a mantissa with its own exponent. Bias terms are in output counts per tick, scale
-//! terms in units of one; both are summed in Q40 (eight guard bits below the Q32 of the fast path).
+//! A term is `coefficient · shape(x) [· y]`, with x and y of one input. Its shape is a Chebyshev polynomial, a piece that begins at a
+//! knot, or a harmonic ([`Shape`]); its coefficient is a mantissa with an exponent. Bias terms are in output counts per tick, scale
+//! terms are parts of one. Both are summed in Q40, eight guard bits below the Q32 of the fast path.
 
 use core::fmt;
 
 use crate::harmonic::MAX_TURNS_Q18;
+use crate::input::{Gain, InputSpec, LagSpec, ValueSource};
 use crate::series::MAX_ORDER;
-use crate::thermometer::{LagSpec, Scale, Source, Thermometer};
 
-/// Thermometers one image can describe.
-pub const MAX_THERMOMETERS: usize = 4;
-/// Terms one image can hold.
+/// Inputs that one image can describe.
+pub const MAX_INPUTS: usize = 4;
+/// Terms that one image can hold.
 pub const MAX_TERMS: usize = 32;
-/// Largest |increment| in counts·2⁻³² per tick.
+/// Largest |increment|, counts·2⁻³² per tick.
 pub const MAX_INCREMENT: i64 = 1 << 46;
 /// Largest |k − 1| in 2⁻³²: 15,625 ppm.
 pub(crate) const MAX_SCALE: i64 = 1 << 26;
-/// |Σ increment| between two slow updates may reach this.
+/// Largest |Σ increment| between two slow updates.
 const MAX_INCREMENT_SUM: i64 = 1 << 61;
 /// Bits below the fast path's Q32 in which terms are summed.
 pub(crate) const GUARD_BITS: u32 = 8;
@@ -36,21 +35,21 @@ pub enum Kind {
     Scale,
 }
 
-/// What a term's series is multiplied with.
+/// What a term's shape is multiplied by.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Multiplier {
-    /// Nothing.
+    /// One: the shape alone.
     One,
-    /// The clamped, scaled temperature rate y.
+    /// The scaled, clamped rate y of the input.
     Rate,
 }
 
-/// The function of x that a term is made of.
+/// The function of x in a term.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shape {
     /// T_order(x), the Chebyshev polynomial of this order, 0..=8.
     Chebyshev(u8),
-    /// ((x − knot)/2)² above the knot, 0 below: with a series beside it a piecewise polynomial with a continuous slope.
+    /// ((x − knot)/2)² above the knot, 0 below. Added to a series it makes a piecewise polynomial with a continuous slope.
     Zone {
         /// x in 2⁻¹⁵.
         knot_q15: i16,
@@ -95,23 +94,23 @@ impl Shape {
 pub struct Term {
     /// What it adds to.
     pub kind: Kind,
-    /// Which thermometer's x (and y).
-    pub sensor: u8,
+    /// Index of the input whose x (and y) it uses.
+    pub input: u8,
     /// The function of x.
     pub shape: Shape,
-    /// What the shape is multiplied with.
+    /// What the shape is multiplied by.
     pub multiplier: Multiplier,
     /// Coefficient = mantissa · 2^(31 − shift) in Q40.
     pub mantissa: i32,
-    /// See `mantissa`; 8..=62.
+    /// See `mantissa`; 8..=62. A larger shift is a smaller coefficient.
     pub shift: u8,
 }
 
 impl Term {
-    /// A term that adds nothing; fills unused places of a description.
+    /// A term that adds nothing; fills unused rows of a description.
     pub const ZERO: Self = Self {
         kind: Kind::Bias,
-        sensor: 0,
+        input: 0,
         shape: Shape::Chebyshev(0),
         multiplier: Multiplier::One,
         mantissa: 0,
@@ -137,22 +136,22 @@ pub struct Description {
     pub period_ticks: u32,
     /// Ticks over which a new increment is approached; 0 sets it at once.
     pub slew_ticks: u32,
-    /// Nominal scale factor of one output count (one quantum), 1e-15 arcsec.
+    /// Nominal scale factor: the angle of one output count (one quantum), 1e-15 arcsec.
     pub scale_factor_femto_arcsec: u64,
     /// Counts of the log per output count, 1e-9.
     pub quantum_nano_counts: u64,
-    /// Temperature T0 at which the correction is zero, 2⁻²⁴ °C. Informative: the terms hold it.
+    /// Temperature T0 at which the correction is zero, 2⁻²⁴ °C. For display only: the terms contain it.
     pub reference_q24: i32,
-    /// Counts up with every image written for this gyro and axis.
+    /// Number of this image among those written for this gyro and axis; counts up.
     pub sequence: u32,
-    /// Largest |count| given out per call.
+    /// Largest |counts| that one call outputs.
     pub output_limit: u32,
-    /// SHA-256 of the calibration or image this one was made from.
+    /// SHA-256 of the calibration or image that this one was made from.
     pub parent: [u8; 32],
-    /// Thermometers; the first `thermometer_count` are used.
-    pub thermometers: [Thermometer; MAX_THERMOMETERS],
-    /// See `thermometers`.
-    pub thermometer_count: u8,
+    /// Inputs; the first `input_count` are used.
+    pub inputs: [InputSpec; MAX_INPUTS],
+    /// See `inputs`.
+    pub input_count: u8,
     /// Terms; the first `term_count` are used.
     pub terms: [Term; MAX_TERMS],
     /// See `terms`.
@@ -160,7 +159,7 @@ pub struct Description {
 }
 
 impl Description {
-    /// No thermometer, no term, 100 µs tick, 1 s period, 1 arcsec per count.
+    /// No input, no term, 100 µs tick, 1 s period, 1 arcsec per count.
     pub const fn empty() -> Self {
         Self {
             serial: [0; 32],
@@ -174,21 +173,21 @@ impl Description {
             sequence: 0,
             output_limit: i32::MAX as u32,
             parent: [0; 32],
-            thermometers: [Thermometer::UNUSED; MAX_THERMOMETERS],
-            thermometer_count: 0,
+            inputs: [InputSpec::UNUSED; MAX_INPUTS],
+            input_count: 0,
             terms: [Term::ZERO; MAX_TERMS],
             term_count: 0,
         }
     }
 }
 
-/// Why a description is no image. The index counts from 0.
+/// Why a description is refused. Indices count from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ImageError {
     /// A field of the head is outside its range.
     Head(&'static str),
-    /// A field of a thermometer is outside its range.
-    Thermometer(u8, &'static str),
+    /// A field of an input is outside its range.
+    Input(u8, &'static str),
     /// A field of a term is outside its range.
     Term(u8, &'static str),
     /// The bias terms together could exceed the increment's range.
@@ -201,7 +200,7 @@ impl fmt::Display for ImageError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Head(field) => write!(f, "head: {field} out of range"),
-            Self::Thermometer(i, field) => write!(f, "thermometer {i}: {field} out of range"),
+            Self::Input(i, field) => write!(f, "input {i}: {field} out of range"),
             Self::Term(i, field) => write!(f, "term {i}: {field} out of range"),
             Self::IncrementTooLarge => f.write_str("the bias terms together exceed the increment's range"),
             Self::ScaleTooLarge => f.write_str("the scale terms together exceed 15,625 ppm"),
@@ -216,17 +215,17 @@ impl core::error::Error for ImageError {}
 pub struct Image(Description);
 
 impl Image {
-    /// Checks a description.
+    /// Checks a description and makes it an image.
     ///
     /// # Errors
     /// The first broken rule, in the order of the fields.
     pub fn new(description: Description) -> Result<Self, ImageError> {
         let image = Self(description);
         image.check_head()?;
-        for (i, thermometer) in (0_u8..).zip(image.thermometers()) {
-            check_thermometer(thermometer)
-                .and_then(|()| image.check_source(i, thermometer))
-                .map_err(|field| ImageError::Thermometer(i, field))?;
+        for (i, input) in (0_u8..).zip(image.inputs()) {
+            check_input(input)
+                .and_then(|()| image.check_source(i, input))
+                .map_err(|field| ImageError::Input(i, field))?;
         }
         for (i, term) in (0_u8..).zip(image.terms()) {
             image.check_term(term).map_err(|field| ImageError::Term(i, field))?;
@@ -235,14 +234,14 @@ impl Image {
         Ok(image)
     }
 
-    /// No thermometer, no term: corrects nothing ([`Description::empty`] passes every check; a test holds that).
+    /// No input, no term: corrects nothing ([`Description::empty`] passes every check; a test confirms it).
     pub const fn empty() -> Self {
         Self(Description::empty())
     }
 
-    /// What the terms of a kind can reach together, in 2⁻³² counts per tick (bias) or 2⁻³² (scale).
+    /// The largest value that the terms of one kind can reach together, in 2⁻³² counts per tick (bias) or 2⁻³² (scale).
     ///
-    /// |shape| ≤ 1 and |y| ≤ 1, so the sum of the coefficients' sizes bounds every value.
+    /// |shape| ≤ 1 and |y| ≤ 1, so the sum of the coefficients' magnitudes is a bound.
     pub fn reach(&self, kind: Kind) -> i64 {
         let terms = self.terms().iter().filter(|term| term.kind == kind);
         terms.map(Term::bound_q40).fold(0_i64, i64::saturating_add) >> GUARD_BITS
@@ -253,9 +252,9 @@ impl Image {
         &self.0
     }
 
-    /// The thermometers in use.
-    pub fn thermometers(&self) -> &[Thermometer] {
-        self.0.thermometers.get(..usize::from(self.0.thermometer_count)).unwrap_or(&[])
+    /// The inputs in use.
+    pub fn inputs(&self) -> &[InputSpec] {
+        self.0.inputs.get(..usize::from(self.0.input_count)).unwrap_or(&[])
     }
 
     /// The terms in use.
@@ -285,32 +284,32 @@ impl Image {
             (d.scale_factor_femto_arcsec > 0, "scale_factor_femto_arcsec"),
             (d.quantum_nano_counts > 0, "quantum_nano_counts"),
             (d.output_limit > 0 && d.output_limit <= i32::MAX as u32, "output_limit"),
-            (usize::from(d.thermometer_count) <= MAX_THERMOMETERS, "thermometer_count"),
+            (usize::from(d.input_count) <= MAX_INPUTS, "input_count"),
             (usize::from(d.term_count) <= MAX_TERMS, "term_count"),
         ];
         first_broken(&rules).map_err(ImageError::Head)
     }
 
-    /// A difference is of two thermometers that stand before it and have codes of their own, which need no conversion again.
-    fn check_source(&self, index: u8, t: &Thermometer) -> Result<(), &'static str> {
-        let Source::Difference { of, less } = t.source else { return Ok(()) };
+    /// A difference uses two inputs that come before it and have codes of their own. It has no conversion: theirs is already applied.
+    fn check_source(&self, index: u8, t: &InputSpec) -> Result<(), &'static str> {
+        let ValueSource::Difference { of, less } = t.source else { return Ok(()) };
         let own_code = |i: u8| {
-            i < index && self.thermometers().get(usize::from(i)).is_some_and(|other| other.source == Source::Code)
+            i < index && self.inputs().get(usize::from(i)).is_some_and(|other| other.source == ValueSource::Code)
         };
         first_broken(&[
             (own_code(of) && own_code(less) && of != less, "difference"),
-            (t.offset_q24 == 0 && t.gain == Scale::ONE, "conversion (a difference has no code)"),
+            (t.offset_q24 == 0 && t.gain == Gain::ONE, "conversion (a difference has no code)"),
         ])
     }
 
     fn check_term(&self, term: &Term) -> Result<(), &'static str> {
-        let sensor = self.thermometers().get(usize::from(term.sensor));
-        let has_rate = sensor.is_some_and(|thermometer| thermometer.lag.is_used());
+        let input = self.inputs().get(usize::from(term.input));
+        let has_rate = input.is_some_and(|input| input.lag.is_used());
         first_broken(&[
-            (sensor.is_some(), "sensor"),
+            (input.is_some(), "input"),
             (term.shape.order().is_none_or(|order| order <= MAX_ORDER), "order"),
             (term.shape.turns_q18().is_none_or(|turns| (1..=MAX_TURNS_Q18).contains(&turns)), "turns"),
-            (term.multiplier == Multiplier::One || has_rate, "multiplier (the thermometer has no lag filter)"),
+            (term.multiplier == Multiplier::One || has_rate, "multiplier (the input has no lag filter)"),
             (term.mantissa != i32::MIN, "mantissa"),
             ((8..=62).contains(&term.shift), "shift"),
         ])
@@ -327,13 +326,13 @@ impl Image {
     }
 }
 
-fn check_thermometer(t: &Thermometer) -> Result<(), &'static str> {
+fn check_input(t: &InputSpec) -> Result<(), &'static str> {
     let span = i64::from(t.span_hi_q24) - i64::from(t.span_lo_q24);
     first_broken(&[
         (t.gain.mantissa != 0, "gain mantissa"),
         (t.gain.shift <= 62, "gain shift"),
-        (t.plausible_lo_q24 > i32::MIN && t.plausible_hi_q24 < i32::MAX, "plausible limits (beyond ±128 °C)"),
-        (t.plausible_lo_q24 < t.plausible_hi_q24, "plausible limits"),
+        (t.valid_lo_q24 > i32::MIN && t.valid_hi_q24 < i32::MAX, "valid range (beyond ±128 °C)"),
+        (t.valid_lo_q24 < t.valid_hi_q24, "valid range"),
         (span > 0 && span & 1 == 0, "span"),
         (t.unit_exponent.unsigned_abs() <= 100, "unit exponent"),
         (t.x_shift <= 15 && reaches_one(span >> 1, t.x_mantissa, t.x_shift + 16), "x mantissa or shift"),

@@ -1,13 +1,13 @@
 //! Chebyshev polynomials in fixed point.
 //!
 //! `T₀ = 1, T₁ = x, T_{n+1} = 2x·T_n − T_{n−1}` (DLMF 18.9.1 with 18.9.2) on `x ∈ [−1, 1]`. The
-//! recursion runs in Q32 with x in Q47, both in `i64` (so that ±1 is exact); what comes out is Q31.
+//! recursion runs in Q32 with x in Q47, both in `i64` (so ±1 is exact); the result is Q31.
 //!
-//! x carries 16 bits more than the result because a rounding of x is amplified by T_n' ≤ n². Each
-//! step rounds once, by at most 2⁻³³, and a rounding made at step j grows to at most (n − j + 1) of
-//! itself: for n ≤ 8 the sum stays below 36·2⁻³³, and the last rounding to Q31 adds 2⁻³².
+//! x has 16 bits more than the result because T_n' ≤ n² amplifies a rounding of x. Each step rounds once, by at most 2⁻³³, and a
+//! rounding at step j grows to at most (n − j + 1) times itself: for n ≤ 8 the sum stays below 36·2⁻³³. The last rounding to Q31 adds
+//! 2⁻³².
 //!
-//! Fails for |x| > 1: the series grows like xⁿ. Callers clamp first.
+//! Not valid for |x| > 1, where the series grows like xⁿ. Callers clamp first.
 
 use crate::rounding::round_shift;
 
@@ -21,7 +21,7 @@ pub(crate) const BASIS_LEN: usize = MAX_ORDER as usize + 1;
 pub(crate) const ONE_Q31: i64 = 1 << 31;
 /// 1.0 in Q47.
 pub(crate) const ONE_Q47: i64 = 1 << 47;
-/// Bits of x below the Q30 that is multiplied first.
+/// Low bits of x, multiplied separately from its upper Q30.
 const LOW_BITS: u32 = 17;
 
 /// `T₀(x) … T₈(x)` in Q31 for `x` in Q47, `|x| ≤ ONE_Q47`.
@@ -44,7 +44,7 @@ pub(crate) fn chebyshev(x_q47: i64) -> [i64; BASIS_LEN] {
 
 /// ((x − knot)/2)² in Q31 above the knot, 0 below it.
 ///
-/// x − knot ≤ 2 in Q47; its half is rounded to Q31 (2⁻³²), the square once more (2⁻³²): within 3·2⁻³² of the value.
+/// x − knot ≤ 2 in Q47. Its half is rounded to Q31 (2⁻³²) and the square is rounded again (2⁻³²): within 3·2⁻³² of the value.
 #[inline]
 pub(crate) fn zone(x_q47: i64, knot_q15: i16) -> i64 {
     let above = (x_q47 - (i64::from(knot_q15) << 32)).max(0);

@@ -1,32 +1,32 @@
-//! What the consumer of a corrected count must know about it.
+//! What the user of a corrected count must know about it.
 
 use core::ops::{BitOr, BitOrAssign};
 
-/// Status bits that travel with every corrected value. Zero means: corrected, inside the span.
+/// Status bits of every corrected value. Zero: corrected, inside the span.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Status(u16);
 
 impl Status {
     /// Corrected, nothing to report.
     pub const OK: Self = Self(0);
-    /// Temperature or its rate is outside the fit span; the correction is the one at the border.
+    /// An input or its rate is outside the fit span; the correction is that of the border.
     pub const OUT_OF_SPAN: Self = Self(1);
-    /// It is the rate (not only the temperature) that is outside its span. Comes with `OUT_OF_SPAN`.
+    /// A rate is outside its span. Always set together with `OUT_OF_SPAN`.
     pub const RATE_OUT_OF_SPAN: Self = Self(1 << 1);
-    /// No plausible temperature at the last slow update; the last correction is kept.
+    /// An input had no valid value at the last slow update; the last correction is kept.
     pub const HELD: Self = Self(1 << 2);
-    /// Held for longer than the image allows.
+    /// Held for longer than the hold time of the image.
     pub const STALE: Self = Self(1 << 3);
-    /// The lag filter has not forgotten its start: min(3τ, 1 h) after the first temperature.
+    /// A lag filter still remembers its start: min(3τ, 1 h) after the first valid value.
     pub const SETTLING: Self = Self(1 << 4);
-    /// No correction was ever computed; counts pass through unchanged.
+    /// No correction has been computed yet; counts pass through unchanged.
     pub const UNCORRECTED: Self = Self(1 << 5);
-    /// The output limit was reached; the excess stays in the accumulator and comes out later.
+    /// The output limit was reached; the excess stays in the accumulator and is output later.
     pub const LIMITED: Self = Self(1 << 6);
-    /// The accumulator came near its bound. Latched; the output is zero and means nothing.
+    /// The accumulator exceeded its bound. Latched; the output is zero and has no meaning.
     pub const OVERFLOW: Self = Self(1 << 7);
 
-    /// Every single bit with the name scripts and reports use.
+    /// Every bit with its name in scripts and reports.
     pub const NAMES: [(Self, &'static str); 8] = [
         (Self::OUT_OF_SPAN, "OUT_OF_SPAN"),
         (Self::RATE_OUT_OF_SPAN, "RATE_OUT_OF_SPAN"),
@@ -38,12 +38,12 @@ impl Status {
         (Self::OVERFLOW, "OVERFLOW"),
     ];
 
-    /// The raw bits, as a frame or a register carries them.
+    /// The raw bits, as in a frame or a register.
     pub const fn bits(self) -> u16 {
         self.0
     }
 
-    /// The status with these raw bits, those without a meaning to this program too.
+    /// The status with these raw bits, including bits that this code does not know.
     pub const fn from_bits(bits: u16) -> Self {
         Self(bits)
     }

@@ -1,11 +1,11 @@
-//! Flash banks: whatever step the power goes away in, the old image or the new one.
+//! Flash banks: power fails at every step, and the banks hold the old image or the new one.
 
 mod flash;
 
 use flash::{Dice, Fault, Flash};
 use sagnac_core::{
-    BANK_LEN, BankReport, Banks, Description, Gyro, Image, Kind, MAX_TERMS, Multiplier, Origin, Scale, Shape,
-    StoreError, Term, Thermometer, Unfit,
+    BANK_LEN, BankReport, Banks, Description, Gain, Gyro, Image, ImageMismatch, InputSpec, Kind, MAX_TERMS, Multiplier,
+    Origin, Shape, StoreError, Term,
 };
 
 const LEN: u32 = 2048;
@@ -14,8 +14,8 @@ const LEN: u32 = 2048;
 fn image(sequence: u32, dice: &mut Dice) -> Image {
     let mut d = Description { sequence, ..Description::empty() };
     d.serial[..4].copy_from_slice(b"RLG7");
-    d.thermometer_count = 1;
-    d.thermometers[0] = Thermometer { gain: Scale { mantissa: 1 << 30, shift: 30 }, ..Thermometer::UNUSED };
+    d.input_count = 1;
+    d.inputs[0] = InputSpec { gain: Gain { mantissa: 1 << 30, shift: 30 }, ..InputSpec::UNUSED };
     d.term_count = dice.below(MAX_TERMS as u64 + 1) as u8;
     for slot in &mut d.terms[..usize::from(d.term_count)] {
         let mantissa = dice.throw() as i32 | 1;
@@ -24,7 +24,7 @@ fn image(sequence: u32, dice: &mut Dice) -> Image {
     Image::new(d).unwrap()
 }
 
-/// Believes all that `image` can make.
+/// Accepts every image that `image` can make.
 fn gyro() -> Gyro {
     Gyro { largest_increment: 1 << 40, ..Gyro::of(&image(0, &mut Dice(0)), 1) }
 }
@@ -50,7 +50,7 @@ fn apply<const U: usize, const S: usize>(flash: Flash<U, S>, update: &Update) ->
     (banks.into_flash(), done)
 }
 
-fn force<const U: usize, const S: usize>(flash: &Flash<U, S>) -> (Image, Origin) {
+fn active<const U: usize, const S: usize>(flash: &Flash<U, S>) -> (Image, Origin) {
     let loaded = banks(flash.clone()).load(&gyro());
     (loaded.image, loaded.origin)
 }
@@ -60,7 +60,7 @@ fn cut_everywhere<const U: usize, const S: usize>(seed: u64) -> u64 {
     let mut dice = Dice(seed);
     let mut flash = Flash::<U, S>::new(seed ^ 0xf1a5);
     let (mut sequence, mut cuts, mut can_go_back) = (0, 0, false);
-    // What may be in force: all that was stored and not left.
+    // What may be active: all images that were stored and not withdrawn.
     let mut stored = Vec::new();
     for _ in 0..1 + dice.below(4) {
         let update = if can_go_back && dice.below(3) == 0 {
@@ -69,28 +69,28 @@ fn cut_everywhere<const U: usize, const S: usize>(seed: u64) -> u64 {
             sequence += 1 + dice.below(3) as u32;
             Update::Store(image(sequence, &mut dice))
         };
-        let before = force(&flash);
+        let before = active(&flash);
         let (after, done) = apply(Flash { steps: 0, ..flash.clone() }, &update);
         assert!(done, "seed {seed}: {update:?} without a cut");
-        let wanted = force(&after);
+        let wanted = active(&after);
         assert_ne!(before.0, wanted.0);
         assert_eq!(wanted.1, Origin::Newest);
         for step in 1..=after.steps {
             let tear = dice.throw();
-            let torn = Flash { left: Some(step), dice: Dice(tear), ..flash.clone() };
+            let torn = Flash { steps_left: Some(step), dice: Dice(tear), ..flash.clone() };
             let (torn, done) = apply(torn, &update);
             assert!(!done, "seed {seed}, step {step}: done in spite of the cut");
-            let mut restarted = Flash { left: None, ..torn };
-            let found = force(&restarted);
+            let mut restarted = Flash { steps_left: None, ..torn };
+            let found = active(&restarted);
             let kept =
                 found.0 == before.0 && (before.1 == Origin::FactoryDefaults) == (found.1 == Origin::FactoryDefaults);
             assert!(kept || found.0 == wanted.0, "seed {seed}, step {step} of {update:?}: {found:?}");
             cuts += 1;
-            // Rot in the bank that is not in force changes nothing; in the one in force it is noticed, never used.
+            // Damage in the inactive bank changes nothing; in the active one it is detected, and that image is never used.
             if dice.below(4) == 0 {
                 let bank = dice.below(2) as u32 * LEN;
                 restarted.rot(bank, bank + BANK_LEN);
-                let rotten = force(&restarted);
+                let rotten = active(&restarted);
                 let known = rotten.0 == wanted.0 || stored.contains(&rotten.0);
                 assert!(known || rotten.1 == Origin::FactoryDefaults, "seed {seed}, step {step}: {rotten:?}");
                 continue;
@@ -99,7 +99,7 @@ fn cut_everywhere<const U: usize, const S: usize>(seed: u64) -> u64 {
             if found.0 != wanted.0 {
                 let (again, done) = apply(restarted, &update);
                 assert!(done, "seed {seed}, step {step}: not again");
-                assert_eq!(force(&again).0, wanted.0, "seed {seed}, step {step}");
+                assert_eq!(active(&again).0, wanted.0, "seed {seed}, step {step}");
             }
         }
         match &update {
@@ -114,7 +114,7 @@ fn cut_everywhere<const U: usize, const S: usize>(seed: u64) -> u64 {
 
 /// 1,000 sequences over the flashes of five families (4 bytes and 2 KB pages; 8; 16; 32 with error correction; 1).
 #[test]
-fn the_power_goes_in_every_step() {
+fn power_fails_at_every_step() {
     let mut cuts = 0;
     for seed in 0..1000 {
         cuts += match seed % 5 {
@@ -129,9 +129,9 @@ fn the_power_goes_in_every_step() {
     assert!(cuts > 300_000, "{cuts}");
 }
 
-/// Three bits anywhere in one of two full banks: the other bank's image, or the one in force, and never one that was left.
+/// Three bits anywhere in one of two full banks: the other bank's image, or the active one, and never a withdrawn one.
 #[test]
-fn rot_in_either_bank_is_noticed() {
+fn flipped_bits_in_either_bank_are_detected() {
     let (mut survivors, mut defaults) = (0, 0);
     for seed in 0..4000_u64 {
         let mut dice = Dice(seed);
@@ -148,7 +148,7 @@ fn rot_in_either_bank_is_noticed() {
         for _ in 0..=dice.below(3) {
             flash.rot(bank, bank + BANK_LEN);
         }
-        let (found, origin) = force(&flash);
+        let (found, origin) = active(&flash);
         match (went_back, origin) {
             (true, Origin::Newest | Origin::Survivor) => assert_eq!(found, images[1], "seed {seed}"),
             (true, Origin::FactoryDefaults) => defaults += 1,
@@ -165,7 +165,7 @@ fn rot_in_either_bank_is_noticed() {
 }
 
 #[test]
-fn nothing_stored_says_so() {
+fn empty_banks_give_factory_defaults() {
     let loaded = banks(Flash::<4, 2048>::new(1)).load(&gyro());
     assert_eq!(loaded.origin, Origin::FactoryDefaults);
     assert_eq!(loaded.banks, [BankReport::Uncommitted; 2]);
@@ -174,7 +174,7 @@ fn nothing_stored_says_so() {
 }
 
 #[test]
-fn another_gyros_image_is_refused_on_both_ways() {
+fn an_image_for_another_gyro_is_refused_by_store_and_load() {
     let mut dice = Dice(5);
     let own = image(1, &mut dice);
     let with = |change: fn(&mut Description)| {
@@ -183,14 +183,14 @@ fn another_gyros_image_is_refused_on_both_ways() {
         Image::new(d).unwrap()
     };
     let others = [
-        (with(|d| d.serial[3] = b'8'), Unfit::Serial),
-        (with(|d| d.axis = b'y'), Unfit::Axis),
-        (with(|d| d.tick_ns = 50_000), Unfit::Tick),
-        (with(|d| d.scale_factor_femto_arcsec += 1), Unfit::ScaleFactor),
-        (with(|d| d.quantum_nano_counts = 250_000_000), Unfit::Quantum),
+        (with(|d| d.serial[3] = b'8'), ImageMismatch::Serial),
+        (with(|d| d.axis = b'y'), ImageMismatch::Axis),
+        (with(|d| d.tick_ns = 50_000), ImageMismatch::Tick),
+        (with(|d| d.scale_factor_femto_arcsec += 1), ImageMismatch::ScaleFactor),
+        (with(|d| d.quantum_nano_counts = 250_000_000), ImageMismatch::Quantum),
         (
             with(|d| (d.terms[0], d.term_count) = (Term { mantissa: 1 << 30, shift: 12, ..Term::ZERO }, 1)),
-            Unfit::AbsurdBias,
+            ImageMismatch::BiasTooLarge,
         ),
         (
             with(|d| {
@@ -198,48 +198,48 @@ fn another_gyros_image_is_refused_on_both_ways() {
                     Term { kind: Kind::Scale, multiplier: Multiplier::One, mantissa: 1 << 20, shift: 40, ..Term::ZERO };
                 (d.terms[0], d.term_count) = (scale, 1);
             }),
-            Unfit::AbsurdScale,
+            ImageMismatch::ScaleTooLarge,
         ),
     ];
     for (other, why) in others {
         let mut banks = banks(Flash::<4, 2048>::new(1));
-        assert_eq!(banks.store(&gyro(), &other), Err(StoreError::Unfit(why)));
+        assert_eq!(banks.store(&gyro(), &other), Err(StoreError::Mismatch(why)));
         // The same image, already in flash because the board was changed.
         let mut foreign = Gyro::of(&other, 1);
         (foreign.largest_increment, foreign.largest_scale) = (i64::MAX, i64::MAX);
         banks.store(&foreign, &other).unwrap();
         let loaded = banks.load(&gyro());
-        assert_eq!((loaded.origin, loaded.banks[0]), (Origin::FactoryDefaults, BankReport::Unfit(why)));
+        assert_eq!((loaded.origin, loaded.banks[0]), (Origin::FactoryDefaults, BankReport::Mismatch(why)));
         banks.store(&gyro(), &own).unwrap();
         let loaded = banks.load(&gyro());
-        assert_eq!((loaded.image, loaded.banks[0]), (own, BankReport::Unfit(why)), "the other bank is used first");
+        assert_eq!((loaded.image, loaded.banks[0]), (own, BankReport::Mismatch(why)), "the other bank is used first");
     }
 }
 
 #[test]
-fn an_older_image_comes_back_only_on_purpose() {
+fn an_older_image_returns_only_by_roll_back() {
     let mut dice = Dice(9);
     let (old, new) = (image(4, &mut dice), image(5, &mut dice));
     let mut banks = banks(Flash::<4, 2048>::new(1));
     banks.store(&gyro(), &old).unwrap();
-    assert_eq!(banks.roll_back(&gyro()), Err(StoreError::NothingToGoBackTo));
+    assert_eq!(banks.roll_back(&gyro()), Err(StoreError::NoOlderImage));
     banks.store(&gyro(), &new).unwrap();
     for offered in [old, new] {
-        let error = StoreError::NotNewer { in_force: 5, offered: offered.description().sequence };
+        let error = StoreError::NotNewer { active: 5, offered: offered.description().sequence };
         assert_eq!(banks.store(&gyro(), &offered), Err(error));
     }
     assert_eq!(banks.roll_back(&gyro()), Ok(old));
     assert_eq!(banks.load(&gyro()).image, old);
-    assert!(matches!(banks.load(&gyro()).banks[1], BankReport::Left { stored: 2 }));
-    assert_eq!(banks.roll_back(&gyro()), Err(StoreError::NothingToGoBackTo));
-    // The same image once more is on purpose too: it is newer than the one in force.
+    assert!(matches!(banks.load(&gyro()).banks[1], BankReport::Withdrawn { stored: 2 }));
+    assert_eq!(banks.roll_back(&gyro()), Err(StoreError::NoOlderImage));
+    // The same image may be stored again: it is newer than the active one.
     banks.store(&gyro(), &new).unwrap();
     assert_eq!(banks.load(&gyro()).image, new);
 }
 
-/// The older image rots after a roll back; a new one is stored, and the power cut in every step: what was left stays left.
+/// After a roll back the older image decays, and a store is cut at every step: the withdrawn image stays withdrawn.
 #[test]
-fn what_was_left_stays_left_through_a_cut_store() {
+fn a_withdrawn_image_stays_withdrawn_through_a_cut_store() {
     for seed in 0..60_u64 {
         let mut dice = Dice(seed);
         let images = [1, 2, 3].map(|sequence| image(sequence, &mut dice));
@@ -249,13 +249,13 @@ fn what_was_left_stays_left_through_a_cut_store() {
         }
         // A bit of the older image, behind commit word and notes.
         flash.rot(200, 320);
-        assert_eq!(force(&flash).1, Origin::FactoryDefaults, "seed {seed}");
+        assert_eq!(active(&flash).1, Origin::FactoryDefaults, "seed {seed}");
         let (after, done) = apply(Flash { steps: 0, ..flash.clone() }, &Update::Store(images[2]));
-        assert!(done && force(&after).0 == images[2]);
+        assert!(done && active(&after).0 == images[2]);
         for step in 1..=after.steps {
-            let torn = Flash { left: Some(step), dice: Dice(dice.throw()), ..flash.clone() };
+            let torn = Flash { steps_left: Some(step), dice: Dice(dice.throw()), ..flash.clone() };
             let (torn, _) = apply(torn, &Update::Store(images[2]));
-            let found = force(&Flash { left: None, ..torn });
+            let found = active(&Flash { steps_left: None, ..torn });
             let new = found.0 == images[2];
             assert!(new || found.1 == Origin::FactoryDefaults, "seed {seed}, step {step}: {found:?}");
         }
@@ -264,7 +264,7 @@ fn what_was_left_stays_left_through_a_cut_store() {
 
 /// On flash with error correction a torn unit may not read at all: one such slot takes no other note away.
 #[test]
-fn a_slot_that_cannot_be_read_hides_no_note() {
+fn an_unreadable_note_does_not_hide_the_others() {
     let mut dice = Dice(21);
     let images = [1, 2].map(|sequence| image(sequence, &mut dice));
     let mut flash = Flash::<8, 1024>::new(1);
@@ -275,31 +275,31 @@ fn a_slot_that_cannot_be_read_hides_no_note() {
     flash.unreadable = 32..64;
     let (flash, done) = apply(flash, &Update::RollBack);
     assert!(done);
-    assert_eq!(force(&flash), (images[0], Origin::Newest));
+    assert_eq!(active(&flash), (images[0], Origin::Newest));
     for slot in [0, 2, 3] {
         let slot = Flash { unreadable: 32 + 32 * slot..64 + 32 * slot, ..flash.clone() };
-        assert_eq!(force(&slot), (images[0], Origin::Newest));
+        assert_eq!(active(&slot), (images[0], Origin::Newest));
     }
-    // The bank in force itself: the left image does not come back for it.
-    let gone = Flash { unreadable: 192..224, ..flash.clone() };
-    assert_eq!(force(&gone).1, Origin::FactoryDefaults);
+    // The active bank itself is damaged: the withdrawn image does not return.
+    let unreadable = Flash { unreadable: 192..224, ..flash.clone() };
+    assert_eq!(active(&unreadable).1, Origin::FactoryDefaults);
 }
 
 /// A fuzzer's find: four zero bytes where a note would stand are none, and stores go on.
 #[test]
-fn zeros_in_a_blank_slot_are_no_note() {
+fn zeros_in_a_blank_place_are_not_a_note() {
     let mut dice = Dice(2);
     let (old, new) = (image(1, &mut dice), image(2, &mut dice));
     let (mut flash, _) = apply(Flash::<4, 2048>::new(1), &Update::Store(old));
     flash.bytes[36..40].fill(0);
-    assert_eq!(force(&flash), (old, Origin::Newest));
+    assert_eq!(active(&flash), (old, Origin::Newest));
     let (flash, done) = apply(flash, &Update::Store(new));
     assert!(done);
-    assert_eq!(force(&flash), (new, Origin::Newest));
+    assert_eq!(active(&flash), (new, Origin::Newest));
 }
 
 #[test]
-fn worn_flash_is_told_and_the_old_image_stays() {
+fn worn_flash_is_reported_and_the_old_image_stays() {
     let mut dice = Dice(3);
     let (old, new) = (image(1, &mut dice), image(2, &mut dice));
     let (flash, _) = apply(Flash::<4, 2048>::new(1), &Update::Store(old));
@@ -315,7 +315,7 @@ fn banks_that_do_not_fit_the_flash_are_refused() {
     assert!(Banks::new(Flash::<4, 2048>::new(0), 4096, 4096).is_none(), "beyond the end");
     assert!(Banks::new(Flash::<64, 2048>::new(0), 0, LEN).is_none(), "programs 64 bytes at a time");
     let mut dead = Flash::<4, 2048>::new(0);
-    dead.left = Some(0);
+    dead.steps_left = Some(0);
     let refused = Banks::new(dead, 0, LEN).unwrap().store(&gyro(), &image(1, &mut Dice(0)));
     assert_eq!(refused, Err(StoreError::Flash(Fault::PowerCut)));
 }

@@ -26,12 +26,12 @@ struct Books {
     gyro: Compensator,
     state: State,
     out: BigInt,
-    owed: BigInt,
+    due: BigInt,
 }
 
 impl Books {
     fn new(image: Image) -> Self {
-        Self { gyro: Compensator::new(image), state: State::new(), out: 0.into(), owed: 0.into() }
+        Self { gyro: Compensator::new(image), state: State::new(), out: 0.into(), due: 0.into() }
     }
 
     fn call(&mut self, call: &Call) {
@@ -53,14 +53,14 @@ impl Books {
         let output = self.gyro.advance(&mut self.state, raw, ticks).unwrap();
         for _ in 0..ticks {
             self.gyro.tick(&mut single, 0).unwrap();
-            self.owed -= single.increment();
+            self.due -= single.increment();
         }
-        self.owed += BigInt::from(raw) * self.state.k_q32();
+        self.due += BigInt::from(raw) * self.state.k_q32();
         self.out += output.counts;
     }
 
     fn balance(&self) -> bool {
-        (&self.out << 32_u32) + self.state.remainder() == self.owed
+        (&self.out << 32_u32) + self.state.remainder() == self.due
     }
 }
 
@@ -239,28 +239,28 @@ fn a_tick_past_a_slow_update_is_refused_and_changes_nothing() {
     assert_eq!(gyro.advance(&mut state, 1, 11), Err(Misuse::UpdateDue { ticks_left: 10 }));
     assert_eq!(gyro.update(&mut state, &[None]), Err(Misuse::UpdateNotDue { ticks_left: 10 }));
     gyro.advance(&mut state, 0, 10).unwrap();
-    assert_eq!(gyro.update(&mut state, &[]), Err(Misuse::ThermometerCount));
+    assert_eq!(gyro.update(&mut state, &[]), Err(Misuse::InputCount));
     assert_ne!(state, before);
 }
 
 /// Without a rate term nothing settles.
 fn bias_only_first_status() -> Status {
     let mut d = *image(&[term(Kind::Bias, 1, Multiplier::One, 1 << 30, 30)], 1, 0).description();
-    d.thermometers[0].settling_updates = 0;
+    d.inputs[0].settling_updates = 0;
     let gyro = Compensator::new(Image::new(d).unwrap());
     gyro.update(&mut State::new(), &[None]).unwrap()
 }
 
 /// A new image between two ticks: not a count lost, no step, within the new image's bound.
 #[test]
-fn a_new_image_takes_over_what_is_owed() {
+fn a_new_image_keeps_the_remainder() {
     let old = image(&[term(Kind::Bias, 0, Multiplier::One, i32::MAX, 8)], 1 << 15, 1);
     let new = image(&[term(Kind::Bias, 0, Multiplier::One, 1 << 30, 40)], 1 << 24, 1 << 24);
     let mut books = Books::new(old);
     books.gyro.update(&mut books.state, &[Some(0)]).unwrap();
     books.call(&Call::Advance { raw: 1_000_003, ticks: 400 });
     books.gyro = Compensator::new(new);
-    books.state = books.gyro.take_over(&books.state);
+    books.state = books.gyro.migrate_state(&books.state);
     assert!(books.balance());
     books.gyro.update(&mut books.state, &[Some(0)]).unwrap();
     assert!(books.state.increment() <= 1 << 37);
@@ -273,7 +273,7 @@ fn a_new_image_takes_over_what_is_owed() {
 
 /// HELD keeps the correction, STALE follows the hold time, OUT_OF_SPAN clamps, SETTLING ends.
 #[test]
-fn status_tells_what_happened_to_the_temperature() {
+fn status_reports_what_happened_to_the_input() {
     let slope = term(Kind::Bias, 1, Multiplier::One, 1 << 30, 30);
     let rate = term(Kind::Bias, 0, Multiplier::Rate, 1 << 20, 30);
     let gyro = Compensator::new(image(&[slope, rate], 1, 0));

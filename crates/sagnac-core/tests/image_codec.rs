@@ -1,11 +1,11 @@
-//! Bytes and images: what goes in comes out, what is damaged is refused.
+//! Images as bytes: encoding and decoding give the same image, and damaged bytes are refused.
 
 mod support;
 
 use proptest::prelude::*;
 use sagnac_core::{
-    DecodeError, Description, FORMAT_MINOR, Image, ImageError, Kind, MAX_IMAGE_LEN, MAX_TURNS_Q18, Multiplier, Scale,
-    Shape, Source, Term, Thermometer,
+    DecodeError, Description, FORMAT_MINOR, Gain, Image, ImageError, InputSpec, Kind, MAX_IMAGE_LEN, MAX_TURNS_Q18,
+    Multiplier, Shape, Term, ValueSource,
 };
 use support::{any_image_of_three, difference, image, term, thermometer};
 
@@ -107,7 +107,7 @@ fn unknown_things_are_named() {
     assert_eq!(Image::decode(&resealed(good.clone(), terms + 11, 1)), Err(DecodeError::Reserved("a term")));
     for place in [14, 13, 61] {
         let bytes = resealed(good.clone(), 128 + place, 2);
-        assert_eq!(Image::decode(&bytes), Err(DecodeError::Reserved("a thermometer")), "{place}");
+        assert_eq!(Image::decode(&bytes), Err(DecodeError::Reserved("an input")), "{place}");
     }
     assert_eq!(Image::decode(&resealed(good, terms + 2, 9)), Err(DecodeError::Invalid(ImageError::Term(0, "order"))));
 }
@@ -169,25 +169,25 @@ fn turns_have_a_range() {
 
 #[test]
 fn a_difference_is_of_two_thermometers_before_it() {
-    let with = |source: Source, gain: Scale| {
+    let with = |source: ValueSource, gain: Gain| {
         let mut d = *typical().description();
-        d.thermometers[1] = thermometer();
-        d.thermometers[2] = Thermometer { source, gain, ..difference() };
-        d.thermometer_count = 3;
+        d.inputs[1] = thermometer();
+        d.inputs[2] = InputSpec { source, gain, ..difference() };
+        d.input_count = 3;
         Image::new(d)
     };
-    let between = |of, less| Source::Difference { of, less };
-    let image = with(between(0, 1), Scale::ONE).unwrap();
+    let between = |of, less| ValueSource::Difference { of, less };
+    let image = with(between(0, 1), Gain::ONE).unwrap();
     assert_eq!(Image::decode(&bytes_of(&image)), Ok(image));
     for (of, less) in [(0, 0), (0, 2), (3, 1), (2, 0)] {
-        assert_eq!(with(between(of, less), Scale::ONE), Err(ImageError::Thermometer(2, "difference")), "{of} {less}");
+        assert_eq!(with(between(of, less), Gain::ONE), Err(ImageError::Input(2, "difference")), "{of} {less}");
     }
-    let scaled = with(between(0, 1), Scale { mantissa: 2, shift: 1 });
-    assert_eq!(scaled, Err(ImageError::Thermometer(2, "conversion (a difference has no code)")));
+    let scaled = with(between(0, 1), Gain { mantissa: 2, shift: 1 });
+    assert_eq!(scaled, Err(ImageError::Input(2, "conversion (a difference has no code)")));
 }
 
 #[test]
-fn an_absurd_description_is_refused_by_field() {
+fn a_description_out_of_range_is_refused_by_field() {
     let refuse = |change: &dyn Fn(&mut Description)| {
         let mut d = *typical().description();
         change(&mut d);
@@ -195,10 +195,10 @@ fn an_absurd_description_is_refused_by_field() {
     };
     assert_eq!(refuse(&|d| d.tick_ns = 0), ImageError::Head("tick_ns"));
     assert_eq!(refuse(&|d| d.slew_ticks = 10_001), ImageError::Head("slew_ticks"));
-    assert_eq!(refuse(&|d| d.thermometers[0].span_hi_q24 += 1), ImageError::Thermometer(0, "span"));
-    assert_eq!(refuse(&|d| d.thermometers[0].x_mantissa /= 2), ImageError::Thermometer(0, "x mantissa or shift"));
-    assert_eq!(refuse(&|d| d.thermometers[0].lag.rate_lo = i32::MIN), ImageError::Thermometer(0, "rate span"));
-    assert_eq!(refuse(&|d| d.terms[1].sensor = 1), ImageError::Term(1, "sensor"));
+    assert_eq!(refuse(&|d| d.inputs[0].span_hi_q24 += 1), ImageError::Input(0, "span"));
+    assert_eq!(refuse(&|d| d.inputs[0].x_mantissa /= 2), ImageError::Input(0, "x mantissa or shift"));
+    assert_eq!(refuse(&|d| d.inputs[0].lag.rate_lo = i32::MIN), ImageError::Input(0, "rate span"));
+    assert_eq!(refuse(&|d| d.terms[1].input = 1), ImageError::Term(1, "input"));
     let long_period = |d: &mut Description| (d.period_ticks, d.terms[0].shift) = (1 << 24, 8);
     assert_eq!(refuse(&long_period), ImageError::IncrementTooLarge);
     let scale = |d: &mut Description| d.terms[0] = term(Kind::Scale, 0, Multiplier::One, 1 << 30, 26);

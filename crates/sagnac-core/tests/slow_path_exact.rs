@@ -7,7 +7,7 @@ use std::sync::LazyLock;
 
 use num_bigint::BigInt;
 use proptest::prelude::*;
-use sagnac_core::{Compensator, Image, Kind, Multiplier, Shape, Source, State};
+use sagnac_core::{Compensator, Image, Kind, Multiplier, Shape, State, ValueSource};
 use support::any_image_of_three;
 
 const FRACTION: u32 = 200;
@@ -16,14 +16,14 @@ fn fixed(numerator: impl Into<BigInt>, shift: u32) -> BigInt {
     numerator.into() << (FRACTION - shift)
 }
 
-/// The lag filter without any rounding, one per thermometer.
+/// The lag filter without any rounding, one per input.
 #[derive(Default)]
 struct Exact {
     lags: [Option<BigInt>; 3],
 }
 
-/// What a thermometer shows: T₀(x) … T₈(x) and y.
-struct Shown {
+/// One input: T₀(x) … T₈(x) and y.
+struct Scaled {
     basis: Vec<BigInt>,
     y: BigInt,
 }
@@ -31,18 +31,18 @@ struct Shown {
 impl Exact {
     /// (increment, k − 1) with `FRACTION` fractional bits, at one slow update.
     fn update(&mut self, image: &Image, own_q24: [i32; 2]) -> (BigInt, BigInt) {
-        let shown: Vec<Shown> = (0..image.thermometers().len())
-            .map(|sensor| {
-                let t_q24 = match image.thermometers()[sensor].source {
-                    Source::Code => own_q24[sensor],
-                    Source::Difference { of, less } => own_q24[usize::from(of)] - own_q24[usize::from(less)],
+        let scaled: Vec<Scaled> = (0..image.inputs().len())
+            .map(|index| {
+                let t_q24 = match image.inputs()[index].source {
+                    ValueSource::Code => own_q24[index],
+                    ValueSource::Difference { of, less } => own_q24[usize::from(of)] - own_q24[usize::from(less)],
                 };
-                self.show(image, sensor, t_q24)
+                self.scale(image, index, t_q24)
             })
             .collect();
         let (mut bias, mut scale) = (BigInt::ZERO, BigInt::ZERO);
         for term in image.terms() {
-            let Shown { basis, y } = &shown[usize::from(term.sensor)];
+            let Scaled { basis, y } = &scaled[usize::from(term.input)];
             let above = |knot: i16| (&basis[1] - fixed(knot, 15)).max(BigInt::ZERO);
             let mut value = match term.shape {
                 Shape::Chebyshev(order) => basis[usize::from(order)].clone(),
@@ -64,8 +64,8 @@ impl Exact {
         (bias, scale)
     }
 
-    fn show(&mut self, image: &Image, sensor: usize, t_q24: i32) -> Shown {
-        let spec = &image.thermometers()[sensor];
+    fn scale(&mut self, image: &Image, index: usize, t_q24: i32) -> Scaled {
+        let spec = &image.inputs()[index];
         let one = fixed(1, 0);
         let clamped = t_q24.clamp(spec.span_lo_q24, spec.span_hi_q24);
         let middle = (i64::from(spec.span_lo_q24) + i64::from(spec.span_hi_q24)) / 2;
@@ -73,7 +73,7 @@ impl Exact {
         let x = x.clamp(-one.clone(), one.clone());
 
         let t = fixed(t_q24, 24);
-        let lag = self.lags[sensor].get_or_insert_with(|| t.clone());
+        let lag = self.lags[index].get_or_insert_with(|| t.clone());
         let step = ((&t - &*lag) * spec.lag.alpha_mantissa) >> u32::from(spec.lag.alpha_shift);
         *lag += &step;
         let unit = 24 + u32::from(spec.lag.rate_shift);
@@ -86,7 +86,7 @@ impl Exact {
             let next = ((&x * &basis[n]) >> (FRACTION - 1)) - &basis[n - 1];
             basis.push(next);
         }
-        Shown { basis, y }
+        Scaled { basis, y }
     }
 }
 

@@ -73,6 +73,12 @@ impl fmt::Display for Error {
     }
 }
 
+impl From<std::io::Error> for Error {
+    fn from(error: std::io::Error) -> Self {
+        Self::input(error.to_string())
+    }
+}
+
 impl Error {
     /// Bad usage or input.
     pub fn input(what: impl Into<String>) -> Self {

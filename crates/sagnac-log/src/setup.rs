@@ -161,7 +161,7 @@ impl ThermometerSetup {
 pub struct AuxSetup {
     /// Name as in the header `aux_<name>`.
     pub name: String,
-    /// Values outside are not believed; the fit's span widened by its own width on both sides unless told.
+    /// Values outside are not believed; the fit's span widened by its own width on both sides by default.
     #[serde(default)]
     pub valid_range: Option<[f64; 2]>,
     /// How long a correction is kept without a value before it is STALE, s.
@@ -222,17 +222,17 @@ pub struct Setup {
     pub rig: Option<String>,
     /// Nominal scale factor S0, arcsec per count. Needed by count logs, never guessed.
     pub arcsec_per_count: Option<f64>,
-    /// Smallest step of the counts column, counts; 1 unless told.
+    /// Smallest step of the counts column, counts; 1 by default.
     pub quantum: Option<f64>,
     /// How the counts column counts.
     pub counter: Counter,
     /// Width of a wrapping cumulative counter, bits.
     pub counter_bits: Option<u8>,
-    /// Interval of a row, s; the median of the first rows unless told.
+    /// Interval of a row, s; the median of the first rows by default.
     pub sample_interval_s: Option<f64>,
     /// The log's own header on the left, a header of Sagnac on the right (`"imu.gyro.x" = "rate_radps_x"`).
     pub columns: BTreeMap<String, String>,
-    /// Which of several sensors a PX4 log is read for, from 0; 0 unless told.
+    /// Which of several sensors a PX4 log is read for, from 0; 0 by default.
     pub instance: Option<u8>,
     /// Added to the time of temperatures to bring them to the time of the counts, s.
     pub temperature_offset_s: f64,
@@ -240,27 +240,27 @@ pub struct Setup {
     pub input_rate_dph: Option<f64>,
     /// Site and attitude, from which the input rate of a static test follows.
     pub earth: Option<Earth>,
-    /// Analysis window: seconds or "row"; 100 s unless told.
+    /// Analysis window: seconds or "row"; 100 s by default.
     pub window: Option<WindowSize>,
-    /// Temperature T0 at which the correction is zero, °C; 25 unless told.
+    /// Temperature T0 at which the correction is zero, °C; 25 by default.
     pub reference_c: Option<f64>,
     /// Left out of the fit at the start of each run, s.
     pub discard_initial_s: f64,
-    /// Smallest temperature span a fit is made on, °C; 10 unless told.
+    /// Smallest temperature span a fit is made on, °C; 10 by default.
     pub min_span_c: Option<f64>,
-    /// Noise if known; measured from the log unless told.
+    /// Noise if known; measured from the log by default.
     pub noise: Option<Noise>,
-    /// Tick of the target, s; 100 µs unless told.
+    /// Tick of the target, s; 100 µs by default.
     pub tick_s: Option<f64>,
-    /// Temperature period Δt of the target, s; 1 s unless told.
+    /// Temperature period Δt of the target, s; 1 s by default.
     pub temperature_period_s: Option<f64>,
-    /// Ticks over which a new correction is approached; 100 unless told.
+    /// Ticks over which a new correction is approached; 100 by default.
     pub slew_ticks: Option<u32>,
-    /// Virtual LSB with which a rate log is replayed, arcsec; 1e-4 unless told.
+    /// Virtual LSB with which a rate log is replayed, arcsec; 1e-4 by default.
     pub rate_lsb_arcsec: Option<f64>,
-    /// Name of the thermometer that the model uses, if the log has several; the first unless told.
+    /// Name of the thermometer that the model uses, if the log has several; the first by default.
     pub use_thermometer: Option<String>,
-    /// Further inputs that `auto` may use (thermometers, "one - another", auxiliary columns); all of the log unless told.
+    /// Further inputs that `auto` may use (thermometers, "one - another", auxiliary columns); all of the log by default.
     /// An image alone is read by them too: those with a code of their own, in the image's order.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub inputs: Option<Vec<String>>,
@@ -280,7 +280,8 @@ impl Setup {
     ///
     /// # Errors
     /// Unreadable, not TOML, an unknown key, or a value outside its range (key and value named).
-    pub fn read(path: &Path) -> Result<Self> {
+    pub fn read(path: impl AsRef<Path>) -> Result<Self> {
+        let path = path.as_ref();
         let text = std::fs::read_to_string(path).map_err(|e| Error::io_path(path, "read the setup", &e))?;
         Self::parse(&text).map_err(|e| e.file(path.display().to_string()))
     }
@@ -361,26 +362,60 @@ impl Setup {
         Ok(())
     }
 
-    /// The part of a setup that windows are made with: two setups with the same part make the same windows.
+    /// The part of a setup that windows are made with: two setups with the same part make the same windows. Every key is
+    /// named here, so that a new one cannot be forgotten.
     pub fn of_windows(&self) -> Self {
+        let Self {
+            serial: _,
+            axis,
+            sensor: _,
+            rig: _,
+            arcsec_per_count,
+            quantum,
+            counter,
+            counter_bits,
+            sample_interval_s,
+            columns,
+            instance,
+            temperature_offset_s,
+            input_rate_dph: _,
+            earth: _,
+            window,
+            reference_c: _,
+            discard_initial_s,
+            min_span_c: _,
+            noise: _,
+            tick_s,
+            temperature_period_s,
+            slew_ticks: _,
+            rate_lsb_arcsec: _,
+            use_thermometer: _,
+            inputs: _,
+            tables: _,
+            thermometers,
+            aux,
+        } = self.clone();
         Self {
-            serial: None,
-            sensor: None,
-            input_rate_dph: None,
-            earth: None,
-            tables: Vec::new(),
-            reference_c: None,
-            min_span_c: None,
-            noise: None,
-            slew_ticks: None,
-            rate_lsb_arcsec: None,
-            use_thermometer: None,
-            inputs: None,
-            ..self.clone()
+            axis,
+            arcsec_per_count,
+            quantum,
+            counter,
+            counter_bits,
+            sample_interval_s,
+            columns,
+            instance,
+            temperature_offset_s,
+            window,
+            discard_initial_s,
+            tick_s,
+            temperature_period_s,
+            thermometers,
+            aux,
+            ..Self::default()
         }
     }
 
-    /// Tick of the target, ns; 100 µs unless told.
+    /// Tick of the target, ns; 100 µs by default.
     pub fn tick_ns(&self) -> i64 {
         self.tick_s.and_then(ns_from_s).unwrap_or(DEFAULT_TICK_NS).max(1)
     }
@@ -402,12 +437,12 @@ impl Setup {
         Ok(period_ns)
     }
 
-    /// Window size, 100 s unless told.
+    /// Window size, 100 s by default.
     pub fn window(&self) -> WindowSize {
         self.window.unwrap_or(WindowSize::DEFAULT)
     }
 
-    /// T0, 25 °C unless told.
+    /// T0, 25 °C by default.
     pub fn reference_c(&self) -> f64 {
         self.reference_c.unwrap_or(25.0)
     }
@@ -468,6 +503,14 @@ fn in_range(name: &str, value: Option<f64>, lo: f64, hi: f64) -> Result<()> {
     }
 }
 
+impl std::str::FromStr for Setup {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        Self::parse(text)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -479,6 +522,15 @@ mod tests {
         assert!(error.what.contains("arcsec_per_cuont"), "{error}");
         let error = Setup::parse("arcsec_per_count = -1.0").unwrap_err();
         assert_eq!(error.place.column.as_deref(), Some("arcsec_per_count"));
+    }
+
+    /// What is said of the bench in words changes no window, what says how rows are read does.
+    #[test]
+    fn windows_depend_on_what_rows_are_read_with() {
+        let plain = Setup::default();
+        let words = Setup { rig: Some("chamber 3".into()), sensor: Some("RLG".into()), ..Setup::default() };
+        assert_eq!(words.of_windows(), plain.of_windows());
+        assert!(Setup { discard_initial_s: 60.0, ..Setup::default() }.of_windows() != plain.of_windows());
     }
 
     #[test]

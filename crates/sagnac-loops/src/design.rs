@@ -1,4 +1,4 @@
-//! Gains from a wanted bandwidth and phase margin.
+//! Controller gains from a bandwidth and a phase margin.
 //!
 //! ```text
 //! plant       P(jω) = g·e^(−jω·delay)/(1 + jω·lag)                        error units per actuator code
@@ -6,78 +6,78 @@
 //! at ω_c      C = e^(j(φ_m − π))/P     ⇒     ki = −2·Im C·tan(ω_c·T/2),   kp = Re C − ki/2
 //! ```
 //!
-//! Two equations, two unknowns: the loop crosses 1 at the wanted frequency with the wanted margin. Where the
-//! integrator alone has more margin than was wanted, kp would be negative; then kp = 0, the crossover is the wanted
-//! one and the margin is what comes out, never less. Where even a proportional controller has less, the wish is
-//! refused with what the plant allows. The hold of the output and the mean over a period belong to `delay`.
+//! Two equations, two unknowns: the loop gain is 1 at the given frequency, with the given phase margin. If the integrator alone has more
+//! margin, kp would be negative; then kp = 0, the crossover stays and the margin is larger than asked for. If even a proportional
+//! controller has less margin, the goal is refused with the margin that the plant allows. The hold of the output and the mean over a
+//! period are part of `delay`.
 //!
-//! It stops being true where the plant has more than one lag near ω_c (a piezo near its resonance).
+//! Not valid if the plant has more than one lag near ω_c (a piezo near its resonance).
 
 use core::f64::consts::{PI, TAU};
 use core::fmt;
 
-/// What is controlled, as far as the gains need it.
+/// The controlled plant: gain, one lag, one delay.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Plant {
     /// Error units per actuator code, positive.
     pub gain: f64,
     /// First-order lag, s; 0 for none.
     pub lag_s: f64,
-    /// All delays together, s: half a period of hold, half of averaging, and the ticks in between.
+    /// Sum of all delays, s: half a period of hold, half a period of averaging, and the ticks in between.
     pub delay_s: f64,
 }
 
-/// What is asked of a loop.
+/// Design goal of a loop.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Wanted {
+pub struct LoopGoal {
     /// Crossover of the open loop, Hz.
     pub bandwidth_hz: f64,
-    /// Phase margin there, degrees, at least.
+    /// Smallest phase margin at the crossover, degrees.
     pub phase_margin_deg: f64,
 }
 
-/// A controller with one integrator.
+/// Gains of a proportional-integral controller.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Pi {
+pub struct PiGains {
     /// Codes per error unit.
     pub kp: f64,
     /// Codes per error unit and update.
     pub ki: f64,
     /// Time between updates, s.
     pub period_s: f64,
-    /// Margin at the wanted crossover, degrees.
+    /// Phase margin at the crossover, degrees.
     pub phase_margin_deg: f64,
 }
 
 /// Why a configuration cannot be built.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum DesignError {
-    /// A value that is not finite or outside its range: its name, the value, the range.
+    /// A value is not finite or outside its range.
     OutOfRange {
         /// Name as in the configuration.
         name: &'static str,
-        /// What was given.
+        /// Given value.
         value: f64,
-        /// Smallest that can be.
+        /// Smallest allowed value.
         least: f64,
-        /// Largest that can be.
+        /// Largest allowed value.
         most: f64,
     },
-    /// The margin cannot be had at that bandwidth, even without an integrator.
+    /// The phase margin is not possible at this bandwidth, even without an integrator.
     Margin {
-        /// What was wanted.
+        /// Margin asked for, degrees.
         wanted_deg: f64,
-        /// What a proportional controller would have there.
+        /// Margin of a proportional controller, degrees.
         possible_deg: f64,
     },
-    /// A range in which no mode reset can be made.
+    /// The range of the actuator is too short for a mode reset.
     ShortRange {
-        /// What it holds besides the modulation, wavelengths.
+        /// The range without the modulation, wavelengths.
         waves: f64,
     },
-    /// A gain that the target's mantissa and shift cannot hold.
+    /// A gain does not fit the mantissa and shift of the target.
     Gain {
-        /// Which one.
+        /// Name of the gain.
         name: &'static str,
         /// Its value.
         value: f64,
@@ -92,7 +92,7 @@ impl fmt::Display for DesignError {
             }
             Self::Margin { wanted_deg, possible_deg } => write!(
                 f,
-                "a phase margin of {wanted_deg}° is not to be had at this bandwidth: delay and lag leave {possible_deg:.1}° without an integrator; ask for less bandwidth"
+                "a phase margin of {wanted_deg}° is not possible at this bandwidth: delay and lag leave {possible_deg:.1}° without an integrator; ask for less bandwidth"
             ),
             Self::ShortRange { waves } => write!(
                 f,
@@ -106,7 +106,7 @@ impl fmt::Display for DesignError {
     }
 }
 
-/// Five digits are enough to see what is wrong.
+/// Five digits.
 struct Short(f64);
 
 impl fmt::Display for Short {
@@ -122,17 +122,19 @@ impl fmt::Display for Short {
 
 impl core::error::Error for DesignError {}
 
-/// A value in its range, or the refusal.
+/// The value, if it is in its range.
 pub(crate) fn within(name: &'static str, value: f64, least: f64, most: f64) -> Result<f64, DesignError> {
     if value >= least && value <= most { Ok(value) } else { Err(DesignError::OutOfRange { name, value, least, most }) }
 }
 
 impl Plant {
-    /// Phase at ω without the gain, rad.
+    /// Phase at ω, rad.
     fn phase(&self, omega: f64) -> f64 {
         -omega * self.delay_s - libm::atan(omega * self.lag_s)
     }
 
+    /// Magnitude at ω.
+    /// Magnitude at ω.
     fn size(&self, omega: f64) -> f64 {
         self.gain / libm::sqrt(1.0 + omega * self.lag_s * omega * self.lag_s)
     }
@@ -141,38 +143,35 @@ impl Plant {
 /// Gains of a PI controller updated every `period_s`.
 ///
 /// # Errors
-/// A plant, period or wish out of range; a margin that cannot be had.
-pub fn pi_gains(plant: Plant, period_s: f64, wanted: Wanted) -> Result<Pi, DesignError> {
+/// A plant, period or goal out of range; a margin that is not possible.
+pub fn pi_gains(plant: Plant, period_s: f64, goal: LoopGoal) -> Result<PiGains, DesignError> {
     within("plant gain", plant.gain, f64::MIN_POSITIVE, 1e30)?;
     within("lag_s", plant.lag_s, 0.0, 1e6)?;
     within("delay_s", plant.delay_s, 0.0, 1e6)?;
     within("period_s", period_s, 1e-9, 1e6)?;
-    // A tenth of the update rate: beyond it the controller's own period is the loop.
-    within("bandwidth_hz", wanted.bandwidth_hz, 1e-9, 0.1 / period_s)?;
-    within("phase_margin_deg", wanted.phase_margin_deg, 20.0, 120.0)?;
-    let omega = TAU * wanted.bandwidth_hz;
+    // At most a tenth of the update rate: above that the update period dominates the loop.
+    within("bandwidth_hz", goal.bandwidth_hz, 1e-9, 0.1 / period_s)?;
+    within("phase_margin_deg", goal.phase_margin_deg, 20.0, 120.0)?;
+    let omega = TAU * goal.bandwidth_hz;
     let half = omega * period_s / 2.0;
     let (size, phase) = (1.0 / plant.size(omega), plant.phase(omega));
-    let angle = wanted.phase_margin_deg.to_radians() - PI - phase;
+    let angle = goal.phase_margin_deg.to_radians() - PI - phase;
     let ki = -2.0 * size * libm::sin(angle) * libm::tan(half);
     let kp = size * libm::cos(angle) - ki / 2.0;
     if angle >= 0.0 {
-        return Err(DesignError::Margin {
-            wanted_deg: wanted.phase_margin_deg,
-            possible_deg: (PI + phase).to_degrees(),
-        });
+        return Err(DesignError::Margin { wanted_deg: goal.phase_margin_deg, possible_deg: (PI + phase).to_degrees() });
     }
     if kp < 0.0 {
         // ki/(1 − e^(−jωT)) has the size ki/(2 sin(ωT/2)) and the phase ωT/2 − π/2.
         let margin = PI + half - PI / 2.0 + phase;
         let ki = 2.0 * size * libm::sin(half);
-        return Ok(Pi { kp: 0.0, ki, period_s, phase_margin_deg: margin.to_degrees() });
+        return Ok(PiGains { kp: 0.0, ki, period_s, phase_margin_deg: margin.to_degrees() });
     }
-    Ok(Pi { kp, ki, period_s, phase_margin_deg: wanted.phase_margin_deg })
+    Ok(PiGains { kp, ki, period_s, phase_margin_deg: goal.phase_margin_deg })
 }
 
 /// Open loop gain (1 = 0 dB) and phase (degrees) at a frequency.
-pub fn open_loop(plant: &Plant, pi: &Pi, frequency_hz: f64) -> (f64, f64) {
+pub fn open_loop(plant: &Plant, pi: &PiGains, frequency_hz: f64) -> (f64, f64) {
     let omega = TAU * frequency_hz;
     let half = omega * pi.period_s / 2.0;
     let (re, im) = (pi.kp + pi.ki / 2.0, -pi.ki / 2.0 / libm::tan(half));
@@ -186,7 +185,7 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        /// The closed form and the open loop agree: gain 1 at the wanted frequency, at least the wanted margin.
+        /// The closed form and the open loop agree: gain 1 at the crossover, at least the phase margin of the goal.
         #[test]
         fn the_loop_crosses_where_it_was_asked_to(
             gain in 1e-6_f64..1e6,
@@ -196,9 +195,9 @@ mod tests {
         ) {
             let period_s = 8e-4;
             let plant = Plant { gain, lag_s, delay_s: 1.1 * period_s };
-            let wanted = Wanted { bandwidth_hz: part / period_s, phase_margin_deg };
-            if let Ok(pi) = pi_gains(plant, period_s, wanted) {
-                let (size, phase) = open_loop(&plant, &pi, wanted.bandwidth_hz);
+            let goal = LoopGoal { bandwidth_hz: part / period_s, phase_margin_deg };
+            if let Ok(pi) = pi_gains(plant, period_s, goal) {
+                let (size, phase) = open_loop(&plant, &pi, goal.bandwidth_hz);
                 prop_assert!((size - 1.0).abs() < 1e-9, "gain {size}");
                 prop_assert!(180.0 + phase > phase_margin_deg - 1e-6, "margin {}", 180.0 + phase);
                 prop_assert!((180.0 + phase - pi.phase_margin_deg).abs() < 1e-6);
@@ -208,12 +207,12 @@ mod tests {
     }
 
     #[test]
-    fn a_wish_that_cannot_be_is_refused_with_what_can() {
+    fn an_impossible_margin_is_refused_with_the_possible_one() {
         let plant = Plant { gain: 1.0, lag_s: 0.0, delay_s: 0.01 };
-        let wanted = Wanted { bandwidth_hz: 20.0, phase_margin_deg: 110.0 };
-        let error = pi_gains(plant, 1e-3, wanted).unwrap_err();
+        let goal = LoopGoal { bandwidth_hz: 20.0, phase_margin_deg: 110.0 };
+        let error = pi_gains(plant, 1e-3, goal).unwrap_err();
         // 180° − 360°·20 Hz·10 ms.
         assert!(matches!(error, DesignError::Margin { possible_deg, .. } if (possible_deg - 108.0).abs() < 1e-9));
-        assert!(pi_gains(plant, 1e-3, Wanted { bandwidth_hz: f64::NAN, ..wanted }).is_err());
+        assert!(pi_gains(plant, 1e-3, LoopGoal { bandwidth_hz: f64::NAN, ..goal }).is_err());
     }
 }

@@ -1,6 +1,6 @@
 //! A gain as the target holds it: mantissa and shift.
 
-/// A value held between limits; unlike `clamp` without a panic for limits in the wrong order.
+/// The value limited to a range. Unlike `clamp` it does not panic if the limits are in the wrong order.
 #[inline]
 pub(crate) fn held(value: i64, low: i64, high: i64) -> i64 {
     value.max(low).min(high)
@@ -16,7 +16,7 @@ pub(crate) const fn codes(q32: i64) -> i32 {
     ((q32 + (1 << 31)) >> 32) as i32
 }
 
-/// Products are held to ± this, 2^-32 codes: far beyond any converter, and their sum with one fits an `i64`.
+/// Products are limited to ± this, 2^-32 codes: far beyond any converter, and the sum with a code fits an `i64`.
 const MOST_Q32: i64 = 1 << 61;
 
 /// A gain of `mantissa · 2^-shift`, in actuator codes per unit of error.
@@ -29,10 +29,10 @@ pub struct Gain {
 }
 
 impl Gain {
-    /// `error` times the gain, in 2^-32 codes: to the nearest, halves upward, held to ±2^61; `|error| ≤ 2^30`.
+    /// `error` times the gain, in 2^-32 codes: rounded to nearest, halves upward, limited to ±2^61; `|error| ≤ 2^30`.
     #[inline]
     pub(crate) fn times(self, error: i32) -> i64 {
-        // |mantissa·error| ≤ 2^60, and half of a unit of the shift on top stays in range.
+        // |mantissa·error| ≤ 2^60; adding half a unit of the shift stays in range.
         let product = i64::from(self.mantissa) * i64::from(error);
         let shift = u32::from(self.shift.min(62));
         if shift > 32 {
@@ -43,12 +43,12 @@ impl Gain {
         held(product, -most, most) << left
     }
 
-    /// Within the ranges of its fields.
+    /// True if both fields are in range.
     pub(crate) const fn is_sound(self) -> bool {
         self.mantissa.unsigned_abs() < 1 << 30 && self.shift <= 62
     }
 
-    /// The nearest gain; `None` for 2^30 and more, and for what leaves the mantissa less than 8 bits (2^-54).
+    /// The nearest gain. `None` for 2^30 and more, and for values so small that the mantissa has less than 8 bits (2^-54).
     #[cfg(feature = "design")]
     pub fn from_f64(value: f64) -> Option<Self> {
         if value == 0.0 {
@@ -95,7 +95,7 @@ mod tests {
             let most = BigInt::from(1_i64 << 61);
             let got = BigInt::from(Gain { mantissa, shift }.times(error));
             let held = exact.clone().max(-most.clone()).min(most);
-            // What is held is held to whole units of the shift.
+            // The limit is in whole units of the shift.
             prop_assert!((&got - &held).magnitude() >> usize::from(32 - shift) <= BigInt::from(1).magnitude().clone());
             prop_assert!(got == exact || exact.magnitude() > &(BigInt::from(1_i64 << 60)).magnitude().clone());
         }

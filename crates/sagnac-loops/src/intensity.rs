@@ -1,4 +1,4 @@
-//! Intensity control: the light held by the discharge current (or the pump).
+//! Intensity control: the discharge current (or the pump) keeps the light constant.
 //!
 //! ```text
 //! photodiode sum ─▶ mean of n ticks ─▶ error ─▶ kp + ki Σ (limits) ─▶ slew limit ─▶ current
@@ -6,9 +6,9 @@
 //! OFF ─▶ IGNITING ─light▶ RUNNING ─dark for long▶ RESTING ─▶ IGNITING …  ─after all tries▶ FAILED
 //! ```
 //!
-//! n is a whole number of path-length modulation periods, so that this modulation averages out of the error. The
-//! integrator stops at the limits of the current, and takes on what the slew limit left of it, so it never winds up.
-//! While starting, the current is the ignition's; once there is light the integrator takes over from that very code.
+//! n is a whole number of path-length modulation periods, so the modulation averages out of the error. The integrator stops at the limits
+//! of the current and follows the slew limit, so it does not wind up. During ignition the current is the ignition current; with light the
+//! integrator starts from that code.
 
 use crate::MAX_CODE;
 use crate::gain::{Gain, codes, held, q32};
@@ -19,51 +19,51 @@ status! {
     IntensityStatus {
         /// Less light than the low limit.
         LOW_INTENSITY = 0;
-        /// The current has been at an end of its range for as long as is tolerated.
+        /// The current has been at an end of its range for too long.
         END_OF_RANGE = 1;
-        /// Starting, or waiting to.
+        /// Igniting, or waiting for the next try.
         IGNITING = 2;
-        /// All tries used up.
+        /// All ignition tries have failed.
         FAILED = 3;
-        /// The error is larger than the settled limit.
+        /// The error is larger than the limit for a settled loop.
         SETTLING = 4;
     }
 }
 
-/// What the loop is doing.
+/// Phase of the loop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum IntensityPhase {
     /// Ignition current is on.
     Igniting {
-        /// Updates to go in this try.
+        /// Remaining updates of this try.
         left: u32,
-        /// Tries to go after it.
+        /// Remaining tries after this one.
         tries: u8,
     },
     /// Current off before the next try.
     Resting {
-        /// Updates to go.
+        /// Remaining updates.
         left: u32,
-        /// Tries to go.
+        /// Remaining tries.
         tries: u8,
     },
     /// Regulating.
     Running {
-        /// Updates without light in a row.
+        /// Consecutive updates without light.
         dark: u32,
-        /// Updates at an end of the range in a row.
+        /// Consecutive updates at an end of the range.
         at_end: u32,
     },
-    /// All tries used up; the current is off.
+    /// All ignition tries have failed; the current is off.
     Failed,
 }
 
-/// The loop as the target holds it.
+/// The loop as integers, as the target stores it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Intensity {
-    /// Ticks of an update.
+    /// Ticks per update.
     pub(crate) ticks: u16,
-    /// Sum of an update's codes that is wanted.
+    /// Set point: sum of the codes of one update.
     pub(crate) set_point: i64,
     pub(crate) error_shift: u8,
     pub(crate) kp: Gain,
@@ -77,16 +77,16 @@ pub struct Intensity {
     pub(crate) ignition_updates: u32,
     pub(crate) rest_updates: u32,
     pub(crate) tries: u8,
-    /// Sum below which there is no light.
+    /// Below this sum there is no light.
     pub(crate) dark_sum: i64,
-    /// Sum below which it is called low.
+    /// Below this sum the light is low.
     pub(crate) low_sum: i64,
     pub(crate) dark_updates: u32,
     pub(crate) end_updates: u32,
     pub(crate) settled_error: i32,
 }
 
-/// What the loop remembers.
+/// Memory of the loop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct IntensityState {
     sum: i64,
@@ -97,12 +97,12 @@ pub struct IntensityState {
     status: IntensityStatus,
 }
 
-/// A tick's output.
+/// Output of one tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct IntensityOutput {
-    /// Code for the current.
+    /// Code of the current.
     pub current: i32,
-    /// How things are.
+    /// Status.
     pub status: IntensityStatus,
 }
 
@@ -112,14 +112,14 @@ impl IntensityState {
         self.integral_q32
     }
 
-    /// What the loop is doing.
+    /// Phase of the loop.
     pub const fn phase(&self) -> IntensityPhase {
         self.phase
     }
 }
 
 impl Intensity {
-    /// A loop about to ignite.
+    /// A loop that starts to ignite.
     pub fn start(&self) -> IntensityState {
         IntensityState {
             sum: 0,
@@ -131,13 +131,15 @@ impl Intensity {
         }
     }
 
-    /// Ticks of an update.
+    /// Ticks per update.
     pub const fn ticks_per_update(&self) -> u16 {
         self.ticks
     }
 
-    /// One tick: the photodiode's code in, the current's out. With `hold` the current stays and no time without light is
-    /// counted: the path-length loop is on its way, and it may be dark there.
+    /// One tick: the code of the photodiode in, the code of the current out.
+    ///
+    /// With `hold` the current stays constant and dark time does not count. Use it while the path-length loop moves
+    /// ([`crate::PathLengthStatus::HOLD_LIGHT`]), when the cavity may be dark.
     #[inline]
     pub fn tick(&self, state: &mut IntensityState, photodiode: i32, hold: bool) -> IntensityOutput {
         state.sum += i64::from(photodiode.clamp(-MAX_CODE, MAX_CODE));
@@ -151,7 +153,7 @@ impl Intensity {
     }
 
     fn update(&self, state: &mut IntensityState, sum: i64, hold: bool) {
-        // |sum| ≤ 2^23·2^16; the shift was chosen for the set point.
+        // |sum| ≤ 2^23·2^16; the shift fits the set point.
         let error = ((self.set_point - sum) >> self.error_shift.min(63)).clamp(-(1 << 30), 1 << 30) as i32;
         let dark = sum < self.dark_sum;
         state.phase = self.next_phase(state.phase, dark, state.current, hold);
@@ -174,7 +176,7 @@ impl Intensity {
         let wanted = held(integral + proportional, limits.0, limits.1);
         let (slew, now) = (q32(self.slew), q32(state.current));
         let given = held(wanted, now - slew, now + slew);
-        // What the slew limit did not allow, the integrator does not keep.
+        // The integrator does not keep what the slew limit cut off.
         state.integral_q32 = if given == wanted { integral } else { held(given - proportional, limits.0, limits.1) };
         state.current = codes(given);
     }

@@ -1,4 +1,4 @@
-//! What a gyro's processor does besides compensation: hold the cavity, hold the discharge, count, strip dither.
+//! What a gyro's processor does besides the thermal correction: control the cavity and the discharge, count fringes, strip dither.
 //!
 //! ```text
 //! photodiode sum ─┬─▶ synchronous detector ─▶ PI ─▶ path-length actuator (+ modulation)      [path_length]
@@ -7,18 +7,23 @@
 //! dither pickoff ────────────────────────────────────┴─▶ counts of whole dither periods      [quadrature, strip]
 //! ```
 //!
-//! Each loop comes in three parts, as configured, built and running: a configuration in SI units
-//! ([`PathLengthConfig`], [`IntensityConfig`]; feature `design`), whose `build` checks it and finds the gains; an
-//! immutable table of integers ([`PathLength`], [`Intensity`]), which is what a target holds and reads from bytes
-//! ([`LoopTable`]); and a state. A tick
-//! takes the table, the state and one converter code and gives one converter code and a status, in bounded time,
-//! without allocation, floating point, `unsafe` or a panic path (`cargo xtask no-panic`; the design is not part of that:
-//! libm and the printing of floats have panic paths).
+//! Each loop has three parts:
 //!
-//! Codes are those of the converters: any width up to [`MAX_CODE`]. Signs: more path-length code is a longer path;
-//! more current code is more light.
+//! * a configuration in SI units ([`PathLengthConfig`], [`IntensityConfig`]; feature `design`). Its `build` checks it and computes the gains;
+//! * an immutable table of integers ([`PathLength`], [`Intensity`]), which the target reads from bytes ([`LoopTable`]);
+//! * a state.
 //!
-//! What it does not do: talk to converters, or know which tick it is; the caller calls it every tick.
+//! A tick takes the table, the state and one converter code, and returns one converter code and a status. It runs in bounded time, without
+//! allocation, floating point, `unsafe` or a panic path (`cargo xtask no-panic` checks that; the design is not part of it, because libm and
+//! the printing of floats have panic paths).
+//!
+//! Codes are those of the converters: any width up to [`MAX_CODE`]. Signs: more path-length code is a longer path; more current code is
+//! more light.
+//!
+//! The crate does not talk to converters and does not keep the time: the caller calls it every tick.
+//!
+//! Two examples to copy from are in `examples/`: `lock_cavity` designs the path-length loop and locks a simulated cavity; `strip_dither`
+//! counts fringes and removes the dither.
 #![no_std]
 #![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used, clippy::panic))]
 
@@ -34,7 +39,7 @@ mod strip;
 mod table;
 
 #[cfg(feature = "design")]
-pub use design::{DesignError, Pi, Plant, Wanted, open_loop, pi_gains};
+pub use design::{DesignError, LoopGoal, PiGains, Plant, open_loop, pi_gains};
 pub use gain::Gain;
 pub use intensity::{Intensity, IntensityOutput, IntensityPhase, IntensityState, IntensityStatus};
 #[cfg(feature = "design")]
@@ -43,9 +48,9 @@ pub use lockin::{Detector, MAX_TICKS_PER_PERIOD, Reference, Sums};
 pub use path_length::{PathLength, PathLengthOutput, PathLengthPhase, PathLengthState, PathLengthStatus};
 #[cfg(feature = "design")]
 pub use path_length::{PathLengthConfig, PathLengthDesign};
-pub use quadrature::{Multiplier, Quadrature, QuadratureState};
+pub use quadrature::{Counting, Quadrature, QuadratureState};
 pub use strip::{Stripped, Stripper};
 pub use table::{LoopTable, TABLE_LEN, TABLE_MAGIC, TABLE_VERSION, TableError};
 
-/// Converter codes beyond ± this are clamped on their way in: a 24-bit converter fits.
+/// Input codes beyond ± this are clamped. A 24-bit converter fits.
 pub const MAX_CODE: i32 = 1 << 23;

@@ -4,36 +4,36 @@
 //! I = Σ s[k]·sin(2πk/n)      M = Σ s[k]         k = 0 … n−1, one period of n ticks
 //! ```
 //!
-//! The reference is a table of one period in Q15. Its entries add up to zero exactly (n is even and the second
-//! half is the first with its sign changed), so a steady signal gives I = 0 to the bit. A signal that moves
-//! within a period leaks: a ramp of r codes per tick gives |I| ≤ r·n²/2π.
+//! The reference is a table of one period in Q15. n is even and the second half is the first with its sign changed, so the entries add up to
+//! exactly zero and a constant signal gives I = 0. A signal that changes within a period leaks: a ramp of r codes per tick gives
+//! |I| ≤ r·n²/2π.
 
 use crate::MAX_CODE;
 
 /// Longest period, ticks.
 pub const MAX_TICKS_PER_PERIOD: usize = 64;
 
-/// One period of the reference and how late its answer comes.
+/// One period of the reference, and the delay of the response.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Reference {
     /// Q15 sine; the first `ticks` are used.
     sine_q15: [i16; MAX_TICKS_PER_PERIOD],
     /// Ticks of a period: even, 4 to [`MAX_TICKS_PER_PERIOD`].
     ticks: u8,
-    /// Ticks between putting out a modulation and reading its answer.
+    /// Ticks between the output of a modulation and the reading of its response.
     delay: u8,
 }
 
-/// Sums over a period.
+/// Sums over one period.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Sums {
     /// In phase with the modulation.
     pub in_phase: i64,
-    /// Of the signal.
+    /// Of the signal itself.
     pub plain: i64,
 }
 
-/// A running sum.
+/// Memory of the detector: the sums so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Detector {
     sums: Sums,
@@ -41,8 +41,8 @@ pub struct Detector {
 }
 
 impl Reference {
-    /// A reference of `ticks` per period whose answer is read `delay` ticks later. `None` for an odd or unusable
-    /// number of ticks, or a delay of a period and more.
+    /// A reference of `ticks` per period whose response is read `delay` ticks later. `None` for an odd number of ticks, one out of range,
+    /// or a delay of a period or more.
     #[cfg(feature = "design")]
     pub fn new(ticks: usize, delay: usize) -> Option<Self> {
         if !(4..=MAX_TICKS_PER_PERIOD).contains(&ticks) || !ticks.is_multiple_of(2) || delay >= ticks {
@@ -59,12 +59,12 @@ impl Reference {
         Some(Self { sine_q15, ticks: ticks as u8, delay: delay as u8 })
     }
 
-    /// A reference as a table holds it; [`Self::is_sound`] says whether it can be used.
+    /// A reference from a table. Check it with [`Self::is_sound`].
     pub(crate) const fn from_table(sine_q15: [i16; MAX_TICKS_PER_PERIOD], ticks: u8, delay: u8) -> Self {
         Self { sine_q15, ticks, delay }
     }
 
-    /// An even number of ticks, the second half the first with its sign changed, nothing behind them.
+    /// True for an even number of ticks, a second half that is the first with its sign changed, and zeros after them.
     pub(crate) fn is_sound(&self) -> bool {
         let ticks = usize::from(self.ticks);
         let at = |index: usize| self.sine_q15.get(index).map_or(0, |entry| i32::from(*entry));
@@ -78,7 +78,7 @@ impl Reference {
         self.ticks
     }
 
-    /// Ticks between putting out a modulation and reading its answer.
+    /// Ticks between the output of a modulation and the reading of its response.
     pub const fn delay(&self) -> u8 {
         self.delay
     }
@@ -89,7 +89,7 @@ impl Reference {
         self.sine_q15.get(usize::from(index)).copied().unwrap_or(0)
     }
 
-    /// Σ sine² of a period: what a signal equal to the reference gives, in 2^-15 of its amplitude.
+    /// Σ sine² of a period: the in-phase sum of a signal equal to the reference, in 2^-15 of its amplitude.
     #[cfg(feature = "design")]
     pub(crate) fn power(&self) -> f64 {
         let squares = self.sine_q15.iter().map(|s| f64::from(*s) * f64::from(*s));
@@ -102,14 +102,14 @@ impl Reference {
 }
 
 impl Detector {
-    /// Where in the period the next tick is.
+    /// Index of the next tick in the period.
     pub const fn index(&self) -> u8 {
         self.index
     }
 
-    /// One sample; the sums of the period if it was its last.
+    /// Takes one sample. Returns the sums if it was the last one of a period.
     #[inline]
-    pub fn take(&mut self, reference: &Reference, code: i32) -> Option<Sums> {
+    pub fn update(&mut self, reference: &Reference, code: i32) -> Option<Sums> {
         let code = i64::from(code.clamp(-MAX_CODE, MAX_CODE));
         let at = reference.back(self.index, reference.delay);
         self.sums.in_phase += code * i64::from(reference.sine_q15(at));
@@ -128,16 +128,16 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_steady_signal_gives_nothing_and_a_sine_its_amplitude() {
+    fn a_constant_signal_gives_zero_and_a_sine_its_amplitude() {
         for ticks in (4..=64).step_by(2) {
             let reference = Reference::new(ticks, 1).unwrap();
             let mut detector = Detector::default();
-            let steady = (0..ticks).find_map(|_| detector.take(&reference, 1_234_567)).unwrap();
+            let steady = (0..ticks).find_map(|_| detector.update(&reference, 1_234_567)).unwrap();
             assert_eq!((steady.in_phase, steady.plain), (0, 1_234_567 * ticks as i64));
             let mut last = None;
             for k in 0..ticks {
                 let answer = libm::sin(core::f64::consts::TAU * (k as f64 - 1.0) / ticks as f64);
-                last = detector.take(&reference, libm::round(1e6 * answer) as i32);
+                last = detector.update(&reference, libm::round(1e6 * answer) as i32);
             }
             let amplitude = last.unwrap().in_phase as f64 / reference.power() / f64::from(i16::MAX) * 32_767.0;
             assert!((amplitude - 1e6).abs() < 40.0, "{ticks} ticks: {amplitude}");
@@ -145,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn periods_that_cannot_be_are_refused() {
+    fn invalid_periods_are_refused() {
         assert!(Reference::new(3, 0).is_none() && Reference::new(66, 0).is_none() && Reference::new(7, 0).is_none());
         assert!(Reference::new(8, 8).is_none());
     }

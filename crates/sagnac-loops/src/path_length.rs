@@ -1,17 +1,16 @@
-//! Path-length control: the cavity held on the peak of its gain.
+//! Path-length control: keeps the cavity at the peak of its gain.
 //!
 //! ```text
 //!                 ┌────────────────────── modulation ──────────────────────┐
 //! intensity ─▶ synchronous detector ─▶ error ─▶ kp + ki Σ (limits) ─▶ (+) ─┴▶ actuator
 //! ```
 //!
-//! Near the peak I = I₀(1 − c·x²), x the path's error in wavelengths. A modulation x = x₀ + a·sin gives the
-//! in-phase sum −2·c·I₀·a·x₀·Σsin², so the sign of the error says which way to go. Once a period the integrator is
-//! moved; every tick the modulation is added.
+//! Near the peak I = I₀(1 − c·x²), with x the error of the path in wavelengths. A modulation x = x₀ + a·sin gives the in-phase sum
+//! −2·c·I₀·a·x₀·Σsin², whose sign gives the direction to the peak. The integrator moves once per period; the modulation is added every tick.
 //!
-//! The path has a peak every wavelength. When the integrator comes near the end of the actuator's range, the loop
-//! lets go, goes by the whole number of wavelengths that brings it nearest to the middle, and locks again:
-//! a *mode reset*. Limits inside of the range, further apart than a wavelength, keep it from going back at once.
+//! The path has a peak every wavelength. When the integrator comes near the end of the actuator's range, the loop opens, moves by the whole
+//! number of wavelengths that brings it nearest to the middle, and locks again: a *mode reset*. The limits are more than a wavelength apart,
+//! so the loop does not reset back at once.
 //!
 //! ```text
 //! SWEEPING ─light▶ SETTLING ─▶ CLOSING ─small error▶ LOCKED ─near the end▶ RESETTING ─▶ SETTLING …
@@ -19,14 +18,13 @@
 //!   └──────────────┘ ▲─────────────────────────────────────────────────────────────┘
 //! ```
 //!
-//! A cavity off its peak may be dark with the discharge on, so the search goes through a whole wavelength in the dark
-//! too. It asks for steady light meanwhile ([`PathLengthStatus::HOLD_LIGHT`]): a loop that regulates the light would
-//! hide the peak, and one that counts its dark time would put it out. Between two searches it waits for two of
-//! them, so that ignition can have its tries.
+//! Off its peak a cavity may be dark although the discharge burns, so the search covers a whole wavelength even without light. During the
+//! search it asks for constant light ([`PathLengthStatus::HOLD_LIGHT`]): an active intensity loop would hide the peak, or switch the
+//! discharge off after too much dark time. After a search without light it waits for twice the search time, so that the ignition can work.
 //!
-//! Counts of a gyro are good while it is LOCKED; every other output says [`PathLengthStatus::INVALID`].
-//! Where it fails: a modulation near a resonance of the actuator turns the sign of the error; the configuration
-//! cannot know that.
+//! Counts are valid only while the loop is LOCKED; all other outputs have [`PathLengthStatus::INVALID`].
+//!
+//! Limit: a modulation near a resonance of the actuator inverts the sign of the error. The configuration cannot detect that.
 
 use crate::gain::{Gain, codes, held, q32};
 use crate::lockin::{Detector, Reference, Sums};
@@ -35,24 +33,24 @@ use crate::status::status;
 status! {
     /// Status of the path-length loop. Zero: locked, nothing to report.
     PathLengthStatus {
-        /// Not locked: counts are not to be used.
+        /// Not locked: do not use the counts.
         INVALID = 0;
-        /// Looking for a peak or closing in on it.
+        /// Searching for a peak or approaching it.
         ACQUIRING = 1;
-        /// Going to another mode.
+        /// Moving to another mode.
         RESETTING = 2;
         /// The light is too weak to see a peak.
         LOW_SIGNAL = 3;
         /// The actuator is at the end of its range.
         AT_LIMIT = 4;
-        /// Lock was lost since the state was made. Latched.
+        /// The lock was lost since power-on. Latched.
         WAS_LOST = 5;
-        /// The path is on its way: the light is to be left as it is ([`crate::Intensity::tick`] with `hold`).
+        /// The path moves: keep the light constant ([`crate::Intensity::tick`] with `hold`).
         HOLD_LIGHT = 6;
     }
 }
 
-/// What the loop is doing.
+/// Phase of the loop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PathLengthPhase {
     /// No light: waiting before the next search.
@@ -60,40 +58,40 @@ pub enum PathLengthPhase {
         /// Periods to go.
         left: u32,
     },
-    /// Going through the range and noting the brightest place.
+    /// Moving through one wavelength and recording the brightest position.
     Sweeping {
         /// Periods to go.
         left: u32,
         /// Brightest sum so far.
         best: i64,
-        /// Where, in 2^-32 codes.
+        /// Its position, 2^-32 codes.
         at_q32: i64,
     },
-    /// Waiting for the actuator to arrive.
+    /// Waiting for the actuator to settle.
     Settling {
         /// Periods to go.
         left: u32,
     },
     /// The loop is closed but not yet near the peak.
     Closing {
-        /// Periods with a small error in a row.
+        /// Consecutive periods with a small error.
         good: u32,
-        /// Periods since it was closed.
+        /// Periods since the loop closed.
         since: u32,
     },
     /// On the peak.
     Locked {
-        /// Periods with a large error in a row.
+        /// Consecutive periods with a large error.
         bad: u32,
     },
-    /// Going to another mode.
+    /// Moving to another mode.
     Resetting {
-        /// Where to, in 2^-32 codes.
+        /// Target position, 2^-32 codes.
         to_q32: i64,
     },
 }
 
-/// The loop as the target holds it: integers, checked when built.
+/// The loop as integers, as the target stores it; checked when built.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PathLength {
     pub(crate) reference: Reference,
@@ -103,13 +101,13 @@ pub struct PathLength {
     pub(crate) error_shift: u8,
     pub(crate) kp: Gain,
     pub(crate) ki: Gain,
-    /// Range of the actuator with the modulation's room taken off, codes.
+    /// Range of the actuator without the room for the modulation, codes.
     pub(crate) low: i32,
     pub(crate) high: i32,
-    /// Beyond these it resets.
+    /// A mode reset starts beyond these, codes.
     pub(crate) reset_low: i32,
     pub(crate) reset_high: i32,
-    /// Codes of one wavelength.
+    /// One wavelength, codes.
     pub(crate) wavelength: i32,
     /// 2^-32 codes per period while sweeping and resetting.
     pub(crate) sweep_step_q32: i64,
@@ -123,54 +121,54 @@ pub struct PathLength {
     /// Errors.
     pub(crate) lock_error: i32,
     pub(crate) lost_error: i32,
-    /// Sum of a period below which it is dark.
+    /// Below this sum of a period there is no light.
     pub(crate) dark_sum: i64,
 }
 
-/// What the loop remembers.
+/// Memory of the loop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PathLengthState {
     detector: Detector,
     phase: PathLengthPhase,
     /// Integrator, 2^-32 codes.
     integral_q32: i64,
-    /// What the actuator is held at over this period, codes.
+    /// Code of the actuator in this period.
     held: i32,
     /// Error of the last period.
     error: i32,
-    /// Wavelengths that resets have moved the path by.
+    /// Wavelengths that mode resets have moved the path by.
     modes: i32,
     status: PathLengthStatus,
 }
 
-/// A tick's output.
+/// Output of one tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PathLengthOutput {
-    /// Code for the actuator, without the modulation.
+    /// Code of the actuator, without the modulation.
     pub actuator: i32,
-    /// Code of the modulation: to be added for a mirror, or sent to an element of its own beside a heater.
+    /// Code of the modulation: add it for a mirror, or send it to a separate modulator beside a heater.
     pub modulation: i32,
-    /// What to know about this tick's counts.
+    /// Status of the counts of this tick.
     pub status: PathLengthStatus,
 }
 
 impl PathLengthState {
-    /// Whole wavelengths that resets have moved the path by since the state was made.
+    /// Whole wavelengths that mode resets have moved the path by since power-on.
     pub const fn modes(&self) -> i32 {
         self.modes
     }
 
-    /// What the loop is doing.
+    /// Phase of the loop.
     pub const fn phase(&self) -> PathLengthPhase {
         self.phase
     }
 
-    /// Error of the last period, in the detector's units.
+    /// Error of the last period, in units of the detector.
     pub const fn error(&self) -> i32 {
         self.error
     }
 
-    /// What to know about the counts of this tick.
+    /// Status of the counts of this tick.
     pub const fn status(&self) -> PathLengthStatus {
         self.status
     }
@@ -180,14 +178,14 @@ impl PathLengthState {
         self.integral_q32
     }
 
-    /// Actuator without its modulation, codes.
+    /// Code of the actuator, without the modulation.
     pub const fn held(&self) -> i32 {
         self.held
     }
 }
 
 impl PathLength {
-    /// A loop that has not seen light, its actuator in the middle.
+    /// A loop at power-on: no light yet, the actuator in the middle of its range.
     pub fn start(&self) -> PathLengthState {
         let middle = self.middle_q32();
         let mut state = PathLengthState {
@@ -207,30 +205,30 @@ impl PathLength {
         (q32(self.low) + q32(self.high)) / 2
     }
 
-    /// Codes of one wavelength.
+    /// One wavelength, codes.
     pub const fn wavelength(&self) -> i32 {
         self.wavelength
     }
 
-    /// Ticks of a period: the integrator moves once per period.
+    /// Ticks per period; the integrator moves once per period.
     pub const fn ticks_per_period(&self) -> u8 {
         self.reference.ticks()
     }
 
-    /// One tick: the detector's code in, the actuator's out.
+    /// One tick: the code of the photodiode in, the code of the actuator out.
     #[inline]
     pub fn tick(&self, state: &mut PathLengthState, detector: i32) -> PathLengthOutput {
-        if let Some(sums) = state.detector.take(&self.reference, detector) {
+        if let Some(sums) = state.detector.update(&self.reference, detector) {
             self.period(state, &sums);
         }
         let sine = i64::from(self.reference.sine_q15(state.detector.index()));
         let modulation = (i64::from(self.modulation) * sine + (1 << 14)) >> 15;
-        // The range was narrowed by the modulation, so their sum is inside of it.
+        // The limits leave room for the modulation, so the sum stays in the range.
         PathLengthOutput { actuator: state.held, modulation: modulation as i32, status: state.status }
     }
 
     fn period(&self, state: &mut PathLengthState, sums: &Sums) {
-        // |sum| ≤ 2^23·2^15·64 = 2^44; the shift was chosen for full scale, the clamp is for noise beyond it.
+        // |sum| ≤ 2^23·2^15·64 = 2^44. The shift fits full scale; the clamp is for noise beyond it.
         let error = (sums.in_phase >> self.error_shift.min(63)).clamp(-(1 << 30), 1 << 30) as i32;
         state.error = error;
         let dark = sums.plain < self.dark_sum;
@@ -252,7 +250,7 @@ impl PathLength {
         !matches!(next, PathLengthPhase::Locked { .. } | PathLengthPhase::Resetting { .. })
     }
 
-    /// kp and the integrator, which stops at the limits: what is beyond them is not wound up.
+    /// Proportional part and integrator. The integrator stops at the limits, so it does not wind up.
     fn control(&self, state: &mut PathLengthState, error: i32) {
         let limits = (q32(self.low), q32(self.high));
         state.integral_q32 = held(state.integral_q32 + self.ki.times(error), limits.0, limits.1);
@@ -264,7 +262,7 @@ impl PathLength {
         use PathLengthPhase::{Closing, Dark, Locked, Resetting, Settling, Sweeping};
         match state.phase {
             Dark { left } if left > 0 => Dark { left: left - 1 },
-            // Without a search there is only the light itself to wait for.
+            // Without a search, wait for light.
             Dark { .. } if self.sweep_periods == 0 && dark => Dark { left: 0 },
             Dark { .. } => self.begin(state),
             Sweeping { left, best, at_q32 } => self.sweep(state, left, best, at_q32, sum),
@@ -281,25 +279,25 @@ impl PathLength {
             }
             Resetting { to_q32 } => {
                 let step = self.reset_step_q32;
-                let way = to_q32 - state.integral_q32;
-                state.integral_q32 += held(way, -step, step);
-                if way == 0 { Settling { left: self.settle_periods } } else { Resetting { to_q32 } }
+                let distance = to_q32 - state.integral_q32;
+                state.integral_q32 += held(distance, -step, step);
+                if distance == 0 { Settling { left: self.settle_periods } } else { Resetting { to_q32 } }
             }
         }
     }
 
-    /// Two searches long, so that ignition has time between them.
+    /// Waits for the time of two searches, so that the ignition can work in between.
     fn wait(&self) -> PathLengthPhase {
         PathLengthPhase::Dark { left: self.sweep_periods.saturating_mul(2) }
     }
 
-    /// Through a wavelength about the middle, or straight on where no search is configured.
+    /// Starts a search through one wavelength about the middle, or closes the loop if no search is configured.
     fn begin(&self, state: &mut PathLengthState) -> PathLengthPhase {
         state.integral_q32 = self.middle_q32();
         if self.sweep_periods == 0 {
             return PathLengthPhase::Settling { left: self.settle_periods };
         }
-        // At most the range by the build, so that nothing overflows and nothing is clamped.
+        // The build limits it to the range, so nothing overflows and nothing is clamped.
         let half = self.sweep_step_q32.saturating_mul(i64::from(self.sweep_periods)) / 2;
         state.integral_q32 = held(state.integral_q32 - half, q32(self.low), q32(self.high));
         PathLengthPhase::Sweeping { left: self.sweep_periods, best: 0, at_q32: self.middle_q32() }

@@ -1,4 +1,4 @@
-//! Both loops as bytes: what a target without floating point is given instead of a configuration.
+//! Both loops as bytes, for a target without floating point.
 //!
 //! ```text
 //! 0        24              24 + 264                  24 + 264 + 92        + 4
@@ -7,8 +7,8 @@
 //! └────────┴───────────────┴─────────────────────────┴──────┘
 //! ```
 //!
-//! [`LoopTable::decode`] refuses every value with which the arithmetic of a tick could overflow or an actuator leave
-//! its range; what the host designed always passes. Fields: `docs/reference/loop-table.md`.
+//! [`LoopTable::decode`] refuses every value with which the arithmetic of a tick could overflow or an actuator could leave its range. A
+//! designed loop always passes. Fields: `docs/reference/loop-table.md`.
 
 use core::fmt;
 
@@ -37,26 +37,26 @@ const MAX_ERROR: i32 = 1 << 30;
 /// The two loops of a gyro.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LoopTable {
-    /// Length of the tick they were designed for, ns.
+    /// Length of the tick of the design, ns.
     pub tick_ns: u32,
-    /// Holds the cavity.
+    /// The path-length loop.
     pub path_length: PathLength,
-    /// Holds the light.
+    /// The intensity loop.
     pub intensity: Intensity,
 }
 
-/// Why bytes are no table.
+/// Why bytes are refused as a table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TableError {
     /// Not [`TABLE_LEN`] bytes.
     Length(usize),
     /// The first eight bytes are not a table's.
     NotATable,
-    /// A layout this code does not know.
+    /// A layout that this code does not know.
     UnknownVersion(u16),
     /// The checksum does not match.
     Crc,
-    /// A field outside of its range.
+    /// A field is outside its range.
     OutOfRange(&'static str),
 }
 
@@ -80,7 +80,7 @@ impl LoopTable {
         let mut bytes = [0; TABLE_LEN];
         let body_len = TABLE_LEN - 4;
         if let Some((body, tail)) = bytes.split_at_mut_checked(body_len) {
-            // Every field has its place: the lengths above are those of the fields, and a test reads them back.
+            // Cannot fail: the lengths above are those of the fields, and a test reads them back.
             let _ = self.write(&mut Writer::new(body));
             tail.copy_from_slice(&crc32(body).to_le_bytes());
         }
@@ -124,7 +124,7 @@ impl LoopTable {
         write_light(w, &self.intensity)
     }
 
-    /// From behind the version on; `None` for reserved bytes that are not zero.
+    /// Reads the rest after the version; `None` if reserved bytes are not zero.
     fn read(r: &mut Reader<'_>) -> Option<Self> {
         zeros(r.take::<2>()?)?;
         (r.u32()? as usize == TABLE_LEN).then_some(())?;
@@ -142,7 +142,7 @@ impl LoopTable {
 }
 
 impl PathLength {
-    /// Every number of the table but the reference's sine, by name: for those who write it in another language.
+    /// All numbers of the table by name, without the sine of the reference. For exports to other languages.
     pub fn fields(&self) -> [(&'static str, i64); 24] {
         [
             ("ticks", self.reference.ticks().into()),
@@ -172,12 +172,12 @@ impl PathLength {
         ]
     }
 
-    /// The reference's sine, Q15, a period long.
+    /// One period of the sine of the reference, Q15.
     pub fn sine_q15(&self) -> impl Iterator<Item = i16> + '_ {
         (0..self.reference.ticks()).map(|index| self.reference.sine_q15(index))
     }
 
-    /// What keeps every sum and product of a tick within 64 bits, and the actuator within its range.
+    /// The rules that keep every sum and product of a tick within 64 bits, and the actuator within its range.
     fn rules(&self) -> [(bool, &'static str); 19] {
         let code = |value: i32| value.unsigned_abs() <= MAX_CODE.unsigned_abs();
         let time = |value: u32| value <= MAX_TIME;
@@ -211,7 +211,7 @@ impl PathLength {
 }
 
 impl Intensity {
-    /// Every number of the table, by name.
+    /// All numbers of the table by name.
     pub fn fields(&self) -> [(&'static str, i64); 19] {
         [
             ("ticks", self.ticks.into()),

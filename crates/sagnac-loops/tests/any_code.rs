@@ -1,7 +1,7 @@
-//! Whatever the photodiode says: no overflow (tests check arithmetic), outputs inside their ranges, no wind-up.
+//! Any code of the photodiode: no overflow (tests check arithmetic), outputs in their ranges, no wind-up.
 
 use proptest::prelude::*;
-use sagnac_loops::{IntensityConfig, PathLengthConfig, PathLengthPhase, PathLengthStatus, Wanted};
+use sagnac_loops::{IntensityConfig, LoopGoal, PathLengthConfig, PathLengthPhase, PathLengthStatus};
 
 fn path_config() -> impl Strategy<Value = PathLengthConfig> {
     (2_u32..=32, 0.002_f64..0.05, 0.001_f64..0.09, 1e3_f64..8e6, 0.1_f64..20.0, prop::bool::ANY, 0_u8..2).prop_map(
@@ -12,7 +12,7 @@ fn path_config() -> impl Strategy<Value = PathLengthConfig> {
                 tick_s: 1e-4,
                 modulation_hz: 1.0 / period_s,
                 modulation_waves,
-                modulated_apart: heater,
+                separate_modulator: heater,
                 answer_ticks,
                 range: if heater { [0.0, 4.0] } else { [-150.0, 150.0] },
                 waves_per_unit: if heater { 0.75 } else { 0.012 },
@@ -20,7 +20,7 @@ fn path_config() -> impl Strategy<Value = PathLengthConfig> {
                 lag_s: if heater { [5.0, 8.0] } else { [0.0; 2] },
                 peak_code,
                 curvature,
-                wanted: Wanted { bandwidth_hz, phase_margin_deg: 45.0 },
+                goal: LoopGoal { bandwidth_hz, phase_margin_deg: 45.0 },
                 reset_margin_waves: 0.2,
                 reset_s: 0.01,
                 settle_s: 0.01,
@@ -51,7 +51,7 @@ proptest! {
         for (code, times) in codes {
             for _ in 0..times {
                 let out = table.tick(&mut state, code);
-                let sum = f64::from(out.actuator) + if config.modulated_apart { 0.0 } else { f64::from(out.modulation) };
+                let sum = f64::from(out.actuator) + if config.separate_modulator { 0.0 } else { f64::from(out.modulation) };
                 prop_assert!(sum >= low - 1.0 && sum <= high + 1.0, "{sum} is not in {low} … {high}");
                 let locked = matches!(state.phase(), PathLengthPhase::Locked { .. });
                 prop_assert!(locked || out.status.contains(PathLengthStatus::INVALID), "{:?}", state.phase());
@@ -86,7 +86,7 @@ proptest! {
             rest_s: 0.02,
             tries: 2,
             low_part: 0.8,
-            wanted: Wanted { bandwidth_hz: part / period_s, phase_margin_deg: 45.0 },
+            goal: LoopGoal { bandwidth_hz: part / period_s, phase_margin_deg: 45.0 },
         };
         let built = config.build();
         prop_assert!(built.is_ok(), "{}", built.unwrap_err());
@@ -108,7 +108,7 @@ proptest! {
     }
 }
 
-/// An integrator at its limit leaves it as soon as the error turns, however long it was there.
+/// An integrator at its limit leaves it as soon as the error changes sign, for any time at the limit.
 #[test]
 fn nothing_is_wound_up() {
     let config = IntensityConfig {
@@ -125,7 +125,7 @@ fn nothing_is_wound_up() {
         rest_s: 1.0,
         tries: 0,
         low_part: 0.8,
-        wanted: Wanted { bandwidth_hz: 10.0, phase_margin_deg: 60.0 },
+        goal: LoopGoal { bandwidth_hz: 10.0, phase_margin_deg: 60.0 },
     };
     let table = config.build().unwrap().integers;
     let run = |dim_ticks: u32| {

@@ -2,14 +2,14 @@
 
 use proptest::prelude::*;
 use sagnac_core::bytes::crc32;
-use sagnac_loops::{IntensityConfig, LoopTable, PathLengthConfig, TABLE_LEN, TableError, Wanted};
+use sagnac_loops::{IntensityConfig, LoopGoal, LoopTable, PathLengthConfig, TABLE_LEN, TableError};
 
 fn designed(bandwidth_hz: f64, heater: bool, update_ticks: u16) -> LoopTable {
     let path = PathLengthConfig {
         tick_s: 1e-4,
         modulation_hz: 1250.0,
         modulation_waves: 0.01,
-        modulated_apart: heater,
+        separate_modulator: heater,
         answer_ticks: 1,
         range: if heater { [0.0, 4.0] } else { [-150.0, 150.0] },
         waves_per_unit: if heater { 0.75 } else { 0.012 },
@@ -17,7 +17,7 @@ fn designed(bandwidth_hz: f64, heater: bool, update_ticks: u16) -> LoopTable {
         lag_s: if heater { [5.0, 8.0] } else { [0.0; 2] },
         peak_code: 4e6,
         curvature: 5.0,
-        wanted: Wanted { bandwidth_hz, phase_margin_deg: 45.0 },
+        goal: LoopGoal { bandwidth_hz, phase_margin_deg: 45.0 },
         reset_margin_waves: 0.2,
         reset_s: 0.01,
         settle_s: 0.01,
@@ -38,7 +38,7 @@ fn designed(bandwidth_hz: f64, heater: bool, update_ticks: u16) -> LoopTable {
         rest_s: 1.0,
         tries: 3,
         low_part: 0.8,
-        wanted: Wanted { bandwidth_hz: 10.0, phase_margin_deg: 60.0 },
+        goal: LoopGoal { bandwidth_hz: 10.0, phase_margin_deg: 60.0 },
     };
     let path_length = path.build().unwrap().integers;
     LoopTable { tick_ns: 100_000, path_length, intensity: light.build().unwrap().integers }

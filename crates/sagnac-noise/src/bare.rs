@@ -100,7 +100,7 @@ fn of_unknown_length(curve: &BareCurve) -> AxisBudget {
     let points: Vec<Point> = curve.points.iter().map(point).collect();
     let fitted = fit_terms(&points, &Term::ALL).filter(|_| points.len() > 1);
     let terms = fitted.as_ref().map_or_else(
-        || Terms::none("a single τ tells no slope"),
+        || Terms::none("a single τ has no slope"),
         |fitted| {
             // A rounding's worth of a term is none.
             let part = |term: Term, p: &Point| fitted.coefficient(term) * term.variance(p.tau_s) / p.variance;

@@ -314,7 +314,7 @@ impl<'a> Model<'a> {
         };
         if self.multiples.len() < FEWEST_TAUS {
             return Terms::none(
-                "fewer than four octaves of τ above zero tell no slopes: the longest stretch is shorter than 24 rows, or silent",
+                "fewer than four octaves of τ above zero determine no slopes: the longest stretch is shorter than 24 rows, or silent",
             );
         }
         let longest_s = self.multiples.last().map_or(0.0, |m| m * self.tau0_s);

@@ -91,7 +91,7 @@ pub(crate) fn limits(verification: &Verification) -> Markup {
             @for limit in axis.limits.iter().filter(|limit| limit.pass.is_none()) {
                 p.note { "Not asked: " (limit_words(&limit.name).0) "; it " (limit.why.as_deref().unwrap_or("is of another test")) "." }
             }
-            p.note { "A limit is met where the value itself is within its bound; ± is the value's standard error. Margin: the room left, as a part of the bound." }
+            p.note { "A limit is met where the value itself is within its bound; ± is the value's standard error. Margin: the distance to the bound, as a fraction of it." }
         }
     }
 }
@@ -179,7 +179,7 @@ pub(crate) fn flight(axis: &AxisVerification) -> Markup {
                 @if let Some(noise) = flown.noise_m { tr { td { "angle random walk alone, σ" } td { (significant(noise, 3)) } } }
             } }
         }
-        @if let Some(why) = &axis.flight_unavailable { p.note { "The stated flight cannot be told: " (why) "." } }
+        @if let Some(why) = &axis.flight_unavailable { p.note { "The stated flight is not available: " (why) "." } }
     }
 }
 

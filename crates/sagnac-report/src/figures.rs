@@ -96,7 +96,7 @@ pub(crate) fn drift(report_data: &ReportData, axis: &AxisReportData, record: &Ax
     };
     let further = if record.other_inputs().is_empty() { "" } else { " and what the fit assigns to other inputs" };
     let caption = format!(
-        "Each point is a window, less its run's constant{further}. The curve is the fit at rest, zero at {} °C; the band is where \
+        "Each point is a window, less the offset of its run{further}. The curve is the fit at rest, zero at {} °C; the band is where \
          it lies with 95 % confidence.{rate}{words}",
         record.reference_c()
     );
@@ -118,7 +118,7 @@ pub(crate) fn drift(report_data: &ReportData, axis: &AxisReportData, record: &Ax
     let window: Option<Vec<f64>> = x.iter().map(|t| Some(at_rest(t)?.window_dph)).collect();
     for (half, sign) in window.iter().flat_map(|half| [(half, -1.0), (half, 1.0)]) {
         let edge = y.iter().zip(half).map(|(y, half)| y + sign * half).collect();
-        out.layers.push(line("95 % of further windows at rest", Role::Floor, &x, edge, true));
+        out.layers.push(line("95 % of other windows at rest", Role::Floor, &x, edge, true));
     }
     for (name, role, leg) in &LEGS[..2] {
         if let Some((cpm, y)) = while_moving(axis, record, *leg, &x, &y) {
@@ -314,7 +314,7 @@ fn runs_in_words(report_data: &ReportData) -> String {
 /// Before and after against temperature.
 pub(crate) fn over_temperature(report_data: &ReportData, axis: &AxisReportData, wording: &Wording) -> Option<Figure> {
     let (shown, words) = thinned(report_data, used(axis));
-    let caption = format!("What is left should be a level cloud as wide as the noise.{words}");
+    let caption = format!("The residual should be a level cloud as wide as the noise.{words}");
     let title = "Before and after against temperature";
     let mut out = figure(axis.axis, "temperature", title, caption, ["temperature, °C", "drift, °/h"], "temperature");
     out.layers.push(dots(wording.before, Role::Before, shown.iter().map(|p| (p.temperature_c, p.before_dph))));
@@ -334,11 +334,11 @@ pub(crate) fn histogram(axis: &AxisReportData, floor_dph: Option<f64>) -> Option
         ),
         None => "The noise floor of this log is not known, so there is nothing to hold the bars against.".to_owned(),
     };
-    let title = "What is left, beside the noise floor";
-    let mut out = figure(axis.axis, "histogram", title, caption, ["what is left, °/h", "windows"], "histogram");
+    let title = "Residual, beside the noise floor";
+    let mut out = figure(axis.axis, "histogram", title, caption, ["residual, °/h", "windows"], "histogram");
     let width = edges[1] - edges[0];
     let (lo, hi) = (edges[0], edges[edges.len() - 1]);
-    let bars = Layer::Bars { label: "what is left".to_owned(), role: Role::After, edges: rounded(edges), heights };
+    let bars = Layer::Bars { label: "residual".to_owned(), role: Role::After, edges: rounded(edges), heights };
     out.layers.push(bars);
     if let Some(floor) = floor_dph {
         let reach = (4.0 * floor).max(lo.abs()).max(hi.abs()).min(8.0 * floor.max((hi - lo) / 8.0));
@@ -375,13 +375,13 @@ pub(crate) fn profile(report_data: &ReportData, axis: &AxisReportData) -> Option
     let caption = if reasons.is_empty() {
         "Every window is used.".to_owned()
     } else {
-        "Shaded: windows that are left out, and why. The reasons are explained with the table below.".to_owned()
+        "Shaded: excluded windows, with the reason. The reasons are explained with the table below.".to_owned()
     };
     let labels = [time_label(report_data), "temperature, °C"];
     let mut out = figure(axis.axis, "profile", "Temperature of the test", caption, labels, "time");
     const SHADES: [Role; 3] = [Role::Excluded, Role::ExcludedToo, Role::ExcludedAlso];
     for ((reason, stretches), role) in reasons.into_iter().zip(SHADES.into_iter().cycle()) {
-        let label = format!("left out: {}", reason.name().replace('_', " "));
+        let label = format!("excluded: {}", reason.name().replace('_', " "));
         out.layers.push(Layer::Shades { label, role, stretches });
     }
     for run in 0..report_data.runs.len() {

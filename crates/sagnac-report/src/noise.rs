@@ -46,8 +46,7 @@ fn notes(budget: &NoiseBudget) -> Vec<String> {
     let mut out: Vec<String> = budget.warnings.iter().map(|warning| format!("Warning: {warning}.")).collect();
     if budget.detrended {
         out.push(
-            "The drift over temperature was taken out first: at long τ these curves lie lower than the log's own."
-                .into(),
+            "The drift over temperature was removed first: at long τ these curves lie lower than the log's own.".into(),
         );
     }
     for axis in &budget.axes {

@@ -269,7 +269,7 @@ fn fit_verdict(axis: &AxisCalibration, report_data: &ReportData, several: bool) 
 
 fn proof_verdict(axis: &AxisVerification, several: bool) -> Markup {
     let left = axis.noise_floor.as_ref().map_or("the noise floor is not known".to_owned(), |floor| {
-        format!("{} of the noise floor is left", significant(axis.after.sigma_dph / floor.value_dph, 3))
+        format!("the residual is {} of the noise floor", significant(axis.after.sigma_dph / floor.value_dph, 3))
     });
     let class = axis.pass.map_or("", |pass| if pass { "pass" } else { "fail" });
     let word = match axis.pass {
@@ -395,7 +395,7 @@ fn plateaus(axis: &AxisCalibration) -> Markup {
         }
         @if let Some(note) = axis.scale_factor().and_then(|scale| scale.asymmetry_note()) { p.note { "Note: " (note) "." } }
         @for m in axis.fit.iter().flat_map(|fit| &fit.misalignment) {
-            p.note { "The input axis leans towards " (m.towards) " by " (with_sigma(m.arcsec, Some(m.sigma_arcsec))) " arcsec." }
+            p.note { "The input axis is misaligned towards " (m.towards) " by " (with_sigma(m.arcsec, Some(m.sigma_arcsec))) " arcsec." }
         }
     }
 }
@@ -405,7 +405,7 @@ fn left(axis: &AxisVerification) -> Markup {
     let rows = axis.residual_diagnostics.rows();
     html! {
         @if !rows.is_empty() {
-            h3 { "What is left" }
+            h3 { "Residual" }
             div.scroll { table {
                 thead { tr { th { "" } th { "value" } th { "of noise alone" } } }
                 @for row in &rows { tr { @for cell in row { td { (cell) } } } }

@@ -4,7 +4,7 @@
 mod gyros;
 
 use gyros::{mean_dph, triangle, walk_deg_rt_h};
-use sagnac_loops::{Multiplier, Quadrature, QuadratureState};
+use sagnac_loops::{Counting as LoopCounting, Quadrature, QuadratureState};
 use sagnac_sim::physics::{adler_mean_dph, dithered_arw_deg_rt_h};
 use sagnac_sim::{Beat, BeatModel, Counting, RingShape, Scenario};
 
@@ -129,20 +129,20 @@ fn both_forms_walk_alike() {
 fn counting_is_that_of_the_target() {
     let mut scenario = still(100.0, BeatModel::Adler);
     scenario.readout.phase_error_deg = 20.0;
-    for (counting, multiplier) in
-        [(Counting::X1, Multiplier::X1), (Counting::X2, Multiplier::X2), (Counting::X4, Multiplier::X4)]
+    for (counting, of_target) in
+        [(Counting::X1, LoopCounting::X1), (Counting::X2, LoopCounting::X2), (Counting::X4, LoopCounting::X4)]
     {
         scenario.readout.counting = counting;
         let beat = Beat::build(&scenario).unwrap();
         let mut light = beat.start(1);
-        let counter = Quadrature { multiplier };
+        let counter = Quadrature { counting: of_target };
         let mut state = QuadratureState::default();
         let second_edge = 0.25 + 20.0 / 360.0;
         let mut levels = |phase: f64| {
             let within = phase - phase.floor();
             // A rises at 0 and falls at ½; B follows a quarter later.
             let (a, b) = (within < 0.5, (second_edge..second_edge + 0.5).contains(&within));
-            i64::from(counter.take(&mut state, a, b))
+            i64::from(counter.update(&mut state, a, b))
         };
         levels(beat.phase_fringes(&light));
         let (mut ours, mut theirs) = (0, 0);

@@ -3,21 +3,21 @@
 //! | operation | inputs | outputs |
 //! |---|---|---|
 //! | 0 power on | | 0 |
-//! | 1 slow update | bits of the thermometers that have a sample, four codes | error, status, k, target increment |
+//! | 1 slow update | bits of the inputs that have a sample, four codes | error, status, k, target increment |
 //! | 2 run | ticks, seed, base, bits | Σ counts, hash of (counts, status), remainder, increment, last status + error·2¹⁶ |
 //! | 3 advance | raw, ticks | error, counts, status, remainder, increment |
 //! | 4 skip | ticks | error, ticks to the update, 0, remainder, increment |
-//! | 5 take over (the same image) | | 0, 0, status, remainder, increment |
+//! | 5 migrate the state (to the same image) | | 0, 0, status, remainder, increment |
 //!
-//! A run's tick has raw = base + noise of so many bits. 64-bit values are two words, the lower first.
-//! Errors: 1 update due, 2 update not due, 3 raw out of range, 4 number of thermometers.
+//! Each tick of a run has raw = base + noise of the given number of bits. 64-bit values are two words, the lower first.
+//! Errors: 1 update due, 2 update not due, 3 raw out of range, 4 number of codes.
 
 use sagnac_core::{Compensator, Image, Misuse, State};
 
 use crate::stimulus::{Hash, Noise, halves};
 use crate::{INPUTS, OUTPUTS};
 
-/// See the module.
+/// The machine of this module.
 #[derive(Clone, Copy, Debug)]
 pub struct CompensatorMachine {
     gyro: Compensator,
@@ -26,18 +26,18 @@ pub struct CompensatorMachine {
 }
 
 impl CompensatorMachine {
-    /// With this image; `None` if it is none.
+    /// A machine with this image; `None` if the image is refused.
     pub fn new(image: &[u8]) -> Option<Self> {
         let gyro = Compensator::new(Image::decode(image).ok()?);
         Some(Self { gyro, state: State::new(), ticks: 0 })
     }
 
-    /// Ticks so far.
+    /// Number of ticks so far.
     pub const fn ticks(&self) -> u64 {
         self.ticks
     }
 
-    /// One record.
+    /// Runs one record; `None` if there is no such operation.
     pub fn step(&mut self, operation: u32, inputs: &[u32; INPUTS]) -> Option<[u32; OUTPUTS]> {
         let [a, b, c, d, e, ..] = *inputs;
         match operation {
@@ -53,7 +53,7 @@ impl CompensatorMachine {
                 Some(self.with_state([error, self.state.ticks_to_update(), 0]))
             }
             5 => {
-                self.state = self.gyro.take_over(&self.state);
+                self.state = self.gyro.migrate_state(&self.state);
                 Some(self.with_state([0, 0, self.state.status().bits().into()]))
             }
             _ => None,
@@ -65,7 +65,7 @@ impl CompensatorMachine {
         for (i, (slot, code)) in samples.iter_mut().zip(codes).enumerate() {
             *slot = (present >> i & 1 == 1).then_some(code as i32);
         }
-        let wanted = self.gyro.image().thermometers().len();
+        let wanted = self.gyro.image().inputs().len();
         let result = self.gyro.update(&mut self.state, samples.get(..wanted).unwrap_or(&[]));
         let (error, status) = result.map_or_else(|misuse| (code(misuse), 0), |status| (0, status.bits().into()));
         let ([k0, k1], [t0, t1]) = (halves(self.state.k_q32()), halves(self.state.target_increment()));
@@ -81,8 +81,8 @@ impl CompensatorMachine {
                 Ok(output) => {
                     sum = sum.wrapping_add(output.counts as u32);
                     last = output.status.bits().into();
-                    hash.take(output.counts as u32);
-                    hash.take(last);
+                    hash.add(output.counts as u32);
+                    hash.add(last);
                 }
                 Err(misuse) => {
                     last = code(misuse) << 16;
@@ -117,6 +117,6 @@ const fn code(misuse: Misuse) -> u32 {
         Misuse::UpdateDue { .. } => 1,
         Misuse::UpdateNotDue { .. } => 2,
         Misuse::RawOutOfRange => 3,
-        Misuse::ThermometerCount => 4,
+        Misuse::InputCount => 4,
     }
 }

@@ -7,7 +7,7 @@ use crate::{MAGIC, MAX_TABLE, Module, RECORD};
 /// The first four words.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Head {
-    /// What the file is about.
+    /// Module tested.
     pub module: Module,
     /// Length of the table, bytes.
     pub table_len: usize,
@@ -15,26 +15,26 @@ pub struct Head {
     pub records: u32,
 }
 
-/// Why a text is no vector file.
+/// Why a text is refused as a vector file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BadFile {
-    /// Something that is no hexadecimal word of at most eight digits.
+    /// Text that is not a hexadecimal word of at most eight digits.
     NotAWord {
         /// Line, from 1.
         line: u32,
     },
-    /// It ends before its head says.
+    /// The text ends before the last record that its head announces.
     TooShort,
-    /// It goes on behind its last record.
+    /// There are words after the last record.
     TooLong {
         /// Line, from 1.
         line: u32,
     },
     /// The first word is not [`MAGIC`].
     NotVectors,
-    /// A module that is not known.
+    /// The module is unknown.
     UnknownModule(u32),
-    /// A table longer than [`MAX_TABLE`].
+    /// The table is longer than [`MAX_TABLE`].
     LongTable(u32),
 }
 
@@ -43,9 +43,9 @@ impl fmt::Display for BadFile {
         match self {
             Self::NotAWord { line } => write!(f, "line {line}: not a hexadecimal word of at most eight digits"),
             Self::TooShort => f.write_str("ends before its last record"),
-            Self::TooLong { line } => write!(f, "line {line}: words behind the last record"),
+            Self::TooLong { line } => write!(f, "line {line}: words after the last record"),
             Self::NotVectors => write!(f, "the first word is not {MAGIC:08x}"),
-            Self::UnknownModule(number) => write!(f, "module {number} is not known"),
+            Self::UnknownModule(number) => write!(f, "module {number} is unknown"),
             Self::LongTable(len) => write!(f, "a table of {len} bytes; the longest has {MAX_TABLE}"),
         }
     }
@@ -53,7 +53,7 @@ impl fmt::Display for BadFile {
 
 impl core::error::Error for BadFile {}
 
-/// Reads words.
+/// Reads the words of a file.
 #[derive(Clone, Debug)]
 pub struct Words<'a> {
     rest: &'a [u8],
@@ -61,12 +61,12 @@ pub struct Words<'a> {
 }
 
 impl<'a> Words<'a> {
-    /// Begins at the front of a text.
+    /// Starts at the beginning of a text.
     pub const fn new(text: &'a [u8]) -> Self {
         Self { rest: text, line: 1 }
     }
 
-    /// The head.
+    /// Reads the head.
     ///
     /// # Errors
     /// [`BadFile`].
@@ -84,7 +84,7 @@ impl<'a> Words<'a> {
         Ok(Head { module, table_len, records: self.word()? })
     }
 
-    /// The table's bytes.
+    /// Reads the bytes of the table.
     ///
     /// # Errors
     /// [`BadFile`].
@@ -97,7 +97,7 @@ impl<'a> Words<'a> {
         Ok(used)
     }
 
-    /// The next record.
+    /// Reads the next record.
     ///
     /// # Errors
     /// [`BadFile`].
@@ -109,10 +109,10 @@ impl<'a> Words<'a> {
         Ok(record)
     }
 
-    /// Nothing may follow.
+    /// Checks that nothing follows.
     ///
     /// # Errors
-    /// [`BadFile::TooLong`], or what else follows.
+    /// [`BadFile::TooLong`], or the error of what follows.
     pub fn end(&mut self) -> Result<(), BadFile> {
         match self.word() {
             Err(BadFile::TooShort) => Ok(()),
@@ -138,7 +138,7 @@ impl<'a> Words<'a> {
         Ok(value)
     }
 
-    /// Over white space and comments.
+    /// Skips white space and comments.
     fn skip(&mut self) {
         let mut comment = false;
         while let [first, rest @ ..] = self.rest {

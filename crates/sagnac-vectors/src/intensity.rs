@@ -18,30 +18,30 @@ use sagnac_loops::{Intensity, IntensityPhase, IntensityState, LoopTable};
 use crate::stimulus::{Hash, Noise, halves};
 use crate::{INPUTS, OUTPUTS};
 
-/// See the module.
+/// The machine of this module.
 #[derive(Clone, Copy, Debug)]
 pub struct IntensityMachine {
     table: Intensity,
     state: IntensityState,
-    /// Current given out last, code.
+    /// Last current, code.
     current: i32,
     light_q16: i64,
     ticks: u64,
 }
 
 impl IntensityMachine {
-    /// With this table of the loops; `None` if it is none.
+    /// A machine with this table of the loops; `None` if the table is refused.
     pub fn new(table: &[u8]) -> Option<Self> {
         let table = LoopTable::decode(table).ok()?.intensity;
         Some(Self { table, state: table.start(), current: 0, light_q16: 0, ticks: 0 })
     }
 
-    /// Ticks so far.
+    /// Number of ticks so far.
     pub const fn ticks(&self) -> u64 {
         self.ticks
     }
 
-    /// One record.
+    /// Runs one record; `None` if there is no such operation.
     pub fn step(&mut self, operation: u32, inputs: &[u32; INPUTS]) -> Option<[u32; OUTPUTS]> {
         match operation {
             0 => {
@@ -64,8 +64,8 @@ impl IntensityMachine {
             let code = ((self.light_q16 >> 16) as i32).wrapping_add(noise.about_zero(flags & 0xff));
             let out = self.table.tick(&mut self.state, code, flags & (1 << 8) != 0);
             (self.current, status) = (out.current, out.status.bits().into());
-            hash.take(self.current as u32);
-            hash.take(status);
+            hash.add(self.current as u32);
+            hash.add(status);
         }
         self.ticks += u64::from(ticks);
         let ([i0, i1], [l0, l1]) = (halves(self.state.integral_q32()), halves(self.light_q16));

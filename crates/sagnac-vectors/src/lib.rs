@@ -1,20 +1,20 @@
-//! One truth: what every implementation of the target arithmetic must give, bit for bit.
+//! Reference vectors: what every implementation of the target arithmetic must compute, bit for bit.
 //!
 //! ```text
 //! testdata/vectors/*.hex ─▶ words ─▶ table ─▶ Machine ─┐
 //!                                └─▶ record: operation, 8 inputs, 7 outputs ─▶ step(inputs) = outputs ?
 //! ```
 //!
-//! A file is text of 32-bit hexadecimal words with `//` comments, as Verilog's `$readmemh` reads it: four words of
-//! head (magic, module, bytes of the table, records), the table (a flash image or a table of the loops, four bytes a
-//! word, little-endian), then 16 words a record. `cargo xtask vectors` makes the files from the core; the Rust core on
-//! the host and on a Cortex-M, the C99 export on both, and the Verilog export read them.
+//! A file is text: 32-bit hexadecimal words with `//` comments, as Verilog's `$readmemh` reads them. It has a head of four words (magic,
+//! module, bytes of the table, records), the table (a flash image or a table of the loops, four bytes per word, little-endian), and 16 words
+//! per record. `cargo xtask vectors` makes the files from the core. The Rust core on the host and on a Cortex-M, the C99 export on both, and
+//! the Verilog export read them.
 //!
-//! A record runs many ticks: its stimulus comes from a linear congruential generator and, for the loops, from a small
-//! integer plant, both written out in `docs/reference/vectors.md`; its outputs are the state at the end and a hash over every tick.
+//! A record runs many ticks. Its stimulus comes from a linear congruential generator and, for the loops, from a small integer plant, both
+//! defined in `docs/reference/vectors.md`; its outputs are the state at the end and a hash over every tick.
 //!
-//! Where it fails: a hash tells in which record something differs, not in which tick. Two differences of a record
-//! hide each other with a chance of 2⁻³².
+//! Limits: a hash shows in which record something differs, not in which tick. Two differences in one record cancel with a probability of
+//! 2⁻³².
 #![no_std]
 #![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used, clippy::panic))]
 
@@ -44,7 +44,7 @@ pub const OUTPUTS: usize = 7;
 /// Largest table, bytes.
 pub const MAX_TABLE: usize = sagnac_core::MAX_IMAGE_LEN;
 
-/// What a file is about: the second word.
+/// The module that a file tests: its second word.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Module {
     /// [`CompensatorMachine`].
@@ -71,42 +71,42 @@ pub enum Machine {
     Quadrature(QuadratureMachine),
 }
 
-/// What a file showed.
+/// Result of a file that passed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Passed {
-    /// What it is about.
+    /// Module tested.
     pub module: Module,
-    /// Records, all of them equal.
+    /// Number of records, all equal.
     pub records: u32,
-    /// Ticks they ran.
+    /// Number of ticks.
     pub ticks: u64,
 }
 
-/// Why a file did not pass.
+/// Why a file fails.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Failure {
-    /// The file is no vector file.
+    /// The file is not a vector file.
     File(BadFile),
-    /// The table in it is refused.
+    /// The table in the file is refused.
     Table,
-    /// A record asks for an operation that the module does not have.
+    /// A record has an operation that the module does not know.
     Operation {
         /// Record, from 0.
         record: u32,
-        /// What it asked for.
+        /// The operation.
         operation: u32,
     },
     /// An output differs.
     Differs {
-        /// What it is about.
+        /// Module tested.
         module: Module,
         /// Record, from 0.
         record: u32,
         /// Output, from 0.
         output: u32,
-        /// What the file says.
+        /// Value in the file.
         expected: u32,
-        /// What came out.
+        /// Value computed.
         found: u32,
     },
 }
@@ -140,7 +140,7 @@ impl Module {
 }
 
 impl Machine {
-    /// A machine at power-on; `None` for a table that it refuses.
+    /// A machine at power-on; `None` if the table is refused.
     pub fn new(module: Module, table: &[u8]) -> Option<Self> {
         Some(match module {
             Module::Compensator => Self::Compensator(CompensatorMachine::new(table)?),

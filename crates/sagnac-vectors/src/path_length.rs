@@ -7,7 +7,7 @@
 //!
 //! Flags: bits of noise in the lowest eight; 256: the loop is closed or locked in all of the run; 512: there is light;
 //! the lag of the actuator, a right shift of 0 to 31, in the upper 16. The plant, once a tick, before it, from the
-//! actuator and modulation given out last, with w the wavelength:
+//! last actuator and modulation codes, with w the wavelength:
 //!
 //! ```text
 //! place += drift·2¹⁶            at += ⌊(actuator·2³² − at)·2^−lag⌋             x = ⌊at·2⁻³²⌋ + modulation
@@ -22,20 +22,20 @@ use sagnac_loops::{LoopTable, PathLength, PathLengthPhase, PathLengthState};
 use crate::stimulus::{Hash, Noise, halves};
 use crate::{INPUTS, OUTPUTS};
 
-/// Flag: the loop is closed or locked in all of the run.
+/// Flag: the loop is closed or locked during the whole run.
 const CLOSED: u32 = 1 << 8;
 /// Flag: there is light.
 const LIGHT: u32 = 1 << 9;
 
-/// See the module.
+/// The machine of this module.
 #[derive(Clone, Copy, Debug)]
 pub struct PathLengthMachine {
     table: PathLength,
     state: PathLengthState,
-    /// Codes given out last.
+    /// Last codes of the actuator and the modulation.
     actuator: i32,
     modulation: i32,
-    /// Where the actuator is, 2^-32 codes.
+    /// Position of the actuator, 2^-32 codes.
     at_q32: i64,
     was_closed: bool,
     ticks: u64,
@@ -61,7 +61,7 @@ impl Plant {
 }
 
 impl PathLengthMachine {
-    /// With this table of the loops; `None` if it is none.
+    /// A machine with this table of the loops; `None` if the table is refused.
     pub fn new(table: &[u8]) -> Option<Self> {
         let table = LoopTable::decode(table).ok()?.path_length;
         let state = table.start();
@@ -70,22 +70,22 @@ impl PathLengthMachine {
         Some(Self { table, state, actuator, modulation: 0, at_q32, was_closed: false, ticks: 0 })
     }
 
-    /// Ticks so far.
+    /// Number of ticks so far.
     pub const fn ticks(&self) -> u64 {
         self.ticks
     }
 
-    /// Whether the loop is closed or locked.
+    /// True if the loop is closed or locked.
     pub const fn is_closed(&self) -> bool {
         matches!(self.state.phase(), PathLengthPhase::Closing { .. } | PathLengthPhase::Locked { .. })
     }
 
-    /// Whether it was so in every tick of the last run.
+    /// True if it was closed or locked in every tick of the last run.
     pub const fn was_closed(&self) -> bool {
         self.was_closed
     }
 
-    /// One record.
+    /// Runs one record; `None` if there is no such operation.
     pub fn step(&mut self, operation: u32, inputs: &[u32; INPUTS]) -> Option<[u32; OUTPUTS]> {
         match operation {
             0 => {
@@ -108,7 +108,7 @@ impl PathLengthMachine {
             curvature: i64::from(curvature),
             wavelength: self.table.wavelength().into(),
         };
-        let (mut noise, mut given, mut said) = (Noise::new(seed), Hash::new(), Hash::new());
+        let (mut noise, mut actuated, mut reported) = (Noise::new(seed), Hash::new(), Hash::new());
         self.was_closed = ticks > 0;
         for _ in 0..ticks {
             self.at_q32 += ((i64::from(self.actuator) << 32) - self.at_q32) >> (flags >> 16).min(31);
@@ -116,19 +116,19 @@ impl PathLengthMachine {
             let code = plant.code(x).wrapping_add(noise.about_zero(flags & 0xff));
             let out = self.table.tick(&mut self.state, code);
             (self.actuator, self.modulation) = (out.actuator, out.modulation);
-            given.take(out.actuator as u32);
-            given.take(out.modulation as u32);
-            said.take(out.status.bits().into());
-            said.take(phase(self.state.phase()));
+            actuated.add(out.actuator as u32);
+            actuated.add(out.modulation as u32);
+            reported.add(out.status.bits().into());
+            reported.add(phase(self.state.phase()));
             self.was_closed &= self.is_closed();
         }
         self.ticks += u64::from(ticks);
         let [i0, i1] = halves(self.state.integral_q32());
         let modes = (self.state.modes() as u32) << 16;
         let word = phase(self.state.phase()) | u32::from(self.state.status().bits()) << 8 | modes;
-        // A flag that does not hold shows in the hash.
-        let said = if flags & CLOSED != 0 && !self.was_closed { !said.value() } else { said.value() };
-        [given.value(), said, word, self.state.error() as u32, self.state.held() as u32, i0, i1]
+        // A wrong flag changes the hash.
+        let reported = if flags & CLOSED != 0 && !self.was_closed { !reported.value() } else { reported.value() };
+        [actuated.value(), reported, word, self.state.error() as u32, self.state.held() as u32, i0, i1]
     }
 }
 

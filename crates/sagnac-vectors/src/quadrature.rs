@@ -3,22 +3,22 @@
 //! | operation | inputs | outputs |
 //! |---|---|---|
 //! | 0 start | counts per fringe: 1, 2 or 4 | 0 |
-//! | 1 run | pairs of levels, seed, three limits | Σ counts, lost steps, hash of the counts, place, 0 … |
+//! | 1 run | pairs of levels, seed, three limits | Σ counts, lost steps, hash of the counts, quarter, 0 … |
 //!
-//! Before each pair the place in the circle moves by what the generator's word is below of: the first limit one
-//! forward, the second one back, the third two; else it stays. A is up in places 1 and 2, B in 2 and 3.
+//! Before each pair the quarter moves: one forward if the word of the generator is below the first limit, one back if below the second, two
+//! if below the third; else it stays. A is high in quarters 1 and 2, B in 2 and 3.
 
-use sagnac_loops::{Multiplier, Quadrature, QuadratureState};
+use sagnac_loops::{Counting, Quadrature, QuadratureState};
 
 use crate::stimulus::{Hash, Noise};
 use crate::{INPUTS, OUTPUTS};
 
-/// See the module.
+/// The machine of this module.
 #[derive(Clone, Copy, Debug)]
 pub struct QuadratureMachine {
     counter: Quadrature,
     state: QuadratureState,
-    place: u32,
+    quarter: u32,
     ticks: u64,
 }
 
@@ -29,28 +29,28 @@ impl Default for QuadratureMachine {
 }
 
 impl QuadratureMachine {
-    /// A counter of four per fringe.
+    /// A counter with four counts per fringe.
     pub const fn new() -> Self {
-        let counter = Quadrature { multiplier: Multiplier::X4 };
-        Self { counter, state: QuadratureState::new(), place: 0, ticks: 0 }
+        let counter = Quadrature { counting: Counting::X4 };
+        Self { counter, state: QuadratureState::new(), quarter: 0, ticks: 0 }
     }
 
-    /// Pairs of levels so far.
+    /// Number of pairs of levels so far.
     pub const fn ticks(&self) -> u64 {
         self.ticks
     }
 
-    /// One record.
+    /// Runs one record; `None` if there is no such operation.
     pub fn step(&mut self, operation: u32, inputs: &[u32; INPUTS]) -> Option<[u32; OUTPUTS]> {
         match operation {
             0 => {
-                let multiplier = match inputs.first()? {
-                    1 => Multiplier::X1,
-                    2 => Multiplier::X2,
-                    4 => Multiplier::X4,
+                let counting = match inputs.first()? {
+                    1 => Counting::X1,
+                    2 => Counting::X2,
+                    4 => Counting::X4,
                     _ => return None,
                 };
-                *self = Self { counter: Quadrature { multiplier }, ticks: self.ticks, ..Self::new() };
+                *self = Self { counter: Quadrature { counting }, ticks: self.ticks, ..Self::new() };
                 Some([0; OUTPUTS])
             }
             1 => Some(self.run(inputs)),
@@ -72,13 +72,13 @@ impl QuadratureMachine {
             } else {
                 0
             };
-            self.place = (self.place + step) & 3;
-            let (a, b) = (matches!(self.place, 1 | 2), matches!(self.place, 2 | 3));
-            let count = self.counter.take(&mut self.state, a, b);
+            self.quarter = (self.quarter + step) & 3;
+            let (a, b) = (matches!(self.quarter, 1 | 2), matches!(self.quarter, 2 | 3));
+            let count = self.counter.update(&mut self.state, a, b);
             sum = sum.wrapping_add(count as u32);
-            hash.take(count as u32);
+            hash.add(count as u32);
         }
         self.ticks += u64::from(pairs);
-        [sum, self.state.lost, hash.value(), self.place, 0, 0, 0]
+        [sum, self.state.lost, hash.value(), self.quarter, 0, 0, 0]
     }
 }

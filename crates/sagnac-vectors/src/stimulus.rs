@@ -1,4 +1,4 @@
-//! What drives a record's ticks, and what is kept of them.
+//! The stimulus of a record, and the hash of its results.
 
 /// The linear congruential generator s ← 1664525·s + 1013904223 mod 2³² (Knuth and Lewis; Numerical Recipes §7.1).
 #[derive(Clone, Copy, Debug)]
@@ -36,7 +36,7 @@ impl Hash {
         Self(2_166_136_261)
     }
 
-    pub(crate) fn take(&mut self, word: u32) {
+    pub(crate) fn add(&mut self, word: u32) {
         self.0 = (self.0 ^ word).wrapping_mul(16_777_619);
     }
 

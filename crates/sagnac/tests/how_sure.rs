@@ -118,7 +118,7 @@ fn the_block_bootstrap_agrees_with_the_covariance() {
         let mut ratios = [Vec::new(), Vec::new(), Vec::new()];
         for seed in 0..30 {
             let windows = windows(vec![log(300, 0, correlation_windows, seed)], &by_rows());
-            let options = FitOptions { bootstrap: Some(1000), ..FitOptions::new(model("bias 3")) };
+            let options = FitOptions::new(model("bias 3")).bootstrap(Some(1000));
             let made = calibrate(windows, &by_rows(), &options).unwrap();
             let axis = &made.axes[0];
             for (ratios, term) in ratios.iter_mut().zip(&axis.correction.terms) {
@@ -189,7 +189,7 @@ fn huber_comes_closer_where_some_windows_are_wild() {
     };
     let fitted = |bytes: Vec<u8>, loss: Loss| {
         let windows = sagnac::window::WindowBuilder::read_all(vec![support::reader(bytes, &by_rows())], &by_rows());
-        let options = FitOptions { loss, ..FitOptions::new(model("bias 3")) };
+        let options = FitOptions::new(model("bias 3")).loss(loss);
         calibrate(windows.unwrap().keep_outliers().finish(), &by_rows(), &options).unwrap()
     };
     let (mut squares, mut huber, mut clean) = (0.0, 0.0, [0.0; 2]);

@@ -360,12 +360,12 @@ fn the_image_computes_what_the_record_says() {
                     (60.0 * (lagged[at] - before)).clamp(lo, hi)
                 })
                 .collect();
-            let code = |(at, spec): (usize, &sagnac_core::Thermometer)| {
+            let code = |(at, spec): (usize, &sagnac_core::InputSpec)| {
                 let unit = 2.0_f64.powi(i32::from(spec.unit_exponent) - 24);
                 let gain = f64::from(spec.gain.mantissa) * 2.0_f64.powi(-i32::from(spec.gain.shift)) * unit;
                 Some((values[at] / gain).round() as i32)
             };
-            let codes: Vec<Option<i32>> = image.thermometers().iter().enumerate().map(code).collect();
+            let codes: Vec<Option<i32>> = image.inputs().iter().enumerate().map(code).collect();
             let left = state.ticks_to_update();
             gyro.skip(&mut state, left).unwrap();
             let status = gyro.update(&mut state, &codes).unwrap();

@@ -1,4 +1,4 @@
-//! What the programs of this folder share: the serial line, the unit, the end of a run, and no way to panic.
+//! Shared by the programs of this folder: the serial port, the unit's image and loops, the end of a run, and the panic check.
 #![no_std]
 
 pub mod serial;
@@ -15,30 +15,29 @@ unsafe extern "C" {
     fn sagnac_firmware_has_a_panic_path() -> !;
 }
 
-/// As long as one panic path remains, this program does not link.
+/// While any panic path remains, this program does not link.
 #[panic_handler]
 fn panic(_: &PanicInfo<'_>) -> ! {
     // SAFETY: never runs; if this call is kept, the link fails, which is the point.
     unsafe { sagnac_firmware_has_a_panic_path() }
 }
 
-/// The image that the programs were built with. A production board knows its serial number from a fuse; this one knows
-/// it from here.
+/// The image that the programs were built with. A production board reads its serial number from a fuse; this one takes it from here.
 pub fn unit_image() -> Option<Image> {
     Image::decode(include_bytes!(concat!(env!("OUT_DIR"), "/unit.img"))).ok()
 }
 
-/// The gyro: what the image says, and four times its correction is believed.
+/// The identity of the gyro: that of the image, with limits of four times its correction.
 pub fn unit_gyro() -> Option<Gyro> {
     unit_image().map(|image| Gyro::of(&image, 4))
 }
 
-/// The loops.
+/// The loop table.
 pub fn unit_loops() -> Option<LoopTable> {
     LoopTable::decode(include_bytes!(concat!(env!("OUT_DIR"), "/unit.loops"))).ok()
 }
 
-/// A line to the host that emulates.
+/// Prints a line on the host of the emulator.
 pub fn say(text: fmt::Arguments<'_>) {
     #[cfg(feature = "broken")]
     assert!(text.as_str() != Some("x"), "a panic path on purpose");

@@ -9,7 +9,7 @@ const DIVIDER: *mut u32 = 0x4000_4010 as *mut u32;
 const TRANSMIT_FULL: u32 = 1;
 const RECEIVE_FULL: u32 = 2;
 
-/// Switches the port on, as fast as it goes.
+/// Switches the port on at its highest rate.
 pub fn start() {
     // SAFETY: registers of this board, used by the main loop alone.
     unsafe {
@@ -27,7 +27,7 @@ pub fn put(byte: u8) {
     }
 }
 
-/// The byte that has come, if any.
+/// The received byte, if any.
 pub fn get() -> Option<u8> {
     // SAFETY: as above.
     unsafe { (read_volatile(STATE) & RECEIVE_FULL != 0).then(|| read_volatile(DATA) as u8) }

@@ -1,18 +1,18 @@
-//! How much stack was used: the free part is painted at the start, and what is no longer paint was used.
+//! Measures the stack: the free part is filled with a pattern at the start; what no longer has it was used.
 
 use core::ptr::{addr_of, addr_of_mut, read_volatile, write_volatile};
 
 const PAINT: u32 = 0x5afe_57ac;
-/// What the painter itself may stand on.
+/// Stack reserved for `paint` itself.
 const MARGIN: usize = 512;
-/// As far down as is painted.
+/// Depth of the pattern, bytes.
 const DEPTH: usize = 64 * 1024;
 
 unsafe extern "C" {
     static mut _stack_start: u32;
 }
 
-/// Paints below the current top.
+/// Fills the stack below its current top.
 pub fn paint() {
     let here = 0_u32;
     let top = addr_of!(here) as usize - MARGIN;
@@ -23,7 +23,7 @@ pub fn paint() {
     }
 }
 
-/// Bytes that were used at most since [`paint`].
+/// Largest number of bytes used since [`paint`].
 pub fn used() -> usize {
     let start = addr_of_mut!(_stack_start) as usize;
     let mut address = start - DEPTH;

@@ -1,5 +1,5 @@
-//! A link check: what `sagnac-core`, `sagnac-loops` and `sagnac-board` offer a target is called from here, and the panic handler
-//! calls a symbol that nothing defines. As long as one panic path remains, the library does not link.
+//! A link check. This library calls all functions that `sagnac-core`, `sagnac-loops` and `sagnac-board` have for a target; its panic handler
+//! calls a symbol that nothing defines. While any panic path remains, the library does not link.
 //!
 //! `cargo xtask no-panic` builds and links it.
 #![no_std]
@@ -8,9 +8,9 @@ use core::fmt::Write;
 use core::hint::black_box;
 use core::panic::PanicInfo;
 
-use sagnac_board::{Asked, Desk, MemoryFlash, Message, run};
+use sagnac_board::{Action, CommandHandler, MemoryFlash, Message, run};
 use sagnac_core::{Banks, Compensator, Description, Gyro, Image, MAX_IMAGE_LEN, State, Status};
-use sagnac_loops::{Intensity, LoopTable, Multiplier, PathLength, Quadrature, QuadratureState, Stripper};
+use sagnac_loops::{Counting, Intensity, LoopTable, PathLength, Quadrature, QuadratureState, Stripper};
 
 unsafe extern "C" {
     fn sagnac_has_a_panic_path() -> !;
@@ -22,7 +22,7 @@ fn panic(_: &PanicInfo<'_>) -> ! {
     unsafe { sagnac_has_a_panic_path() }
 }
 
-/// Takes what is formatted and keeps nothing.
+/// Discards formatted text.
 struct Nowhere;
 
 impl Write for Nowhere {
@@ -53,11 +53,11 @@ pub extern "C" fn sagnac_core_everything(raw: i32, ticks: u32, code: i32) -> i32
     let mut out = [0_u8; MAX_IMAGE_LEN];
     black_box(image.encode(&mut out));
     black_box(image.serial());
-    black_box((image.thermometers().len(), image.terms().len(), image.encoded_len()));
+    black_box((image.inputs().len(), image.terms().len(), image.encoded_len()));
     let gyro = Compensator::new(image);
     let mut state = black_box(State::new());
     let codes = black_box([Some(code); 4]);
-    let count = gyro.image().thermometers().len();
+    let count = gyro.image().inputs().len();
     let status = gyro.update(&mut state, codes.get(..count).unwrap_or(&[])).unwrap_or_default();
     black_box(gyro.skip(&mut state, ticks).is_ok());
     let tick = gyro.tick(&mut state, raw).map_or(0, |o| o.counts);
@@ -65,14 +65,14 @@ pub extern "C" fn sagnac_core_everything(raw: i32, ticks: u32, code: i32) -> i32
     if let Err(misuse) = gyro.tick(&mut state, raw) {
         let _ = write!(Nowhere, "{misuse}");
     }
-    state = gyro.take_over(&state);
+    state = gyro.migrate_state(&state);
     black_box((state.k_q32(), state.increment(), state.target_increment(), state.ticks_to_update()));
     #[cfg(feature = "broken")]
     assert!(raw != 12_345, "a panic path on purpose");
     tick ^ many ^ i32::from((status | Status::HELD | state.status()).bits()) ^ (state.remainder() as i32)
 }
 
-/// The same for the loops, whose tables come from the host.
+/// The loops; their tables come from the host.
 #[unsafe(no_mangle)]
 pub extern "C" fn sagnac_loops_everything(code: i32, path: &PathLength, light: &Intensity) -> i32 {
     let (mut held, mut lit) = (path.start(), light.start());
@@ -80,11 +80,11 @@ pub extern "C" fn sagnac_loops_everything(code: i32, path: &PathLength, light: &
     let current = light.tick(black_box(&mut lit), code, code & 1 == 0);
     black_box((held.phase(), held.error(), held.held(), held.modes(), lit.phase()));
     black_box((path.ticks_per_period(), light.ticks_per_update(), out.status.bits(), current.status.bits()));
-    let counter = Quadrature { multiplier: black_box(Multiplier::X2) };
+    let counter = Quadrature { counting: black_box(Counting::X2) };
     let mut state = black_box(QuadratureState::default());
-    let count = counter.take(&mut state, code & 2 == 0, code & 4 == 0);
+    let count = counter.update(&mut state, code & 2 == 0, code & 4 == 0);
     let mut stripper = black_box(Stripper::new(50));
-    let stripped = stripper.take(count, code).map_or(0, |out| out.counts);
+    let stripped = stripper.update(count, code).map_or(0, |out| out.counts);
     black_box(stripper.pending());
     #[cfg(feature = "broken")]
     assert!(code != 12_345, "a panic path on purpose");
@@ -111,15 +111,15 @@ pub extern "C" fn sagnac_board_everything(input: &[u8; 64], gyro: &Gyro, image: 
         }
     };
     black_box(table.encode());
-    let mut desk = Desk::new(banks, *gyro, table);
-    if let Some(Asked::PowerOn(mut line, _)) = desk.take(black_box(7)) {
-        black_box(line.tick());
+    let mut handler = CommandHandler::new(banks, *gyro, table);
+    if let Some(Action::PowerOn(mut ticks, _)) = handler.receive(black_box(7)) {
+        black_box(ticks.tick());
     }
     Message::pieces(black_box(input)).for_each(|piece| {
         black_box(piece.frame());
     });
     let mut sent = 0_usize;
-    run(&mut desk, input.iter().copied(), |bytes| sent = sent.wrapping_add(bytes.len()));
+    run(&mut handler, input.iter().copied(), |bytes| sent = sent.wrapping_add(bytes.len()));
     #[cfg(feature = "broken")]
     assert!(sent != 12_345, "a panic path on purpose");
     sent as i32

@@ -60,8 +60,8 @@ const CRATE_MAIN: &str = "fn main() {
 
 /// Octaves and a hundred τ against both peers; a record of a thousand million rows alone.
 pub(super) fn measure(bench: &Bench, page: &mut String) -> Result<()> {
-    sh("cargo", &["build", "--release", "--locked", "-p", "sagnac", "--example", "allan_speed"])?;
-    let ours = root().join("target/release/examples/allan_speed").display().to_string();
+    sh("cargo", &["build", "--release", "--locked", "-p", "sagnac-lab", "--bin", "allan_speed"])?;
+    let ours = root().join("target/release/allan_speed").display().to_string();
     let theirs = crate_peer(&bench.folder.join("allan-peer"))?;
     let python = bench.file("allantools_peer.py").display().to_string();
     fs::write(&python, PYTHON)?;

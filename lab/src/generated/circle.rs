@@ -1,8 +1,8 @@
 //! The circle closes: simulate three runs, calibrate on two, prove on the third, for each ready scenario.
 //!
-//! The calibrator sees logs only. Truth comes in at the end, to say what is left and whose it is: the true errors of
+//! The calibrator sees logs only. Truth comes in at the end, for the residual and its sources: the true errors of
 //! each window less what the correction took off it, without any noise. The page is not made
-//! where more is left than is claimed.
+//! where the residual is larger than claimed.
 
 use std::io::{Cursor, Write as _};
 
@@ -44,15 +44,15 @@ fn reader(log: Vec<u8>, setup: &Setup) -> Result<LogReader> {
     Ok(LogReader::from_reader("run.csv", Box::new(Cursor::new(log)), setup, ReadMode::Bulk)?)
 }
 
-/// What a proof left, in °/h.
+/// Figures of a proof, in °/h.
 struct Found {
     model: String,
     windows: usize,
     before: f64,
     after: f64,
     floor: f64,
-    /// σ of true errors less the correction: what is left without noise.
-    left: f64,
+    /// σ of true errors less the correction, without noise.
+    residual: f64,
     /// Of that, each source's part that the chosen terms cannot represent, largest first.
     sources: Vec<(&'static str, f64)>,
     /// The rest: coefficients that two runs could not give better, and what the correction made of thermometer and lag.
@@ -74,7 +74,7 @@ fn close(name: &str) -> Result<Found> {
     let used: Vec<&Point> =
         report_data.axes[0].points.iter().filter(|p| p.excluded.is_none() && p.after_dph.is_finite()).collect();
     let all = |p: &&Point| (0..ERROR_SOURCES.len()).map(|source| mean(&truth, p, source)).sum::<f64>();
-    let left = sigma(&used.iter().map(|p| all(p) - (p.before_dph - p.after_dph)).collect::<Vec<f64>>());
+    let residual = sigma(&used.iter().map(|p| all(p) - (p.before_dph - p.after_dph)).collect::<Vec<f64>>());
     let sources = unreachable_parts(&used, &truth, &chosen)?;
     let named: f64 = sources.iter().map(|(_, s)| s * s).sum();
     Ok(Found {
@@ -83,9 +83,9 @@ fn close(name: &str) -> Result<Found> {
         before: axis.before.sigma_dph,
         after: axis.after.sigma_dph,
         floor: axis.noise_floor.as_ref().context("no noise floor")?.value_dph,
-        left,
+        residual,
         sources,
-        fit: (left * left - named).max(0.0).sqrt(),
+        fit: (residual * residual - named).max(0.0).sqrt(),
     })
 }
 
@@ -114,12 +114,12 @@ fn unreachable_parts(points: &[&Point], truth: &[Errors], model: &str) -> Result
         if power <= bias { x.powi(power) } else { p.rate_cpm * x.powi(power - bias - 1) }
     });
     let svd = basis.clone().svd(true, true);
-    let left = |source: usize| -> Result<f64> {
+    let residual = |source: usize| -> Result<f64> {
         let y = DVector::from_iterator(points.len(), points.iter().map(|p| mean(truth, p, source)));
         let fitted = svd.solve(&y, 1e-9).map_err(|e| anyhow!("least squares: {e}"))?;
         Ok(((&y - &basis * fitted).norm_squared() / points.len() as f64).sqrt())
     };
-    let parts = ERROR_SOURCES.iter().enumerate().map(|(i, name)| Ok((*name, left(i)?)));
+    let parts = ERROR_SOURCES.iter().enumerate().map(|(i, name)| Ok((*name, residual(i)?)));
     let mut parts: Vec<(&str, f64)> = parts.collect::<Result<_>>()?;
     parts.retain(|(_, sigma)| *sigma > 5e-5);
     parts.sort_by(|a, b| b.1.total_cmp(&a.1));
@@ -134,29 +134,35 @@ fn mean(truth: &[Errors], point: &Point, source: usize) -> f64 {
     of_window.iter().map(|errors| errors[source]).sum::<f64>() / of_window.len() as f64
 }
 
-const HEAD: &str = "# The circle: simulated, calibrated, proven
+const HEAD: &str = "# Simulated, calibrated, proven
 
-Made by `cargo xtask bless`; do not edit. Seeds 1 and 2 of each ready scenario are
-calibrated with `auto`, seed 3 is the proof. σ of windows of 100 s, °/h. The calibrator sees logs only. *Left* is what the simulator's
-truth says of the corrected log: true errors less the correction, without noise; *after* is the root of floor² + left² within the
-sampling error of n windows. *By source* is the part of each error source that the chosen terms cannot represent (least squares of the source
-itself on them); *fit* is the rest: coefficients that two noisy runs could not give better, and what thermometer and lag made of them.
+Made by `cargo xtask bless`; do not edit.
 
-| scenario | model | n | before | after | floor | left | by source | fit |
+Seeds 1 and 2 of each ready scenario are calibrated with `auto`; seed 3 is the proof. The calibrator sees logs only. All figures are
+σ of windows of 100 s, °/h.
+
+| column | meaning |
+|---|---|
+| before, after, floor | as in [Verification](verification.md#figures) |
+| residual | true errors of the simulator minus the correction, without noise; *after* is the root of floor² + residual² within the sampling error of n windows |
+| by source | the part of each error source that the selected terms cannot represent (least squares of the source itself on them) |
+| fit | the rest: coefficients that two noisy runs cannot give better, and the effect of thermometer and lag on them |
+
+| scenario | model | n | before | after | floor | residual | by source | fit |
 |---|---|---|---|---|---|---|---|---|
 ";
 
-/// Most that may be left, in floors: measured, and half as much again.
-const MOST_LEFT: [(&str, f64); 4] =
+/// Largest residual, in floors: measured, and half as much again.
+const MOST_RESIDUAL: [(&str, f64); 4] =
     [("paper", 0.41), ("square-28cm", 0.36), ("prism-heater-loop", 0.40), ("triangle-28cm-dithered", 0.32)];
 
 pub(crate) fn make() -> Result<Vec<Made>> {
     let all: Vec<Result<Found>> = std::thread::scope(|scope| {
-        let threads = MOST_LEFT.map(|(name, _)| scope.spawn(move || close(name).with_context(|| name)));
+        let threads = MOST_RESIDUAL.map(|(name, _)| scope.spawn(move || close(name).with_context(|| name)));
         threads.map(|thread| thread.join().unwrap_or_else(|_| Err(anyhow!("a panic, see above")))).into()
     });
     let mut table = String::from(HEAD);
-    for ((name, most), found) in MOST_LEFT.into_iter().zip(all) {
+    for ((name, most), found) in MOST_RESIDUAL.into_iter().zip(all) {
         let found = found?;
         holds(name, most, &found)?;
         table += &row(name, &found);
@@ -168,16 +174,16 @@ fn row(name: &str, l: &Found) -> String {
     let words: Vec<String> =
         l.sources.iter().map(|(source, s)| format!("{} {s:.4}", source.replace('_', " "))).collect();
     let words = if words.is_empty() { "nothing".to_owned() } else { words.join(", ") };
-    let figures = format!("{:.4} | {:.4} | {:.4} | {:.4}", l.before, l.after, l.floor, l.left);
+    let figures = format!("{:.4} | {:.4} | {:.4} | {:.4}", l.before, l.after, l.floor, l.residual);
     format!("| {name} | `{}` | {} | {figures} | {words} | {:.4} |\n", l.model, l.windows, l.fit)
 }
 
 /// What the page claims.
 fn holds(name: &str, most: f64, l: &Found) -> Result<()> {
-    ensure!(l.left < most * l.floor, "{name}: {} is left, floor {}", l.left, l.floor);
-    ensure!(l.before > 5.0 * l.left, "{name}: {} of {} is left", l.left, l.before);
+    ensure!(l.residual < most * l.floor, "{name}: residual {}, floor {}", l.residual, l.floor);
+    ensure!(l.before > 5.0 * l.residual, "{name}: residual {} of {}", l.residual, l.before);
     // Three standard errors of a σ of n windows, on each side of the comparison.
-    let (expected, sampling) = (l.floor.hypot(l.left), 3.0 / (l.windows as f64).sqrt());
+    let (expected, sampling) = (l.floor.hypot(l.residual), 3.0 / (l.windows as f64).sqrt());
     ensure!((l.after / expected - 1.0).abs() < sampling, "{name}: {} is not {expected}", l.after);
     Ok(())
 }

@@ -70,11 +70,13 @@ fn named(clean: &Seen, broken: &Seen) -> Vec<String> {
     more.collect()
 }
 
-const HEAD: &str = "# Faults, and what notices them
+const HEAD: &str = "# Faults
 
-Made by `cargo xtask bless`; do not edit. Each ready scenario with each fault from two fifths to three fifths of
-its run, through `sagnac inspect`. *Named* are the reasons for which rows are left out beyond those of the same test without
-the fault, with their number. **Not noticed** means that the log looks like a good one; [Simulator](../explanation/simulator.md#faults-that-nobody-notices) says why.
+Made by `cargo xtask bless`; do not edit.
+
+Each ready scenario has each fault from two fifths to three fifths of its run. The log goes through `sagnac inspect`. *Named* are the
+reasons for which rows are excluded beyond those of the same test without the fault, with their number. **Not noticed** means that the log looks
+like a good one; [Simulator](../explanation/simulator.md#faults-that-nobody-notices) states why.
 
 | scenario | fault | named | calibrate |
 |---|---|---|---|

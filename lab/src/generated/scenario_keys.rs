@@ -8,7 +8,7 @@ use sagnac_sim::manual;
 use crate::bless::Made;
 use crate::places::SCENARIO_KEYS;
 
-const HEAD: &str = "# Keys of a scenario
+const HEAD: &str = "# Scenario
 
 Made by `cargo xtask bless`; do not edit. Unknown keys and values outside
 their range are refused before a run starts. Sources: [S] public sources; [M] general knowledge of the field, not verified; both as

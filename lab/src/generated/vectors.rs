@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use anyhow::{Context, Result};
-use sagnac_core::{Description, Image, Kind, LagSpec, MAX_RAW, Multiplier, Scale, Shape, Source, Term, Thermometer};
+use sagnac_core::{Description, Gain, Image, InputSpec, Kind, LagSpec, MAX_RAW, Multiplier, Shape, Term, ValueSource};
 use sagnac_loops::LoopTable;
 use sagnac_sim::physics::free_spectral_range_hz;
 use sagnac_sim::{LoopDesign, Scenario};
@@ -133,14 +133,14 @@ fn loops(scenario: &str, searches: bool) -> Result<Loops> {
 }
 
 /// Codes of 2^-24 °C, a lag of 32 updates, a rate span of ±0.25 °C an update.
-fn thermometer(span_c: [i32; 2]) -> Result<Thermometer> {
+fn thermometer(span_c: [i32; 2]) -> Result<InputSpec> {
     let half = i64::from(span_c[1] - span_c[0]) << 23;
     let bits = 63 - half.leading_zeros();
     let x_shift = bits - 15;
-    Ok(Thermometer {
-        gain: Scale { mantissa: 1 << 30, shift: 30 },
-        plausible_lo_q24: -(80 << 24),
-        plausible_hi_q24: 120 << 24,
+    Ok(InputSpec {
+        gain: Gain { mantissa: 1 << 30, shift: 30 },
+        valid_lo_q24: -(80 << 24),
+        valid_hi_q24: 120 << 24,
         span_lo_q24: span_c[0] << 24,
         span_hi_q24: span_c[1] << 24,
         x_mantissa: u32::try_from((1_i64 << (47 + x_shift)) / half)?,
@@ -154,19 +154,19 @@ fn thermometer(span_c: [i32; 2]) -> Result<Thermometer> {
             y_mantissa: 1 << 31,
             y_shift: 30,
         },
-        hold_updates: 20,
+        stale_after_updates: 20,
         settling_updates: 96,
-        ..Thermometer::UNUSED
+        ..InputSpec::UNUSED
     })
 }
 
-fn series(kind: Kind, sensor: u8, order: u8, multiplier: Multiplier, mantissa: i32, shift: u8) -> Term {
-    Term { kind, sensor, shape: Shape::Chebyshev(order), multiplier, mantissa, shift }
+fn series(kind: Kind, input: u8, order: u8, multiplier: Multiplier, mantissa: i32, shift: u8) -> Term {
+    Term { kind, input, shape: Shape::Chebyshev(order), multiplier, mantissa, shift }
 }
 
 fn terms(d: &mut Description, terms: &[(Kind, u8, u8, Multiplier, i32, u8)]) {
-    for (slot, &(kind, sensor, order, multiplier, mantissa, shift)) in d.terms.iter_mut().zip(terms) {
-        *slot = series(kind, sensor, order, multiplier, mantissa, shift);
+    for (slot, &(kind, input, order, multiplier, mantissa, shift)) in d.terms.iter_mut().zip(terms) {
+        *slot = series(kind, input, order, multiplier, mantissa, shift);
     }
     d.term_count = terms.len() as u8;
 }
@@ -177,7 +177,7 @@ fn compensator_full() -> Result<Making> {
     use Multiplier::{One, Rate};
     let mut d = Description { period_ticks: 1000, ..Description::empty() };
     d.serial[..4].copy_from_slice(b"FULL");
-    (d.thermometers[0], d.thermometer_count) = (thermometer([-35, 65])?, 1);
+    (d.inputs[0], d.input_count) = (thermometer([-35, 65])?, 1);
     terms(
         &mut d,
         &[
@@ -215,26 +215,26 @@ fn compensator_inputs() -> Result<Making> {
     use Multiplier::{One, Rate};
     let mut d = Description { period_ticks: 200, slew_ticks: 50, ..Description::empty() };
     d.serial[..6].copy_from_slice(b"INPUTS");
-    let difference = Thermometer {
-        source: Source::Difference { of: 1, less: 0 },
-        gain: sagnac_core::Scale::ONE,
-        plausible_lo_q24: -(40 << 24),
-        plausible_hi_q24: 40 << 24,
+    let difference = InputSpec {
+        source: ValueSource::Difference { of: 1, less: 0 },
+        gain: sagnac_core::Gain::ONE,
+        valid_lo_q24: -(40 << 24),
+        valid_hi_q24: 40 << 24,
         lag: LagSpec { alpha_mantissa: 0x4abc_def1, alpha_shift: 33, ..thermometer([-35, 65])?.lag },
-        hold_updates: 5,
+        stale_after_updates: 5,
         ..thermometer([-6, 11])?
     };
-    let voltage = Thermometer {
+    let voltage = InputSpec {
         unit_exponent: 1,
-        gain: sagnac_core::Scale { mantissa: 1_333_333_333, shift: 24 },
+        gain: sagnac_core::Gain { mantissa: 1_333_333_333, shift: 24 },
         lag: LagSpec::default(),
         settling_updates: 0,
         ..thermometer([-45, 45])?
     };
-    d.thermometers = [thermometer([-35, 65])?, thermometer([-30, 60])?, difference, voltage];
-    d.thermometer_count = 4;
+    d.inputs = [thermometer([-35, 65])?, thermometer([-30, 60])?, difference, voltage];
+    d.input_count = 4;
     let piece =
-        |kind, sensor, shape, multiplier, mantissa, shift| Term { kind, sensor, shape, multiplier, mantissa, shift };
+        |kind, input, shape, multiplier, mantissa, shift| Term { kind, input, shape, multiplier, mantissa, shift };
     let (zone, step) = (|knot_q15| Shape::Zone { knot_q15 }, |knot_q15| Shape::Step { knot_q15 });
     let all = [
         series(Bias, 0, 0, One, -558_484_714, 33),
@@ -284,9 +284,9 @@ fn compensator_inputs() -> Result<Making> {
         let shown = [first, second, second - first, codes[3].into()];
         for (seen, term) in seen.iter_mut().zip(&all).filter(|_| present & 0b1011 == 0b1011) {
             seen[usize::from(is_above(
-                &d.thermometers[usize::from(term.sensor)],
+                &d.inputs[usize::from(term.input)],
                 term.shape,
-                shown[usize::from(term.sensor)],
+                shown[usize::from(term.input)],
             ))] = true;
         }
     }
@@ -308,10 +308,10 @@ fn compensator_harmonic() -> Result<Making> {
     use Multiplier::{One, Rate};
     let mut d = Description { period_ticks: 100, slew_ticks: 20, ..Description::empty() };
     d.serial[..8].copy_from_slice(b"HARMONIC");
-    (d.thermometers[0], d.thermometers[1]) = (thermometer([-35, 65])?, thermometer([-20, 50])?);
-    d.thermometer_count = 2;
+    (d.inputs[0], d.inputs[1]) = (thermometer([-35, 65])?, thermometer([-20, 50])?);
+    d.input_count = 2;
     let wave =
-        |kind, sensor, shape, multiplier, mantissa, shift| Term { kind, sensor, shape, multiplier, mantissa, shift };
+        |kind, input, shape, multiplier, mantissa, shift| Term { kind, input, shape, multiplier, mantissa, shift };
     let cosine = |turns_q18| Shape::Cosine { turns_q18 };
     let sine = |turns_q18| Shape::Sine { turns_q18 };
     let all = [
@@ -353,12 +353,12 @@ fn compensator_harmonic() -> Result<Making> {
 }
 
 /// Whether a temperature in 2^-24 degC (a code, for a thermometer with one) is above the knot of a shape.
-fn is_above(of: &Thermometer, shape: Shape, value: i64) -> bool {
+fn is_above(of: &InputSpec, shape: Shape, value: i64) -> bool {
     let knot_q15 = match shape {
         Shape::Chebyshev(_) | Shape::Cosine { .. } | Shape::Sine { .. } => return true,
         Shape::Zone { knot_q15 } | Shape::Step { knot_q15 } => i64::from(knot_q15),
     };
-    let t = if of.source == Source::Code { of.temperature_q24(value as i32).map_or(0, i64::from) } else { value };
+    let t = if of.source == ValueSource::Code { of.value_q24(value as i32).map_or(0, i64::from) } else { value };
     let (lo, hi) = (i64::from(of.span_lo_q24), i64::from(of.span_hi_q24));
     // x > knot, with x clamped to the span.
     (2 * t.clamp(lo, hi) - lo - hi) * 32_768 > knot_q15 * (hi - lo)
@@ -384,13 +384,13 @@ fn compensator_edges(output_limit: u32, longest: u32) -> Result<Making> {
     use Multiplier::{One, Rate};
     let mut d = Description { period_ticks: 40, slew_ticks: 7, output_limit, ..Description::empty() };
     d.serial[..5].copy_from_slice(b"EDGES");
-    d.thermometers[0] = Thermometer { hold_updates: 3, settling_updates: 5, ..thermometer([-35, 65])? };
-    d.thermometers[1] = Thermometer {
+    d.inputs[0] = InputSpec { stale_after_updates: 3, settling_updates: 5, ..thermometer([-35, 65])? };
+    d.inputs[1] = InputSpec {
         offset_q24: 3 << 24,
-        gain: sagnac_core::Scale { mantissa: -1_234_567_891, shift: 22 },
+        gain: sagnac_core::Gain { mantissa: -1_234_567_891, shift: 22 },
         ..thermometer([10, 30])?
     };
-    d.thermometer_count = 2;
+    d.input_count = 2;
     terms(
         &mut d,
         &[

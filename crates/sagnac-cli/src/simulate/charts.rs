@@ -121,7 +121,7 @@ impl Recorder {
             self.chart("current", "Discharge", "current, mA", vec![column(6, "current")]),
         ];
         charts[0].caption = format!(
-            "Each point is the mean of {} s; the mean of all, {} °/h, is taken off. Shaded: rows that the gyro marks as invalid.",
+            "Each point is the mean of {} s; the mean of all, {} °/h, is subtracted. Shaded: rows that the gyro marks as invalid.",
             significant(self.stretch_s, 3),
             significant(mean, 6)
         );

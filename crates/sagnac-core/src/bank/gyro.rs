@@ -1,10 +1,10 @@
-//! Which gyro this is, and what an image must be to be its own.
+//! The identity of a gyro, and the check that an image is made for it.
 
 use core::fmt;
 
 use crate::image::{Description, Image, Kind};
 
-/// What the board knows of its gyro without any image.
+/// What the board knows about its gyro without an image, from a fuse or its configuration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Gyro {
     /// Serial number, UTF-8, padded with zero bytes.
@@ -17,32 +17,32 @@ pub struct Gyro {
     pub scale_factor_femto_arcsec: u64,
     /// Counts of the counter per output count, 1e-9.
     pub quantum_nano_counts: u64,
-    /// Largest believable |increment|, counts·2⁻³² per tick: d·tick/S0·2³² of the worst drift this gyro can have.
+    /// Largest |increment| that an image may reach, counts·2⁻³² per tick: d·tick/S0·2³² of the largest drift of this type of gyro.
     pub largest_increment: i64,
-    /// Largest believable |k − 1|, 2⁻³²: 4295 is 1 ppm.
+    /// Largest |k − 1| that an image may reach, 2⁻³²: 4295 is 1 ppm.
     pub largest_scale: i64,
 }
 
-/// Why an intact image is not for this gyro.
+/// Why an intact image is refused for this gyro.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Unfit {
-    /// Another gyro's.
+pub enum ImageMismatch {
+    /// Another serial number.
     Serial,
-    /// Another axis of it.
+    /// Another axis.
     Axis,
-    /// For another length of the tick.
+    /// Another length of the tick.
     Tick,
-    /// For another scale factor.
+    /// Another scale factor.
     ScaleFactor,
-    /// For another unit of the output.
+    /// Another quantum (unit of the output counts).
     Quantum,
-    /// Its bias terms could reach a drift that this gyro cannot have.
-    AbsurdBias,
-    /// Its scale terms could reach a change that this gyro cannot have.
-    AbsurdScale,
+    /// Its bias terms can reach more than [`Gyro::largest_increment`].
+    BiasTooLarge,
+    /// Its scale terms can reach more than [`Gyro::largest_scale`].
+    ScaleTooLarge,
 }
 
-impl fmt::Display for Unfit {
+impl fmt::Display for ImageMismatch {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Serial => "made for a gyro of another serial number",
@@ -50,16 +50,16 @@ impl fmt::Display for Unfit {
             Self::Tick => "made for another length of the tick",
             Self::ScaleFactor => "made for another scale factor",
             Self::Quantum => "made for another quantum",
-            Self::AbsurdBias => "its bias terms reach beyond what this gyro can drift",
-            Self::AbsurdScale => "its scale terms reach beyond what this gyro can change",
+            Self::BiasTooLarge => "its bias terms reach beyond the largest drift of this gyro",
+            Self::ScaleTooLarge => "its scale terms reach beyond the largest scale-factor change of this gyro",
         })
     }
 }
 
-impl core::error::Error for Unfit {}
+impl core::error::Error for ImageMismatch {}
 
 impl Gyro {
-    /// The gyro that an image was made for, believing drifts and scale changes up to `times` what the image can reach.
+    /// The gyro that an image was made for, with limits of `times` what the image can reach.
     pub fn of(image: &Image, times: u32) -> Self {
         let d = image.description();
         Self {
@@ -73,27 +73,28 @@ impl Gyro {
         }
     }
 
-    /// Says whether an image is this gyro's.
+    /// Checks that an image is made for this gyro.
     ///
     /// # Errors
-    /// The first thing that does not fit.
-    pub fn accept(&self, image: &Image) -> Result<(), Unfit> {
+    /// The first property that differs.
+    pub fn accept(&self, image: &Image) -> Result<(), ImageMismatch> {
         let d = image.description();
         let rules = [
-            (d.serial == self.serial, Unfit::Serial),
-            (d.axis == self.axis, Unfit::Axis),
-            (d.tick_ns == self.tick_ns, Unfit::Tick),
-            (d.scale_factor_femto_arcsec == self.scale_factor_femto_arcsec, Unfit::ScaleFactor),
-            (d.quantum_nano_counts == self.quantum_nano_counts, Unfit::Quantum),
-            (image.reach(Kind::Bias) <= self.largest_increment, Unfit::AbsurdBias),
-            (image.reach(Kind::Scale) <= self.largest_scale, Unfit::AbsurdScale),
+            (d.serial == self.serial, ImageMismatch::Serial),
+            (d.axis == self.axis, ImageMismatch::Axis),
+            (d.tick_ns == self.tick_ns, ImageMismatch::Tick),
+            (d.scale_factor_femto_arcsec == self.scale_factor_femto_arcsec, ImageMismatch::ScaleFactor),
+            (d.quantum_nano_counts == self.quantum_nano_counts, ImageMismatch::Quantum),
+            (image.reach(Kind::Bias) <= self.largest_increment, ImageMismatch::BiasTooLarge),
+            (image.reach(Kind::Scale) <= self.largest_scale, ImageMismatch::ScaleTooLarge),
         ];
-        rules.iter().find(|(holds, _)| !holds).map_or(Ok(()), |(_, unfit)| Err(*unfit))
+        rules.iter().find(|(holds, _)| !holds).map_or(Ok(()), |(_, mismatch)| Err(*mismatch))
     }
 
-    /// What runs while no image is valid: counts pass through. The status of its ticks is clean, because an image
-    /// without terms does all it was made for: who runs it on [`crate::Origin::FactoryDefaults`] adds
-    /// [`crate::Status::UNCORRECTED`].
+    /// The image to run while no bank holds a valid one: counts pass through.
+    ///
+    /// The status of its ticks is clean, because an image without terms has nothing to correct. With
+    /// [`crate::Origin::FactoryDefaults`] the caller adds [`crate::Status::UNCORRECTED`].
     pub fn factory_defaults(&self) -> Image {
         let described = Description {
             serial: self.serial,
@@ -103,7 +104,7 @@ impl Gyro {
             quantum_nano_counts: self.quantum_nano_counts.max(1),
             ..Description::empty()
         };
-        // A serial or axis that no image can hold falls back to the empty one.
+        // Falls back to the empty image for a serial number or axis that no image can hold.
         Image::new(described).unwrap_or_else(|_| Image::empty())
     }
 }

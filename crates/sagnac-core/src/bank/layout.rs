@@ -1,25 +1,25 @@
-//! Where things stand in a bank, and how they read.
+//! Layout of a bank, and the encoding of its parts.
 //!
 //! ```text
 //! 0        32                 160       192                                    992      1024
 //! ┌────────┬──────────────────┬─────────┬──────────────────────────────────────┬────────┐
-//! │ commit │ left × 4         │ head    │ image (at most 772), filled with ff  │ unused │
+//! │ commit │ notes × 4        │ head    │ image (at most 772), filled with ff  │ unused │
 //! └────────┴──────────────────┴─────────┴──────────────────────────────────────┴────────┘
 //! ```
 //!
-//! Every part begins at a multiple of 32 bytes and is programmed once between two erases, so that flash that programs
-//! 1 to 32 bytes at a time, with or without error correction, can hold it.
+//! Every part begins at a multiple of 32 bytes and is programmed once between two erases. So flash that programs 1 to 32 bytes at a
+//! time can hold it, with or without error correction.
 
 use crate::bytes::{Reader, Writer, crc32_of};
 use crate::codec::MAX_IMAGE_LEN;
 
-/// Bytes that a bank uses; its size is this or more, a multiple of the flash's erase size.
+/// Bytes that a bank uses. Its size is at least this, and a multiple of the flash's erase size.
 pub const BANK_LEN: u32 = 1024;
-/// What every part is aligned to, and the largest unit of programming that fits.
+/// Alignment of every part, and the largest programming unit of a flash that can hold a bank.
 pub const REGION_ALIGNMENT: usize = 32;
 pub(super) const COMMIT_AT: u32 = 0;
-pub(super) const LEFT_AT: u32 = 32;
-pub(super) const LEFT_SLOTS: u32 = 4;
+pub(super) const NOTES_AT: u32 = 32;
+pub(super) const NOTES: u32 = 4;
 pub(super) const HEAD_AT: u32 = 160;
 pub(super) const IMAGE_AT: u32 = 192;
 /// The image's area: whole units.
@@ -34,10 +34,10 @@ const BANK_VERSION: u32 = 1;
 
 /// One part.
 pub(super) type Unit = [u8; REGION_ALIGNMENT];
-/// What an erased part reads.
+/// An erased part.
 pub(super) const BLANK: Unit = [0xff; REGION_ALIGNMENT];
 
-/// What stands before the image.
+/// The part before the image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Head {
     /// Counts up with every image stored in either bank.
@@ -63,7 +63,7 @@ impl Head {
         unit
     }
 
-    /// The head that these bytes hold.
+    /// Decodes the head; `None` if the bytes hold none.
     pub(super) fn read(unit: &Unit) -> Option<Self> {
         let mut r = Reader::new(unit);
         let magic = r.take::<8>()?;
@@ -82,7 +82,7 @@ impl Head {
         crc32_of(&[&HEAD_MAGIC, &bytes])
     }
 
-    /// The commit word of this head: nothing else commits it.
+    /// The commit word of this head, and of no other.
     pub(super) fn commit(&self) -> Unit {
         let mut unit = [0; REGION_ALIGNMENT];
         let mut w = Writer::new(&mut unit);
@@ -95,11 +95,11 @@ impl Head {
     }
 }
 
-/// The unit that says: what the other bank holds from store `number` or before was left for this bank's image.
+/// A note of a roll back: the image that the other bank holds from store `number` or earlier is withdrawn.
 ///
-/// The number and its complement, four times. Programming only clears bits, so a pair that was torn has a place where
-/// both read one and is never taken for another number; and a pair that rotted leaves three others.
-pub(super) fn left_unit(number: u32) -> Unit {
+/// The number and its complement, four times. Programming only clears bits, so in a torn pair some bit is one in both words, and the
+/// pair is never read as another number. If one pair decays, three remain.
+pub(super) fn note_unit(number: u32) -> Unit {
     let mut unit = BLANK;
     let mut w = Writer::new(&mut unit);
     for _ in 0..4 {
@@ -109,12 +109,12 @@ pub(super) fn left_unit(number: u32) -> Unit {
     unit
 }
 
-/// The number in such a unit, if one of its pairs is whole.
-pub(super) fn left_number(unit: &Unit) -> Option<u32> {
+/// The number of such a note, if one of its pairs is intact.
+pub(super) fn note_number(unit: &Unit) -> Option<u32> {
     let mut r = Reader::new(unit);
     let mut found = None;
     while let (Some(number), Some(complement)) = (r.u32(), r.u32()) {
-        // Four zero bytes in a blank unit would read as the last number there is, which no store gets.
+        // Four zero bytes in a blank unit would read as u32::MAX, a number that no store gets.
         if number == !complement && number != u32::MAX {
             found = found.max(Some(number));
         }

@@ -1,23 +1,21 @@
-//! Two flash banks: the image in force, and the one before it.
+//! Two flash banks: the active image and the one before it.
 //!
 //! ```text
 //! store:      erase the other bank ─▶ image ─▶ head ─▶ read back ─▶ commit word ─▶ read back
-//! load:       of the committed, intact banks of this gyro that were not left, the one stored last
-//! roll back:  one unit programmed in the older bank says that the newer one was left
+//! load:       the last stored of the banks that are committed, intact, for this gyro and not withdrawn
+//! roll back:  program one note in the older bank: the newer image is withdrawn
 //! ```
 //!
-//! Whatever step the power goes away in, [`Banks::load`] afterwards finds the old image or the new one: the bank in
-//! force is never touched by a store, and the new one counts only by a commit word that is written last and names
-//! the checksum of its head, which names that of the image.
+//! Power may fail at any step: [`Banks::load`] then finds the old image or the new one. A store never touches the bank of the active
+//! image. The new image counts only with its commit word, which is written last and contains the checksum of its head, which contains
+//! that of the image.
 //!
-//! An image whose own sequence number is not above that of the image in force is refused, so that an old file cannot
-//! come back by mistake; going back takes [`Banks::roll_back`]. What was left stays left, also when the older bank's
-//! image is damaged later: the note stands beside that image, in four copies, and an erase of the bank that was left,
-//! however far it comes, cannot remove it. Bytes: `docs/reference/image-format.md`.
+//! A store refuses an image whose own sequence number is not above that of the active one, so an old file cannot return by mistake. Use
+//! [`Banks::roll_back`] to go back. A withdrawn image stays withdrawn, even if the older image is damaged later: the note is beside
+//! that image, in four copies, and no erase of the withdrawn bank can remove it. `docs/reference/image-format.md` has the bytes.
 //!
-//! Where it fails: both banks damaged at once leave the factory defaults, and say so. A bank whose commit word is
-//! damaged cannot be told from one whose store was cut short in that word; both are [`BankReport::Damaged`]. A commit
-//! word torn so that it reads differently each time is beyond what reading can detect.
+//! Limits: if both banks are damaged at once the factory defaults run, and [`Loaded::origin`] says so. A damaged commit word looks like
+//! a store that was cut in that word; both are [`BankReport::Damaged`]. A commit word that reads differently each time cannot be detected.
 
 mod gyro;
 mod layout;
@@ -26,13 +24,13 @@ use core::fmt;
 
 use embedded_storage::nor_flash::NorFlash;
 
-pub use gyro::{Gyro, Unfit};
+pub use gyro::{Gyro, ImageMismatch};
 pub use layout::{BANK_LEN, REGION_ALIGNMENT};
 
 use crate::bytes::crc32;
 use crate::codec::DecodeError;
 use crate::image::Image;
-use layout::{BLANK, COMMIT_AT, END, HEAD_AT, Head, IMAGE_AREA, IMAGE_AT, LEFT_AT, LEFT_SLOTS, Unit};
+use layout::{BLANK, COMMIT_AT, END, HEAD_AT, Head, IMAGE_AREA, IMAGE_AT, NOTES, NOTES_AT, Unit};
 
 /// What a bank holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -46,36 +44,36 @@ pub enum BankReport {
         /// The image's own sequence number.
         sequence: u32,
     },
-    /// A valid image that was left by a roll back.
-    Left {
+    /// A valid image that a roll back has withdrawn.
+    Withdrawn {
         /// Number of the store that wrote it.
         stored: u32,
     },
     /// Commit word, head or image damaged.
     Damaged,
-    /// Intact bytes that are no image for this program.
+    /// Intact bytes that this code refuses as an image.
     NoImage(DecodeError),
-    /// An intact image that is not for this gyro.
-    Unfit(Unfit),
+    /// An intact image for another gyro.
+    Mismatch(ImageMismatch),
     /// The flash could not be read.
     Unreadable,
 }
 
-/// Where the image in force comes from.
+/// Where the active image comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Origin {
-    /// The newest that was stored.
+    /// The newest image that was stored.
     Newest,
-    /// The only intact one beside a bank that is damaged, unreadable or another gyro's: it may be the older of the two.
+    /// The only usable image: the other bank is damaged, unreadable or for another gyro. It may be the older of the two.
     Survivor,
-    /// No bank holds an image for this gyro: counts pass through uncorrected.
+    /// No bank holds an image for this gyro. Counts pass through uncorrected.
     FactoryDefaults,
 }
 
 /// What flash holds for a gyro.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Loaded {
-    /// The image in force.
+    /// The active image.
     pub image: Image,
     /// Where it comes from.
     pub origin: Origin,
@@ -83,43 +81,43 @@ pub struct Loaded {
     pub banks: [BankReport; 2],
 }
 
-/// Why an image was not stored, or not gone back from.
+/// Why a store or a roll back failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StoreError<E> {
-    /// It is not for this gyro.
-    Unfit(Unfit),
-    /// Its sequence number is not above that of the image in force.
+    /// The image is for another gyro.
+    Mismatch(ImageMismatch),
+    /// The sequence number of the image is not above that of the active one.
     NotNewer {
-        /// Number in force.
-        in_force: u32,
-        /// Number offered.
+        /// Sequence number of the active image.
+        active: u32,
+        /// Sequence number of the refused image.
         offered: u32,
     },
-    /// The image in force is the only one.
-    NothingToGoBackTo,
-    /// The bank's slots for the note are used up by attempts that were cut short.
-    NoSlotLeft,
-    /// The counter of stores is at its end.
-    CounterAtEnd,
-    /// What reads back is not what was written: worn out, or write-protected. The image in force is untouched.
+    /// There is no older image to go back to.
+    NoOlderImage,
+    /// All places for a note are used, by roll backs that were cut short.
+    NoFreeNote,
+    /// The counter of stores is at its largest value.
+    StoreCounterFull,
+    /// The flash does not read back what was written: worn out, or write-protected. The active image is not affected.
     ReadBack {
-        /// Where, from the start of the region.
+        /// Offset from the start of the flash.
         offset: u32,
     },
-    /// The flash said no.
+    /// The flash reported an error.
     Flash(E),
 }
 
 impl<E: fmt::Debug> fmt::Display for StoreError<E> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Unfit(unfit) => write!(f, "{unfit}"),
-            Self::NotNewer { in_force, offered } => {
-                write!(f, "sequence number {offered} is not above {in_force}, which is in force")
+            Self::Mismatch(mismatch) => write!(f, "{mismatch}"),
+            Self::NotNewer { active, offered } => {
+                write!(f, "sequence number {offered} is not above {active}, that of the active image")
             }
-            Self::NothingToGoBackTo => f.write_str("the other bank holds no image to go back to"),
-            Self::NoSlotLeft => f.write_str("no slot for the note is free any more; store an image instead"),
-            Self::CounterAtEnd => f.write_str("the counter of stores is at its end"),
+            Self::NoOlderImage => f.write_str("the other bank holds no image to go back to"),
+            Self::NoFreeNote => f.write_str("no place for another note of a roll back; store an image instead"),
+            Self::StoreCounterFull => f.write_str("the counter of stores is at its largest value"),
             Self::ReadBack { offset } => write!(f, "flash does not read back what was written at {offset:#x}"),
             Self::Flash(error) => write!(f, "flash: {error:?}"),
         }
@@ -128,7 +126,7 @@ impl<E: fmt::Debug> fmt::Display for StoreError<E> {
 
 impl<E: fmt::Debug> core::error::Error for StoreError<E> {}
 
-/// Two banks, one after the other.
+/// Two banks in one flash, one after the other.
 #[derive(Debug)]
 pub struct Banks<F> {
     flash: F,
@@ -141,8 +139,8 @@ pub struct Banks<F> {
 struct Found {
     report: BankReport,
     image: Option<Image>,
-    /// Stores of the other bank up to this number were left.
-    left: Option<u32>,
+    /// The other bank's images are withdrawn up to this store.
+    withdrawn: Option<u32>,
 }
 
 impl<F: NorFlash> Banks<F> {
@@ -166,15 +164,15 @@ impl<F: NorFlash> Banks<F> {
         self.flash
     }
 
-    /// The image in force for this gyro. Reads only.
+    /// The active image for this gyro. Only reads the flash.
     pub fn load(&mut self, gyro: &Gyro) -> Loaded {
-        let found = self.look_at_both(gyro);
+        let found = self.inspect_both(gyro);
         let banks = found.map(|bank| bank.report);
-        let force = in_force(&banks);
-        let image = force.and_then(|bank| found.get(bank)).and_then(|bank| bank.image);
-        let origin = match (image, force.and_then(|bank| banks.get(1 - bank))) {
+        let current = active(&banks);
+        let image = current.and_then(|bank| found.get(bank)).and_then(|bank| bank.image);
+        let origin = match (image, current.and_then(|bank| banks.get(1 - bank))) {
             (None, _) => Origin::FactoryDefaults,
-            (Some(_), Some(BankReport::Uncommitted | BankReport::Valid { .. } | BankReport::Left { .. })) => {
+            (Some(_), Some(BankReport::Uncommitted | BankReport::Valid { .. } | BankReport::Withdrawn { .. })) => {
                 Origin::Newest
             }
             (Some(_), _) => Origin::Survivor,
@@ -182,53 +180,50 @@ impl<F: NorFlash> Banks<F> {
         Loaded { image: image.unwrap_or_else(|| gyro.factory_defaults()), origin, banks }
     }
 
-    /// Stores an image in the bank that is not in force, which it then is.
+    /// Stores an image in the bank that is not active, and makes it the active one.
     ///
     /// # Errors
-    /// [`StoreError`]; the image that was in force still is.
+    /// [`StoreError`]; then the active image is the one from before.
     pub fn store(&mut self, gyro: &Gyro, image: &Image) -> Result<(), StoreError<F::Error>> {
-        gyro.accept(image).map_err(StoreError::Unfit)?;
-        let found = self.look_at_both(gyro);
+        gyro.accept(image).map_err(StoreError::Mismatch)?;
+        let found = self.inspect_both(gyro);
         let banks = found.map(|bank| bank.report);
-        let force = in_force(&banks);
-        let in_force =
-            if let Some(BankReport::Valid { sequence: in_force, .. }) = force.and_then(|bank| banks.get(bank)) {
-                *in_force
-            } else {
-                // Replies tell the factory defaults by 0, so no image has it.
-                0
-            };
+        let current = active(&banks);
+        let sequence_in_use = match current.and_then(|bank| banks.get(bank)) {
+            Some(BankReport::Valid { sequence, .. }) => *sequence,
+            // Replies report the factory defaults as 0, so no image has that number.
+            _ => 0,
+        };
         let offered = image.description().sequence;
-        if offered <= in_force {
-            return Err(StoreError::NotNewer { in_force, offered });
+        if offered <= sequence_in_use {
+            return Err(StoreError::NotNewer { active: sequence_in_use, offered });
         }
         let stored = |report: &BankReport| match report {
-            BankReport::Valid { stored, .. } | BankReport::Left { stored } => Some(*stored),
+            BankReport::Valid { stored, .. } | BankReport::Withdrawn { stored } => Some(*stored),
             _ => None,
         };
-        let newest = found.iter().flat_map(|bank| [stored(&bank.report), bank.left]).flatten().max().unwrap_or(0);
-        let sequence = newest.checked_add(1).filter(|next| *next < u32::MAX).ok_or(StoreError::CounterAtEnd)?;
-        // With nothing in force: what was left goes first, because the note that it was stands in the other bank; what
-        // is for another gyro goes last.
+        let newest = found.iter().flat_map(|bank| [stored(&bank.report), bank.withdrawn]).flatten().max().unwrap_or(0);
+        let sequence = newest.checked_add(1).filter(|next| *next < u32::MAX).ok_or(StoreError::StoreCounterFull)?;
+        // Without an active image, overwrite a withdrawn one first (its note is in the other bank), one for another gyro last.
         let rank = |report: &BankReport| match report {
-            BankReport::Left { .. } => 0,
-            BankReport::NoImage(_) | BankReport::Unfit(_) => 2,
+            BankReport::Withdrawn { .. } => 0,
+            BankReport::NoImage(_) | BankReport::Mismatch(_) => 2,
             _ => 1,
         };
-        let target = match (force, &banks) {
+        let target = match (current, &banks) {
             (Some(bank), _) => 1 - bank,
             (None, [first, second]) => usize::from(rank(second) < rank(first)),
         };
         self.write(target, sequence, image)
     }
 
-    /// Leaves the image in force, so that the one before it is in force again, which is returned.
+    /// Withdraws the active image. The one before it becomes active again and is returned.
     ///
     /// # Errors
-    /// [`StoreError::NothingToGoBackTo`] unless the other bank holds a valid image for this gyro; flash errors, after
-    /// which one of the two is in force.
+    /// [`StoreError::NoOlderImage`] unless the other bank holds a valid image for this gyro. After a flash error either of the two
+    /// may be active.
     pub fn roll_back(&mut self, gyro: &Gyro) -> Result<Image, StoreError<F::Error>> {
-        let found = self.look_at_both(gyro);
+        let found = self.inspect_both(gyro);
         let (older, number) = match found.map(|bank| bank.report) {
             [BankReport::Valid { stored: a, .. }, BankReport::Valid { stored: b, .. }] => {
                 if a < b {
@@ -237,18 +232,18 @@ impl<F: NorFlash> Banks<F> {
                     (1, a)
                 }
             }
-            _ => return Err(StoreError::NothingToGoBackTo),
+            _ => return Err(StoreError::NoOlderImage),
         };
         let start = self.start(older);
-        for slot in 0..LEFT_SLOTS {
-            let offset = start + LEFT_AT + slot * REGION_ALIGNMENT as u32;
-            // A slot that cannot be read was torn by an attempt before, on flash with error correction.
+        for slot in 0..NOTES {
+            let offset = start + NOTES_AT + slot * REGION_ALIGNMENT as u32;
+            // On flash with error correction, a place that cannot be read was torn by an earlier attempt.
             if self.read_unit(offset).is_ok_and(|unit| unit == BLANK) {
-                self.program(offset, &layout::left_unit(number))?;
-                return found.get(older).and_then(|bank| bank.image).ok_or(StoreError::NothingToGoBackTo);
+                self.program(offset, &layout::note_unit(number))?;
+                return found.get(older).and_then(|bank| bank.image).ok_or(StoreError::NoOlderImage);
             }
         }
-        Err(StoreError::NoSlotLeft)
+        Err(StoreError::NoFreeNote)
     }
 
     fn start(&self, bank: usize) -> u32 {
@@ -258,7 +253,7 @@ impl<F: NorFlash> Banks<F> {
     fn write(&mut self, bank: usize, sequence: u32, image: &Image) -> Result<(), StoreError<F::Error>> {
         let start = self.start(bank);
         let mut area = [0xff; IMAGE_AREA];
-        // The area is as long as the longest image.
+        // The longest image fits.
         let len = image.encode(&mut area).unwrap_or(0);
         let image_crc = crc32(area.get(..len).unwrap_or(&[]));
         let head = Head { sequence, len: len as u32, image_crc };
@@ -272,7 +267,7 @@ impl<F: NorFlash> Banks<F> {
         self.program(start + COMMIT_AT, &head.commit())
     }
 
-    /// Erases a bank, the sector of its commit word first, and makes sure that it is.
+    /// Erases a bank, beginning with the sector of its commit word, and checks that it is blank.
     fn erase(&mut self, start: u32) -> Result<(), StoreError<F::Error>> {
         let mut from = start;
         while from < start + self.len {
@@ -302,42 +297,42 @@ impl<F: NorFlash> Banks<F> {
         Ok(unit)
     }
 
-    fn look_at_both(&mut self, gyro: &Gyro) -> [Found; 2] {
-        let mut found = [self.look(0, gyro), self.look(1, gyro)];
-        let left = found.map(|bank| bank.left);
-        for (bank, left) in found.iter_mut().zip(left.iter().rev()) {
+    fn inspect_both(&mut self, gyro: &Gyro) -> [Found; 2] {
+        let mut found = [self.inspect(0, gyro), self.inspect(1, gyro)];
+        let withdrawn = found.map(|bank| bank.withdrawn);
+        for (bank, withdrawn) in found.iter_mut().zip(withdrawn.iter().rev()) {
             if let BankReport::Valid { stored, .. } = bank.report
-                && left.is_some_and(|left| stored <= left)
+                && withdrawn.is_some_and(|number| stored <= number)
             {
-                bank.report = BankReport::Left { stored };
+                bank.report = BankReport::Withdrawn { stored };
             }
         }
         found
     }
 
-    fn look(&mut self, bank: usize, gyro: &Gyro) -> Found {
+    fn inspect(&mut self, bank: usize, gyro: &Gyro) -> Found {
         let start = self.start(bank);
-        let left = self.read_left(start);
+        let withdrawn = self.read_notes(start);
         match self.read_bank(start) {
-            Err(_) => Found { report: BankReport::Unreadable, image: None, left },
-            Ok(Err(report)) => Found { report, image: None, left },
+            Err(_) => Found { report: BankReport::Unreadable, image: None, withdrawn },
+            Ok(Err(report)) => Found { report, image: None, withdrawn },
             Ok(Ok((stored, image))) => match gyro.accept(&image) {
-                Err(unfit) => Found { report: BankReport::Unfit(unfit), image: None, left },
+                Err(mismatch) => Found { report: BankReport::Mismatch(mismatch), image: None, withdrawn },
                 Ok(()) => {
                     let sequence = image.description().sequence;
-                    Found { report: BankReport::Valid { stored, sequence }, image: Some(image), left }
+                    Found { report: BankReport::Valid { stored, sequence }, image: Some(image), withdrawn }
                 }
             },
         }
     }
 
     /// The highest number of the notes that can be read.
-    fn read_left(&mut self, start: u32) -> Option<u32> {
-        let units = (0..LEFT_SLOTS).map(|slot| start + LEFT_AT + slot * REGION_ALIGNMENT as u32);
-        units.filter_map(|offset| layout::left_number(&self.read_unit(offset).ok()?)).max()
+    fn read_notes(&mut self, start: u32) -> Option<u32> {
+        let units = (0..NOTES).map(|slot| start + NOTES_AT + slot * REGION_ALIGNMENT as u32);
+        units.filter_map(|offset| layout::note_number(&self.read_unit(offset).ok()?)).max()
     }
 
-    /// Number of the store and image. The outer error is the flash's, the inner one what is wrong with the bank.
+    /// Number of the store, and the image. The outer error is from the flash, the inner one says what is wrong with the bank.
     fn read_bank(&mut self, start: u32) -> Result<Result<(u32, Image), BankReport>, F::Error> {
         let commit = self.read_unit(start + COMMIT_AT)?;
         if commit == BLANK {
@@ -357,8 +352,8 @@ impl<F: NorFlash> Banks<F> {
     }
 }
 
-/// The bank with the higher number of the valid ones; of two equal numbers, which no store makes, the first.
-fn in_force(banks: &[BankReport; 2]) -> Option<usize> {
+/// The valid bank with the higher store number; the first one if both are equal, which no store makes.
+fn active(banks: &[BankReport; 2]) -> Option<usize> {
     let number = |report: &BankReport| match report {
         BankReport::Valid { stored, .. } => Some(*stored),
         _ => None,

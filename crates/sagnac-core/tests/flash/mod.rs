@@ -42,7 +42,7 @@ pub(crate) struct Flash<const UNIT: usize, const SECTOR: usize> {
     pub(crate) bytes: Vec<u8>,
     pub(crate) programmed: Vec<bool>,
     /// Steps (units programmed, sectors erased) before the power goes; `None`: it stays.
-    pub(crate) left: Option<u64>,
+    pub(crate) steps_left: Option<u64>,
     /// Steps so far.
     pub(crate) steps: u64,
     /// Programmed units that come back with a stuck bit.
@@ -58,7 +58,7 @@ impl<const UNIT: usize, const SECTOR: usize> Flash<UNIT, SECTOR> {
         Self {
             bytes: vec![0xff; len],
             programmed: vec![false; len / UNIT],
-            left: None,
+            steps_left: None,
             steps: 0,
             worn: false,
             unreadable: 0..0,
@@ -69,7 +69,7 @@ impl<const UNIT: usize, const SECTOR: usize> Flash<UNIT, SECTOR> {
     /// One step: true while there is power, false in the step in which it goes.
     fn step(&mut self) -> Result<bool, Fault> {
         self.steps += 1;
-        match &mut self.left {
+        match &mut self.steps_left {
             None => Ok(true),
             Some(0) => Err(Fault::PowerCut),
             Some(left) => {

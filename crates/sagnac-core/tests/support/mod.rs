@@ -1,24 +1,24 @@
-//! Descriptions of images, plain and drawn at random, for the tests of this folder.
+//! Descriptions of images, fixed and random, for the tests of this folder.
 
 #![allow(dead_code, reason = "each test binary uses its own part")]
 
 use proptest::prelude::*;
 use sagnac_core::{
-    Description, Image, Kind, LagSpec, MAX_TURNS_Q18, Multiplier, Scale, Shape, Source, Term, Thermometer,
+    Description, Gain, Image, InputSpec, Kind, LagSpec, MAX_TURNS_Q18, Multiplier, Shape, Term, ValueSource,
 };
 
 /// Span −40 … +70 °C, rate span ±2 °C/min at Δt = 1 s, τ = 300 s, code = 2⁻²⁴ °C.
-pub(crate) fn thermometer() -> Thermometer {
+pub(crate) fn thermometer() -> InputSpec {
     let half = 55_i64 << 24;
     let alpha = 1.0 - (-1.0_f64 / 300.0).exp();
     let rate_hi = (2.0 / 60.0 * 2.0_f64.powi(36)) as i32;
-    Thermometer {
-        source: Source::Code,
+    InputSpec {
+        source: ValueSource::Code,
         unit_exponent: 0,
         offset_q24: 0,
-        gain: Scale { mantissa: 1 << 30, shift: 30 },
-        plausible_lo_q24: -(80 << 24),
-        plausible_hi_q24: 120 << 24,
+        gain: Gain { mantissa: 1 << 30, shift: 30 },
+        valid_lo_q24: -(80 << 24),
+        valid_hi_q24: 120 << 24,
         span_lo_q24: -(40 << 24),
         span_hi_q24: 70 << 24,
         x_mantissa: ((1_i64 << 61) / half) as u32,
@@ -32,13 +32,13 @@ pub(crate) fn thermometer() -> Thermometer {
             y_mantissa: ((1_u64 << 61) / rate_hi as u64) as u32,
             y_shift: 30,
         },
-        hold_updates: 10,
+        stale_after_updates: 10,
         settling_updates: 900,
     }
 }
 
 pub(crate) fn term(kind: Kind, order: u8, multiplier: Multiplier, mantissa: i32, shift: u8) -> Term {
-    Term { kind, sensor: 0, shape: Shape::Chebyshev(order), multiplier, mantissa, shift }
+    Term { kind, input: 0, shape: Shape::Chebyshev(order), multiplier, mantissa, shift }
 }
 
 /// An image with one thermometer and these terms.
@@ -47,8 +47,8 @@ pub(crate) fn image(terms: &[Term], period_ticks: u32, slew_ticks: u32) -> Image
     d.serial[..6].copy_from_slice(b"RLG-01");
     d.period_ticks = period_ticks;
     d.slew_ticks = slew_ticks;
-    d.thermometers[0] = thermometer();
-    d.thermometer_count = 1;
+    d.inputs[0] = thermometer();
+    d.input_count = 1;
     d.terms[..terms.len()].copy_from_slice(terms);
     d.term_count = u8::try_from(terms.len()).unwrap();
     Image::new(d).unwrap()
@@ -70,28 +70,28 @@ pub(crate) fn any_image() -> impl Strategy<Value = Image> {
     any_image_of(1)
 }
 
-/// The same with two thermometers and their difference, which is believed to ±127 °C and spans ±20 °C.
+/// The same with two thermometers and their difference, which is valid to ±127 °C and spans ±20 °C.
 pub(crate) fn any_image_of_three() -> impl Strategy<Value = Image> {
     any_image_of(3)
 }
 
-fn any_image_of(thermometers: u8) -> impl Strategy<Value = Image> {
-    let row = |shifts| (any_shape(), 0..thermometers, any::<bool>(), -(1 << 30)..(1_i32 << 30), shifts);
+fn any_image_of(inputs: u8) -> impl Strategy<Value = Image> {
+    let row = |shifts| (any_shape(), 0..inputs, any::<bool>(), -(1 << 30)..(1_i32 << 30), shifts);
     let (bias, scale) = (row(14_u8..40), row(30_u8..50));
     (prop::collection::vec(bias, 0..6), prop::collection::vec(scale, 0..4), 1_u32..3000, 0_u32..3000).prop_filter_map(
         "sums in range",
         move |(bias, scale, period, slew)| {
             let mut d = Description::empty();
             let all = [thermometer(), thermometer(), difference()];
-            let used = usize::from(thermometers);
-            d.thermometers[..used].copy_from_slice(&all[..used]);
-            d.thermometer_count = thermometers;
+            let used = usize::from(inputs);
+            d.inputs[..used].copy_from_slice(&all[..used]);
+            d.input_count = inputs;
             d.period_ticks = period;
             d.slew_ticks = slew.min(period);
             let rows = bias.iter().map(|row| (Kind::Bias, row)).chain(scale.iter().map(|row| (Kind::Scale, row)));
-            for (slot, (kind, &(shape, sensor, rate, mantissa, shift))) in d.terms.iter_mut().zip(rows) {
+            for (slot, (kind, &(shape, input, rate, mantissa, shift))) in d.terms.iter_mut().zip(rows) {
                 let multiplier = if rate { Multiplier::Rate } else { Multiplier::One };
-                *slot = Term { kind, sensor, shape, multiplier, mantissa, shift };
+                *slot = Term { kind, input, shape, multiplier, mantissa, shift };
                 d.term_count += 1;
             }
             Image::new(d).ok()
@@ -99,13 +99,13 @@ fn any_image_of(thermometers: u8) -> impl Strategy<Value = Image> {
     )
 }
 
-/// The second of two thermometers less the first.
-pub(crate) fn difference() -> Thermometer {
-    Thermometer {
-        source: Source::Difference { of: 1, less: 0 },
-        gain: Scale::ONE,
-        plausible_lo_q24: -(127 << 24),
-        plausible_hi_q24: 127 << 24,
+/// The second of two thermometers minus the first.
+pub(crate) fn difference() -> InputSpec {
+    InputSpec {
+        source: ValueSource::Difference { of: 1, less: 0 },
+        gain: Gain::ONE,
+        valid_lo_q24: -(127 << 24),
+        valid_hi_q24: 127 << 24,
         span_lo_q24: -(20 << 24),
         span_hi_q24: 20 << 24,
         x_mantissa: ((1_i64 << 59) / (20_i64 << 24)) as u32,

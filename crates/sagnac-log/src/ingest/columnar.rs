@@ -29,7 +29,7 @@ use crate::ingest::header::Layout;
 use crate::ingest::number::{parse_flag, parse_time_ns, parse_value, time_ns_of};
 use crate::ingest::parquet_file::{parquet_batches, parquet_schema};
 use crate::ingest::raw::{BAD_TEMPERATURE, Faults, NO_TIME, RawRows};
-use crate::ingest::source::{Format, Source};
+use crate::ingest::source::Source;
 
 /// Rows decoded at once.
 const BATCH_ROWS: usize = 8192;
@@ -41,11 +41,29 @@ const MAX_UNPACKED: u64 = 1 << 30;
 const UNITS: [(TimeUnit, u32); 4] =
     [(TimeUnit::Second, 9), (TimeUnit::Millisecond, 6), (TimeUnit::Microsecond, 3), (TimeUnit::Nanosecond, 0)];
 
+/// Which of the three a file is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Form {
+    Parquet,
+    ArrowFile,
+    ArrowStream,
+}
+
+impl Form {
+    fn of(magic: &[u8]) -> Self {
+        match magic {
+            b"PAR1" => Self::Parquet,
+            b"ARROW1" => Self::ArrowFile,
+            _ => Self::ArrowStream,
+        }
+    }
+}
+
 /// A log of columns whose header has been read.
 pub(crate) struct Columnar {
     pub(crate) headers: Vec<String>,
     file: File,
-    format: Format,
+    form: Form,
     hashing: Hashing,
 }
 
@@ -64,7 +82,7 @@ fn broken(what: &str, error: &dyn std::fmt::Display) -> Error {
 
 /// Opens the file and reads the names of its columns.
 pub(crate) fn open(source: Source) -> Result<Columnar> {
-    let format = source.format;
+    let form = Form::of(source.format.magic);
     let (mut file, hashing) = match source.plain_file {
         Some(path) => {
             let file = File::open(&path).map_err(|e| Error::io_path(&path, "open", &e))?;
@@ -74,17 +92,17 @@ pub(crate) fn open(source: Source) -> Result<Columnar> {
         }
         None => (spooled(source)?, Hashing::Done),
     };
-    let schema = match format {
-        Format::Parquet => {
+    let schema = match form {
+        Form::Parquet => {
             let schema = guarded(|| parquet_schema(clone_of(&file)?).map_err(parquet_broken))?;
             schema.as_ref().clone()
         }
         _ => {
-            check_arrow(&mut file, format)?;
-            guarded(|| Ok(arrow_reader(&file, format)?.schema()))?.as_ref().clone()
+            check_arrow(&mut file, form)?;
+            guarded(|| Ok(arrow_reader(&file, form)?.schema()))?.as_ref().clone()
         }
     };
-    Ok(Columnar { headers: names(&schema), file, format, hashing })
+    Ok(Columnar { headers: names(&schema), file, form, hashing })
 }
 
 fn names(schema: &Schema) -> Vec<String> {
@@ -117,8 +135,8 @@ fn spooled(source: Source) -> Result<File> {
 }
 
 /// Where Arrow's messages begin: in the file form after its magic and padding.
-fn messages_at(file: &mut File, format: Format) -> Result<u64> {
-    if format == Format::ArrowStream {
+fn messages_at(file: &mut File, form: Form) -> Result<u64> {
+    if form == Form::ArrowStream {
         return Ok(0);
     }
     let mut start = [0; ARROW_PADDING];
@@ -133,18 +151,18 @@ fn truncated() -> Error {
     Error::input("a truncated or damaged Arrow file").help("copy or write it again")
 }
 
-fn arrow_reader(file: &File, format: Format) -> Result<StreamReader<BufReader<File>>> {
+fn arrow_reader(file: &File, form: Form) -> Result<StreamReader<BufReader<File>>> {
     let mut file = clone_of(file)?;
-    let at = messages_at(&mut file, format)?;
+    let at = messages_at(&mut file, form)?;
     file.seek(SeekFrom::Start(at)).map_err(|e| Error::input(format!("cannot read: {e}")))?;
     StreamReader::try_new_buffered(file, None).map_err(|e| arrow_broken(&e))
 }
 
 /// Walks the messages and holds every length against the file's own; a cut file is found here.
-fn check_arrow(file: &mut File, format: Format) -> Result<()> {
+fn check_arrow(file: &mut File, form: Form) -> Result<()> {
     let unreadable = |e: std::io::Error| Error::input(format!("cannot read: {e}"));
     let size = file.metadata().map_err(unreadable)?.len();
-    if format == Format::ArrowFile {
+    if form == Form::ArrowFile {
         let mut tail = [0; 6];
         file.seek(SeekFrom::Start(size.saturating_sub(6))).map_err(unreadable)?;
         file.read_exact(&mut tail).map_err(unreadable)?;
@@ -152,7 +170,7 @@ fn check_arrow(file: &mut File, format: Format) -> Result<()> {
             return Err(truncated());
         }
     }
-    let mut at = messages_at(file, format)?;
+    let mut at = messages_at(file, form)?;
     loop {
         if at == size {
             return Ok(());
@@ -214,14 +232,14 @@ impl Columnar {
     pub(crate) fn feed(self, layout: &Layout, pace: ReadMode) -> Result<ColumnFeed> {
         let keep_fields = pace != ReadMode::Bulk;
         let wanted: Vec<usize> = if keep_fields { (0..layout.headers.len()).collect() } else { layout.columns_read() };
-        let batches: Batches = match self.format {
-            Format::Parquet => guarded(|| {
+        let batches: Batches = match self.form {
+            Form::Parquet => guarded(|| {
                 let reader = parquet_batches(clone_of(&self.file)?, Some(&wanted), BATCH_ROWS);
                 Ok(Box::new(reader.map_err(parquet_broken)?) as Batches)
             })?,
-            format => guarded(|| Ok(Box::new(arrow_reader(&self.file, format)?) as Batches))?,
+            form => guarded(|| Ok(Box::new(arrow_reader(&self.file, form)?) as Batches))?,
         };
-        let what = if self.format == Format::Parquet { "Parquet" } else { "Arrow" };
+        let what = if self.form == Form::Parquet { "Parquet" } else { "Arrow" };
         let layout = layout.clone();
         Ok(ColumnFeed { batches, layout, keep_fields, hashing: self.hashing, what, waiting: None })
     }

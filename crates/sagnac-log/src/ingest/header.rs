@@ -31,7 +31,7 @@ pub const HEADERS: [(&str, &str); 9] = [
         "table_mark",
         "1 in the row in which the table completed a revolution, −1 for one backwards, else 0, in place of its rate",
     ),
-    ("valid", "1, true, ok, yes or 0, false, no: rows that are flagged are left out"),
+    ("valid", "1, true, ok, yes or 0, false, no: flagged rows are excluded"),
     ("aux_name", "any number that the correction may depend on: a voltage, a current, a mode"),
 ];
 
@@ -199,7 +199,7 @@ impl Layout {
         }
         for (index, header) in layout.headers.clone().iter().enumerate() {
             if layout.headers[..index].contains(header) {
-                return Err(Error::input("this header stands there twice").column(header));
+                return Err(Error::input("this header is there twice").column(header));
             }
             let role = match columns.get(header) {
                 Some(name) => match role_of(name)? {

@@ -12,6 +12,7 @@ mod cells;
 mod chunks;
 #[cfg(feature = "parquet")]
 mod columnar;
+mod formats;
 pub mod header;
 mod number;
 #[cfg(feature = "parquet")]
@@ -34,6 +35,7 @@ use std::path::Path;
 use crate::error::{Error, Result};
 use crate::ingest::align::Aligner;
 use crate::ingest::chunks::{ChunkReader, Feed};
+pub use crate::ingest::formats::{FORMATS, Format};
 use crate::ingest::header::Layout;
 #[cfg(feature = "parquet")]
 pub(crate) use crate::ingest::number::parse_time_ns;
@@ -42,13 +44,12 @@ pub use crate::ingest::parquet_file::{parquet_batches, parquet_schema};
 use crate::ingest::raw::{Faults, RawRows};
 pub use crate::ingest::reason::{Reason, Tallies, Tally};
 use crate::ingest::rows::RowValidator;
-pub use crate::ingest::source::{Format, Watch, hex, sha256};
 use crate::ingest::source::{HashHandle, Source};
+pub use crate::ingest::source::{Watch, hex, sha256};
 pub use crate::ingest::table::TableColumn;
 use crate::ingest::table::TableRates;
 pub use crate::ingest::text::COMPENSATED_STAMP;
 pub use crate::ingest::text::unquoted;
-use crate::ingest::text::{LineParser, TextFeed};
 use crate::setup::{Counter, Setup};
 use sagnac_units::{ns_from_s, s_from_ns};
 
@@ -251,8 +252,8 @@ impl LogReader {
     /// # Errors
     /// Unreadable, binary, no header, headers that say nothing or contradict the setup, no scale
     /// factor for counts, no interval.
-    pub fn open(path: &Path, setup: &Setup, pace: ReadMode) -> Result<Self> {
-        Self::open_watched(path, setup, pace, None)
+    pub fn open(path: impl AsRef<Path>, setup: &Setup, mode: ReadMode) -> Result<Self> {
+        Self::open_watched(path.as_ref(), setup, mode, None)
     }
 
     /// The same; `watch` is told how many bytes of the file have been read.
@@ -283,7 +284,7 @@ impl LogReader {
 
     fn start(source: Source, setup: &Setup, pace: ReadMode) -> Result<Self> {
         let (name, hash) = (source.name.clone(), source.hash.clone());
-        let Opened { feed, layout, delimiter, lines_before } = open_feed(source, setup, pace)?;
+        let Opened { feed, layout, delimiter, lines_before } = source.format.open(source, setup, pace)?;
         let mut pieces = ChunkReader::new(feed, lines_before, pace != ReadMode::LineByLine);
         let unit = angle_unit(&layout, setup)?;
         let lookahead = if pace == ReadMode::LineByLine { 2 } else { LOOKAHEAD_ROWS };
@@ -428,40 +429,11 @@ impl LogReader {
 }
 
 /// A log whose header has been read.
-struct Opened {
+pub(crate) struct Opened {
     feed: Feed,
     layout: Layout,
     delimiter: u8,
     lines_before: u64,
-}
-
-fn open_feed(source: Source, setup: &Setup, pace: ReadMode) -> Result<Opened> {
-    match source.format {
-        Format::Text => open_text(source, setup, pace),
-        #[cfg(feature = "parquet")]
-        Format::Parquet | Format::ArrowFile | Format::ArrowStream => {
-            let columnar = columnar::open(source)?;
-            let layout = Layout::new(columnar.headers.clone(), &setup.columns, setup.axis)?;
-            let feed = Feed::Table(Box::new(columnar.feed(&layout, pace)?));
-            // As if one line of headers stood above the rows.
-            Ok(Opened { feed, layout, delimiter: b',', lines_before: 1 })
-        }
-        #[cfg(feature = "ulog")]
-        Format::ULog => {
-            let (feed, layout) = ulog::open(source, setup, pace != ReadMode::Bulk)?;
-            Ok(Opened { feed: Feed::Table(Box::new(feed)), layout, delimiter: b',', lines_before: 1 })
-        }
-        #[cfg(not(all(feature = "parquet", feature = "ulog")))]
-        other => Err(Error::input(format!("this program was built without {other:?}"))),
-    }
-}
-
-fn open_text(mut source: Source, setup: &Setup, pace: ReadMode) -> Result<Opened> {
-    let header = text::read_header(&mut source)?;
-    let layout = text::layout_of(&header, setup)?;
-    let parser = LineParser::new(&layout, header.delimiter, pace);
-    let feed = Feed::Text(TextFeed::new(source.reader, pace), Box::new(parser));
-    Ok(Opened { feed, layout, delimiter: header.delimiter, lines_before: header.lines })
 }
 
 fn angle_unit(layout: &Layout, setup: &Setup) -> Result<AngleUnit> {

@@ -13,43 +13,9 @@ use flate2::bufread::MultiGzDecoder;
 use sha2::{Digest, Sha256};
 
 use crate::error::{Error, Result};
+use crate::ingest::formats::{FORMATS, Format};
 
 const GZIP_MAGIC: [u8; 2] = [0x1f, 0x8b];
-/// First bytes of a PX4 ULog file.
-const ULOG_MAGIC: [u8; 7] = [0x55, 0x4c, 0x6f, 0x67, 0x01, 0x12, 0x35];
-const PARQUET_MAGIC: [u8; 4] = *b"PAR1";
-const ARROW_MAGIC: [u8; 6] = *b"ARROW1";
-/// Arrow's stream form begins with a continuation mark.
-const ARROW_STREAM_MAGIC: [u8; 4] = [0xff; 4];
-
-/// Formats of a log, gzip taken off.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Format {
-    /// Comma, tab or semicolon separated text.
-    Text,
-    /// Apache Parquet.
-    Parquet,
-    /// Arrow IPC, file form (also called Feather 2).
-    ArrowFile,
-    /// Arrow IPC, stream form.
-    ArrowStream,
-    /// PX4 ULog.
-    ULog,
-}
-
-impl Format {
-    /// By the first bytes; anything unknown is text, or refused as binary there.
-    pub fn of(start: &[u8]) -> Self {
-        match start {
-            _ if start.starts_with(&PARQUET_MAGIC) => Self::Parquet,
-            _ if start.starts_with(&ARROW_MAGIC) => Self::ArrowFile,
-            _ if start.starts_with(&ARROW_STREAM_MAGIC) => Self::ArrowStream,
-            _ if start.starts_with(&ULOG_MAGIC) => Self::ULog,
-            _ => Self::Text,
-        }
-    }
-}
-
 /// The running hash of what was read.
 #[derive(Clone, Default)]
 pub(crate) struct HashHandle(Arc<Mutex<Sha256>>);
@@ -93,7 +59,7 @@ pub(crate) struct Source {
     pub(crate) name: String,
     pub(crate) reader: Box<dyn BufRead + Send>,
     pub(crate) hash: HashHandle,
-    pub(crate) format: Format,
+    pub(crate) format: &'static Format,
     /// The bytes stand in this file as they are: it can be opened again by who must go back and forth.
     pub(crate) plain_file: Option<PathBuf>,
     packed: bool,
@@ -159,11 +125,12 @@ impl Source {
 /// waited for only as long as they can become the mark of a format.
 fn first_bytes(mut reader: Box<dyn BufRead + Send>, name: &str) -> Result<(Box<dyn BufRead + Send>, Vec<u8>)> {
     let failed = |e: std::io::Error| Error::io(name, "read", &e);
-    let marks: [&[u8]; 5] = [&GZIP_MAGIC, &ULOG_MAGIC, &PARQUET_MAGIC, &ARROW_MAGIC, &ARROW_STREAM_MAGIC];
-    let undecided = |start: &[u8]| marks.iter().any(|mark| mark.len() > start.len() && mark.starts_with(start));
+    let marks = || FORMATS.iter().map(|format| format.magic).chain([GZIP_MAGIC.as_slice()]);
+    let longest = marks().map(<[u8]>::len).max().unwrap_or(0);
+    let undecided = |start: &[u8]| marks().any(|mark| mark.len() > start.len() && mark.starts_with(start));
     let mut start = loop {
         match reader.fill_buf() {
-            Ok(bytes) => break bytes[..bytes.len().min(ULOG_MAGIC.len())].to_vec(),
+            Ok(bytes) => break bytes[..bytes.len().min(longest)].to_vec(),
             Err(e) if e.kind() == std::io::ErrorKind::Interrupted => {}
             Err(e) => return Err(failed(e)),
         }

@@ -2,17 +2,17 @@
 
 use super::Intensity;
 use crate::MAX_CODE;
-use crate::design::{DesignError, Pi, Plant, Wanted, pi_gains, within};
+use crate::design::{DesignError, LoopGoal, PiGains, Plant, pi_gains, within};
 use crate::gain::Gain;
 
-/// What a person gives.
+/// Configuration in SI units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct IntensityConfig {
     /// Time between ticks, s.
     pub tick_s: f64,
-    /// Ticks of an update: a whole number of path-length modulation periods.
+    /// Ticks per update: a whole number of path-length modulation periods.
     pub update_ticks: u16,
-    /// Photodiode code that is wanted.
+    /// Set point of the photodiode, code.
     pub set_code: f64,
     /// Change of that code per mA, at the set point.
     pub codes_per_ma: f64,
@@ -20,40 +20,40 @@ pub struct IntensityConfig {
     pub lag_s: f64,
     /// Range of the current, mA.
     pub range_ma: [f64; 2],
-    /// Its converter: codes per mA.
+    /// Scale of its converter, codes per mA.
     pub current_codes_per_ma: f64,
     /// Fastest change, mA/s.
     pub slew_ma_per_s: f64,
     /// Current while igniting, mA.
     pub ignition_ma: f64,
-    /// Longest try, s.
+    /// Longest ignition try, s.
     pub ignition_s: f64,
     /// Pause between tries, s.
     pub rest_s: f64,
     /// Tries after the first.
     pub tries: u8,
-    /// Light below this part of the set point is called low.
+    /// Below this fraction of the set point the light is low.
     pub low_part: f64,
-    /// What is wanted.
-    pub wanted: Wanted,
+    /// Bandwidth and phase margin.
+    pub goal: LoopGoal,
 }
 
-/// The loop and what it was designed to.
+/// A designed loop.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct IntensityDesign {
-    /// What the target holds.
+    /// The loop for the target.
     pub integers: Intensity,
     /// The plant.
     pub plant: Plant,
-    /// Gains as the integers have them.
-    pub pi: Pi,
+    /// Gains after rounding to integers.
+    pub pi: PiGains,
 }
 
 impl IntensityConfig {
-    /// Checks everything and finds the gains.
+    /// Checks the configuration and computes the gains.
     ///
     /// # Errors
-    /// A value out of its range, by name; a margin that cannot be had; a gain that does not fit.
+    /// A value out of its range, by name; a margin that is not possible; a gain that does not fit.
     pub fn build(&self) -> Result<IntensityDesign, DesignError> {
         self.check()?;
         let ticks = f64::from(self.update_ticks);
@@ -67,7 +67,7 @@ impl IntensityConfig {
             // Half an update of mean, half of hold.
             delay_s: period_s,
         };
-        let ideal = pi_gains(plant, period_s, self.wanted)?;
+        let ideal = pi_gains(plant, period_s, self.goal)?;
         let gain = |name, value| Gain::from_f64(value).ok_or(DesignError::Gain { name, value });
         let (kp, ki) = (gain("kp", ideal.kp)?, gain("ki", ideal.ki)?);
         let code = |ma: f64| libm::round(ma * self.current_codes_per_ma) as i32;
@@ -92,7 +92,7 @@ impl IntensityConfig {
             end_updates: updates(1.0),
             settled_error: libm::ldexp(0.01 * set_point, -i32::from(error_shift)).clamp(1.0, 1e9) as i32,
         };
-        Ok(IntensityDesign { integers, plant, pi: Pi { kp: kp.to_f64(), ki: ki.to_f64(), ..ideal } })
+        Ok(IntensityDesign { integers, plant, pi: PiGains { kp: kp.to_f64(), ki: ki.to_f64(), ..ideal } })
     }
 
     fn check(&self) -> Result<(), DesignError> {
@@ -101,7 +101,7 @@ impl IntensityConfig {
         within("set_code", self.set_code, 16.0, f64::from(MAX_CODE))?;
         within("codes_per_ma", self.codes_per_ma, 1e-3, 1e9)?;
         within("current_codes_per_ma", self.current_codes_per_ma, 1e-3, 1e9)?;
-        // A range that was made from the width of the converter may be off by the last bit.
+        // A range computed from the width of the converter may differ in the last bit.
         let most = f64::from(MAX_CODE) / self.current_codes_per_ma * (1.0 + 1e-12);
         within("range_ma[0]", self.range_ma[0], 0.0, most)?;
         within("range_ma[1]", self.range_ma[1], self.range_ma[0], most)?;

@@ -2,61 +2,61 @@
 
 use super::PathLength;
 use crate::MAX_CODE;
-use crate::design::{DesignError, Pi, Plant, Wanted, open_loop, pi_gains, within};
+use crate::design::{DesignError, LoopGoal, PiGains, Plant, open_loop, pi_gains, within};
 use crate::gain::Gain;
 use crate::lockin::{MAX_TICKS_PER_PERIOD, Reference};
 
-/// What a person gives.
+/// Configuration in SI units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PathLengthConfig {
     /// Time between ticks, s.
     pub tick_s: f64,
-    /// Modulation, Hz; the nearest even number of ticks per period is taken.
+    /// Modulation frequency, Hz; the nearest even number of ticks per period is used.
     pub modulation_hz: f64,
-    /// Its amplitude in wavelengths of path.
+    /// Amplitude of the modulation, wavelengths of path.
     pub modulation_waves: f64,
-    /// The modulation goes to a fast element of its own (a heater is too slow for it).
-    pub modulated_apart: bool,
-    /// Ticks that converters and electronics take between giving out a modulation and reading its answer, besides
-    /// the tick that lies between one call and the next anyway.
+    /// The modulation has a separate fast actuator (a heater is too slow for it).
+    pub separate_modulator: bool,
+    /// Delay of converters and electronics between the output of a modulation and the reading of its response, ticks. The tick between
+    /// one call and the next is not part of it.
     pub answer_ticks: u8,
-    /// Range of the actuator in its own unit (V, or W of a heater).
+    /// Range of the actuator in its unit (V, or W for a heater).
     pub range: [f64; 2],
     /// Wavelengths of path per that unit.
     pub waves_per_unit: f64,
-    /// Its converter: codes per unit.
+    /// Scale of its converter, codes per unit.
     pub codes_per_unit: f64,
-    /// First-order lag of the actuator, s: fastest and slowest (a heater cools more slowly than it heats).
+    /// First-order lag of the actuator, s: smallest and largest (a heater cools more slowly than it heats).
     pub lag_s: [f64; 2],
     /// Code of the photodiode at the peak.
     pub peak_code: f64,
     /// c of I = I₀(1 − c·x²), x in wavelengths.
     pub curvature: f64,
-    /// What is wanted.
-    pub wanted: Wanted,
-    /// Resets happen this far from the ends of the range, wavelengths.
+    /// Bandwidth and phase margin.
+    pub goal: LoopGoal,
+    /// Distance from the ends of the range at which a mode reset starts, wavelengths.
     pub reset_margin_waves: f64,
-    /// Time for a reset's move over one wavelength, s.
+    /// Time of a mode reset per wavelength, s.
     pub reset_s: f64,
-    /// Time for the actuator to arrive after a sweep or reset, s.
+    /// Settling time of the actuator after a search or reset, s.
     pub settle_s: f64,
-    /// Time of the search through one wavelength, s: at least eight lags. 0 for none: the loop then closes where it
-    /// stands once there is light, which must then be everywhere.
+    /// Time of the search through one wavelength, s: at least eight lags. 0 for no search: the loop then closes in the middle of the range as
+    /// soon as there is light, so there must be light at every position.
     pub sweep_s: f64,
-    /// Locked is within this of the peak, wavelengths.
+    /// Largest error of a locked loop, wavelengths.
     pub lock_waves: f64,
 }
 
-/// The loop and what it was designed to.
+/// A designed loop.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PathLengthDesign {
-    /// What the target holds.
+    /// The loop for the target.
     pub integers: PathLength,
-    /// The plant at its fastest lag.
+    /// The plant with the smallest lag.
     pub plant: Plant,
-    /// Gains as the integers have them.
-    pub pi: Pi,
-    /// Margin at the slowest lag, at the crossover there, degrees.
+    /// Gains after rounding to integers.
+    pub pi: PiGains,
+    /// Phase margin with the largest lag, degrees.
     pub slow_margin_deg: f64,
 }
 
@@ -69,15 +69,15 @@ impl PathLengthConfig {
         Ok(2 * libm::round(0.5 / (self.modulation_hz * tick_s)) as usize)
     }
 
-    /// Checks everything and finds the gains.
+    /// Checks the configuration and computes the gains.
     ///
     /// # Errors
-    /// A value out of its range, by name; a range too short for a mode reset; a margin that cannot be had; a gain
+    /// A value out of its range, by name; a range too short for a mode reset; a margin that is not possible; a gain
     /// that does not fit.
     pub fn build(&self) -> Result<PathLengthDesign, DesignError> {
         let ticks = self.ticks()?;
         let period_s = ticks as f64 * self.tick_s;
-        // A tick gives out the modulation of the next sample, so the answer comes with it.
+        // A tick outputs the modulation of the next sample, so the response comes with that sample.
         let reference = Reference::new(ticks, self.answer_ticks.into()).ok_or(DesignError::OutOfRange {
             name: "modulation_hz",
             value: self.modulation_hz,
@@ -87,15 +87,15 @@ impl PathLengthConfig {
         let limits = self.limits()?;
         let error_shift = self.error_shift(ticks)?;
         let plant = self.plant(&reference, error_shift, period_s)?;
-        let ideal = pi_gains(plant, period_s, self.wanted)?;
+        let ideal = pi_gains(plant, period_s, self.goal)?;
         let gain = |name, value| Gain::from_f64(value).ok_or(DesignError::Gain { name, value });
         let (kp, ki) = (gain("kp", ideal.kp)?, gain("ki", ideal.ki)?);
-        let pi = Pi { kp: kp.to_f64(), ki: ki.to_f64(), ..ideal };
-        // Error per wavelength is the plant's gain turned back to path.
+        let pi = PiGains { kp: kp.to_f64(), ki: ki.to_f64(), ..ideal };
+        // Error per wavelength: the gain of the plant, per path.
         let per_wave = plant.gain * limits.wavelength;
         let error = |waves: f64| (waves * per_wave).clamp(1.0, 1_073_741_824.0) as i32;
         let periods = |seconds: f64| libm::ceil(seconds / period_s).clamp(0.0, 1e9) as u32;
-        let response_s = 1.0 / self.wanted.bandwidth_hz;
+        let response_s = 1.0 / self.goal.bandwidth_hz;
         // 2^-32 codes per period for one wavelength in so many periods.
         let step = |periods: u32| libm::ldexp(limits.wavelength / f64::from(periods.max(1)), 32) as i64;
         let sweep_periods = periods(self.sweep_s);
@@ -124,11 +124,11 @@ impl PathLengthConfig {
         Ok(PathLengthDesign { integers, plant, pi, slow_margin_deg: slow_margin(&plant, &pi, self.lag_s[1]) })
     }
 
-    /// Everything in codes.
+    /// Limits in codes.
     fn limits(&self) -> Result<Limits, DesignError> {
         within("waves_per_unit", self.waves_per_unit, 1e-9, 1e6)?;
         within("codes_per_unit", self.codes_per_unit, 1e-6, 1e9)?;
-        // A range that was made from the width of the converter may be off by the last bit.
+        // A range computed from the width of the converter may differ in the last bit.
         let most = f64::from(MAX_CODE) / self.codes_per_unit * (1.0 + 1e-12);
         let lowest = within("range[0]", self.range[0], -most, most)?;
         within("range[1]", self.range[1], lowest, most)?;
@@ -136,7 +136,7 @@ impl PathLengthConfig {
         let wavelength = self.codes_per_unit / self.waves_per_unit;
         let modulation = self.modulation_waves * wavelength;
         within("modulation in codes", modulation, 8.0, f64::from(MAX_CODE))?;
-        let room = if self.modulated_apart { 0.0 } else { modulation };
+        let room = if self.separate_modulator { 0.0 } else { modulation };
         let (low, high) = (self.range[0] * self.codes_per_unit + room, self.range[1] * self.codes_per_unit - room);
         let room = (high - low) / wavelength;
         within("reset_margin_waves", self.reset_margin_waves, 0.0, 1e3)?;
@@ -149,12 +149,12 @@ impl PathLengthConfig {
         within("lag_s[0]", self.lag_s[0], 0.0, 1e5)?;
         within("lag_s[1]", self.lag_s[1], self.lag_s[0], 1e5)?;
         if self.sweep_s != 0.0 {
-            // What is noted as the brightest place lags behind by so much.
+            // The recorded brightest position lags by this.
             within("sweep_s", self.sweep_s, 8.0 * self.lag_s[1], 1e6)?;
         }
         within("curvature", self.curvature, 1e-3, 1e4)?;
-        // The error of a Gaussian peak turns back beyond 0.43/√c of a wavelength, measured as what a straight line
-        // would have there; half of that is called lost.
+        // The error of a Gaussian peak decreases beyond 0.43/√c of a wavelength, in units of its slope at the peak. The lock is lost at half
+        // of that.
         let lost_waves = (10.0 * self.lock_waves).min(0.2 / libm::sqrt(self.curvature));
         within("lock_waves", self.lock_waves, 1e-5, lost_waves / 2.0)?;
         Ok(Limits { low, high, modulation, wavelength, margin: self.reset_margin_waves * wavelength, lost_waves })
@@ -169,16 +169,16 @@ impl PathLengthConfig {
 
     fn plant(&self, reference: &Reference, error_shift: u8, period_s: f64) -> Result<Plant, DesignError> {
         let waves_per_code = self.waves_per_unit / self.codes_per_unit;
-        // A lag weakens and turns a modulation that goes through it; what counts is what is left in phase. The code is
-        // held for a tick and the light read at its end: H(z) = (1 − a)/(1 − a/z), a = e^(−tick/lag).
-        let lag_s = if self.modulated_apart { 0.0 } else { self.lag_s[0] };
+        // A lag attenuates and delays the modulation; only the in-phase part counts. The code is held for a tick and the light is read at its
+        // end: H(z) = (1 − a)/(1 − a/z), a = e^(−tick/lag).
+        let lag_s = if self.separate_modulator { 0.0 } else { self.lag_s[0] };
         let a = if lag_s > 0.0 { libm::exp(-self.tick_s / lag_s) } else { 0.0 };
         let cos = libm::cos(core::f64::consts::TAU * self.tick_s / period_s);
         let in_phase = (1.0 - a) * (1.0 - a * cos) / (1.0 - 2.0 * a * cos + a * a);
         let modulation_waves = self.modulation_waves * in_phase;
         let per_wave = 2.0 * self.curvature * self.peak_code * modulation_waves * reference.power();
         let gain = libm::ldexp(per_wave, -i32::from(error_shift)) * waves_per_code;
-        // Half a period of mean, half of hold, and what converters add.
+        // Half a period of averaging, half of hold, and the delay of the converters.
         Ok(Plant { gain, lag_s: self.lag_s[0], delay_s: period_s + f64::from(self.answer_ticks) * self.tick_s })
     }
 }
@@ -192,8 +192,8 @@ struct Limits {
     lost_waves: f64,
 }
 
-/// Phase margin with the slowest lag: by bisection for the lower crossover.
-fn slow_margin(plant: &Plant, pi: &Pi, lag_s: f64) -> f64 {
+/// Phase margin with the largest lag: the lower crossover by bisection.
+fn slow_margin(plant: &Plant, pi: &PiGains, lag_s: f64) -> f64 {
     let slow = Plant { lag_s, ..*plant };
     let (mut lo, mut hi) = (1e-6 / pi.period_s, 0.4 / pi.period_s);
     for _ in 0..100 {

@@ -203,7 +203,7 @@ impl Beat {
         let sigma_arcsec = self.pickoff_noise_arcsec;
         let noise = if sigma_arcsec > 0.0 { sigma_arcsec * normal(&mut state.pickoff_rng) } else { 0.0 };
         let pickoff = (state.swing.angle_arcsec() + noise) * PICKOFF_CODES_PER_ARCSEC;
-        stripper.take(raw, libm::round(pickoff) as i32)
+        stripper.update(raw, libm::round(pickoff) as i32)
     }
 
     /// Phase of the beat since the start, fringes; the dither included.

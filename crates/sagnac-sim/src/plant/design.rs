@@ -1,6 +1,6 @@
 //! Both loops built for a scenario: from its SI units to the integers of `sagnac-loops`.
 
-use sagnac_loops::{DesignError, IntensityConfig, IntensityDesign, PathLengthConfig, PathLengthDesign, Wanted};
+use sagnac_loops::{DesignError, IntensityConfig, IntensityDesign, LoopGoal, PathLengthConfig, PathLengthDesign};
 
 use crate::plant::Plant;
 use crate::scenario::{Scenario, ScenarioError, TICK_S};
@@ -48,7 +48,7 @@ fn path_config(scenario: &Scenario, plant: &Plant) -> Result<PathLengthConfig, S
         tick_s: TICK_S,
         modulation_hz: path.modulation_hz,
         modulation_waves: path.modulation_waves,
-        modulated_apart: plant.modulated_apart,
+        separate_modulator: plant.modulated_apart,
         answer_ticks: 0,
         range: plant.range,
         waves_per_unit: plant.waves_per_unit,
@@ -56,7 +56,7 @@ fn path_config(scenario: &Scenario, plant: &Plant) -> Result<PathLengthConfig, S
         lag_s: plant.lag_s,
         peak_code: plant.peak_code,
         curvature: plant.curvature(),
-        wanted: Wanted { bandwidth_hz: path.bandwidth_hz, phase_margin_deg: path.phase_margin_deg },
+        goal: LoopGoal { bandwidth_hz: path.bandwidth_hz, phase_margin_deg: path.phase_margin_deg },
         reset_margin_waves: path.reset_margin_waves,
         reset_s: path.reset_s,
         settle_s: path.settle_s,
@@ -85,7 +85,7 @@ fn light_config(scenario: &Scenario, plant: &Plant, update_ticks: u16) -> Result
         rest_s: light.rest_s,
         tries: light.ignition_tries as u8,
         low_part: light.low_part,
-        wanted: Wanted { bandwidth_hz: light.bandwidth_hz, phase_margin_deg: light.phase_margin_deg },
+        goal: LoopGoal { bandwidth_hz: light.bandwidth_hz, phase_margin_deg: light.phase_margin_deg },
     })
 }
 

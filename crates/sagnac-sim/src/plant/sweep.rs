@@ -13,7 +13,7 @@
 
 use std::f64::consts::TAU;
 
-use sagnac_loops::{Pi, Plant as LinearPlant, open_loop};
+use sagnac_loops::{PiGains, Plant as LinearPlant, open_loop};
 
 use crate::plant::running::TickConditions;
 use crate::plant::{LoopAverages, LoopDesign, LoopState, PlantConditions};
@@ -97,7 +97,7 @@ struct Bench<'a> {
     settled: LoopState,
     which: LoopName,
     linear: LinearPlant,
-    pi: Pi,
+    pi: PiGains,
     /// Ticks of an update of the loop.
     update_ticks: u32,
 }

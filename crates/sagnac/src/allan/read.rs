@@ -166,7 +166,7 @@ impl Reading {
         let recorded: Vec<Recorded> = self.recorders.into_iter().map(Recorder::finish).collect();
         let longest = recorded.iter().map(|axis| axis.stretches.longest()).max().unwrap_or(0);
         if recorded.iter().all(|axis| axis.rows == 0) {
-            return Err(Error::input("no row of this log can be used").help("`sagnac inspect` tells why"));
+            return Err(Error::input("no row of this log can be used").help("`sagnac inspect` says why"));
         }
         let limit = request.taus.longest_shown(longest);
         if request.taus == Taus::All && limit > MOST_TAUS {

@@ -100,7 +100,7 @@ impl ComparedCurve {
             return format!("{quantity}: the records are the same{lacking}");
         }
         let farthest = format!(
-            "{name} stands farthest apart, {} σ at {:.1} °C",
+            "{name} is farthest from the mean, {} σ at {:.1} °C",
             significant(worst.sigmas, 2),
             worst.temperature_c
         );

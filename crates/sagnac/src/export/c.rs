@@ -6,7 +6,7 @@
 
 use std::fmt::Write as _;
 
-use sagnac_core::{Image, Kind, Multiplier, Shape, Source, Term, Thermometer};
+use sagnac_core::{Image, InputSpec, Kind, Multiplier, Shape, Term, ValueSource};
 use sagnac_loops::LoopTable;
 
 use super::TextFile;
@@ -130,7 +130,7 @@ fn image_fields(image: &Image) -> String {
         ("slew_ticks", d.slew_ticks),
         ("sequence", d.sequence),
         ("output_limit", d.output_limit),
-        ("thermometer_count", d.thermometer_count.into()),
+        ("input_count", d.input_count.into()),
         ("term_count", d.term_count.into()),
     ];
     for (name, value) in narrow {
@@ -141,9 +141,9 @@ fn image_fields(image: &Image) -> String {
     for (name, value) in wide {
         let _ = writeln!(out, "    .{name} = UINT64_C({value}),");
     }
-    let thermometers: String = image.thermometers().iter().map(thermometer).collect();
+    let inputs: String = image.inputs().iter().map(input).collect();
     let terms: String = image.terms().iter().map(term).collect();
-    for (name, list) in [("thermometers", thermometers), ("terms", terms)] {
+    for (name, list) in [("inputs", inputs), ("terms", terms)] {
         if !list.is_empty() {
             let _ = write!(out, "    .{name} = {{\n{list}    }},\n");
         }
@@ -151,10 +151,10 @@ fn image_fields(image: &Image) -> String {
     out
 }
 
-fn thermometer(t: &Thermometer) -> String {
+fn input(t: &InputSpec) -> String {
     let (is_difference, of, less) = match t.source {
-        Source::Code => (0, 0, 0),
-        Source::Difference { of, less } => (1, of.into(), less.into()),
+        ValueSource::Code => (0, 0, 0),
+        ValueSource::Difference { of, less } => (1, of.into(), less.into()),
     };
     let fields: [(&str, i64); 22] = [
         ("is_difference", is_difference),
@@ -164,8 +164,8 @@ fn thermometer(t: &Thermometer) -> String {
         ("offset_q24", t.offset_q24.into()),
         ("gain_mantissa", t.gain.mantissa.into()),
         ("gain_shift", t.gain.shift.into()),
-        ("plausible_lo_q24", t.plausible_lo_q24.into()),
-        ("plausible_hi_q24", t.plausible_hi_q24.into()),
+        ("valid_lo_q24", t.valid_lo_q24.into()),
+        ("valid_hi_q24", t.valid_hi_q24.into()),
         ("span_lo_q24", t.span_lo_q24.into()),
         ("span_hi_q24", t.span_hi_q24.into()),
         ("x_mantissa", t.x_mantissa.into()),
@@ -177,7 +177,7 @@ fn thermometer(t: &Thermometer) -> String {
         ("rate_hi", t.lag.rate_hi.into()),
         ("y_mantissa", t.lag.y_mantissa.into()),
         ("y_shift", t.lag.y_shift.into()),
-        ("hold_updates", t.hold_updates.into()),
+        ("stale_after_updates", t.stale_after_updates.into()),
         ("settling_updates", t.settling_updates.into()),
     ];
     let list: Vec<String> = fields.iter().map(|(name, value)| format!(".{name} = {}", constant(*value))).collect();
@@ -199,9 +199,9 @@ fn term(term: &Term) -> String {
     };
     let turns = term.shape.turns_q18().unwrap_or(0);
     format!(
-        "        {{.kind = {kind}, .sensor = {}, .shape = SAGNAC_{shape}, .order = {order}, .knot_q15 = {}, \
+        "        {{.kind = {kind}, .input = {}, .shape = SAGNAC_{shape}, .order = {order}, .knot_q15 = {}, \
          .turns_q18 = {turns}, .times_rate = {rate}, .mantissa = {}, .shift = {}}},\n",
-        term.sensor,
+        term.input,
         constant(knot.into()),
         constant(term.mantissa.into()),
         term.shift

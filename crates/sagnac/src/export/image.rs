@@ -8,16 +8,16 @@
 //! τ s         ─▶ α = 1 − e^(−Δt/τ), 31-bit mantissa    span ─▶ 2⁻²⁴ °C
 //! ```
 //!
-//! Each input becomes a thermometer of the image, in the order of the record. A column's unit is a power of two of its own, so
-//! that its valid range fits a thermometer's codes. A shape gives its target's shape and the factor to it.
+//! Each input becomes an input of the image, in the order of the record. A column's unit is a power of two of its own, so
+//! that its valid range fits the codes of an input. A shape gives its target's shape and the factor to it.
 //!
 //! The values of all terms at their references become, with opposite sign, one term of order 0 for bias and one for the scale
 //! factor. A coefficient too large for its
 //! width is refused by name, never clipped.
 
 use sagnac_core::{
-    Description, Image, Kind, LagSpec, MAX_IMAGE_LEN, MAX_TERMS, MAX_THERMOMETERS, Multiplier, Scale, Shape, Source,
-    Term, Thermometer,
+    Description, Gain, Image, InputSpec, Kind, LagSpec, MAX_IMAGE_LEN, MAX_INPUTS, MAX_TERMS, Multiplier, Shape, Term,
+    ValueSource,
 };
 
 use crate::calibration::{AxisCalibration, Calibration, Input, InputSource, LogUnit};
@@ -54,13 +54,13 @@ pub fn encode(calibration: &Calibration, axis: &AxisCalibration, parent: [u8; 32
     d.sequence = sequence;
     d.parent = parent;
     let channels = channels(axis)?;
-    if channels.len() > MAX_THERMOMETERS {
+    if channels.len() > MAX_INPUTS {
         return Err(too_large("number of inputs", channels.len() as f64));
     }
-    for (slot, channel) in d.thermometers.iter_mut().zip(&channels) {
-        *slot = thermometer(channel, calibration.target.period_s())?;
+    for (slot, channel) in d.inputs.iter_mut().zip(&channels) {
+        *slot = input_spec(channel, calibration.target.period_s())?;
     }
-    d.thermometer_count = channels.len() as u8;
+    d.input_count = channels.len() as u8;
     let terms = terms(calibration, axis, &channels)?;
     if terms.len() > MAX_TERMS {
         return Err(too_large("number of terms", terms.len() as f64));
@@ -99,7 +99,7 @@ fn q24(name: &str, celsius: f64) -> Result<i32> {
 /// An input as the image reads it.
 struct Channel<'a> {
     input: &'a Input,
-    source: Source,
+    source: ValueSource,
     /// What the image calls °C is 2^exponent of its unit.
     exponent: i8,
 }
@@ -129,11 +129,11 @@ fn channels(axis: &AxisCalibration) -> Result<Vec<Channel<'_>>> {
     let channel = |input| {
         let input: &Input = input;
         let (source, exponent) = match &input.source {
-            InputSource::Thermometer(_) => (Source::Code, 0),
+            InputSource::Thermometer(_) => (ValueSource::Code, 0),
             InputSource::Difference(of, less) => {
-                (Source::Difference { of: index_of(of, input)?, less: index_of(less, input)? }, 0)
+                (ValueSource::Difference { of: index_of(of, input)?, less: index_of(less, input)? }, 0)
             }
-            InputSource::Column(_) => (Source::Code, unit_exponent(input.valid_range)),
+            InputSource::Column(_) => (ValueSource::Code, unit_exponent(input.valid_range)),
         };
         Ok(Channel { input, source, exponent })
     };
@@ -160,7 +160,7 @@ pub fn codes(axis: &AxisCalibration) -> Vec<Code> {
     axis.correction.inputs.iter().map(code).collect()
 }
 
-fn thermometer(of: &Channel<'_>, period_s: f64) -> Result<Thermometer> {
+fn input_spec(of: &Channel<'_>, period_s: f64) -> Result<InputSpec> {
     let (unit, input) = (of.unit(), of.input);
     let span = input.span;
     // Spans of our own stand on even codes already; others move by one code at most.
@@ -178,7 +178,7 @@ fn thermometer(of: &Channel<'_>, period_s: f64) -> Result<Thermometer> {
         _ => LagSpec::default(),
     };
     let settling_s = input.lag_s.map_or(0.0, |lag| (SETTLING_TAUS * lag.value).min(SETTLING_MAX_S));
-    let has_code = of.source == Source::Code;
+    let has_code = of.source == ValueSource::Code;
     for value in span.into_iter().filter(|_| has_code) {
         let code = (value - input.offset) / input.gain_per_code;
         if code.abs() > f64::from(i32::MAX) {
@@ -186,28 +186,28 @@ fn thermometer(of: &Channel<'_>, period_s: f64) -> Result<Thermometer> {
             return Err(Error::input(what).column("gain_per_code").value(input.gain_per_code.to_string()));
         }
     }
-    Ok(Thermometer {
+    Ok(InputSpec {
         source: of.source,
         unit_exponent: of.exponent,
         offset_q24: if has_code { q24("offset", input.offset / unit)? } else { 0 },
-        gain: if has_code { gain(input.gain_per_code / unit * Q24)? } else { Scale::ONE },
-        plausible_lo_q24: q24("valid_range", input.valid_range[0] / unit)?,
-        plausible_hi_q24: q24("valid_range", input.valid_range[1] / unit)?,
+        gain: if has_code { gain(input.gain_per_code / unit * Q24)? } else { Gain::ONE },
+        valid_lo_q24: q24("valid_range", input.valid_range[0] / unit)?,
+        valid_hi_q24: q24("valid_range", input.valid_range[1] / unit)?,
         span_lo_q24,
         span_hi_q24,
         x_mantissa,
         x_shift,
         lag,
-        hold_updates: (input.stale_after_s / period_s).ceil() as u32,
+        stale_after_updates: (input.stale_after_s / period_s).ceil() as u32,
         settling_updates: if lag.is_used() { (settling_s / period_s).ceil() as u32 } else { 0 },
     })
 }
 
 /// `mantissa · 2^−shift` with a mantissa of 30 bits.
-fn gain(value: f64) -> Result<Scale> {
+fn gain(value: f64) -> Result<Gain> {
     let shift = 30 - value.abs().log2().floor() as i32;
     let shift = shift.clamp(0, 62);
-    Ok(Scale { mantissa: signed("gain_per_code", value * 2.0_f64.powi(shift))?, shift: shift as u8 })
+    Ok(Gain { mantissa: signed("gain_per_code", value * 2.0_f64.powi(shift))?, shift: shift as u8 })
 }
 
 /// `mantissa · 2^−shift` that takes `border` to 1 in Q31, with 32 significant bits.
@@ -257,7 +257,7 @@ fn terms(calibration: &Calibration, axis: &AxisCalibration, channels: &[Channel<
     let mut at_reference = [0.0; 2];
     for fitted in &axis.correction.terms {
         let found = channels.iter().enumerate().find(|(_, channel)| channel.input.name == fitted.input);
-        let (sensor, channel) = found.ok_or_else(|| {
+        let (index, channel) = found.ok_or_else(|| {
             Error::input("a term over an input that the record does not have")
                 .column("terms.input")
                 .value(&fitted.input)
@@ -275,16 +275,16 @@ fn terms(calibration: &Calibration, axis: &AxisCalibration, channels: &[Channel<
             at_reference[usize::from(kind == Kind::Scale)] +=
                 fitted.value * shape.value(span, channel.input.reference) * unit;
         }
-        let row = Row { kind, sensor: sensor as u8, shape: target, multiplier };
+        let row = Row { kind, input: index as u8, shape: target, multiplier };
         out.extend(term(row, fitted.value * factor * unit * rate)?);
     }
     for (kind, zero) in [Kind::Bias, Kind::Scale].into_iter().zip(at_reference) {
-        let row = Row { kind, sensor: 0, shape: Shape::Chebyshev(0), multiplier: Multiplier::One };
+        let row = Row { kind, input: 0, shape: Shape::Chebyshev(0), multiplier: Multiplier::One };
         out.extend(term(row, -zero)?);
     }
-    // Bias before rate before scale, thermometer by thermometer, order by order: one record, one image.
+    // Bias before rate before scale, input by input, order by order: one record, one image.
     out.sort_by_key(|term: &Term| {
-        (term.kind == Kind::Scale, term.multiplier == Multiplier::Rate, term.sensor, image_order(term.shape))
+        (term.kind == Kind::Scale, term.multiplier == Multiplier::Rate, term.input, image_order(term.shape))
     });
     Ok(out)
 }
@@ -292,14 +292,14 @@ fn terms(calibration: &Calibration, axis: &AxisCalibration, channels: &[Channel<
 /// A row of the image's table of terms, without its coefficient.
 struct Row {
     kind: Kind,
-    sensor: u8,
+    input: u8,
     shape: Shape,
     multiplier: Multiplier,
 }
 
 /// A coefficient in counts per tick (or as a part of one) as mantissa and shift; `None` for zero.
 fn term(row: Row, value: f64) -> Result<Option<Term>> {
-    let Row { kind, sensor, shape, multiplier } = row;
+    let Row { kind, input, shape, multiplier } = row;
     let q40 = value * 2.0_f64.powi(40);
     let shift = (60.0 - q40.abs().log2().floor()).min(62.0);
     let mantissa = (q40 * 2.0_f64.powf(shift - 31.0)).round();
@@ -310,5 +310,5 @@ fn term(row: Row, value: f64) -> Result<Option<Term>> {
         let what = format!("{kind:?} term: {}", image_words(shape));
         return Err(too_large(&what, value));
     }
-    Ok(Some(Term { kind, sensor, shape, multiplier, mantissa: mantissa as i32, shift: shift as u8 }))
+    Ok(Some(Term { kind, input, shape, multiplier, mantissa: mantissa as i32, shift: shift as u8 }))
 }

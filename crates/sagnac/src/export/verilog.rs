@@ -9,7 +9,7 @@
 
 use std::fmt::Write as _;
 
-use sagnac_core::{Image, Kind, MAX_THERMOMETERS, Multiplier, Shape, Source, Term, Thermometer};
+use sagnac_core::{Image, InputSpec, Kind, MAX_INPUTS, Multiplier, Shape, Term, ValueSource};
 use sagnac_loops::LoopTable;
 
 use super::TextFile;
@@ -126,26 +126,26 @@ fn unit(image: &Image, widths: Widths) -> String {
     let _ = writeln!(out, "localparam [31:0] SLEW_TICKS = 32'd{};", d.slew_ticks);
     let _ = writeln!(out, "localparam [31:0] OUTPUT_LIMIT = 32'd{};", d.output_limit);
     let _ = writeln!(out, "localparam integer HIGHEST_ORDER = {highest};");
-    let _ = writeln!(out, "localparam [2:0] THERMOMETERS = 3'd{};", d.thermometer_count);
+    let _ = writeln!(out, "localparam [2:0] INPUTS = 3'd{};", d.input_count);
     let _ = writeln!(out, "localparam [5:0] TERMS = 6'd{};", d.term_count);
-    thermometers(&mut out, &d.thermometers);
+    inputs(&mut out, &d.inputs);
     terms(&mut out, &d.terms);
     out.push_str("/* verilator lint_on UNUSEDPARAM */\n");
     out
 }
 
-fn thermometers(out: &mut String, all: &[Thermometer; MAX_THERMOMETERS]) {
+fn inputs(out: &mut String, all: &[InputSpec; MAX_INPUTS]) {
     /// A field's name, its width, and where it stands.
-    type Field = (&'static str, u32, fn(&Thermometer) -> i64);
+    type Field = (&'static str, u32, fn(&InputSpec) -> i64);
     let fields: [Field; 21] = [
-        ("IS_DIFFERENCE", 1, |t| (t.source != Source::Code).into()),
+        ("IS_DIFFERENCE", 1, |t| (t.source != ValueSource::Code).into()),
         ("DIFFERENCE_OF", 2, |t| difference(t)[0]),
         ("DIFFERENCE_LESS", 2, |t| difference(t)[1]),
         ("OFFSET", 32, |t| t.offset_q24.into()),
         ("GAIN_MANTISSA", 32, |t| t.gain.mantissa.into()),
         ("GAIN_SHIFT", 7, |t| t.gain.shift.into()),
-        ("PLAUSIBLE_LO", 32, |t| t.plausible_lo_q24.into()),
-        ("PLAUSIBLE_HI", 32, |t| t.plausible_hi_q24.into()),
+        ("VALID_LO", 32, |t| t.valid_lo_q24.into()),
+        ("VALID_HI", 32, |t| t.valid_hi_q24.into()),
         ("SPAN_LO", 32, |t| t.span_lo_q24.into()),
         ("SPAN_HI", 32, |t| t.span_hi_q24.into()),
         ("X_MANTISSA", 32, |t| t.x_mantissa.into()),
@@ -157,7 +157,7 @@ fn thermometers(out: &mut String, all: &[Thermometer; MAX_THERMOMETERS]) {
         ("RATE_HI", 32, |t| t.lag.rate_hi.into()),
         ("Y_MANTISSA", 32, |t| t.lag.y_mantissa.into()),
         ("Y_SHIFT", 7, |t| t.lag.y_shift.into()),
-        ("HOLD_UPDATES", 32, |t| t.hold_updates.into()),
+        ("STALE_AFTER_UPDATES", 32, |t| t.stale_after_updates.into()),
         ("SETTLING_UPDATES", 32, |t| t.settling_updates.into()),
     ];
     for (name, width, field) in fields {
@@ -165,11 +165,11 @@ fn thermometers(out: &mut String, all: &[Thermometer; MAX_THERMOMETERS]) {
     }
 }
 
-/// The two thermometers of a difference.
-fn difference(t: &Thermometer) -> [i64; 2] {
+/// The two inputs of a difference.
+fn difference(t: &InputSpec) -> [i64; 2] {
     match t.source {
-        Source::Code => [0, 0],
-        Source::Difference { of, less } => [of.into(), less.into()],
+        ValueSource::Code => [0, 0],
+        ValueSource::Difference { of, less } => [of.into(), less.into()],
     }
 }
 
@@ -180,7 +180,7 @@ fn terms(out: &mut String, all: &[Term]) {
         // Turns count from the lower end of the span: the subtraction that a knot needs gives x + 1.
         Shape::Cosine { .. } | Shape::Sine { .. } => i16::MIN.into(),
     };
-    packed(out, "TERM_SENSOR", 2, all.iter().map(|term| term.sensor.into()));
+    packed(out, "TERM_INPUT", 2, all.iter().map(|term| term.input.into()));
     packed(out, "TERM_ORDER", 4, all.iter().map(|term| term.shape.order().unwrap_or(0).into()));
     packed(out, "TERM_IS_ZONE", 1, all.iter().map(|term| matches!(term.shape, Shape::Zone { .. }).into()));
     packed(out, "TERM_IS_STEP", 1, all.iter().map(|term| matches!(term.shape, Shape::Step { .. }).into()));

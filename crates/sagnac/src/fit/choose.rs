@@ -167,7 +167,7 @@ fn sources_of(spec: &mut ModelSpec, main: Signal, shape: &WindowShape) -> Result
 
 /// An image reads so many inputs and no more.
 fn check_channels(spec: &ModelSpec, sources: &[Signal], shape: &WindowShape) -> Result<()> {
-    let most = sagnac_core::MAX_THERMOMETERS;
+    let most = sagnac_core::MAX_INPUTS;
     let read = channels(sources[0], &sources[1..]);
     if read.len() <= most {
         return Ok(());
@@ -287,8 +287,8 @@ fn best_of_grid(problem: &LeastSquares<'_>, taus_s: &[f64]) -> Result<Best> {
     let mut fair: Vec<usize> = (0..specs.len()).filter(|i| mean_square[*i].is_some()).collect();
     let chosen = loop {
         let chosen = best_of(problem, &fair, &specs, &mean_square, taus_s).ok_or_else(|| {
-            Error::refused("the terms of no candidate can be told apart on these data")
-                .help("test so that temperature and its rate move apart, or give a fixed --model")
+            Error::refused("the data do not separate the terms of any candidate")
+                .help("test so that temperature and its rate move independently, or give a fixed --model")
         })?;
         let fitted = fit(problem, &specs[chosen], taus_s).ok();
         let near = fitted.as_ref().map(|f| f.conditioning.as_ref().map_or(1.0, |near| near.condition));
@@ -375,7 +375,7 @@ impl Chosen<'_> {
         let term = &fitted.terms[worst];
         let input = self.problem.inputs[term.input].name.as_str();
         Err(Error::refused(format!(
-            "the terms of `{}` cannot be told apart on these data: condition {:.0}, at most {CONDITION_MAX:.0}; the others \
+            "the terms of `{}` are not separated by these data: condition {:.0}, at most {CONDITION_MAX:.0}; the others \
              explain the term {} best",
             self.spec,
             near.condition,

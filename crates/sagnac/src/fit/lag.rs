@@ -5,7 +5,7 @@
 //! Ṫ[n]     = 60·(T_lag[n] − T_lag[n−1])/Δt         °C/min, valid from grid point n to n + 1
 //! ```
 //!
-//! The same recursion as `sagnac_core::Thermometer` on the same grid with the same zero-order hold;
+//! The same recursion as `sagnac_core::InputSpec` on the same grid with the same zero-order hold;
 //! a window's mean of Ṫ·T_j(x) is the difference of a running sum at its ends.
 
 use std::borrow::Cow;

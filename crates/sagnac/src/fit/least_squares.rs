@@ -315,13 +315,13 @@ fn levels(turning: Option<&RateTableInput>, used: &[usize], run: &[usize], runs:
 fn no_window(windows: &Windows) -> Error {
     let why = most_left_out(windows).unwrap_or("it holds no usable row".to_owned());
     Error::refused(format!("no window of the log can be used: {why}"))
-        .help("`sagnac inspect` lists everything left out")
+        .help("`sagnac inspect` lists everything excluded")
 }
 
 /// The reason for which most rows are left out, in words.
 fn most_left_out(windows: &Windows) -> Option<String> {
     let most = windows.tallies.most()?;
-    Some(format!("{} rows are left out as {} (first at {})", most.rows, most.reason.name(), most.first))
+    Some(format!("{} rows are excluded as {} (first at {})", most.rows, most.reason.name(), most.first))
 }
 
 /// Lowest to highest sample of the used windows must be wide enough.

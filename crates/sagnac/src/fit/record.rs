@@ -39,6 +39,7 @@ const DEFAULT_RATE_LSB_ARCSEC: f64 = 1e-4;
 
 /// What to fit.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct FitOptions {
     /// Model.
     pub model: Model,
@@ -51,9 +52,27 @@ pub struct FitOptions {
 }
 
 impl FitOptions {
-    /// A model, and nothing else asked for.
+    /// A model, by least squares.
     pub fn new(model: Model) -> Self {
         Self { model, source_date_epoch: None, bootstrap: None, loss: Loss::Squares }
+    }
+
+    /// With the time of SOURCE_DATE_EPOCH in place of that of the newest input sample.
+    #[must_use]
+    pub fn source_date_epoch(self, epoch_s: Option<i64>) -> Self {
+        Self { source_date_epoch: epoch_s, ..self }
+    }
+
+    /// With 95 % intervals by so many draws of the block bootstrap.
+    #[must_use]
+    pub fn bootstrap(self, draws: Option<usize>) -> Self {
+        Self { bootstrap: draws, ..self }
+    }
+
+    /// With another loss.
+    #[must_use]
+    pub fn loss(self, loss: Loss) -> Self {
+        Self { loss, ..self }
     }
 }
 
@@ -138,7 +157,7 @@ pub fn calibrate_with_report_data(
 
 fn sensor_of(shape: &WindowShape, setup: &Setup) -> Result<usize> {
     if shape.thermometers.is_empty() {
-        return Err(Error::refused("the log has no temperature, so nothing can be said of drift over temperature")
+        return Err(Error::refused("the log has no temperature, so it holds no drift over temperature")
             .help("name a column temperature_c, or map one under [columns]"));
     }
     let Some(wanted) = &setup.use_thermometer else {

@@ -175,7 +175,7 @@ fn try_all(problem: &LeastSquares<'_>, specs: &[ModelSpec], taus_s: &[f64]) -> V
 /// An image can read all inputs of a model and hold all its terms.
 pub(crate) fn fits_image(problem: &LeastSquares<'_>, spec: &ModelSpec) -> bool {
     let inputs = inputs_read(problem, spec);
-    inputs <= sagnac_core::MAX_THERMOMETERS && Work::of_model(spec, inputs).terms <= sagnac_core::MAX_TERMS
+    inputs <= sagnac_core::MAX_INPUTS && Work::of_model(spec, inputs).terms <= sagnac_core::MAX_TERMS
 }
 
 /// Thermometers, differences and columns that an image of a model describes.

@@ -175,7 +175,7 @@ fn values(taus: &[Tau]) -> Vec<(usize, f64)> {
 fn dependent(problem: &LeastSquares<'_>, spec: &ModelSpec) -> Error {
     let rates: Vec<String> = problem.run_rate.iter().map(|r| format!("{r:.3}")).collect();
     let what = if spec.thermometer().scale > 0 {
-        format!("scale-factor and bias terms of `{spec}` cannot be told apart by runs at {} °/h", rates.join(", "))
+        format!("scale-factor and bias terms of `{spec}` are not separated by runs at {} °/h", rates.join(", "))
     } else {
         format!("the terms of `{spec}` are not independent on these data")
     };

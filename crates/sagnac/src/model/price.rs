@@ -61,8 +61,8 @@ impl Work {
     /// Of an image.
     pub fn of_image(image: &Image) -> Self {
         Self {
-            inputs: image.thermometers().len(),
-            lags: image.thermometers().iter().filter(|t| t.lag.is_used()).count(),
+            inputs: image.inputs().len(),
+            lags: image.inputs().iter().filter(|t| t.lag.is_used()).count(),
             terms: image.terms().len(),
             zones: image.terms().iter().filter(|term| matches!(term.shape, Shape::Zone { .. })).count(),
             harmonics: image.terms().iter().filter(|term| term.shape.turns_q18().is_some()).count(),

@@ -82,8 +82,8 @@ pub fn compensate(
     rows.finish()?;
     let summary = log.summary();
     if let (0, Some(most)) = (written, summary.tallies.most()) {
-        let what = format!("no row could be corrected: {} are left out as {}", most.rows, most.reason.name());
-        return Err(Error::refused(what).file(most.first).help("`sagnac inspect` lists everything left out"));
+        let what = format!("no row could be corrected: {} are excluded as {}", most.rows, most.reason.name());
+        return Err(Error::refused(what).file(most.first).help("`sagnac inspect` lists everything excluded"));
     }
     Ok(summary)
 }

@@ -196,9 +196,9 @@ impl Flight {
         let span = Span { lo: extremes.0, hi: extremes.1 };
         let unit = self.unit_positions(span);
         let before =
-            Drift::of(&used, span, |p| p.before_dph).ok_or("the windows do not tell a drift over temperature")?;
+            Drift::of(&used, span, |p| p.before_dph).ok_or("the windows do not determine a drift over temperature")?;
         let after =
-            Drift::of(&used, span, |p| p.after_dph).ok_or("the windows do not tell a drift over temperature")?;
+            Drift::of(&used, span, |p| p.after_dph).ok_or("the windows do not determine a drift over temperature")?;
         let steps = unit.nrows();
         let (curve_before, curve_after) = (&unit * &before.coefficients, &unit * &after.coefficients);
         let end = |drift: &Drift| {

@@ -181,7 +181,8 @@ impl Limits {
     ///
     /// # Errors
     /// Unreadable, an unknown key, a limit below zero or no number.
-    pub fn read(path: &Path) -> Result<Self> {
+    pub fn read(path: impl AsRef<Path>) -> Result<Self> {
+        let path = path.as_ref();
         let name = path.display().to_string();
         let sets = Error::choices(&SETS.map(|(set, _)| set.to_owned()));
         let text = std::fs::read_to_string(path)
@@ -204,10 +205,10 @@ impl Limits {
         let own: Self = toml::from_str(text)
             .map_err(|e| Error::toml("limits", text, &e).help("docs/reference/limits.md lists the keys"))?;
         let limits = own.on_base()?;
-        for (name, value) in limits.given() {
-            if !(value.is_finite() && value >= 0.0) || (PARTS.contains(&name) && value > 1.0) {
+        for (spec, value) in limits.given() {
+            if !(value.is_finite() && value >= 0.0) || (spec.is_fraction && value > 1.0) {
                 return Err(Error::input("a limit is a number from 0 on (out_of_span_max, span_covered_min: to 1)")
-                    .column(name)
+                    .column(spec.key)
                     .value(value.to_string()));
             }
         }
@@ -215,7 +216,7 @@ impl Limits {
             flight.check()?;
         }
         if limits.position_error_m_max.is_some() && limits.flight.is_none() {
-            return Err(Error::input("a limit of mis-distance needs a [flight]")
+            return Err(Error::input("a limit of the position error needs a [flight]")
                 .column("position_error_m_max")
                 .help("[flight] with axis = \"level\" and profile = [{ minutes = 0, temperature_c = 20 }, …]; docs/reference/limits.md"));
         }
@@ -259,119 +260,335 @@ impl Limits {
         !self.given().is_empty()
     }
 
-    fn given(&self) -> Vec<(&'static str, f64)> {
-        let all = [
-            ("sigma_dph_max", self.sigma_dph_max),
-            ("peak_to_peak_dph_max", self.peak_to_peak_dph_max),
-            ("sigma_over_floor_max", self.sigma_over_floor_max),
-            ("improvement_min", self.improvement_min),
-            ("improvement_sigma_min", self.improvement_sigma_min),
-            ("out_of_span_max", self.out_of_span_max),
-            ("span_covered_min", self.span_covered_min),
-            ("plateau_sigma_dph_max", self.plateau_sigma_dph_max),
-            ("plateau_offset_dph_max", self.plateau_offset_dph_max),
-            ("ramps_rms_dph_max", self.ramps_rms_dph_max),
-            ("drift_dph_per_c_max", self.drift_dph_per_c_max),
-            ("drift_dph_per_cpm_max", self.drift_dph_per_cpm_max),
-            ("hysteresis_dph_max", self.hysteresis_dph_max),
-            ("scale_factor_sigma_ppm_max", self.scale_factor_sigma_ppm_max),
-            ("scale_factor_peak_to_peak_ppm_max", self.scale_factor_peak_to_peak_ppm_max),
-            ("arw_deg_rt_h_max", self.arw_deg_rt_h_max),
-            ("arw_increase_max", self.arw_increase_max),
-            ("bias_instability_dph_max", self.bias_instability_dph_max),
-            ("position_error_m_max", self.position_error_m_max),
-        ];
-        all.into_iter().filter_map(|(name, value)| Some((name, value?))).collect()
+    /// The limits that the file gives, with their values.
+    fn given(&self) -> Vec<(&'static LimitSpec, f64)> {
+        SPECS.iter().filter_map(|spec| Some((spec, (spec.of)(self)?))).collect()
     }
 
-    /// Holds an axis against every limit given.
+    /// Judges an axis by every limit given.
     pub(crate) fn judge(&self, axis: &AxisVerification) -> Vec<Verdict> {
-        let verdict = |(name, limit): (&'static str, f64)| {
-            let name_of = name.to_owned();
-            if let Some(why) = not_asked(name, axis) {
-                let why = Some(why.to_owned());
-                return Verdict { name: name_of, limit, value: None, sigma: None, margin: None, pass: None, why };
-            }
-            let (value, sigma) = value_of(name, axis).unzip();
-            let least = name.ends_with("_min");
-            let room = |value: f64| if least { value - limit } else { limit - value };
-            let pass = value.is_some_and(|value| room(value) >= 0.0);
-            let margin = value.filter(|_| limit > 0.0).map(|value| room(value) / limit);
-            let why = value.is_none().then(|| unknown(name, axis));
-            Verdict { name: name_of, limit, value, sigma: sigma.flatten(), margin, pass: Some(pass), why }
+        self.given().into_iter().map(|(spec, limit)| spec.judge(limit, axis)).collect()
+    }
+}
+
+/// Which side of a limit is met.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Bound {
+    /// The figure is at most the limit.
+    Most,
+    /// The figure is at least the limit.
+    Least,
+}
+
+/// Which retests a limit applies to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Applies {
+    /// Every one.
+    Always,
+    /// Those on a rate table.
+    Turned,
+    /// Those at rest.
+    AtRest,
+}
+
+impl Applies {
+    /// Why a retest is not asked; `None` where it is.
+    fn not_asked(self, turned: bool) -> Option<&'static str> {
+        match (self, turned) {
+            (Self::Turned, false) => Some("needs a retest on a rate table"),
+            (Self::AtRest, true) => Some("needs a retest at rest"),
+            (Self::Turned | Self::Always, true) | (Self::AtRest | Self::Always, false) => None,
+        }
+    }
+}
+
+/// A figure with its standard error where it has one.
+type Figure = Option<(f64, Option<f64>)>;
+
+/// Everything about one limit: file, judgement, report and documentation are made from these.
+#[derive(Clone, Copy)]
+pub struct LimitSpec {
+    /// Key in the file.
+    pub key: &'static str,
+    /// Which side is met.
+    pub bound: Bound,
+    /// Unit; empty for a ratio.
+    pub unit: &'static str,
+    /// Which retests it applies to.
+    pub applies: Applies,
+    /// The figure in words.
+    pub label: &'static str,
+    /// It is a fraction of a whole: 0 to 1.
+    is_fraction: bool,
+    of: fn(&Limits) -> Option<f64>,
+    figure: fn(&AxisVerification) -> Figure,
+    unknown: &'static str,
+}
+
+impl LimitSpec {
+    fn judge(&self, limit: f64, axis: &AxisVerification) -> Verdict {
+        let name = self.key.to_owned();
+        if let Some(why) = self.applies.not_asked(axis.turned) {
+            return Verdict {
+                name,
+                limit,
+                value: None,
+                sigma: None,
+                margin: None,
+                pass: None,
+                why: Some(why.to_owned()),
+            };
+        }
+        let (value, sigma) = (self.figure)(axis).unzip();
+        let room = |value: f64| match self.bound {
+            Bound::Most => limit - value,
+            Bound::Least => value - limit,
         };
-        self.given().into_iter().map(verdict).collect()
+        let pass = value.is_some_and(|value| room(value) >= 0.0);
+        let margin = value.filter(|_| limit > 0.0).map(|value| room(value) / limit);
+        let why = value.is_none().then(|| self.why(axis));
+        Verdict { name, limit, value, sigma: sigma.flatten(), margin, pass: Some(pass), why }
+    }
+
+    /// Why the figure is not known.
+    fn why(&self, axis: &AxisVerification) -> String {
+        let lone = axis.residual.plateaus.is_some() && self.key == PLATEAU_OFFSET;
+        let flown = axis.flight_unavailable.as_deref().filter(|_| self.key == POSITION_ERROR);
+        if lone {
+            "one plateau alone: there is nothing to compare it with".to_owned()
+        } else {
+            flown.unwrap_or(self.unknown).to_owned()
+        }
     }
 }
 
-/// Limits that are parts of a whole.
-const PARTS: [&str; 2] = ["out_of_span_max", "span_covered_min"];
+const PLATEAU_OFFSET: &str = "plateau_offset_dph_max";
+const POSITION_ERROR: &str = "position_error_m_max";
+const NO_PLATEAU: &str = "no five steady windows within 1 °C of each other";
+const NO_SLOPE: &str =
+    "temperature (by σ 0.3 °C) and its rate (by 0.01 °C/min) do not vary, or not apart, or in fewer than ten windows";
+const NO_SCALE: &str = "fewer than two plateaus have it";
+const NO_NOISE: &str = "the rows do not show their noise";
 
-/// Why such a retest is not asked: a table tells the scale factor, and a gyro at rest its noise.
-fn not_asked(name: &str, axis: &AxisVerification) -> Option<&'static str> {
-    match (name.starts_with("scale_factor"), name.starts_with("arw"), axis.turned) {
-        (true, _, false) => Some("needs a retest on a rate table"),
-        (_, true, true) => Some("needs a retest at rest"),
-        _ => None,
-    }
-}
-
-/// The figure that a limit bounds, with its standard error where it has one; `None` where the retest does not tell it.
-fn value_of(name: &str, axis: &AxisVerification) -> Option<(f64, Option<f64>)> {
-    let (after, left) = (&axis.after, &axis.residual);
-    let size = |estimate: Estimate| (estimate.value.abs(), Some(estimate.sigma));
-    match name {
-        // The only plateau's mean is that of its run, or nearly.
-        "plateau_offset_dph_max" => return left.plateaus.filter(|p| p.plateaus > 1).map(|p| size(p.worst_offset_dph)),
-        "drift_dph_per_c_max" => return left.temperature_slope.map(size),
-        "drift_dph_per_cpm_max" => return left.rate_slope.map(size),
-        "hysteresis_dph_max" => return axis.residual_diagnostics.hysteresis_dph.map(size),
-        _ => {}
-    }
-    let dph_per_unit = if after.sigma > 0.0 { after.sigma_dph / after.sigma } else { 0.0 };
-    let value = match name {
-        "sigma_dph_max" => Some(after.sigma_dph),
-        "peak_to_peak_dph_max" => Some(after.peak_to_peak * dph_per_unit),
-        "sigma_over_floor_max" => axis.noise_floor.as_ref().map(|floor| after.sigma_dph / floor.value_dph),
-        "improvement_min" => axis.improvement,
-        "improvement_sigma_min" => axis.improvement_sigma,
-        "out_of_span_max" => Some(axis.status_windows.get("OUT_OF_SPAN").copied().unwrap_or(0) as f64 / after.n as f64),
-        "plateau_sigma_dph_max" => left.plateaus.map(|p| p.worst_sigma_dph),
-        "span_covered_min" => axis.coverage.as_ref().map(|coverage| coverage.covered_fraction),
-        "ramps_rms_dph_max" => left.ramps_rms_dph,
-        "scale_factor_sigma_ppm_max" => axis.scale_factor.as_ref().map(|scale| scale.after.sigma_ppm),
-        "scale_factor_peak_to_peak_ppm_max" => axis.scale_factor.as_ref().map(|scale| scale.after.peak_to_peak_ppm),
-        "arw_deg_rt_h_max" => left.random_walk.map(|walk| walk.after_deg_rt_h),
-        "arw_increase_max" => left.random_walk.map(|walk| walk.after_deg_rt_h / walk.before_deg_rt_h),
-        "bias_instability_dph_max" => left.bias_instability_dph,
-        "position_error_m_max" => axis.flight.as_ref().map(|flight| flight.bound_after_m),
-        _ => None,
-    };
+/// The value alone, without a standard error.
+fn plain(value: Option<f64>) -> Figure {
     value.map(|value| (value, None))
 }
 
-/// Why a figure cannot be had.
-fn unknown(name: &str, axis: &AxisVerification) -> String {
-    let why = match name {
-        "sigma_over_floor_max" => "the noise floor is not known",
-        "improvement_min" | "improvement_sigma_min" => "nothing is left to divide by",
-        "plateau_offset_dph_max" if axis.residual.plateaus.is_some() => {
-            "one plateau alone: it is compared with nothing"
+/// The size of an estimate with its standard error.
+fn size(estimate: Option<Estimate>) -> Figure {
+    estimate.map(|estimate| (estimate.value.abs(), Some(estimate.sigma)))
+}
+
+/// One row of the table below.
+macro_rules! limit {
+    ($key:ident, $bound:ident, $unit:literal, $applies:ident, $label:literal, $fraction:literal, $figure:expr, $unknown:expr) => {
+        LimitSpec {
+            key: stringify!($key),
+            bound: Bound::$bound,
+            unit: $unit,
+            applies: Applies::$applies,
+            label: $label,
+            is_fraction: $fraction,
+            of: |limits| limits.$key,
+            figure: $figure,
+            unknown: $unknown,
         }
-        "plateau_sigma_dph_max" | "plateau_offset_dph_max" => "no five steady windows within 1 °C of each other",
-        "span_covered_min" => "the retest has no temperature",
-        "ramps_rms_dph_max" => "fewer than ten windows in ramps",
-        "drift_dph_per_c_max" | "drift_dph_per_cpm_max" => {
-            "temperature (by σ 0.3 °C) and its rate (by 0.01 °C/min) do not vary, or not apart, or in fewer than ten windows"
-        }
-        "hysteresis_dph_max" => "fewer than 20 windows of heating or of cooling",
-        "scale_factor_sigma_ppm_max" | "scale_factor_peak_to_peak_ppm_max" => "fewer than two plateaus tell it",
-        "arw_deg_rt_h_max" | "arw_increase_max" => "the rows do not tell their noise",
-        "bias_instability_dph_max" => "no six windows that follow each other",
-        "position_error_m_max" => axis.flight_unavailable.as_deref().unwrap_or("the flight was not flown"),
-        _ => "the retest does not tell it",
     };
-    why.to_owned()
+}
+
+/// Every limit, in the order of reports.
+pub const SPECS: [LimitSpec; 19] = [
+    limit!(sigma_dph_max, Most, "deg/h", Always, "σ after", false, |a| plain(Some(a.after.sigma_dph)), ""),
+    limit!(
+        peak_to_peak_dph_max,
+        Most,
+        "deg/h",
+        Always,
+        "max − min after",
+        false,
+        |a| plain(Some(a.after.peak_to_peak * a.after.dph_per_unit())),
+        ""
+    ),
+    limit!(
+        sigma_over_floor_max,
+        Most,
+        "",
+        Always,
+        "σ after over the noise floor",
+        false,
+        |a| plain(a.noise_floor.as_ref().map(|floor| a.after.sigma_dph / floor.value_dph)),
+        "the noise floor is not known"
+    ),
+    limit!(
+        improvement_min,
+        Least,
+        "",
+        Always,
+        "max − min before over after",
+        false,
+        |a| plain(a.improvement),
+        "the residual is zero: there is nothing to divide by"
+    ),
+    limit!(
+        improvement_sigma_min,
+        Least,
+        "",
+        Always,
+        "σ before over after",
+        false,
+        |a| plain(a.improvement_sigma),
+        "the residual is zero: there is nothing to divide by"
+    ),
+    limit!(
+        out_of_span_max,
+        Most,
+        "",
+        Always,
+        "fraction of the windows with the status OUT_OF_SPAN",
+        true,
+        |a| plain(Some(a.status_windows.get("OUT_OF_SPAN").copied().unwrap_or(0) as f64 / a.after.n as f64)),
+        ""
+    ),
+    limit!(
+        span_covered_min,
+        Least,
+        "",
+        Always,
+        "fraction of the fit's temperature span that the windows cover",
+        true,
+        |a| plain(a.coverage.as_ref().map(|coverage| coverage.covered_fraction)),
+        "the retest has no temperature"
+    ),
+    limit!(
+        plateau_sigma_dph_max,
+        Most,
+        "deg/h",
+        Always,
+        "largest σ within a plateau",
+        false,
+        |a| plain(a.residual.plateaus.map(|p| p.worst_sigma_dph)),
+        NO_PLATEAU
+    ),
+    // The mean of an only plateau is that of its run, or nearly.
+    limit!(
+        plateau_offset_dph_max,
+        Most,
+        "deg/h",
+        Always,
+        "largest distance of a plateau's mean from its run's",
+        false,
+        |a| size(a.residual.plateaus.filter(|p| p.plateaus > 1).map(|p| p.worst_offset_dph)),
+        NO_PLATEAU
+    ),
+    limit!(
+        ramps_rms_dph_max,
+        Most,
+        "deg/h",
+        Always,
+        "rms in ramps",
+        false,
+        |a| plain(a.residual.ramps_rms_dph),
+        "fewer than ten windows in ramps"
+    ),
+    limit!(
+        drift_dph_per_c_max,
+        Most,
+        "deg/h per degC",
+        Always,
+        "slope over temperature",
+        false,
+        |a| size(a.residual.temperature_slope),
+        NO_SLOPE
+    ),
+    limit!(
+        drift_dph_per_cpm_max,
+        Most,
+        "deg/h per degC/min",
+        Always,
+        "slope over the temperature rate",
+        false,
+        |a| size(a.residual.rate_slope),
+        NO_SLOPE
+    ),
+    limit!(
+        hysteresis_dph_max,
+        Most,
+        "deg/h",
+        Always,
+        "mean while heating less mean while cooling",
+        false,
+        |a| size(a.residual_diagnostics.hysteresis_dph),
+        "fewer than 20 windows of heating or of cooling"
+    ),
+    limit!(
+        scale_factor_sigma_ppm_max,
+        Most,
+        "ppm",
+        Turned,
+        "σ of the scale factor over the plateaus",
+        false,
+        |a| plain(a.scale_factor.as_ref().map(|scale| scale.after.sigma_ppm)),
+        NO_SCALE
+    ),
+    limit!(
+        scale_factor_peak_to_peak_ppm_max,
+        Most,
+        "ppm",
+        Turned,
+        "max − min of the scale factor over the plateaus",
+        false,
+        |a| plain(a.scale_factor.as_ref().map(|scale| scale.after.peak_to_peak_ppm)),
+        NO_SCALE
+    ),
+    limit!(
+        arw_deg_rt_h_max,
+        Most,
+        "deg/rt h",
+        AtRest,
+        "angle random walk after",
+        false,
+        |a| plain(a.residual.random_walk.map(|walk| walk.after_deg_rt_h)),
+        NO_NOISE
+    ),
+    limit!(
+        arw_increase_max,
+        Most,
+        "",
+        AtRest,
+        "angle random walk after over before",
+        false,
+        |a| plain(a.residual.random_walk.map(|walk| walk.after_deg_rt_h / walk.before_deg_rt_h)),
+        NO_NOISE
+    ),
+    limit!(
+        bias_instability_dph_max,
+        Most,
+        "deg/h",
+        Always,
+        "bias instability after",
+        false,
+        |a| plain(a.residual.bias_instability_dph),
+        "no six windows that follow each other"
+    ),
+    limit!(
+        position_error_m_max,
+        Most,
+        "m",
+        Always,
+        "position error of the flight by the drift after, with two of its σ",
+        false,
+        |a| plain(a.flight.as_ref().map(|flight| flight.bound_after_m)),
+        "the flight was not flown"
+    ),
+];
+
+impl std::str::FromStr for Limits {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        Self::parse(text)
+    }
 }
 
 #[cfg(test)]
@@ -385,6 +602,30 @@ mod tests {
         for (name, text) in SETS {
             assert!(page.contains(text), "{name} in docs/reference/limits.md is another");
         }
+    }
+
+    /// The table of the reference is made from [`SPECS`].
+    #[test]
+    fn every_limit_is_in_the_reference() {
+        let page = include_str!("../../../../docs/reference/limits.md");
+        for spec in &SPECS {
+            let bound = match spec.bound {
+                Bound::Most => "at most",
+                Bound::Least => "at least",
+            };
+            let retests = match spec.applies {
+                Applies::Always => "every",
+                Applies::Turned => "on a rate table",
+                Applies::AtRest => "at rest",
+            };
+            let unit = if spec.unit.is_empty() { "-" } else { spec.unit };
+            let row = format!("| `{}` | {} | {bound} | {unit} | {retests} |", spec.key, spec.label);
+            assert!(page.contains(&row), "docs/reference/limits.md has no row\n{row}");
+        }
+        let rows = page.lines().filter(|line| {
+            line.ends_with("| every |") || line.ends_with("| at rest |") || line.ends_with("rate table |")
+        });
+        assert_eq!(rows.count(), SPECS.len());
     }
 
     #[test]

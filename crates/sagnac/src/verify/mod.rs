@@ -26,7 +26,7 @@ use serde::{Deserialize, Serialize};
 
 pub use compensate::{CorrectedFormat, compensate, status_text};
 pub use flight::{Corner, Flight, FlightAxis, PositionError};
-pub use limits::{Judged, Limits, LimitsSource, SETS, Verdict};
+pub use limits::{Applies, Bound, Judged, LimitSpec, Limits, LimitsSource, SETS, SPECS, Verdict};
 pub use readings::{LogColumn, Readings};
 pub use replay::{Corrected, Replay};
 pub use residual::{Plateaus, RandomWalk, Residual};
@@ -198,7 +198,7 @@ impl Coverage {
     }
 
     fn of(image: &Image, windows: &Windows, used: &[usize], sensor: usize) -> Option<Self> {
-        let spec = image.thermometers().first()?;
+        let spec = image.inputs().first()?;
         let fit_c = [spec.span_lo_q24, spec.span_hi_q24].map(|q24| f64::from(q24) / 2.0_f64.powi(24));
         let (min_c, max_c) = (&windows.rows.min_c[sensor], &windows.rows.max_c[sensor]);
         let mut stretches: Vec<[f64; 2]> =

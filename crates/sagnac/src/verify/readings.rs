@@ -3,7 +3,7 @@
 //! A calibration says it by name. An image alone holds no names: its first thermometer is the log's only one or that of
 //! `--thermometer`, further ones are those of `--inputs`, in the image's order.
 
-use sagnac_core::{Image, Source};
+use sagnac_core::{Image, ValueSource};
 
 use crate::calibration::{AxisCalibration, InputSource};
 use crate::model::input::label;
@@ -32,9 +32,8 @@ pub struct Readings {
 impl Readings {
     /// Images that read one thermometer, or none.
     pub fn of_one(images: &[Image], thermometer: Option<usize>) -> Self {
-        let column = |image: &Image| {
-            image.thermometers().iter().map(|_| thermometer.map(LogColumn::Thermometer)).collect::<Vec<_>>()
-        };
+        let column =
+            |image: &Image| image.inputs().iter().map(|_| thermometer.map(LogColumn::Thermometer)).collect::<Vec<_>>();
         Self { thermometer, columns: images.iter().map(column).collect() }
     }
 
@@ -51,18 +50,18 @@ impl Readings {
             .map(|image| {
                 let letter = char::from(image.description().axis);
                 let record = axes.and_then(|axes| axes.iter().find(|axis| axis.axis == letter));
-                let own = image.thermometers().iter().filter(|t| t.source == Source::Code).count();
+                let own = image.inputs().iter().filter(|t| t.source == ValueSource::Code).count();
                 let mut further = match record {
                     Some(record) => recorded(record, shape)?,
                     None => named(own.saturating_sub(1), shape, setup)?,
                 }
                 .into_iter();
-                let column = |(at, source): (usize, Source)| match (at, source) {
-                    (_, Source::Difference { .. }) => None,
-                    (0, Source::Code) => main.map(LogColumn::Thermometer),
-                    (_, Source::Code) => further.next(),
+                let column = |(at, source): (usize, ValueSource)| match (at, source) {
+                    (_, ValueSource::Difference { .. }) => None,
+                    (0, ValueSource::Code) => main.map(LogColumn::Thermometer),
+                    (_, ValueSource::Code) => further.next(),
                 };
-                Ok(image.thermometers().iter().map(|t| t.source).enumerate().map(column).collect())
+                Ok(image.inputs().iter().map(|t| t.source).enumerate().map(column).collect())
             })
             .collect();
         Ok(Self { thermometer: main, columns: columns? })
@@ -109,7 +108,7 @@ fn named(wanted: usize, shape: &LogShape, setup: &Setup) -> Result<Vec<LogColumn
     }
     if names.len() != wanted {
         return Err(Error::input(format!(
-            "the image reads {wanted} further inputs and does not say which; {} are named",
+            "the image reads {wanted} inputs besides the thermometer and does not name them; {} are named",
             names.len()
         ))
         .column("inputs")

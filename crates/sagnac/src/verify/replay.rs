@@ -10,7 +10,7 @@
 //! the first row's. A row that a slow update cuts is split in integer proportion to its ticks. Through
 //! gaps the clock runs on without counts.
 
-use sagnac_core::{Compensator, Image, MAX_THERMOMETERS, Misuse, State, Status, Thermometer};
+use sagnac_core::{Compensator, Image, InputSpec, MAX_INPUTS, Misuse, State, Status};
 
 use crate::verify::readings::{LogColumn, Readings};
 use sagnac_log::error::{Error, Result};
@@ -32,7 +32,7 @@ struct Coder {
 }
 
 impl Coder {
-    fn of(spec: &Thermometer) -> Self {
+    fn of(spec: &InputSpec) -> Self {
         let unit = 2.0_f64.powi(i32::from(spec.unit_exponent) - 24);
         let gain_c = f64::from(spec.gain.mantissa) * 2.0_f64.powi(-i32::from(spec.gain.shift)) * unit;
         Self { offset_c: f64::from(spec.offset_q24) * unit, gain_c }
@@ -191,7 +191,7 @@ impl Register {
 }
 
 /// One code per thermometer of an image.
-type Codes = [Option<i32>; MAX_THERMOMETERS];
+type Codes = [Option<i32>; MAX_INPUTS];
 
 impl AxisReplay {
     fn new(image: &Image, unit: AngleUnit, columns: &[Option<LogColumn>]) -> Result<Self> {
@@ -207,13 +207,13 @@ impl AxisReplay {
             }
             AngleUnit::Arcsec => arcsec_per_lsb,
         };
-        let coder = |(column, spec): (&Option<LogColumn>, &Thermometer)| column.map(|column| (column, Coder::of(spec)));
-        let coders = columns.iter().zip(image.thermometers()).map(coder).collect();
+        let coder = |(column, spec): (&Option<LogColumn>, &InputSpec)| column.map(|column| (column, Coder::of(spec)));
+        let coders = columns.iter().zip(image.inputs()).map(coder).collect();
         Ok(Self { gyro: Compensator::new(*image), state: State::new(), coders, lsb, pending: 0.0 })
     }
 
     fn codes(&self, register: &Register) -> Codes {
-        let mut codes = [None; MAX_THERMOMETERS];
+        let mut codes = [None; MAX_INPUTS];
         for (code, coder) in codes.iter_mut().zip(&self.coders) {
             *code = coder.and_then(|(column, coder)| coder.code(register.value(column)));
         }
@@ -268,7 +268,7 @@ impl AxisReplay {
     /// Makes the slow update if it is due; how many of `ticks` may then run at once.
     fn step(&mut self, codes: &Codes, ticks: i64) -> std::result::Result<u32, Misuse> {
         if self.state.ticks_to_update() == 0 {
-            self.gyro.update(&mut self.state, &codes[..self.gyro.image().thermometers().len()])?;
+            self.gyro.update(&mut self.state, &codes[..self.gyro.image().inputs().len()])?;
         }
         Ok(self.state.ticks_to_update().min(u32::try_from(ticks).unwrap_or(u32::MAX)))
     }

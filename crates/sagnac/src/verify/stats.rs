@@ -25,6 +25,11 @@ pub struct Figures {
 }
 
 impl Figures {
+    /// °/h per unit of the figures; 0 where nothing scatters.
+    pub(crate) fn dph_per_unit(&self) -> f64 {
+        if self.sigma > 0.0 { self.sigma_dph / self.sigma } else { 0.0 }
+    }
+
     /// From (run, value) pairs; `None` with fewer than two windows in some run.
     pub(crate) fn of(values: &[(u32, f64)], dph_per_unit: f64) -> Option<Self> {
         let mut runs: Vec<u32> = values.iter().map(|(run, _)| *run).collect();

@@ -1,4 +1,4 @@
-//! The gyro's program: a tick of 100 µs by SysTick, the serial line and the flash in the main loop.
+//! The program of the gyro's board: a tick of 100 µs by SysTick; the serial line and the flash in the main loop.
 #![no_std]
 #![no_main]
 
@@ -10,24 +10,24 @@ use cortex_m::peripheral::Peripherals;
 use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m::singleton;
 use cortex_m_rt::{entry, exception};
-use sagnac_board::{Asked, Desk, Line, MemoryFlash, Message, RigSettings};
+use sagnac_board::{Action, CommandHandler, MemoryFlash, Message, RigSettings, TickHandler};
 use sagnac_core::Banks;
 use sagnac_firmware::{finish, say, serial, stack, unit_gyro, unit_loops};
 
 /// Processor clocks of a tick: 100 µs at the MPS2's 25 MHz.
 const TICK_CLOCKS: u32 = 2500;
-/// Room for outputs that are not yet sent.
+/// Size of the transmit buffer, bytes.
 const ROOM: usize = 4096;
 
-/// What the interrupt and the main loop share.
+/// Data shared by the interrupt and the main loop.
 struct Shared {
-    line: Line,
+    ticks: TickHandler,
     out: Ring,
-    /// Times the interrupt came while there was neither a row nor room.
+    /// Number of interrupts without a row or without room in the buffer.
     idle: u32,
 }
 
-/// Bytes on their way out.
+/// Transmit buffer.
 struct Ring {
     bytes: [u8; ROOM],
     read: usize,
@@ -55,7 +55,7 @@ impl Ring {
 
 static SHARED: Mutex<RefCell<Option<Shared>>> = Mutex::new(RefCell::new(None));
 
-/// Does something with what is shared, interrupts off; `None` only before it is there.
+/// Runs `act` on the shared data with interrupts off. `None` only before power-on has set them up.
 fn shared<T>(act: impl FnOnce(&mut Shared) -> T) -> Option<T> {
     free(|cs| SHARED.borrow(cs).try_borrow_mut().ok().and_then(|mut shared| shared.as_mut().map(act)))
 }
@@ -63,10 +63,10 @@ fn shared<T>(act: impl FnOnce(&mut Shared) -> T) -> Option<T> {
 #[exception]
 fn SysTick() {
     shared(|shared| {
-        // A frame must fit; a gyro whose line is too slow for its frames would have to drop them here.
-        if shared.line.left() == 0 || shared.out.held + 128 > ROOM {
+        // A frame must fit. A gyro with a line that is too slow for its frames would have to drop them here.
+        if shared.ticks.ticks_left() == 0 || shared.out.held + 128 > ROOM {
             shared.idle = shared.idle.wrapping_add(1);
-        } else if let Some(output) = shared.line.tick() {
+        } else if let Some(output) = shared.ticks.tick() {
             send(&mut shared.out, Message::Output(output));
         }
     });
@@ -83,8 +83,8 @@ fn send(out: &mut Ring, message: Message) {
 fn main() -> ! {
     stack::paint();
     serial::start();
-    let Some(desk) = power_on() else {
-        say(format_args!("the unit's image or loops cannot be used"));
+    let Some(handler) = power_on() else {
+        say(format_args!("the image or the loop table of this unit is not usable"));
         finish(false);
     };
     start_ticks();
@@ -92,42 +92,42 @@ fn main() -> ! {
         while let Some(byte) = shared(|shared| shared.out.pop()).flatten() {
             serial::put(byte);
         }
-        let busy = shared(|shared| shared.line.left() > 0 || shared.out.held > 0).unwrap_or(false);
+        let busy = shared(|shared| shared.ticks.ticks_left() > 0 || shared.out.held > 0).unwrap_or(false);
         if busy {
             wfi();
         } else if let Some(byte) = serial::get() {
-            hear(desk, byte);
+            receive(handler, byte);
         }
     }
 }
 
-/// What the main loop holds goes into static memory, and the room for making it is free again afterwards.
+/// Power-on. The handler is in static memory; the stack used to make it is free again afterwards.
 #[inline(never)]
-fn power_on() -> Option<&'static mut Desk<MemoryFlash>> {
-    let desk = desk()?;
-    let (line, reply) = desk.power_on(RigSettings::default());
+fn power_on() -> Option<&'static mut CommandHandler<MemoryFlash>> {
+    let handler = handler()?;
+    let (ticks, reply) = handler.power_on(RigSettings::default());
     let mut out = Ring { bytes: [0; ROOM], read: 0, held: 0 };
     send(&mut out, Message::Reply(reply));
     free(|cs| {
         if let Ok(mut slot) = SHARED.borrow(cs).try_borrow_mut() {
-            *slot = Some(Shared { line, out, idle: 0 });
+            *slot = Some(Shared { ticks, out, idle: 0 });
         }
     });
-    Some(desk)
+    Some(handler)
 }
 
 #[inline(never)]
-fn desk() -> Option<&'static mut Desk<MemoryFlash>> {
+fn handler() -> Option<&'static mut CommandHandler<MemoryFlash>> {
     let banks = Banks::new(MemoryFlash::new(), 0, MemoryFlash::BANK)?;
     let (gyro, loops) = (unit_gyro()?, unit_loops()?);
-    singleton!(: Desk<MemoryFlash> = Desk::new(banks, gyro, loops))
+    singleton!(: CommandHandler<MemoryFlash> = CommandHandler::new(banks, gyro, loops))
 }
 
-/// A byte of the line, and what a message that ends with it asks for.
+/// Takes a byte from the line and runs the action of a message that ends with it.
 #[inline(never)]
-fn hear(desk: &mut Desk<MemoryFlash>, byte: u8) {
-    if let Some(asked) = desk.take(byte) {
-        answer(asked);
+fn receive(handler: &mut CommandHandler<MemoryFlash>, byte: u8) {
+    if let Some(action) = handler.receive(byte) {
+        run(action);
     }
 }
 
@@ -141,26 +141,26 @@ fn start_ticks() {
     }
 }
 
-fn answer(asked: Asked) {
-    match asked {
-        Asked::Run(row) => {
-            shared(|shared| shared.line.begin(row));
+fn run(action: Action) {
+    match action {
+        Action::Run(row) => {
+            shared(|shared| shared.ticks.start_row(row));
         }
-        Asked::Answer(reply, loaded) => {
+        Action::Reply(reply, loaded) => {
             shared(|shared| {
                 if let Some(loaded) = loaded {
-                    shared.line.take_over(&loaded);
+                    shared.ticks.use_image(&loaded);
                 }
                 send(&mut shared.out, Message::Reply(reply));
             });
         }
-        Asked::PowerOn(line, reply) => {
+        Action::PowerOn(ticks, reply) => {
             shared(|shared| {
-                shared.line = line;
+                shared.ticks = ticks;
                 send(&mut shared.out, Message::Reply(reply));
             });
         }
-        Asked::Stop => {
+        Action::Stop => {
             let idle = shared(|shared| shared.idle).unwrap_or(0);
             say(format_args!("stack {} bytes, {idle} interrupts without a row", stack::used()));
             finish(true);

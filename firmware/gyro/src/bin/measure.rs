@@ -1,7 +1,7 @@
 //! Instructions of a tick and of a slow update. The emulator runs one instruction a nanosecond (`-icount shift=0`), and
 //! SysTick counts 25 MHz of that time: 40 instructions a count, so everything is run many times.
 //!
-//! Instructions are not cycles: what flash wait states and a pipeline make of them, only the real part can tell.
+//! Instructions are not cycles: only the real part shows the effect of flash wait states and its pipeline.
 #![no_std]
 #![no_main]
 
@@ -10,7 +10,7 @@ use core::hint::black_box;
 use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m::peripheral::{Peripherals, SYST};
 use cortex_m_rt::entry;
-use sagnac_board::{Board, Commands, Rig, RigSettings, Row};
+use sagnac_board::{ActuatorCodes, Board, Rig, RigSettings, Row};
 use sagnac_core::{Compensator, Description, Image, Origin, Output, State, Status};
 use sagnac_firmware::{finish, say, unit_image, unit_loops};
 
@@ -18,20 +18,20 @@ use sagnac_firmware::{finish, say, unit_image, unit_loops};
 const PER_COUNT: u32 = 40;
 const TIMES: u32 = 4000;
 
-/// Instructions of one call of `act`, the loop around it taken off.
+/// Instructions of one call of `act`, without the loop around it.
 fn instructions(act: impl FnMut()) -> u32 {
     instructions_of(TIMES, act).saturating_sub(instructions_of(TIMES, || {
         black_box(());
     }))
 }
 
-/// The same over so many calls, with the loop around them.
+/// Instructions per call over `times` calls, including the loop.
 fn instructions_of(times: u32, mut act: impl FnMut()) -> u32 {
     let before = SYST::get_current();
     for _ in 0..times {
         act();
     }
-    // It counts down, over 24 bits.
+    // The counter counts down and has 24 bits.
     let counts = before.wrapping_sub(SYST::get_current()) & 0x00ff_ffff;
     counts.saturating_mul(PER_COUNT).div_ceil(times)
 }
@@ -48,12 +48,12 @@ fn main() -> ! {
 
     let gyro = Compensator::new(image);
     let codes = [Some(20 << 24); 4];
-    let wanted = gyro.image().thermometers().len();
+    let wanted = gyro.image().inputs().len();
     let codes = codes.get(..wanted).unwrap_or(&[]);
 
     let mut state = State::new();
     let slow = instructions(|| {
-        // An update is due at power-on; each of these is one, with the temperature elsewhere than before.
+        // An update is due at power-on; each of these is one.
         let mut fresh = black_box(state);
         let _ = black_box(black_box(&gyro).update(black_box(&mut fresh), black_box(codes)));
     });
@@ -70,7 +70,7 @@ fn main() -> ! {
     let mut board = Board::new(image, Origin::Newest, &loops, Rig::LEVELS, Some(50));
     let mut rig = Rig::new(RigSettings { wavelength: 100_000, lamp_gain: 1 << 16, ..RigSettings::default() });
     rig.begin(Row { ticks: u32::MAX, counts: 0, present: 1, codes: [20 << 24; 4] });
-    let (_, sample) = rig.tick(&Commands::default());
+    let (_, sample) = rig.tick(&ActuatorCodes::default());
     let whole = instructions(|| {
         let _ = black_box(board.tick(black_box([(true, false), (true, true)]).into_iter(), black_box(&sample)));
     });
@@ -82,13 +82,13 @@ fn main() -> ! {
     finish(true)
 }
 
-/// A tick as a function of its own, state in memory: what an interrupt would call.
+/// A tick as a separate function with its state in memory, as an interrupt calls it.
 #[inline(never)]
 fn tick(gyro: &Compensator, state: &mut State, raw: i32) -> Option<Output> {
     gyro.tick(state, raw).ok()
 }
 
-/// Instructions of a tick, over so many ticks from this state on.
+/// Instructions of a tick, averaged over `ticks` ticks from this state.
 fn tick_instructions(gyro: &Compensator, state: &State, ticks: u32, raw: i32) -> u32 {
     let ticks = ticks.clamp(1, 500);
     let many = instructions_of(TIMES / ticks + 1, || {
@@ -100,7 +100,7 @@ fn tick_instructions(gyro: &Compensator, state: &State, ticks: u32, raw: i32) ->
     let none = instructions_of(TIMES / ticks + 1, || {
         let mut fresh = black_box(*state);
         for _ in 0..ticks {
-            // What the call is given and gives, without the call.
+            // Arguments and result, without the call.
             let _ = black_box((black_box(gyro), black_box(&mut fresh)));
             let _ = black_box(Some(Output { counts: black_box(raw), status: Status::OK }));
         }
@@ -108,12 +108,12 @@ fn tick_instructions(gyro: &Compensator, state: &State, ticks: u32, raw: i32) ->
     many.saturating_sub(none).div_ceil(ticks)
 }
 
-/// A tick in the slew that gives more than may go out.
+/// A tick during the slew that exceeds the output limit.
 fn limited_instructions(gyro: &Compensator, ticks: u32) -> u32 {
     let limited = Description { output_limit: 5, ..*gyro.image().description() };
     let Ok(image) = Image::new(limited) else { return 0 };
     let (gyro, mut state) = (Compensator::new(image), State::new());
     let codes = [Some(20 << 24); 4];
-    let _ = gyro.update(&mut state, codes.get(..image.thermometers().len()).unwrap_or(&[]));
+    let _ = gyro.update(&mut state, codes.get(..image.inputs().len()).unwrap_or(&[]));
     tick_instructions(&gyro, &state, ticks, 37)
 }

@@ -539,14 +539,15 @@ fn records(by: &Good) -> Result<Vec<Case>> {
         json("calibration that is no JSON", "{ \"format\": ".to_owned()),
         json("calibration cut short", good_record[..good_record.len() / 2].to_owned()),
         json("JSON of something else", "{ \"name\": 1 }".to_owned()).place("format"),
-        json("calibration of another version", edit("\"version\": 1", "\"version\": 2")?).place("version"),
+        json("calibration of another version", edit("\"version\": 2", "\"version\": 3")?).place("version"),
         json("calibration with a missing field", edit("\"window_s\": 100.0,", "")?).place("window_s"),
         json("calibration with an extra field", edit("\"window_s\": 100.0,", "\"window_s\": 100.0, \"windows\": 3,")?)
             .place("windows"),
         json("calibration with a number beyond all", edit("\"window_s\": 100.0", "\"window_s\": 1e999")?),
         json("calibration with NaN", edit("\"window_s\": 100.0", "\"window_s\": NaN")?),
         json("calibration with a window of zero", edit("\"window_s\": 100.0", "\"window_s\": 0.0")?).place("window_s"),
-        json("calibration with an unknown term", edit("\"kind\": \"bias\"", "\"kind\": \"magic\"")?).place("magic"),
+        json("calibration with an unknown term", edit("\"acts_on\": \"bias\"", "\"acts_on\": \"magic\"")?)
+            .place("magic"),
         json("calibration without a serial", edit("\"serial\": \"PAPER-RIG\"", "\"serial\": \"unassigned\"")?)
             .refused(),
         case("calibration of the gyro next to it", "verify unit.cal.json log.csv --serial RLG-8")

@@ -5,10 +5,10 @@
 #define ONE_Q31 ((int64_t)2147483648)
 #define ONE_Q32 ((int64_t)4294967296)
 #define ONE_Q47 ((int64_t)140737488355328)
-/* Bits of x below the Q30 that is multiplied first. */
+/* Low bits of x, multiplied separately from its upper Q30. */
 #define X_LOW_BITS 17U
 #define X_LOW ((int64_t)131072)
-/* Bits of a difference of temperatures that are multiplied apart. */
+/* Low bits of a difference of values, multiplied separately. */
 #define LAG_LOW_BITS 23U
 #define LAG_LOW ((int64_t)8388608)
 /* A quarter of a turn in 2^-56, and the coefficients of a quarter of the sine. */
@@ -17,7 +17,7 @@
 #define SINE_LENGTH 6U
 /* Bits below Q32 in which terms are summed. */
 #define GUARD_BITS 8U
-/* An accumulator beyond this after a call has lost its meaning: 2^61. */
+/* An accumulator beyond this after a call has no meaning: 2^61. */
 #define ACCUMULATOR_BOUND ((int64_t)2305843009213693952)
 /* Largest |increment|, and |sum of increments| of a period. */
 #define MAX_INCREMENT ((int64_t)70368744177664)
@@ -25,19 +25,19 @@
 #define MAX_SCALE ((int64_t)67108864)
 /* Layout of an image. */
 #define HEAD_LENGTH 128U
-#define THERMOMETER_LENGTH 64U
+#define INPUT_LENGTH 64U
 #define TERM_LENGTH 12U
 #define CRC_LENGTH 4U
 /* The minor version of an image with harmonics, the newest that is read; 0 without. */
 #define MINOR_OF_HARMONICS 1U
 
-/* What a slow update learned from one thermometer. */
+/* One input at one slow update, scaled for the terms. */
 typedef struct {
     int64_t x_q47;
     int64_t y_q31;
     uint32_t x_clamped;
     uint32_t y_clamped;
-} reading;
+} scaled_input;
 
 /* T_0(x) ... T_8(x) in Q31 for x in Q47, |x| <= 1. */
 static void gyro_chebyshev(int64_t x_q47, int64_t basis[BASIS_LENGTH])
@@ -95,26 +95,26 @@ static int64_t gyro_harmonic(int64_t x_q47, const sagnac_term *term)
     return ((quarters % 4) < 2) ? size : -size;
 }
 
-/* The temperature of a code, 2^-24 degC, not yet believed. */
-static int64_t gyro_temperature(const sagnac_thermometer *spec, int32_t code)
+/* The value of a code, 2^-24 degC, not yet checked. */
+static int64_t input_value(const sagnac_input *spec, int32_t code)
 {
     const int64_t product = (int64_t)code * (int64_t)spec->gain_mantissa;
     return (int64_t)spec->offset_q24 + sagnac_round_shift(product, spec->gain_shift);
 }
 
-/* 1 and the temperature, or 0 outside of the plausible limits. */
-static uint32_t gyro_believe(const sagnac_thermometer *spec, int64_t t, int32_t *t_q24)
+/* 1 and the value, or 0 outside the valid range. */
+static uint32_t input_if_valid(const sagnac_input *spec, int64_t t, int32_t *t_q24)
 {
-    uint32_t plausible = 0U;
-    if ((t >= (int64_t)spec->plausible_lo_q24) && (t <= (int64_t)spec->plausible_hi_q24)) {
+    uint32_t valid = 0U;
+    if ((t >= (int64_t)spec->valid_lo_q24) && (t <= (int64_t)spec->valid_hi_q24)) {
         *t_q24 = (int32_t)t;
-        plausible = 1U;
+        valid = 1U;
     }
-    return plausible;
+    return valid;
 }
 
-/* x of the temperature clamped to the span. */
-static void scale_temperature(const sagnac_thermometer *spec, int32_t t_q24, reading *out)
+/* x of the value clamped to the span. */
+static void scale_input(const sagnac_input *spec, int32_t t_q24, scaled_input *out)
 {
     const int32_t clamped = sagnac_held32(t_q24, spec->span_lo_q24, spec->span_hi_q24);
     const int64_t both = (int64_t)spec->span_lo_q24 + (int64_t)spec->span_hi_q24;
@@ -125,7 +125,7 @@ static void scale_temperature(const sagnac_thermometer *spec, int32_t t_q24, rea
 }
 
 /* One period of the lag; y is the scaled, clamped rate. */
-static void step_lag(const sagnac_thermometer *spec, sagnac_thermometer_state *memory, int32_t t_q24, reading *out)
+static void step_lag(const sagnac_input *spec, sagnac_input_state *memory, int32_t t_q24, scaled_input *out)
 {
     out->y_q31 = 0;
     out->y_clamped = 0U;
@@ -153,14 +153,14 @@ static uint32_t one_more(uint32_t count)
     return (count == UINT32_MAX) ? count : (count + 1U);
 }
 
-/* One period of one thermometer; 0 when it has no plausible temperature now. */
-static uint32_t read_thermometer(const sagnac_thermometer *spec, sagnac_thermometer_state *memory, uint32_t present,
-                                 int64_t temperature, reading *out)
+/* One period of one input; 0 without a valid value at this update. */
+static uint32_t read_input(const sagnac_input *spec, sagnac_input_state *memory, uint32_t present,
+                                 int64_t value, scaled_input *out)
 {
     int32_t t_q24 = 0;
     uint32_t fresh = 0U;
     if (present != 0U) {
-        fresh = gyro_believe(spec, temperature, &t_q24);
+        fresh = input_if_valid(spec, value, &t_q24);
     }
     if ((fresh != 0U) && (memory->has_last == 0U)) {
         memory->lag_q46 = (int64_t)t_q24 * (int64_t)4194304;
@@ -169,13 +169,13 @@ static uint32_t read_thermometer(const sagnac_thermometer *spec, sagnac_thermome
         t_q24 = memory->last_q24;
     }
     if ((fresh != 0U) || (memory->has_last != 0U)) {
-        reading now = {0, 0, 0U, 0U};
+        scaled_input now = {0, 0, 0U, 0U};
         memory->last_q24 = t_q24;
         memory->has_last = 1U;
         memory->settled_updates = one_more(memory->settled_updates);
         step_lag(spec, memory, t_q24, &now);
         if (fresh != 0U) {
-            scale_temperature(spec, t_q24, &now);
+            scale_input(spec, t_q24, &now);
             *out = now;
         }
     }
@@ -183,54 +183,54 @@ static uint32_t read_thermometer(const sagnac_thermometer *spec, sagnac_thermome
     return fresh;
 }
 
-/* The temperature of thermometer i by its code, or as the difference of two that are fresh; 0 if there is none. */
-static uint32_t find_temperature(const sagnac_image *image, const sagnac_compensator_state *state, uint32_t i,
-                                 const int32_t *codes, uint32_t present, uint32_t fresh, int64_t *temperature)
+/* The value of input i from its code, or as the difference of two inputs with a value at this update; 0 if there is none. */
+static uint32_t find_value(const sagnac_image *image, const sagnac_compensator_state *state, uint32_t i,
+                                 const int32_t *codes, uint32_t present, uint32_t fresh, int64_t *value)
 {
-    const sagnac_thermometer *spec = &image->thermometers[i];
+    const sagnac_input *spec = &image->inputs[i];
     uint32_t found;
-    *temperature = 0;
+    *value = 0;
     if (spec->is_difference != 0U) {
         found = (fresh >> spec->of) & (fresh >> spec->less) & 1U;
         if (found != 0U) {
-            *temperature = (int64_t)state->thermometers[spec->of].last_q24 -
-                           (int64_t)state->thermometers[spec->less].last_q24;
+            *value = (int64_t)state->inputs[spec->of].last_q24 -
+                           (int64_t)state->inputs[spec->less].last_q24;
         }
     } else {
         found = (present >> i) & 1U;
         if (found != 0U) {
-            *temperature = gyro_temperature(spec, codes[i]);
+            *value = input_value(spec, codes[i]);
         }
     }
     return found;
 }
 
-/* Runs every thermometer; 1 if any has no temperature. */
+/* Runs every input; 1 if any has no value. */
 static uint32_t read_all(const sagnac_image *image, sagnac_compensator_state *state, const int32_t *codes,
-                         uint32_t present, reading *readings, uint32_t *status)
+                         uint32_t present, scaled_input *inputs, uint32_t *status)
 {
     uint32_t held = 0U;
     uint32_t fresh = 0U;
     uint32_t i;
     *status = 0U;
-    for (i = 0U; i < image->thermometer_count; i++) {
-        const sagnac_thermometer *spec = &image->thermometers[i];
-        sagnac_thermometer_state *memory = &state->thermometers[i];
-        int64_t temperature;
-        const uint32_t has_sample = find_temperature(image, state, i, codes, present, fresh, &temperature);
-        if (read_thermometer(spec, memory, has_sample, temperature, &readings[i]) != 0U) {
+    for (i = 0U; i < image->input_count; i++) {
+        const sagnac_input *spec = &image->inputs[i];
+        sagnac_input_state *memory = &state->inputs[i];
+        int64_t value;
+        const uint32_t has_sample = find_value(image, state, i, codes, present, fresh, &value);
+        if (read_input(spec, memory, has_sample, value, &inputs[i]) != 0U) {
             fresh |= 1U << i;
         } else {
             held = 1U;
             *status |= SAGNAC_HELD;
-            if (memory->held_updates > spec->hold_updates) {
+            if (memory->held_updates > spec->stale_after_updates) {
                 *status |= SAGNAC_STALE;
             }
         }
-        if ((readings[i].x_clamped != 0U) || (readings[i].y_clamped != 0U)) {
+        if ((inputs[i].x_clamped != 0U) || (inputs[i].y_clamped != 0U)) {
             *status |= SAGNAC_OUT_OF_SPAN;
         }
-        if (readings[i].y_clamped != 0U) {
+        if (inputs[i].y_clamped != 0U) {
             *status |= SAGNAC_RATE_OUT_OF_SPAN;
         }
         if ((spec->settling_updates > 0U) && (memory->settled_updates <= spec->settling_updates)) {
@@ -238,25 +238,25 @@ static uint32_t read_all(const sagnac_image *image, sagnac_compensator_state *st
         }
     }
     if (held != 0U) {
-        /* A held correction keeps what was said of the temperature it was made from. */
+        /* A held correction keeps the span bits of the values it was computed from. */
         *status |= state->slow_status & (SAGNAC_OUT_OF_SPAN | SAGNAC_RATE_OUT_OF_SPAN);
     }
     return held;
 }
 
 /* k in Q32 and the increment in counts * 2^-32 per tick. */
-static void gyro_evaluate(const sagnac_image *image, const reading *readings, int64_t *k_q32, int64_t *increment)
+static void gyro_evaluate(const sagnac_image *image, const scaled_input *inputs, int64_t *k_q32, int64_t *increment)
 {
-    int64_t basis[SAGNAC_MAX_THERMOMETERS][BASIS_LENGTH];
+    int64_t basis[SAGNAC_MAX_INPUTS][BASIS_LENGTH];
     int64_t bias = 0;
     int64_t scale = 0;
     uint32_t i;
-    for (i = 0U; i < image->thermometer_count; i++) {
-        gyro_chebyshev(readings[i].x_q47, basis[i]);
+    for (i = 0U; i < image->input_count; i++) {
+        gyro_chebyshev(inputs[i].x_q47, basis[i]);
     }
     for (i = 0U; i < image->term_count; i++) {
         const sagnac_term *term = &image->terms[i];
-        const int64_t x_q47 = readings[term->sensor].x_q47;
+        const int64_t x_q47 = inputs[term->input].x_q47;
         int64_t factor;
         int64_t value;
         if (term->shape == SAGNAC_ZONE) {
@@ -266,10 +266,10 @@ static void gyro_evaluate(const sagnac_image *image, const reading *readings, in
         } else if (is_harmonic(term) != 0U) {
             factor = gyro_harmonic(x_q47, term);
         } else {
-            factor = basis[term->sensor][term->order];
+            factor = basis[term->input][term->order];
         }
         if (term->times_rate != 0U) {
-            factor = sagnac_round_shift(factor * readings[term->sensor].y_q31, 31U);
+            factor = sagnac_round_shift(factor * inputs[term->input].y_q31, 31U);
         }
         value = sagnac_round_shift((int64_t)term->mantissa * factor, term->shift);
         if (term->kind == SAGNAC_BIAS) {
@@ -282,7 +282,7 @@ static void gyro_evaluate(const sagnac_image *image, const reading *readings, in
     *increment = sagnac_round_shift(bias, GUARD_BITS);
 }
 
-/* Starts the way to a new increment: `steeper` ticks by slope + 1, the others by slope. */
+/* Starts the slew to a new increment: `steeper` ticks by slope + 1, the others by slope. */
 static void gyro_slew_to(sagnac_compensator_state *state, int64_t target, uint32_t ticks)
 {
     state->target = target;
@@ -302,7 +302,7 @@ static void gyro_slew_to(sagnac_compensator_state *state, int64_t target, uint32
     }
 }
 
-/* Moves the slew on by n ticks; the sum of its increments. */
+/* Advances the slew by n ticks; returns the sum of its increments. */
 static int64_t gyro_slew(sagnac_compensator_state *state, uint32_t n)
 {
     int64_t sum;
@@ -335,7 +335,7 @@ static sagnac_misuse run_clock(sagnac_compensator_state *state, uint32_t ticks, 
     return result;
 }
 
-static void give_out(const sagnac_image *image, sagnac_compensator_state *state, int32_t raw, int64_t increments,
+static void emit(const sagnac_image *image, sagnac_compensator_state *state, int32_t raw, int64_t increments,
                      sagnac_output *output)
 {
     if (state->overflow != 0U) {
@@ -385,17 +385,17 @@ void sagnac_compensator_start(sagnac_compensator_state *state)
     state->slow_status = SAGNAC_UNCORRECTED;
     state->corrected_once = 0U;
     state->overflow = 0U;
-    for (i = 0U; i < SAGNAC_MAX_THERMOMETERS; i++) {
-        state->thermometers[i].lag_q46 = 0;
-        state->thermometers[i].remainder = 0;
-        state->thermometers[i].last_q24 = 0;
-        state->thermometers[i].has_last = 0U;
-        state->thermometers[i].held_updates = 0U;
-        state->thermometers[i].settled_updates = 0U;
+    for (i = 0U; i < SAGNAC_MAX_INPUTS; i++) {
+        state->inputs[i].lag_q46 = 0;
+        state->inputs[i].remainder = 0;
+        state->inputs[i].last_q24 = 0;
+        state->inputs[i].has_last = 0U;
+        state->inputs[i].held_updates = 0U;
+        state->inputs[i].settled_updates = 0U;
     }
 }
 
-void sagnac_compensator_take_over(const sagnac_image *image, sagnac_compensator_state *state)
+void sagnac_compensator_migrate_state(const sagnac_image *image, sagnac_compensator_state *state)
 {
     const int64_t bound = increment_bound(image);
     const sagnac_compensator_state old = *state;
@@ -414,14 +414,14 @@ sagnac_misuse sagnac_compensator_update(const sagnac_image *image, sagnac_compen
     if (state->ticks_to_update != 0U) {
         result = SAGNAC_UPDATE_NOT_DUE;
     } else {
-        reading readings[SAGNAC_MAX_THERMOMETERS] = {{0, 0, 0U, 0U}, {0, 0, 0U, 0U}, {0, 0, 0U, 0U}, {0, 0, 0U, 0U}};
+        scaled_input inputs[SAGNAC_MAX_INPUTS] = {{0, 0, 0U, 0U}, {0, 0, 0U, 0U}, {0, 0, 0U, 0U}, {0, 0, 0U, 0U}};
         uint32_t status;
-        const uint32_t held = read_all(image, state, codes, present, readings, &status);
+        const uint32_t held = read_all(image, state, codes, present, inputs, &status);
         state->ticks_to_update = image->period_ticks;
         if (held == 0U) {
             int64_t k_q32;
             int64_t increment;
-            gyro_evaluate(image, readings, &k_q32, &increment);
+            gyro_evaluate(image, inputs, &k_q32, &increment);
             state->k_q32 = k_q32;
             gyro_slew_to(state, increment, image->slew_ticks);
             state->corrected_once = 1U;
@@ -448,7 +448,7 @@ sagnac_misuse sagnac_compensator_advance(const sagnac_image *image, sagnac_compe
         int64_t increments = 0;
         result = run_clock(state, ticks, &increments);
         if (result == SAGNAC_OK) {
-            give_out(image, state, raw, increments, output);
+            emit(image, state, raw, increments, output);
         }
     }
     return result;
@@ -481,7 +481,7 @@ static uint32_t reaches_one(int64_t border, uint32_t mantissa, uint32_t shift)
     return reaches;
 }
 
-static uint32_t lag_is_sound(const sagnac_thermometer *t)
+static uint32_t lag_is_sound(const sagnac_input *t)
 {
     uint32_t sound;
     if (t->alpha_mantissa == 0U) {
@@ -507,7 +507,7 @@ static uint32_t lag_is_sound(const sagnac_thermometer *t)
     return sound;
 }
 
-static uint32_t thermometer_is_sound(const sagnac_thermometer *t)
+static uint32_t input_is_sound(const sagnac_input *t)
 {
     const int64_t span = (int64_t)t->span_hi_q24 - (int64_t)t->span_lo_q24;
     uint32_t sound = lag_is_sound(t);
@@ -517,8 +517,8 @@ static uint32_t thermometer_is_sound(const sagnac_thermometer *t)
     if ((t->unit_exponent < -100) || (t->unit_exponent > 100)) {
         sound = 0U;
     }
-    if ((t->plausible_lo_q24 == INT32_MIN) || (t->plausible_hi_q24 == INT32_MAX) ||
-        (t->plausible_lo_q24 >= t->plausible_hi_q24)) {
+    if ((t->valid_lo_q24 == INT32_MIN) || (t->valid_hi_q24 == INT32_MAX) ||
+        (t->valid_lo_q24 >= t->valid_hi_q24)) {
         sound = 0U;
     }
     if ((span <= 0) || ((span % 2) != 0) || (reaches_one(span / 2, t->x_mantissa, t->x_shift + 16U) == 0U)) {
@@ -527,10 +527,10 @@ static uint32_t thermometer_is_sound(const sagnac_thermometer *t)
     return sound;
 }
 
-/* A difference is of two thermometers before it with codes of their own, and has no conversion. */
+/* A difference uses two inputs before it with codes of their own, and has no conversion. */
 static uint32_t source_is_sound(const sagnac_image *image, uint32_t i)
 {
-    const sagnac_thermometer *t = &image->thermometers[i];
+    const sagnac_input *t = &image->inputs[i];
     uint32_t sound = 1U;
     if (t->is_difference > 1U) {
         sound = 0U;
@@ -539,7 +539,7 @@ static uint32_t source_is_sound(const sagnac_image *image, uint32_t i)
     } else if ((t->of >= i) || (t->less >= i) || (t->of == t->less)) {
         sound = 0U;
     } else {
-        if ((image->thermometers[t->of].is_difference != 0U) || (image->thermometers[t->less].is_difference != 0U) ||
+        if ((image->inputs[t->of].is_difference != 0U) || (image->inputs[t->less].is_difference != 0U) ||
             (t->offset_q24 != 0) || (t->gain_mantissa != 1) || (t->gain_shift != 0U)) {
             sound = 0U;
         }
@@ -570,9 +570,9 @@ static uint32_t shape_is_sound(const sagnac_term *term)
 static uint32_t term_is_sound(const sagnac_image *image, const sagnac_term *term)
 {
     uint32_t sound = 0U;
-    if ((term->sensor < image->thermometer_count) && (shape_is_sound(term) != 0U) && (term->shift >= 8U) &&
+    if ((term->input < image->input_count) && (shape_is_sound(term) != 0U) && (term->shift >= 8U) &&
         (term->shift <= 62U) && (term->mantissa != INT32_MIN) && (term->times_rate <= 1U)) {
-        const uint32_t has_rate = (image->thermometers[term->sensor].alpha_mantissa != 0U) ? SAGNAC_YES : SAGNAC_NO;
+        const uint32_t has_rate = (image->inputs[term->input].alpha_mantissa != 0U) ? SAGNAC_YES : SAGNAC_NO;
         sound = ((term->times_rate == 0U) || (has_rate != 0U)) ? SAGNAC_YES : SAGNAC_NO;
         if ((term->kind != SAGNAC_BIAS) && (term->kind != SAGNAC_SCALE)) {
             sound = 0U;
@@ -581,7 +581,7 @@ static uint32_t term_is_sound(const sagnac_image *image, const sagnac_term *term
     return sound;
 }
 
-/* What the terms of a kind can reach together, in 2^-32. */
+/* The largest value that the terms of one kind can reach together, in 2^-32. */
 static int64_t gyro_reach(const sagnac_image *image, sagnac_kind kind)
 {
     int64_t sum = 0;
@@ -598,7 +598,7 @@ static int64_t gyro_reach(const sagnac_image *image, sagnac_kind kind)
     return sagnac_floor_shift(sum, GUARD_BITS);
 }
 
-/* The axis is a printable character; what is counted is within its range. */
+/* The axis is a printable character; all numbers are in range. */
 static uint32_t head_is_sound(const sagnac_image *image)
 {
     uint32_t sound = 1U;
@@ -610,7 +610,7 @@ static uint32_t head_is_sound(const sagnac_image *image)
         (image->output_limit == 0U) || (image->output_limit > 2147483647U)) {
         sound = 0U;
     }
-    if ((image->thermometer_count > SAGNAC_MAX_THERMOMETERS) || (image->term_count > SAGNAC_MAX_TERMS)) {
+    if ((image->input_count > SAGNAC_MAX_INPUTS) || (image->term_count > SAGNAC_MAX_TERMS)) {
         sound = 0U;
     }
     return sound;
@@ -623,9 +623,9 @@ sagnac_image_error sagnac_image_check(const sagnac_image *image)
         error = SAGNAC_IMAGE_HEAD;
     } else {
         uint32_t i;
-        for (i = 0U; (i < image->thermometer_count) && (error == SAGNAC_IMAGE_OK); i++) {
-            if ((thermometer_is_sound(&image->thermometers[i]) == 0U) || (source_is_sound(image, i) == 0U)) {
-                error = SAGNAC_IMAGE_THERMOMETER;
+        for (i = 0U; (i < image->input_count) && (error == SAGNAC_IMAGE_OK); i++) {
+            if ((input_is_sound(&image->inputs[i]) == 0U) || (source_is_sound(image, i) == 0U)) {
+                error = SAGNAC_IMAGE_INPUT;
             }
         }
         for (i = 0U; (i < image->term_count) && (error == SAGNAC_IMAGE_OK); i++) {
@@ -648,7 +648,7 @@ static void load_head(sagnac_image *image, sagnac_read_octet read, const void *c
         image->serial[i] = sagnac_read_u32(read, context, 16U + (4U * i));
     }
     image->axis = read(context, 48U) & 0xFFU;
-    image->thermometer_count = read(context, 49U) & 0xFFU;
+    image->input_count = read(context, 49U) & 0xFFU;
     image->term_count = read(context, 50U) & 0xFFU;
     image->tick_ns = sagnac_read_u32(read, context, 52U);
     image->period_ticks = sagnac_read_u32(read, context, 56U);
@@ -659,7 +659,7 @@ static void load_head(sagnac_image *image, sagnac_read_octet read, const void *c
     image->output_limit = sagnac_read_u32(read, context, 88U);
 }
 
-static void load_thermometer(sagnac_thermometer *t, sagnac_read_octet read, const void *context, uint32_t at)
+static void load_input(sagnac_input *t, sagnac_read_octet read, const void *context, uint32_t at)
 {
     const uint32_t octet = read(context, at + 60U) & 0xFFU;
     const int32_t exponent = (int32_t)octet;
@@ -674,8 +674,8 @@ static void load_thermometer(sagnac_thermometer *t, sagnac_read_octet read, cons
     t->is_difference = read(context, at + 13U) & 0xFFU;
     t->of = read(context, at + 14U) & 0xFFU;
     t->less = read(context, at + 15U) & 0xFFU;
-    t->plausible_lo_q24 = sagnac_read_i32(read, context, at + 16U);
-    t->plausible_hi_q24 = sagnac_read_i32(read, context, at + 20U);
+    t->valid_lo_q24 = sagnac_read_i32(read, context, at + 16U);
+    t->valid_hi_q24 = sagnac_read_i32(read, context, at + 20U);
     t->span_lo_q24 = sagnac_read_i32(read, context, at + 24U);
     t->span_hi_q24 = sagnac_read_i32(read, context, at + 28U);
     t->x_mantissa = sagnac_read_u32(read, context, at + 32U);
@@ -683,7 +683,7 @@ static void load_thermometer(sagnac_thermometer *t, sagnac_read_octet read, cons
     t->rate_lo = sagnac_read_i32(read, context, at + 40U);
     t->rate_hi = sagnac_read_i32(read, context, at + 44U);
     t->y_mantissa = sagnac_read_u32(read, context, at + 48U);
-    t->hold_updates = sagnac_read_u32(read, context, at + 52U);
+    t->stale_after_updates = sagnac_read_u32(read, context, at + 52U);
     t->settling_updates = sagnac_read_u32(read, context, at + 56U);
 }
 
@@ -695,7 +695,7 @@ static uint32_t load_term(sagnac_term *term, sagnac_read_octet read, const void 
     const uint32_t low = sagnac_read_u16(read, context, at + 10U);
     const int32_t knot = (int32_t)low;
     term->kind = (kind == 1U) ? SAGNAC_BIAS : SAGNAC_SCALE;
-    term->sensor = read(context, at + 1U) & 0xFFU;
+    term->input = read(context, at + 1U) & 0xFFU;
     term->order = order;
     term->knot_q15 = (knot < 32768) ? knot : (knot - 65536);
     term->turns_q18 = 0U;
@@ -707,7 +707,7 @@ static uint32_t load_term(sagnac_term *term, sagnac_read_octet read, const void 
     } else if (shape == 2U) {
         term->shape = SAGNAC_STEP;
     } else if ((shape == 3U) || (shape == 4U)) {
-        /* The low 16 bits of the turns stand where a knot does, the high 8 where an order does. */
+        /* The low 16 bits of the turns use the bytes of a knot, the high 8 bits the byte of an order. */
         term->shape = (shape == 3U) ? SAGNAC_COSINE : SAGNAC_SINE;
         term->turns_q18 = low | (order << 16);
         term->order = 0U;
@@ -718,7 +718,7 @@ static uint32_t load_term(sagnac_term *term, sagnac_read_octet read, const void 
     return (((kind == 1U) || (kind == 2U)) && (shape <= 4U)) ? SAGNAC_YES : SAGNAC_NO;
 }
 
-/* Length, magic, version, checksum: whether these bytes are an image at all. */
+/* Checks length, magic, versions and checksum. */
 static sagnac_image_error gyro_envelope(sagnac_read_octet read, const void *context, uint32_t length)
 {
     static const uint32_t magic[2] = {0x4E474153U, 0x4D494341U};
@@ -750,7 +750,7 @@ sagnac_image_error sagnac_image_load(sagnac_image *image, sagnac_read_octet read
         error = (head_is_sound(image) != 0U) ? SAGNAC_IMAGE_OK : SAGNAC_IMAGE_HEAD;
     }
     if ((error == SAGNAC_IMAGE_OK) &&
-        (length != (HEAD_LENGTH + (THERMOMETER_LENGTH * image->thermometer_count) +
+        (length != (HEAD_LENGTH + (INPUT_LENGTH * image->input_count) +
                     (TERM_LENGTH * image->term_count) + CRC_LENGTH))) {
         error = SAGNAC_IMAGE_LENGTH;
     }
@@ -759,10 +759,10 @@ sagnac_image_error sagnac_image_load(sagnac_image *image, sagnac_read_octet read
         uint32_t minor = 0U;
         uint32_t at = HEAD_LENGTH;
         uint32_t i;
-        for (i = 0U; i < image->thermometer_count; i++) {
-            load_thermometer(&image->thermometers[i], read, context, at);
+        for (i = 0U; i < image->input_count; i++) {
+            load_input(&image->inputs[i], read, context, at);
             zeros &= sagnac_are_zero(read, context, at + 61U, 3U);
-            at += THERMOMETER_LENGTH;
+            at += INPUT_LENGTH;
         }
         for (i = 0U; i < image->term_count; i++) {
             kinds &= load_term(&image->terms[i], read, context, at);

@@ -3,7 +3,7 @@
  *
  *             every period (slow path)                            every tick (fast path)
  *   code -> T -> lag -> rate --+                                  raw counts
- *           +--> x ------------+-> series -> k, increment --(slew)--> acc += raw*k - increment -> whole counts
+ *           +--> x ------------+-> terms  -> k, increment --(slew)--> acc += raw*k - increment -> whole counts
  *
  * Bit for bit the Rust crate sagnac-core; reference vectors prove it (docs/reference/vectors.md). Widths, rounding and ranges:
  * docs/explanation/arithmetic.md. Bytes of an image: docs/reference/image-format.md.
@@ -15,10 +15,10 @@
  *   in the 100 us interrupt:
  *     if (state.ticks_to_update == 0U) { sagnac_compensator_update(&image, &state, codes, present); }
  *     if (sagnac_compensator_tick(&image, &state, raw, &output) == SAGNAC_OK) { use output.counts, output.status; }
- * The slow path may run in the interrupt, or before it in a task that is sure to be done in time.
+ * The slow path may run in the interrupt, or before it in a task that always ends in time.
  *
- * Signs: positive counts are positive rotation; temperatures are 2^-24 degC.
- * Fails, and says so, when asked to run past a slow update or with more than 2^29 counts in a call.
+ * Signs: positive counts are positive rotation. Values of inputs are 2^-24 degC.
+ * A call past a slow update, or with more than 2^29 counts, is refused and changes nothing.
  */
 #ifndef SAGNAC_COMPENSATOR_H
 #define SAGNAC_COMPENSATOR_H
@@ -27,7 +27,7 @@
 
 #include "sagnac_integer.h"
 
-#define SAGNAC_MAX_THERMOMETERS 4U
+#define SAGNAC_MAX_INPUTS 4U
 #define SAGNAC_MAX_TERMS 32U
 #define SAGNAC_MAX_ORDER 8U
 /* Most turns of a harmonic over the span, 2^-18: just below 64. */
@@ -45,7 +45,7 @@
 #define SAGNAC_LIMITED 64U
 #define SAGNAC_OVERFLOW 128U
 
-/* What a call returns. After anything but SAGNAC_OK nothing has changed. */
+/* Result of a call. After anything but SAGNAC_OK nothing has changed. */
 typedef enum {
     SAGNAC_OK = 0,
     SAGNAC_UPDATE_DUE = 1,
@@ -53,7 +53,7 @@ typedef enum {
     SAGNAC_RAW_OUT_OF_RANGE = 3
 } sagnac_misuse;
 
-/* What an image is refused for. */
+/* Why an image is refused. */
 typedef enum {
     SAGNAC_IMAGE_OK = 0,
     SAGNAC_IMAGE_LENGTH = 1,
@@ -62,7 +62,7 @@ typedef enum {
     SAGNAC_IMAGE_CRC = 4,
     SAGNAC_IMAGE_RESERVED = 5,
     SAGNAC_IMAGE_HEAD = 6,
-    SAGNAC_IMAGE_THERMOMETER = 7,
+    SAGNAC_IMAGE_INPUT = 7,
     SAGNAC_IMAGE_TERM = 8,
     SAGNAC_IMAGE_SUM = 9
 } sagnac_image_error;
@@ -70,7 +70,7 @@ typedef enum {
 /* What a term adds to. */
 typedef enum { SAGNAC_BIAS = 1, SAGNAC_SCALE = 2 } sagnac_kind;
 
-/* The function of x that a term is made of: T_order(x), ((x - knot)/2)^2 above the knot, 1 from the knot on, or the
+/* The function of x in a term: T_order(x), ((x - knot)/2)^2 above the knot, 1 from the knot on, or the
  * cosine or sine of 2 pi turns (x + 1)/2. */
 typedef enum {
     SAGNAC_CHEBYSHEV = 0,
@@ -80,18 +80,18 @@ typedef enum {
     SAGNAC_SINE = 4
 } sagnac_shape;
 
-/* A thermometer; or, where is_difference is 1, thermometer `of` less thermometer `less`, which stand before it. */
+/* An input with a code of its own; or, if is_difference is 1, input `of` minus input `less`, which come before it. */
 typedef struct {
     uint32_t is_difference;
     uint32_t of;
     uint32_t less;
-    /* What is called degC here is 2^unit_exponent of its own unit; 0 for degC. */
+    /* For an input that is not a temperature, degC means 2^unit_exponent of its own unit; 0 for degC. */
     int32_t unit_exponent;
     int32_t offset_q24;
     int32_t gain_mantissa;
     uint32_t gain_shift;
-    int32_t plausible_lo_q24;
-    int32_t plausible_hi_q24;
+    int32_t valid_lo_q24;
+    int32_t valid_hi_q24;
     int32_t span_lo_q24;
     int32_t span_hi_q24;
     uint32_t x_mantissa;
@@ -103,13 +103,13 @@ typedef struct {
     int32_t rate_hi;
     uint32_t y_mantissa;
     uint32_t y_shift;
-    uint32_t hold_updates;
+    uint32_t stale_after_updates;
     uint32_t settling_updates;
-} sagnac_thermometer;
+} sagnac_input;
 
 typedef struct {
     sagnac_kind kind;
-    uint32_t sensor;
+    uint32_t input;
     sagnac_shape shape;
     uint32_t order;
     int32_t knot_q15;
@@ -130,13 +130,13 @@ typedef struct {
     uint64_t quantum_nano_counts;
     uint32_t sequence;
     uint32_t output_limit;
-    uint32_t thermometer_count;
+    uint32_t input_count;
     uint32_t term_count;
-    sagnac_thermometer thermometers[SAGNAC_MAX_THERMOMETERS];
+    sagnac_input inputs[SAGNAC_MAX_INPUTS];
     sagnac_term terms[SAGNAC_MAX_TERMS];
 } sagnac_image;
 
-/* Memory of one thermometer. */
+/* Memory of one input. */
 typedef struct {
     int64_t lag_q46;
     int64_t remainder;
@@ -144,7 +144,7 @@ typedef struct {
     uint32_t has_last;
     uint32_t held_updates;
     uint32_t settled_updates;
-} sagnac_thermometer_state;
+} sagnac_input_state;
 
 /* Memory of one compensator. Read it freely; change it only through the functions. */
 typedef struct {
@@ -159,7 +159,7 @@ typedef struct {
     uint32_t slow_status;
     uint32_t corrected_once;
     uint32_t overflow;
-    sagnac_thermometer_state thermometers[SAGNAC_MAX_THERMOMETERS];
+    sagnac_input_state inputs[SAGNAC_MAX_INPUTS];
 } sagnac_compensator_state;
 
 /* One corrected value. */
@@ -171,17 +171,18 @@ typedef struct {
 /* Reads an image of `length` bytes and checks every value; with anything but SAGNAC_IMAGE_OK do not use it. */
 sagnac_image_error sagnac_image_load(sagnac_image *image, sagnac_read_octet read, const void *context, uint32_t length);
 
-/* The rules alone, for an image from elsewhere. */
+/* The checks alone, for an image that was not loaded. */
 sagnac_image_error sagnac_image_check(const sagnac_image *image);
 
 /* Memory at power-on: a slow update is due. */
 void sagnac_compensator_start(sagnac_compensator_state *state);
 
-/* Goes on with a new image between two ticks: counts owed stay owed, the correction in force is slewed away from. */
-void sagnac_compensator_take_over(const sagnac_image *image, sagnac_compensator_state *state);
+/* Makes the memory fit for another image of the same gyro, between two ticks: the remainder of a count is kept, the active correction
+ * stays until the next slow update, which is due at once, and the inputs start again. */
+void sagnac_compensator_migrate_state(const sagnac_image *image, sagnac_compensator_state *state);
 
-/* A slow update: bit i of `present` says whether thermometer i has a sample, which is codes[i]; an image has
- * thermometer_count of them, and a code is read only where its bit is set. A difference has neither. */
+/* A slow update. Bit i of `present` is set if input i has a new sample, codes[i]. A code is read only if its bit is set. A
+ * difference has neither bit nor code. */
 sagnac_misuse sagnac_compensator_update(const sagnac_image *image, sagnac_compensator_state *state,
                                         const int32_t *codes, uint32_t present);
 
@@ -189,14 +190,14 @@ sagnac_misuse sagnac_compensator_update(const sagnac_image *image, sagnac_compen
 sagnac_misuse sagnac_compensator_tick(const sagnac_image *image, sagnac_compensator_state *state, int32_t raw,
                                       sagnac_output *output);
 
-/* So many ticks at once: the sum of what they give and the state after them, while no output limit is reached. */
+/* `ticks` ticks at once: the sum of their counts, and the state after them, while no output limit is reached. */
 sagnac_misuse sagnac_compensator_advance(const sagnac_image *image, sagnac_compensator_state *state, int32_t raw,
                                          uint32_t ticks, sagnac_output *output);
 
-/* Ticks for which there are no counts: clock and slew move, the accumulator does not. */
+/* Ticks without counts: clock and slew advance, the accumulator does not change. */
 sagnac_misuse sagnac_compensator_skip(sagnac_compensator_state *state, uint32_t ticks);
 
-/* The status that a tick would carry now, without its own SAGNAC_LIMITED. */
+/* The status that a tick would have now, without its own SAGNAC_LIMITED. */
 uint32_t sagnac_compensator_status(const sagnac_compensator_state *state);
 
 #endif

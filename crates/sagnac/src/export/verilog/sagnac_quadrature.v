@@ -2,12 +2,12 @@
 //
 //     A B   00 -> 10 -> 11 -> 01 -> 00     one fringe forward
 //
-// COUNTS_PER_FRINGE 4 counts each step, 2 each change of A, 1 each rise of A with B low. A double step cannot be told in
-// direction: it adds nothing and `lost` counts it. Bit for bit sagnac_loops::Quadrature.
+// COUNTS_PER_FRINGE 4 counts each step, 2 each change of A, 1 each rise of A with B low. A double step has no
+// known direction: it adds nothing and `lost` counts it. Bit for bit sagnac_loops::Quadrature.
 //
 // SYNCHRONIZED puts two flip-flops before each level, for levels that do not come from this clock. `sample` says when a pair
 // is looked at: tie it high to look every clock. `take` gives out what was counted since the last one.
-// Where it fails: fringes faster than a quarter per sample are lost, and told.
+// Fringes faster than a quarter per sample are lost, and counted in `lost`.
 `timescale 1ns / 1ns
 `default_nettype none
 

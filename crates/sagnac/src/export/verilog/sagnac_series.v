@@ -1,17 +1,17 @@
 // Slow path of the thermal correction, once per temperature period, with one serial multiplier:
 //
 //     code -> T -> lag -> rate y --+
-//             +--> x --------------+-> Chebyshev series -> k = 1 + scale, increment; and the way there (slope, steeper)
+//             +--> x --------------+-> terms -> k = 1 + scale, increment, and the slew to it (slope, steeper)
 //
-// Bit for bit the Rust crate sagnac-core (docs/explanation/arithmetic.md). The constants of sagnac_unit.vh are one gyro axis'.
+// Bit for bit the Rust crate sagnac-core (docs/explanation/arithmetic.md). sagnac_unit.vh has the constants of one gyro axis.
 //
-// `start` with a code and a `present` bit per thermometer begins; both are taken in that clock. `ready` rises at the end and
-// stays, with the outputs, until `taken` (the `applied` of sagnac_fast). The difference of two thermometers has neither code nor bit. `target_now` is the increment in force at the
-// boundary: sagnac_fast's target. Start it early enough: docs/explanation/fpga.md says how many clocks it takes. `restart` forgets
-// the thermometers (a new image).
+// `start` begins a slow update; a code and a `present` bit per input are read in that clock. A difference of two inputs has neither. `ready`
+// rises at the end and stays high, with valid outputs, until `taken` (the `applied` of sagnac_fast). `target_now` is the increment that is
+// active at the boundary: sagnac_fast's target. Start early enough: docs/explanation/fpga.md has the number of clocks. `restart` resets the
+// inputs, for a new image.
 //
 // Every product is below 2^89 in size, shifted right with one rounding, halves upward.
-// Where it fails: started again before `taken`, the start is not taken.
+// A `start` before `taken` is ignored.
 `timescale 1ns / 1ns
 `default_nettype none
 
@@ -38,8 +38,8 @@ module sagnac_series #(
 );
 `include "sagnac_unit.vh"
 
-    localparam [4:0] IDLE = 5'd0, SENSOR = 5'd1, CODE = 5'd2, BELIEVE = 5'd3, LAG = 5'd4, LAG_SUM = 5'd5,
-        LAG_RATE = 5'd6, RATE = 5'd7, SCALED_RATE = 5'd8, POSITION = 5'd9, SCALED = 5'd10, SAY = 5'd11,
+    localparam [4:0] IDLE = 5'd0, INPUT = 5'd1, CODE = 5'd2, ACCEPT = 5'd3, LAG = 5'd4, LAG_SUM = 5'd5,
+        LAG_RATE = 5'd6, RATE = 5'd7, SCALED_RATE = 5'd8, POSITION = 5'd9, SCALED = 5'd10, REPORT = 5'd11,
         BASIS = 5'd12, BASIS_STEP = 5'd13, BASIS_NEXT = 5'd14, TERM = 5'd15, TERM_RATE = 5'd16,
         TERM_ADD = 5'd18, SCALE = 5'd19, BIAS = 5'd20, DIVIDE = 5'd21, DIVIDED = 5'd22, FINISH = 5'd23,
         MULTIPLY = 5'd24, SHIFT = 5'd25, BASIS_TURN = 5'd17, TERM_READ = 5'd26, TERM_ZONE = 5'd27,
@@ -66,34 +66,34 @@ module sagnac_series #(
     reg [38:0] shifted_out;
     wire signed [63:0] result = product[63:0];
 
-    // One thermometer at a time.
+    // One input at a time.
     reg [127:0] codes_now;
     reg [3:0] present_now;
-    reg [2:0] sensor;
-    // One thermometer alone needs no memory of four.
-    wire [1:0] at = THERMOMETERS > 3'd1 ? sensor[1:0] : 2'd0;
+    reg [2:0] index;
+    // A single input needs no memory of four.
+    wire [1:0] at = INPUTS > 3'd1 ? index[1:0] : 2'd0;
     reg fresh;
-    reg signed [31:0] temperature;
+    reg signed [31:0] value_now;
     reg signed [55:0] difference;
     reg signed [54:0] lag_q46 [0:3];
     reg [38:0] remainder [0:3];
     reg signed [31:0] last_q24 [0:3];
     reg [3:0] has_last;
-    // Thermometers with a plausible temperature in this update, for the differences of two.
+    // Inputs with a valid value in this update, for the differences of two.
     reg [3:0] fresh_now;
     reg [31:0] held_updates [0:3];
     reg [31:0] settled_updates [0:3];
     reg signed [48:0] x [0:3];
     reg signed [34:0] y [0:3];
     reg x_clamped, y_clamped;
-    reg [5:0] said, earlier;
+    reg [5:0] reported, earlier;
     reg corrected_once;
 
     // The series.
     reg [3:0] order;
     reg signed [34:0] here, previous;
     reg signed [34:0] basis [0:63];
-    // Read alone, so that the basis can stand in block memory; what begins at a knot beside it.
+    // Read separately, so that the basis can be in block memory; zones, steps and harmonics beside it.
     reg signed [34:0] basis_read, piece;
     reg [5:0] term;
     reg signed [55:0] bias;
@@ -108,8 +108,8 @@ module sagnac_series #(
     wire signed [31:0] code = codes_now[32*at +: 32];
     wire signed [31:0] gain_mantissa = GAIN_MANTISSA[32*at +: 32];
     wire signed [31:0] offset = OFFSET[32*at +: 32];
-    wire signed [31:0] plausible_lo = PLAUSIBLE_LO[32*at +: 32];
-    wire signed [31:0] plausible_hi = PLAUSIBLE_HI[32*at +: 32];
+    wire signed [31:0] valid_lo = VALID_LO[32*at +: 32];
+    wire signed [31:0] valid_hi = VALID_HI[32*at +: 32];
     wire signed [31:0] span_lo = SPAN_LO[32*at +: 32];
     wire signed [31:0] span_hi = SPAN_HI[32*at +: 32];
     wire signed [31:0] rate_lo = RATE_LO[32*at +: 32];
@@ -117,24 +117,24 @@ module sagnac_series #(
     wire [31:0] alpha_mantissa = ALPHA_MANTISSA[32*at +: 32];
     wire [31:0] x_mantissa = X_MANTISSA[32*at +: 32];
     wire [31:0] y_mantissa = Y_MANTISSA[32*at +: 32];
-    wire [31:0] hold_updates = HOLD_UPDATES[32*at +: 32];
+    wire [31:0] stale_after_updates = STALE_AFTER_UPDATES[32*at +: 32];
     wire [31:0] settling_updates = SETTLING_UPDATES[32*at +: 32];
     wire [6:0] alpha_shift = ALPHA_SHIFT[7*at +: 7];
     wire [6:0] rate_shift = RATE_SHIFT[7*at +: 7];
 
-    wire [1:0] term_sensor = TERM_SENSOR[2*term[4:0] +: 2];
+    wire [1:0] term_input = TERM_INPUT[2*term[4:0] +: 2];
     wire [3:0] term_order = TERM_ORDER[4*term[4:0] +: 4];
     wire signed [31:0] term_mantissa = TERM_MANTISSA[32*term[4:0] +: 32];
     wire [6:0] term_shift = TERM_SHIFT[7*term[4:0] +: 7];
     wire signed [15:0] term_knot = TERM_KNOT[16*term[4:0] +: 16];
     // From -1 to +1 are 2 in Q47: 50 bits with the sign.
-    wire signed [49:0] above_knot = {x[term_sensor][48], x[term_sensor]} - {{2{term_knot[15]}}, term_knot, 32'd0};
+    wire signed [49:0] above_knot = {x[term_input][48], x[term_input]} - {{2{term_knot[15]}}, term_knot, 32'd0};
     wire signed [49:0] half_above = (above_knot + 50'sd65536) >>> 17;
     // A harmonic's knot is -1, the lower end of the span: (x + 1)/2 in Q38.
     wire signed [49:0] position = (above_knot + 50'sd512) >>> 10;
     wire [23:0] term_turns = TERM_TURNS[24*term[4:0] +: 24];
 
-    // Nothing of what an image does not use is made.
+    // Logic that the image does not use is left out.
     localparam HAS_DIFFERENCES = |IS_DIFFERENCE, HAS_ZONES = |TERM_IS_ZONE, HAS_STEPS = |TERM_IS_STEP,
         HAS_HARMONICS = |TERM_TURNS;
     wire is_harmonic = HAS_HARMONICS && term_turns != 24'd0;
@@ -157,13 +157,13 @@ module sagnac_series #(
     wire [1:0] subtrahend = DIFFERENCE_LESS[2*at +: 2];
     wire signed [32:0] apart = {last_q24[minuend][31], last_q24[minuend]} - {last_q24[subtrahend][31], last_q24[subtrahend]};
 
-    wire signed [63:0] believed = result + {{32{offset[31]}}, offset};
-    wire signed [31:0] believed_code = believed[31:0];
-    wire plausible = believed[63:31] == {33{believed[31]}} && believed_code >= plausible_lo && believed_code <= plausible_hi;
+    wire signed [63:0] value = result + {{32{offset[31]}}, offset};
+    wire signed [31:0] value_code = value[31:0];
+    wire is_valid = value[63:31] == {33{value[31]}} && value_code >= valid_lo && value_code <= valid_hi;
     wire signed [55:0] lag_wide = {lag_q46[at][54], lag_q46[at]};
     wire signed [32:0] both = {span_lo[31], span_lo} + {span_hi[31], span_hi};
     wire signed [32:0] middle = both >>> 1;
-    wire signed [31:0] in_span = temperature < span_lo ? span_lo : (temperature > span_hi ? span_hi : temperature);
+    wire signed [31:0] in_span = value_now < span_lo ? span_lo : (value_now > span_hi ? span_hi : value_now);
     wire signed [32:0] from_middle = {in_span[31], in_span} - middle;
     wire signed [63:0] rate_lo_wide = {{32{rate_lo[31]}}, rate_lo};
     wire signed [63:0] rate_hi_wide = {{32{rate_hi[31]}}, rate_hi};
@@ -226,51 +226,51 @@ module sagnac_series #(
                 IDLE: if (start && !ready) begin
                     codes_now <= codes;
                     present_now <= present;
-                    sensor <= 3'd0;
+                    index <= 3'd0;
                     held <= 1'b0;
                     fresh_now <= 4'd0;
-                    said <= 6'd0;
-                    state <= SENSOR;
+                    reported <= 6'd0;
+                    state <= INPUT;
                 end
-                // A thermometer: its temperature, if there is one.
-                SENSOR: begin
+                // An input: its value, if there is one.
+                INPUT: begin
                     x_clamped <= 1'b0;
                     y_clamped <= 1'b0;
-                    if (sensor == THERMOMETERS) begin
-                        sensor <= 3'd0;
-                        // A held correction keeps what was said of the temperature it was made from.
-                        said <= held ? said | (earlier & 6'b000011) : said;
+                    if (index == INPUTS) begin
+                        index <= 3'd0;
+                        // A held correction keeps the span bits of the values it was computed from.
+                        reported <= held ? reported | (earlier & 6'b000011) : reported;
                         state <= held ? FINISH : BASIS;
                     end else if (HAS_DIFFERENCES && IS_DIFFERENCE[at]) begin
                         fresh <= 1'b0;
                         product <= {{57{apart[32]}}, apart};
-                        state <= fresh_now[minuend] && fresh_now[subtrahend] ? CODE : BELIEVE;
+                        state <= fresh_now[minuend] && fresh_now[subtrahend] ? CODE : ACCEPT;
                     end else if (present_now[at])
                         multiply({{32{code[31]}}, code}, {{3{gain_mantissa[31]}}, gain_mantissa},
                                  GAIN_SHIFT[7*at +: 7], 1'b1, CODE);
                     else begin
                         fresh <= 1'b0;
-                        state <= BELIEVE;
+                        state <= ACCEPT;
                     end
                 end
                 CODE: begin
-                    fresh <= plausible;
-                    if (plausible) begin
-                        last_q24[at] <= believed[31:0];
+                    fresh <= is_valid;
+                    if (is_valid) begin
+                        last_q24[at] <= value[31:0];
                         if (!has_last[at])
-                            lag_q46[at] <= {believed[31], believed[31:0], 22'd0};
+                            lag_q46[at] <= {value[31], value[31:0], 22'd0};
                         has_last[at] <= 1'b1;
                     end
-                    state <= BELIEVE;
+                    state <= ACCEPT;
                 end
-                BELIEVE: begin
-                    temperature <= last_q24[at];
+                ACCEPT: begin
+                    value_now <= last_q24[at];
                     difference <= {{2{last_q24[at][31]}}, last_q24[at], 22'd0} - lag_wide;
                     held_updates[at] <= fresh ? 32'd0
                         : (&held_updates[at] ? held_updates[at] : held_updates[at] + 32'd1);
                     if (has_last[at] && !(&settled_updates[at]))
                         settled_updates[at] <= settled_updates[at] + 32'd1;
-                    state <= !has_last[at] ? SAY : (alpha_mantissa != 32'd0 ? LAG : POSITION);
+                    state <= !has_last[at] ? REPORT : (alpha_mantissa != 32'd0 ? LAG : POSITION);
                     y[at] <= 35'sd0;
                 end
                 // The lag, and its rate.
@@ -291,27 +291,27 @@ module sagnac_series #(
                     state <= POSITION;
                 end
                 POSITION: begin
-                    x_clamped <= fresh && in_span != temperature;
+                    x_clamped <= fresh && in_span != value_now;
                     multiply({{31{from_middle[32]}}, from_middle}, {3'd0, x_mantissa}, X_SHIFT[7*at +: 7], 1'b1, SCALED);
                 end
                 SCALED: begin
                     x[at] <= result > ONE_Q47 ? ONE_Q47[48:0] : (result < -ONE_Q47 ? -ONE_Q47[48:0] : result[48:0]);
-                    state <= SAY;
+                    state <= REPORT;
                 end
-                SAY: begin
+                REPORT: begin
                     held <= held || !fresh;
                     fresh_now[at] <= fresh;
-                    said <= said
+                    reported <= reported
                         | {1'b0, settling_updates != 32'd0 && settled_updates[at] <= settling_updates,
-                           !fresh && held_updates[at] > hold_updates, !fresh, y_clamped, x_clamped || y_clamped};
-                    sensor <= sensor + 3'd1;
-                    state <= SENSOR;
+                           !fresh && held_updates[at] > stale_after_updates, !fresh, y_clamped, x_clamped || y_clamped};
+                    index <= index + 3'd1;
+                    state <= INPUT;
                 end
-                // T_0 ... T_ORDER of every thermometer.
+                // T_0 ... T_ORDER of every input.
                 BASIS: begin
                     order <= 4'd0;
                     previous <= 35'sd4294967296;
-                    if (sensor == THERMOMETERS) begin
+                    if (index == INPUTS) begin
                         term <= 6'd0;
                         bias <= 56'sd0;
                         scale <= 40'sd0;
@@ -328,7 +328,7 @@ module sagnac_series #(
                 BASIS_NEXT: begin
                     basis[{at, order}] <= half_here;
                     if (order >= LAST_ORDER) begin
-                        sensor <= sensor + 3'd1;
+                        index <= index + 3'd1;
                         state <= BASIS;
                     end else
                         multiply({{15{x[at][48]}}, x[at]}, here, 7'd46, 1'b1, BASIS_TURN);
@@ -347,7 +347,7 @@ module sagnac_series #(
                 else if (is_harmonic)
                     multiply({{14{position[49]}}, position}, {11'd0, term_turns}, 7'd0, 1'b0, TURNS);
                 else begin
-                    basis_read <= basis[{term_sensor, term_order}];
+                    basis_read <= basis[{term_input, term_order}];
                     piece <= above_knot < 50'sd0 ? 35'sd0 : ONE_Q31[34:0];
                     state <= TERM;
                 end
@@ -380,7 +380,7 @@ module sagnac_series #(
                 TERM: if (term == TERMS)
                     multiply({{24{scale[39]}}, scale}, 35'sd1, 7'd8, 1'b1, SCALE);
                 else if (TERM_RATED[term[4:0]])
-                    multiply({{29{term_basis[34]}}, term_basis}, y[term_sensor], 7'd31, 1'b1, TERM_RATE);
+                    multiply({{29{term_basis[34]}}, term_basis}, y[term_input], 7'd31, 1'b1, TERM_RATE);
                 else
                     multiply({{32{term_mantissa[31]}}, term_mantissa}, term_basis, term_shift, 1'b1, TERM_ADD);
                 TERM_RATE: multiply({{32{term_mantissa[31]}}, term_mantissa}, result[34:0], term_shift, 1'b1, TERM_ADD);
@@ -396,7 +396,7 @@ module sagnac_series #(
                     k <= 34'h100000000 + result[33:0];
                     multiply({{8{bias[55]}}, bias}, 35'sd1, 7'd8, 1'b1, BIAS);
                 end
-                // The way to the new increment: floor(delta / SLEW) and what is left of it.
+                // The slew to the new increment: floor(delta / SLEW) and its remainder.
                 BIAS: begin
                     target <= result[INCREMENT_BITS-1:0];
                     bias <= result[55:0];
@@ -422,8 +422,8 @@ module sagnac_series #(
                     bit_count <= bit_count + 6'd1;
                 end
                 FINISH: begin
-                    status <= {!corrected_once, said[4:0]};
-                    earlier <= {!corrected_once, said[4:0]};
+                    status <= {!corrected_once, reported[4:0]};
+                    earlier <= {!corrected_once, reported[4:0]};
                     ready <= 1'b1;
                     state <= IDLE;
                 end

@@ -1,58 +1,57 @@
-//! From a thermometer's code to temperature, its scaled form, and its causal rate.
+//! From an input's code to its value, its scaled position in the fit span, and its causal rate.
 //!
-//! Temperatures are `i32` in units of 2⁻²⁴ °C (±128 °C, 6e-8 °C). The rate comes from a one-pole lag
-//! run once per temperature period Δt with zero-order hold:
+//! An input is any number that the correction depends on: a temperature, the difference of two inputs
+//! ([`ValueSource::Difference`]), a voltage, a current. Values are `i32` in units of 2⁻²⁴ °C (±128 °C, 6e-8 °C). For an input that is
+//! not a temperature, read "°C" as `2^unit_exponent` of its own unit.
+//!
+//! The rate comes from a one-pole lag filter. It runs once per temperature period Δt with a zero-order hold:
 //!
 //! ```text
 //! T_lag[n] = T_lag[n−1] + α·(T[n] − T_lag[n−1])      α = 1 − e^(−Δt/τ),  T_lag[0] = T[0]
 //! Ṫ[n]     = T_lag[n] − T_lag[n−1]  per Δt
 //! ```
 //!
-//! The filter's memory is `T_lag` in 2⁻⁴⁶ °C plus the remainder of the last product, so there is no
-//! dead band and the steps sum to the change of temperature. `Ṫ` is taken from the product itself,
-//! finer than the state.
+//! The filter stores `T_lag` in 2⁻⁴⁶ °C and the remainder of the last product. So it has no dead band, and its steps add up to the
+//! change of the value. `Ṫ` comes from the product itself, which is finer than the stored state.
 //!
-//! What is said of a temperature holds for any number that a correction may depend on: the difference of two thermometers
-//! ([`Source::Difference`]), a voltage, a current. A unit of such a number is `2^unit_exponent` of its own.
-//!
-//! Fails where the code is no temperature: that is what the plausible limits are for.
+//! A sensor that fails can send any code. The valid range (`valid_lo_q24` to `valid_hi_q24`) rejects what cannot be a value.
 
 use crate::rounding::round_shift;
 use crate::series::{ONE_Q31, ONE_Q47};
 
-/// Bits of a difference of temperatures that are multiplied apart.
+/// Low bits of a difference of values, multiplied separately so that each product fits 64 bits.
 const LOW_BITS: u32 = 23;
 
-/// A positive or negative factor `mantissa · 2^−shift`.
+/// A positive or negative gain `mantissa · 2^−shift`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Scale {
+pub struct Gain {
     /// Signed mantissa.
     pub mantissa: i32,
     /// Binary places, 0..=62.
     pub shift: u8,
 }
 
-impl Scale {
-    /// A factor of one, in the only way an image may write it for a difference.
+impl Gain {
+    /// A gain of one, in the only form that an image may use for a difference.
     pub const ONE: Self = Self { mantissa: 1, shift: 0 };
 }
 
-/// Where a temperature comes from.
+/// Where the value of an input comes from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Source {
-    /// A code of its own.
+pub enum ValueSource {
+    /// Its own code.
     #[default]
     Code,
-    /// Thermometer `of` less thermometer `less`, both with codes of their own and before this one.
+    /// Input `of` minus input `less`. Both have codes of their own and come before this one in the table.
     Difference {
-        /// Index of the first.
+        /// Index of the minuend.
         of: u8,
-        /// Index of the one taken from it.
+        /// Index of the subtrahend.
         less: u8,
     },
 }
 
-/// The lag filter of one thermometer and the span of its rate. All zero: no rate is wanted.
+/// The lag filter of one input and the span of its rate. All zero: the input has no rate.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LagSpec {
     /// α as `alpha_mantissa · 2^−alpha_shift`; mantissa ≤ 2³¹, shift 31..=62.
@@ -63,7 +62,7 @@ pub struct LagSpec {
     pub rate_shift: u8,
     /// Lower border of the rate span in that unit.
     pub rate_lo: i32,
-    /// Upper border.
+    /// Upper border of the rate span in that unit.
     pub rate_hi: i32,
     /// y = rate · y_mantissa · 2^−y_shift in Q31; y = ±1 at the border farther from zero.
     pub y_mantissa: u32,
@@ -71,21 +70,21 @@ pub struct LagSpec {
     pub y_shift: u8,
 }
 
-/// One thermometer as the image describes it.
+/// One input as the image describes it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Thermometer {
-    /// Where it comes from.
-    pub source: Source,
-    /// What is called °C here is 2^unit_exponent of its own unit (volts, for one), within ±100. Informative; 0 for °C.
+pub struct InputSpec {
+    /// Where its value comes from.
+    pub source: ValueSource,
+    /// For an input that is not a temperature: "°C" means 2^unit_exponent of its own unit, within ±100. For display only; 0 for °C.
     pub unit_exponent: i8,
-    /// Temperature at code 0, 2⁻²⁴ °C.
+    /// Value at code 0, 2⁻²⁴ °C.
     pub offset_q24: i32,
     /// 2⁻²⁴ °C per code.
-    pub gain: Scale,
-    /// Lowest temperature taken seriously, 2⁻²⁴ °C.
-    pub plausible_lo_q24: i32,
-    /// Highest temperature taken seriously, 2⁻²⁴ °C.
-    pub plausible_hi_q24: i32,
+    pub gain: Gain,
+    /// Lowest valid value, 2⁻²⁴ °C. A value below it counts as a missing sample.
+    pub valid_lo_q24: i32,
+    /// Highest valid value, 2⁻²⁴ °C.
+    pub valid_hi_q24: i32,
     /// Fit span, lower border, 2⁻²⁴ °C; `span_lo + span_hi` is even.
     pub span_lo_q24: i32,
     /// Fit span, upper border, 2⁻²⁴ °C.
@@ -96,21 +95,21 @@ pub struct Thermometer {
     pub x_shift: u8,
     /// Lag filter and rate span.
     pub lag: LagSpec,
-    /// Slow updates without a temperature before the status says STALE.
-    pub hold_updates: u32,
-    /// Slow updates after the first temperature during which the status says SETTLING.
+    /// Consecutive slow updates without a valid value that are tolerated; with one more the status is STALE.
+    pub stale_after_updates: u32,
+    /// Slow updates after the first valid value with the status SETTLING.
     pub settling_updates: u32,
 }
 
-impl Thermometer {
-    /// A thermometer that nothing depends on; fills unused places of a description.
+impl InputSpec {
+    /// An input that no term uses; fills unused places of a description.
     pub const UNUSED: Self = Self {
-        source: Source::Code,
+        source: ValueSource::Code,
         unit_exponent: 0,
         offset_q24: 0,
-        gain: Scale::ONE,
-        plausible_lo_q24: -1,
-        plausible_hi_q24: 1,
+        gain: Gain::ONE,
+        valid_lo_q24: -1,
+        valid_hi_q24: 1,
         span_lo_q24: -(1 << 16),
         span_hi_q24: 1 << 16,
         x_mantissa: 1 << 31,
@@ -124,25 +123,25 @@ impl Thermometer {
             y_mantissa: 0,
             y_shift: 0,
         },
-        hold_updates: 0,
+        stale_after_updates: 0,
         settling_updates: 0,
     };
 
-    /// Temperature in 2⁻²⁴ °C, or `None` outside the plausible limits.
+    /// The value of a code in 2⁻²⁴ °C, or `None` outside the valid range.
     ///
     /// `T = offset + round(code · gain)`; |code · mantissa| ≤ 2⁶², so nothing overflows.
-    pub fn temperature_q24(&self, code: i32) -> Option<i32> {
+    pub fn value_q24(&self, code: i32) -> Option<i32> {
         let scaled = round_shift(i64::from(code) * i64::from(self.gain.mantissa), u32::from(self.gain.shift));
-        self.plausible(i64::from(self.offset_q24) + scaled)
+        self.if_valid(i64::from(self.offset_q24) + scaled)
     }
 
-    /// A temperature within the plausible limits.
-    pub(crate) fn plausible(&self, t_q24: i64) -> Option<i32> {
+    /// The value, or `None` outside the valid range.
+    pub(crate) fn if_valid(&self, t_q24: i64) -> Option<i32> {
         let t = i32::try_from(t_q24).ok()?;
-        (self.plausible_lo_q24..=self.plausible_hi_q24).contains(&t).then_some(t)
+        (self.valid_lo_q24..=self.valid_hi_q24).contains(&t).then_some(t)
     }
 
-    /// `x` in Q47 of the temperature clamped to the span, and whether it had to be clamped.
+    /// `x` in Q47 of the value clamped to the span, and whether it was clamped.
     pub(crate) fn scaled(&self, t_q24: i32) -> (i64, bool) {
         let clamped = t_q24.max(self.span_lo_q24).min(self.span_hi_q24);
         let middle = (i64::from(self.span_lo_q24) + i64::from(self.span_hi_q24)) >> 1;
@@ -159,9 +158,9 @@ impl LagSpec {
     }
 }
 
-/// Memory of one thermometer: filter, last temperature, how long it was held.
+/// Memory of one input: its filter, its last valid value, and how long that has been held.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct ThermometerState {
+pub(crate) struct InputState {
     lag_q46: i64,
     remainder: i64,
     last_q24: Option<i32>,
@@ -169,23 +168,23 @@ pub(crate) struct ThermometerState {
     pub(crate) settled_updates: u32,
 }
 
-/// What a slow update learned from one thermometer.
+/// One input at one slow update, scaled for the terms.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Reading {
+pub(crate) struct ScaledInput {
     pub(crate) x_q47: i64,
     pub(crate) y_q31: i64,
     pub(crate) x_clamped: bool,
     pub(crate) y_clamped: bool,
 }
 
-impl ThermometerState {
+impl InputState {
     pub(crate) const fn new() -> Self {
         Self { lag_q46: 0, remainder: 0, last_q24: None, held_updates: 0, settled_updates: 0 }
     }
 
-    /// One temperature period. `None` when there is no plausible temperature at this update; the
-    /// filter then runs on the last one, as it does between samples.
-    pub(crate) fn update(&mut self, spec: &Thermometer, fresh: Option<i32>) -> Option<Reading> {
+    /// One temperature period. `None` without a valid value at this update; the filter then runs on the last one, as it does
+    /// between samples.
+    pub(crate) fn update(&mut self, spec: &InputSpec, fresh: Option<i32>) -> Option<ScaledInput> {
         let t = match (fresh, self.last_q24) {
             (Some(t), None) => {
                 self.lag_q46 = i64::from(t) << 22;
@@ -206,13 +205,13 @@ impl ThermometerState {
         }
         self.held_updates = 0;
         let (x_q47, x_clamped) = spec.scaled(t);
-        Some(Reading { x_q47, y_q31, x_clamped, y_clamped })
+        Some(ScaledInput { x_q47, y_q31, x_clamped, y_clamped })
     }
 
     /// Advances the lag by one Δt; returns the scaled, clamped rate and whether it was clamped.
     ///
-    /// |T − T_lag| ≤ 2⁵⁴ in 2⁻⁴⁶ °C; its upper 32 bits times α's mantissa are ≤ 2⁶², the lower 23 add
-    /// less than 2³¹. The product stands in 2^−(23 + alpha_shift) °C, its remainder is below 2³⁹.
+    /// |T − T_lag| ≤ 2⁵⁴ in 2⁻⁴⁶ °C. Its upper 32 bits times the mantissa of α are ≤ 2⁶², and the lower 23 bits add less than 2³¹.
+    /// The product is in 2^−(23 + alpha_shift) °C; its remainder is below 2³⁹.
     fn step(&mut self, lag: &LagSpec, t_q24: i32) -> (i64, bool) {
         if !lag.is_used() {
             return (0, false);

@@ -1,0 +1,95 @@
+//! The formats of a log: its first bytes, its name, and how it is opened. A new format is a row of [`FORMATS`].
+
+use crate::error::Result;
+use crate::ingest::chunks::Feed;
+use crate::ingest::header::Layout;
+use crate::ingest::source::Source;
+use crate::ingest::text::{self, LineParser, TextFeed};
+use crate::ingest::{Opened, ReadMode};
+use crate::setup::Setup;
+
+/// A format of a log, gzip taken off.
+#[derive(Clone, Copy)]
+pub struct Format {
+    /// First bytes of a file; none for text.
+    pub magic: &'static [u8],
+    /// Its name.
+    pub name: &'static str,
+    open: fn(Source, &Setup, ReadMode) -> Result<Opened>,
+}
+
+/// Every format; text, which has no mark, is the last.
+pub static FORMATS: [Format; 5] = [
+    Format { magic: b"PAR1", name: "Apache Parquet", open: open_columns },
+    Format { magic: b"ARROW1", name: "Arrow IPC file (Feather 2)", open: open_columns },
+    // The stream form begins with a continuation mark.
+    Format { magic: &[0xff; 4], name: "Arrow IPC stream", open: open_columns },
+    Format { magic: &[0x55, 0x4c, 0x6f, 0x67, 0x01, 0x12, 0x35], name: "PX4 ULog", open: open_ulog },
+    Format { magic: b"", name: "delimited text", open: open_text },
+];
+
+impl Format {
+    /// By the first bytes; anything unknown is text, or refused as binary there.
+    pub fn of(start: &[u8]) -> &'static Self {
+        FORMATS.iter().find(|format| start.starts_with(format.magic)).unwrap_or(&FORMATS[FORMATS.len() - 1])
+    }
+
+    /// Reads the header of a log of this format.
+    pub(crate) fn open(&self, source: Source, setup: &Setup, mode: ReadMode) -> Result<Opened> {
+        (self.open)(source, setup, mode)
+    }
+}
+
+fn open_text(mut source: Source, setup: &Setup, mode: ReadMode) -> Result<Opened> {
+    let header = text::read_header(&mut source)?;
+    let layout = text::layout_of(&header, setup)?;
+    let parser = LineParser::new(&layout, header.delimiter, mode);
+    let feed = Feed::Text(TextFeed::new(source.reader, mode), Box::new(parser));
+    Ok(Opened { feed, layout, delimiter: header.delimiter, lines_before: header.lines })
+}
+
+#[cfg(feature = "parquet")]
+fn open_columns(source: Source, setup: &Setup, mode: ReadMode) -> Result<Opened> {
+    let columnar = crate::ingest::columnar::open(source)?;
+    let layout = Layout::new(columnar.headers.clone(), &setup.columns, setup.axis)?;
+    let feed = Feed::Table(Box::new(columnar.feed(&layout, mode)?));
+    // As if one line of headers stood above the rows.
+    Ok(Opened { feed, layout, delimiter: b',', lines_before: 1 })
+}
+
+#[cfg(feature = "ulog")]
+fn open_ulog(source: Source, setup: &Setup, mode: ReadMode) -> Result<Opened> {
+    let (feed, layout): (_, Layout) = crate::ingest::ulog::open(source, setup, mode != ReadMode::Bulk)?;
+    Ok(Opened { feed: Feed::Table(Box::new(feed)), layout, delimiter: b',', lines_before: 1 })
+}
+
+#[cfg(not(feature = "parquet"))]
+fn open_columns(source: Source, _: &Setup, _: ReadMode) -> Result<Opened> {
+    Err(not_built(&source))
+}
+
+#[cfg(not(feature = "ulog"))]
+fn open_ulog(source: Source, _: &Setup, _: ReadMode) -> Result<Opened> {
+    Err(not_built(&source))
+}
+
+/// The reader of a format was not compiled in.
+#[cfg(not(all(feature = "parquet", feature = "ulog")))]
+fn not_built(source: &Source) -> crate::error::Error {
+    crate::error::Error::input(format!("this program was built without {}", source.format.name))
+        .help("build it with its default features, or convert the log to CSV")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn formats_are_known_by_their_first_bytes() {
+        for format in &FORMATS {
+            let start = [format.magic, b"more"].concat();
+            assert_eq!(Format::of(&start).name, format.name);
+        }
+        assert_eq!(Format::of(b"time_s,counts").name, "delimited text");
+    }
+}
