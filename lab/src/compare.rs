@@ -18,7 +18,8 @@ use sagnac_sim::{NoiseConfig, Resting};
 use xtask::shell::root;
 
 use crate::bench::peers;
-use crate::program;
+use crate::places::COMPARISON;
+use crate::program::Program;
 
 /// Angle random walk of every log, °/√h; a window of 100 s then has σ = 0.018 °/h.
 const ARW_DEG_RT_H: f64 = 0.003;
@@ -219,9 +220,10 @@ enum Came {
 
 /// Ours through the program as a user runs it: fit, correct the retest, compare what was taken off.
 fn ours(folder: &Path, fit: &Path, retest: &Path, truth: &[Second]) -> Result<Came> {
-    let program = program::sagnac()?;
+    let program = Program::beside_the_lab()?;
     let (record, corrected) = (folder.join("u.cal.json"), folder.join("corrected.csv"));
-    let run = |args: &[&std::ffi::OsStr]| Command::new(&program).args(args).output().context("cannot start sagnac");
+    let run =
+        |args: &[&std::ffi::OsStr]| Command::new(program.path()).args(args).output().context("cannot start sagnac");
     let flags = ["-o".as_ref(), record.as_os_str(), "--serial".as_ref(), "COMPARED".as_ref()];
     let fitted = run(&[&["calibrate".as_ref(), fit.as_os_str()][..], &flags].concat())?;
     if !fitted.status.success() {
@@ -310,8 +312,8 @@ pub(crate) fn compare() -> Result<()> {
     }
     page += "\nWhat a bump, a step or a missing temperature does is decided before the fit: windows are left out by name. A span too small is refused. The \
              rate term is what the peers lack; a thermometer behind the block looks like one.\n";
-    fs::write(root().join("docs/explanation/comparison.md"), &page)?;
+    fs::write(root().join(COMPARISON), &page)?;
     ensure!(missed.is_empty(), "not at the floor and not refused: {}", missed.join(", "));
-    println!("wrote docs/explanation/comparison.md");
+    println!("wrote {COMPARISON}");
     Ok(())
 }

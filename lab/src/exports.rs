@@ -8,9 +8,10 @@ use sagnac::export::{TextFile, Widths, c_files, verilog_files};
 use sagnac_core::Image;
 use sagnac_loops::LoopTable;
 use sagnac_vectors::{MAX_TABLE, Words};
-use xtask::shell::{need, output, root, said, text};
+use xtask::debian::{self, need};
+use xtask::shell::{output, root, said, text};
 
-use crate::vectors;
+use crate::generated::vectors;
 
 const STRICT: [&str; 9] =
     ["-std=c99", "-O2", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wsign-conversion", "-Wshadow", "-Werror"];
@@ -67,15 +68,7 @@ fn files() -> Result<Vec<PathBuf>> {
 
 /// The C export: warnings, MISRA, constants, vectors on this machine (64 and 32 bits) and on an emulated Cortex-M4F.
 pub(crate) fn c() -> Result<()> {
-    need(&[
-        ("gcc", "gcc"),
-        ("/usr/include/x86_64-linux-gnu/asm/errno.h", "linux-libc-dev"),
-        ("/usr/lib/gcc/x86_64-linux-gnu/*/32/libgcc.a", "gcc-multilib"),
-        ("arm-none-eabi-gcc", "gcc-arm-none-eabi"),
-        ("/usr/lib/arm-none-eabi/newlib/thumb/v7e-m+fp/hard/librdimon.a", "libnewlib-arm-none-eabi"),
-        ("qemu-system-arm", "qemu-system-arm"),
-        ("cppcheck", "cppcheck"),
-    ])?;
+    need(debian::C)?;
     let folder = root().join("target/c");
     write(&folder, &c_files(&[image("compensator-full")?], Some(&loops()?)))?;
     no_other_types(&folder)?;
@@ -233,13 +226,7 @@ fn c_on_target(folder: &Path, runner: &Path) -> Result<()> {
 
 /// The Verilog export: lint, benches in two simulators, latches, cells; with `place`, place and route too.
 pub(crate) fn fpga(place: bool) -> Result<()> {
-    need(&[
-        ("iverilog", "iverilog"),
-        ("verilator", "verilator"),
-        ("yosys", "yosys"),
-        ("g++", "g++"),
-        ("make", "make"),
-    ])?;
+    need(debian::FPGA)?;
     let folder = root().join("target/fpga");
     // Each with widths of its own: the default ones, the least that hold it, the most.
     for (name, raw, increment) in [
@@ -356,7 +343,7 @@ fn cells(stat: &str, counted: &[&str]) -> String {
 
 /// On an iCE40 UP5K: the paper's image with counting, correction and slow path.
 fn place_and_route(folder: &Path) -> Result<()> {
-    need(&[("nextpnr-ice40", "nextpnr-ice40")])?;
+    need(debian::PLACE)?;
     let here = folder.join("compensator-paper-cells");
     let args = ["--up5k", "--package", "sg48", "--json", "pins.json", "--freq", "12"];
     let placed = output(1800, "nextpnr-ice40", &args, &here)?;

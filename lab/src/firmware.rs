@@ -18,9 +18,10 @@ use sagnac::model::{PRICED_WITHIN, Work};
 use sagnac_board::{CommandHandler, MemoryFlash, Message, RigSettings, Row, run};
 use sagnac_core::{Banks, Description, Gyro, Image, InputSpec, Kind, Multiplier, Term};
 use sagnac_loops::LoopTable;
-use xtask::shell::{need, root, said, sh_in, text};
+use xtask::debian::{self, need};
+use xtask::shell::{root, said, sh_in, text};
 
-use crate::program;
+use crate::program::Program;
 
 const TARGET: &str = "thumbv7em-none-eabihf";
 const SCENARIO: &str = "firmware/gyro/ten-minutes.toml";
@@ -28,12 +29,7 @@ const SCENARIO: &str = "firmware/gyro/ten-minutes.toml";
 const MOST: [u32; 3] = [60, 1000, 2000];
 
 pub(crate) fn firmware() -> Result<()> {
-    need(&[
-        ("/usr/bin/rustc", "rustc-web"),
-        ("/usr/lib/rustlib/src/rust/library/core/Cargo.toml", "rust-web-src"),
-        ("qemu-system-arm", "qemu-system-arm"),
-        ("arm-none-eabi-ld", "binutils-arm-none-eabi"),
-    ])?;
+    need(debian::FIRMWARE)?;
     let folder = root().join("target/firmware");
     fs::create_dir_all(&folder)?;
     let sysroot = sysroot(&folder)?;
@@ -109,7 +105,7 @@ fn unit(folder: &Path) -> Result<Unit> {
 }
 
 fn sagnac(args: &[&str]) -> Result<String> {
-    said(300, text(&program::sagnac()?)?, args, &root())
+    Program::beside_the_lab()?.said(args)
 }
 
 fn build(sysroot: &Path, image: &Path, loops: &Path, features: &[&str]) -> Result<()> {
@@ -297,7 +293,8 @@ fn over_the_line(folder: &Path, bytes: Vec<u8>) -> Result<(Vec<u8>, String)> {
 
 /// `sagnac frames` reads the line; its last word on it.
 fn said_by_frames(line: &Path, csv: &Path) -> Result<String> {
-    let output = Command::new(program::sagnac()?).args(["frames", text(line)?, "-o", text(csv)?]).output()?;
+    let output =
+        Command::new(Program::beside_the_lab()?.path()).args(["frames", text(line)?, "-o", text(csv)?]).output()?;
     let told = String::from_utf8_lossy(&output.stderr).trim().replace('\n', "; ");
     ensure!(
         output.status.success() && told.contains(" 0 missing") && !told.contains("belong to no frame"),

@@ -7,7 +7,8 @@ use std::process::Command;
 use anyhow::{Context, Result, ensure};
 use xtask::shell::{root, sh, text};
 
-use crate::program;
+use crate::places::PICTURES;
+use crate::program::Program;
 
 /// Figures of the worked example: identifier in the report, and file.
 const FIGURES: [(&str, &str); 4] = [
@@ -24,35 +25,35 @@ pub(crate) fn pictures() -> Result<()> {
     fs::create_dir_all(&work)?;
     let report = |name: &str| work.join(name).display().to_string();
     let cycle = |n: u8| format!("testdata/chamber/cycle-{n}.csv.gz");
-    let sagnac = program::sagnac()?;
-    let sagnac = text(&sagnac)?;
+    let program = Program::beside_the_lab()?;
+    let sagnac = text(program.path())?;
     let (fit, sweep) = (report("fit.html"), report("sweep.html"));
     sh(sagnac, &["calibrate", &cycle(1), &cycle(2), "--setup", "testdata/chamber/bench.toml", "--report", &fit])?;
     let log = "../shared/data/mems-chamber-sweep/imu_raw_data.csv";
     let setup = "testdata/mems-chamber-sweep/bench.toml";
     sh(sagnac, &["calibrate", log, "--setup", setup, "--report", &sweep])?;
-    shoot(Path::new(&fit), [1020, 872], &root().join("docs/pictures/report.png"))?;
-    let folder = root().join("docs/pictures/real-log");
+    shoot(Path::new(&fit), [1020, 872], &root().join(PICTURES).join("report.png"))?;
+    let folder = root().join(PICTURES).join("real-log");
     fs::create_dir_all(&folder)?;
     let page = fs::read_to_string(&sweep)?;
     for (id, file) in FIGURES {
         picture(&work, &page, id, &folder.join(file))?;
     }
-    loops(&work)
+    loops(&work, sagnac)
 }
 
 /// The mirror of docs/explanation/simulator.md: a loop that holds, and one that is too slow.
-fn loops(work: &Path) -> Result<()> {
+fn loops(work: &Path, sagnac: &str) -> Result<()> {
     let quick = fs::read_to_string(root().join("scenarios/loop-design/loop-design.toml"))?;
     let slow = quick.replace("bandwidth_hz = 20.0", "bandwidth_hz = 1.0");
     ensure!(slow != quick, "the scenario has another bandwidth");
-    let folder = root().join("docs/pictures/simulator");
+    let folder = root().join(PICTURES).join("simulator");
     fs::create_dir_all(&folder)?;
     for (name, design) in [("held", &quick), ("broken", &slow)] {
         let (scenario, report) = (work.join(format!("{name}.toml")), work.join(format!("{name}.html")));
         fs::write(&scenario, design)?;
         let (scenario, report) = (scenario.display().to_string(), report.display().to_string());
-        sh(text(&program::sagnac()?)?, &["simulate", &scenario, "--report", &report])?;
+        sh(sagnac, &["simulate", &scenario, "--report", &report])?;
         picture(work, &fs::read_to_string(&report)?, "actuator", &folder.join(format!("{name}.png")))?;
     }
     Ok(())

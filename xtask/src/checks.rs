@@ -4,25 +4,33 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use std::process::Command;
 
-use crate::{docs, layers};
 use anyhow::{Context, Result, ensure};
+use xtask::debian::{self, need as need_debian};
 use xtask::shell::{built, root, said, sh, sh_in, target, text};
+
+use crate::cargo_tools::need_cargo_tool;
+use crate::{docs, features, fuzz, layers};
+
+/// Tests that `bless --check` does anyway, and at once for all files.
+const LEFT_TO_BLESS: [&str; 3] = ["--", "--skip", "generated_files_are_as_they_are_made"];
 
 /// Everything.
 pub(crate) fn ci() -> Result<()> {
+    need_debian(&[debian::C, debian::FPGA, debian::FIRMWARE].concat())?;
     sh("cargo", &["fmt", "--all", "--check"])?;
     layers::layers()?;
     compiled_once()?;
     sh("cargo", &["clippy", "--workspace", "--all-targets", "--locked", "--", "-D", "warnings"])?;
+    features::features()?;
     docs::docs(true)?;
     deny()?;
     no_panic()?;
-    sh("cargo", &["test", "--workspace", "--locked"])?;
+    sh("cargo", &[&["test", "--workspace", "--locked"][..], &LEFT_TO_BLESS].concat())?;
     build_lab()?;
-    for task in ["conserve", "c", "fpga", "firmware"] {
-        run_lab(&[task])?;
+    for task in [&["bless", "--check"][..], &["conserve"], &["c"], &["fpga"], &["firmware"]] {
+        run_lab(task)?;
     }
-    Ok(())
+    fuzz::fuzz(&["--smoke"])
 }
 
 /// A task of the lab.
@@ -61,10 +69,7 @@ fn compiled_once() -> Result<()> {
 
 /// Licences, bans, sources.
 pub(crate) fn deny() -> Result<()> {
-    let found = Command::new("cargo").args(["deny", "--version"]).output().is_ok_and(|out| out.status.success());
-    if !found {
-        sh("cargo", &["install", "cargo-deny", "--locked"])?;
-    }
+    need_cargo_tool("deny")?;
     // For every platform, so that the check itself needs no network.
     sh("cargo", &["fetch", "--locked"])?;
     sh("cargo", &["deny", "--offline", "check", "licenses", "bans", "sources"])

@@ -5,14 +5,13 @@ use std::path::Path;
 use std::process::Command;
 
 use anyhow::{Context, Result, bail, ensure};
-
 use xtask::shell::{root, sh, sh_in};
 
-const MDBOOK: &str = "0.5.4";
+use crate::cargo_tools::need_cargo_tool;
 
 /// Builds `target/site`. Findings in it are printed; with `strict` any of them is an error.
 pub(crate) fn docs(strict: bool) -> Result<()> {
-    need_mdbook()?;
+    need_cargo_tool("mdbook")?;
     rustdoc()?;
     sh("cargo", &["build", "--quiet", "--locked", "--package", "sagnac-site"])?;
     book(strict)?;
@@ -47,21 +46,6 @@ fn book(strict: bool) -> Result<()> {
 fn rustdoc() -> Result<()> {
     let args = ["doc", "--workspace", "--no-deps", "--document-private-items", "--locked"];
     sh_in(&root(), "cargo", &args, &[("RUSTDOCFLAGS", "-D warnings")])
-}
-
-/// mdBook without the parts that reach out or serve pages.
-fn need_mdbook() -> Result<()> {
-    let version = Command::new("mdbook").arg("--version").output();
-    let version = version.map(|out| String::from_utf8_lossy(&out.stdout).trim().to_owned()).unwrap_or_default();
-    if version.is_empty() {
-        let features = ["--no-default-features", "--features", "search"];
-        return sh("cargo", &[&["install", "mdbook", "--locked", "--version", MDBOOK], &features[..]].concat());
-    }
-    ensure!(
-        version.starts_with("mdbook v0.5."),
-        "docs/ needs mdBook 0.5, found {version}: cargo install mdbook --locked --version {MDBOOK}"
-    );
-    Ok(())
 }
 
 /// A folder with all that is in it.

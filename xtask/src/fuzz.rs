@@ -1,38 +1,63 @@
-//! `cargo xtask fuzz`: a million executions of every target, seeded with the corpus of broken inputs.
+//! `cargo xtask fuzz`: every target on a corpus of good and broken inputs, a million executions each; with `--smoke` for a
+//! few seconds each, which CI does.
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::Command;
 
 use anyhow::{Context, Result, bail, ensure};
-use xtask::shell::{root, sh, sh_in};
+use xtask::shell::{root, sh_in, text};
 
-const EXECUTIONS: u32 = 1_000_000;
+use crate::cargo_tools::need_cargo_tool;
+use crate::checks::lab;
+
+/// How long and how carefully.
+struct Effort {
+    /// Of `cargo fuzz build` and `cargo fuzz run`.
+    build: &'static [&'static str],
+    target_folder: &'static str,
+    limit: &'static str,
+}
+
+/// As a hunter has it: memory errors are looked for too, which takes a nightly compiler.
+const HUNT: Effort =
+    Effort { build: &["--sanitizer", "address"], target_folder: "../target/fuzz", limit: "-runs=1000000" };
+/// Built as the tests are, and by the same compiler: our code has no `unsafe` that a sanitizer could catch.
+const SMOKE: Effort = Effort {
+    build: &["--dev", "--sanitizer", "none"],
+    target_folder: "../target/fuzz-smoke",
+    limit: "-max_total_time=3",
+};
+
 /// Larger inputs find nothing that smaller ones do not; only Parquet needs some room for its footer. What unpacks or
 /// holds many rows is read a few hundred times a second at 16 KiB and thousands of times at 2.
-const MAX_LENGTH: u32 = 2048;
-const MAX_LENGTH_OF_PARQUET: u32 = 16_384;
+const MAX_LENGTH: usize = 2048;
+const MAX_LENGTH_OF_PARQUET: usize = 16_384;
 
-fn max_length(target: &str) -> u32 {
+fn max_length(target: &str) -> usize {
     if target == "parquet" { MAX_LENGTH_OF_PARQUET } else { MAX_LENGTH }
 }
 
 /// Runs all targets, or those named.
-pub(crate) fn fuzz(wanted: &[&str]) -> Result<()> {
-    let installed = Command::new("cargo").args(["fuzz", "--version"]).output().is_ok_and(|out| out.status.success());
-    if !installed {
-        sh("cargo", &["install", "cargo-fuzz", "--locked"])?;
-    }
+pub(crate) fn fuzz(args: &[&str]) -> Result<()> {
+    need_cargo_tool("fuzz")?;
+    let effort = if args.contains(&"--smoke") { SMOKE } else { HUNT };
+    let wanted: Vec<&str> = args.iter().copied().filter(|arg| *arg != "--smoke").collect();
     let targets = targets()?;
     if let Some(unknown) = wanted.iter().find(|name| targets.iter().all(|target| target != *name)) {
         bail!("no fuzz target {unknown}; there are: {}", targets.join(", "));
     }
     let seeds = seeds()?;
-    sh_in(&root().join("fuzz"), "cargo", &["+nightly", "fuzz", "build", "--target-dir", "../target/fuzz"], &[])?;
+    cargo_fuzz("build", &effort, &[])?;
     for target in targets.iter().filter(|name| wanted.is_empty() || wanted.contains(&name.as_str())) {
-        run(target, &seeds)?;
+        run(target, &effort, &seeds)?;
     }
     Ok(())
+}
+
+fn cargo_fuzz(task: &str, effort: &Effort, rest: &[&str]) -> Result<()> {
+    let toolchain: &[&str] = if effort.build.contains(&"address") { &["+nightly"] } else { &[] };
+    let args = [toolchain, &["fuzz", task, "--target-dir", effort.target_folder], effort.build, rest].concat();
+    sh_in(&root().join("fuzz"), "cargo", &args, &[])
 }
 
 /// As fuzz/fuzz_targets has them.
@@ -46,17 +71,13 @@ fn targets() -> Result<Vec<String>> {
     Ok(names)
 }
 
-/// The corpus of broken inputs, made by its test, and the good ones of testdata.
+/// The corpus of broken inputs, which the lab makes, and the good ones of testdata.
 fn seeds() -> Result<Vec<PathBuf>> {
-    let kept = root().join("target/corpus");
-    let keep = [("SAGNAC_KEEP_CORPUS", kept.to_str().context("a path that is no text")?)];
-    sh_in(&root(), "cargo", &["test", "--locked", "-p", "sagnac-cli", "--test", "bad_input"], &keep)?;
-    let mut files = Vec::new();
-    let folders = [kept, root().join("testdata"), root().join("scenarios")];
-    for folder in folders.iter().flat_map(|folder| walk(folder)) {
-        files.push(folder);
-    }
-    ensure!(!files.is_empty(), "the test of broken inputs kept none");
+    let broken = root().join("target/corpus");
+    lab(&["corpus", text(&broken)?])?;
+    let folders = [broken, root().join("testdata"), root().join("scenarios")];
+    let mut files: Vec<PathBuf> = folders.iter().flat_map(|folder| walk(folder)).collect();
+    ensure!(files.len() > 100, "only {} files to start from", files.len());
     files.sort();
     Ok(files)
 }
@@ -66,12 +87,12 @@ fn walk(folder: &Path) -> Vec<PathBuf> {
     entries.flat_map(|path| if path.is_dir() { walk(&path) } else { vec![path] }).collect()
 }
 
-fn run(target: &str, seeds: &[PathBuf]) -> Result<()> {
+fn run(target: &str, effort: &Effort, seeds: &[PathBuf]) -> Result<()> {
     let corpus = root().join("fuzz/corpus").join(target);
     fs::create_dir_all(&corpus)?;
     for (number, seed) in seeds.iter().enumerate() {
         let bytes = fs::read(seed).with_context(|| format!("cannot read {}", seed.display()))?;
-        let start = &bytes[..bytes.len().min(max_length(target) as usize)];
+        let start = &bytes[..bytes.len().min(max_length(target))];
         // Targets that put the magic before the bytes get them without it.
         let start = match target {
             "ulog" => start.get(16..).unwrap_or_default(),
@@ -80,18 +101,17 @@ fn run(target: &str, seeds: &[PathBuf]) -> Result<()> {
         };
         fs::write(corpus.join(format!("seed-{number}")), start)?;
     }
-    let (runs, length) = (format!("-runs={EXECUTIONS}"), format!("-max_len={}", max_length(target)));
-    let args = ["+nightly", "fuzz", "run", "--target-dir", "../target/fuzz", target, "--"];
+    let length = format!("-max_len={}", max_length(target));
     // Leaks are not looked for: a decoding thread that is about to end looks like one. Memory is limited all the same.
     let limits = [
-        runs.as_str(),
-        length.as_str(),
+        effort.limit,
+        &length,
         "-timeout=20",
         "-rss_limit_mb=3000",
         "-detect_leaks=0",
         "-print_final_stats=1",
         "-verbosity=0",
     ];
-    sh_in(&root().join("fuzz"), "cargo", &[&args[..], &limits].concat(), &[])
+    cargo_fuzz("run", effort, &[&[target, "--"][..], &limits].concat())
         .with_context(|| format!("{target}: the input stands in fuzz/artifacts/{target}"))
 }

@@ -1,3 +1,4 @@
-//! What `xtask` and `lab` share: starting other programs.
+//! What `xtask` and `lab` share: starting other programs, and where those come from.
 
+pub mod debian;
 pub mod shell;

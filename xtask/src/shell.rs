@@ -1,7 +1,5 @@
 //! Running other programs: the bottom of xtask and lab, which both stand on it.
 
-use std::fs;
-use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
@@ -65,69 +63,19 @@ pub fn text(path: &Path) -> Result<&str> {
     path.to_str().with_context(|| format!("{} is not UTF-8", path.display()))
 }
 
-/// A program (or a file that must exist, where `*` is any one folder) and the Debian package that has it.
-pub type Tool = (&'static str, &'static str);
-
-/// Makes sure that all of these are there: root gets the missing ones installed, anyone else is told the command.
-pub fn need(tools: &[Tool]) -> Result<()> {
-    let packages = missing(tools);
-    if packages.is_empty() {
-        return Ok(());
-    }
-    let install = [&["install", "--yes", "--no-install-recommends"], &packages[..]].concat();
-    if !is_root() {
-        bail!("Debian packages are missing; as root: apt-get {}", install.join(" "));
-    }
-    sh_in(&root(), "apt-get", &["update", "-qq"], &[])?;
-    sh_in(&root(), "apt-get", &[&["-qq"], &install[..]].concat(), &[("DEBIAN_FRONTEND", "noninteractive")])
-}
-
-/// The packages of those tools that are not there, each once.
-fn missing(tools: &[Tool]) -> Vec<&'static str> {
-    let mut packages: Vec<&str> =
-        tools.iter().filter(|(tool, _)| !is_there(tool)).map(|(_, package)| *package).collect();
-    packages.sort_unstable();
-    packages.dedup();
-    packages
-}
-
-fn is_there(tool: &str) -> bool {
-    if tool.starts_with('/') {
-        return file_is_there(tool);
-    }
-    let paths = std::env::var_os("PATH").unwrap_or_default();
-    std::env::split_paths(&paths).any(|folder| folder.join(tool).is_file())
-}
-
-fn file_is_there(path: &str) -> bool {
-    let Some((before, after)) = path.split_once("/*/") else { return Path::new(path).exists() };
-    fs::read_dir(before).into_iter().flatten().flatten().any(|entry| entry.path().join(after).exists())
-}
-
-fn is_root() -> bool {
-    fs::metadata("/proc/self").is_ok_and(|process| process.uid() == 0)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn only_what_is_missing_is_asked_for_and_each_package_once() {
-        let tools = [("sh", "dash"), ("no-such-tool", "b"), ("/no/such/file", "a"), ("no-such-tool-either", "b")];
-        assert_eq!(missing(&tools), ["a", "b"]);
-    }
-
-    #[test]
-    fn a_star_is_any_folder() {
-        let manifest = format!("{}/*/Cargo.toml", root().display());
-        assert!(file_is_there(&manifest));
-        assert!(!file_is_there(&manifest.replace("Cargo.toml", "no-such-file")));
-    }
-
-    #[test]
     fn a_program_that_does_not_end_is_stopped_and_named() {
         let said = output(1, "sleep", &["60"], &root()).unwrap_err().to_string();
         assert_eq!(said, "sleep did not end within 1 s");
+    }
+
+    #[test]
+    fn what_a_failing_program_said_is_in_the_error() {
+        let error = said(9, "sh", &["-c", "echo out; echo err >&2; exit 3"], &root()).unwrap_err().to_string();
+        assert!(error.contains("exit status: 3") && error.contains("out\nerr"), "{error}");
     }
 }

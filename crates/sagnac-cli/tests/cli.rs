@@ -342,14 +342,6 @@ fn real_recordings_are_described_and_refused_as_they_deserve() {
     }
 }
 
-/// docs/reference/cli.md is what the program prints; run `cargo xtask cli` where it is not.
-#[test]
-fn the_manual_is_made_from_the_program() {
-    let printed = sagnac().args(["manual", "markdown"]).output().unwrap().stdout;
-    let page = std::fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/reference/cli.md")).unwrap();
-    assert!(page == printed, "run `cargo xtask cli`");
-}
-
 #[test]
 fn completions_and_man_pages_know_every_command() {
     for shell in ["bash", "zsh", "fish", "powershell", "elvish", "man"] {

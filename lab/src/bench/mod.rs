@@ -21,6 +21,7 @@ use xtask::shell::{root, sh};
 
 use crate::bench::logs::{csv_log, parquet_log};
 use crate::bench::process::{Cost, Pairs, measure, median};
+use crate::places::{PERFORMANCE, PERFORMANCE_PLOT};
 
 const PAIRS: usize = 7;
 /// Lengths of the plot, rows.
@@ -73,14 +74,14 @@ pub(crate) fn bench(part: Option<&str>) -> Result<()> {
     bench.verification(&mut page)?;
     deviations::measure(&bench, &mut page)?;
     simulator::measure(&bench, &mut page)?;
-    fs::write(root().join("docs/explanation/performance.md"), &page)?;
-    println!("{page}\nwrote docs/explanation/performance.md");
+    fs::write(root().join(PERFORMANCE), &page)?;
+    println!("{page}\nwrote {PERFORMANCE}");
     Ok(())
 }
 
 /// One section, in its place on the page, or at its end.
 fn alone(bench: &Bench, heading: &str, measure: impl Fn(&Bench, &mut String) -> Result<()>) -> Result<()> {
-    let path = root().join("docs/explanation/performance.md");
+    let path = root().join(PERFORMANCE);
     let page = fs::read_to_string(&path)?;
     let (before, after) = match page.split_once(heading) {
         Some((before, section)) => (before, section.find("\n## ").map_or("", |next| &section[next..])),
@@ -89,7 +90,7 @@ fn alone(bench: &Bench, heading: &str, measure: impl Fn(&Bench, &mut String) -> 
     let mut made = before.to_owned();
     measure(bench, &mut made)?;
     fs::write(&path, made + after)?;
-    println!("wrote docs/explanation/performance.md");
+    println!("wrote {PERFORMANCE}");
     Ok(())
 }
 
@@ -192,7 +193,7 @@ impl Bench {
         let long = csv_log(&self.folder, 100_000_000, 100)?;
         let cost = median_cost(&self.calibrate(&long))?;
         line(page, "100 million at 100 Hz (11.6 days)", &cost);
-        plot::draw(&root().join("docs/explanation/performance.svg"), &points)
+        plot::draw(&root().join(PERFORMANCE_PLOT), &points)
     }
 
     /// The compensator alone, with the image of the calibration just made.

@@ -7,6 +7,7 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 use std::sync::Arc;
 
+use anyhow::{Result, ensure};
 use arrow_array::{ArrayRef, BooleanArray, Float64Array, Int64Array, RecordBatch};
 use arrow_ipc::writer::{FileWriter, StreamWriter};
 use arrow_schema::{Field, Schema};
@@ -14,6 +15,9 @@ use flate2::Compression;
 use flate2::write::GzEncoder;
 use parquet::arrow::ArrowWriter;
 use sagnac_sim::{PaperRig, csv_bytes};
+use tempfile::TempDir;
+
+use crate::program::Program;
 
 /// What comes through standard input.
 pub(crate) enum Feed {
@@ -35,17 +39,17 @@ pub(crate) struct Case {
     pub(crate) usage: bool,
     files: Vec<(&'static str, Vec<u8>)>,
     /// Done last in the folder.
-    then: Option<fn(&Path)>,
+    then: Option<Then>,
 }
 
+type Then = Box<dyn Fn(&Path) -> Result<()>>;
+
 impl Case {
-    pub(crate) fn make(&self, folder: &Path) {
+    pub(crate) fn make(&self, folder: &Path) -> Result<()> {
         for (name, bytes) in &self.files {
-            std::fs::write(folder.join(name), bytes).unwrap();
+            std::fs::write(folder.join(name), bytes)?;
         }
-        if let Some(then) = self.then {
-            then(folder);
-        }
+        self.then.as_ref().map_or(Ok(()), |then| then(folder))
     }
 
     fn file(mut self, name: &'static str, bytes: impl Into<Vec<u8>>) -> Self {
@@ -63,8 +67,8 @@ impl Case {
         self
     }
 
-    fn then(mut self, then: fn(&Path)) -> Self {
-        self.then = Some(then);
+    fn then(mut self, then: impl Fn(&Path) -> Result<()> + 'static) -> Self {
+        self.then = Some(Box::new(then));
         self
     }
 }
@@ -190,22 +194,35 @@ fn ulog(messages: &[(u8, &[u8])]) -> Vec<u8> {
 
 const BENCH: &str = "arcsec_per_count = 1.059\nquantum = 0.25\nserial = \"PAPER-RIG\"\n";
 
-/// A calibration as the program itself writes it.
-fn calibration() -> String {
-    let folder = tempfile::tempdir().unwrap();
-    std::fs::write(folder.path().join("log.csv"), good()).unwrap();
-    std::fs::write(folder.path().join("bench.toml"), BENCH).unwrap();
-    let args = ["calibrate", "log.csv", "--setup", "bench.toml", "--model", "bias 2", "-o", "unit.cal.json"];
-    assert_cmd::Command::cargo_bin("sagnac").unwrap().current_dir(folder.path()).args(args).assert().success();
-    std::fs::read_to_string(folder.path().join("unit.cal.json")).unwrap()
+/// What the program itself writes: a calibration and its image.
+struct Good {
+    program: Program,
+    record: String,
+    image: Vec<u8>,
 }
 
-fn image(calibration: &str) -> Vec<u8> {
-    let folder = tempfile::tempdir().unwrap();
-    std::fs::write(folder.path().join("unit.cal.json"), calibration).unwrap();
-    let args = ["export", "unit.cal.json", "--to", "image", "-o", "unit.img"];
-    assert_cmd::Command::cargo_bin("sagnac").unwrap().current_dir(folder.path()).args(args).assert().success();
-    std::fs::read(folder.path().join("unit.img")).unwrap()
+impl Good {
+    fn new(program: &Program) -> Result<Self> {
+        let folder = TempDir::new()?;
+        let file = |name: &str| folder.path().join(name);
+        std::fs::write(file("log.csv"), good())?;
+        std::fs::write(file("bench.toml"), BENCH)?;
+        let args = ["calibrate", "log.csv", "--setup", "bench.toml", "--model", "bias 2", "-o", "unit.cal.json"];
+        program.said_in(folder.path(), &args)?;
+        program.said_in(folder.path(), &["export", "unit.cal.json", "--to", "image", "-o", "unit.img"])?;
+        let (record, image) = (std::fs::read_to_string(file("unit.cal.json"))?, std::fs::read(file("unit.img"))?);
+        Ok(Self { program: program.clone(), record, image })
+    }
+
+    /// Puts the good log's window table into a folder.
+    fn window_table(&self) -> impl Fn(&Path) -> Result<()> + 'static {
+        let program = self.program.clone();
+        move |folder| {
+            std::fs::write(folder.join("log.csv"), good())?;
+            let args = ["window", "log.csv", "--arcsec-per-count", "1.059", "--quantum", "0.25", "-o", "w.parquet"];
+            program.said_in(folder, &args).map(|_| ())
+        }
+    }
 }
 
 fn with_byte(bytes: &[u8], at: usize, byte: u8) -> Vec<u8> {
@@ -214,17 +231,25 @@ fn with_byte(bytes: &[u8], at: usize, byte: u8) -> Vec<u8> {
     bytes
 }
 
-pub(crate) fn cases() -> Vec<Case> {
+/// All of them. The program makes the records that are then broken.
+pub(crate) fn cases(program: &Program) -> Result<Vec<Case>> {
+    let good = Good::new(program)?;
     let mut all = text_logs();
     all.extend(values_of_logs());
     all.extend(binary_logs());
-    all.extend(setups());
+    all.extend(setups(&good));
     all.extend(scenarios());
     all.extend(models_and_data());
-    all.extend(files());
-    all.extend(records());
-    all.extend(noise::noise_budgets());
-    all
+    all.extend(files(&good));
+    all.extend(records(&good)?);
+    all.extend(noise::noise_budgets(&good));
+    Ok(all)
+}
+
+/// A case for tests: status 2, names log.csv.
+#[cfg(test)]
+pub(crate) fn example() -> Case {
+    log("example", "")
 }
 
 fn text_logs() -> Vec<Case> {
@@ -398,7 +423,7 @@ fn scenarios() -> Vec<Case> {
     ]
 }
 
-fn setups() -> Vec<Case> {
+fn setups(by: &Good) -> Vec<Case> {
     let with = |name: &'static str, setup: &str| {
         case(name, "calibrate log.csv --setup bench.toml -o out.json").file("log.csv", good()).file("bench.toml", setup)
     };
@@ -418,12 +443,12 @@ fn setups() -> Vec<Case> {
             .place("temperature_period_s"),
         with("setup that is binary", "\u{0}\u{1}").place("bench.toml"),
         case("limits with an unknown key", "verify unit.cal.json log.csv --limits limits.toml")
-            .file("unit.cal.json", calibration())
+            .file("unit.cal.json", by.record.as_str())
             .file("log.csv", good())
             .file("limits.toml", "sigma_max = 1")
             .place("limits.toml:1"),
         case("limits below zero", "verify unit.cal.json log.csv --limits limits.toml")
-            .file("unit.cal.json", calibration())
+            .file("unit.cal.json", by.record.as_str())
             .file("log.csv", good())
             .file("limits.toml", "sigma_dph_max = -1")
             .place("sigma_dph_max"),
@@ -455,20 +480,19 @@ fn models_and_data() -> Vec<Case> {
     ]
 }
 
-fn files() -> Vec<Case> {
+fn files(by: &Good) -> Vec<Case> {
     let on = |name: &'static str, args: &'static str| case(name, args).file("log.csv", good());
     let mut unreadable = log("log that may not be read", good());
     unreadable.as_nobody = true;
-    let lock = |folder: &Path| {
-        std::fs::set_permissions(folder.join("log.csv"), std::fs::Permissions::from_mode(0o000)).unwrap();
-    };
+    let lock =
+        |folder: &Path| Ok(std::fs::set_permissions(folder.join("log.csv"), std::fs::Permissions::from_mode(0o000))?);
     let mut unwritable = on("folder that may not be written", CALIBRATE).place("out.json");
     unwritable.as_nobody = true;
     vec![
         case("log that is not there", CALIBRATE).place("log.csv"),
         log("directory for a log", "").then(|folder| {
-            std::fs::remove_file(folder.join("log.csv")).unwrap();
-            std::fs::create_dir(folder.join("log.csv")).unwrap();
+            std::fs::remove_file(folder.join("log.csv"))?;
+            Ok(std::fs::create_dir(folder.join("log.csv"))?)
         }),
         unreadable.then(lock),
         unwritable,
@@ -478,7 +502,7 @@ fn files() -> Vec<Case> {
         )
         .place("no/unit.json"),
         on("output that is a directory", "calibrate log.csv --arcsec-per-count 1.059 --quantum 0.25 -o folder")
-            .then(|folder| std::fs::create_dir(folder.join("folder")).unwrap())
+            .then(|folder| Ok(std::fs::create_dir(folder.join("folder"))?))
             .place("folder"),
         on("disk full", "calibrate log.csv --arcsec-per-count 1.059 --quantum 0.25 -o /dev/full").place("/dev/full"),
         on("report on a full disk", "calibrate log.csv --arcsec-per-count 1.059 --quantum 0.25 --report /dev/full")
@@ -487,20 +511,20 @@ fn files() -> Vec<Case> {
             .place("/dev/full"),
         case("corrected log on a full disk", "compensate unit.cal.json log.csv -o /dev/full")
             .file("log.csv", good())
-            .file("unit.cal.json", calibration()),
+            .file("unit.cal.json", by.record.as_str()),
     ]
 }
 
-fn records() -> Vec<Case> {
-    let good_record = calibration();
-    let good_image = image(&good_record);
+fn records(by: &Good) -> Result<Vec<Case>> {
+    let (good_record, good_image) = (by.record.clone(), by.image.clone());
     let good_record_too = good_record.clone();
+    let table = by.window_table();
     let json = |name: &'static str, text: String| {
         case(name, "export unit.cal.json --to image -o out.json").file("unit.cal.json", text).place("unit.cal.json")
     };
     let edit = |from: &str, to: &str| {
-        assert!(good_record.contains(from), "{from}");
-        good_record.replacen(from, to, 1)
+        ensure!(good_record.contains(from), "a record has no {from}");
+        Ok(good_record.replacen(from, to, 1))
     };
     let flash = |name: &'static str, bytes: Vec<u8>| {
         case(name, "verify unit.img log.csv").file("unit.img", bytes).file("log.csv", good()).place("unit.img")
@@ -511,20 +535,21 @@ fn records() -> Vec<Case> {
         bytes[end..].copy_from_slice(&crc.to_le_bytes());
         bytes
     };
-    vec![
+    Ok(vec![
         json("calibration that is no JSON", "{ \"format\": ".to_owned()),
         json("calibration cut short", good_record[..good_record.len() / 2].to_owned()),
         json("JSON of something else", "{ \"name\": 1 }".to_owned()).place("format"),
-        json("calibration of another version", edit("\"version\": 2", "\"version\": 3")).place("version"),
-        json("calibration with a missing field", edit("\"window_s\": 100.0,", "")).place("window_s"),
-        json("calibration with an extra field", edit("\"window_s\": 100.0,", "\"window_s\": 100.0, \"windows\": 3,"))
+        json("calibration of another version", edit("\"version\": 2", "\"version\": 3")?).place("version"),
+        json("calibration with a missing field", edit("\"window_s\": 100.0,", "")?).place("window_s"),
+        json("calibration with an extra field", edit("\"window_s\": 100.0,", "\"window_s\": 100.0, \"windows\": 3,")?)
             .place("windows"),
-        json("calibration with a number beyond all", edit("\"window_s\": 100.0", "\"window_s\": 1e999")),
-        json("calibration with NaN", edit("\"window_s\": 100.0", "\"window_s\": NaN")),
-        json("calibration with a window of zero", edit("\"window_s\": 100.0", "\"window_s\": 0.0")).place("window_s"),
-        json("calibration with an unknown term", edit("\"acts_on\": \"bias\"", "\"acts_on\": \"magic\""))
+        json("calibration with a number beyond all", edit("\"window_s\": 100.0", "\"window_s\": 1e999")?),
+        json("calibration with NaN", edit("\"window_s\": 100.0", "\"window_s\": NaN")?),
+        json("calibration with a window of zero", edit("\"window_s\": 100.0", "\"window_s\": 0.0")?).place("window_s"),
+        json("calibration with an unknown term", edit("\"acts_on\": \"bias\"", "\"acts_on\": \"magic\"")?)
             .place("magic"),
-        json("calibration without a serial", edit("\"serial\": \"PAPER-RIG\"", "\"serial\": \"unassigned\"")).refused(),
+        json("calibration without a serial", edit("\"serial\": \"PAPER-RIG\"", "\"serial\": \"unassigned\"")?)
+            .refused(),
         case("calibration of the gyro next to it", "verify unit.cal.json log.csv --serial RLG-8")
             .file("unit.cal.json", good_record.clone())
             .file("log.csv", good())
@@ -548,12 +573,10 @@ fn records() -> Vec<Case> {
             .place("log.csv"),
         case("log in place of a correction", "verify log.csv log.csv").file("log.csv", good()).place("log.csv"),
         case("truncated window table", "calibrate w.parquet -o out.json")
-            .then(|folder| {
-                std::fs::write(folder.join("log.csv"), good()).unwrap();
-                let args = ["window", "log.csv", "--arcsec-per-count", "1.059", "--quantum", "0.25", "-o", "w.parquet"];
-                assert_cmd::Command::cargo_bin("sagnac").unwrap().current_dir(folder).args(args).assert().success();
-                let bytes = std::fs::read(folder.join("w.parquet")).unwrap();
-                std::fs::write(folder.join("w.parquet"), &bytes[..bytes.len() / 2]).unwrap();
+            .then(move |folder| {
+                table(folder)?;
+                let bytes = std::fs::read(folder.join("w.parquet"))?;
+                Ok(std::fs::write(folder.join("w.parquet"), &bytes[..bytes.len() / 2])?)
             })
             .place("w.parquet"),
         case("window table written as text", "calibrate w.csv -o out.json")
@@ -567,13 +590,9 @@ fn records() -> Vec<Case> {
         case("corrected log in a format that is not written", "compensate unit.cal.json log.csv -o out.csv.gz")
             .place("out.csv.gz"),
         case("window table with another window", "calibrate w.parquet --window 50 -o out.json")
-            .then(|folder| {
-                std::fs::write(folder.join("log.csv"), good()).unwrap();
-                let args = ["window", "log.csv", "--arcsec-per-count", "1.059", "--quantum", "0.25", "-o", "w.parquet"];
-                assert_cmd::Command::cargo_bin("sagnac").unwrap().current_dir(folder).args(args).assert().success();
-            })
+            .then(by.window_table())
             .place("w.parquet"),
-    ]
+    ])
 }
 
 /// CRC-32 of IEEE 802.3, as docs/reference/image-format.md has it.

@@ -1,8 +1,8 @@
 //! What `sagnac allan` is given in place of a log or a curve.
 
-use super::{Case, calibration, case, good};
+use super::{Case, Good, case, good};
 
-pub(super) fn noise_budgets() -> Vec<Case> {
+pub(super) fn noise_budgets(by: &Good) -> Vec<Case> {
     vec![
         case("curve whose tau falls", "allan curve.csv -o out.json")
             .file("curve.csv", "tau_s,adev_dph\n1,0.2\n2,0.1\n1.5,0.1\n")
@@ -21,7 +21,7 @@ pub(super) fn noise_budgets() -> Vec<Case> {
             .file("log.csv", good())
             .place("--taus"),
         case("calibration where noise is looked for", "allan unit.cal.json")
-            .file("unit.cal.json", calibration())
+            .file("unit.cal.json", by.record.as_str())
             .place("unit.cal.json"),
         case("temperature to take out where there is none", "allan log.csv --detrend temperature")
             .file("log.csv", "time_s,rate_dph\n1,1\n2,2\n3,1\n4,2\n")

@@ -11,31 +11,35 @@ use sagnac_sim::{LoopDesign, Scenario};
 use sagnac_vectors::{INPUTS, MAGIC, Machine, Module};
 use xtask::shell::root;
 
+use crate::bless::Made;
+use crate::generated::image;
+use crate::places::VECTORS;
+
 const LIGHT: u32 = 1 << 9;
 const CLOSED: u32 = 1 << 8;
 const HOLD: u32 = 1 << 8;
 
 /// Where they are.
 pub(crate) fn folder() -> PathBuf {
-    root().join("testdata/vectors")
+    root().join(VECTORS)
 }
 
-/// Makes all of them.
-pub(crate) fn write() -> Result<()> {
-    let paper = std::fs::read(root().join("testdata/image/paper.img"))?;
+pub(crate) fn make() -> Result<Vec<Made>> {
     let mirror = loops("triangle-28cm-dithered", true)?;
     let heater = loops("prism-heater-loop", false)?;
-    compensator_full()?.write("compensator-full")?;
-    compensator_paper(&paper)?.write("compensator-paper")?;
-    compensator_inputs()?.write("compensator-inputs")?;
-    compensator_harmonic()?.write("compensator-harmonic")?;
-    compensator_edges(9, 1)?.write("compensator-edges")?;
-    compensator_edges(1 << 30, 41)?.write("compensator-advance")?;
-    compensator_edges(9, 41)?.write("compensator-limits")?;
-    path_length(&mirror, 1, 1500)?.write("path-length-mirror")?;
-    path_length(&heater, 25, 400)?.write("path-length-heater")?;
-    intensity(&mirror.table)?.write("intensity")?;
-    quadrature()?.write("quadrature")
+    Ok(vec![
+        compensator_full()?.made("compensator-full")?,
+        compensator_paper(&image::paper_image()?)?.made("compensator-paper")?,
+        compensator_inputs()?.made("compensator-inputs")?,
+        compensator_harmonic()?.made("compensator-harmonic")?,
+        compensator_edges(9, 1)?.made("compensator-edges")?,
+        compensator_edges(1 << 30, 41)?.made("compensator-advance")?,
+        compensator_edges(9, 41)?.made("compensator-limits")?,
+        path_length(&mirror, 1, 1500)?.made("path-length-mirror")?,
+        path_length(&heater, 25, 400)?.made("path-length-heater")?,
+        intensity(&mirror.table)?.made("intensity")?,
+        quadrature()?.made("quadrature")?,
+    ])
 }
 
 /// A file in the making: the machine that gives the outputs, and the text.
@@ -69,9 +73,11 @@ impl Making {
         Ok(outputs)
     }
 
-    fn write(self, name: &str) -> Result<()> {
-        let mut text =
-            format!("// {}\n// Made by `cargo xtask vectors`; format in docs/reference/vectors.md.\n", self.about);
+    fn made(self, name: &str) -> Result<Made> {
+        let mut text = format!(
+            "// {}\n// Made by `cargo xtask bless vectors`; format in docs/reference/vectors.md.\n",
+            self.about
+        );
         let [magic, module, len] = self.head;
         writeln!(text, "{magic:08x} {module:08x} {len:08x} {:08x}", self.records)?;
         for line in self.table.chunks(32) {
@@ -83,17 +89,7 @@ impl Making {
             writeln!(text, "{}", words.collect::<Vec<_>>().join(" "))?;
         }
         text.push_str(&self.text);
-        let path = folder().join(name).with_extension("hex");
-        std::fs::create_dir_all(folder())?;
-        std::fs::write(&path, &text)?;
-        println!(
-            "{}: {} records, {} ticks, {} KB",
-            path.display(),
-            self.records,
-            self.machine.ticks(),
-            text.len() / 1000
-        );
-        Ok(())
+        Ok(Made::new(format!("{VECTORS}/{name}.hex"), text))
     }
 }
 

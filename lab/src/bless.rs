@@ -1,0 +1,221 @@
+//! `cargo xtask bless`: the one way to make generated files anew. Tests and `--check` hold what is committed against the
+//! same functions.
+//!
+//! ```text
+//! FILES: name ─▶ make(program) ─▶ paths and bytes ─┬─▶ written where they differ      bless
+//!                                                  └─▶ named where they differ        bless --check, tests
+//! ```
+
+use std::fs;
+use std::io::Read;
+use std::path::Path;
+
+use anyhow::{Context, Result, bail, ensure};
+use flate2::read::GzDecoder;
+use xtask::shell::root;
+
+use crate::generated::{
+    chamber, circle, errors, faults, first_bytes, image, manual, pages, scenario_keys, schema, vectors,
+};
+use crate::program::Program;
+
+/// A file as it should be; the path is relative to the workspace.
+#[derive(Clone)]
+pub(crate) struct Made {
+    /// Where it belongs.
+    pub(crate) path: String,
+    /// What belongs into it.
+    pub(crate) bytes: Vec<u8>,
+}
+
+impl Made {
+    pub(crate) fn new(path: impl Into<String>, bytes: impl Into<Vec<u8>>) -> Self {
+        Self { path: path.into(), bytes: bytes.into() }
+    }
+}
+
+/// How files are made, by name.
+enum Make {
+    /// From the libraries.
+    Here(fn() -> Result<Vec<Made>>),
+    /// By running the program.
+    ByProgram(fn(&Program) -> Result<Vec<Made>>),
+}
+
+/// All of them. Those of the libraries come first: the program reads some.
+const FILES: [(&str, Make); 11] = [
+    ("testdata", Make::Here(chamber::make)),
+    ("image", Make::Here(image::make)),
+    ("vectors", Make::Here(vectors::make)),
+    ("schema", Make::Here(schema::make)),
+    ("scenario", Make::Here(scenario_keys::make)),
+    ("first-bytes", Make::Here(first_bytes::make)),
+    ("circle", Make::Here(circle::make)),
+    ("cli", Make::ByProgram(manual::make)),
+    ("errors", Make::ByProgram(errors::make)),
+    ("faults", Make::ByProgram(faults::make)),
+    ("pages", Make::ByProgram(pages::make)),
+];
+
+/// Makes the named files, or all, and writes those that differ. With `--check` nothing is written: any difference is an
+/// error that names the file.
+pub(crate) fn bless(args: &[&str]) -> Result<()> {
+    let check = args.contains(&"--check");
+    let names: Vec<&str> = args.iter().copied().filter(|arg| *arg != "--check").collect();
+    let program = Program::beside_the_lab()?;
+    if check {
+        let stale = stale(&names, &program)?;
+        ensure!(stale.is_empty(), "not as `cargo xtask bless` makes them:\n{}", stale.join("\n"));
+        println!("bless: every generated file is as it is made");
+        return Ok(());
+    }
+    for (name, make) in chosen(&names)? {
+        for made in made(name, make, &program)? {
+            write(&made)?;
+        }
+    }
+    Ok(())
+}
+
+/// The files of these names (none: of all) that are not as they are made, each with its first difference.
+pub fn stale(names: &[&str], program: &Program) -> Result<Vec<String>> {
+    let mut stale = Vec::new();
+    for (name, make) in chosen(names)? {
+        stale.extend(made(name, make, program)?.iter().filter_map(difference));
+    }
+    Ok(stale)
+}
+
+fn chosen(names: &[&str]) -> Result<Vec<&'static (&'static str, Make)>> {
+    if let Some(unknown) = names.iter().find(|name| FILES.iter().all(|(known, _)| known != *name)) {
+        let known: Vec<&str> = FILES.iter().map(|(name, _)| *name).collect();
+        bail!("nothing named {unknown} is generated; there are: {}", known.join(", "));
+    }
+    Ok(FILES.iter().filter(|(name, _)| names.is_empty() || names.contains(name)).collect())
+}
+
+fn made(name: &str, make: &Make, program: &Program) -> Result<Vec<Made>> {
+    let made = match make {
+        Make::Here(make) => make(),
+        Make::ByProgram(make) => make(program),
+    };
+    made.with_context(|| format!("{name} cannot be made"))
+}
+
+fn write(made: &Made) -> Result<()> {
+    if difference(made).is_none() {
+        return Ok(());
+    }
+    let path = root().join(&made.path);
+    fs::create_dir_all(path.parent().context("a file without a folder")?)?;
+    fs::write(&path, &made.bytes).with_context(|| format!("cannot write {}", made.path))?;
+    println!("wrote {}", made.path);
+    Ok(())
+}
+
+/// Where the committed file is another, in words. Compressed files are compared by what is in them.
+fn difference(made: &Made) -> Option<String> {
+    let Ok(committed) = fs::read(root().join(&made.path)) else { return Some(format!("{} is not there", made.path)) };
+    let (committed, anew) = (content(&made.path, &committed), content(&made.path, &made.bytes));
+    if committed == anew {
+        return None;
+    }
+    let (Ok(committed), Ok(anew)) = (String::from_utf8(committed), String::from_utf8(anew)) else {
+        return Some(made.path.clone());
+    };
+    Some(format!("{}:{}", made.path, first_difference(&committed, &anew)))
+}
+
+fn content(path: &str, bytes: &[u8]) -> Vec<u8> {
+    let mut unpacked = Vec::new();
+    let is_packed = Path::new(path).extension().is_some_and(|extension| extension == "gz");
+    if is_packed && GzDecoder::new(bytes).read_to_end(&mut unpacked).is_ok() { unpacked } else { bytes.to_vec() }
+}
+
+/// The line, what it is, and what it would be.
+fn first_difference(committed: &str, anew: &str) -> String {
+    let shorter = committed.lines().count().min(anew.lines().count());
+    let lines = committed.lines().zip(anew.lines()).enumerate();
+    let (at, (is, made)) = { lines }.find(|(_, (is, made))| is != made).unwrap_or((shorter, ("(ends)", "(or here)")));
+    format!("{}\n  is   {is}\n  made {made}", at + 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// CI leaves these out: `bless --check` does the same, with the rest.
+    mod generated_files_are_as_they_are_made {
+        use super::*;
+
+        fn holds(name: &str) {
+            let stale = stale(&[name], &Program::at("not used")).unwrap();
+            assert!(stale.is_empty(), "{}\nrun `cargo xtask bless {name}`", stale.join("\n"));
+        }
+
+        #[test]
+        fn logs_in_testdata() {
+            holds("testdata");
+        }
+
+        #[test]
+        fn image_and_its_hexdump() {
+            holds("image");
+        }
+
+        #[test]
+        fn reference_vectors() {
+            holds("vectors");
+        }
+
+        #[test]
+        fn schema_of_the_record() {
+            holds("schema");
+        }
+
+        #[test]
+        fn keys_of_a_scenario() {
+            holds("scenario");
+        }
+
+        #[test]
+        fn the_first_bytes_are_those_of_every_machine() {
+            holds("first-bytes");
+        }
+
+        #[test]
+        fn three_runs_of_each_scenario() {
+            holds("circle");
+        }
+    }
+
+    #[test]
+    fn a_file_that_differs_is_named_with_its_line() {
+        let manifest = fs::read_to_string(root().join("lab/Cargo.toml")).unwrap();
+        assert_eq!(difference(&Made::new("lab/Cargo.toml", manifest.as_str())), None);
+        let other = manifest.replacen("name = ", "nam = ", 1);
+        let said = difference(&Made::new("lab/Cargo.toml", other)).unwrap();
+        assert!(said.starts_with("lab/Cargo.toml:2\n  is   name = "), "{said}");
+        assert_eq!(difference(&Made::new("lab/no-such-file", "")).unwrap(), "lab/no-such-file is not there");
+        let longer = difference(&Made::new("lab/Cargo.toml", manifest + "more\n")).unwrap();
+        assert!(longer.contains("(ends)"), "{longer}");
+    }
+
+    #[test]
+    fn compressed_files_are_compared_by_what_is_in_them() {
+        let log = "testdata/chamber/cycle-1.csv.gz";
+        let packed = fs::read(root().join(log)).unwrap();
+        let unpacked = content(log, &packed);
+        assert!(unpacked.starts_with(b"time_s,"));
+        let mut other = packed.clone();
+        // The operating system that packed it, by the tenth byte of the header.
+        other[9] ^= 3;
+        assert_eq!(difference(&Made::new(log, other)), None);
+    }
+
+    #[test]
+    fn an_unknown_name_is_refused_with_those_that_there_are() {
+        let said = stale(&["vector"], &Program::at("not used")).unwrap_err().to_string();
+        assert!(said.contains("named vector") && said.contains("vectors"), "{said}");
+    }
+}

@@ -1,0 +1,184 @@
+//! What the program says of broken inputs. Each of the corpus ends with the documented status and one message that names
+//! the place, and leaves what was there untouched; else the page is not made.
+
+use std::fs;
+use std::io::Write as _;
+use std::os::unix::fs::PermissionsExt;
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+use anyhow::{Context, Result, ensure};
+use tempfile::TempDir;
+
+use crate::bless::Made;
+use crate::generated::corpus::{Case, Feed, cases};
+use crate::places::ERRORS;
+use crate::program::Program;
+
+/// Address space a run may use: a log is never held in memory.
+const MEMORY_KIB: u64 = 600_000;
+const OLD: &str = "what was there before\n";
+/// What stands in a case's folder beside its own files.
+const OURS: [&str; 2] = ["sagnac", "out.json"];
+
+const HEAD: &str = "# What the program says of broken inputs
+
+Made by `cargo xtask bless`; do not edit. Each
+of these was made, run and looked at. Every message names what was wrong, where (file, line, column, value) and, where there is
+something, what to do. Status 2: bad usage or input. Status 3: refused, because the data cannot support the answer. Whatever
+happens, files that were there before stay as they are.
+
+| input | status | message |
+|---|---|---|
+";
+
+/// How a case ended.
+struct Outcome {
+    status: i32,
+    stderr: String,
+}
+
+/// One table, in the order of the corpus.
+pub(crate) fn make(program: &Program) -> Result<Vec<Made>> {
+    let cases = cases(program)?;
+    ensure!(cases.len() >= 50, "{} cases", cases.len());
+    let (mut page, mut wrong) = (String::from(HEAD), Vec::new());
+    for (number, case) in cases.iter().enumerate() {
+        ensure!(cases[..number].iter().all(|other| other.name != case.name), "two cases named {}", case.name);
+        let folder = prepared(case, program)?;
+        let before = listing(folder.path())?;
+        let outcome = run(case, folder.path()).with_context(|| case.name)?;
+        wrong.extend(problems(case, folder.path(), &before, &outcome)?);
+        page += &row(case, &outcome);
+    }
+    ensure!(wrong.is_empty(), "{}", wrong.join("\n"));
+    Ok(vec![Made::new(ERRORS, page)])
+}
+
+/// Writes the files of every case into a folder of its own: what fuzzing starts from.
+pub(crate) fn keep(program: &Program, to: &Path) -> Result<()> {
+    for case in cases(program)? {
+        let from = TempDir::new()?;
+        case.make(from.path())?;
+        let to = to.join(case.name.replace(' ', "-"));
+        fs::create_dir_all(&to)?;
+        for name in listing(from.path())?.iter().filter(|name| from.path().join(name).is_file()) {
+            // A file that nobody may read cannot be kept either.
+            let _ = fs::copy(from.path().join(name), to.join(name));
+        }
+    }
+    Ok(())
+}
+
+/// A folder with the program, an older output, and what is broken.
+fn prepared(case: &Case, program: &Program) -> Result<TempDir> {
+    let folder = TempDir::new()?;
+    // Anyone may look into it: some cases run as nobody.
+    fs::set_permissions(folder.path(), fs::Permissions::from_mode(0o755))?;
+    let [sagnac, output] = OURS.map(|name| folder.path().join(name));
+    fs::copy(program.path(), &sagnac).with_context(|| format!("cannot copy {}", program.path().display()))?;
+    fs::set_permissions(&sagnac, fs::Permissions::from_mode(0o755))?;
+    fs::write(output, OLD)?;
+    case.make(folder.path()).with_context(|| case.name)?;
+    Ok(folder)
+}
+
+/// Runs a case in its own folder.
+fn run(case: &Case, folder: &Path) -> Result<Outcome> {
+    let limited = format!("ulimit -v {MEMORY_KIB}; exec \"$0\" \"$@\"");
+    let mut command = if case.as_nobody && is_root() {
+        let mut command = Command::new("setpriv");
+        command.args(["--reuid=65534", "--regid=65534", "--clear-groups", "sh", "-c", &limited]);
+        command
+    } else {
+        let mut command = Command::new("sh");
+        command.args(["-c", &limited]);
+        command
+    };
+    command.arg(folder.join("sagnac")).args(&case.args).current_dir(folder).env_remove("SOURCE_DATE_EPOCH");
+    command.stdin(if matches!(case.stdin, Feed::Nothing) { Stdio::null() } else { Stdio::piped() });
+    let mut child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn()?;
+    if let (Feed::Endless(block, times), Some(mut stdin)) = (&case.stdin, child.stdin.take()) {
+        // The program goes away long before the end.
+        let _ = (0..*times).try_for_each(|_| stdin.write_all(block));
+    }
+    let output = child.wait_with_output()?;
+    Ok(Outcome { status: output.status.code().unwrap_or(-1), stderr: String::from_utf8(output.stderr)? })
+}
+
+fn is_root() -> bool {
+    Command::new("id").arg("-u").output().is_ok_and(|out| out.stdout == b"0\n")
+}
+
+/// What is wrong with how a case ended: one message and at most one help; the old output is what it was; nothing
+/// else was left.
+fn problems(case: &Case, folder: &Path, before: &[String], outcome: &Outcome) -> Result<Vec<String>> {
+    let stderr = &outcome.stderr;
+    let word = if case.status == 3 { "refused: " } else { "error: " };
+    let lines: Vec<&str> = stderr.lines().collect();
+    let first = lines.first().copied().unwrap_or_default();
+    let helps = lines.iter().filter(|line| line.starts_with("  help: ")).count();
+    let old = fs::read_to_string(folder.join("out.json")).unwrap_or_default();
+    let after = listing(folder)?;
+    let checks = [
+        (outcome.status == case.status, format!("status {} instead of {}", outcome.status, case.status)),
+        (first.starts_with(word), format!("does not begin with {word:?}")),
+        ((lines.len() == 1 + helps && helps <= 1) || case.usage, "more than one message".to_owned()),
+        (case.place.is_none_or(|place| first.contains(place)), format!("does not name {:?}", case.place)),
+        (old == OLD, "the old output is gone".to_owned()),
+        (after == before, format!("left {after:?}")),
+    ];
+    let failed = checks.into_iter().filter(|(good, _)| !good);
+    Ok(failed.map(|(_, what)| format!("{}: {what}: {}", case.name, stderr.trim())).collect())
+}
+
+fn listing(folder: &Path) -> Result<Vec<String>> {
+    let names = fs::read_dir(folder)?.map(|entry| Ok(entry?.file_name().to_string_lossy().into_owned()));
+    let mut names: Vec<String> = names.collect::<Result<_>>()?;
+    names.sort();
+    Ok(names)
+}
+
+fn row(case: &Case, outcome: &Outcome) -> String {
+    let lines = outcome.stderr.lines().filter(|line| !line.is_empty());
+    let message: Vec<String> = lines.map(|line| line.trim().replace('|', "\\|").replace('<', "&lt;")).collect();
+    format!("| {} | {} | {} |\n", case.name, outcome.status, message.join("<br>"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::generated::corpus::example;
+
+    /// A run that left everything as it was, with these words.
+    fn ended(status: i32, stderr: &str) -> Vec<String> {
+        let folder = TempDir::new().unwrap();
+        fs::write(folder.path().join("out.json"), OLD).unwrap();
+        let outcome = Outcome { status, stderr: stderr.to_owned() };
+        problems(&example(), folder.path(), &["out.json".to_owned()], &outcome).unwrap()
+    }
+
+    #[test]
+    fn a_case_must_end_with_its_status_and_one_message_that_names_the_place() {
+        assert_eq!(ended(2, "error: log.csv: empty\n  help: rows\n"), Vec::<String>::new());
+        for (status, stderr, problem) in [
+            (3, "error: log.csv: empty\n", "status 3 instead of 2"),
+            (2, "log.csv: empty\n", "does not begin with"),
+            (2, "error: log.csv: empty\nerror: again\n", "more than one message"),
+            (2, "error: empty\n", "does not name"),
+        ] {
+            let problems = ended(status, stderr);
+            assert!(problems.len() == 1 && problems[0].contains(problem), "{problems:?}");
+        }
+    }
+
+    #[test]
+    fn an_output_that_was_changed_and_a_file_more_are_noticed() {
+        let folder = TempDir::new().unwrap();
+        fs::write(folder.path().join("out.json"), "new").unwrap();
+        fs::write(folder.path().join("more"), "").unwrap();
+        let outcome = Outcome { status: 2, stderr: "error: log.csv\n".to_owned() };
+        let problems = problems(&example(), folder.path(), &["out.json".to_owned()], &outcome).unwrap();
+        assert!(problems.len() == 2 && problems[0].contains("is gone") && problems[1].contains("more"), "{problems:?}");
+    }
+}

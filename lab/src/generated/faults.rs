@@ -1,0 +1,117 @@
+//! Each ready scenario with each fault, through `inspect` (which tries `calibrate`): noticed, named, or refused.
+//! The page is not made where something else goes unnoticed than is documented.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use anyhow::{Context, Result, anyhow, ensure};
+use sagnac_sim::FaultKind;
+use serde_json::Value;
+use tempfile::TempDir;
+use xtask::shell::text;
+
+use crate::bless::Made;
+use crate::generated::READY;
+use crate::places::FAULTS;
+use crate::program::Program;
+
+/// What goes unnoticed, and is listed in docs/explanation/simulator.md. A thermometer alone that stands still is no more than a
+/// steady one; a clock that slows down stretches all rows alike.
+const UNNOTICED: [(&str, &str); 5] = [
+    ("paper", "stuck_thermometer"),
+    ("paper", "clock_drift"),
+    ("square-28cm", "clock_drift"),
+    ("prism-heater-loop", "clock_drift"),
+    ("triangle-28cm-dithered", "clock_drift"),
+];
+
+/// Scenario and fault of what nothing named.
+type Unnoticed = Vec<(&'static str, &'static str)>;
+
+/// What `inspect` said.
+struct Seen {
+    rows: u64,
+    excluded: BTreeMap<String, u64>,
+    calibrate: String,
+    refused: bool,
+}
+
+fn seen(program: &Program, folder: &Path, scenario: &str, fault: Option<&str>) -> Result<Seen> {
+    let log = folder.join(format!("{scenario}-{}.csv", fault.unwrap_or("none")));
+    let (toml, bench) = (format!("scenarios/{scenario}/{scenario}.toml"), format!("scenarios/{scenario}/bench.toml"));
+    let fault: Vec<&str> = fault.iter().flat_map(|kind| ["--fault", kind]).collect();
+    program.said(&[&["simulate", &toml, "-o", text(&log)?], &fault[..]].concat())?;
+    let object = serde_json::from_str(&program.said(&["inspect", text(&log)?, "--setup", &bench, "--json"])?)?;
+    std::fs::remove_file(&log)?;
+    of_inspect(&object).with_context(|| format!("what inspect says of {scenario} has other fields: {object}"))
+}
+
+fn of_inspect(object: &Value) -> Option<Seen> {
+    let tallies = object["excluded"].as_array()?.iter();
+    let excluded = tallies.map(|t| Some((t["reason"].as_str()?.to_owned(), t["rows"].as_u64()?)));
+    let calibrate = &object["calibrate"];
+    let refused = calibrate["refused"].as_bool().unwrap_or(false);
+    let words = match calibrate["models"][0].as_str() {
+        Some(model) => format!("`{model}`"),
+        // The reason up to its first colon: the rest is places.
+        None => format!("refused: {}", calibrate["reason"].as_str()?.split([';', '(']).next()?.trim()),
+    };
+    Some(Seen { rows: object["rows"].as_u64()?, excluded: excluded.collect::<Option<_>>()?, calibrate: words, refused })
+}
+
+/// Reasons that are new, or of half a per cent of the rows and more; a cut window alone says nothing.
+fn named(clean: &Seen, broken: &Seen) -> Vec<String> {
+    let more = broken.excluded.iter().filter_map(|(reason, rows)| {
+        let before = clean.excluded.get(reason).copied().unwrap_or(0);
+        let more = rows.saturating_sub(before);
+        let counts = reason != "short_window" && more > 0 && (before == 0 || more * 200 >= broken.rows);
+        counts.then(|| format!("{reason} {more}"))
+    });
+    more.collect()
+}
+
+const HEAD: &str = "# Faults
+
+Made by `cargo xtask bless`; do not edit.
+
+Each ready scenario has each fault from two fifths to three fifths of its run. The log goes through `sagnac inspect`. *Named* are the
+reasons for which rows are excluded beyond those of the same test without the fault, with their number. **Not noticed** means that the log looks
+like a good one; [Simulator](../explanation/simulator.md#faults-that-nobody-notices) states why.
+
+| scenario | fault | named | calibrate |
+|---|---|---|---|
+";
+
+pub(crate) fn make(program: &Program) -> Result<Vec<Made>> {
+    let folder = TempDir::new()?;
+    let tables: Vec<Result<(String, Unnoticed)>> = std::thread::scope(|scope| {
+        let folder = folder.path();
+        let threads = READY.map(|scenario| scope.spawn(move || of_scenario(program, folder, scenario)));
+        threads.map(|thread| thread.join().unwrap_or_else(|_| Err(anyhow!("a panic, see above")))).into()
+    });
+    let (mut page, mut unnoticed) = (String::from(HEAD), Vec::new());
+    for table in tables {
+        let (rows, of_scenario) = table?;
+        page += &rows;
+        unnoticed.extend(of_scenario);
+    }
+    ensure!(unnoticed == UNNOTICED, "unnoticed are {unnoticed:?}, documented {UNNOTICED:?}");
+    Ok(vec![Made::new(FAULTS, page)])
+}
+
+fn of_scenario(program: &Program, folder: &Path, scenario: &'static str) -> Result<(String, Unnoticed)> {
+    let clean = seen(program, folder, scenario, None)?;
+    ensure!(!clean.refused, "{scenario} without a fault: {}", clean.calibrate);
+    let (mut rows, mut unnoticed) = (String::new(), Vec::new());
+    for (_, fault) in FaultKind::ALL {
+        let broken = seen(program, folder, scenario, Some(fault))?;
+        let mut named = named(&clean, &broken);
+        if named.is_empty() && !broken.refused {
+            named.push("**not noticed**".to_owned());
+            unnoticed.push((scenario, fault));
+        }
+        let words = fault.replace('_', " ");
+        rows += &format!("| {scenario} | {words} | {} | {} |\n", named.join(", "), broken.calibrate);
+    }
+    Ok((rows, unnoticed))
+}

@@ -1,0 +1,11 @@
+//! The manual, as the program prints it.
+
+use anyhow::Result;
+
+use crate::bless::Made;
+use crate::places::MANUAL;
+use crate::program::Program;
+
+pub(crate) fn make(program: &Program) -> Result<Vec<Made>> {
+    Ok(vec![Made::new(MANUAL, program.said(&["manual", "markdown"])?)])
+}

@@ -1,0 +1,17 @@
+//! Files that the project makes: a module a kind, each with a function `make`.
+
+pub(crate) mod chamber;
+pub(crate) mod circle;
+mod corpus;
+pub(crate) mod errors;
+pub(crate) mod faults;
+pub(crate) mod first_bytes;
+pub(crate) mod image;
+pub(crate) mod manual;
+pub(crate) mod pages;
+pub(crate) mod scenario_keys;
+pub(crate) mod schema;
+pub(crate) mod vectors;
+
+/// The ready scenarios whose bytes and figures are held.
+pub(crate) const READY: [&str; 4] = ["paper", "square-28cm", "prism-heater-loop", "triangle-28cm-dithered"];

@@ -1,0 +1,38 @@
+//! Measures the program, checks what it exports, and makes the files that the project makes. `cargo xtask` builds the
+//! program `lab` with `sagnac` and runs it; the tests of the program hold the files that it makes by [`bless::stale`].
+
+mod bench;
+pub mod bless;
+mod compare;
+mod conserve;
+mod exports;
+mod firmware;
+mod generated;
+mod pictures;
+mod places;
+mod program;
+
+use anyhow::{Context, Result, bail};
+
+pub use generated::pages::parse_commands;
+pub use program::Program;
+
+/// A task by its name, with its arguments.
+pub fn run(args: &[&str]) -> Result<()> {
+    let (task, rest) = args.split_first().context("no task; `cargo xtask help` lists them")?;
+    match *task {
+        "bench" => bench::bench(rest.first().copied()),
+        "bless" => bless::bless(rest),
+        "c" => exports::c(),
+        "compare" => compare::compare(),
+        "conserve" => conserve::conserve(),
+        "corpus" => {
+            let folder = rest.first().context("corpus: into which folder?")?;
+            generated::errors::keep(&Program::beside_the_lab()?, folder.as_ref())
+        }
+        "firmware" => firmware::firmware(),
+        "fpga" => exports::fpga(rest.contains(&"place")),
+        "pictures" => pictures::pictures(),
+        other => bail!("no such task: {other}; `cargo xtask help` lists them"),
+    }
+}

@@ -1,0 +1,57 @@
+//! Programs that cargo installs where they are missing.
+
+use std::process::Command;
+
+use anyhow::{Context, Result, bail, ensure};
+use xtask::shell::{root, sh_in};
+
+/// A tool: how it is asked for its version, and how it is installed.
+struct CargoTool {
+    name: &'static str,
+    version: &'static [&'static str],
+    install: &'static [&'static str],
+    /// What the version begins with; another one is refused.
+    wanted: &'static str,
+}
+
+const TOOLS: [CargoTool; 3] = [
+    CargoTool {
+        name: "deny",
+        version: &["cargo", "deny", "--version"],
+        install: &["cargo-deny"],
+        wanted: "cargo-deny ",
+    },
+    CargoTool {
+        name: "fuzz",
+        version: &["cargo", "fuzz", "--version"],
+        install: &["cargo-fuzz"],
+        wanted: "cargo-fuzz ",
+    },
+    CargoTool {
+        name: "mdbook",
+        version: &["mdbook", "--version"],
+        // Without the parts that reach out or serve pages.
+        install: &["mdbook", "--version", "0.5.4", "--no-default-features", "--features", "search"],
+        wanted: "mdbook v0.5.",
+    },
+];
+
+/// Makes sure that it is there. Built without optimisation: that takes a quarter of the time, and each of them runs for
+/// a second.
+pub(crate) fn need_cargo_tool(name: &str) -> Result<()> {
+    let Some(tool) = TOOLS.iter().find(|tool| tool.name == name) else { bail!("no such tool: {name}") };
+    let install = [&["install", "--locked"], tool.install].concat();
+    let Some(version) = version(tool) else {
+        let quick = [("CARGO_PROFILE_DEV_DEBUG", "false"), ("CARGO_INCREMENTAL", "0")];
+        return sh_in(&root(), "cargo", &[&install[..], &["--debug"]].concat(), &quick)
+            .with_context(|| format!("{name} is missing and cannot be installed"));
+    };
+    ensure!(version.starts_with(tool.wanted), "found {version}, wanted {}*: cargo {}", tool.wanted, install.join(" "));
+    Ok(())
+}
+
+fn version(tool: &CargoTool) -> Option<String> {
+    let (program, args) = tool.version.split_first()?;
+    let output = Command::new(program).args(args).output().ok()?;
+    output.status.success().then(|| String::from_utf8_lossy(&output.stdout).trim().to_owned())
+}

@@ -1,0 +1,100 @@
+//! Programs that come from Debian's packages. None of our tasks needs root: root gets what is missing installed, anyone
+//! else is told the command.
+
+use std::fs;
+use std::os::unix::fs::MetadataExt;
+use std::path::Path;
+
+use anyhow::{Result, bail};
+
+use crate::shell::{root, sh, sh_in};
+
+/// A program (or a file that must exist, where `*` is any one folder) and the Debian package that has it.
+pub type Tool = (&'static str, &'static str);
+
+/// Makes sure that all of these are there: root gets the missing ones installed, anyone else is told the command.
+pub fn need(tools: &[Tool]) -> Result<()> {
+    let packages = missing(tools);
+    if packages.is_empty() {
+        return Ok(());
+    }
+    let install = [&["install", "--yes", "--no-install-recommends"], &packages[..]].concat();
+    if !is_root() {
+        bail!("Debian packages are missing; as root: apt-get {}", install.join(" "));
+    }
+    sh("apt-get", &["update", "-qq"])?;
+    sh_in(&root(), "apt-get", &[&["-qq"], &install[..]].concat(), &[("DEBIAN_FRONTEND", "noninteractive")])
+}
+
+/// The packages of those tools that are not there, each once.
+fn missing(tools: &[Tool]) -> Vec<&'static str> {
+    let mut packages: Vec<&str> =
+        tools.iter().filter(|(tool, _)| !is_there(tool)).map(|(_, package)| *package).collect();
+    packages.sort_unstable();
+    packages.dedup();
+    packages
+}
+
+fn is_there(tool: &str) -> bool {
+    if tool.starts_with('/') {
+        return file_is_there(tool);
+    }
+    let paths = std::env::var_os("PATH").unwrap_or_default();
+    std::env::split_paths(&paths).any(|folder| folder.join(tool).is_file())
+}
+
+fn file_is_there(path: &str) -> bool {
+    let Some((before, after)) = path.split_once("/*/") else { return Path::new(path).exists() };
+    fs::read_dir(before).into_iter().flatten().flatten().any(|entry| entry.path().join(after).exists())
+}
+
+fn is_root() -> bool {
+    fs::metadata("/proc/self").is_ok_and(|process| process.uid() == 0)
+}
+
+/// For `cargo xtask c`.
+pub const C: &[Tool] = &[
+    ("gcc", "gcc"),
+    ("/usr/include/x86_64-linux-gnu/asm/errno.h", "linux-libc-dev"),
+    ("/usr/lib/gcc/x86_64-linux-gnu/*/32/libgcc.a", "gcc-multilib"),
+    ("arm-none-eabi-gcc", "gcc-arm-none-eabi"),
+    ("/usr/lib/arm-none-eabi/newlib/thumb/v7e-m+fp/hard/librdimon.a", "libnewlib-arm-none-eabi"),
+    ("qemu-system-arm", "qemu-system-arm"),
+    ("cppcheck", "cppcheck"),
+];
+
+/// For `cargo xtask fpga`.
+pub const FPGA: &[Tool] =
+    &[("iverilog", "iverilog"), ("verilator", "verilator"), ("yosys", "yosys"), ("g++", "g++"), ("make", "make")];
+
+/// For `cargo xtask fpga place`, beside those.
+pub const PLACE: &[Tool] = &[("nextpnr-ice40", "nextpnr-ice40")];
+
+/// For `cargo xtask firmware`.
+pub const FIRMWARE: &[Tool] = &[
+    ("/usr/bin/rustc", "rustc-web"),
+    ("/usr/lib/rustlib/src/rust/library/core/Cargo.toml", "rust-web-src"),
+    ("qemu-system-arm", "qemu-system-arm"),
+    ("arm-none-eabi-ld", "binutils-arm-none-eabi"),
+];
+
+/// For the tests that look at reports.
+pub const BROWSER: &[Tool] = &[("chromium", "chromium"), ("/usr/share/fonts/truetype/dejavu", "fonts-dejavu-core")];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_what_is_missing_is_asked_for_and_each_package_once() {
+        let tools = [("sh", "dash"), ("no-such-tool", "b"), ("/no/such/file", "a"), ("no-such-tool-either", "b")];
+        assert_eq!(missing(&tools), ["a", "b"]);
+    }
+
+    #[test]
+    fn a_star_is_any_folder() {
+        let manifest = format!("{}/*/Cargo.toml", root().display());
+        assert!(file_is_there(&manifest));
+        assert!(!file_is_there(&manifest.replace("Cargo.toml", "no-such-file")));
+    }
+}
