@@ -26,11 +26,34 @@ pub(crate) fn ci() -> Result<()> {
     deny()?;
     no_panic()?;
     sh("cargo", &[&["test", "--workspace", "--locked"][..], &LEFT_TO_BLESS].concat())?;
+    examples()?;
     build_lab()?;
     for task in [&["bless", "--check"][..], &["conserve"], &["c"], &["fpga"], &["firmware"]] {
         run_lab(task)?;
     }
     fuzz::fuzz(&["--smoke"])
+}
+
+/// Examples that measure speed and take arguments: `cargo xtask bench` runs them.
+const STOPWATCHES: [&str; 2] = ["speed", "ticks"];
+
+/// Runs every example of every crate; each asserts what it shows. The tests have built them.
+pub(crate) fn examples() -> Result<()> {
+    let mut count = 0;
+    for package in std::fs::read_dir(root().join("crates"))? {
+        let Ok(files) = std::fs::read_dir(package?.path().join("examples")) else { continue };
+        for file in files {
+            let path = file?.path();
+            let name = path.file_stem().and_then(|stem| stem.to_str()).context("an example's name is not UTF-8")?;
+            if !STOPWATCHES.contains(&name) {
+                said(120, text(&built("debug/examples", name))?, &[], &root())?;
+                count += 1;
+            }
+        }
+    }
+    ensure!(count > 0, "no example was found");
+    println!("examples: {count} ran, each with its assertions");
+    Ok(())
 }
 
 /// A task of the lab.

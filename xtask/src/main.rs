@@ -19,6 +19,7 @@ cargo xtask example    the main job on the log in testdata/: calibrate, export, 
 cargo xtask ci         everything that CI runs; it says at its start which Debian packages are missing
 
 Parts of ci
+cargo xtask examples   run every example of every crate (after `cargo test --workspace` built them)
 cargo xtask layers     the imports of the code against the drawing in ARCHITECTURE.md
 cargo xtask features   every crate with features compiles without any, and with each alone
 cargo xtask docs       [--check] the site of docs/ in target/site, with search, equations and rustdoc, for reading without a network
@@ -60,6 +61,7 @@ fn run(args: &[&str]) -> Result<()> {
         ["deny"] => checks::deny(),
         ["features"] => features::features(),
         ["layers"] => layers::layers(),
+        ["examples"] => checks::examples(),
         ["docs", flags @ ..] => docs::docs(flags.contains(&"--check")),
         ["fuzz", targets @ ..] => fuzz::fuzz(targets),
         [task, ..] if LAB.contains(task) => checks::lab(args),
