@@ -26,7 +26,7 @@ pub fn phases(angles: &[f64], offset: f64) -> Vec<f64> {
 /// Sums of the differences over one stretch, in the order of `wanted`.
 ///
 /// ```
-/// use sagnac::allan::{Deviation, Difference, overlapping, phases};
+/// use sagnac_noise::{Deviation, Difference, overlapping, phases};
 ///
 /// // The ten-point set of NBS Monograph 140; its overlapping Allan deviation at 2 τ0 by NIST SP 1065, table 31.
 /// let rates = [892.0, 809.0, 823.0, 798.0, 671.0, 644.0, 883.0, 903.0, 677.0];
