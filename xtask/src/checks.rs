@@ -1,6 +1,7 @@
 //! Checks that CI runs. Each stops at the first failure and says what to do.
 
 use std::collections::BTreeSet;
+use std::fs;
 use std::path::Path;
 use std::process::Command;
 
@@ -9,14 +10,14 @@ use xtask::debian::{self, need as need_debian};
 use xtask::shell::{built, root, said, sh, sh_in, target, text};
 
 use crate::cargo_tools::need_cargo_tool;
-use crate::{docs, features, fuzz, layers};
+use crate::{dist, docs, features, fuzz, layers};
 
 /// Tests that `bless --check` does anyway, and at once for all files.
 const LEFT_TO_BLESS: [&str; 3] = ["--", "--skip", "generated_files_are_as_they_are_made"];
 
 /// Everything.
 pub(crate) fn ci() -> Result<()> {
-    need_debian(&[debian::C, debian::FPGA, debian::FIRMWARE].concat())?;
+    need_debian(&tools_of_ci())?;
     sh("cargo", &["fmt", "--all", "--check"])?;
     layers::layers()?;
     compiled_once()?;
@@ -30,7 +31,15 @@ pub(crate) fn ci() -> Result<()> {
     for task in [&["bless", "--check"][..], &["conserve"], &["c"], &["fpga"], &["firmware"]] {
         run_lab(task)?;
     }
+    dist::dist(&["--check"])?;
     fuzz::fuzz(&["--smoke"])
+}
+
+/// All that its parts need from Debian, asked for at once. The browser only where a test without one is a failure.
+fn tools_of_ci() -> Vec<debian::Tool> {
+    let browser = std::env::var_os("SAGNAC_REQUIRE_SHARED").is_some_and(|value| value == "1");
+    let browser = if browser { debian::BROWSER } else { &[] };
+    [debian::C, debian::FPGA, debian::FIRMWARE, debian::DIST, browser].concat()
 }
 
 /// A task of the lab.
@@ -40,7 +49,7 @@ pub(crate) fn lab(args: &[&str]) -> Result<()> {
 }
 
 /// The lab with the program that it runs.
-fn build_lab() -> Result<()> {
+pub(crate) fn build_lab() -> Result<()> {
     sh("cargo", &["build", "--quiet", "--locked", "--package", "sagnac-cli", "--package", "sagnac-lab"])
 }
 
@@ -75,12 +84,14 @@ pub(crate) fn deny() -> Result<()> {
     sh("cargo", &["deny", "--offline", "check", "licenses", "bans", "sources"])
 }
 
-/// The README's first command.
+/// The README's first command. The program is built as for the tests: in a third of a release build's time.
 pub(crate) fn example() -> Result<()> {
-    sh("cargo", &["build", "--release", "--locked", "--package", "sagnac-cli"])?;
+    sh("cargo", &["build", "--locked", "--package", "sagnac-cli"])?;
+    fs::create_dir_all(root().join("target"))?;
     let cycle = |n: u8| format!("testdata/chamber/cycle-{n}.csv.gz");
     let setup = "testdata/chamber/bench.toml";
-    let sagnac = "target/release/sagnac";
+    let sagnac = built("debug", "sagnac");
+    let sagnac = text(&sagnac)?;
     let (one, two, three) = (cycle(1), cycle(2), cycle(3));
     sh(sagnac, &["calibrate", &one, &two, "--setup", setup, "-o", "target/unit.cal.json"])?;
     sh(sagnac, &["export", "target/unit.cal.json", "--to", "image", "-o", "target/unit.img"])?;

@@ -2,6 +2,7 @@
 
 mod cargo_tools;
 mod checks;
+mod dist;
 mod docs;
 mod features;
 mod fuzz;
@@ -32,6 +33,9 @@ cargo xtask c          the exported C: warnings, MISRA, vectors on this machine 
 cargo xtask fpga       [place] the exported Verilog: lint, vectors in two simulators, synthesis
 cargo xtask firmware   build the firmware, run it in QEMU, compare it with the host bit for bit
 
+cargo xtask dist       --check packs the tests' program, installs and runs it; without it: an archive and a Debian package in target/dist,
+                       of a release build for old systems (from PyPI: zig; a few minutes)
+
 Not in ci
 cargo xtask bench      [simulator | allan] time and memory beside the peers, to the page of figures (10 minutes, 4 GB in target/bench; needs python3-venv)
 cargo xtask compare    ours and the peers' fits on one set of logs with a known truth, to its page (needs python3-venv)
@@ -60,6 +64,7 @@ fn run(args: &[&str]) -> Result<()> {
         ["deny"] => checks::deny(),
         ["features"] => features::features(),
         ["layers"] => layers::layers(),
+        ["dist", args @ ..] => dist::dist(args),
         ["docs", flags @ ..] => docs::docs(flags.contains(&"--check")),
         ["fuzz", targets @ ..] => fuzz::fuzz(targets),
         [task, ..] if LAB.contains(task) => checks::lab(args),
