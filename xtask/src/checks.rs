@@ -6,40 +6,30 @@ use std::path::Path;
 use std::process::Command;
 
 use anyhow::{Context, Result, ensure};
-use xtask::debian::{self, need as need_debian};
 use xtask::shell::{built, root, said, sh, sh_in, target, text};
 
 use crate::cargo_tools::need_cargo_tool;
-use crate::{dist, docs, features, fuzz, layers};
 
-/// Tests that `bless --check` does anyway, and at once for all files.
-const LEFT_TO_BLESS: [&str; 3] = ["--", "--skip", "generated_files_are_as_they_are_made"];
+/// Examples that measure speed and take arguments: `cargo xtask bench` runs them.
+const STOPWATCHES: [&str; 2] = ["speed", "ticks"];
 
-/// Everything.
-pub(crate) fn ci() -> Result<()> {
-    need_debian(&tools_of_ci())?;
-    sh("cargo", &["fmt", "--all", "--check"])?;
-    layers::layers()?;
-    compiled_once()?;
-    sh("cargo", &["clippy", "--workspace", "--all-targets", "--locked", "--", "-D", "warnings"])?;
-    features::features()?;
-    docs::docs(true)?;
-    deny()?;
-    no_panic()?;
-    sh("cargo", &[&["test", "--workspace", "--locked"][..], &LEFT_TO_BLESS].concat())?;
-    build_lab()?;
-    for task in [&["bless", "--check"][..], &["conserve"], &["c"], &["fpga"], &["firmware"]] {
-        run_lab(task)?;
+/// Runs every example of every crate; each asserts what it shows. The tests have built them.
+pub(crate) fn examples() -> Result<()> {
+    let mut count = 0;
+    for package in std::fs::read_dir(root().join("crates"))? {
+        let Ok(files) = std::fs::read_dir(package?.path().join("examples")) else { continue };
+        for file in files {
+            let path = file?.path();
+            let name = path.file_stem().and_then(|stem| stem.to_str()).context("an example's name is not UTF-8")?;
+            if !STOPWATCHES.contains(&name) {
+                said(120, text(&built("debug/examples", name))?, &[], &root())?;
+                count += 1;
+            }
+        }
     }
-    dist::dist(&["--check"])?;
-    fuzz::fuzz(&["--smoke"])
-}
-
-/// All that its parts need from Debian, asked for at once. The browser only where a test without one is a failure.
-fn tools_of_ci() -> Vec<debian::Tool> {
-    let browser = std::env::var_os("SAGNAC_REQUIRE_SHARED").is_some_and(|value| value == "1");
-    let browser = if browser { debian::BROWSER } else { &[] };
-    [debian::C, debian::FPGA, debian::FIRMWARE, debian::DIST, browser].concat()
+    ensure!(count > 0, "no example was found");
+    println!("examples: {count} ran, each with its assertions");
+    Ok(())
 }
 
 /// A task of the lab.
@@ -53,12 +43,12 @@ pub(crate) fn build_lab() -> Result<()> {
     sh("cargo", &["build", "--quiet", "--locked", "--package", "sagnac-cli", "--package", "sagnac-lab"])
 }
 
-fn run_lab(args: &[&str]) -> Result<()> {
+pub(crate) fn run_lab(args: &[&str]) -> Result<()> {
     sh(text(&built("debug", "lab"))?, args)
 }
 
 /// What is compiled for the tests serves program and lab as well: packages of one version with one set of features.
-fn compiled_once() -> Result<()> {
+pub(crate) fn compiled_once() -> Result<()> {
     let packages = |selection: &[&str]| -> Result<BTreeSet<String>> {
         let tree = ["tree", "--locked", "--prefix", "none", "--format", "{p} {f}"];
         let said = said(120, "cargo", &[&tree, selection].concat(), &root())?;

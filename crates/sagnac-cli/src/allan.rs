@@ -29,7 +29,7 @@ const SHOWN_TAUS: usize = 12;
 Examples:
   sagnac allan static.csv --arcsec-per-count 1.059 --report allan.html
   sagnac allan static.csv --arcsec-per-count 1.059 --taus 1,10,100 --json
-  sagnac allan curve.csv --record 7200")]
+  sagnac allan curve.csv --duration 7200")]
 pub(crate) struct Args {
     /// Logs of the gyro at rest, or one table of tau_s and adev_dph
     #[arg(required = true)]

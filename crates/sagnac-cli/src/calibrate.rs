@@ -38,7 +38,8 @@ pub(crate) struct Args {
     /// Report to write: one HTML file for screen and paper
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
-    /// `auto`, or orders: "bias 3", "bias 3, rate 1", "bias 2, zones 4", "bias 2, bias(cavity - block) 1, steps(mode)"
+    /// `auto`, or orders: "bias 3", "bias 3, rate 1", "bias 2, zones 4", "bias 2, bias(cavity - block) 1, steps(mode)",
+    /// "bias 2, harmonic(path_length_v) 25.3" (its period; fitted without one)
     #[arg(long, default_value = "auto")]
     model: String,
     /// What misfit costs: `huber` lets windows far from the fit count for less

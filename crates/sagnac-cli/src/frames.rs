@@ -109,15 +109,15 @@ fn words_of(reply: &Reply) -> String {
     let became = match reply.code {
         ReplyCode::Done => "done",
         ReplyCode::NotAnImage => "refused: not an image, or damaged",
-        ReplyCode::Mismatch => "refused: for another gyro, or beyond what this one can need",
-        ReplyCode::NotNewer => "refused: not newer than the image in force",
+        ReplyCode::Mismatch => "refused: for another gyro, or beyond its limits",
+        ReplyCode::NotNewer => "refused: not newer than the active image",
         ReplyCode::NoOlderImage => "refused: no older image to go back to",
         ReplyCode::Flash => "failed: flash",
-        ReplyCode::BadPiece => "refused: outside of an image's room",
+        ReplyCode::BadPiece => "refused: beyond the longest image",
     };
     match reply.sequence {
-        0 => format!("{what}: {became}; factory defaults in force"),
-        number => format!("{what}: {became}; image {number} in force"),
+        0 => format!("{what}: {became}; factory defaults active"),
+        number => format!("{what}: {became}; image {number} active"),
     }
 }
 

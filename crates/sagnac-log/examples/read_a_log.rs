@@ -10,7 +10,7 @@ use sagnac_log::{Result, Setup};
 fn main() -> Result<()> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../testdata/chamber");
     let setup = Setup::read(folder.join("bench.toml"))?;
-    let mut log = LogReader::open(&folder.join("cycle-1.csv.gz"), &setup, ReadMode::Bulk)?;
+    let mut log = LogReader::open(folder.join("cycle-1.csv.gz"), &setup, ReadMode::Bulk)?;
     println!("axes {:?}, thermometers {:?}", log.shape().axes, log.shape().thermometers);
 
     let (mut rows, mut coldest, mut warmest) = (0, f64::INFINITY, f64::NEG_INFINITY);

@@ -7,7 +7,7 @@
 //! ```
 //!
 //! [`setup`] holds what a log cannot say of itself. [`ingest`] streams CSV, Parquet, Arrow and PX4 logs in batches and
-//! counts each rejected row with its reason. [`write`] replaces files atomically. [`error`] says what was wrong, where and
+//! counts each rejected row with its reason. [`mod@write`] replaces files atomically. [`error`] says what was wrong, where and
 //! what to do.
 #![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used, clippy::panic))]
 

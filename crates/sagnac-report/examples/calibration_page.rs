@@ -14,7 +14,7 @@ use sagnac_report::calibration_report;
 fn main() -> Result<()> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../testdata/chamber");
     let setup = Setup::read(folder.join("bench.toml"))?;
-    let log = LogReader::open(&folder.join("cycle-1.csv.gz"), &setup, ReadMode::Bulk)?;
+    let log = LogReader::open(folder.join("cycle-1.csv.gz"), &setup, ReadMode::Bulk)?;
     let windows = WindowBuilder::read_all(vec![log], &setup)?.finish();
     let model: Model = "bias 3, rate 0".parse()?;
     let (calibration, drawn) = calibrate_with_report_data(windows, &setup, &FitOptions::new(model))?;

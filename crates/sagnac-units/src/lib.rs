@@ -1,6 +1,6 @@
 //! Conversions between the units of the field, and numbers as people read them.
 //!
-//! Every crate of the host computes in °/h, arcsec, s, ns and °C; [`format`] writes results.
+//! Every crate of the host computes in °/h, arcsec, s, ns and °C; [`mod@format`] writes results.
 
 pub mod format;
 

@@ -52,7 +52,7 @@ fn the_same_input_gives_the_same_bytes_and_json_goes_round() {
     assert_eq!(Calibration::parse(&text).unwrap(), make());
     for (from, to, word) in [
         ("\"version\": 2", "\"version\": 3", "version"),
-        ("\"span_c\"", "\"span_f\"", "span_f"),
+        ("\"span_c\"", "\"span_f\"", "missing field `span_c`"),
         ("\"serial\"", "\"extra\": 1, \"serial\"", "extra"),
         ("\"reference_c\": 25.0", "\"reference_c\": 1e999", "readable"),
         ("\"reference_c\": 25.0", "\"reference_c\": 99.0", "reference_c"),

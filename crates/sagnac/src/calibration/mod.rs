@@ -6,7 +6,7 @@
 //! ```
 //!
 //! Its JSON schema is `docs/reference/calibration.schema.json`, made from these types. In the file an axis is one flat object
-//! ([`axis_record`]).
+//! (`axis_record`).
 
 mod axis;
 mod axis_record;

@@ -184,7 +184,9 @@ impl AxisCalibration {
         let rate = main.rate_span_per_min.map_or(0.0, |[lo, hi]| rate_cpm.clamp(lo, hi));
         let reference_c = self.reference_c();
         let sum = |acts_on| -> f64 {
-            self.weights(acts_on, at_c, rate, reference_c).map(|(term, weight)| term.value * weight).sum()
+            let terms = self.weights(acts_on, at_c, rate, reference_c);
+            // No term at all is 0, not −0.
+            terms.map(|(term, weight)| term.value * weight).sum::<f64>() + 0.0
         };
         let drift_dph = sum(ActsOn::Bias);
         let half = self.fit.as_ref().map(|fit| {

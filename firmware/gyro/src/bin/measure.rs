@@ -69,7 +69,7 @@ fn main() -> ! {
 
     let mut board = Board::new(image, Origin::Newest, &loops, Rig::LEVELS, Some(50));
     let mut rig = Rig::new(RigSettings { wavelength: 100_000, lamp_gain: 1 << 16, ..RigSettings::default() });
-    rig.begin(Row { ticks: u32::MAX, counts: 0, present: 1, codes: [20 << 24; 4] });
+    rig.start_row(Row { ticks: u32::MAX, counts: 0, present: 1, codes: [20 << 24; 4] });
     let (_, sample) = rig.tick(&ActuatorCodes::default());
     let whole = instructions(|| {
         let _ = black_box(board.tick(black_box([(true, false), (true, true)]).into_iter(), black_box(&sample)));
