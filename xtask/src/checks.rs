@@ -1,38 +1,14 @@
 //! Checks that CI runs. Each stops at the first failure and says what to do.
 
 use std::collections::BTreeSet;
+use std::fs;
 use std::path::Path;
 use std::process::Command;
 
 use anyhow::{Context, Result, ensure};
-use xtask::debian::{self, need as need_debian};
 use xtask::shell::{built, root, said, sh, sh_in, target, text};
 
 use crate::cargo_tools::need_cargo_tool;
-use crate::{docs, features, fuzz, layers};
-
-/// Tests that `bless --check` does anyway, and at once for all files.
-const LEFT_TO_BLESS: [&str; 3] = ["--", "--skip", "generated_files_are_as_they_are_made"];
-
-/// Everything.
-pub(crate) fn ci() -> Result<()> {
-    need_debian(&[debian::C, debian::FPGA, debian::FIRMWARE].concat())?;
-    sh("cargo", &["fmt", "--all", "--check"])?;
-    layers::layers()?;
-    compiled_once()?;
-    sh("cargo", &["clippy", "--workspace", "--all-targets", "--locked", "--", "-D", "warnings"])?;
-    features::features()?;
-    docs::docs(true)?;
-    deny()?;
-    no_panic()?;
-    sh("cargo", &[&["test", "--workspace", "--locked"][..], &LEFT_TO_BLESS].concat())?;
-    examples()?;
-    build_lab()?;
-    for task in [&["bless", "--check"][..], &["conserve"], &["c"], &["fpga"], &["firmware"]] {
-        run_lab(task)?;
-    }
-    fuzz::fuzz(&["--smoke"])
-}
 
 /// Examples that measure speed and take arguments: `cargo xtask bench` runs them.
 const STOPWATCHES: [&str; 2] = ["speed", "ticks"];
@@ -63,16 +39,16 @@ pub(crate) fn lab(args: &[&str]) -> Result<()> {
 }
 
 /// The lab with the program that it runs.
-fn build_lab() -> Result<()> {
+pub(crate) fn build_lab() -> Result<()> {
     sh("cargo", &["build", "--quiet", "--locked", "--package", "sagnac-cli", "--package", "sagnac-lab"])
 }
 
-fn run_lab(args: &[&str]) -> Result<()> {
+pub(crate) fn run_lab(args: &[&str]) -> Result<()> {
     sh(text(&built("debug", "lab"))?, args)
 }
 
 /// What is compiled for the tests serves program and lab as well: packages of one version with one set of features.
-fn compiled_once() -> Result<()> {
+pub(crate) fn compiled_once() -> Result<()> {
     let packages = |selection: &[&str]| -> Result<BTreeSet<String>> {
         let tree = ["tree", "--locked", "--prefix", "none", "--format", "{p} {f}"];
         let said = said(120, "cargo", &[&tree, selection].concat(), &root())?;
@@ -98,12 +74,14 @@ pub(crate) fn deny() -> Result<()> {
     sh("cargo", &["deny", "--offline", "check", "licenses", "bans", "sources"])
 }
 
-/// The README's first command.
+/// The README's first command. The program is built as for the tests: in a third of a release build's time.
 pub(crate) fn example() -> Result<()> {
-    sh("cargo", &["build", "--release", "--locked", "--package", "sagnac-cli"])?;
+    sh("cargo", &["build", "--locked", "--package", "sagnac-cli"])?;
+    fs::create_dir_all(root().join("target"))?;
     let cycle = |n: u8| format!("testdata/chamber/cycle-{n}.csv.gz");
     let setup = "testdata/chamber/bench.toml";
-    let sagnac = "target/release/sagnac";
+    let sagnac = built("debug", "sagnac");
+    let sagnac = text(&sagnac)?;
     let (one, two, three) = (cycle(1), cycle(2), cycle(3));
     sh(sagnac, &["calibrate", &one, &two, "--setup", setup, "-o", "target/unit.cal.json"])?;
     sh(sagnac, &["export", "target/unit.cal.json", "--to", "image", "-o", "target/unit.img"])?;

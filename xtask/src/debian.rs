@@ -48,7 +48,8 @@ fn file_is_there(path: &str) -> bool {
     fs::read_dir(before).into_iter().flatten().flatten().any(|entry| entry.path().join(after).exists())
 }
 
-fn is_root() -> bool {
+/// True for root.
+pub fn is_root() -> bool {
     fs::metadata("/proc/self").is_ok_and(|process| process.uid() == 0)
 }
 
@@ -76,6 +77,16 @@ pub const FIRMWARE: &[Tool] = &[
     ("/usr/lib/rustlib/src/rust/library/core/Cargo.toml", "rust-web-src"),
     ("qemu-system-arm", "qemu-system-arm"),
     ("arm-none-eabi-ld", "binutils-arm-none-eabi"),
+];
+
+/// For `cargo xtask dist`.
+pub const DIST: &[Tool] = &[
+    ("dpkg-deb", "dpkg"),
+    ("objdump", "binutils"),
+    ("xz", "xz-utils"),
+    ("bash", "bash"),
+    ("python3", "python3-venv"),
+    ("git", "git"),
 ];
 
 /// For the tests that look at reports.

@@ -2,6 +2,8 @@
 
 mod cargo_tools;
 mod checks;
+mod ci;
+mod dist;
 mod docs;
 mod features;
 mod fuzz;
@@ -16,7 +18,7 @@ const LAB: [&str; 8] = ["bench", "bless", "c", "compare", "conserve", "firmware"
 
 const HELP: &str = "\
 cargo xtask example    the main job on the log in testdata/: calibrate, export, verify
-cargo xtask ci         everything that CI runs; it says at its start which Debian packages are missing
+cargo xtask ci         everything that CI runs: first which Debian packages are missing, last what each part took
 
 Parts of ci
 cargo xtask examples   run every example of every crate (after `cargo test --workspace` built them)
@@ -32,6 +34,8 @@ cargo xtask fuzz       [--smoke] [targets] a million executions of every fuzz ta
 cargo xtask c          the exported C: warnings, MISRA, vectors on this machine and on an emulated Cortex-M4F
 cargo xtask fpga       [place] the exported Verilog: lint, vectors in two simulators, synthesis
 cargo xtask firmware   build the firmware, run it in QEMU, compare it with the host bit for bit
+cargo xtask dist       --check packs the tests' program, installs and runs it; without it: an archive and a Debian package in target/dist,
+                       of a release build for old systems (from PyPI: zig; a few minutes)
 
 Not in ci
 cargo xtask bench      [simulator | allan] time and memory beside the peers, to the page of figures (10 minutes, 4 GB in target/bench; needs python3-venv)
@@ -55,12 +59,13 @@ fn main() -> ExitCode {
 
 fn run(args: &[&str]) -> Result<()> {
     match args {
-        ["ci"] => checks::ci(),
+        ["ci"] => ci::ci(),
         ["example"] => checks::example(),
         ["no-panic"] => checks::no_panic(),
         ["deny"] => checks::deny(),
         ["features"] => features::features(),
         ["layers"] => layers::layers(),
+        ["dist", args @ ..] => dist::dist(args),
         ["examples"] => checks::examples(),
         ["docs", flags @ ..] => docs::docs(flags.contains(&"--check")),
         ["fuzz", targets @ ..] => fuzz::fuzz(targets),

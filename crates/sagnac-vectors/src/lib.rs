@@ -7,7 +7,7 @@
 //!
 //! A file is text: 32-bit hexadecimal words with `//` comments, as Verilog's `$readmemh` reads them. It has a head of four words (magic,
 //! module, bytes of the table, records), the table (a flash image or a table of the loops, four bytes per word, little-endian), and 16 words
-//! per record. `cargo xtask vectors` makes the files from the core. The Rust core on the host and on a Cortex-M, the C99 export on both, and
+//! per record. `cargo xtask bless vectors` makes the files from the core. The Rust core on the host and on a Cortex-M, the C99 export on both, and
 //! the Verilog export read them.
 //!
 //! A record runs many ticks. Its stimulus comes from a linear congruential generator and, for the loops, from a small integer plant, both

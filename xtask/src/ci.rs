@@ -1,0 +1,87 @@
+//! `cargo xtask ci`: everything that CI runs, in one list; at its end, what each part took.
+
+use std::fs;
+use std::time::Instant;
+
+use anyhow::{Context, Result};
+use xtask::debian::{self, need};
+use xtask::shell::sh;
+
+use crate::checks::{build_lab, compiled_once, deny, examples, no_panic, run_lab};
+use crate::{dist, docs, features, fuzz, layers};
+
+/// A part by its name.
+type Part = (&'static str, fn() -> Result<()>);
+
+/// In this order: what is quick, what compiles for checking only, what compiles, what runs.
+const PARTS: [Part; 18] = [
+    ("format", || sh("cargo", &["fmt", "--all", "--check"])),
+    ("layers", layers::layers),
+    ("compiled once", compiled_once),
+    ("clippy", || sh("cargo", &["clippy", "--workspace", "--all-targets", "--locked", "--", "-D", "warnings"])),
+    ("features", features::features),
+    ("docs", || docs::docs(true)),
+    ("deny", deny),
+    ("no-panic", no_panic),
+    ("tests, compiled", || sh("cargo", &["test", "--workspace", "--locked", "--no-run"])),
+    ("tests", tests),
+    ("examples", examples),
+    ("bless", || build_lab().and_then(|()| run_lab(&["bless", "--check"]))),
+    ("conserve", || run_lab(&["conserve"])),
+    ("c", || run_lab(&["c"])),
+    ("fpga", || run_lab(&["fpga"])),
+    ("firmware", || run_lab(&["firmware"])),
+    ("dist", || dist::dist(&["--check"])),
+    ("fuzz", || fuzz::fuzz(&["--smoke"])),
+];
+
+/// All of it; stops at the first failure.
+pub(crate) fn ci() -> Result<()> {
+    need(&tools())?;
+    let mut took = String::new();
+    for (name, part) in PARTS {
+        let (wall, cpu) = (Instant::now(), cpu_s()?);
+        part().with_context(|| format!("ci stops at {name}"))?;
+        took += &format!("{name:16} {:8.0} {:8.0}\n", wall.elapsed().as_secs_f64(), cpu_s()? - cpu);
+    }
+    println!("ci: every part passed\n{:16} {:>8} {:>8}\n{took}{:34.0}", "part", "s", "CPU-s", cpu_s()?);
+    Ok(())
+}
+
+/// Those that make generated files are left to `bless --check`, which does the same.
+fn tests() -> Result<()> {
+    sh("cargo", &["test", "--workspace", "--locked", "--", "--skip", "generated_files_are_as_they_are_made"])
+}
+
+/// All that the parts need from Debian, asked for at once. The browser only where a test without one is a failure.
+fn tools() -> Vec<debian::Tool> {
+    let browser = std::env::var_os("SAGNAC_REQUIRE_SHARED").is_some_and(|value| value == "1");
+    let browser = if browser { debian::BROWSER } else { &[] };
+    [debian::C, debian::FPGA, debian::FIRMWARE, debian::DIST, browser].concat()
+}
+
+/// Processor time of all that was started and has ended, in seconds: proc(5), in hundredths.
+fn cpu_s() -> Result<f64> {
+    of_children(&fs::read_to_string("/proc/self/stat").context("cannot read /proc/self/stat")?)
+}
+
+fn of_children(stat: &str) -> Result<f64> {
+    // The name in parentheses may hold blanks; the sixteenth field is the fourteenth behind it.
+    let (_, fields) = stat.rsplit_once(") ").context("/proc/self/stat has no name")?;
+    let fields: Vec<&str> = fields.split(' ').collect();
+    let ticks = |at: usize| fields.get(at).and_then(|field| field.parse::<f64>().ok());
+    let (user, system) = ticks(13).zip(ticks(14)).context("/proc/self/stat is too short")?;
+    Ok((user + system) / 100.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn time_of_children_is_read_behind_any_name() {
+        let stat = "7 (a) b) S 1 2 3 4 5 6 7 8 9 10 111 222 250 50 20 0 1 0";
+        assert_eq!(of_children(stat).unwrap(), 3.0);
+        assert!(of_children("7 (a) S 1").is_err());
+    }
+}
