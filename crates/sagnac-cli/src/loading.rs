@@ -114,7 +114,7 @@ pub(crate) fn windows(paths: &[PathBuf], args: &SetupArgs) -> Result<(Windows, S
 fn table(path: &Path, args: &SetupArgs) -> Result<(Windows, Setup)> {
     let (windows, made_with) = read_table(path)?;
     let setup = args.over(made_with.clone())?;
-    if setup.of_windows() != made_with.of_windows() || args.keep_outliers {
+    if !setup.makes_the_windows_of(&made_with) || args.keep_outliers {
         return Err(Error::input("a flag or the setup would change how the windows of this table were made")
             .file(path.display().to_string())
             .help("make the table anew with `sagnac window`, or leave that to what it was made with"));

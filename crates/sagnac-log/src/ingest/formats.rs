@@ -6,7 +6,7 @@ use crate::ingest::header::Layout;
 use crate::ingest::source::Source;
 use crate::ingest::text::{self, LineParser, TextFeed};
 use crate::ingest::{Opened, ReadMode};
-use crate::setup::Setup;
+use crate::setup::ReadConfig;
 
 /// A format of a log, gzip taken off.
 #[derive(Clone, Copy)]
@@ -15,7 +15,7 @@ pub struct Format {
     pub magic: &'static [u8],
     /// Its name.
     pub name: &'static str,
-    open: fn(Source, &Setup, ReadMode) -> Result<Opened>,
+    open: fn(Source, &ReadConfig, ReadMode) -> Result<Opened>,
 }
 
 /// Every format; text, which has no mark, is the last.
@@ -35,41 +35,41 @@ impl Format {
     }
 
     /// Reads the header of a log of this format.
-    pub(crate) fn open(&self, source: Source, setup: &Setup, mode: ReadMode) -> Result<Opened> {
-        (self.open)(source, setup, mode)
+    pub(crate) fn open(&self, source: Source, config: &ReadConfig, mode: ReadMode) -> Result<Opened> {
+        (self.open)(source, config, mode)
     }
 }
 
-fn open_text(mut source: Source, setup: &Setup, mode: ReadMode) -> Result<Opened> {
+fn open_text(mut source: Source, config: &ReadConfig, mode: ReadMode) -> Result<Opened> {
     let header = text::read_header(&mut source)?;
-    let layout = text::layout_of(&header, setup)?;
+    let layout = text::layout_of(&header, config)?;
     let parser = LineParser::new(&layout, header.delimiter, mode);
     let feed = Feed::Text(TextFeed::new(source.reader, mode), Box::new(parser));
     Ok(Opened { feed, layout, delimiter: header.delimiter, lines_before: header.lines })
 }
 
 #[cfg(feature = "parquet")]
-fn open_columns(source: Source, setup: &Setup, mode: ReadMode) -> Result<Opened> {
+fn open_columns(source: Source, config: &ReadConfig, mode: ReadMode) -> Result<Opened> {
     let columnar = crate::ingest::columnar::open(source)?;
-    let layout = Layout::new(columnar.headers.clone(), &setup.columns, setup.axis)?;
+    let layout = Layout::new(columnar.headers.clone(), &config.columns, config.axis)?;
     let feed = Feed::Table(Box::new(columnar.feed(&layout, mode)?));
     // As if one line of headers stood above the rows.
     Ok(Opened { feed, layout, delimiter: b',', lines_before: 1 })
 }
 
 #[cfg(feature = "ulog")]
-fn open_ulog(source: Source, setup: &Setup, mode: ReadMode) -> Result<Opened> {
-    let (feed, layout): (_, Layout) = crate::ingest::ulog::open(source, setup, mode != ReadMode::Bulk)?;
+fn open_ulog(source: Source, config: &ReadConfig, mode: ReadMode) -> Result<Opened> {
+    let (feed, layout): (_, Layout) = crate::ingest::ulog::open(source, config, mode != ReadMode::Bulk)?;
     Ok(Opened { feed: Feed::Table(Box::new(feed)), layout, delimiter: b',', lines_before: 1 })
 }
 
 #[cfg(not(feature = "parquet"))]
-fn open_columns(source: Source, _: &Setup, _: ReadMode) -> Result<Opened> {
+fn open_columns(source: Source, _: &ReadConfig, _: ReadMode) -> Result<Opened> {
     Err(not_built(&source))
 }
 
 #[cfg(not(feature = "ulog"))]
-fn open_ulog(source: Source, _: &Setup, _: ReadMode) -> Result<Opened> {
+fn open_ulog(source: Source, _: &ReadConfig, _: ReadMode) -> Result<Opened> {
     Err(not_built(&source))
 }
 

@@ -50,7 +50,7 @@ pub use crate::ingest::table::TableColumn;
 use crate::ingest::table::TableRates;
 pub use crate::ingest::text::COMPENSATED_STAMP;
 pub use crate::ingest::text::unquoted;
-use crate::setup::{Counter, Setup};
+use crate::setup::{Counter, ReadConfig, Setup};
 use sagnac_units::{ns_from_s, s_from_ns};
 
 /// Rows from which the nominal interval is taken when it is not given.
@@ -279,17 +279,17 @@ impl LogReader {
 
     fn from_source(source: Source, setup: &Setup, pace: ReadMode) -> Result<Self> {
         let name = source.name.clone();
-        Self::start(source, setup, pace).map_err(|e| e.file(name))
+        Self::start(source, &setup.stages().read, pace).map_err(|e| e.file(name))
     }
 
-    fn start(source: Source, setup: &Setup, pace: ReadMode) -> Result<Self> {
+    fn start(source: Source, config: &ReadConfig, pace: ReadMode) -> Result<Self> {
         let (name, hash) = (source.name.clone(), source.hash.clone());
-        let Opened { feed, layout, delimiter, lines_before } = source.format.open(source, setup, pace)?;
+        let Opened { feed, layout, delimiter, lines_before } = source.format.open(source, config, pace)?;
         let mut pieces = ChunkReader::new(feed, lines_before, pace != ReadMode::LineByLine);
-        let unit = angle_unit(&layout, setup)?;
+        let unit = angle_unit(&layout, config)?;
         let lookahead = if pace == ReadMode::LineByLine { 2 } else { LOOKAHEAD_ROWS };
         let mut ahead = VecDeque::new();
-        let nominal_ns = nominal_interval(&mut pieces, &layout, setup, lookahead, &mut ahead)?;
+        let nominal_ns = nominal_interval(&mut pieces, &layout, config, lookahead, &mut ahead)?;
         let shape = LogShape {
             axes: layout.axes.iter().map(|(_, axis, _)| *axis).collect(),
             thermometers: layout.temperatures.iter().map(|(_, name, _)| name.clone()).collect(),
@@ -300,9 +300,9 @@ impl LogReader {
             has_reference: layout.reference.is_some(),
             ignored: layout.ignored.clone(),
         };
-        let check = RowValidator::new(name.clone(), &layout, setup, nominal_ns);
+        let check = RowValidator::new(name.clone(), &layout, config, nominal_ns);
         let batch = Batch::for_shape(&shape);
-        let align = Aligner::new(ns_from_s(setup.temperature_offset_s).unwrap_or(0));
+        let align = Aligner::new(ns_from_s(config.temperature_offset_s).unwrap_or(0));
         let rows = RawRows::default();
         let column = layout.reference.map_or(TableColumn::Rate, |(_, column)| column);
         // Where a log is written out again row by row nothing waits: marks are for fits and proofs.
@@ -436,19 +436,19 @@ pub(crate) struct Opened {
     lines_before: u64,
 }
 
-fn angle_unit(layout: &Layout, setup: &Setup) -> Result<AngleUnit> {
+fn angle_unit(layout: &Layout, config: &ReadConfig) -> Result<AngleUnit> {
     if !layout.is_count_log() {
-        if setup.counter == Counter::Cumulative {
+        if config.counter == Counter::Cumulative {
             return Err(Error::input("a cumulative counter is set up, but the log holds rates").column("counter"));
         }
         return Ok(AngleUnit::Arcsec);
     }
-    let arcsec_per_count = setup.arcsec_per_count.ok_or_else(|| {
+    let arcsec_per_count = config.arcsec_per_count.ok_or_else(|| {
         Error::input("the log holds counts, and nothing says how many arcsec a count is")
             .column("arcsec_per_count")
             .help("give --arcsec-per-count or arcsec_per_count in the setup; it is never guessed")
     })?;
-    Ok(AngleUnit::Quanta { arcsec_per_count, quantum: setup.quantum.unwrap_or(1.0) })
+    Ok(AngleUnit::Quanta { arcsec_per_count, quantum: config.quantum.unwrap_or(1.0) })
 }
 
 /// Mean of the differences within a tenth of their median: stamps are often rounded.
@@ -465,11 +465,11 @@ fn typical_step(times: &[i64]) -> Option<i64> {
 fn nominal_interval(
     pieces: &mut ChunkReader,
     layout: &Layout,
-    setup: &Setup,
+    config: &ReadConfig,
     lookahead: usize,
     ahead: &mut VecDeque<RawRows>,
 ) -> Result<i64> {
-    if let Some(seconds) = setup.sample_interval_s {
+    if let Some(seconds) = config.sample_interval_s {
         return ns_from_s(seconds).ok_or_else(|| Error::input("out of range").column("sample_interval_s"));
     }
     if layout.time.is_none() {

@@ -14,7 +14,7 @@ use crate::ingest::header::Layout;
 use crate::ingest::raw::{BAD_TEMPERATURE, Faults, RawRows};
 use crate::ingest::reason::{Reason, Tallies};
 use crate::ingest::thermometer::ThermometerCheck;
-use crate::setup::{Counter, Setup};
+use crate::setup::{Counter, ReadConfig};
 use sagnac_units::s_from_ns;
 
 /// A cumulative counter may bridge rows that could not be read, up to this many intervals.
@@ -95,24 +95,24 @@ pub(crate) struct RowValidator {
 }
 
 impl RowValidator {
-    pub(crate) fn new(file: String, layout: &Layout, setup: &Setup, nominal_ns: i64) -> Self {
+    pub(crate) fn new(file: String, layout: &Layout, config: &ReadConfig, nominal_ns: i64) -> Self {
         let thermometers =
-            layout.temperatures.iter().map(|(_, name, _)| ThermometerCheck::new(setup.thermometer(name)));
+            layout.temperatures.iter().map(|(_, name, _)| ThermometerCheck::new(config.thermometer(name)));
         Self {
             file,
             timed: layout.time.is_some(),
             whole_rows: layout.time.is_some()
                 && layout.temperatures.len() <= 1
-                && (setup.counter == Counter::Incremental || !layout.is_count_log()),
+                && (config.counter == Counter::Incremental || !layout.is_count_log()),
             nominal_ns,
-            counter: setup.counter,
-            counter_bits: setup.counter_bits,
-            quantum: layout.is_count_log().then(|| setup.quantum.unwrap_or(1.0)),
+            counter: config.counter,
+            counter_bits: config.counter_bits,
+            quantum: layout.is_count_log().then(|| config.quantum.unwrap_or(1.0)),
             clock_ns: None,
             last_counter: None,
             largest_step: 0,
             thermometers: thermometers.collect(),
-            aux_valid_range: layout.aux.iter().map(|(_, name)| setup.aux(name).valid_range).collect(),
+            aux_valid_range: layout.aux.iter().map(|(_, name)| config.aux(name).valid_range).collect(),
             tallies: Tallies::default(),
             rows_read: 0,
         }
@@ -505,7 +505,7 @@ mod tests {
             let headers = ["time_ns", "temperature_c", header].map(str::to_owned).to_vec();
             let layout = Layout::new(headers, &Default::default(), None).unwrap();
             let judge = |whole_rows: bool| {
-                let mut check = RowValidator::new("log".to_owned(), &layout, &Setup::default(), 10);
+                let mut check = RowValidator::new("log".to_owned(), &layout, &ReadConfig::default(), 10);
                 check.whole_rows &= whole_rows;
                 let mut batch = Batch { angle: vec![vec![]], temperature_c: vec![vec![]], ..Batch::default() };
                 let (first, second) = rows.split_at(cut.min(rows.len()));

@@ -20,7 +20,7 @@ use crate::ingest::header::{self, Layout};
 use crate::ingest::number::{Decimal, parse_flag, parse_time_ns, parse_value};
 use crate::ingest::raw::{BAD_TEMPERATURE, Faults, NO_TIME, RawRows};
 use crate::ingest::source::Source;
-use crate::setup::Setup;
+use crate::setup::ReadConfig;
 
 /// First words of the comment that `sagnac compensate` puts above its output.
 pub const COMPENSATED_STAMP: &str = "# sagnac compensated";
@@ -328,8 +328,8 @@ pub fn unquoted(field: &[u8]) -> &[u8] {
 }
 
 /// The layout of a text log.
-pub(crate) fn layout_of(header: &TextHeader, setup: &Setup) -> Result<Layout> {
-    Layout::new(header.headers.clone(), &setup.columns, setup.axis).map_err(|e| e.line(header.lines))
+pub(crate) fn layout_of(header: &TextHeader, config: &ReadConfig) -> Result<Layout> {
+    Layout::new(header.headers.clone(), &config.columns, config.axis).map_err(|e| e.line(header.lines))
 }
 
 #[cfg(test)]

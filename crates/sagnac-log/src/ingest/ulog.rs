@@ -27,7 +27,7 @@ use crate::ingest::chunks::TableFeed;
 use crate::ingest::header::Layout;
 use crate::ingest::raw::{BAD_TEMPERATURE, Faults, NO_TIME, RawRows};
 use crate::ingest::source::Source;
-use crate::setup::Setup;
+use crate::setup::ReadConfig;
 
 /// Rows given out at once.
 const BATCH_ROWS: usize = 4096;
@@ -53,11 +53,11 @@ enum Sent {
 pub(crate) struct ULogFeed(Receiver<Sent>);
 
 /// Starts to decode; the layout is known when the first row of the gyro is.
-pub(crate) fn open(source: Source, setup: &Setup, keep_fields: bool) -> Result<(ULogFeed, Layout)> {
+pub(crate) fn open(source: Source, config: &ReadConfig, keep_fields: bool) -> Result<(ULogFeed, Layout)> {
     let (sender, receiver) = sync_channel(2);
-    let (reader, setup) = (source.reader, setup.clone());
+    let (reader, config) = (source.reader, config.clone());
     std::thread::spawn(move || {
-        if let Err(error) = decode(reader, &setup, keep_fields, &sender) {
+        if let Err(error) = decode(reader, &config, keep_fields, &sender) {
             // Nobody may be listening any more.
             let _ = sender.send(Sent::Rows(Err(error)));
         }
@@ -240,7 +240,12 @@ impl Known {
 }
 
 /// The road through a file, on its own thread.
-fn decode(reader: Box<dyn BufRead + Send>, setup: &Setup, keep_fields: bool, sender: &SyncSender<Sent>) -> Result<()> {
+fn decode(
+    reader: Box<dyn BufRead + Send>,
+    config: &ReadConfig,
+    keep_fields: bool,
+    sender: &SyncSender<Sent>,
+) -> Result<()> {
     let mut messages = Messages { reader, position: 0, appended: BTreeSet::new() };
     let mut header = [0; 16];
     if messages.fill(&mut header)? < header.len() {
@@ -248,9 +253,9 @@ fn decode(reader: Box<dyn BufRead + Send>, setup: &Setup, keep_fields: bool, sen
     }
     let mut known = Known::default();
     let mut early = BTreeMap::new();
-    let (first, gyro) = until_gyro(&mut messages, &mut known, &mut early, setup.instance.unwrap_or(0))?;
+    let (first, gyro) = until_gyro(&mut messages, &mut known, &mut early, config.instance.unwrap_or(0))?;
     let (headers, topics) = columns(&known, gyro);
-    let layout = Layout::new(headers, &setup.columns, setup.axis)?;
+    let layout = Layout::new(headers, &config.columns, config.axis)?;
     if sender.send(Sent::Layout(layout.clone())).is_err() {
         return Ok(());
     }

@@ -19,7 +19,7 @@ mod uncertainty;
 
 use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::LogSummary;
-use sagnac_log::setup::{Setup, WindowSize};
+use sagnac_log::setup::{Setup, TargetConfig, WindowSize};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -117,8 +117,9 @@ const MAX_PERIOD_TICKS: u32 = 1 << 24;
 
 impl Target {
     /// As set up, checked against what the target can count.
-    pub(crate) fn from_setup(setup: &Setup) -> Result<Self> {
-        let (tick_ns, ticks) = (setup.tick_ns(), setup.period_ns()? / setup.tick_ns());
+    pub(crate) fn from_config(config: TargetConfig) -> Result<Self> {
+        let TargetConfig { clock, slew_ticks, rate_lsb_arcsec: _ } = config;
+        let (tick_ns, ticks) = (clock.tick_ns(), clock.period_ns()? / clock.tick_ns());
         let out_of_range = || {
             Error::input(format!("{ticks} ticks in a temperature period; the target counts to {MAX_PERIOD_TICKS}"))
                 .column("temperature_period_s")
@@ -127,7 +128,7 @@ impl Target {
         let period_ticks = u32::try_from(ticks).ok().filter(|t| (1..=MAX_PERIOD_TICKS).contains(t));
         let period_ticks = period_ticks.ok_or_else(out_of_range)?;
         let tick_ns = u32::try_from(tick_ns).map_err(|_| Error::input("too long").column("tick_s"))?;
-        let slew_ticks = setup.slew_ticks.unwrap_or(DEFAULT_SLEW_TICKS.min(period_ticks));
+        let slew_ticks = slew_ticks.unwrap_or(DEFAULT_SLEW_TICKS.min(period_ticks));
         if slew_ticks > period_ticks {
             let what = format!("the slew is longer than the temperature period of {period_ticks} ticks");
             return Err(Error::input(what).column("slew_ticks").value(slew_ticks.to_string()));

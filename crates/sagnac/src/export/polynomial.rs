@@ -6,7 +6,7 @@
 
 use sagnac_core::MAX_ORDER;
 use sagnac_log::error::{Error, Result};
-use sagnac_log::setup::{Setup, WindowSize};
+use sagnac_log::setup::{Setup, TestConfig, WindowSize};
 
 use crate::calibration::{
     AxisCalibration, AxisCorrection, Calibration, FORMAT, Input, LogUnit, MINOR_VERSION, Monomial, Provenance,
@@ -51,7 +51,8 @@ pub fn import(polynomial: &Polynomial, setup: &Setup) -> Result<Calibration> {
             .help("give --arcsec-per-count")
     })?;
     let span = Span::on_grid(lo_c, hi_c);
-    let reference_c = setup.reference_c();
+    let stages = setup.stages();
+    let reference_c = stages.model.reference_c;
     if !(lo_c..=hi_c).contains(&reference_c) {
         return Err(Error::refused(format!(
             "the reference temperature {reference_c} °C lies outside the span {lo_c} … {hi_c} °C"
@@ -64,12 +65,12 @@ pub fn import(polynomial: &Polynomial, setup: &Setup) -> Result<Calibration> {
     let dph: Vec<f64> = ascending.iter().map(|c| c * dph_per_count).collect();
     let at_reference = dph.iter().rev().fold(0.0, |sum, c| sum * reference_c + c);
     let series = series_from_powers(span, &dph);
-    let input = Input::thermometer(setup.thermometer(""), span, reference_c);
+    let input = Input::thermometer(stages.model.thermometer(""), span, reference_c);
     let terms = (1..=order).map(|n| Term::given(Form::bias(n as u8), &input, series[n])).collect();
     let axis = AxisCalibration {
         axis: setup.axis.unwrap_or('x'),
         correction: AxisCorrection { model: format!("bias {order}"), inputs: vec![input], terms },
-        run_offsets: vec![run_offset(at_reference, setup)],
+        run_offsets: vec![run_offset(at_reference, &stages.test)],
         monomial: Some(Monomial {
             run: 0,
             unit: "counts per window".to_owned(),
@@ -87,7 +88,7 @@ pub fn import(polynomial: &Polynomial, setup: &Setup) -> Result<Calibration> {
         minor_version: MINOR_VERSION,
         serial: setup.serial.clone().unwrap_or_else(|| UNASSIGNED.to_owned()),
         unit: LogUnit::Counts { arcsec_per_count, quantum: setup.quantum.unwrap_or(1.0) },
-        target: Target::from_setup(setup)?,
+        target: Target::from_config(stages.target)?,
         window: WindowSize::Seconds(polynomial.window_s),
         window_s: polynomial.window_s,
         sample_interval_s: setup.sample_interval_s.unwrap_or(1.0),
@@ -102,7 +103,7 @@ pub fn import(polynomial: &Polynomial, setup: &Setup) -> Result<Calibration> {
     })
 }
 
-fn run_offset(value_dph: f64, setup: &Setup) -> RunOffset {
-    let fixed_bias_dph = setup.known_input_rate_dph().map(|input| value_dph - input);
+fn run_offset(value_dph: f64, test: &TestConfig) -> RunOffset {
+    let fixed_bias_dph = test.input_rate_dph.map(|input| value_dph - input);
     RunOffset { run: 0, value_dph, sigma_dph: None, fixed_bias_dph }
 }

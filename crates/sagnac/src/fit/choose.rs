@@ -20,7 +20,7 @@ use crate::model::price::Work;
 use crate::model::spec::ModelSpec;
 use crate::window::{WindowShape, Windows};
 use sagnac_log::error::{Error, Result};
-use sagnac_log::setup::Setup;
+use sagnac_log::setup::ModelConfig;
 
 /// Part of the windows that must know all inputs of `auto`.
 const KNOWN_TOGETHER: f64 = 0.9;
@@ -53,7 +53,7 @@ pub(crate) type MakeProblem<'a, 'b> = dyn Fn(&[Signal]) -> Result<LeastSquares<'
 pub(crate) fn choose<'a>(
     windows: &'a Windows,
     main: Signal,
-    setup: &Setup,
+    config: &ModelConfig,
     choice: &Model,
     make: &MakeProblem<'a, '_>,
 ) -> Result<Chosen<'a>> {
@@ -63,8 +63,8 @@ pub(crate) fn choose<'a>(
             let grid = make(&[main])?;
             let taus_s = grid.tau_grid();
             let best = best_of_grid(&grid, &taus_s)?;
-            let (further, mut aside) = candidate_inputs(windows, main, setup, &grid.used)?;
-            let all = known_together(main, further, setup.inputs.is_some(), grid, make, &mut aside)?;
+            let (further, mut aside) = candidate_inputs(windows, main, config, &grid.used)?;
+            let all = known_together(main, further, config.inputs.is_some(), grid, make, &mut aside)?;
             let walked = walk(&all, &best.spec, &taus_s);
             let Some(path) = walked else {
                 let Best { spec, mean_square, candidates } = best;
@@ -246,11 +246,11 @@ fn find_input(name: &str, main: Signal, shape: &WindowShape) -> Result<Signal> {
 fn candidate_inputs(
     windows: &Windows,
     main: Signal,
-    setup: &Setup,
+    config: &ModelConfig,
     used: &[usize],
 ) -> Result<(Vec<Signal>, Vec<RejectedInput>)> {
     let shape = &windows.shape;
-    if let Some(names) = &setup.inputs {
+    if let Some(names) = &config.inputs {
         let found = names.iter().map(|name| find_input(name, main, shape).map_err(|e| e.column("inputs")));
         return Ok((found.collect::<Result<_>>()?, Vec::new()));
     }

@@ -1,7 +1,7 @@
 //! The inputs of a fitted model, as the record has them and in the order of the image: the thermometer of the fit, everything
 //! else with a code of its own, then the differences.
 
-use sagnac_log::setup::Setup;
+use sagnac_log::setup::ModelConfig;
 
 use crate::calibration::Input;
 use crate::fit::effects::Parts;
@@ -16,7 +16,7 @@ pub(crate) fn recorded_inputs(
     parts: &Parts<'_>,
     problem: &LeastSquares<'_>,
     windows: &Windows,
-    setup: &Setup,
+    config: &ModelConfig,
     sensor: usize,
 ) -> Vec<Input> {
     // An input without terms is not read.
@@ -25,25 +25,25 @@ pub(crate) fn recorded_inputs(
     let of = |signal: Signal| {
         let own = problem.inputs.iter().position(|input| input.signal == signal);
         // A thermometer that only a difference needs has no terms, but a span to be within.
-        let bare = own.is_none().then(|| SampledInput::new(signal, windows, &problem.used, setup.reference_c()));
+        let bare = own.is_none().then(|| SampledInput::new(signal, windows, &problem.used, config.reference_c));
         let sampled = own.map(|at| &problem.inputs[at]).or(bare.as_ref())?;
         let (lag_s, rate_span_per_min) = own.map_or((None, None), |at| {
             (fitted.lag_of(at), fitted.lag(at).map(|(tau_s, _)| problem.rate_span(at, tau_s)))
         });
         let rms_dph = Some(own.map_or(0.0, |at| parts.rms_of(at)));
-        Some(Input { lag_s, rate_span_per_min, rms_dph, ..as_set_up(sampled, &windows.shape, setup) })
+        Some(Input { lag_s, rate_span_per_min, rms_dph, ..as_set_up(sampled, &windows.shape, config) })
     };
     channels(Signal::Thermometer(sensor), &named).into_iter().filter_map(of).collect()
 }
 
-fn as_set_up(sampled: &SampledInput, shape: &WindowShape, setup: &Setup) -> Input {
+fn as_set_up(sampled: &SampledInput, shape: &WindowShape, config: &ModelConfig) -> Input {
     let (span, reference, name) = (sampled.span, sampled.reference, sampled.name.clone());
-    let thermometer = |at: usize| setup.thermometer(shape.thermometers.get(at).map_or("", String::as_str));
+    let thermometer = |at: usize| config.thermometer(shape.thermometers.get(at).map_or("", String::as_str));
     match sampled.signal {
         Signal::Thermometer(at) => Input::thermometer(thermometer(at), span, reference),
         Signal::Difference { of, less } => Input::difference(name, [of, less].map(thermometer), span, reference),
         Signal::Column(at) => {
-            let column = setup.aux(shape.aux.get(at).map_or("", String::as_str));
+            let column = config.aux(shape.aux.get(at).map_or("", String::as_str));
             Input::column(name, column, span, reference)
         }
     }

@@ -7,7 +7,7 @@
 use crate::window::Windows;
 use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::Reason;
-use sagnac_log::setup::Setup;
+use sagnac_log::setup::{TableRun, TestConfig};
 use sagnac_units::DPH_PER_DPS;
 
 /// Rates closer than this part of the largest are one rate; a rate below it is rest.
@@ -27,7 +27,7 @@ impl RateTableInput {
     ///
     /// # Errors
     /// A log of several axes of which nothing says which one was turned.
-    pub(crate) fn of(windows: &Windows, axis: usize, setup: &Setup) -> Result<Option<Self>> {
+    pub(crate) fn of(windows: &Windows, axis: usize, test: &TestConfig) -> Result<Option<Self>> {
         let (rows, shape) = (&windows.rows, &windows.shape);
         let letter = shape.axes[axis];
         let mut letters = shape.axes.clone();
@@ -35,13 +35,13 @@ impl RateTableInput {
         letters.dedup();
         let turned_run = |run: usize| {
             let name = sagnac_units::format::file_name(&windows.runs[run].summary.file);
-            let table = setup.table_of(&name);
+            let table = test.table_of(&name);
             let has_column =
                 (0..windows.len()).any(|i| rows.run[i] as usize == run && rows.reference_dps[i].is_finite());
             (name, table, has_column)
         };
         let runs: Vec<_> = (0..windows.runs.len()).map(turned_run).collect();
-        let turns = |(_, table, has_column): &(String, Option<&sagnac_log::setup::TableRun>, bool)| {
+        let turns = |(_, table, has_column): &(String, Option<&TableRun>, bool)| {
             *has_column || table.is_some_and(|table| table.rate_dps.is_some())
         };
         if !runs.iter().any(turns) {
@@ -80,9 +80,9 @@ impl RateTableInput {
     ///
     /// # Errors
     /// As [`Self::of`].
-    pub(crate) fn leave_out_unknown(windows: &mut Windows, setup: &Setup) -> Result<()> {
+    pub(crate) fn leave_out_unknown(windows: &mut Windows, test: &TestConfig) -> Result<()> {
         for axis in 0..windows.shape.axes.len() {
-            let Some(turning) = Self::of(windows, axis, setup)? else { return Ok(()) };
+            let Some(turning) = Self::of(windows, axis, test)? else { return Ok(()) };
             for (i, (along, (_, across))) in turning.along_dph.iter().zip(&turning.across_dph).enumerate() {
                 if along.is_nan() || across.is_nan() {
                     windows.exclude(i, Reason::NoReference);

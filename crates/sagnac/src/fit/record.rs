@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::{AngleUnit, Reason};
-use sagnac_log::setup::Setup;
+use sagnac_log::setup::{ModelConfig, Setup, Stages, TestConfig};
 use sagnac_noise::NoiseTerms;
 use sagnac_units::{ARCSEC_RT_S_PER_DEG_RT_H, s_from_ns};
 
@@ -34,8 +34,6 @@ use crate::window::{WindowShape, Windows};
 const LEAST_OF_LEG: usize = 10;
 /// Scale terms of a larger uncertainty are refused: the runs do not separate them from bias.
 const SCALE_SIGMA_MAX_PPM: f64 = 1000.0;
-const DEFAULT_MIN_SPAN_C: f64 = 10.0;
-const DEFAULT_RATE_LSB_ARCSEC: f64 = 1e-4;
 
 /// What to fit.
 #[derive(Clone, Debug)]
@@ -94,19 +92,20 @@ pub fn calibrate_with_report_data(
     setup: &Setup,
     options: &FitOptions,
 ) -> Result<(Calibration, ReportData)> {
-    let sensor = sensor_of(&windows.shape, setup).map_err(|e| of_file(e, &windows))?;
-    check_aux(&windows.shape, setup)?;
+    let stages = setup.stages();
+    let sensor = sensor_of(&windows.shape, &stages.model).map_err(|e| of_file(e, &windows))?;
+    check_aux(&windows.shape, &stages.model)?;
     for i in 0..windows.len() {
         if windows.rows.mean_c[sensor][i].is_nan() {
             windows.exclude(i, Reason::NoTemperature);
         }
     }
-    RateTableInput::leave_out_unknown(&mut windows, setup)?;
+    RateTableInput::leave_out_unknown(&mut windows, &stages.test)?;
     let runs = run_spans(&windows);
     let (mut axes, mut drawn) = (Vec::new(), Vec::new());
     for axis in 0..windows.shape.axes.len() {
         let (mut record, drawn_of) =
-            fit_axis(&windows, axis, sensor, setup, options).map_err(|e| of_file(e, &windows))?;
+            fit_axis(&windows, axis, sensor, &stages, options).map_err(|e| of_file(e, &windows))?;
         let constant = |i: usize| {
             let run = windows.rows.run[i];
             record.run_offsets.iter().find(|offset| offset.run == run).map_or(f64::NAN, |c| c.value_dph)
@@ -137,14 +136,12 @@ pub fn calibrate_with_report_data(
         format: FORMAT.to_owned(),
         version: VERSION,
         minor_version: MINOR_VERSION,
-        serial: setup.serial.clone().unwrap_or_else(|| UNASSIGNED.to_owned()),
+        serial: stages.identity.serial.unwrap_or_else(|| UNASSIGNED.to_owned()),
         unit: match shape.unit {
             AngleUnit::Quanta { arcsec_per_count, quantum } => LogUnit::Counts { arcsec_per_count, quantum },
-            AngleUnit::Arcsec => {
-                LogUnit::Rates { lsb_arcsec: setup.rate_lsb_arcsec.unwrap_or(DEFAULT_RATE_LSB_ARCSEC) }
-            }
+            AngleUnit::Arcsec => LogUnit::Rates { lsb_arcsec: stages.target.rate_lsb_arcsec },
         },
-        target: Target::from_setup(setup)?,
+        target: Target::from_config(stages.target)?,
         window: shape.window,
         window_s: shape.nominal_s,
         sample_interval_s: shape.sample_interval_s,
@@ -155,12 +152,12 @@ pub fn calibrate_with_report_data(
     Ok((calibration, report_data))
 }
 
-fn sensor_of(shape: &WindowShape, setup: &Setup) -> Result<usize> {
+fn sensor_of(shape: &WindowShape, config: &ModelConfig) -> Result<usize> {
     if shape.thermometers.is_empty() {
         return Err(Error::refused("the log has no temperature, so it holds no drift over temperature")
             .help("name a column temperature_c, or map one under [columns]"));
     }
-    let Some(wanted) = &setup.use_thermometer else {
+    let Some(wanted) = &config.use_thermometer else {
         return Ok(0);
     };
     shape.thermometers.iter().position(|name| name == wanted).ok_or_else(|| {
@@ -172,8 +169,8 @@ fn sensor_of(shape: &WindowShape, setup: &Setup) -> Result<usize> {
 }
 
 /// A setup for a column that is not there would do nothing without a word.
-fn check_aux(shape: &WindowShape, setup: &Setup) -> Result<()> {
-    setup.aux.iter().find(|aux| !shape.aux.contains(&aux.name)).map_or(Ok(()), |stray| {
+fn check_aux(shape: &WindowShape, config: &ModelConfig) -> Result<()> {
+    config.aux.iter().find(|aux| !shape.aux.contains(&aux.name)).map_or(Ok(()), |stray| {
         Err(Error::input("the log has no auxiliary column of this name")
             .column("aux.name")
             .value(&stray.name)
@@ -196,9 +193,9 @@ pub(crate) fn log_files(windows: &Windows) -> Vec<LogFile> {
 }
 
 /// N and Q of an axis: as given, else measured; with words for where they come from.
-pub(crate) fn noise_of(windows: &Windows, axis: usize, setup: &Setup) -> Option<(NoiseTerms, &'static str)> {
+pub(crate) fn noise_of(windows: &Windows, axis: usize, test: &TestConfig) -> Option<(NoiseTerms, &'static str)> {
     windows.shape.window.seconds()?;
-    if let Some(given) = setup.noise {
+    if let Some(given) = test.noise {
         let n_arcsec_rt_s = given.n_deg_rt_h * ARCSEC_RT_S_PER_DEG_RT_H;
         return Some((NoiseTerms { n_arcsec_rt_s, q_arcsec: given.q_arcsec }, "setup"));
     }
@@ -206,8 +203,8 @@ pub(crate) fn noise_of(windows: &Windows, axis: usize, setup: &Setup) -> Option<
 }
 
 /// The noise floor of a nominal window.
-fn noise_floor_of(windows: &Windows, axis: usize, setup: &Setup) -> Option<NoiseFloor> {
-    let (terms, source) = noise_of(windows, axis, setup)?;
+fn noise_floor_of(windows: &Windows, axis: usize, test: &TestConfig) -> Option<NoiseFloor> {
+    let (terms, source) = noise_of(windows, axis, test)?;
     Some(NoiseFloor {
         value_dph: terms.floor_dph(windows.shape.nominal_s),
         n_deg_rt_h: terms.n_deg_rt_h(),
@@ -264,22 +261,21 @@ fn fit_axis(
     windows: &Windows,
     axis: usize,
     sensor: usize,
-    setup: &Setup,
+    stages: &Stages,
     options: &FitOptions,
 ) -> Result<(AxisCalibration, Drawn)> {
     let letter = windows.shape.axes[axis];
-    let reference_c = setup.reference_c();
-    let min_span_c = setup.min_span_c.unwrap_or(DEFAULT_MIN_SPAN_C);
-    let turning = RateTableInput::of(windows, axis, setup)?;
+    let ModelConfig { reference_c, min_span_c, .. } = stages.model;
+    let turning = RateTableInput::of(windows, axis, &stages.test)?;
     let make = |signals: &[Signal]| LeastSquares::new(windows, axis, signals, reference_c, min_span_c, turning.clone());
-    let mut chosen = choose(windows, Signal::Thermometer(sensor), setup, &options.model, &make)?;
-    let noise_floor = noise_floor_of(windows, axis, setup);
+    let mut chosen = choose(windows, Signal::Thermometer(sensor), &stages.model, &options.model, &make)?;
+    let noise_floor = noise_floor_of(windows, axis, &stages.test);
     let is_given = options.model != Model::Auto;
     let raw_n = noise_floor.as_ref().map(|floor| floor.n_deg_rt_h);
     let (fitted, noise) = chosen.fit(is_given, raw_n, options.loss)?;
     let problem = &chosen.problem;
     let parts = Parts::new(&fitted, problem);
-    let inputs = recorded_inputs(&fitted, &parts, problem, windows, setup, sensor);
+    let inputs = recorded_inputs(&fitted, &parts, problem, windows, &stages.model, sensor);
     let terms = terms(&fitted, problem, &inputs, options.bootstrap);
     check_scale(&terms, letter)?;
     let drawn = Drawn::of(&fitted, problem, &parts);
@@ -307,7 +303,7 @@ fn fit_axis(
     let mut record = AxisCalibration {
         axis: letter,
         correction: AxisCorrection { model: fitted.spec.to_string(), inputs, terms },
-        run_offsets: run_offsets(&fitted, problem, setup, windows.shape.axes.len()),
+        run_offsets: run_offsets(&fitted, problem, &stages.test, windows.shape.axes.len()),
         monomial,
         zones,
         fit: Some(diagnostics),
@@ -382,9 +378,9 @@ fn covariance_of(fitted: &Fitted, problem: &LeastSquares<'_>) -> Vec<String> {
     runs.chain(terms).chain(others).collect()
 }
 
-fn run_offsets(fitted: &Fitted, problem: &LeastSquares<'_>, setup: &Setup, axes: usize) -> Vec<RunOffset> {
+fn run_offsets(fitted: &Fitted, problem: &LeastSquares<'_>, test: &TestConfig, axes: usize) -> Vec<RunOffset> {
     // One direction cannot be that of several axes.
-    let input_dph = setup.known_input_rate_dph().filter(|_| axes == 1);
+    let input_dph = test.input_rate_dph.filter(|_| axes == 1);
     let rows = problem.runs.iter().enumerate().filter_map(|(index, run)| {
         let column = problem.column_of(Level::Run(index)).or_else(|| problem.column_of(Level::AllRuns))?;
         Some(RunOffset {

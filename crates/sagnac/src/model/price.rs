@@ -1,7 +1,7 @@
 //! What a model costs on the target, instructions of a Cortex-M4F.
 //!
 //! ```text
-//! slow update = BASE + SERIES·[any term] + INPUT·(inputs − 1) + LAG·(lags) + TERM·(terms) + ZONE·(zones) + HARMONIC·(harmonics)
+//! slow update = BASE + SERIES·[any term] + INPUT·(inputs − 1) + LAG·(lags) + TERM·(terms) + Σ price of each term's shape
 //! tick        = TICK, whatever the model: the series is evaluated when a temperature arrives
 //! ```
 //!
@@ -11,6 +11,7 @@
 
 use sagnac_core::{Image, Shape};
 
+use crate::model::shape::image_price;
 use crate::model::spec::ModelSpec;
 
 /// A slow update without any term.
@@ -23,10 +24,6 @@ const INPUT: f64 = 400.0;
 const LAG: f64 = 154.0;
 /// More with each term, of whatever shape.
 const TERM: f64 = 80.0;
-/// More with each zone.
-pub(crate) const ZONE: f64 = 8.0;
-/// More with each harmonic: a cosine or a sine.
-pub(crate) const HARMONIC: f64 = 126.0;
 /// A tick of compensation between slews.
 pub const TICK_INSTRUCTIONS: u32 = 46;
 /// The form is this close to what is counted, as a part.
@@ -41,10 +38,8 @@ pub struct Work {
     pub lags: usize,
     /// Terms of any shape.
     pub terms: usize,
-    /// Those of them that are zones.
-    pub zones: usize,
-    /// Those of them that are cosines or sines.
-    pub harmonics: usize,
+    /// Instructions that their shapes add.
+    pub shapes: u32,
 }
 
 impl Work {
@@ -53,9 +48,11 @@ impl Work {
         let [bias, rated, scale] = model.image_terms();
         // What is not multiplied has, together, a term of order 0 that makes it zero at its references.
         let with_zero = |terms: usize| if terms > 0 { terms + 1 } else { 0 };
-        let zones = usize::from(model.thermometer().zones.saturating_sub(1));
-        let harmonics = 2 * model.inputs().iter().map(|of| of.harmonics.len()).sum::<usize>();
-        Self { inputs, lags: model.lags(), terms: with_zero(bias) + rated + with_zero(scale), zones, harmonics }
+        let zones = u32::from(model.thermometer().zones.saturating_sub(1));
+        let harmonics = model.inputs().iter().map(|of| of.harmonics.len() as u32).sum::<u32>();
+        let turn = [Shape::Cosine { turns_q18: 0 }, Shape::Sine { turns_q18: 0 }].map(image_price);
+        let shapes = zones * image_price(Shape::Zone { knot_q15: 0 }) + harmonics * turn.iter().sum::<u32>();
+        Self { inputs, lags: model.lags(), terms: with_zero(bias) + rated + with_zero(scale), shapes }
     }
 
     /// Of an image.
@@ -64,8 +61,7 @@ impl Work {
             inputs: image.inputs().len(),
             lags: image.inputs().iter().filter(|t| t.lag.is_used()).count(),
             terms: image.terms().len(),
-            zones: image.terms().iter().filter(|term| matches!(term.shape, Shape::Zone { .. })).count(),
-            harmonics: image.terms().iter().filter(|term| term.shape.turns_q18().is_some()).count(),
+            shapes: image.terms().iter().map(|term| image_price(term.shape)).sum(),
         }
     }
 
@@ -73,7 +69,7 @@ impl Work {
     pub fn instructions(self) -> u32 {
         let series = if self.terms > 0 { SERIES } else { 0.0 };
         let others = INPUT * self.inputs.saturating_sub(1) as f64;
-        let shapes = TERM * self.terms as f64 + ZONE * self.zones as f64 + HARMONIC * self.harmonics as f64;
-        (BASE + series + others + LAG * self.lags as f64 + shapes).round() as u32
+        let terms = TERM * self.terms as f64 + f64::from(self.shapes);
+        (BASE + series + others + LAG * self.lags as f64 + terms).round() as u32
     }
 }

@@ -318,6 +318,16 @@ pub(crate) fn image_order(shape: TargetShape) -> (u8, i32) {
     }
 }
 
+/// What a term of this shape costs in a slow update beyond what every term costs, instructions of a Cortex-M4F
+/// (`model/price.rs` has the rest, and how the figures are held).
+pub(crate) fn image_price(shape: TargetShape) -> u32 {
+    match shape {
+        TargetShape::Chebyshev(_) | TargetShape::Step { .. } => 0,
+        TargetShape::Zone { .. } => 8,
+        TargetShape::Cosine { .. } | TargetShape::Sine { .. } => 126,
+    }
+}
+
 /// A shape of an image in words, for errors.
 pub(crate) fn image_words(shape: TargetShape) -> String {
     match shape {

@@ -10,6 +10,7 @@
 mod compensate;
 mod flight;
 mod limits;
+mod paired;
 mod readings;
 mod replay;
 mod residual;
@@ -38,11 +39,12 @@ pub use turned::{PlateauProof, ScaleFigures, ScaleProof};
 use crate::calibration::{Calibration, LogFile, LogUnit, program};
 use crate::diagnostics::{AxisReportData, Point, ReportData, points, run_spans};
 use crate::fit;
-use crate::verify::turned::Drifts;
-use crate::window::{SeenLogs, WindowBuilder, Windows};
+use crate::verify::paired::PairedWindows;
+use crate::verify::turned::{Drifts, PairedDrifts};
+use crate::window::Windows;
 use sagnac_log::error::{Error, Result};
-use sagnac_log::ingest::{AngleUnit, Batch, LogReader, LogShape, Tally, hex, same_shape, sha256};
-use sagnac_log::setup::Setup;
+use sagnac_log::ingest::{AngleUnit, LogReader, LogShape, Tally, hex, sha256};
+use sagnac_log::setup::{Setup, TestConfig};
 use sagnac_noise::NoiseTerms;
 use sagnac_units::ARCSEC_RT_S_PER_DEG_RT_H;
 use sagnac_units::format::celsius;
@@ -375,17 +377,18 @@ impl VerifyOptions {
 pub fn verify(correction: &Correction, logs: Vec<LogReader>, setup: &Setup, options: VerifyOptions) -> Result<Proof> {
     let fits = |log: &LogReader| correction.fit_to(log.shape(), setup).map_err(|e| e.file(log.summary().file));
     let sensor = logs.first().map(fits).transpose()?.and_then(|(_, readings)| readings.thermometer);
-    let mut windows = replay_windows(correction, logs, setup, options.keep_outliers)?;
-    fit::RateTableInput::leave_out_unknown(&mut windows, setup)?;
-    let count = windows.shape.axes.len() / 2;
-    let used: Vec<usize> = (0..windows.len()).filter(|i| windows.rows.excluded[*i].is_none()).collect();
-    let drifts = Drifts::of(&windows, &used, setup)?;
-    let report_data = report_data(&windows, &drifts, &used, sensor);
-    let axes = (0..count).map(|axis| {
-        let mut figures = axis_figures(&windows, &drifts, &used, &report_data, axis, correction, setup)?;
+    let test = setup.stages().test;
+    let mut pair = PairedWindows::replayed(correction, logs, setup, options.keep_outliers)?;
+    pair.leave_out_unknown(&test)?;
+    let used = pair.used();
+    let drifts = PairedDrifts::of(&pair, &used, &test)?;
+    let report_data = report_data(&pair, &drifts, &used, sensor);
+    let windows = &pair.raw;
+    let axes = (0..windows.shape.axes.len()).map(|axis| {
+        let mut figures = axis_figures(&pair, &drifts, &used, &report_data, axis, correction, &test)?;
         figures.scale_factor = drifts.scale_proof(&used, axis, sensor);
         let image = correction.images.iter().find(|image| char::from(image.description().axis) == figures.axis);
-        figures.coverage = image.zip(sensor).and_then(|(image, sensor)| Coverage::of(image, &windows, &used, sensor));
+        figures.coverage = image.zip(sensor).and_then(|(image, sensor)| Coverage::of(image, windows, &used, sensor));
         Ok(figures)
     });
     let axes: Result<Vec<AxisVerification>> = axes.collect();
@@ -394,15 +397,15 @@ pub fn verify(correction: &Correction, logs: Vec<LogReader>, setup: &Setup, opti
         serial: correction.serial(),
         sensor: setup.sensor.clone(),
         rig: setup.rig.clone(),
-        unit: unit_of(&windows).1.to_owned(),
+        unit: unit_of(windows).1.to_owned(),
         window_s: windows.shape.nominal_s,
         axes: axes?,
         excluded: windows.tallies.list(),
         image_sha256: correction.sha256(),
         record_sha256: correction.images.first().map_or(String::new(), |image| hex(&image.description().parent)),
         limits: None,
-        training_overlap: training_overlap(correction, &fit::log_files(&windows)),
-        inputs: fit::log_files(&windows),
+        training_overlap: training_overlap(correction, &fit::log_files(windows)),
+        inputs: fit::log_files(windows),
     };
     Ok(Proof { verification, report_data })
 }
@@ -415,80 +418,27 @@ fn training_overlap(correction: &Correction, retests: &[LogFile]) -> Vec<String>
 }
 
 /// Both sides of every window about their own means over the used windows of the run.
-fn report_data(windows: &Windows, drifts: &Drifts<'_>, used: &[usize], sensor: Option<usize>) -> ReportData {
+fn report_data(pair: &PairedWindows, drifts: &PairedDrifts<'_>, used: &[usize], sensor: Option<usize>) -> ReportData {
+    let windows = &pair.raw;
     let runs = run_spans(windows);
-    let count = windows.shape.axes.len() / 2;
-    let mean = |column: usize, run: u32| {
+    let mean = |drift: &Drifts<'_>, axis: usize, run: u32| {
         let members = used.iter().filter(|i| windows.rows.run[**i] == run);
-        let (sum, n) = members.fold((0.0, 0.0), |(sum, n), i| (sum + drifts.rate_dph(column, *i), n + 1.0));
+        let (sum, n) = members.fold((0.0, 0.0), |(sum, n), i| (sum + drift.rate_dph(axis, *i), n + 1.0));
         sum / n
     };
     let axis = |axis: usize| {
-        let means = |column: usize| -> Vec<f64> { (0..runs.len()).map(|run| mean(column, run as u32)).collect() };
-        let (before, after) = (means(axis), means(axis + count));
-        let about =
-            |means: &[f64], column: usize, i: usize| drifts.rate_dph(column, i) - means[windows.rows.run[i] as usize];
-        let points = points(windows, &runs, sensor, |i| about(&before, axis, i), |i| about(&after, axis + count, i));
-        AxisReportData { axis: windows.shape.axes[axis], points, effects: Vec::new() }
-    };
-    let axes = (0..count).map(axis).collect();
-    ReportData { timed: windows.shape.timed, axes, runs }
-}
-
-/// Windows with the raw axes first, the corrected ones after them, and behind the log's own one auxiliary column per axis
-/// and status bit.
-fn replay_windows(correction: &Correction, logs: Vec<LogReader>, setup: &Setup, keep_all: bool) -> Result<Windows> {
-    let mut builder: Option<(WindowBuilder, LogShape)> = None;
-    let mut seen = SeenLogs::default();
-    for mut log in logs {
-        let shape = log.shape().clone();
-        let name = log.summary().file;
-        let (images, readings) = correction.fit_to(&shape, setup).map_err(|e| e.file(&name))?;
-        let mut replay = Replay::new(&images, &shape, readings, &name).map_err(|e| e.file(&name))?;
-        let (builder, first) = match &mut builder {
-            Some(both) => both,
-            None => {
-                let both_sides = with_corrected_axes(&shape);
-                let own = WindowBuilder::new(&both_sides, setup)?
-                    .judging(shape.axes.len(), shape.aux.len())
-                    .without_aux_tracks();
-                builder.insert((own, shape.clone()))
-            }
-        };
-        same_shape(first, &shape).map_err(|e| e.file(&name))?;
-        while let Some(batch) = log.next_batch()? {
-            let mut corrected = replay.correct(batch)?;
-            // Rounding to whole counts never walks, so the walk is told without it: at rest it is a slow saw, which a fit of
-            // short τ takes for a walk.
-            let mut noise = batch.angle.clone();
-            noise.append(&mut corrected.unrounded);
-            builder.push_with_noise(&with_corrected(batch, corrected), &noise).map_err(|e| e.file(&name))?;
+        let [before, after] = [&drifts.raw, &drifts.corrected].map(|drift| {
+            let means: Vec<f64> = (0..runs.len()).map(|run| mean(drift, axis, run as u32)).collect();
+            move |i: usize| drift.rate_dph(axis, i) - means[windows.rows.run[i] as usize]
+        });
+        AxisReportData {
+            axis: windows.shape.axes[axis],
+            points: points(windows, &runs, sensor, before, after),
+            effects: Vec::new(),
         }
-        let summary = log.summary();
-        seen.take(&summary)?;
-        builder.end_run(summary);
-    }
-    let (builder, _) = builder.ok_or_else(|| Error::input("no retest log given"))?;
-    Ok(if keep_all { builder.keep_outliers() } else { builder }.finish())
-}
-
-fn with_corrected_axes(shape: &LogShape) -> LogShape {
-    let bits = shape.axes.iter().flat_map(|axis| Status::NAMES.iter().map(move |(_, name)| format!("{axis} {name}")));
-    LogShape {
-        axes: [shape.axes.clone(), shape.axes.clone()].concat(),
-        aux: shape.aux.iter().cloned().chain(bits).collect(),
-        ..shape.clone()
-    }
-}
-
-fn with_corrected(batch: &Batch, corrected: Corrected) -> Batch {
-    let bits = corrected.status.iter().flat_map(|rows| {
-        Status::NAMES.iter().map(|(bit, _)| rows.iter().map(|s| f64::from(u8::from(s.contains(*bit)))).collect())
-    });
-    let mut both = batch.clone();
-    both.aux.extend(bits);
-    both.angle.extend(corrected.angle);
-    both
+    };
+    let axes = (0..windows.shape.axes.len()).map(axis).collect();
+    ReportData { timed: windows.shape.timed, axes, runs }
 }
 
 /// Figures per unit of angle × nominal/duration: counts per window, or °/h.
@@ -500,21 +450,21 @@ fn unit_of(windows: &Windows) -> (f64, &'static str) {
 }
 
 fn axis_figures(
-    windows: &Windows,
-    drifts: &Drifts<'_>,
+    pair: &PairedWindows,
+    drifts: &PairedDrifts<'_>,
     used: &[usize],
     report_data: &ReportData,
     axis: usize,
     correction: &Correction,
-    setup: &Setup,
+    test: &TestConfig,
 ) -> Result<AxisVerification> {
-    let count = windows.shape.axes.len() / 2;
+    let windows = &pair.raw;
     let scale = unit_of(windows).0;
     let dph_per_unit = windows.shape.unit.arcsec() / scale;
-    let figures = |column: usize| {
-        let angle = &windows.rows.angle[column];
+    let figures = |side: &Windows, drift: &Drifts<'_>| {
+        let angle = &side.rows.angle[axis];
         // What the table turned, in the unit of the figures; exactly nothing without one.
-        let turned = |i: usize| (windows.rate_dph(column, i) - drifts.rate_dph(column, i)) / dph_per_unit;
+        let turned = |i: usize| (side.rate_dph(axis, i) - drift.rate_dph(axis, i)) / dph_per_unit;
         let value = |i: usize| angle[i] * scale / windows.duration_s(i) - turned(i);
         let values: Vec<(u32, f64)> = used.iter().map(|i| (windows.rows.run[*i], value(*i))).collect();
         Figures::of(&values, dph_per_unit).ok_or_else(|| {
@@ -522,23 +472,21 @@ fn axis_figures(
                 .help("give a longer retest or a shorter --window")
         })
     };
-    let (before, after) = (figures(axis)?, figures(axis + count)?);
+    let (before, after) = (figures(windows, &drifts.raw)?, figures(&pair.corrected, &drifts.corrected)?);
     let ratio = |before: f64, after: f64| (after > 0.0).then_some(before / after);
-    let status_windows = Status::NAMES.iter().enumerate().map(|(bit, (_, name))| {
-        let own = windows.rows.aux.len() - count * Status::NAMES.len();
-        let column = &windows.rows.aux[own + axis * Status::NAMES.len() + bit];
-        ((*name).to_owned(), used.iter().filter(|i| column[**i] > 0.0).count())
-    });
+    let status_windows = Status::NAMES
+        .iter()
+        .map(|(bit, name)| ((*name).to_owned(), used.iter().filter(|i| pair.status[axis][**i].contains(*bit)).count()));
     let letter = windows.shape.axes[axis];
-    let noise_floor = noise_floor(windows, used, axis, correction, setup, dph_per_unit);
+    let noise_floor = noise_floor(windows, used, axis, correction, test, dph_per_unit);
     let diagnostics = residual_diagnostics::residual_diagnostics(
         &report_data.axes[axis].points,
         noise_floor.as_ref().map(|floor| floor.value_dph),
     );
     // Turned, a counter's quantization is a saw that the short-τ fit takes for a walk.
-    let walk = |column: usize| windows.measured_noise(column).map(|noise| noise.n_deg_rt_h()).filter(|n| *n > 0.0);
-    let random_walk = walk(axis)
-        .zip(walk(axis + count))
+    let walk = |side: &Windows| side.measured_noise(axis).map(|noise| noise.n_deg_rt_h()).filter(|n| *n > 0.0);
+    let random_walk = walk(windows)
+        .zip(walk(&pair.corrected))
         .map(|(before_deg_rt_h, after_deg_rt_h)| RandomWalk { before_deg_rt_h, after_deg_rt_h });
     Ok(AxisVerification {
         axis: letter,
@@ -566,7 +514,7 @@ fn noise_floor(
     used: &[usize],
     axis: usize,
     correction: &Correction,
-    setup: &Setup,
+    test: &TestConfig,
     dph_per_unit: f64,
 ) -> Option<RetestNoiseFloor> {
     let letter = windows.shape.axes[axis];
@@ -577,7 +525,7 @@ fn noise_floor(
         windows.shape.window.seconds()?;
         Some((NoiseTerms { n_arcsec_rt_s, q_arcsec: known.q_arcsec }, format!("calibration ({})", known.source)))
     };
-    let own = fit::noise_of(windows, axis, setup).map(|(terms, source)| (terms, source.to_owned()));
+    let own = fit::noise_of(windows, axis, test).map(|(terms, source)| (terms, source.to_owned()));
     let (terms, source) = own.or_else(earlier)?;
     let mean_square =
         used.iter().map(|i| terms.floor_dph(windows.duration_s(*i)).powi(2)).sum::<f64>() / used.len() as f64;

@@ -11,11 +11,12 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::calibration::PpmEstimate;
+use crate::calibration::{Plateau, PpmEstimate};
 use crate::fit::{RateTableInput, plateaus_of};
+use crate::verify::paired::PairedWindows;
 use crate::window::Windows;
 use sagnac_log::error::Result;
-use sagnac_log::setup::Setup;
+use sagnac_log::setup::TestConfig;
 
 /// Scale factor over the plateaus of a retest, ppm.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -55,55 +56,30 @@ pub struct ScaleProof {
     pub plateaus: Vec<PlateauProof>,
 }
 
-/// Rates of the windows without what a table turned; raw axes first, corrected ones after them.
-pub(crate) struct Drifts<'a> {
-    windows: &'a Windows,
-    /// Per column and window, °/h; empty without a table.
-    drift_dph: Vec<Vec<f64>>,
-    turnings: Vec<RateTableInput>,
+/// Drifts before and after.
+pub(crate) struct PairedDrifts<'a> {
+    pub(crate) raw: Drifts<'a>,
+    pub(crate) corrected: Drifts<'a>,
 }
 
-impl<'a> Drifts<'a> {
+impl<'a> PairedDrifts<'a> {
     /// Of the used windows.
     ///
     /// # Errors
     /// As [`RateTableInput::of`].
-    pub(crate) fn of(windows: &'a Windows, used: &[usize], setup: &Setup) -> Result<Self> {
-        let (mut drift_dph, mut turnings) = (Vec::new(), Vec::new());
-        for column in 0..windows.shape.axes.len() {
-            let Some(turning) = RateTableInput::of(windows, column, setup)? else { continue };
-            let mut drift: Vec<f64> =
-                (0..windows.len()).map(|i| windows.rate_dph(column, i) - turning.along_dph[i]).collect();
-            for run in 0..windows.runs.len() {
-                let members: Vec<usize> =
-                    used.iter().copied().filter(|i| windows.rows.run[*i] as usize == run).collect();
-                take_slope(&mut drift, &members, |i| turning.along_dph[i]);
-                take_slope(&mut drift, &members, |i| turning.across_dph[i].1);
-            }
-            drift_dph.push(drift);
-            turnings.push(turning);
-        }
-        Ok(Self { windows, drift_dph, turnings })
+    pub(crate) fn of(pair: &'a PairedWindows, used: &[usize], test: &TestConfig) -> Result<Self> {
+        let side = |windows| Drifts::of(windows, used, test);
+        Ok(Self { raw: side(&pair.raw)?, corrected: side(&pair.corrected)? })
     }
 
     /// A table turned the gyro.
     pub(crate) fn is_turned(&self) -> bool {
-        !self.turnings.is_empty()
-    }
-
-    /// Rate of a window without the turning, °/h.
-    pub(crate) fn rate_dph(&self, column: usize, window: usize) -> f64 {
-        match self.drift_dph.get(column) {
-            Some(drift) => drift[window],
-            None => self.windows.rate_dph(column, window),
-        }
+        !self.raw.turnings.is_empty()
     }
 
     /// The scale factor of an axis before and after; `None` without two plateaus that tell it.
     pub(crate) fn scale_proof(&self, used: &[usize], axis: usize, sensor: Option<usize>) -> Option<ScaleProof> {
-        let count = self.windows.shape.axes.len() / 2;
-        let side = |column: usize| Some(plateaus_of(self.windows, used, column, sensor?, self.turnings.get(column)?));
-        let (before, after) = (side(axis)?, side(axis + count)?);
+        let (before, after) = (self.raw.plateaus(used, axis, sensor?)?, self.corrected.plateaus(used, axis, sensor?)?);
         if before.len() < 2 || before.len() != after.len() {
             return None;
         }
@@ -119,6 +95,47 @@ impl<'a> Drifts<'a> {
             of_noise_ppm: noise.sqrt(),
             plateaus,
         })
+    }
+}
+
+/// Rates of the windows of one side, less what a table turned.
+pub(crate) struct Drifts<'a> {
+    windows: &'a Windows,
+    /// Per axis and window, °/h; empty without a table.
+    drift_dph: Vec<Vec<f64>>,
+    turnings: Vec<RateTableInput>,
+}
+
+impl<'a> Drifts<'a> {
+    fn of(windows: &'a Windows, used: &[usize], test: &TestConfig) -> Result<Self> {
+        let (mut drift_dph, mut turnings) = (Vec::new(), Vec::new());
+        for axis in 0..windows.shape.axes.len() {
+            let Some(turning) = RateTableInput::of(windows, axis, test)? else { continue };
+            let mut drift: Vec<f64> =
+                (0..windows.len()).map(|i| windows.rate_dph(axis, i) - turning.along_dph[i]).collect();
+            for run in 0..windows.runs.len() {
+                let members: Vec<usize> =
+                    used.iter().copied().filter(|i| windows.rows.run[*i] as usize == run).collect();
+                take_slope(&mut drift, &members, |i| turning.along_dph[i]);
+                take_slope(&mut drift, &members, |i| turning.across_dph[i].1);
+            }
+            drift_dph.push(drift);
+            turnings.push(turning);
+        }
+        Ok(Self { windows, drift_dph, turnings })
+    }
+
+    /// Rate of a window without the turning, °/h.
+    pub(crate) fn rate_dph(&self, axis: usize, window: usize) -> f64 {
+        match self.drift_dph.get(axis) {
+            Some(drift) => drift[window],
+            None => self.windows.rate_dph(axis, window),
+        }
+    }
+
+    /// Plateaus of an axis that was turned.
+    fn plateaus(&self, used: &[usize], axis: usize, sensor: usize) -> Option<Vec<Plateau>> {
+        Some(plateaus_of(self.windows, used, axis, sensor, self.turnings.get(axis)?))
     }
 }
 

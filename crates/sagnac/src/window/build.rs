@@ -3,9 +3,10 @@
 use std::ops::Range;
 
 use crate::window::{Run, WindowRows, WindowShape, Windows, outliers};
+use sagnac_core::Status;
 use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::{Batch, LogReader, LogShape, LogSummary, Reason, Tallies, same_shape};
-use sagnac_log::setup::{Setup, WindowSize};
+use sagnac_log::setup::{Setup, WindowConfig, WindowSize};
 use sagnac_noise::ShortTau;
 use sagnac_units::{ns_from_s, s_from_ns};
 
@@ -26,14 +27,13 @@ pub struct WindowBuilder {
     run: Option<OpenRun>,
     /// Length of each row of the batch at hand, ns.
     weights: Vec<f64>,
-    judged_axes: usize,
-    /// Auxiliary columns of the log whose jumps explain jumps of the rate.
-    judged_aux: usize,
     /// Columns whose track is kept: thermometers, then auxiliary columns.
     tracks: usize,
     /// Per window: σ of the reference rate within it, °/s.
     table_spread_dps: Vec<f64>,
     keep_outliers: bool,
+    /// Per axis and window: union of the status bits of corrected rows.
+    status: Vec<Vec<Status>>,
 }
 
 /// The run being read.
@@ -60,6 +60,8 @@ struct Sums {
     /// Per auxiliary column: lowest and highest.
     aux_extremes: Vec<(f64, f64)>,
     reference: Moments,
+    /// Per axis: union of the status bits.
+    status: Vec<Status>,
 }
 
 /// Logs that were read: one whose bytes came before would count twice.
@@ -179,9 +181,10 @@ impl WindowBuilder {
     /// # Errors
     /// A temperature period that is no whole number of ticks.
     pub fn new(log: &LogShape, setup: &Setup) -> Result<Self> {
-        let (tick_ns, period_ns) = (setup.tick_ns(), setup.period_ns()?);
+        let WindowConfig { window, discard_initial_s, clock } = setup.stages().window;
+        let (tick_ns, period_ns) = (clock.tick_ns(), clock.period_ns()?);
         let sample_interval_s = s_from_ns(log.nominal_ns);
-        if let Some(seconds) = setup.window().seconds()
+        if let Some(seconds) = window.seconds()
             && log.timed
             && seconds < 0.999 * sample_interval_s
         {
@@ -189,7 +192,7 @@ impl WindowBuilder {
                 .column("window")
                 .help("give a longer window, or `row` for one window per row"));
         }
-        let window = if log.timed { setup.window() } else { WindowSize::ROW };
+        let window = if log.timed { window } else { WindowSize::ROW };
         let nominal_s = window.seconds().unwrap_or(sample_interval_s);
         let longest = if window == WindowSize::ROW { 0.0 } else { nominal_s / 4.0 };
         let shape = WindowShape {
@@ -220,30 +223,23 @@ impl WindowBuilder {
         Ok(Self {
             short_tau: vec![ShortTau::new(sample_interval_s, longest); log.axes.len()],
             shape,
-            discard_initial_ns: ns_from_s(setup.discard_initial_s).unwrap_or(0),
+            discard_initial_ns: ns_from_s(discard_initial_s).unwrap_or(0),
             tick_ns,
             rows,
             runs: Vec::new(),
             run: None,
             weights: Vec::new(),
-            judged_axes: log.axes.len(),
-            judged_aux: log.aux.len(),
             tracks: log.thermometers.len() + log.aux.len(),
             table_spread_dps: Vec::new(),
             keep_outliers: false,
+            status: vec![Vec::new(); log.axes.len()],
         })
     }
 
-    /// Lets only the first `axes` axes and `aux` auxiliary columns decide which windows are outliers.
+    /// Keeps no tracks: only a fit needs them.
     #[must_use]
-    pub fn judging(self, axes: usize, aux: usize) -> Self {
-        Self { judged_axes: axes, judged_aux: aux, ..self }
-    }
-
-    /// Keeps the tracks of thermometers alone.
-    #[must_use]
-    pub fn without_aux_tracks(self) -> Self {
-        Self { tracks: self.shape.thermometers.len(), ..self }
+    pub(crate) fn without_tracks(self) -> Self {
+        Self { tracks: 0, ..self }
     }
 
     /// Reads whole logs, each as one run.
@@ -271,11 +267,17 @@ impl WindowBuilder {
     /// # Errors
     /// A run of more temperature periods than a track may have.
     pub fn push(&mut self, batch: &Batch) -> Result<()> {
-        self.push_with_noise(batch, &batch.angle)
+        self.push_corrected(batch, &batch.angle, &[])
     }
 
-    /// The same, with the angles whose short-τ deviations tell the noise of each axis.
-    pub(crate) fn push_with_noise(&mut self, batch: &Batch, noise: &[Vec<f64>]) -> Result<()> {
+    /// The same of corrected rows: `unrounded` are the angles before rounding to whole counts, whose short-τ deviations
+    /// measure the noise; `status` has the bits of each row, per axis.
+    pub(crate) fn push_corrected(
+        &mut self,
+        batch: &Batch,
+        unrounded: &[Vec<f64>],
+        status: &[Vec<Status>],
+    ) -> Result<()> {
         let (Some(first_ns), Some(last_ns)) = (batch.start_ns.first(), batch.end_ns.last()) else { return Ok(()) };
         let run = self.run.get_or_insert_with(|| OpenRun::new(*first_ns, self.tracks));
         run.end_ns = *last_ns;
@@ -289,7 +291,7 @@ impl WindowBuilder {
         while at < batch.len() {
             let end = self.same_window(batch, at);
             if batch.valid[at] {
-                self.add(batch, noise, at..end);
+                self.add(batch, unrounded, status, at..end);
             }
             at = end;
         }
@@ -309,7 +311,7 @@ impl WindowBuilder {
     }
 
     /// Adds rows of one window by time; a temperature that moves far within it divides it.
-    fn add(&mut self, batch: &Batch, noise: &[Vec<f64>], rows: Range<usize>) {
+    fn add(&mut self, batch: &Batch, unrounded: &[Vec<f64>], status: &[Vec<Status>], rows: Range<usize>) {
         let index = match (self.shape.window.seconds(), &self.run) {
             (Some(seconds), Some(run)) => (batch.end_ns[rows.start] - 1 - run.start_ns).div_euclid(window_ns(seconds)),
             _ => i64::try_from(self.rows.run.len()).unwrap_or(i64::MAX),
@@ -328,13 +330,14 @@ impl WindowBuilder {
                 self.close_window();
                 continue;
             }
-            for (short_tau, column) in self.short_tau.iter_mut().zip(noise) {
+            for (short_tau, column) in self.short_tau.iter_mut().zip(unrounded) {
                 short_tau.push(&column[at..end], self.shape.unit.arcsec());
             }
             if let Some(run) = self.run.as_mut() {
                 let sums = run.open.get_or_insert_with(|| Sums::new(index, batch.start_ns[at], batch, at));
                 sums.add(batch, at..end, &self.weights[at..end]);
                 sums.extremes_c = extremes_c;
+                sums.add_status(status, at..end);
             }
             at = end;
         }
@@ -353,6 +356,7 @@ impl WindowBuilder {
         rows.samples.push(sums.samples);
         rows.first_line.push(sums.first_line);
         rows.excluded.push(None);
+        self.status.iter_mut().zip(&sums.status).for_each(|(column, bits)| column.push(*bits));
         let whole = sums.reference.weight() > 0.999 * sums.duration_ns as f64;
         rows.reference_dps.push(if whole { sums.reference.mean() } else { f64::NAN });
         self.table_spread_dps.push(if sums.reference.weight() > 0.0 { sums.reference.variance().sqrt() } else { 0.0 });
@@ -391,6 +395,12 @@ impl WindowBuilder {
         Self { keep_outliers: true, ..self }
     }
 
+    /// The windows, and per axis and window the union of the status bits of its corrected rows.
+    pub(crate) fn finish_with_status(mut self) -> (Windows, Vec<Vec<Status>>) {
+        let status = std::mem::take(&mut self.status);
+        (self.finish(), status)
+    }
+
     /// The windows, with the excluded ones marked.
     pub fn finish(self) -> Windows {
         let keep_all = self.keep_outliers;
@@ -407,7 +417,7 @@ impl WindowBuilder {
         }
         outliers::mark_table_changes(&mut windows, &self.table_spread_dps);
         if !keep_all {
-            outliers::mark(&mut windows, self.judged_axes, self.judged_aux);
+            outliers::mark(&mut windows);
         }
         windows
     }
@@ -466,6 +476,7 @@ impl Sums {
             aux: vec![Moments::EMPTY; batch.aux.len()],
             aux_extremes: vec![(f64::INFINITY, f64::NEG_INFINITY); batch.aux.len()],
             reference: Moments::EMPTY,
+            status: vec![Status::OK; batch.angle.len()],
         }
     }
 
@@ -487,6 +498,12 @@ impl Sums {
             *extremes = extremes_with(*extremes, &column[rows.clone()]);
         }
         self.reference.add(place, batch.reference_dps.get(rows).unwrap_or(&[]), weights);
+    }
+
+    fn add_status(&mut self, status: &[Vec<Status>], rows: Range<usize>) {
+        for (all, column) in self.status.iter_mut().zip(status) {
+            column[rows.clone()].iter().for_each(|bits| *all |= *bits);
+        }
     }
 }
 

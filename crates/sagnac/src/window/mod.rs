@@ -154,6 +154,12 @@ impl Windows {
         (noise_arcsec > ROUNDING * largest * self.shape.unit.arcsec()).then_some(terms)
     }
 
+    /// Takes over which windows are left out, and the tallies, from windows of the same bounds.
+    pub(crate) fn exclude_as(&mut self, other: &Self) {
+        self.rows.excluded.clone_from(&other.rows.excluded);
+        self.tallies.clone_from(&other.tallies);
+    }
+
     /// Marks a window as left out and counts its rows.
     pub(crate) fn exclude(&mut self, window: usize, reason: Reason) {
         if self.rows.excluded[window].is_some() {

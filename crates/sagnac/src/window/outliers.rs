@@ -44,16 +44,16 @@ const STEP_OF_CHANGES: f64 = 4.0;
 /// A step happens within two windows; a drift does not.
 const STEP_AT_ONCE: f64 = 0.7;
 
-/// Marks outliers of every run, as the first `axes` axes show them.
-pub(crate) fn mark(windows: &mut Windows, axes: usize, aux: usize) {
+/// Marks outliers of every run, as any axis shows them.
+pub(crate) fn mark(windows: &mut Windows) {
     for run in 0..windows.runs.len() {
-        for axis in 0..axes {
-            mark_run(windows, run, axis, aux);
+        for axis in 0..windows.shape.axes.len() {
+            mark_run(windows, run, axis);
         }
     }
 }
 
-fn mark_run(windows: &mut Windows, run: usize, axis: usize, aux: usize) {
+fn mark_run(windows: &mut Windows, run: usize, axis: usize) {
     let members: Vec<usize> = (0..windows.len())
         .filter(|i| windows.rows.run[*i] as usize == run && windows.rows.excluded[*i].is_none())
         .collect();
@@ -64,7 +64,7 @@ fn mark_run(windows: &mut Windows, run: usize, axis: usize, aux: usize) {
     };
     let stretches: Vec<Vec<usize>> = members.chunk_by(same_rate).map(<[usize]>::to_vec).collect();
     for stretch in stretches.iter().filter(|stretch| stretch.len() >= MIN_WINDOWS) {
-        mark_stretch(windows, stretch, axis, aux);
+        mark_stretch(windows, stretch, axis);
     }
 }
 
@@ -92,9 +92,9 @@ pub(crate) fn is_whole(mean: f64) -> bool {
 
 /// True behind each window of a stretch at which an auxiliary column jumps: by over a quarter of its range in the stretch, and
 /// by far more than it usually moves between two windows.
-fn jumps(windows: &Windows, members: &[usize], aux: usize) -> Vec<bool> {
+fn jumps(windows: &Windows, members: &[usize]) -> Vec<bool> {
     let mut jumps = vec![false; members.len()];
-    for column in &windows.rows.aux[..aux.min(windows.rows.aux.len())] {
+    for column in &windows.rows.aux {
         let values: Vec<f64> = members.iter().map(|i| column[*i]).collect();
         let (lo, hi) = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| (lo.min(*v), hi.max(*v)));
         let each: Vec<f64> = values.windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect();
@@ -111,8 +111,8 @@ fn jumps(windows: &Windows, members: &[usize], aux: usize) -> Vec<bool> {
     jumps
 }
 
-fn mark_stretch(windows: &mut Windows, members: &[usize], axis: usize, aux: usize) {
-    let levels = Levels::of(windows, axis, members, aux);
+fn mark_stretch(windows: &mut Windows, members: &[usize], axis: usize) {
+    let levels = Levels::of(windows, axis, members);
     let series = Series::of(windows, axis, members, &levels);
     let scale = robust_scale(&residuals(windows, members, &series));
     let kept = keep_one_level(&series, (STEP_SIGMAS * scale).max(STEP_OF_RANGE * decile_range(&series.rates)));
@@ -133,10 +133,10 @@ fn mark_stretch(windows: &mut Windows, members: &[usize], axis: usize, aux: usiz
 struct Levels(std::collections::BTreeMap<usize, f64>);
 
 impl Levels {
-    fn of(windows: &Windows, axis: usize, members: &[usize], aux: usize) -> Self {
+    fn of(windows: &Windows, axis: usize, members: &[usize]) -> Self {
         let rate = |i: usize| windows.rate_dph(axis, i);
         let mut level = 0.0;
-        let jumps = jumps(windows, members, aux);
+        let jumps = jumps(windows, members);
         let mut levels = std::collections::BTreeMap::new();
         for (at, member) in members.iter().enumerate() {
             if jumps[at] {

@@ -3,14 +3,18 @@
 //! Every key is optional in the file; what a log needs and neither file nor flag gives is asked for
 //! by name. Unknown keys are refused. `docs/reference/cli.md` has the table of keys.
 
+mod stages;
+
 use std::collections::BTreeMap;
 use std::path::Path;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+pub use stages::{Clock, Identity, ModelConfig, ReadConfig, Stages, TargetConfig, TestConfig, WindowConfig};
+
 use crate::error::{Error, Result};
-use sagnac_units::{EARTH_RATE_DPH, ns_from_s};
+use sagnac_units::EARTH_RATE_DPH;
 
 const DEFAULT_TICK_NS: i64 = 100_000;
 const ONE_SECOND_NS: i64 = 1_000_000_000;
@@ -143,6 +147,11 @@ fn default_stale_after() -> f64 {
 }
 
 impl ThermometerSetup {
+    /// The one of this name, with the defaults where there is none.
+    pub(crate) fn find(all: &[Self], name: &str) -> Self {
+        all.iter().find(|t| t.name == name).cloned().unwrap_or_else(|| Self::named(name))
+    }
+
     /// The defaults under a name.
     pub fn named(name: &str) -> Self {
         Self {
@@ -176,6 +185,18 @@ pub struct AuxSetup {
 }
 
 impl AuxSetup {
+    /// The one of this name, with the defaults where there is none.
+    pub(crate) fn find(all: &[Self], name: &str) -> Self {
+        let known = all.iter().find(|aux| aux.name == name);
+        known.cloned().unwrap_or_else(|| Self {
+            name: name.to_owned(),
+            valid_range: None,
+            stale_after_s: default_stale_after(),
+            offset: None,
+            gain_per_code: None,
+        })
+    }
+
     fn check(&self) -> Result<()> {
         if let Some([lo, hi]) = self.valid_range {
             in_range("aux.valid_range", Some(lo), -1e12, 1e12)?;
@@ -361,120 +382,6 @@ impl Setup {
         }
         Ok(())
     }
-
-    /// The part of a setup that windows are made with: two setups with the same part make the same windows. Every key is
-    /// named here, so that a new one cannot be forgotten.
-    pub fn of_windows(&self) -> Self {
-        let Self {
-            serial: _,
-            axis,
-            sensor: _,
-            rig: _,
-            arcsec_per_count,
-            quantum,
-            counter,
-            counter_bits,
-            sample_interval_s,
-            columns,
-            instance,
-            temperature_offset_s,
-            input_rate_dph: _,
-            earth: _,
-            window,
-            reference_c: _,
-            discard_initial_s,
-            min_span_c: _,
-            noise: _,
-            tick_s,
-            temperature_period_s,
-            slew_ticks: _,
-            rate_lsb_arcsec: _,
-            use_thermometer: _,
-            inputs: _,
-            tables: _,
-            thermometers,
-            aux,
-        } = self.clone();
-        Self {
-            axis,
-            arcsec_per_count,
-            quantum,
-            counter,
-            counter_bits,
-            sample_interval_s,
-            columns,
-            instance,
-            temperature_offset_s,
-            window,
-            discard_initial_s,
-            tick_s,
-            temperature_period_s,
-            thermometers,
-            aux,
-            ..Self::default()
-        }
-    }
-
-    /// Tick of the target, ns; 100 µs by default.
-    pub fn tick_ns(&self) -> i64 {
-        self.tick_s.and_then(ns_from_s).unwrap_or(DEFAULT_TICK_NS).max(1)
-    }
-
-    /// Temperature period Δt of the target, ns: as given, else 1 s rounded up to whole ticks.
-    ///
-    /// # Errors
-    /// A given period that is no whole number of ticks.
-    pub fn period_ns(&self) -> Result<i64> {
-        let tick_ns = self.tick_ns();
-        let Some(seconds) = self.temperature_period_s else {
-            return Ok((ONE_SECOND_NS + tick_ns - 1) / tick_ns * tick_ns);
-        };
-        let period_ns = ns_from_s(seconds).unwrap_or(0);
-        if period_ns < tick_ns || period_ns % tick_ns != 0 {
-            let error = Error::input("must be a whole number of ticks").column("temperature_period_s");
-            return Err(error.value(seconds.to_string()));
-        }
-        Ok(period_ns)
-    }
-
-    /// Window size, 100 s by default.
-    pub fn window(&self) -> WindowSize {
-        self.window.unwrap_or(WindowSize::DEFAULT)
-    }
-
-    /// T0, 25 °C by default.
-    pub fn reference_c(&self) -> f64 {
-        self.reference_c.unwrap_or(25.0)
-    }
-
-    /// What is said of the table in the run of a file: its own entry, else one for every run.
-    pub fn table_of(&self, file: &str) -> Option<&TableRun> {
-        let own = self.tables.iter().find(|table| table.file.as_deref() == Some(file));
-        own.or_else(|| self.tables.iter().find(|table| table.file.is_none()))
-    }
-
-    /// Known input rate along the axis, °/h.
-    pub fn known_input_rate_dph(&self) -> Option<f64> {
-        self.input_rate_dph.or_else(|| self.earth.map(|e| e.rate_dph()))
-    }
-
-    /// The auxiliary column of this name, with the defaults where the file has none.
-    pub fn aux(&self, name: &str) -> AuxSetup {
-        let known = self.aux.iter().find(|aux| aux.name == name);
-        known.cloned().unwrap_or_else(|| AuxSetup {
-            name: name.to_owned(),
-            valid_range: None,
-            stale_after_s: default_stale_after(),
-            offset: None,
-            gain_per_code: None,
-        })
-    }
-
-    /// The thermometer of this name, with the defaults where the file has none.
-    pub fn thermometer(&self, name: &str) -> ThermometerSetup {
-        let known = self.thermometers.iter().find(|t| t.name == name);
-        known.cloned().unwrap_or_else(|| ThermometerSetup::named(name))
-    }
 }
 
 /// Checks a thermometer against its ranges.
@@ -524,19 +431,10 @@ mod tests {
         assert_eq!(error.place.column.as_deref(), Some("arcsec_per_count"));
     }
 
-    /// What is said of the bench in words changes no window, what says how rows are read does.
-    #[test]
-    fn windows_depend_on_what_rows_are_read_with() {
-        let plain = Setup::default();
-        let words = Setup { rig: Some("chamber 3".into()), sensor: Some("RLG".into()), ..Setup::default() };
-        assert_eq!(words.of_windows(), plain.of_windows());
-        assert!(Setup { discard_initial_s: 60.0, ..Setup::default() }.of_windows() != plain.of_windows());
-    }
-
     #[test]
     fn window_is_seconds_or_the_word_row() {
-        assert_eq!(Setup::parse("window = \"row\"").unwrap().window(), WindowSize::ROW);
-        assert_eq!(Setup::parse("window = 50").unwrap().window().seconds(), Some(50.0));
+        assert_eq!(Setup::parse("window = \"row\"").unwrap().window, Some(WindowSize::ROW));
+        assert_eq!(Setup::parse("window = 50").unwrap().window, Some(WindowSize::Seconds(50.0)));
         assert!(Setup::parse("window = \"hour\"").is_err());
     }
 
