@@ -83,7 +83,7 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     });
     console.say(table(&["coefficient", "rig", "fitted ± σ"], rows));
     let correction = Correction::from_calibration(calibration)?;
-    let Proof { verification: proof, report_data } =
+    let Proof { verification: proof, report_data, .. } =
         verify(&correction, vec![log(second)?], &setup, VerifyOptions::default())?;
     describe(console, &proof)?;
     equations(console);

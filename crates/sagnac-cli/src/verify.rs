@@ -51,7 +51,7 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     let logs = loading::logs(&args.retests, &setup, ReadMode::Bulk)?;
     let options = VerifyOptions::default().keep_outliers(args.setup.keep_outliers);
     let proof = verify(&correction, logs, &setup, options)?;
-    let Proof { verification, report_data } = match &limits {
+    let Proof { verification, report_data, .. } = match &limits {
         Some(limits) => proof.limits(limits)?,
         None => proof,
     };

@@ -17,6 +17,7 @@ pub enum ErrorKind {
 
 /// Where in the input something stands. Empty fields are not printed.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Place {
     /// File name as it was given.
     pub file: Option<String>,
@@ -49,6 +50,7 @@ impl fmt::Display for Place {
 
 /// One complaint a person can act on.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub struct Error {
     /// Input or refusal.
     pub kind: ErrorKind,

@@ -27,6 +27,7 @@ const ROUNDS: usize = 3;
 
 /// A point of the Allan curve.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct CurvePoint {
     /// τ, s.
     pub tau_s: f64,
@@ -44,6 +45,7 @@ pub struct CurvePoint {
 
 /// A point of the Hadamard curve.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct HadamardPoint {
     /// τ, s.
     pub tau_s: f64,
@@ -79,6 +81,7 @@ pub enum TermValue {
 
 /// The five terms, in the field's units.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Terms {
     /// Quantization, arcsec.
     pub q_arcsec: TermValue,
@@ -145,6 +148,7 @@ impl Term {
 
 /// The noise of one axis.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct AxisBudget {
     /// Axis letter.
     pub axis: char,

@@ -44,4 +44,6 @@ pub use fit::{FitOptions, Model};
 pub use sagnac_log::{Error, ErrorKind, Place, Result, Setup};
 pub use sagnac_noise::Taus;
 pub use verify::{Limits, Proof, Verification};
+// Types of these crates are in our signatures: readers and setup, deviations, the target's image.
 pub use workflow::{allan, calibrate};
+pub use {sagnac_core, sagnac_log, sagnac_noise};

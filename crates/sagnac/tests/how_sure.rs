@@ -162,7 +162,8 @@ fn records_of_one_gyro_agree_and_a_changed_one_stands_out() {
 #[test]
 fn what_cannot_be_compared_is_refused_by_name() {
     let unit = fit(vec![log(300, 0, 0.0, 1)], &by_rows(), "bias 3").unwrap();
-    let other = Calibration { serial: "ANOTHER".into(), ..unit.clone() };
+    let mut other = unit.clone();
+    other.serial = "ANOTHER".into();
     let alone = compare(&[("a".to_owned(), unit.clone())]).unwrap_err();
     assert!(alone.what.contains("two calibrations"), "{alone}");
     let foreign = compare(&[("a".to_owned(), unit), ("b".to_owned(), other)]).unwrap_err();

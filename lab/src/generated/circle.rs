@@ -68,7 +68,7 @@ fn close(name: &str) -> Result<Found> {
     let chosen = calibration.axes[0].correction.model.clone();
     let correction = Correction::from_calibration(calibration)?;
     let (log, truth) = simulate(&scenario, 3)?;
-    let Proof { verification: proof, report_data } =
+    let Proof { verification: proof, report_data, .. } =
         verify(&correction, vec![reader(log, &setup)?], &setup, VerifyOptions::default())?;
     let axis = &proof.axes[0];
     let used: Vec<&Point> =

@@ -25,6 +25,7 @@ pub struct Request {
 
 /// The noise of a record.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct NoiseBudget {
     /// Axis by axis.
     pub axes: Vec<AxisBudget>,

@@ -13,6 +13,7 @@ use crate::model::{BASIS_LEN, Form, Shape, Span};
 
 /// What the target of one axis applies.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct AxisCorrection {
     /// In the words of `--model`.
     pub model: String,
@@ -24,6 +25,7 @@ pub struct AxisCorrection {
 
 /// How a correction was found, and how sure it is.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct FitDiagnostics {
     /// Residual of the fit.
     pub residual: Residual,
@@ -59,6 +61,7 @@ pub struct FitDiagnostics {
 
 /// A parameter of the fit that is no coefficient.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct NonlinearParameter {
     /// Its name: `lag`, `lag(cavity)`.
     pub name: String,
@@ -73,6 +76,7 @@ pub struct NonlinearParameter {
 /// The calibration of one axis. In JSON it is one flat object.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(try_from = "AxisRecord", into = "AxisRecord")]
+#[non_exhaustive]
 pub struct AxisCalibration {
     /// Axis letter.
     pub axis: char,

@@ -23,6 +23,7 @@ pub enum InputSource {
 
 /// An input: what its terms mean and how the target reads it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[non_exhaustive]
 pub struct Input {
     /// Its name in models and terms.
     pub name: String,

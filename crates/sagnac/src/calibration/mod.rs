@@ -44,6 +44,7 @@ pub const UNASSIGNED: &str = "unassigned";
 
 /// A calibration of one unit, one entry per axis.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[non_exhaustive]
 pub struct Calibration {
     /// Always `sagnac-calibration`.
     pub format: String,
@@ -101,6 +102,7 @@ impl LogUnit {
 
 /// Timing of the target.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[non_exhaustive]
 pub struct Target {
     /// Tick, ns.
     pub tick_ns: u32,
@@ -152,6 +154,7 @@ pub(crate) const CODE_C: f64 = 1.0 / (1 << 24) as f64;
 
 /// One term of a correction: what it acts on × input × shape × rate, and its estimate.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[non_exhaustive]
 pub struct Term {
     /// What it acts on.
     pub acts_on: ActsOn,
@@ -213,6 +216,7 @@ pub struct Lag {
 
 /// The offset of one run: fixed bias plus input rate. Never part of the correction.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[non_exhaustive]
 pub struct RunOffset {
     /// Index of the run.
     pub run: u32,
@@ -227,6 +231,7 @@ pub struct RunOffset {
 
 /// The curve at Ṫ = 0 in the paper's form: value = Σ coefficientᵢ·Tⁱ, T in °C.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[non_exhaustive]
 pub struct Monomial {
     /// Run whose offset it holds.
     pub run: u32,
@@ -245,6 +250,7 @@ pub struct Monomial {
 
 /// Residual of the fit, about the fitted curve. In-sample: quote the cross-validation instead.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[non_exhaustive]
 pub struct Residual {
     /// Windows.
     pub n: usize,
@@ -260,6 +266,7 @@ pub struct Residual {
 
 /// What noise alone makes of the mean of a window.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[non_exhaustive]
 pub struct NoiseFloor {
     /// √(N²/τ + 2Q²/τ²) for the nominal window, °/h.
     pub value_dph: f64,
@@ -273,6 +280,7 @@ pub struct NoiseFloor {
 
 /// Held-out residual.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[non_exhaustive]
 pub struct CrossValidation {
     /// What is held out.
     pub scheme: String,
@@ -284,6 +292,7 @@ pub struct CrossValidation {
 
 /// One model that was tried.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[non_exhaustive]
 pub struct Candidate {
     /// In the words of `--model`.
     pub model: String,
@@ -300,6 +309,7 @@ pub struct Candidate {
 
 /// Where a record comes from. No clock: the same input gives the same bytes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[non_exhaustive]
 pub struct Provenance {
     /// Program and version.
     pub program: String,

@@ -7,6 +7,7 @@ use sagnac_units::format::significant;
 
 /// A value in parts per million with its standard deviation.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[non_exhaustive]
 pub struct PpmEstimate {
     /// Value, ppm.
     pub ppm: f64,
@@ -16,6 +17,7 @@ pub struct PpmEstimate {
 
 /// One temperature of a test on a rate table.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[non_exhaustive]
 pub struct Plateau {
     /// Mean temperature, °C.
     pub temperature_c: f64,
@@ -37,6 +39,7 @@ pub struct Plateau {
 
 /// How well the scale factor comes back to itself.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[non_exhaustive]
 pub struct Repeatability {
     /// σ among visits of one temperature, pooled over temperatures, ppm.
     pub sigma_ppm: f64,
@@ -50,6 +53,7 @@ pub struct Repeatability {
 
 /// The scale factor, from runs on a rate table.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[non_exhaustive]
 pub struct ScaleFactor {
     /// S at T0, arcsec per count; null for rate logs.
     pub arcsec_per_count: Option<f64>,
@@ -90,6 +94,7 @@ const BEYOND_NOISE: f64 = 3.0;
 
 /// Angle between the input axis and the plane that another axis is normal to.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[non_exhaustive]
 pub struct Misalignment {
     /// The axis that was turned.
     pub towards: char,

@@ -28,6 +28,7 @@ pub enum SearchVerdict {
 
 /// One model that the search tried.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[non_exhaustive]
 pub struct SearchStep {
     /// Step of the search, from 0.
     pub step: usize,
@@ -71,6 +72,7 @@ impl SearchStep {
 
 /// An input that the search did not try.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[non_exhaustive]
 pub struct RejectedInput {
     /// Its name.
     pub input: String,
@@ -80,6 +82,7 @@ pub struct RejectedInput {
 
 /// Conditioning of the terms: run offsets projected out, columns at unit length.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[non_exhaustive]
 pub struct Collinearity {
     /// Largest over smallest singular value.
     pub condition: f64,
@@ -89,6 +92,7 @@ pub struct Collinearity {
 
 /// Noise that an input's terms add to the corrected angle.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[non_exhaustive]
 pub struct InputNoise {
     /// Name of the thermometer or column.
     pub input: String,
@@ -102,6 +106,7 @@ pub struct InputNoise {
 
 /// Noise of the correction itself.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[non_exhaustive]
 pub struct CorrectionNoise {
     /// Input by input.
     pub inputs: Vec<InputNoise>,

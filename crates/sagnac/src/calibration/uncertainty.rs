@@ -14,6 +14,7 @@ use crate::model::{ActsOn, Shape};
 
 /// Mean while heating less mean while cooling: a gradient, a lag, a rate term.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[non_exhaustive]
 pub struct Hysteresis {
     /// About the offsets of the runs, °/h.
     pub before_dph: f64,
@@ -25,6 +26,7 @@ pub struct Hysteresis {
 
 /// The uncertainty of the curve at one temperature, now and after soaking there.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[non_exhaustive]
 pub struct SoakRow {
     /// °C.
     pub temperature_c: f64,
@@ -36,6 +38,7 @@ pub struct SoakRow {
 
 /// What more soaking would improve, by the covariance of the fit.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[non_exhaustive]
 pub struct Soak {
     /// Hours that are forecast.
     pub hours: Vec<f64>,
@@ -51,6 +54,7 @@ pub struct Soak {
 
 /// What the fit says of a temperature.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Prediction {
     /// d(T) at rest, °/h.
     pub drift_dph: f64,
@@ -62,6 +66,7 @@ pub struct Prediction {
 
 /// The correction at one temperature and temperature rate.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[non_exhaustive]
 pub struct Evaluation {
     /// Temperature, °C.
     pub temperature_c: f64,

@@ -29,6 +29,7 @@ const NEAR_REFERENCE: f64 = 0.02;
 
 /// A curve of every record at the common temperatures.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[non_exhaustive]
 pub struct ComparedCurve {
     /// `bias`, °/h, or `scale`, ppm.
     pub quantity: String,
@@ -116,6 +117,7 @@ impl ComparedCurve {
 
 /// Where records disagree most.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[non_exhaustive]
 pub struct Worst {
     /// Record, from 0.
     pub record: usize,
@@ -127,6 +129,7 @@ pub struct Worst {
 
 /// A number that every record has.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[non_exhaustive]
 pub struct ComparedNumber {
     /// What it is.
     pub name: String,
@@ -140,6 +143,7 @@ pub struct ComparedNumber {
 
 /// One axis.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[non_exhaustive]
 pub struct ComparedAxis {
     /// Axis letter.
     pub axis: char,
@@ -151,6 +155,7 @@ pub struct ComparedAxis {
 
 /// The result of `sagnac compare`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[non_exhaustive]
 pub struct Comparison {
     /// Serial number that all share.
     pub serial: String,

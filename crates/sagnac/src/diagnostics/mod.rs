@@ -23,6 +23,7 @@ pub enum Leg {
 
 /// One window.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Point {
     /// Index of the run.
     pub run: usize,
@@ -46,6 +47,7 @@ pub struct Point {
 
 /// A stretch of the hours of test that is one run.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct RunSpan {
     /// File name.
     pub file: String,
@@ -55,6 +57,7 @@ pub struct RunSpan {
 
 /// The points of one axis.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct AxisReportData {
     /// Axis letter.
     pub axis: char,
@@ -89,6 +92,7 @@ impl EffectOf {
 
 /// What one input does, with what the fit left.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Effect {
     /// Its name.
     pub input: String,
@@ -112,6 +116,7 @@ pub struct Effect {
 
 /// Everything a report draws.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct ReportData {
     /// The runs.
     pub runs: Vec<RunSpan>,

@@ -83,6 +83,7 @@ fn yes() -> bool {
 /// What a flight comes to.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[non_exhaustive]
 pub struct PositionError {
     /// The flight as stated.
     pub stated: Flight,

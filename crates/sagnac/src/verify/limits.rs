@@ -18,6 +18,7 @@ use sagnac_units::format::{significant, with_sigma};
 /// Limits of a verification.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
+#[non_exhaustive]
 pub struct Limits {
     /// Set whose limits hold where this file gives none: `navigation-grade` or `paper`.
     pub base: Option<String>,
@@ -70,6 +71,7 @@ pub struct Limits {
 /// Which limits a unit was held against.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[non_exhaustive]
 pub struct LimitsSource {
     /// Name of the set, or of the file.
     pub name: String,
@@ -95,6 +97,7 @@ pub const SETS: [(&str, &str); 2] = [
 /// One limit held against its value.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[non_exhaustive]
 pub struct Verdict {
     /// Key of the limit.
     pub name: String,
@@ -145,6 +148,7 @@ impl Verdict {
 
 /// How many limits are met, not met, and not asked.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Judged {
     /// Met.
     pub met: usize,
@@ -307,6 +311,7 @@ type Figure = Option<(f64, Option<f64>)>;
 
 /// Everything about one limit: file, judgement, report and documentation are made from these.
 #[derive(Clone, Copy)]
+#[non_exhaustive]
 pub struct LimitSpec {
     /// Key in the file.
     pub key: &'static str,

@@ -163,6 +163,7 @@ impl Correction {
 /// The floor of a retest's windows.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[non_exhaustive]
 pub struct RetestNoiseFloor {
     /// σ of the used windows from noise alone, °/h: root mean square of √(N²/τ + 2Q²/τ²) over their lengths τ.
     pub value_dph: f64,
@@ -179,6 +180,7 @@ pub struct RetestNoiseFloor {
 /// How much of the temperatures of the fit a retest saw.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[non_exhaustive]
 pub struct Coverage {
     /// Span of the fit, by the image, °C.
     pub fit_c: [f64; 2],
@@ -224,6 +226,7 @@ impl Coverage {
 /// One axis of a verification.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[non_exhaustive]
 pub struct AxisVerification {
     /// Axis letter.
     pub axis: char,
@@ -264,6 +267,7 @@ pub struct AxisVerification {
 /// The result of `sagnac verify`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[non_exhaustive]
 pub struct Verification {
     /// Program and version.
     pub program: String,
@@ -307,6 +311,7 @@ impl Verification {
 
 /// A verification and the windows behind it.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Proof {
     /// The result.
     pub verification: Verification,

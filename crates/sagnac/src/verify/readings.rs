@@ -22,6 +22,7 @@ pub enum LogColumn {
 
 /// What the images of a log's axes read.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Readings {
     /// The thermometer of the fit.
     pub thermometer: Option<usize>,

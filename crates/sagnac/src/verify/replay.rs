@@ -59,6 +59,7 @@ struct AxisReplay {
 
 /// Corrected values of a batch, per axis and row.
 #[derive(Clone, Debug, Default)]
+#[non_exhaustive]
 pub struct Corrected {
     /// Angle in the log's own unit: whole quanta, or arcsec.
     pub angle: Vec<Vec<f64>>,

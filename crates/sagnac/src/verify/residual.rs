@@ -35,6 +35,7 @@ const FLAT: f64 = 0.664_28;
 /// Steady stretches of a retest.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[non_exhaustive]
 pub struct Plateaus {
     /// How many.
     pub plateaus: usize,
@@ -49,6 +50,7 @@ pub struct Plateaus {
 /// Angle random walk of the rows, °/√h.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[non_exhaustive]
 pub struct RandomWalk {
     /// As logged.
     pub before_deg_rt_h: f64,
@@ -59,6 +61,7 @@ pub struct RandomWalk {
 /// Figures of what is left.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
+#[non_exhaustive]
 pub struct Residual {
     /// Null without a plateau.
     pub plateaus: Option<Plateaus>,

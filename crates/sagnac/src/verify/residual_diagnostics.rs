@@ -27,6 +27,7 @@ const GAP: f64 = 0.005;
 /// A value with its standard error.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[non_exhaustive]
 pub struct Estimate {
     /// The value.
     pub value: f64,
@@ -37,6 +38,7 @@ pub struct Estimate {
 /// Steps over the breaks of a record.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[non_exhaustive]
 pub struct GapSteps {
     /// Breaks with enough windows on both sides.
     pub gaps: usize,
@@ -49,6 +51,7 @@ pub struct GapSteps {
 /// Diagnostics of the residual.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[non_exhaustive]
 pub struct ResidualDiagnostics {
     /// √(σ² − floor²), °/h; null where it is within two sampling errors of nothing, or without a floor.
     pub over_floor_dph: Option<f64>,

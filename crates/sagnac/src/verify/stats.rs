@@ -7,6 +7,7 @@ use statrs::distribution::{ContinuousCDF, Normal};
 /// Figures of one axis over the used windows, in the unit that the verification names.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[non_exhaustive]
 pub struct Figures {
     /// Windows.
     pub n: usize,

@@ -21,6 +21,7 @@ use sagnac_log::setup::TestConfig;
 /// Scale factor over the plateaus of a retest, ppm.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[non_exhaustive]
 pub struct ScaleFigures {
     /// Mean over the plateaus.
     pub mean_ppm: f64,
@@ -33,6 +34,7 @@ pub struct ScaleFigures {
 /// One plateau, before and after.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[non_exhaustive]
 pub struct PlateauProof {
     /// Mean temperature, °C.
     pub temperature_c: f64,
@@ -45,6 +47,7 @@ pub struct PlateauProof {
 /// What the correction does to the scale factor.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[non_exhaustive]
 pub struct ScaleProof {
     /// As logged.
     pub before: ScaleFigures,
