@@ -1,0 +1,208 @@
+//! A test engineer's own generator of thermal tests. It shares no code with the fit or with the simulator: profile, block,
+//! noise and counter are written out here.
+//!
+//! ```text
+//! chamber: triangle −40 … +70 °C at 1 °C/min with soaks ─first-order lag─▶ block = thermometer
+//! rate   = input + bias + drift(T, Ṫ) + disturbance + N (white) + B (flicker) + K (walk) + slow (AR(1))      °/h
+//! counts = floor(angle/quantum) differences: quantization is that of a counter
+//! ```
+#![allow(dead_code, reason = "each test binary uses its own part")]
+
+use std::fmt::Write as _;
+
+use sagnac_log::setup::Setup;
+
+/// Rows, s.
+pub(crate) const ROW_S: f64 = 5.0;
+/// Angle of a count, arcsec.
+pub(crate) const QUANTUM_ARCSEC: f64 = 0.15125;
+/// Angle random walk, °/√h.
+pub(crate) const N_DEG_RT_H: f64 = 0.003;
+/// White noise of a 100 s window by that walk, °/h.
+pub(crate) const WHITE_100_S_DPH: f64 = 0.018;
+
+/// Own random numbers: SplitMix64 and Box–Muller.
+pub(crate) struct Dice(u64);
+
+impl Dice {
+    pub(crate) fn new(seed: u64) -> Self {
+        Self(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ 0x5851_f42d_4c95_7f2d)
+    }
+
+    pub(crate) fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+
+    pub(crate) fn uniform(&mut self) -> f64 {
+        ((self.next() >> 11) + 1) as f64 / (1_u64 << 53) as f64
+    }
+
+    pub(crate) fn normal(&mut self) -> f64 {
+        (-2.0 * self.uniform().ln()).sqrt() * (std::f64::consts::TAU * self.uniform()).cos()
+    }
+}
+
+/// What the drift is a function of.
+#[derive(Clone, Copy)]
+pub(crate) struct Now {
+    /// Temperature of the block, °C.
+    pub(crate) celsius: f64,
+    /// Its rate, °C/min.
+    pub(crate) cpm: f64,
+    /// Its rate behind a first-order lag of [`Bench::rate_lag_s`], °C/min.
+    pub(crate) lagged_cpm: f64,
+    /// Since the start of the test, h.
+    pub(crate) hours: f64,
+}
+
+impl Now {
+    /// Temperature scaled to −1 … 1 over −40 … +70 °C.
+    pub(crate) fn u(self) -> f64 {
+        (self.celsius - 15.0) / 55.0
+    }
+}
+
+/// One thermal test of one gyro.
+#[derive(Clone)]
+pub(crate) struct Bench<'a> {
+    pub(crate) seed: u64,
+    /// Cycles −40 → +70 → −40 °C with a soak of half an hour at each end.
+    pub(crate) cycles: usize,
+    /// Only the first so many hours, if given.
+    pub(crate) hours: Option<f64>,
+    pub(crate) block_lag_s: f64,
+    pub(crate) rate_lag_s: f64,
+    pub(crate) thermometer_step_c: f64,
+    /// Input rate and fixed bias, °/h.
+    pub(crate) input_dph: f64,
+    pub(crate) bias_dph: f64,
+    /// Deviation of the scale factor, ppm.
+    pub(crate) scale_ppm: f64,
+    pub(crate) drift: &'a dyn Fn(Now) -> f64,
+    pub(crate) n_deg_rt_h: f64,
+    pub(crate) b_dph: f64,
+    /// Rate random walk, °/h/√h.
+    pub(crate) k_dph_rt_h: f64,
+    /// Correlation time, s, and σ, °/h, of a first-order Markov process.
+    pub(crate) markov: Option<(f64, f64)>,
+    /// Time of the first row's start, s.
+    pub(crate) start_s: f64,
+}
+
+/// No drift.
+pub(crate) fn none(_: Now) -> f64 {
+    0.0
+}
+
+impl<'a> Bench<'a> {
+    pub(crate) fn new(seed: u64, drift: &'a dyn Fn(Now) -> f64) -> Self {
+        Self {
+            seed,
+            cycles: 2,
+            hours: None,
+            block_lag_s: 1200.0,
+            rate_lag_s: 1.0,
+            thermometer_step_c: 0.0,
+            input_dph: 4.5,
+            bias_dph: 0.0,
+            scale_ppm: 0.0,
+            drift,
+            n_deg_rt_h: N_DEG_RT_H,
+            b_dph: 0.0,
+            k_dph_rt_h: 0.0,
+            markov: None,
+            start_s: 0.0,
+        }
+    }
+
+    /// How its logs are read.
+    pub(crate) fn setup() -> Setup {
+        Setup { arcsec_per_count: Some(QUANTUM_ARCSEC), input_rate_dph: Some(4.5), ..Setup::default() }
+    }
+
+    /// Chamber temperature after so many minutes: soak cold, up, soak hot, down.
+    fn chamber_c(minutes: f64) -> f64 {
+        match minutes % 280.0 {
+            m if m < 30.0 => -40.0,
+            m if m < 140.0 => -40.0 + (m - 30.0),
+            m if m < 170.0 => 70.0,
+            m => 70.0 - (m - 170.0),
+        }
+    }
+
+    pub(crate) fn rows(&self) -> usize {
+        let hours = self.hours.unwrap_or(280.0 / 60.0 * self.cycles as f64);
+        (hours * 3600.0 / ROW_S).round() as usize
+    }
+
+    /// True drift of each row, °/h, and the block's temperature: for those who judge the judge.
+    pub(crate) fn truth(&self) -> Vec<(f64, f64)> {
+        let mut out = Vec::new();
+        self.run(|_, now, _| out.push((now.celsius, (self.drift)(now))));
+        out
+    }
+
+    fn run(&self, mut row: impl FnMut(usize, Now, &mut Dice)) {
+        let mut dice = Dice::new(self.seed);
+        let (mut block, mut lagged) = (-40.0, 0.0);
+        for i in 0..self.rows() {
+            let minutes = (i as f64 + 0.5) * ROW_S / 60.0;
+            let before = block;
+            block += (Self::chamber_c(minutes) - block) * (1.0 - (-ROW_S / self.block_lag_s).exp());
+            let cpm = (block - before) / ROW_S * 60.0;
+            lagged += (cpm - lagged) * (1.0 - (-ROW_S / self.rate_lag_s).exp());
+            let now = Now { celsius: block, cpm, lagged_cpm: lagged, hours: minutes / 60.0 };
+            row(i, now, &mut dice);
+        }
+    }
+
+    /// The log as CSV of counts; `disturb` adds °/h by hours of test.
+    pub(crate) fn log_with(&self, disturb: &dyn Fn(f64) -> f64) -> Vec<u8> {
+        let mut text = String::from("time_s,temperature_c,counts\n");
+        let hours_per_row = ROW_S / 3600.0;
+        let white = self.n_deg_rt_h / hours_per_row.sqrt();
+        // Flicker: Markov processes two octaves apart, from 10 s to 1e6 s; each has σ² = B²·ln 4/π.
+        let part = self.b_dph * (4.0_f64.ln() / std::f64::consts::PI).sqrt();
+        let taus: Vec<f64> = (0..9).map(|k| 10.0 * 4.0_f64.powi(k)).collect();
+        let mut start = Dice::new(self.seed ^ 0xf11c);
+        let mut flicker: Vec<f64> = taus.iter().map(|_| start.normal()).collect();
+        let mut slow = start.normal();
+        let (mut walk, mut angle, mut counted) = (0.0, start.uniform() * QUANTUM_ARCSEC, 0.0);
+        self.run(|i, now, dice| {
+            for (state, tau) in flicker.iter_mut().zip(&taus).filter(|_| part > 0.0) {
+                let keep = (-ROW_S / tau).exp();
+                *state = keep * *state + (1.0 - keep * keep).sqrt() * dice.normal();
+            }
+            walk += self.k_dph_rt_h * hours_per_row.sqrt() * dice.normal();
+            let markov = self.markov.map_or(0.0, |(tau_s, sigma)| {
+                let keep = (-ROW_S / tau_s).exp();
+                slow = keep * slow + (1.0 - keep * keep).sqrt() * dice.normal();
+                sigma * slow
+            });
+            let noise = white * dice.normal() + part * flicker.iter().sum::<f64>() + walk + markov;
+            let input = self.input_dph + self.bias_dph + (self.drift)(now) + disturb(now.hours) + noise;
+            angle += input * ROW_S / (1.0 + self.scale_ppm * 1e-6);
+            let total = (angle / QUANTUM_ARCSEC).floor();
+            let step = self.thermometer_step_c;
+            let read = if step > 0.0 { (now.celsius / step).round() * step } else { now.celsius };
+            let time_s = self.start_s + (i + 1) as f64 * ROW_S;
+            writeln!(text, "{time_s},{read:.4},{}", total - counted).unwrap();
+            counted = total;
+        });
+        text.into_bytes()
+    }
+
+    pub(crate) fn log(&self) -> Vec<u8> {
+        self.log_with(&|_| 0.0)
+    }
+}
+
+/// Part of `of` records for which `holds` is true, over both processors.
+pub(crate) fn fraction(of: u64, holds: impl Fn(u64) -> bool + Sync) -> f64 {
+    use rayon::prelude::*;
+    (0..of).into_par_iter().filter(|seed| holds(*seed)).count() as f64 / of as f64
+}
