@@ -15,7 +15,7 @@ use flate2::read::GzDecoder;
 use xtask::shell::root;
 
 use crate::generated::{
-    chamber, circle, errors, faults, first_bytes, image, manual, pages, scenario_keys, schema, vectors,
+    chamber, circle, errors, faults, first_bytes, glossary, image, manual, pages, scenario_keys, schema, vectors,
 };
 use crate::program::Program;
 
@@ -43,11 +43,12 @@ enum Make {
 }
 
 /// All of them. Those of the libraries come first: the program reads some.
-const FILES: [(&str, Make); 11] = [
+const FILES: [(&str, Make); 12] = [
     ("testdata", Make::Here(chamber::make)),
     ("image", Make::Here(image::make)),
     ("vectors", Make::Here(vectors::make)),
     ("schema", Make::Here(schema::make)),
+    ("glossary", Make::Here(glossary::make)),
     ("scenario", Make::Here(scenario_keys::make)),
     ("first-bytes", Make::Here(first_bytes::make)),
     ("circle", Make::Here(circle::make)),
@@ -169,8 +170,13 @@ mod tests {
         }
 
         #[test]
-        fn schema_of_the_record() {
+        fn schema_of_the_record_and_its_tables() {
             holds("schema");
+        }
+
+        #[test]
+        fn the_glossary_of_the_book() {
+            holds("glossary");
         }
 
         #[test]
