@@ -274,7 +274,7 @@ fn a_ulog_goes_on_where_data_was_appended() {
         (0..60).for_each(|i| log.data(3, 1_000_000 + i * 10_000, &[0.1, 0.2, 0.3, 25.0]));
         let mut bytes = log.finish();
         bytes.extend_from_slice(&[28, 0, b'D', 3, 0][..left]);
-        // The offset stands in the flags, 16 bytes of header and 3 of the message's head before them.
+        // The offset is in the flags, after 16 bytes of header and 3 of the message's head.
         let at = (bytes.len() as u64).to_le_bytes();
         bytes[16 + 3 + 16..16 + 3 + 24].copy_from_slice(&at);
         let mut more = ULogWriter::new();

@@ -134,9 +134,9 @@ fn the_block_bootstrap_agrees_with_the_covariance() {
     }
 }
 
-/// Three cycles of one gyro agree; a fourth with another slope stands out, by name.
+/// Three cycles of one gyro agree; a fourth with another slope is reported by name.
 #[test]
-fn records_of_one_gyro_agree_and_a_changed_one_stands_out() {
+fn records_of_one_gyro_agree_and_a_changed_one_is_reported() {
     let unit = |seed: u64| fit(vec![log(300, 0, 1.0, seed)], &by_rows(), "bias 3").unwrap();
     let named = |records: Vec<Calibration>| -> Vec<(String, Calibration)> {
         records.into_iter().enumerate().map(|(i, record)| (format!("{i}.cal.json"), record)).collect()

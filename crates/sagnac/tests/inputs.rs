@@ -56,7 +56,7 @@ fn a_gradient_is_found() {
 #[test]
 fn a_voltage_is_found() {
     let rig = ManyInputs { voltage_dph_per_v: 5e-4, ..ManyInputs::plain() };
-    // The mode is a sum of voltage and temperature, so it would tell the same.
+    // The mode is a sum of voltage and temperature, so it would carry the same information.
     let (found, [with, without]) = with_and_without_of(&rig, Some(["cavity", "path_length_v", "bystander"]));
     assert!(only(&found).correction.model.contains("bias(path_length_v) 1"), "{}", only(&found).correction.model);
     assert!(with < 1.06 && without > 1.2 * with, "{with} {without}");
@@ -86,7 +86,7 @@ fn steps_between_modes_are_found() {
     }
 }
 
-/// What a report draws of an input: without looking at the terms, the windows on each mode tell the steps that were put in.
+/// Points that a report draws of an input: the windows on each mode show the simulated steps, whatever the terms are.
 #[test]
 fn each_input_is_shown_by_itself() {
     let steps_dph = vec![0.045, -0.015, 0.03, -0.045, 0.015];
@@ -192,9 +192,9 @@ fn zones_follow_a_knee_that_a_series_of_their_order_cannot() {
     assert!((t0[0]..=t0[1]).contains(&20.0));
 }
 
-/// A walk that nothing depends on, a second thermometer that adds nothing, modes without steps: the path takes none of them.
+/// A random walk without effect, a second thermometer that adds nothing, modes without steps: the search selects none.
 #[test]
-fn bystanders_stay_outside() {
+fn irrelevant_inputs_are_not_selected() {
     let mut taken = 0;
     for seed in 0..20 {
         let found = fit(vec![ManyInputs::plain().csv(100 + seed)], &setup(), "auto").unwrap();
@@ -216,7 +216,7 @@ fn bystanders_stay_outside() {
 
 /// A second thermometer glued to the first.
 #[test]
-fn terms_that_cannot_be_told_apart_are_refused() {
+fn terms_that_cannot_be_separated_are_refused() {
     let rig = ManyInputs { lags_s: [900.0, 899.0], ..ManyInputs::plain() };
     let error = fit(vec![rig.csv(1)], &setup(), "bias 2, bias(cavity) 2").unwrap_err();
     assert!(error.what.contains("condition"), "{error}");
@@ -415,7 +415,7 @@ fn large_steps_with_the_mode_are_no_outliers() {
     assert!(left(&found, &rig, &setup()) < 1.1);
 }
 
-/// Each mode is held once: a fold that holds the only change tells nothing of it to the others.
+/// Each mode is held once: the fold that contains the only change leaves the others without information on it.
 #[test]
 fn steps_that_happen_once_are_found() {
     let once = |up: f64| vec![Leg::Soak(3600.0), Leg::Ramp(up, 0.25), Leg::Soak(3600.0)];
@@ -460,7 +460,7 @@ fn a_coarse_virtual_lsb_adds_no_walk() {
     assert!((walk.after_deg_rt_h / walk.before_deg_rt_h - 1.0).abs() < 0.02, "{walk:?}");
 }
 
-/// A thermometer too noisy for its own slope: told, but the correction stays.
+/// A thermometer too noisy for its own slope: reported, but the correction stays.
 #[test]
 fn a_noisy_thermometer_costs_no_correction() {
     let rig = ManyInputs {
@@ -482,7 +482,7 @@ fn a_noisy_thermometer_costs_no_correction() {
     assert!(noise.increase_by_value.unwrap() > noise.limit);
 }
 
-/// On one even ramp the rate is the constant again: the grid's best that can be told apart is taken.
+/// On one even ramp the rate term equals the constant: the best separable model of the grid is selected.
 #[test]
 fn an_even_ramp_is_fitted_without_its_rate() {
     let rig = ManyInputs { legs: vec![Leg::Ramp(50.0, 0.15)], lags_s: [1.0, 1.0], ..ManyInputs::plain() };

@@ -1,9 +1,10 @@
-//! Which model, on which windows, and what its thermometers' noise allows.
+//! Selects the model and its windows, and limits the noise that thermometers add.
 //!
-//! `auto` takes the best of the grid over the thermometer of the fit, then goes the [`super::search`] over every other input,
-//! zones and steps. Whatever was chosen, the noise of its thermometers through its rate terms may raise the angle random walk
-//! by 5 % at most ([`super::input_noise`]): else the lag of the noisiest rate term is raised, or the term left out if that costs
-//! more on held-out data than it is worth. What the value terms add is told, not cured: without them there is no correction.
+//! `auto` selects the best of the grid over the thermometer of the fit, then runs the [`super::search`] over all other
+//! inputs, zones and steps. Thermometer noise through the rate terms may raise the angle random walk by 5 % at most
+//! ([`super::input_noise`]). Beyond that the lag of the noisiest rate term is raised, or the term removed if the longer lag
+//! costs more held-out error than the term gains. Noise through the value terms is reported only: without them there is no
+//! correction.
 
 use crate::calibration::{Candidate, CorrectionNoise, CrossValidation, RejectedInput, SearchStep, SearchVerdict};
 use crate::fit::criterion::{CvScore, effective_windows, is_undominated};
@@ -22,10 +23,10 @@ use crate::window::{WindowShape, Windows};
 use sagnac_log::error::{Error, Result};
 use sagnac_log::setup::Setup;
 
-/// Part of the windows that must know all inputs of `auto`.
+/// Fraction of the windows in which all inputs of `auto` must be known.
 const KNOWN_TOGETHER: f64 = 0.9;
 
-/// The grid's best.
+/// The best model of the grid.
 struct Best {
     spec: ModelSpec,
     mean_square: Option<f64>,
@@ -204,7 +205,7 @@ fn check_scale_rates(problem: &LeastSquares<'_>, spec: &ModelSpec) -> Result<()>
     })
 }
 
-/// True where the input rates of the runs tell a scale factor from a bias.
+/// True where the input rates of the runs separate scale factor and bias.
 fn several_rates(problem: &LeastSquares<'_>) -> bool {
     let (lo, hi) = problem.run_rate.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), r| (l.min(*r), h.max(*r)));
     problem.column_of(Level::Scale).is_some() || hi - lo > SAME_RATE * lo.abs().max(hi.abs())
@@ -333,10 +334,10 @@ fn candidate(spec: &ModelSpec, mean_square: Option<f64>, inputs: usize) -> Candi
 }
 
 impl Chosen<'_> {
-    /// Fits it, with as much lag as its thermometers' noise asks for; what that noise then does.
+    /// Fits it, with the lag that its thermometers' noise requires. Returns the fit and the noise of its correction.
     ///
     /// # Errors
-    /// Terms that cannot be told apart; for a model that was asked for, noise that no lag makes small enough.
+    /// Terms that cannot be separated; for a requested model, noise that no lag reduces enough.
     pub(crate) fn fit(
         &mut self,
         is_given: bool,
@@ -353,7 +354,7 @@ impl Chosen<'_> {
                 step.condition = fitted.conditioning.as_ref().map(|near| near.condition);
             }
             let noise = correction_noise(&self.problem, &fitted, n_deg_rt_h);
-            // Where the value terms alone are too loud, what the rate terms add to them is what counts.
+            // Where the value terms alone exceed the limit, it applies to what the rate terms add.
             let by_value = noise.increase_by_value.unwrap_or(0.0);
             let most = if by_value > INCREASE_MAX { by_value + INCREASE_MAX } else { INCREASE_MAX };
             let loudest = loudest_rate(&self.problem, &fitted);

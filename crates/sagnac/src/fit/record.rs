@@ -80,7 +80,7 @@ impl FitOptions {
 ///
 /// # Errors
 /// [`sagnac_log::ErrorKind::Refused`] where the data cannot support the answer: no temperature, too small a
-/// span, T0 outside it, too few windows, terms that cannot be told apart.
+/// span, T0 outside it, too few windows, terms that cannot be separated.
 pub fn calibrate(windows: Windows, setup: &Setup, options: &FitOptions) -> Result<Calibration> {
     calibrate_with_report_data(windows, setup, options).map(|(calibration, _)| calibration)
 }

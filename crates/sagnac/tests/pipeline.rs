@@ -1,4 +1,4 @@
-//! Along the whole road with simulated logs: windows as a table, replay, refusals of the fit.
+//! The whole path from log to correction with simulated logs: windows as a table, replay, refusals of the fit.
 
 mod support;
 
@@ -31,7 +31,7 @@ fn a_window_table_gives_the_same_calibration_as_its_logs() {
     let logs = || vec![csv_bytes(chamber_rig().run(1)), csv_bytes(chamber_rig().run(2))];
     let options = FitOptions::new(model("auto"));
     let direct = calibrate(windows(logs(), &setup), &setup, &options).unwrap();
-    let path = std::env::temp_dir().join(format!("sagnac-road-{}.parquet", std::process::id()));
+    let path = std::env::temp_dir().join(format!("sagnac-pipeline-{}.parquet", std::process::id()));
     let mut bytes = Vec::new();
     write_table(&windows(logs(), &setup), &setup, &mut bytes).unwrap();
     std::fs::write(&path, &bytes).unwrap();
@@ -217,7 +217,7 @@ fn compensated_output_is_stamped_conserves_counts_and_is_refused_as_input() {
 /// Multi-axis rates with two thermometers, a gap and missing temperatures: HELD, STALE and the gap do not
 /// disturb the books: corrected − raw is −Σd·dt of the covered time alone.
 #[test]
-fn replay_tells_held_and_stale_and_jumps_over_gaps() {
+fn replay_reports_held_and_stale_and_skips_gaps() {
     let setup = Setup { serial: Some("A".into()), arcsec_per_count: Some(1.0), ..Setup::default() };
     let polynomial = sagnac::export::Polynomial { coefficients: vec![10.0, 0.0], window_s: 100.0, span_c: [0.0, 50.0] };
     let correction = Correction::from_calibration(sagnac::export::import(&polynomial, &setup).unwrap()).unwrap();
@@ -306,7 +306,7 @@ fn the_same_log_twice_is_no_second_run() {
     assert!(error.kind == ErrorKind::Input && error.what.contains("same bytes"), "{error}");
 }
 
-/// A record edited by hand is taken as it stands or refused, never in part.
+/// A record edited by hand is accepted unchanged or refused, never in part.
 #[test]
 fn hand_edited_records_are_refused_by_field() {
     let text =
@@ -341,10 +341,10 @@ fn fit_and_import_take_the_same_timing_from_the_setup() {
     assert_eq!((fitted.target.tick_ns, fitted.target.period_ticks, fitted.target.slew_ticks), (200_000, 2500, 20));
 }
 
-/// Heating against cooling is told without being asked for: the rate effect before the fit, nothing after it; without the rate
+/// Hysteresis is always reported: the rate effect before the fit, nothing after it; without the rate
 /// term it stays.
 #[test]
-fn heating_against_cooling_is_always_told() {
+fn hysteresis_is_always_reported() {
     let rig = LaggedChamber::domain_notes();
     let setup = Setup { arcsec_per_count: Some(rig.arcsec_per_count), ..Setup::default() };
     let legs = |model: &str| {
