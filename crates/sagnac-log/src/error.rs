@@ -15,7 +15,7 @@ pub enum ErrorKind {
     Refused,
 }
 
-/// Where in the input something stands. Empty fields are not printed.
+/// A place in the input. Empty fields are not printed.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Place {
     /// File name as it was given.

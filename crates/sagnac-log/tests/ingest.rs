@@ -228,7 +228,7 @@ fn tables_without_time_are_rows_of_one_interval() {
     assert_eq!((batch.end_ns[1], reader.shape().timed), (200_000_000_000, false));
 }
 
-/// What stands in a broken row can neither refuse the log nor hold up the temperatures of the others.
+/// The content of a broken row can neither refuse the log nor invalidate the temperatures of other rows.
 #[test]
 fn a_ragged_row_is_only_that() {
     let mut log = "time_s,temperature_c,counts\n".to_owned();
