@@ -178,11 +178,7 @@ fn trials() -> Vec<Trial> {
         ),
         bump,
         missing,
-        trial(
-            "whole degrees",
-            "clean, thermometer resolution 1 °C",
-            Rig { thermometer_step_c: 1.0, ..QUIET },
-        ),
+        trial("whole degrees", "clean, thermometer resolution 1 °C", Rig { thermometer_step_c: 1.0, ..QUIET }),
         Trial { retest: QUIET.run(2), ..trial(NARROW, "fitted over 2 °C, applied over 80 °C", narrow) },
         Trial {
             fit: MOVING.run(3),

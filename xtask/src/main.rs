@@ -1,4 +1,4 @@
-//! `cargo xtask`: what CI runs, and what makes the files that the project made.
+//! `cargo xtask`: the tasks of CI and the makers of generated files.
 
 mod cargo_tools;
 mod checks;

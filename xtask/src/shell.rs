@@ -1,4 +1,4 @@
-//! Running other programs: the bottom of xtask and lab, which both stand on it.
+//! Runs other programs; used by xtask and lab.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};

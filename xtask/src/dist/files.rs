@@ -78,7 +78,7 @@ fn completions(release: &Release, folder: &Path) -> Result<Vec<File>> {
     made.into_iter().collect()
 }
 
-/// As Debian wants it to be found; the texts stand beside it.
+/// In the form that Debian requires; the licence texts are beside it.
 fn copyright_text() -> Result<String> {
     let mit = fs::read_to_string(root().join("LICENSE-MIT"))?;
     let holder = mit.lines().find(|line| line.starts_with("Copyright")).context("LICENSE-MIT names no holder")?;
@@ -88,7 +88,7 @@ fn copyright_text() -> Result<String> {
     ))
 }
 
-/// Copies a file to its place, for everyone to read; what is a program, to run.
+/// Copies a file to its place, readable for everyone, and executable if it is a program.
 pub(super) fn place(from: &Path, to: &Path) -> Result<()> {
     fs::create_dir_all(to.parent().context("a place without a folder")?)?;
     fs::copy(from, to).with_context(|| format!("cannot copy {} to {}", from.display(), to.display()))?;
