@@ -186,7 +186,7 @@ fn priced(full: &Image, inputs: &Image, harmonic: &Image) -> Result<Vec<(&'stati
     let order = |term: &Term| term.shape.order().unwrap_or(0);
     let series = |term: &Term| term.kind == Kind::Bias && term.multiplier == Multiplier::One;
     let rate = |term: &Term, most: u8| term.multiplier == Multiplier::Rate && order(term) <= most;
-    // The codes that are measured with are believed of every input.
+    // The codes of the measurement are valid for every input.
     let mut believed = *inputs.description();
     believed.inputs[3].gain = believed.inputs[0].gain;
     let inputs = &Image::new(believed)?;

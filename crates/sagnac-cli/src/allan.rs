@@ -71,7 +71,7 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
         loading::check_output_name(path, "CSV")?;
     }
     let budget = match args.logs.as_slice() {
-        [path] if is_curve(path)? => of_curve(path, args)?,
+        [path] if is_curve_file(path)? => of_curve(path, args)?,
         _ => of_logs(args)?,
     };
     for warning in &budget.warnings {
@@ -92,7 +92,7 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
 }
 
 /// True for a file that begins like a curve; pipes are logs.
-fn is_curve(path: &Path) -> Result<bool> {
+fn is_curve_file(path: &Path) -> Result<bool> {
     Ok(path.is_file()
         && matches!(loading::kind_of(path)?, loading::Kind::Log)
         && is_curve(&loading::first_bytes(path)?))

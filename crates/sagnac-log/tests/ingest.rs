@@ -86,7 +86,7 @@ fn rows_that_cannot_be_used_are_counted_with_their_first_line() {
     assert_eq!(batch.line, [2, 3, 7, 10, 11, 12, 13, 14, 15]);
     // A row after a gap takes the nominal interval; one after an unreadable count its own.
     assert_eq!((batch.start_ns[2], batch.start_ns[4]), (3_000_000_000, 49_000_000_000));
-    // Not believed is no temperature; an empty field leaves the newest one in the register.
+    // An invalid reading is no temperature; an empty field keeps the newest one.
     assert!(batch.temperature_c[0][5].is_nan() && batch.temperature_c[0][6].is_nan());
     assert_eq!(batch.temperature_c[0][7], 20.0);
     assert!(!batch.valid[8]);

@@ -113,7 +113,7 @@ pub(crate) fn drift(report_data: &ReportData, axis: &AxisReportData, record: &Ax
         out.layers.push(Layer::Band { label: "95 % band".to_owned(), role: Role::Fit, x: at, lo, hi });
     }
     out.layers.push(line("fit at rest", Role::Fit, &x, y.clone(), false));
-    // With rate terms the moving fits are already there, and most windows are none at rest.
+    // With rate terms the moving fits are already there, and most windows are not at rest.
     let at_rest = |t: &f64| record.predict(*t).filter(|_| record.rate_span_cpm().is_none());
     let window: Option<Vec<f64>> = x.iter().map(|t| Some(at_rest(t)?.window_dph)).collect();
     for (half, sign) in window.iter().flat_map(|half| [(half, -1.0), (half, 1.0)]) {

@@ -183,7 +183,7 @@ fn draw_layer(chart: &mut Chart<'_, '_>, figure: &Figure, layer: &Layer, marks: 
     Ok(())
 }
 
-/// Round dots; as logged they are rings, for cooling crosses, for what is left out oblique ones, small where nothing moves.
+/// Marks: dots; rings for logged values, crosses for cooling, oblique crosses for excluded windows, small dots without motion.
 fn dots(pixels: &[(i32, i32)], role: Role) -> String {
     let mut path = String::new();
     for (x, y) in pixels {

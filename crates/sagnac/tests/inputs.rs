@@ -240,7 +240,7 @@ fn thermometer_noise_is_predicted_as_the_replay_shows_it() {
         arw_deg_rt_h: 0.002,
         ..ManyInputs::plain()
     };
-    // Said to be noisier than it is, so that nothing is raised or left out.
+    // The stated noise exceeds the true one, so that no lag is raised and no term removed.
     let noise = Some(Noise { n_deg_rt_h: 0.05, q_arcsec: 0.0 });
     let free = Setup { noise, inputs: Some(Vec::new()), ..setup() };
     let found = fit(vec![rig.csv(1)], &free, "bias 3, rate 0").unwrap();
@@ -259,7 +259,7 @@ fn thermometer_noise_is_predicted_as_the_replay_shows_it() {
     assert!((predicted.inputs[0].sigma / 0.05 - 1.0).abs() < 0.05);
     assert!((predicted.deg_rt_h / added - 1.0).abs() < 0.15, "{} {added}", predicted.deg_rt_h);
 
-    // With the noise that it has, the lag is raised until the walk stays within 5 %, or the term left out.
+    // With the true noise the lag is raised until the walk stays within 5 %, or the term is removed.
     let held = fit(vec![rig.csv(1)], &Setup { inputs: Some(Vec::new()), ..setup() }, "auto").unwrap();
     let axis = only(&held);
     let noise = axis.fit.as_ref().unwrap().correction_noise.as_ref().unwrap();
@@ -320,7 +320,7 @@ fn the_image_computes_what_the_record_says() {
     let waves = "bias 2, harmonic 37.3, rate 0, bias(path_length_v) 1, harmonic(path_length_v) 21.7";
     for (model, scaled) in [(words, "path_length_v"), (columns, "cavity"), (more, "mode"), (waves, "path_length_v")] {
         let mut found = fit(vec![rig.csv(1)], &setup(), model).unwrap();
-        // No rate table is at hand: scale terms by hand.
+        // Without a rate table: scale terms set by hand.
         let correction = &mut found.axes[0].correction;
         for (name, value) in [("block", 7.0), (scaled, -5.0)] {
             let input = correction.inputs.iter().find(|input| input.name == name).unwrap();
@@ -406,7 +406,7 @@ fn large_steps_with_the_mode_are_no_outliers() {
     let steps: u64 = axis.excluded().iter().filter(|tally| tally.reason.name() == "step").map(|tally| tally.rows).sum();
     println!("{}: {steps} rows left out as steps", axis.correction.model);
     assert!(axis.correction.model.contains("steps(mode)") && steps == 0, "{} {steps}", axis.correction.model);
-    // A mode that changes by the hour is no noise.
+    // A mode that changes every hour is not noise.
     let noise = axis.fit.as_ref().unwrap().correction_noise.as_ref().unwrap();
     let of_mode = noise.inputs.iter().find(|noise| noise.input == "mode").unwrap();
     assert!(of_mode.sigma < 1e-9, "{of_mode:?}");
@@ -426,7 +426,7 @@ fn steps_that_happen_once_are_found() {
     assert!(left(&found, &rig, &setup()) < 1.1);
 }
 
-/// Whole counts of half an arcsecond: rounding the output again is no angle random walk (read from the rounded counts the
+/// Whole counts of half an arcsecond: rounding the output again adds no angle random walk (read from the rounded counts the
 /// ratio is 1.13 … 1.21).
 #[test]
 fn coarse_counts_add_no_walk() {

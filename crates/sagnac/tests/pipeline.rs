@@ -110,7 +110,7 @@ fn insignificant_terms_of_a_fixed_model_are_marked() {
     assert!(marks[2..].iter().any(|m| !m), "{marks:?}");
 }
 
-/// A 30 s motion of 47 °/h, a start-up row and a step: found, named, left out, the fit unharmed.
+/// A 30 s motion of 47 °/h, a start-up row and a step: detected, named, excluded, without effect on the fit.
 #[test]
 fn bumps_and_steps_are_left_out_by_name() {
     let clean = fit(vec![csv_bytes(PaperRig::PAPER.run(1))], &paper_setup(), "bias 2").unwrap();
@@ -245,7 +245,7 @@ fn replay_reports_held_and_stale_and_skips_gaps() {
     assert_eq!(total, 250 * 40 - 250);
 }
 
-/// A glitch that is left out must not raise the floor that the rest is judged by.
+/// An excluded glitch must not raise the noise floor of the other windows.
 #[test]
 fn a_glitch_that_is_left_out_leaves_no_trace_in_the_floor() {
     let setup = chamber_setup();

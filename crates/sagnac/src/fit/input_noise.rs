@@ -149,7 +149,7 @@ impl Track {
         let row = (windows.shape.sample_interval_s / problem.period_s()).round().max(1.0) as usize;
         let tracks: Vec<_> = problem.runs.iter().map(|run| source.track(windows, *run)).collect();
         let found = tracks.iter().map(|track| renewal(track)).fold(0, gcd);
-        // What is new but every few windows is no reading that is held: a mode, a gain.
+        // A value that changes only every few windows is not a held reading: a mode, a gain.
         let most = (windows.shape.nominal_s / 3.0 / problem.period_s()) as usize;
         let renewal = if found <= most { found.max(row) } else { row };
         let mut seconds: Vec<f64> = Vec::new();

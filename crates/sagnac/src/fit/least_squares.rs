@@ -318,7 +318,7 @@ fn no_window(windows: &Windows) -> Error {
         .help("`sagnac inspect` lists everything excluded")
 }
 
-/// The reason for which most rows are left out, in words.
+/// The most frequent reason for excluded rows, in words.
 fn most_left_out(windows: &Windows) -> Option<String> {
     let most = windows.tallies.most()?;
     Some(format!("{} rows are excluded as {} (first at {})", most.rows, most.reason.name(), most.first))

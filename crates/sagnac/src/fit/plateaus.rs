@@ -227,7 +227,7 @@ pub(crate) fn repeatability(plateaus: &[Plateau]) -> Option<Repeatability> {
     let mut groups: Vec<Vec<&Plateau>> = Vec::new();
     for plateau in sorted {
         match groups.last_mut() {
-            // From the first of them, so that a ramp is no chain of visits.
+            // Measured from the first visit, so that a ramp does not become a chain of visits.
             Some(group) if plateau.temperature_c - group[0].temperature_c <= SAME_C => group.push(plateau),
             _ => groups.push(vec![plateau]),
         }
@@ -267,7 +267,7 @@ mod tests {
         0.002 * (((i * 7919 + i * i * 104_729) % 1009) as f64 / 1009.0 - 0.5)
     }
 
-    /// By hand: S⁺ and S⁻ from one rate in both directions, bias and Earth rate drop out.
+    /// By hand: S⁺ and S⁻ from one rate in both directions; bias and Earth rate cancel.
     #[test]
     fn two_directions_separate_scale_and_bias() {
         let epsilon = 250e-6;

@@ -38,7 +38,7 @@ pub(crate) fn paper_setup() -> Setup {
     Setup { arcsec_per_count: Some(1.059), quantum: Some(0.25), ..Setup::default() }
 }
 
-/// A file of the shared recordings, or `None` where they are not at hand (said aloud). CI sets
+/// A file of the shared recordings, or `None` where they are missing (with a message). CI sets
 /// SAGNAC_REQUIRE_SHARED=1, which makes a missing file a failure.
 pub(crate) fn shared(name: &str) -> Option<std::path::PathBuf> {
     let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data").join(name);
