@@ -33,7 +33,7 @@ struct Best {
     candidates: Vec<Candidate>,
 }
 
-/// A model on the windows it is to be fitted to, and how it was found.
+/// A model with the windows for its fit, and how it was found.
 pub(crate) struct Chosen<'a> {
     pub(crate) problem: LeastSquares<'a>,
     pub(crate) spec: ModelSpec,
@@ -84,7 +84,7 @@ pub(crate) fn choose<'a>(
             let needed: Vec<Signal> = std::iter::once(main).chain(named).collect();
             let (problem, mut spec) = (make(&needed)?, path.spec);
             count_steps(&problem, &mut spec)?;
-            // On the very windows that it is fitted to, which may be more than those that know every candidate.
+            // On all windows of its fit, which may be more than those in which every candidate is known.
             let same = problem.used == all.used;
             let mean_square =
                 if same { Some(path.mean_square) } else { Trial::new(&problem, &spec, &taus_s).held_out() };
@@ -93,8 +93,8 @@ pub(crate) fn choose<'a>(
     }
 }
 
-/// The problem of all further inputs on the windows that know them; of inputs that were not named, those known least are left
-/// out until nine tenths of the windows are there.
+/// The problem of all other inputs on the windows in which they are known. Inputs that the setup does not name are excluded,
+/// least known first, until nine tenths of the windows remain.
 fn known_together<'a>(
     main: Signal,
     mut further: Vec<Signal>,
@@ -130,7 +130,7 @@ fn known_together<'a>(
     }
 }
 
-/// A model that was asked for.
+/// A requested model.
 fn given<'a>(shape: &WindowShape, main: Signal, spec: &ModelSpec, make: &MakeProblem<'a, '_>) -> Result<Chosen<'a>> {
     let mut spec = spec.clone();
     let sources = sources_of(&mut spec, main, shape)?;
@@ -166,7 +166,7 @@ fn sources_of(spec: &mut ModelSpec, main: Signal, shape: &WindowShape) -> Result
     Ok(sources)
 }
 
-/// An image reads so many inputs and no more.
+/// Refuses more inputs than an image can read.
 fn check_channels(spec: &ModelSpec, sources: &[Signal], shape: &WindowShape) -> Result<()> {
     let most = sagnac_core::MAX_INPUTS;
     let read = channels(sources[0], &sources[1..]);
@@ -180,7 +180,7 @@ fn check_channels(spec: &ModelSpec, sources: &[Signal], shape: &WindowShape) -> 
         .help("a difference is read with both of its thermometers: leave one input out, or take a thermometer for a difference"))
 }
 
-/// An input that hardly moves has too few codes.
+/// Refuses an input whose range is too small, relative to its value, for the codes of an image.
 fn check_codes(problem: &LeastSquares<'_>) -> Result<()> {
     problem.inputs[1..].iter().find(|input| !input.fits_codes()).map_or(Ok(()), |input| {
         Err(Error::refused(format!(
@@ -192,7 +192,7 @@ fn check_codes(problem: &LeastSquares<'_>) -> Result<()> {
     })
 }
 
-/// At one input rate a scale factor is a bias.
+/// Refuses scale terms at one input rate, where a scale factor is a bias.
 fn check_scale_rates(problem: &LeastSquares<'_>, spec: &ModelSpec) -> Result<()> {
     let scaled = spec.inputs().iter().find(|of| of.scale > 0);
     let term = scaled.map(|of| match of.input.as_str() {
@@ -242,8 +242,8 @@ fn find_input(name: &str, main: Signal, shape: &WindowShape) -> Result<Signal> {
     Ok(found)
 }
 
-/// Inputs besides the thermometer of the fit that `auto` may use: those named in the setup, else all that are known in
-/// enough windows and move.
+/// Inputs besides the thermometer of the fit that `auto` may use: those named in the setup, otherwise all that vary and are
+/// known in enough windows.
 fn candidate_inputs(
     windows: &Windows,
     main: Signal,
@@ -302,8 +302,8 @@ fn best_of_grid(problem: &LeastSquares<'_>, taus_s: &[f64]) -> Result<Best> {
     Ok(Best { spec: specs[chosen].clone(), mean_square: mean_square[chosen], candidates })
 }
 
-/// The smallest that no other betters by what it must ([`super::criterion`]); within one size no rate term, then the lower mean
-/// square wins: a slow lag can look like a curve.
+/// The smallest model against which no other is justified ([`super::criterion`]). At equal size a model without rate term is
+/// preferred, because a slow lag can look like a curve; then the lower mean square.
 fn best_of(
     problem: &LeastSquares<'_>,
     fair: &[usize],

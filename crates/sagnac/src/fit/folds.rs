@@ -63,17 +63,17 @@ pub(crate) fn cross_validate(problem: &LeastSquares<'_>, candidates: &[ModelSpec
     let division = Division::of(problem);
     let scale_orders = candidates.iter().map(|c| usize::from(c.thermometer().scale)).max().unwrap_or(0);
     let with_rate = candidates.iter().any(|c| c.thermometer().rate.is_some());
-    // Without a rate term any τ serves.
+    // Without a rate term τ does not matter.
     let taus_s = if with_rate { taus_s } else { &taus_s[..1] };
     let factors: Vec<Vec<Factor>> =
         taus_s.par_iter().map(|tau| block_factors(problem, &division, *tau, with_rate, scale_orders)).collect();
     let folds: Vec<usize> = (0..division.blocks).collect();
     let squares: Vec<_> =
         folds.par_iter().map(|fold| fold_squares(problem, &division, candidates, taus_s, &factors, *fold)).collect();
-    // Added in the order of the folds, whoever was first.
+    // Added in the order of the folds, independent of the threads.
     let held_out =
         (0..candidates.len()).map(|candidate| squares.iter().map(|fold| fold[candidate]).sum::<Option<f64>>());
-    // Weights take each window to the nominal length, as in the residual σ beside it.
+    // Weights scale each window to the nominal length, as in the residual σ.
     held_out.map(|sum| sum.map(|sum| sum / problem.len() as f64)).collect()
 }
 
@@ -138,7 +138,7 @@ fn block_factors(
     })
 }
 
-/// Factors of the blocks, of levels, `regressors` columns that `add` puts behind them, and y.
+/// Factors of the blocks, of levels, `regressors` columns that `add` appends, and y.
 fn reduced(
     problem: &LeastSquares<'_>,
     division: &Division,
@@ -173,7 +173,7 @@ fn reduced(
     reducers.into_iter().map(Reducer::finish).collect()
 }
 
-/// Sweeps over several lags before it is called enough.
+/// Limit on the sweeps over several lags.
 const MOST_SWEEPS: usize = 4;
 
 /// One model of any inputs, cross-validated by itself.
