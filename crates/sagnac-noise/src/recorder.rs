@@ -28,7 +28,7 @@ pub struct Recorder {
     rows: u64,
 }
 
-/// What a recorder saw.
+/// Result of a recorder.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recorded {
     /// Sums and the differences they are of.
@@ -93,7 +93,7 @@ impl Recorder {
         }
     }
 
-    /// From now on through the pyramid, all that was held first.
+    /// Switches to the pyramid and passes all phases in memory to it.
     fn let_go(&mut self) {
         let served = |difference: &Difference| Difference { m: served(difference.m), ..*difference };
         self.wanted = self.wanted.iter().map(served).collect();
@@ -110,7 +110,7 @@ impl Recorder {
         self.pyramid = Some(pyramid);
     }
 
-    /// A gap: what comes next does not join what came before.
+    /// A gap: the next row does not join the previous one.
     pub fn end_stretch(&mut self) {
         if self.phases > 0 {
             self.stretches.add(self.phases);

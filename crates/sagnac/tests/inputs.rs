@@ -1,5 +1,5 @@
-//! Further inputs, zones and steps against a simulated truth that is none of the fitter's own: every useful term, no useless
-//! one, and what a thermometer's noise does.
+//! Several inputs, zones and steps against a simulated truth that shares no code with the fit: all useful terms, no useless
+//! one, and the effect of thermometer noise.
 
 mod support;
 
@@ -22,7 +22,7 @@ fn only(calibration: &Calibration) -> &AxisCalibration {
     &calibration.axes[0]
 }
 
-/// σ left of another run over the noise floor, by the image.
+/// Residual σ of another run over the noise floor, by the image.
 fn left(calibration: &Calibration, rig: &ManyInputs, setup: &Setup) -> f64 {
     let verification = retest(calibration, rig.csv(2), setup);
     let axis = &verification.axes[0];
@@ -109,7 +109,7 @@ fn each_input_is_shown_by_itself() {
         let ((below, of_below), (above, of_above)) = (on(threshold - 0.5), on(threshold + 0.5));
         let place = (threshold + 0.5 + 2.0).round() as usize;
         let truth = steps_dph[place] - steps_dph[place - 1];
-        // The modes hang on the temperature, so what the other terms miss is part of it.
+        // The modes depend on the temperature, so the misfit of the other terms is part of the effect.
         let sigma = of_below.hypot(of_above).hypot(term.sigma.unwrap());
         println!("step at {threshold}: {:.4} ± {sigma:.4}, true {truth:.4}", above - below);
         assert!((above - below - truth).abs() < 4.0 * sigma && sigma < 0.01, "{term:?}");
@@ -120,7 +120,7 @@ fn each_input_is_shown_by_itself() {
         let threshold = term.shape.jump().unwrap();
         assert!((curve_at(threshold + 0.5) - curve_at(threshold - 0.5) - term.value).abs() < 1e-9, "{term:?}");
     }
-    // What the main figure shows no longer has the steps in it.
+    // The main figure does not contain the steps any more.
     let further: Vec<f64> = report_data.axes[0].points.iter().map(|point| point.inputs_dph).collect();
     assert!(further.iter().any(|made| made.abs() > 0.01));
 }
@@ -214,7 +214,7 @@ fn irrelevant_inputs_are_not_selected() {
     assert!(taken <= 2, "{taken} of 20 records have an input that nothing depends on");
 }
 
-/// A second thermometer glued to the first.
+/// A second thermometer in the same place as the first.
 #[test]
 fn terms_that_cannot_be_separated_are_refused() {
     let rig = ManyInputs { lags_s: [900.0, 899.0], ..ManyInputs::plain() };
@@ -370,7 +370,7 @@ fn the_image_computes_what_the_record_says() {
             gyro.skip(&mut state, left).unwrap();
             let status = gyro.update(&mut state, &codes).unwrap();
             assert!(!status.contains(Status::HELD), "{model}: {names:?}");
-            // Where x is clamped the record's own curve goes on; rates are clamped here as there.
+            // Where x is clamped the record's curve continues; rates are clamped in both.
             let inside = |at: usize| {
                 let span = inputs[at].span;
                 (span[0]..=span[1]).contains(&values[at])
@@ -390,14 +390,14 @@ fn the_image_computes_what_the_record_says() {
             "{model}: {worst:?} {compared}"
         );
     }
-    // What a model is priced at is what its image has to do.
+    // The price of a model equals the work of its image.
     let found = fit(vec![rig.csv(1)], &setup(), more).unwrap();
     let image = Correction::from_calibration(found.clone()).unwrap().images[0];
     let priced = only(&found).candidates().iter().find(|c| c.chosen).unwrap().slow_update_instructions;
     assert_eq!(priced, Some(Work::of_image(&image).instructions()));
 }
 
-/// Steps far over what the search for outliers takes for a fault, where the mode jumps with them.
+/// Steps far above the outlier limit are not outliers where the mode jumps with them.
 #[test]
 fn large_steps_with_the_mode_are_no_outliers() {
     let rig = ManyInputs { steps_dph: vec![0.4, -0.3, 0.5, -0.4, 0.2], ..ManyInputs::plain() };

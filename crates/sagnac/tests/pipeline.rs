@@ -163,7 +163,7 @@ fn verify_goes_through_the_image_and_limits_decide() {
     assert!((floor.value_dph - 0.036).abs() < 1e-12, "0.36 arcsec/√s over 100 s is 0.036 °/h");
 }
 
-/// An imported polynomial takes away exactly P(T) − P(T0): the paper's own correction, verified.
+/// An imported polynomial removes exactly P(T) − P(T0): verifies the correction of the paper.
 #[test]
 fn an_old_correction_can_be_verified_too() {
     let setup = paper_setup();
@@ -215,7 +215,7 @@ fn compensated_output_is_stamped_conserves_counts_and_is_refused_as_input() {
 }
 
 /// Multi-axis rates with two thermometers, a gap and missing temperatures: HELD, STALE and the gap do not
-/// disturb the books: corrected − raw is −Σd·dt of the covered time alone.
+/// disturb the sums: corrected − raw is −Σd·dt of the covered time only.
 #[test]
 fn replay_reports_held_and_stale_and_skips_gaps() {
     let setup = Setup { serial: Some("A".into()), arcsec_per_count: Some(1.0), ..Setup::default() };
@@ -241,7 +241,7 @@ fn replay_reports_held_and_stale_and_skips_gaps() {
     assert_eq!((status(150).as_str(), status(255).as_str()), ("OK", "OK"));
     let total: i64 = text.lines().skip(2).map(|l| l.split(',').nth(2).unwrap().parse::<i64>().unwrap()).sum();
     // d = 0.1 counts/s per °C, T − T0 = 10 °C: one count per second over 250 s; the first slew of 10 ms
-    // spares half a hundredth of one, which stays in the remainder.
+    // saves half a hundredth of one, which stays in the remainder.
     assert_eq!(total, 250 * 40 - 250);
 }
 
@@ -260,7 +260,7 @@ fn a_glitch_that_is_left_out_leaves_no_trace_in_the_floor() {
     assert!((with / without - 1.0).abs() < 0.02, "{with} {without}");
 }
 
-/// Windows cut short by a fast ramp are noisier, and the floor says so: pure noise is at its floor.
+/// Windows cut short by a fast ramp are noisier, and the noise floor accounts for that: pure noise is at its floor.
 #[test]
 fn noise_is_at_its_floor_on_any_ramp() {
     for rate_cpm in [1.0, 3.0, 10.0] {
@@ -287,7 +287,7 @@ fn noise_is_at_its_floor_on_any_ramp() {
     }
 }
 
-/// A short run that falls into one block whole does not take the candidates away.
+/// A short run that lies completely in one block does not remove candidates.
 #[test]
 fn a_run_shorter_than_a_block_is_judged_about_its_own_mean() {
     let setup = paper_setup();
@@ -329,7 +329,7 @@ fn hand_edited_records_are_refused_by_field() {
     }
 }
 
-/// One source of the target's timing: an imported polynomial follows the setup as a fit does.
+/// The timing of the target has one source: an imported polynomial uses the setup, like a fit.
 #[test]
 fn fit_and_import_take_the_same_timing_from_the_setup() {
     let setup = Setup { tick_s: Some(2e-4), temperature_period_s: Some(0.5), slew_ticks: Some(20), ..paper_setup() };

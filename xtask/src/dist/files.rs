@@ -1,4 +1,4 @@
-//! What comes with the program, the same in archive and package: made once, placed as each of them has it.
+//! Files beside the program, the same in archive and package: made once, placed where each of them needs it.
 
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
@@ -20,7 +20,7 @@ pub(super) struct File {
     pub(super) compressed: bool,
 }
 
-/// Makes what has to be made, in an empty folder.
+/// Makes the generated files in an empty folder.
 pub(super) fn files(release: &Release, folder: &Path) -> Result<Vec<File>> {
     empty(folder)?;
     let mut files = vec![plain(release.program.clone(), "sagnac", "usr/bin/sagnac")];

@@ -33,7 +33,7 @@ pub(crate) fn retest(calibration: &Calibration, log: Vec<u8>, setup: &Setup) -> 
     verify(&correction, vec![reader(log, setup)], setup, VerifyOptions::default()).unwrap().verification
 }
 
-/// The paper's rig as a bench would describe it.
+/// The setup of the paper's rig.
 pub(crate) fn paper_setup() -> Setup {
     Setup { arcsec_per_count: Some(1.059), quantum: Some(0.25), ..Setup::default() }
 }
