@@ -26,7 +26,7 @@ impl RateTableInput {
     /// `None` where neither log nor setup states that a table turned.
     ///
     /// # Errors
-    /// Error for a log of several axes without a statement of which one was turned.
+    /// A log of several axes without a statement of which one was turned.
     pub(crate) fn of(windows: &Windows, axis: usize, setup: &Setup) -> Result<Option<Self>> {
         let (rows, shape) = (&windows.rows, &windows.shape);
         let letter = shape.axes[axis];
