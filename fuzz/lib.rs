@@ -1,5 +1,5 @@
-//! What every log target does with its bytes: reads them to the end, both for a fit and to be written out again,
-//! and fits what can be fitted.
+//! Shared by the log targets: reads the bytes to the end, both for a fit and to write them again, and fits them if
+//! possible.
 
 use std::io::Cursor;
 
@@ -8,10 +8,10 @@ use sagnac::window::WindowBuilder;
 use sagnac_log::ingest::{LogReader, ReadMode};
 use sagnac_log::setup::Setup;
 
-/// More windows than this are not fitted: the fit is not what is hunted here.
+/// Logs of more windows are not fitted: these targets test the reading.
 const FEW_WINDOWS: usize = 60;
 
-/// The bytes as a log, all the way. A decoder's panic is caught by the library, so its message is silenced.
+/// Reads the bytes as a log and fits them. The library catches a decoder's panic, so its message is suppressed.
 pub fn read_log(bytes: &[u8]) {
     only_our_own_panics_are_findings();
     let setup = Setup {
@@ -37,12 +37,12 @@ pub fn read_log(bytes: &[u8]) {
     }
 }
 
-/// Decoders may panic, which the library catches; from now on only our own panics end the run.
+/// Only our own panics end the run: decoders may panic, and the library catches that.
 pub fn only_our_own_panics_are_findings() {
     std::panic::set_hook(Box::new(our_own_panics_abort));
 }
 
-/// A panic in our own files is a finding, wherever it is caught; one of a decoder is its own business.
+/// A panic in our own files is a finding, wherever it is caught; one in a decoder is not.
 fn our_own_panics_abort(info: &std::panic::PanicHookInfo<'_>) {
     let place = info.location().map(|l| l.file().to_owned()).unwrap_or_default();
     if place.contains("crates/sagnac") {

@@ -1,5 +1,5 @@
-//! `cargo xtask bless`: the one way to make generated files anew. Tests and `--check` hold what is committed against the
-//! same functions.
+//! `cargo xtask bless`: the only way to make generated files. Tests and `--check` compare the committed files with the
+//! output of the same functions.
 //!
 //! ```text
 //! FILES: name ─▶ make(program) ─▶ paths and bytes ─┬─▶ written where they differ      bless
@@ -15,16 +15,16 @@ use flate2::read::GzDecoder;
 use xtask::shell::root;
 
 use crate::generated::{
-    chamber, circle, errors, faults, first_bytes, image, manual, pages, scenario_keys, schema, vectors,
+    chamber, circle, errors, faults, first_bytes, glossary, image, manual, pages, scenario_keys, schema, vectors,
 };
 use crate::program::Program;
 
-/// A file as it should be; the path is relative to the workspace.
+/// A generated file; the path is relative to the workspace.
 #[derive(Clone)]
 pub(crate) struct Made {
-    /// Where it belongs.
+    /// Its path.
     pub(crate) path: String,
-    /// What belongs into it.
+    /// Its content.
     pub(crate) bytes: Vec<u8>,
 }
 
@@ -42,12 +42,13 @@ enum Make {
     ByProgram(fn(&Program) -> Result<Vec<Made>>),
 }
 
-/// All of them. Those of the libraries come first: the program reads some.
-const FILES: [(&str, Make); 11] = [
+/// All generated files. Those of the libraries come first: the program reads some.
+const FILES: [(&str, Make); 12] = [
     ("testdata", Make::Here(chamber::make)),
     ("image", Make::Here(image::make)),
     ("vectors", Make::Here(vectors::make)),
     ("schema", Make::Here(schema::make)),
+    ("glossary", Make::Here(glossary::make)),
     ("scenario", Make::Here(scenario_keys::make)),
     ("first-bytes", Make::Here(first_bytes::make)),
     ("circle", Make::Here(circle::make)),
@@ -77,7 +78,7 @@ pub(crate) fn bless(args: &[&str]) -> Result<()> {
     Ok(())
 }
 
-/// The files of these names (none: of all) that are not as they are made, each with its first difference.
+/// The stale files of these names (none: of all), each with its first difference.
 pub fn stale(names: &[&str], program: &Program) -> Result<Vec<String>> {
     let mut stale = Vec::new();
     for (name, make) in chosen(names)? {
@@ -113,7 +114,7 @@ fn write(made: &Made) -> Result<()> {
     Ok(())
 }
 
-/// Where the committed file is another, in words. Compressed files are compared by what is in them.
+/// The first difference of the committed file, in words. Compressed files are compared by their content.
 fn difference(made: &Made) -> Option<String> {
     let Ok(committed) = fs::read(root().join(&made.path)) else { return Some(format!("{} is not there", made.path)) };
     let (committed, anew) = (content(&made.path, &committed), content(&made.path, &made.bytes));
@@ -132,7 +133,7 @@ fn content(path: &str, bytes: &[u8]) -> Vec<u8> {
     if is_packed && GzDecoder::new(bytes).read_to_end(&mut unpacked).is_ok() { unpacked } else { bytes.to_vec() }
 }
 
-/// The line, what it is, and what it would be.
+/// The line number, the committed line and the generated one.
 fn first_difference(committed: &str, anew: &str) -> String {
     let shorter = committed.lines().count().min(anew.lines().count());
     let lines = committed.lines().zip(anew.lines()).enumerate();
@@ -144,7 +145,7 @@ fn first_difference(committed: &str, anew: &str) -> String {
 mod tests {
     use super::*;
 
-    /// CI leaves these out: `bless --check` does the same, with the rest.
+    /// CI skips these: `bless --check` does the same for all files.
     mod generated_files_are_as_they_are_made {
         use super::*;
 
@@ -169,8 +170,13 @@ mod tests {
         }
 
         #[test]
-        fn schema_of_the_record() {
+        fn schema_of_the_record_and_its_tables() {
             holds("schema");
+        }
+
+        #[test]
+        fn the_glossary_of_the_book() {
+            holds("glossary");
         }
 
         #[test]

@@ -1,12 +1,12 @@
-//! `cargo xtask compare`: ours and the peers' fits on one set of logs with a known truth; docs/explanation/comparison.md.
+//! `cargo xtask compare`: fits by Sagnac and by other tools on the same logs with a known truth; docs/explanation/comparison.md.
 //!
 //! ```text
 //! seven tests (fit log, retest, truth) ─▶ sagnac calibrate + compensate ─┐
-//!                                     └─▶ numpy, as each peer's users do ─┴▶ truth less correction on the retest ─▶ docs/explanation/comparison.md
+//!                                     └─▶ numpy, as each peer's users do ─┴▶ truth minus correction on the retest ─▶ docs/explanation/comparison.md
 //! ```
 //!
-//! What is judged is the correction itself: its distance from the true drift at every second of a retest, about its mean.
-//! Ours must be at the floor, or refuse by name; else the task fails.
+//! The figure is the error of the correction itself: true drift minus correction at every second of a retest, about its
+//! mean. Sagnac must reach the noise floor or refuse with a reason; otherwise the task fails.
 
 use std::fmt::Write as _;
 use std::fs;
@@ -27,10 +27,10 @@ const FLOOR_DPH: f64 = 60.0 * ARW_DEG_RT_H / 10.0;
 /// An error that widens a retest's σ by less than a tenth cannot be seen there: √(1 + 0.46²) = 1.10.
 const AT_THE_FLOOR: f64 = 0.46;
 const INPUT_DPH: f64 = 4.5;
-/// The trial that is to be refused.
+/// The trial that must be refused.
 const NARROW: &str = "2 °C";
 
-/// Peers as their documentation has them, each a function of temperature fitted to the log's rows.
+/// The peers' models from their documentation, each a function of temperature fitted to the log's rows.
 const PEERS: &str = r#"import sys, numpy as np
 fit, retest, out = sys.argv[1:4]
 def read(path):
@@ -65,7 +65,7 @@ const PEER_NAMES: [&str; 3] =
 /// The gyro and its chamber in a test.
 #[derive(Clone, Copy)]
 struct Rig {
-    /// Chamber: lowest and highest, °C, and pace, °C/min.
+    /// Chamber: lowest and highest temperature, °C, and ramp rate, °C/min.
     span_c: [f64; 2],
     pace_cpm: f64,
     /// Soak at both ends, s.
@@ -73,9 +73,9 @@ struct Rig {
     cycles: usize,
     /// Rate effect, °/h per °C/min of the block.
     rate_effect: f64,
-    /// Play of the drift's temperature, °C, and what it moves, °/h.
+    /// Half-width of the play between block and drift temperature, °C, and drift per °C of play, °/h.
     hysteresis: (f64, f64),
-    /// The thermometer is this many seconds behind the block.
+    /// Time constant of the thermometer behind the block, s.
     thermometer_lag_s: f64,
     thermometer_step_c: f64,
 }
@@ -132,7 +132,7 @@ impl Rig {
         let (mut block, mut thermometer, mut played) = (start, start, start);
         let rows = chamber.iter().zip(noise).map(|(chamber_c, noise)| {
             let before = block;
-            // The block follows the chamber with ten minutes.
+            // The block follows the chamber with a time constant of ten minutes.
             block += (chamber_c - block) / 600.0;
             thermometer += if self.thermometer_lag_s > 0.0 {
                 (block - thermometer) / self.thermometer_lag_s
@@ -163,31 +163,27 @@ struct Trial {
 
 fn trials() -> Vec<Trial> {
     let trial = |name, what, rig: Rig| Trial { name, what, fit: rig.run(1), retest: rig.run(2) };
-    let mut bump = trial("bump", "clean, with a motion of 30 s at 1 °/s in the fit's log", QUIET);
+    let mut bump = trial("bump", "clean, with 30 s of rotation at 1 °/s in the fitted log", QUIET);
     let middle = bump.fit.len() / 2;
     bump.fit[middle..middle + 30].iter_mut().for_each(|second| second.rate_dph += 3600.0);
-    let mut missing = trial("NaN", "clean, one temperature of the fit's log is no number", QUIET);
+    let mut missing = trial("NaN", "clean, one temperature of the fitted log is NaN", QUIET);
     missing.fit[5000].temperature_c = f64::NAN;
     let narrow = Rig { span_c: [20.0, 22.0], pace_cpm: 0.05, ..QUIET };
     vec![
         trial("clean ramp", "0.25 °C/min up and down over 80 °C, thermometer on the block", QUIET),
         trial(
             "rate and hysteresis",
-            "1 °C/min, 0.05 °/h per °C/min, hysteresis, thermometer 4 min behind the block",
+            "1 °C/min, 0.05 °/h per °C/min, hysteresis, thermometer lags the block by 4 min",
             MOVING,
         ),
         bump,
         missing,
-        trial(
-            "whole degrees",
-            "clean, a thermometer that reads whole degrees",
-            Rig { thermometer_step_c: 1.0, ..QUIET },
-        ),
-        Trial { retest: QUIET.run(2), ..trial(NARROW, "a fit's log of 2 °C, used over 80 °C", narrow) },
+        trial("whole degrees", "clean, thermometer resolution 1 °C", Rig { thermometer_step_c: 1.0, ..QUIET }),
+        Trial { retest: QUIET.run(2), ..trial(NARROW, "fitted over 2 °C, applied over 80 °C", narrow) },
         Trial {
             fit: MOVING.run(3),
             retest: Rig { pace_cpm: 0.5, ..MOVING }.run(4),
-            ..trial("second cycle", "fitted at 1 °C/min, used at 0.5", MOVING)
+            ..trial("second cycle", "fitted at 1 °C/min, applied at 0.5 °C/min", MOVING)
         },
     ]
 }
@@ -201,7 +197,8 @@ fn csv(seconds: &[Second]) -> String {
     out
 }
 
-/// Root mean square and worst of truth less correction, about its mean; `None` where the correction is no number.
+/// Root mean square and largest absolute value of truth minus correction, about its mean; `None` where the correction
+/// is not a number.
 fn error_of(correction: &[f64], retest: &[Second]) -> Option<(f64, f64)> {
     let errors: Vec<f64> = correction.iter().zip(retest).map(|(c, second)| second.drift_dph - c).collect();
     let mean = errors.iter().sum::<f64>() / errors.len() as f64;
@@ -210,15 +207,15 @@ fn error_of(correction: &[f64], retest: &[Second]) -> Option<(f64, f64)> {
     (square.is_finite() && !errors.is_empty()).then(|| (square.sqrt(), worst))
 }
 
-/// What came of one tool on one trial.
+/// Result of one tool in one trial.
 enum Came {
-    /// rms and worst, °/h.
+    /// Root mean square and largest absolute value, °/h.
     Error(f64, f64),
-    /// Its own words.
+    /// Its message.
     Said(String),
 }
 
-/// Ours through the program as a user runs it: fit, correct the retest, compare what was taken off.
+/// Sagnac as a user runs it: fit, correct the retest, evaluate the correction that was subtracted.
 fn ours(folder: &Path, fit: &Path, retest: &Path, truth: &[Second]) -> Result<Came> {
     let program = Program::beside_the_lab()?;
     let (record, corrected) = (folder.join("u.cal.json"), folder.join("corrected.csv"));
@@ -252,7 +249,7 @@ fn theirs(python: &str, folder: &Path, fit: &Path, retest: &Path, truth: &[Secon
     ensure!(output.status.success(), "the peers: {}", String::from_utf8_lossy(&output.stderr));
     let said = String::from_utf8_lossy(&output.stdout).into_owned();
     let table = fs::read_to_string(&out)?;
-    // What the libraries below print of their own is not the peers' word.
+    // Other lines are printed by libraries, not by the peers.
     let words = said.lines().filter_map(|line| line.strip_prefix("peer: "));
     let came = words.enumerate().map(|(peer, words)| {
         let column: Vec<f64> = table
@@ -282,10 +279,11 @@ pub(crate) fn compare() -> Result<()> {
     fs::create_dir_all(&folder)?;
     let python = peers(&root().join("target/bench"))?;
     let mut page = format!(
-        "# Beside the peers\n\nMade by `cargo xtask compare`; do not edit. One set of simulated logs with a known drift (cubic over 80 °C, 0.13 °/h in \
-         all, ARW {ARW_DEG_RT_H} °/√h); each tool fits one log and its correction is held against the true drift at every second of another: root mean \
-         square and worst distance about the mean, °/h. Noise alone gives a window of 100 s σ = {FLOOR_DPH} °/h; an error below {:.4} cannot be seen in a \
-         retest and counts as at the floor. Peers are written with numpy as their documentation has them; none of their code runs here.\n\n\
+        "# Comparison with other tools\n\nMade by `cargo xtask compare`; do not edit.\n\nAll logs are simulated, so the true drift is known: a \
+         cubic over 80 °C of up to 0.13 °/h, with an ARW of {ARW_DEG_RT_H} °/√h. Each tool fits one log and corrects another, the retest. The table \
+         states the error of the correction at every second of the retest, true drift minus correction, about its mean: root mean square and \
+         largest absolute value, °/h.\n\nAt this noise a window of 100 s has σ = {FLOOR_DPH} °/h. An error below {:.4} cannot be seen in a retest and \
+         counts as at the noise floor. The other tools' fits are written with numpy from their documentation; none of their code runs here.\n\n\
          | test | `sagnac calibrate`, auto | {} |\n|---|---|---|---|---|\n",
         AT_THE_FLOOR * FLOOR_DPH,
         PEER_NAMES.join(" | ")
@@ -303,15 +301,15 @@ pub(crate) fn compare() -> Result<()> {
         page = page + &row + "\n";
         let kept = match &mine {
             Came::Error(rms, _) => *rms <= AT_THE_FLOOR * FLOOR_DPH,
-            // Only where the data cannot tell: a refusal of a good log is no success.
+            // Only where the data cannot support a fit: refusing a good log is a failure.
             Came::Said(words) => trial.name == NARROW && words.starts_with("refused: "),
         };
         if !kept {
             missed.push(trial.name);
         }
     }
-    page += "\nWhat a bump, a step or a missing temperature does is decided before the fit: windows are left out by name. A span too small is refused. The \
-             rate term is what the peers lack; a thermometer behind the block looks like one.\n";
+    page += "\nSagnac handles a bump, a step or a missing temperature before the fit: it excludes the affected windows and names the reason. It refuses \
+             a span that is too small. The other models have no rate term; a thermometer that lags the block acts like a rate effect.\n";
     fs::write(root().join(COMPARISON), &page)?;
     ensure!(missed.is_empty(), "not at the floor and not refused: {}", missed.join(", "));
     println!("wrote {COMPARISON}");

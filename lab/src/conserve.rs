@@ -4,7 +4,7 @@ use anyhow::{Result, bail};
 use sagnac_core::{Compensator, Description, Gain, Image, InputSpec, Kind, Multiplier, Shape, State, Term};
 
 /// 1e9 ticks of a gyro at Earth rate, its temperature swinging: Σ out·2³² + remainder =
-/// Σ raw·k − Σ increment, each sum kept apart in 128 bits, tick by tick.
+/// Σ raw·k − Σ increment, each a separate 128-bit sum, tick by tick.
 pub(crate) fn conserve() -> Result<()> {
     const TICKS: u64 = 1_000_000_000;
     let gyro = Compensator::new(swinging_image()?);

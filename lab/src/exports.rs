@@ -1,4 +1,4 @@
-//! `cargo xtask c` and `cargo xtask fpga`: the exported C and Verilog, built as a user would and held against the vectors.
+//! `cargo xtask c` and `cargo xtask fpga`: the exported C and Verilog, built as a user would and checked against the vectors.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -41,7 +41,7 @@ fn write(folder: &Path, files: &[TextFile]) -> Result<()> {
     files.iter().try_for_each(|file| Ok(fs::write(folder.join(&file.name), &file.text)?))
 }
 
-/// A copy of a vector file with the last output changed: what checks it must fail.
+/// A copy of a vector file with the last output changed: every check of it must fail.
 fn spoiled(name: &str, folder: &Path) -> Result<PathBuf> {
     let text = fs::read_to_string(vectors::folder().join(name).with_extension("hex"))?;
     let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();
@@ -107,7 +107,7 @@ fn no_other_types(folder: &Path) -> Result<()> {
         for line in text.lines().filter(|line| line.starts_with("#include <")) {
             ensure!(line == "#include <stdint.h>" || line == "#include <limits.h>", "{name}: {line}");
         }
-        // Comments may speak of what the code does without.
+        // Comments may name what the code does not use.
         let mut code = text.clone();
         while let (Some(from), Some(to)) = (code.find("/*"), code.find("*/")) {
             code.replace_range(from..to + 2, "");
@@ -143,7 +143,7 @@ fn misra(folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// What was compiled in is what would be loaded.
+/// The compiled constants equal the loaded ones.
 fn constants(folder: &Path) -> Result<()> {
     let (unit_image, unit_loops) = (folder.join("unit.img"), folder.join("unit.loops"));
     fs::write(&unit_image, table("compensator-full")?)?;
@@ -157,7 +157,7 @@ fn constants(folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Changed images and tables, their checksums made to fit: both languages must say the same of each.
+/// Changed images and tables with valid checksums: Rust and C must accept or refuse the same ones.
 fn loaders(folder: &Path) -> Result<()> {
     let mut dice = 1_u32;
     let mut throw = |below: usize| {
@@ -177,7 +177,7 @@ fn loaders(folder: &Path) -> Result<()> {
         let mut bytes = bytes.clone();
         for _ in 0..throw(3) {
             let at = throw(bytes.len() - 4);
-            // The serial number is text: C does not look into it.
+            // The serial number is text: C does not check it.
             if !(16..48).contains(&at) || *kind == 1 {
                 bytes[at] = edges[throw(edges.len())];
             }
@@ -266,7 +266,7 @@ fn lint(folder: &Path, modules: &[&str]) -> Result<()> {
     Ok(())
 }
 
-/// A bench in both simulators; and with a bit changed in the vectors, both must fail.
+/// A bench in both simulators; with one bit of the vectors changed, both must fail.
 fn simulate(folder: &Path, vectors_name: &str, bench: &str, modules: &[&str]) -> Result<()> {
     let top = format!("{bench}.v");
     let iverilog = ["-g2005", "-Wall", "-I.", "-o", bench, &top];

@@ -186,7 +186,7 @@ fn priced(full: &Image, inputs: &Image, harmonic: &Image) -> Result<Vec<(&'stati
     let order = |term: &Term| term.shape.order().unwrap_or(0);
     let series = |term: &Term| term.kind == Kind::Bias && term.multiplier == Multiplier::One;
     let rate = |term: &Term, most: u8| term.multiplier == Multiplier::Rate && order(term) <= most;
-    // The codes that are measured with are believed of every input.
+    // The codes of the measurement are valid for every input.
     let mut believed = *inputs.description();
     believed.inputs[3].gain = believed.inputs[0].gain;
     let inputs = &Image::new(believed)?;
@@ -264,13 +264,13 @@ fn line_of(folder: &Path, unit: &Unit, name: &str, dither_counts: u32, seconds: 
     Ok(())
 }
 
-/// Sends the bytes to the emulated board; what it sent back, and what it said at the end.
+/// Sends the bytes to the emulated board; returns its answer and its last message.
 fn over_the_line(folder: &Path, bytes: Vec<u8>) -> Result<(Vec<u8>, String)> {
     let socket = folder.join("line.socket");
     let _ = fs::remove_file(&socket);
     let listener = UnixListener::bind(&socket).with_context(|| format!("{}", socket.display()))?;
     let port = format!("socket,id=line,path={}", text(&socket)?);
-    // Time stands still for nobody here: the emulated clock jumps to the next tick as soon as the processor waits.
+    // The emulated clock jumps to the next tick as soon as the processor waits.
     let ours = socket.clone();
     let emulated = std::thread::spawn(move || {
         let args = ["-chardev", &port, "-serial", "chardev:line", "-icount", "shift=0,sleep=off"];
@@ -291,7 +291,7 @@ fn over_the_line(folder: &Path, bytes: Vec<u8>) -> Result<(Vec<u8>, String)> {
     Ok((back, said))
 }
 
-/// `sagnac frames` reads the line; its last word on it.
+/// `sagnac frames` reads the line; returns its summary.
 fn said_by_frames(line: &Path, csv: &Path) -> Result<String> {
     let output =
         Command::new(Program::beside_the_lab()?.path()).args(["frames", text(line)?, "-o", text(csv)?]).output()?;
@@ -382,7 +382,7 @@ fn settings(loops: &LoopTable, dither_counts: u32) -> RigSettings {
     let light = field("set_point") / field("ticks");
     RigSettings {
         dither_counts,
-        // 400 Hz and a little, so that the swing does not stand still against the frames.
+        // 400 Hz and a little, so that the dither phase moves relative to the frames.
         dither_step: (400.37e-4 * 32_f64.exp2()) as u32,
         peak: wavelength / 7,
         // 2^-16 codes for a °C.

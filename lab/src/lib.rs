@@ -1,5 +1,5 @@
 //! Measures the program, checks what it exports, and makes the files that the project makes. `cargo xtask` builds the
-//! program `lab` with `sagnac` and runs it; the tests of the program hold the files that it makes by [`bless::stale`].
+//! program `lab` with `sagnac` and runs it; the tests of the program check the generated files by [`bless::stale`].
 
 mod bench;
 pub mod bless;

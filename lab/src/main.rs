@@ -1,4 +1,4 @@
-//! `lab TASK`: what `cargo xtask` has our crates do.
+//! `lab TASK`: the tasks of `cargo xtask` that need the project's crates.
 
 use std::process::ExitCode;
 

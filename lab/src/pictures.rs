@@ -19,7 +19,7 @@ const FIGURES: [(&str, &str); 4] = [
 ];
 const SIZE: [u32; 2] = [860, 350];
 
-/// Makes them anew; the recording is found beside the checkout.
+/// Makes all pictures; the recording is beside the checkout.
 pub(crate) fn pictures() -> Result<()> {
     let work = root().join("target/pictures");
     fs::create_dir_all(&work)?;
@@ -42,7 +42,7 @@ pub(crate) fn pictures() -> Result<()> {
     loops(&work, sagnac)
 }
 
-/// The mirror of docs/explanation/simulator.md: a loop that holds, and one that is too slow.
+/// The mirror of docs/explanation/simulator.md: a loop that keeps lock, and one that is too slow.
 fn loops(work: &Path, sagnac: &str) -> Result<()> {
     let quick = fs::read_to_string(root().join("scenarios/loop-design/loop-design.toml"))?;
     let slow = quick.replace("bandwidth_hz = 20.0", "bandwidth_hz = 1.0");

@@ -1,4 +1,4 @@
-//! Where the files stand that the project makes, relative to the workspace.
+//! Paths of the files that the project makes, relative to the workspace.
 
 pub(crate) const CALIBRATION_SCHEMA: &str = "docs/reference/calibration.schema.json";
 pub(crate) const CHAMBER: &str = "testdata/chamber";
@@ -8,6 +8,8 @@ pub(crate) const DOCS: &str = "docs";
 pub(crate) const ERRORS: &str = "docs/reference/errors.md";
 pub(crate) const FAULTS: &str = "docs/reference/faults.md";
 pub(crate) const FIRST_BYTES: &str = "crates/sagnac-sim/tests/first_bytes.txt";
+pub(crate) const GLOSSARY: &str = "GLOSSARY.md";
+pub(crate) const GLOSSARY_PAGE: &str = "docs/reference/glossary.md";
 pub(crate) const IMAGE_FORMAT: &str = "docs/reference/image-format.md";
 pub(crate) const MANUAL: &str = "docs/reference/cli.md";
 pub(crate) const PAPER_IMAGE: &str = "testdata/image/paper.img";
@@ -15,5 +17,6 @@ pub(crate) const PERFORMANCE: &str = "docs/explanation/performance.md";
 pub(crate) const PERFORMANCE_PLOT: &str = "docs/explanation/performance.svg";
 pub(crate) const PICTURES: &str = "docs/pictures";
 pub(crate) const README: &str = "README.md";
+pub(crate) const RECORD: &str = "docs/reference/record.md";
 pub(crate) const SCENARIO_KEYS: &str = "docs/reference/scenario.md";
 pub(crate) const VECTORS: &str = "testdata/vectors";

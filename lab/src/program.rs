@@ -1,4 +1,4 @@
-//! The program under study: `sagnac`, built with the lab in one go.
+//! The program under test: `sagnac`, built together with the lab.
 
 use std::path::{Path, PathBuf};
 
@@ -28,7 +28,7 @@ impl Program {
         &self.0
     }
 
-    /// Runs it in the workspace's folder; what it printed. Any status but success is an error.
+    /// Runs it in the workspace's folder and returns its output. Any status but success is an error.
     pub(crate) fn said(&self, args: &[&str]) -> Result<String> {
         self.said_in(&root(), args)
     }

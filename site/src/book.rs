@@ -5,7 +5,7 @@ use std::path::Path;
 use anyhow::{Context, Result};
 use serde_json::Value;
 
-use crate::{equations, record};
+use crate::equations;
 
 /// The book of mdBook's input with every chapter's text replaced.
 pub(crate) fn preprocess(input: &str) -> Result<String> {
@@ -30,9 +30,7 @@ fn chapter(item: &mut Value, source: &Path) -> Result<()> {
     let Some(chapter) = item.get_mut("Chapter") else { return Ok(()) };
     let path = chapter["path"].as_str().unwrap_or_default().to_owned();
     if let Some(text) = chapter["content"].as_str() {
-        let folder = source.join(&path);
-        let folder = folder.parent().unwrap_or(source);
-        let text = record::expand(text, folder).and_then(|text| equations::to_mathml(&text));
+        let text = equations::to_mathml(text);
         chapter["content"] = Value::String(text.with_context(|| format!("{}/{path}", source.display()))?);
     }
     for item in chapter["sub_items"].as_array_mut().into_iter().flatten() {

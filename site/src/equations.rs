@@ -1,8 +1,8 @@
-//! LaTeX in Markdown to MathML, which browsers set by themselves with a font that has a MATH table.
+//! LaTeX in Markdown to MathML, which browsers render themselves with a font that has a MATH table.
 //!
-//! `$…$` is an equation in a line, `$$…$$` one of its own, as on GitHub. Code is left alone. MathML stands in Markdown
-//! as inline HTML, and Markdown reads what stands between its tags: every character that Markdown could take for its
-//! own is written as a reference (`&#42;`), and an equation is a single line.
+//! `$…$` is an equation in a line, `$$…$$` one of its own, as on GitHub. Code stays unchanged. In Markdown, MathML is
+//! inline HTML, and Markdown interprets the text between its tags. So every character with a meaning in Markdown becomes
+//! a reference (`&#42;`), and an equation becomes a single line.
 
 use std::fmt::Write;
 
@@ -50,8 +50,8 @@ fn render(latex: &str, display_mode: DisplayMode) -> Result<String> {
     Ok(escape(&mathml))
 }
 
-/// References in place of Markdown's own characters outside of tags, blanks in place of line ends, and the bar
-/// escaped everywhere, because a table's cell ends at it.
+/// Replaces Markdown's special characters outside tags by references and line ends by blanks. The bar is escaped
+/// everywhere, because it ends a table cell.
 fn escape(mathml: &str) -> String {
     let mut out = String::with_capacity(mathml.len());
     let mut in_tag = false;
@@ -103,7 +103,7 @@ mod tests {
         }
     }
 
-    /// As mdBook does it after us: what Markdown makes of the page must hold the equation's own text again.
+    /// mdBook renders the page after us: the rendered text must contain the text of the equation.
     #[test]
     fn markdown_leaves_the_mathml_alone() {
         let page = to_mathml("| a | b |\n|---|---|\n| $a * b * [c]_1 (d)$ | $\\lvert x \\rvert$ |\n").unwrap();

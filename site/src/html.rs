@@ -18,7 +18,7 @@ impl Tag<'_> {
     }
 }
 
-/// All opening tags of a page. Comments, and what looks like a tag inside of scripts, are none.
+/// All opening tags of a page, except in comments and scripts.
 pub(crate) fn tags(page: &str) -> Vec<Tag<'_>> {
     let mut found = Vec::new();
     let mut rest = page;
@@ -80,7 +80,7 @@ fn attributes(mut text: &str) -> Option<(Vec<(String, String)>, &str)> {
     }
 }
 
-/// The references that occur in addresses.
+/// Resolves the references that occur in addresses.
 fn resolve(value: &str) -> String {
     value.replace("&quot;", "\"").replace("&#39;", "'").replace("&lt;", "<").replace("&gt;", ">").replace("&amp;", "&")
 }

@@ -12,7 +12,7 @@ use crate::html::{Tag, tags};
 /// Folder of the site that rustdoc wrote; rustdoc checks its own links.
 const RUSTDOC: &str = "api";
 
-/// All findings, sorted; none is a good site.
+/// All findings, sorted; empty for a good site.
 pub(crate) fn check(docs: &Path, site: &Path) -> Result<Vec<String>> {
     let mut findings = missing_pages(docs)?;
     let files = files(site)?;
@@ -69,7 +69,7 @@ fn files(folder: &Path) -> Result<BTreeSet<PathBuf>> {
     Ok(found)
 }
 
-/// An address in a page, and whether the page needs what is there in order to show.
+/// An address in a page, and whether the page loads it.
 #[derive(Debug, PartialEq, Eq)]
 struct Link {
     address: String,

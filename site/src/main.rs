@@ -3,15 +3,14 @@
 //!
 //! ```text
 //! docs/*.md ─▶ mdBook ─▶ sagnac-site preprocess ─▶ mdBook ─▶ target/site/*.html ─▶ sagnac-site check
-//!                        equations to MathML,                                      links, anchors, nothing
-//!                        fields of the record                                      from outside, no page missing
+//!                        equations to MathML                                       links, anchors, nothing
+//!                                                                                  from outside, no page missing
 //! ```
 
 mod book;
 mod equations;
 mod html;
 mod links;
-mod record;
 
 use std::io::{self, Read, Write};
 use std::path::Path;

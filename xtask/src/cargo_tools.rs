@@ -1,4 +1,4 @@
-//! Programs that cargo installs where they are missing.
+//! Tools that cargo installs if they are missing.
 
 use std::process::Command;
 
@@ -30,13 +30,13 @@ const TOOLS: [CargoTool; 3] = [
     CargoTool {
         name: "mdbook",
         version: &["mdbook", "--version"],
-        // Without the parts that reach out or serve pages.
+        // Without the parts that use the network or serve pages.
         install: &["mdbook", "--version", "0.5.4", "--no-default-features", "--features", "search"],
         wanted: "mdbook v0.5.",
     },
 ];
 
-/// Makes sure that it is there. Built without optimisation: that takes a quarter of the time, and each of them runs for
+/// Installs it if it is missing. Built without optimisation: that takes a quarter of the time, and each tool runs for
 /// a second.
 pub(crate) fn need_cargo_tool(name: &str) -> Result<()> {
     let Some(tool) = TOOLS.iter().find(|tool| tool.name == name) else { bail!("no such tool: {name}") };

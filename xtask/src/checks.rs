@@ -47,7 +47,7 @@ pub(crate) fn run_lab(args: &[&str]) -> Result<()> {
     sh(text(&built("debug", "lab"))?, args)
 }
 
-/// What is compiled for the tests serves program and lab as well: packages of one version with one set of features.
+/// Checks that tests, program and lab share their artifacts: one version and one set of features per package.
 pub(crate) fn compiled_once() -> Result<()> {
     let packages = |selection: &[&str]| -> Result<BTreeSet<String>> {
         let tree = ["tree", "--locked", "--prefix", "none", "--format", "{p} {f}"];
@@ -74,7 +74,7 @@ pub(crate) fn deny() -> Result<()> {
     sh("cargo", &["deny", "--offline", "check", "licenses", "bans", "sources"])
 }
 
-/// The README's first command. The program is built as for the tests: in a third of a release build's time.
+/// The README's first command, with the program built as for the tests: a third of the time of a release build.
 pub(crate) fn example() -> Result<()> {
     sh("cargo", &["build", "--locked", "--package", "sagnac-cli"])?;
     fs::create_dir_all(root().join("target"))?;
@@ -88,7 +88,7 @@ pub(crate) fn example() -> Result<()> {
     sh(sagnac, &["verify", "target/unit.cal.json", &three, "--limits", "testdata/chamber/limits.toml"])
 }
 
-/// Links core, loops and board with a panic handler that does not exist; with a panic put in on purpose, the same
+/// Links core, loops and board with a panic handler that does not exist; with an added panic, the same
 /// links must fail.
 pub(crate) fn no_panic() -> Result<()> {
     const ENTRIES: [(&str, &str); 3] = [

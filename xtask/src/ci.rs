@@ -1,4 +1,4 @@
-//! `cargo xtask ci`: everything that CI runs, in one list; at its end, what each part took.
+//! `cargo xtask ci`: everything that CI runs, in one list; prints the time of each part at the end.
 
 use std::fs;
 use std::time::Instant;
@@ -13,7 +13,7 @@ use crate::{dist, docs, features, fuzz, layers};
 /// A part by its name.
 type Part = (&'static str, fn() -> Result<()>);
 
-/// In this order: what is quick, what compiles for checking only, what compiles, what runs.
+/// In this order: quick parts, parts that only check, parts that compile, parts that run.
 const PARTS: [Part; 18] = [
     ("format", || sh("cargo", &["fmt", "--all", "--check"])),
     ("layers", layers::layers),
@@ -48,19 +48,19 @@ pub(crate) fn ci() -> Result<()> {
     Ok(())
 }
 
-/// Those that make generated files are left to `bless --check`, which does the same.
+/// Without the tests of generated files: `bless --check` does the same.
 fn tests() -> Result<()> {
     sh("cargo", &["test", "--workspace", "--locked", "--", "--skip", "generated_files_are_as_they_are_made"])
 }
 
-/// All that the parts need from Debian, asked for at once. The browser only where a test without one is a failure.
+/// All Debian packages that the parts need, in one request. The browser only where a test without one fails.
 fn tools() -> Vec<debian::Tool> {
     let browser = std::env::var_os("SAGNAC_REQUIRE_SHARED").is_some_and(|value| value == "1");
     let browser = if browser { debian::BROWSER } else { &[] };
     [debian::C, debian::FPGA, debian::FIRMWARE, debian::DIST, browser].concat()
 }
 
-/// Processor time of all that was started and has ended, in seconds: proc(5), in hundredths.
+/// Processor time of all child processes that have ended, in seconds: proc(5), in hundredths.
 fn cpu_s() -> Result<f64> {
     of_children(&fs::read_to_string("/proc/self/stat").context("cannot read /proc/self/stat")?)
 }

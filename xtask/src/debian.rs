@@ -1,5 +1,5 @@
-//! Programs that come from Debian's packages. None of our tasks needs root: root gets what is missing installed, anyone
-//! else is told the command.
+//! Programs from Debian's packages. No task needs root: for root missing packages are installed, for anyone else the
+//! command is printed.
 
 use std::fs;
 use std::os::unix::fs::MetadataExt;
@@ -12,7 +12,7 @@ use crate::shell::{root, sh, sh_in};
 /// A program (or a file that must exist, where `*` is any one folder) and the Debian package that has it.
 pub type Tool = (&'static str, &'static str);
 
-/// Makes sure that all of these are there: root gets the missing ones installed, anyone else is told the command.
+/// Makes sure that all of these exist: installs the missing ones for root, prints the command for anyone else.
 pub fn need(tools: &[Tool]) -> Result<()> {
     let packages = missing(tools);
     if packages.is_empty() {
@@ -26,7 +26,7 @@ pub fn need(tools: &[Tool]) -> Result<()> {
     sh_in(&root(), "apt-get", &[&["-qq"], &install[..]].concat(), &[("DEBIAN_FRONTEND", "noninteractive")])
 }
 
-/// The packages of those tools that are not there, each once.
+/// The packages of the missing tools, each once.
 fn missing(tools: &[Tool]) -> Vec<&'static str> {
     let mut packages: Vec<&str> =
         tools.iter().filter(|(tool, _)| !is_there(tool)).map(|(_, package)| *package).collect();

@@ -9,14 +9,14 @@ use xtask::shell::{root, sh, sh_in};
 
 use crate::cargo_tools::need_cargo_tool;
 
-/// Builds `target/site`. Findings in it are printed; with `strict` any of them is an error.
+/// Builds `target/site` and prints the findings in it; with `strict` any finding is an error.
 pub(crate) fn docs(strict: bool) -> Result<()> {
     need_cargo_tool("mdbook")?;
     rustdoc()?;
     sh("cargo", &["build", "--quiet", "--locked", "--package", "sagnac-site"])?;
     book(strict)?;
     let site = root().join("target/site");
-    // mdBook copies whatever stands beside the pages.
+    // mdBook copies every file beside the pages.
     fs::remove_file(site.join("book.toml")).context("mdBook's output is not in target/site")?;
     copy(&root().join("target/doc"), &site.join("api"))?;
     let check = ["run", "--quiet", "--locked", "--package", "sagnac-site", "--", "check", "docs", "target/site"];
@@ -29,7 +29,7 @@ pub(crate) fn docs(strict: bool) -> Result<()> {
     Ok(())
 }
 
-/// The pages of `docs/`. A warning of mdBook is a page that shows something else than it says.
+/// The pages of `docs/`. With `strict` a warning of mdBook is an error: the page would show something unintended.
 fn book(strict: bool) -> Result<()> {
     println!("$ mdbook build docs");
     let output =

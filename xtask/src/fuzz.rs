@@ -10,7 +10,7 @@ use xtask::shell::{root, sh_in, text};
 use crate::cargo_tools::need_cargo_tool;
 use crate::checks::lab;
 
-/// How long and how carefully.
+/// Duration and checks.
 struct Effort {
     /// Of `cargo fuzz build` and `cargo fuzz run`.
     build: &'static [&'static str],
@@ -18,18 +18,18 @@ struct Effort {
     limit: &'static str,
 }
 
-/// As a hunter has it: memory errors are looked for too, which takes a nightly compiler.
+/// The full run: also detects memory errors, which needs a nightly compiler.
 const HUNT: Effort =
     Effort { build: &["--sanitizer", "address"], target_folder: "../target/fuzz", limit: "-runs=1000000" };
-/// Built as the tests are, and by the same compiler: our code has no `unsafe` that a sanitizer could catch.
+/// Built like the tests, by the same compiler: our code has no `unsafe` for a sanitizer to check.
 const SMOKE: Effort = Effort {
     build: &["--dev", "--sanitizer", "none"],
     target_folder: "../target/fuzz-smoke",
     limit: "-max_total_time=3",
 };
 
-/// Larger inputs find nothing that smaller ones do not; only Parquet needs some room for its footer. What unpacks or
-/// holds many rows is read a few hundred times a second at 16 KiB and thousands of times at 2.
+/// Larger inputs find nothing new; only Parquet needs some space for its footer. Inputs that unpack or hold many rows run a
+/// few hundred times a second at 16 KiB and thousands of times at 2 KiB.
 const MAX_LENGTH: usize = 2048;
 const MAX_LENGTH_OF_PARQUET: usize = 16_384;
 
@@ -102,7 +102,7 @@ fn run(target: &str, effort: &Effort, seeds: &[PathBuf]) -> Result<()> {
         fs::write(corpus.join(format!("seed-{number}")), start)?;
     }
     let length = format!("-max_len={}", max_length(target));
-    // Leaks are not looked for: a decoding thread that is about to end looks like one. Memory is limited all the same.
+    // Without leak detection: a decoding thread that is about to end looks like a leak. Memory is limited all the same.
     let limits = [
         effort.limit,
         &length,

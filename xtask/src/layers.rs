@@ -66,7 +66,7 @@ fn drawing(text: &str) -> Result<BTreeMap<String, Arrows>> {
     Ok(all)
 }
 
-/// What stands between backquotes.
+/// The texts between backquotes.
 fn quoted(text: &str) -> impl Iterator<Item = &str> {
     text.split('`').skip(1).step_by(2)
 }
@@ -164,7 +164,7 @@ fn imports(text: &str) -> BTreeSet<String> {
     found
 }
 
-/// The parts of a braced list, commas of inner lists aside.
+/// The parts of a braced list; commas of inner lists do not separate.
 fn parts(list: &str) -> Vec<&str> {
     let (mut depth, mut start, mut parts) = (0_usize, 0, Vec::new());
     for (at, c) in list.char_indices() {
@@ -189,7 +189,7 @@ fn first_name(path: &str) -> String {
     path.trim_start().chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect()
 }
 
-/// What the drawing has and the code has not, and the other way round.
+/// Arrows of the drawing that the code lacks, and of the code that the drawing lacks.
 fn differences(drawn: &Arrows, found: &Arrows) -> Vec<String> {
     let mut out = Vec::new();
     for room in found.keys().filter(|room| !drawn.contains_key(*room)) {

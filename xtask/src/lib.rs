@@ -1,4 +1,4 @@
-//! What `xtask` and `lab` share: starting other programs, and where those come from.
+//! Shared by `xtask` and `lab`: running other programs and finding their packages.
 
 pub mod debian;
 pub mod shell;

@@ -1,4 +1,4 @@
-//! Running other programs: the bottom of xtask and lab, which both stand on it.
+//! Runs other programs; used by xtask and lab.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
@@ -20,7 +20,7 @@ pub fn built(profile: &str, name: &str) -> PathBuf {
     target().join(profile).join(name)
 }
 
-/// Runs a program in the workspace's folder and shows what it says.
+/// Runs a program in the workspace's folder and shows its output.
 pub fn sh(program: &str, args: &[&str]) -> Result<()> {
     sh_in(&root(), program, args, &[])
 }
@@ -34,7 +34,7 @@ pub fn sh_in(folder: &Path, program: &str, args: &[&str], env: &[(&str, &str)]) 
     Ok(())
 }
 
-/// Runs a program that must end within so many seconds (`timeout` of the coreutils sees to that); what it said.
+/// Runs a program that must end within so many seconds (by `timeout` of the coreutils); returns its output.
 pub fn output(seconds: u32, program: &str, args: &[&str], folder: &Path) -> Result<Output> {
     let limit = seconds.to_string();
     let output = Command::new("timeout")
@@ -50,7 +50,7 @@ pub fn output(seconds: u32, program: &str, args: &[&str], folder: &Path) -> Resu
     Ok(output)
 }
 
-/// The same; anything but success is an error with what it said.
+/// The same; anything but success is an error with its output.
 pub fn said(seconds: u32, program: &str, args: &[&str], folder: &Path) -> Result<String> {
     let output = output(seconds, program, args, folder)?;
     let (out, err) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));

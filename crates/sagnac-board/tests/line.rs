@@ -69,10 +69,10 @@ fn message() -> impl Strategy<Value = Message> {
     ]
 }
 
-/// The frames that a blow to the byte at `at` may cost.
+/// The frames that damage of the byte at `at` can destroy.
 ///
-/// Of bytes that are the same, one after another, nobody can tell which was lost: a checksum that ends in `S` before
-/// the `S` of the next frame makes either of the two the torn one.
+/// In a sequence of equal bytes the lost one cannot be identified: if a checksum ends in `S` before the `S` of the next
+/// frame, either frame may be the damaged one.
 fn frames_touched(starts: &[usize], bytes: &[u8], at: usize) -> std::ops::RangeInclusive<usize> {
     let last = at + bytes[at..].iter().take_while(|byte| **byte == bytes[at]).count() - 1;
     let frame_of = |place: usize| starts.iter().rposition(|start| *start <= place).unwrap();
@@ -194,7 +194,7 @@ fn outputs(input: &[Message]) -> Vec<Message> {
 
 /// Without an image counts pass through and say UNCORRECTED; with one the same counts are corrected.
 #[test]
-fn a_new_image_is_taken_over_between_two_ticks() {
+fn a_new_image_takes_effect_between_two_ticks() {
     let settings = RigSettings { wavelength: 121_363, ..RigSettings::default() };
     let row = Row { ticks: 100_000, counts: 400, present: 1, codes: [20 << 24, 0, 0, 0] };
     let mut input = vec![Message::Settings(settings), Message::Row(row)];
@@ -220,7 +220,7 @@ fn a_new_image_is_taken_over_between_two_ticks() {
     assert_eq!(replies.last().unwrap().code, ReplyCode::NoOlderImage);
 }
 
-/// The swing of a dithered gyro leaves nothing behind: whole periods carry the counts of the rate alone.
+/// Stripping removes the dither completely: whole periods contain the counts of the rate only.
 #[test]
 fn dither_is_stripped() {
     let settings =

@@ -59,7 +59,7 @@ pub(crate) struct Args {
     setup: SetupArgs,
 }
 
-/// What may be taken out first.
+/// Drift that can be removed first.
 #[derive(Clone, Copy, clap::ValueEnum)]
 enum Detrend {
     Temperature,
@@ -71,7 +71,7 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
         loading::check_output_name(path, "CSV")?;
     }
     let budget = match args.logs.as_slice() {
-        [path] if curve_stands_in(path)? => of_curve(path, args)?,
+        [path] if is_curve_file(path)? => of_curve(path, args)?,
         _ => of_logs(args)?,
     };
     for warning in &budget.warnings {
@@ -91,8 +91,8 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     Ok(Outcome::Done)
 }
 
-/// True for a file that begins as a curve does; pipes are logs.
-fn curve_stands_in(path: &Path) -> Result<bool> {
+/// True for a file that begins like a curve; pipes are logs.
+fn is_curve_file(path: &Path) -> Result<bool> {
     Ok(path.is_file()
         && matches!(loading::kind_of(path)?, loading::Kind::Log)
         && is_curve(&loading::first_bytes(path)?))

@@ -172,7 +172,7 @@ fn describe(console: &mut Console, axis: &AxisCalibration) {
     }
 }
 
-/// The other inputs, the conditioning of the terms, and what the noise of thermometers does.
+/// The other inputs, the conditioning of the terms, and the effect of thermometer noise.
 fn conditioning(console: &mut Console, axis: &AxisCalibration) {
     for input in axis.other_inputs() {
         let [lo, hi] = input.span;

@@ -1,4 +1,4 @@
-//! `sagnac compare`: calibrations of one unit beside each other.
+//! `sagnac compare`: compares calibrations of one unit.
 
 use std::path::PathBuf;
 

@@ -1,4 +1,4 @@
-//! What people and scripts see: text, tables, JSON, complaints.
+//! Output for people and scripts: text, tables, JSON, errors.
 //!
 //! With `--json` one object goes to standard output and the text for people to standard error.
 //! A reader that goes away (a closed pipe) ends the printing quietly.
@@ -20,10 +20,10 @@ pub(crate) enum Outcome {
 /// Result of a subcommand.
 pub(crate) type Ran = Result<Outcome, Error>;
 
-/// Where the last panic happened. None of ours should; a decoder's is caught and told as a bad file.
+/// Where the last panic happened. Our code should not panic; a decoder's panic is caught and reported as a bad file.
 static LAST_PANIC: Mutex<String> = Mutex::new(String::new());
 
-/// Remembers a panic's place instead of printing it.
+/// Stores a panic's place instead of printing it.
 pub(crate) fn keep_panics_quiet() {
     std::panic::set_hook(Box::new(|info| {
         if let Ok(mut last) = LAST_PANIC.lock() {
@@ -32,7 +32,7 @@ pub(crate) fn keep_panics_quiet() {
     }));
 }
 
-/// The complaint for a panic that reached the top.
+/// The message for a panic that reached the top.
 pub(crate) fn internal_error() -> Error {
     let place = LAST_PANIC.lock().map(|last| last.clone()).unwrap_or_default();
     Error::input(format!("a defect of this program, not of your input: {place}"))
@@ -42,7 +42,7 @@ pub(crate) fn internal_error() -> Error {
 /// Where things are printed.
 pub(crate) struct Console {
     json: bool,
-    /// What could not be written; a reader that has gone is no failure.
+    /// The first write error; a closed pipe is not an error.
     lost: Option<std::io::Error>,
 }
 
@@ -101,7 +101,7 @@ impl Console {
         }
     }
 
-    /// The result, unless what it printed was lost.
+    /// The result, or the error if its output could not be written.
     pub(crate) fn ended(&self, ran: Ran) -> Ran {
         match &self.lost {
             Some(error) => ran.and(Err(Error::io("standard output", "write", error))),

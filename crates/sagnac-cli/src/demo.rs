@@ -1,7 +1,7 @@
-//! `sagnac demo`: the source paper's experiment, done again.
+//! `sagnac demo`: repeats the experiment of the source paper.
 //!
 //! One simulated run of the paper's rig is calibrated, exported, and a second run is replayed through
-//! the decoded image at 100 µs. The paper's figures stand beside ours.
+//! the decoded image at 100 µs. The output shows the paper's figures beside ours.
 
 use std::io::Cursor;
 use std::path::PathBuf;
@@ -148,7 +148,7 @@ fn equations(console: &mut Console) {
     console.say(format!("  Δt = 4AΩ/c²   = {delay_s:.3e} s  (paper 6.76e-23, which needs c = 3e8 and π = 3.14)\n"));
 }
 
-/// What the constant as printed would have done.
+/// Effect of the constant as printed in the paper.
 fn printed_constant(console: &mut Console) {
     let (rig, printed) = (PaperRig::PAPER, PaperRig::as_printed());
     let reference_c = 25.0;

@@ -1,4 +1,4 @@
-//! `sagnac export`: a calibration becomes what the target holds.
+//! `sagnac export`: turns a calibration into the files of a target.
 
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -109,7 +109,7 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     }
 }
 
-/// A flag that the target has no use for is a mistake, not a wish.
+/// Refuses a flag that the target does not use.
 fn check_flags(args: &Args) -> Result<()> {
     use Target::{C, Image, Upload, Verilog};
     let flags: [(&str, bool, &[Target]); 4] = [
@@ -286,7 +286,8 @@ fn wrote(path: &Path, bytes: &[u8], console: &mut Console) -> Ran {
     Ok(Outcome::Done)
 }
 
-/// An axis as part of a name: whatever is no letter or digit becomes its number, so that no name leaves its folder.
+/// An axis as part of a file name: other characters than letters and digits become their number, so that the file stays in
+/// its folder.
 fn path_letter(axis: char) -> String {
     if axis.is_ascii_alphanumeric() { axis.to_string() } else { format!("{:02x}", u32::from(axis)) }
 }

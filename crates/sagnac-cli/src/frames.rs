@@ -38,14 +38,14 @@ pub(crate) struct Args {
     tick_us: f64,
 }
 
-/// What was found beside the rows.
+/// Findings besides the rows.
 #[derive(Default)]
 struct Tally {
     outputs: u64,
     answers: Vec<Reply>,
     others: u64,
     missing: u64,
-    /// Places where the frames' own count or clock jumps by what no loss explains.
+    /// Places where the frames' count or clock jumps by more than lost frames explain.
     breaks: u64,
     damaged_bytes: u64,
     last: Option<Output>,
@@ -53,7 +53,7 @@ struct Tally {
     ticks: u64,
 }
 
-/// As many answers are told one by one.
+/// Largest number of answers that are listed one by one.
 const MOST_ANSWERS: usize = 100;
 
 pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
@@ -161,7 +161,7 @@ fn pour(args: &Args, tally: &mut Tally, out: &mut dyn Write) -> Result<()> {
 const LONGEST_GAP: u16 = 1 << 15;
 
 impl Tally {
-    /// Counts what is missing before an output, and its clock on.
+    /// Counts the frames missing before an output and advances the clock.
     fn follow(&mut self, output: &Output) {
         let Some(last) = self.last.replace(*output) else {
             self.ticks = output.tick.into();

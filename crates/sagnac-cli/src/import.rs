@@ -1,4 +1,4 @@
-//! `sagnac import`: coefficients that someone already has.
+//! `sagnac import`: makes a calibration from existing coefficients.
 
 use std::path::PathBuf;
 

@@ -35,7 +35,7 @@ pub(crate) struct Args {
     setup: SetupArgs,
 }
 
-/// What `inspect --json` says of a log or window table.
+/// Output of `inspect --json` for a log or window table.
 #[derive(Serialize)]
 struct LogObject {
     kind: &'static str,
@@ -49,7 +49,7 @@ struct LogObject {
     windows_used: usize,
     excluded: Vec<Tally>,
     ignored_columns: Vec<String>,
-    /// The model that `calibrate` would take, or why it refuses.
+    /// The model that `calibrate` would select, or why it refuses.
     calibrate: CalibrateObject,
 }
 
@@ -105,8 +105,8 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     Ok(Outcome::Done)
 }
 
-/// Opens a log. Counts whose scale nobody gave are read with 1 arcsec per count, so that what is called
-/// °/h elsewhere is counts per second; the setup that comes back still lacks the scale.
+/// Opens a log. Counts without a stated scale are read with 1 arcsec per count, so that °/h means counts per second; the
+/// returned setup still lacks the scale.
 fn open_as_far_as_known(path: &Path, given: Setup) -> Result<(LogReader, Setup)> {
     match open_log(path, &given, ReadMode::Bulk) {
         Err(error) if error.place.column.as_deref() == Some(SCALE_KEY) && path.as_os_str() != "-" => {
@@ -165,7 +165,7 @@ fn log(windows: Windows, ignored: Vec<String>, kind: &'static str, setup: &Setup
     console.object(&LogObject { calibrate, ..object })
 }
 
-/// What calibrate would do; a refusal is an answer here, a bad input is not.
+/// Result of a trial `calibrate`; here a refusal is a result, a bad input is an error.
 fn would(tried: Result<Calibration>, console: &mut Console) -> Result<CalibrateObject> {
     match tried {
         Ok(calibration) => {
@@ -230,7 +230,7 @@ fn describe_windows(windows: &Windows, ignored: Vec<String>, kind: &'static str,
     }
 }
 
-/// What `inspect --json` says of an image.
+/// Output of `inspect --json` for an image.
 #[derive(Serialize)]
 struct ImageObject {
     kind: &'static str,

@@ -1,4 +1,4 @@
-//! Opening what the command line names, whatever it is.
+//! Opens the files that the command line names, of any kind.
 
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -14,7 +14,7 @@ use sagnac_log::setup::Setup;
 use crate::progress::open_log;
 use crate::setup_args::SetupArgs;
 
-/// No calibration is larger.
+/// Largest size of a calibration.
 const MAX_CALIBRATION_BYTES: u64 = 64 << 20;
 
 /// Enough for a magic number or a line of headers.
@@ -33,7 +33,7 @@ pub(crate) enum Kind {
 pub(crate) fn kind_of(path: &Path) -> Result<Kind> {
     let is_pipe = std::fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir());
     if path.as_os_str() == "-" || is_pipe {
-        // What was read from a pipe cannot be read again.
+        // Bytes read from a pipe cannot be read again.
         return Ok(Kind::Log);
     }
     let start = first_bytes(path)?;
@@ -64,7 +64,7 @@ pub(crate) fn has_extension(path: &Path, extension: &str) -> bool {
 /// Names of formats that this program reads but does not write.
 const NOT_WRITTEN: [&str; 6] = ["gz", "zst", "arrow", "feather", "ulg", "xlsx"];
 
-/// Refuses a name that promises another format than what would be written.
+/// Refuses a file name whose extension means another format than the output.
 pub(crate) fn check_output_name(path: &Path, formats: &str) -> Result<()> {
     match NOT_WRITTEN.iter().find(|extension| has_extension(path, extension)) {
         Some(extension) => Err(Error::input(format!("no .{extension} is written here; formats: {formats}"))
@@ -73,7 +73,7 @@ pub(crate) fn check_output_name(path: &Path, formats: &str) -> Result<()> {
     }
 }
 
-/// Refuses to write over what is read: a log that was measured once cannot be made again.
+/// Refuses to overwrite an input: a measured log cannot be made again.
 pub(crate) fn keep_inputs<'a>(inputs: &[impl AsRef<Path>], outputs: impl IntoIterator<Item = &'a Path>) -> Result<()> {
     let whole = |path: &Path| std::fs::canonicalize(path).ok().filter(|path| path.is_file());
     let read: Vec<PathBuf> = inputs.iter().filter_map(|path| whole(path.as_ref())).collect();
@@ -88,7 +88,7 @@ pub(crate) fn logs(paths: &[PathBuf], setup: &Setup, pace: ReadMode) -> Result<V
     paths.iter().map(|path| open_log(path, setup, pace)).collect()
 }
 
-/// Windows of logs, or of one window table, with the setup they were made with and flags over it.
+/// Windows of logs, or of one window table, with their setup and the flags that override it.
 pub(crate) fn windows(paths: &[PathBuf], args: &SetupArgs) -> Result<(Windows, Setup)> {
     for path in paths {
         match kind_of(path)? {
@@ -110,7 +110,7 @@ pub(crate) fn windows(paths: &[PathBuf], args: &SetupArgs) -> Result<(Windows, S
     Ok((args.outliers(builder).finish(), setup))
 }
 
-/// A window table. What its windows were made with cannot be changed any more.
+/// A window table. The settings of its windows cannot be changed any more.
 fn table(path: &Path, args: &SetupArgs) -> Result<(Windows, Setup)> {
     let (windows, made_with) = read_table(path)?;
     let setup = args.over(made_with.clone())?;

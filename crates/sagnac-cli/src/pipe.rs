@@ -2,7 +2,7 @@
 
 use std::io::Write;
 
-/// Remembers that the other end of a pipe has gone.
+/// Records that the reader has closed the pipe.
 pub(crate) struct PipeAware<W> {
     inner: W,
     closed: bool,
@@ -13,7 +13,7 @@ impl<W: Write> PipeAware<W> {
         Self { inner, closed: false }
     }
 
-    /// The reader has gone; there is nothing more to do.
+    /// True if the reader has closed the pipe.
     pub(crate) fn closed(&self) -> bool {
         self.closed
     }

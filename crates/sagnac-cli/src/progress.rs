@@ -1,4 +1,4 @@
-//! How far a log has been read or a test simulated, on a terminal and after a second; silent otherwise.
+//! Progress of reading a log or simulating a test: shown on a terminal after one second, otherwise silent.
 
 use std::io::IsTerminal;
 use std::path::Path;
@@ -9,7 +9,7 @@ use sagnac::Result;
 use sagnac_log::ingest::{LogReader, ReadMode, Watch};
 use sagnac_log::setup::Setup;
 
-/// Nothing is shown of what ends sooner.
+/// Delay before anything is shown.
 const PATIENCE: Duration = Duration::from_secs(1);
 const TEMPLATE: &str = "{msg} {wide_bar} {bytes} of {total_bytes}, {binary_bytes_per_sec}, {eta} left";
 

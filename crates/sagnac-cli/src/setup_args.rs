@@ -1,4 +1,4 @@
-//! Flags that say what a log cannot say of itself; each overrides the setup file's key of its name.
+//! Flags for facts that a log does not contain; each overrides the key of its name in the setup file.
 
 use std::path::PathBuf;
 

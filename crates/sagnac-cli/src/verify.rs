@@ -1,4 +1,4 @@
-//! `sagnac verify`: a retest log through the decoded image, before beside after.
+//! `sagnac verify`: a retest log through the decoded image, compared before and after.
 
 use std::path::PathBuf;
 
@@ -66,7 +66,7 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     Ok(if verification.passed() { Outcome::Done } else { Outcome::LimitsNotMet })
 }
 
-/// A proof on the log of the fit is none.
+/// Warns if the retest is a log of the fit: that proves nothing.
 fn warn_of_same_log(console: &mut Console, verification: &Verification) {
     for file in &verification.training_overlap {
         console.note(format!("warning: {file} is a log that the calibration was made from; this is no proof"));
@@ -110,7 +110,7 @@ fn describe(console: &mut Console, verification: &Verification) {
     }
 }
 
-/// What the stated flight comes to; the drift apart from the noise.
+/// Result of the stated flight; drift and noise separately.
 fn flown(flight: &PositionError) -> String {
     let metres = |e: Estimate| with_sigma(e.value, Some(e.sigma));
     let noise = flight.noise_m.map_or("not known".to_owned(), |m| format!("{} m (σ)", significant(m, 3)));

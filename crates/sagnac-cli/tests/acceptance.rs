@@ -44,20 +44,20 @@ fn every_limit_has_its_value_margin_and_verdict() {
         let room = if limit["name"].as_str().unwrap().ends_with("_min") { value - bound } else { bound - value };
         assert!((margin.as_f64().unwrap() - room / bound).abs() < 1e-12, "{limit}");
     }
-    // Drift apart from noise: kilometres before, within two of its σ after, the walk beside it.
+    // Drift separate from noise: kilometres before, within two of its σ after, the random walk separately.
     let flight = &axis["flight"];
     let metres = |name: &str, part: &str| flight[name][part].as_f64().unwrap();
     assert!(metres("before_m", "value") > 4.0 * metres("before_m", "sigma"), "{}", flight["before_m"]);
     assert!(metres("after_m", "value").abs() < 2.0 * metres("after_m", "sigma"), "{}", flight["after_m"]);
     assert!((400.0..600.0).contains(&flight["noise_m"].as_f64().unwrap()));
-    // The paper asks for a gain that this gyro's little drift does not leave room for.
+    // The paper requires an improvement that this gyro's small drift does not allow.
     let (status, object) = verify("paper");
     assert_eq!((status, &object["axes"][0]["pass"]), (1, &Value::Bool(false)));
     assert_eq!(verify("navigation-grade").0, 0);
     assert!(metres("after_m", "sigma") * 2.0 <= flight["bound_after_m"].as_f64().unwrap());
 }
 
-/// What such a retest is not asked stands as not asked, and the verdict says so; the page says what was held against what.
+/// A limit that does not apply to the retest is shown as not asked, also in the verdict; the page names retest and limits.
 #[test]
 fn what_is_not_asked_is_not_met() {
     let folder = TempDir::new().unwrap();
@@ -100,7 +100,7 @@ fn cycle_3_where(folder: &TempDir, wanted: fn(f64) -> bool) -> String {
     path
 }
 
-/// Both ends of the span without its middle cover what they cover, and tell no flight through it.
+/// A retest of both ends of the span without its middle covers only those, and gives no result for a flight through it.
 #[test]
 fn a_hole_in_the_retest_is_not_bridged() {
     let folder = TempDir::new().unwrap();
@@ -127,7 +127,7 @@ fn a_hole_in_the_retest_is_not_bridged() {
     sagnac().args(["verify", &record, &ends, &ends]).assert().code(2);
 }
 
-/// A retest over half of the temperatures vouches for half of them, by record and by image alone.
+/// A retest over half of the temperatures counts for half of them, by record and by image alone.
 #[test]
 fn a_narrow_retest_is_no_acceptance() {
     let folder = TempDir::new().unwrap();
@@ -146,7 +146,7 @@ fn a_narrow_retest_is_no_acceptance() {
     assert!((axis["coverage"]["covered_fraction"].as_f64().unwrap() - 0.5).abs() < 0.01, "{}", axis["coverage"]);
 }
 
-/// Limits met on a log of the fit are no acceptance, on the terminal and on paper.
+/// Limits met on a log of the fit are not an acceptance, on the terminal and on paper.
 #[test]
 fn a_log_of_the_fit_is_never_accepted() {
     let folder = TempDir::new().unwrap();
@@ -161,7 +161,7 @@ fn a_log_of_the_fit_is_never_accepted() {
     assert!(page.contains("Not accepted") && page.contains("This is no proof") && !page.contains("none of them seen"));
 }
 
-/// A flight to where nobody tested is not flown, and its limit is not met.
+/// A flight to untested temperatures is not computed, and its limit is not met.
 #[test]
 fn a_flight_beyond_the_test_is_not_accepted() {
     let folder = TempDir::new().unwrap();

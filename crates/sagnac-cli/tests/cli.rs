@@ -21,7 +21,7 @@ fn testdata(name: &str) -> String {
     root().join("testdata").join(name).display().to_string()
 }
 
-/// A file of the shared recordings, or `None` where they are not at hand (said aloud).
+/// A file of the shared recordings, or `None` where they are missing (with a message).
 fn shared(name: &str) -> Option<String> {
     let path = root().join("../shared/data").join(name);
     if path.exists() {
@@ -138,7 +138,7 @@ fn complaints_name_their_place() {
     {
         assert_eq!(run(&args).status, 2, "{args:?}");
     }
-    // A log whose scale nobody gave is still described.
+    // A log without a stated scale is still described.
     let whole = bench.write("counts.csv", "time_s,temperature_c,counts\n1,20,3\n2,20,4\n3,20,5\n");
     let (status, object) = json(&["inspect", &whole, "--json"]);
     assert_eq!((status, &object["calibrate"]["asks_for"]), (0, &Value::from("arcsec_per_count")));
@@ -188,7 +188,7 @@ fn links_and_pipes_stay_what_they_are() {
     assert!(!fs::metadata(&fifo).unwrap().is_file());
 }
 
-/// What could not be printed is not done.
+/// A result that could not be printed is a failure.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_full_disk_behind_standard_output_is_an_error() {
@@ -245,7 +245,7 @@ fn compensate_answers_a_pipe_line_by_line() {
         .unwrap();
     let mut to = child.stdin.take().unwrap();
     let mut from = BufReader::new(child.stdout.take().unwrap()).lines();
-    // Two rows tell the interval; from then on each is answered before the next is written.
+    // Two rows give the interval; from then on each is answered before the next is written.
     to.write_all(b"time_s,temperature_c,counts\n5,25,149\n10,25,149\n").unwrap();
     let head: Vec<String> = (0..4).map(|_| from.next().unwrap().unwrap()).collect();
     assert!(head[0].starts_with("# sagnac compensated") && head[2].starts_with("5,25,"), "{head:?}");
@@ -356,7 +356,7 @@ fn completions_and_man_pages_know_every_command() {
     assert!(page.contains("arcsec") && page.contains(".TH"));
 }
 
-/// On a terminal (by util-linux's script): progress and coloured help, unless told otherwise; in a pipe neither.
+/// On a terminal (by util-linux's script): progress and coloured help, unless switched off; in a pipe neither.
 #[test]
 fn a_terminal_is_treated_as_one_and_no_color_is_heeded() {
     let on_terminal = |no_color: bool| {

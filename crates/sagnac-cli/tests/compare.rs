@@ -30,7 +30,7 @@ fn compare_names_what_disagrees_and_by_how_much() {
     assert!(curve["worst"]["sigmas"].as_f64().unwrap() > 5.0, "{}", curve["worst"]);
     assert!(String::from_utf8_lossy(&out.stderr).contains("the records disagree"));
     assert!(fs::read_to_string(page).unwrap().contains("Do the curves come back?"));
-    // A log is no calibration, and one record is none to compare.
+    // A log is not a calibration, and a single record cannot be compared.
     sagnac().args(["compare", &a, &at("0.csv")]).assert().code(2);
     sagnac().args(["compare", &a]).assert().code(2);
 }

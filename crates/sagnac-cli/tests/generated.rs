@@ -1,4 +1,4 @@
-//! Files that the program makes, or whose text it prints: what is committed is what it says today.
+//! Files that the program makes, or whose text it prints: the committed files equal its output.
 
 use sagnac_lab::{Program, parse_commands};
 
@@ -6,7 +6,7 @@ fn program() -> Program {
     Program::at(env!("CARGO_BIN_EXE_sagnac"))
 }
 
-/// CI leaves these out: `bless --check` does the same, with the rest.
+/// CI skips these: `bless --check` does the same for all files.
 mod generated_files_are_as_they_are_made {
     use sagnac_lab::bless::stale;
 

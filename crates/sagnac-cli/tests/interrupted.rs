@@ -1,4 +1,4 @@
-//! Stopped at any moment while it writes: the old file or the new one, never half; after Ctrl-C nothing else.
+//! Stopped at any moment while it writes: the old file or the new one, never half of it; after Ctrl-C no other file.
 
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
@@ -16,7 +16,7 @@ fn start(folder: &Path) -> Child {
     command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap()
 }
 
-/// Waits until so much time has gone by since the start; a kill may come at any moment, so none is too late.
+/// Waits until this time after the start; a kill is valid at any moment, also after the end.
 fn wait_until(started: Instant, moment: Duration) {
     while started.elapsed() < moment {
         std::hint::spin_loop();
@@ -61,7 +61,7 @@ fn killed_at_any_moment_leaves_the_old_file_or_the_new_one() {
         assert!(is_new || out == OLD.as_bytes(), "kill {kill}: {} bytes of {}", out.len(), new.len());
         (with_old, with_new) = (with_old + u32::from(!is_new), with_new + u32::from(is_new));
         if polite && temporary_files(path) > 0 {
-            // Before the handler stands, Ctrl-C ends a program as SIGKILL does; by then nothing is written.
+            // Before the handler is installed, Ctrl-C ends a program like SIGKILL; nothing is written by then.
             panic!("kill {kill}: Ctrl-C left a temporary file");
         }
         for entry in std::fs::read_dir(path).unwrap().map(Result::unwrap) {
@@ -70,6 +70,6 @@ fn killed_at_any_moment_leaves_the_old_file_or_the_new_one() {
             }
         }
     }
-    // Kills came both before the end and after it, or this test has looked at nothing.
+    // The test is meaningful only if kills came both before the end and after it.
     assert!(with_old > KILLS / 10 && with_new > 0, "{with_old} old, {with_new} new");
 }

@@ -15,7 +15,7 @@ fn sagnac(folder: &Path, args: &[&str]) {
     Sagnac::cargo_bin("sagnac").unwrap().current_dir(folder).args(args).assert().success();
 }
 
-/// Chromium's program, or `None` where it is not installed (said aloud). Under CI that is a failure.
+/// Chromium's program, or `None` where it is not installed (with a message). Under CI that is a failure.
 fn chromium() -> Option<&'static str> {
     let found = ["chromium", "chromium-browser", "google-chrome"]
         .into_iter()
@@ -30,7 +30,7 @@ fn chromium() -> Option<&'static str> {
     found
 }
 
-/// Goes first in the page: hears of everything that goes wrong.
+/// First script of the page: collects all errors.
 const LISTEN: &str = r#"<script>
 window.wrong = [];
 addEventListener("error", (e) => wrong.push("error: " + e.message));
@@ -39,7 +39,7 @@ addEventListener("securitypolicyviolation", (e) => wrong.push("request refused: 
 for (const level of ["error", "warn"]) console[level] = (...all) => wrong.push(level + ": " + all.join(" "));
 </script>"#;
 
-/// Goes last: what stands on each canvas and in each drawing.
+/// Last script: reads the content of each canvas and drawing.
 const LOOK: &str = r##"<script>
 setTimeout(() => {
   const seen = [...document.querySelectorAll(".plot")].map((plot) => {
@@ -51,7 +51,7 @@ setTimeout(() => {
       if (pixels[i + 3] > 100 && (spread > 40 || pixels[i] + pixels[i + 1] + pixels[i + 2] < 330)) coloured++;
     }
     const hidden = svg ? getComputedStyle(svg).display : "";
-    // As on paper, where the drawing stands in for the canvas.
+    // As on paper, where the drawing replaces the canvas.
     document.documentElement.classList.remove("live");
     const large = (m) => { const box = m.getBBox(); return box.width + box.height > 100; };
     // Axes and grid are lines of two points; what the figure is about has many, or many bars.
@@ -72,7 +72,7 @@ setTimeout(() => {
 }, 300);
 </script>"##;
 
-/// What the browser says of a report.
+/// Findings of the browser in a report.
 fn look_at(chromium: &str, report: &Path) -> serde_json::Value {
     let page = std::fs::read_to_string(report).unwrap();
     let page = page.replacen("<head>", &format!("<head>{LISTEN}"), 1).replacen("</body>", &format!("{LOOK}</body>"), 1);
@@ -105,7 +105,7 @@ fn look_at(chromium: &str, report: &Path) -> serde_json::Value {
     let log = std::fs::read_to_string(net_log).unwrap();
     assert!(log.contains(&format!("file://{}", copy.display())), "the network log does not even know the page");
     let is_address = |text: &&str| ["http://", "https://", "ws://", "wss://"].iter().any(|p| text.starts_with(p));
-    // Chromium asks its maker for updates and the time, whatever it is told.
+    // Chromium requests updates and the time from its maker, whatever its flags are.
     let its_own = |text: &&str| ["google.com", "googleapis.com"].iter().any(|host| text.contains(host));
     let outside: Vec<&str> = log.split('"').filter(is_address).filter(|text| !its_own(text)).collect();
     let mut answer: serde_json::Value = serde_json::from_str(&answer).unwrap();
@@ -181,7 +181,7 @@ fn a_browser_draws_the_reports_of_a_whole_calibration() {
     }
 }
 
-/// A page with a script that asks for something, and a figure that is not drawn, must not pass for a good one.
+/// A page with a script that loads something, and a page with a missing figure, must fail.
 #[test]
 fn the_look_itself_sees_what_is_wrong() {
     let Some(chromium) = chromium() else { return };
@@ -231,6 +231,6 @@ fn the_report_of_a_day_is_small_and_always_the_same() {
         assert!(size < 400_000, "{name} has {size} bytes");
     }
     assert!(read("day.html") == read("again.html"));
-    // The proof on the log of the fit says that it is none.
+    // The report states that a retest on the log of the fit proves nothing.
     assert!(String::from_utf8(read("proof.html")).unwrap().contains("This is no proof"));
 }

@@ -200,7 +200,7 @@ fn frames_become_rows_and_damage_is_counted() {
     let counts: i32 = rows.lines().skip(1).map(|row| row.split(',').nth(3).unwrap().parse::<i32>().unwrap()).sum();
     assert_eq!(counts, 80);
     assert!(rows.lines().nth(1).unwrap().contains(",UNCORRECTED,"), "no bank holds an image");
-    // A byte of the tenth output is damaged, the twentieth is gone.
+    // A byte of the tenth output is damaged, the twentieth output is missing.
     let outputs: Vec<usize> = (0..bytes.len() - 4).filter(|at| bytes[*at..].starts_with(b"SG\x01\x20")).collect();
     bytes[outputs[9] + 20] ^= 0x10;
     bytes.drain(outputs[19]..outputs[20]);
@@ -210,9 +210,9 @@ fn frames_become_rows_and_damage_is_counted() {
     assert!(said.contains("38 output frames, 2 missing") && said.contains("40 bytes belong to no frame"), "{said}");
 }
 
-/// The clock goes on past its 32 bits, a restart is told, and bits without a name are shown.
+/// The clock continues past its 32 bits, a restart is reported, and bits without a name are shown.
 #[test]
-fn odd_frames_are_told() {
+fn odd_frames_are_reported() {
     let folder = tempfile::tempdir().unwrap();
     let line = folder.path().join("line.bin");
     let mut bytes = Vec::new();

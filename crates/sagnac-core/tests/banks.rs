@@ -285,7 +285,7 @@ fn an_unreadable_note_does_not_hide_the_others() {
     assert_eq!(active(&unreadable).1, Origin::FactoryDefaults);
 }
 
-/// A fuzzer's find: four zero bytes where a note would stand are none, and stores go on.
+/// Found by fuzzing: four zero bytes at the place of a note are not a note, and stores continue.
 #[test]
 fn zeros_in_a_blank_place_are_not_a_note() {
     let mut dice = Dice(2);

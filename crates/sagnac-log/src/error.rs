@@ -15,7 +15,7 @@ pub enum ErrorKind {
     Refused,
 }
 
-/// Where in the input something stands. Empty fields are not printed.
+/// A place in the input. Empty fields are not printed.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Place {
@@ -48,7 +48,7 @@ impl fmt::Display for Place {
     }
 }
 
-/// One complaint a person can act on.
+/// An error on which a person can act.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub struct Error {
@@ -92,7 +92,7 @@ impl Error {
         Self { kind: ErrorKind::Refused, ..Self::input(what) }
     }
 
-    /// Text that is not the TOML it should be; the line is named.
+    /// Invalid TOML; names the line.
     pub fn toml(what: &str, text: &str, error: &toml::de::Error) -> Self {
         let before = error.span().and_then(|span| text.as_bytes().get(..span.start)).unwrap_or(&[]);
         let line = 1 + before.iter().filter(|byte| **byte == b'\n').count();
@@ -109,7 +109,7 @@ impl Error {
         Self::io(path.display().to_string(), doing, error)
     }
 
-    /// Choices in a list; a nameless one is shown as what it is.
+    /// Choices in a list; one without a name is shown by its value.
     pub fn choices(names: &[String]) -> String {
         let shown = names.iter().map(|name| if name.is_empty() { "one without a name" } else { name.as_str() });
         shown.collect::<Vec<_>>().join(", ")

@@ -2,11 +2,11 @@
 //!
 //! ```text
 //! bench.toml ─▶ Setup ─┐
-//! log file ────────────┴▶ ingest::LogReader (rows read, judged, counted) ─▶ batches of columns in SI names
-//! results ─▶ write (whole or not at all)
+//! log file ────────────┴▶ ingest::LogReader (rows read, checked, counted) ─▶ batches of columns in SI names
+//! results ─▶ write (complete or not at all)
 //! ```
 //!
-//! [`setup`] holds what a log cannot say of itself. [`ingest`] streams CSV, Parquet, Arrow and PX4 logs in batches and
+//! [`setup`] holds the facts that a log does not contain. [`ingest`] streams CSV, Parquet, Arrow and PX4 logs in batches and
 //! counts each rejected row with its reason. [`mod@write`] replaces files atomically. [`error`] says what was wrong, where and
 //! what to do.
 #![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used, clippy::panic))]

@@ -1,4 +1,4 @@
-//! Logs in every shape: the same numbers come out, and what cannot be used is counted with its place.
+//! Logs in every form: the same numbers result, and unusable values are counted with their place.
 
 use std::io::{Cursor, Write};
 
@@ -84,9 +84,9 @@ fn rows_that_cannot_be_used_are_counted_with_their_first_line() {
     let expected: Vec<_> = expected.into_iter().map(|(r, n, line)| (r, n, format!("log.csv:{line}"))).collect();
     assert_eq!(tallies(&reader), expected);
     assert_eq!(batch.line, [2, 3, 7, 10, 11, 12, 13, 14, 15]);
-    // A row after a gap takes the nominal interval; one after an unreadable count its own.
+    // A row after a gap has the nominal interval; one after an unreadable count its own.
     assert_eq!((batch.start_ns[2], batch.start_ns[4]), (3_000_000_000, 49_000_000_000));
-    // Not believed is no temperature; an empty field leaves the newest one in the register.
+    // An invalid reading is no temperature; an empty field keeps the newest one.
     assert!(batch.temperature_c[0][5].is_nan() && batch.temperature_c[0][6].is_nan());
     assert_eq!(batch.temperature_c[0][7], 20.0);
     assert!(!batch.valid[8]);
@@ -135,7 +135,7 @@ fn a_sparse_thermometer_is_a_register() {
     assert_eq!(tallies(&reader), []);
 }
 
-/// Fast ramps in slow rows, and whatever happened during a gap, are no jumps.
+/// Fast ramps in slow rows, and changes during a gap, are not jumps.
 #[test]
 fn a_ramp_in_slow_rows_is_no_jump() {
     let rows: String =
@@ -161,7 +161,7 @@ fn a_quoted_field_may_hold_the_delimiter() {
     assert_eq!(tallies(&reader), []);
 }
 
-/// What the log itself flags cannot make it unreadable.
+/// Flagged rows cannot make a log unreadable.
 #[test]
 fn a_flagged_row_may_hold_anything() {
     let (batch, reader) =
@@ -228,7 +228,7 @@ fn tables_without_time_are_rows_of_one_interval() {
     assert_eq!((batch.end_ns[1], reader.shape().timed), (200_000_000_000, false));
 }
 
-/// What stands in a broken row can neither refuse the log nor hold up the temperatures of the others.
+/// The content of a broken row can neither refuse the log nor invalidate the temperatures of other rows.
 #[test]
 fn a_ragged_row_is_only_that() {
     let mut log = "time_s,temperature_c,counts\n".to_owned();

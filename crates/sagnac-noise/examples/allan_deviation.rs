@@ -1,4 +1,4 @@
-//! The overlapping Allan deviation of angles that are at hand, against a value of NIST SP 1065.
+//! The overlapping Allan deviation of angles in memory, against a value of NIST SP 1065.
 //!
 //! `cargo run --example allan_deviation`
 

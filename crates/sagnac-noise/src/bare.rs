@@ -1,7 +1,7 @@
 //! A bare curve: τ and σ of an Allan deviation that another program computed.
 //!
-//! A curve does not say how well its points are known. With the length of the record behind it they count as points of a
-//! full overlap; without it every point has the same weight and the terms have no interval.
+//! A curve does not state the uncertainty of its points. If the length of its record is known, they count as points of a
+//! fully overlapping deviation. Otherwise every point has the same weight and the terms have no interval.
 
 use crate::budget::{AxisBudget, CurvePoint, Model, TermValue, Terms, interval};
 use crate::difference::Deviation;
@@ -12,7 +12,7 @@ use crate::terms::{Point, Term, fit_terms};
 const APART: f64 = 1.4;
 /// Longest record, s: 30,000 years.
 const MOST_RECORD_S: f64 = 1e12;
-/// Less than this part of σ² at every τ is no term.
+/// A term below this fraction of σ² at every τ counts as zero.
 const NO_PART: f64 = 1e-6;
 
 /// A curve of one axis.
@@ -24,7 +24,7 @@ pub struct BareCurve {
     pub points: Vec<(f64, f64)>,
 }
 
-/// A record too short for its curve's longest τ, or longer than any.
+/// A record length too short for its curve's longest τ, or unreasonably long.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error("a record with a deviation at τ = {longest_s} s has at least twice that length")]
 pub struct RecordLengthError {
@@ -65,12 +65,12 @@ fn budget(curve: &BareCurve, points: Vec<CurvePoint>, terms: Terms) -> AxisBudge
     }
 }
 
-/// The shortest τ stands for the interval of a row.
+/// The shortest τ replaces the interval of a row.
 fn known_length(curve: &BareCurve, record_s: f64) -> AxisBudget {
     let tau0_s = curve.points.first().map_or(1.0, |(tau_s, _)| *tau_s);
     let mut stretches = Stretches::default();
     stretches.add((record_s / tau0_s).round() as u64 + 1);
-    // Points nearer to each other than half an octave tell the same twice.
+    // Points closer than half an octave carry the same information twice.
     let mut last_s = 0.0;
     let mut apart = |tau_s: f64| {
         let apart = tau_s >= APART * last_s;
@@ -102,7 +102,7 @@ fn of_unknown_length(curve: &BareCurve) -> AxisBudget {
     let terms = fitted.as_ref().map_or_else(
         || Terms::none("a single τ has no slope"),
         |fitted| {
-            // A rounding's worth of a term is none.
+            // A term of the size of rounding errors counts as zero.
             let part = |term: Term, p: &Point| fitted.coefficient(term) * term.variance(p.tau_s) / p.variance;
             Terms::from_each(|term| match points.iter().map(|p| part(term, p)).fold(0.0, f64::max) {
                 ..NO_PART => TermValue::Unresolved { unresolved: "the other terms explain the whole curve".to_owned() },

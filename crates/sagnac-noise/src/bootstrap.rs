@@ -7,14 +7,14 @@
 //!    the χ² tied together by the correlation of the points (Gaussian copula)
 //! ```
 //!
-//! Terms that can stand in for each other (B, K and R at the long end of a short record) do so in the profile: what one may
-//! give to another is part of its interval. Expectations, edf and correlations are those of [`super::freedom`] for this very
-//! record: its length, its gaps, its noise. Points of an overlapping curve are far from independent, and thresholds of
-//! independent points would be too low; of a term that is not told from zero they are drawn without it too, and the higher
-//! threshold holds. The χ² come from normal values by the cube-root form of Wilson and Hilferty (1931).
+//! Terms that can replace each other (B, K and R at the long end of a short record) do so in the profile, so the intervals
+//! include the exchange between them. Expectations, edf and correlations come from [`super::freedom`] for the length, gaps and
+//! noise of this record. Points of an overlapping curve are strongly correlated; thresholds for independent points would be
+//! too low. For a term that is not resolved, curves are drawn with and without it, and the higher threshold is used. The χ²
+//! come from normal values by the cube-root form of Wilson and Hilferty (1931).
 //!
-//! A term whose interval reaches down to a fifth of its value or further has no value, but an upper end: more of it would
-//! lift the curve above what was measured.
+//! A term whose interval reaches down to a fifth of its value or further has no value but an upper bound: a larger term would
+//! lift the curve above the measured one.
 
 use nalgebra::{DMatrix, DVector};
 use rand::{Rng, SeedableRng};
@@ -26,13 +26,13 @@ use crate::terms::{FittedTerms, Point, Term, deviance, fit_terms, fit_terms_besi
 
 /// Curves drawn.
 const DRAWS: usize = 400;
-/// Part of the curves beyond the threshold.
+/// Fraction of the curves beyond the threshold.
 const BEYOND: f64 = 0.05;
-/// The same for a term that was fitted as zero: half of its curves have no misfit to tell.
+/// The same for a term that was fitted as zero: half of its curves have no misfit.
 const BEYOND_AT_ZERO: f64 = 0.025;
 /// The least threshold: χ² of one degree of freedom, 95 %.
 const LEAST_THRESHOLD: f64 = 3.841;
-/// Rounds in search of a bound, its draws, and what it may still move by.
+/// Iterations for a bound, curves drawn for it, and its tolerance.
 const BOUND_ROUNDS: usize = 4;
 const BOUND_DRAWS: usize = 160;
 const BOUND_SETTLED: f64 = 0.02;
@@ -41,12 +41,12 @@ const LEAST_RATIO: f64 = 0.2;
 /// Halvings in search of an end, and doublings to enclose it.
 const HALVINGS: usize = 20;
 const DOUBLINGS: usize = 60;
-/// Points farther apart than this in τ are taken as independent.
+/// Points farther apart than this in τ count as independent.
 const FAR: f64 = 64.0;
 /// Fixed, so that the same record gives the same intervals.
 const SEED: u64 = 0x5a67_6e61_6331_3131;
 
-/// What the record says of one term, as a root (Q, N, B, K or R).
+/// The estimate of one term, as a root (Q, N, B, K or R).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Spread {
     /// 95 % interval.
@@ -56,23 +56,23 @@ pub(crate) enum Spread {
         /// Upper end.
         upper: f64,
     },
-    /// Not told from zero.
+    /// Not distinguished from zero.
     Unresolved {
-        /// More of it would not fit the curve; infinite where nothing bounds it.
+        /// Upper bound; infinite where the curve does not bound it.
         at_most: f64,
     },
 }
 
-/// What the record says of all terms.
+/// The estimates of all terms.
 pub(crate) struct Said {
     /// In the order of [`Term::ALL`].
     pub(crate) spreads: Vec<Spread>,
-    /// Terms that are not told from zero, of which the curve needs one and does not tell which.
+    /// Terms that are not distinguished from zero, of which the curve needs one without determining which.
     pub(crate) traded: Vec<Term>,
 }
 
-/// What a record and its curve leave open, every point with a scatter of its own besides (of `scatter_edf` degrees of freedom;
-/// infinite for none).
+/// Uncertainty of the terms, given a record and its curve. Each point may have additional scatter of its own, of
+/// `scatter_edf` degrees of freedom; infinite for none.
 pub(crate) struct Doubt<'a> {
     pub(crate) record: &'a Record<'a>,
     pub(crate) measured: &'a [Point],
@@ -95,7 +95,7 @@ impl Doubt<'_> {
         let (curves, profile) = self.under(fitted);
         let mut thresholds = thresholds(&curves, fitted, &Term::ALL, DRAWS);
         let resolved = of_resolved(&profile.spreads(fitted, &thresholds));
-        // Where a term is not told from zero, zero may be the truth; beside a border the others swing farther.
+        // Where a term is not distinguished from zero, zero may be the truth; near that limit the others scatter more.
         let without = fit_terms(&profile.points, &resolved).filter(|_| resolved.len() < Term::ALL.len());
         if let Some(without) = &without {
             let beside = self::thresholds(&self.under(without).0, without, &Term::ALL, DRAWS);
@@ -111,8 +111,8 @@ impl Doubt<'_> {
         Said { spreads, traded }
     }
 
-    /// The largest value of a term that fits. Long correlations and few degrees of freedom come with the term itself, so
-    /// threshold and profile are those of the bound, until it stands still.
+    /// The largest value of a term that fits. The term itself causes long correlations and few degrees of freedom, so threshold
+    /// and profile are computed at the bound, until it converges.
     fn bound(&self, term: Term, mut at_most: f64, fitted: f64) -> f64 {
         for _ in 0..BOUND_ROUNDS {
             let there = fit_terms_beside(self.measured, term, at_most.powi(2));
@@ -150,8 +150,8 @@ fn traded(profile: &Profile, spreads: &[Spread], thresholds: &[f64]) -> Vec<Term
     if able.len() > 1 { able } else { Vec::new() }
 }
 
-/// Per term: what D at the truth less the least D exceeds by chance; never less than for one normal value, so that what a
-/// solver leaves is no threshold.
+/// Threshold of each term for D at the truth minus the least D; never less than for one normal value, so that solver
+/// tolerance never sets it.
 fn thresholds(curves: &Curves, truth: &FittedTerms, terms: &[Term], draws: usize) -> Vec<f64> {
     let mut rng = ChaCha8Rng::seed_from_u64(SEED);
     let drawn: Vec<Vec<Point>> = (0..draws).map(|_| curves.draw(&mut rng)).collect();
@@ -210,7 +210,7 @@ impl Profile {
 
     /// The largest value that fits; infinite where none is too large.
     fn upper(&self, term: Term, value: f64, threshold: f64) -> f64 {
-        // Alone it could make the lowest point of the curve: where a search without a value begins.
+        // The term that alone explains the lowest point of the curve: start of a search without a value.
         let reach = |p: &Point| p.variance / term.variance(p.tau_s);
         let alone = self.points.iter().map(reach).fold(f64::INFINITY, f64::min);
         let inside = if value > 0.0 { value } else { 0.0 };
@@ -224,7 +224,7 @@ impl Profile {
         f64::INFINITY
     }
 
-    /// Between a value that fits and one that does not, to a part in a million of them.
+    /// The limit between a value that fits and one that does not, to one part in a million.
     fn border(&self, term: Term, threshold: f64, mut inside: f64, mut outside: f64) -> f64 {
         for _ in 0..HALVINGS {
             let middle = f64::midpoint(inside, outside);
@@ -270,7 +270,7 @@ impl Curves {
                 }
             }
         }
-        // What was cut off far away may leave it a little indefinite: nothing below zero is kept.
+        // Truncated correlations may leave the matrix slightly indefinite: negative eigenvalues become zero.
         let eigen = correlation.symmetric_eigen();
         let roots = eigen.eigenvalues.map(|value| value.max(0.0).sqrt());
         let mut mix = eigen.eigenvectors * DMatrix::from_diagonal(&roots);
@@ -291,7 +291,7 @@ impl Curves {
     }
 }
 
-/// χ²/edf at the place of its distribution where a normal value is z (Wilson and Hilferty).
+/// χ²/edf at the quantile of the normal value z (Wilson and Hilferty).
 fn chi_square_mean(edf: f64, z: f64) -> f64 {
     let spread = 2.0 / (9.0 * edf);
     (1.0 - spread + z * spread.sqrt()).max(0.0).powi(3)

@@ -15,14 +15,14 @@ use sagnac_units::format::significant;
 
 /// Confidence of every interval here.
 pub const CONFIDENCE: f64 = 0.95;
-/// The curve is not that of the five terms where its points lie, in the mean square, farther from them than this many of
-/// their variances. Points of an overlapping curve move together, which lets the sum swing more than that of χ²/n.
+/// Largest mean square distance of the points from the model, in their variances; beyond it the five terms do not describe
+/// the curve. Points of an overlapping curve are correlated, so the mean scatters more than χ²/n.
 const MISFIT: f64 = 4.0;
-/// Halvings in search of what scatter explains a misfit.
+/// Halvings in the search for the scatter that explains a misfit.
 const HALVINGS: usize = 40;
-/// Fewer τ tell no terms apart.
+/// Fewer τ do not separate the terms.
 const FEWEST_TAUS: usize = 4;
-/// Rounds of fit and degrees of freedom, which need each other.
+/// Iterations between the fit and the degrees of freedom.
 const ROUNDS: usize = 3;
 
 /// A point of the Allan curve.
@@ -154,7 +154,7 @@ pub struct AxisBudget {
     pub axis: char,
     /// Rows used.
     pub rows: u64,
-    /// Unbroken stretches that they stand in.
+    /// Unbroken stretches that contain them.
     pub stretches: u64,
     /// The longest of them, s.
     pub longest_s: f64,
@@ -164,19 +164,19 @@ pub struct AxisBudget {
     pub full_overlap_s: Option<f64>,
     /// The overlapping Allan deviation.
     pub curve: Vec<CurvePoint>,
-    /// The overlapping Hadamard deviation, which a steady ramp of the rate leaves alone.
+    /// The overlapping Hadamard deviation, which a steady ramp of the rate does not affect.
     pub hadamard: Vec<HadamardPoint>,
     /// The five terms.
     pub terms: Terms,
-    /// Scatter of the curve about the five terms beyond what chance explains, as a part of σ; null where there is none.
-    /// It is taken into the intervals of the terms.
+    /// Scatter of the curve about the five terms beyond chance, as a fraction of σ; null where there is none.
+    /// The intervals of the terms include it.
     pub misfit: Option<f64>,
     /// The model as fitted, for drawing: (τ s, deviation °/h).
     #[serde(skip)]
     pub fitted: Option<FittedTerms>,
 }
 
-/// The budget of one unbroken stretch that is at hand: angles of `tau0_s` seconds each, arcsec.
+/// The budget of one unbroken stretch in memory: angles of `tau0_s` seconds each, arcsec.
 ///
 /// # Errors
 /// A τ that such rows cannot have.
@@ -240,7 +240,7 @@ pub fn budget(axis: char, recorded: &Recorded, tau0_s: f64, arcsec: f64, asked: 
 /// The five terms of a curve, with what is known of the record that it came from.
 pub(crate) struct Model<'a> {
     pub(crate) fitted: Option<FittedTerms>,
-    /// Degrees of freedom that a scatter of its own, the same at every τ, would leave to a point.
+    /// Degrees of freedom of a point from additional scatter, the same at every τ.
     scatter_edf: f64,
     multiples: Vec<f64>,
     points: Vec<Point>,
@@ -249,7 +249,7 @@ pub(crate) struct Model<'a> {
 }
 
 impl<'a> Model<'a> {
-    /// From (m, σ², first guess of the degrees of freedom). Fit and degrees of freedom need each other: a few rounds.
+    /// From (m, σ², first guess of the degrees of freedom). Fit and degrees of freedom depend on each other: a few iterations.
     pub(crate) fn new(points: Vec<(f64, f64, f64)>, tau0_s: f64, stretches: &'a Stretches) -> Self {
         let multiples: Vec<f64> = points.iter().map(|(m, ..)| *m).collect();
         let point = |(m, variance, edf): &(f64, f64, f64)| Point { tau_s: m * tau0_s, variance: *variance, edf: *edf };
@@ -268,8 +268,8 @@ impl<'a> Model<'a> {
         model
     }
 
-    /// Where the points lie too far from the model, finds the scatter that explains it and fits again with it: what is
-    /// not noise of the five kinds (dither, a period, a step) must not be weighed as if it were known to a percent.
+    /// Where the points lie too far from the model, finds the scatter that explains the misfit and fits again with it. Signals
+    /// other than the five terms (dither, a period, a step) must not get weights as if they were known to a percent.
     fn explain_misfit(&mut self, points: &[Point]) {
         let freedom = points.len().saturating_sub(Term::ALL.len()).max(1) as f64;
         let with = |scatter_edf: f64| -> Option<(f64, FittedTerms)> {
@@ -294,7 +294,7 @@ impl<'a> Model<'a> {
         self.fitted = with(self.scatter_edf).map(|(_, fitted)| fitted);
     }
 
-    /// Scatter beyond chance, as a part of σ: half of that of σ².
+    /// Scatter beyond chance, as a fraction of σ: half of that of σ².
     pub(crate) fn misfit(&self) -> Option<f64> {
         self.scatter_edf.is_finite().then(|| (0.5 / self.scatter_edf).sqrt())
     }
@@ -306,7 +306,7 @@ impl<'a> Model<'a> {
 
     /// Equivalent degrees of freedom of a point.
     pub(crate) fn edf(&self, deviation: Deviation, m: f64) -> Option<f64> {
-        // One point fits any noise, and then says nothing of how well it is known.
+        // One point fits any noise and gives no information on its uncertainty.
         let record = self.record(deviation).filter(|_| self.multiples.len() > 1)?;
         // A difference that is there has one at least.
         Some(record.edf(m)).filter(|edf| *edf > 0.0).map(|edf| edf.max(1.0))

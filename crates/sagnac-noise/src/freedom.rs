@@ -1,4 +1,4 @@
-//! How far points of an overlapping curve are known, and how they hang together.
+//! Uncertainty and correlation of the points of an overlapping curve.
 //!
 //! The phase noise of the five terms has these generalized autocovariances (the part that differences of order 2 and
 //! above leave), t in seconds:
@@ -14,11 +14,11 @@
 //! cov(σ²₁, σ²₂) ∝ [2 ΣΣ r₁₂(k−l)² + 4 R²τ₁² R²τ₂² ΣΣ r₁₂(k−l)] / (M₁ M₂)        edf = 2 (E σ²)² / var σ²
 //! ```
 //!
-//! This is the reasoning of Greenhall and Riley 2003 ("Uncertainty of stability variances based on finite differences"),
-//! whose method NIST SP 1065 §5.4 describes; they take one power law at a time, here their mixture is taken as fitted.
-//! For m above 32 the sums run on a grid of m/32, beside which the white part stands alone at its own lags.
+//! The method is that of Greenhall and Riley 2003 ("Uncertainty of stability variances based on finite differences"),
+//! described in NIST SP 1065 §5.4. They use one power law at a time; here the fitted mixture is used. For m above 32 the sums
+//! run on a grid of m/32, and the white part is computed separately at its own lags.
 //!
-//! Fails where the record holds what no term describes (steps, ramps of temperature, a periodic signal).
+//! Fails where the record contains effects that no term describes (steps, temperature ramps, a periodic signal).
 
 use std::collections::BTreeMap;
 
@@ -106,7 +106,7 @@ struct PairSums {
 }
 
 impl Record<'_> {
-    /// What σ²(m·τ0) is expected to be.
+    /// Expected σ²(m·τ0).
     pub(crate) fn expected(&self, m: f64) -> f64 {
         let tau_s = m * self.tau0_s;
         let random =
@@ -121,7 +121,7 @@ impl Record<'_> {
             return 0.0;
         }
         let (expected, variance) = (self.expected(m), self.covariance(m, m));
-        // No more than there are differences, though a steady ramp alone would be known without doubt.
+        // At most the number of differences, although a steady ramp alone would have no uncertainty.
         (2.0 * expected * expected / variance).min(differences)
     }
 
@@ -153,7 +153,7 @@ impl Record<'_> {
             / (numbers[0] * numbers[1] * scale(m1) * scale(m2))
     }
 
-    /// What the steady ramp makes of each difference.
+    /// Contribution of the steady ramp to each difference.
     fn ramp(&self, m: f64) -> f64 {
         match self.deviation {
             Deviation::Allan => self.noise.r2.sqrt() * (m * self.tau0_s).powi(2),
@@ -266,7 +266,7 @@ mod tests {
     }
 
     /// `edf_greenhall` of allantools 2024.06 (numpy), which has the same paper behind it: `testdata/allan/edf.py` made the
-    /// table. Its phases are means over a row, ours are counts at an instant, so for other than white phase they part at
+    /// table. Its phases are means over a row, ours are counts at an instant, so except for white phase they differ at
     /// m below 100. Measured: within 0.46 %.
     #[test]
     fn degrees_of_freedom_agree_with_greenhall_and_riley() {
@@ -301,22 +301,22 @@ mod tests {
         assert!((got / edf_white_fm(101.0, 1.0) - 1.0).abs() < 0.01);
     }
 
-    /// One long stretch among short ones of its octave: at a τ that it alone serves it alone is counted.
+    /// One long stretch among short ones of its octave: at a τ that only it reaches, only it counts.
     #[test]
-    fn a_long_stretch_among_short_ones_stands_for_itself() {
+    fn a_long_stretch_among_short_ones_counts_alone() {
         let mut many = one_stretch(2001);
         (0..50).for_each(|_| many.add(1031));
         let alone = edf(WHITE_RATE, Deviation::Allan, 2001, 631.0);
         let record = Record { noise: WHITE_RATE, deviation: Deviation::Allan, tau0_s: 0.5, stretches: &many };
         assert!((record.edf(631.0) / alone - 1.0).abs() < 1e-9, "{} for {alone}", record.edf(631.0));
         assert!((1.0..5.0).contains(&alone), "{alone}");
-        // A ramp without noise is not known better than there are differences.
+        // For a ramp without noise the edf is the number of differences.
         let ramp = PhaseNoise { r2: 1.0, ..PhaseNoise::default() };
         assert_eq!(edf(ramp, Deviation::Allan, 11, 2.0), 7.0);
         assert_eq!(edf(WHITE_RATE, Deviation::Allan, 4, 2.0), 0.0);
     }
 
-    /// Two stretches know twice as much as one.
+    /// Two stretches have twice the edf of one.
     #[test]
     fn stretches_add_up() {
         let mut two = one_stretch(1000);

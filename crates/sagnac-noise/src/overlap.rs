@@ -1,17 +1,16 @@
 //! Full overlap at any τ, from phases in memory.
 //!
-//! Blocks of ends stand in the outer loop and the differences in the inner one, so that a block stays in the processor's
-//! cache while all of them read it; blocks are shared between threads and their sums added in order: the same bits on
-//! any number of threads.
+//! The outer loop runs over blocks of ends and the inner one over the differences, so that a block stays in the processor's
+//! cache. Threads share the blocks, and the sums are added in order: the result is bit-identical for any number of threads.
 
 use crate::difference::{Difference, SquareSum};
 use rayon::prelude::*;
 
-/// Ends that are taken together: 64 KiB.
+/// Ends per block: 64 KiB.
 const BLOCK: usize = 8192;
 
-/// Phases of one unbroken stretch: the running sum of its angles, each less `offset` (their mean or near it, so that no
-/// digits are lost; differences do not see it). One more than the angles.
+/// Phases of one unbroken stretch: the running sum of its angles, each minus `offset` (their mean or near it, so that no
+/// digits are lost; it cancels in the differences). One more than the angles.
 pub fn phases(angles: &[f64], offset: f64) -> Vec<f64> {
     let mut out = Vec::with_capacity(angles.len() + 1);
     let mut phase = 0.0;

@@ -1,4 +1,4 @@
-//! The phase of one axis as it is read: held whole while it is short, else through the pyramid.
+//! The phase of one axis as it is read: in memory while it is short, otherwise through the pyramid.
 
 use crate::difference::{Difference, SquareSum};
 use crate::freedom::Stretches;
@@ -23,12 +23,12 @@ pub struct Recorder {
     /// Of the open stretch; 0 between stretches.
     phases: u64,
     phase: f64,
-    /// First angle of the record, taken from all so that sums keep their digits.
+    /// First angle of the record, subtracted from all so that sums keep their digits.
     offset: Option<f64>,
     rows: u64,
 }
 
-/// What a recorder saw.
+/// Result of a recorder.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recorded {
     /// Sums and the differences they are of.
@@ -93,7 +93,7 @@ impl Recorder {
         }
     }
 
-    /// From now on through the pyramid, all that was held first.
+    /// Switches to the pyramid and passes all phases in memory to it.
     fn let_go(&mut self) {
         let served = |difference: &Difference| Difference { m: served(difference.m), ..*difference };
         self.wanted = self.wanted.iter().map(served).collect();
@@ -110,7 +110,7 @@ impl Recorder {
         self.pyramid = Some(pyramid);
     }
 
-    /// A gap: what comes next does not join what came before.
+    /// A gap: the next row does not join the previous one.
     pub fn end_stretch(&mut self) {
         if self.phases > 0 {
             self.stretches.add(self.phases);
@@ -170,7 +170,7 @@ mod tests {
         (0..rows).map(|_| (0..12).map(|_| uniform()).sum::<f64>() - 6.0).collect()
     }
 
-    /// However rows come in pieces, held or not: below full overlap the same sums to rounding.
+    /// The sums do not depend on the pieces in which rows arrive: below full overlap they agree to rounding, held or not.
     #[test]
     fn the_pyramid_overlaps_fully_at_its_foot() {
         let angles = white(50_000, 1);

@@ -1,10 +1,10 @@
 //! Angle random walk and quantization from short-τ Allan deviations, window by window.
 //!
-//! The overlapping Allan variance at octave τ = m·τ0, summed within each analysis window, so that a window that is left
-//! out leaves no trace; N and Q by the fit of [`super::terms`] with only those two. Without the Q term a ring laser's
+//! The overlapping Allan variance at octave τ = m·τ0, summed within each analysis window, so that an excluded
+//! window has no effect; N and Q by the fit of [`super::terms`] with only those two. Without the Q term a ring laser's
 //! quantization would read as 2.7 times its ARW.
 //!
-//! Fails on a record with a strong signal at τ ≤ τ_w/4: what is not noise is counted as noise.
+//! Fails on a record with a strong signal at τ ≤ τ_w/4: the signal counts as noise.
 //! Memory: 2·m_max + 4096 phases, and three numbers per octave and window.
 
 use crate::difference::{Deviation, Difference, Running};
@@ -14,7 +14,7 @@ use sagnac_units::ARCSEC_RT_S_PER_DEG_RT_H;
 
 /// Points with fewer equivalent degrees of freedom are not used.
 const MIN_EDF: f64 = 8.0;
-/// Never are more phases held than this.
+/// Largest number of phases in memory.
 const MAX_HELD: usize = 1 << 18;
 
 /// N and Q of a log.

@@ -4,12 +4,11 @@
 //! σ²(τ) = 3Q²/τ² + N²/τ + (2 ln 2/π)B² + K²τ/3 + R²τ²/2          forms of IEEE Std 647 and 952
 //! ```
 //!
-//! Least squares on σ² with the weight of a point edf/(2σ⁴), σ from the model of the step before, until nothing moves.
-//! None below zero: of the 2⁵ sets of terms the one with the least misfit whose coefficients are all positive. That is
-//! exact for so few.
+//! Least squares on σ² with the weight of a point edf/(2σ⁴), σ from the previous model, until convergence. No coefficient is
+//! negative: of the 2⁵ sets of terms, the one with the least misfit whose coefficients are all positive. For five terms this
+//! enumeration is exact.
 //!
-//! Fails to tell apart terms whose slopes the record's span of τ does not separate: the intervals of
-//! [`super::bootstrap`] show it.
+//! Fails for terms whose slopes the record's span of τ does not separate: the intervals of [`super::bootstrap`] show it.
 
 use nalgebra::{SMatrix, SVector};
 
@@ -19,7 +18,7 @@ use crate::freedom::PhaseNoise;
 const MOST_ROUNDS: usize = 100;
 /// Weights have settled when no model variance moves by more.
 const SETTLED: f64 = 1e-10;
-/// Enough where only the deviance is wanted: at its least it is level.
+/// Tolerance where only the deviance is needed: it is flat at its minimum.
 const SETTLED_FOR_DEVIANCE: f64 = 1e-5;
 
 /// A term of the noise model.
@@ -153,7 +152,7 @@ fn best_set(points: &[Point], model: &[f64], terms: &[Term], held: &FittedTerms)
         gram += columns * columns.transpose() * weight;
         right += columns * (weight * (point.variance - held.variance(point.tau_s)));
     }
-    // To a diagonal of one: columns lie decades apart.
+    // Scaled to a unit diagonal: columns differ by decades.
     let scale = gram.diagonal().map(|d| if d > 0.0 { d.sqrt().recip() } else { 0.0 });
     let gram = SMatrix::<f64, 5, 5>::from_fn(|i, j| gram[(i, j)] * scale[i] * scale[j]);
     let right = right.component_mul(&scale);

@@ -1,4 +1,4 @@
-//! Five terms put in, seed by seed; inside their intervals they come out.
+//! Five simulated terms, seed by seed, against the intervals of the estimates.
 
 use sagnac_noise::{Taus, Term, TermValue, budget_of_angles};
 use sagnac_sim::{NoiseConfig, Resting};
@@ -18,7 +18,7 @@ fn truth_of(resting: &Resting) -> [f64; 5] {
     ]
 }
 
-/// In how many of a hundred records each term's 95 % interval holds what was put in, and in how many it has one.
+/// In how many of a hundred records each term's 95 % interval contains the true value, and in how many it has one.
 fn coverage(resting: &Resting) -> [(u32, u32); 5] {
     let truth = truth_of(resting);
     let mut counts = [(0, 0); 5];
@@ -35,7 +35,7 @@ fn coverage(resting: &Resting) -> [(u32, u32); 5] {
     counts
 }
 
-/// Quantization rules up to 8 s, angle random walk to 200 s, bias instability above.
+/// Quantization dominates up to 8 s, angle random walk to 200 s, bias instability above.
 /// Measured: inside 96, 95 and 97 of 100.
 #[test]
 fn quantization_walk_and_instability_lie_in_their_intervals() {
@@ -46,7 +46,7 @@ fn quantization_walk_and_instability_lie_in_their_intervals() {
     }
 }
 
-/// Angle random walk rules up to 100 s, rate random walk to an hour, a ramp above.
+/// Angle random walk dominates up to 100 s, rate random walk to an hour, a ramp above.
 /// Measured: inside 93, 97 and 97 of 100.
 #[test]
 fn rate_random_walk_and_ramp_lie_in_their_intervals() {
@@ -62,9 +62,8 @@ fn rate_random_walk_and_ramp_lie_in_their_intervals() {
     }
 }
 
-/// What trades with each other at the long end of a short record: a term that is resolved is so in its interval, and one that
-/// is not lies below what the program says it is at most; and those bounds say something: half of
-/// them are within a few times of what was put in.
+/// Terms that can replace each other at the long end of a short record: a resolved term lies in its interval, an unresolved
+/// one below its upper bound. The bounds are useful: half of them are within a few times the true value.
 #[test]
 fn terms_that_trade_lie_in_their_intervals_or_below_their_bounds() {
     let walk = NoiseConfig {

@@ -10,7 +10,7 @@ fn main() -> Result<()> {
     let log = concat!(env!("CARGO_MANIFEST_DIR"), "/../../testdata/chamber/cycle-1.csv.gz");
     let bench = sagnac::Setup::read(concat!(env!("CARGO_MANIFEST_DIR"), "/../../testdata/chamber/bench.toml"))?;
     let budget = sagnac::allan(&bench, log)?;
-    // A thermal cycle is no record at rest, and the budget says so.
+    // A thermal cycle is not a record at rest; the budget carries a warning.
     assert!(budget.warnings.iter().any(|warning| warning.contains("temperature")), "{:?}", budget.warnings);
     let page = noise_report(&budget)?;
     println!("{} bytes of HTML", page.len());

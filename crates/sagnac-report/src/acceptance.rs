@@ -1,4 +1,4 @@
-//! What makes a proof an acceptance report: whose unit, which rig, which limits, what verdict, room to sign.
+//! The parts of an acceptance report: unit, rig, limits, verdict, room to sign.
 
 use maud::{Markup, html};
 
@@ -8,12 +8,12 @@ use sagnac::calibration::{Calibration, LogUnit};
 use sagnac::verify::{AxisVerification, Estimate, Judged, PositionError, Verification};
 use sagnac_units::format::{celsius, plain, significant, with_sigma};
 
-/// True where limits were held against the unit.
+/// True where the unit was checked against limits.
 pub(crate) fn is_acceptance(verification: &Verification) -> bool {
     verification.axes.iter().any(|axis| axis.pass.is_some())
 }
 
-/// The verdict over all axes, and what was judged on what.
+/// The verdict over all axes, with the retest and the limits.
 pub(crate) fn identity(verification: &Verification, calibration: Option<&Calibration>) -> Markup {
     let accepted = verification.passed();
     let judged = Judged::of(verification.axes.iter().flat_map(|axis| &axis.limits));
@@ -122,7 +122,7 @@ fn limit_words(name: &str) -> (&str, &'static str) {
     }
 }
 
-/// What is left, figure by figure.
+/// The residual, figure by figure.
 pub(crate) fn residual(axis: &AxisVerification) -> Markup {
     let left = &axis.residual;
     let estimate = |e: Estimate| with_sigma(e.value, Some(e.sigma));
@@ -163,7 +163,7 @@ pub(crate) fn residual(axis: &AxisVerification) -> Markup {
     }
 }
 
-/// What the stated flight comes to.
+/// Result of the stated flight.
 pub(crate) fn flight(axis: &AxisVerification) -> Markup {
     let metres = |e: Estimate| with_sigma(e.value, Some(e.sigma));
     html! {

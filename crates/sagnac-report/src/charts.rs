@@ -1,4 +1,4 @@
-//! A page of curves: what a simulation did, or how a loop answers.
+//! A page of curves: the course of a simulation, or the response of a loop.
 
 use maud::{Markup, html};
 
@@ -87,8 +87,8 @@ pub struct Band {
     pub hi: Vec<f64>,
 }
 
-/// Colours in the order of curves, all different; more curves begin again, dashed. What the roles stand for on other
-/// pages has no meaning here.
+/// Colours in the order of curves, all different; more curves begin again, dashed. The meaning of roles on other
+/// pages does not apply here.
 const ROLES: [Role; 8] = [
     Role::After,
     Role::Before,
@@ -114,7 +114,7 @@ impl Chart {
             layers.push(Layer::Band { label: band.label.clone(), role, x, lo, hi });
         }
         let points = MOST_POINTS / self.curves.len().max(1);
-        // Where broken lines mean nothing of their own, they keep apart what has no colour on paper.
+        // Where broken lines have no meaning of their own, they distinguish curves on paper without colour.
         let alike = self.curves.len() > 2 && !self.curves.iter().any(|curve| curve.dashed);
         for (index, curve) in self.curves.iter().enumerate() {
             let step = curve.x.len().div_ceil(points).max(1);

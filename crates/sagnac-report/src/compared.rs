@@ -1,4 +1,4 @@
-//! The report of a comparison: every record's curve with its band, and by how many sigmas each stands apart.
+//! The report of a comparison: every record's curve with its band, and its deviation from the mean in σ.
 
 use crate::charts::{Band, Chart, ChartPage, Curve, PageTable, chart_report};
 use sagnac::compare::{ComparedAxis, ComparedCurve, ComparedNumber, Comparison};

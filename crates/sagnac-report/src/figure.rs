@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-/// What a layer stands for; each role has one colour throughout.
+/// The meaning of a layer; each role has one colour throughout.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Role {
@@ -38,12 +38,12 @@ impl Role {
     }
 }
 
-/// Lengths of strokes and gaps, px; none: an unbroken line. Lines of one figure keep apart by it where there is no colour.
+/// Lengths of strokes and gaps, px; none: an unbroken line. It distinguishes the lines of a figure where there is no colour.
 pub(crate) type Dash = &'static [u8];
 
 /// An unbroken line.
 pub(crate) const SOLID: Dash = &[];
-/// Broken lines, to be told from each other.
+/// Broken lines that can be distinguished from each other.
 pub(crate) const DASHES: [Dash; 6] = [&[8, 5], &[2, 4], &[12, 4, 2, 4], &[16, 6], &[8, 3, 2, 3, 2, 3], &[5, 2]];
 
 impl Role {
@@ -140,7 +140,7 @@ impl Layer {
 pub(crate) struct Figure {
     /// Unique on the page.
     pub(crate) id: String,
-    /// What it answers.
+    /// The question it answers.
     #[serde(skip)]
     pub(crate) title: String,
     /// What to see in it.

@@ -113,7 +113,7 @@ pub(crate) fn drift(report_data: &ReportData, axis: &AxisReportData, record: &Ax
         out.layers.push(Layer::Band { label: "95 % band".to_owned(), role: Role::Fit, x: at, lo, hi });
     }
     out.layers.push(line("fit at rest", Role::Fit, &x, y.clone(), false));
-    // With rate terms the moving fits already stand there, and most windows are none at rest.
+    // With rate terms the moving fits are already there, and most windows are not at rest.
     let at_rest = |t: &f64| record.predict(*t).filter(|_| record.rate_span_cpm().is_none());
     let window: Option<Vec<f64>> = x.iter().map(|t| Some(at_rest(t)?.window_dph)).collect();
     for (half, sign) in window.iter().flat_map(|half| [(half, -1.0), (half, 1.0)]) {
@@ -128,7 +128,7 @@ pub(crate) fn drift(report_data: &ReportData, axis: &AxisReportData, record: &Ax
     out.drop_empty().framed(false)
 }
 
-/// What one input does: its terms, and the windows less everything else.
+/// Effect of one input: its terms, and the windows minus all other terms.
 pub(crate) fn effect(report_data: &ReportData, axis: char, place: usize, effect: &Effect) -> Option<Figure> {
     let Effect { input, of, .. } = effect;
     let unit = if effect.in_celsius { ", °C" } else { "" };
@@ -200,7 +200,7 @@ pub(crate) fn tradeoff(record: &AxisCalibration) -> Option<Figure> {
     out.framed(false)
 }
 
-/// What more soaking would buy.
+/// Gain of a longer soak.
 pub(crate) fn soak(record: &AxisCalibration) -> Option<Figure> {
     let soak = record.fit.as_ref()?.soak.as_ref()?;
     let caption = format!(
@@ -322,7 +322,7 @@ pub(crate) fn over_temperature(report_data: &ReportData, axis: &AxisReportData, 
     out.drop_empty().framed(true)
 }
 
-/// Residuals beside what noise alone would leave.
+/// Residuals beside the noise floor.
 pub(crate) fn histogram(axis: &AxisReportData, floor_dph: Option<f64>) -> Option<Figure> {
     let values: Vec<f64> = used(axis).map(|p| p.after_dph).filter(|v| v.is_finite()).collect();
     let (edges, heights) = binned(&values)?;
@@ -369,7 +369,7 @@ fn binned(values: &[f64]) -> Option<(Vec<f64>, Vec<f64>)> {
     Some((edges, heights))
 }
 
-/// The temperature profile; what is left out is shaded by its reason.
+/// The temperature profile; excluded stretches are shaded by reason.
 pub(crate) fn profile(report_data: &ReportData, axis: &AxisReportData) -> Option<Figure> {
     let reasons = stretches(axis);
     let caption = if reasons.is_empty() {

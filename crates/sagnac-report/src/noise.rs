@@ -1,4 +1,4 @@
-//! The report of a noise budget: the curve with its confidence, the terms through it, what they come to.
+//! The report of a noise budget: the curve with its confidence, the fitted terms, and their values.
 
 use crate::charts::{Band, Chart, ChartPage, Curve, PageTable, chart_report};
 use sagnac::allan::NoiseBudget;
@@ -129,7 +129,7 @@ fn allan_chart(axis: &AxisBudget) -> Chart {
         for term in Term::ALL {
             if let TermValue::Found { .. } = axis.terms.get(term) {
                 let y = |tau: &f64| fitted.root(term) * term.variance(*tau).sqrt();
-                // A slope is drawn where the curve is, not to the edge of nothing.
+                // A slope is drawn over the range of the curve only.
                 let points = taus.iter().filter(|tau| (lo / 3.0..hi * 3.0).contains(&y(tau)));
                 let (x, y) = points.map(|tau| (*tau, y(tau))).unzip();
                 curves.push(Curve { label: term.name().0.to_owned(), x, y, dashed: true });

@@ -12,14 +12,13 @@ use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::{Tally, hex, sha256};
 use sagnac_units::format::{celsius, plain, significant, with_sigma};
 
-/// What the page is made of besides its own words. uPlot 1.6.32 is under the MIT licence, which stands
-/// beside it.
+/// Scripts and styles of the page. uPlot 1.6.32 is under the MIT licence, which is in the same folder.
 const UPLOT_JS: &str = include_str!("vendor/uplot/uPlot.iife.min.js");
 const UPLOT_CSS: &str = include_str!("vendor/uplot/uPlot.min.css");
 const UPLOT_LICENCE: &str = include_str!("vendor/uplot/LICENSE");
 const STYLE: &str = include_str!("report.css");
 const SCRIPT: &str = include_str!("report.js");
-/// Nothing is loaded from anywhere, and the browser holds the page to it.
+/// The page loads nothing from anywhere, and the browser enforces that.
 const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'";
 
 /// The report of a calibration.
@@ -55,7 +54,7 @@ pub fn calibration_report(calibration: &Calibration, report_data: &ReportData) -
     page(&format!("Thermal calibration ({})", calibration.serial), &body, &drawn)
 }
 
-/// The report of a proof; `calibration` adds what was proven, where it is at hand.
+/// The report of a verification; `calibration` adds the verified calibration, where it is available.
 ///
 /// # Errors
 /// A record that cannot be written as JSON.
@@ -136,7 +135,7 @@ pub(crate) fn page(title: &str, body: &Markup, figures: &[Figure]) -> Result<Str
     Ok(markup.into_string())
 }
 
-/// Every printed page says what it belongs to, and which of how many it is.
+/// Every printed page shows its report, its number and the number of pages.
 fn footer(title: &str) -> String {
     let plain = |c: &char| c.is_alphanumeric() || " .,:;()[]/+-_…".contains(*c);
     let title: String = title.chars().filter(plain).collect();
@@ -198,7 +197,7 @@ fn proof_figures(report_data: &ReportData, points: &AxisReportData, axis: &AxisV
         .collect()
 }
 
-/// What a fit and a proof both show.
+/// Parts common to fit and verification.
 fn both_sides(
     report_data: &ReportData,
     points: &AxisReportData,
@@ -364,7 +363,7 @@ fn scale_before_after(axis: &AxisVerification) -> Markup {
     }
 }
 
-/// What the rate table told, plateau by plateau.
+/// Results of the rate table, plateau by plateau.
 fn plateaus(axis: &AxisCalibration) -> Markup {
     let estimate = |e: Option<PpmEstimate>| e.map_or("-".to_owned(), |e| with_sigma(e.ppm, Some(e.sigma_ppm)));
     html! {
@@ -400,7 +399,7 @@ fn plateaus(axis: &AxisCalibration) -> Markup {
     }
 }
 
-/// What can be seen of what the correction left.
+/// Figures of the residual of the correction.
 fn left(axis: &AxisVerification) -> Markup {
     let rows = axis.residual_diagnostics.rows();
     html! {

@@ -1,5 +1,5 @@
-//! Figures for paper: SVG by `plotters`, on white, in colours that keep apart for the colour-blind
-//! (Okabe and Ito 2008) and in marks that keep apart without colour.
+//! Figures for paper: SVG by `plotters`, on white, in colours that the colour-blind can distinguish
+//! (Okabe and Ito 2008) and with marks that differ without colour.
 //!
 //! Dots are one path, not one element each: a day of windows stays small.
 
@@ -42,7 +42,7 @@ fn colour(role: Role) -> RGBColor {
     }
 }
 
-/// Draws a figure; empty where the drawing fails, which is said in its place.
+/// Draws a figure; if that fails, a message replaces it.
 pub(crate) fn draw(figure: &Figure) -> String {
     let in_powers = figure.decades.then(|| figure.in_powers());
     let figure = in_powers.as_ref().unwrap_or(figure);
@@ -183,7 +183,7 @@ fn draw_layer(chart: &mut Chart<'_, '_>, figure: &Figure, layer: &Layer, marks: 
     Ok(())
 }
 
-/// Round dots; as logged they are rings, for cooling crosses, for what is left out oblique ones, small where nothing moves.
+/// Marks: dots; rings for logged values, crosses for cooling, oblique crosses for excluded windows, small dots without motion.
 fn dots(pixels: &[(i32, i32)], role: Role) -> String {
     let mut path = String::new();
     for (x, y) in pixels {
@@ -222,7 +222,7 @@ fn hex(role: Role) -> String {
 }
 
 /// One entry per label above the figure, in as many rows as they need; the last row. Widths by the count of
-/// characters: no font is at hand.
+/// characters: no font is available.
 fn legend(figure: &Figure) -> (String, i32) {
     let mut seen: Vec<&str> = Vec::new();
     let mut out = String::new();

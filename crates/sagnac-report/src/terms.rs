@@ -66,7 +66,7 @@ pub(crate) fn coefficients(axis: &AxisCalibration) -> Markup {
     }
 }
 
-/// Temperatures of the table of what to expect.
+/// Temperatures in the table of expected values.
 const EXPECTED_AT: usize = 7;
 
 /// The curve at rest with its intervals.
@@ -109,7 +109,7 @@ fn powers(monomial: &Monomial) -> Markup {
     }
 }
 
-/// What the target must read besides its thermometer; the conditioning of the terms; what thermometer noise does.
+/// The other inputs of the target; the conditioning of the terms; the effect of thermometer noise.
 fn inputs_and_conditioning(axis: &AxisCalibration) -> Markup {
     html! {
         @if !axis.other_inputs().is_empty() {

@@ -197,7 +197,7 @@ fn a_heaters_crossover_is_between_heating_and_cooling() {
 /// A whole test with running loops and with ideal ones: the same modes to within a reset, the same actuator to 0.2 % of
 /// a wavelength, and the same counts apart from noise.
 #[test]
-fn ideal_loops_stand_for_the_running_ones() {
+fn ideal_loops_replace_the_running_ones() {
     let mut scenario = ready("triangle-28cm-dithered");
     scenario.chamber.start_c = 0.0;
     scenario.chamber.cycles = 1.0;

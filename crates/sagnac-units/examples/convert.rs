@@ -1,4 +1,4 @@
-//! Units of the field: 1 °/h is 1 arcsec/s, and what that makes of a count.
+//! Units of the field: 1 °/h is 1 arcsec/s, and the rate of a count.
 //!
 //! `cargo run --example convert`
 

@@ -4,7 +4,7 @@
 
 pub mod format;
 
-/// 1 °/s in °/h. (1 °/h is 1 arcsec/s, so no factor stands between arcsec/s and °/h.)
+/// 1 °/s in °/h. (1 °/h is 1 arcsec/s, so arcsec/s and °/h need no factor.)
 pub const DPH_PER_DPS: f64 = 3600.0;
 /// 1 rad/s in °/h.
 pub const DPH_PER_RADPS: f64 = 180.0 / std::f64::consts::PI * 3600.0;

@@ -1,4 +1,4 @@
-//! What a port that differs by one bit is told: module, record and word.
+//! The report for a port that differs by one bit: module, record and word.
 //!
 //! `cargo run --example find_a_difference`
 

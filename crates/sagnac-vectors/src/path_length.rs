@@ -11,7 +11,7 @@
 //!
 //! ```text
 //! place += drift·2¹⁶            at += ⌊(actuator·2³² − at)·2^−lag⌋             x = ⌊at·2⁻³²⌋ + modulation
-//! d = (x − ⌊place·2⁻³²⌋) mod w, taken into (w/2 − w, w/2]
+//! d = (x − ⌊place·2⁻³²⌋) mod w, reduced to (w/2 − w, w/2]
 //! code = max(0, light − ⌊d²·curvature·2⁻³²⌋) + noise                (without light: noise alone)
 //! ```
 //!

@@ -1,4 +1,4 @@
-//! The Rust core on this machine against the vectors; what cannot be a vector file.
+//! The Rust core on this machine against the vectors; refusal of texts that are not vector files.
 
 use std::path::{Path, PathBuf};
 
@@ -26,9 +26,9 @@ fn every_file_passes() {
     assert!(ticks[2..].iter().all(|n| *n >= 100_000), "{ticks:?}");
 }
 
-/// Any one word changed: named, with its place.
+/// Any changed word is reported with its place.
 #[test]
-fn a_changed_word_is_told() {
+fn a_changed_word_is_reported() {
     let path = files().into_iter().find(|path| path.ends_with("quadrature.hex")).unwrap();
     let text = std::fs::read_to_string(path).unwrap();
     let last = text.trim_end().rfind('\n').unwrap() + 1;

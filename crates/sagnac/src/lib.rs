@@ -14,15 +14,15 @@
 //! # Ok::<(), sagnac::Error>(())
 //! ```
 //!
-//! The rooms, each using those before it (ARCHITECTURE.md):
+//! The modules, each using those before it (ARCHITECTURE.md):
 //!
 //! ```text
 //! log ─window▶ Windows ─▶ model ─▶ calibration ─▶ diagnostics ─fit▶ Calibration ─export▶ Image ─▶ Compensator (sagnac-core)
 //! retest log ───────────────────────────────── verify: replays through that same Compensator ◀──┘ ─▶ Proof
 //! ```
 //!
-//! The library reads and writes what it is given; it holds no terminal and no clock. Its threads parse a log ahead of the one
-//! that asked for it, and share out fits in the caller's rayon pool. Sign: `d` is the bias drift referred to the input in °/h,
+//! The library reads and writes the given files only; it uses no terminal and no clock. Its threads parse a log ahead of the
+//! caller, and distribute fits over the caller's rayon pool. Sign: `d` is the bias drift referred to the input in °/h,
 //! positive as the input rate; `ε` in ppm is the deviation of the scale factor S = S0·(1 + ε·1e-6), so ε > 0 means fewer
 //! counts for the same angle. `docs/explanation/method.md` has the method, `docs/explanation/verification.md` the verification.
 #![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used, clippy::panic))]

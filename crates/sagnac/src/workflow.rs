@@ -1,6 +1,6 @@
-//! The main job, from paths to a verdict: what a program of one's own begins with.
+//! The main job, from paths to a verdict: the starting point for programs of your own.
 //!
-//! Everything here is a few lines over the rooms below; take their functions where this is not enough.
+//! Each function is a few lines over the modules below; use those directly where this is not enough.
 
 use std::path::Path;
 
@@ -43,8 +43,8 @@ fn open<P: AsRef<Path>>(logs: impl IntoIterator<Item = P>, bench: &Setup) -> Res
 }
 
 impl Calibration {
-    /// Replays retest logs through the image of this calibration, as the target would. They are read as the calibration's own
-    /// were.
+    /// Replays retest logs through the image of this calibration, as the target would. They are read with the setup of the
+    /// calibration.
     ///
     /// # Errors
     /// A log that cannot be read or does not fit the calibration.
@@ -79,7 +79,7 @@ impl Calibration {
     /// The correction of a calibration of one axis at a temperature, °C, and its rate, °C/min.
     ///
     /// # Errors
-    /// A calibration of several axes: take [`Calibration::axis`] then.
+    /// A calibration of several axes: use [`Calibration::axis`].
     pub fn evaluate(&self, temperature_c: f64, rate_cpm: f64) -> Result<Evaluation> {
         match self.axes.as_slice() {
             [axis] => Ok(axis.evaluate(temperature_c, rate_cpm)),

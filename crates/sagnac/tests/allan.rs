@@ -1,4 +1,4 @@
-//! Deviations against printed values, and recordings that others made.
+//! Deviations against printed values and published recordings.
 
 mod support;
 
@@ -89,7 +89,7 @@ fn counts_rates_and_gaps() {
     }
 }
 
-/// A steady ramp: σ = R·τ/√2 for Allan, nothing for Hadamard, and R comes out alone.
+/// A steady ramp: σ = R·τ/√2 for Allan, zero for Hadamard, and R is the only term found.
 #[test]
 fn a_ramp_is_a_ramp() {
     let mut log = String::from("time_s,rate_dph\n");
@@ -104,10 +104,10 @@ fn a_ramp_is_a_ramp() {
     assert!((value / 1800.0 - 1.0).abs() < 1e-6, "{value}");
 }
 
-/// The paper's rig heats up and cools down: its drift reads as rate random walk or ramp, which is said; taken out, the
+/// The paper's rig heats up and cools down: its drift reads as rate random walk or ramp, with a warning; removed, the
 /// rig's own walk remains.
 #[test]
-fn a_temperature_ramp_is_said_and_taken_out() {
+fn a_temperature_ramp_is_reported_and_removed() {
     let setup = paper_setup();
     let log = || reader(csv_bytes(PaperRig::PAPER.run(1)), &setup);
     let request = Request { taus: Taus::Octaves, exact: false };
@@ -135,7 +135,7 @@ fn ln100_falls_with_the_slope_of_quantization() {
         let log = sagnac_log::ingest::LogReader::open(&path, setup, sagnac_log::ingest::ReadMode::Bulk).unwrap();
         noise_budget(vec![log], None, setup, &Request { taus, exact: false }).unwrap()
     };
-    // The README's figures take rows as evenly spaced; the stamps jitter by 1 %.
+    // The README's figures assume evenly spaced rows; the stamps jitter by 1 %.
     let mut even = Setup { sample_interval_s: Some(0.015_608_7), ..setup.clone() };
     even.columns.remove("t_s");
     let taus = Taus::Given([1.0, 16.0, 64.0, 1024.0, 4096.0].map(|m| m * 0.015_608_7).to_vec());
@@ -152,7 +152,7 @@ fn ln100_falls_with_the_slope_of_quantization() {
     let slope =
         logs.iter().map(|p| (p.0 - x) * (p.1 - y)).sum::<f64>() / logs.iter().map(|p| (p.0 - x).powi(2)).sum::<f64>();
     assert!((slope + 1.0).abs() < 0.05, "{slope}");
-    // Five minutes of dithered counting tell quantization, and nothing else.
+    // Five minutes of dithered counting resolve quantization and nothing else.
     let terms = &octaves.axes[0].terms;
     assert!(matches!(terms.q_arcsec, TermValue::Found { value, .. } if (1.3..1.7).contains(&value)), "{terms:?}");
     assert!(

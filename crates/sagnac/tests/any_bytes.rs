@@ -1,5 +1,5 @@
-//! No input makes a panic: logs, setups, records, limits and models, drawn at random and by damage to
-//! good ones, all the way to a calibration and a replay. (Image and bytes of it: `sagnac-core`.)
+//! No input causes a panic: random logs, setups, records, limits and models, and damaged valid ones, up to
+//! a calibration and a replay. (Image and bytes of it: `sagnac-core`.)
 
 mod support;
 
@@ -13,7 +13,7 @@ use sagnac_log::ingest::{LogReader, ReadMode};
 use sagnac_log::setup::{Counter, Setup};
 use sagnac_sim::{PaperRig, csv_bytes};
 
-/// Cells that logs hold, and cells that break them.
+/// Valid and invalid cells of logs.
 fn any_cell() -> impl Strategy<Value = String> {
     prop_oneof![
         4 => (-50.0..90.0_f64).prop_map(|v| format!("{v:.3}")),
@@ -81,7 +81,7 @@ fn any_setup() -> impl Strategy<Value = Setup> {
     })
 }
 
-/// Everything that a log can be put through.
+/// All operations on a log.
 fn put_through(text: Vec<u8>, setup: &Setup, pace: ReadMode) {
     let open = |pace| LogReader::from_reader("log", Box::new(std::io::Cursor::new(text.clone())), setup, pace);
     let Ok(log) = open(pace) else { return };

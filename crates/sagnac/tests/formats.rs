@@ -1,4 +1,4 @@
-//! One log in every format: the same calibration, byte for byte but for the hash of the input.
+//! One log in every format: the same calibration, byte for byte, except the hash of the input.
 
 mod support;
 #[path = "support/ulog_writer.rs"]
@@ -28,7 +28,7 @@ fn setup() -> Setup {
     Setup { arcsec_per_count: Some(0.15125), reference_c: Some(20.0), ..Setup::default() }
 }
 
-/// The columns of a log with everything that a field can be: missing, flagged, no number.
+/// The columns of a log with every kind of field: missing, flagged, not a number.
 struct Columns {
     time_s: Vec<f64>,
     temperature_c: Vec<Option<f64>>,
@@ -173,7 +173,7 @@ fn files_are_hashed_as_they_are() {
     }
 }
 
-/// Arrow's own times and text columns say the same as numbers.
+/// Arrow's own times and text columns give the same values as numbers.
 #[test]
 fn times_and_texts_of_columns() {
     let c = columns();
@@ -260,7 +260,7 @@ fn a_ulog_that_was_cut_keeps_its_rows_and_says_so() {
     assert_eq!(tallies.iter().map(|t| (t.reason.name(), t.rows)).collect::<Vec<_>>(), [("ragged", 1)]);
 }
 
-/// Data that was appended after a message had been cut, even within the head of that message, is read on.
+/// Data appended after a truncated message is read, even if the head of that message is truncated.
 #[test]
 fn a_ulog_goes_on_where_data_was_appended() {
     let build = |left: usize| {
@@ -269,12 +269,12 @@ fn a_ulog_goes_on_where_data_was_appended() {
         log.format("sensor_baro:uint64_t timestamp;float pressure;float temperature;");
         log.subscribe("sensor_gyro", 3, 0);
         log.subscribe("sensor_baro", 9, 0);
-        // A thermometer that speaks before the gyro does.
+        // A thermometer with a message before the gyro's first.
         log.data(9, 900_000, &[101_325.0, 31.5]);
         (0..60).for_each(|i| log.data(3, 1_000_000 + i * 10_000, &[0.1, 0.2, 0.3, 25.0]));
         let mut bytes = log.finish();
         bytes.extend_from_slice(&[28, 0, b'D', 3, 0][..left]);
-        // The offset stands in the flags, 16 bytes of header and 3 of the message's head before them.
+        // The offset is in the flags, after 16 bytes of header and 3 of the message's head.
         let at = (bytes.len() as u64).to_le_bytes();
         bytes[16 + 3 + 16..16 + 3 + 24].copy_from_slice(&at);
         let mut more = ULogWriter::new();
@@ -328,7 +328,7 @@ fn arrows_times_are_written_as_their_header_says() {
     assert_eq!(field(7, 3), "");
 }
 
-/// Only numbers say whether a comma is decimal; words beside them do not.
+/// Only numbers decide whether a comma is decimal; words beside them do not.
 #[test]
 fn a_comma_among_words_is_not_decimal() {
     let c = columns();

@@ -1,4 +1,4 @@
-//! Are the intervals honest when the residuals are not white? And is a forecast of what more data buys right?
+//! Coverage of the intervals for residuals that are not white, and accuracy of the forecast for more data.
 
 mod support;
 
@@ -46,8 +46,8 @@ fn by_rows() -> Setup {
     Setup { window: Some(WindowSize::ROW), ..Setup::default() }
 }
 
-/// Parts of 500 records whose 95 % intervals hold the truth: three coefficients, the curve at three temperatures, a further
-/// window.
+/// Fractions of 500 records whose 95 % intervals contain the truth: three coefficients, the curve at three temperatures, a
+/// new window.
 fn coverage(correlation_windows: f64) -> [f64; 7] {
     let mut covered = [0_u32; 7];
     for seed in 0..SEEDS {
@@ -82,7 +82,7 @@ fn intervals_hold_under_residuals_that_hang_together() {
     }
 }
 
-/// What the record forecasts for hours of soak at −40 °C against what fits with them say. Measured: within 2 % on average.
+/// The forecast of the record for hours of soak at −40 °C, against fits with these hours. Measured: within 2 % on average.
 #[test]
 fn the_forecast_of_a_soak_comes_true() {
     for correlation_windows in [0.0, 1.0] {
@@ -110,8 +110,8 @@ fn the_forecast_of_a_soak_comes_true() {
 }
 
 /// The block bootstrap beside the covariance: half an interval within a quarter of t·σ under white residuals and under
-/// residuals that hang together over two windows. Measured: 0.98 and 0.85 … 0.86 on average over 30 records; blocks
-/// lose some of a long correlation.
+/// residuals that are correlated over two windows. Measured: 0.98 and 0.85 … 0.86 on average over 30 records; blocks
+/// lose part of a long correlation.
 #[test]
 fn the_block_bootstrap_agrees_with_the_covariance() {
     for (correlation_windows, range) in [(0.0, 0.9..1.1), (2.0, 0.75..1.1)] {
@@ -134,9 +134,9 @@ fn the_block_bootstrap_agrees_with_the_covariance() {
     }
 }
 
-/// Three cycles of one gyro agree; a fourth with another slope stands out, by name.
+/// Three cycles of one gyro agree; a fourth with another slope is reported by name.
 #[test]
-fn records_of_one_gyro_agree_and_a_changed_one_stands_out() {
+fn records_of_one_gyro_agree_and_a_changed_one_is_reported() {
     let unit = |seed: u64| fit(vec![log(300, 0, 1.0, seed)], &by_rows(), "bias 3").unwrap();
     let named = |records: Vec<Calibration>| -> Vec<(String, Calibration)> {
         records.into_iter().enumerate().map(|(i, record)| (format!("{i}.cal.json"), record)).collect()
@@ -170,7 +170,7 @@ fn what_cannot_be_compared_is_refused_by_name() {
     assert_eq!(foreign.place.file.as_deref(), Some("b"));
 }
 
-/// Every sixth window above 45 °C 0.09 °/h too high, none of them left out: Huber's loss comes closer to the truth than
+/// Every sixth window above 45 °C 0.09 °/h too high, none of them excluded: Huber's loss comes closer to the truth than
 /// squares, and on clean windows it costs little and its intervals hold. One-sided errors still bias it: there its intervals
 /// covered the truth in 168 of 200. Measured: 3.6 times less mean square error, 5 % more on clean windows.
 #[test]

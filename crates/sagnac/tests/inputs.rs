@@ -1,5 +1,5 @@
-//! Further inputs, zones and steps against a simulated truth that is none of the fitter's own: every useful term, no useless
-//! one, and what a thermometer's noise does.
+//! Several inputs, zones and steps against a simulated truth that shares no code with the fit: all useful terms, no useless
+//! one, and the effect of thermometer noise.
 
 mod support;
 
@@ -22,7 +22,7 @@ fn only(calibration: &Calibration) -> &AxisCalibration {
     &calibration.axes[0]
 }
 
-/// σ left of another run over the noise floor, by the image.
+/// Residual σ of another run over the noise floor, by the image.
 fn left(calibration: &Calibration, rig: &ManyInputs, setup: &Setup) -> f64 {
     let verification = retest(calibration, rig.csv(2), setup);
     let axis = &verification.axes[0];
@@ -56,7 +56,7 @@ fn a_gradient_is_found() {
 #[test]
 fn a_voltage_is_found() {
     let rig = ManyInputs { voltage_dph_per_v: 5e-4, ..ManyInputs::plain() };
-    // The mode is a sum of voltage and temperature, so it would tell the same.
+    // The mode is a sum of voltage and temperature, so it would carry the same information.
     let (found, [with, without]) = with_and_without_of(&rig, Some(["cavity", "path_length_v", "bystander"]));
     assert!(only(&found).correction.model.contains("bias(path_length_v) 1"), "{}", only(&found).correction.model);
     assert!(with < 1.06 && without > 1.2 * with, "{with} {without}");
@@ -86,7 +86,7 @@ fn steps_between_modes_are_found() {
     }
 }
 
-/// What a report draws of an input: without looking at the terms, the windows on each mode tell the steps that were put in.
+/// Points that a report draws of an input: the windows on each mode show the simulated steps, whatever the terms are.
 #[test]
 fn each_input_is_shown_by_itself() {
     let steps_dph = vec![0.045, -0.015, 0.03, -0.045, 0.015];
@@ -109,7 +109,7 @@ fn each_input_is_shown_by_itself() {
         let ((below, of_below), (above, of_above)) = (on(threshold - 0.5), on(threshold + 0.5));
         let place = (threshold + 0.5 + 2.0).round() as usize;
         let truth = steps_dph[place] - steps_dph[place - 1];
-        // The modes hang on the temperature, so what the other terms miss is part of it.
+        // The modes depend on the temperature, so the misfit of the other terms is part of the effect.
         let sigma = of_below.hypot(of_above).hypot(term.sigma.unwrap());
         println!("step at {threshold}: {:.4} ± {sigma:.4}, true {truth:.4}", above - below);
         assert!((above - below - truth).abs() < 4.0 * sigma && sigma < 0.01, "{term:?}");
@@ -120,7 +120,7 @@ fn each_input_is_shown_by_itself() {
         let threshold = term.shape.jump().unwrap();
         assert!((curve_at(threshold + 0.5) - curve_at(threshold - 0.5) - term.value).abs() < 1e-9, "{term:?}");
     }
-    // What the main figure shows no longer has the steps in it.
+    // The main figure does not contain the steps any more.
     let further: Vec<f64> = report_data.axes[0].points.iter().map(|point| point.inputs_dph).collect();
     assert!(further.iter().any(|made| made.abs() > 0.01));
 }
@@ -192,9 +192,9 @@ fn zones_follow_a_knee_that_a_series_of_their_order_cannot() {
     assert!((t0[0]..=t0[1]).contains(&20.0));
 }
 
-/// A walk that nothing depends on, a second thermometer that adds nothing, modes without steps: the path takes none of them.
+/// A random walk without effect, a second thermometer that adds nothing, modes without steps: the search selects none.
 #[test]
-fn bystanders_stay_outside() {
+fn irrelevant_inputs_are_not_selected() {
     let mut taken = 0;
     for seed in 0..20 {
         let found = fit(vec![ManyInputs::plain().csv(100 + seed)], &setup(), "auto").unwrap();
@@ -214,9 +214,9 @@ fn bystanders_stay_outside() {
     assert!(taken <= 2, "{taken} of 20 records have an input that nothing depends on");
 }
 
-/// A second thermometer glued to the first.
+/// A second thermometer in the same place as the first.
 #[test]
-fn terms_that_cannot_be_told_apart_are_refused() {
+fn terms_that_cannot_be_separated_are_refused() {
     let rig = ManyInputs { lags_s: [900.0, 899.0], ..ManyInputs::plain() };
     let error = fit(vec![rig.csv(1)], &setup(), "bias 2, bias(cavity) 2").unwrap_err();
     assert!(error.what.contains("condition"), "{error}");
@@ -240,7 +240,7 @@ fn thermometer_noise_is_predicted_as_the_replay_shows_it() {
         arw_deg_rt_h: 0.002,
         ..ManyInputs::plain()
     };
-    // Said to be noisier than it is, so that nothing is raised or left out.
+    // The stated noise exceeds the true one, so that no lag is raised and no term removed.
     let noise = Some(Noise { n_deg_rt_h: 0.05, q_arcsec: 0.0 });
     let free = Setup { noise, inputs: Some(Vec::new()), ..setup() };
     let found = fit(vec![rig.csv(1)], &free, "bias 3, rate 0").unwrap();
@@ -259,7 +259,7 @@ fn thermometer_noise_is_predicted_as_the_replay_shows_it() {
     assert!((predicted.inputs[0].sigma / 0.05 - 1.0).abs() < 0.05);
     assert!((predicted.deg_rt_h / added - 1.0).abs() < 0.15, "{} {added}", predicted.deg_rt_h);
 
-    // With the noise that it has, the lag is raised until the walk stays within 5 %, or the term left out.
+    // With the true noise the lag is raised until the walk stays within 5 %, or the term is removed.
     let held = fit(vec![rig.csv(1)], &Setup { inputs: Some(Vec::new()), ..setup() }, "auto").unwrap();
     let axis = only(&held);
     let noise = axis.fit.as_ref().unwrap().correction_noise.as_ref().unwrap();
@@ -320,7 +320,7 @@ fn the_image_computes_what_the_record_says() {
     let waves = "bias 2, harmonic 37.3, rate 0, bias(path_length_v) 1, harmonic(path_length_v) 21.7";
     for (model, scaled) in [(words, "path_length_v"), (columns, "cavity"), (more, "mode"), (waves, "path_length_v")] {
         let mut found = fit(vec![rig.csv(1)], &setup(), model).unwrap();
-        // No rate table is at hand: scale terms by hand.
+        // Without a rate table: scale terms set by hand.
         let correction = &mut found.axes[0].correction;
         for (name, value) in [("block", 7.0), (scaled, -5.0)] {
             let input = correction.inputs.iter().find(|input| input.name == name).unwrap();
@@ -370,7 +370,7 @@ fn the_image_computes_what_the_record_says() {
             gyro.skip(&mut state, left).unwrap();
             let status = gyro.update(&mut state, &codes).unwrap();
             assert!(!status.contains(Status::HELD), "{model}: {names:?}");
-            // Where x is clamped the record's own curve goes on; rates are clamped here as there.
+            // Where x is clamped the record's curve continues; rates are clamped in both.
             let inside = |at: usize| {
                 let span = inputs[at].span;
                 (span[0]..=span[1]).contains(&values[at])
@@ -390,14 +390,14 @@ fn the_image_computes_what_the_record_says() {
             "{model}: {worst:?} {compared}"
         );
     }
-    // What a model is priced at is what its image has to do.
+    // The price of a model equals the work of its image.
     let found = fit(vec![rig.csv(1)], &setup(), more).unwrap();
     let image = Correction::from_calibration(found.clone()).unwrap().images[0];
     let priced = only(&found).candidates().iter().find(|c| c.chosen).unwrap().slow_update_instructions;
     assert_eq!(priced, Some(Work::of_image(&image).instructions()));
 }
 
-/// Steps far over what the search for outliers takes for a fault, where the mode jumps with them.
+/// Steps far above the outlier limit are not outliers where the mode jumps with them.
 #[test]
 fn large_steps_with_the_mode_are_no_outliers() {
     let rig = ManyInputs { steps_dph: vec![0.4, -0.3, 0.5, -0.4, 0.2], ..ManyInputs::plain() };
@@ -406,7 +406,7 @@ fn large_steps_with_the_mode_are_no_outliers() {
     let steps: u64 = axis.excluded().iter().filter(|tally| tally.reason.name() == "step").map(|tally| tally.rows).sum();
     println!("{}: {steps} rows left out as steps", axis.correction.model);
     assert!(axis.correction.model.contains("steps(mode)") && steps == 0, "{} {steps}", axis.correction.model);
-    // A mode that changes by the hour is no noise.
+    // A mode that changes every hour is not noise.
     let noise = axis.fit.as_ref().unwrap().correction_noise.as_ref().unwrap();
     let of_mode = noise.inputs.iter().find(|noise| noise.input == "mode").unwrap();
     assert!(of_mode.sigma < 1e-9, "{of_mode:?}");
@@ -415,7 +415,7 @@ fn large_steps_with_the_mode_are_no_outliers() {
     assert!(left(&found, &rig, &setup()) < 1.1);
 }
 
-/// Each mode is held once: a fold that holds the only change tells nothing of it to the others.
+/// Each mode is held once: the fold that contains the only change leaves the others without information on it.
 #[test]
 fn steps_that_happen_once_are_found() {
     let once = |up: f64| vec![Leg::Soak(3600.0), Leg::Ramp(up, 0.25), Leg::Soak(3600.0)];
@@ -426,7 +426,7 @@ fn steps_that_happen_once_are_found() {
     assert!(left(&found, &rig, &setup()) < 1.1);
 }
 
-/// Whole counts of half an arcsecond: rounding the output again is no angle random walk (read from the rounded counts the
+/// Whole counts of half an arcsecond: rounding the output again adds no angle random walk (read from the rounded counts the
 /// ratio is 1.13 … 1.21).
 #[test]
 fn coarse_counts_add_no_walk() {
@@ -460,7 +460,7 @@ fn a_coarse_virtual_lsb_adds_no_walk() {
     assert!((walk.after_deg_rt_h / walk.before_deg_rt_h - 1.0).abs() < 0.02, "{walk:?}");
 }
 
-/// A thermometer too noisy for its own slope: told, but the correction stays.
+/// A thermometer too noisy for its own slope: reported, but the correction stays.
 #[test]
 fn a_noisy_thermometer_costs_no_correction() {
     let rig = ManyInputs {
@@ -482,7 +482,7 @@ fn a_noisy_thermometer_costs_no_correction() {
     assert!(noise.increase_by_value.unwrap() > noise.limit);
 }
 
-/// On one even ramp the rate is the constant again: the grid's best that can be told apart is taken.
+/// On one even ramp the rate term equals the constant: the best separable model of the grid is selected.
 #[test]
 fn an_even_ramp_is_fitted_without_its_rate() {
     let rig = ManyInputs { legs: vec![Leg::Ramp(50.0, 0.15)], lags_s: [1.0, 1.0], ..ManyInputs::plain() };

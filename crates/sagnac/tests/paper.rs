@@ -1,5 +1,5 @@
-//! The source paper's rig, 500 times over: are the intervals honest, and does the correction reach the
-//! floor on a run that the fit never saw?
+//! The source paper's rig, 500 times: coverage of the intervals, and whether the correction reaches the noise
+//! floor on a run that the fit did not see.
 
 mod support;
 
@@ -20,7 +20,7 @@ fn intervals_cover_the_truth_and_the_correction_reaches_the_floor() {
         let calibration = fit(vec![csv_bytes(rig.run(2 * seed))], &setup, "bias 2").unwrap();
         let axis = &calibration.axes[0];
         let sigmas = axis.monomial.as_ref().unwrap().sigma.as_ref().unwrap();
-        // 95 % interval of Student's t; 147 degrees of freedom less what the autocorrelation takes.
+        // 95 % interval of Student's t; 147 degrees of freedom, reduced for the autocorrelation.
         for (i, hit) in covered.iter_mut().enumerate() {
             *hit += u32::from((axis.monomial.as_ref().unwrap().coefficients[i] - truth[i]).abs() <= 1.976 * sigmas[i]);
         }

@@ -55,9 +55,9 @@ fn bias_and_scale_factor_come_out_of_one_fit() {
     assert_eq!(auto.axes[0].correction.model, "bias 2, scale 2");
 }
 
-/// The plateaus say the same by the two-direction method, without the fit: 24 of them within four of their own σ.
+/// The plateaus agree by the two-direction method, without the fit: 24 of them within four σ.
 #[test]
-fn plateaus_tell_scale_and_bias_apart() {
+fn plateaus_separate_scale_and_bias() {
     let rig = RateTable::domain_notes();
     let made = fit(vec![rig.csv(1, true), rig.csv(2, true)], &setup(), "bias 2, scale 2").unwrap();
     let scale = made.axes[0].scale_factor().cloned().unwrap();
@@ -66,7 +66,7 @@ fn plateaus_tell_scale_and_bias_apart() {
         let away = p.scale.ppm - rig.epsilon_ppm(p.temperature_c);
         assert!(away.abs() < 4.0 * p.scale.sigma_ppm, "{p:?}: {away}");
         assert!((p.bias_dph - 4.498 - rig.bias_dph(p.temperature_c)).abs() < 4.0 * p.bias_sigma_dph, "{p:?}");
-        // The rig is straight and even: what is found is noise, and said to be.
+        // The rig is linear and symmetric: the figures are noise, and reported as such.
         let (bent, lame) = (p.nonlinearity.unwrap(), p.asymmetry.unwrap());
         assert!(bent.ppm < 5.0 * bent.sigma_ppm && lame.ppm.abs() < 4.0 * lame.sigma_ppm, "{p:?}");
     }
@@ -79,7 +79,7 @@ fn plateaus_tell_scale_and_bias_apart() {
 
 /// A table's rate in the setup instead of a column: two sweeps, one per direction.
 #[test]
-fn rates_per_file_tell_them_apart_too() {
+fn rates_per_file_separate_them_too() {
     let rig = |dps: f64| RateTable { rates_dps: vec![dps], soak_s: 3000.0, ..RateTable::domain_notes() };
     let table = |file: &str, dps: f64| TableRun { file: Some(file.into()), rate_dps: Some(dps), axis: None };
     let folder = tempfile::tempdir().unwrap();
@@ -102,7 +102,7 @@ fn rates_per_file_tell_them_apart_too() {
     holds_what_was_put_in(&rig(10.0), &fitted(&with_rates).unwrap().axes[0], 0.006);
 }
 
-/// One rate alone cannot tell the scale factor from the bias, and says so.
+/// One rate alone does not separate scale factor and bias; the message says so.
 #[test]
 fn rates_that_cannot_separate_them_are_refused() {
     let rig = RateTable { rates_dps: vec![10.0], ..RateTable::domain_notes() };
@@ -111,7 +111,7 @@ fn rates_that_cannot_separate_them_are_refused() {
     assert!(refused.what.contains("scale"), "{refused}");
 }
 
-/// The proof speaks of bias and of ppm: 36 ppm over the plateaus before, noise after.
+/// The verification has figures of bias and of scale factor: 36 ppm over the plateaus before, noise after.
 #[test]
 fn verify_reports_ppm_before_and_after() {
     let rig = RateTable::domain_notes();
@@ -128,9 +128,9 @@ fn verify_reports_ppm_before_and_after() {
     assert!(axis.improvement_sigma.unwrap() > 10.0, "{axis:?}");
 }
 
-/// A record on a turning table is no record at rest, and is said to be none.
+/// A record on a turning table is not a record at rest; a warning says so.
 #[test]
-fn noise_of_a_turned_record_is_doubted() {
+fn the_noise_of_a_turned_record_carries_a_warning() {
     use sagnac::allan::{Request, noise_budget};
     use sagnac_noise::Taus;
     let warned = |rig: &RateTable| {
@@ -145,7 +145,7 @@ fn noise_of_a_turned_record_is_doubted() {
 
 /// The table's angle, and a mark per revolution, in place of its rate.
 #[test]
-fn angles_and_marks_stand_for_the_rate() {
+fn angles_and_marks_give_the_rate() {
     let rig = RateTable { rates_dps: vec![10.0, -10.0], dwell_s: 720, soak_s: 2880.0, ..RateTable::domain_notes() };
     let text = String::from_utf8(rig.csv(1, true)).unwrap();
     let (mut angle, mut turned) = (0.0_f64, 0.0_f64);
@@ -169,7 +169,7 @@ fn angles_and_marks_stand_for_the_rate() {
     }
 }
 
-/// Three gyros, the table turned about z and then about x: how each input axis leans towards the turned one.
+/// Three gyros, the table turned about z and then about x: the misalignment of each input axis towards the turned one.
 #[test]
 fn misalignment_from_two_orientations() {
     let arcsec = 180.0 / std::f64::consts::PI * 3600.0;

@@ -1,4 +1,4 @@
-//! Replay against a walk tick by tick, written down here once more from the rules of docs/explanation/arithmetic.md:
+//! Replay against a tick-by-tick computation, written independently from the rules of docs/explanation/arithmetic.md:
 //! rows at any nanosecond, rows that slow updates cut, gaps, rates with a virtual LSB, several axes.
 
 mod support;
@@ -104,7 +104,7 @@ proptest! {
     }
 }
 
-/// Two axes of rates, one thermometer stamped 20 s late: with the offset the drift goes, without it stays.
+/// Two axes of rates, one thermometer stamped 20 s late: with the offset the drift vanishes, without it remains.
 #[test]
 fn rates_of_two_axes_with_a_late_thermometer() {
     let rate = |t_c: f64, axis: f64| 5.0 + axis * 0.2 * (t_c - 25.0);

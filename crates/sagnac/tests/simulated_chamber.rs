@@ -6,7 +6,7 @@ use sagnac_log::setup::Setup;
 use sagnac_sim::{LaggedChamber, csv_bytes};
 use support::{fit, retest};
 
-/// σ after over floor on a third cycle; the model that was taken is printed.
+/// σ after over noise floor on a third cycle; prints the selected model.
 fn left_over(model: &str, seeds: [u64; 3]) -> f64 {
     let rig = LaggedChamber::domain_notes();
     let cycle = |seed| csv_bytes(rig.run(seed));

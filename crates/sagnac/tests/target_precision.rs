@@ -1,5 +1,5 @@
-//! The whole way of a coefficient, from the calibration's `f64` through the image's integers to what the
-//! target subtracts, against the model's equation in `f64`.
+//! A coefficient from the calibration's `f64` through the image's integers to the correction of the target,
+//! compared with the model's equation in `f64`.
 //!
 //! Asserted (and quoted in docs/explanation/arithmetic.md): d within max(1e-4 °/h, 2⁻²⁶ of its span), k within 5e-4 ppm.
 

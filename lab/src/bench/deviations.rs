@@ -1,4 +1,4 @@
-//! Allan deviations: the computation alone, in turn with the peers, on the same rates.
+//! Allan deviations: the computation only, in turn with the peers, on the same rates.
 
 use std::fmt::Write as _;
 use std::fs;
@@ -15,7 +15,7 @@ pub(super) const HEADING: &str = "\n## Allan deviations\n\n";
 const RATES: &str = "10000000";
 const LONG: &str = "1000000000";
 
-/// allantools as its documentation has it; only the call is timed.
+/// allantools as its documentation shows it; only the call is timed.
 const PYTHON: &str = "import sys, time, numpy as np, allantools
 rates = np.fromfile(sys.argv[1])
 n = len(rates)
@@ -67,8 +67,8 @@ pub(super) fn measure(bench: &Bench, page: &mut String) -> Result<()> {
     fs::write(&python, PYTHON)?;
     let rates = rates(bench)?;
     *page += HEADING;
-    *page += "Overlapping, of 10 million rates that stand in memory; two threads; the computation alone, the three in turn, medians. To reach: 8 \
-              times allantools at octaves, 10 times at a hundred τ, no slower than the crate.\n\n";
+    *page += "Overlapping deviations of 10 million rates in memory, two threads, computation only. The three programs run in turn; medians. \
+              Target: 8 times faster than allantools at octaves, 10 times at a hundred τ, no slower than the Rust crate.\n\n";
     *page += "| | ours, s | allantools, s | | allan-tools (Rust), s | |\n|---|---|---|---|---|---|\n";
     for (name, taus) in [("octaves", "octave"), ("100 τ, log-spaced", "log")] {
         let mut seconds: [Vec<f64>; 3] = Default::default();
@@ -102,8 +102,8 @@ pub(super) fn measure(bench: &Bench, page: &mut String) -> Result<()> {
     let cost = process::measure(&[ours, "-".to_owned(), LONG.to_owned()])?;
     let _ = writeln!(
         page,
-        "\nA thousand million rows through the pyramid (octaves to a third of the record, no row in memory): {seconds:.1} s, peak {:.1} MiB. \
-         To reach: under 64 MiB.",
+        "\nA stream of 1000 million rows (octaves up to a third of the record, no row kept in memory): {seconds:.1} s, peak {:.1} MiB. \
+         Target: under 64 MiB.",
         cost.peak_mib
     );
     Ok(())
@@ -127,7 +127,7 @@ fn rates(bench: &Bench) -> Result<String> {
     Ok(path)
 }
 
-/// What a program says: its seconds and the last deviation.
+/// What a program prints: its seconds and the last deviation.
 fn seconds_of(program: &str, args: &[&str]) -> Result<(f64, f64)> {
     let said = process::output(program, args)?;
     let mut numbers = said.split_whitespace().map(str::parse);

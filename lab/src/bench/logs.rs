@@ -34,7 +34,7 @@ impl Rows {
         Self { hertz: f64::from(hertz), decimals, phase: 0.0, last: 0, random: 0x2545_f491_4f6c_dd1d }
     }
 
-    /// Twelve uniform numbers less six are as good as normal here.
+    /// Twelve uniform numbers minus six are sufficiently normal here.
     fn normal(&mut self) -> f64 {
         let mut sum = -6.0;
         for _ in 0..12 {
@@ -79,7 +79,7 @@ pub(super) fn csv_log(folder: &Path, rows: u64, hertz: u32) -> Result<PathBuf> {
     Ok(path)
 }
 
-/// The same as Parquet, snappy, as pandas and polars users have it.
+/// The same as Parquet with snappy, the default of pandas and polars.
 pub(super) fn parquet_log(folder: &Path, rows: u64, hertz: u32) -> Result<PathBuf> {
     let path = folder.join(format!("{rows}-at-{hertz}.parquet"));
     if path.exists() {

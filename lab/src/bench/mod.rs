@@ -1,10 +1,10 @@
-//! `cargo xtask bench`: whole processes, each pair in one run; docs/explanation/performance.md and its plot.
+//! `cargo xtask bench`: whole processes, those of a pair in turn; docs/explanation/performance.md and its plot.
 //!
 //! ```text
 //! logs (made once in target/bench) ─▶ ours, peer, ours, peer … ─▶ medians and ratios ─▶ docs/explanation/performance.md
 //! ```
 //!
-//! Figures of time are of the machine that the page names; ratios are what is claimed.
+//! Times depend on the machine that the page names; the targets are on the ratios.
 
 mod deviations;
 mod logs;
@@ -27,7 +27,7 @@ const PAIRS: usize = 7;
 /// Lengths of the plot, rows.
 const LENGTHS: [u64; 5] = [1_000_000, 3_000_000, 10_000_000, 30_000_000, 100_000_000];
 
-/// Peers as a user would write them from their documentation.
+/// The peers' work as a user would write it from their documentation.
 const PANDAS: &str = "import sys, numpy as np, pandas as pd
 log = pd.read_csv(sys.argv[1])
 t = log['temperature_c'].to_numpy()
@@ -40,12 +40,12 @@ log = pl.read_parquet(sys.argv[1])
 print(log.shape, log['counts'].sum())
 ";
 
-/// By `perf` on the 10-million-row CSV, 0.58 s of processor time in all; kept by hand.
+/// By `perf` on the 10-million-row CSV, 0.58 s of processor time in total; updated by hand.
 const WHERE_THE_TIME_GOES: &str = "
-Where below 8, the target is missed. Of our 0.58 s of processor time on two cores, 40 % is the parsing of digits (19 bytes a row, 24 ns), 16 %
-SHA-256 at 2 GB/s, 22 % judging, sums and short-τ deviations, 8 % the fit and 6 % the kernel's copying. Reading eight digits at a time with 64-bit
-arithmetic, fields by their expected shape, and one pass over all bytes were tried and measured: none was faster than the plain loop on
-this processor. pandas itself takes 1.6 s when its 1.6 GB of memory are warm and 4 to 5 s when they are not.
+A ratio below 8 misses the target. Sagnac uses 0.58 s of processor time on two cores: 40 % to parse digits (19 bytes per row, 24 ns), 16 % for
+SHA-256 at 2 GB/s, 22 % for checks, sums and short-τ deviations, 8 % for the fit and 6 % for copying in the kernel. Three other parsers were
+measured: eight digits at a time with 64-bit arithmetic, fields by their expected shape, and one pass over all bytes. None was faster than
+the plain loop on this processor. pandas itself takes 1.6 s when its 1.6 GB of memory are warm and 4 to 5 s when they are not.
 ";
 
 struct Bench {
@@ -54,7 +54,7 @@ struct Bench {
     folder: PathBuf,
 }
 
-/// Runs everything, about ten minutes and 4 GB of disk; or one part alone (`simulator`, `allan`), which is then replaced.
+/// Runs everything (about ten minutes, 4 GB of disk), or one part (`simulator`, `allan`) and replaces its section.
 pub(crate) fn bench(part: Option<&str>) -> Result<()> {
     sh("cargo", &["build", "--release", "--locked", "--package", "sagnac-cli"])?;
     let folder = root().join("target/bench");
@@ -79,7 +79,7 @@ pub(crate) fn bench(part: Option<&str>) -> Result<()> {
     Ok(())
 }
 
-/// One section, in its place on the page, or at its end.
+/// Measures one section and replaces it on the page, or appends it.
 fn alone(bench: &Bench, heading: &str, measure: impl Fn(&Bench, &mut String) -> Result<()>) -> Result<()> {
     let path = root().join(PERFORMANCE);
     let page = fs::read_to_string(&path)?;
@@ -116,8 +116,8 @@ fn head(bench: &Bench) -> Result<String> {
     let cores = std::thread::available_parallelism()?;
     let rust = process::output("rustc", &["--version"])?;
     Ok(format!(
-        "# Performance\n\nMade by `cargo xtask bench`; do not edit. Whole processes, wall clock, each pair in one run, medians; peaks \
-         are the largest resident sets.\n\nMachine: {model}, {cores} cores, shared; {}. Peers: {}.\n",
+        "# Performance\n\nMade by `cargo xtask bench`; do not edit. Times are of whole processes by the wall clock, medians; the \
+         programs of a pair run in turn. Peaks are the largest resident sets.\n\nMachine: {model}, {cores} cores, shared; {}. Peers: {}.\n",
         rust.trim(),
         peers.trim()
     ))
@@ -135,7 +135,7 @@ fn pair(page: &mut String, ours: &str, theirs: &str, pairs: &Pairs) {
     let all: Vec<String> = pairs.ratios().iter().map(|r| format!("{r:.1}")).collect();
     let _ = writeln!(
         page,
-        "\n**{:.1} times** by the median of {} pairs ({}).",
+        "\n**{:.1} times faster**: the median of {} pairs ({}).",
         median(&pairs.ratios()),
         all.len(),
         all.join(", ")
@@ -162,9 +162,9 @@ impl Bench {
     fn against_pandas(&self, page: &mut String) -> Result<()> {
         let log = csv_log(&self.folder, 10_000_000, 100)?;
         let pairs = Pairs::run(PAIRS, &self.calibrate(&log), &self.peer("pandas_peer.py", &log))?;
-        *page += "\n## CSV of 10 million rows\n\n`time_s,temperature_c,counts` at 100 Hz (27.8 h). Ours: read, hash, judge, sum, 45 \
-                  candidates × 24 τ × 12 folds, covariance, JSON. Theirs: `read_csv`, a Chebyshev fit of order 3, its residual. To reach: \
-                  8 times, under 32 MiB.\n\n";
+        *page += "\n## CSV of 10 million rows\n\nColumns `time_s,temperature_c,counts` at 100 Hz (27.8 h). Sagnac reads, hashes and checks \
+                  the rows, sums windows, fits 45 candidates × 24 τ × 12 folds, estimates the covariance and writes JSON. pandas and numpy do \
+                  `read_csv`, a Chebyshev fit of order 3 and its residual. Target: 8 times faster, under 32 MiB.\n\n";
         pair(page, "`sagnac calibrate`, model auto", "pandas and numpy", &pairs);
         *page += WHERE_THE_TIME_GOES;
         Ok(())
@@ -173,15 +173,15 @@ impl Bench {
     fn against_polars(&self, page: &mut String) -> Result<()> {
         let log = parquet_log(&self.folder, 10_000_000, 100)?;
         let pairs = Pairs::run(PAIRS, &self.calibrate(&log), &self.peer("polars_peer.py", &log))?;
-        *page += "\n## Parquet of the same\n\nOurs does all of the above; theirs only reads the file. To reach: no slower.\n\n";
-        pair(page, "`sagnac calibrate`, model auto", "polars reading it", &pairs);
+        *page += "\n## Parquet of the same rows\n\nSagnac does all of the above; polars only reads the file. Target: no slower.\n\n";
+        pair(page, "`sagnac calibrate`, model auto", "polars, read only", &pairs);
         Ok(())
     }
 
-    /// The same test logged faster and faster, and one that is ten times longer.
+    /// The same test with more and more rows, and one that lasts ten times longer.
     fn lengths(&self, page: &mut String) -> Result<()> {
-        *page += "\n## Time and memory against length\n\nOne test at 1 kHz, 17 minutes to 27.8 hours. Memory depends on the windows (about 20 kB \
-                  per hour of test), not on the rows.\n\n![Time and memory against length](performance.svg)\n\n";
+        *page += "\n## Time and memory against length\n\nLogs at 1 kHz of 17 minutes to 27.8 hours. Memory depends on the number of windows \
+                  (about 20 kB per hour of test), not on the number of rows.\n\n![Time and memory against length](performance.svg)\n\n";
         *page += "| rows | seconds | peak, MiB |\n|---|---|---|\n";
         let mut points = Vec::new();
         for rows in LENGTHS {
@@ -206,8 +206,8 @@ impl Bench {
         let said = process::output("cargo", &example)?;
         let _ = writeln!(
             page,
-            "\n## A tick of the compensator\n\n864 million ticks (24 h at 100 µs) with a slow update each second, one call per tick, the \
-             least of three walks: **{}**. To reach: 1.5.",
+            "\n## A tick of the compensator\n\n864 million ticks (24 h at 100 µs), one call per tick, with a slow update every second. \
+             Fastest of three runs: **{}**. Target: 1.5.",
             said.trim()
         );
         Ok(())
@@ -223,10 +223,10 @@ impl Bench {
         let verify = median_cost(&words(&[&self.sagnac, "verify", &record, &log_text]))?;
         let window = median_cost(&words(&[&[self.sagnac.as_str(), "window", &log_text][..], &flags].concat()))?;
         let bytes = median_cost(&words(&["sha256sum", &log_text]))?;
-        *page += "\n## A proof of 24 hours\n\nA log of 100 Hz rows replayed at the tick of 100 µs, end to end, beside reading it alone.\n\n";
+        *page += "\n## A retest of 24 hours\n\nA log at 100 Hz, replayed end to end at the tick of 100 µs, compared with only reading it.\n\n";
         *page += "| | median, s | peak, MiB |\n|---|---|---|\n";
-        line(page, "`sagnac verify`: read, judge, 864 million ticks, figures", &verify);
-        line(page, "`sagnac window`: read, judge, sum", &window);
+        line(page, "`sagnac verify`: read, check, 864 million ticks, figures", &verify);
+        line(page, "`sagnac window`: read, check, sum", &window);
         line(page, "`sha256sum` of the file", &bytes);
         Ok(())
     }

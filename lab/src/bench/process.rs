@@ -6,7 +6,7 @@ use std::time::Instant;
 use anyhow::{Context, Result, ensure};
 use xtask::shell::root;
 
-/// What a run cost.
+/// Cost of a run.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Cost {
     pub(super) seconds: f64,
@@ -21,7 +21,7 @@ impl Cost {
     }
 }
 
-/// Runs a command, its output thrown away.
+/// Runs a command and discards its output.
 pub(super) fn measure(command: &[String]) -> Result<Cost> {
     let started = Instant::now();
     let output = Command::new("/usr/bin/time")
@@ -38,7 +38,7 @@ pub(super) fn measure(command: &[String]) -> Result<Cost> {
     Ok(Cost { seconds, peak_mib: peak.context("no peak")? / 1024.0 })
 }
 
-/// What a command prints.
+/// Output of a command.
 pub(super) fn output(program: &str, args: &[&str]) -> Result<String> {
     let output = Command::new(program).args(args).output().with_context(|| format!("cannot start {program}"))?;
     ensure!(output.status.success(), "{program}: {}", String::from_utf8_lossy(&output.stderr));
@@ -56,7 +56,7 @@ pub(super) fn median(values: &[f64]) -> f64 {
 pub(super) struct Pairs(Vec<(Cost, Cost)>);
 
 impl Pairs {
-    /// One pair to warm the files, then `count` that are kept.
+    /// One pair to warm the file cache, then `count` pairs that count.
     pub(super) fn run(count: usize, ours: &[String], theirs: &[String]) -> Result<Self> {
         let mut pairs = Vec::new();
         for number in 0..=count {

@@ -1,7 +1,7 @@
-//! The deviations alone, timed: rates from a file of little-endian f64, or a generated stream through the pyramid.
+//! Times the deviations only: rates from a file of little-endian f64, or a generated stream through the pyramid.
 //!
 //! `allan_speed FILE octave|log` prints the seconds of the computation and the last deviation; `allan_speed - ROWS`
-//! those of so many rows that never stand in memory. For `cargo xtask bench allan`.
+//! those of a stream of so many rows that is never in memory. For `cargo xtask bench allan`.
 
 use std::time::Instant;
 

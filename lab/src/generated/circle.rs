@@ -1,8 +1,7 @@
-//! The circle closes: simulate three runs, calibrate on two, prove on the third, for each ready scenario.
+//! The full circle for each ready scenario: simulate three runs, calibrate on two, verify on the third.
 //!
-//! The calibrator sees logs only. Truth comes in at the end, for the residual and its sources: the true errors of
-//! each window less what the correction took off it, without any noise. The page is not made
-//! where the residual is larger than claimed.
+//! The calibrator sees logs only. The truth serves for the residual and its sources: the true errors of each window minus
+//! the correction, without noise. The page is not written if the residual is larger than claimed.
 
 use std::io::{Cursor, Write as _};
 

@@ -1,5 +1,5 @@
-//! What the program says of broken inputs. Each of the corpus ends with the documented status and one message that names
-//! the place, and leaves what was there untouched; else the page is not made.
+//! Messages of the program on broken inputs. Each case of the corpus must end with the documented status and one message
+//! that names the place, and must not change existing files; otherwise the page is not written.
 
 use std::fs;
 use std::io::Write as _;
@@ -15,10 +15,10 @@ use crate::generated::corpus::{Case, Feed, cases};
 use crate::places::ERRORS;
 use crate::program::Program;
 
-/// Address space a run may use: a log is never held in memory.
+/// Limit on the address space of a run: a log is never held in memory.
 const MEMORY_KIB: u64 = 600_000;
 const OLD: &str = "what was there before\n";
-/// What stands in a case's folder beside its own files.
+/// Files that we put into a case's folder.
 const OURS: [&str; 2] = ["sagnac", "out.json"];
 
 const HEAD: &str = "# What the program says of broken inputs
@@ -55,7 +55,7 @@ pub(crate) fn make(program: &Program) -> Result<Vec<Made>> {
     Ok(vec![Made::new(ERRORS, page)])
 }
 
-/// Writes the files of every case into a folder of its own: what fuzzing starts from.
+/// Writes the files of every case into a folder of its own: the seeds of fuzzing.
 pub(crate) fn keep(program: &Program, to: &Path) -> Result<()> {
     for case in cases(program)? {
         let from = TempDir::new()?;
@@ -63,17 +63,17 @@ pub(crate) fn keep(program: &Program, to: &Path) -> Result<()> {
         let to = to.join(case.name.replace(' ', "-"));
         fs::create_dir_all(&to)?;
         for name in listing(from.path())?.iter().filter(|name| from.path().join(name).is_file()) {
-            // A file that nobody may read cannot be kept either.
+            // A file without read permission cannot be copied.
             let _ = fs::copy(from.path().join(name), to.join(name));
         }
     }
     Ok(())
 }
 
-/// A folder with the program, an older output, and what is broken.
+/// A folder with the program, an older output, and the files of the case.
 fn prepared(case: &Case, program: &Program) -> Result<TempDir> {
     let folder = TempDir::new()?;
-    // Anyone may look into it: some cases run as nobody.
+    // Readable by everyone: some cases run as the user nobody.
     fs::set_permissions(folder.path(), fs::Permissions::from_mode(0o755))?;
     let [sagnac, output] = OURS.map(|name| folder.path().join(name));
     fs::copy(program.path(), &sagnac).with_context(|| format!("cannot copy {}", program.path().display()))?;
@@ -99,7 +99,7 @@ fn run(case: &Case, folder: &Path) -> Result<Outcome> {
     command.stdin(if matches!(case.stdin, Feed::Nothing) { Stdio::null() } else { Stdio::piped() });
     let mut child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn()?;
     if let (Feed::Endless(block, times), Some(mut stdin)) = (&case.stdin, child.stdin.take()) {
-        // The program goes away long before the end.
+        // The program ends long before its input does.
         let _ = (0..*times).try_for_each(|_| stdin.write_all(block));
     }
     let output = child.wait_with_output()?;
@@ -110,8 +110,8 @@ fn is_root() -> bool {
     Command::new("id").arg("-u").output().is_ok_and(|out| out.stdout == b"0\n")
 }
 
-/// What is wrong with how a case ended: one message and at most one help; the old output is what it was; nothing
-/// else was left.
+/// Deviations from the expected result: one message and at most one help; the old output unchanged; no other file
+/// written.
 fn problems(case: &Case, folder: &Path, before: &[String], outcome: &Outcome) -> Result<Vec<String>> {
     let stderr = &outcome.stderr;
     let word = if case.status == 3 { "refused: " } else { "error: " };
@@ -150,7 +150,7 @@ mod tests {
     use super::*;
     use crate::generated::corpus::example;
 
-    /// A run that left everything as it was, with these words.
+    /// Problems of a run that changed no file, with this status and message.
     fn ended(status: i32, stderr: &str) -> Vec<String> {
         let folder = TempDir::new().unwrap();
         fs::write(folder.path().join("out.json"), OLD).unwrap();

@@ -1,5 +1,5 @@
-//! Each ready scenario with each fault, through `inspect` (which tries `calibrate`): noticed, named, or refused.
-//! The page is not made where something else goes unnoticed than is documented.
+//! Each ready scenario with each fault, through `inspect` (which tries `calibrate`): detected, named, or refused.
+//! The page is not written if a fault goes undetected that is not documented as such.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -15,8 +15,8 @@ use crate::generated::READY;
 use crate::places::FAULTS;
 use crate::program::Program;
 
-/// What goes unnoticed, and is listed in docs/explanation/simulator.md. A thermometer alone that stands still is no more than a
-/// steady one; a clock that slows down stretches all rows alike.
+/// Faults that go undetected, as listed in docs/explanation/simulator.md. A single frozen thermometer looks like a constant
+/// temperature; a slow clock stretches all rows alike.
 const UNNOTICED: [(&str, &str); 5] = [
     ("paper", "stuck_thermometer"),
     ("paper", "clock_drift"),
@@ -25,7 +25,7 @@ const UNNOTICED: [(&str, &str); 5] = [
     ("triangle-28cm-dithered", "clock_drift"),
 ];
 
-/// Scenario and fault of what nothing named.
+/// Scenario and fault of those undetected.
 type Unnoticed = Vec<(&'static str, &'static str)>;
 
 /// What `inspect` said.

@@ -1,5 +1,5 @@
-//! Sums of the first bytes of log and truth, scenario by scenario: a machine, compiler or crate version that changes the
-//! simulator's bytes is noticed.
+//! Checksums of the first bytes of log and truth of each scenario. They detect a machine, compiler or crate version that
+//! changes the simulator's output.
 
 use std::fmt::Write as _;
 use std::io::Write as _;

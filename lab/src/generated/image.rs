@@ -10,7 +10,7 @@ use xtask::shell::root;
 use crate::bless::Made;
 use crate::places::{IMAGE_FORMAT, PAPER_IMAGE};
 
-/// Behind this the page shows the bytes, in the first block of text.
+/// After this line, the first text block of the page shows the bytes.
 const EXAMPLE: &str = "\n## Worked example\n";
 const BLOCK: [&str; 2] = ["```text\n", "```"];
 

@@ -1,11 +1,13 @@
-//! Files that the project makes: a module a kind, each with a function `make`.
+//! Generated files: one module per kind, each with a function `make`.
 
 pub(crate) mod chamber;
 pub(crate) mod circle;
 mod corpus;
 pub(crate) mod errors;
 pub(crate) mod faults;
+mod fields;
 pub(crate) mod first_bytes;
+pub(crate) mod glossary;
 pub(crate) mod image;
 pub(crate) mod manual;
 pub(crate) mod pages;
@@ -13,5 +15,5 @@ pub(crate) mod scenario_keys;
 pub(crate) mod schema;
 pub(crate) mod vectors;
 
-/// The ready scenarios whose bytes and figures are held.
+/// The ready scenarios whose bytes and figures are tested.
 pub(crate) const READY: [&str; 4] = ["paper", "square-28cm", "prism-heater-loop", "triangle-28cm-dithered"];

@@ -1,13 +1,13 @@
-//! Commands in the README and in `docs/` are run, and what a page shows is what they print.
+//! Runs the commands in the README and in `docs/` and writes their output into the pages.
 //!
 //! ```text
 //! ```console            $ a command in a shell, > its further lines, then its output: run and compared
 //! ```toml file=NAME     a file that the commands below it read: written first
-//! ```sh                 commands that need what is not here: each `sagnac …` must be one that the program can parse
+//! ```sh                 commands that need missing files or tools: the program must be able to parse each `sagnac …`
 //! ```
 //!
-//! Each page has an empty folder of its own with links to `testdata` and `scenarios` and a folder `target`; pages whose
-//! names begin with a digit are steps, and go through one folder in their order.
+//! Each page runs in its own folder with links to `testdata` and `scenarios` and an empty folder `target`. Pages whose names
+//! begin with a digit are steps: they share one folder and run in order.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -120,7 +120,7 @@ fn trimmed(text: &str) -> String {
     text.lines().map(str::trim_end).collect::<Vec<_>>().join("\n").trim_end().to_owned()
 }
 
-/// The page as the program would have it; an error names the command that fails.
+/// The page with the current output of its commands; an error names the command that fails.
 fn made_anew(workplace: &Workplace, page: &str) -> Result<String> {
     let (mut out, mut copied) = (String::new(), 0);
     for block in blocks(page)? {
@@ -186,7 +186,7 @@ pub(crate) fn make(program: &Program) -> Result<Vec<Made>> {
 
 /// Parses each `sagnac …` in the blocks of shell commands that are not run; how many there are.
 ///
-/// With `--help` behind it a command is parsed up to there and does nothing; a flag that is not there fails.
+/// With `--help` at its end a command is only parsed; an unknown flag fails.
 pub fn parse_commands(program: &Program) -> Result<usize> {
     let workplace = Workplace::new(program)?;
     ensure!(

@@ -1,4 +1,4 @@
-//! The reference vectors in `testdata/vectors/`, made from the core: on purpose, after a change that is meant.
+//! The reference vectors in `testdata/vectors/`, made from the core, only after an intended change.
 
 use std::fmt::Write as _;
 use std::path::PathBuf;
@@ -105,7 +105,7 @@ struct Loops {
     table: Vec<u8>,
     /// Photodiode code at the peak.
     peak: u32,
-    /// What the vectors' plant calls the curvature, 2^-32 codes of light per code of actuator squared.
+    /// Curvature of the vectors' plant, 2^-32 codes of light per code of actuator squared.
     curvature: u32,
     /// Lag of the actuator as a right shift of ticks.
     lag: u32,
@@ -115,7 +115,7 @@ fn loops(scenario: &str, searches: bool) -> Result<Loops> {
     let text = std::fs::read_to_string(root().join(format!("scenarios/{scenario}/{scenario}.toml")))?;
     let mut scenario = Scenario::from_toml(&text)?;
     if !searches {
-        // It closes where it stands: a heater's search is a minute of ticks.
+        // Without a search, which takes a heater a minute of ticks.
         scenario.path_length.sweep_s = 0.0;
     }
     let design = LoopDesign::build(&scenario)?;

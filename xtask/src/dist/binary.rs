@@ -1,4 +1,4 @@
-//! The program for old systems, and what a program asks of a system.
+//! Builds the program for old systems, and reads what a program requires of a system.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -47,7 +47,7 @@ fn tools() -> Result<PathBuf> {
     Ok(programs)
 }
 
-/// What a program asks of the system that it runs on.
+/// Requirements of a program on its system.
 #[derive(Debug, PartialEq)]
 pub(super) struct Needs {
     pub(super) glibc: [u32; 2],

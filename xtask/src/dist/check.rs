@@ -1,4 +1,4 @@
-//! Archive and package as their users meet them: packed again to the same bytes, unpacked, installed, run.
+//! Checks archive and package: packed again to the same bytes, unpacked, installed, run.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -65,7 +65,7 @@ fn installed(release: &Release, packed: &Packed, system: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Into an empty system; only there the packages that it depends on are missing.
+/// Into an empty system, where only the packages that it depends on are missing.
 fn install(packed: &Packed, system: &Path) -> Result<()> {
     let state = system.join("var/lib/dpkg");
     for folder in ["info", "updates", "triggers"] {

@@ -1,4 +1,4 @@
-//! What comes with the program, the same in archive and package: made once, placed as each of them has it.
+//! Files beside the program, the same in archive and package: made once, placed where each of them needs it.
 
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
@@ -20,7 +20,7 @@ pub(super) struct File {
     pub(super) compressed: bool,
 }
 
-/// Makes what has to be made, in an empty folder.
+/// Makes the generated files in an empty folder.
 pub(super) fn files(release: &Release, folder: &Path) -> Result<Vec<File>> {
     empty(folder)?;
     let mut files = vec![plain(release.program.clone(), "sagnac", "usr/bin/sagnac")];
@@ -78,7 +78,7 @@ fn completions(release: &Release, folder: &Path) -> Result<Vec<File>> {
     made.into_iter().collect()
 }
 
-/// As Debian wants it to be found; the texts stand beside it.
+/// In the form that Debian requires; the licence texts are beside it.
 fn copyright_text() -> Result<String> {
     let mit = fs::read_to_string(root().join("LICENSE-MIT"))?;
     let holder = mit.lines().find(|line| line.starts_with("Copyright")).context("LICENSE-MIT names no holder")?;
@@ -88,7 +88,7 @@ fn copyright_text() -> Result<String> {
     ))
 }
 
-/// Copies a file to its place, for everyone to read; what is a program, to run.
+/// Copies a file to its place, readable for everyone, and executable if it is a program.
 pub(super) fn place(from: &Path, to: &Path) -> Result<()> {
     fs::create_dir_all(to.parent().context("a place without a folder")?)?;
     fs::copy(from, to).with_context(|| format!("cannot copy {} to {}", from.display(), to.display()))?;

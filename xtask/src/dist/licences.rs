@@ -35,7 +35,7 @@ pub(super) fn third_parties() -> Result<String> {
     Ok(out)
 }
 
-/// What cargo compiles into the program, ours aside.
+/// The libraries that cargo compiles into the program, except ours.
 fn libraries() -> Result<Vec<Library>> {
     let args = ["tree", "--locked", "--package", "sagnac-cli", "--edges", "normal", "--prefix", "none"];
     let said = said(120, "cargo", &[&args[..], &["--format", "{p}|{l}"]].concat(), &root())?;
@@ -64,7 +64,7 @@ fn source_of(name: &str) -> Result<PathBuf> {
     found.find(|path| path.is_dir()).with_context(|| format!("the source of {name} is not in {home}"))
 }
 
-/// The texts that a package brings along; some name their licence only.
+/// The licence texts of a package; some packages only name their licence.
 fn texts_of(source: &Path) -> Result<Vec<String>> {
     let mut texts = Vec::new();
     for entry in fs::read_dir(source)? {

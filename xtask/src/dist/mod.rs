@@ -23,10 +23,10 @@ use xtask::shell::{built, root, said, target};
 
 use crate::checks::build_lab;
 
-/// The newest GLIBC that the archive may ask for: that of 2012. Rust's own library asks for it.
+/// The newest GLIBC that the archive may require: that of 2012, which Rust's own library requires.
 const OLDEST_GLIBC: [u32; 2] = [2, 17];
 
-/// What is packed, and from when it is.
+/// The program to pack, with its version and time.
 struct Release {
     version: String,
     /// Seconds; everything in the packages is of this time.

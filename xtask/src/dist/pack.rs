@@ -32,7 +32,7 @@ fn archive(release: &Release, files: &[File], folder: &Path) -> Result<PathBuf> 
     }
     let tar = folder.join(format!("{name}.tar"));
     let time = format!("--mtime=@{}", release.time);
-    // Neither the order of a folder's entries nor who packs it shows.
+    // Independent of the order of a folder's entries and of the user.
     let same =
         ["--sort=name", "--owner=0", "--group=0", "--numeric-owner", "--mode=u+rwX,go=rX", "--format=gnu", &time];
     let what = ["--create", "--file", text(&tar)?, &name];
@@ -71,7 +71,7 @@ fn compressed(path: &Path) -> Result<PathBuf> {
     Ok(path.with_file_name(format!("{name}.gz")))
 }
 
-/// Whatever the umask of this shell is.
+/// Independent of the umask of this shell.
 fn open_folders(folder: &Path) -> Result<()> {
     fs::set_permissions(folder, fs::Permissions::from_mode(0o755))?;
     for entry in fs::read_dir(folder)? {

@@ -1,8 +1,8 @@
 //! Brings temperatures to the time of the counts.
 //!
-//! A thermometer's sample stamped t holds from t + offset on. Each row therefore takes the newest
-//! sample stamped at or before its own time − offset; everything after this stage sees one clock. With
-//! a negative offset rows wait until that sample was read.
+//! A thermometer's sample stamped t holds from t + offset on. Each row therefore uses the newest
+//! sample stamped at or before its own time − offset; all later stages have one clock. With a negative
+//! offset rows wait until that sample was read.
 
 use std::collections::VecDeque;
 
@@ -26,7 +26,7 @@ impl Aligner {
         Self { offset_ns, pending, cursor: 0, samples, newest_ns: i64::MIN, ended: false }
     }
 
-    /// True without an offset: every row has its own temperatures, and nothing need wait here.
+    /// True without an offset: every row has its own temperatures, and no row has to wait.
     pub(crate) fn is_straight(&self) -> bool {
         self.offset_ns == 0
     }
@@ -74,7 +74,7 @@ impl Aligner {
     }
 }
 
-/// The time of a row that can be used at all: a broken row's may lie anywhere.
+/// The time of a usable row: that of a broken row may be anything.
 fn sound_time(rows: &RawRows, row: usize) -> Option<i64> {
     rows.time(row).filter(|t| t.unsigned_abs() < MAX_TIME && !rows.faults[row].has(Faults::RAGGED))
 }

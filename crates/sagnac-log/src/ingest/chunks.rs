@@ -1,12 +1,12 @@
-//! ChunkReader of a log, read in order, parsed on as many threads as there are, and given out in order.
+//! Pieces of a log: read in order, parsed on all available threads, returned in order.
 //!
 //! ```text
 //! Feed (one at a time: read, hash, unpack) ─▶ parse (any order) ─▶ ready pieces ─▶ next(), in order
 //! ```
 //!
-//! Whoever waits for a piece takes part in the work, so one thread is enough, and helpers are started
-//! only for logs of more than one piece. What comes out does not depend on how many there are. Memory:
-//! as many pieces as [`Shared::room`] says.
+//! The thread that waits for a piece takes part in the work, so one thread is enough; helpers are started
+//! only for logs of more than one piece. The result does not depend on their number. Memory: at most
+//! [`Shared::room`] pieces.
 
 use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -16,7 +16,7 @@ use crate::error::{Error, Result};
 use crate::ingest::raw::RawRows;
 use crate::ingest::text::{LineParser, TextFeed};
 
-/// More threads than this do not read one log faster: hashing goes in order.
+/// More threads than this do not read one log faster: hashing is sequential.
 const MAX_HELPERS: usize = 3;
 
 /// A decoder of a binary table: the next rows, or false at the end.
@@ -37,7 +37,7 @@ struct Reading {
     ended: bool,
 }
 
-/// ChunkReader that are parsed and wait for their turn.
+/// Pieces that are parsed and wait for their turn.
 #[derive(Default)]
 struct Ready {
     pieces: BTreeMap<u64, Result<RawRows>>,
@@ -45,7 +45,7 @@ struct Ready {
     total: Option<u64>,
     /// Buffers to be used again.
     spare: Vec<RawRows>,
-    /// Nobody waits for more.
+    /// The receiver is closed.
     abandoned: bool,
 }
 
@@ -53,11 +53,11 @@ struct Shared {
     reading: Mutex<Reading>,
     ready: Mutex<Ready>,
     changed: Condvar,
-    /// ChunkReader that may wait.
+    /// Largest number of waiting pieces.
     room: usize,
 }
 
-/// Nothing is left half done under these locks, so a poisoned one is as good as new.
+/// No change under these locks can be incomplete, so a poisoned lock is still valid.
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -75,7 +75,7 @@ impl Shared {
             return false;
         }
         let mut rows = lock(&self.ready).spare.pop().unwrap_or_default();
-        // The decoders are not ours; whatever they do with a damaged file, the file is what is bad.
+        // A panic of a third-party decoder means that the file is damaged.
         let read = catch_unwind(AssertUnwindSafe(|| match &mut reading.feed {
             Feed::Text(feed, _) => feed.next(&mut worker.text),
             Feed::Table(feed) => feed.next(&mut rows),
@@ -94,7 +94,7 @@ impl Shared {
         drop(reading);
         let ended = read.is_err();
         let piece = read.and_then(|_| {
-            // Whatever happens here, this piece must come out, or everybody waits for it.
+            // This piece must be returned in any case, or all threads wait for it.
             let parsed = catch_unwind(AssertUnwindSafe(|| {
                 if let Some(parser) = &mut worker.parser {
                     parser.parse(&worker.text, &mut rows);
@@ -193,7 +193,7 @@ impl ChunkReader {
             }
             let ahead = reading.read > self.next && lock(&self.shared.ready).pieces.len() >= self.shared.room;
             if reading.ended || ahead {
-                // Somebody else parses it; they say when it is there.
+                // Another thread parses it and notifies when it is ready.
                 drop(reading);
                 self.sleep();
             } else {
@@ -229,7 +229,7 @@ impl ChunkReader {
 }
 
 impl Drop for ChunkReader {
-    /// Helpers end by themselves; one that waits for a pipe to say more is not waited for.
+    /// Helpers end by themselves; one that is blocked on a pipe is not joined.
     fn drop(&mut self) {
         lock(&self.shared.ready).abandoned = true;
         self.shared.changed.notify_all();

@@ -4,8 +4,8 @@
 //! field. The same values give the same rows as in text: numbers as `f64` (of a 32-bit float the exact value),
 //! times as in their shortest decimal form. Rows are numbered as lines under one line of headers.
 //!
-//! Both decoders need to go back and forth, so anything but a plain file is first spooled to a temporary
-//! one. Before Arrow's decoder sees a file, every length it would believe is held against the file's own.
+//! Both decoders seek, so anything but a plain file is first copied to a temporary one. Before Arrow's decoder sees a
+//! file, every length that it would trust is checked against the length of the file.
 
 use std::fs::File;
 use std::io::{BufReader, Read, Seek, SeekFrom};
@@ -35,7 +35,7 @@ use crate::ingest::source::Source;
 const BATCH_ROWS: usize = 8192;
 /// Writers align the first message of a file to at most this.
 const ARROW_PADDING: usize = 72;
-/// No buffer of a log unpacks to more.
+/// Largest size of an unpacked buffer.
 const MAX_UNPACKED: u64 = 1 << 30;
 /// Powers of ten of the units of Arrow's times to ns.
 const UNITS: [(TimeUnit, u32); 4] =
@@ -67,7 +67,7 @@ pub(crate) struct Columnar {
     hashing: Hashing,
 }
 
-/// The hash of a plain file, taken beside the decoding.
+/// The hash of a plain file, computed in parallel with the decoding.
 enum Hashing {
     Done,
     Beside(Option<std::thread::JoinHandle<std::io::Result<u64>>>),
@@ -121,12 +121,12 @@ fn clone_of(file: &File) -> Result<File> {
     file.try_clone().map_err(|e| Error::input(format!("cannot read: {e}")))
 }
 
-/// The decoders are not ours; whatever they do with a damaged file, the file is what is bad.
+/// Runs a decoder; its panic becomes an error about the file.
 fn guarded<T>(decode: impl FnOnce() -> Result<T>) -> Result<T> {
     catch_unwind(AssertUnwindSafe(decode)).unwrap_or_else(|_| Err(Error::input("a damaged file (its decoder gave up)")))
 }
 
-/// All bytes of a source in a temporary file that nobody else sees.
+/// All bytes of a source in a private temporary file.
 fn spooled(source: Source) -> Result<File> {
     let mut reader = source.reader;
     let mut file = tempfile::tempfile().map_err(|e| Error::io("a temporary file", "make", &e))?;
@@ -158,7 +158,7 @@ fn arrow_reader(file: &File, form: Form) -> Result<StreamReader<BufReader<File>>
     StreamReader::try_new_buffered(file, None).map_err(|e| arrow_broken(&e))
 }
 
-/// Walks the messages and holds every length against the file's own; a cut file is found here.
+/// Reads through the messages and checks every length against the file's length; detects a truncated file.
 fn check_arrow(file: &mut File, form: Form) -> Result<()> {
     let unreadable = |e: std::io::Error| Error::input(format!("cannot read: {e}"));
     let size = file.metadata().map_err(unreadable)?.len();
@@ -197,7 +197,7 @@ fn check_arrow(file: &mut File, form: Form) -> Result<()> {
     }
 }
 
-/// The length of a message's body, if it and its unpacked buffers can be believed.
+/// The length of a message's body, if it and its unpacked buffers are consistent.
 fn check_message(metadata: &[u8], file: &mut File, body_at: u64, size: u64) -> Result<u64> {
     let damaged = |e: &dyn std::fmt::Display| Error::input(format!("a damaged Arrow file: {e}"));
     let message = arrow_ipc::root_as_message(metadata).map_err(|e| damaged(&e))?;
@@ -336,7 +336,7 @@ impl ColumnFeed {
             .help("write it as a number, or map it to \"ignore\" under [columns]")
     }
 
-    /// Values of a column: NaN for null, `bad` for what is no finite number.
+    /// Values of a column: NaN for null, `bad` for anything but a finite number.
     fn values(&self, batch: &RecordBatch, index: usize, bad: f64, out: &mut Vec<f64>) -> Result<()> {
         numbers(self.column(batch, index)?, bad, out).ok_or_else(|| self.wrong_type(batch, index))
     }
@@ -384,7 +384,7 @@ fn all<T: ArrowPrimitiveType>(column: &dyn Array, number: impl Fn(T::Native) -> 
     Some(())
 }
 
-/// Numbers of any width, or text that holds them: NaN for null, `bad` for what is no finite number.
+/// Numbers of any width, or text that holds them: NaN for null, `bad` for anything but a finite number.
 fn numbers(column: &dyn Array, bad: f64, out: &mut Vec<f64>) -> Option<()> {
     let finite = |value: f64| if value.is_finite() { value } else { bad };
     match column.data_type() {

@@ -8,7 +8,7 @@ use crate::ingest::text::{self, LineParser, TextFeed};
 use crate::ingest::{Opened, ReadMode};
 use crate::setup::ReadConfig;
 
-/// A format of a log, gzip taken off.
+/// A format of a log, without gzip.
 #[derive(Clone, Copy)]
 pub struct Format {
     /// First bytes of a file; none for text.
@@ -53,7 +53,7 @@ fn open_columns(source: Source, config: &ReadConfig, mode: ReadMode) -> Result<O
     let columnar = crate::ingest::columnar::open(source)?;
     let layout = Layout::new(columnar.headers.clone(), &config.columns, config.axis)?;
     let feed = Feed::Table(Box::new(columnar.feed(&layout, mode)?));
-    // As if one line of headers stood above the rows.
+    // As if one line of headers preceded the rows.
     Ok(Opened { feed, layout, delimiter: b',', lines_before: 1 })
 }
 

@@ -69,7 +69,7 @@ pub enum Role {
         /// °/h per unit.
         dph_per_unit: f64,
     },
-    /// What the table under the gyro does.
+    /// Motion of the rate table.
     Reference(TableColumn),
     /// 1 or true: the row is good.
     Valid,
@@ -163,7 +163,7 @@ fn axis_of(header: &str, text: &str) -> Result<Option<char>> {
 /// A log's columns by role, with the index of each.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Layout {
-    /// Headers as they stand in the log.
+    /// Headers as in the log.
     pub headers: Vec<String>,
     /// Column and decimal places of the time, if there is one.
     pub time: Option<(usize, u32)>,

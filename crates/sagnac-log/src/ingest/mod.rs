@@ -1,11 +1,11 @@
-//! Logs in: from bytes to judged rows.
+//! Reads logs: from bytes to checked rows.
 //!
 //! ```text
 //! Source (hash, gunzip, format) ─▶ ChunkReader (parsed in parallel: text, Parquet, Arrow, ULog) ─▶ Aligner
-//!        (temperatures to the time of counts) ─▶ RowValidator (judged rows) ─▶ Batch
+//!        (temperatures to the time of counts) ─▶ RowValidator (checked rows) ─▶ Batch
 //! ```
 //!
-//! [`LogReader`] gives one batch after the other and never holds the log. One file is one run.
+//! [`LogReader`] returns one batch after the other and never holds the whole log. One file is one run.
 
 mod align;
 mod cells;
@@ -53,10 +53,10 @@ pub use crate::ingest::text::unquoted;
 use crate::setup::{Counter, ReadConfig, Setup};
 use sagnac_units::{ns_from_s, s_from_ns};
 
-/// Rows from which the nominal interval is taken when it is not given.
+/// Rows that determine the nominal interval when it is not given.
 const LOOKAHEAD_ROWS: usize = 129;
 
-/// No more rows are read in search of sound ones.
+/// Limit on the rows read in search of valid ones.
 const MOST_LOOKAHEAD: usize = 100_000;
 
 /// What one unit of an angle column is.
@@ -135,7 +135,7 @@ pub struct Batch {
     pub end_ns: Vec<i64>,
     /// Per axis: angle of the interval in `LogShape::unit`.
     pub angle: Vec<Vec<f64>>,
-    /// Per thermometer: °C, NaN where missing or not believed.
+    /// Per thermometer: °C, NaN where missing or invalid.
     pub temperature_c: Vec<Vec<f64>>,
     /// Per auxiliary column; NaN where missing.
     pub aux: Vec<Vec<f64>>,
@@ -219,7 +219,7 @@ pub enum ReadMode {
     LineByLine,
 }
 
-/// What stands in a column of a log.
+/// Content of a column of a log.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Content {
     /// Whole nanoseconds.
@@ -256,7 +256,7 @@ impl LogReader {
         Self::open_watched(path.as_ref(), setup, mode, None)
     }
 
-    /// The same; `watch` is told how many bytes of the file have been read.
+    /// The same; calls `watch` with the number of bytes read from the file.
     ///
     /// # Errors
     /// As [`LogReader::open`].
@@ -305,7 +305,7 @@ impl LogReader {
         let align = Aligner::new(ns_from_s(config.temperature_offset_s).unwrap_or(0));
         let rows = RawRows::default();
         let column = layout.reference.map_or(TableColumn::Rate, |(_, column)| column);
-        // Where a log is written out again row by row nothing waits: marks are for fits and proofs.
+        // A log that is written again row by row must not wait for marks: they serve fits and verifications.
         let column = if pace != ReadMode::Bulk && column == TableColumn::Mark { TableColumn::Rate } else { column };
         let table = TableRates::new(column);
         Ok(Self { pieces, layout, delimiter, check, shape, batch, rows, ahead, align, table, hash, name })
@@ -316,7 +316,7 @@ impl LogReader {
         &self.shape
     }
 
-    /// Headers as they stand in the file.
+    /// Headers as in the file.
     pub fn headers(&self) -> &[String] {
         &self.layout.headers
     }
@@ -341,7 +341,7 @@ impl LogReader {
         self.layout.axes.iter().map(|(.., unit)| *unit).collect()
     }
 
-    /// What stands in a column.
+    /// Content of a column.
     #[cfg(feature = "parquet")]
     pub fn content_of(&self, index: usize) -> Content {
         let read = self.layout.columns_read().contains(&index) && self.layout.valid != Some(index);
@@ -482,7 +482,7 @@ fn nominal_interval(
     }
     let (mut read, mut times) = (0, Vec::new());
     let mut rows = RawRows::default();
-    // Broken rows and repeated times tell nothing, and a pipe may begin in the middle of a row.
+    // Broken rows and repeated times give no interval, and a pipe may begin in the middle of a row.
     while times.len() < lookahead && pieces.next(&mut rows)? {
         read += rows.len();
         let sound = (0..rows.len()).filter(|row| !rows.faults[*row].has(Faults::RAGGED));

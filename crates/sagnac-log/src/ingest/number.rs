@@ -18,7 +18,7 @@ const INTEGER_POWERS: [u64; 10] =
 /// Integers up to here are exact in `f64`.
 const EXACT_INTEGER: u64 = 1 << 53;
 
-/// A plain decimal, `-12.50`: its digits as one integer, and how many of them stand after the point.
+/// A plain decimal, `-12.50`: its digits as one integer, and how many of them are after the point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Decimal {
     negative: bool,
@@ -56,7 +56,7 @@ impl Decimal {
         Some(f64::from_bits(size.to_bits() ^ (u64::from(self.negative) << 63)))
     }
 
-    /// In units of 10^-`places`, exactly; `None` where digits are left over or it overflows.
+    /// In units of 10^-`places`, exactly; `None` where digits remain or it overflows.
     #[inline]
     pub(crate) fn scaled(self, places: u32) -> Option<i64> {
         let power = INTEGER_POWERS.get(places.checked_sub(self.places)? as usize)?;

@@ -1,13 +1,13 @@
-//! Parquet read with some doubt in the file.
+//! Parquet with checks against damaged files.
 //!
-//! Three things the decoder (parquet 59) believes of a damaged file are checked here, all found by fuzzing:
+//! The decoder (parquet 59) trusts three things in a damaged file. All were found by fuzzing and are checked here:
 //!
-//! * It answers reads beyond the end with nothing, and its Thrift reader takes that for a skipped byte: a page header
-//!   that announces a list of 2^31 elements is walked through to the last one, an hour for a file of a kilobyte.
-//!   Here reading on at the end is an error ([`ParquetFile`]).
-//! * It goes through every list of the footer, whatever length that announces
+//! * Reads beyond the end return nothing, and its Thrift reader treats that as a skipped byte. A page header that
+//!   announces a list of 2^31 elements is then read to the last one: an hour for a file of a kilobyte. Here a repeated
+//!   read at the end is an error ([`ParquetFile`]).
+//! * It reads every list of the footer, whatever length the list announces
 //!   ([`crate::ingest::parquet_footer`]).
-//! * It makes room for as many values as a dictionary page announces. Here a page must hold at least a bit for each.
+//! * It allocates memory for as many values as a dictionary page announces. Here a page must hold at least a bit for each.
 
 use std::fs::File;
 use std::io::{self, BufReader, Read};
@@ -28,7 +28,7 @@ use crate::ingest::parquet_footer::footer_is_whole;
 /// The columns of those root indices (all of them without) in batches of at most so many rows.
 ///
 /// # Errors
-/// What the decoder says of the footer.
+/// Errors of the decoder on the footer.
 pub fn parquet_batches(file: File, roots: Option<&[usize]>, rows: usize) -> Result<ParquetRecordBatchReader> {
     let file = ParquetFile(file);
     let described = described(&file)?;
@@ -121,7 +121,7 @@ impl PageReader for DoubtedPages {
     }
 }
 
-/// Reads at the end that are let pass: readers look for the end once or twice.
+/// Permitted reads at the end: readers look for the end once or twice.
 const PATIENCE: u32 = 8;
 
 /// The file, for the decoder.

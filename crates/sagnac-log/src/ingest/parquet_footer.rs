@@ -1,8 +1,8 @@
-//! A look at a Parquet footer before its decoder sees it: does it hold what it announces?
+//! Checks a Parquet footer before its decoder sees it: its lists must have the length that they announce.
 //!
 //! The footer is Thrift's compact protocol. Each element of a list or map takes a byte at least, so a count beyond the
-//! bytes that are left is a lie; the decoder (parquet 59) would go through all of them, seconds for each such list.
-//! Only the shape is walked; what the fields mean is the decoder's to say.
+//! remaining bytes is invalid; the decoder (parquet 59) would read all of them, seconds for each such list. Only the
+//! structure is checked; the decoder interprets the fields.
 
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
@@ -11,10 +11,10 @@ use std::io::{Read, Seek, SeekFrom};
 const TAIL: u64 = 8;
 /// A larger footer is left to the decoder.
 const MOST_BYTES: u64 = 256 << 20;
-/// Deeper than any footer.
+/// Largest depth of a footer.
 const MOST_DEPTH: u32 = 64;
 
-/// False where the footer announces more than it holds. True also where there is none: the decoder has words for that.
+/// False where the footer announces more than it holds. True also where there is none: the decoder reports that.
 pub(crate) fn footer_is_whole(file: &File) -> bool {
     footer(file).is_none_or(|bytes| Walk { left: &bytes }.structure(0).is_some())
 }
@@ -36,7 +36,7 @@ fn footer(file: &File) -> Option<Vec<u8>> {
     Some(bytes)
 }
 
-/// The bytes not walked yet. Every step is `None` where they do not suffice.
+/// The bytes not read yet. Every step returns `None` where they do not suffice.
 struct Walk<'a> {
     left: &'a [u8],
 }

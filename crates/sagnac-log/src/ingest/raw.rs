@@ -1,4 +1,4 @@
-//! Rows as they were read: parsed, by column, not judged.
+//! Rows as read: parsed, by column, not checked.
 
 use csv::ByteRecord;
 
@@ -7,7 +7,7 @@ pub(crate) const NO_TIME: i64 = i64::MIN;
 /// In [`RawRows::temperatures_c`]: the field holds something other than a number. (NaN: it is empty.)
 pub(crate) const BAD_TEMPERATURE: f64 = f64::INFINITY;
 
-/// What a row's own text says against it.
+/// Faults in the text of a row.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Faults(u8);
 
@@ -36,7 +36,7 @@ pub(crate) struct RawRows {
     pub(crate) lines: u64,
     /// Line of each row, from 1 within the piece.
     pub(crate) line: Vec<u32>,
-    /// [`NO_TIME`] where the field is no time; empty without a time column.
+    /// [`NO_TIME`] where the field is not a time; empty without a time column.
     pub(crate) time_ns: Vec<i64>,
     pub(crate) faults: Vec<Faults>,
     pub(crate) axes: Vec<Vec<f64>>,

@@ -1,10 +1,10 @@
-//! Judging rows: time in order, counters unrolled, temperatures believed or not.
+//! Checks rows: time in order, counters unrolled, temperatures valid or not.
 //!
 //! A row at t holds the counts (or the mean rate) of (t − dt, t]; the first row and the first after
-//! a gap take the nominal interval. What cannot be used is counted by reason, never guessed.
+//! a gap have the nominal interval. Unusable values are counted by reason, never guessed.
 //!
-//! Stretches of rows that have nothing to be said against them are taken whole, column by column; any other
-//! row goes through the state machine alone. A property test holds that both give the same.
+//! Stretches of rows without any fault are copied column by column; every other row passes through the state machine. A
+//! property test asserts that both give the same.
 
 use std::ops::Range;
 
@@ -18,10 +18,10 @@ use crate::setup::{Counter, ReadConfig};
 use sagnac_units::s_from_ns;
 
 /// A cumulative counter may bridge rows that could not be read, up to this many intervals.
-/// What is believed of an auxiliary column of which nothing is said.
+/// Valid range of an auxiliary column without a setting.
 const MOST_OF_AUX: [f64; 2] = [-1e12, 1e12];
 const BRIDGED_INTERVALS: i64 = 3;
-/// No log has a gap of 30 days.
+/// Longest gap of a log: 30 days.
 const LEAP_NS: i64 = 30 * 86_400 * 1_000_000_000;
 /// A quotient counts / quantum this close to a whole number is one (and the rounding of the division).
 const WHOLE_TO: f64 = 1e-6;
@@ -30,11 +30,11 @@ const MAX_TOTAL_QUANTA: f64 = 9e15;
 const MAX_QUANTA: f64 = (1_u64 << 40) as f64;
 const MAX_RATE_DPH: f64 = 1e8;
 
-/// Times beyond this many ns (146 years) are none.
+/// Times beyond this many ns (146 years) are invalid.
 pub(crate) const MAX_TIME: u64 = 1 << 62;
-/// Rows looked at together.
+/// Rows checked together.
 const PLAIN_CHUNK: usize = 256;
-/// Rows judged one by one before the next look at a stretch.
+/// Rows checked one by one before the next attempt at a stretch.
 const ONE_BY_ONE: usize = 32;
 
 /// One row of a piece.
@@ -65,7 +65,7 @@ impl Row<'_> {
     }
 }
 
-/// What a row speaks of.
+/// The interval that a row covers.
 struct Interval {
     start_ns: i64,
     end_ns: i64,
@@ -76,7 +76,7 @@ struct Interval {
 pub(crate) struct RowValidator {
     file: String,
     timed: bool,
-    /// Stretches of plain rows may be taken whole.
+    /// Stretches of plain rows may be copied whole.
     whole_rows: bool,
     nominal_ns: i64,
     counter: Counter,
@@ -88,7 +88,7 @@ pub(crate) struct RowValidator {
     /// The largest step of a total so far, with its sign.
     largest_step: i64,
     thermometers: Vec<ThermometerCheck>,
-    /// Per auxiliary column: what is believed of it.
+    /// Per auxiliary column: its valid range.
     aux_valid_range: Vec<Option<[f64; 2]>>,
     pub(crate) tallies: Tallies,
     pub(crate) rows_read: u64,
@@ -118,7 +118,7 @@ impl RowValidator {
         }
     }
 
-    /// Judges rows; appends to `batch` those that are usable.
+    /// Checks rows; appends the usable ones to `batch`.
     pub(crate) fn push(&mut self, rows: &RawRows, batch: &mut Batch) -> Result<()> {
         let (mut at, from) = (0, batch.len());
         while at < rows.len() {
@@ -138,7 +138,7 @@ impl RowValidator {
         Ok(())
     }
 
-    /// Auxiliary values that the setup does not believe are not known.
+    /// Auxiliary values outside their valid range become unknown.
     fn believe_aux(&mut self, batch: &mut Batch, from: usize) {
         let (file, tallies) = (&self.file, &mut self.tallies);
         for (column, plausible) in batch.aux.iter_mut().zip(&self.aux_valid_range) {
@@ -150,8 +150,8 @@ impl RowValidator {
         }
     }
 
-    /// The end of the rows from `at` on that the state machine would let through as they are. A log with
-    /// running totals has none, nor one with several thermometers (they are held against each other).
+    /// The end of the rows from `at` on that the state machine would pass unchanged. None in a log with running totals or
+    /// with several thermometers (which are compared with each other).
     fn plain_rows(&self, rows: &RawRows, at: usize) -> usize {
         let Some(clock_ns) = self.clock_ns.filter(|_| self.whole_rows) else { return at };
         let mut end = at;
@@ -222,8 +222,8 @@ impl RowValidator {
         self.rows_read += part.len() as u64;
     }
 
-    /// Judges one row. A row that the log itself flags as invalid keeps clock and thermometers going; its
-    /// counts are taken only if they are sound.
+    /// Checks one row. A row that the log itself flags as invalid still advances clock and thermometers; its
+    /// counts are used only if they are valid.
     fn push_row(&mut self, row: &Row<'_>, batch: &mut Batch) -> Result<()> {
         self.rows_read += 1;
         self.refuse_leap(row)?;
@@ -251,7 +251,7 @@ impl RowValidator {
         Ok(())
     }
 
-    /// A clock that was set in the middle of a log makes one log into two.
+    /// Refuses a log whose clock was set in the middle: it is two logs.
     fn refuse_leap(&self, row: &Row<'_>) -> Result<()> {
         let broken = row.rows.faults[row.at].has(Faults::RAGGED);
         match (row.time_ns(), self.clock_ns) {
@@ -270,7 +270,7 @@ impl RowValidator {
         self.tallies.add(reason, 1, || format!("{file}:{}", row.line()));
     }
 
-    /// The interval (start, end] the row speaks of, or `None` if its time cannot be used.
+    /// The interval (start, end] of the row, or `None` if its time cannot be used.
     fn interval(&mut self, row: &Row<'_>) -> Option<Interval> {
         if row.rows.faults[row.at].has(Faults::RAGGED) {
             self.reject(Reason::Ragged, row);
@@ -328,7 +328,7 @@ impl RowValidator {
                 Ok(Some((interval.start_ns, exact.iter().map(|q| q.round()).collect())))
             }
             Counter::Incremental => Ok(None),
-            // A flagged total is not built upon.
+            // A flagged total is not a base for the next difference.
             Counter::Cumulative if row.is_flagged() => Ok(None),
             Counter::Cumulative if exact.iter().any(|q| self.beyond_width(*q)) => {
                 Err(Error::input(format!("a total beyond {} bits", self.counter_bits.unwrap_or(0)))
@@ -365,7 +365,7 @@ impl RowValidator {
     }
 
     /// The step of a total, past its wrap if its width is known. Without a width, a step back by a power
-    /// of two less what a row usually brings is taken for a wrap and refused.
+    /// of two minus the usual step of a row is interpreted as a wrap and refused.
     fn unroll(&mut self, step: i64, row: &Row<'_>) -> Result<i64> {
         if let Some(bits) = self.counter_bits {
             let half = 1_i64 << (bits - 1);
@@ -401,7 +401,7 @@ impl RowValidator {
         Some(row.axes().map(|rate_dph| rate_dph * duration_s).collect())
     }
 
-    /// Believed temperatures into `batch.checked_c`.
+    /// Valid temperatures into `batch.checked_c`.
     fn check_temperatures(&mut self, row: &Row<'_>, interval: &Interval, joins: bool, batch: &mut Batch) {
         if row.temperatures_c().any(|t_c| t_c == BAD_TEMPERATURE) {
             self.reject(Reason::TemperatureNotANumber, row);
@@ -424,7 +424,7 @@ impl RowValidator {
         }
     }
 
-    /// How far any other thermometer has gone since this one last changed; 0 while that is no matter.
+    /// How far any other thermometer has moved since this one last changed; 0 where that is irrelevant.
     fn others_moved(&self, index: usize, now_ns: i64) -> f64 {
         if !self.thermometers[index].may_be_frozen(now_ns) {
             return 0.0;
@@ -498,7 +498,7 @@ mod tests {
     }
 
     proptest! {
-        /// Stretches taken whole and rows taken one by one: the same rows, tallies and state.
+        /// Stretches copied whole and rows checked one by one: the same rows, tallies and state.
         #[test]
         fn whole_stretches_are_what_single_rows_are(rows in any_rows(), rates: bool, cut in 0_usize..1500) {
             let header = if rates { "rate_dph" } else { "counts" };

@@ -60,15 +60,15 @@ pub(crate) struct Source {
     pub(crate) reader: Box<dyn BufRead + Send>,
     pub(crate) hash: HashHandle,
     pub(crate) format: &'static Format,
-    /// The bytes stand in this file as they are: it can be opened again by who must go back and forth.
+    /// The file that holds exactly these bytes: decoders that seek open it again.
     pub(crate) plain_file: Option<PathBuf>,
     packed: bool,
 }
 
-/// Is told how many bytes of a file have been read.
+/// Callback for the number of bytes read from a file.
 pub type Watch = Box<dyn FnMut(u64) + Send>;
 
-/// A file that tells how far it has been read.
+/// A file that reports how far it has been read.
 struct Watched {
     file: File,
     done: u64,

@@ -1,6 +1,6 @@
-//! The rate of a table from what a log has of it: its rate, its angle, or a mark per revolution.
+//! The rate of a rate table from a column of the log: its rate, its angle, or a mark per revolution.
 //!
-//! * `reference_rate_dps`: taken as it is
+//! * `reference_rate_dps`: used unchanged
 //! * `table_angle_deg`: change of the angle over the row, over its length; an angle that wraps may turn by less than
 //!   180° in a row
 //! * `table_mark`: 1 in the row in which a revolution was completed, −1 for one backwards, else 0. Between two marks of
@@ -23,7 +23,7 @@ pub enum TableColumn {
     Mark,
 }
 
-/// Batches that wait at most: a revolution of millions of rows has no rate.
+/// Largest number of pending batches: a revolution of millions of rows has no rate.
 const MOST_WAITING: usize = 256;
 
 /// Turns the column into rates, batch by batch.
@@ -50,7 +50,7 @@ impl TableRates {
         self.column == TableColumn::Mark
     }
 
-    /// Turns angles into rates where they stand.
+    /// Turns angles into rates in place.
     pub(crate) fn convert(&mut self, batch: &mut Batch) {
         if self.column != TableColumn::Angle {
             return;

@@ -5,8 +5,8 @@
 //! ```
 //!
 //! A row of plain decimals is read in one pass; any other (quotes, exponents, decimal commas, missing
-//! fields) goes through fields one by one, with the same outcome. Memory is bounded for any input: a
-//! line without end is refused, not collected.
+//! fields) is read field by field, with the same result. Memory is bounded for any input: a line without end
+//! is refused, not collected.
 
 use std::io::{BufRead, Read};
 
@@ -24,7 +24,7 @@ use crate::setup::ReadConfig;
 
 /// First words of the comment that `sagnac compensate` puts above its output.
 pub const COMPENSATED_STAMP: &str = "# sagnac compensated";
-/// No line of a log is longer.
+/// Longest line of a log.
 const MAX_LINE_BYTES: usize = 1 << 20;
 /// Rows handed over to their columns together.
 const WAITING_ROWS: usize = 512;
@@ -101,12 +101,12 @@ fn line_without_end() -> Error {
     Error::input("a line of more than 1 MiB; this is no table of text")
 }
 
-/// Gives a text out in pieces of whole lines.
+/// Splits a text into pieces of whole lines.
 pub(crate) struct TextFeed {
     reader: Box<dyn BufRead + Send>,
     /// The start of a line whose end is not read yet.
     carried: Vec<u8>,
-    /// What ended the reading, to be told after the lines before it.
+    /// The error that ended the reading, reported after the lines before it.
     failed: Option<Error>,
     line_by_line: bool,
 }
@@ -310,7 +310,7 @@ fn skipped(bytes: &[u8], delimiter: u8) -> Option<usize> {
 /// The fields of one line. A quote can hold a delimiter, but never reaches beyond its line.
 fn fields_of(text: &[u8], delimiter: u8) -> ByteRecord {
     let quotes = text.iter().filter(|byte| **byte == b'"').count();
-    // A stray one is part of its field, which is then no number.
+    // A stray one is part of its field, which is then not a number.
     if quotes > 0 && quotes % 2 == 0 {
         let mut reader = csv::ReaderBuilder::new().has_headers(false).delimiter(delimiter).from_reader(text);
         let mut record = ByteRecord::new();
@@ -356,9 +356,9 @@ mod tests {
     }
 
     proptest! {
-        /// The one-pass road and the field-by-field road give the same rows, bit for bit.
+        /// The one-pass reader and the field-by-field reader give the same rows, bit for bit.
         #[test]
-        fn both_roads_through_a_line_agree(lines in prop::collection::vec(prop::collection::vec(cell(), 1..6), 0..20)) {
+        fn both_readers_of_a_line_agree(lines in prop::collection::vec(prop::collection::vec(cell(), 1..6), 0..20)) {
             let text: String = lines.iter().map(|cells| cells.join(",") + "\n").collect();
             let (mut fast, mut slow) = (RawRows::default(), RawRows::default());
             parser(false).parse(text.as_bytes(), &mut fast);
@@ -370,7 +370,7 @@ mod tests {
             prop_assert_eq!((&fast.time_ns, &fast.faults, &fast.line), (&slow.time_ns, &slow.faults, &slow.line));
         }
 
-        /// ChunkReader hold the text's bytes in order, each ending in a newline, whatever the reader gives at a time.
+        /// The pieces are the text's bytes in order, each ending in a newline, whatever the reader returns at a time.
         #[test]
         fn pieces_are_the_text(text in "[ab\\n]{0,200}", line_by_line: bool) {
             let pace = if line_by_line { ReadMode::LineByLine } else { ReadMode::Bulk };

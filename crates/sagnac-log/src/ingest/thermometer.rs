@@ -1,7 +1,7 @@
-//! Which readings of a thermometer are believed.
+//! Which readings of a thermometer are valid.
 //!
-//! Not believed: outside the plausible limits; a jump that does not stay; a value that stands still
-//! while another thermometer moves. An empty field is no reading: the newest one holds, as in a
+//! Invalid: a reading outside the valid range; a jump that does not persist; a value that stays constant
+//! while another thermometer moves. An empty field is not a reading: the newest one holds, as in a
 //! register, for 1.5 times the thermometer's own interval and at most its hold time.
 
 use crate::ingest::reason::Reason;
@@ -10,7 +10,7 @@ use sagnac_units::{ns_from_s, s_from_ns};
 
 /// Readings farther apart than this, and faster than [`JUMP_C_PER_S`], are a jump …
 const JUMP_C: f64 = 5.0;
-/// No thermometer of a gyro moves faster (10 °C/min).
+/// Largest temperature rate of a gyro (10 °C/min).
 const JUMP_C_PER_S: f64 = 10.0 / 60.0;
 /// … unless the new level stays for this many rows.
 const JUMP_STAYS_ROWS: u32 = 10;
@@ -19,7 +19,7 @@ const FROZEN_OTHER_MOVED_C: f64 = 3.0;
 /// … while it gave one and the same value for this long.
 const FROZEN_NS: i64 = 300_000_000_000;
 
-/// What is remembered of one thermometer.
+/// State of one thermometer.
 pub(crate) struct ThermometerCheck {
     spec: ThermometerSetup,
     believed_c: f64,
@@ -29,7 +29,7 @@ pub(crate) struct ThermometerCheck {
     jump_rows: u32,
     value_c: f64,
     pub(crate) changed_ns: i64,
-    /// Sparse memory of (time, value), a new entry per 0.5 °C, to tell how far it moved since when.
+    /// Sparse history of (time, value), a new entry per 0.5 °C: how far it moved since a time.
     trail: Vec<(i64, f64)>,
 }
 
@@ -49,13 +49,13 @@ impl ThermometerCheck {
         }
     }
 
-    /// The newest reading that was believed; NaN before the first.
+    /// The newest valid reading; NaN before the first.
     pub(crate) fn believed_c(&self) -> f64 {
         self.believed_c
     }
 
-    /// True if [`Self::check`] would believe each of these readings, that follow `before_c` row by row. Of a log's
-    /// only thermometer, which nothing can call frozen.
+    /// True if [`Self::check`] would accept each of these readings, which follow `before_c` row by row. For a log's only
+    /// thermometer, which cannot be found frozen.
     pub(crate) fn are_plain(&self, readings_c: &[f64], before_c: f64) -> bool {
         let [lo, hi] = self.spec.valid_range_c;
         let (mut all, mut before) = (true, before_c);
@@ -66,19 +66,19 @@ impl ThermometerCheck {
         all
     }
 
-    /// Takes the last of such readings; `before_ns` is the time of the one before it, if it is among them.
+    /// Stores the last of such readings; `before_ns` is the time of the one before it, if it is among them.
     pub(crate) fn believe(&mut self, t_c: f64, t_ns: i64, before_ns: Option<i64>) {
         self.interval_ns = Some(t_ns - before_ns.unwrap_or(self.believed_ns));
         (self.believed_c, self.believed_ns) = (t_c, t_ns);
         self.jump_rows = 0;
     }
 
-    /// True once it has stood still for long.
+    /// True once it has been constant for long.
     pub(crate) fn may_be_frozen(&self, now_ns: i64) -> bool {
         now_ns.saturating_sub(self.changed_ns) > FROZEN_NS
     }
 
-    /// The reading, if it is believed. `joins`: there is a row right before it.
+    /// The reading, if it is valid. `joins`: the row before it is adjacent.
     pub(crate) fn check(&mut self, t_c: f64, t_ns: i64, joins: bool, others_moved_c: f64) -> Result<f64, Reason> {
         if !(self.spec.valid_range_c[0]..=self.spec.valid_range_c[1]).contains(&t_c) {
             return Err(Reason::TemperatureImplausible);
@@ -97,14 +97,14 @@ impl ThermometerCheck {
         if frozen { Err(Reason::ThermometerFrozen) } else { Ok(t_c) }
     }
 
-    /// What an empty field stands for: the newest reading while it holds, else NaN.
+    /// Value of an empty field: the newest reading while it holds, otherwise NaN.
     pub(crate) fn held(&self, t_ns: i64) -> f64 {
         let hold_ns = ns_from_s(self.spec.stale_after_s).unwrap_or(i64::MAX);
         let limit = self.interval_ns.map_or(hold_ns, |interval| interval.saturating_add(interval / 2).min(hold_ns));
         if t_ns.saturating_sub(self.believed_ns) <= limit { self.believed_c } else { f64::NAN }
     }
 
-    /// True while a jump has not stayed long enough to be a new level.
+    /// True while a jump has not persisted long enough to be a new level.
     fn jumped(&mut self, t_c: f64, dt_s: f64) -> bool {
         let limit = JUMP_C + JUMP_C_PER_S * dt_s;
         if (t_c - self.believed_c).abs() <= limit || self.believed_c.is_nan() {
@@ -128,7 +128,7 @@ impl ThermometerCheck {
         }
     }
 
-    /// How far it has gone since a time.
+    /// How far it has moved since a time.
     pub(crate) fn moved_since(&self, since_ns: i64) -> f64 {
         let later = self.trail.iter().rev().take_while(|(t, _)| *t >= since_ns).map(|(_, value)| *value);
         let (lo, hi) = later.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| (lo.min(v), hi.max(v)));

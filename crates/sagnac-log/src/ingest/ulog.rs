@@ -9,7 +9,7 @@
 //! leave it empty, as a slower thermometer does in text. Values are the log's 32-bit floats exactly.
 //! A file that ends within a message, as after a power loss, gives one ragged row for it.
 //!
-//! Messages are taken apart here and only those of topics that are read, all of them flat, go through
+//! This module splits the file into messages. Only those of topics that are read, all of them flat, go through
 //! `px4-ulog`: it panics on some malformed records and follows nested formats without a limit.
 
 use std::cell::RefCell;
@@ -29,9 +29,9 @@ use crate::ingest::raw::{BAD_TEMPERATURE, Faults, NO_TIME, RawRows};
 use crate::ingest::source::Source;
 use crate::setup::ReadConfig;
 
-/// Rows given out at once.
+/// Rows per piece.
 const BATCH_ROWS: usize = 4096;
-/// Formats and subscriptions that are remembered.
+/// Largest number of formats and subscriptions.
 const MAX_KNOWN: usize = 4096;
 /// Topics that hold rates, the better first, and their fields.
 const GYROS: [(&str, [&str; 3]); 2] =
@@ -58,7 +58,7 @@ pub(crate) fn open(source: Source, config: &ReadConfig, keep_fields: bool) -> Re
     let (reader, config) = (source.reader, config.clone());
     std::thread::spawn(move || {
         if let Err(error) = decode(reader, &config, keep_fields, &sender) {
-            // Nobody may be listening any more.
+            // The receiver may be closed.
             let _ = sender.send(Sent::Rows(Err(error)));
         }
     });
@@ -76,7 +76,7 @@ impl TableFeed for ULogFeed {
                 *rows = sent?;
                 Ok(rows.lines > 0)
             }
-            // The thread ends with an empty piece or an error; without either it gave up.
+            // The thread ends with an empty piece or an error; otherwise it failed.
             Ok(Sent::Layout(_)) | Err(_) => Err(Error::input("a damaged ULog file (its decoder gave up)")),
         }
     }
@@ -95,7 +95,7 @@ impl Message {
     }
 }
 
-/// Takes a file apart into messages.
+/// Splits a file into messages.
 struct Messages {
     reader: Box<dyn BufRead + Send>,
     position: u64,
@@ -239,7 +239,7 @@ impl Known {
     }
 }
 
-/// The road through a file, on its own thread.
+/// Decodes a file, on its own thread.
 fn decode(
     reader: Box<dyn BufRead + Send>,
     config: &ReadConfig,
@@ -272,7 +272,7 @@ fn decode(
     parser.set_data_message_callback(&mut on_data);
     begin(&mut parser, &header, &known, &table.borrow().topics)?;
     for message in early.values().filter(|message| table.borrow().wants(message)) {
-        // A thermometer that spoke before the gyro did.
+        // A thermometer with a message before the gyro's first.
         let _ = feed(&mut parser, message.kind, &message.payload);
     }
     let mut next = Next::Message(first);
@@ -343,10 +343,10 @@ fn columns(known: &Known, gyro: (u16, Use)) -> (Vec<String>, BTreeMap<u16, Use>)
     (headers, topics)
 }
 
-/// Tells the parser of the topics that are read, and of nothing else.
+/// Declares to the parser the topics that are read, and nothing else.
 fn begin(parser: &mut LogParser<'_>, header: &[u8; 16], known: &Known, topics: &BTreeMap<u16, Use>) -> Result<()> {
     parser.consume_bytes(header).map_err(|e| damaged(&e))?;
-    // Flags go first, or no subscription is taken; these say that nothing was appended.
+    // The parser needs flags before any subscription; these state that nothing was appended.
     feed(parser, b'B', &[0; 40])?;
     let subscriptions: Vec<_> = topics.keys().filter_map(|id| known.subscribed.get(id)).collect();
     let formats: BTreeSet<&str> = subscriptions.iter().map(|(topic, ..)| topic.as_str()).collect();
@@ -367,7 +367,7 @@ fn damaged(error: &UlogParseError) -> Error {
     Error::input(format!("a damaged ULog file: {}", error.description))
 }
 
-/// The gyro's messages as rows that wait.
+/// The gyro's messages as pending rows.
 struct Table {
     layout: Layout,
     topics: BTreeMap<u16, Use>,
@@ -404,9 +404,9 @@ impl Table {
 
     fn push_row(&mut self, time_us: u64, time_ns: i64, rates: [f64; 3], own_c: Option<f64>) {
         let mut row = vec![f64::NAN; self.layout.headers.len()];
-        // A rate that is no number is none.
+        // A rate that is not a number is missing.
         row[1..4].copy_from_slice(&rates.map(|rate| if rate.is_finite() { rate } else { f64::NAN }));
-        // A reading that is no number is told apart from none, as in text.
+        // A reading that is not a number differs from a missing one, as in text.
         let reading = |value: f64| if value.is_finite() { value } else { BAD_TEMPERATURE };
         own_c.into_iter().for_each(|value| row[4] = reading(value));
         self.waiting.drain(..).for_each(|(column, value)| row[column] = reading(value));
@@ -426,7 +426,7 @@ impl Table {
         }
     }
 
-    /// The rows that wait.
+    /// The pending rows.
     fn rows(&mut self) -> RawRows {
         let mut rows = RawRows::default();
         let layout = &self.layout;

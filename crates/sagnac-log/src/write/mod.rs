@@ -1,4 +1,4 @@
-//! Files out: whole or not at all.
+//! Writes files atomically: complete or not at all.
 
 #[cfg(feature = "parquet")]
 mod parquet_rows;
@@ -18,15 +18,15 @@ fn unfinished() -> MutexGuard<'static, Vec<PathBuf>> {
     UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Removes what is being written by whichever thread: for a program that was told to stop and is about to. The
-/// files that were to be replaced stay as they are, and no new one is begun after this.
+/// Removes the unfinished files of all threads, for a program that is about to stop. The files that they would replace
+/// stay unchanged, and no new one can be started afterwards.
 pub fn remove_unfinished() {
     let mut unfinished = unfinished();
     for path in unfinished.drain(..) {
         // It may have become the result a moment ago.
         let _ = std::fs::remove_file(path);
     }
-    // Whoever would begin another file waits until the program has ended.
+    // A thread that starts another file waits until the program ends.
     std::mem::forget(unfinished);
 }
 

@@ -45,7 +45,7 @@ impl Column {
         }
     }
 
-    /// A cell; what is no number where numbers stand is null.
+    /// A cell; in a column of numbers anything else is null.
     fn push(&mut self, cell: &str, decimal_comma: bool) {
         match self {
             Self::Number(column) if decimal_comma => column.append_option(cell.replacen(',', ".", 1).parse().ok()),

@@ -34,7 +34,7 @@ use crate::scenario::{BeatModel, Counting, Scenario, ScenarioError, TICK_S};
 
 /// Codes of the dither pickoff per arcsec.
 const PICKOFF_CODES_PER_ARCSEC: f64 = 1e4;
-/// χ at the start, rad. Any value will do; this one is no special point of the lock-in.
+/// χ at the start, rad. Any value is suitable; this one is not a special point of the lock-in.
 const FIRST_CHI: f64 = 1.0;
 /// Most fringes of a tick that the integration follows.
 const MOST_FRINGES_PER_TICK: f64 = 500.0;

@@ -15,11 +15,11 @@ use sagnac_units::{DPH_PER_DPS, DPH_PER_RADPS};
 use crate::allan::read::{NoiseBudget, misfit_text};
 use crate::calibration::{LogFile, program};
 
-/// Where τ stands.
+/// Header of τ.
 const TAU: &str = "tau_s";
 /// Recognised headers of a deviation, and their unit in °/h.
 const DEVIATIONS: [(&str, f64); 3] = [("adev_dph", 1.0), ("adev_dps", DPH_PER_DPS), ("adev_radps", DPH_PER_RADPS)];
-/// No curve is longer.
+/// Largest number of points.
 const MAX_BYTES: u64 = 16 << 20;
 
 /// A byte order mark, as spreadsheets write it.
@@ -50,7 +50,7 @@ fn column_of(header: &str) -> Option<(char, f64)> {
 /// Reads a curve.
 ///
 /// # Errors
-/// No curve, a cell that is no number above zero, τ that do not rise.
+/// No curve, a cell that is not a number above zero, τ that do not rise.
 pub fn read_curve(path: &Path) -> Result<(Vec<BareCurve>, LogFile)> {
     let name = path.display().to_string();
     let file = std::fs::File::open(path).map_err(|e| Error::io_path(path, "open", &e))?;

@@ -1,9 +1,9 @@
-//! Whether the temperature moved during a record, and how to take out what followed it.
+//! Detects a temperature ramp during a record, and removes the drift that it causes.
 //!
 //! An Allan deviation over a temperature ramp shows the thermal drift as rate ramp and rate random walk. The record is
-//! watched in blocks of ten minutes: a ramp is a movement of at least 1 °C between block means in all with a block that
-//! moves by 0.02 °C/min or more (the pace at which a soak counts as soaked), or of 3 °C at any pace. On demand the drift is taken out first: the curve that
-//! `calibrate` would fit over temperature (and its rate), read between the middles of its windows.
+//! divided into blocks of ten minutes. A ramp is a change of at least 1 °C between block means, with a block that moves by
+//! 0.02 °C/min or more (the rate at which a soak counts as reached), or a change of 3 °C at any rate. On demand the drift is
+//! removed first: the curve that `calibrate` fits over temperature and its rate, interpolated between the middles of windows.
 
 use crate::fit::{FitOptions, Model, calibrate_with_report_data};
 use crate::window::WindowBuilder;
@@ -15,10 +15,10 @@ use sagnac_units::{NS_PER_S, s_from_ns};
 
 /// Length of a block, s.
 const BLOCK_S: f64 = 600.0;
-/// Movement of a ramp, °C, and the pace within it, °C/min.
+/// Temperature change of a ramp, °C, and the rate within it, °C/min.
 const RAMP_C: f64 = 1.0;
 const RAMP_CPM: f64 = 0.02;
-/// Movement that is a ramp however slow, °C.
+/// Temperature change that is a ramp at any rate, °C.
 const SLOW_RAMP_C: f64 = 3.0;
 
 /// One thermometer of one record, block by block.
@@ -70,7 +70,7 @@ impl RampWatch {
         self.last = Some((at, mean_c));
     }
 
-    /// Ends the record; what moved, in words, if it is a ramp.
+    /// Ends the record; describes the change if it is a ramp.
     pub(crate) fn verdict(mut self) -> Option<String> {
         self.close();
         let moved_c = self.hi_c - self.lo_c;
@@ -128,7 +128,7 @@ impl Drift {
         Ok(drifts)
     }
 
-    /// Takes the drift out of a batch's angles, `arcsec` per unit.
+    /// Subtracts the drift from a batch's angles, `arcsec` per unit.
     pub(crate) fn take_from(&self, batch: &Batch, angles: &mut [Vec<f64>], arcsec: f64) {
         for row in 0..batch.len() {
             let (start_ns, end_ns) = (batch.start_ns[row], batch.end_ns[row]);
@@ -157,7 +157,7 @@ mod tests {
     }
 
     #[test]
-    fn ramps_are_told_from_soaks() {
+    fn ramps_are_distinguished_from_soaks() {
         assert!(verdict(|hours| 20.0 + hours).is_some(), "24 °C at 0.017 °C/min");
         assert!(verdict(|hours| 20.0 + (hours - 12.0).clamp(0.0, 1.0) * 2.0).is_some(), "2 °C within an hour");
         assert_eq!(verdict(|hours| 20.0 + 0.05 * hours), None, "1.2 °C in a day");

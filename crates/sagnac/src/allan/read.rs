@@ -29,9 +29,9 @@ pub struct Request {
 pub struct NoiseBudget {
     /// Axis by axis.
     pub axes: Vec<AxisBudget>,
-    /// What makes the figures doubtful.
+    /// Warnings about the figures.
     pub warnings: Vec<String>,
-    /// The drift over temperature was taken out first.
+    /// The drift over temperature was removed first.
     pub detrended: bool,
     /// What was not used.
     pub excluded: Vec<Tally>,
@@ -43,10 +43,10 @@ pub struct NoiseBudget {
 
 /// Reads logs, each as one or more unbroken stretches, into a noise budget.
 ///
-/// With `again` (the same logs, opened anew) the drift over temperature is taken out first.
+/// With `again` (the same logs, opened anew) the drift over temperature is removed first.
 ///
 /// # Errors
-/// What reading says; logs of different shape; `all` τ of a long record; a temperature that cannot be taken out.
+/// Errors of reading; logs of different shape; `all` τ of a long record; a temperature whose drift cannot be removed.
 pub fn noise_budget(
     logs: Vec<LogReader>,
     again: Option<Vec<LogReader>>,

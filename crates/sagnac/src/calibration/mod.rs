@@ -112,7 +112,7 @@ pub struct Target {
     pub slew_ticks: u32,
 }
 
-/// Slew unless told, ticks.
+/// Default slew, ticks.
 const DEFAULT_SLEW_TICKS: u32 = 100;
 /// The target counts a temperature period up to here.
 const MAX_PERIOD_TICKS: u32 = 1 << 24;

@@ -89,7 +89,7 @@ impl ScaleFactor {
     }
 }
 
-/// σ beyond which an asymmetry is none of noise.
+/// An asymmetry beyond this many σ is not noise.
 const BEYOND_NOISE: f64 = 3.0;
 
 /// Angle between the input axis and the plane that another axis is normal to.

@@ -1,14 +1,14 @@
-//! Calibrations of one unit beside each other: cycles, turn-ons, months.
+//! Comparison of calibrations of one unit: between cycles, turn-ons, months.
 //!
 //! ```text
 //! d_i(T) ± σ_i(T), all zero at one T0      d̄ = Σ d_i/σ_i² / Σ 1/σ_i²      z_i = (d_i − d̄)/√(σ_i² − σ̄²),  σ̄² = 1/Σ 1/σ_i²
 //! ```
 //!
-//! at temperatures that every record spans. |z| beyond three says that a record disagrees with the others by more than
-//! the intervals explain; what they differ by beyond that is the spread that a correction made today may be off by tomorrow.
-//! The same for the scale factor (with its value at T0, if every record has one), for the rate effect, the lag and the fixed
-//! bias of the last run (its rate where the input is not known), all at the first record's T0. Records of other models than the others take
-//! part where they have such terms; records made from the same log are said to be.
+//! at temperatures that every record spans. |z| above three means that a record differs from the others by more than the
+//! intervals explain. The spread beyond the intervals is the error to expect of a correction after the same time. The same
+//! holds for the scale factor (with its value at T0, if every record has one), the rate effect, the lag and the fixed bias of
+//! the last run (its rate where the input is unknown), all at the first record's T0. A record whose model lacks a term is not
+//! compared in that term. Records made from the same log are reported.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -18,13 +18,13 @@ use crate::model::ActsOn;
 use sagnac_log::error::{Error, Result};
 use sagnac_units::format::{significant, with_sigma};
 
-/// More sigmas than this are no chance.
+/// A deviation beyond this many σ is not chance.
 const DISAGREE: f64 = 3.0;
-/// Records closer than this are one record.
+/// Records that differ by less count as the same record.
 const SAME: f64 = 1e-6;
 /// Temperatures over the common span, ends included.
 const TEMPERATURES: usize = 12;
-/// Closer to T0 than this part of the span the drift is zero by definition and tells nothing.
+/// Within this fraction of the span around T0 the drift is zero by definition and is not compared.
 const NEAR_REFERENCE: f64 = 0.02;
 
 /// A curve of every record at the common temperatures.
@@ -64,7 +64,7 @@ impl ComparedNumber {
         row
     }
 
-    /// What it comes to, in words; `None` where it agrees or stands alone.
+    /// The disagreement in words; `None` where it agrees or is the only record.
     pub fn verdict(&self) -> Option<String> {
         let sigmas = self.sigmas.filter(|sigmas| *sigmas > DISAGREE)?;
         Some(format!("{}: the records disagree by {} σ", self.name, significant(sigmas, 2)))
@@ -83,7 +83,7 @@ impl ComparedCurve {
         (0..self.values.len()).map(of).chain([significant(self.beyond[at], 2)]).collect()
     }
 
-    /// What the comparison comes to, in words.
+    /// The result in words.
     pub fn verdict(&self, records: &[(String, f64)]) -> String {
         let of = |record: &usize| records.get(*record).map_or("", |(name, _)| name.as_str());
         let lacking = match self.without.as_slice() {
@@ -167,7 +167,7 @@ pub struct Comparison {
     pub axes: Vec<ComparedAxis>,
 }
 
-/// Holds calibrations of one unit against each other.
+/// Compares calibrations of one unit.
 ///
 /// # Errors
 /// Fewer than two, other serials, no common axis or span, records without uncertainty.
@@ -319,7 +319,7 @@ fn curve(axes: &[&AxisCalibration], quantity: ActsOn, temperatures: &[f64], refe
     }
 }
 
-/// Numbers that stand for themselves, all at the first record's T0.
+/// Single numbers of the records, all at the first record's T0.
 fn numbers(axes: &[&AxisCalibration], reference_c: f64) -> Vec<ComparedNumber> {
     let all_known = axes.iter().all(|axis| axis.run_offsets.last().is_some_and(|last| last.fixed_bias_dph.is_some()));
     let constant = |axis: &AxisCalibration| {
@@ -343,7 +343,7 @@ fn numbers(axes: &[&AxisCalibration], reference_c: f64) -> Vec<ComparedNumber> {
     all.into_iter().flatten().chain(of_inputs(axes)).collect()
 }
 
-/// What depends on further inputs: the slope of each at its zero, and every step.
+/// Effects of other inputs: the slope of each at its zero, and every step.
 fn of_inputs(axes: &[&AxisCalibration]) -> Vec<ComparedNumber> {
     let mut names: Vec<&str> =
         axes.iter().flat_map(|axis| axis.other_inputs()).map(|input| input.name.as_str()).collect();

@@ -1,6 +1,6 @@
-//! What a report shows of each window, drawn from the windows of a fit or of a proof.
+//! The points that a report draws for each window of a fit or a verification.
 //!
-//! Nothing here is a result: results stand in the record. These are the points behind them.
+//! Nothing here is a result: results are in the record.
 
 use crate::model::{ActsOn, Form};
 use crate::window::Windows;
@@ -27,7 +27,7 @@ pub enum Leg {
 pub struct Point {
     /// Index of the run.
     pub run: usize,
-    /// Middle of the window, hours of test: runs stand one after the other.
+    /// Middle of the window, hours of test: runs follow each other.
     pub hours: f64,
     /// Length, h.
     pub length_h: f64,
@@ -39,9 +39,9 @@ pub struct Point {
     pub before_dph: f64,
     /// What the fit assigns to inputs other than its thermometer, °/h; 0 without any, and in a verification.
     pub inputs_dph: f64,
-    /// As corrected, or less the fit; NaN where the window was left out of it.
+    /// As corrected, or minus the fit; NaN where the window was excluded.
     pub after_dph: f64,
-    /// Why it is left out, if it is.
+    /// Why it is excluded, if it is.
     pub excluded: Option<Reason>,
 }
 
@@ -63,7 +63,7 @@ pub struct AxisReportData {
     pub axis: char,
     /// Every window in order.
     pub points: Vec<Point>,
-    /// What each input does by itself; nothing in a proof.
+    /// Effect of each input alone; empty in a verification.
     pub effects: Vec<Effect>,
 }
 
@@ -90,7 +90,7 @@ impl EffectOf {
     }
 }
 
-/// What one input does, with what the fit left.
+/// Effect of one input, with the residual of the fit.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Effect {
@@ -104,11 +104,11 @@ pub struct Effect {
     pub of: EffectOf,
     /// Value at which it is zero.
     pub reference: f64,
-    /// Of each window that tells of it: the input's value, or its lagged rate per minute.
+    /// Of each window that shows the effect: the input's value, or its lagged rate per minute.
     pub x: Vec<f64>,
-    /// What its terms make of the window, °/h or ppm.
+    /// Sum of its terms in the window, °/h or ppm.
     pub fit: Vec<f64>,
-    /// The same with what the whole fit left.
+    /// The same plus the residual of the fit.
     pub shown: Vec<f64>,
     /// Its terms as a curve (x, °/h or ppm); empty where they are none of x alone.
     pub curve: Vec<[f64; 2]>,
@@ -179,7 +179,7 @@ fn rate_cpm(windows: &Windows, sensor: usize, i: usize) -> f64 {
     60.0 * (rows.mean_c[sensor][to] - rows.mean_c[sensor][from]) / (middle_s(to) - middle_s(from))
 }
 
-/// Mean while heating less mean while cooling.
+/// Hysteresis: mean while heating minus mean while cooling.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct LegDifference {
     /// The difference, °/h.

@@ -1,8 +1,8 @@
 //! The correction and the loops as C99.
 //!
 //! The modules are the same for every gyro and load an image or table from bytes; `sagnac_unit.c` holds the images and the
-//! table as constants for those who would rather compile them in. Nothing but `<stdint.h>` is needed, no 8-bit type, no
-//! allocation. For people: `docs/explanation/on-target.md`.
+//! table as constants for builds that compile them in. The code needs only `<stdint.h>`, no 8-bit type and no
+//! allocation. Documentation: `docs/explanation/on-target.md`.
 
 use std::fmt::Write as _;
 
@@ -103,7 +103,7 @@ fn loop_fields(fields: &[(&str, i64)]) -> String {
     fields.iter().map(line).collect()
 }
 
-/// A constant that no compiler has to guess the type of.
+/// A constant with an explicit type.
 fn constant(value: i64) -> String {
     let wide = i32::try_from(value).is_err() && u32::try_from(value).is_err();
     match (wide, value < 0) {

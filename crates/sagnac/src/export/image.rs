@@ -12,8 +12,7 @@
 //! that its valid range fits the codes of an input. A shape gives its target's shape and the factor to it.
 //!
 //! The values of all terms at their references become, with opposite sign, one term of order 0 for bias and one for the scale
-//! factor. A coefficient too large for its
-//! width is refused by name, never clipped.
+//! factor. A coefficient too large for its width is refused by name, never clipped.
 
 use sagnac_core::{
     Description, Gain, Image, InputSpec, Kind, LagSpec, MAX_IMAGE_LEN, MAX_INPUTS, MAX_TERMS, Multiplier, Shape, Term,
@@ -28,7 +27,7 @@ use sagnac_log::error::{Error, Result};
 
 /// 2⁻²⁴ °C per °C.
 const Q24: f64 = (1 << 24) as f64;
-/// SETTLING lasts no longer than this, s.
+/// Longest duration of SETTLING, s.
 const SETTLING_MAX_S: f64 = 3600.0;
 const SETTLING_TAUS: f64 = 3.0;
 
@@ -100,7 +99,7 @@ fn q24(name: &str, celsius: f64) -> Result<i32> {
 struct Channel<'a> {
     input: &'a Input,
     source: ValueSource,
-    /// What the image calls °C is 2^exponent of its unit.
+    /// One °C of the image is 2^exponent of its unit.
     exponent: i8,
 }
 
@@ -140,7 +139,7 @@ fn channels(axis: &AxisCalibration) -> Result<Vec<Channel<'_>>> {
     inputs.iter().map(channel).collect()
 }
 
-/// What the target gives an image at a slow update.
+/// Codes that the target passes to an image at a slow update.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Code {
     /// Thermometer, difference or column.

@@ -1,5 +1,5 @@
-//! `sagnac import --polynomial`: coefficients that someone already has become a calibration, so that an
-//! old correction can be verified like a new one.
+//! `sagnac import --polynomial`: makes a calibration from existing coefficients, so that an old correction can be
+//! verified like a new one.
 //!
 //! The polynomial is the paper's: counts per window as a function of °C at the rate of that test. Only
 //! its variation P(T) − P(T0) is kept; the constant P(T0) becomes the offset of run 0.

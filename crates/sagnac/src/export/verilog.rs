@@ -2,10 +2,10 @@
 //!
 //! The modules are the same for every gyro; what an image and a table hold goes into two headers that they include:
 //! `sagnac_unit.vh` (one axis) and `sagnac_path_unit.vh`. Test benches that check themselves against the reference vectors
-//! (`docs/reference/vectors.md`) come with them. Sizes and frequencies: `docs/explanation/fpga.md`.
+//! (`docs/reference/vectors.md`) are included. Sizes and frequencies: `docs/explanation/fpga.md`.
 //!
-//! Widths are chosen by the caller. An image whose terms could exceed them is refused by the name of the term that reaches
-//! farthest: in hardware an overflow would wrap without a word.
+//! The caller chooses the widths. An image whose terms could exceed them is refused with the name of the largest term: in
+//! hardware an overflow would wrap silently.
 
 use std::fmt::Write as _;
 
@@ -135,7 +135,7 @@ fn unit(image: &Image, widths: Widths) -> String {
 }
 
 fn inputs(out: &mut String, all: &[InputSpec; MAX_INPUTS]) {
-    /// A field's name, its width, and where it stands.
+    /// A field's name, width and position.
     type Field = (&'static str, u32, fn(&InputSpec) -> i64);
     let fields: [Field; 21] = [
         ("IS_DIFFERENCE", 1, |t| (t.source != ValueSource::Code).into()),
@@ -223,7 +223,7 @@ fn path_unit(loops: &LoopTable) -> String {
     out
 }
 
-/// The checksum that ends an image or table: by it a bench knows its vectors.
+/// The checksum at the end of an image or table: it identifies the vectors of a bench.
 fn crc_of(bytes: &[u8]) -> u32 {
     bytes.last_chunk::<4>().map_or(0, |crc| u32::from_le_bytes(*crc))
 }

@@ -5,8 +5,8 @@
 //! θ* = θ + (JᵀWJ)⁻¹JᵀW r*        L = ⌈(√6·ρ/(1 − ρ²))^⅔ · n^⅓⌉
 //! ```
 //!
-//! L is the length of least mean square error for AR(1) residuals of lag-one correlation ρ (Carlstein 1986). What hangs
-//! together within L windows stays together. τ of a resolved rate term is one of the columns, linearised. Intervals are
+//! L is the length of least mean square error for AR(1) residuals of lag-one autocorrelation ρ (Carlstein 1986). Correlation
+//! within L windows is preserved. τ of a resolved rate term is one of the columns, linearised. Intervals are
 //! quantiles, 95 %.
 
 use nalgebra::DMatrix;
@@ -16,7 +16,7 @@ use rand_chacha::ChaCha8Rng;
 const SEED: u64 = 0x424c_4f43_4b53;
 const TAIL: f64 = 0.025;
 
-/// Residuals of a fit and what turns them into parameters.
+/// Residuals of a fit and the matrix from residuals to parameters.
 pub(crate) struct Resampling<'a> {
     /// Residuals times the root of their weight.
     pub(crate) residuals: &'a [f64],

@@ -1,9 +1,10 @@
-//! Which model, on which windows, and what its thermometers' noise allows.
+//! Selects the model and its windows, and limits the noise that thermometers add.
 //!
-//! `auto` takes the best of the grid over the thermometer of the fit, then goes the [`super::search`] over every other input,
-//! zones and steps. Whatever was chosen, the noise of its thermometers through its rate terms may raise the angle random walk
-//! by 5 % at most ([`super::input_noise`]): else the lag of the noisiest rate term is raised, or the term left out if that costs
-//! more on held-out data than it is worth. What the value terms add is told, not cured: without them there is no correction.
+//! `auto` selects the best of the grid over the thermometer of the fit, then runs the [`super::search`] over all other
+//! inputs, zones and steps. Thermometer noise through the rate terms may raise the angle random walk by 5 % at most
+//! ([`super::input_noise`]). Beyond that the lag of the noisiest rate term is raised, or the term removed if the longer lag
+//! costs more held-out error than the term gains. Noise through the value terms is reported only: without them there is no
+//! correction.
 
 use crate::calibration::{Candidate, CorrectionNoise, CrossValidation, RejectedInput, SearchStep, SearchVerdict};
 use crate::fit::criterion::{CvScore, effective_windows, is_undominated};
@@ -22,17 +23,17 @@ use crate::window::{WindowShape, Windows};
 use sagnac_log::error::{Error, Result};
 use sagnac_log::setup::ModelConfig;
 
-/// Part of the windows that must know all inputs of `auto`.
+/// Fraction of the windows in which all inputs of `auto` must be known.
 const KNOWN_TOGETHER: f64 = 0.9;
 
-/// The grid's best.
+/// The best model of the grid.
 struct Best {
     spec: ModelSpec,
     mean_square: Option<f64>,
     candidates: Vec<Candidate>,
 }
 
-/// A model on the windows it is to be fitted to, and how it was found.
+/// A model with the windows for its fit, and how it was found.
 pub(crate) struct Chosen<'a> {
     pub(crate) problem: LeastSquares<'a>,
     pub(crate) spec: ModelSpec,
@@ -83,7 +84,7 @@ pub(crate) fn choose<'a>(
             let needed: Vec<Signal> = std::iter::once(main).chain(named).collect();
             let (problem, mut spec) = (make(&needed)?, path.spec);
             count_steps(&problem, &mut spec)?;
-            // On the very windows that it is fitted to, which may be more than those that know every candidate.
+            // On all windows of its fit, which may be more than those in which every candidate is known.
             let same = problem.used == all.used;
             let mean_square =
                 if same { Some(path.mean_square) } else { Trial::new(&problem, &spec, &taus_s).held_out() };
@@ -92,8 +93,8 @@ pub(crate) fn choose<'a>(
     }
 }
 
-/// The problem of all further inputs on the windows that know them; of inputs that were not named, those known least are left
-/// out until nine tenths of the windows are there.
+/// The problem of all other inputs on the windows in which they are known. Inputs that the setup does not name are excluded,
+/// least known first, until nine tenths of the windows remain.
 fn known_together<'a>(
     main: Signal,
     mut further: Vec<Signal>,
@@ -129,7 +130,7 @@ fn known_together<'a>(
     }
 }
 
-/// A model that was asked for.
+/// A requested model.
 fn given<'a>(shape: &WindowShape, main: Signal, spec: &ModelSpec, make: &MakeProblem<'a, '_>) -> Result<Chosen<'a>> {
     let mut spec = spec.clone();
     let sources = sources_of(&mut spec, main, shape)?;
@@ -165,7 +166,7 @@ fn sources_of(spec: &mut ModelSpec, main: Signal, shape: &WindowShape) -> Result
     Ok(sources)
 }
 
-/// An image reads so many inputs and no more.
+/// Refuses more inputs than an image can read.
 fn check_channels(spec: &ModelSpec, sources: &[Signal], shape: &WindowShape) -> Result<()> {
     let most = sagnac_core::MAX_INPUTS;
     let read = channels(sources[0], &sources[1..]);
@@ -179,7 +180,7 @@ fn check_channels(spec: &ModelSpec, sources: &[Signal], shape: &WindowShape) -> 
         .help("a difference is read with both of its thermometers: leave one input out, or take a thermometer for a difference"))
 }
 
-/// An input that hardly moves has too few codes.
+/// Refuses an input whose range is too small, relative to its value, for the codes of an image.
 fn check_codes(problem: &LeastSquares<'_>) -> Result<()> {
     problem.inputs[1..].iter().find(|input| !input.fits_codes()).map_or(Ok(()), |input| {
         Err(Error::refused(format!(
@@ -191,7 +192,7 @@ fn check_codes(problem: &LeastSquares<'_>) -> Result<()> {
     })
 }
 
-/// At one input rate a scale factor is a bias.
+/// Refuses scale terms at one input rate, where a scale factor is a bias.
 fn check_scale_rates(problem: &LeastSquares<'_>, spec: &ModelSpec) -> Result<()> {
     let scaled = spec.inputs().iter().find(|of| of.scale > 0);
     let term = scaled.map(|of| match of.input.as_str() {
@@ -204,7 +205,7 @@ fn check_scale_rates(problem: &LeastSquares<'_>, spec: &ModelSpec) -> Result<()>
     })
 }
 
-/// True where the input rates of the runs tell a scale factor from a bias.
+/// True where the input rates of the runs separate scale factor and bias.
 fn several_rates(problem: &LeastSquares<'_>) -> bool {
     let (lo, hi) = problem.run_rate.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), r| (l.min(*r), h.max(*r)));
     problem.column_of(Level::Scale).is_some() || hi - lo > SAME_RATE * lo.abs().max(hi.abs())
@@ -241,8 +242,8 @@ fn find_input(name: &str, main: Signal, shape: &WindowShape) -> Result<Signal> {
     Ok(found)
 }
 
-/// Inputs besides the thermometer of the fit that `auto` may use: those named in the setup, else all that are known in
-/// enough windows and move.
+/// Inputs besides the thermometer of the fit that `auto` may use: those named in the setup, otherwise all that vary and are
+/// known in enough windows.
 fn candidate_inputs(
     windows: &Windows,
     main: Signal,
@@ -301,8 +302,8 @@ fn best_of_grid(problem: &LeastSquares<'_>, taus_s: &[f64]) -> Result<Best> {
     Ok(Best { spec: specs[chosen].clone(), mean_square: mean_square[chosen], candidates })
 }
 
-/// The smallest that no other betters by what it must ([`super::criterion`]); within one size no rate term, then the lower mean
-/// square wins: a slow lag can look like a curve.
+/// The smallest model against which no other is justified ([`super::criterion`]). At equal size a model without rate term is
+/// preferred, because a slow lag can look like a curve; then the lower mean square.
 fn best_of(
     problem: &LeastSquares<'_>,
     fair: &[usize],
@@ -333,10 +334,10 @@ fn candidate(spec: &ModelSpec, mean_square: Option<f64>, inputs: usize) -> Candi
 }
 
 impl Chosen<'_> {
-    /// Fits it, with as much lag as its thermometers' noise asks for; what that noise then does.
+    /// Fits it, with the lag that its thermometers' noise requires. Returns the fit and the noise of its correction.
     ///
     /// # Errors
-    /// Terms that cannot be told apart; for a model that was asked for, noise that no lag makes small enough.
+    /// Terms that cannot be separated; for a requested model, noise that no lag reduces enough.
     pub(crate) fn fit(
         &mut self,
         is_given: bool,
@@ -353,7 +354,7 @@ impl Chosen<'_> {
                 step.condition = fitted.conditioning.as_ref().map(|near| near.condition);
             }
             let noise = correction_noise(&self.problem, &fitted, n_deg_rt_h);
-            // Where the value terms alone are too loud, what the rate terms add to them is what counts.
+            // Where the value terms alone exceed the limit, it applies to what the rate terms add.
             let by_value = noise.increase_by_value.unwrap_or(0.0);
             let most = if by_value > INCREASE_MAX { by_value + INCREASE_MAX } else { INCREASE_MAX };
             let loudest = loudest_rate(&self.problem, &fitted);

@@ -1,15 +1,15 @@
-//! What a larger model must earn on data that its fit did not see.
+//! The held-out gain that justifies a larger model.
 //!
 //! ```text
 //! M_small/M_large > max(1.02, e^((Δk·ln n + 2·ln m)/n))
 //! ```
 //!
-//! with M held-out mean squares, Δk coefficients more, n windows (over (1 + ρ)/(1 − ρ) for residuals of lag-one correlation ρ)
-//! and m models that were tried for it: the Bayesian criterion, with m > 1 the extended one (Chen and Chen 2008). Without it
-//! the best of twenty useless terms passes 2 % in every seventh record.
+//! M are held-out mean squares, Δk the additional coefficients, n the windows (divided by (1 + ρ)/(1 − ρ) for residuals of
+//! lag-one autocorrelation ρ) and m the models tried. This is the Bayesian criterion; with m > 1 the extended one (Chen and
+//! Chen 2008). Without it the best of twenty useless terms gains 2 % in one record of seven.
 //!
-//! Where it fails: n counts windows as if one thermal cycle told as much as many; what only another cycle would show, no
-//! criterion of one record shows.
+//! Where it fails: n does not distinguish windows of one thermal cycle from windows of many. A change between cycles is
+//! invisible to any criterion on one record.
 
 use crate::fit::SMALLER_WINS_WITHIN;
 
@@ -22,19 +22,19 @@ pub(crate) struct CvScore {
     pub(crate) mean_square: f64,
 }
 
-/// Windows over what their residuals' correlation makes of them.
+/// Effective number of windows for residuals of lag-one autocorrelation ρ.
 pub(crate) fn effective_windows(windows: usize, rho: f64) -> f64 {
     (windows as f64 * (1.0 - rho) / (1.0 + rho)).max(2.0)
 }
 
-/// By what factor a model of so many coefficients more must better one, of so many that were tried.
+/// Factor by which a model with `more` additional coefficients must improve the mean square, if `tried` models compete.
 pub(crate) fn needed_gain(windows: f64, more: usize, tried: usize) -> f64 {
     let n = windows.max(2.0);
     let criterion = (more as f64 * n.ln() + 2.0 * (tried.max(1) as f64).ln()) / n;
     criterion.exp().max(SMALLER_WINS_WITHIN)
 }
 
-/// True where no larger one of `all` betters it by what its coefficients must earn, and none as small or smaller by over 2 %.
+/// True where no larger model of `all` is justified against it, and none of at most its size is better by over 2 %.
 pub(crate) fn is_undominated(one: CvScore, all: &[CvScore], windows: f64) -> bool {
     let beaten = |other: &CvScore| {
         let more = other.coefficients.saturating_sub(one.coefficients);
@@ -52,8 +52,8 @@ mod tests {
     }
 
     #[test]
-    fn more_coefficients_must_earn_more() {
-        // ln 200 = 5.298: three coefficients more must better by e^(15.9/200) = 1.0827.
+    fn more_coefficients_need_a_larger_gain() {
+        // ln 200 = 5.298: three more coefficients must gain a factor e^(15.9/200) = 1.0827.
         let all = [held(2, 1.08), held(5, 1.0)];
         assert!(is_undominated(all[0], &all, 200.0) && is_undominated(all[1], &all, 200.0));
         let all = [held(2, 1.09), held(5, 1.0)];

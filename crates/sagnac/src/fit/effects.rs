@@ -1,14 +1,14 @@
-//! What each input does by itself.
+//! The effect of each input alone.
 //!
 //! ```text
 //! own(row) = Σ θ·regressor(row) over the terms of one input and one kind        shown(row) = own(row) + residual(row)
 //! ```
 //!
-//! The component-plus-residual plot (Larsen and McCleary 1972): where the terms say what the data say, the points lie about
-//! the curve, and a bend that the terms do not have is seen in the points.
+//! The component-plus-residual plot (Larsen and McCleary 1972): where the terms describe the data, the points scatter about
+//! the curve; a bend that the terms lack shows in the points.
 //!
-//! Where it fails: inputs that move together share what they cause as the fit shares it, so a cause that the fit laid to the
-//! wrong one of them is not seen here.
+//! Where it fails: for inputs that move together the effect is divided as in the fit. An effect that the fit assigns to the
+//! wrong input does not show here.
 
 use crate::diagnostics::{Effect, EffectOf};
 use crate::fit::least_squares::{LeastSquares, Rates, TermColumn};
@@ -17,7 +17,7 @@ use crate::model::Form;
 
 /// Points of a curve.
 const CURVE_POINTS: usize = 121;
-/// A window tells of the scale factor where it turned by at least this part of the fastest.
+/// Windows that turned at this fraction of the fastest rate or more show the scale factor.
 const TURNED: f64 = 0.5;
 
 /// The parts of a fit on its rows.
@@ -38,7 +38,7 @@ impl<'a> Parts<'a> {
         self.fitted.terms.iter().zip(values.iter().copied()).filter(|(term, _)| wanted(term)).collect()
     }
 
-    /// What some terms make of each row, °/h.
+    /// Sum of some terms for each row, °/h.
     pub(crate) fn made(&self, wanted: impl Fn(&TermColumn) -> bool) -> Vec<f64> {
         let terms = self.terms(wanted);
         let of_row =
@@ -46,14 +46,14 @@ impl<'a> Parts<'a> {
         (0..self.problem.len()).map(of_row).collect()
     }
 
-    /// Root mean square of what the terms of an input make over the rows, about their mean, °/h.
+    /// Root mean square over the rows of the sum of an input's terms, about its mean, °/h.
     pub(crate) fn rms_of(&self, input: usize) -> f64 {
         let made = self.made(|term| term.input == input);
         let mean = made.iter().sum::<f64>() / made.len().max(1) as f64;
         (made.iter().map(|m| (m - mean).powi(2)).sum::<f64>() / made.len().max(1) as f64).sqrt()
     }
 
-    /// Every input by itself; of the thermometer of the fit its rate alone, because figures of their own show the rest.
+    /// Every input alone; of the thermometer of the fit only its rate, because other figures show its value.
     pub(crate) fn effects(&self) -> Vec<Effect> {
         let of_input = |input: usize| {
             [EffectOf::Value, EffectOf::Rate, EffectOf::Scale].into_iter().filter_map(move |of| self.effect(input, of))

@@ -1,12 +1,12 @@
-//! Out of sample: every candidate on windows that its fit did not see.
+//! Cross-validation: every candidate on windows that its fit did not see.
 //!
-//! With four runs or more one run is left out at a time; otherwise twelve contiguous blocks over all
-//! runs. The lag filter runs through what is left out, and τ is fitted anew in each fold. A held-out
-//! block is judged with its run's constant, a run that is held out whole about its own mean.
+//! With four runs or more one run is held out at a time, otherwise one of twelve contiguous blocks over all runs. The lag
+//! filter runs through the held-out rows, and each fold fits τ anew. The residual of a held-out block uses the offset of its
+//! run; that of a whole run is about its own mean.
 //!
 //! One R factor per block and τ serves all candidates of the grid: training sets are stacks of the factors of the
-//! other blocks, candidates are subsets of columns. A model of several inputs has a factor of its own per block and set of
-//! τ ([`Trial`]); with several lags each fold descends on one after the other from where the whole problem ends.
+//! other blocks, candidates are subsets of columns. A model of several inputs has its own factor per block and set of
+//! τ ([`Trial`]). Several lags are optimised in turn, in each fold from the optimum of the whole problem.
 
 use std::collections::BTreeMap;
 
@@ -22,7 +22,7 @@ const BLOCKS: usize = 12;
 const RUNS_TO_LEAVE_ONE_OUT: usize = 4;
 const BIAS_COLUMNS: usize = crate::model::basis::BASIS_LEN - 1;
 
-/// How rows are divided, and which columns stand before the regressors.
+/// How rows are divided, and the columns before the regressors.
 struct Division {
     block: Vec<usize>,
     blocks: usize,
@@ -44,7 +44,7 @@ impl Division {
         Self { block, blocks, levels: problem.levels.len(), scheme: "contiguous blocks" }
     }
 
-    /// Levels that the training set of a fold can tell, and those that stand in the fold alone.
+    /// Levels that the training set of a fold determines, and those that occur in the fold only.
     fn levels_without(&self, problem: &LeastSquares<'_>, fold: usize) -> (Vec<usize>, Vec<usize>) {
         let is_present = |level: usize, i: usize| problem.level(i, problem.levels[level]) != 0.0;
         let trained = |level: &usize| (0..problem.len()).any(|i| self.block[i] != fold && is_present(*level, i));
@@ -63,17 +63,17 @@ pub(crate) fn cross_validate(problem: &LeastSquares<'_>, candidates: &[ModelSpec
     let division = Division::of(problem);
     let scale_orders = candidates.iter().map(|c| usize::from(c.thermometer().scale)).max().unwrap_or(0);
     let with_rate = candidates.iter().any(|c| c.thermometer().rate.is_some());
-    // Without a rate term any τ serves.
+    // Without a rate term τ does not matter.
     let taus_s = if with_rate { taus_s } else { &taus_s[..1] };
     let factors: Vec<Vec<Factor>> =
         taus_s.par_iter().map(|tau| block_factors(problem, &division, *tau, with_rate, scale_orders)).collect();
     let folds: Vec<usize> = (0..division.blocks).collect();
     let squares: Vec<_> =
         folds.par_iter().map(|fold| fold_squares(problem, &division, candidates, taus_s, &factors, *fold)).collect();
-    // Added in the order of the folds, whoever was first.
+    // Added in the order of the folds, independent of the threads.
     let held_out =
         (0..candidates.len()).map(|candidate| squares.iter().map(|fold| fold[candidate]).sum::<Option<f64>>());
-    // Weights take each window to the nominal length, as in the residual σ beside it.
+    // Weights scale each window to the nominal length, as in the residual σ.
     held_out.map(|sum| sum.map(|sum| sum / problem.len() as f64)).collect()
 }
 
@@ -138,7 +138,7 @@ fn block_factors(
     })
 }
 
-/// Factors of the blocks, of levels, `regressors` columns that `add` puts behind them, and y.
+/// Factors of the blocks, of levels, `regressors` columns that `add` appends, and y.
 fn reduced(
     problem: &LeastSquares<'_>,
     division: &Division,
@@ -173,7 +173,7 @@ fn reduced(
     reducers.into_iter().map(Reducer::finish).collect()
 }
 
-/// Sweeps over several lags before it is called enough.
+/// Limit on the sweeps over several lags.
 const MOST_SWEEPS: usize = 4;
 
 /// One model of any inputs, cross-validated by itself.
@@ -203,7 +203,7 @@ impl<'a> Trial<'a> {
 
     /// Held-out mean square, (°/h)²; `None` where a fold could not be fitted.
     pub(crate) fn held_out(mut self) -> Option<f64> {
-        // Where the whole problem ends: every fold's way begins there.
+        // Every fold starts at the optimum of the whole problem.
         let start: Vec<usize> =
             self.rated.iter().map(|input| self.problem.tau_from[*input].max(self.taus_s.len() / 2)).collect();
         let whole: Vec<usize> = self.columns(&(0..self.division.levels).collect::<Vec<_>>());
@@ -220,8 +220,8 @@ impl<'a> Trial<'a> {
         Some(sum / self.problem.len() as f64)
     }
 
-    /// False for a step that the training set of a fold does not hold: like the level of a run that stands in the fold alone
-    /// it takes its best value there.
+    /// False for a step that does not occur in the training set of a fold. It gets its best value in the fold, like the level
+    /// of a run that occurs in the fold only.
     fn is_seen(&self, column: usize, fold: usize) -> bool {
         let of_term = column.checked_sub(self.division.levels).and_then(|term| self.steps.get(&term));
         let Some(blocks) = of_term else { return true };
@@ -234,7 +234,7 @@ impl<'a> Trial<'a> {
         known.iter().copied().chain(self.division.levels..self.division.levels + self.terms.len()).collect()
     }
 
-    /// The lags of least misfit outside of a fold, one after the other, and the coefficients there.
+    /// The lags of least misfit outside a fold, optimised in turn, and the coefficients there.
     fn descend(
         &mut self,
         mut at: Vec<usize>,

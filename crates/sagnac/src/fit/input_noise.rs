@@ -1,20 +1,20 @@
-//! What a thermometer's noise does to the corrected angle.
+//! The noise that a thermometer adds to the corrected angle.
 //!
-//! A sample of white noise σ every h seconds goes through the slope of the value terms and is held for h; through the rate
-//! terms it moves the lag by α:
+//! A sample of white noise σ every h seconds passes through the slope of the value terms and is held for h. Through the rate
+//! terms it moves the lag filter by α:
 //!
 //! ```text
 //! N = σ·(|Σ ±d'(T)|·h + 60·|Σ ±c(T)·α|)/√h        arcsec/√s,   α = 1 − e^(−h/τ),  d' °/h per °C, c °/h per °C/min, rms over the rows
 //! ```
 //!
-//! The sums go over every input that a thermometer is part of: itself, and differences with their sign. The value terms walk for ever;
-//! the rate terms are bounded, 60·c·T_lag, and walk like this for times shorter than τ only. The two are added as if they pulled the
-//! same way, thermometers as if they were independent. h is the time after which a reading is a new one. σ is from second differences of the
-//! track: of a column, which may jump, 1.4826 times their median size, of a thermometer their root mean square (a converter's steps
-//! count), each over √6.
+//! The sums run over every input that contains the thermometer: itself, and differences with their sign. The random walk
+//! through the value terms is unbounded. That through the rate terms is bounded by 60·c·T_lag and grows only over times
+//! shorter than τ. The two are added in amplitude, thermometers as independent. h is the interval between new readings. σ
+//! comes from second differences of the track, over √6: for a column, which may jump, 1.4826 times their median magnitude; for
+//! a thermometer their root mean square, so that converter steps count.
 //!
-//! Not counted: noise at the threshold of a step, and through terms of the scale factor. Fails where noise is slower than h: it is then taken
-//! for temperature, as the fit does.
+//! Not included: noise at the threshold of a step, and through terms of the scale factor. Fails where noise is slower than h:
+//! it then counts as temperature, as in the fit.
 
 use crate::calibration::{CorrectionNoise, InputNoise};
 use crate::fit::least_squares::{LeastSquares, TermColumn};
@@ -23,11 +23,11 @@ use crate::model::ActsOn;
 use crate::model::input::{SampledInput, Signal};
 use sagnac_units::ARCSEC_RT_S_PER_DEG_RT_H;
 
-/// The corrected angle random walk may exceed the raw one by this part.
+/// The corrected angle random walk may exceed the raw one by this fraction.
 pub(crate) const INCREASE_MAX: f64 = 0.05;
 const NORMAL_MEDIAN: f64 = 1.4826;
 
-/// Of every thermometer and column that the terms depend on, beside the raw angle random walk if it is known.
+/// Noise of every thermometer and column that the terms depend on, and the raw angle random walk if it is known.
 pub(crate) fn correction_noise(
     problem: &LeastSquares<'_>,
     fitted: &Fitted,
@@ -149,7 +149,7 @@ impl Track {
         let row = (windows.shape.sample_interval_s / problem.period_s()).round().max(1.0) as usize;
         let tracks: Vec<_> = problem.runs.iter().map(|run| source.track(windows, *run)).collect();
         let found = tracks.iter().map(|track| renewal(track)).fold(0, gcd);
-        // What is new but every few windows is no reading that is held: a mode, a gain.
+        // A value that changes only every few windows is not a held reading: a mode, a gain.
         let most = (windows.shape.nominal_s / 3.0 / problem.period_s()) as usize;
         let renewal = if found <= most { found.max(row) } else { row };
         let mut seconds: Vec<f64> = Vec::new();

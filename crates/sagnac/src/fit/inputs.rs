@@ -10,7 +10,7 @@ use crate::fit::solution::Fitted;
 use crate::model::input::{SampledInput, Signal, channels};
 use crate::window::{WindowShape, Windows};
 
-/// What the target must read.
+/// Inputs that the target must read.
 pub(crate) fn recorded_inputs(
     fitted: &Fitted,
     parts: &Parts<'_>,
@@ -24,7 +24,7 @@ pub(crate) fn recorded_inputs(
     let named: Vec<Signal> = (1..problem.inputs.len()).filter(has_terms).map(|at| problem.inputs[at].signal).collect();
     let of = |signal: Signal| {
         let own = problem.inputs.iter().position(|input| input.signal == signal);
-        // A thermometer that only a difference needs has no terms, but a span to be within.
+        // A thermometer that only a difference needs has no terms, but it has a span.
         let bare = own.is_none().then(|| SampledInput::new(signal, windows, &problem.used, config.reference_c));
         let sampled = own.map(|at| &problem.inputs[at]).or(bare.as_ref())?;
         let (lag_s, rate_span_per_min) = own.map_or((None, None), |at| {

@@ -37,8 +37,8 @@ impl LagRate<'_> {
         })
     }
 
-    /// Means of Ṫ·T_j(x) over windows (start, end], seconds from the start of the run, °C/min. Windows stand in order
-    /// and do not overlap, so one pass is enough and nothing of the length of the track is kept.
+    /// Means of Ṫ·T_j(x) over windows (start, end], seconds from the start of the run, °C/min. Windows are in order and do
+    /// not overlap, so one pass is enough and memory does not grow with the track.
     pub(crate) fn means(&self, windows: &[(f64, f64)]) -> Vec<[f64; RATE_COLUMNS]> {
         let mut borders = windows.iter().flat_map(|(start, end)| [*start, *end]).map(|s| (s / self.period_s).max(0.0));
         let mut next = borders.next();
@@ -102,7 +102,7 @@ mod tests {
         }
     }
 
-    /// Closed form: a ramp's lag follows at the ramp's own rate once e^(−t/τ) is gone.
+    /// Closed form: the lagged track follows a ramp at the ramp's rate once e^(−t/τ) has decayed.
     #[test]
     fn a_ramp_shows_its_own_rate() {
         let track: Vec<f64> = (0..4000).map(|n| f64::from(n) / 60.0).collect();

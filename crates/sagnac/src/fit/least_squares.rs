@@ -4,7 +4,7 @@
 //! y = C_run + Σ bᵢ·[T̄ᵢ − Tᵢ(x0)] + Σ cⱼ·mean(Ṫ·Tⱼ) − Ω_run·1e-6·Σ e_k·[T̄_k − T_k(x0)]       °/h
 //! ```
 //!
-//! with the same sums over every further input (another x, another Ṫ of its own lag), and zones and steps beside them
+//! with the same sums over every other input (its own x, its own Ṫ with its own lag), and with zones and steps
 //! ([`crate::model::input`]).
 //!
 //! y is the mean rate of a window, Ω_run the mean rate of its run: with one input rate per run that is
@@ -15,8 +15,8 @@
 //! ```
 //!
 //! with ε0 the deviation of the scale factor at T0 and δ the misalignment towards another axis that was turned. C is one
-//! constant per run where every run was turned at several rates, else one for all: a run at a single rate cannot tell
-//! its constant from ε0.
+//! constant per run where every run was turned at several rates, otherwise one for all: a run at a single rate does not
+//! separate its constant from ε0.
 
 use crate::calibration::{Plateau, SCALE_AT_REFERENCE};
 use crate::fit::lag::{LagRate, RATE_COLUMNS};
@@ -30,15 +30,15 @@ use crate::window::Windows;
 use sagnac_log::error::{Error, Result};
 use sagnac_units::s_from_ns;
 
-/// Number of τ tried before the last refinement.
+/// Number of τ in the grid, before the refinement.
 const TAU_STEPS: usize = 24;
 
 /// The used windows of one axis.
 pub(crate) struct LeastSquares<'a> {
     windows: &'a Windows,
-    /// What terms may be functions of; the first is the thermometer of the fit.
+    /// Inputs of the terms; the first is the thermometer of the fit.
     pub(crate) inputs: Vec<SampledInput>,
-    /// Per input: the first τ of the grid that is tried. Raised where a thermometer's noise asks for more.
+    /// Per input: index of the shortest τ that is tried. Raised where a thermometer's noise requires it.
     pub(crate) tau_from: Vec<usize>,
     /// Window of each row.
     pub(crate) used: Vec<usize>,
@@ -54,11 +54,11 @@ pub(crate) struct LeastSquares<'a> {
     pub(crate) run_rate: Vec<f64>,
     /// Columns before the terms of a model.
     pub(crate) levels: Vec<Level>,
-    /// What the axis was turned by, where a table did.
+    /// Rates of the table, where the axis was on one.
     pub(crate) turning: Option<RateTableInput>,
 }
 
-/// A column that stands before the terms: part of the fit, never of the correction.
+/// A column before the terms: part of the fit, never of the correction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Level {
     /// Constant of a run (index into `runs`), °/h.
@@ -318,7 +318,7 @@ fn no_window(windows: &Windows) -> Error {
         .help("`sagnac inspect` lists everything excluded")
 }
 
-/// The reason for which most rows are left out, in words.
+/// The most frequent reason for excluded rows, in words.
 fn most_left_out(windows: &Windows) -> Option<String> {
     let most = windows.tallies.most()?;
     Some(format!("{} rows are excluded as {} (first at {})", most.rows, most.reason.name(), most.first))

@@ -5,7 +5,7 @@
 //!            steps) ─▶ solution (chosen model, covariance) ─▶ input noise ─▶ AxisCalibration
 //! ```
 //!
-//! `docs/explanation/method.md` tells the method; each step's equation stands in its module.
+//! `docs/explanation/method.md` describes the method; the equation of each step is in its module.
 
 mod bootstrap;
 mod choose;
@@ -45,7 +45,7 @@ use crate::model::ModelSpec;
 /// Which model to fit.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Model {
-    /// The best out of sample.
+    /// The best in cross-validation.
     Auto,
     /// This one.
     Fixed(ModelSpec),

@@ -35,7 +35,7 @@ const WINDOWS_PER_TURN: f64 = 8.0;
 /// Puts stated periods on the grid of the image and finds the others.
 ///
 /// # Errors
-/// [`sagnac_log::ErrorKind::Refused`] where a fitted period explains no more than chance.
+/// [`sagnac_log::ErrorKind::Refused`] where a fitted period improves the fit no more than chance.
 pub(crate) fn settle_periods(problem: &LeastSquares<'_>, spec: &mut ModelSpec, taus_s: &[f64]) -> Result<()> {
     for at in 0..spec.inputs().len() {
         let Some(input) = problem.index_of(&spec.inputs()[at]) else { continue };

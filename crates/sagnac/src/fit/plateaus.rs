@@ -1,19 +1,19 @@
-//! Scale factor and bias apart, plateau by plateau: the test as a rate-table engineer reads it.
+//! Scale factor and bias of each plateau: the rate-table test in the usual terms.
 //!
 //! ```text
 //! y = B + k·Ω,   S = S0/k,   ε = (1/k − 1)·1e6 ppm        two directions: k = (y⁺ − y⁻)/(Ω⁺ − Ω⁻)
 //! ```
 //!
-//! over the windows of a plateau (temperature within ±1 °C, that of each rate on average within 0.5 °C, at least two rates), by least squares; with one rate in two
-//! directions that is the two-direction method S = (θ⁺ − θ⁻)/(N⁺ − N⁻) itself, which takes bias and Earth rate out. A
-//! plateau whose rates lie in different runs takes windows of equal temperature from each.
+//! by least squares over the windows of a plateau: temperature within ±1 °C, mean temperatures of its rates within 0.5 °C, at
+//! least two rates. With one rate in two directions this is the two-direction method S = (θ⁺ − θ⁻)/(N⁺ − N⁻), which removes
+//! bias and Earth rate. A plateau whose rates lie in different runs uses windows of equal temperature from each.
 //!
 //! * nonlinearity: largest distance of a rate's mean from the straight line, ppm of the largest rate; needs three rates
-//! * asymmetry: 2(S⁺ − S⁻)/(S⁺ + S⁻), slopes apart for both directions; needs two rates on a side, or rest and both sides
-//! * repeatability: σ of ε, less its slope over all plateaus, about the mean of its temperature (within 2 °C), over those
-//!   that were visited more than once
+//! * asymmetry: 2(S⁺ − S⁻)/(S⁺ + S⁻), with a slope for each direction; needs two rates on a side, or rest and both sides
+//! * repeatability: σ of ε about the mean of its temperature (within 2 °C), after removal of the slope over all plateaus; only
+//!   temperatures that were visited more than once count
 //!
-//! These figures judge the joint fit; they are not its input.
+//! These figures check the joint fit; they are not inputs of it.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -21,16 +21,16 @@ use crate::calibration::{Plateau, PpmEstimate, Repeatability};
 use crate::fit::rate_table_input::{RateTableInput, SAME_RATE};
 use crate::window::Windows;
 
-/// A plateau reaches this far from its mean, °C.
+/// Largest distance of a plateau's windows from its mean, °C.
 const REACH_C: f64 = 1.0;
-/// Fewer windows tell no uncertainty.
+/// Fewer windows give no uncertainty.
 const FEWEST: usize = 4;
-/// A gyro that is said to follow its table by a factor farther than this from one does not.
+/// A slope farther than this from one means that the gyro does not follow its table.
 const FAR_FROM_ONE: f64 = 0.9;
 /// Plateaus closer than this are visits of one temperature, °C.
 const SAME_C: f64 = 2.0;
 
-/// A window as the plateaus see it.
+/// A window with what the plateaus need of it.
 #[derive(Clone, Copy)]
 struct TurnedWindow {
     run: usize,
@@ -60,13 +60,13 @@ pub(crate) fn plateaus_of(
     plateaus(&used.iter().map(one).filter(|w| w.temperature_c.is_finite()).collect::<Vec<_>>())
 }
 
-/// Every plateau that tells scale factor and bias apart, by temperature within the order of the test.
+/// Every plateau that separates scale factor and bias, by temperature within the order of the test.
 fn plateaus(windows: &[TurnedWindow]) -> Vec<Plateau> {
     let places = windows.iter().map(|w| (w.run, w.temperature_c));
     let stretches: Vec<Vec<TurnedWindow>> =
         level_stretches(places).into_iter().map(|stretch| windows[stretch].to_vec()).collect();
     let (mut whole, mut single): (Vec<_>, Vec<_>) = stretches.into_iter().partition(|stretch| rates(stretch) > 1);
-    // Where rate and temperature change together, as on a ramp, a slope over one is none over the other.
+    // Where rate and temperature change together, as on a ramp, their effects cannot be separated.
     whole.retain(|stretch| {
         let means = by_rate(stretch).into_iter().map(|(_, members)| mean_c(&members));
         let (lo, hi) = means.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), c| (lo.min(c), hi.max(c)));
@@ -184,7 +184,7 @@ fn nonlinearity(groups: &[(f64, Vec<TurnedWindow>)], bias: f64, excess: f64) -> 
     }
     let left = |w: &TurnedWindow| w.measured_dph - w.along_dph - bias - excess * w.along_dph;
     let mean = |members: &[TurnedWindow]| members.iter().map(left).sum::<f64>() / members.len() as f64;
-    // One scatter for all rates: those of few windows cannot tell their own.
+    // One scatter for all rates: rates of few windows do not give their own.
     let (mut squares, mut windows) = (0.0, 0);
     for (_, members) in groups {
         let mean = mean(members);
@@ -212,7 +212,8 @@ fn asymmetry(windows: &[TurnedWindow], groups: &[(f64, Vec<TurnedWindow>)]) -> O
     Some(PpmEstimate { ppm: ppm(fit[1]) - ppm(fit[2]), sigma_ppm: 1e6 * variance.max(0.0).sqrt() })
 }
 
-/// Spread of ε among visits of one temperature, its slope over all plateaus taken off; `None` where none was visited twice.
+/// Spread of ε among visits of one temperature, after removal of its slope over all plateaus; `None` where no temperature
+/// was visited twice.
 pub(crate) fn repeatability(plateaus: &[Plateau]) -> Option<Repeatability> {
     let mut sorted: Vec<&Plateau> = plateaus.iter().collect();
     sorted.sort_by(|a, b| a.temperature_c.total_cmp(&b.temperature_c));
@@ -226,7 +227,7 @@ pub(crate) fn repeatability(plateaus: &[Plateau]) -> Option<Repeatability> {
     let mut groups: Vec<Vec<&Plateau>> = Vec::new();
     for plateau in sorted {
         match groups.last_mut() {
-            // From the first of them, so that a ramp is no chain of visits.
+            // Measured from the first visit, so that a ramp does not become a chain of visits.
             Some(group) if plateau.temperature_c - group[0].temperature_c <= SAME_C => group.push(plateau),
             _ => groups.push(vec![plateau]),
         }
@@ -266,9 +267,9 @@ mod tests {
         0.002 * (((i * 7919 + i * i * 104_729) % 1009) as f64 / 1009.0 - 0.5)
     }
 
-    /// By hand: S⁺ and S⁻ from one rate in both directions, bias and Earth rate drop out.
+    /// By hand: S⁺ and S⁻ from one rate in both directions; bias and Earth rate cancel.
     #[test]
-    fn two_directions_tell_scale_and_bias_apart() {
+    fn two_directions_separate_scale_and_bias() {
         let epsilon = 250e-6;
         let made = windows(|rate, i| (rate + 4.5 + 0.3) / (1.0 + epsilon) + noise(i), &[36_000.0, -36_000.0], 20.0);
         let found = plateaus(&made).remove(0);

@@ -1,8 +1,8 @@
-//! Runs on a rate table: what each axis was turned by.
+//! Runs on a rate table: the rate of each axis.
 //!
 //! A run is turned where its log has a reference rate (or table angle) or the setup says `rate_dps` for its file. The
 //! table's positive direction is that of the axis it turns; `[[table]] axis = "-z"` says it is the other one. The Earth's
-//! rate is not in the reference: along a vertical table axis it is a constant and stays in the run's constant.
+//! rate is not in the reference: along a vertical table axis it is constant and part of the run offset.
 
 use crate::window::Windows;
 use sagnac_log::error::{Error, Result};
@@ -10,10 +10,10 @@ use sagnac_log::ingest::Reason;
 use sagnac_log::setup::{TableRun, TestConfig};
 use sagnac_units::DPH_PER_DPS;
 
-/// Rates closer than this part of the largest are one rate; a rate below it is rest.
+/// Rates closer than this fraction of the largest are one rate; a rate below it is rest.
 pub(crate) const SAME_RATE: f64 = 1e-3;
 
-/// What the windows of one axis were turned by.
+/// Rates of the table in the windows of one axis.
 #[derive(Clone, Debug)]
 pub(crate) struct RateTableInput {
     /// Per window of the whole set: rate along the axis, °/h; NaN where a run with a reference has none there.
@@ -23,10 +23,10 @@ pub(crate) struct RateTableInput {
 }
 
 impl RateTableInput {
-    /// `None` where nothing says that a table turned.
+    /// `None` where neither log nor setup states that a table turned.
     ///
     /// # Errors
-    /// A log of several axes of which nothing says which one was turned.
+    /// A log of several axes without a statement of which one was turned.
     pub(crate) fn of(windows: &Windows, axis: usize, test: &TestConfig) -> Result<Option<Self>> {
         let (rows, shape) = (&windows.rows, &windows.shape);
         let letter = shape.axes[axis];
@@ -76,7 +76,7 @@ impl RateTableInput {
         Ok(Some(out))
     }
 
-    /// Leaves out windows of which nothing says how fast the table turned.
+    /// Excludes windows without a rate of the table.
     ///
     /// # Errors
     /// As [`Self::of`].

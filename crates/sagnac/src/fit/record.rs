@@ -1,4 +1,4 @@
-//! The fit of every axis, written down.
+//! The record of the fit of every axis.
 
 use std::collections::BTreeMap;
 
@@ -45,7 +45,7 @@ pub struct FitOptions {
     pub source_date_epoch: Option<i64>,
     /// Draws of the block bootstrap, if intervals by it are wanted.
     pub bootstrap: Option<usize>,
-    /// What misfit costs in the fit that is written down.
+    /// Loss function of the recorded fit.
     pub loss: Loss,
 }
 
@@ -78,7 +78,7 @@ impl FitOptions {
 ///
 /// # Errors
 /// [`sagnac_log::ErrorKind::Refused`] where the data cannot support the answer: no temperature, too small a
-/// span, T0 outside it, too few windows, terms that cannot be told apart.
+/// span, T0 outside it, too few windows, terms that cannot be separated.
 pub fn calibrate(windows: Windows, setup: &Setup, options: &FitOptions) -> Result<Calibration> {
     calibrate_with_report_data(windows, setup, options).map(|(calibration, _)| calibration)
 }
@@ -110,7 +110,7 @@ pub fn calibrate_with_report_data(
             let run = windows.rows.run[i];
             record.run_offsets.iter().find(|offset| offset.run == run).map_or(f64::NAN, |c| c.value_dph)
         };
-        // What a table turns is no drift: known for every window that was used, unknown for the others.
+        // Rotation of a table is not drift: known for every used window, unknown for the others.
         let shown = |i: usize| drawn_of.windows.get(&i);
         let before = |i: usize| {
             if record.turned() {
@@ -168,7 +168,7 @@ fn sensor_of(shape: &WindowShape, config: &ModelConfig) -> Result<usize> {
     })
 }
 
-/// A setup for a column that is not there would do nothing without a word.
+/// Refuses a setup for a missing column, which would otherwise have no effect silently.
 fn check_aux(shape: &WindowShape, config: &ModelConfig) -> Result<()> {
     config.aux.iter().find(|aux| !shape.aux.contains(&aux.name)).map_or(Ok(()), |stray| {
         Err(Error::input("the log has no auxiliary column of this name")
@@ -192,7 +192,7 @@ pub(crate) fn log_files(windows: &Windows) -> Vec<LogFile> {
     windows.runs.iter().map(|run| LogFile::of(&run.summary)).collect()
 }
 
-/// N and Q of an axis: as given, else measured; with words for where they come from.
+/// N and Q of an axis: as given, otherwise measured; with their origin in words.
 pub(crate) fn noise_of(windows: &Windows, axis: usize, test: &TestConfig) -> Option<(NoiseTerms, &'static str)> {
     windows.shape.window.seconds()?;
     if let Some(given) = test.noise {
@@ -224,7 +224,7 @@ fn of_file(error: Error, windows: &Windows) -> Error {
 /// A used window, °/h.
 #[derive(Clone, Copy)]
 struct Shown {
-    /// Less its run offset; on a table less what the scale factor's change makes of the rate, too: neither is drift.
+    /// Minus its run offset; on a table also minus the effect of the scale factor on the rate. Neither is drift.
     before: f64,
     /// What the fit assigns to inputs other than the thermometer of the fit.
     inputs: f64,
@@ -328,7 +328,7 @@ fn check_scale(terms: &[Term], letter: char) -> Result<()> {
     })
 }
 
-/// Heating against cooling before and after the fit; the standard error of both is that of the residuals, widened by their
+/// Hysteresis before and after the fit; the standard error of both is that of the residuals, widened by their
 /// correlation.
 fn hysteresis(points: &[Point], residual: &Residual) -> Option<Hysteresis> {
     let rho = residual.lag1_autocorrelation;

@@ -1,12 +1,11 @@
-//! Huber's loss on demand: windows far from the fit count for less, none is left out.
+//! Huber's loss on demand: windows far from the fit get a lower weight; none is excluded.
 //!
 //! ```text
 //! ρ(r) = r²/2 for |r| ≤ k·s, else k·s·|r| − (k·s)²/2        k = 1.345 (95 % efficient on normal residuals), s = 1.4826·median|r|
 //! ```
 //!
-//! by re-weighting until the coefficients stand still. Covariance: (JᵀWJ)⁻¹·[Σψ²/(n − p)]/(mean ψ')² (Huber 1981), widened
-//! by the residuals' correlation as in the least squares it takes the place of. The choice of the model and the folds stay
-//! with least squares.
+//! by re-weighting until the coefficients converge. Covariance: (JᵀWJ)⁻¹·[Σψ²/(n − p)]/(mean ψ')² (Huber 1981), widened for
+//! the residuals' autocorrelation as in least squares. The selection of the model and the cross-validation use least squares.
 
 use crate::fit::least_squares::LeastSquares;
 use crate::fit::solution::{Fitted, fit};
@@ -16,10 +15,10 @@ use sagnac_log::error::Result;
 const TUNING: f64 = 1.345;
 const NORMAL_MEDIAN: f64 = 1.4826;
 const MOST_ROUNDS: usize = 50;
-/// Coefficients stand still when none moves by more than this part of its σ.
+/// Coefficients have converged when none moves by more than this fraction of its σ.
 const STILL: f64 = 1e-4;
 
-/// What misfit costs.
+/// Loss of a residual.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Loss {
     /// Its square.
@@ -29,10 +28,10 @@ pub enum Loss {
     Huber,
 }
 
-/// Fits a model with Huber's loss; the problem's weights end as they were.
+/// Fits a model with Huber's loss; restores the problem's weights.
 pub(crate) fn robust_fit(problem: &mut LeastSquares<'_>, spec: &ModelSpec, taus_s: &[f64]) -> Result<Fitted> {
     let base = problem.weight.clone();
-    // Its covariance and σ stay those of least squares until the end.
+    // Covariance and σ are those of least squares until the end.
     let mut fitted = fit(problem, spec, taus_s)?;
     let mut bend = 0.0;
     for _ in 0..MOST_ROUNDS {
@@ -50,7 +49,7 @@ pub(crate) fn robust_fit(problem: &mut LeastSquares<'_>, spec: &ModelSpec, taus_
         let moved = (0..next.theta.len()).map(|i| (next.theta[i] - fitted.theta[i]).abs() / sigma(i));
         let moved = moved.fold(0.0, f64::max);
         (fitted.theta, fitted.residuals) = (next.theta, next.residuals);
-        // Which lags stand in the covariance is settled by the first fit.
+        // The first fit decides which lags are in the covariance.
         fitted.taus.iter_mut().zip(next.taus).for_each(|(tau, next)| tau.value_s = next.value_s);
         if moved < STILL {
             break;

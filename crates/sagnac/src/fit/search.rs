@@ -1,19 +1,18 @@
-//! From the grid's model, term by term, to the one that the data support: forward while a term helps on data that the fit
-//! did not see, then back while none is missed.
+//! Stepwise search from the grid's model: forward while a term improves the held-out error, then backward while a term can
+//! be removed. "Improves" means by the factor of [`super::criterion`]; the reference is the least held-out error so far.
 //!
 //! ```text
-//! forward:  of all models with one order (input, zone, set of steps) more that better the least of all by what they must
-//!           ([`super::criterion`], m the models of that step), the smallest that none of them betters
-//! back:     of all models with one order less that the least of all does not better by what its coefficients must earn, the
-//!           smallest
+//! forward:   candidates have one order (input, zone, set of steps) more; those must improve on the reference (m: candidates
+//!            of this step). Selected: the smallest that no other of them improves on.
+//! backward:  candidates have one order less; the reference must not improve on them. Selected: the smallest.
 //! ```
 //!
-//! Where there are further inputs three paths are gone, from the grid's best, from `bias 2` and from `bias 2, rate 0`. Of their ends that
-//! no other betters by what it must the one with the fewest inputs is taken, then the smallest.
+//! With several inputs there are three searches: from the grid's best, from `bias 2` and from `bias 2, rate 0`. Of their
+//! results that no other improves on, the one with the fewest inputs is selected, then the smallest.
 //!
-//! A candidate whose terms are nearly combinations of each other (condition over [`CONDITION_MAX`], levels taken out,
-//! columns at unit length) is refused: its coefficients would be the noise's. Of candidates of one size the one of
-//! the least condition is taken.
+//! A candidate whose terms are nearly combinations of each other (condition over [`CONDITION_MAX`], levels projected out,
+//! columns at unit length) is rejected: noise would determine its coefficients. Among candidates of equal size the one
+//! with the least condition is selected.
 
 use crate::calibration::{SearchStep, SearchVerdict};
 use crate::fit::criterion::{CvScore, effective_windows, is_undominated, needed_gain};
@@ -25,18 +24,18 @@ use crate::model::price::Work;
 use crate::model::spec::{InputTerms, MAX_RATE_ORDER, ModelSpec};
 use rayon::prelude::*;
 
-/// Beyond this condition terms cannot be told apart.
+/// Beyond this condition terms cannot be separated.
 pub(crate) const CONDITION_MAX: f64 = 100.0;
-/// Highest orders over further inputs that are tried.
+/// Highest orders that are tried over inputs other than the thermometer of the fit.
 const MOST_BIAS: u8 = 3;
 const MOST_RATE: u8 = 1;
 const MOST_SCALE: u8 = 2;
 /// Zones that are tried, one after the other.
 const ZONES: [u8; 4] = [2, 3, 4, 6];
-/// More steps than this are no path but a wander.
+/// Limit on the steps of each direction.
 const MOST_STEPS: usize = 24;
 
-/// Where the path ended, and the way there.
+/// Result of a search, and its steps.
 pub(crate) struct Path {
     pub(crate) spec: ModelSpec,
     pub(crate) mean_square: f64,
@@ -53,9 +52,9 @@ impl Path {
 /// A model that was tried.
 struct Tried {
     spec: ModelSpec,
-    /// Windows over what their residuals' correlation makes of them.
+    /// Effective number of windows, after the correlation of their residuals.
     windows: f64,
-    /// Inputs that an image of it reads.
+    /// Inputs that its image reads.
     inputs: usize,
     mean_square: Option<f64>,
     condition: Option<f64>,
@@ -83,8 +82,8 @@ impl Tried {
     }
 }
 
-/// Goes on from a model; where there are further inputs from two small ones too, because the grid, which does not know the inputs,
-/// may end far from where they lead. Of the ends that stand that with the fewest inputs counts, then the smallest. `None` where nothing can be fitted out of sample.
+/// Searches from a model and, with several inputs, also from two small ones: the grid knows one input only, and its best
+/// may be far from the best model of all inputs. `None` where nothing can be fitted out of sample.
 pub(crate) fn walk(problem: &LeastSquares<'_>, start: &ModelSpec, taus_s: &[f64]) -> Option<Path> {
     let mut starts = vec![start.clone()];
     if problem.inputs.len() > 1 {
@@ -97,7 +96,7 @@ pub(crate) fn walk(problem: &LeastSquares<'_>, start: &ModelSpec, taus_s: &[f64]
     let ends: Vec<Path> = starts.iter().filter_map(|start| walk_from(problem, start, taus_s)).collect();
     let held: Vec<CvScore> = ends.iter().map(Path::held).collect();
     let good = ends.into_iter().filter(|end| is_undominated(end.held(), &held, end.windows));
-    // An input more is a wire more: fewer of them win before fewer coefficients.
+    // Each input costs a sensor line: fewer inputs come before fewer coefficients.
     good.min_by_key(|end| (inputs_read(problem, &end.spec), end.spec.coefficients()))
 }
 

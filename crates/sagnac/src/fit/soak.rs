@@ -1,12 +1,12 @@
-//! What more soaking would improve: the uncertainty of the curve after added hours, before anyone spends them.
+//! Gain of a longer soak: forecast of the uncertainty of the curve after additional hours.
 //!
 //! ```text
 //! Cov' = (Cov⁻¹ + m·g·gᵀ/s²)⁻¹ = Cov − Cov·g·gᵀ·Cov·m/(s² + m·gᵀ·Cov·g)      (Sherman and Morrison 1950)
 //! ```
 //!
 //! with g the regressors of a window at rest at the soak's temperature in the last run, m = hours·3600/τ_w windows and s²
-//! the variance of a window, widened by the residuals' correlation as in the fit. The forecast holds as long as the model does: no soak
-//! mends a term that is missing.
+//! the variance of a window, widened by the residuals' correlation as in the fit. The forecast assumes that the model is right: a
+//! longer soak does not replace a missing term.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -17,7 +17,7 @@ const HOURS: [f64; 4] = [1.0, 2.0, 4.0, 8.0];
 /// Temperatures over the span, ends included.
 const TEMPERATURES: usize = 12;
 
-/// The forecast of one axis; `None` where nothing was fitted here or no bias term is there to be known better.
+/// The forecast of one axis; `None` where nothing was fitted or there is no bias term.
 pub(crate) fn soak(axis: &AxisCalibration, window_s: f64) -> Option<Soak> {
     let fit = axis.fit.as_ref()?;
     let residual = fit.residual;
@@ -55,7 +55,7 @@ pub(crate) fn soak(axis: &AxisCalibration, window_s: f64) -> Option<Soak> {
             after_dph: HOURS.map(|hours| sigma_after(&curve(*t), *t, hours)).to_vec(),
         })
         .collect();
-    // Where an hour makes the whole curve best known.
+    // The temperature at which an hour reduces the uncertainty of the whole curve most.
     let mean_square = |soaked_c: f64, hours: f64| -> f64 {
         temperatures.iter().map(|t| sigma_after(&curve(*t), soaked_c, hours).powi(2)).sum::<f64>() / TEMPERATURES as f64
     };

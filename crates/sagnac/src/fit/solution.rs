@@ -1,9 +1,8 @@
 //! The fit of one model on all windows, with its covariance.
 //!
-//! For given τ the model is linear and solved by QR; τ is found by a grid over [Δt, run/4] and a
-//! golden section; of several lags one after the other, again and again until they stand. Covariance: s²·(JᵀWJ)⁻¹ with ∂y/∂τ as a column of J, widened by
-//! (1 + ρ)/(1 − ρ) for residuals of lag-one correlation ρ (AR(1); Bartlett 1946), which is what slow
-//! misfit looks like to neighbouring windows.
+//! For given τ the model is linear and solved by QR. τ is found by a grid over [Δt, run/4] and a golden section; several
+//! lags are optimised in turn until they converge. Covariance: s²·(JᵀWJ)⁻¹ with ∂y/∂τ as a column of J, widened by
+//! (1 + ρ)/(1 − ρ) for residuals of lag-one autocorrelation ρ (AR(1); Bartlett 1946), which a slow misfit causes.
 
 use nalgebra::DMatrix;
 use statrs::distribution::{ContinuousCDF, StudentsT};
@@ -18,12 +17,12 @@ use crate::model::spec::ModelSpec;
 use rayon::prelude::*;
 use sagnac_log::error::{Error, Result};
 
-/// τ is taken as resolved unless misfits this close to the least reach an end of the search.
+/// τ counts as resolved unless misfits within this factor of the least reach an end of the search.
 const FLAT_MISFIT: f64 = 1.02;
 const GOLDEN_STEPS: usize = 24;
-/// Sweeps over several lags before it is called enough.
+/// Limit on the sweeps over several lags.
 const MOST_SWEEPS: usize = 6;
-/// Lags stand still when none moves by more than this part of itself.
+/// Lags have converged when none moves by more than this fraction of itself.
 const STILL: f64 = 1e-3;
 
 /// τ of the rate terms of an input.
@@ -49,11 +48,11 @@ pub(crate) struct Fitted {
     pub(crate) residuals: Vec<f64>,
     /// Residual σ of a window of nominal length, °/h.
     pub(crate) sigma_dph: f64,
-    /// Lag-one correlation of residuals.
+    /// Lag-one autocorrelation of the residuals.
     pub(crate) autocorrelation: f64,
     /// Half a 95 % interval in units of σ.
     pub(crate) t_quantile_975: f64,
-    /// How near the terms are to each other; `None` without any.
+    /// Condition of the terms; `None` without any.
     pub(crate) conditioning: Option<Conditioning>,
 }
 

@@ -1,13 +1,13 @@
 //! Least squares through triangular factors.
 //!
 //! A block of rows [A | y] is reduced to its R factor once (Householder QR, chunk by chunk, so memory
-//! does not grow with the rows). R then stands for the rows in everything that follows: stacking
+//! does not grow with the rows). R replaces the rows in all later steps: stacking
 //! factors joins blocks, dropping columns gives a smaller model, and |R·(θ, −1)|² is the residual sum of
 //! squares of any θ on that block.
 
 use nalgebra::{DMatrix, DVector};
 
-/// A column that loses all but this part of its length to the columns before it is no column.
+/// A column whose part orthogonal to the columns before it is shorter than this fraction is treated as dependent.
 const RANK_TOLERANCE: f64 = 1e-9;
 const CHUNK_ROWS: usize = 512;
 
@@ -114,8 +114,8 @@ pub(crate) struct Conditioning {
 }
 
 impl Solution {
-    /// Of the columns after the first `before`, with what those explain taken out; `None` without any. The columns of
-    /// `together` (counted from `before`) count as the space that they span, whatever basis they are of it.
+    /// Of the columns after the first `before`, which are projected out; `None` without any. The columns of `together`
+    /// (counted from `before`) count as the space that they span, independent of the basis.
     pub(crate) fn conditioning(&self, before: usize, together: &[usize]) -> Option<Conditioning> {
         let p = self.r.nrows().checked_sub(before).filter(|p| *p > 0)?;
         let mut own = self.r.view((before, before), (p, p)).into_owned();

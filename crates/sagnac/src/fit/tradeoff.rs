@@ -1,8 +1,7 @@
 //! Order against computation: the paper's open question, answered from held-out residuals and counted instructions.
 //!
-//! A model stands on the frontier where none that costs no more leaves less on data it did not see. The knee is the
-//! cheapest model of the frontier within 2 % of the least held-out mean square: beyond it instructions buy nothing that the
-//! data can show.
+//! A model is on the frontier if no model of equal or lower cost has a smaller held-out residual. The knee is the cheapest
+//! model of the frontier within 2 % of the least held-out mean square: more instructions bring no gain that the data show.
 
 use crate::calibration::Candidate;
 use crate::fit::SMALLER_WINS_WITHIN;

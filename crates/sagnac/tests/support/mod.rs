@@ -33,12 +33,12 @@ pub(crate) fn retest(calibration: &Calibration, log: Vec<u8>, setup: &Setup) -> 
     verify(&correction, vec![reader(log, setup)], setup, VerifyOptions::default()).unwrap().verification
 }
 
-/// The paper's rig as a bench would describe it.
+/// The setup of the paper's rig.
 pub(crate) fn paper_setup() -> Setup {
     Setup { arcsec_per_count: Some(1.059), quantum: Some(0.25), ..Setup::default() }
 }
 
-/// A file of the shared recordings, or `None` where they are not at hand (said aloud). CI sets
+/// A file of the shared recordings, or `None` where they are missing (with a message). CI sets
 /// SAGNAC_REQUIRE_SHARED=1, which makes a missing file a failure.
 pub(crate) fn shared(name: &str) -> Option<std::path::PathBuf> {
     let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data").join(name);

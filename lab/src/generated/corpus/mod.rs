@@ -1,4 +1,4 @@
-//! The corpus: what each case puts into its folder, what is run on it, and how it must end.
+//! The corpus of broken inputs: the files of each case, the command that runs on them, and the expected result.
 
 mod noise;
 
@@ -19,10 +19,10 @@ use tempfile::TempDir;
 
 use crate::program::Program;
 
-/// What comes through standard input.
+/// Standard input of a case.
 pub(crate) enum Feed {
     Nothing,
-    /// A block so many times.
+    /// A block, repeated so many times.
     Endless(Vec<u8>, usize),
 }
 
@@ -31,11 +31,11 @@ pub(crate) struct Case {
     pub(crate) name: &'static str,
     pub(crate) args: Vec<&'static str>,
     pub(crate) status: i32,
-    /// What the message must name.
+    /// Text that the message must contain.
     pub(crate) place: Option<&'static str>,
     pub(crate) stdin: Feed,
     pub(crate) as_nobody: bool,
-    /// The parser of arguments answers, in its own form.
+    /// The message comes from the argument parser, in its own form.
     pub(crate) usage: bool,
     files: Vec<(&'static str, Vec<u8>)>,
     /// Done last in the folder.
@@ -88,7 +88,7 @@ fn case(name: &'static str, args: &'static str) -> Case {
     }
 }
 
-/// Words; what stands between `'` is one of them.
+/// Splits into words; text between `'` is one word.
 fn split(args: &'static str) -> Vec<&'static str> {
     let parts = args.split('\'').enumerate();
     parts.flat_map(|(i, part)| if i % 2 == 1 { vec![part] } else { part.split_whitespace().collect() }).collect()
@@ -231,7 +231,7 @@ fn with_byte(bytes: &[u8], at: usize, byte: u8) -> Vec<u8> {
     bytes
 }
 
-/// All of them. The program makes the records that are then broken.
+/// All cases. The program makes the records that are then damaged.
 pub(crate) fn cases(program: &Program) -> Result<Vec<Case>> {
     let good = Good::new(program)?;
     let mut all = text_logs();

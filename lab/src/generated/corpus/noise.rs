@@ -1,4 +1,4 @@
-//! What `sagnac allan` is given in place of a log or a curve.
+//! Broken logs and curves for `sagnac allan`.
 
 use super::{Case, Good, case, good};
 

@@ -1,4 +1,4 @@
-//! Along the whole road with simulated logs: windows as a table, replay, refusals of the fit.
+//! The whole path from log to correction with simulated logs: windows as a table, replay, refusals of the fit.
 
 mod support;
 
@@ -31,7 +31,7 @@ fn a_window_table_gives_the_same_calibration_as_its_logs() {
     let logs = || vec![csv_bytes(chamber_rig().run(1)), csv_bytes(chamber_rig().run(2))];
     let options = FitOptions::new(model("auto"));
     let direct = calibrate(windows(logs(), &setup), &setup, &options).unwrap();
-    let path = std::env::temp_dir().join(format!("sagnac-road-{}.parquet", std::process::id()));
+    let path = std::env::temp_dir().join(format!("sagnac-pipeline-{}.parquet", std::process::id()));
     let mut bytes = Vec::new();
     write_table(&windows(logs(), &setup), &setup, &mut bytes).unwrap();
     std::fs::write(&path, &bytes).unwrap();
@@ -110,7 +110,7 @@ fn insignificant_terms_of_a_fixed_model_are_marked() {
     assert!(marks[2..].iter().any(|m| !m), "{marks:?}");
 }
 
-/// A 30 s motion of 47 °/h, a start-up row and a step: found, named, left out, the fit unharmed.
+/// A 30 s motion of 47 °/h, a start-up row and a step: detected, named, excluded, without effect on the fit.
 #[test]
 fn bumps_and_steps_are_left_out_by_name() {
     let clean = fit(vec![csv_bytes(PaperRig::PAPER.run(1))], &paper_setup(), "bias 2").unwrap();
@@ -163,7 +163,7 @@ fn verify_goes_through_the_image_and_limits_decide() {
     assert!((floor.value_dph - 0.036).abs() < 1e-12, "0.36 arcsec/√s over 100 s is 0.036 °/h");
 }
 
-/// An imported polynomial takes away exactly P(T) − P(T0): the paper's own correction, verified.
+/// An imported polynomial removes exactly P(T) − P(T0): verifies the correction of the paper.
 #[test]
 fn an_old_correction_can_be_verified_too() {
     let setup = paper_setup();
@@ -215,9 +215,9 @@ fn compensated_output_is_stamped_conserves_counts_and_is_refused_as_input() {
 }
 
 /// Multi-axis rates with two thermometers, a gap and missing temperatures: HELD, STALE and the gap do not
-/// disturb the books: corrected − raw is −Σd·dt of the covered time alone.
+/// disturb the sums: corrected − raw is −Σd·dt of the covered time only.
 #[test]
-fn replay_tells_held_and_stale_and_jumps_over_gaps() {
+fn replay_reports_held_and_stale_and_skips_gaps() {
     let setup = Setup { serial: Some("A".into()), arcsec_per_count: Some(1.0), ..Setup::default() };
     let polynomial = sagnac::export::Polynomial { coefficients: vec![10.0, 0.0], window_s: 100.0, span_c: [0.0, 50.0] };
     let correction = Correction::from_calibration(sagnac::export::import(&polynomial, &setup).unwrap()).unwrap();
@@ -241,11 +241,11 @@ fn replay_tells_held_and_stale_and_jumps_over_gaps() {
     assert_eq!((status(150).as_str(), status(255).as_str()), ("OK", "OK"));
     let total: i64 = text.lines().skip(2).map(|l| l.split(',').nth(2).unwrap().parse::<i64>().unwrap()).sum();
     // d = 0.1 counts/s per °C, T − T0 = 10 °C: one count per second over 250 s; the first slew of 10 ms
-    // spares half a hundredth of one, which stays in the remainder.
+    // saves half a hundredth of one, which stays in the remainder.
     assert_eq!(total, 250 * 40 - 250);
 }
 
-/// A glitch that is left out must not raise the floor that the rest is judged by.
+/// An excluded glitch must not raise the noise floor of the other windows.
 #[test]
 fn a_glitch_that_is_left_out_leaves_no_trace_in_the_floor() {
     let setup = chamber_setup();
@@ -260,7 +260,7 @@ fn a_glitch_that_is_left_out_leaves_no_trace_in_the_floor() {
     assert!((with / without - 1.0).abs() < 0.02, "{with} {without}");
 }
 
-/// Windows cut short by a fast ramp are noisier, and the floor says so: pure noise is at its floor.
+/// Windows cut short by a fast ramp are noisier, and the noise floor accounts for that: pure noise is at its floor.
 #[test]
 fn noise_is_at_its_floor_on_any_ramp() {
     for rate_cpm in [1.0, 3.0, 10.0] {
@@ -287,7 +287,7 @@ fn noise_is_at_its_floor_on_any_ramp() {
     }
 }
 
-/// A short run that falls into one block whole does not take the candidates away.
+/// A short run that lies completely in one block does not remove candidates.
 #[test]
 fn a_run_shorter_than_a_block_is_judged_about_its_own_mean() {
     let setup = paper_setup();
@@ -306,7 +306,7 @@ fn the_same_log_twice_is_no_second_run() {
     assert!(error.kind == ErrorKind::Input && error.what.contains("same bytes"), "{error}");
 }
 
-/// A record edited by hand is taken as it stands or refused, never in part.
+/// A record edited by hand is accepted unchanged or refused, never in part.
 #[test]
 fn hand_edited_records_are_refused_by_field() {
     let text =
@@ -329,7 +329,7 @@ fn hand_edited_records_are_refused_by_field() {
     }
 }
 
-/// One source of the target's timing: an imported polynomial follows the setup as a fit does.
+/// The timing of the target has one source: an imported polynomial uses the setup, like a fit.
 #[test]
 fn fit_and_import_take_the_same_timing_from_the_setup() {
     let setup = Setup { tick_s: Some(2e-4), temperature_period_s: Some(0.5), slew_ticks: Some(20), ..paper_setup() };
@@ -341,10 +341,10 @@ fn fit_and_import_take_the_same_timing_from_the_setup() {
     assert_eq!((fitted.target.tick_ns, fitted.target.period_ticks, fitted.target.slew_ticks), (200_000, 2500, 20));
 }
 
-/// Heating against cooling is told without being asked for: the rate effect before the fit, nothing after it; without the rate
+/// Hysteresis is always reported: the rate effect before the fit, nothing after it; without the rate
 /// term it stays.
 #[test]
-fn heating_against_cooling_is_always_told() {
+fn hysteresis_is_always_reported() {
     let rig = LaggedChamber::domain_notes();
     let setup = Setup { arcsec_per_count: Some(rig.arcsec_per_count), ..Setup::default() };
     let legs = |model: &str| {

@@ -1,29 +1,20 @@
-//! The fields of a JSON schema as tables: `{{#fields FILE}}` on a line of its own in a page.
+//! The fields of the calibration record as tables in `docs/reference/record.md`.
 //!
-//! The schema is made from the program's own types, so the page cannot say something else than the program does.
+//! The schema comes from the program's own types, so the page cannot contradict the program.
 
 use std::fmt::Write;
-use std::path::Path;
 
 use anyhow::{Context, Result};
 use serde_json::{Map, Value};
 
-const MARK: &str = "{{#fields ";
+const BEGIN: &str = "<!-- fields: made by `cargo xtask bless schema`; do not edit -->\n";
+const END: &str = "<!-- end of fields -->\n";
 
-/// The page with every mark replaced by the tables of the schema that it names, relative to the page's folder.
-pub(crate) fn expand(page: &str, folder: &Path) -> Result<String> {
-    let mut out = String::with_capacity(page.len());
-    for line in page.split_inclusive('\n') {
-        let Some(file) = line.trim().strip_prefix(MARK).and_then(|rest| rest.strip_suffix("}}")) else {
-            out += line;
-            continue;
-        };
-        let path = folder.join(file.trim());
-        let text = std::fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display()))?;
-        let schema = serde_json::from_str(&text).with_context(|| format!("{} is not JSON", path.display()))?;
-        out += &tables(&schema)?;
-    }
-    Ok(out)
+/// The page with the tables of this schema between its two marks.
+pub(crate) fn between_marks(page: &str, schema: &Value) -> Result<String> {
+    let (head, rest) = page.split_once(BEGIN).context("no mark of the fields")?;
+    let (_, tail) = rest.split_once(END).context("no mark of the end of the fields")?;
+    Ok(format!("{head}{BEGIN}{}\n{END}{tail}", tables(schema)?))
 }
 
 /// The schema itself, then each of its definitions in the schema's order.
@@ -116,19 +107,24 @@ fn of_type(name: &str, schema: &Value) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use xtask::shell::root;
 
-    fn committed() -> String {
-        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/reference");
-        expand("before\n{{#fields calibration.schema.json}}\nafter\n", &folder).unwrap()
+    use super::*;
+    use crate::places::CALIBRATION_SCHEMA;
+
+    /// The committed schema, and a page of its tables.
+    fn committed() -> (Value, String) {
+        let schema = std::fs::read_to_string(root().join(CALIBRATION_SCHEMA)).unwrap();
+        let schema = serde_json::from_str(&schema).unwrap();
+        let page = between_marks(&format!("before\n{BEGIN}old\n{END}after\n"), &schema).unwrap();
+        (schema, page)
     }
 
     #[test]
     fn every_field_of_the_record_is_in_a_table() {
-        let page = committed();
-        assert!(page.starts_with("before\n\n### Calibration\n") && page.ends_with("after\n"));
-        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/reference/calibration.schema.json");
-        let schema: Value = serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap();
+        let (schema, page) = committed();
+        assert!(page.starts_with(&format!("before\n{BEGIN}\n### Calibration\n")), "{page}");
+        assert!(page.ends_with(&format!("|\n\n{END}after\n")) && !page.contains("old\n"), "{page}");
         let definitions = schema["$defs"].as_object().unwrap();
         assert!(definitions.len() > 30);
         for (name, definition) in definitions {
@@ -141,7 +137,7 @@ mod tests {
 
     #[test]
     fn every_link_has_a_heading() {
-        let page = committed();
+        let (_, page) = committed();
         let headings: Vec<String> =
             page.lines().filter_map(|line| line.strip_prefix("### ")).map(str::to_lowercase).collect();
         let mut links = 0;
@@ -153,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn types_are_told_in_words() {
+    fn types_are_written_in_words() {
         let schema = |text: &str| kind(&serde_json::from_str(text).unwrap());
         assert_eq!(schema(r#"{"type":["number","null"]}"#), "number or null");
         assert_eq!(schema(r#"{"type":"array","items":{"type":"number"},"minItems":2,"maxItems":2}"#), "2 of number");
@@ -163,10 +159,10 @@ mod tests {
     }
 
     #[test]
-    fn a_schema_that_is_not_there_is_an_error() {
-        assert!(
-            format!("{:#}", expand("{{#fields no.json}}", Path::new("/nowhere")).unwrap_err())
-                .contains("/nowhere/no.json")
-        );
+    fn a_page_without_a_mark_is_an_error() {
+        let (schema, _) = committed();
+        for (page, said) in [("", "no mark of the fields"), (BEGIN, "end of the fields")] {
+            assert!(between_marks(page, &schema).unwrap_err().to_string().contains(said), "{page}");
+        }
     }
 }
