@@ -13,7 +13,7 @@ use sagnac_units::format::{celsius, significant, with_sigma};
 
 use crate::console::{Console, Outcome, Ran, table};
 use crate::loading;
-use crate::setup_args::SetupArgs;
+use crate::setup_args::LogArgs;
 
 /// Candidates shown besides the one that was selected.
 const SHOWN_CANDIDATES: usize = 8;
@@ -55,7 +55,7 @@ pub(crate) struct Args {
     #[arg(long)]
     pub(crate) json: bool,
     #[command(flatten)]
-    setup: SetupArgs,
+    reading: LogArgs,
 }
 
 /// What misfit costs.
@@ -75,7 +75,7 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
         .source_date_epoch(source_date_epoch()?)
         .bootstrap(args.bootstrap.map(usize::from))
         .loss(loss);
-    let (windows, setup) = loading::windows(&args.logs, &args.setup)?;
+    let (windows, setup) = loading::windows(&args.logs, &args.reading)?;
     let (calibration, report_data) = calibrate_with_report_data(windows, &setup, &options)?;
     let text = calibration.to_json()?;
     for axis in &calibration.axes {

@@ -18,7 +18,7 @@ use crate::calibrate::{excluded, summary};
 use crate::console::{Console, Outcome, Ran, table};
 use crate::loading::{self, Kind};
 use crate::progress::open_log;
-use crate::setup_args::SetupArgs;
+use crate::setup_args::LogArgs;
 
 /// Say what a log, window table, calibration or image is
 #[derive(clap::Args)]
@@ -32,7 +32,7 @@ pub(crate) struct Args {
     #[arg(long)]
     pub(crate) json: bool,
     #[command(flatten)]
-    setup: SetupArgs,
+    reading: LogArgs,
 }
 
 /// Output of `inspect --json` for a log or window table.
@@ -89,16 +89,16 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
             console.object(&calibration)?;
         }
         Kind::WindowTable => {
-            let (windows, setup) = loading::windows(std::slice::from_ref(&args.file), &args.setup)?;
+            let (windows, setup) = loading::windows(std::slice::from_ref(&args.file), &args.reading)?;
             console.say("a window table");
             log(windows, Vec::new(), "window table", &setup, console)?;
         }
         Kind::Log => {
-            let given = args.setup.over(Setup::default())?;
+            let given = args.reading.setup.over(Setup::default())?;
             let (reader, setup) = open_as_far_as_known(&args.file, given)?;
             let shape = reader.shape().clone();
             console.say(shape_text(&shape));
-            let windows = args.setup.outliers(WindowBuilder::read_all(vec![reader], &setup)?).finish();
+            let windows = args.reading.outliers(WindowBuilder::read_all(vec![reader], &setup)?).finish();
             log(windows, shape.ignored, "log", &setup, console)?;
         }
     }

@@ -12,7 +12,7 @@ use sagnac_log::ingest::{LogReader, ReadMode};
 use sagnac_log::setup::Setup;
 
 use crate::progress::open_log;
-use crate::setup_args::SetupArgs;
+use crate::setup_args::LogArgs;
 
 /// Largest size of a calibration.
 const MAX_CALIBRATION_BYTES: u64 = 64 << 20;
@@ -89,7 +89,7 @@ pub(crate) fn logs(paths: &[PathBuf], setup: &Setup, pace: ReadMode) -> Result<V
 }
 
 /// Windows of logs, or of one window table, with their setup and the flags that override it.
-pub(crate) fn windows(paths: &[PathBuf], args: &SetupArgs) -> Result<(Windows, Setup)> {
+pub(crate) fn windows(paths: &[PathBuf], args: &LogArgs) -> Result<(Windows, Setup)> {
     for path in paths {
         match kind_of(path)? {
             Kind::WindowTable if paths.len() == 1 => return table(path, args),
@@ -105,15 +105,15 @@ pub(crate) fn windows(paths: &[PathBuf], args: &SetupArgs) -> Result<(Windows, S
             Kind::Log => {}
         }
     }
-    let setup = args.over(Setup::default())?;
+    let setup = args.setup.over(Setup::default())?;
     let builder = WindowBuilder::read_all(logs(paths, &setup, ReadMode::Bulk)?, &setup)?;
     Ok((args.outliers(builder).finish(), setup))
 }
 
 /// A window table. The settings of its windows cannot be changed any more.
-fn table(path: &Path, args: &SetupArgs) -> Result<(Windows, Setup)> {
+fn table(path: &Path, args: &LogArgs) -> Result<(Windows, Setup)> {
     let (windows, made_with) = read_table(path)?;
-    let setup = args.over(made_with.clone())?;
+    let setup = args.setup.over(made_with.clone())?;
     if !setup.makes_the_windows_of(&made_with) || args.keep_outliers {
         return Err(Error::input("a flag or the setup would change how the windows of this table were made")
             .file(path.display().to_string())

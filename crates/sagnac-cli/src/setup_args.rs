@@ -63,9 +63,23 @@ pub(crate) struct SetupArgs {
     /// columns; `none` for none. An image alone reads its other inputs by them
     #[arg(long, value_name = "NAMES")]
     inputs: Option<String>,
+}
+
+/// How a log becomes windows.
+#[derive(Args, Clone, Default)]
+pub(crate) struct LogArgs {
+    #[command(flatten)]
+    pub(crate) setup: SetupArgs,
     /// Keep the windows that look like bumps, steps or start-up
     #[arg(long)]
     pub(crate) keep_outliers: bool,
+}
+
+impl LogArgs {
+    /// A builder that keeps outliers where `--keep-outliers` says so.
+    pub(crate) fn outliers(&self, builder: WindowBuilder) -> WindowBuilder {
+        if self.keep_outliers { builder.keep_outliers() } else { builder }
+    }
 }
 
 /// Names between commas; none for the word `none`.
@@ -118,11 +132,6 @@ impl SetupArgs {
         }
         setup.check()?;
         Ok(setup)
-    }
-
-    /// A builder that keeps outliers where `--keep-outliers` says so.
-    pub(crate) fn outliers(&self, builder: WindowBuilder) -> WindowBuilder {
-        if self.keep_outliers { builder.keep_outliers() } else { builder }
     }
 }
 

@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use sagnac::verify::{
-    AxisVerification, Estimate, Figures, Judged, Limits, PositionError, Proof, ScaleFigures, ScaleProof, Verification,
-    VerifyOptions, verify,
+    AxisVerification, BiasRepeatability, Estimate, Figures, Judged, Limits, PositionError, Proof, ScaleFigures,
+    ScaleProof, Verification, VerifyOptions, verify,
 };
 use sagnac_log::ingest::ReadMode;
 use sagnac_log::write::write_bytes;
@@ -38,8 +38,19 @@ pub(crate) struct Args {
     /// One JSON object on standard output, text on standard error
     #[arg(long)]
     pub(crate) json: bool,
+    /// Leave out what looks like bumps, steps or start-up (`outliers`), or the discarded start of each run (`start`): for a bench
+    /// that was bumped. How much is left out is a limit of its own
+    #[arg(long, value_enum, value_delimiter = ',', value_name = "WHAT")]
+    exclude: Vec<Exclude>,
     #[command(flatten)]
     setup: SetupArgs,
+}
+
+/// What a retest may be judged without.
+#[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum Exclude {
+    Outliers,
+    Start,
 }
 
 pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
@@ -49,7 +60,9 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     let setup = args.setup.over(correction.setup())?;
     let limits = args.limits.as_deref().map(Limits::named_or_read).transpose()?;
     let logs = loading::logs(&args.retests, &setup, ReadMode::Bulk)?;
-    let options = VerifyOptions::default().keep_outliers(args.setup.keep_outliers);
+    let options = VerifyOptions::default()
+        .exclude_outliers(args.exclude.contains(&Exclude::Outliers))
+        .exclude_start(args.exclude.contains(&Exclude::Start));
     let proof = verify(&correction, logs, &setup, options)?;
     let Proof { verification, report_data, .. } = match &limits {
         Some(limits) => proof.limits(limits)?,
@@ -86,6 +99,13 @@ fn describe(console: &mut Console, verification: &Verification) {
         if let Some(scale) = &axis.scale_factor {
             console.say(scale_factor(scale));
         }
+        if let Some(found) = &axis.bias_repeatability {
+            console.say(bias_repeatability(found));
+        }
+        for suspect in &axis.suspects {
+            let judged = if axis.excluded_fraction.is_some() { "" } else { "; judged with the rest" };
+            console.say(format!("  suspected {}{judged}", suspect.words()));
+        }
         let rows = axis.residual_diagnostics.rows();
         if !rows.is_empty() {
             console.say(table(&["residual", "value", "noise alone"], rows));
@@ -97,12 +117,7 @@ fn describe(console: &mut Console, verification: &Verification) {
             console.say(format!("  the flight is not available: {why}"));
         }
         if !axis.limits.is_empty() {
-            let rows = axis.limits.iter().map(|l| {
-                let word = if l.pass == Some(false) { "NOT MET" } else { l.word() };
-                let word = l.why.as_ref().map_or(word.to_owned(), |why| format!("{word}: {why}"));
-                vec![l.name.clone(), l.value_text(), significant(l.limit, 4), l.margin_text(), word]
-            });
-            console.say(table(&["limit", "value", "bound", "margin", ""], rows));
+            console.say(limits(axis));
         }
     }
     for line in excluded(&verification.excluded) {
@@ -124,6 +139,47 @@ fn flown(flight: &PositionError) -> String {
     )
 }
 
+/// Every limit with its value; beside it the value over every row, where some were excluded.
+fn limits(axis: &AxisVerification) -> String {
+    let excluding = axis.excluded_fraction.is_some();
+    let rows = axis.limits.iter().map(|l| {
+        let word = if l.word() == "not met" { "NOT MET" } else { l.word() };
+        let word = l.remark().map_or(word.to_owned(), |remark| format!("{word}: {remark}"));
+        let every = l.value_of_every_row.map_or("-".to_owned(), |value| significant(value, 4));
+        let every = if excluding { vec![every] } else { Vec::new() };
+        [vec![l.name.clone(), l.value_text()], every, vec![significant(l.limit, 4), l.margin_text(), word]].concat()
+    });
+    let head = if excluding {
+        vec!["limit", "value", "of every row", "bound", "margin", ""]
+    } else {
+        vec!["limit", "value", "bound", "margin", ""]
+    };
+    table(&head, rows)
+}
+
+/// Fixed bias of the runs against the calibration.
+fn bias_repeatability(found: &BiasRepeatability) -> String {
+    let text = |e: Estimate| with_sigma(e.value, Some(e.sigma));
+    let mut out = format!(
+        "  fixed bias of the calibration {} °/h (input rate {} °/h)",
+        text(found.calibration_dph),
+        significant(found.input_rate_dph, 5)
+    );
+    for run in &found.runs {
+        let file = sagnac_units::format::file_name(&run.file);
+        out +=
+            &format!("\n  {file}: {} °/h, {} °/h from the calibration", text(run.bias_dph), text(run.difference_dph));
+    }
+    if let Some(turn_ons) = found.turn_ons {
+        let [sigma, upper] = [turn_ons.sigma_dph, turn_ons.sigma_upper_dph].map(|v| significant(v, 2));
+        out += &format!(
+            "\n  turn-on to turn-on: σ {sigma} °/h over {} runs, below {upper} °/h with 95 % confidence",
+            turn_ons.n
+        );
+    }
+    out
+}
+
 /// The scale factor over the plateaus, before and after.
 fn scale_factor(scale: &ScaleProof) -> String {
     let row = |name: &str, f: &ScaleFigures| {
@@ -142,7 +198,8 @@ fn verdict(axis: &AxisVerification) -> String {
     let judged = Judged::of(&axis.limits);
     let judged = match axis.pass {
         Some(true) if judged.not_asked == 0 => "all limits met; ".to_owned(),
-        Some(true) => format!("{}; ", judged.words()),
+        Some(true) => format!("{}{}; ", judged.words(), unjudged_bias(axis)),
+        Some(false) if judged.not_met == 0 => format!("LIMITS NOT DECIDED: {}; ", judged.words()),
         Some(false) => "LIMITS NOT MET; ".to_owned(),
         None => String::new(),
     };
@@ -150,6 +207,12 @@ fn verdict(axis: &AxisVerification) -> String {
         format!("σ after is {} of the noise floor", significant(axis.after.sigma_dph / floor.value_dph, 3))
     });
     format!("{judged}max − min improved {}, σ {}; {floor}", times(axis.improvement), times(axis.improvement_sigma))
+}
+
+/// Says in the first line that the bias was not judged.
+fn unjudged_bias(axis: &AxisVerification) -> &'static str {
+    let asked = axis.limits.iter().any(|limit| limit.name == "bias_repeatability_dph_max" && limit.pass.is_none());
+    if asked { " (the bias against the calibration is NOT judged)" } else { "" }
 }
 
 fn figures(axis: &AxisVerification, verification: &Verification) -> String {

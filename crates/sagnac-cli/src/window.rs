@@ -8,7 +8,7 @@ use sagnac_log::write::write_bytes;
 use crate::calibrate::excluded;
 use crate::console::{Console, Outcome, Ran};
 use crate::loading;
-use crate::setup_args::SetupArgs;
+use crate::setup_args::LogArgs;
 
 /// Sum logs into analysis windows and write them as a Parquet table, or CSV to look at
 #[derive(clap::Args)]
@@ -23,13 +23,13 @@ pub(crate) struct Args {
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
     #[command(flatten)]
-    setup: SetupArgs,
+    reading: LogArgs,
 }
 
 pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     loading::check_output_name(&args.output, "Parquet, or CSV for .csv")?;
     loading::keep_inputs(&args.logs, [args.output.as_path()])?;
-    let (windows, setup) = loading::windows(&args.logs, &args.setup)?;
+    let (windows, setup) = loading::windows(&args.logs, &args.reading)?;
     let mut bytes = Vec::new();
     if loading::has_extension(&args.output, "csv") {
         write_table_csv(&windows, &setup, &mut bytes)?;

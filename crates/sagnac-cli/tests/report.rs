@@ -176,7 +176,7 @@ fn a_browser_draws_the_reports_of_a_whole_calibration() {
     let table = std::fs::read_to_string(folder.path().join("table.html")).unwrap();
     assert!(table.contains("95 % of other windows at rest"));
     let page = std::fs::read_to_string(folder.path().join("acceptance.html")).unwrap();
-    for words in ["Accepted: 12 of 12 limits met", "Tested by", "Signature", "Position error of the stated flight"] {
+    for words in ["Accepted: 13 of 13 limits met", "Tested by", "Signature", "Position error of the stated flight"] {
         assert!(page.contains(words), "{words}");
     }
 }

@@ -5,7 +5,7 @@ use maud::{Markup, html};
 use crate::figure::{Figure, Layer, Role, SOLID, rounded};
 use crate::figures::figure;
 use sagnac::calibration::{Calibration, LogUnit};
-use sagnac::verify::{AxisVerification, Estimate, Judged, PositionError, Verification};
+use sagnac::verify::{AxisVerification, Bound, Estimate, Judged, PositionError, SPECS, Verification};
 use sagnac_units::format::{celsius, plain, significant, with_sigma};
 
 /// True where the unit was checked against limits.
@@ -20,6 +20,7 @@ pub(crate) fn identity(verification: &Verification, calibration: Option<&Calibra
     let word = match (accepted, judged.not_asked) {
         (true, 0) => "Accepted",
         (true, _) => "Accepted as far as asked",
+        (false, _) if judged.not_met == 0 && verification.training_overlap.is_empty() => "Not decided",
         (false, _) => "Not accepted",
     };
     let not_stated = || "not stated in the setup".to_owned();
@@ -71,54 +72,57 @@ pub(crate) fn limits(verification: &Verification) -> Markup {
         @for axis in verification.axes.iter().filter(|axis| !axis.limits.is_empty()) {
             h3 { "Limits" @if several { " of axis " (axis.axis) } }
             div.scroll { table {
-                thead { tr { th { "limit" } th.words { "unit" } th { "bound" } th { "value" } th { "margin" } th.words { "" } } }
+                @let excluding = axis.excluded_fraction.is_some();
+                thead { tr {
+                    th { "limit" } th.words { "unit" } th { "bound" } th { "value" }
+                    @if excluding { th { "of every row" } }
+                    th { "margin" } th.words { "" }
+                } }
                 @for limit in &axis.limits {
                     @let (words, unit) = limit_words(&limit.name);
                     tr {
                         td { (words) } td.unit { (unit) } td { (significant(limit.limit, 4)) }
-                        td { (limit.value_text()) } td { (limit.margin_text()) }
+                        td { (limit.value_text()) }
+                        @if excluding { td { (limit.value_of_every_row.map_or("-".to_owned(), |value| significant(value, 4))) } }
+                        td { (limit.margin_text()) }
                         @match limit.pass {
                             Some(true) => { td.pass.words { (limit.word()) } }
                             Some(false) => { td.fail.words { (limit.word()) } }
                             None => { td.unit { (limit.word()) } }
                         }
                     }
-                    @if let Some(why) = limit.why.as_ref().filter(|_| limit.pass.is_some()) {
-                        tr.why { td colspan="6" { "not met: " (why) } }
+                    @if let Some(remark) = limit.remark().filter(|_| limit.pass.is_some()) {
+                        tr.why { td colspan="7" { (limit.word()) ": " (remark) } }
                     }
                 }
             } }
             @for limit in axis.limits.iter().filter(|limit| limit.pass.is_none()) {
                 p.note { "Not asked: " (limit_words(&limit.name).0) "; it " (limit.why.as_deref().unwrap_or("is of another test")) "." }
             }
-            p.note { "A limit is met where the value itself is within its bound; ± is the value's standard error. Margin: the distance to the bound, as a fraction of it." }
+            p.note { "Guarded: met where the value and 1.645 of its standard errors (±) are within the bound, not met where both are beyond it, else not decided. Simple: the value alone decides. Margin: the distance to the bound, as a fraction of it." }
+            (suspects(axis))
         }
     }
 }
 
 /// A limit's name for people, and its unit.
-fn limit_words(name: &str) -> (&str, &'static str) {
-    match name {
-        "sigma_dph_max" => ("σ after, at most", "°/h"),
-        "peak_to_peak_dph_max" => ("max − min after, at most", "°/h"),
-        "sigma_over_floor_max" => ("σ after over the noise floor, at most", ""),
-        "improvement_min" => ("max − min before over after, at least", ""),
-        "improvement_sigma_min" => ("σ before over after, at least", ""),
-        "out_of_span_max" => ("part of the test outside the fit's span, at most", ""),
-        "span_covered_min" => ("part of the fit's span that the test covers, at least", ""),
-        "plateau_sigma_dph_max" => ("σ within a plateau, at most", "°/h"),
-        "plateau_offset_dph_max" => ("a plateau's mean from the run's, at most", "°/h"),
-        "ramps_rms_dph_max" => ("root mean square in ramps, at most", "°/h"),
-        "drift_dph_per_c_max" => ("drift with temperature, at most", "°/h per °C"),
-        "drift_dph_per_cpm_max" => ("drift with its rate, at most", "°/h per °C/min"),
-        "hysteresis_dph_max" => ("heating less cooling, at most", "°/h"),
-        "scale_factor_sigma_ppm_max" => ("σ of the scale factor over temperature, at most", "ppm"),
-        "scale_factor_peak_to_peak_ppm_max" => ("max − min of the scale factor, at most", "ppm"),
-        "arw_deg_rt_h_max" => ("angle random walk after, at most", "°/√h"),
-        "arw_increase_max" => ("angle random walk after over before, at most", ""),
-        "bias_instability_dph_max" => ("bias instability after, at most", "°/h"),
-        "position_error_m_max" => ("position error of the flight by drift, with 2σ, at most", "m"),
-        other => (other, ""),
+fn limit_words(name: &str) -> (String, &'static str) {
+    let Some(spec) = SPECS.iter().find(|spec| spec.key == name) else { return (name.to_owned(), "") };
+    let bound = match spec.bound {
+        Bound::Most => "at most",
+        Bound::Least => "at least",
+    };
+    (format!("{}, {bound}", spec.label), unit_for_people(spec.unit))
+}
+
+/// The unit of a limit with its signs.
+fn unit_for_people(unit: &'static str) -> &'static str {
+    match unit {
+        "deg/h" => "°/h",
+        "deg/h per degC" => "°/h per °C",
+        "deg/h per degC/min" => "°/h per °C/min",
+        "deg/rt h" => "°/√h",
+        other => other,
     }
 }
 
@@ -149,8 +153,11 @@ pub(crate) fn residual(axis: &AxisVerification) -> Markup {
         rows.push(("angle random walk before".to_owned(), significant(walk.before_deg_rt_h, 3), "°/√h"));
         rows.push(("angle random walk after".to_owned(), significant(walk.after_deg_rt_h, 3), "°/√h"));
     }
+    if let Some(smooth) = left.over_temperature_dph {
+        rows.push(("smooth residual over temperature, rms".to_owned(), estimate(smooth), "°/h"));
+    }
     if let Some(b) = left.bias_instability_dph {
-        rows.push(("bias instability, from the least Allan deviation".to_owned(), significant(b, 3), "°/h"));
+        rows.push(("bias instability, from the least Allan deviation".to_owned(), estimate(b), "°/h"));
     }
     html! {
         @if !rows.is_empty() {
@@ -176,6 +183,9 @@ pub(crate) fn flight(axis: &AxisVerification) -> Markup {
                 tr { td { "by the drift as corrected" } td { (metres(flown.after_m)) } }
                 tr { td { "as corrected, most on the way" } td { (significant(flown.most_after_m, 3)) } }
                 tr { td { "the same with two of its σ" } td { (significant(flown.bound_after_m, 3)) } }
+                @if let Some(heading) = flown.heading {
+                    tr { td { "across the track, by a heading error of " (metres(heading.heading_arcmin)) " arcmin" } td { (metres(heading.cross_track_m)) } }
+                }
                 @if let Some(noise) = flown.noise_m { tr { td { "angle random walk alone, σ" } td { (significant(noise, 3)) } } }
             } }
         }
@@ -201,6 +211,40 @@ pub(crate) fn flight_figure(axis: &AxisVerification) -> Option<Figure> {
     out.layers.push(curve("as logged", Role::Before, &flown.curve_before_m));
     out.layers.push(curve("corrected", Role::After, &flown.curve_after_m));
     out.framed(true)
+}
+
+/// Stretches that look like disturbances, with place and size.
+fn suspects(axis: &AxisVerification) -> Markup {
+    let judged = if axis.excluded_fraction.is_some() { "excluded where asked" } else { "judged with the rest" };
+    html! {
+        @for suspect in &axis.suspects { p.note { "Suspected " (suspect.words()) "; " (judged) "." } }
+    }
+}
+
+/// Fixed bias of each run against the calibration.
+pub(crate) fn bias_repeatability(axis: &AxisVerification) -> Markup {
+    let text = |e: Estimate| with_sigma(e.value, Some(e.sigma));
+    html! {
+        @if let Some(found) = &axis.bias_repeatability {
+            h3 { "Fixed bias against the calibration, °/h" }
+            div.scroll { table {
+                thead { tr { th.words { "" } th { "fixed bias" } th { "less the calibration's" } } }
+                tr { td { "calibration, input rate " (significant(found.input_rate_dph, 5)) " °/h" } td { (text(found.calibration_dph)) } td { "-" } }
+                @for run in &found.runs {
+                    tr { td { (sagnac_units::format::file_name(&run.file)) } td { (text(run.bias_dph)) } td { (text(run.difference_dph)) } }
+                }
+            } }
+            @if let Some(turn_ons) = found.turn_ons {
+                p.note {
+                    "Turn-on to turn-on: σ " (significant(turn_ons.sigma_dph, 2)) " °/h over " (turn_ons.n) " runs, those of the calibration included; below "
+                    (significant(turn_ons.sigma_upper_dph, 2)) " °/h with 95 % confidence."
+                }
+            }
+        }
+        @if let Some(why) = &axis.bias_repeatability_unavailable {
+            p.note { "The fixed bias is not judged against the calibration: " (why) "." }
+        }
+    }
 }
 
 /// Room for names, on the page of the verdict.

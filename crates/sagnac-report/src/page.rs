@@ -83,6 +83,7 @@ pub fn verification_report(
             @if several { h2.axis { "Axis " (axis.axis) } }
             (before_after(axis, verification))
             (scale_before_after(axis))
+            (acceptance::bias_repeatability(axis))
             (acceptance::residual(axis))
             (acceptance::flight(axis))
             (left(axis))

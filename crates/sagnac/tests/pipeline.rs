@@ -61,7 +61,7 @@ fn the_same_input_gives_the_same_bytes_and_json_goes_round() {
         assert!(error.to_string().contains(word) && error.kind == ErrorKind::Input, "{from}: {error}");
     }
     // A newer minor version may have more fields; they are ignored.
-    let newer = text.replacen("\"minor_version\": 0", "\"minor_version\": 7", 1).replacen(
+    let newer = text.replacen("\"minor_version\": 1", "\"minor_version\": 7", 1).replacen(
         "\"serial\"",
         "\"extra\": 1, \"serial\"",
         1,
@@ -110,7 +110,7 @@ fn insignificant_terms_of_a_fixed_model_are_marked() {
     assert!(marks[2..].iter().any(|m| !m), "{marks:?}");
 }
 
-/// A 30 s motion of 47 °/h, a start-up row and a step: detected, named, excluded, without effect on the fit.
+/// A 30 s motion of 47 °/h and ten minutes of a step: detected, named, excluded, without effect on the fit.
 #[test]
 fn bumps_and_steps_are_left_out_by_name() {
     let clean = fit(vec![csv_bytes(PaperRig::PAPER.run(1))], &paper_setup(), "bias 2").unwrap();
@@ -119,8 +119,14 @@ fn bumps_and_steps_are_left_out_by_name() {
         fit(vec![csv_bytes(rows)], &paper_setup(), "bias 2").unwrap()
     };
     let bump = spoil(&|t| if (5050.0..5080.0).contains(&t) { 44.5 } else { 0.0 });
-    let step = spoil(&|t| if t > 12_030.0 { 1.0 } else { 0.0 });
-    for (spoiled, reason, windows) in [(bump, Reason::Motion, 1), (step, Reason::Step, 30)] {
+    // One that is taken back after ten minutes is an excursion; one that lasts has no wrong side.
+    let excursion = spoil(&|t| if (12_030.0..12_630.0).contains(&t) { 1.0 } else { 0.0 });
+    let stepped = PaperRig::PAPER
+        .run(1)
+        .map(|row| sagnac_sim::Row { counts: row.counts + if row.time_s > 12_030.0 { 1.0 } else { 0.0 }, ..row });
+    let refused = refusal(vec![csv_bytes(stepped)], &paper_setup(), "bias 2");
+    assert!(refused.contains("steps at 3.3") && refused.contains("stays there"), "{refused}");
+    for (spoiled, reason, windows) in [(bump, Reason::Motion, 1), (excursion, Reason::Step, 7)] {
         let excluded = spoiled.axes[0].excluded();
         assert_eq!(excluded.len(), 1, "{excluded:?}");
         assert_eq!(excluded[0].reason, reason);

@@ -130,7 +130,7 @@ fn rates_of_two_axes_with_a_late_thermometer() {
     let proof = |setup: &Setup| {
         let correction = Correction::from_calibration(calibration.clone()).unwrap();
         let reader = support::reader(log(20.0), setup);
-        verify(&correction, vec![reader], setup, VerifyOptions::default().keep_outliers(true))
+        verify(&correction, vec![reader], setup, VerifyOptions::default())
             .map(|proof| proof.verification)
             .unwrap()
             .axes

@@ -43,8 +43,10 @@ pub enum Reason {
     StartUp,
     /// Window far from its neighbours (a bump, a motion).
     Motion,
-    /// Window on the shorter side of a lasting step.
+    /// Window of a stretch that steps away and back.
     Step,
+    /// Window at a step that lasts.
+    LastingStep,
     /// Window in which the rate table changed its rate.
     TableChange,
     /// Window without a reference rate in a run that has one.
@@ -53,7 +55,7 @@ pub enum Reason {
 
 impl Reason {
     /// Every reason.
-    pub const ALL: [Self; 20] = [
+    pub const ALL: [Self; 21] = [
         Self::Ragged,
         Self::NotANumber,
         Self::ValueOutOfRange,
@@ -72,6 +74,7 @@ impl Reason {
         Self::StartUp,
         Self::Motion,
         Self::Step,
+        Self::LastingStep,
         Self::TableChange,
         Self::NoReference,
     ];
@@ -97,6 +100,7 @@ impl Reason {
             Self::StartUp => "start_up",
             Self::Motion => "motion",
             Self::Step => "step",
+            Self::LastingStep => "lasting_step",
             Self::TableChange => "table_change",
             Self::NoReference => "no_reference",
         }
@@ -126,7 +130,8 @@ impl Reason {
             Self::NoTemperature => "A window with fewer than half of its temperatures.",
             Self::StartUp => "The first window of a run, far from what follows.",
             Self::Motion => "Far from the windows beside it: a bump, a motion.",
-            Self::Step => "On the shorter side of a lasting step.",
+            Self::Step => "Between a step and the step back.",
+            Self::LastingStep => "At a step that lasts: none of its sides is excluded.",
             Self::TableChange => "The rate table changed its rate within the window.",
             Self::NoReference => "No reference rate in a run that has one.",
         }

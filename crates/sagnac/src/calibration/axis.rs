@@ -39,6 +39,8 @@ pub struct FitDiagnostics {
     pub correction_noise: Option<CorrectionNoise>,
     /// Heating against cooling; null where the test does not hold both.
     pub hysteresis: Option<Hysteresis>,
+    /// Rates of the thermometer over the windows, °C/min: the 5th and the 95th percentile; null without time.
+    pub ramp_rates_cpm: Option<[f64; 2]>,
     /// What more soaking would improve; null without a bias term.
     pub soak: Option<Soak>,
     /// Scale factor, from runs on a rate table.

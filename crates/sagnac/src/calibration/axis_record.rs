@@ -65,6 +65,9 @@ pub(crate) struct AxisRecord {
     /// Heating against cooling; absent where the test does not hold both.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     hysteresis: Option<Hysteresis>,
+    /// Rates of the thermometer over the windows, °C/min: the 5th and the 95th percentile; absent without time.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    ramp_rates_cpm: Option<[f64; 2]>,
     /// What more soaking would improve; absent where nothing was fitted here.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     soak: Option<Soak>,
@@ -108,6 +111,7 @@ impl From<AxisCalibration> for AxisRecord {
             residual: None,
             noise_floor: None,
             hysteresis: None,
+            ramp_rates_cpm: None,
             soak: None,
             cross_validation: None,
             candidates: Vec::new(),
@@ -131,6 +135,7 @@ impl AxisRecord {
             collinearity,
             correction_noise,
             hysteresis,
+            ramp_rates_cpm,
             soak,
             scale_factor,
             misalignment,
@@ -144,6 +149,7 @@ impl AxisRecord {
         self.residual = Some(residual);
         (self.noise_floor, self.cross_validation, self.collinearity) = (noise_floor, cross_validation, collinearity);
         (self.correction_noise, self.hysteresis, self.soak) = (correction_noise, hysteresis, soak);
+        self.ramp_rates_cpm = ramp_rates_cpm;
         (self.scale_factor, self.misalignment) = (scale_factor, misalignment);
         (self.candidates, self.model_search, self.rejected_inputs) = (candidates, model_search, rejected_inputs);
         (self.excluded, self.covariance, self.covariance_of) = (excluded, covariance, covariance_of);
@@ -187,6 +193,7 @@ impl TryFrom<AxisRecord> for AxisCalibration {
             residual,
             noise_floor,
             hysteresis,
+            ramp_rates_cpm,
             soak,
             cross_validation,
             candidates,
@@ -201,6 +208,7 @@ impl TryFrom<AxisRecord> for AxisCalibration {
             collinearity,
             correction_noise,
             hysteresis,
+            ramp_rates_cpm,
             soak,
             scale_factor,
             misalignment,

@@ -36,7 +36,7 @@ pub struct Input {
     pub span: [f64; 2],
     /// Lag of its rate terms; null without any.
     pub lag_s: Option<Lag>,
-    /// Rates of the fit, units per minute; null without rate terms.
+    /// Rates of the fit and half as much again, units per minute; null without rate terms.
     pub rate_span_per_min: Option<[f64; 2]>,
     /// Value at code 0. Without the setup's own conversion a thermometer's code is 2⁻²⁴ °C.
     pub offset: f64,

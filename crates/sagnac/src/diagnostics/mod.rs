@@ -200,6 +200,21 @@ pub(crate) fn hysteresis_of(points: &[Point], least: usize, of: impl Fn(&Point) 
     Some(LegDifference { difference_dph: heating - cooling, per_sigma: (1.0 / n_heating + 1.0 / n_cooling).sqrt() })
 }
 
+/// The 5th and the 95th percentile of the temperature rates of used windows, °C/min; `None` without time.
+pub(crate) fn ramp_rates_cpm(points: &[Point]) -> Option<[f64; 2]> {
+    let used = points.iter().filter(|p| p.excluded.is_none() && p.rate_cpm.is_finite());
+    let mut rates: Vec<f64> = used.map(|p| p.rate_cpm).collect();
+    rates.sort_by(f64::total_cmp);
+    let last = rates.len().checked_sub(1)?;
+    Some([0.05, 0.95].map(|part| rates[(part * last as f64).round() as usize]))
+}
+
+/// Part of the rates of a fit that a test reaches, on the side where it reaches less; 1 where the fit itself had no ramps.
+pub(crate) fn rate_coverage(fit_cpm: [f64; 2], test_cpm: [f64; 2]) -> f64 {
+    let side = |fit: f64, test: f64| if fit.abs() > STEADY_CPM { (test / fit).clamp(0.0, 1.0) } else { 1.0 };
+    side(fit_cpm[0], test_cpm[0]).min(side(fit_cpm[1], test_cpm[1]))
+}
+
 impl Point {
     /// Heating, cooling or neither.
     pub fn leg(&self) -> Leg {

@@ -30,6 +30,8 @@ use crate::window::Windows;
 use sagnac_log::error::{Error, Result};
 use sagnac_units::s_from_ns;
 
+/// Span of rates for which a correction holds, over what the fit saw.
+const RATE_MARGIN: f64 = 1.5;
 /// Number of τ in the grid, before the refinement.
 const TAU_STEPS: usize = 24;
 
@@ -227,10 +229,11 @@ impl<'a> LeastSquares<'a> {
         rates
     }
 
-    /// Lowest and highest Ṫ that the used windows hold, °C/min; 0 is always within.
+    /// Lowest and highest Ṫ that the used windows hold, °C/min, and half as much again: two steps of a thermometer may fall
+    /// together, and a chamber ramps a little faster another time. 0 is always within.
     pub(crate) fn rate_span(&self, input: usize, tau_s: f64) -> [f64; 2] {
         let of_runs = (0..self.runs.len()).map(|run| self.lag(input, run, tau_s).extremes(&self.bounds(run)));
-        of_runs.fold([0.0, 0.0], |[lo, hi], [l, h]| [l.min(lo), h.max(hi)])
+        of_runs.fold([0.0, 0.0], |[lo, hi], [l, h]| [l.min(lo), h.max(hi)]).map(|far| RATE_MARGIN * far)
     }
 
     /// −Ω_run·1e-6·[T̄_k − T_k(x0)], °/h per ppm.

@@ -11,6 +11,7 @@ mod bootstrap;
 mod choose;
 mod criterion;
 mod effects;
+mod exclusions;
 mod folds;
 mod input_noise;
 mod inputs;

@@ -13,10 +13,11 @@ use crate::calibration::{
     LogUnit, MINOR_VERSION, Misalignment, NoiseFloor, PpmEstimate, Provenance, Residual, RunOffset, ScaleFactor,
     Target, Term, UNASSIGNED, VERSION, program,
 };
-use crate::diagnostics::{AxisReportData, Effect, Point, ReportData, hysteresis_of, points, run_spans};
+use crate::diagnostics::{AxisReportData, Effect, Point, ReportData, hysteresis_of, points, ramp_rates_cpm, run_spans};
 use crate::fit::Model;
 use crate::fit::choose::choose;
 use crate::fit::effects::Parts;
+use crate::fit::exclusions;
 use crate::fit::inputs::recorded_inputs;
 use crate::fit::least_squares::{LeastSquares, Level, TermColumn};
 use crate::fit::monomial::monomials;
@@ -100,6 +101,7 @@ pub fn calibrate_with_report_data(
             windows.exclude(i, Reason::NoTemperature);
         }
     }
+    exclusions::check(&windows)?;
     RateTableInput::leave_out_unknown(&mut windows, &stages.test)?;
     let runs = run_spans(&windows);
     let (mut axes, mut drawn) = (Vec::new(), Vec::new());
@@ -126,6 +128,7 @@ pub fn calibrate_with_report_data(
         }
         if let Some(fit) = &mut record.fit {
             fit.hysteresis = hysteresis(&points, &fit.residual);
+            fit.ramp_rates_cpm = ramp_rates_cpm(&points);
         }
         drawn.push(AxisReportData { axis: windows.shape.axes[axis], points, effects: drawn_of.effects });
         axes.push(record);
@@ -290,6 +293,7 @@ fn fit_axis(
             .map(|found| Collinearity { condition: found.condition, limit: CONDITION_MAX }),
         correction_noise: (!fitted.terms.is_empty()).then_some(noise),
         hysteresis: None,
+        ramp_rates_cpm: None,
         soak: None,
         scale_factor: scale_factor(&fitted, problem, axis, &windows.shape),
         misalignment: misalignment(&fitted, problem),

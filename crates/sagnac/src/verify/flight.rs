@@ -5,9 +5,10 @@
 //! ```
 //!
 //! once of the raw windows and once of the corrected ones. Position is linear in the coefficients, so its σ follows from
-//! their covariance: a mis-distance that is within two of its σ is none that the proof can show. b counts from the drift at
-//! take-off where the navigator was aligned (as gyrocompassing does), else from the mean of the proof. Never made of a
-//! peak to peak, and never of noise: what angle random walk leaves stands beside.
+//! their covariance: a position error within two of its σ is none that the proof can show. a₀ is the bias against that of the
+//! calibration, which the navigator subtracts: the navigator does not know the mean of a retest. With a gyrocompass
+//! alignment b counts from the drift at take-off, which is a heading error ε/(Ω·cos φ) instead. Never made of a peak to
+//! peak, and never of noise: what angle random walk makes is reported beside it.
 
 use nalgebra::{DMatrix, DVector};
 use schemars::JsonSchema;
@@ -15,14 +16,18 @@ use serde::{Deserialize, Serialize};
 
 use crate::diagnostics::Point;
 use crate::model::{Span, chebyshev};
+use crate::verify::repeatability::BiasRepeatability;
 use crate::verify::residual_diagnostics::Estimate;
 use crate::verify::strapdown::{Channel, noise_m, positions_m};
 use sagnac_log::error::{Error, Result};
+use sagnac_units::EARTH_RATE_DPH;
 
 /// Order of the residual in T.
 const ORDER: usize = 4;
 /// Its columns: ORDER + 1 of T, Ṫ, x·Ṫ.
 const COLUMNS: usize = ORDER + 3;
+/// arcmin in a radian.
+const ARCMIN_PER_RAD: f64 = 180.0 * 60.0 / std::f64::consts::PI;
 /// Step of the navigator, s.
 const STEP_S: f64 = 1.0;
 /// A hole in the proof's temperatures that a flight may pass: a part of their span, or this much, °C.
@@ -69,15 +74,30 @@ pub struct Flight {
     /// Ground speed, m/s; needed by the azimuth.
     #[serde(default)]
     pub speed_m_s: Option<f64>,
-    /// The drift at take-off is known, as after an alignment; true unless told.
-    #[serde(default = "yes")]
-    pub aligned: bool,
+    /// Heading found by gyrocompassing before take-off: the level gyro's drift at take-off is then a heading error.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gyrocompass: Option<Gyrocompass>,
     /// Temperature of the gyro's thermometer, straight between corners; at 0 the take-off.
     pub profile: Vec<Corner>,
 }
 
-fn yes() -> bool {
-    true
+/// An alignment by gyrocompassing.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Gyrocompass {
+    /// Geodetic latitude of the alignment, degrees.
+    pub latitude_deg: f64,
+}
+
+/// The heading error of a gyrocompass alignment and its distance.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[non_exhaustive]
+pub struct HeadingError {
+    /// Drift of the east gyro at take-off over Ω·cos φ, arcmin.
+    pub heading_arcmin: Estimate,
+    /// Cross-track distance at the end of the flight, m.
+    pub cross_track_m: Estimate,
 }
 
 /// What a flight comes to.
@@ -97,6 +117,9 @@ pub struct PositionError {
     pub most_after_m: f64,
     /// Largest of error and two of its σ on the way, m: what a limit is held against, for a retest cannot vouch for less.
     pub bound_after_m: f64,
+    /// Null without a gyrocompass alignment.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub heading: Option<HeadingError>,
     /// σ of the position at the end by the angle random walk alone, m; null where it is not known.
     pub noise_m: Option<f64>,
     /// Minutes of the curves.
@@ -124,6 +147,14 @@ impl Flight {
         if self.profile.iter().any(|corner| !(-127.0..=127.0).contains(&corner.temperature_c)) {
             return bad("temperatures lie within -127 … 127 °C");
         }
+        if let Some(Gyrocompass { latitude_deg }) = self.gyrocompass {
+            if !(-80.0..=80.0).contains(&latitude_deg) {
+                return bad("a gyrocompass works within 80 degrees of latitude");
+            }
+            if self.axis == FlightAxis::Azimuth || self.speed_m_s.is_none() {
+                return bad("a gyrocompass alignment is of the level gyros and needs speed_m_s");
+            }
+        }
         match (self.axis, self.speed_m_s) {
             (FlightAxis::Azimuth, None) => {
                 bad("the azimuth needs speed_m_s").map_err(|e| e.help("speed_m_s = 250.0, the ground speed"))
@@ -139,8 +170,10 @@ impl Flight {
             (FlightAxis::Level, _) => "a level gyro (Schuler)".to_owned(),
             (FlightAxis::Azimuth, speed) => format!("the azimuth gyro at {} m/s", speed.unwrap_or(0.0)),
         };
-        let drift =
-            if self.aligned { "drift at take-off known by alignment" } else { "drift from the mean of the retest" };
+        let drift = match self.gyrocompass {
+            Some(Gyrocompass { latitude_deg }) => format!("heading by gyrocompass at {latitude_deg}° latitude"),
+            None => "drift against the calibration".to_owned(),
+        };
         let corner = |corner: &Corner| format!("{} min {} °C", corner.minutes, corner.temperature_c);
         let profile: Vec<String> = self.profile.iter().map(corner).collect();
         format!("{gyro}, {drift}; {}", profile.join(", "))
@@ -166,7 +199,13 @@ impl Flight {
     }
 
     /// Flies it with the drift that the windows of a proof show; `Err` says in words why it cannot be told.
-    pub(crate) fn fly(&self, points: &[Point], n_deg_rt_h: Option<f64>) -> std::result::Result<PositionError, String> {
+    pub(crate) fn fly(
+        &self,
+        points: &[Point],
+        n_deg_rt_h: Option<f64>,
+        bias: std::result::Result<&BiasRepeatability, &str>,
+    ) -> std::result::Result<PositionError, String> {
+        let bias = bias?.worst().ok_or("no run of the retest has a bias")?;
         let sound = |p: &&Point| {
             p.excluded.is_none() && p.temperature_c.is_finite() && p.rate_cpm.is_finite() && p.after_dph.is_finite()
         };
@@ -196,10 +235,12 @@ impl Flight {
         }
         let span = Span { lo: extremes.0, hi: extremes.1 };
         let unit = self.unit_positions(span);
-        let before =
-            Drift::of(&used, span, |p| p.before_dph).ok_or("the windows do not determine a drift over temperature")?;
-        let after =
-            Drift::of(&used, span, |p| p.after_dph).ok_or("the windows do not determine a drift over temperature")?;
+        const UNDETERMINED: &str = "the windows do not determine a drift over temperature";
+        let mut before = Drift::of(&used, span, |p| p.before_dph).ok_or(UNDETERMINED)?;
+        let mut after = Drift::of(&used, span, |p| p.after_dph).ok_or(UNDETERMINED)?;
+        before.shift(bias.raw_difference_dph, bias.difference_dph.sigma);
+        after.shift(bias.difference_dph.value, bias.difference_dph.sigma);
+        let heading = self.gyrocompass.map(|compass| self.heading(compass, &after, span));
         let steps = unit.nrows();
         let (curve_before, curve_after) = (&unit * &before.coefficients, &unit * &after.coefficients);
         let end = |drift: &Drift| {
@@ -215,13 +256,28 @@ impl Flight {
             minutes: self.minutes(),
             before_m: end(&before),
             after_m: end(&after),
-            bound_after_m: bound_m(&unit, &after, &curve_after),
+            bound_after_m: bound_m(&unit, &after, &curve_after)
+                .hypot(heading.map_or(0.0, |h| h.cross_track_m.value.abs() + 2.0 * h.cross_track_m.sigma)),
+            heading,
             most_after_m: curve_after.iter().fold(0.0, |most: f64, x| most.max(x.abs())),
             noise_m: n_deg_rt_h.map(|n| noise_m(self.channel(), n, 60.0 * self.minutes())),
             at_minutes: shown.iter().map(|i| (*i + 1) as f64 * STEP_S / 60.0).collect(),
             curve_before_m: pick(&curve_before),
             curve_after_m: pick(&curve_after),
         })
+    }
+
+    /// The drift at take-off as an error of the heading, ε/(Ω·cos φ), and what it is across the track at the end.
+    fn heading(&self, compass: Gyrocompass, drift: &Drift, span: Span) -> HeadingError {
+        let (start_c, _) = self.at(0.0);
+        let at_start = DVector::from_row_slice(&columns(span, start_c, 0.0));
+        let value_dph = at_start.dot(&drift.coefficients);
+        let variance = (at_start.transpose() * &drift.covariance * &at_start)[(0, 0)];
+        let per_dph = 1.0 / (EARTH_RATE_DPH * compass.latitude_deg.to_radians().cos());
+        let distance_m = self.speed_m_s.unwrap_or(0.0) * 60.0 * self.minutes();
+        let rad = [value_dph, variance.max(0.0).sqrt()].map(|dph| dph * per_dph);
+        let estimate = |unit: f64| Estimate { value: unit * rad[0], sigma: unit * rad[1] };
+        HeadingError { heading_arcmin: estimate(ARCMIN_PER_RAD), cross_track_m: estimate(distance_m) }
     }
 
     /// Temperatures of the flight that no window is near cannot be told by a curve through those beside them.
@@ -245,9 +301,9 @@ impl Flight {
             let (celsius, rate_cpm) = self.at(minutes);
             columns(span, celsius, rate_cpm)
         };
-        // Aligned: what the gyro drifts on the ground is known, at its temperature and at rest.
+        // A gyrocompass turns the platform until the level drift on the ground, at rest, is balanced by the Earth's rate.
         let (start_c, _) = self.at(0.0);
-        let known = if self.aligned { columns(span, start_c, 0.0) } else { [0.0; COLUMNS] };
+        let known = if self.gyrocompass.is_some() { columns(span, start_c, 0.0) } else { [0.0; COLUMNS] };
         let mut drifts = vec![Vec::new(); COLUMNS];
         for step in 0..steps {
             let here = row((step as f64 + 0.5) * STEP_S / 60.0);
@@ -287,6 +343,12 @@ struct Drift {
 }
 
 impl Drift {
+    /// Adds a constant with its σ.
+    fn shift(&mut self, value: f64, sigma: f64) {
+        self.coefficients[0] += value;
+        self.covariance[(0, 0)] += sigma * sigma;
+    }
+
     fn of(points: &[&Point], span: Span, value: impl Fn(&Point) -> f64) -> Option<Self> {
         let design = DMatrix::from_row_iterator(
             points.len(),
@@ -314,6 +376,7 @@ impl Drift {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::verify::RunBias;
     use crate::verify::tests::noise;
 
     fn points(before: impl Fn(f64, f64) -> f64, after: impl Fn(f64, f64) -> f64) -> Vec<Point> {
@@ -338,18 +401,29 @@ mod tests {
         (0..400).map(one).collect()
     }
 
-    fn flight(profile: &[(f64, f64)], aligned: bool) -> Flight {
+    fn flight(profile: &[(f64, f64)], gyrocompass: bool) -> Flight {
         let corner =
             |(minutes, temperature_c): &(f64, f64)| Corner { minutes: *minutes, temperature_c: *temperature_c };
-        Flight { axis: FlightAxis::Level, speed_m_s: None, aligned, profile: profile.iter().map(corner).collect() }
+        let gyrocompass = gyrocompass.then_some(Gyrocompass { latitude_deg: 60.0 });
+        let profile = profile.iter().map(corner).collect();
+        Flight { axis: FlightAxis::Level, speed_m_s: Some(250.0), gyrocompass, profile }
+    }
+
+    /// A retest this far from its calibration.
+    fn off_by(dph: f64) -> BiasRepeatability {
+        let exact = |value: f64| Estimate { value, sigma: 0.0 };
+        let run =
+            RunBias { file: String::new(), bias_dph: exact(dph), difference_dph: exact(dph), raw_difference_dph: dph };
+        BiasRepeatability { input_rate_dph: 0.0, calibration_dph: exact(0.0), runs: vec![run], turn_ons: None }
     }
 
     /// A drift of 0.001 °/h per °C over a ramp of an hour, by the closed form of a ramp: b = β·t gives
     /// x = β·R·(t²/2 − (1 − cos ω_s t)/ω_s²).
     #[test]
     fn a_ramp_of_drift_is_flown_as_the_closed_form_says() {
-        let said =
-            flight(&[(0.0, 0.0), (60.0, 60.0)], true).fly(&points(|t, _| 0.001 * t, |_, _| 0.0), Some(0.003)).unwrap();
+        let said = flight(&[(0.0, 0.0), (60.0, 60.0)], true)
+            .fly(&points(|t, _| 0.001 * t, |_, _| 0.0), Some(0.003), Ok(&off_by(0.0)))
+            .unwrap();
         let (r, g) = (super::super::strapdown::EARTH_RADIUS_M, super::super::strapdown::GRAVITY_M_S2);
         let (t, omega) = (3600.0_f64, (g / r).sqrt());
         let beta = 0.001 / 60.0 * std::f64::consts::PI / 180.0 / 3600.0;
@@ -361,22 +435,36 @@ mod tests {
         assert!((said.curve_before_m.last().unwrap() - said.before_m.value).abs() < 1e-6 * wanted);
     }
 
-    /// A constant drift is known after an alignment, and flies along without one.
+    /// The closed form of a constant b: x = b·R·(t − sin ω_s t/ω_s): 0.3 °/h off its calibration over two hours and a half, some
+    /// tens of kilometres; with a gyrocompass the same is a heading error of b/(Ω·cos φ).
     #[test]
-    fn an_alignment_takes_the_constant() {
-        let constant = points(|_, _| 0.01, |_, _| 0.0);
-        let still = [(0.0, 20.0), (60.0, 20.0)];
-        let aligned = flight(&still, true).fly(&constant, None).unwrap();
-        assert!(aligned.before_m.value.abs() < 1e-6, "{:?}", aligned.before_m);
-        let not = flight(&still, false).fly(&constant, None).unwrap();
-        assert!((not.before_m.value - 1350.0).abs() < 4.0 * not.before_m.sigma + 5.0, "{:?}", not.before_m);
+    fn a_bias_off_its_calibration_flies_along() {
+        let still = [(0.0, 20.0), (150.0, 20.0)];
+        let nothing = points(|_, _| 0.0, |_, _| 0.0);
+        let (r, g) = (super::super::strapdown::EARTH_RADIUS_M, super::super::strapdown::GRAVITY_M_S2);
+        let (t, omega) = (9000.0_f64, (g / r).sqrt());
+        let b = 0.3 * std::f64::consts::PI / 180.0 / 3600.0;
+        let wanted = b * r * (t - (omega * t).sin() / omega);
+        let flown = flight(&still, false).fly(&nothing, None, Ok(&off_by(0.3))).unwrap();
+        assert!((flown.after_m.value / wanted - 1.0).abs() < 0.02, "{:?} for {wanted}", flown.after_m);
+        assert!(flown.bound_after_m > 0.95 * wanted);
+        let aligned = flight(&still, true).fly(&nothing, None, Ok(&off_by(0.3))).unwrap();
+        let heading = aligned.heading.unwrap();
+        let rad = 0.3 / (EARTH_RATE_DPH * 60.0_f64.to_radians().cos());
+        assert!((heading.cross_track_m.value / (rad * 250.0 * t) - 1.0).abs() < 0.02, "{heading:?}");
+        assert!((heading.heading_arcmin.value / (rad * ARCMIN_PER_RAD) - 1.0).abs() < 0.02);
+        assert!(aligned.after_m.value.abs() < 1e-6 && aligned.bound_after_m > 0.95 * heading.cross_track_m.value);
+        let unknown = flight(&still, false).fly(&nothing, None, Err("the input rate is not known"));
+        assert!(unknown.unwrap_err().contains("input rate"));
     }
 
     #[test]
     fn a_flight_beyond_the_proof_cannot_be_told() {
-        let said = flight(&[(0.0, 0.0), (60.0, 90.0)], true).fly(&points(|_, _| 0.0, |_, _| 0.0), None);
+        let said =
+            flight(&[(0.0, 0.0), (60.0, 90.0)], true).fly(&points(|_, _| 0.0, |_, _| 0.0), None, Ok(&off_by(0.0)));
         assert!(said.unwrap_err().contains("90 °C"));
-        let fast = flight(&[(0.0, -30.0), (1.0, 60.0)], true).fly(&points(|_, _| 0.0, |_, _| 0.0), None);
+        let fast =
+            flight(&[(0.0, -30.0), (1.0, 60.0)], true).fly(&points(|_, _| 0.0, |_, _| 0.0), None, Ok(&off_by(0.0)));
         assert!(fast.unwrap_err().contains("90.00 °C/min"));
         for bad in
             [vec![(0.0, 1.0)], vec![(1.0, 1.0), (2.0, 1.0)], vec![(0.0, 1.0), (0.0, 1.0)], vec![(0.0, 1.0), (9e9, 1.0)]]

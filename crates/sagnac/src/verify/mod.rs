@@ -12,11 +12,13 @@ mod flight;
 mod limits;
 mod paired;
 mod readings;
+mod repeatability;
 mod replay;
 mod residual;
 mod residual_diagnostics;
 mod stats;
 mod strapdown;
+mod suspects;
 mod turned;
 
 use std::collections::BTreeMap;
@@ -29,21 +31,26 @@ pub use compensate::{CorrectedFormat, compensate, status_text};
 pub use flight::{Corner, Flight, FlightAxis, PositionError};
 pub use limits::{Applies, Bound, Judged, LimitSpec, Limits, LimitsSource, SETS, SPECS, Verdict};
 pub use readings::{LogColumn, Readings};
+pub use repeatability::{BiasRepeatability, RunBias, TurnOns};
 pub use replay::{Corrected, Replay};
 pub use residual::{Plateaus, RandomWalk, Residual};
 pub use residual_diagnostics::{Estimate, GapSteps, ResidualDiagnostics};
 pub use stats::{Figures, expected_range};
 pub use strapdown::{Channel, Strapdown, noise_m, positions_m};
+pub use suspects::Suspect;
 pub use turned::{PlateauProof, ScaleFigures, ScaleProof};
 
-use crate::calibration::{Calibration, LogFile, LogUnit, program};
-use crate::diagnostics::{AxisReportData, Point, ReportData, points, run_spans};
+use crate::calibration::{AxisCalibration, Calibration, LogFile, LogUnit, PpmEstimate, program};
+use crate::diagnostics::{AxisReportData, Point, ReportData, points, ramp_rates_cpm, rate_coverage, run_spans};
 use crate::fit;
 use crate::verify::paired::PairedWindows;
+use crate::verify::repeatability::scale_difference;
+use crate::verify::stats::Weighted;
+use crate::verify::suspects::suspects;
 use crate::verify::turned::{Drifts, PairedDrifts};
 use crate::window::Windows;
 use sagnac_log::error::{Error, Result};
-use sagnac_log::ingest::{AngleUnit, LogReader, LogShape, Tally, hex, sha256};
+use sagnac_log::ingest::{AngleUnit, LogReader, LogShape, Reason, Tally, hex, sha256};
 use sagnac_log::setup::{Setup, TestConfig};
 use sagnac_noise::NoiseTerms;
 use sagnac_units::ARCSEC_RT_S_PER_DEG_RT_H;
@@ -256,6 +263,21 @@ pub struct AxisVerification {
     /// The scale factor over temperature, where a rate table tells it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scale_factor: Option<ScaleProof>,
+    /// Fixed bias against the calibration; null where the input rate is not known.
+    pub bias_repeatability: Option<BiasRepeatability>,
+    /// Why it is not known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bias_repeatability_unavailable: Option<String>,
+    /// Part of the fit's temperature rates that the ramps of the retest reach, 0 to 1; null without rate terms or a record.
+    pub rate_coverage: Option<f64>,
+    /// Scale factor less that of the calibration at T0; null where a rate table did not turn both.
+    pub scale_factor_difference: Option<PpmEstimate>,
+    /// Hours of the judged windows.
+    pub hours: f64,
+    /// Part of the rows that was excluded on request, 0 to 1; null where nothing was asked to be excluded.
+    pub excluded_fraction: Option<f64>,
+    /// Stretches that look like bumps, steps or start-up. They are judged unless they were asked to be excluded.
+    pub suspects: Vec<Suspect>,
     /// Windows in which each status occurred.
     pub status_windows: BTreeMap<String, usize>,
     /// Limits, if any were given.
@@ -317,6 +339,8 @@ pub struct Proof {
     pub verification: Verification,
     /// The windows behind it, for a report.
     pub report_data: ReportData,
+    /// Figures of every window, where some were excluded on request.
+    every_row: Option<(Vec<AxisVerification>, ReportData)>,
 }
 
 impl Proof {
@@ -327,6 +351,15 @@ impl Proof {
     pub fn limits(mut self, limits: &Limits) -> Result<Self> {
         for (axis, drawn) in self.verification.axes.iter_mut().zip(&self.report_data.axes) {
             axis.judge(limits, &drawn.points)?;
+        }
+        if let Some((axes, report_data)) = &mut self.every_row {
+            for ((whole, drawn), axis) in axes.iter_mut().zip(&report_data.axes).zip(&mut self.verification.axes) {
+                whole.judge(limits, &drawn.points)?;
+                for verdict in &mut axis.limits {
+                    let same = whole.limits.iter().find(|other| other.name == verdict.name);
+                    verdict.value_of_every_row = same.and_then(|other| other.value);
+                }
+            }
         }
         self.verification.limits = Some(limits.source.clone());
         Ok(self)
@@ -339,10 +372,34 @@ impl Proof {
 }
 
 impl AxisVerification {
+    /// Standard error of a spread of the corrected windows, as a part of it: 1/√(2ν), ν less where neighbours correlate.
+    fn relative_sigma_of_spread(&self) -> f64 {
+        let rho = self.residual_diagnostics.lag1_autocorrelation.map_or(0.0, |rho| rho.value.clamp(0.0, 0.95));
+        let independent = self.after.n as f64 * (1.0 - rho * rho) / (1.0 + rho * rho);
+        (2.0 * (independent - 1.0).max(1.0)).sqrt().recip()
+    }
+
+    /// √(σ² − floor²) with its standard error, by that of σ².
+    fn sigma_beyond_floor(&self) -> Option<(f64, Option<f64>)> {
+        let floor_dph = self.noise_floor.as_ref()?.value_dph;
+        let square = self.after.sigma_dph.powi(2);
+        let value = (square - floor_dph * floor_dph).max(0.0).sqrt();
+        let sigma_of_square = 2.0 * square * self.relative_sigma_of_spread();
+        Some((value, Some(sigma_of_square / (2.0 * value).max(sigma_of_square.sqrt()))))
+    }
+
+    /// Standard error of max − min of n normal windows, as a part of it: both ends are Gumbel variables, σ = π/√6/√(2 ln n).
+    fn relative_sigma_of_range(&self) -> f64 {
+        let n = (self.after.n as f64).max(3.0);
+        let end = std::f64::consts::PI / 6.0_f64.sqrt() / (2.0 * n.ln()).sqrt();
+        std::f64::consts::SQRT_2 * end / expected_range(self.after.n.max(2))
+    }
+
     fn judge(&mut self, limits: &Limits, points: &[Point]) -> Result<()> {
         if let Some(flight) = &limits.flight {
             let n = self.residual.random_walk.map(|walk| walk.after_deg_rt_h);
-            match flight.fly(points, n) {
+            let against = self.bias_repeatability.as_ref().ok_or(self.bias_repeatability_unavailable.as_deref());
+            match flight.fly(points, n, against.map_err(Option::unwrap_or_default)) {
                 Ok(flown) => self.flight = Some(flown),
                 Err(why) => self.flight_unavailable = Some(why),
             }
@@ -363,19 +420,32 @@ impl AxisVerification {
 #[derive(Clone, Copy, Debug, Default)]
 #[non_exhaustive]
 pub struct VerifyOptions {
-    /// Judge the windows that look like outliers too.
-    pub keep_outliers: bool,
+    /// Leave out what looks like bumps, steps or start-up: for a bench that was bumped.
+    pub exclude_outliers: bool,
+    /// Leave out `discard_initial_s` at the start of each run.
+    pub exclude_start: bool,
 }
 
 impl VerifyOptions {
-    /// Judges the windows that look like outliers too.
+    /// Leaves out what looks like bumps, steps or start-up. How much is a limit of its own, `excluded_max`.
     #[must_use]
-    pub fn keep_outliers(self, keep: bool) -> Self {
-        Self { keep_outliers: keep, ..self }
+    pub fn exclude_outliers(self, exclude: bool) -> Self {
+        Self { exclude_outliers: exclude, ..self }
+    }
+
+    /// Leaves out `discard_initial_s` at the start of each run. How much is a limit of its own, `excluded_max`.
+    #[must_use]
+    pub fn exclude_start(self, exclude: bool) -> Self {
+        Self { exclude_start: exclude, ..self }
+    }
+
+    fn excludes(self) -> bool {
+        self.exclude_outliers || self.exclude_start
     }
 }
 
-/// Replays retest logs through the images of a correction and compares both sides, window by window.
+/// Replays retest logs through the images of a correction and compares both sides, window by window. Every window that has
+/// counts is judged, unless the options exclude some.
 ///
 /// # Errors
 /// Logs that do not fit the correction, or too few windows for any figure.
@@ -383,20 +453,18 @@ pub fn verify(correction: &Correction, logs: Vec<LogReader>, setup: &Setup, opti
     let fits = |log: &LogReader| correction.fit_to(log.shape(), setup).map_err(|e| e.file(log.summary().file));
     let sensor = logs.first().map(fits).transpose()?.and_then(|(_, readings)| readings.thermometer);
     let test = setup.stages().test;
-    let mut pair = PairedWindows::replayed(correction, logs, setup, options.keep_outliers)?;
-    pair.leave_out_unknown(&test)?;
-    let used = pair.used();
-    let drifts = PairedDrifts::of(&pair, &used, &test)?;
-    let report_data = report_data(&pair, &drifts, &used, sensor);
+    let mut whole = PairedWindows::replayed(correction, logs, setup)?;
+    whole.leave_out_unknown(&test)?;
+    let kept = options.excludes().then(|| whole.excluding(options, setup.discard_initial_s));
+    let pair = kept.as_ref().unwrap_or(&whole);
+    let against = Against { correction, test: &test, sensor };
+    let (mut axes, report_data) = against.figures(pair)?;
+    let every_row = kept.as_ref().map(|_| against.figures(&whole)).transpose()?;
+    for (axis, figures) in axes.iter_mut().enumerate() {
+        figures.excluded_fraction = kept.as_ref().map(|kept| kept.excluded_fraction(&whole));
+        figures.suspects = suspects(&whole.raw, axis);
+    }
     let windows = &pair.raw;
-    let axes = (0..windows.shape.axes.len()).map(|axis| {
-        let mut figures = axis_figures(&pair, &drifts, &used, &report_data, axis, correction, &test)?;
-        figures.scale_factor = drifts.scale_proof(&used, axis, sensor);
-        let image = correction.images.iter().find(|image| char::from(image.description().axis) == figures.axis);
-        figures.coverage = image.zip(sensor).and_then(|(image, sensor)| Coverage::of(image, windows, &used, sensor));
-        Ok(figures)
-    });
-    let axes: Result<Vec<AxisVerification>> = axes.collect();
     let verification = Verification {
         program: program(),
         serial: correction.serial(),
@@ -404,7 +472,7 @@ pub fn verify(correction: &Correction, logs: Vec<LogReader>, setup: &Setup, opti
         rig: setup.rig.clone(),
         unit: unit_of(windows).1.to_owned(),
         window_s: windows.shape.nominal_s,
-        axes: axes?,
+        axes,
         excluded: windows.tallies.list(),
         image_sha256: correction.sha256(),
         record_sha256: correction.images.first().map_or(String::new(), |image| hex(&image.description().parent)),
@@ -412,7 +480,138 @@ pub fn verify(correction: &Correction, logs: Vec<LogReader>, setup: &Setup, opti
         training_overlap: training_overlap(correction, &fit::log_files(windows)),
         inputs: fit::log_files(windows),
     };
-    Ok(Proof { verification, report_data })
+    Ok(Proof { verification, report_data, every_row })
+}
+
+/// What a retest is compared with.
+struct Against<'a> {
+    correction: &'a Correction,
+    test: &'a TestConfig,
+    /// Thermometer of the fit.
+    sensor: Option<usize>,
+}
+
+impl Against<'_> {
+    fn axis_figures(
+        &self,
+        pair: &PairedWindows,
+        drifts: &PairedDrifts<'_>,
+        used: &[usize],
+        report_data: &ReportData,
+        axis: usize,
+    ) -> Result<AxisVerification> {
+        let windows = &pair.raw;
+        let scale = unit_of(windows).0;
+        let dph_per_unit = windows.shape.unit.arcsec() / scale;
+        let figures = |side: &Windows, drift: &Drifts<'_>| {
+            let angle = &side.rows.angle[axis];
+            // What the table turned, in the unit of the figures; exactly nothing without one.
+            let turned = |i: usize| (side.rate_dph(axis, i) - drift.rate_dph(axis, i)) / dph_per_unit;
+            let value = |i: usize| angle[i] * scale / windows.duration_s(i) - turned(i);
+            let weighted =
+                |i: usize| Weighted { run: windows.rows.run[i], value: value(i), weight: weight(windows, i) };
+            // Fragments count, too, but on a table, where they are what a rate ends with.
+            let is_judged = |i: &usize| match windows.rows.excluded[*i] {
+                None => true,
+                Some(reason) => reason == Reason::ShortWindow && !drifts.is_turned(),
+            };
+            let judged = (0..windows.len()).filter(is_judged);
+            let values: Vec<Weighted> = judged.map(weighted).collect();
+            Figures::of(&values, dph_per_unit).ok_or_else(|| {
+                Error::refused(format!("{} usable windows; before and after need at least two per run", used.len()))
+                    .help("give a longer retest or a shorter --window")
+            })
+        };
+        let (before, after) = (figures(windows, &drifts.raw)?, figures(&pair.corrected, &drifts.corrected)?);
+        let ratio = |before: f64, after: f64| (after > 0.0).then_some(before / after);
+        let status_windows = Status::NAMES.iter().map(|(bit, name)| {
+            ((*name).to_owned(), used.iter().filter(|i| pair.status[axis][**i].contains(*bit)).count())
+        });
+        let letter = windows.shape.axes[axis];
+        let noise_floor = noise_floor(windows, used, axis, self.correction, self.test, dph_per_unit);
+        let diagnostics = residual_diagnostics::residual_diagnostics(
+            &report_data.axes[axis].points,
+            noise_floor.as_ref().map(|floor| floor.value_dph),
+        );
+        // Turned, a counter's quantization is a saw that the short-τ fit takes for a walk.
+        let walk = |side: &Windows| side.measured_noise(axis).map(|noise| noise.n_deg_rt_h()).filter(|n| *n > 0.0);
+        let random_walk = walk(windows)
+            .zip(walk(&pair.corrected))
+            .map(|(before_deg_rt_h, after_deg_rt_h)| RandomWalk { before_deg_rt_h, after_deg_rt_h });
+        Ok(AxisVerification {
+            axis: letter,
+            before,
+            after,
+            noise_floor,
+            improvement: ratio(before.peak_to_peak, after.peak_to_peak),
+            improvement_sigma: ratio(before.sigma, after.sigma),
+            residual_diagnostics: diagnostics,
+            status_windows: status_windows.filter(|(_, n)| *n > 0).collect(),
+            coverage: None,
+            residual: residual::residual(&report_data.axes[axis].points, random_walk.filter(|_| !drifts.is_turned())),
+            turned: drifts.is_turned(),
+            flight: None,
+            flight_unavailable: None,
+            scale_factor: None,
+            bias_repeatability: None,
+            bias_repeatability_unavailable: None,
+            scale_factor_difference: None,
+            rate_coverage: None,
+            hours: used.iter().map(|i| windows.duration_s(*i)).sum::<f64>() / 3600.0,
+            excluded_fraction: None,
+            suspects: Vec::new(),
+            limits: Vec::new(),
+            pass: None,
+        })
+    }
+
+    /// Figures of every axis over the used windows, and the points behind them.
+    fn figures(&self, pair: &PairedWindows) -> Result<(Vec<AxisVerification>, ReportData)> {
+        let used = pair.used();
+        let drifts = PairedDrifts::of(pair, &used, self.test)?;
+        let report_data = report_data(pair, &drifts, &used, self.sensor);
+        let axes = (0..pair.raw.shape.axes.len()).map(|axis| {
+            let mut figures = self.axis_figures(pair, &drifts, &used, &report_data, axis)?;
+            self.compare_with_record(&mut figures, pair, &drifts, &used, axis);
+            figures.rate_coverage = self.rate_coverage(figures.axis, &report_data.axes[axis].points);
+            Ok(figures)
+        });
+        let axes: Result<Vec<AxisVerification>> = axes.collect();
+        Ok((axes?, report_data))
+    }
+
+    /// The record of an axis.
+    fn record(&self, axis: char) -> Option<&AxisCalibration> {
+        self.correction.calibration.as_ref()?.axes.iter().find(|record| record.axis == axis)
+    }
+
+    fn rate_coverage(&self, axis: char, points: &[Point]) -> Option<f64> {
+        let record = self.record(axis)?;
+        record.rate_span_cpm()?;
+        Some(rate_coverage(record.fit.as_ref()?.ramp_rates_cpm?, ramp_rates_cpm(points)?))
+    }
+
+    /// Coverage, bias and scale factor against the calibration.
+    fn compare_with_record(
+        &self,
+        figures: &mut AxisVerification,
+        pair: &PairedWindows,
+        drifts: &PairedDrifts<'_>,
+        used: &[usize],
+        axis: usize,
+    ) {
+        let images = &self.correction.images;
+        let image = images.iter().find(|image| char::from(image.description().axis) == figures.axis);
+        figures.coverage =
+            image.zip(self.sensor).and_then(|(image, sensor)| Coverage::of(image, &pair.raw, used, sensor));
+        figures.scale_factor = drifts.scale_proof(used, axis, self.sensor);
+        let record = self.record(figures.axis);
+        figures.scale_factor_difference = scale_difference(figures.scale_factor.as_ref(), record);
+        match BiasRepeatability::of(drifts, &pair.raw, used, axis, record, self.test.input_rate_dph) {
+            Ok(found) => figures.bias_repeatability = Some(found),
+            Err(why) => figures.bias_repeatability_unavailable = Some(why),
+        }
+    }
 }
 
 /// Names of the retests whose bytes the calibration was made from.
@@ -454,63 +653,9 @@ fn unit_of(windows: &Windows) -> (f64, &'static str) {
     }
 }
 
-fn axis_figures(
-    pair: &PairedWindows,
-    drifts: &PairedDrifts<'_>,
-    used: &[usize],
-    report_data: &ReportData,
-    axis: usize,
-    correction: &Correction,
-    test: &TestConfig,
-) -> Result<AxisVerification> {
-    let windows = &pair.raw;
-    let scale = unit_of(windows).0;
-    let dph_per_unit = windows.shape.unit.arcsec() / scale;
-    let figures = |side: &Windows, drift: &Drifts<'_>| {
-        let angle = &side.rows.angle[axis];
-        // What the table turned, in the unit of the figures; exactly nothing without one.
-        let turned = |i: usize| (side.rate_dph(axis, i) - drift.rate_dph(axis, i)) / dph_per_unit;
-        let value = |i: usize| angle[i] * scale / windows.duration_s(i) - turned(i);
-        let values: Vec<(u32, f64)> = used.iter().map(|i| (windows.rows.run[*i], value(*i))).collect();
-        Figures::of(&values, dph_per_unit).ok_or_else(|| {
-            Error::refused(format!("{} usable windows; before and after need at least two per run", used.len()))
-                .help("give a longer retest or a shorter --window")
-        })
-    };
-    let (before, after) = (figures(windows, &drifts.raw)?, figures(&pair.corrected, &drifts.corrected)?);
-    let ratio = |before: f64, after: f64| (after > 0.0).then_some(before / after);
-    let status_windows = Status::NAMES
-        .iter()
-        .map(|(bit, name)| ((*name).to_owned(), used.iter().filter(|i| pair.status[axis][**i].contains(*bit)).count()));
-    let letter = windows.shape.axes[axis];
-    let noise_floor = noise_floor(windows, used, axis, correction, test, dph_per_unit);
-    let diagnostics = residual_diagnostics::residual_diagnostics(
-        &report_data.axes[axis].points,
-        noise_floor.as_ref().map(|floor| floor.value_dph),
-    );
-    // Turned, a counter's quantization is a saw that the short-τ fit takes for a walk.
-    let walk = |side: &Windows| side.measured_noise(axis).map(|noise| noise.n_deg_rt_h()).filter(|n| *n > 0.0);
-    let random_walk = walk(windows)
-        .zip(walk(&pair.corrected))
-        .map(|(before_deg_rt_h, after_deg_rt_h)| RandomWalk { before_deg_rt_h, after_deg_rt_h });
-    Ok(AxisVerification {
-        axis: letter,
-        before,
-        after,
-        noise_floor,
-        improvement: ratio(before.peak_to_peak, after.peak_to_peak),
-        improvement_sigma: ratio(before.sigma, after.sigma),
-        residual_diagnostics: diagnostics,
-        status_windows: status_windows.filter(|(_, n)| *n > 0).collect(),
-        coverage: None,
-        residual: residual::residual(&report_data.axes[axis].points, random_walk.filter(|_| !drifts.is_turned())),
-        turned: drifts.is_turned(),
-        flight: None,
-        flight_unavailable: None,
-        scale_factor: None,
-        limits: Vec::new(),
-        pass: None,
-    })
+/// Length of a window over the nominal one, at most 1.
+fn weight(windows: &Windows, i: usize) -> f64 {
+    (windows.duration_s(i) / windows.shape.nominal_s).min(1.0)
 }
 
 /// From the retest log, else from the calibration: N and Q, at the lengths that the windows really have.
@@ -532,8 +677,9 @@ fn noise_floor(
     };
     let own = fit::noise_of(windows, axis, test).map(|(terms, source)| (terms, source.to_owned()));
     let (terms, source) = own.or_else(earlier)?;
-    let mean_square =
-        used.iter().map(|i| terms.floor_dph(windows.duration_s(*i)).powi(2)).sum::<f64>() / used.len() as f64;
+    // As in the figures, a shorter window counts by its length.
+    let square = |i: &usize| terms.floor_dph(windows.duration_s(*i)).powi(2) * weight(windows, *i);
+    let mean_square = used.iter().map(square).sum::<f64>() / used.len() as f64;
     let count = |run: usize| used.iter().filter(|i| windows.rows.run[**i] as usize == run).count();
     let largest = (0..windows.runs.len()).map(count).max()?;
     let (value_dph, value) = (mean_square.sqrt(), mean_square.sqrt() / dph_per_unit);

@@ -1,19 +1,20 @@
 //! Windows of a retest, as logged and as corrected: the same rows, the same bounds, side by side.
 //!
 //! ```text
-//! batch ─┬───────────────▶ raw windows        their outliers decide for both sides
+//! batch ─┬───────────────▶ raw windows        what is excluded on request is decided here, for both sides
 //!        └─▶ Replay ─▶ corrected windows      + the union of the status bits of each window's rows
 //! ```
 //!
 //! Bounds of windows follow from times and temperatures alone, which both sides share.
 
-use crate::verify::Correction;
 use crate::verify::replay::{Corrected, Replay};
-use crate::window::{SeenLogs, WindowBuilder, Windows};
+use crate::verify::{Correction, VerifyOptions};
+use crate::window::{SeenLogs, WindowBuilder, Windows, mark_outliers};
 use sagnac_core::Status;
 use sagnac_log::error::{Error, Result};
-use sagnac_log::ingest::{Batch, LogReader, LogShape, same_shape};
+use sagnac_log::ingest::{Batch, LogReader, LogShape, Reason, same_shape};
 use sagnac_log::setup::{Setup, TestConfig};
+use sagnac_units::ns_from_s;
 
 use crate::fit::RateTableInput;
 
@@ -33,12 +34,7 @@ impl PairedWindows {
     ///
     /// # Errors
     /// What reading and replaying report; logs of different columns or units.
-    pub(crate) fn replayed(
-        correction: &Correction,
-        logs: Vec<LogReader>,
-        setup: &Setup,
-        keep_outliers: bool,
-    ) -> Result<Self> {
+    pub(crate) fn replayed(correction: &Correction, logs: Vec<LogReader>, setup: &Setup) -> Result<Self> {
         let mut pair: Option<PairBuilder> = None;
         let mut seen = SeenLogs::default();
         for mut log in logs {
@@ -61,7 +57,7 @@ impl PairedWindows {
             pair.corrected.end_run(summary);
         }
         let pair = pair.ok_or_else(|| Error::input("no retest log given"))?;
-        Ok(pair.finish(keep_outliers))
+        Ok(pair.finish())
     }
 
     /// Leaves out windows of which nothing says how fast the table turned, on both sides.
@@ -72,6 +68,28 @@ impl PairedWindows {
         RateTableInput::leave_out_unknown(&mut self.raw, test)?;
         self.corrected.exclude_as(&self.raw);
         Ok(())
+    }
+
+    /// The same without what looks like an outlier, or lies at the start of a run.
+    pub(crate) fn excluding(&self, options: VerifyOptions, discard_initial_s: f64) -> Self {
+        let mut kept = self.clone();
+        let until = |run: u32| kept.raw.runs[run as usize].start_ns + ns_from_s(discard_initial_s).unwrap_or(0);
+        let early = |i: &usize| kept.raw.rows.start_ns[*i] < until(kept.raw.rows.run[*i]);
+        let start: Vec<usize> = (0..kept.raw.len()).filter(early).collect();
+        if options.exclude_start {
+            start.into_iter().for_each(|i| kept.raw.exclude(i, Reason::Settling));
+        }
+        if options.exclude_outliers {
+            mark_outliers(&mut kept.raw);
+        }
+        kept.corrected.exclude_as(&kept.raw);
+        kept
+    }
+
+    /// Part of the rows in usable windows of `whole` that is not used here, 0 to 1.
+    pub(crate) fn excluded_fraction(&self, whole: &Self) -> f64 {
+        let rows = |pair: &Self| pair.used().iter().map(|i| f64::from(pair.raw.rows.samples[*i])).sum::<f64>();
+        1.0 - rows(self) / rows(whole)
     }
 
     /// Windows that are used, in their order.
@@ -107,8 +125,8 @@ impl PairBuilder {
         self.corrected.push_corrected(&side, &unrounded, &status)
     }
 
-    fn finish(self, keep_outliers: bool) -> PairedWindows {
-        let raw = if keep_outliers { self.raw.keep_outliers() } else { self.raw }.finish();
+    fn finish(self) -> PairedWindows {
+        let raw = self.raw.finish_whole();
         let (mut corrected, status) = self.corrected.keep_outliers().finish_with_status();
         corrected.exclude_as(&raw);
         PairedWindows { raw, corrected, status }

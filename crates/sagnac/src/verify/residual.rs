@@ -5,17 +5,20 @@
 //! ramps               root mean square of heating and cooling windows about the run's mean
 //! per °C, per °C/min  slopes of one line r = a + s·T + q·Ṫ through all windows
 //! ARW                 N of the rows, raw, and corrected before they are rounded, by short-τ Allan deviations
+//! over temperature    root mean square of a Chebyshev series of order 8 in T through all windows, less what noise makes of it
 //! bias instability    least overlapping Allan deviation of the corrected windows / 0.664: an estimate of B that noise lifts and few
 //!                     degrees of freedom scatter
 //! ```
 //!
 //! Out of sample always: the windows are those of a retest.
 
+use nalgebra::{DMatrix, DVector};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::diagnostics::{Leg, Point};
 use crate::fit::level_stretches;
+use crate::model::{Span, chebyshev};
 use crate::verify::residual_diagnostics::{Estimate, joined};
 use sagnac_noise::{Deviation, Difference, SquareSum, overlapping, phases};
 
@@ -41,6 +44,8 @@ pub struct Plateaus {
     pub plateaus: usize,
     /// Largest σ within one, about its own mean, °/h.
     pub worst_sigma_dph: f64,
+    /// Standard error of that σ as a part of it.
+    pub worst_relative_sigma: f64,
     /// Largest distance of a plateau's mean from its run's mean, °/h.
     pub worst_offset_dph: Estimate,
     /// Temperature of the plateau with that distance, °C.
@@ -73,8 +78,11 @@ pub struct Residual {
     pub rate_slope: Option<Estimate>,
     /// Null where the rows do not tell it.
     pub random_walk: Option<RandomWalk>,
+    /// Root mean square over temperature of the smooth residual, less what noise makes of it, °/h; null where the temperature
+    /// does not move.
+    pub over_temperature_dph: Option<Estimate>,
     /// Estimate of the bias instability, °/h; null with too few neighbours.
-    pub bias_instability_dph: Option<f64>,
+    pub bias_instability_dph: Option<Estimate>,
 }
 
 /// From the points of an axis.
@@ -87,6 +95,7 @@ pub(crate) fn residual(points: &[Point], random_walk: Option<RandomWalk>) -> Res
         temperature_slope,
         rate_slope,
         random_walk,
+        over_temperature_dph: over_temperature(&used),
         bias_instability_dph: bias_instability(&used),
     }
 }
@@ -105,13 +114,15 @@ fn plateaus(used: &[&Point]) -> Option<Plateaus> {
         let (n, centre) = (plateau.len() as f64, mean(plateau, |p| p.after_dph));
         let squares: f64 = plateau.iter().map(|p| (p.after_dph - centre).powi(2)).sum();
         let sigma = (squares / (n - 1.0)).sqrt();
-        (sigma, Estimate { value: centre, sigma: sigma / n.sqrt() }, mean(plateau, |p| p.temperature_c))
+        (sigma, Estimate { value: centre, sigma: sigma / n.sqrt() }, mean(plateau, |p| p.temperature_c), n)
     };
     let figures: Vec<_> = all.iter().map(figures).collect();
+    let loudest = figures.iter().max_by(|a, b| a.0.total_cmp(&b.0))?;
     let worst = figures.iter().max_by(|a, b| a.1.value.abs().total_cmp(&b.1.value.abs()))?;
     Some(Plateaus {
         plateaus: figures.len(),
-        worst_sigma_dph: figures.iter().map(|f| f.0).fold(0.0, f64::max),
+        worst_sigma_dph: loudest.0,
+        worst_relative_sigma: (2.0 * (loudest.3 - 1.0)).sqrt().recip(),
         worst_offset_dph: worst.1,
         worst_offset_temperature_c: worst.2,
     })
@@ -140,7 +151,10 @@ fn slopes(used: &[&Point]) -> (Option<Estimate>, Option<Estimate>) {
     let (moves, ramps) = (tt > LEAST_SPREAD_C2 * n, qq > LEAST_SPREAD_CPM2 * n);
     let estimates = |s: f64, w: f64, inverse: [f64; 2], parameters: f64| {
         let left = |i: usize| r[i] - s * t[i] - w * q[i];
-        let variance = (0..t.len()).map(|i| left(i).powi(2)).sum::<f64>() / (n - parameters);
+        let rest: Vec<f64> = (0..t.len()).map(left).collect();
+        let squares = dot(&rest, &rest);
+        let rho = (dot(&rest[1..], &rest[..rest.len() - 1]) / squares.max(f64::MIN_POSITIVE)).clamp(0.0, 0.95);
+        let variance = squares / (n - parameters) * (1.0 + rho) / (1.0 - rho);
         [(s, inverse[0]), (w, inverse[1])].map(|(value, part)| Estimate { value, sigma: (variance * part).sqrt() })
     };
     match (moves, ramps) {
@@ -159,8 +173,47 @@ fn slopes(used: &[&Point]) -> (Option<Estimate>, Option<Estimate>) {
     }
 }
 
+/// Order of the smooth residual.
+const SMOOTH_ORDER: usize = 8;
+/// Windows that the smooth residual needs.
+const FEWEST_FOR_SMOOTH: usize = 40;
+/// A span below this holds no drift over temperature, °C.
+const LEAST_SPAN_C: f64 = 1.0;
+
+/// The smooth residual over temperature: its mean square is that of the fitted series less p·s²·w/n of noise, w for
+/// neighbours that correlate; the standard error of a mean square m with noise e per window is √(2pe² + 4me).
+fn over_temperature(used: &[&Point]) -> Option<Estimate> {
+    let known: Vec<&&Point> = used.iter().filter(|p| p.temperature_c.is_finite()).collect();
+    let n = known.len();
+    let ends = known
+        .iter()
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), p| (lo.min(p.temperature_c), hi.max(p.temperature_c)));
+    if n < FEWEST_FOR_SMOOTH || ends.1 - ends.0 < LEAST_SPAN_C {
+        return None;
+    }
+    let span = Span { lo: ends.0, hi: ends.1 };
+    let basis = DMatrix::from_fn(n, SMOOTH_ORDER + 1, |i, k| chebyshev(span.x(known[i].temperature_c))[k]);
+    let right = DVector::from_fn(n, |i, _| known[i].after_dph);
+    let svd = basis.clone().svd(true, true);
+    let theta = svd.solve(&right, 1e-9 * svd.singular_values.max()).ok()?;
+    let smooth = &basis * theta;
+    let rest = &right - &smooth;
+    let mean = smooth.mean();
+    let square = smooth.iter().map(|s| (s - mean).powi(2)).sum::<f64>() / n as f64;
+    let variance = rest.norm_squared() / (n - SMOOTH_ORDER - 1) as f64;
+    let product: f64 = rest.iter().zip(rest.iter().skip(1)).map(|(a, b)| a * b).sum();
+    let rho = (product / rest.norm_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 0.95);
+    let noise = variance * (1.0 + rho) / (1.0 - rho) / n as f64;
+    let p = SMOOTH_ORDER as f64;
+    let value = (square - p * noise).max(0.0).sqrt();
+    let sigma_of_square = (2.0 * p * noise * noise + 4.0 * value * value * noise).sqrt();
+    // Near zero the root of the mean square's own uncertainty.
+    let sigma = sigma_of_square / (2.0 * value).max(sigma_of_square.sqrt());
+    Some(Estimate { value, sigma })
+}
+
 /// The least deviation over octaves of the windows, to a sixth of what hangs together.
-fn bias_instability(used: &[&Point]) -> Option<f64> {
+fn bias_instability(used: &[&Point]) -> Option<Estimate> {
     let mut stretches: Vec<Vec<f64>> = vec![Vec::new()];
     for (index, point) in used.iter().enumerate() {
         let follows = index > 0 && joined(used[index - 1], point);
@@ -182,8 +235,14 @@ fn bias_instability(used: &[&Point]) -> Option<f64> {
         let parts = overlapping(&phases(stretch, 0.0), &wanted);
         sums.iter_mut().zip(parts).for_each(|(sum, part)| sum.merge(part));
     }
-    let variances = wanted.iter().zip(&sums).filter_map(|(d, sum)| sum.variance(Deviation::Allan, d.m as f64));
-    variances.reduce(f64::min).map(|least| least.sqrt() / FLAT)
+    let variances = wanted.iter().zip(&sums).filter_map(|(d, sum)| {
+        let variance = sum.variance(Deviation::Allan, d.m as f64)?;
+        // Of flicker, an overlapping deviation at m has about 5n/(4m) − 1 degrees of freedom (NIST SP 1065).
+        let freedom = (1.25 * sum.number / d.m as f64 - 1.0).max(1.0);
+        Some((variance.sqrt() / FLAT, freedom))
+    });
+    let (value, freedom) = variances.min_by(|a, b| a.0.total_cmp(&b.0))?;
+    Some(Estimate { value, sigma: value / (2.0 * freedom).sqrt() })
 }
 
 #[cfg(test)]
@@ -246,9 +305,9 @@ mod tests {
     /// White windows of σ: the deviation falls to τ = 32 windows, σ/√32.
     #[test]
     fn the_instability_is_the_least_deviation() {
-        let found = residual(&points(|i, _, _| noise(i)), None).bias_instability_dph.unwrap();
+        let found = residual(&points(|i, _, _| noise(i)), None).bias_instability_dph.unwrap().value;
         let white = (1.0_f64 / 12.0).sqrt() / 32.0_f64.sqrt() / FLAT;
         assert!((0.4..2.0).contains(&(found / white)), "{found} for {white}");
-        assert!(residual(&points(|_, _, _| 0.0)[..8], None).bias_instability_dph == Some(0.0));
+        assert_eq!(residual(&points(|_, _, _| 0.0)[..8], None).bias_instability_dph.unwrap().value, 0.0);
     }
 }

@@ -8,8 +8,8 @@
 //! ```
 //!
 //! All of corrected windows, each run about its own mean. Sampling errors are those of white residuals of n windows:
-//! √(2/n)·floor² for the variance, σ√(1/n₁ + 1/n₂) for means, 1/√n for the correlation. Where the residual is not
-//! white they are too small.
+//! √(2/n)·floor² for the variance, σ√(1/n₁ + 1/n₂) for means, widened by √((1 + ρ)/(1 − ρ)) where neighbours correlate,
+//! 1/√n for the correlation.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -93,7 +93,7 @@ pub(crate) fn residual_diagnostics(points: &[Point], floor_dph: Option<f64>) -> 
     let sigma = spread(&used);
     ResidualDiagnostics {
         over_floor_dph: floor_dph.and_then(|floor| over(sigma, floor, used.len())),
-        hysteresis_dph: hysteresis(points, sigma),
+        hysteresis_dph: hysteresis(points, sigma, &used),
         gap_steps: gap_steps(&used, sigma),
         lag1_autocorrelation: lag1_autocorrelation(&used, sigma),
     }
@@ -114,9 +114,11 @@ fn over(sigma: f64, floor: f64, n: usize) -> Option<f64> {
     (n >= FEWEST && excess > 2.0 * sampling).then(|| excess.sqrt())
 }
 
-fn hysteresis(points: &[Point], sigma: f64) -> Option<Estimate> {
+fn hysteresis(points: &[Point], sigma: f64, used: &[&Point]) -> Option<Estimate> {
     let legs = hysteresis_of(points, FEWEST, |p| p.after_dph)?;
-    Some(Estimate { value: legs.difference_dph, sigma: sigma * legs.per_sigma })
+    let rho = lag1_autocorrelation(used, sigma).map_or(0.0, |rho| rho.value.clamp(0.0, 0.95));
+    let widening = ((1.0 + rho) / (1.0 - rho)).sqrt();
+    Some(Estimate { value: legs.difference_dph, sigma: sigma * legs.per_sigma * widening })
 }
 
 /// Two windows follow each other without a break.

@@ -31,9 +31,10 @@ impl Figures {
         if self.sigma > 0.0 { self.sigma_dph / self.sigma } else { 0.0 }
     }
 
-    /// From (run, value) pairs; `None` with fewer than two windows in some run.
-    pub(crate) fn of(values: &[(u32, f64)], dph_per_unit: f64) -> Option<Self> {
-        let mut runs: Vec<u32> = values.iter().map(|(run, _)| *run).collect();
+    /// From windows; `None` with fewer than two in some run. A window shorter than the nominal one has more noise and counts by
+    /// its length: its distance from the run's mean is scaled by the root of `weight`.
+    pub(crate) fn of(values: &[Weighted], dph_per_unit: f64) -> Option<Self> {
+        let mut runs: Vec<u32> = values.iter().map(|window| window.run).collect();
         runs.sort_unstable();
         runs.dedup();
         let n = values.len();
@@ -41,18 +42,34 @@ impl Figures {
             return None;
         }
         let (mut squares, mut peak_to_peak) = (0.0, 0.0_f64);
+        let (mut min, mut max) = (f64::INFINITY, f64::NEG_INFINITY);
         for run in &runs {
-            let members: Vec<f64> = values.iter().filter(|(r, _)| r == run).map(|(_, v)| *v).collect();
-            let mean = members.iter().sum::<f64>() / members.len() as f64;
-            squares += members.iter().map(|v| (v - mean).powi(2)).sum::<f64>();
-            let (lo, hi) = extremes(members.iter().copied());
+            let members = || values.iter().filter(|window| window.run == *run);
+            let mean = weighted_mean(members());
+            let scaled = || members().map(|window| (window.value - mean) * window.weight.sqrt());
+            squares += scaled().map(|away| away * away).sum::<f64>();
+            let (lo, hi) = extremes(scaled());
             peak_to_peak = peak_to_peak.max(hi - lo);
+            (min, max) = (min.min(mean + lo), max.max(mean + hi));
         }
-        let (min, max) = extremes(values.iter().map(|(_, v)| *v));
         let sigma = (squares / (n - runs.len()) as f64).sqrt();
-        let mean = values.iter().map(|(_, v)| v).sum::<f64>() / n as f64;
+        let mean = weighted_mean(values.iter());
         Some(Self { n, min, max, mean, peak_to_peak, sigma, sigma_dph: sigma * dph_per_unit })
     }
+}
+
+/// A window of a figure.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Weighted {
+    pub(crate) run: u32,
+    pub(crate) value: f64,
+    /// Length over the nominal one, at most 1.
+    pub(crate) weight: f64,
+}
+
+fn weighted_mean<'a>(windows: impl Iterator<Item = &'a Weighted>) -> f64 {
+    let (sum, weights) = windows.fold((0.0, 0.0), |(sum, all), w| (sum + w.weight * w.value, all + w.weight));
+    sum / weights
 }
 
 fn extremes(values: impl Iterator<Item = f64>) -> (f64, f64) {
@@ -88,12 +105,17 @@ mod tests {
 
     #[test]
     fn sigma_is_pooled_about_each_runs_mean() {
-        let values = [(0, 1.0), (0, 3.0), (1, 10.0), (1, 14.0)];
+        let window = |(run, value)| Weighted { run, value, weight: 1.0 };
+        let values = [(0, 1.0), (0, 3.0), (1, 10.0), (1, 14.0)].map(window);
         let figures = Figures::of(&values, 2.0).unwrap();
         assert_eq!((figures.peak_to_peak, figures.mean, figures.n), (4.0, 7.0, 4));
         assert!(
             (figures.sigma - 5.0_f64.sqrt()).abs() < 1e-15 && (figures.sigma_dph - 2.0 * figures.sigma).abs() < 1e-15
         );
         assert!(Figures::of(&values[..1], 1.0).is_none());
+        // A quarter of the length: twice the noise, so half of the distance counts.
+        let short = [Weighted { weight: 0.25, ..window((0, 5.0)) }, window((0, 0.0))];
+        let figures = Figures::of(&short, 1.0).unwrap();
+        assert_eq!((figures.mean, figures.peak_to_peak), (1.0, 3.0));
     }
 }

@@ -42,6 +42,10 @@ pub struct PlateauProof {
     pub before: PpmEstimate,
     /// As corrected.
     pub after: PpmEstimate,
+    /// Asymmetry as corrected; null where the rates do not determine it.
+    pub asymmetry: Option<PpmEstimate>,
+    /// Nonlinearity as corrected; null with fewer than three rates.
+    pub nonlinearity: Option<PpmEstimate>,
 }
 
 /// What the correction does to the scale factor.
@@ -57,6 +61,24 @@ pub struct ScaleProof {
     pub of_noise_ppm: f64,
     /// In the order of the test.
     pub plateaus: Vec<PlateauProof>,
+}
+
+/// Plateaus closer than this are one temperature, °C.
+const ONE_TEMPERATURE_C: f64 = 1.0;
+
+impl ScaleProof {
+    /// The largest difference between two visits of one temperature, as corrected.
+    pub(crate) fn hysteresis(&self) -> Option<PpmEstimate> {
+        let visits = self.plateaus.iter().enumerate().flat_map(|(at, first)| {
+            let again = self.plateaus[at + 1..].iter();
+            let same = again.filter(|p| (p.temperature_c - first.temperature_c).abs() <= ONE_TEMPERATURE_C);
+            same.map(|second| PpmEstimate {
+                ppm: second.after.ppm - first.after.ppm,
+                sigma_ppm: second.after.sigma_ppm.hypot(first.after.sigma_ppm),
+            })
+        });
+        visits.max_by(|a, b| a.ppm.abs().total_cmp(&b.ppm.abs()))
+    }
 }
 
 /// Drifts before and after.
@@ -89,7 +111,13 @@ impl<'a> PairedDrifts<'a> {
         let plateaus: Vec<PlateauProof> = before
             .iter()
             .zip(&after)
-            .map(|(b, a)| PlateauProof { temperature_c: b.temperature_c, before: b.scale, after: a.scale })
+            .map(|(b, a)| PlateauProof {
+                temperature_c: b.temperature_c,
+                before: b.scale,
+                after: a.scale,
+                asymmetry: a.asymmetry,
+                nonlinearity: a.nonlinearity,
+            })
             .collect();
         let noise = plateaus.iter().map(|p| p.after.sigma_ppm.powi(2)).sum::<f64>() / plateaus.len() as f64;
         Some(ScaleProof {

@@ -401,6 +401,16 @@ impl WindowBuilder {
         (self.finish(), status)
     }
 
+    /// Every window that has counts. Only those in which a table changed its rate, and fragments too short for figures of their
+    /// own, are marked.
+    pub(crate) fn finish_whole(mut self) -> Windows {
+        self.keep_outliers = true;
+        self.discard_initial_ns = 0;
+        let mut windows = self.finish();
+        windows.mark_fragments();
+        windows
+    }
+
     /// The windows, with the excluded ones marked.
     pub fn finish(self) -> Windows {
         let keep_all = self.keep_outliers;
@@ -411,9 +421,10 @@ impl WindowBuilder {
             let run = &windows.runs[windows.rows.run[i] as usize];
             if windows.rows.start_ns[i] - run.start_ns < self.discard_initial_ns {
                 windows.exclude(i, Reason::Settling);
-            } else if !keep_all && windows.duration_s(i) < windows.shape.nominal_s / 10.0 {
-                windows.exclude(i, Reason::ShortWindow);
             }
+        }
+        if !keep_all {
+            windows.mark_fragments();
         }
         outliers::mark_table_changes(&mut windows, &self.table_spread_dps);
         if !keep_all {

@@ -12,7 +12,7 @@ mod table;
 
 pub(crate) use crate::window::build::SeenLogs;
 pub use crate::window::build::WindowBuilder;
-pub(crate) use crate::window::outliers::{holds_whole_numbers, is_whole};
+pub(crate) use crate::window::outliers::{holds_whole_numbers, is_whole, mark as mark_outliers, suspected};
 #[cfg(feature = "parquet")]
 pub use crate::window::table::{TABLE_VERSION, is_table, read_table, write_table, write_table_csv};
 
@@ -118,6 +118,28 @@ pub struct Windows {
     pub tallies: Tallies,
 }
 
+/// Standard errors beyond which a window's scatter is not noise.
+const SHAKEN_SIGMAS: f64 = 8.0;
+
+/// Mean square at the shortest τ of a window.
+fn shortest_square(sums: &ShortTauSums) -> Option<f64> {
+    let (squares, number) = (sums.squares.first()?, sums.numbers.first()?);
+    (*number > 0.0).then(|| squares / number)
+}
+
+fn median_square<'a>(all: impl Iterator<Item = &'a ShortTauSums>) -> f64 {
+    let mut squares: Vec<f64> = all.filter_map(shortest_square).collect();
+    squares.sort_by(f64::total_cmp);
+    squares.get(squares.len() / 2).copied().unwrap_or(0.0)
+}
+
+/// Far above the median by the scatter of a variance of so many degrees of freedom.
+fn is_shaken(sums: &ShortTauSums, median: f64) -> bool {
+    let freedom = sums.edf.first().copied().unwrap_or(0.0).max(1.0);
+    shortest_square(sums)
+        .is_some_and(|square| square > median * (1.0 + SHAKEN_SIGMAS * (2.0 / freedom).sqrt()) && median > 0.0)
+}
+
 /// Noise below this part of a window's angle is that of sums.
 const ROUNDING: f64 = 1e-12;
 
@@ -145,13 +167,27 @@ impl Windows {
     /// N and Q of an axis from the raw samples of the used windows; `None` where they do not tell.
     pub fn measured_noise(&self, axis: usize) -> Option<NoiseTerms> {
         let mut all = ShortTauSums::default();
-        let used = self.rows.short_tau[axis].iter().zip(&self.rows.excluded).filter(|(_, reason)| reason.is_none());
-        used.for_each(|(sums, _)| all.merge(sums));
+        let used = || {
+            let windows = self.rows.short_tau[axis].iter().zip(&self.rows.excluded);
+            windows.filter(|(_, reason)| reason.is_none()).map(|(sums, _)| sums)
+        };
+        // A window that was shaken says nothing of the noise of the others.
+        let quietest = median_square(used());
+        used().filter(|sums| !is_shaken(sums, quietest)).for_each(|sums| all.merge(sums));
         let terms = all.fit(self.shape.sample_interval_s)?;
         // What the rounding of sums makes is no noise: of a counter that always counts the same.
         let largest = self.rows.angle[axis].iter().fold(0.0_f64, |most, angle| most.max(angle.abs()));
         let noise_arcsec = terms.q_arcsec + terms.n_arcsec_rt_s * self.shape.sample_interval_s.sqrt();
         (noise_arcsec > ROUNDING * largest * self.shape.unit.arcsec()).then_some(terms)
+    }
+
+    /// Marks windows of less than a tenth of the nominal length.
+    pub(crate) fn mark_fragments(&mut self) {
+        for i in 0..self.len() {
+            if self.duration_s(i) < self.shape.nominal_s / 10.0 {
+                self.exclude(i, Reason::ShortWindow);
+            }
+        }
     }
 
     /// Takes over which windows are left out, and the tallies, from windows of the same bounds.

@@ -4,17 +4,18 @@
 //! size passes, in windows of any length. Five predictions interpolate between a window before and one
 //! after (at the ends of a run they extrapolate), and the second closest counts; the scale is robust
 //! and has a floor of 10 % of the run's own range, so that a noise-free record is not taken apart at its
-//! corners. A step is a lasting change that happens at once, among small ones. Where an auxiliary column jumps with it (the
+//! corners. A step is a change that happens at once, among small ones. One that is taken back is an excursion; one that lasts
+//! has no wrong side: it is marked where it happens, and a fit refuses it. Where an auxiliary column jumps with it (the
 //! mode, the path-length voltage at a reset) it is no outlier but something to be fitted: there the two sides are laid
 //! together before they are judged.
 //!
 //! Limits: a bump longer than three windows passes unless it rises and falls like steps; so does a step
-//! of less than ten sigma or a quarter of the range, and one where the temperature rate changes by over
-//! 0.2 °C/min, because a drift with the rate steps there too.
+//! of less than ten sigma or a quarter of the range, and either where the temperature rate changes by over
+//! 0.2 °C/min, because a drift with the rate bends and steps there too.
 
 use crate::window::Windows;
 use sagnac_log::ingest::Reason;
-use sagnac_units::s_from_ns;
+use sagnac_units::{DPH_PER_DPS, s_from_ns};
 
 /// Reference rates closer than this part of themselves are one rate.
 const SAME_RATE: f64 = 1e-3;
@@ -39,10 +40,24 @@ const NEAR_WHOLE: f64 = 1e-9;
 const STEP_OF_TIME: f64 = 0.45;
 /// Nothing is called a step where the temperature rate changes by this much.
 const TURN_CPM: f64 = 0.2;
+/// A step back differs from the step by no more than this part of it.
+const RETURN: f64 = 0.3;
+/// A lasting step exceeds what medians of five windows, ten apart, usually differ by: otherwise it is slow noise.
+const LASTING: f64 = 8.0;
+/// A step within this part of the run, from its start, ends the start-up.
+const START_UP: f64 = 0.05;
 /// A step exceeds the usual change from window to window by this.
 const STEP_OF_CHANGES: f64 = 4.0;
 /// A step happens within two windows; a drift does not.
 const STEP_AT_ONCE: f64 = 0.7;
+
+/// Windows that look like outliers of an axis, with the reason; nothing is marked.
+pub(crate) fn suspected(windows: &Windows, axis: usize) -> Vec<(usize, Reason)> {
+    let mut marked = windows.clone();
+    (0..windows.runs.len()).for_each(|run| mark_run(&mut marked, run, axis));
+    let new = |i: &usize| windows.rows.excluded[*i].is_none();
+    (0..windows.len()).filter(new).filter_map(|i| Some((i, marked.rows.excluded[i]?))).collect()
+}
 
 /// Marks outliers of every run, as any axis shows them.
 pub(crate) fn mark(windows: &mut Windows) {
@@ -57,10 +72,16 @@ fn mark_run(windows: &mut Windows, run: usize, axis: usize) {
     let members: Vec<usize> = (0..windows.len())
         .filter(|i| windows.rows.run[*i] as usize == run && windows.rows.excluded[*i].is_none())
         .collect();
-    // On a rate table a change of the rate is no outlier: each stretch of one rate is judged by itself.
+    // On a rate table a change of the rate is no outlier: each stretch of one rate is judged by itself, and a window whose rate is
+    // not known not at all.
+    let reference = |i: &usize| windows.rows.reference_dps[*i];
+    let mut members = members;
+    if members.iter().any(|i| reference(i).is_finite()) {
+        members.retain(|i| reference(i).is_finite());
+    }
     let same_rate = |a: &usize, b: &usize| {
-        let (a, b) = (windows.rows.reference_dps[*a], windows.rows.reference_dps[*b]);
-        a.is_nan() || b.is_nan() || (a - b).abs() <= SAME_RATE * a.abs().max(b.abs())
+        let (a, b) = (reference(a), reference(b));
+        a.is_nan() || (a - b).abs() <= SAME_RATE * a.abs().max(b.abs())
     };
     let stretches: Vec<Vec<usize>> = members.chunk_by(same_rate).map(<[usize]>::to_vec).collect();
     for stretch in stretches.iter().filter(|stretch| stretch.len() >= MIN_WINDOWS) {
@@ -115,16 +136,16 @@ fn mark_stretch(windows: &mut Windows, members: &[usize], axis: usize) {
     let levels = Levels::of(windows, axis, members);
     let series = Series::of(windows, axis, members, &levels);
     let scale = robust_scale(&residuals(windows, members, &series));
-    let kept = keep_one_level(&series, (STEP_SIGMAS * scale).max(STEP_OF_RANGE * decile_range(&series.rates)));
-    for (member, _) in members.iter().zip(&kept).filter(|(_, kept)| !**kept) {
-        windows.exclude(*member, Reason::Step);
+    let marked = marks_of_steps(&series, (STEP_SIGMAS * scale).max(STEP_OF_RANGE * decile_range(&series.rates)));
+    for (member, reason) in members.iter().zip(&marked).filter_map(|(member, mark)| Some((member, (*mark)?))) {
+        windows.exclude(*member, reason);
     }
-    // What is left is one level: a bump stands out from it alone.
-    let left: Vec<usize> = members.iter().zip(&kept).filter(|(_, kept)| **kept).map(|(i, _)| *i).collect();
+    // A bump is judged against the windows that no step took away.
+    let left: Vec<usize> = members.iter().zip(&marked).filter(|(_, mark)| mark.is_none()).map(|(i, _)| *i).collect();
     let series = Series::of(windows, axis, &left, &levels);
     let residuals = residuals(windows, &left, &series);
     let limit = (BUMP_SIGMAS * robust_scale(&residuals)).max(BUMP_OF_RANGE * decile_range(&series.rates));
-    for (i, member) in left.iter().enumerate().filter(|(i, _)| residuals[*i].abs() > limit) {
+    for (i, member) in left.iter().enumerate().filter(|(i, _)| residuals[*i].abs() > limit && !series.turns_near(*i)) {
         windows.exclude(*member, if *member == members[0] && i == 0 { Reason::StartUp } else { Reason::Motion });
     }
 }
@@ -152,6 +173,16 @@ impl Levels {
     }
 }
 
+/// Part of the table's rate that an axis sees: +1 or −1 along it, 0 across or without a table.
+fn share_of_table(windows: &Windows, axis: usize, members: &[usize]) -> f64 {
+    let reference = |i: &usize| windows.rows.reference_dps[*i] * DPH_PER_DPS;
+    let known = || members.iter().filter(|i| reference(i).is_finite());
+    let products: f64 = known().map(|i| windows.rate_dph(axis, *i) * reference(i)).sum();
+    let squares: f64 = known().map(|i| reference(i).powi(2)).sum();
+    let share = products / squares;
+    if (share.abs() - 1.0).abs() < 0.1 { share.signum() } else { 0.0 }
+}
+
 /// Rates of some windows at their middles.
 struct Series {
     times_s: Vec<f64>,
@@ -163,10 +194,12 @@ struct Series {
 impl Series {
     fn of(windows: &Windows, axis: usize, members: &[usize], levels: &Levels) -> Self {
         let level = |i: &usize| levels.0.get(i).copied().unwrap_or(0.0);
+        let share = share_of_table(windows, axis, members);
+        let turned = |i: usize| if share == 0.0 { 0.0 } else { share * windows.rows.reference_dps[i] * DPH_PER_DPS };
         let middle = |i: &usize| s_from_ns(windows.rows.start_ns[*i] / 2 + windows.rows.end_ns[*i] / 2);
         Self {
             times_s: members.iter().map(middle).collect(),
-            rates: members.iter().map(|i| windows.rate_dph(axis, *i) - level(i)).collect(),
+            rates: members.iter().map(|i| windows.rate_dph(axis, *i) - turned(*i) - level(i)).collect(),
             temperatures_c: members
                 .iter()
                 .map(|i| windows.rows.mean_c.first().map_or(f64::NAN, |column| column[*i]))
@@ -197,12 +230,23 @@ impl Series {
         deviations.get(1).or(deviations.first()).copied().unwrap_or(0.0)
     }
 
+    /// The same, for a window that may lie near an end.
+    fn turns_near(&self, i: usize) -> bool {
+        i > NEIGHBOURS && i + NEIGHBOURS + 1 < self.rates.len() && self.turns_at(i)
+    }
+
     /// True where the temperature rate changes: there a drift may do what elsewhere only a step does.
     fn turns_at(&self, i: usize) -> bool {
         let rate_cpm = |from: usize, to: usize| {
             60.0 * (self.temperatures_c[to] - self.temperatures_c[from]) / (self.times_s[to] - self.times_s[from])
         };
         (rate_cpm(i + 1, i + NEIGHBOURS) - rate_cpm(i - NEIGHBOURS, i - 1)).abs() > TURN_CPM
+    }
+
+    /// Median of the changes between medians of five windows, ten windows apart.
+    fn usual_change(&self) -> f64 {
+        let medians: Vec<f64> = self.rates.windows(NEIGHBOURS).map(|five| median(five.to_vec())).collect();
+        median(medians.windows(2 * NEIGHBOURS + 1).map(|m| (m[2 * NEIGHBOURS] - m[0]).abs()).collect())
     }
 
     /// The size of a step at window `i`, if there is one: medians of five windows on both sides differ, nearly
@@ -244,27 +288,41 @@ fn robust_scale(residuals: &[f64]) -> f64 {
     1.4826 * median(residuals.iter().map(|r| r.abs()).collect())
 }
 
-/// Splits at steps and keeps the level with the most windows.
-fn keep_one_level(series: &Series, limit: f64) -> Vec<bool> {
-    let mut level = vec![0.0; series.rates.len()];
-    let mut offset = 0.0;
-    let mut next_allowed = 0;
-    for (i, level) in level.iter_mut().enumerate() {
-        *level = offset;
-        if i >= next_allowed
+/// What steps make of the windows: a step that is followed by one back is an excursion, and everything between is marked; before
+/// a step near the start of the run the gyro starts up; any other step is a lasting change, of which the window alone is
+/// marked, for none of its sides is the wrong one.
+fn marks_of_steps(series: &Series, limit: f64) -> Vec<Option<Reason>> {
+    let n = series.rates.len();
+    let mut marks = vec![None; n];
+    let mut steps: Vec<(usize, f64)> = Vec::new();
+    for i in 0..n {
+        if steps.last().is_none_or(|(last, _)| i >= last + NEIGHBOURS)
             && let Some(jump) = series.step_at(i, limit)
         {
-            // The window in which it happens belongs to neither side.
-            *level = f64::NAN;
-            offset += jump;
-            next_allowed = i + NEIGHBOURS;
+            steps.push((i, jump));
         }
     }
-    let members = |of: f64| level.iter().filter(|l| (**l - of).abs() <= limit).count();
-    let mut levels: Vec<f64> = level.iter().copied().filter(|l| !l.is_nan()).collect();
-    levels.dedup();
-    let best = levels.into_iter().max_by_key(|l| members(*l)).unwrap_or(0.0);
-    level.iter().map(|l| (l - best).abs() <= limit).collect()
+    let mut at = 0;
+    while at < steps.len() {
+        let (from, jump) = steps[at];
+        let is_back = |(_, back): &(usize, f64)| (jump + back).abs() <= limit.max(RETURN * jump.abs());
+        match steps[at + 1..].iter().position(is_back) {
+            Some(further) => {
+                let (to, _) = steps[at + 1 + further];
+                marks[from..=to].fill(Some(Reason::Step));
+                at += further + 2;
+            }
+            None if (from as f64) < START_UP * n as f64 => {
+                marks[..=from].fill(Some(Reason::StartUp));
+                at += 1;
+            }
+            None => {
+                marks[from] = (jump.abs() > LASTING * series.usual_change()).then_some(Reason::LastingStep);
+                at += 1;
+            }
+        }
+    }
+    marks
 }
 
 fn decile_range(values: &[f64]) -> f64 {
@@ -305,17 +363,25 @@ mod tests {
     }
 
     #[test]
-    fn a_step_keeps_the_longer_side_and_a_bump_both() {
-        let mut stepped = drift(100);
-        stepped[70..].iter_mut().for_each(|y| *y += 1.0);
-        let kept = keep_one_level(&series(stepped), 0.3);
-        assert!(kept[..70].iter().all(|k| *k), "{kept:?}");
-        assert!(kept[71..].iter().all(|k| !*k));
+    fn a_lasting_step_takes_no_side_and_an_excursion_is_marked_whole() {
+        for (at, windows) in [(70, 100), (95, 100), (30, 100)] {
+            let mut stepped = drift(windows);
+            stepped[at..].iter_mut().for_each(|y| *y += 1.0);
+            let marks = marks_of_steps(&series(stepped), 0.3);
+            let marked: Vec<usize> = (0..windows).filter(|i| marks[*i].is_some()).collect();
+            assert!(marked.len() <= 1 && marked.iter().all(|i| i.abs_diff(at) <= 1), "{at}: {marked:?}");
+            assert!(marked.iter().all(|i| marks[*i] == Some(Reason::LastingStep)) && (at > 94 || marked.len() == 1));
+        }
         let mut bumped = drift(100);
         bumped[50..62].iter_mut().for_each(|y| *y += 1.0);
-        let kept = keep_one_level(&series(bumped), 0.3);
-        assert!(kept[..50].iter().chain(&kept[63..]).all(|k| *k), "{kept:?}");
-        assert!(kept[51..62].iter().all(|k| !*k));
+        let marks = marks_of_steps(&series(bumped), 0.3);
+        assert!(marks[..50].iter().chain(&marks[63..]).all(Option::is_none), "{marks:?}");
+        assert!(marks[51..62].iter().all(|mark| *mark == Some(Reason::Step)));
+        let mut warming = drift(200);
+        warming[..8].iter_mut().for_each(|y| *y += 1.0);
+        let marks = marks_of_steps(&series(warming), 0.3);
+        assert!(marks[..8].iter().all(|mark| *mark == Some(Reason::StartUp)), "{marks:?}");
+        assert!(marks[9..].iter().all(Option::is_none));
     }
 
     /// However a step divides the window in which it happens, it is found.
@@ -325,20 +391,20 @@ mod tests {
             let mut stepped = drift(100);
             stepped[70] += part;
             stepped[71..].iter_mut().for_each(|y| *y += 1.0);
-            let kept = keep_one_level(&series(stepped), 0.3);
-            assert!(kept[..70].iter().all(|k| *k), "{part}: {kept:?}");
-            assert!(kept[72..].iter().all(|k| !*k), "{part}: {kept:?}");
+            let marks = marks_of_steps(&series(stepped), 0.3);
+            let marked: Vec<usize> = (0..100).filter(|i| marks[*i].is_some()).collect();
+            assert!(matches!(marked[..], [70 | 71]), "{part}: {marked:?}");
         }
     }
 
     #[test]
     fn a_drift_is_no_step_however_steep_and_however_unequal_its_windows() {
-        assert!(keep_one_level(&series(drift(200)), 0.05).iter().all(|k| *k));
+        assert!(marks_of_steps(&series(drift(200)), 0.05).iter().all(Option::is_none));
         // A sine in windows of unequal length, without any noise.
         let times_s: Vec<f64> = (0..200).map(|i| f64::from(i) + if i % 3 == 0 { 0.45 } else { 0.0 }).collect();
         let rates: Vec<f64> = times_s.iter().map(|t| (t / 9.0).sin()).collect();
         let sine = Series { times_s, temperatures_c: vec![f64::NAN; rates.len()], rates };
-        assert!(keep_one_level(&sine, 0.1).iter().all(|k| *k));
+        assert!(marks_of_steps(&sine, 0.1).iter().all(Option::is_none));
         let worst = (0..200).map(|i| sine.deviation(i).abs()).fold(0.0, f64::max);
         assert!(worst < 0.2, "{worst}");
     }

@@ -1,0 +1,52 @@
+//! What a fit may leave out: at most a twentieth of a run, and never a side of a lasting change.
+//!
+//! An outlier rule that takes more than that decides the answer. Then the fit refuses and names the stretch.
+
+use crate::window::Windows;
+use sagnac_log::error::{Error, Result};
+use sagnac_log::ingest::Reason;
+use sagnac_units::s_from_ns;
+
+/// Part of a run's rows that may be excluded as bumps, steps or start-up.
+const MOST: f64 = 0.05;
+
+/// # Errors
+/// [`sagnac_log::ErrorKind::Refused`] for a run of which too much looks like outliers, or whose rate changed for good.
+pub(crate) fn check(windows: &Windows) -> Result<()> {
+    (0..windows.runs.len()).try_for_each(|run| check_run(windows, run))
+}
+
+fn check_run(windows: &Windows, run: usize) -> Result<()> {
+    let rows = &windows.rows;
+    let members: Vec<usize> = (0..windows.len()).filter(|i| rows.run[*i] as usize == run).collect();
+    let file = &windows.runs[run].summary.file;
+    let hours = |ns: i64| s_from_ns(ns - windows.runs[run].start_ns) / 3600.0;
+    if let Some(step) = members.iter().find(|i| rows.excluded[**i] == Some(Reason::LastingStep)) {
+        let at = hours(rows.start_ns[*step]);
+        return Err(Error::refused(format!(
+            "the rate steps at {at:.2} h of the run and stays there: one curve does not fit both sides"
+        ))
+        .file(file)
+        .line(rows.first_line[*step])
+        .help("find the cause; cut the log there, or keep all of it with --keep-outliers"));
+    }
+    let is_suspect = |i: &usize| matches!(rows.excluded[*i], Some(Reason::Motion | Reason::Step | Reason::StartUp));
+    let count = |of: &mut dyn Iterator<Item = usize>| of.map(|i| f64::from(rows.samples[i])).sum::<f64>();
+    let excluded = count(&mut members.iter().copied().filter(is_suspect));
+    let all = count(&mut members.iter().copied());
+    if excluded <= MOST * all {
+        return Ok(());
+    }
+    let stretches = members.chunk_by(|a, b| is_suspect(a) == is_suspect(b)).filter(|stretch| is_suspect(&stretch[0]));
+    let longest = stretches.max_by_key(|stretch| stretch.len()).unwrap_or(&[]);
+    let (first, last) = (longest.first().copied().unwrap_or(0), longest.last().copied().unwrap_or(0));
+    let (from, to) = (hours(rows.start_ns[first]), hours(rows.end_ns[last]));
+    let part = 100.0 * excluded / all;
+    Err(Error::refused(format!(
+        "{part:.1} % of the run look like bumps, steps or start-up, the longest stretch from {from:.2} to {to:.2} h; at most {:.0} % may be excluded",
+        100.0 * MOST
+    ))
+    .file(file)
+    .line(rows.first_line[first])
+    .help("repeat the test, cut the stretch out of the log, give discard_initial_s, or keep all of it with --keep-outliers"))
+}

@@ -1,0 +1,187 @@
+//! The retest against its calibration: fixed bias and scale factor, turn-on by turn-on.
+//!
+//! ```text
+//! bias of a run      b_i = mean of its corrected windows − input rate          (a correction is zero at T0)
+//! of the record      b_0 = mean over its runs of (run offset − input rate)
+//! difference         d_i = b_i − b_0, σ² of both; the worst |d_i| is judged
+//! turn-on to turn-on s over all runs, of the calibration too; one-sided 95 % bound s·√((n − 1)/χ²(0.05, n − 1))
+//! scale factor       mean over the plateaus after correction less ε0 of the record, ppm
+//! ```
+//!
+//! σ of a run's mean comes from the means of eight stretches of the run, so that slow noise is in it. A change that takes as
+//! long as the run itself is in the difference, not in its σ.
+//!
+//! Needs the input rate, from the setup (`input_rate_dph`, `[earth]`): without it a difference of bias is none of the gyro's.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+
+use crate::calibration::{AxisCalibration, PpmEstimate};
+use crate::verify::residual_diagnostics::Estimate;
+use crate::verify::turned::{PairedDrifts, ScaleProof};
+use crate::window::Windows;
+
+/// Stretches of a run whose means scatter.
+const STRETCHES: usize = 8;
+/// Probability of the one-sided bound.
+const ONE_SIDED: f64 = 0.95;
+
+/// One run of the retest.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[non_exhaustive]
+pub struct RunBias {
+    /// File of the run.
+    pub file: String,
+    /// Fixed bias as corrected, °/h.
+    pub bias_dph: Estimate,
+    /// The same less that of the calibration, °/h.
+    pub difference_dph: Estimate,
+    /// As logged less that of the calibration, °/h.
+    pub raw_difference_dph: f64,
+}
+
+/// Scatter from turn-on to turn-on.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[non_exhaustive]
+pub struct TurnOns {
+    /// Runs, those of the calibration included.
+    pub n: usize,
+    /// σ over them, °/h.
+    pub sigma_dph: f64,
+    /// One-sided 95 % upper bound of that σ, °/h.
+    pub sigma_upper_dph: f64,
+}
+
+/// Fixed bias of the retest against its calibration.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[non_exhaustive]
+pub struct BiasRepeatability {
+    /// Input rate that both are less of, °/h.
+    pub input_rate_dph: f64,
+    /// Fixed bias of the calibration, °/h: mean over its runs.
+    pub calibration_dph: Estimate,
+    /// The runs of the retest.
+    pub runs: Vec<RunBias>,
+    /// Null with fewer than two runs.
+    pub turn_ons: Option<TurnOns>,
+}
+
+impl BiasRepeatability {
+    /// The run farthest from the calibration.
+    pub fn worst(&self) -> Option<&RunBias> {
+        let distance = |run: &&RunBias| run.difference_dph.value.abs();
+        self.runs.iter().max_by(|a, b| distance(a).total_cmp(&distance(b)))
+    }
+
+    /// The largest fixed bias of a run, °/h.
+    pub fn largest_bias_dph(&self) -> Option<Estimate> {
+        let biases = self.runs.iter().map(|run| run.bias_dph);
+        biases.max_by(|a, b| a.value.abs().total_cmp(&b.value.abs()))
+    }
+
+    /// Of the used windows; `Err` says why it is not known.
+    pub(crate) fn of(
+        drifts: &PairedDrifts<'_>,
+        windows: &Windows,
+        used: &[usize],
+        axis: usize,
+        record: Option<&AxisCalibration>,
+        input_rate_dph: Option<f64>,
+    ) -> Result<Self, String> {
+        let record = record.ok_or("an image alone does not state the bias of the calibration")?;
+        let input_dph = input_rate_dph.filter(|_| windows.shape.axes.len() == 1);
+        let input_dph = input_dph.ok_or("the input rate is not known: give input_rate_dph or [earth] in the setup")?;
+        let calibration_dph = of_record(record).ok_or("the calibration did not know its input rate")?;
+        let run = |run: usize| {
+            let members: Vec<usize> = used.iter().copied().filter(|i| windows.rows.run[*i] as usize == run).collect();
+            let after = mean_of(windows, &members, |i| drifts.corrected.rate_dph(axis, i))?;
+            let before = mean_of(windows, &members, |i| drifts.raw.rate_dph(axis, i))?;
+            let bias_dph = Estimate { value: after.value - input_dph, sigma: after.sigma };
+            let difference = bias_dph.value - calibration_dph.value;
+            Some(RunBias {
+                file: windows.runs[run].summary.file.clone(),
+                bias_dph,
+                difference_dph: Estimate { value: difference, sigma: bias_dph.sigma.hypot(calibration_dph.sigma) },
+                raw_difference_dph: before.value - input_dph - calibration_dph.value,
+            })
+        };
+        let runs: Vec<RunBias> = (0..windows.runs.len()).filter_map(run).collect();
+        if runs.is_empty() {
+            return Err(format!("no run of the retest has {STRETCHES} windows"));
+        }
+        let all: Vec<f64> = biases_of(record).into_iter().chain(runs.iter().map(|run| run.bias_dph.value)).collect();
+        Ok(Self { input_rate_dph: input_dph, calibration_dph, runs, turn_ons: TurnOns::of(&all) })
+    }
+}
+
+impl TurnOns {
+    fn of(biases: &[f64]) -> Option<Self> {
+        let n = biases.len();
+        let degrees = n.checked_sub(1).filter(|degrees| *degrees > 0)? as f64;
+        let mean = biases.iter().sum::<f64>() / n as f64;
+        let sigma_dph = (biases.iter().map(|b| (b - mean).powi(2)).sum::<f64>() / degrees).sqrt();
+        let least = ChiSquared::new(degrees).ok()?.inverse_cdf(1.0 - ONE_SIDED);
+        Some(Self { n, sigma_dph, sigma_upper_dph: sigma_dph * (degrees / least).sqrt() })
+    }
+}
+
+fn biases_of(record: &AxisCalibration) -> Vec<f64> {
+    record.run_offsets.iter().filter_map(|offset| offset.fixed_bias_dph).collect()
+}
+
+/// Mean over the runs of a record: the larger of what their own σ and their scatter make.
+fn of_record(record: &AxisCalibration) -> Option<Estimate> {
+    let biases = biases_of(record);
+    let n = biases.len() as f64;
+    let value = biases.iter().sum::<f64>() / n;
+    let own: f64 = record.run_offsets.iter().map(|offset| offset.sigma_dph.unwrap_or(0.0).powi(2)).sum::<f64>() / n;
+    let scatter = biases.iter().map(|b| (b - value).powi(2)).sum::<f64>() / (n - 1.0).max(1.0);
+    (!biases.is_empty()).then(|| Estimate { value, sigma: (own.max(scatter) / n).sqrt() })
+}
+
+/// Mean over windows by their lengths, with the σ that the means of stretches show.
+fn mean_of(windows: &Windows, members: &[usize], rate_dph: impl Fn(usize) -> f64) -> Option<Estimate> {
+    if members.len() < STRETCHES {
+        return None;
+    }
+    let mean = |part: &[usize]| {
+        let (sum, all) = part.iter().fold((0.0, 0.0), |(sum, all), i| {
+            let length = windows.duration_s(*i);
+            (sum + length * rate_dph(*i), all + length)
+        });
+        sum / all
+    };
+    let value = mean(members);
+    let part = |k: usize| &members[k * members.len() / STRETCHES..(k + 1) * members.len() / STRETCHES];
+    let squares: f64 = (0..STRETCHES).map(|k| (mean(part(k)) - value).powi(2)).sum();
+    let freedom = ((STRETCHES - 1) * STRETCHES) as f64;
+    Some(Estimate { value, sigma: (squares / freedom).sqrt() })
+}
+
+/// Scale factor of the retest less that of the record at T0, ppm; `None` where either does not know it.
+pub(crate) fn scale_difference(proof: Option<&ScaleProof>, record: Option<&AxisCalibration>) -> Option<PpmEstimate> {
+    let (proof, known) = (proof?, record?.fit.as_ref()?.scale_factor.as_ref()?.at_reference);
+    let n = proof.plateaus.len() as f64;
+    let sigma_ppm = (proof.of_noise_ppm.powi(2) / n + known.sigma_ppm.powi(2)).sqrt();
+    Some(PpmEstimate { ppm: proof.after.mean_ppm - known.ppm, sigma_ppm })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// n = 5: χ²(0.05, 4) = 0.710723 (tables), so the bound is s·√(4/0.710723) = 2.37236 s.
+    #[test]
+    fn the_bound_of_the_turn_on_scatter_is_that_of_chi_squared() {
+        let biases = [0.001, -0.002, 0.0, 0.003, -0.002];
+        let found = TurnOns::of(&biases).unwrap();
+        assert_eq!(found.n, 5);
+        assert!((found.sigma_dph - 0.002_121_320_3).abs() < 1e-9, "{found:?}");
+        assert!((found.sigma_upper_dph / found.sigma_dph - 2.372_36).abs() < 1e-4, "{found:?}");
+        assert_eq!(TurnOns::of(&biases[..1]), None);
+    }
+}
