@@ -55,6 +55,46 @@ fn bias_and_scale_factor_come_out_of_one_fit() {
     assert_eq!(auto.axes[0].correction.model, "bias 2, scale 2");
 }
 
+/// A reference whose sign is that of the other direction once gave −2,000,005 ppm and a drift of twice its size in the retest; a
+/// scale four times too large 3,000,020 ppm. Both are refused by name, in calibration and in verification, at several rates
+/// and at one; 900 ppm pass.
+#[test]
+fn a_reference_of_the_other_sign_and_a_wrong_scale_are_refused() {
+    let rig = RateTable::domain_notes();
+    let unit = fit(vec![rig.csv(1, true), rig.csv(2, true)], &setup(), "bias 2, scale 2").unwrap();
+    let flip = |csv: Vec<u8>| {
+        let text = String::from_utf8(csv).unwrap();
+        let flipped = text.lines().enumerate().map(|(line, row)| match row.rsplit_once(',') {
+            Some((fields, rate)) if line > 0 => format!("{fields},{}\n", -rate.parse::<f64>().unwrap()),
+            _ => format!("{row}\n"),
+        });
+        flipped.collect::<String>().into_bytes()
+    };
+    let refused = |error: sagnac::Error, words: &str| {
+        assert_eq!(error.kind, ErrorKind::Refused, "{error}");
+        assert!(format!("{error:?}").contains(words), "{error:?}");
+    };
+    for seed in 0..20 {
+        refused(fit(vec![flip(rig.csv(seed, true))], &setup(), "auto").unwrap_err(), "opposite signs");
+        let correction = sagnac::verify::Correction::from_calibration(unit.clone()).unwrap();
+        let retest = vec![support::reader(flip(rig.csv(seed, true)), &setup())];
+        let judged = sagnac::verify::verify(&correction, retest, &setup(), Default::default());
+        refused(judged.unwrap_err(), "opposite signs");
+    }
+    let wrong = Setup { arcsec_per_count: Some(1.059 / 4.0), ..setup() };
+    refused(fit(vec![rig.csv(1, true)], &wrong, "auto").unwrap_err(), "off by a factor of 4.0");
+    let near = Setup { arcsec_per_count: Some(1.059 * (1.0 - 800e-6)), ..setup() };
+    let made = fit(vec![rig.csv(1, true), rig.csv(2, true)], &near, "bias 2, scale 2").unwrap();
+    assert!((made.axes[0].scale_factor().unwrap().at_reference.ppm - 917.0).abs() < 5.0);
+    let strict = Setup { scale_factor_deviation_max_ppm: Some(500.0), ..near };
+    refused(fit(vec![rig.csv(1, true)], &strict, "auto").unwrap_err(), "500 ppm");
+    // One direction and one rate alone.
+    let one = String::from_utf8(rig.csv(1, true)).unwrap();
+    let rows = one.lines().enumerate().filter(|(line, row)| *line == 0 || row.ends_with(",10"));
+    let one: String = rows.map(|(_, row)| format!("{row}\n")).collect();
+    refused(fit(vec![flip(one.into_bytes())], &setup(), "bias 2").unwrap_err(), "opposite signs");
+}
+
 /// The plateaus agree by the two-direction method, without the fit: 24 of them within four σ.
 #[test]
 fn plateaus_separate_scale_and_bias() {

@@ -271,6 +271,10 @@ pub struct Setup {
     pub min_span_c: Option<f64>,
     /// Noise if known; measured from the log by default.
     pub noise: Option<Noise>,
+    /// Largest deviation of the scale factor from its nominal value that is believed on a rate table, ppm; 1000 by default. A
+    /// reference of the other sign and a wrong scale are refused by it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub scale_factor_deviation_max_ppm: Option<f64>,
     /// Tick of the target, s; 100 µs by default.
     pub tick_s: Option<f64>,
     /// Temperature period Δt of the target, s; 1 s by default.
@@ -328,6 +332,7 @@ impl Setup {
             ("quantum", self.quantum, 1e-6, 1e6),
             ("sample_interval_s", self.sample_interval_s, 1e-6, 1e5),
             ("min_span_c", self.min_span_c, 0.1, 200.0),
+            ("scale_factor_deviation_max_ppm", self.scale_factor_deviation_max_ppm, 1.0, 1e6),
             ("tick_s", self.tick_s, 1e-7, 1.0),
             ("temperature_period_s", self.temperature_period_s, 1e-3, 3600.0),
             ("rate_lsb_arcsec", self.rate_lsb_arcsec, 1e-9, 1e3),

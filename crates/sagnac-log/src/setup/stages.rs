@@ -99,7 +99,7 @@ pub struct WindowConfig {
 }
 
 /// What the gyro was subjected to.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct TestConfig {
     /// Known input rate along the axis, °/h: as given, else by site and attitude.
     pub input_rate_dph: Option<f64>,
@@ -107,6 +107,8 @@ pub struct TestConfig {
     pub tables: Vec<TableRun>,
     /// Noise where it is known; measured from the log by default.
     pub noise: Option<Noise>,
+    /// Largest deviation of the scale factor from S0 that is believed, ppm; 1000 by default.
+    pub scale_factor_deviation_max_ppm: f64,
 }
 
 impl TestConfig {
@@ -208,6 +210,7 @@ impl Setup {
             discard_initial_s,
             min_span_c,
             noise,
+            scale_factor_deviation_max_ppm,
             tick_s,
             temperature_period_s,
             slew_ticks,
@@ -234,7 +237,12 @@ impl Setup {
                 aux: aux.clone(),
             },
             window: WindowConfig { window: window.unwrap_or(WindowSize::DEFAULT), discard_initial_s, clock },
-            test: TestConfig { input_rate_dph: input_rate_dph.or(earth.map(|e| e.rate_dph())), tables, noise },
+            test: TestConfig {
+                input_rate_dph: input_rate_dph.or(earth.map(|e| e.rate_dph())),
+                tables,
+                noise,
+                scale_factor_deviation_max_ppm: scale_factor_deviation_max_ppm.unwrap_or(DEFAULT_SCALE_DEVIATION_PPM),
+            },
             model: ModelConfig {
                 reference_c: reference_c.unwrap_or(DEFAULT_REFERENCE_C),
                 min_span_c: min_span_c.unwrap_or(DEFAULT_MIN_SPAN_C),
@@ -259,6 +267,8 @@ impl Setup {
     }
 }
 
+/// Deviation of the scale factor, ppm.
+const DEFAULT_SCALE_DEVIATION_PPM: f64 = 1000.0;
 /// T0, °C.
 const DEFAULT_REFERENCE_C: f64 = 25.0;
 /// Smallest temperature span of a fit, °C.

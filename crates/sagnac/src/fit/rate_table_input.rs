@@ -13,6 +13,9 @@ use sagnac_units::DPH_PER_DPS;
 /// Rates closer than this fraction of the largest are one rate; a rate below it is rest.
 pub(crate) const SAME_RATE: f64 = 1e-3;
 
+/// Bias that one rate alone cannot be distinguished from, °/h.
+const LARGEST_BIAS_DPH: f64 = 100.0;
+
 /// Rates of the table in the windows of one axis.
 #[derive(Clone, Debug)]
 pub(crate) struct RateTableInput {
@@ -90,6 +93,47 @@ impl RateTableInput {
             }
         }
         Ok(())
+    }
+
+    /// Refuses what is no small deviation of the scale factor: a reference of the other sign, a wrong scale. By the straight line of
+    /// the measured rate over the table's; with one rate alone, through zero, and a bias of [`LARGEST_BIAS_DPH`] is allowed for.
+    ///
+    /// # Errors
+    /// [`sagnac_log::ErrorKind::Refused`] beyond `most_ppm`.
+    pub(crate) fn check_scale(&self, windows: &Windows, axis: usize, most_ppm: f64) -> Result<()> {
+        let known = |i: &usize| windows.rows.excluded[*i].is_none() && self.along_dph[*i].is_finite();
+        let used: Vec<usize> = (0..windows.len()).filter(known).collect();
+        let several = self.rates(used.iter().copied()).len() > 1;
+        let n = used.len() as f64;
+        let mean = |of: &dyn Fn(usize) -> f64| if several { used.iter().map(|i| of(*i)).sum::<f64>() / n } else { 0.0 };
+        let along = |i: usize| self.along_dph[i];
+        let measured = |i: usize| windows.rate_dph(axis, i);
+        let (mean_along, mean_measured) = (mean(&along), mean(&measured));
+        let products: f64 = used.iter().map(|i| (along(*i) - mean_along) * (measured(*i) - mean_measured)).sum();
+        let squares: f64 = used.iter().map(|i| (along(*i) - mean_along).powi(2)).sum();
+        if squares == 0.0 {
+            return Ok(());
+        }
+        let slope = products / squares;
+        let slack = if several { 0.0 } else { LARGEST_BIAS_DPH / (squares / n).sqrt() };
+        if (1.0 / slope - 1.0).abs() <= 1e-6 * most_ppm + slack {
+            return Ok(());
+        }
+        let (letter, ppm) = (windows.shape.axes[axis], 1e6 * (1.0 / slope - 1.0));
+        let error = Error::refused(format!(
+            "the scale factor of axis {letter} would deviate by {ppm:.0} ppm from its nominal value; at most {most_ppm} ppm are believed"
+        ))
+        .column("scale_factor_deviation_max_ppm");
+        Err(if (slope + 1.0).abs() < 0.1 {
+            error.help(format!(
+                "counts and reference have opposite signs: [[table]] axis = \"-{letter}\" turns the reference round"
+            ))
+        } else {
+            error.help(format!(
+                "arcsec_per_count seems to be off by a factor of {:.5}, or the reference is not in its unit",
+                1.0 / slope
+            ))
+        })
     }
 
     /// Different rates along the axis among some windows, rising.

@@ -270,6 +270,9 @@ fn fit_axis(
     let letter = windows.shape.axes[axis];
     let ModelConfig { reference_c, min_span_c, .. } = stages.model;
     let turning = RateTableInput::of(windows, axis, &stages.test)?;
+    if let Some(turning) = &turning {
+        turning.check_scale(windows, axis, stages.test.scale_factor_deviation_max_ppm)?;
+    }
     let make = |signals: &[Signal]| LeastSquares::new(windows, axis, signals, reference_c, min_span_c, turning.clone());
     let mut chosen = choose(windows, Signal::Thermometer(sensor), &stages.model, &options.model, &make)?;
     let noise_floor = noise_floor_of(windows, axis, &stages.test);

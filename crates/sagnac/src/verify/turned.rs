@@ -94,7 +94,11 @@ impl<'a> PairedDrifts<'a> {
     /// As [`RateTableInput::of`].
     pub(crate) fn of(pair: &'a PairedWindows, used: &[usize], test: &TestConfig) -> Result<Self> {
         let side = |windows| Drifts::of(windows, used, test);
-        Ok(Self { raw: side(&pair.raw)?, corrected: side(&pair.corrected)? })
+        let (raw, corrected) = (side(&pair.raw)?, side(&pair.corrected)?);
+        for (axis, turning) in raw.turnings.iter().enumerate() {
+            turning.check_scale(&pair.raw, axis, test.scale_factor_deviation_max_ppm)?;
+        }
+        Ok(Self { raw, corrected })
     }
 
     /// A table turned the gyro.
