@@ -76,6 +76,9 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
         .bootstrap(args.bootstrap.map(usize::from))
         .loss(loss);
     let (windows, setup) = loading::windows(&args.logs, &args.reading)?;
+    for run in windows.runs.iter().filter(|run| run.files.len() > 1) {
+        console.note(format!("one run: {}, whose times go on (--runs makes each file a run)", run.name()));
+    }
     let (calibration, report_data) = calibrate_with_report_data(windows, &setup, &options)?;
     let text = calibration.to_json()?;
     for axis in &calibration.axes {
@@ -138,6 +141,12 @@ fn describe(console: &mut Console, axis: &AxisCalibration) {
             "  misaligned towards {} by {} arcsec",
             m.towards,
             with_sigma(m.arcsec, Some(m.sigma_arcsec))
+        ));
+    }
+    if let Some(hidden) = fit.hidden_in_offsets_dph {
+        console.say(format!(
+            "  each run covers little of the temperatures: run offsets differ by {} °/h (σ), which may be drift; --one-run makes files one run",
+            significant(hidden, 2)
         ));
     }
     if let Some(legs) = fit.hysteresis {

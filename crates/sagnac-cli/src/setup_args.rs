@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use sagnac::window::WindowBuilder;
 use sagnac::{Error, Result};
-use sagnac_log::setup::{Counter, Setup, WindowSize};
+use sagnac_log::setup::{Counter, RunDivision, Setup, WindowSize};
 
 /// What the log cannot say of itself.
 #[derive(Args, Clone, Default)]
@@ -47,6 +47,12 @@ pub(crate) struct SetupArgs {
     /// Analysis window: seconds, or `row` for one window per row
     #[arg(long, value_parser = window_size)]
     window: Option<WindowSize>,
+    /// All files are one run, whatever lies between them
+    #[arg(long, conflicts_with = "runs")]
+    one_run: bool,
+    /// Each file is a run of its own; otherwise a file whose time goes on goes on with the run
+    #[arg(long)]
+    runs: bool,
     /// Temperature at which the correction is zero, °C
     #[arg(long, value_name = "C", allow_negative_numbers = true)]
     reference: Option<f64>,
@@ -126,6 +132,11 @@ impl SetupArgs {
             Some(CounterWord::Incremental) => Counter::Incremental,
             Some(CounterWord::Cumulative) => Counter::Cumulative,
             None => setup.counter,
+        };
+        setup.runs = match (self.one_run, self.runs) {
+            (true, _) => RunDivision::One,
+            (_, true) => RunDivision::Files,
+            _ => setup.runs,
         };
         if self.input_rate.is_some() {
             setup.earth = None;

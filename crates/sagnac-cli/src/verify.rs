@@ -90,6 +90,14 @@ fn describe(console: &mut Console, verification: &Verification) {
     for axis in &verification.axes {
         console.say(format!("axis {}: {}", axis.axis, verdict(axis)));
         console.say(figures(axis, verification));
+        if axis.about_common_mean {
+            console
+                .say("  each run covers little of the temperatures: figures are about the mean of all runs".to_owned());
+        }
+        if axis.about_common_mean {
+            console
+                .say("  each run covers little of the temperatures: figures are about the mean of all runs".to_owned());
+        }
         if let Some(coverage) = &axis.coverage {
             console.say(format!("  temperatures {}", coverage.words()));
         }

@@ -100,6 +100,12 @@ pub(crate) fn limits(verification: &Verification) -> Markup {
                 p.note { "Not asked: " (limit_words(&limit.name).0) "; it " (limit.why.as_deref().unwrap_or("is of another test")) "." }
             }
             p.note { "Guarded: met where the value and 1.645 of its standard errors (±) are within the bound, not met where both are beyond it, else not decided. Simple: the value alone decides. Margin: the distance to the bound, as a fraction of it." }
+            @if axis.about_common_mean {
+                p.note { "Each run covers little of the temperatures: the figures are about the mean of all runs, not each run's own." }
+            }
+            @if axis.about_common_mean {
+                p.note { "Each run covers little of the temperatures: the figures are about the mean of all runs, not each run's own." }
+            }
             (suspects(axis))
         }
     }

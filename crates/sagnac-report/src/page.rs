@@ -263,6 +263,9 @@ fn fit_verdict(axis: &AxisCalibration, report_data: &ReportData, several: bool) 
                 (tile("windows used", &format!("{used} of {all}"), ""))
             }
             @if let Some(note) = axis.below_floor_note() { p.note { "Note: " (note) "." } }
+            @if let Some(hidden) = axis.fit.as_ref().and_then(|fit| fit.hidden_in_offsets_dph) {
+                p.note { "Note: each run covers little of the temperatures; the offsets of the runs differ by " (significant(hidden, 2)) " °/h (σ), which may be drift." }
+            }
         }
     }
 }

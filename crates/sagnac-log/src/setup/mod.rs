@@ -48,6 +48,19 @@ pub enum RowWord {
     Row,
 }
 
+/// Which files are one run: a run has an offset of its own, and the lag of its thermometers goes on within it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum RunDivision {
+    /// A file whose time goes on where the file before ends, within 1.5 intervals of a row, goes on with its run.
+    #[default]
+    Auto,
+    /// All files are one run.
+    One,
+    /// Each file is a run.
+    Files,
+}
+
 impl WindowSize {
     /// One window per row.
     pub const ROW: Self = Self::Row(RowWord::Row);
@@ -263,6 +276,9 @@ pub struct Setup {
     pub earth: Option<Earth>,
     /// Analysis window: seconds or "row"; 100 s by default.
     pub window: Option<WindowSize>,
+    /// Which files are one run: `auto` (those whose time goes on), `one`, or `files` (each is one).
+    #[serde(skip_serializing_if = "is_default")]
+    pub runs: RunDivision,
     /// Temperature T0 at which the correction is zero, °C; 25 by default.
     pub reference_c: Option<f64>,
     /// Left out of the fit at the start of each run, s.
@@ -387,6 +403,10 @@ impl Setup {
         }
         Ok(())
     }
+}
+
+fn is_default(runs: &RunDivision) -> bool {
+    *runs == RunDivision::default()
 }
 
 /// Checks a thermometer against its ranges.

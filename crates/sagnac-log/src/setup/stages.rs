@@ -13,7 +13,10 @@
 
 use std::collections::BTreeMap;
 
-use super::{AuxSetup, Counter, DEFAULT_TICK_NS, Noise, ONE_SECOND_NS, Setup, TableRun, ThermometerSetup, WindowSize};
+use super::{
+    AuxSetup, Counter, DEFAULT_TICK_NS, Noise, ONE_SECOND_NS, RunDivision, Setup, TableRun, ThermometerSetup,
+    WindowSize,
+};
 use crate::error::{Error, Result};
 use sagnac_units::ns_from_s;
 
@@ -96,6 +99,8 @@ pub struct WindowConfig {
     pub discard_initial_s: f64,
     /// Grid of the tracks.
     pub clock: Clock,
+    /// Which files are one run.
+    pub runs: RunDivision,
 }
 
 /// What the gyro was subjected to.
@@ -206,6 +211,7 @@ impl Setup {
             input_rate_dph,
             earth,
             window,
+            runs,
             reference_c,
             discard_initial_s,
             min_span_c,
@@ -236,7 +242,7 @@ impl Setup {
                 thermometers: thermometers.clone(),
                 aux: aux.clone(),
             },
-            window: WindowConfig { window: window.unwrap_or(WindowSize::DEFAULT), discard_initial_s, clock },
+            window: WindowConfig { window: window.unwrap_or(WindowSize::DEFAULT), discard_initial_s, clock, runs },
             test: TestConfig {
                 input_rate_dph: input_rate_dph.or(earth.map(|e| e.rate_dph())),
                 tables,

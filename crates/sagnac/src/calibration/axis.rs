@@ -39,6 +39,9 @@ pub struct FitDiagnostics {
     pub correction_noise: Option<CorrectionNoise>,
     /// Heating against cooling; null where the test does not hold both.
     pub hysteresis: Option<Hysteresis>,
+    /// σ of the run offsets, °/h, where runs cover so little of the temperatures each that their offsets can hold the drift; null
+    /// where they cannot.
+    pub hidden_in_offsets_dph: Option<f64>,
     /// Rates of the thermometer over the windows, °C/min: the 5th and the 95th percentile; null without time.
     pub ramp_rates_cpm: Option<[f64; 2]>,
     /// What more soaking would improve; null without a bias term.

@@ -65,6 +65,10 @@ pub(crate) struct AxisRecord {
     /// Heating against cooling; absent where the test does not hold both.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     hysteresis: Option<Hysteresis>,
+    /// σ of the run offsets, °/h, where runs cover so little of the temperatures each that their offsets can hold the drift;
+    /// absent where they cannot.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    hidden_in_offsets_dph: Option<f64>,
     /// Rates of the thermometer over the windows, °C/min: the 5th and the 95th percentile; absent without time.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     ramp_rates_cpm: Option<[f64; 2]>,
@@ -112,6 +116,7 @@ impl From<AxisCalibration> for AxisRecord {
             noise_floor: None,
             hysteresis: None,
             ramp_rates_cpm: None,
+            hidden_in_offsets_dph: None,
             soak: None,
             cross_validation: None,
             candidates: Vec::new(),
@@ -136,6 +141,7 @@ impl AxisRecord {
             correction_noise,
             hysteresis,
             ramp_rates_cpm,
+            hidden_in_offsets_dph,
             soak,
             scale_factor,
             misalignment,
@@ -149,7 +155,7 @@ impl AxisRecord {
         self.residual = Some(residual);
         (self.noise_floor, self.cross_validation, self.collinearity) = (noise_floor, cross_validation, collinearity);
         (self.correction_noise, self.hysteresis, self.soak) = (correction_noise, hysteresis, soak);
-        self.ramp_rates_cpm = ramp_rates_cpm;
+        (self.ramp_rates_cpm, self.hidden_in_offsets_dph) = (ramp_rates_cpm, hidden_in_offsets_dph);
         (self.scale_factor, self.misalignment) = (scale_factor, misalignment);
         (self.candidates, self.model_search, self.rejected_inputs) = (candidates, model_search, rejected_inputs);
         (self.excluded, self.covariance, self.covariance_of) = (excluded, covariance, covariance_of);
@@ -194,6 +200,7 @@ impl TryFrom<AxisRecord> for AxisCalibration {
             noise_floor,
             hysteresis,
             ramp_rates_cpm,
+            hidden_in_offsets_dph,
             soak,
             cross_validation,
             candidates,
@@ -209,6 +216,7 @@ impl TryFrom<AxisRecord> for AxisCalibration {
             correction_noise,
             hysteresis,
             ramp_rates_cpm,
+            hidden_in_offsets_dph,
             soak,
             scale_factor,
             misalignment,

@@ -133,7 +133,7 @@ pub(crate) fn run_spans(windows: &Windows) -> Vec<RunSpan> {
     let spans = windows.runs.iter().map(|run| {
         let hours = [start, start + run.length_s() / 3600.0];
         start = hours[1] + whole / 50.0;
-        RunSpan { file: sagnac_units::format::file_name(&run.summary.file), hours }
+        RunSpan { file: sagnac_units::format::file_name(&run.name()), hours }
     });
     spans.collect()
 }
@@ -207,6 +207,22 @@ pub(crate) fn ramp_rates_cpm(points: &[Point]) -> Option<[f64; 2]> {
     rates.sort_by(f64::total_cmp);
     let last = rates.len().checked_sub(1)?;
     Some([0.05, 0.95].map(|part| rates[(part * last as f64).round() as usize]))
+}
+
+/// Part of the variance of temperature between runs from which on their offsets can hold a drift.
+const BETWEEN_RUNS: f64 = 0.25;
+
+/// True where the runs differ so much in their mean temperatures that an offset each can hold a drift over temperature.
+pub(crate) fn offsets_hide_drift(points: &[Point]) -> bool {
+    let known = || points.iter().filter(|p| p.excluded.is_none() && p.temperature_c.is_finite());
+    let runs = points.iter().map(|p| p.run + 1).max().unwrap_or(0);
+    let mut sums = vec![(0.0, 0.0); runs];
+    known().for_each(|p| sums[p.run] = (sums[p.run].0 + p.temperature_c, sums[p.run].1 + 1.0));
+    let (sum, n) = sums.iter().fold((0.0, 0.0), |(sum, n), run| (sum + run.0, n + run.1));
+    let mean = sum / n;
+    let all: f64 = known().map(|p| (p.temperature_c - mean).powi(2)).sum();
+    let between: f64 = sums.iter().filter(|run| run.1 > 0.0).map(|run| run.1 * (run.0 / run.1 - mean).powi(2)).sum();
+    between > BETWEEN_RUNS * all
 }
 
 /// Part of the rates of a fit that a test reaches, on the side where it reaches less; 1 where the fit itself had no ramps.

@@ -19,14 +19,14 @@ pub(crate) fn check(windows: &Windows) -> Result<()> {
 fn check_run(windows: &Windows, run: usize) -> Result<()> {
     let rows = &windows.rows;
     let members: Vec<usize> = (0..windows.len()).filter(|i| rows.run[*i] as usize == run).collect();
-    let file = &windows.runs[run].summary.file;
+    let file = |window: usize| windows.runs[run].file_at(rows.start_ns[window]).to_owned();
     let hours = |ns: i64| s_from_ns(ns - windows.runs[run].start_ns) / 3600.0;
     if let Some(step) = members.iter().find(|i| rows.excluded[**i] == Some(Reason::LastingStep)) {
         let at = hours(rows.start_ns[*step]);
         return Err(Error::refused(format!(
             "the rate steps at {at:.2} h of the run and stays there: one curve does not fit both sides"
         ))
-        .file(file)
+        .file(file(*step))
         .line(rows.first_line[*step])
         .help("find the cause; cut the log there, or keep all of it with --keep-outliers"));
     }
@@ -46,7 +46,7 @@ fn check_run(windows: &Windows, run: usize) -> Result<()> {
         "{part:.1} % of the run look like bumps, steps or start-up, the longest stretch from {from:.2} to {to:.2} h; at most {:.0} % may be excluded",
         100.0 * MOST
     ))
-    .file(file)
+    .file(file(first))
     .line(rows.first_line[first])
     .help("repeat the test, cut the stretch out of the log, give discard_initial_s, or keep all of it with --keep-outliers"))
 }

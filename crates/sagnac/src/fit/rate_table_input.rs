@@ -37,7 +37,7 @@ impl RateTableInput {
         letters.sort_unstable();
         letters.dedup();
         let turned_run = |run: usize| {
-            let name = sagnac_units::format::file_name(&windows.runs[run].summary.file);
+            let name = sagnac_units::format::file_name(windows.runs[run].file_at(windows.runs[run].start_ns));
             let table = test.table_of(&name);
             let has_column =
                 (0..windows.len()).any(|i| rows.run[i] as usize == run && rows.reference_dps[i].is_finite());

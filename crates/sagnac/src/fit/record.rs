@@ -13,7 +13,9 @@ use crate::calibration::{
     LogUnit, MINOR_VERSION, Misalignment, NoiseFloor, PpmEstimate, Provenance, Residual, RunOffset, ScaleFactor,
     Target, Term, UNASSIGNED, VERSION, program,
 };
-use crate::diagnostics::{AxisReportData, Effect, Point, ReportData, hysteresis_of, points, ramp_rates_cpm, run_spans};
+use crate::diagnostics::{
+    AxisReportData, Effect, Point, ReportData, hysteresis_of, offsets_hide_drift, points, ramp_rates_cpm, run_spans,
+};
 use crate::fit::Model;
 use crate::fit::choose::choose;
 use crate::fit::effects::Parts;
@@ -129,6 +131,8 @@ pub fn calibrate_with_report_data(
         if let Some(fit) = &mut record.fit {
             fit.hysteresis = hysteresis(&points, &fit.residual);
             fit.ramp_rates_cpm = ramp_rates_cpm(&points);
+            let offsets: Vec<f64> = record.run_offsets.iter().map(|offset| offset.value_dph).collect();
+            fit.hidden_in_offsets_dph = offsets_hide_drift(&points).then(|| scatter(&offsets));
         }
         drawn.push(AxisReportData { axis: windows.shape.axes[axis], points, effects: drawn_of.effects });
         axes.push(record);
@@ -192,7 +196,7 @@ fn provenance(windows: &Windows, options: &FitOptions) -> Provenance {
 
 /// The logs behind some windows.
 pub(crate) fn log_files(windows: &Windows) -> Vec<LogFile> {
-    windows.runs.iter().map(|run| LogFile::of(&run.summary)).collect()
+    windows.runs.iter().flat_map(|run| &run.files).map(|file| LogFile::of(&file.summary)).collect()
 }
 
 /// N and Q of an axis: as given, otherwise measured; with their origin in words.
@@ -219,7 +223,7 @@ fn noise_floor_of(windows: &Windows, axis: usize, test: &TestConfig) -> Option<N
 /// Names the log, where there is only one.
 fn of_file(error: Error, windows: &Windows) -> Error {
     match windows.runs.as_slice() {
-        [run] => error.file(&run.summary.file),
+        [run] if run.files.len() == 1 => error.file(run.name()),
         _ => error,
     }
 }
@@ -297,6 +301,7 @@ fn fit_axis(
         correction_noise: (!fitted.terms.is_empty()).then_some(noise),
         hysteresis: None,
         ramp_rates_cpm: None,
+        hidden_in_offsets_dph: None,
         soak: None,
         scale_factor: scale_factor(&fitted, problem, axis, &windows.shape),
         misalignment: misalignment(&fitted, problem),
@@ -320,6 +325,13 @@ fn fit_axis(
         fit.soak = forecast;
     }
     Ok((record, drawn))
+}
+
+/// σ of some values about their mean.
+fn scatter(values: &[f64]) -> f64 {
+    let n = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / n;
+    (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0).max(1.0)).sqrt()
 }
 
 /// Refuses a scale term that the input rates do not determine.

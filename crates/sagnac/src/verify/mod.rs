@@ -41,7 +41,9 @@ pub use suspects::Suspect;
 pub use turned::{PlateauProof, ScaleFigures, ScaleProof};
 
 use crate::calibration::{AxisCalibration, Calibration, LogFile, LogUnit, PpmEstimate, program};
-use crate::diagnostics::{AxisReportData, Point, ReportData, points, ramp_rates_cpm, rate_coverage, run_spans};
+use crate::diagnostics::{
+    AxisReportData, Point, ReportData, RunSpan, offsets_hide_drift, points, ramp_rates_cpm, rate_coverage, run_spans,
+};
 use crate::fit;
 use crate::verify::paired::PairedWindows;
 use crate::verify::repeatability::scale_difference;
@@ -272,6 +274,9 @@ pub struct AxisVerification {
     pub rate_coverage: Option<f64>,
     /// Scale factor less that of the calibration at T0; null where a rate table did not turn both.
     pub scale_factor_difference: Option<PpmEstimate>,
+    /// Each run covers so little of the temperatures that its own mean would hold the drift: the figures are about the mean of all
+    /// runs.
+    pub about_common_mean: bool,
     /// Hours of the judged windows.
     pub hours: f64,
     /// Part of the rows that was excluded on request, 0 to 1; null where nothing was asked to be excluded.
@@ -503,13 +508,14 @@ impl Against<'_> {
         let windows = &pair.raw;
         let scale = unit_of(windows).0;
         let dph_per_unit = windows.shape.unit.arcsec() / scale;
+        let common = about_common_mean(windows, &report_data.runs, self.sensor);
+        let run_of = |i: usize| if common { 0 } else { windows.rows.run[i] };
         let figures = |side: &Windows, drift: &Drifts<'_>| {
             let angle = &side.rows.angle[axis];
             // What the table turned, in the unit of the figures; exactly nothing without one.
             let turned = |i: usize| (side.rate_dph(axis, i) - drift.rate_dph(axis, i)) / dph_per_unit;
             let value = |i: usize| angle[i] * scale / windows.duration_s(i) - turned(i);
-            let weighted =
-                |i: usize| Weighted { run: windows.rows.run[i], value: value(i), weight: weight(windows, i) };
+            let weighted = |i: usize| Weighted { run: run_of(i), value: value(i), weight: weight(windows, i) };
             // Fragments count, too, but on a table, where they are what a rate ends with.
             let is_judged = |i: &usize| match windows.rows.excluded[*i] {
                 None => true,
@@ -557,6 +563,7 @@ impl Against<'_> {
             bias_repeatability_unavailable: None,
             scale_factor_difference: None,
             rate_coverage: None,
+            about_common_mean: common,
             hours: used.iter().map(|i| windows.duration_s(*i)).sum::<f64>() / 3600.0,
             excluded_fraction: None,
             suspects: Vec::new(),
@@ -621,6 +628,11 @@ fn training_overlap(correction: &Correction, retests: &[LogFile]) -> Vec<String>
     retests.iter().filter(seen).map(|retest| retest.file.clone()).collect()
 }
 
+/// Where each run covers little of the temperatures, its own mean would hold the drift.
+fn about_common_mean(windows: &Windows, runs: &[RunSpan], sensor: Option<usize>) -> bool {
+    offsets_hide_drift(&points(windows, runs, sensor, |_| 0.0, |_| 0.0))
+}
+
 /// Both sides of every window about their own means over the used windows of the run.
 fn report_data(pair: &PairedWindows, drifts: &PairedDrifts<'_>, used: &[usize], sensor: Option<usize>) -> ReportData {
     let windows = &pair.raw;
@@ -630,9 +642,14 @@ fn report_data(pair: &PairedWindows, drifts: &PairedDrifts<'_>, used: &[usize], 
         let (sum, n) = members.fold((0.0, 0.0), |(sum, n), i| (sum + drift.rate_dph(axis, *i), n + 1.0));
         sum / n
     };
+    let common = about_common_mean(windows, &runs, sensor);
+    let mean_of_all = |drift: &Drifts<'_>, axis: usize| {
+        used.iter().map(|i| drift.rate_dph(axis, *i)).sum::<f64>() / used.len() as f64
+    };
     let axis = |axis: usize| {
         let [before, after] = [&drifts.raw, &drifts.corrected].map(|drift| {
-            let means: Vec<f64> = (0..runs.len()).map(|run| mean(drift, axis, run as u32)).collect();
+            let one = |run: usize| if common { mean_of_all(drift, axis) } else { mean(drift, axis, run as u32) };
+            let means: Vec<f64> = (0..runs.len()).map(one).collect();
             move |i: usize| drift.rate_dph(axis, i) - means[windows.rows.run[i] as usize]
         });
         AxisReportData {

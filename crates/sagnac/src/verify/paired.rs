@@ -30,31 +30,36 @@ pub(crate) struct PairedWindows {
 }
 
 impl PairedWindows {
-    /// Replays whole logs, each as one run.
+    /// Replays whole logs; the replay goes on where a log goes on with the run of the one before.
     ///
     /// # Errors
     /// What reading and replaying report; logs of different columns or units.
     pub(crate) fn replayed(correction: &Correction, logs: Vec<LogReader>, setup: &Setup) -> Result<Self> {
         let mut pair: Option<PairBuilder> = None;
-        let mut seen = SeenLogs::default();
+        let (mut seen, mut replay) = (SeenLogs::default(), None::<Replay>);
         for mut log in logs {
             let shape = log.shape().clone();
             let name = log.summary().file;
             let (images, readings) = correction.fit_to(&shape, setup).map_err(|e| e.file(&name))?;
-            let mut replay = Replay::new(&images, &shape, readings, &name).map_err(|e| e.file(&name))?;
             let pair = match &mut pair {
                 Some(pair) => pair,
                 None => pair.insert(PairBuilder::new(&shape, setup)?),
             };
             same_shape(&pair.shape, &shape).map_err(|e| e.file(&name))?;
+            let mut is_first = true;
             while let Some(batch) = log.next_batch()? {
+                if std::mem::take(&mut is_first) && !pair.begin_file(batch, &name)? {
+                    let new = Replay::new(&images, &shape, readings.clone(), &name).map_err(|e| e.file(&name))?;
+                    replay = Some(new);
+                }
+                let Some(replay) = &mut replay else { continue };
                 let corrected = replay.correct(batch)?;
                 pair.push(batch, corrected).map_err(|e| e.file(&name))?;
             }
             let summary = log.summary();
             seen.take(&summary)?;
-            pair.raw.end_run(summary.clone());
-            pair.corrected.end_run(summary);
+            pair.raw.end_file(summary.clone());
+            pair.corrected.end_file(summary);
         }
         let pair = pair.ok_or_else(|| Error::input("no retest log given"))?;
         Ok(pair.finish())
@@ -112,6 +117,11 @@ impl PairBuilder {
             raw: WindowBuilder::new(shape, setup)?.without_tracks(),
             corrected: WindowBuilder::new(&without_aux, setup)?.without_tracks(),
         })
+    }
+
+    fn begin_file(&mut self, batch: &Batch, name: &str) -> Result<bool> {
+        self.raw.begin_file(batch, name)?;
+        self.corrected.begin_file(batch, name)
     }
 
     fn push(&mut self, batch: &Batch, corrected: Corrected) -> Result<()> {

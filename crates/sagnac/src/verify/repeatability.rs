@@ -103,7 +103,7 @@ impl BiasRepeatability {
             let bias_dph = Estimate { value: after.value - input_dph, sigma: after.sigma };
             let difference = bias_dph.value - calibration_dph.value;
             Some(RunBias {
-                file: windows.runs[run].summary.file.clone(),
+                file: windows.runs[run].name(),
                 bias_dph,
                 difference_dph: Estimate { value: difference, sigma: bias_dph.sigma.hypot(calibration_dph.sigma) },
                 raw_difference_dph: before.value - input_dph - calibration_dph.value,

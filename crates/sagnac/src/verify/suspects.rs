@@ -56,7 +56,7 @@ pub(crate) fn suspects(windows: &Windows, axis: usize) -> Vec<Suspect> {
         let own = mean(windows, axis, first..=last);
         Suspect {
             reason,
-            file: of_run.summary.file.clone(),
+            file: of_run.name(),
             start_h: hours(rows.start_ns[first]),
             end_h: hours(rows.end_ns[last]),
             windows: stretch.len(),

@@ -2,11 +2,11 @@
 
 use std::ops::Range;
 
-use crate::window::{Run, WindowRows, WindowShape, Windows, outliers};
+use crate::window::{Run, RunFile, WindowRows, WindowShape, Windows, outliers};
 use sagnac_core::Status;
 use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::{Batch, LogReader, LogShape, LogSummary, Reason, Tallies, same_shape};
-use sagnac_log::setup::{Setup, WindowConfig, WindowSize};
+use sagnac_log::setup::{RunDivision, Setup, TableRun, WindowConfig, WindowSize};
 use sagnac_noise::ShortTau;
 use sagnac_units::{ns_from_s, s_from_ns};
 
@@ -19,6 +19,8 @@ const LANES: usize = 4;
 /// Collects windows; push batches run by run, then finish.
 pub struct WindowBuilder {
     shape: WindowShape,
+    division: RunDivision,
+    tables: Vec<TableRun>,
     discard_initial_ns: i64,
     tick_ns: i64,
     rows: WindowRows,
@@ -42,6 +44,10 @@ struct OpenRun {
     end_ns: i64,
     open: Option<Sums>,
     tracks: Vec<Track>,
+    /// Files that were read to their end.
+    files: Vec<RunFile>,
+    /// Start of the file that is being read, ns.
+    file_start_ns: i64,
 }
 
 /// Sums of the window being filled.
@@ -181,7 +187,7 @@ impl WindowBuilder {
     /// # Errors
     /// A temperature period that is no whole number of ticks.
     pub fn new(log: &LogShape, setup: &Setup) -> Result<Self> {
-        let WindowConfig { window, discard_initial_s, clock } = setup.stages().window;
+        let WindowConfig { window, discard_initial_s, clock, runs: division } = setup.stages().window;
         let (tick_ns, period_ns) = (clock.tick_ns(), clock.period_ns()?);
         let sample_interval_s = s_from_ns(log.nominal_ns);
         if let Some(seconds) = window.seconds()
@@ -223,6 +229,8 @@ impl WindowBuilder {
         Ok(Self {
             short_tau: vec![ShortTau::new(sample_interval_s, longest); log.axes.len()],
             shape,
+            division,
+            tables: setup.tables.clone(),
             discard_initial_ns: ns_from_s(discard_initial_s).unwrap_or(0),
             tick_ns,
             rows,
@@ -242,22 +250,27 @@ impl WindowBuilder {
         Self { tracks: 0, ..self }
     }
 
-    /// Reads whole logs, each as one run.
+    /// Reads whole logs. A log that goes on where the one before ends goes on with its run ([`RunDivision`]).
     ///
     /// # Errors
-    /// What reading says; logs of different columns or units.
+    /// What reading reports; logs of different columns or units; files that are to be one run and are not in the order of
+    /// their times.
     pub fn read_all(logs: Vec<LogReader>, setup: &Setup) -> Result<Self> {
         let first = logs.first().ok_or_else(|| Error::input("no log given"))?.shape().clone();
         let mut builder = Self::new(&first, setup)?;
         let mut seen = SeenLogs::default();
         for mut log in logs {
             same_shape(&first, log.shape()).map_err(|e| e.file(log.summary().file))?;
+            let (mut is_first, name) = (true, log.summary().file);
             while let Some(batch) = log.next_batch()? {
+                if std::mem::take(&mut is_first) {
+                    builder.begin_file(batch, &name)?;
+                }
                 builder.push(batch)?;
             }
             let summary = log.summary();
             seen.take(&summary)?;
-            builder.end_run(summary);
+            builder.end_file(summary);
         }
         Ok(builder)
     }
@@ -381,12 +394,62 @@ impl WindowBuilder {
         push(&mut rows.aux_max, &mut extremes().map(|(m, (_, max))| known(m, *max)));
     }
 
-    /// Ends the run; `summary` tells where it came from.
-    pub fn end_run(&mut self, summary: LogSummary) {
+    /// Begins a file with its first rows: true where it goes on with the run, false where it is a new one.
+    ///
+    /// # Errors
+    /// Files that are to be one run and are not in the order of their times.
+    pub(crate) fn begin_file(&mut self, batch: &Batch, name: &str) -> Result<bool> {
+        let Some(start_ns) = batch.start_ns.first().copied() else { return Ok(false) };
+        let goes_on = self.goes_on(start_ns, name)?;
+        if !goes_on {
+            self.end_run();
+        }
+        if let Some(run) = &mut self.run {
+            run.file_start_ns = start_ns;
+        }
+        Ok(goes_on)
+    }
+
+    fn goes_on(&self, start_ns: i64, name: &str) -> Result<bool> {
+        let Some((run, last)) = self.run.as_ref().and_then(|run| Some((run, run.files.last()?))) else {
+            return Ok(false);
+        };
+        let interval_ns = ns_from_s(self.shape.sample_interval_s).unwrap_or(0);
+        let gap_ns = start_ns.saturating_sub(run.end_ns);
+        let table_of = |file: &str| {
+            let file = sagnac_units::format::file_name(file);
+            self.tables.iter().find(|table| table.file.as_deref() == Some(&file))
+        };
+        match self.division {
+            RunDivision::Files => Ok(false),
+            _ if !self.shape.timed => Ok(false),
+            RunDivision::Auto => {
+                let follows = 2 * gap_ns >= -interval_ns && 2 * gap_ns <= 3 * interval_ns;
+                Ok(follows && table_of(name) == table_of(&last.summary.file))
+            }
+            RunDivision::One if gap_ns < -interval_ns / 2 => Err(Error::input(format!(
+                "begins {} s before the end of {}: one run has one time",
+                s_from_ns(-gap_ns),
+                last.summary.file
+            ))
+            .file(name)
+            .help("give the files in the order of their times, or leave out --one-run")),
+            RunDivision::One => Ok(true),
+        }
+    }
+
+    /// Ends a file; its run may go on in the next one.
+    pub(crate) fn end_file(&mut self, summary: LogSummary) {
+        let tracks = self.tracks;
+        let run = self.run.get_or_insert_with(|| OpenRun::new(0, tracks));
+        run.files.push(RunFile { start_ns: run.file_start_ns, summary });
+    }
+
+    fn end_run(&mut self) {
         self.close_window();
-        let run = self.run.take().unwrap_or_else(|| OpenRun::new(0, self.tracks));
+        let Some(run) = self.run.take() else { return };
         let tracks = run.tracks.into_iter().map(|track| track.values).collect();
-        self.runs.push(Run { summary, start_ns: run.start_ns, end_ns: run.end_ns, tracks });
+        self.runs.push(Run { files: run.files, start_ns: run.start_ns, end_ns: run.end_ns, tracks });
     }
 
     /// Keeps every window that has numbers; only `discard_initial_s` still applies.
@@ -397,6 +460,7 @@ impl WindowBuilder {
 
     /// The windows, and per axis and window the union of the status bits of its corrected rows.
     pub(crate) fn finish_with_status(mut self) -> (Windows, Vec<Vec<Status>>) {
+        self.end_run();
         let status = std::mem::take(&mut self.status);
         (self.finish(), status)
     }
@@ -412,10 +476,11 @@ impl WindowBuilder {
     }
 
     /// The windows, with the excluded ones marked.
-    pub fn finish(self) -> Windows {
+    pub fn finish(mut self) -> Windows {
+        self.end_run();
         let keep_all = self.keep_outliers;
         let mut tallies = Tallies::default();
-        self.runs.iter().for_each(|run| tallies.merge(&run.summary.tallies));
+        self.runs.iter().flat_map(|run| &run.files).for_each(|file| tallies.merge(&file.summary.tallies));
         let mut windows = Windows { shape: self.shape, runs: self.runs, rows: self.rows, tallies };
         for i in 0..windows.len() {
             let run = &windows.runs[windows.rows.run[i] as usize];
@@ -468,7 +533,8 @@ impl OpenRun {
 
     fn new(start_ns: i64, thermometers: usize) -> Self {
         let track = || Track { newest_c: f64::NAN, values: Vec::new() };
-        Self { start_ns, end_ns: start_ns, open: None, tracks: (0..thermometers).map(|_| track()).collect() }
+        let tracks = (0..thermometers).map(|_| track()).collect();
+        Self { start_ns, end_ns: start_ns, open: None, tracks, files: Vec::new(), file_start_ns: start_ns }
     }
 }
 

@@ -44,11 +44,20 @@ pub struct WindowShape {
     pub sample_interval_s: f64,
 }
 
-/// One file of the log.
+/// One file of a run.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Run {
+pub struct RunFile {
+    /// Start of its first row's interval, ns.
+    pub start_ns: i64,
     /// File, hash, rows, tallies.
     pub summary: LogSummary,
+}
+
+/// One run: a file, or several that go on one after the other.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Run {
+    /// Its files in their order; one at least.
+    pub files: Vec<RunFile>,
     /// Start of the first row's interval, ns; origin of windows, track and ticks.
     pub start_ns: i64,
     /// Time of the last row, ns.
@@ -58,6 +67,21 @@ pub struct Run {
 }
 
 impl Run {
+    /// Its file, or the first of several and their number.
+    pub fn name(&self) -> String {
+        let first = self.files.first().map_or("", |file| file.summary.file.as_str());
+        match self.files.len() {
+            0 | 1 => first.to_owned(),
+            n => format!("{first} and {} more", n - 1),
+        }
+    }
+
+    /// The file that holds a time.
+    pub fn file_at(&self, ns: i64) -> &str {
+        let later = self.files.partition_point(|file| file.start_ns <= ns).max(1);
+        self.files.get(later - 1).map_or("", |file| file.summary.file.as_str())
+    }
+
     /// Length of the run, s.
     pub fn length_s(&self) -> f64 {
         s_from_ns(self.end_ns - self.start_ns)
@@ -202,7 +226,7 @@ impl Windows {
             return;
         }
         self.rows.excluded[window] = Some(reason);
-        let file = &self.runs[self.rows.run[window] as usize].summary.file;
+        let file = self.runs[self.rows.run[window] as usize].file_at(self.rows.start_ns[window]).to_owned();
         let line = self.rows.first_line[window];
         self.tallies.add(reason, u64::from(self.rows.samples[window]), || format!("{file}:{line}"));
     }

@@ -21,7 +21,7 @@ use arrow_schema::{Field, Schema};
 use parquet::arrow::ArrowWriter;
 use serde::{Deserialize, Serialize};
 
-use crate::window::{Run, WindowRows, WindowShape, Windows};
+use crate::window::{Run, RunFile, WindowRows, WindowShape, Windows};
 use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::{AngleUnit, LogSummary, Tallies, Tally};
 use sagnac_log::ingest::{parquet_batches, parquet_schema};
@@ -30,7 +30,7 @@ use sagnac_log::write::parquet_properties;
 use sagnac_noise::ShortTauSums;
 
 /// Version of the table's schema.
-pub const TABLE_VERSION: u32 = 2;
+pub const TABLE_VERSION: u32 = 3;
 const METADATA_KEY: &str = "sagnac.windows";
 
 #[derive(Serialize, Deserialize)]
@@ -55,11 +55,17 @@ struct Metadata {
 
 #[derive(Serialize, Deserialize)]
 struct RunMetadata {
+    files: Vec<FileMetadata>,
+    start_ns: i64,
+    end_ns: i64,
+}
+
+#[derive(Serialize, Deserialize)]
+struct FileMetadata {
     file: String,
     sha256: String,
     rows: u64,
     start_ns: i64,
-    end_ns: i64,
     tallies: Vec<Tally>,
 }
 
@@ -200,6 +206,22 @@ fn tracks(windows: &Windows, sensor: usize) -> ArrayRef {
     Arc::new(lists.finish())
 }
 
+fn file_metadata(file: &RunFile) -> FileMetadata {
+    let LogSummary { file: name, sha256, rows, tallies } = &file.summary;
+    FileMetadata {
+        file: name.clone(),
+        sha256: sha256.clone(),
+        rows: *rows,
+        start_ns: file.start_ns,
+        tallies: tallies.list(),
+    }
+}
+
+fn run_file(file: FileMetadata) -> RunFile {
+    let FileMetadata { file, sha256, rows, start_ns, tallies } = file;
+    RunFile { start_ns, summary: LogSummary { file, sha256, rows, tallies: Tallies::from_list(tallies) } }
+}
+
 fn metadata(windows: &Windows, setup: &Setup) -> Metadata {
     let shape = &windows.shape;
     let (arcsec_per_count, quantum) = match shape.unit {
@@ -207,12 +229,9 @@ fn metadata(windows: &Windows, setup: &Setup) -> Metadata {
         AngleUnit::Arcsec => (None, None),
     };
     let runs = windows.runs.iter().map(|run| RunMetadata {
-        file: run.summary.file.clone(),
-        sha256: run.summary.sha256.clone(),
-        rows: run.summary.rows,
+        files: run.files.iter().map(file_metadata).collect(),
         start_ns: run.start_ns,
         end_ns: run.end_ns,
-        tallies: run.summary.tallies.list(),
     });
     Metadata {
         version: TABLE_VERSION,
@@ -302,12 +321,7 @@ fn empty_windows(meta: Metadata) -> Windows {
         _ => AngleUnit::Arcsec,
     };
     let runs = meta.runs.into_iter().map(|run| Run {
-        summary: LogSummary {
-            file: run.file,
-            sha256: run.sha256,
-            rows: run.rows,
-            tallies: Tallies::from_list(run.tallies),
-        },
+        files: run.files.into_iter().map(run_file).collect(),
         start_ns: run.start_ns,
         end_ns: run.end_ns,
         tracks: columns(sensors + meta.aux.len()),
@@ -412,7 +426,8 @@ fn check_indices(windows: &Windows) -> Result<()> {
         let run = windows.runs.get(rows.run[i] as usize);
         sane(&start) && sane(&end) && start < end && run.is_some_and(|run| run.start_ns <= start && end <= run.end_ns)
     };
-    let sound = rows.run.iter().all(|run| (*run as usize) < runs)
+    let sound = windows.runs.iter().all(|run| !run.files.is_empty())
+        && rows.run.iter().all(|run| (*run as usize) < runs)
         && rows.run.is_sorted()
         && windows.runs.iter().all(|run| sane(&run.start_ns) && sane(&run.end_ns))
         && (0..windows.len()).all(in_order)
