@@ -158,6 +158,8 @@ pub struct AxisBudget {
     pub stretches: u64,
     /// The longest of them, s.
     pub longest_s: f64,
+    /// Lost rows that a mean rate stands for, so that long τ reach across them.
+    pub filled_rows: u64,
     /// Interval of a row, s.
     pub sample_interval_s: f64,
     /// Up to this τ every start was used; null: at every τ.
@@ -206,6 +208,7 @@ pub fn budget(axis: char, recorded: &Recorded, tau0_s: f64, arcsec: f64, asked: 
         let sums = recorded.sums.iter().filter(move |(difference, _)| difference.deviation == deviation);
         sums.filter_map(move |(difference, sum)| {
             let variance = sum.variance(deviation, difference.m as f64 * tau0_s)? * arcsec * arcsec;
+            let variance = variance / recorded.stretches.recorded_part();
             Some((difference.m, variance, sum.number))
         })
     };
@@ -227,6 +230,7 @@ pub fn budget(axis: char, recorded: &Recorded, tau0_s: f64, arcsec: f64, asked: 
         rows: recorded.rows,
         stretches: recorded.stretches.count(),
         longest_s: longest.saturating_sub(1) as f64 * tau0_s,
+        filled_rows: recorded.filled,
         sample_interval_s: tau0_s,
         full_overlap_s: (!recorded.full_overlap).then_some(FULL_OVERLAP as f64 * tau0_s),
         curve: curve.collect(),

@@ -115,6 +115,20 @@ impl ShortTau {
         }
     }
 
+    /// A row of several intervals: a running total that was not written down in between. The phase is known at its end;
+    /// within it, it is missing.
+    pub fn push_wide(&mut self, intervals: u64, angle: f64, arcsec: f64) {
+        if self.running.wanted().is_empty() {
+            return;
+        }
+        if self.running.len() == 0 {
+            self.running.push(0.0);
+        }
+        (1..intervals).for_each(|_| self.running.push(f64::NAN));
+        self.phase += angle * arcsec;
+        self.running.push(self.phase);
+    }
+
     /// Ends the window: its sums. What comes next does not join what came before.
     pub fn take(&mut self) -> ShortTauSums {
         let phases = self.running.len() as f64;
@@ -122,7 +136,10 @@ impl ShortTau {
         self.phase = 0.0;
         let edf = sums.iter().zip(self.running.wanted()).map(|(sum, difference)| match sum.number {
             0.0 => 0.0,
-            _ => edf_white_fm(phases, difference.m as f64).max(0.0),
+            // Where phases are missing, by the part of the differences that exist.
+            number => {
+                edf_white_fm(phases, difference.m as f64).max(0.0) * (number / (phases - difference.span() as f64))
+            }
         });
         ShortTauSums {
             edf: edf.collect(),

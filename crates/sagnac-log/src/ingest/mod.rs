@@ -12,6 +12,7 @@ mod cells;
 mod chunks;
 #[cfg(feature = "parquet")]
 mod columnar;
+mod counter;
 mod formats;
 pub mod header;
 mod number;
@@ -126,6 +127,33 @@ pub fn same_shape(first: &LogShape, other: &LogShape) -> Result<()> {
     Ok(())
 }
 
+impl LogShape {
+    /// Intervals that a row covers: more than one where a cumulative counter was not written down in between.
+    pub fn intervals(&self, start_ns: i64, end_ns: i64) -> u64 {
+        intervals_of(end_ns - start_ns, self.nominal_ns).unsigned_abs()
+    }
+}
+
+/// Nominal intervals in a length of time: up to one and a half are one, as they make no gap.
+pub(crate) fn intervals_of(length_ns: i64, nominal_ns: i64) -> i64 {
+    let nominal_ns = nominal_ns.max(1);
+    (length_ns - nominal_ns / 2 + nominal_ns - 1).div_euclid(nominal_ns).max(1)
+}
+
+/// What a cumulative counter counted over (start, end] between two rows of a batch: too long for a row, because nothing is
+/// known of the temperature in it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Bridge {
+    /// Rows of the batch before it.
+    pub before_row: usize,
+    /// Start, ns.
+    pub start_ns: i64,
+    /// End, ns.
+    pub end_ns: i64,
+    /// Per axis, in `LogShape::unit`.
+    pub angle: Vec<f64>,
+}
+
 /// Columns of usable rows. A row covers (start, end].
 #[derive(Clone, Debug, Default)]
 pub struct Batch {
@@ -147,6 +175,8 @@ pub struct Batch {
     pub line: Vec<u64>,
     /// The row's fields as text (empty with [`ReadMode::Bulk`]).
     pub fields: Vec<::csv::ByteRecord>,
+    /// What a cumulative counter counted over gaps that are too long for a row.
+    pub bridges: Vec<Bridge>,
     pub(crate) checked_c: Vec<f64>,
 }
 
@@ -177,6 +207,7 @@ impl Batch {
         self.valid.clear();
         self.line.clear();
         self.fields.clear();
+        self.bridges.clear();
         for column in self.angle.iter_mut().chain(&mut self.temperature_c).chain(&mut self.aux) {
             column.clear();
         }

@@ -18,6 +18,7 @@ const LANES: usize = 4;
 
 /// Collects windows; push batches run by run, then finish.
 pub struct WindowBuilder {
+    log: LogShape,
     shape: WindowShape,
     discard_initial_ns: i64,
     tick_ns: i64,
@@ -221,6 +222,7 @@ impl WindowBuilder {
             ..WindowRows::default()
         };
         Ok(Self {
+            log: log.clone(),
             short_tau: vec![ShortTau::new(sample_interval_s, longest); log.axes.len()],
             shape,
             discard_initial_ns: ns_from_s(discard_initial_s).unwrap_or(0),
@@ -330,9 +332,7 @@ impl WindowBuilder {
                 self.close_window();
                 continue;
             }
-            for (short_tau, column) in self.short_tau.iter_mut().zip(unrounded) {
-                short_tau.push(&column[at..end], self.shape.unit.arcsec());
-            }
+            self.push_short_tau(batch, unrounded, at..end);
             if let Some(run) = self.run.as_mut() {
                 let sums = run.open.get_or_insert_with(|| Sums::new(index, batch.start_ns[at], batch, at));
                 sums.add(batch, at..end, &self.weights[at..end]);
@@ -340,6 +340,23 @@ impl WindowBuilder {
                 sums.add_status(status, at..end);
             }
             at = end;
+        }
+    }
+
+    /// Rows to the deviations at short τ. Of a cumulative counter with rows lost some cover several intervals.
+    fn push_short_tau(&mut self, batch: &Batch, unrounded: &[Vec<f64>], rows: Range<usize>) {
+        let arcsec = self.shape.unit.arcsec();
+        let intervals = |row: usize| self.log.intervals(batch.start_ns[row], batch.end_ns[row]);
+        let mut at = rows.start;
+        while at < rows.end {
+            let end = rows.clone().skip(at - rows.start).find(|row| intervals(*row) > 1).unwrap_or(rows.end);
+            for (short_tau, column) in self.short_tau.iter_mut().zip(unrounded) {
+                short_tau.push(&column[at..end], arcsec);
+                if end < rows.end {
+                    short_tau.push_wide(intervals(end), column[end], arcsec);
+                }
+            }
+            at = end + 1;
         }
     }
 
