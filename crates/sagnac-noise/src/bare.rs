@@ -62,6 +62,7 @@ fn budget(curve: &BareCurve, points: Vec<CurvePoint>, terms: Terms) -> AxisBudge
         hadamard: Vec::new(),
         terms,
         misfit: None,
+        disturbed: None,
         fitted: None,
     }
 }

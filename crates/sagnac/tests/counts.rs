@@ -4,10 +4,12 @@
 
 mod support;
 
+use sagnac::allan::{NoiseBudget, Request, noise_budget};
 use sagnac_log::ingest::Reason;
 use sagnac_log::setup::{Counter, Setup};
-use support::records::{Gyro, Random, TWELVE_HOURS, log, lost};
-use support::windows;
+use sagnac_noise::{AxisBudget, Taus, TermValue};
+use support::records::{Gyro, Random, TWELVE_HOURS, log, lost, steps};
+use support::{reader, windows};
 
 fn setup(gyro: &Gyro, counter: Counter) -> Setup {
     Setup { arcsec_per_count: Some(gyro.arcsec_per_count), counter, ..Setup::default() }
@@ -96,4 +98,44 @@ fn wraps_resets_and_repeated_rows_do_not_matter() {
     let (mean, worst) = spread(&ratios);
     println!("mean {mean:.5}, worst {worst:.4}");
     assert!((mean - 1.0).abs() < 0.002 && worst < 0.03, "{mean} {worst}");
+}
+
+fn budget(log: Vec<u8>, setup: &Setup) -> NoiseBudget {
+    noise_budget(vec![reader(log, setup)], None, setup, &Request { taus: Taus::Octaves, exact: false }).unwrap()
+}
+
+fn value(term: &TermValue) -> f64 {
+    match term {
+        TermValue::Found { value, .. } => *value,
+        TermValue::Unresolved { unresolved } => panic!("{unresolved}"),
+    }
+}
+
+/// Allan deviations from phases, by the definition: NIST SP 1065, eq. 11, in numpy's way over the k whose phases are known.
+fn adev(phases: &[Option<f64>], m: usize, tau_s: f64) -> (f64, usize) {
+    let second = (0..phases.len() - 2 * m).filter_map(|k| Some(phases[k + 2 * m]? - 2.0 * phases[k + m]? + phases[k]?));
+    let (sum, number) = second.fold((0.0, 0), |(sum, number), z| (sum + z * z, number + 1));
+    ((sum / (2.0 * tau_s * tau_s * number as f64)).sqrt(), number)
+}
+
+/// A running total with rows lost: every τ of the whole record, each deviation that of the definition over the phases that
+/// are known, to rounding.
+#[test]
+fn a_running_total_with_gaps_keeps_every_tau() {
+    let setup = setup(&TWELVE_HOURS, Counter::Cumulative);
+    for (seed, part, bursts) in [(1, 0.01, false), (2, 0.1, false), (3, 0.1, true)] {
+        let mut random = Random::new(seed);
+        let totals = TWELVE_HOURS.totals(&TWELVE_HOURS.angles(&mut random));
+        let lost = lost(totals.len(), part, bursts, &mut random);
+        let budget = budget(log(&TWELVE_HOURS, &totals, &lost), &setup);
+        let phases: Vec<Option<f64>> = totals.iter().zip(&lost).map(|(t, lost)| (!lost).then_some(*t as f64 * 0.151_25)).collect();
+        // A total that came first is the start of the first interval.
+        let curve = &budget.axes[0].curve;
+        assert_eq!(curve.last().unwrap().tau_s, 8192.0 * 5.0 / 4.0, "a third of 8639 rows");
+        for point in curve {
+            let (wanted, number) = adev(&phases, (point.tau_s / 5.0).round() as usize, point.tau_s);
+            assert!((point.adev_dph / wanted - 1.0).abs() < 1e-9, "{} {} {wanted}", point.tau_s, point.adev_dph);
+            assert_eq!(point.n, Some(number as f64), "{}", point.tau_s);
+        }
+    }
 }

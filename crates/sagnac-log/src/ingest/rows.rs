@@ -11,6 +11,7 @@ use std::ops::Range;
 use crate::error::{Error, Result};
 use crate::ingest::counter::{Pace, Step};
 use crate::ingest::header::Layout;
+use crate::ingest::interval::PipeWatch;
 use crate::ingest::raw::{BAD_TEMPERATURE, Faults, RawRows};
 use crate::ingest::reason::{Reason, Tallies};
 use crate::ingest::thermometer::ThermometerCheck;
@@ -94,6 +95,8 @@ pub(crate) struct RowValidator {
     aux_valid_range: Vec<Option<[f64; 2]>>,
     pub(crate) tallies: Tallies,
     pub(crate) rows_read: u64,
+    /// Of a pipe whose interval was given.
+    watch: Option<PipeWatch>,
 }
 
 impl RowValidator {
@@ -117,7 +120,13 @@ impl RowValidator {
             aux_valid_range: layout.aux.iter().map(|(_, name)| config.aux(name).valid_range).collect(),
             tallies: Tallies::default(),
             rows_read: 0,
+            watch: None,
         }
+    }
+
+    /// Holds the interval against the first rows.
+    pub(crate) fn watching_interval(self) -> Self {
+        Self { watch: self.timed.then(|| PipeWatch::new(self.nominal_ns)), whole_rows: false, ..self }
     }
 
     /// Judges rows; appends to `batch` those that are usable.
@@ -232,6 +241,9 @@ impl RowValidator {
         let Some(interval) = self.interval(row) else {
             return Ok(());
         };
+        if let Some(watch) = &mut self.watch {
+            watch.see(interval.end_ns).map_err(|e| e.file(&self.file).line(row.line()))?;
+        }
         let joins = self.clock_ns.replace(interval.end_ns).is_some() && !interval.after_gap && self.timed;
         self.check_temperatures(row, &interval, joins, batch);
         let no_number = row.axes().any(f64::is_nan);
@@ -378,7 +390,13 @@ impl RowValidator {
         if !interval.after_gap {
             self.reject(Reason::Gap, row);
         }
-        batch.bridges.push(Bridge { before_row: batch.len(), start_ns: before_ns, end_ns: interval.end_ns, angle });
+        batch.bridges.push(Bridge {
+            before_row: batch.len(),
+            start_ns: before_ns,
+            end_ns: interval.end_ns,
+            line: row.line(),
+            angle,
+        });
         Ok(None)
     }
 

@@ -130,17 +130,24 @@ impl Drift {
 
     /// Takes the drift out of a batch's angles, `arcsec` per unit.
     pub(crate) fn take_from(&self, batch: &Batch, angles: &mut [Vec<f64>], arcsec: f64) {
+        let mut one = vec![0.0; angles.len()];
         for row in 0..batch.len() {
-            let (start_ns, end_ns) = (batch.start_ns[row], batch.end_ns[row]);
-            let middle_ns = start_ns / 2 + end_ns / 2;
-            let after = self.middle_ns.partition_point(|m| *m <= middle_ns).clamp(1, self.middle_ns.len() - 1);
-            let (from, to) = (self.middle_ns[after - 1], self.middle_ns[after]);
-            let part = ((middle_ns - from) as f64 / (to - from) as f64).clamp(0.0, 1.0);
-            let seconds = s_from_ns(end_ns - start_ns);
-            for (column, drift) in angles.iter_mut().zip(&self.dph) {
-                let dph = drift[after - 1] + part * (drift[after] - drift[after - 1]);
-                column[row] -= dph * seconds / arcsec;
-            }
+            one.iter_mut().zip(&*angles).for_each(|(one, column)| *one = column[row]);
+            self.take_from_one(batch.start_ns[row], batch.end_ns[row], &mut one, arcsec);
+            angles.iter_mut().zip(&one).for_each(|(column, one)| column[row] = *one);
+        }
+    }
+
+    /// Takes the drift over (start, end] out of the angles of all axes.
+    pub(crate) fn take_from_one(&self, start_ns: i64, end_ns: i64, angles: &mut [f64], arcsec: f64) {
+        let middle_ns = start_ns / 2 + end_ns / 2;
+        let after = self.middle_ns.partition_point(|m| *m <= middle_ns).clamp(1, self.middle_ns.len() - 1);
+        let (from, to) = (self.middle_ns[after - 1], self.middle_ns[after]);
+        let part = ((middle_ns - from) as f64 / (to - from) as f64).clamp(0.0, 1.0);
+        let seconds = s_from_ns(end_ns - start_ns);
+        for (angle, drift) in angles.iter_mut().zip(&self.dph) {
+            let dph = drift[after - 1] + part * (drift[after] - drift[after - 1]);
+            *angle -= dph * seconds / arcsec;
         }
     }
 }

@@ -1,0 +1,329 @@
+//! Rows of one axis on their way to the recorder: gaps are reached across, disturbed rows are found.
+//!
+//! **Gaps.** Where the angle over a gap is known (a running total), the phase is known on both sides; within, it is missing, and
+//! differences that need it do not count. Where the angle is lost, the mean of the 64 rows nearest to the gap stands for each
+//! lost row, so that differences reach across. Such rows bring no white noise: a mean square is too small by the part of rows
+//! that are lost, and is divided by the other part ([`crate::Stretches::recorded_part`]). That is exact for white noise of the
+//! rate. Of flicker, walk and ramp, which the mean follows, σ then comes out too large by half the lost part at most: 0.5 %
+//! where 1 % of rows are lost. A lost row also loses the rounding that its neighbours carry: N² grows by 2·p·Q²/τ0. While at
+//! most 5 % of the rows are lost, in gaps of at most 8; else a gap ends a stretch.
+//!
+//! **Disturbed rows** are more than six scales from the median of some 700 rows around them; the scale is that of the middle
+//! nine tenths of these, and never less than what rounding makes. Noise alone does so once in 10⁸ rows. The record is taken
+//! both with and without them; without, while they are at most 0.5 % of the rows: more of them are no disturbance but what
+//! the gyro does.
+
+use crate::difference::Difference;
+use crate::recorder::{Recorded, Recorder};
+
+/// Rows that are judged together.
+const BLOCK: usize = 512;
+/// Rows before them that are looked at too.
+const CONTEXT: usize = 256;
+/// Fewer rows have no scale.
+const FEWEST: usize = 32;
+/// Scales from the median to a disturbed row.
+const FAR: f64 = 6.0;
+/// Part of the rows beyond either end of those that make the scale, and these ends in standard deviations of a normal.
+const TAIL: f64 = 0.05;
+const TAILS_APART: f64 = 3.29;
+/// Rows around a lost one whose mean stands for it, and how few will do.
+const NEAREST: usize = 64;
+const FEWEST_NEAREST: usize = 16;
+/// Rows of a gap that a mean stands for.
+const MOST_LOST: u64 = 8;
+/// A known angle reaches across so many intervals, or this part of the stretch before.
+const ALWAYS_KNOWN: u64 = 64;
+const KNOWN_PART: u64 = 4;
+/// Disturbed rows that are named.
+const MOST_NAMED: usize = 10;
+
+/// At most this part of the rows may be lost for a mean to stand for them.
+pub const MOST_LOST_PART: f64 = 0.05;
+/// At most this part of the rows may be disturbed for the figures to be without them.
+pub const MOST_DISTURBED_PART: f64 = 0.005;
+
+/// Where a row comes from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Place {
+    /// Which log, from 0.
+    pub log: u32,
+    /// Its line.
+    pub line: u64,
+}
+
+/// A row that is far from those around it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Disturbed {
+    /// Where it is.
+    pub place: Place,
+    /// Its angle less the median of those around it, in their unit.
+    pub away: f64,
+}
+
+/// What comes in.
+#[derive(Clone, Copy)]
+enum Piece {
+    Row { angle: f64, place: Place },
+    Wide { intervals: u64, angle: f64, place: Place },
+    Lost { intervals: u64 },
+    End,
+}
+
+/// One way to take the record; `None` while it makes no difference.
+#[derive(Clone)]
+struct Way {
+    joins: Option<bool>,
+    cleans: Option<bool>,
+    recorder: Recorder,
+}
+
+/// Takes the rows of one axis.
+pub struct Screen {
+    ways: Vec<Way>,
+    pieces: Vec<Piece>,
+    /// Sound rows before those that wait.
+    context: Vec<f64>,
+    rows: u64,
+    lost: u64,
+    disturbed: u64,
+    named: Vec<Disturbed>,
+}
+
+/// What a screen saw.
+pub struct Screened {
+    /// The record that figures are made of.
+    pub used: Recorded,
+    /// Where rows are disturbed, the record the other way: with them if `used` is without, else without.
+    pub other: Option<Recorded>,
+    /// `used` is without the disturbed rows.
+    pub cleaned: bool,
+    /// Disturbed rows.
+    pub disturbed: u64,
+    /// The first of them.
+    pub named: Vec<Disturbed>,
+    /// All rows.
+    pub rows: u64,
+}
+
+impl Screen {
+    /// As [`Recorder::new`].
+    pub fn new(wanted: Vec<Difference>, hold: usize) -> Self {
+        Self {
+            ways: vec![Way { joins: None, cleans: None, recorder: Recorder::new(wanted, hold) }],
+            pieces: Vec::with_capacity(BLOCK),
+            context: Vec::new(),
+            rows: 0,
+            lost: 0,
+            disturbed: 0,
+            named: Vec::new(),
+        }
+    }
+
+    /// The next row of the stretch.
+    pub fn row(&mut self, angle: f64, place: Place) {
+        self.push(Piece::Row { angle, place });
+    }
+
+    /// A row of several intervals: a running total that was not written down in between.
+    pub fn wide(&mut self, intervals: u64, angle: f64, place: Place) {
+        self.push(if intervals > 1 { Piece::Wide { intervals, angle, place } } else { Piece::Row { angle, place } });
+    }
+
+    /// So many rows are lost, and their angle with them.
+    pub fn lost(&mut self, intervals: u64) {
+        self.push(Piece::Lost { intervals });
+    }
+
+    /// What comes next does not join what came before.
+    pub fn end_stretch(&mut self) {
+        self.push(Piece::End);
+    }
+
+    /// The next row is of another log: nothing before it says anything of it.
+    pub fn end_run(&mut self) {
+        self.end_stretch();
+        self.settle();
+        self.context.clear();
+    }
+
+    fn push(&mut self, piece: Piece) {
+        let row = matches!(piece, Piece::Row { .. } | Piece::Wide { .. });
+        self.rows += u64::from(row);
+        self.pieces.push(piece);
+        if self.pieces.len() >= BLOCK {
+            self.settle();
+        }
+    }
+
+    /// Ends the record.
+    pub fn finish(mut self) -> Screened {
+        self.settle();
+        let lost_part = self.lost as f64 / (self.rows + self.lost).max(1) as f64;
+        let joins = lost_part <= MOST_LOST_PART;
+        let cleaned = self.disturbed > 0 && self.disturbed as f64 <= MOST_DISTURBED_PART * self.rows as f64;
+        let recorded = |ways: &mut Vec<Way>, cleans: bool| {
+            let fits = |way: &Way| way.joins.is_none_or(|j| j == joins) && way.cleans.is_none_or(|c| c == cleans);
+            let at = ways.iter().position(fits).unwrap_or(0);
+            ways.swap_remove(at).recorder.finish()
+        };
+        let used = recorded(&mut self.ways, cleaned);
+        let other = (self.disturbed > 0).then(|| recorded(&mut self.ways, !cleaned));
+        Screened { used, other, cleaned, disturbed: self.disturbed, named: self.named, rows: self.rows }
+    }
+
+    /// Judges the rows that wait and hands them on.
+    fn settle(&mut self) {
+        let rows = self.pieces.iter().filter_map(|piece| match piece {
+            Piece::Row { angle, .. } => Some(*angle),
+            _ => None,
+        });
+        let rows: Vec<f64> = rows.collect();
+        let level = Level::of(self.context.iter().chain(&rows).copied().collect());
+        let away = |piece: &Piece| level.as_ref().and_then(|level| level.away(piece));
+        let found: Vec<Option<Disturbed>> = self.pieces.iter().map(away).collect();
+        self.fork(&found);
+        let plain = rows.len() == self.pieces.len() && found.iter().all(Option::is_none);
+        if plain {
+            self.ways.iter_mut().for_each(|way| way.recorder.push(&rows));
+        } else {
+            let sound = Sound::of(&self.context, &self.pieces, &found);
+            for way in &mut self.ways {
+                self.pieces.iter().zip(&found).enumerate().for_each(|(at, (piece, found))| {
+                    way.take(*piece, found.is_some(), || sound.mean_near(at));
+                });
+            }
+        }
+        let sound =
+            self.pieces.iter().zip(&found).filter(|(_, found)| found.is_none()).filter_map(|(piece, _)| match piece {
+                Piece::Row { angle, .. } => Some(*angle),
+                _ => None,
+            });
+        self.context.extend(sound);
+        let old = self.context.len().saturating_sub(CONTEXT);
+        self.context.drain(..old);
+        self.pieces.clear();
+    }
+
+    /// Counts what makes ways differ; from the first of its kind on there are two of each.
+    fn fork(&mut self, found: &[Option<Disturbed>]) {
+        let lost = self.pieces.iter().filter_map(|piece| match piece {
+            Piece::Lost { intervals } if *intervals <= MOST_LOST => Some(*intervals),
+            _ => None,
+        });
+        let lost: u64 = lost.sum();
+        let disturbed = found.iter().flatten();
+        self.named.extend(disturbed.clone().take(MOST_NAMED - self.named.len()));
+        let disturbed = disturbed.count() as u64;
+        if lost > 0 && self.lost == 0 {
+            self.ways = both(&self.ways, |way, yes| way.joins = Some(yes));
+        }
+        if disturbed > 0 && self.disturbed == 0 {
+            self.ways = both(&self.ways, |way, yes| way.cleans = Some(yes));
+        }
+        self.lost += lost;
+        self.disturbed += disturbed;
+    }
+}
+
+fn both(ways: &[Way], set: impl Fn(&mut Way, bool)) -> Vec<Way> {
+    let with = |way: &Way, yes: bool| {
+        let mut way = way.clone();
+        set(&mut way, yes);
+        way
+    };
+    ways.iter().flat_map(|way| [with(way, true), with(way, false)]).collect()
+}
+
+impl Way {
+    fn take(&mut self, piece: Piece, disturbed: bool, mean: impl Fn() -> Option<f64>) {
+        let recorder = &mut self.recorder;
+        let is_open = recorder.open_phases() > 0;
+        let replaced = disturbed && self.cleans == Some(true);
+        match piece {
+            Piece::Row { .. } | Piece::Wide { .. } if replaced && !is_open => {}
+            Piece::Row { angle, .. } if !replaced => recorder.push(&[angle]),
+            Piece::Row { .. } => fill(recorder, 1, mean()),
+            Piece::Wide { intervals, .. } if intervals > ALWAYS_KNOWN.max(recorder.open_phases() / KNOWN_PART) => {
+                recorder.end_stretch();
+            }
+            Piece::Wide { intervals, angle, .. } if !replaced => recorder.push_wide(intervals, angle),
+            Piece::Wide { intervals, .. } => fill(recorder, intervals, mean()),
+            Piece::Lost { .. } if !is_open => {}
+            Piece::Lost { intervals } if intervals <= MOST_LOST && self.joins == Some(true) => {
+                fill(recorder, intervals, mean());
+            }
+            Piece::Lost { .. } | Piece::End => recorder.end_stretch(),
+        }
+    }
+}
+
+fn fill(recorder: &mut Recorder, rows: u64, mean: Option<f64>) {
+    match mean {
+        Some(mean) => recorder.push_filled(rows, mean),
+        None => recorder.end_stretch(),
+    }
+}
+
+/// Median and scale of rows.
+struct Level {
+    median: f64,
+    far: f64,
+}
+
+impl Level {
+    fn of(mut rows: Vec<f64>) -> Option<Self> {
+        if rows.len() < FEWEST {
+            return None;
+        }
+        rows.sort_unstable_by(f64::total_cmp);
+        let at = |part: f64| rows[((rows.len() - 1) as f64 * part).round() as usize];
+        let spread = (at(1.0 - TAIL) - at(TAIL)) / TAILS_APART;
+        // The smallest step between two rows is at least that of rounding; its differences have a variance of step²/6.
+        let steps = rows.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 0.0);
+        let step = steps.fold(f64::INFINITY, f64::min);
+        let rounding = if step.is_finite() { step * step / 6.0 } else { 0.0 };
+        let scale = (spread * spread + rounding).sqrt();
+        (scale > 0.0).then(|| Self { median: at(0.5), far: FAR * scale })
+    }
+
+    /// A row that is too far away.
+    fn away(&self, piece: &Piece) -> Option<Disturbed> {
+        let (angle, intervals, place) = match *piece {
+            Piece::Row { angle, place } => (angle, 1.0, place),
+            Piece::Wide { intervals, angle, place } => (angle, intervals as f64, place),
+            Piece::Lost { .. } | Piece::End => return None,
+        };
+        let away = angle - self.median * intervals;
+        // Over many intervals also by how far the level itself may be off.
+        let far = self.far * (intervals.sqrt() + 0.1 * (intervals - 1.0));
+        (away.abs() > far).then_some(Disturbed { place, away })
+    }
+}
+
+/// Sound rows, and before which piece each is.
+struct Sound {
+    at: Vec<usize>,
+    angles: Vec<f64>,
+}
+
+impl Sound {
+    fn of(context: &[f64], pieces: &[Piece], found: &[Option<Disturbed>]) -> Self {
+        let mut sound = Self { at: vec![0; context.len()], angles: context.to_vec() };
+        for (at, (piece, found)) in pieces.iter().zip(found).enumerate() {
+            if let (Piece::Row { angle, .. }, None) = (piece, found) {
+                sound.at.push(at);
+                sound.angles.push(*angle);
+            }
+        }
+        sound
+    }
+
+    /// Mean of the rows nearest to a piece.
+    fn mean_near(&self, at: usize) -> Option<f64> {
+        let middle = self.at.partition_point(|known| *known < at);
+        let from = middle.saturating_sub(NEAREST / 2).min(self.at.len().saturating_sub(NEAREST));
+        let near = &self.angles[from..(from + NEAREST).min(self.at.len())];
+        (near.len() >= FEWEST_NEAREST).then(|| near.iter().sum::<f64>() / near.len() as f64)
+    }
+}
