@@ -237,7 +237,7 @@ pub fn budget(axis: char, recorded: &Recorded, tau0_s: f64, arcsec: f64, asked: 
         let sums = recorded.sums.iter().filter(move |(difference, _)| difference.deviation == deviation);
         sums.filter_map(move |(difference, sum)| {
             let variance = sum.variance(deviation, difference.m as f64 * tau0_s)? * arcsec * arcsec;
-            let variance = variance / recorded.stretches.recorded_part();
+            let variance = variance / recorded.stretches.white_factor(deviation, difference.m as f64);
             Some((difference.m, variance, sum.number))
         })
     };

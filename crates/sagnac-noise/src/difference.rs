@@ -40,6 +40,24 @@ impl Deviation {
         }
     }
 
+    /// Autocorrelation of the weights that a difference gives to rows of white noise, at lags of 0, m, 2m … in units of m; linear
+    /// in between.
+    fn row_correlation(self) -> &'static [f64] {
+        match self {
+            Self::Allan => &[2.0, -1.0, 0.0],
+            Self::Hadamard => &[6.0, -4.0, 1.0, 0.0],
+        }
+    }
+
+    /// The same at any lag in rows, over that at 0.
+    pub(crate) fn row_correlation_at(self, lag: f64, m: f64) -> f64 {
+        let nodes = self.row_correlation();
+        let (node, part) = ((lag.abs() / m).floor(), (lag.abs() / m).fract());
+        let value = |node: usize| nodes.get(node).copied().unwrap_or(0.0);
+        let node = node as usize;
+        (value(node) + part * (value(node.saturating_add(1)) - value(node))) / nodes[0]
+    }
+
     /// Σ z²/M over τ² of it is the variance: the sum of the squared weights less what white rate noise shares.
     pub(crate) fn divisor(self) -> f64 {
         match self {

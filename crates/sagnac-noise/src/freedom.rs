@@ -27,6 +27,9 @@ use crate::difference::Deviation;
 /// Grid points per smaller m.
 const GRID: f64 = 32.0;
 
+/// Rows around a lost one whose mean stands for it.
+pub(crate) const NEAREST: usize = 64;
+
 /// Equivalent degrees of freedom of the overlapping Allan variance for white rate noise, NIST SP 1065
 /// table 5: [3(N−1)/(2m) − 2(N−2)/N]·4m²/(4m²+5), N phases.
 pub(crate) fn edf_white_fm(n: f64, m: f64) -> f64 {
@@ -69,10 +72,29 @@ impl Stretches {
         if self.holes == 0 { 1.0 } else { 1.0 - self.holes as f64 / self.phases().max(1.0) }
     }
 
-    /// Part of the rows that were recorded. White noise of the rate is absent from the others, so that a mean square over
-    /// all of them is too small by this factor.
+    /// Part of the rows that were recorded; means stand in place of the others.
     pub fn recorded_part(&self) -> f64 {
         if self.filled == 0 { 1.0 } else { 1.0 - self.filled as f64 / (self.phases() - self.count() as f64).max(1.0) }
+    }
+
+    /// By how much the means that stand for lost rows change σ² of white noise of the rate. With c = 1/L at the L rows nearest to
+    /// a lost one and rows lost at random in a part p, a row is on average (1 − p)·δ + p·c of the noise, and besides that
+    /// p(1 − p)(1 + 1/L) of a variance of its own: 1 − p at short τ, where the mean is quiet, 1 + p at long τ, where it follows.
+    pub(crate) fn white_factor(&self, deviation: Deviation, m: f64) -> f64 {
+        let lost = 1.0 - self.recorded_part();
+        if lost == 0.0 {
+            return 1.0;
+        }
+        let (near, half) = (NEAREST as f64, (NEAREST / 2) as i64);
+        let average = |lag: i64| match lag.abs() {
+            0 => 1.0 - lost,
+            lag if lag <= half => lost / near,
+            _ => 0.0,
+        };
+        let correlation = |lag: i64| (-half..=half).map(|at| average(at) * average(at + lag)).sum::<f64>();
+        let of_lag = |lag: i64| deviation.row_correlation_at(lag as f64, m) * correlation(lag);
+        let together: f64 = (1..=2 * half).map(of_lag).sum();
+        correlation(0) + lost * (1.0 - lost) * (1.0 + 1.0 / near) + 2.0 * together
     }
 
     /// Phases of the longest.

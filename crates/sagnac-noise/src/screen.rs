@@ -2,10 +2,10 @@
 //!
 //! **Gaps.** Where the angle over a gap is known (a running total), the phase is known on both sides; within, it is missing, and
 //! differences that need it do not count. Where the angle is lost, the mean of the 64 rows nearest to the gap stands for each
-//! lost row, so that differences reach across. Such rows bring no white noise: a mean square is too small by the part of rows
-//! that are lost, and is divided by the other part ([`crate::Stretches::recorded_part`]). That is exact for white noise of the
-//! rate. Of flicker, walk and ramp, which the mean follows, σ then comes out too large by half the lost part at most: 0.5 %
-//! where 1 % of rows are lost. A lost row also loses the rounding that its neighbours carry: N² grows by 2·p·Q²/τ0. While at
+//! lost row, so that differences reach across. Of white noise σ² is then too small by the lost part p at short τ, where means
+//! are quiet, and too large by it at long τ, where they follow; it is divided by what is expected (`white_factor`), which is
+//! exact for white noise of the rate. Where the rate wanders by more than its noise within 64 rows, the two rows beside a lost one
+//! stand for it. Flicker, walk and ramp, which the means follow everywhere, are off by p/2 in σ: 0.5 % where 1 % of rows are lost. A lost row also loses the rounding that its neighbours carry: N² grows by 2·p·Q²/τ0. While at
 //! most 5 % of the rows are lost, in gaps of at most 8; else a gap ends a stretch.
 //!
 //! **Disturbed rows** are more than six scales from the median of some 700 rows around them; the scale is that of the middle
@@ -14,6 +14,7 @@
 //! the gyro does.
 
 use crate::difference::Difference;
+use crate::freedom::NEAREST;
 use crate::recorder::{Recorded, Recorder};
 
 /// Rows that are judged together.
@@ -27,13 +28,12 @@ const FAR: f64 = 6.0;
 /// Part of the rows beyond either end of those that make the scale, and these ends in standard deviations of a normal.
 const TAIL: f64 = 0.05;
 const TAILS_APART: f64 = 3.29;
-/// Rows around a lost one whose mean stands for it, and how few will do.
-const NEAREST: usize = 64;
+/// So few rows around a lost one will do.
 const FEWEST_NEAREST: usize = 16;
 /// Rows of a gap that a mean stands for.
 const MOST_LOST: u64 = 8;
 /// A known angle reaches across so many intervals, or this part of the stretch before.
-const ALWAYS_KNOWN: u64 = 64;
+const ALWAYS_KNOWN: u64 = 512;
 const KNOWN_PART: u64 = 4;
 /// Disturbed rows that are named.
 const MOST_NAMED: usize = 10;
@@ -301,7 +301,7 @@ impl Level {
     }
 }
 
-/// Sound rows, and before which piece each is.
+/// Sound rows, and the number of the piece that each is, from 1; 0 for those before.
 struct Sound {
     at: Vec<usize>,
     angles: Vec<f64>,
@@ -312,7 +312,7 @@ impl Sound {
         let mut sound = Self { at: vec![0; context.len()], angles: context.to_vec() };
         for (at, (piece, found)) in pieces.iter().zip(found).enumerate() {
             if let (Piece::Row { angle, .. }, None) = (piece, found) {
-                sound.at.push(at);
+                sound.at.push(at + 1);
                 sound.angles.push(*angle);
             }
         }
@@ -321,9 +321,143 @@ impl Sound {
 
     /// Mean of the rows nearest to a piece.
     fn mean_near(&self, at: usize) -> Option<f64> {
-        let middle = self.at.partition_point(|known| *known < at);
+        let middle = self.at.partition_point(|number| *number <= at);
         let from = middle.saturating_sub(NEAREST / 2).min(self.at.len().saturating_sub(NEAREST));
         let near = &self.angles[from..(from + NEAREST).min(self.at.len())];
-        (near.len() >= FEWEST_NEAREST).then(|| near.iter().sum::<f64>() / near.len() as f64)
+        let mean = |rows: &[f64]| rows.iter().sum::<f64>() / rows.len() as f64;
+        if near.len() < FEWEST_NEAREST {
+            return None;
+        }
+        let all = mean(near);
+        let about: f64 = near.iter().map(|angle| (angle - all).powi(2)).sum();
+        let between: f64 = near.windows(2).map(|pair| (pair[1] - pair[0]).powi(2)).sum();
+        // Twice as much in white noise, and never so little in 64 rows of it.
+        let wanders = between < about;
+        let beside = middle.saturating_sub(1)..(middle + 1).min(self.at.len());
+        Some(if wanders { mean(&self.angles[beside]) } else { all })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::difference::Deviation;
+
+    /// splitmix64, Box and Muller.
+    struct Random(u64);
+
+    impl Random {
+        fn uniform(&mut self) -> f64 {
+            self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+            let mut z = self.0;
+            z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+            z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+            ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
+        }
+
+        fn normal(&mut self) -> f64 {
+            (-2.0 * (1.0 - self.uniform()).ln()).sqrt() * (std::f64::consts::TAU * self.uniform()).cos()
+        }
+    }
+
+    fn screen() -> Screen {
+        Screen::new(vec![Difference { deviation: Deviation::Allan, m: 1 }], 0)
+    }
+
+    fn push(screen: &mut Screen, angles: impl IntoIterator<Item = f64>) {
+        angles.into_iter().enumerate().for_each(|(at, angle)| screen.row(angle, Place { log: 0, line: at as u64 }));
+    }
+
+    /// Noise alone is not disturbed: 2 million rows of each kind, whatever the size of a count against σ.
+    #[test]
+    fn noise_alone_is_not_disturbed() {
+        for step in [0.0_f64, 0.1, 0.5, 1.0, 1.5, 2.0, 3.0, 5.0, 10.0] {
+            let mut random = Random(step.to_bits());
+            let mut screen = screen();
+            let (mut sum, mut before) = (0.0, 0.0);
+            push(
+                &mut screen,
+                (0..250_000).map(|_| {
+                    sum += 0.37 + random.normal();
+                    let total = if step > 0.0 { (sum / step).floor() * step } else { sum };
+                    let angle = total - before;
+                    before = total;
+                    angle
+                }),
+            );
+            let screened = screen.finish();
+            assert_eq!(screened.disturbed, 0, "{step}: {:?}", screened.named);
+        }
+        // Nor are rows of a ramp, of a dither, or of a table that turned half of the time.
+        let mut random = Random(7);
+        let kinds: [&dyn Fn(f64) -> f64; 3] =
+            [&|k| 0.02 * k, &|k| 30.0 * (0.7 * k).sin(), &|k| if k < 50_000.0 { 0.0 } else { 40.0 }];
+        for kind in kinds {
+            let mut screen = screen();
+            push(&mut screen, (0..100_000).map(|k| kind(f64::from(k)) + random.normal()));
+            let screened = screen.finish();
+            assert_eq!(screened.disturbed, 0, "{:?}", screened.named);
+        }
+    }
+
+    /// From the threshold on rows are found, just below it they are not: 5 and 7 σ from the mean.
+    #[test]
+    fn rows_about_the_threshold() {
+        let mut random = Random(3);
+        let mut screen = screen();
+        let level = |k: u64| match k % 5000 {
+            1000 => 4.0,
+            3000 => 9.0,
+            _ => 0.0,
+        };
+        push(
+            &mut screen,
+            (0..500_000).map(|k| match level(k) {
+                0.0 => random.normal(),
+                away => away + 0.3 * random.normal(),
+            }),
+        );
+        let screened = screen.finish();
+        assert_eq!((screened.disturbed, screened.cleaned), (100, true));
+        assert!(screened.named.iter().all(|row| row.place.line % 5000 == 3000), "{:?}", screened.named);
+        assert_eq!(screened.used.filled, 100);
+    }
+
+    /// The next log is judged by itself, short records not at all, and silence has no scale.
+    #[test]
+    fn what_cannot_be_judged_is_not() {
+        let mut random = Random(5);
+        let mut screen = super::tests::screen();
+        for log in 0..20 {
+            push(&mut screen, (0..700).map(|_| 1000.0 * f64::from(log) + random.normal()));
+            screen.end_run();
+        }
+        assert_eq!(screen.finish().disturbed, 0);
+        for angles in [vec![0.0, 1e9, 0.0], vec![7.0; 1000]] {
+            let mut screen = super::tests::screen();
+            push(&mut screen, angles);
+            assert_eq!(screen.finish().disturbed, 0);
+        }
+    }
+
+    /// Gaps: few and short ones are reached across, long ones end the stretch, and so do all of them where rows are lost by the
+    /// score.
+    #[test]
+    fn gaps_by_their_length_and_number() {
+        let record = |every: usize, gap: u64| {
+            let mut random = Random(9);
+            let mut screen = screen();
+            for _ in 0..20 {
+                push(&mut screen, (0..every).map(|_| random.normal()));
+                screen.lost(gap);
+            }
+            let used = screen.finish().used;
+            (used.stretches.count(), used.filled)
+        };
+        assert_eq!(record(100, 1), (1, 20));
+        assert_eq!(record(100, 5), (1, 100), "4.8 %");
+        assert_eq!(record(100, 6), (20, 0), "5.7 %");
+        assert_eq!(record(1000, 8), (1, 160));
+        assert_eq!(record(1000, 9), (20, 0));
     }
 }

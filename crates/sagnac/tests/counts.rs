@@ -7,7 +7,7 @@ mod support;
 use sagnac::allan::{NoiseBudget, Request, noise_budget};
 use sagnac_log::ingest::Reason;
 use sagnac_log::setup::{Counter, Setup};
-use sagnac_noise::{AxisBudget, Taus, TermValue};
+use sagnac_noise::{Taus, TermValue};
 use support::records::{Gyro, Random, TWELVE_HOURS, log, lost, steps};
 use support::{reader, windows};
 
@@ -128,7 +128,8 @@ fn a_running_total_with_gaps_keeps_every_tau() {
         let totals = TWELVE_HOURS.totals(&TWELVE_HOURS.angles(&mut random));
         let lost = lost(totals.len(), part, bursts, &mut random);
         let budget = budget(log(&TWELVE_HOURS, &totals, &lost), &setup);
-        let phases: Vec<Option<f64>> = totals.iter().zip(&lost).map(|(t, lost)| (!lost).then_some(*t as f64 * 0.151_25)).collect();
+        let phases: Vec<Option<f64>> =
+            totals.iter().zip(&lost).map(|(t, lost)| (!lost).then_some(*t as f64 * 0.151_25)).collect();
         // A total that came first is the start of the first interval.
         let curve = &budget.axes[0].curve;
         assert_eq!(curve.last().unwrap().tau_s, 8192.0 * 5.0 / 4.0, "a third of 8639 rows");
@@ -138,4 +139,178 @@ fn a_running_total_with_gaps_keeps_every_tau() {
             assert_eq!(point.n, Some(number as f64), "{}", point.tau_s);
         }
     }
+}
+
+/// True where the 95 % interval of N contains the truth.
+fn covers(term: &TermValue, truth: f64) -> bool {
+    matches!(term, TermValue::Found { lower: Some(lower), upper: Some(upper), .. } if (*lower..=*upper).contains(&truth))
+}
+
+/// N of records with rows lost over N of the same records without, and how often the interval contains the truth; the
+/// deviations at every τ over those without losses, root mean square over records.
+struct Compared {
+    n: Vec<f64>,
+    covered: usize,
+    /// τ, and mean and root mean square of the ratio of deviations less 1.
+    curve: Vec<(f64, f64, f64)>,
+}
+
+fn compare(gyro: &Gyro, counter: Counter, records: u64, lose: impl Fn(usize, &mut Random) -> Vec<bool>) -> Compared {
+    let setup = setup(gyro, counter);
+    let mut compared = Compared { n: Vec::new(), covered: 0, curve: Vec::new() };
+    for seed in 0..records {
+        let mut random = Random::new(1000 + seed);
+        let totals = gyro.totals(&gyro.angles(&mut random));
+        let values = if counter == Counter::Cumulative { totals } else { steps(&totals) };
+        let whole = budget(log(gyro, &values, &vec![false; values.len()]), &setup).axes.remove(0);
+        let lost = lose(values.len(), &mut random);
+        let with_losses = budget(log(gyro, &values, &lost), &setup).axes.remove(0);
+        compared.n.push(value(&with_losses.terms.n_deg_rt_h) / value(&whole.terms.n_deg_rt_h));
+        compared.covered += usize::from(covers(&with_losses.terms.n_deg_rt_h, gyro.n_deg_rt_h));
+        assert_eq!((with_losses.stretches, with_losses.curve.len()), (1, whole.curve.len()));
+        for (at, (one, other)) in whole.curve.iter().zip(&with_losses.curve).enumerate() {
+            if compared.curve.len() == at {
+                compared.curve.push((one.tau_s, 0.0, 0.0));
+            }
+            let off = other.adev_dph / one.adev_dph - 1.0;
+            compared.curve[at].1 += off / records as f64;
+            compared.curve[at].2 += off * off / records as f64;
+        }
+    }
+    compared
+}
+
+/// 10 % of a running total lost, row by row or in bursts: over 16 records each N is within 1 % (asserted: 3 %) of that without
+/// losses, its interval holds the truth, and deviations at every τ scatter about theirs.
+#[test]
+fn a_running_total_with_gaps_has_the_same_budget() {
+    for bursts in [false, true] {
+        let lose = |rows: usize, random: &mut Random| lost(rows, 0.1, bursts, random);
+        check(&compare(&TWELVE_HOURS, Counter::Cumulative, 16, lose), 0.03);
+    }
+}
+
+/// Steps of which 1 % or 4 % are lost, one by one: their angle is truly lost. Long τ are kept, N is within 1 % (asserted: 3 %)
+/// of that without losses, and no τ has a bias that 16 records show.
+#[test]
+fn single_rows_lost_keep_every_tau() {
+    for part in [0.01, 0.04] {
+        check(&compare(&TWELVE_HOURS, Counter::Incremental, 16, |rows, random| lost(rows, part, false, random)), 0.03);
+    }
+}
+
+/// What the means that stand for lost rows may do to flicker, walk and ramp: half the lost part, and no more. Here a walk that
+/// rules all τ, with 4 % of the rows lost: σ is off by 2 % at most (asserted: 2.5 %).
+#[test]
+fn a_walk_is_off_by_half_the_lost_part_at_most() {
+    let setup = setup(&TWELVE_HOURS, Counter::Incremental);
+    let mut ratios = vec![Vec::new(); 12];
+    for seed in 0..12 {
+        let mut random = Random::new(seed);
+        let quiet = Gyro { n_deg_rt_h: 1e-5, ..TWELVE_HOURS };
+        let mut walk = 0.0;
+        let mut angles = quiet.angles(&mut random);
+        angles.iter_mut().for_each(|angle| {
+            walk += 0.2 * random.normal();
+            *angle += walk;
+        });
+        let values = steps(&quiet.totals(&angles));
+        let whole = budget(log(&quiet, &values, &vec![false; values.len()]), &setup).axes.remove(0);
+        let gone = lost(values.len(), 0.04, false, &mut random);
+        let with_losses = budget(log(&quiet, &values, &gone), &setup).axes.remove(0);
+        let pairs = whole.curve.iter().zip(&with_losses.curve).zip(&mut ratios);
+        pairs.for_each(|((one, other), ratios)| ratios.push(other.adev_dph / one.adev_dph));
+    }
+    for (octave, ratios) in ratios.iter().enumerate() {
+        let (mean, worst) = spread(ratios);
+        println!("{octave}: mean {mean:.4}, worst {worst:.4}");
+        assert!((0.975..1.025).contains(&mean), "{octave}: {mean}");
+    }
+}
+
+/// N within a bound, its interval around the truth, and at every τ a mean ratio within four of its own standard errors of 1.
+fn check(compared: &Compared, most: f64) {
+    let records = compared.n.len();
+    let (mean, worst) = spread(&compared.n);
+    println!("N: mean {mean:.4}, worst {worst:.4}; {} of {records} intervals hold the truth", compared.covered);
+    assert!((mean - 1.0).abs() < 0.005 && worst < most, "{mean} {worst}");
+    assert!(10 * compared.covered >= 8 * records, "{}", compared.covered);
+    assert_eq!(compared.curve.last().unwrap().0, 10_240.0);
+    for (tau_s, mean, square) in &compared.curve {
+        println!("  {tau_s} s: mean {mean:.5}, scatter {:.5}", square.sqrt());
+        assert!(mean.abs() < 4.0 * (square / records as f64).sqrt() + 0.001, "{tau_s} s: {mean}");
+        assert!(square.sqrt() < 0.15, "{tau_s} s: {square}");
+    }
+}
+
+/// One row of 20 arcsec in 12 h makes N some 12 % too large. It is found by its line, both figures are shown, and the clean
+/// one, which is used, is within 1 % (asserted: 3 %) of N without the disturbance; in steps and in a running total.
+#[test]
+fn a_disturbed_row_is_found_named_and_taken_out() {
+    let (mut clean, mut unclean) = (Vec::new(), Vec::new());
+    for seed in 0..12 {
+        let counter = if seed % 2 == 0 { Counter::Incremental } else { Counter::Cumulative };
+        let setup = setup(&TWELVE_HOURS, counter);
+        let mut random = Random::new(2000 + seed);
+        let mut angles = TWELVE_HOURS.angles(&mut random);
+        let none = vec![false; angles.len()];
+        let values = |angles: &[f64]| {
+            let totals = TWELVE_HOURS.totals(angles);
+            if counter == Counter::Cumulative { totals } else { steps(&totals) }
+        };
+        let quiet = budget(log(&TWELVE_HOURS, &values(&angles), &none), &setup).axes.remove(0);
+        assert_eq!(quiet.disturbed, None);
+        let (row, sign) = (1 + random.below(angles.len() - 1), if random.uniform() < 0.5 { 20.0 } else { -20.0 });
+        angles[row] += sign;
+        let axis = budget(log(&TWELVE_HOURS, &values(&angles), &none), &setup).axes.remove(0);
+        let disturbed = axis.disturbed.unwrap();
+        assert!(disturbed.taken_out && disturbed.rows == 1, "seed {seed}: {disturbed:?}");
+        assert_eq!(disturbed.first[0].at, format!("simulated.csv:{}", row + 2));
+        assert!((disturbed.first[0].away_arcsec - sign).abs() < 2.5, "{:?}", disturbed.first);
+        clean.push(value(&axis.terms.n_deg_rt_h) / value(&quiet.terms.n_deg_rt_h));
+        unclean.push(value(&disturbed.terms_otherwise.n_deg_rt_h) / value(&quiet.terms.n_deg_rt_h));
+    }
+    let ((clean, worst), (unclean, _)) = (spread(&clean), spread(&unclean));
+    println!("clean: mean {clean:.4}, worst {worst:.4}; unclean: mean {unclean:.4}");
+    assert!((clean - 1.0).abs() < 0.005 && worst < 0.03, "{clean} {worst}");
+    assert!((1.08..1.16).contains(&unclean), "{unclean}");
+}
+
+/// Up to 0.5 % of the rows are taken out. More are not: both figures are shown, the unclean one is used, and that is said.
+#[test]
+fn many_disturbed_rows_stay() {
+    let setup = setup(&TWELVE_HOURS, Counter::Incremental);
+    for (number, taken_out) in [(1, true), (43, true), (44, false), (86, false), (400, false)] {
+        let mut random = Random::new(number as u64);
+        let mut angles = TWELVE_HOURS.angles(&mut random);
+        let mut rows: Vec<usize> = Vec::new();
+        while rows.len() < number {
+            let row = random.below(angles.len());
+            if !rows.contains(&row) {
+                rows.push(row);
+                angles[row] += 10.0;
+            }
+        }
+        let values = steps(&TWELVE_HOURS.totals(&angles));
+        let budget = budget(log(&TWELVE_HOURS, &values, &vec![false; values.len()]), &setup);
+        let disturbed = budget.axes[0].disturbed.as_ref().unwrap();
+        assert_eq!((disturbed.rows, disturbed.taken_out), (number as u64, taken_out));
+        let (used, other) = (&budget.axes[0].terms.n_deg_rt_h, &disturbed.terms_otherwise.n_deg_rt_h);
+        let clean = if taken_out { used } else { other };
+        println!("{number}: used {:.5}, other {:.5}", value(used), value(other));
+        assert!((value(clean) / 0.003 - 1.0).abs() < 0.03, "{number}: {}", value(clean));
+        assert_eq!(budget.warnings.iter().any(|warning| warning.contains("too many to take out")), !taken_out);
+    }
+}
+
+/// A log of rates without a time column has no τ: nothing is put in its place.
+#[test]
+fn rates_without_a_time_are_refused() {
+    let log = || reader(b"rate_dph,temperature_c\n1,20\n2,20\n1,20\n".to_vec(), &Setup::default());
+    let request = Request { taus: Taus::Octaves, exact: false };
+    let error = noise_budget(vec![log()], None, &Setup::default(), &request).unwrap_err();
+    assert!(error.what.contains("no time column") && error.help.unwrap().contains("--sample-interval"));
+    let given = Setup { sample_interval_s: Some(2.0), ..Setup::default() };
+    let log = reader(b"rate_dph,temperature_c\n1,20\n2,20\n1,20\n".to_vec(), &given);
+    assert_eq!(noise_budget(vec![log], None, &given, &request).unwrap().axes[0].sample_interval_s, 2.0);
 }

@@ -55,6 +55,12 @@ pub fn noise_budget(
     request: &Request,
 ) -> Result<NoiseBudget> {
     let shape = logs.first().ok_or_else(|| Error::input("no log given"))?.shape().clone();
+    if !shape.timed && setup.sample_interval_s.is_none() {
+        let file = logs.first().map(|log| log.summary().file).unwrap_or_default();
+        return Err(Error::input("no time column, and nothing says how long a row is")
+            .file(file)
+            .help("give --sample-interval or sample_interval_s in the setup, or map the time column under [columns]"));
+    }
     let tau0_s = s_from_ns(shape.nominal_ns);
     let drifts = again.map(|again| Drift::of(again, setup)).transpose()?;
     let shown = request.taus.multiples(tau0_s).map_err(bad_tau)?;
@@ -80,6 +86,18 @@ pub(crate) fn misfit_text(axis: &AxisBudget) -> Option<String> {
          the intervals of its terms include that",
         axis.axis,
         significant(100.0 * part, 2)
+    ))
+}
+
+/// Disturbed rows that stay in the figures, in words.
+fn disturbed_text(axis: &AxisBudget) -> Option<String> {
+    let disturbed = axis.disturbed.as_ref().filter(|disturbed| !disturbed.taken_out)?;
+    let first = disturbed.first.first().map_or("", |row| row.at.as_str());
+    Some(format!(
+        "axis {}: {} rows ({} %, the first at {first}) are far from those around them: too many to take out, they make N larger",
+        axis.axis,
+        disturbed.rows,
+        significant(100.0 * disturbed.part, 2)
     ))
 }
 
@@ -228,6 +246,7 @@ impl Reading {
         });
         let axes: Vec<AxisBudget> = axes.collect();
         warnings.extend(axes.iter().filter_map(misfit_text));
+        warnings.extend(axes.iter().filter_map(disturbed_text));
         Ok(NoiseBudget {
             axes,
             warnings,
