@@ -6,7 +6,7 @@
 //! `calibrate` would fit over temperature (and its rate), read between the middles of its windows.
 
 use crate::fit::{FitOptions, Model, calibrate_with_report_data};
-use crate::window::WindowBuilder;
+use crate::window::{WindowBuilder, Windows};
 use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::{Batch, LogReader};
 use sagnac_log::setup::Setup;
@@ -18,6 +18,8 @@ const BLOCK_S: f64 = 600.0;
 /// Movement of a ramp, °C, and the pace within it, °C/min.
 const RAMP_C: f64 = 1.0;
 const RAMP_CPM: f64 = 0.02;
+/// Movement over which a drift can be fitted, °C.
+const LEAST_SPAN_C: f64 = 0.5;
 /// Movement that is a ramp however slow, °C.
 const SLOW_RAMP_C: f64 = 3.0;
 
@@ -85,6 +87,22 @@ impl RampWatch {
     }
 }
 
+/// A record at rest is seldom a thermal test: a movement of half a degree will do, and the curve is zero in the middle of it,
+/// which differences do not see.
+fn for_a_room(setup: &Setup, windows: &Windows) -> Setup {
+    let wanted = setup.use_thermometer.as_deref();
+    let named = windows.shape.thermometers.iter().position(|name| Some(name.as_str()) == wanted);
+    let means = windows.rows.mean_c.get(named.unwrap_or(0)).into_iter().flatten().zip(&windows.rows.excluded);
+    let mut means: Vec<f64> =
+        means.filter(|(mean_c, out)| mean_c.is_finite() && out.is_none()).map(|(mean_c, _)| *mean_c).collect();
+    means.sort_unstable_by(f64::total_cmp);
+    Setup {
+        min_span_c: Some(setup.min_span_c.unwrap_or(LEAST_SPAN_C)),
+        reference_c: means.get(means.len() / 2).copied().or(setup.reference_c),
+        ..setup.clone()
+    }
+}
+
 /// The drift of the axes of one run over its time, °/h.
 #[derive(Clone, Debug)]
 pub(crate) struct Drift {
@@ -102,6 +120,7 @@ impl Drift {
     pub(crate) fn of(logs: Vec<LogReader>, setup: &Setup) -> Result<Vec<Self>> {
         let axes = logs.first().map(|log| log.shape().axes.clone()).unwrap_or_default();
         let windows = WindowBuilder::read_all(logs, setup)?.finish();
+        let setup = &for_a_room(setup, &windows);
         let rows = windows.rows.clone();
         let runs = windows.runs.len();
         let options = FitOptions::new(Model::Auto);
