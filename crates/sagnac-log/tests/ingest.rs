@@ -317,10 +317,11 @@ fn an_interval_that_the_time_column_contradicts_is_refused() {
     };
     let jitter = |k: u32| 5.0 + 0.3 * (f64::from(k * 7919 % 101) / 50.0 - 1.0);
     let losses = |k: u32| if k % 9 == 4 { 10.0 } else { 5.0 };
-    let rounded = |k: u32| if k % 2 == 0 { 1.0 } else { 2.0 };
+    let rounded = |k: u32| f64::from(1 + k % 2);
     let given = |seconds: f64| Setup { sample_interval_s: Some(seconds), ..counts_setup() };
     let even = |_| 5.0;
-    let cases: [(&dyn Fn(u32) -> f64, f64, bool); 14] = [
+    type Case<'a> = (&'a dyn Fn(u32) -> f64, f64, bool);
+    let cases: [Case<'_>; 14] = [
         (&even, 5.0, true),
         (&even, 5.09, true),
         (&even, 4.91, true),
