@@ -181,6 +181,11 @@ impl Running {
         Self { wanted, longest, phases: Vec::new(), dropped: 0, summed: 0, holes: 0, sums }
     }
 
+    /// Phases that the longest difference spans.
+    pub(crate) fn longest(&self) -> usize {
+        self.longest
+    }
+
     pub(crate) fn wanted(&self) -> &[Difference] {
         &self.wanted
     }

@@ -276,13 +276,15 @@ impl Level {
         if rows.len() < FEWEST {
             return None;
         }
-        rows.sort_unstable_by(f64::total_cmp);
-        let at = |part: f64| rows[((rows.len() - 1) as f64 * part).round() as usize];
-        let spread = (at(1.0 - TAIL) - at(TAIL)) / TAILS_APART;
         // The smallest step between two rows is at least that of rounding; its differences have a variance of step²/6.
-        let steps = rows.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 0.0);
+        let steps = rows.windows(2).map(|pair| (pair[1] - pair[0]).abs()).filter(|step| *step > 0.0);
         let step = steps.fold(f64::INFINITY, f64::min);
         let rounding = if step.is_finite() { step * step / 6.0 } else { 0.0 };
+        let mut at = |part: f64| {
+            let place = ((rows.len() - 1) as f64 * part).round() as usize;
+            *rows.select_nth_unstable_by(place, f64::total_cmp).1
+        };
+        let spread = (at(1.0 - TAIL) - at(TAIL)) / TAILS_APART;
         let scale = (spread * spread + rounding).sqrt();
         (scale > 0.0).then(|| Self { median: at(0.5), far: FAR * scale })
     }

@@ -155,7 +155,8 @@ struct Compared {
     curve: Vec<(f64, f64, f64)>,
 }
 
-fn compare(gyro: &Gyro, counter: Counter, records: u64, lose: impl Fn(usize, &mut Random) -> Vec<bool>) -> Compared {
+fn compare(counter: Counter, lose: impl Fn(usize, &mut Random) -> Vec<bool>) -> Compared {
+    let (gyro, records) = (&TWELVE_HOURS, 16);
     let setup = setup(gyro, counter);
     let mut compared = Compared { n: Vec::new(), covered: 0, curve: Vec::new() };
     for seed in 0..records {
@@ -184,19 +185,24 @@ fn compare(gyro: &Gyro, counter: Counter, records: u64, lose: impl Fn(usize, &mu
 /// losses, its interval holds the truth, and deviations at every τ scatter about theirs.
 #[test]
 fn a_running_total_with_gaps_has_the_same_budget() {
-    for bursts in [false, true] {
-        let lose = |rows: usize, random: &mut Random| lost(rows, 0.1, bursts, random);
-        check(&compare(&TWELVE_HOURS, Counter::Cumulative, 16, lose), 0.03);
-    }
+    check(&compare(Counter::Cumulative, |rows, random| lost(rows, 0.1, false, random)));
+}
+
+#[test]
+fn a_running_total_with_bursts_lost_has_the_same_budget() {
+    check(&compare(Counter::Cumulative, |rows, random| lost(rows, 0.1, true, random)));
 }
 
 /// Steps of which 1 % or 4 % are lost, one by one: their angle is truly lost. Long τ are kept, N is within 1 % (asserted: 3 %)
 /// of that without losses, and no τ has a bias that 16 records show.
 #[test]
 fn single_rows_lost_keep_every_tau() {
-    for part in [0.01, 0.04] {
-        check(&compare(&TWELVE_HOURS, Counter::Incremental, 16, |rows, random| lost(rows, part, false, random)), 0.03);
-    }
+    check(&compare(Counter::Incremental, |rows, random| lost(rows, 0.01, false, random)));
+}
+
+#[test]
+fn one_row_in_25_lost_keeps_every_tau() {
+    check(&compare(Counter::Incremental, |rows, random| lost(rows, 0.04, false, random)));
 }
 
 /// What the means that stand for lost rows may do to flicker, walk and ramp: half the lost part, and no more. Here a walk that
@@ -205,7 +211,7 @@ fn single_rows_lost_keep_every_tau() {
 fn a_walk_is_off_by_half_the_lost_part_at_most() {
     let setup = setup(&TWELVE_HOURS, Counter::Incremental);
     let mut ratios = vec![Vec::new(); 12];
-    for seed in 0..12 {
+    for seed in 0..8 {
         let mut random = Random::new(seed);
         let quiet = Gyro { n_deg_rt_h: 1e-5, ..TWELVE_HOURS };
         let mut walk = 0.0;
@@ -229,11 +235,11 @@ fn a_walk_is_off_by_half_the_lost_part_at_most() {
 }
 
 /// N within a bound, its interval around the truth, and at every τ a mean ratio within four of its own standard errors of 1.
-fn check(compared: &Compared, most: f64) {
+fn check(compared: &Compared) {
     let records = compared.n.len();
     let (mean, worst) = spread(&compared.n);
     println!("N: mean {mean:.4}, worst {worst:.4}; {} of {records} intervals hold the truth", compared.covered);
-    assert!((mean - 1.0).abs() < 0.005 && worst < most, "{mean} {worst}");
+    assert!((mean - 1.0).abs() < 0.005 && worst < 0.03, "{mean} {worst}");
     assert!(10 * compared.covered >= 8 * records, "{}", compared.covered);
     assert_eq!(compared.curve.last().unwrap().0, 10_240.0);
     for (tau_s, mean, square) in &compared.curve {
@@ -248,7 +254,7 @@ fn check(compared: &Compared, most: f64) {
 #[test]
 fn a_disturbed_row_is_found_named_and_taken_out() {
     let (mut clean, mut unclean) = (Vec::new(), Vec::new());
-    for seed in 0..12 {
+    for seed in 0..8 {
         let counter = if seed % 2 == 0 { Counter::Incremental } else { Counter::Cumulative };
         let setup = setup(&TWELVE_HOURS, counter);
         let mut random = Random::new(2000 + seed);

@@ -13,6 +13,8 @@ const FEWEST_STEPS: u32 = 4;
 const NEWEST: f64 = 1.0 / 16.0;
 /// Quanta that no judgement goes below.
 const SOME_QUANTA: f64 = 16.0;
+/// No gap brings more quanta.
+const MOST_EXPECTED: f64 = 1e18;
 /// A step this many times as far out as any before it is no step of the same counter.
 const FAR: f64 = 4.0;
 
@@ -46,6 +48,10 @@ impl Pace {
         let difference = now - before;
         let over = intervals as f64;
         let expected = self.mean * over;
+        let ambiguous = bits.is_some_and(|bits| FAR * self.uncertain(over) > 2.0_f64.powi(i32::from(bits)));
+        if intervals > 1 && (ambiguous || expected.abs() > MOST_EXPECTED) {
+            return Step::Unknown;
+        }
         let step = match bits {
             None => difference,
             Some(bits) => {
@@ -63,8 +69,7 @@ impl Pace {
         if self.is_reset(now, step as f64 - expected, over) {
             return Step::Reset;
         }
-        let ambiguous = bits.is_some_and(|bits| FAR * self.uncertain(over) > 2.0_f64.powi(i32::from(bits)));
-        if intervals > 1 && ambiguous { Step::Unknown } else { Step::Counted(step) }
+        Step::Counted(step)
     }
 
     /// Takes a step that is used.
@@ -96,11 +101,11 @@ impl Pace {
 
     /// A step back by a power of two, less what as many intervals bring: the bits of a counter that wrapped.
     fn wrap(&self, step: i64, over: f64) -> Option<u32> {
-        let (size, usual) = (step.unsigned_abs(), (self.largest.abs() * over) as u64);
+        let (size, usual) = (step.unsigned_abs(), self.largest.abs() * over);
         let turned = self.largest != 0.0 && (step.signum() as f64) != self.largest.signum();
         let bits = size.max(1).ilog2() + u32::from(!size.is_power_of_two());
-        let of_a_wrap = (1_u64 << bits.min(62)).abs_diff(size) <= usual + usual / 2 + SOME_QUANTA as u64;
-        (turned && bits >= 8 && size > 4 * usual && of_a_wrap).then_some(bits)
+        let of_a_wrap = (1_u64 << bits.min(62)).abs_diff(size) as f64 <= 1.5 * usual + SOME_QUANTA;
+        (turned && bits >= 8 && size as f64 > FAR * usual && of_a_wrap).then_some(bits)
     }
 }
 
@@ -142,6 +147,7 @@ mod tests {
         assert_eq!(pace().step(1_234_567, 1_240_567, 12, None), Step::Counted(6000));
         // A turn of the table is a step.
         assert_eq!(pace().step(1_234_567, 1_334_567, 1, None), Step::Counted(100_000));
+        assert_eq!(pace().step(-9_000_000_000_000_000, 9_000_000_000_000_000, i64::MAX / 4, Some(52)), Step::Unknown);
         assert_eq!(Pace::default().step(1_000_000, 3, 1, None), Step::Counted(-999_997), "nothing is known yet");
     }
 }

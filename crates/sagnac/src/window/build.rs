@@ -347,9 +347,11 @@ impl WindowBuilder {
     fn push_short_tau(&mut self, batch: &Batch, unrounded: &[Vec<f64>], rows: Range<usize>) {
         let arcsec = self.shape.unit.arcsec();
         let intervals = |row: usize| self.log.intervals(batch.start_ns[row], batch.end_ns[row]);
+        let most_ns = 1.5 * self.log.nominal_ns as f64;
         let mut at = rows.start;
         while at < rows.end {
-            let end = rows.clone().skip(at - rows.start).find(|row| intervals(*row) > 1).unwrap_or(rows.end);
+            let wide = self.weights[at..rows.end].iter().position(|length_ns| *length_ns > most_ns);
+            let end = wide.map_or(rows.end, |wide| at + wide);
             for (short_tau, column) in self.short_tau.iter_mut().zip(unrounded) {
                 short_tau.push(&column[at..end], arcsec);
                 if end < rows.end {
