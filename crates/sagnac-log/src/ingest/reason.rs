@@ -20,7 +20,7 @@ pub enum Reason {
     /// Time of the row above.
     DuplicateTime,
     /// More than 1.5 intervals since the row above; the row itself is used. Of a cumulative counter it speaks for the whole gap up
-    /// to 10 s or three intervals.
+    /// to 30 s or three intervals.
     Gap,
     /// A cumulative counter that started anew: the step to it is not known.
     CounterReset,
@@ -122,7 +122,7 @@ impl Reason {
             Self::TimeBackwards => "Time before that of the row above.",
             Self::DuplicateTime => "Time of the row above.",
             Self::Gap => {
-                "Over 1.5 intervals since the row above; the row itself is used. Of a cumulative counter it speaks for the whole gap, up to 10 s or three intervals."
+                "Over 1.5 intervals since the row above; the row itself is used. Of a cumulative counter it speaks for the whole gap, up to 30 s or three intervals."
             }
             Self::CounterReset => "A cumulative counter that started anew: the step to it is not known.",
             Self::CounterUnknown => "A gap in which a cumulative counter may have wrapped more than once.",

@@ -23,7 +23,7 @@ use sagnac_units::s_from_ns;
 const MOST_OF_AUX: [f64; 2] = [-1e12, 1e12];
 /// The row after a gap of a cumulative counter speaks for all of it, up to this many intervals or this long.
 const BRIDGED_INTERVALS: i64 = 3;
-const BRIDGED_NS: i64 = 10_000_000_000;
+const BRIDGED_NS: i64 = 30_000_000_000;
 /// No log has a gap of 30 days.
 const LEAP_NS: i64 = 30 * 86_400 * 1_000_000_000;
 /// A quotient counts / quantum this close to a whole number is one (and the rounding of the division).

@@ -292,7 +292,7 @@ impl WindowBuilder {
         let mut at = 0;
         while at < batch.len() {
             let end = self.same_window(batch, at);
-            if batch.valid[at] {
+            if self.is_usable(batch, at) {
                 self.add(batch, unrounded, status, at..end);
             }
             at = end;
@@ -300,15 +300,22 @@ impl WindowBuilder {
         Ok(())
     }
 
+    /// A row that a window can take: of a cumulative counter with rows lost it may outlast a window.
+    fn is_usable(&self, batch: &Batch, row: usize) -> bool {
+        let length_ns = batch.end_ns[row] - batch.start_ns[row];
+        let outlasts = self.shape.window.seconds().is_some_and(|seconds| length_ns > window_ns(seconds));
+        batch.valid[row] && !(outlasts && self.log.intervals(batch.start_ns[row], batch.end_ns[row]) > 1)
+    }
+
     /// The end of the rows from `at` on that belong together: usable, one after the other, in one window by time.
     fn same_window(&self, batch: &Batch, at: usize) -> usize {
-        let Some(run) = self.run.as_ref().filter(|_| batch.valid[at]) else { return at + 1 };
+        let Some(run) = self.run.as_ref().filter(|_| self.is_usable(batch, at)) else { return at + 1 };
         let Some(seconds) = self.shape.window.seconds() else { return at + 1 };
         let length_ns = window_ns(seconds);
         let index = (batch.end_ns[at] - 1 - run.start_ns).div_euclid(length_ns);
         let last_ns = run.start_ns.saturating_add(index.saturating_add(1).saturating_mul(length_ns));
         let in_time = at + batch.end_ns[at..].partition_point(|end| *end <= last_ns);
-        let joins = |i: usize| batch.valid[i] && batch.start_ns[i] == batch.end_ns[i - 1];
+        let joins = |i: usize| self.is_usable(batch, i) && batch.start_ns[i] == batch.end_ns[i - 1];
         (at + 1..in_time).find(|i| !joins(*i)).unwrap_or(in_time)
     }
 
