@@ -5,7 +5,8 @@ use crate::freedom::Stretches;
 use crate::overlap::overlapping;
 use crate::pyramid::{Pyramid, served};
 
-/// Phases that are held, all axes together, before the pyramid takes them: 24 MiB.
+/// Phases that are held, all axes together, before the pyramid takes them: 24 MiB. Where rows are lost or disturbed the record is
+/// taken in up to four ways at once ([`crate::Screen`]).
 pub const HELD_PHASES: usize = 3 << 20;
 /// Longest distance of a difference, rows: no record is longer.
 pub const MOST_ROWS: usize = 1 << 40;

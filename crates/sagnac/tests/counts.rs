@@ -156,7 +156,7 @@ struct Compared {
 }
 
 fn compare(counter: Counter, lose: impl Fn(usize, &mut Random) -> Vec<bool>) -> Compared {
-    let (gyro, records) = (&TWELVE_HOURS, 16);
+    let (gyro, records) = (&TWELVE_HOURS, 10);
     let setup = setup(gyro, counter);
     let mut compared = Compared { n: Vec::new(), covered: 0, curve: Vec::new() };
     for seed in 0..records {
@@ -181,7 +181,7 @@ fn compare(counter: Counter, lose: impl Fn(usize, &mut Random) -> Vec<bool>) -> 
     compared
 }
 
-/// 10 % of a running total lost, row by row or in bursts: over 16 records each N is within 1 % (asserted: 3 %) of that without
+/// 10 % of a running total lost, row by row or in bursts: over ten records each N is within 1 % (asserted: 3 %) of that without
 /// losses, its interval holds the truth, and deviations at every τ scatter about theirs.
 #[test]
 fn a_running_total_with_gaps_has_the_same_budget() {
@@ -194,7 +194,7 @@ fn a_running_total_with_bursts_lost_has_the_same_budget() {
 }
 
 /// Steps of which 1 % or 4 % are lost, one by one: their angle is truly lost. Long τ are kept, N is within 1 % (asserted: 3 %)
-/// of that without losses, and no τ has a bias that 16 records show.
+/// of that without losses, and no τ has a bias that ten records show.
 #[test]
 fn single_rows_lost_keep_every_tau() {
     check(&compare(Counter::Incremental, |rows, random| lost(rows, 0.01, false, random)));
