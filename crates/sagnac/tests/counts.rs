@@ -360,3 +360,21 @@ fn the_drift_of_a_room_is_taken_out() {
     // What the fit could explain of the noise at this τ is gone too.
     assert!(after.iter().all(|ratio| (0.7..1.2).contains(ratio)), "{after:?}");
 }
+
+/// Windows of 100 s stay whole with 10 % of the rows lost; shorter windows do not take a row that outlasts them.
+#[test]
+fn a_gap_does_not_cut_a_window_nor_outlast_it() {
+    let setup = setup(&TWELVE_HOURS, Counter::Cumulative);
+    let mut random = Random::new(4000);
+    let totals = TWELVE_HOURS.totals(&TWELVE_HOURS.angles(&mut random));
+    let gone = lost(totals.len(), 0.1, false, &mut random);
+    let of_100_s = windows(vec![log(&TWELVE_HOURS, &totals, &gone)], &setup);
+    assert_eq!(of_100_s.len(), 432);
+    let counted: f64 = of_100_s.rows.angle[0].iter().sum();
+    assert_eq!(counted, (totals[8639] - totals[0]) as f64, "every count is in a window");
+    let short = Setup { window: Some(sagnac_log::setup::WindowSize::Seconds(10.0)), ..setup };
+    let of_10_s = windows(vec![log(&TWELVE_HOURS, &totals, &gone)], &short);
+    assert!((0..of_10_s.len()).all(|window| of_10_s.duration_s(window) <= 15.0));
+    let rates = (0..of_10_s.len()).map(|window| of_10_s.rate_dph(0, window));
+    assert!(rates.into_iter().all(|rate| (rate - TWELVE_HOURS.rate_dph).abs() < 0.6));
+}
