@@ -2,7 +2,7 @@
 //!
 //! A time without an offset is taken as UTC: only differences within a log matter. A leap second is the second after it.
 
-use chrono::{DateTime, NaiveDate, NaiveTime, SecondsFormat};
+use chrono::{NaiveDate, NaiveTime};
 
 const DATES: [&str; 2] = ["%Y-%m-%d", "%Y%m%d"];
 const TIMES: [&str; 3] = ["%H:%M:%S%.f", "%H:%M", "%H%M%S%.f"];
@@ -37,8 +37,9 @@ fn with_offset(text: &str) -> Option<(&str, i64)> {
 }
 
 /// The same time as text, in UTC.
+#[cfg(any(test, feature = "parquet"))]
 pub(crate) fn iso_text(time_ns: i64) -> String {
-    DateTime::from_timestamp_nanos(time_ns).to_rfc3339_opts(SecondsFormat::AutoSi, true)
+    chrono::DateTime::from_timestamp_nanos(time_ns).to_rfc3339_opts(chrono::SecondsFormat::AutoSi, true)
 }
 
 #[cfg(test)]
