@@ -9,7 +9,7 @@ use sagnac_log::ingest::ReadMode;
 use sagnac_log::setup::Setup;
 use sagnac_log::write::write_bytes;
 use sagnac_noise::{AxisBudget, Taus, Term, TermValue};
-use sagnac_report::{noise_report, term_text};
+use sagnac_report::{noise_report, row_notes, term_text};
 use sagnac_units::format::significant;
 
 use crate::calibrate::excluded;
@@ -22,7 +22,8 @@ const SHOWN_TAUS: usize = 12;
 
 /// Split the noise of a record at rest into its terms: Q, N, B, K, R
 ///
-/// Each LOG is a run; nothing is averaged across a gap. A table of tau_s and adev_dph, as another program writes it,
+/// Each LOG is a run. A running total reaches across gaps, single lost rows are bridged while they are few, and rows far from
+/// those around them are named and taken out while they are at most 0.5 %. A table of tau_s and adev_dph, as another program writes it,
 /// may stand in place of logs.
 #[derive(clap::Args)]
 #[command(after_help = "\
@@ -158,6 +159,7 @@ fn describe(console: &mut Console, axis: &AxisBudget) {
     } else {
         console.say(format!("axis {}: a bare curve", axis.axis));
     }
+    row_notes(axis).iter().for_each(|note| console.say(format!("  {note}")));
     let rows = Term::ALL.iter().map(|term| {
         let (name, unit) = term.name();
         let [value, interval] = term_text(axis.terms.get(*term));

@@ -32,7 +32,7 @@ pub(crate) struct SetupArgs {
     /// Width of a wrapping cumulative counter
     #[arg(long, value_name = "BITS")]
     counter_bits: Option<u8>,
-    /// Interval of a row, s
+    /// Interval of a row, s; refused where the time column says otherwise by over 2 %
     #[arg(long, value_name = "S")]
     sample_interval: Option<f64>,
     /// Which of several gyros of a PX4 log, from 0

@@ -69,3 +69,39 @@ fn odd_records_end_with_words() {
     assert!(said.contains("quantization Q") && said.contains("0.115"), "Q = 0.2/√3: {said}");
     assert!(!said.contains("e-"), "a rounding is no term: {said}");
 }
+
+/// Rows far from the others: named by line, both figures shown, the clean one used up to 0.5 % of the rows, and beyond it said
+/// that it is not.
+#[test]
+fn disturbed_rows_are_named_and_both_figures_shown() {
+    let folder = TempDir::new().unwrap();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    let run = || {
+        let rate = |k: u32| f64::from(k * 7919 % 1009) / 504.5 + if k % 1000 == 500 { 40.0 } else { 9.0 };
+        let rows: String = (1..=4000).map(|k| format!("{k},{}\n", rate(k))).collect();
+        fs::write(at("log.csv"), format!("time_s,rate_dph\n{rows}")).unwrap();
+        let out = sagnac().args(["allan", &at("log.csv"), "--report", &at("log.html")]).assert().success();
+        let json = sagnac().args(["allan", &at("log.csv"), "--json"]).assert().success().get_output().stdout.clone();
+        let object: Value = serde_json::from_slice(&json).unwrap();
+        let text = |bytes: &[u8]| String::from_utf8(bytes.to_vec()).unwrap();
+        (text(&out.get_output().stdout), text(&out.get_output().stderr), object["axes"][0]["disturbed"].clone())
+    };
+    let (said, warned, object) = run();
+    assert!(
+        said.contains("4 rows are far from those around them, 0.10 % of all:") && said.contains("log.csv:501 (+3"),
+        "{said}"
+    );
+    assert!(
+        said.contains("the figures are without them; with them: ") && !warned.contains("too many"),
+        "{said} {warned}"
+    );
+    assert_eq!((object["rows"].as_u64(), object["taken_out"].as_bool()), (Some(4), Some(true)));
+    assert!(fs::read_to_string(at("log.html")).unwrap().contains("the figures are without them"));
+    let many = |k: u32| if k % 100 == 50 { 40.0 } else { 9.0 };
+    let rows: String = (1..=4000).map(|k| format!("{k},{}\n", f64::from(k * 7919 % 1009) / 504.5 + many(k))).collect();
+    fs::write(at("many.csv"), format!("time_s,rate_dph\n{rows}")).unwrap();
+    let out = sagnac().args(["allan", &at("many.csv")]).assert().success().get_output().clone();
+    let (said, warned) = (String::from_utf8(out.stdout).unwrap(), String::from_utf8(out.stderr).unwrap());
+    assert!(said.contains("40 rows are far") && said.contains("the figures are with them; without them: "), "{said}");
+    assert!(warned.contains("too many to take out"), "{warned}");
+}

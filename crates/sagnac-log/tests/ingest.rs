@@ -221,6 +221,147 @@ fn what_a_log_cannot_say_is_asked_for() {
     assert!(refused(vec![b'1'; 3 << 20], &counts_setup()).what.contains("1 MiB"));
 }
 
+/// The same log with times as numbers and as dates: the same rows, to the nanosecond.
+#[test]
+fn dates_are_times() {
+    let text = |time: &dyn Fn(u32) -> String, name: &str, quote: &str| -> String {
+        let rows = (0..200).map(|k| format!("{quote}{}{quote},{}\n", time(k), 5 + k % 7));
+        format!("{name},counts\n") + &rows.collect::<String>()
+    };
+    let numbers = text(&|k| format!("{}.25", 1_709_251_100 + 5 * k), "time_s", "");
+    let (wanted, _) = read(numbers, &counts_setup()).unwrap();
+    // From 29 February into March: seconds since midnight, and the day.
+    let parts = |k: u32| {
+        let second = 86_300 + 5 * k;
+        let (day, second) = if second < 86_400 { ("2024-02-29", second) } else { ("2024-03-01", second - 86_400) };
+        (day, second / 3600, second / 60 % 60, second % 60)
+    };
+    let extended = |between: &'static str, end: &'static str| {
+        move |k: u32| {
+            let (day, h, m, s) = parts(k);
+            format!("{day}{between}{h:02}:{m:02}:{s:02}.25{end}")
+        }
+    };
+    let basic = |k: u32| {
+        let (day, h, m, s) = parts(k);
+        format!("{}T{h:02}{m:02}{s:02}.250000Z", day.replace('-', ""))
+    };
+    for (time, name, quote) in [
+        (&extended("T", "Z") as &dyn Fn(u32) -> String, "time", ""),
+        (&extended(" ", ""), "timestamp", ""),
+        (&extended("T", "+00:00"), "datetime_utc", "\""),
+        (&basic, "time_iso", ""),
+    ] {
+        let (batch, reader) = read(text(time, name, quote), &counts_setup()).unwrap();
+        assert_eq!(
+            (&batch.start_ns, &batch.end_ns, &batch.angle),
+            (&wanted.start_ns, &wanted.end_ns, &wanted.angle),
+            "{name}"
+        );
+        assert_eq!((reader.shape().nominal_ns, reader.shape().timed), (5_000_000_000, true));
+        assert!(tallies(&reader).is_empty());
+    }
+    // Offsets count: the clock goes back by an hour, time does not.
+    let summer = "time,counts\n2024-10-27T02:59:50+02:00,1\n2024-10-27T02:59:55+02:00,1\n2024-10-27T02:00:00+01:00,1\n";
+    let (batch, reader) = read(summer, &counts_setup()).unwrap();
+    assert_eq!((batch.len(), tallies(&reader).len()), (3, 0));
+    // Numbers beside dates are read, the dates are not.
+    let (_, reader) = read("timestamp,time_s,counts\n2024-10-27,1,1\nx,2,1\n", &counts_setup()).unwrap();
+    assert_eq!(reader.shape().ignored, ["timestamp"]);
+}
+
+/// A time column that cannot be read is refused by name, with or without an interval that was given; nothing is put in
+/// its place.
+#[test]
+fn a_time_column_that_cannot_be_read_is_refused() {
+    let with_interval = Setup { sample_interval_s: Some(1.0), ..counts_setup() };
+    let rows = |time: &str| (0..40).map(|k| format!("{time}{k},1.5\n")).collect::<String>();
+    for (header, time, column, word) in [
+        ("time", "", "time", "unknown unit"),
+        ("time", "noon ", "time", "unknown unit"),
+        ("timestamp", "29.02.2024 12:00:", "timestamp", "unknown unit"),
+        ("time_s", "2024-02-29T12:00:", "time_s", "no time in the first rows"),
+        ("Time [s]", "", "Time [s]", "looks like a time"),
+        ("gps_epoch", "", "gps_epoch", "looks like a time"),
+        ("date", "2024-02-29T12:00:", "date", "looks like a time"),
+        ("utc clock", "noon", "utc clock", "looks like a time"),
+    ] {
+        for (setup, values) in
+            [(&Setup::default(), "rate_dph"), (&with_interval, "rate_dph"), (&with_interval, "counts")]
+        {
+            let log = format!("{header},{values}\n{}", rows(time).replace(".5", ""));
+            let error = refused(log, setup);
+            assert!(error.what.contains(word), "{header} {time}: {error}");
+            assert_eq!(error.place.column.as_deref(), Some(column), "{error}");
+            assert!(error.help.is_some(), "{error}");
+        }
+    }
+    // Rows without a word of time, and one that the setup takes out.
+    assert!(read("rate_dph,temperature_c\n1,20\n2,20\n", &Setup::default()).is_ok());
+    let ignored = Setup { columns: [("gps_epoch".to_owned(), "ignore".to_owned())].into(), ..with_interval };
+    assert!(read(format!("gps_epoch,rate_dph\n{}", rows("")), &ignored).is_ok());
+    // Without an interval a short name is enough.
+    assert_eq!(refused(format!("t,rate_dph\n{}", rows("")), &Setup::default()).place.column.as_deref(), Some("t"));
+}
+
+/// `--sample-interval` against the time column: within 2 % it is taken, beyond it is refused, in a file and in a pipe.
+#[test]
+fn an_interval_that_the_time_column_contradicts_is_refused() {
+    let log = |step: &dyn Fn(u32) -> f64| {
+        let mut time_s = 0.0;
+        let rows = (0..200).map(|k| {
+            time_s += step(k);
+            format!("{time_s:.6},5\n")
+        });
+        "time_s,counts\n".to_owned() + &rows.collect::<String>()
+    };
+    let jitter = |k: u32| 5.0 + 0.3 * (f64::from(k * 7919 % 101) / 50.0 - 1.0);
+    let losses = |k: u32| if k % 9 == 4 { 10.0 } else { 5.0 };
+    let rounded = |k: u32| f64::from(1 + k % 2);
+    let given = |seconds: f64| Setup { sample_interval_s: Some(seconds), ..counts_setup() };
+    let even = |_| 5.0;
+    type Case<'a> = (&'a dyn Fn(u32) -> f64, f64, bool);
+    let cases: [Case<'_>; 14] = [
+        (&even, 5.0, true),
+        (&even, 5.09, true),
+        (&even, 4.91, true),
+        (&even, 5.11, false),
+        (&even, 4.89, false),
+        (&even, 1.0, false),
+        (&even, 10.0, false),
+        (&jitter, 5.0, true),
+        (&jitter, 4.8, false),
+        (&losses, 5.0, true),
+        (&losses, 6.0, false),
+        (&rounded, 1.5, true),
+        (&rounded, 1.0, true),
+        (&even, 0.005, false),
+    ];
+    for (step, seconds, taken) in cases {
+        let text = log(step);
+        let outcome = read(text.clone(), &given(seconds)).map(|(_, reader)| reader.shape().nominal_ns);
+        let source = Box::new(std::io::Cursor::new(text.into_bytes()));
+        let mut pipe = LogReader::from_reader("pipe", source, &given(seconds), ReadMode::LineByLine).unwrap();
+        let of_pipe = loop {
+            match pipe.next_batch() {
+                Ok(Some(_)) => {}
+                Ok(None) => break None,
+                Err(error) => break Some(error),
+            }
+        };
+        match outcome {
+            Ok(nominal_ns) => {
+                assert!(taken && of_pipe.is_none() && nominal_ns == (seconds * 1e9) as i64, "{seconds} {of_pipe:?}")
+            }
+            Err(error) => {
+                assert!(!taken && error.what.contains("the time column has a row every"), "{seconds}: {error}");
+                assert_eq!(error.place.value, Some(seconds.to_string()));
+                assert_eq!(of_pipe.unwrap().place.line, Some(18), "{seconds}");
+            }
+        }
+    }
+}
+
 #[test]
 fn tables_without_time_are_rows_of_one_interval() {
     let setup = Setup { sample_interval_s: Some(100.0), ..counts_setup() };

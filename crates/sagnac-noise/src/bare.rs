@@ -55,12 +55,14 @@ fn budget(curve: &BareCurve, points: Vec<CurvePoint>, terms: Terms) -> AxisBudge
         rows: 0,
         stretches: 1,
         longest_s: 0.0,
+        filled_rows: 0,
         sample_interval_s: 0.0,
         full_overlap_s: None,
         curve: points,
         hadamard: Vec::new(),
         terms,
         misfit: None,
+        disturbed: None,
         fitted: None,
     }
 }

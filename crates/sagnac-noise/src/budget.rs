@@ -8,6 +8,7 @@ use crate::difference::{Deviation, Difference};
 use crate::freedom::{Record, Stretches};
 use crate::pyramid::FULL_OVERLAP;
 use crate::recorder::{Recorded, Recorder};
+use crate::screen::{Disturbed, Place, Screened};
 use crate::taus::{LONGEST_PART, TauError, Taus};
 use crate::terms::{FittedTerms, Point, Term, fit_terms};
 use sagnac_units::ARCSEC_RT_S_PER_DEG_RT_H;
@@ -146,6 +147,32 @@ impl Term {
     }
 }
 
+/// A row that is far from those around it.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct DisturbedRow {
+    /// `file:line`.
+    pub at: String,
+    /// Its angle less the median of those around it, arcsec.
+    pub away_arcsec: f64,
+}
+
+/// Rows that are far from those around them.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct DisturbedRows {
+    /// How many.
+    pub rows: u64,
+    /// Part of all rows.
+    pub part: f64,
+    /// The curve and the terms are without them.
+    pub taken_out: bool,
+    /// The first ten.
+    pub first: Vec<DisturbedRow>,
+    /// The terms the other way: with them where they are taken out, else without.
+    pub terms_otherwise: Terms,
+}
+
 /// The noise of one axis.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[non_exhaustive]
@@ -158,6 +185,8 @@ pub struct AxisBudget {
     pub stretches: u64,
     /// The longest of them, s.
     pub longest_s: f64,
+    /// Lost rows that a mean rate stands for, so that long τ reach across them.
+    pub filled_rows: u64,
     /// Interval of a row, s.
     pub sample_interval_s: f64,
     /// Up to this τ every start was used; null: at every τ.
@@ -171,6 +200,8 @@ pub struct AxisBudget {
     /// Scatter of the curve about the five terms beyond chance, as a fraction of σ; null where there is none.
     /// The intervals of the terms include it.
     pub misfit: Option<f64>,
+    /// Rows that are far from those around them; null where there are none.
+    pub disturbed: Option<DisturbedRows>,
     /// The model as fitted, for drawing: (τ s, deviation °/h).
     #[serde(skip)]
     pub fitted: Option<FittedTerms>,
@@ -206,6 +237,7 @@ pub fn budget(axis: char, recorded: &Recorded, tau0_s: f64, arcsec: f64, asked: 
         let sums = recorded.sums.iter().filter(move |(difference, _)| difference.deviation == deviation);
         sums.filter_map(move |(difference, sum)| {
             let variance = sum.variance(deviation, difference.m as f64 * tau0_s)? * arcsec * arcsec;
+            let variance = variance / recorded.stretches.white_factor(deviation, difference.m as f64);
             Some((difference.m, variance, sum.number))
         })
     };
@@ -227,14 +259,39 @@ pub fn budget(axis: char, recorded: &Recorded, tau0_s: f64, arcsec: f64, asked: 
         rows: recorded.rows,
         stretches: recorded.stretches.count(),
         longest_s: longest.saturating_sub(1) as f64 * tau0_s,
+        filled_rows: recorded.filled,
         sample_interval_s: tau0_s,
         full_overlap_s: (!recorded.full_overlap).then_some(FULL_OVERLAP as f64 * tau0_s),
         curve: curve.collect(),
         hadamard: hadamard.collect(),
         terms: model.terms(),
         misfit: model.misfit(),
+        disturbed: None,
         fitted: model.fitted,
     }
+}
+
+/// What a screen saw, as a budget; `place` names a row.
+pub fn budget_of_screened(
+    axis: char,
+    screened: &Screened,
+    tau0_s: f64,
+    arcsec: f64,
+    asked: impl Fn(usize) -> bool,
+    place: impl Fn(Place) -> String,
+) -> AxisBudget {
+    let mut used = budget(axis, &screened.used, tau0_s, arcsec, asked);
+    used.disturbed = screened.other.as_ref().map(|other| {
+        let named = |row: &Disturbed| DisturbedRow { at: place(row.place), away_arcsec: row.away * arcsec };
+        DisturbedRows {
+            rows: screened.disturbed,
+            part: screened.disturbed as f64 / screened.rows.max(1) as f64,
+            taken_out: screened.cleaned,
+            first: screened.named.iter().map(named).collect(),
+            terms_otherwise: budget(axis, other, tau0_s, arcsec, |_| false).terms,
+        }
+    });
+    used
 }
 
 /// The five terms of a curve, with what is known of the record that it came from.

@@ -8,6 +8,8 @@
 //! ```
 //!
 //! over every k (fully overlapping), M of them. Sums of separate stretches add up, so a gap leaves no trace.
+//!
+//! A phase that is not known is NaN (a hole): only differences whose phases are all known are summed and counted.
 
 /// Numbers that a processor can keep apart while it adds them.
 const LANES: usize = 4;
@@ -36,6 +38,24 @@ impl Deviation {
             Self::Allan => &[1.0, -2.0, 1.0],
             Self::Hadamard => &[1.0, -3.0, 3.0, -1.0],
         }
+    }
+
+    /// Autocorrelation of the weights that a difference gives to rows of white noise, at lags of 0, m, 2m … in units of m; linear
+    /// in between.
+    fn row_correlation(self) -> &'static [f64] {
+        match self {
+            Self::Allan => &[2.0, -1.0, 0.0],
+            Self::Hadamard => &[6.0, -4.0, 1.0, 0.0],
+        }
+    }
+
+    /// The same at any lag in rows, over that at 0.
+    pub(crate) fn row_correlation_at(self, lag: f64, m: f64) -> f64 {
+        let nodes = self.row_correlation();
+        let (node, part) = ((lag.abs() / m).floor(), (lag.abs() / m).fract());
+        let value = |node: usize| nodes.get(node).copied().unwrap_or(0.0);
+        let node = node as usize;
+        (value(node) + part * (value(node.saturating_add(1)) - value(node))) / nodes[0]
     }
 
     /// Σ z²/M over τ² of it is the variance: the sum of the squared weights less what white rate noise shares.
@@ -118,6 +138,21 @@ impl Difference {
     pub(crate) fn sum(self, phases: &[f64], from: usize, end: usize) -> SquareSum {
         SquareSum { squares: self.deviation.squares(phases, from, end, self.m), number: (end - from) as f64 }
     }
+
+    /// The same of phases with holes: differences that need a missing phase do not count.
+    pub(crate) fn sum_of_known(self, phases: &[f64], from: usize, end: usize) -> SquareSum {
+        let weights = self.deviation.weights();
+        let mut sum = SquareSum::default();
+        for newest in from..end {
+            let difference: f64 =
+                weights.iter().enumerate().map(|(n, weight)| weight * phases[newest - n * self.m]).sum();
+            if !difference.is_nan() {
+                sum.squares += difference * difference;
+                sum.number += 1.0;
+            }
+        }
+        sum
+    }
 }
 
 /// Phases summed up together.
@@ -134,6 +169,8 @@ pub(crate) struct Running {
     dropped: usize,
     /// Phases of this stretch that are in the sums.
     summed: usize,
+    /// Phases of this stretch that are missing.
+    holes: usize,
     sums: Vec<SquareSum>,
 }
 
@@ -141,16 +178,22 @@ impl Running {
     pub(crate) fn new(wanted: Vec<Difference>) -> Self {
         let sums = vec![SquareSum::default(); wanted.len()];
         let longest = wanted.iter().map(|difference| difference.span()).max().unwrap_or(0);
-        Self { wanted, longest, phases: Vec::new(), dropped: 0, summed: 0, sums }
+        Self { wanted, longest, phases: Vec::new(), dropped: 0, summed: 0, holes: 0, sums }
+    }
+
+    /// Phases that the longest difference spans.
+    pub(crate) fn longest(&self) -> usize {
+        self.longest
     }
 
     pub(crate) fn wanted(&self) -> &[Difference] {
         &self.wanted
     }
 
-    /// The next phase of the stretch.
+    /// The next phase of the stretch; NaN where it is missing.
     #[inline]
     pub(crate) fn push(&mut self, phase: f64) {
+        self.holes += usize::from(phase.is_nan());
         self.phases.push(phase);
         // Counted from the start of the stretch, so that pieces do not matter.
         if self.dropped + self.phases.len() == self.summed + BLOCK {
@@ -169,7 +212,11 @@ impl Running {
         for (difference, sum) in self.wanted.iter().zip(&mut self.sums) {
             let from = self.summed.max(difference.span());
             if from < end {
-                sum.merge(difference.sum(&self.phases, from - self.dropped, end - self.dropped));
+                let (from, end) = (from - self.dropped, end - self.dropped);
+                sum.merge(match self.holes {
+                    0 => difference.sum(&self.phases, from, end),
+                    _ => difference.sum_of_known(&self.phases, from, end),
+                });
             }
         }
         self.summed = end;
@@ -182,7 +229,7 @@ impl Running {
     pub(crate) fn take(&mut self) -> Vec<SquareSum> {
         self.sum_up();
         self.phases.clear();
-        (self.dropped, self.summed) = (0, 0);
+        (self.dropped, self.summed, self.holes) = (0, 0, 0);
         std::mem::replace(&mut self.sums, vec![SquareSum::default(); self.wanted.len()])
     }
 }

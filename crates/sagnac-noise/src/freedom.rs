@@ -27,6 +27,9 @@ use crate::difference::Deviation;
 /// Grid points per smaller m.
 const GRID: f64 = 32.0;
 
+/// Rows around a lost one whose mean stands for it.
+pub(crate) const NEAREST: usize = 64;
+
 /// Equivalent degrees of freedom of the overlapping Allan variance for white rate noise, NIST SP 1065
 /// table 5: [3(N−1)/(2m) − 2(N−2)/N]·4m²/(4m²+5), N phases.
 pub(crate) fn edf_white_fm(n: f64, m: f64) -> f64 {
@@ -39,6 +42,10 @@ pub struct Stretches {
     /// Octave of the number of phases: how many stretches, their phases together, and those of the longest.
     octaves: BTreeMap<u32, (u64, u64, u64)>,
     longest: u64,
+    /// Phases that are missing.
+    holes: u64,
+    /// Rows that were lost and in whose place a mean stands.
+    filled: u64,
 }
 
 impl Stretches {
@@ -49,6 +56,45 @@ impl Stretches {
             *slot = (slot.0 + 1, slot.1 + phases, slot.2.max(phases));
             self.longest = self.longest.max(phases);
         }
+    }
+
+    /// Phases that are missing, and rows that were lost and filled with a mean.
+    pub(crate) fn lack(&mut self, holes: u64, filled: u64) {
+        (self.holes, self.filled) = (holes, filled);
+    }
+
+    fn phases(&self) -> f64 {
+        self.octaves.values().map(|(_, phases, _)| *phases as f64).sum()
+    }
+
+    /// Part of the phases that are known.
+    pub fn known_part(&self) -> f64 {
+        if self.holes == 0 { 1.0 } else { 1.0 - self.holes as f64 / self.phases().max(1.0) }
+    }
+
+    /// Part of the rows that were recorded; means stand in place of the others.
+    pub fn recorded_part(&self) -> f64 {
+        if self.filled == 0 { 1.0 } else { 1.0 - self.filled as f64 / (self.phases() - self.count() as f64).max(1.0) }
+    }
+
+    /// By how much the means that stand for lost rows change σ² of white noise of the rate. With c = 1/L at the L rows nearest to
+    /// a lost one and rows lost at random in a part p, a row is on average (1 − p)·δ + p·c of the noise, and besides that
+    /// p(1 − p)(1 + 1/L) of a variance of its own: 1 − p at short τ, where the mean is quiet, 1 + p at long τ, where it follows.
+    pub(crate) fn white_factor(&self, deviation: Deviation, m: f64) -> f64 {
+        let lost = 1.0 - self.recorded_part();
+        if lost == 0.0 {
+            return 1.0;
+        }
+        let (near, half) = (NEAREST as f64, (NEAREST / 2) as i64);
+        let average = |lag: i64| match lag.abs() {
+            0 => 1.0 - lost,
+            lag if lag <= half => lost / near,
+            _ => 0.0,
+        };
+        let correlation = |lag: i64| (-half..=half).map(|at| average(at) * average(at + lag)).sum::<f64>();
+        let of_lag = |lag: i64| deviation.row_correlation_at(lag as f64, m) * correlation(lag);
+        let together: f64 = (1..=2 * half).map(of_lag).sum();
+        correlation(0) + lost * (1.0 - lost) * (1.0 + 1.0 / near) + 2.0 * together
     }
 
     /// Phases of the longest.
@@ -110,7 +156,7 @@ impl Record<'_> {
     pub(crate) fn expected(&self, m: f64) -> f64 {
         let tau_s = m * self.tau0_s;
         let random =
-            self.smooth(m, m, 0.0) + self.white(m, m).iter().filter(|(lag, _)| *lag == 0.0).map(|w| w.1).sum::<f64>();
+            self.smooth(m, m, 0.0) + self.white(m, m).iter().filter(|(lag, ..)| *lag == 0.0).map(|w| w.1).sum::<f64>();
         (random + self.ramp(m).powi(2)) / (self.deviation.divisor() * tau_s * tau_s)
     }
 
@@ -121,8 +167,10 @@ impl Record<'_> {
             return 0.0;
         }
         let (expected, variance) = (self.expected(m), self.covariance(m, m));
+        let phases_each = self.deviation.order() as i32 + 1;
+        let existing = differences * self.stretches.known_part().powi(phases_each);
         // At most the number of differences, although a steady ramp alone would have no uncertainty.
-        (2.0 * expected * expected / variance).min(differences)
+        (2.0 * expected * expected / variance * self.stretches.recorded_part()).min(existing)
     }
 
     /// How many there are at m.
@@ -161,6 +209,24 @@ impl Record<'_> {
         }
     }
 
+    /// What phases missing here and there add to the sums over pairs. Two differences of three phases each exist together in
+    /// a part q⁶ of their pairs, in more where they share phases: q to the power of six less those. The common q⁶ falls out
+    /// of the mean, so that only lags with shared phases weigh more, the fewer phases there are.
+    fn of_shared_phases(&self, m: [f64; 2], pairs_at: &dyn Fn(f64) -> f64) -> PairSums {
+        let mut sums = PairSums::default();
+        let known_part = self.stretches.known_part();
+        if known_part == 1.0 {
+            return sums;
+        }
+        for (lag, white, shared) in self.white(m[0], m[1]) {
+            let r = self.smooth(m[0], m[1], lag) + white;
+            let more = pairs_at(lag) * (known_part.powi(-shared) - 1.0);
+            sums.plain += more * r;
+            sums.squares += more * r * r;
+        }
+        sums
+    }
+
     /// Sums over all pairs (k, l) of one stretch, by their lag k − l.
     fn pair_sums(&self, m: [f64; 2], number: [f64; 2]) -> PairSums {
         let (lesser, greater) = (m[0].min(m[1]), m[0].max(m[1]));
@@ -168,7 +234,7 @@ impl Record<'_> {
         let order = self.deviation.order() as f64;
         let (lowest, highest) = (-order * m[0] - greater, order * m[1] + greater);
         let pairs_at = |lag: f64| (number[0].min(number[1] + lag) - lag.max(0.0)).max(0.0);
-        let mut sums = PairSums { pairs: number[0] * number[1], ..PairSums::default() };
+        let mut sums = PairSums { pairs: number[0] * number[1], ..self.of_shared_phases(m, &pairs_at) };
         for i in (lowest / step).ceil() as i64..=(highest / step).floor() as i64 {
             let lag = i as f64 * step;
             let pairs = pairs_at(lag);
@@ -178,7 +244,7 @@ impl Record<'_> {
                 sums.squares += step * pairs * r * r;
             }
         }
-        for (lag, white) in self.white(m[0], m[1]) {
+        for (lag, white, _) in self.white(m[0], m[1]) {
             let pairs = pairs_at(lag);
             sums.plain += pairs * white;
             sums.squares += pairs * white * (2.0 * self.smooth(m[0], m[1], lag) + white);
@@ -209,16 +275,16 @@ impl Record<'_> {
         flicker - 0.5 * noise.n2 * t + noise.k2 * t * t * t / 12.0
     }
 
-    /// The lags at which two differences share a phase, with the covariance of the white part there.
-    fn white(&self, m1: f64, m2: f64) -> Vec<(f64, f64)> {
+    /// The lags at which two differences share phases, with the covariance of the white part there and how many they share.
+    fn white(&self, m1: f64, m2: f64) -> Vec<(f64, f64, i32)> {
         let weights = self.deviation.weights();
-        let mut lags: Vec<(f64, f64)> = Vec::new();
+        let mut lags: Vec<(f64, f64, i32)> = Vec::new();
         for (a, weight_a) in weights.iter().enumerate() {
             for (b, weight_b) in weights.iter().enumerate() {
                 let (lag, value) = (a as f64 * m1 - b as f64 * m2, weight_a * weight_b * self.noise.q2);
-                match lags.iter_mut().find(|(known, _)| *known == lag) {
-                    Some((_, sum)) => *sum += value,
-                    None => lags.push((lag, value)),
+                match lags.iter_mut().find(|(known, ..)| *known == lag) {
+                    Some((_, sum, shared)) => (*sum, *shared) = (*sum + value, *shared + 1),
+                    None => lags.push((lag, value, 1)),
                 }
             }
         }

@@ -1,7 +1,7 @@
 //! Noise of a gyroscope at rest: Allan and Hadamard deviations, and the five terms behind them.
 //!
 //! ```text
-//! angles ─▶ Recorder (phase; stretches between gaps) ─▶ difference sums ─▶ curve ─▶ five terms ─▶ intervals ─▶ AxisBudget
+//! angles ─▶ Screen (gaps, disturbed rows) ─▶ Recorder (phase) ─▶ difference sums ─▶ curve ─▶ five terms ─▶ intervals ─▶ AxisBudget
 //!           overlap (in memory) or pyramid (any length)     [difference]  [budget]    [terms]  [freedom, bootstrap]
 //! each window ─▶ ShortTau ─▶ N and Q at short τ ─▶ noise floor of every residual
 //! ```
@@ -29,19 +29,22 @@ mod freedom;
 mod overlap;
 mod pyramid;
 mod recorder;
+mod screen;
 mod short;
 mod taus;
 mod terms;
 
 pub use bare::{BareCurve, RecordLengthError, budget_of_curve};
 pub use budget::{
-    AxisBudget, CONFIDENCE, CurvePoint, HadamardPoint, TermValue, Terms, budget, budget_of_angles, differences,
+    AxisBudget, CONFIDENCE, CurvePoint, DisturbedRow, DisturbedRows, HadamardPoint, TermValue, Terms, budget,
+    budget_of_angles, budget_of_screened, differences,
 };
 pub use difference::{Deviation, Difference, SquareSum};
 pub use freedom::Stretches;
 pub use overlap::{overlapping, phases};
 pub use pyramid::{FULL_OVERLAP, served};
 pub use recorder::{HELD_PHASES, MOST_ROWS, Recorded, Recorder};
+pub use screen::{Disturbed, MOST_DISTURBED_PART, MOST_LOST_PART, Place, Screen, Screened};
 pub use short::{NoiseTerms, ShortTau, ShortTauSums};
 pub use taus::{MOST_TAUS, TauError, Taus};
 pub use terms::{FittedTerms, Point, Term, fit_terms};

@@ -22,7 +22,8 @@ pub fn phases(angles: &[f64], offset: f64) -> Vec<f64> {
     out
 }
 
-/// Sums of the differences over one stretch, in the order of `wanted`.
+/// Sums of the differences over one stretch, in the order of `wanted`. A phase that is missing is NaN; differences that
+/// need it do not count.
 ///
 /// ```
 /// use sagnac_noise::{Deviation, Difference, overlapping, phases};
@@ -35,6 +36,7 @@ pub fn phases(angles: &[f64], offset: f64) -> Vec<f64> {
 /// assert_eq!(format!("{deviation:.5}"), "85.95287");
 /// ```
 pub fn overlapping(phases: &[f64], wanted: &[Difference]) -> Vec<SquareSum> {
+    let holes = phases.iter().any(|phase| phase.is_nan());
     let starts: Vec<usize> = (0..phases.len()).step_by(BLOCK).collect();
     let blocks: Vec<Vec<SquareSum>> = starts
         .par_iter()
@@ -42,7 +44,11 @@ pub fn overlapping(phases: &[f64], wanted: &[Difference]) -> Vec<SquareSum> {
             let end = (start + BLOCK).min(phases.len());
             let one = |difference: &Difference| {
                 let from = difference.span().max(*start);
-                if from < end { difference.sum(phases, from, end) } else { SquareSum::default() }
+                match (from < end, holes) {
+                    (false, _) => SquareSum::default(),
+                    (true, false) => difference.sum(phases, from, end),
+                    (true, true) => difference.sum_of_known(phases, from, end),
+                }
             };
             wanted.iter().map(one).collect()
         })

@@ -5,7 +5,8 @@ use crate::freedom::Stretches;
 use crate::overlap::overlapping;
 use crate::pyramid::{Pyramid, served};
 
-/// Phases that are held, all axes together, before the pyramid takes them: 24 MiB.
+/// Phases that are held, all axes together, before the pyramid takes them: 24 MiB. Where rows are lost or disturbed the record is
+/// taken in up to four ways at once ([`crate::Screen`]).
 pub const HELD_PHASES: usize = 3 << 20;
 /// Longest distance of a difference, rows: no record is longer.
 pub const MOST_ROWS: usize = 1 << 40;
@@ -26,6 +27,10 @@ pub struct Recorder {
     /// First angle of the record, subtracted from all so that sums keep their digits.
     offset: Option<f64>,
     rows: u64,
+    /// Intervals whose angle was assumed.
+    filled: u64,
+    /// Phases that are missing.
+    holes: u64,
 }
 
 /// Result of a recorder.
@@ -37,6 +42,8 @@ pub struct Recorded {
     pub stretches: Stretches,
     /// Rows in them.
     pub rows: u64,
+    /// Lost rows in whose place a mean rate stands.
+    pub filled: u64,
     /// Every start was used at every distance; else only up to [`crate::FULL_OVERLAP`] rows.
     pub full_overlap: bool,
 }
@@ -56,20 +63,20 @@ impl Recorder {
             phase: 0.0,
             offset: None,
             rows: 0,
+            filled: 0,
+            holes: 0,
         }
+    }
+
+    /// Phases of the open stretch; 0 between stretches.
+    pub fn open_phases(&self) -> u64 {
+        self.phases
     }
 
     /// The next rows of the open stretch: angles of one interval each.
     pub fn push(&mut self, angles: &[f64]) {
         let Some(first) = angles.first() else { return };
-        let offset = *self.offset.get_or_insert(*first);
-        if self.phases == 0 {
-            self.phase = 0.0;
-            if self.pyramid.is_none() {
-                self.held.push(Vec::new());
-            }
-            self.keep(0.0);
-        }
+        let offset = self.open_at(*first);
         for angle in angles {
             self.phase += angle - offset;
             self.keep(self.phase);
@@ -77,9 +84,44 @@ impl Recorder {
         self.rows += angles.len() as u64;
     }
 
+    /// A row of several intervals: a running total that was not written down in between. Within it the phase is missing.
+    pub fn push_wide(&mut self, intervals: u64, angle: f64) {
+        let offset = self.open_at(angle / intervals.max(1) as f64);
+        for _ in 1..intervals {
+            self.keep(f64::NAN);
+        }
+        self.phase += angle - offset * intervals as f64;
+        self.keep(self.phase);
+        self.rows += 1;
+    }
+
+    /// Lost rows of the open stretch: `angle` stands in place of each.
+    pub fn push_filled(&mut self, rows: u64, angle: f64) {
+        let offset = self.open_at(angle);
+        for _ in 0..rows {
+            self.phase += angle - offset;
+            self.keep(self.phase);
+        }
+        self.filled += rows;
+    }
+
+    /// Opens a stretch where none is open; the angle that is taken from all.
+    fn open_at(&mut self, first: f64) -> f64 {
+        let offset = *self.offset.get_or_insert(first);
+        if self.phases == 0 {
+            self.phase = 0.0;
+            if self.pyramid.is_none() {
+                self.held.push(Vec::new());
+            }
+            self.keep(0.0);
+        }
+        offset
+    }
+
     #[inline]
     fn keep(&mut self, phase: f64) {
         self.phases += 1;
+        self.holes += u64::from(phase.is_nan());
         if let Some(pyramid) = &mut self.pyramid {
             pyramid.push(phase);
             return;
@@ -124,6 +166,7 @@ impl Recorder {
     /// Ends the record.
     pub fn finish(mut self) -> Recorded {
         self.end_stretch();
+        self.stretches.lack(self.holes, self.filled);
         let mut sums = vec![SquareSum::default(); self.wanted.len()];
         match &self.pyramid {
             Some(pyramid) => sums.copy_from_slice(pyramid.sums()),
@@ -138,6 +181,7 @@ impl Recorder {
             sums: self.wanted.iter().copied().zip(sums).collect(),
             stretches: self.stretches,
             rows: self.rows,
+            filled: self.filled,
             full_overlap: self.pyramid.is_none(),
         }
     }

@@ -115,6 +115,22 @@ impl ShortTau {
         }
     }
 
+    /// A row of several intervals: a running total that was not written down in between. The phase is known at its end;
+    /// within it, it is missing.
+    pub fn push_wide(&mut self, intervals: u64, angle: f64, arcsec: f64) {
+        if self.running.wanted().is_empty() || intervals == 0 {
+            return;
+        }
+        if self.running.len() == 0 {
+            self.running.push(0.0);
+        }
+        // Beyond the longest difference none reaches across, however many more are missing.
+        let missing = (intervals - 1).min(self.running.longest() as u64);
+        (0..missing).for_each(|_| self.running.push(f64::NAN));
+        self.phase += angle * arcsec;
+        self.running.push(self.phase);
+    }
+
     /// Ends the window: its sums. What comes next does not join what came before.
     pub fn take(&mut self) -> ShortTauSums {
         let phases = self.running.len() as f64;
@@ -122,7 +138,10 @@ impl ShortTau {
         self.phase = 0.0;
         let edf = sums.iter().zip(self.running.wanted()).map(|(sum, difference)| match sum.number {
             0.0 => 0.0,
-            _ => edf_white_fm(phases, difference.m as f64).max(0.0),
+            // Where phases are missing, by the part of the differences that exist.
+            number => {
+                edf_white_fm(phases, difference.m as f64).max(0.0) * (number / (phases - difference.span() as f64))
+            }
         });
         ShortTauSums {
             edf: edf.collect(),
@@ -159,6 +178,31 @@ mod tests {
         let mut both = one.clone();
         both.merge(&two);
         assert_eq!(both.squares[0], 2.0 * one.squares[0]);
+    }
+
+    /// A gap longer than any difference divides a window as two windows do, whatever its length.
+    #[test]
+    fn a_long_gap_in_a_total_divides_the_window() {
+        let angles: Vec<f64> = (0..200).map(|k| f64::from(k * 7919 % 23)).collect();
+        let sums = |intervals: Option<u64>| {
+            let mut short = ShortTau::new(1.0, 8.0);
+            short.push(&angles[..90], 1.0);
+            let mut first = ShortTauSums::default();
+            match intervals {
+                Some(intervals) => short.push_wide(intervals, 1234.5, 1.0),
+                None => first = short.take(),
+            }
+            short.push(&angles[90..], 1.0);
+            first.merge(&short.take());
+            first
+        };
+        let two = sums(None);
+        for intervals in [17, 1000, u64::MAX] {
+            let one = sums(Some(intervals));
+            assert_eq!(one.numbers, two.numbers, "{intervals}");
+            let close = one.squares.iter().zip(&two.squares).all(|(a, b)| (a / b - 1.0).abs() < 1e-12);
+            assert!(close, "{intervals}");
+        }
     }
 
     #[test]

@@ -22,5 +22,5 @@ mod terms;
 
 pub use charts::{Band, Chart, ChartPage, Curve, PageTable, chart_report};
 pub use compared::comparison_report;
-pub use noise::{noise_report, term_text};
+pub use noise::{noise_report, row_notes, term_text};
 pub use page::{calibration_report, verification_report};

@@ -26,7 +26,8 @@ use crate::error::{Error, Result};
 use crate::ingest::ReadMode;
 use crate::ingest::chunks::TableFeed;
 use crate::ingest::header::Layout;
-use crate::ingest::number::{parse_flag, parse_time_ns, parse_value, time_ns_of};
+use crate::ingest::iso::iso_text;
+use crate::ingest::number::{ISO_8601, parse_flag, parse_time_ns, parse_value, time_ns_of};
 use crate::ingest::parquet_file::{parquet_batches, parquet_schema};
 use crate::ingest::raw::{BAD_TEMPERATURE, Faults, NO_TIME, RawRows};
 use crate::ingest::source::Source;
@@ -431,7 +432,8 @@ fn each_text<'a>(column: &'a dyn Array, take: impl FnMut(Option<&'a str>)) -> Op
 
 /// Times in ns: numbers in the unit of the header, Arrow's own times in theirs.
 fn times(column: &dyn Array, places: u32, out: &mut Vec<i64>) -> Option<()> {
-    let scale = |places: u32| 10_i128.pow(places);
+    // Numbers are no dates: their power is never asked for.
+    let scale = |places: u32| 10_i128.pow(places.min(9));
     let whole =
         |value: Option<i128>, places: u32| value.and_then(|v| i64::try_from(v * scale(places)).ok()).unwrap_or(NO_TIME);
     let unit_places = |unit: TimeUnit| UNITS.iter().find(|(u, _)| *u == unit).map_or(0, |(_, places)| *places);
@@ -457,7 +459,7 @@ fn times(column: &dyn Array, places: u32, out: &mut Vec<i64>) -> Option<()> {
             let (unit, own) = (*unit, unit_places(*unit));
             arrow_times(column, unit, &mut |value| out.push(whole(value.map(i128::from), own)))
         }
-        _ => integers(column, &mut |value| out.push(whole(value, places))),
+        _ => integers(column, &mut |value| out.push(whole(value.filter(|_| places != ISO_8601), places))),
     }
 }
 
@@ -501,6 +503,9 @@ fn flags(column: &dyn Array, faults: &mut [Faults]) -> Option<()> {
 fn time_text(time_ns: i64, places: u32) -> String {
     if time_ns == NO_TIME {
         return String::new();
+    }
+    if places == ISO_8601 {
+        return iso_text(time_ns);
     }
     let unit = 10_u64.pow(places);
     let (whole, rest) = (time_ns.unsigned_abs() / unit, time_ns.unsigned_abs() % unit);

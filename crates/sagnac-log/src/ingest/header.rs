@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use crate::error::{Error, Result};
+use crate::ingest::number::ISO_8601;
 use crate::ingest::table::TableColumn;
 use sagnac_units::{DPH_PER_DPS, DPH_PER_RADPS, KELVIN_AT_0_C};
 
@@ -10,14 +11,18 @@ use sagnac_units::{DPH_PER_DPS, DPH_PER_RADPS, KELVIN_AT_0_C};
 pub const COMPENSATED_PREFIX: &str = "compensated_";
 
 /// Recognised forms, for messages.
-pub const RECOGNISED: &str = "time_s|_ms|_us|_ns, temperature_c|_k[_name], counts[_x|_y|_z], \
+pub const RECOGNISED: &str = "time_s|_ms|_us|_ns, time or timestamp (ISO 8601), temperature_c|_k[_name], counts[_x|_y|_z], \
      rate_dph|_dps|_radps[_x|_y|_z], reference_rate_dps or table_angle_deg or table_mark, valid, aux_name";
 
 /// Every recognised header and what its column holds, for the manual.
-pub const HEADERS: [(&str, &str); 9] = [
+pub const HEADERS: [(&str, &str); 10] = [
     (
         "time_s, time_ms, time_us, time_ns",
         "end of the row's interval; without it there is one window per row and no rate term",
+    ),
+    (
+        "time, timestamp, datetime",
+        "the same as a date of ISO 8601, such as 2024-02-29T12:00:05.5Z; read where no column of the line above is there",
     ),
     ("temperature_c[_name], temperature_k[_name]", "a thermometer, in °C or K"),
     ("counts[_x, _y, _z]", "counts of the row, or a running total with `counter = \"cumulative\"`"),
@@ -37,6 +42,10 @@ pub const HEADERS: [(&str, &str); 9] = [
 
 /// Columns by which a table of `sagnac window` is known, whoever wrote it again.
 const WINDOW_TABLE: [&str; 4] = ["run", "start_ns", "duration_ns", "first_line"];
+/// Words of headers that speak of time.
+const TIME_WORDS: [&str; 9] = ["time", "timestamp", "datetime", "date", "utc", "epoch", "clock", "gpstime", "unixtime"];
+/// Words that may.
+const MORE_TIME_WORDS: [&str; 8] = ["t", "s", "sec", "seconds", "elapsed", "hours", "minutes", "tow"];
 /// Most thermometers of a log.
 const MAX_THERMOMETERS: usize = 32;
 /// Most auxiliary columns of a log.
@@ -45,7 +54,7 @@ const MAX_AUX: usize = 256;
 /// What a column is.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Role {
-    /// Time; decimal places to nanoseconds (9 for seconds).
+    /// Time; decimal places to nanoseconds (9 for seconds), `u32::MAX` for dates of ISO 8601.
     Time {
         /// Power of ten from the column's unit to ns.
         places: u32,
@@ -94,6 +103,8 @@ pub fn role_of(header: &str) -> Result<Role> {
     let (quantity, rest) = lower.split_once('_').unwrap_or((&lower, ""));
     match quantity {
         "time" => time_role(header, rest),
+        // Others may be of another clock, or of something else.
+        "timestamp" | "datetime" => Ok(time_role(header, rest).unwrap_or(Role::Ignored)),
         "temperature" => temperature_role(header, rest),
         "counts" => Ok(Role::Counts { axis: axis_of(header, rest)? }),
         "rate" => rate_role(header, rest),
@@ -119,7 +130,8 @@ fn time_role(header: &str, unit: &str) -> Result<Role> {
         "ms" => 6,
         "us" => 3,
         "ns" => 0,
-        _ => return Err(unknown_unit(header, unit, "s, ms, us, ns")),
+        "" | "iso" | "iso8601" | "utc" => ISO_8601,
+        _ => return Err(unknown_unit(header, unit, "s, ms, us, ns, or none for dates of ISO 8601")),
     };
     Ok(Role::Time { places })
 }
@@ -165,7 +177,7 @@ fn axis_of(header: &str, text: &str) -> Result<Option<char>> {
 pub struct Layout {
     /// Headers as in the log.
     pub headers: Vec<String>,
-    /// Column and decimal places of the time, if there is one.
+    /// Column and decimal places of the time (`u32::MAX`: dates of ISO 8601), if there is one.
     pub time: Option<(usize, u32)>,
     /// Column, name and zero of each thermometer.
     pub temperatures: Vec<(usize, String, f64)>,
@@ -223,10 +235,10 @@ impl Layout {
     fn place(&mut self, index: usize, header: &str, role: Role, default_axis: char) -> Result<()> {
         let twice = || Error::input("a second column of the same kind; map one of them to \"ignore\"").column(header);
         match role {
-            Role::Time { places } if self.time.is_none() => self.time = Some((index, places)),
+            Role::Time { places } => self.place_time(index, header, places).ok_or_else(twice)?,
             Role::Reference(column) if self.reference.is_none() => self.reference = Some((index, column)),
             Role::Valid if self.valid.is_none() => self.valid = Some(index),
-            Role::Time { .. } | Role::Reference(_) | Role::Valid => return Err(twice()),
+            Role::Reference(_) | Role::Valid => return Err(twice()),
             Role::Temperature { name, zero } => {
                 if self.temperatures.iter().any(|(_, other, _)| *other == name) {
                     return Err(twice());
@@ -241,6 +253,38 @@ impl Layout {
             Role::Ignored => self.ignored.push(header.to_owned()),
         }
         Ok(())
+    }
+
+    /// Of a column of numbers and one of dates the numbers are read.
+    fn place_time(&mut self, index: usize, header: &str, places: u32) -> Option<()> {
+        match self.time {
+            None => self.time = Some((index, places)),
+            Some((_, known)) if known != ISO_8601 && places == ISO_8601 => self.ignored.push(header.to_owned()),
+            Some((dates, ISO_8601)) if places != ISO_8601 => {
+                self.ignored.push(self.headers[dates].clone());
+                self.time = Some((index, places));
+            }
+            Some(_) => return None,
+        }
+        Some(())
+    }
+
+    /// True where the time column holds dates of ISO 8601.
+    pub fn has_dates(&self) -> bool {
+        self.time.is_some_and(|(_, places)| places == ISO_8601)
+    }
+
+    /// In a log without a time column a header that looks like one, is not read and was not mapped. Names such as `t_s` look like
+    /// one where `nothing_else` says how long a row is.
+    pub(crate) fn unread_time(&self, columns: &BTreeMap<String, String>, nothing_else: bool) -> Option<&str> {
+        let looks = |header: &&String| {
+            let lower = header.to_ascii_lowercase();
+            let mut words = lower.split(|c: char| !c.is_ascii_alphabetic()).filter(|word| !word.is_empty());
+            let first = words.clone().next().unwrap_or_default();
+            words.any(|word| TIME_WORDS.contains(&word)) || (nothing_else && MORE_TIME_WORDS.contains(&first))
+        };
+        let open = |header: &&String| self.time.is_none() && !columns.contains_key(*header);
+        self.ignored.iter().filter(open).find(looks).map(String::as_str)
     }
 
     fn place_axis(&mut self, index: usize, axis: char, dph_per_unit: Option<f64>) -> Option<()> {

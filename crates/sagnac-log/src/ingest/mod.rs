@@ -12,8 +12,11 @@ mod cells;
 mod chunks;
 #[cfg(feature = "parquet")]
 mod columnar;
+mod counter;
 mod formats;
 pub mod header;
+mod interval;
+mod iso;
 mod number;
 #[cfg(feature = "parquet")]
 mod parquet_file;
@@ -37,6 +40,7 @@ use crate::ingest::align::Aligner;
 use crate::ingest::chunks::{ChunkReader, Feed};
 pub use crate::ingest::formats::{FORMATS, Format};
 use crate::ingest::header::Layout;
+use crate::ingest::interval::nominal_interval;
 #[cfg(feature = "parquet")]
 pub(crate) use crate::ingest::number::parse_time_ns;
 #[cfg(feature = "parquet")]
@@ -51,13 +55,7 @@ use crate::ingest::table::TableRates;
 pub use crate::ingest::text::COMPENSATED_STAMP;
 pub use crate::ingest::text::unquoted;
 use crate::setup::{Counter, ReadConfig, Setup};
-use sagnac_units::{ns_from_s, s_from_ns};
-
-/// Rows that determine the nominal interval when it is not given.
-const LOOKAHEAD_ROWS: usize = 129;
-
-/// Limit on the rows read in search of valid ones.
-const MOST_LOOKAHEAD: usize = 100_000;
+use sagnac_units::ns_from_s;
 
 /// What one unit of an angle column is.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -126,6 +124,35 @@ pub fn same_shape(first: &LogShape, other: &LogShape) -> Result<()> {
     Ok(())
 }
 
+impl LogShape {
+    /// Intervals that a row covers: more than one where a cumulative counter was not written down in between.
+    pub fn intervals(&self, start_ns: i64, end_ns: i64) -> u64 {
+        intervals_of(end_ns - start_ns, self.nominal_ns).unsigned_abs()
+    }
+}
+
+/// Nominal intervals in a length of time: up to one and a half are one, as they make no gap.
+pub(crate) fn intervals_of(length_ns: i64, nominal_ns: i64) -> i64 {
+    let nominal_ns = nominal_ns.max(1);
+    (length_ns - nominal_ns / 2 + nominal_ns - 1).div_euclid(nominal_ns).max(1)
+}
+
+/// What a cumulative counter counted over (start, end] between two rows of a batch: too long for a row, because nothing is
+/// known of the temperature in it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Bridge {
+    /// Rows of the batch before it.
+    pub before_row: usize,
+    /// Start, ns.
+    pub start_ns: i64,
+    /// End, ns.
+    pub end_ns: i64,
+    /// Line of the total at its end.
+    pub line: u64,
+    /// Per axis, in `LogShape::unit`.
+    pub angle: Vec<f64>,
+}
+
 /// Columns of usable rows. A row covers (start, end].
 #[derive(Clone, Debug, Default)]
 pub struct Batch {
@@ -147,6 +174,8 @@ pub struct Batch {
     pub line: Vec<u64>,
     /// The row's fields as text (empty with [`ReadMode::Bulk`]).
     pub fields: Vec<::csv::ByteRecord>,
+    /// What a cumulative counter counted over gaps that are too long for a row.
+    pub bridges: Vec<Bridge>,
     pub(crate) checked_c: Vec<f64>,
 }
 
@@ -177,6 +206,7 @@ impl Batch {
         self.valid.clear();
         self.line.clear();
         self.fields.clear();
+        self.bridges.clear();
         for column in self.angle.iter_mut().chain(&mut self.temperature_c).chain(&mut self.aux) {
             column.clear();
         }
@@ -287,9 +317,8 @@ impl LogReader {
         let Opened { feed, layout, delimiter, lines_before } = source.format.open(source, config, pace)?;
         let mut pieces = ChunkReader::new(feed, lines_before, pace != ReadMode::LineByLine);
         let unit = angle_unit(&layout, config)?;
-        let lookahead = if pace == ReadMode::LineByLine { 2 } else { LOOKAHEAD_ROWS };
         let mut ahead = VecDeque::new();
-        let nominal_ns = nominal_interval(&mut pieces, &layout, config, lookahead, &mut ahead)?;
+        let nominal_ns = nominal_interval(&mut pieces, &layout, config, pace, &mut ahead)?;
         let shape = LogShape {
             axes: layout.axes.iter().map(|(_, axis, _)| *axis).collect(),
             thermometers: layout.temperatures.iter().map(|(_, name, _)| name.clone()).collect(),
@@ -301,6 +330,9 @@ impl LogReader {
             ignored: layout.ignored.clone(),
         };
         let check = RowValidator::new(name.clone(), &layout, config, nominal_ns);
+        // Of a pipe no row was known when the interval was given.
+        let watched = pace == ReadMode::LineByLine && config.sample_interval_s.is_some();
+        let check = if watched { check.watching_interval() } else { check };
         let batch = Batch::for_shape(&shape);
         let align = Aligner::new(ns_from_s(config.temperature_offset_s).unwrap_or(0));
         let rows = RawRows::default();
@@ -347,6 +379,7 @@ impl LogReader {
         let read = self.layout.columns_read().contains(&index) && self.layout.valid != Some(index);
         match self.layout.time {
             Some((time, 0)) if time == index => Content::Nanoseconds,
+            Some((time, _)) if time == index && self.layout.has_dates() => Content::Text,
             _ if read => Content::Number,
             _ => Content::Text,
         }
@@ -449,74 +482,4 @@ fn angle_unit(layout: &Layout, config: &ReadConfig) -> Result<AngleUnit> {
             .help("give --arcsec-per-count or arcsec_per_count in the setup; it is never guessed")
     })?;
     Ok(AngleUnit::Quanta { arcsec_per_count, quantum: config.quantum.unwrap_or(1.0) })
-}
-
-/// Mean of the differences within a tenth of their median: stamps are often rounded.
-fn typical_step(times: &[i64]) -> Option<i64> {
-    let mut steps: Vec<i64> = times.windows(2).map(|pair| pair[1].saturating_sub(pair[0])).filter(|s| *s > 0).collect();
-    steps.sort_unstable();
-    let median = *steps.get(steps.len().checked_sub(1)? / 2)?;
-    steps.retain(|step| step.abs_diff(median) <= median.unsigned_abs() / 10);
-    let sum: i128 = steps.iter().map(|step| i128::from(*step)).sum();
-    i64::try_from(sum / steps.len() as i128).ok()
-}
-
-/// The interval of a row: as given, else from the first rows.
-fn nominal_interval(
-    pieces: &mut ChunkReader,
-    layout: &Layout,
-    config: &ReadConfig,
-    lookahead: usize,
-    ahead: &mut VecDeque<RawRows>,
-) -> Result<i64> {
-    if let Some(seconds) = config.sample_interval_s {
-        return ns_from_s(seconds).ok_or_else(|| Error::input("out of range").column("sample_interval_s"));
-    }
-    if layout.time.is_none() {
-        if layout.is_count_log() {
-            return Err(Error::input("counts without a time column, and nothing says how long a row is")
-                .column("sample_interval_s")
-                .help("give --sample-interval or sample_interval_s in the setup"));
-        }
-        return Ok(1_000_000_000);
-    }
-    let (mut read, mut times) = (0, Vec::new());
-    let mut rows = RawRows::default();
-    // Broken rows and repeated times give no interval, and a pipe may begin in the middle of a row.
-    while times.len() < lookahead && pieces.next(&mut rows)? {
-        read += rows.len();
-        let sound = (0..rows.len()).filter(|row| !rows.faults[*row].has(Faults::RAGGED));
-        let left = lookahead - times.len();
-        for time in sound.filter_map(|row| rows.time(row)).take(left) {
-            if times.last() != Some(&time) {
-                times.push(time);
-            }
-        }
-        ahead.push_back(std::mem::take(&mut rows));
-        if read > MOST_LOOKAHEAD {
-            break;
-        }
-    }
-    typical_step(&times).filter(|step| s_from_ns(*step) <= 1e5).ok_or_else(|| {
-        let backwards = times.windows(2).any(|pair| pair[1] < pair[0]);
-        let ragged = ahead.iter().flat_map(|rows| &rows.faults).all(|faults| faults.has(Faults::RAGGED));
-        let (what, help) = match read {
-            0 => ("a header, but no row below it", "a log needs rows"),
-            1 => ("a single row, so the interval of a row is unknown", "give --sample-interval"),
-            _ if ragged => (
-                "no row has as many fields as the header",
-                "is the delimiter of the header that of the rows? A tab goes before a semicolon, that before a comma",
-            ),
-            _ if times.is_empty() => (
-                "no time in the first rows is a number",
-                "times are numbers in the unit of the header; dates are not read",
-            ),
-            _ if backwards => ("rows are not in the order of their times", "sort the log by time"),
-            _ => (
-                "time does not advance in the first rows, so the interval of a row is unknown",
-                "look at the time column",
-            ),
-        };
-        Error::input(what).help(help)
-    })
 }

@@ -1,5 +1,7 @@
 //! Numbers as logs write them.
 
+use crate::ingest::iso::iso_ns;
+
 /// A finite number; a decimal comma is understood when `decimal_comma`. `None` for anything else.
 pub(crate) fn parse_value(field: &[u8], decimal_comma: bool) -> Option<f64> {
     let text = std::str::from_utf8(field).ok()?.trim();
@@ -78,11 +80,17 @@ fn run_of_digits(mut digits: u64, bytes: &[u8]) -> (u64, usize) {
     (digits, bytes.len())
 }
 
+/// In place of the places of a time: the column holds dates.
+pub(crate) const ISO_8601: u32 = u32::MAX;
+
 /// A time as whole nanoseconds, to the nearest; exact for decimals down to 1 ns.
 ///
-/// `places` is the power of ten from the column's unit to nanoseconds. Exponents go through `f64`.
+/// `places` is the power of ten from the column's unit to nanoseconds, or [`ISO_8601`]. Exponents go through `f64`.
 pub(crate) fn parse_time_ns(field: &[u8], places: u32, decimal_comma: bool) -> Option<i64> {
     let text = std::str::from_utf8(field).ok()?.trim();
+    if places == ISO_8601 {
+        return iso_ns(text);
+    }
     let (negative, digits) = match text.strip_prefix('-') {
         Some(rest) => (true, rest),
         None => (false, text.strip_prefix('+').unwrap_or(text)),

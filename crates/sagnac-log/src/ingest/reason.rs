@@ -19,8 +19,13 @@ pub enum Reason {
     TimeBackwards,
     /// Time of the row above.
     DuplicateTime,
-    /// More than 1.5 intervals since the row above; the row itself is used unless its counter is cumulative.
+    /// More than 1.5 intervals since the row above; the row itself is used. Of a cumulative counter it speaks for the whole gap up
+    /// to 30 s or three intervals.
     Gap,
+    /// A cumulative counter that started anew: the step to it is not known.
+    CounterReset,
+    /// A gap in which a cumulative counter may have wrapped more than once.
+    CounterUnknown,
     /// The log's own flag.
     FlaggedInvalid,
     /// A temperature field that holds no number.
@@ -55,13 +60,15 @@ pub enum Reason {
 
 impl Reason {
     /// Every reason.
-    pub const ALL: [Self; 21] = [
+    pub const ALL: [Self; 23] = [
         Self::Ragged,
         Self::NotANumber,
         Self::ValueOutOfRange,
         Self::TimeBackwards,
         Self::DuplicateTime,
         Self::Gap,
+        Self::CounterReset,
+        Self::CounterUnknown,
         Self::FlaggedInvalid,
         Self::TemperatureNotANumber,
         Self::TemperatureImplausible,
@@ -88,6 +95,8 @@ impl Reason {
             Self::TimeBackwards => "time_backwards",
             Self::DuplicateTime => "duplicate_time",
             Self::Gap => "gap",
+            Self::CounterReset => "counter_reset",
+            Self::CounterUnknown => "counter_unknown",
             Self::FlaggedInvalid => "flagged_invalid",
             Self::TemperatureNotANumber => "temperature_not_a_number",
             Self::TemperatureImplausible => "temperature_implausible",
@@ -117,8 +126,10 @@ impl Reason {
             Self::TimeBackwards => "Time before that of the row above.",
             Self::DuplicateTime => "Time of the row above.",
             Self::Gap => {
-                "Over 1.5 intervals since the row above; the row itself is used unless its counter is cumulative."
+                "Over 1.5 intervals since the row above; the row itself is used. Of a cumulative counter it speaks for the whole gap, up to 30 s or three intervals."
             }
+            Self::CounterReset => "A cumulative counter that started anew: the step to it is not known.",
+            Self::CounterUnknown => "A gap in which a cumulative counter may have wrapped more than once.",
             Self::FlaggedInvalid => "The log's own flag.",
             Self::TemperatureNotANumber => "A temperature field that holds no number.",
             Self::TemperatureImplausible => "A temperature outside the plausible limits.",

@@ -9,18 +9,22 @@
 use std::ops::Range;
 
 use crate::error::{Error, Result};
-use crate::ingest::Batch;
+use crate::ingest::counter::{Pace, Step};
 use crate::ingest::header::Layout;
+use crate::ingest::interval::PipeWatch;
 use crate::ingest::raw::{BAD_TEMPERATURE, Faults, RawRows};
 use crate::ingest::reason::{Reason, Tallies};
 use crate::ingest::thermometer::ThermometerCheck;
+use crate::ingest::{Batch, Bridge, intervals_of};
 use crate::setup::{Counter, ReadConfig};
 use sagnac_units::s_from_ns;
 
-/// A cumulative counter may bridge rows that could not be read, up to this many intervals.
 /// Valid range of an auxiliary column without a setting.
 const MOST_OF_AUX: [f64; 2] = [-1e12, 1e12];
+/// The row after a gap of a cumulative counter speaks for all of it, up to this many intervals or this long.
 const BRIDGED_INTERVALS: i64 = 3;
+/// Gap up to which the row after it holds the whole of it, ns.
+const BRIDGED_NS: i64 = 30_000_000_000;
 /// Longest gap of a log: 30 days.
 const LEAP_NS: i64 = 30 * 86_400 * 1_000_000_000;
 /// A quotient counts / quantum this close to a whole number is one (and the rounding of the division).
@@ -85,13 +89,15 @@ pub(crate) struct RowValidator {
     quantum: Option<f64>,
     clock_ns: Option<i64>,
     last_counter: Option<(i64, Vec<i64>)>,
-    /// The largest step of a total so far, with its sign.
-    largest_step: i64,
+    /// How each axis has counted so far.
+    paces: Vec<Pace>,
     thermometers: Vec<ThermometerCheck>,
     /// Per auxiliary column: its valid range.
     aux_valid_range: Vec<Option<[f64; 2]>>,
     pub(crate) tallies: Tallies,
     pub(crate) rows_read: u64,
+    /// Of a pipe whose interval was given.
+    watch: Option<PipeWatch>,
 }
 
 impl RowValidator {
@@ -110,12 +116,18 @@ impl RowValidator {
             quantum: layout.is_count_log().then(|| config.quantum.unwrap_or(1.0)),
             clock_ns: None,
             last_counter: None,
-            largest_step: 0,
+            paces: vec![Pace::default(); layout.axes.len()],
             thermometers: thermometers.collect(),
             aux_valid_range: layout.aux.iter().map(|(_, name)| config.aux(name).valid_range).collect(),
             tallies: Tallies::default(),
             rows_read: 0,
+            watch: None,
         }
+    }
+
+    /// Holds the interval against the first rows.
+    pub(crate) fn watching_interval(self) -> Self {
+        Self { watch: self.timed.then(|| PipeWatch::new(self.nominal_ns)), whole_rows: false, ..self }
     }
 
     /// Checks rows; appends the usable ones to `batch`.
@@ -230,6 +242,9 @@ impl RowValidator {
         let Some(interval) = self.interval(row) else {
             return Ok(());
         };
+        if let Some(watch) = &mut self.watch {
+            watch.see(interval.end_ns).map_err(|e| e.file(&self.file).line(row.line()))?;
+        }
         let joins = self.clock_ns.replace(interval.end_ns).is_some() && !interval.after_gap && self.timed;
         self.check_temperatures(row, &interval, joins, batch);
         let no_number = row.axes().any(f64::is_nan);
@@ -242,7 +257,7 @@ impl RowValidator {
             return Ok(());
         }
         let units = match self.quantum {
-            Some(quantum) => self.counts(row, quantum, &interval)?,
+            Some(quantum) => self.counts(row, quantum, &interval, batch)?,
             None => self.rates(row, &interval).map(|angles| (interval.start_ns, angles)),
         };
         if let Some((start_ns, angles)) = units {
@@ -300,7 +315,13 @@ impl RowValidator {
     }
 
     /// Quanta of each axis, with the start of the interval they belong to.
-    fn counts(&mut self, row: &Row<'_>, quantum: f64, interval: &Interval) -> Result<Option<(i64, Vec<f64>)>> {
+    fn counts(
+        &mut self,
+        row: &Row<'_>,
+        quantum: f64,
+        interval: &Interval,
+        batch: &mut Batch,
+    ) -> Result<Option<(i64, Vec<f64>)>> {
         let exact: Vec<f64> = row.axes().map(|counts| counts / quantum).collect();
         let most = if self.counter == Counter::Incremental { MAX_QUANTA } else { MAX_TOTAL_QUANTA };
         if exact.iter().any(|q| q.abs() > most) {
@@ -337,7 +358,7 @@ impl RowValidator {
                     .column("counter_bits")
                     .help("give the counter's true width"))
             }
-            Counter::Cumulative => self.steps(row, exact.iter().map(|q| q.round() as i64).collect(), interval),
+            Counter::Cumulative => self.totals(row, exact.iter().map(|q| q.round() as i64).collect(), interval, batch),
         }
     }
 
@@ -346,48 +367,66 @@ impl RowValidator {
         self.counter_bits.is_some_and(|bits| quanta.abs() >= 2.0_f64.powi(i32::from(bits)))
     }
 
-    /// Differences to the last usable totals; rows between them that could not be read are bridged.
-    fn steps(&mut self, row: &Row<'_>, totals: Vec<i64>, interval: &Interval) -> Result<Option<(i64, Vec<f64>)>> {
+    /// Differences to the last usable totals; the totals are known on both sides of rows that are missing or could not be
+    /// read. What was counted in a long gap is no row, but is kept.
+    fn totals(
+        &mut self,
+        row: &Row<'_>,
+        totals: Vec<i64>,
+        interval: &Interval,
+        batch: &mut Batch,
+    ) -> Result<Option<(i64, Vec<f64>)>> {
         let Some((before_ns, before)) = self.last_counter.replace((interval.end_ns, totals.clone())) else {
             return Ok(None);
         };
-        if interval.end_ns - before_ns > BRIDGED_INTERVALS * self.nominal_ns {
-            if !interval.after_gap {
-                self.reject(Reason::Gap, row);
-            }
+        let length_ns = interval.end_ns - before_ns;
+        let is_row = length_ns <= BRIDGED_NS.max(BRIDGED_INTERVALS * self.nominal_ns);
+        let Some(steps) = self.steps(row, &before, &totals, intervals_of(length_ns, self.nominal_ns))? else {
             return Ok(None);
+        };
+        let angle = steps.into_iter().map(|step| step as f64).collect();
+        if is_row {
+            return Ok(Some((before_ns, angle)));
         }
-        let mut steps = Vec::with_capacity(totals.len());
-        for (now, before) in totals.iter().zip(&before) {
-            steps.push(self.unroll(now - before, row)? as f64);
+        if !interval.after_gap {
+            self.reject(Reason::Gap, row);
         }
-        Ok(Some((before_ns, steps)))
+        batch.bridges.push(Bridge {
+            before_row: batch.len(),
+            start_ns: before_ns,
+            end_ns: interval.end_ns,
+            line: row.line(),
+            angle,
+        });
+        Ok(None)
     }
 
-    /// The step of a total, past its wrap if its width is known. Without a width, a step back by a power
-    /// of two minus the usual step of a row is interpreted as a wrap and refused.
-    fn unroll(&mut self, step: i64, row: &Row<'_>) -> Result<i64> {
-        if let Some(bits) = self.counter_bits {
-            let half = 1_i64 << (bits - 1);
-            return Ok((step + half).rem_euclid(half << 1) - half);
+    /// The steps of all axes, or `None` (counted) where one of them is not known.
+    fn steps(&mut self, row: &Row<'_>, before: &[i64], totals: &[i64], intervals: i64) -> Result<Option<Vec<i64>>> {
+        let mut steps = Vec::with_capacity(totals.len());
+        for ((now, before), pace) in totals.iter().zip(before).zip(&self.paces) {
+            match pace.step(*before, *now, intervals, self.counter_bits) {
+                Step::Counted(step) => steps.push(step),
+                Step::Reset => {
+                    self.reject(Reason::CounterReset, row);
+                    return Ok(None);
+                }
+                Step::Unknown => {
+                    self.reject(Reason::CounterUnknown, row);
+                    return Ok(None);
+                }
+                Step::Wrap(bits, step) => {
+                    return Err(Error::input(format!(
+                        "the cumulative counter steps by {step} quanta, as one of {bits} bits that wraps does"
+                    ))
+                    .file(&self.file)
+                    .line(row.line())
+                    .help("give its width with --counter-bits or counter_bits in the setup"));
+                }
+            }
         }
-        let size = step.unsigned_abs();
-        let usual = self.largest_step.unsigned_abs();
-        let turned = self.largest_step != 0 && step.signum() != self.largest_step.signum();
-        let wrap = size.max(1).ilog2() + u32::from(!size.is_power_of_two());
-        let of_a_wrap = (1_u64 << wrap.min(62)).abs_diff(size) <= usual + usual / 2 + 16;
-        if turned && wrap >= 8 && size > 4 * usual && of_a_wrap {
-            return Err(Error::input(format!(
-                "the cumulative counter steps by {step} quanta, as one of {wrap} bits that wraps does"
-            ))
-            .file(&self.file)
-            .line(row.line())
-            .help("give its width with --counter-bits or counter_bits in the setup"));
-        }
-        if size > usual {
-            self.largest_step = step;
-        }
-        Ok(step)
+        self.paces.iter_mut().zip(&steps).for_each(|(pace, step)| pace.take(*step, intervals));
+        Ok(Some(steps))
     }
 
     fn rates(&mut self, row: &Row<'_>, interval: &Interval) -> Option<Vec<f64>> {

@@ -262,7 +262,7 @@ pub struct Setup {
     pub counter: Counter,
     /// Width of a wrapping cumulative counter, bits.
     pub counter_bits: Option<u8>,
-    /// Interval of a row, s; the median of the first rows by default.
+    /// Interval of a row, s; that of the first rows by default. Refused where the time column says otherwise by over 2 %.
     pub sample_interval_s: Option<f64>,
     /// The log's own header on the left, a header of Sagnac on the right (`"imu.gyro.x" = "rate_radps_x"`).
     pub columns: BTreeMap<String, String>,

@@ -6,7 +6,7 @@
 //! removed first: the curve that `calibrate` fits over temperature and its rate, interpolated between the middles of windows.
 
 use crate::fit::{FitOptions, Model, calibrate_with_report_data};
-use crate::window::WindowBuilder;
+use crate::window::{WindowBuilder, Windows};
 use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::{Batch, LogReader};
 use sagnac_log::setup::Setup;
@@ -18,6 +18,8 @@ const BLOCK_S: f64 = 600.0;
 /// Temperature change of a ramp, °C, and the rate within it, °C/min.
 const RAMP_C: f64 = 1.0;
 const RAMP_CPM: f64 = 0.02;
+/// Movement over which a drift can be fitted, °C.
+const LEAST_SPAN_C: f64 = 0.5;
 /// Temperature change that is a ramp at any rate, °C.
 const SLOW_RAMP_C: f64 = 3.0;
 
@@ -85,6 +87,22 @@ impl RampWatch {
     }
 }
 
+/// A record at rest is seldom a thermal test: a movement of half a degree will do, and the curve is zero in the middle of it,
+/// which differences do not see.
+fn for_a_room(setup: &Setup, windows: &Windows) -> Setup {
+    let wanted = setup.use_thermometer.as_deref();
+    let named = windows.shape.thermometers.iter().position(|name| Some(name.as_str()) == wanted);
+    let means = windows.rows.mean_c.get(named.unwrap_or(0)).into_iter().flatten().zip(&windows.rows.excluded);
+    let mut means: Vec<f64> =
+        means.filter(|(mean_c, out)| mean_c.is_finite() && out.is_none()).map(|(mean_c, _)| *mean_c).collect();
+    means.sort_unstable_by(f64::total_cmp);
+    Setup {
+        min_span_c: Some(setup.min_span_c.unwrap_or(LEAST_SPAN_C)),
+        reference_c: means.get(means.len() / 2).copied().or(setup.reference_c),
+        ..setup.clone()
+    }
+}
+
 /// The drift of the axes of one run over its time, °/h.
 #[derive(Clone, Debug)]
 pub(crate) struct Drift {
@@ -102,6 +120,7 @@ impl Drift {
     pub(crate) fn of(logs: Vec<LogReader>, setup: &Setup) -> Result<Vec<Self>> {
         let axes = logs.first().map(|log| log.shape().axes.clone()).unwrap_or_default();
         let windows = WindowBuilder::read_all(logs, setup)?.finish();
+        let setup = &for_a_room(setup, &windows);
         let rows = windows.rows.clone();
         let runs = windows.runs.len();
         let options = FitOptions::new(Model::Auto);
@@ -130,17 +149,24 @@ impl Drift {
 
     /// Subtracts the drift from a batch's angles, `arcsec` per unit.
     pub(crate) fn take_from(&self, batch: &Batch, angles: &mut [Vec<f64>], arcsec: f64) {
+        let mut one = vec![0.0; angles.len()];
         for row in 0..batch.len() {
-            let (start_ns, end_ns) = (batch.start_ns[row], batch.end_ns[row]);
-            let middle_ns = start_ns / 2 + end_ns / 2;
-            let after = self.middle_ns.partition_point(|m| *m <= middle_ns).clamp(1, self.middle_ns.len() - 1);
-            let (from, to) = (self.middle_ns[after - 1], self.middle_ns[after]);
-            let part = ((middle_ns - from) as f64 / (to - from) as f64).clamp(0.0, 1.0);
-            let seconds = s_from_ns(end_ns - start_ns);
-            for (column, drift) in angles.iter_mut().zip(&self.dph) {
-                let dph = drift[after - 1] + part * (drift[after] - drift[after - 1]);
-                column[row] -= dph * seconds / arcsec;
-            }
+            one.iter_mut().zip(&*angles).for_each(|(one, column)| *one = column[row]);
+            self.take_from_one(batch.start_ns[row], batch.end_ns[row], &mut one, arcsec);
+            angles.iter_mut().zip(&one).for_each(|(column, one)| column[row] = *one);
+        }
+    }
+
+    /// Takes the drift over (start, end] out of the angles of all axes.
+    pub(crate) fn take_from_one(&self, start_ns: i64, end_ns: i64, angles: &mut [f64], arcsec: f64) {
+        let middle_ns = start_ns / 2 + end_ns / 2;
+        let after = self.middle_ns.partition_point(|m| *m <= middle_ns).clamp(1, self.middle_ns.len() - 1);
+        let (from, to) = (self.middle_ns[after - 1], self.middle_ns[after]);
+        let part = ((middle_ns - from) as f64 / (to - from) as f64).clamp(0.0, 1.0);
+        let seconds = s_from_ns(end_ns - start_ns);
+        for (angle, drift) in angles.iter_mut().zip(&self.dph) {
+            let dph = drift[after - 1] + part * (drift[after] - drift[after - 1]);
+            *angle -= dph * seconds / arcsec;
         }
     }
 }

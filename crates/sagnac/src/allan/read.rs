@@ -1,10 +1,11 @@
 //! Logs in, noise budget out.
 
 use sagnac_log::error::{Error, Result};
-use sagnac_log::ingest::{Batch, LogReader, LogShape, Tallies, Tally, same_shape};
+use sagnac_log::ingest::{Batch, Bridge, LogReader, LogShape, Tallies, Tally, same_shape};
 use sagnac_log::setup::Setup;
 use sagnac_noise::{
-    AxisBudget, HELD_PHASES, MOST_ROWS, MOST_TAUS, Recorded, Recorder, TauError, Taus, budget, differences, served,
+    AxisBudget, HELD_PHASES, MOST_ROWS, MOST_TAUS, Place, Screen, Screened, TauError, Taus, budget_of_screened,
+    differences, served,
 };
 use sagnac_units::format::significant;
 use sagnac_units::s_from_ns;
@@ -54,6 +55,12 @@ pub fn noise_budget(
     request: &Request,
 ) -> Result<NoiseBudget> {
     let shape = logs.first().ok_or_else(|| Error::input("no log given"))?.shape().clone();
+    if !shape.timed && setup.sample_interval_s.is_none() {
+        let file = logs.first().map(|log| log.summary().file).unwrap_or_default();
+        return Err(Error::input("no time column, and nothing says how long a row is")
+            .file(file)
+            .help("give --sample-interval or sample_interval_s in the setup, or map the time column under [columns]"));
+    }
     let tau0_s = s_from_ns(shape.nominal_ns);
     let drifts = again.map(|again| Drift::of(again, setup)).transpose()?;
     let shown = request.taus.multiples(tau0_s).map_err(bad_tau)?;
@@ -82,13 +89,26 @@ pub(crate) fn misfit_text(axis: &AxisBudget) -> Option<String> {
     ))
 }
 
+/// Disturbed rows that stay in the figures, in words.
+fn disturbed_text(axis: &AxisBudget) -> Option<String> {
+    let disturbed = axis.disturbed.as_ref().filter(|disturbed| !disturbed.taken_out)?;
+    let first = disturbed.first.first().map_or("", |row| row.at.as_str());
+    Some(format!(
+        "axis {}: {} rows ({} %, the first at {first}) are far from those around them: too many to take out, they make N larger",
+        axis.axis,
+        disturbed.rows,
+        significant(100.0 * disturbed.part, 2)
+    ))
+}
+
 fn bad_tau(error: TauError) -> Error {
     Error::input(error.to_string()).column("--taus").value(error.tau_s.to_string())
 }
 
 /// What is being read.
 struct Reading {
-    recorders: Vec<Recorder>,
+    screens: Vec<Screen>,
+    shape: LogShape,
     watches: Vec<RampWatch>,
     warnings: Vec<String>,
     tallies: Tallies,
@@ -107,7 +127,8 @@ impl Reading {
         let wanted = differences(shown, MOST_ROWS);
         let hold = if exact { usize::MAX } else { HELD_PHASES / shape.axes.len().max(1) };
         Self {
-            recorders: shape.axes.iter().map(|_| Recorder::new(wanted.clone(), hold)).collect(),
+            screens: shape.axes.iter().map(|_| Screen::new(wanted.clone(), hold)).collect(),
+            shape: shape.clone(),
             watches: vec![RampWatch::default(); shape.thermometers.len()],
             warnings: Vec::new(),
             tallies: Tallies::default(),
@@ -131,42 +152,68 @@ impl Reading {
             drift.take_from(batch, &mut self.angles, self.arcsec);
             self.detrended = true;
         }
-        let mut at = 0;
-        while at < batch.len() {
-            if self.last_end_ns != Some(batch.start_ns[at]) {
-                self.end_stretch();
+        let mut bridges = batch.bridges.iter().peekable();
+        for row in 0..=batch.len() {
+            while let Some(bridge) = bridges.next_if(|bridge| bridge.before_row <= row) {
+                self.bridge(bridge, drift);
             }
-            if !batch.valid[at] {
-                self.end_stretch();
-                at += 1;
-                continue;
+            if row < batch.len() {
+                self.row(batch, row);
             }
-            let joins = |i: usize| batch.valid[i] && batch.start_ns[i] == batch.end_ns[i - 1];
-            let end = (at + 1..batch.len()).find(|i| !joins(*i)).unwrap_or(batch.len());
-            for (recorder, column) in self.recorders.iter_mut().zip(&self.angles) {
-                recorder.push(&column[at..end]);
-            }
-            self.last_end_ns = batch.end_ns.get(end - 1).copied();
-            at = end;
         }
     }
 
+    /// A row; what is missing before it is lost.
+    fn row(&mut self, batch: &Batch, row: usize) {
+        let (start_ns, end_ns) = (batch.start_ns[row], batch.end_ns[row]);
+        let place = Place { log: self.inputs.len() as u32, line: batch.line[row] };
+        let gap_from_ns = self.last_end_ns.filter(|last_ns| *last_ns != start_ns);
+        let lost = gap_from_ns.map_or(0, |last_ns| self.shape.intervals(last_ns, start_ns));
+        let here = self.shape.intervals(start_ns, end_ns);
+        for (screen, column) in self.screens.iter_mut().zip(&self.angles) {
+            if lost > 0 {
+                screen.lost(lost);
+            }
+            match batch.valid[row] {
+                true => screen.wide(here, column[row], place),
+                false => screen.lost(here),
+            }
+        }
+        self.last_end_ns = Some(end_ns);
+    }
+
+    /// What a running total counted over a gap.
+    fn bridge(&mut self, bridge: &Bridge, drift: Option<&Drift>) {
+        let place = Place { log: self.inputs.len() as u32, line: bridge.line };
+        if self.last_end_ns != Some(bridge.start_ns) {
+            self.end_stretch();
+        }
+        let mut angles = bridge.angle.clone();
+        if let Some(drift) = drift {
+            drift.take_from_one(bridge.start_ns, bridge.end_ns, &mut angles, self.arcsec);
+        }
+        let here = self.shape.intervals(bridge.start_ns, bridge.end_ns);
+        self.screens.iter_mut().zip(angles).for_each(|(screen, angle)| screen.wide(here, angle, place));
+        self.last_end_ns = Some(bridge.end_ns);
+    }
+
     fn end_stretch(&mut self) {
-        self.recorders.iter_mut().for_each(Recorder::end_stretch);
+        self.screens.iter_mut().for_each(Screen::end_stretch);
         self.last_end_ns = None;
     }
 
     fn end_run(&mut self) {
-        self.end_stretch();
+        self.screens.iter_mut().for_each(Screen::end_run);
+        self.last_end_ns = None;
         let watches = std::mem::replace(&mut self.watches, vec![RampWatch::default(); self.thermometers]);
         self.warnings.extend(watches.into_iter().find_map(RampWatch::verdict));
     }
 
     fn finish(self, shape: &LogShape, shown: &[usize], request: &Request) -> Result<NoiseBudget> {
         let tau0_s = s_from_ns(shape.nominal_ns);
-        let recorded: Vec<Recorded> = self.recorders.into_iter().map(Recorder::finish).collect();
-        let longest = recorded.iter().map(|axis| axis.stretches.longest()).max().unwrap_or(0);
-        if recorded.iter().all(|axis| axis.rows == 0) {
+        let screened: Vec<Screened> = self.screens.into_iter().map(Screen::finish).collect();
+        let longest = screened.iter().map(|axis| axis.used.stretches.longest()).max().unwrap_or(0);
+        if screened.iter().all(|axis| axis.used.rows == 0) {
             return Err(Error::input("no row of this log can be used").help("`sagnac inspect` says why"));
         }
         let limit = request.taus.longest_shown(longest);
@@ -188,13 +235,18 @@ impl Reading {
                 significant(fastest, 4)
             ));
         }
-        let axes = shape.axes.iter().zip(&recorded).map(|(letter, recorded)| {
-            let shown_as = |asked: usize| if recorded.full_overlap { asked } else { served(asked) };
+        let place = |place: Place| {
+            let file = self.inputs.get(place.log as usize).map_or("", |input| input.file.as_str());
+            format!("{file}:{}", place.line)
+        };
+        let axes = shape.axes.iter().zip(&screened).map(|(letter, screened)| {
+            let shown_as = |asked: usize| if screened.used.full_overlap { asked } else { served(asked) };
             let asked = |m: usize| m <= limit && shown.iter().any(|asked| shown_as(*asked) == m);
-            budget(*letter, recorded, tau0_s, self.arcsec, asked)
+            budget_of_screened(*letter, screened, tau0_s, self.arcsec, asked, place)
         });
         let axes: Vec<AxisBudget> = axes.collect();
         warnings.extend(axes.iter().filter_map(misfit_text));
+        warnings.extend(axes.iter().filter_map(disturbed_text));
         Ok(NoiseBudget {
             axes,
             warnings,

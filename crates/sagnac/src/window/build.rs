@@ -18,6 +18,7 @@ const LANES: usize = 4;
 
 /// Collects windows; push batches run by run, then finish.
 pub struct WindowBuilder {
+    log: LogShape,
     shape: WindowShape,
     division: RunDivision,
     tables: Vec<TableRun>,
@@ -227,6 +228,7 @@ impl WindowBuilder {
             ..WindowRows::default()
         };
         Ok(Self {
+            log: log.clone(),
             short_tau: vec![ShortTau::new(sample_interval_s, longest); log.axes.len()],
             shape,
             division,
@@ -303,7 +305,7 @@ impl WindowBuilder {
         let mut at = 0;
         while at < batch.len() {
             let end = self.same_window(batch, at);
-            if batch.valid[at] {
+            if self.is_usable(batch, at) {
                 self.add(batch, unrounded, status, at..end);
             }
             at = end;
@@ -311,15 +313,22 @@ impl WindowBuilder {
         Ok(())
     }
 
+    /// A row that a window can take: of a cumulative counter with rows lost it may outlast a window.
+    fn is_usable(&self, batch: &Batch, row: usize) -> bool {
+        let length_ns = batch.end_ns[row] - batch.start_ns[row];
+        let outlasts = self.shape.window.seconds().is_some_and(|seconds| length_ns > window_ns(seconds));
+        batch.valid[row] && !(outlasts && self.log.intervals(batch.start_ns[row], batch.end_ns[row]) > 1)
+    }
+
     /// The end of the rows from `at` on that belong together: usable, one after the other, in one window by time.
     fn same_window(&self, batch: &Batch, at: usize) -> usize {
-        let Some(run) = self.run.as_ref().filter(|_| batch.valid[at]) else { return at + 1 };
+        let Some(run) = self.run.as_ref().filter(|_| self.is_usable(batch, at)) else { return at + 1 };
         let Some(seconds) = self.shape.window.seconds() else { return at + 1 };
         let length_ns = window_ns(seconds);
         let index = (batch.end_ns[at] - 1 - run.start_ns).div_euclid(length_ns);
         let last_ns = run.start_ns.saturating_add(index.saturating_add(1).saturating_mul(length_ns));
         let in_time = at + batch.end_ns[at..].partition_point(|end| *end <= last_ns);
-        let joins = |i: usize| batch.valid[i] && batch.start_ns[i] == batch.end_ns[i - 1];
+        let joins = |i: usize| self.is_usable(batch, i) && batch.start_ns[i] == batch.end_ns[i - 1];
         (at + 1..in_time).find(|i| !joins(*i)).unwrap_or(in_time)
     }
 
@@ -343,9 +352,7 @@ impl WindowBuilder {
                 self.close_window();
                 continue;
             }
-            for (short_tau, column) in self.short_tau.iter_mut().zip(unrounded) {
-                short_tau.push(&column[at..end], self.shape.unit.arcsec());
-            }
+            self.push_short_tau(batch, unrounded, at..end);
             if let Some(run) = self.run.as_mut() {
                 let sums = run.open.get_or_insert_with(|| Sums::new(index, batch.start_ns[at], batch, at));
                 sums.add(batch, at..end, &self.weights[at..end]);
@@ -353,6 +360,25 @@ impl WindowBuilder {
                 sums.add_status(status, at..end);
             }
             at = end;
+        }
+    }
+
+    /// Rows to the deviations at short τ. Of a cumulative counter with rows lost some cover several intervals.
+    fn push_short_tau(&mut self, batch: &Batch, unrounded: &[Vec<f64>], rows: Range<usize>) {
+        let arcsec = self.shape.unit.arcsec();
+        let intervals = |row: usize| self.log.intervals(batch.start_ns[row], batch.end_ns[row]);
+        let most_ns = 1.5 * self.log.nominal_ns as f64;
+        let mut at = rows.start;
+        while at < rows.end {
+            let wide = self.weights[at..rows.end].iter().position(|length_ns| *length_ns > most_ns);
+            let end = wide.map_or(rows.end, |wide| at + wide);
+            for (short_tau, column) in self.short_tau.iter_mut().zip(unrounded) {
+                short_tau.push(&column[at..end], arcsec);
+                if end < rows.end {
+                    short_tau.push_wide(intervals(end), column[end], arcsec);
+                }
+            }
+            at = end + 1;
         }
     }
 

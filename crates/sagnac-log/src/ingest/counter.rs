@@ -1,0 +1,153 @@
+//! Steps of a running total: past its wraps, across rows that were lost, and not across a reset.
+//!
+//! The total is known on both sides of a gap, and so is what was counted in it. Three things can spoil that:
+//!
+//! * a counter of known width wraps: the step is the one nearest to what the intervals so far would have brought, and it is
+//!   unknown where the width does not tell one number of wraps from the next
+//! * a counter of unknown width wraps: refused, with the width that it seems to have
+//! * a counter starts anew: its total is near zero and its step is far from all before it
+
+/// Steps that must have been seen before a step can be called unusual.
+const FEWEST_STEPS: u32 = 4;
+/// Weight of the newest step in the mean.
+const NEWEST: f64 = 1.0 / 16.0;
+/// Quanta that no judgement goes below.
+const SOME_QUANTA: f64 = 16.0;
+/// No gap brings more quanta.
+const MOST_EXPECTED: f64 = 1e18;
+/// A step this many times as far out as any before it is no step of the same counter.
+const FAR: f64 = 4.0;
+
+/// What a total says of the intervals since the one before.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Step {
+    /// This many quanta were counted.
+    Counted(i64),
+    /// The counter started anew.
+    Reset,
+    /// It may have wrapped more than once.
+    Unknown,
+    /// A counter of this many bits wrapped, and nobody said so; its step.
+    Wrap(u32, i64),
+}
+
+/// How one axis has counted so far, quanta per interval.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Pace {
+    steps: u32,
+    mean: f64,
+    /// Largest distance of a step from the mean.
+    spread: f64,
+    /// The largest step, with its sign.
+    largest: f64,
+}
+
+impl Pace {
+    /// The step from one total to the next, over so many intervals.
+    pub(crate) fn step(&self, before: i64, now: i64, intervals: i64, bits: Option<u8>) -> Step {
+        let difference = now - before;
+        let over = intervals as f64;
+        let expected = self.mean * over;
+        let ambiguous = bits.is_some_and(|bits| FAR * self.uncertain(over) > 2.0_f64.powi(i32::from(bits)));
+        if intervals > 1 && (ambiguous || expected.abs() > MOST_EXPECTED) {
+            return Step::Unknown;
+        }
+        let step = match bits {
+            None => difference,
+            Some(bits) => {
+                let width = 1_i64 << bits;
+                // Rows without a gap, and the first ones: the shorter way round.
+                let about = if intervals > 1 && self.is_known() { expected.round() as i64 } else { 0 };
+                about + (difference - about + width / 2).rem_euclid(width) - width / 2
+            }
+        };
+        if bits.is_none()
+            && let Some(wrap) = self.wrap(step, over)
+        {
+            return Step::Wrap(wrap, step);
+        }
+        if self.is_reset(now, step as f64 - expected, over) {
+            return Step::Reset;
+        }
+        Step::Counted(step)
+    }
+
+    /// Takes a step that is used.
+    pub(crate) fn take(&mut self, step: i64, intervals: i64) {
+        let one = step as f64 / intervals as f64;
+        if self.steps > 0 {
+            self.spread = self.spread.max((one - self.mean).abs());
+        }
+        self.mean = if self.steps == 0 { one } else { self.mean + NEWEST * (one - self.mean) };
+        self.steps = self.steps.saturating_add(1);
+        if one.abs() > self.largest.abs() {
+            self.largest = one;
+        }
+    }
+
+    fn is_known(&self) -> bool {
+        self.steps >= FEWEST_STEPS
+    }
+
+    /// How far a step over so many intervals may be from the mean; all its size before anything is known.
+    fn uncertain(&self, over: f64) -> f64 {
+        if self.is_known() { self.spread * over + SOME_QUANTA } else { self.largest.abs() * over + SOME_QUANTA }
+    }
+
+    fn is_reset(&self, now: i64, away: f64, over: f64) -> bool {
+        let usual = self.largest.abs() * over;
+        self.is_known() && away.abs() > FAR * usual + SOME_QUANTA && now.abs() as f64 <= 2.0 * usual + SOME_QUANTA
+    }
+
+    /// A step back by a power of two, less what as many intervals bring: the bits of a counter that wrapped.
+    fn wrap(&self, step: i64, over: f64) -> Option<u32> {
+        let (size, usual) = (step.unsigned_abs(), self.largest.abs() * over);
+        let turned = self.largest != 0.0 && (step.signum() as f64) != self.largest.signum();
+        let bits = size.max(1).ilog2() + u32::from(!size.is_power_of_two());
+        let of_a_wrap = (1_u64 << bits.min(62)).abs_diff(size) as f64 <= 1.5 * usual + SOME_QUANTA;
+        (turned && bits >= 8 && size as f64 > FAR * usual && of_a_wrap).then_some(bits)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A counter that brings 480 to 520 in an interval.
+    fn pace() -> Pace {
+        let mut pace = Pace::default();
+        (0..50).for_each(|k| pace.take(480 + (k * 7) % 41, 1));
+        pace
+    }
+
+    #[test]
+    fn wraps_and_losses_together() {
+        let wrapped = |total: i64| total.rem_euclid(1 << 16);
+        for intervals in 1..=500 {
+            let now = 65_000 + 500 * intervals + 3;
+            let step = pace().step(65_000, wrapped(now), intervals, Some(16));
+            // 65 intervals are half a turn: the mean tells the turns apart until its spread is a quarter of one.
+            match intervals {
+                ..=400 => assert_eq!(step, Step::Counted(500 * intervals + 3), "{intervals}"),
+                _ => assert!(
+                    [Step::Unknown, Step::Counted(500 * intervals + 3)].contains(&step),
+                    "{intervals}: {step:?}"
+                ),
+            }
+        }
+        assert_eq!(pace().step(65_000, wrapped(65_000 + 500 * 5000), 5000, Some(16)), Step::Unknown);
+    }
+
+    #[test]
+    fn resets_and_wraps_are_told_apart() {
+        assert_eq!(pace().step(1_234_567, 490, 1, None), Step::Reset);
+        assert_eq!(pace().step(1_234_567, 490, 1, Some(32)), Step::Reset);
+        assert_eq!(pace().step(1_234_567, 5_000, 12, None), Step::Reset);
+        assert_eq!(pace().step(65_300, 264, 1, None), Step::Wrap(16, -65_036));
+        assert_eq!(pace().step(1_234_567, 1_240_567, 12, None), Step::Counted(6000));
+        // A turn of the table is a step.
+        assert_eq!(pace().step(1_234_567, 1_334_567, 1, None), Step::Counted(100_000));
+        assert_eq!(pace().step(-9_000_000_000_000_000, 9_000_000_000_000_000, i64::MAX / 4, Some(52)), Step::Unknown);
+        assert_eq!(Pace::default().step(1_000_000, 3, 1, None), Step::Counted(-999_997), "nothing is known yet");
+    }
+}

@@ -1,0 +1,192 @@
+//! The interval of a row: as given, else from the first rows; a time column that says otherwise refuses what was given.
+
+use std::collections::VecDeque;
+
+use crate::error::{Error, Result};
+use crate::ingest::ReadMode;
+use crate::ingest::chunks::ChunkReader;
+use crate::ingest::header::Layout;
+use crate::ingest::raw::{Faults, RawRows};
+use crate::setup::ReadConfig;
+use sagnac_units::format::significant;
+use sagnac_units::{NS_PER_S, ns_from_s, s_from_ns};
+
+/// Rows from which the nominal interval is taken when it is not given.
+const LOOKAHEAD_ROWS: usize = 129;
+/// No more rows are read in search of sound ones.
+const MOST_LOOKAHEAD: usize = 100_000;
+/// Steps of a pipe from which its interval is judged.
+const PIPE_STEPS: usize = 16;
+/// A given interval may be this part away from that of the time column; from fewer steps than [`PIPE_STEPS`] by `LOOSE`.
+const CLOSE: f64 = 0.02;
+const LOOSE: f64 = 0.1;
+/// A time column whose steps are like each other in fewer than this part of them says nothing clear.
+const REGULAR_PART: f64 = 0.75;
+
+/// What the times of the first rows say.
+struct Steps {
+    /// Mean of the steps within a tenth of their median, ns: stamps are often rounded.
+    typical_ns: i64,
+    /// Mean of all, ns.
+    mean_ns: f64,
+    /// How many there are, and the part of them within a tenth of their median.
+    number: usize,
+    regular_part: f64,
+}
+
+impl Steps {
+    fn of(times: &[i64]) -> Option<Self> {
+        let mut steps: Vec<i64> =
+            times.windows(2).map(|pair| pair[1].saturating_sub(pair[0])).filter(|s| *s > 0).collect();
+        steps.sort_unstable();
+        let number = steps.len();
+        let median = *steps.get(number.checked_sub(1)? / 2)?;
+        let mean = |steps: &[i64]| steps.iter().map(|step| i128::from(*step)).sum::<i128>() as f64 / steps.len() as f64;
+        let mean_ns = mean(&steps);
+        steps.retain(|step| step.abs_diff(median) <= median.unsigned_abs() / 10);
+        let sum: i128 = steps.iter().map(|step| i128::from(*step)).sum();
+        let typical_ns = i64::try_from(sum / steps.len() as i128).ok()?;
+        Some(Self { typical_ns, mean_ns, number, regular_part: steps.len() as f64 / number as f64 })
+    }
+
+    /// Holds a given interval against them: it is refused where the steps are alike, and neither their mean nor that of all
+    /// is within 2 % of it.
+    fn judge(&self, given_ns: i64) -> Result<()> {
+        let most = if self.number >= PIPE_STEPS { CLOSE } else { LOOSE };
+        let close = |ns: f64| (given_ns as f64 / ns - 1.0).abs() <= most;
+        if self.regular_part < REGULAR_PART || close(self.typical_ns as f64) || close(self.mean_ns) {
+            return Ok(());
+        }
+        let found = significant(self.typical_ns as f64 / NS_PER_S, 6);
+        let what = format!("the time column has a row every {found} s (mean of the first {} steps)", self.number);
+        Err(Error::input(what).column("sample_interval_s").value(s_from_ns(given_ns).to_string()).help(
+            "leave --sample-interval (sample_interval_s) out, or map the time column to \"ignore\" under [columns] if it is wrong",
+        ))
+    }
+}
+
+/// The interval of a row: as given, else from the first rows.
+pub(crate) fn nominal_interval(
+    pieces: &mut ChunkReader,
+    layout: &Layout,
+    config: &ReadConfig,
+    pace: ReadMode,
+    ahead: &mut VecDeque<RawRows>,
+) -> Result<i64> {
+    let out_of_range = || Error::input("out of range").column("sample_interval_s");
+    let given = config.sample_interval_s.map(|s| ns_from_s(s).ok_or_else(out_of_range)).transpose()?;
+    if layout.time.is_none() {
+        return untimed(layout, config, given);
+    }
+    let live = pace == ReadMode::LineByLine;
+    if let Some(given_ns) = given.filter(|_| live) {
+        return Ok(given_ns);
+    }
+    let (read, times) = first_times(pieces, if live { 2 } else { LOOKAHEAD_ROWS }, ahead)?;
+    let steps = Steps::of(&times).filter(|steps| s_from_ns(steps.typical_ns) <= 1e5);
+    match (given, steps) {
+        (Some(given_ns), Some(steps)) => steps.judge(given_ns).map(|()| given_ns),
+        (None, Some(steps)) => Ok(steps.typical_ns),
+        // Rows whose times say nothing of an interval are judged one by one.
+        (Some(given_ns), None) if !times.is_empty() || !is_unreadable(ahead) => Ok(given_ns),
+        _ => Err(no_interval(read, &times, layout, ahead)),
+    }
+}
+
+/// A table without a time column.
+fn untimed(layout: &Layout, config: &ReadConfig, given: Option<i64>) -> Result<i64> {
+    if let Some(header) = layout.unread_time(&config.columns, given.is_none()) {
+        return Err(Error::input("looks like a time, but its unit is not known")
+            .column(header)
+            .help("map it under [columns] to time_s, time_ms, time_us, time_ns, or time for dates of ISO 8601; or to \"ignore\""));
+    }
+    match given {
+        Some(given_ns) => Ok(given_ns),
+        None if layout.is_count_log() => {
+            Err(Error::input("counts without a time column, and nothing says how long a row is")
+                .column("sample_interval_s")
+                .help("give --sample-interval or sample_interval_s in the setup"))
+        }
+        None => Ok(1_000_000_000),
+    }
+}
+
+/// Reads rows until so many of them have a time. Broken rows and repeated times say nothing, and a pipe may begin in the
+/// middle of a row. How many were read, and their times.
+fn first_times(pieces: &mut ChunkReader, wanted: usize, ahead: &mut VecDeque<RawRows>) -> Result<(usize, Vec<i64>)> {
+    let (mut read, mut times) = (0, Vec::new());
+    let mut rows = RawRows::default();
+    while times.len() < wanted && pieces.next(&mut rows)? {
+        read += rows.len();
+        let sound = (0..rows.len()).filter(|row| !rows.faults[*row].has(Faults::RAGGED));
+        let missing = wanted - times.len();
+        for time in sound.filter_map(|row| rows.time(row)).take(missing) {
+            if times.last() != Some(&time) {
+                times.push(time);
+            }
+        }
+        ahead.push_back(std::mem::take(&mut rows));
+        if read > MOST_LOOKAHEAD {
+            break;
+        }
+    }
+    Ok((read, times))
+}
+
+/// True where rows are whole, but none of them has a time.
+fn is_unreadable(ahead: &VecDeque<RawRows>) -> bool {
+    let mut whole = ahead.iter().flat_map(|rows| &rows.faults).filter(|faults| !faults.has(Faults::RAGGED));
+    whole.next().is_some()
+}
+
+fn no_interval(read: usize, times: &[i64], layout: &Layout, ahead: &VecDeque<RawRows>) -> Error {
+    let backwards = times.windows(2).any(|pair| pair[1] < pair[0]);
+    let header = layout.time.and_then(|(index, _)| layout.headers.get(index)).cloned().unwrap_or_default();
+    let (what, help) = match read {
+        0 => ("a header, but no row below it", "a log needs rows"),
+        _ if !is_unreadable(ahead) => (
+            "no row has as many fields as the header",
+            "is the delimiter of the header that of the rows? A tab goes before a semicolon, that before a comma",
+        ),
+        _ if times.is_empty() && layout.has_dates() => (
+            "unknown unit: a time column without a unit holds dates of ISO 8601, and no row begins with one",
+            "name the column time_s, time_ms, time_us or time_ns, or map it so under [columns]; a date is 2024-02-29T12:00:05.5Z",
+        ),
+        _ if times.is_empty() => (
+            "no time in the first rows is a number",
+            "times are numbers in the unit of the header; dates of ISO 8601 are read from a column `time`: map it so under [columns]",
+        ),
+        1 => ("a single row, so the interval of a row is unknown", "give --sample-interval"),
+        _ if backwards => ("rows are not in the order of their times", "sort the log by time"),
+        _ => {
+            ("time does not advance in the first rows, so the interval of a row is unknown", "look at the time column")
+        }
+    };
+    let error = Error::input(what).help(help);
+    if times.is_empty() && read > 0 && is_unreadable(ahead) { error.column(header) } else { error }
+}
+
+/// Holds the given interval of a pipe against its rows as they come.
+#[derive(Debug)]
+pub(crate) struct PipeWatch {
+    times: Vec<i64>,
+    given_ns: i64,
+}
+
+impl PipeWatch {
+    pub(crate) fn new(given_ns: i64) -> Self {
+        Self { times: Vec::new(), given_ns }
+    }
+
+    /// The time of the next row.
+    pub(crate) fn see(&mut self, time_ns: i64) -> Result<()> {
+        if self.times.len() > PIPE_STEPS {
+            return Ok(());
+        }
+        self.times.push(time_ns);
+        match Steps::of(&self.times).filter(|_| self.times.len() > PIPE_STEPS) {
+            Some(steps) => steps.judge(self.given_ns),
+            None => Ok(()),
+        }
+    }
+}

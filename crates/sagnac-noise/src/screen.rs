@@ -1,0 +1,465 @@
+//! Rows of one axis on their way to the recorder: gaps are reached across, disturbed rows are found.
+//!
+//! **Gaps.** Where the angle over a gap is known (a running total), the phase is known on both sides; within, it is missing, and
+//! differences that need it do not count. Where the angle is lost, the mean of the 64 rows nearest to the gap stands for each
+//! lost row, so that differences reach across. Of white noise σ² is then too small by the lost part p at short τ, where means
+//! are quiet, and too large by it at long τ, where they follow; it is divided by what is expected (`white_factor`), which is
+//! exact for white noise of the rate. Where the rate wanders by more than its noise within 64 rows, the two rows beside a lost one
+//! stand for it. Flicker, walk and ramp, which the means follow everywhere, are off by p/2 in σ: 0.5 % where 1 % of rows are lost. A lost row also loses the rounding that its neighbours carry: N² grows by 2·p·Q²/τ0. While at
+//! most 5 % of the rows are lost, in gaps of at most 8; else a gap ends a stretch.
+//!
+//! **Disturbed rows** are more than six scales from the median of some 700 rows around them; the scale is that of the middle
+//! nine tenths of these, and never less than what rounding makes. Noise alone does so once in 10⁸ rows. The record is taken
+//! both with and without them; without, while they are at most 0.5 % of the rows: more of them are no disturbance but what
+//! the gyro does.
+
+use crate::difference::Difference;
+use crate::freedom::NEAREST;
+use crate::recorder::{Recorded, Recorder};
+
+/// Rows that are judged together.
+const BLOCK: usize = 512;
+/// Rows before them that are looked at too.
+const CONTEXT: usize = 256;
+/// Fewer rows have no scale.
+const FEWEST: usize = 32;
+/// Scales from the median to a disturbed row.
+const FAR: f64 = 6.0;
+/// Part of the rows beyond either end of those that make the scale, and these ends in standard deviations of a normal.
+const TAIL: f64 = 0.05;
+const TAILS_APART: f64 = 3.29;
+/// So few rows around a lost one will do.
+const FEWEST_NEAREST: usize = 16;
+/// Rows of a gap that a mean stands for.
+const MOST_LOST: u64 = 8;
+/// A known angle reaches across so many intervals, or this part of the stretch before.
+const ALWAYS_KNOWN: u64 = 512;
+const KNOWN_PART: u64 = 4;
+/// Disturbed rows that are named.
+const MOST_NAMED: usize = 10;
+
+/// At most this part of the rows may be lost for a mean to stand for them.
+pub const MOST_LOST_PART: f64 = 0.05;
+/// At most this part of the rows may be disturbed for the figures to be without them.
+pub const MOST_DISTURBED_PART: f64 = 0.005;
+
+/// Where a row comes from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Place {
+    /// Which log, from 0.
+    pub log: u32,
+    /// Its line.
+    pub line: u64,
+}
+
+/// A row that is far from those around it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Disturbed {
+    /// Where it is.
+    pub place: Place,
+    /// Its angle less the median of those around it, in their unit.
+    pub away: f64,
+}
+
+/// What comes in.
+#[derive(Clone, Copy)]
+enum Piece {
+    Row { angle: f64, place: Place },
+    Wide { intervals: u64, angle: f64, place: Place },
+    Lost { intervals: u64 },
+    End,
+}
+
+/// One way to take the record; `None` while it makes no difference.
+#[derive(Clone)]
+struct Way {
+    joins: Option<bool>,
+    cleans: Option<bool>,
+    recorder: Recorder,
+}
+
+/// Takes the rows of one axis.
+pub struct Screen {
+    ways: Vec<Way>,
+    pieces: Vec<Piece>,
+    /// Sound rows before those that wait.
+    context: Vec<f64>,
+    rows: u64,
+    lost: u64,
+    disturbed: u64,
+    named: Vec<Disturbed>,
+}
+
+/// What a screen saw.
+pub struct Screened {
+    /// The record that figures are made of.
+    pub used: Recorded,
+    /// Where rows are disturbed, the record the other way: with them if `used` is without, else without.
+    pub other: Option<Recorded>,
+    /// `used` is without the disturbed rows.
+    pub cleaned: bool,
+    /// Disturbed rows.
+    pub disturbed: u64,
+    /// The first of them.
+    pub named: Vec<Disturbed>,
+    /// All rows.
+    pub rows: u64,
+}
+
+impl Screen {
+    /// As [`Recorder::new`].
+    pub fn new(wanted: Vec<Difference>, hold: usize) -> Self {
+        Self {
+            ways: vec![Way { joins: None, cleans: None, recorder: Recorder::new(wanted, hold) }],
+            pieces: Vec::with_capacity(BLOCK),
+            context: Vec::new(),
+            rows: 0,
+            lost: 0,
+            disturbed: 0,
+            named: Vec::new(),
+        }
+    }
+
+    /// The next row of the stretch.
+    pub fn row(&mut self, angle: f64, place: Place) {
+        self.push(Piece::Row { angle, place });
+    }
+
+    /// A row of several intervals: a running total that was not written down in between.
+    pub fn wide(&mut self, intervals: u64, angle: f64, place: Place) {
+        self.push(if intervals > 1 { Piece::Wide { intervals, angle, place } } else { Piece::Row { angle, place } });
+    }
+
+    /// So many rows are lost, and their angle with them.
+    pub fn lost(&mut self, intervals: u64) {
+        self.push(Piece::Lost { intervals });
+    }
+
+    /// What comes next does not join what came before.
+    pub fn end_stretch(&mut self) {
+        self.push(Piece::End);
+    }
+
+    /// The next row is of another log: nothing before it says anything of it.
+    pub fn end_run(&mut self) {
+        self.end_stretch();
+        self.settle();
+        self.context.clear();
+    }
+
+    fn push(&mut self, piece: Piece) {
+        let row = matches!(piece, Piece::Row { .. } | Piece::Wide { .. });
+        self.rows += u64::from(row);
+        self.pieces.push(piece);
+        if self.pieces.len() >= BLOCK {
+            self.settle();
+        }
+    }
+
+    /// Ends the record.
+    pub fn finish(mut self) -> Screened {
+        self.settle();
+        let lost_part = self.lost as f64 / (self.rows + self.lost).max(1) as f64;
+        let joins = lost_part <= MOST_LOST_PART;
+        let cleaned = self.disturbed > 0 && self.disturbed as f64 <= MOST_DISTURBED_PART * self.rows as f64;
+        let recorded = |ways: &mut Vec<Way>, cleans: bool| {
+            let fits = |way: &Way| way.joins.is_none_or(|j| j == joins) && way.cleans.is_none_or(|c| c == cleans);
+            let at = ways.iter().position(fits).unwrap_or(0);
+            ways.swap_remove(at).recorder.finish()
+        };
+        let used = recorded(&mut self.ways, cleaned);
+        let other = (self.disturbed > 0).then(|| recorded(&mut self.ways, !cleaned));
+        Screened { used, other, cleaned, disturbed: self.disturbed, named: self.named, rows: self.rows }
+    }
+
+    /// Judges the rows that wait and hands them on.
+    fn settle(&mut self) {
+        let rows = self.pieces.iter().filter_map(|piece| match piece {
+            Piece::Row { angle, .. } => Some(*angle),
+            _ => None,
+        });
+        let rows: Vec<f64> = rows.collect();
+        let level = Level::of(self.context.iter().chain(&rows).copied().collect());
+        let away = |piece: &Piece| level.as_ref().and_then(|level| level.away(piece));
+        let found: Vec<Option<Disturbed>> = self.pieces.iter().map(away).collect();
+        self.fork(&found);
+        let plain = rows.len() == self.pieces.len() && found.iter().all(Option::is_none);
+        if plain {
+            self.ways.iter_mut().for_each(|way| way.recorder.push(&rows));
+        } else {
+            let sound = Sound::of(&self.context, &self.pieces, &found);
+            for way in &mut self.ways {
+                self.pieces.iter().zip(&found).enumerate().for_each(|(at, (piece, found))| {
+                    way.take(*piece, found.is_some(), || sound.mean_near(at));
+                });
+            }
+        }
+        let sound =
+            self.pieces.iter().zip(&found).filter(|(_, found)| found.is_none()).filter_map(|(piece, _)| match piece {
+                Piece::Row { angle, .. } => Some(*angle),
+                _ => None,
+            });
+        self.context.extend(sound);
+        let old = self.context.len().saturating_sub(CONTEXT);
+        self.context.drain(..old);
+        self.pieces.clear();
+    }
+
+    /// Counts what makes ways differ; from the first of its kind on there are two of each.
+    fn fork(&mut self, found: &[Option<Disturbed>]) {
+        let lost = self.pieces.iter().filter_map(|piece| match piece {
+            Piece::Lost { intervals } if *intervals <= MOST_LOST => Some(*intervals),
+            _ => None,
+        });
+        let lost: u64 = lost.sum();
+        let disturbed = found.iter().flatten();
+        self.named.extend(disturbed.clone().take(MOST_NAMED - self.named.len()));
+        let disturbed = disturbed.count() as u64;
+        if lost > 0 && self.lost == 0 {
+            self.ways = both(&self.ways, |way, yes| way.joins = Some(yes));
+        }
+        if disturbed > 0 && self.disturbed == 0 {
+            self.ways = both(&self.ways, |way, yes| way.cleans = Some(yes));
+        }
+        self.lost += lost;
+        self.disturbed += disturbed;
+    }
+}
+
+fn both(ways: &[Way], set: impl Fn(&mut Way, bool)) -> Vec<Way> {
+    let with = |way: &Way, yes: bool| {
+        let mut way = way.clone();
+        set(&mut way, yes);
+        way
+    };
+    ways.iter().flat_map(|way| [with(way, true), with(way, false)]).collect()
+}
+
+impl Way {
+    fn take(&mut self, piece: Piece, disturbed: bool, mean: impl Fn() -> Option<f64>) {
+        let recorder = &mut self.recorder;
+        let is_open = recorder.open_phases() > 0;
+        let replaced = disturbed && self.cleans == Some(true);
+        match piece {
+            Piece::Row { .. } | Piece::Wide { .. } if replaced && !is_open => {}
+            Piece::Row { angle, .. } if !replaced => recorder.push(&[angle]),
+            Piece::Row { .. } => fill(recorder, 1, mean()),
+            Piece::Wide { intervals, .. } if intervals > ALWAYS_KNOWN.max(recorder.open_phases() / KNOWN_PART) => {
+                recorder.end_stretch();
+            }
+            Piece::Wide { intervals, angle, .. } if !replaced => recorder.push_wide(intervals, angle),
+            Piece::Wide { intervals, .. } => fill(recorder, intervals, mean()),
+            Piece::Lost { .. } if !is_open => {}
+            Piece::Lost { intervals } if intervals <= MOST_LOST && self.joins == Some(true) => {
+                fill(recorder, intervals, mean());
+            }
+            Piece::Lost { .. } | Piece::End => recorder.end_stretch(),
+        }
+    }
+}
+
+fn fill(recorder: &mut Recorder, rows: u64, mean: Option<f64>) {
+    match mean {
+        Some(mean) => recorder.push_filled(rows, mean),
+        None => recorder.end_stretch(),
+    }
+}
+
+/// Median and scale of rows.
+struct Level {
+    median: f64,
+    far: f64,
+}
+
+impl Level {
+    fn of(mut rows: Vec<f64>) -> Option<Self> {
+        if rows.len() < FEWEST {
+            return None;
+        }
+        // The smallest step between two rows is at least that of rounding; its differences have a variance of step²/6.
+        let steps = rows.windows(2).map(|pair| (pair[1] - pair[0]).abs()).filter(|step| *step > 0.0);
+        let step = steps.fold(f64::INFINITY, f64::min);
+        let rounding = if step.is_finite() { step * step / 6.0 } else { 0.0 };
+        let mut at = |part: f64| {
+            let place = ((rows.len() - 1) as f64 * part).round() as usize;
+            *rows.select_nth_unstable_by(place, f64::total_cmp).1
+        };
+        let spread = (at(1.0 - TAIL) - at(TAIL)) / TAILS_APART;
+        let scale = (spread * spread + rounding).sqrt();
+        (scale > 0.0).then(|| Self { median: at(0.5), far: FAR * scale })
+    }
+
+    /// A row that is too far away.
+    fn away(&self, piece: &Piece) -> Option<Disturbed> {
+        let (angle, intervals, place) = match *piece {
+            Piece::Row { angle, place } => (angle, 1.0, place),
+            Piece::Wide { intervals, angle, place } => (angle, intervals as f64, place),
+            Piece::Lost { .. } | Piece::End => return None,
+        };
+        let away = angle - self.median * intervals;
+        // Over many intervals also by how far the level itself may be off.
+        let far = self.far * (intervals.sqrt() + 0.1 * (intervals - 1.0));
+        (away.abs() > far).then_some(Disturbed { place, away })
+    }
+}
+
+/// Sound rows, and the number of the piece that each is, from 1; 0 for those before.
+struct Sound {
+    at: Vec<usize>,
+    angles: Vec<f64>,
+}
+
+impl Sound {
+    fn of(context: &[f64], pieces: &[Piece], found: &[Option<Disturbed>]) -> Self {
+        let mut sound = Self { at: vec![0; context.len()], angles: context.to_vec() };
+        for (at, (piece, found)) in pieces.iter().zip(found).enumerate() {
+            if let (Piece::Row { angle, .. }, None) = (piece, found) {
+                sound.at.push(at + 1);
+                sound.angles.push(*angle);
+            }
+        }
+        sound
+    }
+
+    /// Mean of the rows nearest to a piece.
+    fn mean_near(&self, at: usize) -> Option<f64> {
+        let middle = self.at.partition_point(|number| *number <= at);
+        let from = middle.saturating_sub(NEAREST / 2).min(self.at.len().saturating_sub(NEAREST));
+        let near = &self.angles[from..(from + NEAREST).min(self.at.len())];
+        let mean = |rows: &[f64]| rows.iter().sum::<f64>() / rows.len() as f64;
+        if near.len() < FEWEST_NEAREST {
+            return None;
+        }
+        let all = mean(near);
+        let about: f64 = near.iter().map(|angle| (angle - all).powi(2)).sum();
+        let between: f64 = near.windows(2).map(|pair| (pair[1] - pair[0]).powi(2)).sum();
+        // Twice as much in white noise, and never so little in 64 rows of it.
+        let wanders = between < about;
+        let beside = middle.saturating_sub(1)..(middle + 1).min(self.at.len());
+        Some(if wanders { mean(&self.angles[beside]) } else { all })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::difference::Deviation;
+
+    /// splitmix64, Box and Muller.
+    struct Random(u64);
+
+    impl Random {
+        fn uniform(&mut self) -> f64 {
+            self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+            let mut z = self.0;
+            z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+            z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+            ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
+        }
+
+        fn normal(&mut self) -> f64 {
+            (-2.0 * (1.0 - self.uniform()).ln()).sqrt() * (std::f64::consts::TAU * self.uniform()).cos()
+        }
+    }
+
+    fn screen() -> Screen {
+        Screen::new(vec![Difference { deviation: Deviation::Allan, m: 1 }], 0)
+    }
+
+    fn push(screen: &mut Screen, angles: impl IntoIterator<Item = f64>) {
+        angles.into_iter().enumerate().for_each(|(at, angle)| screen.row(angle, Place { log: 0, line: at as u64 }));
+    }
+
+    /// Noise alone is not disturbed: 2 million rows of each kind, whatever the size of a count against σ.
+    #[test]
+    fn noise_alone_is_not_disturbed() {
+        for step in [0.0_f64, 0.1, 0.5, 1.0, 1.5, 2.0, 3.0, 5.0, 10.0] {
+            let mut random = Random(step.to_bits());
+            let mut screen = screen();
+            let (mut sum, mut before) = (0.0, 0.0);
+            push(
+                &mut screen,
+                (0..250_000).map(|_| {
+                    sum += 0.37 + random.normal();
+                    let total = if step > 0.0 { (sum / step).floor() * step } else { sum };
+                    let angle = total - before;
+                    before = total;
+                    angle
+                }),
+            );
+            let screened = screen.finish();
+            assert_eq!(screened.disturbed, 0, "{step}: {:?}", screened.named);
+        }
+        // Nor are rows of a ramp, of a dither, or of a table that turned half of the time.
+        let mut random = Random(7);
+        let kinds: [&dyn Fn(f64) -> f64; 3] =
+            [&|k| 0.02 * k, &|k| 30.0 * (0.7 * k).sin(), &|k| if k < 50_000.0 { 0.0 } else { 40.0 }];
+        for kind in kinds {
+            let mut screen = screen();
+            push(&mut screen, (0..100_000).map(|k| kind(f64::from(k)) + random.normal()));
+            let screened = screen.finish();
+            assert_eq!(screened.disturbed, 0, "{:?}", screened.named);
+        }
+    }
+
+    /// From the threshold on rows are found, just below it they are not: 5 and 7 σ from the mean.
+    #[test]
+    fn rows_about_the_threshold() {
+        let mut random = Random(3);
+        let mut screen = screen();
+        let level = |k: u64| match k % 5000 {
+            1000 => 4.0,
+            3000 => 9.0,
+            _ => 0.0,
+        };
+        push(
+            &mut screen,
+            (0..500_000).map(|k| match level(k) {
+                0.0 => random.normal(),
+                away => away + 0.3 * random.normal(),
+            }),
+        );
+        let screened = screen.finish();
+        assert_eq!((screened.disturbed, screened.cleaned), (100, true));
+        assert!(screened.named.iter().all(|row| row.place.line % 5000 == 3000), "{:?}", screened.named);
+        assert_eq!(screened.used.filled, 100);
+    }
+
+    /// The next log is judged by itself, short records not at all, and silence has no scale.
+    #[test]
+    fn what_cannot_be_judged_is_not() {
+        let mut random = Random(5);
+        let mut screen = super::tests::screen();
+        for log in 0..20 {
+            push(&mut screen, (0..700).map(|_| 1000.0 * f64::from(log) + random.normal()));
+            screen.end_run();
+        }
+        assert_eq!(screen.finish().disturbed, 0);
+        for angles in [vec![0.0, 1e9, 0.0], vec![7.0; 1000]] {
+            let mut screen = super::tests::screen();
+            push(&mut screen, angles);
+            assert_eq!(screen.finish().disturbed, 0);
+        }
+    }
+
+    /// Gaps: few and short ones are reached across, long ones end the stretch, and so do all of them where rows are lost by the
+    /// score.
+    #[test]
+    fn gaps_by_their_length_and_number() {
+        let record = |every: usize, gap: u64| {
+            let mut random = Random(9);
+            let mut screen = screen();
+            for _ in 0..20 {
+                push(&mut screen, (0..every).map(|_| random.normal()));
+                screen.lost(gap);
+            }
+            let used = screen.finish().used;
+            (used.stretches.count(), used.filled)
+        };
+        assert_eq!(record(100, 1), (1, 20));
+        assert_eq!(record(100, 5), (1, 100), "4.8 %");
+        assert_eq!(record(100, 6), (20, 0), "5.7 %");
+        assert_eq!(record(1000, 8), (1, 160));
+        assert_eq!(record(1000, 9), (20, 0));
+    }
+}
