@@ -143,6 +143,13 @@ fn describe(console: &mut Console, axis: &AxisCalibration) {
             with_sigma(m.arcsec, Some(m.sigma_arcsec))
         ));
     }
+    let over = fit.noise_floor.as_ref().map_or(0.0, |floor| fit.residual.sigma_dph / floor.value_dph);
+    if over > UNEXPLAINED {
+        console.note(format!(
+            "warning: the residual is {} times the noise floor: this model does not explain the log (a step, a disturbance, a missing input)",
+            significant(over, 2)
+        ));
+    }
     if let Some(hidden) = fit.hidden_in_offsets_dph {
         console.say(format!(
             "  each run covers little of the temperatures: run offsets differ by {} °/h (σ), which may be drift; --one-run makes files one run",
@@ -346,6 +353,9 @@ fn candidates(all: &[Candidate]) -> String {
     let title = format!("{} of {} candidates", shown.len(), all.len());
     table(&[&title, "coefficients", "held-out σ, °/h", ""], shown)
 }
+
+/// A residual of this many noise floors is worth a warning.
+const UNEXPLAINED: f64 = 3.0;
 
 /// What was excluded, one line per reason.
 pub(crate) fn excluded(tallies: &[Tally]) -> Vec<String> {

@@ -84,6 +84,13 @@ fn warn_of_same_log(console: &mut Console, verification: &Verification) {
     for file in &verification.training_overlap {
         console.note(format!("warning: {file} is a log that the calibration was made from; this is no proof"));
     }
+    if !verification.untested_axes.is_empty() {
+        let axes: Vec<String> = verification.untested_axes.iter().map(char::to_string).collect();
+        console.note(format!(
+            "warning: the retest has no axis {}, which the calibration has: the unit is not accepted",
+            axes.join(", ")
+        ));
+    }
 }
 
 fn describe(console: &mut Console, verification: &Verification) {

@@ -20,7 +20,7 @@ pub(crate) fn identity(verification: &Verification, calibration: Option<&Calibra
     let word = match (accepted, judged.not_asked) {
         (true, 0) => "Accepted",
         (true, _) => "Accepted as far as asked",
-        (false, _) if judged.not_met == 0 && verification.training_overlap.is_empty() => "Not decided",
+        (false, _) if judged.not_met == 0 && judged.not_decided > 0 => "Not decided",
         (false, _) => "Not accepted",
     };
     let not_stated = || "not stated in the setup".to_owned();
@@ -34,6 +34,9 @@ pub(crate) fn identity(verification: &Verification, calibration: Option<&Calibra
     let unseen = calibration.is_some() && verification.training_overlap.is_empty();
     let limits = verification.limits.as_ref();
     html! {
+        @if !verification.untested_axes.is_empty() {
+            p.note { "The retest lacks axes of the calibration: " (verification.untested_axes.iter().collect::<String>()) ". The unit is not accepted." }
+        }
         div class={ "verdict " (if accepted { "pass" } else { "fail" }) } { b.word { (word) ": " (judged.words()) } }
         div.scroll { table {
             tr { td { "unit" } td.words { (verification.serial) } }

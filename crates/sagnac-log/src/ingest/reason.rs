@@ -56,11 +56,13 @@ pub enum Reason {
     TableChange,
     /// Window without a reference rate in a run that has one.
     NoReference,
+    /// Window of another run, where one run is judged alone.
+    AnotherRun,
 }
 
 impl Reason {
     /// Every reason.
-    pub const ALL: [Self; 23] = [
+    pub const ALL: [Self; 24] = [
         Self::Ragged,
         Self::NotANumber,
         Self::ValueOutOfRange,
@@ -84,6 +86,7 @@ impl Reason {
         Self::LastingStep,
         Self::TableChange,
         Self::NoReference,
+        Self::AnotherRun,
     ];
 
     /// The name scripts rely on.
@@ -112,6 +115,7 @@ impl Reason {
             Self::LastingStep => "lasting_step",
             Self::TableChange => "table_change",
             Self::NoReference => "no_reference",
+            Self::AnotherRun => "another_run",
         }
     }
 }
@@ -145,6 +149,7 @@ impl Reason {
             Self::LastingStep => "At a step that lasts: none of its sides is excluded.",
             Self::TableChange => "The rate table changed its rate within the window.",
             Self::NoReference => "No reference rate in a run that has one.",
+            Self::AnotherRun => "A window of another run, where one run is judged alone.",
         }
     }
 }

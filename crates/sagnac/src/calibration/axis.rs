@@ -6,8 +6,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::calibration::axis_record::AxisRecord;
 use crate::calibration::{
-    Calibration, Candidate, Collinearity, CorrectionNoise, CrossValidation, Hysteresis, Input, InputSource, Lag,
-    Misalignment, Monomial, NoiseFloor, RejectedInput, Residual, RunOffset, ScaleFactor, SearchStep, Soak, Term,
+    Calibration, Candidate, Collinearity, CorrectionNoise, CrossValidation, CurveSpread, Hysteresis, Input,
+    InputSource, Lag, Misalignment, Monomial, NoiseFloor, RejectedInput, Residual, RunOffset, ScaleFactor, SearchStep,
+    SlowNoiseTerms, Soak, Term,
 };
 use crate::model::{BASIS_LEN, Form, Shape, Span};
 
@@ -39,6 +40,10 @@ pub struct FitDiagnostics {
     pub correction_noise: Option<CorrectionNoise>,
     /// Heating against cooling; null where the test does not hold both.
     pub hysteresis: Option<Hysteresis>,
+    /// What the selection of the model, and a lag that is not resolved, add to the uncertainty of the curve; null where nothing.
+    pub curve_spread: Option<CurveSpread>,
+    /// Noise of the residual that is not white; null where it is.
+    pub slow_noise: Option<SlowNoiseTerms>,
     /// σ of the run offsets, °/h, where runs cover so little of the temperatures each that their offsets can hold the drift; null
     /// where they cannot.
     pub hidden_in_offsets_dph: Option<f64>,

@@ -8,9 +8,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::calibration::{
-    AxisCalibration, AxisCorrection, Candidate, Collinearity, CorrectionNoise, CrossValidation, FitDiagnostics,
-    Hysteresis, Input, Lag, Misalignment, Monomial, NoiseFloor, RejectedInput, Residual, RunOffset, ScaleFactor,
-    SearchStep, Soak, Term,
+    AxisCalibration, AxisCorrection, Candidate, Collinearity, CorrectionNoise, CrossValidation, CurveSpread,
+    FitDiagnostics, Hysteresis, Input, Lag, Misalignment, Monomial, NoiseFloor, RejectedInput, Residual, RunOffset,
+    ScaleFactor, SearchStep, SlowNoiseTerms, Soak, Term,
 };
 
 /// See [`AxisCalibration`].
@@ -65,6 +65,12 @@ pub(crate) struct AxisRecord {
     /// Heating against cooling; absent where the test does not hold both.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     hysteresis: Option<Hysteresis>,
+    /// What the selection of the model, and a lag that is not resolved, add to the uncertainty of the curve; absent where nothing.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    curve_spread: Option<CurveSpread>,
+    /// Noise of the residual that is not white; absent where it is.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    slow_noise: Option<SlowNoiseTerms>,
     /// σ of the run offsets, °/h, where runs cover so little of the temperatures each that their offsets can hold the drift;
     /// absent where they cannot.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -116,6 +122,8 @@ impl From<AxisCalibration> for AxisRecord {
             noise_floor: None,
             hysteresis: None,
             ramp_rates_cpm: None,
+            curve_spread: None,
+            slow_noise: None,
             hidden_in_offsets_dph: None,
             soak: None,
             cross_validation: None,
@@ -141,6 +149,8 @@ impl AxisRecord {
             correction_noise,
             hysteresis,
             ramp_rates_cpm,
+            curve_spread,
+            slow_noise,
             hidden_in_offsets_dph,
             soak,
             scale_factor,
@@ -155,6 +165,7 @@ impl AxisRecord {
         self.residual = Some(residual);
         (self.noise_floor, self.cross_validation, self.collinearity) = (noise_floor, cross_validation, collinearity);
         (self.correction_noise, self.hysteresis, self.soak) = (correction_noise, hysteresis, soak);
+        (self.curve_spread, self.slow_noise) = (curve_spread, slow_noise);
         (self.ramp_rates_cpm, self.hidden_in_offsets_dph) = (ramp_rates_cpm, hidden_in_offsets_dph);
         (self.scale_factor, self.misalignment) = (scale_factor, misalignment);
         (self.candidates, self.model_search, self.rejected_inputs) = (candidates, model_search, rejected_inputs);
@@ -200,6 +211,8 @@ impl TryFrom<AxisRecord> for AxisCalibration {
             noise_floor,
             hysteresis,
             ramp_rates_cpm,
+            curve_spread,
+            slow_noise,
             hidden_in_offsets_dph,
             soak,
             cross_validation,
@@ -216,6 +229,8 @@ impl TryFrom<AxisRecord> for AxisCalibration {
             correction_noise,
             hysteresis,
             ramp_rates_cpm,
+            curve_spread,
+            slow_noise,
             hidden_in_offsets_dph,
             soak,
             scale_factor,

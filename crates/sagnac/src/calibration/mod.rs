@@ -30,7 +30,9 @@ pub use crate::calibration::search::{
     Collinearity, CorrectionNoise, InputNoise, RejectedInput, SearchStep, SearchVerdict,
 };
 pub(crate) use crate::calibration::uncertainty::SCALE_AT_REFERENCE;
-pub use crate::calibration::uncertainty::{Evaluation, Hysteresis, Prediction, Soak, SoakRow};
+pub use crate::calibration::uncertainty::{
+    CurveSpread, Evaluation, Hysteresis, Prediction, SlowNoiseTerms, Soak, SoakRow,
+};
 use crate::model::{ActsOn, Form, Shape};
 
 /// Value of `Calibration::format`.

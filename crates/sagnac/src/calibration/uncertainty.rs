@@ -64,6 +64,46 @@ pub struct Prediction {
     pub window_dph: f64,
 }
 
+/// σ that models beside the selected one add to its curve.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[non_exhaustive]
+pub struct CurveSpread {
+    /// Temperatures, °C, rising.
+    pub temperature_c: Vec<f64>,
+    /// σ at each, °/h.
+    pub sigma_dph: Vec<f64>,
+}
+
+impl CurveSpread {
+    /// Variance at a temperature, (°/h)², straight between the points.
+    fn variance(&self, celsius: f64) -> f64 {
+        let after = self.temperature_c.partition_point(|t| *t < celsius);
+        let point = |at: usize| Some((*self.temperature_c.get(at)?, *self.sigma_dph.get(at)?));
+        let sigma = match (after.checked_sub(1).and_then(point), point(after)) {
+            (Some((from, a)), Some((to, b))) => a + (b - a) * (celsius - from) / (to - from),
+            (Some((_, one)), None) | (None, Some((_, one))) => one,
+            (None, None) => 0.0,
+        };
+        sigma * sigma
+    }
+}
+
+/// Noise of a residual that is not white, with its terms as IEEE Std 952 names them.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[non_exhaustive]
+pub struct SlowNoiseTerms {
+    /// White part of a window of nominal length, °/h.
+    pub white_dph: f64,
+    /// Bias instability B, °/h; null without.
+    pub bias_instability_dph: Option<f64>,
+    /// Rate random walk K, °/h/√h; null without.
+    pub rate_random_walk_dph_rt_h: Option<f64>,
+    /// σ of a first-order Markov process, °/h; null without.
+    pub markov_sigma_dph: Option<f64>,
+    /// Its correlation time, s.
+    pub markov_correlation_s: Option<f64>,
+}
+
 /// The correction at one temperature and temperature rate.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[non_exhaustive]
@@ -119,13 +159,20 @@ impl AxisCalibration {
             return None;
         }
         let drift_dph = self.drift(celsius, self.reference_c());
-        let variance = self.variance_of(&self.drift_weights(celsius, self.reference_c()));
+        let variance =
+            self.variance_of(&self.drift_weights(celsius, self.reference_c())) + self.spread_variance(celsius);
         let half = |variance: f64| residual.t_quantile_975 * variance.sqrt();
         Some(Prediction {
             drift_dph,
             curve_dph: half(variance),
             window_dph: half(variance + residual.sigma_dph.powi(2)),
         })
+    }
+
+    /// What models beside this one add to the variance of the curve.
+    fn spread_variance(&self, celsius: f64) -> f64 {
+        let spread = self.fit.as_ref().and_then(|fit| fit.curve_spread.as_ref());
+        spread.map_or(0.0, |spread| spread.variance(celsius))
     }
 
     /// The terms over the thermometer of the fit that act on one quantity, with their weights at a temperature and its rate
@@ -195,7 +242,8 @@ impl AxisCalibration {
         };
         let drift_dph = sum(ActsOn::Bias);
         let half = self.fit.as_ref().map(|fit| {
-            let sigma = self.variance_of(&self.rows(ActsOn::Bias, at_c, rate, reference_c)).sqrt();
+            let own = self.variance_of(&self.rows(ActsOn::Bias, at_c, rate, reference_c));
+            let sigma = (own + self.spread_variance(at_c)).sqrt();
             fit.residual.t_quantile_975 * sigma
         });
         Evaluation {

@@ -6,7 +6,10 @@
 //! costs more held-out error than the term gains. Noise through the value terms is reported only: without them there is no
 //! correction.
 
-use crate::calibration::{Candidate, CorrectionNoise, CrossValidation, RejectedInput, SearchStep, SearchVerdict};
+use crate::calibration::{
+    Candidate, CorrectionNoise, CrossValidation, CurveSpread, RejectedInput, SearchStep, SearchVerdict,
+};
+use crate::fit::averaging::{grade, spread};
 use crate::fit::criterion::{CvScore, effective_windows, is_undominated};
 use crate::fit::folds::{Trial, cross_validate, scheme_of};
 use crate::fit::input_noise::{INCREASE_MAX, correction_noise, loudest_rate};
@@ -14,7 +17,8 @@ use crate::fit::least_squares::{LeastSquares, Level};
 use crate::fit::period::settle_periods;
 use crate::fit::robust::{Loss, robust_fit};
 use crate::fit::search::{CONDITION_MAX, fits_image, inputs_read, walk};
-use crate::fit::solution::{Fitted, fit};
+use crate::fit::slow_noise::{SlowNoise, Whitening};
+use crate::fit::solution::{Fitted, fit, noise_of, with_slow_noise};
 use crate::fit::{Model, SAME_RATE, SMALLER_WINS_WITHIN};
 use crate::model::input::{Signal, channels};
 use crate::model::price::Work;
@@ -31,7 +35,11 @@ struct Best {
     spec: ModelSpec,
     mean_square: Option<f64>,
     candidates: Vec<Candidate>,
+    specs: Vec<ModelSpec>,
 }
+
+/// Slow noise of less than this part of the white variance, each process, still counts as nearly white.
+const NEARLY_WHITE: f64 = 0.3;
 
 /// A model with the windows for its fit, and how it was found.
 pub(crate) struct Chosen<'a> {
@@ -42,6 +50,10 @@ pub(crate) struct Chosen<'a> {
     candidates: Vec<Candidate>,
     pub(crate) aside: Vec<RejectedInput>,
     pub(crate) path: Vec<SearchStep>,
+    /// Models of the thermometer of the fit that the selection chose from; the given one alone where it was given.
+    grid: Vec<ModelSpec>,
+    /// Slow noise of the residual.
+    pub(crate) noise: SlowNoise,
 }
 
 /// Makes the problem of an axis on the windows in which some inputs are known.
@@ -68,7 +80,7 @@ pub(crate) fn choose<'a>(
             let all = known_together(main, further, config.inputs.is_some(), grid, make, &mut aside)?;
             let walked = walk(&all, &best.spec, &taus_s);
             let Some(path) = walked else {
-                let Best { spec, mean_square, candidates } = best;
+                let Best { spec, mean_square, candidates, specs } = best;
                 return Ok(Chosen {
                     problem: make(&[main])?,
                     spec,
@@ -77,6 +89,8 @@ pub(crate) fn choose<'a>(
                     candidates,
                     aside,
                     path: Vec::new(),
+                    grid: specs,
+                    noise: SlowNoise::default(),
                 });
             };
             let named =
@@ -88,7 +102,17 @@ pub(crate) fn choose<'a>(
             let same = problem.used == all.used;
             let mean_square =
                 if same { Some(path.mean_square) } else { Trial::new(&problem, &spec, &taus_s).held_out() };
-            Ok(Chosen { problem, spec, taus_s, mean_square, candidates: best.candidates, aside, path: path.steps })
+            Ok(Chosen {
+                problem,
+                spec,
+                taus_s,
+                mean_square,
+                candidates: best.candidates,
+                aside,
+                path: path.steps,
+                grid: best.specs,
+                noise: SlowNoise::default(),
+            })
         }
     }
 }
@@ -149,7 +173,17 @@ fn given<'a>(shape: &WindowShape, main: Signal, spec: &ModelSpec, make: &MakePro
     let taus_s = problem.tau_grid();
     settle_periods(&problem, &mut spec, &taus_s)?;
     let mean_square = Trial::new(&problem, &spec, &taus_s).held_out();
-    Ok(Chosen { problem, spec, taus_s, mean_square, candidates: Vec::new(), aside: Vec::new(), path: Vec::new() })
+    Ok(Chosen {
+        problem,
+        grid: vec![spec.clone()],
+        spec,
+        taus_s,
+        mean_square,
+        candidates: Vec::new(),
+        aside: Vec::new(),
+        path: Vec::new(),
+        noise: SlowNoise::default(),
+    })
 }
 
 /// The inputs that a model names, the thermometer of the fit first; their names as the log has them.
@@ -299,12 +333,32 @@ fn best_of_grid(problem: &LeastSquares<'_>, taus_s: &[f64]) -> Result<Best> {
         fair.retain(|other| *other != chosen);
     };
     let candidates = specs.iter().zip(&mean_square).map(|(spec, square)| candidate(spec, *square, 1)).collect();
-    Ok(Best { spec: specs[chosen].clone(), mean_square: mean_square[chosen], candidates })
+    Ok(Best { spec: specs[chosen].clone(), mean_square: mean_square[chosen], candidates, specs })
+}
+
+/// Of the fair candidates the one of the best grade at its best τ ([`super::averaging`]) where the residual of the largest is nearly
+/// white; where it is not, a grade mistakes what no model explains for noise, and what is held out decides.
+fn best_of(
+    problem: &LeastSquares<'_>,
+    fair: &[usize],
+    specs: &[ModelSpec],
+    mean_square: &[Option<f64>],
+    taus_s: &[f64],
+) -> Option<usize> {
+    let largest = fair.iter().copied().max_by_key(|i| specs[*i].coefficients())?;
+    let fitted = fit(problem, &specs[largest], taus_s).ok();
+    let noise = fitted.map_or(SlowNoise::default(), |fitted| noise_of(problem, &fitted));
+    if noise.parts_of_white() > NEARLY_WHITE {
+        return best_held_out(problem, fair, specs, mean_square, taus_s);
+    }
+    let grades = grade(problem, &Whitening::new(problem, noise), specs, taus_s)?;
+    let graded = grades.all.iter().filter(|graded| fair.contains(&graded.spec));
+    graded.min_by(|a, b| a.criterion.total_cmp(&b.criterion)).map(|graded| graded.spec)
 }
 
 /// The smallest model against which no other is justified ([`super::criterion`]). At equal size a model without rate term is
 /// preferred, because a slow lag can look like a curve; then the lower mean square.
-fn best_of(
+fn best_held_out(
     problem: &LeastSquares<'_>,
     fair: &[usize],
     specs: &[ModelSpec],
@@ -346,7 +400,11 @@ impl Chosen<'_> {
     ) -> Result<(Fitted, CorrectionNoise)> {
         loop {
             let fitted = match loss {
-                Loss::Squares => fit(&self.problem, &self.spec, &self.taus_s)?,
+                Loss::Squares => {
+                    let fitted = fit(&self.problem, &self.spec, &self.taus_s)?;
+                    self.noise = noise_of(&self.problem, &fitted);
+                    with_slow_noise(&self.problem, fitted, self.noise)
+                }
                 Loss::Huber => robust_fit(&mut self.problem, &self.spec, &self.taus_s)?,
             };
             self.check_condition(&fitted)?;
@@ -365,6 +423,26 @@ impl Chosen<'_> {
                 _ => return Ok((fitted, noise)),
             }
         }
+    }
+
+    /// What the models beside the selected one add to the uncertainty of its curve, which gives value and variance at a temperature;
+    /// `None` for models of more than the series over one thermometer.
+    pub(crate) fn spread(&self, curve: impl Fn(f64) -> (f64, f64)) -> Option<CurveSpread> {
+        let is_series = |spec: &ModelSpec| {
+            let of = spec.thermometer();
+            spec.inputs().len() == 1 && of.zones < 2 && of.harmonics.is_empty()
+        };
+        let mut specs: Vec<ModelSpec> = self.grid.iter().filter(|spec| is_series(spec)).cloned().collect();
+        let of = self.spec.thermometer();
+        if self.spec.inputs().len() > 1 || !of.harmonics.is_empty() {
+            return None;
+        }
+        if is_series(&self.spec) && !specs.contains(&self.spec) {
+            specs.push(self.spec.clone());
+        }
+        let whitening = Whitening::new(&self.problem, self.noise);
+        let grades = grade(&self.problem, &whitening, &specs, &self.taus_s)?;
+        spread(&self.problem, grades, &specs, curve)
     }
 
     fn check_condition(&self, fitted: &Fitted) -> Result<()> {

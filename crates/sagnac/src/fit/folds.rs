@@ -92,7 +92,7 @@ fn fold_squares(
         .collect();
     let (known, free) = division.levels_without(problem, fold);
     let squares = candidates.iter().map(|candidate| {
-        let columns = columns_of(candidate, &known, division.levels);
+        let columns = columns_of_grid(candidate, &known, division.levels);
         let choices = if candidate.thermometer().rate.is_some() { taus_s.len() } else { 1 };
         let (tau, theta) = best_tau(&training[..choices], &columns)?;
         Some(factors[tau][fold].ssr(&columns, &theta, &free))
@@ -108,7 +108,7 @@ fn best_tau(training: &[Option<Factor>], columns: &[usize]) -> Option<(usize, DV
 }
 
 /// Columns of a candidate in the full row: levels, b₁…b₈, c₀…c₃, e₁….
-fn columns_of(spec: &ModelSpec, known: &[usize], levels: usize) -> Vec<usize> {
+pub(crate) fn columns_of_grid(spec: &ModelSpec, known: &[usize], levels: usize) -> Vec<usize> {
     let bias = levels;
     let rate = bias + BIAS_COLUMNS;
     let scale = rate + RATE_COLUMNS;

@@ -7,6 +7,7 @@
 //!
 //! `docs/explanation/method.md` describes the method; the equation of each step is in its module.
 
+mod averaging;
 mod bootstrap;
 mod choose;
 mod criterion;
@@ -24,6 +25,7 @@ mod rate_table_input;
 mod record;
 mod robust;
 mod search;
+mod slow_noise;
 mod soak;
 mod solution;
 mod solve;

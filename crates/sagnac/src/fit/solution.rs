@@ -2,7 +2,8 @@
 //!
 //! For given τ the model is linear and solved by QR. τ is found by a grid over [Δt, run/4] and a golden section; several
 //! lags are optimised in turn until they converge. Covariance: s²·(JᵀWJ)⁻¹ with ∂y/∂τ as a column of J, widened by
-//! (1 + ρ)/(1 − ρ) for residuals of lag-one autocorrelation ρ (AR(1); Bartlett 1946), which a slow misfit causes.
+//! (1 + ρ)/(1 − ρ) for residuals of lag-one autocorrelation ρ (AR(1); Bartlett 1946), until the slow noise of the residuals is
+//! known: then it is that of these weights under that noise ([`super::slow_noise`]).
 
 use nalgebra::DMatrix;
 use statrs::distribution::{ContinuousCDF, StudentsT};
@@ -10,6 +11,7 @@ use statrs::distribution::{ContinuousCDF, StudentsT};
 use crate::calibration::Lag;
 use crate::fit::bootstrap::Resampling;
 use crate::fit::least_squares::{LeastSquares, Rates, TermColumn};
+use crate::fit::slow_noise::{self, MOST_ROWS, SlowNoise, Whitening};
 use crate::fit::solve::{Conditioning, Factor, Reducer, Solution};
 use crate::model::ActsOn;
 use crate::model::Shape;
@@ -17,8 +19,8 @@ use crate::model::spec::ModelSpec;
 use rayon::prelude::*;
 use sagnac_log::error::{Error, Result};
 
-/// τ counts as resolved unless misfits within this factor of the least reach an end of the search.
-const FLAT_MISFIT: f64 = 1.02;
+/// τ counts as resolved unless misfits within this Δχ² of the least reach an end of the search: two standard errors.
+const FLAT_CHI_SQUARED: f64 = 4.0;
 const GOLDEN_STEPS: usize = 24;
 /// Limit on the sweeps over several lags.
 const MOST_SWEEPS: usize = 6;
@@ -102,7 +104,7 @@ pub(crate) fn fit(problem: &LeastSquares<'_>, spec: &ModelSpec, taus_s: &[f64]) 
     }
     let terms = problem.terms(spec);
     let taus = find_taus(problem, spec, &terms, taus_s)?;
-    let design = Design { problem, terms: &terms, rates: problem.rates(&values(&taus)) };
+    let design = Design::new(problem, &terms, &values(&taus));
     let solution = design.factor(&[]).solve_all().ok_or_else(|| dependent(problem, spec))?;
     let theta: Vec<f64> = solution.theta.iter().copied().collect();
     let residuals = design.residuals(&theta);
@@ -113,7 +115,8 @@ pub(crate) fn fit(problem: &LeastSquares<'_>, spec: &ModelSpec, taus_s: &[f64]) 
     let degrees = (problem.len() - normal.nrows()) as f64;
     let ssr: f64 = residuals.iter().zip(&problem.weight).map(|(r, w)| w * r * r).sum();
     let variance = ssr / degrees;
-    let autocorrelation = lag_one(problem, &residuals);
+    let weighted: Vec<f64> = residuals.iter().zip(&problem.weight).map(|(r, w)| r * w.sqrt()).collect();
+    let autocorrelation = lag_one(problem, &weighted);
     let widening = (1.0 + autocorrelation) / (1.0 - autocorrelation);
     let effective = (problem.len() as f64 / widening - normal.nrows() as f64).max(1.0);
     let t_quantile_975 = StudentsT::new(0.0, 1.0, effective).map_or(1.96, |t| t.inverse_cdf(0.975));
@@ -133,9 +136,64 @@ pub(crate) fn fit(problem: &LeastSquares<'_>, spec: &ModelSpec, taus_s: &[f64]) 
     })
 }
 
+/// The slow noise of a model's residuals, by restricted likelihood; white without time, with too few windows, or where the model
+/// explains everything.
+pub(crate) fn noise_of(problem: &LeastSquares<'_>, fitted: &Fitted) -> SlowNoise {
+    let rows = problem.len().min(MOST_ROWS);
+    let parameters = problem.levels.len() + fitted.terms.len();
+    let scale: f64 = problem.y.iter().map(|y| y * y).sum();
+    let square: f64 = fitted.residuals.iter().map(|r| r * r).sum();
+    if !problem.has_rate() || rows < FEWEST_FOR_NOISE || rows < 2 * parameters || square < 1e-18 * scale {
+        return SlowNoise::default();
+    }
+    let nominal_s = problem.windows().shape.nominal_s;
+    slow_noise::estimate(nominal_s, |noise| {
+        let whitening = Whitening::of_rows(problem, noise, rows);
+        let mut design = Design::new(problem, &fitted.terms, &values(&fitted.taus));
+        (design.whitening, design.rows) = (Some(&whitening), rows);
+        let Some(solution) = design.factor(&[]).solve_all() else { return f64::INFINITY };
+        let degrees = (rows - parameters) as f64;
+        degrees * solution.ssr.ln() + whitening.log_determinant + solution.log_determinant()
+    })
+}
+
+/// The fit with the covariance that its weights have under this noise; as it is where the noise is white.
+pub(crate) fn with_slow_noise(problem: &LeastSquares<'_>, fitted: Fitted, noise: SlowNoise) -> Fitted {
+    if noise == SlowNoise::default() {
+        return fitted;
+    }
+    let design = Design::new(problem, &fitted.terms, &values(&fitted.taus));
+    let slopes = nonlinear_columns(&design, &fitted.spec, &fitted.taus, &fitted.theta);
+    let Some(normal) = design.factor(&slopes).solve_all().and_then(|s| s.inverse_normal()) else { return fitted };
+    let (n, p) = (problem.len(), normal.nrows());
+    let mut row = Vec::with_capacity(p);
+    let mut z = DMatrix::zeros(n, p);
+    for i in 0..n {
+        design.row(i, &slopes, &mut row);
+        row.iter().enumerate().for_each(|(j, value)| z[(i, j)] = problem.weight[i] * value);
+    }
+    let white = white_variance(problem, &fitted, noise);
+    let covariance = &normal * noise.between(problem, &z) * &normal * white;
+    let effective = (n - p).max(1) as f64;
+    let t_quantile_975 = StudentsT::new(0.0, 1.0, effective).map_or(1.96, |t| t.inverse_cdf(0.975));
+    Fitted { covariance, t_quantile_975, ..fitted }
+}
+
+/// White variance of a nominal window under this noise: mean square of the innovations of generalized least squares.
+pub(crate) fn white_variance(problem: &LeastSquares<'_>, fitted: &Fitted, noise: SlowNoise) -> f64 {
+    let whitening = Whitening::new(problem, noise);
+    let mut design = Design::new(problem, &fitted.terms, &values(&fitted.taus));
+    design.whitening = Some(&whitening);
+    let degrees = (problem.len() as f64 - (problem.levels.len() + fitted.terms.len()) as f64).max(1.0);
+    design.factor(&[]).solve_all().map_or(f64::NAN, |solution| solution.ssr / degrees)
+}
+
+/// Windows that tell slow noise from none.
+const FEWEST_FOR_NOISE: usize = 60;
+
 /// 95 % intervals of every parameter by the block bootstrap.
 pub(crate) fn bootstrap_intervals(problem: &LeastSquares<'_>, fitted: &Fitted, draws: usize) -> Vec<[f64; 2]> {
-    let design = Design { problem, terms: &fitted.terms, rates: problem.rates(&values(&fitted.taus)) };
+    let design = Design::new(problem, &fitted.terms, &values(&fitted.taus));
     let slopes = nonlinear_columns(&design, &fitted.spec, &fitted.taus, &fitted.theta);
     let mut row = Vec::new();
     let mut rows = Vec::new();
@@ -187,9 +245,17 @@ struct Design<'a> {
     problem: &'a LeastSquares<'a>,
     terms: &'a [TermColumn],
     rates: Rates,
+    /// Rows become innovations of it; else they are weighted by their lengths.
+    whitening: Option<&'a Whitening>,
+    /// Only so many of the first rows.
+    rows: usize,
 }
 
-impl Design<'_> {
+impl<'a> Design<'a> {
+    fn new(problem: &'a LeastSquares<'a>, terms: &'a [TermColumn], taus: &[(usize, f64)]) -> Self {
+        Self { problem, terms, rates: problem.rates(taus), whitening: None, rows: usize::MAX }
+    }
+
     /// Levels, terms and the ∂y/∂τ of a row.
     fn row(&self, row: usize, slopes: &[Vec<f64>], out: &mut Vec<f64>) {
         out.clear();
@@ -203,11 +269,17 @@ impl Design<'_> {
         let count = self.problem.levels.len() + self.terms.len() + slopes.len();
         let mut reducer = Reducer::new(count + 1);
         let mut row = Vec::with_capacity(count + 1);
-        for i in 0..self.problem.len() {
+        let mut filter = self.whitening.map(|whitening| whitening.filter(count + 1));
+        for i in 0..self.problem.len().min(self.rows) {
             self.row(i, slopes, &mut row);
             row.push(self.problem.y[i]);
-            let root = self.problem.weight[i].sqrt();
-            row.iter_mut().for_each(|value| *value *= root);
+            match &mut filter {
+                Some(filter) => filter.push(i, &mut row),
+                None => {
+                    let root = self.problem.weight[i].sqrt();
+                    row.iter_mut().for_each(|value| *value *= root);
+                }
+            }
             reducer.push(&row);
         }
         Columns { factor: reducer.finish(), count }
@@ -236,7 +308,7 @@ impl Columns {
 }
 
 fn misfit(problem: &LeastSquares<'_>, terms: &[TermColumn], taus_s: &[(usize, f64)]) -> f64 {
-    let design = Design { problem, terms, rates: problem.rates(taus_s) };
+    let design = Design::new(problem, terms, taus_s);
     design.factor(&[]).solve_all().map_or(f64::INFINITY, |s| s.ssr)
 }
 
@@ -254,7 +326,8 @@ fn find_taus(problem: &LeastSquares<'_>, spec: &ModelSpec, terms: &[TermColumn],
                 taus.iter().enumerate().map(of).collect()
             };
             let grid = taus_s.get(problem.tau_from[taus[at].input]..).unwrap_or(&[]);
-            let found = find_tau(grid, |tau_s| misfit(problem, terms, &with(tau_s)));
+            let degrees = (problem.len() as f64 - (problem.levels.len() + terms.len()) as f64).max(1.0);
+            let found = find_tau(grid, degrees, |tau_s| misfit(problem, terms, &with(tau_s)));
             (taus[at].value_s, taus[at].resolved) = found.ok_or_else(|| dependent(problem, spec))?;
         }
         let moved = taus.iter().zip(&before).any(|(a, b)| (a.value_s / b.value_s - 1.0).abs() > STILL);
@@ -266,14 +339,14 @@ fn find_taus(problem: &LeastSquares<'_>, spec: &ModelSpec, terms: &[TermColumn],
 }
 
 /// The τ of least misfit and whether it is resolved; where the misfit is flat to an end of the search, the smallest
-/// within 2 %. `None` where nothing could be fitted.
-fn find_tau(taus_s: &[f64], misfit: impl Fn(f64) -> f64 + Sync) -> Option<(f64, bool)> {
+/// within [`FLAT_CHI_SQUARED`]. `None` where nothing could be fitted.
+fn find_tau(taus_s: &[f64], degrees: f64, misfit: impl Fn(f64) -> f64 + Sync) -> Option<(f64, bool)> {
     let misfits: Vec<f64> = taus_s.par_iter().map(|tau| misfit(*tau)).collect();
     let (best, least) = misfits.iter().copied().enumerate().min_by(|(_, a), (_, b)| a.total_cmp(b))?;
     if !least.is_finite() {
         return None;
     }
-    let near = |m: &f64| *m <= FLAT_MISFIT * least;
+    let near = |m: &f64| *m <= least * (1.0 + FLAT_CHI_SQUARED / degrees);
     let ends_are_far = misfits.first().is_some_and(|m| !near(m)) && misfits.last().is_some_and(|m| !near(m));
     if !ends_are_far {
         let smallest = misfits.iter().position(near).unwrap_or(best);
@@ -369,8 +442,7 @@ pub(crate) fn misfit_at(problem: &LeastSquares<'_>, spec: &ModelSpec, lags_s: &[
 
 /// Lag-one correlation of neighbouring residuals of a run, with Kendall's (1954) correction for the
 /// small-sample bias; within 0 … 0.99.
-fn lag_one(problem: &LeastSquares<'_>, residuals: &[f64]) -> f64 {
-    let scaled: Vec<f64> = residuals.iter().zip(&problem.weight).map(|(r, w)| r * w.sqrt()).collect();
+fn lag_one(problem: &LeastSquares<'_>, scaled: &[f64]) -> f64 {
     let square: f64 = scaled.iter().map(|r| r * r).sum();
     let product: f64 =
         (1..scaled.len()).filter(|i| problem.run[*i] == problem.run[i - 1]).map(|i| scaled[i] * scaled[i - 1]).sum();
@@ -378,5 +450,5 @@ fn lag_one(problem: &LeastSquares<'_>, residuals: &[f64]) -> f64 {
         return 0.0;
     }
     let raw = product / square;
-    (raw + (1.0 + 3.0 * raw.max(0.0)) / residuals.len() as f64).clamp(0.0, 0.99)
+    (raw + (1.0 + 3.0 * raw.max(0.0)) / scaled.len() as f64).clamp(0.0, 0.99)
 }

@@ -133,6 +133,11 @@ impl Solution {
         Some(Conditioning { condition: values.max() / values.min(), vif })
     }
 
+    /// ln |AᵀA| of the solved columns.
+    pub(crate) fn log_determinant(&self) -> f64 {
+        2.0 * self.r.diagonal().iter().map(|r| r.abs().ln()).sum::<f64>()
+    }
+
     /// (AᵀWA)⁻¹ of the solved columns.
     pub(crate) fn inverse_normal(&self) -> Option<DMatrix<f64>> {
         let p = self.r.nrows();

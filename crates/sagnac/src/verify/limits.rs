@@ -41,7 +41,7 @@ pub struct Limits {
     pub improvement_min: Option<f64>,
     /// Least improvement of σ.
     pub improvement_sigma_min: Option<f64>,
-    /// Largest part of the windows with the status OUT_OF_SPAN, 0 to 1.
+    /// Largest part of the windows whose temperature leaves the fit's span by more than 0.5 °C, 0 to 1.
     pub out_of_span_max: Option<f64>,
     /// Least part of the fit's span of temperature that the used windows cover, 0 to 1; gaps of a twentieth of it count as covered.
     pub span_covered_min: Option<f64>,
@@ -77,6 +77,8 @@ pub struct Limits {
     pub scale_factor_hysteresis_ppm_max: Option<f64>,
     /// Least part of the fit's span of temperature rate that the retest's ramps reach, 0 to 1.
     pub rate_covered_min: Option<f64>,
+    /// Largest part of the time of the runs of which no row is usable, 0 to 1.
+    pub missing_max: Option<f64>,
     /// Largest part of the rows that was excluded on request, 0 to 1; 0.005 where a file does not state it.
     pub excluded_max: Option<f64>,
     /// Largest σ of the scale factor over the plateaus of a rate table, ppm.
@@ -143,6 +145,9 @@ pub struct Verdict {
     pub undecided_hours: Option<f64>,
     /// Room between value and limit as a part of the limit; negative where it is not met, null without a value.
     pub margin: Option<f64>,
+    /// Run whose value this is, where it is worse alone than all runs together.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub run: Option<String>,
     /// It is met; false where it is not met or not decided; null where it is not asked of such a retest.
     pub pass: Option<bool>,
     /// Why the retest does not tell the value, or is not asked for it.
@@ -179,14 +184,31 @@ impl Verdict {
         }
     }
 
+    /// Of one limit, for a run alone and for all: only where the run has a value, and only of limits that a run can be asked for.
+    pub(crate) fn is_worse_than(&self, all: &Self) -> bool {
+        let rank = |verdict: &Self| match (verdict.pass, verdict.undecided_hours) {
+            (Some(false), None) => 2,
+            (Some(false), Some(_)) => 1,
+            _ => 0,
+        };
+        let alone = SPECS.iter().any(|spec| spec.key == self.name && spec.bound == Bound::Most)
+            && !OF_ALL.contains(&self.name.as_str());
+        alone && self.value.is_some() && rank(self) > rank(all)
+    }
+
     /// What more a verdict says: how long a retest would decide, or why there is no value.
     pub fn remark(&self) -> Option<String> {
-        match self.undecided_hours {
+        let of_run = self.run.as_ref().map(|run| format!("{run} alone"));
+        let more = match self.undecided_hours {
             Some(hours) if hours >= MOST_HOURS => {
                 Some("the value lies at its limit: no longer retest decides".to_owned())
             }
             Some(hours) => Some(format!("{} more hours would decide", hours.ceil())),
             None => self.why.clone(),
+        };
+        match (of_run, more) {
+            (Some(run), Some(more)) => Some(format!("{run}; {more}")),
+            (run, more) => run.or(more),
         }
     }
 }
@@ -456,6 +478,7 @@ impl LimitSpec {
             value_of_every_row: None,
             undecided_hours: None,
             margin: None,
+            run: None,
             pass: None,
             why: None,
         };
@@ -494,6 +517,8 @@ impl LimitSpec {
 }
 
 const EXCLUDED: &str = "excluded_max";
+/// Limits of the whole retest, not of each run.
+const OF_ALL: [&str; 4] = ["turn_on_sigma_dph_max", "missing_max", EXCLUDED, "position_error_m_max"];
 const PLATEAU_OFFSET: &str = "plateau_offset_dph_max";
 const POSITION_ERROR: &str = "position_error_m_max";
 const NO_PLATEAU: &str = "no five steady windows within 1 °C of each other";
@@ -546,7 +571,7 @@ macro_rules! limit {
 }
 
 /// Every limit, in the order of reports.
-pub const SPECS: [LimitSpec; 31] = [
+pub const SPECS: [LimitSpec; 32] = [
     limit!(
         sigma_dph_max,
         Most,
@@ -615,9 +640,9 @@ pub const SPECS: [LimitSpec; 31] = [
         Most,
         "",
         Always,
-        "fraction of the windows with the status OUT_OF_SPAN",
+        "fraction of the windows beyond the fit's temperatures by over 0.5 °C",
         true,
-        |a| plain(Some(a.status_windows.get("OUT_OF_SPAN").copied().unwrap_or(0) as f64 / a.after.n as f64)),
+        |a| plain(Some(a.out_of_span_fraction)),
         ""
     ),
     limit!(
@@ -854,6 +879,16 @@ pub const SPECS: [LimitSpec; 31] = [
         true,
         |a| plain(a.rate_coverage),
         "the ramps of the fit are not known"
+    ),
+    limit!(
+        missing_max,
+        Most,
+        "",
+        Always,
+        "fraction of the time of the runs of which no row is usable",
+        true,
+        |a| plain(Some(a.missing_fraction)),
+        ""
     ),
     limit!(
         excluded_max,

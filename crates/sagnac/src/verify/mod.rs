@@ -277,6 +277,10 @@ pub struct AxisVerification {
     /// Each run covers so little of the temperatures that its own mean would hold the drift: the figures are about the mean of all
     /// runs.
     pub about_common_mean: bool,
+    /// Part of the time of the runs of which no row is usable, 0 to 1: flagged, missing, unreadable.
+    pub missing_fraction: f64,
+    /// Part of the windows with a temperature beyond the fit's span by more than half a degree, 0 to 1.
+    pub out_of_span_fraction: f64,
     /// Hours of the judged windows.
     pub hours: f64,
     /// Part of the rows that was excluded on request, 0 to 1; null where nothing was asked to be excluded.
@@ -323,6 +327,9 @@ pub struct Verification {
     pub limits: Option<LimitsSource>,
     /// The retest logs.
     pub inputs: Vec<LogFile>,
+    /// Axes of the calibration that the retest does not have: with any of them the unit is not accepted.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub untested_axes: Vec<char>,
     /// Those of them that the calibration was made from: with any of them this is no proof, and no limit can be met.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub training_overlap: Vec<String>,
@@ -332,7 +339,8 @@ impl Verification {
     /// False when a limit is not met, or where limits were held against a log that the fit has seen.
     pub fn passed(&self) -> bool {
         let judged = self.axes.iter().any(|axis| axis.pass.is_some());
-        self.axes.iter().all(|axis| axis.pass != Some(false)) && (!judged || self.training_overlap.is_empty())
+        let sound = self.training_overlap.is_empty() && self.untested_axes.is_empty();
+        self.axes.iter().all(|axis| axis.pass != Some(false)) && (!judged || sound)
     }
 }
 
@@ -346,6 +354,8 @@ pub struct Proof {
     pub report_data: ReportData,
     /// Figures of every window, where some were excluded on request.
     every_row: Option<(Vec<AxisVerification>, ReportData)>,
+    /// Each run alone, where there are several: a good run does not make up for a bad one.
+    each_run: Vec<(String, Vec<AxisVerification>)>,
 }
 
 impl Proof {
@@ -356,6 +366,11 @@ impl Proof {
     pub fn limits(mut self, limits: &Limits) -> Result<Self> {
         for (axis, drawn) in self.verification.axes.iter_mut().zip(&self.report_data.axes) {
             axis.judge(limits, &drawn.points)?;
+        }
+        for (name, axes) in &self.each_run {
+            for (run, axis) in axes.iter().zip(&mut self.verification.axes) {
+                axis.take_worse(name, limits.judge(run));
+            }
         }
         if let Some((axes, report_data)) = &mut self.every_row {
             for ((whole, drawn), axis) in axes.iter_mut().zip(&report_data.axes).zip(&mut self.verification.axes) {
@@ -398,6 +413,19 @@ impl AxisVerification {
         let n = (self.after.n as f64).max(3.0);
         let end = std::f64::consts::PI / 6.0_f64.sqrt() / (2.0 * n.ln()).sqrt();
         std::f64::consts::SQRT_2 * end / expected_range(self.after.n.max(2))
+    }
+
+    /// Verdicts of a run alone, where they are worse than those of all together.
+    fn take_worse(&mut self, run: &str, of_run: Vec<Verdict>) {
+        for verdict in of_run {
+            let is_worse = |all: &&mut Verdict| all.name == verdict.name && verdict.is_worse_than(all);
+            if let Some(all) = self.limits.iter_mut().find(is_worse) {
+                *all = Verdict { run: Some(sagnac_units::format::file_name(run)), ..verdict };
+            }
+        }
+        if self.pass.is_some() {
+            self.pass = Some(self.limits.iter().all(|verdict| verdict.pass != Some(false)));
+        }
     }
 
     fn judge(&mut self, limits: &Limits, points: &[Point]) -> Result<()> {
@@ -457,7 +485,9 @@ impl VerifyOptions {
 pub fn verify(correction: &Correction, logs: Vec<LogReader>, setup: &Setup, options: VerifyOptions) -> Result<Proof> {
     let fits = |log: &LogReader| correction.fit_to(log.shape(), setup).map_err(|e| e.file(log.summary().file));
     let sensor = logs.first().map(fits).transpose()?.and_then(|(_, readings)| readings.thermometer);
-    let test = setup.stages().test;
+    let mut test = setup.stages().test;
+    // What the setup of the retest does not state is as the calibration had it.
+    test.input_rate_dph = test.input_rate_dph.or(correction.setup().stages().test.input_rate_dph);
     let mut whole = PairedWindows::replayed(correction, logs, setup)?;
     whole.leave_out_unknown(&test)?;
     let kept = options.excludes().then(|| whole.excluding(options, setup.discard_initial_s));
@@ -468,6 +498,7 @@ pub fn verify(correction: &Correction, logs: Vec<LogReader>, setup: &Setup, opti
     for (axis, figures) in axes.iter_mut().enumerate() {
         figures.excluded_fraction = kept.as_ref().map(|kept| kept.excluded_fraction(&whole));
         figures.suspects = suspects(&whole.raw, axis);
+        figures.missing_fraction = whole.missing_fraction();
     }
     let windows = &pair.raw;
     let verification = Verification {
@@ -482,10 +513,16 @@ pub fn verify(correction: &Correction, logs: Vec<LogReader>, setup: &Setup, opti
         image_sha256: correction.sha256(),
         record_sha256: correction.images.first().map_or(String::new(), |image| hex(&image.description().parent)),
         limits: None,
+        untested_axes: untested_axes(correction, &windows.shape.axes),
         training_overlap: training_overlap(correction, &fit::log_files(windows)),
         inputs: fit::log_files(windows),
     };
-    Ok(Proof { verification, report_data, every_row })
+    let several = pair.raw.runs.len() > 1 && !verification.axes.iter().any(|axis| axis.about_common_mean);
+    let runs = if several { pair.raw.runs.len() } else { 0 };
+    // A run too short for figures of its own is judged with the others.
+    let one = |run: usize| Some((pair.raw.runs[run].name(), against.figures(&pair.only_run(run)).ok()?.0));
+    let each_run = (0..runs).filter_map(one).collect();
+    Ok(Proof { verification, report_data, every_row, each_run })
 }
 
 /// What a retest is compared with.
@@ -564,6 +601,8 @@ impl Against<'_> {
             scale_factor_difference: None,
             rate_coverage: None,
             about_common_mean: common,
+            missing_fraction: 0.0,
+            out_of_span_fraction: 0.0,
             hours: used.iter().map(|i| windows.duration_s(*i)).sum::<f64>() / 3600.0,
             excluded_fraction: None,
             suspects: Vec::new(),
@@ -611,6 +650,9 @@ impl Against<'_> {
         let image = images.iter().find(|image| char::from(image.description().axis) == figures.axis);
         figures.coverage =
             image.zip(self.sensor).and_then(|(image, sensor)| Coverage::of(image, &pair.raw, used, sensor));
+        if let Some((image, sensor)) = image.zip(self.sensor) {
+            figures.out_of_span_fraction = out_of_span(image, &pair.raw, used, sensor);
+        }
         figures.scale_factor = drifts.scale_proof(used, axis, self.sensor);
         let record = self.record(figures.axis);
         figures.scale_factor_difference = scale_difference(figures.scale_factor.as_ref(), record);
@@ -621,11 +663,29 @@ impl Against<'_> {
     }
 }
 
+/// Axes of a calibration that a retest does not have.
+fn untested_axes(correction: &Correction, tested: &[char]) -> Vec<char> {
+    let all = correction.calibration.iter().flat_map(|calibration| &calibration.axes);
+    all.map(|axis| axis.axis).filter(|axis| !tested.contains(axis)).collect()
+}
+
 /// Names of the retests whose bytes the calibration was made from.
 fn training_overlap(correction: &Correction, retests: &[LogFile]) -> Vec<String> {
     let of_fit = || correction.calibration.iter().flat_map(|calibration| &calibration.provenance.inputs);
     let seen = |retest: &&LogFile| of_fit().any(|input| input.sha256 == retest.sha256);
     retests.iter().filter(seen).map(|retest| retest.file.clone()).collect()
+}
+
+/// Half a degree beyond the span the correction at its border still holds.
+const BEYOND_SPAN_C: f64 = 0.5;
+
+/// Part of the used windows whose temperature leaves the span of an image.
+fn out_of_span(image: &Image, windows: &Windows, used: &[usize], sensor: usize) -> f64 {
+    let Some(spec) = image.inputs().first() else { return 0.0 };
+    let [lo, hi] = [spec.span_lo_q24, spec.span_hi_q24].map(|q24| f64::from(q24) / 2.0_f64.powi(24));
+    let (min_c, max_c) = (&windows.rows.min_c[sensor], &windows.rows.max_c[sensor]);
+    let outside = |i: &&usize| min_c[**i] < lo - BEYOND_SPAN_C || max_c[**i] > hi + BEYOND_SPAN_C;
+    used.iter().filter(outside).count() as f64 / used.len() as f64
 }
 
 /// Where each run covers little of the temperatures, its own mean would hold the drift.

@@ -97,6 +97,25 @@ impl PairedWindows {
         1.0 - rows(self) / rows(whole)
     }
 
+    /// One run alone: the windows of all others are left out.
+    pub(crate) fn only_run(&self, run: usize) -> Self {
+        let mut one = self.clone();
+        for i in 0..one.raw.len() {
+            if one.raw.rows.run[i] as usize != run && one.raw.rows.excluded[i].is_none() {
+                one.raw.rows.excluded[i] = Some(Reason::AnotherRun);
+            }
+        }
+        one.corrected.exclude_as(&one.raw);
+        one
+    }
+
+    /// Part of the time between the first and the last row of the runs of which no row is usable, 0 to 1.
+    pub(crate) fn missing_fraction(&self) -> f64 {
+        let whole: f64 = self.raw.runs.iter().map(crate::window::Run::length_s).sum();
+        let known: f64 = (0..self.raw.len()).map(|i| self.raw.duration_s(i)).sum();
+        (1.0 - known / whole).clamp(0.0, 1.0)
+    }
+
     /// Windows that are used, in their order.
     pub(crate) fn used(&self) -> Vec<usize> {
         (0..self.raw.len()).filter(|i| self.raw.rows.excluded[*i].is_none()).collect()

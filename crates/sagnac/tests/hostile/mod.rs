@@ -12,8 +12,6 @@ use std::fmt::Write as _;
 
 use sagnac_log::setup::Setup;
 
-/// Rows, s.
-pub(crate) const ROW_S: f64 = 5.0;
 /// Angle of a count, arcsec.
 pub(crate) const QUANTUM_ARCSEC: f64 = 0.15125;
 /// Angle random walk, °/√h.
@@ -93,6 +91,8 @@ pub(crate) struct Bench<'a> {
     pub(crate) start_s: f64,
     /// Angle of a count, arcsec.
     pub(crate) quantum_arcsec: f64,
+    /// Interval of a row, s.
+    pub(crate) row_s: f64,
 }
 
 /// No drift.
@@ -119,6 +119,7 @@ impl<'a> Bench<'a> {
             markov: None,
             start_s: 0.0,
             quantum_arcsec: QUANTUM_ARCSEC,
+            row_s: 5.0,
         }
     }
 
@@ -144,7 +145,7 @@ impl<'a> Bench<'a> {
 
     pub(crate) fn rows(&self) -> usize {
         let hours = self.hours.unwrap_or(400.0 / 60.0 * self.cycles as f64);
-        (hours * 3600.0 / ROW_S).round() as usize
+        (hours * 3600.0 / self.row_s).round() as usize
     }
 
     /// True drift of each row, °/h, and the block's temperature: for those who judge the judge.
@@ -158,11 +159,11 @@ impl<'a> Bench<'a> {
         let mut dice = Dice::new(self.seed);
         let (mut block, mut lagged) = (-40.0, 0.0);
         for i in 0..self.rows() {
-            let minutes = (i as f64 + 0.5) * ROW_S / 60.0;
+            let minutes = (i as f64 + 0.5) * self.row_s / 60.0;
             let before = block;
-            block += (Self::chamber_c(minutes) - block) * (1.0 - (-ROW_S / self.block_lag_s).exp());
-            let cpm = (block - before) / ROW_S * 60.0;
-            lagged += (cpm - lagged) * (1.0 - (-ROW_S / self.rate_lag_s).exp());
+            block += (Self::chamber_c(minutes) - block) * (1.0 - (-self.row_s / self.block_lag_s).exp());
+            let cpm = (block - before) / self.row_s * 60.0;
+            lagged += (cpm - lagged) * (1.0 - (-self.row_s / self.rate_lag_s).exp());
             let now = Now { celsius: block, cpm, lagged_cpm: lagged, hours: minutes / 60.0 };
             row(i, now, &mut dice);
         }
@@ -171,7 +172,7 @@ impl<'a> Bench<'a> {
     /// The log as CSV of counts; `disturb` adds °/h by hours of test.
     pub(crate) fn log_with(&self, disturb: &dyn Fn(f64) -> f64) -> Vec<u8> {
         let mut text = String::from("time_s,temperature_c,counts\n");
-        let hours_per_row = ROW_S / 3600.0;
+        let hours_per_row = self.row_s / 3600.0;
         let white = self.n_deg_rt_h / hours_per_row.sqrt();
         // Flicker: Markov processes two octaves apart, from 10 s to 11 h; each has σ² = B²·ln 4/π. What is slower than the test is
         // its bias.
@@ -183,22 +184,22 @@ impl<'a> Bench<'a> {
         let (mut walk, mut angle, mut counted) = (0.0, start.uniform() * self.quantum_arcsec, 0.0);
         self.run(|i, now, dice| {
             for (state, tau) in flicker.iter_mut().zip(&taus).filter(|_| part > 0.0) {
-                let keep = (-ROW_S / tau).exp();
+                let keep = (-self.row_s / tau).exp();
                 *state = keep * *state + (1.0 - keep * keep).sqrt() * dice.normal();
             }
             walk += self.k_dph_rt_h * hours_per_row.sqrt() * dice.normal();
             let markov = self.markov.map_or(0.0, |(tau_s, sigma)| {
-                let keep = (-ROW_S / tau_s).exp();
+                let keep = (-self.row_s / tau_s).exp();
                 slow = keep * slow + (1.0 - keep * keep).sqrt() * dice.normal();
                 sigma * slow
             });
             let noise = white * dice.normal() + part * flicker.iter().sum::<f64>() + walk + markov;
             let input = self.input_dph + self.bias_dph + (self.drift)(now) + disturb(now.hours) + noise;
-            angle += input * ROW_S / (1.0 + self.scale_ppm * 1e-6);
+            angle += input * self.row_s / (1.0 + self.scale_ppm * 1e-6);
             let total = (angle / self.quantum_arcsec).floor();
             let step = self.thermometer_step_c;
             let read = if step > 0.0 { (now.celsius / step).round() * step } else { now.celsius };
-            let time_s = self.start_s + (i + 1) as f64 * ROW_S;
+            let time_s = self.start_s + (i + 1) as f64 * self.row_s;
             writeln!(text, "{time_s},{read:.4},{}", total - counted).unwrap();
             counted = total;
         });

@@ -1,0 +1,188 @@
+//! Which model of the grid explains the rows with the fewest coefficients; and what selecting it, and a lag that the data do not resolve, add to the uncertainty of the curve.
+//!
+//! ```text
+//! grade of a model at a τ    g = SSR/s² + k·max(4, ln n − 2)        s² of the largest model; 2·ln of the τ tried beside it
+//! weight                     w ∝ exp(−½·(SSR/s² + 2·k))             Akaike's, so that a term that was nearly selected counts
+//! variance at T              Σ w·(var_m(T) + (d_m(T) − d(T))²)      d the selected curve, d_m and var_m those of the others
+//! ```
+//!
+//! after Buckland, Burnham and Augustin (1997): an interval that knows only the selected model holds the truth too rarely, for
+//! a term that was nearly selected is in no coefficient. Where one model explains the data alone the sum is its own
+//! variance.
+//!
+//! Over the models of the thermometer of the fit alone.
+
+use nalgebra::DVector;
+use rayon::prelude::*;
+
+use crate::calibration::CurveSpread;
+use crate::fit::folds::columns_of_grid;
+use crate::fit::lag::RATE_COLUMNS;
+use crate::fit::least_squares::LeastSquares;
+use crate::fit::slow_noise::Whitening;
+use crate::fit::solve::{Factor, Reducer, Solution};
+use crate::model::basis::{BASIS_LEN, chebyshev};
+use crate::model::spec::ModelSpec;
+
+/// Temperatures of the spread.
+const POINTS: usize = 33;
+/// Price of a coefficient, at least and below ln n.
+const LEAST_PRICE: f64 = 4.0;
+const PRICE_LESS: f64 = 2.0;
+/// Price of a coefficient in the weights (Akaike's): a term that was nearly selected counts.
+const WEIGHT_PRICE: f64 = 2.0;
+/// Models of less weight are not looked at.
+const LEAST_WEIGHT: f64 = 1e-4;
+
+/// A model at a τ.
+struct Member {
+    theta: DVector<f64>,
+    /// Of theta, in units of s².
+    normal: nalgebra::DMatrix<f64>,
+    /// Orders of its bias terms.
+    bias: usize,
+    /// −2·ln of its weight.
+    criterion: f64,
+}
+
+/// A model at a τ of the grid, fitted to the whitened rows.
+pub(crate) struct Graded {
+    /// Index among the specs.
+    pub(crate) spec: usize,
+    /// Grade: the least is selected.
+    pub(crate) criterion: f64,
+    /// −2·ln of its weight but for a constant.
+    weight_exponent: f64,
+    solution: Solution,
+}
+
+/// Every model at every τ, and the variance of a row.
+pub(crate) struct Grades {
+    pub(crate) all: Vec<Graded>,
+    variance: f64,
+}
+
+/// What a coefficient costs: Δχ² = 4, two of its standard errors, and growing with the logarithm of the windows, so that the
+/// selection is consistent.
+fn price(windows: f64) -> f64 {
+    (windows.ln() - PRICE_LESS).max(LEAST_PRICE)
+}
+
+/// Grades models of the series over one thermometer.
+pub(crate) fn grade(
+    problem: &LeastSquares<'_>,
+    whitening: &Whitening,
+    specs: &[ModelSpec],
+    taus_s: &[f64],
+) -> Option<Grades> {
+    let scales = specs.iter().map(|spec| usize::from(spec.thermometer().scale)).max()?;
+    let is_rated = |spec: &ModelSpec| spec.thermometer().rate.is_some();
+    let rated = specs.iter().any(is_rated);
+    let taus_s = if rated { taus_s } else { taus_s.get(..1)? };
+    let factors: Vec<Factor> =
+        taus_s.par_iter().map(|tau_s| factor(problem, whitening, *tau_s, rated, scales)).collect();
+    let levels: Vec<usize> = (0..problem.levels.len()).collect();
+    let n = problem.len() as f64;
+    let solved: Vec<(usize, Solution)> = specs
+        .par_iter()
+        .enumerate()
+        .flat_map_iter(|(at, spec)| {
+            let columns = columns_of_grid(spec, &levels, levels.len());
+            let taus = if is_rated(spec) { factors.len() } else { 1 };
+            factors[..taus].iter().filter_map(|factor| factor.solve(&columns)).map(|s| (at, s)).collect::<Vec<_>>()
+        })
+        .collect();
+    let least = solved.iter().map(|(_, solution)| solution.ssr).fold(f64::INFINITY, f64::min);
+    let most = levels.len() + specs.iter().map(ModelSpec::coefficients).max()?;
+    let variance = least / (n - most as f64).max(1.0);
+    let graded = |(spec, solution): (usize, Solution)| {
+        let lags = usize::from(is_rated(&specs[spec]));
+        // A τ of the grid is one of several that a rate term may have.
+        let of_tau = if lags > 0 { 2.0 * (taus_s.len() as f64).ln() } else { 0.0 };
+        let misfit = solution.ssr / variance + of_tau;
+        let coefficients = (specs[spec].coefficients() - lags) as f64;
+        Graded {
+            spec,
+            criterion: misfit + coefficients * price(n),
+            weight_exponent: misfit + coefficients * WEIGHT_PRICE,
+            solution,
+        }
+    };
+    Some(Grades { all: solved.into_iter().map(graded).collect(), variance })
+}
+
+/// σ that the models beside a curve add to it, over the span; `None` where there is nothing beside it.
+pub(crate) fn spread(
+    problem: &LeastSquares<'_>,
+    grades: Grades,
+    specs: &[ModelSpec],
+    curve: impl Fn(f64) -> (f64, f64),
+) -> Option<CurveSpread> {
+    let best = grades.all.iter().map(|graded| graded.weight_exponent).fold(f64::INFINITY, f64::min);
+    let member = |graded: Graded| {
+        let criterion = graded.weight_exponent - best;
+        let near = (-0.5 * criterion).exp() > LEAST_WEIGHT;
+        let normal = near.then(|| graded.solution.inverse_normal()).flatten()?;
+        let bias = usize::from(specs[graded.spec].thermometer().bias);
+        Some(Member { theta: graded.solution.theta, normal, bias, criterion })
+    };
+    let variance = grades.variance;
+    let members: Vec<Member> = grades.all.into_iter().filter_map(member).collect();
+    average(problem, &members, variance, curve)
+}
+
+fn average(
+    problem: &LeastSquares<'_>,
+    members: &[Member],
+    variance: f64,
+    curve: impl Fn(f64) -> (f64, f64),
+) -> Option<CurveSpread> {
+    let total: f64 = members.iter().map(|member| (-0.5 * member.criterion).exp()).sum();
+    let (span, levels) = (problem.span(), problem.levels.len());
+    let at_reference = chebyshev(span.x(problem.inputs[0].reference));
+    let at = |point: usize| {
+        let celsius = span.lo + (span.hi - span.lo) * point as f64 / (POINTS - 1) as f64;
+        let here = chebyshev(span.x(celsius));
+        let weights: [f64; BASIS_LEN] = std::array::from_fn(|k| here[k] - at_reference[k]);
+        let (drift_dph, own) = curve(celsius);
+        let sum: f64 = members
+            .iter()
+            .map(|member| {
+                let columns = levels..levels + member.bias;
+                let of = |column: usize| weights[column - levels + 1];
+                let value: f64 = columns.clone().map(|column| of(column) * member.theta[column]).sum();
+                let mut square = 0.0;
+                for i in columns.clone() {
+                    for j in columns.clone() {
+                        square += of(i) * of(j) * member.normal[(i, j)];
+                    }
+                }
+                let weight = (-0.5 * member.criterion).exp() / total;
+                weight * (variance * square + (value - drift_dph).powi(2))
+            })
+            .sum();
+        (celsius, (sum - own).max(0.0).sqrt())
+    };
+    let (temperature_c, sigma_dph): (Vec<f64>, Vec<f64>) = (0..POINTS).map(at).unzip();
+    (members.len() > 1 && sigma_dph.iter().all(|sigma| sigma.is_finite()))
+        .then_some(CurveSpread { temperature_c, sigma_dph })
+}
+
+/// Levels, b₁…b₈, c₀…c₃, e₁… and y of all rows, whitened.
+fn factor(problem: &LeastSquares<'_>, whitening: &Whitening, tau_s: f64, rated: bool, scales: usize) -> Factor {
+    let rates = if rated { problem.rate_columns(0, tau_s) } else { vec![[0.0; RATE_COLUMNS]; problem.len()] };
+    let width = problem.levels.len() + BASIS_LEN - 1 + RATE_COLUMNS + scales + 1;
+    let (mut reducer, mut filter) = (Reducer::new(width), whitening.filter(width));
+    let mut row = Vec::with_capacity(width);
+    for i in 0..problem.len() {
+        row.clear();
+        row.extend(problem.levels.iter().map(|level| problem.level(i, *level)));
+        row.extend_from_slice(&problem.inputs[0].basis[i][1..]);
+        row.extend_from_slice(&rates[i]);
+        row.extend((1..=scales).map(|k| problem.scale_column(0, i, k)));
+        row.push(problem.y[i]);
+        filter.push(i, &mut row);
+        reducer.push(&row);
+    }
+    reducer.finish()
+}

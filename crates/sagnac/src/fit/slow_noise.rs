@@ -1,0 +1,275 @@
+//! Noise that is not white: what it makes of the uncertainty of a fit, and rows made independent of it.
+//!
+//! ```text
+//! n(t) = white(σ²/w) + Σ_k flicker_k + walk + Markov        of a window; w its length over the nominal one
+//! flicker_k  first-order Markov, τ_k two windows · 4^k up to the longest run, each of variance B²·ln 4/π
+//! walk       n(t + Δ) − n(t) of variance K²·Δ               zero at the start of a run, whose offset is free
+//! Markov     one of its own correlation time
+//! ```
+//!
+//! The fit itself weights windows by their lengths: with weights by the noise, a drift that no term describes would be taken for
+//! noise and corrected less. Its covariance is that of these weights under this noise,
+//!
+//! ```text
+//! Cov θ = (XᵀWX)⁻¹·XᵀW·V·WX·(XᵀWX)⁻¹
+//! ```
+//!
+//! All are first-order processes, so a Kalman filter with one state each turns rows into innovations: every column of the
+//! design and y go through the same filter (generalized least squares, for grades and likelihoods), run by run, over gaps of any length, in memory that does not grow with the rows.
+//! The variances are those of greatest restricted likelihood (Patterson and Thompson 1971): a plain likelihood would count as
+//! drift what the terms absorb of the noise.
+//!
+//! Fails where a run is shorter than what is slow: a drift in time over a single ramp and a drift over temperature are one.
+
+use crate::fit::least_squares::LeastSquares;
+use crate::fit::solution::golden_section;
+use nalgebra::{DMatrix, DVector};
+use sagnac_units::s_from_ns;
+
+/// First-order processes at most.
+const STATES: usize = 10;
+/// Steps of the ladder of correlation times.
+const LADDER: f64 = 4.0;
+/// Variances are searched between these parts of the white one.
+const LEAST: f64 = 1e-5;
+const MOST: f64 = 30.0;
+/// What a further process must gain in −2·ln(restricted likelihood).
+const GAIN: f64 = 0.5;
+/// Correlation times of the Markov process that are tried, windows.
+const MARKOV_WINDOWS: [f64; 5] = [1.0, 2.0, 5.0, 15.0, 50.0];
+/// Rows that the variances are estimated from.
+pub(crate) const MOST_ROWS: usize = 4000;
+
+/// Variances as parts of the white variance of a window of nominal length.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct SlowNoise {
+    /// Of each process of the ladder.
+    pub(crate) flicker: f64,
+    /// Of the walk in an hour.
+    pub(crate) walk_per_h: f64,
+    /// Variance, and correlation time in s.
+    pub(crate) markov: Option<(f64, f64)>,
+}
+
+impl SlowNoise {
+    /// Its largest process as a part of the white variance.
+    pub(crate) fn parts_of_white(&self) -> f64 {
+        self.flicker.max(self.walk_per_h).max(self.markov.map_or(0.0, |(variance, _)| variance))
+    }
+
+    /// Zᵀ·V·Z of some columns, one per parameter, in units of the white variance: V is this noise of the problem's rows.
+    pub(crate) fn between(&self, problem: &LeastSquares<'_>, z: &DMatrix<f64>) -> DMatrix<f64> {
+        let p = z.ncols();
+        let mut sum = DMatrix::zeros(p, p);
+        for row in 0..problem.len() {
+            let here = z.row(row).transpose();
+            sum.ger(1.0 / problem.weight[row], &here, &here, 1.0);
+        }
+        let ladder = ladder_s(problem);
+        let rungs = ladder.iter().take(STATES - 2).map(|tau_s| (self.flicker, *tau_s));
+        for (variance, tau_s) in rungs.chain(self.markov).filter(|(variance, _)| *variance > 0.0) {
+            add_markov(problem, z, variance, tau_s, &mut sum);
+        }
+        if self.walk_per_h > 0.0 {
+            add_walk(problem, z, self.walk_per_h, &mut sum);
+        }
+        sum
+    }
+}
+
+/// Σᵢⱼ zᵢzⱼᵀ·v·exp(−|tᵢ − tⱼ|/τ) over rows of one run, by the running sum of those before.
+fn add_markov(problem: &LeastSquares<'_>, z: &DMatrix<f64>, variance: f64, tau_s: f64, sum: &mut DMatrix<f64>) {
+    let mut before = DVector::zeros(z.ncols());
+    let mut last = None;
+    for row in 0..problem.len() {
+        let at = (problem.run[row], middle_s(problem, row));
+        let keep = last.filter(|(run, _)| *run == at.0).map_or(0.0, |(_, s): (usize, f64)| (-(at.1 - s) / tau_s).exp());
+        last = Some(at);
+        before *= keep;
+        let here = z.row(row).transpose();
+        sum.ger(variance, &here, &before, 1.0);
+        sum.ger(variance, &before, &here, 1.0);
+        sum.ger(variance, &here, &here, 1.0);
+        before += here;
+    }
+}
+
+/// The same of a walk from the start of each run: every step is in all rows behind it.
+fn add_walk(problem: &LeastSquares<'_>, z: &DMatrix<f64>, per_h: f64, sum: &mut DMatrix<f64>) {
+    let mut behind = DVector::zeros(z.ncols());
+    for row in (0..problem.len()).rev() {
+        let run = problem.run[row];
+        if problem.run.get(row + 1).is_some_and(|next| *next != run) {
+            behind.fill(0.0);
+        }
+        behind += z.row(row).transpose();
+        let first = row.checked_sub(1).filter(|before| problem.run[*before] == run);
+        let seconds = first.map_or(0.0, |before| middle_s(problem, row) - middle_s(problem, before));
+        sum.ger(per_h * seconds / 3600.0, &behind, &behind, 1.0);
+    }
+}
+
+/// What to do with a row.
+#[derive(Clone, Copy, Debug)]
+struct Step {
+    keep: [f64; STATES],
+    gain: [f64; STATES],
+    /// 1/√ of the innovation's variance.
+    inverse_root: f64,
+}
+
+/// The filter of all rows.
+#[derive(Clone, Debug)]
+pub(crate) struct Whitening {
+    steps: Vec<Step>,
+    states: usize,
+    /// Σ ln of the variances of the innovations.
+    pub(crate) log_determinant: f64,
+}
+
+/// Rows of some columns on their way through it.
+pub(crate) struct Filter<'a> {
+    whitening: &'a Whitening,
+    state: Vec<[f64; STATES]>,
+}
+
+impl Whitening {
+    pub(crate) fn new(problem: &LeastSquares<'_>, noise: SlowNoise) -> Self {
+        Self::of_rows(problem, noise, problem.len())
+    }
+
+    /// Of so many of the first rows.
+    pub(crate) fn of_rows(problem: &LeastSquares<'_>, noise: SlowNoise, rows: usize) -> Self {
+        let taus_s = ladder_s(problem);
+        let rungs = if noise.flicker > 0.0 { taus_s.len().min(STATES - 2) } else { 0 };
+        let markov = noise.markov.filter(|(variance, _)| *variance > 0.0);
+        let states = rungs + usize::from(noise.walk_per_h > 0.0) + usize::from(markov.is_some());
+        let mut out = Self { steps: Vec::with_capacity(problem.len()), states, log_determinant: 0.0 };
+        let mut covariance = [[0.0; STATES]; STATES];
+        let mut before = None;
+        for row in 0..rows.min(problem.len()) {
+            let here = (problem.run[row], middle_s(problem, row));
+            let seconds = before.filter(|(run, _)| *run == here.0).map(|(_, at_s)| here.1 - at_s);
+            before = Some(here);
+            let mut keep = [0.0; STATES];
+            let process = |k: usize| -> (f64, f64) {
+                if k < rungs {
+                    (noise.flicker, taus_s[k])
+                } else if k == rungs && noise.walk_per_h > 0.0 {
+                    (f64::NAN, f64::INFINITY)
+                } else {
+                    markov.unwrap_or((0.0, 1.0))
+                }
+            };
+            for k in 0..states {
+                let (variance, tau_s) = process(k);
+                match seconds {
+                    None => {
+                        covariance[k] = [0.0; STATES];
+                        covariance[k][k] = if variance.is_nan() { 0.0 } else { variance };
+                    }
+                    Some(seconds) => keep[k] = (-seconds / tau_s).exp(),
+                }
+            }
+            if let Some(seconds) = seconds {
+                for i in 0..states {
+                    for j in 0..states {
+                        covariance[i][j] *= keep[i] * keep[j];
+                    }
+                    let (variance, _) = process(i);
+                    covariance[i][i] += if variance.is_nan() {
+                        noise.walk_per_h * seconds / 3600.0
+                    } else {
+                        variance * (1.0 - keep[i] * keep[i])
+                    };
+                }
+            }
+            out.step(&mut covariance, keep, problem.weight[row]);
+        }
+        out
+    }
+
+    /// The gain of a row of this weight, and what the row leaves of the states' covariance.
+    fn step(&mut self, covariance: &mut [[f64; STATES]; STATES], keep: [f64; STATES], weight: f64) {
+        let states = self.states;
+        let mut across = [0.0; STATES];
+        for (across, row) in across.iter_mut().zip(covariance.iter()).take(states) {
+            *across = row[..states].iter().sum();
+        }
+        let variance = 1.0 / weight.max(f64::MIN_POSITIVE) + across[..states].iter().sum::<f64>();
+        let gain = across.map(|across| across / variance);
+        for i in 0..states {
+            for j in 0..states {
+                covariance[i][j] -= gain[i] * across[j];
+            }
+        }
+        self.log_determinant += variance.ln();
+        self.steps.push(Step { keep, gain, inverse_root: variance.sqrt().recip() });
+    }
+
+    /// For rows of so many numbers, from the first row on.
+    pub(crate) fn filter(&self, columns: usize) -> Filter<'_> {
+        Filter { whitening: self, state: vec![[0.0; STATES]; columns] }
+    }
+}
+
+impl Filter<'_> {
+    /// Rows in their order; `row` becomes its innovation at unit white variance.
+    pub(crate) fn push(&mut self, index: usize, row: &mut [f64]) {
+        let Step { keep, gain, inverse_root } = self.whitening.steps[index];
+        let states = self.whitening.states;
+        for (value, state) in row.iter_mut().zip(&mut self.state) {
+            let mut known = 0.0;
+            for k in 0..states {
+                state[k] *= keep[k];
+                known += state[k];
+            }
+            let news = *value - known;
+            for k in 0..states {
+                state[k] += gain[k] * news;
+            }
+            *value = news * inverse_root;
+        }
+    }
+}
+
+/// Correlation times of the ladder, s.
+fn ladder_s(problem: &LeastSquares<'_>) -> Vec<f64> {
+    let windows = problem.windows();
+    let longest_s = problem.runs.iter().map(|run| windows.runs[*run].length_s()).fold(0.0, f64::max);
+    let first_s = 2.0 * windows.shape.nominal_s;
+    (0..STATES as i32).map(|k| first_s * LADDER.powi(k)).take_while(|tau_s| *tau_s <= longest_s).collect()
+}
+
+fn middle_s(problem: &LeastSquares<'_>, row: usize) -> f64 {
+    let (rows, window) = (&problem.windows().rows, problem.used[row]);
+    let origin_ns = problem.windows().runs[rows.run[window] as usize].start_ns;
+    0.5 * (s_from_ns(rows.start_ns[window] - origin_ns) + s_from_ns(rows.end_ns[window] - origin_ns))
+}
+
+/// The noise of least `criterion`, −2·ln of the restricted likelihood: flicker always, walk and Markov where they gain.
+pub(crate) fn estimate(nominal_s: f64, criterion: impl Fn(SlowNoise) -> f64) -> SlowNoise {
+    let best_of = |with: &dyn Fn(f64) -> SlowNoise| {
+        let value = golden_section(LEAST.ln(), MOST.ln(), |log| criterion(with(log.exp()))).exp();
+        let found = with(value);
+        (found, criterion(found))
+    };
+    let white = (SlowNoise::default(), criterion(SlowNoise::default()));
+    let better = |a: (SlowNoise, f64), b: (SlowNoise, f64), gain: f64| if b.1 < a.1 - gain { b } else { a };
+    let mut best = better(white, best_of(&|flicker| SlowNoise { flicker, ..SlowNoise::default() }), 0.0);
+    let alone = best_of(&|walk_per_h| SlowNoise { walk_per_h, ..SlowNoise::default() });
+    let markov = MARKOV_WINDOWS.map(|windows| {
+        best_of(&|variance| SlowNoise { markov: Some((variance, windows * nominal_s)), ..SlowNoise::default() })
+    });
+    best = better(best, alone, 0.0);
+    best = markov.into_iter().fold(best, |best, markov| better(best, markov, GAIN));
+    // A second process beside the best.
+    let base = best.0;
+    if base.flicker == 0.0 {
+        best = better(best, best_of(&|flicker| SlowNoise { flicker, ..base }), GAIN);
+    }
+    if base.walk_per_h == 0.0 {
+        best = better(best, best_of(&|walk_per_h| SlowNoise { walk_per_h, ..base }), GAIN);
+    }
+    best.0
+}
