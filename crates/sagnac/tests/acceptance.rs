@@ -93,7 +93,7 @@ fn what_was_excluded_is_a_limit_of_its_own() {
         let found = proof(&unit, log, options).limits(&own).unwrap();
         assert!(found.passed(), "{:?}", missed(&found));
     }
-    let claim = "a retest with a bump of 20 min left out by `--exclude outliers` is refused by `excluded_max` alone";
+    let claim = "a retest with a bump of 20 min excluded by `--exclude outliers` is refused by `excluded_max` alone";
     evidence(claim, f64::from(refused) / f64::from(judged), "≥ 1", 20);
 }
 
@@ -176,7 +176,12 @@ fn half_of_every_limit_passes_and_twice_any_is_refused() {
         bench.log()
     });
     evidence("a perfect unit is accepted by `navigation-grade`", perfect, "≥ 0.97", 150);
-    evidence("a unit at half of every limit is accepted by `navigation-grade`, 20 h of retest", half, "≥ 0.97", 300);
+    evidence(
+        "a unit at half of the limits of temperature residual, bias, B and N is accepted by `navigation-grade`, 20 h",
+        half,
+        "≥ 0.97",
+        300,
+    );
     type Case = (&'static str, fn(Now) -> f64, fn(&mut Bench<'_>), &'static str);
     let twice: [Case; 6] = [
         (
