@@ -15,7 +15,8 @@ use flate2::read::GzDecoder;
 use xtask::shell::root;
 
 use crate::generated::{
-    chamber, circle, errors, faults, first_bytes, glossary, image, manual, pages, scenario_keys, schema, vectors,
+    chamber, circle, errors, evidence, faults, first_bytes, glossary, image, manual, pages, scenario_keys, schema,
+    vectors,
 };
 use crate::program::Program;
 
@@ -40,10 +41,12 @@ enum Make {
     Here(fn() -> Result<Vec<Made>>),
     /// By running the program.
     ByProgram(fn(&Program) -> Result<Vec<Made>>),
+    /// By tests that take minutes: only where it is named; `--check` looks for what it can see without them.
+    ByTests { make: fn() -> Result<Vec<Made>>, stale: fn() -> Result<Vec<String>> },
 }
 
 /// All generated files. Those of the libraries come first: the program reads some.
-const FILES: [(&str, Make); 12] = [
+const FILES: [(&str, Make); 13] = [
     ("testdata", Make::Here(chamber::make)),
     ("image", Make::Here(image::make)),
     ("vectors", Make::Here(vectors::make)),
@@ -56,9 +59,10 @@ const FILES: [(&str, Make); 12] = [
     ("errors", Make::ByProgram(errors::make)),
     ("faults", Make::ByProgram(faults::make)),
     ("pages", Make::ByProgram(pages::make)),
+    ("evidence", Make::ByTests { make: evidence::make, stale: evidence::stale }),
 ];
 
-/// Makes the named files, or all, and writes those that differ. With `--check` nothing is written: any difference is an
+/// Makes the named files, or all but those of tests, and writes those that differ. With `--check` nothing is written: any difference is an
 /// error that names the file.
 pub(crate) fn bless(args: &[&str]) -> Result<()> {
     let check = args.contains(&"--check");
@@ -71,6 +75,10 @@ pub(crate) fn bless(args: &[&str]) -> Result<()> {
         return Ok(());
     }
     for (name, make) in chosen(&names)? {
+        if names.is_empty() && matches!(make, Make::ByTests { .. }) {
+            println!("{name} runs tests for minutes: `cargo xtask bless {name}` makes it");
+            continue;
+        }
         for made in made(name, make, &program)? {
             write(&made)?;
         }
@@ -82,7 +90,10 @@ pub(crate) fn bless(args: &[&str]) -> Result<()> {
 pub fn stale(names: &[&str], program: &Program) -> Result<Vec<String>> {
     let mut stale = Vec::new();
     for (name, make) in chosen(names)? {
-        stale.extend(made(name, make, program)?.iter().filter_map(difference));
+        match make {
+            Make::ByTests { stale: of_tests, .. } => stale.extend(of_tests()?),
+            _ => stale.extend(made(name, make, program)?.iter().filter_map(difference)),
+        }
     }
     Ok(stale)
 }
@@ -99,6 +110,7 @@ fn made(name: &str, make: &Make, program: &Program) -> Result<Vec<Made>> {
     let made = match make {
         Make::Here(make) => make(),
         Make::ByProgram(make) => make(program),
+        Make::ByTests { make, .. } => make(),
     };
     made.with_context(|| format!("{name} cannot be made"))
 }
@@ -187,6 +199,11 @@ mod tests {
         #[test]
         fn the_first_bytes_are_those_of_every_machine() {
             holds("first-bytes");
+        }
+
+        #[test]
+        fn the_table_of_evidence() {
+            holds("evidence");
         }
 
         #[test]

@@ -6,6 +6,7 @@ pub(crate) const CIRCLE: &str = "docs/explanation/circle.md";
 pub(crate) const COMPARISON: &str = "docs/explanation/comparison.md";
 pub(crate) const DOCS: &str = "docs";
 pub(crate) const ERRORS: &str = "docs/reference/errors.md";
+pub(crate) const EVIDENCE: &str = "docs/explanation/evidence.md";
 pub(crate) const FAULTS: &str = "docs/reference/faults.md";
 pub(crate) const FIRST_BYTES: &str = "crates/sagnac-sim/tests/first_bytes.txt";
 pub(crate) const GLOSSARY: &str = "GLOSSARY.md";

@@ -28,7 +28,8 @@ cargo xtask docs       [--check] the site of docs/ in target/site, with search, 
 cargo xtask deny       licences, bans and sources of the dependencies
 cargo xtask no-panic   link check: sagnac-core, sagnac-loops and sagnac-board have no panic path
 cargo xtask bless      --check holds the generated files; without it they are made anew, or those named: testdata, image, vectors
-                       (only after a change of the target that is meant), schema, glossary, scenario, first-bytes, circle, cli, errors, faults, pages
+                       (only after a change of the target that is meant), schema, glossary, scenario, first-bytes, circle, cli, errors, faults, pages;
+                       and evidence, only where it is named: it runs the tests that measure coverage and risk (minutes)
 cargo xtask conserve   1e9 ticks (27.8 h): every count accounted for
 cargo xtask fuzz       [--smoke] [targets] a million executions of every fuzz target or of those named; --smoke: a few seconds of each
 cargo xtask c          the exported C: warnings, MISRA, vectors on this machine and on an emulated Cortex-M4F

@@ -1,5 +1,9 @@
 //! Five simulated terms, seed by seed, against the intervals of the estimates.
 
+#[path = "../../sagnac/tests/support/evidence.rs"]
+mod evidence;
+
+use evidence::evidence;
 use sagnac_noise::{Taus, Term, TermValue, budget_of_angles};
 use sagnac_sim::{NoiseConfig, Resting};
 
@@ -41,9 +45,8 @@ fn coverage(resting: &Resting) -> [(u32, u32); 5] {
 fn quantization_walk_and_instability_lie_in_their_intervals() {
     let noise = NoiseConfig { arw_deg_rt_h: 0.1 / 60.0, bias_instability_dph: 0.0106, ..NoiseConfig::default() };
     let [q, n, b, ..] = coverage(&Resting { noise, q_arcsec: 0.16 });
-    for (inside, resolved) in [q, n, b] {
-        assert!(inside >= 88 && resolved == 100, "{inside} of {resolved}");
-    }
+    let lowest = lowest([q, n, b]);
+    evidence("95 % intervals of Q, N and B cover the truth, 2^18 s: lowest of three", lowest, "≥ 0.88", SEEDS);
 }
 
 /// Angle random walk dominates up to 100 s, rate random walk to an hour, a ramp above.
@@ -57,9 +60,14 @@ fn rate_random_walk_and_ramp_lie_in_their_intervals() {
         ..NoiseConfig::default()
     };
     let [_, n, _, k, r] = coverage(&Resting { noise, q_arcsec: 0.0 });
-    for (inside, resolved) in [n, k, r] {
-        assert!(inside >= 88 && resolved == 100, "{inside} of {resolved}");
-    }
+    let lowest = lowest([n, k, r]);
+    evidence("95 % intervals of N, K and R cover the truth, 2^18 s: lowest of three", lowest, "≥ 0.88", SEEDS);
+}
+
+/// The lowest coverage of terms that every record resolves.
+fn lowest(terms: [(u32, u32); 3]) -> f64 {
+    assert!(terms.iter().all(|(_, resolved)| u64::from(*resolved) == SEEDS), "{terms:?}");
+    terms.iter().map(|(inside, _)| f64::from(*inside) / SEEDS as f64).fold(1.0, f64::min)
 }
 
 /// Terms that can replace each other at the long end of a short record: a resolved term lies in its interval, an unresolved
@@ -73,22 +81,35 @@ fn terms_that_trade_lie_in_their_intervals_or_below_their_bounds() {
         ..NoiseConfig::default()
     };
     let all_five = NoiseConfig { rate_ramp_dph_h: 0.02, ..walk.clone() };
-    check_bounds(&Resting { noise: walk, q_arcsec: 0.0 }, 40_000, [0.0, 1.0, 5.0, 5.0, 0.0]);
-    check_bounds(&Resting { noise: all_five, q_arcsec: 0.5 }, 40_000, [1.0, 1.0, 5.0, 5.0, 5.0]);
+    let three = check_bounds(&Resting { noise: walk, q_arcsec: 0.0 }, 40_000, [0.0, 1.0, 5.0, 5.0, 0.0]);
+    evidence("intervals and upper bounds hold, N, B and K in 40,000 s: lowest of five terms", three, "≥ 0.88", SEEDS);
+    let five = check_bounds(&Resting { noise: all_five, q_arcsec: 0.5 }, 40_000, [1.0, 1.0, 5.0, 5.0, 5.0]);
+    evidence(
+        "intervals and upper bounds hold, all five terms in 40,000 s: lowest of five terms",
+        five,
+        "≥ 0.88",
+        SEEDS,
+    );
 }
 
 /// Measured: 94 of 100 or more below the bound of K, 91 or more for N; bounds 2 to 2.5 times the truth.
 /// Records of minutes and of an hour: white noise of 1 °/h a second and a walk that is just not seen.
 #[test]
 fn bounds_of_short_records_hold() {
-    for (seconds, rate_random_walk_dph_rt_h, most_times) in [(100, 6.0, 10.0), (1000, 0.6, 10.0), (3600, 0.18, 10.0)] {
+    let cases = [
+        (100, 6.0, "intervals and upper bounds hold, N with a hidden K in 100 s: lowest of five terms"),
+        (1000, 0.6, "intervals and upper bounds hold, N with a hidden K in 1,000 s: lowest of five terms"),
+        (3600, 0.18, "intervals and upper bounds hold, N with a hidden K in 3,600 s: lowest of five terms"),
+    ];
+    for (seconds, rate_random_walk_dph_rt_h, claim) in cases {
         let noise = NoiseConfig { arw_deg_rt_h: 1.0 / 60.0, rate_random_walk_dph_rt_h, ..NoiseConfig::default() };
-        check_bounds(&Resting { noise, q_arcsec: 0.0 }, seconds, [0.0, 3.0, 0.0, most_times, 0.0]);
+        let lowest = check_bounds(&Resting { noise, q_arcsec: 0.0 }, seconds, [0.0, 3.0, 0.0, 10.0, 0.0]);
+        evidence(claim, lowest, "≥ 0.88", SEEDS);
     }
 }
 
-/// A hundred records; `most_times` of each term's truth that the middle one of its bounds may be, where there are bounds.
-fn check_bounds(resting: &Resting, seconds: usize, most_times: [f64; 5]) {
+/// A hundred records: the lowest part of them, over the terms, in which the interval or the bound holds. `most_times` of each term's truth that the middle one of its bounds may be, where there are bounds.
+fn check_bounds(resting: &Resting, seconds: usize, most_times: [f64; 5]) -> f64 {
     let truth = truth_of(resting);
     let (mut counts, mut bounds) = ([[0; 3]; 5], [const { Vec::new() }; 5]);
     for seed in 1..=SEEDS {
@@ -113,12 +134,12 @@ fn check_bounds(resting: &Resting, seconds: usize, most_times: [f64; 5]) {
         bounds.get(bounds.len() / 2).copied()
     });
     println!("{seconds} s, true {truth:?}: inside, outside, below the bound {counts:?}; middle bounds {middle:?}");
-    for (i, [inside, _, below]) in counts.into_iter().enumerate() {
-        assert!(inside + below >= 88, "{:?}", Term::ALL[i]);
-        if let Some(bound) = middle[i].filter(|_| truth[i] > 0.0) {
+    for (i, bound) in middle.into_iter().enumerate() {
+        if let Some(bound) = bound.filter(|_| truth[i] > 0.0) {
             assert!(bound <= most_times[i] * truth[i], "{:?}: {bound}", Term::ALL[i]);
         }
     }
+    counts.map(|[inside, _, below]| f64::from(inside + below) / SEEDS as f64).into_iter().fold(1.0, f64::min)
 }
 
 /// Infinite where the record does not bound it.

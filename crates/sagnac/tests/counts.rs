@@ -8,6 +8,7 @@ use sagnac::allan::{NoiseBudget, Request, noise_budget};
 use sagnac_log::ingest::Reason;
 use sagnac_log::setup::{Counter, Setup};
 use sagnac_noise::{Taus, TermValue};
+use support::evidence::evidence;
 use support::records::{Gyro, Random, TWELVE_HOURS, log, log_with_temperature, lost, steps};
 use support::{reader, windows};
 
@@ -43,6 +44,7 @@ fn twice(log: Vec<u8>) -> Vec<u8> {
 #[test]
 fn a_running_total_with_rows_lost_has_the_same_noise() {
     let setup = setup(&TWELVE_HOURS, Counter::Cumulative);
+    let mut all = Vec::new();
     for (part, bursts) in [(0.005, false), (0.02, false), (0.1, false), (0.02, true), (0.1, true)] {
         let (mut n, mut floor) = (Vec::new(), Vec::new());
         for seed in 0..40 {
@@ -57,9 +59,13 @@ fn a_running_total_with_rows_lost_has_the_same_noise() {
         for ratios in [n, floor] {
             let (mean, worst) = spread(&ratios);
             println!("{part} lost, bursts {bursts}: mean {mean:.5}, worst {worst:.4}");
-            assert!((mean - 1.0).abs() < 0.002 && worst < 0.03, "{part} {bursts}: {mean} {worst}");
+            assert!((mean - 1.0).abs() < 0.002, "{part} {bursts}: {mean}");
+            all.push(worst);
         }
     }
+    let worst = all.into_iter().fold(0.0, f64::max);
+    let claim = "N and noise floor of a running total with 0.5 … 10 % of the rows lost: largest deviation";
+    evidence(claim, worst, "≤ 0.03", 200);
 }
 
 /// A total of 16 bits that wraps every 3 h, with 5 % of the rows lost, some rows twice and two resets.
@@ -96,8 +102,9 @@ fn wraps_resets_and_repeated_rows_do_not_matter() {
         rates.for_each(|rate| assert!((rate - TWELVE_HOURS.rate_dph).abs() < 1.0, "seed {seed}: {rate}"));
     }
     let (mean, worst) = spread(&ratios);
-    println!("mean {mean:.5}, worst {worst:.4}");
-    assert!((mean - 1.0).abs() < 0.002 && worst < 0.03, "{mean} {worst}");
+    println!("mean {mean:.5}");
+    assert!((mean - 1.0).abs() < 0.002, "{mean}");
+    evidence("N with wraps, resets, repeated rows and 5 % lost: largest deviation", worst, "≤ 0.03", 60);
 }
 
 fn budget(log: Vec<u8>, setup: &Setup) -> NoiseBudget {
@@ -155,6 +162,12 @@ struct Compared {
     curve: Vec<(f64, f64, f64)>,
 }
 
+impl Compared {
+    fn coverage(&self) -> f64 {
+        self.covered as f64 / self.n.len() as f64
+    }
+}
+
 fn compare(counter: Counter, lose: impl Fn(usize, &mut Random) -> Vec<bool>) -> Compared {
     let (gyro, records) = (&TWELVE_HOURS, 10);
     let setup = setup(gyro, counter);
@@ -185,24 +198,36 @@ fn compare(counter: Counter, lose: impl Fn(usize, &mut Random) -> Vec<bool>) -> 
 /// losses, its interval holds the truth, and deviations at every τ scatter about theirs.
 #[test]
 fn a_running_total_with_gaps_has_the_same_budget() {
-    check(&compare(Counter::Cumulative, |rows, random| lost(rows, 0.1, false, random)));
+    let compared = compare(Counter::Cumulative, |rows, random| lost(rows, 0.1, false, random));
+    check(&compared);
+    let claim = "95 % interval of N covers the truth, running total with 10 % of the rows lost";
+    evidence(claim, compared.coverage(), "≥ 0.8", 10);
 }
 
 #[test]
 fn a_running_total_with_bursts_lost_has_the_same_budget() {
-    check(&compare(Counter::Cumulative, |rows, random| lost(rows, 0.1, true, random)));
+    let compared = compare(Counter::Cumulative, |rows, random| lost(rows, 0.1, true, random));
+    check(&compared);
+    let claim = "95 % interval of N covers the truth, running total with 10 % of the rows lost in bursts";
+    evidence(claim, compared.coverage(), "≥ 0.8", 10);
 }
 
 /// Steps of which 1 % or 4 % are lost, one by one: their angle is truly lost. Long τ are kept, N is within 1 % (asserted: 3 %)
 /// of that without losses, and no τ has a bias that ten records show.
 #[test]
 fn single_rows_lost_keep_every_tau() {
-    check(&compare(Counter::Incremental, |rows, random| lost(rows, 0.01, false, random)));
+    let compared = compare(Counter::Incremental, |rows, random| lost(rows, 0.01, false, random));
+    check(&compared);
+    let claim = "95 % interval of N covers the truth, steps with 1 % of the rows lost";
+    evidence(claim, compared.coverage(), "≥ 0.8", 10);
 }
 
 #[test]
 fn one_row_in_25_lost_keeps_every_tau() {
-    check(&compare(Counter::Incremental, |rows, random| lost(rows, 0.04, false, random)));
+    let compared = compare(Counter::Incremental, |rows, random| lost(rows, 0.04, false, random));
+    check(&compared);
+    let claim = "95 % interval of N covers the truth, steps with 4 % of the rows lost";
+    evidence(claim, compared.coverage(), "≥ 0.8", 10);
 }
 
 /// What the means that stand for lost rows may do to flicker, walk and ramp: half the lost part, and no more. Here a walk that
@@ -240,7 +265,6 @@ fn check(compared: &Compared) {
     let (mean, worst) = spread(&compared.n);
     println!("N: mean {mean:.4}, worst {worst:.4}; {} of {records} intervals hold the truth", compared.covered);
     assert!((mean - 1.0).abs() < 0.005 && worst < 0.03, "{mean} {worst}");
-    assert!(10 * compared.covered >= 8 * records, "{}", compared.covered);
     assert_eq!(compared.curve.last().unwrap().0, 10_240.0);
     for (tau_s, mean, square) in &compared.curve {
         println!("  {tau_s} s: mean {mean:.5}, scatter {:.5}", square.sqrt());
@@ -278,7 +302,8 @@ fn a_disturbed_row_is_found_named_and_taken_out() {
     }
     let ((clean, worst), (unclean, _)) = (spread(&clean), spread(&unclean));
     println!("clean: mean {clean:.4}, worst {worst:.4}; unclean: mean {unclean:.4}");
-    assert!((clean - 1.0).abs() < 0.005 && worst < 0.03, "{clean} {worst}");
+    assert!((clean - 1.0).abs() < 0.005, "{clean}");
+    evidence("one row of 20 arcsec in 12 h is found: N without it, largest deviation", worst, "≤ 0.03", 8);
     assert!((1.08..1.16).contains(&unclean), "{unclean}");
 }
 

@@ -12,6 +12,7 @@ use sagnac::ErrorKind;
 use sagnac::calibration::{AxisCalibration, Calibration};
 use sagnac::model::{ActsOn, Shape};
 use sagnac_log::setup::Setup;
+use support::evidence::evidence;
 use support::{fit, retest};
 
 /// A gyro whose bias follows `amplitude_dph·cos(2π·v/period + phase)`.
@@ -83,8 +84,9 @@ fn a_fitted_period_is_found_and_its_interval_covers() {
         covered += usize::from((period.value - gyro.period_v).abs() <= half);
         close += usize::from((amplitude(axis) / gyro.amplitude_dph - 1.0).abs() < 0.25);
     }
-    println!("period inside its interval in {covered} of 100, amplitude within 25 % in {close}");
-    assert!(covered >= 88 && close == 100, "{covered} {close}");
+    let part = |of: usize| of as f64 / 100.0;
+    evidence("95 % interval of a fitted period covers the truth", part(covered), "≥ 0.88", 100);
+    evidence("a harmonic of 0.01 … 0.05 °/h is found, its amplitude within 25 %", part(close), "≥ 1", 100);
 }
 
 /// Noise alone: of a hundred gyros without a harmonic at most three pass, all others are refused with the reason.
@@ -104,8 +106,7 @@ fn noise_has_no_period() {
             }
         }
     }
-    println!("{passed} of 100 passed");
-    assert!(passed <= 3, "{passed}");
+    evidence("a period is found in noise alone", f64::from(passed) / 100.0, "≤ 0.03", 100);
 }
 
 /// A stated period through fit, record, bytes of the image and the target's own code, on another run.

@@ -10,6 +10,7 @@ use sagnac::calibration::Calibration;
 use sagnac::compare::compare;
 use sagnac::fit::{FitOptions, Loss, calibrate};
 use sagnac_log::setup::{Setup, WindowSize};
+use support::evidence::{evidence, farthest};
 use support::{fit, model, windows};
 
 const SEEDS: u64 = 500;
@@ -75,9 +76,20 @@ fn coverage(correlation_windows: f64) -> [f64; 7] {
 /// Measured: 0.934 … 0.964 over one window, 0.926 … 0.970 over five.
 #[test]
 fn intervals_hold_under_residuals_that_hang_together() {
-    for correlation_windows in [1.0, 5.0] {
-        for part in coverage(correlation_windows) {
-            assert!((0.92..=0.98).contains(&part), "{correlation_windows}: {part}");
+    let of_one = [
+        "95 % intervals of three coefficients, residuals correlated over 1 window: coverage farthest from 0.95",
+        "95 % intervals of the curve at three temperatures, residuals correlated over 1 window: coverage farthest from 0.95",
+        "95 % interval of a new window, residuals correlated over 1 window: coverage",
+    ];
+    let of_five = [
+        "95 % intervals of three coefficients, residuals correlated over 5 windows: coverage farthest from 0.95",
+        "95 % intervals of the curve at three temperatures, residuals correlated over 5 windows: coverage farthest from 0.95",
+        "95 % interval of a new window, residuals correlated over 5 windows: coverage",
+    ];
+    for (correlation_windows, claims) in [(1.0, of_one), (5.0, of_five)] {
+        let parts = coverage(correlation_windows);
+        for (claim, parts) in claims.into_iter().zip([&parts[..3], &parts[3..6], &parts[6..]]) {
+            evidence(claim, farthest(parts.iter().copied(), 0.95), "0.92 … 0.98", SEEDS);
         }
     }
 }
@@ -85,7 +97,23 @@ fn intervals_hold_under_residuals_that_hang_together() {
 /// The forecast of the record for hours of soak at −40 °C, against fits with these hours. Measured: within 2 % on average.
 #[test]
 fn the_forecast_of_a_soak_comes_true() {
-    for correlation_windows in [0.0, 1.0] {
+    let cases = [
+        (
+            0.0,
+            [
+                "σ of the curve after 1 h more soak over its forecast, white residuals",
+                "σ of the curve after 4 h more soak over its forecast, white residuals",
+            ],
+        ),
+        (
+            1.0,
+            [
+                "σ of the curve after 1 h more soak over its forecast, residuals correlated over 1 window",
+                "σ of the curve after 4 h more soak over its forecast, residuals correlated over 1 window",
+            ],
+        ),
+    ];
+    for (correlation_windows, claims) in cases {
         let mut ratios = [Vec::new(), Vec::new()];
         for seed in 0..40 {
             let made =
@@ -101,10 +129,8 @@ fn the_forecast_of_a_soak_comes_true() {
                 ratios.push(after.rows[0].sigma_dph / forecast);
             }
         }
-        for ratios in ratios {
-            let mean = ratios.iter().sum::<f64>() / ratios.len() as f64;
-            println!("correlation {correlation_windows}: σ after soaking over forecast {mean}");
-            assert!((mean - 1.0).abs() < 0.06, "{mean}");
+        for (ratios, claim) in ratios.iter().zip(claims) {
+            evidence(claim, ratios.iter().sum::<f64>() / ratios.len() as f64, "0.94 … 1.06", 40);
         }
     }
 }
@@ -114,7 +140,19 @@ fn the_forecast_of_a_soak_comes_true() {
 /// lose part of a long correlation.
 #[test]
 fn the_block_bootstrap_agrees_with_the_covariance() {
-    for (correlation_windows, range) in [(0.0, 0.9..1.1), (2.0, 0.75..1.1)] {
+    let cases = [
+        (
+            0.0,
+            "interval of the block bootstrap over that of the covariance, white residuals: farthest from 1",
+            "0.9 … 1.1",
+        ),
+        (
+            2.0,
+            "interval of the block bootstrap over that of the covariance, residuals correlated over 2 windows: farthest from 1",
+            "0.75 … 1.1",
+        ),
+    ];
+    for (correlation_windows, claim, bound) in cases {
         let mut ratios = [Vec::new(), Vec::new(), Vec::new()];
         for seed in 0..30 {
             let windows = windows(vec![log(300, 0, correlation_windows, seed)], &by_rows());
@@ -126,11 +164,8 @@ fn the_block_bootstrap_agrees_with_the_covariance() {
                 ratios.push(0.5 * (hi - lo) / (axis.residual().unwrap().t_quantile_975 * term.sigma.unwrap()));
             }
         }
-        for ratios in ratios {
-            let mean = ratios.iter().sum::<f64>() / ratios.len() as f64;
-            println!("correlation {correlation_windows}: bootstrap over covariance {mean}");
-            assert!(range.contains(&mean), "{correlation_windows}: {mean}");
-        }
+        let means = ratios.map(|ratios| ratios.iter().sum::<f64>() / ratios.len() as f64);
+        evidence(claim, farthest(means, 1.0), bound, 30);
     }
 }
 
@@ -149,7 +184,8 @@ fn records_of_one_gyro_agree_and_a_changed_one_is_reported() {
         stood_out += u32::from(curve.worst.as_ref().unwrap().sigmas > 3.0);
     }
     // Some ten independent comparisons each: three sigma by chance in 3 of 100.
-    assert!(stood_out <= 2, "{stood_out} of 20");
+    let claim = "one of three calibrations of an unchanged gyro stands out by three σ in `compare`";
+    evidence(claim, f64::from(stood_out) / 20.0, "≤ 0.1", 20);
     let mut changed = unit(7);
     changed.axes[0].correction.terms[0].value += 0.03;
     let apart = compare(&named(vec![unit(5), unit(6), changed])).unwrap();
@@ -211,6 +247,8 @@ fn huber_comes_closer_where_some_windows_are_wild() {
     println!(
         "mean square error: squares over Huber {gain} where some are wild, Huber over squares {cost} where none is; {covered} of 200 covered"
     );
-    assert!(gain > 3.0 && cost < 1.08, "{gain} {cost}");
-    assert!((184..=198).contains(&covered), "{covered}");
+    evidence("mean square error of squares over that of Huber's loss, some windows wild", gain, "≥ 3", 200);
+    evidence("mean square error of Huber's loss over that of squares, no window wild", cost, "≤ 1.08", 200);
+    let claim = "95 % interval of a coefficient by Huber's loss, no window wild: coverage";
+    evidence(claim, f64::from(covered) / 200.0, "0.92 … 0.99", 200);
 }

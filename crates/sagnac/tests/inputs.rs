@@ -12,6 +12,7 @@ use sagnac::verify::Correction;
 use sagnac_core::{Compensator, State, Status};
 use sagnac_log::setup::{Noise, Setup};
 use sagnac_sim::{Leg, ManyInputs};
+use support::evidence::evidence;
 use support::{fit, retest};
 
 fn setup() -> Setup {
@@ -211,7 +212,7 @@ fn irrelevant_inputs_are_not_selected() {
                 .any(|step| step.model.contains("bystander") && step.verdict == SearchVerdict::NoGain)
         );
     }
-    assert!(taken <= 2, "{taken} of 20 records have an input that nothing depends on");
+    evidence("`auto` selects an input on which nothing depends", taken as f64 / 20.0, "≤ 0.1", 20);
 }
 
 /// A second thermometer in the same place as the first.

@@ -4,6 +4,7 @@ pub(crate) mod chamber;
 pub(crate) mod circle;
 mod corpus;
 pub(crate) mod errors;
+pub(crate) mod evidence;
 pub(crate) mod faults;
 mod fields;
 pub(crate) mod first_bytes;

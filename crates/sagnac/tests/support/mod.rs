@@ -2,6 +2,7 @@
 
 #![allow(dead_code, reason = "each test binary uses its own part")]
 
+pub(crate) mod evidence;
 pub(crate) mod records;
 
 use std::io::Cursor;

@@ -1,0 +1,27 @@
+//! Figures of coverage, power and risk: asserted here, printed for `docs/explanation/evidence.md`.
+
+#![allow(dead_code, reason = "each test binary uses its own part")]
+
+/// Asserts that a measured figure keeps its bound, and prints the line that `cargo xtask bless evidence` collects. A bound is
+/// `≥ 0.97`, `≤ 0.05` or `0.92 … 0.98`. Claim and bound are literals in the test, where `bless --check` looks for them.
+#[track_caller]
+pub(crate) fn evidence(claim: &str, measured: f64, bound: &str, records: u64) {
+    let file = std::panic::Location::caller().file();
+    println!("\nevidence: {claim} | {measured} | {bound} | {records} | {file}");
+    let number = |text: &str| text.trim().parse::<f64>().unwrap();
+    let holds = if let Some(least) = bound.strip_prefix('≥') {
+        measured >= number(least)
+    } else if let Some(most) = bound.strip_prefix('≤') {
+        measured <= number(most)
+    } else {
+        let (least, most) = bound.split_once('…').unwrap();
+        (number(least)..=number(most)).contains(&measured)
+    };
+    assert!(holds, "{claim}: {measured}, not {bound}");
+}
+
+/// The value of several that is farthest from a wanted one.
+pub(crate) fn farthest(values: impl IntoIterator<Item = f64>, wanted: f64) -> f64 {
+    let values = values.into_iter();
+    values.max_by(|a, b| (a - wanted).abs().total_cmp(&(b - wanted).abs())).unwrap()
+}

@@ -1,0 +1,207 @@
+//! Coverage, power and risk, as the tests measure them: one table from the lines that they print.
+//!
+//! ```text
+//! cargo test … --nocapture --test-threads 1 ─▶ `test NAME ...`, `evidence: CLAIM | MEASURED | BOUND | RECORDS | FILE` ─▶ page
+//! page ─▶ each claim and bound stands in the test that the page names                              bless --check
+//! ```
+//!
+//! The tests take minutes, so that `--check` does not run them: CI runs them as tests, and there they hold the bounds.
+
+use std::collections::BTreeMap;
+use std::fs;
+
+use anyhow::{Context, Result, ensure};
+use xtask::shell::{root, said};
+
+use crate::bless::Made;
+use crate::places::EVIDENCE;
+
+/// The tests that measure, by their packages.
+const TESTS: [(&str, &[&str]); 2] = [
+    ("sagnac", &["acceptance", "counts", "harmonics", "how_sure", "inputs", "many_files", "paper", "rate_table"]),
+    ("sagnac-noise", &["terms"]),
+];
+/// They end within, s.
+const LONGEST_S: u32 = 3600;
+/// Begins the line of a figure.
+const MARK: &str = "evidence: ";
+
+const HEAD: &str = "# Evidence
+
+Made by `cargo xtask bless evidence`; do not edit.
+
+Each row is a figure that a test measures on records with a known truth, with the bound that the test asserts. The records come from
+generators that share no code with what they judge, or from the simulator, whose truth the fit does not see. A figure without a unit is a
+fraction of the records, or a ratio. A bound holds what was measured, not the truth: where all of $n$ records agree, the true fraction is above
+$0.05^{1/n}$ with 95 % confidence, that is 0.741 for 10 records, 0.951 for 60 and 0.970 for 100. The seeds are fixed, so a second run
+measures the same. CI runs the tests and holds the bounds. [Decision](decision.md) explains what the figures of a verdict mean.
+
+| claim | measured | bound | records | test |
+|---|---|---|---|---|
+";
+
+/// A row of the page.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+struct Figure {
+    /// `crates/NAME/tests/FILE.rs::TEST`.
+    test: String,
+    /// Where the test prints it.
+    at: usize,
+    claim: String,
+    measured: String,
+    bound: String,
+    records: String,
+}
+
+impl Figure {
+    fn row(&self) -> String {
+        let Self { test, claim, measured, bound, records, .. } = self;
+        format!("| {claim} | {measured} | {bound} | {records} | `{test}` |\n")
+    }
+
+    fn of_row(at: usize, row: &str) -> Option<Self> {
+        let cells: Vec<&str> = row.strip_prefix("| ")?.strip_suffix(" |")?.split(" | ").collect();
+        let [claim, measured, bound, records, test] = cells[..] else { return None };
+        let test = test.strip_prefix('`')?.strip_suffix('`')?.to_owned();
+        let [claim, measured, bound, records] = [claim, measured, bound, records].map(str::to_owned);
+        Some(Self { test, at, claim, measured, bound, records })
+    }
+}
+
+/// Runs the tests and writes the page.
+pub(crate) fn make() -> Result<Vec<Made>> {
+    let mut figures = Vec::new();
+    for (package, tests) in TESTS {
+        let mut args = vec!["test", "--locked", "-p", package];
+        tests.iter().for_each(|test| args.extend(["--test", test]));
+        args.extend(["--", "--nocapture", "--test-threads", "1"]);
+        figures.extend(printed(&said(LONGEST_S, "cargo", &args, &root())?)?);
+    }
+    figures.sort();
+    let page = HEAD.to_owned() + &figures.iter().map(Figure::row).collect::<String>();
+    let wrong = wrong(&page)?;
+    ensure!(wrong.is_empty(), "{}", wrong.join("\n"));
+    Ok(vec![Made::new(EVIDENCE, page)])
+}
+
+/// The figures in what tests printed.
+fn printed(output: &str) -> Result<Vec<Figure>> {
+    let (mut figures, mut test) = (Vec::new(), None);
+    for line in output.lines() {
+        if let Some((name, _)) = line.strip_prefix("test ").and_then(|rest| rest.split_once(" ... ")) {
+            test = Some(name);
+        }
+        let Some(figure) = line.strip_prefix(MARK) else { continue };
+        let cells: Vec<&str> = figure.split(" | ").collect();
+        let [claim, measured, bound, records, file] = cells[..] else { anyhow::bail!("five cells: {line}") };
+        figures.push(Figure {
+            test: format!("{file}::{}", test.with_context(|| format!("no test printed {line}"))?),
+            at: figures.len(),
+            claim: claim.to_owned(),
+            measured: three_digits(measured.parse().with_context(|| line.to_owned())?),
+            bound: bound.to_owned(),
+            records: records.to_owned(),
+        });
+    }
+    Ok(figures)
+}
+
+/// Rounded to three digits; whole numbers as they are.
+fn three_digits(value: f64) -> String {
+    if value.fract() == 0.0 {
+        return value.to_string();
+    }
+    let places = (2 - value.abs().log10().floor() as i32).max(0) as usize;
+    format!("{value:.places$}")
+}
+
+/// What is wrong with the committed page, without running a test.
+pub(crate) fn stale() -> Result<Vec<String>> {
+    let page = fs::read_to_string(root().join(EVIDENCE)).with_context(|| format!("cannot read {EVIDENCE}"))?;
+    wrong(&page)
+}
+
+/// Rows whose test is not there or does not hold their claim and bound, and tests that measure but have no row.
+fn wrong(page: &str) -> Result<Vec<String>> {
+    if !page.starts_with(HEAD) {
+        return Ok(vec![format!("{EVIDENCE}: its head is not as it is made")]);
+    }
+    let rows = page.lines().enumerate().skip(HEAD.lines().count());
+    let mut claimed: BTreeMap<String, Vec<Figure>> = BTreeMap::new();
+    let mut wrong = Vec::new();
+    for (at, row) in rows {
+        match Figure::of_row(at + 1, row) {
+            Some(figure) => claimed.entry(figure.test.clone()).or_default().push(figure),
+            None => wrong.push(format!("{EVIDENCE}:{}: no row: {row}", at + 1)),
+        }
+    }
+    for (package, files) in TESTS {
+        for file in files {
+            let path = format!("crates/{package}/tests/{file}.rs");
+            let source = fs::read_to_string(root().join(&path)).with_context(|| format!("cannot read {path}"))?;
+            for (name, body) in tests(&source) {
+                let test = format!("{path}::{name}");
+                let figures = claimed.remove(&test).unwrap_or_default();
+                if figures.is_empty() && body.contains("evidence(") {
+                    wrong.push(format!("{EVIDENCE}: no figure of {test}; run `cargo xtask bless evidence`"));
+                }
+                wrong.extend(figures.iter().filter_map(|figure| differs(figure, body)));
+            }
+        }
+    }
+    let missing = claimed.into_values().flatten();
+    wrong.extend(missing.map(|figure| format!("{EVIDENCE}:{}: there is no test {}", figure.at, figure.test)));
+    Ok(wrong)
+}
+
+/// Claim and bound of a figure are literals of its test.
+fn differs(figure: &Figure, body: &str) -> Option<String> {
+    let missing = [&figure.claim, &figure.bound].into_iter().find(|text| !body.contains(&format!("\"{text}\"")))?;
+    Some(format!("{EVIDENCE}:{}: {} has no \"{missing}\"; run `cargo xtask bless evidence`", figure.at, figure.test))
+}
+
+/// Names and bodies of the tests in a source, as rustfmt writes them.
+fn tests(source: &str) -> impl Iterator<Item = (&str, &str)> {
+    source.split("#[test]\nfn ").skip(1).filter_map(|rest| {
+        let body = rest.split_once("\n}\n").map_or(rest, |(body, _)| body);
+        Some((rest.split_once('(')?.0, body))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SOURCE: &str =
+        "#[test]\nfn one() {\n    evidence(\"a\", x, \"≥ 0.97\", 60);\n}\n\nfn other() {\n    \"b\";\n}\n";
+
+    #[test]
+    fn figures_are_read_from_what_tests_print() {
+        let output = "running 2 tests\ntest one ... \nevidence: a | 0.98333 | ≥ 0.97 | 60 | crates/x/tests/y.rs\nok\n\
+                      test two ... ok\n";
+        let figures = printed(output).unwrap();
+        assert_eq!(figures[0].row(), "| a | 0.983 | ≥ 0.97 | 60 | `crates/x/tests/y.rs::one` |\n");
+        let again = Figure::of_row(0, figures[0].row().trim_end()).unwrap();
+        assert_eq!(again, figures[0]);
+        assert!(printed("evidence: a | 1 | ≥ 1 | 1 | y.rs\n").is_err(), "before any test");
+    }
+
+    #[test]
+    fn a_claim_or_a_bound_that_its_test_does_not_have_is_named() {
+        let found: Vec<_> = tests(SOURCE).collect();
+        assert_eq!((found.len(), found[0].0), (1, "one"));
+        let figure = |claim: &str, bound: &str| {
+            Figure::of_row(9, &format!("| {claim} | 0.98 | {bound} | 60 | `y.rs::one` |")).unwrap()
+        };
+        assert_eq!(differs(&figure("a", "≥ 0.97"), found[0].1), None);
+        for (claim, bound) in [("b", "≥ 0.97"), ("a", "≥ 0.9")] {
+            assert!(differs(&figure(claim, bound), found[0].1).unwrap().contains("y.rs::one"));
+        }
+    }
+
+    #[test]
+    fn figures_have_three_digits() {
+        let shown = [0.0, 1.0, 1.000_97, 0.983_33, 0.1, 12.345, 0.001_234].map(three_digits);
+        assert_eq!(shown, ["0", "1", "1.00", "0.983", "0.100", "12.3", "0.00123"]);
+    }
+}
