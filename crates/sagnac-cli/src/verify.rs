@@ -101,10 +101,6 @@ fn describe(console: &mut Console, verification: &Verification) {
             console
                 .say("  each run covers little of the temperatures: figures are about the mean of all runs".to_owned());
         }
-        if axis.about_common_mean {
-            console
-                .say("  each run covers little of the temperatures: figures are about the mean of all runs".to_owned());
-        }
         if let Some(coverage) = &axis.coverage {
             console.say(format!("  temperatures {}", coverage.words()));
         }

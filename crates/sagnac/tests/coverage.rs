@@ -7,6 +7,7 @@ mod support;
 use hostile::{Bench, Now};
 use rayon::prelude::*;
 use sagnac::calibration::Calibration;
+use support::evidence::evidence;
 use support::fit;
 
 type Truth = fn(Now) -> f64;
@@ -66,24 +67,65 @@ fn weak_cubic(now: Now) -> f64 {
     0.02 * u - 0.008 * u * u + 0.01 * u * u * u
 }
 
+/// Selected models with a term that the truth does not have.
+fn useless(shown: &Shown, has: fn(&str) -> bool) -> f64 {
+    let all: usize = shown.models.values().sum();
+    shown.models.iter().filter(|(model, _)| has(model)).map(|(_, n)| *n).sum::<usize>() as f64 / all as f64
+}
+
+/// A cubic so weak that `auto` often leaves its highest order out: the interval knows. With a fixed "2 %" the intervals held the
+/// truth in 0.39, 0.47 and 0.32 of the cases.
 #[test]
-fn measure() {
-    let plain: fn(&mut Bench<'_>) = |_| ();
-    for runs in [1, 2, 4] {
-        for model in ["bias 3", "auto"] {
-            let start = std::time::Instant::now();
-            let s = shown(60, runs, weak_cubic, model, plain);
-            println!("{runs} {model}: {s:?} {:?}", start.elapsed());
-        }
-    }
-    let noises: [(&str, fn(&mut Bench<'_>)); 4] = [
-        ("white", |_| ()),
-        ("B 0.01", |b| b.b_dph = 0.01),
-        ("K 0.01", |b| b.k_dph_rt_h = 0.01),
-        ("markov 2000 s", |b| b.markov = Some((2000.0, 0.01))),
-    ];
-    for (name, change) in noises {
-        let s = shown(100, 2, weak_cubic, "bias 3", change);
-        println!("{name}: {s:?}");
-    }
+fn intervals_hold_after_selection() {
+    let coverage = |runs: u64, records: u64| {
+        let found = shown(records, runs, weak_cubic, "auto", |_| ());
+        let best = shown(records, runs, weak_cubic, "bias 3", |_| ());
+        println!("weak cubic, {runs} runs: {found:?}; bias 3: {}", best.error_dph);
+        found.coverage
+    };
+    evidence("95 % interval of the curve covers after `auto`, weak cubic, one run", coverage(1, 60), "0.90 … 0.98", 60);
+    evidence(
+        "95 % interval of the curve covers after `auto`, weak cubic, two runs",
+        coverage(2, 60),
+        "0.90 … 0.98",
+        60,
+    );
+    evidence(
+        "95 % interval of the curve covers after `auto`, weak cubic, four runs",
+        coverage(4, 40),
+        "0.90 … 0.985",
+        40,
+    );
+}
+
+/// No term that is not there: constant, linear and strong cubic drifts, two runs.
+#[test]
+fn no_useless_term_is_selected() {
+    let part = |truth: Truth, has: fn(&str) -> bool| {
+        let found = shown(60, 2, truth, "auto", |_| ());
+        println!("{found:?}");
+        useless(&found, has)
+    };
+    evidence("`auto` selects a term where there is no drift", part(|_| 0.0, |model| model != "bias 0"), "≤ 0.1", 60);
+    let linear = part(|now| 0.05 * now.u(), |model| model != "bias 1");
+    evidence("`auto` selects more than the slope of a linear drift", linear, "≤ 0.1", 60);
+    let cubic = part(|now| 0.1 * now.u().powi(3), |model| model != "bias 3");
+    evidence("`auto` selects more than a strong cubic", cubic, "≤ 0.1", 60);
+}
+
+/// Slow noise of each kind, a fixed model and two runs. With the lag-one rule alone: 0.78, 0.68 and 0.70.
+#[test]
+fn intervals_hold_under_slow_noise() {
+    let coverage = |change: fn(&mut Bench<'_>)| {
+        let found = shown(150, 2, weak_cubic, "bias 3", change);
+        println!("{found:?}");
+        found.coverage
+    };
+    evidence("95 % interval of the curve covers, `bias 3`, white noise", coverage(|_| ()), "0.92 … 0.98", 150);
+    let flicker = coverage(|bench| bench.b_dph = 0.01);
+    evidence("95 % interval of the curve covers, `bias 3`, B = 0.01 °/h", flicker, "0.92 … 0.98", 150);
+    let walk = coverage(|bench| bench.k_dph_rt_h = 0.01);
+    evidence("95 % interval of the curve covers, `bias 3`, K = 0.01 °/h/√h", walk, "0.87 … 0.98", 150);
+    let markov = coverage(|bench| bench.markov = Some((2000.0, 0.01)));
+    evidence("95 % interval of the curve covers, `bias 3`, Markov noise of 2,000 s", markov, "0.90 … 0.98", 150);
 }
