@@ -275,7 +275,7 @@ fn coefficients(axis: &AxisCalibration) -> String {
         row
     });
     let others = axis.nonlinear().into_iter().map(|found| {
-        let mark = if found.sigma.is_none() { "not resolved: smallest within 2 % of the least misfit" } else { "" };
+        let mark = if found.sigma.is_none() { "not resolved: smallest within two of its σ" } else { "" };
         vec![found.name, with_sigma(found.value, found.sigma), found.unit, mark.to_owned()]
     });
     let rows: Vec<Vec<String>> = terms.chain(others).collect();

@@ -39,7 +39,7 @@ pub(crate) fn coefficients(axis: &AxisCalibration) -> Markup {
                 @for found in axis.nonlinear() {
                     tr {
                         td { (found.name) } td { (found.sigma.map_or_else(|| significant(found.value, 3), |s| with_sigma(found.value, Some(s)))) } td.words { (found.unit) } td {}
-                        td.words { @if found.sigma.is_none() { "not resolved: the smallest within 2 % of the least misfit" } }
+                        td.words { @if found.sigma.is_none() { "not resolved: the smallest within two of its σ" } }
                     }
                 }
             } }

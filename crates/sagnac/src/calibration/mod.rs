@@ -212,7 +212,7 @@ impl Term {
 pub struct Lag {
     /// τ, s.
     pub value: f64,
-    /// Standard deviation; null where τ is not resolved: then it is the smallest within 2 % of the least misfit.
+    /// Standard deviation; null where τ is not resolved: then it is the smallest whose misfit is within Δχ² = 4 of the least.
     pub sigma: Option<f64>,
 }
 

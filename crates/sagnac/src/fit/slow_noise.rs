@@ -34,7 +34,7 @@ const LADDER: f64 = 4.0;
 const LEAST: f64 = 1e-5;
 const MOST: f64 = 30.0;
 /// What a further process must gain in −2·ln(restricted likelihood).
-const GAIN: f64 = 0.5;
+const GAIN: f64 = 2.0;
 /// Correlation times of the Markov process that are tried, windows.
 const MARKOV_WINDOWS: [f64; 5] = [1.0, 2.0, 5.0, 15.0, 50.0];
 /// Rows that the variances are estimated from.
@@ -261,7 +261,7 @@ pub(crate) fn estimate(nominal_s: f64, criterion: impl Fn(SlowNoise) -> f64) -> 
     let markov = MARKOV_WINDOWS.map(|windows| {
         best_of(&|variance| SlowNoise { markov: Some((variance, windows * nominal_s)), ..SlowNoise::default() })
     });
-    best = better(best, alone, 0.0);
+    best = better(best, alone, GAIN);
     best = markov.into_iter().fold(best, |best, markov| better(best, markov, GAIN));
     // A second process beside the best.
     let base = best.0;
