@@ -18,7 +18,10 @@ use crate::places::EVIDENCE;
 
 /// The tests that measure, by their packages.
 const TESTS: [(&str, &[&str]); 2] = [
-    ("sagnac", &["acceptance", "counts", "harmonics", "how_sure", "inputs", "many_files", "paper", "rate_table"]),
+    (
+        "sagnac",
+        &["acceptance", "counts", "coverage", "harmonics", "how_sure", "inputs", "many_files", "paper", "rate_table"],
+    ),
     ("sagnac-noise", &["terms"]),
 ];
 /// They end within, s.
