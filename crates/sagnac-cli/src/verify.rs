@@ -98,8 +98,7 @@ fn describe(console: &mut Console, verification: &Verification) {
         console.say(format!("axis {}: {}", axis.axis, verdict(axis)));
         console.say(figures(axis, verification));
         if axis.about_common_mean {
-            console
-                .say("  each run covers little of the temperatures: figures are about the mean of all runs".to_owned());
+            console.say("  each run covers little of the temperatures: figures are about the mean of all runs");
         }
         if let Some(coverage) = &axis.coverage {
             console.say(format!("  temperatures {}", coverage.words()));

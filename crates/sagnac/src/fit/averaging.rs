@@ -174,11 +174,11 @@ fn factor(problem: &LeastSquares<'_>, whitening: &Whitening, tau_s: f64, rated: 
     let width = problem.levels.len() + BASIS_LEN - 1 + RATE_COLUMNS + scales + 1;
     let (mut reducer, mut filter) = (Reducer::new(width), whitening.filter(width));
     let mut row = Vec::with_capacity(width);
-    for i in 0..problem.len() {
+    for (i, rates) in rates.iter().enumerate() {
         row.clear();
         row.extend(problem.levels.iter().map(|level| problem.level(i, *level)));
         row.extend_from_slice(&problem.inputs[0].basis[i][1..]);
-        row.extend_from_slice(&rates[i]);
+        row.extend_from_slice(rates);
         row.extend((1..=scales).map(|k| problem.scale_column(0, i, k)));
         row.push(problem.y[i]);
         filter.push(i, &mut row);
