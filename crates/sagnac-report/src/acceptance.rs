@@ -84,7 +84,7 @@ pub(crate) fn limits(verification: &Verification) -> Markup {
                 @for limit in &axis.limits {
                     @let (words, unit) = limit_words(&limit.name);
                     tr {
-                        td { (words) } td.unit { (unit) } td { (significant(limit.limit, 4)) }
+                        td.words { (words) } td.unit { (unit) } td { (significant(limit.limit, 4)) }
                         td { (limit.value_text()) }
                         @if excluding { td { (limit.value_of_every_row.map_or("-".to_owned(), |value| significant(value, 4))) } }
                         td { (limit.margin_text()) }
@@ -100,7 +100,7 @@ pub(crate) fn limits(verification: &Verification) -> Markup {
                 }
             } }
             @for limit in axis.limits.iter().filter(|limit| limit.pass.is_none()) {
-                p.note { "Not asked: " (limit_words(&limit.name).0) "; it " (limit.why.as_deref().unwrap_or("is of another test")) "." }
+                p.note { "Not asked: " (limit_words(&limit.name).0) ": " (limit.why.as_deref().unwrap_or("it is of another test")) "." }
             }
             p.note { "Guarded: met where the value and 1.645 of its standard errors (±) are within the bound, not met where both are beyond it, else not decided. Simple: the value alone decides. Margin: the distance to the bound, as a fraction of it." }
             @if axis.about_common_mean {
