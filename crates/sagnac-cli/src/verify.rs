@@ -95,7 +95,7 @@ fn warn_of_same_log(console: &mut Console, verification: &Verification) {
 
 fn describe(console: &mut Console, verification: &Verification) {
     for axis in &verification.axes {
-        console.say(format!("axis {}: {}", axis.axis, verdict(axis)));
+        console.say(format!("axis {}: {}", axis.axis, verdict(axis, verification)));
         console.say(figures(axis, verification));
         if axis.about_common_mean {
             console.say("  each run covers little of the temperatures: figures are about the mean of all runs");
@@ -203,10 +203,14 @@ fn scale_factor(scale: &ScaleProof) -> String {
     table(&[&title, "mean", "max − min", "σ"], rows)
 }
 
-fn verdict(axis: &AxisVerification) -> String {
+fn verdict(axis: &AxisVerification, verification: &Verification) -> String {
     let times = |ratio: Option<f64>| ratio.map_or("-".to_owned(), |r| format!("{} times", significant(r, 3)));
     let judged = Judged::of(&axis.limits);
     let judged = match axis.pass {
+        Some(_) if !verification.training_overlap.is_empty() => "NOT ACCEPTED: the fit has seen this log; ".to_owned(),
+        Some(true) if !verification.untested_axes.is_empty() => {
+            format!("NOT ACCEPTED: an axis is not tested; {} on this one; ", judged.words())
+        }
         Some(true) if judged.not_asked == 0 => "all limits met; ".to_owned(),
         Some(true) => format!("{}{}; ", judged.words(), unjudged_bias(axis)),
         Some(false) if judged.not_met == 0 => format!("LIMITS NOT DECIDED: {}; ", judged.words()),

@@ -56,13 +56,11 @@ pub enum Reason {
     TableChange,
     /// Window without a reference rate in a run that has one.
     NoReference,
-    /// Window of another run, where one run is judged alone.
-    AnotherRun,
 }
 
 impl Reason {
     /// Every reason.
-    pub const ALL: [Self; 24] = [
+    pub const ALL: [Self; 23] = [
         Self::Ragged,
         Self::NotANumber,
         Self::ValueOutOfRange,
@@ -86,7 +84,6 @@ impl Reason {
         Self::LastingStep,
         Self::TableChange,
         Self::NoReference,
-        Self::AnotherRun,
     ];
 
     /// The name scripts rely on.
@@ -115,7 +112,6 @@ impl Reason {
             Self::LastingStep => "lasting_step",
             Self::TableChange => "table_change",
             Self::NoReference => "no_reference",
-            Self::AnotherRun => "another_run",
         }
     }
 }
@@ -149,7 +145,6 @@ impl Reason {
             Self::LastingStep => "At a step that lasts: none of its sides is excluded.",
             Self::TableChange => "The rate table changed its rate within the window.",
             Self::NoReference => "No reference rate in a run that has one.",
-            Self::AnotherRun => "A window of another run, where one run is judged alone.",
         }
     }
 }

@@ -1,4 +1,5 @@
-//! Which model of the grid explains the rows with the fewest coefficients; and what selecting it, and a lag that the data do not resolve, add to the uncertainty of the curve.
+//! Which model of the grid explains the rows with the fewest coefficients; and what selecting it, and a lag that the data do not
+//! resolve, add to the uncertainty of the curve.
 //!
 //! ```text
 //! grade of a model at a τ    g = SSR/s² + k·max(4, ln n − 2)        s² of the largest model; 2·ln of the τ tried beside it
@@ -46,11 +47,11 @@ struct Member {
 }
 
 /// A model at a τ of the grid, fitted to the whitened rows.
-pub(crate) struct Graded {
+struct Graded {
     /// Index among the specs.
-    pub(crate) spec: usize,
+    spec: usize,
     /// Grade: the least is selected.
-    pub(crate) criterion: f64,
+    criterion: f64,
     /// −2·ln of its weight but for a constant.
     weight_exponent: f64,
     solution: Solution,
@@ -58,8 +59,16 @@ pub(crate) struct Graded {
 
 /// Every model at every τ, and the variance of a row.
 pub(crate) struct Grades {
-    pub(crate) all: Vec<Graded>,
+    all: Vec<Graded>,
     variance: f64,
+}
+
+impl Grades {
+    /// Of some specs the one of the least grade at its best τ.
+    pub(crate) fn best(&self, of: &[usize]) -> Option<usize> {
+        let graded = self.all.iter().filter(|graded| of.contains(&graded.spec));
+        graded.min_by(|a, b| a.criterion.total_cmp(&b.criterion)).map(|graded| graded.spec)
+    }
 }
 
 /// What a coefficient costs: Δχ² = 4, two of its standard errors, and growing with the logarithm of the windows, so that the

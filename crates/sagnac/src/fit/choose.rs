@@ -9,7 +9,7 @@
 use crate::calibration::{
     Candidate, CorrectionNoise, CrossValidation, CurveSpread, RejectedInput, SearchStep, SearchVerdict,
 };
-use crate::fit::averaging::{grade, spread};
+use crate::fit::averaging::{Grades, grade, spread};
 use crate::fit::criterion::{CvScore, effective_windows, is_undominated};
 use crate::fit::folds::{Trial, cross_validate, scheme_of};
 use crate::fit::input_noise::{INCREASE_MAX, correction_noise, loudest_rate};
@@ -320,8 +320,13 @@ fn best_of_grid(problem: &LeastSquares<'_>, taus_s: &[f64]) -> Result<Best> {
             .help("give more data over more temperatures, or a fixed --model"));
     }
     let mut fair: Vec<usize> = (0..specs.len()).filter(|i| mean_square[*i].is_some()).collect();
+    let grades = grades_if_white(problem, &fair, &specs, taus_s);
     let chosen = loop {
-        let chosen = best_of(problem, &fair, &specs, &mean_square, taus_s).ok_or_else(|| {
+        let best = match &grades {
+            Some(grades) => grades.best(&fair),
+            None => best_held_out(problem, &fair, &specs, &mean_square, taus_s),
+        };
+        let chosen = best.ok_or_else(|| {
             Error::refused("the data do not separate the terms of any candidate")
                 .help("test so that temperature and its rate move independently, or give a fixed --model")
         })?;
@@ -336,24 +341,16 @@ fn best_of_grid(problem: &LeastSquares<'_>, taus_s: &[f64]) -> Result<Best> {
     Ok(Best { spec: specs[chosen].clone(), mean_square: mean_square[chosen], candidates, specs })
 }
 
-/// Of the fair candidates the one of the best grade at its best τ ([`super::averaging`]) where the residual of the largest is nearly
-/// white; where it is not, a grade mistakes what no model explains for noise, and what is held out decides.
-fn best_of(
-    problem: &LeastSquares<'_>,
-    fair: &[usize],
-    specs: &[ModelSpec],
-    mean_square: &[Option<f64>],
-    taus_s: &[f64],
-) -> Option<usize> {
+/// Grades of all candidates ([`super::averaging`]) where the residual of the largest is nearly white. Where it is not, a grade
+/// mistakes what no model explains for noise, and what is held out decides.
+fn grades_if_white(problem: &LeastSquares<'_>, fair: &[usize], specs: &[ModelSpec], taus_s: &[f64]) -> Option<Grades> {
     let largest = fair.iter().copied().max_by_key(|i| specs[*i].coefficients())?;
     let fitted = fit(problem, &specs[largest], taus_s).ok();
     let noise = fitted.map_or(SlowNoise::default(), |fitted| noise_of(problem, &fitted));
     if noise.parts_of_white() > NEARLY_WHITE {
-        return best_held_out(problem, fair, specs, mean_square, taus_s);
+        return None;
     }
-    let grades = grade(problem, &Whitening::new(problem, noise), specs, taus_s)?;
-    let graded = grades.all.iter().filter(|graded| fair.contains(&graded.spec));
-    graded.min_by(|a, b| a.criterion.total_cmp(&b.criterion)).map(|graded| graded.spec)
+    grade(problem, &Whitening::new(problem, noise), specs, taus_s)
 }
 
 /// The smallest model against which no other is justified ([`super::criterion`]). At equal size a model without rate term is

@@ -11,13 +11,13 @@ use sagnac_units::{ARCSEC_RT_S_PER_DEG_RT_H, s_from_ns};
 use crate::calibration::{
     AxisCalibration, AxisCorrection, Calibration, Collinearity, FORMAT, FitDiagnostics, Hysteresis, Input, LogFile,
     LogUnit, MINOR_VERSION, Misalignment, NoiseFloor, PpmEstimate, Provenance, Residual, RunOffset, ScaleFactor,
-    SlowNoiseTerms, Target, Term, UNASSIGNED, VERSION, program,
+    Target, Term, UNASSIGNED, VERSION, program,
 };
 use crate::diagnostics::{
     AxisReportData, Effect, Point, ReportData, hysteresis_of, offsets_hide_drift, points, ramp_rates_cpm, run_spans,
 };
 use crate::fit::Model;
-use crate::fit::choose::{Chosen, choose};
+use crate::fit::choose::choose;
 use crate::fit::effects::Parts;
 use crate::fit::exclusions;
 use crate::fit::inputs::recorded_inputs;
@@ -27,7 +27,6 @@ use crate::fit::plateaus::repeatability;
 use crate::fit::rate_table_input::RateTableInput;
 use crate::fit::robust::Loss;
 use crate::fit::search::CONDITION_MAX;
-use crate::fit::slow_noise::SlowNoise;
 use crate::fit::soak::soak;
 use crate::fit::solution::white_variance;
 use crate::fit::solution::{Fitted, bootstrap_intervals};
@@ -304,7 +303,7 @@ fn fit_axis(
         hysteresis: None,
         ramp_rates_cpm: None,
         curve_spread: None,
-        slow_noise: slow_noise_terms(&chosen, &fitted),
+        slow_noise: chosen.noise.terms(white_variance(problem, &fitted, chosen.noise).sqrt()),
         hidden_in_offsets_dph: None,
         soak: None,
         scale_factor: scale_factor(&fitted, problem, axis, &windows.shape),
@@ -335,21 +334,6 @@ fn fit_axis(
         fit.curve_spread = beside;
     }
     Ok((record, drawn))
-}
-
-/// The slow noise of a fit with the units of its terms; `None` where it is white.
-fn slow_noise_terms(chosen: &Chosen<'_>, fitted: &Fitted) -> Option<SlowNoiseTerms> {
-    let white_dph = white_variance(&chosen.problem, fitted, chosen.noise).sqrt();
-    let root = |part: f64| (part > 0.0).then(|| white_dph * part.sqrt());
-    let noise = chosen.noise;
-    let terms = SlowNoiseTerms {
-        white_dph,
-        bias_instability_dph: root(noise.flicker * std::f64::consts::PI / 4.0_f64.ln()),
-        rate_random_walk_dph_rt_h: root(noise.walk_per_h),
-        markov_sigma_dph: noise.markov.and_then(|(variance, _)| root(variance)),
-        markov_correlation_s: noise.markov.map(|(_, tau_s)| tau_s),
-    };
-    (noise != SlowNoise::default()).then_some(terms)
 }
 
 /// σ of some values about their mean.

@@ -14,13 +14,15 @@
 //! Cov θ = (XᵀWX)⁻¹·XᵀW·V·WX·(XᵀWX)⁻¹
 //! ```
 //!
-//! All are first-order processes, so a Kalman filter with one state each turns rows into innovations: every column of the
-//! design and y go through the same filter (generalized least squares, for grades and likelihoods), run by run, over gaps of any length, in memory that does not grow with the rows.
+//! All are first-order processes, so a Kalman filter with one state each turns rows into innovations. Every column of the
+//! design and y go through the same filter (generalized least squares, for grades and likelihoods), run by run, over gaps of any
+//! length, in memory that does not grow with the rows.
 //! The variances are those of greatest restricted likelihood (Patterson and Thompson 1971): a plain likelihood would count as
 //! drift what the terms absorb of the noise.
 //!
 //! Fails where a run is shorter than what is slow: a drift in time over a single ramp and a drift over temperature are one.
 
+use crate::calibration::SlowNoiseTerms;
 use crate::fit::least_squares::LeastSquares;
 use crate::fit::solution::golden_section;
 use nalgebra::{DMatrix, DVector};
@@ -55,6 +57,18 @@ impl SlowNoise {
     /// Its largest process as a part of the white variance.
     pub(crate) fn parts_of_white(&self) -> f64 {
         self.flicker.max(self.walk_per_h).max(self.markov.map_or(0.0, |(variance, _)| variance))
+    }
+
+    /// In the units of a record, the white σ given; `None` where it is white. B from the variance of each of the ladder.
+    pub(crate) fn terms(self, white_dph: f64) -> Option<SlowNoiseTerms> {
+        let root = |part: f64| (part > 0.0).then(|| white_dph * part.sqrt());
+        (self != Self::default()).then(|| SlowNoiseTerms {
+            white_dph,
+            bias_instability_dph: root(self.flicker * std::f64::consts::PI / LADDER.ln()),
+            rate_random_walk_dph_rt_h: root(self.walk_per_h),
+            markov_sigma_dph: self.markov.and_then(|(variance, _)| root(variance)),
+            markov_correlation_s: self.markov.map(|(_, tau_s)| tau_s),
+        })
     }
 
     /// Zᵀ·V·Z of some columns, one per parameter, in units of the white variance: V is this noise of the problem's rows.

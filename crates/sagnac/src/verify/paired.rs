@@ -97,16 +97,15 @@ impl PairedWindows {
         1.0 - rows(self) / rows(whole)
     }
 
-    /// One run alone: the windows of all others are left out.
-    pub(crate) fn only_run(&self, run: usize) -> Self {
-        let mut one = self.clone();
-        for i in 0..one.raw.len() {
-            if one.raw.rows.run[i] as usize != run && one.raw.rows.excluded[i].is_none() {
-                one.raw.rows.excluded[i] = Some(Reason::AnotherRun);
-            }
+    /// The windows of one run alone.
+    pub(crate) fn of_run(&self, run: usize) -> Self {
+        let of_run = |i: &usize| self.raw.rows.run[*i] as usize == run;
+        let members: Vec<usize> = (0..self.raw.len()).filter(of_run).collect();
+        Self {
+            raw: self.raw.only(&members),
+            corrected: self.corrected.only(&members),
+            status: self.status.iter().map(|column| members.iter().map(|i| column[*i]).collect()).collect(),
         }
-        one.corrected.exclude_as(&one.raw);
-        one
     }
 
     /// Part of the time between the first and the last row of the runs of which no row is usable, 0 to 1.

@@ -87,12 +87,12 @@ impl ResidualDiagnostics {
     }
 }
 
-/// From the points of an axis; the floor in °/h.
-pub(crate) fn residual_diagnostics(points: &[Point], floor_dph: Option<f64>) -> ResidualDiagnostics {
+/// From the points of an axis. σ of the figures, which counts a short window by its length, and the floor in °/h.
+pub(crate) fn residual_diagnostics(points: &[Point], sigma_dph: f64, floor_dph: Option<f64>) -> ResidualDiagnostics {
     let used: Vec<&Point> = points.iter().filter(|p| p.excluded.is_none() && p.after_dph.is_finite()).collect();
     let sigma = spread(&used);
     ResidualDiagnostics {
-        over_floor_dph: floor_dph.and_then(|floor| over(sigma, floor, used.len())),
+        over_floor_dph: floor_dph.and_then(|floor| over(sigma_dph, floor, used.len())),
         hysteresis_dph: hysteresis(points, sigma, &used),
         gap_steps: gap_steps(&used, sigma),
         lag1_autocorrelation: lag1_autocorrelation(&used, sigma),
@@ -174,20 +174,21 @@ mod tests {
     #[test]
     fn what_was_put_in_is_named() {
         let floor = (1.0_f64 / 12.0).sqrt();
-        let nothing = residual_diagnostics(&points(noise), Some(floor));
+        let of =
+            |points: &[Point], floor| residual_diagnostics(points, spread(&points.iter().collect::<Vec<_>>()), floor);
+        let nothing = of(&points(noise), Some(floor));
         assert_eq!(nothing.over_floor_dph, None);
         let (legs, slow) = (nothing.hysteresis_dph.unwrap(), nothing.lag1_autocorrelation.unwrap());
         assert!(legs.value.abs() < 3.0 * legs.sigma && slow.value.abs() < 3.0 * slow.sigma, "{nothing:?}");
         let gaps = nothing.gap_steps.unwrap();
         assert!(gaps.gaps == 3 && gaps.rms_dph < 2.0 * gaps.noise_dph, "{gaps:?}");
         // Half a degree an hour between the legs, and a step at each gap.
-        let apart = residual_diagnostics(&points(|i| noise(i) + if i < 100 { 0.25 } else { -0.25 }), Some(floor));
+        let apart = of(&points(|i| noise(i) + if i < 100 { 0.25 } else { -0.25 }), Some(floor));
         let legs = apart.hysteresis_dph.unwrap();
         assert!((legs.value - 0.5).abs() < 3.0 * legs.sigma, "{legs:?}");
         assert!((apart.over_floor_dph.unwrap() - 0.25).abs() < 0.06, "{apart:?}");
         assert!(apart.lag1_autocorrelation.unwrap().value > 0.25);
-        let stepped =
-            residual_diagnostics(&points(|i| 0.1 * noise(i) + if (i / 50) % 2 == 0 { 0.5 } else { -0.5 }), None);
+        let stepped = of(&points(|i| 0.1 * noise(i) + if (i / 50) % 2 == 0 { 0.5 } else { -0.5 }), None);
         let gaps = stepped.gap_steps.unwrap();
         assert!((gaps.rms_dph - 1.0).abs() < 0.1, "{gaps:?}");
         assert_eq!(stepped.over_floor_dph, None, "no floor");

@@ -129,6 +129,38 @@ pub struct WindowRows {
     pub excluded: Vec<Option<Reason>>,
 }
 
+impl WindowRows {
+    /// Some of the windows. Every column is named, so that a new one cannot be forgotten.
+    fn only(&self, members: &[usize]) -> Self {
+        fn one<T: Clone>(column: &[T], members: &[usize]) -> Vec<T> {
+            members.iter().map(|i| column[*i].clone()).collect()
+        }
+        fn all<T: Clone>(columns: &[Vec<T>], members: &[usize]) -> Vec<Vec<T>> {
+            columns.iter().map(|column| one(column, members)).collect()
+        }
+        Self {
+            run: one(&self.run, members),
+            start_ns: one(&self.start_ns, members),
+            end_ns: one(&self.end_ns, members),
+            duration_ns: one(&self.duration_ns, members),
+            samples: one(&self.samples, members),
+            angle: all(&self.angle, members),
+            mean_c: all(&self.mean_c, members),
+            variance_c2: all(&self.variance_c2, members),
+            min_c: all(&self.min_c, members),
+            max_c: all(&self.max_c, members),
+            aux: all(&self.aux, members),
+            aux_variance: all(&self.aux_variance, members),
+            aux_min: all(&self.aux_min, members),
+            aux_max: all(&self.aux_max, members),
+            reference_dps: one(&self.reference_dps, members),
+            first_line: one(&self.first_line, members),
+            short_tau: all(&self.short_tau, members),
+            excluded: one(&self.excluded, members),
+        }
+    }
+}
+
 /// Windows of one or several runs.
 #[derive(Clone, Debug)]
 pub struct Windows {
@@ -203,6 +235,16 @@ impl Windows {
         let largest = self.rows.angle[axis].iter().fold(0.0_f64, |most, angle| most.max(angle.abs()));
         let noise_arcsec = terms.q_arcsec + terms.n_arcsec_rt_s * self.shape.sample_interval_s.sqrt();
         (noise_arcsec > ROUNDING * largest * self.shape.unit.arcsec()).then_some(terms)
+    }
+
+    /// Some of the windows, in their order; the runs stay.
+    pub(crate) fn only(&self, members: &[usize]) -> Self {
+        Self {
+            shape: self.shape.clone(),
+            runs: self.runs.clone(),
+            rows: self.rows.only(members),
+            tallies: self.tallies.clone(),
+        }
     }
 
     /// Marks windows of less than a tenth of the nominal length.

@@ -1,0 +1,293 @@
+//! Figures of a retest: every axis over the used windows, before and after, beside the floor and against the calibration.
+//!
+//! ```text
+//! σ² = Σ w·(v − m)²/(n − runs)      v a window's value, w its length over the nominal one (at most 1), m its run's mean
+//! standard errors                    of σ: 1/√(2ν), ν the windows less for neighbours that correlate; of max − min: Gumbel's
+//! ```
+//!
+//! Runs that cover little of the temperatures each are taken about the mean of all: their own means would hold the drift.
+
+use sagnac_core::{Image, Status};
+
+use crate::calibration::AxisCalibration;
+use crate::diagnostics::{
+    AxisReportData, Point, ReportData, RunSpan, offsets_hide_drift, points, ramp_rates_cpm, rate_coverage, run_spans,
+};
+use crate::fit;
+use crate::verify::paired::PairedWindows;
+use crate::verify::repeatability::{BiasRepeatability, scale_difference};
+use crate::verify::residual::{self, RandomWalk};
+use crate::verify::residual_diagnostics;
+use crate::verify::stats::{Figures, Weighted, expected_range};
+use crate::verify::turned::{Drifts, PairedDrifts};
+use crate::verify::{AxisVerification, Correction, Coverage, RetestNoiseFloor};
+use crate::window::Windows;
+use sagnac_log::error::{Error, Result};
+use sagnac_log::ingest::{AngleUnit, Reason};
+use sagnac_log::setup::TestConfig;
+use sagnac_noise::NoiseTerms;
+use sagnac_units::ARCSEC_RT_S_PER_DEG_RT_H;
+
+/// What a retest is compared with.
+pub(crate) struct Against<'a> {
+    pub(crate) correction: &'a Correction,
+    pub(crate) test: &'a TestConfig,
+    /// Thermometer of the fit.
+    pub(crate) sensor: Option<usize>,
+}
+
+/// Windows prepared once for every axis.
+struct Prepared<'a> {
+    pair: &'a PairedWindows,
+    used: Vec<usize>,
+    drifts: PairedDrifts<'a>,
+    /// Each run covers so little of the temperatures that its own mean would hold the drift.
+    about_common_mean: bool,
+    report_data: ReportData,
+}
+
+impl<'a> Prepared<'a> {
+    fn of(pair: &'a PairedWindows, test: &'a TestConfig, sensor: Option<usize>) -> Result<Self> {
+        let used = pair.used();
+        let drifts = PairedDrifts::of(pair, &used, test)?;
+        let runs = run_spans(&pair.raw);
+        let about_common_mean = offsets_hide_drift(&points(&pair.raw, &runs, sensor, |_| 0.0, |_| 0.0));
+        let report_data = report_data(pair, &drifts, &used, runs, about_common_mean, sensor);
+        Ok(Self { pair, used, drifts, about_common_mean, report_data })
+    }
+}
+
+impl Against<'_> {
+    fn axis_figures(&self, prepared: &Prepared<'_>, axis: usize) -> Result<AxisVerification> {
+        let Prepared { pair, used, drifts, about_common_mean, report_data } = prepared;
+        let windows = &pair.raw;
+        let scale = unit_of(windows).0;
+        let dph_per_unit = windows.shape.unit.arcsec() / scale;
+        let run_of = |i: usize| if *about_common_mean { 0 } else { windows.rows.run[i] };
+        let figures = |side: &Windows, drift: &Drifts<'_>| {
+            let angle = &side.rows.angle[axis];
+            // What the table turned, in the unit of the figures; exactly nothing without one.
+            let turned = |i: usize| (side.rate_dph(axis, i) - drift.rate_dph(axis, i)) / dph_per_unit;
+            let value = |i: usize| angle[i] * scale / windows.duration_s(i) - turned(i);
+            let weighted = |i: usize| Weighted { run: run_of(i), value: value(i), weight: weight(windows, i) };
+            // Short windows count by their length; on a table they are the transition between two rates.
+            let is_judged = |i: &usize| match windows.rows.excluded[*i] {
+                None => true,
+                Some(reason) => reason == Reason::ShortWindow && !drifts.is_turned(),
+            };
+            let judged = (0..windows.len()).filter(is_judged);
+            let values: Vec<Weighted> = judged.map(weighted).collect();
+            Figures::of(&values, dph_per_unit).ok_or_else(|| {
+                Error::refused(format!("{} usable windows; before and after need at least two per run", used.len()))
+                    .help("give a longer retest or a shorter --window")
+            })
+        };
+        let (before, after) = (figures(windows, &drifts.raw)?, figures(&pair.corrected, &drifts.corrected)?);
+        let ratio = |before: f64, after: f64| (after > 0.0).then_some(before / after);
+        let status_windows = Status::NAMES.iter().map(|(bit, name)| {
+            ((*name).to_owned(), used.iter().filter(|i| pair.status[axis][**i].contains(*bit)).count())
+        });
+        let letter = windows.shape.axes[axis];
+        let noise_floor = noise_floor(windows, used, axis, self.correction, self.test, dph_per_unit);
+        let diagnostics = residual_diagnostics::residual_diagnostics(
+            &report_data.axes[axis].points,
+            after.sigma_dph,
+            noise_floor.as_ref().map(|floor| floor.value_dph),
+        );
+        // Turned, a counter's quantization is a saw that the short-τ fit takes for a walk.
+        let walk = |side: &Windows| side.measured_noise(axis).map(|noise| noise.n_deg_rt_h()).filter(|n| *n > 0.0);
+        let random_walk = walk(windows)
+            .zip(walk(&pair.corrected))
+            .map(|(before_deg_rt_h, after_deg_rt_h)| RandomWalk { before_deg_rt_h, after_deg_rt_h });
+        Ok(AxisVerification {
+            axis: letter,
+            before,
+            after,
+            noise_floor,
+            improvement: ratio(before.peak_to_peak, after.peak_to_peak),
+            improvement_sigma: ratio(before.sigma, after.sigma),
+            residual_diagnostics: diagnostics,
+            status_windows: status_windows.filter(|(_, n)| *n > 0).collect(),
+            coverage: None,
+            residual: residual::residual(&report_data.axes[axis].points, random_walk.filter(|_| !drifts.is_turned())),
+            turned: drifts.is_turned(),
+            flight: None,
+            flight_unavailable: None,
+            scale_factor: None,
+            bias_repeatability: None,
+            bias_repeatability_unavailable: None,
+            scale_factor_difference: None,
+            rate_coverage: None,
+            about_common_mean: *about_common_mean,
+            missing_fraction: pair.missing_fraction(),
+            out_of_span_fraction: 0.0,
+            hours: used.iter().map(|i| windows.duration_s(*i)).sum::<f64>() / 3600.0,
+            excluded_fraction: None,
+            suspects: Vec::new(),
+            limits: Vec::new(),
+            pass: None,
+        })
+    }
+
+    /// Figures of every axis over the used windows, and the points behind them.
+    pub(crate) fn figures(&self, pair: &PairedWindows) -> Result<(Vec<AxisVerification>, ReportData)> {
+        let prepared = Prepared::of(pair, self.test, self.sensor)?;
+        let axes = (0..pair.raw.shape.axes.len()).map(|axis| {
+            let mut figures = self.axis_figures(&prepared, axis)?;
+            self.compare_with_record(&mut figures, &prepared, axis);
+            figures.rate_coverage = self.rate_coverage(figures.axis, &prepared.report_data.axes[axis].points);
+            Ok(figures)
+        });
+        let axes: Result<Vec<AxisVerification>> = axes.collect();
+        Ok((axes?, prepared.report_data))
+    }
+
+    /// The record of an axis.
+    fn record(&self, axis: char) -> Option<&AxisCalibration> {
+        self.correction.calibration.as_ref()?.axes.iter().find(|record| record.axis == axis)
+    }
+
+    fn rate_coverage(&self, axis: char, points: &[Point]) -> Option<f64> {
+        let record = self.record(axis)?;
+        record.rate_span_cpm()?;
+        Some(rate_coverage(record.fit.as_ref()?.ramp_rates_cpm?, ramp_rates_cpm(points)?))
+    }
+
+    /// Coverage, bias and scale factor against the calibration.
+    fn compare_with_record(&self, figures: &mut AxisVerification, prepared: &Prepared<'_>, axis: usize) {
+        let Prepared { pair, used, drifts, .. } = prepared;
+        let images = &self.correction.images;
+        let image = images.iter().find(|image| char::from(image.description().axis) == figures.axis);
+        figures.coverage =
+            image.zip(self.sensor).and_then(|(image, sensor)| Coverage::of(image, &pair.raw, used, sensor));
+        if let Some((image, sensor)) = image.zip(self.sensor) {
+            figures.out_of_span_fraction = out_of_span(image, &pair.raw, used, sensor);
+        }
+        figures.scale_factor = drifts.scale_proof(used, axis, self.sensor);
+        let record = self.record(figures.axis);
+        figures.scale_factor_difference = scale_difference(figures.scale_factor.as_ref(), record);
+        match BiasRepeatability::of(drifts, &pair.raw, used, axis, record, self.test.input_rate_dph) {
+            Ok(found) => figures.bias_repeatability = Some(found),
+            Err(why) => figures.bias_repeatability_unavailable = Some(why),
+        }
+    }
+}
+
+impl AxisVerification {
+    /// Standard error of a spread of the corrected windows, as a part of it: 1/√(2ν), ν less where neighbours correlate.
+    pub(crate) fn relative_sigma_of_spread(&self) -> f64 {
+        let rho = self.residual_diagnostics.lag1_autocorrelation.map_or(0.0, |rho| rho.value.clamp(0.0, 0.95));
+        let independent = self.after.n as f64 * (1.0 - rho * rho) / (1.0 + rho * rho);
+        (2.0 * (independent - 1.0).max(1.0)).sqrt().recip()
+    }
+
+    /// √(σ² − floor²) with its standard error, by that of σ².
+    pub(crate) fn sigma_beyond_floor(&self) -> Option<(f64, Option<f64>)> {
+        let floor_dph = self.noise_floor.as_ref()?.value_dph;
+        let square = self.after.sigma_dph.powi(2);
+        let value = (square - floor_dph * floor_dph).max(0.0).sqrt();
+        let sigma_of_square = 2.0 * square * self.relative_sigma_of_spread();
+        Some((value, Some(sigma_of_square / (2.0 * value).max(sigma_of_square.sqrt()))))
+    }
+
+    /// Standard error of max − min of n normal windows, as a part of it: both ends are Gumbel variables, σ = π/√6/√(2 ln n).
+    pub(crate) fn relative_sigma_of_range(&self) -> f64 {
+        let n = (self.after.n as f64).max(3.0);
+        let end = std::f64::consts::PI / 6.0_f64.sqrt() / (2.0 * n.ln()).sqrt();
+        std::f64::consts::SQRT_2 * end / expected_range(self.after.n.max(2))
+    }
+}
+
+/// Half a degree beyond the span the correction at its border still holds.
+const BEYOND_SPAN_C: f64 = 0.5;
+
+/// Part of the used windows whose temperature leaves the span of an image.
+fn out_of_span(image: &Image, windows: &Windows, used: &[usize], sensor: usize) -> f64 {
+    let Some(spec) = image.inputs().first() else { return 0.0 };
+    let [lo, hi] = [spec.span_lo_q24, spec.span_hi_q24].map(|q24| f64::from(q24) / 2.0_f64.powi(24));
+    let (min_c, max_c) = (&windows.rows.min_c[sensor], &windows.rows.max_c[sensor]);
+    let outside = |i: &&usize| min_c[**i] < lo - BEYOND_SPAN_C || max_c[**i] > hi + BEYOND_SPAN_C;
+    used.iter().filter(outside).count() as f64 / used.len() as f64
+}
+
+/// Both sides of every window about their own means over the used windows: of the run, or of all runs.
+fn report_data(
+    pair: &PairedWindows,
+    drifts: &PairedDrifts<'_>,
+    used: &[usize],
+    runs: Vec<RunSpan>,
+    about_common_mean: bool,
+    sensor: Option<usize>,
+) -> ReportData {
+    let windows = &pair.raw;
+    let mean = |drift: &Drifts<'_>, axis: usize, run: u32| {
+        let members = used.iter().filter(|i| windows.rows.run[**i] == run);
+        let (sum, n) = members.fold((0.0, 0.0), |(sum, n), i| (sum + drift.rate_dph(axis, *i), n + 1.0));
+        sum / n
+    };
+    let mean_of_all = |drift: &Drifts<'_>, axis: usize| {
+        used.iter().map(|i| drift.rate_dph(axis, *i)).sum::<f64>() / used.len() as f64
+    };
+    let axis = |axis: usize| {
+        let [before, after] = [&drifts.raw, &drifts.corrected].map(|drift| {
+            let one =
+                |run: usize| if about_common_mean { mean_of_all(drift, axis) } else { mean(drift, axis, run as u32) };
+            let means: Vec<f64> = (0..runs.len()).map(one).collect();
+            move |i: usize| drift.rate_dph(axis, i) - means[windows.rows.run[i] as usize]
+        });
+        AxisReportData {
+            axis: windows.shape.axes[axis],
+            points: points(windows, &runs, sensor, before, after),
+            effects: Vec::new(),
+        }
+    };
+    let axes = (0..windows.shape.axes.len()).map(axis).collect();
+    ReportData { timed: windows.shape.timed, axes, runs }
+}
+
+/// Figures per unit of angle × nominal/duration: counts per window, or °/h.
+pub(crate) fn unit_of(windows: &Windows) -> (f64, &'static str) {
+    match windows.shape.unit {
+        AngleUnit::Quanta { quantum, .. } => (quantum * windows.shape.nominal_s, "counts per window"),
+        AngleUnit::Arcsec => (1.0, "deg/h"),
+    }
+}
+
+/// Length of a window over the nominal one, at most 1.
+fn weight(windows: &Windows, i: usize) -> f64 {
+    (windows.duration_s(i) / windows.shape.nominal_s).min(1.0)
+}
+
+/// From the retest log, else from the calibration: N and Q, at the lengths that the windows really have.
+fn noise_floor(
+    windows: &Windows,
+    used: &[usize],
+    axis: usize,
+    correction: &Correction,
+    test: &TestConfig,
+    dph_per_unit: f64,
+) -> Option<RetestNoiseFloor> {
+    let letter = windows.shape.axes[axis];
+    let calibrations = correction.calibration.iter().flat_map(|c| &c.axes);
+    let earlier = || {
+        let known = calibrations.into_iter().find(|a| a.axis == letter)?.fit.as_ref()?.noise_floor.as_ref()?;
+        let n_arcsec_rt_s = known.n_deg_rt_h * ARCSEC_RT_S_PER_DEG_RT_H;
+        windows.shape.window.seconds()?;
+        Some((NoiseTerms { n_arcsec_rt_s, q_arcsec: known.q_arcsec }, format!("calibration ({})", known.source)))
+    };
+    let own = fit::noise_of(windows, axis, test).map(|(terms, source)| (terms, source.to_owned()));
+    let (terms, source) = own.or_else(earlier)?;
+    // As in the figures, a shorter window counts by its length.
+    let square = |i: &usize| terms.floor_dph(windows.duration_s(*i)).powi(2) * weight(windows, *i);
+    let mean_square = used.iter().map(square).sum::<f64>() / used.len() as f64;
+    let count = |run: usize| used.iter().filter(|i| windows.rows.run[**i] as usize == run).count();
+    let largest = (0..windows.runs.len()).map(count).max()?;
+    let (value_dph, value) = (mean_square.sqrt(), mean_square.sqrt() / dph_per_unit);
+    Some(RetestNoiseFloor {
+        value_dph,
+        value,
+        expected_peak_to_peak: expected_range(largest) * value,
+        n: largest,
+        source,
+    })
+}

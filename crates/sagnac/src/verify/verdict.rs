@@ -1,0 +1,182 @@
+//! A figure held against its limit: met, not met, not decided, not asked.
+//!
+//! ```text
+//! guarded    met: value + 1.645σ within the limit · not met: value − 1.645σ beyond it · else not decided
+//! hours      of retest after which ± 1.645σ would not reach across the limit: h·((1.645σ/room)² − 1), for σ falls with √h
+//! ```
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use sagnac_units::format::{significant, with_sigma};
+
+/// One limit held against its value.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[non_exhaustive]
+pub struct Verdict {
+    /// Key of the limit.
+    pub name: String,
+    /// The limit.
+    pub limit: f64,
+    /// The value; null where it cannot be had (no floor): then the limit is not met.
+    pub value: Option<f64>,
+    /// Standard error of the value, where it has one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sigma: Option<f64>,
+    /// The value over every row, where some were excluded on request.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub value_of_every_row: Option<f64>,
+    /// The guard band reaches across the limit: hours of retest, beyond those of this one, after which it would no longer.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub undecided_hours: Option<f64>,
+    /// Room between value and limit as a part of the limit; negative where it is not met, null without a value.
+    pub margin: Option<f64>,
+    /// Run whose value this is, where it is worse alone than all runs together.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub run: Option<String>,
+    /// It is met; false where it is not met or not decided; null where it is not asked of such a retest.
+    pub pass: Option<bool>,
+    /// Why the retest does not tell the value, or is not asked for it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub why: Option<String>,
+}
+
+impl Verdict {
+    /// The value for people, with its standard error.
+    pub fn value_text(&self) -> String {
+        match (self.value, self.sigma) {
+            (Some(value), Some(sigma)) => with_sigma(value, Some(sigma)),
+            (Some(value), None) => significant(value, 4),
+            (None, _) => if self.pass.is_some() { "unknown" } else { "-" }.to_owned(),
+        }
+    }
+
+    /// The margin for people: in per cent, or how often the bound is exceeded.
+    pub fn margin_text(&self) -> String {
+        match self.margin {
+            Some(margin) if margin < -9.0 => format!("{} times the bound", significant(1.0 - margin, 2)),
+            Some(margin) => format!("{} %", significant(100.0 * margin, 2)),
+            None => "-".to_owned(),
+        }
+    }
+
+    /// `met`, `not met`, `not decided` or `not asked`.
+    pub fn word(&self) -> &'static str {
+        match (self.pass, self.undecided_hours) {
+            (Some(true), _) => "met",
+            (Some(false), Some(_)) => "not decided",
+            (Some(false), None) => "not met",
+            (None, _) => "not asked",
+        }
+    }
+
+    /// Not met before not decided before met and not asked.
+    pub(crate) fn is_worse_than(&self, other: &Self) -> bool {
+        let rank = |verdict: &Self| match (verdict.pass, verdict.undecided_hours) {
+            (Some(false), None) => 2,
+            (Some(false), Some(_)) => 1,
+            (Some(true) | None, _) => 0,
+        };
+        rank(self) > rank(other)
+    }
+
+    /// What more a verdict says: how long a retest would decide, or why there is no value.
+    pub fn remark(&self) -> Option<String> {
+        let of_run = self.run.as_ref().map(|run| format!("{run} alone"));
+        let more = match self.undecided_hours {
+            Some(hours) if hours >= MOST_HOURS => {
+                Some("the value lies at its limit: no longer retest decides".to_owned())
+            }
+            Some(hours) => Some(format!("{} more hours would decide", hours.ceil())),
+            None => self.why.clone(),
+        };
+        match (of_run, more) {
+            (Some(run), Some(more)) => Some(format!("{run}; {more}")),
+            (run, more) => run.or(more),
+        }
+    }
+}
+
+/// How many limits are met, not met, and not asked.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct Judged {
+    /// Met.
+    pub met: usize,
+    /// Not met.
+    pub not_met: usize,
+    /// Within the guard band: a longer retest would decide.
+    pub not_decided: usize,
+    /// Not asked of such a retest.
+    pub not_asked: usize,
+}
+
+impl Judged {
+    /// Counts verdicts.
+    pub fn of<'a>(verdicts: impl IntoIterator<Item = &'a Verdict>) -> Self {
+        let mut out = Self::default();
+        for verdict in verdicts {
+            *match (verdict.pass, verdict.undecided_hours) {
+                (Some(true), _) => &mut out.met,
+                (Some(false), None) => &mut out.not_met,
+                (Some(false), Some(_)) => &mut out.not_decided,
+                (None, _) => &mut out.not_asked,
+            } += 1;
+        }
+        out
+    }
+
+    /// `9 of 10 limits met, 1 not decided, 2 not asked of such a retest`.
+    pub fn words(self) -> String {
+        let Self { met, not_met, not_decided, not_asked } = self;
+        let part = |n: usize, what: &str| if n > 0 { format!(", {n} {what}") } else { String::new() };
+        let undecided = part(not_decided, "not decided");
+        let unasked = part(not_asked, "not asked of such a retest");
+        format!("{met} of {} limits met{undecided}{unasked}", met + not_met + not_decided)
+    }
+}
+
+/// How a value with an uncertainty is compared with its limit.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum DecisionRule {
+    /// The value alone.
+    #[default]
+    Simple,
+    /// With a guard band of 1.645 of the value's standard errors, as ISO 14253-1 has it: met where value and band are within
+    /// the limit, not met where both are beyond it, else not decided.
+    Guarded,
+}
+
+/// One-sided 95 %.
+const GUARD_SIGMAS: f64 = 1.645;
+/// Hours from which on no retest is proposed.
+const MOST_HOURS: f64 = 1000.0;
+
+/// Where a value lies.
+pub(crate) enum Decided {
+    Met,
+    NotMet,
+    /// More hours that would decide.
+    After(f64),
+}
+
+impl DecisionRule {
+    /// From the room to the limit (negative beyond it), its standard error, and the hours behind it. An uncertainty falls with
+    /// the root of the hours.
+    pub(crate) fn decide(self, room: f64, sigma: Option<f64>, hours: f64) -> Decided {
+        let guard = match self {
+            Self::Simple => 0.0,
+            Self::Guarded => GUARD_SIGMAS * sigma.unwrap_or(0.0),
+        };
+        if room >= guard {
+            Decided::Met
+        } else if room < -guard {
+            Decided::NotMet
+        } else {
+            let needed = (guard / room).powi(2) - 1.0;
+            Decided::After(if needed.is_finite() { (hours * needed).min(MOST_HOURS) } else { MOST_HOURS })
+        }
+    }
+}
