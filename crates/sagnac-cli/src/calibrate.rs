@@ -156,6 +156,12 @@ fn describe(console: &mut Console, axis: &AxisCalibration) {
             significant(hidden, 2)
         ));
     }
+    for effect in &fit.time_effects {
+        console.say(format!("  {} (fitted beside the terms, not corrected)", effect.words()));
+    }
+    for found in &fit.entanglement {
+        console.say(format!("  {}", found.note()));
+    }
     if let Some(legs) = fit.hysteresis {
         console.say(format!(
             "  hysteresis (heating less cooling): {} °/h before, {} °/h after the fit",

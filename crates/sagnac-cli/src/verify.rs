@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use sagnac::verify::{
-    AxisVerification, BiasRepeatability, Estimate, Figures, Judged, Limits, PositionError, Proof, ScaleFigures,
-    ScaleProof, Verification, VerifyOptions, verify,
+    AxisVerification, BiasRepeatability, Estimate, Figures, Judged, Limits, PositionError, Proof, REPEATED_PROFILE,
+    ScaleFigures, ScaleProof, Verification, VerifyOptions, verify,
 };
 use sagnac_log::ingest::ReadMode;
 use sagnac_log::write::write_bytes;
@@ -99,6 +99,9 @@ fn describe(console: &mut Console, verification: &Verification) {
         console.say(figures(axis, verification));
         if axis.about_common_mean {
             console.say("  each run covers little of the temperatures: figures are about the mean of all runs");
+        }
+        if axis.repeats_profile {
+            console.say(format!("  {REPEATED_PROFILE}"));
         }
         if let Some(coverage) = &axis.coverage {
             console.say(format!("  temperatures {}", coverage.words()));

@@ -7,7 +7,7 @@ use crate::figures::Wording;
 use crate::{acceptance, figures, svg, terms};
 use sagnac::calibration::{AxisCalibration, Calibration, LogFile, LogUnit, PpmEstimate, UNASSIGNED};
 use sagnac::diagnostics::{AxisReportData, ReportData};
-use sagnac::verify::{AxisVerification, Correction, Figures, Judged, ScaleFigures, Verification};
+use sagnac::verify::{AxisVerification, Correction, Figures, Judged, REPEATED_PROFILE, ScaleFigures, Verification};
 use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::{Tally, hex, sha256};
 use sagnac_units::format::{celsius, plain, significant, with_sigma};
@@ -263,6 +263,10 @@ fn fit_verdict(axis: &AxisCalibration, report_data: &ReportData, several: bool) 
                 (tile("windows used", &format!("{used} of {all}"), ""))
             }
             @if let Some(note) = axis.below_floor_note() { p.note { "Note: " (note) "." } }
+            @for found in axis.fit.iter().flat_map(|fit| &fit.entanglement) { p.note { "Note: " (found.note()) "." } }
+            @for effect in axis.fit.iter().flat_map(|fit| &fit.time_effects) {
+                p.note { "Fitted beside the terms and not corrected: " (effect.words()) "." }
+            }
             @if let Some(hidden) = axis.fit.as_ref().and_then(|fit| fit.hidden_in_offsets_dph) {
                 p.note { "Note: each run covers little of the temperatures; the offsets of the runs differ by " (significant(hidden, 2)) " °/h (σ), which may be drift." }
             }
@@ -298,6 +302,7 @@ fn proof_verdict(axis: &AxisVerification, several: bool) -> Markup {
                 (tile("windows", &axis.after.n.to_string(), ""))
             }
             @if let Some(coverage) = &axis.coverage { p.note { "The test covers " (coverage.words()) "." } }
+            @if axis.repeats_profile { p.note { "Note: " (REPEATED_PROFILE) "." } }
             @for (name, windows) in &axis.status_windows {
                 p.note { "Status " (name) " in " (windows) " of " (axis.after.n) " windows." }
             }

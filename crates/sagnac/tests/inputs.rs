@@ -242,7 +242,7 @@ fn thermometer_noise_is_predicted_as_the_replay_shows_it() {
         ..ManyInputs::plain()
     };
     // The stated noise exceeds the true one, so that no lag is raised and no term removed.
-    let noise = Some(Noise { n_deg_rt_h: 0.05, q_arcsec: 0.0 });
+    let noise = Some(Noise::walk(0.05));
     let free = Setup { noise, inputs: Some(Vec::new()), ..setup() };
     let found = fit(vec![rig.csv(1)], &free, "bias 3, rate 0").unwrap();
     let predicted = only(&found).fit.as_ref().unwrap().correction_noise.clone().unwrap();

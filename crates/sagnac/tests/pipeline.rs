@@ -164,7 +164,7 @@ fn verify_goes_through_the_image_and_limits_decide() {
     assert_eq!(proof.image_sha256, by_image.image_sha256);
     let passes: Vec<Option<bool>> = by_image.axes[0].limits.iter().map(|l| l.pass).collect();
     assert_eq!((passes, by_image.passed()), (vec![Some(true), Some(false)], false));
-    let given = Setup { noise: Some(Noise { n_deg_rt_h: 0.006, q_arcsec: 0.0 }), ..setup };
+    let given = Setup { noise: Some(Noise::walk(0.006)), ..setup };
     let floor = retest(&calibration, csv_bytes(chamber_rig().run(3)), &given).axes[0].noise_floor.clone().unwrap();
     assert!((floor.value_dph - 0.036).abs() < 1e-12, "0.36 arcsec/√s over 100 s is 0.036 °/h");
 }

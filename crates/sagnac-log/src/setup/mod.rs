@@ -76,15 +76,35 @@ impl WindowSize {
     }
 }
 
-/// Noise given instead of measured.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+/// Noise given instead of measured. With B or K it is the noise of the fit's intervals, too.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[non_exhaustive]
 pub struct Noise {
     /// Angle random walk, °/√h.
     pub n_deg_rt_h: f64,
     /// Quantization, arcsec.
     #[serde(default)]
     pub q_arcsec: f64,
+    /// Bias instability B, °/h.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub b_dph: Option<f64>,
+    /// Rate random walk K, °/h/√h.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub k_dph_rt_h: Option<f64>,
+}
+
+impl Noise {
+    /// Of this angle random walk, °/√h, and nothing else.
+    pub fn walk(n_deg_rt_h: f64) -> Self {
+        Self { n_deg_rt_h, ..Self::default() }
+    }
+
+    /// With bias instability, °/h, and rate random walk, °/h/√h.
+    #[must_use]
+    pub fn slow(self, b_dph: f64, k_dph_rt_h: f64) -> Self {
+        Self { b_dph: Some(b_dph), k_dph_rt_h: Some(k_dph_rt_h), ..self }
+    }
 }
 
 /// Where the input axis points, for the Earth rate it sees.
@@ -363,6 +383,8 @@ impl Setup {
         in_range("input_rate_dph", self.input_rate_dph, -1e8, 1e8)?;
         in_range("noise.n_deg_rt_h", self.noise.map(|n| n.n_deg_rt_h), 0.0, 1e3)?;
         in_range("noise.q_arcsec", self.noise.map(|n| n.q_arcsec), 0.0, 1e4)?;
+        in_range("noise.b_dph", self.noise.and_then(|n| n.b_dph), 0.0, 1e5)?;
+        in_range("noise.k_dph_rt_h", self.noise.and_then(|n| n.k_dph_rt_h), 0.0, 1e5)?;
         in_range("earth.latitude_deg", self.earth.map(|e| e.latitude_deg), -90.0, 90.0)?;
         in_range("counter_bits", self.counter_bits.map(f64::from), 4.0, 52.0)?;
         if self.noise.is_some_and(|n| n.n_deg_rt_h == 0.0 && n.q_arcsec == 0.0) {

@@ -6,9 +6,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::calibration::axis_record::AxisRecord;
 use crate::calibration::{
-    Calibration, Candidate, Collinearity, CorrectionNoise, CrossValidation, CurveSpread, Hysteresis, Input,
-    InputSource, Lag, Misalignment, Monomial, NoiseFloor, RejectedInput, Residual, RunOffset, ScaleFactor, SearchStep,
-    SlowNoiseTerms, Soak, Term,
+    Calibration, Candidate, Collinearity, CorrectionNoise, CrossValidation, CurveSpread, Entanglement, Hysteresis,
+    Input, InputSource, Lag, Misalignment, Monomial, NoiseFloor, RejectedInput, Residual, RunOffset, ScaleFactor,
+    SearchStep, SlowNoiseTerms, Soak, Term, TimeEffect,
 };
 use crate::model::{BASIS_LEN, Form, Shape, Span};
 
@@ -44,6 +44,10 @@ pub struct FitDiagnostics {
     pub curve_spread: Option<CurveSpread>,
     /// Noise of the residual that is not white; null where it is.
     pub slow_noise: Option<SlowNoiseTerms>,
+    /// Drift in time and warm-up, fitted beside the terms; empty where none is justified.
+    pub time_effects: Vec<TimeEffect>,
+    /// What moved together with temperature; empty where nothing did.
+    pub entanglement: Vec<Entanglement>,
     /// σ of the run offsets, °/h, where runs cover so little of the temperatures each that their offsets can hold the drift; null
     /// where they cannot.
     pub hidden_in_offsets_dph: Option<f64>,

@@ -9,8 +9,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::calibration::{
     AxisCalibration, AxisCorrection, Candidate, Collinearity, CorrectionNoise, CrossValidation, CurveSpread,
-    FitDiagnostics, Hysteresis, Input, Lag, Misalignment, Monomial, NoiseFloor, RejectedInput, Residual, RunOffset,
-    ScaleFactor, SearchStep, SlowNoiseTerms, Soak, Term,
+    Entanglement, FitDiagnostics, Hysteresis, Input, Lag, Misalignment, Monomial, NoiseFloor, RejectedInput, Residual,
+    RunOffset, ScaleFactor, SearchStep, SlowNoiseTerms, Soak, Term, TimeEffect,
 };
 
 /// See [`AxisCalibration`].
@@ -71,6 +71,12 @@ pub(crate) struct AxisRecord {
     /// Noise of the residual that is not white; absent where it is.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     slow_noise: Option<SlowNoiseTerms>,
+    /// Drift in time and warm-up, fitted beside the terms and never corrected; absent where none is justified.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    time_effects: Vec<TimeEffect>,
+    /// What moved together with temperature in the runs; absent where nothing did.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    entanglement: Vec<Entanglement>,
     /// σ of the run offsets, °/h, where runs cover so little of the temperatures each that their offsets can hold the drift;
     /// absent where they cannot.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -124,6 +130,8 @@ impl From<AxisCalibration> for AxisRecord {
             ramp_rates_cpm: None,
             curve_spread: None,
             slow_noise: None,
+            time_effects: Vec::new(),
+            entanglement: Vec::new(),
             hidden_in_offsets_dph: None,
             soak: None,
             cross_validation: None,
@@ -151,6 +159,8 @@ impl AxisRecord {
             ramp_rates_cpm,
             curve_spread,
             slow_noise,
+            time_effects,
+            entanglement,
             hidden_in_offsets_dph,
             soak,
             scale_factor,
@@ -166,6 +176,7 @@ impl AxisRecord {
         (self.noise_floor, self.cross_validation, self.collinearity) = (noise_floor, cross_validation, collinearity);
         (self.correction_noise, self.hysteresis, self.soak) = (correction_noise, hysteresis, soak);
         (self.curve_spread, self.slow_noise) = (curve_spread, slow_noise);
+        (self.time_effects, self.entanglement) = (time_effects, entanglement);
         (self.ramp_rates_cpm, self.hidden_in_offsets_dph) = (ramp_rates_cpm, hidden_in_offsets_dph);
         (self.scale_factor, self.misalignment) = (scale_factor, misalignment);
         (self.candidates, self.model_search, self.rejected_inputs) = (candidates, model_search, rejected_inputs);
@@ -213,6 +224,8 @@ impl TryFrom<AxisRecord> for AxisCalibration {
             ramp_rates_cpm,
             curve_spread,
             slow_noise,
+            time_effects,
+            entanglement,
             hidden_in_offsets_dph,
             soak,
             cross_validation,
@@ -231,6 +244,8 @@ impl TryFrom<AxisRecord> for AxisCalibration {
             ramp_rates_cpm,
             curve_spread,
             slow_noise,
+            time_effects,
+            entanglement,
             hidden_in_offsets_dph,
             soak,
             scale_factor,

@@ -13,6 +13,7 @@ mod axis_record;
 mod check;
 mod file;
 mod input;
+mod profile;
 mod rate_table;
 mod search;
 mod uncertainty;
@@ -25,6 +26,7 @@ use serde::{Deserialize, Serialize};
 
 pub use crate::calibration::axis::{AxisCalibration, AxisCorrection, FitDiagnostics, NonlinearParameter};
 pub use crate::calibration::input::{Input, InputSource};
+pub use crate::calibration::profile::{Entanglement, MovedTogether, TimeEffect, TimeEffectKind};
 pub use crate::calibration::rate_table::{Misalignment, Plateau, PpmEstimate, Repeatability, ScaleFactor};
 pub use crate::calibration::search::{
     Collinearity, CorrectionNoise, InputNoise, RejectedInput, SearchStep, SearchVerdict,

@@ -2,6 +2,8 @@
 //!
 //! Nothing here is a result: results are in the record.
 
+pub(crate) mod profile;
+
 use crate::model::{ActsOn, Form};
 use crate::window::Windows;
 use sagnac_log::ingest::Reason;

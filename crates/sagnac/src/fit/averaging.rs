@@ -17,21 +17,21 @@ use nalgebra::DVector;
 use rayon::prelude::*;
 
 use crate::calibration::CurveSpread;
+use crate::fit::entanglement::{POINTS, temperature};
 use crate::fit::folds::columns_of_grid;
 use crate::fit::lag::RATE_COLUMNS;
 use crate::fit::least_squares::LeastSquares;
+use crate::fit::search::CONDITION_MAX;
 use crate::fit::slow_noise::Whitening;
 use crate::fit::solve::{Factor, Reducer, Solution};
 use crate::model::basis::{BASIS_LEN, chebyshev};
 use crate::model::spec::ModelSpec;
 
-/// Temperatures of the spread.
-const POINTS: usize = 33;
 /// Price of a coefficient, at least and below ln n.
-const LEAST_PRICE: f64 = 4.0;
+const LEAST_PRICE: f64 = 4.5;
 const PRICE_LESS: f64 = 2.0;
 /// Price of a coefficient in the weights (Akaike's): a term that was nearly selected counts.
-const WEIGHT_PRICE: f64 = 2.0;
+const WEIGHT_PRICE: f64 = 2.5;
 /// Models of less weight are not looked at.
 const LEAST_WEIGHT: f64 = 1e-4;
 
@@ -50,31 +50,99 @@ struct Member {
 struct Graded {
     /// Index among the specs.
     spec: usize,
-    /// Grade: the least is selected.
-    criterion: f64,
-    /// −2·ln of its weight but for a constant.
-    weight_exponent: f64,
+    /// What its coefficients cost in the grade, and in the weight.
+    price: f64,
+    weight_price: f64,
     solution: Solution,
 }
 
 /// Every model at every τ, and the variance of a row.
 pub(crate) struct Grades {
     all: Vec<Graded>,
-    variance: f64,
+    pub(crate) variance: f64,
 }
 
 impl Grades {
     /// Of some specs the one of the least grade at its best τ.
     pub(crate) fn best(&self, of: &[usize]) -> Option<usize> {
         let graded = self.all.iter().filter(|graded| of.contains(&graded.spec));
-        graded.min_by(|a, b| a.criterion.total_cmp(&b.criterion)).map(|graded| graded.spec)
+        let grade = |graded: &Graded| graded.solution.ssr / self.variance + graded.price;
+        graded.min_by(|a, b| grade(a).total_cmp(&grade(b))).map(|graded| graded.spec)
+    }
+
+    /// The least grade for a variance of a row.
+    pub(crate) fn least(&self, variance: f64) -> f64 {
+        self.all.iter().map(|graded| graded.solution.ssr / variance + graded.price).fold(f64::INFINITY, f64::min)
     }
 }
 
 /// What a coefficient costs: Δχ² = 4, two of its standard errors, and growing with the logarithm of the windows, so that the
 /// selection is consistent.
-fn price(windows: f64) -> f64 {
+pub(crate) fn price(windows: f64) -> f64 {
     (windows.ln() - PRICE_LESS).max(LEAST_PRICE)
+}
+
+/// Whitened rows of the series over one thermometer: levels, b₁…b₈, c₀…c₃, e₁… and y, at every τ.
+pub(crate) struct Series<'a> {
+    specs: &'a [ModelSpec],
+    factors: Vec<Factor>,
+    levels: usize,
+    rows: f64,
+}
+
+impl<'a> Series<'a> {
+    /// Of the models and lags that may be graded; `None` without any.
+    pub(crate) fn new(
+        problem: &LeastSquares<'_>,
+        whitening: &Whitening,
+        specs: &'a [ModelSpec],
+        taus_s: &[f64],
+    ) -> Option<Self> {
+        let scales = specs.iter().map(|spec| usize::from(spec.thermometer().scale)).max()?;
+        let rated = specs.iter().any(is_rated);
+        let taus_s = if rated { taus_s } else { taus_s.get(..1)? };
+        let factors = taus_s.par_iter().map(|tau_s| factor(problem, whitening, *tau_s, rated, scales)).collect();
+        Some(Self { specs, factors, levels: problem.levels.len(), rows: problem.len() as f64 })
+    }
+
+    /// Grades of all models with some of the levels.
+    pub(crate) fn grades(&self, levels: &[usize]) -> Option<Grades> {
+        let solved: Vec<(usize, Solution)> = self
+            .specs
+            .par_iter()
+            .enumerate()
+            .flat_map_iter(|(at, spec)| {
+                let columns = columns_of_grid(spec, levels, self.levels);
+                let taus = if is_rated(spec) { self.factors.len() } else { 1 };
+                let solved = self.factors[..taus].iter().filter_map(|factor| factor.solve(&columns));
+                solved.map(|solution| (at, solution)).collect::<Vec<_>>()
+            })
+            .collect();
+        let least = solved.iter().map(|(_, solution)| solution.ssr).fold(f64::INFINITY, f64::min);
+        let most = levels.len() + self.specs.iter().map(ModelSpec::coefficients).max()?;
+        let variance = least / (self.rows - most as f64).max(1.0);
+        let graded = |(spec, solution): (usize, Solution)| {
+            let lags = usize::from(is_rated(&self.specs[spec]));
+            // A τ of the grid is one of several that a rate term may have.
+            let of_tau = if lags > 0 { 2.0 * (self.factors.len() as f64).ln() } else { 0.0 };
+            let coefficients = (self.specs[spec].coefficients() - lags) as f64;
+            let price = of_tau + coefficients * price(self.rows);
+            Graded { spec, price, weight_price: of_tau + coefficients * WEIGHT_PRICE, solution }
+        };
+        Some(Grades { all: solved.into_iter().map(graded).collect(), variance })
+    }
+
+    /// The part of a level's variation beyond some others that the bias series explains, 0 to 1; `None` for one without variation.
+    pub(crate) fn explained_by_bias(&self, level: usize, others: &[usize]) -> Option<f64> {
+        let factor = self.factors.first()?;
+        let whole = factor.regress(level, others)?.ssr;
+        let bias: Vec<usize> = others.iter().copied().chain(self.levels..self.levels + BASIS_LEN - 1).collect();
+        Some(1.0 - factor.regress(level, &bias)?.ssr / whole).filter(|_| whole > 0.0)
+    }
+}
+
+fn is_rated(spec: &ModelSpec) -> bool {
+    spec.thermometer().rate.is_some()
 }
 
 /// Grades models of the series over one thermometer.
@@ -84,40 +152,8 @@ pub(crate) fn grade(
     specs: &[ModelSpec],
     taus_s: &[f64],
 ) -> Option<Grades> {
-    let scales = specs.iter().map(|spec| usize::from(spec.thermometer().scale)).max()?;
-    let is_rated = |spec: &ModelSpec| spec.thermometer().rate.is_some();
-    let rated = specs.iter().any(is_rated);
-    let taus_s = if rated { taus_s } else { taus_s.get(..1)? };
-    let factors: Vec<Factor> =
-        taus_s.par_iter().map(|tau_s| factor(problem, whitening, *tau_s, rated, scales)).collect();
     let levels: Vec<usize> = (0..problem.levels.len()).collect();
-    let n = problem.len() as f64;
-    let solved: Vec<(usize, Solution)> = specs
-        .par_iter()
-        .enumerate()
-        .flat_map_iter(|(at, spec)| {
-            let columns = columns_of_grid(spec, &levels, levels.len());
-            let taus = if is_rated(spec) { factors.len() } else { 1 };
-            factors[..taus].iter().filter_map(|factor| factor.solve(&columns)).map(|s| (at, s)).collect::<Vec<_>>()
-        })
-        .collect();
-    let least = solved.iter().map(|(_, solution)| solution.ssr).fold(f64::INFINITY, f64::min);
-    let most = levels.len() + specs.iter().map(ModelSpec::coefficients).max()?;
-    let variance = least / (n - most as f64).max(1.0);
-    let graded = |(spec, solution): (usize, Solution)| {
-        let lags = usize::from(is_rated(&specs[spec]));
-        // A τ of the grid is one of several that a rate term may have.
-        let of_tau = if lags > 0 { 2.0 * (taus_s.len() as f64).ln() } else { 0.0 };
-        let misfit = solution.ssr / variance + of_tau;
-        let coefficients = (specs[spec].coefficients() - lags) as f64;
-        Graded {
-            spec,
-            criterion: misfit + coefficients * price(n),
-            weight_exponent: misfit + coefficients * WEIGHT_PRICE,
-            solution,
-        }
-    };
-    Some(Grades { all: solved.into_iter().map(graded).collect(), variance })
+    Series::new(problem, whitening, specs, taus_s)?.grades(&levels)
 }
 
 /// σ that the models beside a curve add to it, over the span; `None` where there is nothing beside it.
@@ -127,15 +163,19 @@ pub(crate) fn spread(
     specs: &[ModelSpec],
     curve: impl Fn(f64) -> (f64, f64),
 ) -> Option<CurveSpread> {
-    let best = grades.all.iter().map(|graded| graded.weight_exponent).fold(f64::INFINITY, f64::min);
+    let variance = grades.variance;
+    let exponent = |graded: &Graded| graded.solution.ssr / variance + graded.weight_price;
+    let best = grades.all.iter().map(exponent).fold(f64::INFINITY, f64::min);
     let member = |graded: Graded| {
-        let criterion = graded.weight_exponent - best;
+        let criterion = exponent(&graded) - best;
         let near = (-0.5 * criterion).exp() > LEAST_WEIGHT;
+        // A model that could not be selected, because its terms explain each other, is no rival.
+        let conditioning = if near { graded.solution.conditioning(problem.levels.len(), &[]) } else { None };
+        let near = near && conditioning.is_none_or(|found| found.condition <= CONDITION_MAX);
         let normal = near.then(|| graded.solution.inverse_normal()).flatten()?;
         let bias = usize::from(specs[graded.spec].thermometer().bias);
         Some(Member { theta: graded.solution.theta, normal, bias, criterion })
     };
-    let variance = grades.variance;
     let members: Vec<Member> = grades.all.into_iter().filter_map(member).collect();
     average(problem, &members, variance, curve)
 }
@@ -150,7 +190,7 @@ fn average(
     let (span, levels) = (problem.span(), problem.levels.len());
     let at_reference = chebyshev(span.x(problem.inputs[0].reference));
     let at = |point: usize| {
-        let celsius = span.lo + (span.hi - span.lo) * point as f64 / (POINTS - 1) as f64;
+        let celsius = temperature(problem, point);
         let here = chebyshev(span.x(celsius));
         let weights: [f64; BASIS_LEN] = std::array::from_fn(|k| here[k] - at_reference[k]);
         let (drift_dph, own) = curve(celsius);

@@ -14,11 +14,12 @@ use crate::fit::criterion::{CvScore, effective_windows, is_undominated};
 use crate::fit::folds::{Trial, cross_validate, scheme_of};
 use crate::fit::input_noise::{INCREASE_MAX, correction_noise, loudest_rate};
 use crate::fit::least_squares::{LeastSquares, Level};
+use crate::fit::nuisance;
 use crate::fit::period::settle_periods;
 use crate::fit::robust::{Loss, robust_fit};
 use crate::fit::search::{CONDITION_MAX, fits_image, inputs_read, walk};
 use crate::fit::slow_noise::{SlowNoise, Whitening};
-use crate::fit::solution::{Fitted, fit, noise_of, with_slow_noise};
+use crate::fit::solution::{Fitted, fit, noise_of, white_variance, with_slow_noise};
 use crate::fit::{Model, SAME_RATE, SMALLER_WINS_WITHIN};
 use crate::model::input::{Signal, channels};
 use crate::model::price::Work;
@@ -54,6 +55,8 @@ pub(crate) struct Chosen<'a> {
     grid: Vec<ModelSpec>,
     /// Slow noise of the residual.
     pub(crate) noise: SlowNoise,
+    /// As the setup states it, with the white variance of a nominal window, (°/h)².
+    pub(crate) stated: Option<(SlowNoise, f64)>,
 }
 
 /// Makes the problem of an axis on the windows in which some inputs are known.
@@ -73,48 +76,63 @@ pub(crate) fn choose<'a>(
     match choice {
         Model::Fixed(spec) => given(&windows.shape, main, spec, make),
         Model::Auto => {
-            let grid = make(&[main])?;
+            let mut grid = make(&[main])?;
+            let specs = affordable(&grid)?;
             let taus_s = grid.tau_grid();
-            let best = best_of_grid(&grid, &taus_s)?;
-            let (further, mut aside) = candidate_inputs(windows, main, config, &grid.used)?;
-            let all = known_together(main, further, config.inputs.is_some(), grid, make, &mut aside)?;
-            let walked = walk(&all, &best.spec, &taus_s);
-            let Some(path) = walked else {
-                let Best { spec, mean_square, candidates, specs } = best;
-                return Ok(Chosen {
-                    problem: make(&[main])?,
-                    spec,
-                    taus_s,
-                    mean_square,
-                    candidates,
-                    aside,
-                    path: Vec::new(),
-                    grid: specs,
-                    noise: SlowNoise::default(),
-                });
-            };
-            let named =
-                path.spec.inputs()[1..].iter().filter_map(|of| all.input(&of.input)).map(|at| all.inputs[at].signal);
-            let needed: Vec<Signal> = std::iter::once(main).chain(named).collect();
-            let (problem, mut spec) = (make(&needed)?, path.spec);
-            count_steps(&problem, &mut spec)?;
-            // On all windows of its fit, which may be more than those in which every candidate is known.
-            let same = problem.used == all.used;
-            let mean_square =
-                if same { Some(path.mean_square) } else { Trial::new(&problem, &spec, &taus_s).held_out() };
-            Ok(Chosen {
-                problem,
-                spec,
-                taus_s,
-                mean_square,
-                candidates: best.candidates,
-                aside,
-                path: path.steps,
-                grid: best.specs,
-                noise: SlowNoise::default(),
-            })
+            let nuisance = nuisance::justified(&mut grid, &specs, &taus_s);
+            let with_time = searched(windows, main, config, make, &nuisance)?;
+            if nuisance.is_empty() || candidate_inputs(windows, main, config, &grid.used)?.0.is_empty() {
+                return Ok(with_time);
+            }
+            let without = searched(windows, main, config, make, &[])?;
+            Ok(if without.corrects_instead(&with_time) { without } else { with_time })
         }
     }
+}
+
+/// The model of a grid and a search, some nuisance columns beside its terms.
+fn searched<'a>(
+    windows: &'a Windows,
+    main: Signal,
+    config: &ModelConfig,
+    make: &MakeProblem<'a, '_>,
+    nuisance: &[Level],
+) -> Result<Chosen<'a>> {
+    let make: &MakeProblem<'a, '_> = &|signals: &[Signal]| {
+        let mut problem = make(signals)?;
+        problem.levels.extend(nuisance);
+        Ok(problem)
+    };
+    let grid = make(&[main])?;
+    let taus_s = grid.tau_grid();
+    let best = best_of_grid(&grid, affordable(&grid)?, &taus_s)?;
+    let (further, mut aside) = candidate_inputs(windows, main, config, &grid.used)?;
+    let all = known_together(main, further, config.inputs.is_some(), grid, make, &mut aside)?;
+    let walked = walk(&all, &best.spec, &taus_s);
+    let Best { spec, mean_square, candidates, specs } = best;
+    let chosen = |problem, spec, mean_square, path| Chosen {
+        problem,
+        spec,
+        taus_s: taus_s.clone(),
+        mean_square,
+        candidates,
+        aside,
+        path,
+        grid: specs,
+        noise: SlowNoise::default(),
+        stated: None,
+    };
+    let Some(path) = walked else {
+        return Ok(chosen(make(&[main])?, spec, mean_square, Vec::new()));
+    };
+    let named = path.spec.inputs()[1..].iter().filter_map(|of| all.input(&of.input)).map(|at| all.inputs[at].signal);
+    let needed: Vec<Signal> = std::iter::once(main).chain(named).collect();
+    let (problem, mut spec) = (make(&needed)?, path.spec);
+    count_steps(&problem, &mut spec)?;
+    // On all windows of its fit, which may be more than those in which every candidate is known.
+    let same = problem.used == all.used;
+    let mean_square = if same { Some(path.mean_square) } else { Trial::new(&problem, &spec, &taus_s).held_out() };
+    Ok(chosen(problem, spec, mean_square, path.steps))
 }
 
 /// The problem of all other inputs on the windows in which they are known. Inputs that the setup does not name are excluded,
@@ -183,6 +201,7 @@ fn given<'a>(shape: &WindowShape, main: Signal, spec: &ModelSpec, make: &MakePro
         aside: Vec::new(),
         path: Vec::new(),
         noise: SlowNoise::default(),
+        stated: None,
     })
 }
 
@@ -300,8 +319,8 @@ fn candidate_inputs(
     Ok((further, aside))
 }
 
-/// Tries every model over the thermometer of the fit.
-fn best_of_grid(problem: &LeastSquares<'_>, taus_s: &[f64]) -> Result<Best> {
+/// The models over the thermometer of the fit that the windows are enough for.
+fn affordable(problem: &LeastSquares<'_>) -> Result<Vec<ModelSpec>> {
     let affordable = |spec: &ModelSpec| problem.len() >= 3 * (problem.levels.len() + spec.coefficients());
     let with_scale = problem.column_of(Level::Scale).is_some();
     let specs: Vec<ModelSpec> =
@@ -314,6 +333,11 @@ fn best_of_grid(problem: &LeastSquares<'_>, taus_s: &[f64]) -> Result<Best> {
         ))
         .help("give more data or a shorter --window"));
     }
+    Ok(specs)
+}
+
+/// Tries every model over the thermometer of the fit.
+fn best_of_grid(problem: &LeastSquares<'_>, specs: Vec<ModelSpec>, taus_s: &[f64]) -> Result<Best> {
     let mean_square = cross_validate(problem, &specs, taus_s);
     if mean_square.iter().all(Option::is_none) {
         return Err(Error::refused("no candidate can be fitted with a part of the data held out")
@@ -399,8 +423,14 @@ impl Chosen<'_> {
             let fitted = match loss {
                 Loss::Squares => {
                     let fitted = fit(&self.problem, &self.spec, &self.taus_s)?;
-                    self.noise = noise_of(&self.problem, &fitted);
-                    with_slow_noise(&self.problem, fitted, self.noise)
+                    let measured = || noise_of(&self.problem, &fitted);
+                    self.noise = self.stated.map_or_else(measured, |(noise, _)| noise);
+                    if self.stated.is_none() && self.noise == SlowNoise::default() {
+                        fitted
+                    } else {
+                        let white = self.white_variance(&fitted);
+                        with_slow_noise(&self.problem, fitted, self.noise, white)
+                    }
                 }
                 Loss::Huber => robust_fit(&mut self.problem, &self.spec, &self.taus_s)?,
             };
@@ -440,6 +470,18 @@ impl Chosen<'_> {
         let whitening = Whitening::new(&self.problem, self.noise);
         let grades = grade(&self.problem, &whitening, &specs, &self.taus_s)?;
         spread(&self.problem, grades, &specs, curve)
+    }
+
+    /// True where an input follows what another fit puts down to time, and no rate of the thermometer of the fit takes its place: such
+    /// an input can be corrected, time cannot.
+    fn corrects_instead(&self, with_time: &Self) -> bool {
+        let has_rate = |chosen: &Self| chosen.spec.thermometer().rate.is_some();
+        self.spec.inputs().len() > with_time.spec.inputs().len() && (has_rate(with_time) || !has_rate(self))
+    }
+
+    /// White variance of a nominal window, (°/h)²: stated, else that of the fit under its slow noise.
+    pub(crate) fn white_variance(&self, fitted: &Fitted) -> f64 {
+        self.stated.map_or_else(|| white_variance(&self.problem, fitted, self.noise), |(_, white)| white)
     }
 
     fn check_condition(&self, fitted: &Fitted) -> Result<()> {

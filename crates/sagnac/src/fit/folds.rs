@@ -35,8 +35,10 @@ impl Division {
     fn of(problem: &LeastSquares<'_>) -> Self {
         let (n, runs) = (problem.len(), problem.runs.len());
         if runs >= RUNS_TO_LEAVE_ONE_OUT {
-            // On a table the scale factor at T0 and the constant that runs share are learned from the other runs.
-            let levels = if problem.turning.is_some() { problem.levels.len() } else { 0 };
+            // On a table the scale factor at T0 and the constant that runs share are learned from the other runs; so are a drift in
+            // time and a warm-up.
+            let beyond_runs = problem.turning.is_some() || problem.levels.iter().any(|level| level.is_nuisance());
+            let levels = if beyond_runs { problem.levels.len() } else { 0 };
             return Self { block: problem.run.clone(), blocks: runs, levels, scheme: "leave one run out" };
         }
         let blocks = BLOCKS.min(n);

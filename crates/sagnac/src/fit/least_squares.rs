@@ -54,6 +54,9 @@ pub(crate) struct LeastSquares<'a> {
     pub(crate) runs: Vec<usize>,
     /// Mean rate of each run, °/h.
     pub(crate) run_rate: Vec<f64>,
+    /// Middle of each row's window, h since the first row of its run; and the weighted mean of each run.
+    time_h: Vec<f64>,
+    mean_time_h: Vec<f64>,
     /// Columns before the terms of a model.
     pub(crate) levels: Vec<Level>,
     /// Rates of the table, where the axis was on one.
@@ -71,6 +74,13 @@ pub(crate) enum Level {
     Scale,
     /// Misalignment towards an axis, rad.
     Across(char),
+    /// Drift in time of a run (index into `runs`) or of all, °/h per hour.
+    Drift(Option<usize>),
+    /// Warm-up of this τ, °/h at the first row of a run.
+    WarmUp {
+        /// s.
+        tau_s: f64,
+    },
 }
 
 impl Level {
@@ -81,7 +91,15 @@ impl Level {
             Self::AllRuns => "offset".to_owned(),
             Self::Scale => SCALE_AT_REFERENCE.to_owned(),
             Self::Across(letter) => format!("misalignment {letter}"),
+            Self::Drift(None) => "drift in time".to_owned(),
+            Self::Drift(Some(index)) => format!("drift in time {}", runs.get(index).copied().unwrap_or(index)),
+            Self::WarmUp { .. } => "warm-up".to_owned(),
         }
+    }
+
+    /// Part of the fit that is neither drift over temperature nor a property of a run ([`super::nuisance`]).
+    pub(crate) fn is_nuisance(self) -> bool {
+        matches!(self, Self::Drift(_) | Self::WarmUp { .. })
     }
 }
 
@@ -133,15 +151,38 @@ impl<'a> LeastSquares<'a> {
         let by_row = windows.shape.window.seconds().is_none();
         let weight: Vec<f64> =
             used.iter().map(|i| if by_row { 1.0 } else { windows.duration_s(*i) / windows.shape.nominal_s }).collect();
-        let mut sums = vec![(0.0, 0.0); runs.len()];
-        for ((r, y), w) in run.iter().zip(&y).zip(&weight) {
-            sums[*r].0 += w * y;
-            sums[*r].1 += w;
-        }
-        let run_rate = sums.iter().map(|(sum, weight)| sum / weight).collect();
+        let mean_of_runs = |values: &[f64]| -> Vec<f64> {
+            let mut sums = vec![(0.0, 0.0); runs.len()];
+            for ((r, value), w) in run.iter().zip(values).zip(&weight) {
+                sums[*r].0 += w * value;
+                sums[*r].1 += w;
+            }
+            sums.iter().map(|(sum, weight)| sum / weight).collect()
+        };
+        let run_rate = mean_of_runs(&y);
+        let since_start_h = |i: &usize| {
+            let middle_ns = i64::midpoint(rows.start_ns[*i], rows.end_ns[*i]);
+            s_from_ns(middle_ns - windows.runs[rows.run[*i] as usize].start_ns) / 3600.0
+        };
+        let time_h: Vec<f64> = used.iter().map(since_start_h).collect();
+        let mean_time_h = mean_of_runs(&time_h);
         let levels = levels(turning.as_ref(), &used, &run, runs.len());
         let tau_from = vec![0; inputs.len()];
-        Ok(Self { windows, inputs, tau_from, used, y, weight, run, runs, run_rate, levels, turning })
+        Ok(Self {
+            windows,
+            inputs,
+            tau_from,
+            used,
+            y,
+            weight,
+            run,
+            runs,
+            run_rate,
+            time_h,
+            mean_time_h,
+            levels,
+            turning,
+        })
     }
 
     /// The span of the thermometer of the fit.
@@ -187,10 +228,13 @@ impl<'a> LeastSquares<'a> {
     /// τ from Δt to a quarter of the longest run, in equal ratios.
     pub(crate) fn tau_grid(&self) -> Vec<f64> {
         let lo = s_from_ns(self.windows.shape.period_ns);
-        let longest = self.runs.iter().map(|r| self.windows.runs[*r].length_s()).fold(0.0, f64::max);
-        let ratio = (longest / 4.0 / lo).max(1.0).ln() / (TAU_STEPS - 1) as f64;
+        let ratio = (self.longest_run_s() / 4.0 / lo).max(1.0).ln() / (TAU_STEPS - 1) as f64;
         let grid: Vec<f64> = (0..TAU_STEPS).map(|i| lo * (ratio * i as f64).exp()).collect();
         if ratio > 0.0 { grid } else { vec![lo] }
+    }
+
+    pub(crate) fn longest_run_s(&self) -> f64 {
+        self.runs.iter().map(|r| self.windows.runs[*r].length_s()).fold(0.0, f64::max)
     }
 
     /// Δt, s.
@@ -259,6 +303,11 @@ impl<'a> LeastSquares<'a> {
                 let across = self.turning.as_ref().map(|turning| turning.across_dph[self.used[row]]);
                 across.filter(|(turned, _)| *turned == letter).map_or(0.0, |(_, rate)| rate)
             }
+            Level::Drift(run) => {
+                let is_of_it = run.is_none_or(|run| run == self.run[row]);
+                if is_of_it { self.time_h[row] - self.mean_time_h[self.run[row]] } else { 0.0 }
+            }
+            Level::WarmUp { tau_s } => (-3600.0 * self.time_h[row] / tau_s).exp(),
         }
     }
 

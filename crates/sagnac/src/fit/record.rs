@@ -11,7 +11,7 @@ use sagnac_units::{ARCSEC_RT_S_PER_DEG_RT_H, s_from_ns};
 use crate::calibration::{
     AxisCalibration, AxisCorrection, Calibration, Collinearity, FORMAT, FitDiagnostics, Hysteresis, Input, LogFile,
     LogUnit, MINOR_VERSION, Misalignment, NoiseFloor, PpmEstimate, Provenance, Residual, RunOffset, ScaleFactor,
-    Target, Term, UNASSIGNED, VERSION, program,
+    Target, Term, TimeEffect, TimeEffectKind, UNASSIGNED, VERSION, program,
 };
 use crate::diagnostics::{
     AxisReportData, Effect, Point, ReportData, hysteresis_of, offsets_hide_drift, points, ramp_rates_cpm, run_spans,
@@ -19,6 +19,7 @@ use crate::diagnostics::{
 use crate::fit::Model;
 use crate::fit::choose::choose;
 use crate::fit::effects::Parts;
+use crate::fit::entanglement::entangled;
 use crate::fit::exclusions;
 use crate::fit::inputs::recorded_inputs;
 use crate::fit::least_squares::{LeastSquares, Level, TermColumn};
@@ -27,8 +28,8 @@ use crate::fit::plateaus::repeatability;
 use crate::fit::rate_table_input::RateTableInput;
 use crate::fit::robust::Loss;
 use crate::fit::search::CONDITION_MAX;
+use crate::fit::slow_noise::SlowNoise;
 use crate::fit::soak::soak;
-use crate::fit::solution::white_variance;
 use crate::fit::solution::{Fitted, bootstrap_intervals};
 use crate::model::ActsOn;
 use crate::model::input::Signal;
@@ -283,6 +284,10 @@ fn fit_axis(
     let noise_floor = noise_floor_of(windows, axis, &stages.test);
     let is_given = options.model != Model::Auto;
     let raw_n = noise_floor.as_ref().map(|floor| floor.n_deg_rt_h);
+    chosen.stated = stages.test.noise.zip(noise_floor.as_ref()).and_then(|(stated, floor)| {
+        let white = floor.value_dph.powi(2);
+        Some((SlowNoise::stated(stated, white)?, white))
+    });
     let (fitted, noise) = chosen.fit(is_given, raw_n, options.loss)?;
     let problem = &chosen.problem;
     let parts = Parts::new(&fitted, problem);
@@ -303,7 +308,9 @@ fn fit_axis(
         hysteresis: None,
         ramp_rates_cpm: None,
         curve_spread: None,
-        slow_noise: chosen.noise.terms(white_variance(problem, &fitted, chosen.noise).sqrt()),
+        slow_noise: chosen.noise.terms(chosen.white_variance(&fitted).sqrt()),
+        time_effects: time_effects(&fitted, problem),
+        entanglement: Vec::new(),
         hidden_in_offsets_dph: None,
         soak: None,
         scale_factor: scale_factor(&fitted, problem, axis, &windows.shape),
@@ -328,10 +335,13 @@ fn fit_axis(
         let variance = record.variance_of(&record.drift_weights(celsius, reference_c));
         (record.drift(celsius, reference_c), variance)
     };
-    let beside = chosen.spread(curve);
+    let spread = chosen.spread(curve);
+    let profile = points(windows, &run_spans(windows), Some(sensor), |_| 0.0, |_| 0.0);
+    let (entanglement, spread) = entangled(&chosen, &fitted, &profile, spread);
     if let Some(fit) = &mut record.fit {
         fit.soak = forecast;
-        fit.curve_spread = beside;
+        fit.curve_spread = spread;
+        fit.entanglement = entanglement;
     }
     Ok((record, drawn))
 }
@@ -446,6 +456,20 @@ fn misalignment(fitted: &Fitted, problem: &LeastSquares<'_>) -> Vec<Misalignment
         _ => None,
     });
     across.collect()
+}
+
+/// Drift in time and warm-up beside the terms.
+fn time_effects(fitted: &Fitted, problem: &LeastSquares<'_>) -> Vec<TimeEffect> {
+    let of = |(place, level): (usize, &Level)| {
+        let (kind, run, unit, tau_s) = match *level {
+            Level::Drift(run) => (TimeEffectKind::Drift, run.map(|index| problem.runs[index] as u32), "deg/h/h", None),
+            Level::WarmUp { tau_s } => (TimeEffectKind::WarmUp, None, "deg/h", Some(tau_s)),
+            Level::Run(_) | Level::AllRuns | Level::Scale | Level::Across(_) => return None,
+        };
+        let (value, sigma) = (fitted.theta[place], fitted.sigma(place));
+        Some(TimeEffect { kind, run, value, sigma, unit: unit.to_owned(), tau_s })
+    };
+    problem.levels.iter().enumerate().filter_map(of).collect()
 }
 
 fn residual(fitted: &Fitted) -> Residual {

@@ -116,7 +116,8 @@ fn walk_from(problem: &LeastSquares<'_>, start: &ModelSpec, taus_s: &[f64]) -> O
                     return is_undominated(model.held(), &[least], here.windows);
                 }
                 let more = model.spec.coefficients().saturating_sub(here.spec.coefficients());
-                model.square() * needed_gain(here.windows, more, tried.len()) < least.mean_square
+                let rivals = tried.len().max(ZONES.len());
+                model.square() * needed_gain(here.windows, more, rivals) < least.mean_square
             };
             let taken = best_of(&tried, here.windows, passes);
             number += 1;
@@ -199,10 +200,12 @@ fn grown(problem: &LeastSquares<'_>, from: &ModelSpec) -> Vec<ModelSpec> {
         all.push(spec);
     };
     let main = from.thermometer();
-    if main.bias < sagnac_core::MAX_ORDER {
+    // Of one thermometer alone the grid has looked at every series.
+    let open = problem.inputs.len() > 1 || main.zones > 1;
+    if open && main.bias < sagnac_core::MAX_ORDER {
         add(&|spec| spec.thermometer_mut().bias += 1);
     }
-    if problem.has_rate() && main.rate.is_none_or(|rate| rate < MAX_RATE_ORDER) {
+    if open && problem.has_rate() && main.rate.is_none_or(|rate| rate < MAX_RATE_ORDER) {
         add(&|spec| spec.thermometer_mut().rate = Some(main.rate.map_or(0, |rate| rate + 1)));
     }
     if let Some(zones) = ZONES.into_iter().find(|zones| *zones > main.zones).filter(|_| main.bias > 0) {

@@ -26,6 +26,7 @@ use crate::calibration::SlowNoiseTerms;
 use crate::fit::least_squares::LeastSquares;
 use crate::fit::solution::golden_section;
 use nalgebra::{DMatrix, DVector};
+use sagnac_log::setup::Noise;
 use sagnac_units::s_from_ns;
 
 /// First-order processes at most.
@@ -51,12 +52,30 @@ pub(crate) struct SlowNoise {
     pub(crate) walk_per_h: f64,
     /// Variance, and correlation time in s.
     pub(crate) markov: Option<(f64, f64)>,
+    /// Variance of the logarithm of the largest of these variances; 0 where they are stated.
+    pub(crate) log_variance: f64,
 }
 
 impl SlowNoise {
     /// Its largest process as a part of the white variance.
     pub(crate) fn parts_of_white(&self) -> f64 {
         self.flicker.max(self.walk_per_h).max(self.markov.map_or(0.0, |(variance, _)| variance))
+    }
+
+    /// As a setup states it beside a white variance, (°/h)²; `None` where it states neither B nor K.
+    pub(crate) fn stated(noise: Noise, white_variance: f64) -> Option<Self> {
+        if noise.b_dph.is_none() && noise.k_dph_rt_h.is_none() {
+            return None;
+        }
+        let part = |value: Option<f64>| value.map_or(0.0, |value| value * value / white_variance);
+        let flicker = part(noise.b_dph) * LADDER.ln() / std::f64::consts::PI;
+        Some(Self { flicker, walk_per_h: part(noise.k_dph_rt_h), ..Self::default() })
+    }
+
+    /// All its variances by a factor.
+    pub(crate) fn scaled(self, by: f64) -> Self {
+        let markov = self.markov.map(|(variance, tau_s)| (by * variance, tau_s));
+        Self { flicker: by * self.flicker, walk_per_h: by * self.walk_per_h, markov, ..self }
     }
 
     /// In the units of a record, the white σ given; `None` where it is white. B from the variance of each of the ladder.
@@ -285,5 +304,19 @@ pub(crate) fn estimate(nominal_s: f64, criterion: impl Fn(SlowNoise) -> f64) -> 
     if base.walk_per_h == 0.0 {
         best = better(best, best_of(&|walk_per_h| SlowNoise { walk_per_h, ..base }), GAIN);
     }
-    best.0
+    SlowNoise { log_variance: log_variance(best, criterion), ..best.0 }
+}
+
+/// Step of ln variance for its curvature, and the variance where the likelihood has none.
+const LOG_STEP: f64 = 0.5;
+const MOST_LOG_VARIANCE: f64 = 1.0;
+
+/// Variance of ln of the variances together: two over the curvature of −2·ln of the likelihood.
+fn log_variance((noise, least): (SlowNoise, f64), criterion: impl Fn(SlowNoise) -> f64) -> f64 {
+    if noise == SlowNoise::default() {
+        return 0.0;
+    }
+    let beside = [LOG_STEP, -LOG_STEP].map(|step: f64| criterion(noise.scaled(step.exp())));
+    let curvature = (beside[0] + beside[1] - 2.0 * least) / LOG_STEP.powi(2);
+    if curvature > 0.0 { (2.0 / curvature).min(MOST_LOG_VARIANCE) } else { MOST_LOG_VARIANCE }
 }

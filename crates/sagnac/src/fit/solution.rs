@@ -157,11 +157,13 @@ pub(crate) fn noise_of(problem: &LeastSquares<'_>, fitted: &Fitted) -> SlowNoise
     })
 }
 
-/// The fit with the covariance that its weights have under this noise; as it is where the noise is white.
-pub(crate) fn with_slow_noise(problem: &LeastSquares<'_>, fitted: Fitted, noise: SlowNoise) -> Fitted {
-    if noise == SlowNoise::default() {
-        return fitted;
-    }
+/// The fit with the covariance C that its weights have under this noise, beside a white variance. The variances of slow noise are
+/// themselves uncertain: degrees of freedom after Satterthwaite,
+///
+/// ```text
+/// 1/ν = 1/(n − p) + ½·(∂ln C/∂ln v)²·Var(ln v)      v the variances of slow noise over the white one, which follows them
+/// ```
+pub(crate) fn with_slow_noise(problem: &LeastSquares<'_>, fitted: Fitted, noise: SlowNoise, white: f64) -> Fitted {
     let design = Design::new(problem, &fitted.terms, &values(&fitted.taus));
     let slopes = nonlinear_columns(&design, &fitted.spec, &fitted.taus, &fitted.theta);
     let Some(normal) = design.factor(&slopes).solve_all().and_then(|s| s.inverse_normal()) else { return fitted };
@@ -172,12 +174,27 @@ pub(crate) fn with_slow_noise(problem: &LeastSquares<'_>, fitted: Fitted, noise:
         design.row(i, &slopes, &mut row);
         row.iter().enumerate().for_each(|(j, value)| z[(i, j)] = problem.weight[i] * value);
     }
-    let white = white_variance(problem, &fitted, noise);
-    let covariance = &normal * noise.between(problem, &z) * &normal * white;
-    let effective = (n - p).max(1) as f64;
+    let under = |noise: SlowNoise, white: f64| &normal * noise.between(problem, &z) * &normal * white;
+    let covariance = under(noise, white);
+    let mut of_noise = 0.0;
+    if noise.log_variance > 0.0 {
+        let [more, less] = [SLOPE_STEP, -SLOPE_STEP].map(|step| {
+            let noise = noise.scaled(step.exp());
+            under(noise, white_variance(problem, &fitted, noise))
+        });
+        let slope = |at: usize| (more[(at, at)] / less[(at, at)]).ln() / (2.0 * SLOPE_STEP);
+        let steepest = (problem.levels.len()..p).map(slope).fold(0.0_f64, |most, slope| most.max(slope.abs()));
+        of_noise = 0.5 * steepest.powi(2) * noise.log_variance;
+    }
+    let effective = (((n - p).max(1) as f64).recip() + of_noise).recip().max(FEWEST_DEGREES);
     let t_quantile_975 = StudentsT::new(0.0, 1.0, effective).map_or(1.96, |t| t.inverse_cdf(0.975));
     Fitted { covariance, t_quantile_975, ..fitted }
 }
+
+/// Step of ln v for the slope of the covariance.
+const SLOPE_STEP: f64 = 0.3;
+/// Degrees of freedom at least: fewer make an interval that holds anything.
+const FEWEST_DEGREES: f64 = 3.0;
 
 /// White variance of a nominal window under this noise: mean square of the innovations of generalized least squares.
 pub(crate) fn white_variance(problem: &LeastSquares<'_>, fitted: &Fitted, noise: SlowNoise) -> f64 {
@@ -186,6 +203,38 @@ pub(crate) fn white_variance(problem: &LeastSquares<'_>, fitted: &Fitted, noise:
     design.whitening = Some(&whitening);
     let degrees = (problem.len() as f64 - (problem.levels.len() + fitted.terms.len()) as f64).max(1.0);
     design.factor(&[]).solve_all().map_or(f64::NAN, |solution| solution.ssr / degrees)
+}
+
+/// A column that a fit does not have, beside its levels and terms.
+pub(crate) struct Beside {
+    /// Coefficients of the terms that make the column as far as they can.
+    pub(crate) of_terms: Vec<f64>,
+    /// Sum of squares of the column that they cannot make, in whitened rows.
+    pub(crate) misfit: f64,
+    /// Its coefficient, fitted beside them.
+    pub(crate) coefficient: f64,
+}
+
+/// Least part of a column that counts as its own: less is rounding.
+const OWN_PART: f64 = 1e-12;
+
+/// How a column relates to the fit; `None` where the terms depend on each other.
+pub(crate) fn beside(
+    problem: &LeastSquares<'_>,
+    fitted: &Fitted,
+    whitening: &Whitening,
+    column: &[f64],
+) -> Option<Beside> {
+    let mut design = Design::new(problem, &fitted.terms, &values(&fitted.taus));
+    design.whitening = Some(whitening);
+    let Columns { factor, count } = design.factor(&[column.to_vec()]);
+    let others: Vec<usize> = (0..count - 1).collect();
+    let made = factor.regress(count - 1, &others)?;
+    let misfit = made.ssr.max(OWN_PART * factor.norm_squared(count - 1));
+    let with = factor.solve(&(0..count).collect::<Vec<_>>());
+    let coefficient = with.map_or(0.0, |solution| solution.theta[count - 1]);
+    let of_terms = made.theta.iter().copied().skip(problem.levels.len()).collect();
+    Some(Beside { of_terms, misfit, coefficient })
 }
 
 /// Windows that tell slow noise from none.

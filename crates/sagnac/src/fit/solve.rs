@@ -86,6 +86,18 @@ impl Factor {
         Some(Solution { theta: theta.column(0).into_owned(), ssr: r[(p, p)] * r[(p, p)], r: square })
     }
 
+    /// A column solved for some others; `None` when those are not independent.
+    pub(crate) fn regress(&self, column: usize, others: &[usize]) -> Option<Solution> {
+        let all: Vec<usize> = others.iter().copied().chain(std::iter::once(column)).collect();
+        let of_column = Self(triangle(self.0.select_columns(&all)));
+        of_column.solve(&(0..others.len()).collect::<Vec<_>>())
+    }
+
+    /// Sum of squares of a column.
+    pub(crate) fn norm_squared(&self, column: usize) -> f64 {
+        self.0.column(column).norm_squared()
+    }
+
     /// Residual sum of squares of a solution on this block; `free` columns (constants of runs that stand
     /// in this block alone, so at right angles to each other) take their best value here.
     pub(crate) fn ssr(&self, columns: &[usize], theta: &DVector<f64>, free: &[usize]) -> f64 {

@@ -9,7 +9,8 @@
 
 use sagnac_core::{Image, Status};
 
-use crate::calibration::AxisCalibration;
+use crate::calibration::{AxisCalibration, MovedTogether};
+use crate::diagnostics::profile::{TOGETHER, rate_explained, time_explained};
 use crate::diagnostics::{
     AxisReportData, Point, ReportData, RunSpan, offsets_hide_drift, points, ramp_rates_cpm, rate_coverage, run_spans,
 };
@@ -118,6 +119,7 @@ impl Against<'_> {
             bias_repeatability_unavailable: None,
             scale_factor_difference: None,
             rate_coverage: None,
+            repeats_profile: false,
             about_common_mean: *about_common_mean,
             missing_fraction: pair.missing_fraction(),
             out_of_span_fraction: 0.0,
@@ -135,6 +137,7 @@ impl Against<'_> {
         let axes = (0..pair.raw.shape.axes.len()).map(|axis| {
             let mut figures = self.axis_figures(&prepared, axis)?;
             self.compare_with_record(&mut figures, &prepared, axis);
+            figures.repeats_profile = self.repeats_profile(figures.axis, &prepared.report_data.axes[axis].points);
             figures.rate_coverage = self.rate_coverage(figures.axis, &prepared.report_data.axes[axis].points);
             Ok(figures)
         });
@@ -151,6 +154,16 @@ impl Against<'_> {
         let record = self.record(axis)?;
         record.rate_span_cpm()?;
         Some(rate_coverage(record.fit.as_ref()?.ramp_rates_cpm?, ramp_rates_cpm(points)?))
+    }
+
+    /// What the calibration could not separate from temperature moves with it here, too.
+    fn repeats_profile(&self, axis: char, points: &[Point]) -> bool {
+        let entanglement = self.record(axis).and_then(|record| record.fit.as_ref()).map(|fit| &fit.entanglement);
+        let again = |with: MovedTogether| match with {
+            MovedTogether::TemperatureRate => rate_explained(points),
+            MovedTogether::Time => time_explained(points),
+        };
+        entanglement.into_iter().flatten().any(|of| again(of.with).is_some_and(|part| part > TOGETHER))
     }
 
     /// Coverage, bias and scale factor against the calibration.

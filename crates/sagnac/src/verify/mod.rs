@@ -231,6 +231,10 @@ impl Coverage {
     }
 }
 
+/// What a retest of the calibration's own profile does not show.
+pub const REPEATED_PROFILE: &str = "temperature moves with its rate or with time as in the calibration, which cannot separate \
+                                    them: this test proves nothing for other profiles";
+
 /// One axis of a verification.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -271,6 +275,9 @@ pub struct AxisVerification {
     pub bias_repeatability_unavailable: Option<String>,
     /// Part of the fit's temperature rates that the ramps of the retest reach, 0 to 1; null without rate terms or a record.
     pub rate_coverage: Option<f64>,
+    /// Temperature and its rate, or time, moved together in the calibration, and in this retest again: it proves nothing for
+    /// other profiles.
+    pub repeats_profile: bool,
     /// Scale factor less that of the calibration at T0; null where a rate table did not turn both.
     pub scale_factor_difference: Option<PpmEstimate>,
     /// Each run covers so little of the temperatures that its own mean would hold the drift: the figures are about the mean of all

@@ -1,0 +1,113 @@
+//! What a fit cannot separate from its curve, because it moved together with temperature, and what that adds to the uncertainty.
+//!
+//! ```text
+//! r  = Ṫ at some lag, or t          a column that the model does not have, and that temperature explains
+//! β  = (XᵀX)⁻¹Xᵀr                   the curve's coefficients that do its work
+//! ĉ  = r̃ᵀy/|r̃|², r̃ = r − Xβ         its coefficient if it were fitted beside them, with variance s²/|r̃|²
+//! σ²(T) = (w(T)ᵀβ)²·(s²/|r̃|² + ĉ²)  added to the curve, w its weights at T less those at T0
+//! ```
+//!
+//! That is the variance of the curve with the column in the fit, and the square of the distance to that curve. It is added only
+//! where [`crate::diagnostics::profile`] says that the two moved together: elsewhere the selection has judged the column. At most
+//! the whole curve is the work of something else: its largest distance from zero bounds what is added.
+
+use crate::calibration::{CurveSpread, Entanglement, MovedTogether};
+use crate::diagnostics::Point;
+use crate::diagnostics::profile::{TOGETHER, rate_explained, time_explained};
+use crate::fit::choose::Chosen;
+use crate::fit::least_squares::{LeastSquares, Level};
+use crate::fit::slow_noise::Whitening;
+use crate::fit::solution::{Fitted, beside};
+use crate::model::ActsOn;
+
+/// Lags of the rate that are looked at, s: a fast one, a block's, a chamber's.
+const LAGS_S: [f64; 3] = [1.0, 300.0, 1500.0];
+/// Temperatures at which the spread of a curve is recorded.
+pub(crate) const POINTS: usize = 33;
+
+/// What moved together with temperature, and the spread of the curve with what that adds.
+pub(crate) fn entangled(
+    chosen: &Chosen<'_>,
+    fitted: &Fitted,
+    points: &[Point],
+    spread: Option<CurveSpread>,
+) -> (Vec<Entanglement>, Option<CurveSpread>) {
+    let problem = &chosen.problem;
+    let has_rate = problem.rated(&fitted.spec).contains(&0);
+    let has_time = problem.levels.iter().any(|level| matches!(level, Level::Drift(_)));
+    let sources = [
+        (MovedTogether::TemperatureRate, rate_explained(points), has_rate),
+        (MovedTogether::Time, time_explained(points), has_time),
+    ];
+    let mut spread = spread;
+    let mut found = Vec::new();
+    for (with, explained, is_fitted) in sources {
+        let Some(explained_fraction) = explained.filter(|part| *part > TOGETHER) else { continue };
+        let mut added = None;
+        if !is_fitted {
+            let sigmas = added_sigma(chosen, fitted, with);
+            added = Some(sigmas.iter().copied().fold(0.0, f64::max));
+            spread = Some(widened(spread, problem, &sigmas));
+        }
+        found.push(Entanglement { with, explained_fraction, sigma_dph: added });
+    }
+    (found, spread)
+}
+
+/// σ that a column adds to the curve at every point of the span: the largest of its lags.
+fn added_sigma(chosen: &Chosen<'_>, fitted: &Fitted, with: MovedTogether) -> Vec<f64> {
+    let problem = &chosen.problem;
+    let columns: Vec<Vec<f64>> = match with {
+        MovedTogether::TemperatureRate => {
+            let of_lag = |tau_s: &f64| problem.rate_columns(0, tau_s.max(problem.period_s()));
+            LAGS_S.iter().map(|tau_s| of_lag(tau_s).iter().map(|means| means[0]).collect()).collect()
+        }
+        MovedTogether::Time => {
+            vec![(0..problem.len()).map(|row| problem.level(row, Level::Drift(None))).collect()]
+        }
+    };
+    let whitening = Whitening::new(problem, chosen.noise);
+    let variance = chosen.white_variance(fitted);
+    let values = &fitted.theta[problem.levels.len()..];
+    let whole =
+        (0..POINTS).map(|point| curve(problem, fitted, values, temperature(problem, point)).abs()).fold(0.0, f64::max);
+    let mut most = vec![0.0_f64; POINTS];
+    for column in &columns {
+        let Some(found) = beside(problem, fitted, &whitening, column) else { continue };
+        let scale = (variance / found.misfit + found.coefficient.powi(2)).sqrt();
+        for (point, most) in most.iter_mut().enumerate() {
+            let celsius = temperature(problem, point);
+            let added = scale * curve(problem, fitted, &found.of_terms, celsius).abs();
+            *most = most.max(added.min(whole));
+        }
+    }
+    most
+}
+
+/// The curve at rest of some coefficients of the terms, less that at the reference.
+fn curve(problem: &LeastSquares<'_>, fitted: &Fitted, of_terms: &[f64], celsius: f64) -> f64 {
+    let (span, reference) = (problem.span(), problem.inputs[0].reference);
+    let of_curve = fitted
+        .terms
+        .iter()
+        .zip(of_terms)
+        .filter(|(term, _)| term.input == 0 && !term.form.times_rate && term.form.acts_on == ActsOn::Bias);
+    of_curve
+        .map(|(term, value)| value * (term.form.shape.value(span, celsius) - term.form.shape.value(span, reference)))
+        .sum()
+}
+
+/// Temperature of a point of the span.
+pub(crate) fn temperature(problem: &LeastSquares<'_>, point: usize) -> f64 {
+    let span = problem.span();
+    span.lo + (span.hi - span.lo) * point as f64 / (POINTS - 1) as f64
+}
+
+fn widened(spread: Option<CurveSpread>, problem: &LeastSquares<'_>, sigmas: &[f64]) -> CurveSpread {
+    let mut spread = spread.unwrap_or_else(|| CurveSpread {
+        temperature_c: (0..POINTS).map(|point| temperature(problem, point)).collect(),
+        sigma_dph: vec![0.0; POINTS],
+    });
+    spread.sigma_dph.iter_mut().zip(sigmas).for_each(|(sigma, more)| *sigma = sigma.hypot(*more));
+    spread
+}

@@ -1,0 +1,106 @@
+//! Drift in time and warm-up after power-on: fitted beside the terms so that no term takes their place, never corrected.
+//!
+//! ```text
+//! drift      d·(t − t̄)         °/h per hour; of all runs together, or of each run
+//! warm-up    a·e^(−t/τ)        °/h at the first row of a run, IEEE Std 647's turn-on; τ from a grid of ratio two
+//! ```
+//!
+//! t is the time since the first row of the run. A chamber that heats once and cools once makes a drift in time look like a rate
+//! term, for what was measured while heating came first. `auto` therefore grades every model of the grid without and with each of
+//! these columns ([`super::averaging`]), and keeps those of the best grade where it is better by [`DECISIVE`].
+//!
+//! Fails where time and temperature move together: a column that temperature explains by more than [`EXPLAINED_MAX`] is not
+//! tried, and the uncertainty of the curve carries it instead ([`super::entanglement`]).
+
+use crate::fit::averaging::{Grades, Series, price};
+use crate::fit::least_squares::{LeastSquares, Level};
+use crate::fit::slow_noise::{SlowNoise, Whitening};
+use crate::fit::solution::{fit, noise_of};
+use crate::model::spec::ModelSpec;
+
+/// Shortest τ of a warm-up, windows, and the longest as a part of the longest run.
+const SHORTEST_WINDOWS: f64 = 5.0;
+const LONGEST_PART: f64 = 1.0 / 3.0;
+/// By how much a column of time must be better than none: odds of 150 to 1. Where they are nearly as good, a rate term comes
+/// first, for it can be corrected.
+const DECISIVE: f64 = 10.0;
+/// τ of a warm-up that are tried, at most.
+const MOST_TAUS: i32 = 8;
+/// Most of a column's variation that the curve over temperature may explain.
+pub(crate) const EXPLAINED_MAX: f64 = 0.8;
+
+/// The nuisance columns of a problem that are justified beside the best model of the grid. Rate series of order 0 and every second
+/// lag decide: what goes with time is common to all.
+pub(crate) fn justified(problem: &mut LeastSquares<'_>, specs: &[ModelSpec], taus_s: &[f64]) -> Vec<Level> {
+    let own = problem.levels.len();
+    let is_plain = |spec: &&ModelSpec| spec.thermometer().rate.is_none_or(|order| order == 0);
+    let specs: &[ModelSpec] = &specs.iter().filter(is_plain).cloned().collect::<Vec<_>>();
+    let taus_s: &[f64] = &taus_s.iter().copied().step_by(2).collect::<Vec<_>>();
+    if !problem.has_rate() || specs.is_empty() {
+        return Vec::new();
+    }
+    let found = best(problem, own, specs, taus_s);
+    problem.levels.truncate(own);
+    found.unwrap_or_default()
+}
+
+/// The best set of columns; leaves `problem` with all that were tried.
+fn best(problem: &mut LeastSquares<'_>, own: usize, specs: &[ModelSpec], taus_s: &[f64]) -> Option<Vec<Level>> {
+    let noise = noise_beside(problem, own, specs, taus_s)?;
+    let whitening = Whitening::new(problem, noise);
+    let runs = problem.runs.len();
+    let drifts = Level::Drift(None);
+    let each = (0..if runs > 1 { runs } else { 0 }).map(|run| Level::Drift(Some(run)));
+    let warm_ups = warm_ups(problem);
+    let all: Vec<Level> = std::iter::once(drifts).chain(each).chain(warm_ups).collect();
+    problem.levels.extend(&all);
+    let series = Series::new(problem, &whitening, specs, taus_s)?;
+    let known: Vec<usize> = (0..own).collect();
+    let is_separate = |level: &usize| series.explained_by_bias(*level, &known).is_some_and(|part| part < EXPLAINED_MAX);
+    let separate: Vec<usize> = (own..problem.levels.len()).filter(is_separate).collect();
+    let sets = sets(&problem.levels, &separate, runs);
+    let graded: Vec<(Grades, &Vec<usize>)> =
+        sets.iter().filter_map(|set| Some((series.grades(&[known.as_slice(), set].concat())?, set))).collect();
+    let variance = graded.iter().map(|(grades, _)| grades.variance).fold(f64::INFINITY, f64::min);
+    let tried_taus = problem.levels.iter().filter(|level| matches!(level, Level::WarmUp { .. })).count();
+    let price_of = |set: &[usize]| {
+        let is_warm = set.iter().any(|level| matches!(problem.levels[*level], Level::WarmUp { .. }));
+        let of_tau = if is_warm { 2.0 * (tried_taus as f64).ln() } else { 0.0 };
+        let margin = if set.is_empty() { 0.0 } else { DECISIVE };
+        set.len() as f64 * price(problem.len() as f64) + of_tau + margin
+    };
+    let grade = |(grades, set): &(Grades, &Vec<usize>)| grades.least(variance) + price_of(set);
+    let (_, set) = graded.iter().min_by(|a, b| grade(a).total_cmp(&grade(b)))?;
+    Some(set.iter().map(|level| problem.levels[*level]).collect())
+}
+
+/// Slow noise of the largest model beside a drift and a warm-up of middle length, so that neither counts as noise.
+fn noise_beside(problem: &mut LeastSquares<'_>, own: usize, specs: &[ModelSpec], taus_s: &[f64]) -> Option<SlowNoise> {
+    let largest = specs.iter().max_by_key(|spec| spec.coefficients())?;
+    let warm_ups = warm_ups(problem);
+    problem.levels.push(Level::Drift(None));
+    problem.levels.extend(warm_ups.get(warm_ups.len() / 2));
+    let noise = fit(problem, largest, taus_s).map(|fitted| noise_of(problem, &fitted)).unwrap_or_default();
+    problem.levels.truncate(own);
+    Some(noise)
+}
+
+fn warm_ups(problem: &LeastSquares<'_>) -> Vec<Level> {
+    let shortest_s = SHORTEST_WINDOWS * problem.windows().shape.nominal_s;
+    let longest_s = LONGEST_PART * problem.longest_run_s();
+    let tau = |k: i32| shortest_s * 2.0_f64.powi(k);
+    (0..MOST_TAUS).map(tau).take_while(|tau_s| *tau_s <= longest_s).map(|tau_s| Level::WarmUp { tau_s }).collect()
+}
+
+/// Nothing; a drift of all runs or one of each; one warm-up; both together.
+fn sets(levels: &[Level], separate: &[usize], runs: usize) -> Vec<Vec<usize>> {
+    let of = |is: fn(&Level) -> bool| separate.iter().copied().filter(|at| is(&levels[*at])).collect::<Vec<_>>();
+    let warm = of(|level| matches!(level, Level::WarmUp { .. }));
+    let each = of(|level| matches!(level, Level::Drift(Some(_))));
+    let mut drifts = vec![Vec::new()];
+    drifts.extend(of(|level| *level == Level::Drift(None)).into_iter().map(|level| vec![level]));
+    drifts.extend((each.len() == runs).then_some(each));
+    let with_warm = drifts.iter().flat_map(|drift| warm.iter().map(|level| [drift.as_slice(), &[*level]].concat()));
+    let with_warm: Vec<Vec<usize>> = with_warm.collect();
+    drifts.into_iter().chain(with_warm).collect()
+}
