@@ -94,7 +94,7 @@ fn rows_that_cannot_be_used_are_counted_with_their_first_line() {
 }
 
 #[test]
-fn a_thermometer_that_jumps_or_freezes_is_not_believed() {
+fn a_thermometer_that_jumps_or_freezes_is_invalid() {
     let rows = |t: &dyn Fn(u32) -> String| {
         let lines: Vec<String> = (1..=1500).map(|s| format!("{s},{},1\n", t(s))).collect();
         lines.concat()

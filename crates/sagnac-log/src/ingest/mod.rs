@@ -5,7 +5,7 @@
 //!        (temperatures to the time of counts) ─▶ RowValidator (checked rows) ─▶ Batch
 //! ```
 //!
-//! [`LogReader`] returns one batch after the other and never holds the whole log. One file is one run.
+//! [`LogReader`] reads one file, batch by batch, and never holds the whole log. Later stages join files to runs.
 
 mod align;
 mod cells;
