@@ -357,7 +357,7 @@ mod tests {
         assert_eq!(compared, 54);
     }
 
-    /// Neighbours of white rate noise at m = 1 share half: 1/edf = [1 + ½(1 − 1/M)]/M. SP 1065's table 5 says 65.8.
+    /// Adjacent differences of white rate noise at m = 1 share half: 1/edf = [1 + ½(1 − 1/M)]/M. SP 1065's table 5 has 65.8.
     #[test]
     fn white_rate_noise_at_the_shortest_tau() {
         let m = 99.0_f64;

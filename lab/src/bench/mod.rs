@@ -61,8 +61,8 @@ pub(crate) fn bench(part: Option<&str>) -> Result<()> {
     fs::create_dir_all(&folder)?;
     let bench = Bench { sagnac: "target/release/sagnac".to_owned(), python: peers(&folder)?, folder };
     match part {
-        Some("simulator") => return alone(&bench, simulator::HEADING, simulator::measure),
-        Some("allan") => return alone(&bench, deviations::HEADING, deviations::measure),
+        Some("simulator") => return section_only(&bench, simulator::HEADING, simulator::measure),
+        Some("allan") => return section_only(&bench, deviations::HEADING, deviations::measure),
         Some(other) => bail!("no part {other} of the bench; there are simulator and allan"),
         None => {}
     }
@@ -80,7 +80,7 @@ pub(crate) fn bench(part: Option<&str>) -> Result<()> {
 }
 
 /// Measures one section and replaces it on the page, or appends it.
-fn alone(bench: &Bench, heading: &str, measure: impl Fn(&Bench, &mut String) -> Result<()>) -> Result<()> {
+fn section_only(bench: &Bench, heading: &str, measure: impl Fn(&Bench, &mut String) -> Result<()>) -> Result<()> {
     let path = root().join(PERFORMANCE);
     let page = fs::read_to_string(&path)?;
     let (before, after) = match page.split_once(heading) {

@@ -1,4 +1,4 @@
-//! `cargo xtask dist`: the program for people without Rust, as an archive and as a Debian package.
+//! `cargo xtask dist`: the program for users without Rust, as an archive and as a Debian package.
 //!
 //! ```text
 //! sources ─zig─▶ sagnac (old GLIBC) ─▶ files: man pages, completions, licences ─┬▶ sagnac-VERSION-x86_64-linux.tar.gz

@@ -229,7 +229,7 @@ fn check_message(metadata: &[u8], file: &mut File, body_at: u64, size: u64) -> R
 }
 
 impl Columnar {
-    /// Begins to decode. `mode` says whether all columns are kept as text.
+    /// Begins to decode. `mode` selects whether all columns are kept as text.
     pub(crate) fn feed(self, layout: &Layout, mode: ReadMode) -> Result<ColumnFeed> {
         let keep_fields = mode != ReadMode::Bulk;
         let wanted: Vec<usize> = if keep_fields { (0..layout.headers.len()).collect() } else { layout.columns_read() };

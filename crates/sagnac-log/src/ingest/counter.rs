@@ -126,7 +126,7 @@ mod tests {
         for intervals in 1..=500 {
             let now = 65_000 + 500 * intervals + 3;
             let step = steps().step(65_000, wrapped(now), intervals, Some(16));
-            // 65 intervals are half a turn: the mean tells the turns apart until its spread is a quarter of one.
+            // 65 intervals are half a turn: the mean determines the turns until its spread is a quarter of one.
             match intervals {
                 ..=400 => assert_eq!(step, Step::Counted(500 * intervals + 3), "{intervals}"),
                 _ => assert!(

@@ -30,11 +30,11 @@ pub const HEADERS: [(&str, &str); 10] = [
     ("reference_rate_dps", "rate of the table under the gyro, °/s"),
     (
         "table_angle_deg",
-        "angle of the table, °, in place of its rate; it may wrap at 360, and turns by less than 180 in a row",
+        "angle of the table, °, instead of its rate; it may wrap at 360, and changes by less than 180 in a row",
     ),
     (
         "table_mark",
-        "1 in the row in which the table completed a revolution, −1 for one backwards, else 0, in place of its rate",
+        "1 in the row in which the table completed a revolution, −1 for a backward one, otherwise 0, instead of its rate",
     ),
     ("valid", "1, true, ok, yes or 0, false, no: flagged rows are excluded"),
     ("aux_name", "any number that the correction may depend on: a voltage, a current, a mode"),

@@ -477,7 +477,7 @@ fn angle_unit(layout: &Layout, config: &ReadConfig) -> Result<AngleUnit> {
         return Ok(AngleUnit::Arcsec);
     }
     let arcsec_per_count = config.arcsec_per_count.ok_or_else(|| {
-        Error::input("the log holds counts, and nothing says how many arcsec a count is")
+        Error::input("the log holds counts, but the size of a count in arcsec is not given")
             .column("arcsec_per_count")
             .help("give --arcsec-per-count or arcsec_per_count in the setup; it is never guessed")
     })?;

@@ -117,7 +117,7 @@ impl Reason {
 }
 
 impl Reason {
-    /// What it means, in a sentence for people.
+    /// Its meaning in a sentence.
     pub fn meaning(self) -> &'static str {
         match self {
             Self::Ragged => "The number of fields differs from the header's.",

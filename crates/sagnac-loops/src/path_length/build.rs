@@ -96,7 +96,7 @@ impl PathLengthConfig {
         let error = |waves: f64| (waves * per_wave).clamp(1.0, 1_073_741_824.0) as i32;
         let periods = |seconds: f64| libm::ceil(seconds / period_s).clamp(0.0, 1e9) as u32;
         let response_s = 1.0 / self.goal.bandwidth_hz;
-        // 2^-32 codes per period for one wavelength in so many periods.
+        // 2^-32 codes per period for one wavelength in a number of periods.
         let step = |periods: u32| libm::ldexp(limits.wavelength / f64::from(periods.max(1)), 32) as i64;
         let sweep_periods = periods(self.sweep_s);
         let integers = PathLength {
