@@ -1,5 +1,5 @@
-//! `cargo xtask bless`: the only way to make generated files. Tests and `--check` compare the committed files with the
-//! output of the same functions.
+//! `cargo xtask bless` makes all generated files. Tests and `--check` compare the committed files with the output of the
+//! same functions.
 //!
 //! ```text
 //! FILES: name ─▶ make(program) ─▶ paths and bytes ─┬─▶ written where they differ      bless
@@ -62,16 +62,16 @@ const FILES: [(&str, Make); 13] = [
     ("evidence", Make::ByTests { make: evidence::make, stale: evidence::stale }),
 ];
 
-/// Makes the named files, or all but those of tests, and writes those that differ. With `--check` nothing is written: any difference is an
-/// error that names the file.
+/// Makes the named files, or all but those of tests, and writes those that differ. With `--check` nothing is written:
+/// any difference is an error that names the file.
 pub(crate) fn bless(args: &[&str]) -> Result<()> {
     let check = args.contains(&"--check");
     let names: Vec<&str> = args.iter().copied().filter(|arg| *arg != "--check").collect();
     let program = Program::beside_the_lab()?;
     if check {
         let stale = stale(&names, &program)?;
-        ensure!(stale.is_empty(), "not as `cargo xtask bless` makes them:\n{}", stale.join("\n"));
-        println!("bless: every generated file is as it is made");
+        ensure!(stale.is_empty(), "out of date; `cargo xtask bless` makes them anew:\n{}", stale.join("\n"));
+        println!("bless: every generated file is up to date");
         return Ok(());
     }
     for (name, make) in chosen(&names)? {
@@ -217,28 +217,28 @@ mod tests {
         let manifest = fs::read_to_string(root().join("lab/Cargo.toml")).unwrap();
         assert_eq!(difference(&Made::new("lab/Cargo.toml", manifest.as_str())), None);
         let other = manifest.replacen("name = ", "nam = ", 1);
-        let said = difference(&Made::new("lab/Cargo.toml", other)).unwrap();
-        assert!(said.starts_with("lab/Cargo.toml:2\n  is   name = "), "{said}");
+        let message = difference(&Made::new("lab/Cargo.toml", other)).unwrap();
+        assert!(message.starts_with("lab/Cargo.toml:2\n  is   name = "), "{message}");
         assert_eq!(difference(&Made::new("lab/no-such-file", "")).unwrap(), "lab/no-such-file is not there");
         let longer = difference(&Made::new("lab/Cargo.toml", manifest + "more\n")).unwrap();
         assert!(longer.contains("(ends)"), "{longer}");
     }
 
     #[test]
-    fn compressed_files_are_compared_by_what_is_in_them() {
+    fn compressed_files_are_compared_by_their_content() {
         let log = "testdata/chamber/cycle-1.csv.gz";
         let packed = fs::read(root().join(log)).unwrap();
         let unpacked = content(log, &packed);
         assert!(unpacked.starts_with(b"time_s,"));
         let mut other = packed.clone();
-        // The operating system that packed it, by the tenth byte of the header.
+        // The tenth byte of the header: the operating system that packed the file.
         other[9] ^= 3;
         assert_eq!(difference(&Made::new(log, other)), None);
     }
 
     #[test]
-    fn an_unknown_name_is_refused_with_those_that_there_are() {
-        let said = stale(&["vector"], &Program::at("not used")).unwrap_err().to_string();
-        assert!(said.contains("named vector") && said.contains("vectors"), "{said}");
+    fn an_unknown_name_is_refused_with_the_known_ones() {
+        let message = stale(&["vector"], &Program::at("not used")).unwrap_err().to_string();
+        assert!(message.contains("named vector") && message.contains("vectors"), "{message}");
     }
 }

@@ -1,8 +1,9 @@
-//! `cargo xtask compare`: fits by Sagnac and by other tools on the same logs with a known truth; docs/explanation/comparison.md.
+//! `cargo xtask compare`: fits by Sagnac and by other tools on the same logs with a known truth, for
+//! docs/explanation/comparison.md.
 //!
 //! ```text
-//! seven tests (fit log, retest, truth) ─▶ sagnac calibrate + compensate ─┐
-//!                                     └─▶ numpy, as each peer's users do ─┴▶ truth minus correction on the retest ─▶ docs/explanation/comparison.md
+//! seven tests (fit log, retest, truth) ─┬▶ sagnac calibrate + compensate ─┬▶ truth minus correction on the retest ─▶ page
+//!                                       └▶ numpy, as other tools' users do ┘
 //! ```
 //!
 //! The figure is the error of the correction itself: true drift minus correction at every second of a retest, about its
@@ -24,13 +25,13 @@ use crate::program::Program;
 /// Angle random walk of every log, °/√h; a window of 100 s then has σ = 0.018 °/h.
 const ARW_DEG_RT_H: f64 = 0.003;
 const FLOOR_DPH: f64 = 60.0 * ARW_DEG_RT_H / 10.0;
-/// An error that widens a retest's σ by less than a tenth cannot be seen there: √(1 + 0.46²) = 1.10.
+/// Largest error at the noise floor, as a fraction of the floor: it widens a retest's σ by a tenth, √(1 + 0.46²) = 1.10.
 const AT_THE_FLOOR: f64 = 0.46;
 const INPUT_DPH: f64 = 4.5;
-/// The trial that must be refused.
+/// Name of the trial that must be refused.
 const NARROW: &str = "2 °C";
 
-/// The peers' models from their documentation, each a function of temperature fitted to the log's rows.
+/// The other tools' models from their documentation, each a function of temperature fitted to the log's rows.
 const PEERS: &str = r#"import sys, numpy as np
 fit, retest, out = sys.argv[1:4]
 def read(path):
@@ -208,15 +209,15 @@ fn error_of(correction: &[f64], retest: &[Second]) -> Option<(f64, f64)> {
 }
 
 /// Result of one tool in one trial.
-enum Came {
+enum Outcome {
     /// Root mean square and largest absolute value, °/h.
     Error(f64, f64),
     /// Its message.
-    Said(String),
+    Message(String),
 }
 
 /// Sagnac as a user runs it: fit, correct the retest, evaluate the correction that was subtracted.
-fn ours(folder: &Path, fit: &Path, retest: &Path, truth: &[Second]) -> Result<Came> {
+fn ours(folder: &Path, fit: &Path, retest: &Path, truth: &[Second]) -> Result<Outcome> {
     let program = Program::beside_the_lab()?;
     let (record, corrected) = (folder.join("u.cal.json"), folder.join("corrected.csv"));
     let run =
@@ -224,9 +225,9 @@ fn ours(folder: &Path, fit: &Path, retest: &Path, truth: &[Second]) -> Result<Ca
     let flags = ["-o".as_ref(), record.as_os_str(), "--serial".as_ref(), "COMPARED".as_ref()];
     let fitted = run(&[&["calibrate".as_ref(), fit.as_os_str()][..], &flags].concat())?;
     if !fitted.status.success() {
-        let said = String::from_utf8_lossy(&fitted.stderr).into_owned();
-        let words = said.lines().next().unwrap_or_default();
-        return Ok(Came::Said(words.replace(&format!("{}/", folder.display()), "")));
+        let stderr = String::from_utf8_lossy(&fitted.stderr).into_owned();
+        let words = stderr.lines().next().unwrap_or_default();
+        return Ok(Outcome::Message(words.replace(&format!("{}/", folder.display()), "")));
     }
     let done =
         run(&["compensate".as_ref(), record.as_os_str(), retest.as_os_str(), "-o".as_ref(), corrected.as_os_str()])?;
@@ -239,36 +240,37 @@ fn ours(folder: &Path, fit: &Path, retest: &Path, truth: &[Second]) -> Result<Ca
         rows.map(|row| row.split(',').nth(column).unwrap_or_default().parse::<f64>()).collect();
     let correction: Vec<f64> = rates?.iter().zip(truth).map(|(after, second)| second.rate_dph - after).collect();
     ensure!(correction.len() == truth.len(), "{} corrected rows of {}", correction.len(), truth.len());
-    Ok(error_of(&correction, truth).map_or(Came::Said("no number".to_owned()), |(rms, worst)| Came::Error(rms, worst)))
+    Ok(error_of(&correction, truth)
+        .map_or(Outcome::Message("no number".to_owned()), |(rms, worst)| Outcome::Error(rms, worst)))
 }
 
-fn theirs(python: &str, folder: &Path, fit: &Path, retest: &Path, truth: &[Second]) -> Result<Vec<Came>> {
+fn theirs(python: &str, folder: &Path, fit: &Path, retest: &Path, truth: &[Second]) -> Result<Vec<Outcome>> {
     let (script, out) = (folder.join("peers.py"), folder.join("peers.csv"));
     fs::write(&script, PEERS)?;
     let output = Command::new(python).arg(&script).args([fit, retest, &out]).output().context("cannot start python")?;
-    ensure!(output.status.success(), "the peers: {}", String::from_utf8_lossy(&output.stderr));
-    let said = String::from_utf8_lossy(&output.stdout).into_owned();
+    ensure!(output.status.success(), "the other tools: {}", String::from_utf8_lossy(&output.stderr));
+    let stdout = String::from_utf8_lossy(&output.stdout).into_owned();
     let table = fs::read_to_string(&out)?;
-    // Other lines are printed by libraries, not by the peers.
-    let words = said.lines().filter_map(|line| line.strip_prefix("peer: "));
-    let came = words.enumerate().map(|(peer, words)| {
+    // Other lines are printed by libraries, not by the models.
+    let words = stdout.lines().filter_map(|line| line.strip_prefix("peer: "));
+    let outcomes = words.enumerate().map(|(peer, words)| {
         let column: Vec<f64> = table
             .lines()
             .map(|row| row.split(',').nth(peer).and_then(|c| c.parse().ok()).unwrap_or(f64::NAN))
             .collect();
         match error_of(&column, truth) {
-            Some((rms, worst)) => Came::Error(rms, worst),
-            None if words == "ok" => Came::Said("NaN, without a word".to_owned()),
-            None => Came::Said(words.to_owned()),
+            Some((rms, worst)) => Outcome::Error(rms, worst),
+            None if words == "ok" => Outcome::Message("NaN, no message".to_owned()),
+            None => Outcome::Message(words.to_owned()),
         }
     });
-    Ok(came.collect())
+    Ok(outcomes.collect())
 }
 
-fn cell(came: &Came) -> String {
-    match came {
-        Came::Error(rms, worst) => format!("{rms:.4}, {worst:.3}"),
-        Came::Said(words) => words.replace('|', "/"),
+fn cell(outcome: &Outcome) -> String {
+    match outcome {
+        Outcome::Error(rms, worst) => format!("{rms:.4}, {worst:.3}"),
+        Outcome::Message(words) => words.replace('|', "/"),
     }
 }
 
@@ -300,9 +302,9 @@ pub(crate) fn compare() -> Result<()> {
         println!("{row}");
         page = page + &row + "\n";
         let kept = match &mine {
-            Came::Error(rms, _) => *rms <= AT_THE_FLOOR * FLOOR_DPH,
-            // Only where the data cannot support a fit: refusing a good log is a failure.
-            Came::Said(words) => trial.name == NARROW && words.starts_with("refused: "),
+            Outcome::Error(rms, _) => *rms <= AT_THE_FLOOR * FLOOR_DPH,
+            // A refusal is correct only where the data cannot support a fit.
+            Outcome::Message(words) => trial.name == NARROW && words.starts_with("refused: "),
         };
         if !kept {
             missed.push(trial.name);

@@ -1,10 +1,10 @@
-//! `cargo xtask conserve`: a day of ticks in which every count is accounted for.
+//! `cargo xtask conserve`: over a day of ticks the compensator loses no count.
 
 use anyhow::{Result, bail};
 use sagnac_core::{Compensator, Description, Gain, Image, InputSpec, Kind, Multiplier, Shape, State, Term};
 
-/// 1e9 ticks of a gyro at Earth rate, its temperature swinging: Σ out·2³² + remainder =
-/// Σ raw·k − Σ increment, each a separate 128-bit sum, tick by tick.
+/// 1e9 ticks of a gyro at Earth rate with varying temperature: Σ out·2³² + remainder = Σ raw·k − Σ increment, where each
+/// side is a separate 128-bit sum, tick by tick.
 pub(crate) fn conserve() -> Result<()> {
     const TICKS: u64 = 1_000_000_000;
     let gyro = Compensator::new(swinging_image()?);

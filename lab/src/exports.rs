@@ -1,4 +1,4 @@
-//! `cargo xtask c` and `cargo xtask fpga`: the exported C and Verilog, built as a user would and checked against the vectors.
+//! `cargo xtask c` and `cargo xtask fpga`: the exported C and Verilog, built as by a user and checked against the vectors.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -9,17 +9,17 @@ use sagnac_core::Image;
 use sagnac_loops::LoopTable;
 use sagnac_vectors::{MAX_TABLE, Words};
 use xtask::debian::{self, need};
-use xtask::shell::{output, root, said, text};
+use xtask::shell::{output, root, stdout_of, text};
 
 use crate::generated::vectors;
 
 const STRICT: [&str; 9] =
     ["-std=c99", "-O2", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wsign-conversion", "-Wshadow", "-Werror"];
 const MODULES: [&str; 4] = ["sagnac_integer.c", "sagnac_compensator.c", "sagnac_path_length.c", "sagnac_intensity.c"];
-/// Findings of cppcheck's MISRA add-on that stay, with their reasons in docs/explanation/on-target.md: rule and how often.
+/// Accepted findings of cppcheck's MISRA add-on: rule and count. docs/explanation/on-target.md gives the reasons.
 const JUSTIFIED: [(&str, usize); 2] = [("misra-c2012-8.7", 3), ("misra-c2012-9.3", 2)];
 
-/// The table that a vector file holds.
+/// The table of a vector file.
 fn table(name: &str) -> Result<Vec<u8>> {
     let bytes = fs::read(vectors::folder().join(name).with_extension("hex"))?;
     let mut words = Words::new(&bytes);
@@ -45,7 +45,7 @@ fn write(folder: &Path, files: &[TextFile]) -> Result<()> {
 fn spoiled(name: &str, folder: &Path) -> Result<PathBuf> {
     let text = fs::read_to_string(vectors::folder().join(name).with_extension("hex"))?;
     let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();
-    // Of the path-length loop the last record in which it is closed: the hardware's bench reads no other.
+    // For the path-length loop the last record in which it is closed: the hardware's bench reads only such records.
     let closed = |line: &String| {
         line.split(' ').nth(8).and_then(|word| u32::from_str_radix(word, 16).ok()).is_some_and(|f| f & 256 != 0)
     };
@@ -79,9 +79,9 @@ pub(crate) fn c() -> Result<()> {
     for (name, flags) in [("64-bit", vec!["-fsanitize=undefined", "-fno-sanitize-recover"]), ("32-bit", vec!["-m32"])] {
         let program = folder.join(format!("check-{name}"));
         let all = [&STRICT[..], &flags, &["-I.", text(&runner)?], &MODULES, &["-o", text(&program)?]].concat();
-        said(300, "gcc", &all, &folder)?;
+        stdout_of(300, "gcc", &all, &folder)?;
         for path in files()? {
-            let line = said(300, text(&program)?, &[text(&path)?], &folder)?;
+            let line = stdout_of(300, text(&program)?, &[text(&path)?], &folder)?;
             println!("check: C, {name}: {}", short(&line));
         }
         let bad = spoiled("compensator-full", &folder)?;
@@ -93,7 +93,7 @@ pub(crate) fn c() -> Result<()> {
     Ok(())
 }
 
-/// The line without the folder in front.
+/// The line without the leading folder.
 fn short(line: &str) -> &str {
     let line = line.trim();
     line.rfind('/').map_or(line, |at| &line[at + 1..])
@@ -105,9 +105,9 @@ fn no_other_types(folder: &Path) -> Result<()> {
     {
         let text = fs::read_to_string(folder.join(&name))?;
         for line in text.lines().filter(|line| line.starts_with("#include <")) {
-            ensure!(line == "#include <stdint.h>" || line == "#include <limits.h>", "{name}: {line}");
+            ensure!(line == "#include <stdint.h>", "{name}: {line}");
         }
-        // Comments may name what the code does not use.
+        // Comments may contain the refused words.
         let mut code = text.clone();
         while let (Some(from), Some(to)) = (code.find("/*"), code.find("*/")) {
             code.replace_range(from..to + 2, "");
@@ -117,7 +117,7 @@ fn no_other_types(folder: &Path) -> Result<()> {
             ensure!(!refused.contains(&word), "{name} uses {word}");
         }
     }
-    println!("check: C: stdint.h alone, no 8-bit type, no floating point, no allocation");
+    println!("check: C: only stdint.h, no 8-bit type, no floating point, no allocation");
     Ok(())
 }
 
@@ -126,8 +126,8 @@ fn misra(folder: &Path) -> Result<()> {
     let all = [&args[..], &MODULES, &["sagnac_unit.c"]].concat();
     let found = output(600, "cppcheck", &all, folder)?;
     ensure!(found.status.success(), "cppcheck: {}", found.status);
-    let told = String::from_utf8_lossy(&found.stderr);
-    let mut findings: Vec<&str> = told.lines().filter(|line| !line.trim().is_empty()).collect();
+    let stderr = String::from_utf8_lossy(&found.stderr);
+    let mut findings: Vec<&str> = stderr.lines().filter(|line| !line.trim().is_empty()).collect();
     findings.sort_unstable();
     let mut left = findings.clone();
     for (rule, times) in JUSTIFIED {
@@ -151,8 +151,8 @@ fn constants(folder: &Path) -> Result<()> {
     let source = root().join("firmware/c/check_constants.c");
     let program = folder.join("check-constants");
     let given = ["-DIMAGE=sagnac_image_x", "-I.", "sagnac_unit.c", text(&source)?, "-o", text(&program)?];
-    said(300, "gcc", &[&STRICT[..], &given, &MODULES].concat(), folder)?;
-    said(60, text(&program)?, &[text(&unit_image)?, text(&unit_loops)?], folder)?;
+    stdout_of(300, "gcc", &[&STRICT[..], &given, &MODULES].concat(), folder)?;
+    stdout_of(60, text(&program)?, &[text(&unit_image)?, text(&unit_loops)?], folder)?;
     println!("check: C: the constants of sagnac_unit.c are what the loaders read");
     Ok(())
 }
@@ -197,8 +197,8 @@ fn loaders(folder: &Path) -> Result<()> {
     fs::write(&file, records)?;
     let (source, program) = (root().join("firmware/c/check_loader.c"), folder.join("check-loader"));
     let flags = ["-fsanitize=undefined", "-fno-sanitize-recover", "-I.", text(&source)?, "-o", text(&program)?];
-    said(300, "gcc", &[&STRICT[..], &flags, &MODULES].concat(), folder)?;
-    println!("check: C: {}", said(60, text(&program)?, &[text(&file)?], folder)?.trim());
+    stdout_of(300, "gcc", &[&STRICT[..], &flags, &MODULES].concat(), folder)?;
+    println!("check: C: {}", stdout_of(60, text(&program)?, &[text(&file)?], folder)?.trim());
     Ok(())
 }
 
@@ -208,16 +208,16 @@ fn c_on_target(folder: &Path, runner: &Path) -> Result<()> {
     let part = ["-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16"];
     let link = ["--specs=rdimon.specs", "-Wl,--section-start=.vectors=0x0", "-o", text(&elf)?];
     let sources = ["-I.", text(runner)?, text(&start)?];
-    // Strict for the exported modules and the check; the start of a part casts addresses.
+    // Strict for the exported modules and the check; the start code of a processor casts addresses.
     let strict: Vec<&str> = STRICT.iter().copied().filter(|flag| *flag != "-Wpedantic").collect();
-    said(300, "arm-none-eabi-gcc", &[&part[..], &strict, &sources, &MODULES, &link].concat(), folder)?;
+    stdout_of(300, "arm-none-eabi-gcc", &[&part[..], &strict, &sources, &MODULES, &link].concat(), folder)?;
     for path in files()? {
-        // The emulator hands the target a short command line.
+        // The emulator passes only a short command line to the target.
         let name = path.file_name().and_then(|name| name.to_str()).context("a name")?;
         let hosting = format!("enable=on,target=native,arg=check,arg={name}");
         let machine = ["-M", "mps2-an386", "-cpu", "cortex-m4", "-nographic", "-monitor", "none", "-serial", "null"];
         let args = [&machine[..], &["-semihosting-config", &hosting, "-kernel", text(&elf)?]].concat();
-        let line = said(300, "qemu-system-arm", &args, &vectors::folder())?;
+        let line = stdout_of(300, "qemu-system-arm", &args, &vectors::folder())?;
         ensure!(line.contains("records equal") || line.contains("skipped"), "{name} on the target: {line}");
         println!("check: C, Cortex-M4F: {}", short(&line));
     }
@@ -228,7 +228,7 @@ fn c_on_target(folder: &Path, runner: &Path) -> Result<()> {
 pub(crate) fn fpga(place: bool) -> Result<()> {
     need(debian::FPGA)?;
     let folder = root().join("target/fpga");
-    // Each with widths of its own: the default ones, the least that hold it, the most.
+    // Widths of each: the default, the smallest that fit, or the largest.
     for (name, raw, increment) in [
         ("compensator-full", 16, 48),
         ("compensator-paper", 3, 34),
@@ -258,22 +258,22 @@ pub(crate) fn fpga(place: bool) -> Result<()> {
 fn lint(folder: &Path, modules: &[&str]) -> Result<()> {
     for module in modules {
         let file = format!("{module}.v");
-        let told = output(120, "verilator", &["--lint-only", "-Wall", "-I.", &file], folder)?;
-        let said = String::from_utf8_lossy(&told.stderr);
-        ensure!(told.status.success() && said.trim().is_empty(), "{file}: {said}");
+        let lint = output(120, "verilator", &["--lint-only", "-Wall", "-I.", &file], folder)?;
+        let stderr = String::from_utf8_lossy(&lint.stderr);
+        ensure!(lint.status.success() && stderr.trim().is_empty(), "{file}: {stderr}");
     }
     println!("check: Verilog: {} lint clean (verilator -Wall)", modules.join(", "));
     Ok(())
 }
 
-/// A bench in both simulators; with one bit of the vectors changed, both must fail.
+/// A test bench in both simulators; with one changed bit of the vectors both must fail.
 fn simulate(folder: &Path, vectors_name: &str, bench: &str, modules: &[&str]) -> Result<()> {
     let top = format!("{bench}.v");
     let iverilog = ["-g2005", "-Wall", "-I.", "-o", bench, &top];
-    said(120, "iverilog", &[&iverilog[..], modules].concat(), folder)?;
+    stdout_of(120, "iverilog", &[&iverilog[..], modules].concat(), folder)?;
     let built = format!("obj_{bench}");
     let quiet = ["--binary", "-j", "2", "-Wno-fatal", "-Wno-lint", "-Wno-style", "-I.", "--top-module", bench];
-    said(600, "verilator", &[&quiet[..], &["-Mdir", &built, &top], modules].concat(), folder)?;
+    stdout_of(600, "verilator", &[&quiet[..], &["-Mdir", &built, &top], modules].concat(), folder)?;
     let program = format!("{built}/V{bench}");
     let good = vectors::folder().join(vectors_name).with_extension("hex");
     let bad = spoiled(vectors_name, folder)?;
@@ -281,14 +281,17 @@ fn simulate(folder: &Path, vectors_name: &str, bench: &str, modules: &[&str]) ->
         let run = |path: &Path| -> Result<String> {
             let vectors = format!("+vectors={}", text(path)?);
             let args: Vec<&str> = first.into_iter().chain([vectors.as_str()]).collect();
-            said(600, command, &args, folder)
+            stdout_of(600, command, &args, folder)
         };
-        let told = run(&good)?;
+        let stdout = run(&good)?;
         let verdict =
-            told.lines().find(|line| line.starts_with("PASSED")).with_context(|| format!("{bench}: {told}"))?;
+            stdout.lines().find(|line| line.starts_with("PASSED")).with_context(|| format!("{bench}: {stdout}"))?;
         println!("check: Verilog, {simulator}, {vectors_name}: {verdict}");
-        let told = run(&bad)?;
-        ensure!(told.contains("FAILED: record"), "{bench} in {simulator}: a changed bit of the vectors is not noticed");
+        let stdout = run(&bad)?;
+        ensure!(
+            stdout.contains("FAILED: record"),
+            "{bench} in {simulator}: a changed bit of the vectors is not noticed"
+        );
     }
     Ok(())
 }
@@ -307,7 +310,7 @@ fn synthesise(folder: &Path) -> Result<()> {
         fs::copy(root().join("firmware/fpga/pins.v"), here.join("pins.v"))?;
         let latches =
             format!("{read}; hierarchy -top {top}; proc; opt; select -assert-none t:$dlatch t:$adlatch t:$sr");
-        said(300, "yosys", &["-q", "-p", &latches], &here)?;
+        stdout_of(300, "yosys", &["-q", "-p", &latches], &here)?;
         println!("check: Verilog: {name}, {top}: no latch");
         for (family, synth, counted) in [
             (
@@ -322,7 +325,7 @@ fn synthesise(folder: &Path) -> Result<()> {
             ),
         ] {
             let stat = format!("stat-{top}.txt");
-            said(600, "yosys", &["-q", "-p", &format!("{read}; {synth}; tee -o {stat} stat")], &here)?;
+            stdout_of(600, "yosys", &["-q", "-p", &format!("{read}; {synth}; tee -o {stat} stat")], &here)?;
             println!(
                 "check: Verilog: {name}, {top}, {family}: {}",
                 cells(&fs::read_to_string(here.join(stat))?, counted)
@@ -347,10 +350,10 @@ fn place_and_route(folder: &Path) -> Result<()> {
     let here = folder.join("compensator-paper-cells");
     let args = ["--up5k", "--package", "sg48", "--json", "pins.json", "--freq", "12"];
     let placed = output(1800, "nextpnr-ice40", &args, &here)?;
-    let told = String::from_utf8_lossy(&placed.stderr);
-    ensure!(placed.status.success(), "it does not fit or is too slow:\n{told}");
-    let cells = told.lines().filter(|line| line.contains("ICESTORM_LC:") || line.contains("ICESTORM_DSP:"));
-    let speed = told.lines().rfind(|line| line.contains("Max frequency") && line.contains("clk"));
+    let stderr = String::from_utf8_lossy(&placed.stderr);
+    ensure!(placed.status.success(), "it does not fit or is too slow:\n{stderr}");
+    let cells = stderr.lines().filter(|line| line.contains("ICESTORM_LC:") || line.contains("ICESTORM_DSP:"));
+    let speed = stderr.lines().rfind(|line| line.contains("Max frequency") && line.contains("clk"));
     for line in cells.take(2).chain([speed.context("no frequency")?]) {
         println!("check: Verilog: compensator-paper placed: {}", line.trim_start_matches("Info:").trim());
     }

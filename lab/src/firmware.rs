@@ -1,4 +1,4 @@
-//! `cargo xtask firmware`: from Debian's packages to a verdict, a line per check.
+//! `cargo xtask firmware`: builds the firmware and compares it with the host, a line per check.
 //!
 //! ```text
 //! simulate ─▶ calibrate ─▶ image ─┐
@@ -19,13 +19,13 @@ use sagnac_board::{CommandHandler, MemoryFlash, Message, RigSettings, Row, run};
 use sagnac_core::{Banks, Description, Gyro, Image, InputSpec, Kind, Multiplier, Term};
 use sagnac_loops::LoopTable;
 use xtask::debian::{self, need};
-use xtask::shell::{root, said, sh_in, text};
+use xtask::shell::{root, sh_in, stdout_of, text};
 
 use crate::program::Program;
 
 const TARGET: &str = "thumbv7em-none-eabihf";
 const SCENARIO: &str = "firmware/gyro/ten-minutes.toml";
-/// Instructions that may not be exceeded: tick with slew, tick with both loops, slow update.
+/// Largest numbers of instructions: tick with slew, tick with both loops, slow update.
 const MOST: [u32; 3] = [60, 1000, 2000];
 
 pub(crate) fn firmware() -> Result<()> {
@@ -51,10 +51,10 @@ pub(crate) fn firmware() -> Result<()> {
     Ok(())
 }
 
-/// core and compiler_builtins for the target, once: from Debian's source of the very compiler that is used.
+/// Builds core and compiler_builtins for the target once, from Debian's source of the same compiler version.
 fn sysroot(folder: &Path) -> Result<PathBuf> {
     let versions = ["rustc-web", "rust-web-src"].map(|package| {
-        let version = said(60, "dpkg-query", &["-W", "-f", "${Version}", package], &root())?;
+        let version = stdout_of(60, "dpkg-query", &["-W", "-f", "${Version}", package], &root())?;
         Ok::<_, anyhow::Error>(version)
     });
     let [compiler, source] = versions;
@@ -90,7 +90,7 @@ struct Unit {
     log: PathBuf,
 }
 
-/// Everything by the program itself: a calibration from the long log, its image, the loops, the ten-minute log.
+/// Made by the program itself: a calibration from the long log, its image, the loops, the ten-minute log.
 fn unit(folder: &Path) -> Result<Unit> {
     let file = |name: &str| folder.join(name);
     let unit = Unit { image: file("unit.img"), loops: file("unit.loops"), log: file("ten-minutes.csv") };
@@ -105,7 +105,7 @@ fn unit(folder: &Path) -> Result<Unit> {
 }
 
 fn sagnac(args: &[&str]) -> Result<String> {
-    Program::beside_the_lab()?.said(args)
+    Program::beside_the_lab()?.stdout(args)
 }
 
 fn build(sysroot: &Path, image: &Path, loops: &Path, features: &[&str]) -> Result<()> {
@@ -126,12 +126,12 @@ fn build(sysroot: &Path, image: &Path, loops: &Path, features: &[&str]) -> Resul
     Ok(())
 }
 
-/// Runs a program in the emulator; what it said. Its own verdict is the exit status.
+/// Runs a program in the emulator and returns its output. The exit status is the program's own verdict.
 fn emulate(program: &str, args: &[&str], seconds: u32) -> Result<String> {
     let path = root().join(format!("target/firmware/build/{TARGET}/release/{program}"));
     let machine = ["-M", "mps2-an386", "-cpu", "cortex-m4", "-nographic", "-monitor", "none"];
     let hosting = ["-semihosting-config", "enable=on,target=native", "-kernel", text(&path)?];
-    said(seconds, "qemu-system-arm", &[&machine[..], &hosting, args].concat(), &root())
+    stdout_of(seconds, "qemu-system-arm", &[&machine[..], &hosting, args].concat(), &root())
 }
 
 /// Instructions of the image with bias 5, rate 1 and scale 2, which the vectors hold.
@@ -139,10 +139,10 @@ fn instructions(sysroot: &Path, folder: &Path, unit: &Unit) -> Result<()> {
     let image = folder.join("full.img");
     fs::write(&image, sagnac::export::image_bytes(&image_of("compensator-full")?))?;
     build(sysroot, &image, &unit.loops, &["--bin", "measure"])?;
-    let said = emulate("measure", &["-serial", "null", "-icount", "shift=0"], 60)?;
+    let stdout = emulate("measure", &["-serial", "null", "-icount", "shift=0"], 60)?;
     let number = |name: &str| -> Result<u32> {
         let line =
-            said.lines().find_map(|line| line.strip_prefix(name)).with_context(|| format!("no {name}: {said}"))?;
+            stdout.lines().find_map(|line| line.strip_prefix(name)).with_context(|| format!("no {name}: {stdout}"))?;
         Ok(line.trim().parse()?)
     };
     let tick = number("tick")?;
@@ -158,7 +158,7 @@ fn instructions(sysroot: &Path, folder: &Path, unit: &Unit) -> Result<()> {
         ensure!(found <= most, "{name}: {found} instructions, at most {most}");
     }
     costs(sysroot, folder, unit)?;
-    // The other programs are the unit's own again.
+    // Rebuild the other programs with the unit's own image.
     build(sysroot, &unit.image, &unit.loops, &[])
 }
 
@@ -206,7 +206,7 @@ fn priced(full: &Image, inputs: &Image, harmonic: &Image) -> Result<Vec<(&'stati
     ])
 }
 
-/// The form by which `calibrate --tradeoff` prices models, against images of several.
+/// Checks the cost formula of `calibrate --tradeoff` against the counted instructions of several images.
 fn costs(sysroot: &Path, folder: &Path, unit: &Unit) -> Result<()> {
     let [full, inputs, harmonic] = ["full", "inputs", "harmonic"].map(|name| image_of(&format!("compensator-{name}")));
     let mut wrong = Vec::new();
@@ -214,15 +214,15 @@ fn costs(sysroot: &Path, folder: &Path, unit: &Unit) -> Result<()> {
         let path = folder.join("priced.img");
         fs::write(&path, sagnac::export::image_bytes(&image))?;
         build(sysroot, &path, &unit.loops, &["--bin", "measure"])?;
-        let said = emulate("measure", &["-serial", "null", "-icount", "shift=0"], 60)?;
-        let counted = said.lines().find_map(|line| line.strip_prefix("slow-update ")).context("no slow-update")?;
+        let stdout = emulate("measure", &["-serial", "null", "-icount", "shift=0"], 60)?;
+        let counted = stdout.lines().find_map(|line| line.strip_prefix("slow-update ")).context("no slow-update")?;
         let work = Work::of_image(&image);
         let (counted, priced): (u32, u32) = (counted.trim().parse()?, work.instructions());
         println!(
-            "check: {name}: slow update of {counted} instructions, {priced} by the form of docs/explanation/method.md ({work:?})"
+            "check: {name}: slow update of {counted} instructions, {priced} by the formula of docs/explanation/method.md ({work:?})"
         );
         if (f64::from(priced) / f64::from(counted) - 1.0).abs() > PRICED_WITHIN {
-            wrong.push(format!("{name}: {priced} instructions by the form, {counted} counted"));
+            wrong.push(format!("{name}: {priced} instructions by the formula, {counted} counted"));
         }
     }
     ensure!(wrong.is_empty(), "{}", wrong.join("; "));
@@ -238,12 +238,12 @@ fn image_of(name: &str) -> Result<Image> {
     Image::decode(words.table(&head, &mut bytes)?).map_err(|e| anyhow::anyhow!("the image of {name}: {e}"))
 }
 
-/// The ten-minute log over the emulated board's serial line and through the same board here.
+/// Sends the ten-minute log over the emulated board's serial line and through the same board on this machine.
 fn line_of(folder: &Path, unit: &Unit, name: &str, dither_counts: u32, seconds: usize) -> Result<()> {
     let output = folder.join(format!("line-{}.bin", name.replace(' ', "-")));
     let (bytes, rows) = messages(unit, dither_counts, seconds)?;
     let here = here(unit, &bytes)?;
-    let (there, said) = over_the_line(folder, bytes)?;
+    let (there, stdout) = over_the_line(folder, bytes)?;
     fs::write(&output, &there)?;
     let both = here.len().min(there.len());
     let first = here.iter().zip(&there).position(|(a, b)| a != b).or((here.len() != there.len()).then_some(both));
@@ -253,11 +253,11 @@ fn line_of(folder: &Path, unit: &Unit, name: &str, dither_counts: u32, seconds: 
     println!(
         "check: {name}: {rows} rows, {} bytes of frames from the target equal the host's; {}",
         there.len(),
-        said.trim()
+        stdout.trim()
     );
     let csv = folder.join("frames.csv");
-    let told = said_by_frames(&output, &csv)?;
-    println!("check: {name}: {told}");
+    let summary = frames_summary(&output, &csv)?;
+    println!("check: {name}: {summary}");
     if dither_counts == 0 {
         against_compensate(folder, unit, &csv)?;
     }
@@ -274,31 +274,31 @@ fn over_the_line(folder: &Path, bytes: Vec<u8>) -> Result<(Vec<u8>, String)> {
     let ours = socket.clone();
     let emulated = std::thread::spawn(move || {
         let args = ["-chardev", &port, "-serial", "chardev:line", "-icount", "shift=0,sleep=off"];
-        let said = emulate("gyro", &args, 900);
-        // An emulator that never came would leave the other side waiting for it.
+        let stdout = emulate("gyro", &args, 900);
+        // If the emulator failed to start, connect in its place so that the other side does not wait forever.
         let _ = UnixStream::connect(ours);
-        said
+        stdout
     });
     let (mut line, _) = listener.accept()?;
     let mut writing = line.try_clone()?;
-    // The emulator may end before it has read all that it was sent; that shows in what comes back.
+    // The emulator may end before it has read everything; the check of its answer detects that.
     let sent = std::thread::spawn(move || writing.write_all(&bytes));
     let mut back = Vec::new();
     line.read_to_end(&mut back)?;
-    let said = emulated.join().map_err(|_| anyhow::anyhow!("the emulator's thread"))??;
+    let stdout = emulated.join().map_err(|_| anyhow::anyhow!("the emulator's thread"))??;
     let _ = sent.join();
     fs::remove_file(&socket)?;
-    Ok((back, said))
+    Ok((back, stdout))
 }
 
 /// `sagnac frames` reads the line; returns its summary.
-fn said_by_frames(line: &Path, csv: &Path) -> Result<String> {
+fn frames_summary(line: &Path, csv: &Path) -> Result<String> {
     let output =
         Command::new(Program::beside_the_lab()?.path()).args(["frames", text(line)?, "-o", text(csv)?]).output()?;
-    let told = String::from_utf8_lossy(&output.stderr).trim().replace('\n', "; ");
+    let summary = String::from_utf8_lossy(&output.stderr).trim().replace('\n', "; ");
     ensure!(
-        output.status.success() && told.contains(" 0 missing") && !told.contains("belong to no frame"),
-        "frames: {told}"
+        output.status.success() && summary.contains(" 0 missing") && !summary.contains("belong to no frame"),
+        "frames: {summary}"
     );
     for expected in [
         "commit of an image: refused: not an image",
@@ -306,14 +306,15 @@ fn said_by_frames(line: &Path, csv: &Path) -> Result<String> {
         "refused: not newer",
         "roll back: done",
     ] {
-        ensure!(told.contains(expected), "the target did not say {expected:?}: {told}");
+        ensure!(summary.contains(expected), "no {expected:?} from the target: {summary}");
     }
-    Ok(told)
+    Ok(summary)
 }
 
-/// The log as rows for the rig, with images, good and bad, sent in between.
+/// The log as rows for the rig, with good and bad images in between.
 ///
-/// A slow update uses the newest temperature whose row has ended, as a replay does: a row carries the one before its own.
+/// A slow update uses the newest temperature whose row has ended, as a replay does; so each row carries the temperature of
+/// the row before.
 fn messages(unit: &Unit, dither_counts: u32, seconds: usize) -> Result<(Vec<u8>, usize)> {
     let log = fs::read_to_string(&unit.log)?;
     let loops = LoopTable::decode(&fs::read(&unit.loops)?)?;
@@ -338,7 +339,7 @@ fn messages(unit: &Unit, dither_counts: u32, seconds: usize) -> Result<(Vec<u8>,
     };
     send(Message::Settings(settings(&loops, dither_counts)))?;
     for (second_of_run, row) in rows.iter().enumerate() {
-        // The first image comes before the first row, so that a replay with it is the same from the start.
+        // The first image is sent before the first row, so that a replay with it agrees from the start.
         let images: &[&Vec<u8>] = match second_of_run {
             0 => &[&image],
             row if row == seconds / 3 => &[&damaged, &other, &image, &second],
@@ -372,7 +373,7 @@ fn rows(log: &str) -> Result<Vec<Row>> {
     Ok(rows)
 }
 
-/// A plant that the loops can hold: what the vectors use, drifting by a tenth of a wavelength per °C.
+/// A plant that the loops can control: that of the vectors, with a drift of a tenth of a wavelength per °C.
 fn settings(loops: &LoopTable, dither_counts: u32) -> RigSettings {
     let wavelength = loops.path_length.wavelength();
     let field = |wanted: &str| {
@@ -382,7 +383,7 @@ fn settings(loops: &LoopTable, dither_counts: u32) -> RigSettings {
     let light = field("set_point") / field("ticks");
     RigSettings {
         dither_counts,
-        // 400 Hz and a little, so that the dither phase moves relative to the frames.
+        // Slightly over 400 Hz, so that the dither phase moves relative to the frames.
         dither_step: (400.37e-4 * 32_f64.exp2()) as u32,
         peak: wavelength / 7,
         // 2^-16 codes for a °C.
@@ -405,8 +406,8 @@ fn here(unit: &Unit, input: &[u8]) -> Result<Vec<u8>> {
     Ok(out)
 }
 
-/// What the frames of each second add up to is what `sagnac compensate` says of that row; the second image corrects as
-/// the first, and taking it over between two ticks loses nothing.
+/// The frames of each second add up to the row of `sagnac compensate`. The second image has the same correction as the
+/// first, and the change of images between two ticks loses no count.
 fn against_compensate(folder: &Path, unit: &Unit, frames: &Path) -> Result<()> {
     let corrected = folder.join("corrected.csv");
     sagnac(&["compensate", text(&unit.image)?, text(&unit.log)?, "-o", text(&corrected)?])?;
@@ -423,7 +424,7 @@ fn against_compensate(folder: &Path, unit: &Unit, frames: &Path) -> Result<()> {
     let same = rows.iter().zip(&seconds).take_while(|(row, second)| row == second).count();
     ensure!(
         same == rows.len(),
-        "the frames of second {same} add up to {:?}, compensate says {:?}",
+        "the frames of second {same} add up to {:?}, compensate has {:?}",
         seconds.get(same),
         rows.get(same)
     );

@@ -1,4 +1,4 @@
-//! Measures the program, checks what it exports, and makes the files that the project makes. `cargo xtask` builds the
+//! Measures the program, checks its exports, and makes the generated files of the project. `cargo xtask` builds the
 //! program `lab` with `sagnac` and runs it; the tests of the program check the generated files by [`bless::stale`].
 
 mod bench;

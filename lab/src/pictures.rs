@@ -1,4 +1,5 @@
-//! The pictures of the README, of docs/tutorial/real-log.md and docs/explanation/simulator.md: figures of reports, drawn by Chromium.
+//! The pictures of the README, of docs/tutorial/real-log.md and docs/explanation/simulator.md: figures of reports,
+//! drawn by Chromium.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -19,7 +20,7 @@ const FIGURES: [(&str, &str); 4] = [
 ];
 const SIZE: [u32; 2] = [860, 350];
 
-/// Makes all pictures; the recording is beside the checkout.
+/// Makes all pictures; the recorded log is in the folder beside the checkout.
 pub(crate) fn pictures() -> Result<()> {
     let work = root().join("target/pictures");
     fs::create_dir_all(&work)?;
@@ -66,7 +67,7 @@ fn picture(work: &Path, page: &str, id: &str, file: &Path) -> Result<()> {
     shoot(&alone, SIZE, file)
 }
 
-/// The drawing for paper of one figure.
+/// The print version of one figure.
 fn drawing<'a>(page: &'a str, id: &str) -> Result<&'a str> {
     let from = page.split_once(&format!("id=\"{id}\">")).with_context(|| format!("no figure {id} in the report"))?.1;
     let end = from.find("</svg>").context("a figure without an end")? + "</svg>".len();

@@ -5,12 +5,12 @@ use std::process::Command;
 use anyhow::{Context, Result, bail, ensure};
 use xtask::shell::{root, sh_in};
 
-/// A tool: how it is asked for its version, and how it is installed.
+/// A tool: the command that prints its version, and the one that installs it.
 struct CargoTool {
     name: &'static str,
     version: &'static [&'static str],
     install: &'static [&'static str],
-    /// What the version begins with; another one is refused.
+    /// Start of the required version; any other version is refused.
     wanted: &'static str,
 }
 
@@ -36,8 +36,8 @@ const TOOLS: [CargoTool; 3] = [
     },
 ];
 
-/// Installs it if it is missing. Built without optimisation: that takes a quarter of the time, and each tool runs for
-/// a second.
+/// Installs a tool if it is missing, without optimisation: the build takes a quarter of the time, and each tool runs for
+/// a second only.
 pub(crate) fn need_cargo_tool(name: &str) -> Result<()> {
     let Some(tool) = TOOLS.iter().find(|tool| tool.name == name) else { bail!("no such tool: {name}") };
     let install = [&["install", "--locked"], tool.install].concat();

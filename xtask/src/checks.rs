@@ -1,4 +1,4 @@
-//! Checks that CI runs. Each stops at the first failure and says what to do.
+//! Checks that CI runs. Each stops at the first failure; the message names the remedy.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -6,14 +6,14 @@ use std::path::Path;
 use std::process::Command;
 
 use anyhow::{Context, Result, ensure};
-use xtask::shell::{built, root, said, sh, sh_in, target, text};
+use xtask::shell::{built, root, sh, sh_in, stdout_of, target, text};
 
 use crate::cargo_tools::need_cargo_tool;
 
-/// Examples that measure speed and take arguments: `cargo xtask bench` runs them.
+/// Examples that measure speed and need arguments; `cargo xtask bench` runs them.
 const STOPWATCHES: [&str; 2] = ["speed", "ticks"];
 
-/// Runs every example of every crate; each asserts what it shows. The tests have built them.
+/// Runs every example of every crate; each asserts its results. `cargo test` has built them.
 pub(crate) fn examples() -> Result<()> {
     let mut count = 0;
     for package in std::fs::read_dir(root().join("crates"))? {
@@ -22,7 +22,7 @@ pub(crate) fn examples() -> Result<()> {
             let path = file?.path();
             let name = path.file_stem().and_then(|stem| stem.to_str()).context("an example's name is not UTF-8")?;
             if !STOPWATCHES.contains(&name) {
-                said(120, text(&built("debug/examples", name))?, &[], &root())?;
+                stdout_of(120, text(&built("debug/examples", name))?, &[], &root())?;
                 count += 1;
             }
         }
@@ -51,15 +51,15 @@ pub(crate) fn run_lab(args: &[&str]) -> Result<()> {
 pub(crate) fn compiled_once() -> Result<()> {
     let packages = |selection: &[&str]| -> Result<BTreeSet<String>> {
         let tree = ["tree", "--locked", "--prefix", "none", "--format", "{p} {f}"];
-        let said = said(120, "cargo", &[&tree, selection].concat(), &root())?;
-        Ok(said.lines().map(|line| line.trim_end_matches(" (*)").to_owned()).collect())
+        let stdout = stdout_of(120, "cargo", &[&tree, selection].concat(), &root())?;
+        Ok(stdout.lines().map(|line| line.trim_end_matches(" (*)").to_owned()).collect())
     };
     let programs = packages(&["--package", "sagnac-cli", "--package", "sagnac-lab", "--edges", "normal,build"])?;
     let tests = packages(&["--workspace", "--edges", "normal,build,dev"])?;
     let twice: Vec<&str> = programs.difference(&tests).map(String::as_str).collect();
     ensure!(
         twice.is_empty(),
-        "compiled twice, because the tests ask for other features (see the end of lab/Cargo.toml):\n{}",
+        "compiled twice, because the tests use other features (see the end of lab/Cargo.toml):\n{}",
         twice.join("\n")
     );
     println!("compiled once: all {} packages of program and lab are those of the tests", programs.len());
@@ -88,8 +88,7 @@ pub(crate) fn example() -> Result<()> {
     sh(sagnac, &["verify", "target/unit.cal.json", &three, "--limits", "testdata/chamber/limits.toml"])
 }
 
-/// Links core, loops and board with a panic handler that does not exist; with an added panic, the same
-/// links must fail.
+/// Links core, loops and board with a panic handler that does not exist. The same links with an added panic must fail.
 pub(crate) fn no_panic() -> Result<()> {
     const ENTRIES: [(&str, &str); 3] = [
         ("sagnac-core", "sagnac_core_everything"),
@@ -100,7 +99,7 @@ pub(crate) fn no_panic() -> Result<()> {
     let library = target.join("release/libsagnac_no_panic.a");
     build_no_panic(&target, &["--features", "broken"])?;
     for (name, entry) in ENTRIES {
-        ensure!(link(&library, entry).is_err(), "{name} with a panic path links; the check checks nothing");
+        ensure!(link(&library, entry).is_err(), "{name} with a panic path links: this check is not effective");
     }
     build_no_panic(&target, &[])?;
     for (name, entry) in ENTRIES {
@@ -122,7 +121,7 @@ fn link(library: &Path, entry: &str) -> Result<()> {
     let entry_flag = format!("-Wl,--entry={entry}");
     let keep = format!("-Wl,--undefined={entry}");
     let args = ["-nostdlib", "-static", "-Wl,--gc-sections", &entry_flag, &keep];
-    // What every target's runtime provides.
+    // Symbols that every target's runtime provides.
     let runtime = ["memcpy", "memmove", "memset", "memcmp", "bcmp"].map(|name| format!("-Wl,--defsym={name}=0"));
     let output = Command::new("cc")
         .args(args)

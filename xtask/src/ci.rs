@@ -60,7 +60,7 @@ fn tools() -> Vec<debian::Tool> {
     [debian::C, debian::FPGA, debian::FIRMWARE, debian::DIST, browser].concat()
 }
 
-/// Processor time of all child processes that have ended, in seconds: proc(5), in hundredths.
+/// Processor time of all child processes that have ended, s: proc(5), where it is in hundredths.
 fn cpu_s() -> Result<f64> {
     of_children(&fs::read_to_string("/proc/self/stat").context("cannot read /proc/self/stat")?)
 }

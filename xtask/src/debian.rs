@@ -1,5 +1,5 @@
-//! Programs from Debian's packages. No task needs root: for root missing packages are installed, for anyone else the
-//! command is printed.
+//! Programs from Debian's packages. As root, missing packages are installed. For any other user the error names the
+//! command that installs them.
 
 use std::fs;
 use std::os::unix::fs::MetadataExt;
@@ -9,10 +9,13 @@ use anyhow::{Result, bail};
 
 use crate::shell::{root, sh, sh_in};
 
-/// A program (or a file that must exist, where `*` is any one folder) and the Debian package that has it.
+/// A program (or the path of a file, where `*` stands for one folder) and the Debian package that contains it.
 pub type Tool = (&'static str, &'static str);
 
-/// Makes sure that all of these exist: installs the missing ones for root, prints the command for anyone else.
+/// Installs what is missing, as root.
+///
+/// # Errors
+/// Missing packages for a user other than root; a failed installation.
 pub fn need(tools: &[Tool]) -> Result<()> {
     let packages = missing(tools);
     if packages.is_empty() {
@@ -89,7 +92,7 @@ pub const DIST: &[Tool] = &[
     ("git", "git"),
 ];
 
-/// For the tests that look at reports.
+/// For the tests of reports in a browser.
 pub const BROWSER: &[Tool] = &[("chromium", "chromium"), ("/usr/share/fonts/truetype/dejavu", "fonts-dejavu-core")];
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! `cargo xtask docs`: the book of `docs/` with its equations, and rustdoc beside it, as a site that needs no network.
+//! `cargo xtask docs`: the book of `docs/` with its equations, and rustdoc, as a site that needs no network.
 
 use std::fs;
 use std::path::Path;
@@ -21,9 +21,9 @@ pub(crate) fn docs(strict: bool) -> Result<()> {
     copy(&root().join("target/doc"), &site.join("api"))?;
     let check = ["run", "--quiet", "--locked", "--package", "sagnac-site", "--", "check", "docs", "target/site"];
     match sh("cargo", &check) {
-        Ok(()) => println!("docs: every link and anchor leads somewhere, nothing is loaded from outside"),
+        Ok(()) => println!("docs: every link and anchor has its target, nothing is loaded from the network"),
         Err(error) if strict => return Err(error.context("the site has the findings above")),
-        Err(_) => println!("docs: the site has the findings above; `cargo xtask docs --check` fails by them"),
+        Err(_) => println!("docs: the site has the findings above; `cargo xtask docs --check` fails on them"),
     }
     println!("docs: target/site/index.html");
     Ok(())
@@ -34,11 +34,11 @@ fn book(strict: bool) -> Result<()> {
     println!("$ mdbook build docs");
     let output =
         Command::new("mdbook").args(["build", "docs"]).current_dir(root()).output().context("cannot start mdbook")?;
-    let said = [output.stdout, output.stderr].concat();
-    let said = String::from_utf8_lossy(&said);
-    print!("{said}");
+    let findings = [output.stdout, output.stderr].concat();
+    let findings = String::from_utf8_lossy(&findings);
+    print!("{findings}");
     ensure!(output.status.success(), "mdbook build docs failed ({})", output.status);
-    ensure!(!strict || !said.contains("WARN"), "mdbook warns of a page: see above");
+    ensure!(!strict || !findings.contains("WARN"), "mdbook has a warning about a page: see above");
     Ok(())
 }
 

@@ -1,4 +1,4 @@
-//! `cargo xtask features`: every crate that has features compiles without any of them, and with each alone.
+//! `cargo xtask features`: every crate that has features compiles without any of them, and with each single one.
 
 use std::fs;
 use std::path::PathBuf;
@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use anyhow::{Context, Result, ensure};
 use xtask::shell::{root, sh};
 
-/// Checks them all. All of them together are what everything else builds.
+/// Checks every crate. All features together are built by everything else.
 pub(crate) fn features() -> Result<()> {
     let mut checked = 0;
     for manifest in manifests()? {
@@ -18,8 +18,8 @@ pub(crate) fn features() -> Result<()> {
         }
         checked += features.len();
     }
-    ensure!(checked > 0, "no crate has features: this checks nothing");
-    println!("features: each of {checked} alone, and each crate without any");
+    ensure!(checked > 0, "no crate with features was found");
+    println!("features: each of {checked} by itself, and each crate without any");
     Ok(())
 }
 
@@ -41,7 +41,7 @@ fn with_features(manifest: &str) -> Option<(&str, Vec<&str>)> {
 
 fn check(package: &str, feature: &str) -> Result<()> {
     let args = ["check", "--quiet", "--locked", "--package", package, "--no-default-features", "--features", feature];
-    let what = if feature.is_empty() { "without features".to_owned() } else { format!("with `{feature}` alone") };
+    let what = if feature.is_empty() { "without features".to_owned() } else { format!("with only `{feature}`") };
     sh("cargo", &args).with_context(|| format!("{package} {what}"))
 }
 

@@ -1,5 +1,5 @@
-//! `cargo xtask fuzz`: every target on a corpus of good and broken inputs, a million executions each; with `--smoke` for a
-//! few seconds each, which CI does.
+//! `cargo xtask fuzz`: every target on a corpus of good and broken inputs, a million executions each. With `--smoke`, as in
+//! CI, a few seconds each.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -12,7 +12,7 @@ use crate::checks::lab;
 
 /// Duration and checks.
 struct Effort {
-    /// Of `cargo fuzz build` and `cargo fuzz run`.
+    /// Flags of `cargo fuzz build` and `cargo fuzz run`.
     build: &'static [&'static str],
     target_folder: &'static str,
     limit: &'static str,
@@ -28,8 +28,8 @@ const SMOKE: Effort = Effort {
     limit: "-max_total_time=3",
 };
 
-/// Larger inputs find nothing new; only Parquet needs some space for its footer. Inputs that unpack or hold many rows run a
-/// few hundred times a second at 16 KiB and thousands of times at 2 KiB.
+/// Longest input, bytes. Longer inputs find nothing new and are slower: a few hundred executions a second at 16 KiB,
+/// thousands at 2 KiB. Only Parquet needs more, for its footer.
 const MAX_LENGTH: usize = 2048;
 const MAX_LENGTH_OF_PARQUET: usize = 16_384;
 
@@ -60,7 +60,7 @@ fn cargo_fuzz(task: &str, effort: &Effort, rest: &[&str]) -> Result<()> {
     sh_in(&root().join("fuzz"), "cargo", &args, &[])
 }
 
-/// As fuzz/fuzz_targets has them.
+/// The targets in fuzz/fuzz_targets.
 fn targets() -> Result<Vec<String>> {
     let mut names = Vec::new();
     for entry in fs::read_dir(root().join("fuzz/fuzz_targets"))? {
@@ -93,7 +93,7 @@ fn run(target: &str, effort: &Effort, seeds: &[PathBuf]) -> Result<()> {
     for (number, seed) in seeds.iter().enumerate() {
         let bytes = fs::read(seed).with_context(|| format!("cannot read {}", seed.display()))?;
         let start = &bytes[..bytes.len().min(max_length(target))];
-        // Targets that put the magic before the bytes get them without it.
+        // Some targets add the magic bytes themselves; their seeds are without it.
         let start = match target {
             "ulog" => start.get(16..).unwrap_or_default(),
             "gzip" => start.get(3..).unwrap_or_default(),
@@ -102,7 +102,7 @@ fn run(target: &str, effort: &Effort, seeds: &[PathBuf]) -> Result<()> {
         fs::write(corpus.join(format!("seed-{number}")), start)?;
     }
     let length = format!("-max_len={}", max_length(target));
-    // Without leak detection: a decoding thread that is about to end looks like a leak. Memory is limited all the same.
+    // Without leak detection, because a decoding thread that is about to end looks like a leak. Memory is limited anyway.
     let limits = [
         effort.limit,
         &length,
@@ -113,5 +113,5 @@ fn run(target: &str, effort: &Effort, seeds: &[PathBuf]) -> Result<()> {
         "-verbosity=0",
     ];
     cargo_fuzz("run", effort, &[&[target, "--"][..], &limits].concat())
-        .with_context(|| format!("{target}: the input stands in fuzz/artifacts/{target}"))
+        .with_context(|| format!("{target}: the input is in fuzz/artifacts/{target}"))
 }

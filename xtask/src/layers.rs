@@ -1,7 +1,7 @@
-//! `cargo xtask layers`: the imports of the code against the drawing in ARCHITECTURE.md.
+//! `cargo xtask layers`: checks the imports of the code against the tables in ARCHITECTURE.md.
 //!
-//! A *room* is a crate of the workspace, or a top-level module of a crate. The drawing is the tables of ARCHITECTURE.md: a row
-//! names a room, says what it is, and lists the rooms that it uses. The check fails on
+//! A *room* is a crate of the workspace, or a top-level module of a crate. A row of the tables names a room, describes it, and
+//! lists the rooms that it uses. The check fails on
 //!
 //! * an arrow of the code that no row has, and an arrow of a row that the code does not have;
 //! * a room without a row, and a row without a room;
@@ -23,7 +23,7 @@ type Arrows = BTreeMap<String, BTreeSet<String>>;
 /// Heading of the table of crates.
 const CRATES: &str = "Crates";
 
-/// Holds the code against the drawing.
+/// Checks the code against ARCHITECTURE.md.
 pub(crate) fn layers() -> Result<()> {
     let text = fs::read_to_string(root().join("ARCHITECTURE.md")).context("cannot read ARCHITECTURE.md")?;
     let drawn = drawing(&text)?;
@@ -38,9 +38,9 @@ pub(crate) fn layers() -> Result<()> {
         findings.extend(differences(arrows, &found).into_iter().map(|what| format!("{scope}: {what}")));
         findings.extend(circle(arrows).map(|rooms| format!("{scope}: a circle in the drawing: {rooms}")));
     }
-    ensure!(findings.is_empty(), "the code is not what ARCHITECTURE.md draws:\n  {}", findings.join("\n  "));
+    ensure!(findings.is_empty(), "the code differs from ARCHITECTURE.md:\n  {}", findings.join("\n  "));
     let arrows: usize = drawn.values().flat_map(BTreeMap::values).map(BTreeSet::len).sum();
-    println!("layers: {} drawings, {arrows} arrows: the code has these and no others, and no circle", drawn.len());
+    println!("layers: {} tables, {arrows} arrows: the code has exactly these, and no circle", drawn.len());
     Ok(())
 }
 
@@ -206,7 +206,7 @@ fn differences(drawn: &Arrows, found: &Arrows) -> Vec<String> {
     out
 }
 
-/// Rooms that lead back to themselves, in words.
+/// The rooms of a circle, as text.
 fn circle(arrows: &Arrows) -> Option<String> {
     let mut open: Arrows = arrows.clone();
     loop {
@@ -244,9 +244,9 @@ mod tests {
     fn a_new_arrow_an_old_one_and_a_circle_are_named() {
         let drawn = arrows(&[("a", &["b"]), ("b", &[]), ("gone", &[])]);
         let found = arrows(&[("a", &[]), ("b", &["a"]), ("new", &[])]);
-        let said = differences(&drawn, &found).join("; ");
+        let message = differences(&drawn, &found).join("; ");
         for part in ["`new` has no row", "`a` does not use `b`", "`b` uses `a`", "`gone` has a row"] {
-            assert!(said.contains(part), "{said}");
+            assert!(message.contains(part), "{message}");
         }
         assert_eq!(circle(&drawn), None);
         assert_eq!(circle(&arrows(&[("a", &["b"]), ("b", &["a"]), ("c", &["a"])])).as_deref(), Some("a, b, c"));

@@ -18,33 +18,34 @@ const LAB: [&str; 8] = ["bench", "bless", "c", "compare", "conserve", "firmware"
 
 const HELP: &str = "\
 cargo xtask example    the main job on the log in testdata/: calibrate, export, verify
-cargo xtask ci         everything that CI runs: first which Debian packages are missing, last what each part took
+cargo xtask ci         everything that CI runs; missing Debian packages are named first, the time of each part is printed last
 
 Parts of ci
 cargo xtask examples   run every example of every crate (after `cargo test --workspace` built them)
-cargo xtask layers     the imports of the code against the drawing in ARCHITECTURE.md
-cargo xtask features   every crate with features compiles without any, and with each alone
+cargo xtask layers     check the imports of the code against ARCHITECTURE.md
+cargo xtask features   compile every crate that has features without any, and with each single one
 cargo xtask docs       [--check] the site of docs/ in target/site, with search, equations and rustdoc, for reading without a network
 cargo xtask deny       licences, bans and sources of the dependencies
 cargo xtask no-panic   link check: sagnac-core, sagnac-loops and sagnac-board have no panic path
-cargo xtask bless      --check holds the generated files; without it they are made anew, or those named: testdata, image, vectors
-                       (only after a change of the target that is meant), schema, glossary, scenario, first-bytes, circle, cli, errors, faults, pages;
-                       and evidence, only where it is named: it runs the tests that measure coverage and risk (minutes)
+cargo xtask bless      [--check] [names] make the generated files anew, all or those named; --check: fail if one is out of date. Names:
+                       testdata, image, vectors (only after an intended change of the target), schema, glossary, scenario, first-bytes,
+                       circle, cli, errors, faults, pages; evidence, only if named (runs the tests of coverage and risk, minutes)
 cargo xtask conserve   1e9 ticks (27.8 h): every count accounted for
 cargo xtask fuzz       [--smoke] [targets] a million executions of every fuzz target or of those named; --smoke: a few seconds of each
 cargo xtask c          the exported C: warnings, MISRA, vectors on this machine and on an emulated Cortex-M4F
 cargo xtask fpga       [place] the exported Verilog: lint, vectors in two simulators, synthesis
 cargo xtask firmware   build the firmware, run it in QEMU, compare it with the host bit for bit
-cargo xtask dist       --check packs the tests' program, installs and runs it; without it: an archive and a Debian package in target/dist,
-                       of a release build for old systems (from PyPI: zig; a few minutes)
+cargo xtask dist       an archive and a Debian package in target/dist, of a release build for old systems (with zig from PyPI);
+                       --check packs the program of the tests instead; both are unpacked or installed, and run
 
 Not in ci
-cargo xtask bench      [simulator | allan] time and memory beside the peers, to the page of figures (10 minutes, 4 GB in target/bench; needs python3-venv)
-cargo xtask compare    ours and the peers' fits on one set of logs with a known truth, to its page (needs python3-venv)
+cargo xtask bench      [simulator | allan] time and memory compared with other tools, to docs/explanation/performance.md (10 minutes,
+                       4 GB in target/bench; needs python3-venv)
+cargo xtask compare    fits of Sagnac and other tools on logs with a known truth, to docs/explanation/comparison.md (needs python3-venv)
 cargo xtask pictures   make the pictures of the README and of docs/ anew (needs chromium)
 
-Tools of cargo (cargo-deny, mdbook, cargo-fuzz) are installed where they are missing. Debian's packages are installed for root; anyone else
-is told the command.";
+Missing cargo tools (cargo-deny, mdbook, cargo-fuzz) are installed. Missing Debian packages are installed as root; for other users the
+command is printed.";
 
 fn main() -> ExitCode {
     let args: Vec<String> = std::env::args().skip(1).collect();

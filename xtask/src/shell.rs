@@ -34,7 +34,7 @@ pub fn sh_in(folder: &Path, program: &str, args: &[&str], env: &[(&str, &str)]) 
     Ok(())
 }
 
-/// Runs a program that must end within so many seconds (by `timeout` of the coreutils); returns its output.
+/// Runs a program with a time limit in seconds (by `timeout` of the coreutils); returns its output.
 pub fn output(seconds: u32, program: &str, args: &[&str], folder: &Path) -> Result<Output> {
     let limit = seconds.to_string();
     let output = Command::new("timeout")
@@ -50,8 +50,8 @@ pub fn output(seconds: u32, program: &str, args: &[&str], folder: &Path) -> Resu
     Ok(output)
 }
 
-/// The same; anything but success is an error with its output.
-pub fn said(seconds: u32, program: &str, args: &[&str], folder: &Path) -> Result<String> {
+/// The same; returns the standard output. A failure is an error with both outputs.
+pub fn stdout_of(seconds: u32, program: &str, args: &[&str], folder: &Path) -> Result<String> {
     let output = output(seconds, program, args, folder)?;
     let (out, err) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
     ensure!(output.status.success(), "{program} {}: {}\n{out}{err}", args.join(" "), output.status);
@@ -69,13 +69,13 @@ mod tests {
 
     #[test]
     fn a_program_that_does_not_end_is_stopped_and_named() {
-        let said = output(1, "sleep", &["60"], &root()).unwrap_err().to_string();
-        assert_eq!(said, "sleep did not end within 1 s");
+        let message = output(1, "sleep", &["60"], &root()).unwrap_err().to_string();
+        assert_eq!(message, "sleep did not end within 1 s");
     }
 
     #[test]
-    fn what_a_failing_program_said_is_in_the_error() {
-        let error = said(9, "sh", &["-c", "echo out; echo err >&2; exit 3"], &root()).unwrap_err().to_string();
+    fn the_output_of_a_failing_program_is_in_the_error() {
+        let error = stdout_of(9, "sh", &["-c", "echo out; echo err >&2; exit 3"], &root()).unwrap_err().to_string();
         assert!(error.contains("exit status: 3") && error.contains("out\nerr"), "{error}");
     }
 }

@@ -4,8 +4,8 @@
 //! cargo run -p sagnac-board --example one_board
 //! ```
 //!
-//! This is the body of a tick's interrupt. On a target, the levels come from the comparators, the codes from the converters, and the
-//! actuator codes go to the converters.
+//! This is the body of a tick's interrupt. On a target, the levels come from the comparators, the codes from the
+//! converters, and the actuator codes go to the converters.
 
 use std::error::Error;
 

@@ -4,8 +4,8 @@
 //! slow update, if due ─▶ levels ─▶ counts ─▶ stripping ─▶ compensation ─▶ path-length loop ─▶ intensity loop ─▶ frame
 //! ```
 //!
-//! With a dithered gyro the counts go to the correction at the end of each dither period; the ticks in between have none. The order is
-//! part of the format: the content of a frame depends on it.
+//! With a dithered gyro the counts go to the correction at the end of each dither period; the ticks in between have
+//! none. The order is part of the format: the content of a frame depends on it.
 
 use sagnac_core::{Compensator, Image, MAX_RAW, Origin, State, Status};
 use sagnac_loops::{
@@ -34,7 +34,7 @@ pub struct Sample {
 pub struct ActuatorCodes {
     /// Path-length actuator with its modulation, code.
     pub actuator: i32,
-    /// The modulation alone, code.
+    /// Only the modulation, code.
     pub modulation: i32,
     /// Discharge current, code.
     pub current: i32,
@@ -58,8 +58,8 @@ pub struct Board {
 }
 
 impl Board {
-    /// A board at power-on. `levels` are the A/B levels at this moment; the first step counts from them. `longest_dither_ticks` is for a
-    /// dithered gyro ([`Stripper::new`]).
+    /// A board at power-on. `levels` are the A/B levels at this moment; the first step counts from them.
+    /// `longest_dither_ticks` is for a dithered gyro ([`Stripper::new`]).
     pub fn new(
         image: Image,
         origin: Origin,

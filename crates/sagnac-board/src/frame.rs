@@ -7,9 +7,9 @@
 //! └─────┴──────┴──────┴────────────────┴───────────┘
 //! ```
 //!
-//! The checksum covers kind, length and payload. If the bytes are not a frame, the reader skips one byte and looks for the next `SG`. So
-//! lost or added bytes cost only the frames that they hit. (If one checksum ends in `S` and one of the two equal bytes `S` is lost, one of
-//! the two frames is lost: the remaining bytes are the same in both cases.)
+//! The checksum covers kind, length and payload. If the bytes are not a frame, the reader skips one byte and looks for
+//! the next `SG`. So lost or added bytes cost only the frames that they hit. (If one checksum ends in `S` and one of
+//! the two equal bytes `S` is lost, one of the two frames is lost: the remaining bytes are the same in both cases.)
 //!
 //! Only the checksum detects a damaged frame; one in 2³² passes by chance.
 

@@ -1,8 +1,8 @@
 //! The two halves of a board's program: the tick's interrupt and the main loop.
 //!
-//! [`TickHandler`] runs in the interrupt and never waits. [`CommandHandler`] runs in the main loop: it reads messages and may write
-//! flash. A message is handled when the rows before it have ended, so the same bytes in give the same bytes out, for any timing of the
-//! two.
+//! [`TickHandler`] runs in the interrupt and never waits. [`CommandHandler`] runs in the main loop: it reads messages
+//! and may write flash. A message is handled when the rows before it have ended, so the same bytes in give the same
+//! bytes out, for any timing of the two.
 
 use embedded_storage::nor_flash::NorFlash;
 use sagnac_core::{Banks, Gyro, Loaded};
@@ -17,7 +17,7 @@ use crate::upload::Upload;
 /// Longest period of a dithered gyro, ticks: 200 Hz at 100 µs.
 const LONGEST_DITHER_TICKS: u16 = 50;
 
-/// What runs in the tick's interrupt: the board, and the rig in place of its gyro.
+/// The part that runs in the tick's interrupt: the board, and the rig in place of its gyro.
 #[derive(Clone, Debug)]
 pub struct TickHandler {
     board: Board,
@@ -56,7 +56,7 @@ impl TickHandler {
     }
 }
 
-/// What the caller has to do after a message.
+/// Action of the caller after a message.
 #[derive(Clone, Debug)]
 #[expect(clippy::large_enum_variant, reason = "handled at once, never kept")]
 pub enum Action {
@@ -70,7 +70,7 @@ pub enum Action {
     Stop,
 }
 
-/// What runs in the main loop: messages, and the flash banks.
+/// The part that runs in the main loop: messages, and the flash banks.
 #[derive(Debug)]
 pub struct CommandHandler<F> {
     banks: Banks<F>,
@@ -117,7 +117,7 @@ impl<F: NorFlash> CommandHandler<F> {
     }
 }
 
-/// Both halves in one loop, for the host: bytes in, bytes out, until the input ends or a message says stop.
+/// Both halves in one loop, for the host: bytes in, bytes out, until the input ends or a stop message arrives.
 ///
 /// The firmware must produce the same bytes.
 pub fn run<F: NorFlash>(handler: &mut CommandHandler<F>, input: impl Iterator<Item = u8>, mut out: impl FnMut(&[u8])) {

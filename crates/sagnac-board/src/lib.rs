@@ -9,17 +9,18 @@
 //! ```
 //!
 //! * [`Board`] runs one tick in a fixed order: slow update if due, pulses, stripping, compensation, loops, frame.
-//! * [`Rig`] replaces the gyro where there is none. It turns the rows of a log into levels, pickoff and light, in integers, so a board
-//!   in an emulator and one on the host see the same.
-//! * [`TickHandler`] is the part for the tick's interrupt, [`CommandHandler`] the part for the main loop; [`run`] runs both on the host.
+//! * [`Rig`] replaces the gyro where there is none. It turns the rows of a log into levels, pickoff and light, in
+//!   integers, so a board in an emulator and one on the host see the same.
+//! * [`TickHandler`] is the part for the tick's interrupt, [`CommandHandler`] the part for the main loop; [`run`] runs
+//!   both on the host.
 //! * [`Upload`] receives an image over the line and commits it to the flash banks.
 //! * [`frame`] is the format of the line: `docs/reference/serial-line.md`.
 //!
-//! There is no allocation, no floating point, no `unsafe` and no panic path (`cargo xtask no-panic` checks that at link time). The
-//! crate touches no register; that is the firmware's part (`firmware/gyro`).
+//! There is no allocation, no floating point, no `unsafe` and no panic path (`cargo xtask no-panic` checks that at link
+//! time). The crate touches no register; that is the firmware's part (`firmware/gyro`).
 //!
-//! Two examples to copy from are in `examples/`: `one_board` runs a board tick by tick; `upload_image` sends a new image over the serial
-//! line.
+//! Two examples to copy from are in `examples/`: `one_board` runs a board tick by tick; `upload_image` sends a new
+//! image over the serial line.
 #![no_std]
 #![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used, clippy::panic))]
 

@@ -1,7 +1,7 @@
 //! Flash in memory, for emulated boards and for tests.
 //!
-//! It behaves like flash without ageing: programming only clears bits, and a unit of 8 bytes can be programmed once between two erases of
-//! 2 KB. Power never fails here; the tests of `sagnac_core::Banks` cover that.
+//! It behaves like flash without ageing: programming only clears bits, and a unit of 8 bytes can be programmed once
+//! between two erases of 2 KB. Power never fails here; the tests of `sagnac_core::Banks` cover that.
 
 use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash};
 

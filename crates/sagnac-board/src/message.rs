@@ -24,7 +24,7 @@ pub const OUTPUT_LEN: usize = 40;
 /// Bytes of an image in one message.
 const PIECE_LEN: usize = 60;
 
-/// What the gyro sends every [`crate::FRAME_TICKS`] ticks.
+/// Frame that the gyro sends every [`crate::FRAME_TICKS`] ticks.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Output {
     /// Number of the frame, from 0, modulo 2¹⁶.

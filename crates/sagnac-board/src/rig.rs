@@ -6,8 +6,8 @@
 //! light = lamp(current)·(1 − c·d²) + noise           d: distance of the path from the peak, within a wavelength
 //! ```
 //!
-//! Everything is in integers, so an emulated board and one on the host see the same to the bit. The rig adds the readout and the plant of
-//! the loops to a log; it is not the simulator. The physics is in `sagnac-sim`.
+//! Everything is in integers, so an emulated board and one on the host see the same to the bit. The rig adds the
+//! readout and the plant of the loops to a log; it is not the simulator. The physics is in `sagnac-sim`.
 
 use crate::board::{ActuatorCodes, Sample};
 use crate::message::{RigSettings, Row};

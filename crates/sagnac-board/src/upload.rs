@@ -1,7 +1,8 @@
 //! A new image over the serial line: pieces, then a commit; or a roll back to the image before.
 //!
-//! Pieces may arrive in any order and more than once. The commit decodes, checks and stores the image; the board starts to use it between
-//! two ticks. A refused commit changes neither the active image nor the received pieces, so only missing pieces need to be sent again.
+//! Pieces may arrive in any order and more than once. The commit decodes, checks and stores the image; the board starts
+//! to use it between two ticks. A refused commit changes neither the active image nor the received pieces, so only
+//! missing pieces need to be sent again.
 //!
 //! A store erases and programs flash and takes milliseconds. Call it from the main loop, not from the tick.
 
@@ -28,8 +29,8 @@ impl Upload {
         Self { bytes: [0; MAX_IMAGE_LEN] }
     }
 
-    /// Handles a piece, a commit or a roll back. Returns the reply and, if the active image may have changed, what flash holds now.
-    /// `None` for every other message.
+    /// Handles a piece, a commit or a roll back. Returns the reply and, if the active image may have changed, what
+    /// flash holds now. `None` for every other message.
     pub fn handle<F: NorFlash>(
         &mut self,
         message: &Message,

@@ -139,7 +139,7 @@ proptest! {
             1 => { bytes.remove(at); }
             _ => { bytes.splice(at..at, noise); }
         }
-        // What was torn may hold back what follows until enough bytes have come.
+        // A damaged head may hold back the frames after it until enough bytes have arrived.
         bytes.extend(std::iter::repeat_n(0, 80));
         let (found, _) = frames(&bytes);
         let mut lost = 0;
@@ -148,10 +148,10 @@ proptest! {
             prop_assert!(out || struck.contains(&index), "frame {index} of {}, struck {struck:?}", all.len());
             lost += usize::from(!out);
         }
-        prop_assert!(lost <= 1, "{lost} frames lost by one blow to {struck:?}");
+        prop_assert!(lost <= 1, "{lost} frames lost by one damage to {struck:?}");
     }
 
-    /// Any bytes at all: no panic, and the handler goes on.
+    /// Any bytes: no panic, and the handler continues.
     #[test]
     fn any_bytes_are_survived(bytes in prop::collection::vec(any::<u8>(), 0..600), messages in prop::collection::vec(message(), 0..12)) {
         let mut input = bytes;
@@ -192,7 +192,7 @@ fn outputs(input: &[Message]) -> Vec<Message> {
     frames(&out).0.iter().map(|frame| Message::parse(frame).unwrap()).collect()
 }
 
-/// Without an image counts pass through and say UNCORRECTED; with one the same counts are corrected.
+/// Without an image counts pass through with the status UNCORRECTED; with one the same counts are corrected.
 #[test]
 fn a_new_image_takes_effect_between_two_ticks() {
     let settings = RigSettings { wavelength: 121_363, ..RigSettings::default() };

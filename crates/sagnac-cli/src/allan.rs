@@ -22,9 +22,9 @@ const SHOWN_TAUS: usize = 12;
 
 /// Split the noise of a record at rest into its terms: Q, N, B, K, R
 ///
-/// Each LOG is a run. A running total reaches across gaps, single lost rows are bridged while they are few, and rows far from
-/// those around them are named and taken out while they are at most 0.5 %. A table of tau_s and adev_dph, as another program writes it,
-/// may stand in place of logs.
+/// Each LOG is a run. A cumulative counter keeps its angle across gaps, and single lost rows are bridged while they are few. Rows
+/// far from those around them are named, and excluded while they are at most 0.5 %. A table of tau_s and adev_dph from any program
+/// can replace the logs.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -38,10 +38,10 @@ pub(crate) struct Args {
     /// τ to show: seconds separated by commas, `octave`, `all`, or `log` for ten per decade
     #[arg(long, default_value = "log")]
     taus: String,
-    /// Use every start at every τ, whatever memory it takes (8 bytes a row and axis)
+    /// Full overlap at every τ, with 8 bytes of memory per row and axis
     #[arg(long)]
     exact: bool,
-    /// Take out what follows the temperature first
+    /// Remove the drift with temperature first
     #[arg(long, value_enum)]
     detrend: Option<Detrend>,
     /// Length of the record behind a bare curve, s: gives it intervals

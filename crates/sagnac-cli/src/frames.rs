@@ -19,8 +19,8 @@ const HEADER: &str =
 
 /// Read the frames of a gyro's serial line (docs/reference/serial-line.md) and write them as CSV
 ///
-/// Damaged and missing frames are counted; what the gyro answered is told on standard error. To standard output each
-/// frame is a row at once, so that a live line may be ended with Ctrl-C; a file of -o is written whole at the end.
+/// Damaged and missing frames are counted; the gyro's replies are printed on standard error. Standard output gets each
+/// frame as a row at once, so that a live line may be ended with Ctrl-C; a file of -o is written at the end.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -78,10 +78,10 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
             }
         }
     }
-    tell(&tally, console)
+    report(&tally, console)
 }
 
-fn tell(tally: &Tally, console: &mut Console) -> Ran {
+fn report(tally: &Tally, console: &mut Console) -> Ran {
     for answer in &tally.answers {
         console.note(words_of(answer));
     }

@@ -159,7 +159,7 @@ fn log(windows: Windows, ignored: Vec<String>, kind: &'static str, setup: &Setup
     let calibrate = if scale_known {
         would(calibrate(windows, setup, &FitOptions::new(Model::Auto)), console)?
     } else {
-        console.say("calibrate would ask how many arcsec a count is (--arcsec-per-count)");
+        console.say("calibrate needs the size of a count in arcsec (--arcsec-per-count)");
         CalibrateObject::Asks { asks_for: SCALE_KEY }
     };
     console.object(&LogObject { calibrate, ..object })
@@ -173,7 +173,7 @@ fn would(tried: Result<Calibration>, console: &mut Console) -> Result<CalibrateO
             for axis in &calibration.axes {
                 let held_out = axis.cross_validation().map_or(f64::NAN, |cv| cv.sigma_dph);
                 console.say(format!(
-                    "calibrate would take `{}` for axis {}: held-out σ {} °/h",
+                    "calibrate would select `{}` for axis {}: held-out σ {} °/h",
                     axis.correction.model,
                     axis.axis,
                     significant(held_out, 3)
@@ -300,7 +300,7 @@ fn image(path: &Path, console: &mut Console) -> Result<()> {
         let unit = if t.unit_exponent == 0 { "°C".to_owned() } else { format!("times 2^{}", t.unit_exponent) };
         let rate = if t.has_rate { ", with a rate filter" } else { "" };
         console.say(format!(
-            "{what}span {:.3} … {:.3} {unit}, believed {:.1} … {:.1} {unit}{rate}",
+            "{what}span {:.3} … {:.3} {unit}, valid range {:.1} … {:.1} {unit}{rate}",
             t.span_c[0], t.span_c[1], t.valid_range_c[0], t.valid_range_c[1]
         ));
     }

@@ -94,8 +94,10 @@ pub(crate) fn windows(paths: &[PathBuf], args: &LogArgs) -> Result<(Windows, Set
         match kind_of(path)? {
             Kind::WindowTable if paths.len() == 1 => return table(path, args),
             Kind::WindowTable => {
-                return Err(Error::input("a window table stands alone; give logs, or one table")
-                    .file(path.display().to_string()));
+                return Err(Error::input(
+                    "a window table cannot be combined with other files; give logs, or one table",
+                )
+                .file(path.display().to_string()));
             }
             Kind::Image | Kind::Calibration => {
                 return Err(

@@ -120,10 +120,10 @@ const EXIT_STATUS: &str = "
 Exit status: 0 done (verify: passed, or no limits given), 1 limits not met, 2 bad usage or input, 3 refused because the data
 cannot support the answer, 130 after Ctrl-C. [errors.md](errors.md) lists the messages.
 
-With `--json` one object goes to standard output and the text for people to standard error; a complaint is
-`{\"refused\", \"reason\", \"place\": {\"file\", \"line\", \"column\", \"value\"}, \"help\"}`; only a flag that cannot be parsed is told in text. A read that takes over a second shows its progress on
-a terminal, and only there. Nothing is coloured but the help, on a terminal without `NO_COLOR`. Files are replaced whole or not
-at all; a reader that closes a pipe ends the program quietly.
+With `--json` one object goes to standard output and the text to standard error; an error is
+`{\"refused\", \"reason\", \"place\": {\"file\", \"line\", \"column\", \"value\"}, \"help\"}`; only errors in flags are always text. A read that
+takes over a second shows its progress, only on a terminal. Only the help is coloured, on a terminal without `NO_COLOR`. Files are replaced
+whole or not at all. If the reader of a pipe closes it, the program ends without a message.
 ";
 
 const LOGS: &str = "
@@ -136,12 +136,13 @@ const LOGS: &str = "
 | PX4 ULog | a row per message of `sensor_gyro`, else `sensor_combined`, of `--instance`; its own temperature and those of other sensors |
 | gzip of any of these, `-` | unpacked; standard input |
 
-Times are numbers, not dates. Rows that cannot be used are left out, with the reason and the first place; `compensate` leaves them out
-of what it writes too. Its text begins with a line `# sagnac compensated …` (for pandas: `comment='#'`). A log counts as the same log only with
-the same bytes: unpacked or converted it is another one to the program.
+Times are numbers in the unit of the header, or dates of ISO 8601. Rows that cannot be used are excluded, with the reason and the first
+place; `compensate` does not write them either. Its text begins with a line `# sagnac compensated …` (for pandas: `comment='#'`). Two logs are
+the same log only if they have the same bytes: an unpacked or converted copy is another log.
 
-The format is told by the first bytes, not by the name. Each file is one run. Rows of binary formats are numbered as lines of
-the same table in text: the first is line 2. The first line of text names the columns:
+The format is recognised by the first bytes, not by the name. A file is a run, or continues the run of the file before
+([runs](../how-to/hourly-files.md)). Rows of binary formats are numbered as lines of the same table in text: the first is line 2. The first
+line of text names the columns:
 
 ";
 

@@ -32,7 +32,7 @@ pub(crate) struct SetupArgs {
     /// Width of a wrapping cumulative counter
     #[arg(long, value_name = "BITS")]
     counter_bits: Option<u8>,
-    /// Interval of a row, s; refused where the time column says otherwise by over 2 %
+    /// Interval of a row, s; refused if it differs by over 2 % from the time column's
     #[arg(long, value_name = "S")]
     sample_interval: Option<f64>,
     /// Which of several gyros of a PX4 log, from 0
@@ -47,10 +47,10 @@ pub(crate) struct SetupArgs {
     /// Analysis window: seconds, or `row` for one window per row
     #[arg(long, value_parser = window_size)]
     window: Option<WindowSize>,
-    /// All files are one run, whatever lies between them
+    /// All files are one run, even with gaps between them
     #[arg(long, conflicts_with = "runs")]
     one_run: bool,
-    /// Each file is a run of its own; otherwise a file whose time goes on goes on with the run
+    /// Each file is a separate run; otherwise a file with continuing time continues the run of the file before
     #[arg(long)]
     runs: bool,
     /// Temperature at which the correction is zero, °C

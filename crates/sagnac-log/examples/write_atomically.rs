@@ -1,4 +1,4 @@
-//! A file that is there whole or not at all, whatever happens while it is written.
+//! A file that is either complete or absent, even if writing it fails.
 //!
 //! `cargo run --example write_atomically`
 

@@ -7,8 +7,8 @@
 //! ```
 //!
 //! [`setup`] holds the facts that a log does not contain. [`ingest`] streams CSV, Parquet, Arrow and PX4 logs in batches and
-//! counts each rejected row with its reason. [`mod@write`] replaces files atomically. [`error`] says what was wrong, where and
-//! what to do.
+//! counts each rejected row with its reason. [`mod@write`] replaces files atomically. An [`error`] states what was wrong, where
+//! and what to do.
 #![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used, clippy::panic))]
 
 pub mod error;

@@ -94,7 +94,7 @@ fn rows_that_cannot_be_used_are_counted_with_their_first_line() {
 }
 
 #[test]
-fn a_thermometer_that_jumps_or_freezes_is_not_believed() {
+fn a_thermometer_that_jumps_or_freezes_is_invalid() {
     let rows = |t: &dyn Fn(u32) -> String| {
         let lines: Vec<String> = (1..=1500).map(|s| format!("{s},{},1\n", t(s))).collect();
         lines.concat()
@@ -296,7 +296,7 @@ fn a_time_column_that_cannot_be_read_is_refused() {
             assert!(error.help.is_some(), "{error}");
         }
     }
-    // Rows without a word of time, and one that the setup takes out.
+    // Headers without a time, and one that the setup ignores.
     assert!(read("rate_dph,temperature_c\n1,20\n2,20\n", &Setup::default()).is_ok());
     let ignored = Setup { columns: [("gps_epoch".to_owned(), "ignore".to_owned())].into(), ..with_interval };
     assert!(read(format!("gps_epoch,rate_dph\n{}", rows("")), &ignored).is_ok());
@@ -304,7 +304,7 @@ fn a_time_column_that_cannot_be_read_is_refused() {
     assert_eq!(refused(format!("t,rate_dph\n{}", rows("")), &Setup::default()).place.column.as_deref(), Some("t"));
 }
 
-/// `--sample-interval` against the time column: within 2 % it is taken, beyond it is refused, in a file and in a pipe.
+/// `--sample-interval` against the time column: accepted within 2 %, refused beyond, in a file and in a pipe.
 #[test]
 fn an_interval_that_the_time_column_contradicts_is_refused() {
     let log = |step: &dyn Fn(u32) -> f64| {
@@ -337,7 +337,7 @@ fn an_interval_that_the_time_column_contradicts_is_refused() {
         (&rounded, 1.0, true),
         (&even, 0.005, false),
     ];
-    for (step, seconds, taken) in cases {
+    for (step, seconds, accepted) in cases {
         let text = log(step);
         let outcome = read(text.clone(), &given(seconds)).map(|(_, reader)| reader.shape().nominal_ns);
         let source = Box::new(std::io::Cursor::new(text.into_bytes()));
@@ -351,10 +351,10 @@ fn an_interval_that_the_time_column_contradicts_is_refused() {
         };
         match outcome {
             Ok(nominal_ns) => {
-                assert!(taken && of_pipe.is_none() && nominal_ns == (seconds * 1e9) as i64, "{seconds} {of_pipe:?}")
+                assert!(accepted && of_pipe.is_none() && nominal_ns == (seconds * 1e9) as i64, "{seconds} {of_pipe:?}")
             }
             Err(error) => {
-                assert!(!taken && error.what.contains("the time column has a row every"), "{seconds}: {error}");
+                assert!(!accepted && error.what.contains("the time column has a row every"), "{seconds}: {error}");
                 assert_eq!(error.place.value, Some(seconds.to_string()));
                 assert_eq!(of_pipe.unwrap().place.line, Some(18), "{seconds}");
             }

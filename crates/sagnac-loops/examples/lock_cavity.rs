@@ -4,8 +4,8 @@
 //! cargo run -p sagnac-loops --example lock_cavity
 //! ```
 //!
-//! The piezo of a mirror moves the path by 3.6 wavelengths over ±150 V. The cavity drifts by 0.2 wavelengths per second, so the loop has
-//! to follow and, near the end of the range, to make a mode reset.
+//! The piezo of a mirror moves the path by 3.6 wavelengths over ±150 V. The cavity drifts by 0.2 wavelengths per
+//! second, so the loop has to follow and, near the end of the range, to make a mode reset.
 
 use std::error::Error;
 

@@ -4,7 +4,8 @@
 //! cargo run -p sagnac-loops --example strip_dither
 //! ```
 //!
-//! The gyro turns at 100 arcsec per second and is dithered by ±150 arcsec at 400.3 Hz. One fringe is 2.42 arcsec, counted four times.
+//! The gyro turns at 100 arcsec per second and is dithered by ±150 arcsec at 400.3 Hz. One fringe is 2.42 arcsec,
+//! counted four times.
 
 use sagnac_loops::{Counting, Quadrature, QuadratureState, Stripper};
 

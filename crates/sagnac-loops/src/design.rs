@@ -6,10 +6,10 @@
 //! at ω_c      C = e^(j(φ_m − π))/P     ⇒     ki = −2·Im C·tan(ω_c·T/2),   kp = Re C − ki/2
 //! ```
 //!
-//! Two equations, two unknowns: the loop gain is 1 at the given frequency, with the given phase margin. If the integrator alone has more
-//! margin, kp would be negative; then kp = 0, the crossover stays and the margin is larger than asked for. If even a proportional
-//! controller has less margin, the goal is refused with the margin that the plant allows. The hold of the output and the mean over a
-//! period are part of `delay`.
+//! Two equations determine the two gains: the loop gain is 1 at the given frequency, with the given phase margin. If an
+//! integrator by itself has more margin, kp would be negative. Then kp = 0, the crossover is unchanged and the margin is
+//! larger than required. If even a proportional controller has less margin, the goal is refused with the margin that the
+//! plant allows. The hold of the output and the mean over a period are part of `delay`.
 //!
 //! Not valid if the plant has more than one lag near ω_c (a piezo near its resonance).
 
@@ -65,7 +65,7 @@ pub enum DesignError {
     },
     /// The phase margin is not possible at this bandwidth, even without an integrator.
     Margin {
-        /// Margin asked for, degrees.
+        /// Required margin, degrees.
         wanted_deg: f64,
         /// Margin of a proportional controller, degrees.
         possible_deg: f64,
@@ -133,7 +133,6 @@ impl Plant {
         -omega * self.delay_s - libm::atan(omega * self.lag_s)
     }
 
-    /// Magnitude at ω.
     /// Magnitude at ω.
     fn size(&self, omega: f64) -> f64 {
         self.gain / libm::sqrt(1.0 + omega * self.lag_s * omega * self.lag_s)

@@ -44,7 +44,7 @@ impl Gain {
     }
 
     /// True if both fields are in range.
-    pub(crate) const fn is_sound(self) -> bool {
+    pub(crate) const fn is_valid(self) -> bool {
         self.mantissa.unsigned_abs() < 1 << 30 && self.shift <= 62
     }
 

@@ -6,9 +6,9 @@
 //! OFF ─▶ IGNITING ─light▶ RUNNING ─dark for long▶ RESTING ─▶ IGNITING …  ─after all tries▶ FAILED
 //! ```
 //!
-//! n is a whole number of path-length modulation periods, so the modulation averages out of the error. The integrator stops at the limits
-//! of the current and follows the slew limit, so it does not wind up. During ignition the current is the ignition current; with light the
-//! integrator starts from that code.
+//! n is a whole number of path-length modulation periods, so the modulation averages out of the error. The integrator
+//! stops at the limits of the current and follows the slew limit, so it does not wind up. During ignition the current
+//! is the ignition current; with light the integrator starts from that code.
 
 use crate::MAX_CODE;
 use crate::gain::{Gain, codes, held, q32};

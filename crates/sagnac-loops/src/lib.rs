@@ -1,4 +1,5 @@
-//! What a gyro's processor does besides the thermal correction: control the cavity and the discharge, count fringes, strip dither.
+//! Tasks of a gyro's processor besides the thermal correction: cavity and discharge control, fringe counting, dither
+//! stripping.
 //!
 //! ```text
 //! photodiode sum ─┬─▶ synchronous detector ─▶ PI ─▶ path-length actuator (+ modulation)      [path_length]
@@ -9,21 +10,22 @@
 //!
 //! Each loop has three parts:
 //!
-//! * a configuration in SI units ([`PathLengthConfig`], [`IntensityConfig`]; feature `design`). Its `build` checks it and computes the gains;
-//! * an immutable table of integers ([`PathLength`], [`Intensity`]), which the target reads from bytes ([`LoopTable`]);
-//! * a state.
+//! * A configuration in SI units ([`PathLengthConfig`], [`IntensityConfig`]; feature `design`). Its `build` checks it and
+//!   computes the gains.
+//! * An immutable table of integers ([`PathLength`], [`Intensity`]), which the target reads from bytes ([`LoopTable`]).
+//! * A state.
 //!
-//! A tick takes the table, the state and one converter code, and returns one converter code and a status. It runs in bounded time, without
-//! allocation, floating point, `unsafe` or a panic path (`cargo xtask no-panic` checks that; the design is not part of it, because libm and
-//! the printing of floats have panic paths).
+//! A tick takes the table, the state and one converter code, and returns one converter code and a status. It runs in
+//! bounded time, without allocation, floating point, `unsafe` or a panic path. `cargo xtask no-panic` checks this for all
+//! but the design, because libm and the printing of floats have panic paths.
 //!
-//! Codes are those of the converters: any width up to [`MAX_CODE`]. Signs: more path-length code is a longer path; more current code is
-//! more light.
+//! Codes are those of the converters: any width up to [`MAX_CODE`]. Signs: more path-length code is a longer path; more
+//! current code is more light.
 //!
-//! The crate does not talk to converters and does not keep the time: the caller calls it every tick.
+//! The crate accesses no converter and no timer: the caller calls it every tick.
 //!
-//! Two examples to copy from are in `examples/`: `lock_cavity` designs the path-length loop and locks a simulated cavity; `strip_dither`
-//! counts fringes and removes the dither.
+//! Two examples to copy from are in `examples/`: `lock_cavity` designs the path-length loop and locks a simulated
+//! cavity; `strip_dither` counts fringes and removes the dither.
 #![no_std]
 #![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used, clippy::panic))]
 

@@ -4,8 +4,9 @@
 //! I = Σ s[k]·sin(2πk/n)      M = Σ s[k]         k = 0 … n−1, one period of n ticks
 //! ```
 //!
-//! The reference is a table of one period in Q15. n is even and the second half is the first with its sign changed, so the entries add up to
-//! exactly zero and a constant signal gives I = 0. A signal that changes within a period leaks: a ramp of r codes per tick gives
+//! The reference is a table of one period in Q15. n is even and the second half is the first with its sign changed, so
+//! the entries add up to exactly zero and a constant signal gives I = 0. A signal that changes within a period leaks: a
+//! ramp of r codes per tick gives
 //! |I| ≤ r·n²/2π.
 
 use crate::MAX_CODE;
@@ -41,8 +42,8 @@ pub struct Detector {
 }
 
 impl Reference {
-    /// A reference of `ticks` per period whose response is read `delay` ticks later. `None` for an odd number of ticks, one out of range,
-    /// or a delay of a period or more.
+    /// A reference of `ticks` per period whose response is read `delay` ticks later. `None` for an odd number of ticks,
+    /// one out of range, or a delay of a period or more.
     #[cfg(feature = "design")]
     pub fn new(ticks: usize, delay: usize) -> Option<Self> {
         if !(4..=MAX_TICKS_PER_PERIOD).contains(&ticks) || !ticks.is_multiple_of(2) || delay >= ticks {
@@ -59,13 +60,13 @@ impl Reference {
         Some(Self { sine_q15, ticks: ticks as u8, delay: delay as u8 })
     }
 
-    /// A reference from a table. Check it with [`Self::is_sound`].
+    /// A reference from a table. Check it with [`Self::is_valid`].
     pub(crate) const fn from_table(sine_q15: [i16; MAX_TICKS_PER_PERIOD], ticks: u8, delay: u8) -> Self {
         Self { sine_q15, ticks, delay }
     }
 
     /// True for an even number of ticks, a second half that is the first with its sign changed, and zeros after them.
-    pub(crate) fn is_sound(&self) -> bool {
+    pub(crate) fn is_valid(&self) -> bool {
         let ticks = usize::from(self.ticks);
         let at = |index: usize| self.sine_q15.get(index).map_or(0, |entry| i32::from(*entry));
         let turned = (0..ticks / 2).all(|k| at(k) == -at(k + ticks / 2));

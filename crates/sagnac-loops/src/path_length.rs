@@ -5,12 +5,13 @@
 //! intensity ─▶ synchronous detector ─▶ error ─▶ kp + ki Σ (limits) ─▶ (+) ─┴▶ actuator
 //! ```
 //!
-//! Near the peak I = I₀(1 − c·x²), with x the error of the path in wavelengths. A modulation x = x₀ + a·sin gives the in-phase sum
-//! −2·c·I₀·a·x₀·Σsin², whose sign gives the direction to the peak. The integrator moves once per period; the modulation is added every tick.
+//! Near the peak I = I₀(1 − c·x²), with x the error of the path in wavelengths. A modulation x = x₀ + a·sin gives the
+//! in-phase sum −2·c·I₀·a·x₀·Σsin², whose sign gives the direction to the peak. The integrator moves once per period;
+//! the modulation is added every tick.
 //!
-//! The path has a peak every wavelength. When the integrator comes near the end of the actuator's range, the loop opens, moves by the whole
-//! number of wavelengths that brings it nearest to the middle, and locks again: a *mode reset*. The limits are more than a wavelength apart,
-//! so the loop does not reset back at once.
+//! The path has a peak every wavelength. When the integrator comes near the end of the actuator's range, the loop
+//! opens, moves by the whole number of wavelengths that brings it nearest to the middle, and locks again: a *mode
+//! reset*. The limits are more than a wavelength apart, so the loop does not reset back at once.
 //!
 //! ```text
 //! SWEEPING ─light▶ SETTLING ─▶ CLOSING ─small error▶ LOCKED ─near the end▶ RESETTING ─▶ SETTLING …
@@ -18,9 +19,10 @@
 //!   └──────────────┘ ▲─────────────────────────────────────────────────────────────┘
 //! ```
 //!
-//! Off its peak a cavity may be dark although the discharge burns, so the search covers a whole wavelength even without light. During the
-//! search it asks for constant light ([`PathLengthStatus::HOLD_LIGHT`]): an active intensity loop would hide the peak, or switch the
-//! discharge off after too much dark time. After a search without light it waits for twice the search time, so that the ignition can work.
+//! Off its peak a cavity may be dark although the discharge burns, so the search covers a whole wavelength even without
+//! light. During the search the loop requests a constant current ([`PathLengthStatus::HOLD_LIGHT`]): an active intensity
+//! loop would hide the peak, or switch the discharge off after too much dark time. After a search without light the loop
+//! waits for twice the search time, so that the ignition can work.
 //!
 //! Counts are valid only while the loop is LOCKED; all other outputs have [`PathLengthStatus::INVALID`].
 //!
@@ -45,7 +47,7 @@ status! {
         AT_LIMIT = 4;
         /// The lock was lost since power-on. Latched.
         WAS_LOST = 5;
-        /// The path moves: keep the light constant ([`crate::Intensity::tick`] with `hold`).
+        /// The path moves: keep the current constant ([`crate::Intensity::tick`] with `hold`).
         HOLD_LIGHT = 6;
     }
 }

@@ -4,9 +4,9 @@
 //! A B   00 ─▶ 10 ─▶ 11 ─▶ 01 ─▶ 00     one fringe forward: the phase ψ grows by 2π
 //! ```
 //!
-//! A leads B by a quarter when ψ grows. ×4 counts each step, ×2 each change of A, ×1 each rise of A with B low (down when A falls with B
-//! low). So jitter on an edge counts up and down and adds nothing. A double step has no known direction: it adds no count and is
-//! reported as lost.
+//! A leads B by a quarter when ψ grows. ×4 counts each step, ×2 each change of A, ×1 each rise of A with B low (down
+//! when A falls with B low). So jitter on an edge counts up and down and adds nothing. A double step has no known
+//! direction: it adds no count and is reported as lost.
 
 /// Counts per fringe.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -54,7 +54,8 @@ impl QuadratureState {
 }
 
 impl Quadrature {
-    /// Takes one pair of comparator levels; returns the counts that it adds: −1, 0 or 1 (0 for the first pair and for a lost step).
+    /// Takes one pair of comparator levels; returns the counts that it adds: −1, 0 or 1 (0 for the first pair and for a
+    /// lost step).
     pub fn update(&self, state: &mut QuadratureState, a: bool, b: bool) -> i32 {
         let quarter = match (a, b) {
             (false, false) => 0,

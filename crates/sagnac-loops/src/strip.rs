@@ -1,18 +1,19 @@
 //! Dither stripping: counts over whole dither periods.
 //!
-//! The dither turns the block, so the counter sees Ω + θ̇_dither. Between two upward zeros of the dither *angle* the dither adds nothing,
-//! for any change of its amplitude. The pickoff is proportional to that angle and gives the zeros. The tick in which a zero falls is split
-//! in proportion to the change of the pickoff:
+//! The dither turns the block, so the counter sees Ω + θ̇_dither. Between two upward zeros of the dither *angle* the
+//! dither adds nothing, for any change of its amplitude. The pickoff is proportional to that angle and gives the zeros.
+//! The tick in which a zero falls is split in proportion to the change of the pickoff:
 //!
 //! ```text
 //! share before the zero = p₀/(p₀ − p₁)        p₀ < 0 ≤ p₁, pickoff at the two ends of the tick
 //! ```
 //!
-//! Counts follow the same angle, so the split is exact for the dither part, for any motion within the tick. The quantization of the counter
-//! and the noise of the pickoff remain. The share is rounded down, and its remainder goes to the next period: Σ stripped + pending =
-//! Σ counts, always.
+//! Counts follow the same angle, so the split is exact for the dither part, for any motion within the tick. The
+//! quantization of the counter and the noise of the pickoff remain. The share is rounded down, and its remainder goes
+//! to the next period: Σ stripped + pending = Σ counts, always.
 //!
-//! Without dither there is no zero. After `longest` ticks without one, the sum is output as it is, with [`Stripped::without_zero`].
+//! Without dither there is no zero. After `longest` ticks without one, the sum is output as it is, with
+//! [`Stripped::without_zero`].
 
 /// Strips the dither of one gyro.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

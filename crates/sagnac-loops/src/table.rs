@@ -7,8 +7,8 @@
 //! └────────┴───────────────┴─────────────────────────┴──────┘
 //! ```
 //!
-//! [`LoopTable::decode`] refuses every value with which the arithmetic of a tick could overflow or an actuator could leave its range. A
-//! designed loop always passes. Fields: `docs/reference/loop-table.md`.
+//! [`LoopTable::decode`] refuses every value with which the arithmetic of a tick could overflow or an actuator could
+//! leave its range. A designed loop always passes. Fields: `docs/reference/loop-table.md`.
 
 use core::fmt;
 
@@ -52,7 +52,7 @@ pub enum TableError {
     Length(usize),
     /// The first eight bytes are not a table's.
     NotATable,
-    /// A layout that this code does not know.
+    /// An unknown layout.
     UnknownVersion(u16),
     /// The checksum does not match.
     Crc,
@@ -184,11 +184,11 @@ impl PathLength {
         let error = |value: i32| (1..=MAX_ERROR).contains(&value);
         let step = i64::from(MAX_CODE) << 33;
         [
-            (self.reference.is_sound(), "path-length reference"),
+            (self.reference.is_valid(), "path-length reference"),
             ((0..=MAX_CODE).contains(&self.modulation), "path-length modulation"),
             (self.error_shift <= 40, "path-length error shift"),
-            (self.kp.is_sound(), "path-length kp"),
-            (self.ki.is_sound(), "path-length ki"),
+            (self.kp.is_valid(), "path-length kp"),
+            (self.ki.is_valid(), "path-length ki"),
             (code(self.low) && code(self.high) && self.low < self.high, "path-length range"),
             (self.reset_low >= self.low.saturating_sub(1) && self.reset_low <= self.high, "path-length reset_low"),
             (
@@ -244,8 +244,8 @@ impl Intensity {
             (self.ticks > 0, "intensity ticks"),
             (sum(self.set_point), "intensity set point"),
             (self.error_shift <= 40, "intensity error shift"),
-            (self.kp.is_sound(), "intensity kp"),
-            (self.ki.is_sound(), "intensity ki"),
+            (self.kp.is_valid(), "intensity kp"),
+            (self.ki.is_valid(), "intensity ki"),
             (self.least >= 0 && self.least <= self.most && self.most <= MAX_CODE, "intensity range"),
             ((1..=MAX_CODE).contains(&self.slew), "intensity slew"),
             ((0..=self.most).contains(&self.ignition), "intensity ignition current"),

@@ -75,7 +75,7 @@ fn every_flipped_bit_is_refused() {
 #[test]
 fn values_that_cannot_run_are_refused_by_name() {
     let good = designed(20.0, false, 8).encode();
-    // Place of a field in the table, what is put there, what is said.
+    // Offset of a field in the table, its new value, words of the error.
     let cases: [(usize, &[u8], &str); 8] = [
         (24 + 152, &[0, 0, 0, 0x80], "path-length range"),
         (24 + 156, &[0xff, 0xff, 0xff, 0x7f], "path-length range"),

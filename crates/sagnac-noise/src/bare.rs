@@ -67,7 +67,7 @@ fn budget(curve: &BareCurve, points: Vec<CurvePoint>, terms: Terms) -> AxisBudge
     }
 }
 
-/// The shortest τ replaces the interval of a row.
+/// With a known record length; the shortest τ serves as the row interval.
 fn known_length(curve: &BareCurve, record_s: f64) -> AxisBudget {
     let tau0_s = curve.points.first().map_or(1.0, |(tau_s, _)| *tau_s);
     let mut stretches = Stretches::default();

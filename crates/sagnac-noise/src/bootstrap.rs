@@ -3,8 +3,8 @@
 //! ```text
 //! D(θ) = Σᵢ edfᵢ·[σ²ᵢ/fᵢ(θ) − 1 − ln(σ²ᵢ/fᵢ(θ))]                    deviance of χ² variances; its least is the fit
 //! interval of v = Q², N², B², K², R²:    { v : min over the other four of D − D_least ≤ c }
-//! c: what D(v̂) − D_least exceeds in one of twenty curves σ²*(τᵢ) = E σ²(τᵢ)·χ²(edfᵢ)/edfᵢ of the fitted model,
-//!    the χ² tied together by the correlation of the points (Gaussian copula)
+//! c: exceeded by D(v̂) − D_least in one of twenty curves σ²*(τᵢ) = E σ²(τᵢ)·χ²(edfᵢ)/edfᵢ of the fitted model,
+//!    the χ² with the correlation of the points (Gaussian copula)
 //! ```
 //!
 //! Terms that can replace each other (B, K and R at the long end of a short record) do so in the profile, so the intervals
@@ -13,8 +13,8 @@
 //! too low. For a term that is not resolved, curves are drawn with and without it, and the higher threshold is used. The χ²
 //! come from normal values by the cube-root form of Wilson and Hilferty (1931).
 //!
-//! A term whose interval reaches down to a fifth of its value or further has no value but an upper bound: a larger term would
-//! lift the curve above the measured one.
+//! A term is not resolved if its interval reaches down to a fifth of its value or below. It then has an upper bound only: a
+//! larger term would lift the curve above the measured one.
 
 use nalgebra::{DMatrix, DVector};
 use rand::{Rng, SeedableRng};
@@ -64,23 +64,23 @@ pub(crate) enum Spread {
 }
 
 /// The estimates of all terms.
-pub(crate) struct Said {
+pub(crate) struct Estimates {
     /// In the order of [`Term::ALL`].
     pub(crate) spreads: Vec<Spread>,
-    /// Terms that are not distinguished from zero, of which the curve needs one without determining which.
+    /// Terms that are not distinguished from zero although the curve needs one of them: it does not determine which.
     pub(crate) traded: Vec<Term>,
 }
 
 /// Uncertainty of the terms, given a record and its curve. Each point may have additional scatter of its own, of
 /// `scatter_edf` degrees of freedom; infinite for none.
-pub(crate) struct Doubt<'a> {
+pub(crate) struct TermUncertainty<'a> {
     pub(crate) record: &'a Record<'a>,
     pub(crate) measured: &'a [Point],
     pub(crate) multiples: &'a [f64],
     pub(crate) scatter_edf: f64,
 }
 
-impl Doubt<'_> {
+impl TermUncertainty<'_> {
     /// The distribution of the curve for some noise, and the profile of the measured one with the same degrees of freedom.
     fn under(&self, noise: &FittedTerms) -> (Curves, Profile) {
         let record = Record { noise: noise.noise(), ..*self.record };
@@ -91,7 +91,7 @@ impl Doubt<'_> {
         (curves, Profile { points, least })
     }
 
-    pub(crate) fn of_terms(&self, fitted: &FittedTerms) -> Said {
+    pub(crate) fn of_terms(&self, fitted: &FittedTerms) -> Estimates {
         let (curves, profile) = self.under(fitted);
         let mut thresholds = thresholds(&curves, fitted, &Term::ALL, DRAWS);
         let resolved = of_resolved(&profile.spreads(fitted, &thresholds));
@@ -108,7 +108,7 @@ impl Doubt<'_> {
             }
         }
         let traded = traded(&profile, &spreads, &thresholds);
-        Said { spreads, traded }
+        Estimates { spreads, traded }
     }
 
     /// The largest value of a term that fits. The term itself causes long correlations and few degrees of freedom, so threshold
@@ -119,9 +119,9 @@ impl Doubt<'_> {
             let (curves, profile) = self.under(&there);
             let threshold = thresholds(&curves, &there, &[term], BOUND_DRAWS)[0];
             let next = profile.upper(term, fitted, threshold).sqrt();
-            let stands = next <= at_most * (1.0 + BOUND_SETTLED);
+            let converged = next <= at_most * (1.0 + BOUND_SETTLED);
             at_most = at_most.max(next);
-            if stands || !at_most.is_finite() {
+            if converged || !at_most.is_finite() {
                 break;
             }
         }
@@ -135,17 +135,17 @@ fn of_resolved(spreads: &[Spread]) -> Vec<Term> {
     all.filter(|(_, spread)| matches!(spread, Spread::Interval { .. })).map(|(term, _)| term).collect()
 }
 
-/// Terms without an interval of which any one, beside those that have one, explains what these leave of the curve.
+/// Unresolved terms of which any one, added to the resolved ones, explains the curve when the resolved ones alone do not.
 fn traded(profile: &Profile, spreads: &[Spread], thresholds: &[f64]) -> Vec<Term> {
     let resolved = of_resolved(spreads);
-    let left = |terms: &[Term]| {
+    let excess = |terms: &[Term]| {
         fit_terms(&profile.points, terms).map_or(f64::INFINITY, |f| deviance(&profile.points, &f)) - profile.least
     };
     let highest = thresholds.iter().fold(0.0_f64, |most, threshold| most.max(*threshold));
-    if resolved.is_empty() || left(&resolved) <= highest {
+    if resolved.is_empty() || excess(&resolved) <= highest {
         return Vec::new();
     }
-    let explains = |term: &Term| left(&[&resolved[..], &[*term]].concat()) <= highest;
+    let explains = |term: &Term| excess(&[&resolved[..], &[*term]].concat()) <= highest;
     let able: Vec<Term> = Term::ALL.into_iter().filter(|term| !resolved.contains(term)).filter(explains).collect();
     if able.len() > 1 { able } else { Vec::new() }
 }
@@ -200,7 +200,7 @@ impl Profile {
         deviance(&self.points, &fit_terms_beside(&self.points, term, value)) - self.least <= threshold
     }
 
-    /// The smallest value that fits; 0 where none of the term fits too.
+    /// The smallest value that fits; 0 if the curve also fits without the term.
     fn lower(&self, term: Term, value: f64, threshold: f64) -> f64 {
         if value <= 0.0 || self.fits(term, 0.0, threshold) {
             return 0.0;
@@ -208,9 +208,9 @@ impl Profile {
         self.border(term, threshold, value, value * 2.0_f64.powi(-8))
     }
 
-    /// The largest value that fits; infinite where none is too large.
+    /// The largest value that fits; infinite if no value is too large.
     fn upper(&self, term: Term, value: f64, threshold: f64) -> f64 {
-        // The term that alone explains the lowest point of the curve: start of a search without a value.
+        // Without a value the search starts at the term that by itself explains the lowest point of the curve.
         let reach = |p: &Point| p.variance / term.variance(p.tau_s);
         let alone = self.points.iter().map(reach).fold(f64::INFINITY, f64::min);
         let inside = if value > 0.0 { value } else { 0.0 };

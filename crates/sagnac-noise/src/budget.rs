@@ -1,9 +1,9 @@
-//! From sums to a noise budget: curves with their confidence, the five terms with their intervals.
+//! From sums of differences to a noise budget: curves and five terms, each with its 95 % interval.
 
 use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-use crate::bootstrap::{Doubt, Spread};
+use crate::bootstrap::{Spread, TermUncertainty};
 use crate::difference::{Deviation, Difference};
 use crate::freedom::{Record, Stretches};
 use crate::pyramid::FULL_OVERLAP;
@@ -16,12 +16,12 @@ use sagnac_units::format::significant;
 
 /// Confidence of every interval here.
 pub const CONFIDENCE: f64 = 0.95;
-/// Largest mean square distance of the points from the model, in their variances; beyond it the five terms do not describe
-/// the curve. Points of an overlapping curve are correlated, so the mean scatters more than χ²/n.
+/// Largest mean squared distance of the points from the model, in units of their variances. Beyond it the five terms do not
+/// describe the curve. Points of an overlapping curve are correlated, so the mean scatters more than χ²/n.
 const MISFIT: f64 = 4.0;
 /// Halvings in the search for the scatter that explains a misfit.
 const HALVINGS: usize = 40;
-/// Fewer τ do not separate the terms.
+/// Fewest τ that separate the terms.
 const FEWEST_TAUS: usize = 4;
 /// Iterations between the fit and the degrees of freedom.
 const ROUNDS: usize = 3;
@@ -68,7 +68,7 @@ pub enum TermValue {
     Found {
         /// Value.
         value: f64,
-        /// Lower end of its 95 % interval; null where nothing says how well the curve is known.
+        /// Lower end of its 95 % interval; null if the uncertainty of the curve is unknown.
         lower: Option<f64>,
         /// Upper end.
         upper: Option<f64>,
@@ -153,7 +153,7 @@ impl Term {
 pub struct DisturbedRow {
     /// `file:line`.
     pub at: String,
-    /// Its angle less the median of those around it, arcsec.
+    /// Its angle minus the median of those around it, arcsec.
     pub away_arcsec: f64,
 }
 
@@ -161,15 +161,15 @@ pub struct DisturbedRow {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct DisturbedRows {
-    /// How many.
+    /// Number of disturbed rows.
     pub rows: u64,
-    /// Part of all rows.
+    /// Fraction of all rows.
     pub part: f64,
-    /// The curve and the terms are without them.
+    /// The curve and the terms exclude them.
     pub taken_out: bool,
     /// The first ten.
     pub first: Vec<DisturbedRow>,
-    /// The terms the other way: with them where they are taken out, else without.
+    /// The terms of the same record with these rows if they are excluded, without them otherwise.
     pub terms_otherwise: Terms,
 }
 
@@ -183,13 +183,13 @@ pub struct AxisBudget {
     pub rows: u64,
     /// Unbroken stretches that contain them.
     pub stretches: u64,
-    /// The longest of them, s.
+    /// Length of the longest stretch, s.
     pub longest_s: f64,
-    /// Lost rows that a mean rate stands for, so that long τ reach across them.
+    /// Lost rows that were filled with a mean rate, so that differences at long τ reach across them.
     pub filled_rows: u64,
     /// Interval of a row, s.
     pub sample_interval_s: f64,
-    /// Up to this τ every start was used; null: at every τ.
+    /// Full overlap up to this τ, s; null: at every τ.
     pub full_overlap_s: Option<f64>,
     /// The overlapping Allan deviation.
     pub curve: Vec<CurvePoint>,
@@ -230,7 +230,7 @@ pub fn differences(shown: &[usize], highest: usize) -> Vec<Difference> {
     of(Deviation::Allan).chain(of(Deviation::Hadamard)).collect()
 }
 
-/// What was recorded, as a budget. `asked` picks the τ to show; `arcsec` is a unit of the angles.
+/// The budget of a recorded axis. `asked` selects the τ to show; `arcsec` is the size of one unit of the angles.
 pub fn budget(axis: char, recorded: &Recorded, tau0_s: f64, arcsec: f64, asked: impl Fn(usize) -> bool) -> AxisBudget {
     let longest = recorded.stretches.longest();
     let of = |deviation: Deviation| {
@@ -271,7 +271,7 @@ pub fn budget(axis: char, recorded: &Recorded, tau0_s: f64, arcsec: f64, asked: 
     }
 }
 
-/// What a screen saw, as a budget; `place` names a row.
+/// The budget of a screened axis; `place` gives the name of a row.
 pub fn budget_of_screened(
     axis: char,
     screened: &Screened,
@@ -294,7 +294,7 @@ pub fn budget_of_screened(
     used
 }
 
-/// The five terms of a curve, with what is known of the record that it came from.
+/// The five terms of a curve, with the known properties of its record.
 pub(crate) struct Model<'a> {
     pub(crate) fitted: Option<FittedTerms>,
     /// Degrees of freedom of a point from additional scatter, the same at every τ.
@@ -365,7 +365,7 @@ impl<'a> Model<'a> {
     pub(crate) fn edf(&self, deviation: Deviation, m: f64) -> Option<f64> {
         // One point fits any noise and gives no information on its uncertainty.
         let record = self.record(deviation).filter(|_| self.multiples.len() > 1)?;
-        // A difference that is there has one at least.
+        // Every existing difference has at least one.
         Some(record.edf(m)).filter(|edf| *edf > 0.0).map(|edf| edf.max(1.0))
     }
 
@@ -380,8 +380,8 @@ impl<'a> Model<'a> {
         }
         let longest_s = self.multiples.last().map_or(0.0, |m| m * self.tau0_s);
         let (measured, multiples, scatter_edf) = (&self.points[..], &self.multiples[..], self.scatter_edf);
-        let said = Doubt { record: &record, measured, multiples, scatter_edf }.of_terms(fitted);
-        let mut spreads = said.spreads.into_iter();
+        let estimates = TermUncertainty { record: &record, measured, multiples, scatter_edf }.of_terms(fitted);
+        let mut spreads = estimates.spreads.into_iter();
         Terms::from_each(|term| match spreads.next() {
             Some(Spread::Interval { lower, upper }) => TermValue::Found {
                 value: term.in_its_unit(fitted.root(term)),
@@ -389,7 +389,7 @@ impl<'a> Model<'a> {
                 upper: Some(term.in_its_unit(upper)),
             },
             Some(Spread::Unresolved { at_most }) => TermValue::Unresolved {
-                unresolved: not_resolvable(term, longest_s, term.in_its_unit(at_most), &said.traded),
+                unresolved: not_resolvable(term, longest_s, term.in_its_unit(at_most), &estimates.traded),
             },
             None => TermValue::Unresolved { unresolved: "no curve could be drawn from the model".to_owned() },
         })
@@ -400,7 +400,7 @@ fn not_resolvable(term: Term, longest_s: f64, at_most: f64, traded: &[Term]) -> 
     let (_, unit) = term.name();
     let bound = match at_most {
         bound if bound.is_finite() => format!(": at most {} {unit}", significant(bound, 2)),
-        _ => ", nor bounded by it".to_owned(),
+        _ => ", and not bounded by it".to_owned(),
     };
     let others = traded.iter().filter(|other| **other != term).map(|other| other.name().0);
     let others = if traded.contains(&term) { others.collect::<Vec<_>>().join(" or ") } else { String::new() };

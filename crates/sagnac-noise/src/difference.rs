@@ -1,4 +1,4 @@
-//! Squared differences of the phase, the sums that every deviation here is made of.
+//! Squared differences of the phase: their sums give every deviation of this crate.
 //!
 //! With the phase `θ[k]` (arcsec, or any unit of angle) at the ends of rows of τ0, and τ = m·τ0:
 //!
@@ -7,11 +7,11 @@
 //! Hadamard   z[k] = θ[k+3m] − 3θ[k+2m] + 3θ[k+m] − θ[k]      σ²(τ) = Σ z² / (6 τ² M)     NIST SP 1065, eq. 19
 //! ```
 //!
-//! over every k (fully overlapping), M of them. Sums of separate stretches add up, so a gap leaves no trace.
+//! over all M values of k (fully overlapping). Sums of separate stretches add up, so a gap causes no error.
 //!
-//! A phase that is not known is NaN (a hole): only differences whose phases are all known are summed and counted.
+//! A missing phase is NaN: only differences whose phases are all known are summed and counted.
 
-/// Numbers that a processor can keep apart while it adds them.
+/// Independent partial sums, so that the processor can add in parallel.
 const LANES: usize = 4;
 
 /// Which difference of the phase is squared.
@@ -40,8 +40,7 @@ impl Deviation {
         }
     }
 
-    /// Autocorrelation of the weights that a difference gives to rows of white noise, at lags of 0, m, 2m … in units of m; linear
-    /// in between.
+    /// Autocorrelation of the weights of the rows in a difference, at lags of 0, m, 2m … in units of m; linear in between.
     fn row_correlation(self) -> &'static [f64] {
         match self {
             Self::Allan => &[2.0, -1.0, 0.0],
@@ -49,7 +48,7 @@ impl Deviation {
         }
     }
 
-    /// The same at any lag in rows, over that at 0.
+    /// The same at any lag in rows, relative to lag 0.
     pub(crate) fn row_correlation_at(self, lag: f64, m: f64) -> f64 {
         let nodes = self.row_correlation();
         let (node, part) = ((lag.abs() / m).floor(), (lag.abs() / m).fract());
@@ -58,7 +57,7 @@ impl Deviation {
         (value(node) + part * (value(node.saturating_add(1)) - value(node))) / nodes[0]
     }
 
-    /// Σ z²/M over τ² of it is the variance: the sum of the squared weights less what white rate noise shares.
+    /// Denominator c of σ²(τ) = Σ z²/(c·τ²·M).
     pub(crate) fn divisor(self) -> f64 {
         match self {
             Self::Allan => 2.0,
@@ -107,7 +106,7 @@ pub struct SquareSum {
 }
 
 impl SquareSum {
-    /// Adds another's.
+    /// Adds another sum.
     pub fn merge(&mut self, other: Self) {
         self.squares += other.squares;
         self.number += other.number;
@@ -129,7 +128,7 @@ pub struct Difference {
 }
 
 impl Difference {
-    /// Phases from the oldest to the newest of it, less one.
+    /// Rows from its oldest phase to its newest.
     pub fn span(self) -> usize {
         self.deviation.order() * self.m
     }
@@ -139,7 +138,7 @@ impl Difference {
         SquareSum { squares: self.deviation.squares(phases, from, end, self.m), number: (end - from) as f64 }
     }
 
-    /// The same of phases with holes: differences that need a missing phase do not count.
+    /// The same for phases of which some are missing: differences that need one of these do not count.
     pub(crate) fn sum_of_known(self, phases: &[f64], from: usize, end: usize) -> SquareSum {
         let weights = self.deviation.weights();
         let mut sum = SquareSum::default();
@@ -155,7 +154,7 @@ impl Difference {
     }
 }
 
-/// Phases summed up together.
+/// Phases per block of summation.
 const BLOCK: usize = 4096;
 
 /// The differences of one stretch as its phases arrive. Memory: the longest span and 4096 phases.
@@ -163,7 +162,7 @@ const BLOCK: usize = 4096;
 pub(crate) struct Running {
     wanted: Vec<Difference>,
     longest: usize,
-    /// Phases that are still needed and those that wait.
+    /// Phases that are still needed and pending ones.
     phases: Vec<f64>,
     /// Phases of this stretch before the first of `phases`.
     dropped: usize,
@@ -195,7 +194,7 @@ impl Running {
     pub(crate) fn push(&mut self, phase: f64) {
         self.holes += usize::from(phase.is_nan());
         self.phases.push(phase);
-        // Counted from the start of the stretch, so that pieces do not matter.
+        // Counted from the start of the stretch, so that the result does not depend on the pieces.
         if self.dropped + self.phases.len() == self.summed + BLOCK {
             self.sum_up();
         }
@@ -206,7 +205,7 @@ impl Running {
         self.dropped + self.phases.len()
     }
 
-    /// Takes the waiting phases into the sums and drops what no difference needs any more.
+    /// Adds the pending phases to the sums and drops those that no difference needs any more.
     fn sum_up(&mut self) {
         let end = self.len();
         for (difference, sum) in self.wanted.iter().zip(&mut self.sums) {
@@ -225,7 +224,7 @@ impl Running {
         self.dropped += old;
     }
 
-    /// Ends the stretch: its sums in the order of `wanted`. What comes next does not join what came before.
+    /// Ends the stretch and returns its sums in the order of `wanted`. The next phase starts a new stretch.
     pub(crate) fn take(&mut self) -> Vec<SquareSum> {
         self.sum_up();
         self.phases.clear();

@@ -1,14 +1,14 @@
 //! Uncertainty and correlation of the points of an overlapping curve.
 //!
-//! The phase noise of the five terms has these generalized autocovariances (the part that differences of order 2 and
-//! above leave), t in seconds:
+//! The phase noise of the five terms has these generalized autocovariances (all that differences of order 2 and above depend
+//! on), t in seconds:
 //!
 //! ```text
 //! Q  Q²·δ(t)      N  −N²|t|/2      B  B²·t² ln|t| / (2π)      K  K²|t|³/12      R  no noise: z = R·τ² each time
 //! ```
 //!
-//! so that every covariance r(k − l) of two differences z(m₁, k), z(m₂, l) is a short sum, and for the variances that
-//! are means of M of their squares
+//! Every covariance r(k − l) of two differences z(m₁, k), z(m₂, l) is therefore a short sum. For variances that are means of M
+//! squared differences:
 //!
 //! ```text
 //! cov(σ²₁, σ²₂) ∝ [2 ΣΣ r₁₂(k−l)² + 4 R²τ₁² R²τ₂² ΣΣ r₁₂(k−l)] / (M₁ M₂)        edf = 2 (E σ²)² / var σ²
@@ -27,7 +27,7 @@ use crate::difference::Deviation;
 /// Grid points per smaller m.
 const GRID: f64 = 32.0;
 
-/// Rows around a lost one whose mean stands for it.
+/// Rows around a lost one whose mean replaces it.
 pub(crate) const NEAREST: usize = 64;
 
 /// Equivalent degrees of freedom of the overlapping Allan variance for white rate noise, NIST SP 1065
@@ -36,7 +36,7 @@ pub(crate) fn edf_white_fm(n: f64, m: f64) -> f64 {
     (3.0 * (n - 1.0) / (2.0 * m) - 2.0 * (n - 2.0) / n) * 4.0 * m * m / (4.0 * m * m + 5.0)
 }
 
-/// Unbroken stretches of a record, gathered by octaves of their lengths.
+/// Unbroken stretches of a record, grouped by octaves of their lengths.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Stretches {
     /// Octave of the number of phases: how many stretches, their phases together, and those of the longest.
@@ -44,12 +44,12 @@ pub struct Stretches {
     longest: u64,
     /// Phases that are missing.
     holes: u64,
-    /// Rows that were lost and in whose place a mean stands.
+    /// Lost rows that were filled with a mean.
     filled: u64,
 }
 
 impl Stretches {
-    /// Adds a stretch of so many phases; one without a single row does not count.
+    /// Adds a stretch of `phases` phases; one without a row does not count.
     pub fn add(&mut self, phases: u64) {
         if phases > 1 {
             let slot = self.octaves.entry(phases.ilog2()).or_default();
@@ -58,8 +58,8 @@ impl Stretches {
         }
     }
 
-    /// Phases that are missing, and rows that were lost and filled with a mean.
-    pub(crate) fn lack(&mut self, holes: u64, filled: u64) {
+    /// Sets the number of missing phases, and of lost rows that were filled with a mean.
+    pub(crate) fn set_missing(&mut self, holes: u64, filled: u64) {
         (self.holes, self.filled) = (holes, filled);
     }
 
@@ -67,19 +67,19 @@ impl Stretches {
         self.octaves.values().map(|(_, phases, _)| *phases as f64).sum()
     }
 
-    /// Part of the phases that are known.
+    /// Fraction of the phases that are known.
     pub fn known_part(&self) -> f64 {
         if self.holes == 0 { 1.0 } else { 1.0 - self.holes as f64 / self.phases().max(1.0) }
     }
 
-    /// Part of the rows that were recorded; means stand in place of the others.
+    /// Fraction of the rows that were recorded; the others were filled with means.
     pub fn recorded_part(&self) -> f64 {
         if self.filled == 0 { 1.0 } else { 1.0 - self.filled as f64 / (self.phases() - self.count() as f64).max(1.0) }
     }
 
-    /// By how much the means that stand for lost rows change σ² of white noise of the rate. With c = 1/L at the L rows nearest to
-    /// a lost one and rows lost at random in a part p, a row is on average (1 − p)·δ + p·c of the noise, and besides that
-    /// p(1 − p)(1 + 1/L) of a variance of its own: 1 − p at short τ, where the mean is quiet, 1 + p at long τ, where it follows.
+    /// Factor by which filled rows change σ² of white rate noise. A fraction p of the rows is lost at random, and each is filled
+    /// with the mean of the L nearest rows (weights c = 1/L). A row is then on average (1 − p)·δ + p·c of the noise, plus a
+    /// variance of its own of p(1 − p)(1 + 1/L). The factor is 1 − p at short τ and 1 + p at long τ.
     pub(crate) fn white_factor(&self, deviation: Deviation, m: f64) -> f64 {
         let lost = 1.0 - self.recorded_part();
         if lost == 0.0 {
@@ -107,8 +107,8 @@ impl Stretches {
         self.octaves.values().map(|(count, ..)| count).sum()
     }
 
-    /// (how many, phases of each): of every octave the longest by itself, which alone may serve a long τ, and the others by
-    /// their mean.
+    /// (number of stretches, phases of each). The longest of every octave is a group by itself, because it may be the only one
+    /// long enough for a long τ; the others have their mean length.
     fn groups(&self) -> impl Iterator<Item = (f64, f64)> {
         self.octaves
             .values()
@@ -135,7 +135,7 @@ pub(crate) struct PhaseNoise {
     pub(crate) r2: f64,
 }
 
-/// A noise, sampled, squared and averaged over a record.
+/// Noise of a record: expectation and covariance of its variances.
 pub(crate) struct Record<'a> {
     pub(crate) noise: PhaseNoise,
     pub(crate) deviation: Deviation,
@@ -173,7 +173,7 @@ impl Record<'_> {
         (2.0 * expected * expected / variance * self.stretches.recorded_part()).min(existing)
     }
 
-    /// How many there are at m.
+    /// Number of differences at m.
     fn differences(&self, m: f64) -> f64 {
         let span = self.deviation.order() as f64 * m;
         self.stretches.groups().map(|(count, phases)| count * (phases - span).max(0.0)).sum()
@@ -209,9 +209,9 @@ impl Record<'_> {
         }
     }
 
-    /// What phases missing here and there add to the sums over pairs. Two differences of three phases each exist together in
-    /// a part q⁶ of their pairs, in more where they share phases: q to the power of six less those. The common q⁶ falls out
-    /// of the mean, so that only lags with shared phases weigh more, the fewer phases there are.
+    /// Additional sums over pairs from scattered missing phases, where a fraction q of the phases is known. Two differences of
+    /// three phases each both exist in a fraction q⁶ of their pairs, or q⁶⁻ˢ where they share s phases. The common q⁶ cancels
+    /// in the mean, so only lags with shared phases gain weight.
     fn of_shared_phases(&self, m: [f64; 2], pairs_at: &dyn Fn(f64) -> f64) -> PairSums {
         let mut sums = PairSums::default();
         let known_part = self.stretches.known_part();
@@ -311,7 +311,7 @@ mod tests {
     const FLICKER: PhaseNoise = PhaseNoise { q2: 0.0, n2: 0.0, b2: 1e-4, k2: 0.0, r2: 0.0 };
     const WALK: PhaseNoise = PhaseNoise { q2: 0.0, n2: 0.0, b2: 0.0, k2: 1e-6, r2: 0.0 };
 
-    /// The terms' Allan variances of domain literature (IEEE Std 952's forms), and the Hadamard variances that follow.
+    /// The terms' Allan variances in the forms of IEEE Std 952, and the Hadamard variances that follow.
     #[test]
     fn expectations_are_the_known_forms() {
         let stretches = one_stretch(1000);
@@ -331,9 +331,9 @@ mod tests {
         close(WALK, Deviation::Hadamard, 1e-6 * tau / 6.0);
     }
 
-    /// `edf_greenhall` of allantools 2024.06 (numpy), which has the same paper behind it: `testdata/allan/edf.py` made the
-    /// table. Its phases are means over a row, ours are counts at an instant, so except for white phase they differ at
-    /// m below 100. Measured: within 0.46 %.
+    /// Against `edf_greenhall` of allantools 2024.06 (numpy), which implements the same paper; `testdata/allan/edf.py` made the
+    /// table. Its phases are means over a row and ours are counts at an instant, so all but white phase noise differ at m below
+    /// 100. Measured: within 0.46 %.
     #[test]
     fn degrees_of_freedom_agree_with_greenhall_and_riley() {
         let table = include_str!("../../../testdata/allan/edf.csv");
@@ -357,7 +357,7 @@ mod tests {
         assert_eq!(compared, 54);
     }
 
-    /// Neighbours of white rate noise at m = 1 share half: 1/edf = [1 + ½(1 − 1/M)]/M. SP 1065's table 5 says 65.8.
+    /// Adjacent differences of white rate noise at m = 1 share half: 1/edf = [1 + ½(1 − 1/M)]/M. SP 1065's table 5 has 65.8.
     #[test]
     fn white_rate_noise_at_the_shortest_tau() {
         let m = 99.0_f64;

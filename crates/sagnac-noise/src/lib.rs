@@ -1,14 +1,16 @@
 //! Noise of a gyroscope at rest: Allan and Hadamard deviations, and the five terms behind them.
 //!
 //! ```text
-//! angles ─▶ Screen (gaps, disturbed rows) ─▶ Recorder (phase) ─▶ difference sums ─▶ curve ─▶ five terms ─▶ intervals ─▶ AxisBudget
-//!           overlap (in memory) or pyramid (any length)     [difference]  [budget]    [terms]  [freedom, bootstrap]
+//! angles ─▶ Screen ─▶ Recorder ─▶ sums of differences ─▶ curve ─▶ five terms ─▶ intervals ─▶ AxisBudget
+//!           gaps,     phase, in memory     [difference]  [budget]  [terms]      [freedom,
+//!           disturbed [overlap] or of any                                       bootstrap]
+//!           rows      length [pyramid]
 //! each window ─▶ ShortTau ─▶ N and Q at short τ ─▶ noise floor of every residual
 //! ```
 //!
-//! Pure: numbers in, numbers out. No file, no gyro, no clock; work is shared among the threads of the caller's rayon pool.
-//! Inside: °/h (which is arcsec/s), arcsec and seconds. The terms come out in the units of the field. `docs/explanation/noise.md` has
-//! the method, its sources and the references it is checked against.
+//! Pure: numbers in, numbers out. No file, no gyro, no clock; work is shared among the threads of the caller's rayon
+//! pool. Inside: °/h (which is arcsec/s), arcsec and seconds. The terms come out in the units of the field.
+//! `docs/explanation/noise.md` has the method, its sources and the references it is checked against.
 //!
 //! ```
 //! use sagnac_noise::{Taus, budget_of_angles};

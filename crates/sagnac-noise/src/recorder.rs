@@ -1,12 +1,12 @@
-//! The phase of one axis as it is read: in memory while it is short, otherwise through the pyramid.
+//! Collects the phase of one axis: in memory while the record is short, through the pyramid when it is long.
 
 use crate::difference::{Difference, SquareSum};
 use crate::freedom::Stretches;
 use crate::overlap::overlapping;
 use crate::pyramid::{Pyramid, served};
 
-/// Phases that are held, all axes together, before the pyramid takes them: 24 MiB. Where rows are lost or disturbed the record is
-/// taken in up to four ways at once ([`crate::Screen`]).
+/// Phases in memory, all axes together, before the switch to the pyramid: 24 MiB. Where rows are lost or disturbed, up to four
+/// variants of the record are kept ([`crate::Screen`]).
 pub const HELD_PHASES: usize = 3 << 20;
 /// Longest distance of a difference, rows: no record is longer.
 pub const MOST_ROWS: usize = 1 << 40;
@@ -15,7 +15,7 @@ pub const MOST_ROWS: usize = 1 << 40;
 #[derive(Clone, Debug)]
 pub struct Recorder {
     wanted: Vec<Difference>,
-    /// Phases that may be held; beyond it the pyramid takes them.
+    /// Most phases in memory; beyond it the recorder switches to the pyramid.
     hold: usize,
     held: Vec<Vec<f64>>,
     held_phases: usize,
@@ -42,15 +42,15 @@ pub struct Recorded {
     pub stretches: Stretches,
     /// Rows in them.
     pub rows: u64,
-    /// Lost rows in whose place a mean rate stands.
+    /// Lost rows that were filled with a mean rate.
     pub filled: u64,
-    /// Every start was used at every distance; else only up to [`crate::FULL_OVERLAP`] rows.
+    /// Full overlap at every distance; otherwise only up to [`crate::FULL_OVERLAP`] rows.
     pub full_overlap: bool,
 }
 
 impl Recorder {
-    /// Sums over these differences; exactly as given while at most `hold` phases came, else at distances that the
-    /// pyramid serves.
+    /// Collects the sums of these differences: exactly as given for at most `hold` phases, at distances that the pyramid serves
+    /// beyond.
     pub fn new(wanted: Vec<Difference>, hold: usize) -> Self {
         Self {
             wanted,
@@ -84,7 +84,7 @@ impl Recorder {
         self.rows += angles.len() as u64;
     }
 
-    /// A row of several intervals: a running total that was not written down in between. Within it the phase is missing.
+    /// A row of several intervals: a running total with missing rows in between. Within it the phase is missing.
     pub fn push_wide(&mut self, intervals: u64, angle: f64) {
         let offset = self.open_at(angle / intervals.max(1) as f64);
         for _ in 1..intervals {
@@ -95,7 +95,7 @@ impl Recorder {
         self.rows += 1;
     }
 
-    /// Lost rows of the open stretch: `angle` stands in place of each.
+    /// Lost rows of the open stretch: each is replaced by `angle`.
     pub fn push_filled(&mut self, rows: u64, angle: f64) {
         let offset = self.open_at(angle);
         for _ in 0..rows {
@@ -105,7 +105,7 @@ impl Recorder {
         self.filled += rows;
     }
 
-    /// Opens a stretch where none is open; the angle that is taken from all.
+    /// Opens a stretch if none is open; returns the angle to be subtracted from every row.
     fn open_at(&mut self, first: f64) -> f64 {
         let offset = *self.offset.get_or_insert(first);
         if self.phases == 0 {
@@ -131,12 +131,12 @@ impl Recorder {
         }
         self.held_phases += 1;
         if self.held_phases > self.hold {
-            self.let_go();
+            self.switch_to_pyramid();
         }
     }
 
     /// Switches to the pyramid and passes all phases in memory to it.
-    fn let_go(&mut self) {
+    fn switch_to_pyramid(&mut self) {
         let served = |difference: &Difference| Difference { m: served(difference.m), ..*difference };
         self.wanted = self.wanted.iter().map(served).collect();
         self.wanted.dedup();
@@ -166,7 +166,7 @@ impl Recorder {
     /// Ends the record.
     pub fn finish(mut self) -> Recorded {
         self.end_stretch();
-        self.stretches.lack(self.holes, self.filled);
+        self.stretches.set_missing(self.holes, self.filled);
         let mut sums = vec![SquareSum::default(); self.wanted.len()];
         match &self.pyramid {
             Some(pyramid) => sums.copy_from_slice(pyramid.sums()),
@@ -214,7 +214,7 @@ mod tests {
         (0..rows).map(|_| (0..12).map(|_| uniform()).sum::<f64>() - 6.0).collect()
     }
 
-    /// The sums do not depend on the pieces in which rows arrive: below full overlap they agree to rounding, held or not.
+    /// The sums do not depend on the pieces in which rows arrive. Up to full overlap, memory and pyramid agree to rounding.
     #[test]
     fn the_pyramid_overlaps_fully_at_its_foot() {
         let angles = white(50_000, 1);
@@ -238,7 +238,7 @@ mod tests {
             assert_eq!(sum.number, exact.number, "{difference:?}");
             assert!((sum.squares / exact.squares - 1.0).abs() < 1e-11, "{difference:?}");
         }
-        assert_eq!(recorded(20_000, 4000), through, "letting go in the middle changes nothing");
+        assert_eq!(recorded(20_000, 4000), through, "a switch in the middle changes nothing");
     }
 
     /// The module's claim: how far the pyramid is from full overlap, in standard deviations of the result.

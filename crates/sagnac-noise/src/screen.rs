@@ -1,54 +1,60 @@
-//! Rows of one axis on their way to the recorder: gaps are reached across, disturbed rows are found.
+//! Screens the rows of one axis before the recorder: bridges gaps and finds disturbed rows.
 //!
-//! **Gaps.** Where the angle over a gap is known (a running total), the phase is known on both sides; within, it is missing, and
-//! differences that need it do not count. Where the angle is lost, the mean of the 64 rows nearest to the gap stands for each
-//! lost row, so that differences reach across. Of white noise σ² is then too small by the lost part p at short τ, where means
-//! are quiet, and too large by it at long τ, where they follow; it is divided by what is expected (`white_factor`), which is
-//! exact for white noise of the rate. Where the rate wanders by more than its noise within 64 rows, the two rows beside a lost one
-//! stand for it. Flicker, walk and ramp, which the means follow everywhere, are off by p/2 in σ: 0.5 % where 1 % of rows are lost. A lost row also loses the rounding that its neighbours carry: N² grows by 2·p·Q²/τ0. While at
-//! most 5 % of the rows are lost, in gaps of at most 8; else a gap ends a stretch.
+//! **Gaps with a known angle** (a running total): the phase is known on both sides and missing within. Differences that need a
+//! missing phase do not count.
 //!
-//! **Disturbed rows** are more than six scales from the median of some 700 rows around them; the scale is that of the middle
-//! nine tenths of these, and never less than what rounding makes. Noise alone does so once in 10⁸ rows. The record is taken
-//! both with and without them; without, while they are at most 0.5 % of the rows: more of them are no disturbance but what
-//! the gyro does.
+//! **Gaps with a lost angle**: each lost row is replaced by the mean of the 64 rows nearest to the gap, so that differences reach
+//! across it. This holds for gaps of at most 8 rows while at most 5 % of all rows are lost; otherwise a gap ends the stretch.
+//! The replacement has three effects, for a lost fraction p:
+//!
+//! * White rate noise: σ² is too small by p at short τ and too large by p at long τ. It is divided by the expected factor
+//!   (`white_factor`), which is exact for this noise.
+//! * Flicker, rate random walk and ramp: the means follow them at every τ, so σ is off by p/2: 0.5 % where 1 % of rows are lost.
+//!   If the rate wanders by more than its noise within 64 rows, the mean of only the two adjacent rows is used.
+//! * Quantization: a lost row also loses the rounding that it shares with its neighbours. N² grows by 2·p·Q²/τ0.
+//!
+//! **Disturbed rows** are more than six scales from the median of some 700 rows around them. The scale is that of the middle
+//! nine tenths of these rows, at least that of rounding; noise alone exceeds six scales once in 10⁸ rows. The record is computed
+//! both with and without disturbed rows. The result excludes them if they are at most 0.5 % of the rows; if there are more, they
+//! are normal behaviour of the gyro, and the result includes them.
 
 use crate::difference::Difference;
 use crate::freedom::NEAREST;
 use crate::recorder::{Recorded, Recorder};
 
-/// Rows that are judged together.
+/// Rows per block; a block is screened at once.
 const BLOCK: usize = 512;
-/// Rows before them that are looked at too.
+/// Rows before a block that are used for its median and scale too.
 const CONTEXT: usize = 256;
-/// Fewer rows have no scale.
+/// Fewest rows that give a scale.
 const FEWEST: usize = 32;
 /// Scales from the median to a disturbed row.
 const FAR: f64 = 6.0;
-/// Part of the rows beyond either end of those that make the scale, and these ends in standard deviations of a normal.
+/// Fraction of the rows in each tail outside the quantiles that give the scale, and the distance of these quantiles in
+/// standard deviations of a normal distribution.
 const TAIL: f64 = 0.05;
 const TAILS_APART: f64 = 3.29;
-/// So few rows around a lost one will do.
+/// Fewest rows around a lost one that give a mean.
 const FEWEST_NEAREST: usize = 16;
-/// Rows of a gap that a mean stands for.
+/// Longest gap that is filled with a mean, rows.
 const MOST_LOST: u64 = 8;
-/// A known angle reaches across so many intervals, or this part of the stretch before.
+/// A known angle bridges a gap of this many intervals, or of a quarter of the stretch before it.
 const ALWAYS_KNOWN: u64 = 512;
 const KNOWN_PART: u64 = 4;
-/// Disturbed rows that are named.
+/// Disturbed rows that are listed.
 const MOST_NAMED: usize = 10;
 
-/// At most this part of the rows may be lost for a mean to stand for them.
+/// Largest fraction of lost rows that are filled with means.
 pub const MOST_LOST_PART: f64 = 0.05;
-/// At most this part of the rows may be disturbed for the figures to be without them.
+/// Largest fraction of disturbed rows that are excluded.
 pub const MOST_DISTURBED_PART: f64 = 0.005;
 
 /// Where a row comes from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Place {
-    /// Which log, from 0.
+    /// Number of the log, from 0.
     pub log: u32,
-    /// Its line.
+    /// Line in the log.
     pub line: u64,
 }
 
@@ -57,11 +63,11 @@ pub struct Place {
 pub struct Disturbed {
     /// Where it is.
     pub place: Place,
-    /// Its angle less the median of those around it, in their unit.
+    /// Its angle minus the median of those around it, in their unit.
     pub away: f64,
 }
 
-/// What comes in.
+/// Input of the screen, in order.
 #[derive(Clone, Copy)]
 enum Piece {
     Row { angle: f64, place: Place },
@@ -70,19 +76,19 @@ enum Piece {
     End,
 }
 
-/// One way to take the record; `None` while it makes no difference.
+/// One variant of the record; `None` until a row occurs for which the variants differ.
 #[derive(Clone)]
-struct Way {
-    joins: Option<bool>,
-    cleans: Option<bool>,
+struct Variant {
+    fills_gaps: Option<bool>,
+    excludes_disturbed: Option<bool>,
     recorder: Recorder,
 }
 
-/// Takes the rows of one axis.
+/// Receives the rows of one axis.
 pub struct Screen {
-    ways: Vec<Way>,
+    variants: Vec<Variant>,
     pieces: Vec<Piece>,
-    /// Sound rows before those that wait.
+    /// Undisturbed rows before the pending ones.
     context: Vec<f64>,
     rows: u64,
     lost: u64,
@@ -90,15 +96,15 @@ pub struct Screen {
     named: Vec<Disturbed>,
 }
 
-/// What a screen saw.
+/// Result of a screen.
 pub struct Screened {
-    /// The record that figures are made of.
+    /// The record that the figures are computed from.
     pub used: Recorded,
-    /// Where rows are disturbed, the record the other way: with them if `used` is without, else without.
+    /// If there are disturbed rows: the same record with them if `used` excludes them, without them otherwise.
     pub other: Option<Recorded>,
-    /// `used` is without the disturbed rows.
+    /// `used` excludes the disturbed rows.
     pub cleaned: bool,
-    /// Disturbed rows.
+    /// Number of disturbed rows.
     pub disturbed: u64,
     /// The first of them.
     pub named: Vec<Disturbed>,
@@ -107,10 +113,14 @@ pub struct Screened {
 }
 
 impl Screen {
-    /// As [`Recorder::new`].
+    /// Arguments as for [`Recorder::new`].
     pub fn new(wanted: Vec<Difference>, hold: usize) -> Self {
         Self {
-            ways: vec![Way { joins: None, cleans: None, recorder: Recorder::new(wanted, hold) }],
+            variants: vec![Variant {
+                fills_gaps: None,
+                excludes_disturbed: None,
+                recorder: Recorder::new(wanted, hold),
+            }],
             pieces: Vec::with_capacity(BLOCK),
             context: Vec::new(),
             rows: 0,
@@ -125,22 +135,22 @@ impl Screen {
         self.push(Piece::Row { angle, place });
     }
 
-    /// A row of several intervals: a running total that was not written down in between.
+    /// A row of several intervals: a running total with missing rows in between.
     pub fn wide(&mut self, intervals: u64, angle: f64, place: Place) {
         self.push(if intervals > 1 { Piece::Wide { intervals, angle, place } } else { Piece::Row { angle, place } });
     }
 
-    /// So many rows are lost, and their angle with them.
+    /// `intervals` rows are lost, together with their angle.
     pub fn lost(&mut self, intervals: u64) {
         self.push(Piece::Lost { intervals });
     }
 
-    /// What comes next does not join what came before.
+    /// Ends the stretch: the next row does not continue it.
     pub fn end_stretch(&mut self) {
         self.push(Piece::End);
     }
 
-    /// The next row is of another log: nothing before it says anything of it.
+    /// The next row is of another log: rows before it are no context for it.
     pub fn end_run(&mut self) {
         self.end_stretch();
         self.settle();
@@ -160,19 +170,22 @@ impl Screen {
     pub fn finish(mut self) -> Screened {
         self.settle();
         let lost_part = self.lost as f64 / (self.rows + self.lost).max(1) as f64;
-        let joins = lost_part <= MOST_LOST_PART;
+        let fills_gaps = lost_part <= MOST_LOST_PART;
         let cleaned = self.disturbed > 0 && self.disturbed as f64 <= MOST_DISTURBED_PART * self.rows as f64;
-        let recorded = |ways: &mut Vec<Way>, cleans: bool| {
-            let fits = |way: &Way| way.joins.is_none_or(|j| j == joins) && way.cleans.is_none_or(|c| c == cleans);
-            let at = ways.iter().position(fits).unwrap_or(0);
-            ways.swap_remove(at).recorder.finish()
+        let recorded = |variants: &mut Vec<Variant>, excludes_disturbed: bool| {
+            let fits = |variant: &Variant| {
+                variant.fills_gaps.is_none_or(|j| j == fills_gaps)
+                    && variant.excludes_disturbed.is_none_or(|c| c == excludes_disturbed)
+            };
+            let at = variants.iter().position(fits).unwrap_or(0);
+            variants.swap_remove(at).recorder.finish()
         };
-        let used = recorded(&mut self.ways, cleaned);
-        let other = (self.disturbed > 0).then(|| recorded(&mut self.ways, !cleaned));
+        let used = recorded(&mut self.variants, cleaned);
+        let other = (self.disturbed > 0).then(|| recorded(&mut self.variants, !cleaned));
         Screened { used, other, cleaned, disturbed: self.disturbed, named: self.named, rows: self.rows }
     }
 
-    /// Judges the rows that wait and hands them on.
+    /// Screens the pending rows and passes them to the recorders.
     fn settle(&mut self) {
         let rows = self.pieces.iter().filter_map(|piece| match piece {
             Piece::Row { angle, .. } => Some(*angle),
@@ -185,27 +198,27 @@ impl Screen {
         self.fork(&found);
         let plain = rows.len() == self.pieces.len() && found.iter().all(Option::is_none);
         if plain {
-            self.ways.iter_mut().for_each(|way| way.recorder.push(&rows));
+            self.variants.iter_mut().for_each(|variant| variant.recorder.push(&rows));
         } else {
-            let sound = Sound::of(&self.context, &self.pieces, &found);
-            for way in &mut self.ways {
+            let undisturbed = Undisturbed::of(&self.context, &self.pieces, &found);
+            for variant in &mut self.variants {
                 self.pieces.iter().zip(&found).enumerate().for_each(|(at, (piece, found))| {
-                    way.take(*piece, found.is_some(), || sound.mean_near(at));
+                    variant.take(*piece, found.is_some(), || undisturbed.mean_near(at));
                 });
             }
         }
-        let sound =
+        let undisturbed =
             self.pieces.iter().zip(&found).filter(|(_, found)| found.is_none()).filter_map(|(piece, _)| match piece {
                 Piece::Row { angle, .. } => Some(*angle),
                 _ => None,
             });
-        self.context.extend(sound);
+        self.context.extend(undisturbed);
         let old = self.context.len().saturating_sub(CONTEXT);
         self.context.drain(..old);
         self.pieces.clear();
     }
 
-    /// Counts what makes ways differ; from the first of its kind on there are two of each.
+    /// Counts lost and disturbed rows. At the first of each kind, every variant splits into two.
     fn fork(&mut self, found: &[Option<Disturbed>]) {
         let lost = self.pieces.iter().filter_map(|piece| match piece {
             Piece::Lost { intervals } if *intervals <= MOST_LOST => Some(*intervals),
@@ -216,30 +229,30 @@ impl Screen {
         self.named.extend(disturbed.clone().take(MOST_NAMED - self.named.len()));
         let disturbed = disturbed.count() as u64;
         if lost > 0 && self.lost == 0 {
-            self.ways = both(&self.ways, |way, yes| way.joins = Some(yes));
+            self.variants = both(&self.variants, |variant, yes| variant.fills_gaps = Some(yes));
         }
         if disturbed > 0 && self.disturbed == 0 {
-            self.ways = both(&self.ways, |way, yes| way.cleans = Some(yes));
+            self.variants = both(&self.variants, |variant, yes| variant.excludes_disturbed = Some(yes));
         }
         self.lost += lost;
         self.disturbed += disturbed;
     }
 }
 
-fn both(ways: &[Way], set: impl Fn(&mut Way, bool)) -> Vec<Way> {
-    let with = |way: &Way, yes: bool| {
-        let mut way = way.clone();
-        set(&mut way, yes);
-        way
+fn both(variants: &[Variant], set: impl Fn(&mut Variant, bool)) -> Vec<Variant> {
+    let with = |variant: &Variant, yes: bool| {
+        let mut variant = variant.clone();
+        set(&mut variant, yes);
+        variant
     };
-    ways.iter().flat_map(|way| [with(way, true), with(way, false)]).collect()
+    variants.iter().flat_map(|variant| [with(variant, true), with(variant, false)]).collect()
 }
 
-impl Way {
+impl Variant {
     fn take(&mut self, piece: Piece, disturbed: bool, mean: impl Fn() -> Option<f64>) {
         let recorder = &mut self.recorder;
         let is_open = recorder.open_phases() > 0;
-        let replaced = disturbed && self.cleans == Some(true);
+        let replaced = disturbed && self.excludes_disturbed == Some(true);
         match piece {
             Piece::Row { .. } | Piece::Wide { .. } if replaced && !is_open => {}
             Piece::Row { angle, .. } if !replaced => recorder.push(&[angle]),
@@ -250,7 +263,7 @@ impl Way {
             Piece::Wide { intervals, angle, .. } if !replaced => recorder.push_wide(intervals, angle),
             Piece::Wide { intervals, .. } => fill(recorder, intervals, mean()),
             Piece::Lost { .. } if !is_open => {}
-            Piece::Lost { intervals } if intervals <= MOST_LOST && self.joins == Some(true) => {
+            Piece::Lost { intervals } if intervals <= MOST_LOST && self.fills_gaps == Some(true) => {
                 fill(recorder, intervals, mean());
             }
             Piece::Lost { .. } | Piece::End => recorder.end_stretch(),
@@ -289,7 +302,7 @@ impl Level {
         (scale > 0.0).then(|| Self { median: at(0.5), far: FAR * scale })
     }
 
-    /// A row that is too far away.
+    /// The row as disturbed, if it is too far from the median.
     fn away(&self, piece: &Piece) -> Option<Disturbed> {
         let (angle, intervals, place) = match *piece {
             Piece::Row { angle, place } => (angle, 1.0, place),
@@ -297,28 +310,28 @@ impl Level {
             Piece::Lost { .. } | Piece::End => return None,
         };
         let away = angle - self.median * intervals;
-        // Over many intervals also by how far the level itself may be off.
+        // Over many intervals the error of the median itself adds up too.
         let far = self.far * (intervals.sqrt() + 0.1 * (intervals - 1.0));
         (away.abs() > far).then_some(Disturbed { place, away })
     }
 }
 
-/// Sound rows, and the number of the piece that each is, from 1; 0 for those before.
-struct Sound {
+/// Undisturbed rows with the number of their piece, from 1; 0 for those of the context.
+struct Undisturbed {
     at: Vec<usize>,
     angles: Vec<f64>,
 }
 
-impl Sound {
+impl Undisturbed {
     fn of(context: &[f64], pieces: &[Piece], found: &[Option<Disturbed>]) -> Self {
-        let mut sound = Self { at: vec![0; context.len()], angles: context.to_vec() };
+        let mut undisturbed = Self { at: vec![0; context.len()], angles: context.to_vec() };
         for (at, (piece, found)) in pieces.iter().zip(found).enumerate() {
             if let (Piece::Row { angle, .. }, None) = (piece, found) {
-                sound.at.push(at + 1);
-                sound.angles.push(*angle);
+                undisturbed.at.push(at + 1);
+                undisturbed.angles.push(*angle);
             }
         }
-        sound
+        undisturbed
     }
 
     /// Mean of the rows nearest to a piece.
@@ -333,7 +346,7 @@ impl Sound {
         let all = mean(near);
         let about: f64 = near.iter().map(|angle| (angle - all).powi(2)).sum();
         let between: f64 = near.windows(2).map(|pair| (pair[1] - pair[0]).powi(2)).sum();
-        // Twice as much in white noise, and never so little in 64 rows of it.
+        // In white noise `between` is twice `about`; 64 rows of it never give less than `about`.
         let wanders = between < about;
         let beside = middle.saturating_sub(1)..(middle + 1).min(self.at.len());
         Some(if wanders { mean(&self.angles[beside]) } else { all })
@@ -370,7 +383,7 @@ mod tests {
         angles.into_iter().enumerate().for_each(|(at, angle)| screen.row(angle, Place { log: 0, line: at as u64 }));
     }
 
-    /// Noise alone is not disturbed: 2 million rows of each kind, whatever the size of a count against σ.
+    /// No row of plain noise is found disturbed: 2 million rows for each ratio of count to σ.
     #[test]
     fn noise_alone_is_not_disturbed() {
         for step in [0.0_f64, 0.1, 0.5, 1.0, 1.5, 2.0, 3.0, 5.0, 10.0] {
@@ -402,7 +415,7 @@ mod tests {
         }
     }
 
-    /// From the threshold on rows are found, just below it they are not: 5 and 7 σ from the mean.
+    /// Rows beyond the threshold are found and those just below it are not: 7 and 5 σ from the mean.
     #[test]
     fn rows_about_the_threshold() {
         let mut random = Random(3);
@@ -425,7 +438,7 @@ mod tests {
         assert_eq!(screened.used.filled, 100);
     }
 
-    /// The next log is judged by itself, short records not at all, and silence has no scale.
+    /// Each log is screened by itself; short records are not screened; constant rows have no scale.
     #[test]
     fn what_cannot_be_judged_is_not() {
         let mut random = Random(5);
@@ -442,8 +455,7 @@ mod tests {
         }
     }
 
-    /// Gaps: few and short ones are reached across, long ones end the stretch, and so do all of them where rows are lost by the
-    /// score.
+    /// Few short gaps are bridged. Long gaps end the stretch, and so does every gap if too many rows are lost.
     #[test]
     fn gaps_by_their_length_and_number() {
         let record = |every: usize, gap: u64| {

@@ -50,7 +50,7 @@ pub struct ShortTauSums {
 }
 
 impl ShortTauSums {
-    /// Adds another window's.
+    /// Adds the sums of another window.
     pub fn merge(&mut self, other: &Self) {
         let pairs =
             [(&mut self.squares, &other.squares), (&mut self.numbers, &other.numbers), (&mut self.edf, &other.edf)];
@@ -84,7 +84,7 @@ impl ShortTauSums {
     }
 }
 
-/// One-pass estimator for one axis and one window after the other.
+/// One-pass estimator for one axis, window by window.
 #[derive(Clone, Debug)]
 pub struct ShortTau {
     /// At multiples 1, 2, 4 … of τ0.
@@ -115,8 +115,8 @@ impl ShortTau {
         }
     }
 
-    /// A row of several intervals: a running total that was not written down in between. The phase is known at its end;
-    /// within it, it is missing.
+    /// A row of several intervals: a running total with missing rows in between. The phase is known at its end and missing
+    /// within it.
     pub fn push_wide(&mut self, intervals: u64, angle: f64, arcsec: f64) {
         if self.running.wanted().is_empty() || intervals == 0 {
             return;
@@ -124,21 +124,21 @@ impl ShortTau {
         if self.running.len() == 0 {
             self.running.push(0.0);
         }
-        // Beyond the longest difference none reaches across, however many more are missing.
+        // No difference reaches across more missing phases than the longest one spans.
         let missing = (intervals - 1).min(self.running.longest() as u64);
         (0..missing).for_each(|_| self.running.push(f64::NAN));
         self.phase += angle * arcsec;
         self.running.push(self.phase);
     }
 
-    /// Ends the window: its sums. What comes next does not join what came before.
+    /// Ends the window and returns its sums. The next sample starts a new window.
     pub fn take(&mut self) -> ShortTauSums {
         let phases = self.running.len() as f64;
         let sums = self.running.take();
         self.phase = 0.0;
         let edf = sums.iter().zip(self.running.wanted()).map(|(sum, difference)| match sum.number {
             0.0 => 0.0,
-            // Where phases are missing, by the part of the differences that exist.
+            // Where phases are missing, scaled by the fraction of differences that exist.
             number => {
                 edf_white_fm(phases, difference.m as f64).max(0.0) * (number / (phases - difference.span() as f64))
             }
@@ -180,7 +180,7 @@ mod tests {
         assert_eq!(both.squares[0], 2.0 * one.squares[0]);
     }
 
-    /// A gap longer than any difference divides a window as two windows do, whatever its length.
+    /// A gap longer than the longest difference divides the window: the sums equal those of two windows.
     #[test]
     fn a_long_gap_in_a_total_divides_the_window() {
         let angles: Vec<f64> = (0..200).map(|k| f64::from(k * 7919 % 23)).collect();
@@ -212,7 +212,7 @@ mod tests {
         assert_eq!(short.take().fit(1.0), None);
     }
 
-    /// However samples come in pieces: the same bits, those of the definition.
+    /// The result is that of the definition, bit for bit the same for any size of the pieces.
     #[test]
     fn pieces_do_not_matter() {
         let angles: Vec<f64> = (0..20_000).map(|k| f64::from((k * 7919) % 101) / 7.0).collect();

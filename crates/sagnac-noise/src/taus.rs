@@ -2,7 +2,7 @@
 
 use crate::recorder::MOST_ROWS;
 
-/// The longest τ that is fitted, and that is shown by default: a third of the longest stretch.
+/// The longest τ that is fitted and, by default, shown: a third of the longest stretch.
 pub(crate) const LONGEST_PART: u64 = 3;
 /// Points per decade of τ by default.
 const PER_DECADE: usize = 10;
@@ -60,8 +60,8 @@ impl Taus {
         Ok(out)
     }
 
-    /// The longest distance to show in a record whose longest stretch has so many phases: a given τ while there is a
-    /// difference at all, else up to a third of the stretch.
+    /// The longest distance to show for a longest stretch of `longest_phases`: a given τ is shown if at least one difference
+    /// exists, otherwise up to a third of the stretch.
     pub fn longest_shown(&self, longest_phases: u64) -> usize {
         let part = match self {
             Self::Given(_) => 2,

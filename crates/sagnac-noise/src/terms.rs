@@ -105,7 +105,7 @@ pub(crate) fn least_deviance(points: &[Point]) -> f64 {
     fitted.map_or(f64::INFINITY, |fitted| deviance(points, &fitted))
 }
 
-/// The other four terms, with the coefficient of one held.
+/// Fits the other four terms with the coefficient of one fixed.
 pub(crate) fn fit_terms_beside(points: &[Point], held: Term, coefficient: f64) -> FittedTerms {
     let others: Vec<Term> = Term::ALL.into_iter().filter(|term| *term != held).collect();
     let mut alone = FittedTerms::default();
@@ -117,7 +117,7 @@ fn usable(points: &[Point]) -> Vec<Point> {
     points.iter().copied().filter(|p| p.variance > 0.0 && p.edf > 0.0).collect()
 }
 
-/// Deviance of χ² variances from a model: Σ edf·(σ²/f − 1 − ln(σ²/f)); infinite where the model is zero. The fit makes it least.
+/// Deviance of χ² variances from a model: Σ edf·(σ²/f − 1 − ln(σ²/f)); infinite where the model is zero. The fit minimises it.
 pub(crate) fn deviance(points: &[Point], fitted: &FittedTerms) -> f64 {
     let of = |p: &Point| {
         let ratio = p.variance / fitted.variance(p.tau_s);
@@ -126,7 +126,7 @@ pub(crate) fn deviance(points: &[Point], fitted: &FittedTerms) -> f64 {
     points.iter().filter(|p| p.variance > 0.0 && p.edf > 0.0).map(of).sum()
 }
 
-/// Re-weighted until nothing moves; `held` is part of the model and stays.
+/// Re-weighted least squares until convergence; `held` is a fixed part of the model.
 fn settled(points: &[Point], terms: &[Term], held: FittedTerms, enough: f64) -> Option<FittedTerms> {
     let mut model: Vec<f64> = points.iter().map(|p| p.variance.max(held.variance(p.tau_s))).collect();
     let mut fitted = held;
@@ -142,7 +142,7 @@ fn settled(points: &[Point], terms: &[Term], held: FittedTerms, enough: f64) -> 
     Some(fitted)
 }
 
-/// One round: of all sets of terms, the one of least misfit without a negative coefficient.
+/// One round: the set of terms with the least misfit among those without a negative coefficient.
 fn best_set(points: &[Point], model: &[f64], terms: &[Term], held: &FittedTerms) -> Option<FittedTerms> {
     let mut gram = SMatrix::<f64, 5, 5>::zeros();
     let mut right = SVector::<f64, 5>::zeros();
@@ -158,7 +158,7 @@ fn best_set(points: &[Point], model: &[f64], terms: &[Term], held: &FittedTerms)
     let right = right.component_mul(&scale);
     let sets = 1_u32..1 << terms.len();
     let tried = sets.filter_map(|set| solve_set(&gram, &right, set));
-    // Less is a better fit: the misfit is a constant less this. With a term held, none of the others may be best.
+    // The misfit is a constant minus this gain. With a fixed term, the best set may be empty.
     let Some((_, solution)) = tried.max_by(|a, b| a.0.total_cmp(&b.0)) else {
         return (held.variance(1.0) > 0.0).then_some(*held);
     };
@@ -168,17 +168,17 @@ fn best_set(points: &[Point], model: &[f64], terms: &[Term], held: &FittedTerms)
     Some(fitted)
 }
 
-/// The solution with only the terms of `set`, and how much misfit it takes away; `None` where one would be negative.
+/// The solution with only the terms of `set`, and its reduction of the misfit; `None` if a coefficient would be negative.
 fn solve_set(gram: &SMatrix<f64, 5, 5>, right: &SVector<f64, 5>, set: u32) -> Option<(f64, SVector<f64, 5>)> {
-    let taken = |i: usize| set >> i & 1 == 1;
-    let masked = SMatrix::<f64, 5, 5>::from_fn(|i, j| match (taken(i) && taken(j), i == j) {
+    let in_set = |i: usize| set >> i & 1 == 1;
+    let masked = SMatrix::<f64, 5, 5>::from_fn(|i, j| match (in_set(i) && in_set(j), i == j) {
         (true, _) => gram[(i, j)],
         (false, true) => 1.0,
         (false, false) => 0.0,
     });
-    let masked_right = SVector::<f64, 5>::from_fn(|i, _| if taken(i) { right[i] } else { 0.0 });
+    let masked_right = SVector::<f64, 5>::from_fn(|i, _| if in_set(i) { right[i] } else { 0.0 });
     let solution = masked.cholesky()?.solve(&masked_right);
-    let positive = (0..5).all(|i| !taken(i) || solution[i] > 0.0);
+    let positive = (0..5).all(|i| !in_set(i) || solution[i] > 0.0);
     positive.then(|| (masked_right.dot(&solution), solution))
 }
 
@@ -203,7 +203,7 @@ mod tests {
         }
     }
 
-    /// A term that is not there is exactly zero, and never below.
+    /// A term that is absent is fitted as exactly zero, never below.
     #[test]
     fn nothing_is_below_zero() {
         let truth = FittedTerms([0.25, 0.0324, 0.0, 0.0, 0.0]);

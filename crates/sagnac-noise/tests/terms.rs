@@ -108,7 +108,8 @@ fn bounds_of_short_records_hold() {
     }
 }
 
-/// A hundred records: the lowest part of them, over the terms, in which the interval or the bound holds. `most_times` of each term's truth that the middle one of its bounds may be, where there are bounds.
+/// The lowest fraction, over the terms, of a hundred records in which the interval or the bound holds. The median bound of each
+/// term is at most `most_times` its true value.
 fn check_bounds(resting: &Resting, seconds: usize, most_times: [f64; 5]) -> f64 {
     let truth = truth_of(resting);
     let (mut counts, mut bounds) = ([[0; 3]; 5], [const { Vec::new() }; 5]);

@@ -90,7 +90,7 @@ fn curve(axis: &AxisCalibration, quantity: ActsOn) -> (Vec<f64>, Vec<f64>, Optio
 pub(crate) fn drift(report_data: &ReportData, axis: &AxisReportData, record: &AxisCalibration) -> Option<Figure> {
     let (shown, words) = thinned(report_data, used(axis));
     let rate = if record.rate_span_cpm().is_some() {
-        " Dashed: the fit at the median rates of heating and cooling; what lies between is what the rate terms stand for."
+        " Dashed: the fit at the median rates of heating and cooling; the distance between them is the effect of the rate terms."
     } else {
         ""
     };
@@ -179,9 +179,9 @@ pub(crate) fn tradeoff(record: &AxisCalibration) -> Option<Figure> {
     }
     let knee = best.iter().find(|point| point.knee)?;
     let caption = format!(
-        "Each point is a model, judged on data that its fit did not see. The line joins those that no model as cheap is better than; the knee, {}, is the \
+        "Each point is a model, evaluated on data that its fit did not see. The line joins those with the least error for their cost; the knee, {}, is the \
          cheapest within 2 % of the least mean square. The slow update runs once in a temperature period; the tick takes {} instructions \
-         whatever the model.",
+         for every model.",
         knee.candidate.model, TICK_INSTRUCTIONS
     );
     let labels = ["slow update, instructions of a Cortex-M4F", "held-out σ, °/h"];
@@ -308,7 +308,7 @@ fn runs_in_words(report_data: &ReportData) -> String {
         return String::new();
     }
     let runs = report_data.runs.iter().map(|run| format!("{} from {:.1} h", run.file, run.hours[0]));
-    format!(" Runs stand one after the other: {}.", runs.collect::<Vec<_>>().join(", "))
+    format!(" Runs are shown one after the other: {}.", runs.collect::<Vec<_>>().join(", "))
 }
 
 /// Before and after against temperature.

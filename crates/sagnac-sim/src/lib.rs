@@ -11,8 +11,8 @@
 //!                     └─build▶ Beat ─start▶ BeatState            the beat alone    [beat]
 //! ```
 //!
-//! The fitter never sees what is in here; it gets a log. The truth is not the fitter's polynomial: the block lags the
-//! chamber, bias has a knee, hysteresis, mode steps and ripple, and angle is counted in whole counts.
+//! The fitter only gets a log and never sees the truth. The truth is not the fitter's polynomial: the block lags the
+//! chamber, the bias has a knee, hysteresis, mode steps and ripple, and angle is counted in whole counts.
 //!
 //! Random numbers come from ChaCha8, one stream per source. sin, cos, exp and the normal generator are those of `libm`.
 //! The same scenario and seed give the same bytes on any machine and any number of threads.

@@ -4,8 +4,8 @@
 //! noise off does not change any other.
 //!
 //! Normal values come from a ziggurat of 128 layers (J. Doornik 2005, "An improved ziggurat method to generate normal
-//! random samples") on the functions of `libm`. The normal generator of `rand_distr` would not do: other crates of the
-//! program switch its `exp` and `ln` to those of the platform, which differ between machines.
+//! random samples") on the functions of `libm`. The normal generator of `rand_distr` is not reproducible: other crates of
+//! the program switch its `exp` and `ln` to those of the platform, which differ between machines.
 //!
 //! Resolution: 53 bits. The tail ends near 12 sigma, where the smallest uniform value is reached.
 

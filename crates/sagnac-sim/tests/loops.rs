@@ -74,7 +74,7 @@ fn a_heater_holds_the_path_too() {
 fn the_light_is_held() {
     let mut scenario = ready("square-28cm");
     scenario.intensity.loss_growth = 0.3;
-    // No resets: they let the light go on purpose.
+    // No resets: during a reset the light is lost on purpose.
     scenario.block.expansion_ppm_per_c = 0.001;
     let seconds = ramp(&scenario, -40.0, 70.0, 2.0);
     let worst = seconds.iter().map(|s| (s.light - 1.0).abs()).fold(0.0, f64::max);

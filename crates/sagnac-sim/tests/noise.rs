@@ -50,8 +50,8 @@ fn angle_random_walk_comes_out() {
     assert!((n / 0.003 - 1.0).abs() < 0.02, "{n}");
 }
 
-/// Counting alone: Q = S/√12, σ(τ) = √3·Q/τ. At one rate the fraction of a count is a sawtooth, over many rates it
-/// is white; mean of 60.
+/// Counting only: Q = S/√12, σ(τ) = √3·Q/τ. At one rate the fraction of a count is a sawtooth; over many rates it is
+/// white. Mean of 60 rates.
 #[test]
 fn quantization_comes_out() {
     let mut scenario = quiet(1.0);
@@ -161,7 +161,7 @@ fn stripped_counts_agree_with_the_count_level() {
         let (beat, worst) = counts(Fidelity::Beat, model);
         // 2281 counts; the walk is 2.3 counts in 100 s, and the last period has not ended.
         assert!((count - beat).abs() < 14, "{model:?}: {beat} and {count}");
-        assert!(worst < 40, "a second of {model:?} has {worst} counts: the swing is in there");
+        assert!(worst < 40, "a second of {model:?} has {worst} counts: it contains the dither");
     }
 }
 

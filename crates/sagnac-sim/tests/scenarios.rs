@@ -89,8 +89,8 @@ const BAD: &[(&str, &str, &str)] = &[
 fn bad_scenarios_are_refused_by_name() {
     for (from, to, words) in BAD {
         let text = LEAST.replacen(from, to, 1);
-        let said = refusal(&text);
-        assert!(said.contains(words), "{to:?}: {said}");
+        let message = refusal(&text);
+        assert!(message.contains(words), "{to:?}: {message}");
     }
     let torn = Scenario::from_toml("seed = 3\n[geometry\n").unwrap_err();
     assert_eq!(torn.line, Some(2), "{torn}");

@@ -12,8 +12,8 @@ fn main() {
     text.replace_range(last + 81..last + 89, "deadbeef");
     match check(text.as_bytes()) {
         Err(Failure::Differs { record, output, expected, .. }) => {
-            println!("record {record}, output {output}: the file says {expected:08x}");
+            println!("record {record}, output {output}: the file has {expected:08x}");
         }
-        other => panic!("one word was changed, and the check says {other:?}"),
+        other => panic!("one word was changed, but the result is {other:?}"),
     }
 }

@@ -1,11 +1,12 @@
 //! The intensity loop driven by records, closed over a lamp of integers.
 //!
-//! | operation | inputs | outputs |
-//! |---|---|---|
-//! | 0 start | | 0 |
-//! | 1 run | ticks, seed, light per current code (2⁻¹⁶), lag (a right shift, at most 31), flags | hash of (current, status), phase + status·2⁸, current, integrator, light |
+//! * Operation 0, start: no inputs; output 0.
+//! * Operation 1, run:
+//!   inputs: ticks, seed, light per current code (2⁻¹⁶), lag (a right shift, at most 31), flags;
+//!   outputs: hash of (current, status), phase + status·2⁸, current, integrator (two words), light (two words).
 //!
-//! Flags: bits of noise in the lowest eight; 256: hold; 512: the discharge burns. The lamp, once a tick, before it:
+//! Flags: number of noise bits in the lowest eight bits; 256: hold; 512: the discharge burns. The lamp is advanced before
+//! each tick:
 //!
 //! ```text
 //! light += ⌊(current·gain − light)·2^−lag⌋  (2⁻¹⁶ codes)        code = ⌊light·2⁻¹⁶⌋ + noise

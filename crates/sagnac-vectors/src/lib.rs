@@ -5,16 +5,17 @@
 //!                                └─▶ record: operation, 8 inputs, 7 outputs ─▶ step(inputs) = outputs ?
 //! ```
 //!
-//! A file is text: 32-bit hexadecimal words with `//` comments, as Verilog's `$readmemh` reads them. It has a head of four words (magic,
-//! module, bytes of the table, records), the table (a flash image or a table of the loops, four bytes per word, little-endian), and 16 words
-//! per record. `cargo xtask bless vectors` makes the files from the core. The Rust core on the host and on a Cortex-M, the C99 export on both, and
-//! the Verilog export read them.
+//! A file is text: 32-bit hexadecimal words with `//` comments, as Verilog's `$readmemh` reads them. It has a head of
+//! four words (magic, module, bytes of the table, records), the table (a flash image or a table of the loops, four
+//! bytes per word, little-endian), and 16 words per record. `cargo xtask bless vectors` makes the files from the core.
+//! They are read by the Rust core on the host and on a Cortex-M, by the C99 export on both, and by the Verilog export.
 //!
-//! A record runs many ticks. Its stimulus comes from a linear congruential generator and, for the loops, from a small integer plant, both
-//! defined in `docs/reference/vectors.md`; its outputs are the state at the end and a hash over every tick.
+//! A record runs many ticks. Its stimulus comes from a linear congruential generator and, for the loops, from a small
+//! integer plant, both defined in `docs/reference/vectors.md`; its outputs are the state at the end and a hash over
+//! every tick.
 //!
-//! Limits: a hash shows in which record something differs, not in which tick. Two differences in one record cancel with a probability of
-//! 2⁻³².
+//! Limits: a hash shows in which record something differs, not in which tick. Two differences in one record cancel with
+//! a probability of 2⁻³².
 #![no_std]
 #![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used, clippy::panic))]
 
@@ -89,7 +90,7 @@ pub enum Failure {
     File(BadFile),
     /// The table in the file is refused.
     Table,
-    /// A record has an operation that the module does not know.
+    /// A record has an operation that its module does not have.
     Operation {
         /// Record, from 0.
         record: u32,
@@ -118,7 +119,7 @@ impl fmt::Display for Failure {
             Self::Table => f.write_str("the table in the file is refused"),
             Self::Operation { record, operation } => write!(f, "record {record}: no operation {operation}"),
             Self::Differs { module, record, output, expected, found } => {
-                write!(f, "{module:?}: record {record}, output {output}: {found:08x}, the vectors say {expected:08x}")
+                write!(f, "{module:?}: record {record}, output {output}: {found:08x}; expected {expected:08x}")
             }
         }
     }
@@ -174,7 +175,7 @@ impl Machine {
 /// Runs a whole file.
 ///
 /// # Errors
-/// [`Failure`]: the first thing that is not as the file says.
+/// [`Failure`]: the first difference from the file.
 pub fn check(text: &[u8]) -> Result<Passed, Failure> {
     let mut words = Words::new(text);
     let head = words.head().map_err(Failure::File)?;

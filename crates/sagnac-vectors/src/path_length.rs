@@ -1,18 +1,20 @@
 //! The path-length loop driven by records, closed over a small plant of integers.
 //!
-//! | operation | inputs | outputs |
-//! |---|---|---|
-//! | 0 start | | 0 |
-//! | 1 run | ticks, seed, peak's place (2⁻³² codes, two words), its drift (2⁻¹⁶ codes per tick), light at the peak, curvature, flags | hash of (actuator, modulation), hash of (status, phase), phase + status·2⁸ + modes·2¹⁶, error, held code, integrator |
+//! * Operation 0, start: no inputs; output 0.
+//! * Operation 1, run:
+//!   inputs: ticks, seed, position of the peak (2⁻³² codes, two words), its drift (2⁻¹⁶ codes per tick), light at the peak,
+//!   curvature, flags;
+//!   outputs: hash of (actuator, modulation), hash of (status, phase), phase + status·2⁸ + modes·2¹⁶, error, held code,
+//!   integrator (two words).
 //!
-//! Flags: bits of noise in the lowest eight; 256: the loop is closed or locked in all of the run; 512: there is light;
-//! the lag of the actuator, a right shift of 0 to 31, in the upper 16. The plant, once a tick, before it, from the
-//! last actuator and modulation codes, with w the wavelength:
+//! Flags: number of noise bits in the lowest eight bits; 256: the loop is closed or locked during the whole run; 512: there
+//! is light; the lag of the actuator, a right shift of 0 to 31, in the upper 16 bits. The plant is advanced before each
+//! tick, from the last actuator and modulation codes, with w the wavelength:
 //!
 //! ```text
 //! place += drift·2¹⁶            at += ⌊(actuator·2³² − at)·2^−lag⌋             x = ⌊at·2⁻³²⌋ + modulation
 //! d = (x − ⌊place·2⁻³²⌋) mod w, reduced to (w/2 − w, w/2]
-//! code = max(0, light − ⌊d²·curvature·2⁻³²⌋) + noise                (without light: noise alone)
+//! code = max(0, light − ⌊d²·curvature·2⁻³²⌋) + noise                (without light: only noise)
 //! ```
 //!
 //! Phases: 0 dark, 1 sweeping, 2 settling, 3 closing, 4 locked, 5 resetting.

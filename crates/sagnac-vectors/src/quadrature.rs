@@ -5,8 +5,8 @@
 //! | 0 start | counts per fringe: 1, 2 or 4 | 0 |
 //! | 1 run | pairs of levels, seed, three limits | Σ counts, lost steps, hash of the counts, quarter, 0 … |
 //!
-//! Before each pair the quarter moves: one forward if the word of the generator is below the first limit, one back if below the second, two
-//! if below the third; else it stays. A is high in quarters 1 and 2, B in 2 and 3.
+//! Before each pair the quarter moves by the word of the generator: one forward if it is below the first limit, one back if
+//! below the second, two if below the third; otherwise it stays. A is high in quarters 1 and 2, B in 2 and 3.
 
 use sagnac_loops::{Counting, Quadrature, QuadratureState};
 

@@ -1,4 +1,4 @@
-//! Allan deviations: the computation only, in turn with the peers, on the same rates.
+//! Allan deviations: only the computation, alternating with other tools on the same rates.
 
 use std::fmt::Write as _;
 use std::fs;
@@ -9,7 +9,7 @@ use xtask::shell::{root, sh};
 
 use crate::bench::{Bench, PAIRS, median, process};
 
-/// Where its section begins.
+/// Heading of the section.
 pub(super) const HEADING: &str = "\n## Allan deviations\n\n";
 /// Rates in the file, and rows of the long record.
 const RATES: &str = "10000000";
@@ -58,7 +58,7 @@ const CRATE_MAIN: &str = "fn main() {
 }
 ";
 
-/// Octaves and a hundred τ against both peers; a record of a thousand million rows alone.
+/// Octaves and a hundred τ compared with both other tools; a record of 10⁹ rows with Sagnac only.
 pub(super) fn measure(bench: &Bench, page: &mut String) -> Result<()> {
     sh("cargo", &["build", "--release", "--locked", "-p", "sagnac-lab", "--bin", "allan_speed"])?;
     let ours = root().join("target/release/allan_speed").display().to_string();
@@ -129,8 +129,8 @@ fn rates(bench: &Bench) -> Result<String> {
 
 /// What a program prints: its seconds and the last deviation.
 fn seconds_of(program: &str, args: &[&str]) -> Result<(f64, f64)> {
-    let said = process::output(program, args)?;
-    let mut numbers = said.split_whitespace().map(str::parse);
+    let stdout = process::output(program, args)?;
+    let mut numbers = stdout.split_whitespace().map(str::parse);
     let mut next = || numbers.next().context("no number")?.context("no number");
     Ok((next()?, next()?))
 }

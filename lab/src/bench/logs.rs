@@ -1,4 +1,4 @@
-//! Logs for the bench, made once: a swing of temperature, a small drift, Earth rate and angle random walk.
+//! Logs for the benchmark, made once: temperature cycle, small drift, Earth rate and angle random walk.
 
 use std::fs::{self, File};
 use std::io::{BufWriter, Write};

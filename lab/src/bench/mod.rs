@@ -1,4 +1,4 @@
-//! `cargo xtask bench`: whole processes, those of a pair in turn; docs/explanation/performance.md and its plot.
+//! `cargo xtask bench`: times whole processes in alternating pairs, for docs/explanation/performance.md and its plot.
 //!
 //! ```text
 //! logs (made once in target/bench) ─▶ ours, peer, ours, peer … ─▶ medians and ratios ─▶ docs/explanation/performance.md
@@ -27,7 +27,7 @@ const PAIRS: usize = 7;
 /// Lengths of the plot, rows.
 const LENGTHS: [u64; 5] = [1_000_000, 3_000_000, 10_000_000, 30_000_000, 100_000_000];
 
-/// The peers' work as a user would write it from their documentation.
+/// The same task with other tools, as a user would write it from their documentation.
 const PANDAS: &str = "import sys, numpy as np, pandas as pd
 log = pd.read_csv(sys.argv[1])
 t = log['temperature_c'].to_numpy()
@@ -61,8 +61,8 @@ pub(crate) fn bench(part: Option<&str>) -> Result<()> {
     fs::create_dir_all(&folder)?;
     let bench = Bench { sagnac: "target/release/sagnac".to_owned(), python: peers(&folder)?, folder };
     match part {
-        Some("simulator") => return alone(&bench, simulator::HEADING, simulator::measure),
-        Some("allan") => return alone(&bench, deviations::HEADING, deviations::measure),
+        Some("simulator") => return section_only(&bench, simulator::HEADING, simulator::measure),
+        Some("allan") => return section_only(&bench, deviations::HEADING, deviations::measure),
         Some(other) => bail!("no part {other} of the bench; there are simulator and allan"),
         None => {}
     }
@@ -80,7 +80,7 @@ pub(crate) fn bench(part: Option<&str>) -> Result<()> {
 }
 
 /// Measures one section and replaces it on the page, or appends it.
-fn alone(bench: &Bench, heading: &str, measure: impl Fn(&Bench, &mut String) -> Result<()>) -> Result<()> {
+fn section_only(bench: &Bench, heading: &str, measure: impl Fn(&Bench, &mut String) -> Result<()>) -> Result<()> {
     let path = root().join(PERFORMANCE);
     let page = fs::read_to_string(&path)?;
     let (before, after) = match page.split_once(heading) {
@@ -94,7 +94,7 @@ fn alone(bench: &Bench, heading: &str, measure: impl Fn(&Bench, &mut String) -> 
     Ok(())
 }
 
-/// A Python with the peers in it, made once.
+/// A Python environment with the other tools, made once.
 pub(crate) fn peers(folder: &Path) -> Result<String> {
     let venv = folder.join("venv");
     let python = venv.join("bin/python").display().to_string();
@@ -124,7 +124,7 @@ fn head(bench: &Bench) -> Result<String> {
 }
 
 fn line(page: &mut String, name: &str, cost: &Cost) {
-    // A String takes all that is written to it.
+    // Writing to a String cannot fail.
     let _ = writeln!(page, "| {name} | {:.2} | {:.1} |", cost.seconds, cost.peak_mib);
 }
 
@@ -178,7 +178,7 @@ impl Bench {
         Ok(())
     }
 
-    /// The same test with more and more rows, and one that lasts ten times longer.
+    /// The same test with increasing numbers of rows, and one that lasts ten times longer.
     fn lengths(&self, page: &mut String) -> Result<()> {
         *page += "\n## Time and memory against length\n\nLogs at 1 kHz of 17 minutes to 27.8 hours. Memory depends on the number of windows \
                   (about 20 kB per hour of test), not on the number of rows.\n\n![Time and memory against length](performance.svg)\n\n";
@@ -196,19 +196,19 @@ impl Bench {
         plot::draw(&root().join(PERFORMANCE_PLOT), &points)
     }
 
-    /// The compensator alone, with the image of the calibration just made.
+    /// Only the compensator, with the image of the calibration just made.
     fn ticks(&self, page: &mut String) -> Result<()> {
         let (record, image) = (self.file("unit.cal.json"), self.file("unit.img"));
         let (record, image) = (record.display().to_string(), image.display().to_string());
         process::output(&self.sagnac, &["export", &record, "--to", "image", "-o", &image])?;
         let example =
             ["run", "--quiet", "--release", "--locked", "-p", "sagnac-core", "--example", "ticks", "--", &image];
-        let said = process::output("cargo", &example)?;
+        let stdout = process::output("cargo", &example)?;
         let _ = writeln!(
             page,
             "\n## A tick of the compensator\n\n864 million ticks (24 h at 100 µs), one call per tick, with a slow update every second. \
              Fastest of three runs: **{}**. Target: 1.5.",
-            said.trim()
+            stdout.trim()
         );
         Ok(())
     }

@@ -32,9 +32,9 @@ pub(super) fn measure(command: &[String]) -> Result<Cost> {
         .output()
         .context("cannot start /usr/bin/time; on Debian: apt-get install time")?;
     let seconds = started.elapsed().as_secs_f64();
-    let said = String::from_utf8_lossy(&output.stderr).into_owned();
-    ensure!(output.status.success(), "{}: {said}", command.join(" "));
-    let peak = said.lines().rev().find_map(|line| line.strip_prefix("peak ")?.parse::<f64>().ok());
+    let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
+    ensure!(output.status.success(), "{}: {stderr}", command.join(" "));
+    let peak = stderr.lines().rev().find_map(|line| line.strip_prefix("peak ")?.parse::<f64>().ok());
     Ok(Cost { seconds, peak_mib: peak.context("no peak")? / 1024.0 })
 }
 
@@ -56,7 +56,7 @@ pub(super) fn median(values: &[f64]) -> f64 {
 pub(super) struct Pairs(Vec<(Cost, Cost)>);
 
 impl Pairs {
-    /// One pair to warm the file cache, then `count` pairs that count.
+    /// One pair to warm the file cache, then `count` measured pairs.
     pub(super) fn run(count: usize, ours: &[String], theirs: &[String]) -> Result<Self> {
         let mut pairs = Vec::new();
         for number in 0..=count {

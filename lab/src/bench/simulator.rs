@@ -1,4 +1,4 @@
-//! The simulator: times real time per core, and whole processes of `sagnac simulate`.
+//! The simulator: speed per core as a multiple of real time, and whole processes of `sagnac simulate`.
 
 use std::fmt::Write as _;
 use std::fs;
@@ -8,7 +8,7 @@ use xtask::shell::root;
 
 use crate::bench::{Bench, line, median_cost, process};
 
-/// Where its section begins.
+/// Heading of the section.
 pub(super) const HEADING: &str = "\n## The simulator\n\n";
 /// Simulated seconds of the beat, and of a log with a row per tick.
 const BEAT_S: u32 = 60;
@@ -20,9 +20,10 @@ pub(super) fn measure(bench: &Bench, page: &mut String) -> Result<()> {
     let text = fs::read_to_string(&scenario).context("the ready scenario is missing")?;
     let args = ["run", "--quiet", "--release", "--locked", "-p", "sagnac-sim", "--example", "speed", "--"];
     let (path, seconds) = (scenario.display().to_string(), BEAT_S.to_string());
-    let said = process::output("cargo", &[&args[..], &[&path, &seconds]].concat())?;
+    let stdout = process::output("cargo", &[&args[..], &[&path, &seconds]].concat())?;
     let times = |name: &str| -> Result<f64> {
-        let line = said.lines().find_map(|l| l.strip_prefix(name)).with_context(|| format!("no {name} in {said}"))?;
+        let line =
+            stdout.lines().find_map(|l| l.strip_prefix(name)).with_context(|| format!("no {name} in {stdout}"))?;
         Ok(line.split_whitespace().next().unwrap_or_default().parse()?)
     };
     let ticks = ready_with(bench, &text, "ticks", 0.0001, f64::from(TICKS_S))?;

@@ -1,7 +1,7 @@
-//! Times the deviations only: rates from a file of little-endian f64, or a generated stream through the pyramid.
+//! Times the computation of deviations: rates from a file of little-endian f64, or a generated stream through the pyramid.
 //!
-//! `allan_speed FILE octave|log` prints the seconds of the computation and the last deviation; `allan_speed - ROWS`
-//! those of a stream of so many rows that is never in memory. For `cargo xtask bench allan`.
+//! `allan_speed FILE octave|log` prints the seconds of the computation and the last deviation. `allan_speed - ROWS` does the
+//! same for a generated stream of ROWS rows, which is never in memory. For `cargo xtask bench allan`.
 
 use std::time::Instant;
 
@@ -44,7 +44,7 @@ fn streamed(rows: u64) {
     let (mut left, mut seconds) = (rows, 0.0);
     while left > 0 {
         for value in &mut block {
-            // Xorshift: cheap, and white enough to be timed.
+            // Xorshift: fast, and white enough for timing.
             state ^= state << 13;
             state ^= state >> 7;
             state ^= state << 17;

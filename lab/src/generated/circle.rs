@@ -1,7 +1,7 @@
 //! The full circle for each ready scenario: simulate three runs, calibrate on two, verify on the third.
 //!
-//! The calibrator sees logs only. The truth serves for the residual and its sources: the true errors of each window minus
-//! the correction, without noise. The page is not written if the residual is larger than claimed.
+//! The calibration gets only logs. The truth gives the residual and its sources: the true errors of each window minus the
+//! correction, without noise. The page is not written if the residual is larger than claimed.
 
 use std::io::{Cursor, Write as _};
 
@@ -50,11 +50,11 @@ struct Found {
     before: f64,
     after: f64,
     floor: f64,
-    /// σ of true errors less the correction, without noise.
+    /// σ of true errors minus the correction, without noise.
     residual: f64,
-    /// Of that, each source's part that the chosen terms cannot represent, largest first.
+    /// Contribution of each source that the selected terms cannot represent, largest first.
     sources: Vec<(&'static str, f64)>,
-    /// The rest: coefficients that two runs could not give better, and what the correction made of thermometer and lag.
+    /// The rest: uncertainty of the coefficients, and errors of thermometer and lag in the correction.
     fit: f64,
 }
 
@@ -100,7 +100,7 @@ fn orders(model: &str) -> (i32, Option<i32>) {
     (order("bias").unwrap_or(0), order("rate"))
 }
 
-/// σ of what least squares on the terms of the model leaves of each source.
+/// σ of the residual of each source after least squares on the terms of the model.
 fn unreachable_parts(points: &[&Point], truth: &[Errors], model: &str) -> Result<Vec<(&'static str, f64)>> {
     let (bias, rate) = orders(model);
     let (lo, hi) =
@@ -133,25 +133,25 @@ fn mean(truth: &[Errors], point: &Point, source: usize) -> f64 {
     of_window.iter().map(|errors| errors[source]).sum::<f64>() / of_window.len() as f64
 }
 
-const HEAD: &str = "# Simulated, calibrated, proven
+const HEAD: &str = "# The full circle
 
 Made by `cargo xtask bless`; do not edit.
 
-Seeds 1 and 2 of each ready scenario are calibrated with `auto`; seed 3 is the proof. The calibrator sees logs only. All figures are
-σ of windows of 100 s, °/h.
+Each ready scenario is simulated three times. Seeds 1 and 2 are calibrated with `auto`; seed 3 is the retest. The calibration gets only
+logs. All figures are σ of windows of 100 s, °/h.
 
 | column | meaning |
 |---|---|
 | before, after, floor | as in [Verification](verification.md#figures) |
 | residual | true errors of the simulator minus the correction, without noise; *after* is the root of floor² + residual² within the sampling error of n windows |
-| by source | the part of each error source that the selected terms cannot represent (least squares of the source itself on them) |
-| fit | the rest: coefficients that two noisy runs cannot give better, and the effect of thermometer and lag on them |
+| by source | contribution of each error source that the selected terms cannot represent (least squares of the source itself on them) |
+| fit | the rest: uncertainty of the coefficients from two noisy runs, and errors of thermometer and lag |
 
 | scenario | model | n | before | after | floor | residual | by source | fit |
 |---|---|---|---|---|---|---|---|---|
 ";
 
-/// Largest residual, in floors: measured, and half as much again.
+/// Largest residual as a fraction of the noise floor: 1.5 times the measured one.
 const MOST_RESIDUAL: [(&str, f64); 4] =
     [("paper", 0.41), ("square-28cm", 0.36), ("prism-heater-loop", 0.40), ("triangle-28cm-dithered", 0.32)];
 
@@ -177,7 +177,7 @@ fn row(name: &str, l: &Found) -> String {
     format!("| {name} | `{}` | {} | {figures} | {words} | {:.4} |\n", l.model, l.windows, l.fit)
 }
 
-/// What the page claims.
+/// Checks the claims of the page.
 fn holds(name: &str, most: f64, l: &Found) -> Result<()> {
     ensure!(l.residual < most * l.floor, "{name}: residual {}, floor {}", l.residual, l.floor);
     ensure!(l.before > 5.0 * l.residual, "{name}: residual {} of {}", l.residual, l.before);

@@ -18,15 +18,14 @@ use crate::program::Program;
 /// Limit on the address space of a run: a log is never held in memory.
 const MEMORY_KIB: u64 = 600_000;
 const OLD: &str = "what was there before\n";
-/// Files that we put into a case's folder.
+/// Files in every case's folder.
 const OURS: [&str; 2] = ["sagnac", "out.json"];
 
-const HEAD: &str = "# What the program says of broken inputs
+const HEAD: &str = "# Error messages for broken inputs
 
-Made by `cargo xtask bless`; do not edit. Each
-of these was made, run and looked at. Every message names what was wrong, where (file, line, column, value) and, where there is
-something, what to do. Status 2: bad usage or input. Status 3: refused, because the data cannot support the answer. Whatever
-happens, files that were there before stay as they are.
+Made by `cargo xtask bless`; do not edit. Every input of the table is made and run. A message states what is wrong, where (file, line,
+column, value) and, if there is a remedy, what to do. Status 2: bad usage or input. Status 3: refused, because the data cannot
+support the answer. Existing files are never changed by a command that fails.
 
 | input | status | message |
 |---|---|---|
@@ -125,7 +124,7 @@ fn problems(case: &Case, folder: &Path, before: &[String], outcome: &Outcome) ->
         (first.starts_with(word), format!("does not begin with {word:?}")),
         ((lines.len() == 1 + helps && helps <= 1) || case.usage, "more than one message".to_owned()),
         (case.place.is_none_or(|place| first.contains(place)), format!("does not name {:?}", case.place)),
-        (old == OLD, "the old output is gone".to_owned()),
+        (old == OLD, "the old output was changed".to_owned()),
         (after == before, format!("left {after:?}")),
     ];
     let failed = checks.into_iter().filter(|(good, _)| !good);
@@ -179,6 +178,9 @@ mod tests {
         fs::write(folder.path().join("more"), "").unwrap();
         let outcome = Outcome { status: 2, stderr: "error: log.csv\n".to_owned() };
         let problems = problems(&example(), folder.path(), &["out.json".to_owned()], &outcome).unwrap();
-        assert!(problems.len() == 2 && problems[0].contains("is gone") && problems[1].contains("more"), "{problems:?}");
+        assert!(
+            problems.len() == 2 && problems[0].contains("was changed") && problems[1].contains("more"),
+            "{problems:?}"
+        );
     }
 }

@@ -1,17 +1,17 @@
-//! Coverage, power and risk, as the tests measure them: one table from the lines that they print.
+//! Coverage, power and risk as measured by the tests: one table of the lines that they print.
 //!
 //! ```text
 //! cargo test … --nocapture --test-threads 1 ─▶ `test NAME ...`, `evidence: CLAIM | MEASURED | BOUND | RECORDS | FILE` ─▶ page
-//! page ─▶ each claim and bound stands in the test that the page names                              bless --check
+//! page ─▶ each claim and bound is in the test that the page names                                  bless --check
 //! ```
 //!
-//! The tests take minutes, so that `--check` does not run them: CI runs them as tests, and there they hold the bounds.
+//! The tests take minutes, so `--check` does not run them. CI runs them as tests, where they check the bounds.
 
 use std::collections::BTreeMap;
 use std::fs;
 
 use anyhow::{Context, Result, ensure};
-use xtask::shell::{root, said};
+use xtask::shell::{root, stdout_of};
 
 use crate::bless::Made;
 use crate::places::EVIDENCE;
@@ -24,9 +24,9 @@ const TESTS: [(&str, &[&str]); 2] = [
     ),
     ("sagnac-noise", &["terms"]),
 ];
-/// They end within, s.
+/// Time limit of the tests, s.
 const LONGEST_S: u32 = 3600;
-/// Begins the line of a figure.
+/// Start of a figure's line.
 const MARK: &str = "evidence: ";
 
 const HEAD: &str = "# Evidence
@@ -34,10 +34,10 @@ const HEAD: &str = "# Evidence
 Made by `cargo xtask bless evidence`; do not edit.
 
 Each row is a figure that a test measures on records with a known truth, with the bound that the test asserts. The records come from
-generators that share no code with what they judge, or from the simulator, whose truth the fit does not see. A figure without a unit is a
-fraction of the records, or a ratio. A bound holds what was measured, not the truth: where all of $n$ records agree, the true fraction is above
-$0.05^{1/n}$ with 95 % confidence, that is 0.741 for 10 records, 0.951 for 60 and 0.970 for 100. The seeds are fixed, so a second run
-measures the same. CI runs the tests and holds the bounds. [Decision](decision.md) explains what the figures of a verdict mean.
+generators that share no code with the fit, or from the simulator, whose truth the fit does not see. A figure without a unit is a fraction
+of the records, or a ratio. A bound applies to the measured fraction, not to the true one: where all of $n$ records agree, the true fraction
+is above $0.05^{1/n}$ with 95 % confidence, that is 0.741 for 10 records, 0.951 for 60 and 0.970 for 100. The seeds are fixed, so a second
+run measures the same. CI runs the tests and checks the bounds. [Decision](decision.md) explains the figures of a verdict.
 
 | claim | measured | bound | records | test |
 |---|---|---|---|---|
@@ -48,7 +48,7 @@ measures the same. CI runs the tests and holds the bounds. [Decision](decision.m
 struct Figure {
     /// `crates/NAME/tests/FILE.rs::TEST`.
     test: String,
-    /// Where the test prints it.
+    /// Line of the page.
     at: usize,
     claim: String,
     measured: String,
@@ -78,7 +78,7 @@ pub(crate) fn make() -> Result<Vec<Made>> {
         let mut args = vec!["test", "--locked", "-p", package];
         tests.iter().for_each(|test| args.extend(["--test", test]));
         args.extend(["--", "--nocapture", "--test-threads", "1"]);
-        figures.extend(printed(&said(LONGEST_S, "cargo", &args, &root())?)?);
+        figures.extend(printed(&stdout_of(LONGEST_S, "cargo", &args, &root())?)?);
     }
     figures.sort();
     let page = HEAD.to_owned() + &figures.iter().map(Figure::row).collect::<String>();
@@ -118,16 +118,16 @@ fn three_digits(value: f64) -> String {
     format!("{value:.places$}")
 }
 
-/// What is wrong with the committed page, without running a test.
+/// Errors of the committed page that are found without running a test.
 pub(crate) fn stale() -> Result<Vec<String>> {
     let page = fs::read_to_string(root().join(EVIDENCE)).with_context(|| format!("cannot read {EVIDENCE}"))?;
     wrong(&page)
 }
 
-/// Rows whose test is not there or does not hold their claim and bound, and tests that measure but have no row.
+/// Rows whose test is missing or does not contain their claim and bound, and figures of tests without a row.
 fn wrong(page: &str) -> Result<Vec<String>> {
     if !page.starts_with(HEAD) {
-        return Ok(vec![format!("{EVIDENCE}: its head is not as it is made")]);
+        return Ok(vec![format!("{EVIDENCE}: its head is out of date")]);
     }
     let rows = page.lines().enumerate().skip(HEAD.lines().count());
     let mut claimed: BTreeMap<String, Vec<Figure>> = BTreeMap::new();

@@ -28,7 +28,7 @@ const UNNOTICED: [(&str, &str); 5] = [
 /// Scenario and fault of those undetected.
 type Unnoticed = Vec<(&'static str, &'static str)>;
 
-/// What `inspect` said.
+/// Result of `inspect`.
 struct Seen {
     rows: u64,
     excluded: BTreeMap<String, u64>,
@@ -40,10 +40,10 @@ fn seen(program: &Program, folder: &Path, scenario: &str, fault: Option<&str>) -
     let log = folder.join(format!("{scenario}-{}.csv", fault.unwrap_or("none")));
     let (toml, bench) = (format!("scenarios/{scenario}/{scenario}.toml"), format!("scenarios/{scenario}/bench.toml"));
     let fault: Vec<&str> = fault.iter().flat_map(|kind| ["--fault", kind]).collect();
-    program.said(&[&["simulate", &toml, "-o", text(&log)?], &fault[..]].concat())?;
-    let object = serde_json::from_str(&program.said(&["inspect", text(&log)?, "--setup", &bench, "--json"])?)?;
+    program.stdout(&[&["simulate", &toml, "-o", text(&log)?], &fault[..]].concat())?;
+    let object = serde_json::from_str(&program.stdout(&["inspect", text(&log)?, "--setup", &bench, "--json"])?)?;
     std::fs::remove_file(&log)?;
-    of_inspect(&object).with_context(|| format!("what inspect says of {scenario} has other fields: {object}"))
+    of_inspect(&object).with_context(|| format!("unexpected fields in the output of inspect for {scenario}: {object}"))
 }
 
 fn of_inspect(object: &Value) -> Option<Seen> {
@@ -53,13 +53,13 @@ fn of_inspect(object: &Value) -> Option<Seen> {
     let refused = calibrate["refused"].as_bool().unwrap_or(false);
     let words = match calibrate["models"][0].as_str() {
         Some(model) => format!("`{model}`"),
-        // The reason up to its first colon: the rest is places.
+        // The reason up to its first colon; places follow.
         None => format!("refused: {}", calibrate["reason"].as_str()?.split([';', '(']).next()?.trim()),
     };
     Some(Seen { rows: object["rows"].as_u64()?, excluded: excluded.collect::<Option<_>>()?, calibrate: words, refused })
 }
 
-/// Reasons that are new, or of half a per cent of the rows and more; a cut window alone says nothing.
+/// Reasons that are new or concern at least 0.5 % of the rows more. A shortened window by itself does not count.
 fn named(clean: &Seen, broken: &Seen) -> Vec<String> {
     let more = broken.excluded.iter().filter_map(|(reason, rows)| {
         let before = clean.excluded.get(reason).copied().unwrap_or(0);
@@ -76,7 +76,7 @@ Made by `cargo xtask bless`; do not edit.
 
 Each ready scenario has each fault from two fifths to three fifths of its run. The log goes through `sagnac inspect`. *Named* are the
 reasons for which rows are excluded beyond those of the same test without the fault, with their number. **Not noticed** means that the log looks
-like a good one; [Simulator](../explanation/simulator.md#faults-that-nobody-notices) states why.
+like a good one; [Simulator](../explanation/simulator.md#faults-that-are-not-detected) states why.
 
 | scenario | fault | named | calibrate |
 |---|---|---|---|

@@ -64,7 +64,7 @@ fn cell(text: &str) -> String {
     text.split_whitespace().collect::<Vec<_>>().join(" ").replace('|', "\\|")
 }
 
-/// What a value of this schema is, in words; a definition by a link to its table.
+/// The type of a value of this schema, in words; a definition is a link to its table.
 fn kind(schema: &Value) -> String {
     if let Some(name) = schema["$ref"].as_str().and_then(|path| path.strip_prefix("#/$defs/")) {
         return format!("[{name}](#{})", name.to_lowercase());
@@ -161,8 +161,8 @@ mod tests {
     #[test]
     fn a_page_without_a_mark_is_an_error() {
         let (schema, _) = committed();
-        for (page, said) in [("", "no mark of the fields"), (BEGIN, "end of the fields")] {
-            assert!(between_marks(page, &schema).unwrap_err().to_string().contains(said), "{page}");
+        for (page, message) in [("", "no mark of the fields"), (BEGIN, "end of the fields")] {
+            assert!(between_marks(page, &schema).unwrap_err().to_string().contains(message), "{page}");
         }
     }
 }

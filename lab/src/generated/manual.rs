@@ -7,5 +7,5 @@ use crate::places::MANUAL;
 use crate::program::Program;
 
 pub(crate) fn make(program: &Program) -> Result<Vec<Made>> {
-    Ok(vec![Made::new(MANUAL, program.said(&["manual", "markdown"])?)])
+    Ok(vec![Made::new(MANUAL, program.stdout(&["manual", "markdown"])?)])
 }

@@ -50,7 +50,7 @@ fn pages() -> Result<Vec<Page>> {
     paths.into_iter().map(page).collect()
 }
 
-/// A fenced block: the words behind its fence, where its text begins in the page, and the text.
+/// A fenced block: the words after its fence, the offset of its text in the page, and the text.
 struct Block<'a> {
     info: Vec<&'a str>,
     start: usize,
@@ -87,7 +87,7 @@ fn commands(block: &str) -> Result<Vec<(String, String)>> {
     Ok(found)
 }
 
-/// Where a page's commands run.
+/// The folder in which a page's commands run.
 struct Workplace {
     folder: TempDir,
     /// The program's folder comes first.
@@ -106,7 +106,7 @@ impl Workplace {
         Ok(Self { folder, path })
     }
 
-    /// The command in a shell: both outputs in the order in which they came.
+    /// Runs the command in a shell; returns both outputs in the order in which they were printed.
     fn run(&self, command: &str) -> Result<Output> {
         let mut shell = Command::new("sh");
         shell.arg("-c").arg(format!("exec 2>&1\n{command}")).current_dir(self.folder.path());
@@ -145,7 +145,7 @@ fn made_anew(workplace: &Workplace, page: &str) -> Result<String> {
     Ok(out + &page[copied..])
 }
 
-/// Pages with examples: each alone, steps together.
+/// Groups of pages: each page by itself, the steps of a folder together.
 fn groups(pages: Vec<Page>) -> Vec<Vec<Page>> {
     let is_step =
         |path: &Path| path.file_name().is_some_and(|name| name.to_string_lossy().starts_with(char::is_numeric));
@@ -163,7 +163,7 @@ fn groups(pages: Vec<Page>) -> Vec<Vec<Page>> {
     groups
 }
 
-/// The pages of a group with what the program prints now.
+/// The pages of a group with the program's present output.
 fn group_anew(program: &Program, group: &[Page]) -> Result<Vec<Made>> {
     let workplace = Workplace::new(program)?;
     let anew = |page: &Page| {
@@ -184,14 +184,14 @@ pub(crate) fn make(program: &Program) -> Result<Vec<Made>> {
     Ok(made.into_iter().collect::<Result<Vec<_>>>()?.concat())
 }
 
-/// Parses each `sagnac …` in the blocks of shell commands that are not run; how many there are.
+/// Parses each `sagnac …` in the blocks of shell commands that are not run; returns their number.
 ///
 /// With `--help` at its end a command is only parsed; an unknown flag fails.
 pub fn parse_commands(program: &Program) -> Result<usize> {
     let workplace = Workplace::new(program)?;
     ensure!(
         !workplace.run("sagnac calibrate log.csv --no-such-flag --help")?.status.success(),
-        "a flag that is not there is parsed: this checks nothing"
+        "an unknown flag is accepted: this check is not effective"
     );
     let mut parsed = 0;
     for page in pages()? {

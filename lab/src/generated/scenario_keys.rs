@@ -12,8 +12,8 @@ const HEAD: &str = "# Scenario
 
 Made by `cargo xtask bless`; do not edit. Unknown keys and values outside
 their range are refused before a run starts. Sources: [S] public sources; [M] general knowledge of the field, not verified; both as
-marked in the project's domain notes. [D] is a choice of this simulator. A number without a default is required; of words the first is
-the default. `name`, `description` and `seed` come before the first table. `[[thermometer]]` and `[[fault]]` are lists.
+marked in the project's domain notes. [D] is a choice of this simulator. A number without a default is required. The first of several
+words is the default. `name`, `description` and `seed` come before the first table. `[[thermometer]]` and `[[fault]]` are lists.
 
 A leg of `chamber.leg` is `{ soak_s }` (1 s to 10 years) or `{ to_c, rate_cpm }` (−100 … 150 °C at 0.001 … 50 °C/min, positive in both
 directions). A leg of `input.table` is `{ rate_dps, for_s }` (−2000 … 2000 °/s for whole seconds; the rate changes at once).

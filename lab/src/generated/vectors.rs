@@ -19,7 +19,7 @@ const LIGHT: u32 = 1 << 9;
 const CLOSED: u32 = 1 << 8;
 const HOLD: u32 = 1 << 8;
 
-/// Where they are.
+/// Folder of the vectors.
 pub(crate) fn folder() -> PathBuf {
     root().join(VECTORS)
 }
@@ -42,7 +42,7 @@ pub(crate) fn make() -> Result<Vec<Made>> {
     ])
 }
 
-/// A file in the making: the machine that gives the outputs, and the text.
+/// A vector file under construction: the machine that computes the outputs, and the text.
 struct Making {
     machine: Machine,
     about: &'static str,
@@ -100,7 +100,7 @@ fn image_bytes(description: Description) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// The loops of a scenario, and the light that they hold.
+/// The loops of a scenario, and their plant.
 struct Loops {
     table: Vec<u8>,
     /// Photodiode code at the peak.
@@ -375,10 +375,10 @@ fn compensator_paper(image: &[u8]) -> Result<Making> {
     Ok(making)
 }
 
-/// Everything that can go wrong: late and early updates, missing and absurd temperatures, limits, overflow.
+/// Misuse and extreme values: late and early updates, missing and absurd temperatures, limits, overflow.
 ///
-/// An advance of many ticks into an output limit has no meaning tick by tick: the benches of hardware, which know
-/// single ticks only, leave the last of these files out.
+/// An advance of many ticks into an output limit has no equivalent in single ticks. The test benches of the hardware, which
+/// run single ticks, therefore skip the last of these files.
 fn compensator_edges(output_limit: u32, longest: u32) -> Result<Making> {
     use Kind::{Bias, Scale};
     use Multiplier::{One, Rate};
@@ -467,7 +467,7 @@ fn path_length(of: &Loops, longer: u32, runs: u32) -> Result<Making> {
         let flags = bits | if dark { 0 } else { LIGHT } | of.lag << 16;
         let [low, high] = [place_q32 as u32, (place_q32 >> 32) as u32];
         let inputs = [ticks, dice, low, high, drift as u32, of.peak, of.curvature, flags];
-        // Tried first: whether the loop is closed all along.
+        // A trial run determines whether the loop is closed during the whole run.
         let mut tried = making.machine;
         tried.step(1, &inputs).context("run")?;
         let Machine::PathLength(path) = &tried else { anyhow::bail!("not a path-length machine") };
@@ -503,7 +503,7 @@ fn intensity(table: &[u8]) -> Result<Making> {
     Ok(making)
 }
 
-/// All three ways of counting, forward, back, trembling, and double steps.
+/// All three counting modes: forward, back, jitter, and double steps.
 fn quadrature() -> Result<Making> {
     let mut making = Making::new(Module::Quadrature, Vec::new(), "quadrature counter: 1, 2 and 4 counts per fringe")?;
     for (index, multiplier) in [1, 2, 4].into_iter().enumerate() {

@@ -4,18 +4,18 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
-use xtask::shell::{root, said, sh, sh_in, target, text};
+use xtask::shell::{root, sh, sh_in, stdout_of, target, text};
 
 use super::OLDEST_GLIBC;
 
 const TARGET: &str = "x86_64-unknown-linux-gnu";
-/// Of PyPI: a compiler and linker for any GLIBC, and what calls it from cargo.
+/// From PyPI: a C compiler and linker for any GLIBC, and the cargo subcommand that uses it.
 const TOOLS: [&str; 2] = ["ziglang==0.17.1", "cargo-zigbuild==0.24.0"];
 
-/// A release build against an old GLIBC. No path of this machine is in it.
+/// A release build against an old GLIBC, without paths of this machine.
 pub(super) fn build() -> Result<PathBuf> {
-    let said_by_cargo = said(60, "rustc", &["--print", "host-tuple"], &root())?;
-    ensure!(said_by_cargo.trim() == TARGET, "archive and package are made for {TARGET}, on a machine of that kind");
+    let host = stdout_of(60, "rustc", &["--print", "host-tuple"], &root())?;
+    ensure!(host.trim() == TARGET, "archive and package are made for {TARGET}, on a machine of that kind");
     let tools = tools()?;
     let path = format!("{}:{}", text(&tools)?, std::env::var("PATH").unwrap_or_default());
     let cargo_home = std::env::var("CARGO_HOME").or_else(|_| std::env::var("HOME").map(|home| home + "/.cargo"))?;
@@ -51,7 +51,7 @@ fn tools() -> Result<PathBuf> {
 #[derive(Debug, PartialEq)]
 pub(super) struct Needs {
     pub(super) glibc: [u32; 2],
-    /// The compiler's own library beside it.
+    /// The compiler's support library, for unwinding.
     pub(super) libgcc: bool,
 }
 
@@ -64,10 +64,10 @@ impl Needs {
     }
 }
 
-/// By the libraries and versions of symbols in its dynamic section.
+/// Reads the libraries and the symbol versions from the dynamic section.
 pub(super) fn needs(program: &Path) -> Result<Needs> {
     ensure!(fs::metadata(program).is_ok(), "{} is not there", program.display());
-    read_needs(&said(60, "objdump", &["-p", text(program)?], &root())?)
+    read_needs(&stdout_of(60, "objdump", &["-p", text(program)?], &root())?)
 }
 
 fn read_needs(objdump: &str) -> Result<Needs> {
@@ -108,8 +108,8 @@ mod tests {
 
     #[test]
     fn a_library_of_unknown_origin_is_refused() {
-        let said = read_needs(&OBJDUMP.replace("libgcc_s.so.1", "libssl.so.3")).unwrap_err().to_string();
-        assert!(said.contains("libssl.so.3"), "{said}");
+        let message = read_needs(&OBJDUMP.replace("libgcc_s.so.1", "libssl.so.3")).unwrap_err().to_string();
+        assert!(message.contains("libssl.so.3"), "{message}");
         assert!(read_needs("").is_err());
     }
 }

@@ -5,12 +5,12 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
 use xtask::debian::is_root;
-use xtask::shell::{root, said, sh_in, text};
+use xtask::shell::{root, sh_in, stdout_of, text};
 
 use super::pack::{Packed, pack};
 use super::{Release, binary, empty};
 
-/// Everything, in a folder of its own.
+/// Makes all checks in a folder of their own.
 pub(super) fn check(release: &Release, packed: &Packed, folder: &Path) -> Result<()> {
     empty(folder)?;
     same_bytes(release, packed, &folder.join("again"))?;
@@ -18,7 +18,7 @@ pub(super) fn check(release: &Release, packed: &Packed, folder: &Path) -> Result
     installed(release, packed, &folder.join("system"))
 }
 
-/// Packed elsewhere and later, every byte is the same.
+/// Packs again in another folder; every byte must be the same.
 fn same_bytes(release: &Release, packed: &Packed, folder: &Path) -> Result<()> {
     let again = pack(release, folder)?;
     for (first, second) in [(&packed.archive, &again.archive), (&packed.deb, &again.deb)] {
@@ -42,10 +42,10 @@ fn unpacked(release: &Release, packed: &Packed, folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// By dpkg itself where it may give files to root; unpacked as dpkg does it elsewhere.
+/// As root, dpkg installs the package into an empty system; for other users dpkg-deb unpacks it.
 fn installed(release: &Release, packed: &Packed, system: &Path) -> Result<()> {
     empty(system)?;
-    let depends = said(60, "dpkg-deb", &["--field", text(&packed.deb)?, "Depends"], &root())?;
+    let depends = stdout_of(60, "dpkg-deb", &["--field", text(&packed.deb)?, "Depends"], &root())?;
     ensure!(depends.trim() == binary::needs(&release.program)?.depends(), "Depends: {depends}");
     let how = if is_root() {
         install(packed, system)?;
@@ -55,7 +55,7 @@ fn installed(release: &Release, packed: &Packed, system: &Path) -> Result<()> {
         "unpacked by dpkg-deb (installing takes root)"
     };
     let share = system.join("usr/share");
-    manual(&said(60, "gzip", &["-dc", text(&share.join("man/man1/sagnac-calibrate.1.gz"))?], &root())?)?;
+    manual(&stdout_of(60, "gzip", &["-dc", text(&share.join("man/man1/sagnac-calibrate.1.gz"))?], &root())?)?;
     completes(&share.join("bash-completion/completions/sagnac"))?;
     for name in ["zsh/vendor-completions/_sagnac", "fish/vendor_completions.d/sagnac.fish", "doc/sagnac/copyright"] {
         ensure!(share.join(name).is_file(), "the package has no usr/share/{name}");
@@ -75,8 +75,8 @@ fn install(packed: &Packed, system: &Path) -> Result<()> {
     let root_flag = format!("--root={}", text(system)?);
     sh_in(&root(), "dpkg", &[&root_flag, "--force-depends", "--install", text(&packed.deb)?], &[])?;
     let admin = format!("--admindir={}", text(&state)?);
-    let said = said(60, "dpkg-query", &[&admin, "--show", "--showformat=${Status}", "sagnac"], &root())?;
-    ensure!(said == "install ok installed", "after dpkg --install: {said}");
+    let stdout = stdout_of(60, "dpkg-query", &[&admin, "--show", "--showformat=${Status}", "sagnac"], &root())?;
+    ensure!(stdout == "install ok installed", "after dpkg --install: {stdout}");
     Ok(())
 }
 
@@ -90,8 +90,11 @@ fn completes(file: &Path) -> Result<()> {
     let asked = "source \"$0\"; complete -p sagnac >&2; \
                  ask() { COMP_WORDS=(sagnac \"$@\"); COMP_CWORD=$#; COMPREPLY=(); _sagnac sagnac \"${!#}\" sagnac; echo \"${COMPREPLY[@]}\"; }; \
                  ask calib; ask verify --lim";
-    let said = said(60, "bash", &["-c", asked, text(file)?], &root())?;
-    ensure!(said == "calibrate\n--limits\n", "completions of `sagnac calib` and `sagnac verify --lim` are {said:?}");
+    let stdout = stdout_of(60, "bash", &["-c", asked, text(file)?], &root())?;
+    ensure!(
+        stdout == "calibrate\n--limits\n",
+        "completions of `sagnac calib` and `sagnac verify --lim` are {stdout:?}"
+    );
     Ok(())
 }
 
@@ -99,21 +102,21 @@ fn completes(file: &Path) -> Result<()> {
 fn runs(release: &Release, program: &Path, work: &Path) -> Result<()> {
     empty(work)?;
     let data = |name: &str| root().join("testdata/chamber").join(name);
-    let sagnac = |args: &[&str]| said(300, text(program)?, args, work);
+    let sagnac = |args: &[&str]| stdout_of(300, text(program)?, args, work);
     let version = sagnac(&["--version"])?;
-    ensure!(version.trim() == format!("sagnac {}", release.version), "--version says {version}");
+    ensure!(version.trim() == format!("sagnac {}", release.version), "--version prints {version}");
     let logs: Vec<PathBuf> = (1..=3).map(|n| data(&format!("cycle-{n}.csv.gz"))).collect();
     let (setup, limits) = (data("bench.toml"), data("limits.toml"));
     let (first, second, third) = (text(&logs[0])?, text(&logs[1])?, text(&logs[2])?);
     let calibrated = sagnac(&["calibrate", first, second, "--setup", text(&setup)?, "-o", "unit.cal.json"])?;
-    ensure!(calibrated.contains("axis z: `bias 3, rate 0`"), "calibrate says\n{calibrated}");
+    ensure!(calibrated.contains("axis z: `bias 3, rate 0`"), "calibrate prints\n{calibrated}");
     let verified = sagnac(&["verify", "unit.cal.json", third, "--limits", text(&limits)?, "--report", "unit.html"])?;
-    ensure!(verified.contains("axis z: all limits met"), "verify says\n{verified}");
+    ensure!(verified.contains("axis z: all limits met"), "verify prints\n{verified}");
     let report = fs::read_to_string(work.join("unit.html")).context("verify wrote no report")?;
     ensure!(report.contains("</html>"), "the report has no end");
-    // Parquet is in it, and read again.
+    // The feature for Parquet is compiled in: a table is written and read again.
     sagnac(&["window", first, "--setup", text(&setup)?, "-o", "w.parquet"])?;
     let inspected = sagnac(&["calibrate", "w.parquet", "--json"])?;
-    ensure!(inspected.contains("\"axes\""), "calibrate of a window table says\n{inspected}");
+    ensure!(inspected.contains("\"axes\""), "calibrate of a window table prints\n{inspected}");
     Ok(())
 }

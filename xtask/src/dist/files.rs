@@ -1,11 +1,11 @@
-//! Files beside the program, the same in archive and package: made once, placed where each of them needs it.
+//! The files of archive and package, made once, with the place of each in both.
 
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
-use xtask::shell::{root, said, text};
+use xtask::shell::{root, stdout_of, text};
 
 use super::{Release, empty, licences};
 
@@ -51,7 +51,7 @@ fn document(from: PathBuf, name: &str) -> File {
 /// A page for the program and one for each command, by the program itself.
 fn manuals(release: &Release, folder: &Path) -> Result<Vec<File>> {
     let pages = folder.join("man");
-    said(60, text(&release.program)?, &["manual", "man", "--output", text(&pages)?], &root())?;
+    stdout_of(60, text(&release.program)?, &["manual", "man", "--output", text(&pages)?], &root())?;
     let mut files = Vec::new();
     for entry in fs::read_dir(&pages)? {
         let path = entry?.path();
@@ -72,13 +72,13 @@ fn completions(release: &Release, folder: &Path) -> Result<Vec<File>> {
     ];
     let made = places.map(|(shell, name, in_deb)| {
         let path = folder.join(name);
-        fs::write(&path, said(60, text(&release.program)?, &["manual", shell], &root())?)?;
+        fs::write(&path, stdout_of(60, text(&release.program)?, &["manual", shell], &root())?)?;
         Ok(plain(path, &format!("completions/{name}"), in_deb))
     });
     made.into_iter().collect()
 }
 
-/// In the form that Debian requires; the licence texts are beside it.
+/// Text of Debian's copyright file; the licence texts are installed beside it.
 fn copyright_text() -> Result<String> {
     let mit = fs::read_to_string(root().join("LICENSE-MIT"))?;
     let holder = mit.lines().find(|line| line.starts_with("Copyright")).context("LICENSE-MIT names no holder")?;

@@ -1,11 +1,11 @@
-//! The licences of all that is compiled into the program.
+//! The licences of all libraries that are compiled into the program.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
-use xtask::shell::{root, said};
+use xtask::shell::{root, stdout_of};
 
 /// A library in the program: name, version, licence, folder of its source.
 struct Library {
@@ -14,7 +14,7 @@ struct Library {
     source: PathBuf,
 }
 
-/// Names and licences, then each text once with the libraries that it belongs to.
+/// Names and licences of the libraries, then each licence text once, with the libraries that it belongs to.
 pub(super) fn third_parties() -> Result<String> {
     let libraries = libraries()?;
     let mut out = String::from("Sagnac is compiled together with the libraries below. Their licences follow.\n\n");
@@ -38,8 +38,8 @@ pub(super) fn third_parties() -> Result<String> {
 /// The libraries that cargo compiles into the program, except ours.
 fn libraries() -> Result<Vec<Library>> {
     let args = ["tree", "--locked", "--package", "sagnac-cli", "--edges", "normal", "--prefix", "none"];
-    let said = said(120, "cargo", &[&args[..], &["--format", "{p}|{l}"]].concat(), &root())?;
-    let lines: BTreeSet<&str> = said.lines().map(|line| line.trim_end_matches(" (*)")).collect();
+    let stdout = stdout_of(120, "cargo", &[&args[..], &["--format", "{p}|{l}"]].concat(), &root())?;
+    let lines: BTreeSet<&str> = stdout.lines().map(|line| line.trim_end_matches(" (*)")).collect();
     let mut libraries = Vec::new();
     for line in lines {
         let (package, licence) = line.split_once('|').with_context(|| format!("a line of cargo tree: {line}"))?;
@@ -55,7 +55,7 @@ fn libraries() -> Result<Vec<Library>> {
     Ok(libraries)
 }
 
-/// Where cargo unpacked it.
+/// The folder to which cargo unpacked a library.
 fn source_of(name: &str) -> Result<PathBuf> {
     let home = std::env::var("CARGO_HOME").or_else(|_| std::env::var("HOME").map(|home| home + "/.cargo"))?;
     let folder = name.replace(' ', "-");

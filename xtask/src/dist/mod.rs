@@ -1,4 +1,4 @@
-//! `cargo xtask dist`: the program for people without Rust, as an archive and as a Debian package.
+//! `cargo xtask dist`: the program for users without Rust, as an archive and as a Debian package.
 //!
 //! ```text
 //! sources ─zig─▶ sagnac (old GLIBC) ─▶ files: man pages, completions, licences ─┬▶ sagnac-VERSION-x86_64-linux.tar.gz
@@ -6,7 +6,7 @@
 //!                                                                both packed twice, unpacked, installed, run
 //! ```
 //!
-//! `--check` does all but the first arrow, with the program as the tests have it: CI runs that.
+//! `--check` skips the release build and packs the program of the tests; CI runs this.
 
 mod binary;
 mod check;
@@ -19,17 +19,17 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
 use xtask::debian::{self, need};
-use xtask::shell::{built, root, said, target};
+use xtask::shell::{built, root, stdout_of, target};
 
 use crate::checks::build_lab;
 
-/// The newest GLIBC that the archive may require: that of 2012, which Rust's own library requires.
+/// The newest GLIBC that the archive may require: that of 2012, which Rust's standard library requires.
 const OLDEST_GLIBC: [u32; 2] = [2, 17];
 
 /// The program to pack, with its version and time.
 struct Release {
     version: String,
-    /// Seconds; everything in the packages is of this time.
+    /// Time stamp of all files in archive and package, seconds since 1970.
     time: String,
     program: PathBuf,
 }
@@ -57,24 +57,25 @@ fn as_the_tests_have_it() -> Result<PathBuf> {
     Ok(built("debug", "sagnac"))
 }
 
-/// Of the workspace.
+/// Version of the workspace.
 fn version() -> Result<String> {
     let manifest = fs::read_to_string(root().join("Cargo.toml"))?;
     let line = manifest.lines().find_map(|line| line.strip_prefix("version = ")).context("no version in Cargo.toml")?;
     Ok(line.trim_matches('"').to_owned())
 }
 
-/// SOURCE_DATE_EPOCH, else the time of the last commit.
+/// SOURCE_DATE_EPOCH, otherwise the time of the last commit.
 fn time() -> Result<String> {
     if let Ok(given) = std::env::var("SOURCE_DATE_EPOCH") {
         ensure!(given.parse::<u64>().is_ok(), "SOURCE_DATE_EPOCH is {given}, not a number of seconds");
         return Ok(given);
     }
-    let said = said(60, "git", &["log", "-1", "--format=%ct"], &root()).context("no git: give SOURCE_DATE_EPOCH")?;
-    Ok(said.trim().to_owned())
+    let stdout =
+        stdout_of(60, "git", &["log", "-1", "--format=%ct"], &root()).context("no git: give SOURCE_DATE_EPOCH")?;
+    Ok(stdout.trim().to_owned())
 }
 
-/// An empty folder.
+/// Makes a folder, or empties it.
 fn empty(folder: &Path) -> Result<()> {
     if folder.exists() {
         fs::remove_dir_all(folder).with_context(|| format!("cannot empty {}", folder.display()))?;

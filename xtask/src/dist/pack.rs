@@ -5,12 +5,12 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
-use xtask::shell::{root, said, sh_in, text};
+use xtask::shell::{root, sh_in, stdout_of, text};
 
 use super::files::{File, files, place};
 use super::{Release, binary, empty};
 
-/// Both, as files.
+/// Paths of archive and package.
 pub(super) struct Packed {
     pub(super) archive: PathBuf,
     pub(super) deb: PathBuf,
@@ -58,7 +58,7 @@ fn deb(release: &Release, files: &[File], folder: &Path) -> Result<PathBuf> {
     fs::set_permissions(&control, fs::Permissions::from_mode(0o644))?;
     open_folders(&tree)?;
     let path = folder.join(format!("sagnac_{}_amd64.deb", release.version));
-    // Times later than this are set to it: all of them are.
+    // dpkg-deb sets later times to this one; all files are later.
     let time = [("SOURCE_DATE_EPOCH", release.time.as_str())];
     let args = ["--root-owner-group", "-Zxz", "--build", text(&tree)?, text(&path)?];
     sh_in(folder, "dpkg-deb", &args, &time)?;
@@ -84,7 +84,7 @@ fn open_folders(folder: &Path) -> Result<()> {
 }
 
 fn control_text(release: &Release, bytes: u64) -> Result<String> {
-    let architecture = said(60, "dpkg", &["--print-architecture"], &root())?;
+    let architecture = stdout_of(60, "dpkg", &["--print-architecture"], &root())?;
     ensure!(architecture.trim() == "amd64", "the package is for amd64, this machine is {architecture}");
     let manifest = fs::read_to_string(root().join("Cargo.toml"))?;
     let field = |name: &str| {

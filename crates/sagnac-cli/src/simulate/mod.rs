@@ -33,10 +33,10 @@ pub(crate) struct Args {
     /// Gyro, test and faults; docs/reference/scenario.md has every key
     #[arg(value_name = "SCENARIO")]
     scenario: PathBuf,
-    /// Seed of all random numbers; that of the scenario unless told
+    /// Seed of all random numbers; that of the scenario by default
     #[arg(long)]
     seed: Option<u64>,
-    /// Log to write: CSV, or Parquet for a name in .parquet; standard output unless told
+    /// Log to write: CSV, or Parquet for a name in .parquet; standard output by default
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
     /// Truth to write as CSV: true rate, every error source apart, temperatures, mode

@@ -1,8 +1,8 @@
 //! Brings temperatures to the time of the counts.
 //!
-//! A thermometer's sample stamped t holds from t + offset on. Each row therefore uses the newest
-//! sample stamped at or before its own time − offset; all later stages have one clock. With a negative
-//! offset rows wait until that sample was read.
+//! A thermometer sample stamped t is valid from t + offset on. Each row therefore uses the newest
+//! sample stamped at or before its own time − offset; all later stages use one clock. With a negative
+//! offset, rows wait until that sample has been read.
 
 use std::collections::VecDeque;
 
@@ -74,7 +74,7 @@ impl Aligner {
     }
 }
 
-/// The time of a usable row: that of a broken row may be anything.
+/// The time of a usable row; a broken row may have any time.
 fn sound_time(rows: &RawRows, row: usize) -> Option<i64> {
     rows.time(row).filter(|t| t.unsigned_abs() < MAX_TIME && !rows.faults[row].has(Faults::RAGGED))
 }

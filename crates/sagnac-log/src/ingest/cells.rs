@@ -1,9 +1,9 @@
-//! Rows by row to rows by column.
+//! Transposes rows into columns, block by block.
 
 use crate::ingest::header::Layout;
 use crate::ingest::raw::{Faults, RawRows};
 
-/// What is made of the value of a column.
+/// Use of a column's values.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Slot {
     /// Places from the column's unit to ns.
@@ -18,7 +18,7 @@ pub(crate) enum Slot {
     Skipped,
 }
 
-/// Rows that wait to be handed over together.
+/// Pending rows, transposed together.
 #[derive(Clone)]
 pub(crate) struct Cells {
     /// One per column of the log.
@@ -45,7 +45,7 @@ impl Cells {
         Self { slots, has_time, values: Vec::new(), times_ns: Vec::new(), faults: Vec::new() }
     }
 
-    /// Rows that wait.
+    /// Pending rows.
     pub(crate) fn len(&self) -> usize {
         self.faults.len()
     }
@@ -59,14 +59,14 @@ impl Cells {
         self.faults.push(faults);
     }
 
-    /// A row of which nothing is known but that it is broken.
+    /// A broken row: all its values are missing.
     #[cfg(feature = "ulog")]
     pub(crate) fn push_broken_row(&mut self) {
         self.values.resize(self.values.len() + self.slots.len(), f64::NAN);
         self.finish_row(crate::ingest::raw::NO_TIME, Faults::RAGGED);
     }
 
-    /// The rows that wait, into the columns.
+    /// Moves the pending rows into the columns.
     pub(crate) fn hand_over(&mut self, rows: &mut RawRows) {
         rows.faults.append(&mut self.faults);
         for (index, slot) in self.slots.iter().enumerate() {

@@ -1,8 +1,8 @@
 //! Parquet and Arrow logs: record batches to rows.
 //!
-//! A column means what its name says, as in a header of text ([`crate::ingest::header`]); a null is an empty
-//! field. The same values give the same rows as in text: numbers as `f64` (of a 32-bit float the exact value),
-//! times as in their shortest decimal form. Rows are numbered as lines under one line of headers.
+//! Column names have the same meaning as headers of a text log ([`crate::ingest::header`]); a null is an empty
+//! field. The same values give the same rows as in text: numbers as `f64` (a 32-bit float exactly), times as in
+//! their shortest decimal form. Rows are numbered as if one header line preceded them.
 //!
 //! Both decoders seek, so anything but a plain file is first copied to a temporary one. Before Arrow's decoder sees a
 //! file, every length that it would trust is checked against the length of the file.
@@ -42,7 +42,7 @@ const MAX_UNPACKED: u64 = 1 << 30;
 const UNITS: [(TimeUnit, u32); 4] =
     [(TimeUnit::Second, 9), (TimeUnit::Millisecond, 6), (TimeUnit::Microsecond, 3), (TimeUnit::Nanosecond, 0)];
 
-/// Which of the three a file is.
+/// Which of the three formats a file has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Form {
     Parquet,
@@ -229,9 +229,9 @@ fn check_message(metadata: &[u8], file: &mut File, body_at: u64, size: u64) -> R
 }
 
 impl Columnar {
-    /// Begins to decode. `pace` says whether all columns are kept as text.
-    pub(crate) fn feed(self, layout: &Layout, pace: ReadMode) -> Result<ColumnFeed> {
-        let keep_fields = pace != ReadMode::Bulk;
+    /// Begins to decode. `mode` selects whether all columns are kept as text.
+    pub(crate) fn feed(self, layout: &Layout, mode: ReadMode) -> Result<ColumnFeed> {
+        let keep_fields = mode != ReadMode::Bulk;
         let wanted: Vec<usize> = if keep_fields { (0..layout.headers.len()).collect() } else { layout.columns_read() };
         let batches: Batches = match self.form {
             Form::Parquet => guarded(|| {
@@ -253,7 +253,7 @@ pub(crate) struct ColumnFeed {
     keep_fields: bool,
     hashing: Hashing,
     what: &'static str,
-    /// A batch and the rows of it that are already out.
+    /// A batch and the number of its rows that were already returned.
     waiting: Option<(RecordBatch, usize)>,
 }
 
@@ -355,7 +355,7 @@ impl ColumnFeed {
                 }
                 _ => match texts(column) {
                     Some(texts) => texts,
-                    // What is not read and has no plain text is left empty.
+                    // A column that is not read and has no plain text stays empty.
                     None if !read.contains(&index) => vec![String::new(); batch.num_rows()],
                     None => return Err(self.wrong_type(batch, index)),
                 },
@@ -432,7 +432,7 @@ fn each_text<'a>(column: &'a dyn Array, take: impl FnMut(Option<&'a str>)) -> Op
 
 /// Times in ns: numbers in the unit of the header, Arrow's own times in theirs.
 fn times(column: &dyn Array, places: u32, out: &mut Vec<i64>) -> Option<()> {
-    // Numbers are no dates: their power is never asked for.
+    // Numbers are never dates, so their power of ten is not needed.
     let scale = |places: u32| 10_i128.pow(places.min(9));
     let whole =
         |value: Option<i128>, places: u32| value.and_then(|v| i64::try_from(v * scale(places)).ok()).unwrap_or(NO_TIME);

@@ -1,39 +1,39 @@
-//! Steps of a running total: past its wraps, across rows that were lost, and not across a reset.
+//! Steps of a cumulative counter: across wraps and lost rows, but not across a reset.
 //!
-//! The total is known on both sides of a gap, and so is what was counted in it. Three things can spoil that:
+//! The total is known on both sides of a gap, so the counts within the gap are known too. Three cases need care:
 //!
-//! * a counter of known width wraps: the step is the one nearest to what the intervals so far would have brought, and it is
-//!   unknown where the width does not tell one number of wraps from the next
-//! * a counter of unknown width wraps: refused, with the width that it seems to have
-//! * a counter starts anew: its total is near zero and its step is far from all before it
+//! * A counter of known width wraps: the step nearest to the mean step so far is used. The step is unknown if it does not
+//!   determine the number of wraps.
+//! * A counter of unknown width wraps: the log is refused, and the message names the apparent width.
+//! * A counter is reset: its total is near zero and its step is far from all earlier ones.
 
 /// Steps that must have been seen before a step can be called unusual.
 const FEWEST_STEPS: u32 = 4;
 /// Weight of the newest step in the mean.
 const NEWEST: f64 = 1.0 / 16.0;
-/// Quanta that no judgement goes below.
+/// Smallest tolerance of a step, quanta.
 const SOME_QUANTA: f64 = 16.0;
-/// No gap brings more quanta.
+/// Most quanta in a gap.
 const MOST_EXPECTED: f64 = 1e18;
-/// A step this many times as far out as any before it is no step of the same counter.
+/// A step this many times as far from the mean as any before it is a reset.
 const FAR: f64 = 4.0;
 
-/// What a total says of the intervals since the one before.
+/// Interpretation of a step from one total to the next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Step {
     /// This many quanta were counted.
     Counted(i64),
-    /// The counter started anew.
+    /// The counter was reset.
     Reset,
     /// It may have wrapped more than once.
     Unknown,
-    /// A counter of this many bits wrapped, and nobody said so; its step.
+    /// A counter of this many bits wrapped although the setup does not state its width; its step.
     Wrap(u32, i64),
 }
 
-/// How one axis has counted so far, quanta per interval.
+/// Statistics of the steps of one axis so far, quanta per interval.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Pace {
+pub(crate) struct StepStatistics {
     steps: u32,
     mean: f64,
     /// Largest distance of a step from the mean.
@@ -42,8 +42,8 @@ pub(crate) struct Pace {
     largest: f64,
 }
 
-impl Pace {
-    /// The step from one total to the next, over so many intervals.
+impl StepStatistics {
+    /// The step from one total to the next, over a number of intervals.
     pub(crate) fn step(&self, before: i64, now: i64, intervals: i64, bits: Option<u8>) -> Step {
         let difference = now - before;
         let over = intervals as f64;
@@ -56,7 +56,7 @@ impl Pace {
             None => difference,
             Some(bits) => {
                 let width = 1_i64 << bits;
-                // Rows without a gap, and the first ones: the shorter way round.
+                // Adjacent rows and the first ones: the smaller of the two possible steps.
                 let about = if intervals > 1 && self.is_known() { expected.round() as i64 } else { 0 };
                 about + (difference - about + width / 2).rem_euclid(width) - width / 2
             }
@@ -72,7 +72,7 @@ impl Pace {
         Step::Counted(step)
     }
 
-    /// Takes a step that is used.
+    /// Adds a used step to the statistics.
     pub(crate) fn take(&mut self, step: i64, intervals: i64) {
         let one = step as f64 / intervals as f64;
         if self.steps > 0 {
@@ -89,7 +89,7 @@ impl Pace {
         self.steps >= FEWEST_STEPS
     }
 
-    /// How far a step over so many intervals may be from the mean; all its size before anything is known.
+    /// Largest distance from the mean of a step over a number of intervals; the step's own size before there is a mean.
     fn uncertain(&self, over: f64) -> f64 {
         if self.is_known() { self.spread * over + SOME_QUANTA } else { self.largest.abs() * over + SOME_QUANTA }
     }
@@ -99,7 +99,7 @@ impl Pace {
         self.is_known() && away.abs() > FAR * usual + SOME_QUANTA && now.abs() as f64 <= 2.0 * usual + SOME_QUANTA
     }
 
-    /// A step back by a power of two, less what as many intervals bring: the bits of a counter that wrapped.
+    /// The width of a counter that wrapped: a step back by a power of two minus the usual counts.
     fn wrap(&self, step: i64, over: f64) -> Option<u32> {
         let (size, usual) = (step.unsigned_abs(), self.largest.abs() * over);
         let turned = self.largest != 0.0 && (step.signum() as f64) != self.largest.signum();
@@ -113,11 +113,11 @@ impl Pace {
 mod tests {
     use super::*;
 
-    /// A counter that brings 480 to 520 in an interval.
-    fn pace() -> Pace {
-        let mut pace = Pace::default();
-        (0..50).for_each(|k| pace.take(480 + (k * 7) % 41, 1));
-        pace
+    /// A counter with 480 to 520 counts per interval.
+    fn steps() -> StepStatistics {
+        let mut steps = StepStatistics::default();
+        (0..50).for_each(|k| steps.take(480 + (k * 7) % 41, 1));
+        steps
     }
 
     #[test]
@@ -125,8 +125,8 @@ mod tests {
         let wrapped = |total: i64| total.rem_euclid(1 << 16);
         for intervals in 1..=500 {
             let now = 65_000 + 500 * intervals + 3;
-            let step = pace().step(65_000, wrapped(now), intervals, Some(16));
-            // 65 intervals are half a turn: the mean tells the turns apart until its spread is a quarter of one.
+            let step = steps().step(65_000, wrapped(now), intervals, Some(16));
+            // 65 intervals are half a turn: the mean determines the turns until its spread is a quarter of one.
             match intervals {
                 ..=400 => assert_eq!(step, Step::Counted(500 * intervals + 3), "{intervals}"),
                 _ => assert!(
@@ -135,19 +135,23 @@ mod tests {
                 ),
             }
         }
-        assert_eq!(pace().step(65_000, wrapped(65_000 + 500 * 5000), 5000, Some(16)), Step::Unknown);
+        assert_eq!(steps().step(65_000, wrapped(65_000 + 500 * 5000), 5000, Some(16)), Step::Unknown);
     }
 
     #[test]
     fn resets_and_wraps_are_told_apart() {
-        assert_eq!(pace().step(1_234_567, 490, 1, None), Step::Reset);
-        assert_eq!(pace().step(1_234_567, 490, 1, Some(32)), Step::Reset);
-        assert_eq!(pace().step(1_234_567, 5_000, 12, None), Step::Reset);
-        assert_eq!(pace().step(65_300, 264, 1, None), Step::Wrap(16, -65_036));
-        assert_eq!(pace().step(1_234_567, 1_240_567, 12, None), Step::Counted(6000));
+        assert_eq!(steps().step(1_234_567, 490, 1, None), Step::Reset);
+        assert_eq!(steps().step(1_234_567, 490, 1, Some(32)), Step::Reset);
+        assert_eq!(steps().step(1_234_567, 5_000, 12, None), Step::Reset);
+        assert_eq!(steps().step(65_300, 264, 1, None), Step::Wrap(16, -65_036));
+        assert_eq!(steps().step(1_234_567, 1_240_567, 12, None), Step::Counted(6000));
         // A turn of the table is a step.
-        assert_eq!(pace().step(1_234_567, 1_334_567, 1, None), Step::Counted(100_000));
-        assert_eq!(pace().step(-9_000_000_000_000_000, 9_000_000_000_000_000, i64::MAX / 4, Some(52)), Step::Unknown);
-        assert_eq!(Pace::default().step(1_000_000, 3, 1, None), Step::Counted(-999_997), "nothing is known yet");
+        assert_eq!(steps().step(1_234_567, 1_334_567, 1, None), Step::Counted(100_000));
+        assert_eq!(steps().step(-9_000_000_000_000_000, 9_000_000_000_000_000, i64::MAX / 4, Some(52)), Step::Unknown);
+        assert_eq!(
+            StepStatistics::default().step(1_000_000, 3, 1, None),
+            Step::Counted(-999_997),
+            "nothing is known yet"
+        );
     }
 }

@@ -18,7 +18,7 @@ pub struct Format {
     open: fn(Source, &ReadConfig, ReadMode) -> Result<Opened>,
 }
 
-/// Every format; text, which has no mark, is the last.
+/// Every format; text has no magic bytes and is therefore the last.
 pub static FORMATS: [Format; 5] = [
     Format { magic: b"PAR1", name: "Apache Parquet", open: open_columns },
     Format { magic: b"ARROW1", name: "Arrow IPC file (Feather 2)", open: open_columns },
@@ -29,7 +29,7 @@ pub static FORMATS: [Format; 5] = [
 ];
 
 impl Format {
-    /// By the first bytes; anything unknown is text, or refused as binary there.
+    /// The format by its first bytes; anything unknown is text, whose reader refuses binary files.
     pub fn of(start: &[u8]) -> &'static Self {
         FORMATS.iter().find(|format| start.starts_with(format.magic)).unwrap_or(&FORMATS[FORMATS.len() - 1])
     }

@@ -30,21 +30,21 @@ pub const HEADERS: [(&str, &str); 10] = [
     ("reference_rate_dps", "rate of the table under the gyro, °/s"),
     (
         "table_angle_deg",
-        "angle of the table, °, in place of its rate; it may wrap at 360, and turns by less than 180 in a row",
+        "angle of the table, °, instead of its rate; it may wrap at 360, and changes by less than 180 in a row",
     ),
     (
         "table_mark",
-        "1 in the row in which the table completed a revolution, −1 for one backwards, else 0, in place of its rate",
+        "1 in the row in which the table completed a revolution, −1 for a backward one, otherwise 0, instead of its rate",
     ),
     ("valid", "1, true, ok, yes or 0, false, no: flagged rows are excluded"),
     ("aux_name", "any number that the correction may depend on: a voltage, a current, a mode"),
 ];
 
-/// Columns by which a table of `sagnac window` is known, whoever wrote it again.
+/// Columns that identify a table of `sagnac window`, even if another program rewrote it.
 const WINDOW_TABLE: [&str; 4] = ["run", "start_ns", "duration_ns", "first_line"];
-/// Words of headers that speak of time.
+/// Words that mark a header as a time.
 const TIME_WORDS: [&str; 9] = ["time", "timestamp", "datetime", "date", "utc", "epoch", "clock", "gpstime", "unixtime"];
-/// Words that may.
+/// Words that may mark a time.
 const MORE_TIME_WORDS: [&str; 8] = ["t", "s", "sec", "seconds", "elapsed", "hours", "minutes", "tow"];
 /// Most thermometers of a log.
 const MAX_THERMOMETERS: usize = 32;
@@ -103,7 +103,7 @@ pub fn role_of(header: &str) -> Result<Role> {
     let (quantity, rest) = lower.split_once('_').unwrap_or((&lower, ""));
     match quantity {
         "time" => time_role(header, rest),
-        // Others may be of another clock, or of something else.
+        // Other times may be of another clock or have another meaning.
         "timestamp" | "datetime" => Ok(time_role(header, rest).unwrap_or(Role::Ignored)),
         "temperature" => temperature_role(header, rest),
         "counts" => Ok(Role::Counts { axis: axis_of(header, rest)? }),
@@ -118,7 +118,7 @@ pub fn role_of(header: &str) -> Result<Role> {
     }
 }
 
-/// The refusal for output that was corrected once.
+/// The error for a log that Sagnac has already corrected.
 pub fn already_compensated() -> Error {
     Error::refused("this log is already compensated; a second compensation would be wrong twice")
         .help("use the log that `sagnac compensate` read")
@@ -274,8 +274,8 @@ impl Layout {
         self.time.is_some_and(|(_, places)| places == ISO_8601)
     }
 
-    /// In a log without a time column a header that looks like one, is not read and was not mapped. Names such as `t_s` look like
-    /// one where `nothing_else` says how long a row is.
+    /// In a log without a time column: an unread, unmapped header that looks like one. Names such as `t_s` count only if
+    /// `nothing_else` gives the length of a row.
     pub(crate) fn unread_time(&self, columns: &BTreeMap<String, String>, nothing_else: bool) -> Option<&str> {
         let looks = |header: &&String| {
             let lower = header.to_ascii_lowercase();

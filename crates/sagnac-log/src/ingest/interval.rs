@@ -1,4 +1,4 @@
-//! The interval of a row: as given, else from the first rows; a time column that says otherwise refuses what was given.
+//! The interval of a row: as given, otherwise from the first rows. A given interval that contradicts the time column is refused.
 
 use std::collections::VecDeque;
 
@@ -11,25 +11,25 @@ use crate::setup::ReadConfig;
 use sagnac_units::format::significant;
 use sagnac_units::{NS_PER_S, ns_from_s, s_from_ns};
 
-/// Rows from which the nominal interval is taken when it is not given.
+/// Rows from which the nominal interval is computed if it is not given.
 const LOOKAHEAD_ROWS: usize = 129;
-/// No more rows are read in search of sound ones.
+/// Most rows that are read to find usable ones.
 const MOST_LOOKAHEAD: usize = 100_000;
-/// Steps of a pipe from which its interval is judged.
+/// Steps from which the interval of a pipe is checked.
 const PIPE_STEPS: usize = 16;
-/// A given interval may be this part away from that of the time column; from fewer steps than [`PIPE_STEPS`] by `LOOSE`.
+/// Largest relative deviation of a given interval from that of the time column; `LOOSE` for fewer steps than [`PIPE_STEPS`].
 const CLOSE: f64 = 0.02;
 const LOOSE: f64 = 0.1;
-/// A time column whose steps are like each other in fewer than this part of them says nothing clear.
+/// Smallest fraction of equal steps for which a time column counts as regular.
 const REGULAR_PART: f64 = 0.75;
 
-/// What the times of the first rows say.
+/// Statistics of the times of the first rows.
 struct Steps {
     /// Mean of the steps within a tenth of their median, ns: stamps are often rounded.
     typical_ns: i64,
-    /// Mean of all, ns.
+    /// Mean of all steps, ns.
     mean_ns: f64,
-    /// How many there are, and the part of them within a tenth of their median.
+    /// Number of steps, and the fraction of them within a tenth of their median.
     number: usize,
     regular_part: f64,
 }
@@ -49,8 +49,8 @@ impl Steps {
         Some(Self { typical_ns, mean_ns, number, regular_part: steps.len() as f64 / number as f64 })
     }
 
-    /// Holds a given interval against them: it is refused where the steps are alike, and neither their mean nor that of all
-    /// is within 2 % of it.
+    /// Checks a given interval. It is refused if the steps are regular and neither their mean nor that of all steps is within 2 %
+    /// of it.
     fn judge(&self, given_ns: i64) -> Result<()> {
         let most = if self.number >= PIPE_STEPS { CLOSE } else { LOOSE };
         let close = |ns: f64| (given_ns as f64 / ns - 1.0).abs() <= most;
@@ -65,12 +65,12 @@ impl Steps {
     }
 }
 
-/// The interval of a row: as given, else from the first rows.
+/// The interval of a row: as given, otherwise from the first rows.
 pub(crate) fn nominal_interval(
     pieces: &mut ChunkReader,
     layout: &Layout,
     config: &ReadConfig,
-    pace: ReadMode,
+    mode: ReadMode,
     ahead: &mut VecDeque<RawRows>,
 ) -> Result<i64> {
     let out_of_range = || Error::input("out of range").column("sample_interval_s");
@@ -78,7 +78,7 @@ pub(crate) fn nominal_interval(
     if layout.time.is_none() {
         return untimed(layout, config, given);
     }
-    let live = pace == ReadMode::LineByLine;
+    let live = mode == ReadMode::LineByLine;
     if let Some(given_ns) = given.filter(|_| live) {
         return Ok(given_ns);
     }
@@ -87,7 +87,7 @@ pub(crate) fn nominal_interval(
     match (given, steps) {
         (Some(given_ns), Some(steps)) => steps.judge(given_ns).map(|()| given_ns),
         (None, Some(steps)) => Ok(steps.typical_ns),
-        // Rows whose times say nothing of an interval are judged one by one.
+        // Rows without usable times are checked one by one.
         (Some(given_ns), None) if !times.is_empty() || !is_unreadable(ahead) => Ok(given_ns),
         _ => Err(no_interval(read, &times, layout, ahead)),
     }
@@ -103,7 +103,7 @@ fn untimed(layout: &Layout, config: &ReadConfig, given: Option<i64>) -> Result<i
     match given {
         Some(given_ns) => Ok(given_ns),
         None if layout.is_count_log() => {
-            Err(Error::input("counts without a time column, and nothing says how long a row is")
+            Err(Error::input("counts without a time column, and the length of a row is not given")
                 .column("sample_interval_s")
                 .help("give --sample-interval or sample_interval_s in the setup"))
         }
@@ -111,8 +111,8 @@ fn untimed(layout: &Layout, config: &ReadConfig, given: Option<i64>) -> Result<i
     }
 }
 
-/// Reads rows until so many of them have a time. Broken rows and repeated times say nothing, and a pipe may begin in the
-/// middle of a row. How many were read, and their times.
+/// Reads rows until enough of them have a time; returns the number of rows read and their times. Broken rows and repeated
+/// times do not count, and a pipe may begin in the middle of a row.
 fn first_times(pieces: &mut ChunkReader, wanted: usize, ahead: &mut VecDeque<RawRows>) -> Result<(usize, Vec<i64>)> {
     let (mut read, mut times) = (0, Vec::new());
     let mut rows = RawRows::default();
@@ -133,7 +133,7 @@ fn first_times(pieces: &mut ChunkReader, wanted: usize, ahead: &mut VecDeque<Raw
     Ok((read, times))
 }
 
-/// True where rows are whole, but none of them has a time.
+/// True if there are complete rows, but none of them has a time.
 fn is_unreadable(ahead: &VecDeque<RawRows>) -> bool {
     let mut whole = ahead.iter().flat_map(|rows| &rows.faults).filter(|faults| !faults.has(Faults::RAGGED));
     whole.next().is_some()
@@ -166,7 +166,7 @@ fn no_interval(read: usize, times: &[i64], layout: &Layout, ahead: &VecDeque<Raw
     if times.is_empty() && read > 0 && is_unreadable(ahead) { error.column(header) } else { error }
 }
 
-/// Holds the given interval of a pipe against its rows as they come.
+/// Checks the given interval of a pipe as its rows arrive.
 #[derive(Debug)]
 pub(crate) struct PipeWatch {
     times: Vec<i64>,

@@ -1,6 +1,6 @@
 //! Times as ISO 8601 writes them: `2024-02-29T12:00:00.5Z`, `2024-02-29 12:00:00+01:00`, `20240229T120000`.
 //!
-//! A time without an offset is taken as UTC: only differences within a log matter. A leap second is the second after it.
+//! A time without an offset is read as UTC: only differences within a log matter. A leap second is read as the second after it.
 
 use chrono::{NaiveDate, NaiveTime};
 

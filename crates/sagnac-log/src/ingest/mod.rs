@@ -5,7 +5,7 @@
 //!        (temperatures to the time of counts) ─▶ RowValidator (checked rows) ─▶ Batch
 //! ```
 //!
-//! [`LogReader`] returns one batch after the other and never holds the whole log. One file is one run.
+//! [`LogReader`] reads one file, batch by batch, and never holds the whole log. Later stages join files to runs.
 
 mod align;
 mod cells;
@@ -125,20 +125,20 @@ pub fn same_shape(first: &LogShape, other: &LogShape) -> Result<()> {
 }
 
 impl LogShape {
-    /// Intervals that a row covers: more than one where a cumulative counter was not written down in between.
+    /// Intervals that a row covers: more than one for a cumulative counter with missing rows in between.
     pub fn intervals(&self, start_ns: i64, end_ns: i64) -> u64 {
         intervals_of(end_ns - start_ns, self.nominal_ns).unsigned_abs()
     }
 }
 
-/// Nominal intervals in a length of time: up to one and a half are one, as they make no gap.
+/// Nominal intervals in a length of time: up to one and a half count as one, since they are no gap.
 pub(crate) fn intervals_of(length_ns: i64, nominal_ns: i64) -> i64 {
     let nominal_ns = nominal_ns.max(1);
     (length_ns - nominal_ns / 2 + nominal_ns - 1).div_euclid(nominal_ns).max(1)
 }
 
-/// What a cumulative counter counted over (start, end] between two rows of a batch: too long for a row, because nothing is
-/// known of the temperature in it.
+/// Counts of a cumulative counter over a gap (start, end] between two rows of a batch. The gap is too long for a row, because the
+/// temperature within it is unknown.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bridge {
     /// Rows of the batch before it.
@@ -174,7 +174,7 @@ pub struct Batch {
     pub line: Vec<u64>,
     /// The row's fields as text (empty with [`ReadMode::Bulk`]).
     pub fields: Vec<::csv::ByteRecord>,
-    /// What a cumulative counter counted over gaps that are too long for a row.
+    /// Counts of a cumulative counter over gaps that are too long for a row.
     pub bridges: Vec<Bridge>,
     pub(crate) checked_c: Vec<f64>,
 }
@@ -225,7 +225,7 @@ impl Batch {
     }
 }
 
-/// What is known of a log once it was read to its end.
+/// Summary of a log, complete when the log has been read to its end.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LogSummary {
     /// File name as given.
@@ -234,7 +234,7 @@ pub struct LogSummary {
     pub sha256: String,
     /// Rows read, usable or not.
     pub rows: u64,
-    /// What was not used, by reason.
+    /// Rejected rows and values, by reason.
     pub tallies: Tallies,
 }
 
@@ -290,8 +290,8 @@ impl LogReader {
     ///
     /// # Errors
     /// As [`LogReader::open`].
-    pub fn open_watched(path: &Path, setup: &Setup, pace: ReadMode, watch: Option<Watch>) -> Result<Self> {
-        Self::from_source(Source::open(path, watch)?, setup, pace)
+    pub fn open_watched(path: &Path, setup: &Setup, mode: ReadMode, watch: Option<Watch>) -> Result<Self> {
+        Self::from_source(Source::open(path, watch)?, setup, mode)
     }
 
     /// Reads a log from bytes that come from anywhere; `name` is used in messages.
@@ -302,23 +302,23 @@ impl LogReader {
         name: &str,
         reader: Box<dyn std::io::Read + Send>,
         setup: &Setup,
-        pace: ReadMode,
+        mode: ReadMode,
     ) -> Result<Self> {
-        Self::from_source(Source::from_reader(name.to_owned(), reader)?, setup, pace)
+        Self::from_source(Source::from_reader(name.to_owned(), reader)?, setup, mode)
     }
 
-    fn from_source(source: Source, setup: &Setup, pace: ReadMode) -> Result<Self> {
+    fn from_source(source: Source, setup: &Setup, mode: ReadMode) -> Result<Self> {
         let name = source.name.clone();
-        Self::start(source, &setup.stages().read, pace).map_err(|e| e.file(name))
+        Self::start(source, &setup.stages().read, mode).map_err(|e| e.file(name))
     }
 
-    fn start(source: Source, config: &ReadConfig, pace: ReadMode) -> Result<Self> {
+    fn start(source: Source, config: &ReadConfig, mode: ReadMode) -> Result<Self> {
         let (name, hash) = (source.name.clone(), source.hash.clone());
-        let Opened { feed, layout, delimiter, lines_before } = source.format.open(source, config, pace)?;
-        let mut pieces = ChunkReader::new(feed, lines_before, pace != ReadMode::LineByLine);
+        let Opened { feed, layout, delimiter, lines_before } = source.format.open(source, config, mode)?;
+        let mut pieces = ChunkReader::new(feed, lines_before, mode != ReadMode::LineByLine);
         let unit = angle_unit(&layout, config)?;
         let mut ahead = VecDeque::new();
-        let nominal_ns = nominal_interval(&mut pieces, &layout, config, pace, &mut ahead)?;
+        let nominal_ns = nominal_interval(&mut pieces, &layout, config, mode, &mut ahead)?;
         let shape = LogShape {
             axes: layout.axes.iter().map(|(_, axis, _)| *axis).collect(),
             thermometers: layout.temperatures.iter().map(|(_, name, _)| name.clone()).collect(),
@@ -330,15 +330,15 @@ impl LogReader {
             ignored: layout.ignored.clone(),
         };
         let check = RowValidator::new(name.clone(), &layout, config, nominal_ns);
-        // Of a pipe no row was known when the interval was given.
-        let watched = pace == ReadMode::LineByLine && config.sample_interval_s.is_some();
+        // For a pipe, no row was known when the interval was given.
+        let watched = mode == ReadMode::LineByLine && config.sample_interval_s.is_some();
         let check = if watched { check.watching_interval() } else { check };
         let batch = Batch::for_shape(&shape);
         let align = Aligner::new(ns_from_s(config.temperature_offset_s).unwrap_or(0));
         let rows = RawRows::default();
         let column = layout.reference.map_or(TableColumn::Rate, |(_, column)| column);
-        // A log that is written again row by row must not wait for marks: they serve fits and verifications.
-        let column = if pace != ReadMode::Bulk && column == TableColumn::Mark { TableColumn::Rate } else { column };
+        // Output that is written row by row must not wait for table marks; only fits and verifications need them.
+        let column = if mode != ReadMode::Bulk && column == TableColumn::Mark { TableColumn::Rate } else { column };
         let table = TableRates::new(column);
         Ok(Self { pieces, layout, delimiter, check, shape, batch, rows, ahead, align, table, hash, name })
     }
@@ -450,7 +450,7 @@ impl LogReader {
         }
     }
 
-    /// What was read so far.
+    /// Summary of what was read so far.
     pub fn summary(&self) -> LogSummary {
         LogSummary {
             file: self.name.clone(),
@@ -477,7 +477,7 @@ fn angle_unit(layout: &Layout, config: &ReadConfig) -> Result<AngleUnit> {
         return Ok(AngleUnit::Arcsec);
     }
     let arcsec_per_count = config.arcsec_per_count.ok_or_else(|| {
-        Error::input("the log holds counts, and nothing says how many arcsec a count is")
+        Error::input("the log holds counts, but the size of a count in arcsec is not given")
             .column("arcsec_per_count")
             .help("give --arcsec-per-count or arcsec_per_count in the setup; it is never guessed")
     })?;

@@ -1,4 +1,4 @@
-//! Numbers as logs write them.
+//! Reads the numbers of a log.
 
 use crate::ingest::iso::iso_ns;
 
@@ -54,7 +54,7 @@ impl Decimal {
         }
         let size = self.digits as f64;
         let size = if self.places == 0 { size } else { size / EXACT_POWERS.get(self.places as usize)? };
-        // The sign bit by arithmetic: signs come at random.
+        // The sign bit by arithmetic, because a branch on random signs is slow.
         Some(f64::from_bits(size.to_bits() ^ (u64::from(self.negative) << 63)))
     }
 
@@ -67,7 +67,7 @@ impl Decimal {
     }
 }
 
-/// Appends the digits at the start of `bytes` to `digits`; how many there are.
+/// Appends the digits at the start of `bytes` to `digits`; returns their number.
 #[inline]
 fn run_of_digits(mut digits: u64, bytes: &[u8]) -> (u64, usize) {
     for (at, byte) in bytes.iter().enumerate() {
@@ -80,7 +80,7 @@ fn run_of_digits(mut digits: u64, bytes: &[u8]) -> (u64, usize) {
     (digits, bytes.len())
 }
 
-/// In place of the places of a time: the column holds dates.
+/// Used in place of a time's decimal places if the column holds dates.
 pub(crate) const ISO_8601: u32 = u32::MAX;
 
 /// A time as whole nanoseconds, to the nearest; exact for decimals down to 1 ns.

@@ -5,9 +5,9 @@
 //! * Reads beyond the end return nothing, and its Thrift reader treats that as a skipped byte. A page header that
 //!   announces a list of 2^31 elements is then read to the last one: an hour for a file of a kilobyte. Here a repeated
 //!   read at the end is an error ([`ParquetFile`]).
-//! * It reads every list of the footer, whatever length the list announces
+//! * It reads every list of the footer to the announced length, however long
 //!   ([`crate::ingest::parquet_footer`]).
-//! * It allocates memory for as many values as a dictionary page announces. Here a page must hold at least a bit for each.
+//! * It allocates memory for as many values as a dictionary page announces. Here a page must hold at least one bit for each.
 
 use std::fs::File;
 use std::io::{self, BufReader, Read};
@@ -25,7 +25,7 @@ use parquet::file::serialized_reader::SerializedFileReader;
 
 use crate::ingest::parquet_footer::footer_is_whole;
 
-/// The columns of those root indices (all of them without) in batches of at most so many rows.
+/// The columns with these root indices (all if `None`) in batches of at most `rows` rows.
 ///
 /// # Errors
 /// Errors of the decoder on the footer.
@@ -42,7 +42,7 @@ pub fn parquet_batches(file: File, roots: Option<&[usize]>, rows: usize) -> Resu
     ParquetRecordBatchReader::try_new_with_row_groups(&levels, &groups, rows, None)
 }
 
-/// Names and types of the columns, with what the writer said of them.
+/// Names and types of the columns, with the writer's metadata.
 ///
 /// # Errors
 /// As [`parquet_batches`].
@@ -57,7 +57,7 @@ fn described(file: &ParquetFile) -> Result<ArrowReaderMetadata> {
     ArrowReaderMetadata::load(file, Default::default())
 }
 
-/// Row groups whose pages are looked at before they are decoded.
+/// Row groups whose pages are checked before they are decoded.
 struct DoubtedGroups(Arc<dyn FileReader>);
 
 impl RowGroups for DoubtedGroups {
@@ -127,7 +127,7 @@ const PATIENCE: u32 = 8;
 /// The file, for the decoder.
 struct ParquetFile(File);
 
-/// Bytes from a place on.
+/// Bytes from an offset on.
 struct UntilEnd {
     inner: BufReader<File>,
     at_end: u32,

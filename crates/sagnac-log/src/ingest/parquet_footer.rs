@@ -1,6 +1,6 @@
 //! Checks a Parquet footer before its decoder sees it: its lists must have the length that they announce.
 //!
-//! The footer is Thrift's compact protocol. Each element of a list or map takes a byte at least, so a count beyond the
+//! The footer uses Thrift's compact protocol. Each element of a list or map has at least one byte, so a count beyond the
 //! remaining bytes is invalid; the decoder (parquet 59) would read all of them, seconds for each such list. Only the
 //! structure is checked; the decoder interprets the fields.
 
@@ -9,12 +9,12 @@ use std::io::{Read, Seek, SeekFrom};
 
 /// `PAR1` and the length before it.
 const TAIL: u64 = 8;
-/// A larger footer is left to the decoder.
+/// A larger footer is not checked here; the decoder refuses it.
 const MOST_BYTES: u64 = 256 << 20;
 /// Largest depth of a footer.
 const MOST_DEPTH: u32 = 64;
 
-/// False where the footer announces more than it holds. True also where there is none: the decoder reports that.
+/// False if the footer announces more than it holds. True also if there is none: the decoder reports that.
 pub(crate) fn footer_is_whole(file: &File) -> bool {
     footer(file).is_none_or(|bytes| Walk { left: &bytes }.structure(0).is_some())
 }
@@ -36,7 +36,7 @@ fn footer(file: &File) -> Option<Vec<u8>> {
     Some(bytes)
 }
 
-/// The bytes not read yet. Every step returns `None` where they do not suffice.
+/// The bytes not read yet. Every step returns `None` if there are too few.
 struct Walk<'a> {
     left: &'a [u8],
 }

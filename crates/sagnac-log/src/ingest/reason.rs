@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Reason {
-    /// Not as many fields as the header has.
+    /// Number of fields differs from the header's.
     Ragged,
     /// A time or count that is not a finite number.
     NotANumber,
@@ -19,10 +19,10 @@ pub enum Reason {
     TimeBackwards,
     /// Time of the row above.
     DuplicateTime,
-    /// More than 1.5 intervals since the row above; the row itself is used. Of a cumulative counter it speaks for the whole gap up
-    /// to 30 s or three intervals.
+    /// More than 1.5 intervals since the row above; the row itself is used. For a cumulative counter the row covers the
+    /// whole gap, up to 30 s or three intervals.
     Gap,
-    /// A cumulative counter that started anew: the step to it is not known.
+    /// A cumulative counter was reset: the step to this row is not known.
     CounterReset,
     /// A gap in which a cumulative counter may have wrapped more than once.
     CounterUnknown,
@@ -30,13 +30,13 @@ pub enum Reason {
     FlaggedInvalid,
     /// A temperature field that holds no number.
     TemperatureNotANumber,
-    /// A temperature outside the plausible limits.
+    /// A temperature outside the thermometer's valid range.
     TemperatureImplausible,
-    /// An auxiliary value outside of what the setup believes of its column.
+    /// An auxiliary value outside the column's valid range.
     AuxImplausible,
     /// A temperature that jumped by more than 5 °C between rows and did not stay.
     ThermometerJump,
-    /// A thermometer that stood still while another moved.
+    /// A thermometer that stayed constant while another moved.
     ThermometerFrozen,
     /// Window within `discard_initial_s` of the start of its run.
     Settling,
@@ -117,30 +117,30 @@ impl Reason {
 }
 
 impl Reason {
-    /// What it means, in a sentence for people.
+    /// Its meaning in a sentence.
     pub fn meaning(self) -> &'static str {
         match self {
-            Self::Ragged => "Not as many fields as the header has.",
+            Self::Ragged => "The number of fields differs from the header's.",
             Self::NotANumber => "A time or count that is not a finite number.",
             Self::ValueOutOfRange => "More than 2^40 quanta or 1e8 °/h in a row.",
             Self::TimeBackwards => "Time before that of the row above.",
             Self::DuplicateTime => "Time of the row above.",
             Self::Gap => {
-                "Over 1.5 intervals since the row above; the row itself is used. Of a cumulative counter it speaks for the whole gap, up to 30 s or three intervals."
+                "Over 1.5 intervals since the row above; the row itself is used. For a cumulative counter it covers the whole gap, up to 30 s or three intervals."
             }
-            Self::CounterReset => "A cumulative counter that started anew: the step to it is not known.",
+            Self::CounterReset => "A cumulative counter was reset: the step to this row is not known.",
             Self::CounterUnknown => "A gap in which a cumulative counter may have wrapped more than once.",
             Self::FlaggedInvalid => "The log's own flag.",
             Self::TemperatureNotANumber => "A temperature field that holds no number.",
-            Self::TemperatureImplausible => "A temperature outside the plausible limits.",
-            Self::AuxImplausible => "An auxiliary value outside of what the setup believes of its column.",
+            Self::TemperatureImplausible => "A temperature outside the thermometer's valid range.",
+            Self::AuxImplausible => "An auxiliary value outside the column's valid range.",
             Self::ThermometerJump => "A temperature that jumped by over 5 °C between rows and did not stay.",
-            Self::ThermometerFrozen => "A thermometer that stood still while another moved.",
+            Self::ThermometerFrozen => "A thermometer that stayed constant while another moved.",
             Self::Settling => "Within discard_initial_s of the start of the run.",
             Self::ShortWindow => "A window of less than a tenth of the nominal length.",
             Self::NoTemperature => "A window with fewer than half of its temperatures.",
             Self::StartUp => "The first window of a run, far from what follows.",
-            Self::Motion => "Far from the windows beside it: a bump, a motion.",
+            Self::Motion => "Far from the neighbouring windows: a bump, a motion.",
             Self::Step => "Between a step and the step back.",
             Self::LastingStep => "At a step that lasts: none of its sides is excluded.",
             Self::TableChange => "The rate table changed its rate within the window.",

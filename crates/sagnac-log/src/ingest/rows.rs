@@ -1,4 +1,4 @@
-//! Checks rows: time in order, counters unrolled, temperatures valid or not.
+//! Checks rows: order of times, steps of counters, validity of temperatures.
 //!
 //! A row at t holds the counts (or the mean rate) of (t − dt, t]; the first row and the first after
 //! a gap have the nominal interval. Unusable values are counted by reason, never guessed.
@@ -9,7 +9,7 @@
 use std::ops::Range;
 
 use crate::error::{Error, Result};
-use crate::ingest::counter::{Pace, Step};
+use crate::ingest::counter::{Step, StepStatistics};
 use crate::ingest::header::Layout;
 use crate::ingest::interval::PipeWatch;
 use crate::ingest::raw::{BAD_TEMPERATURE, Faults, RawRows};
@@ -21,15 +21,15 @@ use sagnac_units::s_from_ns;
 
 /// Valid range of an auxiliary column without a setting.
 const MOST_OF_AUX: [f64; 2] = [-1e12, 1e12];
-/// The row after a gap of a cumulative counter speaks for all of it, up to this many intervals or this long.
+/// The row after a gap of a cumulative counter covers the whole gap, up to this many intervals or this long.
 const BRIDGED_INTERVALS: i64 = 3;
-/// Gap up to which the row after it holds the whole of it, ns.
+/// Longest gap that the row after it covers, ns.
 const BRIDGED_NS: i64 = 30_000_000_000;
 /// Longest gap of a log: 30 days.
 const LEAP_NS: i64 = 30 * 86_400 * 1_000_000_000;
-/// A quotient counts / quantum this close to a whole number is one (and the rounding of the division).
+/// Tolerance within which a quotient counts / quantum is a whole number, beyond the rounding of the division.
 const WHOLE_TO: f64 = 1e-6;
-/// Totals are held exactly up to here.
+/// Largest total that is held exactly.
 const MAX_TOTAL_QUANTA: f64 = 9e15;
 const MAX_QUANTA: f64 = (1_u64 << 40) as f64;
 const MAX_RATE_DPH: f64 = 1e8;
@@ -80,7 +80,7 @@ struct Interval {
 pub(crate) struct RowValidator {
     file: String,
     timed: bool,
-    /// Stretches of plain rows may be copied whole.
+    /// Stretches of rows without faults may be copied whole.
     whole_rows: bool,
     nominal_ns: i64,
     counter: Counter,
@@ -89,14 +89,14 @@ pub(crate) struct RowValidator {
     quantum: Option<f64>,
     clock_ns: Option<i64>,
     last_counter: Option<(i64, Vec<i64>)>,
-    /// How each axis has counted so far.
-    paces: Vec<Pace>,
+    /// Steps of each axis so far.
+    steps_by_axis: Vec<StepStatistics>,
     thermometers: Vec<ThermometerCheck>,
     /// Per auxiliary column: its valid range.
     aux_valid_range: Vec<Option<[f64; 2]>>,
     pub(crate) tallies: Tallies,
     pub(crate) rows_read: u64,
-    /// Of a pipe whose interval was given.
+    /// For a pipe whose interval was given.
     watch: Option<PipeWatch>,
 }
 
@@ -116,7 +116,7 @@ impl RowValidator {
             quantum: layout.is_count_log().then(|| config.quantum.unwrap_or(1.0)),
             clock_ns: None,
             last_counter: None,
-            paces: vec![Pace::default(); layout.axes.len()],
+            steps_by_axis: vec![StepStatistics::default(); layout.axes.len()],
             thermometers: thermometers.collect(),
             aux_valid_range: layout.aux.iter().map(|(_, name)| config.aux(name).valid_range).collect(),
             tallies: Tallies::default(),
@@ -125,7 +125,7 @@ impl RowValidator {
         }
     }
 
-    /// Holds the interval against the first rows.
+    /// Checks the interval against the first rows.
     pub(crate) fn watching_interval(self) -> Self {
         Self { watch: self.timed.then(|| PipeWatch::new(self.nominal_ns)), whole_rows: false, ..self }
     }
@@ -199,7 +199,7 @@ impl RowValidator {
         let (Some(column), Some(thermometer)) = (rows.temperatures_c.first(), self.thermometers.first()) else {
             return true;
         };
-        let before_c = if first { thermometer.believed_c() } else { column[part.start - 1] };
+        let before_c = if first { thermometer.valid_c() } else { column[part.start - 1] };
         thermometer.are_plain(&column[part], before_c)
     }
 
@@ -228,7 +228,7 @@ impl RowValidator {
         batch.fields.extend_from_slice(rows.fields.get(part.clone()).unwrap_or(&[]));
         if let (Some(thermometer), Some(column)) = (self.thermometers.first_mut(), rows.temperatures_c.first()) {
             let before_ns = times.len().checked_sub(2).map(|last_but_one| times[last_but_one]);
-            thermometer.believe(column[part.end - 1], *last_ns, before_ns);
+            thermometer.accept(column[part.end - 1], *last_ns, before_ns);
         }
         self.clock_ns = Some(*last_ns);
         self.rows_read += part.len() as u64;
@@ -266,7 +266,7 @@ impl RowValidator {
         Ok(())
     }
 
-    /// Refuses a log whose clock was set in the middle: it is two logs.
+    /// Refuses a log whose clock was changed in the middle: such a log is two logs.
     fn refuse_leap(&self, row: &Row<'_>) -> Result<()> {
         let broken = row.rows.faults[row.at].has(Faults::RAGGED);
         match (row.time_ns(), self.clock_ns) {
@@ -367,8 +367,8 @@ impl RowValidator {
         self.counter_bits.is_some_and(|bits| quanta.abs() >= 2.0_f64.powi(i32::from(bits)))
     }
 
-    /// Differences to the last usable totals; the totals are known on both sides of rows that are missing or could not be
-    /// read. What was counted in a long gap is no row, but is kept.
+    /// Differences to the last usable totals, which are known on both sides of missing or unreadable rows. Counts of a long gap
+    /// are kept, but not as a row.
     fn totals(
         &mut self,
         row: &Row<'_>,
@@ -404,8 +404,8 @@ impl RowValidator {
     /// The steps of all axes, or `None` (counted) where one of them is not known.
     fn steps(&mut self, row: &Row<'_>, before: &[i64], totals: &[i64], intervals: i64) -> Result<Option<Vec<i64>>> {
         let mut steps = Vec::with_capacity(totals.len());
-        for ((now, before), pace) in totals.iter().zip(before).zip(&self.paces) {
-            match pace.step(*before, *now, intervals, self.counter_bits) {
+        for ((now, before), statistics) in totals.iter().zip(before).zip(&self.steps_by_axis) {
+            match statistics.step(*before, *now, intervals, self.counter_bits) {
                 Step::Counted(step) => steps.push(step),
                 Step::Reset => {
                     self.reject(Reason::CounterReset, row);
@@ -425,7 +425,7 @@ impl RowValidator {
                 }
             }
         }
-        self.paces.iter_mut().zip(&steps).for_each(|(pace, step)| pace.take(*step, intervals));
+        self.steps_by_axis.iter_mut().zip(&steps).for_each(|(statistics, step)| statistics.take(*step, intervals));
         Ok(Some(steps))
     }
 
@@ -440,7 +440,7 @@ impl RowValidator {
         Some(row.axes().map(|rate_dph| rate_dph * duration_s).collect())
     }
 
-    /// Valid temperatures into `batch.checked_c`.
+    /// Writes the valid temperatures to `batch.checked_c`.
     fn check_temperatures(&mut self, row: &Row<'_>, interval: &Interval, joins: bool, batch: &mut Batch) {
         if row.temperatures_c().any(|t_c| t_c == BAD_TEMPERATURE) {
             self.reject(Reason::TemperatureNotANumber, row);
@@ -515,7 +515,7 @@ mod tests {
         piece
     }
 
-    /// Mostly good rows, and each kind of trouble now and then.
+    /// Mostly good rows, with every kind of fault now and then.
     fn any_rows() -> impl Strategy<Value = Vec<(i64, f64, f64, u8)>> {
         let step = prop_oneof![8000 => Just(10_i64), 1 => 0_i64..40, 1 => Just(-5), 1 => Just(i64::MIN), 1 => Just(14)];
         let warming = prop_oneof![8000 => -0.5..0.5, 1 => Just(f64::NAN), 1 => Just(BAD_TEMPERATURE), 1 => -30.0..30.0, 1 => Just(300.0)];

@@ -1,7 +1,7 @@
 //! Bytes of a log: opened, hashed, unpacked.
 //!
 //! ```text
-//! file or stdin ─▶ SHA-256 ─▶ gunzip if it is gzip ─▶ reader, and what its first bytes look like
+//! file or stdin ─▶ SHA-256 ─▶ gunzip if it is gzip ─▶ reader, and the format of its first bytes
 //! ```
 
 use std::fs::File;
@@ -121,8 +121,8 @@ impl Source {
     }
 }
 
-/// The first bytes of a reader, and a reader that still has them. A pipe may give them one by one; more are
-/// waited for only as long as they can become the mark of a format.
+/// The first bytes of a reader, and a reader that still has them. A pipe may give them one by one; more bytes are
+/// awaited only while those read so far match the start of a format.
 fn first_bytes(mut reader: Box<dyn BufRead + Send>, name: &str) -> Result<(Box<dyn BufRead + Send>, Vec<u8>)> {
     let failed = |e: std::io::Error| Error::io(name, "read", &e);
     let marks = || FORMATS.iter().map(|format| format.magic).chain([GZIP_MAGIC.as_slice()]);

@@ -1,18 +1,18 @@
-//! The rate of a rate table from a column of the log: its rate, its angle, or a mark per revolution.
+//! The rate of a rate table from a column of the log: rate, angle, or a mark per revolution.
 //!
 //! * `reference_rate_dps`: used unchanged
-//! * `table_angle_deg`: change of the angle over the row, over its length; an angle that wraps may turn by less than
-//!   180° in a row
-//! * `table_mark`: 1 in the row in which a revolution was completed, −1 for one backwards, else 0. Between two marks of
-//!   one sign the table made one revolution: 360° over the time between the ends of their rows. Rows wait for the mark
-//!   after them; those before the first, after the last and between marks of unlike sign have no rate.
+//! * `table_angle_deg`: change of the angle over the row divided by its length. An angle that wraps may change by less than
+//!   180° in a row.
+//! * `table_mark`: 1 in the row in which a revolution was completed, −1 for a backward one, otherwise 0. Between two marks of
+//!   the same sign the table made one revolution: 360° over the time between the ends of their rows. Rows wait for the mark
+//!   after them. Rows before the first mark, after the last, and between marks of opposite sign have no rate.
 
 use std::collections::VecDeque;
 
 use crate::ingest::Batch;
 use sagnac_units::s_from_ns;
 
-/// What a column says of the table.
+/// Quantity in the table's column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TableColumn {
     /// Its rate, °/s.
@@ -66,10 +66,10 @@ impl TableRates {
         }
     }
 
-    /// Takes a batch of marks.
+    /// Adds a batch of marks.
     pub(crate) fn push(&mut self, batch: Batch) {
         let number = self.waiting.len();
-        // Marks, and rows that do not join the one before: a mark may have been lost there.
+        // Marks, and rows after a gap, in which a mark may have been lost.
         let mut events: Vec<(usize, i64, Option<f64>)> = Vec::new();
         for row in 0..batch.len() {
             if self.newest_ns != Some(batch.start_ns[row]) || !batch.valid.get(row).copied().unwrap_or(true) {
@@ -97,14 +97,14 @@ impl TableRates {
         }
     }
 
-    /// What still waits has no rate; false where nothing did.
+    /// Gives the pending rows no rate; false if none were pending.
     pub(crate) fn end(&mut self) -> bool {
         self.give((self.waiting.len(), 0), f64::NAN);
         self.mark = None;
         !self.waiting.is_empty()
     }
 
-    /// Gives every row that waits before a place its rate.
+    /// Gives every pending row before a place its rate.
     fn give(&mut self, until: (usize, usize), rate: f64) {
         let (first, from) = self.cursor;
         for (number, batch) in self.waiting.iter_mut().enumerate().skip(first) {
@@ -123,7 +123,7 @@ impl TableRates {
         self.cursor = until;
     }
 
-    /// The next batch of which every row has what it gets.
+    /// The next batch whose rows are all settled.
     pub(crate) fn ready(&mut self) -> Option<Batch> {
         if self.cursor.0 == 0 {
             return None;
@@ -149,7 +149,7 @@ mod tests {
         }
     }
 
-    /// A gap between two marks may have held another.
+    /// A mark may have been lost in a gap between two marks.
     #[test]
     fn marks_do_not_reach_across_a_gap() {
         let mut table = TableRates::new(TableColumn::Mark);

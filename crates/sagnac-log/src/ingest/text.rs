@@ -112,8 +112,8 @@ pub(crate) struct TextFeed {
 }
 
 impl TextFeed {
-    pub(crate) fn new(reader: Box<dyn BufRead + Send>, pace: ReadMode) -> Self {
-        Self { reader, carried: Vec::new(), failed: None, line_by_line: pace == ReadMode::LineByLine }
+    pub(crate) fn new(reader: Box<dyn BufRead + Send>, mode: ReadMode) -> Self {
+        Self { reader, carried: Vec::new(), failed: None, line_by_line: mode == ReadMode::LineByLine }
     }
 
     /// The next lines into `piece`; false at the end.
@@ -182,13 +182,13 @@ pub(crate) struct LineParser {
 }
 
 impl LineParser {
-    pub(crate) fn new(layout: &Layout, delimiter: u8, pace: ReadMode) -> Self {
+    pub(crate) fn new(layout: &Layout, delimiter: u8, mode: ReadMode) -> Self {
         Self {
             layout: layout.clone(),
             cells: Cells::new(layout),
             delimiter,
             decimal_comma: delimiter != b',',
-            keep_fields: pace != ReadMode::Bulk,
+            keep_fields: mode != ReadMode::Bulk,
         }
     }
 
@@ -222,8 +222,8 @@ impl LineParser {
         rows.lines = u64::from(line);
     }
 
-    /// A row of plain decimals, as many as there are headers, to those that wait: its length with the newline.
-    /// `None`, and nothing kept, for any other.
+    /// Adds a row of as many plain decimals as there are headers to the pending ones; returns its length with the newline.
+    /// `None` for any other row, of which nothing is kept.
     #[inline]
     fn plain_row(&mut self, bytes: &[u8]) -> Option<usize> {
         if *bytes.first()? == b'#' {
@@ -239,7 +239,7 @@ impl LineParser {
         Some(length)
     }
 
-    /// Fields into `cells`; length, time and faults of the row.
+    /// Writes the fields to `cells`; returns length, time and faults of the row.
     #[inline(always)]
     fn plain_fields(&mut self, bytes: &[u8]) -> Option<(usize, i64, Faults)> {
         let (mut at, mut time_ns, mut faults) = (0, NO_TIME, Faults::NONE);
@@ -279,7 +279,7 @@ impl LineParser {
         Some((at, time_ns, faults))
     }
 
-    /// A row of anything; its fields.
+    /// Reads any row field by field.
     fn any_row(&mut self, text: &[u8]) -> ByteRecord {
         let record = fields_of(text, self.delimiter);
         let mut time_ns = NO_TIME;
@@ -310,7 +310,7 @@ fn skipped(bytes: &[u8], delimiter: u8) -> Option<usize> {
 /// The fields of one line. A quote can hold a delimiter, but never reaches beyond its line.
 fn fields_of(text: &[u8], delimiter: u8) -> ByteRecord {
     let quotes = text.iter().filter(|byte| **byte == b'"').count();
-    // A stray one is part of its field, which is then not a number.
+    // A stray quote is part of its field, which is then not a number.
     if quotes > 0 && quotes % 2 == 0 {
         let mut reader = csv::ReaderBuilder::new().has_headers(false).delimiter(delimiter).from_reader(text);
         let mut record = ByteRecord::new();
@@ -341,8 +341,8 @@ mod tests {
     fn parser(keep_fields: bool) -> LineParser {
         let headers = ["time_s", "note", "temperature_k", "counts"].map(str::to_owned).to_vec();
         let layout = Layout::new(headers, &Default::default(), None).unwrap();
-        let pace = if keep_fields { ReadMode::BulkWithText } else { ReadMode::Bulk };
-        LineParser::new(&layout, b',', pace)
+        let mode = if keep_fields { ReadMode::BulkWithText } else { ReadMode::Bulk };
+        LineParser::new(&layout, b',', mode)
     }
 
     fn cell() -> impl Strategy<Value = String> {
@@ -370,11 +370,11 @@ mod tests {
             prop_assert_eq!((&fast.time_ns, &fast.faults, &fast.line), (&slow.time_ns, &slow.faults, &slow.line));
         }
 
-        /// The pieces are the text's bytes in order, each ending in a newline, whatever the reader returns at a time.
+        /// The pieces are the text's bytes in order, each ending in a newline, for any number of bytes per read.
         #[test]
         fn pieces_are_the_text(text in "[ab\\n]{0,200}", line_by_line: bool) {
-            let pace = if line_by_line { ReadMode::LineByLine } else { ReadMode::Bulk };
-            let mut feed = TextFeed::new(Box::new(std::io::Cursor::new(text.clone())), pace);
+            let mode = if line_by_line { ReadMode::LineByLine } else { ReadMode::Bulk };
+            let mut feed = TextFeed::new(Box::new(std::io::Cursor::new(text.clone())), mode);
             let (mut all, mut piece) = (Vec::new(), Vec::new());
             while feed.next(&mut piece).unwrap() {
                 prop_assert_eq!(piece.last(), Some(&b'\n'));

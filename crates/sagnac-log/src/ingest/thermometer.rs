@@ -1,7 +1,7 @@
 //! Which readings of a thermometer are valid.
 //!
 //! Invalid: a reading outside the valid range; a jump that does not persist; a value that stays constant
-//! while another thermometer moves. An empty field is not a reading: the newest one holds, as in a
+//! while another thermometer moves. An empty field is not a reading: the newest one is kept, as in a
 //! register, for 1.5 times the thermometer's own interval and at most its hold time.
 
 use crate::ingest::reason::Reason;
@@ -16,20 +16,20 @@ const JUMP_C_PER_S: f64 = 10.0 / 60.0;
 const JUMP_STAYS_ROWS: u32 = 10;
 /// A thermometer is frozen if another moved by this much …
 const FROZEN_OTHER_MOVED_C: f64 = 3.0;
-/// … while it gave one and the same value for this long.
+/// … while this one gave the same value for this long.
 const FROZEN_NS: i64 = 300_000_000_000;
 
 /// State of one thermometer.
 pub(crate) struct ThermometerCheck {
     spec: ThermometerSetup,
-    believed_c: f64,
-    believed_ns: i64,
+    valid_c: f64,
+    valid_ns: i64,
     interval_ns: Option<i64>,
     jump_c: f64,
     jump_rows: u32,
     value_c: f64,
     pub(crate) changed_ns: i64,
-    /// Sparse history of (time, value), a new entry per 0.5 °C: how far it moved since a time.
+    /// Sparse history of (time, value), a new entry per 0.5 °C, for the change since a time.
     trail: Vec<(i64, f64)>,
 }
 
@@ -38,8 +38,8 @@ impl ThermometerCheck {
         let nan = f64::NAN;
         Self {
             spec,
-            believed_c: nan,
-            believed_ns: 0,
+            valid_c: nan,
+            valid_ns: 0,
             interval_ns: None,
             jump_c: nan,
             jump_rows: 0,
@@ -50,8 +50,8 @@ impl ThermometerCheck {
     }
 
     /// The newest valid reading; NaN before the first.
-    pub(crate) fn believed_c(&self) -> f64 {
-        self.believed_c
+    pub(crate) fn valid_c(&self) -> f64 {
+        self.valid_c
     }
 
     /// True if [`Self::check`] would accept each of these readings, which follow `before_c` row by row. For a log's only
@@ -67,9 +67,9 @@ impl ThermometerCheck {
     }
 
     /// Stores the last of such readings; `before_ns` is the time of the one before it, if it is among them.
-    pub(crate) fn believe(&mut self, t_c: f64, t_ns: i64, before_ns: Option<i64>) {
-        self.interval_ns = Some(t_ns - before_ns.unwrap_or(self.believed_ns));
-        (self.believed_c, self.believed_ns) = (t_c, t_ns);
+    pub(crate) fn accept(&mut self, t_c: f64, t_ns: i64, before_ns: Option<i64>) {
+        self.interval_ns = Some(t_ns - before_ns.unwrap_or(self.valid_ns));
+        (self.valid_c, self.valid_ns) = (t_c, t_ns);
         self.jump_rows = 0;
     }
 
@@ -84,30 +84,30 @@ impl ThermometerCheck {
             return Err(Reason::TemperatureImplausible);
         }
         // Since its own last reading: a thermometer may be slower than the log.
-        let since_s = s_from_ns(t_ns.saturating_sub(self.believed_ns));
+        let since_s = s_from_ns(t_ns.saturating_sub(self.valid_ns));
         if joins && self.jumped(t_c, since_s) {
             return Err(Reason::ThermometerJump);
         }
-        if self.believed_c.is_finite() {
-            self.interval_ns = Some(t_ns.saturating_sub(self.believed_ns));
+        if self.valid_c.is_finite() {
+            self.interval_ns = Some(t_ns.saturating_sub(self.valid_ns));
         }
-        (self.believed_c, self.believed_ns) = (t_c, t_ns);
+        (self.valid_c, self.valid_ns) = (t_c, t_ns);
         self.remember(t_c, t_ns);
         let frozen = self.may_be_frozen(t_ns) && others_moved_c > FROZEN_OTHER_MOVED_C;
         if frozen { Err(Reason::ThermometerFrozen) } else { Ok(t_c) }
     }
 
-    /// Value of an empty field: the newest reading while it holds, otherwise NaN.
+    /// Value of an empty field: the newest reading within its hold time, otherwise NaN.
     pub(crate) fn held(&self, t_ns: i64) -> f64 {
         let hold_ns = ns_from_s(self.spec.stale_after_s).unwrap_or(i64::MAX);
         let limit = self.interval_ns.map_or(hold_ns, |interval| interval.saturating_add(interval / 2).min(hold_ns));
-        if t_ns.saturating_sub(self.believed_ns) <= limit { self.believed_c } else { f64::NAN }
+        if t_ns.saturating_sub(self.valid_ns) <= limit { self.valid_c } else { f64::NAN }
     }
 
     /// True while a jump has not persisted long enough to be a new level.
     fn jumped(&mut self, t_c: f64, dt_s: f64) -> bool {
         let limit = JUMP_C + JUMP_C_PER_S * dt_s;
-        if (t_c - self.believed_c).abs() <= limit || self.believed_c.is_nan() {
+        if (t_c - self.valid_c).abs() <= limit || self.valid_c.is_nan() {
             self.jump_rows = 0;
             return false;
         }

@@ -33,7 +33,7 @@ use crate::setup::ReadConfig;
 const BATCH_ROWS: usize = 4096;
 /// Largest number of formats and subscriptions.
 const MAX_KNOWN: usize = 4096;
-/// Topics that hold rates, the better first, and their fields.
+/// Topics that hold rates, the preferred one first, and their fields.
 const GYROS: [(&str, [&str; 3]); 2] =
     [("sensor_gyro", ["x", "y", "z"]), ("sensor_combined", ["gyro_rad[0]", "gyro_rad[1]", "gyro_rad[2]"])];
 const TEMPERATURE: &str = "temperature";
@@ -110,7 +110,7 @@ enum Next {
 }
 
 impl Messages {
-    /// As many bytes as there are, up to the buffer's length.
+    /// Reads as many bytes as there are, up to the buffer's length.
     fn fill(&mut self, buffer: &mut [u8]) -> Result<usize> {
         let mut filled = 0;
         while filled < buffer.len() {
@@ -129,7 +129,7 @@ impl Messages {
         let mut head = [0; 3];
         let end = self.position + head.len() as u64;
         if let Some(at) = self.appended.range(self.position + 1..end).next().copied() {
-            // Not even the head of the last message before what was appended.
+            // The last message before the appended data is cut within its header.
             let left = (at - self.position) as usize;
             self.fill(&mut head[..left])?;
             return Ok(Next::Cut);
@@ -159,7 +159,7 @@ fn appended_offsets(payload: &[u8]) -> BTreeSet<u64> {
     offsets.filter(|offset| *offset > 0).collect()
 }
 
-/// Type and name of each.
+/// Type and name of each field.
 type Fields = Vec<(String, String)>;
 
 /// Name and fields of a flat format; `None` for a nested one.
@@ -303,7 +303,7 @@ fn decode(
     }
 }
 
-/// Reads up to the first message of the gyro; `early` takes the newest message of every other topic.
+/// Reads up to the first message of the gyro; `early` receives the newest message of every other topic.
 fn until_gyro(
     messages: &mut Messages,
     known: &mut Known,
@@ -327,7 +327,7 @@ fn until_gyro(
     }
 }
 
-/// The table's headers, and what is made of each topic that is read.
+/// The table's headers, and the use of each topic that is read.
 fn columns(known: &Known, gyro: (u16, Use)) -> (Vec<String>, BTreeMap<u16, Use>) {
     let mut headers: Vec<String> =
         ["time_us", "rate_radps_x", "rate_radps_y", "rate_radps_z"].map(str::to_owned).into();

@@ -1,7 +1,7 @@
-//! `bench.toml`: what a log cannot say of itself.
+//! `bench.toml`: the facts that a log does not contain.
 //!
-//! Every key is optional in the file; what a log needs and neither file nor flag gives is asked for
-//! by name. Unknown keys are refused. `docs/reference/cli.md` has the table of keys.
+//! Every key is optional in the file. If a log needs a value that neither file nor flag gives, the error
+//! names it. Unknown keys are refused. `docs/reference/cli.md` has the table of keys.
 
 mod stages;
 
@@ -19,7 +19,7 @@ use sagnac_units::EARTH_RATE_DPH;
 const DEFAULT_TICK_NS: i64 = 100_000;
 const ONE_SECOND_NS: i64 = 1_000_000_000;
 
-/// How a counts column counts.
+/// Meaning of a counts column.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Counter {
@@ -48,11 +48,11 @@ pub enum RowWord {
     Row,
 }
 
-/// Which files are one run: a run has an offset of its own, and the lag of its thermometers goes on within it.
+/// Which files are one run: a run has its own run offset, and the thermal lag filter continues within it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum RunDivision {
-    /// A file whose time goes on where the file before ends, within 1.5 intervals of a row, goes on with its run.
+    /// A file continues the run of the file before if its time starts within 1.5 row intervals of that file's end.
     #[default]
     Auto,
     /// All files are one run.
@@ -157,7 +157,7 @@ pub struct ThermometerSetup {
     /// Name as in the header `temperature_c_<name>`; empty for a plain `temperature_c`.
     #[serde(default)]
     pub name: String,
-    /// Temperatures outside are not believed, °C.
+    /// Valid range, °C; temperatures outside are treated as missing.
     #[serde(default = "default_valid_range")]
     pub valid_range_c: [f64; 2],
     /// How long a correction is kept without a temperature before it is STALE, s.
@@ -180,7 +180,7 @@ fn default_stale_after() -> f64 {
 }
 
 impl ThermometerSetup {
-    /// The one of this name, with the defaults where there is none.
+    /// The thermometer of this name; the defaults if the setup has none.
     pub(crate) fn find(all: &[Self], name: &str) -> Self {
         all.iter().find(|t| t.name == name).cloned().unwrap_or_else(|| Self::named(name))
     }
@@ -203,7 +203,7 @@ impl ThermometerSetup {
 pub struct AuxSetup {
     /// Name as in the header `aux_<name>`.
     pub name: String,
-    /// Values outside are not believed; the fit's span widened by its own width on both sides by default.
+    /// Valid range; values outside are treated as missing. By default the fit's span, widened by its own width on both sides.
     #[serde(default)]
     pub valid_range: Option<[f64; 2]>,
     /// How long a correction is kept without a value before it is STALE, s.
@@ -218,7 +218,7 @@ pub struct AuxSetup {
 }
 
 impl AuxSetup {
-    /// The one of this name, with the defaults where there is none.
+    /// The column of this name; the defaults if the setup has none.
     pub(crate) fn find(all: &[Self], name: &str) -> Self {
         let known = all.iter().find(|aux| aux.name == name);
         known.cloned().unwrap_or_else(|| Self {
@@ -248,7 +248,7 @@ impl AuxSetup {
     }
 }
 
-/// How the rate table stood and turned in a run.
+/// Attitude and rate of the rate table in a run.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct TableRun {
@@ -261,7 +261,7 @@ pub struct TableRun {
     pub rate_dps: Option<f64>,
 }
 
-/// Everything a log cannot say of itself. Flags of the same names override the file.
+/// The facts that a log does not contain. Flags of the same names override the file.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Setup {
@@ -271,22 +271,22 @@ pub struct Setup {
     pub axis: Option<char>,
     /// What the sensor is, in words.
     pub sensor: Option<String>,
-    /// What it is tested on, in words: chamber, table, site.
+    /// Test equipment, in words: chamber, table, site.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rig: Option<String>,
     /// Nominal scale factor S0, arcsec per count. Needed by count logs, never guessed.
     pub arcsec_per_count: Option<f64>,
     /// Smallest step of the counts column, counts; 1 by default.
     pub quantum: Option<f64>,
-    /// How the counts column counts.
+    /// Meaning of the counts column.
     pub counter: Counter,
     /// Width of a wrapping cumulative counter, bits.
     pub counter_bits: Option<u8>,
-    /// Interval of a row, s; that of the first rows by default. Refused where the time column says otherwise by over 2 %.
+    /// Interval of a row, s; that of the first rows by default. Refused if it differs by over 2 % from the time column's.
     pub sample_interval_s: Option<f64>,
-    /// The log's own header on the left, a header of Sagnac on the right (`"imu.gyro.x" = "rate_radps_x"`).
+    /// Maps a header of the log (left) to a header of Sagnac (right): `"imu.gyro.x" = "rate_radps_x"`.
     pub columns: BTreeMap<String, String>,
-    /// Which of several sensors a PX4 log is read for, from 0; 0 by default.
+    /// Number of the sensor to read from a PX4 log, from 0; 0 by default.
     pub instance: Option<u8>,
     /// Added to the time of temperatures to bring them to the time of the counts, s.
     pub temperature_offset_s: f64,
@@ -296,19 +296,19 @@ pub struct Setup {
     pub earth: Option<Earth>,
     /// Analysis window: seconds or "row"; 100 s by default.
     pub window: Option<WindowSize>,
-    /// Which files are one run: `auto` (those whose time goes on), `one`, or `files` (each is one).
+    /// Which files are one run: `auto` (files with continuing time), `one` (all files), or `files` (each file).
     #[serde(skip_serializing_if = "is_default")]
     pub runs: RunDivision,
     /// Temperature T0 at which the correction is zero, °C; 25 by default.
     pub reference_c: Option<f64>,
-    /// Left out of the fit at the start of each run, s.
+    /// Time at the start of each run that is excluded from the fit, s.
     pub discard_initial_s: f64,
-    /// Smallest temperature span a fit is made on, °C; 10 by default.
+    /// Smallest temperature span of a fit, °C; 10 by default.
     pub min_span_c: Option<f64>,
     /// Noise if known; measured from the log by default.
     pub noise: Option<Noise>,
-    /// Largest deviation of the scale factor from its nominal value that is believed on a rate table, ppm; 1000 by default. A
-    /// reference of the other sign and a wrong scale are refused by it.
+    /// Largest accepted deviation of the scale factor from its nominal value on a rate table, ppm; 1000 by default. It detects
+    /// a reference rate of the wrong sign and a wrong nominal scale factor.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub scale_factor_deviation_max_ppm: Option<f64>,
     /// Tick of the target, s; 100 µs by default.
@@ -321,8 +321,8 @@ pub struct Setup {
     pub rate_lsb_arcsec: Option<f64>,
     /// Name of the thermometer that the model uses, if the log has several; the first by default.
     pub use_thermometer: Option<String>,
-    /// Further inputs that `auto` may use (thermometers, "one - another", auxiliary columns); all of the log by default.
-    /// An image alone is read by them too: those with a code of their own, in the image's order.
+    /// Other inputs that `auto` may use (thermometers, "one - another", auxiliary columns); all of the log by default. They also
+    /// name the inputs of an image that is used without its record: those with a code, in the image's order.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub inputs: Option<Vec<String>>,
     /// Runs on a rate table.

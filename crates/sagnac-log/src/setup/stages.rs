@@ -1,15 +1,15 @@
 //! What each stage reads of a setup.
 //!
 //! ```text
-//! bench.toml ─▶ Setup ─stages()─┬▶ ReadConfig     rows of a log        ┐ two setups that agree in both
-//!                               ├▶ WindowConfig   windows of rows      ┘ make the same windows
+//! bench.toml ─▶ Setup ─stages()─┬▶ ReadConfig     rows of a log        ┐ two setups with the same values here
+//!                               ├▶ WindowConfig   windows of rows      ┘ give the same windows
 //!                               ├▶ TestConfig     table, input rate, noise of the test
 //!                               ├▶ ModelConfig    inputs of the fit and their limits
 //!                               ├▶ TargetConfig   timing of the image
 //!                               └▶ Identity       words about the gyro and its test
 //! ```
 //!
-//! [`Setup::stages`] names every key of the setup, so a new key does not compile before it belongs to a stage.
+//! [`Setup::stages`] names every key of the setup, so the code compiles only if every key belongs to a stage.
 
 use std::collections::BTreeMap;
 
@@ -37,7 +37,7 @@ pub struct ReadConfig {
     pub sample_interval_s: Option<f64>,
     /// Header of the log, header of Sagnac.
     pub columns: BTreeMap<String, String>,
-    /// Which of several sensors a PX4 log is read for.
+    /// Number of the sensor to read from a PX4 log.
     pub instance: Option<u8>,
     /// Added to the time of temperatures, s.
     pub temperature_offset_s: f64,
@@ -59,7 +59,7 @@ impl ReadConfig {
     }
 }
 
-/// Tick and temperature period of the target: windows keep their tracks on its grid.
+/// Tick and temperature period of the target: windows record temperatures on this grid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Clock {
     tick_s: Option<f64>,
@@ -112,12 +112,12 @@ pub struct TestConfig {
     pub tables: Vec<TableRun>,
     /// Noise where it is known; measured from the log by default.
     pub noise: Option<Noise>,
-    /// Largest deviation of the scale factor from S0 that is believed, ppm; 1000 by default.
+    /// Largest accepted deviation of the scale factor from S0, ppm; 1000 by default.
     pub scale_factor_deviation_max_ppm: f64,
 }
 
 impl TestConfig {
-    /// What the setup says of the table in the run of a file: its own entry, else one for every run.
+    /// Settings of the table for the run of a file: its own entry, otherwise the one for every run.
     pub fn table_of(&self, file: &str) -> Option<&TableRun> {
         let own = self.tables.iter().find(|table| table.file.as_deref() == Some(file));
         own.or_else(|| self.tables.iter().find(|table| table.file.is_none()))
@@ -133,7 +133,7 @@ pub struct ModelConfig {
     pub min_span_c: f64,
     /// Thermometer of the fit, where the log has several.
     pub use_thermometer: Option<String>,
-    /// Inputs besides it; all of the log by default.
+    /// Inputs besides the thermometer of the fit; all of the log by default.
     pub inputs: Option<Vec<String>>,
     /// Thermometers that differ from the defaults.
     pub thermometers: Vec<ThermometerSetup>,
@@ -193,7 +193,7 @@ pub struct Stages {
 }
 
 impl Setup {
-    /// What each stage reads of this setup, defaults filled in.
+    /// The configuration of each stage, with defaults filled in.
     pub fn stages(&self) -> Stages {
         let Self {
             serial,
@@ -286,7 +286,7 @@ const DEFAULT_RATE_LSB_ARCSEC: f64 = 1e-4;
 mod tests {
     use super::*;
 
-    /// Words about the bench change no window; what says how rows are read does.
+    /// Descriptions of the bench change no window; settings for reading rows do.
     #[test]
     fn windows_depend_on_how_rows_are_read() {
         let plain = Setup::default();

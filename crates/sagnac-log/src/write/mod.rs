@@ -50,11 +50,11 @@ impl Drop for Unfinished {
     }
 }
 
-/// Writes a file atomically: temporary file beside it, fsync, rename. Whatever happens, the path holds
+/// Writes a file atomically: temporary file beside it, fsync, rename. Even after a failure the path holds
 /// the old file or the new one. A symbolic link is followed; a device or pipe is written to directly.
 ///
 /// # Errors
-/// What `fill` says, or what the file system does (path named).
+/// The error of `fill`, or one of the file system with the path.
 pub fn write_atomically(path: &Path, fill: impl FnOnce(&mut (dyn Write + Send)) -> Result<()>) -> Result<()> {
     let failed = |e: &std::io::Error| Error::io_path(path, "write", e);
     if path.as_os_str() == "-" {
@@ -92,7 +92,7 @@ pub fn write_atomically(path: &Path, fill: impl FnOnce(&mut (dyn Write + Send)) 
     Ok(())
 }
 
-/// The system's own word: the name of a temporary file says nothing to anybody.
+/// The system's error without the name of the temporary file, which means nothing to a user.
 fn plain(error: &std::io::Error) -> std::io::Error {
     error.kind().into()
 }

@@ -17,8 +17,8 @@ pub struct PathLengthConfig {
     pub modulation_waves: f64,
     /// The modulation has a separate fast actuator (a heater is too slow for it).
     pub separate_modulator: bool,
-    /// Delay of converters and electronics between the output of a modulation and the reading of its response, ticks. The tick between
-    /// one call and the next is not part of it.
+    /// Delay of converters and electronics between the output of a modulation and the reading of its response, ticks.
+    /// The tick between one call and the next is not part of it.
     pub answer_ticks: u8,
     /// Range of the actuator in its unit (V, or W for a heater).
     pub range: [f64; 2],
@@ -40,8 +40,8 @@ pub struct PathLengthConfig {
     pub reset_s: f64,
     /// Settling time of the actuator after a search or reset, s.
     pub settle_s: f64,
-    /// Time of the search through one wavelength, s: at least eight lags. 0 for no search: the loop then closes in the middle of the range as
-    /// soon as there is light, so there must be light at every position.
+    /// Time of the search through one wavelength, s: at least eight lags. 0 for no search: the loop then closes in the
+    /// middle of the range as soon as there is light, so there must be light at every position.
     pub sweep_s: f64,
     /// Largest error of a locked loop, wavelengths.
     pub lock_waves: f64,
@@ -96,7 +96,7 @@ impl PathLengthConfig {
         let error = |waves: f64| (waves * per_wave).clamp(1.0, 1_073_741_824.0) as i32;
         let periods = |seconds: f64| libm::ceil(seconds / period_s).clamp(0.0, 1e9) as u32;
         let response_s = 1.0 / self.goal.bandwidth_hz;
-        // 2^-32 codes per period for one wavelength in so many periods.
+        // 2^-32 codes per period for one wavelength in a number of periods.
         let step = |periods: u32| libm::ldexp(limits.wavelength / f64::from(periods.max(1)), 32) as i64;
         let sweep_periods = periods(self.sweep_s);
         let integers = PathLength {
@@ -153,8 +153,8 @@ impl PathLengthConfig {
             within("sweep_s", self.sweep_s, 8.0 * self.lag_s[1], 1e6)?;
         }
         within("curvature", self.curvature, 1e-3, 1e4)?;
-        // The error of a Gaussian peak decreases beyond 0.43/√c of a wavelength, in units of its slope at the peak. The lock is lost at half
-        // of that.
+        // The error of a Gaussian peak decreases beyond 0.43/√c of a wavelength, in units of its slope at the peak. The
+        // lock is lost at half of that.
         let lost_waves = (10.0 * self.lock_waves).min(0.2 / libm::sqrt(self.curvature));
         within("lock_waves", self.lock_waves, 1e-5, lost_waves / 2.0)?;
         Ok(Limits { low, high, modulation, wavelength, margin: self.reset_margin_waves * wavelength, lost_waves })
@@ -169,8 +169,8 @@ impl PathLengthConfig {
 
     fn plant(&self, reference: &Reference, error_shift: u8, period_s: f64) -> Result<Plant, DesignError> {
         let waves_per_code = self.waves_per_unit / self.codes_per_unit;
-        // A lag attenuates and delays the modulation; only the in-phase part counts. The code is held for a tick and the light is read at its
-        // end: H(z) = (1 − a)/(1 − a/z), a = e^(−tick/lag).
+        // A lag attenuates and delays the modulation; only the in-phase part counts. The code is held for a tick and
+        // the light is read at its end: H(z) = (1 − a)/(1 − a/z), a = e^(−tick/lag).
         let lag_s = if self.separate_modulator { 0.0 } else { self.lag_s[0] };
         let a = if lag_s > 0.0 { libm::exp(-self.tick_s / lag_s) } else { 0.0 };
         let cos = libm::cos(core::f64::consts::TAU * self.tick_s / period_s);

@@ -22,9 +22,9 @@ pub(crate) struct Adler {
     pub(crate) epsilon: f64,
 }
 
-/// ChunkReader of a stretch that are treated on their own, s.
+/// Longest piece of a stretch that is integrated at once, s.
 const PIECE_S: f64 = 1.25e-5;
-/// |g| over √|g′| beyond which the ends suffice.
+/// |g| over √|g′| beyond which the integral is given by its ends.
 const FAR: f64 = 4.5;
 /// |g| over ε beyond which second order in ε suffices.
 const STRONG: f64 = 30.0;

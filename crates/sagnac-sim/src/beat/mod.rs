@@ -12,8 +12,8 @@
 //! Counting is asynchronous, as in hardware: an edge at any time within a tick is counted. A test holds it to
 //! `sagnac_loops::Quadrature`. Stripping is `sagnac_loops::Stripper` on a pickoff with a resolution of 1e-4 arcsec.
 //!
-//! Not modelled: noise of the photodiodes (the edges tremble, which counts up and down and adds nothing); a change of
-//! backscatter with temperature; detuning of the cavity by its loops.
+//! Not modelled: noise of the photodiodes (it adds as many counts up as down); a change of backscatter with
+//! temperature; detuning of the cavity by its loops.
 //!
 //! [`Beat::build`] makes the constants, [`BeatState`] is the memory, [`Beat::tick`] advances it by 100 µs.
 

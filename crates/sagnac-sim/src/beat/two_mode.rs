@@ -87,7 +87,7 @@ pub(crate) struct TwoModeState {
     product: Complex,
 }
 
-/// ChunkReader of a stretch over which Φ is a polynomial, s.
+/// Longest piece of a stretch over which Φ is a polynomial, s.
 const PIECE_S: f64 = 1.25e-5;
 /// Largest step, rad of Φ.
 const STEP_RAD: f64 = 0.8;

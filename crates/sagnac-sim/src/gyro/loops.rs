@@ -103,7 +103,7 @@ impl Loops {
 
     fn running_second(&self, state: &mut LoopState, block_c: [f64; 2], fault: Option<(FaultKind, f64)>) -> LoopSecond {
         let plant = &self.design.plant;
-        // A lost lock: the path jumps each second, by more than the loop can take for drift.
+        // A lost lock: the path jumps each second, by more than the loop can follow as drift.
         let jump_waves = match fault {
             Some((FaultKind::LockLoss, since)) => 0.37 * libm::floor(since * 7.0),
             _ => 0.0,

@@ -138,7 +138,7 @@ impl Gyro {
         self.loops.second(state, block_c, kinds.into_iter().find_map(active))
     }
 
-    /// Error of a cavity off its peak: the beat is pulled to and fro.
+    /// Error of a cavity off its peak: the beat frequency swings.
     fn unlocked_dph(&self, end_s: f64) -> f64 {
         let swing = |since_s: f64| 0.5 * libm::sin(std::f64::consts::TAU * since_s / 37.0);
         self.faults.active(FaultKind::LockLoss, end_s).map_or(0.0, |fault| swing(fault.since_s))

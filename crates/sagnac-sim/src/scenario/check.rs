@@ -1,7 +1,7 @@
 //! Checks of a scenario: every value against its range, and the rules between values.
 //!
-//! Errors are reported one at a time, the first one found. What only a part of the gyro can know (whether a loop with
-//! these gains exists, whether a beat fits a tick) is checked when that part is built.
+//! Only the first error found is reported. Rules that need a part of the gyro (whether a loop with these gains exists,
+//! whether a beat fits a tick) are checked when that part is built.
 
 use crate::physics;
 use crate::profile::{Leg, Profile};
@@ -226,7 +226,7 @@ impl Scenario {
             return Ok(());
         }
         let message = format!(
-            "is {}: with this perimeter the next longitudinal mode has {next:.2} times the gain it needs and lases too; this simulator has one mode. Give less gain or a shorter path",
+            "is {}: with this perimeter the next longitudinal mode has {next:.2} times the gain it needs and lases too; this simulator has one mode. Give a lower gain or a shorter path",
             self.cavity.gain_ratio
         );
         Err(ScenarioError::new("cavity.gain_ratio", message))

@@ -1,6 +1,6 @@
 //! Why a scenario is refused.
 
-/// A refused scenario: the key, what is wrong with it, and what to do.
+/// Why a scenario is refused: the key, what is wrong with it, and what to do.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct ScenarioError {

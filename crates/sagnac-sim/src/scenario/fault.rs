@@ -92,7 +92,8 @@ section! {
         at_s = REQUIRED, 0.0 ..= 315360000.0, "s", "any";
         /// Duration.
         for_s = REQUIRED, 0.0 ..= 315360000.0, "s", "any";
-        /// Size, by kind: drift in °C/h, fraction of dropped rows, seconds between resets, saturation limit as a fraction of the mean count of a row, clock error in ppm (slow) at the end. 0: default of the kind; other kinds have none.
+        /// Size, by kind: drift in °C/h, fraction of dropped rows, seconds between resets, saturation limit as a fraction of the
+        /// mean count of a row, clock error in ppm (slow) at the end. 0: default of the kind; other kinds have none.
         size = 0.0, 0.0 ..= 1000000.0, "", "[D]";
         /// Which thermometer, counted from 0; for faults of thermometers.
         sensor = 0.0, 0.0 ..= 31.0, "", "[D]";

@@ -1,7 +1,7 @@
 //! `scenario.toml`: gyro, test and faults in one file. This is the configuration; nothing here runs.
 //!
 //! Every table and key is declared once, in `tables.rs`, with default, range, unit and source. The same declaration
-//! reads the file, checks the value and writes the manual ([`manual()`], `docs/scenario.md`).
+//! reads the file, checks the value and writes the manual ([`manual()`], `docs/reference/scenario.md`).
 //!
 //! A [`Scenario`] is what a person types, in Hz, V, s and °C. Reading refuses unknown keys, values out of range and
 //! profiles that no chamber can follow, and names the key. [`Scenario::build`] turns it into a gyro and refuses what

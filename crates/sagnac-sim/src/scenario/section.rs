@@ -1,9 +1,9 @@
 //! One declaration per key: type, default, range, unit, source and description.
 //!
 //! The macro [`section!`] makes three things of a declaration: the struct that reads the table, the range check, and
-//! the entry of the manual (`docs/scenario.md`). They cannot drift apart.
+//! the entry of the manual (`docs/reference/scenario.md`). They cannot drift apart.
 
-/// What the manual says of a key; the range is also what a scenario is checked against.
+/// Manual entry of a key; scenarios are checked against the same range.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct KeyDoc {

@@ -22,7 +22,7 @@ use crate::program::Program;
 /// Standard input of a case.
 pub(crate) enum Feed {
     Nothing,
-    /// A block, repeated so many times.
+    /// A block and its number of repetitions.
     Endless(Vec<u8>, usize),
 }
 
@@ -35,10 +35,10 @@ pub(crate) struct Case {
     pub(crate) place: Option<&'static str>,
     pub(crate) stdin: Feed,
     pub(crate) as_nobody: bool,
-    /// The message comes from the argument parser, in its own form.
+    /// The message is that of the argument parser, in its own format.
     pub(crate) usage: bool,
     files: Vec<(&'static str, Vec<u8>)>,
-    /// Done last in the folder.
+    /// Last step of preparing the folder.
     then: Option<Then>,
 }
 
@@ -101,7 +101,7 @@ fn log(name: &'static str, text: impl Into<Vec<u8>>) -> Case {
     case(name, CALIBRATE).file("log.csv", text).place("log.csv")
 }
 
-/// The paper's run, which calibrates well.
+/// The paper's run, a good log.
 fn good() -> String {
     String::from_utf8(csv_bytes(PaperRig::PAPER.run(1))).unwrap()
 }
@@ -194,7 +194,7 @@ fn ulog(messages: &[(u8, &[u8])]) -> Vec<u8> {
 
 const BENCH: &str = "arcsec_per_count = 1.059\nquantum = 0.25\nserial = \"PAPER-RIG\"\n";
 
-/// What the program itself writes: a calibration and its image.
+/// Output of the program: a calibration and its image.
 struct Good {
     program: Program,
     record: String,
@@ -208,8 +208,8 @@ impl Good {
         std::fs::write(file("log.csv"), good())?;
         std::fs::write(file("bench.toml"), BENCH)?;
         let args = ["calibrate", "log.csv", "--setup", "bench.toml", "--model", "bias 2", "-o", "unit.cal.json"];
-        program.said_in(folder.path(), &args)?;
-        program.said_in(folder.path(), &["export", "unit.cal.json", "--to", "image", "-o", "unit.img"])?;
+        program.stdout_in(folder.path(), &args)?;
+        program.stdout_in(folder.path(), &["export", "unit.cal.json", "--to", "image", "-o", "unit.img"])?;
         let (record, image) = (std::fs::read_to_string(file("unit.cal.json"))?, std::fs::read(file("unit.img"))?);
         Ok(Self { program: program.clone(), record, image })
     }
@@ -220,7 +220,7 @@ impl Good {
         move |folder| {
             std::fs::write(folder.join("log.csv"), good())?;
             let args = ["window", "log.csv", "--arcsec-per-count", "1.059", "--quantum", "0.25", "-o", "w.parquet"];
-            program.said_in(folder, &args).map(|_| ())
+            program.stdout_in(folder, &args).map(|_| ())
         }
     }
 }
@@ -231,7 +231,7 @@ fn with_byte(bytes: &[u8], at: usize, byte: u8) -> Vec<u8> {
     bytes
 }
 
-/// All cases. The program makes the records that are then damaged.
+/// All cases. The program makes the good records, which the cases damage.
 pub(crate) fn cases(program: &Program) -> Result<Vec<Case>> {
     let good = Good::new(program)?;
     let mut all = text_logs();
@@ -329,7 +329,7 @@ fn values_of_logs() -> Vec<Case> {
         .place("log.csv:5003"),
         log("temperatures that are no numbers", field(1, "warm")).refused(),
         log("temperatures that are all missing", field(1, "")).refused(),
-        log("temperatures beyond belief", field(1, "1200")).refused(),
+        log("temperatures outside the valid range", field(1, "1200")).refused(),
         log("one temperature", field(1, "25")).refused(),
         log("thermometer off by 100 °C", changed(|_, f| f[1] = (f[1].parse::<f64>().unwrap() + 100.0).to_string()))
             .refused(),
@@ -543,7 +543,7 @@ fn records(by: &Good) -> Result<Vec<Case>> {
         json("calibration with a missing field", edit("\"window_s\": 100.0,", "")?).place("window_s"),
         json("calibration with an extra field", edit("\"window_s\": 100.0,", "\"window_s\": 100.0, \"windows\": 3,")?)
             .place("windows"),
-        json("calibration with a number beyond all", edit("\"window_s\": 100.0", "\"window_s\": 1e999")?),
+        json("calibration with an infinite number", edit("\"window_s\": 100.0", "\"window_s\": 1e999")?),
         json("calibration with NaN", edit("\"window_s\": 100.0", "\"window_s\": NaN")?),
         json("calibration with a window of zero", edit("\"window_s\": 100.0", "\"window_s\": 0.0")?).place("window_s"),
         json("calibration with an unknown term", edit("\"acts_on\": \"bias\"", "\"acts_on\": \"magic\"")?)

@@ -11,7 +11,7 @@ pub(super) fn noise_budgets(by: &Good) -> Vec<Case> {
             .file("curve.csv", "tau_s,adev_dph_x,adev_dph_y\n1,0.2,0.3\n2,0.1,-0.1\n")
             .place("adev_dph_y"),
         case("curve without points", "allan curve.csv -o out.json").file("curve.csv", "tau_s,adev_dph\n"),
-        case("curve with tau of its own and another asked for", "allan curve.csv --taus 1,2")
+        case("--taus for a curve, which has its own", "allan curve.csv --taus 1,2")
             .file("curve.csv", "tau_s,adev_dph\n1,0.2\n")
             .place("curve.csv"),
         case("tau that is no number", "allan log.csv --arcsec-per-count 1 --taus 1,x")
@@ -20,10 +20,10 @@ pub(super) fn noise_budgets(by: &Good) -> Vec<Case> {
         case("tau shorter than a row", "allan log.csv --arcsec-per-count 1 --taus 0.001")
             .file("log.csv", good())
             .place("--taus"),
-        case("calibration where noise is looked for", "allan unit.cal.json")
+        case("calibration in place of a log or curve", "allan unit.cal.json")
             .file("unit.cal.json", by.record.as_str())
             .place("unit.cal.json"),
-        case("temperature to take out where there is none", "allan log.csv --detrend temperature")
+        case("--detrend temperature without a thermometer", "allan log.csv --detrend temperature")
             .file("log.csv", "time_s,rate_dph\n1,1\n2,2\n3,1\n4,2\n")
             .refused(),
     ]
