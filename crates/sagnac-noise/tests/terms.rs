@@ -147,3 +147,60 @@ fn at_most(unresolved: &str) -> f64 {
     let bound = unresolved.split_once("at most ").and_then(|(_, from)| from.split(' ').next());
     bound.map_or(f64::INFINITY, |bound| bound.parse().unwrap())
 }
+
+/// Random numbers of this file: splitmix64, Box and Muller.
+struct Dice(u64);
+
+impl Dice {
+    fn uniform(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        (((z ^ (z >> 31)) >> 11) + 1) as f64 / (1_u64 << 53) as f64
+    }
+
+    fn normal(&mut self) -> f64 {
+        (-2.0 * self.uniform().ln()).sqrt() * (std::f64::consts::TAU * self.uniform()).cos()
+    }
+}
+
+/// A base that sways: angles that return to rest with time constants of 3, 30 and 300 rows, 6, 3 and 1.5 arcsec, and rounding to
+/// 0.1. Its rates have no white part, and the Allan deviation falls between τ^−½ and 1/τ. Beside it, white noise with a sine of
+/// 40 rows, which is a misfit, too: there the walk is resolved, and lies in its interval.
+#[test]
+fn a_swaying_base_is_no_random_walk_and_a_sine_hides_none() {
+    let resolved = |seed: u64, sways: bool| {
+        let mut dice = Dice(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15));
+        let mut parts = [(3.0, 6.0), (30.0, 3.0), (300.0, 1.5)].map(|(tau, sigma): (f64, f64)| (tau, sigma, 0.0));
+        let (mut angle, mut before) = (0.0, 0.0_f64);
+        let angles: Vec<f64> = (0..16_384)
+            .map(|row| {
+                if sways {
+                    for (tau, sigma, state) in &mut parts {
+                        let keep = (-1.0 / *tau).exp();
+                        *state = keep * *state + *sigma * (1.0 - keep * keep).sqrt() * dice.normal();
+                    }
+                    let total =
+                        ((parts.iter().map(|part| part.2).sum::<f64>() + 8.4 * f64::from(row)) / 0.1).floor() * 0.1;
+                    let step = total - before;
+                    before = total;
+                    step
+                } else {
+                    angle += 1.0;
+                    dice.normal() + 1.5 * (std::f64::consts::TAU * angle / 40.0).sin()
+                }
+            })
+            .collect();
+        let budget = budget_of_angles(&angles, 1.0, &Taus::Octaves).unwrap();
+        match budget.terms.get(Term::AngleRandomWalk) {
+            TermValue::Found { lower: Some(lower), upper: Some(upper), .. } => Some((60.0 * lower, 60.0 * upper)),
+            _ => None,
+        }
+    };
+    let part = |of: &dyn Fn(u64) -> bool| (0..60).filter(|seed| of(*seed)).count() as f64 / 60.0;
+    let swaying = part(&|seed| resolved(seed, true).is_some());
+    evidence("an angle random walk is read from a base that only sways", swaying, "≤ 0.05", 60);
+    let covered = part(&|seed| resolved(seed, false).is_some_and(|(lower, upper)| lower <= 1.0 && 1.0 <= upper));
+    evidence("N beside a sine is resolved and lies in its 95 % interval", covered, "≥ 0.88", 60);
+}
