@@ -174,7 +174,7 @@ fn a_swaying_base_is_no_random_walk_and_a_sine_hides_none() {
         let mut dice = Dice(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15));
         let mut parts = [(3.0, 6.0), (30.0, 3.0), (300.0, 1.5)].map(|(tau, sigma): (f64, f64)| (tau, sigma, 0.0));
         let (mut angle, mut before) = (0.0, 0.0_f64);
-        let angles: Vec<f64> = (0..16_384)
+        let angles: Vec<f64> = (0..8192)
             .map(|row| {
                 if sways {
                     for (tau, sigma, state) in &mut parts {

@@ -156,7 +156,8 @@ fn navigation_grade_judges_the_scale_factor() {
 }
 
 /// What a judgement in ppm rests on. 120 pairs of a calibration of one table and a retest: the truth, no change, lies in the
-/// 95 % interval of S against the calibration; that of eleven plateaus' asymmetry in theirs.
+/// 95 % interval of S against the calibration; that of eleven plateaus' asymmetry in theirs. The first is
+/// twice as wide as it need be (rms of 0.46 σ), probably because an asymmetry bends the line and counts as scatter.
 #[test]
 fn the_intervals_in_ppm_cover() {
     use rayon::prelude::*;
@@ -180,30 +181,6 @@ fn the_intervals_in_ppm_cover() {
         "0.92 … 0.98",
         120,
     );
-    let z = tables.iter().map(|axis| axis.scale_factor_difference.unwrap()).map(|d| (d.ppm / d.sigma_ppm).powi(2));
-    println!("rms of the difference in its own sigma: {}", (z.sum::<f64>() / 120.0).sqrt());
-}
-
-/// The largest of many noisy figures: limits of the size of their own σ, a perfect unit. It may be not decided; that it is said to be
-/// beyond the limit is the risk of one in twenty.
-#[test]
-fn a_perfect_unit_is_not_said_to_be_beyond_a_limit_of_its_noise() {
-    let limits: Limits = "decision = \"guarded\"
-scale_factor_asymmetry_ppm_max = 0.5
-scale_factor_nonlinearity_ppm_max = 0.3
-scale_factor_hysteresis_ppm_max = 0.3"
-        .parse()
-        .unwrap();
-    let unit = calibrated(10.0, 0.0);
-    let axes: Vec<AxisVerification> = {
-        use rayon::prelude::*;
-        (0..60_u64).into_par_iter().map(|seed| judged(&unit, Table::new(9700 + seed), &limits)).collect()
-    };
-    for at in 0..3 {
-        let of = |axis: &AxisVerification| axis.limits[at].clone();
-        let wrong = axes.iter().filter(|axis| of(axis).pass == Some(false) && of(axis).undecided_hours.is_none());
-        println!("{}: not met {} of 60; {:?}", of(&axes[0]).name, wrong.count(), of(&axes[0]));
-    }
 }
 
 /// A slow table knows ppm badly: at ±2 °/s a plateau's σ is 0.8 ppm. A perfect unit is still not refused by the ready set.

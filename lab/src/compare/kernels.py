@@ -1,7 +1,7 @@
 """Kernels and trees of the ring laser literature on Sagnac's inputs: temperature and its rate behind a lag.
 
 usage: kernels.py simulated FIT.csv RETEST.csv OUT.csv     correction at every second of the retest, a column per method
-       kernels.py real LOG.tsv                             held-out error of each axis, method by method
+       kernels.py real LOG.tsv [AXES]                      held-out error of each axis, method by method
 
   LS-SVM          [0 1'; 1 K + I/g] [b; a] = [0; y]       RBF kernel (Suykens); numpy
   RBF network     k-means centres, Gaussians, ridge       scikit-learn's KMeans; numpy
@@ -89,7 +89,7 @@ def rbf_network(x, y, centres, width, ridge):
 
 
 def forest(x, y, leaf):
-    made = RandomForestRegressor(60, min_samples_leaf=leaf, random_state=1, n_jobs=1).fit(x, y)
+    made = RandomForestRegressor(30, min_samples_leaf=leaf, random_state=1, n_jobs=1).fit(x, y)
     return made.predict
 
 
@@ -223,7 +223,7 @@ def outer_error(name, inputs, y):
     return np.sqrt(total / len(y))
 
 
-def real(path):
+def real(path, axes="xyz"):
     rows, dt_s = 20, 0.505403
     table = np.genfromtxt(path, delimiter="\t", names=True, deletechars="")[1:]
     celsius = table["imu.temperature"]
@@ -235,10 +235,9 @@ def real(path):
     inputs = {lag: np.column_stack([t, rate]) for lag, rate in rates.items()}
     pairs = {(a, b): [rates[a], rates[b]] for a in LAGS_S for b in LAGS_S if a < b}
     singles = {(lag,): [rate] for lag, rate in rates.items()}
-    two = {lags: np.column_stack([t, rates[lags[0]], rates[lags[1]]]) for lags in pairs}
     sign = np.sign(rates[60.0])
     low = dict(orders=range(1, 6), rate_orders=range(3))
-    for axis in "xyz":
+    for axis in axes:
         y = windows_of(table["imu.gyro." + axis], rows) * DPH_PER_RADPS
 
         def say(what, value):
@@ -256,10 +255,9 @@ def real(path):
         squared = lambda lags: np.column_stack([rates[lags[0]] ** 2, rates[lags[0]] * abs(rates[lags[0]])])
         say("term rate squared", series_error(x, singles, squared, y, **low)[0])
         say("term time", series_error(x, singles, lambda _: hours[:, None], y, **low)[0])
-        say("two-lag Gaussian process", outer_error("Gaussian process", {k: v for k, v in two.items() if k[0] <= 150.0 and k[1] >= 300.0}, y))
 
 
 if sys.argv[1] == "simulated":
     simulated(*sys.argv[2:5])
 else:
-    real(sys.argv[2])
+    real(*sys.argv[2:4])
