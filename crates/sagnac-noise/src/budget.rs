@@ -392,11 +392,20 @@ impl<'a> Model<'a> {
                     upper: Some(term.in_its_unit(upper)),
                 },
             },
-            Some(Spread::Unresolved { at_most }) => TermValue::Unresolved {
-                unresolved: not_resolvable(term, longest_s, term.in_its_unit(at_most), &said.traded),
-            },
+            Some(Spread::Unresolved { at_most }) => {
+                // Scatter widens a bound beyond the curve itself.
+                let most = if self.misfit().is_some() { at_most.min(self.most_by_the_curve(term)) } else { at_most };
+                let unresolved = not_resolvable(term, longest_s, term.in_its_unit(most), &said.traded);
+                TermValue::Unresolved { unresolved }
+            }
             None => TermValue::Unresolved { unresolved: "no curve could be drawn from the model".to_owned() },
         })
+    }
+
+    /// The largest root of a term that the upper ends of the curve allow: no term is more than the curve.
+    fn most_by_the_curve(&self, term: Term) -> f64 {
+        let upper = |p: &Point| interval(p.variance, Some(p.edf))[1].map(|end| end / term.variance(p.tau_s).sqrt());
+        self.points.iter().filter_map(upper).fold(f64::INFINITY, f64::min)
     }
 
     /// Why a term that has an interval is none, where the five terms do not describe the curve.
@@ -417,9 +426,7 @@ impl<'a> Model<'a> {
                 significant(model, 2)
             ),
         };
-        // No term is more than the curve.
-        let upper = |p: &Point| interval(p.variance, Some(p.edf))[1].map(|end| end / term.variance(p.tau_s).sqrt());
-        let most = self.points.iter().filter_map(upper).fold(f64::INFINITY, f64::min);
+        let most = self.most_by_the_curve(term);
         let bound = format!("; the curve allows at most {} {unit}", significant(term.in_its_unit(most), 2));
         Some(format!(
             "not one of the five terms describes the curve: {why}{}",
