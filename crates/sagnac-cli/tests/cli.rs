@@ -342,6 +342,32 @@ fn real_recordings_are_described_and_refused_as_they_deserve() {
     }
 }
 
+/// Real counts of a standing vehicle, three axes without temperature. From its README: 184,718 samples of 10 ms, 30.8 min; z has a
+/// mean of 8.410 °/h where the Earth turns by 8.464. The size of a count is asked for, and no angle random walk is printed.
+#[test]
+fn counts_of_a_standing_vehicle_are_described_and_have_no_random_walk() {
+    let Some(log) = shared("rlg-psins-static/rlg.csv.gz") else { return };
+    let ran = run(&["inspect", &log]);
+    assert!(ran.status == 0 && ran.out.contains("counts, quantum 1, axes x y z, no thermometer"), "{}", ran.out);
+    assert!(ran.out.contains("--arcsec-per-count") && !ran.out.contains("°/h of"), "{}", ran.out);
+    let ran = run(&["allan", &log]);
+    assert!(ran.status == 2 && ran.err.contains("never guessed"), "{}", ran.err);
+    let size = ["--arcsec-per-count", "0.1"];
+    let (status, object) = json(&[&["inspect", &log][..], &size, &["--json"]].concat());
+    assert_eq!((status, &object["quantity"], &object["rows"]), (0, &Value::from("counts"), &Value::from(184_718)));
+    assert!((object["sample_interval_s"].as_f64().unwrap() - 0.01).abs() < 1e-9, "{object}");
+    assert!((object["length_s"].as_f64().unwrap() - 1847.18).abs() < 0.02, "{object}");
+    let z = object["axes"][2]["mean_dph"].as_f64().unwrap();
+    assert!((z - 8.410).abs() < 0.001, "{z}");
+    let ran = run(&[&["calibrate", &log][..], &size].concat());
+    assert!(ran.status == 3 && ran.err.contains("no temperature"), "{}", ran.err);
+    let ran = run(&[&["allan", &log][..], &size].concat());
+    assert_eq!(ran.status, 0, "{}", ran.err);
+    assert_eq!(ran.out.matches("not resolvable\n").count(), 15, "{}", ran.out);
+    let why = "where N would dominate, the slope is";
+    assert!(ran.out.matches(why).count() == 2 && !ran.out.contains("with them: \n"), "{}", ran.out);
+}
+
 #[test]
 fn completions_and_man_pages_know_every_command() {
     for shell in ["bash", "zsh", "fish", "powershell", "elvish", "man"] {

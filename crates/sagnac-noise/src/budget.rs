@@ -9,6 +9,7 @@ use crate::freedom::{Record, Stretches};
 use crate::pyramid::FULL_OVERLAP;
 use crate::recorder::{Recorded, Recorder};
 use crate::screen::{Disturbed, Place, Screened};
+use crate::slope::{Slope, slope_of};
 use crate::taus::{LONGEST_PART, TauError, Taus};
 use crate::terms::{FittedTerms, Point, Term, fit_terms};
 use sagnac_units::ARCSEC_RT_S_PER_DEG_RT_H;
@@ -383,16 +384,54 @@ impl<'a> Model<'a> {
         let estimates = TermUncertainty { record: &record, measured, multiples, scatter_edf }.of_terms(fitted);
         let mut spreads = estimates.spreads.into_iter();
         Terms::from_each(|term| match spreads.next() {
-            Some(Spread::Interval { lower, upper }) => TermValue::Found {
-                value: term.in_its_unit(fitted.root(term)),
-                lower: Some(term.in_its_unit(lower)),
-                upper: Some(term.in_its_unit(upper)),
+            Some(Spread::Interval { lower, upper }) => match self.not_shown(term, fitted) {
+                Some(unresolved) => TermValue::Unresolved { unresolved },
+                None => TermValue::Found {
+                    value: term.in_its_unit(fitted.root(term)),
+                    lower: Some(term.in_its_unit(lower)),
+                    upper: Some(term.in_its_unit(upper)),
+                },
             },
-            Some(Spread::Unresolved { at_most }) => TermValue::Unresolved {
-                unresolved: not_resolvable(term, longest_s, term.in_its_unit(at_most), &estimates.traded),
-            },
+            Some(Spread::Unresolved { at_most }) => {
+                // Scatter widens a bound beyond the curve itself.
+                let most = if self.misfit().is_some() { at_most.min(self.most_by_the_curve(term)) } else { at_most };
+                let unresolved = not_resolvable(term, longest_s, term.in_its_unit(most), &estimates.traded);
+                TermValue::Unresolved { unresolved }
+            }
             None => TermValue::Unresolved { unresolved: "no curve could be drawn from the model".to_owned() },
         })
+    }
+
+    /// The largest root of a term that the upper ends of the curve allow: no term is more than the curve.
+    fn most_by_the_curve(&self, term: Term) -> f64 {
+        let upper = |p: &Point| interval(p.variance, Some(p.edf))[1].map(|end| end / term.variance(p.tau_s).sqrt());
+        self.points.iter().filter_map(upper).fold(f64::INFINITY, f64::min)
+    }
+
+    /// Why a term that has an interval is none, where the five terms do not describe the curve.
+    fn not_shown(&self, term: Term, fitted: &FittedTerms) -> Option<String> {
+        let spread = |p: &Point| Point { edf: (1.0 / p.edf + 1.0 / self.scatter_edf).recip(), ..*p };
+        let points: Vec<Point> = self.points.iter().map(spread).collect();
+        let slope = if self.misfit().is_some() { slope_of(term, fitted, &points) } else { Slope::Shown };
+        let (name, unit) = term.name();
+        let letter = name.rsplit(' ').next().unwrap_or_default();
+        let why = match slope {
+            Slope::Shown => return None,
+            Slope::Nowhere => format!("no three octaves of τ show {letter} alone"),
+            Slope::Other { found, model, taus_s: [from, to] } => format!(
+                "from τ = {} to {} s, where {letter} would dominate, the slope is {}, not {}",
+                significant(from, 2),
+                significant(to, 2),
+                significant(found, 2),
+                significant(model, 2)
+            ),
+        };
+        let most = self.most_by_the_curve(term);
+        let bound = format!("; the curve allows at most {} {unit}", significant(term.in_its_unit(most), 2));
+        Some(format!(
+            "not one of the five terms describes the curve: {why}{}",
+            if most.is_finite() { &bound } else { "" }
+        ))
     }
 }
 

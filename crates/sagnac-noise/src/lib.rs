@@ -33,6 +33,7 @@ mod pyramid;
 mod recorder;
 mod screen;
 mod short;
+mod slope;
 mod taus;
 mod terms;
 

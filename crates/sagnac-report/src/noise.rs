@@ -105,7 +105,10 @@ pub fn row_notes(axis: &AxisBudget) -> Vec<String> {
             format!("{letter} {value} ({interval}) {unit}")
         })
     });
-    let otherwise = otherwise.collect::<Vec<_>>().join(", ");
+    let otherwise = match otherwise.collect::<Vec<_>>() {
+        none if none.is_empty() => "none of the five terms is resolvable".to_owned(),
+        terms => terms.join(", "),
+    };
     out.push(match disturbed.taken_out {
         true => format!("the figures are without {them}; with {them}: {otherwise}"),
         false => format!("more than 0.5 % is no disturbance: the figures are with {them}; without {them}: {otherwise}"),

@@ -101,7 +101,7 @@ pub(crate) fn peers(folder: &Path) -> Result<String> {
     if !Path::new(&python).exists() {
         sh("python3", &["-m", "venv", &venv.display().to_string()])?;
     }
-    sh(&python, &["-m", "pip", "install", "--quiet", "numpy", "pandas", "polars", "allantools"])?;
+    sh(&python, &["-m", "pip", "install", "--quiet", "numpy", "pandas", "polars", "allantools", "scikit-learn"])?;
     fs::write(folder.join("pandas_peer.py"), PANDAS)?;
     fs::write(folder.join("polars_peer.py"), POLARS)?;
     Ok(python)

@@ -8,6 +8,8 @@
 //! ```
 #![allow(dead_code, reason = "each test binary uses its own part")]
 
+pub(crate) mod table;
+
 use std::fmt::Write as _;
 
 use sagnac_log::setup::Setup;
