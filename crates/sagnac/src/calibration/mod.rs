@@ -27,7 +27,7 @@ pub use crate::calibration::axis::{AxisCalibration, AxisCorrection, FitDiagnosti
 pub use crate::calibration::input::{Input, InputSource};
 pub use crate::calibration::rate_table::{Misalignment, Plateau, PpmEstimate, Repeatability, ScaleFactor};
 pub use crate::calibration::search::{
-    Collinearity, CorrectionNoise, InputNoise, RejectedInput, SearchStep, SearchVerdict,
+    Collinearity, CorrectionNoise, InputNoise, RejectedInput, RejectedModel, SearchStep, SearchVerdict,
 };
 pub(crate) use crate::calibration::uncertainty::SCALE_AT_REFERENCE;
 pub use crate::calibration::uncertainty::{

@@ -5,18 +5,22 @@
 //! ([`super::input_noise`]). Beyond that the lag of the noisiest rate term is raised, or the term removed if the longer lag
 //! costs more held-out error than the term gains. Noise through the value terms is reported only: without them there is no
 //! correction.
+//!
+//! Whatever is selected goes through the code that writes images ([`ImageCheck`]). `auto` passes over a model that no image can
+//! hold, and the record names it; a given one is refused.
 
 use crate::calibration::{
-    Candidate, CorrectionNoise, CrossValidation, CurveSpread, RejectedInput, SearchStep, SearchVerdict,
+    Candidate, CorrectionNoise, CrossValidation, CurveSpread, RejectedInput, RejectedModel, SearchStep, SearchVerdict,
 };
 use crate::fit::averaging::{Grades, grade, spread};
+use crate::fit::correction::ImageCheck;
 use crate::fit::criterion::{CvScore, effective_windows, is_undominated};
 use crate::fit::folds::{Trial, cross_validate, scheme_of};
 use crate::fit::input_noise::{INCREASE_MAX, correction_noise, loudest_rate};
 use crate::fit::least_squares::{LeastSquares, Level};
 use crate::fit::period::settle_periods;
 use crate::fit::robust::{Loss, robust_fit};
-use crate::fit::search::{CONDITION_MAX, fits_image, inputs_read, walk};
+use crate::fit::search::{CONDITION_MAX, fits_image, inputs_read, shrunk, walk};
 use crate::fit::slow_noise::{SlowNoise, Whitening};
 use crate::fit::solution::{Fitted, fit, noise_of, with_slow_noise};
 use crate::fit::{Model, SAME_RATE, SMALLER_WINS_WITHIN};
@@ -36,6 +40,7 @@ struct Best {
     mean_square: Option<f64>,
     candidates: Vec<Candidate>,
     specs: Vec<ModelSpec>,
+    not_held: Vec<RejectedModel>,
 }
 
 /// Slow noise of less than this part of the white variance, each process, still counts as nearly white.
@@ -54,6 +59,9 @@ pub(crate) struct Chosen<'a> {
     grid: Vec<ModelSpec>,
     /// Slow noise of the residual.
     pub(crate) noise: SlowNoise,
+    image: ImageCheck<'a>,
+    /// What would have been selected if an image could hold it.
+    pub(crate) not_held: Vec<RejectedModel>,
 }
 
 /// Makes the problem of an axis on the windows in which some inputs are known.
@@ -66,21 +74,22 @@ pub(crate) type MakeProblem<'a, 'b> = dyn Fn(&[Signal]) -> Result<LeastSquares<'
 pub(crate) fn choose<'a>(
     windows: &'a Windows,
     main: Signal,
-    config: &ModelConfig,
+    image: ImageCheck<'a>,
     choice: &Model,
     make: &MakeProblem<'a, '_>,
 ) -> Result<Chosen<'a>> {
     match choice {
-        Model::Fixed(spec) => given(&windows.shape, main, spec, make),
+        Model::Fixed(spec) => given(&windows.shape, main, spec, image, make),
         Model::Auto => {
             let grid = make(&[main])?;
             let taus_s = grid.tau_grid();
-            let best = best_of_grid(&grid, &taus_s)?;
+            let best = best_of_grid(&grid, &taus_s, &image)?;
+            let config = image.config;
             let (further, mut aside) = candidate_inputs(windows, main, config, &grid.used)?;
             let all = known_together(main, further, config.inputs.is_some(), grid, make, &mut aside)?;
-            let walked = walk(&all, &best.spec, &taus_s);
+            let walked = walk(&all, &best.spec, &taus_s, &image);
             let Some(path) = walked else {
-                let Best { spec, mean_square, candidates, specs } = best;
+                let Best { spec, mean_square, candidates, specs, not_held } = best;
                 return Ok(Chosen {
                     problem: make(&[main])?,
                     spec,
@@ -91,6 +100,8 @@ pub(crate) fn choose<'a>(
                     path: Vec::new(),
                     grid: specs,
                     noise: SlowNoise::default(),
+                    image,
+                    not_held,
                 });
             };
             let named =
@@ -112,6 +123,8 @@ pub(crate) fn choose<'a>(
                 path: path.steps,
                 grid: best.specs,
                 noise: SlowNoise::default(),
+                image,
+                not_held: best.not_held,
             })
         }
     }
@@ -155,7 +168,13 @@ fn known_together<'a>(
 }
 
 /// A requested model.
-fn given<'a>(shape: &WindowShape, main: Signal, spec: &ModelSpec, make: &MakeProblem<'a, '_>) -> Result<Chosen<'a>> {
+fn given<'a>(
+    shape: &WindowShape,
+    main: Signal,
+    spec: &ModelSpec,
+    image: ImageCheck<'a>,
+    make: &MakeProblem<'a, '_>,
+) -> Result<Chosen<'a>> {
     let mut spec = spec.clone();
     let sources = sources_of(&mut spec, main, shape)?;
     check_channels(&spec, &sources, shape)?;
@@ -183,6 +202,8 @@ fn given<'a>(shape: &WindowShape, main: Signal, spec: &ModelSpec, make: &MakePro
         aside: Vec::new(),
         path: Vec::new(),
         noise: SlowNoise::default(),
+        image,
+        not_held: Vec::new(),
     })
 }
 
@@ -301,7 +322,7 @@ fn candidate_inputs(
 }
 
 /// Tries every model over the thermometer of the fit.
-fn best_of_grid(problem: &LeastSquares<'_>, taus_s: &[f64]) -> Result<Best> {
+fn best_of_grid(problem: &LeastSquares<'_>, taus_s: &[f64], image: &ImageCheck<'_>) -> Result<Best> {
     let affordable = |spec: &ModelSpec| problem.len() >= 3 * (problem.levels.len() + spec.coefficients());
     let with_scale = problem.column_of(Level::Scale).is_some();
     let specs: Vec<ModelSpec> =
@@ -321,24 +342,37 @@ fn best_of_grid(problem: &LeastSquares<'_>, taus_s: &[f64]) -> Result<Best> {
     }
     let mut fair: Vec<usize> = (0..specs.len()).filter(|i| mean_square[*i].is_some()).collect();
     let grades = grades_if_white(problem, &fair, &specs, taus_s);
+    let mut not_held = Vec::new();
+    let mut refusal = Error::refused("the data do not separate the terms of any candidate")
+        .help("test so that temperature and its rate move independently, or give a fixed --model");
     let chosen = loop {
         let best = match &grades {
             Some(grades) => grades.best(&fair),
             None => best_held_out(problem, &fair, &specs, &mean_square, taus_s),
         };
-        let chosen = best.ok_or_else(|| {
-            Error::refused("the data do not separate the terms of any candidate")
-                .help("test so that temperature and its rate move independently, or give a fixed --model")
-        })?;
+        let Some(chosen) = best else { return Err(refusal) };
         let fitted = fit(problem, &specs[chosen], taus_s).ok();
         let near = fitted.as_ref().map(|f| f.conditioning.as_ref().map_or(1.0, |near| near.condition));
-        if near.is_some_and(|condition| condition <= CONDITION_MAX) {
-            break chosen;
+        match fitted.as_ref().map_or(Ok(()), |fitted| image.check(fitted, problem)) {
+            Ok(()) if near.is_some_and(|condition| condition <= CONDITION_MAX) => break chosen,
+            Ok(()) => (),
+            Err(error) => {
+                // The first alone: the next are what is selected in its place.
+                if not_held.is_empty() {
+                    not_held.push(rejected(&specs[chosen], &error));
+                }
+                refusal = error.of(&format!("`{}`", specs[chosen]));
+            }
         }
         fair.retain(|other| *other != chosen);
     };
     let candidates = specs.iter().zip(&mean_square).map(|(spec, square)| candidate(spec, *square, 1)).collect();
-    Ok(Best { spec: specs[chosen].clone(), mean_square: mean_square[chosen], candidates, specs })
+    Ok(Best { spec: specs[chosen].clone(), mean_square: mean_square[chosen], candidates, specs, not_held })
+}
+
+fn rejected(spec: &ModelSpec, refusal: &Error) -> RejectedModel {
+    let help = refusal.help.as_ref().map_or(String::new(), |help| format!(": {help}"));
+    RejectedModel { model: spec.to_string(), reason: format!("{}{help}", refusal.what) }
 }
 
 /// Grades of all candidates ([`super::averaging`]) where the residual of the largest is nearly white. Where it is not, a grade
@@ -405,6 +439,10 @@ impl Chosen<'_> {
                 Loss::Huber => robust_fit(&mut self.problem, &self.spec, &self.taus_s)?,
             };
             self.check_condition(&fitted)?;
+            if let Err(refusal) = self.image.check(&fitted, &self.problem) {
+                self.shrink(refusal, is_given)?;
+                continue;
+            }
             if let Some(step) = self.path.last_mut().filter(|step| step.condition.is_none()) {
                 step.condition = fitted.conditioning.as_ref().map(|near| near.condition);
             }
@@ -458,6 +496,22 @@ impl Chosen<'_> {
             term.form.name((term.input > 0).then_some(input))
         ))
         .help("take fewer terms, or test so that the inputs move apart"))
+    }
+
+    /// Takes the best model of one order less in place of one that no image can hold. The grid and the search have refused such
+    /// models already; a raised lag or another loss may make one more.
+    fn shrink(&mut self, refusal: Error, is_given: bool) -> Result<()> {
+        let smaller = if is_given { Vec::new() } else { shrunk(&self.spec) };
+        let held_out = |spec: ModelSpec| {
+            let square = Trial::new(&self.problem, &spec, &self.taus_s).held_out()?;
+            Some((spec, square))
+        };
+        let best = smaller.into_iter().filter_map(held_out).min_by(|a, b| a.1.total_cmp(&b.1));
+        let Some((spec, square)) = best else { return Err(refusal.of(&format!("`{}`", self.spec))) };
+        self.not_held.push(rejected(&self.spec, &refusal));
+        (self.spec, self.mean_square) = (spec, Some(square));
+        self.note(SearchVerdict::Selected);
+        Ok(())
     }
 
     /// Raises the lag of the noisiest rate term by a step of the grid, or leaves that term out.
