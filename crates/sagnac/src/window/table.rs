@@ -207,7 +207,7 @@ fn tracks(windows: &Windows, sensor: usize) -> ArrayRef {
 }
 
 fn file_metadata(file: &RunFile) -> FileMetadata {
-    let LogSummary { file: name, sha256, rows, tallies } = &file.summary;
+    let LogSummary { file: name, sha256, rows, tallies, follows_by_counter: _ } = &file.summary;
     FileMetadata {
         file: name.clone(),
         sha256: sha256.clone(),
@@ -219,7 +219,8 @@ fn file_metadata(file: &RunFile) -> FileMetadata {
 
 fn run_file(file: FileMetadata) -> RunFile {
     let FileMetadata { file, sha256, rows, start_ns, tallies } = file;
-    RunFile { start_ns, summary: LogSummary { file, sha256, rows, tallies: Tallies::from_list(tallies) } }
+    let tallies = Tallies::from_list(tallies);
+    RunFile { start_ns, summary: LogSummary { file, sha256, rows, tallies, follows_by_counter: false } }
 }
 
 fn metadata(windows: &Windows, setup: &Setup) -> Metadata {
