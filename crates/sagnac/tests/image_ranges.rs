@@ -172,8 +172,8 @@ fn a_given_model_that_does_not_fit_is_refused_by_name() {
     let found = fit(logs(), &setup(), "bias 2").unwrap();
     assert_eq!(found.unit, LogUnit::Rates { lsb_arcsec: 1e-3 });
     // Two terms that fit alone and not together.
-    let both = Mems { bias_dph: [7500.0, 7500.0, 0.0, 0.0], ..quiet };
-    refused(vec![both.log(1)], &fine, "bias 2, rate 0", &["axis x", "together reach", "16380 °/h", "rate_lsb_arcsec"]);
+    let both = Mems { bias_dph: [7000.0, 14_000.0, 0.0, 0.0], ..quiet };
+    refused(vec![both.log(1)], &fine, "bias 2, rate 0", &["axis x", "together reach", "16384 °/h", "rate_lsb_arcsec"]);
     let scaled = Mems { scale_ppm: [18_000.0, 0.0, 0.0], on_table: true, ..both };
     let words = ["axis x", "the scale terms, the largest `scale 1`", "15625 ppm", "fewer scale terms"];
     refused(vec![scaled.log(1)], &setup(), "bias 2, scale 1", &words);
