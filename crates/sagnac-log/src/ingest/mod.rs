@@ -26,6 +26,7 @@ mod parquet_footer;
 mod raw;
 mod reason;
 mod rows;
+mod sketch;
 mod source;
 mod table;
 mod text;
@@ -50,6 +51,8 @@ use crate::ingest::raw::{Faults, RawRows};
 pub use crate::ingest::reason::{Reason, Tallies, Tally};
 pub use crate::ingest::rows::CounterEnd;
 use crate::ingest::rows::RowValidator;
+use crate::ingest::sketch::Sketch;
+pub use crate::ingest::sketch::share_rows;
 use crate::ingest::source::{HashHandle, Source};
 pub use crate::ingest::source::{Watch, hex, sha256};
 pub use crate::ingest::table::TableColumn;
@@ -238,6 +241,8 @@ pub struct LogSummary {
     pub rows: u64,
     /// What was not used, by reason.
     pub tallies: Tallies,
+    /// Hashes of its rows, by which a copy in other bytes is recognised ([`share_rows`]); empty where it says too little.
+    pub rows_sketch: String,
     /// Its clock restarts and its running total goes on: its times go on from the file before.
     pub follows_by_counter: bool,
 }
@@ -277,6 +282,7 @@ pub struct LogReader {
     align: Aligner,
     table: TableRates,
     hash: HashHandle,
+    sketch: Sketch,
     name: String,
     /// Added to every time: not zero where it follows another file by its counter.
     offset_ns: Option<i64>,
@@ -346,6 +352,7 @@ impl LogReader {
         // A log that is written again row by row must not wait for marks: they serve fits and verifications.
         let column = if pace != ReadMode::Bulk && column == TableColumn::Mark { TableColumn::Rate } else { column };
         let table = TableRates::new(column);
+        let sketch = Sketch::new(shape.axes.clone());
         Ok(Self {
             pieces,
             layout,
@@ -358,6 +365,7 @@ impl LogReader {
             align,
             table,
             hash,
+            sketch,
             name,
             offset_ns: None,
         })
@@ -458,6 +466,7 @@ impl LogReader {
             return Ok(false);
         }
         self.check.push(&self.rows, &mut self.batch)?;
+        self.sketch.push(&self.batch, self.shape.unit != AngleUnit::Arcsec);
         Ok(true)
     }
 
@@ -505,6 +514,7 @@ impl LogReader {
             sha256: self.hash.hex(),
             rows: self.check.rows_read,
             tallies: self.check.tallies.clone(),
+            rows_sketch: self.sketch.hex(),
             follows_by_counter: self.offset_ns.is_some(),
         }
     }

@@ -238,7 +238,7 @@ pub fn compare(records: &[(String, Calibration)], limits: Option<&Limits>) -> Re
 fn shared_logs(records: &[(String, Calibration)]) -> Vec<String> {
     let of = |index: usize| records[index].1.provenance.inputs.iter();
     let twice =
-        |index: usize| of(index).filter(move |log| (0..index).any(|before| of(before).any(|l| l.sha256 == log.sha256)));
+        |index: usize| of(index).filter(move |log| (0..index).any(|before| of(before).any(|l| l.overlaps(log))));
     let mut names: Vec<String> = (0..records.len()).flat_map(twice).map(|log| log.file.clone()).collect();
     names.sort();
     names.dedup();
