@@ -82,7 +82,7 @@ fn compare_holds_what_changed_against_limits() {
     assert!(text.contains("1 of 1 limits met, 1 not asked of a comparison"), "{text}");
     let object: Value = serde_json::from_slice(&same.stdout).unwrap();
     assert_eq!(object["axes"][0]["pass"], true);
-    assert_eq!(object["axes"][0]["limits"][1]["why"], "needs a retest: `sagnac verify`");
+    assert_eq!(object["axes"][0]["limits"][0]["why"], "needs a retest: `sagnac verify`");
     assert!(fs::read_to_string(&page).unwrap().contains("Limits of axis"));
     let apart = run(&[a.clone(), b, c.clone()], &page);
     let text = String::from_utf8_lossy(&apart.stderr).into_owned();
