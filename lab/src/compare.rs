@@ -316,9 +316,9 @@ pub(crate) fn compare() -> Result<()> {
         let row = format!("| **{}** | {} | {} |", trial.name, cell(&mine), cells.join(" | "));
         println!("{row}");
         of_kernels = of_kernels + &row + "\n";
-        let rms = |came: &Came| if let Came::Error(rms, _) = came { *rms } else { f64::INFINITY };
+        let rms = |outcome: &Outcome| if let Outcome::Error(rms, _) = outcome { *rms } else { f64::INFINITY };
         let best = others.iter().map(rms).fold(f64::INFINITY, f64::min);
-        if best < 0.9 * rms(&mine) && !matches!(mine, Came::Said(_)) {
+        if best < 0.9 * rms(&mine) && !matches!(mine, Outcome::Message(_)) {
             beaten.push(format!("*{}* ({:.0} %)", trial.name, 100.0 * (1.0 - best / rms(&mine))));
         }
         let kept = match &mine {

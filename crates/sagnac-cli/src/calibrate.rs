@@ -2,7 +2,9 @@
 
 use std::path::PathBuf;
 
-use sagnac::calibration::{AxisCalibration, Calibration, Candidate, Monomial, PpmEstimate, ScaleFactor, SearchStep};
+use sagnac::calibration::{
+    AxisCalibration, Calibration, Candidate, Monomial, PpmEstimate, RejectedModel, ScaleFactor, SearchStep,
+};
 use sagnac::fit::{FitOptions, Loss, calibrate_with_report_data, frontier};
 use sagnac::model::TICK_INSTRUCTIONS;
 use sagnac::{Error, Result};
@@ -77,7 +79,10 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
         .loss(loss);
     let (windows, setup) = loading::windows(&args.logs, &args.reading)?;
     for run in windows.runs.iter().filter(|run| run.files.len() > 1) {
-        console.note(format!("one run: {}, whose times go on (--runs makes each file a run)", run.name()));
+        let by_counter = run.files.iter().any(|file| file.summary.follows_by_counter);
+        let why =
+            if by_counter { "whose running total goes on although the time restarts" } else { "whose times go on" };
+        console.note(format!("one run: {}, {why} (--runs makes each file a run)", run.name()));
     }
     let (calibration, report_data) = calibrate_with_report_data(windows, &setup, &options)?;
     let text = calibration.to_json()?;
@@ -185,6 +190,10 @@ fn describe(console: &mut Console, axis: &AxisCalibration) {
     }
     for rejected in &fit.rejected_inputs {
         console.say(format!("  input rejected: {}, {}", rejected.input, rejected.reason));
+    }
+    for rejected in &fit.rejected_models {
+        let RejectedModel { model, reason, .. } = rejected;
+        console.note(format!("warning: `{model}` would have been selected, but {reason}"));
     }
     if let Some(note) = axis.below_floor_note() {
         console.note(format!("note: axis {}: {note}", axis.axis));

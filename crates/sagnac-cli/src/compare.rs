@@ -1,9 +1,10 @@
-//! `sagnac compare`: compares calibrations of one unit.
+//! `sagnac compare`: compares calibrations of one unit, and holds what changed against limits.
 
 use std::path::PathBuf;
 
 use sagnac::calibration::Calibration;
 use sagnac::compare::{ComparedAxis, ComparedCurve, ComparedNumber, Comparison, compare};
+use sagnac::verify::{Judged, Limits};
 use sagnac::{Error, Result};
 use sagnac_log::write::write_bytes;
 use sagnac_report::comparison_report;
@@ -11,16 +12,21 @@ use sagnac_units::format;
 
 use crate::console::{Console, Outcome, Ran, table};
 use crate::loading;
+use crate::verify::limits_table;
 
 /// Hold calibrations of one unit against each other: cycles, turn-ons, months
 #[derive(clap::Args)]
 #[command(after_help = "\
 Example:
-  sagnac compare january.cal.json may.cal.json september.cal.json --report drift-of-the-drift.html")]
+  sagnac compare january.cal.json may.cal.json september.cal.json --limits navigation-grade --report change.html")]
 pub(crate) struct Args {
     /// Calibrations of one serial number, two or more
     #[arg(required = true, num_args = 2..)]
     calibrations: Vec<PathBuf>,
+    /// Limits of what may change from record to record: a TOML file, or `navigation-grade` or `paper`. Exit status 1 unless every
+    /// limit that is asked is met
+    #[arg(long, value_name = "FILE|SET")]
+    limits: Option<String>,
     /// Report to write: one HTML file for screen and paper
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
@@ -39,13 +45,22 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
         }
     };
     let records: Result<Vec<(String, Calibration)>> = args.calibrations.iter().map(read).collect();
-    let comparison = compare(&records?)?;
+    let limits = args.limits.as_deref().map(Limits::named_or_read).transpose()?;
+    let comparison = compare(&records?, limits.as_ref())?;
     if !comparison.shared_logs.is_empty() {
         let logs = comparison.shared_logs.join(", ");
         console
             .note(format!("warning: records made from the same log ({logs}) are not independent and agree too well"));
     }
+    if !comparison.untested_axes.is_empty() {
+        let axes: Vec<String> = comparison.untested_axes.iter().map(char::to_string).collect();
+        console.note(format!("warning: not every record has axis {}, which is not compared", axes.join(", ")));
+    }
     for axis in &comparison.axes {
+        if let Some(words) = verdict(axis, &comparison) {
+            console.say(format!("axis {}: {words}", axis.axis));
+            console.say(limits_table(&axis.limits, false));
+        }
         describe(console, &comparison, axis);
         for words in axis.numbers.iter().filter_map(ComparedNumber::verdict) {
             console.say(format!("axis {}: {words}", axis.axis));
@@ -56,7 +71,24 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
         console.say(format!("wrote {}", path.display()));
     }
     console.object(&comparison)?;
-    Ok(Outcome::Done)
+    Ok(if comparison.passed() { Outcome::Done } else { Outcome::LimitsNotMet })
+}
+
+/// The verdict of an axis in words; `None` without limits.
+fn verdict(axis: &ComparedAxis, comparison: &Comparison) -> Option<String> {
+    let judged = Judged::of(&axis.limits);
+    let words = judged.words_of("a comparison");
+    let verdict = match axis.pass? {
+        _ if !comparison.shared_logs.is_empty() => "NOT ACCEPTED: records were made from the same log; ",
+        _ if !comparison.untested_axes.is_empty() => "NOT ACCEPTED: an axis is not in every record; ",
+        true => "",
+        false if judged.not_met > 0 => "LIMITS NOT MET: ",
+        false if judged.not_decided > 0 => "LIMITS NOT DECIDED: ",
+        false => "NOT ACCEPTED: no limit is asked; ",
+    };
+    let blind = axis.limits.iter().any(|limit| limit.name == "bias_repeatability_dph_max" && limit.pass.is_none());
+    let blind = if blind { " (the fixed bias is NOT judged)" } else { "" };
+    Some(format!("{verdict}{words}{blind}"))
 }
 
 fn describe(console: &mut Console, comparison: &Comparison, axis: &ComparedAxis) {

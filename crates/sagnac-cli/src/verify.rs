@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use sagnac::verify::{
     AxisVerification, BiasRepeatability, Estimate, Figures, Judged, Limits, PositionError, Proof, REPEATED_PROFILE,
-    ScaleFigures, ScaleProof, Verification, VerifyOptions, verify,
+    ScaleFigures, ScaleProof, Verdict, Verification, VerifyOptions, verify,
 };
 use sagnac_log::ingest::ReadMode;
 use sagnac_log::write::write_bytes;
@@ -130,7 +130,7 @@ fn describe(console: &mut Console, verification: &Verification) {
             console.say(format!("  the flight is not available: {why}"));
         }
         if !axis.limits.is_empty() {
-            console.say(limits(axis));
+            console.say(limits_table(&axis.limits, axis.excluded_fraction.is_some()));
         }
     }
     for line in excluded(&verification.excluded) {
@@ -153,9 +153,8 @@ fn flown(flight: &PositionError) -> String {
 }
 
 /// Every limit with its value; beside it the value over every row, where some were excluded.
-fn limits(axis: &AxisVerification) -> String {
-    let excluding = axis.excluded_fraction.is_some();
-    let rows = axis.limits.iter().map(|l| {
+pub(crate) fn limits_table(limits: &[Verdict], excluding: bool) -> String {
+    let rows = limits.iter().map(|l| {
         let word = if l.word() == "not met" { "NOT MET" } else { l.word() };
         let word = l.remark().map_or(word.to_owned(), |remark| format!("{word}: {remark}"));
         let every = l.value_of_every_row.map_or("-".to_owned(), |value| significant(value, 4));

@@ -212,7 +212,7 @@ impl Compensator {
     /// The remainder of a count is kept. The active correction stays until the next slow update, which is due at once, and slews away
     /// from it. Inputs start again: SETTLING, and UNCORRECTED until all of them have a valid value.
     pub fn migrate_state(&self, old: &State) -> State {
-        let bound = self.image.increment_bound();
+        let bound = self.image.description().increment_bound();
         let increment = old.increment.max(-bound).min(bound);
         State {
             accumulator: old.accumulator,

@@ -20,7 +20,7 @@ pub const MAX_TERMS: usize = 32;
 /// Largest |increment|, counts·2⁻³² per tick.
 pub const MAX_INCREMENT: i64 = 1 << 46;
 /// Largest |k − 1| in 2⁻³²: 15,625 ppm.
-pub(crate) const MAX_SCALE: i64 = 1 << 26;
+pub const MAX_SCALE: i64 = 1 << 26;
 /// Largest |Σ increment| between two slow updates.
 const MAX_INCREMENT_SUM: i64 = 1 << 61;
 /// Bits below the fast path's Q32 in which terms are summed.
@@ -179,6 +179,13 @@ impl Description {
             term_count: 0,
         }
     }
+
+    /// The largest |increment| that cannot overflow within a temperature period, counts·2⁻³² per tick: what the bias terms may
+    /// reach together.
+    pub fn increment_bound(&self) -> i64 {
+        let by_period = MAX_INCREMENT_SUM >> (32 - self.period_ticks.saturating_sub(1).leading_zeros());
+        MAX_INCREMENT.min(by_period)
+    }
 }
 
 /// Why a description is refused. Indices count from 0.
@@ -267,12 +274,6 @@ impl Image {
         core::str::from_utf8(&self.0.serial).ok().map(|text| text.trim_end_matches('\0'))
     }
 
-    /// The largest |increment| that cannot overflow within a temperature period.
-    pub(crate) fn increment_bound(&self) -> i64 {
-        let by_period = MAX_INCREMENT_SUM >> (32 - self.0.period_ticks.saturating_sub(1).leading_zeros());
-        MAX_INCREMENT.min(by_period)
-    }
-
     fn check_head(&self) -> Result<(), ImageError> {
         let d = &self.0;
         let rules = [
@@ -316,7 +317,7 @@ impl Image {
     }
 
     fn check_sums(&self) -> Result<(), ImageError> {
-        if self.reach(Kind::Bias) > self.increment_bound() {
+        if self.reach(Kind::Bias) > self.0.increment_bound() {
             return Err(ImageError::IncrementTooLarge);
         }
         if self.reach(Kind::Scale) > MAX_SCALE {

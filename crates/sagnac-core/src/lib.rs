@@ -55,7 +55,9 @@ pub use bank::{BANK_LEN, BankReport, Banks, Gyro, ImageMismatch, Loaded, Origin,
 pub use codec::{DecodeError, FORMAT_MINOR, FORMAT_VERSION, MAGIC, MAX_IMAGE_LEN};
 pub use compensator::{Compensator, MAX_RAW, Misuse, Output, State};
 pub use harmonic::MAX_TURNS_Q18;
-pub use image::{Description, Image, ImageError, Kind, MAX_INCREMENT, MAX_INPUTS, MAX_TERMS, Multiplier, Shape, Term};
+pub use image::{
+    Description, Image, ImageError, Kind, MAX_INCREMENT, MAX_INPUTS, MAX_SCALE, MAX_TERMS, Multiplier, Shape, Term,
+};
 pub use input::{Gain, InputSpec, LagSpec, ValueSource};
 pub use series::MAX_ORDER;
 pub use status::Status;

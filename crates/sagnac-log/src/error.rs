@@ -145,6 +145,20 @@ impl Error {
         self
     }
 
+    /// Names what it is about before what was wrong.
+    #[must_use]
+    pub fn of(mut self, subject: &str) -> Self {
+        self.what = format!("{subject}: {}", self.what);
+        self
+    }
+
+    /// The same as a refusal.
+    #[must_use]
+    pub fn as_refusal(mut self) -> Self {
+        self.kind = ErrorKind::Refused;
+        self
+    }
+
     /// Says what to do.
     #[must_use]
     pub fn help(mut self, help: impl Into<String>) -> Self {

@@ -2,8 +2,9 @@
 
 use crate::charts::{Band, Chart, ChartPage, Curve, PageTable, chart_report};
 use sagnac::compare::{ComparedAxis, ComparedCurve, ComparedNumber, Comparison};
+use sagnac::verify::{Judged, Verdict};
 use sagnac_log::error::Result;
-use sagnac_units::format::celsius;
+use sagnac_units::format::{celsius, significant};
 
 /// Two-sided 95 % of a normal.
 const TWO_SIGMA: f64 = 1.96;
@@ -19,6 +20,11 @@ pub fn comparison_report(comparison: &Comparison) -> Result<String> {
         ..ChartPage::default()
     };
     for axis in &comparison.axes {
+        if let Some(pass) = axis.pass {
+            let words = format!("Axis {}: {}", axis.axis, Judged::of(&axis.limits).words_of("a comparison"));
+            page.verdicts.push((pass && comparison.passed(), words));
+            page.results.push(limits(axis));
+        }
         for curve in &axis.curves {
             let words = format!("Axis {}: {}", axis.axis, curve.verdict(&comparison.records));
             page.verdicts.push((!curve.disagrees(), words));
@@ -34,7 +40,27 @@ pub fn comparison_report(comparison: &Comparison) -> Result<String> {
         );
         page.results.push(numbers(comparison, axis));
     }
+    if comparison.limits.is_some() && !comparison.shared_logs.is_empty() {
+        let logs = comparison.shared_logs.join(", ");
+        page.verdicts.push((false, format!("Not accepted: records were made from the same log ({logs})")));
+    }
+    if comparison.limits.is_some() && !comparison.untested_axes.is_empty() {
+        page.verdicts.push((false, "Not accepted: an axis is not in every record".to_owned()));
+    }
     chart_report(&page)
+}
+
+/// Every limit of an axis with its value.
+fn limits(axis: &ComparedAxis) -> PageTable {
+    let row = |l: &Verdict| {
+        let remark = l.remark().unwrap_or_default();
+        vec![l.name.clone(), l.value_text(), significant(l.limit, 4), l.margin_text(), l.word().to_owned(), remark]
+    };
+    PageTable {
+        heading: format!("Limits of axis {}", axis.axis),
+        columns: ["limit", "value", "bound", "margin", "verdict", ""].map(str::to_owned).to_vec(),
+        rows: axis.limits.iter().map(row).collect(),
+    }
 }
 
 fn values(comparison: &Comparison, axis: char, curve: &ComparedCurve) -> Chart {

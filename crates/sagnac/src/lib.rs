@@ -17,8 +17,8 @@
 //! The modules, each using those before it (ARCHITECTURE.md):
 //!
 //! ```text
-//! log ─window▶ Windows ─▶ model ─▶ calibration ─▶ diagnostics ─fit▶ Calibration ─export▶ Image ─▶ Compensator (sagnac-core)
-//! retest log ───────────────────────────────── verify: replays through that same Compensator ◀──┘ ─▶ Proof
+//! log ─window▶ Windows ─▶ model ─▶ calibration ─▶ diagnostics ─fit▶ Calibration ─image▶ Image ─▶ Compensator (sagnac-core)
+//! retest log ──────────────────────────────── verify: replays through that same Compensator ◀──┘ ─▶ Proof
 //! ```
 //!
 //! The library reads and writes the given files only; it uses no terminal and no clock. Its threads parse a log ahead of the
@@ -33,6 +33,7 @@ pub mod compare;
 pub mod diagnostics;
 pub mod export;
 pub mod fit;
+mod image;
 pub mod model;
 pub mod verify;
 pub mod window;

@@ -283,7 +283,7 @@ fn curve(unit: &str, axis: char) -> Option<BareCurve> {
 /// N at 1 s and the floor 0.664·B against the published `gyr_n` and `gyr_w` of their authors' own fit (which are the
 /// deviation at 1 s and the least one of their curve).
 fn ratios(unit: &str, axis: char) -> Option<(f64, f64)> {
-    let input = LogFile { file: unit.to_owned(), sha256: String::new(), rows: 0 };
+    let input = LogFile { file: unit.to_owned(), sha256: String::new(), rows: 0, rows_sketch: String::new() };
     let budget = budget_of_curves(&[curve(unit, axis)?], None, input).unwrap().axes.remove(0);
     let fitted = budget.fitted.unwrap();
     let least = budget.curve.iter().map(|p| fitted.variance(p.tau_s).sqrt()).fold(f64::INFINITY, f64::min);

@@ -178,7 +178,7 @@ fn records_of_one_gyro_agree_and_a_changed_one_is_reported() {
     };
     let mut stood_out = 0;
     for seed in 0..20 {
-        let same = compare(&named((0..3).map(|cycle| unit(10 * seed + cycle)).collect())).unwrap();
+        let same = compare(&named((0..3).map(|cycle| unit(10 * seed + cycle)).collect()), None).unwrap();
         let curve = &same.axes[0].curves[0];
         assert_eq!((curve.values.len(), curve.temperatures_c.len()), (3, 12));
         stood_out += u32::from(curve.worst.as_ref().unwrap().sigmas > 3.0);
@@ -188,7 +188,7 @@ fn records_of_one_gyro_agree_and_a_changed_one_is_reported() {
     evidence(claim, f64::from(stood_out) / 20.0, "≤ 0.1", 20);
     let mut changed = unit(7);
     changed.axes[0].correction.terms[0].value += 0.03;
-    let apart = compare(&named(vec![unit(5), unit(6), changed])).unwrap();
+    let apart = compare(&named(vec![unit(5), unit(6), changed]), None).unwrap();
     let curve = &apart.axes[0].curves[0];
     let worst = curve.worst.as_ref().unwrap();
     assert!(worst.record == 2 && worst.sigmas > 4.0, "{worst:?}");
@@ -200,9 +200,9 @@ fn what_cannot_be_compared_is_refused_by_name() {
     let unit = fit(vec![log(300, 0, 0.0, 1)], &by_rows(), "bias 3").unwrap();
     let mut other = unit.clone();
     other.serial = "ANOTHER".into();
-    let alone = compare(&[("a".to_owned(), unit.clone())]).unwrap_err();
+    let alone = compare(&[("a".to_owned(), unit.clone())], None).unwrap_err();
     assert!(alone.what.contains("two calibrations"), "{alone}");
-    let foreign = compare(&[("a".to_owned(), unit), ("b".to_owned(), other)]).unwrap_err();
+    let foreign = compare(&[("a".to_owned(), unit), ("b".to_owned(), other)], None).unwrap_err();
     assert_eq!(foreign.place.file.as_deref(), Some("b"));
 }
 

@@ -11,7 +11,7 @@ use std::process::Command;
 use anyhow::{Context, Result, ensure};
 use xtask::shell::root;
 
-use super::{Came, Second, error_of};
+use super::{Outcome, Second, error_of};
 use crate::program::Program;
 
 const SCRIPT: &str = include_str!("kernels.py");
@@ -42,7 +42,13 @@ fn run(python: &str, folder: &Path, args: &[&Path], what: &str) -> Result<String
 }
 
 /// Each method's correction of a retest, against the truth.
-pub(super) fn simulated(python: &str, folder: &Path, fit: &Path, retest: &Path, truth: &[Second]) -> Result<Vec<Came>> {
+pub(super) fn simulated(
+    python: &str,
+    folder: &Path,
+    fit: &Path,
+    retest: &Path,
+    truth: &[Second],
+) -> Result<Vec<Outcome>> {
     let out = folder.join("kernels.csv");
     run(python, folder, &[fit, retest, &out], "simulated")?;
     let table = fs::read_to_string(&out)?;
@@ -50,7 +56,7 @@ pub(super) fn simulated(python: &str, folder: &Path, fit: &Path, retest: &Path, 
         table.lines().map(|row| row.split(',').nth(at).and_then(|c| c.parse().ok()).unwrap_or(f64::NAN)).collect()
     };
     let of = |at: usize| {
-        error_of(&column(at), truth).map_or(Came::Said("NaN".to_owned()), |(rms, most)| Came::Error(rms, most))
+        error_of(&column(at), truth).map_or(Outcome::Message("NaN".to_owned()), |(rms, most)| Outcome::Error(rms, most))
     };
     Ok((0..METHODS.len()).map(of).collect())
 }
@@ -61,7 +67,7 @@ fn ours(folder: &Path, recording: &str) -> Result<Vec<(String, f64, String)>> {
     fs::write(&setup, SETUP)?;
     let (setup, record) = (setup.display().to_string(), record.display().to_string());
     let said =
-        Program::beside_the_lab()?.said(&["calibrate", recording, "--setup", &setup, "-o", &record, "--json"])?;
+        Program::beside_the_lab()?.stdout_of(&["calibrate", recording, "--setup", &setup, "-o", &record, "--json"])?;
     let object: serde_json::Value = serde_json::from_str(&said)?;
     let axes = object["axes"].as_array().context("no axes")?;
     let axis = |axis: &serde_json::Value| {

@@ -6,6 +6,9 @@
 //!   determine the number of wraps.
 //! * A counter of unknown width wraps: the log is refused, and the message names the apparent width.
 //! * A counter is reset: its total is near zero and its step is far from all earlier ones.
+//!
+//! A counter that goes on from one file to the next says that both are of one run, although the clock restarts
+//! ([`StepStatistics::is_next`]).
 
 /// Steps that must have been seen before a step can be called unusual.
 const FEWEST_STEPS: u32 = 4;
@@ -85,6 +88,17 @@ impl StepStatistics {
         }
     }
 
+    /// True where a total in the first row of another file is what one interval after the last total of this one would bring.
+    pub(crate) fn is_next(&self, before: i64, now: i64, bits: Option<u8>) -> bool {
+        let Step::Counted(step) = self.step(before, now, 1, bits) else { return false };
+        self.is_known() && (step as f64 - self.mean).abs() <= 2.0 * self.spread + SOME_QUANTA
+    }
+
+    /// True for a total that a counter which began anew has soon, too.
+    pub(crate) fn stands_near_zero(&self, total: i64) -> bool {
+        total.abs() as f64 <= FAR * (self.largest.abs() + SOME_QUANTA)
+    }
+
     fn is_known(&self) -> bool {
         self.steps >= FEWEST_STEPS
     }
@@ -136,6 +150,18 @@ mod tests {
             }
         }
         assert_eq!(steps().step(65_000, wrapped(65_000 + 500 * 5000), 5000, Some(16)), Step::Unknown);
+    }
+
+    #[test]
+    fn a_counter_goes_on_or_begins_anew() {
+        let next = |before: i64, now: i64| steps().is_next(before, now, None);
+        assert!(next(1_234_567, 1_235_067));
+        assert!(!next(1_234_567, 1_234_567), "nothing was counted in an interval");
+        assert!(!next(1_234_567, 1_235_567), "two intervals");
+        assert!(!next(1_234_567, 500));
+        assert!(!StepStatistics::default().is_next(1_234_567, 1_235_067, None), "nothing is known yet");
+        assert!(steps().is_next(65_300, 264, Some(16)) && steps().stands_near_zero(264), "a wrap is no evidence");
+        assert!(steps().stands_near_zero(-500) && !steps().stands_near_zero(10_000));
     }
 
     #[test]

@@ -5,7 +5,8 @@
 //!        (temperatures to the time of counts) ─▶ RowValidator (checked rows) ─▶ Batch
 //! ```
 //!
-//! [`LogReader`] reads one file, batch by batch, and never holds the whole log. Later stages join files to runs.
+//! [`LogReader`] reads one file, batch by batch, and never holds the whole log. A file whose clock restarts while its running total
+//! goes on can follow another one ([`LogReader::follow`]).
 
 mod align;
 mod cells;
@@ -25,6 +26,7 @@ mod parquet_footer;
 mod raw;
 mod reason;
 mod rows;
+mod sketch;
 mod source;
 mod table;
 mod text;
@@ -47,7 +49,10 @@ pub(crate) use crate::ingest::number::parse_time_ns;
 pub use crate::ingest::parquet_file::{parquet_batches, parquet_schema};
 use crate::ingest::raw::{Faults, RawRows};
 pub use crate::ingest::reason::{Reason, Tallies, Tally};
+pub use crate::ingest::rows::CounterEnd;
 use crate::ingest::rows::RowValidator;
+use crate::ingest::sketch::Sketch;
+pub use crate::ingest::sketch::share_rows;
 use crate::ingest::source::{HashHandle, Source};
 pub use crate::ingest::source::{Watch, hex, sha256};
 pub use crate::ingest::table::TableColumn;
@@ -236,6 +241,10 @@ pub struct LogSummary {
     pub rows: u64,
     /// Rejected rows and values, by reason.
     pub tallies: Tallies,
+    /// Hashes of its rows, by which a copy in other bytes is recognised ([`share_rows`]); empty where it says too little.
+    pub rows_sketch: String,
+    /// Its clock restarts and its running total goes on: its times go on from the file before.
+    pub follows_by_counter: bool,
 }
 
 /// How a log is to be read.
@@ -273,7 +282,10 @@ pub struct LogReader {
     align: Aligner,
     table: TableRates,
     hash: HashHandle,
+    sketch: Sketch,
     name: String,
+    /// Added to every time: not zero where it follows another file by its counter.
+    offset_ns: Option<i64>,
 }
 
 impl LogReader {
@@ -340,7 +352,46 @@ impl LogReader {
         // Output that is written row by row must not wait for table marks; only fits and verifications need them.
         let column = if mode != ReadMode::Bulk && column == TableColumn::Mark { TableColumn::Rate } else { column };
         let table = TableRates::new(column);
-        Ok(Self { pieces, layout, delimiter, check, shape, batch, rows, ahead, align, table, hash, name })
+        let sketch = Sketch::new(shape.axes.clone());
+        Ok(Self {
+            pieces,
+            layout,
+            delimiter,
+            check,
+            shape,
+            batch,
+            rows,
+            ahead,
+            align,
+            table,
+            hash,
+            sketch,
+            name,
+            offset_ns: None,
+        })
+    }
+
+    /// Where a cumulative counter stands once the log was read to its end; `None` for other logs.
+    pub fn counter_end(&self) -> Option<CounterEnd> {
+        self.check.counter_end()
+    }
+
+    /// Goes on from the end of another file, before the first batch is read: true where the clock restarts and the running total of
+    /// the first row goes on within what one interval can bring. A total near zero is no evidence, for a counter that began anew stands
+    /// there as well; `sure` goes on all the same.
+    ///
+    /// # Errors
+    /// A read error.
+    pub fn follow(&mut self, end: &CounterEnd, sure: bool) -> Result<bool> {
+        if self.ahead.is_empty() {
+            let mut rows = RawRows::default();
+            if self.pieces.next(&mut rows).map_err(|e| e.file(&self.name))? {
+                self.ahead.push_back(rows);
+            }
+        }
+        let first = self.ahead.front().filter(|rows| rows.len() > 0);
+        self.offset_ns = first.and_then(|rows| self.check.follow(end, rows, sure));
+        Ok(self.offset_ns.is_some())
     }
 
     /// What the log consists of.
@@ -415,6 +466,7 @@ impl LogReader {
             return Ok(false);
         }
         self.check.push(&self.rows, &mut self.batch)?;
+        self.sketch.push(&self.batch, self.shape.unit != AngleUnit::Arcsec);
         Ok(true)
     }
 
@@ -441,13 +493,18 @@ impl LogReader {
 
     /// The next piece of the file into `self.rows`.
     fn next_piece(&mut self) -> Result<bool> {
-        match self.ahead.pop_front() {
+        let more = match self.ahead.pop_front() {
             Some(rows) => {
                 self.rows = rows;
-                Ok(true)
+                true
             }
-            None => self.pieces.next(&mut self.rows).map_err(|e| e.file(&self.name)),
+            None => self.pieces.next(&mut self.rows).map_err(|e| e.file(&self.name))?,
+        };
+        if let Some(offset_ns) = self.offset_ns {
+            let known = self.rows.time_ns.iter_mut().filter(|t| t.unsigned_abs() < rows::MAX_TIME);
+            known.for_each(|t| *t = t.saturating_add(offset_ns));
         }
+        Ok(more)
     }
 
     /// Summary of what was read so far.
@@ -457,6 +514,8 @@ impl LogReader {
             sha256: self.hash.hex(),
             rows: self.check.rows_read,
             tallies: self.check.tallies.clone(),
+            rows_sketch: self.sketch.hex(),
+            follows_by_counter: self.offset_ns.is_some(),
         }
     }
 }

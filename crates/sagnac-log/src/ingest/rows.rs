@@ -76,6 +76,14 @@ struct Interval {
     after_gap: bool,
 }
 
+/// Where a cumulative counter stands at the end of a file.
+#[derive(Clone, Debug)]
+pub struct CounterEnd {
+    time_ns: i64,
+    totals: Vec<i64>,
+    steps_by_axis: Vec<StepStatistics>,
+}
+
 /// The state machine that turns raw rows into usable ones.
 pub(crate) struct RowValidator {
     file: String,
@@ -125,7 +133,43 @@ impl RowValidator {
         }
     }
 
-    /// Checks the interval against the first rows.
+    /// Where the counter stands; `None` for a log without running totals, or where its last row has none.
+    pub(crate) fn counter_end(&self) -> Option<CounterEnd> {
+        let (time_ns, totals) = self.last_counter.clone().filter(|(time_ns, _)| Some(*time_ns) == self.clock_ns)?;
+        Some(CounterEnd { time_ns, totals, steps_by_axis: self.steps_by_axis.clone() })
+    }
+
+    /// Goes on from the end of another file where the first row says that its counter goes on and its clock starts again. Returns
+    /// what is to be added to its times, ns; `None` where it does not go on. `sure`: both are one run, if the totals allow it.
+    pub(crate) fn follow(&mut self, end: &CounterEnd, rows: &RawRows, sure: bool) -> Option<i64> {
+        let sound = rows.faults.first().is_some_and(|faults| *faults == Faults::NONE);
+        let first_ns = rows.time(0).filter(|t| t.unsigned_abs() < MAX_TIME && sound && self.timed)?;
+        let restarts = first_ns - self.nominal_ns / 2 < end.time_ns;
+        let quantum = self.quantum.filter(|_| restarts && self.counter == Counter::Cumulative)?;
+        let total = |column: &Vec<f64>| {
+            let exact = column.first()? / quantum;
+            let usable = exact.abs() <= MAX_TOTAL_QUANTA && is_whole_total(exact) && !self.beyond_width(exact);
+            usable.then(|| exact.round() as i64)
+        };
+        let totals: Vec<i64> = rows.axes.iter().map(total).collect::<Option<_>>()?;
+        let pairs = || end.steps_by_axis.iter().zip(end.totals.iter().zip(&totals));
+        let next = pairs().all(|(statistics, (before, now))| statistics.is_next(*before, *now, self.counter_bits));
+        // The last row of a file once more as the first of the next.
+        let again = !next && totals == end.totals;
+        let is_evidence = |total: &i64, statistics: &StepStatistics| !statistics.stands_near_zero(*total);
+        let evidence =
+            pairs().any(|(statistics, (before, now))| is_evidence(before, statistics) && is_evidence(now, statistics));
+        if !(next || again) || !(sure || evidence) || totals.len() != end.totals.len() {
+            return None;
+        }
+        self.clock_ns = Some(end.time_ns);
+        self.last_counter = Some((end.time_ns, end.totals.clone()));
+        self.steps_by_axis.clone_from(&end.steps_by_axis);
+        let elapsed_ns = if again { 0 } else { self.nominal_ns };
+        Some(end.time_ns + elapsed_ns - first_ns)
+    }
+
+    /// Holds the interval against the first rows.
     pub(crate) fn watching_interval(self) -> Self {
         Self { watch: self.timed.then(|| PipeWatch::new(self.nominal_ns)), whole_rows: false, ..self }
     }

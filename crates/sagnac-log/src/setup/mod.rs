@@ -317,7 +317,8 @@ pub struct Setup {
     pub temperature_period_s: Option<f64>,
     /// Ticks over which a new correction is approached; 100 by default.
     pub slew_ticks: Option<u32>,
-    /// Virtual LSB with which a rate log is replayed, arcsec; 1e-4 by default.
+    /// Virtual LSB with which a rate log is replayed, arcsec; by default the finest decade from 1e-4 on in which the correction
+    /// fits an image with a margin of 4.
     pub rate_lsb_arcsec: Option<f64>,
     /// Name of the thermometer that the model uses, if the log has several; the first by default.
     pub use_thermometer: Option<String>,

@@ -160,8 +160,8 @@ pub struct TargetConfig {
     pub clock: Clock,
     /// Ticks over which a new correction is approached.
     pub slew_ticks: Option<u32>,
-    /// Virtual LSB of a rate log, arcsec; 1e-4 by default.
-    pub rate_lsb_arcsec: f64,
+    /// Virtual LSB of a rate log, arcsec; it follows the calibration by default.
+    pub rate_lsb_arcsec: Option<f64>,
 }
 
 /// Words about the gyro and its test.
@@ -257,11 +257,7 @@ impl Setup {
                 thermometers,
                 aux,
             },
-            target: TargetConfig {
-                clock,
-                slew_ticks,
-                rate_lsb_arcsec: rate_lsb_arcsec.unwrap_or(DEFAULT_RATE_LSB_ARCSEC),
-            },
+            target: TargetConfig { clock, slew_ticks, rate_lsb_arcsec },
             identity: Identity { serial, sensor, rig },
         }
     }
@@ -279,8 +275,6 @@ const DEFAULT_SCALE_DEVIATION_PPM: f64 = 1000.0;
 const DEFAULT_REFERENCE_C: f64 = 25.0;
 /// Smallest temperature span of a fit, °C.
 const DEFAULT_MIN_SPAN_C: f64 = 10.0;
-/// Virtual LSB of a rate log, arcsec.
-const DEFAULT_RATE_LSB_ARCSEC: f64 = 1e-4;
 
 #[cfg(test)]
 mod tests {

@@ -61,7 +61,7 @@ pub fn read_curve(path: &Path) -> Result<(Vec<BareCurve>, LogFile)> {
     }
     let curves = parse_curve(&bytes).map_err(|e| e.file(&name))?;
     let rows = curves.iter().map(|curve| curve.points.len()).max().unwrap_or(0) as u64;
-    Ok((curves, LogFile { file: file_name(&name), sha256: hex(&sha256(&bytes)), rows }))
+    Ok((curves, LogFile { file: file_name(&name), sha256: hex(&sha256(&bytes)), rows, rows_sketch: String::new() }))
 }
 
 /// Reads the text of a curve.

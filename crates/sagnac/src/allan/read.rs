@@ -73,7 +73,7 @@ pub fn noise_budget(
         reading.end_run();
         let summary = log.summary();
         reading.tallies.merge(&summary.tallies);
-        reading.inputs.push(LogFile::of(&summary));
+        reading.inputs.push(LogFile::of(&summary).named());
     }
     reading.finish(&shape, &shown, request)
 }

@@ -7,8 +7,8 @@ use serde::{Deserialize, Serialize};
 use crate::calibration::axis_record::AxisRecord;
 use crate::calibration::{
     Calibration, Candidate, Collinearity, CorrectionNoise, CrossValidation, CurveSpread, Entanglement, Hysteresis,
-    Input, InputSource, Lag, Misalignment, Monomial, NoiseFloor, RejectedInput, Residual, RunOffset, ScaleFactor,
-    SearchStep, SlowNoiseTerms, Soak, Term, TimeEffect,
+    Input, InputSource, Lag, Misalignment, Monomial, NoiseFloor, RejectedInput, RejectedModel, Residual, RunOffset,
+    ScaleFactor, SearchStep, SlowNoiseTerms, Soak, Term, TimeEffect,
 };
 use crate::model::{BASIS_LEN, Form, Shape, Span};
 
@@ -65,6 +65,8 @@ pub struct FitDiagnostics {
     pub model_search: Vec<SearchStep>,
     /// Inputs that the search did not try, and why.
     pub rejected_inputs: Vec<RejectedInput>,
+    /// Models that would have been selected, but no image can hold them.
+    pub rejected_models: Vec<RejectedModel>,
     /// Windows and rows that were excluded, and why.
     pub excluded: Vec<Tally>,
     /// Covariance of run offsets, terms and lags in the order of `covariance_of`.

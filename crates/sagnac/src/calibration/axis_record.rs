@@ -9,8 +9,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::calibration::{
     AxisCalibration, AxisCorrection, Candidate, Collinearity, CorrectionNoise, CrossValidation, CurveSpread,
-    Entanglement, FitDiagnostics, Hysteresis, Input, Lag, Misalignment, Monomial, NoiseFloor, RejectedInput, Residual,
-    RunOffset, ScaleFactor, SearchStep, SlowNoiseTerms, Soak, Term, TimeEffect,
+    Entanglement, FitDiagnostics, Hysteresis, Input, Lag, Misalignment, Monomial, NoiseFloor, RejectedInput,
+    RejectedModel, Residual, RunOffset, ScaleFactor, SearchStep, SlowNoiseTerms, Soak, Term, TimeEffect,
 };
 
 /// See [`AxisCalibration`].
@@ -49,6 +49,9 @@ pub(crate) struct AxisRecord {
     /// Inputs that the search did not try, and why.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     rejected_inputs: Vec<RejectedInput>,
+    /// Models that would have been selected, but no image can hold them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    rejected_models: Vec<RejectedModel>,
     /// The search from the grid's model to this one; empty where the model was given.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     model_search: Vec<SearchStep>,
@@ -121,6 +124,7 @@ impl From<AxisCalibration> for AxisRecord {
             collinearity: None,
             correction_noise: None,
             rejected_inputs: Vec::new(),
+            rejected_models: Vec::new(),
             model_search: Vec::new(),
             scale_factor: None,
             misalignment: Vec::new(),
@@ -168,6 +172,7 @@ impl AxisRecord {
             candidates,
             model_search,
             rejected_inputs,
+            rejected_models,
             excluded,
             covariance,
             covariance_of,
@@ -180,6 +185,7 @@ impl AxisRecord {
         (self.ramp_rates_cpm, self.hidden_in_offsets_dph) = (ramp_rates_cpm, hidden_in_offsets_dph);
         (self.scale_factor, self.misalignment) = (scale_factor, misalignment);
         (self.candidates, self.model_search, self.rejected_inputs) = (candidates, model_search, rejected_inputs);
+        self.rejected_models = rejected_models;
         (self.excluded, self.covariance, self.covariance_of) = (excluded, covariance, covariance_of);
     }
 }
@@ -215,6 +221,7 @@ impl TryFrom<AxisRecord> for AxisCalibration {
             collinearity,
             correction_noise,
             rejected_inputs,
+            rejected_models,
             model_search,
             scale_factor,
             misalignment,
@@ -253,6 +260,7 @@ impl TryFrom<AxisRecord> for AxisCalibration {
             candidates,
             model_search,
             rejected_inputs,
+            rejected_models,
             excluded,
             covariance,
             covariance_of,

@@ -19,7 +19,7 @@ mod search;
 mod uncertainty;
 
 use sagnac_log::error::{Error, Result};
-use sagnac_log::ingest::LogSummary;
+use sagnac_log::ingest::{LogSummary, share_rows};
 use sagnac_log::setup::{Setup, TargetConfig, WindowSize};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -29,7 +29,7 @@ pub use crate::calibration::input::{Input, InputSource};
 pub use crate::calibration::profile::{Entanglement, MovedTogether, TimeEffect, TimeEffectKind};
 pub use crate::calibration::rate_table::{Misalignment, Plateau, PpmEstimate, Repeatability, ScaleFactor};
 pub use crate::calibration::search::{
-    Collinearity, CorrectionNoise, InputNoise, RejectedInput, SearchStep, SearchVerdict,
+    Collinearity, CorrectionNoise, InputNoise, RejectedInput, RejectedModel, SearchStep, SearchVerdict,
 };
 pub(crate) use crate::calibration::uncertainty::SCALE_AT_REFERENCE;
 pub use crate::calibration::uncertainty::{
@@ -339,6 +339,10 @@ pub struct LogFile {
     pub sha256: String,
     /// Rows read.
     pub rows: u64,
+    /// In the record of a calibration: 64 hashes of 64 rows each, by which a copy in other bytes is recognised; the rows cannot be had
+    /// from them. Empty for a log that says too little.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub rows_sketch: String,
 }
 
 impl LogFile {
@@ -348,6 +352,17 @@ impl LogFile {
             file: sagnac_units::format::file_name(&summary.file),
             sha256: summary.sha256.clone(),
             rows: summary.rows,
+            rows_sketch: summary.rows_sketch.clone(),
         }
+    }
+
+    /// Without the hashes of its rows: for results, which nothing is held against later.
+    pub(crate) fn named(self) -> Self {
+        Self { rows_sketch: String::new(), ..self }
+    }
+
+    /// The same bytes, or for a part the same rows.
+    pub(crate) fn overlaps(&self, other: &Self) -> bool {
+        self.sha256 == other.sha256 || share_rows(&[&self.rows_sketch], &[&other.rows_sketch])
     }
 }

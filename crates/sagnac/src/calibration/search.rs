@@ -18,6 +18,8 @@ pub enum SearchVerdict {
     Needed,
     /// Refused: its terms are nearly combinations of each other.
     Collinear,
+    /// Refused: an image cannot hold its coefficients.
+    NotInImage,
     /// A fold could not be fitted.
     NotFitted,
     /// Rejected: the noise of a thermometer through its rate terms would raise the angle random walk by over 5 %.
@@ -55,13 +57,15 @@ impl SearchStep {
         };
         let row = |step: &Self| {
             let beside = || steps.iter().filter(|other| other.step == step.step);
-            let refused = beside().filter(|other| other.verdict == SearchVerdict::Collinear).count();
+            let count = |verdict| beside().filter(|other| other.verdict == verdict).count();
+            let part = |n: usize, why: &str| if n > 0 { format!(", {n} refused as {why}") } else { String::new() };
+            let collinear = part(count(SearchVerdict::Collinear), "collinear");
+            let large = part(count(SearchVerdict::NotInImage), "too large for an image");
             let words = match step.verdict {
                 SearchVerdict::Start => "start".to_owned(),
                 SearchVerdict::LagRaised => "lag raised for the thermometer's noise".to_owned(),
                 SearchVerdict::TooNoisy => "rejected: its thermometer is too noisy".to_owned(),
-                _ if refused > 0 => format!("best of {} tried, {refused} refused as collinear", beside().count()),
-                _ => format!("best of {} tried", beside().count()),
+                _ => format!("best of {} tried{collinear}{large}", beside().count()),
             };
             let number = |value: Option<f64>, digits| value.map_or("-".to_owned(), |v| significant(v, digits));
             [step.step.to_string(), step.model.clone(), number(step.held_out_dph, 4), number(step.condition, 3), words]
@@ -77,6 +81,16 @@ pub struct RejectedInput {
     /// Its name.
     pub input: String,
     /// Why.
+    pub reason: String,
+}
+
+/// A model that would have been selected, but no image can hold it.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[non_exhaustive]
+pub struct RejectedModel {
+    /// In the words of `--model`.
+    pub model: String,
+    /// Why: axis, term, limit, and what would hold it.
     pub reason: String,
 }
 

@@ -76,7 +76,7 @@ pub struct CurveSpread {
 
 impl CurveSpread {
     /// Variance at a temperature, (°/h)², straight between the points.
-    fn variance(&self, celsius: f64) -> f64 {
+    pub(crate) fn variance(&self, celsius: f64) -> f64 {
         let after = self.temperature_c.partition_point(|t| *t < celsius);
         let point = |at: usize| Some((*self.temperature_c.get(at)?, *self.sigma_dph.get(at)?));
         let sigma = match (after.checked_sub(1).and_then(point), point(after)) {
@@ -281,10 +281,15 @@ impl AxisCalibration {
 
     /// Variance of a sum of parameters, each times its weight.
     pub fn variance_of(&self, weights: &[(usize, f64)]) -> f64 {
+        self.covariance_between(weights, weights).max(0.0)
+    }
+
+    /// Covariance of two sums of parameters, each times its weight.
+    pub(crate) fn covariance_between(&self, these: &[(usize, f64)], those: &[(usize, f64)]) -> f64 {
         let covariance = self.fit.as_ref().map_or(&[][..], |fit| &fit.covariance);
         let entry = |i: usize, j: usize| covariance.get(i).and_then(|row| row.get(j)).copied().unwrap_or(0.0);
-        let of = |(i, a): &(usize, f64)| weights.iter().map(|(j, b)| a * b * entry(*i, *j)).sum::<f64>();
-        weights.iter().map(of).sum::<f64>().max(0.0)
+        let of = |(i, a): &(usize, f64)| those.iter().map(|(j, b)| a * b * entry(*i, *j)).sum::<f64>();
+        these.iter().map(of).sum()
     }
 
     /// A rate table turned it.

@@ -9,12 +9,20 @@
 //! holds for the scale factor (with its value at T0, if every record has one), the rate effect, the lag and the fixed bias of
 //! the last run (its rate where the input is unknown), all at the first record's T0. A record whose model lacks a term is not
 //! compared in that term. Records made from the same log are reported.
+//!
+//! With limits every pair of records is judged by the rule and in the words of `verify` ([`COMPARED`]).
+
+mod limits;
+
+pub use limits::{COMPARED, ComparedLimit};
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::calibration::{AxisCalibration, Calibration, Term};
+use crate::compare::limits::Compared;
 use crate::model::ActsOn;
+use crate::verify::{Limits, LimitsSource, Verdict};
 use sagnac_log::error::{Error, Result};
 use sagnac_units::format::{significant, with_sigma};
 
@@ -151,6 +159,12 @@ pub struct ComparedAxis {
     pub curves: Vec<ComparedCurve>,
     /// Constants, rate terms, lag; slopes and steps of further inputs.
     pub numbers: Vec<ComparedNumber>,
+    /// Verdict of every limit; empty without limits.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub limits: Vec<Verdict>,
+    /// A limit is asked, and every one that is asked is met; null without limits.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pass: Option<bool>,
 }
 
 /// The result of `sagnac compare`.
@@ -165,13 +179,27 @@ pub struct Comparison {
     pub shared_logs: Vec<String>,
     /// The axes that all have.
     pub axes: Vec<ComparedAxis>,
+    /// Axes that some records have and others do not.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub untested_axes: Vec<char>,
+    /// The limits that they were held against; null without.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub limits: Option<LimitsSource>,
 }
 
-/// Compares calibrations of one unit.
+impl Comparison {
+    /// False when a limit is not met or none is asked, or where limits were held against records of one log or of different axes.
+    pub fn passed(&self) -> bool {
+        let sound = self.shared_logs.is_empty() && self.untested_axes.is_empty();
+        self.limits.is_none() || sound && self.axes.iter().all(|axis| axis.pass == Some(true))
+    }
+}
+
+/// Compares calibrations of one unit, and holds what changed between them against limits where there are any.
 ///
 /// # Errors
 /// Fewer than two, other serials, no common axis or span, records without uncertainty.
-pub fn compare(records: &[(String, Calibration)]) -> Result<Comparison> {
+pub fn compare(records: &[(String, Calibration)], limits: Option<&Limits>) -> Result<Comparison> {
     let [(first_name, first), others @ ..] = records else { return Err(few()) };
     if others.is_empty() {
         return Err(few());
@@ -191,20 +219,26 @@ pub fn compare(records: &[(String, Calibration)]) -> Result<Comparison> {
         return Err(Error::input("no axis that every record has"));
     }
     let axes: Result<Vec<ComparedAxis>> =
-        shared.iter().map(|(letter, axes)| compare_axis(*letter, axes, records)).collect();
+        shared.iter().map(|(letter, axes)| compare_axis(*letter, axes, records, limits)).collect();
+    let mut letters: Vec<char> = records.iter().flat_map(|(_, record)| &record.axes).map(|axis| axis.axis).collect();
+    letters.sort_unstable();
+    letters.dedup();
+    letters.retain(|letter| shared.iter().all(|(other, _)| other != letter));
     let named = records.iter().map(|(name, record)| (name.clone(), record.provenance.time_s));
     Ok(Comparison {
         serial: first.serial.clone(),
         records: named.collect(),
         shared_logs: shared_logs(records),
         axes: axes?,
+        untested_axes: letters,
+        limits: limits.map(|limits| limits.source.clone()),
     })
 }
 
 fn shared_logs(records: &[(String, Calibration)]) -> Vec<String> {
     let of = |index: usize| records[index].1.provenance.inputs.iter();
     let twice =
-        |index: usize| of(index).filter(move |log| (0..index).any(|before| of(before).any(|l| l.sha256 == log.sha256)));
+        |index: usize| of(index).filter(move |log| (0..index).any(|before| of(before).any(|l| l.overlaps(log))));
     let mut names: Vec<String> = (0..records.len()).flat_map(twice).map(|log| log.file.clone()).collect();
     names.sort();
     names.dedup();
@@ -215,7 +249,12 @@ fn few() -> Error {
     Error::input("two calibrations or more are needed").help("sagnac compare january.cal.json may.cal.json")
 }
 
-fn compare_axis(letter: char, axes: &[&AxisCalibration], records: &[(String, Calibration)]) -> Result<ComparedAxis> {
+fn compare_axis(
+    letter: char,
+    axes: &[&AxisCalibration],
+    records: &[(String, Calibration)],
+    limits: Option<&Limits>,
+) -> Result<ComparedAxis> {
     for (axis, (name, _)) in axes.iter().zip(records) {
         if axis.fit.is_none() {
             return Err(Error::input("a record without uncertainty (imported, not fitted); nothing to compare it by")
@@ -236,7 +275,20 @@ fn compare_axis(letter: char, axes: &[&AxisCalibration], records: &[(String, Cal
     if axes.iter().all(|axis| axis.fit.as_ref().is_some_and(|fit| fit.scale_factor.is_some())) {
         curves.push(curve(axes, ActsOn::ScaleFactor, &temperatures, reference_c));
     }
-    Ok(ComparedAxis { axis: letter, curves, numbers: numbers(axes, reference_c) })
+    let windows_h = |(axis, (_, record)): (&&AxisCalibration, &(String, Calibration))| {
+        axis.residual().map_or(0.0, |residual| residual.n as f64 * record.window_s / 3600.0)
+    };
+    let compared = Compared {
+        axes,
+        names: records.iter().map(|(name, _)| name.as_str()).collect(),
+        temperatures_c: &temperatures,
+        reference_c,
+        hours: axes.iter().zip(records).map(windows_h).sum(),
+    };
+    let verdicts = limits.map_or_else(Vec::new, |limits| compared.judge(limits));
+    let met = verdicts.iter().any(|verdict| verdict.pass == Some(true));
+    let pass = limits.map(|_| met && verdicts.iter().all(|verdict| verdict.pass != Some(false)));
+    Ok(ComparedAxis { axis: letter, curves, numbers: numbers(axes, reference_c), limits: verdicts, pass })
 }
 
 /// Value and σ of a record's curve at a temperature: the drift is zero at the common reference, the scale factor has its value

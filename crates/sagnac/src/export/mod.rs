@@ -1,12 +1,11 @@
 //! Calibrations out to the target, and old coefficients in.
 
 mod c;
-mod image;
 mod polynomial;
 mod verilog;
 
+pub use crate::image::{Code, codes, encode, image_bytes};
 pub use c::c_files;
-pub use image::{Code, codes, encode, image_bytes};
 pub use polynomial::{Polynomial, import};
 pub use verilog::{Widths, verilog_files};
 

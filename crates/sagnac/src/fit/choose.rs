@@ -5,11 +5,15 @@
 //! ([`super::input_noise`]). Beyond that the lag of the noisiest rate term is raised, or the term removed if the longer lag
 //! costs more held-out error than the term gains. Noise through the value terms is reported only: without them there is no
 //! correction.
+//!
+//! Whatever is selected goes through the code that writes images ([`ImageCheck`]). `auto` passes over a model that no image can
+//! hold, and the record names it; a given one is refused.
 
 use crate::calibration::{
-    Candidate, CorrectionNoise, CrossValidation, CurveSpread, RejectedInput, SearchStep, SearchVerdict,
+    Candidate, CorrectionNoise, CrossValidation, CurveSpread, RejectedInput, RejectedModel, SearchStep, SearchVerdict,
 };
 use crate::fit::averaging::{Grades, grade, spread};
+use crate::fit::correction::ImageCheck;
 use crate::fit::criterion::{CvScore, effective_windows, is_undominated};
 use crate::fit::folds::{Trial, cross_validate, scheme_of};
 use crate::fit::input_noise::{INCREASE_MAX, correction_noise, loudest_rate};
@@ -17,7 +21,7 @@ use crate::fit::least_squares::{LeastSquares, Level};
 use crate::fit::nuisance;
 use crate::fit::period::settle_periods;
 use crate::fit::robust::{Loss, robust_fit};
-use crate::fit::search::{CONDITION_MAX, fits_image, inputs_read, walk};
+use crate::fit::search::{CONDITION_MAX, fits_image, inputs_read, shrunk, walk};
 use crate::fit::slow_noise::{SlowNoise, Whitening};
 use crate::fit::solution::{Fitted, fit, noise_of, white_variance, with_slow_noise};
 use crate::fit::{Model, SAME_RATE, SMALLER_WINS_WITHIN};
@@ -37,6 +41,7 @@ struct Best {
     mean_square: Option<f64>,
     candidates: Vec<Candidate>,
     specs: Vec<ModelSpec>,
+    not_held: Vec<RejectedModel>,
 }
 
 /// Slow noise of less than this part of the white variance, each process, still counts as nearly white.
@@ -55,6 +60,9 @@ pub(crate) struct Chosen<'a> {
     grid: Vec<ModelSpec>,
     /// Slow noise of the residual.
     pub(crate) noise: SlowNoise,
+    image: ImageCheck<'a>,
+    /// What would have been selected if an image could hold it.
+    pub(crate) not_held: Vec<RejectedModel>,
     /// As the setup states it, with the white variance of a nominal window, (°/h)².
     pub(crate) stated: Option<(SlowNoise, f64)>,
 }
@@ -69,22 +77,22 @@ pub(crate) type MakeProblem<'a, 'b> = dyn Fn(&[Signal]) -> Result<LeastSquares<'
 pub(crate) fn choose<'a>(
     windows: &'a Windows,
     main: Signal,
-    config: &ModelConfig,
+    image: ImageCheck<'a>,
     choice: &Model,
     make: &MakeProblem<'a, '_>,
 ) -> Result<Chosen<'a>> {
     match choice {
-        Model::Fixed(spec) => given(&windows.shape, main, spec, make),
+        Model::Fixed(spec) => given(&windows.shape, main, spec, image, make),
         Model::Auto => {
             let mut grid = make(&[main])?;
             let specs = affordable(&grid)?;
             let taus_s = grid.tau_grid();
             let nuisance = nuisance::justified(&mut grid, &specs, &taus_s);
-            let with_time = searched(windows, main, config, make, &nuisance)?;
-            if nuisance.is_empty() || candidate_inputs(windows, main, config, &grid.used)?.0.is_empty() {
+            let with_time = searched(windows, main, image, make, &nuisance)?;
+            if nuisance.is_empty() || candidate_inputs(windows, main, image.config, &grid.used)?.0.is_empty() {
                 return Ok(with_time);
             }
-            let without = searched(windows, main, config, make, &[])?;
+            let without = searched(windows, main, image, make, &[])?;
             Ok(if without.corrects_instead(&with_time) { without } else { with_time })
         }
     }
@@ -94,7 +102,7 @@ pub(crate) fn choose<'a>(
 fn searched<'a>(
     windows: &'a Windows,
     main: Signal,
-    config: &ModelConfig,
+    image: ImageCheck<'a>,
     make: &MakeProblem<'a, '_>,
     nuisance: &[Level],
 ) -> Result<Chosen<'a>> {
@@ -105,11 +113,12 @@ fn searched<'a>(
     };
     let grid = make(&[main])?;
     let taus_s = grid.tau_grid();
-    let best = best_of_grid(&grid, affordable(&grid)?, &taus_s)?;
+    let best = best_of_grid(&grid, affordable(&grid)?, &taus_s, &image)?;
+    let config = image.config;
     let (further, mut aside) = candidate_inputs(windows, main, config, &grid.used)?;
     let all = known_together(main, further, config.inputs.is_some(), grid, make, &mut aside)?;
-    let walked = walk(&all, &best.spec, &taus_s);
-    let Best { spec, mean_square, candidates, specs } = best;
+    let walked = walk(&all, &best.spec, &taus_s, &image);
+    let Best { spec, mean_square, candidates, specs, not_held } = best;
     let chosen = |problem, spec, mean_square, path| Chosen {
         problem,
         spec,
@@ -120,6 +129,8 @@ fn searched<'a>(
         path,
         grid: specs,
         noise: SlowNoise::default(),
+        image,
+        not_held,
         stated: None,
     };
     let Some(path) = walked else {
@@ -173,7 +184,13 @@ fn known_together<'a>(
 }
 
 /// A requested model.
-fn given<'a>(shape: &WindowShape, main: Signal, spec: &ModelSpec, make: &MakeProblem<'a, '_>) -> Result<Chosen<'a>> {
+fn given<'a>(
+    shape: &WindowShape,
+    main: Signal,
+    spec: &ModelSpec,
+    image: ImageCheck<'a>,
+    make: &MakeProblem<'a, '_>,
+) -> Result<Chosen<'a>> {
     let mut spec = spec.clone();
     let sources = sources_of(&mut spec, main, shape)?;
     check_channels(&spec, &sources, shape)?;
@@ -201,6 +218,8 @@ fn given<'a>(shape: &WindowShape, main: Signal, spec: &ModelSpec, make: &MakePro
         aside: Vec::new(),
         path: Vec::new(),
         noise: SlowNoise::default(),
+        image,
+        not_held: Vec::new(),
         stated: None,
     })
 }
@@ -337,7 +356,12 @@ fn affordable(problem: &LeastSquares<'_>) -> Result<Vec<ModelSpec>> {
 }
 
 /// Tries every model over the thermometer of the fit.
-fn best_of_grid(problem: &LeastSquares<'_>, specs: Vec<ModelSpec>, taus_s: &[f64]) -> Result<Best> {
+fn best_of_grid(
+    problem: &LeastSquares<'_>,
+    specs: Vec<ModelSpec>,
+    taus_s: &[f64],
+    image: &ImageCheck<'_>,
+) -> Result<Best> {
     let mean_square = cross_validate(problem, &specs, taus_s);
     if mean_square.iter().all(Option::is_none) {
         return Err(Error::refused("no candidate can be fitted with a part of the data held out")
@@ -345,24 +369,37 @@ fn best_of_grid(problem: &LeastSquares<'_>, specs: Vec<ModelSpec>, taus_s: &[f64
     }
     let mut fair: Vec<usize> = (0..specs.len()).filter(|i| mean_square[*i].is_some()).collect();
     let grades = grades_if_white(problem, &fair, &specs, taus_s);
+    let mut not_held = Vec::new();
+    let mut refusal = Error::refused("the data do not separate the terms of any candidate")
+        .help("test so that temperature and its rate move independently, or give a fixed --model");
     let chosen = loop {
         let best = match &grades {
             Some(grades) => grades.best(&fair),
             None => best_held_out(problem, &fair, &specs, &mean_square, taus_s),
         };
-        let chosen = best.ok_or_else(|| {
-            Error::refused("the data do not separate the terms of any candidate")
-                .help("test so that temperature and its rate move independently, or give a fixed --model")
-        })?;
+        let Some(chosen) = best else { return Err(refusal) };
         let fitted = fit(problem, &specs[chosen], taus_s).ok();
         let near = fitted.as_ref().map(|f| f.conditioning.as_ref().map_or(1.0, |near| near.condition));
-        if near.is_some_and(|condition| condition <= CONDITION_MAX) {
-            break chosen;
+        match fitted.as_ref().map_or(Ok(()), |fitted| image.check(fitted, problem)) {
+            Ok(()) if near.is_some_and(|condition| condition <= CONDITION_MAX) => break chosen,
+            Ok(()) => (),
+            Err(error) => {
+                // The first alone: the next are what is selected in its place.
+                if not_held.is_empty() {
+                    not_held.push(rejected(&specs[chosen], &error));
+                }
+                refusal = error.of(&format!("`{}`", specs[chosen]));
+            }
         }
         fair.retain(|other| *other != chosen);
     };
     let candidates = specs.iter().zip(&mean_square).map(|(spec, square)| candidate(spec, *square, 1)).collect();
-    Ok(Best { spec: specs[chosen].clone(), mean_square: mean_square[chosen], candidates, specs })
+    Ok(Best { spec: specs[chosen].clone(), mean_square: mean_square[chosen], candidates, specs, not_held })
+}
+
+fn rejected(spec: &ModelSpec, refusal: &Error) -> RejectedModel {
+    let help = refusal.help.as_ref().map_or(String::new(), |help| format!(": {help}"));
+    RejectedModel { model: spec.to_string(), reason: format!("{}{help}", refusal.what) }
 }
 
 /// Grades of all candidates ([`super::averaging`]) where the residual of the largest is nearly white. Where it is not, a grade
@@ -435,6 +472,10 @@ impl Chosen<'_> {
                 Loss::Huber => robust_fit(&mut self.problem, &self.spec, &self.taus_s)?,
             };
             self.check_condition(&fitted)?;
+            if let Err(refusal) = self.image.check(&fitted, &self.problem) {
+                self.shrink(refusal, is_given)?;
+                continue;
+            }
             if let Some(step) = self.path.last_mut().filter(|step| step.condition.is_none()) {
                 step.condition = fitted.conditioning.as_ref().map(|near| near.condition);
             }
@@ -500,6 +541,22 @@ impl Chosen<'_> {
             term.form.name((term.input > 0).then_some(input))
         ))
         .help("take fewer terms, or test so that the inputs move apart"))
+    }
+
+    /// Takes the best model of one order less in place of one that no image can hold. The grid and the search have refused such
+    /// models already; a raised lag or another loss may make one more.
+    fn shrink(&mut self, refusal: Error, is_given: bool) -> Result<()> {
+        let smaller = if is_given { Vec::new() } else { shrunk(&self.spec) };
+        let held_out = |spec: ModelSpec| {
+            let square = Trial::new(&self.problem, &spec, &self.taus_s).held_out()?;
+            Some((spec, square))
+        };
+        let best = smaller.into_iter().filter_map(held_out).min_by(|a, b| a.1.total_cmp(&b.1));
+        let Some((spec, square)) = best else { return Err(refusal.of(&format!("`{}`", self.spec))) };
+        self.not_held.push(rejected(&self.spec, &refusal));
+        (self.spec, self.mean_square) = (spec, Some(square));
+        self.note(SearchVerdict::Selected);
+        Ok(())
     }
 
     /// Raises the lag of the noisiest rate term by a step of the grid, or leaves that term out.

@@ -10,13 +10,13 @@
 mod averaging;
 mod bootstrap;
 mod choose;
+mod correction;
 mod criterion;
 mod effects;
 mod entanglement;
 mod exclusions;
 mod folds;
 mod input_noise;
-mod inputs;
 mod lag;
 mod least_squares;
 mod monomial;

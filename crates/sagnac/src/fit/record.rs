@@ -4,24 +4,24 @@ use std::collections::BTreeMap;
 
 use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::{AngleUnit, Reason};
-use sagnac_log::setup::{ModelConfig, Setup, Stages, TestConfig};
+use sagnac_log::setup::{ModelConfig, Setup, Stages, TargetConfig, TestConfig};
 use sagnac_noise::NoiseTerms;
 use sagnac_units::{ARCSEC_RT_S_PER_DEG_RT_H, s_from_ns};
 
 use crate::calibration::{
-    AxisCalibration, AxisCorrection, Calibration, Collinearity, FORMAT, FitDiagnostics, Hysteresis, Input, LogFile,
-    LogUnit, MINOR_VERSION, Misalignment, NoiseFloor, PpmEstimate, Provenance, Residual, RunOffset, ScaleFactor,
-    Target, Term, TimeEffect, TimeEffectKind, UNASSIGNED, VERSION, program,
+    AxisCalibration, AxisCorrection, Calibration, Collinearity, FORMAT, FitDiagnostics, Hysteresis, LogFile, LogUnit,
+    MINOR_VERSION, Misalignment, NoiseFloor, PpmEstimate, Provenance, Residual, RunOffset, ScaleFactor, Target, Term,
+    TimeEffect, TimeEffectKind, UNASSIGNED, VERSION, program,
 };
 use crate::diagnostics::{
     AxisReportData, Effect, Point, ReportData, hysteresis_of, offsets_hide_drift, points, ramp_rates_cpm, run_spans,
 };
 use crate::fit::Model;
 use crate::fit::choose::choose;
+use crate::fit::correction::{ImageCheck, recorded_inputs, terms};
 use crate::fit::effects::Parts;
 use crate::fit::entanglement::entangled;
 use crate::fit::exclusions;
-use crate::fit::inputs::recorded_inputs;
 use crate::fit::least_squares::{LeastSquares, Level, TermColumn};
 use crate::fit::monomial::monomials;
 use crate::fit::plateaus::repeatability;
@@ -31,6 +31,7 @@ use crate::fit::search::CONDITION_MAX;
 use crate::fit::slow_noise::SlowNoise;
 use crate::fit::soak::soak;
 use crate::fit::solution::{Fitted, bootstrap_intervals};
+use crate::image::{Holder, rate_unit};
 use crate::model::ActsOn;
 use crate::model::input::Signal;
 use crate::window::{WindowShape, Windows};
@@ -141,16 +142,21 @@ pub fn calibrate_with_report_data(
     }
     let report_data = ReportData { runs, timed: windows.shape.timed, axes: drawn };
     let shape = &windows.shape;
+    let target = Target::from_config(stages.target)?;
+    let unit = match count_of(&windows, &stages.target) {
+        Some(unit) => unit,
+        None => {
+            let corrections: Vec<(char, &AxisCorrection)> = axes.iter().map(|a| (a.axis, &a.correction)).collect();
+            rate_unit(target, &corrections)?
+        }
+    };
     let calibration = Calibration {
         format: FORMAT.to_owned(),
         version: VERSION,
         minor_version: MINOR_VERSION,
         serial: stages.identity.serial.unwrap_or_else(|| UNASSIGNED.to_owned()),
-        unit: match shape.unit {
-            AngleUnit::Quanta { arcsec_per_count, quantum } => LogUnit::Counts { arcsec_per_count, quantum },
-            AngleUnit::Arcsec => LogUnit::Rates { lsb_arcsec: stages.target.rate_lsb_arcsec },
-        },
-        target: Target::from_config(stages.target)?,
+        unit,
+        target,
         window: shape.window,
         window_s: shape.nominal_s,
         sample_interval_s: shape.sample_interval_s,
@@ -159,6 +165,14 @@ pub fn calibrate_with_report_data(
         provenance: provenance(&windows, options),
     };
     Ok((calibration, report_data))
+}
+
+/// Size of a count of the log; `None` for a rate log whose counts follow its correction.
+fn count_of(windows: &Windows, config: &TargetConfig) -> Option<LogUnit> {
+    match windows.shape.unit {
+        AngleUnit::Quanta { arcsec_per_count, quantum } => Some(LogUnit::Counts { arcsec_per_count, quantum }),
+        AngleUnit::Arcsec => config.rate_lsb_arcsec.map(|lsb_arcsec| LogUnit::Rates { lsb_arcsec }),
+    }
 }
 
 fn sensor_of(shape: &WindowShape, config: &ModelConfig) -> Result<usize> {
@@ -280,7 +294,9 @@ fn fit_axis(
         turning.check_scale(windows, axis, stages.test.scale_factor_deviation_max_ppm)?;
     }
     let make = |signals: &[Signal]| LeastSquares::new(windows, axis, signals, reference_c, min_span_c, turning.clone());
-    let mut chosen = choose(windows, Signal::Thermometer(sensor), &stages.model, &options.model, &make)?;
+    let holder = Holder { unit: count_of(windows, &stages.target), target: Target::from_config(stages.target)? };
+    let image = ImageCheck { windows, config: &stages.model, sensor, axis: letter, holder };
+    let mut chosen = choose(windows, Signal::Thermometer(sensor), image, &options.model, &make)?;
     let noise_floor = noise_floor_of(windows, axis, &stages.test);
     let is_given = options.model != Model::Auto;
     let raw_n = noise_floor.as_ref().map(|floor| floor.n_deg_rt_h);
@@ -291,8 +307,9 @@ fn fit_axis(
     let (fitted, noise) = chosen.fit(is_given, raw_n, options.loss)?;
     let problem = &chosen.problem;
     let parts = Parts::new(&fitted, problem);
-    let inputs = recorded_inputs(&fitted, &parts, problem, windows, &stages.model, sensor);
-    let terms = terms(&fitted, problem, &inputs, options.bootstrap);
+    let inputs = recorded_inputs(&fitted, Some(&parts), problem, windows, &stages.model, sensor);
+    let intervals = options.bootstrap.map(|draws| bootstrap_intervals(problem, &fitted, draws));
+    let terms = terms(&fitted, problem, &inputs, intervals.as_deref());
     check_scale(&terms, letter)?;
     let drawn = Drawn::of(&fitted, problem, &parts);
     let (monomial, zones) = monomials(&fitted, problem, &windows.shape, reference_c);
@@ -318,6 +335,7 @@ fn fit_axis(
         candidates: chosen.candidates(),
         model_search: chosen.path.clone(),
         rejected_inputs: chosen.aside.clone(),
+        rejected_models: chosen.not_held.clone(),
         excluded: windows.tallies.list(),
         covariance: fitted.covariance.row_iter().map(|row| row.iter().copied().collect()).collect(),
         covariance_of: covariance_of(&fitted, problem),
@@ -378,31 +396,6 @@ fn hysteresis(points: &[Point], residual: &Residual) -> Option<Hysteresis> {
         after_dph: after.difference_dph,
         sigma_dph: sigma_dph * after.per_sigma,
     })
-}
-
-fn terms(fitted: &Fitted, problem: &LeastSquares<'_>, inputs: &[Input], bootstrap: Option<usize>) -> Vec<Term> {
-    let levels = problem.levels.len();
-    let intervals = bootstrap.map(|draws| bootstrap_intervals(problem, fitted, draws));
-    let vif = |at: usize| fitted.conditioning.as_ref().and_then(|found| *found.vif.get(at)?);
-    let of = |(at, column): (usize, &TermColumn)| {
-        let (value, sigma) = (fitted.theta[levels + at], fitted.sigma(levels + at));
-        let sampled = &problem.inputs[column.input];
-        // The thermometer of the fit goes by the name that the record gives it.
-        let input = if column.input == 0 { inputs.first().map(|main| main.name.clone()) } else { None };
-        Term {
-            acts_on: column.form.acts_on,
-            input: input.unwrap_or_else(|| sampled.name.clone()),
-            shape: column.form.shape,
-            times_rate: column.form.times_rate,
-            value,
-            sigma: Some(sigma),
-            unit: column.form.unit(sampled.signal.in_celsius()).to_owned(),
-            significant: Some(value.abs() > fitted.t_quantile_975 * sigma),
-            vif: vif(at),
-            bootstrap: intervals.as_ref().and_then(|all| all.get(levels + at).copied()),
-        }
-    };
-    fitted.terms.iter().enumerate().map(of).collect()
 }
 
 fn covariance_of(fitted: &Fitted, problem: &LeastSquares<'_>) -> Vec<String> {

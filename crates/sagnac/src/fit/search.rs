@@ -12,9 +12,11 @@
 //!
 //! A candidate whose terms are nearly combinations of each other (condition over [`CONDITION_MAX`], levels projected out,
 //! columns at unit length) is rejected: noise would determine its coefficients. Among candidates of equal size the one
-//! with the least condition is selected.
+//! with the least condition is selected. A candidate that no image can hold is rejected too: its fitted coefficients go through
+//! the code that writes images.
 
 use crate::calibration::{SearchStep, SearchVerdict};
+use crate::fit::correction::ImageCheck;
 use crate::fit::criterion::{CvScore, effective_windows, is_undominated, needed_gain};
 use crate::fit::folds::Trial;
 use crate::fit::least_squares::{LeastSquares, Level};
@@ -58,6 +60,8 @@ struct Tried {
     inputs: usize,
     mean_square: Option<f64>,
     condition: Option<f64>,
+    /// An image can hold it.
+    held: bool,
 }
 
 impl Tried {
@@ -84,7 +88,12 @@ impl Tried {
 
 /// Searches from a model and, with several inputs, also from two small ones: the grid knows one input only, and its best
 /// may be far from the best model of all inputs. `None` where nothing can be fitted out of sample.
-pub(crate) fn walk(problem: &LeastSquares<'_>, start: &ModelSpec, taus_s: &[f64]) -> Option<Path> {
+pub(crate) fn walk(
+    problem: &LeastSquares<'_>,
+    start: &ModelSpec,
+    taus_s: &[f64],
+    image: &ImageCheck<'_>,
+) -> Option<Path> {
     let mut starts = vec![start.clone()];
     if problem.inputs.len() > 1 {
         let rates = if problem.has_rate() { vec![None, Some(0)] } else { vec![None] };
@@ -93,15 +102,16 @@ pub(crate) fn walk(problem: &LeastSquares<'_>, start: &ModelSpec, taus_s: &[f64]
         starts.extend(rates.into_iter().map(|rate| ModelSpec::of_thermometer(small(rate))));
         starts.dedup();
     }
-    let ends: Vec<Path> = starts.iter().filter_map(|start| walk_from(problem, start, taus_s)).collect();
+    let ends: Vec<Path> = starts.iter().filter_map(|start| walk_from(problem, start, taus_s, image)).collect();
     let held: Vec<CvScore> = ends.iter().map(Path::held).collect();
     let good = ends.into_iter().filter(|end| is_undominated(end.held(), &held, end.windows));
     // Each input costs a sensor line: fewer inputs come before fewer coefficients.
     good.min_by_key(|end| (inputs_read(problem, &end.spec), end.spec.coefficients()))
 }
 
-fn walk_from(problem: &LeastSquares<'_>, start: &ModelSpec, taus_s: &[f64]) -> Option<Path> {
-    let mut here = try_all(problem, std::slice::from_ref(start), taus_s).pop().filter(|t| t.mean_square.is_some())?;
+fn walk_from(problem: &LeastSquares<'_>, start: &ModelSpec, taus_s: &[f64], image: &ImageCheck<'_>) -> Option<Path> {
+    let mut here =
+        try_all(problem, std::slice::from_ref(start), taus_s, image).pop().filter(|t| t.mean_square.is_some())?;
     let mut steps = vec![here.step(0, SearchVerdict::Start)];
     let mut least = here.held();
     let mut number = 0;
@@ -110,7 +120,7 @@ fn walk_from(problem: &LeastSquares<'_>, start: &ModelSpec, taus_s: &[f64]) -> O
     for forward in ways.iter().copied() {
         for _ in 0..MOST_STEPS {
             let next = if forward { grown(problem, &here.spec) } else { shrunk(&here.spec) };
-            let tried = try_all(problem, &next, taus_s);
+            let tried = try_all(problem, &next, taus_s, image);
             let passes = |model: &Tried| {
                 if !forward {
                     return is_undominated(model.held(), &[least], here.windows);
@@ -125,6 +135,7 @@ fn walk_from(problem: &LeastSquares<'_>, start: &ModelSpec, taus_s: &[f64]) -> O
                 let verdict = match (Some(at) == taken, model.mean_square.is_some(), collinear(model)) {
                     (true, ..) => SearchVerdict::Selected,
                     (_, _, true) => SearchVerdict::Collinear,
+                    _ if !model.held => SearchVerdict::NotInImage,
                     (_, false, _) => SearchVerdict::NotFitted,
                     _ if forward => SearchVerdict::NoGain,
                     _ => SearchVerdict::Needed,
@@ -160,16 +171,17 @@ fn best_of(tried: &[Tried], windows: f64, passes: impl Fn(&Tried) -> bool) -> Op
     })
 }
 
-fn try_all(problem: &LeastSquares<'_>, specs: &[ModelSpec], taus_s: &[f64]) -> Vec<Tried> {
+fn try_all(problem: &LeastSquares<'_>, specs: &[ModelSpec], taus_s: &[f64], image: &ImageCheck<'_>) -> Vec<Tried> {
     let tried = |spec: &ModelSpec| {
         // A model that is refused for its terms needs no folds.
         let fitted = fit(problem, spec, taus_s).ok();
         let condition = fitted.as_ref().and_then(|f| f.conditioning.as_ref()).map(|near| near.condition);
-        let fair = fitted.is_some() && condition.is_none_or(|condition| condition <= CONDITION_MAX);
+        let held = fitted.as_ref().is_none_or(|fitted| image.check(fitted, problem).is_ok());
+        let fair = fitted.is_some() && held && condition.is_none_or(|condition| condition <= CONDITION_MAX);
         let mean_square = if fair { Trial::new(problem, spec, taus_s).held_out() } else { None };
         let rho = fitted.as_ref().map_or(0.0, |f| f.autocorrelation);
         let windows = effective_windows(problem.len(), rho);
-        Tried { spec: spec.clone(), windows, inputs: inputs_read(problem, spec), mean_square, condition }
+        Tried { spec: spec.clone(), windows, inputs: inputs_read(problem, spec), mean_square, condition, held }
     };
     specs.par_iter().map(tried).collect()
 }
@@ -236,7 +248,7 @@ fn grown(problem: &LeastSquares<'_>, from: &ModelSpec) -> Vec<ModelSpec> {
 }
 
 /// Every model with one order, zone table or set of steps less.
-fn shrunk(from: &ModelSpec) -> Vec<ModelSpec> {
+pub(crate) fn shrunk(from: &ModelSpec) -> Vec<ModelSpec> {
     let mut all = Vec::new();
     let mut add = |change: &dyn Fn(&mut ModelSpec)| {
         let mut spec = from.clone();

@@ -328,17 +328,6 @@ pub(crate) fn image_price(shape: TargetShape) -> u32 {
     }
 }
 
-/// A shape of an image in words, for errors.
-pub(crate) fn image_words(shape: TargetShape) -> String {
-    match shape {
-        TargetShape::Chebyshev(order) => format!("order {order}"),
-        TargetShape::Zone { .. } => "zone".to_owned(),
-        TargetShape::Step { .. } => "step".to_owned(),
-        TargetShape::Cosine { .. } => "cosine".to_owned(),
-        TargetShape::Sine { .. } => "sine".to_owned(),
-    }
-}
-
 fn of_order(values: [f64; BASIS_LEN], order: u8) -> f64 {
     values.get(usize::from(order)).copied().unwrap_or(0.0)
 }

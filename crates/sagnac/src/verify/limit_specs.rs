@@ -85,7 +85,18 @@ impl LimitSpec {
     }
 
     pub(crate) fn judge(&self, limit: f64, axis: &AxisVerification, rule: DecisionRule) -> Verdict {
-        let blank = Verdict {
+        if let Some(why) = self.applies.not_asked(axis) {
+            return self.not_asked(limit, why);
+        }
+        match (self.figure)(axis).filter(|(value, _)| value.is_finite()) {
+            Some(figure) => self.hold(limit, figure, rule, axis.hours),
+            None => self.unknown(limit, self.why(axis)),
+        }
+    }
+
+    /// The limit is not asked, and why.
+    pub(crate) fn not_asked(&self, limit: f64, why: String) -> Verdict {
+        Verdict {
             name: self.key.to_owned(),
             limit,
             value: None,
@@ -95,19 +106,28 @@ impl LimitSpec {
             margin: None,
             run: None,
             pass: None,
-            why: None,
-        };
-        if let why @ Some(_) = self.applies.not_asked(axis) {
-            return Verdict { why, ..blank };
+            why: Some(why),
         }
-        let Some((value, sigma)) = (self.figure)(axis).filter(|(value, _)| value.is_finite()) else {
-            return Verdict { pass: Some(false), why: Some(self.why(axis)), ..blank };
-        };
+    }
+
+    /// The figure is not known, and why: the limit is not met.
+    pub(crate) fn unknown(&self, limit: f64, why: String) -> Verdict {
+        Verdict { pass: Some(false), ..self.not_asked(limit, why) }
+    }
+
+    /// The figure held against the limit, with the hours behind it.
+    pub(crate) fn hold(
+        &self,
+        limit: f64,
+        (value, sigma): (f64, Option<f64>),
+        rule: DecisionRule,
+        hours: f64,
+    ) -> Verdict {
         let room = match self.bound {
             Bound::Most => limit - value,
             Bound::Least => value - limit,
         };
-        let decided = rule.decide(room, sigma, axis.hours);
+        let decided = rule.decide(room, sigma, hours);
         let undecided_hours = if let Decided::After(hours) = decided { Some(hours) } else { None };
         Verdict {
             value: Some(value),
@@ -115,7 +135,8 @@ impl LimitSpec {
             margin: (limit > 0.0).then(|| room / limit),
             pass: Some(matches!(decided, Decided::Met)),
             undecided_hours,
-            ..blank
+            why: None,
+            ..self.not_asked(limit, String::new())
         }
     }
 

@@ -208,7 +208,7 @@ impl Limits {
     }
 
     /// The limits that the file gives, with their values.
-    fn given(&self) -> Vec<(&'static LimitSpec, f64)> {
+    pub(crate) fn given(&self) -> Vec<(&'static LimitSpec, f64)> {
         SPECS.iter().filter_map(|spec| Some((spec, (spec.of)(self)?))).collect()
     }
 

@@ -53,7 +53,7 @@ use crate::verify::paired::PairedWindows;
 use crate::verify::suspects::suspects;
 use crate::window::Windows;
 use sagnac_log::error::{Error, Result};
-use sagnac_log::ingest::{LogReader, LogShape, Tally, hex, sha256};
+use sagnac_log::ingest::{LogReader, LogShape, Tally, hex, sha256, share_rows};
 use sagnac_log::setup::Setup;
 use sagnac_units::format::celsius;
 
@@ -497,7 +497,7 @@ pub fn verify(correction: &Correction, logs: Vec<LogReader>, setup: &Setup, opti
         limits: None,
         untested_axes: untested_axes(correction, &windows.shape.axes),
         training_overlap: training_overlap(correction, &fit::log_files(windows)),
-        inputs: fit::log_files(windows),
+        inputs: fit::log_files(windows).into_iter().map(LogFile::named).collect(),
     };
     let several = pair.raw.runs.len() > 1 && !verification.axes.iter().any(|axis| axis.about_common_mean);
     let runs = if several { pair.raw.runs.len() } else { 0 };
@@ -513,11 +513,20 @@ fn untested_axes(correction: &Correction, tested: &[char]) -> Vec<char> {
     all.map(|axis| axis.axis).filter(|axis| !tested.contains(axis)).collect()
 }
 
-/// Names of the retests whose bytes the calibration was made from.
+/// Names of the retests whose bytes or rows the calibration was made from: a copy with other line ends, columns or compression, with
+/// a few rows lost, or in parts is no other test.
 fn training_overlap(correction: &Correction, retests: &[LogFile]) -> Vec<String> {
     let of_fit = || correction.calibration.iter().flat_map(|calibration| &calibration.provenance.inputs);
-    let seen = |retest: &&LogFile| of_fit().any(|input| input.sha256 == retest.sha256);
-    retests.iter().filter(seen).map(|retest| retest.file.clone()).collect()
+    let sketch_of = |log: &LogFile| log.rows_sketch.clone();
+    let fits: Vec<String> = of_fit().map(sketch_of).collect();
+    let fits: Vec<&str> = fits.iter().map(String::as_str).collect();
+    let all: Vec<&str> = retests.iter().map(|retest| retest.rows_sketch.as_str()).collect();
+    let same_rows = |retest: &LogFile| share_rows(&[&retest.rows_sketch], &fits);
+    let seen = |retest: &&LogFile| same_rows(retest) || of_fit().any(|input| input.sha256 == retest.sha256);
+    let names = |of: &mut dyn Iterator<Item = &LogFile>| of.map(|retest| retest.file.clone()).collect::<Vec<_>>();
+    let found = names(&mut retests.iter().filter(seen));
+    // Parts of a log share few hashes with it each, and many together.
+    if found.is_empty() && share_rows(&all, &fits) { names(&mut retests.iter()) } else { found }
 }
 
 #[cfg(test)]

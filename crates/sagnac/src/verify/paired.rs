@@ -36,7 +36,7 @@ impl PairedWindows {
     /// What reading and replaying report; logs of different columns or units.
     pub(crate) fn replayed(correction: &Correction, logs: Vec<LogReader>, setup: &Setup) -> Result<Self> {
         let mut pair: Option<PairBuilder> = None;
-        let (mut seen, mut replay) = (SeenLogs::default(), None::<Replay>);
+        let (mut seen, mut replay, mut counter_end) = (SeenLogs::default(), None::<Replay>, None);
         for mut log in logs {
             let shape = log.shape().clone();
             let name = log.summary().file;
@@ -46,6 +46,7 @@ impl PairedWindows {
                 None => pair.insert(PairBuilder::new(&shape, setup)?),
             };
             same_shape(&pair.shape, &shape).map_err(|e| e.file(&name))?;
+            pair.raw.follow(&mut log, counter_end.as_ref())?;
             let mut is_first = true;
             while let Some(batch) = log.next_batch()? {
                 if std::mem::take(&mut is_first) && !pair.begin_file(batch, &name)? {
@@ -60,6 +61,7 @@ impl PairedWindows {
             seen.take(&summary)?;
             pair.raw.end_file(summary.clone());
             pair.corrected.end_file(summary);
+            counter_end = log.counter_end();
         }
         let pair = pair.ok_or_else(|| Error::input("no retest log given"))?;
         Ok(pair.finish())

@@ -119,7 +119,7 @@ impl BiasRepeatability {
 }
 
 impl TurnOns {
-    fn of(biases: &[f64]) -> Option<Self> {
+    pub(crate) fn of(biases: &[f64]) -> Option<Self> {
         let n = biases.len();
         let degrees = n.checked_sub(1).filter(|degrees| *degrees > 0)? as f64;
         let mean = biases.iter().sum::<f64>() / n as f64;

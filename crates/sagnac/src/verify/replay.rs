@@ -251,7 +251,10 @@ impl AxisReplay {
         let (mut raw, mut left) = (whole as i64, ticks);
         let (mut out, mut status) = (0_i64, Status::OK);
         while left > 0 {
-            let step = self.step(&codes, left)?;
+            // As many ticks at once as the core takes the counts of.
+            let most = (i128::from(left) * i128::from(MAX_RAW)).checked_div(i128::from(raw).abs());
+            let most = most.map_or(left, |most| i64::try_from(most).map_or(left, |most| most.clamp(1, left)));
+            let step = self.step(&codes, most)?;
             // Integer proportion; the last part takes the rest.
             let part = (i128::from(raw) * i128::from(step) / i128::from(left)) as i64;
             if part.abs() > MAX_RAW {

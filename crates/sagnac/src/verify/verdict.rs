@@ -37,7 +37,7 @@ pub struct Verdict {
     pub run: Option<String>,
     /// It is met; false where it is not met or not decided; null where it is not asked of such a retest.
     pub pass: Option<bool>,
-    /// Why the retest does not tell the value, or is not asked for it.
+    /// Why the value is not known or not asked; of a comparison also the records whose value it is.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub why: Option<String>,
 }
@@ -89,12 +89,10 @@ impl Verdict {
                 Some("the value lies at its limit: no longer retest decides".to_owned())
             }
             Some(hours) => Some(format!("{} more hours would decide", hours.ceil())),
-            None => self.why.clone(),
+            None => None,
         };
-        match (of_run, more) {
-            (Some(run), Some(more)) => Some(format!("{run}; {more}")),
-            (run, more) => run.or(more),
-        }
+        let parts: Vec<String> = [of_run, more, self.why.clone()].into_iter().flatten().collect();
+        (!parts.is_empty()).then(|| parts.join("; "))
     }
 }
 
@@ -129,10 +127,15 @@ impl Judged {
 
     /// `9 of 10 limits met, 1 not decided, 2 not asked of such a retest`.
     pub fn words(self) -> String {
+        self.words_of("such a retest")
+    }
+
+    /// The same of what was judged.
+    pub fn words_of(self, what: &str) -> String {
         let Self { met, not_met, not_decided, not_asked } = self;
         let part = |n: usize, what: &str| if n > 0 { format!(", {n} {what}") } else { String::new() };
         let undecided = part(not_decided, "not decided");
-        let unasked = part(not_asked, "not asked of such a retest");
+        let unasked = part(not_asked, &format!("not asked of {what}"));
         format!("{met} of {} limits met{undecided}{unasked}", met + not_met + not_decided)
     }
 }

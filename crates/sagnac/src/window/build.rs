@@ -5,7 +5,7 @@ use std::ops::Range;
 use crate::window::{Run, RunFile, WindowRows, WindowShape, Windows, outliers};
 use sagnac_core::Status;
 use sagnac_log::error::{Error, Result};
-use sagnac_log::ingest::{Batch, LogReader, LogShape, LogSummary, Reason, Tallies, same_shape};
+use sagnac_log::ingest::{Batch, CounterEnd, LogReader, LogShape, LogSummary, Reason, Tallies, same_shape};
 use sagnac_log::setup::{RunDivision, Setup, TableRun, WindowConfig, WindowSize};
 use sagnac_noise::ShortTau;
 use sagnac_units::{ns_from_s, s_from_ns};
@@ -260,9 +260,10 @@ impl WindowBuilder {
     pub fn read_all(logs: Vec<LogReader>, setup: &Setup) -> Result<Self> {
         let first = logs.first().ok_or_else(|| Error::input("no log given"))?.shape().clone();
         let mut builder = Self::new(&first, setup)?;
-        let mut seen = SeenLogs::default();
+        let (mut seen, mut counter_end) = (SeenLogs::default(), None);
         for mut log in logs {
             same_shape(&first, log.shape()).map_err(|e| e.file(log.summary().file))?;
+            builder.follow(&mut log, counter_end.as_ref())?;
             let (mut is_first, name) = (true, log.summary().file);
             while let Some(batch) = log.next_batch()? {
                 if std::mem::take(&mut is_first) {
@@ -273,6 +274,7 @@ impl WindowBuilder {
             let summary = log.summary();
             seen.take(&summary)?;
             builder.end_file(summary);
+            counter_end = log.counter_end();
         }
         Ok(builder)
     }
@@ -436,22 +438,42 @@ impl WindowBuilder {
         Ok(goes_on)
     }
 
+    /// Lets a log go on with the run where its clock restarts and its running total goes on from the end of the file before.
+    ///
+    /// # Errors
+    /// A read error.
+    pub(crate) fn follow(&self, log: &mut LogReader, end: Option<&CounterEnd>) -> Result<()> {
+        let last = self.run.as_ref().and_then(|run| run.files.last());
+        if let (Some(end), Some(last), true) = (end, last, self.division != RunDivision::Files) {
+            let sure = self.division == RunDivision::One;
+            if sure || self.is_on_table_of(&log.summary().file, &last.summary.file) {
+                log.follow(end, sure)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Both files have the same entry of the rate table, or none.
+    fn is_on_table_of(&self, name: &str, other: &str) -> bool {
+        let table_of = |file: &str| {
+            let file = sagnac_units::format::file_name(file);
+            self.tables.iter().find(|table| table.file.as_deref() == Some(&file))
+        };
+        table_of(name) == table_of(other)
+    }
+
     fn goes_on(&self, start_ns: i64, name: &str) -> Result<bool> {
         let Some((run, last)) = self.run.as_ref().and_then(|run| Some((run, run.files.last()?))) else {
             return Ok(false);
         };
         let interval_ns = ns_from_s(self.shape.sample_interval_s).unwrap_or(0);
         let gap_ns = start_ns.saturating_sub(run.end_ns);
-        let table_of = |file: &str| {
-            let file = sagnac_units::format::file_name(file);
-            self.tables.iter().find(|table| table.file.as_deref() == Some(&file))
-        };
         match self.division {
             RunDivision::Files => Ok(false),
             _ if !self.shape.timed => Ok(false),
             RunDivision::Auto => {
                 let follows = 2 * gap_ns >= -interval_ns && 2 * gap_ns <= 3 * interval_ns;
-                Ok(follows && table_of(name) == table_of(&last.summary.file))
+                Ok(follows && self.is_on_table_of(name, &last.summary.file))
             }
             RunDivision::One if gap_ns < -interval_ns / 2 => Err(Error::input(format!(
                 "begins {} s before the end of {}: one run has one time",

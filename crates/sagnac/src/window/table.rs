@@ -64,6 +64,8 @@ struct RunMetadata {
 struct FileMetadata {
     file: String,
     sha256: String,
+    #[serde(default)]
+    rows_sketch: String,
     rows: u64,
     start_ns: i64,
     tallies: Vec<Tally>,
@@ -207,10 +209,11 @@ fn tracks(windows: &Windows, sensor: usize) -> ArrayRef {
 }
 
 fn file_metadata(file: &RunFile) -> FileMetadata {
-    let LogSummary { file: name, sha256, rows, tallies } = &file.summary;
+    let LogSummary { file: name, sha256, rows, tallies, rows_sketch, follows_by_counter: _ } = &file.summary;
     FileMetadata {
         file: name.clone(),
         sha256: sha256.clone(),
+        rows_sketch: rows_sketch.clone(),
         rows: *rows,
         start_ns: file.start_ns,
         tallies: tallies.list(),
@@ -218,8 +221,9 @@ fn file_metadata(file: &RunFile) -> FileMetadata {
 }
 
 fn run_file(file: FileMetadata) -> RunFile {
-    let FileMetadata { file, sha256, rows, start_ns, tallies } = file;
-    RunFile { start_ns, summary: LogSummary { file, sha256, rows, tallies: Tallies::from_list(tallies) } }
+    let FileMetadata { file, sha256, rows_sketch, rows, start_ns, tallies } = file;
+    let tallies = Tallies::from_list(tallies);
+    RunFile { start_ns, summary: LogSummary { file, sha256, rows, tallies, rows_sketch, follows_by_counter: false } }
 }
 
 fn metadata(windows: &Windows, setup: &Setup) -> Metadata {

@@ -1,0 +1,153 @@
+//! A sketch of what a log says, whatever its bytes are: a copy with other line ends, columns, or compression has the same.
+//!
+//! ```text
+//! r_i = Σ over the axes of mix(angle of the row, letter)      whole quanta; an angle of a rate log to 12 bits of its mantissa
+//! h_i = mix(Σ_k r_{i−k}·B^k), k < 64, modulo 2⁶⁴              a rolling hash (Karp and Rabin 1987)
+//! sketch = the 64 smallest distinct h                          (Broder 1997): of each its lower 32 bits
+//! ```
+//!
+//! The part of the hashes that two sketches share estimates the part of the stretches of 64 rows that two logs share. Some rows lost
+//! or changed cost the stretches that hold them. The rows themselves cannot be had from 64 hashes.
+//!
+//! Where it fails: rows that are resampled, or changed each by itself, make another log. A log of fewer than [`FEWEST`] distinct stretches
+//! has no sketch, nor has one that repeats itself in a kept stretch: coarse counts that hardly move are alike in independent tests,
+//! too. A short part of a long log shares few hashes with it.
+
+use std::collections::BTreeSet;
+use std::fmt::Write as _;
+
+use crate::ingest::Batch;
+
+/// Rows of a stretch.
+const ROWS: usize = 64;
+/// Hashes kept.
+const KEPT: usize = 64;
+/// Fewer distinct stretches than this are no sketch.
+const FEWEST: usize = 24;
+/// Hashes in common that are no chance.
+const COMMON: usize = 8;
+/// Base of the rolling hash.
+const BASE: u64 = 0x9e37_79b9_7f4a_7c15;
+/// Hexadecimal digits of a kept hash.
+const DIGITS: usize = 8;
+
+/// Collects the sketch of a log as it is read.
+pub(crate) struct Sketch {
+    letters: Vec<char>,
+    /// Base to the power of a stretch.
+    far: u64,
+    recent: [u64; ROWS],
+    rows: usize,
+    rolling: u64,
+    smallest: BTreeSet<u64>,
+    /// Those of them that came more than once.
+    again: BTreeSet<u64>,
+}
+
+impl Sketch {
+    pub(crate) fn new(letters: Vec<char>) -> Self {
+        let far = (0..ROWS).fold(1_u64, |power, _| power.wrapping_mul(BASE));
+        Self { letters, far, recent: [0; ROWS], rows: 0, rolling: 0, smallest: BTreeSet::new(), again: BTreeSet::new() }
+    }
+
+    /// The next rows.
+    pub(crate) fn push(&mut self, batch: &Batch, whole: bool) {
+        for row in 0..batch.len() {
+            let axes = self.letters.iter().zip(&batch.angle);
+            let of = |(letter, angle): (&char, &Vec<f64>)| mix(bits_of(angle[row], whole) ^ mix(u64::from(*letter)));
+            let value = axes.map(of).fold(0, u64::wrapping_add);
+            let place = self.rows % ROWS;
+            let old = std::mem::replace(&mut self.recent[place], value);
+            self.rolling = self.rolling.wrapping_mul(BASE).wrapping_add(value).wrapping_sub(old.wrapping_mul(self.far));
+            self.rows += 1;
+            if self.rows >= ROWS {
+                self.keep(mix(self.rolling));
+            }
+        }
+    }
+
+    fn keep(&mut self, hash: u64) {
+        let largest = self.smallest.last().copied().unwrap_or(u64::MAX);
+        if self.smallest.len() == KEPT && hash > largest {
+            return;
+        }
+        if !self.smallest.insert(hash) {
+            self.again.insert(hash);
+        } else if self.smallest.len() > KEPT
+            && let Some(evicted) = self.smallest.pop_last()
+        {
+            self.again.remove(&evicted);
+        }
+    }
+
+    /// The sketch as hexadecimal digits; empty where the log says too little.
+    pub(crate) fn hex(&self) -> String {
+        let kept = if self.smallest.len() < FEWEST || !self.again.is_empty() { None } else { Some(&self.smallest) };
+        kept.into_iter().flatten().fold(String::new(), |mut text, hash| {
+            // The smallest differ in their lower half only.
+            let _ = write!(text, "{:08x}", hash & 0xffff_ffff);
+            text
+        })
+    }
+}
+
+/// The rows of one of these logs are, for a part, those of one of the others.
+pub fn share_rows(these: &[&str], those: &[&str]) -> bool {
+    let hashes = |all: &[&str]| -> BTreeSet<String> {
+        all.iter()
+            .flat_map(|sketch| sketch.as_bytes().chunks(DIGITS))
+            .map(|h| String::from_utf8_lossy(h).into_owned())
+            .collect()
+    };
+    hashes(these).intersection(&hashes(those)).count() >= COMMON
+}
+
+fn bits_of(angle: f64, whole: bool) -> u64 {
+    const DROPPED: u32 = 52 - 12;
+    // + 0.0: no sign of zero.
+    let bits = (angle + 0.0).to_bits();
+    if whole { bits } else { bits.wrapping_add(1 << (DROPPED - 1)) >> DROPPED }
+}
+
+/// The last steps of SplitMix64.
+fn mix(value: u64) -> u64 {
+    let value = value.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    let value = (value ^ (value >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    let value = (value ^ (value >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    value ^ (value >> 31)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sketch(rows: &[f64], pieces: usize) -> String {
+        let mut sketch = Sketch::new(vec!['x']);
+        for part in rows.chunks(pieces) {
+            let batch = Batch { angle: vec![part.to_vec()], end_ns: vec![0; part.len()], ..Batch::default() };
+            sketch.push(&batch, true);
+        }
+        sketch.hex()
+    }
+
+    #[test]
+    fn rows_make_the_sketch_however_they_come() {
+        let mut state = 1;
+        let rows: Vec<f64> = (0..5000)
+            .map(|_| {
+                state = mix(state);
+                (state % 7) as f64
+            })
+            .collect();
+        let whole = sketch(&rows, 5000);
+        assert_eq!(whole.len(), KEPT * DIGITS);
+        assert_eq!(whole, sketch(&rows, 7));
+        let mut without = rows.clone();
+        without.remove(2500);
+        assert!(share_rows(&[&sketch(&without[3..], 11)], &[&whole]));
+        let other: Vec<f64> = rows.iter().rev().copied().collect();
+        assert!(!share_rows(&[&sketch(&other, 11)], &[&whole]));
+        assert_eq!(sketch(&vec![4.0; 5000], 100), "", "a counter that stands still says nothing");
+        assert_eq!(sketch(&rows[..80], 100), "", "too short");
+    }
+}

@@ -1,0 +1,104 @@
+//! A fitted model as the record has it: inputs in the order of the image (the thermometer of the fit, everything else with a
+//! code of its own, then the differences) and terms. An [`ImageCheck`] asks the image for it before a model is selected.
+
+use sagnac_log::error::{Error, Result};
+use sagnac_log::setup::ModelConfig;
+
+use crate::calibration::{AxisCorrection, Input, Term};
+use crate::fit::effects::Parts;
+use crate::fit::least_squares::{LeastSquares, TermColumn};
+use crate::fit::solution::Fitted;
+use crate::image::Holder;
+use crate::model::input::{SampledInput, Signal, channels};
+use crate::window::{WindowShape, Windows};
+
+/// Asks the code that writes images whether one can hold a fitted model.
+#[derive(Clone, Copy)]
+pub(crate) struct ImageCheck<'a> {
+    pub(crate) windows: &'a Windows,
+    pub(crate) config: &'a ModelConfig,
+    /// Thermometer of the fit.
+    pub(crate) sensor: usize,
+    pub(crate) axis: char,
+    pub(crate) holder: Holder,
+}
+
+impl ImageCheck<'_> {
+    /// # Errors
+    /// What does not fit, as a refusal of the model.
+    pub(crate) fn check(&self, fitted: &Fitted, problem: &LeastSquares<'_>) -> Result<()> {
+        let inputs = recorded_inputs(fitted, None, problem, self.windows, self.config, self.sensor);
+        let terms = terms(fitted, problem, &inputs, None);
+        let correction = AxisCorrection { model: fitted.spec.to_string(), inputs, terms };
+        self.holder.check(self.axis, &correction).map_err(Error::as_refusal)
+    }
+}
+
+/// Inputs that the target must read; without `parts`, what each of them makes is not known.
+pub(crate) fn recorded_inputs(
+    fitted: &Fitted,
+    parts: Option<&Parts<'_>>,
+    problem: &LeastSquares<'_>,
+    windows: &Windows,
+    config: &ModelConfig,
+    sensor: usize,
+) -> Vec<Input> {
+    // An input without terms is not read.
+    let has_terms = |at: &usize| fitted.terms.iter().any(|term| term.input == *at);
+    let named: Vec<Signal> = (1..problem.inputs.len()).filter(has_terms).map(|at| problem.inputs[at].signal).collect();
+    let of = |signal: Signal| {
+        let own = problem.inputs.iter().position(|input| input.signal == signal);
+        // A thermometer that only a difference needs has no terms, but it has a span.
+        let bare = own.is_none().then(|| SampledInput::new(signal, windows, &problem.used, config.reference_c));
+        let sampled = own.map(|at| &problem.inputs[at]).or(bare.as_ref())?;
+        let (lag_s, rate_span_per_min) = own.map_or((None, None), |at| {
+            (fitted.lag_of(at), fitted.lag(at).map(|(tau_s, _)| problem.rate_span(at, tau_s)))
+        });
+        let rms_dph = parts.map(|parts| own.map_or(0.0, |at| parts.rms_of(at)));
+        Some(Input { lag_s, rate_span_per_min, rms_dph, ..as_set_up(sampled, &windows.shape, config) })
+    };
+    channels(Signal::Thermometer(sensor), &named).into_iter().filter_map(of).collect()
+}
+
+/// Terms over those inputs, with intervals of all parameters where there are any.
+pub(crate) fn terms(
+    fitted: &Fitted,
+    problem: &LeastSquares<'_>,
+    inputs: &[Input],
+    intervals: Option<&[[f64; 2]]>,
+) -> Vec<Term> {
+    let levels = problem.levels.len();
+    let vif = |at: usize| fitted.conditioning.as_ref().and_then(|found| *found.vif.get(at)?);
+    let of = |(at, column): (usize, &TermColumn)| {
+        let (value, sigma) = (fitted.theta[levels + at], fitted.sigma(levels + at));
+        let sampled = &problem.inputs[column.input];
+        // The thermometer of the fit goes by the name that the record gives it.
+        let input = if column.input == 0 { inputs.first().map(|main| main.name.clone()) } else { None };
+        Term {
+            acts_on: column.form.acts_on,
+            input: input.unwrap_or_else(|| sampled.name.clone()),
+            shape: column.form.shape,
+            times_rate: column.form.times_rate,
+            value,
+            sigma: Some(sigma),
+            unit: column.form.unit(sampled.signal.in_celsius()).to_owned(),
+            significant: Some(value.abs() > fitted.t_quantile_975 * sigma),
+            vif: vif(at),
+            bootstrap: intervals.and_then(|all| all.get(levels + at).copied()),
+        }
+    };
+    fitted.terms.iter().enumerate().map(of).collect()
+}
+
+fn as_set_up(sampled: &SampledInput, shape: &WindowShape, config: &ModelConfig) -> Input {
+    let (span, reference, name) = (sampled.span, sampled.reference, sampled.name.clone());
+    let thermometer = |at: usize| config.thermometer(shape.thermometers.get(at).map_or("", String::as_str));
+    match sampled.signal {
+        Signal::Thermometer(at) => Input::thermometer(thermometer(at), span, reference),
+        Signal::Difference { of, less } => Input::difference(name, [of, less].map(thermometer), span, reference),
+        Signal::Column(at) => {
+            let column = config.aux(shape.aux.get(at).map_or("", String::as_str));
+            Input::column(name, column, span, reference)
+        }
+    }
+}

@@ -1,0 +1,489 @@
+//! From a correction to the image that flash holds: the only place that knows what an image can hold.
+//!
+//! Every number of the fit becomes an integer here, rounded once, on the host:
+//!
+//! ```text
+//! b °/h       ─▶ b·tick/S0 counts per tick, Q40 as mantissa·2^(31 − shift), |mantissa| in [2²⁹, 2³⁰]
+//! c °/h/(°C/min) ─▶ c·Ṫ_far as b; y = Ṫ/Ṫ_far       e ppm ─▶ e·1e-6, Q40
+//! τ s         ─▶ α = 1 − e^(−Δt/τ), 31-bit mantissa    span ─▶ 2⁻²⁴ °C
+//! ```
+//!
+//! Each input becomes an input of the image, in the order of the record. A column's unit is a power of two of its own, so
+//! that its valid range fits the codes of an input. A shape gives its target's shape and the factor to it.
+//!
+//! The values of all terms at their references become, with opposite sign, one term of order 0 for bias and one for the scale
+//! factor. A coefficient too large for its width is refused by name, never clipped:
+//!
+//! ```text
+//! a bias term          2¹³ counts per tick: 8,192·S0/tick °/h
+//! all bias terms       min(2¹⁴, 2²⁹/ticks of a temperature period) counts per tick, Σ|coefficient|
+//! all scale terms      2⁻⁶: 15,625 ppm, Σ|coefficient|
+//! ```
+//!
+//! The counts of a rate log have no size of their own. [`rate_unit`] takes the finest decade from 1e-4 arcsec on that holds the
+//! correction with a margin of [`RATE_MARGIN`]. The fit asks [`Holder`] before it selects a model.
+
+use sagnac_core::{
+    Description, Gain, Image, InputSpec, Kind, LagSpec, MAX_IMAGE_LEN, MAX_INPUTS, MAX_SCALE, MAX_TERMS, Multiplier,
+    Shape, Term, ValueSource,
+};
+
+use crate::calibration::{AxisCalibration, AxisCorrection, Calibration, Input, InputSource, LogUnit, Target};
+use crate::model::input::unit_exponent;
+use crate::model::shape::image_order;
+use crate::model::{ActsOn, Form};
+use sagnac_log::error::{Error, Result};
+use sagnac_units::format::significant;
+
+/// 2⁻²⁴ °C per °C.
+const Q24: f64 = (1 << 24) as f64;
+/// Longest duration of SETTLING, s.
+const SETTLING_MAX_S: f64 = 3600.0;
+const SETTLING_TAUS: f64 = 3.0;
+
+/// Largest coefficient of a bias term, counts per tick.
+const TERM_MAX: f64 = 8192.0;
+/// Counts of a rate log, arcsec.
+const RATE_LSBS: [f64; 8] = [1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0, 1000.0];
+/// A rate log's count is so large that this many times its correction would still fit.
+const RATE_MARGIN: f64 = 4.0;
+/// One count per tick in 2⁻³².
+const COUNT_PER_TICK: f64 = 4_294_967_296.0;
+
+/// The image of one axis.
+///
+/// # Errors
+/// A number that does not fit the image: axis, term, limit, and what to do.
+pub fn encode(calibration: &Calibration, axis: &AxisCalibration, parent: [u8; 32], sequence: u32) -> Result<Image> {
+    let frame = Frame { axis: axis.axis, unit: calibration.unit, target: calibration.target };
+    let serial = calibration.serial.as_bytes();
+    frame.encode(&axis.correction, |d| {
+        (d.parent, d.sequence) = (parent, sequence);
+        let slot = d.serial.get_mut(..serial.len()).ok_or_else(|| too_large("serial", f64::NAN, "32 bytes"))?;
+        slot.copy_from_slice(serial);
+        Ok(())
+    })
+}
+
+/// What an image is asked to hold corrections for.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Holder {
+    /// Size of a count; `None` for a rate log whose counts follow its correction.
+    pub(crate) unit: Option<LogUnit>,
+    pub(crate) target: Target,
+}
+
+impl Holder {
+    /// # Errors
+    /// As [`encode`].
+    pub(crate) fn check(self, axis: char, correction: &AxisCorrection) -> Result<()> {
+        match self.unit {
+            Some(unit) => Frame { axis, unit, target: self.target }.encode(correction, |_| Ok(())).map(|_| ()),
+            None => rate_unit(self.target, &[(axis, correction)]).map(|_| ()),
+        }
+    }
+}
+
+/// The virtual count of a rate log: the finest decade in which every axis fits with a margin.
+///
+/// # Errors
+/// As [`encode`], where no size of count helps.
+pub(crate) fn rate_unit(target: Target, axes: &[(char, &AxisCorrection)]) -> Result<LogUnit> {
+    let fits = |lsb_arcsec: f64| {
+        let unit = LogUnit::Rates { lsb_arcsec };
+        axes.iter().try_for_each(|(axis, correction)| Holder { unit: Some(unit), target }.check(*axis, correction))
+    };
+    let mut refusal = Error::input("no size of count");
+    for lsb_arcsec in RATE_LSBS {
+        match fits(lsb_arcsec / RATE_MARGIN) {
+            Ok(()) => return Ok(LogUnit::Rates { lsb_arcsec }),
+            Err(error) => refusal = error,
+        }
+    }
+    Err(refusal)
+}
+
+/// All of an image but its correction and its names.
+#[derive(Clone, Copy)]
+struct Frame {
+    axis: char,
+    unit: LogUnit,
+    target: Target,
+}
+
+impl Frame {
+    fn encode(self, correction: &AxisCorrection, name: impl Fn(&mut Description) -> Result<()>) -> Result<Image> {
+        self.encode_nameless(correction, name).map_err(|error| error.of(&format!("axis {}", self.axis)))
+    }
+
+    fn encode_nameless(
+        self,
+        correction: &AxisCorrection,
+        name: impl Fn(&mut Description) -> Result<()>,
+    ) -> Result<Image> {
+        let Self { axis, unit, target } = self;
+        let mut d = Description::empty();
+        name(&mut d)?;
+        d.axis = u8::try_from(axis).map_err(|_| Error::input("no ASCII letter").column("axis"))?;
+        d.tick_ns = target.tick_ns;
+        d.period_ticks = target.period_ticks;
+        d.slew_ticks = target.slew_ticks;
+        d.scale_factor_femto_arcsec = unsigned("arcsec per count", unit.arcsec_per_lsb() * 1e15)?;
+        d.quantum_nano_counts = match unit {
+            LogUnit::Counts { quantum, .. } => unsigned("quantum", quantum * 1e9)?,
+            LogUnit::Rates { .. } => 1_000_000_000,
+        };
+        d.reference_q24 = q24("reference_c", correction.inputs.first().map_or(f64::NAN, |main| main.reference))?;
+        let channels = channels(correction)?;
+        if channels.len() > MAX_INPUTS {
+            return Err(too_large("inputs", channels.len() as f64, &format!("{MAX_INPUTS} inputs")));
+        }
+        for (slot, channel) in d.inputs.iter_mut().zip(&channels) {
+            let of = &channel.input.name;
+            *slot = input_spec(channel, target.period_s()).map_err(|error| error.of(&format!("input {of}")))?;
+        }
+        d.input_count = channels.len() as u8;
+        let rows = self.rows(correction, &channels)?;
+        self.check_sums(&rows)?;
+        let terms: Vec<Term> = rows.iter().map(|row| row.term).collect();
+        if terms.len() > MAX_TERMS {
+            return Err(too_large("terms", terms.len() as f64, &format!("{MAX_TERMS} terms")));
+        }
+        d.terms[..terms.len()].copy_from_slice(&terms);
+        d.term_count = terms.len() as u8;
+        Image::new(d).map_err(|e| Error::input(format!("no image can hold this correction: {e}")))
+    }
+}
+
+/// The bytes of an image.
+pub fn image_bytes(image: &Image) -> Vec<u8> {
+    let mut bytes = vec![0; MAX_IMAGE_LEN];
+    let len = image.encode(&mut bytes).unwrap_or(0);
+    bytes.truncate(len);
+    bytes
+}
+
+/// A number beyond its field; `holds` says what the field takes.
+fn too_large(name: &str, value: f64, holds: &str) -> Error {
+    let what = format!("does not fit the image, which holds {holds}");
+    Error::input(what).column(name).value(value.to_string())
+}
+
+fn unsigned(name: &str, value: f64) -> Result<u64> {
+    let rounded = value.round();
+    if (1.0..1.8e19).contains(&rounded) {
+        Ok(rounded as u64)
+    } else {
+        Err(too_large(name, value, "1 to 1.8e19 units of its last place"))
+    }
+}
+
+fn signed(name: &str, value: f64, holds: &str) -> Result<i32> {
+    let rounded = value.round();
+    if rounded.abs() < f64::from(i32::MAX) { Ok(rounded as i32) } else { Err(too_large(name, value, holds)) }
+}
+
+fn q24(name: &str, celsius: f64) -> Result<i32> {
+    signed(name, celsius * Q24, "±128 °C, or ±128 of the power of two that a column is scaled by")
+}
+
+/// An input as the image reads it.
+struct Channel<'a> {
+    input: &'a Input,
+    source: ValueSource,
+    /// One °C of the image is 2^exponent of its unit.
+    exponent: i8,
+}
+
+impl Channel<'_> {
+    /// The border of the rate span that is farther from zero, units per minute.
+    fn rate_far(&self) -> Option<f64> {
+        self.input.lag_s?;
+        self.input.rate_span_per_min.map(|[lo, hi]| lo.abs().max(hi.abs())).filter(|far| *far > 0.0)
+    }
+
+    /// Units of the record per °C of the image.
+    fn unit(&self) -> f64 {
+        2.0_f64.powi(self.exponent.into())
+    }
+}
+
+/// The record's inputs in their order.
+fn channels(correction: &AxisCorrection) -> Result<Vec<Channel<'_>>> {
+    let inputs = &correction.inputs;
+    let index_of = |wanted: &String, of: &Input| {
+        let found = inputs.iter().position(|other| other.source == InputSource::Thermometer(wanted.clone()));
+        found.and_then(|at| u8::try_from(at).ok()).ok_or_else(|| {
+            Error::input("a difference of thermometers that are not inputs").column("inputs").value(&of.name)
+        })
+    };
+    let channel = |input| {
+        let input: &Input = input;
+        let (source, exponent) = match &input.source {
+            InputSource::Thermometer(_) => (ValueSource::Code, 0),
+            InputSource::Difference(of, less) => {
+                (ValueSource::Difference { of: index_of(of, input)?, less: index_of(less, input)? }, 0)
+            }
+            InputSource::Column(_) => (ValueSource::Code, unit_exponent(input.valid_range)),
+        };
+        Ok(Channel { input, source, exponent })
+    };
+    inputs.iter().map(channel).collect()
+}
+
+/// Codes that the target passes to an image at a slow update.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Code {
+    /// Thermometer, difference or column.
+    pub name: String,
+    /// Value at code 0, in its own unit.
+    pub offset: f64,
+    /// Units per code; `None` for a difference, which the target makes itself.
+    pub per_code: Option<f64>,
+}
+
+/// The codes of an axis in the order of its image.
+pub fn codes(axis: &AxisCalibration) -> Vec<Code> {
+    let code = |input: &Input| {
+        let own = !matches!(input.source, InputSource::Difference(..));
+        Code { name: input.name.clone(), offset: input.offset, per_code: own.then_some(input.gain_per_code) }
+    };
+    axis.correction.inputs.iter().map(code).collect()
+}
+
+fn input_spec(of: &Channel<'_>, period_s: f64) -> Result<InputSpec> {
+    let (unit, input) = (of.unit(), of.input);
+    let span = input.span;
+    // Spans of our own stand on even codes already; others move by one code at most.
+    let (span_lo_q24, mut span_hi_q24) = (q24("span_c", span[0] / unit)?, q24("span_c", span[1] / unit)?);
+    span_hi_q24 += (span_hi_q24 ^ span_lo_q24) & 1;
+    let half = (i64::from(span_hi_q24) - i64::from(span_lo_q24)) / 2;
+    let (x_mantissa, shift_to_q31) = reciprocal("span_c", half)?;
+    let x_shift =
+        shift_to_q31.checked_sub(16).ok_or_else(|| too_large("span", half as f64, "spans of 0.004 °C or more"))?;
+    let lag = match (input.lag_s, of.rate_far()) {
+        (Some(lag), Some(far)) => {
+            let [lo, hi] = input.rate_span_per_min.unwrap_or([-far, far]);
+            lag_spec(lag.value, period_s, far / unit, [lo / unit, hi / unit])?
+        }
+        _ => LagSpec::default(),
+    };
+    let settling_s = input.lag_s.map_or(0.0, |lag| (SETTLING_TAUS * lag.value).min(SETTLING_MAX_S));
+    let has_code = of.source == ValueSource::Code;
+    for value in span.into_iter().filter(|_| has_code) {
+        let code = (value - input.offset) / input.gain_per_code;
+        if code.abs() > f64::from(i32::MAX) {
+            let what = format!("32-bit codes of {} do not reach {value:.2} of the fit span", input.name);
+            return Err(Error::input(what).column("gain_per_code").value(input.gain_per_code.to_string()));
+        }
+    }
+    Ok(InputSpec {
+        source: of.source,
+        unit_exponent: of.exponent,
+        offset_q24: if has_code { q24("offset", input.offset / unit)? } else { 0 },
+        gain: if has_code { gain(input.gain_per_code / unit * Q24)? } else { Gain::ONE },
+        valid_lo_q24: q24("valid_range", input.valid_range[0] / unit)?,
+        valid_hi_q24: q24("valid_range", input.valid_range[1] / unit)?,
+        span_lo_q24,
+        span_hi_q24,
+        x_mantissa,
+        x_shift,
+        lag,
+        stale_after_updates: (input.stale_after_s / period_s).ceil() as u32,
+        settling_updates: if lag.is_used() { (settling_s / period_s).ceil() as u32 } else { 0 },
+    })
+}
+
+/// `mantissa · 2^−shift` with a mantissa of 30 bits.
+fn gain(value: f64) -> Result<Gain> {
+    let shift = 30 - value.abs().log2().floor() as i32;
+    let shift = shift.clamp(0, 62);
+    Ok(Gain {
+        mantissa: signed("gain_per_code", value * 2.0_f64.powi(shift), "gains of up to 128 °C per code")?,
+        shift: shift as u8,
+    })
+}
+
+/// `mantissa · 2^−shift` that takes `border` to 1 in Q31, with 32 significant bits.
+fn reciprocal(name: &str, border: i64) -> Result<(u32, u8)> {
+    let border_wide = u128::try_from(border)
+        .ok()
+        .filter(|b| *b > 0)
+        .ok_or_else(|| too_large(name, border as f64, "an interval wider than nothing"))?;
+    for shift in (0..=31_u8).rev() {
+        let mantissa = ((1_u128 << (32 + shift)) / border_wide).div_ceil(2);
+        if let Ok(mantissa) = u32::try_from(mantissa) {
+            return Ok((mantissa, shift));
+        }
+    }
+    Err(too_large(name, border as f64, "an interval wider than nothing"))
+}
+
+fn lag_spec(tau_s: f64, period_s: f64, far_cpm: f64, span_cpm: [f64; 2]) -> Result<LagSpec> {
+    let alpha = -(-period_s / tau_s).exp_m1();
+    let alpha_shift = 30 - alpha.log2().floor() as i32;
+    if !(31..=62).contains(&alpha_shift) {
+        let holds = format!("lags of {} s and more", significant(period_s, 3));
+        return Err(too_large("lag_s", tau_s, &holds).help("leave the rate terms out of --model"));
+    }
+    // The finest unit in which the far border of the rate span still fits 31 bits.
+    let far_step = far_cpm * period_s / 60.0;
+    let far_bits = (far_step * Q24).log2().ceil();
+    if !far_bits.is_finite() {
+        return Err(too_large("rate_span_per_min", far_cpm, "finite rates other than zero"));
+    }
+    let rate_shift = (30.0 - far_bits).clamp(0.0, f64::from(alpha_shift - 1)) as i32;
+    let step = |cpm: f64| {
+        let holds = format!("±{} °C/min", significant(127.0 * 60.0 / period_s, 3));
+        signed("rate_span_per_min", cpm * period_s / 60.0 * Q24 * 2.0_f64.powi(rate_shift), &holds)
+    };
+    let (rate_lo, rate_hi) = (step(span_cpm[0].min(0.0))?, step(span_cpm[1].max(0.0))?);
+    let far = i64::from(rate_lo).abs().max(i64::from(rate_hi).abs());
+    let (y_mantissa, y_shift) = reciprocal("rate_span_per_min", far)?;
+    Ok(LagSpec {
+        alpha_mantissa: (alpha * 2.0_f64.powi(alpha_shift)).round() as u32,
+        alpha_shift: alpha_shift as u8,
+        rate_shift: rate_shift as u8,
+        rate_lo,
+        rate_hi,
+        y_mantissa,
+        y_shift,
+    })
+}
+
+/// A row of the image's table of terms, with its name in the record.
+struct Row {
+    term: Term,
+    name: String,
+    /// Coefficient in counts per tick, or as a part of one.
+    value: f64,
+}
+
+/// A row without its coefficient.
+struct Head {
+    kind: Kind,
+    input: u8,
+    shape: Shape,
+    multiplier: Multiplier,
+}
+
+impl Frame {
+    /// Counts per tick that one °/h is.
+    fn per_dph(self) -> f64 {
+        self.target.tick_s() / self.unit.arcsec_per_lsb()
+    }
+
+    fn rows(self, correction: &AxisCorrection, channels: &[Channel<'_>]) -> Result<Vec<Row>> {
+        let mut out = Vec::new();
+        // The values of all terms at their references: bias, scale factor.
+        let mut at_reference = [0.0; 2];
+        for fitted in &correction.terms {
+            let found = channels.iter().enumerate().find(|(_, channel)| channel.input.name == fitted.input);
+            let (index, channel) = found.ok_or_else(|| {
+                Error::input("a term over an input that the record does not have")
+                    .column("terms.input")
+                    .value(&fitted.input)
+            })?;
+            let name = fitted.form().name((index > 0).then_some(fitted.input.as_str()));
+            let Form { acts_on, shape, times_rate } = fitted.form();
+            let span = channel.input.scaling();
+            let (target, factor) =
+                shape.encode(span).map_err(|what| too_large(&name, fitted.value, &format!("no such {what}")))?;
+            let (kind, unit) = match acts_on {
+                ActsOn::Bias => (Kind::Bias, self.per_dph()),
+                ActsOn::ScaleFactor => (Kind::Scale, 1e-6),
+            };
+            let (multiplier, rate) =
+                if times_rate { (Multiplier::Rate, channel.rate_far().unwrap_or(0.0)) } else { (Multiplier::One, 1.0) };
+            if !times_rate {
+                at_reference[usize::from(kind == Kind::Scale)] +=
+                    fitted.value * shape.value(span, channel.input.reference) * unit;
+            }
+            let head = Head { kind, input: index as u8, shape: target, multiplier };
+            out.extend(self.row(head, name, fitted.value * factor * unit * rate)?);
+        }
+        for (kind, zero) in [Kind::Bias, Kind::Scale].into_iter().zip(at_reference) {
+            let head = Head { kind, input: 0, shape: Shape::Chebyshev(0), multiplier: Multiplier::One };
+            out.extend(self.row(head, "the value of all terms at their references".to_owned(), -zero)?);
+        }
+        // Bias before rate before scale, input by input, order by order: one record, one image.
+        out.sort_by_key(|Row { term, .. }| {
+            (term.kind == Kind::Scale, term.multiplier == Multiplier::Rate, term.input, image_order(term.shape))
+        });
+        Ok(out)
+    }
+
+    /// A coefficient as mantissa and shift; `None` for zero.
+    fn row(self, head: Head, name: String, value: f64) -> Result<Option<Row>> {
+        let Head { kind, input, shape, multiplier } = head;
+        let q40 = value * 2.0_f64.powi(40);
+        let shift = (60.0 - q40.abs().log2().floor()).min(62.0);
+        let mantissa = (q40 * 2.0_f64.powf(shift - 31.0)).round();
+        if mantissa == 0.0 || value == 0.0 {
+            return Ok(None);
+        }
+        if shift < 8.0 || !mantissa.is_finite() {
+            return Err(self.beyond(kind, value.abs(), TERM_MAX, &format!("the term `{name}` reaches")));
+        }
+        let term = Term { kind, input, shape, multiplier, mantissa: mantissa as i32, shift: shift as u8 };
+        Ok(Some(Row { term, name, value }))
+    }
+
+    /// Refuses terms whose sum could exceed what [`Image::new`] takes.
+    fn check_sums(self, rows: &[Row]) -> Result<()> {
+        let increments = Description { period_ticks: self.target.period_ticks, ..Description::empty() };
+        let limits = [
+            (Kind::Bias, increments.increment_bound() as f64 / COUNT_PER_TICK),
+            (Kind::Scale, MAX_SCALE as f64 / COUNT_PER_TICK),
+        ];
+        for (kind, limit) in limits {
+            let of_kind = || rows.iter().filter(|row| row.term.kind == kind);
+            let sum: f64 = of_kind().map(|row| row.value.abs()).sum();
+            let largest = of_kind().max_by(|a, b| a.value.abs().total_cmp(&b.value.abs()));
+            if let Some(largest) = largest.filter(|_| sum > limit) {
+                let words = match kind {
+                    Kind::Bias => "bias",
+                    Kind::Scale => "scale",
+                };
+                let own = self.in_unit(kind, largest.value.abs());
+                let what = format!("the {words} terms, the largest `{}` with {own}, together reach", largest.name);
+                return Err(self.beyond(kind, sum, limit, &what));
+            }
+        }
+        Ok(())
+    }
+
+    fn in_unit(self, kind: Kind, value: f64) -> String {
+        match kind {
+            Kind::Bias => format!("{} °/h", significant(value / self.per_dph(), 4)),
+            Kind::Scale => format!("{} ppm", significant(value * 1e6, 5)),
+        }
+    }
+
+    /// The refusal of a value beyond its limit, with what would hold it.
+    fn beyond(self, kind: Kind, value: f64, limit: f64, what: &str) -> Error {
+        let (reached, holds) = (self.in_unit(kind, value), self.in_unit(kind, limit));
+        let over = value / limit;
+        let remedy = match (kind, self.unit) {
+            (Kind::Scale, _) => "take fewer scale terms, a reference_c in the middle of the span, or a narrower span \
+                                 of temperature"
+                .to_owned(),
+            (Kind::Bias, LogUnit::Rates { lsb_arcsec }) => {
+                let enough = RATE_LSBS.into_iter().find(|lsb| *lsb >= lsb_arcsec * over);
+                let lsb = enough.map_or("coarser".to_owned(), |lsb| format!("of {lsb}"));
+                format!(
+                    "a rate_lsb_arcsec {lsb} holds it, and without that key it is chosen so; or take a smaller --model"
+                )
+            }
+            (Kind::Bias, LogUnit::Counts { .. }) if limit < TERM_MAX => {
+                let period_s = significant(self.target.period_s() / over, 2);
+                format!("a temperature_period_s of {period_s} or less holds it; or take a smaller --model")
+            }
+            (Kind::Bias, LogUnit::Counts { .. }) => {
+                let tick_s = significant(self.target.tick_s() / over, 2);
+                format!("a tick_s of {tick_s} or less holds it; or take a smaller --model")
+            }
+        };
+        Error::input(format!("{what} {reached}, and an image holds {holds}")).help(remedy)
+    }
+}

@@ -1,0 +1,265 @@
+//! `compare --limits`: is a gyro that did not change accepted, and one that changed by twice a limit refused? Records are made from
+//! logs of a generator that shares no code with the program: three months of one gyro, two runs each.
+
+mod hostile;
+mod support;
+
+use std::fmt::Write as _;
+
+use hostile::{Bench, Dice, Now, fraction};
+use sagnac::compare::{COMPARED, Comparison, compare};
+use sagnac::verify::SPECS;
+use sagnac::{Calibration, Limits, Setup};
+use support::evidence::evidence;
+use support::fit;
+
+/// The drift of the gyro in its first months.
+fn usual(now: Now) -> f64 {
+    0.02 * now.u() - 0.008 * now.u().powi(2) + 0.01 * now.u().powi(3) + 0.05 * now.cpm
+}
+
+/// One record of two runs, each a turn-on of its own, of so many cycles of 6.7 h.
+fn month(
+    seed: u64,
+    drift: &(dyn Fn(Now) -> f64 + Sync),
+    bias_dph: f64,
+    turn_on_dph: f64,
+    cycles: usize,
+    model: &str,
+) -> Calibration {
+    let mut dice = Dice::new(seed ^ 0x70_6f6e);
+    let run = |k: u64, off: f64| {
+        let mut bench = Bench::new(10 * seed + k, drift);
+        (bench.bias_dph, bench.cycles) = (bias_dph + off, cycles);
+        bench.log()
+    };
+    let logs = (0..2).map(|k| run(k, turn_on_dph * dice.normal())).collect();
+    fit(logs, &Bench::setup(), model).unwrap()
+}
+
+fn named(records: Vec<Calibration>) -> Vec<(String, Calibration)> {
+    records.into_iter().enumerate().map(|(k, record)| (format!("month-{k}.cal.json"), record)).collect()
+}
+
+fn judged(records: Vec<Calibration>, limits: &Limits) -> Comparison {
+    compare(&named(records), Some(limits)).unwrap()
+}
+
+/// Names of the limits that are not met or not decided.
+fn missed(found: &Comparison) -> Vec<&str> {
+    let limits = found.axes.iter().flat_map(|axis| &axis.limits);
+    limits.filter(|limit| limit.pass == Some(false)).map(|limit| limit.name.as_str()).collect()
+}
+
+fn navigation() -> Limits {
+    Limits::named_or_read("navigation-grade").unwrap()
+}
+
+/// Operating characteristic of `navigation-grade` over three records.
+#[test]
+fn an_unchanged_gyro_is_accepted_and_twice_a_limit_is_refused() {
+    let limits = navigation();
+    let unchanged = |model: &str, first: u64, records: u64| {
+        fraction(records, |seed| {
+            let of = |k: u64| month(first + 3 * seed + k, &usual, 0.0, 0.002, 2, model);
+            let found = judged((0..3).map(of).collect(), &limits);
+            if !found.passed() {
+                println!("{model} {seed}: {:?}", found.axes[0].limits);
+            }
+            found.passed()
+        })
+    };
+    let fixed = unchanged("bias 3, rate 0", 1000, 100);
+    evidence(
+        "`compare` accepts an unchanged gyro by `navigation-grade`, three records of two runs of 13 h, one model",
+        fixed,
+        "≥ 0.97",
+        100,
+    );
+    let auto = unchanged("auto", 2000, 60);
+    evidence(
+        "`compare` accepts an unchanged gyro by `navigation-grade`, three records of two runs of 13 h, `auto`",
+        auto,
+        "≥ 0.97",
+        60,
+    );
+
+    type Case = (&'static str, f64, fn(Now) -> f64, &'static str);
+    let twice: [Case; 4] = [
+        ("bias_repeatability_dph_max", 0.07, |_| 0.0, "`compare` refuses a change of fixed bias of twice its limit"),
+        (
+            "temperature_residual_dph_max",
+            0.0,
+            // Over −1 … 1 the root mean square of u² about its mean is √(4/45).
+            |now| 0.024 / 0.298 * now.u().powi(2),
+            "`compare` refuses a change of the curve of twice its limit",
+        ),
+        (
+            "drift_dph_per_c_max",
+            0.0,
+            |now| 0.0008 * now.celsius,
+            "`compare` refuses a change of the slope of twice its limit",
+        ),
+        (
+            "drift_dph_per_cpm_max",
+            0.0,
+            |now| 0.04 * now.cpm,
+            "`compare` refuses a change of the rate effect of twice its limit",
+        ),
+    ];
+    for (key, bias_dph, more, claim) in twice {
+        let refused = fraction(60, |seed| {
+            let changed = move |now: Now| usual(now) + more(now);
+            let of = |k: u64| month(3000 + 3 * seed + k, &usual, 0.0, 0.002, 1, "bias 3, rate 0");
+            // The month that changed is any of them.
+            let mut records: Vec<Calibration> = (0..2).map(of).collect();
+            let other = month(3002 + 3 * seed, &changed, bias_dph, 0.002, 1, "bias 3, rate 0");
+            records.insert(seed as usize % 3, other);
+            let found = judged(records, &limits);
+            let of_key = found.axes[0].limits.iter().find(|limit| limit.name == key).unwrap();
+            assert!(of_key.why.as_ref().unwrap().contains(&format!("month-{}", seed % 3)), "{of_key:?}");
+            !found.passed() && missed(&found).contains(&key)
+        });
+        evidence(claim, refused, "≥ 0.95", 60);
+    }
+}
+
+/// Scatter from turn-on to turn-on: one-sided bound over the runs of all records.
+#[test]
+fn turn_ons_of_all_records_count() {
+    let limits: Limits = "turn_on_sigma_dph_max = 0.03".parse().unwrap();
+    let refused = |scatter: f64, first: u64| {
+        fraction(60, |seed| {
+            let of = |k: u64| month(first + 4 * seed + k, &usual, 0.0, scatter, 1, "bias 3, rate 0");
+            !judged((0..4).map(of).collect(), &limits).passed()
+        })
+    };
+    let steady = 1.0 - refused(0.008, 4000);
+    evidence("`compare` accepts a scatter of turn-ons of a quarter of its limit, eight turn-ons", steady, "≥ 0.97", 60);
+    let twice = refused(0.06, 5000);
+    evidence("`compare` refuses a scatter of turn-ons of twice its limit, eight turn-ons", twice, "≥ 0.95", 60);
+}
+
+/// A gyro on a rate table: rows of 5 s at ±10 and ±40 °/s over a ramp of the block.
+fn table_log(seed: u64, epsilon_ppm: &dyn Fn(f64) -> f64) -> Vec<u8> {
+    let mut dice = Dice::new(seed);
+    let quantum = 0.5;
+    let (mut text, mut angle, mut counted) =
+        (String::from("time_s,temperature_c,counts,reference_rate_dps\n"), 0.0, 0.0);
+    for i in 0..8640 {
+        let celsius = 15.0 - 55.0 * (std::f64::consts::TAU * f64::from(i) / 8640.0).cos();
+        let table_dps = [-40.0, -10.0, 10.0, 40.0][i as usize / 60 % 4];
+        let white = 0.003 / (5.0_f64 / 3600.0).sqrt() * dice.normal();
+        let dph = table_dps * 3600.0 + 4.5 + 0.02 * celsius / 55.0 + white;
+        // ε > 0: fewer counts for the same angle.
+        angle += dph * 5.0 / (1.0 + epsilon_ppm(celsius) * 1e-6);
+        let total = (angle / quantum).floor();
+        writeln!(text, "{},{celsius:.4},{},{table_dps}", (i + 1) * 5, total - counted).unwrap();
+        counted = total;
+    }
+    text.into_bytes()
+}
+
+/// The scale factor changes as a whole, or in the cold alone: both are twice the limit there.
+#[test]
+fn a_scale_factor_that_changed_is_refused() {
+    let setup = Bench::setup_of(0.5);
+    let limits = navigation();
+    let usual = |celsius: f64| 100.0 + 0.2 * celsius;
+    let whole = |celsius: f64| usual(celsius) + 20.0;
+    let cold = |celsius: f64| usual(celsius) + 20.0 * (70.0 - celsius) / 110.0;
+    let refused = |changed: &(dyn Fn(f64) -> f64 + Sync), first: u64| {
+        fraction(60, |seed| {
+            let of = |k: u64, epsilon: &dyn Fn(f64) -> f64| {
+                fit(vec![table_log(first + 2 * seed + k, epsilon)], &setup, "bias 1, scale 1").unwrap()
+            };
+            let found = judged(vec![of(0, &usual), of(1, changed)], &limits);
+            let missed = missed(&found);
+            assert!(missed.iter().all(|key| *key == "scale_factor_repeatability_ppm_max"), "{missed:?}");
+            assert_eq!(missed.is_empty(), found.passed());
+            !found.passed()
+        })
+    };
+    let sound = 1.0 - refused(&usual, 6000);
+    evidence("`compare` accepts an unchanged scale factor by `navigation-grade`", sound, "≥ 0.97", 60);
+    evidence("`compare` refuses a change of the scale factor of twice its limit", refused(&whole, 7000), "≥ 0.95", 60);
+    evidence("`compare` refuses the same in the cold alone", refused(&cold, 8000), "≥ 0.95", 60);
+}
+
+/// What a comparison cannot ask is not asked and says so; what it does not know is not met; one log twice proves nothing.
+#[test]
+fn what_is_not_asked_says_so() {
+    let limits = navigation();
+    let record =
+        |seed: u64, setup: &Setup, model: &str| fit(vec![Bench::new(seed, &usual).log()], setup, model).unwrap();
+    let setup = Bench::setup();
+    let [a, b] = [1, 2].map(|seed| record(seed, &setup, "bias 3, rate 0"));
+    let found = judged(vec![a.clone(), b.clone()], &limits);
+    let of = |found: &Comparison, key: &str| found.axes[0].limits.iter().find(|l| l.name == key).unwrap().clone();
+    assert!(found.passed(), "{:?}", found.axes[0].limits);
+    let asked: Vec<&str> = found.axes[0].limits.iter().filter(|l| l.pass.is_some()).map(|l| l.name.as_str()).collect();
+    assert_eq!(
+        asked,
+        ["drift_dph_per_c_max", "drift_dph_per_cpm_max", "temperature_residual_dph_max", "bias_repeatability_dph_max"]
+    );
+    assert_eq!(of(&found, "arw_deg_rt_h_max").why.unwrap(), "needs a retest: `sagnac verify`");
+    assert!(of(&found, "scale_factor_repeatability_ppm_max").why.unwrap().contains("was not made on a rate table"));
+    // The order of the records does not matter.
+    let turned = judged(vec![b.clone(), a.clone()], &limits);
+    for limit in &found.axes[0].limits {
+        let other = of(&turned, &limit.name);
+        assert_eq!((limit.pass, limit.value.is_some()), (other.pass, other.value.is_some()));
+        limit
+            .value
+            .zip(other.value)
+            .into_iter()
+            .for_each(|(x, y)| assert!((x - y).abs() < 1e-6, "{limit:?} {other:?}"));
+    }
+    // One input rate is not known: the bias is not asked, the rest is.
+    let blind = record(3, &Setup { input_rate_dph: None, ..setup.clone() }, "bias 3, rate 0");
+    let found = judged(vec![a.clone(), blind], &limits);
+    assert!(found.passed() && of(&found, "bias_repeatability_dph_max").why.unwrap().contains("month-1.cal.json"));
+    // A record without rate terms hides their change: not met.
+    let bare = record(4, &setup, "bias 3");
+    let found = judged(vec![a.clone(), bare], &limits);
+    assert!(of(&found, "drift_dph_per_cpm_max").why.unwrap().contains("has no rate term"));
+    assert!(missed(&found).contains(&"drift_dph_per_cpm_max"));
+    // Records of one log, and limits of which none is asked, are not accepted.
+    assert!(!judged(vec![a.clone(), a.clone()], &limits).passed());
+    let other: Limits = "arw_deg_rt_h_max = 0.01".parse().unwrap();
+    assert!(!judged(vec![a, b], &other).passed());
+}
+
+/// A change of a quarter of its guard band beyond the limit is not decided, and how much more would decide is stated.
+#[test]
+fn a_change_near_its_limit_is_not_decided() {
+    let record = |seed: u64| fit(vec![Bench::new(seed, &usual).log()], &Bench::setup(), "bias 3, rate 0").unwrap();
+    let records = vec![record(1), record(2)];
+    let found = judged(records.clone(), &navigation());
+    let bias = found.axes[0].limits.iter().find(|l| l.name == "bias_repeatability_dph_max").unwrap();
+    let (value, sigma) = (bias.value.unwrap(), bias.sigma.unwrap());
+    for (limit, word) in [(value + 2.0 * sigma, "met"), (value + 0.5 * sigma, "not decided")] {
+        let limits: Limits = format!("decision = \"guarded\"\nbias_repeatability_dph_max = {limit}").parse().unwrap();
+        let found = judged(records.clone(), &limits);
+        let limit = &found.axes[0].limits[0];
+        assert_eq!((limit.word(), found.passed()), (word, word == "met"), "{limit:?}");
+        let remark = limit.remark().unwrap();
+        assert_eq!(remark.contains("more hours would decide"), word == "not decided", "{remark}");
+    }
+    let simple: Limits = format!("bias_repeatability_dph_max = {}", value + 0.5 * sigma).parse().unwrap();
+    assert!(judged(records, &simple).passed());
+}
+
+/// The reference lists what a comparison asks, in the order of the limits.
+#[test]
+fn the_reference_lists_what_is_asked() {
+    let page = include_str!("../../../docs/reference/limits.md");
+    let section = page.split("## Limits of a comparison").nth(1).unwrap().split("\n## ").next().unwrap();
+    for asked in &COMPARED {
+        let row = format!("| `{}` | {} |", asked.key, asked.label);
+        assert!(section.contains(&row), "docs/reference/limits.md has no row\n{row}");
+    }
+    assert_eq!(section.lines().filter(|line| line.starts_with("| `")).count(), COMPARED.len());
+    let keys: Vec<&str> = SPECS.iter().map(|s| s.key).filter(|k| COMPARED.iter().any(|c| c.key == *k)).collect();
+    assert_eq!(keys, COMPARED.map(|asked| asked.key));
+}
