@@ -67,7 +67,7 @@ fn ours(folder: &Path, recording: &str) -> Result<Vec<(String, f64, String)>> {
     fs::write(&setup, SETUP)?;
     let (setup, record) = (setup.display().to_string(), record.display().to_string());
     let said =
-        Program::beside_the_lab()?.stdout_of(&["calibrate", recording, "--setup", &setup, "-o", &record, "--json"])?;
+        Program::beside_the_lab()?.stdout(&["calibrate", recording, "--setup", &setup, "-o", &record, "--json"])?;
     let object: serde_json::Value = serde_json::from_str(&said)?;
     let axes = object["axes"].as_array().context("no axes")?;
     let axis = |axis: &serde_json::Value| {
