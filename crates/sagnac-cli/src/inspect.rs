@@ -323,7 +323,7 @@ fn image_object(image: &Image) -> ImageObject {
     let thermometers = image.inputs().iter().map(|t| ImageThermometer {
         difference: match t.source {
             ValueSource::Difference { of, less } => Some([of, less]),
-            ValueSource::Code => None,
+            ValueSource::Code | ValueSource::Repeat { .. } => None,
         },
         unit_exponent: t.unit_exponent,
         span_c: [celsius(t.span_lo_q24), celsius(t.span_hi_q24)],

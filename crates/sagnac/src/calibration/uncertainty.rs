@@ -140,7 +140,7 @@ impl AxisCalibration {
                 "the residual is well below the noise floor: turned by a table, a counter's quantization is a saw that the floor takes for noise; \
                   give [noise] from a record at rest",
             )
-        } else if below && !self.other_inputs().is_empty() {
+        } else if below && self.other_signals().next().is_some() {
             Some(
                 "the residual is well below the noise floor, so the floor holds what an input moves within seconds; compare with the held-out σ \
                   of other models instead",
@@ -176,10 +176,10 @@ impl AxisCalibration {
     }
 
     /// The terms over the thermometer of the fit that act on one quantity, with their weights at a temperature and its rate
-    /// less those at another temperature at rest. Other inputs are at their references.
+    /// (steady, so that every lag has settled) less those at another temperature at rest. Other inputs are at their references.
     fn weights(&self, acts_on: ActsOn, celsius: f64, rate_cpm: f64, from_c: f64) -> impl Iterator<Item = (&Term, f64)> {
         let span = self.span();
-        let acting = move |term: &&Term| term.acts_on == acts_on && self.is_over_thermometer(term);
+        let acting = move |term: &&Term| term.acts_on == acts_on && self.is_of_thermometer(term);
         let weight = move |term: &Term| {
             let here = term.shape.value(span, celsius);
             if term.times_rate { rate_cpm * here } else { here - term.shape.value(span, from_c) }

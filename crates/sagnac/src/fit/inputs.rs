@@ -1,5 +1,5 @@
 //! The inputs of a fitted model, as the record has them and in the order of the image: the thermometer of the fit, everything
-//! else with a code of its own, then the differences.
+//! else with a code of its own, the differences, then the repeats for second lags.
 
 use sagnac_log::setup::ModelConfig;
 
@@ -21,19 +21,31 @@ pub(crate) fn recorded_inputs(
 ) -> Vec<Input> {
     // An input without terms is not read.
     let has_terms = |at: &usize| fitted.terms.iter().any(|term| term.input == *at);
-    let named: Vec<Signal> = (1..problem.inputs.len()).filter(has_terms).map(|at| problem.inputs[at].signal).collect();
+    let named: Vec<Signal> =
+        (1..=problem.others().len()).filter(has_terms).map(|at| problem.inputs[at].signal).collect();
+    let fitted_with = |at: usize, input: Input| Input {
+        lag_s: fitted.lag_of(at),
+        rate_span_per_min: fitted.lag(at).map(|(tau_s, _)| problem.rate_span(at, tau_s)),
+        rms_dph: Some(parts.rms_of(at)),
+        ..input
+    };
     let of = |signal: Signal| {
         let own = problem.inputs.iter().position(|input| input.signal == signal);
         // A thermometer that only a difference needs has no terms, but it has a span.
         let bare = own.is_none().then(|| SampledInput::new(signal, windows, &problem.used, config.reference_c));
         let sampled = own.map(|at| &problem.inputs[at]).or(bare.as_ref())?;
-        let (lag_s, rate_span_per_min) = own.map_or((None, None), |at| {
-            (fitted.lag_of(at), fitted.lag(at).map(|(tau_s, _)| problem.rate_span(at, tau_s)))
-        });
-        let rms_dph = Some(own.map_or(0.0, |at| parts.rms_of(at)));
-        Some(Input { lag_s, rate_span_per_min, rms_dph, ..as_set_up(sampled, &windows.shape, config) })
+        let input = as_set_up(sampled, &windows.shape, config);
+        Some(match own {
+            Some(at) => fitted_with(at, input),
+            None => Input { rms_dph: Some(0.0), ..input },
+        })
     };
-    channels(Signal::Thermometer(sensor), &named).into_iter().filter_map(of).collect()
+    let slow = (0..problem.inputs.len()).filter(has_terms).filter_map(|at| {
+        let repeated = &problem.inputs[problem.inputs[at].repeats?];
+        let input = as_set_up(repeated, &windows.shape, config).repeat(problem.inputs[at].name.clone());
+        Some(fitted_with(at, input))
+    });
+    channels(Signal::Thermometer(sensor), &named).into_iter().filter_map(of).chain(slow).collect()
 }
 
 fn as_set_up(sampled: &SampledInput, shape: &WindowShape, config: &ModelConfig) -> Input {

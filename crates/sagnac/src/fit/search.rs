@@ -86,7 +86,7 @@ impl Tried {
 /// may be far from the best model of all inputs. `None` where nothing can be fitted out of sample.
 pub(crate) fn walk(problem: &LeastSquares<'_>, start: &ModelSpec, taus_s: &[f64]) -> Option<Path> {
     let mut starts = vec![start.clone()];
-    if problem.inputs.len() > 1 {
+    if !problem.others().is_empty() {
         let rates = if problem.has_rate() { vec![None, Some(0)] } else { vec![None] };
         let scale = start.thermometer().scale;
         let small = |rate| InputTerms { bias: 2, rate, scale, ..InputTerms::default() };
@@ -105,9 +105,11 @@ fn walk_from(problem: &LeastSquares<'_>, start: &ModelSpec, taus_s: &[f64]) -> O
     let mut steps = vec![here.step(0, SearchVerdict::Start)];
     let mut least = here.held();
     let mut number = 0;
-    // Of one thermometer alone the grid has looked at every smaller model.
-    let ways: &[bool] = if problem.inputs.len() > 1 { &[true, false] } else { &[true] };
-    for forward in ways.iter().copied() {
+    for forward in [true, false] {
+        // Of one thermometer with one lag the grid has looked at every smaller model.
+        if !forward && problem.others().is_empty() && here.spec.repeats() == 0 {
+            break;
+        }
         for _ in 0..MOST_STEPS {
             let next = if forward { grown(problem, &here.spec) } else { shrunk(&here.spec) };
             let tried = try_all(problem, &next, taus_s);
@@ -179,14 +181,14 @@ pub(crate) fn fits_image(problem: &LeastSquares<'_>, spec: &ModelSpec) -> bool {
     inputs <= sagnac_core::MAX_INPUTS && Work::of_model(spec, inputs).terms <= sagnac_core::MAX_TERMS
 }
 
-/// Thermometers, differences and columns that an image of a model describes.
+/// Thermometers, differences, columns and repeats for second lags that an image of a model describes.
 pub(crate) fn inputs_read(problem: &LeastSquares<'_>, spec: &ModelSpec) -> usize {
     let named: Vec<_> = spec.inputs()[1..]
         .iter()
         .filter_map(|of| problem.input(&of.input))
         .map(|at| problem.inputs[at].signal)
         .collect();
-    channels(problem.inputs[0].signal, &named).len()
+    channels(problem.inputs[0].signal, &named).len() + spec.repeats()
 }
 
 /// Every model with one order, zone table or set of steps more.
@@ -208,7 +210,10 @@ fn grown(problem: &LeastSquares<'_>, from: &ModelSpec) -> Vec<ModelSpec> {
     if let Some(zones) = ZONES.into_iter().find(|zones| *zones > main.zones).filter(|_| main.bias > 0) {
         add(&|spec| spec.thermometer_mut().zones = zones);
     }
-    for input in &problem.inputs[1..] {
+    if main.rate.is_some() && main.slow_rate.is_none_or(|rate| rate < MOST_RATE) {
+        add(&|spec| spec.thermometer_mut().slow_rate = Some(main.slow_rate.map_or(0, |rate| rate + 1)));
+    }
+    for input in problem.others() {
         let name = input.name.as_str();
         let now = from.inputs()[1..].iter().find(|of| of.input == name);
         let (bias, scale) = now.map_or((0, 0), |of| (of.bias, of.scale));
@@ -218,6 +223,10 @@ fn grown(problem: &LeastSquares<'_>, from: &ModelSpec) -> Vec<ModelSpec> {
         }
         if problem.has_rate() && rate.is_none_or(|rate| rate < MOST_RATE) {
             add(&|spec| spec.of_input(name).rate = Some(rate.map_or(0, |rate| rate + 1)));
+        }
+        let slow = now.and_then(|of| of.slow_rate);
+        if rate.is_some() && slow.is_none_or(|slow| slow < MOST_RATE) {
+            add(&|spec| spec.of_input(name).slow_rate = Some(slow.map_or(0, |slow| slow + 1)));
         }
         if with_scale && scale < MOST_SCALE {
             add(&|spec| spec.of_input(name).scale += 1);
@@ -246,8 +255,11 @@ fn shrunk(from: &ModelSpec) -> Vec<ModelSpec> {
         if of.bias > 0 {
             add(&|spec| spec.inputs_mut()[at].bias -= 1);
         }
-        if of.rate.is_some() {
+        if of.rate.is_some_and(|rate| rate > 0) || of.slow_rate.is_none() && of.rate.is_some() {
             add(&|spec| spec.inputs_mut()[at].rate = less(of.rate));
+        }
+        if of.slow_rate.is_some() {
+            add(&|spec| spec.inputs_mut()[at].slow_rate = less(of.slow_rate));
         }
         if of.scale > 0 {
             add(&|spec| spec.inputs_mut()[at].scale -= 1);
