@@ -20,7 +20,18 @@ use crate::places::EVIDENCE;
 const TESTS: [(&str, &[&str]); 2] = [
     (
         "sagnac",
-        &["acceptance", "counts", "coverage", "harmonics", "how_sure", "inputs", "many_files", "paper", "rate_table"],
+        &[
+            "acceptance",
+            "counts",
+            "coverage",
+            "harmonics",
+            "how_sure",
+            "inputs",
+            "many_files",
+            "paper",
+            "rate_table",
+            "two_lags",
+        ],
     ),
     ("sagnac-noise", &["terms"]),
 ];

@@ -138,6 +138,12 @@ impl AxisCalibration {
         self.thermometer().lag_s
     }
 
+    /// The second, slower lag of the rate terms over the thermometer of the fit.
+    pub fn slow_lag_s(&self) -> Option<Lag> {
+        let main = &self.thermometer().name;
+        self.other_inputs().iter().find(|input| input.repeats() == Some(main))?.lag_s
+    }
+
     /// Temperature rates of the fit, °C/min; `None` without rate terms over the thermometer of the fit.
     pub fn rate_span_cpm(&self) -> Option<[f64; 2]> {
         self.thermometer().rate_span_per_min

@@ -85,8 +85,8 @@ pub(crate) fn find_pair(
     let ratio = |[fast_s, slow_s]: [f64; 2]| slow_s / fast_s;
     // The grid's own steps: nothing closer can be told apart from the least ratio.
     let step = taus_s.get(1).map_or(1.0, |second| second / taus_s[0]);
-    let touching = |pair: [f64; 2]| ratio(pair) < LEAST_RATIO * step;
-    if touching(refined) || near.iter().any(|pair| touching(pair.map(|place| taus_s[place]))) {
+    let touches = |pair: [f64; 2]| ratio(pair) < LEAST_RATIO * step;
+    if touches(refined) || near.iter().any(|pair| touches(pair.map(|place| taus_s[place]))) {
         return Found::NotSeparated;
     }
     let lowest_fast = problem.tau_from[inputs[0]];
