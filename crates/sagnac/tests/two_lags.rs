@@ -5,16 +5,17 @@ mod hostile;
 mod support;
 
 use hostile::{Bench, Now, fraction};
+use rayon::prelude::*;
 use sagnac::calibration::{AxisCalibration, Calibration};
 use sagnac::export::{encode, image_bytes};
 use sagnac_core::{Image, ValueSource};
 use support::evidence::evidence;
 use support::{fit, retest};
 
-const FAST_S: f64 = 60.0;
-const SLOW_S: f64 = 1200.0;
+const FAST_S: f64 = 200.0;
+const SLOW_S: f64 = 2000.0;
 /// °/h per °C/min behind the fast and the slow lag.
-const EFFECTS: [f64; 2] = [0.2, -0.3];
+const EFFECTS: [f64; 2] = [0.5, -0.5];
 const RECORDS: u64 = 60;
 const TWO: &str = "bias 3, rate 0, slow rate 0";
 
@@ -54,21 +55,37 @@ fn estimates(axis: &AxisCalibration) -> [(f64, f64); 4] {
 
 #[test]
 fn two_lags_are_recovered_within_their_intervals() {
-    let truth = [FAST_S, SLOW_S, EFFECTS[0], EFFECTS[1]];
+    let held = covered(FAST_S);
+    evidence("95 % interval of the fast of two lags covers", held[0], "≥ 0.9", RECORDS);
+    evidence("95 % interval of the slow of two lags covers", held[1], "≥ 0.9", RECORDS);
+    evidence("95 % interval of the rate coefficient behind the fast of two lags covers", held[2], "≥ 0.9", RECORDS);
+    evidence("95 % interval of the rate coefficient behind the slow of two lags covers", held[3], "≥ 0.9", RECORDS);
+}
+
+/// A rate effect without a lag beside a slow one: the fast lag is not resolved, and the rest covers all the same.
+#[test]
+fn a_slow_lag_beside_none_is_recovered() {
+    let held = covered(0.1);
+    evidence("95 % interval of a lag of 2,000 s beside a rate effect without one covers", held[1], "≥ 0.9", RECORDS);
+    evidence("95 % interval of the rate coefficient without a lag beside a slow one covers", held[2], "≥ 0.9", RECORDS);
+    evidence("95 % interval of the rate coefficient of a slow lag beside none covers", held[3], "≥ 0.9", RECORDS);
+}
+
+/// Part of the records in which the intervals of [`estimates`] cover.
+fn covered(fast_s: f64) -> [f64; 4] {
+    let truth = [fast_s, SLOW_S, EFFECTS[0], EFFECTS[1]];
     let of_record = |seed: u64| -> [bool; 4] {
-        let made = calibrated(seed, of_two, FAST_S, TWO).unwrap();
+        let made = calibrated(seed, of_two, fast_s, TWO).unwrap();
         let axis = &made.axes[0];
         let t = axis.residual().unwrap().t_quantile_975;
         let found = estimates(axis);
+        if seed < 3 {
+            println!("{found:?}");
+        }
         std::array::from_fn(|i| (found[i].0 - truth[i]).abs() <= t * found[i].1)
     };
-    let made = calibrated(1, of_two, FAST_S, TWO).unwrap();
-    println!("{:?}", estimates(&made.axes[0]));
-    let held = |i: usize| fraction(RECORDS, |seed| of_record(seed)[i]);
-    evidence("95 % interval of the fast of two lags covers", held(0), "≥ 0.9", RECORDS);
-    evidence("95 % interval of the slow of two lags covers", held(1), "≥ 0.9", RECORDS);
-    evidence("95 % interval of the rate coefficient behind the fast of two lags covers", held(2), "≥ 0.9", RECORDS);
-    evidence("95 % interval of the rate coefficient behind the slow of two lags covers", held(3), "≥ 0.9", RECORDS);
+    let all: Vec<[bool; 4]> = (0..RECORDS).into_par_iter().map(of_record).collect();
+    std::array::from_fn(|i| all.iter().filter(|held| held[i]).count() as f64 / RECORDS as f64)
 }
 
 /// Where there is one lag, a pair of lags means nothing: it is refused, and `auto` does not select it.
@@ -101,8 +118,8 @@ fn auto_finds_the_second_lag() {
     evidence("`auto` selects the second of two lags", found, "≥ 0.95", RECORDS);
 }
 
-/// The record as JSON and its image hold both lags, and a retest through the target's own code meets the noise floor, which one
-/// lag does not.
+/// The record as JSON and its image hold both lags. The target's own code leaves on the log of the fit what the host's fit left, and on
+/// a second log less than half of what one lag leaves.
 #[test]
 fn the_target_applies_both_lags() {
     let made = calibrated(1, of_two, FAST_S, TWO).unwrap();
@@ -117,15 +134,15 @@ fn the_target_applies_both_lags() {
     assert_eq!((image.format_minor(), image.inputs()[1].source), (2, ValueSource::Repeat { of: 0 }));
     assert_eq!(Image::decode(&image_bytes(&image)), Ok(image));
 
-    let floor = |made: &Calibration| {
-        let proof = retest(made, log(2, of_two, FAST_S), &Bench::setup());
-        let axis = &proof.axes[0];
-        axis.after.sigma_dph / axis.noise_floor.as_ref().unwrap().value_dph
+    let after = |made: &Calibration, seed: u64| {
+        retest(made, log(seed, of_two, FAST_S), &Bench::setup()).axes[0].after.sigma_dph
     };
+    let host = axis.residual().unwrap().sigma_dph;
     let one = calibrated(1, of_two, FAST_S, "bias 3, rate 0").unwrap();
-    let (with, without) = (floor(&made), floor(&one));
-    println!("after over the floor: two lags {with:.3}, one {without:.3}");
-    assert!(with < 1.1 && without > 1.5, "{with} {without}");
+    let (own, with, without) = (after(&made, 1), after(&made, 2), after(&one, 2));
+    println!("residual σ: host {host:.5}, target {own:.5}; second log, two lags {with:.5}, one {without:.5} °/h");
+    assert!((own / host - 1.0).abs() < 0.02, "{own} {host}");
+    assert!(with < 0.5 * without, "{with} {without}");
 }
 
 /// A record whose slow lag is not the slower one, or that repeats what it does not have, is refused.
@@ -135,10 +152,10 @@ fn a_record_with_lags_out_of_order_is_refused() {
     let changed = |change: &dyn Fn(&mut AxisCalibration)| {
         let mut made = made.clone();
         change(&mut made.axes[0]);
-        Calibration::parse(&made.to_json().unwrap()).map_err(|e| e.to_string())
+        made.to_json().and_then(|text| Calibration::parse(&text)).map_err(|e| e.to_string())
     };
     assert!(changed(&|_| ()).is_ok());
-    let swapped = |axis: &mut AxisCalibration| axis.correction.inputs[1].lag_s.as_mut().unwrap().value = 30.0;
+    let swapped = |axis: &mut AxisCalibration| axis.correction.inputs[1].lag_s.as_mut().unwrap().value = 100.0;
     let other = |axis: &mut AxisCalibration| {
         axis.correction.inputs[1].source = sagnac::calibration::InputSource::Repeat("cavity".to_owned());
     };
