@@ -2,7 +2,7 @@
 //! be removed. "Improves" means by the factor of [`super::criterion`]; the reference is the least held-out error so far.
 //!
 //! ```text
-//! forward:   candidates have one order (input, zone, set of steps) more; those must improve on the reference (m: candidates
+//! forward:   candidates have one order (input, zone, set of steps, second lag) more; those must improve on the reference (m: candidates
 //!            of this step). Selected: the smallest that no other of them improves on.
 //! backward:  candidates have one order less; the reference must not improve on them. Selected: the smallest.
 //! ```
@@ -191,7 +191,18 @@ pub(crate) fn inputs_read(problem: &LeastSquares<'_>, spec: &ModelSpec) -> usize
     channels(problem.inputs[0].signal, &named).len() + spec.repeats()
 }
 
-/// Every model with one order, zone table or set of steps more.
+/// Orders of the rates of an input with a second lag, or with one order more of it. A second lag may be found only with a slope over
+/// the input, or only together with the first: one lag between the two may be no better than none.
+fn slower(problem: &LeastSquares<'_>, of: &InputTerms) -> Vec<(Option<u8>, Option<u8>)> {
+    match (of.rate, of.slow_rate) {
+        _ if !problem.has_rate() => Vec::new(),
+        (None, _) => vec![(Some(0), Some(0))],
+        (rate, None) => (0..=MOST_RATE).map(|slow| (rate, Some(slow))).collect(),
+        (rate, Some(slow)) => (slow + 1..=MOST_RATE).take(1).map(|slow| (rate, Some(slow))).collect(),
+    }
+}
+
+/// Every model with one order, zone table, set of steps or lag more.
 fn grown(problem: &LeastSquares<'_>, from: &ModelSpec) -> Vec<ModelSpec> {
     let with_scale = problem.column_of(Level::Scale).is_some();
     let mut all = Vec::new();
@@ -210,8 +221,8 @@ fn grown(problem: &LeastSquares<'_>, from: &ModelSpec) -> Vec<ModelSpec> {
     if let Some(zones) = ZONES.into_iter().find(|zones| *zones > main.zones).filter(|_| main.bias > 0) {
         add(&|spec| spec.thermometer_mut().zones = zones);
     }
-    if main.rate.is_some() && main.slow_rate.is_none_or(|rate| rate < MOST_RATE) {
-        add(&|spec| spec.thermometer_mut().slow_rate = Some(main.slow_rate.map_or(0, |rate| rate + 1)));
+    for rates in slower(problem, main) {
+        add(&|spec| (spec.thermometer_mut().rate, spec.thermometer_mut().slow_rate) = rates);
     }
     for input in problem.others() {
         let name = input.name.as_str();
@@ -224,9 +235,8 @@ fn grown(problem: &LeastSquares<'_>, from: &ModelSpec) -> Vec<ModelSpec> {
         if problem.has_rate() && rate.is_none_or(|rate| rate < MOST_RATE) {
             add(&|spec| spec.of_input(name).rate = Some(rate.map_or(0, |rate| rate + 1)));
         }
-        let slow = now.and_then(|of| of.slow_rate);
-        if rate.is_some() && slow.is_none_or(|slow| slow < MOST_RATE) {
-            add(&|spec| spec.of_input(name).slow_rate = Some(slow.map_or(0, |slow| slow + 1)));
+        for rates in slower(problem, now.unwrap_or(&InputTerms::default())) {
+            add(&|spec| (spec.of_input(name).rate, spec.of_input(name).slow_rate) = rates);
         }
         if with_scale && scale < MOST_SCALE {
             add(&|spec| spec.of_input(name).scale += 1);
