@@ -4,7 +4,9 @@ mod support;
 
 use num_bigint::BigInt;
 use proptest::prelude::*;
-use sagnac_core::{Compensator, Image, Kind, MAX_INCREMENT, MAX_RAW, Misuse, Multiplier, State, Status, Term, ValueSource};
+use sagnac_core::{
+    Compensator, Image, Kind, MAX_INCREMENT, MAX_RAW, Misuse, Multiplier, State, Status, Term, ValueSource,
+};
 use support::{any_image, image, repeat, term, thermometer};
 
 /// One call to a compensator.

@@ -94,7 +94,8 @@ pub(crate) fn drift(report_data: &ReportData, axis: &AxisReportData, record: &Ax
     } else {
         ""
     };
-    let further = if record.other_signals().next().is_none() { "" } else { " and what the fit assigns to other inputs" };
+    let further =
+        if record.other_signals().next().is_none() { "" } else { " and what the fit assigns to other inputs" };
     let caption = format!(
         "Each point is a window, less the offset of its run{further}. The curve is the fit at rest, zero at {} °C; the band is where \
          it lies with 95 % confidence.{rate}{words}",

@@ -45,7 +45,9 @@ fn calibrated(seed: u64, drift: fn(Now) -> f64, fast_s: f64, model: &str) -> sag
 
 /// Fast lag, slow lag, and their two coefficients, each with its σ.
 fn estimates(axis: &AxisCalibration) -> [(f64, f64); 4] {
-    let lag = |lag: Option<sagnac::calibration::Lag>| lag.map_or((f64::NAN, 0.0), |lag| (lag.value, lag.sigma.unwrap_or(0.0)));
+    let lag = |lag: Option<sagnac::calibration::Lag>| {
+        lag.map_or((f64::NAN, 0.0), |lag| (lag.value, lag.sigma.unwrap_or(0.0)))
+    };
     let of = |name: &str| {
         let term = axis.correction.terms.iter().find(|term| axis.name_of(term) == name).unwrap();
         (term.value, term.sigma.unwrap())

@@ -106,7 +106,14 @@ fn any_image_of(inputs: u8) -> impl Strategy<Value = Image> {
 pub(crate) fn repeat(of: u8, base: InputSpec) -> InputSpec {
     let alpha = 1.0 - (-1.0_f64 / 1500.0).exp();
     let lag = LagSpec { alpha_mantissa: (alpha * 2.0_f64.powi(41)) as u32, alpha_shift: 41, ..base.lag };
-    InputSpec { source: ValueSource::Repeat { of }, offset_q24: 0, gain: Gain::ONE, lag, settling_updates: 3600, ..base }
+    InputSpec {
+        source: ValueSource::Repeat { of },
+        offset_q24: 0,
+        gain: Gain::ONE,
+        lag,
+        settling_updates: 3600,
+        ..base
+    }
 }
 
 /// The second of two thermometers minus the first.

@@ -209,7 +209,11 @@ fn check_channels(spec: &ModelSpec, sources: &[Signal], shape: &WindowShape) -> 
         return Ok(());
     }
     let names: Vec<String> = read.iter().map(|source| source.name(shape)).collect();
-    let once_more = if spec.repeats() > 0 { format!(", {} of them once more for a slow rate", spec.repeats()) } else { String::new() };
+    let once_more = if spec.repeats() > 0 {
+        format!(", {} of them once more for a slow rate", spec.repeats())
+    } else {
+        String::new()
+    };
     let what = format!("`{spec}` reads {count} inputs ({}{once_more})", names.join(", "));
     Err(Error::refused(format!("{what}; an image reads {most}"))
         .column("--model")

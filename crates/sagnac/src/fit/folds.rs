@@ -14,8 +14,8 @@ use nalgebra::DVector;
 
 use crate::fit::lag::RATE_COLUMNS;
 use crate::fit::least_squares::{LeastSquares, Rates, TermColumn};
-use crate::fit::two_lags::coarse_pairs;
 use crate::fit::solve::{Factor, Reducer, Solution};
+use crate::fit::two_lags::coarse_pairs;
 use crate::model::spec::ModelSpec;
 use rayon::prelude::*;
 
@@ -206,7 +206,11 @@ impl<'a> Trial<'a> {
     pub(crate) fn held_out(mut self) -> Option<f64> {
         // Every fold starts at the optimum of the whole problem.
         let start = self.rated.iter().map(|input| {
-            let place = if self.problem.inputs[*input].repeats.is_some() { self.taus_s.len() - 1 } else { self.taus_s.len() / 2 };
+            let place = if self.problem.inputs[*input].repeats.is_some() {
+                self.taus_s.len() - 1
+            } else {
+                self.taus_s.len() / 2
+            };
             self.problem.tau_from[*input].max(place)
         });
         let start: Vec<usize> = start.collect();
@@ -266,7 +270,8 @@ impl<'a> Trial<'a> {
     /// Where a lag, with the slow one of its input if there is one, may be instead.
     fn steps_of(&self, at: &[usize], lag: usize) -> Vec<Vec<usize>> {
         let from = |lag: usize| self.problem.tau_from[self.rated[lag]];
-        let is_slow = |lag: usize| self.rated.get(lag).is_some_and(|input| self.problem.inputs[*input].repeats.is_some());
+        let is_slow =
+            |lag: usize| self.rated.get(lag).is_some_and(|input| self.problem.inputs[*input].repeats.is_some());
         let with = |places: &[usize]| {
             let mut there = at.to_vec();
             there[lag..lag + places.len()].copy_from_slice(places);

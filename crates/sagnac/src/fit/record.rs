@@ -405,9 +405,10 @@ fn covariance_of(fitted: &Fitted, problem: &LeastSquares<'_>) -> Vec<String> {
     };
     let runs = problem.levels.iter().map(|level| level.name(&problem.runs));
     let terms = fitted.terms.iter().map(|term| named(term.input, &|of| term.form.name(of)));
-    let others = fitted.nonlinear().into_iter().map(|(input, name, _)| {
-        named(input, &|of| of.map_or(name.to_owned(), |of| format!("{name}({of})")))
-    });
+    let others = fitted
+        .nonlinear()
+        .into_iter()
+        .map(|(input, name, _)| named(input, &|of| of.map_or(name.to_owned(), |of| format!("{name}({of})"))));
     runs.chain(terms).chain(others).collect()
 }
 

@@ -12,8 +12,8 @@ use crate::calibration::Lag;
 use crate::fit::bootstrap::Resampling;
 use crate::fit::least_squares::{LeastSquares, Rates, TermColumn};
 use crate::fit::slow_noise::{self, MOST_ROWS, SlowNoise, Whitening};
-use crate::fit::two_lags::{Found, LEAST_RATIO, find_pair};
 use crate::fit::solve::{Conditioning, Factor, Reducer, Solution};
+use crate::fit::two_lags::{Found, LEAST_RATIO, find_pair};
 use crate::model::ActsOn;
 use crate::model::Shape;
 use crate::model::spec::ModelSpec;
@@ -293,7 +293,8 @@ impl<'a> Design<'a> {
             .collect();
         let made_at = |tau_s: f64| -> Vec<f64> {
             let rates = self.problem.rates(&[(tau.input, tau_s)]);
-            let of_row = |row| own.iter().map(|(at, term)| theta[*at] * self.problem.regressor(term, row, &rates)).sum();
+            let of_row =
+                |row| own.iter().map(|(at, term)| theta[*at] * self.problem.regressor(term, row, &rates)).sum();
             (0..self.problem.len()).map(of_row).collect()
         };
         let (above, below) = (made_at(tau.value_s + step), made_at(tau.value_s - step));

@@ -40,7 +40,8 @@ fn is_apart(fast_s: f64, slow_s: f64) -> bool {
 fn pairs(taus_s: &[f64], from: [usize; 2]) -> Vec<[usize; 2]> {
     let places = 0..taus_s.len();
     let slower = |fast: usize| places.clone().map(move |slow| [fast, slow]);
-    let apart = |[fast, slow]: &[usize; 2]| *fast >= from[0] && *slow >= from[1] && is_apart(taus_s[*fast], taus_s[*slow]);
+    let apart =
+        |[fast, slow]: &[usize; 2]| *fast >= from[0] && *slow >= from[1] && is_apart(taus_s[*fast], taus_s[*slow]);
     places.clone().flat_map(slower).filter(apart).collect()
 }
 

@@ -248,7 +248,9 @@ impl ModelSpec {
 impl fmt::Display for ModelSpec {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "bias {}", self.thermometer().bias)?;
-        for (at, InputTerms { input, bias, rate, slow_rate, scale, zones, steps, harmonics }) in self.inputs.iter().enumerate() {
+        for (at, InputTerms { input, bias, rate, slow_rate, scale, zones, steps, harmonics }) in
+            self.inputs.iter().enumerate()
+        {
             let of = if at == 0 { String::new() } else { format!("({input})") };
             if at > 0 && *bias > 0 {
                 write!(f, ", bias{of} {bias}")?;
