@@ -336,7 +336,7 @@ fn a_repeat_of_one_lag_is_its_input() {
         assert_eq!(status, repeated.update(&mut states[1], &[code, Some(dice as i32)]).unwrap(), "{n}");
         let counts = own.tick(&mut states[0], n).unwrap();
         assert_eq!(counts, repeated.tick(&mut states[1], n).unwrap(), "{n}");
-        seen = seen | status;
+        seen |= status;
     }
     assert!(seen.contains(Status::HELD | Status::STALE | Status::UNCORRECTED | Status::SETTLING), "{seen:?}");
 }
