@@ -173,10 +173,11 @@ impl AxisCalibration {
         })
     }
 
-    /// What models beside this one add to the variance of the curve.
+    /// What models beside this one, and what moved together with temperature, add to the variance of the curve.
     fn spread_variance(&self, celsius: f64) -> f64 {
-        let spread = self.fit.as_ref().and_then(|fit| fit.curve_spread.as_ref());
-        spread.map_or(0.0, |spread| spread.variance(celsius))
+        let Some(fit) = &self.fit else { return 0.0 };
+        let together = fit.entanglement.iter().filter_map(|found| found.spread.as_ref());
+        fit.curve_spread.iter().chain(together).map(|spread| spread.variance(celsius)).sum()
     }
 
     /// The terms over the thermometer of the fit that act on one quantity, with their weights at a temperature and its rate

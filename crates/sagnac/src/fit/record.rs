@@ -355,7 +355,7 @@ fn fit_axis(
     };
     let spread = chosen.spread(curve);
     let profile = points(windows, &run_spans(windows), Some(sensor), |_| 0.0, |_| 0.0);
-    let (entanglement, spread) = entangled(&chosen, &fitted, &profile, spread);
+    let entanglement = entangled(&chosen, &fitted, &profile);
     if let Some(fit) = &mut record.fit {
         fit.soak = forecast;
         fit.curve_spread = spread;
