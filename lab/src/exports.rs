@@ -168,6 +168,7 @@ fn loaders(folder: &Path) -> Result<()> {
         (0_u8, table("compensator-edges")?),
         (0, table("compensator-full")?),
         (0, table("compensator-harmonic")?),
+        (0, table("compensator-lags")?),
         (1, table("path-length-heater")?),
     ];
     let edges = [0_u8, 1, 2, 7, 8, 15, 16, 30, 31, 32, 62, 63, 64, 0x7f, 0x80, 0xff];
@@ -236,6 +237,7 @@ pub(crate) fn fpga(place: bool) -> Result<()> {
         ("compensator-advance", 32, 48),
         ("compensator-inputs", 16, 48),
         ("compensator-harmonic", 16, 48),
+        ("compensator-lags", 16, 48),
     ] {
         let here = folder.join(name);
         let widths = Widths { raw, increment };

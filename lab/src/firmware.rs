@@ -182,14 +182,17 @@ fn with_terms(of: &Image, inputs: u8, kept: impl Fn(&Term) -> bool) -> Result<Im
 }
 
 /// The images whose slow update is counted.
-fn priced(full: &Image, inputs: &Image, harmonic: &Image) -> Result<Vec<(&'static str, Image)>> {
+fn priced(full: &Image, inputs: &Image, harmonic: &Image, lags: &Image) -> Result<Vec<(&'static str, Image)>> {
     let order = |term: &Term| term.shape.order().unwrap_or(0);
     let series = |term: &Term| term.kind == Kind::Bias && term.multiplier == Multiplier::One;
     let rate = |term: &Term, most: u8| term.multiplier == Multiplier::Rate && order(term) <= most;
     // The codes of the measurement are valid for every input.
-    let mut believed = *inputs.description();
-    believed.inputs[3].gain = believed.inputs[0].gain;
-    let inputs = &Image::new(believed)?;
+    let with_first_gain = |image: &Image, input: usize| {
+        let mut valid = *image.description();
+        (valid.inputs[input].gain, valid.inputs[input].offset_q24) = (valid.inputs[0].gain, valid.inputs[0].offset_q24);
+        Image::new(valid)
+    };
+    let (inputs, lags) = (&with_first_gain(inputs, 3)?, &with_first_gain(lags, 2)?);
     Ok(vec![
         ("nothing", with_terms(full, 1, |_| false)?),
         ("bias 1", with_terms(full, 1, |term| series(term) && order(term) <= 1)?),
@@ -203,14 +206,17 @@ fn priced(full: &Image, inputs: &Image, harmonic: &Image) -> Result<Vec<(&'stati
         ("and a voltage with steps", with_terms(inputs, 4, |_| true)?),
         ("bias 3 and harmonics", with_terms(harmonic, 1, |term| term.multiplier == Multiplier::One)?),
         ("harmonics of two thermometers and their rates", with_terms(harmonic, 2, |_| true)?),
+        ("two lags", with_terms(lags, 2, |_| true)?),
+        ("two lags of two thermometers", with_terms(lags, 4, |_| true)?),
     ])
 }
 
 /// Checks the cost formula of `calibrate --tradeoff` against the counted instructions of several images.
 fn costs(sysroot: &Path, folder: &Path, unit: &Unit) -> Result<()> {
-    let [full, inputs, harmonic] = ["full", "inputs", "harmonic"].map(|name| image_of(&format!("compensator-{name}")));
+    let [full, inputs, harmonic, lags] =
+        ["full", "inputs", "harmonic", "lags"].map(|name| image_of(&format!("compensator-{name}")));
     let mut wrong = Vec::new();
-    for (name, image) in priced(&full?, &inputs?, &harmonic?)? {
+    for (name, image) in priced(&full?, &inputs?, &harmonic?, &lags?)? {
         let path = folder.join("priced.img");
         fs::write(&path, sagnac::export::image_bytes(&image))?;
         build(sysroot, &path, &unit.loops, &["--bin", "measure"])?;

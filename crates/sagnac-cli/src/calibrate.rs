@@ -40,7 +40,7 @@ pub(crate) struct Args {
     /// Report to write: one HTML file for screen and paper
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
-    /// `auto`, or orders: "bias 3", "bias 3, rate 1", "bias 2, zones 4", "bias 2, bias(cavity - block) 1, steps(mode)",
+    /// `auto`, or orders: "bias 3", "bias 3, rate 1", "bias 3, rate 1, slow rate 0" (two lags), "bias 2, zones 4", "bias 2, bias(cavity - block) 1, steps(mode)",
     /// "bias 2, harmonic(path_length_v) 25.3" (its period; fitted without one)
     #[arg(long, default_value = "auto")]
     model: String,
@@ -126,7 +126,7 @@ fn describe(console: &mut Console, axis: &AxisCalibration) {
         let bias = offset
             .fixed_bias_dph
             .map_or(String::new(), |b| format!(", fixed bias {} °/h", with_sigma(b, offset.sigma_dph)));
-        let zeros = if axis.other_inputs().is_empty() { "" } else { ", other inputs at their references" };
+        let zeros = if axis.other_signals().next().is_none() { "" } else { ", other inputs at their references" };
         console.say(format!(
             "  run {}: {} °/h at {} °C{zeros}{bias}",
             offset.run,

@@ -254,6 +254,9 @@ struct ImageThermometer {
     /// Of a difference: the two thermometers, by their place.
     #[serde(skip_serializing_if = "Option::is_none")]
     difference: Option<[u8; 2]>,
+    /// Of a repeat: the input that it repeats for a second lag, by its place.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    repeats: Option<u8>,
     /// In units of 2^exponent of its own; 0 for °C.
     unit_exponent: i8,
     span_c: [f64; 2],
@@ -292,10 +295,11 @@ fn image(path: &Path, console: &mut Console) -> Result<()> {
         object.arcsec_per_count, object.quantum, object.tick_ns, object.period_ticks, object.slew_ticks, object.reference_c
     ));
     for (at, t) in object.thermometers.iter().enumerate() {
-        let what = match t.difference {
-            Some([of, less]) => format!("input {at}: {of} less {less}, "),
-            None if object.thermometers.len() > 1 => format!("input {at}: "),
-            None => String::new(),
+        let what = match (t.difference, t.repeats) {
+            (Some([of, less]), _) => format!("input {at}: {of} less {less}, "),
+            (None, Some(of)) => format!("input {at}: {of} once more behind a second lag, "),
+            (None, None) if object.thermometers.len() > 1 => format!("input {at}: "),
+            (None, None) => String::new(),
         };
         let unit = if t.unit_exponent == 0 { "°C".to_owned() } else { format!("times 2^{}", t.unit_exponent) };
         let rate = if t.has_rate { ", with a rate filter" } else { "" };
@@ -323,7 +327,11 @@ fn image_object(image: &Image) -> ImageObject {
     let thermometers = image.inputs().iter().map(|t| ImageThermometer {
         difference: match t.source {
             ValueSource::Difference { of, less } => Some([of, less]),
-            ValueSource::Code => None,
+            ValueSource::Code | ValueSource::Repeat { .. } => None,
+        },
+        repeats: match t.source {
+            ValueSource::Repeat { of } => Some(of),
+            ValueSource::Code | ValueSource::Difference { .. } => None,
         },
         unit_exponent: t.unit_exponent,
         span_c: [celsius(t.span_lo_q24), celsius(t.span_hi_q24)],

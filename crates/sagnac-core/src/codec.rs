@@ -21,11 +21,13 @@ use crate::input::{Gain, InputSpec, LagSpec, ValueSource};
 pub const MAGIC: [u8; 8] = *b"SAGNACIM";
 /// Version of the layout this code reads and writes.
 pub const FORMAT_VERSION: u16 = 1;
-/// Newest minor version that this code reads. A new shape raises it; an image carries the lowest minor version that has all its
-/// shapes.
-pub const FORMAT_MINOR: u16 = 1;
+/// Newest minor version that this code reads. A new shape or source raises it; an image carries the lowest minor version that has
+/// all its shapes and sources.
+pub const FORMAT_MINOR: u16 = 2;
 /// The minor version that added harmonics.
 const MINOR_OF_HARMONICS: u16 = 1;
+/// The minor version that added inputs that repeat another one.
+const MINOR_OF_REPEATS: u16 = 2;
 const HEAD_LEN: usize = 128;
 const INPUT_LEN: usize = 64;
 const TERM_LEN: usize = 12;
@@ -47,13 +49,13 @@ pub enum DecodeError {
     NotAnImage,
     /// A layout that this code does not know.
     UnknownVersion(u16),
-    /// The layout is known, but the image uses a shape that is newer than this code.
+    /// The layout is known, but the image uses a shape or source that is newer than this code.
     UnknownMinor(u16),
-    /// The minor version is not the lowest one that has all shapes of the image: one image, one byte string.
+    /// The minor version is not the lowest one that has all shapes and sources of the image: one image, one byte string.
     WrongMinor {
         /// Minor version in the image.
         stored: u16,
-        /// Lowest minor version that has all its shapes.
+        /// Lowest minor version that has all its shapes and sources.
         needed: u16,
     },
     /// Bytes after the end that the head announces.
@@ -111,7 +113,7 @@ impl fmt::Display for DecodeError {
             ),
             Self::WrongMinor { stored, needed } => write!(
                 f,
-                "image format version {FORMAT_VERSION}.{stored}, but its terms are of version {FORMAT_VERSION}.{needed}"
+                "image format version {FORMAT_VERSION}.{stored}, but its contents are of version {FORMAT_VERSION}.{needed}"
             ),
             Self::TooLong { needed, given } => {
                 write!(f, "{given} bytes where the image ends at {needed}")
@@ -138,9 +140,9 @@ impl Image {
         HEAD_LEN + INPUT_LEN * self.inputs().len() + TERM_LEN * self.terms().len() + CRC_LEN
     }
 
-    /// The minor version of its format: the lowest one that has all its shapes.
+    /// The minor version of its format: the lowest one that has all its shapes and sources.
     pub fn format_minor(&self) -> u16 {
-        minor_of(self.terms())
+        minor_of(self.inputs(), self.terms())
     }
 
     /// Writes the image to the front of `out`; returns its length, or `None` if `out` is too small.
@@ -182,7 +184,9 @@ impl Image {
         // Filled in place: a description is a kilobyte, and every value returned may be one more on a small stack.
         let mut description = Description::empty();
         read_body(&mut Reader::new(body), &mut description, short)?;
-        let needed = minor_of(description.terms.get(..usize::from(description.term_count)).unwrap_or(&[]));
+        let inputs = description.inputs.get(..usize::from(description.input_count)).unwrap_or(&[]);
+        let terms = description.terms.get(..usize::from(description.term_count)).unwrap_or(&[]);
+        let needed = minor_of(inputs, terms);
         if stored_minor != needed {
             return Err(DecodeError::WrongMinor { stored: stored_minor, needed });
         }
@@ -190,9 +194,15 @@ impl Image {
     }
 }
 
-/// The lowest minor version that has the shapes of all these terms.
-fn minor_of(terms: &[Term]) -> u16 {
-    if terms.iter().any(|term| term.shape.turns_q18().is_some()) { MINOR_OF_HARMONICS } else { 0 }
+/// The lowest minor version that has the sources of all these inputs and the shapes of all these terms.
+fn minor_of(inputs: &[InputSpec], terms: &[Term]) -> u16 {
+    if inputs.iter().any(|input| matches!(input.source, ValueSource::Repeat { .. })) {
+        MINOR_OF_REPEATS
+    } else if terms.iter().any(|term| term.shape.turns_q18().is_some()) {
+        MINOR_OF_HARMONICS
+    } else {
+        0
+    }
 }
 
 /// Checks magic and both versions; the length that the head announces, and its minor version.
@@ -274,6 +284,7 @@ fn write_input(w: &mut Writer<'_>, t: &InputSpec) -> Option<()> {
     let source = match t.source {
         ValueSource::Code => [0; 3],
         ValueSource::Difference { of, less } => [1, of, less],
+        ValueSource::Repeat { of } => [2, of, 0],
     };
     w.put([t.gain.shift, t.x_shift, t.lag.alpha_shift, t.lag.rate_shift, t.lag.y_shift])?;
     w.put(source)?;
@@ -303,6 +314,7 @@ fn read_input(r: &mut Reader<'_>) -> Parsed<InputSpec> {
     let source = match source {
         [0, 0, 0] => ValueSource::Code,
         [1, of, less] => ValueSource::Difference { of, less },
+        [2, of, 0] => ValueSource::Repeat { of },
         _ => return Some(Err(DecodeError::Reserved("an input"))),
     };
     if zeros != [0; 3] {

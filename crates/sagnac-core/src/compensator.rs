@@ -257,7 +257,7 @@ impl Compensator {
     }
 
     /// A slow update: one code per input of the image, `None` where there is no sample. A difference uses the values of its two inputs
-    /// at this update; its own code is ignored.
+    /// at this update, a repeat that of its one; their own codes are ignored.
     ///
     /// # Errors
     /// [`Misuse`] when it is not due, or the number of codes is wrong; then nothing has changed.
@@ -317,16 +317,17 @@ impl Compensator {
     fn read(&self, state: &mut State, codes: &[Option<i32>]) -> ([ScaledInput; MAX_INPUTS], Status, bool) {
         let mut inputs = [ScaledInput::default(); MAX_INPUTS];
         let (mut status, mut held) = (Status::OK, false);
-        // Values of this update, for the differences that come later in the table.
+        // Values of this update, for the differences and repeats that come later in the table.
         let mut fresh_q24 = [None; MAX_INPUTS];
         let slots = inputs.iter_mut().zip(state.inputs.iter_mut());
         for (at, ((slot, memory), (spec, code))) in slots.zip(self.image.inputs().iter().zip(codes)).enumerate() {
+            let of_update = |i: u8| fresh_q24.get(usize::from(i)).copied().flatten();
             let fresh = match spec.source {
                 ValueSource::Code => code.and_then(|code| spec.value_q24(code)),
                 ValueSource::Difference { of, less } => {
-                    let of_update = |i: u8| fresh_q24.get(usize::from(i)).copied().flatten();
                     of_update(of).zip(of_update(less)).and_then(|(a, b): (i64, i64)| spec.if_valid(a - b))
                 }
+                ValueSource::Repeat { of } => of_update(of).and_then(|value| spec.if_valid(value)),
             };
             if let Some(place) = fresh_q24.get_mut(at) {
                 *place = fresh.map(i64::from);

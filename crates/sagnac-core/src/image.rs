@@ -291,16 +291,33 @@ impl Image {
         first_broken(&rules).map_err(ImageError::Head)
     }
 
-    /// A difference uses two inputs that come before it and have codes of their own. It has no conversion: theirs is already applied.
+    /// A difference uses two inputs that come before it and have codes of their own. A repeat uses one input that comes before it
+    /// and is itself no repeat; unit, valid range and hold time are the same. Neither has a conversion: it is already applied.
     fn check_source(&self, index: u8, t: &InputSpec) -> Result<(), &'static str> {
-        let ValueSource::Difference { of, less } = t.source else { return Ok(()) };
-        let own_code = |i: u8| {
-            i < index && self.inputs().get(usize::from(i)).is_some_and(|other| other.source == ValueSource::Code)
-        };
-        first_broken(&[
-            (own_code(of) && own_code(less) && of != less, "difference"),
-            (t.offset_q24 == 0 && t.gain == Gain::ONE, "conversion (a difference has no code)"),
-        ])
+        let before = |i: u8| self.inputs().get(usize::from(i)).filter(|_| i < index);
+        let no_conversion = t.offset_q24 == 0 && t.gain == Gain::ONE;
+        match t.source {
+            ValueSource::Code => Ok(()),
+            ValueSource::Difference { of, less } => {
+                let own_code = |i: u8| before(i).is_some_and(|other| other.source == ValueSource::Code);
+                first_broken(&[
+                    (own_code(of) && own_code(less) && of != less, "difference"),
+                    (no_conversion, "conversion (a difference has no code)"),
+                ])
+            }
+            ValueSource::Repeat { of } => {
+                let repeated = before(of).filter(|other| !matches!(other.source, ValueSource::Repeat { .. }));
+                let held = |t: &InputSpec| (t.unit_exponent, t.valid_lo_q24, t.valid_hi_q24, t.stale_after_updates);
+                first_broken(&[
+                    (repeated.is_some(), "repeat"),
+                    (no_conversion, "conversion (a repeat has no code)"),
+                    (
+                        repeated.is_some_and(|other| held(other) == held(t)),
+                        "unit, valid range or hold time (not those of the input that it repeats)",
+                    ),
+                ])
+            }
+        }
     }
 
     fn check_term(&self, term: &Term) -> Result<(), &'static str> {

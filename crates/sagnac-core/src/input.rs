@@ -1,7 +1,7 @@
 //! From an input's code to its value, its scaled position in the fit span, and its causal rate.
 //!
 //! An input is any number that the correction depends on: a temperature, the difference of two inputs
-//! ([`ValueSource::Difference`]), a voltage, a current. Values are `i32` in units of 2⁻²⁴ °C (±128 °C, 6e-8 °C). For an input that is
+//! ([`ValueSource::Difference`]), a voltage, a current, or another input once more for a second lag ([`ValueSource::Repeat`]). Values are `i32` in units of 2⁻²⁴ °C (±128 °C, 6e-8 °C). For an input that is
 //! not a temperature, read "°C" as `2^unit_exponent` of its own unit.
 //!
 //! The rate comes from a one-pole lag filter. It runs once per temperature period Δt with a zero-order hold:
@@ -48,6 +48,12 @@ pub enum ValueSource {
         of: u8,
         /// Index of the subtrahend.
         less: u8,
+    },
+    /// The value of input `of`, which comes before this one and repeats no other. It serves a second lag: validity and hold time
+    /// are those of the input that it repeats.
+    Repeat {
+        /// Index of the input that is repeated.
+        of: u8,
     },
 }
 

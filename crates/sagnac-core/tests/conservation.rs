@@ -4,8 +4,10 @@ mod support;
 
 use num_bigint::BigInt;
 use proptest::prelude::*;
-use sagnac_core::{Compensator, Image, Kind, MAX_INCREMENT, MAX_RAW, Misuse, Multiplier, State, Status};
-use support::{any_image, image, term};
+use sagnac_core::{
+    Compensator, Image, Kind, MAX_INCREMENT, MAX_RAW, Misuse, Multiplier, State, Status, Term, ValueSource,
+};
+use support::{any_image, image, repeat, term, thermometer};
 
 /// One call to a compensator.
 #[derive(Clone, Debug)]
@@ -304,4 +306,37 @@ fn status_reports_what_happened_to_the_input() {
     assert!((beyond - edge).abs() < edge / 100);
     let (status, _) = feed(Some(-(40 << 24)));
     assert_eq!(status, Status::OUT_OF_SPAN | Status::RATE_OUT_OF_SPAN);
+}
+
+/// A rate term over a repeat with the lag of its input, instead of over the input itself, changes no count and no status, whatever is
+/// missing or absurd.
+#[test]
+fn a_repeat_of_one_lag_is_its_input() {
+    let slope = term(Kind::Bias, 1, Multiplier::One, 1 << 30, 30);
+    let rate = term(Kind::Bias, 0, Multiplier::Rate, 1 << 20, 30);
+    let own = image(&[slope, rate], 1, 0);
+    let mut d = *image(&[slope, Term { input: 0, ..rate }], 1, 0).description();
+    d.inputs[1] = repeat(0, thermometer());
+    (d.inputs[1].lag, d.inputs[1].settling_updates) = (thermometer().lag, thermometer().settling_updates);
+    (d.input_count, d.terms[1].input) = (2, 1);
+    assert_eq!(d.inputs[1].source, ValueSource::Repeat { of: 0 });
+    let (own, repeated) = (Compensator::new(own), Compensator::new(Image::new(d).unwrap()));
+    let (mut states, mut seen) = ([State::new(), State::new()], Status::OK);
+    let mut dice = 1_u32;
+    for n in 0..5000_i32 {
+        dice = dice.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        // Missing for stretches longer than the hold time too; absurd now and then; a repeat's own code means nothing.
+        let code = match dice >> 24 {
+            0..4 => Some(i32::MAX),
+            4..40 => None,
+            _ if n % 500 < 20 => None,
+            _ => Some((n - 2500) << 15),
+        };
+        let status = own.update(&mut states[0], &[code]).unwrap();
+        assert_eq!(status, repeated.update(&mut states[1], &[code, Some(dice as i32)]).unwrap(), "{n}");
+        let counts = own.tick(&mut states[0], n).unwrap();
+        assert_eq!(counts, repeated.tick(&mut states[1], n).unwrap(), "{n}");
+        seen |= status;
+    }
+    assert!(seen.contains(Status::HELD | Status::STALE | Status::UNCORRECTED | Status::SETTLING), "{seen:?}");
 }

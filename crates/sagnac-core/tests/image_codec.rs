@@ -7,7 +7,7 @@ use sagnac_core::{
     DecodeError, Description, FORMAT_MINOR, Gain, Image, ImageError, InputSpec, Kind, MAX_IMAGE_LEN, MAX_TURNS_Q18,
     Multiplier, Shape, Term, ValueSource,
 };
-use support::{any_image_of_three, difference, image, term, thermometer};
+use support::{any_image_of_four, difference, image, repeat, term, thermometer};
 
 fn bytes_of(image: &Image) -> Vec<u8> {
     let mut out = vec![0; MAX_IMAGE_LEN];
@@ -32,7 +32,7 @@ fn resealed(mut bytes: Vec<u8>, at: usize, value: u8) -> Vec<u8> {
 
 proptest! {
     #[test]
-    fn an_image_survives_its_bytes(image in any_image_of_three()) {
+    fn an_image_survives_its_bytes(image in any_image_of_four()) {
         prop_assert_eq!(Image::decode(&bytes_of(&image)), Ok(image));
     }
 
@@ -105,8 +105,9 @@ fn unknown_things_are_named() {
     // A zone has no order, a series no knot, a code of its own no thermometers to take from each other.
     assert_eq!(Image::decode(&resealed(good.clone(), terms + 9, 1)), Err(DecodeError::Reserved("a term")));
     assert_eq!(Image::decode(&resealed(good.clone(), terms + 11, 1)), Err(DecodeError::Reserved("a term")));
-    for place in [14, 13, 61] {
-        let bytes = resealed(good.clone(), 128 + place, 2);
+    // Source 3 is unknown, and a code of its own has no input that it is made from.
+    for place in [13, 14, 15, 61] {
+        let bytes = resealed(good.clone(), 128 + place, 3);
         assert_eq!(Image::decode(&bytes), Err(DecodeError::Reserved("an input")), "{place}");
     }
     assert_eq!(Image::decode(&resealed(good, terms + 2, 9)), Err(DecodeError::Invalid(ImageError::Term(0, "order"))));
@@ -138,9 +139,9 @@ fn harmonics_raise_the_minor_version() {
     let wrong = |stored, needed| Err(DecodeError::WrongMinor { stored, needed });
     assert_eq!(Image::decode(&resealed(good.clone(), 10, 0)), wrong(0, 1));
     assert_eq!(Image::decode(&resealed(bytes_of(&typical()), 10, 1)), wrong(1, 0));
-    let newer = Image::decode(&resealed(good.clone(), 10, 2)).unwrap_err();
+    let newer = Image::decode(&resealed(good.clone(), 10, 3)).unwrap_err();
     assert_eq!(newer, DecodeError::UnknownMinor(FORMAT_MINOR + 1));
-    assert_eq!(newer.to_string(), "image format version 1.2; this program reads up to 1.1");
+    assert_eq!(newer.to_string(), "image format version 1.3; this program reads up to 1.2");
     assert_eq!(Image::decode(&resealed(good, 11, 3)), Err(DecodeError::UnknownMinor(0x301)));
 }
 
@@ -184,6 +185,60 @@ fn a_difference_is_of_two_thermometers_before_it() {
     }
     let scaled = with(between(0, 1), Gain { mantissa: 2, shift: 1 });
     assert_eq!(scaled, Err(ImageError::Input(2, "conversion (a difference has no code)")));
+}
+
+/// The typical image with a second thermometer, the difference of both and a repeat.
+fn with_repeat(repeat: InputSpec) -> Result<Image, ImageError> {
+    let mut d = *typical().description();
+    d.inputs[1] = thermometer();
+    d.inputs[2] = difference();
+    d.inputs[3] = repeat;
+    d.input_count = 4;
+    Image::new(d)
+}
+
+#[test]
+fn repeats_raise_the_minor_version() {
+    let image = with_repeat(repeat(2, difference())).unwrap();
+    let good = bytes_of(&image);
+    assert_eq!((image.format_minor(), good[10], good[11]), (2, 2, 0));
+    let source = 128 + 3 * 64 + 13;
+    assert_eq!(good[source..source + 3], [2, 2, 0]);
+    assert_eq!(Image::decode(&good), Ok(image));
+    // A program of version 1.1 refuses it by the version alone; a lower version in its place is not its own.
+    for stored in [0, 1] {
+        let wrong = Err(DecodeError::WrongMinor { stored, needed: 2 });
+        assert_eq!(Image::decode(&resealed(good.clone(), 10, stored as u8)), wrong);
+    }
+    assert_eq!(Image::decode(&resealed(good, source + 2, 1)), Err(DecodeError::Reserved("an input")));
+}
+
+#[test]
+fn a_repeat_is_of_an_input_before_it_and_held_like_it() {
+    for (of, base) in [(0, thermometer()), (1, thermometer()), (2, difference())] {
+        assert!(with_repeat(repeat(of, base)).is_ok(), "{of}");
+    }
+    for of in [3, 4, 255] {
+        assert_eq!(with_repeat(repeat(of, thermometer())), Err(ImageError::Input(3, "repeat")), "{of}");
+    }
+    // A repeat of a repeat would be a third lag that no version knows.
+    let mut d = *with_repeat(repeat(0, thermometer())).unwrap().description();
+    d.inputs[2] = repeat(1, thermometer());
+    d.inputs[3].source = ValueSource::Repeat { of: 2 };
+    assert_eq!(Image::new(d), Err(ImageError::Input(3, "repeat")));
+
+    let of_first = repeat(0, thermometer());
+    let scaled = InputSpec { gain: Gain { mantissa: 2, shift: 1 }, ..of_first };
+    assert_eq!(with_repeat(scaled), Err(ImageError::Input(3, "conversion (a repeat has no code)")));
+    let held = "unit, valid range or hold time (not those of the input that it repeats)";
+    for other in [
+        InputSpec { valid_lo_q24: of_first.valid_lo_q24 + 1, ..of_first },
+        InputSpec { valid_hi_q24: of_first.valid_hi_q24 + 1, ..of_first },
+        InputSpec { stale_after_updates: of_first.stale_after_updates + 1, ..of_first },
+        InputSpec { unit_exponent: 1, ..of_first },
+    ] {
+        assert_eq!(with_repeat(other), Err(ImageError::Input(3, held)));
+    }
 }
 
 #[test]

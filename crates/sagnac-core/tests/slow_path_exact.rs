@@ -8,7 +8,7 @@ use std::sync::LazyLock;
 use num_bigint::BigInt;
 use proptest::prelude::*;
 use sagnac_core::{Compensator, Image, Kind, Multiplier, Shape, State, ValueSource};
-use support::any_image_of_three;
+use support::any_image_of_four;
 
 const FRACTION: u32 = 200;
 
@@ -19,7 +19,7 @@ fn fixed(numerator: impl Into<BigInt>, shift: u32) -> BigInt {
 /// The lag filter without any rounding, one per input.
 #[derive(Default)]
 struct Exact {
-    lags: [Option<BigInt>; 3],
+    lags: [Option<BigInt>; 4],
 }
 
 /// One input: T₀(x) … T₈(x) and y.
@@ -33,9 +33,13 @@ impl Exact {
     fn update(&mut self, image: &Image, own_q24: [i32; 2]) -> (BigInt, BigInt) {
         let scaled: Vec<Scaled> = (0..image.inputs().len())
             .map(|index| {
-                let t_q24 = match image.inputs()[index].source {
-                    ValueSource::Code => own_q24[index],
+                let value = |index: usize| match image.inputs()[index].source {
                     ValueSource::Difference { of, less } => own_q24[usize::from(of)] - own_q24[usize::from(less)],
+                    _ => own_q24[index],
+                };
+                let t_q24 = match image.inputs()[index].source {
+                    ValueSource::Repeat { of } => value(usize::from(of)),
+                    ValueSource::Code | ValueSource::Difference { .. } => value(index),
                 };
                 self.scale(image, index, t_q24)
             })
@@ -158,7 +162,7 @@ proptest! {
     /// Bound of docs/explanation/arithmetic.md: 2⁻²⁷ of the coefficients' sum, and one LSB of Q32 for the last rounding.
     #[test]
     fn roundings_stay_within_their_bound(
-        image in any_image_of_three(),
+        image in any_image_of_four(),
         start in prop::array::uniform2(-(45 << 24)..(75_i32 << 24)),
         steps in prop::collection::vec(prop::array::uniform2(-(1 << 22)..(1_i32 << 22)), 1..120),
     ) {
@@ -170,7 +174,7 @@ proptest! {
             t = [(t[0] + step[0]).clamp(-(79 << 24), 0), (t[1] + step[1]).clamp(-(40 << 24), 40 << 24)];
             let left = state.ticks_to_update();
             gyro.skip(&mut state, left).unwrap();
-            gyro.update(&mut state, &[Some(t[0]), Some(t[1]), None]).unwrap();
+            gyro.update(&mut state, &[Some(t[0]), Some(t[1]), None, None]).unwrap();
             let (bias, scale) = exact.update(&image, t);
             let bound = |kind| size(&image, kind) * 2.0_f64.powi(-27) + 1.0;
             let (d_off, k_off) = (off_by(&bias, state.target_increment()), off_by(&scale, state.k_q32() - (1 << 32)));

@@ -4,8 +4,8 @@ use crate::figure::{Figure, Layer, Role, SOLID, rounded};
 use sagnac::calibration::{AxisCalibration, PpmEstimate};
 use sagnac::diagnostics::{AxisReportData, Effect, EffectOf, Leg, Point, ReportData};
 use sagnac::fit::frontier;
-use sagnac::model::{ActsOn, Form};
-use sagnac::model::{TICK_INSTRUCTIONS, chebyshev};
+use sagnac::model::ActsOn;
+use sagnac::model::TICK_INSTRUCTIONS;
 use sagnac::verify::{PlateauProof, ScaleProof};
 use sagnac_log::ingest::Reason;
 use sagnac_units::format::{on_scale, significant};
@@ -94,7 +94,8 @@ pub(crate) fn drift(report_data: &ReportData, axis: &AxisReportData, record: &Ax
     } else {
         ""
     };
-    let further = if record.other_inputs().is_empty() { "" } else { " and what the fit assigns to other inputs" };
+    let further =
+        if record.other_signals().next().is_none() { "" } else { " and what the fit assigns to other inputs" };
     let caption = format!(
         "Each point is a window, less the offset of its run{further}. The curve is the fit at rest, zero at {} °C; the band is where \
          it lies with 95 % confidence.{rate}{words}",
@@ -277,8 +278,7 @@ fn while_moving(
     let mut rates: Vec<f64> = used(axis).filter(|p| p.leg() == leg).map(|p| p.rate_cpm).collect();
     rates.sort_by(f64::total_cmp);
     let cpm = *rates.get(rates.len() / 2)?;
-    let (span, series) = (record.span(), record.series(Form::rate(0)));
-    let rate_part = |t_c: &f64| -> f64 { chebyshev(span.x(*t_c)).iter().zip(&series).map(|(b, c)| b * c).sum() };
+    let rate_part = |t_c: &f64| record.rate_effect(*t_c).map_or(0.0, |[per_cpm, _]| per_cpm);
     Some((cpm, x.iter().zip(at_rest).map(|(t, rest)| rest + cpm * rate_part(t)).collect()))
 }
 

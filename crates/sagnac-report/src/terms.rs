@@ -2,7 +2,7 @@
 
 use maud::{Markup, html};
 
-use sagnac::calibration::{AxisCalibration, Candidate, InputSource, Monomial, Prediction, SearchStep};
+use sagnac::calibration::{AxisCalibration, Candidate, Monomial, Prediction, SearchStep};
 use sagnac_units::format::{celsius, on_scale, significant, with_sigma};
 
 /// Candidates shown besides the one that was selected.
@@ -113,7 +113,7 @@ fn powers(monomial: &Monomial) -> Markup {
 fn inputs_and_conditioning(axis: &AxisCalibration) -> Markup {
     html! {
         @if !axis.other_inputs().is_empty() {
-            p.note { "Other inputs: the target must read them too, except for differences of two." }
+            p.note { "Other inputs: the target must read them too, except for differences of two and repeats for a slow lag." }
             div.scroll { table {
                 thead { tr {
                     th.words { "input" } th.words { "unit" } th { "its terms, °/h rms" } th { "reference" } th { "span from" } th { "to" }
@@ -121,7 +121,7 @@ fn inputs_and_conditioning(axis: &AxisCalibration) -> Markup {
                 @for input in axis.other_inputs() {
                     tr {
                         td.words { (input.name) }
-                        td.words { @if matches!(input.source, InputSource::Column(_)) { "of its column" } @else { "°C" } }
+                        td.words { @if axis.is_in_celsius(input) { "°C" } @else { "of its column" } }
                         @if let Some(rms_dph) = input.rms_dph.filter(|rms| *rms > 0.0) {
                             td { (significant(rms_dph, 3)) } td { (input.on_its_scale(input.reference)) }
                         } @else {

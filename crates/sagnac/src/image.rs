@@ -225,6 +225,16 @@ fn channels(correction: &AxisCorrection) -> Result<Vec<Channel<'_>>> {
                 (ValueSource::Difference { of: index_of(of, input)?, less: index_of(less, input)? }, 0)
             }
             InputSource::Column(_) => (ValueSource::Code, unit_exponent(input.valid_range)),
+            InputSource::Repeat(of) => {
+                let found = inputs.iter().position(|other| other.name == *of).and_then(|at| u8::try_from(at).ok());
+                let of = found.ok_or_else(|| {
+                    Error::input("a repeat of an input that the record does not have")
+                        .column("inputs")
+                        .value(&input.name)
+                })?;
+                let exponent = if correction.is_in_celsius(input) { 0 } else { unit_exponent(input.valid_range) };
+                (ValueSource::Repeat { of }, exponent)
+            }
         };
         Ok(Channel { input, source, exponent })
     };
@@ -234,19 +244,19 @@ fn channels(correction: &AxisCorrection) -> Result<Vec<Channel<'_>>> {
 /// Codes that the target passes to an image at a slow update.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Code {
-    /// Thermometer, difference or column.
+    /// Thermometer, difference, column or repeat.
     pub name: String,
     /// Value at code 0, in its own unit.
     pub offset: f64,
-    /// Units per code; `None` for a difference, which the target makes itself.
+    /// Units per code; `None` for a difference or a repeat, which the target makes itself.
     pub per_code: Option<f64>,
 }
 
 /// The codes of an axis in the order of its image.
 pub fn codes(axis: &AxisCalibration) -> Vec<Code> {
     let code = |input: &Input| {
-        let own = !matches!(input.source, InputSource::Difference(..));
-        Code { name: input.name.clone(), offset: input.offset, per_code: own.then_some(input.gain_per_code) }
+        let per_code = input.has_code().then_some(input.gain_per_code);
+        Code { name: input.name.clone(), offset: input.offset, per_code }
     };
     axis.correction.inputs.iter().map(code).collect()
 }

@@ -37,7 +37,7 @@ fn shown(records: u64, runs: u64, truth: Truth, model: &str, change: fn(&mut Ben
         });
         fit(logs.collect(), &Bench::setup(), model).unwrap()
     };
-    let rest = |celsius: f64| truth(Now { celsius, cpm: 0.0, lagged_cpm: 0.0, hours: 0.0 });
+    let rest = |celsius: f64| truth(Now { celsius, cpm: 0.0, lagged_cpm: 0.0, slow_cpm: 0.0, hours: 0.0 });
     let each = |record: u64| {
         let made = one(record);
         let axis = &made.axes[0];

@@ -33,7 +33,7 @@ fn part(of: &[AxisCalibration], holds: impl Fn(&AxisCalibration) -> bool) -> f64
 
 /// Part of the intervals of the at-rest curve that hold the truth.
 fn coverage(of: &[AxisCalibration], truth: fn(Now) -> f64) -> f64 {
-    let rest = |celsius: f64| truth(Now { celsius, cpm: 0.0, lagged_cpm: 0.0, hours: 0.0 });
+    let rest = |celsius: f64| truth(Now { celsius, cpm: 0.0, lagged_cpm: 0.0, slow_cpm: 0.0, hours: 0.0 });
     let holds = |axis: &AxisCalibration, celsius: f64| {
         let found = axis.evaluate(celsius, 0.0);
         let true_dph = rest(celsius) - rest(25.0);

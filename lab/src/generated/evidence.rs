@@ -31,6 +31,7 @@ const TESTS: [(&str, &[&str]); 2] = [
             "paper",
             "rate_table",
             "turned",
+            "two_lags",
         ],
     ),
     ("sagnac-noise", &["terms"]),

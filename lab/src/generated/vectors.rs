@@ -32,6 +32,7 @@ pub(crate) fn make() -> Result<Vec<Made>> {
         compensator_paper(&image::paper_image()?)?.made("compensator-paper")?,
         compensator_inputs()?.made("compensator-inputs")?,
         compensator_harmonic()?.made("compensator-harmonic")?,
+        compensator_lags()?.made("compensator-lags")?,
         compensator_edges(9, 1)?.made("compensator-edges")?,
         compensator_edges(1 << 30, 41)?.made("compensator-advance")?,
         compensator_edges(9, 41)?.made("compensator-limits")?,
@@ -297,6 +298,71 @@ fn compensator_inputs() -> Result<Making> {
             term.shape.order().is_some() || *seen == [true; 2],
             "{term:?} stays on one side of its knot: {seen:?}"
         );
+    }
+    Ok(making)
+}
+
+/// Two lags of a thermometer and of a difference: the repeats have no code, and are missing with what they repeat. The lags of a
+/// repeat reach from the shortest, a whole step, to 1,024 updates.
+fn compensator_lags() -> Result<Making> {
+    use Kind::{Bias, Scale};
+    use Multiplier::{One, Rate};
+    let mut d = Description { period_ticks: 50, slew_ticks: 9, ..Description::empty() };
+    d.serial[..4].copy_from_slice(b"LAGS");
+    let first = thermometer([-35, 65])?;
+    let second = InputSpec {
+        offset_q24: -(2 << 24),
+        gain: Gain { mantissa: 1_234_567_891, shift: 22 },
+        ..thermometer([-30, 60])?
+    };
+    let repeat = |of: u8, lag: LagSpec, base: InputSpec| InputSpec {
+        source: ValueSource::Repeat { of },
+        offset_q24: 0,
+        gain: Gain::ONE,
+        lag,
+        settling_updates: 3 * base.settling_updates,
+        ..base
+    };
+    let slow = LagSpec { alpha_mantissa: 0x7ffe_0005, alpha_shift: 41, rate_shift: 13, ..first.lag };
+    let at_once = LagSpec { alpha_mantissa: 1 << 31, alpha_shift: 31, rate_shift: 3, ..first.lag };
+    d.inputs = [first, repeat(0, slow, first), second, repeat(2, at_once, second)];
+    d.input_count = 4;
+    terms(
+        &mut d,
+        &[
+            (Bias, 0, 0, One, -558_484_714, 33),
+            (Bias, 0, 3, One, 621_868_304, 33),
+            (Bias, 0, 0, Rate, 1_012_345_679, 34),
+            (Bias, 0, 1, Rate, -987_654_321, 35),
+            (Bias, 1, 0, Rate, -1_050_505_051, 33),
+            (Bias, 1, 1, Rate, 888_888_883, 34),
+            (Bias, 2, 1, One, 700_000_001, 36),
+            (Bias, 2, 0, Rate, 650_000_011, 35),
+            (Bias, 3, 2, Rate, -1_060_000_007, 34),
+            (Scale, 1, 0, Rate, 611_953_011, 41),
+            (Scale, 3, 1, One, 777_777_777, 42),
+        ],
+    );
+    let about = "compensator: two thermometers, each once more behind a second lag; missing, absurd and stale samples";
+    let mut making = Making::new(Module::Compensator, image_bytes(d)?, about)?;
+    for update in 0..1500_u32 {
+        let dice = update.wrapping_mul(2_654_435_761) >> 8;
+        // -43 ... 72 degC and back, with soaks in which the slow lag alone still moves.
+        let up = i64::from((update % 750).min(750 - update % 750).clamp(60, 315)) - 60;
+        let warm = (-43_i64 << 24) + (up * (115 << 24)) / 255 + i64::from(dice % (1 << 16));
+        // In codes of its own gain, 294 to the degree.
+        let second = up * 33_000 / 255 - 10_000 + i64::from(dice >> 4 & 15);
+        let mut present = 0b0101 | (dice & 0b1010);
+        if dice % 53 == 0 || (400..440).contains(&update) {
+            present &= dice >> 7;
+        }
+        let absurd = if dice % 71 == 0 { i32::MAX } else { i32::try_from(warm)? };
+        let codes = [absurd, dice as i32, i32::try_from(second)?, -(dice as i32)];
+        making.step(1, &[present, codes[0] as u32, codes[1] as u32, codes[2] as u32, codes[3] as u32])?;
+        making.step(2, &[50, update * 7919 + 1, 21, 4])?;
+        if update % 400 == 399 {
+            making.step(5, &[])?;
+        }
     }
     Ok(making)
 }

@@ -70,19 +70,22 @@ pub(crate) fn any_image() -> impl Strategy<Value = Image> {
     any_image_of(1)
 }
 
-/// The same with two thermometers and their difference, which is valid to ±127 °C and spans ±20 °C.
-pub(crate) fn any_image_of_three() -> impl Strategy<Value = Image> {
-    any_image_of(3)
+/// The same with two thermometers, their difference, which is valid to ±127 °C and spans ±20 °C, and any of the three once more
+/// behind a lag of 1,500 s.
+pub(crate) fn any_image_of_four() -> impl Strategy<Value = Image> {
+    any_image_of(4)
 }
 
 fn any_image_of(inputs: u8) -> impl Strategy<Value = Image> {
     let row = |shifts| (any_shape(), 0..inputs, any::<bool>(), -(1 << 30)..(1_i32 << 30), shifts);
     let (bias, scale) = (row(14_u8..40), row(30_u8..50));
-    (prop::collection::vec(bias, 0..6), prop::collection::vec(scale, 0..4), 1_u32..3000, 0_u32..3000).prop_filter_map(
+    let rows = (prop::collection::vec(bias, 0..6), prop::collection::vec(scale, 0..4));
+    (rows, 1_u32..3000, 0_u32..3000, 0_u8..3).prop_filter_map(
         "sums in range",
-        move |(bias, scale, period, slew)| {
+        move |((bias, scale), period, slew, repeated)| {
             let mut d = Description::empty();
-            let all = [thermometer(), thermometer(), difference()];
+            let own = [thermometer(), thermometer(), difference()];
+            let all = [own[0], own[1], own[2], repeat(repeated, own[usize::from(repeated)])];
             let used = usize::from(inputs);
             d.inputs[..used].copy_from_slice(&all[..used]);
             d.input_count = inputs;
@@ -97,6 +100,20 @@ fn any_image_of(inputs: u8) -> impl Strategy<Value = Image> {
             Image::new(d).ok()
         },
     )
+}
+
+/// Input `of`, which is `base`, once more behind a lag of 1,500 s.
+pub(crate) fn repeat(of: u8, base: InputSpec) -> InputSpec {
+    let alpha = 1.0 - (-1.0_f64 / 1500.0).exp();
+    let lag = LagSpec { alpha_mantissa: (alpha * 2.0_f64.powi(41)) as u32, alpha_shift: 41, ..base.lag };
+    InputSpec {
+        source: ValueSource::Repeat { of },
+        offset_q24: 0,
+        gain: Gain::ONE,
+        lag,
+        settling_updates: 3600,
+        ..base
+    }
 }
 
 /// The second of two thermometers minus the first.

@@ -24,6 +24,20 @@ pub struct AxisCorrection {
     pub terms: Vec<Term>,
 }
 
+impl AxisCorrection {
+    /// A temperature or a difference of two, or a repeat of one.
+    pub(crate) fn is_in_celsius(&self, input: &Input) -> bool {
+        match &input.source {
+            InputSource::Thermometer(_) | InputSource::Difference(..) => true,
+            InputSource::Column(_) => false,
+            InputSource::Repeat(of) => {
+                let repeated = self.inputs.iter().find(|other| other.name == *of);
+                repeated.is_none_or(|other| !matches!(other.source, InputSource::Column(_)))
+            }
+        }
+    }
+}
+
 /// How a correction was found, and how sure it is.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
@@ -79,7 +93,7 @@ pub struct FitDiagnostics {
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct NonlinearParameter {
-    /// Its name: `lag`, `lag(cavity)`.
+    /// Its name: `lag`, `lag(cavity)`, `slow lag`.
     pub name: String,
     /// Value.
     pub value: f64,
@@ -113,7 +127,7 @@ impl Calibration {
     pub fn thermometer_name(&self) -> Option<&str> {
         match &self.axes.first()?.correction.inputs.first()?.source {
             InputSource::Thermometer(name) => Some(name),
-            InputSource::Difference(..) | InputSource::Column(_) => None,
+            InputSource::Difference(..) | InputSource::Column(_) | InputSource::Repeat(_) => None,
         }
     }
 }
@@ -142,6 +156,12 @@ impl AxisCalibration {
     /// Lag of the rate terms over the thermometer of the fit.
     pub fn lag_s(&self) -> Option<Lag> {
         self.thermometer().lag_s
+    }
+
+    /// The second, slower lag of the rate terms over the thermometer of the fit.
+    pub fn slow_lag_s(&self) -> Option<Lag> {
+        let main = &self.thermometer().name;
+        self.other_inputs().iter().find(|input| input.repeats() == Some(main))?.lag_s
     }
 
     /// Temperature rates of the fit, °C/min; `None` without rate terms over the thermometer of the fit.
@@ -184,9 +204,36 @@ impl AxisCalibration {
         self.correction.inputs.get(1..).unwrap_or(&[])
     }
 
+    /// The same without those that repeat an input for a second lag.
+    pub fn other_signals(&self) -> impl Iterator<Item = &Input> {
+        self.other_inputs().iter().filter(|input| input.repeats().is_none())
+    }
+
     /// A term over the thermometer of the fit.
     pub fn is_over_thermometer(&self, term: &Term) -> bool {
         term.input == self.thermometer().name
+    }
+
+    /// An input in degrees Celsius, or a repeat of one; else a column with a unit of its own.
+    pub fn is_in_celsius(&self, input: &Input) -> bool {
+        self.correction.is_in_celsius(input)
+    }
+
+    /// A term over the thermometer of the fit, behind its first or its second lag.
+    pub(crate) fn is_of_thermometer(&self, term: &Term) -> bool {
+        let repeats = self.input_of(term).and_then(Input::repeats);
+        self.is_over_thermometer(term) || repeats == Some(self.thermometer().name.as_str())
+    }
+
+    /// A name of something that belongs to an input, as models and the covariance have it: in brackets, but not that of the
+    /// thermometer of the fit; `slow` for a second lag.
+    fn named(&self, input: &str, name: impl Fn(Option<&str>) -> String) -> String {
+        let other = |input: &'_ str| input != self.thermometer().name;
+        let repeats = self.correction.inputs.iter().find(|other| other.name == input).and_then(Input::repeats);
+        match repeats {
+            Some(of) => format!("slow {}", name(Some(of).filter(|of| other(of)))),
+            None => name(Some(input).filter(|input| other(input))),
+        }
     }
 
     /// The input of a term.
@@ -194,23 +241,24 @@ impl AxisCalibration {
         self.correction.inputs.iter().find(|input| input.name == term.input)
     }
 
-    /// Name of a term, as the covariance and people have it: `bias 2`, `rate(cavity) 0`.
+    /// Name of a term, as the covariance and people have it: `bias 2`, `rate(cavity) 0`, `slow rate 0`.
     pub fn name_of(&self, term: &Term) -> String {
-        term.form().name((!self.is_over_thermometer(term)).then_some(term.input.as_str()))
+        self.named(&term.input, |input| term.form().name(input))
     }
 
     /// Unit of a term's coefficient.
     pub(crate) fn unit_of(&self, term: &Term) -> &'static str {
-        let in_celsius = self.input_of(term).is_none_or(Input::is_in_celsius);
+        let in_celsius = self.input_of(term).is_none_or(|input| self.is_in_celsius(input));
         term.form().unit(in_celsius)
     }
 
     /// Parameters that the model is not linear in, for tables: the lags of its inputs and the fitted periods of its harmonics. A
     /// stated period has no uncertainty and is not among them.
     pub fn nonlinear(&self) -> Vec<NonlinearParameter> {
-        let lag = |(at, input): (usize, &Input)| {
+        let lag = |input: &Input| {
             let Lag { value, sigma } = input.lag_s?;
-            let name = if at == 0 { "lag".to_owned() } else { format!("lag({})", input.name) };
+            let lag = |of: Option<&str>| of.map_or("lag".to_owned(), |of| format!("lag({of})"));
+            let name = self.named(&input.name, lag);
             Some(NonlinearParameter { name, value, sigma, unit: "s".to_owned() })
         };
         let period = |term: &Term| {
@@ -219,10 +267,10 @@ impl AxisCalibration {
             let is_main = self.is_over_thermometer(term);
             let name = if is_main { word.to_owned() } else { format!("{word}({})", term.input) };
             let row = self.fit.as_ref()?.covariance_of.iter().position(|row| *row == name)?;
-            let unit = if input.is_in_celsius() { "degC" } else { "unit" }.to_owned();
+            let unit = if self.is_in_celsius(input) { "degC" } else { "unit" }.to_owned();
             Some(NonlinearParameter { name, value, sigma: Some(self.variance_of(&[(row, 1.0)]).sqrt()), unit })
         };
-        let lags = self.correction.inputs.iter().enumerate().filter_map(lag);
+        let lags = self.correction.inputs.iter().filter_map(lag);
         lags.chain(self.correction.terms.iter().filter_map(period)).collect()
     }
 

@@ -116,10 +116,25 @@ impl AxisCalibration {
             ("gain_per_code", input.gain_per_code != 0.0 && input.gain_per_code.is_finite()),
             ("lag_s", input.lag_s.is_none_or(|lag| lag.value > 0.0 && lag.value.is_finite())),
             ("rate_span_per_min", input.rate_span_per_min.is_none_or(rate_span)),
+            ("source", input.repeats().is_none_or(|of| self.is_slower(at, of))),
         ];
         rules.iter().find(|(_, holds)| !holds).map_or(Ok(()), |(field, _)| {
-            let what = "must be finite, in order and given once; the valid range holds the span";
+            let what = "must be finite, in order and given once; the valid range holds the span; a repeat follows an input of \
+                        the same span, range and hold time with a shorter lag";
             Err(Error::input(what).column(format!("axes[{}].inputs[{}].{field}", self.axis, input.name)))
         })
+    }
+
+    /// Input `at` repeats the input `of` before it, behind a slower lag.
+    fn is_slower(&self, at: usize, of: &str) -> bool {
+        let all = &self.correction.inputs;
+        let slow = &all[at];
+        let same = |fast: &Input| {
+            (fast.span, fast.valid_range, fast.reference) == (slow.span, slow.valid_range, slow.reference)
+                && fast.stale_after_s == slow.stale_after_s
+        };
+        let slower = |fast: &Input| fast.lag_s.zip(slow.lag_s).is_some_and(|(fast, slow)| fast.value < slow.value);
+        let fast = all[..at].iter().find(|other| other.name == of && other.repeats().is_none());
+        fast.is_some_and(|fast| same(fast) && slower(fast))
     }
 }

@@ -19,6 +19,8 @@ pub enum InputSource {
     Difference(String, String),
     /// The log's auxiliary column of this name.
     Column(String),
+    /// The input of this name once more, for a second lag.
+    Repeat(String),
 }
 
 /// An input: what its terms mean and how the target reads it.
@@ -103,9 +105,22 @@ impl Input {
         }
     }
 
-    /// A temperature or a difference of two; else a column with a unit of its own.
-    pub fn is_in_celsius(&self) -> bool {
-        !matches!(self.source, InputSource::Column(_))
+    /// An input once more, behind a second lag.
+    pub(crate) fn repeat(self, name: String) -> Self {
+        Self { source: InputSource::Repeat(self.name), name, ..self }
+    }
+
+    /// The name of the input that it repeats for a second lag.
+    pub fn repeats(&self) -> Option<&str> {
+        match &self.source {
+            InputSource::Repeat(of) => Some(of),
+            InputSource::Thermometer(_) | InputSource::Difference(..) | InputSource::Column(_) => None,
+        }
+    }
+
+    /// The target reads it as a code; else it makes it from other inputs.
+    pub fn has_code(&self) -> bool {
+        matches!(self.source, InputSource::Thermometer(_) | InputSource::Column(_))
     }
 
     /// Its span as a scaling to −1 … 1.

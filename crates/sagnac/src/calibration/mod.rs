@@ -185,9 +185,9 @@ pub struct Term {
 }
 
 impl Term {
-    /// A term that was not fitted here, over an input of the record.
+    /// A term that was not fitted here, over an input of the record that repeats no other.
     pub fn given(form: Form, input: &Input, value: f64) -> Self {
-        let in_celsius = input.is_in_celsius();
+        let in_celsius = !matches!(input.source, InputSource::Column(_));
         let Form { acts_on, shape, times_rate } = form;
         Self {
             acts_on,

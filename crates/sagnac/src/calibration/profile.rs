@@ -3,6 +3,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::calibration::CurveSpread;
+
 /// A drift with time, fitted beside the terms so that none of them takes its place. Never part of the correction.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[non_exhaustive]
@@ -45,7 +47,7 @@ pub enum TimeEffectKind {
 }
 
 /// What moved together with temperature in the runs of a fit, so that its effect cannot be separated from the curve.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[non_exhaustive]
 pub struct Entanglement {
     /// What moved.
@@ -54,6 +56,8 @@ pub struct Entanglement {
     pub explained_fraction: f64,
     /// The largest σ that it adds to the curve over the span, °/h; null where the fit has a term for it, whose σ carries it.
     pub sigma_dph: Option<f64>,
+    /// That σ over the temperatures. It is common to tests of one profile, so a comparison of such tests does not have it.
+    pub spread: Option<CurveSpread>,
 }
 
 /// What can move together with temperature.

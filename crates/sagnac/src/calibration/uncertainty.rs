@@ -9,7 +9,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::calibration::{AxisCalibration, Term};
+use crate::calibration::{AxisCalibration, Input, Term};
 use crate::model::{ActsOn, Shape};
 
 /// Mean while heating less mean while cooling: a gradient, a lag, a rate term.
@@ -124,6 +124,10 @@ pub struct Evaluation {
     pub in_span: bool,
 }
 
+/// Rate of an input, per minute.
+type RateOf<'a> = &'a dyn Fn(&Input) -> f64;
+const AT_REST: RateOf<'static> = &|_| 0.0;
+
 /// Name of ε0 in the covariance.
 pub(crate) const SCALE_AT_REFERENCE: &str = "scale 0";
 
@@ -140,7 +144,7 @@ impl AxisCalibration {
                 "the residual is well below the noise floor: turned by a table, a counter's quantization is a saw that the floor takes for noise; \
                   give [noise] from a record at rest",
             )
-        } else if below && !self.other_inputs().is_empty() {
+        } else if below && self.other_signals().next().is_some() {
             Some(
                 "the residual is well below the noise floor, so the floor holds what an input moves within seconds; compare with the held-out σ \
                   of other models instead",
@@ -169,38 +173,46 @@ impl AxisCalibration {
         })
     }
 
-    /// What models beside this one add to the variance of the curve.
+    /// What models beside this one, and what moved together with temperature, add to the variance of the curve.
     fn spread_variance(&self, celsius: f64) -> f64 {
-        let spread = self.fit.as_ref().and_then(|fit| fit.curve_spread.as_ref());
-        spread.map_or(0.0, |spread| spread.variance(celsius))
+        let Some(fit) = &self.fit else { return 0.0 };
+        let together = fit.entanglement.iter().filter_map(|found| found.spread.as_ref());
+        fit.curve_spread.iter().chain(together).map(|spread| spread.variance(celsius)).sum()
     }
 
     /// The terms over the thermometer of the fit that act on one quantity, with their weights at a temperature and its rate
-    /// less those at another temperature at rest. Other inputs are at their references.
-    fn weights(&self, acts_on: ActsOn, celsius: f64, rate_cpm: f64, from_c: f64) -> impl Iterator<Item = (&Term, f64)> {
+    /// (steady, so that every lag has settled) less those at another temperature at rest. Other inputs are at their references.
+    fn weights(
+        &self,
+        acts_on: ActsOn,
+        celsius: f64,
+        rate_cpm: RateOf<'_>,
+        from_c: f64,
+    ) -> impl Iterator<Item = (&Term, f64)> {
         let span = self.span();
-        let acting = move |term: &&Term| term.acts_on == acts_on && self.is_over_thermometer(term);
+        let acting = move |term: &&Term| term.acts_on == acts_on && self.is_of_thermometer(term);
         let weight = move |term: &Term| {
             let here = term.shape.value(span, celsius);
+            let rate_cpm = self.input_of(term).map_or(0.0, rate_cpm);
             if term.times_rate { rate_cpm * here } else { here - term.shape.value(span, from_c) }
         };
         self.correction.terms.iter().filter(acting).map(move |term| (term, weight(term)))
     }
 
     /// Weights as rows of the covariance; empty where nothing was fitted here.
-    fn rows(&self, acts_on: ActsOn, celsius: f64, rate_cpm: f64, from_c: f64) -> Vec<(usize, f64)> {
+    fn rows(&self, acts_on: ActsOn, celsius: f64, rate_cpm: RateOf<'_>, from_c: f64) -> Vec<(usize, f64)> {
         let weights = self.weights(acts_on, celsius, rate_cpm, from_c).filter(|(_, weight)| *weight != 0.0);
         weights.filter_map(|(term, weight)| Some((self.row_of(term)?, weight))).collect()
     }
 
     /// The drift at rest at a temperature less that at another, °/h.
     pub fn drift(&self, celsius: f64, from_c: f64) -> f64 {
-        self.weights(ActsOn::Bias, celsius, 0.0, from_c).map(|(term, weight)| term.value * weight).sum()
+        self.weights(ActsOn::Bias, celsius, AT_REST, from_c).map(|(term, weight)| term.value * weight).sum()
     }
 
     /// The same as rows of the covariance with their weights; empty where nothing was fitted here.
     pub(crate) fn drift_weights(&self, celsius: f64, from_c: f64) -> Vec<(usize, f64)> {
-        self.rows(ActsOn::Bias, celsius, 0.0, from_c)
+        self.rows(ActsOn::Bias, celsius, AT_REST, from_c)
     }
 
     /// The deviation of the scale factor from S0 at a temperature and its σ, ppm: its value at T0 from a rate table (else 0)
@@ -209,11 +221,11 @@ impl AxisCalibration {
         let reference_c = self.reference_c();
         let at_reference = self.fit.as_ref().and_then(|fit| fit.scale_factor.as_ref()).map(|scale| scale.at_reference);
         let own = self.fit.iter().flat_map(|fit| fit.covariance_of.iter().position(|name| name == SCALE_AT_REFERENCE));
-        let terms = self.weights(ActsOn::ScaleFactor, celsius, 0.0, reference_c);
+        let terms = self.weights(ActsOn::ScaleFactor, celsius, AT_REST, reference_c);
         let value = terms.map(|(term, weight)| term.value * weight).sum::<f64>();
         let rows = own
             .map(|row| (row, 1.0))
-            .chain(self.rows(ActsOn::ScaleFactor, celsius, 0.0, reference_c))
+            .chain(self.rows(ActsOn::ScaleFactor, celsius, AT_REST, reference_c))
             .collect::<Vec<_>>();
         [at_reference.map_or(0.0, |at| at.ppm) + value, self.variance_of(&rows).sqrt()]
     }
@@ -221,8 +233,9 @@ impl AxisCalibration {
     /// Drift per °C/min of temperature rate at a temperature and its σ, °/h per °C/min; `None` without rate terms.
     pub fn rate_effect(&self, celsius: f64) -> Option<[f64; 2]> {
         let of_rate = |(term, _): &(&Term, f64)| term.times_rate;
-        let terms: Vec<(&Term, f64)> = self.weights(ActsOn::Bias, celsius, 1.0, celsius).filter(of_rate).collect();
-        let rows: Vec<(usize, f64)> = self.rows(ActsOn::Bias, celsius, 1.0, celsius);
+        let one = &|_: &Input| 1.0;
+        let terms: Vec<(&Term, f64)> = self.weights(ActsOn::Bias, celsius, one, celsius).filter(of_rate).collect();
+        let rows: Vec<(usize, f64)> = self.rows(ActsOn::Bias, celsius, one, celsius);
         let value = terms.iter().map(|(term, weight)| term.value * weight).sum();
         (!terms.is_empty()).then(|| [value, self.variance_of(&rows).sqrt()])
     }
@@ -233,7 +246,13 @@ impl AxisCalibration {
     pub fn evaluate(&self, celsius: f64, rate_cpm: f64) -> Evaluation {
         let main = self.thermometer();
         let at_c = celsius.clamp(main.span[0], main.span[1]);
-        let rate = main.rate_span_per_min.map_or(0.0, |[lo, hi]| rate_cpm.clamp(lo, hi));
+        // Each lag has a span of its own.
+        let within = |input: &Input| input.rate_span_per_min.map_or(0.0, |[lo, hi]| rate_cpm.clamp(lo, hi));
+        let rate: RateOf<'_> = &within;
+        let is_clamped = |term: &Term| {
+            let rated = self.input_of(term).filter(|_| term.times_rate && self.is_of_thermometer(term));
+            rated.is_some_and(|input| within(input) != rate_cpm)
+        };
         let reference_c = self.reference_c();
         let sum = |acts_on| -> f64 {
             let terms = self.weights(acts_on, at_c, rate, reference_c);
@@ -253,7 +272,7 @@ impl AxisCalibration {
             lower_dph: half.map(|half| drift_dph - half),
             upper_dph: half.map(|half| drift_dph + half),
             scale_ppm: sum(ActsOn::ScaleFactor),
-            in_span: at_c == celsius && main.rate_span_per_min.is_none_or(|_| rate == rate_cpm),
+            in_span: at_c == celsius && !self.correction.terms.iter().any(is_clamped),
         }
     }
 

@@ -19,7 +19,7 @@ pub use limits::{COMPARED, ComparedLimit};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::calibration::{AxisCalibration, Calibration, Term};
+use crate::calibration::{AxisCalibration, Calibration, Lag, Term};
 use crate::compare::limits::Compared;
 use crate::model::ActsOn;
 use crate::verify::{Limits, LimitsSource, Verdict};
@@ -385,12 +385,15 @@ fn numbers(axes: &[&AxisCalibration], reference_c: f64) -> Vec<ComparedNumber> {
         Some([value + shift, axis.variance_of(&weights).sqrt()])
     };
     let rate = |axis: &AxisCalibration| axis.rate_effect(reference_c);
-    let lag = |axis: &AxisCalibration| axis.lag_s().and_then(|lag| Some([lag.value, lag.sigma?]));
+    let known = |lag: Lag| Some([lag.value, lag.sigma?]);
+    let lag = |axis: &AxisCalibration| axis.lag_s().and_then(known);
+    let slow_lag = |axis: &AxisCalibration| axis.slow_lag_s().and_then(known);
     let what = if all_known { "fixed bias" } else { "rate" };
     let all = [
         number(&format!("{what} at {reference_c} °C, last run"), "deg/h", axes, constant),
         number(&format!("rate effect at {reference_c} °C"), "deg/h per degC/min", axes, rate),
         number("lag", "s", axes, lag),
+        number("slow lag", "s", axes, slow_lag),
     ];
     all.into_iter().flatten().chain(of_inputs(axes)).collect()
 }
@@ -398,7 +401,7 @@ fn numbers(axes: &[&AxisCalibration], reference_c: f64) -> Vec<ComparedNumber> {
 /// Effects of other inputs: the slope of each at its zero, and every step.
 fn of_inputs(axes: &[&AxisCalibration]) -> Vec<ComparedNumber> {
     let mut names: Vec<&str> =
-        axes.iter().flat_map(|axis| axis.other_inputs()).map(|input| input.name.as_str()).collect();
+        axes.iter().flat_map(|axis| axis.other_signals()).map(|input| input.name.as_str()).collect();
     names.sort_unstable();
     names.dedup();
     let slopes = names.iter().filter_map(|name| {

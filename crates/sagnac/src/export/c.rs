@@ -152,12 +152,12 @@ fn image_fields(image: &Image) -> String {
 }
 
 fn input(t: &InputSpec) -> String {
-    let (is_difference, of, less) = match t.source {
-        ValueSource::Code => (0, 0, 0),
-        ValueSource::Difference { of, less } => (1, of.into(), less.into()),
+    let (source, of, less) = match t.source {
+        ValueSource::Code => ("CODE", 0, 0),
+        ValueSource::Difference { of, less } => ("DIFFERENCE", of.into(), less.into()),
+        ValueSource::Repeat { of } => ("REPEAT", of.into(), 0),
     };
-    let fields: [(&str, i64); 22] = [
-        ("is_difference", is_difference),
+    let fields: [(&str, i64); 21] = [
         ("of", of),
         ("less", less),
         ("unit_exponent", t.unit_exponent.into()),
@@ -181,7 +181,7 @@ fn input(t: &InputSpec) -> String {
         ("settling_updates", t.settling_updates.into()),
     ];
     let list: Vec<String> = fields.iter().map(|(name, value)| format!(".{name} = {}", constant(*value))).collect();
-    format!("        {{{}}},\n", list.join(", "))
+    format!("        {{.source = SAGNAC_{source}, {}}},\n", list.join(", "))
 }
 
 fn term(term: &Term) -> String {

@@ -242,11 +242,17 @@ fn sources_of(spec: &mut ModelSpec, main: Signal, shape: &WindowShape) -> Result
 fn check_channels(spec: &ModelSpec, sources: &[Signal], shape: &WindowShape) -> Result<()> {
     let most = sagnac_core::MAX_INPUTS;
     let read = channels(sources[0], &sources[1..]);
-    if read.len() <= most {
+    let count = read.len() + spec.repeats();
+    if count <= most {
         return Ok(());
     }
     let names: Vec<String> = read.iter().map(|source| source.name(shape)).collect();
-    let what = format!("`{spec}` reads {} inputs ({})", read.len(), names.join(", "));
+    let once_more = if spec.repeats() > 0 {
+        format!(", {} of them once more for a slow rate", spec.repeats())
+    } else {
+        String::new()
+    };
+    let what = format!("`{spec}` reads {count} inputs ({}{once_more})", names.join(", "));
     Err(Error::refused(format!("{what}; an image reads {most}"))
         .column("--model")
         .help("a difference is read with both of its thermometers: leave one input out, or take a thermometer for a difference"))
@@ -254,7 +260,7 @@ fn check_channels(spec: &ModelSpec, sources: &[Signal], shape: &WindowShape) -> 
 
 /// Refuses an input whose range is too small, relative to its value, for the codes of an image.
 fn check_codes(problem: &LeastSquares<'_>) -> Result<()> {
-    problem.inputs[1..].iter().find(|input| !input.fits_codes()).map_or(Ok(()), |input| {
+    problem.others().iter().find(|input| !input.fits_codes()).map_or(Ok(()), |input| {
         Err(Error::refused(format!(
             "{} moves from {} to {}: too little of its size for the codes of an image",
             input.name, input.span.lo, input.span.hi
@@ -498,11 +504,11 @@ impl Chosen<'_> {
     pub(crate) fn spread(&self, curve: impl Fn(f64) -> (f64, f64)) -> Option<CurveSpread> {
         let is_series = |spec: &ModelSpec| {
             let of = spec.thermometer();
-            spec.inputs().len() == 1 && of.zones < 2 && of.harmonics.is_empty()
+            spec.inputs().len() == 1 && of.zones < 2 && of.harmonics.is_empty() && of.slow_rate.is_none()
         };
         let mut specs: Vec<ModelSpec> = self.grid.iter().filter(|spec| is_series(spec)).cloned().collect();
         let of = self.spec.thermometer();
-        if self.spec.inputs().len() > 1 || !of.harmonics.is_empty() {
+        if self.spec.inputs().len() > 1 || !of.harmonics.is_empty() || of.slow_rate.is_some() {
             return None;
         }
         if is_series(&self.spec) && !specs.contains(&self.spec) {
@@ -640,11 +646,13 @@ impl Chosen<'_> {
     }
 }
 
-/// A model without the rate terms of an input.
+/// A model without the rate terms of an input, or of its repeat.
 fn without_rate(problem: &LeastSquares<'_>, spec: &ModelSpec, input: usize) -> ModelSpec {
     let mut spec = spec.clone();
-    let name = if input == 0 { "" } else { problem.inputs[input].name.as_str() };
-    spec.of_input(name).rate = None;
+    let repeats = problem.inputs[input].repeats;
+    let of = repeats.unwrap_or(input);
+    let name = if of == 0 { "" } else { problem.inputs[of].name.as_str() };
+    spec.of_input(name).drop_rate(repeats.is_some());
     spec.drop_empty();
     spec
 }

@@ -1,5 +1,5 @@
 //! A fitted model as the record has it: inputs in the order of the image (the thermometer of the fit, everything else with a
-//! code of its own, then the differences) and terms. An [`ImageCheck`] asks the image for it before a model is selected.
+//! code of its own, the differences, then the repeats for second lags) and terms. An [`ImageCheck`] asks the image for it before a model is selected.
 
 use sagnac_log::error::{Error, Result};
 use sagnac_log::setup::ModelConfig;
@@ -45,19 +45,31 @@ pub(crate) fn recorded_inputs(
 ) -> Vec<Input> {
     // An input without terms is not read.
     let has_terms = |at: &usize| fitted.terms.iter().any(|term| term.input == *at);
-    let named: Vec<Signal> = (1..problem.inputs.len()).filter(has_terms).map(|at| problem.inputs[at].signal).collect();
+    let named: Vec<Signal> =
+        (1..=problem.others().len()).filter(has_terms).map(|at| problem.inputs[at].signal).collect();
+    let fitted_with = |at: usize, input: Input| Input {
+        lag_s: fitted.lag_of(at),
+        rate_span_per_min: fitted.lag(at).map(|(tau_s, _)| problem.rate_span(at, tau_s)),
+        rms_dph: parts.map(|parts| parts.rms_of(at)),
+        ..input
+    };
     let of = |signal: Signal| {
         let own = problem.inputs.iter().position(|input| input.signal == signal);
         // A thermometer that only a difference needs has no terms, but it has a span.
         let bare = own.is_none().then(|| SampledInput::new(signal, windows, &problem.used, config.reference_c));
         let sampled = own.map(|at| &problem.inputs[at]).or(bare.as_ref())?;
-        let (lag_s, rate_span_per_min) = own.map_or((None, None), |at| {
-            (fitted.lag_of(at), fitted.lag(at).map(|(tau_s, _)| problem.rate_span(at, tau_s)))
-        });
-        let rms_dph = parts.map(|parts| own.map_or(0.0, |at| parts.rms_of(at)));
-        Some(Input { lag_s, rate_span_per_min, rms_dph, ..as_set_up(sampled, &windows.shape, config) })
+        let input = as_set_up(sampled, &windows.shape, config);
+        Some(match own {
+            Some(at) => fitted_with(at, input),
+            None => Input { rms_dph: parts.map(|_| 0.0), ..input },
+        })
     };
-    channels(Signal::Thermometer(sensor), &named).into_iter().filter_map(of).collect()
+    let slow = (0..problem.inputs.len()).filter(has_terms).filter_map(|at| {
+        let repeated = &problem.inputs[problem.inputs[at].repeats?];
+        let input = as_set_up(repeated, &windows.shape, config).repeat(problem.inputs[at].name.clone());
+        Some(fitted_with(at, input))
+    });
+    channels(Signal::Thermometer(sensor), &named).into_iter().filter_map(of).chain(slow).collect()
 }
 
 /// Terms over those inputs, with intervals of all parameters where there are any.

@@ -25,13 +25,8 @@ const LAGS_S: [f64; 3] = [1.0, 300.0, 1500.0];
 /// Temperatures at which the spread of a curve is recorded.
 pub(crate) const POINTS: usize = 33;
 
-/// What moved together with temperature, and the spread of the curve with what that adds.
-pub(crate) fn entangled(
-    chosen: &Chosen<'_>,
-    fitted: &Fitted,
-    points: &[Point],
-    spread: Option<CurveSpread>,
-) -> (Vec<Entanglement>, Option<CurveSpread>) {
+/// What moved together with temperature, and what that adds to the curve.
+pub(crate) fn entangled(chosen: &Chosen<'_>, fitted: &Fitted, points: &[Point]) -> Vec<Entanglement> {
     let problem = &chosen.problem;
     let has_rate = problem.rated(&fitted.spec).contains(&0);
     let has_time = problem.levels.iter().any(|level| matches!(level, Level::Drift(_)));
@@ -39,23 +34,17 @@ pub(crate) fn entangled(
         (MovedTogether::TemperatureRate, rate_explained(points), has_rate),
         (MovedTogether::Time, time_explained(points), has_time),
     ];
-    let mut spread = spread;
-    let mut found = Vec::new();
-    for (with, explained, is_fitted) in sources {
-        let Some(explained_fraction) = explained.filter(|part| *part > TOGETHER) else { continue };
-        let mut added = None;
-        if !is_fitted {
-            let sigmas = added_sigma(chosen, fitted, with);
-            added = Some(sigmas.iter().copied().fold(0.0, f64::max));
-            spread = Some(widened(spread, problem, &sigmas));
-        }
-        found.push(Entanglement { with, explained_fraction, sigma_dph: added });
-    }
-    (found, spread)
+    let of = |(with, explained, is_fitted): (MovedTogether, Option<f64>, bool)| {
+        let explained_fraction = explained.filter(|part| *part > TOGETHER)?;
+        let spread = (!is_fitted).then(|| added(chosen, fitted, with));
+        let sigma_dph = spread.as_ref().map(|spread| spread.sigma_dph.iter().copied().fold(0.0, f64::max));
+        Some(Entanglement { with, explained_fraction, sigma_dph, spread })
+    };
+    sources.into_iter().filter_map(of).collect()
 }
 
 /// σ that a column adds to the curve at every point of the span: the largest of its lags.
-fn added_sigma(chosen: &Chosen<'_>, fitted: &Fitted, with: MovedTogether) -> Vec<f64> {
+fn added(chosen: &Chosen<'_>, fitted: &Fitted, with: MovedTogether) -> CurveSpread {
     let problem = &chosen.problem;
     let columns: Vec<Vec<f64>> = match with {
         MovedTogether::TemperatureRate => {
@@ -81,7 +70,7 @@ fn added_sigma(chosen: &Chosen<'_>, fitted: &Fitted, with: MovedTogether) -> Vec
             *most = most.max(added.min(whole));
         }
     }
-    most
+    CurveSpread { temperature_c: (0..POINTS).map(|point| temperature(problem, point)).collect(), sigma_dph: most }
 }
 
 /// The curve at rest of some coefficients of the terms, less that at the reference.
@@ -101,13 +90,4 @@ fn curve(problem: &LeastSquares<'_>, fitted: &Fitted, of_terms: &[f64], celsius:
 pub(crate) fn temperature(problem: &LeastSquares<'_>, point: usize) -> f64 {
     let span = problem.span();
     span.lo + (span.hi - span.lo) * point as f64 / (POINTS - 1) as f64
-}
-
-fn widened(spread: Option<CurveSpread>, problem: &LeastSquares<'_>, sigmas: &[f64]) -> CurveSpread {
-    let mut spread = spread.unwrap_or_else(|| CurveSpread {
-        temperature_c: (0..POINTS).map(|point| temperature(problem, point)).collect(),
-        sigma_dph: vec![0.0; POINTS],
-    });
-    spread.sigma_dph.iter_mut().zip(sigmas).for_each(|(sigma, more)| *sigma = sigma.hypot(*more));
-    spread
 }

@@ -6,7 +6,7 @@
 //!
 //! One R factor per block and τ serves all candidates of the grid: training sets are stacks of the factors of the
 //! other blocks, candidates are subsets of columns. A model of several inputs has its own factor per block and set of
-//! τ ([`Trial`]). Several lags are optimised in turn, in each fold from the optimum of the whole problem.
+//! τ ([`Trial`]). Several lags are optimised in turn, two of one input together, in each fold from the optimum of the whole problem.
 
 use std::collections::BTreeMap;
 
@@ -15,6 +15,7 @@ use nalgebra::DVector;
 use crate::fit::lag::RATE_COLUMNS;
 use crate::fit::least_squares::{LeastSquares, Rates, TermColumn};
 use crate::fit::solve::{Factor, Reducer, Solution};
+use crate::fit::two_lags::coarse_pairs;
 use crate::model::spec::ModelSpec;
 use rayon::prelude::*;
 
@@ -206,8 +207,15 @@ impl<'a> Trial<'a> {
     /// Held-out mean square, (°/h)²; `None` where a fold could not be fitted.
     pub(crate) fn held_out(mut self) -> Option<f64> {
         // Every fold starts at the optimum of the whole problem.
-        let start: Vec<usize> =
-            self.rated.iter().map(|input| self.problem.tau_from[*input].max(self.taus_s.len() / 2)).collect();
+        let start = self.rated.iter().map(|input| {
+            let place = if self.problem.inputs[*input].repeats.is_some() {
+                self.taus_s.len() - 1
+            } else {
+                self.taus_s.len() / 2
+            };
+            self.problem.tau_from[*input].max(place)
+        });
+        let start: Vec<usize> = start.collect();
         let whole: Vec<usize> = self.columns(&(0..self.division.levels).collect::<Vec<_>>());
         let (start, _) = self.descend(start, None, &whole)?;
         let mut sum = 0.0;
@@ -247,9 +255,7 @@ impl<'a> Trial<'a> {
         for _ in 0..MOST_SWEEPS {
             let before = at.clone();
             for lag in 0..at.len() {
-                for tau in self.problem.tau_from[self.rated[lag]]..self.taus_s.len() {
-                    let mut there = at.clone();
-                    there[lag] = tau;
+                for there in self.steps_of(&at, lag) {
                     let tried = self.misfit(&there, fold, columns);
                     if ssr_of(&tried) < ssr_of(&best) {
                         (at, best) = (there, tried);
@@ -261,6 +267,26 @@ impl<'a> Trial<'a> {
             }
         }
         best.map(|solution| (at, solution.theta))
+    }
+
+    /// Where a lag, with the slow one of its input if there is one, may be instead.
+    fn steps_of(&self, at: &[usize], lag: usize) -> Vec<Vec<usize>> {
+        let from = |lag: usize| self.problem.tau_from[self.rated[lag]];
+        let is_slow =
+            |lag: usize| self.rated.get(lag).is_some_and(|input| self.problem.inputs[*input].repeats.is_some());
+        let with = |places: &[usize]| {
+            let mut there = at.to_vec();
+            there[lag..lag + places.len()].copy_from_slice(places);
+            there
+        };
+        if is_slow(lag) {
+            return Vec::new();
+        }
+        if is_slow(lag + 1) {
+            let pairs = coarse_pairs(self.taus_s, [from(lag), from(lag + 1)], [at[lag], at[lag + 1]]);
+            return pairs.iter().map(|pair| with(pair)).collect();
+        }
+        (from(lag)..self.taus_s.len()).map(|place| with(&[place])).collect()
     }
 
     fn misfit(&mut self, at: &[usize], fold: Option<usize>, columns: &[usize]) -> Option<Solution> {

@@ -38,7 +38,8 @@ const TAU_STEPS: usize = 24;
 /// The used windows of one axis.
 pub(crate) struct LeastSquares<'a> {
     windows: &'a Windows,
-    /// Inputs of the terms; the first is the thermometer of the fit.
+    /// Inputs of the terms; the first is the thermometer of the fit. Where a rate can be had, all of them follow once more, for a
+    /// second lag.
     pub(crate) inputs: Vec<SampledInput>,
     /// Per input: index of the shortest τ that is tried. Raised where a thermometer's noise requires it.
     pub(crate) tau_from: Vec<usize>,
@@ -130,7 +131,7 @@ impl<'a> LeastSquares<'a> {
         if used.is_empty() {
             return Err(no_window(windows));
         }
-        let inputs: Vec<SampledInput> =
+        let mut inputs: Vec<SampledInput> =
             signals.iter().map(|signal| SampledInput::new(*signal, windows, &used, reference_c)).collect();
         let span = inputs[0].span;
         check_span(windows, span, min_span_c)?;
@@ -167,6 +168,9 @@ impl<'a> LeastSquares<'a> {
         let time_h: Vec<f64> = used.iter().map(since_start_h).collect();
         let mean_time_h = mean_of_runs(&time_h);
         let levels = levels(turning.as_ref(), &used, &run, runs.len());
+        if windows.shape.timed {
+            inputs.extend(SampledInput::repeated(&inputs));
+        }
         let tau_from = vec![0; inputs.len()];
         Ok(Self {
             windows,
@@ -190,9 +194,25 @@ impl<'a> LeastSquares<'a> {
         self.inputs[0].span
     }
 
-    /// Place of the input of this name.
+    /// Place of the input of this name, not of a repeat.
     pub(crate) fn input(&self, name: &str) -> Option<usize> {
-        self.inputs.iter().position(|input| input.name == name)
+        self.inputs.iter().position(|input| input.name == name && input.repeats.is_none())
+    }
+
+    /// Inputs other than the thermometer of the fit, each once.
+    pub(crate) fn others(&self) -> &[SampledInput] {
+        let own = self.inputs.iter().take_while(|input| input.repeats.is_none()).count();
+        &self.inputs[1..own]
+    }
+
+    /// The thermometer of the fit, or its repeat.
+    pub(crate) fn is_main(&self, input: usize) -> bool {
+        input == 0 || self.inputs[input].repeats == Some(0)
+    }
+
+    /// Place of the repeat of an input.
+    pub(crate) fn repeat_of(&self, input: usize) -> Option<usize> {
+        self.inputs.iter().position(|other| other.repeats == Some(input))
     }
 
     /// The terms of a model, in the order of its parameters, without those of inputs that the problem does not have.
@@ -201,7 +221,8 @@ impl<'a> LeastSquares<'a> {
         let of_input = |(input, of): (usize, &InputTerms)| {
             let sampled = &self.inputs[input];
             let forms = of.forms(&knots(of.zones, sampled.span), &sampled.thresholds());
-            forms.into_iter().map(move |form| TermColumn { input, form })
+            let slow = of.slow_forms().filter_map(|form| Some(TermColumn { input: self.repeat_of(input)?, form }));
+            forms.into_iter().map(move |form| TermColumn { input, form }).chain(slow).collect::<Vec<_>>()
         };
         known.flat_map(of_input).collect()
     }
@@ -211,9 +232,14 @@ impl<'a> LeastSquares<'a> {
         if terms.input.is_empty() { Some(0) } else { self.input(&terms.input) }
     }
 
-    /// Indices of the inputs whose lag a model needs.
+    /// Indices of the inputs whose lag a model needs; a repeat follows what it repeats.
     pub(crate) fn rated(&self, spec: &ModelSpec) -> Vec<usize> {
-        spec.inputs().iter().filter(|of| of.rate.is_some()).filter_map(|of| self.index_of(of)).collect()
+        let of_terms = |of: &InputTerms| {
+            let at = self.index_of(of);
+            let slow = at.and_then(|at| self.repeat_of(at)).filter(|_| of.slow_rate.is_some());
+            at.filter(|_| of.rate.is_some()).into_iter().chain(slow)
+        };
+        spec.inputs().iter().flat_map(of_terms).collect()
     }
 
     pub(crate) fn len(&self) -> usize {

@@ -32,6 +32,7 @@ mod soak;
 mod solution;
 mod solve;
 mod tradeoff;
+mod two_lags;
 
 pub(crate) use plateaus::{level_stretches, plateaus_of};
 pub(crate) use rate_table_input::{RateTableInput, SAME_RATE};

@@ -268,7 +268,7 @@ impl Drawn {
         };
         let of_scale = |term: &TermColumn| term.form.acts_on == ActsOn::ScaleFactor;
         let scaled = parts.made(|term| problem.turning.is_some() && of_scale(term));
-        let inputs = parts.made(|term| term.input > 0 && !of_scale(term));
+        let inputs = parts.made(|term| !problem.is_main(term.input) && !of_scale(term));
         let shown = |row: usize| Shown {
             before: problem.y[row] - level(row) - scaled[row],
             inputs: inputs[row],
@@ -355,7 +355,7 @@ fn fit_axis(
     };
     let spread = chosen.spread(curve);
     let profile = points(windows, &run_spans(windows), Some(sensor), |_| 0.0, |_| 0.0);
-    let (entanglement, spread) = entangled(&chosen, &fitted, &profile, spread);
+    let entanglement = entangled(&chosen, &fitted, &profile);
     if let Some(fit) = &mut record.fit {
         fit.soak = forecast;
         fit.curve_spread = spread;
@@ -399,13 +399,19 @@ fn hysteresis(points: &[Point], residual: &Residual) -> Option<Hysteresis> {
 }
 
 fn covariance_of(fitted: &Fitted, problem: &LeastSquares<'_>) -> Vec<String> {
-    let of = |input: usize| (input > 0).then(|| problem.inputs[input].name.as_str());
+    let named = |input: usize, name: &dyn Fn(Option<&str>) -> String| {
+        let of = |input: usize| (input > 0).then(|| problem.inputs[input].name.as_str());
+        match problem.inputs[input].repeats {
+            Some(repeated) => format!("slow {}", name(of(repeated))),
+            None => name(of(input)),
+        }
+    };
     let runs = problem.levels.iter().map(|level| level.name(&problem.runs));
-    let terms = fitted.terms.iter().map(|term| term.form.name(of(term.input)));
-    let others = fitted.nonlinear().into_iter().map(|(input, name, _)| match of(input) {
-        None => name.to_owned(),
-        Some(input) => format!("{name}({input})"),
-    });
+    let terms = fitted.terms.iter().map(|term| named(term.input, &|of| term.form.name(of)));
+    let others = fitted
+        .nonlinear()
+        .into_iter()
+        .map(|(input, name, _)| named(input, &|of| of.map_or(name.to_owned(), |of| format!("{name}({of})"))));
     runs.chain(terms).chain(others).collect()
 }
 

@@ -2,7 +2,7 @@
 //! be removed. "Improves" means by the factor of [`super::criterion`]; the reference is the least held-out error so far.
 //!
 //! ```text
-//! forward:   candidates have one order (input, zone, set of steps) more; those must improve on the reference (m: candidates
+//! forward:   candidates have one order (input, zone, set of steps, second lag) more; those must improve on the reference (m: candidates
 //!            of this step). Selected: the smallest that no other of them improves on.
 //! backward:  candidates have one order less; the reference must not improve on them. Selected: the smallest.
 //! ```
@@ -95,7 +95,7 @@ pub(crate) fn walk(
     image: &ImageCheck<'_>,
 ) -> Option<Path> {
     let mut starts = vec![start.clone()];
-    if problem.inputs.len() > 1 {
+    if !problem.others().is_empty() {
         let rates = if problem.has_rate() { vec![None, Some(0)] } else { vec![None] };
         let scale = start.thermometer().scale;
         let small = |rate| InputTerms { bias: 2, rate, scale, ..InputTerms::default() };
@@ -115,9 +115,11 @@ fn walk_from(problem: &LeastSquares<'_>, start: &ModelSpec, taus_s: &[f64], imag
     let mut steps = vec![here.step(0, SearchVerdict::Start)];
     let mut least = here.held();
     let mut number = 0;
-    // Of one thermometer alone the grid has looked at every smaller model.
-    let ways: &[bool] = if problem.inputs.len() > 1 { &[true, false] } else { &[true] };
-    for forward in ways.iter().copied() {
+    for forward in [true, false] {
+        // Of one thermometer with one lag the grid has looked at every smaller model.
+        if !forward && problem.others().is_empty() && here.spec.repeats() == 0 {
+            break;
+        }
         for _ in 0..MOST_STEPS {
             let next = if forward { grown(problem, &here.spec) } else { shrunk(&here.spec) };
             let tried = try_all(problem, &next, taus_s, image);
@@ -192,17 +194,28 @@ pub(crate) fn fits_image(problem: &LeastSquares<'_>, spec: &ModelSpec) -> bool {
     inputs <= sagnac_core::MAX_INPUTS && Work::of_model(spec, inputs).terms <= sagnac_core::MAX_TERMS
 }
 
-/// Thermometers, differences and columns that an image of a model describes.
+/// Thermometers, differences, columns and repeats for second lags that an image of a model describes.
 pub(crate) fn inputs_read(problem: &LeastSquares<'_>, spec: &ModelSpec) -> usize {
     let named: Vec<_> = spec.inputs()[1..]
         .iter()
         .filter_map(|of| problem.input(&of.input))
         .map(|at| problem.inputs[at].signal)
         .collect();
-    channels(problem.inputs[0].signal, &named).len()
+    channels(problem.inputs[0].signal, &named).len() + spec.repeats()
 }
 
-/// Every model with one order, zone table or set of steps more.
+/// Orders of the rates of an input with a second lag, or with one order more of it. A second lag may be found only with a slope over
+/// the input, or only together with the first: one lag between the two may be no better than none.
+fn slower(problem: &LeastSquares<'_>, of: &InputTerms) -> Vec<(Option<u8>, Option<u8>)> {
+    match (of.rate, of.slow_rate) {
+        _ if !problem.has_rate() => Vec::new(),
+        (None, _) => vec![(Some(0), Some(0))],
+        (rate, None) => (0..=MOST_RATE).map(|slow| (rate, Some(slow))).collect(),
+        (rate, Some(slow)) => (slow + 1..=MOST_RATE).take(1).map(|slow| (rate, Some(slow))).collect(),
+    }
+}
+
+/// Every model with one order, zone table, set of steps or lag more.
 fn grown(problem: &LeastSquares<'_>, from: &ModelSpec) -> Vec<ModelSpec> {
     let with_scale = problem.column_of(Level::Scale).is_some();
     let mut all = Vec::new();
@@ -223,7 +236,10 @@ fn grown(problem: &LeastSquares<'_>, from: &ModelSpec) -> Vec<ModelSpec> {
     if let Some(zones) = ZONES.into_iter().find(|zones| *zones > main.zones).filter(|_| main.bias > 0) {
         add(&|spec| spec.thermometer_mut().zones = zones);
     }
-    for input in &problem.inputs[1..] {
+    for rates in slower(problem, main) {
+        add(&|spec| (spec.thermometer_mut().rate, spec.thermometer_mut().slow_rate) = rates);
+    }
+    for input in problem.others() {
         let name = input.name.as_str();
         let now = from.inputs()[1..].iter().find(|of| of.input == name);
         let (bias, scale) = now.map_or((0, 0), |of| (of.bias, of.scale));
@@ -233,6 +249,9 @@ fn grown(problem: &LeastSquares<'_>, from: &ModelSpec) -> Vec<ModelSpec> {
         }
         if problem.has_rate() && rate.is_none_or(|rate| rate < MOST_RATE) {
             add(&|spec| spec.of_input(name).rate = Some(rate.map_or(0, |rate| rate + 1)));
+        }
+        for rates in slower(problem, now.unwrap_or(&InputTerms::default())) {
+            add(&|spec| (spec.of_input(name).rate, spec.of_input(name).slow_rate) = rates);
         }
         if with_scale && scale < MOST_SCALE {
             add(&|spec| spec.of_input(name).scale += 1);
@@ -261,8 +280,11 @@ pub(crate) fn shrunk(from: &ModelSpec) -> Vec<ModelSpec> {
         if of.bias > 0 {
             add(&|spec| spec.inputs_mut()[at].bias -= 1);
         }
-        if of.rate.is_some() {
+        if of.rate.is_some_and(|rate| rate > 0) || of.slow_rate.is_none() && of.rate.is_some() {
             add(&|spec| spec.inputs_mut()[at].rate = less(of.rate));
+        }
+        if of.slow_rate.is_some() {
+            add(&|spec| spec.inputs_mut()[at].slow_rate = less(of.slow_rate));
         }
         if of.scale > 0 {
             add(&|spec| spec.inputs_mut()[at].scale -= 1);

@@ -1,7 +1,7 @@
 //! The fit of one model on all windows, with its covariance.
 //!
-//! For given τ the model is linear and solved by QR. τ is found by a grid over [Δt, run/4] and a golden section; several
-//! lags are optimised in turn until they converge. Covariance: s²·(JᵀWJ)⁻¹ with ∂y/∂τ as a column of J, widened by
+//! For given τ the model is linear and solved by QR. τ is found by a grid over [Δt, run/4] and a golden section; two lags of one
+//! input are found together ([`super::two_lags`]), those of several inputs in turn until they converge. Covariance: s²·(JᵀWJ)⁻¹ with ∂y/∂τ as a column of J, widened by
 //! (1 + ρ)/(1 − ρ) for residuals of lag-one autocorrelation ρ (AR(1); Bartlett 1946), until the slow noise of the residuals is
 //! known: then it is that of these weights under that noise ([`super::slow_noise`]).
 
@@ -13,6 +13,7 @@ use crate::fit::bootstrap::Resampling;
 use crate::fit::least_squares::{LeastSquares, Rates, TermColumn};
 use crate::fit::slow_noise::{self, MOST_ROWS, SlowNoise, Whitening};
 use crate::fit::solve::{Conditioning, Factor, Reducer, Solution};
+use crate::fit::two_lags::{Found, LEAST_RATIO, find_pair};
 use crate::model::ActsOn;
 use crate::model::Shape;
 use crate::model::spec::ModelSpec;
@@ -20,7 +21,7 @@ use rayon::prelude::*;
 use sagnac_log::error::{Error, Result};
 
 /// τ counts as resolved unless misfits within this Δχ² of the least reach an end of the search: two standard errors.
-const FLAT_CHI_SQUARED: f64 = 4.0;
+pub(crate) const FLAT_CHI_SQUARED: f64 = 4.0;
 const GOLDEN_STEPS: usize = 24;
 /// Limit on the sweeps over several lags.
 const MOST_SWEEPS: usize = 6;
@@ -290,7 +291,7 @@ fn dependent(problem: &LeastSquares<'_>, spec: &ModelSpec) -> Error {
 }
 
 /// The regressors of some terms at some lags.
-struct Design<'a> {
+pub(crate) struct Design<'a> {
     problem: &'a LeastSquares<'a>,
     terms: &'a [TermColumn],
     rates: Rates,
@@ -301,8 +302,52 @@ struct Design<'a> {
 }
 
 impl<'a> Design<'a> {
-    fn new(problem: &'a LeastSquares<'a>, terms: &'a [TermColumn], taus: &[(usize, f64)]) -> Self {
-        Self { problem, terms, rates: problem.rates(taus), whitening: None, rows: usize::MAX }
+    pub(crate) fn new(problem: &'a LeastSquares<'a>, terms: &'a [TermColumn], taus: &[(usize, f64)]) -> Self {
+        Self::with_rates(problem, terms, problem.rates(taus))
+    }
+
+    pub(crate) fn with_rates(problem: &'a LeastSquares<'a>, terms: &'a [TermColumn], rates: Rates) -> Self {
+        Self { problem, terms, rates, whitening: None, rows: usize::MAX }
+    }
+
+    /// Sum of squares of the residuals at the best coefficients; infinite where there are none.
+    pub(crate) fn misfit(&self) -> f64 {
+        self.factor(&[]).solve_all().map_or(f64::INFINITY, |solution| solution.ssr)
+    }
+
+    /// The best coefficients.
+    pub(crate) fn solve(&self) -> Option<Vec<f64>> {
+        self.solve_with(&[])
+    }
+
+    /// The same with further columns behind the terms.
+    pub(crate) fn solve_with(&self, slopes: &[Vec<f64>]) -> Option<Vec<f64>> {
+        self.factor(slopes).solve_all().map(|solution| solution.theta.iter().copied().collect())
+    }
+
+    /// Residuals, each times the root of its weight.
+    pub(crate) fn weighted_residuals(&self, theta: &[f64]) -> Vec<f64> {
+        self.residuals(theta).iter().zip(&self.problem.weight).map(|(r, w)| r * w.sqrt()).collect()
+    }
+
+    /// ∂y/∂τ of a lag at some coefficients, by central difference over ±1 %.
+    pub(crate) fn slope_of_lag(&self, tau: &Tau, theta: &[f64]) -> Vec<f64> {
+        let step = 0.01 * tau.value_s;
+        let own: Vec<(usize, &TermColumn)> = self
+            .terms
+            .iter()
+            .enumerate()
+            .filter(|(_, term)| term.input == tau.input && term.form.times_rate)
+            .map(|(at, term)| (self.problem.levels.len() + at, term))
+            .collect();
+        let made_at = |tau_s: f64| -> Vec<f64> {
+            let rates = self.problem.rates(&[(tau.input, tau_s)]);
+            let of_row =
+                |row| own.iter().map(|(at, term)| theta[*at] * self.problem.regressor(term, row, &rates)).sum();
+            (0..self.problem.len()).map(of_row).collect()
+        };
+        let (above, below) = (made_at(tau.value_s + step), made_at(tau.value_s - step));
+        above.iter().zip(&below).map(|(a, b)| (a - b) / (2.0 * step)).collect()
     }
 
     /// Levels, terms and the ∂y/∂τ of a row.
@@ -357,8 +402,7 @@ impl Columns {
 }
 
 fn misfit(problem: &LeastSquares<'_>, terms: &[TermColumn], taus_s: &[(usize, f64)]) -> f64 {
-    let design = Design::new(problem, terms, taus_s);
-    design.factor(&[]).solve_all().map_or(f64::INFINITY, |s| s.ssr)
+    Design::new(problem, terms, taus_s).misfit()
 }
 
 /// The lags of least misfit, one after the other until they stand.
@@ -370,6 +414,21 @@ fn find_taus(problem: &LeastSquares<'_>, spec: &ModelSpec, terms: &[TermColumn],
     for _ in 0..MOST_SWEEPS {
         let before = taus.clone();
         for at in 0..taus.len() {
+            if is_slow(problem, &taus, at) {
+                continue;
+            }
+            if is_slow(problem, &taus, at + 1) {
+                match find_pair(problem, terms, &taus, at, taus_s) {
+                    Found::Pair(pair) => {
+                        for (tau, found) in taus[at..].iter_mut().zip(pair) {
+                            (tau.value_s, tau.resolved) = found;
+                        }
+                    }
+                    Found::NotSeparated => return Err(not_separated(problem, spec, taus[at].input)),
+                    Found::Nothing => return Err(dependent(problem, spec)),
+                }
+                continue;
+            }
             let with = |tau_s: f64| -> Vec<(usize, f64)> {
                 let of = |(other, tau): (usize, &Tau)| (tau.input, if other == at { tau_s } else { tau.value_s });
                 taus.iter().enumerate().map(of).collect()
@@ -385,6 +444,21 @@ fn find_taus(problem: &LeastSquares<'_>, spec: &ModelSpec, terms: &[TermColumn],
         }
     }
     Ok(taus)
+}
+
+/// The lag at this place is the slow one beside that before it.
+fn is_slow(problem: &LeastSquares<'_>, taus: &[Tau], at: usize) -> bool {
+    taus.get(at).is_some_and(|tau| problem.inputs[tau.input].repeats.is_some())
+}
+
+fn not_separated(problem: &LeastSquares<'_>, spec: &ModelSpec, input: usize) -> Error {
+    let name = &problem.inputs[input].name;
+    Error::refused(format!(
+        "the data do not separate the two lags of {name} in `{spec}`: lags less than {LEAST_RATIO} times apart, or a slow one as long as a \
+         quarter of the longest run, fit as well"
+    ))
+    .column("--model")
+    .help("leave the slow rate out of --model, or test with ramps and soaks of several lengths")
 }
 
 /// The τ of least misfit and whether it is resolved; where the misfit is flat to an end of the search, the smallest
@@ -431,23 +505,9 @@ fn nonlinear_columns(design: &Design<'_>, spec: &ModelSpec, taus: &[Tau], theta:
     columns
 }
 
-/// ∂y/∂τ of every resolved lag by central difference over ±1 %.
+/// ∂y/∂τ of every resolved lag.
 fn tau_columns(design: &Design<'_>, taus: &[Tau], theta: &[f64]) -> Vec<Vec<f64>> {
-    let of = |tau: &Tau| {
-        let step = 0.01 * tau.value_s;
-        let moved = |by: f64| {
-            let taus_s: Vec<(usize, f64)> = taus
-                .iter()
-                .map(|other| (other.input, other.value_s + if other.input == tau.input { by } else { 0.0 }))
-                .collect();
-            Design { rates: design.problem.rates(&taus_s), ..*design }
-        };
-        let (above, below) = (moved(step), moved(-step));
-        let (mut a, mut b) = (Vec::new(), Vec::new());
-        let difference = |i: usize| above.model_at(i, theta, &mut a) - below.model_at(i, theta, &mut b);
-        (0..design.problem.len()).map(difference).map(|d| d / (2.0 * step)).collect()
-    };
-    taus.iter().filter(|tau| tau.resolved).map(of).collect()
+    taus.iter().filter(|tau| tau.resolved).map(|tau| design.slope_of_lag(tau, theta)).collect()
 }
 
 /// Index of the cosine and the period of every harmonic whose period is a parameter of the fit.
@@ -491,7 +551,7 @@ pub(crate) fn misfit_at(problem: &LeastSquares<'_>, spec: &ModelSpec, lags_s: &[
 
 /// Lag-one correlation of neighbouring residuals of a run, with Kendall's (1954) correction for the
 /// small-sample bias; within 0 … 0.99.
-fn lag_one(problem: &LeastSquares<'_>, scaled: &[f64]) -> f64 {
+pub(crate) fn lag_one(problem: &LeastSquares<'_>, scaled: &[f64]) -> f64 {
     let square: f64 = scaled.iter().map(|r| r * r).sum();
     let product: f64 =
         (1..scaled.len()).filter(|i| problem.run[*i] == problem.run[i - 1]).map(|i| scaled[i] * scaled[i - 1]).sum();

@@ -181,9 +181,12 @@ pub(crate) fn channels(main: Signal, others: &[Signal]) -> Vec<Signal> {
 }
 
 /// An input on the rows of a problem.
+#[derive(Clone)]
 pub(crate) struct SampledInput {
     pub(crate) signal: Signal,
     pub(crate) name: String,
+    /// Place of the input that it repeats for a second lag.
+    pub(crate) repeats: Option<usize>,
     pub(crate) span: Span,
     /// Where its terms are zero.
     pub(crate) reference: f64,
@@ -224,7 +227,20 @@ impl SampledInput {
         let apart = |pair: &[f64]| span.x(pair[1]) - span.x(pair[0]) > 4.0 / KNOTS_PER_ONE;
         let levels = if levels.windows(2).all(apart) { levels } else { Vec::new() };
         let name = signal.name(&windows.shape);
-        Self { signal, name, span, reference, x, basis, x_variance, levels }
+        Self { signal, name, repeats: None, span, reference, x, basis, x_variance, levels }
+    }
+
+    /// Every input once more, for a second lag.
+    pub(crate) fn repeated(all: &[Self]) -> Vec<Self> {
+        let of = |(at, input): (usize, &Self)| {
+            let mut name = format!("slow {}", input.name);
+            // A column may have that name already.
+            while all.iter().any(|other| other.name == name) {
+                name.insert_str(0, "slow ");
+            }
+            Self { name, repeats: Some(at), ..input.clone() }
+        };
+        all.iter().enumerate().map(of).collect()
     }
 
     /// True where an image has codes enough for its span.

@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! bias 3, rate 1, zones 4, scale 2        over the thermometer of the fit
+//! rate 1, slow rate 0, rate(cavity) 0, slow rate(cavity) 0        a second lag, slower than that of the rate
 //! bias(cavity - block) 1, rate(cavity) 0, scale(path_length_v) 1, steps(mode)        over other inputs, by name
 //! harmonic(path_length_v) 25.3, scale harmonic(path_length_v)      sine and cosine of a stated period, of a fitted one
 //! ```
@@ -39,6 +40,8 @@ pub struct InputTerms {
     pub bias: u8,
     /// Order of the series that multiplies its rate; `None`: no rate term, `Some(0)`: c₀ alone.
     pub rate: Option<u8>,
+    /// The same behind a second, slower lag; only beside a `rate`.
+    pub slow_rate: Option<u8>,
     /// Order of the scale-factor series; 0: none.
     pub scale: u8,
     /// Zones of equal width into which the span is cut, with a continuous slope where they meet; 0: none. Only of the
@@ -88,9 +91,27 @@ impl InputTerms {
         *self == Self::of(&self.input)
     }
 
-    /// Terms of a series with a rate in front, c₀ counted.
+    /// Orders of the series with a rate in front, the fast lag's first.
+    fn rate_orders(&self) -> impl Iterator<Item = u8> {
+        self.rate.into_iter().chain(self.slow_rate)
+    }
+
+    /// Terms of series with a rate in front, c₀ counted.
     fn rates(&self) -> usize {
-        self.rate.map_or(0, |order| usize::from(order) + 1)
+        self.rate_orders().map(|order| usize::from(order) + 1).sum()
+    }
+
+    /// Lags that are fitted.
+    pub(crate) fn lags(&self) -> usize {
+        self.rate_orders().count()
+    }
+
+    /// Without the rate behind its fast or its slow lag. The one that remains is the only one, so it is `rate`.
+    pub(crate) fn drop_rate(&mut self, slow: bool) {
+        if !slow {
+            self.rate = self.slow_rate;
+        }
+        self.slow_rate = None;
     }
 
     /// Terms that act on the bias without a rate.
@@ -114,10 +135,15 @@ impl InputTerms {
     /// Coefficients; a lag and a fitted period count as one.
     fn coefficients(&self) -> usize {
         let periods = self.harmonics.iter().filter(|harmonic| harmonic.is_fitted).count();
-        self.of_bias() + self.rates() + usize::from(self.rate.is_some()) + self.of_scale() + periods
+        self.of_bias() + self.rates() + self.lags() + self.of_scale() + periods
     }
 
-    /// Its terms, over an input whose knots and thresholds are known, in the order of the parameters of a fit.
+    /// Its terms behind the second lag.
+    pub(crate) fn slow_forms(&self) -> impl Iterator<Item = Form> {
+        self.slow_rate.into_iter().flat_map(|order| (0..=order).map(Form::rate))
+    }
+
+    /// Its other terms, over an input whose knots and thresholds are known, in the order of the parameters of a fit.
     pub(crate) fn forms(&self, knots: &[f64], thresholds: &[f64]) -> Vec<Form> {
         let mut forms: Vec<Form> = (1..=self.bias).map(Form::bias).collect();
         forms.extend(self.rate.into_iter().flat_map(|order| (0..=order).map(Form::rate)));
@@ -178,9 +204,14 @@ impl ModelSpec {
         self.inputs.iter().map(InputTerms::coefficients).sum()
     }
 
-    /// Inputs whose lag is fitted.
+    /// Lags that are fitted.
     pub(crate) fn lags(&self) -> usize {
-        self.inputs.iter().filter(|of| of.rate.is_some()).count()
+        self.inputs.iter().map(InputTerms::lags).sum()
+    }
+
+    /// Inputs with a second lag, each of which an image describes once more.
+    pub(crate) fn repeats(&self) -> usize {
+        self.inputs.iter().filter(|of| of.slow_rate.is_some()).count()
     }
 
     /// Terms of its image without rate, with rate, and of the scale factor.
@@ -217,13 +248,18 @@ impl ModelSpec {
 impl fmt::Display for ModelSpec {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "bias {}", self.thermometer().bias)?;
-        for (at, InputTerms { input, bias, rate, scale, zones, steps, harmonics }) in self.inputs.iter().enumerate() {
+        for (at, InputTerms { input, bias, rate, slow_rate, scale, zones, steps, harmonics }) in
+            self.inputs.iter().enumerate()
+        {
             let of = if at == 0 { String::new() } else { format!("({input})") };
             if at > 0 && *bias > 0 {
                 write!(f, ", bias{of} {bias}")?;
             }
             if let Some(rate) = rate {
                 write!(f, ", rate{of} {rate}")?;
+            }
+            if let Some(rate) = slow_rate {
+                write!(f, ", slow rate{of} {rate}")?;
             }
             if *zones > 1 {
                 write!(f, ", zones{of} {zones}")?;
@@ -315,8 +351,8 @@ impl FromStr for ModelSpec {
     fn from_str(text: &str) -> Result<Self> {
         let bad = |why: &str| {
             Error::input(format!("{why} in the model")).column("--model").value(text).help(
-                "write `auto`, or orders such as `bias 3`, `bias 3, rate 1`, `bias 2, zones 4`, `bias 2, bias(cavity - block) 1, \
-                 steps(mode)` (bias and scale up to 8, rate up to 3, zones up to 8), or `harmonic(path_length_v) 25.3` with its period, `harmonic(path_length_v)` to fit \
+                "write `auto`, or orders such as `bias 3`, `bias 3, rate 1`, `bias 3, rate 1, slow rate 0` (two lags), `bias 2, zones 4`, \
+                 `bias 2, bias(cavity - block) 1, steps(mode)` (bias and scale up to 8, rate up to 3, zones up to 8), or `harmonic(path_length_v) 25.3` with its period, `harmonic(path_length_v)` to fit \
                  it",
             )
         };
@@ -342,7 +378,7 @@ impl FromStr for ModelSpec {
                 continue;
             }
             let order = part.order().map_err(bad)?;
-            let known = ["bias", "rate", "scale", "zones", "steps"].contains(&word);
+            let known = ["bias", "rate", "slow rate", "scale", "zones", "steps"].contains(&word);
             match (word, order, input) {
                 ("steps", None, Some(input)) => spec.of_input(input).steps = Some(0),
                 ("steps", _, None) => return Err(bad("steps without an input")),
@@ -356,9 +392,15 @@ impl FromStr for ModelSpec {
                 ("bias", Some(n), of) if n <= MAX_ORDER => spec.of_input(of.unwrap_or_default()).bias = n,
                 ("scale", Some(n), of) if n <= MAX_ORDER => spec.of_input(of.unwrap_or_default()).scale = n,
                 ("rate", Some(n), of) if n <= MAX_RATE_ORDER => spec.of_input(of.unwrap_or_default()).rate = Some(n),
+                ("slow rate", Some(n), of) if n <= MAX_RATE_ORDER => {
+                    spec.of_input(of.unwrap_or_default()).slow_rate = Some(n);
+                }
                 _ if known => return Err(bad("an order too high")),
                 _ => return Err(bad("an unknown term")),
             }
+        }
+        if spec.inputs.iter().any(|of| of.slow_rate.is_some() && of.rate.is_none()) {
+            return Err(bad("a slow rate without the rate that it is slower than"));
         }
         spec.drop_empty();
         Ok(spec)
@@ -377,6 +419,7 @@ mod tests {
             "bias 0, rate 0, scale 2",
             "bias 2, zones 4",
             "bias 1, rate 0, zones 2, scale 1, bias(a, b (c)) 2, rate(a, b (c)) 0, bias(cavity - block) 1, steps(mode)",
+            "bias 3, rate 1, slow rate 0, rate(v) 0, slow rate(v) 2",
             "bias 2, harmonic 12.5, bias(v) 1, harmonic(v) 25.3, harmonic(v), scale harmonic(v) 3",
         ] {
             assert_eq!(text.parse::<ModelSpec>().unwrap().to_string(), text);
@@ -386,6 +429,11 @@ mod tests {
             "bias",
             "bias 9",
             "rate 4",
+            "rate 1, slow rate 4",
+            "slow rate 1",
+            "rate 1, slow rate(v) 1",
+            "rate 1, slow rate",
+            "rate 1, slow rate 1, slow rate 1",
             "bias 1, bias 2",
             "cubic 3",
             "bias -1",

@@ -26,7 +26,7 @@ pub enum LogColumn {
 pub struct Readings {
     /// The thermometer of the fit.
     pub thermometer: Option<usize>,
-    /// Per axis of the log and thermometer of its image; `None` for the difference of two.
+    /// Per axis of the log and thermometer of its image; `None` where the target makes it from others.
     pub columns: Vec<Vec<Option<LogColumn>>>,
 }
 
@@ -58,7 +58,7 @@ impl Readings {
                 }
                 .into_iter();
                 let column = |(at, source): (usize, ValueSource)| match (at, source) {
-                    (_, ValueSource::Difference { .. }) => None,
+                    (_, ValueSource::Difference { .. } | ValueSource::Repeat { .. }) => None,
                     (0, ValueSource::Code) => main.map(LogColumn::Thermometer),
                     (_, ValueSource::Code) => further.next(),
                 };
@@ -73,7 +73,7 @@ impl Readings {
 fn recorded(axis: &AxisCalibration, shape: &LogShape) -> Result<Vec<LogColumn>> {
     let find = |source: &InputSource| {
         let (what, name, found) = match source {
-            InputSource::Difference(..) => return None,
+            InputSource::Difference(..) | InputSource::Repeat(_) => return None,
             InputSource::Thermometer(name) => {
                 ("thermometer", name, place(&shape.thermometers, name).map(LogColumn::Thermometer))
             }

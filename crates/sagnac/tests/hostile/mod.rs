@@ -55,6 +55,8 @@ pub(crate) struct Now {
     pub(crate) cpm: f64,
     /// Its rate behind a first-order lag of [`Bench::rate_lag_s`], °C/min.
     pub(crate) lagged_cpm: f64,
+    /// Its rate behind a second lag, of [`Bench::slow_lag_s`], °C/min.
+    pub(crate) slow_cpm: f64,
     /// Since the start of the test, h.
     pub(crate) hours: f64,
 }
@@ -76,6 +78,7 @@ pub(crate) struct Bench<'a> {
     pub(crate) hours: Option<f64>,
     pub(crate) block_lag_s: f64,
     pub(crate) rate_lag_s: f64,
+    pub(crate) slow_lag_s: f64,
     pub(crate) thermometer_step_c: f64,
     /// Input rate and fixed bias, °/h.
     pub(crate) input_dph: f64,
@@ -110,6 +113,7 @@ impl<'a> Bench<'a> {
             hours: None,
             block_lag_s: 1200.0,
             rate_lag_s: 1.0,
+            slow_lag_s: 1.0,
             thermometer_step_c: 0.0,
             input_dph: 4.5,
             bias_dph: 0.0,
@@ -159,14 +163,15 @@ impl<'a> Bench<'a> {
 
     fn run(&self, mut row: impl FnMut(usize, Now, &mut Dice)) {
         let mut dice = Dice::new(self.seed);
-        let (mut block, mut lagged) = (-40.0, 0.0);
+        let (mut block, mut lagged, mut slow) = (-40.0, 0.0, 0.0);
         for i in 0..self.rows() {
             let minutes = (i as f64 + 0.5) * self.row_s / 60.0;
             let before = block;
             block += (Self::chamber_c(minutes) - block) * (1.0 - (-self.row_s / self.block_lag_s).exp());
             let cpm = (block - before) / self.row_s * 60.0;
             lagged += (cpm - lagged) * (1.0 - (-self.row_s / self.rate_lag_s).exp());
-            let now = Now { celsius: block, cpm, lagged_cpm: lagged, hours: minutes / 60.0 };
+            slow += (cpm - slow) * (1.0 - (-self.row_s / self.slow_lag_s).exp());
+            let now = Now { celsius: block, cpm, lagged_cpm: lagged, slow_cpm: slow, hours: minutes / 60.0 };
             row(i, now, &mut dice);
         }
     }

@@ -12,11 +12,12 @@ macro_rules! vectors {
     };
 }
 
-const FILES: [(&str, &[u8]); 11] = vectors!(
+const FILES: [(&str, &[u8]); 12] = vectors!(
     "compensator-full",
     "compensator-paper",
     "compensator-inputs",
     "compensator-harmonic",
+    "compensator-lags",
     "compensator-edges",
     "compensator-advance",
     "compensator-limits",

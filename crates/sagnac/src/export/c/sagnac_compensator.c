@@ -28,7 +28,8 @@
 #define INPUT_LENGTH 64U
 #define TERM_LENGTH 12U
 #define CRC_LENGTH 4U
-/* The minor version of an image with harmonics, the newest that is read; 0 without. */
+/* The minor version of an image with an input that repeats another, the newest that is read; else of one with harmonics; else 0. */
+#define MINOR_OF_REPEATS 2U
 #define MINOR_OF_HARMONICS 1U
 
 /* One input at one slow update, scaled for the terms. */
@@ -183,18 +184,23 @@ static uint32_t read_input(const sagnac_input *spec, sagnac_input_state *memory,
     return fresh;
 }
 
-/* The value of input i from its code, or as the difference of two inputs with a value at this update; 0 if there is none. */
+/* The value of input i from its code, or from one or two inputs with a value at this update; 0 if there is none. */
 static uint32_t find_value(const sagnac_image *image, const sagnac_compensator_state *state, uint32_t i,
                                  const int32_t *codes, uint32_t present, uint32_t fresh, int64_t *value)
 {
     const sagnac_input *spec = &image->inputs[i];
     uint32_t found;
     *value = 0;
-    if (spec->is_difference != 0U) {
+    if (spec->source == SAGNAC_DIFFERENCE) {
         found = (fresh >> spec->of) & (fresh >> spec->less) & 1U;
         if (found != 0U) {
             *value = (int64_t)state->inputs[spec->of].last_q24 -
                            (int64_t)state->inputs[spec->less].last_q24;
+        }
+    } else if (spec->source == SAGNAC_REPEAT) {
+        found = (fresh >> spec->of) & 1U;
+        if (found != 0U) {
+            *value = (int64_t)state->inputs[spec->of].last_q24;
         }
     } else {
         found = (present >> i) & 1U;
@@ -527,22 +533,50 @@ static uint32_t input_is_sound(const sagnac_input *t)
     return sound;
 }
 
-/* A difference uses two inputs before it with codes of their own, and has no conversion. */
+/* A repeat uses one input before it that repeats no other, with the same unit, valid range and hold time. */
+static uint32_t repeat_is_sound(const sagnac_image *image, uint32_t i)
+{
+    const sagnac_input *t = &image->inputs[i];
+    uint32_t sound = 0U;
+    if ((t->of < i) && (t->less == 0U)) {
+        const sagnac_input *other = &image->inputs[t->of];
+        if ((other->source != SAGNAC_REPEAT) && (other->unit_exponent == t->unit_exponent) &&
+            (other->valid_lo_q24 == t->valid_lo_q24) && (other->valid_hi_q24 == t->valid_hi_q24) &&
+            (other->stale_after_updates == t->stale_after_updates)) {
+            sound = 1U;
+        }
+    }
+    return sound;
+}
+
+/* A difference uses two inputs before it with codes of their own. */
+static uint32_t difference_is_sound(const sagnac_image *image, uint32_t i)
+{
+    const sagnac_input *t = &image->inputs[i];
+    uint32_t sound = 0U;
+    if ((t->of < i) && (t->less < i) && (t->of != t->less)) {
+        if ((image->inputs[t->of].source == SAGNAC_CODE) && (image->inputs[t->less].source == SAGNAC_CODE)) {
+            sound = 1U;
+        }
+    }
+    return sound;
+}
+
+/* An input without a code of its own has no conversion. */
 static uint32_t source_is_sound(const sagnac_image *image, uint32_t i)
 {
     const sagnac_input *t = &image->inputs[i];
-    uint32_t sound = 1U;
-    if (t->is_difference > 1U) {
-        sound = 0U;
-    } else if (t->is_difference == 0U) {
+    uint32_t sound = 0U;
+    if (t->source == SAGNAC_CODE) {
         sound = ((t->of | t->less) == 0U) ? SAGNAC_YES : SAGNAC_NO;
-    } else if ((t->of >= i) || (t->less >= i) || (t->of == t->less)) {
+    } else if ((t->offset_q24 != 0) || (t->gain_mantissa != 1) || (t->gain_shift != 0U)) {
         sound = 0U;
+    } else if (t->source == SAGNAC_DIFFERENCE) {
+        sound = difference_is_sound(image, i);
+    } else if (t->source == SAGNAC_REPEAT) {
+        sound = repeat_is_sound(image, i);
     } else {
-        if ((image->inputs[t->of].is_difference != 0U) || (image->inputs[t->less].is_difference != 0U) ||
-            (t->offset_q24 != 0) || (t->gain_mantissa != 1) || (t->gain_shift != 0U)) {
-            sound = 0U;
-        }
+        sound = 0U;
     }
     return sound;
 }
@@ -659,8 +693,10 @@ static void load_head(sagnac_image *image, sagnac_read_octet read, const void *c
     image->output_limit = sagnac_read_u32(read, context, 88U);
 }
 
-static void load_input(sagnac_input *t, sagnac_read_octet read, const void *context, uint32_t at)
+/* 0 if its source is unknown. */
+static uint32_t load_input(sagnac_input *t, sagnac_read_octet read, const void *context, uint32_t at)
 {
+    const uint32_t source = read(context, at + 13U) & 0xFFU;
     const uint32_t octet = read(context, at + 60U) & 0xFFU;
     const int32_t exponent = (int32_t)octet;
     t->unit_exponent = (exponent < 128) ? exponent : (exponent - 256);
@@ -671,7 +707,11 @@ static void load_input(sagnac_input *t, sagnac_read_octet read, const void *cont
     t->alpha_shift = read(context, at + 10U) & 0xFFU;
     t->rate_shift = read(context, at + 11U) & 0xFFU;
     t->y_shift = read(context, at + 12U) & 0xFFU;
-    t->is_difference = read(context, at + 13U) & 0xFFU;
+    if (source == 1U) {
+        t->source = SAGNAC_DIFFERENCE;
+    } else {
+        t->source = (source == 2U) ? SAGNAC_REPEAT : SAGNAC_CODE;
+    }
     t->of = read(context, at + 14U) & 0xFFU;
     t->less = read(context, at + 15U) & 0xFFU;
     t->valid_lo_q24 = sagnac_read_i32(read, context, at + 16U);
@@ -685,6 +725,7 @@ static void load_input(sagnac_input *t, sagnac_read_octet read, const void *cont
     t->y_mantissa = sagnac_read_u32(read, context, at + 48U);
     t->stale_after_updates = sagnac_read_u32(read, context, at + 52U);
     t->settling_updates = sagnac_read_u32(read, context, at + 56U);
+    return (source <= 2U) ? SAGNAC_YES : SAGNAC_NO;
 }
 
 static uint32_t load_term(sagnac_term *term, sagnac_read_octet read, const void *context, uint32_t at)
@@ -727,7 +768,7 @@ static sagnac_image_error gyro_envelope(sagnac_read_octet read, const void *cont
         error = SAGNAC_IMAGE_LENGTH;
     } else if ((sagnac_read_u32(read, context, 0U) != magic[0]) || (sagnac_read_u32(read, context, 4U) != magic[1])) {
         error = SAGNAC_IMAGE_NOT_AN_IMAGE;
-    } else if ((sagnac_read_u16(read, context, 8U) != 1U) || (sagnac_read_u16(read, context, 10U) > MINOR_OF_HARMONICS)) {
+    } else if ((sagnac_read_u16(read, context, 8U) != 1U) || (sagnac_read_u16(read, context, 10U) > MINOR_OF_REPEATS)) {
         error = SAGNAC_IMAGE_VERSION;
     } else if (sagnac_read_u32(read, context, 12U) != length) {
         error = SAGNAC_IMAGE_LENGTH;
@@ -760,13 +801,16 @@ sagnac_image_error sagnac_image_load(sagnac_image *image, sagnac_read_octet read
         uint32_t at = HEAD_LENGTH;
         uint32_t i;
         for (i = 0U; i < image->input_count; i++) {
-            load_input(&image->inputs[i], read, context, at);
+            zeros &= load_input(&image->inputs[i], read, context, at);
             zeros &= sagnac_are_zero(read, context, at + 61U, 3U);
+            if (image->inputs[i].source == SAGNAC_REPEAT) {
+                minor = MINOR_OF_REPEATS;
+            }
             at += INPUT_LENGTH;
         }
         for (i = 0U; i < image->term_count; i++) {
             kinds &= load_term(&image->terms[i], read, context, at);
-            if (is_harmonic(&image->terms[i]) != 0U) {
+            if ((is_harmonic(&image->terms[i]) != 0U) && (minor == 0U)) {
                 minor = MINOR_OF_HARMONICS;
             }
             at += TERM_LENGTH;

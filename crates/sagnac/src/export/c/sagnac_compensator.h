@@ -80,9 +80,16 @@ typedef enum {
     SAGNAC_SINE = 4
 } sagnac_shape;
 
-/* An input with a code of its own; or, if is_difference is 1, input `of` minus input `less`, which come before it. */
+/* Where the value of an input comes from: its own code; input `of` minus input `less`; input `of` once more, for a second lag. */
+typedef enum {
+    SAGNAC_CODE = 0,
+    SAGNAC_DIFFERENCE = 1,
+    SAGNAC_REPEAT = 2
+} sagnac_source;
+
+/* An input. `of` and `less` come before it; 0 where its source has none. */
 typedef struct {
-    uint32_t is_difference;
+    sagnac_source source;
     uint32_t of;
     uint32_t less;
     /* For an input that is not a temperature, degC means 2^unit_exponent of its own unit; 0 for degC. */
@@ -182,7 +189,7 @@ void sagnac_compensator_start(sagnac_compensator_state *state);
 void sagnac_compensator_migrate_state(const sagnac_image *image, sagnac_compensator_state *state);
 
 /* A slow update. Bit i of `present` is set if input i has a new sample, codes[i]. A code is read only if its bit is set. A
- * difference has neither bit nor code. */
+ * difference or repeat has neither bit nor code. */
 sagnac_misuse sagnac_compensator_update(const sagnac_image *image, sagnac_compensator_state *state,
                                         const int32_t *codes, uint32_t present);
 

@@ -5,10 +5,10 @@
 //
 // Bit for bit the Rust crate sagnac-core (docs/explanation/arithmetic.md). sagnac_unit.vh has the constants of one gyro axis.
 //
-// `start` begins a slow update; a code and a `present` bit per input are read in that clock. A difference of two inputs has neither. `ready`
-// rises at the end and stays high, with valid outputs, until `taken` (the `applied` of sagnac_fast). `target_now` is the increment that is
-// active at the boundary: sagnac_fast's target. Start early enough: docs/explanation/fpga.md has the number of clocks. `restart` resets the
-// inputs, for a new image.
+// `start` begins a slow update; a code and a `present` bit per input are read in that clock. A difference of two inputs
+// and a repeat of one have neither. `ready` rises at the end and stays high, with valid outputs, until `taken` (the `applied` of
+// sagnac_fast). `target_now` is the increment that is active at the boundary: sagnac_fast's target. Start early enough:
+// docs/explanation/fpga.md has the number of clocks. `restart` resets the inputs, for a new image.
 //
 // Every product is below 2^89 in size, shifted right with one rounding, halves upward.
 // A `start` before `taken` is ignored.
@@ -79,7 +79,7 @@ module sagnac_series #(
     reg [38:0] remainder [0:3];
     reg signed [31:0] last_q24 [0:3];
     reg [3:0] has_last;
-    // Inputs with a valid value in this update, for the differences of two.
+    // Inputs with a valid value in this update, for the differences of two and the repeats.
     reg [3:0] fresh_now;
     reg [31:0] held_updates [0:3];
     reg [31:0] settled_updates [0:3];
@@ -135,7 +135,7 @@ module sagnac_series #(
     wire [23:0] term_turns = TERM_TURNS[24*term[4:0] +: 24];
 
     // Logic that the image does not use is left out.
-    localparam HAS_DIFFERENCES = |IS_DIFFERENCE, HAS_ZONES = |TERM_IS_ZONE, HAS_STEPS = |TERM_IS_STEP,
+    localparam HAS_DERIVED = |IS_DERIVED, HAS_REPEATS = |IS_REPEAT, HAS_ZONES = |TERM_IS_ZONE, HAS_STEPS = |TERM_IS_STEP,
         HAS_HARMONICS = |TERM_TURNS;
     wire is_harmonic = HAS_HARMONICS && term_turns != 24'd0;
     wire is_piece = (HAS_ZONES && TERM_IS_ZONE[term[4:0]]) || (HAS_STEPS && TERM_IS_STEP[term[4:0]]) || is_harmonic;
@@ -153,9 +153,11 @@ module sagnac_series #(
     wire [34:0] sine_sum = result[34:0] + {3'd0, z};
     wire [34:0] sine_size = sine_sum > ONE_Q31[34:0] ? ONE_Q31[34:0] : sine_sum;
     wire signed [34:0] term_basis = is_piece ? piece : basis_read;
-    wire [1:0] minuend = DIFFERENCE_OF[2*at +: 2];
-    wire [1:0] subtrahend = DIFFERENCE_LESS[2*at +: 2];
-    wire signed [32:0] apart = {last_q24[minuend][31], last_q24[minuend]} - {last_q24[subtrahend][31], last_q24[subtrahend]};
+    wire [1:0] minuend = DERIVED_OF[2*at +: 2];
+    wire [1:0] subtrahend = DERIVED_LESS[2*at +: 2];
+    // A repeat subtracts nothing.
+    wire signed [31:0] subtracted = HAS_REPEATS && IS_REPEAT[at] ? 32'sd0 : last_q24[subtrahend];
+    wire signed [32:0] derived = {last_q24[minuend][31], last_q24[minuend]} - {subtracted[31], subtracted};
 
     wire signed [63:0] value = result + {{32{offset[31]}}, offset};
     wire signed [31:0] value_code = value[31:0];
@@ -241,9 +243,9 @@ module sagnac_series #(
                         // A held correction keeps the span bits of the values it was computed from.
                         reported <= held ? reported | (earlier & 6'b000011) : reported;
                         state <= held ? FINISH : BASIS;
-                    end else if (HAS_DIFFERENCES && IS_DIFFERENCE[at]) begin
+                    end else if (HAS_DERIVED && IS_DERIVED[at]) begin
                         fresh <= 1'b0;
-                        product <= {{57{apart[32]}}, apart};
+                        product <= {{57{derived[32]}}, derived};
                         state <= fresh_now[minuend] && fresh_now[subtrahend] ? CODE : ACCEPT;
                     end else if (present_now[at])
                         multiply({{32{code[31]}}, code}, {{3{gain_mantissa[31]}}, gain_mantissa},
