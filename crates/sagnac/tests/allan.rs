@@ -164,6 +164,9 @@ fn ln100_falls_with_the_slope_of_quantization() {
     );
 }
 
+/// Multiple m, Allan deviation, Hadamard deviation.
+type AtMultiples = [(usize, f64, f64); 6];
+
 /// What allantools 2024.06 (numpy 2.4.6, Python 3.11) makes of the recording's counts of 0.1 arcsec, by
 ///
 /// ```python
@@ -172,7 +175,7 @@ fn ln100_falls_with_the_slope_of_quantization() {
 /// ```
 ///
 /// axis: (m, Allan, Hadamard), °/h.
-const PSINS: [(char, [(usize, f64, f64); 6]); 3] = [
+const PSINS: [(char, AtMultiples); 3] = [
     (
         'x',
         [
