@@ -76,12 +76,12 @@ fn an_unchanged_gyro_is_accepted_and_twice_a_limit_is_refused() {
         "≥ 0.97",
         100,
     );
-    let auto = unchanged("auto", 2000, 60);
+    let auto = unchanged("auto", 2000, 16);
     evidence(
         "`compare` accepts an unchanged gyro by `navigation-grade`, three records of two runs of 13 h, `auto`",
         auto,
         "≥ 0.97",
-        60,
+        16,
     );
 
     type Case = (&'static str, f64, fn(Now) -> f64, &'static str);
