@@ -8,7 +8,7 @@ use hostile::{Bench, Now};
 use rayon::prelude::*;
 use sagnac::calibration::Calibration;
 use sagnac_log::setup::{Noise, Setup};
-use support::evidence::evidence;
+use support::evidence::{evidence, held};
 use support::fit;
 
 type Truth = fn(Now) -> f64;
@@ -82,7 +82,7 @@ fn intervals_hold_after_selection() {
         let found = shown(records, runs, weak_cubic, "auto", |_| ());
         let best = shown(records, runs, weak_cubic, "bias 3", |_| ());
         println!("weak cubic, {runs} runs: {found:?}; bias 3: {}", best.error_dph);
-        evidence(
+        held(
             &format!("rms error of the curve by `auto` over that by `bias 3`, weak cubic, runs: {runs}"),
             found.error_dph / best.error_dph,
             "≤ 1.6",
@@ -133,13 +133,13 @@ fn a_rate_term_of_a_slow_lag_leaves_the_curve_in_its_interval() {
         let found = shown(60, runs, truth, "auto", |bench| bench.rate_lag_s = 300.0);
         let best = shown(60, runs, truth, "bias 3, rate 0", |bench| bench.rate_lag_s = 300.0);
         println!("{runs} runs: {found:?}, {best:?}");
-        evidence(
+        held(
             &format!("95 % interval of the curve covers after `auto`, strong cubic with a rate of 300 s, runs: {runs}"),
             found.coverage,
             "0.90 … 0.99",
             60,
         );
-        evidence(
+        held(
             &format!(
                 "rms error by `auto` over that by the true model, strong cubic with a rate of 300 s, runs: {runs}"
             ),
@@ -151,7 +151,7 @@ fn a_rate_term_of_a_slow_lag_leaves_the_curve_in_its_interval() {
         let most = more(|model| model.starts_with("bias 4") || model.starts_with("bias 5"))
             .max(more(|model| !model.contains("rate 0")))
             .max(more(|model| model.contains("zones")));
-        evidence(
+        held(
             &format!("a useless term is selected beside them, the most frequent of three kinds, runs: {runs}"),
             most,
             "≤ 0.1",

@@ -20,23 +20,7 @@ use crate::places::EVIDENCE;
 const TESTS: [(&str, &[&str]); 2] = [
     (
         "sagnac",
-        &[
-            "acceptance",
-            "compare_limits",
-            "copies",
-            "counts",
-            "coverage",
-            "entanglement",
-            "harmonics",
-            "how_sure",
-            "image_ranges",
-            "inputs",
-            "many_files",
-            "paper",
-            "rate_table",
-            "turned",
-            "two_lags",
-        ],
+        &["acceptance", "counts", "coverage", "harmonics", "how_sure", "inputs", "many_files", "paper", "rate_table"],
     ),
     ("sagnac-noise", &["terms"]),
 ];
