@@ -46,7 +46,7 @@ enum Make {
 }
 
 /// All generated files. Those of the libraries come first: the program reads some.
-const FILES: [(&str, Make); 13] = [
+const FILES: [(&str, Make); 14] = [
     ("testdata", Make::Here(chamber::make)),
     ("image", Make::Here(image::make)),
     ("vectors", Make::Here(vectors::make)),
@@ -60,6 +60,7 @@ const FILES: [(&str, Make); 13] = [
     ("faults", Make::ByProgram(faults::make)),
     ("pages", Make::ByProgram(pages::make)),
     ("evidence", Make::ByTests { make: evidence::make, stale: evidence::stale }),
+    ("study", Make::ByTests { make: evidence::make_study, stale: || Ok(Vec::new()) }),
 ];
 
 /// Makes the named files, or all but those of tests, and writes those that differ. With `--check` nothing is written:
@@ -76,7 +77,7 @@ pub(crate) fn bless(args: &[&str]) -> Result<()> {
     }
     for (name, make) in chosen(&names)? {
         if names.is_empty() && matches!(make, Make::ByTests { .. }) {
-            println!("{name} runs tests for minutes: `cargo xtask bless {name}` makes it");
+            println!("{name} runs tests for minutes or hours: `cargo xtask bless {name}` makes it");
             continue;
         }
         for made in made(name, make, &program)? {

@@ -162,7 +162,10 @@ fn describe(console: &mut Console, axis: &AxisCalibration) {
         ));
     }
     for effect in &fit.time_effects {
-        console.say(format!("  {} (fitted beside the terms, not corrected)", effect.words()));
+        console.say(format!(
+            "  {} (fitted beside the terms, not corrected; residual and held-out σ are without it)",
+            effect.words()
+        ));
     }
     for found in &fit.entanglement {
         console.say(format!("  {}", found.note()));
@@ -255,10 +258,11 @@ fn model_search(steps: &[SearchStep]) -> String {
     let last = steps.last().map_or(0, |step| step.step);
     let rows: Vec<Vec<String>> = SearchStep::rows(steps).into_iter().map(Vec::from).collect();
     if rows.len() < 2 {
-        return format!(
-            "  {} models with one term more or less: none is justified, and none smaller is as good",
-            steps.len() - 1
-        );
+        let tried = match steps.len() - 1 {
+            1 => "1 model".to_owned(),
+            models => format!("{models} models"),
+        };
+        return format!("  {tried} with one term more or less: none is justified, and none smaller is as good");
     }
     let title = format!("model search, {last} steps, {} models", steps.len());
     table(&["step", &title, "held-out σ, °/h", "condition", ""], rows)

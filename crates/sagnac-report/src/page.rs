@@ -265,7 +265,7 @@ fn fit_verdict(axis: &AxisCalibration, report_data: &ReportData, several: bool) 
             @if let Some(note) = axis.below_floor_note() { p.note { "Note: " (note) "." } }
             @for found in axis.fit.iter().flat_map(|fit| &fit.entanglement) { p.note { "Note: " (found.note()) "." } }
             @for effect in axis.fit.iter().flat_map(|fit| &fit.time_effects) {
-                p.note { "Fitted beside the terms and not corrected: " (effect.words()) "." }
+                p.note { "Fitted beside the terms and not corrected: " (effect.words()) ". Residual and held-out σ are without it." }
             }
             @if let Some(hidden) = axis.fit.as_ref().and_then(|fit| fit.hidden_in_offsets_dph) {
                 p.note { "Note: each run covers little of the temperatures; the offsets of the runs differ by " (significant(hidden, 2)) " °/h (σ), which may be drift." }

@@ -4,74 +4,15 @@
 mod hostile;
 mod support;
 
+use hostile::curves::{Truth, shown, useless};
 use hostile::{Bench, Now};
-use rayon::prelude::*;
-use sagnac::calibration::Calibration;
 use sagnac_log::setup::{Noise, Setup};
-use support::evidence::{evidence, held};
+use support::evidence::evidence;
 use support::fit;
-
-type Truth = fn(Now) -> f64;
-
-/// Temperatures at which the at-rest curve is compared, °C.
-const AT_C: [f64; 9] = [-38.0, -25.0, -12.0, 0.0, 12.0, 36.0, 48.0, 58.0, 67.0];
-
-/// What some records show.
-#[derive(Debug, Default, Clone)]
-struct Shown {
-    /// Part of the intervals of the at-rest curve that hold the truth.
-    coverage: f64,
-    /// Root mean square error of the curve, °/h.
-    error_dph: f64,
-    /// Models that were selected, with how often.
-    models: std::collections::BTreeMap<String, usize>,
-}
-
-fn shown(records: u64, runs: u64, truth: Truth, model: &str, change: fn(&mut Bench<'_>)) -> Shown {
-    let one = |record: u64| -> Calibration {
-        let logs = (0..runs).map(|run| {
-            let mut bench = Bench::new(1000 * record + run, &truth);
-            (bench.cycles, bench.row_s) = (1, 20.0);
-            change(&mut bench);
-            bench.log()
-        });
-        fit(logs.collect(), &Bench::setup(), model).unwrap()
-    };
-    let rest = |celsius: f64| truth(Now { celsius, cpm: 0.0, lagged_cpm: 0.0, slow_cpm: 0.0, hours: 0.0 });
-    let each = |record: u64| {
-        let made = one(record);
-        let axis = &made.axes[0];
-        let errors = AT_C.map(|celsius| {
-            let found = axis.evaluate(celsius, 0.0);
-            let true_dph = rest(celsius) - rest(25.0);
-            let (lower, upper) = (found.lower_dph.unwrap(), found.upper_dph.unwrap());
-            (found.drift_dph - true_dph, lower <= true_dph && true_dph <= upper)
-        });
-        (axis.correction.model.clone(), errors)
-    };
-    let all: Vec<_> = (0..records).into_par_iter().map(each).collect();
-    let mut out = Shown::default();
-    let n = (all.len() * AT_C.len()) as f64;
-    for (model, errors) in all {
-        *out.models.entry(model).or_default() += 1;
-        for (error, holds) in errors {
-            out.error_dph += error * error / n;
-            out.coverage += f64::from(u8::from(holds)) / n;
-        }
-    }
-    out.error_dph = out.error_dph.sqrt();
-    out
-}
 
 fn weak_cubic(now: Now) -> f64 {
     let u = now.u();
     0.02 * u - 0.008 * u * u + 0.01 * u * u * u
-}
-
-/// Selected models with a term that the truth does not have.
-fn useless(shown: &Shown, has: fn(&str) -> bool) -> f64 {
-    let all: usize = shown.models.values().sum();
-    shown.models.iter().filter(|(model, _)| has(model)).map(|(_, n)| *n).sum::<usize>() as f64 / all as f64
 }
 
 /// A cubic so weak that `auto` often leaves its highest order out: the interval knows. With a fixed "2 %" the intervals held the
@@ -82,7 +23,7 @@ fn intervals_hold_after_selection() {
         let found = shown(records, runs, weak_cubic, "auto", |_| ());
         let best = shown(records, runs, weak_cubic, "bias 3", |_| ());
         println!("weak cubic, {runs} runs: {found:?}; bias 3: {}", best.error_dph);
-        held(
+        evidence(
             &format!("rms error of the curve by `auto` over that by `bias 3`, weak cubic, runs: {runs}"),
             found.error_dph / best.error_dph,
             "≤ 1.6",
@@ -133,13 +74,13 @@ fn a_rate_term_of_a_slow_lag_leaves_the_curve_in_its_interval() {
         let found = shown(60, runs, truth, "auto", |bench| bench.rate_lag_s = 300.0);
         let best = shown(60, runs, truth, "bias 3, rate 0", |bench| bench.rate_lag_s = 300.0);
         println!("{runs} runs: {found:?}, {best:?}");
-        held(
+        evidence(
             &format!("95 % interval of the curve covers after `auto`, strong cubic with a rate of 300 s, runs: {runs}"),
             found.coverage,
             "0.90 … 0.99",
             60,
         );
-        held(
+        evidence(
             &format!(
                 "rms error by `auto` over that by the true model, strong cubic with a rate of 300 s, runs: {runs}"
             ),
@@ -151,7 +92,7 @@ fn a_rate_term_of_a_slow_lag_leaves_the_curve_in_its_interval() {
         let most = more(|model| model.starts_with("bias 4") || model.starts_with("bias 5"))
             .max(more(|model| !model.contains("rate 0")))
             .max(more(|model| model.contains("zones")));
-        held(
+        evidence(
             &format!("a useless term is selected beside them, the most frequent of three kinds, runs: {runs}"),
             most,
             "≤ 0.1",

@@ -86,24 +86,44 @@ fn the_start_up_row_is_flagged() {
     assert!(excluded[0].first.ends_with("imu_raw_data.csv:2"), "{}", excluded[0].first);
 }
 
-/// Held out, of the cubic's error: on axis x one lag has 0.5, two have 0.39, about 7 s and 400 s, and `auto` finds them. What two lags gain
-/// on axis z is less than they must. On axis y the slow process is longer than a quarter of the run: two lags are refused.
+/// Two lags on axis x, about 7 s and 400 s: held out, 0.38 of the cubic's error. On the other axes the data do not separate them.
 #[test]
-fn a_second_lag_explains_what_one_does_not() {
+fn a_second_lag_explains_more_of_axis_x() {
+    let Some(path) = shared("mems-chamber-sweep/imu_raw_data.csv") else {
+        return;
+    };
+    let x_alone = |text: &str| {
+        let mut setup = bench("mems-chamber-sweep/bench.toml");
+        setup.columns.retain(|_, column| !["rate_radps_y", "rate_radps_z"].contains(&column.as_str()));
+        let log = LogReader::open(&path, &setup, ReadMode::Bulk).unwrap();
+        let windows = WindowBuilder::read_all(vec![log], &setup).unwrap().finish();
+        calibrate(windows, &setup, &FitOptions::new(model(text))).unwrap().axes.remove(0)
+    };
+    let (cubic, two) = (x_alone("bias 3"), x_alone("bias 2, rate 0, slow rate 1"));
+    let (fast, slow) = (two.lag_s().unwrap(), two.slow_lag_s().unwrap());
+    let ratio = held_out(&two) / held_out(&cubic);
+    println!("x: {} {ratio:.3} of the cubic, lags {fast:?}, {slow:?}", two.correction.model);
+    assert!(ratio < 0.42, "{ratio}");
+    assert!((5.0..12.0).contains(&fast.value) && (350.0..480.0).contains(&slow.value), "{fast:?} {slow:?}");
+    let refused = try_fit("bias 3, rate 1, slow rate 1", false).unwrap().unwrap_err().to_string();
+    assert!(refused.contains("do not separate the two lags"), "{refused}");
+}
+
+/// Held out, of the cubic's error: 0.13, 0.61 and 0.31 on x, y and z. On x and z `auto` finds a drift in time and a warm-up beside
+/// one lag, which leave a third of what two lags leave. This one sweep cannot say whether time or a process slower than the sweep
+/// is the cause; the record says that neither is corrected.
+#[test]
+fn time_explains_what_a_second_lag_does_not() {
     let Some(cubic) = fit("bias 3", false) else {
         return;
     };
     let auto = fit("auto", false).unwrap();
-    let x = &auto.axes[0];
-    let (fast, slow) = (x.lag_s().unwrap(), x.slow_lag_s().unwrap());
-    let ratio = held_out(x) / held_out(&cubic.axes[0]);
-    println!("x: {} {ratio:.3} of the cubic, lags {fast:?}, {slow:?}", x.correction.model);
-    assert!(x.correction.model.contains("slow rate"), "{}", x.correction.model);
-    assert!(ratio < 0.42, "{ratio}");
-    assert!((5.0..12.0).contains(&fast.value) && (350.0..480.0).contains(&slow.value), "{fast:?} {slow:?}");
-    for other in &auto.axes[1..] {
-        assert!(other.slow_lag_s().is_none(), "{}", other.correction.model);
+    for ((axis, of), most) in auto.axes.iter().zip(&cubic.axes).zip([0.15, 0.65, 0.35]) {
+        let ratio = held_out(axis) / held_out(of);
+        println!("{}: {} {ratio:.3} of the cubic", axis.axis, axis.correction.model);
+        assert!(ratio < most, "{ratio}");
+        assert!(axis.slow_lag_s().is_none(), "{}", axis.correction.model);
     }
-    let refused = try_fit("bias 3, rate 1, slow rate 1", false).unwrap().unwrap_err().to_string();
-    assert!(refused.contains("do not separate the two lags"), "{refused}");
+    let effects: Vec<usize> = auto.axes.iter().map(|axis| axis.fit.as_ref().unwrap().time_effects.len()).collect();
+    assert_eq!(effects, [2, 0, 2]);
 }

@@ -8,6 +8,7 @@
 //! ```
 #![allow(dead_code, reason = "each test binary uses its own part")]
 
+pub(crate) mod curves;
 pub(crate) mod table;
 
 use std::fmt::Write as _;

@@ -3,7 +3,7 @@
 #![allow(dead_code, reason = "each test binary uses its own part")]
 
 /// Asserts that a measured figure keeps its bound, and prints the line that `cargo xtask bless evidence` collects. A bound is
-/// `≥ 0.97`, `≤ 0.05` or `0.92 … 0.98`. Claim and bound are literals in the test, where `bless --check` looks for them.
+/// `≥ 0.97`, `≤ 0.05` or `0.92 … 0.98`. Claim and bound are literals of the test, or its formats, where `bless --check` looks for them.
 #[track_caller]
 pub(crate) fn evidence(claim: &str, measured: f64, bound: &str, records: u64) {
     let file = std::panic::Location::caller().file();
@@ -21,13 +21,6 @@ fn is_within(measured: f64, bound: &str) -> bool {
         let (least, most) = bound.split_once('…').unwrap();
         (number(least)..=number(most)).contains(&measured)
     }
-}
-
-/// The same for a claim that a loop makes, which the page does not list.
-#[track_caller]
-pub(crate) fn held(claim: &str, measured: f64, bound: &str, records: u64) {
-    println!("\n{claim} | {measured} | {bound} | {records}");
-    assert!(is_within(measured, bound), "{claim}: {measured}, not {bound}");
 }
 
 /// The value of several that is farthest from a wanted one.

@@ -1,0 +1,65 @@
+//! What many calibrations of one truth show of its at-rest curve: error, coverage of the 95 % interval, models selected.
+
+use rayon::prelude::*;
+use sagnac::calibration::Calibration;
+
+use super::{Bench, Now};
+use crate::support::fit;
+
+pub(crate) type Truth = fn(Now) -> f64;
+
+/// Temperatures at which the at-rest curve is compared, °C.
+pub(crate) const AT_C: [f64; 9] = [-38.0, -25.0, -12.0, 0.0, 12.0, 36.0, 48.0, 58.0, 67.0];
+
+/// What some records show.
+#[derive(Debug, Default, Clone)]
+pub(crate) struct Shown {
+    /// Part of the intervals of the at-rest curve that hold the truth.
+    pub(crate) coverage: f64,
+    /// Root mean square error of the curve, °/h.
+    pub(crate) error_dph: f64,
+    /// Models that were selected, with how often.
+    pub(crate) models: std::collections::BTreeMap<String, usize>,
+}
+
+pub(crate) fn shown(records: u64, runs: u64, truth: Truth, model: &str, change: fn(&mut Bench<'_>)) -> Shown {
+    let one = |record: u64| -> Calibration {
+        let logs = (0..runs).map(|run| {
+            let mut bench = Bench::new(1000 * record + run, &truth);
+            (bench.cycles, bench.row_s) = (1, 20.0);
+            change(&mut bench);
+            bench.log()
+        });
+        fit(logs.collect(), &Bench::setup(), model).unwrap()
+    };
+    let rest = |celsius: f64| truth(Now { celsius, cpm: 0.0, lagged_cpm: 0.0, slow_cpm: 0.0, hours: 0.0 });
+    let each = |record: u64| {
+        let made = one(record);
+        let axis = &made.axes[0];
+        let errors = AT_C.map(|celsius| {
+            let found = axis.evaluate(celsius, 0.0);
+            let true_dph = rest(celsius) - rest(25.0);
+            let (lower, upper) = (found.lower_dph.unwrap(), found.upper_dph.unwrap());
+            (found.drift_dph - true_dph, lower <= true_dph && true_dph <= upper)
+        });
+        (axis.correction.model.clone(), errors)
+    };
+    let all: Vec<_> = (0..records).into_par_iter().map(each).collect();
+    let mut out = Shown::default();
+    let n = (all.len() * AT_C.len()) as f64;
+    for (model, errors) in all {
+        *out.models.entry(model).or_default() += 1;
+        for (error, holds) in errors {
+            out.error_dph += error * error / n;
+            out.coverage += f64::from(u8::from(holds)) / n;
+        }
+    }
+    out.error_dph = out.error_dph.sqrt();
+    out
+}
+
+/// Selected models with a term that the truth does not have.
+pub(crate) fn useless(shown: &Shown, has: impl Fn(&str) -> bool) -> f64 {
+    let all: usize = shown.models.values().sum();
+    shown.models.iter().filter(|(model, _)| has(model)).map(|(_, n)| *n).sum::<usize>() as f64 / all as f64
+}
