@@ -172,7 +172,7 @@ fn describe(console: &mut Console, axis: &AxisCalibration) {
     }
     if let Some(legs) = fit.hysteresis {
         console.say(format!(
-            "  hysteresis (heating less cooling): {} °/h before, {} °/h after the fit",
+            "  hysteresis (heating minus cooling): {} °/h before, {} °/h after the fit",
             with_sigma(legs.before_dph, Some(legs.sigma_dph)),
             with_sigma(legs.after_dph, Some(legs.sigma_dph))
         ));

@@ -95,7 +95,7 @@ fn disturbed_rows_are_named_and_both_figures_shown() {
         said.contains("the figures are without them; with them: ") && !warned.contains("too many"),
         "{said} {warned}"
     );
-    assert_eq!((object["rows"].as_u64(), object["taken_out"].as_bool()), (Some(4), Some(true)));
+    assert_eq!((object["rows"].as_u64(), object["excluded"].as_bool()), (Some(4), Some(true)));
     assert!(fs::read_to_string(at("log.html")).unwrap().contains("the figures are without them"));
     let many = |k: u32| if k % 100 == 50 { 40.0 } else { 9.0 };
     let rows: String = (1..=4000).map(|k| format!("{k},{}\n", f64::from(k * 7919 % 1009) / 504.5 + many(k))).collect();
@@ -103,5 +103,5 @@ fn disturbed_rows_are_named_and_both_figures_shown() {
     let out = sagnac().args(["allan", &at("many.csv")]).assert().success().get_output().clone();
     let (said, warned) = (String::from_utf8(out.stdout).unwrap(), String::from_utf8(out.stderr).unwrap());
     assert!(said.contains("40 rows are far") && said.contains("the figures are with them; without them: "), "{said}");
-    assert!(warned.contains("too many to take out"), "{warned}");
+    assert!(warned.contains("too many to exclude"), "{warned}");
 }

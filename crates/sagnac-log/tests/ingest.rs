@@ -79,7 +79,7 @@ fn rows_that_cannot_be_used_are_counted_with_their_first_line() {
         (Reason::Gap, 2, 10),
         (Reason::FlaggedInvalid, 1, 15),
         (Reason::TemperatureNotANumber, 1, 13),
-        (Reason::TemperatureImplausible, 1, 12),
+        (Reason::TemperatureInvalid, 1, 12),
     ];
     let expected: Vec<_> = expected.into_iter().map(|(r, n, line)| (r, n, format!("log.csv:{line}"))).collect();
     assert_eq!(tallies(&reader), expected);

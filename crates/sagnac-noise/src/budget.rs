@@ -155,7 +155,7 @@ pub struct DisturbedRow {
     /// `file:line`.
     pub at: String,
     /// Its angle minus the median of those around it, arcsec.
-    pub away_arcsec: f64,
+    pub deviation_arcsec: f64,
 }
 
 /// Rows that are far from those around them.
@@ -165,13 +165,13 @@ pub struct DisturbedRows {
     /// Number of disturbed rows.
     pub rows: u64,
     /// Fraction of all rows.
-    pub part: f64,
+    pub fraction: f64,
     /// The curve and the terms exclude them.
-    pub taken_out: bool,
+    pub excluded: bool,
     /// The first ten.
     pub first: Vec<DisturbedRow>,
     /// The terms of the same record with these rows if they are excluded, without them otherwise.
-    pub terms_otherwise: Terms,
+    pub alternative_terms: Terms,
 }
 
 /// The noise of one axis.
@@ -283,13 +283,13 @@ pub fn budget_of_screened(
 ) -> AxisBudget {
     let mut used = budget(axis, &screened.used, tau0_s, arcsec, asked);
     used.disturbed = screened.other.as_ref().map(|other| {
-        let named = |row: &Disturbed| DisturbedRow { at: place(row.place), away_arcsec: row.away * arcsec };
+        let named = |row: &Disturbed| DisturbedRow { at: place(row.place), deviation_arcsec: row.away * arcsec };
         DisturbedRows {
             rows: screened.disturbed,
-            part: screened.disturbed as f64 / screened.rows.max(1) as f64,
-            taken_out: screened.cleaned,
+            fraction: screened.disturbed as f64 / screened.rows.max(1) as f64,
+            excluded: screened.cleaned,
             first: screened.named.iter().map(named).collect(),
-            terms_otherwise: budget(axis, other, tau0_s, arcsec, |_| false).terms,
+            alternative_terms: budget(axis, other, tau0_s, arcsec, |_| false).terms,
         }
     });
     used

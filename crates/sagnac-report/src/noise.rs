@@ -76,28 +76,26 @@ fn notes(budget: &NoiseBudget) -> Vec<String> {
 /// What is said of an axis whose rows were lost or disturbed, line by line.
 pub fn row_notes(axis: &AxisBudget) -> Vec<String> {
     let mut out = Vec::new();
-    let taken_out =
-        axis.disturbed.as_ref().filter(|disturbed| disturbed.taken_out).map_or(0, |disturbed| disturbed.rows);
-    match axis.filled_rows.saturating_sub(taken_out) {
+    let excluded = axis.disturbed.as_ref().filter(|disturbed| disturbed.excluded).map_or(0, |disturbed| disturbed.rows);
+    match axis.filled_rows.saturating_sub(excluded) {
         0 => {}
         1 => out.push("1 lost row is bridged by the mean of those around it".to_owned()),
         n => out.push(format!("{n} lost rows are bridged by the mean of those around them")),
     }
     let Some(disturbed) = &axis.disturbed else { return out };
     let sign = |away: f64| if away < 0.0 { "−" } else { "+" };
-    let named = disturbed
-        .first
-        .iter()
-        .map(|row| format!("{} ({}{} arcsec)", row.at, sign(row.away_arcsec), significant(row.away_arcsec.abs(), 3)));
+    let named = disturbed.first.iter().map(|row| {
+        format!("{} ({}{} arcsec)", row.at, sign(row.deviation_arcsec), significant(row.deviation_arcsec.abs(), 3))
+    });
     let more = if disturbed.rows > disturbed.first.len() as u64 { ", …" } else { "" };
     let one = disturbed.rows == 1;
     let them = if one { "it" } else { "them" };
     let rows = if one { "1 row is".to_owned() } else { format!("{} rows are", disturbed.rows) };
-    let part = significant(100.0 * disturbed.part, 2);
+    let part = significant(100.0 * disturbed.fraction, 2);
     let named = named.collect::<Vec<_>>().join(", ");
     out.push(format!("{rows} far from those around {them}, {part} % of all: {named}{more}"));
     let otherwise = Term::ALL.iter().filter_map(|term| {
-        let value = disturbed.terms_otherwise.get(*term);
+        let value = disturbed.alternative_terms.get(*term);
         let (name, unit) = term.name();
         let letter = name.rsplit(' ').next().unwrap_or_default();
         matches!(value, TermValue::Found { .. }).then(|| {
@@ -109,7 +107,7 @@ pub fn row_notes(axis: &AxisBudget) -> Vec<String> {
         none if none.is_empty() => "none of the five terms is resolvable".to_owned(),
         terms => terms.join(", "),
     };
-    out.push(match disturbed.taken_out {
+    out.push(match disturbed.excluded {
         true => format!("the figures are without {them}; with {them}: {otherwise}"),
         false => format!("more than 0.5 % is no disturbance: the figures are with {them}; without {them}: {otherwise}"),
     });

@@ -239,11 +239,11 @@ fn a_standing_vehicle_has_deviations_and_no_random_walk() {
             }
         }
         let disturbed = budget.disturbed.as_ref().unwrap();
-        assert!(disturbed.taken_out && disturbed.part < 0.0006, "{letter}: {disturbed:?}");
+        assert!(disturbed.excluded && disturbed.fraction < 0.0006, "{letter}: {disturbed:?}");
         assert_eq!((budget.axis, budget.rows + disturbed.rows, budget.stretches), (*letter, 184_718, 1));
         assert_eq!(budget.curve.len(), wanted.len());
         for (point, (m, adev, _)) in budget.curve.iter().zip(wanted) {
-            // Rows taken out of a motion that returns leave an angle behind: measured 2 % up to 10 s, 17 % at 300 s (z).
+            // Rows excluded from a motion that returns leave an angle behind: measured 2 % up to 10 s, 17 % at 300 s (z).
             let most = if *m <= 1000 { 0.03 } else { 0.2 };
             assert!((point.adev_dph / adev - 1.0).abs() < most, "{letter} {m}: {} for {adev}", point.adev_dph);
         }

@@ -276,7 +276,7 @@ fn check(compared: &Compared) {
 /// One row of 20 arcsec in 12 h makes N some 12 % too large. It is found by its line, both figures are shown, and the clean
 /// one, which is used, is within 1 % (asserted: 3 %) of N without the disturbance; in steps and in a running total.
 #[test]
-fn a_disturbed_row_is_found_named_and_taken_out() {
+fn a_disturbed_row_is_found_named_and_excluded() {
     let (mut clean, mut unclean) = (Vec::new(), Vec::new());
     for seed in 0..8 {
         let counter = if seed % 2 == 0 { Counter::Incremental } else { Counter::Cumulative };
@@ -294,11 +294,11 @@ fn a_disturbed_row_is_found_named_and_taken_out() {
         angles[row] += sign;
         let axis = budget(log(&TWELVE_HOURS, &values(&angles), &none), &setup).axes.remove(0);
         let disturbed = axis.disturbed.unwrap();
-        assert!(disturbed.taken_out && disturbed.rows == 1, "seed {seed}: {disturbed:?}");
+        assert!(disturbed.excluded && disturbed.rows == 1, "seed {seed}: {disturbed:?}");
         assert_eq!(disturbed.first[0].at, format!("simulated.csv:{}", row + 2));
-        assert!((disturbed.first[0].away_arcsec - sign).abs() < 2.5, "{:?}", disturbed.first);
+        assert!((disturbed.first[0].deviation_arcsec - sign).abs() < 2.5, "{:?}", disturbed.first);
         clean.push(value(&axis.terms.n_deg_rt_h) / value(&quiet.terms.n_deg_rt_h));
-        unclean.push(value(&disturbed.terms_otherwise.n_deg_rt_h) / value(&quiet.terms.n_deg_rt_h));
+        unclean.push(value(&disturbed.alternative_terms.n_deg_rt_h) / value(&quiet.terms.n_deg_rt_h));
     }
     let ((clean, worst), (unclean, _)) = (spread(&clean), spread(&unclean));
     println!("clean: mean {clean:.4}, worst {worst:.4}; unclean: mean {unclean:.4}");
@@ -307,11 +307,11 @@ fn a_disturbed_row_is_found_named_and_taken_out() {
     assert!((1.08..1.16).contains(&unclean), "{unclean}");
 }
 
-/// Up to 0.5 % of the rows are taken out. More are not: both figures are shown, the unclean one is used, and that is said.
+/// Up to 0.5 % of the rows are excluded. More are not: both figures are shown, the unclean one is used, and that is said.
 #[test]
 fn many_disturbed_rows_stay() {
     let setup = setup(&TWELVE_HOURS, Counter::Incremental);
-    for (number, taken_out) in [(1, true), (43, true), (44, false), (86, false), (400, false)] {
+    for (number, excluded) in [(1, true), (43, true), (44, false), (86, false), (400, false)] {
         let mut random = Random::new(number as u64);
         let mut angles = TWELVE_HOURS.angles(&mut random);
         let mut rows: Vec<usize> = Vec::new();
@@ -325,12 +325,12 @@ fn many_disturbed_rows_stay() {
         let values = steps(&TWELVE_HOURS.totals(&angles));
         let budget = budget(log(&TWELVE_HOURS, &values, &vec![false; values.len()]), &setup);
         let disturbed = budget.axes[0].disturbed.as_ref().unwrap();
-        assert_eq!((disturbed.rows, disturbed.taken_out), (number as u64, taken_out));
-        let (used, other) = (&budget.axes[0].terms.n_deg_rt_h, &disturbed.terms_otherwise.n_deg_rt_h);
-        let clean = if taken_out { used } else { other };
+        assert_eq!((disturbed.rows, disturbed.excluded), (number as u64, excluded));
+        let (used, other) = (&budget.axes[0].terms.n_deg_rt_h, &disturbed.alternative_terms.n_deg_rt_h);
+        let clean = if excluded { used } else { other };
         println!("{number}: used {:.5}, other {:.5}", value(used), value(other));
         assert!((value(clean) / 0.003 - 1.0).abs() < 0.03, "{number}: {}", value(clean));
-        assert_eq!(budget.warnings.iter().any(|warning| warning.contains("too many to take out")), !taken_out);
+        assert_eq!(budget.warnings.iter().any(|warning| warning.contains("too many to exclude")), !excluded);
     }
 }
 
@@ -354,9 +354,9 @@ fn room_c(row: usize) -> f64 {
 }
 
 /// `--detrend temperature` in a room that moves by 2 °C, read in steps of 1/16 °C: a drift of 0.05 °/h per °C is seen at
-/// 20,480 s (13 to 34 times the noise there) and taken out (0.84 to 1.03 times); N stays within 0.2 % (asserted: 3 %).
+/// 20,480 s (13 to 34 times the noise there) and removed (0.84 to 1.03 times); N stays within 0.2 % (asserted: 3 %).
 #[test]
-fn the_drift_of_a_room_is_taken_out() {
+fn the_drift_of_a_room_is_removed() {
     let day = Gyro { rows: 17_280, ..TWELVE_HOURS };
     let setup = setup(&day, Counter::Incremental);
     let request = Request { taus: Taus::Octaves, exact: false };

@@ -31,9 +31,9 @@ pub enum Reason {
     /// A temperature field that holds no number.
     TemperatureNotANumber,
     /// A temperature outside the thermometer's valid range.
-    TemperatureImplausible,
+    TemperatureInvalid,
     /// An auxiliary value outside the column's valid range.
-    AuxImplausible,
+    AuxInvalid,
     /// A temperature that jumped by more than 5 °C between rows and did not stay.
     ThermometerJump,
     /// A thermometer that stayed constant while another moved.
@@ -71,8 +71,8 @@ impl Reason {
         Self::CounterUnknown,
         Self::FlaggedInvalid,
         Self::TemperatureNotANumber,
-        Self::TemperatureImplausible,
-        Self::AuxImplausible,
+        Self::TemperatureInvalid,
+        Self::AuxInvalid,
         Self::ThermometerJump,
         Self::ThermometerFrozen,
         Self::Settling,
@@ -99,8 +99,8 @@ impl Reason {
             Self::CounterUnknown => "counter_unknown",
             Self::FlaggedInvalid => "flagged_invalid",
             Self::TemperatureNotANumber => "temperature_not_a_number",
-            Self::TemperatureImplausible => "temperature_implausible",
-            Self::AuxImplausible => "aux_implausible",
+            Self::TemperatureInvalid => "temperature_invalid",
+            Self::AuxInvalid => "aux_invalid",
             Self::ThermometerJump => "thermometer_jump",
             Self::ThermometerFrozen => "thermometer_frozen",
             Self::Settling => "settling",
@@ -132,8 +132,8 @@ impl Reason {
             Self::CounterUnknown => "A gap in which a cumulative counter may have wrapped more than once.",
             Self::FlaggedInvalid => "The log's own flag.",
             Self::TemperatureNotANumber => "A temperature field that holds no number.",
-            Self::TemperatureImplausible => "A temperature outside the thermometer's valid range.",
-            Self::AuxImplausible => "An auxiliary value outside the column's valid range.",
+            Self::TemperatureInvalid => "A temperature outside the thermometer's valid range.",
+            Self::AuxInvalid => "An auxiliary value outside the column's valid range.",
             Self::ThermometerJump => "A temperature that jumped by over 5 °C between rows and did not stay.",
             Self::ThermometerFrozen => "A thermometer that stayed constant while another moved.",
             Self::Settling => "Within discard_initial_s of the start of the run.",

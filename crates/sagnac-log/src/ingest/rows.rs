@@ -201,7 +201,7 @@ impl RowValidator {
             let [lo, hi] = plausible.as_ref().unwrap_or(&MOST_OF_AUX);
             for (value, line) in column.iter_mut().zip(&batch.line).skip(from).filter(|(v, _)| **v < *lo || **v > *hi) {
                 *value = f64::NAN;
-                tallies.add(Reason::AuxImplausible, 1, || format!("{file}:{line}"));
+                tallies.add(Reason::AuxInvalid, 1, || format!("{file}:{line}"));
             }
         }
     }
@@ -493,17 +493,17 @@ impl RowValidator {
         for (index, t_c) in row.temperatures_c().enumerate() {
             let others_moved = self.others_moved(index, interval.end_ns);
             let thermometer = &mut self.thermometers[index];
-            let believed = if t_c == BAD_TEMPERATURE {
+            let accepted = if t_c == BAD_TEMPERATURE {
                 Ok(f64::NAN)
             } else if t_c.is_nan() {
                 Ok(thermometer.held(interval.end_ns))
             } else {
                 thermometer.check(t_c, interval.end_ns, joins, others_moved)
             };
-            if let Err(reason) = believed {
+            if let Err(reason) = accepted {
                 self.reject(reason, row);
             }
-            batch.checked_c.push(believed.unwrap_or(f64::NAN));
+            batch.checked_c.push(accepted.unwrap_or(f64::NAN));
         }
     }
 

@@ -81,7 +81,7 @@ impl ThermometerCheck {
     /// The reading, if it is valid. `joins`: the row before it is adjacent.
     pub(crate) fn check(&mut self, t_c: f64, t_ns: i64, joins: bool, others_moved_c: f64) -> Result<f64, Reason> {
         if !(self.spec.valid_range_c[0]..=self.spec.valid_range_c[1]).contains(&t_c) {
-            return Err(Reason::TemperatureImplausible);
+            return Err(Reason::TemperatureInvalid);
         }
         // Since its own last reading: a thermometer may be slower than the log.
         let since_s = s_from_ns(t_ns.saturating_sub(self.valid_ns));

@@ -57,7 +57,7 @@ pub fn noise_budget(
     let shape = logs.first().ok_or_else(|| Error::input("no log given"))?.shape().clone();
     if !shape.timed && setup.sample_interval_s.is_none() {
         let file = logs.first().map(|log| log.summary().file).unwrap_or_default();
-        return Err(Error::input("no time column, and nothing says how long a row is")
+        return Err(Error::input("no time column, and the interval of a row is not stated")
             .file(file)
             .help("give --sample-interval or sample_interval_s in the setup, or map the time column under [columns]"));
     }
@@ -91,13 +91,13 @@ pub(crate) fn misfit_text(axis: &AxisBudget) -> Option<String> {
 
 /// Disturbed rows that stay in the figures, in words.
 fn disturbed_text(axis: &AxisBudget) -> Option<String> {
-    let disturbed = axis.disturbed.as_ref().filter(|disturbed| !disturbed.taken_out)?;
+    let disturbed = axis.disturbed.as_ref().filter(|disturbed| !disturbed.excluded)?;
     let first = disturbed.first.first().map_or("", |row| row.at.as_str());
     Some(format!(
-        "axis {}: {} rows ({} %, the first at {first}) are far from those around them: too many to take out, they make N larger",
+        "axis {}: {} rows ({} %, the first at {first}) are far from those around them: too many to exclude, they make N larger",
         axis.axis,
         disturbed.rows,
-        significant(100.0 * disturbed.part, 2)
+        significant(100.0 * disturbed.fraction, 2)
     ))
 }
 

@@ -46,9 +46,7 @@ pub fn import(polynomial: &Polynomial, setup: &Setup) -> Result<Calibration> {
         return Err(Error::input("coefficients must be finite, the window within 0.001 … 1e6 s").column("--polynomial"));
     }
     let arcsec_per_count = setup.arcsec_per_count.ok_or_else(|| {
-        Error::input("nothing says how many arcsec a count is")
-            .column("arcsec_per_count")
-            .help("give --arcsec-per-count")
+        Error::input("the arcsec of a count are not stated").column("arcsec_per_count").help("give --arcsec-per-count")
     })?;
     let span = Span::on_grid(lo_c, hi_c);
     let stages = setup.stages();

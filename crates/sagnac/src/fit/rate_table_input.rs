@@ -57,12 +57,14 @@ impl RateTableInput {
                 Some(words) => axis_and_sign(words)?,
                 None if letters.len() == 1 => (letter, 1.0),
                 None => {
-                    return Err(Error::input("this run was turned, and nothing says about which axis of the gyro")
-                        .file(name)
-                        .column("table")
-                        .help(
-                            "give [[table]] with file and axis (\"z\", or \"-z\" for the other direction) in the setup",
-                        ));
+                    return Err(Error::input(
+                        "this run was turned, and the axis of the gyro about which is not stated",
+                    )
+                    .file(name)
+                    .column("table")
+                    .help(
+                        "give [[table]] with file and axis (\"z\", or \"-z\" for the other direction) in the setup",
+                    ));
                 }
             };
             for i in (0..windows.len()).filter(|i| rows.run[*i] as usize == run) {
@@ -121,7 +123,7 @@ impl RateTableInput {
         }
         let (letter, ppm) = (windows.shape.axes[axis], 1e6 * (1.0 / slope - 1.0));
         let error = Error::refused(format!(
-            "the scale factor of axis {letter} would deviate by {ppm:.0} ppm from its nominal value; at most {most_ppm} ppm are believed"
+            "the scale factor of axis {letter} would deviate by {ppm:.0} ppm from its nominal value; at most {most_ppm} ppm are accepted"
         ))
         .column("scale_factor_deviation_max_ppm");
         Err(if (slope + 1.0).abs() < 0.1 {

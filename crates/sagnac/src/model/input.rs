@@ -285,13 +285,13 @@ fn whole_numbers(moments: &[(f64, f64)]) -> Vec<f64> {
     if enough && STEPPED.contains(&levels.len()) { levels } else { Vec::new() }
 }
 
-/// A column is believed as far from its span as the span is wide.
+/// A column is accepted as far from its span as the span is wide.
 pub(crate) fn plausible_about([lo, hi]: [f64; 2]) -> [f64; 2] {
     let wide = (hi - lo).max(1e-9 * lo.abs().max(hi.abs())).max(f64::MIN_POSITIVE);
     [lo - wide, hi + wide]
 }
 
-/// The power of two by which a column's unit is taken so that what is believed of it fits the codes of a thermometer.
+/// The power of two by which a column's unit is taken so that what is accepted of it fits the codes of a thermometer.
 pub(crate) fn unit_exponent([lo, hi]: [f64; 2]) -> i8 {
     const MOST: f64 = 120.0;
     let exponent = (lo.abs().max(hi.abs()) / MOST).log2().ceil();
@@ -323,7 +323,7 @@ mod tests {
     }
 
     #[test]
-    fn units_hold_what_is_believed() {
+    fn units_hold_what_is_accepted() {
         assert_eq!(unit_exponent([-270.0, 270.0]), 2);
         assert_eq!(unit_exponent([0.0, 0.006]), -14);
         assert!(0.006 / 2.0_f64.powi(-14) <= 120.0);

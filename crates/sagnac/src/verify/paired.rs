@@ -67,7 +67,7 @@ impl PairedWindows {
         Ok(pair.finish())
     }
 
-    /// Leaves out windows of which nothing says how fast the table turned, on both sides.
+    /// Leaves out windows whose table rate is not known, on both sides.
     ///
     /// # Errors
     /// As [`RateTableInput::of`].

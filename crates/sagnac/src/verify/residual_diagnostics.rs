@@ -73,7 +73,7 @@ impl ResidualDiagnostics {
         }
         if let Some(legs) = self.hysteresis_dph {
             let noise = format!("± {}", significant(2.0 * legs.sigma, 2));
-            row("hysteresis (heating less cooling), °/h", with_sigma(legs.value, Some(legs.sigma)), noise);
+            row("hysteresis (heating minus cooling), °/h", with_sigma(legs.value, Some(legs.sigma)), noise);
         }
         if let Some(gaps) = self.gap_steps {
             let name = format!("steps across {} gaps, rms, °/h", gaps.gaps);
