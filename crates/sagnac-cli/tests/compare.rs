@@ -7,11 +7,14 @@ use sagnac_sim::{PaperRig, csv_bytes};
 use serde_json::Value;
 use tempfile::TempDir;
 
-#[test]
-fn compare_names_what_disagrees_and_by_how_much() {
+fn sagnac() -> Command {
+    Command::cargo_bin("sagnac").unwrap()
+}
+
+/// Records 0 and 1 of one gyro, and record 2 of it after its slope changed by 0.05 °/h.
+fn three_records() -> TempDir {
     let folder = TempDir::new().unwrap();
     let at = |name: &str| folder.path().join(name).display().to_string();
-    let sagnac = || Command::cargo_bin("sagnac").unwrap();
     let mut changed = PaperRig::PAPER;
     changed.coefficients[0] += 0.05;
     for (index, rig) in [PaperRig::PAPER, PaperRig::PAPER, changed].iter().enumerate() {
@@ -20,6 +23,13 @@ fn compare_names_what_disagrees_and_by_how_much() {
         let flags = ["calibrate", &log, "--arcsec-per-count", "1.059", "--quantum", "0.25", "--serial", "RLG-7"];
         sagnac().args(flags).args(["--model", "bias 2", "-o", &record]).assert().success();
     }
+    folder
+}
+
+#[test]
+fn compare_names_what_disagrees_and_by_how_much() {
+    let folder = three_records();
+    let at = |name: &str| folder.path().join(name).display().to_string();
     let (a, b, c, page) = (at("0.cal.json"), at("1.cal.json"), at("2.cal.json"), at("compare.html"));
     let out =
         sagnac().args(["compare", &a, &b, &c, "--json", "--report", &page]).assert().success().get_output().clone();
@@ -42,7 +52,7 @@ fn the_tradeoff_marks_the_knee() {
     let log = folder.path().join("log.csv").display().to_string();
     fs::write(&log, csv_bytes(PaperRig::PAPER.run(1))).unwrap();
     let calibrate = |flags: &[&str]| {
-        let mut command = Command::cargo_bin("sagnac").unwrap();
+        let mut command = sagnac();
         command.args(["calibrate", &log, "--arcsec-per-count", "1.059", "--quantum", "0.25", "--tradeoff"]).args(flags);
         command.assert()
     };
@@ -56,17 +66,8 @@ fn the_tradeoff_marks_the_knee() {
 /// A gyro that came back within the limits, and one that did not: exit status, first words, JSON and report.
 #[test]
 fn compare_holds_what_changed_against_limits() {
-    let folder = TempDir::new().unwrap();
+    let folder = three_records();
     let at = |name: &str| folder.path().join(name).display().to_string();
-    let sagnac = || Command::cargo_bin("sagnac").unwrap();
-    let mut changed = PaperRig::PAPER;
-    changed.coefficients[0] += 0.05;
-    for (index, rig) in [PaperRig::PAPER, PaperRig::PAPER, changed].iter().enumerate() {
-        let (log, record) = (at(&format!("{index}.csv")), at(&format!("{index}.cal.json")));
-        fs::write(&log, csv_bytes(rig.run(index as u64 + 1))).unwrap();
-        let flags = ["calibrate", &log, "--arcsec-per-count", "1.059", "--quantum", "0.25", "--serial", "RLG-7"];
-        sagnac().args(flags).args(["--model", "bias 2", "-o", &record]).assert().success();
-    }
     let limits = at("limits.toml");
     fs::write(&limits, "decision = \"guarded\"\ntemperature_residual_dph_max = 0.04\narw_deg_rt_h_max = 0.01\n")
         .unwrap();

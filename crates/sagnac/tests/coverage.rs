@@ -59,11 +59,11 @@ fn no_useless_term_is_selected() {
         println!("{found:?}");
         useless(&found, has)
     };
-    evidence("`auto` selects a term where there is no drift", part(|_| 0.0, |model| model != "bias 0"), "≤ 0.1", 60);
+    evidence("`auto` selects a term where there is no drift", part(|_| 0.0, |model| model != "bias 0"), "≤ 0.05", 60);
     let linear = part(|now| 0.05 * now.u(), |model| model != "bias 1");
-    evidence("`auto` selects more than the slope of a linear drift", linear, "≤ 0.1", 60);
+    evidence("`auto` selects more than the slope of a linear drift", linear, "≤ 0.05", 60);
     let cubic = part(|now| 0.1 * now.u().powi(3), |model| model != "bias 3");
-    evidence("`auto` selects more than a strong cubic", cubic, "≤ 0.1", 60);
+    evidence("`auto` selects more than a strong cubic", cubic, "≤ 0.05", 60);
 }
 
 /// A cubic with a rate term of a slow lag: nothing else is selected, and the interval at rest holds.
@@ -95,7 +95,7 @@ fn a_rate_term_of_a_slow_lag_leaves_the_curve_in_its_interval() {
         evidence(
             &format!("a useless term is selected beside them, the most frequent of three kinds, runs: {runs}"),
             most,
-            "≤ 0.1",
+            "≤ 0.05",
             60,
         );
     }

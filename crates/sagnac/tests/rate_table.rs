@@ -273,5 +273,5 @@ fn misalignment_from_two_orientations() {
         }
     }
     let asked = fitted(Vec::new()).unwrap_err();
-    assert!(asked.what.contains("about which axis"), "{asked}");
+    assert!(asked.what.contains("about which is not stated"), "{asked}");
 }

@@ -13,7 +13,7 @@ use hostile::{Bench, Now};
 use support::evidence::evidence;
 
 /// Records by number of runs.
-const RECORDS: [(u64, u64); 4] = [(1, 300), (2, 300), (4, 300), (16, 60)];
+const RECORDS: [(u64, u64); 4] = [(1, 300), (2, 300), (4, 300), (16, 30)];
 
 /// A drift, the model that has its terms and no other, and those that lack none that matters.
 struct Drift {

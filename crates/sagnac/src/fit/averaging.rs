@@ -2,8 +2,9 @@
 //! resolve, add to the uncertainty of the curve.
 //!
 //! ```text
-//! grade of a model at a τ    g = SSR/s² + k·max(4, ln n − 2)        s² of the largest model; 2·ln of the τ tried beside it
-//! weight                     w ∝ exp(−½·(SSR/s² + 2·k))             Akaike's, so that a term that was nearly selected counts
+//! grade of a model at a τ    g = SSR/s² + k·max(5, ln n − 2) + 1.5·j        s² of the largest model, j the order of the rate series;
+//!                                                                    2·ln of the τ tried beside it
+//! weight                     w ∝ exp(−½·(SSR/s² + 2.5·k))           near Akaike's, so that a term that was nearly selected counts
 //! variance at T              Σ w·(var_m(T) + (d_m(T) − d(T))²)      d the selected curve, d_m and var_m those of the others
 //! ```
 //!
@@ -28,9 +29,12 @@ use crate::model::basis::{BASIS_LEN, chebyshev};
 use crate::model::spec::ModelSpec;
 
 /// Price of a coefficient, at least and below ln n.
-const LEAST_PRICE: f64 = 4.5;
+const LEAST_PRICE: f64 = 5.0;
 const PRICE_LESS: f64 = 2.0;
-/// Price of a coefficient in the weights (Akaike's): a term that was nearly selected counts.
+/// What an order of the rate series costs more than one of the bias: beside a curve and a rate term it is one more of many that
+/// noise may fit. Without it they were 5 % of all selections.
+const RATE_SLOPE_PRICE: f64 = 1.5;
+/// Price of a coefficient in the weights (2 is Akaike's): a term that was nearly selected counts.
 const WEIGHT_PRICE: f64 = 2.5;
 /// Models of less weight are not looked at.
 const LEAST_WEIGHT: f64 = 1e-4;
@@ -76,7 +80,7 @@ impl Grades {
     }
 }
 
-/// What a coefficient costs: Δχ² = 4, two of its standard errors, and growing with the logarithm of the windows, so that the
+/// What a coefficient costs: Δχ² = 5, 2.2 of its standard errors, and growing with the logarithm of the windows, so that the
 /// selection is consistent.
 pub(crate) fn price(windows: f64) -> f64 {
     (windows.ln() - PRICE_LESS).max(LEAST_PRICE)
@@ -126,7 +130,8 @@ impl<'a> Series<'a> {
             // A τ of the grid is one of several that a rate term may have.
             let of_tau = if lags > 0 { 2.0 * (self.factors.len() as f64).ln() } else { 0.0 };
             let coefficients = (self.specs[spec].coefficients() - lags) as f64;
-            let price = of_tau + coefficients * price(self.rows);
+            let slopes = f64::from(self.specs[spec].thermometer().rate.unwrap_or(0));
+            let price = of_tau + coefficients * price(self.rows) + slopes * RATE_SLOPE_PRICE;
             Graded { spec, price, weight_price: of_tau + coefficients * WEIGHT_PRICE, solution }
         };
         Some(Grades { all: solved.into_iter().map(graded).collect(), variance })

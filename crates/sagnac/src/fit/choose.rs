@@ -12,6 +12,9 @@
 use crate::calibration::{
     Candidate, CorrectionNoise, CrossValidation, CurveSpread, RejectedInput, RejectedModel, SearchStep, SearchVerdict,
 };
+use crate::fit::allowed_inputs::{
+    candidate_inputs, check_channels, check_codes, check_scale_rates, count_steps, sources_of,
+};
 use crate::fit::averaging::{Grades, grade, spread};
 use crate::fit::correction::ImageCheck;
 use crate::fit::criterion::{CvScore, effective_windows, is_undominated};
@@ -24,13 +27,12 @@ use crate::fit::robust::{Loss, robust_fit};
 use crate::fit::search::{CONDITION_MAX, fits_image, inputs_read, shrunk, walk};
 use crate::fit::slow_noise::{SlowNoise, Whitening};
 use crate::fit::solution::{Fitted, fit, noise_of, white_variance, with_slow_noise};
-use crate::fit::{Model, SAME_RATE, SMALLER_WINS_WITHIN};
-use crate::model::input::{Signal, channels};
+use crate::fit::{Model, SMALLER_WINS_WITHIN};
+use crate::model::input::Signal;
 use crate::model::price::Work;
 use crate::model::spec::ModelSpec;
 use crate::window::{WindowShape, Windows};
 use sagnac_log::error::{Error, Result};
-use sagnac_log::setup::ModelConfig;
 
 /// Fraction of the windows in which all inputs of `auto` must be known.
 const KNOWN_TOGETHER: f64 = 0.9;
@@ -88,12 +90,16 @@ pub(crate) fn choose<'a>(
             let specs = affordable(&grid)?;
             let taus_s = grid.tau_grid();
             let nuisance = nuisance::justified(&mut grid, &specs, &taus_s);
-            let with_time = searched(windows, main, image, make, &nuisance)?;
+            let with_time = searched(windows, main, image, make, &nuisance, false)?;
             if nuisance.is_empty() || candidate_inputs(windows, main, image.config, &grid.used)?.0.is_empty() {
                 return Ok(with_time);
             }
-            let without = searched(windows, main, image, make, &[])?;
-            Ok(if without.corrects_instead(&with_time) { without } else { with_time })
+            // An input that follows what this fit puts down to time can be corrected, time cannot. No rate term may take the
+            // place of either.
+            let has_rate = with_time.spec.thermometer().rate.is_some();
+            let without = searched(windows, main, image, make, &[], !has_rate)?;
+            let follows = without.spec.inputs().len() > with_time.spec.inputs().len();
+            Ok(if follows { without } else { with_time })
         }
     }
 }
@@ -105,10 +111,12 @@ fn searched<'a>(
     image: ImageCheck<'a>,
     make: &MakeProblem<'a, '_>,
     nuisance: &[Level],
+    without_main_rate: bool,
 ) -> Result<Chosen<'a>> {
     let make: &MakeProblem<'a, '_> = &|signals: &[Signal]| {
         let mut problem = make(signals)?;
         problem.levels.extend(nuisance);
+        problem.without_main_rate = without_main_rate;
         Ok(problem)
     };
     let grid = make(&[main])?;
@@ -224,132 +232,12 @@ fn given<'a>(
     })
 }
 
-/// The inputs that a model names, the thermometer of the fit first; their names as the log has them.
-fn sources_of(spec: &mut ModelSpec, main: Signal, shape: &WindowShape) -> Result<Vec<Signal>> {
-    let mut sources = vec![main];
-    for of in spec.inputs_mut().iter_mut().skip(1) {
-        let source = find_input(&of.input, main, shape).map_err(|e| e.column("--model"))?;
-        of.input = source.name(shape);
-        if sources.contains(&source) {
-            return Err(Error::input("the same input under two names").column("--model").value(&of.input));
-        }
-        sources.push(source);
-    }
-    Ok(sources)
-}
-
-/// Refuses more inputs than an image can read.
-fn check_channels(spec: &ModelSpec, sources: &[Signal], shape: &WindowShape) -> Result<()> {
-    let most = sagnac_core::MAX_INPUTS;
-    let read = channels(sources[0], &sources[1..]);
-    let count = read.len() + spec.repeats();
-    if count <= most {
-        return Ok(());
-    }
-    let names: Vec<String> = read.iter().map(|source| source.name(shape)).collect();
-    let once_more = if spec.repeats() > 0 {
-        format!(", {} of them once more for a slow rate", spec.repeats())
-    } else {
-        String::new()
-    };
-    let what = format!("`{spec}` reads {count} inputs ({}{once_more})", names.join(", "));
-    Err(Error::refused(format!("{what}; an image reads {most}"))
-        .column("--model")
-        .help("a difference is read with both of its thermometers: leave one input out, or take a thermometer for a difference"))
-}
-
-/// Refuses an input whose range is too small, relative to its value, for the codes of an image.
-fn check_codes(problem: &LeastSquares<'_>) -> Result<()> {
-    problem.others().iter().find(|input| !input.fits_codes()).map_or(Ok(()), |input| {
-        Err(Error::refused(format!(
-            "{} moves from {} to {}: too little of its size for the codes of an image",
-            input.name, input.span.lo, input.span.hi
-        ))
-        .column("--model")
-        .help("log it less its middle value"))
-    })
-}
-
-/// Refuses scale terms at one input rate, where a scale factor is a bias.
-fn check_scale_rates(problem: &LeastSquares<'_>, spec: &ModelSpec) -> Result<()> {
-    let scaled = spec.inputs().iter().find(|of| of.scale > 0);
-    let term = scaled.map(|of| match of.input.as_str() {
-        "" => format!("scale {}", of.scale),
-        input => format!("scale({input})"),
-    });
-    term.filter(|_| !several_rates(problem)).map_or(Ok(()), |term| {
-        let what = format!("{term} needs runs at several input rates; at one rate a scale factor is a bias");
-        Err(Error::refused(what).column("--model").help("take bias(...) instead, or test on a rate table"))
-    })
-}
-
-/// True where the input rates of the runs separate scale factor and bias.
-fn several_rates(problem: &LeastSquares<'_>) -> bool {
-    let (lo, hi) = problem.run_rate.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), r| (l.min(*r), h.max(*r)));
-    problem.column_of(Level::Scale).is_some() || hi - lo > SAME_RATE * lo.abs().max(hi.abs())
-}
-
-/// How many steps each stepped input has on these windows.
-fn count_steps(problem: &LeastSquares<'_>, spec: &mut ModelSpec) -> Result<()> {
-    for of in spec.inputs_mut().iter_mut().filter(|of| of.steps.is_some()) {
-        let steps = problem.input(&of.input).map_or(0, |at| problem.inputs[at].thresholds().len());
-        if steps == 0 {
-            let what = "does not stand at one of 2 to 16 whole numbers in nine of ten windows";
-            return Err(Error::refused(format!("`{}` {what}", of.input))
-                .column("--model")
-                .help("give it a series instead, bias(...) 1, or a --window within which it stands still"));
-        }
-        of.steps = u8::try_from(steps).ok();
-    }
-    Ok(())
-}
-
-fn find_input(name: &str, main: Signal, shape: &WindowShape) -> Result<Signal> {
-    let found = Signal::named(name, shape).ok_or_else(|| {
-        let all: Vec<String> = Signal::others(shape, usize::MAX).into_iter().map(|s| s.name(shape)).collect();
-        Error::input("the log has no such input").value(name).help(format!("it has: {}", Error::choices(&all)))
-    })?;
-    if found == main {
-        return Err(Error::input("is the thermometer of the fit; its terms stand without brackets").value(name));
-    }
-    if let Signal::Difference { of, less } = found
-        && of == less
-    {
-        return Err(Error::input("a thermometer less itself is nothing").value(name));
-    }
-    Ok(found)
-}
-
-/// Inputs besides the thermometer of the fit that `auto` may use: those named in the setup, otherwise all that vary and are
-/// known in enough windows.
-fn candidate_inputs(
-    windows: &Windows,
-    main: Signal,
-    config: &ModelConfig,
-    used: &[usize],
-) -> Result<(Vec<Signal>, Vec<RejectedInput>)> {
-    let shape = &windows.shape;
-    if let Some(names) = &config.inputs {
-        let found = names.iter().map(|name| find_input(name, main, shape).map_err(|e| e.column("inputs")));
-        return Ok((found.collect::<Result<_>>()?, Vec::new()));
-    }
-    let Signal::Thermometer(at) = main else { return Ok((Vec::new(), Vec::new())) };
-    let (mut further, mut aside) = (Vec::new(), Vec::new());
-    for source in Signal::others(shape, at) {
-        match source.rejection(windows, used) {
-            None => further.push(source),
-            Some(reason) => aside.push(RejectedInput { input: source.name(shape), reason: reason.to_owned() }),
-        }
-    }
-    Ok((further, aside))
-}
-
 /// The models over the thermometer of the fit that the windows are enough for.
 fn affordable(problem: &LeastSquares<'_>) -> Result<Vec<ModelSpec>> {
     let affordable = |spec: &ModelSpec| problem.len() >= 3 * (problem.levels.len() + spec.coefficients());
     let with_scale = problem.column_of(Level::Scale).is_some();
     let specs: Vec<ModelSpec> =
-        ModelSpec::candidates(problem.has_rate(), with_scale).into_iter().filter(affordable).collect();
+        ModelSpec::candidates(problem.tries_main_rate(), with_scale).into_iter().filter(affordable).collect();
     if specs.is_empty() {
         return Err(Error::refused(format!(
             "{} windows in {} runs are too few even for constants; a fit needs three windows for each coefficient",
@@ -517,13 +405,6 @@ impl Chosen<'_> {
         let whitening = Whitening::new(&self.problem, self.noise);
         let grades = grade(&self.problem, &whitening, &specs, &self.taus_s)?;
         spread(&self.problem, grades, &specs, curve)
-    }
-
-    /// True where an input follows what another fit puts down to time, and no rate of the thermometer of the fit takes its place: such
-    /// an input can be corrected, time cannot.
-    fn corrects_instead(&self, with_time: &Self) -> bool {
-        let has_rate = |chosen: &Self| chosen.spec.thermometer().rate.is_some();
-        self.spec.inputs().len() > with_time.spec.inputs().len() && (has_rate(with_time) || !has_rate(self))
     }
 
     /// White variance of a nominal window, (°/h)²: stated, else that of the fit under its slow noise.

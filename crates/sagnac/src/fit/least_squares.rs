@@ -60,6 +60,8 @@ pub(crate) struct LeastSquares<'a> {
     mean_time_h: Vec<f64>,
     /// Columns before the terms of a model.
     pub(crate) levels: Vec<Level>,
+    /// Rate terms over the thermometer of the fit are not tried.
+    pub(crate) without_main_rate: bool,
     /// Rates of the table, where the axis was on one.
     pub(crate) turning: Option<RateTableInput>,
 }
@@ -185,6 +187,7 @@ impl<'a> LeastSquares<'a> {
             time_h,
             mean_time_h,
             levels,
+            without_main_rate: false,
             turning,
         })
     }
@@ -249,6 +252,11 @@ impl<'a> LeastSquares<'a> {
     /// True where a temperature rate can be had.
     pub(crate) fn has_rate(&self) -> bool {
         self.windows.shape.timed
+    }
+
+    /// True where rate terms over the thermometer of the fit may be selected.
+    pub(crate) fn tries_main_rate(&self) -> bool {
+        self.has_rate() && !self.without_main_rate
     }
 
     /// τ from Δt to a quarter of the longest run, in equal ratios.

@@ -7,15 +7,19 @@
 //!
 //! `docs/explanation/method.md` describes the method; the equation of each step is in its module.
 
+mod allowed_inputs;
 mod averaging;
 mod bootstrap;
 mod choose;
 mod correction;
 mod criterion;
+mod design;
 mod effects;
 mod entanglement;
 mod exclusions;
 mod folds;
+
+mod golden_section;
 mod input_noise;
 mod lag;
 mod least_squares;

@@ -18,8 +18,9 @@ use sagnac_log::error::{Error, Result};
 
 use crate::fit::criterion::{effective_windows, needed_gain};
 use crate::fit::folds::Trial;
+use crate::fit::golden_section::golden_section;
 use crate::fit::least_squares::LeastSquares;
-use crate::fit::solution::{fit, golden_section, misfit_at};
+use crate::fit::solution::{fit, misfit_at};
 use crate::model::shape::period_on_grid;
 use crate::model::{ModelSpec, Span};
 

@@ -3,7 +3,8 @@
 //!
 //! ```text
 //! forward:   candidates have one order (input, zone, set of steps, second lag) more; those must improve on the reference (m: candidates
-//!            of this step). Selected: the smallest that no other of them improves on.
+//!            of this step), and the residual of their fit on that of the last model by as much: held-out errors of one record
+//!            scatter more than residuals. Selected: the smallest that no other of them improves on.
 //! backward:  candidates have one order less; the reference must not improve on them. Selected: the smallest.
 //! ```
 //!
@@ -20,7 +21,7 @@ use crate::fit::correction::ImageCheck;
 use crate::fit::criterion::{CvScore, effective_windows, is_undominated, needed_gain};
 use crate::fit::folds::Trial;
 use crate::fit::least_squares::{LeastSquares, Level};
-use crate::fit::solution::fit;
+use crate::fit::solution::{Fitted, fit};
 use crate::model::input::channels;
 use crate::model::price::Work;
 use crate::model::spec::{InputTerms, MAX_RATE_ORDER, ModelSpec};
@@ -59,6 +60,8 @@ struct Tried {
     /// Inputs that its image reads.
     inputs: usize,
     mean_square: Option<f64>,
+    /// Of the residuals of the fit.
+    residual_square: f64,
     condition: Option<f64>,
     /// An image can hold it.
     held: bool,
@@ -96,7 +99,7 @@ pub(crate) fn walk(
 ) -> Option<Path> {
     let mut starts = vec![start.clone()];
     if !problem.others().is_empty() {
-        let rates = if problem.has_rate() { vec![None, Some(0)] } else { vec![None] };
+        let rates = if problem.tries_main_rate() { vec![None, Some(0)] } else { vec![None] };
         let scale = start.thermometer().scale;
         let small = |rate| InputTerms { bias: 2, rate, scale, ..InputTerms::default() };
         starts.extend(rates.into_iter().map(|rate| ModelSpec::of_thermometer(small(rate))));
@@ -128,8 +131,8 @@ fn walk_from(problem: &LeastSquares<'_>, start: &ModelSpec, taus_s: &[f64], imag
                     return is_undominated(model.held(), &[least], here.windows);
                 }
                 let more = model.spec.coefficients().saturating_sub(here.spec.coefficients());
-                let rivals = tried.len().max(ZONES.len());
-                model.square() * needed_gain(here.windows, more, rivals) < least.mean_square
+                let needed = needed_gain(here.windows, more, tried.len().max(ZONES.len()));
+                model.square() * needed < least.mean_square && model.residual_square * needed < here.residual_square
             };
             let taken = best_of(&tried, here.windows, passes);
             number += 1;
@@ -183,7 +186,10 @@ fn try_all(problem: &LeastSquares<'_>, specs: &[ModelSpec], taus_s: &[f64], imag
         let mean_square = if fair { Trial::new(problem, spec, taus_s).held_out() } else { None };
         let rho = fitted.as_ref().map_or(0.0, |f| f.autocorrelation);
         let windows = effective_windows(problem.len(), rho);
-        Tried { spec: spec.clone(), windows, inputs: inputs_read(problem, spec), mean_square, condition, held }
+        let squares = |f: &Fitted| f.sigma_dph.powi(2) * problem.len().saturating_sub(f.theta.len()) as f64;
+        let residual_square = fitted.as_ref().map_or(f64::INFINITY, squares);
+        let inputs = inputs_read(problem, spec);
+        Tried { spec: spec.clone(), windows, inputs, mean_square, residual_square, condition, held }
     };
     specs.par_iter().map(tried).collect()
 }
@@ -230,13 +236,13 @@ fn grown(problem: &LeastSquares<'_>, from: &ModelSpec) -> Vec<ModelSpec> {
     if open && main.bias < sagnac_core::MAX_ORDER {
         add(&|spec| spec.thermometer_mut().bias += 1);
     }
-    if open && problem.has_rate() && main.rate.is_none_or(|rate| rate < MAX_RATE_ORDER) {
+    if open && problem.tries_main_rate() && main.rate.is_none_or(|rate| rate < MAX_RATE_ORDER) {
         add(&|spec| spec.thermometer_mut().rate = Some(main.rate.map_or(0, |rate| rate + 1)));
     }
     if let Some(zones) = ZONES.into_iter().find(|zones| *zones > main.zones).filter(|_| main.bias > 0) {
         add(&|spec| spec.thermometer_mut().zones = zones);
     }
-    for rates in slower(problem, main) {
+    for rates in if problem.tries_main_rate() { slower(problem, main) } else { Vec::new() } {
         add(&|spec| (spec.thermometer_mut().rate, spec.thermometer_mut().slow_rate) = rates);
     }
     for input in problem.others() {

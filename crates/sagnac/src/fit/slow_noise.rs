@@ -23,8 +23,8 @@
 //! Fails where a run is shorter than what is slow: a drift in time over a single ramp and a drift over temperature are one.
 
 use crate::calibration::SlowNoiseTerms;
+use crate::fit::golden_section::golden_section;
 use crate::fit::least_squares::LeastSquares;
-use crate::fit::solution::golden_section;
 use nalgebra::{DMatrix, DVector};
 use sagnac_log::setup::Noise;
 use sagnac_units::s_from_ns;

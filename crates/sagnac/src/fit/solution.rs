@@ -1,18 +1,24 @@
 //! The fit of one model on all windows, with its covariance.
 //!
 //! For given τ the model is linear and solved by QR. τ is found by a grid over [Δt, run/4] and a golden section; two lags of one
-//! input are found together ([`super::two_lags`]), those of several inputs in turn until they converge. Covariance: s²·(JᵀWJ)⁻¹ with ∂y/∂τ as a column of J, widened by
-//! (1 + ρ)/(1 − ρ) for residuals of lag-one autocorrelation ρ (AR(1); Bartlett 1946), until the slow noise of the residuals is
-//! known: then it is that of these weights under that noise ([`super::slow_noise`]).
+//! input are found together ([`super::two_lags`]), those of several inputs in turn until they converge.
+//!
+//! ```text
+//! Cov = s²·(JᵀWJ)⁻¹·(1 + ρ)/(1 − ρ)        ∂y/∂τ is a column of J; ρ: lag-one autocorrelation of the residuals (AR(1); Bartlett 1946)
+//! ```
+//!
+//! Once the slow noise of the residuals is known, the covariance is that of these weights under that noise ([`super::slow_noise`]).
 
 use nalgebra::DMatrix;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
 use crate::calibration::Lag;
 use crate::fit::bootstrap::Resampling;
-use crate::fit::least_squares::{LeastSquares, Rates, TermColumn};
+use crate::fit::design::{Columns, Design, FLAT_CHI_SQUARED, Tau, lag_one, misfit};
+use crate::fit::golden_section::golden_section;
+use crate::fit::least_squares::{LeastSquares, TermColumn};
 use crate::fit::slow_noise::{self, MOST_ROWS, SlowNoise, Whitening};
-use crate::fit::solve::{Conditioning, Factor, Reducer, Solution};
+use crate::fit::solve::Conditioning;
 use crate::fit::two_lags::{Found, LEAST_RATIO, find_pair};
 use crate::model::ActsOn;
 use crate::model::Shape;
@@ -20,22 +26,10 @@ use crate::model::spec::ModelSpec;
 use rayon::prelude::*;
 use sagnac_log::error::{Error, Result};
 
-/// τ counts as resolved unless misfits within this Δχ² of the least reach an end of the search: two standard errors.
-pub(crate) const FLAT_CHI_SQUARED: f64 = 4.0;
-const GOLDEN_STEPS: usize = 24;
 /// Limit on the sweeps over several lags.
 const MOST_SWEEPS: usize = 6;
 /// Lags have converged when none moves by more than this fraction of itself.
 const STILL: f64 = 1e-3;
-
-/// τ of the rate terms of an input.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Tau {
-    /// Place of the input.
-    pub(crate) input: usize,
-    pub(crate) value_s: f64,
-    pub(crate) resolved: bool,
-}
 
 /// A fitted model.
 pub(crate) struct Fitted {
@@ -290,121 +284,6 @@ fn dependent(problem: &LeastSquares<'_>, spec: &ModelSpec) -> Error {
         .help("test at more temperatures (or, for scale terms, at several input rates), or take a smaller --model")
 }
 
-/// The regressors of some terms at some lags.
-pub(crate) struct Design<'a> {
-    problem: &'a LeastSquares<'a>,
-    terms: &'a [TermColumn],
-    rates: Rates,
-    /// Rows become innovations of it; else they are weighted by their lengths.
-    whitening: Option<&'a Whitening>,
-    /// Only so many of the first rows.
-    rows: usize,
-}
-
-impl<'a> Design<'a> {
-    pub(crate) fn new(problem: &'a LeastSquares<'a>, terms: &'a [TermColumn], taus: &[(usize, f64)]) -> Self {
-        Self::with_rates(problem, terms, problem.rates(taus))
-    }
-
-    pub(crate) fn with_rates(problem: &'a LeastSquares<'a>, terms: &'a [TermColumn], rates: Rates) -> Self {
-        Self { problem, terms, rates, whitening: None, rows: usize::MAX }
-    }
-
-    /// Sum of squares of the residuals at the best coefficients; infinite where there are none.
-    pub(crate) fn misfit(&self) -> f64 {
-        self.factor(&[]).solve_all().map_or(f64::INFINITY, |solution| solution.ssr)
-    }
-
-    /// The best coefficients.
-    pub(crate) fn solve(&self) -> Option<Vec<f64>> {
-        self.solve_with(&[])
-    }
-
-    /// The same with further columns behind the terms.
-    pub(crate) fn solve_with(&self, slopes: &[Vec<f64>]) -> Option<Vec<f64>> {
-        self.factor(slopes).solve_all().map(|solution| solution.theta.iter().copied().collect())
-    }
-
-    /// Residuals, each times the root of its weight.
-    pub(crate) fn weighted_residuals(&self, theta: &[f64]) -> Vec<f64> {
-        self.residuals(theta).iter().zip(&self.problem.weight).map(|(r, w)| r * w.sqrt()).collect()
-    }
-
-    /// ∂y/∂τ of a lag at some coefficients, by central difference over ±1 %.
-    pub(crate) fn slope_of_lag(&self, tau: &Tau, theta: &[f64]) -> Vec<f64> {
-        let step = 0.01 * tau.value_s;
-        let own: Vec<(usize, &TermColumn)> = self
-            .terms
-            .iter()
-            .enumerate()
-            .filter(|(_, term)| term.input == tau.input && term.form.times_rate)
-            .map(|(at, term)| (self.problem.levels.len() + at, term))
-            .collect();
-        let made_at = |tau_s: f64| -> Vec<f64> {
-            let rates = self.problem.rates(&[(tau.input, tau_s)]);
-            let of_row =
-                |row| own.iter().map(|(at, term)| theta[*at] * self.problem.regressor(term, row, &rates)).sum();
-            (0..self.problem.len()).map(of_row).collect()
-        };
-        let (above, below) = (made_at(tau.value_s + step), made_at(tau.value_s - step));
-        above.iter().zip(&below).map(|(a, b)| (a - b) / (2.0 * step)).collect()
-    }
-
-    /// Levels, terms and the ∂y/∂τ of a row.
-    fn row(&self, row: usize, slopes: &[Vec<f64>], out: &mut Vec<f64>) {
-        out.clear();
-        out.extend(self.problem.levels.iter().map(|level| self.problem.level(row, *level)));
-        out.extend(self.terms.iter().map(|term| self.problem.regressor(term, row, &self.rates)));
-        out.extend(slopes.iter().map(|slope| slope[row]));
-    }
-
-    /// All rows as a factor, with ∂y/∂τ as last columns if given.
-    fn factor(&self, slopes: &[Vec<f64>]) -> Columns {
-        let count = self.problem.levels.len() + self.terms.len() + slopes.len();
-        let mut reducer = Reducer::new(count + 1);
-        let mut row = Vec::with_capacity(count + 1);
-        let mut filter = self.whitening.map(|whitening| whitening.filter(count + 1));
-        for i in 0..self.problem.len().min(self.rows) {
-            self.row(i, slopes, &mut row);
-            row.push(self.problem.y[i]);
-            match &mut filter {
-                Some(filter) => filter.push(i, &mut row),
-                None => {
-                    let root = self.problem.weight[i].sqrt();
-                    row.iter_mut().for_each(|value| *value *= root);
-                }
-            }
-            reducer.push(&row);
-        }
-        Columns { factor: reducer.finish(), count }
-    }
-
-    fn model_at(&self, row: usize, theta: &[f64], regressors: &mut Vec<f64>) -> f64 {
-        self.row(row, &[], regressors);
-        regressors.iter().zip(theta).map(|(a, b)| a * b).sum::<f64>()
-    }
-
-    fn residuals(&self, theta: &[f64]) -> Vec<f64> {
-        let mut regressors = Vec::new();
-        (0..self.problem.len()).map(|i| self.problem.y[i] - self.model_at(i, theta, &mut regressors)).collect()
-    }
-}
-
-struct Columns {
-    factor: Factor,
-    count: usize,
-}
-
-impl Columns {
-    fn solve_all(&self) -> Option<Solution> {
-        self.factor.solve(&(0..self.count).collect::<Vec<_>>())
-    }
-}
-
-fn misfit(problem: &LeastSquares<'_>, terms: &[TermColumn], taus_s: &[(usize, f64)]) -> f64 {
-    Design::new(problem, terms, taus_s).misfit()
-}
-
 /// The lags of least misfit, one after the other until they stand.
 fn find_taus(problem: &LeastSquares<'_>, spec: &ModelSpec, terms: &[TermColumn], taus_s: &[f64]) -> Result<Vec<Tau>> {
     let middle = taus_s.get(taus_s.len() / 2).copied().unwrap_or(1.0);
@@ -479,25 +358,6 @@ fn find_tau(taus_s: &[f64], degrees: f64, misfit: impl Fn(f64) -> f64 + Sync) ->
     Some((value_s, true))
 }
 
-/// Minimum of a function with one valley between `lo` and `hi`.
-pub(crate) fn golden_section(mut lo: f64, mut hi: f64, f: impl Fn(f64) -> f64) -> f64 {
-    const RATIO: f64 = 0.618_033_988_749_894_9;
-    let (mut left, mut right) = (hi - RATIO * (hi - lo), lo + RATIO * (hi - lo));
-    let (mut at_left, mut at_right) = (f(left), f(right));
-    for _ in 0..GOLDEN_STEPS {
-        if at_left < at_right {
-            (hi, right, at_right) = (right, left, at_left);
-            left = hi - RATIO * (hi - lo);
-            at_left = f(left);
-        } else {
-            (lo, left, at_left) = (left, right, at_right);
-            right = lo + RATIO * (hi - lo);
-            at_right = f(right);
-        }
-    }
-    f64::midpoint(lo, hi)
-}
-
 /// ∂y of every parameter of [`Fitted::nonlinear`], in its order.
 fn nonlinear_columns(design: &Design<'_>, spec: &ModelSpec, taus: &[Tau], theta: &[f64]) -> Vec<Vec<f64>> {
     let mut columns = tau_columns(design, taus, theta);
@@ -547,17 +407,4 @@ fn period_columns(design: &Design<'_>, spec: &ModelSpec, theta: &[f64]) -> Vec<V
 /// Misfit of a model at given lags.
 pub(crate) fn misfit_at(problem: &LeastSquares<'_>, spec: &ModelSpec, lags_s: &[(usize, f64)]) -> f64 {
     misfit(problem, &problem.terms(spec), lags_s)
-}
-
-/// Lag-one correlation of neighbouring residuals of a run, with Kendall's (1954) correction for the
-/// small-sample bias; within 0 … 0.99.
-pub(crate) fn lag_one(problem: &LeastSquares<'_>, scaled: &[f64]) -> f64 {
-    let square: f64 = scaled.iter().map(|r| r * r).sum();
-    let product: f64 =
-        (1..scaled.len()).filter(|i| problem.run[*i] == problem.run[i - 1]).map(|i| scaled[i] * scaled[i - 1]).sum();
-    if square == 0.0 {
-        return 0.0;
-    }
-    let raw = product / square;
-    (raw + (1.0 + 3.0 * raw.max(0.0)) / scaled.len() as f64).clamp(0.0, 0.99)
 }

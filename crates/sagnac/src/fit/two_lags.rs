@@ -17,8 +17,9 @@
 use rayon::prelude::*;
 
 use crate::fit::criterion::effective_windows;
+use crate::fit::design::{Design, FLAT_CHI_SQUARED, Tau, lag_one};
+use crate::fit::golden_section::golden_section;
 use crate::fit::least_squares::{LeastSquares, Rates, TermColumn};
-use crate::fit::solution::{Design, FLAT_CHI_SQUARED, Tau, lag_one};
 
 /// Least ratio of the slow lag to the fast one.
 pub(crate) const LEAST_RATIO: f64 = 3.0;
@@ -193,7 +194,7 @@ impl PairSearch<'_> {
                 let fast_s = taus_s[fast];
                 let (lo, hi) = (taus_s[slow - 1].max(LEAST_RATIO * fast_s).ln(), taus_s[slow + 1].ln());
                 let misfit = |log: f64| self.design([fast_s, log.exp()]).misfit();
-                Found::Pair([(fast_s, false), (super::solution::golden_section(lo, hi, misfit).exp(), true)])
+                Found::Pair([(fast_s, false), (golden_section(lo, hi, misfit).exp(), true)])
             }
         }
     }

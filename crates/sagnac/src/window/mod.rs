@@ -7,6 +7,7 @@
 
 mod build;
 mod outliers;
+mod sums;
 #[cfg(feature = "parquet")]
 mod table;
 

@@ -1,0 +1,151 @@
+//! The regressors of a model at given lags, and what least squares makes of them.
+//!
+//! ```text
+//! y = levels + Σ cⱼ·column_j(lags)        min Σ w·(y − …)²        w: length of a window, or rows whitened by the slow noise
+//! ```
+//!
+//! For given lags the model is linear. Lags are searched for by [`super::solution`], pairs of them by [`super::two_lags`].
+
+use crate::fit::least_squares::{LeastSquares, Rates, TermColumn};
+use crate::fit::slow_noise::Whitening;
+use crate::fit::solve::{Factor, Reducer, Solution};
+
+/// τ counts as resolved unless misfits within this Δχ² of the least reach an end of the search: two standard errors.
+pub(crate) const FLAT_CHI_SQUARED: f64 = 4.0;
+
+/// τ of the rate terms of an input.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Tau {
+    /// Place of the input.
+    pub(crate) input: usize,
+    pub(crate) value_s: f64,
+    pub(crate) resolved: bool,
+}
+
+/// The regressors of some terms at some lags.
+pub(crate) struct Design<'a> {
+    pub(super) problem: &'a LeastSquares<'a>,
+    pub(super) terms: &'a [TermColumn],
+    pub(super) rates: Rates,
+    /// Rows become innovations of it; else they are weighted by their lengths.
+    pub(super) whitening: Option<&'a Whitening>,
+    /// Only so many of the first rows.
+    pub(super) rows: usize,
+}
+
+impl<'a> Design<'a> {
+    pub(crate) fn new(problem: &'a LeastSquares<'a>, terms: &'a [TermColumn], taus: &[(usize, f64)]) -> Self {
+        Self::with_rates(problem, terms, problem.rates(taus))
+    }
+
+    pub(crate) fn with_rates(problem: &'a LeastSquares<'a>, terms: &'a [TermColumn], rates: Rates) -> Self {
+        Self { problem, terms, rates, whitening: None, rows: usize::MAX }
+    }
+
+    /// Sum of squares of the residuals at the best coefficients; infinite where there are none.
+    pub(crate) fn misfit(&self) -> f64 {
+        self.factor(&[]).solve_all().map_or(f64::INFINITY, |solution| solution.ssr)
+    }
+
+    /// The best coefficients.
+    pub(crate) fn solve(&self) -> Option<Vec<f64>> {
+        self.solve_with(&[])
+    }
+
+    /// The same with further columns behind the terms.
+    pub(crate) fn solve_with(&self, slopes: &[Vec<f64>]) -> Option<Vec<f64>> {
+        self.factor(slopes).solve_all().map(|solution| solution.theta.iter().copied().collect())
+    }
+
+    /// Residuals, each times the root of its weight.
+    pub(crate) fn weighted_residuals(&self, theta: &[f64]) -> Vec<f64> {
+        self.residuals(theta).iter().zip(&self.problem.weight).map(|(r, w)| r * w.sqrt()).collect()
+    }
+
+    /// ∂y/∂τ of a lag at some coefficients, by central difference over ±1 %.
+    pub(crate) fn slope_of_lag(&self, tau: &Tau, theta: &[f64]) -> Vec<f64> {
+        let step = 0.01 * tau.value_s;
+        let own: Vec<(usize, &TermColumn)> = self
+            .terms
+            .iter()
+            .enumerate()
+            .filter(|(_, term)| term.input == tau.input && term.form.times_rate)
+            .map(|(at, term)| (self.problem.levels.len() + at, term))
+            .collect();
+        let made_at = |tau_s: f64| -> Vec<f64> {
+            let rates = self.problem.rates(&[(tau.input, tau_s)]);
+            let of_row =
+                |row| own.iter().map(|(at, term)| theta[*at] * self.problem.regressor(term, row, &rates)).sum();
+            (0..self.problem.len()).map(of_row).collect()
+        };
+        let (above, below) = (made_at(tau.value_s + step), made_at(tau.value_s - step));
+        above.iter().zip(&below).map(|(a, b)| (a - b) / (2.0 * step)).collect()
+    }
+
+    /// Levels, terms and the ∂y/∂τ of a row.
+    pub(super) fn row(&self, row: usize, slopes: &[Vec<f64>], out: &mut Vec<f64>) {
+        out.clear();
+        out.extend(self.problem.levels.iter().map(|level| self.problem.level(row, *level)));
+        out.extend(self.terms.iter().map(|term| self.problem.regressor(term, row, &self.rates)));
+        out.extend(slopes.iter().map(|slope| slope[row]));
+    }
+
+    /// All rows as a factor, with ∂y/∂τ as last columns if given.
+    pub(super) fn factor(&self, slopes: &[Vec<f64>]) -> Columns {
+        let count = self.problem.levels.len() + self.terms.len() + slopes.len();
+        let mut reducer = Reducer::new(count + 1);
+        let mut row = Vec::with_capacity(count + 1);
+        let mut filter = self.whitening.map(|whitening| whitening.filter(count + 1));
+        for i in 0..self.problem.len().min(self.rows) {
+            self.row(i, slopes, &mut row);
+            row.push(self.problem.y[i]);
+            match &mut filter {
+                Some(filter) => filter.push(i, &mut row),
+                None => {
+                    let root = self.problem.weight[i].sqrt();
+                    row.iter_mut().for_each(|value| *value *= root);
+                }
+            }
+            reducer.push(&row);
+        }
+        Columns { factor: reducer.finish(), count }
+    }
+
+    pub(super) fn model_at(&self, row: usize, theta: &[f64], regressors: &mut Vec<f64>) -> f64 {
+        self.row(row, &[], regressors);
+        regressors.iter().zip(theta).map(|(a, b)| a * b).sum::<f64>()
+    }
+
+    pub(super) fn residuals(&self, theta: &[f64]) -> Vec<f64> {
+        let mut regressors = Vec::new();
+        (0..self.problem.len()).map(|i| self.problem.y[i] - self.model_at(i, theta, &mut regressors)).collect()
+    }
+}
+
+pub(super) struct Columns {
+    pub(super) factor: Factor,
+    pub(super) count: usize,
+}
+
+impl Columns {
+    pub(super) fn solve_all(&self) -> Option<Solution> {
+        self.factor.solve(&(0..self.count).collect::<Vec<_>>())
+    }
+}
+
+pub(super) fn misfit(problem: &LeastSquares<'_>, terms: &[TermColumn], taus_s: &[(usize, f64)]) -> f64 {
+    Design::new(problem, terms, taus_s).misfit()
+}
+
+/// Lag-one correlation of neighbouring residuals of a run, with Kendall's (1954) correction for the
+/// small-sample bias; within 0 … 0.99.
+pub(crate) fn lag_one(problem: &LeastSquares<'_>, scaled: &[f64]) -> f64 {
+    let square: f64 = scaled.iter().map(|r| r * r).sum();
+    let product: f64 =
+        (1..scaled.len()).filter(|i| problem.run[*i] == problem.run[i - 1]).map(|i| scaled[i] * scaled[i - 1]).sum();
+    if square == 0.0 {
+        return 0.0;
+    }
+    let raw = product / square;
+    (raw + (1.0 + 3.0 * raw.max(0.0)) / scaled.len() as f64).clamp(0.0, 0.99)
+}
