@@ -50,7 +50,7 @@ pub(crate) struct Args {
     /// What each order buys out of sample, and what it costs on the target in instructions
     #[arg(long)]
     tradeoff: bool,
-    /// 95 % intervals by so many draws of the block bootstrap beside those of the covariance
+    /// 95 % intervals by so many draws of the bootstrap beside those of the covariance
     #[arg(long, value_name = "DRAWS", value_parser = clap::value_parser!(u16).range(100..=20_000))]
     bootstrap: Option<u16>,
     /// One JSON object on standard output, text on standard error
@@ -177,12 +177,17 @@ fn describe(console: &mut Console, axis: &AxisCalibration) {
             with_sigma(legs.after_dph, Some(legs.sigma_dph))
         ));
     }
-    if let Some(soak) = &fit.soak {
+    if let Some(soak) = fit.soak.as_ref().filter(|soak| !soak.improves()) {
+        console.say(format!(
+            "  an hour more of soak does not improve the curve at any temperature: its σ of {} °/h is slow noise",
+            significant(soak.mean_sigma_dph, 2)
+        ));
+    } else if let Some(soak) = &fit.soak {
         console.say(format!(
             "  the next hour of soak improves the curve most at {:.0} °C: σ of the curve {} → {} °/h (root mean square over the span)",
             soak.best_c,
-            significant(soak.mean_sigma_dph, 2),
-            significant(soak.mean_sigma_after_dph, 2)
+            significant(soak.mean_sigma_dph, 3),
+            significant(soak.mean_sigma_after_dph, 3)
         ));
     }
     if fit.candidates.len() > 1 {
@@ -301,7 +306,7 @@ fn coefficients(axis: &AxisCalibration) -> String {
     if rows.is_empty() {
         return "  no term is justified: the drift does not follow temperature beyond the noise".to_owned();
     }
-    let header = ["term", "value ± σ", "unit", "", "95 % by block bootstrap"];
+    let header = ["term", "value ± σ", "unit", "", "95 % by bootstrap"];
     let resampled = axis.correction.terms.iter().any(|term| term.bootstrap.is_some());
     table(if resampled { &header } else { &header[..4] }, rows)
 }

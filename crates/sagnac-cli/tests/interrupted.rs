@@ -8,6 +8,8 @@ use sagnac_sim::{PaperRig, csv_bytes};
 use tempfile::TempDir;
 
 const KILLS: u32 = 200;
+/// A whole run is timed anew after so many kills, because other work on the machine comes and goes.
+const KILLS_PER_MEASUREMENT: u32 = 20;
 const OLD: &str = "what was there before\n";
 
 fn start(folder: &Path) -> Child {
@@ -23,6 +25,11 @@ fn wait_until(started: Instant, moment: Duration) {
     }
 }
 
+/// Every order of the kills spreads them over the whole of a run; this one does so between two measurements too.
+fn moment(kill: u32) -> u32 {
+    kill % KILLS_PER_MEASUREMENT * (KILLS / KILLS_PER_MEASUREMENT) + kill / KILLS_PER_MEASUREMENT
+}
+
 fn temporary_files(folder: &Path) -> usize {
     let names = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().file_name().to_string_lossy().into_owned());
     names.filter(|name| name.starts_with(".sagnac-")).count()
@@ -36,17 +43,23 @@ fn killed_at_any_moment_leaves_the_old_file_or_the_new_one() {
     std::fs::write(path.join("log.csv"), csv_bytes(PaperRig::PAPER.run(1))).unwrap();
     let calibrate = ["calibrate", "log.csv", "--arcsec-per-count", "1.059", "--quantum", "0.25", "-o", "unit.cal.json"];
     assert_cmd::Command::cargo_bin("sagnac").unwrap().current_dir(path).args(calibrate).assert().success();
-    let started = Instant::now();
-    assert!(start(path).wait().unwrap().success());
-    let whole = started.elapsed();
+    let time_of_whole_run = || {
+        let started = Instant::now();
+        assert!(start(path).wait().unwrap().success());
+        started.elapsed()
+    };
+    time_of_whole_run();
     let new = std::fs::read(path.join("out.csv")).unwrap();
     assert!(new.len() > 100_000);
-    let (mut with_old, mut with_new) = (0, 0);
+    let (mut with_old, mut with_new, mut whole) = (0, 0, Duration::ZERO);
     for kill in 0..KILLS {
+        if kill % KILLS_PER_MEASUREMENT == 0 {
+            whole = time_of_whole_run();
+        }
         std::fs::write(path.join("out.csv"), OLD).unwrap();
         let started = Instant::now();
         let mut child = start(path);
-        wait_until(started, whole * kill / (KILLS - KILLS / 8));
+        wait_until(started, whole * moment(kill) / (KILLS - KILLS / 8));
         let polite = kill % 2 == 1;
         if polite {
             // By the program of that name: no unsafe call here.

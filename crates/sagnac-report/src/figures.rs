@@ -204,10 +204,13 @@ pub(crate) fn tradeoff(record: &AxisCalibration) -> Option<Figure> {
 /// Gain of a longer soak.
 pub(crate) fn soak(record: &AxisCalibration) -> Option<Figure> {
     let soak = record.fit.as_ref()?.soak.as_ref()?;
+    let gain = if soak.improves() {
+        format!("The next hour improves the curve as a whole most at {:.0} °C.", soak.best_c)
+    } else {
+        "No hour at one temperature improves the curve as a whole: its uncertainty is slow noise.".to_owned()
+    };
     let caption = format!(
-        "Standard deviation of the curve at rest, now and after so many hours of soak at that very temperature. The next hour buys \
-         most for the curve as a whole at {:.0} °C.",
-        soak.best_c
+        "Standard deviation of the curve at rest, now and after so many hours of soak at that very temperature. {gain}"
     );
     let labels = ["temperature, °C", "σ of the drift, °/h"];
     let title = "What would more soaking buy?";

@@ -24,7 +24,7 @@ pub(crate) fn coefficients(axis: &AxisCalibration) -> Markup {
             div.scroll { table {
                 thead { tr {
                     th { "term" } th { "value ± σ" } th.words { "unit" } th { "VIF" }
-                    @if by_bootstrap { th { "95 %, block bootstrap" } }
+                    @if by_bootstrap { th { "95 %, bootstrap" } }
                     th.words { "" }
                 } }
                 @for term in &axis.correction.terms {

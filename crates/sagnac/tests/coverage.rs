@@ -6,6 +6,8 @@ mod support;
 
 use hostile::curves::{Truth, shown, useless};
 use hostile::{Bench, Now};
+use rayon::prelude::*;
+use sagnac::fit::{FitOptions, calibrate};
 use sagnac_log::setup::{Noise, Setup};
 use support::evidence::evidence;
 use support::fit;
@@ -135,4 +137,36 @@ fn intervals_hold_under_slow_noise() {
     evidence("95 % interval of the curve covers, `bias 3`, K = 0.01 °/h/√h", walk, "0.92 … 0.98", 150);
     let markov = coverage(|bench| bench.markov = Some((2000.0, 0.01)));
     evidence("95 % interval of the curve covers, `bias 3`, Markov noise of 2,000 s", markov, "0.92 … 0.98", 150);
+}
+
+/// The bootstrap's interval of the cubic coefficient under slow noise of each kind, two runs.
+#[test]
+fn bootstrap_intervals_hold_under_slow_noise() {
+    let coverage = |change: fn(&mut Bench<'_>)| {
+        let covers = |record: u64| {
+            let logs = (0..2).map(|run| {
+                let mut bench = Bench::new(91_000_000 + 1000 * record + run, &weak_cubic);
+                (bench.cycles, bench.row_s) = (1, 20.0);
+                change(&mut bench);
+                bench.log()
+            });
+            let options = FitOptions::new(support::model("bias 3")).bootstrap(Some(400));
+            let made = calibrate(support::windows(logs.collect(), &Bench::setup()), &Bench::setup(), &options).unwrap();
+            let axis = &made.axes[0];
+            let [lo_c, hi_c] = axis.span_c();
+            // 0.01·u³ over the span of the fit: a quarter of its leading power is the Chebyshev coefficient.
+            let cubic = 0.01 * ((hi_c - lo_c) / 110.0_f64).powi(3) / 4.0;
+            let [lower, upper] = axis.correction.terms[2].bootstrap.unwrap();
+            lower <= cubic && cubic <= upper
+        };
+        let held: Vec<bool> = (0..300).into_par_iter().map(covers).collect();
+        held.iter().filter(|held| **held).count() as f64 / held.len() as f64
+    };
+    evidence("95 % interval by the bootstrap covers, white noise", coverage(|_| ()), "0.90 … 0.98", 300);
+    let flicker = coverage(|bench| bench.b_dph = 0.01);
+    evidence("95 % interval by the bootstrap covers, B = 0.01 °/h", flicker, "0.90 … 0.98", 300);
+    let walk = coverage(|bench| bench.k_dph_rt_h = 0.01);
+    evidence("95 % interval by the bootstrap covers, K = 0.01 °/h/√h", walk, "0.90 … 0.98", 300);
+    let markov = coverage(|bench| bench.markov = Some((2000.0, 0.01)));
+    evidence("95 % interval by the bootstrap covers, Markov noise of 2,000 s", markov, "0.90 … 0.98", 300);
 }

@@ -9,7 +9,7 @@ use rand_chacha::ChaCha8Rng;
 use sagnac::calibration::Calibration;
 use sagnac::compare::compare;
 use sagnac::fit::{FitOptions, Loss, calibrate};
-use sagnac_log::setup::{Setup, WindowSize};
+use sagnac_log::setup::{Noise, Setup, WindowSize};
 use support::evidence::{evidence, farthest};
 use support::{fit, model, windows};
 
@@ -30,6 +30,12 @@ fn drift(celsius: f64) -> f64 {
 
 /// Up and down between −40 and +70 °C twice, then a soak at −40 °C; residuals of σ 0.02 °/h and this correlation time.
 fn log(windows: usize, soak: usize, correlation_windows: f64, seed: u64) -> Vec<u8> {
+    log_with_walk(windows, soak, correlation_windows, 0.0, seed)
+}
+
+/// The same with a rate random walk beside them, °/h/√h.
+fn log_with_walk(windows: usize, soak: usize, correlation_windows: f64, k_dph_rt_h: f64, seed: u64) -> Vec<u8> {
+    let mut walk = 0.0;
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let keep = if correlation_windows > 0.0 { (-1.0 / correlation_windows).exp() } else { 0.0 };
     let mut noise = normal(&mut rng);
@@ -37,7 +43,10 @@ fn log(windows: usize, soak: usize, correlation_windows: f64, seed: u64) -> Vec<
     for k in 0..windows + soak {
         let phase = (4.0 * (k as f64 + 0.5) / windows as f64).min(4.0);
         let celsius = 15.0 + 55.0 * (1.0 - 2.0 * (phase % 2.0 - 1.0).abs());
-        writeln!(text, "{},{celsius},{}", 100 * (k + 1), 4.5 + drift(celsius) + SIGMA * noise).unwrap();
+        writeln!(text, "{},{celsius},{}", 100 * (k + 1), 4.5 + drift(celsius) + SIGMA * noise + walk).unwrap();
+        if k_dph_rt_h > 0.0 {
+            walk += k_dph_rt_h * (100.0_f64 / 3600.0).sqrt() * normal(&mut rng);
+        }
         noise = keep * noise + (1.0 - keep * keep).sqrt() * normal(&mut rng);
     }
     text.into_bytes()
@@ -94,34 +103,32 @@ fn intervals_hold_under_residuals_that_hang_together() {
     }
 }
 
-/// The forecast of the record for hours of soak at −40 °C, against fits with these hours. Measured: within 2 % on average.
+/// The forecast of the record for hours of soak at −40 °C, against fits with these hours: mean over 40 records. Under a walk that
+/// makes half of the uncertainty, hours of soak buy little, and the forecast knows it.
 #[test]
 fn the_forecast_of_a_soak_comes_true() {
     let cases = [
-        (
-            0.0,
-            [
-                "σ of the curve after 1 h more soak over its forecast, white residuals",
-                "σ of the curve after 4 h more soak over its forecast, white residuals",
-            ],
-        ),
-        (
-            1.0,
-            [
-                "σ of the curve after 1 h more soak over its forecast, residuals correlated over 1 window",
-                "σ of the curve after 4 h more soak over its forecast, residuals correlated over 1 window",
-            ],
-        ),
+        ("white residuals", 0.0, 0.0),
+        ("residuals correlated over 1 window", 1.0, 0.0),
+        ("a stated walk of 0.01 °/h/√h", 0.0, 0.01),
     ];
-    for (correlation_windows, claims) in cases {
+    let by_rows = by_rows();
+    // Stated, because an estimate of K gets better with the hours as well. 0.02 °/h of a window of 100 s is N = 0.02/6 °/√h.
+    let stated = Setup { noise: Some(Noise::walk(SIGMA / 6.0).slow(0.0, 0.01)), ..Setup::default() };
+    for (name, correlation_windows, walk) in cases {
         let mut ratios = [Vec::new(), Vec::new()];
         for seed in 0..40 {
-            let made =
-                |soak: usize| fit(vec![log(300, soak, correlation_windows, seed)], &by_rows(), "bias 3").unwrap();
+            let made = |soak: usize| {
+                let log = log_with_walk(300, soak, correlation_windows, walk, seed);
+                fit(vec![log], if walk > 0.0 { &stated } else { &by_rows }, "bias 3").unwrap()
+            };
             let soak = made(0).axes[0].fit.as_ref().unwrap().soak.clone().unwrap();
             let cold = &soak.rows[0];
             assert!((cold.temperature_c + 40.0).abs() < 1.0 && soak.hours == [1.0, 2.0, 4.0, 8.0]);
-            assert!(cold.after_dph.is_sorted_by(|a, b| a > b) && cold.after_dph[0] < cold.sigma_dph);
+            // Under slow noise a longer soak may add more noise than it averages.
+            if walk == 0.0 && correlation_windows == 0.0 {
+                assert!(cold.after_dph.is_sorted_by(|a, b| a > b) && cold.after_dph[0] < cold.sigma_dph);
+            }
             for (ratios, (hours, forecast)) in
                 ratios.iter_mut().zip([(36, cold.after_dph[0]), (144, cold.after_dph[2])])
             {
@@ -129,27 +136,22 @@ fn the_forecast_of_a_soak_comes_true() {
                 ratios.push(after.rows[0].sigma_dph / forecast);
             }
         }
-        for (ratios, claim) in ratios.iter().zip(claims) {
-            evidence(claim, ratios.iter().sum::<f64>() / ratios.len() as f64, "0.94 … 1.06", 40);
-        }
+        let [one, four] = ratios.map(|ratios| ratios.iter().sum::<f64>() / ratios.len() as f64);
+        evidence(&format!("σ of the curve after 1 h more soak over its forecast, {name}"), one, "0.94 … 1.06", 40);
+        evidence(&format!("σ of the curve after 4 h more soak over its forecast, {name}"), four, "0.94 … 1.06", 40);
     }
 }
 
-/// The block bootstrap beside the covariance: half an interval within a quarter of t·σ under white residuals and under
-/// residuals that are correlated over two windows. Measured: 0.98 and 0.85 … 0.86 on average over 30 records; blocks
-/// lose part of a long correlation.
+/// The bootstrap beside the covariance: half an interval within a tenth of t·σ under white residuals and under residuals that are
+/// correlated over two windows, where blocks of residuals gave 0.86.
 #[test]
-fn the_block_bootstrap_agrees_with_the_covariance() {
+fn the_bootstrap_agrees_with_the_covariance() {
     let cases = [
-        (
-            0.0,
-            "interval of the block bootstrap over that of the covariance, white residuals: farthest from 1",
-            "0.9 … 1.1",
-        ),
+        (0.0, "interval of the bootstrap over that of the covariance, white residuals: farthest from 1", "0.9 … 1.1"),
         (
             2.0,
-            "interval of the block bootstrap over that of the covariance, residuals correlated over 2 windows: farthest from 1",
-            "0.75 … 1.1",
+            "interval of the bootstrap over that of the covariance, residuals correlated over 2 windows: farthest from 1",
+            "0.9 … 1.1",
         ),
     ];
     for (correlation_windows, claim, bound) in cases {

@@ -52,6 +52,16 @@ pub struct Soak {
     pub mean_sigma_after_dph: f64,
 }
 
+impl Soak {
+    /// Smaller gains of an hour are none.
+    const LEAST_GAIN: f64 = 0.03;
+
+    /// False where an hour more gains less than 3 %: what is uncertain is slower than that.
+    pub fn improves(&self) -> bool {
+        self.mean_sigma_after_dph < (1.0 - Self::LEAST_GAIN) * self.mean_sigma_dph
+    }
+}
+
 /// What the fit says of a temperature.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]

@@ -1,20 +1,24 @@
-//! Intervals without a model of the residuals: the block bootstrap, on demand.
+//! Intervals that do not assume a normal distribution: the bootstrap, on demand.
 //!
 //! ```text
-//! y* = fit + r*,   r* = blocks of L neighbouring residuals of a run, drawn with replacement, times √(n/(n − p))
-//! θ* = θ + (JᵀWJ)⁻¹JᵀW r*        L = ⌈(√6·ρ/(1 − ρ²))^⅔ · n^⅓⌉
+//! y* = fit + r*,   θ* = θ + (JᵀWJ)⁻¹JᵀW r*        r* drawn with replacement, times √(n/(n − p))·t/1.96:
+//! slow noise       innovations of the residuals under it, put back through its filter
+//! else             blocks of L neighbouring residuals of a run,   L = ⌈(√6·ρ/(1 − ρ²))^⅔ · n^⅓⌉
 //! ```
 //!
-//! L is the length of least mean square error for AR(1) residuals of lag-one autocorrelation ρ (Carlstein 1986). Correlation
-//! within L windows is preserved. τ of a resolved rate term is one of the columns, linearised. Intervals are
-//! quantiles, 95 %.
+//! A block preserves correlation over its own length alone, so that noise slower than that needs its model
+//! ([`super::slow_noise`]). L is the length of least mean square error for AR(1) residuals of lag-one autocorrelation ρ (Carlstein
+//! 1986). t is the quantile of the fit, which knows how uncertain the variances of slow noise are. τ of a resolved rate term is one of the columns, linearised. Intervals are quantiles, 95 %.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use crate::fit::slow_noise::Whitening;
+
 const SEED: u64 = 0x424c_4f43_4b53;
 const TAIL: f64 = 0.025;
+const NORMAL_QUANTILE_975: f64 = 1.959_963_985;
 
 /// Residuals of a fit and the matrix from residuals to parameters.
 pub(crate) struct Resampling<'a> {
@@ -25,6 +29,10 @@ pub(crate) struct Resampling<'a> {
     /// (JᵀWJ)⁻¹JᵀW^½: a row per parameter.
     pub(crate) gain: &'a DMatrix<f64>,
     pub(crate) autocorrelation: f64,
+    /// Half a 95 % interval of the fit in units of σ.
+    pub(crate) t_quantile_975: f64,
+    /// Of the slow noise of the residuals, if there is any, with the weights of the rows.
+    pub(crate) slow: Option<(&'a Whitening, &'a [f64])>,
 }
 
 impl Resampling<'_> {
@@ -38,25 +46,19 @@ impl Resampling<'_> {
 
     /// 95 % intervals of every parameter about its value, from so many draws.
     pub(crate) fn intervals(&self, theta: &[f64], draws: usize) -> Vec<[f64; 2]> {
-        let (n, p, block) = (self.residuals.len(), self.gain.nrows(), self.block());
-        let grow = (n as f64 / n.saturating_sub(p).max(1) as f64).sqrt();
-        // A block starts where a whole one follows within the run.
-        let starts: Vec<usize> = (0..n).filter(|i| i + block <= n && self.run[*i] == self.run[i + block - 1]).collect();
-        let starts = if starts.is_empty() { (0..n).collect() } else { starts };
+        let (n, p) = (self.residuals.len(), self.gain.nrows());
+        let grow = (n as f64 / n.saturating_sub(p).max(1) as f64).sqrt() * self.t_quantile_975 / NORMAL_QUANTILE_975;
+        let starts = self.starts();
+        let innovations = self.innovations();
         let mut rng = ChaCha8Rng::seed_from_u64(SEED);
         let mut drawn = vec![Vec::with_capacity(draws); p];
-        let mut resampled = nalgebra::DVector::zeros(n);
+        let mut resampled = DVector::zeros(n);
         for _ in 0..draws {
-            let mut at = 0;
-            while at < n {
-                let start = starts[(rng.next_u64() % starts.len() as u64) as usize];
-                for i in start..(start + block).min(n) {
-                    if at < n {
-                        resampled[at] = grow * self.residuals[i];
-                        at += 1;
-                    }
-                }
+            match self.slow {
+                Some(slow) => coloured(slow, &innovations, &mut rng, &mut resampled),
+                None => self.draw_blocks(&starts, &mut rng, &mut resampled),
             }
+            resampled *= grow;
             let shift = self.gain * &resampled;
             drawn.iter_mut().zip(shift.iter()).for_each(|(all, shift)| all.push(*shift));
         }
@@ -67,4 +69,56 @@ impl Resampling<'_> {
         };
         drawn.iter_mut().zip(theta).map(interval).collect()
     }
+
+    /// Rows at which a whole block follows within the run.
+    fn starts(&self) -> Vec<usize> {
+        let (n, block) = (self.residuals.len(), self.block());
+        let starts: Vec<usize> = (0..n).filter(|i| i + block <= n && self.run[*i] == self.run[i + block - 1]).collect();
+        if starts.is_empty() { (0..n).collect() } else { starts }
+    }
+
+    fn draw_blocks(&self, starts: &[usize], rng: &mut ChaCha8Rng, out: &mut DVector<f64>) {
+        let (n, block) = (self.residuals.len(), self.block());
+        let mut at = 0;
+        while at < n {
+            let start = starts[place(rng, starts.len())];
+            for i in start..(start + block).min(n) {
+                if at < n {
+                    out[at] = self.residuals[i];
+                    at += 1;
+                }
+            }
+        }
+    }
+
+    /// Of the residuals under their slow noise; none without it.
+    fn innovations(&self) -> Vec<f64> {
+        let Some((whitening, weight)) = self.slow else { return Vec::new() };
+        let mut filter = whitening.filter(1);
+        let mut of_row = |i: usize| {
+            let mut row = [self.residuals[i] / weight[i].sqrt()];
+            filter.push(i, &mut row);
+            row[0]
+        };
+        (0..self.residuals.len()).map(&mut of_row).collect()
+    }
+}
+
+/// Innovations drawn one by one and put back through the filter.
+fn coloured(
+    (whitening, weight): (&Whitening, &[f64]),
+    innovations: &[f64],
+    rng: &mut ChaCha8Rng,
+    out: &mut DVector<f64>,
+) {
+    let mut filter = whitening.filter(1);
+    for (i, value) in out.iter_mut().enumerate() {
+        let mut row = [innovations[place(rng, innovations.len())]];
+        filter.colour(i, &mut row);
+        *value = row[0] * weight[i].sqrt();
+    }
+}
+
+fn place(rng: &mut ChaCha8Rng, of: usize) -> usize {
+    (rng.next_u64() % of.max(1) as u64) as usize
 }

@@ -30,7 +30,7 @@ use crate::fit::robust::Loss;
 use crate::fit::search::CONDITION_MAX;
 use crate::fit::slow_noise::SlowNoise;
 use crate::fit::soak::soak;
-use crate::fit::solution::{Fitted, bootstrap_intervals};
+use crate::fit::solution::{Extension, Fitted, bootstrap_intervals};
 use crate::image::{Holder, rate_unit};
 use crate::model::ActsOn;
 use crate::model::input::Signal;
@@ -67,7 +67,7 @@ impl FitOptions {
         Self { source_date_epoch: epoch_s, ..self }
     }
 
-    /// With 95 % intervals by so many draws of the block bootstrap.
+    /// With 95 % intervals by so many draws of the bootstrap.
     #[must_use]
     pub fn bootstrap(self, draws: Option<usize>) -> Self {
         Self { bootstrap: draws, ..self }
@@ -308,7 +308,7 @@ fn fit_axis(
     let problem = &chosen.problem;
     let parts = Parts::new(&fitted, problem);
     let inputs = recorded_inputs(&fitted, Some(&parts), problem, windows, &stages.model, sensor);
-    let intervals = options.bootstrap.map(|draws| bootstrap_intervals(problem, &fitted, draws));
+    let intervals = options.bootstrap.map(|draws| bootstrap_intervals(problem, &fitted, chosen.noise, draws));
     let terms = terms(&fitted, problem, &inputs, intervals.as_deref());
     check_scale(&terms, letter)?;
     let drawn = Drawn::of(&fitted, problem, &parts);
@@ -348,7 +348,8 @@ fn fit_axis(
         zones,
         fit: Some(diagnostics),
     };
-    let forecast = soak(&record, windows.shape.nominal_s);
+    let extension = Extension::new(problem, &fitted, chosen.noise, chosen.white_variance(&fitted));
+    let forecast = soak(&record, extension.as_ref(), windows.shape.nominal_s);
     let curve = |celsius: f64| {
         let variance = record.variance_of(&record.drift_weights(celsius, reference_c));
         (record.drift(celsius, reference_c), variance)

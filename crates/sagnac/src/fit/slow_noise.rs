@@ -90,6 +90,39 @@ impl SlowNoise {
         })
     }
 
+    /// Variance and τ, s, of the ladder and of the Markov process.
+    fn markov_processes(&self, problem: &LeastSquares<'_>) -> Vec<(f64, f64)> {
+        let rungs = ladder_s(problem).into_iter().take(STATES - 2).map(|tau_s| (self.flicker, tau_s));
+        rungs.chain(self.markov).filter(|(variance, _)| *variance > 0.0).collect()
+    }
+
+    /// How the noise of the last run goes on behind it.
+    pub(crate) fn continued(&self, problem: &LeastSquares<'_>, z: &DMatrix<f64>) -> Continuation {
+        let last_run = problem.run.last().copied();
+        let rows: Vec<usize> = (0..problem.len()).filter(|row| Some(problem.run[*row]) == last_run).collect();
+        let seconds_before =
+            |at: usize| if at == 0 { 0.0 } else { middle_s(problem, rows[at]) - middle_s(problem, rows[at - 1]) };
+        let decayed = |(variance, tau_s): (f64, f64)| {
+            let mut sum = DVector::zeros(z.ncols());
+            for (at, row) in rows.iter().enumerate() {
+                sum *= (-seconds_before(at) / tau_s).exp();
+                sum += z.row(*row).transpose();
+            }
+            (variance, tau_s, sum)
+        };
+        let (mut behind, mut sum, mut hours) = (DVector::zeros(z.ncols()), DVector::zeros(z.ncols()), 0.0);
+        for (at, row) in rows.iter().enumerate().rev() {
+            behind += z.row(*row).transpose();
+            sum += &behind * (seconds_before(at) / 3600.0);
+            hours += seconds_before(at) / 3600.0;
+        }
+        Continuation {
+            markov: self.markov_processes(problem).into_iter().map(decayed).collect(),
+            walk: (self.walk_per_h > 0.0).then_some((self.walk_per_h, sum, hours)),
+            window_s: problem.windows().shape.nominal_s,
+        }
+    }
+
     /// Zᵀ·V·Z of some columns, one per parameter, in units of the white variance: V is this noise of the problem's rows.
     pub(crate) fn between(&self, problem: &LeastSquares<'_>, z: &DMatrix<f64>) -> DMatrix<f64> {
         let p = z.ncols();
@@ -98,13 +131,40 @@ impl SlowNoise {
             let here = z.row(row).transpose();
             sum.ger(1.0 / problem.weight[row], &here, &here, 1.0);
         }
-        let ladder = ladder_s(problem);
-        let rungs = ladder.iter().take(STATES - 2).map(|tau_s| (self.flicker, *tau_s));
-        for (variance, tau_s) in rungs.chain(self.markov).filter(|(variance, _)| *variance > 0.0) {
+        for (variance, tau_s) in self.markov_processes(problem) {
             add_markov(problem, z, variance, tau_s, &mut sum);
         }
         if self.walk_per_h > 0.0 {
             add_walk(problem, z, self.walk_per_h, &mut sum);
+        }
+        sum
+    }
+}
+
+/// What rows of equal regressors behind the last one add to [`SlowNoise::between`].
+pub(crate) struct Continuation {
+    /// Of each Markov process: variance, τ in s, and the rows of the last run, as they have decayed to the last.
+    markov: Vec<(f64, f64, DVector<f64>)>,
+    /// Of the walk: variance in an hour, Σ Δt·(rows behind) over the last run in h, and its length in h.
+    walk: Option<(f64, DVector<f64>, f64)>,
+    window_s: f64,
+}
+
+impl Continuation {
+    /// uᵀ·(ZᵀVZ)·u with so many windows more, less that without them; `along` is u times their regressors.
+    pub(crate) fn added(&self, u: &DVector<f64>, along: f64, windows: f64) -> f64 {
+        let mut sum = windows * along * along;
+        for (variance, tau_s, decayed) in &self.markov {
+            let q = (-self.window_s / tau_s).exp();
+            let (less, all) = (1.0 - q, 1.0 - q.powf(windows));
+            let across = q * all / less;
+            let within = windows + 2.0 * q * (windows * less - all) / (less * less);
+            sum += variance * (2.0 * across * along * decayed.dot(u) + within * along * along);
+        }
+        if let Some((per_h, behind, hours)) = &self.walk {
+            let steps = self.window_s / 3600.0 * windows * (windows + 1.0) * (2.0 * windows + 1.0) / 6.0;
+            let of_run = 2.0 * windows * behind.dot(u) * along + windows * windows * hours * along * along;
+            sum += per_h * (of_run + steps * along * along);
         }
         sum
     }
@@ -262,6 +322,22 @@ impl Filter<'_> {
                 state[k] += gain[k] * news;
             }
             *value = news * inverse_root;
+        }
+    }
+
+    /// The inverse of [`Filter::push`]: a row of innovations becomes a row of this noise.
+    pub(crate) fn colour(&mut self, index: usize, row: &mut [f64]) {
+        let Step { keep, gain, inverse_root } = self.whitening.steps[index];
+        let states = self.whitening.states;
+        for (value, state) in row.iter_mut().zip(&mut self.state) {
+            let news = *value / inverse_root;
+            let mut known = 0.0;
+            for k in 0..states {
+                state[k] *= keep[k];
+                known += state[k];
+                state[k] += gain[k] * news;
+            }
+            *value = known + news;
         }
     }
 }

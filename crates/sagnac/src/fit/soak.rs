@@ -5,12 +5,14 @@
 //! ```
 //!
 //! with g the regressors of a window at rest at the soak's temperature in the last run, m = hours·3600/τ_w windows and s²
-//! the variance of a window, widened by the residuals' correlation as in the fit. The forecast assumes that the model is right: a
-//! longer soak does not replace a missing term.
+//! the variance of a window, widened by the residuals' correlation as in the fit. Under slow noise the added windows carry that noise
+//! on from the end of the last run ([`Extension`]). The forecast assumes that the model is right: a longer soak does not replace
+//! a missing term.
 
 use nalgebra::{DMatrix, DVector};
 
 use crate::calibration::{AxisCalibration, Soak, SoakRow};
+use crate::fit::solution::Extension;
 
 /// Hours that are forecast.
 const HOURS: [f64; 4] = [1.0, 2.0, 4.0, 8.0];
@@ -18,7 +20,7 @@ const HOURS: [f64; 4] = [1.0, 2.0, 4.0, 8.0];
 const TEMPERATURES: usize = 12;
 
 /// The forecast of one axis; `None` where nothing was fitted or there is no bias term.
-pub(crate) fn soak(axis: &AxisCalibration, window_s: f64) -> Option<Soak> {
+pub(crate) fn soak(axis: &AxisCalibration, extension: Option<&Extension>, window_s: f64) -> Option<Soak> {
     let fit = axis.fit.as_ref()?;
     let residual = fit.residual;
     let size = fit.covariance.len();
@@ -40,6 +42,9 @@ pub(crate) fn soak(axis: &AxisCalibration, window_s: f64) -> Option<Soak> {
         let mut g = curve(soaked_c);
         g[offset] = 1.0;
         let windows = hours * 3600.0 / window_s;
+        if let Some(extension) = extension {
+            return extension.variance_after(of, &g, windows).max(0.0).sqrt();
+        }
         let moved = &covariance * &g;
         let known = (of.transpose() * &covariance * of)[(0, 0)];
         let gained = of.dot(&moved).powi(2) * windows / (window_variance + windows * g.dot(&moved));

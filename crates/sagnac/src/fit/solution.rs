@@ -9,7 +9,7 @@
 //!
 //! Once the slow noise of the residuals is known, the covariance is that of these weights under that noise ([`super::slow_noise`]).
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
 use crate::calibration::Lag;
@@ -17,7 +17,7 @@ use crate::fit::bootstrap::Resampling;
 use crate::fit::design::{Columns, Design, FLAT_CHI_SQUARED, Tau, lag_one, misfit};
 use crate::fit::golden_section::golden_section;
 use crate::fit::least_squares::{LeastSquares, TermColumn};
-use crate::fit::slow_noise::{self, MOST_ROWS, SlowNoise, Whitening};
+use crate::fit::slow_noise::{self, Continuation, MOST_ROWS, SlowNoise, Whitening};
 use crate::fit::solve::Conditioning;
 use crate::fit::two_lags::{Found, LEAST_RATIO, find_pair};
 use crate::model::ActsOn;
@@ -159,16 +159,8 @@ pub(crate) fn noise_of(problem: &LeastSquares<'_>, fitted: &Fitted) -> SlowNoise
 /// 1/ν = 1/(n − p) + ½·(∂ln C/∂ln v)²·Var(ln v)      v the variances of slow noise over the white one, which follows them
 /// ```
 pub(crate) fn with_slow_noise(problem: &LeastSquares<'_>, fitted: Fitted, noise: SlowNoise, white: f64) -> Fitted {
-    let design = Design::new(problem, &fitted.terms, &values(&fitted.taus));
-    let slopes = nonlinear_columns(&design, &fitted.spec, &fitted.taus, &fitted.theta);
-    let Some(normal) = design.factor(&slopes).solve_all().and_then(|s| s.inverse_normal()) else { return fitted };
+    let Some((normal, z)) = weighted_rows(problem, &fitted) else { return fitted };
     let (n, p) = (problem.len(), normal.nrows());
-    let mut row = Vec::with_capacity(p);
-    let mut z = DMatrix::zeros(n, p);
-    for i in 0..n {
-        design.row(i, &slopes, &mut row);
-        row.iter().enumerate().for_each(|(j, value)| z[(i, j)] = problem.weight[i] * value);
-    }
     let under = |noise: SlowNoise, white: f64| &normal * noise.between(problem, &z) * &normal * white;
     let covariance = under(noise, white);
     let mut of_noise = 0.0;
@@ -184,6 +176,49 @@ pub(crate) fn with_slow_noise(problem: &LeastSquares<'_>, fitted: Fitted, noise:
     let effective = (((n - p).max(1) as f64).recip() + of_noise).recip().max(FEWEST_DEGREES);
     let t_quantile_975 = StudentsT::new(0.0, 1.0, effective).map_or(1.96, |t| t.inverse_cdf(0.975));
     Fitted { covariance, t_quantile_975, ..fitted }
+}
+
+/// (JᵀWJ)⁻¹ and the rows of WJ.
+fn weighted_rows(problem: &LeastSquares<'_>, fitted: &Fitted) -> Option<(DMatrix<f64>, DMatrix<f64>)> {
+    let design = Design::new(problem, &fitted.terms, &values(&fitted.taus));
+    let slopes = nonlinear_columns(&design, &fitted.spec, &fitted.taus, &fitted.theta);
+    let normal = design.factor(&slopes).solve_all()?.inverse_normal()?;
+    let mut row = Vec::with_capacity(normal.nrows());
+    let mut z = DMatrix::zeros(problem.len(), normal.nrows());
+    for i in 0..problem.len() {
+        design.row(i, &slopes, &mut row);
+        row.iter().enumerate().for_each(|(j, value)| z[(i, j)] = problem.weight[i] * value);
+    }
+    Some((normal, z))
+}
+
+/// A fit under slow noise, with what more windows at its end would make of its covariance.
+pub(crate) struct Extension {
+    normal: DMatrix<f64>,
+    between: DMatrix<f64>,
+    continuation: Continuation,
+    white: f64,
+}
+
+impl Extension {
+    /// `None` where the terms depend on each other, and under white noise.
+    pub(crate) fn new(problem: &LeastSquares<'_>, fitted: &Fitted, noise: SlowNoise, white: f64) -> Option<Self> {
+        let (normal, z) = weighted_rows(problem, fitted).filter(|_| noise.parts_of_white() > 0.0)?;
+        let (between, continuation) = (noise.between(problem, &z), noise.continued(problem, &z));
+        Some(Self { normal, between, continuation, white })
+    }
+
+    /// Variance of a combination of the parameters after so many windows of the regressors `g`:
+    ///
+    /// ```text
+    /// white·uᵀ·(ZᵀVZ)·u        u = (N⁻¹ + m·g·gᵀ)⁻¹·of = N·of − N·g·m·(gᵀ·N·of)/(1 + m·gᵀ·N·g)
+    /// ```
+    pub(crate) fn variance_after(&self, of: &DVector<f64>, g: &DVector<f64>, windows: f64) -> f64 {
+        let (moved, toward) = (&self.normal * of, &self.normal * g);
+        let u = &moved - &toward * (windows * g.dot(&moved) / (1.0 + windows * g.dot(&toward)));
+        let known = (u.transpose() * &self.between * &u)[(0, 0)];
+        self.white * (known + self.continuation.added(&u, g.dot(&u), windows))
+    }
 }
 
 /// Step of ln v for the slope of the covariance.
@@ -235,8 +270,13 @@ pub(crate) fn beside(
 /// Windows that tell slow noise from none.
 const FEWEST_FOR_NOISE: usize = 60;
 
-/// 95 % intervals of every parameter by the block bootstrap.
-pub(crate) fn bootstrap_intervals(problem: &LeastSquares<'_>, fitted: &Fitted, draws: usize) -> Vec<[f64; 2]> {
+/// 95 % intervals of every parameter by the bootstrap, under the slow noise of the residuals.
+pub(crate) fn bootstrap_intervals(
+    problem: &LeastSquares<'_>,
+    fitted: &Fitted,
+    noise: SlowNoise,
+    draws: usize,
+) -> Vec<[f64; 2]> {
     let design = Design::new(problem, &fitted.terms, &values(&fitted.taus));
     let slopes = nonlinear_columns(&design, &fitted.spec, &fitted.taus, &fitted.theta);
     let mut row = Vec::new();
@@ -252,8 +292,15 @@ pub(crate) fn bootstrap_intervals(problem: &LeastSquares<'_>, fitted: &Fitted, d
     };
     let gain = normal * matrix.transpose();
     let residuals: Vec<f64> = fitted.residuals.iter().zip(&problem.weight).map(|(r, w)| r * w.sqrt()).collect();
-    let resampling =
-        Resampling { residuals: &residuals, run: &problem.run, gain: &gain, autocorrelation: fitted.autocorrelation };
+    let whitening = (noise.parts_of_white() > 0.0).then(|| Whitening::new(problem, noise));
+    let resampling = Resampling {
+        residuals: &residuals,
+        run: &problem.run,
+        gain: &gain,
+        autocorrelation: fitted.autocorrelation,
+        t_quantile_975: fitted.t_quantile_975,
+        slow: whitening.as_ref().map(|whitening| (whitening, problem.weight.as_slice())),
+    };
     let others = fitted.nonlinear().into_iter().map(|(_, _, value)| value);
     let theta: Vec<f64> = fitted.theta.iter().copied().chain(others).collect();
     resampling.intervals(&theta, draws)
