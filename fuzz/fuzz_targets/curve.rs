@@ -6,7 +6,8 @@ use sagnac::calibration::LogFile;
 
 libfuzzer_sys::fuzz_target!(|text: &[u8]| {
     if let Ok(curves) = parse_curve(text) {
-        let input = LogFile { file: String::new(), sha256: String::new(), rows: 0 };
+        let (file, sha256, rows_sketch) = (String::new(), String::new(), String::new());
+        let input = LogFile { file, sha256, rows: 0, rows_sketch };
         let budget = budget_of_curves(&curves, None, input).expect("no length that could be wrong");
         serde_json::to_string(&budget).expect("a budget is JSON");
     }
