@@ -2,8 +2,9 @@
 //! the true model, how often does it have a term too many? It takes hours; CI compiles it, `cargo xtask bless study` runs it. By a
 //! generator that shares no code with the program.
 //!
-//! Asked of each: coverage 0.90 … 0.98, error at most 1.15 of the true model's, a term too many in at most 0.05. The bounds are
-//! what is held; where they are wider, `docs/explanation/selection.md` says why.
+//! Asked of each: coverage 0.90 … 0.98, error at most 1.15 of the true model's, a term too many in at most 0.05. The bound of the
+//! error is wider, because no selection keeps it (`docs/explanation/selection.md`); intervals may be too wide, never too narrow; 0.08 is
+//! above 0.05 by what 300 records scatter.
 
 mod hostile;
 mod support;
@@ -34,20 +35,20 @@ fn measure(drift: &Drift) {
         evidence(
             &format!("95 % interval of the curve covers after `auto`: {name}, runs: {runs}"),
             found.coverage,
-            "0 … 1.1",
+            "≥ 0.90",
             records,
         );
         evidence(
             &format!("`auto` selects a term too many: {name}, runs: {runs}"),
             useless(&found, |model| !(drift.fits)(model)),
-            "≤ 1",
+            "≤ 0.08",
             records,
         );
         if best.error_dph > 0.0 {
             evidence(
                 &format!("rms error of the curve by `auto` over that by the true model: {name}, runs: {runs}"),
                 found.error_dph / best.error_dph,
-                "≤ 9",
+                "≤ 1.6",
                 records,
             );
         }
