@@ -179,8 +179,8 @@ fn describe(console: &mut Console, axis: &AxisCalibration) {
     }
     if let Some(soak) = fit.soak.as_ref().filter(|soak| !soak.improves()) {
         console.say(format!(
-            "  an hour more of soak does not improve the curve at any temperature: its σ of {} °/h is slow noise",
-            significant(soak.mean_sigma_dph, 2)
+            "  an hour more of soak improves the curve by less than 3 % at any temperature: σ of the curve {} °/h (root mean square over the span)",
+            significant(soak.mean_sigma_dph, 3)
         ));
     } else if let Some(soak) = &fit.soak {
         console.say(format!(

@@ -207,7 +207,7 @@ pub(crate) fn soak(record: &AxisCalibration) -> Option<Figure> {
     let gain = if soak.improves() {
         format!("The next hour improves the curve as a whole most at {:.0} °C.", soak.best_c)
     } else {
-        "No hour at one temperature improves the curve as a whole: its uncertainty is slow noise.".to_owned()
+        "An hour more improves the curve as a whole by less than 3 % at any temperature.".to_owned()
     };
     let caption = format!(
         "Standard deviation of the curve at rest, now and after so many hours of soak at that very temperature. {gain}"

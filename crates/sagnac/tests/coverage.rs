@@ -6,7 +6,6 @@ mod support;
 
 use hostile::curves::{Truth, shown, useless};
 use hostile::{Bench, Now};
-use rayon::prelude::*;
 use sagnac::fit::{FitOptions, calibrate};
 use sagnac_log::setup::{Noise, Setup};
 use support::evidence::evidence;
@@ -122,27 +121,32 @@ fn a_stated_noise_model_wins() {
     assert!(measured > own / 2.5 && measured < 2.5 * own, "{measured} {own}");
 }
 
-/// Slow noise of each kind, a fixed model and two runs. With the lag-one rule alone: 0.78, 0.68 and 0.70.
+/// What a kind of noise sets on the bench.
+type Change = fn(&mut Bench<'_>);
+
+/// Noise of each kind.
+const NOISES: [(&str, Change); 4] = [
+    ("white noise", |_| ()),
+    ("B = 0.01 °/h", |bench| bench.b_dph = 0.01),
+    ("K = 0.01 °/h/√h", |bench| bench.k_dph_rt_h = 0.01),
+    ("Markov noise of 2,000 s", |bench| bench.markov = Some((2000.0, 0.01))),
+];
+
+/// A fixed model and two runs. With the lag-one rule alone: 0.78, 0.68 and 0.70 under slow noise.
 #[test]
 fn intervals_hold_under_slow_noise() {
-    let coverage = |change: fn(&mut Bench<'_>)| {
+    for (noise, change) in NOISES {
         let found = shown(150, 2, weak_cubic, "bias 3", change);
-        println!("{found:?}");
-        found.coverage
-    };
-    evidence("95 % interval of the curve covers, `bias 3`, white noise", coverage(|_| ()), "0.92 … 0.98", 150);
-    let flicker = coverage(|bench| bench.b_dph = 0.01);
-    evidence("95 % interval of the curve covers, `bias 3`, B = 0.01 °/h", flicker, "0.92 … 0.98", 150);
-    let walk = coverage(|bench| bench.k_dph_rt_h = 0.01);
-    evidence("95 % interval of the curve covers, `bias 3`, K = 0.01 °/h/√h", walk, "0.92 … 0.98", 150);
-    let markov = coverage(|bench| bench.markov = Some((2000.0, 0.01)));
-    evidence("95 % interval of the curve covers, `bias 3`, Markov noise of 2,000 s", markov, "0.92 … 0.98", 150);
+        println!("{noise}: {found:?}");
+        let claim = format!("95 % interval of the curve covers, `bias 3`, {noise}");
+        evidence(&claim, found.coverage, "0.92 … 0.98", 150);
+    }
 }
 
 /// The bootstrap's interval of the cubic coefficient under slow noise of each kind, two runs.
 #[test]
 fn bootstrap_intervals_hold_under_slow_noise() {
-    let coverage = |change: fn(&mut Bench<'_>)| {
+    let coverage = |change: Change| {
         let covers = |record: u64| {
             let logs = (0..2).map(|run| {
                 let mut bench = Bench::new(91_000_000 + 1000 * record + run, &weak_cubic);
@@ -159,14 +163,9 @@ fn bootstrap_intervals_hold_under_slow_noise() {
             let [lower, upper] = axis.correction.terms[2].bootstrap.unwrap();
             lower <= cubic && cubic <= upper
         };
-        let held: Vec<bool> = (0..300).into_par_iter().map(covers).collect();
-        held.iter().filter(|held| **held).count() as f64 / held.len() as f64
+        hostile::fraction(300, covers)
     };
-    evidence("95 % interval by the bootstrap covers, white noise", coverage(|_| ()), "0.90 … 0.98", 300);
-    let flicker = coverage(|bench| bench.b_dph = 0.01);
-    evidence("95 % interval by the bootstrap covers, B = 0.01 °/h", flicker, "0.90 … 0.98", 300);
-    let walk = coverage(|bench| bench.k_dph_rt_h = 0.01);
-    evidence("95 % interval by the bootstrap covers, K = 0.01 °/h/√h", walk, "0.90 … 0.98", 300);
-    let markov = coverage(|bench| bench.markov = Some((2000.0, 0.01)));
-    evidence("95 % interval by the bootstrap covers, Markov noise of 2,000 s", markov, "0.90 … 0.98", 300);
+    for (noise, change) in NOISES {
+        evidence(&format!("95 % interval by the bootstrap covers, {noise}"), coverage(change), "0.90 … 0.98", 300);
+    }
 }

@@ -5,6 +5,8 @@
 
 mod support;
 
+use std::path::Path;
+
 use sagnac::calibration::{AxisCalibration, Calibration};
 use sagnac::fit::{FitOptions, calibrate};
 use sagnac::window::WindowBuilder;
@@ -126,4 +128,14 @@ fn time_explains_what_a_second_lag_does_not() {
     }
     let effects: Vec<usize> = auto.axes.iter().map(|axis| axis.fit.as_ref().unwrap().time_effects.len()).collect();
     assert_eq!(effects, [2, 0, 2]);
+    // The tutorial quotes the figures of axis x.
+    let page =
+        std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/tutorial/real-log.md")).unwrap();
+    let dph = |axis: &AxisCalibration| format!("{:.0}", axis.cross_validation().unwrap().sigma_dph);
+    let x = &auto.axes[0];
+    for quoted in
+        [x.correction.model.clone(), format!("**{} °/h", dph(x)), format!("alone has {}", dph(&cubic.axes[0]))]
+    {
+        assert!(page.contains(&quoted), "real-log.md has no \"{quoted}\"");
+    }
 }

@@ -56,7 +56,7 @@ impl Soak {
     /// Smaller gains of an hour are none.
     const LEAST_GAIN: f64 = 0.03;
 
-    /// False where an hour more gains less than 3 %: what is uncertain is slower than that.
+    /// False where an hour more gains less than 3 %: the test is long, or its noise slow.
     pub fn improves(&self) -> bool {
         self.mean_sigma_after_dph < (1.0 - Self::LEAST_GAIN) * self.mean_sigma_dph
     }

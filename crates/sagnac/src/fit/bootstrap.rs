@@ -8,7 +8,8 @@
 //!
 //! A block preserves correlation over its own length alone, so that noise slower than that needs its model
 //! ([`super::slow_noise`]). L is the length of least mean square error for AR(1) residuals of lag-one autocorrelation ρ (Carlstein
-//! 1986). t is the quantile of the fit, which knows how uncertain the variances of slow noise are. τ of a resolved rate term is one of the columns, linearised. Intervals are quantiles, 95 %.
+//! 1986). t is the quantile of the fit, which knows how uncertain the variances of slow noise are. τ of a resolved rate term is one of
+//! the columns, linearised. Intervals are quantiles, 95 %.
 
 use nalgebra::{DMatrix, DVector};
 use rand::{Rng, SeedableRng};

@@ -29,8 +29,8 @@ use crate::fit::rate_table_input::RateTableInput;
 use crate::fit::robust::Loss;
 use crate::fit::search::CONDITION_MAX;
 use crate::fit::slow_noise::SlowNoise;
-use crate::fit::soak::soak;
-use crate::fit::solution::{Extension, Fitted, bootstrap_intervals};
+use crate::fit::soak::{Extension, soak};
+use crate::fit::solution::{Fitted, bootstrap_intervals};
 use crate::image::{Holder, rate_unit};
 use crate::model::ActsOn;
 use crate::model::input::Signal;
@@ -348,8 +348,7 @@ fn fit_axis(
         zones,
         fit: Some(diagnostics),
     };
-    let extension = Extension::new(problem, &fitted, chosen.noise, chosen.white_variance(&fitted));
-    let forecast = soak(&record, extension.as_ref(), windows.shape.nominal_s);
+    let forecast = Extension::new(problem, &fitted, chosen.noise).and_then(|extension| soak(&record, &extension));
     let curve = |celsius: f64| {
         let variance = record.variance_of(&record.drift_weights(celsius, reference_c));
         (record.drift(celsius, reference_c), variance)

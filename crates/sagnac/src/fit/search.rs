@@ -21,7 +21,7 @@ use crate::fit::correction::ImageCheck;
 use crate::fit::criterion::{CvScore, effective_windows, is_undominated, needed_gain};
 use crate::fit::folds::Trial;
 use crate::fit::least_squares::{LeastSquares, Level};
-use crate::fit::solution::{Fitted, fit};
+use crate::fit::solution::fit;
 use crate::model::input::channels;
 use crate::model::price::Work;
 use crate::model::spec::{InputTerms, MAX_RATE_ORDER, ModelSpec};
@@ -60,8 +60,8 @@ struct Tried {
     /// Inputs that its image reads.
     inputs: usize,
     mean_square: Option<f64>,
-    /// Of the residuals of the fit.
-    residual_square: f64,
+    /// Sum of squares of the residuals of the fit.
+    misfit: f64,
     condition: Option<f64>,
     /// An image can hold it.
     held: bool,
@@ -132,7 +132,7 @@ fn walk_from(problem: &LeastSquares<'_>, start: &ModelSpec, taus_s: &[f64], imag
                 }
                 let more = model.spec.coefficients().saturating_sub(here.spec.coefficients());
                 let needed = needed_gain(here.windows, more, tried.len().max(ZONES.len()));
-                model.square() * needed < least.mean_square && model.residual_square * needed < here.residual_square
+                model.square() * needed < least.mean_square && model.misfit * needed < here.misfit
             };
             let taken = best_of(&tried, here.windows, passes);
             number += 1;
@@ -186,10 +186,9 @@ fn try_all(problem: &LeastSquares<'_>, specs: &[ModelSpec], taus_s: &[f64], imag
         let mean_square = if fair { Trial::new(problem, spec, taus_s).held_out() } else { None };
         let rho = fitted.as_ref().map_or(0.0, |f| f.autocorrelation);
         let windows = effective_windows(problem.len(), rho);
-        let squares = |f: &Fitted| f.sigma_dph.powi(2) * problem.len().saturating_sub(f.theta.len()) as f64;
-        let residual_square = fitted.as_ref().map_or(f64::INFINITY, squares);
+        let misfit = fitted.as_ref().map_or(f64::INFINITY, |fitted| fitted.misfit(problem));
         let inputs = inputs_read(problem, spec);
-        Tried { spec: spec.clone(), windows, inputs, mean_square, residual_square, condition, held }
+        Tried { spec: spec.clone(), windows, inputs, mean_square, misfit, condition, held }
     };
     specs.par_iter().map(tried).collect()
 }
@@ -242,7 +241,7 @@ fn grown(problem: &LeastSquares<'_>, from: &ModelSpec) -> Vec<ModelSpec> {
     if let Some(zones) = ZONES.into_iter().find(|zones| *zones > main.zones).filter(|_| main.bias > 0) {
         add(&|spec| spec.thermometer_mut().zones = zones);
     }
-    for rates in if problem.tries_main_rate() { slower(problem, main) } else { Vec::new() } {
+    for rates in slower(problem, main).into_iter().filter(|_| problem.tries_main_rate()) {
         add(&|spec| (spec.thermometer_mut().rate, spec.thermometer_mut().slow_rate) = rates);
     }
     for input in problem.others() {

@@ -1,30 +1,62 @@
 //! Gain of a longer soak: forecast of the uncertainty of the curve after additional hours.
 //!
 //! ```text
-//! Cov' = (Cov⁻¹ + m·g·gᵀ/s²)⁻¹ = Cov − Cov·g·gᵀ·Cov·m/(s² + m·gᵀ·Cov·g)      (Sherman and Morrison 1950)
+//! Cov' = s²·N'·(ZᵀVZ)'·N'        N' = (N⁻¹ + m·g·gᵀ)⁻¹ = N − N·g·gᵀ·N·m/(1 + m·gᵀ·N·g)      (Sherman and Morrison 1950)
 //! ```
 //!
-//! with g the regressors of a window at rest at the soak's temperature in the last run, m = hours·3600/τ_w windows and s²
-//! the variance of a window, widened by the residuals' correlation as in the fit. Under slow noise the added windows carry that noise
-//! on from the end of the last run ([`Extension`]). The forecast assumes that the model is right: a longer soak does not replace
-//! a missing term.
+//! with N = (JᵀWJ)⁻¹, Z = WJ, V the noise of the residuals, g the regressors of a window at rest at the soak's temperature and
+//! m = hours·3600/τ_w windows, which carry the noise on from the end of the last run. s² is the white variance of a window, as the
+//! covariance of the fit has it. The forecast assumes that the model is right: a longer
+//! soak does not replace a missing term.
 
 use nalgebra::{DMatrix, DVector};
 
 use crate::calibration::{AxisCalibration, Soak, SoakRow};
-use crate::fit::solution::Extension;
+use crate::fit::least_squares::LeastSquares;
+use crate::fit::slow_noise::{Continuation, SlowNoise};
+use crate::fit::solution::{Fitted, weighted_rows};
 
 /// Hours that are forecast.
 const HOURS: [f64; 4] = [1.0, 2.0, 4.0, 8.0];
 /// Temperatures over the span, ends included.
 const TEMPERATURES: usize = 12;
 
+/// What more windows at the end of a test would make of the covariance of its fit.
+pub(crate) struct Extension {
+    /// (JᵀWJ)⁻¹.
+    normal: DMatrix<f64>,
+    /// ZᵀVZ.
+    between: DMatrix<f64>,
+    continuation: Continuation,
+    /// White variance of a window, (°/h)²: that with which these make the covariance of the fit.
+    white: f64,
+    window_s: f64,
+}
+
+impl Extension {
+    /// Under the noise of the fit's covariance; `None` where the terms depend on each other.
+    pub(crate) fn new(problem: &LeastSquares<'_>, fitted: &Fitted, noise: SlowNoise) -> Option<Self> {
+        let (normal, z) = weighted_rows(problem, fitted)?;
+        let (between, continuation) = (noise.between(problem, &z), noise.continued(problem, &z));
+        let first = normal.column(0);
+        let white = fitted.covariance[(0, 0)] / first.dot(&(&between * first));
+        Some(Self { normal, between, continuation, white, window_s: problem.windows().shape.nominal_s })
+    }
+
+    /// σ of a combination `of` the parameters after hours of windows of the regressors `g`.
+    fn sigma_after(&self, of: &DVector<f64>, g: &DVector<f64>, hours: f64) -> f64 {
+        let windows = hours * 3600.0 / self.window_s;
+        let (moved, toward) = (&self.normal * of, &self.normal * g);
+        let u = &moved - &toward * (windows * g.dot(&moved) / (1.0 + windows * g.dot(&toward)));
+        let known = u.dot(&(&self.between * &u));
+        (self.white * (known + self.continuation.added(&u, g.dot(&u), windows))).max(0.0).sqrt()
+    }
+}
+
 /// The forecast of one axis; `None` where nothing was fitted or there is no bias term.
-pub(crate) fn soak(axis: &AxisCalibration, extension: Option<&Extension>, window_s: f64) -> Option<Soak> {
+pub(crate) fn soak(axis: &AxisCalibration, extension: &Extension) -> Option<Soak> {
     let fit = axis.fit.as_ref()?;
-    let residual = fit.residual;
     let size = fit.covariance.len();
-    let covariance = DMatrix::from_fn(size, size, |i, j| fit.covariance[i].get(j).copied().unwrap_or(0.0));
     let offset = fit.covariance_of.iter().rposition(|name| name.starts_with("offset"))?;
     let reference_c = axis.reference_c();
     let span = axis.span();
@@ -36,19 +68,10 @@ pub(crate) fn soak(axis: &AxisCalibration, extension: Option<&Extension>, window
     if axis.drift_weights(span.hi, span.lo).is_empty() {
         return None;
     }
-    let widening = (1.0 + residual.lag1_autocorrelation) / (1.0 - residual.lag1_autocorrelation);
-    let window_variance = residual.sigma_dph.powi(2) * widening;
     let sigma_after = |of: &DVector<f64>, soaked_c: f64, hours: f64| {
         let mut g = curve(soaked_c);
         g[offset] = 1.0;
-        let windows = hours * 3600.0 / window_s;
-        if let Some(extension) = extension {
-            return extension.variance_after(of, &g, windows).max(0.0).sqrt();
-        }
-        let moved = &covariance * &g;
-        let known = (of.transpose() * &covariance * of)[(0, 0)];
-        let gained = of.dot(&moved).powi(2) * windows / (window_variance + windows * g.dot(&moved));
-        (known - gained).max(0.0).sqrt()
+        extension.sigma_after(of, &g, hours)
     };
     let width = (span.hi - span.lo) / (TEMPERATURES - 1) as f64;
     let temperatures: Vec<f64> = (0..TEMPERATURES).map(|i| span.lo + width * i as f64).collect();

@@ -9,7 +9,7 @@
 //!
 //! Once the slow noise of the residuals is known, the covariance is that of these weights under that noise ([`super::slow_noise`]).
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DMatrix;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
 use crate::calibration::Lag;
@@ -17,7 +17,7 @@ use crate::fit::bootstrap::Resampling;
 use crate::fit::design::{Columns, Design, FLAT_CHI_SQUARED, Tau, lag_one, misfit};
 use crate::fit::golden_section::golden_section;
 use crate::fit::least_squares::{LeastSquares, TermColumn};
-use crate::fit::slow_noise::{self, Continuation, MOST_ROWS, SlowNoise, Whitening};
+use crate::fit::slow_noise::{self, MOST_ROWS, SlowNoise, Whitening};
 use crate::fit::solve::Conditioning;
 use crate::fit::two_lags::{Found, LEAST_RATIO, find_pair};
 use crate::model::ActsOn;
@@ -79,6 +79,11 @@ impl Fitted {
             (input, form.acts_on.period_name(), period)
         });
         lags.chain(periods).collect()
+    }
+
+    /// Sum of squares of the residuals by their weights.
+    pub(crate) fn misfit(&self, problem: &LeastSquares<'_>) -> f64 {
+        self.residuals.iter().zip(&problem.weight).map(|(r, w)| w * r * r).sum()
     }
 
     /// The lags in the covariance.
@@ -179,7 +184,7 @@ pub(crate) fn with_slow_noise(problem: &LeastSquares<'_>, fitted: Fitted, noise:
 }
 
 /// (JᵀWJ)⁻¹ and the rows of WJ.
-fn weighted_rows(problem: &LeastSquares<'_>, fitted: &Fitted) -> Option<(DMatrix<f64>, DMatrix<f64>)> {
+pub(crate) fn weighted_rows(problem: &LeastSquares<'_>, fitted: &Fitted) -> Option<(DMatrix<f64>, DMatrix<f64>)> {
     let design = Design::new(problem, &fitted.terms, &values(&fitted.taus));
     let slopes = nonlinear_columns(&design, &fitted.spec, &fitted.taus, &fitted.theta);
     let normal = design.factor(&slopes).solve_all()?.inverse_normal()?;
@@ -190,35 +195,6 @@ fn weighted_rows(problem: &LeastSquares<'_>, fitted: &Fitted) -> Option<(DMatrix
         row.iter().enumerate().for_each(|(j, value)| z[(i, j)] = problem.weight[i] * value);
     }
     Some((normal, z))
-}
-
-/// A fit under slow noise, with what more windows at its end would make of its covariance.
-pub(crate) struct Extension {
-    normal: DMatrix<f64>,
-    between: DMatrix<f64>,
-    continuation: Continuation,
-    white: f64,
-}
-
-impl Extension {
-    /// `None` where the terms depend on each other, and under white noise.
-    pub(crate) fn new(problem: &LeastSquares<'_>, fitted: &Fitted, noise: SlowNoise, white: f64) -> Option<Self> {
-        let (normal, z) = weighted_rows(problem, fitted).filter(|_| noise.parts_of_white() > 0.0)?;
-        let (between, continuation) = (noise.between(problem, &z), noise.continued(problem, &z));
-        Some(Self { normal, between, continuation, white })
-    }
-
-    /// Variance of a combination of the parameters after so many windows of the regressors `g`:
-    ///
-    /// ```text
-    /// white·uᵀ·(ZᵀVZ)·u        u = (N⁻¹ + m·g·gᵀ)⁻¹·of = N·of − N·g·m·(gᵀ·N·of)/(1 + m·gᵀ·N·g)
-    /// ```
-    pub(crate) fn variance_after(&self, of: &DVector<f64>, g: &DVector<f64>, windows: f64) -> f64 {
-        let (moved, toward) = (&self.normal * of, &self.normal * g);
-        let u = &moved - &toward * (windows * g.dot(&moved) / (1.0 + windows * g.dot(&toward)));
-        let known = (u.transpose() * &self.between * &u)[(0, 0)];
-        self.white * (known + self.continuation.added(&u, g.dot(&u), windows))
-    }
 }
 
 /// Step of ln v for the slope of the covariance.
@@ -277,20 +253,9 @@ pub(crate) fn bootstrap_intervals(
     noise: SlowNoise,
     draws: usize,
 ) -> Vec<[f64; 2]> {
-    let design = Design::new(problem, &fitted.terms, &values(&fitted.taus));
-    let slopes = nonlinear_columns(&design, &fitted.spec, &fitted.taus, &fitted.theta);
-    let mut row = Vec::new();
-    let mut rows = Vec::new();
-    for i in 0..problem.len() {
-        design.row(i, &slopes, &mut row);
-        let root = problem.weight[i].sqrt();
-        rows.extend(row.iter().map(|value| value * root));
-    }
-    let matrix = DMatrix::from_row_slice(problem.len(), row.len(), &rows);
-    let Some(normal) = design.factor(&slopes).solve_all().and_then(|s| s.inverse_normal()) else {
-        return Vec::new();
-    };
-    let gain = normal * matrix.transpose();
+    let Some((normal, z)) = weighted_rows(problem, fitted) else { return Vec::new() };
+    let mut gain = normal * z.transpose();
+    gain.column_iter_mut().zip(&problem.weight).for_each(|(mut column, weight)| column /= weight.sqrt());
     let residuals: Vec<f64> = fitted.residuals.iter().zip(&problem.weight).map(|(r, w)| r * w.sqrt()).collect();
     let whitening = (noise.parts_of_white() > 0.0).then(|| Whitening::new(problem, noise));
     let resampling = Resampling {
