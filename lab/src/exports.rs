@@ -17,7 +17,7 @@ const STRICT: [&str; 9] =
     ["-std=c99", "-O2", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wsign-conversion", "-Wshadow", "-Werror"];
 const MODULES: [&str; 4] = ["sagnac_integer.c", "sagnac_compensator.c", "sagnac_path_length.c", "sagnac_intensity.c"];
 /// Accepted findings of cppcheck's MISRA add-on: rule and count. docs/explanation/on-target.md gives the reasons.
-const JUSTIFIED: [(&str, usize); 2] = [("misra-c2012-8.7", 3), ("misra-c2012-9.3", 2)];
+const JUSTIFIED: [(&str, usize); 2] = [("misra-c2012-8.7", 4), ("misra-c2012-9.3", 2)];
 
 /// The table of a vector file.
 fn table(name: &str) -> Result<Vec<u8>> {
@@ -169,6 +169,7 @@ fn loaders(folder: &Path) -> Result<()> {
         (0, table("compensator-full")?),
         (0, table("compensator-harmonic")?),
         (0, table("compensator-lags")?),
+        (0, table("compensator-warm-up")?),
         (1, table("path-length-heater")?),
     ];
     let edges = [0_u8, 1, 2, 7, 8, 15, 16, 30, 31, 32, 62, 63, 64, 0x7f, 0x80, 0xff];
@@ -238,6 +239,7 @@ pub(crate) fn fpga(place: bool) -> Result<()> {
         ("compensator-inputs", 16, 48),
         ("compensator-harmonic", 16, 48),
         ("compensator-lags", 16, 48),
+        ("compensator-warm-up", 16, 48),
     ] {
         let here = folder.join(name);
         let widths = Widths { raw, increment };

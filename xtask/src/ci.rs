@@ -1,11 +1,12 @@
 //! `cargo xtask ci`: everything that CI runs, in one list; prints the time of each part at the end.
 
 use std::fs;
+use std::thread;
 use std::time::Instant;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, anyhow};
 use xtask::debian::{self, need};
-use xtask::shell::sh;
+use xtask::shell::{built, root, sh, stdout_of, text};
 
 use crate::checks::{build_lab, compiled_once, deny, examples, no_panic, run_lab};
 use crate::{dist, docs, features, fuzz, layers};
@@ -13,8 +14,8 @@ use crate::{dist, docs, features, fuzz, layers};
 /// A part by its name.
 type Part = (&'static str, fn() -> Result<()>);
 
-/// In this order: quick parts, parts that only check, parts that compile, parts that run.
-const PARTS: [Part; 18] = [
+/// In this order: quick parts, parts that only check, parts that compile.
+const FIRST: [Part; 10] = [
     ("format", || sh("cargo", &["fmt", "--all", "--check"])),
     ("layers", layers::layers),
     ("compiled once", compiled_once),
@@ -24,28 +25,56 @@ const PARTS: [Part; 18] = [
     ("deny", deny),
     ("no-panic", no_panic),
     ("tests, compiled", || sh("cargo", &["test", "--workspace", "--locked", "--no-run"])),
+    ("lab, compiled", build_lab),
+];
+
+/// Then what runs on all processors.
+const RUNS: [Part; 5] = [
     ("tests", tests),
     ("examples", examples),
-    ("bless", || build_lab().and_then(|()| run_lab(&["bless", "--check"]))),
-    ("conserve", || run_lab(&["conserve"])),
-    ("c", || run_lab(&["c"])),
-    ("fpga", || run_lab(&["fpga"])),
-    ("firmware", || run_lab(&["firmware"])),
+    ("bless", || run_lab(&["bless", "--check"])),
     ("dist", || dist::dist(&["--check"])),
     ("fuzz", || fuzz::fuzz(&["--smoke"])),
 ];
 
-/// All of it; stops at the first failure.
+/// And beside it what runs on one: simulators and emulators. The lab has a command for each.
+const BESIDE: [&str; 4] = ["conserve", "c", "fpga", "firmware"];
+
+/// All of it; stops at the first failure, but does not cut short what runs beside it.
 pub(crate) fn ci() -> Result<()> {
     need(&tools())?;
-    let mut took = String::new();
-    for (name, part) in PARTS {
-        let (wall, cpu) = (Instant::now(), cpu_s()?);
-        part().with_context(|| format!("ci stops at {name}"))?;
-        took += &format!("{name:16} {:8.0} {:8.0}\n", wall.elapsed().as_secs_f64(), cpu_s()? - cpu);
-    }
-    println!("ci: every part passed\n{:16} {:>8} {:>8}\n{took}{:34.0}", "part", "s", "CPU-s", cpu_s()?);
+    let mut took = list(&FIRST)?;
+    let (runs, beside) = thread::scope(|scope| {
+        let beside = scope.spawn(simulators);
+        (list(&RUNS), beside.join().map_err(|_| anyhow!("ci stops: a panic")).flatten())
+    });
+    took += &runs?;
+    took += &beside?;
+    println!("ci: every part passed\n{:16} {:>8}\n{took}processor time {:9.0}", "part", "s", cpu_s()?);
     Ok(())
+}
+
+/// One after the other; the time of each.
+fn list(parts: &[Part]) -> Result<String> {
+    let mut took = String::new();
+    for (name, part) in parts {
+        let wall = Instant::now();
+        part().with_context(|| format!("ci stops at {name}"))?;
+        took += &format!("{name:16} {:8.0}\n", wall.elapsed().as_secs_f64());
+    }
+    Ok(took)
+}
+
+/// The same of the lab's commands; their output is shown when each ends, so that it does not mix with that of the tests.
+fn simulators() -> Result<String> {
+    let mut took = String::new();
+    for name in BESIDE {
+        let wall = Instant::now();
+        let said = stdout_of(3600, text(&built("debug", "lab"))?, &[name], &root());
+        println!("{}", said.with_context(|| format!("ci stops at {name}"))?);
+        took += &format!("{name:16} {:8.0} beside the tests\n", wall.elapsed().as_secs_f64());
+    }
+    Ok(took)
 }
 
 /// Without the tests of generated files: `bless --check` does the same.

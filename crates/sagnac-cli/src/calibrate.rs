@@ -53,6 +53,9 @@ pub(crate) struct Args {
     /// 95 % intervals by so many draws of the bootstrap beside those of the covariance
     #[arg(long, value_name = "DRAWS", value_parser = clap::value_parser!(u16).range(100..=20_000))]
     bootstrap: Option<u16>,
+    /// Corrects the warm-up since power-on too, where the runs hold one: every log must begin at power-on
+    #[arg(long)]
+    warm_up: bool,
     /// One JSON object on standard output, text on standard error
     #[arg(long)]
     pub(crate) json: bool,
@@ -76,7 +79,8 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     let options = FitOptions::new(args.model.parse()?)
         .source_date_epoch(source_date_epoch()?)
         .bootstrap(args.bootstrap.map(usize::from))
-        .loss(loss);
+        .loss(loss)
+        .correct_warm_up(args.warm_up);
     let (windows, setup) = loading::windows(&args.logs, &args.reading)?;
     for run in windows.runs.iter().filter(|run| run.files.len() > 1) {
         let by_counter = run.files.iter().any(|file| file.summary.follows_by_counter);
@@ -88,6 +92,9 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     let text = calibration.to_json()?;
     for axis in &calibration.axes {
         describe(console, axis);
+        if args.warm_up && axis.correction.warm_up.is_none() {
+            console.note("  no warm-up is found in these runs, so none is corrected");
+        }
         if args.tradeoff {
             console.say(tradeoff(axis)?);
         }
@@ -160,6 +167,9 @@ fn describe(console: &mut Console, axis: &AxisCalibration) {
             "  each run covers little of the temperatures: run offsets differ by {} °/h (σ), which may be drift; --one-run makes files one run",
             significant(hidden, 2)
         ));
+    }
+    if let Some(warm_up) = &axis.correction.warm_up {
+        console.say(format!("  warm-up, corrected: {}", warm_up.words()));
     }
     for effect in &fit.time_effects {
         console.say(format!(

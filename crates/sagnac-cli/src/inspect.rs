@@ -7,7 +7,7 @@ use sagnac::calibration::Calibration;
 use sagnac::export::image_bytes;
 use sagnac::fit::{FitOptions, Model, calibrate};
 use sagnac::window::{WindowBuilder, Windows};
-use sagnac_core::{Image, Kind as Quantity, Multiplier, Shape, Term, ValueSource};
+use sagnac_core::{Description, Image, Kind as Quantity, LagSpec, Multiplier, Shape, Term, ValueSource};
 use sagnac_log::ingest::{AngleUnit, LogReader, LogShape, ReadMode, Tally, hex, sha256};
 use sagnac_log::setup::Setup;
 use sagnac_units::format::significant;
@@ -257,6 +257,9 @@ struct ImageThermometer {
     /// Of a repeat: the input that it repeats for a second lag, by its place.
     #[serde(skip_serializing_if = "Option::is_none")]
     repeats: Option<u8>,
+    /// Of a warm-up since power-on: its time constant, s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    warm_up_s: Option<f64>,
     /// In units of 2^exponent of its own; 0 for °C.
     unit_exponent: i8,
     span_c: [f64; 2],
@@ -295,6 +298,10 @@ fn image(path: &Path, console: &mut Console) -> Result<()> {
         object.arcsec_per_count, object.quantum, object.tick_ns, object.period_ticks, object.slew_ticks, object.reference_c
     ));
     for (at, t) in object.thermometers.iter().enumerate() {
+        if let Some(tau_s) = t.warm_up_s {
+            console.say(format!("input {at}: the warm-up since power-on, time constant {} s", significant(tau_s, 4)));
+            continue;
+        }
         let what = match (t.difference, t.repeats) {
             (Some([of, less]), _) => format!("input {at}: {of} less {less}, "),
             (None, Some(of)) => format!("input {at}: {of} once more behind a second lag, "),
@@ -321,18 +328,26 @@ fn image(path: &Path, console: &mut Console) -> Result<()> {
     console.object(&object)
 }
 
+/// τ of a lag filter: α = 1 − e^(−Δt/τ).
+fn time_constant_s(lag: &LagSpec, d: &Description) -> f64 {
+    let alpha = f64::from(lag.alpha_mantissa) * 2.0_f64.powi(-i32::from(lag.alpha_shift));
+    let period_s = f64::from(d.period_ticks) * f64::from(d.tick_ns) * 1e-9;
+    -period_s / (-alpha).ln_1p()
+}
+
 fn image_object(image: &Image) -> ImageObject {
     let d = image.description();
     let celsius = |q24: i32| f64::from(q24) / f64::from(1 << 24);
     let thermometers = image.inputs().iter().map(|t| ImageThermometer {
         difference: match t.source {
             ValueSource::Difference { of, less } => Some([of, less]),
-            ValueSource::Code | ValueSource::Repeat { .. } => None,
+            ValueSource::Code | ValueSource::Repeat { .. } | ValueSource::WarmUp => None,
         },
         repeats: match t.source {
             ValueSource::Repeat { of } => Some(of),
-            ValueSource::Code | ValueSource::Difference { .. } => None,
+            ValueSource::Code | ValueSource::Difference { .. } | ValueSource::WarmUp => None,
         },
+        warm_up_s: (t.source == ValueSource::WarmUp).then(|| time_constant_s(&t.lag, d)),
         unit_exponent: t.unit_exponent,
         span_c: [celsius(t.span_lo_q24), celsius(t.span_hi_q24)],
         valid_range_c: [celsius(t.valid_lo_q24), celsius(t.valid_hi_q24)],

@@ -23,11 +23,13 @@ pub const MAGIC: [u8; 8] = *b"SAGNACIM";
 pub const FORMAT_VERSION: u16 = 1;
 /// Newest minor version that this code reads. A new shape or source raises it; an image carries the lowest minor version that has
 /// all its shapes and sources.
-pub const FORMAT_MINOR: u16 = 2;
+pub const FORMAT_MINOR: u16 = 3;
 /// The minor version that added harmonics.
 const MINOR_OF_HARMONICS: u16 = 1;
 /// The minor version that added inputs that repeat another one.
 const MINOR_OF_REPEATS: u16 = 2;
+/// The minor version that added warm-ups.
+const MINOR_OF_WARM_UPS: u16 = 3;
 const HEAD_LEN: usize = 128;
 const INPUT_LEN: usize = 64;
 const TERM_LEN: usize = 12;
@@ -196,7 +198,9 @@ impl Image {
 
 /// The lowest minor version that has the sources of all these inputs and the shapes of all these terms.
 fn minor_of(inputs: &[InputSpec], terms: &[Term]) -> u16 {
-    if inputs.iter().any(|input| matches!(input.source, ValueSource::Repeat { .. })) {
+    if inputs.iter().any(|input| input.source == ValueSource::WarmUp) {
+        MINOR_OF_WARM_UPS
+    } else if inputs.iter().any(|input| matches!(input.source, ValueSource::Repeat { .. })) {
         MINOR_OF_REPEATS
     } else if terms.iter().any(|term| term.shape.turns_q18().is_some()) {
         MINOR_OF_HARMONICS
@@ -285,6 +289,7 @@ fn write_input(w: &mut Writer<'_>, t: &InputSpec) -> Option<()> {
         ValueSource::Code => [0; 3],
         ValueSource::Difference { of, less } => [1, of, less],
         ValueSource::Repeat { of } => [2, of, 0],
+        ValueSource::WarmUp => [3, 0, 0],
     };
     w.put([t.gain.shift, t.x_shift, t.lag.alpha_shift, t.lag.rate_shift, t.lag.y_shift])?;
     w.put(source)?;
@@ -315,6 +320,7 @@ fn read_input(r: &mut Reader<'_>) -> Parsed<InputSpec> {
         [0, 0, 0] => ValueSource::Code,
         [1, of, less] => ValueSource::Difference { of, less },
         [2, of, 0] => ValueSource::Repeat { of },
+        [3, 0, 0] => ValueSource::WarmUp,
         _ => return Some(Err(DecodeError::Reserved("an input"))),
     };
     if zeros != [0; 3] {

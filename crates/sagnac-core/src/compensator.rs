@@ -50,6 +50,7 @@ pub struct State {
     slow_status: Status,
     corrected_once: bool,
     overflow: bool,
+    warm: bool,
 }
 
 /// One corrected value.
@@ -119,7 +120,17 @@ impl State {
             slow_status: Status::UNCORRECTED,
             corrected_once: false,
             overflow: false,
+            warm: false,
         }
+    }
+
+    /// Memory after a reset that did not cut the power: as at power-on, but a warm-up is over.
+    ///
+    /// A term over [`ValueSource::WarmUp`] then corrects nothing, and the status is SETTLING for as long as its input says.
+    pub const fn warm() -> Self {
+        let mut state = Self::new();
+        state.warm = true;
+        state
     }
 
     /// Ticks that may run before the next slow update; 0: it is due now.
@@ -210,7 +221,8 @@ impl Compensator {
     /// The memory for this compensator, made from that of another one for the same gyro: changes the image between two ticks.
     ///
     /// The remainder of a count is kept. The active correction stays until the next slow update, which is due at once, and slews away
-    /// from it. Inputs start again: SETTLING, and UNCORRECTED until all of them have a valid value.
+    /// from it. Inputs start again: SETTLING, and UNCORRECTED until all of them have a valid value. A warm-up is over, as in
+    /// [`State::warm`].
     pub fn migrate_state(&self, old: &State) -> State {
         let bound = self.image.description().increment_bound();
         let increment = old.increment.max(-bound).min(bound);
@@ -220,7 +232,7 @@ impl Compensator {
             k_q32: old.k_q32,
             increment,
             target: increment,
-            ..State::new()
+            ..State::warm()
         }
     }
 
@@ -257,7 +269,7 @@ impl Compensator {
     }
 
     /// A slow update: one code per input of the image, `None` where there is no sample. A difference uses the values of its two inputs
-    /// at this update, a repeat that of its one; their own codes are ignored.
+    /// at this update, a repeat that of its one, a warm-up none; their own codes are ignored.
     ///
     /// # Errors
     /// [`Misuse`] when it is not due, or the number of codes is wrong; then nothing has changed.
@@ -319,6 +331,7 @@ impl Compensator {
         let (mut status, mut held) = (Status::OK, false);
         // Values of this update, for the differences and repeats that come later in the table.
         let mut fresh_q24 = [None; MAX_INPUTS];
+        let warm = state.warm;
         let slots = inputs.iter_mut().zip(state.inputs.iter_mut());
         for (at, ((slot, memory), (spec, code))) in slots.zip(self.image.inputs().iter().zip(codes)).enumerate() {
             let of_update = |i: u8| fresh_q24.get(usize::from(i)).copied().flatten();
@@ -328,7 +341,11 @@ impl Compensator {
                     of_update(of).zip(of_update(less)).and_then(|(a, b): (i64, i64)| spec.if_valid(a - b))
                 }
                 ValueSource::Repeat { of } => of_update(of).and_then(|value| spec.if_valid(value)),
+                ValueSource::WarmUp => spec.if_valid(0),
             };
+            if spec.source == ValueSource::WarmUp && !warm {
+                memory.begin_warm_up();
+            }
             if let Some(place) = fresh_q24.get_mut(at) {
                 *place = fresh.map(i64::from);
             }

@@ -292,7 +292,8 @@ impl Image {
     }
 
     /// A difference uses two inputs that come before it and have codes of their own. A repeat uses one input that comes before it
-    /// and is itself no repeat; unit, valid range and hold time are the same. Neither has a conversion: it is already applied.
+    /// and is itself neither a repeat nor a warm-up; unit, valid range and hold time are the same. A warm-up has a lag, and 0 °C is
+    /// valid. None of the three has a conversion: it is already applied.
     fn check_source(&self, index: u8, t: &InputSpec) -> Result<(), &'static str> {
         let before = |i: u8| self.inputs().get(usize::from(i)).filter(|_| i < index);
         let no_conversion = t.offset_q24 == 0 && t.gain == Gain::ONE;
@@ -306,7 +307,8 @@ impl Image {
                 ])
             }
             ValueSource::Repeat { of } => {
-                let repeated = before(of).filter(|other| !matches!(other.source, ValueSource::Repeat { .. }));
+                let repeated = before(of)
+                    .filter(|other| !matches!(other.source, ValueSource::Repeat { .. } | ValueSource::WarmUp));
                 let held = |t: &InputSpec| (t.unit_exponent, t.valid_lo_q24, t.valid_hi_q24, t.stale_after_updates);
                 first_broken(&[
                     (repeated.is_some(), "repeat"),
@@ -317,6 +319,11 @@ impl Image {
                     ),
                 ])
             }
+            ValueSource::WarmUp => first_broken(&[
+                (no_conversion, "conversion (a warm-up has no code)"),
+                (t.lag.is_used(), "lag (a warm-up is one)"),
+                (t.valid_lo_q24 <= 0 && t.valid_hi_q24 >= 0, "valid range (a warm-up is 0)"),
+            ]),
         }
     }
 

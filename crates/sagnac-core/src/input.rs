@@ -1,8 +1,9 @@
 //! From an input's code to its value, its scaled position in the fit span, and its causal rate.
 //!
 //! An input is any number that the correction depends on: a temperature, the difference of two inputs
-//! ([`ValueSource::Difference`]), a voltage, a current, or another input once more for a second lag ([`ValueSource::Repeat`]). Values are `i32` in units of 2⁻²⁴ °C (±128 °C, 6e-8 °C). For an input that is
-//! not a temperature, read "°C" as `2^unit_exponent` of its own unit.
+//! ([`ValueSource::Difference`]), a voltage, a current, another input once more for a second lag ([`ValueSource::Repeat`]), or the
+//! time since power-on ([`ValueSource::WarmUp`]). Values are `i32` in units of 2⁻²⁴ °C (±128 °C, 6e-8 °C). For an input that is not a
+//! temperature, read "°C" as `2^unit_exponent` of its own unit.
 //!
 //! The rate comes from a one-pole lag filter. It runs once per temperature period Δt with a zero-order hold:
 //!
@@ -14,10 +15,17 @@
 //! The filter stores `T_lag` in 2⁻⁴⁶ °C and the remainder of the last product. So it has no dead band, and its steps add up to the
 //! change of the value. `Ṫ` comes from the product itself, which is finer than the stored state.
 //!
+//! A warm-up is the same filter with a constant value of 0 °C and `T_lag` = −1 °C at power-on: `Ṫ[n] = α·(1 − α)ⁿ`, which is
+//! `α·e^(−t/τ)`. An image that is applied while the gyro runs does not know how long it has been warm; its warm-up is over at once,
+//! and the status is SETTLING for as long as the image says.
+//!
 //! A sensor that fails can send any code. The valid range (`valid_lo_q24` to `valid_hi_q24`) rejects what cannot be a value.
 
 use crate::rounding::round_shift;
 use crate::series::{ONE_Q31, ONE_Q47};
+
+/// Where the filter of a warm-up begins: −1 °C in 2⁻⁴⁶ °C.
+const WARM_UP_START_Q46: i64 = -(1 << 46);
 
 /// Low bits of a difference of values, multiplied separately so that each product fits 64 bits.
 const LOW_BITS: u32 = 23;
@@ -55,6 +63,8 @@ pub enum ValueSource {
         /// Index of the input that is repeated.
         of: u8,
     },
+    /// The time since power-on: a constant 0 °C behind a lag that begins at −1 °C. It is never missing.
+    WarmUp,
 }
 
 /// The lag filter of one input and the span of its rate. All zero: the input has no rate.
@@ -186,6 +196,13 @@ pub(crate) struct ScaledInput {
 impl InputState {
     pub(crate) const fn new() -> Self {
         Self { lag_q46: 0, remainder: 0, last_q24: None, held_updates: 0, settled_updates: 0 }
+    }
+
+    /// Power-on: the filter of a warm-up begins, once.
+    pub(crate) fn begin_warm_up(&mut self) {
+        if self.last_q24.is_none() {
+            *self = Self { lag_q46: WARM_UP_START_Q46, last_q24: Some(0), settled_updates: u32::MAX, ..Self::new() };
+        }
     }
 
     /// One temperature period. `None` without a valid value at this update; the filter then runs on the last one, as it does

@@ -7,7 +7,7 @@ use proptest::prelude::*;
 use sagnac_core::{
     Compensator, Image, Kind, MAX_INCREMENT, MAX_RAW, Misuse, Multiplier, State, Status, Term, ValueSource,
 };
-use support::{any_image, image, repeat, term, thermometer};
+use support::{any_image, image, repeat, term, thermometer, warm_up};
 
 /// One call to a compensator.
 #[derive(Clone, Debug)]
@@ -339,4 +339,59 @@ fn a_repeat_of_one_lag_is_its_input() {
         seen |= status;
     }
     assert!(seen.contains(Status::HELD | Status::STALE | Status::UNCORRECTED | Status::SETTLING), "{seen:?}");
+}
+
+/// A bias term of one count per tick over a warm-up of 1,500 s, beside a thermometer that corrects nothing.
+fn warming() -> Compensator {
+    let mut d = *image(&[term(Kind::Bias, 0, Multiplier::Rate, 1 << 30, 21)], 1, 0).description();
+    (d.inputs[1], d.input_count, d.terms[0].input) = (warm_up(), 2, 1);
+    Compensator::new(Image::new(d).unwrap())
+}
+
+/// e^(−nΔt/τ), against the closed form in `f64`, for ten time constants; nothing is missing, clamped or settling but the thermometer.
+#[test]
+fn a_warm_up_is_an_exponential_since_power_on() {
+    let (gyro, mut state) = (warming(), State::new());
+    let mut start = 0.0;
+    for n in 0..15_000 {
+        let status = gyro.update(&mut state, &[Some(20 << 24), None]).unwrap();
+        assert_eq!(status, if n < 900 { Status::SETTLING } else { Status::OK }, "{n}");
+        let now = state.target_increment() as f64;
+        if n == 0 {
+            start = now;
+            assert!((now / 2.0_f64.powi(32) * 1.001 - 1.0).abs() < 1e-6, "{now}");
+        }
+        let exact = (-f64::from(n) / 1500.0).exp();
+        assert!((now / start - exact).abs() < 2e-7, "{n}: {} {exact}", now / start);
+        gyro.tick(&mut state, 0).unwrap();
+    }
+}
+
+/// A reset that did not cut the power, and an image that is applied while the gyro runs: the warm-up is over, and the status says that
+/// nobody knows whether it is.
+#[test]
+fn a_warm_up_is_not_begun_twice() {
+    let gyro = warming();
+    let mut ran = State::new();
+    gyro.update(&mut ran, &[Some(20 << 24), None]).unwrap();
+    assert_ne!(ran.target_increment(), 0);
+    for mut state in [State::warm(), gyro.migrate_state(&ran)] {
+        for n in 0..4000 {
+            let status = gyro.update(&mut state, &[Some(20 << 24), None]).unwrap();
+            assert_eq!(state.target_increment(), 0, "{n}");
+            assert_eq!(status.contains(Status::SETTLING), n < 3600, "{n}");
+            gyro.tick(&mut state, 0).unwrap();
+        }
+    }
+    // An image without thermometers: only the warm-up's own input settles.
+    let mut d = *gyro.image().description();
+    (d.inputs[0], d.input_count, d.terms[0].input) = (warm_up(), 1, 0);
+    let gyro = Compensator::new(Image::new(d).unwrap());
+    for (mut state, settling) in [(State::new(), 0), (State::warm(), 3600)] {
+        for n in 0..4000 {
+            let status = gyro.update(&mut state, &[None]).unwrap();
+            assert_eq!(status, if n < settling { Status::SETTLING } else { Status::OK }, "{n}");
+            gyro.tick(&mut state, 0).unwrap();
+        }
+    }
 }

@@ -4,10 +4,10 @@ mod support;
 
 use proptest::prelude::*;
 use sagnac_core::{
-    DecodeError, Description, FORMAT_MINOR, Gain, Image, ImageError, InputSpec, Kind, MAX_IMAGE_LEN, MAX_TURNS_Q18,
-    Multiplier, Shape, Term, ValueSource,
+    DecodeError, Description, FORMAT_MINOR, Gain, Image, ImageError, InputSpec, Kind, LagSpec, MAX_IMAGE_LEN,
+    MAX_TURNS_Q18, Multiplier, Shape, Term, ValueSource,
 };
-use support::{any_image_of_four, difference, image, repeat, term, thermometer};
+use support::{any_image_of_four, difference, image, repeat, term, thermometer, warm_up};
 
 fn bytes_of(image: &Image) -> Vec<u8> {
     let mut out = vec![0; MAX_IMAGE_LEN];
@@ -105,9 +105,9 @@ fn unknown_things_are_named() {
     // A zone has no order, a series no knot, a code of its own no thermometers to take from each other.
     assert_eq!(Image::decode(&resealed(good.clone(), terms + 9, 1)), Err(DecodeError::Reserved("a term")));
     assert_eq!(Image::decode(&resealed(good.clone(), terms + 11, 1)), Err(DecodeError::Reserved("a term")));
-    // Source 3 is unknown, and a code of its own has no input that it is made from.
+    // Source 4 is unknown, and a code of its own has no input that it is made from.
     for place in [13, 14, 15, 61] {
-        let bytes = resealed(good.clone(), 128 + place, 3);
+        let bytes = resealed(good.clone(), 128 + place, 4);
         assert_eq!(Image::decode(&bytes), Err(DecodeError::Reserved("an input")), "{place}");
     }
     assert_eq!(Image::decode(&resealed(good, terms + 2, 9)), Err(DecodeError::Invalid(ImageError::Term(0, "order"))));
@@ -139,9 +139,9 @@ fn harmonics_raise_the_minor_version() {
     let wrong = |stored, needed| Err(DecodeError::WrongMinor { stored, needed });
     assert_eq!(Image::decode(&resealed(good.clone(), 10, 0)), wrong(0, 1));
     assert_eq!(Image::decode(&resealed(bytes_of(&typical()), 10, 1)), wrong(1, 0));
-    let newer = Image::decode(&resealed(good.clone(), 10, 3)).unwrap_err();
+    let newer = Image::decode(&resealed(good.clone(), 10, 4)).unwrap_err();
     assert_eq!(newer, DecodeError::UnknownMinor(FORMAT_MINOR + 1));
-    assert_eq!(newer.to_string(), "image format version 1.3; this program reads up to 1.2");
+    assert_eq!(newer.to_string(), "image format version 1.4; this program reads up to 1.3");
     assert_eq!(Image::decode(&resealed(good, 11, 3)), Err(DecodeError::UnknownMinor(0x301)));
 }
 
@@ -211,6 +211,36 @@ fn repeats_raise_the_minor_version() {
         assert_eq!(Image::decode(&resealed(good.clone(), 10, stored as u8)), wrong);
     }
     assert_eq!(Image::decode(&resealed(good, source + 2, 1)), Err(DecodeError::Reserved("an input")));
+}
+
+#[test]
+fn warm_ups_raise_the_minor_version() {
+    let image = with_repeat(warm_up()).unwrap();
+    let good = bytes_of(&image);
+    assert_eq!((image.format_minor(), good[10], good[11]), (3, 3, 0));
+    let source = 128 + 3 * 64 + 13;
+    assert_eq!(good[source..source + 3], [3, 0, 0]);
+    assert_eq!(Image::decode(&good), Ok(image));
+    let wrong = Err(DecodeError::WrongMinor { stored: 2, needed: 3 });
+    assert_eq!(Image::decode(&resealed(good.clone(), 10, 2)), wrong);
+    for byte in [source + 1, source + 2] {
+        let stray = Err(DecodeError::Reserved("an input"));
+        assert_eq!(Image::decode(&resealed(good.clone(), byte, 1)), stray);
+    }
+    let refused = |change: InputSpec| with_repeat(change).map(|_| ());
+    let conversion = Err(ImageError::Input(3, "conversion (a warm-up has no code)"));
+    assert_eq!(refused(InputSpec { offset_q24: 1, ..warm_up() }), conversion);
+    assert_eq!(refused(InputSpec { gain: Gain { mantissa: 2, shift: 1 }, ..warm_up() }), conversion);
+    let lag = Err(ImageError::Input(3, "lag (a warm-up is one)"));
+    assert_eq!(refused(InputSpec { lag: LagSpec::default(), ..warm_up() }), lag);
+    let valid = Err(ImageError::Input(3, "valid range (a warm-up is 0)"));
+    assert_eq!(refused(InputSpec { valid_lo_q24: 1, valid_hi_q24: 2, ..warm_up() }), valid);
+    assert_eq!(refused(InputSpec { valid_lo_q24: -2, valid_hi_q24: -1, ..warm_up() }), valid);
+    // A warm-up cannot be repeated.
+    let mut d = *image.description();
+    d.inputs[2] = warm_up();
+    d.inputs[3] = InputSpec { source: ValueSource::Repeat { of: 2 }, ..warm_up() };
+    assert_eq!(Image::new(d), Err(ImageError::Input(3, "repeat")));
 }
 
 #[test]

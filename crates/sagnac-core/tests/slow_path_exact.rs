@@ -40,6 +40,7 @@ impl Exact {
                 let t_q24 = match image.inputs()[index].source {
                     ValueSource::Repeat { of } => value(usize::from(of)),
                     ValueSource::Code | ValueSource::Difference { .. } => value(index),
+                    ValueSource::WarmUp => 0,
                 };
                 self.scale(image, index, t_q24)
             })
@@ -77,7 +78,9 @@ impl Exact {
         let x = x.clamp(-one.clone(), one.clone());
 
         let t = fixed(t_q24, 24);
-        let lag = self.lags[index].get_or_insert_with(|| t.clone());
+        // A warm-up begins at −1 °C.
+        let begin = if spec.source == ValueSource::WarmUp { -one.clone() } else { t.clone() };
+        let lag = self.lags[index].get_or_insert(begin);
         let step = ((&t - &*lag) * spec.lag.alpha_mantissa) >> u32::from(spec.lag.alpha_shift);
         *lag += &step;
         let unit = 24 + u32::from(spec.lag.rate_shift);

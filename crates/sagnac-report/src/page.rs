@@ -264,6 +264,7 @@ fn fit_verdict(axis: &AxisCalibration, report_data: &ReportData, several: bool) 
             }
             @if let Some(note) = axis.below_floor_note() { p.note { "Note: " (note) "." } }
             @for found in axis.fit.iter().flat_map(|fit| &fit.entanglement) { p.note { "Note: " (found.note()) "." } }
+            @if let Some(warm_up) = &axis.correction.warm_up { p.note { "Warm-up since power-on, corrected: " (warm_up.words()) ". Residual and held-out σ are without it." } }
             @for effect in axis.fit.iter().flat_map(|fit| &fit.time_effects) {
                 p.note { "Fitted beside the terms and not corrected: " (effect.words()) ". Residual and held-out σ are without it." }
             }

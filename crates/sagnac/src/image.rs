@@ -9,7 +9,8 @@
 //! ```
 //!
 //! Each input becomes an input of the image, in the order of the record. A column's unit is a power of two of its own, so
-//! that its valid range fits the codes of an input. A shape gives its target's shape and the factor to it.
+//! that its valid range fits the codes of an input. A shape gives its target's shape and the factor to it. A warm-up is one more input
+//! behind them, with one term over its rate.
 //!
 //! The values of all terms at their references become, with opposite sign, one term of order 0 for bias and one for the scale
 //! factor. A coefficient too large for its width is refused by name, never clipped:
@@ -28,7 +29,7 @@ use sagnac_core::{
     Shape, Term, ValueSource,
 };
 
-use crate::calibration::{AxisCalibration, AxisCorrection, Calibration, Input, InputSource, LogUnit, Target};
+use crate::calibration::{AxisCalibration, AxisCorrection, Calibration, Input, InputSource, LogUnit, Target, WarmUp};
 use crate::model::input::unit_exponent;
 use crate::model::shape::image_order;
 use crate::model::{ActsOn, Form};
@@ -143,7 +144,16 @@ impl Frame {
             *slot = input_spec(channel, target.period_s()).map_err(|error| error.of(&format!("input {of}")))?;
         }
         d.input_count = channels.len() as u8;
-        let rows = self.rows(correction, &channels)?;
+        let mut rows = self.rows(correction, &channels)?;
+        if let Some(warm_up) = &correction.warm_up {
+            let slot = d.inputs.get_mut(channels.len()).ok_or_else(|| {
+                let inputs = channels.len() as f64 + 1.0;
+                too_large("inputs", inputs, &format!("{MAX_INPUTS} inputs, of which a warm-up is one"))
+            })?;
+            *slot = warm_up_spec(warm_up, target.period_s()).map_err(|error| error.of(WARM_UP))?;
+            rows.extend(self.warm_up_row(warm_up, d.input_count)?);
+            d.input_count += 1;
+        }
         self.check_sums(&rows)?;
         let terms: Vec<Term> = rows.iter().map(|row| row.term).collect();
         if terms.len() > MAX_TERMS {
@@ -244,11 +254,11 @@ fn channels(correction: &AxisCorrection) -> Result<Vec<Channel<'_>>> {
 /// Codes that the target passes to an image at a slow update.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Code {
-    /// Thermometer, difference, column or repeat.
+    /// Thermometer, difference, column, repeat or warm-up.
     pub name: String,
     /// Value at code 0, in its own unit.
     pub offset: f64,
-    /// Units per code; `None` for a difference or a repeat, which the target makes itself.
+    /// Units per code; `None` for a difference, a repeat or a warm-up, which the target makes itself.
     pub per_code: Option<f64>,
 }
 
@@ -258,7 +268,9 @@ pub fn codes(axis: &AxisCalibration) -> Vec<Code> {
         let per_code = input.has_code().then_some(input.gain_per_code);
         Code { name: input.name.clone(), offset: input.offset, per_code }
     };
-    axis.correction.inputs.iter().map(code).collect()
+    let warm_up =
+        axis.correction.warm_up.iter().map(|_| Code { name: WARM_UP.to_owned(), offset: 0.0, per_code: None });
+    axis.correction.inputs.iter().map(code).chain(warm_up).collect()
 }
 
 fn input_spec(of: &Channel<'_>, period_s: f64) -> Result<InputSpec> {
@@ -301,6 +313,29 @@ fn input_spec(of: &Channel<'_>, period_s: f64) -> Result<InputSpec> {
         lag,
         stale_after_updates: (input.stale_after_s / period_s).ceil() as u32,
         settling_updates: if lag.is_used() { (settling_s / period_s).ceil() as u32 } else { 0 },
+    })
+}
+
+/// Name of the input behind a warm-up.
+const WARM_UP: &str = "warm-up";
+/// The rate of a warm-up at power-on as a fraction of its span: below one, so that no rounding clamps it.
+const WARM_UP_START: f64 = 1.0 / 1.001;
+
+/// The rate of a warm-up at power-on, °C per temperature period: α.
+fn warm_up_rate(warm_up: &WarmUp, period_s: f64) -> f64 {
+    -(-period_s / warm_up.tau_s.value).exp_m1()
+}
+
+/// The input of a warm-up: 0 °C behind a lag that begins at −1 °C.
+fn warm_up_spec(warm_up: &WarmUp, period_s: f64) -> Result<InputSpec> {
+    let far_cpm = warm_up_rate(warm_up, period_s) / WARM_UP_START * 60.0 / period_s;
+    let lag = lag_spec(warm_up.tau_s.value, period_s, far_cpm, [0.0, far_cpm])?;
+    let settling_s = (SETTLING_TAUS * warm_up.tau_s.value).min(SETTLING_MAX_S);
+    Ok(InputSpec {
+        source: ValueSource::WarmUp,
+        lag,
+        settling_updates: (settling_s / period_s).ceil() as u32,
+        ..InputSpec::UNUSED
     })
 }
 
@@ -421,6 +456,12 @@ impl Frame {
             (term.kind == Kind::Scale, term.multiplier == Multiplier::Rate, term.input, image_order(term.shape))
         });
         Ok(out)
+    }
+
+    /// a·e^(−t/τ) as a term over the rate α·e^(−t/τ), which has its span at 1.001·α.
+    fn warm_up_row(self, warm_up: &WarmUp, input: u8) -> Result<Option<Row>> {
+        let head = Head { kind: Kind::Bias, input, shape: Shape::Chebyshev(0), multiplier: Multiplier::Rate };
+        self.row(head, WARM_UP.to_owned(), warm_up.value_dph * self.per_dph() / WARM_UP_START)
     }
 
     /// A coefficient as mantissa and shift; `None` for zero.

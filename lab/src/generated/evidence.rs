@@ -40,6 +40,7 @@ const TESTS: &Tests = &[
             "rate_table",
             "turned",
             "two_lags",
+            "warm_up",
         ],
     ),
     ("sagnac-noise", &["terms"]),

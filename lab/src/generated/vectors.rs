@@ -33,6 +33,7 @@ pub(crate) fn make() -> Result<Vec<Made>> {
         compensator_inputs()?.made("compensator-inputs")?,
         compensator_harmonic()?.made("compensator-harmonic")?,
         compensator_lags()?.made("compensator-lags")?,
+        compensator_warm_up()?.made("compensator-warm-up")?,
         compensator_edges(9, 1)?.made("compensator-edges")?,
         compensator_edges(1 << 30, 41)?.made("compensator-advance")?,
         compensator_edges(9, 41)?.made("compensator-limits")?,
@@ -361,6 +362,71 @@ fn compensator_lags() -> Result<Making> {
         making.step(1, &[present, codes[0] as u32, codes[1] as u32, codes[2] as u32, codes[3] as u32])?;
         making.step(2, &[50, update * 7919 + 1, 21, 4])?;
         if update % 400 == 399 {
+            making.step(5, &[])?;
+        }
+    }
+    Ok(making)
+}
+
+/// A warm-up beside a thermometer and a repeat of it: from power-on, over many updates without a sample, and after a change of the
+/// image, when it is over.
+fn compensator_warm_up() -> Result<Making> {
+    use Kind::{Bias, Scale};
+    use Multiplier::{One, Rate};
+    let mut d = Description { period_ticks: 50, slew_ticks: 9, ..Description::empty() };
+    d.serial[..7].copy_from_slice(b"WARM-UP");
+    let first = thermometer([-35, 65])?;
+    let again = InputSpec {
+        source: ValueSource::Repeat { of: 0 },
+        offset_q24: 0,
+        gain: Gain::ONE,
+        lag: LagSpec { alpha_mantissa: 0x7ffe_0005, alpha_shift: 41, rate_shift: 13, ..first.lag },
+        ..first
+    };
+    // α = 1/256 and its tenth part: the rate begins at α·2²⁴·2^rate_shift, its span is wider by a 64th.
+    let warm = |alpha_mantissa: u32, alpha_shift: u8, rate_hi: i32, settling_updates| InputSpec {
+        source: ValueSource::WarmUp,
+        lag: LagSpec {
+            alpha_mantissa,
+            alpha_shift,
+            rate_shift: 12,
+            rate_lo: 0,
+            rate_hi,
+            y_mantissa: ((1_u64 << (32 + rate_hi.ilog2())) / u64::from(rate_hi.unsigned_abs())) as u32,
+            y_shift: rate_hi.ilog2() as u8 + 1,
+        },
+        settling_updates,
+        ..InputSpec::UNUSED
+    };
+    let fast = warm(1 << 30, 38, (1 << 28) + (1 << 22), 40);
+    let slow = warm(0x6666_6666, 42, 0x0199_9999 + (1 << 20), 0);
+    d.inputs = [fast, first, again, slow];
+    d.inputs[2].source = ValueSource::Repeat { of: 1 };
+    d.input_count = 4;
+    terms(
+        &mut d,
+        &[
+            (Bias, 0, 0, Rate, 987_654_321, 33),
+            (Bias, 1, 0, One, -558_484_714, 33),
+            (Bias, 1, 2, One, 621_868_304, 34),
+            (Bias, 2, 0, Rate, -1_050_505_051, 33),
+            (Bias, 3, 0, Rate, -900_000_001, 34),
+            (Scale, 3, 0, Rate, 777_777_777, 41),
+        ],
+    );
+    let about =
+        "compensator: two warm-ups beside a thermometer and its repeat, from power-on and after a change of the image";
+    let mut making = Making::new(Module::Compensator, image_bytes(d)?, about)?;
+    for update in 0..1000_u32 {
+        let dice = update.wrapping_mul(2_654_435_761) >> 8;
+        let up = i64::from(update.min(1000 - update));
+        let warm = (-30_i64 << 24) + (up * (90 << 24)) / 500 + i64::from(dice % (1 << 16));
+        // A warm-up's own code and bit mean nothing.
+        let present =
+            if dice % 37 == 0 || (300..330).contains(&update) { dice >> 9 & 0b1001 } else { 0b0010 | dice & 0b1001 };
+        making.step(1, &[present, dice, i32::try_from(warm)? as u32, 0, !dice])?;
+        making.step(2, &[50, update * 7919 + 1, 21, 4])?;
+        if update == 599 || update == 799 {
             making.step(5, &[])?;
         }
     }

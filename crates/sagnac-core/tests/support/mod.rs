@@ -71,7 +71,7 @@ pub(crate) fn any_image() -> impl Strategy<Value = Image> {
 }
 
 /// The same with two thermometers, their difference, which is valid to ±127 °C and spans ±20 °C, and any of the three once more
-/// behind a lag of 1,500 s.
+/// behind a lag of 1,500 s, or a warm-up.
 pub(crate) fn any_image_of_four() -> impl Strategy<Value = Image> {
     any_image_of(4)
 }
@@ -80,12 +80,13 @@ fn any_image_of(inputs: u8) -> impl Strategy<Value = Image> {
     let row = |shifts| (any_shape(), 0..inputs, any::<bool>(), -(1 << 30)..(1_i32 << 30), shifts);
     let (bias, scale) = (row(14_u8..40), row(30_u8..50));
     let rows = (prop::collection::vec(bias, 0..6), prop::collection::vec(scale, 0..4));
-    (rows, 1_u32..3000, 0_u32..3000, 0_u8..3).prop_filter_map(
+    (rows, 1_u32..3000, 0_u32..3000, 0_u8..4).prop_filter_map(
         "sums in range",
         move |((bias, scale), period, slew, repeated)| {
             let mut d = Description::empty();
             let own = [thermometer(), thermometer(), difference()];
-            let all = [own[0], own[1], own[2], repeat(repeated, own[usize::from(repeated)])];
+            let fourth = own.get(usize::from(repeated)).map_or_else(warm_up, |base| repeat(repeated, *base));
+            let all = [own[0], own[1], own[2], fourth];
             let used = usize::from(inputs);
             d.inputs[..used].copy_from_slice(&all[..used]);
             d.input_count = inputs;
@@ -113,6 +114,26 @@ pub(crate) fn repeat(of: u8, base: InputSpec) -> InputSpec {
         lag,
         settling_updates: 3600,
         ..base
+    }
+}
+
+/// A warm-up of 1,500 s since power-on; its rate span holds its start with a thousandth to spare.
+pub(crate) fn warm_up() -> InputSpec {
+    let alpha = 1.0 - (-1.0_f64 / 1500.0).exp();
+    let rate_hi = (alpha * 2.0_f64.powi(24 + 16) * 1.001) as i32;
+    InputSpec {
+        source: ValueSource::WarmUp,
+        lag: LagSpec {
+            alpha_mantissa: (alpha * 2.0_f64.powi(41)) as u32,
+            alpha_shift: 41,
+            rate_shift: 16,
+            rate_lo: 0,
+            rate_hi,
+            y_mantissa: ((1_u64 << 60) / rate_hi.cast_unsigned() as u64) as u32,
+            y_shift: 29,
+        },
+        settling_updates: 3600,
+        ..InputSpec::UNUSED
     }
 }
 

@@ -8,7 +8,7 @@ use crate::calibration::axis_record::AxisRecord;
 use crate::calibration::{
     Calibration, Candidate, Collinearity, CorrectionNoise, CrossValidation, CurveSpread, Entanglement, Hysteresis,
     Input, InputSource, Lag, Misalignment, Monomial, NoiseFloor, RejectedInput, RejectedModel, Residual, RunOffset,
-    ScaleFactor, SearchStep, SlowNoiseTerms, Soak, Term, TimeEffect,
+    ScaleFactor, SearchStep, SlowNoiseTerms, Soak, Term, TimeEffect, WarmUp,
 };
 use crate::model::{BASIS_LEN, Form, Shape, Span};
 
@@ -22,6 +22,8 @@ pub struct AxisCorrection {
     pub inputs: Vec<Input>,
     /// The terms.
     pub terms: Vec<Term>,
+    /// The warm-up since power-on; null where it is not corrected.
+    pub warm_up: Option<WarmUp>,
 }
 
 impl AxisCorrection {

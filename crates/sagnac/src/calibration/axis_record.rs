@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use crate::calibration::{
     AxisCalibration, AxisCorrection, Candidate, Collinearity, CorrectionNoise, CrossValidation, CurveSpread,
     Entanglement, FitDiagnostics, Hysteresis, Input, Lag, Misalignment, Monomial, NoiseFloor, RejectedInput,
-    RejectedModel, Residual, RunOffset, ScaleFactor, SearchStep, SlowNoiseTerms, Soak, Term, TimeEffect,
+    RejectedModel, Residual, RunOffset, ScaleFactor, SearchStep, SlowNoiseTerms, Soak, Term, TimeEffect, WarmUp,
 };
 
 /// See [`AxisCalibration`].
@@ -23,6 +23,9 @@ pub(crate) struct AxisRecord {
     model: String,
     /// The terms.
     terms: Vec<Term>,
+    /// The warm-up since power-on that the target corrects; absent where it corrects none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    warm_up: Option<WarmUp>,
     /// Lag of the rate terms over the thermometer of the fit; null without any.
     lag_s: Option<Lag>,
     /// T0, °C.
@@ -74,7 +77,7 @@ pub(crate) struct AxisRecord {
     /// Noise of the residual that is not white; absent where it is.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     slow_noise: Option<SlowNoiseTerms>,
-    /// Drift in time and warm-up, fitted beside the terms and never corrected; absent where none is justified.
+    /// Drift in time and warm-up, fitted beside the terms and not corrected; absent where none is justified.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     time_effects: Vec<TimeEffect>,
     /// What moved together with temperature in the runs; absent where nothing did.
@@ -108,11 +111,12 @@ impl From<AxisCalibration> for AxisRecord {
         let (lag_s, rate_span_cpm) = (main.and_then(|m| m.lag_s), main.and_then(|m| m.rate_span_per_min));
         let (reference_c, span_c) = main.map_or((f64::NAN, [f64::NAN; 2]), |m| (m.reference, m.span));
         let AxisCalibration { axis, correction, run_offsets, monomial, zones, fit } = axis;
-        let AxisCorrection { model, inputs, terms } = correction;
+        let AxisCorrection { model, inputs, terms, warm_up } = correction;
         let mut record = Self {
             axis,
             model,
             terms,
+            warm_up,
             lag_s,
             reference_c,
             span_c,
@@ -210,6 +214,7 @@ impl TryFrom<AxisRecord> for AxisCalibration {
             axis,
             model,
             terms,
+            warm_up,
             lag_s: _,
             reference_c: _,
             span_c: _,
@@ -265,7 +270,7 @@ impl TryFrom<AxisRecord> for AxisCalibration {
             covariance,
             covariance_of,
         });
-        let correction = AxisCorrection { model, inputs, terms };
+        let correction = AxisCorrection { model, inputs, terms, warm_up };
         Ok(Self { axis, correction, run_offsets, monomial, zones, fit })
     }
 }

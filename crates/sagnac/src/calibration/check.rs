@@ -47,6 +47,13 @@ impl AxisCalibration {
         let Some(main) = self.correction.inputs.first() else {
             return Err(Error::input("the first input is the thermometer of the fit").column(named("inputs")));
         };
+        if let Some(warm_up) = &self.correction.warm_up {
+            let sound = warm_up.value_dph.is_finite() && warm_up.tau_s.value > 0.0 && warm_up.tau_s.value.is_finite();
+            if !sound {
+                let what = "a warm-up has a finite size and a time constant above zero";
+                return Err(Error::input(what).column(named("warm_up")).value(warm_up.words()));
+            }
+        }
         let [lo, hi] = main.span;
         if !(lo < hi && lo.is_finite() && hi.is_finite()) {
             return Err(Error::input("must be an interval").column(named("span_c")).value(format!("{:?}", main.span)));

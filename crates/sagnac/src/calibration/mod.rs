@@ -26,7 +26,7 @@ use serde::{Deserialize, Serialize};
 
 pub use crate::calibration::axis::{AxisCalibration, AxisCorrection, FitDiagnostics, NonlinearParameter};
 pub use crate::calibration::input::{Input, InputSource};
-pub use crate::calibration::profile::{Entanglement, MovedTogether, TimeEffect, TimeEffectKind};
+pub use crate::calibration::profile::{Entanglement, MovedTogether, TimeEffect, TimeEffectKind, WarmUp};
 pub use crate::calibration::rate_table::{Misalignment, Plateau, PpmEstimate, Repeatability, ScaleFactor};
 pub use crate::calibration::search::{
     Collinearity, CorrectionNoise, InputNoise, RejectedInput, RejectedModel, SearchStep, SearchVerdict,

@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::calibration::CurveSpread;
+use crate::calibration::{CurveSpread, Lag};
 
 /// A drift with time, fitted beside the terms so that none of them takes its place. Never part of the correction.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -32,6 +32,27 @@ impl TimeEffect {
             None => format!("drift in time{of_run}: {value} °/h per hour"),
             Some(tau_s) => format!("warm-up{of_run}: {value} °/h at the start, time constant {tau_s:.0} s"),
         }
+    }
+}
+
+/// A warm-up since power-on that the target corrects, a·e^(−t/τ). Every run of the fit began at power-on.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[non_exhaustive]
+pub struct WarmUp {
+    /// a, its size at power-on, °/h.
+    pub value_dph: f64,
+    /// Standard deviation of a beside that of τ; null where nothing was fitted here.
+    pub sigma_dph: Option<f64>,
+    /// τ, s.
+    pub tau_s: Lag,
+}
+
+impl WarmUp {
+    /// `0.100 ± 0.004 °/h at power-on, time constant 2510 ± 90 s`.
+    pub fn words(&self) -> String {
+        let [size, tau] = [(self.value_dph, self.sigma_dph), (self.tau_s.value, self.tau_s.sigma)]
+            .map(|(value, sigma)| sagnac_units::format::with_sigma(value, sigma));
+        format!("{size} °/h at power-on, time constant {tau} s")
     }
 }
 

@@ -156,6 +156,7 @@ fn input(t: &InputSpec) -> String {
         ValueSource::Code => ("CODE", 0, 0),
         ValueSource::Difference { of, less } => ("DIFFERENCE", of.into(), less.into()),
         ValueSource::Repeat { of } => ("REPEAT", of.into(), 0),
+        ValueSource::WarmUp => ("WARM_UP", 0, 0),
     };
     let fields: [(&str, i64); 21] = [
         ("of", of),

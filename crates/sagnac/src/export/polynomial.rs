@@ -67,7 +67,7 @@ pub fn import(polynomial: &Polynomial, setup: &Setup) -> Result<Calibration> {
     let terms = (1..=order).map(|n| Term::given(Form::bias(n as u8), &input, series[n])).collect();
     let axis = AxisCalibration {
         axis: setup.axis.unwrap_or('x'),
-        correction: AxisCorrection { model: format!("bias {order}"), inputs: vec![input], terms },
+        correction: AxisCorrection { model: format!("bias {order}"), inputs: vec![input], terms, warm_up: None },
         run_offsets: vec![run_offset(at_reference, &stages.test)],
         monomial: Some(Monomial {
             run: 0,

@@ -137,9 +137,10 @@ fn unit(image: &Image, widths: Widths) -> String {
 fn inputs(out: &mut String, all: &[InputSpec; MAX_INPUTS]) {
     /// A field's name, width and position.
     type Field = (&'static str, u32, fn(&InputSpec) -> i64);
-    let fields: [Field; 22] = [
+    let fields: [Field; 23] = [
         ("IS_DERIVED", 1, |t| (t.source != ValueSource::Code).into()),
         ("IS_REPEAT", 1, |t| matches!(t.source, ValueSource::Repeat { .. }).into()),
+        ("IS_WARM_UP", 1, |t| (t.source == ValueSource::WarmUp).into()),
         ("DERIVED_OF", 2, |t| derived_from(t)[0]),
         ("DERIVED_LESS", 2, |t| derived_from(t)[1]),
         ("OFFSET", 32, |t| t.offset_q24.into()),
@@ -169,7 +170,7 @@ fn inputs(out: &mut String, all: &[InputSpec; MAX_INPUTS]) {
 /// The two inputs of a difference; twice the one of a repeat.
 fn derived_from(t: &InputSpec) -> [i64; 2] {
     match t.source {
-        ValueSource::Code => [0, 0],
+        ValueSource::Code | ValueSource::WarmUp => [0, 0],
         ValueSource::Difference { of, less } => [of.into(), less.into()],
         ValueSource::Repeat { of } => [of.into(), of.into()],
     }

@@ -27,6 +27,7 @@ use crate::fit::robust::{Loss, robust_fit};
 use crate::fit::search::{CONDITION_MAX, fits_image, inputs_read, shrunk, walk};
 use crate::fit::slow_noise::{SlowNoise, Whitening};
 use crate::fit::solution::{Fitted, fit, noise_of, white_variance, with_slow_noise};
+use crate::fit::warm_up;
 use crate::fit::{Model, SMALLER_WINS_WITHIN};
 use crate::model::input::Signal;
 use crate::model::price::Work;
@@ -83,6 +84,20 @@ pub(crate) fn choose<'a>(
     choice: &Model,
     make: &MakeProblem<'a, '_>,
 ) -> Result<Chosen<'a>> {
+    let mut chosen = selected(windows, main, image, choice, make)?;
+    if image.corrects_warm_up {
+        warm_up::refine(&mut chosen.problem, &chosen.spec, &chosen.taus_s);
+    }
+    Ok(chosen)
+}
+
+fn selected<'a>(
+    windows: &'a Windows,
+    main: Signal,
+    image: ImageCheck<'a>,
+    choice: &Model,
+    make: &MakeProblem<'a, '_>,
+) -> Result<Chosen<'a>> {
     match choice {
         Model::Fixed(spec) => given(&windows.shape, main, spec, image, make),
         Model::Auto => {
@@ -91,7 +106,12 @@ pub(crate) fn choose<'a>(
             let taus_s = grid.tau_grid();
             let nuisance = nuisance::justified(&mut grid, &specs, &taus_s);
             let with_time = searched(windows, main, image, make, &nuisance, false)?;
-            if nuisance.is_empty() || candidate_inputs(windows, main, image.config, &grid.used)?.0.is_empty() {
+            let corrected =
+                image.corrects_warm_up && nuisance.iter().any(|level| matches!(level, Level::WarmUp { .. }));
+            if nuisance.is_empty()
+                || corrected
+                || candidate_inputs(windows, main, image.config, &grid.used)?.0.is_empty()
+            {
                 return Ok(with_time);
             }
             // An input that follows what this fit puts down to time can be corrected, time cannot. No rate term may take the
@@ -202,7 +222,7 @@ fn given<'a>(
     let mut spec = spec.clone();
     let sources = sources_of(&mut spec, main, shape)?;
     check_channels(&spec, &sources, shape)?;
-    let problem = make(&sources)?;
+    let mut problem = make(&sources)?;
     check_codes(&problem)?;
     check_scale_rates(&problem, &spec)?;
     count_steps(&problem, &mut spec)?;
@@ -214,6 +234,11 @@ fn given<'a>(
         return Err(Error::refused("a rate term needs times, and the log has none").column("--model"));
     }
     let taus_s = problem.tau_grid();
+    if image.corrects_warm_up {
+        let specs = affordable(&problem)?;
+        let found = nuisance::justified(&mut problem, &specs, &taus_s);
+        problem.levels.extend(found);
+    }
     settle_periods(&problem, &mut spec, &taus_s)?;
     let mean_square = Trial::new(&problem, &spec, &taus_s).held_out();
     Ok(Chosen {
@@ -517,8 +542,16 @@ impl Chosen<'_> {
         for row in all.iter_mut().filter(|row| row.model == chosen) {
             row.chosen = true;
             row.held_out_dph = self.mean_square.map(f64::sqrt);
+            if self.corrects_warm_up() {
+                let work = Work::of_model(&self.spec, inputs_read(&self.problem, &self.spec)).with_warm_up();
+                row.slow_update_instructions = Some(work.instructions());
+            }
         }
         all
+    }
+
+    fn corrects_warm_up(&self) -> bool {
+        self.image.corrects_warm_up && self.problem.levels.iter().any(|level| matches!(level, Level::WarmUp { .. }))
     }
 
     pub(crate) fn cross_validation(&self) -> Option<CrossValidation> {

@@ -1,5 +1,6 @@
 //! A fitted model as the record has it: inputs in the order of the image (the thermometer of the fit, everything else with a
-//! code of its own, the differences, then the repeats for second lags) and terms. An [`ImageCheck`] asks the image for it before a model is selected.
+//! code of its own, the differences, then the repeats for second lags), terms, and a warm-up where it is asked for. An
+//! [`ImageCheck`] asks the image for it before a model is selected.
 
 use sagnac_log::error::{Error, Result};
 use sagnac_log::setup::ModelConfig;
@@ -8,6 +9,7 @@ use crate::calibration::{AxisCorrection, Input, Term};
 use crate::fit::effects::Parts;
 use crate::fit::least_squares::{LeastSquares, TermColumn};
 use crate::fit::solution::Fitted;
+use crate::fit::warm_up;
 use crate::image::Holder;
 use crate::model::input::{SampledInput, Signal, channels};
 use crate::window::{WindowShape, Windows};
@@ -21,6 +23,8 @@ pub(crate) struct ImageCheck<'a> {
     pub(crate) sensor: usize,
     pub(crate) axis: char,
     pub(crate) holder: Holder,
+    /// A warm-up since power-on is a part of the correction.
+    pub(crate) corrects_warm_up: bool,
 }
 
 impl ImageCheck<'_> {
@@ -29,7 +33,8 @@ impl ImageCheck<'_> {
     pub(crate) fn check(&self, fitted: &Fitted, problem: &LeastSquares<'_>) -> Result<()> {
         let inputs = recorded_inputs(fitted, None, problem, self.windows, self.config, self.sensor);
         let terms = terms(fitted, problem, &inputs, None);
-        let correction = AxisCorrection { model: fitted.spec.to_string(), inputs, terms };
+        let warm_up = self.corrects_warm_up.then(|| warm_up::value(problem, fitted)).flatten();
+        let correction = AxisCorrection { model: fitted.spec.to_string(), inputs, terms, warm_up };
         self.holder.check(self.axis, &correction).map_err(Error::as_refusal)
     }
 }

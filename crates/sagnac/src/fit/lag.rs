@@ -40,27 +40,25 @@ impl LagRate<'_> {
     /// Means of Ṫ·T_j(x) over windows (start, end], seconds from the start of the run, °C/min. Windows are in order and do
     /// not overlap, so one pass is enough and memory does not grow with the track.
     pub(crate) fn means(&self, windows: &[(f64, f64)]) -> Vec<[f64; RATE_COLUMNS]> {
-        let mut borders = windows.iter().flat_map(|(start, end)| [*start, *end]).map(|s| (s / self.period_s).max(0.0));
-        let mut next = borders.next();
-        // Running sums of Ṫ·T_j(x)·Δt at the borders, linear between grid points.
-        let mut at_borders = Vec::with_capacity(2 * windows.len());
-        let mut running = [0.0; RATE_COLUMNS];
-        for (n, (rate, t_c)) in self.rates().enumerate() {
-            let basis = low_orders(self.span.x(t_c));
-            let added: [f64; RATE_COLUMNS] = std::array::from_fn(|j| rate * basis[j] * self.period_s);
-            while let Some(position) = next.filter(|position| *position < (n + 1) as f64) {
-                let part = position - n as f64;
-                at_borders.push(std::array::from_fn::<f64, RATE_COLUMNS, _>(|j| running[j] + part * added[j]));
-                next = borders.next();
+        let track: &[f64] = &self.track_c;
+        let mut sums = RunningSums::new(self, track.first().copied().unwrap_or(0.0));
+        let mut next = 0;
+        let mut up_to = |border_s: f64| {
+            let position = (border_s / self.period_s).max(0.0);
+            let whole = (position as usize).min(track.len());
+            track[next..whole.max(next)].iter().for_each(|t_c| sums.take(*t_c));
+            next = next.max(whole);
+            // Linear between grid points; nothing behind the last.
+            match track.get(whole) {
+                Some(t_c) => sums.with_part(*t_c, position - whole as f64),
+                None => sums.sums,
             }
-            if next.is_none() {
-                break;
-            }
-            running.iter_mut().zip(added).for_each(|(sum, value)| *sum += value);
-        }
-        at_borders.resize(2 * windows.len(), running);
-        let pairs = at_borders.chunks_exact(2).zip(windows);
-        pairs.map(|(at, (start, end))| std::array::from_fn(|j| (at[1][j] - at[0][j]) / (end - start))).collect()
+        };
+        let mean = |(start, end): &(f64, f64)| {
+            let [from, to] = [*start, *end].map(&mut up_to);
+            std::array::from_fn(|j| (to[j] - from[j]) / (end - start))
+        };
+        windows.iter().map(mean).collect()
     }
 
     /// Lowest and highest Ṫ at grid points within any of these windows; 0 is always within.
@@ -80,7 +78,47 @@ impl LagRate<'_> {
     }
 }
 
+/// Sums of Ṫ·T_j(x)·Δt from the start of a run to a grid point.
+struct RunningSums {
+    span: Span,
+    alpha: f64,
+    period_s: f64,
+    per_minute: f64,
+    lag_c: f64,
+    sums: [f64; RATE_COLUMNS],
+}
+
+impl RunningSums {
+    fn new(of: &LagRate<'_>, first_c: f64) -> Self {
+        let alpha = -(-of.period_s / of.tau_s).exp_m1();
+        let (per_minute, sums) = (60.0 / of.period_s, [0.0; RATE_COLUMNS]);
+        Self { span: of.span, alpha, period_s: of.period_s, per_minute, lag_c: first_c, sums }
+    }
+
+    /// What the next grid point adds, and its step of the lag.
+    #[inline]
+    fn added(&self, t_c: f64) -> ([f64; RATE_COLUMNS], f64) {
+        let step = self.alpha * (t_c - self.lag_c);
+        let (rate, basis) = (self.per_minute * step, low_orders(self.span.x(t_c)));
+        (basis.map(|value| rate * value * self.period_s), step)
+    }
+
+    #[inline]
+    fn take(&mut self, t_c: f64) {
+        let (added, step) = self.added(t_c);
+        self.lag_c += step;
+        self.sums.iter_mut().zip(added).for_each(|(sum, value)| *sum += value);
+    }
+
+    /// The sums with a part of the next grid point.
+    fn with_part(&self, t_c: f64, part: f64) -> [f64; RATE_COLUMNS] {
+        let (added, _) = self.added(t_c);
+        std::array::from_fn(|j| self.sums[j] + part * added[j])
+    }
+}
+
 /// T₀(x) … T₃(x).
+#[inline]
 fn low_orders(x: f64) -> [f64; RATE_COLUMNS] {
     let second = 2.0 * x * x - 1.0;
     [1.0, x, second, 2.0 * x * second - x]

@@ -18,6 +18,8 @@
 //! constant per run where every run was turned at several rates, otherwise one for all: a run at a single rate does not
 //! separate its constant from ε0.
 
+use std::sync::{Arc, RwLock};
+
 use crate::calibration::{Plateau, SCALE_AT_REFERENCE};
 use crate::fit::lag::{LagRate, RATE_COLUMNS};
 use crate::fit::plateaus::plateaus_of;
@@ -34,6 +36,8 @@ use sagnac_units::s_from_ns;
 const RATE_MARGIN: f64 = 1.5;
 /// Number of τ in the grid, before the refinement.
 const TAU_STEPS: usize = 24;
+/// Rows up to which rate columns are kept: 38 MB.
+const MOST_KNOWN_ROWS: usize = 50_000;
 
 /// The used windows of one axis.
 pub(crate) struct LeastSquares<'a> {
@@ -64,6 +68,29 @@ pub(crate) struct LeastSquares<'a> {
     pub(crate) without_main_rate: bool,
     /// Rates of the table, where the axis was on one.
     pub(crate) turning: Option<RateTableInput>,
+    known_rates: KnownRates,
+}
+
+/// Rate columns of the thermometer of the fit at the τ of the grid, which every model asks for.
+#[derive(Default)]
+struct KnownRates(RwLock<Vec<(f64, Arc<[RateRow]>)>>);
+
+/// Means of Ṫ·T₀ … Ṫ·T₃ over a row, °C/min.
+pub(crate) type RateRow = [f64; RATE_COLUMNS];
+
+impl KnownRates {
+    fn find(&self, tau_s: f64) -> Option<Vec<RateRow>> {
+        let known = self.0.read().ok()?;
+        known.iter().find(|(other, _)| *other == tau_s).map(|(_, rows)| rows.to_vec())
+    }
+
+    fn keep(&self, tau_s: f64, rows: &[RateRow]) {
+        if let Ok(mut known) = self.0.write()
+            && known.iter().all(|(other, _)| *other != tau_s)
+        {
+            known.push((tau_s, rows.into()));
+        }
+    }
 }
 
 /// A column before the terms: part of the fit, never of the correction.
@@ -115,7 +142,7 @@ pub(crate) struct TermColumn {
 }
 
 /// Means of Ṫ·T₀ … Ṫ·T₃ of every row, per input; nothing for inputs without a rate term.
-pub(crate) type Rates = Vec<Vec<[f64; RATE_COLUMNS]>>;
+pub(crate) type Rates = Vec<Vec<RateRow>>;
 
 impl<'a> LeastSquares<'a> {
     /// The windows in which all of `signals` are known; the first of them is the thermometer of the fit.
@@ -189,6 +216,7 @@ impl<'a> LeastSquares<'a> {
             levels,
             without_main_rate: false,
             turning,
+            known_rates: KnownRates::default(),
         })
     }
 
@@ -296,7 +324,20 @@ impl<'a> LeastSquares<'a> {
     }
 
     /// Means of Ṫ·T₀ … Ṫ·T₃ of every row, °C/min. Rows stand run by run.
-    pub(crate) fn rate_columns(&self, input: usize, tau_s: f64) -> Vec<[f64; RATE_COLUMNS]> {
+    pub(crate) fn rate_columns(&self, input: usize, tau_s: f64) -> Vec<RateRow> {
+        if !self.is_main(input) {
+            return self.computed_rates(input, tau_s);
+        }
+        self.known_rates.find(tau_s).unwrap_or_else(|| {
+            let rows = self.computed_rates(input, tau_s);
+            if rows.len() <= MOST_KNOWN_ROWS && self.tau_grid().contains(&tau_s) {
+                self.known_rates.keep(tau_s, &rows);
+            }
+            rows
+        })
+    }
+
+    fn computed_rates(&self, input: usize, tau_s: f64) -> Vec<RateRow> {
         (0..self.runs.len()).flat_map(|run| self.lag(input, run, tau_s).means(&self.bounds(run))).collect()
     }
 
@@ -327,6 +368,11 @@ impl<'a> LeastSquares<'a> {
         }
     }
 
+    /// Time of a row since the start of its run, s.
+    pub(crate) fn since_start_s(&self, row: usize) -> f64 {
+        3600.0 * self.time_h[row]
+    }
+
     /// One row of the columns before the terms.
     pub(crate) fn level(&self, row: usize, level: Level) -> f64 {
         match level {
@@ -341,7 +387,7 @@ impl<'a> LeastSquares<'a> {
                 let is_of_it = run.is_none_or(|run| run == self.run[row]);
                 if is_of_it { self.time_h[row] - self.mean_time_h[self.run[row]] } else { 0.0 }
             }
-            Level::WarmUp { tau_s } => (-3600.0 * self.time_h[row] / tau_s).exp(),
+            Level::WarmUp { tau_s } => (-self.since_start_s(row) / tau_s).exp(),
         }
     }
 

@@ -18,7 +18,6 @@ mod effects;
 mod entanglement;
 mod exclusions;
 mod folds;
-
 mod golden_section;
 mod input_noise;
 mod lag;
@@ -37,6 +36,7 @@ mod solution;
 mod solve;
 mod tradeoff;
 mod two_lags;
+mod warm_up;
 
 pub(crate) use plateaus::{level_stretches, plateaus_of};
 pub(crate) use rate_table_input::{RateTableInput, SAME_RATE};

@@ -1,4 +1,5 @@
-//! Drift in time and warm-up after power-on: fitted beside the terms so that no term takes their place, never corrected.
+//! Drift in time and warm-up after power-on: fitted beside the terms so that no term takes their place. None is
+//! corrected but a warm-up where that is asked for ([`super::warm_up`]).
 //!
 //! ```text
 //! drift      d·(t − t̄)         °/h per hour; of all runs together, or of each run
@@ -23,7 +24,7 @@ const SHORTEST_WINDOWS: f64 = 5.0;
 const LONGEST_PART: f64 = 1.0 / 3.0;
 /// By how much a column of time must be better than none: odds of 150 to 1. Where they are nearly as good, a rate term comes
 /// first, for it can be corrected.
-const DECISIVE: f64 = 10.0;
+pub(crate) const DECISIVE: f64 = 10.0;
 /// τ of a warm-up that are tried, at most.
 const MOST_TAUS: i32 = 8;
 /// Most of a column's variation that the curve over temperature may explain.

@@ -31,6 +31,7 @@ use crate::fit::search::CONDITION_MAX;
 use crate::fit::slow_noise::SlowNoise;
 use crate::fit::soak::{Extension, soak};
 use crate::fit::solution::{Fitted, bootstrap_intervals};
+use crate::fit::warm_up::estimate;
 use crate::image::{Holder, rate_unit};
 use crate::model::ActsOn;
 use crate::model::input::Signal;
@@ -53,12 +54,14 @@ pub struct FitOptions {
     pub bootstrap: Option<usize>,
     /// Loss function of the recorded fit.
     pub loss: Loss,
+    /// Whether a warm-up since power-on is a part of the correction, where the runs hold one; every run then begins at power-on.
+    pub corrects_warm_up: bool,
 }
 
 impl FitOptions {
     /// A model, by least squares.
     pub fn new(model: Model) -> Self {
-        Self { model, source_date_epoch: None, bootstrap: None, loss: Loss::Squares }
+        Self { model, source_date_epoch: None, bootstrap: None, loss: Loss::Squares, corrects_warm_up: false }
     }
 
     /// With the time of SOURCE_DATE_EPOCH in place of that of the newest input sample.
@@ -71,6 +74,12 @@ impl FitOptions {
     #[must_use]
     pub fn bootstrap(self, draws: Option<usize>) -> Self {
         Self { bootstrap: draws, ..self }
+    }
+
+    /// With a warm-up in the correction, where the runs hold one. Every run must begin at power-on.
+    #[must_use]
+    pub fn correct_warm_up(self, corrects_warm_up: bool) -> Self {
+        Self { corrects_warm_up, ..self }
     }
 
     /// With another loss.
@@ -295,7 +304,8 @@ fn fit_axis(
     }
     let make = |signals: &[Signal]| LeastSquares::new(windows, axis, signals, reference_c, min_span_c, turning.clone());
     let holder = Holder { unit: count_of(windows, &stages.target), target: Target::from_config(stages.target)? };
-    let image = ImageCheck { windows, config: &stages.model, sensor, axis: letter, holder };
+    let corrects_warm_up = options.corrects_warm_up;
+    let image = ImageCheck { windows, config: &stages.model, sensor, axis: letter, holder, corrects_warm_up };
     let mut chosen = choose(windows, Signal::Thermometer(sensor), image, &options.model, &make)?;
     let noise_floor = noise_floor_of(windows, axis, &stages.test);
     let is_given = options.model != Model::Auto;
@@ -312,6 +322,8 @@ fn fit_axis(
     let terms = terms(&fitted, problem, &inputs, intervals.as_deref());
     check_scale(&terms, letter)?;
     let drawn = Drawn::of(&fitted, problem, &parts);
+    let warm_up =
+        corrects_warm_up.then(|| estimate(problem, &fitted, chosen.noise, chosen.white_variance(&fitted))).flatten();
     let (monomial, zones) = monomials(&fitted, problem, &windows.shape, reference_c);
     let diagnostics = FitDiagnostics {
         residual: residual(&fitted),
@@ -326,7 +338,7 @@ fn fit_axis(
         ramp_rates_cpm: None,
         curve_spread: None,
         slow_noise: chosen.noise.terms(chosen.white_variance(&fitted).sqrt()),
-        time_effects: time_effects(&fitted, problem),
+        time_effects: time_effects(&fitted, problem, corrects_warm_up),
         entanglement: Vec::new(),
         hidden_in_offsets_dph: None,
         soak: None,
@@ -342,7 +354,7 @@ fn fit_axis(
     };
     let mut record = AxisCalibration {
         axis: letter,
-        correction: AxisCorrection { model: fitted.spec.to_string(), inputs, terms },
+        correction: AxisCorrection { model: fitted.spec.to_string(), inputs, terms, warm_up },
         run_offsets: run_offsets(&fitted, problem, &stages.test, windows.shape.axes.len()),
         monomial,
         zones,
@@ -457,11 +469,12 @@ fn misalignment(fitted: &Fitted, problem: &LeastSquares<'_>) -> Vec<Misalignment
     across.collect()
 }
 
-/// Drift in time and warm-up beside the terms.
-fn time_effects(fitted: &Fitted, problem: &LeastSquares<'_>) -> Vec<TimeEffect> {
+/// Drift in time and warm-up beside the terms; without the warm-up where it is corrected.
+fn time_effects(fitted: &Fitted, problem: &LeastSquares<'_>, corrects_warm_up: bool) -> Vec<TimeEffect> {
     let of = |(place, level): (usize, &Level)| {
         let (kind, run, unit, tau_s) = match *level {
             Level::Drift(run) => (TimeEffectKind::Drift, run.map(|index| problem.runs[index] as u32), "deg/h/h", None),
+            Level::WarmUp { .. } if corrects_warm_up => return None,
             Level::WarmUp { tau_s } => (TimeEffectKind::WarmUp, None, "deg/h", Some(tau_s)),
             Level::Run(_) | Level::AllRuns | Level::Scale | Level::Across(_) => return None,
         };

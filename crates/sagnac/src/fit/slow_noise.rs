@@ -239,12 +239,11 @@ impl Whitening {
         let states = rungs + usize::from(noise.walk_per_h > 0.0) + usize::from(markov.is_some());
         let mut out = Self { steps: Vec::with_capacity(problem.len()), states, log_determinant: 0.0 };
         let mut covariance = [[0.0; STATES]; STATES];
-        let mut before = None;
+        let (mut before, mut keep, mut kept_for) = (None, [0.0; STATES], None);
         for row in 0..rows.min(problem.len()) {
             let here = (problem.run[row], middle_s(problem, row));
             let seconds = before.filter(|(run, _)| *run == here.0).map(|(_, at_s)| here.1 - at_s);
             before = Some(here);
-            let mut keep = [0.0; STATES];
             let process = |k: usize| -> (f64, f64) {
                 if k < rungs {
                     (noise.flicker, taus_s[k])
@@ -261,9 +260,12 @@ impl Whitening {
                         covariance[k] = [0.0; STATES];
                         covariance[k][k] = if variance.is_nan() { 0.0 } else { variance };
                     }
-                    Some(seconds) => keep[k] = (-seconds / tau_s).exp(),
+                    // Rows follow each other at equal times, mostly.
+                    Some(seconds) if kept_for != Some(seconds) => keep[k] = (-seconds / tau_s).exp(),
+                    Some(_) => (),
                 }
             }
+            kept_for = seconds.or(kept_for);
             if let Some(seconds) = seconds {
                 for i in 0..states {
                     for j in 0..states {
@@ -277,7 +279,8 @@ impl Whitening {
                     };
                 }
             }
-            out.step(&mut covariance, keep, problem.weight[row]);
+            let kept = if seconds.is_some() { keep } else { [0.0; STATES] };
+            out.step(&mut covariance, kept, problem.weight[row]);
         }
         out
     }
@@ -309,7 +312,7 @@ impl Whitening {
 impl Filter<'_> {
     /// Rows in their order; `row` becomes its innovation at unit white variance.
     pub(crate) fn push(&mut self, index: usize, row: &mut [f64]) {
-        let Step { keep, gain, inverse_root } = self.whitening.steps[index];
+        let Step { keep, gain, inverse_root } = &self.whitening.steps[index];
         let states = self.whitening.states;
         for (value, state) in row.iter_mut().zip(&mut self.state) {
             let mut known = 0.0;
@@ -327,7 +330,7 @@ impl Filter<'_> {
 
     /// The inverse of [`Filter::push`]: a row of innovations becomes a row of this noise.
     pub(crate) fn colour(&mut self, index: usize, row: &mut [f64]) {
-        let Step { keep, gain, inverse_root } = self.whitening.steps[index];
+        let Step { keep, gain, inverse_root } = &self.whitening.steps[index];
         let states = self.whitening.states;
         for (value, state) in row.iter_mut().zip(&mut self.state) {
             let news = *value / inverse_root;

@@ -36,7 +36,7 @@ pub(crate) struct Extension {
 impl Extension {
     /// Under the noise of the fit's covariance; `None` where the terms depend on each other.
     pub(crate) fn new(problem: &LeastSquares<'_>, fitted: &Fitted, noise: SlowNoise) -> Option<Self> {
-        let (normal, z) = weighted_rows(problem, fitted)?;
+        let (normal, z) = weighted_rows(problem, fitted, None)?;
         let (between, continuation) = (noise.between(problem, &z), noise.continued(problem, &z));
         let first = normal.column(0);
         let white = fitted.covariance[(0, 0)] / first.dot(&(&between * first));

@@ -164,7 +164,7 @@ pub(crate) fn noise_of(problem: &LeastSquares<'_>, fitted: &Fitted) -> SlowNoise
 /// 1/ν = 1/(n − p) + ½·(∂ln C/∂ln v)²·Var(ln v)      v the variances of slow noise over the white one, which follows them
 /// ```
 pub(crate) fn with_slow_noise(problem: &LeastSquares<'_>, fitted: Fitted, noise: SlowNoise, white: f64) -> Fitted {
-    let Some((normal, z)) = weighted_rows(problem, &fitted) else { return fitted };
+    let Some((normal, z)) = weighted_rows(problem, &fitted, None) else { return fitted };
     let (n, p) = (problem.len(), normal.nrows());
     let under = |noise: SlowNoise, white: f64| &normal * noise.between(problem, &z) * &normal * white;
     let covariance = under(noise, white);
@@ -183,10 +183,15 @@ pub(crate) fn with_slow_noise(problem: &LeastSquares<'_>, fitted: Fitted, noise:
     Fitted { covariance, t_quantile_975, ..fitted }
 }
 
-/// (JᵀWJ)⁻¹ and the rows of WJ.
-pub(crate) fn weighted_rows(problem: &LeastSquares<'_>, fitted: &Fitted) -> Option<(DMatrix<f64>, DMatrix<f64>)> {
+/// (JᵀWJ)⁻¹ and the rows of WJ, with a further column behind those of the fit.
+pub(crate) fn weighted_rows(
+    problem: &LeastSquares<'_>,
+    fitted: &Fitted,
+    further: Option<Vec<f64>>,
+) -> Option<(DMatrix<f64>, DMatrix<f64>)> {
     let design = Design::new(problem, &fitted.terms, &values(&fitted.taus));
-    let slopes = nonlinear_columns(&design, &fitted.spec, &fitted.taus, &fitted.theta);
+    let mut slopes = nonlinear_columns(&design, &fitted.spec, &fitted.taus, &fitted.theta);
+    slopes.extend(further);
     let normal = design.factor(&slopes).solve_all()?.inverse_normal()?;
     let mut row = Vec::with_capacity(normal.nrows());
     let mut z = DMatrix::zeros(problem.len(), normal.nrows());
@@ -253,7 +258,7 @@ pub(crate) fn bootstrap_intervals(
     noise: SlowNoise,
     draws: usize,
 ) -> Vec<[f64; 2]> {
-    let Some((normal, z)) = weighted_rows(problem, fitted) else { return Vec::new() };
+    let Some((normal, z)) = weighted_rows(problem, fitted, None) else { return Vec::new() };
     let mut gain = normal * z.transpose();
     gain.column_iter_mut().zip(&problem.weight).for_each(|(mut column, weight)| column /= weight.sqrt());
     let residuals: Vec<f64> = fitted.residuals.iter().zip(&problem.weight).map(|(r, w)| r * w.sqrt()).collect();

@@ -55,6 +55,11 @@ impl Work {
         Self { inputs, lags: model.lags(), terms: with_zero(bias) + rated + with_zero(scale), shapes }
     }
 
+    /// With a warm-up beside it: an input, its lag, its term.
+    pub(crate) fn with_warm_up(self) -> Self {
+        Self { inputs: self.inputs + 1, lags: self.lags + 1, terms: self.terms + 1, ..self }
+    }
+
     /// Of an image.
     pub fn of_image(image: &Image) -> Self {
         Self {

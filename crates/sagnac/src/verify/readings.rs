@@ -58,7 +58,7 @@ impl Readings {
                 }
                 .into_iter();
                 let column = |(at, source): (usize, ValueSource)| match (at, source) {
-                    (_, ValueSource::Difference { .. } | ValueSource::Repeat { .. }) => None,
+                    (_, ValueSource::Difference { .. } | ValueSource::Repeat { .. } | ValueSource::WarmUp) => None,
                     (0, ValueSource::Code) => main.map(LogColumn::Thermometer),
                     (_, ValueSource::Code) => further.next(),
                 };

@@ -12,12 +12,13 @@ macro_rules! vectors {
     };
 }
 
-const FILES: [(&str, &[u8]); 12] = vectors!(
+const FILES: [(&str, &[u8]); 13] = vectors!(
     "compensator-full",
     "compensator-paper",
     "compensator-inputs",
     "compensator-harmonic",
     "compensator-lags",
+    "compensator-warm-up",
     "compensator-edges",
     "compensator-advance",
     "compensator-limits",

@@ -28,7 +28,11 @@
 #define INPUT_LENGTH 64U
 #define TERM_LENGTH 12U
 #define CRC_LENGTH 4U
-/* The minor version of an image with an input that repeats another, the newest that is read; else of one with harmonics; else 0. */
+/* Where the lag of a warm-up begins: -1 degC. */
+#define WARM_UP_START_Q46 (-(int64_t)70368744177664)
+/* The minor version of an image with a warm-up, the newest that is read; else of one with an input that repeats another; else of one
+ * with harmonics; else 0. */
+#define MINOR_OF_WARM_UPS 3U
 #define MINOR_OF_REPEATS 2U
 #define MINOR_OF_HARMONICS 1U
 
@@ -184,7 +188,17 @@ static uint32_t read_input(const sagnac_input *spec, sagnac_input_state *memory,
     return fresh;
 }
 
-/* The value of input i from its code, or from one or two inputs with a value at this update; 0 if there is none. */
+/* Power-on: the lag of a warm-up begins, once. */
+static void begin_warm_up(const sagnac_input *spec, sagnac_input_state *memory)
+{
+    if ((spec->source == SAGNAC_WARM_UP) && (memory->has_last == 0U)) {
+        memory->lag_q46 = WARM_UP_START_Q46;
+        memory->has_last = 1U;
+        memory->settled_updates = UINT32_MAX;
+    }
+}
+
+/* The value of input i: 0 of a warm-up, else from its code, or from one or two inputs with a value at this update; 0 if there is none. */
 static uint32_t find_value(const sagnac_image *image, const sagnac_compensator_state *state, uint32_t i,
                                  const int32_t *codes, uint32_t present, uint32_t fresh, int64_t *value)
 {
@@ -202,6 +216,8 @@ static uint32_t find_value(const sagnac_image *image, const sagnac_compensator_s
         if (found != 0U) {
             *value = (int64_t)state->inputs[spec->of].last_q24;
         }
+    } else if (spec->source == SAGNAC_WARM_UP) {
+        found = 1U;
     } else {
         found = (present >> i) & 1U;
         if (found != 0U) {
@@ -224,6 +240,9 @@ static uint32_t read_all(const sagnac_image *image, sagnac_compensator_state *st
         sagnac_input_state *memory = &state->inputs[i];
         int64_t value;
         const uint32_t has_sample = find_value(image, state, i, codes, present, fresh, &value);
+        if (state->warm == 0U) {
+            begin_warm_up(spec, memory);
+        }
         if (read_input(spec, memory, has_sample, value, &inputs[i]) != 0U) {
             fresh |= 1U << i;
         } else {
@@ -391,6 +410,7 @@ void sagnac_compensator_start(sagnac_compensator_state *state)
     state->slow_status = SAGNAC_UNCORRECTED;
     state->corrected_once = 0U;
     state->overflow = 0U;
+    state->warm = 0U;
     for (i = 0U; i < SAGNAC_MAX_INPUTS; i++) {
         state->inputs[i].lag_q46 = 0;
         state->inputs[i].remainder = 0;
@@ -401,11 +421,17 @@ void sagnac_compensator_start(sagnac_compensator_state *state)
     }
 }
 
+void sagnac_compensator_start_warm(sagnac_compensator_state *state)
+{
+    sagnac_compensator_start(state);
+    state->warm = 1U;
+}
+
 void sagnac_compensator_migrate_state(const sagnac_image *image, sagnac_compensator_state *state)
 {
     const int64_t bound = increment_bound(image);
     const sagnac_compensator_state old = *state;
-    sagnac_compensator_start(state);
+    sagnac_compensator_start_warm(state);
     state->accumulator = old.accumulator;
     state->overflow = old.overflow;
     state->k_q32 = old.k_q32;
@@ -540,7 +566,7 @@ static uint32_t repeat_is_sound(const sagnac_image *image, uint32_t i)
     uint32_t sound = 0U;
     if ((t->of < i) && (t->less == 0U)) {
         const sagnac_input *other = &image->inputs[t->of];
-        if ((other->source != SAGNAC_REPEAT) && (other->unit_exponent == t->unit_exponent) &&
+        if ((other->source != SAGNAC_REPEAT) && (other->source != SAGNAC_WARM_UP) && (other->unit_exponent == t->unit_exponent) &&
             (other->valid_lo_q24 == t->valid_lo_q24) && (other->valid_hi_q24 == t->valid_hi_q24) &&
             (other->stale_after_updates == t->stale_after_updates)) {
             sound = 1U;
@@ -575,6 +601,12 @@ static uint32_t source_is_sound(const sagnac_image *image, uint32_t i)
         sound = difference_is_sound(image, i);
     } else if (t->source == SAGNAC_REPEAT) {
         sound = repeat_is_sound(image, i);
+    } else if (t->source == SAGNAC_WARM_UP) {
+        /* Its value is 0. */
+        sound = ((t->of | t->less) == 0U) ? SAGNAC_YES : SAGNAC_NO;
+        if ((t->alpha_mantissa == 0U) || (t->valid_lo_q24 > 0) || (t->valid_hi_q24 < 0)) {
+            sound = 0U;
+        }
     } else {
         sound = 0U;
     }
@@ -693,6 +725,19 @@ static void load_head(sagnac_image *image, sagnac_read_octet read, const void *c
     image->output_limit = sagnac_read_u32(read, context, 88U);
 }
 
+/* The minor version that added the source of an input. */
+static uint32_t minor_of(const sagnac_input *t)
+{
+    uint32_t minor = 0U;
+    if (t->source == SAGNAC_WARM_UP) {
+        minor = MINOR_OF_WARM_UPS;
+    }
+    if (t->source == SAGNAC_REPEAT) {
+        minor = MINOR_OF_REPEATS;
+    }
+    return minor;
+}
+
 /* 0 if its source is unknown. */
 static uint32_t load_input(sagnac_input *t, sagnac_read_octet read, const void *context, uint32_t at)
 {
@@ -709,8 +754,10 @@ static uint32_t load_input(sagnac_input *t, sagnac_read_octet read, const void *
     t->y_shift = read(context, at + 12U) & 0xFFU;
     if (source == 1U) {
         t->source = SAGNAC_DIFFERENCE;
+    } else if (source == 2U) {
+        t->source = SAGNAC_REPEAT;
     } else {
-        t->source = (source == 2U) ? SAGNAC_REPEAT : SAGNAC_CODE;
+        t->source = (source == 3U) ? SAGNAC_WARM_UP : SAGNAC_CODE;
     }
     t->of = read(context, at + 14U) & 0xFFU;
     t->less = read(context, at + 15U) & 0xFFU;
@@ -725,7 +772,7 @@ static uint32_t load_input(sagnac_input *t, sagnac_read_octet read, const void *
     t->y_mantissa = sagnac_read_u32(read, context, at + 48U);
     t->stale_after_updates = sagnac_read_u32(read, context, at + 52U);
     t->settling_updates = sagnac_read_u32(read, context, at + 56U);
-    return (source <= 2U) ? SAGNAC_YES : SAGNAC_NO;
+    return (source <= 3U) ? SAGNAC_YES : SAGNAC_NO;
 }
 
 static uint32_t load_term(sagnac_term *term, sagnac_read_octet read, const void *context, uint32_t at)
@@ -768,7 +815,7 @@ static sagnac_image_error gyro_envelope(sagnac_read_octet read, const void *cont
         error = SAGNAC_IMAGE_LENGTH;
     } else if ((sagnac_read_u32(read, context, 0U) != magic[0]) || (sagnac_read_u32(read, context, 4U) != magic[1])) {
         error = SAGNAC_IMAGE_NOT_AN_IMAGE;
-    } else if ((sagnac_read_u16(read, context, 8U) != 1U) || (sagnac_read_u16(read, context, 10U) > MINOR_OF_REPEATS)) {
+    } else if ((sagnac_read_u16(read, context, 8U) != 1U) || (sagnac_read_u16(read, context, 10U) > MINOR_OF_WARM_UPS)) {
         error = SAGNAC_IMAGE_VERSION;
     } else if (sagnac_read_u32(read, context, 12U) != length) {
         error = SAGNAC_IMAGE_LENGTH;
@@ -803,8 +850,8 @@ sagnac_image_error sagnac_image_load(sagnac_image *image, sagnac_read_octet read
         for (i = 0U; i < image->input_count; i++) {
             zeros &= load_input(&image->inputs[i], read, context, at);
             zeros &= sagnac_are_zero(read, context, at + 61U, 3U);
-            if (image->inputs[i].source == SAGNAC_REPEAT) {
-                minor = MINOR_OF_REPEATS;
+            if (minor_of(&image->inputs[i]) > minor) {
+                minor = minor_of(&image->inputs[i]);
             }
             at += INPUT_LENGTH;
         }

@@ -80,11 +80,13 @@ typedef enum {
     SAGNAC_SINE = 4
 } sagnac_shape;
 
-/* Where the value of an input comes from: its own code; input `of` minus input `less`; input `of` once more, for a second lag. */
+/* Where the value of an input comes from: its own code; input `of` minus input `less`; input `of` once more, for a second lag; or the
+ * time since power-on, a constant 0 behind a lag that begins at -1 degC. */
 typedef enum {
     SAGNAC_CODE = 0,
     SAGNAC_DIFFERENCE = 1,
-    SAGNAC_REPEAT = 2
+    SAGNAC_REPEAT = 2,
+    SAGNAC_WARM_UP = 3
 } sagnac_source;
 
 /* An input. `of` and `less` come before it; 0 where its source has none. */
@@ -166,6 +168,7 @@ typedef struct {
     uint32_t slow_status;
     uint32_t corrected_once;
     uint32_t overflow;
+    uint32_t warm;
     sagnac_input_state inputs[SAGNAC_MAX_INPUTS];
 } sagnac_compensator_state;
 
@@ -184,12 +187,15 @@ sagnac_image_error sagnac_image_check(const sagnac_image *image);
 /* Memory at power-on: a slow update is due. */
 void sagnac_compensator_start(sagnac_compensator_state *state);
 
+/* Memory after a reset that did not cut the power: as at power-on, but a warm-up is over. */
+void sagnac_compensator_start_warm(sagnac_compensator_state *state);
+
 /* Makes the memory fit for another image of the same gyro, between two ticks: the remainder of a count is kept, the active correction
- * stays until the next slow update, which is due at once, and the inputs start again. */
+ * stays until the next slow update, which is due at once, and the inputs start again. A warm-up is over. */
 void sagnac_compensator_migrate_state(const sagnac_image *image, sagnac_compensator_state *state);
 
 /* A slow update. Bit i of `present` is set if input i has a new sample, codes[i]. A code is read only if its bit is set. A
- * difference or repeat has neither bit nor code. */
+ * difference, repeat or warm-up has neither bit nor code. */
 sagnac_misuse sagnac_compensator_update(const sagnac_image *image, sagnac_compensator_state *state,
                                         const int32_t *codes, uint32_t present);
 

@@ -6,7 +6,7 @@
 // Bit for bit the Rust crate sagnac-core (docs/explanation/arithmetic.md). sagnac_unit.vh has the constants of one gyro axis.
 //
 // `start` begins a slow update; a code and a `present` bit per input are read in that clock. A difference of two inputs
-// and a repeat of one have neither. `ready` rises at the end and stays high, with valid outputs, until `taken` (the `applied` of
+// and a repeat of one have neither, nor has a warm-up, whose lag begins at -1 degC after `rst` and is over after `restart`. `ready` rises at the end and stays high, with valid outputs, until `taken` (the `applied` of
 // sagnac_fast). `target_now` is the increment that is active at the boundary: sagnac_fast's target. Start early enough:
 // docs/explanation/fpga.md has the number of clocks. `restart` resets the inputs, for a new image.
 //
@@ -79,6 +79,8 @@ module sagnac_series #(
     reg [38:0] remainder [0:3];
     reg signed [31:0] last_q24 [0:3];
     reg [3:0] has_last;
+    // A restart: the warm-up is over.
+    reg warm;
     // Inputs with a valid value in this update, for the differences of two and the repeats.
     reg [3:0] fresh_now;
     reg [31:0] held_updates [0:3];
@@ -135,7 +137,8 @@ module sagnac_series #(
     wire [23:0] term_turns = TERM_TURNS[24*term[4:0] +: 24];
 
     // Logic that the image does not use is left out.
-    localparam HAS_DERIVED = |IS_DERIVED, HAS_REPEATS = |IS_REPEAT, HAS_ZONES = |TERM_IS_ZONE, HAS_STEPS = |TERM_IS_STEP,
+    localparam HAS_DERIVED = |IS_DERIVED, HAS_REPEATS = |IS_REPEAT, HAS_WARM_UPS = |IS_WARM_UP,
+        HAS_ZONES = |TERM_IS_ZONE, HAS_STEPS = |TERM_IS_STEP,
         HAS_HARMONICS = |TERM_TURNS;
     wire is_harmonic = HAS_HARMONICS && term_turns != 24'd0;
     wire is_piece = (HAS_ZONES && TERM_IS_ZONE[term[4:0]]) || (HAS_STEPS && TERM_IS_STEP[term[4:0]]) || is_harmonic;
@@ -211,6 +214,7 @@ module sagnac_series #(
             codes_now <= 128'd0;
             present_now <= 4'd0;
             has_last <= 4'd0;
+            warm <= !rst;
             earlier <= 6'b100000;
             status <= 6'b100000;
             corrected_once <= 1'b0;
@@ -243,6 +247,14 @@ module sagnac_series #(
                         // A held correction keeps the span bits of the values it was computed from.
                         reported <= held ? reported | (earlier & 6'b000011) : reported;
                         state <= held ? FINISH : BASIS;
+                    end else if (HAS_WARM_UPS && IS_WARM_UP[at]) begin
+                        product <= 90'sd0;
+                        if (!has_last[at] && !warm) begin
+                            lag_q46[at] <= -55'sd70368744177664;
+                            has_last[at] <= 1'b1;
+                            settled_updates[at] <= 32'hffffffff;
+                        end
+                        state <= CODE;
                     end else if (HAS_DERIVED && IS_DERIVED[at]) begin
                         fresh <= 1'b0;
                         product <= {{57{derived[32]}}, derived};
