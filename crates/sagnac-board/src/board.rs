@@ -4,6 +4,9 @@
 //! slow update, if due ─▶ levels ─▶ counts ─▶ stripping ─▶ compensation ─▶ path-length loop ─▶ intensity loop ─▶ frame
 //! ```
 //!
+//! The status of a frame also has what the board alone knows: a dither that is missing, steps of unknown direction, counts beyond what
+//! a call takes, and where the image comes from.
+//!
 //! With a dithered gyro the counts go to the correction at the end of each dither period; the ticks in between have
 //! none. The order is part of the format: the content of a frame depends on it.
 
@@ -50,8 +53,7 @@ pub struct Board {
     stripper: Option<Stripper>,
     path: (PathLength, PathLengthState),
     light: (Intensity, IntensityState),
-    /// Added to the status of every tick: UNCORRECTED while the factory defaults run.
-    always: Status,
+    origin: Origin,
     /// The frame being filled, and its ticks so far.
     frame: Output,
     frame_ticks: u16,
@@ -59,13 +61,13 @@ pub struct Board {
 
 impl Board {
     /// A board at power-on. `levels` are the A/B levels at this moment; the first step counts from them.
-    /// `longest_dither_ticks` is for a dithered gyro ([`Stripper::new`]).
+    /// A dithered gyro has a stripper.
     pub fn new(
         image: Image,
         origin: Origin,
         loops: &LoopTable,
         levels: (bool, bool),
-        longest_dither_ticks: Option<u16>,
+        stripper: Option<Stripper>,
     ) -> Self {
         let counter = Quadrature { counting: Counting::X4 };
         let mut count_state = QuadratureState::new();
@@ -75,11 +77,11 @@ impl Board {
             state: State::new(),
             counter,
             count_state,
-            stripper: longest_dither_ticks.map(Stripper::new),
+            stripper,
             path: (loops.path_length, loops.path_length.start()),
             light: (loops.intensity, loops.intensity.start()),
-            always: always(origin),
-            frame: Output::default(),
+            origin,
+            frame: Output { origin, ..Output::default() },
             frame_ticks: 0,
         }
     }
@@ -88,7 +90,8 @@ impl Board {
     pub fn use_image(&mut self, image: Image, origin: Origin) {
         self.gyro = Compensator::new(image);
         self.state = self.gyro.migrate_state(&self.state);
-        self.always = always(origin);
+        self.origin = origin;
+        self.frame.origin = origin;
     }
 
     /// The active image.
@@ -115,7 +118,7 @@ impl Board {
         // No misuse is possible: a due update was made, and the counts are in range.
         if let Ok(output) = self.gyro.tick(&mut self.state, raw) {
             self.frame.counts = self.frame.counts.wrapping_add(output.counts);
-            self.frame.status |= output.status | self.always;
+            self.frame.status |= output.status | of_origin(self.origin);
         }
         self.frame.raw = self.frame.raw.wrapping_add(raw);
         let commands = self.loops(sample.light);
@@ -126,18 +129,23 @@ impl Board {
         let wanted = self.gyro.image().inputs().len();
         let codes = sample.codes.get(..wanted).unwrap_or(&[]);
         let _ = self.gyro.update(&mut self.state, codes);
-        self.frame.temperature = sample.codes.first().copied().flatten().unwrap_or(0);
+        self.frame.temperature = sample.codes.first().copied().flatten();
     }
 
     fn count(&mut self, levels: impl Iterator<Item = (bool, bool)>, pickoff: i32) -> i64 {
-        let mut counts = 0_i32;
+        let (mut counts, lost) = (0_i32, self.count_state.lost);
         for (a, b) in levels {
             counts = counts.wrapping_add(self.counter.update(&mut self.count_state, a, b));
         }
-        match &mut self.stripper {
-            None => counts.into(),
-            Some(stripper) => stripper.update(counts, pickoff).map_or(0, |out| out.counts),
+        if self.count_state.lost != lost {
+            self.frame.status |= Status::COUNTS_LOST;
         }
+        let Some(stripper) = &mut self.stripper else { return counts.into() };
+        let stripped = stripper.update(counts, pickoff).map_or(0, |out| out.counts);
+        if !stripper.has_dither() {
+            self.frame.status |= Status::NO_DITHER;
+        }
+        stripped
     }
 
     fn loops(&mut self, light: i32) -> ActuatorCodes {
@@ -171,15 +179,18 @@ impl Board {
             temperature: given.temperature,
             actuator: given.actuator,
             current: commands.current,
+            origin: self.origin,
             ..Output::default()
         };
         Some(given)
     }
 }
 
-fn always(origin: Origin) -> Status {
+/// What the source of an image adds to the status of every tick.
+fn of_origin(origin: Origin) -> Status {
     match origin {
         Origin::FactoryDefaults => Status::UNCORRECTED,
-        Origin::Newest | Origin::Survivor => Status::OK,
+        Origin::Survivor => Status::SURVIVOR,
+        Origin::Newest => Status::OK,
     }
 }

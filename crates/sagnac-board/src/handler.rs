@@ -6,7 +6,7 @@
 
 use embedded_storage::nor_flash::NorFlash;
 use sagnac_core::{Banks, Gyro, Loaded};
-use sagnac_loops::LoopTable;
+use sagnac_loops::{LoopTable, Stripper};
 
 use crate::board::{ActuatorCodes, Board};
 use crate::frame::{Frame, FrameReader};
@@ -16,6 +16,8 @@ use crate::upload::Upload;
 
 /// Longest period of a dithered gyro, ticks: 200 Hz at 100 µs.
 const LONGEST_DITHER_TICKS: u16 = 50;
+/// A quarter of the amplitude of the rig's pickoff.
+const LEAST_SWING: u32 = 1 << 23;
 
 /// The part that runs in the tick's interrupt: the board, and the rig in place of its gyro.
 #[derive(Clone, Debug)]
@@ -89,9 +91,14 @@ impl<F: NorFlash> CommandHandler<F> {
     /// Power-on: loads the image from the banks and starts a tick handler on a rig with these settings.
     pub fn power_on(&mut self, settings: RigSettings) -> (TickHandler, Reply) {
         let loaded = self.banks.load(&self.gyro);
-        let dithered = (settings.dither_counts > 0).then_some(LONGEST_DITHER_TICKS);
+        let dithered = (settings.dither_counts > 0).then(|| Stripper::new(LONGEST_DITHER_TICKS, LEAST_SWING));
         let board = Board::new(loaded.image, loaded.origin, &self.loops, Rig::LEVELS, dithered);
-        let reply = Reply { to: POWER_ON, code: ReplyCode::Done, sequence: loaded.image.description().sequence };
+        let reply = Reply {
+            to: POWER_ON,
+            code: ReplyCode::Done,
+            sequence: loaded.image.description().sequence,
+            origin: loaded.origin,
+        };
         (TickHandler { board, rig: Rig::new(settings), actuators: ActuatorCodes::default() }, reply)
     }
 

@@ -1,7 +1,7 @@
 //! Messages: the payloads of frames as fields. Widths and units: `docs/reference/serial-line.md`.
 
-use sagnac_core::Status;
 use sagnac_core::bytes::{Reader, Writer};
+use sagnac_core::{Origin, Status};
 
 use crate::frame::Frame;
 
@@ -20,7 +20,7 @@ pub const POWER_ON: u8 = 0;
 const STOP: u8 = 0x30;
 
 /// Bytes of an output frame.
-pub const OUTPUT_LEN: usize = 40;
+pub const OUTPUT_LEN: usize = 41;
 /// Bytes of an image in one message.
 const PIECE_LEN: usize = 60;
 
@@ -45,10 +45,12 @@ pub struct Output {
     pub actuator: i32,
     /// Current, code.
     pub current: i32,
-    /// Code of the image's first input at the last slow update; 0 without a sample.
-    pub temperature: i32,
+    /// Code of the image's first input at the last slow update; `None` without a sample.
+    pub temperature: Option<i32>,
     /// Quadrature steps of unknown direction since power-on, modulo 2¹⁶.
     pub lost_steps: u16,
+    /// Where the active image comes from.
+    pub origin: Origin,
 }
 
 /// One row of a log, for a rig.
@@ -117,6 +119,8 @@ pub struct Reply {
     pub code: ReplyCode,
     /// Sequence number of the active image; 0 for the factory defaults.
     pub sequence: u32,
+    /// Where the active image comes from.
+    pub origin: Origin,
 }
 
 /// All messages of the serial line.
@@ -196,16 +200,18 @@ impl Message {
                 w.put(o.raw.to_le_bytes())?;
                 w.put(o.status.bits().to_le_bytes())?;
                 w.put([o.path_status, o.light_status])?;
-                for value in [o.actuator, o.current, o.temperature] {
+                for value in [o.actuator, o.current, o.temperature.unwrap_or(0)] {
                     w.put(value.to_le_bytes())?;
                 }
                 w.put(o.lost_steps.to_le_bytes())?;
+                w.put([u8::from(o.temperature.is_some()) | origin_code(o.origin) << 1])?;
                 Some(OUTPUT_LEN - 8)
             }
             Self::Reply(reply) => {
                 w.put([reply.to, reply.code as u8])?;
                 w.put(reply.sequence.to_le_bytes())?;
-                Some(6)
+                w.put([origin_code(reply.origin)])?;
+                Some(7)
             }
             Self::Settings(s) => {
                 for value in [s.dither_counts, s.dither_step, s.curvature, s.lamp_gain] {
@@ -247,7 +253,7 @@ impl Message {
             REPLY => {
                 let [to, code] = r.take()?;
                 let code = *ReplyCode::ALL.get(usize::from(code))?;
-                Self::Reply(Reply { to, code, sequence: r.u32()? })
+                Self::Reply(Reply { to, code, sequence: r.u32()?, origin: origin_of(r.u8()?)? })
             }
             SETTINGS => Self::Settings(read_settings(&mut r)?),
             ROW => {
@@ -272,12 +278,32 @@ impl Message {
     }
 }
 
+/// 0 newest, 1 survivor, 2 factory defaults.
+const fn origin_code(origin: Origin) -> u8 {
+    match origin {
+        Origin::Newest => 0,
+        Origin::Survivor => 1,
+        Origin::FactoryDefaults => 2,
+    }
+}
+
+fn origin_of(code: u8) -> Option<Origin> {
+    [Origin::Newest, Origin::Survivor, Origin::FactoryDefaults].get(usize::from(code)).copied()
+}
+
 fn read_output(r: &mut Reader<'_>) -> Option<Output> {
     let (sequence, tick, counts, raw) = (r.u16()?, r.u32()?, r.i32()?, r.i32()?);
     let status = Status::from_bits(r.u16()?);
     let (path_status, light_status) = (r.u8()?, r.u8()?);
     let (actuator, current, temperature) = (r.i32()?, r.i32()?, r.i32()?);
-    let lost_steps = r.u16()?;
+    let (lost_steps, source) = (r.u16()?, r.u8()?);
+    // One frame, one meaning: a code without its bit is no frame.
+    let temperature = match source & 1 {
+        0 if temperature != 0 => return None,
+        0 => None,
+        _ => Some(temperature),
+    };
+    let origin = origin_of(source >> 1)?;
     Some(Output {
         sequence,
         tick,
@@ -290,6 +316,7 @@ fn read_output(r: &mut Reader<'_>) -> Option<Output> {
         current,
         temperature,
         lost_steps,
+        origin,
     })
 }
 

@@ -46,7 +46,7 @@ impl Upload {
         let loaded = banks.load(gyro);
         // Use what flash holds, not the code: a failed step may still have changed the active image.
         let changed = !matches!(message, Message::Piece { .. });
-        let reply = Reply { to: message.kind(), code, sequence: sequence(&loaded) };
+        let reply = Reply { to: message.kind(), code, sequence: sequence(&loaded), origin: loaded.origin };
         Some((reply, changed.then_some(loaded)))
     }
 

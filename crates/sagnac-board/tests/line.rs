@@ -2,9 +2,12 @@
 
 use proptest::prelude::*;
 use sagnac_board::frame::{Frame, FrameReader, MAX_PAYLOAD};
-use sagnac_board::{CommandHandler, MemoryFlash, Message, OUTPUT_LEN, Output, Reply, ReplyCode, RigSettings, Row, run};
-use sagnac_core::{Banks, Gyro, Image, Status};
-use sagnac_loops::LoopTable;
+use sagnac_board::{
+    Board, CommandHandler, FRAME_TICKS, MemoryFlash, Message, OUTPUT_LEN, Output, Reply, ReplyCode, RigSettings, Row,
+    Sample, run,
+};
+use sagnac_core::{Banks, Gyro, Image, Origin, Status};
+use sagnac_loops::{LoopTable, Stripper};
 
 fn bytes_of(message: &Message) -> Vec<u8> {
     let (bytes, len) = message.frame().unwrap().bytes();
@@ -37,14 +40,16 @@ fn message() -> impl Strategy<Value = Message> {
                 light_status: l,
                 actuator: v[3],
                 current: v[4],
-                temperature: v[5],
+                temperature: (n & 1 == 0).then_some(v[5]),
                 lost_steps: n ^ 0x5a5a,
+                origin: [Origin::Newest, Origin::Survivor, Origin::FactoryDefaults][usize::from(p % 3)],
             })
         }),
         (any::<u8>(), any::<u32>()).prop_map(|(to, sequence)| Message::Reply(Reply {
             to,
             code: ReplyCode::Mismatch,
-            sequence
+            sequence,
+            origin: Origin::Survivor,
         })),
         (any::<[i32; 7]>(), any::<[u8; 3]>()).prop_map(|(v, b)| {
             Message::Settings(RigSettings {
@@ -235,4 +240,57 @@ fn dither_is_stripped() {
     // A frame of 10 ms holds four periods of 0.25 counts; unstripped it would hold up to 120.
     assert!(frames.iter().all(|o| (0..=3).contains(&o.raw)), "{:?}", frames.iter().map(|o| o.raw).max());
     assert!(frames.iter().all(|o| o.lost_steps == 0));
+}
+
+/// Frames of a board over some ticks: the quarter fringes and the pickoff of each.
+fn on_board(origin: Origin, stripper: Option<Stripper>, ticks: impl Iterator<Item = (Vec<u8>, Sample)>) -> Vec<Output> {
+    let image = Image::decode(PAPER).unwrap();
+    let mut board = Board::new(image, origin, &loops(), (false, false), stripper);
+    let levels = |quarter: u8| (matches!(quarter & 3, 1 | 2), matches!(quarter & 3, 2 | 3));
+    ticks.filter_map(|(quarters, sample)| board.tick(quarters.into_iter().map(levels), &sample).1).collect()
+}
+
+const AT_20_C: Sample = Sample { codes: [Some(20 << 24), None, None, None], pickoff: 0, light: 0 };
+
+/// No dither is lock-in: the status says so in the frame in which two dither periods have passed without it, and until it returns.
+#[test]
+fn a_lost_dither_is_in_the_status() {
+    // 25 ticks a period; at rest from tick 5,010 to 7,510, a little beside zero.
+    let pickoff = |tick: u32| match tick {
+        5010..7510 => 12,
+        _ => (1e6 * (f64::from(tick) * std::f64::consts::TAU / 25.0).sin()) as i32,
+    };
+    let ticks = (0..12_500_u32).map(|tick| (Vec::new(), Sample { pickoff: pickoff(tick), ..AT_20_C }));
+    let frames = on_board(Origin::Newest, Some(Stripper::new(50, 250_000)), ticks);
+    let without: Vec<usize> = (0..frames.len()).filter(|at| frames[*at].status.contains(Status::NO_DITHER)).collect();
+    assert_eq!(without, (50..76).collect::<Vec<_>>());
+}
+
+#[test]
+fn a_step_of_unknown_direction_is_in_the_status_of_its_frame() {
+    let ticks = (0..1000_u32).map(|tick| (if tick == 250 { vec![1, 3] } else { vec![] }, AT_20_C));
+    let frames = on_board(Origin::Newest, None, ticks);
+    let lost: Vec<usize> = (0..frames.len()).filter(|at| frames[*at].status.contains(Status::COUNTS_LOST)).collect();
+    assert_eq!((lost, frames[9].lost_steps), (vec![250 / usize::from(FRAME_TICKS)], 1));
+}
+
+/// The frame tells a missing thermometer from the code 0, and where the image comes from.
+#[test]
+fn a_frame_says_what_its_numbers_are() {
+    let of = |origin: Origin, code: Option<i32>| {
+        let sample = Sample { codes: [code, None, None, None], ..AT_20_C };
+        on_board(origin, None, (0..100).map(|_| (Vec::new(), sample)))[0]
+    };
+    assert_eq!(of(Origin::Newest, Some(0)).temperature, Some(0));
+    assert_eq!(of(Origin::Newest, None).temperature, None);
+    for (origin, status) in [
+        (Origin::Newest, Status::OK),
+        (Origin::Survivor, Status::SURVIVOR),
+        (Origin::FactoryDefaults, Status::UNCORRECTED),
+    ] {
+        let frame = of(origin, Some(20 << 24));
+        assert_eq!((frame.origin, frame.status), (origin, status));
+        let message = Message::Output(frame);
+        assert_eq!(Message::parse(&message.frame().unwrap()), Some(message));
+    }
 }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use sagnac::{Error, Result};
 use sagnac_board::frame::FrameReader;
 use sagnac_board::{COMMIT, Message, Output, PIECE, POWER_ON, ROLL_BACK, Reply, ReplyCode};
-use sagnac_core::Status;
+use sagnac_core::{Origin, Status};
 use sagnac_log::write::write_atomically;
 use sagnac_loops::{IntensityStatus, PathLengthStatus};
 
@@ -15,7 +15,7 @@ use crate::loading;
 use crate::pipe::PipeAware;
 
 const HEADER: &str =
-    "sequence,tick,time_s,counts,raw,status,path_length,intensity,actuator,current,thermometer_code,lost_steps\n";
+    "sequence,tick,time_s,counts,raw,status,path_length,intensity,actuator,current,thermometer_code,lost_steps,image\n";
 
 /// Read the frames of a gyro's serial line (docs/reference/serial-line.md) and write them as CSV
 ///
@@ -117,6 +117,11 @@ fn words_of(reply: &Reply) -> String {
     };
     match reply.sequence {
         0 => format!("{what}: {became}; factory defaults active"),
+        number if reply.origin == Origin::Survivor => {
+            format!(
+                "{what}: {became}; image {number} active, the only usable one: the other bank is damaged or not for this gyro"
+            )
+        }
         number => format!("{what}: {became}; image {number} active"),
     }
 }
@@ -204,15 +209,27 @@ impl Tally {
     }
 }
 
+/// Where the image comes from, as a word.
+fn origin_word(origin: Origin) -> &'static str {
+    match origin {
+        Origin::Newest => "newest",
+        Origin::Survivor => "survivor",
+        Origin::FactoryDefaults => "factory defaults",
+    }
+}
+
 fn row(o: &Output, ticks: u64, tick_us: f64) -> String {
     let time_s = ticks as f64 * tick_us * 1e-6;
-    let status = names(Status::NAMES.iter().map(|(bit, name)| (bit.bits(), *name)), o.status.bits());
+    let status =
+        names(Status::NAMES.iter().chain(&Status::BOARD_NAMES).map(|(bit, name)| (bit.bits(), *name)), o.status.bits());
     let path = PathLengthStatus::NAMES.iter().map(|(bit, name)| (bit.bits().into(), *name));
     let light = IntensityStatus::NAMES.iter().map(|(bit, name)| (bit.bits().into(), *name));
+    let thermometer = o.temperature.map_or(String::new(), |code| code.to_string());
+    let image = origin_word(o.origin);
     let (path, light) = (names(path, o.path_status.into()), names(light, o.light_status.into()));
     format!(
-        "{},{ticks},{time_s:.6},{},{},{status},{path},{light},{},{},{},{}\n",
-        o.sequence, o.counts, o.raw, o.actuator, o.current, o.temperature, o.lost_steps
+        "{},{ticks},{time_s:.6},{},{},{status},{path},{light},{},{},{thermometer},{},{image}\n",
+        o.sequence, o.counts, o.raw, o.actuator, o.current, o.lost_steps
     )
 }
 

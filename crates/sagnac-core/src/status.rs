@@ -2,7 +2,7 @@
 
 use core::ops::{BitOr, BitOrAssign};
 
-/// Status bits of every corrected value. Zero: corrected, inside the span.
+/// Status bits of every corrected value. Zero: corrected, inside the span, nothing lost.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Status(u16);
 
@@ -26,7 +26,18 @@ impl Status {
     /// The accumulator exceeded its bound. Latched; the output is zero and has no meaning.
     pub const OVERFLOW: Self = Self(1 << 7);
 
-    /// Every bit with its name in scripts and reports.
+    /// The board found no dither: lock-in, and counts that still contain what there was of it.
+    pub const NO_DITHER: Self = Self(1 << 8);
+    /// The board's counter saw a step of unknown direction: counts are missing.
+    pub const COUNTS_LOST: Self = Self(1 << 9);
+    /// The image is the only usable one of two ([`crate::Origin::Survivor`]); it may be the older.
+    pub const SURVIVOR: Self = Self(1 << 10);
+
+    /// The bits that a board adds to those of the compensator, with their names.
+    pub const BOARD_NAMES: [(Self, &'static str); 3] =
+        [(Self::NO_DITHER, "NO_DITHER"), (Self::COUNTS_LOST, "COUNTS_LOST"), (Self::SURVIVOR, "SURVIVOR")];
+
+    /// Every bit of a compensator with its name in scripts and reports.
     pub const NAMES: [(Self, &'static str); 8] = [
         (Self::OUT_OF_SPAN, "OUT_OF_SPAN"),
         (Self::RATE_OUT_OF_SPAN, "RATE_OUT_OF_SPAN"),

@@ -21,8 +21,8 @@ fn main() {
     let counter = Quadrature { counting: Counting::X4 };
     let mut count_state = QuadratureState::new();
     counter.update(&mut count_state, false, false);
-    // The longest dither period: twice the nominal one, in ticks.
-    let mut stripper = Stripper::new(50);
+    // The longest dither period: twice the nominal one, in ticks. A working dither moves the pickoff by far more than 10 arcsec.
+    let mut stripper = Stripper::new(50, 100_000);
 
     let (mut raw_sum, mut largest, mut stripped_sum, mut stripped_ticks) = (0_i64, 0, 0_i64, 0_u32);
     for tick in 0..10_000_u32 {
@@ -39,7 +39,7 @@ fn main() {
         // The pickoff measures the dither angle at the end of the tick, in any unit.
         let pickoff = (dither_arcsec(f64::from(tick + 1) * TICK_S) * 1e4).round() as i32;
         if let Some(period) = stripper.update(counts, pickoff) {
-            assert!(!period.without_zero);
+            assert!(!period.without_zero && stripper.has_dither());
             stripped_sum += period.counts;
             stripped_ticks += u32::from(period.ticks);
         }

@@ -83,9 +83,9 @@ pub extern "C" fn sagnac_loops_everything(code: i32, path: &PathLength, light: &
     let counter = Quadrature { counting: black_box(Counting::X2) };
     let mut state = black_box(QuadratureState::default());
     let count = counter.update(&mut state, code & 2 == 0, code & 4 == 0);
-    let mut stripper = black_box(Stripper::new(50));
+    let mut stripper = black_box(Stripper::new(50, 1000));
     let stripped = stripper.update(count, code).map_or(0, |out| out.counts);
-    black_box(stripper.pending());
+    black_box((stripper.pending(), stripper.has_dither()));
     #[cfg(feature = "broken")]
     assert!(code != 12_345, "a panic path on purpose");
     out.actuator ^ out.modulation ^ current.current ^ stripped as i32

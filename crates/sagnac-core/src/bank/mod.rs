@@ -60,13 +60,14 @@ pub enum BankReport {
 }
 
 /// Where the active image comes from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Origin {
     /// The newest image that was stored.
     Newest,
     /// The only usable image: the other bank is damaged, unreadable or for another gyro. It may be the older of the two.
     Survivor,
     /// No bank holds an image for this gyro. Counts pass through uncorrected.
+    #[default]
     FactoryDefaults,
 }
 

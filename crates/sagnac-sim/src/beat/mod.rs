@@ -148,7 +148,7 @@ impl Beat {
             turned: 0.0,
             fringes: 0,
             counted: 0,
-            stripper: self.longest_period.map(Stripper::new),
+            stripper: self.longest_period.map(|longest| Stripper::new(longest, 0)),
             pickoff_rng: generator(seed, Stream::Pickoff),
         };
         state.counted = self.edges(&state);

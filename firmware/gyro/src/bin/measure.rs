@@ -67,7 +67,7 @@ fn main() -> ! {
     let _ = gyro.skip(&mut state, slew_ticks);
     let plain = tick_instructions(&gyro, &state, image.description().period_ticks - slew_ticks, 37);
 
-    let mut board = Board::new(image, Origin::Newest, &loops, Rig::LEVELS, Some(50));
+    let mut board = Board::new(image, Origin::Newest, &loops, Rig::LEVELS, Some(Stripper::new(50, 1 << 23)));
     let mut rig = Rig::new(RigSettings { wavelength: 100_000, lamp_gain: 1 << 16, ..RigSettings::default() });
     rig.start_row(Row { ticks: u32::MAX, counts: 0, present: 1, codes: [20 << 24; 4] });
     let (_, sample) = rig.tick(&ActuatorCodes::default());
