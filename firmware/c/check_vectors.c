@@ -181,6 +181,11 @@ static int compensator_step(machine *m, uint32_t operation, const uint32_t *in, 
         out[2] = sagnac_compensator_status(state);
         with_state(state, out);
         return 1;
+    case 6:
+        sagnac_compensator_clear_overflow(state);
+        out[2] = sagnac_compensator_status(state);
+        with_state(state, out);
+        return 1;
     default:
         return 0;
     }

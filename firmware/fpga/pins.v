@@ -38,7 +38,7 @@ module pins (
         tick_later <= tick;
     sagnac_fast #(.RAW_BITS(RAW_WIDTH), .INCREMENT_BITS(INCREMENT_WIDTH), .PERIOD_TICKS(PERIOD_TICKS),
                   .SLEW_TICKS(SLEW_TICKS), .OUTPUT_LIMIT(OUTPUT_LIMIT)) fast (
-        .clk(clk), .rst(rst), .restart(1'b0), .tick(tick_later), .gap(1'b0), .raw(counts), .apply(ready), .applied(applied), .apply_status(new_status), .status(status),
+        .clk(clk), .rst(rst), .clear(1'b0), .restart(1'b0), .tick(tick_later), .gap(1'b0), .raw(counts), .apply(ready), .applied(applied), .apply_status(new_status), .status(status),
         .apply_held(held), .apply_k(new_k), .apply_target(new_target), .apply_slope(new_slope),
         .apply_steeper(new_steeper), .due(due), .refused(refused), .valid(valid), .counts(corrected), .limited(limited),
         .overflow(overflow), .accumulator(accumulator), .increment(increment), .target(target), .k(k));

@@ -23,13 +23,15 @@ pub const MAGIC: [u8; 8] = *b"SAGNACIM";
 pub const FORMAT_VERSION: u16 = 1;
 /// Newest minor version that this code reads. A new shape or source raises it; an image carries the lowest minor version that has
 /// all its shapes and sources.
-pub const FORMAT_MINOR: u16 = 3;
+pub const FORMAT_MINOR: u16 = 4;
 /// The minor version that added harmonics.
 const MINOR_OF_HARMONICS: u16 = 1;
 /// The minor version that added inputs that repeat another one.
 const MINOR_OF_REPEATS: u16 = 2;
 /// The minor version that added warm-ups.
 const MINOR_OF_WARM_UPS: u16 = 3;
+/// The minor version that added largest steps.
+const MINOR_OF_STEPS: u16 = 4;
 const HEAD_LEN: usize = 128;
 const INPUT_LEN: usize = 64;
 const TERM_LEN: usize = 12;
@@ -198,7 +200,9 @@ impl Image {
 
 /// The lowest minor version that has the sources of all these inputs and the shapes of all these terms.
 fn minor_of(inputs: &[InputSpec], terms: &[Term]) -> u16 {
-    if inputs.iter().any(|input| input.source == ValueSource::WarmUp) {
+    if inputs.iter().any(|input| input.largest_step_q8 != 0) {
+        MINOR_OF_STEPS
+    } else if inputs.iter().any(|input| input.source == ValueSource::WarmUp) {
         MINOR_OF_WARM_UPS
     } else if inputs.iter().any(|input| matches!(input.source, ValueSource::Repeat { .. })) {
         MINOR_OF_REPEATS
@@ -303,7 +307,9 @@ fn write_input(w: &mut Writer<'_>, t: &InputSpec) -> Option<()> {
     w.put(t.lag.y_mantissa.to_le_bytes())?;
     w.put(t.stale_after_updates.to_le_bytes())?;
     w.put(t.settling_updates.to_le_bytes())?;
-    w.put([t.unit_exponent.cast_unsigned(), 0, 0, 0])
+    w.put([t.unit_exponent.cast_unsigned()])?;
+    w.put(t.largest_step_q8.to_le_bytes())?;
+    w.put([0])
 }
 
 fn read_input(r: &mut Reader<'_>) -> Parsed<InputSpec> {
@@ -315,7 +321,7 @@ fn read_input(r: &mut Reader<'_>) -> Parsed<InputSpec> {
     let (x_mantissa, alpha_mantissa) = (r.u32()?, r.u32()?);
     let (rate_lo, rate_hi, y_mantissa) = (r.i32()?, r.i32()?, r.u32()?);
     let (stale_after_updates, settling_updates) = (r.u32()?, r.u32()?);
-    let [unit_exponent, zeros @ ..] = r.take::<4>()?;
+    let [unit_exponent, step_low, step_high, zero] = r.take::<4>()?;
     let source = match source {
         [0, 0, 0] => ValueSource::Code,
         [1, of, less] => ValueSource::Difference { of, less },
@@ -323,7 +329,7 @@ fn read_input(r: &mut Reader<'_>) -> Parsed<InputSpec> {
         [3, 0, 0] => ValueSource::WarmUp,
         _ => return Some(Err(DecodeError::Reserved("an input"))),
     };
-    if zeros != [0; 3] {
+    if zero != 0 {
         return Some(Err(DecodeError::Reserved("an input")));
     }
     let lag = LagSpec { alpha_mantissa, alpha_shift, rate_shift, rate_lo, rate_hi, y_mantissa, y_shift };
@@ -341,6 +347,7 @@ fn read_input(r: &mut Reader<'_>) -> Parsed<InputSpec> {
         lag,
         stale_after_updates,
         settling_updates,
+        largest_step_q8: u16::from_le_bytes([step_low, step_high]),
     }))
 }
 

@@ -164,6 +164,15 @@ impl State {
         if self.overflow { self.slow_status | Status::OVERFLOW } else { self.slow_status }
     }
 
+    /// Clears [`Status::OVERFLOW`]: counts are output again, from a remainder of zero. What was held back is lost, so call it only where
+    /// the user of the counts starts anew as well.
+    pub const fn clear_overflow(&mut self) {
+        if self.overflow {
+            self.overflow = false;
+            self.accumulator = 0;
+        }
+    }
+
     /// Advances the slew by `n` ticks (n ≤ ticks to the next update); returns the sum of its increments.
     ///
     /// With m slewing ticks of which e are the steeper ones,
@@ -346,11 +355,13 @@ impl Compensator {
             if spec.source == ValueSource::WarmUp && !warm {
                 memory.begin_warm_up();
             }
-            if let Some(place) = fresh_q24.get_mut(at) {
-                *place = fresh.map(i64::from);
-            }
             match memory.update(spec, fresh) {
-                Some(scaled) => *slot = scaled,
+                Some(scaled) => {
+                    *slot = scaled;
+                    if let Some(place) = fresh_q24.get_mut(at) {
+                        *place = fresh.map(i64::from);
+                    }
+                }
                 None => {
                     held = true;
                     status |= Status::HELD;

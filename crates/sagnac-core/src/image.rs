@@ -293,10 +293,13 @@ impl Image {
 
     /// A difference uses two inputs that come before it and have codes of their own. A repeat uses one input that comes before it
     /// and is itself neither a repeat nor a warm-up; unit, valid range and hold time are the same. A warm-up has a lag, and 0 °C is
-    /// valid. None of the three has a conversion: it is already applied.
+    /// valid. None of the three has a conversion or a
+    /// largest step: both are already applied.
     fn check_source(&self, index: u8, t: &InputSpec) -> Result<(), &'static str> {
         let before = |i: u8| self.inputs().get(usize::from(i)).filter(|_| i < index);
         let no_conversion = t.offset_q24 == 0 && t.gain == Gain::ONE;
+        let steps_of_source = t.source == ValueSource::Code || t.largest_step_q8 == 0;
+        first_broken(&[(steps_of_source, "largest step (an input without a code has those of its source)")])?;
         match t.source {
             ValueSource::Code => Ok(()),
             ValueSource::Difference { of, less } => {

@@ -19,10 +19,20 @@
 //! `α·e^(−t/τ)`. An image that is applied while the gyro runs does not know how long it has been warm; its warm-up is over at once,
 //! and the status is SETTLING for as long as the image says.
 //!
-//! A sensor that fails can send any code. The valid range (`valid_lo_q24` to `valid_hi_q24`) rejects what cannot be a value.
+//! A sensor that fails can send any code. The valid range (`valid_lo_q24` to `valid_hi_q24`) rejects what cannot be a value. A value
+//! farther than `largest_step_q8` from the last one is held back until [`STEADY_UPDATES`] of them in a row lie that near to each other.
+//!
+//! While a value is missing the filter runs on the last one. When it returns after a hold of more than an eighth of τ, or with a step
+//! that was held back, the filter begins anew at it: the change meanwhile is no rate. The status is SETTLING again until the settling
+//! time has passed. After a shorter hold the rate is wrong by less than 1 % of itself (½(hold/τ)²).
 
 use crate::rounding::round_shift;
 use crate::series::{ONE_Q31, ONE_Q47};
+
+/// Updates for which a step must stay before it is a value.
+pub const STEADY_UPDATES: u8 = 3;
+/// A filter begins anew after a hold of more than τ by two to this power.
+const HOLD_SHIFT: u32 = 3;
 
 /// Where the filter of a warm-up begins: −1 °C in 2⁻⁴⁶ °C.
 const WARM_UP_START_Q46: i64 = -(1 << 46);
@@ -113,8 +123,10 @@ pub struct InputSpec {
     pub lag: LagSpec,
     /// Consecutive slow updates without a valid value that are tolerated; with one more the status is STALE.
     pub stale_after_updates: u32,
-    /// Slow updates after the first valid value with the status SETTLING.
+    /// Slow updates after the first valid value, and after each new beginning of the filter, with the status SETTLING.
     pub settling_updates: u32,
+    /// Largest step between two updates that is a value at once, 2⁻⁸ °C; 0 for any step.
+    pub largest_step_q8: u16,
 }
 
 impl InputSpec {
@@ -141,6 +153,7 @@ impl InputSpec {
         },
         stale_after_updates: 0,
         settling_updates: 0,
+        largest_step_q8: 0,
     };
 
     /// The value of a code in 2⁻²⁴ °C, or `None` outside the valid range.
@@ -168,6 +181,13 @@ impl InputSpec {
 }
 
 impl LagSpec {
+    /// Longest hold after which the filter goes on, slow updates: an eighth of τ, 1/(8α).
+    pub fn longest_hold_updates(&self) -> u32 {
+        let eighth = 1_u64.checked_shl(u32::from(self.alpha_shift).saturating_sub(HOLD_SHIFT)).unwrap_or(0);
+        let updates = eighth.checked_div(u64::from(self.alpha_mantissa)).unwrap_or(u64::MAX);
+        u32::try_from(updates).unwrap_or(u32::MAX)
+    }
+
     /// True when a filter is configured.
     pub const fn is_used(&self) -> bool {
         self.alpha_mantissa != 0
@@ -180,6 +200,9 @@ pub(crate) struct InputState {
     lag_q46: i64,
     remainder: i64,
     last_q24: Option<i32>,
+    /// A value too far from the last one, and for how many updates it has stayed.
+    step_q24: i32,
+    steady_updates: u8,
     pub(crate) held_updates: u32,
     pub(crate) settled_updates: u32,
 }
@@ -195,7 +218,15 @@ pub(crate) struct ScaledInput {
 
 impl InputState {
     pub(crate) const fn new() -> Self {
-        Self { lag_q46: 0, remainder: 0, last_q24: None, held_updates: 0, settled_updates: 0 }
+        Self {
+            lag_q46: 0,
+            remainder: 0,
+            last_q24: None,
+            step_q24: 0,
+            steady_updates: 0,
+            held_updates: 0,
+            settled_updates: 0,
+        }
     }
 
     /// Power-on: the filter of a warm-up begins, once.
@@ -208,12 +239,20 @@ impl InputState {
     /// One temperature period. `None` without a valid value at this update; the filter then runs on the last one, as it does
     /// between samples.
     pub(crate) fn update(&mut self, spec: &InputSpec, fresh: Option<i32>) -> Option<ScaledInput> {
+        let (fresh, stepped) = self.held_back(spec, fresh);
         let t = match (fresh, self.last_q24) {
             (Some(t), None) => {
                 self.lag_q46 = i64::from(t) << 22;
                 t
             }
-            (Some(t), Some(_)) | (None, Some(t)) => t,
+            (Some(t), Some(_)) => {
+                let held = self.held_updates > 0 && self.held_updates > spec.lag.longest_hold_updates();
+                if spec.lag.is_used() && (stepped || held) {
+                    (self.lag_q46, self.remainder, self.settled_updates) = (i64::from(t) << 22, 0, 0);
+                }
+                t
+            }
+            (None, Some(t)) => t,
             (None, None) => {
                 self.held_updates = self.held_updates.saturating_add(1);
                 return None;
@@ -229,6 +268,24 @@ impl InputState {
         self.held_updates = 0;
         let (x_q47, x_clamped) = spec.scaled(t);
         Some(ScaledInput { x_q47, y_q31, x_clamped, y_clamped })
+    }
+
+    /// A value that is too far from the last one counts as missing until it has stayed. Also whether this one has.
+    fn held_back(&mut self, spec: &InputSpec, fresh: Option<i32>) -> (Option<i32>, bool) {
+        let (Some(t), Some(last)) = (fresh, self.last_q24) else { return (fresh, false) };
+        let largest = u32::from(spec.largest_step_q8) << 16;
+        if largest == 0 || t.abs_diff(last) <= largest {
+            self.steady_updates = 0;
+            return (fresh, false);
+        }
+        let stays = self.steady_updates > 0 && t.abs_diff(self.step_q24) <= largest;
+        self.steady_updates = if stays { self.steady_updates + 1 } else { 1 };
+        self.step_q24 = t;
+        if self.steady_updates < STEADY_UPDATES {
+            return (None, false);
+        }
+        self.steady_updates = 0;
+        (fresh, true)
     }
 
     /// Advances the lag by one Δt; returns the scaled, clamped rate and whether it was clamped.

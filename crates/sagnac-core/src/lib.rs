@@ -58,6 +58,6 @@ pub use harmonic::MAX_TURNS_Q18;
 pub use image::{
     Description, Image, ImageError, Kind, MAX_INCREMENT, MAX_INPUTS, MAX_SCALE, MAX_TERMS, Multiplier, Shape, Term,
 };
-pub use input::{Gain, InputSpec, LagSpec, ValueSource};
+pub use input::{Gain, InputSpec, LagSpec, STEADY_UPDATES, ValueSource};
 pub use series::MAX_ORDER;
 pub use status::Status;

@@ -23,7 +23,7 @@ impl Status {
     pub const UNCORRECTED: Self = Self(1 << 5);
     /// The output limit was reached; the excess stays in the accumulator and is output later.
     pub const LIMITED: Self = Self(1 << 6);
-    /// The accumulator exceeded its bound. Latched; the output is zero and has no meaning.
+    /// The accumulator exceeded its bound. Latched until [`crate::State::clear_overflow`]; the output is zero and has no meaning.
     pub const OVERFLOW: Self = Self(1 << 7);
 
     /// The board found no dither: lock-in, and counts that still contain what there was of it.

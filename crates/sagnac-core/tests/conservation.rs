@@ -5,7 +5,7 @@ mod support;
 use num_bigint::BigInt;
 use proptest::prelude::*;
 use sagnac_core::{
-    Compensator, Image, Kind, MAX_INCREMENT, MAX_RAW, Misuse, Multiplier, State, Status, Term, ValueSource,
+    Compensator, Image, InputSpec, Kind, MAX_INCREMENT, MAX_RAW, Misuse, Multiplier, State, Status, Term, ValueSource,
 };
 use support::{any_image, image, repeat, term, thermometer, warm_up};
 
@@ -394,4 +394,109 @@ fn a_warm_up_is_not_begun_twice() {
             gyro.tick(&mut state, 0).unwrap();
         }
     }
+}
+
+/// A rate term of one count per tick at the far border of the rate span, over the thermometer alone.
+fn rated(change: impl Fn(&mut InputSpec)) -> Compensator {
+    let mut d = *image(&[term(Kind::Bias, 0, Multiplier::Rate, 1 << 30, 21)], 1, 0).description();
+    change(&mut d.inputs[0]);
+    Compensator::new(Image::new(d).unwrap())
+}
+
+/// A ramp of so many 2⁻²⁴ °C per update from −20 °C.
+fn ramp(n: i32, per_update: i32) -> i32 {
+    -(20 << 24) + n * per_update
+}
+
+/// After every hold of 1 to 400 updates on a ramp the rate is that of the ramp to 1 %, or the status is SETTLING until it is to 5 %. Before this
+/// rule a hold of 4τ gave five times the rate with status 0.
+#[test]
+fn no_hold_makes_a_false_rate_with_a_clean_status() {
+    let gyro = rated(|_| ());
+    let longest = gyro.image().inputs()[0].lag.longest_hold_updates();
+    assert!(longest > 1, "{longest}");
+    for hold in 1..400 {
+        let mut state = State::new();
+        let mut steady = 0;
+        for n in 0..6000 {
+            let missing = (4000..4000 + hold).contains(&n);
+            let code = (!missing).then_some(ramp(n, 4000));
+            let status = gyro.update(&mut state, &[code]).unwrap();
+            gyro.tick(&mut state, 0).unwrap();
+            if n == 3999 {
+                steady = state.target_increment();
+            }
+            if n >= 4000 && status == Status::OK {
+                let off = (state.target_increment() - steady).abs() as f64 / steady as f64;
+                // 3τ of settling leave e⁻³ of the rate.
+                let most = if hold as u32 > longest { 0.05 } else { 0.01 };
+                assert!(off < most, "hold of {hold}, update {n}: {off}");
+            }
+            assert_eq!(status.contains(Status::HELD), missing, "{n} {status:?}");
+            if n == 4000 + hold {
+                assert_eq!(status.contains(Status::SETTLING), hold as u32 > longest, "hold of {hold}");
+            }
+        }
+    }
+}
+
+/// A spike inside the valid range, of one update or two, is no temperature: HELD, and the correction is that of before. A step that stays is one after
+/// three updates, and the rate then settles anew.
+#[test]
+fn a_spike_is_held_back_and_a_step_that_stays_is_not() {
+    let limited = |spec: &mut InputSpec| spec.largest_step_q8 = 256;
+    let (gyro, settling) = (rated(limited), thermometer().settling_updates);
+    let level = |n: i32, lasts: i32| (20 << 24) + if (5000..5000 + lasts).contains(&n) { 15 << 24 } else { 0 };
+    for lasts in [1, 2] {
+        let mut state = State::new();
+        for n in 0..6000 {
+            let status = gyro.update(&mut state, &[Some(level(n, lasts))]).unwrap();
+            gyro.tick(&mut state, 0).unwrap();
+            let spike = (5000..5000 + lasts).contains(&n);
+            let wanted = if spike { Status::HELD } else { Status::OK };
+            assert!(n < 5000 || (status, state.target_increment()) == (wanted, 0), "{lasts} {n} {status:?}");
+        }
+    }
+    let mut state = State::new();
+    for n in 0..8000 {
+        let status = gyro.update(&mut state, &[Some(level(n, 5000))]).unwrap();
+        gyro.tick(&mut state, 0).unwrap();
+        let since = n - 5002;
+        let wanted = match since {
+            -2 | -1 => Status::HELD,
+            0.. if since < settling as i32 => Status::SETTLING,
+            _ => Status::OK,
+        };
+        assert!(n < 5000 || (status, state.target_increment()) == (wanted, 0), "{n} {status:?}");
+    }
+    // Without a limit the same spike is a rate, which is what a stated limit is for.
+    let (gyro, mut state) = (rated(|_| ()), State::new());
+    let all: Vec<i64> = (0..6000)
+        .map(|n| {
+            gyro.update(&mut state, &[Some(level(n, 1))]).unwrap();
+            gyro.tick(&mut state, 0).unwrap();
+            state.target_increment()
+        })
+        .collect();
+    assert!(all[5000..].iter().any(|increment| *increment != 0));
+}
+
+/// An overflow ends by the stated call alone, with a remainder of zero; without one the call changes nothing.
+#[test]
+fn an_overflow_is_cleared_by_the_call_alone() {
+    let mut d = *image(&[], 1000, 0).description();
+    d.output_limit = 1;
+    let gyro = Compensator::new(Image::new(d).unwrap());
+    let mut state = State::new();
+    gyro.update(&mut state, &[Some(20 << 24)]).unwrap();
+    let before = state;
+    state.clear_overflow();
+    assert_eq!(state, before);
+    let status = (0..).map(|_| gyro.tick(&mut state, MAX_RAW).unwrap().status).find(|s| s.contains(Status::OVERFLOW));
+    assert!(status.is_some());
+    assert_eq!(gyro.tick(&mut state, 1).unwrap().counts, 0);
+    state.clear_overflow();
+    assert_eq!(state.remainder(), 0);
+    let output = gyro.tick(&mut state, 1).unwrap();
+    assert_eq!((output.counts, output.status.contains(Status::OVERFLOW)), (1, false));
 }

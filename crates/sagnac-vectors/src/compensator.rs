@@ -8,6 +8,7 @@
 //! | 3 advance | raw, ticks | error, counts, status, remainder, increment |
 //! | 4 skip | ticks | error, ticks to the update, 0, remainder, increment |
 //! | 5 migrate the state (to the same image) | | 0, 0, status, remainder, increment |
+//! | 6 clear an overflow | | 0, 0, status, remainder, increment |
 //!
 //! Each tick of a run has raw = base + noise of the given number of bits. 64-bit values are two words, the lower first.
 //! Errors: 1 update due, 2 update not due, 3 raw out of range, 4 number of codes.
@@ -54,6 +55,10 @@ impl CompensatorMachine {
             }
             5 => {
                 self.state = self.gyro.migrate_state(&self.state);
+                Some(self.with_state([0, 0, self.state.status().bits().into()]))
+            }
+            6 => {
+                self.state.clear_overflow();
                 Some(self.with_state([0, 0, self.state.status().bits().into()]))
             }
             _ => None,

@@ -313,7 +313,22 @@ fn input_spec(of: &Channel<'_>, period_s: f64) -> Result<InputSpec> {
         lag,
         stale_after_updates: (input.stale_after_s / period_s).ceil() as u32,
         settling_updates: if lag.is_used() { (settling_s / period_s).ceil() as u32 } else { 0 },
+        largest_step_q8: if has_code { largest_step(input.max_step / unit)? } else { 0 },
     })
+}
+
+/// Rounded up; a step that no code can make is any step.
+fn largest_step(celsius: f64) -> Result<u16> {
+    let q8 = (celsius * 256.0).ceil();
+    if q8 <= f64::from(u16::MAX) {
+        Ok(q8 as u16)
+    } else {
+        Err(too_large(
+            "max_step",
+            celsius,
+            "steps of up to 255 °C, or of 255 times the power of two that a column is scaled by",
+        ))
+    }
 }
 
 /// Name of the input behind a warm-up.

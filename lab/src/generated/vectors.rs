@@ -310,7 +310,8 @@ fn compensator_lags() -> Result<Making> {
     use Multiplier::{One, Rate};
     let mut d = Description { period_ticks: 50, slew_ticks: 9, ..Description::empty() };
     d.serial[..4].copy_from_slice(b"LAGS");
-    let first = thermometer([-35, 65])?;
+    // The ramp moves by 0.45 °C an update.
+    let first = InputSpec { largest_step_q8: 128, ..thermometer([-35, 65])? };
     let second = InputSpec {
         offset_q24: -(2 << 24),
         gain: Gain { mantissa: 1_234_567_891, shift: 22 },
@@ -322,6 +323,7 @@ fn compensator_lags() -> Result<Making> {
         gain: Gain::ONE,
         lag,
         settling_updates: 3 * base.settling_updates,
+        largest_step_q8: 0,
         ..base
     };
     let slow = LagSpec { alpha_mantissa: 0x7ffe_0005, alpha_shift: 41, rate_shift: 13, ..first.lag };
@@ -344,7 +346,7 @@ fn compensator_lags() -> Result<Making> {
             (Scale, 3, 1, One, 777_777_777, 42),
         ],
     );
-    let about = "compensator: two thermometers, each once more behind a second lag; missing, absurd and stale samples";
+    let about = "compensator: two thermometers, each once more behind a second lag; spikes, steps that stay, missing, absurd and stale samples";
     let mut making = Making::new(Module::Compensator, image_bytes(d)?, about)?;
     for update in 0..1500_u32 {
         let dice = update.wrapping_mul(2_654_435_761) >> 8;
@@ -357,7 +359,10 @@ fn compensator_lags() -> Result<Making> {
         if dice % 53 == 0 || (400..440).contains(&update) {
             present &= dice >> 7;
         }
-        let absurd = if dice % 71 == 0 { i32::MAX } else { i32::try_from(warm)? };
+        // Spikes of one update and of two, and from the middle on another level; absurd codes.
+        let spike = if dice % 67 < 2 || update % 97 < 2 { 15 << 24 } else { 0 };
+        let level = if update >= 800 { 3 << 24 } else { 0 };
+        let absurd = if dice % 71 == 0 { i32::MAX } else { i32::try_from(warm + spike + level)? };
         let codes = [absurd, dice as i32, i32::try_from(second)?, -(dice as i32)];
         making.step(1, &[present, codes[0] as u32, codes[1] as u32, codes[2] as u32, codes[3] as u32])?;
         making.step(2, &[50, update * 7919 + 1, 21, 4])?;
@@ -567,6 +572,11 @@ fn compensator_edges(output_limit: u32, longest: u32) -> Result<Making> {
         making.step(2, &[41, 9, 0, 0])?;
     }
     making.step(2, &[3, 1, 1, 0])?;
+    // Where it has overflowed, counts come again from a remainder of zero; elsewhere nothing changes.
+    for seed in 1..4 {
+        making.step(6, &[])?;
+        making.step(2, &[11, seed, 3, 2])?;
+    }
     Ok(making)
 }
 

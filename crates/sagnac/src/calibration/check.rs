@@ -69,6 +69,7 @@ impl AxisCalibration {
             name: name.clone(),
             valid_range_c: main.valid_range,
             stale_after_s: main.stale_after_s,
+            max_step_c: main.max_step,
             offset_c: Some(main.offset),
             gain_c_per_code: Some(main.gain_per_code),
         })?;
@@ -119,6 +120,7 @@ impl AxisCalibration {
             ("valid_range", interval(input.valid_range) && covers),
             ("reference", (input.span[0]..=input.span[1]).contains(&input.reference)),
             ("stale_after_s", (0.0..=1e6).contains(&input.stale_after_s)),
+            ("max_step", (0.0..=1e12).contains(&input.max_step)),
             ("offset", input.offset.is_finite()),
             ("gain_per_code", input.gain_per_code != 0.0 && input.gain_per_code.is_finite()),
             ("lag_s", input.lag_s.is_none_or(|lag| lag.value > 0.0 && lag.value.is_finite())),

@@ -52,6 +52,9 @@ pub struct Input {
     pub rms_dph: Option<f64>,
     /// Time without a value after which the correction is STALE, s.
     pub stale_after_s: f64,
+    /// Largest step between two temperature periods that the target takes for a value at once, in its own unit; 0 for any step.
+    #[serde(default)]
+    pub max_step: f64,
 }
 
 impl Input {
@@ -69,6 +72,7 @@ impl Input {
             valid_range: setup.valid_range_c,
             rms_dph: None,
             stale_after_s: setup.stale_after_s,
+            max_step: setup.max_step_c,
         }
     }
 
@@ -81,6 +85,7 @@ impl Input {
             source: InputSource::Difference(of.name.clone(), less.name),
             valid_range: DIFFERENCE_RANGE_C,
             stale_after_s,
+            max_step: 0.0,
             ..Self::thermometer(ThermometerSetup { offset_c: None, gain_c_per_code: None, ..of }, span, reference)
         }
     }
@@ -102,12 +107,13 @@ impl Input {
             valid_range,
             rms_dph: None,
             stale_after_s: setup.stale_after_s,
+            max_step: setup.max_step,
         }
     }
 
     /// An input once more, behind a second lag.
     pub(crate) fn repeat(self, name: String) -> Self {
-        Self { source: InputSource::Repeat(self.name), name, ..self }
+        Self { source: InputSource::Repeat(self.name), name, max_step: 0.0, ..self }
     }
 
     /// The name of the input that it repeats for a second lag.

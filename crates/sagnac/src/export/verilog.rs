@@ -137,7 +137,7 @@ fn unit(image: &Image, widths: Widths) -> String {
 fn inputs(out: &mut String, all: &[InputSpec; MAX_INPUTS]) {
     /// A field's name, width and position.
     type Field = (&'static str, u32, fn(&InputSpec) -> i64);
-    let fields: [Field; 23] = [
+    let fields: [Field; 25] = [
         ("IS_DERIVED", 1, |t| (t.source != ValueSource::Code).into()),
         ("IS_REPEAT", 1, |t| matches!(t.source, ValueSource::Repeat { .. }).into()),
         ("IS_WARM_UP", 1, |t| (t.source == ValueSource::WarmUp).into()),
@@ -161,6 +161,8 @@ fn inputs(out: &mut String, all: &[InputSpec; MAX_INPUTS]) {
         ("Y_SHIFT", 7, |t| t.lag.y_shift.into()),
         ("STALE_AFTER_UPDATES", 32, |t| t.stale_after_updates.into()),
         ("SETTLING_UPDATES", 32, |t| t.settling_updates.into()),
+        ("LARGEST_STEP", 16, |t| t.largest_step_q8.into()),
+        ("LONGEST_HOLD", 32, |t| t.lag.longest_hold_updates().into()),
     ];
     for (name, width, field) in fields {
         packed(out, name, width, all.iter().map(field));

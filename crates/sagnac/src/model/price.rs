@@ -17,7 +17,7 @@ use crate::model::spec::ModelSpec;
 /// A slow update without any term.
 const BASE: f64 = 670.0;
 /// More with any term.
-const SERIES: f64 = 20.0;
+const SERIES: f64 = 8.0;
 /// More with each thermometer, difference or column after the first.
 const INPUT: f64 = 400.0;
 /// More with each lag filter and its rate.

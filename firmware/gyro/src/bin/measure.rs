@@ -13,6 +13,7 @@ use cortex_m_rt::entry;
 use sagnac_board::{ActuatorCodes, Board, Rig, RigSettings, Row};
 use sagnac_core::{Compensator, Description, Image, Origin, Output, State, Status};
 use sagnac_firmware::{finish, say, unit_image, unit_loops};
+use sagnac_loops::Stripper;
 
 /// Instructions a count.
 const PER_COUNT: u32 = 40;

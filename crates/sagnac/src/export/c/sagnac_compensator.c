@@ -30,8 +30,12 @@
 #define CRC_LENGTH 4U
 /* Where the lag of a warm-up begins: -1 degC. */
 #define WARM_UP_START_Q46 (-(int64_t)70368744177664)
-/* The minor version of an image with a warm-up, the newest that is read; else of one with an input that repeats another; else of one
+/* Updates for which a step must stay before it is a value, and 2^3 of the longest hold after which a filter goes on is tau. */
+#define STEADY_UPDATES 3U
+#define HOLD_SHIFT 3U
+/* The minor version of an image with a largest step, the newest that is read; else of one with a warm-up; else of one with an input that repeats another; else of one
  * with harmonics; else 0. */
+#define MINOR_OF_STEPS 4U
 #define MINOR_OF_WARM_UPS 3U
 #define MINOR_OF_REPEATS 2U
 #define MINOR_OF_HARMONICS 1U
@@ -158,6 +162,53 @@ static uint32_t one_more(uint32_t count)
     return (count == UINT32_MAX) ? count : (count + 1U);
 }
 
+/* The distance of two values. */
+static uint32_t distance(int32_t a, int32_t b)
+{
+    const int64_t apart = (int64_t)a - (int64_t)b;
+    return (uint32_t)((apart < 0) ? -apart : apart);
+}
+
+/* 1 for a value at once, 2 for one too far from the last one that has stayed, 0 while it has not. */
+static uint32_t accept_step(const sagnac_input *spec, sagnac_input_state *memory, int32_t t_q24)
+{
+    const uint32_t largest = spec->largest_step_q8 * 65536U;
+    uint32_t accepted = 0U;
+    if ((largest == 0U) || (memory->has_last == 0U) || (distance(t_q24, memory->last_q24) <= largest)) {
+        memory->steady_updates = 0U;
+        accepted = 1U;
+    } else {
+        const uint32_t stays =
+            ((memory->steady_updates > 0U) && (distance(t_q24, memory->step_q24) <= largest)) ? SAGNAC_YES : SAGNAC_NO;
+        memory->steady_updates = (stays != 0U) ? (memory->steady_updates + 1U) : 1U;
+        memory->step_q24 = t_q24;
+        if (memory->steady_updates >= STEADY_UPDATES) {
+            memory->steady_updates = 0U;
+            accepted = 2U;
+        }
+    }
+    return accepted;
+}
+
+/* The lag begins anew with a step that has stayed, or after a hold of more than an eighth of tau: 1/(8 alpha) updates. */
+static void begin_anew(const sagnac_input *spec, sagnac_input_state *memory, uint32_t accepted, int32_t t_q24)
+{
+    if (spec->alpha_mantissa != 0U) {
+        uint32_t anew = (accepted == 2U) ? SAGNAC_YES : SAGNAC_NO;
+        if (memory->held_updates > 0U) {
+            const int64_t longest = sagnac_power(spec->alpha_shift - HOLD_SHIFT) / (int64_t)spec->alpha_mantissa;
+            if ((int64_t)memory->held_updates > longest) {
+                anew = 1U;
+            }
+        }
+        if (anew != 0U) {
+            memory->lag_q46 = (int64_t)t_q24 * (int64_t)4194304;
+            memory->remainder = 0;
+            memory->settled_updates = 0U;
+        }
+    }
+}
+
 /* One period of one input; 0 without a valid value at this update. */
 static uint32_t read_input(const sagnac_input *spec, sagnac_input_state *memory, uint32_t present,
                                  int64_t value, scaled_input *out)
@@ -167,8 +218,15 @@ static uint32_t read_input(const sagnac_input *spec, sagnac_input_state *memory,
     if (present != 0U) {
         fresh = input_if_valid(spec, value, &t_q24);
     }
+    if (fresh != 0U) {
+        fresh = accept_step(spec, memory, t_q24);
+    }
     if ((fresh != 0U) && (memory->has_last == 0U)) {
         memory->lag_q46 = (int64_t)t_q24 * (int64_t)4194304;
+    } else if (fresh != 0U) {
+        begin_anew(spec, memory, fresh, t_q24);
+    } else {
+        /* Missing. */
     }
     if ((fresh == 0U) && (memory->has_last != 0U)) {
         t_q24 = memory->last_q24;
@@ -416,6 +474,8 @@ void sagnac_compensator_start(sagnac_compensator_state *state)
         state->inputs[i].remainder = 0;
         state->inputs[i].last_q24 = 0;
         state->inputs[i].has_last = 0U;
+        state->inputs[i].step_q24 = 0;
+        state->inputs[i].steady_updates = 0U;
         state->inputs[i].held_updates = 0U;
         state->inputs[i].settled_updates = 0U;
     }
@@ -425,6 +485,14 @@ void sagnac_compensator_start_warm(sagnac_compensator_state *state)
 {
     sagnac_compensator_start(state);
     state->warm = 1U;
+}
+
+void sagnac_compensator_clear_overflow(sagnac_compensator_state *state)
+{
+    if (state->overflow != 0U) {
+        state->overflow = 0U;
+        state->accumulator = 0;
+    }
 }
 
 void sagnac_compensator_migrate_state(const sagnac_image *image, sagnac_compensator_state *state)
@@ -595,7 +663,7 @@ static uint32_t source_is_sound(const sagnac_image *image, uint32_t i)
     uint32_t sound = 0U;
     if (t->source == SAGNAC_CODE) {
         sound = ((t->of | t->less) == 0U) ? SAGNAC_YES : SAGNAC_NO;
-    } else if ((t->offset_q24 != 0) || (t->gain_mantissa != 1) || (t->gain_shift != 0U)) {
+    } else if ((t->offset_q24 != 0) || (t->gain_mantissa != 1) || (t->gain_shift != 0U) || (t->largest_step_q8 != 0U)) {
         sound = 0U;
     } else if (t->source == SAGNAC_DIFFERENCE) {
         sound = difference_is_sound(image, i);
@@ -725,7 +793,7 @@ static void load_head(sagnac_image *image, sagnac_read_octet read, const void *c
     image->output_limit = sagnac_read_u32(read, context, 88U);
 }
 
-/* The minor version that added the source of an input. */
+/* The minor version that added the source of an input, or its largest step. */
 static uint32_t minor_of(const sagnac_input *t)
 {
     uint32_t minor = 0U;
@@ -734,6 +802,9 @@ static uint32_t minor_of(const sagnac_input *t)
     }
     if (t->source == SAGNAC_REPEAT) {
         minor = MINOR_OF_REPEATS;
+    }
+    if (t->largest_step_q8 != 0U) {
+        minor = MINOR_OF_STEPS;
     }
     return minor;
 }
@@ -772,6 +843,7 @@ static uint32_t load_input(sagnac_input *t, sagnac_read_octet read, const void *
     t->y_mantissa = sagnac_read_u32(read, context, at + 48U);
     t->stale_after_updates = sagnac_read_u32(read, context, at + 52U);
     t->settling_updates = sagnac_read_u32(read, context, at + 56U);
+    t->largest_step_q8 = sagnac_read_u16(read, context, at + 61U);
     return (source <= 3U) ? SAGNAC_YES : SAGNAC_NO;
 }
 
@@ -815,7 +887,7 @@ static sagnac_image_error gyro_envelope(sagnac_read_octet read, const void *cont
         error = SAGNAC_IMAGE_LENGTH;
     } else if ((sagnac_read_u32(read, context, 0U) != magic[0]) || (sagnac_read_u32(read, context, 4U) != magic[1])) {
         error = SAGNAC_IMAGE_NOT_AN_IMAGE;
-    } else if ((sagnac_read_u16(read, context, 8U) != 1U) || (sagnac_read_u16(read, context, 10U) > MINOR_OF_WARM_UPS)) {
+    } else if ((sagnac_read_u16(read, context, 8U) != 1U) || (sagnac_read_u16(read, context, 10U) > MINOR_OF_STEPS)) {
         error = SAGNAC_IMAGE_VERSION;
     } else if (sagnac_read_u32(read, context, 12U) != length) {
         error = SAGNAC_IMAGE_LENGTH;
@@ -849,7 +921,7 @@ sagnac_image_error sagnac_image_load(sagnac_image *image, sagnac_read_octet read
         uint32_t i;
         for (i = 0U; i < image->input_count; i++) {
             zeros &= load_input(&image->inputs[i], read, context, at);
-            zeros &= sagnac_are_zero(read, context, at + 61U, 3U);
+            zeros &= sagnac_are_zero(read, context, at + 63U, 1U);
             if (minor_of(&image->inputs[i]) > minor) {
                 minor = minor_of(&image->inputs[i]);
             }

@@ -114,6 +114,8 @@ typedef struct {
     uint32_t y_shift;
     uint32_t stale_after_updates;
     uint32_t settling_updates;
+    /* Largest step that is a value at once, 2^-8 degC; 0 for any. */
+    uint32_t largest_step_q8;
 } sagnac_input;
 
 typedef struct {
@@ -151,6 +153,8 @@ typedef struct {
     int64_t remainder;
     int32_t last_q24;
     uint32_t has_last;
+    int32_t step_q24;
+    uint32_t steady_updates;
     uint32_t held_updates;
     uint32_t settled_updates;
 } sagnac_input_state;
@@ -209,6 +213,9 @@ sagnac_misuse sagnac_compensator_advance(const sagnac_image *image, sagnac_compe
 
 /* Ticks without counts: clock and slew advance, the accumulator does not change. */
 sagnac_misuse sagnac_compensator_skip(sagnac_compensator_state *state, uint32_t ticks);
+
+/* Clears SAGNAC_OVERFLOW: counts are output again, from a remainder of zero. What was held back is lost. */
+void sagnac_compensator_clear_overflow(sagnac_compensator_state *state);
 
 /* The status that a tick would have now, without its own SAGNAC_LIMITED. */
 uint32_t sagnac_compensator_status(const sagnac_compensator_state *state);

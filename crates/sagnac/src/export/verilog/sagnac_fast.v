@@ -8,7 +8,7 @@
 // `apply` is the `ready` of sagnac_series: it may be high long before its time and is taken when `due` is high, at the
 // boundary before a period's first tick; `applied` says so for that clock. A tick that is not taken, because of `due`,
 // |raw| > 2^29, or a restart in the same clock, raises `refused` for a clock, and nothing has changed. Ticks must be at
-// least four clocks apart. `status` is the slow path's of the update in force.
+// least four clocks apart, and `clear` comes between two of them, once `valid` has been. `status` is the slow path's of the update in force.
 //
 // Where it fails: RAW_BITS too small for the pulses of a tick loses them before they get here.
 `timescale 1ns / 1ns
@@ -24,6 +24,7 @@ module sagnac_fast #(
     input  wire                             clk,
     input  wire                             rst,
     input  wire                             restart,      // new image: the slew ends, an update is due
+    input  wire                             clear,        // ends an overflow: counts go out again, from a remainder of zero
     input  wire                             tick,
     input  wire                             gap,          // with tick: no counts for this tick
     input  wire signed [RAW_BITS-1:0]       raw,
@@ -133,6 +134,9 @@ module sagnac_fast #(
             counts <= 32'sd0;
             limited <= 1'b0;
             sum <= 64'sd0;
+        end else if (clear && overflow) begin
+            accumulator <= 64'sd0;
+            overflow <= 1'b0;
         end else if (taken) begin
             sum <= accumulator + (product - increment_wide);
             summed <= 1'b1;

@@ -10,6 +10,9 @@
 // sagnac_fast). `target_now` is the increment that is active at the boundary: sagnac_fast's target. Start early enough:
 // docs/explanation/fpga.md has the number of clocks. `restart` resets the inputs, for a new image.
 //
+// A value farther than the largest step from the last one is held back until three of them in a row lie that near to each other. With
+// it, and after a hold of more than an eighth of tau, the lag begins anew, and the input settles again.
+//
 // Every product is below 2^89 in size, shifted right with one rounding, halves upward.
 // A `start` before `taken` is ignored.
 `timescale 1ns / 1ns
@@ -79,6 +82,9 @@ module sagnac_series #(
     reg [38:0] remainder [0:3];
     reg signed [31:0] last_q24 [0:3];
     reg [3:0] has_last;
+    // A value that is held back, and for how many updates it has stayed.
+    reg signed [31:0] step_q24 [0:3];
+    reg [1:0] steady [0:3];
     // A restart: the warm-up is over.
     reg warm;
     // Inputs with a valid value in this update, for the differences of two and the repeats.
@@ -121,6 +127,8 @@ module sagnac_series #(
     wire [31:0] y_mantissa = Y_MANTISSA[32*at +: 32];
     wire [31:0] stale_after_updates = STALE_AFTER_UPDATES[32*at +: 32];
     wire [31:0] settling_updates = SETTLING_UPDATES[32*at +: 32];
+    wire [15:0] largest_step = LARGEST_STEP[16*at +: 16];
+    wire [31:0] longest_hold = LONGEST_HOLD[32*at +: 32];
     wire [6:0] alpha_shift = ALPHA_SHIFT[7*at +: 7];
     wire [6:0] rate_shift = RATE_SHIFT[7*at +: 7];
 
@@ -137,7 +145,7 @@ module sagnac_series #(
     wire [23:0] term_turns = TERM_TURNS[24*term[4:0] +: 24];
 
     // Logic that the image does not use is left out.
-    localparam HAS_DERIVED = |IS_DERIVED, HAS_REPEATS = |IS_REPEAT, HAS_WARM_UPS = |IS_WARM_UP,
+    localparam HAS_STEP_LIMITS = |LARGEST_STEP, HAS_DERIVED = |IS_DERIVED, HAS_REPEATS = |IS_REPEAT, HAS_WARM_UPS = |IS_WARM_UP,
         HAS_ZONES = |TERM_IS_ZONE, HAS_STEPS = |TERM_IS_STEP,
         HAS_HARMONICS = |TERM_TURNS;
     wire is_harmonic = HAS_HARMONICS && term_turns != 24'd0;
@@ -165,6 +173,17 @@ module sagnac_series #(
     wire signed [63:0] value = result + {{32{offset[31]}}, offset};
     wire signed [31:0] value_code = value[31:0];
     wire is_valid = value[63:31] == {33{value[31]}} && value_code >= valid_lo && value_code <= valid_hi;
+    // Distances of the value to the last one and to the one that is held back.
+    wire signed [32:0] from_last = {value_code[31], value_code} - {last_q24[at][31], last_q24[at]};
+    wire signed [32:0] from_step = {value_code[31], value_code} - {step_q24[at][31], step_q24[at]};
+    wire [32:0] largest = {1'b0, largest_step, 16'd0};
+    wire [32:0] step_size = from_last[32] ? -from_last : from_last;
+    wire [32:0] stay_size = from_step[32] ? -from_step : from_step;
+    wire is_step = HAS_STEP_LIMITS && largest_step != 16'd0 && has_last[at] && step_size > largest;
+    wire stays = steady[at] != 2'd0 && stay_size <= largest;
+    wire is_taken = is_valid && (!is_step || (stays && steady[at] == 2'd2));
+    wire anew = !has_last[at]
+        || (alpha_mantissa != 32'd0 && (is_step || (held_updates[at] != 32'd0 && held_updates[at] > longest_hold)));
     wire signed [55:0] lag_wide = {lag_q46[at][54], lag_q46[at]};
     wire signed [32:0] both = {span_lo[31], span_lo} + {span_hi[31], span_hi};
     wire signed [32:0] middle = both >>> 1;
@@ -224,6 +243,8 @@ module sagnac_series #(
                 last_q24[i] <= 32'sd0;
                 held_updates[i] <= 32'd0;
                 settled_updates[i] <= 32'd0;
+                step_q24[i] <= 32'sd0;
+                steady[i] <= 2'd0;
                 x[i] <= 49'sd0;
                 y[i] <= 35'sd0;
             end
@@ -268,11 +289,18 @@ module sagnac_series #(
                     end
                 end
                 CODE: begin
-                    fresh <= is_valid;
-                    if (is_valid) begin
-                        last_q24[at] <= value[31:0];
-                        if (!has_last[at])
-                            lag_q46[at] <= {value[31], value[31:0], 22'd0};
+                    fresh <= is_taken;
+                    if (is_valid && HAS_STEP_LIMITS) begin
+                        step_q24[at] <= value_code;
+                        steady[at] <= !is_step || is_taken ? 2'd0 : (stays ? steady[at] + 2'd1 : 2'd1);
+                    end
+                    if (is_taken) begin
+                        last_q24[at] <= value_code;
+                        if (anew) begin
+                            lag_q46[at] <= {value_code[31], value_code, 22'd0};
+                            remainder[at] <= 39'd0;
+                            settled_updates[at] <= 32'd0;
+                        end
                         has_last[at] <= 1'b1;
                     end
                     state <= ACCEPT;

@@ -11,7 +11,7 @@ module tb_compensator;
     reg clk = 1'b0;
     always #5 clk = ~clk;
 
-    reg rst = 1'b1, restart = 1'b0, tick = 1'b0, gap = 1'b0, start = 1'b0;
+    reg rst = 1'b1, restart = 1'b0, clear = 1'b0, tick = 1'b0, gap = 1'b0, start = 1'b0;
     reg signed [RAW_WIDTH-1:0] raw = {RAW_WIDTH{1'b0}};
     reg [127:0] codes = 128'd0;
     reg [3:0] present = 4'd0;
@@ -27,7 +27,7 @@ module tb_compensator;
 
     sagnac_fast #(.RAW_BITS(RAW_WIDTH), .INCREMENT_BITS(INCREMENT_WIDTH), .PERIOD_TICKS(PERIOD_TICKS), .SLEW_TICKS(SLEW_TICKS),
                   .OUTPUT_LIMIT(OUTPUT_LIMIT)) fast (
-        .clk(clk), .rst(rst), .restart(restart), .tick(tick), .gap(gap), .raw(raw), .apply(ready), .applied(applied),
+        .clk(clk), .rst(rst), .restart(restart), .clear(clear), .tick(tick), .gap(gap), .raw(raw), .apply(ready), .applied(applied),
         .apply_status(new_status), .status(slow_status), .apply_held(held),
         .apply_k(new_k), .apply_target(new_target), .apply_slope(new_slope), .apply_steeper(new_steeper), .due(due),
         .refused(refused), .valid(valid), .counts(counts), .limited(limited), .overflow(overflow),
@@ -246,6 +246,12 @@ module tb_compensator;
                 32'd4: skip;
                 32'd5: begin
                     pulse_restart;
+                    out[2] = state_status;
+                    with_state;
+                end
+                32'd6: begin
+                    @(negedge clk) clear = 1'b1;
+                    @(negedge clk) clear = 1'b0;
                     out[2] = state_status;
                     with_state;
                 end
