@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use anyhow::{Context, Result, bail, ensure};
-use sagnac::model::{PRICED_WITHIN, Work};
+use sagnac::model::PRICED_WITHIN;
 use sagnac_board::{CommandHandler, MemoryFlash, Message, RigSettings, Row, run};
 use sagnac_core::{Banks, Description, Gyro, Image, InputSpec, Kind, Multiplier, Term};
 use sagnac_loops::LoopTable;
@@ -222,7 +222,7 @@ fn costs(sysroot: &Path, folder: &Path, unit: &Unit) -> Result<()> {
         build(sysroot, &path, &unit.loops, &["--bin", "measure"])?;
         let stdout = emulate("measure", &["-serial", "null", "-icount", "shift=0"], 60)?;
         let counted = stdout.lines().find_map(|line| line.strip_prefix("slow-update ")).context("no slow-update")?;
-        let work = Work::of_image(&image);
+        let work = image.work();
         let (counted, priced): (u32, u32) = (counted.trim().parse()?, work.instructions());
         println!(
             "check: {name}: slow update of {counted} instructions, {priced} by the formula of docs/explanation/method.md ({work:?})"

@@ -50,6 +50,7 @@ mod input;
 mod rounding;
 mod series;
 mod status;
+mod work;
 
 pub use bank::{BANK_LEN, BankReport, Banks, Gyro, ImageMismatch, Loaded, Origin, REGION_ALIGNMENT, StoreError};
 pub use codec::{DecodeError, FORMAT_MINOR, FORMAT_VERSION, MAGIC, MAX_IMAGE_LEN};
@@ -61,3 +62,4 @@ pub use image::{
 pub use input::{Gain, InputSpec, LagSpec, STEADY_UPDATES, ValueSource};
 pub use series::MAX_ORDER;
 pub use status::Status;
+pub use work::Work;

@@ -26,7 +26,7 @@ fn image(sequence: u32, dice: &mut Dice) -> Image {
 
 /// Accepts every image that `image` can make.
 fn gyro() -> Gyro {
-    Gyro { largest_increment: 1 << 40, ..Gyro::of(&image(0, &mut Dice(0)), 1) }
+    Gyro { largest_increment: 1 << 40, largest_work: 4000, ..Gyro::of(&image(0, &mut Dice(0)), 1) }
 }
 
 fn banks<const U: usize, const S: usize>(flash: Flash<U, S>) -> Banks<Flash<U, S>> {
@@ -200,13 +200,21 @@ fn an_image_for_another_gyro_is_refused_by_store_and_load() {
             }),
             ImageMismatch::ScaleTooLarge,
         ),
+        (
+            // 670 + 8 + 32·(80 + 126).
+            with(|d| {
+                let sine = Term { shape: Shape::Sine { turns_q18: 1 }, mantissa: 1, shift: 40, ..Term::ZERO };
+                (d.terms, d.term_count) = ([sine; MAX_TERMS], MAX_TERMS as u8);
+            }),
+            ImageMismatch::WorkTooLarge,
+        ),
     ];
     for (other, why) in others {
         let mut banks = banks(Flash::<4, 2048>::new(1));
         assert_eq!(banks.store(&gyro(), &other), Err(StoreError::Mismatch(why)));
         // The same image, already in flash because the board was changed.
         let mut foreign = Gyro::of(&other, 1);
-        (foreign.largest_increment, foreign.largest_scale) = (i64::MAX, i64::MAX);
+        (foreign.largest_increment, foreign.largest_scale, foreign.largest_work) = (i64::MAX, i64::MAX, u32::MAX);
         banks.store(&foreign, &other).unwrap();
         let loaded = banks.load(&gyro());
         assert_eq!((loaded.origin, loaded.banks[0]), (Origin::FactoryDefaults, BankReport::Mismatch(why)));
@@ -318,4 +326,69 @@ fn banks_that_do_not_fit_the_flash_are_refused() {
     dead.steps_left = Some(0);
     let refused = Banks::new(dead, 0, LEN).unwrap().store(&gyro(), &image(1, &mut Dice(0)));
     assert_eq!(refused, Err(StoreError::Flash(Fault::PowerCut)));
+}
+
+/// Parts of a bank: commit word, head, image.
+const PARTS: [std::ops::Range<usize>; 3] = [0..32, 160..192, 192..992];
+
+/// By hand: parts of one legal bank under those of another. No mixture of two stores is an image, whichever part is which; a CRC would
+/// not see it, because that of every image is the same number.
+#[test]
+fn parts_of_two_stores_are_no_image() {
+    let mut mixtures = 0;
+    for seed in 0..200_u64 {
+        let mut dice = Dice(seed);
+        let images = [1, 2, 3].map(|sequence| image(sequence, &mut dice));
+        let one = |image: &Image| apply(Flash::<8, 1024>::new(seed), &Update::Store(*image)).0;
+        let mut flash = one(&images[0]);
+        flash = apply(flash, &Update::Store(images[1])).0;
+        // The third as the first store of another board, and as the second of one like this.
+        let first = one(&images[2]);
+        let second = apply(one(&images[0]), &Update::Store(images[2])).0;
+        let others = [(&first, 0), (&second, LEN as usize), (&flash, 0)];
+        for (other, from) in others {
+            for mixture in 1..7_u8 {
+                let mut mixed = flash.clone();
+                let to = LEN as usize;
+                for part in (0..3).filter(|part| mixture >> part & 1 == 1).map(|part| PARTS[part].clone()) {
+                    mixed.bytes[to + part.start..to + part.end]
+                        .copy_from_slice(&other.bytes[from + part.start..from + part.end]);
+                }
+                let is_all_of = |whole: &[u8], at: usize| {
+                    PARTS.iter().all(|p| mixed.bytes[to + p.start..to + p.end] == whole[at + p.start..at + p.end])
+                };
+                // Heads of one length are equal, so that two parts may be a whole bank of the other.
+                let wanted = if is_all_of(&flash.bytes, to) {
+                    (images[1], Origin::Newest)
+                } else if is_all_of(&other.bytes, from) {
+                    (images[2], Origin::Newest)
+                } else {
+                    mixtures += 1;
+                    (images[0], Origin::Survivor)
+                };
+                assert_eq!(active(&mixed), wanted, "seed {seed}, parts {mixture:03b}");
+            }
+        }
+    }
+    assert!(mixtures > 3000, "{mixtures}");
+}
+
+/// A whole bank copied over the newer one brings the older image back, and says that it may be the older.
+#[test]
+fn a_copied_bank_is_a_survivor() {
+    let mut dice = Dice(5);
+    let images = [1, 2].map(|sequence| image(sequence, &mut dice));
+    let mut flash = Flash::<8, 1024>::new(5);
+    for image in &images {
+        flash = apply(flash, &Update::Store(*image)).0;
+    }
+    assert_eq!(active(&flash), (images[1], Origin::Newest));
+    let (older, newer) = flash.bytes.split_at_mut(LEN as usize);
+    newer[..LEN as usize].copy_from_slice(older);
+    assert_eq!(active(&flash), (images[0], Origin::Survivor));
+    // The next store ends it.
+    let newest = image(3, &mut dice);
+    let (flash, done) = apply(flash, &Update::Store(newest));
+    assert!(done);
+    assert_eq!(active(&flash), (newest, Origin::Newest));
 }

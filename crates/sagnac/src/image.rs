@@ -58,11 +58,26 @@ const COUNT_PER_TICK: f64 = 4_294_967_296.0;
 pub fn encode(calibration: &Calibration, axis: &AxisCalibration, parent: [u8; 32], sequence: u32) -> Result<Image> {
     let frame = Frame { axis: axis.axis, unit: calibration.unit, target: calibration.target };
     let serial = calibration.serial.as_bytes();
-    frame.encode(&axis.correction, |d| {
+    let image = frame.encode(&axis.correction, |d| {
         (d.parent, d.sequence) = (parent, sequence);
         let slot = d.serial.get_mut(..serial.len()).ok_or_else(|| too_large("serial", f64::NAN, "32 bytes"))?;
         slot.copy_from_slice(serial);
         Ok(())
+    })?;
+    check_work(&image, calibration.setup.stages().target.slow_update_instructions_max)?;
+    Ok(image)
+}
+
+/// Refuses an image whose slow update takes longer than the target has time for.
+fn check_work(image: &Image, most: Option<u32>) -> Result<()> {
+    let instructions = image.work().instructions();
+    most.filter(|most| instructions > *most).map_or(Ok(()), |most| {
+        let axis = char::from(image.description().axis);
+        Err(Error::input(format!(
+            "axis {axis}: the slow update takes {instructions} instructions, and the target has time for {most}"
+        ))
+        .column("slow_update_instructions_max")
+        .help("take a smaller --model, or fewer inputs"))
     })
 }
 
@@ -72,16 +87,20 @@ pub(crate) struct Holder {
     /// Size of a count; `None` for a rate log whose counts follow its correction.
     pub(crate) unit: Option<LogUnit>,
     pub(crate) target: Target,
+    /// Most instructions of its slow update, where the setup limits them.
+    pub(crate) most_instructions: Option<u32>,
 }
 
 impl Holder {
     /// # Errors
     /// As [`encode`].
     pub(crate) fn check(self, axis: char, correction: &AxisCorrection) -> Result<()> {
-        match self.unit {
-            Some(unit) => Frame { axis, unit, target: self.target }.encode(correction, |_| Ok(())).map(|_| ()),
-            None => rate_unit(self.target, &[(axis, correction)]).map(|_| ()),
-        }
+        let unit = match self.unit {
+            Some(unit) => unit,
+            None => rate_unit(self.target, &[(axis, correction)])?,
+        };
+        let image = Frame { axis, unit, target: self.target }.encode(correction, |_| Ok(()))?;
+        check_work(&image, self.most_instructions)
     }
 }
 
@@ -92,7 +111,8 @@ impl Holder {
 pub(crate) fn rate_unit(target: Target, axes: &[(char, &AxisCorrection)]) -> Result<LogUnit> {
     let fits = |lsb_arcsec: f64| {
         let unit = LogUnit::Rates { lsb_arcsec };
-        axes.iter().try_for_each(|(axis, correction)| Holder { unit: Some(unit), target }.check(*axis, correction))
+        let holder = Holder { unit: Some(unit), target, most_instructions: None };
+        axes.iter().try_for_each(|(axis, correction)| holder.check(*axis, correction))
     };
     let mut refusal = Error::input("no size of count");
     for lsb_arcsec in RATE_LSBS {

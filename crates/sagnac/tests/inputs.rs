@@ -6,7 +6,6 @@ mod support;
 use sagnac::calibration::{AxisCalibration, Calibration, Input, SearchVerdict, Term};
 use sagnac::diagnostics::EffectOf;
 use sagnac::fit::{FitOptions, calibrate_with_report_data};
-use sagnac::model::Work;
 use sagnac::model::{ActsOn, Form, Shape};
 use sagnac::verify::Correction;
 use sagnac_core::{Compensator, State, Status};
@@ -395,7 +394,7 @@ fn the_image_computes_what_the_record_says() {
     let found = fit(vec![rig.csv(1)], &setup(), more).unwrap();
     let image = Correction::from_calibration(found.clone()).unwrap().images[0];
     let priced = only(&found).candidates().iter().find(|c| c.chosen).unwrap().slow_update_instructions;
-    assert_eq!(priced, Some(Work::of_image(&image).instructions()));
+    assert_eq!(priced, Some(image.work().instructions()));
 }
 
 /// Steps far above the outlier limit are not outliers where the mode jumps with them.

@@ -9,7 +9,6 @@ use sagnac::FitOptions;
 use sagnac::calibration::Calibration;
 use sagnac::export::{encode, image_bytes};
 use sagnac::fit::calibrate;
-use sagnac::model::Work;
 use sagnac_core::{Image, ValueSource};
 use support::evidence::evidence;
 use support::retest;
@@ -88,7 +87,7 @@ fn the_target_corrects_it_from_power_on() {
     assert_eq!((image.format_minor(), image.inputs().last().unwrap().source), (4, ValueSource::WarmUp));
     assert_eq!(Image::decode(&image_bytes(&image)), Ok(image));
     let priced = axis.candidates().iter().find(|candidate| candidate.chosen).unwrap().slow_update_instructions;
-    assert_eq!(priced, Some(Work::of_image(&image).instructions()));
+    assert_eq!(priced, Some(image.work().instructions()));
 
     let after =
         |made: &Calibration, seed: u64| retest(made, log(seed, 1.0, |_| ()), &Bench::setup()).axes[0].after.sigma_dph;

@@ -21,6 +21,9 @@ pub struct Gyro {
     pub largest_increment: i64,
     /// Largest |k − 1| that an image may reach, 2⁻³²: 4295 is 1 ppm.
     pub largest_scale: i64,
+    /// Most instructions that an image's slow update may have ([`Image::work`]): what the board can do between the update and its next tick,
+    /// in the measure of the reference.
+    pub largest_work: u32,
 }
 
 /// Why an intact image is refused for this gyro.
@@ -40,6 +43,8 @@ pub enum ImageMismatch {
     BiasTooLarge,
     /// Its scale terms can reach more than [`Gyro::largest_scale`].
     ScaleTooLarge,
+    /// Its slow update has more instructions than [`Gyro::largest_work`].
+    WorkTooLarge,
 }
 
 impl fmt::Display for ImageMismatch {
@@ -51,6 +56,7 @@ impl fmt::Display for ImageMismatch {
             Self::ScaleFactor => "made for another scale factor",
             Self::Quantum => "made for another quantum",
             Self::BiasTooLarge => "its bias terms reach beyond the largest drift of this gyro",
+            Self::WorkTooLarge => "its slow update takes more instructions than this board has time for",
             Self::ScaleTooLarge => "its scale terms reach beyond the largest scale-factor change of this gyro",
         })
     }
@@ -70,6 +76,7 @@ impl Gyro {
             quantum_nano_counts: d.quantum_nano_counts,
             largest_increment: image.reach(Kind::Bias).saturating_mul(i64::from(times)),
             largest_scale: image.reach(Kind::Scale).saturating_mul(i64::from(times)),
+            largest_work: image.work().instructions().saturating_mul(times),
         }
     }
 
@@ -87,6 +94,7 @@ impl Gyro {
             (d.quantum_nano_counts == self.quantum_nano_counts, ImageMismatch::Quantum),
             (image.reach(Kind::Bias) <= self.largest_increment, ImageMismatch::BiasTooLarge),
             (image.reach(Kind::Scale) <= self.largest_scale, ImageMismatch::ScaleTooLarge),
+            (image.work().instructions() <= self.largest_work, ImageMismatch::WorkTooLarge),
         ];
         rules.iter().find(|(holds, _)| !holds).map_or(Ok(()), |(_, mismatch)| Err(*mismatch))
     }

@@ -10,6 +10,8 @@
 //! Every part begins at a multiple of 32 bytes and is programmed once between two erases. So flash that programs 1 to 32 bytes at a
 //! time can hold it, with or without error correction.
 
+use sha2::{Digest, Sha256};
+
 use crate::bytes::{Reader, Writer, crc32_of};
 use crate::codec::MAX_IMAGE_LEN;
 
@@ -30,7 +32,9 @@ const _: () = assert!(END <= BANK_LEN);
 
 const HEAD_MAGIC: [u8; 8] = *b"SAGNACBK";
 const COMMIT_MAGIC: [u8; 8] = *b"COMMITTD";
-const BANK_VERSION: u32 = 1;
+const BANK_VERSION: u32 = 2;
+/// Bytes of the hash in a commit word.
+const HASH_LEN: usize = 16;
 
 /// One part.
 pub(super) type Unit = [u8; REGION_ALIGNMENT];
@@ -44,8 +48,6 @@ pub(super) struct Head {
     pub(super) sequence: u32,
     /// Length of the image, bytes.
     pub(super) len: u32,
-    /// CRC-32 of the image.
-    pub(super) image_crc: u32,
 }
 
 impl Head {
@@ -53,7 +55,7 @@ impl Head {
     pub(super) fn unit(&self) -> Unit {
         let mut unit = [0; REGION_ALIGNMENT];
         let mut w = Writer::new(&mut unit);
-        let fields = [BANK_VERSION, self.sequence, self.len, self.image_crc, 0];
+        let fields = [BANK_VERSION, self.sequence, self.len, 0, 0];
         // Eight bytes and six words are 32.
         let _ = w.put(HEAD_MAGIC);
         for field in fields {
@@ -68,7 +70,7 @@ impl Head {
         let mut r = Reader::new(unit);
         let magic = r.take::<8>()?;
         let version = r.u32()?;
-        let head = Self { sequence: r.u32()?, len: r.u32()?, image_crc: r.u32()? };
+        let head = Self { sequence: r.u32()?, len: r.u32()? };
         let fits = magic == HEAD_MAGIC && version == BANK_VERSION && head.len as usize <= MAX_IMAGE_LEN;
         (fits && head.unit() == *unit).then_some(head)
     }
@@ -82,14 +84,17 @@ impl Head {
         crc32_of(&[&HEAD_MAGIC, &bytes])
     }
 
-    /// The commit word of this head, and of no other.
-    pub(super) fn commit(&self) -> Unit {
+    /// The commit word of this head with this image, and of no other pair: SHA-256 of both, its first 16 bytes. A CRC would not do, for
+    /// the CRC of an image that ends with its own CRC is the same number for every image.
+    pub(super) fn commit(&self, image: &[u8]) -> Unit {
         let mut unit = [0; REGION_ALIGNMENT];
         let mut w = Writer::new(&mut unit);
-        let crc = crc32_of(&[&self.unit()]);
+        let hash: [u8; 32] = Sha256::new().chain_update(self.unit()).chain_update(image).finalize().into();
         let _ = w.put(COMMIT_MAGIC);
-        for field in [self.sequence, !self.sequence, crc, !crc, 0, 0] {
-            let _ = w.put(field.to_le_bytes());
+        let _ = w.put(self.sequence.to_le_bytes());
+        let _ = w.put((!self.sequence).to_le_bytes());
+        if let Some(first) = hash.first_chunk::<HASH_LEN>() {
+            let _ = w.put(*first);
         }
         unit
     }

@@ -7,8 +7,9 @@
 //! ```
 //!
 //! Power may fail at any step: [`Banks::load`] then finds the old image or the new one. A store never touches the bank of the active
-//! image. The new image counts only with its commit word, which is written last and contains the checksum of its head, which contains
-//! that of the image.
+//! image. The new image counts only with its commit word, which is written last and contains a hash of its head and all of the image. So
+//! an image that comes under the head of another one by hand is damaged, however legal it is. Two banks of one store number, which no
+//! store makes, are a copy by hand; the first is used, as a survivor.
 //!
 //! A store refuses an image whose own sequence number is not above that of the active one, so an old file cannot return by mistake. Use
 //! [`Banks::roll_back`] to go back. A withdrawn image stays withdrawn, even if the older image is damaged later: the note is beside
@@ -27,7 +28,6 @@ use embedded_storage::nor_flash::NorFlash;
 pub use gyro::{Gyro, ImageMismatch};
 pub use layout::{BANK_LEN, REGION_ALIGNMENT};
 
-use crate::bytes::crc32;
 use crate::codec::DecodeError;
 use crate::image::Image;
 use layout::{BLANK, COMMIT_AT, END, HEAD_AT, Head, IMAGE_AREA, IMAGE_AT, NOTES, NOTES_AT, Unit};
@@ -64,7 +64,8 @@ pub enum BankReport {
 pub enum Origin {
     /// The newest image that was stored.
     Newest,
-    /// The only usable image: the other bank is damaged, unreadable or for another gyro. It may be the older of the two.
+    /// The only usable image: the other bank is damaged, unreadable, for another gyro, or a copy of this one. It may be the older of the
+    /// two.
     Survivor,
     /// No bank holds an image for this gyro. Counts pass through uncorrected.
     #[default]
@@ -173,9 +174,8 @@ impl<F: NorFlash> Banks<F> {
         let image = current.and_then(|bank| found.get(bank)).and_then(|bank| bank.image);
         let origin = match (image, current.and_then(|bank| banks.get(1 - bank))) {
             (None, _) => Origin::FactoryDefaults,
-            (Some(_), Some(BankReport::Uncommitted | BankReport::Valid { .. } | BankReport::Withdrawn { .. })) => {
-                Origin::Newest
-            }
+            (Some(_), Some(BankReport::Uncommitted | BankReport::Withdrawn { .. })) => Origin::Newest,
+            (Some(_), Some(BankReport::Valid { stored, .. })) if !twice(&banks, *stored) => Origin::Newest,
             (Some(_), _) => Origin::Survivor,
         };
         Loaded { image: image.unwrap_or_else(|| gyro.factory_defaults()), origin, banks }
@@ -256,8 +256,7 @@ impl<F: NorFlash> Banks<F> {
         let mut area = [0xff; IMAGE_AREA];
         // The longest image fits.
         let len = image.encode(&mut area).unwrap_or(0);
-        let image_crc = crc32(area.get(..len).unwrap_or(&[]));
-        let head = Head { sequence, len: len as u32, image_crc };
+        let head = Head { sequence, len: len as u32 };
         self.erase(start)?;
         for (index, unit) in (0_u32..).zip(area.chunks_exact(REGION_ALIGNMENT)) {
             if let Some(unit) = unit.first_chunk::<REGION_ALIGNMENT>().filter(|_| (index as usize) * 32 < len) {
@@ -265,7 +264,7 @@ impl<F: NorFlash> Banks<F> {
             }
         }
         self.program(start + HEAD_AT, &head.unit())?;
-        self.program(start + COMMIT_AT, &head.commit())
+        self.program(start + COMMIT_AT, &head.commit(area.get(..len).unwrap_or(&[])))
     }
 
     /// Erases a bank, beginning with the sector of its commit word, and checks that it is blank.
@@ -339,18 +338,20 @@ impl<F: NorFlash> Banks<F> {
         if commit == BLANK {
             return Ok(Err(BankReport::Uncommitted));
         }
-        let head = match Head::read(&self.read_unit(start + HEAD_AT)?) {
-            Some(head) if head.commit() == commit => head,
-            _ => return Ok(Err(BankReport::Damaged)),
-        };
+        let Some(head) = Head::read(&self.read_unit(start + HEAD_AT)?) else { return Ok(Err(BankReport::Damaged)) };
         let mut area = [0xff; IMAGE_AREA];
         self.flash.read(start + IMAGE_AT, &mut area)?;
         let bytes = area.get(..head.len as usize).unwrap_or(&[]);
-        if crc32(bytes) != head.image_crc {
+        if head.commit(bytes) != commit {
             return Ok(Err(BankReport::Damaged));
         }
         Ok(Image::decode(bytes).map(|image| (head.sequence, image)).map_err(BankReport::NoImage))
     }
+}
+
+/// Both banks are of this store.
+fn twice(banks: &[BankReport; 2], number: u32) -> bool {
+    banks.iter().all(|report| matches!(report, BankReport::Valid { stored, .. } if *stored == number))
 }
 
 /// The valid bank with the higher store number; the first one if both are equal, which no store makes.

@@ -330,6 +330,9 @@ pub struct Setup {
     pub temperature_period_s: Option<f64>,
     /// Ticks over which a new correction is approached; 100 by default.
     pub slew_ticks: Option<u32>,
+    /// Most instructions that a slow update of the target may have, in the measure of `slow_update_instructions`; any number by default.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub slow_update_instructions_max: Option<u32>,
     /// Virtual LSB with which a rate log is replayed, arcsec; by default the finest decade from 1e-4 on in which the correction
     /// fits an image with a margin of 4.
     pub rate_lsb_arcsec: Option<f64>,

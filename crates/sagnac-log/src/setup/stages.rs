@@ -160,6 +160,8 @@ pub struct TargetConfig {
     pub clock: Clock,
     /// Ticks over which a new correction is approached.
     pub slew_ticks: Option<u32>,
+    /// Most instructions of a slow update.
+    pub slow_update_instructions_max: Option<u32>,
     /// Virtual LSB of a rate log, arcsec; it follows the calibration by default.
     pub rate_lsb_arcsec: Option<f64>,
 }
@@ -220,6 +222,7 @@ impl Setup {
             tick_s,
             temperature_period_s,
             slew_ticks,
+            slow_update_instructions_max,
             rate_lsb_arcsec,
             use_thermometer,
             inputs,
@@ -257,7 +260,7 @@ impl Setup {
                 thermometers,
                 aux,
             },
-            target: TargetConfig { clock, slew_ticks, rate_lsb_arcsec },
+            target: TargetConfig { clock, slew_ticks, slow_update_instructions_max, rate_lsb_arcsec },
             identity: Identity { serial, sensor, rig },
         }
     }

@@ -124,7 +124,7 @@ const MAX_PERIOD_TICKS: u32 = 1 << 24;
 impl Target {
     /// As set up, checked against what the target can count.
     pub(crate) fn from_config(config: TargetConfig) -> Result<Self> {
-        let TargetConfig { clock, slew_ticks, rate_lsb_arcsec: _ } = config;
+        let TargetConfig { clock, slew_ticks, .. } = config;
         let (tick_ns, ticks) = (clock.tick_ns(), clock.period_ns()? / clock.tick_ns());
         let out_of_range = || {
             Error::input(format!("{ticks} ticks in a temperature period; the target counts to {MAX_PERIOD_TICKS}"))

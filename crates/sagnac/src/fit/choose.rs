@@ -30,7 +30,7 @@ use crate::fit::solution::{Fitted, fit, noise_of, white_variance, with_slow_nois
 use crate::fit::warm_up;
 use crate::fit::{Model, SMALLER_WINS_WITHIN};
 use crate::model::input::Signal;
-use crate::model::price::Work;
+use crate::model::price::{with_warm_up, work_of};
 use crate::model::spec::ModelSpec;
 use crate::window::{WindowShape, Windows};
 use sagnac_log::error::{Error, Result};
@@ -359,7 +359,7 @@ fn candidate(spec: &ModelSpec, mean_square: Option<f64>, inputs: usize) -> Candi
         model: spec.to_string(),
         coefficients: spec.coefficients(),
         held_out_dph: mean_square.map(f64::sqrt),
-        slow_update_instructions: Some(Work::of_model(spec, inputs).instructions()),
+        slow_update_instructions: Some(work_of(spec, inputs).instructions()),
         chosen: false,
     }
 }
@@ -516,7 +516,7 @@ impl Chosen<'_> {
             coefficients: self.spec.coefficients(),
             held_out_dph: self.mean_square.map(f64::sqrt),
             condition: None,
-            slow_update_instructions: Work::of_model(&self.spec, inputs_read(&self.problem, &self.spec)).instructions(),
+            slow_update_instructions: work_of(&self.spec, inputs_read(&self.problem, &self.spec)).instructions(),
             verdict,
         });
     }
@@ -543,7 +543,7 @@ impl Chosen<'_> {
             row.chosen = true;
             row.held_out_dph = self.mean_square.map(f64::sqrt);
             if self.corrects_warm_up() {
-                let work = Work::of_model(&self.spec, inputs_read(&self.problem, &self.spec)).with_warm_up();
+                let work = with_warm_up(work_of(&self.spec, inputs_read(&self.problem, &self.spec)));
                 row.slow_update_instructions = Some(work.instructions());
             }
         }

@@ -303,7 +303,11 @@ fn fit_axis(
         turning.check_scale(windows, axis, stages.test.scale_factor_deviation_max_ppm)?;
     }
     let make = |signals: &[Signal]| LeastSquares::new(windows, axis, signals, reference_c, min_span_c, turning.clone());
-    let holder = Holder { unit: count_of(windows, &stages.target), target: Target::from_config(stages.target)? };
+    let holder = Holder {
+        unit: count_of(windows, &stages.target),
+        target: Target::from_config(stages.target)?,
+        most_instructions: stages.target.slow_update_instructions_max,
+    };
     let corrects_warm_up = options.corrects_warm_up;
     let image = ImageCheck { windows, config: &stages.model, sensor, axis: letter, holder, corrects_warm_up };
     let mut chosen = choose(windows, Signal::Thermometer(sensor), image, &options.model, &make)?;

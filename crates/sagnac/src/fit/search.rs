@@ -23,7 +23,7 @@ use crate::fit::folds::Trial;
 use crate::fit::least_squares::{LeastSquares, Level};
 use crate::fit::solution::fit;
 use crate::model::input::channels;
-use crate::model::price::Work;
+use crate::model::price::work_of;
 use crate::model::spec::{InputTerms, MAX_RATE_ORDER, ModelSpec};
 use rayon::prelude::*;
 
@@ -83,7 +83,7 @@ impl Tried {
             coefficients: self.spec.coefficients(),
             held_out_dph: self.mean_square.map(f64::sqrt),
             condition: self.condition,
-            slow_update_instructions: Work::of_model(&self.spec, self.inputs).instructions(),
+            slow_update_instructions: work_of(&self.spec, self.inputs).instructions(),
             verdict,
         }
     }
@@ -196,7 +196,7 @@ fn try_all(problem: &LeastSquares<'_>, specs: &[ModelSpec], taus_s: &[f64], imag
 /// An image can read all inputs of a model and hold all its terms.
 pub(crate) fn fits_image(problem: &LeastSquares<'_>, spec: &ModelSpec) -> bool {
     let inputs = inputs_read(problem, spec);
-    inputs <= sagnac_core::MAX_INPUTS && Work::of_model(spec, inputs).terms <= sagnac_core::MAX_TERMS
+    inputs <= sagnac_core::MAX_INPUTS && work_of(spec, inputs).terms as usize <= sagnac_core::MAX_TERMS
 }
 
 /// Thermometers, differences, columns and repeats for second lags that an image of a model describes.

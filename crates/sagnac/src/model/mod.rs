@@ -14,6 +14,6 @@ pub(crate) mod shape;
 pub(crate) mod spec;
 
 pub use basis::{BASIS_LEN, Span, chebyshev};
-pub use price::{TICK_INSTRUCTIONS, WITHIN as PRICED_WITHIN, Work};
+pub use price::{TICK_INSTRUCTIONS, WITHIN as PRICED_WITHIN, work_of};
 pub use shape::{ActsOn, Form, Shape};
 pub use spec::{InputTerms, MAX_RATE_ORDER, ModelSpec};

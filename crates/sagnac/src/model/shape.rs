@@ -318,16 +318,6 @@ pub(crate) fn image_order(shape: TargetShape) -> (u8, i32) {
     }
 }
 
-/// What a term of this shape costs in a slow update beyond what every term costs, instructions of a Cortex-M4F
-/// (`model/price.rs` has the rest, and how the figures are held).
-pub(crate) fn image_price(shape: TargetShape) -> u32 {
-    match shape {
-        TargetShape::Chebyshev(_) | TargetShape::Step { .. } => 0,
-        TargetShape::Zone { .. } => 8,
-        TargetShape::Cosine { .. } | TargetShape::Sine { .. } => 126,
-    }
-}
-
 fn of_order(values: [f64; BASIS_LEN], order: u8) -> f64 {
     values.get(usize::from(order)).copied().unwrap_or(0.0)
 }
