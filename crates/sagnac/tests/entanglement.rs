@@ -105,6 +105,20 @@ fn a_warm_up_is_no_rate_term() {
     }
 }
 
+/// A strong warm-up whose time constant lies between those of the grid: no drift in time makes up for the difference.
+#[test]
+fn a_strong_warm_up_leaves_the_curve_alone() {
+    let truth = |now: Now| 0.05 * now.u() + 0.3 * (-now.hours * 3600.0 / 1500.0).exp();
+    let all = calibrated(60, 2, truth, |_| ());
+    println!("{:?}", models(&all));
+    let drifts = part(&all, |axis| {
+        axis.fit.as_ref().unwrap().time_effects.iter().any(|effect| effect.kind == TimeEffectKind::Drift)
+    });
+    evidence("a drift in time is fitted beside a warm-up of 0.3 °/h and 25 min", drifts, "≤ 0.05", 60);
+    let covers = coverage(&all, |now| 0.05 * now.u());
+    evidence("95 % interval of the curve covers beside a warm-up of 0.3 °/h and 25 min", covers, "≥ 0.9", 60);
+}
+
 /// Where nothing goes with time, nothing is fitted beside the terms.
 #[test]
 fn no_effect_of_time_is_found_where_there_is_none() {

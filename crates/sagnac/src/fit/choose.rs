@@ -85,9 +85,7 @@ pub(crate) fn choose<'a>(
     make: &MakeProblem<'a, '_>,
 ) -> Result<Chosen<'a>> {
     let mut chosen = selected(windows, main, image, choice, make)?;
-    if image.corrects_warm_up {
-        warm_up::refine(&mut chosen.problem, &chosen.spec, &chosen.taus_s);
-    }
+    warm_up::refine(&mut chosen.problem, &chosen.spec, &chosen.taus_s);
     Ok(chosen)
 }
 

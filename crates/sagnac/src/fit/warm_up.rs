@@ -1,4 +1,4 @@
-//! The warm-up since power-on as a part of the correction, where that is asked for: IEEE Std 647's turn-on.
+//! The warm-up since power-on: IEEE Std 647's turn-on. A part of the correction where that is asked for.
 //!
 //! ```text
 //! a·e^(−t/τ)        t: time since power-on, which is the first row of every run
