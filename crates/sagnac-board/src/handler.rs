@@ -93,12 +93,7 @@ impl<F: NorFlash> CommandHandler<F> {
         let loaded = self.banks.load(&self.gyro);
         let dithered = (settings.dither_counts > 0).then(|| Stripper::new(LONGEST_DITHER_TICKS, LEAST_SWING));
         let board = Board::new(loaded.image, loaded.origin, &self.loops, Rig::LEVELS, dithered);
-        let reply = Reply {
-            to: POWER_ON,
-            code: ReplyCode::Done,
-            sequence: loaded.image.description().sequence,
-            origin: loaded.origin,
-        };
+        let reply = Reply::new(POWER_ON, ReplyCode::Done, &loaded);
         (TickHandler { board, rig: Rig::new(settings), actuators: ActuatorCodes::default() }, reply)
     }
 

@@ -1,7 +1,7 @@
 //! Messages: the payloads of frames as fields. Widths and units: `docs/reference/serial-line.md`.
 
 use sagnac_core::bytes::{Reader, Writer};
-use sagnac_core::{Origin, Status};
+use sagnac_core::{Loaded, Origin, Status};
 
 use crate::frame::Frame;
 
@@ -152,6 +152,13 @@ pub enum Message {
     RollBack,
     /// To a rig: the end of the run.
     Stop,
+}
+
+impl Reply {
+    /// The reply to a message of this kind, with what flash holds now.
+    pub(crate) const fn new(to: u8, code: ReplyCode, loaded: &Loaded) -> Self {
+        Self { to, code, sequence: loaded.image.description().sequence, origin: loaded.origin }
+    }
 }
 
 impl ReplyCode {

@@ -46,7 +46,7 @@ impl Upload {
         let loaded = banks.load(gyro);
         // Use what flash holds, not the code: a failed step may still have changed the active image.
         let changed = !matches!(message, Message::Piece { .. });
-        let reply = Reply { to: message.kind(), code, sequence: sequence(&loaded), origin: loaded.origin };
+        let reply = Reply::new(message.kind(), code, &loaded);
         Some((reply, changed.then_some(loaded)))
     }
 
@@ -67,11 +67,6 @@ impl Upload {
             Err(_) => ReplyCode::NotAnImage,
         }
     }
-}
-
-/// Sequence number of the active image, 0 for the factory defaults.
-fn sequence(loaded: &Loaded) -> u32 {
-    loaded.image.description().sequence
 }
 
 fn of_store<E>(error: StoreError<E>) -> ReplyCode {

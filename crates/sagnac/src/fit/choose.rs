@@ -104,8 +104,7 @@ fn selected<'a>(
             let taus_s = grid.tau_grid();
             let nuisance = nuisance::justified(&mut grid, &specs, &taus_s);
             let with_time = searched(windows, main, image, make, &nuisance, false)?;
-            let corrected =
-                image.corrects_warm_up && nuisance.iter().any(|level| matches!(level, Level::WarmUp { .. }));
+            let corrected = image.corrects_warm_up && nuisance.iter().any(|level| level.warm_up_s().is_some());
             if nuisance.is_empty()
                 || corrected
                 || candidate_inputs(windows, main, image.config, &grid.used)?.0.is_empty()
@@ -549,7 +548,7 @@ impl Chosen<'_> {
     }
 
     fn corrects_warm_up(&self) -> bool {
-        self.image.corrects_warm_up && self.problem.levels.iter().any(|level| matches!(level, Level::WarmUp { .. }))
+        self.image.corrects_warm_up && self.problem.levels.iter().any(|level| level.warm_up_s().is_some())
     }
 
     pub(crate) fn cross_validation(&self) -> Option<CrossValidation> {

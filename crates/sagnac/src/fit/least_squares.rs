@@ -127,6 +127,14 @@ impl Level {
         }
     }
 
+    /// τ of a warm-up, s; `None` for every other level.
+    pub(crate) fn warm_up_s(self) -> Option<f64> {
+        match self {
+            Self::WarmUp { tau_s } => Some(tau_s),
+            _ => None,
+        }
+    }
+
     /// Part of the fit that is neither drift over temperature nor a property of a run ([`super::nuisance`]).
     pub(crate) fn is_nuisance(self) -> bool {
         matches!(self, Self::Drift(_) | Self::WarmUp { .. })

@@ -63,9 +63,9 @@ fn best(problem: &mut LeastSquares<'_>, own: usize, specs: &[ModelSpec], taus_s:
     let graded: Vec<(Grades, &Vec<usize>)> =
         sets.iter().filter_map(|set| Some((series.grades(&[known.as_slice(), set].concat())?, set))).collect();
     let variance = graded.iter().map(|(grades, _)| grades.variance).fold(f64::INFINITY, f64::min);
-    let tried_taus = problem.levels.iter().filter(|level| matches!(level, Level::WarmUp { .. })).count();
+    let tried_taus = problem.levels.iter().filter(|level| level.warm_up_s().is_some()).count();
     let price_of = |set: &[usize]| {
-        let is_warm = set.iter().any(|level| matches!(problem.levels[*level], Level::WarmUp { .. }));
+        let is_warm = set.iter().any(|level| problem.levels[*level].warm_up_s().is_some());
         let of_tau = if is_warm { 2.0 * (tried_taus as f64).ln() } else { 0.0 };
         let margin = if set.is_empty() { 0.0 } else { DECISIVE };
         set.len() as f64 * price(problem.len() as f64) + of_tau + margin
@@ -96,7 +96,7 @@ fn warm_ups(problem: &LeastSquares<'_>) -> Vec<Level> {
 /// Nothing; a drift of all runs or one of each; one warm-up; both together.
 fn sets(levels: &[Level], separate: &[usize], runs: usize) -> Vec<Vec<usize>> {
     let of = |is: fn(&Level) -> bool| separate.iter().copied().filter(|at| is(&levels[*at])).collect::<Vec<_>>();
-    let warm = of(|level| matches!(level, Level::WarmUp { .. }));
+    let warm = of(|level| level.warm_up_s().is_some());
     let each = of(|level| matches!(level, Level::Drift(Some(_))));
     let mut drifts = vec![Vec::new()];
     drifts.extend(of(|level| *level == Level::Drift(None)).into_iter().map(|level| vec![level]));

@@ -23,10 +23,7 @@ use crate::model::spec::ModelSpec;
 
 /// The warm-up among the levels of a problem: its column and τ, s.
 fn find(problem: &LeastSquares<'_>) -> Option<(usize, f64)> {
-    problem.levels.iter().enumerate().find_map(|(column, level)| match level {
-        Level::WarmUp { tau_s } => Some((column, *tau_s)),
-        _ => None,
-    })
+    problem.levels.iter().enumerate().find_map(|(column, level)| Some((column, level.warm_up_s()?)))
 }
 
 /// Moves the τ of a problem's warm-up to that of least misfit beside a model. A drift in time beside it is kept only where it is still
