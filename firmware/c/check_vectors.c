@@ -225,6 +225,9 @@ static void path_run(machine *m, const uint32_t *in, uint32_t *out)
         m->path.modulation = output.modulation;
         take(&given, (uint32_t)output.actuator);
         take(&given, (uint32_t)output.modulation);
+        if (state->index == 0U) {
+            take(&given, (uint32_t)state->second_harmonic);
+        }
         take(&said, output.status);
         take(&said, (uint32_t)state->phase);
         closed = closed && (state->phase == SAGNAC_PATH_CLOSING || state->phase == SAGNAC_PATH_LOCKED);

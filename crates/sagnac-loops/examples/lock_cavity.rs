@@ -31,6 +31,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         lag_s: [0.0; 2],
         peak_code: PEAK_CODE,
         curvature: CURVATURE,
+        noise: 1e-4,
         goal: LoopGoal { bandwidth_hz: 10.0, phase_margin_deg: 60.0 },
         reset_margin_waves: 0.2,
         reset_s: 0.01,

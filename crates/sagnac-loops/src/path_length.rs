@@ -14,10 +14,23 @@
 //! reset*. The limits are more than a wavelength apart, so the loop does not reset back at once.
 //!
 //! ```text
-//! SWEEPING ─light▶ SETTLING ─▶ CLOSING ─small error▶ LOCKED ─near the end▶ RESETTING ─▶ SETTLING …
-//!   ▲  └──none──▶ DARK ◀── too long ──┘                └── error large, or dark ──┐
-//!   └──────────────┘ ▲─────────────────────────────────────────────────────────────┘
+//! SWEEPING ─light▶ SETTLING ─▶ CLOSING ─small error, a peak▶ LOCKED ─near the end▶ RESETTING ─▶ SETTLING …
+//!   ▲  └──none──▶ DARK ◀── too long, or no peak ──┘         └── error large, dark, or no peak ──┐
+//!   └──────────────┘ ▲──────────────────────────────────────────────────────────────────────────┘
 //! ```
+//!
+//! A small error is no evidence of a peak: a trough has none either, nor has a photodiode that is stuck. LOCKED therefore
+//! needs two more things. The light repeats half of the brightest of the search, at the same current. And over the lock
+//! time the second harmonic of the light has half of the size, relative to the light, that a peak gives it:
+//!
+//! ```text
+//! I = I₀(1 − c(x₀ + a sin θ)²)      second harmonic  +I₀·c·a²/2·cos 2θ at a peak, − at a trough, 0 without an answer
+//! ```
+//!
+//! A modulation beyond the resonance of a mirror answers in counterphase: the error changes its sign and the loop settles
+//! on the trough. The second harmonic keeps its sign there, so such a loop never reads LOCKED; it reports NO_PEAK. A lock
+//! whose second harmonic falls below a quarter for a loss time is lost. Without a search, a loop that found no peak begins
+//! again half a wavelength aside: that is how it leaves a start on the trough.
 //!
 //! Off its peak a cavity may be dark although the discharge burns, so the search covers a whole wavelength even without
 //! light. During the search the loop requests a constant current ([`PathLengthStatus::HOLD_LIGHT`]): an active intensity
@@ -26,7 +39,8 @@
 //!
 //! Counts are valid only while the loop is LOCKED; all other outputs have [`PathLengthStatus::INVALID`].
 //!
-//! Limit: a modulation near a resonance of the actuator inverts the sign of the error. The configuration cannot detect that.
+//! Limit: a resonance between one and two times the modulation turns the second harmonic too. Such a loop refuses to lock;
+//! it cannot lock on a trough, because there the two turns cancel.
 
 use crate::gain::{Gain, codes, held, q32};
 use crate::lockin::{Detector, Reference, Sums};
@@ -49,6 +63,9 @@ status! {
         WAS_LOST = 5;
         /// The path moves: keep the current constant ([`crate::Intensity::tick`] with `hold`).
         HOLD_LIGHT = 6;
+        /// The last attempt found no peak: a stuck photodiode, or a modulation that the mirror answers in counterphase.
+        /// Until the loop locks.
+        NO_PEAK = 7;
     }
 }
 
@@ -76,7 +93,7 @@ pub enum PathLengthPhase {
     },
     /// The loop is closed but not yet near the peak.
     Closing {
-        /// Consecutive periods with a small error.
+        /// Consecutive periods with a small error and light.
         good: u32,
         /// Periods since the loop closed.
         since: u32,
@@ -85,6 +102,8 @@ pub enum PathLengthPhase {
     Locked {
         /// Consecutive periods with a large error.
         bad: u32,
+        /// Periods of the present check of the second harmonic.
+        checked: u32,
     },
     /// Moving to another mode.
     Resetting {
@@ -123,8 +142,33 @@ pub struct PathLength {
     /// Errors.
     pub(crate) lock_error: i32,
     pub(crate) lost_error: i32,
+    /// Smallest second harmonic of a peak, 2^-23 of the light.
+    pub(crate) least_curvature_q8: u16,
     /// Below this sum of a period there is no light.
     pub(crate) dark_sum: i64,
+}
+
+/// Longest lock and loss time, periods: 2^44 of a period's second harmonic still add up below 2^63.
+pub(crate) const MAX_EVIDENCE: u32 = 1 << 17;
+
+/// Sums of the light over a lock or loss time.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Evidence {
+    second: i64,
+    plain: i64,
+}
+
+impl Evidence {
+    fn add(&mut self, sums: &Sums) {
+        // At most MAX_EVIDENCE periods: the sums cannot saturate.
+        self.second = self.second.saturating_add(sums.second);
+        self.plain = self.plain.saturating_add(sums.plain);
+    }
+
+    /// The light curves as on a peak. Never true for a light that does not answer: its second harmonic is zero.
+    fn shows_peak(&self, least_q8: u16) -> bool {
+        self.second >= (self.plain.saturating_mul(i64::from(least_q8)) >> 8).max(1)
+    }
 }
 
 /// Memory of the loop.
@@ -138,6 +182,14 @@ pub struct PathLengthState {
     held: i32,
     /// Error of the last period.
     error: i32,
+    /// Second harmonic of the last period.
+    second: i64,
+    /// Sums of the present check of the second harmonic.
+    evidence: Evidence,
+    /// Brightest sum of the search before this settling; 0 without one.
+    brightest: i64,
+    /// Without a search: the last start was half a wavelength from the middle.
+    aside: bool,
     /// Wavelengths that mode resets have moved the path by.
     modes: i32,
     status: PathLengthStatus,
@@ -170,6 +222,16 @@ impl PathLengthState {
         self.error
     }
 
+    /// True after the last tick of a period: the error and the second harmonic are new.
+    pub const fn begins_period(&self) -> bool {
+        self.detector.index() == 0
+    }
+
+    /// Second harmonic of the light of the last period, 2^-15 codes: positive at a peak.
+    pub const fn second_harmonic(&self) -> i64 {
+        self.second
+    }
+
     /// Status of the counts of this tick.
     pub const fn status(&self) -> PathLengthStatus {
         self.status
@@ -196,6 +258,10 @@ impl PathLength {
             integral_q32: middle,
             held: codes(middle),
             error: 0,
+            second: 0,
+            evidence: Evidence::default(),
+            brightest: 0,
+            aside: false,
             modes: 0,
             status: PathLengthStatus::INVALID | PathLengthStatus::ACQUIRING | PathLengthStatus::HOLD_LIGHT,
         };
@@ -232,9 +298,9 @@ impl PathLength {
     fn period(&self, state: &mut PathLengthState, sums: &Sums) {
         // |sum| ≤ 2^23·2^15·64 = 2^44. The shift fits full scale; the clamp is for noise beyond it.
         let error = (sums.in_phase >> self.error_shift.min(63)).clamp(-(1 << 30), 1 << 30) as i32;
-        state.error = error;
+        (state.error, state.second) = (error, sums.second);
         let dark = sums.plain < self.dark_sum;
-        let next = self.next_phase(state, error, sums.plain, dark);
+        let next = self.next_phase(state, error, sums, dark);
         if matches!(next, PathLengthPhase::Closing { .. } | PathLengthPhase::Locked { .. }) {
             self.control(state, error);
         } else {
@@ -260,24 +326,24 @@ impl PathLength {
         state.held = codes(output);
     }
 
-    fn next_phase(&self, state: &mut PathLengthState, error: i32, sum: i64, dark: bool) -> PathLengthPhase {
+    fn next_phase(&self, state: &mut PathLengthState, error: i32, sums: &Sums, dark: bool) -> PathLengthPhase {
         use PathLengthPhase::{Closing, Dark, Locked, Resetting, Settling, Sweeping};
         match state.phase {
             Dark { left } if left > 0 => Dark { left: left - 1 },
             // Without a search, wait for light.
             Dark { .. } if self.sweep_periods == 0 && dark => Dark { left: 0 },
             Dark { .. } => self.begin(state),
-            Sweeping { left, best, at_q32 } => self.sweep(state, left, best, at_q32, sum),
-            Settling { left: 0 } => Closing { good: 0, since: 0 },
+            Sweeping { left, best, at_q32 } => self.sweep(state, left, best, at_q32, sums.plain),
+            Settling { left: 0 } => self.close(state, sums.plain),
             Settling { left } => Settling { left: left - 1 },
             Closing { since, .. } if since >= self.give_up_periods => self.wait(),
             Closing { good, since } => {
-                let good = if error.unsigned_abs() < self.lock_error.unsigned_abs() { good + 1 } else { 0 };
-                if good >= self.lock_periods && !dark { Locked { bad: 0 } } else { Closing { good, since: since + 1 } }
+                let small = error.unsigned_abs() < self.lock_error.unsigned_abs() && !dark;
+                self.lock(state, if small { good + 1 } else { 0 }, since, sums)
             }
-            Locked { bad } => {
+            Locked { bad, checked } => {
                 let bad = if error.unsigned_abs() > self.lost_error.unsigned_abs() || dark { bad + 1 } else { 0 };
-                if bad >= self.lost_periods { self.wait() } else { self.stay_or_reset(state, bad) }
+                if bad >= self.lost_periods { self.wait() } else { self.stay_or_reset(state, bad, checked + 1, sums) }
             }
             Resetting { to_q32 } => {
                 let step = self.reset_step_q32;
@@ -296,7 +362,10 @@ impl PathLength {
     /// Starts a search through one wavelength about the middle, or closes the loop if no search is configured.
     fn begin(&self, state: &mut PathLengthState) -> PathLengthPhase {
         state.integral_q32 = self.middle_q32();
+        state.brightest = 0;
         if self.sweep_periods == 0 {
+            state.aside = state.status.contains(PathLengthStatus::NO_PEAK) && !state.aside;
+            state.integral_q32 += if state.aside { q32(self.wavelength) / 2 } else { 0 };
             return PathLengthPhase::Settling { left: self.settle_periods };
         }
         // The build limits it to the range, so nothing overflows and nothing is clamped.
@@ -312,16 +381,53 @@ impl PathLength {
         }
         if left == 0 {
             state.integral_q32 = at_q32;
+            state.brightest = best;
             return PathLengthPhase::Settling { left: self.settle_periods };
         }
         state.integral_q32 += self.sweep_step_q32;
         PathLengthPhase::Sweeping { left: left - 1, best, at_q32 }
     }
 
-    fn stay_or_reset(&self, state: &mut PathLengthState, bad: u32) -> PathLengthPhase {
+    /// After the settling time: closes the loop if the light repeats what the search found, at the same current.
+    fn close(&self, state: &mut PathLengthState, sum: i64) -> PathLengthPhase {
+        let repeated = sum.saturating_mul(2) >= state.brightest;
+        state.brightest = 0;
+        state.evidence = Evidence::default();
+        if repeated { PathLengthPhase::Closing { good: 0, since: 0 } } else { self.without_peak(state) }
+    }
+
+    /// Locks after a lock time of small errors whose light curves as on a peak.
+    fn lock(&self, state: &mut PathLengthState, good: u32, since: u32, sums: &Sums) -> PathLengthPhase {
+        if good <= 1 {
+            state.evidence = Evidence::default();
+        }
+        state.evidence.add(sums);
+        if good < self.lock_periods {
+            return PathLengthPhase::Closing { good, since: since + 1 };
+        }
+        let peak = state.evidence.shows_peak(self.least_curvature_q8);
+        state.evidence = Evidence::default();
+        if peak { PathLengthPhase::Locked { bad: 0, checked: 0 } } else { self.without_peak(state) }
+    }
+
+    /// No peak was found here: reported, and begun anew.
+    fn without_peak(&self, state: &mut PathLengthState) -> PathLengthPhase {
+        state.status |= PathLengthStatus::NO_PEAK;
+        self.wait()
+    }
+
+    fn stay_or_reset(&self, state: &mut PathLengthState, bad: u32, checked: u32, sums: &Sums) -> PathLengthPhase {
+        state.evidence.add(sums);
+        let mut checked = checked;
+        if checked >= self.lost_periods {
+            if !state.evidence.shows_peak(self.least_curvature_q8 / 2) {
+                return self.without_peak(state);
+            }
+            (state.evidence, checked) = (Evidence::default(), 0);
+        }
         let at = codes(state.integral_q32);
         if at > self.reset_low && at < self.reset_high {
-            return PathLengthPhase::Locked { bad };
+            return PathLengthPhase::Locked { bad, checked };
         }
         let away = at - codes(self.middle_q32());
         let nearest = (away.abs() + self.wavelength / 2).checked_div(self.wavelength).unwrap_or(1).max(1);
@@ -333,10 +439,13 @@ impl PathLength {
     }
 
     fn status(&self, state: &PathLengthState, dark: bool) -> PathLengthStatus {
-        use PathLengthPhase::{Locked, Resetting, Sweeping};
+        use PathLengthPhase::{Locked, Resetting, Settling, Sweeping};
         let mut status = match state.phase {
             Locked { .. } => PathLengthStatus::OK,
             Sweeping { .. } => PathLengthStatus::INVALID | PathLengthStatus::ACQUIRING | PathLengthStatus::HOLD_LIGHT,
+            Settling { .. } if state.brightest > 0 => {
+                PathLengthStatus::INVALID | PathLengthStatus::ACQUIRING | PathLengthStatus::HOLD_LIGHT
+            }
             Resetting { .. } => PathLengthStatus::INVALID | PathLengthStatus::RESETTING | PathLengthStatus::HOLD_LIGHT,
             _ => PathLengthStatus::INVALID | PathLengthStatus::ACQUIRING,
         };
@@ -348,6 +457,9 @@ impl PathLength {
         }
         if state.status.contains(PathLengthStatus::WAS_LOST) {
             status |= PathLengthStatus::WAS_LOST;
+        }
+        if state.status.contains(PathLengthStatus::NO_PEAK) && !matches!(state.phase, Locked { .. }) {
+            status |= PathLengthStatus::NO_PEAK;
         }
         status
     }

@@ -1,9 +1,9 @@
 //! Both loops as bytes, for a target without floating point.
 //!
 //! ```text
-//! 0        24              24 + 264                  24 + 264 + 92        + 4
+//! 0        24              24 + 392                  24 + 392 + 92        + 4
 //! ┌────────┬───────────────┬─────────────────────────┬──────┐
-//! │ head   │ path length   │ intensity               │ CRC  │     384 bytes, little-endian
+//! │ head   │ path length   │ intensity               │ CRC  │     512 bytes, little-endian
 //! └────────┴───────────────┴─────────────────────────┴──────┘
 //! ```
 //!
@@ -18,16 +18,16 @@ use crate::MAX_CODE;
 use crate::gain::Gain;
 use crate::intensity::Intensity;
 use crate::lockin::{MAX_TICKS_PER_PERIOD, Reference};
-use crate::path_length::PathLength;
+use crate::path_length::{MAX_EVIDENCE, PathLength};
 
 /// First eight bytes of every table.
 pub const TABLE_MAGIC: [u8; 8] = *b"SAGNACLT";
 /// Version of the layout.
-pub const TABLE_VERSION: u16 = 1;
+pub const TABLE_VERSION: u16 = 2;
 /// Length of a table, bytes.
 pub const TABLE_LEN: usize = HEAD_LEN + PATH_LEN + LIGHT_LEN + 4;
 const HEAD_LEN: usize = 24;
-const PATH_LEN: usize = 264;
+const PATH_LEN: usize = 392;
 const LIGHT_LEN: usize = 92;
 /// Longest time, in periods or updates.
 const MAX_TIME: u32 = 1_000_000_000;
@@ -142,8 +142,8 @@ impl LoopTable {
 }
 
 impl PathLength {
-    /// All numbers of the table by name, without the sine of the reference. For exports to other languages.
-    pub fn fields(&self) -> [(&'static str, i64); 24] {
+    /// All numbers of the table by name, without the tables of the reference. For exports to other languages.
+    pub fn fields(&self) -> [(&'static str, i64); 25] {
         [
             ("ticks", self.reference.ticks().into()),
             ("delay", self.reference.delay().into()),
@@ -167,6 +167,7 @@ impl PathLength {
             ("give_up_periods", self.give_up_periods.into()),
             ("lock_error", self.lock_error.into()),
             ("lost_error", self.lost_error.into()),
+            ("least_curvature_q8", self.least_curvature_q8.into()),
             ("dark_sum", self.dark_sum),
             ("range_middle_q32", self.middle_q32()),
         ]
@@ -177,8 +178,13 @@ impl PathLength {
         (0..self.reference.ticks()).map(|index| self.reference.sine_q15(index))
     }
 
+    /// One period of the second harmonic of the reference, Q15.
+    pub fn second_q15(&self) -> impl Iterator<Item = i16> + '_ {
+        (0..self.reference.ticks()).map(|index| self.reference.second_q15(index))
+    }
+
     /// The rules that keep every sum and product of a tick within 64 bits, and the actuator within its range.
-    fn rules(&self) -> [(bool, &'static str); 19] {
+    fn rules(&self) -> [(bool, &'static str); 20] {
         let code = |value: i32| value.unsigned_abs() <= MAX_CODE.unsigned_abs();
         let time = |value: u32| value <= MAX_TIME;
         let error = |value: i32| (1..=MAX_ERROR).contains(&value);
@@ -200,8 +206,9 @@ impl PathLength {
             ((1..=step).contains(&self.reset_step_q32), "path-length reset step"),
             (time(self.sweep_periods), "path-length sweep time"),
             (time(self.settle_periods), "path-length settling time"),
-            (time(self.lock_periods), "path-length lock time"),
-            (time(self.lost_periods), "path-length loss time"),
+            ((1..=MAX_EVIDENCE).contains(&self.lock_periods), "path-length lock time"),
+            ((1..=MAX_EVIDENCE).contains(&self.lost_periods), "path-length loss time"),
+            (self.least_curvature_q8 >= 2, "path-length least curvature"),
             (time(self.give_up_periods), "path-length time to give up"),
             (error(self.lock_error), "path-length lock error"),
             (error(self.lost_error), "path-length loss error"),
@@ -279,6 +286,9 @@ fn write_path(w: &mut Writer<'_>, path: &PathLength) -> Option<()> {
     for index in 0..MAX_TICKS_PER_PERIOD as u8 {
         w.put(path.reference.sine_q15(index).to_le_bytes())?;
     }
+    for index in 0..MAX_TICKS_PER_PERIOD as u8 {
+        w.put(path.reference.second_q15(index).to_le_bytes())?;
+    }
     w.put([path.reference.ticks(), path.reference.delay(), path.error_shift, 0])?;
     write_gain(w, path.kp)?;
     write_gain(w, path.ki)?;
@@ -289,17 +299,17 @@ fn write_path(w: &mut Writer<'_>, path: &PathLength) -> Option<()> {
     for value in [path.sweep_step_q32, path.reset_step_q32, path.dark_sum] {
         w.put(value.to_le_bytes())?;
     }
-    let times =
-        [path.sweep_periods, path.settle_periods, path.lock_periods, path.lost_periods, path.give_up_periods, 0, 0];
-    for value in times.into_iter().chain([0; 8]) {
+    let times = [path.sweep_periods, path.settle_periods, path.lock_periods, path.lost_periods, path.give_up_periods];
+    for value in times {
         w.put(value.to_le_bytes())?;
     }
-    Some(())
+    w.put(path.least_curvature_q8.to_le_bytes())?;
+    w.put([0; 38])
 }
 
 fn read_path(r: &mut Reader<'_>) -> Option<PathLength> {
-    let mut sine_q15 = [0; MAX_TICKS_PER_PERIOD];
-    for entry in &mut sine_q15 {
+    let (mut sine_q15, mut second_q15) = ([0; MAX_TICKS_PER_PERIOD], [0; MAX_TICKS_PER_PERIOD]);
+    for entry in sine_q15.iter_mut().chain(&mut second_q15) {
         *entry = r.i16()?;
     }
     let [ticks, delay, error_shift, zero] = r.take()?;
@@ -311,8 +321,9 @@ fn read_path(r: &mut Reader<'_>) -> Option<PathLength> {
     let (sweep_step_q32, reset_step_q32, dark_sum) = (r.i64()?, r.i64()?, r.i64()?);
     let (sweep_periods, settle_periods, lock_periods) = (r.u32()?, r.u32()?, r.u32()?);
     let (lost_periods, give_up_periods) = (r.u32()?, r.u32()?);
-    zeros(r.take::<40>()?)?;
-    let reference = Reference::from_table(sine_q15, ticks, delay);
+    let least_curvature_q8 = r.u16()?;
+    zeros(r.take::<38>()?)?;
+    let reference = Reference::from_tables(sine_q15, second_q15, ticks, delay);
     Some(PathLength {
         reference,
         modulation,
@@ -333,6 +344,7 @@ fn read_path(r: &mut Reader<'_>) -> Option<PathLength> {
         give_up_periods,
         lock_error,
         lost_error,
+        least_curvature_q8,
         dark_sum,
     })
 }

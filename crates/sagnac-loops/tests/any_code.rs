@@ -4,7 +4,7 @@ use proptest::prelude::*;
 use sagnac_loops::{IntensityConfig, LoopGoal, PathLengthConfig, PathLengthPhase, PathLengthStatus};
 
 fn path_config() -> impl Strategy<Value = PathLengthConfig> {
-    (2_u32..=32, 0.002_f64..0.05, 0.001_f64..0.09, 1e3_f64..8e6, 0.1_f64..20.0, prop::bool::ANY, 0_u8..2).prop_map(
+    (2_u32..=32, 0.01_f64..0.05, 0.001_f64..0.09, 1e5_f64..8e6, 1_f64..20.0, prop::bool::ANY, 0_u8..2).prop_map(
         |(half, modulation_waves, part, peak_code, curvature, heater, answer_ticks)| {
             let period_s = 2.0 * f64::from(half) * 1e-4;
             let bandwidth_hz = part / period_s;
@@ -20,6 +20,7 @@ fn path_config() -> impl Strategy<Value = PathLengthConfig> {
                 lag_s: if heater { [5.0, 8.0] } else { [0.0; 2] },
                 peak_code,
                 curvature,
+                noise: 1e-4,
                 goal: LoopGoal { bandwidth_hz, phase_margin_deg: 45.0 },
                 reset_margin_waves: 0.2,
                 reset_s: 0.01,

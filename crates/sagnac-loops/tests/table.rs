@@ -17,6 +17,7 @@ fn designed(bandwidth_hz: f64, heater: bool, update_ticks: u16) -> LoopTable {
         lag_s: if heater { [5.0, 8.0] } else { [0.0; 2] },
         peak_code: 4e6,
         curvature: 5.0,
+        noise: 1e-4,
         goal: LoopGoal { bandwidth_hz, phase_margin_deg: 45.0 },
         reset_margin_waves: 0.2,
         reset_s: 0.01,
@@ -76,15 +77,18 @@ fn every_flipped_bit_is_refused() {
 fn values_that_cannot_run_are_refused_by_name() {
     let good = designed(20.0, false, 8).encode();
     // Offset of a field in the table, its new value, words of the error.
-    let cases: [(usize, &[u8], &str); 8] = [
-        (24 + 152, &[0, 0, 0, 0x80], "path-length range"),
-        (24 + 156, &[0xff, 0xff, 0xff, 0x7f], "path-length range"),
+    let cases: [(usize, &[u8], &str); 11] = [
+        (24 + 280, &[0, 0, 0, 0x80], "path-length range"),
+        (24 + 284, &[0xff, 0xff, 0xff, 0x7f], "path-length range"),
         (16, &[0, 0, 0, 0], "tick"),
-        (24 + 128, &[7], "path-length reference"),
-        (24 + 132, &[0, 0, 0, 0x40], "path-length kp"),
-        (24 + 148 + 4, &[0, 0, 0, 0x7f], "path-length range"),
-        (24 + 148 + 20, &[0, 0, 0, 0], "path-length wavelength"),
-        (24 + 264, &[0, 0], "intensity ticks"),
+        (24 + 256, &[7], "path-length reference"),
+        (24 + 130, &[7], "path-length reference"),
+        (24 + 352, &[1, 0], "path-length least curvature"),
+        (24 + 340, &[0, 0, 4, 0], "path-length lock time"),
+        (24 + 260, &[0, 0, 0, 0x40], "path-length kp"),
+        (24 + 276 + 4, &[0, 0, 0, 0x7f], "path-length range"),
+        (24 + 276 + 20, &[0, 0, 0, 0], "path-length wavelength"),
+        (24 + 392, &[0, 0], "intensity ticks"),
     ];
     for (at, with, field) in cases {
         let mut bytes = good;
@@ -100,7 +104,7 @@ proptest! {
     #[test]
     fn what_is_accepted_never_overflows(
         changes in prop::collection::vec((16..TABLE_LEN - 4, any::<u8>()), 0..2),
-        extremes in prop::collection::vec((42_usize..94, prop::sample::select(vec![0_u32, 1, 0x7f, 0x80_0000, 0x3fff_ffff])), 0..3),
+        extremes in prop::collection::vec((74_usize..126, prop::sample::select(vec![0_u32, 1, 0x7f, 0x80_0000, 0x3fff_ffff])), 0..3),
         codes in prop::collection::vec((any::<i32>(), 1_u16..200), 1..30),
     ) {
         let mut bytes = designed(20.0, false, 8).encode();

@@ -4,7 +4,8 @@
 //! * Operation 1, run:
 //!   inputs: ticks, seed, position of the peak (2⁻³² codes, two words), its drift (2⁻¹⁶ codes per tick), light at the peak,
 //!   curvature, flags;
-//!   outputs: hash of (actuator, modulation), hash of (status, phase), phase + status·2⁸ + modes·2¹⁶, error, held code,
+//!   outputs: hash of (actuator, modulation, and after the last tick of a
+//!   period the low word of its second harmonic), hash of (status, phase), phase + status·2⁸ + modes·2¹⁶, error, held code,
 //!   integrator (two words).
 //!
 //! Flags: number of noise bits in the lowest eight bits; 256: the loop is closed or locked during the whole run; 512: there
@@ -120,6 +121,9 @@ impl PathLengthMachine {
             (self.actuator, self.modulation) = (out.actuator, out.modulation);
             actuated.add(out.actuator as u32);
             actuated.add(out.modulation as u32);
+            if self.state.begins_period() {
+                actuated.add(self.state.second_harmonic() as u32);
+            }
             reported.add(out.status.bits().into());
             reported.add(phase(self.state.phase()));
             self.was_closed &= self.is_closed();

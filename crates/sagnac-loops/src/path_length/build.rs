@@ -1,6 +1,6 @@
 //! From SI units to the integers of the path-length loop.
 
-use super::PathLength;
+use super::{MAX_EVIDENCE, PathLength};
 use crate::MAX_CODE;
 use crate::design::{DesignError, LoopGoal, PiGains, Plant, open_loop, pi_gains, within};
 use crate::gain::Gain;
@@ -32,6 +32,8 @@ pub struct PathLengthConfig {
     pub peak_code: f64,
     /// c of I = I₀(1 − c·x²), x in wavelengths.
     pub curvature: f64,
+    /// Noise of a reading of the light, standard deviation relative to the light at the peak.
+    pub noise: f64,
     /// Bandwidth and phase margin.
     pub goal: LoopGoal,
     /// Distance from the ends of the range at which a mode reset starts, wavelengths.
@@ -78,15 +80,18 @@ impl PathLengthConfig {
         let ticks = self.ticks()?;
         let period_s = ticks as f64 * self.tick_s;
         // A tick outputs the modulation of the next sample, so the response comes with that sample.
-        let reference = Reference::new(ticks, self.answer_ticks.into()).ok_or(DesignError::OutOfRange {
-            name: "modulation_hz",
-            value: self.modulation_hz,
-            least: 0.0,
-            most: 0.25 / self.tick_s,
-        })?;
+        let answer = self.answer(ticks);
+        let reference =
+            Reference::new(ticks, self.answer_ticks.into(), answer.lag_rad).ok_or(DesignError::OutOfRange {
+                name: "modulation_hz",
+                value: self.modulation_hz,
+                least: 0.0,
+                most: 0.25 / self.tick_s,
+            })?;
         let limits = self.limits()?;
         let error_shift = self.error_shift(ticks)?;
-        let plant = self.plant(&reference, error_shift, period_s)?;
+        let plant = self.plant(&reference, error_shift, period_s, &answer)?;
+        let evidence = self.evidence(&reference, &answer)?;
         let ideal = pi_gains(plant, period_s, self.goal)?;
         let gain = |name, value| Gain::from_f64(value).ok_or(DesignError::Gain { name, value });
         let (kp, ki) = (gain("kp", ideal.kp)?, gain("ki", ideal.ki)?);
@@ -114,11 +119,12 @@ impl PathLengthConfig {
             reset_step_q32: step(periods(self.reset_s)),
             sweep_periods,
             settle_periods: periods(self.settle_s),
-            lock_periods: periods(response_s).max(8),
-            lost_periods: periods(response_s).max(8),
+            lock_periods: periods(response_s).max(evidence.periods).min(MAX_EVIDENCE),
+            lost_periods: periods(response_s).max(evidence.periods).min(MAX_EVIDENCE),
             give_up_periods: periods(50.0 * response_s + 10.0 * self.lag_s[1]),
             lock_error: error(self.lock_waves),
             lost_error: error(limits.lost_waves),
+            least_curvature_q8: evidence.least_q8,
             dark_sum: libm::round(0.1 * self.peak_code * ticks as f64) as i64,
         };
         Ok(PathLengthDesign { integers, plant, pi, slow_margin_deg: slow_margin(&plant, &pi, self.lag_s[1]) })
@@ -167,20 +173,84 @@ impl PathLengthConfig {
         Ok(libm::ceil(libm::log2(full) - 30.0).clamp(0.0, 40.0) as u8)
     }
 
-    fn plant(&self, reference: &Reference, error_shift: u8, period_s: f64) -> Result<Plant, DesignError> {
-        let waves_per_code = self.waves_per_unit / self.codes_per_unit;
-        // A lag attenuates and delays the modulation; only the in-phase part counts. The code is held for a tick and
-        // the light is read at its end: H(z) = (1 − a)/(1 − a/z), a = e^(−tick/lag).
+    /// The modulation as the path has it. A lag attenuates and delays it: the code is held for a tick and the light is read
+    /// at its end, H(z) = (1 − a)/(1 − a/z), a = e^(−tick/lag).
+    fn answer(&self, ticks: usize) -> Answer {
         let lag_s = if self.separate_modulator { 0.0 } else { self.lag_s[0] };
         let a = if lag_s > 0.0 { libm::exp(-self.tick_s / lag_s) } else { 0.0 };
-        let cos = libm::cos(core::f64::consts::TAU * self.tick_s / period_s);
-        let in_phase = (1.0 - a) * (1.0 - a * cos) / (1.0 - 2.0 * a * cos + a * a);
-        let modulation_waves = self.modulation_waves * in_phase;
+        let (sin, cos) = libm::sincos(core::f64::consts::TAU / ticks as f64);
+        let (re, im) = (1.0 - a * cos, a * sin);
+        let size = (1.0 - a) / libm::hypot(re, im);
+        Answer { waves: self.modulation_waves * size, lag_rad: libm::atan2(im, re) }
+    }
+
+    /// The second harmonic that a peak makes of the modulation, computed on the reference's own table, and the periods
+    /// after which half of it stands at six times its noise.
+    fn evidence(&self, reference: &Reference, answer: &Answer) -> Result<PeakEvidence, DesignError> {
+        within("noise", self.noise, 0.0, 0.1)?;
+        let ticks = reference.ticks();
+        let light = |k: u8| {
+            let phase = core::f64::consts::TAU * f64::from(k) / f64::from(ticks) - answer.lag_rad;
+            let x = answer.waves * libm::sin(phase);
+            1.0 - self.curvature * x * x
+        };
+        let table = |k: u8| f64::from(reference.second_q15(k));
+        let squares: f64 = (0..ticks).map(|k| table(k) * table(k)).sum();
+        let peak: f64 = (0..ticks).map(|k| table(k) * light(k)).sum();
+        // Amplitude of the harmonic, relative to the light.
+        let amplitude = peak / squares.max(1.0) * f64::from(i16::MAX);
+        // Less than half a code of the converter may not show at all; less than sixteen units of the table are coarse.
+        let per_light_q8 = 0.5 * 256.0 * peak / f64::from(ticks);
+        let shortfall = (0.5 / self.peak_code / amplitude.max(1e-30)).max(16.0 / per_light_q8.max(1e-30));
+        if shortfall > 1.0 {
+            let least = self.modulation_waves * libm::sqrt(shortfall);
+            return Err(DesignError::OutOfRange {
+                name: "modulation_waves",
+                value: self.modulation_waves,
+                least,
+                most: 0.1,
+            });
+        }
+        let noise = libm::hypot(self.noise, 0.29 / self.peak_code);
+        let readings = squares / (f64::from(i16::MAX) * f64::from(i16::MAX)) / f64::from(ticks);
+        let needed = 144.0 * noise * noise / (amplitude * amplitude) / readings / f64::from(ticks);
+        Ok(PeakEvidence {
+            least_q8: per_light_q8.min(f64::from(u16::MAX)) as u16,
+            periods: libm::ceil(needed).clamp(8.0, f64::from(MAX_EVIDENCE)) as u32,
+        })
+    }
+
+    fn plant(
+        &self,
+        reference: &Reference,
+        error_shift: u8,
+        period_s: f64,
+        answer: &Answer,
+    ) -> Result<Plant, DesignError> {
+        let waves_per_code = self.waves_per_unit / self.codes_per_unit;
+        // Only the in-phase part counts.
+        let modulation_waves = answer.waves * libm::cos(answer.lag_rad);
         let per_wave = 2.0 * self.curvature * self.peak_code * modulation_waves * reference.power();
         let gain = libm::ldexp(per_wave, -i32::from(error_shift)) * waves_per_code;
         // Half a period of averaging, half of hold, and the delay of the converters.
         Ok(Plant { gain, lag_s: self.lag_s[0], delay_s: period_s + f64::from(self.answer_ticks) * self.tick_s })
     }
+}
+
+/// The modulation of the path.
+struct Answer {
+    /// Amplitude, wavelengths.
+    waves: f64,
+    /// Phase by which the lag of the actuator delays it.
+    lag_rad: f64,
+}
+
+/// What shows a peak.
+struct PeakEvidence {
+    /// Half of its second harmonic, 2^-23 of the light.
+    least_q8: u16,
+    /// Periods in which half of it stands at six times its noise.
+    periods: u32,
 }
 
 struct Limits {

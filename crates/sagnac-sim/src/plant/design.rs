@@ -56,6 +56,7 @@ fn path_config(scenario: &Scenario, plant: &Plant) -> Result<PathLengthConfig, S
         lag_s: plant.lag_s,
         peak_code: plant.peak_code,
         curvature: plant.curvature(),
+        noise: scenario.intensity.noise,
         goal: LoopGoal { bandwidth_hz: path.bandwidth_hz, phase_margin_deg: path.phase_margin_deg },
         reset_margin_waves: path.reset_margin_waves,
         reset_s: path.reset_s,

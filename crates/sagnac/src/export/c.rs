@@ -79,13 +79,16 @@ fn unit_source(images: &[Image], loops: Option<&LoopTable>) -> String {
         let _ = write!(out, "\nconst sagnac_image {} = {{\n{}}};\n", name_of(image), image_fields(image));
     }
     if let Some(loops) = loops {
-        let sine: Vec<String> = loops.path_length.sine_q15().map(|entry| entry.to_string()).collect();
+        let listed = |entries: &mut dyn Iterator<Item = i16>| {
+            entries.map(|entry| entry.to_string()).collect::<Vec<_>>().join(", ")
+        };
+        let sine = listed(&mut loops.path_length.sine_q15());
+        let second = listed(&mut loops.path_length.second_q15());
         let mut fields = loops.path_length.fields().to_vec();
         fields.retain(|(name, _)| *name != "range_middle_q32");
         let _ = write!(
             out,
-            "\nconst sagnac_path_length sagnac_unit_path_length = {{\n    .sine_q15 = {{{}}},\n{}}};\n",
-            sine.join(", "),
+            "\nconst sagnac_path_length sagnac_unit_path_length = {{\n    .sine_q15 = {{{sine}}},\n    .second_q15 = {{{second}}},\n{}}};\n",
             loop_fields(&fields)
         );
         let fields = loop_fields(&loops.intensity.fields());

@@ -205,8 +205,11 @@ fn path_unit(loops: &LoopTable) -> String {
     let path = &loops.path_length;
     let ticks = path.ticks_per_period();
     let mut sine: Vec<i64> = path.sine_q15().map(i64::from).collect();
-    sine.resize(64, 0);
-    packed(&mut out, "SINE", 16, sine.into_iter());
+    let mut second: Vec<i64> = path.second_q15().map(i64::from).collect();
+    for (name, table) in [("SINE", &mut sine), ("SECOND", &mut second)] {
+        table.resize(64, 0);
+        packed(&mut out, name, 16, table.iter().copied());
+    }
     let _ = writeln!(out, "localparam [5:0] LAST = 6'd{};", ticks - 1);
     for (name, value) in path.fields() {
         let upper = name.to_uppercase();

@@ -4,8 +4,8 @@
 /* 2^32. */
 #define ONE_Q32 ((int64_t)4294967296)
 /* Length of a table of the loops, and of what its checksum covers. */
-#define TABLE_LENGTH 384U
-#define TABLE_BODY 380U
+#define TABLE_LENGTH 512U
+#define TABLE_BODY 508U
 /* Largest size of a gain's mantissa. */
 #define MAX_MANTISSA 1073741823U
 /* Products of a gain are held to this, 2^-32 codes. */
@@ -182,7 +182,7 @@ uint32_t sagnac_is_loop_table(sagnac_read_octet read, const void *context, uint3
 {
     uint32_t is_table = SAGNAC_NO;
     if ((length == TABLE_LENGTH) && (sagnac_read_u32(read, context, 0U) == 0x4E474153U) &&
-        (sagnac_read_u32(read, context, 4U) == 0x544C4341U) && (sagnac_read_u16(read, context, 8U) == 1U) &&
+        (sagnac_read_u32(read, context, 4U) == 0x544C4341U) && (sagnac_read_u16(read, context, 8U) == 2U) &&
         (sagnac_crc32(read, context, 0U, TABLE_BODY) == sagnac_read_u32(read, context, TABLE_BODY))) {
         is_table = sagnac_are_zero(read, context, 10U, 2U) & sagnac_are_zero(read, context, 20U, 4U);
         /* Its own length, and a tick. */

@@ -5,7 +5,7 @@
 #define MAX_ERROR ((int32_t)1073741824)
 #define MAX_TIME 1000000000U
 #define MAX_TRIES 255U
-#define LIGHT_AT 288U
+#define LIGHT_AT 416U
 
 static void light_ignite(const sagnac_intensity *loop, sagnac_intensity_state *state, uint32_t tries)
 {
@@ -215,9 +215,9 @@ uint32_t sagnac_intensity_load(sagnac_intensity *loop, sagnac_read_octet read, c
     uint32_t loaded = 0U;
     if (sagnac_is_loop_table(read, context, length) != 0U) {
         light_load_fields(loop, read, context);
-        loaded = light_is_sound(loop) & sagnac_are_zero(read, context, 297U, 3U) &
-                 sagnac_are_zero(read, context, 305U, 3U) &
-                 sagnac_are_zero(read, context, 368U, 12U);
+        loaded = light_is_sound(loop) & sagnac_are_zero(read, context, LIGHT_AT + 9U, 3U) &
+                 sagnac_are_zero(read, context, LIGHT_AT + 17U, 3U) &
+                 sagnac_are_zero(read, context, LIGHT_AT + 80U, 12U);
     }
     return loaded;
 }

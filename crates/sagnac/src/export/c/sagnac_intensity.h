@@ -69,7 +69,7 @@ typedef struct {
     uint32_t status;
 } sagnac_intensity_output;
 
-/* Reads the loop from a table of the loops (384 bytes). 1, or 0 if it cannot be used. */
+/* Reads the loop from a table of the loops (512 bytes). 1, or 0 if it cannot be used. */
 uint32_t sagnac_intensity_load(sagnac_intensity *loop, sagnac_read_octet read, const void *context, uint32_t length);
 
 /* A loop about to ignite. */

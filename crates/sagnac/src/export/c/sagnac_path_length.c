@@ -5,6 +5,7 @@
 #define MAX_ERROR ((int32_t)1073741824)
 #define MAX_STEP ((int64_t)72057594037927936)
 #define MAX_TIME 1000000000U
+#define MAX_EVIDENCE 131072U
 #define MAX_DARK_SUM ((int64_t)536870912)
 #define PATH_AT 24U
 
@@ -36,7 +37,13 @@ static void path_settle(const sagnac_path_length *loop, sagnac_path_length_state
 static void path_begin(const sagnac_path_length *loop, sagnac_path_length_state *state)
 {
     state->integral_q32 = middle_q32(loop);
+    state->best = 0;
     if (loop->sweep_periods == 0U) {
+        const uint32_t missed = ((state->status & SAGNAC_PATH_NO_PEAK) != 0U) ? SAGNAC_YES : SAGNAC_NO;
+        state->aside = ((missed != 0U) && (state->aside == 0U)) ? SAGNAC_YES : SAGNAC_NO;
+        if (state->aside != 0U) {
+            state->integral_q32 += sagnac_q32(loop->wavelength) / 2;
+        }
         path_settle(loop, state);
     } else {
         /* Held to 2^62 before it is halved: a product beyond is beyond the range anyway. */
@@ -47,7 +54,6 @@ static void path_begin(const sagnac_path_length *loop, sagnac_path_length_state 
         }
         state->phase = SAGNAC_PATH_SWEEPING;
         state->left = loop->sweep_periods;
-        state->best = 0;
         state->at_q32 = state->integral_q32;
         state->integral_q32 = in_range(loop, state->integral_q32 - half);
     }
@@ -70,17 +76,66 @@ static void path_sweep(const sagnac_path_length *loop, sagnac_path_length_state 
     }
 }
 
-static void path_closing(const sagnac_path_length *loop, sagnac_path_length_state *state, int32_t error, uint32_t dark)
+/* A check of the second harmonic begins. */
+static void path_check_anew(sagnac_path_length_state *state)
+{
+    state->seen_second = 0;
+    state->seen_plain = 0;
+    state->checked = 0U;
+}
+
+/* The light curves as on a peak. Never for a light that does not answer: its second harmonic is zero. */
+static uint32_t path_shows_peak(const sagnac_path_length_state *state, uint32_t least_q8)
+{
+    /* Sums of MAX_EVIDENCE periods: 2^46 of light, 2^16 of curvature. */
+    const int64_t part = sagnac_floor_shift(state->seen_plain * (int64_t)least_q8, 8U);
+    const int64_t least = (part < 1) ? 1 : part;
+    return (state->seen_second >= least) ? SAGNAC_YES : SAGNAC_NO;
+}
+
+/* No peak was found here: reported, and begun anew. */
+static void path_without_peak(const sagnac_path_length *loop, sagnac_path_length_state *state)
+{
+    state->status |= SAGNAC_PATH_NO_PEAK;
+    path_wait_dark(loop, state);
+}
+
+/* After the settling time: closed if the light repeats what the search found. */
+static void path_close(const sagnac_path_length *loop, sagnac_path_length_state *state, int64_t sum)
+{
+    const uint32_t repeated = ((sum * 2) >= state->best) ? SAGNAC_YES : SAGNAC_NO;
+    state->best = 0;
+    path_check_anew(state);
+    if (repeated != 0U) {
+        state->phase = SAGNAC_PATH_CLOSING;
+        state->count = 0U;
+        state->since = 0U;
+    } else {
+        path_without_peak(loop, state);
+    }
+}
+
+static void path_closing(const sagnac_path_length *loop, sagnac_path_length_state *state, int32_t error, int64_t sum,
+                         uint32_t dark)
 {
     if (state->since >= loop->give_up_periods) {
         path_wait_dark(loop, state);
     } else {
-        state->count = (sagnac_size32(error) < sagnac_size32(loop->lock_error)) ? (state->count + 1U) : 0U;
-        if ((state->count >= loop->lock_periods) && (dark == 0U)) {
+        const uint32_t small = (sagnac_size32(error) < sagnac_size32(loop->lock_error)) ? SAGNAC_YES : SAGNAC_NO;
+        state->count = ((small != 0U) && (dark == 0U)) ? (state->count + 1U) : 0U;
+        if (state->count <= 1U) {
+            path_check_anew(state);
+        }
+        state->seen_second += state->second_harmonic;
+        state->seen_plain += sum;
+        if (state->count < loop->lock_periods) {
+            state->since++;
+        } else if (path_shows_peak(state, loop->least_curvature_q8) != 0U) {
             state->phase = SAGNAC_PATH_LOCKED;
             state->count = 0U;
+            path_check_anew(state);
         } else {
-            state->since++;
+            path_without_peak(loop, state);
         }
     }
 }
@@ -111,7 +166,27 @@ static void stay_or_reset(const sagnac_path_length *loop, sagnac_path_length_sta
     }
 }
 
-static void path_locked(const sagnac_path_length *loop, sagnac_path_length_state *state, int32_t error, uint32_t dark)
+/* The second harmonic of a locked loop, a loss time after the other. */
+static void path_stay(const sagnac_path_length *loop, sagnac_path_length_state *state, int64_t sum)
+{
+    uint32_t peak = SAGNAC_YES;
+    state->seen_second += state->second_harmonic;
+    state->seen_plain += sum;
+    state->checked++;
+    if (state->checked >= loop->lost_periods) {
+        peak = path_shows_peak(state, loop->least_curvature_q8 / 2U);
+        path_check_anew(state);
+    }
+    if (peak != 0U) {
+        stay_or_reset(loop, state);
+    } else {
+        path_without_peak(loop, state);
+        state->status |= SAGNAC_PATH_WAS_LOST;
+    }
+}
+
+static void path_locked(const sagnac_path_length *loop, sagnac_path_length_state *state, int32_t error, int64_t sum,
+                        uint32_t dark)
 {
     const uint32_t large = (sagnac_size32(error) > sagnac_size32(loop->lost_error)) ? SAGNAC_YES : SAGNAC_NO;
     state->count = ((large != 0U) || (dark != 0U)) ? (state->count + 1U) : 0U;
@@ -119,7 +194,7 @@ static void path_locked(const sagnac_path_length *loop, sagnac_path_length_state
         path_wait_dark(loop, state);
         state->status |= SAGNAC_PATH_WAS_LOST;
     } else {
-        stay_or_reset(loop, state);
+        path_stay(loop, state, sum);
     }
 }
 
@@ -152,16 +227,14 @@ static void path_next_phase(const sagnac_path_length *loop, sagnac_path_length_s
         if (state->left > 0U) {
             state->left--;
         } else {
-            state->phase = SAGNAC_PATH_CLOSING;
-            state->count = 0U;
-            state->since = 0U;
+            path_close(loop, state, sum);
         }
         break;
     case SAGNAC_PATH_CLOSING:
-        path_closing(loop, state, error, dark);
+        path_closing(loop, state, error, sum, dark);
         break;
     case SAGNAC_PATH_LOCKED:
-        path_locked(loop, state, error, dark);
+        path_locked(loop, state, error, sum, dark);
         break;
     case SAGNAC_PATH_MODE_RESET:
     default:
@@ -184,7 +257,8 @@ static uint32_t path_status_of(const sagnac_path_length *loop, const sagnac_path
     uint32_t status;
     if (state->phase == SAGNAC_PATH_LOCKED) {
         status = 0U;
-    } else if (state->phase == SAGNAC_PATH_SWEEPING) {
+    } else if ((state->phase == SAGNAC_PATH_SWEEPING) ||
+               ((state->phase == SAGNAC_PATH_SETTLING) && (state->best > 0))) {
         status = SAGNAC_PATH_INVALID | SAGNAC_PATH_ACQUIRING | SAGNAC_PATH_HOLD_LIGHT;
     } else if (state->phase == SAGNAC_PATH_MODE_RESET) {
         status = SAGNAC_PATH_INVALID | SAGNAC_PATH_RESETTING | SAGNAC_PATH_HOLD_LIGHT;
@@ -197,12 +271,16 @@ static uint32_t path_status_of(const sagnac_path_length *loop, const sagnac_path
     if ((state->held <= loop->low) || (state->held >= loop->high)) {
         status |= SAGNAC_PATH_AT_LIMIT;
     }
+    if (state->phase != SAGNAC_PATH_LOCKED) {
+        status |= state->status & SAGNAC_PATH_NO_PEAK;
+    }
     return status | (state->status & SAGNAC_PATH_WAS_LOST);
 }
 
 /* A period's sums are complete. */
 static void path_period(const sagnac_path_length *loop, sagnac_path_length_state *state, int64_t in_phase, int64_t plain)
 {
+    /* state->second_harmonic is that of the same period. */
     const int64_t shifted = sagnac_floor_shift(in_phase, loop->error_shift);
     const int32_t error = (int32_t)sagnac_held(shifted, -(int64_t)MAX_ERROR, (int64_t)MAX_ERROR);
     const uint32_t dark = (plain < loop->dark_sum) ? SAGNAC_YES : SAGNAC_NO;
@@ -220,8 +298,12 @@ static void path_period(const sagnac_path_length *loop, sagnac_path_length_state
 void sagnac_path_length_start(const sagnac_path_length *loop, sagnac_path_length_state *state)
 {
     state->in_phase = 0;
+    state->second = 0;
     state->plain = 0;
     state->index = 0U;
+    state->second_harmonic = 0;
+    state->aside = 0U;
+    path_check_anew(state);
     state->phase = SAGNAC_PATH_DARK;
     state->left = 0U;
     state->count = 0U;
@@ -244,12 +326,15 @@ void sagnac_path_length_tick(const sagnac_path_length *loop, sagnac_path_length_
     const uint32_t at = (delayed >= loop->ticks) ? (delayed - loop->ticks) : delayed;
     int64_t swing;
     state->in_phase += code * (int64_t)loop->sine_q15[at];
+    state->second += code * (int64_t)loop->second_q15[at];
     state->plain += code;
     state->index++;
     if (state->index >= loop->ticks) {
         const int64_t in_phase = state->in_phase;
         const int64_t plain = state->plain;
+        state->second_harmonic = state->second;
         state->in_phase = 0;
+        state->second = 0;
         state->plain = 0;
         state->index = 0U;
         path_period(loop, state, in_phase, plain);
@@ -271,17 +356,22 @@ static uint32_t reference_is_sound(const sagnac_path_length *loop)
     if ((loop->ticks >= 4U) && (loop->ticks <= SAGNAC_MAX_TICKS_PER_PERIOD) && ((loop->ticks % 2U) == 0U) &&
         (loop->delay < loop->ticks)) {
         const uint32_t half = loop->ticks / 2U;
+        int32_t sum = 0;
         uint32_t i;
         sound = 1U;
         for (i = 0U; i < half; i++) {
-            if (loop->sine_q15[i] != -loop->sine_q15[i + half]) {
+            sum += loop->second_q15[i];
+            if ((loop->sine_q15[i] != -loop->sine_q15[i + half]) || (loop->second_q15[i] != loop->second_q15[i + half])) {
                 sound = 0U;
             }
         }
         for (i = loop->ticks; i < SAGNAC_MAX_TICKS_PER_PERIOD; i++) {
-            if (loop->sine_q15[i] != 0) {
+            if ((loop->sine_q15[i] != 0) || (loop->second_q15[i] != 0)) {
                 sound = 0U;
             }
+        }
+        if (sum != 0) {
+            sound = 0U;
         }
     }
     return sound;
@@ -306,8 +396,9 @@ static uint32_t path_is_sound(const sagnac_path_length *loop)
         (loop->reset_step_q32 > MAX_STEP) || (loop->dark_sum < 0) || (loop->dark_sum > MAX_DARK_SUM)) {
         sound = 0U;
     }
-    if ((loop->sweep_periods > MAX_TIME) || (loop->settle_periods > MAX_TIME) || (loop->lock_periods > MAX_TIME) ||
-        (loop->lost_periods > MAX_TIME) || (loop->give_up_periods > MAX_TIME)) {
+    if ((loop->sweep_periods > MAX_TIME) || (loop->settle_periods > MAX_TIME) || (loop->lock_periods < 1U) ||
+        (loop->lock_periods > MAX_EVIDENCE) || (loop->lost_periods < 1U) || (loop->lost_periods > MAX_EVIDENCE) ||
+        (loop->give_up_periods > MAX_TIME) || (loop->least_curvature_q8 < 2U) || (loop->least_curvature_q8 > 0xFFFFU)) {
         sound = 0U;
     }
     if ((loop->lock_error < 1) || (loop->lock_error > MAX_ERROR) || (loop->lost_error < 1) ||
@@ -319,10 +410,12 @@ static uint32_t path_is_sound(const sagnac_path_length *loop)
 
 static void path_load_fields(sagnac_path_length *loop, sagnac_read_octet read, const void *context)
 {
-    const uint32_t at = PATH_AT + (2U * SAGNAC_MAX_TICKS_PER_PERIOD);
+    const uint32_t second_at = PATH_AT + (2U * SAGNAC_MAX_TICKS_PER_PERIOD);
+    const uint32_t at = second_at + (2U * SAGNAC_MAX_TICKS_PER_PERIOD);
     uint32_t i;
     for (i = 0U; i < SAGNAC_MAX_TICKS_PER_PERIOD; i++) {
         loop->sine_q15[i] = sagnac_read_i16(read, context, PATH_AT + (2U * i));
+        loop->second_q15[i] = sagnac_read_i16(read, context, second_at + (2U * i));
     }
     loop->ticks = read(context, at) & 0xFFU;
     loop->delay = read(context, at + 1U) & 0xFFU;
@@ -347,6 +440,7 @@ static void path_load_fields(sagnac_path_length *loop, sagnac_read_octet read, c
     loop->lock_periods = sagnac_read_u32(read, context, at + 84U);
     loop->lost_periods = sagnac_read_u32(read, context, at + 88U);
     loop->give_up_periods = sagnac_read_u32(read, context, at + 92U);
+    loop->least_curvature_q8 = sagnac_read_u16(read, context, at + 96U);
 }
 
 uint32_t sagnac_path_length_load(sagnac_path_length *loop, sagnac_read_octet read, const void *context,
@@ -355,10 +449,10 @@ uint32_t sagnac_path_length_load(sagnac_path_length *loop, sagnac_read_octet rea
     uint32_t loaded = 0U;
     if (sagnac_is_loop_table(read, context, length) != 0U) {
         path_load_fields(loop, read, context);
-        loaded = path_is_sound(loop) & sagnac_are_zero(read, context, 155U, 1U) &
-                 sagnac_are_zero(read, context, 161U, 3U) &
-                 sagnac_are_zero(read, context, 169U, 3U) &
-                 sagnac_are_zero(read, context, 248U, 40U);
+        loaded = path_is_sound(loop) & sagnac_are_zero(read, context, PATH_AT + 259U, 1U) &
+                 sagnac_are_zero(read, context, PATH_AT + 265U, 3U) &
+                 sagnac_are_zero(read, context, PATH_AT + 273U, 3U) &
+                 sagnac_are_zero(read, context, PATH_AT + 354U, 38U);
     }
     return loaded;
 }

@@ -8,11 +8,13 @@
  * table: docs/reference/loop-table.md. Signs: more code is a longer path. Counts of the gyro are good while status has no
  * SAGNAC_PATH_INVALID.
  *
- *   SWEEPING -light-> SETTLING -> CLOSING -small error-> LOCKED -near the end-> RESETTING -> SETTLING ...
- *     ^  +--none--> DARK <-- too long --+                  +-- error large, or dark --+
- *     +--------------+ ^----------------------------------------------------------------+
+ *   SWEEPING -light-> SETTLING -> CLOSING -small error, a peak-> LOCKED -near the end-> RESETTING -> SETTLING ...
+ *     ^  +--none--> DARK <-- too long, or no peak --+        +-- error large, dark, or no peak --+
+ *     +--------------+ ^-------------------------------------------------------------------------+
  *
- * Fails near a resonance of the actuator, where the sign of the error turns: the table cannot know that.
+ * A peak is shown by the second harmonic that it makes of the modulation, over the lock time, and by light that repeats
+ * the search's. A stuck photodiode, a start on the trough and a mirror that answers in counterphase have none of it: such
+ * a loop never reads LOCKED, it reports SAGNAC_PATH_NO_PEAK.
  */
 #ifndef SAGNAC_PATH_LENGTH_H
 #define SAGNAC_PATH_LENGTH_H
@@ -32,6 +34,8 @@
 #define SAGNAC_PATH_WAS_LOST 32U
 /* The intensity loop is to hold its current. */
 #define SAGNAC_PATH_HOLD_LIGHT 64U
+/* The last attempt found no peak; until the loop locks. */
+#define SAGNAC_PATH_NO_PEAK 128U
 
 typedef enum {
     SAGNAC_PATH_DARK = 0,
@@ -45,6 +49,7 @@ typedef enum {
 /* The loop, as its table has it. */
 typedef struct {
     int32_t sine_q15[SAGNAC_MAX_TICKS_PER_PERIOD];
+    int32_t second_q15[SAGNAC_MAX_TICKS_PER_PERIOD];
     uint32_t ticks;
     uint32_t delay;
     uint32_t error_shift;
@@ -66,18 +71,25 @@ typedef struct {
     uint32_t lock_periods;
     uint32_t lost_periods;
     uint32_t give_up_periods;
+    uint32_t least_curvature_q8; /* second harmonic of a peak, 2^-23 of the light */
 } sagnac_path_length;
 
 /* What it remembers. Read it freely. */
 typedef struct {
     int64_t in_phase;
+    int64_t second;
     int64_t plain;
     uint32_t index;
     sagnac_path_phase phase;
     uint32_t left;      /* periods to go: dark, sweeping, settling */
     uint32_t count;     /* closing: good periods in a row; locked: bad ones */
     uint32_t since;     /* closing: periods since it was closed */
-    int64_t best;       /* sweeping: brightest sum */
+    uint32_t checked;   /* locked: periods of the present check */
+    uint32_t aside;     /* without a search: the last start was half a wavelength from the middle */
+    int64_t seen_second; /* closing, locked: sums of the present check */
+    int64_t seen_plain;
+    int64_t second_harmonic; /* of the last period, 2^-15 codes: positive at a peak */
+    int64_t best;       /* sweeping, settling: brightest sum of the search; 0 without one */
     int64_t at_q32;     /* sweeping: where; resetting: where to */
     int64_t integral_q32;
     int32_t held;
@@ -92,7 +104,7 @@ typedef struct {
     uint32_t status;
 } sagnac_path_length_output;
 
-/* Reads the loop from a table of the loops (384 bytes). 1, or 0 if it cannot be used. */
+/* Reads the loop from a table of the loops (512 bytes). 1, or 0 if it cannot be used. */
 uint32_t sagnac_path_length_load(sagnac_path_length *loop, sagnac_read_octet read, const void *context,
                                  uint32_t length);
 

@@ -5,9 +5,10 @@
 // Bit for bit sagnac_loops::PathLength while it is closing or locked. When to search, to close and to reset a mode is the
 // processor's: it sets `closed`, and brings the integrator with `preset` (between two periods).
 //
-// Latency: `held` and `modulation` of a tick stand eight clocks after it. Products: 24*16 bits in the detector, 31*31 in the
-// gains, each registered.
-// Where it fails: a modulation near a resonance of the actuator turns the sign of the error.
+// Latency: `held` and `modulation` of a tick stand eight clocks after it. Products: two of 24*16 bits in the detector, 31*31
+// in the gains, each registered.
+// Where it fails: a modulation near a resonance of the actuator turns the sign of the error. `second` does not turn: it is
+// positive at a peak and negative at a trough. The processor declares a lock only on it.
 `timescale 1ns / 1ns
 `default_nettype none
 
@@ -22,6 +23,7 @@ module sagnac_path_length (
     output reg                period,        // high for a clock when a period's sums are complete
     output reg  signed [31:0] error,
     output reg  signed [39:0] plain,         // the light's own sum over the period
+    output reg  signed [47:0] second,        // its second harmonic over the period
     output reg  signed [63:0] integral,
     output reg  signed [31:0] held,
     output reg  signed [31:0] modulation
@@ -37,14 +39,18 @@ module sagnac_path_length (
     reg [5:0] delayed;
     wire signed [15:0] sine = SINE[16*delayed +: 16];
     wire signed [15:0] sine_out = SINE[16*index +: 16];
+    wire signed [15:0] cosine = SECOND[16*delayed +: 16];
     reg signed [39:0] light;
     reg signed [47:0] in_phase;
+    reg signed [47:0] curved;
     reg signed [39:0] product;
+    reg signed [39:0] product_second;
     reg signed [23:0] code_now;
     reg [3:0] stage;
     reg last;
 
     wire signed [47:0] total = in_phase + {{8{product[39]}}, product};
+    wire signed [47:0] total_second = curved + {{8{product_second[39]}}, product_second};
     wire signed [47:0] shifted = total >>> ERROR_SHIFT;
     wire signed [31:0] shifted_held = shifted > 48'sd1073741824 ? 32'sd1073741824
         : (shifted < -48'sd1073741824 ? -32'sd1073741824 : shifted[31:0]);
@@ -92,9 +98,12 @@ module sagnac_path_length (
             index <= 6'd0;
             delayed <= FIRST_DELAYED;
             in_phase <= 48'sd0;
+            curved <= 48'sd0;
+            second <= 48'sd0;
             light <= 40'sd0;
             plain <= 40'sd0;
             product <= 40'sd0;
+            product_second <= 40'sd0;
             code_now <= 24'sd0;
             error <= 32'sd0;
             integral <= RANGE_MIDDLE_Q32;
@@ -118,6 +127,7 @@ module sagnac_path_length (
                 end
                 4'd1: begin
                     product <= code_now * sine;
+                    product_second <= code_now * cosine;
                     light <= light + {{16{code_now[23]}}, code_now};
                     last <= index == LAST;
                     index <= index == LAST ? 6'd0 : index + 6'd1;
@@ -125,10 +135,12 @@ module sagnac_path_length (
                 end
                 4'd2: begin
                     in_phase <= last ? 48'sd0 : total;
+                    curved <= last ? 48'sd0 : total_second;
                     swing <= $signed(MODULATION) * sine_out;
                     if (last) begin
                         error <= shifted_held;
                         plain <= light;
+                        second <= total_second;
                         light <= 40'sd0;
                         period <= 1'b1;
                     end

@@ -14,9 +14,10 @@ module tb_path_length;
     wire period;
     wire signed [31:0] error, held, modulation;
     wire signed [39:0] plain;
+    wire signed [47:0] second;
     wire signed [63:0] integral;
     sagnac_path_length dut (.clk(clk), .rst(rst), .tick(tick), .code(code), .closed(1'b1), .preset(preset),
-        .preset_value(preset_value), .period(period), .error(error), .plain(plain), .integral(integral), .held(held),
+        .preset_value(preset_value), .period(period), .error(error), .plain(plain), .second(second), .integral(integral), .held(held),
         .modulation(modulation));
 
     reg [31:0] words [0:131071];
@@ -24,6 +25,10 @@ module tb_path_length;
     integer at, record, n, ticks, runs;
     reg [31:0] seed, hash;
     reg failed;
+    reg period_ended = 1'b0;
+    always @(posedge clk)
+        if (period)
+            period_ended = 1'b1;
     reg signed [63:0] place, d, light;
     reg signed [31:0] noise;
     reg [63:0] squared;
@@ -63,11 +68,14 @@ module tb_path_length;
             for (n = 0; n < words[at + 1]; n = n + 1) begin
                 @(negedge clk);
                 plant;
+                period_ended = 1'b0;
                 tick = 1'b1;
                 @(negedge clk) tick = 1'b0;
                 repeat (8) @(negedge clk);
                 hash = (hash ^ held) * 32'd16777619;
                 hash = (hash ^ modulation) * 32'd16777619;
+                if (period_ended)
+                    hash = (hash ^ second[31:0]) * 32'd16777619;
                 ticks = ticks + 1;
             end
             runs = runs + 1;
