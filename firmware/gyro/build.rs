@@ -8,7 +8,8 @@ fn main() {
     fs::copy("memory.x", out.join("memory.x")).expect("memory.x");
     println!("cargo:rustc-link-search={}", out.display());
     println!("cargo:rerun-if-changed=memory.x");
-    for (variable, name) in [("SAGNAC_IMAGE", "unit.img"), ("SAGNAC_LOOPS", "unit.loops")] {
+    let key = env::var_os("CARGO_FEATURE_SIGNED").map(|_| ("SAGNAC_KEY", "unit.key"));
+    for (variable, name) in [("SAGNAC_IMAGE", "unit.img"), ("SAGNAC_LOOPS", "unit.loops")].into_iter().chain(key) {
         println!("cargo:rerun-if-env-changed={variable}");
         let path =
             env::var_os(variable).unwrap_or_else(|| panic!("{variable} names no file: use cargo xtask firmware"));

@@ -15,9 +15,14 @@ use std::process::Command;
 
 use anyhow::{Context, Result, bail, ensure};
 use sagnac::model::PRICED_WITHIN;
-use sagnac_board::{CommandHandler, MemoryFlash, Message, RigSettings, Row, run};
-use sagnac_core::{Banks, Description, Gyro, Image, InputSpec, Kind, Multiplier, Term};
+use sagnac_board::frame::FrameReader;
+use sagnac_board::{
+    ANSWER, COMMIT, CommandHandler, MemoryFlash, Message, Output, PIECE, POWER_ON, Reply, ReplyCode, RigSettings, Row,
+    run,
+};
+use sagnac_core::{Banks, Description, Gyro, Image, InputSpec, Kind, Multiplier, Origin, Term};
 use sagnac_loops::LoopTable;
+use sagnac_signature::Signer;
 use xtask::debian::{self, need};
 use xtask::shell::{root, sh_in, stdout_of, text};
 
@@ -47,6 +52,7 @@ pub(crate) fn firmware() -> Result<()> {
     instructions(&sysroot, &folder, &unit)?;
     line_of(&folder, &unit, "without dither", 0, 600)?;
     line_of(&folder, &unit, "dithered", 60, 60)?;
+    signed_while_ticks_run(&sysroot, &folder, &unit)?;
     println!("firmware: every check passed");
     Ok(())
 }
@@ -120,6 +126,7 @@ fn build(sysroot: &Path, image: &Path, loops: &Path, features: &[&str]) -> Resul
         .env("RUSTFLAGS", &flags)
         .env("SAGNAC_IMAGE", image)
         .env("SAGNAC_LOOPS", loops)
+        .env("SAGNAC_KEY", root().join("target/firmware/unit.key"))
         .output()
         .context("cannot start cargo")?;
     ensure!(output.status.success(), "the firmware does not build:\n{}", String::from_utf8_lossy(&output.stderr));
@@ -317,6 +324,102 @@ fn frames_summary(line: &Path, csv: &Path) -> Result<String> {
     Ok(summary)
 }
 
+/// Seconds of each of the two rows of the signed upload.
+const ROW_SECONDS: u32 = 20;
+
+/// A board with a key, whose ticks run while it takes, checks and stores an image: no frame and no count is lost, what is not signed for
+/// it is refused, and the image is in force before the row has ended.
+fn signed_while_ticks_run(sysroot: &Path, folder: &Path, unit: &Unit) -> Result<()> {
+    let signer = Signer::from_seed(&[42; 32]);
+    fs::write(folder.join("unit.key"), signer.public().bytes())?;
+    build(sysroot, &unit.image, &unit.loops, &["--features", "signed", "--bin", "measure"])?;
+    let stdout = emulate("measure", &["-serial", "null", "-icount", "shift=0"], 60)?;
+    let verification = stdout.lines().find_map(|line| line.strip_prefix("verification ")).context("no verification")?;
+    println!("check: a signature of 836 bytes takes {} instructions", verification.trim());
+    build(sysroot, &unit.image, &unit.loops, &["--features", "signed,live", "--bin", "gyro"])?;
+    let (answers, frames) = said(&over_the_line(folder, signed_messages(unit, &signer)?)?.0);
+    let refused_and_done = [
+        Message::Challenge([1; 16]),
+        answer_to(ANSWER, ReplyCode::Done, 0),
+        answer_to(COMMIT, ReplyCode::Unsigned, 0),
+        answer_to(COMMIT, ReplyCode::BadSignature, 0),
+        answer_to(COMMIT, ReplyCode::Done, 1),
+    ];
+    let answers: Vec<(usize, Message)> = answers
+        .into_iter()
+        .filter(|(_, m)| !matches!(m, Message::Reply(r) if r.to == PIECE || r.to == POWER_ON))
+        .collect();
+    let (locked, rest) = answers.split_first().context("no answer")?;
+    ensure!(locked.1 == answer_to(COMMIT, ReplyCode::Locked, 0), "outside of the service mode: {locked:?}");
+    ensure!(rest.iter().map(|(_, m)| *m).eq(refused_and_done), "the board answers {rest:?}");
+    let stored_at = rest.last().map_or(usize::MAX, |(frame, _)| *frame);
+    let whole = ROW_SECONDS as usize * 100;
+    ensure!(frames.len() == 2 * whole, "{} frames of {}", frames.len(), 2 * whole);
+    ensure!(frames.iter().zip(0_u16..).all(|(frame, at)| frame.sequence == at), "a frame is missing");
+    let raw: i64 = frames.iter().map(|frame| i64::from(frame.raw)).sum();
+    ensure!(raw == i64::from(2 * ROW_COUNTS), "{raw} counts of {}", 2 * ROW_COUNTS);
+    ensure!(stored_at < whole, "stored after frame {stored_at}, when the first row had ended");
+    let corrected = frames.iter().position(|frame| frame.origin == Origin::Newest).context("never corrected")?;
+    ensure!(corrected < whole, "corrected from frame {corrected}, when the first row had ended");
+    println!(
+        "check: signed upload while ticks run: stored and in force at frame {corrected} of the first row's {whole}, no frame or count lost"
+    );
+    println!("check: an unsigned, a forged and an unasked image are refused on the way");
+    // The other programs again, without a key.
+    build(sysroot, &unit.image, &unit.loops, &[])
+}
+
+/// Counts of each of the two rows.
+const ROW_COUNTS: i32 = 80_000;
+
+fn answer_to(to: u8, code: ReplyCode, sequence: u32) -> Message {
+    let origin = if sequence == 0 { Origin::FactoryDefaults } else { Origin::Newest };
+    Message::Reply(Reply { to, code, sequence, origin, trial: false })
+}
+
+/// A row of the rig, and while it runs: an image without service mode, then unsigned, forged and signed images in it.
+fn signed_messages(unit: &Unit, signer: &Signer) -> Result<Vec<u8>> {
+    let image = fs::read(&unit.image)?;
+    let decoded = Image::decode(&image)?;
+    let d = decoded.description();
+    let block = signer.sign(&image, *b"EMULATED\0\0\0\0\0\0\0\0", 7).context("too long an image")?;
+    let signed = [image.as_slice(), &block.encode()].concat();
+    let mut forged = signed.clone();
+    forged[140] ^= 1;
+    let crc = sagnac_core::bytes::crc32(&forged[..image.len() - 4]);
+    forged[image.len() - 4..image.len()].copy_from_slice(&crc.to_le_bytes());
+    let loops = LoopTable::decode(&fs::read(&unit.loops)?)?;
+    let row = Row { ticks: ROW_SECONDS * 10_000, counts: ROW_COUNTS, present: 1, codes: [20 << 24, 0, 0, 0] };
+    let upload = |bytes: &[u8]| -> Vec<Message> {
+        Message::pieces(bytes).chain([Message::Commit { len: bytes.len() as u16, trial: false }]).collect()
+    };
+    let mut messages = vec![Message::Settings(settings(&loops, 0)), Message::Row(row)];
+    messages.extend(upload(&image));
+    messages.extend([Message::Service, Message::Answer(signer.answer(&d.serial, d.axis, &[1; 16]))]);
+    for bytes in [&image, &forged, &signed] {
+        messages.extend(upload(bytes));
+    }
+    messages.extend([Message::Row(row), Message::Stop]);
+    let mut out = Vec::new();
+    for message in messages {
+        let (bytes, len) = message.frame().context("a message without a frame")?.bytes();
+        out.extend_from_slice(&bytes[..len]);
+    }
+    Ok(out)
+}
+
+/// The answers of a board, each with the number of frames before it, and the frames.
+fn said(bytes: &[u8]) -> (Vec<(usize, Message)>, Vec<Output>) {
+    let (mut reader, mut answers, mut frames) = (FrameReader::new(), Vec::new(), Vec::new());
+    for message in bytes.iter().filter_map(|byte| reader.push(*byte)).filter_map(|frame| Message::parse(&frame)) {
+        match message {
+            Message::Output(output) => frames.push(output),
+            answer => answers.push((frames.len(), answer)),
+        }
+    }
+    (answers, frames)
+}
+
 /// The log as rows for the rig, with good and bad images in between.
 ///
 /// A slow update uses the newest temperature whose row has ended, as a replay does; so each row carries the temperature of
@@ -353,7 +456,7 @@ fn messages(unit: &Unit, dither_counts: u32, seconds: usize) -> Result<(Vec<u8>,
         };
         for image in images {
             Message::pieces(image).try_for_each(&mut send)?;
-            send(Message::Commit { len: image.len() as u16 })?;
+            send(Message::Commit { len: image.len() as u16, trial: false })?;
         }
         if second_of_run == seconds * 2 / 3 {
             send(Message::RollBack)?;

@@ -28,7 +28,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let second = Message::Row(Row { ticks: 10_000, counts: 40, present: 1, codes: [20 << 24, 0, 0, 0] });
     let mut to_board = vec![second];
     to_board.extend(Message::pieces(IMAGE));
-    to_board.extend([Message::Commit { len: u16::try_from(IMAGE.len())? }, second, Message::Stop]);
+    to_board.extend([Message::Commit { len: u16::try_from(IMAGE.len())?, trial: false }, second, Message::Stop]);
     let mut bytes = Vec::new();
     for message in &to_board {
         let (frame, len) = message.frame().ok_or("a message does not fit a frame")?.bytes();

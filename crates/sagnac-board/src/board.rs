@@ -10,7 +10,7 @@
 //! With a dithered gyro the counts go to the correction at the end of each dither period; the ticks in between have
 //! none. The order is part of the format: the content of a frame depends on it.
 
-use sagnac_core::{Compensator, Image, MAX_RAW, Origin, State, Status};
+use sagnac_core::{Compensator, Image, Loaded, MAX_RAW, Origin, State, Status};
 use sagnac_loops::{
     Counting, Intensity, IntensityState, LoopTable, PathLength, PathLengthState, PathLengthStatus, Quadrature,
     QuadratureState, Stripper,
@@ -54,6 +54,7 @@ pub struct Board {
     path: (PathLength, PathLengthState),
     light: (Intensity, IntensityState),
     origin: Origin,
+    trial: bool,
     /// The frame being filled, and its ticks so far.
     frame: Output,
     frame_ticks: u16,
@@ -81,17 +82,29 @@ impl Board {
             path: (loops.path_length, loops.path_length.start()),
             light: (loops.intensity, loops.intensity.start()),
             origin,
+            trial: false,
             frame: Output { origin, ..Output::default() },
             frame_ticks: 0,
         }
     }
 
     /// Continues with another image, between two ticks.
+    #[inline(never)]
     pub fn use_image(&mut self, image: Image, origin: Origin) {
         self.gyro = Compensator::new(image);
         self.state = self.gyro.migrate_state(&self.state);
         self.origin = origin;
         self.frame.origin = origin;
+    }
+
+    /// What flash holds now, after a message or at power-on. Continues with its image if that is another one.
+    #[inline(never)]
+    pub fn use_loaded(&mut self, loaded: &Loaded) {
+        if loaded.image != *self.image() {
+            self.use_image(loaded.image, loaded.origin);
+        }
+        (self.origin, self.trial) = (loaded.origin, loaded.trial);
+        (self.frame.origin, self.frame.trial) = (loaded.origin, loaded.trial);
     }
 
     /// The active image.
@@ -180,6 +193,7 @@ impl Board {
             actuator: given.actuator,
             current: commands.current,
             origin: self.origin,
+            trial: self.trial,
             ..Output::default()
         };
         Some(given)

@@ -117,6 +117,21 @@ impl FrameReader {
         None
     }
 
+    /// The next whole frame in the buffer, when the line has been quiet: a beginning without its end is dropped byte by byte, so that
+    /// what follows it does not wait for more. `None` when nothing is held any more.
+    pub fn next_quiet(&mut self) -> Option<Frame> {
+        loop {
+            match self.next_buffered() {
+                Some(frame) => return Some(frame),
+                None if self.len == 0 => return None,
+                None => {
+                    self.drop_front(1);
+                    self.skipped = self.skipped.saturating_add(1);
+                }
+            }
+        }
+    }
+
     fn drop_front(&mut self, count: usize) {
         self.held.copy_within(count.min(MAX_FRAME).., 0);
         self.len = self.len.saturating_sub(count);

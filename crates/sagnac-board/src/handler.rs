@@ -5,7 +5,7 @@
 //! bytes out, for any timing of the two.
 
 use embedded_storage::nor_flash::NorFlash;
-use sagnac_core::{Banks, Gyro, Loaded};
+use sagnac_core::{Banks, Gyro, Loaded, NoKey, Trust};
 use sagnac_loops::{LoopTable, Stripper};
 
 use crate::board::{ActuatorCodes, Board};
@@ -50,11 +50,9 @@ impl TickHandler {
         output
     }
 
-    /// Continues with the image that flash holds, between two ticks. Does nothing if that image is already running.
-    pub fn use_image(&mut self, loaded: &Loaded) {
-        if loaded.image != *self.board.image() {
-            self.board.use_image(loaded.image, loaded.origin);
-        }
+    /// Continues with the image that flash holds, between two ticks.
+    pub fn use_loaded(&mut self, loaded: &Loaded) {
+        self.board.use_loaded(loaded);
     }
 }
 
@@ -64,8 +62,8 @@ impl TickHandler {
 pub enum Action {
     /// Run this row.
     Run(Row),
-    /// Send this reply. If there is an image, first give it to [`TickHandler::use_image`].
-    Reply(Reply, Option<Loaded>),
+    /// Send this. If there is an image, first give it to [`TickHandler::use_loaded`].
+    Send(Message, Option<Loaded>),
     /// Replace the tick handler by this one, then send this reply.
     PowerOn(TickHandler, Reply),
     /// End.
@@ -74,25 +72,35 @@ pub enum Action {
 
 /// The part that runs in the main loop: messages, and the flash banks.
 #[derive(Debug)]
-pub struct CommandHandler<F> {
+pub struct CommandHandler<F, T = NoKey> {
     banks: Banks<F>,
     gyro: Gyro,
     loops: LoopTable,
-    upload: Upload,
+    upload: Upload<T>,
     reader: FrameReader,
 }
 
 impl<F: NorFlash> CommandHandler<F> {
-    /// A handler for this gyro.
+    /// A handler for this gyro, without a key.
     pub const fn new(banks: Banks<F>, gyro: Gyro, loops: LoopTable) -> Self {
-        Self { banks, gyro, loops, upload: Upload::new(), reader: FrameReader::new() }
+        Self::with_trust(banks, gyro, loops, NoKey)
+    }
+}
+
+impl<F: NorFlash, T: Trust> CommandHandler<F, T> {
+    /// A handler for this gyro and what it trusts.
+    pub const fn with_trust(banks: Banks<F>, gyro: Gyro, loops: LoopTable, trust: T) -> Self {
+        Self { banks, gyro, loops, upload: Upload::new(trust), reader: FrameReader::new() }
     }
 
-    /// Power-on: loads the image from the banks and starts a tick handler on a rig with these settings.
+    /// Power-on: starts the image of the banks, and a tick handler on a rig with these settings.
+    #[inline(never)]
     pub fn power_on(&mut self, settings: RigSettings) -> (TickHandler, Reply) {
-        let loaded = self.banks.load(&self.gyro);
+        self.upload.power_on();
+        let loaded = self.banks.start(&self.gyro);
         let dithered = (settings.dither_counts > 0).then(|| Stripper::new(LONGEST_DITHER_TICKS, LEAST_SWING));
-        let board = Board::new(loaded.image, loaded.origin, &self.loops, Rig::LEVELS, dithered);
+        let mut board = Board::new(loaded.image, loaded.origin, &self.loops, Rig::LEVELS, dithered);
+        board.use_loaded(&loaded);
         let reply = Reply::new(POWER_ON, ReplyCode::Done, &loaded);
         (TickHandler { board, rig: Rig::new(settings), actuators: ActuatorCodes::default() }, reply)
     }
@@ -100,6 +108,13 @@ impl<F: NorFlash> CommandHandler<F> {
     /// Takes one byte from the serial line. Returns an action if a message ends with this byte.
     pub fn receive(&mut self, byte: u8) -> Option<Action> {
         let frame = self.reader.push(byte)?;
+        self.handle(&frame)
+    }
+
+    /// The line has been quiet for longer than a sender pauses within a frame: what was begun belongs to no frame. Whole frames that a
+    /// damaged one before them held back are handled now, one a call; call it until it returns `None`.
+    pub fn quiet(&mut self) -> Option<Action> {
+        let frame = self.reader.next_quiet()?;
         self.handle(&frame)
     }
 
@@ -112,8 +127,8 @@ impl<F: NorFlash> CommandHandler<F> {
             }
             Message::Stop => Some(Action::Stop),
             other => {
-                let (reply, loaded) = self.upload.handle(&other, &mut self.banks, &self.gyro)?;
-                Some(Action::Reply(reply, loaded))
+                let handled = self.upload.handle(&other, &mut self.banks, &self.gyro)?;
+                Some(Action::Send(handled.message, handled.loaded))
             }
         }
     }
@@ -122,7 +137,11 @@ impl<F: NorFlash> CommandHandler<F> {
 /// Both halves in one loop, for the host: bytes in, bytes out, until the input ends or a stop message arrives.
 ///
 /// The firmware must produce the same bytes.
-pub fn run<F: NorFlash>(handler: &mut CommandHandler<F>, input: impl Iterator<Item = u8>, mut out: impl FnMut(&[u8])) {
+pub fn run<F: NorFlash, T: Trust>(
+    handler: &mut CommandHandler<F, T>,
+    input: impl Iterator<Item = u8>,
+    mut out: impl FnMut(&[u8]),
+) {
     let mut send = |message: Message| {
         if let Some(frame) = message.frame() {
             let (bytes, len) = frame.bytes();
@@ -142,11 +161,11 @@ pub fn run<F: NorFlash>(handler: &mut CommandHandler<F>, input: impl Iterator<It
                     }
                 }
             }
-            Some(Action::Reply(reply, loaded)) => {
+            Some(Action::Send(message, loaded)) => {
                 if let Some(loaded) = loaded {
-                    ticks.use_image(&loaded);
+                    ticks.use_loaded(&loaded);
                 }
-                send(Message::Reply(reply));
+                send(message);
             }
             Some(Action::PowerOn(new, reply)) => {
                 ticks = new;

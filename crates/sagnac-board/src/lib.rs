@@ -9,11 +9,11 @@
 //! ```
 //!
 //! * [`Board`] runs one tick in a fixed order: slow update if due, pulses, stripping, compensation, loops, frame.
-//! * [`Rig`] replaces the gyro where there is none. It turns the rows of a log into levels, pickoff and light, in
+//! * `Rig` (feature `rig`, for a board without a gyro) replaces the gyro where there is none. It turns the rows of a log into levels, pickoff and light, in
 //!   integers, so a board in an emulator and one on the host see the same.
-//! * [`TickHandler`] is the part for the tick's interrupt, [`CommandHandler`] the part for the main loop; [`run`] runs
-//!   both on the host.
-//! * [`Upload`] receives an image over the line and commits it to the flash banks.
+//! * `TickHandler` is the part for the tick's interrupt on such a board, `CommandHandler` the part for its main loop; `run` runs
+//!   both on the host. A gyro's own firmware has neither, nor their messages: it calls [`Board`] and [`Upload`].
+//! * [`Upload`] receives an image over the line, checks its signature if the board has a key, and commits it to the flash banks.
 //! * [`frame`] is the format of the line: `docs/reference/serial-line.md`.
 //!
 //! There is no allocation, no floating point, no `unsafe` and no panic path (`cargo xtask no-panic` checks that at link
@@ -26,17 +26,23 @@
 
 mod board;
 pub mod frame;
+#[cfg(feature = "rig")]
 mod handler;
 mod memory_flash;
 mod message;
+#[cfg(feature = "rig")]
 mod rig;
 mod upload;
 
 pub use board::{ActuatorCodes, Board, FRAME_TICKS, Sample};
+#[cfg(feature = "rig")]
 pub use handler::{Action, CommandHandler, TickHandler, run};
 pub use memory_flash::{MemoryFlash, MemoryFlashError};
 pub use message::{
-    COMMIT, Message, OUTPUT_LEN, Output, PIECE, POWER_ON, ROLL_BACK, Reply, ReplyCode, RigSettings, Row,
+    ANSWER, COMMIT, CONFIRM, Message, OUTPUT_LEN, Output, PIECE, POWER_ON, ROLL_BACK, Reply, ReplyCode, SERVICE,
 };
+#[cfg(feature = "rig")]
+pub use message::{RigSettings, Row};
+#[cfg(feature = "rig")]
 pub use rig::Rig;
-pub use upload::Upload;
+pub use upload::{Handled, Upload};

@@ -1,13 +1,16 @@
 //! Messages: the payloads of frames as fields. Widths and units: `docs/reference/serial-line.md`.
 
 use sagnac_core::bytes::{Reader, Writer};
-use sagnac_core::{Loaded, Origin, Status};
+use sagnac_core::{CHALLENGE_LEN, Loaded, Origin, Status};
 
 use crate::frame::Frame;
 
 const OUTPUT: u8 = 0x01;
 const REPLY: u8 = 0x02;
+const CHALLENGE: u8 = 0x03;
+#[cfg(feature = "rig")]
 const SETTINGS: u8 = 0x10;
+#[cfg(feature = "rig")]
 const ROW: u8 = 0x11;
 /// Kind of [`Message::Piece`], as in [`Reply::to`].
 pub const PIECE: u8 = 0x20;
@@ -15,8 +18,15 @@ pub const PIECE: u8 = 0x20;
 pub const COMMIT: u8 = 0x21;
 /// Kind of [`Message::RollBack`].
 pub const ROLL_BACK: u8 = 0x22;
+/// Kind of [`Message::Confirm`].
+pub const CONFIRM: u8 = 0x23;
+/// Kind of [`Message::Service`].
+pub const SERVICE: u8 = 0x24;
+/// Kind of [`Message::Answer`].
+pub const ANSWER: u8 = 0x25;
 /// Value of [`Reply::to`] in the reply that is sent at power-on.
 pub const POWER_ON: u8 = 0;
+#[cfg(feature = "rig")]
 const STOP: u8 = 0x30;
 
 /// Bytes of an output frame.
@@ -51,9 +61,12 @@ pub struct Output {
     pub lost_steps: u16,
     /// Where the active image comes from.
     pub origin: Origin,
+    /// The active image is on trial.
+    pub trial: bool,
 }
 
 /// One row of a log, for a rig.
+#[cfg(feature = "rig")]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Row {
     /// Length, ticks.
@@ -67,6 +80,7 @@ pub struct Row {
 }
 
 /// Parameters of the rig that replaces the gyro.
+#[cfg(feature = "rig")]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RigSettings {
     /// Amplitude of the dither, counts; 0 for none.
@@ -108,6 +122,14 @@ pub enum ReplyCode {
     Flash = 5,
     /// A piece or a commit beyond the longest image.
     BadPiece = 6,
+    /// The board has a key, and its service mode is closed.
+    Locked = 7,
+    /// The board has a key, and the image no signature.
+    Unsigned = 8,
+    /// The signature of an image or an answer does not match, or is by another key.
+    BadSignature = 9,
+    /// There is no image on trial to confirm.
+    NotOnTrial = 10,
 }
 
 /// The reply to a message.
@@ -121,6 +143,8 @@ pub struct Reply {
     pub sequence: u32,
     /// Where the active image comes from.
     pub origin: Origin,
+    /// The active image is on trial: confirm it, or it is withdrawn after some starts.
+    pub trial: bool,
 }
 
 /// All messages of the serial line.
@@ -130,9 +154,13 @@ pub enum Message {
     Output(Output),
     /// From the gyro: the result of a message.
     Reply(Reply),
+    /// From the gyro: sign this ([`sagnac_core::service_message`]) to open the service mode.
+    Challenge([u8; CHALLENGE_LEN]),
     /// To a rig: its parameters. Restarts the board.
+    #[cfg(feature = "rig")]
     Settings(RigSettings),
     /// To a rig: run one row of a log.
+    #[cfg(feature = "rig")]
     Row(Row),
     /// To the gyro: bytes of an image.
     Piece {
@@ -145,25 +173,45 @@ pub enum Message {
     },
     /// To the gyro: the image is complete; store it.
     Commit {
-        /// Its length.
+        /// Its length, with the signature block if it has one.
         len: u16,
+        /// Store it on trial ([`sagnac_core::Banks::start`]).
+        trial: bool,
     },
+    /// To the gyro: the image on trial has proved itself.
+    Confirm,
     /// To the gyro: go back to the image before this one.
     RollBack,
+    /// To the gyro: open the service mode. The answer is a [`Message::Challenge`].
+    Service,
+    /// To the gyro: the signature of its challenge.
+    Answer([u8; 64]),
     /// To a rig: the end of the run.
+    #[cfg(feature = "rig")]
     Stop,
 }
 
 impl Reply {
     /// The reply to a message of this kind, with what flash holds now.
     pub(crate) const fn new(to: u8, code: ReplyCode, loaded: &Loaded) -> Self {
-        Self { to, code, sequence: loaded.image.description().sequence, origin: loaded.origin }
+        Self { to, code, sequence: loaded.image.description().sequence, origin: loaded.origin, trial: loaded.trial }
     }
 }
 
 impl ReplyCode {
-    const ALL: [Self; 7] =
-        [Self::Done, Self::NotAnImage, Self::Mismatch, Self::NotNewer, Self::NoOlderImage, Self::Flash, Self::BadPiece];
+    const ALL: [Self; 11] = [
+        Self::Done,
+        Self::NotAnImage,
+        Self::Mismatch,
+        Self::NotNewer,
+        Self::NoOlderImage,
+        Self::Flash,
+        Self::BadPiece,
+        Self::Locked,
+        Self::Unsigned,
+        Self::BadSignature,
+        Self::NotOnTrial,
+    ];
 }
 
 impl Message {
@@ -181,11 +229,18 @@ impl Message {
         match self {
             Self::Output(_) => OUTPUT,
             Self::Reply(_) => REPLY,
+            Self::Challenge(_) => CHALLENGE,
+            #[cfg(feature = "rig")]
             Self::Settings(_) => SETTINGS,
+            #[cfg(feature = "rig")]
             Self::Row(_) => ROW,
             Self::Piece { .. } => PIECE,
             Self::Commit { .. } => COMMIT,
+            Self::Confirm => CONFIRM,
             Self::RollBack => ROLL_BACK,
+            Self::Service => SERVICE,
+            Self::Answer(_) => ANSWER,
+            #[cfg(feature = "rig")]
             Self::Stop => STOP,
         }
     }
@@ -211,15 +266,20 @@ impl Message {
                     w.put(value.to_le_bytes())?;
                 }
                 w.put(o.lost_steps.to_le_bytes())?;
-                w.put([u8::from(o.temperature.is_some()) | origin_code(o.origin) << 1])?;
+                w.put([u8::from(o.temperature.is_some()) | image_code(o.origin, o.trial) << 1])?;
                 Some(OUTPUT_LEN - 8)
             }
             Self::Reply(reply) => {
                 w.put([reply.to, reply.code as u8])?;
                 w.put(reply.sequence.to_le_bytes())?;
-                w.put([origin_code(reply.origin)])?;
+                w.put([image_code(reply.origin, reply.trial)])?;
                 Some(7)
             }
+            Self::Challenge(challenge) => {
+                w.put(*challenge)?;
+                Some(CHALLENGE_LEN)
+            }
+            #[cfg(feature = "rig")]
             Self::Settings(s) => {
                 for value in [s.dither_counts, s.dither_step, s.curvature, s.lamp_gain] {
                     w.put(value.to_le_bytes())?;
@@ -230,6 +290,7 @@ impl Message {
                 w.put([s.lamp_lag, s.actuator_lag, s.noise_bits])?;
                 Some(31)
             }
+            #[cfg(feature = "rig")]
             Self::Row(row) => {
                 w.put(row.ticks.to_le_bytes())?;
                 w.put(row.counts.to_le_bytes())?;
@@ -244,11 +305,18 @@ impl Message {
                 w.put(*bytes)?;
                 Some(2 + usize::from(*len).min(PIECE_LEN))
             }
-            Self::Commit { len } => {
+            Self::Commit { len, trial } => {
                 w.put(len.to_le_bytes())?;
-                Some(2)
+                w.put([u8::from(*trial)])?;
+                Some(3)
             }
-            Self::RollBack | Self::Stop => Some(0),
+            Self::Answer(signature) => {
+                w.put(*signature)?;
+                Some(64)
+            }
+            Self::Confirm | Self::RollBack | Self::Service => Some(0),
+            #[cfg(feature = "rig")]
+            Self::Stop => Some(0),
         }
     }
 
@@ -259,10 +327,14 @@ impl Message {
             OUTPUT => Self::Output(read_output(&mut r)?),
             REPLY => {
                 let [to, code] = r.take()?;
-                let code = *ReplyCode::ALL.get(usize::from(code))?;
-                Self::Reply(Reply { to, code, sequence: r.u32()?, origin: origin_of(r.u8()?)? })
+                let (code, sequence) = (*ReplyCode::ALL.get(usize::from(code))?, r.u32()?);
+                let (origin, trial) = image_of(r.u8()?)?;
+                Self::Reply(Reply { to, code, sequence, origin, trial })
             }
+            CHALLENGE => Self::Challenge(r.take()?),
+            #[cfg(feature = "rig")]
             SETTINGS => Self::Settings(read_settings(&mut r)?),
+            #[cfg(feature = "rig")]
             ROW => {
                 let (ticks, counts, present) = (r.u32()?, r.i32()?, r.u8()?);
                 Self::Row(Row { ticks, counts, present, codes: [r.i32()?, r.i32()?, r.i32()?, r.i32()?] })
@@ -276,8 +348,15 @@ impl Message {
                 }
                 Self::Piece { offset, len, bytes }
             }
-            COMMIT => Self::Commit { len: r.u16()? },
+            COMMIT => {
+                let (len, trial) = (r.u16()?, r.u8()?);
+                Self::Commit { len, trial: flag(trial)? }
+            }
+            CONFIRM => Self::Confirm,
             ROLL_BACK => Self::RollBack,
+            SERVICE => Self::Service,
+            ANSWER => Self::Answer(r.take()?),
+            #[cfg(feature = "rig")]
             STOP => Self::Stop,
             _ => return None,
         };
@@ -285,17 +364,28 @@ impl Message {
     }
 }
 
-/// 0 newest, 1 survivor, 2 factory defaults.
-const fn origin_code(origin: Origin) -> u8 {
-    match origin {
+/// 0 newest, 1 survivor, 2 factory defaults; 4 more on trial.
+const fn image_code(origin: Origin, trial: bool) -> u8 {
+    let origin = match origin {
         Origin::Newest => 0,
         Origin::Survivor => 1,
         Origin::FactoryDefaults => 2,
-    }
+    };
+    origin | (trial as u8) << 2
 }
 
-fn origin_of(code: u8) -> Option<Origin> {
-    [Origin::Newest, Origin::Survivor, Origin::FactoryDefaults].get(usize::from(code)).copied()
+fn image_of(code: u8) -> Option<(Origin, bool)> {
+    let origin = *[Origin::Newest, Origin::Survivor, Origin::FactoryDefaults].get(usize::from(code & 3))?;
+    Some((origin, flag(code >> 2)?))
+}
+
+/// One byte, one meaning.
+const fn flag(byte: u8) -> Option<bool> {
+    match byte {
+        0 => Some(false),
+        1 => Some(true),
+        _ => None,
+    }
 }
 
 fn read_output(r: &mut Reader<'_>) -> Option<Output> {
@@ -310,7 +400,7 @@ fn read_output(r: &mut Reader<'_>) -> Option<Output> {
         0 => None,
         _ => Some(temperature),
     };
-    let origin = origin_of(source >> 1)?;
+    let (origin, trial) = image_of(source >> 1)?;
     Some(Output {
         sequence,
         tick,
@@ -324,9 +414,11 @@ fn read_output(r: &mut Reader<'_>) -> Option<Output> {
         temperature,
         lost_steps,
         origin,
+        trial,
     })
 }
 
+#[cfg(feature = "rig")]
 fn read_settings(r: &mut Reader<'_>) -> Option<RigSettings> {
     let (dither_counts, dither_step, curvature, lamp_gain) = (r.u32()?, r.u32()?, r.u32()?, r.u32()?);
     let (peak, peak_slope, wavelength) = (r.i32()?, r.i32()?, r.i32()?);

@@ -1,53 +1,109 @@
-//! A new image over the serial line: pieces, then a commit; or a roll back to the image before.
+//! A new image over the serial line: pieces, then a commit; a confirmation; or a roll back to the image before.
+//!
+//! ```text
+//! board without a key:   pieces ─▶ commit ─▶ decoded, for this gyro, newer ─▶ stored ─▶ in use between two ticks
+//! board with a key:      service ─▶ challenge ─▶ answer ─▶ pieces ─▶ commit ─▶ signature ─▶ … as above
+//! ```
 //!
 //! Pieces may arrive in any order and more than once. The commit decodes, checks and stores the image; the board starts
 //! to use it between two ticks. A refused commit changes neither the active image nor the received pieces, so only
 //! missing pieces need to be sent again.
 //!
-//! A store erases and programs flash and takes milliseconds. Call it from the main loop, not from the tick.
+//! A board with a public key ([`Trust`]) takes nothing until its challenge is answered with a signature over the challenge and this
+//! gyro's serial number and axis. One answer opens the service mode for one change: a commit, a confirmation or a roll back that is done
+//! ends it, and so does power-off. A wrong answer needs another challenge. The image itself needs a signature too.
+//!
+//! A store erases and programs flash, and a signature takes milliseconds. Call it from the main loop, not from the tick.
 
 use embedded_storage::nor_flash::NorFlash;
-use sagnac_core::{Banks, Gyro, Image, Loaded, MAX_IMAGE_LEN, StoreError};
+use sagnac_core::{
+    Banks, CHALLENGE_LEN, Gyro, Loaded, MAX_SIGNED_LEN, NoKey, SignatureError, StoreError, Trust, Trusted,
+    service_message,
+};
 
 use crate::message::{Message, Reply, ReplyCode};
 
-/// Buffer for an image in pieces.
+/// Buffer for an image in pieces, and what the board trusts.
 #[derive(Clone, Debug)]
-pub struct Upload {
-    bytes: [u8; MAX_IMAGE_LEN],
+pub struct Upload<T = NoKey> {
+    bytes: [u8; MAX_SIGNED_LEN],
+    trust: T,
+    service: Service,
 }
 
-impl Default for Upload {
-    fn default() -> Self {
-        Self::new()
-    }
+/// The service mode of a board with a key.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Service {
+    Closed,
+    /// A challenge was sent, and not answered yet.
+    Asked([u8; CHALLENGE_LEN]),
+    Open,
 }
 
-impl Upload {
+/// What the board says to a message, and what flash holds now if the active image may have changed.
+#[derive(Clone, Copy, Debug)]
+pub struct Handled {
+    /// A reply or a challenge.
+    pub message: Message,
+    /// Give it to the board between two ticks.
+    pub loaded: Option<Loaded>,
+}
+
+impl<T: Trust> Upload<T> {
     /// An empty buffer.
-    pub const fn new() -> Self {
-        Self { bytes: [0; MAX_IMAGE_LEN] }
+    pub const fn new(trust: T) -> Self {
+        Self { bytes: [0; MAX_SIGNED_LEN], trust, service: Service::Closed }
     }
 
-    /// Handles a piece, a commit or a roll back. Returns the reply and, if the active image may have changed, what
-    /// flash holds now. `None` for every other message.
-    pub fn handle<F: NorFlash>(
-        &mut self,
-        message: &Message,
-        banks: &mut Banks<F>,
-        gyro: &Gyro,
-    ) -> Option<(Reply, Option<Loaded>)> {
+    /// What the board trusts.
+    pub const fn trust(&self) -> &T {
+        &self.trust
+    }
+
+    /// Power-on: the service mode is closed.
+    pub const fn power_on(&mut self) {
+        self.service = Service::Closed;
+    }
+
+    /// Handles a message about images. `None` for every other one.
+    pub fn handle<F: NorFlash>(&mut self, message: &Message, banks: &mut Banks<F>, gyro: &Gyro) -> Option<Handled> {
+        let open = self.trust.public_key().is_none() || self.service == Service::Open;
         let code = match message {
+            Message::Service if self.trust.public_key().is_some() => {
+                let challenge = self.trust.challenge();
+                self.service = Service::Asked(challenge);
+                return Some(Handled { message: Message::Challenge(challenge), loaded: None });
+            }
+            // Nothing to answer: the line is open.
+            Message::Service => ReplyCode::Done,
+            Message::Answer(signature) => self.answer(signature, gyro),
+            Message::Piece { .. } | Message::Commit { .. } | Message::Confirm | Message::RollBack if !open => {
+                ReplyCode::Locked
+            }
             Message::Piece { offset, len, bytes } => self.keep(usize::from(*offset), bytes.get(..usize::from(*len))?),
-            Message::Commit { len } => self.commit(usize::from(*len), banks, gyro),
+            Message::Commit { len, trial } => self.commit(usize::from(*len), *trial, banks, gyro),
+            Message::Confirm => banks.confirm(gyro).map_or_else(of_store, |()| ReplyCode::Done),
             Message::RollBack => banks.roll_back(gyro).map_or_else(of_store, |_| ReplyCode::Done),
             _ => return None,
         };
+        let changes = matches!(message, Message::Commit { .. } | Message::Confirm | Message::RollBack);
+        if changes && code == ReplyCode::Done {
+            self.service = Service::Closed;
+        }
         let loaded = banks.load(gyro);
-        // Use what flash holds, not the code: a failed step may still have changed the active image.
-        let changed = !matches!(message, Message::Piece { .. });
         let reply = Reply::new(message.kind(), code, &loaded);
-        Some((reply, changed.then_some(loaded)))
+        // Use what flash holds, not the code: a failed step may still have changed the active image.
+        Some(Handled { message: Message::Reply(reply), loaded: changes.then_some(loaded) })
+    }
+
+    fn answer(&mut self, signature: &[u8; 64], gyro: &Gyro) -> ReplyCode {
+        let (Some(key), Service::Asked(challenge)) = (self.trust.public_key(), self.service) else {
+            return ReplyCode::Locked;
+        };
+        let message = service_message(&gyro.serial, gyro.axis, &challenge);
+        let right = self.trust.verify(&key, message.bytes(), signature);
+        self.service = if right { Service::Open } else { Service::Closed };
+        if right { ReplyCode::Done } else { ReplyCode::BadSignature }
     }
 
     fn keep(&mut self, offset: usize, piece: &[u8]) -> ReplyCode {
@@ -60,12 +116,31 @@ impl Upload {
         }
     }
 
-    fn commit<F: NorFlash>(&mut self, len: usize, banks: &mut Banks<F>, gyro: &Gyro) -> ReplyCode {
+    #[inline(never)]
+    fn commit<F: NorFlash>(&mut self, len: usize, trial: bool, banks: &mut Banks<F>, gyro: &Gyro) -> ReplyCode {
         let Some(bytes) = self.bytes.get(..len) else { return ReplyCode::BadPiece };
-        match Image::decode(bytes) {
-            Ok(image) => banks.store(gyro, &image).map_or_else(of_store, |()| ReplyCode::Done),
-            Err(_) => ReplyCode::NotAnImage,
+        let Trusted { image, counter } = match Trusted::check(bytes, &self.trust) {
+            Ok(trusted) => trusted,
+            Err(error) => return of_signature(error),
+        };
+        let stored = if trial { banks.store_on_trial(gyro, &image) } else { banks.store(gyro, &image) };
+        if let Err(error) = stored {
+            return of_store(error);
         }
+        if let Some(counter) = counter.filter(|counter| *counter > self.trust.lowest_counter()) {
+            self.trust.raise_lowest_counter(counter);
+        }
+        ReplyCode::Done
+    }
+}
+
+const fn of_signature(error: SignatureError) -> ReplyCode {
+    match error {
+        SignatureError::Unsigned => ReplyCode::Unsigned,
+        SignatureError::Block | SignatureError::OtherKey | SignatureError::Signature => ReplyCode::BadSignature,
+        SignatureError::Model => ReplyCode::Mismatch,
+        SignatureError::OldCounter { .. } => ReplyCode::NotNewer,
+        SignatureError::Image(_) => ReplyCode::NotAnImage,
     }
 }
 
@@ -74,8 +149,7 @@ fn of_store<E>(error: StoreError<E>) -> ReplyCode {
         StoreError::Mismatch(_) => ReplyCode::Mismatch,
         StoreError::NotNewer { .. } => ReplyCode::NotNewer,
         StoreError::NoOlderImage => ReplyCode::NoOlderImage,
-        StoreError::NoFreeNote | StoreError::StoreCounterFull | StoreError::ReadBack { .. } | StoreError::Flash(_) => {
-            ReplyCode::Flash
-        }
+        StoreError::NotOnTrial => ReplyCode::NotOnTrial,
+        StoreError::NoFreeNote | StoreError::ReadBack { .. } | StoreError::Flash(_) => ReplyCode::Flash,
     }
 }

@@ -43,6 +43,7 @@ fn message() -> impl Strategy<Value = Message> {
                 temperature: (n & 1 == 0).then_some(v[5]),
                 lost_steps: n ^ 0x5a5a,
                 origin: [Origin::Newest, Origin::Survivor, Origin::FactoryDefaults][usize::from(p % 3)],
+                trial: l & 1 == 1,
             })
         }),
         (any::<u8>(), any::<u32>()).prop_map(|(to, sequence)| Message::Reply(Reply {
@@ -50,6 +51,7 @@ fn message() -> impl Strategy<Value = Message> {
             code: ReplyCode::Mismatch,
             sequence,
             origin: Origin::Survivor,
+            trial: sequence & 1 == 1,
         })),
         (any::<[i32; 7]>(), any::<[u8; 3]>()).prop_map(|(v, b)| {
             Message::Settings(RigSettings {
@@ -68,8 +70,17 @@ fn message() -> impl Strategy<Value = Message> {
         (any::<[i32; 6]>(), any::<u8>()).prop_map(|(v, present)| {
             Message::Row(Row { ticks: v[0] as u32, counts: v[1], present, codes: [v[2], v[3], v[4], v[5]] })
         }),
-        any::<u16>().prop_map(|len| Message::Commit { len }),
+        any::<(u16, bool)>().prop_map(|(len, trial)| Message::Commit { len, trial }),
         Just(Message::RollBack),
+        Just(Message::Confirm),
+        Just(Message::Service),
+        any::<[u8; 16]>().prop_map(Message::Challenge),
+        any::<[u8; 32]>().prop_map(|half| {
+            let mut signature = [0; 64];
+            signature[..32].copy_from_slice(&half);
+            signature[32..].copy_from_slice(&half);
+            Message::Answer(signature)
+        }),
         Just(Message::Stop),
     ]
 }
@@ -204,7 +215,7 @@ fn a_new_image_takes_effect_between_two_ticks() {
     let row = Row { ticks: 100_000, counts: 400, present: 1, codes: [20 << 24, 0, 0, 0] };
     let mut input = vec![Message::Settings(settings), Message::Row(row)];
     input.extend(Message::pieces(PAPER));
-    input.extend([Message::Commit { len: PAPER.len() as u16 }, Message::Row(row), Message::RollBack]);
+    input.extend([Message::Commit { len: PAPER.len() as u16, trial: false }, Message::Row(row), Message::RollBack]);
     let out = outputs(&input);
     let of = |from: usize| -> Vec<&Output> {
         let frames = out.iter().skip(from).filter_map(|m| if let Message::Output(o) = m { Some(o) } else { None });

@@ -8,14 +8,16 @@ use sagnac::calibration::{Calibration, InputSource, UNASSIGNED};
 use sagnac::export::{TextFile, Widths, c_files, codes, encode, image_bytes, verilog_files};
 use sagnac::{Error, Result};
 use sagnac_board::Message;
-use sagnac_core::Image;
+use sagnac_core::{Image, MAX_SEQUENCE, SignatureBlock};
 use sagnac_log::ingest::{hex, sha256};
 use sagnac_log::write::write_bytes;
 use sagnac_loops::{LoopTable, TABLE_MAGIC};
 use sagnac_sim::LoopDesign;
 
 use crate::console::{Console, Outcome, Ran, table as drawn};
+use crate::line::frame_bytes;
 use crate::loading::{self, Kind};
+use crate::signature_args::SignArgs;
 use crate::simulate::{read_scenario, refused};
 
 /// Write a calibration as what the target holds: a flash image per axis, C99, or Verilog
@@ -25,7 +27,8 @@ Examples:
   sagnac export unit.cal.json --to image -o unit.img        (three axes: unit-x.img, unit-y.img, unit-z.img)
   sagnac export unit.cal.json --to c -o src/sagnac --loops gyro.toml
   sagnac export unit.img --to verilog -o rtl --raw-bits 12
-  sagnac export unit.cal.json --to upload --sequence 2 -o /dev/ttyUSB0
+  sagnac export unit.cal.json --to upload --sequence 2 --trial -o /dev/ttyUSB0
+  sagnac export unit.cal.json --to image --sign factory.key --model RLG-28 --counter 12 -o unit.img
   sagnac export gyro.toml --to loops -o gyro.loops")]
 pub(crate) struct Args {
     /// Calibration, flash image or reference vectors; for `--to loops` the scenario whose loops are meant
@@ -38,8 +41,13 @@ pub(crate) struct Args {
     #[arg(short, long, value_name = "PATH")]
     output: PathBuf,
     /// Sequence number of the image, above that of the image the gyro has [default: 1]
-    #[arg(long, value_parser = clap::value_parser!(u32).range(1..i64::from(u32::MAX)))]
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_SEQUENCE)))]
     sequence: Option<u32>,
+    #[command(flatten)]
+    signature: SignArgs,
+    /// Upload: store the image on trial. It is withdrawn after four starts without `sagnac line confirm`
+    #[arg(long)]
+    trial: bool,
     /// C and Verilog: the loops too, of this scenario or table of the loops
     #[arg(long, value_name = "FILE")]
     loops: Option<PathBuf>,
@@ -112,7 +120,9 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
 /// Refuses a flag that the target does not use.
 fn check_flags(args: &Args) -> Result<()> {
     use Target::{C, Image, Upload, Verilog};
-    let flags: [(&str, bool, &[Target]); 4] = [
+    let flags: [(&str, bool, &[Target]); 6] = [
+        ("--sign", args.signature.sign.is_some(), &[Image, Upload]),
+        ("--trial", args.trial, &[Upload]),
         ("--sequence", args.sequence.is_some(), &[Image, Upload, C, Verilog]),
         ("--loops", args.loops.is_some(), &[C, Verilog]),
         ("--raw-bits", args.raw_bits.is_some(), &[Verilog]),
@@ -142,11 +152,14 @@ impl Target {
 fn per_axis(args: &Args, console: &mut Console) -> Ran {
     // All images first: a failure of the second axis leaves the first axis' old file.
     let images = images(args)?;
+    let signed_before = signed_before(args)?;
     for image in &images {
         let axis = char::from(image.description().axis);
         let path = if images.len() == 1 { args.output.clone() } else { path_of_axis(&args.output, axis) };
-        let bytes = image_bytes(image);
-        let bytes = if args.to == Target::Upload { upload(&bytes) } else { bytes };
+        let mut bytes = image_bytes(image);
+        let block = args.signature.block_of(&bytes)?.or(signed_before);
+        bytes.extend(block.iter().flat_map(|block| block.encode()));
+        let bytes = if args.to == Target::Upload { upload(&bytes, args.trial)? } else { bytes };
         wrote(&path, &bytes, console)?;
     }
     say_codes(args, console)?;
@@ -181,11 +194,24 @@ fn say_codes(args: &Args, console: &mut Console) -> Result<()> {
     Ok(())
 }
 
+/// The signature of an image that is exported again: it stays, for the image does.
+fn signed_before(args: &Args) -> Result<Option<SignatureBlock>> {
+    let Kind::Image = loading::kind_of(&args.input)? else { return Ok(None) };
+    let block = loading::signed_image(&args.input)?.2;
+    match (&block, &args.signature.sign) {
+        (Some(_), Some(_)) => {
+            Err(Error::input("is signed already; sign the calibration's own export")
+                .file(args.input.display().to_string()))
+        }
+        _ => Ok(block),
+    }
+}
+
 /// The pieces of an image and the word to commit it.
-fn upload(image: &[u8]) -> Vec<u8> {
-    let commit = Message::Commit { len: image.len() as u16 };
-    let frames = Message::pieces(image).chain([commit]).filter_map(|message| message.frame());
-    frames.flat_map(|frame| frame.bytes().0.into_iter().take(frame.bytes().1)).collect()
+fn upload(image: &[u8], trial: bool) -> Result<Vec<u8>> {
+    let commit = Message::Commit { len: image.len() as u16, trial };
+    let frames: Result<Vec<_>> = Message::pieces(image).chain([commit]).map(|message| frame_bytes(&message)).collect();
+    Ok(frames?.concat())
 }
 
 /// The images of a calibration, or the one that a file is.

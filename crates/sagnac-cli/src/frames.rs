@@ -5,8 +5,9 @@ use std::path::{Path, PathBuf};
 
 use sagnac::{Error, Result};
 use sagnac_board::frame::FrameReader;
-use sagnac_board::{COMMIT, Message, Output, PIECE, POWER_ON, ROLL_BACK, Reply, ReplyCode};
+use sagnac_board::{ANSWER, COMMIT, CONFIRM, Message, Output, PIECE, POWER_ON, ROLL_BACK, Reply, ReplyCode, SERVICE};
 use sagnac_core::{Origin, Status};
+use sagnac_log::ingest::hex;
 use sagnac_log::write::write_atomically;
 use sagnac_loops::{IntensityStatus, PathLengthStatus};
 
@@ -42,7 +43,8 @@ pub(crate) struct Args {
 #[derive(Default)]
 struct Tally {
     outputs: u64,
-    answers: Vec<Reply>,
+    /// Replies and challenges, as lines.
+    answers: Vec<String>,
     others: u64,
     missing: u64,
     /// Places where the frames' count or clock jumps by more than lost frames explain.
@@ -83,7 +85,7 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
 
 fn report(tally: &Tally, console: &mut Console) -> Ran {
     for answer in &tally.answers {
-        console.note(words_of(answer));
+        console.note(answer);
     }
     console.note(format!("{} output frames, {} missing between them", tally.outputs, tally.missing));
     if tally.breaks > 0 {
@@ -104,6 +106,9 @@ fn words_of(reply: &Reply) -> String {
         PIECE => "piece of an image",
         COMMIT => "commit of an image",
         ROLL_BACK => "roll back",
+        CONFIRM => "confirmation",
+        SERVICE => "service mode",
+        ANSWER => "answer to a challenge",
         _ => "message",
     };
     let became = match reply.code {
@@ -114,7 +119,12 @@ fn words_of(reply: &Reply) -> String {
         ReplyCode::NoOlderImage => "refused: no older image to go back to",
         ReplyCode::Flash => "failed: flash",
         ReplyCode::BadPiece => "refused: beyond the longest image",
+        ReplyCode::Locked => "refused: the service mode is closed",
+        ReplyCode::Unsigned => "refused: not signed, and this gyro has a key",
+        ReplyCode::BadSignature => "refused: the signature does not match, or is by another key",
+        ReplyCode::NotOnTrial => "refused: no image is on trial",
     };
+    let trial = if reply.trial { ", on trial: confirm it" } else { "" };
     match reply.sequence {
         0 => format!("{what}: {became}; factory defaults active"),
         number if reply.origin == Origin::Survivor => {
@@ -122,7 +132,7 @@ fn words_of(reply: &Reply) -> String {
                 "{what}: {became}; image {number} active, the only usable one: the other bank is damaged or not for this gyro"
             )
         }
-        number => format!("{what}: {became}; image {number} active"),
+        number => format!("{what}: {became}; image {number} active{trial}"),
     }
 }
 
@@ -183,6 +193,12 @@ impl Tally {
         }
     }
 
+    fn note(&mut self, line: String) {
+        if self.answers.len() < MOST_ANSWERS {
+            self.answers.push(line);
+        }
+    }
+
     /// Counts a frame; the row of an output.
     fn take(&mut self, frame: &sagnac_board::frame::Frame, tick_us: f64) -> Option<String> {
         match Message::parse(frame) {
@@ -196,9 +212,13 @@ impl Tally {
                     // Power-on begins a new count.
                     self.last = None;
                 }
-                if self.answers.len() < MOST_ANSWERS && !(reply.to == PIECE && reply.code == ReplyCode::Done) {
-                    self.answers.push(reply);
+                if !(reply.to == PIECE && reply.code == ReplyCode::Done) {
+                    self.note(words_of(&reply));
                 }
+                None
+            }
+            Some(Message::Challenge(challenge)) => {
+                self.note(format!("challenge {}", hex(&challenge)));
                 None
             }
             _ => {
@@ -225,7 +245,7 @@ fn row(o: &Output, ticks: u64, tick_us: f64) -> String {
     let path = PathLengthStatus::NAMES.iter().map(|(bit, name)| (bit.bits().into(), *name));
     let light = IntensityStatus::NAMES.iter().map(|(bit, name)| (bit.bits().into(), *name));
     let thermometer = o.temperature.map_or(String::new(), |code| code.to_string());
-    let image = origin_word(o.origin);
+    let image = if o.trial { "on trial" } else { origin_word(o.origin) };
     let (path, light) = (names(path, o.path_status.into()), names(light, o.light_status.into()));
     format!(
         "{},{ticks},{time_s:.6},{},{},{status},{path},{light},{},{},{thermometer},{},{image}\n",

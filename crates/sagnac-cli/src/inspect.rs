@@ -7,7 +7,9 @@ use sagnac::calibration::Calibration;
 use sagnac::export::image_bytes;
 use sagnac::fit::{FitOptions, Model, calibrate};
 use sagnac::window::{WindowBuilder, Windows};
-use sagnac_core::{Description, Image, Kind as Quantity, LagSpec, Multiplier, Shape, Term, ValueSource};
+use sagnac_core::{
+    Description, Image, Kind as Quantity, LagSpec, Multiplier, Shape, SignatureBlock, Term, ValueSource,
+};
 use sagnac_log::ingest::{AngleUnit, LogReader, LogShape, ReadMode, Tally, hex, sha256};
 use sagnac_log::setup::Setup;
 use sagnac_units::format::significant;
@@ -16,9 +18,11 @@ use serde::Serialize;
 
 use crate::calibrate::{excluded, summary};
 use crate::console::{Console, Outcome, Ran, table};
+use crate::key::words;
 use crate::loading::{self, Kind};
 use crate::progress::open_log;
 use crate::setup_args::LogArgs;
+use crate::signature_args::model_name;
 
 /// Say what a log, window table, calibration or image is
 #[derive(clap::Args)]
@@ -245,8 +249,18 @@ struct ImageObject {
     reference_c: f64,
     sequence: u32,
     parent: String,
+    /// What the signature block says; it is not checked here.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    signature: Option<SignatureObject>,
     thermometers: Vec<ImageThermometer>,
     terms: Vec<ImageTerm>,
+}
+
+#[derive(Serialize)]
+struct SignatureObject {
+    model: String,
+    counter: u32,
+    key: String,
 }
 
 #[derive(Serialize)]
@@ -287,12 +301,15 @@ struct ImageTerm {
 }
 
 fn image(path: &Path, console: &mut Console) -> Result<()> {
-    let image = loading::image(path)?;
-    let object = image_object(&image);
+    let (image, _, signature) = loading::signed_image(path)?;
+    let object = image_object(&image, signature.as_ref());
     console.say(format!(
         "an image for axis {} of {}, sequence {}, SHA-256 {}",
         object.axis, object.serial, object.sequence, object.sha256
     ));
+    if let Some(block) = &signature {
+        console.say(format!("{}; not checked here: sagnac key verify", words(block)));
+    }
     console.say(format!(
         "{} arcsec per output count ({} counts of the log); tick {} ns, temperature period {} ticks, slew {} ticks; zero at {:.3} °C",
         object.arcsec_per_count, object.quantum, object.tick_ns, object.period_ticks, object.slew_ticks, object.reference_c
@@ -335,7 +352,7 @@ fn time_constant_s(lag: &LagSpec, d: &Description) -> f64 {
     -period_s / (-alpha).ln_1p()
 }
 
-fn image_object(image: &Image) -> ImageObject {
+fn image_object(image: &Image, signature: Option<&SignatureBlock>) -> ImageObject {
     let d = image.description();
     let celsius = |q24: i32| f64::from(q24) / f64::from(1 << 24);
     let thermometers = image.inputs().iter().map(|t| ImageThermometer {
@@ -389,6 +406,11 @@ fn image_object(image: &Image) -> ImageObject {
         reference_c: celsius(d.reference_q24),
         sequence: d.sequence,
         parent: hex(&d.parent),
+        signature: signature.map(|block| SignatureObject {
+            model: model_name(&block.model),
+            counter: block.counter,
+            key: hex(&block.key_id),
+        }),
         thermometers: thermometers.collect(),
         terms: terms.collect(),
     }

@@ -7,7 +7,7 @@ use sagnac::calibration::Calibration;
 use sagnac::verify::Correction;
 use sagnac::window::{WindowBuilder, Windows, is_table, read_table};
 use sagnac::{Error, Result};
-use sagnac_core::{Image, MAGIC, MAX_IMAGE_LEN};
+use sagnac_core::{Image, MAGIC, MAX_SIGNED_LEN, SignatureBlock};
 use sagnac_log::ingest::{LogReader, ReadMode};
 use sagnac_log::setup::Setup;
 
@@ -126,10 +126,24 @@ fn table(path: &Path, args: &LogArgs) -> Result<(Windows, Setup)> {
 
 /// An image.
 pub(crate) fn image(path: &Path) -> Result<Image> {
+    signed_image(path).map(|(image, ..)| image)
+}
+
+/// An image, its bytes without a signature, and its signature block if it has one. The signature is not checked.
+pub(crate) fn signed_image(path: &Path) -> Result<(Image, Vec<u8>, Option<SignatureBlock>)> {
+    let whole = image_bytes_of(path)?;
+    let refused = |e: String| Error::input(format!("not a usable image: {e}")).file(path.display().to_string());
+    let (bytes, block) = SignatureBlock::split(&whole).map_err(|e| refused(e.to_string()))?;
+    let image = Image::decode(bytes).map_err(|e| refused(e.to_string()))?;
+    Ok((image, bytes.to_vec(), block))
+}
+
+/// The bytes of an image's file, signed or not.
+pub(crate) fn image_bytes_of(path: &Path) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
     let file = std::fs::File::open(path).map_err(|e| Error::io_path(path, "open", &e))?;
-    file.take(MAX_IMAGE_LEN as u64 + 1).read_to_end(&mut bytes).map_err(|e| Error::io_path(path, "read", &e))?;
-    Image::decode(&bytes).map_err(|e| Error::input(format!("not a usable image: {e}")).file(path.display().to_string()))
+    file.take(MAX_SIGNED_LEN as u64 + 1).read_to_end(&mut bytes).map_err(|e| Error::io_path(path, "read", &e))?;
+    Ok(bytes)
 }
 
 /// A calibration.

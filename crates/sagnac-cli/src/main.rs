@@ -15,11 +15,14 @@ mod export;
 mod frames;
 mod import;
 mod inspect;
+mod key;
+mod line;
 mod loading;
 mod manual;
 mod pipe;
 mod progress;
 mod setup_args;
+mod signature_args;
 mod simulate;
 mod verify;
 mod window;
@@ -65,6 +68,8 @@ enum Command {
     Evaluate(evaluate::Args),
     Export(export::Args),
     Frames(frames::Args),
+    Key(key::Args),
+    Line(line::Args),
     Import(import::Args),
     Demo(demo::Args),
     Simulate(simulate::Args),
@@ -119,6 +124,8 @@ fn run(command: Command, console: &mut Console) -> console::Ran {
         Command::Evaluate(args) => evaluate::run(&args, console),
         Command::Export(args) => export::run(&args, console),
         Command::Frames(args) => frames::run(&args, console),
+        Command::Key(args) => key::run(&args, console),
+        Command::Line(args) => line::run(&args, console),
         Command::Import(args) => import::run(&args, console),
         Command::Demo(args) => demo::run(&args, console),
         Command::Simulate(args) => simulate::run(&args, console),

@@ -49,10 +49,14 @@ mod image;
 mod input;
 mod rounding;
 mod series;
+mod signature;
 mod status;
 mod work;
 
-pub use bank::{BANK_LEN, BankReport, Banks, Gyro, ImageMismatch, Loaded, Origin, REGION_ALIGNMENT, StoreError};
+pub use bank::{
+    BANK_LEN, BankReport, Banks, Gyro, ImageMismatch, Loaded, MAX_SEQUENCE, Origin, REGION_ALIGNMENT, StoreError,
+    TRIAL_STARTS,
+};
 pub use codec::{DecodeError, FORMAT_MINOR, FORMAT_VERSION, MAGIC, MAX_IMAGE_LEN};
 pub use compensator::{Compensator, MAX_RAW, Misuse, Output, State};
 pub use harmonic::MAX_TURNS_Q18;
@@ -61,5 +65,9 @@ pub use image::{
 };
 pub use input::{Gain, InputSpec, LagSpec, STEADY_UPDATES, ValueSource};
 pub use series::MAX_ORDER;
+pub use signature::{
+    CHALLENGE_LEN, MAX_SIGNED_LEN, NoKey, SIGNATURE_LEN, SignatureBlock, SignatureError, SignedMessage, Trust, Trusted,
+    key_id, service_message,
+};
 pub use status::Status;
 pub use work::Work;

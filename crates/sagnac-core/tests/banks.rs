@@ -4,9 +4,10 @@ mod flash;
 
 use flash::{Dice, Fault, Flash};
 use sagnac_core::{
-    BANK_LEN, BankReport, Banks, Description, Gain, Gyro, Image, ImageMismatch, InputSpec, Kind, MAX_TERMS, Multiplier,
-    Origin, Shape, StoreError, Term,
+    BANK_LEN, BankReport, Banks, Description, Gain, Gyro, Image, ImageMismatch, InputSpec, Kind, MAX_SEQUENCE,
+    MAX_TERMS, Multiplier, Origin, Shape, StoreError, TRIAL_STARTS, Term,
 };
+use sha2::{Digest, Sha256};
 
 const LEN: u32 = 2048;
 
@@ -391,4 +392,158 @@ fn a_copied_bank_is_a_survivor() {
     let (flash, done) = apply(flash, &Update::Store(newest));
     assert!(done);
     assert_eq!(active(&flash), (newest, Origin::Newest));
+}
+
+fn start<const U: usize, const S: usize>(flash: Flash<U, S>) -> (Flash<U, S>, Image, bool) {
+    let mut banks = banks(flash);
+    let loaded = banks.start(&gyro());
+    (banks.into_flash(), loaded.image, loaded.trial)
+}
+
+fn on_trial<const U: usize, const S: usize>(flash: Flash<U, S>, image: &Image) -> (Flash<U, S>, bool) {
+    let mut banks = banks(flash);
+    let done = banks.store_on_trial(&gyro(), image).is_ok();
+    (banks.into_flash(), done)
+}
+
+fn confirm<const U: usize, const S: usize>(flash: Flash<U, S>) -> (Flash<U, S>, bool) {
+    let mut banks = banks(flash);
+    let done = banks.confirm(&gyro()).is_ok();
+    (banks.into_flash(), done)
+}
+
+/// Never confirmed: four starts, and the fifth goes back by itself. Confirmed after any of them: it stays.
+#[test]
+fn a_trial_ends_by_confirmation_or_by_itself() {
+    let mut dice = Dice(11);
+    let images = [1, 2, 3].map(|sequence| image(sequence, &mut dice));
+    let (flash, _) = apply(Flash::<8, 1024>::new(3), &Update::Store(images[0]));
+    assert_eq!(banks(flash.clone()).confirm(&gyro()), Err(StoreError::NotOnTrial));
+    let (flash, done) = on_trial(flash, &images[1]);
+    assert!(done);
+    for confirmed_after in 0..=TRIAL_STARTS {
+        let mut flash = flash.clone();
+        for at in 0..TRIAL_STARTS {
+            if at == confirmed_after {
+                let (after, done) = confirm(flash);
+                assert!(done);
+                flash = after;
+            }
+            let (after, image, trial) = start(flash);
+            assert_eq!((image, trial), (images[1], at < confirmed_after), "start {at}");
+            flash = after;
+        }
+        let (after, image, trial) = start(flash);
+        let wanted = if confirmed_after < TRIAL_STARTS { images[1] } else { images[0] };
+        assert_eq!((image, trial), (wanted, false), "confirmed after {confirmed_after}");
+        // And so it stays; the next store is possible in either case.
+        let (after, image, _) = start(after);
+        assert_eq!(image, wanted);
+        let (after, done) = apply(after, &Update::Store(images[2]));
+        assert!(done && active(&after) == (images[2], Origin::Newest));
+    }
+}
+
+/// The first image of a gyro has none before it: it stays on trial, and says so.
+#[test]
+fn a_first_image_stays_on_trial() {
+    let first = image(1, &mut Dice(4));
+    let (mut flash, _) = on_trial(Flash::<4, 2048>::new(1), &first);
+    for _ in 0..3 * TRIAL_STARTS {
+        let (after, image, trial) = start(flash);
+        assert_eq!((image, trial), (first, true));
+        flash = after;
+    }
+    let (flash, done) = confirm(flash);
+    assert!(done && !start(flash).2);
+}
+
+/// The power goes at every step of every start and of the confirmation: one of the two images is active, the trial is over after at
+/// most one start more, and a confirmation that was cut can be made again.
+#[test]
+fn a_trial_survives_power_cuts() {
+    let mut cuts = 0;
+    for seed in 0..400_u64 {
+        let mut dice = Dice(seed);
+        let images = [1, 2].map(|sequence| image(sequence, &mut dice));
+        let (flash, _) = apply(Flash::<16, 512>::new(seed), &Update::Store(images[0]));
+        let (mut flash, _) = on_trial(flash, &images[1]);
+        for _ in 0..dice.below(u64::from(TRIAL_STARTS) + 1) {
+            flash = start(flash).0;
+        }
+        let whole = [start(Flash { steps: 0, ..flash.clone() }).0, confirm(Flash { steps: 0, ..flash.clone() }).0];
+        for (confirms, whole) in whole.iter().enumerate() {
+            for step in 1..=whole.steps {
+                cuts += 1;
+                let torn = Flash { steps_left: Some(step), dice: Dice(dice.throw()), ..flash.clone() };
+                let torn = if confirms == 1 { confirm(torn).0 } else { start(torn).0 };
+                let mut flash = Flash { steps_left: None, ..torn };
+                let (found, origin) = active(&flash);
+                assert!(origin == Origin::Newest && images.contains(&found), "seed {seed}, step {step}: {found:?}");
+                if confirms == 1 && banks(flash.clone()).load(&gyro()).trial {
+                    let (again, done) = confirm(flash);
+                    assert!(done, "seed {seed}, step {step}: not again");
+                    flash = again;
+                }
+                for _ in 0..=TRIAL_STARTS {
+                    flash = start(flash).0;
+                }
+                let (_, last, trial) = start(flash);
+                assert!(!trial && (last == images[1]) == (confirms == 1), "seed {seed}, step {step}");
+            }
+        }
+    }
+    assert!(cuts > 1000, "{cuts}");
+}
+
+/// A bank made by hand, byte by byte as docs/reference/image-format.md has it.
+fn by_hand(flash: &mut Flash<8, 1024>, bank: usize, number: u32, image: &Image) {
+    let mut bytes = vec![0; image.encoded_len()];
+    image.encode(&mut bytes).unwrap();
+    let mut head = b"SAGNACBK".to_vec();
+    for word in [3, number, bytes.len() as u32, 0, 0] {
+        head.extend(word.to_le_bytes());
+    }
+    head.extend(sagnac_core::bytes::crc32(&head).to_le_bytes());
+    let hash = Sha256::new().chain_update(&head).chain_update(&bytes).finalize();
+    let mut commit = b"COMMITTD".to_vec();
+    commit.extend(number.to_le_bytes());
+    commit.extend((!number).to_le_bytes());
+    commit.extend(&hash[..16]);
+    for (at, part) in [(0, &commit), (160, &head), (192, &bytes)] {
+        let at = bank * LEN as usize + at;
+        flash.bytes[at..at + part.len()].copy_from_slice(part);
+    }
+}
+
+/// The number of a store has no end: the one after the largest is the later one, and stores, roll backs and notes go on.
+#[test]
+fn the_number_of_a_store_goes_round() {
+    let mut dice = Dice(8);
+    let images: Vec<Image> = (1..9).map(|sequence| image(sequence, &mut dice)).collect();
+    let mut flash = Flash::<8, 1024>::new(1);
+    by_hand(&mut flash, 0, u32::MAX - 2, &images[0]);
+    assert_eq!(active(&flash), (images[0], Origin::Newest));
+    for (before, image) in images.iter().zip(&images[1..]) {
+        let (after, done) = apply(flash, &Update::Store(*image));
+        assert!(done && active(&after) == (*image, Origin::Newest));
+        let (back, done) = apply(after.clone(), &Update::RollBack);
+        assert!(done && active(&back) == (*before, Origin::Newest));
+        flash = after;
+    }
+}
+
+/// An image at the end of its own numbers is refused by store and load alike, so that it cannot shut out every later one.
+#[test]
+fn an_image_at_the_end_of_its_numbers_is_refused() {
+    let mut dice = Dice(6);
+    let (last, next) = (image(MAX_SEQUENCE, &mut dice), image(MAX_SEQUENCE + 1, &mut dice));
+    let mut flash = Flash::<8, 1024>::new(1);
+    by_hand(&mut flash, 0, 1, &next);
+    let mut banks = banks(flash);
+    let refused = ImageMismatch::SequenceAtEnd;
+    assert_eq!(banks.store(&gyro(), &next), Err(StoreError::Mismatch(refused)));
+    assert_eq!(banks.load(&gyro()).banks[0], BankReport::Mismatch(refused));
+    banks.store(&gyro(), &last).unwrap();
+    assert_eq!(banks.load(&gyro()).image, last);
 }

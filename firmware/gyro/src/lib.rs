@@ -1,6 +1,8 @@
 //! Shared by the programs of this folder: the serial port, the unit's image and loops, the end of a run, and the panic check.
 #![no_std]
 
+#[cfg(feature = "signed")]
+pub mod key;
 pub mod serial;
 pub mod stack;
 
@@ -8,14 +10,25 @@ use core::fmt::{self, Write};
 use core::panic::PanicInfo;
 
 use cortex_m_semihosting::{debug, hio};
+#[cfg(not(feature = "signed"))]
+use sagnac_core::NoKey;
 use sagnac_core::{Gyro, Image};
 use sagnac_loops::LoopTable;
 
+#[cfg(not(feature = "signed"))]
 unsafe extern "C" {
     fn sagnac_firmware_has_a_panic_path() -> !;
 }
 
+/// The library of the signature has panic paths: a program with a key starts anew.
+#[cfg(feature = "signed")]
+#[panic_handler]
+fn panic(_: &PanicInfo<'_>) -> ! {
+    cortex_m::peripheral::SCB::sys_reset()
+}
+
 /// While any panic path remains, this program does not link.
+#[cfg(not(feature = "signed"))]
 #[panic_handler]
 fn panic(_: &PanicInfo<'_>) -> ! {
     // SAFETY: never runs; if this call is kept, the link fails, which is the point.
@@ -30,6 +43,26 @@ pub fn unit_image() -> Option<Image> {
 /// The identity of the gyro: that of the image, with limits of four times its correction.
 pub fn unit_gyro() -> Option<Gyro> {
     unit_image().map(|image| Gyro::of(&image, 4))
+}
+
+/// What this board trusts.
+#[cfg(not(feature = "signed"))]
+pub type UnitTrust = NoKey;
+
+/// What this board trusts.
+#[cfg(not(feature = "signed"))]
+pub const fn unit_trust() -> UnitTrust {
+    NoKey
+}
+
+/// What this board trusts.
+#[cfg(feature = "signed")]
+pub type UnitTrust = key::EmulatedFuses;
+
+/// What this board trusts.
+#[cfg(feature = "signed")]
+pub const fn unit_trust() -> UnitTrust {
+    key::EmulatedFuses::new()
 }
 
 /// The loop table.

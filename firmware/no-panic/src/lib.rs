@@ -9,8 +9,8 @@ use core::hint::black_box;
 use core::panic::PanicInfo;
 
 use sagnac_board::{Action, CommandHandler, MemoryFlash, Message, run};
-use sagnac_core::{Banks, Compensator, Description, Gyro, Image, MAX_IMAGE_LEN, State, Status};
-use sagnac_loops::{Counting, Intensity, LoopTable, PathLength, Quadrature, QuadratureState, Stripper};
+use sagnac_core::{Banks, Compensator, Description, Gyro, Image, MAX_IMAGE_LEN, State, Status, Trust, Trusted};
+use sagnac_loops::{Counting, Intensity, LoopTable, PathLength, Quadrature, QuadratureState, Stripper, TABLE_LEN};
 
 unsafe extern "C" {
     fn sagnac_has_a_panic_path() -> !;
@@ -91,12 +91,46 @@ pub extern "C" fn sagnac_loops_everything(code: i32, path: &PathLength, light: &
     out.actuator ^ out.modulation ^ current.current ^ stripped as i32
 }
 
+/// A board with a key. The arithmetic of the signature is not part of this check: it has panic paths (`sagnac-signature`).
+struct Keyed;
+
+impl Trust for Keyed {
+    fn public_key(&self) -> Option<[u8; 32]> {
+        black_box(Some([7; 32]))
+    }
+
+    fn model(&self) -> [u8; 16] {
+        black_box([0; 16])
+    }
+
+    fn lowest_counter(&self) -> u32 {
+        black_box(1)
+    }
+
+    fn raise_lowest_counter(&mut self, to: u32) {
+        black_box(to);
+    }
+
+    fn verify(&self, public_key: &[u8; 32], message: &[u8], signature: &[u8; 64]) -> bool {
+        black_box((public_key, message, signature));
+        black_box(true)
+    }
+
+    fn challenge(&mut self) -> [u8; 16] {
+        black_box([1; 16])
+    }
+}
+
 /// The board: flash banks, tables, the line.
 #[unsafe(no_mangle)]
-pub extern "C" fn sagnac_board_everything(input: &[u8; 64], gyro: &Gyro, image: &Image) -> i32 {
+pub extern "C" fn sagnac_board_everything(input: &[u8; TABLE_LEN], gyro: &Gyro, image: &Image) -> i32 {
     let flash = black_box(MemoryFlash::new());
     let Some(mut banks) = Banks::new(flash, black_box(0), black_box(MemoryFlash::BANK)) else { return -1 };
-    if let Err(error) = banks.store(gyro, image) {
+    if let Err(error) = banks.store(gyro, image).and_then(|()| banks.store_on_trial(gyro, image)) {
+        let _ = write!(Nowhere, "{error}");
+    }
+    black_box(banks.start(gyro));
+    if let Err(error) = banks.confirm(gyro) {
         let _ = write!(Nowhere, "{error}");
     }
     if let Err(error) = banks.roll_back(gyro) {
@@ -111,7 +145,13 @@ pub extern "C" fn sagnac_board_everything(input: &[u8; 64], gyro: &Gyro, image: 
         }
     };
     black_box(table.encode());
-    let mut handler = CommandHandler::new(banks, *gyro, table);
+    if let Err(error) = Trusted::check(black_box(input), black_box(&Keyed)) {
+        let _ = write!(Nowhere, "{error}");
+    }
+    let mut handler = CommandHandler::with_trust(banks, *gyro, table, Keyed);
+    if let Some(action) = handler.quiet() {
+        black_box(action);
+    }
     if let Some(Action::PowerOn(mut ticks, _)) = handler.receive(black_box(7)) {
         black_box(ticks.tick());
     }

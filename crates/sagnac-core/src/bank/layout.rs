@@ -1,10 +1,10 @@
 //! Layout of a bank, and the encoding of its parts.
 //!
 //! ```text
-//! 0        32                 160       192                                    992      1024
-//! ┌────────┬──────────────────┬─────────┬──────────────────────────────────────┬────────┐
-//! │ commit │ notes × 4        │ head    │ image (at most 772), filled with ff  │ unused │
-//! └────────┴──────────────────┴─────────┴──────────────────────────────────────┴────────┘
+//! 0        32                 160       192                                    992          1120          1184
+//! ┌────────┬──────────────────┬─────────┬──────────────────────────────────────┬────────────┬─────────────┐
+//! │ commit │ notes × 4        │ head    │ image (at most 772), filled with ff  │ starts × 4 │ confirm × 2 │
+//! └────────┴──────────────────┴─────────┴──────────────────────────────────────┴────────────┴─────────────┘
 //! ```
 //!
 //! Every part begins at a multiple of 32 bytes and is programmed once between two erases. So flash that programs 1 to 32 bytes at a
@@ -16,7 +16,7 @@ use crate::bytes::{Reader, Writer, crc32_of};
 use crate::codec::MAX_IMAGE_LEN;
 
 /// Bytes that a bank uses. Its size is at least this, and a multiple of the flash's erase size.
-pub const BANK_LEN: u32 = 1024;
+pub const BANK_LEN: u32 = 1184;
 /// Alignment of every part, and the largest programming unit of a flash that can hold a bank.
 pub const REGION_ALIGNMENT: usize = 32;
 pub(super) const COMMIT_AT: u32 = 0;
@@ -26,13 +26,21 @@ pub(super) const HEAD_AT: u32 = 160;
 pub(super) const IMAGE_AT: u32 = 192;
 /// The image's area: whole units.
 pub(super) const IMAGE_AREA: usize = MAX_IMAGE_LEN.next_multiple_of(REGION_ALIGNMENT);
+/// A mark for each start of an image on trial.
+pub(super) const STARTS_AT: u32 = IMAGE_AT + IMAGE_AREA as u32;
+/// Places for the confirmation of such an image; the second is for a first one that was cut.
+pub(super) const CONFIRM_AT: u32 = STARTS_AT + TRIAL_STARTS * REGION_ALIGNMENT as u32;
+pub(super) const CONFIRMS: u32 = 2;
 /// First byte after the last part.
-pub(super) const END: u32 = IMAGE_AT + IMAGE_AREA as u32;
-const _: () = assert!(END <= BANK_LEN);
+pub(super) const END: u32 = CONFIRM_AT + CONFIRMS * REGION_ALIGNMENT as u32;
+const _: () = assert!(END == BANK_LEN);
+
+/// Starts that an image on trial has: at the next one it is withdrawn.
+pub const TRIAL_STARTS: u32 = 4;
 
 const HEAD_MAGIC: [u8; 8] = *b"SAGNACBK";
 const COMMIT_MAGIC: [u8; 8] = *b"COMMITTD";
-const BANK_VERSION: u32 = 2;
+const BANK_VERSION: u32 = 3;
 /// Bytes of the hash in a commit word.
 const HASH_LEN: usize = 16;
 
@@ -48,6 +56,8 @@ pub(super) struct Head {
     pub(super) sequence: u32,
     /// Length of the image, bytes.
     pub(super) len: u32,
+    /// The image is on trial until it is confirmed.
+    pub(super) trial: bool,
 }
 
 impl Head {
@@ -55,7 +65,7 @@ impl Head {
     pub(super) fn unit(&self) -> Unit {
         let mut unit = [0; REGION_ALIGNMENT];
         let mut w = Writer::new(&mut unit);
-        let fields = [BANK_VERSION, self.sequence, self.len, 0, 0];
+        let fields = [BANK_VERSION, self.sequence, self.len, u32::from(self.trial), 0];
         // Eight bytes and six words are 32.
         let _ = w.put(HEAD_MAGIC);
         for field in fields {
@@ -70,7 +80,7 @@ impl Head {
         let mut r = Reader::new(unit);
         let magic = r.take::<8>()?;
         let version = r.u32()?;
-        let head = Self { sequence: r.u32()?, len: r.u32()? };
+        let head = Self { sequence: r.u32()?, len: r.u32()?, trial: r.u32()? == 1 };
         let fits = magic == HEAD_MAGIC && version == BANK_VERSION && head.len as usize <= MAX_IMAGE_LEN;
         (fits && head.unit() == *unit).then_some(head)
     }
@@ -100,7 +110,8 @@ impl Head {
     }
 }
 
-/// A note of a roll back: the image that the other bank holds from store `number` or earlier is withdrawn.
+/// A note of a store's number. In the notes: the image that the other bank holds from store `number` or earlier is withdrawn. In a mark
+/// of a start or a confirmation: the image of this bank's store `number` was started, or is confirmed.
 ///
 /// The number and its complement, four times. Programming only clears bits, so in a torn pair some bit is one in both words, and the
 /// pair is never read as another number. If one pair decays, three remain.
@@ -121,8 +132,25 @@ pub(super) fn note_number(unit: &Unit) -> Option<u32> {
     while let (Some(number), Some(complement)) = (r.u32(), r.u32()) {
         // Four zero bytes in a blank unit would read as u32::MAX, a number that no store gets.
         if number == !complement && number != u32::MAX {
-            found = found.max(Some(number));
+            found = match found {
+                Some(other) if !is_newer(number, other) => found,
+                _ => Some(number),
+            };
         }
     }
     found
+}
+
+/// Store `number` came after store `other`. The numbers go round (RFC 1982): two that a flash holds lie near to each other, so that the
+/// counter has no end.
+pub(super) const fn is_newer(number: u32, other: u32) -> bool {
+    number != other && number.wrapping_sub(other) < 1 << 31
+}
+
+/// The number after this one, without 0 and without that of a blank note.
+pub(super) const fn next_number(number: u32) -> u32 {
+    match number.wrapping_add(1) {
+        0 | u32::MAX => 1,
+        next => next,
+    }
 }

@@ -4,12 +4,16 @@
 //! store:      erase the other bank ─▶ image ─▶ head ─▶ read back ─▶ commit word ─▶ read back
 //! load:       the last stored of the banks that are committed, intact, for this gyro and not withdrawn
 //! roll back:  program one note in the older bank: the newer image is withdrawn
+//! trial:      start 1, 2, 3, 4: a mark each ─▶ confirm, or start 5 rolls back by itself
 //! ```
 //!
 //! Power may fail at any step: [`Banks::load`] then finds the old image or the new one. A store never touches the bank of the active
 //! image. The new image counts only with its commit word, which is written last and contains a hash of its head and all of the image. So
 //! an image that comes under the head of another one by hand is damaged, however legal it is. Two banks of one store number, which no
 //! store makes, are a copy by hand; the first is used, as a survivor.
+//!
+//! An image that is stored on trial is in force until [`Banks::confirm`], or until it has been started [`TRIAL_STARTS`] times without it: an
+//! image with which the board does not live long enough to be confirmed goes by itself. Call [`Banks::start`] at power-on; it counts.
 //!
 //! A store refuses an image whose own sequence number is not above that of the active one, so an old file cannot return by mistake. Use
 //! [`Banks::roll_back`] to go back. A withdrawn image stays withdrawn, even if the older image is damaged later: the note is beside
@@ -25,12 +29,15 @@ use core::fmt;
 
 use embedded_storage::nor_flash::NorFlash;
 
-pub use gyro::{Gyro, ImageMismatch};
-pub use layout::{BANK_LEN, REGION_ALIGNMENT};
+pub use gyro::{Gyro, ImageMismatch, MAX_SEQUENCE};
+pub use layout::{BANK_LEN, REGION_ALIGNMENT, TRIAL_STARTS};
 
 use crate::codec::DecodeError;
 use crate::image::Image;
-use layout::{BLANK, COMMIT_AT, END, HEAD_AT, Head, IMAGE_AREA, IMAGE_AT, NOTES, NOTES_AT, Unit};
+use layout::{
+    BLANK, COMMIT_AT, CONFIRM_AT, CONFIRMS, END, HEAD_AT, Head, IMAGE_AREA, IMAGE_AT, NOTES, NOTES_AT, STARTS_AT, Unit,
+    is_newer, next_number,
+};
 
 /// What a bank holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -81,6 +88,8 @@ pub struct Loaded {
     pub origin: Origin,
     /// What each bank holds.
     pub banks: [BankReport; 2],
+    /// The active image is on trial: not confirmed yet.
+    pub trial: bool,
 }
 
 /// Why a store or a roll back failed.
@@ -97,10 +106,10 @@ pub enum StoreError<E> {
     },
     /// There is no older image to go back to.
     NoOlderImage,
-    /// All places for a note are used, by roll backs that were cut short.
+    /// All places for a note are used, by roll backs or confirmations that were cut short.
     NoFreeNote,
-    /// The counter of stores is at its largest value.
-    StoreCounterFull,
+    /// No image is on trial.
+    NotOnTrial,
     /// The flash does not read back what was written: worn out, or write-protected. The active image is not affected.
     ReadBack {
         /// Offset from the start of the flash.
@@ -118,8 +127,8 @@ impl<E: fmt::Debug> fmt::Display for StoreError<E> {
                 write!(f, "sequence number {offered} is not above {active}, that of the active image")
             }
             Self::NoOlderImage => f.write_str("the other bank holds no image to go back to"),
-            Self::NoFreeNote => f.write_str("no place for another note of a roll back; store an image instead"),
-            Self::StoreCounterFull => f.write_str("the counter of stores is at its largest value"),
+            Self::NoFreeNote => f.write_str("no place for another note; store an image instead"),
+            Self::NotOnTrial => f.write_str("no image is on trial"),
             Self::ReadBack { offset } => write!(f, "flash does not read back what was written at {offset:#x}"),
             Self::Flash(error) => write!(f, "flash: {error:?}"),
         }
@@ -140,9 +149,10 @@ pub struct Banks<F> {
 #[derive(Clone, Copy, Debug)]
 struct Found {
     report: BankReport,
-    image: Option<Image>,
     /// The other bank's images are withdrawn up to this store.
     withdrawn: Option<u32>,
+    /// On trial and not confirmed.
+    trial: bool,
 }
 
 impl<F: NorFlash> Banks<F> {
@@ -166,19 +176,58 @@ impl<F: NorFlash> Banks<F> {
         self.flash
     }
 
+    /// Power-on: the active image for this gyro. An image on trial is marked as started once more; if all its starts are used, it is
+    /// withdrawn, and the image before it is active again. Without an image before it, it stays.
+    #[inline(never)]
+    pub fn start(&mut self, gyro: &Gyro) -> Loaded {
+        let found = self.inspect_both(gyro);
+        let current = active(&found.map(|bank| bank.report));
+        if let Some((bank, found)) = current.and_then(|bank| Some((bank, found.get(bank)?)))
+            && let BankReport::Valid { stored, .. } = found.report
+            && found.trial
+        {
+            let start = self.start_of(bank);
+            // All starts are used, or the flash takes no more marks. If it takes no note either, the image stays on trial, and says so.
+            if self.mark(start + STARTS_AT, TRIAL_STARTS, stored).is_err() {
+                let _ = self.roll_back(gyro);
+            }
+        }
+        self.load(gyro)
+    }
+
+    /// Confirms the active image: it is no longer on trial.
+    ///
+    /// # Errors
+    /// [`StoreError::NotOnTrial`]; [`StoreError::NoFreeNote`] after two confirmations that were cut; [`StoreError::ReadBack`] and
+    /// [`StoreError::Flash`], then it may be on trial or confirmed.
+    #[inline(never)]
+    pub fn confirm(&mut self, gyro: &Gyro) -> Result<(), StoreError<F::Error>> {
+        let found = self.inspect_both(gyro);
+        let current = active(&found.map(|bank| bank.report)).and_then(|bank| Some((bank, found.get(bank)?)));
+        match current {
+            Some((bank, Found { report: BankReport::Valid { stored, .. }, trial: true, .. })) => {
+                let start = self.start_of(bank);
+                self.mark(start + CONFIRM_AT, CONFIRMS, *stored)
+            }
+            _ => Err(StoreError::NotOnTrial),
+        }
+    }
+
     /// The active image for this gyro. Only reads the flash.
+    #[inline(never)]
     pub fn load(&mut self, gyro: &Gyro) -> Loaded {
         let found = self.inspect_both(gyro);
         let banks = found.map(|bank| bank.report);
         let current = active(&banks);
-        let image = current.and_then(|bank| found.get(bank)).and_then(|bank| bank.image);
+        let image = current.and_then(|bank| self.image_of(bank, gyro));
         let origin = match (image, current.and_then(|bank| banks.get(1 - bank))) {
             (None, _) => Origin::FactoryDefaults,
             (Some(_), Some(BankReport::Uncommitted | BankReport::Withdrawn { .. })) => Origin::Newest,
             (Some(_), Some(BankReport::Valid { stored, .. })) if !twice(&banks, *stored) => Origin::Newest,
             (Some(_), _) => Origin::Survivor,
         };
-        Loaded { image: image.unwrap_or_else(|| gyro.factory_defaults()), origin, banks }
+        let trial = current.and_then(|bank| found.get(bank)).is_some_and(|bank| bank.trial);
+        Loaded { image: image.unwrap_or_else(|| gyro.factory_defaults()), origin, banks, trial }
     }
 
     /// Stores an image in the bank that is not active, and makes it the active one.
@@ -186,6 +235,19 @@ impl<F: NorFlash> Banks<F> {
     /// # Errors
     /// [`StoreError`]; then the active image is the one from before.
     pub fn store(&mut self, gyro: &Gyro, image: &Image) -> Result<(), StoreError<F::Error>> {
+        self.store_as(gyro, image, false)
+    }
+
+    /// The same, on trial: see [`Banks::start`] and [`Banks::confirm`].
+    ///
+    /// # Errors
+    /// [`StoreError`]; then the active image is the one from before.
+    pub fn store_on_trial(&mut self, gyro: &Gyro, image: &Image) -> Result<(), StoreError<F::Error>> {
+        self.store_as(gyro, image, true)
+    }
+
+    #[inline(never)]
+    fn store_as(&mut self, gyro: &Gyro, image: &Image, trial: bool) -> Result<(), StoreError<F::Error>> {
         gyro.accept(image).map_err(StoreError::Mismatch)?;
         let found = self.inspect_both(gyro);
         let banks = found.map(|bank| bank.report);
@@ -203,8 +265,8 @@ impl<F: NorFlash> Banks<F> {
             BankReport::Valid { stored, .. } | BankReport::Withdrawn { stored } => Some(*stored),
             _ => None,
         };
-        let newest = found.iter().flat_map(|bank| [stored(&bank.report), bank.withdrawn]).flatten().max().unwrap_or(0);
-        let sequence = newest.checked_add(1).filter(|next| *next < u32::MAX).ok_or(StoreError::StoreCounterFull)?;
+        let numbers = found.iter().flat_map(|bank| [stored(&bank.report), bank.withdrawn]).flatten();
+        let newest = numbers.reduce(|a, b| if is_newer(b, a) { b } else { a }).unwrap_or(0);
         // Without an active image, overwrite a withdrawn one first (its note is in the other bank), one for another gyro last.
         let rank = |report: &BankReport| match report {
             BankReport::Withdrawn { .. } => 0,
@@ -215,7 +277,7 @@ impl<F: NorFlash> Banks<F> {
             (Some(bank), _) => 1 - bank,
             (None, [first, second]) => usize::from(rank(second) < rank(first)),
         };
-        self.write(target, sequence, image)
+        self.write(target, next_number(newest), image, trial)
     }
 
     /// Withdraws the active image. The one before it becomes active again and is returned.
@@ -223,11 +285,12 @@ impl<F: NorFlash> Banks<F> {
     /// # Errors
     /// [`StoreError::NoOlderImage`] unless the other bank holds a valid image for this gyro. After a flash error either of the two
     /// may be active.
+    #[inline(never)]
     pub fn roll_back(&mut self, gyro: &Gyro) -> Result<Image, StoreError<F::Error>> {
         let found = self.inspect_both(gyro);
         let (older, number) = match found.map(|bank| bank.report) {
             [BankReport::Valid { stored: a, .. }, BankReport::Valid { stored: b, .. }] => {
-                if a < b {
+                if is_newer(b, a) {
                     (0, b)
                 } else {
                     (1, a)
@@ -235,28 +298,37 @@ impl<F: NorFlash> Banks<F> {
             }
             _ => return Err(StoreError::NoOlderImage),
         };
-        let start = self.start(older);
-        for slot in 0..NOTES {
-            let offset = start + NOTES_AT + slot * REGION_ALIGNMENT as u32;
-            // On flash with error correction, a place that cannot be read was torn by an earlier attempt.
-            if self.read_unit(offset).is_ok_and(|unit| unit == BLANK) {
-                self.program(offset, &layout::note_unit(number))?;
-                return found.get(older).and_then(|bank| bank.image).ok_or(StoreError::NoOlderImage);
-            }
-        }
-        Err(StoreError::NoFreeNote)
+        let start = self.start_of(older);
+        self.mark(start + NOTES_AT, NOTES, number)?;
+        self.image_of(older, gyro).ok_or(StoreError::NoOlderImage)
     }
 
-    fn start(&self, bank: usize) -> u32 {
+    fn start_of(&self, bank: usize) -> u32 {
         if bank == 0 { self.base } else { self.base + self.len }
     }
 
-    fn write(&mut self, bank: usize, sequence: u32, image: &Image) -> Result<(), StoreError<F::Error>> {
-        let start = self.start(bank);
+    /// Programs a note into the first unit of a row that takes it. An earlier attempt that was cut may have made a unit unreadable, on
+    /// flash with error correction, or left it blank and not programmable.
+    fn mark(&mut self, first: u32, units: u32, number: u32) -> Result<(), StoreError<F::Error>> {
+        let mut result = Err(StoreError::NoFreeNote);
+        for offset in (0..units).map(|slot| first + slot * REGION_ALIGNMENT as u32) {
+            if self.read_unit(offset).is_ok_and(|unit| unit == BLANK) {
+                result = self.program(offset, &layout::note_unit(number));
+                if result.is_ok() {
+                    break;
+                }
+            }
+        }
+        result
+    }
+
+    #[inline(never)]
+    fn write(&mut self, bank: usize, sequence: u32, image: &Image, trial: bool) -> Result<(), StoreError<F::Error>> {
+        let start = self.start_of(bank);
         let mut area = [0xff; IMAGE_AREA];
         // The longest image fits.
         let len = image.encode(&mut area).unwrap_or(0);
-        let head = Head { sequence, len: len as u32 };
+        let head = Head { sequence, len: len as u32, trial };
         self.erase(start)?;
         for (index, unit) in (0_u32..).zip(area.chunks_exact(REGION_ALIGNMENT)) {
             if let Some(unit) = unit.first_chunk::<REGION_ALIGNMENT>().filter(|_| (index as usize) * 32 < len) {
@@ -297,12 +369,13 @@ impl<F: NorFlash> Banks<F> {
         Ok(unit)
     }
 
+    #[inline(never)]
     fn inspect_both(&mut self, gyro: &Gyro) -> [Found; 2] {
         let mut found = [self.inspect(0, gyro), self.inspect(1, gyro)];
         let withdrawn = found.map(|bank| bank.withdrawn);
         for (bank, withdrawn) in found.iter_mut().zip(withdrawn.iter().rev()) {
             if let BankReport::Valid { stored, .. } = bank.report
-                && withdrawn.is_some_and(|number| stored <= number)
+                && withdrawn.is_some_and(|number| !is_newer(stored, number))
             {
                 bank.report = BankReport::Withdrawn { stored };
             }
@@ -310,30 +383,42 @@ impl<F: NorFlash> Banks<F> {
         found
     }
 
+    #[inline(never)]
     fn inspect(&mut self, bank: usize, gyro: &Gyro) -> Found {
-        let start = self.start(bank);
-        let withdrawn = self.read_notes(start);
+        let start = self.start_of(bank);
+        let withdrawn = self.newest_note(start + NOTES_AT, NOTES);
+        let without = |report| Found { report, withdrawn, trial: false };
         match self.read_bank(start) {
-            Err(_) => Found { report: BankReport::Unreadable, image: None, withdrawn },
-            Ok(Err(report)) => Found { report, image: None, withdrawn },
-            Ok(Ok((stored, image))) => match gyro.accept(&image) {
-                Err(mismatch) => Found { report: BankReport::Mismatch(mismatch), image: None, withdrawn },
+            Err(_) => without(BankReport::Unreadable),
+            Ok(Err(report)) => without(report),
+            Ok(Ok((head, image))) => match gyro.accept(&image) {
+                Err(mismatch) => without(BankReport::Mismatch(mismatch)),
                 Ok(()) => {
-                    let sequence = image.description().sequence;
-                    Found { report: BankReport::Valid { stored, sequence }, image: Some(image), withdrawn }
+                    let (stored, sequence) = (head.sequence, image.description().sequence);
+                    let confirmed = self.newest_note(start + CONFIRM_AT, CONFIRMS) == Some(stored);
+                    let report = BankReport::Valid { stored, sequence };
+                    Found { report, withdrawn, trial: head.trial && !confirmed }
                 }
             },
         }
     }
 
-    /// The highest number of the notes that can be read.
-    fn read_notes(&mut self, start: u32) -> Option<u32> {
-        let units = (0..NOTES).map(|slot| start + NOTES_AT + slot * REGION_ALIGNMENT as u32);
-        units.filter_map(|offset| layout::note_number(&self.read_unit(offset).ok()?)).max()
+    /// The image of a bank, read and checked once more: two images at a time would double the stack.
+    #[inline(never)]
+    fn image_of(&mut self, bank: usize, gyro: &Gyro) -> Option<Image> {
+        let (_, image) = self.read_bank(self.start_of(bank)).ok()?.ok()?;
+        gyro.accept(&image).is_ok().then_some(image)
     }
 
-    /// Number of the store, and the image. The outer error is from the flash, the inner one says what is wrong with the bank.
-    fn read_bank(&mut self, start: u32) -> Result<Result<(u32, Image), BankReport>, F::Error> {
+    /// The newest number of the notes of a row that can be read.
+    fn newest_note(&mut self, first: u32, units: u32) -> Option<u32> {
+        let offsets = (0..units).map(|slot| first + slot * REGION_ALIGNMENT as u32);
+        let numbers = offsets.filter_map(|offset| layout::note_number(&self.read_unit(offset).ok()?));
+        numbers.reduce(|a, b| if is_newer(b, a) { b } else { a })
+    }
+
+    /// The head and the image. The outer error is from the flash, the inner one says what is wrong with the bank.
+    fn read_bank(&mut self, start: u32) -> Result<Result<(Head, Image), BankReport>, F::Error> {
         let commit = self.read_unit(start + COMMIT_AT)?;
         if commit == BLANK {
             return Ok(Err(BankReport::Uncommitted));
@@ -345,7 +430,7 @@ impl<F: NorFlash> Banks<F> {
         if head.commit(bytes) != commit {
             return Ok(Err(BankReport::Damaged));
         }
-        Ok(Image::decode(bytes).map(|image| (head.sequence, image)).map_err(BankReport::NoImage))
+        Ok(Image::decode(bytes).map(|image| (head, image)).map_err(BankReport::NoImage))
     }
 }
 
@@ -354,14 +439,14 @@ fn twice(banks: &[BankReport; 2], number: u32) -> bool {
     banks.iter().all(|report| matches!(report, BankReport::Valid { stored, .. } if *stored == number))
 }
 
-/// The valid bank with the higher store number; the first one if both are equal, which no store makes.
+/// The valid bank of the later store; the first one if both are equal, which no store makes.
 fn active(banks: &[BankReport; 2]) -> Option<usize> {
     let number = |report: &BankReport| match report {
         BankReport::Valid { stored, .. } => Some(*stored),
         _ => None,
     };
     match banks.each_ref().map(number) {
-        [Some(first), Some(second)] => Some(usize::from(second > first)),
+        [Some(first), Some(second)] => Some(usize::from(is_newer(second, first))),
         [Some(_), None] => Some(0),
         [None, Some(_)] => Some(1),
         [None, None] => None,

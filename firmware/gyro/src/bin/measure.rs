@@ -75,12 +75,30 @@ fn main() -> ! {
     let whole = instructions(|| {
         let _ = black_box(board.tick(black_box([(true, false), (true, true)]).into_iter(), black_box(&sample)));
     });
+    #[cfg(feature = "signed")]
+    say(format_args!("verification {}", verification()));
     say(format_args!("slow-update {}", slow.saturating_sub(copy)));
     say(format_args!("tick {plain}"));
     say(format_args!("tick-slewing {slewing}"));
     say(format_args!("tick-limited {limited}"));
     say(format_args!("tick-whole {whole}"));
     finish(true)
+}
+
+/// The check of a signature over the longest image. The signature is wrong, but its parts are a point and a number of the group, so that all of
+/// it is computed.
+#[cfg(feature = "signed")]
+fn verification() -> u32 {
+    use sagnac_core::Trust;
+    let fuses = sagnac_firmware::unit_trust();
+    let Some(key) = fuses.public_key() else { return 0 };
+    let mut signature = [0; 64];
+    for (slot, byte) in signature.iter_mut().zip(key.iter().chain(&[7])) {
+        *slot = *byte;
+    }
+    instructions_of(1, || {
+        let _ = black_box(fuses.verify(black_box(&key), black_box(&[5; 836]), black_box(&signature)));
+    })
 }
 
 /// A tick as a separate function with its state in memory, as an interrupt calls it.
