@@ -140,11 +140,38 @@ static void compensator_run(machine *m, const uint32_t *in, uint32_t *out)
     out[6] = last;
 }
 
+/* Every update of the vectors once more in slices: begun, as many made as the record's word says, applied. */
+static int same_in_slices(const sagnac_image *image, sagnac_compensator_state *sliced,
+                          const sagnac_compensator_state *whole, const int32_t *codes, const uint32_t *in)
+{
+    const uint32_t made = (in[1] ^ in[2]) % (image->input_count + image->term_count + 2U);
+    sagnac_slow_update update;
+    uint32_t i;
+    int same;
+    sagnac_compensator_begin_update(image, sliced, codes, in[0], &update);
+    for (i = 0U; i < made; i++) {
+        (void)sagnac_compensator_advance_update(image, &update);
+    }
+    (void)sagnac_compensator_apply_update(image, sliced, &update);
+    same = sliced->k_q32 == whole->k_q32 && sliced->increment == whole->increment && sliced->target == whole->target &&
+           sliced->slope == whole->slope && sliced->slow_status == whole->slow_status &&
+           sliced->ticks_to_update == whole->ticks_to_update && sliced->updates == whole->updates;
+    for (i = 0U; i < SAGNAC_MAX_INPUTS; i++) {
+        same = same && sliced->inputs[i].lag_q46 == whole->inputs[i].lag_q46 &&
+               sliced->inputs[i].remainder == whole->inputs[i].remainder &&
+               sliced->inputs[i].last_q24 == whole->inputs[i].last_q24 &&
+               sliced->inputs[i].held_updates == whole->inputs[i].held_updates &&
+               sliced->inputs[i].settled_updates == whole->inputs[i].settled_updates;
+    }
+    return same;
+}
+
 static int compensator_step(machine *m, uint32_t operation, const uint32_t *in, uint32_t *out)
 {
     const sagnac_image *image = &m->compensator.image;
     sagnac_compensator_state *state = &m->compensator.state;
     sagnac_output given = {0, 0U};
+    sagnac_compensator_state sliced;
     int32_t codes[4];
     int i;
     switch (operation) {
@@ -155,7 +182,11 @@ static int compensator_step(machine *m, uint32_t operation, const uint32_t *in, 
         for (i = 0; i < 4; i++) {
             codes[i] = as_signed(in[1 + i]);
         }
+        sliced = *state;
         out[0] = (uint32_t)sagnac_compensator_update(image, state, codes, in[0]);
+        if (!same_in_slices(image, &sliced, state, codes, in)) {
+            out[0] = UINT32_MAX;
+        }
         out[1] = out[0] == 0U ? sagnac_compensator_status(state) : 0U;
         out[2] = low(state->k_q32);
         out[3] = high(state->k_q32);

@@ -20,7 +20,7 @@ use sagnac_board::{
     ANSWER, COMMIT, CommandHandler, MemoryFlash, Message, Output, PIECE, POWER_ON, Reply, ReplyCode, RigSettings, Row,
     run,
 };
-use sagnac_core::{Banks, Description, Gyro, Image, InputSpec, Kind, Multiplier, Origin, Term};
+use sagnac_core::{Banks, Description, Gyro, Image, InputSpec, Kind, Multiplier, Origin, Shape, Term};
 use sagnac_loops::LoopTable;
 use sagnac_signature::Signer;
 use xtask::debian::{self, need};
@@ -165,8 +165,75 @@ fn instructions(sysroot: &Path, folder: &Path, unit: &Unit) -> Result<()> {
         ensure!(found <= most, "{name}: {found} instructions, at most {most}");
     }
     costs(sysroot, folder, unit)?;
+    prices(sysroot, folder, unit)?;
     // Rebuild the other programs with the unit's own image.
     build(sysroot, &unit.image, &unit.loops, &[])
+}
+
+/// Largest numbers of instructions of a slice: Rust and C.
+const MOST_SLICE: [u32; 2] = [700, 1600];
+
+/// Best, typical and worst image: instructions and stack, in Rust and in C.
+fn prices(sysroot: &Path, folder: &Path, unit: &Unit) -> Result<()> {
+    let full = image_of("compensator-full")?;
+    let images = [("best", with_terms(&full, 1, |_| false)?), ("typical", full), ("worst", worst(&full)?)];
+    let c = c_measure(folder)?;
+    for (name, image) in images {
+        let path = folder.join("measured.img");
+        fs::write(&path, sagnac::export::image_bytes(&image))?;
+        build(sysroot, &path, &unit.loops, &["--bin", "measure"])?;
+        let rust = emulate("measure", &["-serial", "null", "-icount", "shift=0"], 120)?;
+        let hosting = "enable=on,target=native,arg=measure,arg=measured.img";
+        let machine = ["-M", "mps2-an386", "-cpu", "cortex-m4", "-nographic", "-monitor", "none", "-serial", "null"];
+        let rest = ["-icount", "shift=0", "-semihosting-config", hosting, "-kernel", text(&c)?];
+        let c = stdout_of(120, "qemu-system-arm", &[&machine[..], &rest].concat(), folder)?;
+        for ((language, said), most) in [("Rust", rust), ("C", c)].into_iter().zip(MOST_SLICE) {
+            let number = |name: &str| -> Result<u32> {
+                let line = said.lines().find_map(|line| line.strip_prefix(name)?.strip_prefix(' '));
+                Ok(line.with_context(|| format!("no {name}: {said}"))?.trim().parse()?)
+            };
+            let [update, slice] = [number("slow-update")?, number("slice")?];
+            println!(
+                "check: price: {name}, {language}: slow update {update}, largest slice {slice}, tick {} / {} slewing / {} limited; \
+                 stack {} B update, {} B tick",
+                number("tick")?,
+                number("tick-slewing")?,
+                number("tick-limited")?,
+                number("stack-update")?,
+                number("stack-tick")?
+            );
+            ensure!(slice <= most, "{name}, {language}: a slice of {slice} instructions, at most {most}");
+        }
+    }
+    Ok(())
+}
+
+/// Four inputs with lags and 32 harmonics of their rates: no legal image takes more instructions.
+fn worst(full: &Image) -> Result<Image> {
+    let mut description: Description = *full.description();
+    description.inputs = [description.inputs[0]; sagnac_core::MAX_INPUTS];
+    description.input_count = sagnac_core::MAX_INPUTS as u8;
+    for (at, term) in (0_u8..).zip(&mut description.terms) {
+        let shape = Shape::Sine { turns_q18: 1 << 18 };
+        *term =
+            Term { kind: Kind::Bias, input: at % 4, shape, multiplier: Multiplier::Rate, mantissa: 1 << 20, shift: 40 };
+    }
+    description.term_count = sagnac_core::MAX_TERMS as u8;
+    Image::new(description).map_err(|e| anyhow::anyhow!("the worst image: {e}"))
+}
+
+/// The C export with `firmware/c/measure.c`, for the emulated Cortex-M4F.
+fn c_measure(folder: &Path) -> Result<PathBuf> {
+    let elf = folder.join("measure.elf");
+    let sources = root().join("crates/sagnac/src/export/c");
+    let include = format!("-I{}", text(&sources)?);
+    let files = ["sagnac_compensator.c", "sagnac_integer.c"].map(|name| sources.join(name));
+    let own = ["measure.c", "vectors_mps2.c"].map(|name| root().join("firmware/c").join(name));
+    let part = ["-O2", "-std=c99", "-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16"];
+    let link = ["--specs=rdimon.specs", "-Wl,--section-start=.vectors=0x0", "-o", text(&elf)?];
+    let files = [text(&files[0])?, text(&files[1])?, text(&own[0])?, text(&own[1])?];
+    stdout_of(300, "arm-none-eabi-gcc", &[&part[..], &[&include], &files, &link].concat(), folder)?;
+    Ok(elf)
 }
 
 /// An image with a part of its terms and the first of its inputs; without a rate term no filter runs.

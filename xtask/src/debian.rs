@@ -80,6 +80,8 @@ pub const FIRMWARE: &[Tool] = &[
     ("/usr/lib/rustlib/src/rust/library/core/Cargo.toml", "rust-web-src"),
     ("qemu-system-arm", "qemu-system-arm"),
     ("arm-none-eabi-ld", "binutils-arm-none-eabi"),
+    ("arm-none-eabi-gcc", "gcc-arm-none-eabi"),
+    ("/usr/lib/arm-none-eabi/newlib/thumb/v7e-m+fp/hard/librdimon.a", "libnewlib-arm-none-eabi"),
 ];
 
 /// For `cargo xtask dist`.

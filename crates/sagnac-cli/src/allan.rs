@@ -14,6 +14,7 @@ use sagnac_units::format::significant;
 
 use crate::calibrate::excluded;
 use crate::console::{Console, Outcome, Ran, table};
+use crate::files::Files;
 use crate::loading;
 use crate::setup_args::{SetupArgs, numbers};
 
@@ -67,7 +68,7 @@ enum Detrend {
 }
 
 pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
-    loading::keep_inputs(&args.logs, args.output.iter().chain(&args.report).map(PathBuf::as_path))?;
+    Files::new().reads(&args.logs).reads(&args.setup.setup).writes(args.output.iter().chain(&args.report)).check()?;
     if let Some(path) = &args.output {
         loading::check_output_name(path, "CSV")?;
     }

@@ -14,6 +14,7 @@ use sagnac_report::calibration_report;
 use sagnac_units::format::{celsius, significant, with_sigma};
 
 use crate::console::{Console, Outcome, Ran, table};
+use crate::files::Files;
 use crate::loading;
 use crate::setup_args::LogArgs;
 
@@ -71,7 +72,11 @@ enum LossWord {
 }
 
 pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
-    loading::keep_inputs(&args.logs, args.output.iter().chain(&args.report).map(PathBuf::as_path))?;
+    Files::new()
+        .reads(&args.logs)
+        .reads(&args.reading.setup.setup)
+        .writes(args.output.iter().chain(&args.report))
+        .check()?;
     let loss = match args.loss {
         LossWord::Squares => Loss::Squares,
         LossWord::Huber => Loss::Huber,

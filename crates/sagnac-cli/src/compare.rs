@@ -11,6 +11,7 @@ use sagnac_report::comparison_report;
 use sagnac_units::format;
 
 use crate::console::{Console, Outcome, Ran, table};
+use crate::files::Files;
 use crate::loading;
 use crate::verify::limits_table;
 
@@ -36,7 +37,7 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
-    loading::keep_inputs(&args.calibrations, args.report.as_deref())?;
+    Files::new().reads(&args.calibrations).reads(&args.limits).writes(&args.report).check()?;
     let read = |path: &PathBuf| -> Result<(String, Calibration)> {
         let name = path.display().to_string();
         match loading::kind_of(path)? {

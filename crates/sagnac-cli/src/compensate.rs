@@ -11,6 +11,7 @@ use sagnac_log::write::write_atomically;
 
 use crate::calibrate::excluded;
 use crate::console::{Console, Outcome, Ran};
+use crate::files::Files;
 use crate::loading;
 use crate::pipe::PipeAware;
 use crate::progress::open_log;
@@ -39,7 +40,7 @@ pub(crate) struct Args {
 
 pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     args.output.iter().try_for_each(|path| loading::check_output_name(path, "CSV, or Parquet for .parquet"))?;
-    loading::keep_inputs(&[&args.correction, &args.log], args.output.as_deref())?;
+    Files::new().reads([&args.correction, &args.log]).reads(&args.setup.setup).writes(&args.output).check()?;
     let correction = loading::correction(&args.correction)?;
     let setup = args.setup.over(correction.setup())?;
     let summary = match &args.output {

@@ -9,6 +9,7 @@ use std::sync::Mutex;
 
 use comfy_table::{CellAlignment, LineStyle, Table, presets};
 use sagnac::{Error, ErrorKind};
+use sagnac_units::format::{printable, printable_json};
 use serde::Serialize;
 
 /// How a command that did not fail ended.
@@ -73,13 +74,13 @@ impl Console {
         if self.json {
             self.note(line);
         } else {
-            self.print(line.as_ref());
+            self.print(&printable(line.as_ref()));
         }
     }
 
     /// A line for people that is never part of the output.
     pub(crate) fn note(&mut self, line: impl AsRef<str>) {
-        let _ = writeln!(std::io::stderr(), "{}", line.as_ref());
+        let _ = writeln!(std::io::stderr(), "{}", printable(line.as_ref()));
     }
 
     /// The object for scripts, if it was asked for.
@@ -87,7 +88,7 @@ impl Console {
         if self.json {
             let text =
                 serde_json::to_string_pretty(value).map_err(|e| Error::input(format!("cannot write JSON: {e}")))?;
-            self.print(&text);
+            self.print(&printable_json(&text));
         }
         Ok(())
     }

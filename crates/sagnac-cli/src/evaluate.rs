@@ -10,6 +10,7 @@ use sagnac_units::format::{plain, significant};
 use serde::Serialize;
 
 use crate::console::{Console, Outcome, Ran, table};
+use crate::files::Files;
 use crate::loading;
 
 /// Most temperatures of one call.
@@ -54,7 +55,7 @@ struct EvaluatedAxis {
 }
 
 pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
-    loading::keep_inputs(&[&args.calibration], args.output.as_deref())?;
+    Files::new().reads([&args.calibration]).writes(&args.output).check()?;
     let calibration = loading::calibration(&args.calibration)?;
     let temperatures = temperatures(&args.at)?;
     if !args.rate_cpm.is_finite() {

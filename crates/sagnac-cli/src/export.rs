@@ -15,6 +15,7 @@ use sagnac_loops::{LoopTable, TABLE_MAGIC};
 use sagnac_sim::LoopDesign;
 
 use crate::console::{Console, Outcome, Ran, table as drawn};
+use crate::files::Files;
 use crate::line::frame_bytes;
 use crate::loading::{self, Kind};
 use crate::signature_args::SignArgs;
@@ -76,19 +77,17 @@ enum Target {
 
 pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     check_flags(args)?;
-    loading::keep_inputs(&[&args.input], [args.output.as_path()])?;
     match args.to {
         Target::Image | Target::Upload => per_axis(args, console),
         Target::Loops => {
+            files(args).writes([&args.output]).check()?;
             let table = loops_of(&args.input)?.encode();
             wrote(&args.output, &table, console)
         }
         Target::C => {
             let images = images(args)?;
             let files = c_files(&images, table(args, &images)?.as_ref());
-            folder(&args.output, &files, console)?;
-            say_codes(args, console)?;
-            Ok(Outcome::Done)
+            folders(args, &[(args.output.clone(), files)], console)
         }
         Target::Verilog => {
             let default = Widths::default();
@@ -108,13 +107,25 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
                     Ok((path, files.map_err(|e| e.file(args.input.display().to_string()))?))
                 })
                 .collect();
-            for (path, files) in made? {
-                folder(&path, &files, console)?;
-            }
-            say_codes(args, console)?;
-            Ok(Outcome::Done)
+            folders(args, &made?, console)
         }
     }
+}
+
+/// What every export reads.
+fn files(args: &Args) -> Files {
+    Files::new().reads([&args.input]).reads(&args.loops).reads(&args.signature.sign)
+}
+
+/// Writes the sources, after a look at all of their names.
+fn folders(args: &Args, made: &[(PathBuf, Vec<TextFile>)], console: &mut Console) -> Ran {
+    let names = made.iter().flat_map(|(path, files)| files.iter().map(|file| path.join(&file.name)));
+    files(args).writes(names).check()?;
+    for (path, files) in made {
+        folder(path, files, console)?;
+    }
+    say_codes(args, console)?;
+    Ok(Outcome::Done)
 }
 
 /// Refuses a flag that the target does not use.
@@ -153,9 +164,13 @@ fn per_axis(args: &Args, console: &mut Console) -> Ran {
     // All images first: a failure of the second axis leaves the first axis' old file.
     let images = images(args)?;
     let signed_before = signed_before(args)?;
+    let path_of = |image: &Image| match images.len() {
+        1 => args.output.clone(),
+        _ => path_of_axis(&args.output, char::from(image.description().axis)),
+    };
+    files(args).writes(images.iter().map(path_of)).check()?;
     for image in &images {
-        let axis = char::from(image.description().axis);
-        let path = if images.len() == 1 { args.output.clone() } else { path_of_axis(&args.output, axis) };
+        let path = path_of(image);
         let mut bytes = image_bytes(image);
         let block = args.signature.block_of(&bytes)?.or(signed_before);
         bytes.extend(block.iter().flat_map(|block| block.encode()));

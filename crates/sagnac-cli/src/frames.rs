@@ -1,7 +1,7 @@
 //! `sagnac frames`: what a gyro said on its serial line, as CSV.
 
 use std::io::{BufReader, Read, Write};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use sagnac::{Error, Result};
 use sagnac_board::frame::FrameReader;
@@ -12,6 +12,7 @@ use sagnac_log::write::write_atomically;
 use sagnac_loops::{IntensityStatus, PathLengthStatus};
 
 use crate::console::{Console, Outcome, Ran};
+use crate::files::Files;
 use crate::loading;
 use crate::pipe::PipeAware;
 
@@ -64,8 +65,7 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
             .column("--tick-us")
             .value(args.tick_us.to_string()));
     }
-    let inputs: &[&Path] = if args.input.as_os_str() == "-" { &[] } else { &[&args.input] };
-    loading::keep_inputs(inputs, args.output.as_deref())?;
+    Files::new().reads([&args.input]).writes(&args.output).check()?;
     args.output.iter().try_for_each(|path| loading::check_output_name(path, "CSV"))?;
     let mut tally = Tally::default();
     match &args.output {

@@ -11,6 +11,7 @@ use sagnac_log::write::write_bytes;
 use sagnac_signature::{PublicKey, Signer, verify};
 
 use crate::console::{Console, Outcome, Ran};
+use crate::files::Files;
 use crate::loading;
 use crate::signature_args::{BlockArgs, block, model_bytes, model_name, private_key, public_key};
 
@@ -113,7 +114,7 @@ fn new_file(path: &Path, bytes: &[u8], mode: u32) -> Result<()> {
 }
 
 fn sign(image: &Path, key: &Path, args: &BlockArgs, output: &Path, console: &mut Console) -> Ran {
-    loading::keep_inputs(&[image, key], [output])?;
+    Files::new().reads([image, key]).writes([output]).check()?;
     let (decoded, bytes, before) = loading::signed_image(image)?;
     if before.is_some() {
         return Err(

@@ -8,8 +8,8 @@ use sagnac_board::Message;
 use sagnac_log::write::write_bytes;
 
 use crate::console::{Console, Outcome, Ran};
+use crate::files::Files;
 use crate::key::answer;
-use crate::loading;
 
 /// Write one message to a gyro's serial line: confirm, roll back, or open its service mode
 #[derive(clap::Args)]
@@ -57,7 +57,7 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
         What::RollBack => Message::RollBack,
         What::Service => Message::Service,
         What::Answer { challenge, key, serial, axis } => {
-            loading::keep_inputs(&[key], [args.output.as_path()])?;
+            Files::new().reads([key]).writes([&args.output]).check()?;
             Message::Answer(answer(key, serial, *axis, challenge)?)
         }
     };

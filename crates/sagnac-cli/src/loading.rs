@@ -73,16 +73,6 @@ pub(crate) fn check_output_name(path: &Path, formats: &str) -> Result<()> {
     }
 }
 
-/// Refuses to overwrite an input: a measured log cannot be made again.
-pub(crate) fn keep_inputs<'a>(inputs: &[impl AsRef<Path>], outputs: impl IntoIterator<Item = &'a Path>) -> Result<()> {
-    let whole = |path: &Path| std::fs::canonicalize(path).ok().filter(|path| path.is_file());
-    let read: Vec<PathBuf> = inputs.iter().filter_map(|path| whole(path.as_ref())).collect();
-    match outputs.into_iter().find(|path| whole(path).is_some_and(|path| read.contains(&path))) {
-        Some(path) => Err(Error::input("this file is read here; write to another").file(path.display().to_string())),
-        None => Ok(()),
-    }
-}
-
 /// Opens several logs, each a run.
 pub(crate) fn logs(paths: &[PathBuf], setup: &Setup, pace: ReadMode) -> Result<Vec<LogReader>> {
     paths.iter().map(|path| open_log(path, setup, pace)).collect()

@@ -12,6 +12,7 @@ mod console;
 mod demo;
 mod evaluate;
 mod export;
+mod files;
 mod frames;
 mod import;
 mod inspect;

@@ -13,6 +13,7 @@ use sagnac_units::format::{significant, with_sigma};
 
 use crate::calibrate::excluded;
 use crate::console::{Console, Outcome, Ran, table};
+use crate::files::Files;
 use crate::loading;
 use crate::setup_args::SetupArgs;
 
@@ -54,8 +55,13 @@ enum Exclude {
 }
 
 pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
-    loading::keep_inputs(&args.retests, args.report.as_deref())?;
-    loading::keep_inputs(&[&args.correction], args.report.as_deref())?;
+    Files::new()
+        .reads(&args.retests)
+        .reads([&args.correction])
+        .reads(&args.setup.setup)
+        .reads(&args.limits)
+        .writes(&args.report)
+        .check()?;
     let correction = loading::correction(&args.correction)?;
     let setup = args.setup.over(correction.setup())?;
     let limits = args.limits.as_deref().map(Limits::named_or_read).transpose()?;

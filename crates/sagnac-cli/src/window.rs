@@ -7,6 +7,7 @@ use sagnac_log::write::write_bytes;
 
 use crate::calibrate::excluded;
 use crate::console::{Console, Outcome, Ran};
+use crate::files::Files;
 use crate::loading;
 use crate::setup_args::LogArgs;
 
@@ -28,7 +29,7 @@ pub(crate) struct Args {
 
 pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     loading::check_output_name(&args.output, "Parquet, or CSV for .csv")?;
-    loading::keep_inputs(&args.logs, [args.output.as_path()])?;
+    Files::new().reads(&args.logs).reads(&args.reading.setup.setup).writes([&args.output]).check()?;
     let (windows, setup) = loading::windows(&args.logs, &args.reading)?;
     let mut bytes = Vec::new();
     if loading::has_extension(&args.output, "csv") {

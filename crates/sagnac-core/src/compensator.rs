@@ -12,13 +12,15 @@
 //! first r ticks step by q + 1 and the others by q. It ends exactly at the new value and differs from the straight line by at most L/4
 //! LSB (6e-5 °/h for L = 100 and 1 arcsec per count). Its sum has a closed form, so [`Compensator::advance`] equals that many ticks.
 //!
+//! A slow update of many terms can be made in slices: [`Compensator::begin_update`].
+//!
 //! A call past a slow update, or with |raw| > 2²⁹, is refused with a [`Misuse`] and changes nothing.
 
 use core::fmt;
 
 use crate::harmonic::{cosine, sine};
 use crate::image::{GUARD_BITS, Image, Kind, MAX_INPUTS, Multiplier, Shape, Term};
-use crate::input::{InputState, ScaledInput, ValueSource};
+use crate::input::{InputSpec, InputState, ScaledInput, ValueSource};
 use crate::rounding::round_shift;
 use crate::series::{BASIS_LEN, ONE_Q31, chebyshev, step, zone};
 use crate::status::Status;
@@ -51,6 +53,21 @@ pub struct State {
     corrected_once: bool,
     overflow: bool,
     warm: bool,
+    /// Slow updates so far, and images applied: a slow update in slices belongs to one of them.
+    updates: u32,
+}
+
+/// A slow update in the making: [`Compensator::begin_update`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SlowUpdate {
+    memory: [InputState; MAX_INPUTS],
+    codes: [Option<i32>; MAX_INPUTS],
+    warm: bool,
+    before: u32,
+    reading: Reading,
+    basis: [[i64; BASIS_LEN]; MAX_INPUTS],
+    sums: Sums,
+    slices: u8,
 }
 
 /// One corrected value.
@@ -79,6 +96,8 @@ pub enum Misuse {
     RawOutOfRange,
     /// The number of codes is not the number of inputs of the image.
     InputCount,
+    /// A slow update in slices that was begun before another one.
+    Outdated,
 }
 
 impl fmt::Display for Misuse {
@@ -91,6 +110,7 @@ impl fmt::Display for Misuse {
                 write!(f, "the next slow update is {ticks_left} ticks away")
             }
             Self::RawOutOfRange => write!(f, "more than {MAX_RAW} counts in one call"),
+            Self::Outdated => f.write_str("the slow update was begun before another one"),
             Self::InputCount => f.write_str("the number of codes is not the number of inputs of the image"),
         }
     }
@@ -121,6 +141,7 @@ impl State {
             corrected_once: false,
             overflow: false,
             warm: false,
+            updates: 0,
         }
     }
 
@@ -171,6 +192,31 @@ impl State {
             self.overflow = false;
             self.accumulator = 0;
         }
+    }
+
+    /// The state without what counts the updates.
+    fn without_counters(&self) -> Self {
+        let mut state = *self;
+        for input in &mut state.inputs {
+            (input.held_updates, input.settled_updates) = (0, 0);
+        }
+        (state.updates, state.slow_status) = (0, Status::OK);
+        state
+    }
+
+    /// As many updates that changed nothing else.
+    fn count(&mut self, updates: u64) {
+        let more = u32::try_from(updates).unwrap_or(u32::MAX);
+        for input in &mut self.inputs {
+            // A held input counts how long it is held, any other has it at 0.
+            if input.held_updates > 0 {
+                input.held_updates = input.held_updates.saturating_add(more);
+            }
+            if input.settled_updates > 0 {
+                input.settled_updates = input.settled_updates.saturating_add(more);
+            }
+        }
+        self.updates = self.updates.wrapping_add(updates as u32);
     }
 
     /// Advances the slew by `n` ticks (n ≤ ticks to the next update); returns the sum of its increments.
@@ -241,6 +287,7 @@ impl Compensator {
             k_q32: old.k_q32,
             increment,
             target: increment,
+            updates: old.updates.wrapping_add(1),
             ..State::warm()
         }
     }
@@ -289,19 +336,99 @@ impl Compensator {
         if codes.len() != self.image.inputs().len() {
             return Err(Misuse::InputCount);
         }
-        state.ticks_to_update = self.image.description().period_ticks;
-        let (inputs, mut status, held) = self.read(state, codes);
-        if !held {
-            let (k_q32, increment) = self.evaluate(&inputs);
-            state.k_q32 = k_q32;
-            state.slew_to(increment, self.image.description().slew_ticks);
-            state.corrected_once = true;
+        let reading = self.read(state, codes);
+        let sums = if reading.held { Sums::default() } else { self.evaluate(&reading.inputs) };
+        Ok(self.conclude(state, &reading, sums))
+    }
+
+    /// The largest number of slices of a slow update: one for each input and one for each term.
+    pub fn slices(&self) -> usize {
+        self.image.inputs().len() + self.image.terms().len()
+    }
+
+    /// Begins a slow update before it is due, with the codes of now. [`Compensator::advance_update`] makes it slice by slice, a few in each
+    /// tick; [`Compensator::apply_update`] puts it in force when it is due. The result has the bits of [`Compensator::update`] with the same
+    /// codes.
+    ///
+    /// A slice is one input with its lag and series, or one term: at most 605 instructions of the reference, held to 700 by `cargo xtask
+    /// firmware` ([`crate::Work`] has the whole).
+    ///
+    /// # Errors
+    /// [`Misuse::InputCount`] for a wrong number of codes.
+    pub fn begin_update(&self, state: &State, codes: &[Option<i32>]) -> Result<SlowUpdate, Misuse> {
+        if codes.len() != self.image.inputs().len() {
+            return Err(Misuse::InputCount);
         }
-        if !state.corrected_once {
-            status |= Status::UNCORRECTED;
+        let mut own = [None; MAX_INPUTS];
+        own.iter_mut().zip(codes).for_each(|(slot, code)| *slot = *code);
+        Ok(SlowUpdate {
+            memory: state.inputs,
+            codes: own,
+            warm: state.warm,
+            before: state.updates,
+            reading: Reading::new(),
+            basis: [[0; BASIS_LEN]; MAX_INPUTS],
+            sums: Sums::default(),
+            slices: 0,
+        })
+    }
+
+    /// Makes one slice of a slow update; true when none is missing any more.
+    #[inline]
+    pub fn advance_update(&self, update: &mut SlowUpdate) -> bool {
+        let (inputs, at) = (self.image.inputs(), usize::from(update.slices));
+        if let Some(spec) = inputs.get(at) {
+            let code = update.codes.get(at).copied().flatten();
+            if let (Some(memory), Some(row)) = (update.memory.get_mut(at), update.basis.get_mut(at)) {
+                update.reading.add(at, spec, memory, code, update.warm);
+                *row = chebyshev(update.reading.inputs.get(at).map_or(0, |input| input.x_q47));
+            }
+        } else if let Some(term) = self.image.terms().get(at - inputs.len()).filter(|_| !update.reading.held) {
+            update.sums.add(term, &update.reading.inputs, &update.basis);
+        } else {
+            return true;
         }
-        state.slow_status = status;
-        Ok(state.status())
+        update.slices += 1;
+        false
+    }
+
+    /// Puts a slow update in force that is due now, in place of [`Compensator::update`]. Makes the slices that are still missing.
+    ///
+    /// # Errors
+    /// [`Misuse::UpdateNotDue`]; [`Misuse::Outdated`] if the state had another slow update, or is another one, since this was begun. Then
+    /// nothing has changed.
+    pub fn apply_update(&self, state: &mut State, update: &mut SlowUpdate) -> Result<Status, Misuse> {
+        if state.ticks_to_update != 0 {
+            return Err(Misuse::UpdateNotDue { ticks_left: state.ticks_to_update });
+        }
+        if update.before != state.updates {
+            return Err(Misuse::Outdated);
+        }
+        while !self.advance_update(update) {}
+        state.inputs = update.memory;
+        Ok(self.conclude(state, &update.reading, update.sums))
+    }
+
+    /// Whole temperature periods without counts, each begun by a slow update with the same codes: a gap in a log. The state afterwards is that
+    /// of as many updates and skips; once the lags have settled to the bit, which takes some 36 τ, the rest is a closed form.
+    ///
+    /// # Errors
+    /// [`Misuse`] when no update is due, or the number of codes is wrong; then nothing has changed.
+    pub fn rest(&self, state: &mut State, codes: &[Option<i32>], periods: u64) -> Result<(), Misuse> {
+        let period_ticks = self.image.description().period_ticks;
+        let mut left = periods;
+        while left > 0 {
+            let before = state.without_counters();
+            self.update(state, codes)?;
+            self.skip(state, period_ticks)?;
+            left -= 1;
+            if left > 1 && state.without_counters() == before {
+                // The last one is made: its status knows the counters.
+                state.count(left - 1);
+                left = 1;
+            }
+        }
+        Ok(())
     }
 
     #[inline]
@@ -334,89 +461,149 @@ impl Compensator {
         Output { counts, status: state.status() | Status::LIMITED }
     }
 
-    /// Runs every input; returns their scaled values, the status bits, and whether any value is missing.
-    fn read(&self, state: &mut State, codes: &[Option<i32>]) -> ([ScaledInput; MAX_INPUTS], Status, bool) {
-        let mut inputs = [ScaledInput::default(); MAX_INPUTS];
-        let (mut status, mut held) = (Status::OK, false);
-        // Values of this update, for the differences and repeats that come later in the table.
-        let mut fresh_q24 = [None; MAX_INPUTS];
+    /// Runs every input.
+    fn read(&self, state: &mut State, codes: &[Option<i32>]) -> Reading {
+        let mut reading = Reading::new();
         let warm = state.warm;
-        let slots = inputs.iter_mut().zip(state.inputs.iter_mut());
-        for (at, ((slot, memory), (spec, code))) in slots.zip(self.image.inputs().iter().zip(codes)).enumerate() {
-            let of_update = |i: u8| fresh_q24.get(usize::from(i)).copied().flatten();
-            let fresh = match spec.source {
-                ValueSource::Code => code.and_then(|code| spec.value_q24(code)),
-                ValueSource::Difference { of, less } => {
-                    of_update(of).zip(of_update(less)).and_then(|(a, b): (i64, i64)| spec.if_valid(a - b))
-                }
-                ValueSource::Repeat { of } => of_update(of).and_then(|value| spec.if_valid(value)),
-                ValueSource::WarmUp => spec.if_valid(0),
-            };
-            if spec.source == ValueSource::WarmUp && !warm {
-                memory.begin_warm_up();
-            }
-            match memory.update(spec, fresh) {
-                Some(scaled) => {
-                    *slot = scaled;
-                    if let Some(place) = fresh_q24.get_mut(at) {
-                        *place = fresh.map(i64::from);
-                    }
-                }
-                None => {
-                    held = true;
-                    status |= Status::HELD;
-                    if memory.held_updates > spec.stale_after_updates {
-                        status |= Status::STALE;
-                    }
-                }
-            }
-            if slot.x_clamped || slot.y_clamped {
-                status |= Status::OUT_OF_SPAN;
-            }
-            if slot.y_clamped {
-                status |= Status::RATE_OUT_OF_SPAN;
-            }
-            if spec.settling_updates > 0 && memory.settled_updates <= spec.settling_updates {
-                status |= Status::SETTLING;
-            }
+        for (at, ((memory, spec), code)) in state.inputs.iter_mut().zip(self.image.inputs()).zip(codes).enumerate() {
+            reading.add(at, spec, memory, *code, warm);
         }
-        // A held correction keeps the span bits of the values it was computed from.
-        if held {
+        reading
+    }
+
+    /// The end of a slow update: correction and status of the ticks from here on.
+    fn conclude(&self, state: &mut State, reading: &Reading, sums: Sums) -> Status {
+        state.ticks_to_update = self.image.description().period_ticks;
+        state.updates = state.updates.wrapping_add(1);
+        let mut status = reading.status;
+        if reading.held {
+            // A held correction keeps the span bits of the values it was computed from.
             for (bit, _) in Status::NAMES.iter().take(2) {
                 if state.slow_status.contains(*bit) {
                     status |= *bit;
                 }
             }
+        } else {
+            state.k_q32 = ONE_Q32 + round_shift(sums.scale, GUARD_BITS);
+            state.slew_to(round_shift(sums.bias, GUARD_BITS), self.image.description().slew_ticks);
+            state.corrected_once = true;
         }
-        (inputs, status, held)
+        if !state.corrected_once {
+            status |= Status::UNCORRECTED;
+        }
+        state.slow_status = status;
+        state.status()
     }
 
-    /// k in Q32 and the increment in counts·2⁻³² per tick. Sums in Q40; `Image::new` bounds them.
-    fn evaluate(&self, inputs: &[ScaledInput; MAX_INPUTS]) -> (i64, i64) {
+    /// The sums of all terms.
+    fn evaluate(&self, inputs: &[ScaledInput; MAX_INPUTS]) -> Sums {
         let mut basis = [[0_i64; BASIS_LEN]; MAX_INPUTS];
         for (row, input) in basis.iter_mut().zip(inputs).take(self.image.inputs().len()) {
             *row = chebyshev(input.x_q47);
         }
-        let (mut bias, mut scale) = (0_i64, 0_i64);
+        let mut sums = Sums::default();
         for term in self.image.terms() {
-            let index = usize::from(term.input);
-            let input = inputs.get(index).copied().unwrap_or_default();
-            let shape = match term.shape {
-                Shape::Chebyshev(order) => {
-                    basis.get(index).and_then(|row| row.get(usize::from(order))).copied().unwrap_or(0)
+            sums.add(term, inputs, &basis);
+        }
+        sums
+    }
+}
+
+/// What a slow update has read so far.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Reading {
+    pub(crate) inputs: [ScaledInput; MAX_INPUTS],
+    /// Values of this update, for the differences and repeats that come later in the table.
+    fresh_q24: [Option<i64>; MAX_INPUTS],
+    status: Status,
+    /// A value is missing: the last correction stays.
+    pub(crate) held: bool,
+}
+
+impl Reading {
+    pub(crate) const fn new() -> Self {
+        let nothing = ScaledInput { x_q47: 0, y_q31: 0, x_clamped: false, y_clamped: false };
+        Self { inputs: [nothing; MAX_INPUTS], fresh_q24: [None; MAX_INPUTS], status: Status::OK, held: false }
+    }
+
+    /// Runs one input.
+    #[inline]
+    pub(crate) fn add(&mut self, at: usize, spec: &InputSpec, memory: &mut InputState, code: Option<i32>, warm: bool) {
+        let fresh = self.value(spec, code);
+        if spec.source == ValueSource::WarmUp && !warm {
+            memory.begin_warm_up();
+        }
+        match memory.update(spec, fresh) {
+            Some(scaled) => {
+                if scaled.x_clamped || scaled.y_clamped {
+                    self.status |= Status::OUT_OF_SPAN;
                 }
-                Shape::Zone { knot_q15 } => zone(input.x_q47, knot_q15),
-                Shape::Step { knot_q15 } => step(input.x_q47, knot_q15),
-                Shape::Cosine { turns_q18 } => cosine(input.x_q47, turns_q18),
-                Shape::Sine { turns_q18 } => sine(input.x_q47, turns_q18),
-            };
-            let value = term_value(term, shape, input.y_q31);
-            match term.kind {
-                Kind::Bias => bias += value,
-                Kind::Scale => scale += value,
+                if scaled.y_clamped {
+                    self.status |= Status::RATE_OUT_OF_SPAN;
+                }
+                if let (Some(slot), Some(place)) = (self.inputs.get_mut(at), self.fresh_q24.get_mut(at)) {
+                    *slot = scaled;
+                    *place = fresh.map(i64::from);
+                }
+            }
+            None => {
+                self.held = true;
+                self.status |= Status::HELD;
+                if memory.held_updates > spec.stale_after_updates {
+                    self.status |= Status::STALE;
+                }
             }
         }
-        (ONE_Q32 + round_shift(scale, GUARD_BITS), round_shift(bias, GUARD_BITS))
+        if spec.settling_updates > 0 && memory.settled_updates <= spec.settling_updates {
+            self.status |= Status::SETTLING;
+        }
+    }
+
+    fn value(&self, spec: &InputSpec, code: Option<i32>) -> Option<i32> {
+        let of_update = |i: u8| self.fresh_q24.get(usize::from(i)).copied().flatten();
+        match spec.source {
+            ValueSource::Code => code.and_then(|code| spec.value_q24(code)),
+            ValueSource::Difference { of, less } => {
+                of_update(of).zip(of_update(less)).and_then(|(a, b)| spec.if_valid(a - b))
+            }
+            ValueSource::Repeat { of } => of_update(of).and_then(|value| spec.if_valid(value)),
+            ValueSource::WarmUp => spec.if_valid(0),
+        }
+    }
+}
+
+/// Sums of the terms, Q40; `Image::new` bounds them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Sums {
+    bias: i64,
+    scale: i64,
+}
+
+impl Sums {
+    /// Adds one term.
+    #[inline]
+    pub(crate) fn add(
+        &mut self,
+        term: &Term,
+        inputs: &[ScaledInput; MAX_INPUTS],
+        basis: &[[i64; BASIS_LEN]; MAX_INPUTS],
+    ) {
+        let index = usize::from(term.input);
+        let input = inputs.get(index).copied().unwrap_or_default();
+        let shape = match term.shape {
+            Shape::Chebyshev(order) => {
+                basis.get(index).and_then(|row| row.get(usize::from(order))).copied().unwrap_or(0)
+            }
+            Shape::Zone { knot_q15 } => zone(input.x_q47, knot_q15),
+            Shape::Step { knot_q15 } => step(input.x_q47, knot_q15),
+            Shape::Cosine { turns_q18 } => cosine(input.x_q47, turns_q18),
+            Shape::Sine { turns_q18 } => sine(input.x_q47, turns_q18),
+        };
+        let value = term_value(term, shape, input.y_q31);
+        match term.kind {
+            Kind::Bias => self.bias += value,
+            Kind::Scale => self.scale += value,
+        }
     }
 }
 

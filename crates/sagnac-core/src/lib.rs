@@ -58,7 +58,7 @@ pub use bank::{
     TRIAL_STARTS,
 };
 pub use codec::{DecodeError, FORMAT_MINOR, FORMAT_VERSION, MAGIC, MAX_IMAGE_LEN};
-pub use compensator::{Compensator, MAX_RAW, Misuse, Output, State};
+pub use compensator::{Compensator, MAX_RAW, Misuse, Output, SlowUpdate, State};
 pub use harmonic::MAX_TURNS_Q18;
 pub use image::{
     Description, Image, ImageError, Kind, MAX_INCREMENT, MAX_INPUTS, MAX_SCALE, MAX_TERMS, Multiplier, Shape, Term,

@@ -12,6 +12,8 @@ use crate::terms::{Point, Term, fit_terms};
 const APART: f64 = 1.4;
 /// Longest record, s: 30,000 years.
 const MOST_RECORD_S: f64 = 1e12;
+/// Most rows of a record: 30 years at 10 kHz. The degrees of freedom of more would take minutes.
+const MOST_ROWS: f64 = 1e13;
 /// A term below this fraction of σ² at every τ counts as zero.
 const NO_PART: f64 = 1e-6;
 
@@ -26,8 +28,12 @@ pub struct BareCurve {
 
 /// A record length too short for its curve's longest τ, or unreasonably long.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[error("a record with a deviation at τ = {longest_s} s has at least twice that length")]
+#[error(
+    "a record with deviations from τ = {shortest_s} s to {longest_s} s has at least twice the longest τ, and at most 1e13 rows of the shortest"
+)]
 pub struct RecordLengthError {
+    /// Shortest τ of the curve, s: the row interval.
+    pub shortest_s: f64,
     /// Longest τ of the curve, s.
     pub longest_s: f64,
     /// Length of the record as given, s.
@@ -37,12 +43,14 @@ pub struct RecordLengthError {
 /// The five terms of a bare curve; `record_s` is the length of the record behind it, if it is known.
 ///
 /// # Errors
-/// A record too short for the curve's longest τ, or longer than 1e12 s.
+/// A record too short for the curve's longest τ, longer than 1e12 s, or of more than 1e13 rows of its shortest τ.
 pub fn budget_of_curve(curve: &BareCurve, record_s: Option<f64>) -> Result<AxisBudget, RecordLengthError> {
     let longest_s = curve.points.iter().fold(0.0_f64, |most, (tau_s, _)| most.max(*tau_s));
+    let shortest_s = curve.points.first().map_or(1.0, |(tau_s, _)| *tau_s);
+    let most_s = MOST_RECORD_S.min(MOST_ROWS * shortest_s);
     match record_s {
-        Some(record_s) if !(2.0 * longest_s..MOST_RECORD_S).contains(&record_s) => {
-            Err(RecordLengthError { longest_s, record_s })
+        Some(record_s) if !(2.0 * longest_s..most_s).contains(&record_s) => {
+            Err(RecordLengthError { shortest_s, longest_s, record_s })
         }
         Some(record_s) => Ok(known_length(curve, record_s)),
         None => Ok(of_unknown_length(curve)),

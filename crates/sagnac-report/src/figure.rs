@@ -186,6 +186,9 @@ impl Figure {
         if keep_zero {
             ys.take(&[0.0]);
         }
+        if xs.is_beyond() || ys.is_beyond() {
+            return None;
+        }
         if self.decades {
             let padded = |range: &Range, part: f64| Some(range.log10().padded(part)?.map(|power| 10.0_f64.powf(power)));
             self.x = padded(&xs, 0.02)?;
@@ -251,6 +254,12 @@ impl Range {
             self.lo = self.lo.min(*value);
             self.hi = self.hi.max(*value);
         }
+    }
+
+    /// Beyond what any quantity is and any axis can be divided into.
+    fn is_beyond(&self) -> bool {
+        const DRAWABLE: f64 = 1e60;
+        self.lo <= self.hi && (self.lo.abs() > DRAWABLE || self.hi.abs() > DRAWABLE)
     }
 
     /// The range of the powers of ten; empty where something is not above zero.
@@ -325,5 +334,9 @@ mod tests {
         let flat = figure(line(vec![3.0, 3.0])).framed(false).unwrap();
         assert!(flat.y[0] < 3.0 && flat.y[1] > 3.0);
         assert!(figure(line(vec![f64::NAN, f64::NAN])).framed(false).is_none());
+        // An axis to 1e308 has no ticks, and its width no number.
+        for huge in [1e308, -1e308, 1e61] {
+            assert!(figure(line(vec![0.0, huge])).framed(false).is_none());
+        }
     }
 }

@@ -1,5 +1,7 @@
 //! Numbers as people read them: no more digits than their uncertainty supports.
 
+use std::borrow::Cow;
+
 /// The last part of a path, as provenance names it.
 pub fn file_name(path: &str) -> String {
     std::path::Path::new(path).file_name().map_or_else(|| path.to_owned(), |name| name.to_string_lossy().into_owned())
@@ -21,6 +23,42 @@ pub fn with_sigma(value: f64, sigma: Option<f64>) -> String {
         }
         _ => significant(value, 6),
     }
+}
+
+/// Text for a terminal, a line of a file or a message: what would control a terminal or turn the direction of writing is written as its
+/// number, `\u{1b}`. Line ends stay; [`one_line`] writes them as numbers too.
+pub fn printable(text: &str) -> Cow<'_, str> {
+    escaped(text, |c| c != '\n' && controls(c), |c| format!("\\u{{{:x}}}", u32::from(c)))
+}
+
+/// The same in one line.
+pub fn one_line(text: &str) -> Cow<'_, str> {
+    escaped(text, controls, |c| format!("\\u{{{:x}}}", u32::from(c)))
+}
+
+/// The same of JSON, in which such characters stand within strings alone, as JSON's own escapes.
+pub fn printable_json(text: &str) -> Cow<'_, str> {
+    escaped(text, |c| c != '\n' && controls(c), |c| format!("\\u{:04x}", u32::from(c)))
+}
+
+/// Control characters (C0, DEL, C1), and those that turn the direction of writing (Unicode's bidirectional controls).
+pub fn controls(c: char) -> bool {
+    c.is_control() || matches!(c, '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
+}
+
+fn escaped(text: &str, is: impl Fn(char) -> bool, by: impl Fn(char) -> String) -> Cow<'_, str> {
+    if !text.contains(&is) {
+        return Cow::Borrowed(text);
+    }
+    let mut out = String::with_capacity(text.len() + 16);
+    for c in text.chars() {
+        if is(c) {
+            out.push_str(&by(c));
+        } else {
+            out.push(c);
+        }
+    }
+    Cow::Owned(out)
 }
 
 /// A number to so many significant digits.

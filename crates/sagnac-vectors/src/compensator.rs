@@ -123,5 +123,6 @@ const fn code(misuse: Misuse) -> u32 {
         Misuse::UpdateNotDue { .. } => 2,
         Misuse::RawOutOfRange => 3,
         Misuse::InputCount => 4,
+        Misuse::Outdated => 5,
     }
 }

@@ -4,7 +4,7 @@ use core::ptr::{addr_of, addr_of_mut, read_volatile, write_volatile};
 
 const PAINT: u32 = 0x5afe_57ac;
 /// Stack reserved for `paint` itself.
-const MARGIN: usize = 512;
+const MARGIN: usize = 64;
 /// Depth of the pattern, bytes.
 const DEPTH: usize = 64 * 1024;
 
@@ -21,6 +21,12 @@ pub fn paint() {
         // SAFETY: between the end of the statics (64 KB of 4 MB are used) and the stack that is in use.
         unsafe { write_volatile(address as *mut u32, PAINT) };
     }
+}
+
+/// Bytes of stack in use now.
+pub fn depth() -> usize {
+    let here = 0_u32;
+    addr_of_mut!(_stack_start) as usize - addr_of!(here) as usize
 }
 
 /// Largest number of bytes used since [`paint`].

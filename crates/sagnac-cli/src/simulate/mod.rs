@@ -17,6 +17,7 @@ use sagnac_sim::{
 use sagnac_units::format::significant;
 
 use crate::console::{Console, Outcome, Ran, table};
+use crate::files::Files;
 use crate::loading;
 use crate::pipe::PipeAware;
 use crate::progress::SimulatedTime;
@@ -94,21 +95,15 @@ fn check_files(args: &Args) -> Result<()> {
     if let Some(path) = args.report.iter().find(|path| !is_page(path)) {
         return Err(Error::input("a report is an HTML page").file(path.display().to_string()));
     }
-    let mut seen = vec![std::fs::canonicalize(&args.scenario).unwrap_or_else(|_| args.scenario.clone())];
-    for path in [&args.output, &args.truth, &args.report].into_iter().flatten() {
+    let outputs = || [&args.output, &args.truth, &args.report].into_iter().flatten();
+    for path in outputs() {
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let folder = std::fs::canonicalize(folder).map_err(|e| Error::io_path(path, "write", &e))?;
+        std::fs::canonicalize(folder).map_err(|e| Error::io_path(path, "write", &e))?;
         if path.is_dir() {
             return Err(Error::input("this is a directory; give the name of a file").file(path.display().to_string()));
         }
-        let whole = std::fs::canonicalize(path).unwrap_or_else(|_| folder.join(path.file_name().unwrap_or_default()));
-        if (whole.is_file() || !whole.exists()) && seen.contains(&whole) {
-            return Err(Error::input("this file is named twice: scenario, log, truth and report each have their own")
-                .file(path.display().to_string()));
-        }
-        seen.push(whole);
     }
-    Ok(())
+    Files::new().reads([&args.scenario]).writes(outputs()).check()
 }
 
 /// A scenario's refusal, with its file and key.

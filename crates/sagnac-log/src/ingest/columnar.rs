@@ -36,8 +36,8 @@ use crate::ingest::source::Source;
 const BATCH_ROWS: usize = 8192;
 /// Writers align the first message of a file to at most this.
 const ARROW_PADDING: usize = 72;
-/// Largest size of an unpacked buffer.
-const MAX_UNPACKED: u64 = 1 << 30;
+/// Largest size of all unpacked buffers of a message.
+const MAX_UNPACKED: u64 = 1 << 28;
 /// Powers of ten of the units of Arrow's times to ns.
 const UNITS: [(TimeUnit, u32); 4] =
     [(TimeUnit::Second, 9), (TimeUnit::Millisecond, 6), (TimeUnit::Microsecond, 3), (TimeUnit::Nanosecond, 0)];
@@ -100,7 +100,7 @@ pub(crate) fn open(source: Source) -> Result<Columnar> {
         }
         _ => {
             check_arrow(&mut file, form)?;
-            guarded(|| Ok(arrow_reader(&file, form)?.schema()))?.as_ref().clone()
+            guarded(|| Ok(arrow_reader(&file, form, None)?.schema()))?.as_ref().clone()
         }
     };
     Ok(Columnar { headers: names(&schema), file, form, hashing })
@@ -152,11 +152,12 @@ fn truncated() -> Error {
     Error::input("a truncated or damaged Arrow file").help("copy or write it again")
 }
 
-fn arrow_reader(file: &File, form: Form) -> Result<StreamReader<BufReader<File>>> {
+/// With the columns of these places alone, if any are given: the others are not unpacked.
+fn arrow_reader(file: &File, form: Form, wanted: Option<Vec<usize>>) -> Result<StreamReader<BufReader<File>>> {
     let mut file = clone_of(file)?;
     let at = messages_at(&mut file, form)?;
     file.seek(SeekFrom::Start(at)).map_err(|e| Error::input(format!("cannot read: {e}")))?;
-    StreamReader::try_new_buffered(file, None).map_err(|e| arrow_broken(&e))
+    StreamReader::try_new_buffered(file, wanted).map_err(|e| arrow_broken(&e))
 }
 
 /// Reads through the messages and checks every length against the file's length; detects a truncated file.
@@ -209,6 +210,7 @@ fn check_message(metadata: &[u8], file: &mut File, body_at: u64, size: u64) -> R
     let dictionary = message.header_as_dictionary_batch().and_then(|batch| batch.data());
     let batch = message.header_as_record_batch().or(dictionary);
     let Some(batch) = batch else { return Ok(body) };
+    let mut all = 0_u64;
     for buffer in batch.buffers().iter().flatten() {
         let (offset, length) = (u64::try_from(buffer.offset()), u64::try_from(buffer.length()));
         let (Ok(offset), Ok(length)) = (offset, length) else { return Err(damaged(&"a negative length")) };
@@ -220,8 +222,9 @@ fn check_message(metadata: &[u8], file: &mut File, body_at: u64, size: u64) -> R
             file.seek(SeekFrom::Start(body_at + offset)).map_err(|e| damaged(&e))?;
             file.read_exact(&mut unpacked).map_err(|e| damaged(&e))?;
             // −1: not compressed after all.
-            if i64::from_le_bytes(unpacked) > MAX_UNPACKED as i64 {
-                return Err(damaged(&"a buffer that unpacks to more than 1 GiB"));
+            all = all.saturating_add(u64::try_from(i64::from_le_bytes(unpacked)).unwrap_or(0));
+            if all > MAX_UNPACKED {
+                return Err(damaged(&"a batch that unpacks to more than 256 MiB; write smaller batches"));
             }
         }
     }
@@ -238,7 +241,7 @@ impl Columnar {
                 let reader = parquet_batches(clone_of(&self.file)?, Some(&wanted), BATCH_ROWS);
                 Ok(Box::new(reader.map_err(parquet_broken)?) as Batches)
             })?,
-            form => guarded(|| Ok(Box::new(arrow_reader(&self.file, form)?) as Batches))?,
+            form => guarded(|| Ok(Box::new(arrow_reader(&self.file, form, Some(wanted.clone()))?) as Batches))?,
         };
         let what = if self.form == Form::Parquet { "Parquet" } else { "Arrow" };
         let layout = layout.clone();

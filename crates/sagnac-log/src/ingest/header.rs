@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use crate::error::{Error, Result};
 use crate::ingest::number::ISO_8601;
 use crate::ingest::table::TableColumn;
+use sagnac_units::format::controls;
 use sagnac_units::{DPH_PER_DPS, DPH_PER_RADPS, KELVIN_AT_0_C};
 
 /// Header prefix of the program's own compensated output.
@@ -101,7 +102,7 @@ pub fn role_of(header: &str) -> Result<Role> {
         return Err(already_compensated().column(header));
     }
     let (quantity, rest) = lower.split_once('_').unwrap_or((&lower, ""));
-    match quantity {
+    let role = match quantity {
         "time" => time_role(header, rest),
         // Other times may be of another clock or have another meaning.
         "timestamp" | "datetime" => Ok(time_role(header, rest).unwrap_or(Role::Ignored)),
@@ -115,7 +116,11 @@ pub fn role_of(header: &str) -> Result<Role> {
         "valid" if rest.is_empty() => Ok(Role::Valid),
         "aux" if !rest.is_empty() => Ok(Role::Aux { name: rest.to_owned() }),
         _ => Ok(Role::Ignored),
+    };
+    if lower.contains(controls) && !matches!(role, Ok(Role::Ignored)) {
+        return Err(Error::input("a header has no control characters").column(header));
     }
+    role
 }
 
 /// The error for a log that Sagnac has already corrected.

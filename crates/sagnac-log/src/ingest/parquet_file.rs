@@ -23,7 +23,7 @@ use parquet::file::metadata::{ParquetMetaData, RowGroupMetaData};
 use parquet::file::reader::{ChunkReader, FileReader, Length};
 use parquet::file::serialized_reader::SerializedFileReader;
 
-use crate::ingest::parquet_footer::footer_is_whole;
+use crate::ingest::parquet_footer::check_footer;
 
 /// The columns with these root indices (all if `None`) in batches of at most `rows` rows.
 ///
@@ -51,9 +51,7 @@ pub fn parquet_schema(file: File) -> Result<SchemaRef> {
 }
 
 fn described(file: &ParquetFile) -> Result<ArrowReaderMetadata> {
-    if !footer_is_whole(&file.0) {
-        return Err(ParquetError::General("a footer that announces more than it holds".to_owned()));
-    }
+    check_footer(&file.0).map_err(|what| ParquetError::General(what.to_owned()))?;
     ArrowReaderMetadata::load(file, Default::default())
 }
 

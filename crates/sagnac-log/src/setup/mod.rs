@@ -15,6 +15,7 @@ pub use stages::{Clock, Identity, ModelConfig, ReadConfig, Stages, TargetConfig,
 
 use crate::error::{Error, Result};
 use sagnac_units::EARTH_RATE_DPH;
+use sagnac_units::format::controls;
 
 const DEFAULT_TICK_NS: i64 = 100_000;
 const ONE_SECOND_NS: i64 = 1_000_000_000;
@@ -423,9 +424,14 @@ impl Setup {
 
     fn check_words(&self) -> Result<()> {
         if let Some(serial) = self.serial.as_deref()
-            && (serial.len() > 32 || serial.is_empty() || serial.contains('\0'))
+            && !is_serial(serial)
         {
-            return Err(Error::input("a serial has 1 to 32 bytes").column("serial").value(serial));
+            return Err(not_a_serial(serial));
+        }
+        let names =
+            self.thermometers.iter().map(|t| t.name.as_str()).chain(self.aux.iter().map(|aux| aux.name.as_str()));
+        if let Some(name) = names.into_iter().find(|name| name.contains(controls)) {
+            return Err(Error::input("a name has no control characters").column("name").value(name));
         }
         if let Some(axis) = self.axis
             && !axis.is_ascii_alphanumeric()
@@ -442,6 +448,16 @@ impl Setup {
         }
         Ok(())
     }
+}
+
+/// True for a serial number that an image and a report can hold: 1 to 32 bytes, none of them a control character.
+pub fn is_serial(serial: &str) -> bool {
+    (1..=32).contains(&serial.len()) && !serial.contains(controls)
+}
+
+/// The refusal of any other.
+pub fn not_a_serial(serial: &str) -> Error {
+    Error::input("a serial has 1 to 32 bytes and no control characters").column("serial").value(serial)
 }
 
 fn is_default(runs: &RunDivision) -> bool {

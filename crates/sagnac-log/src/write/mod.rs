@@ -34,10 +34,12 @@ pub fn remove_unfinished() {
 struct Unfinished(PathBuf);
 
 impl Unfinished {
-    /// A new one in a folder, known from the moment it is there.
-    fn create(folder: &Path) -> std::io::Result<(tempfile::NamedTempFile, Self)> {
+    /// A new one in the folder of its target, known from the moment it is there. It is as readable as the file that it replaces, and
+    /// otherwise as any new file of this user (umask).
+    fn create(folder: &Path, target: &Path) -> std::io::Result<(tempfile::NamedTempFile, Self)> {
         let mut unfinished = unfinished();
-        let file = tempfile::Builder::new().prefix(".sagnac-").tempfile_in(folder)?;
+        let mut builder = tempfile::Builder::new();
+        let file = with_mode(builder.prefix(".sagnac-"), target).tempfile_in(folder)?;
         unfinished.push(file.path().to_owned());
         let known = Self(file.path().to_owned());
         Ok((file, known))
@@ -65,6 +67,10 @@ pub fn write_atomically(path: &Path, fill: impl FnOnce(&mut (dyn Write + Send)) 
     if path.is_dir() {
         return Err(Error::input("this is a directory; give the name of a file").file(path.display().to_string()));
     }
+    if let Some(mut out) = standard_stream(path) {
+        fill(&mut *out)?;
+        return out.flush().map_err(|e| failed(&e));
+    }
     if path.exists() && !path.is_file() {
         // A device or a pipe is written to, never replaced.
         let mut out = std::fs::OpenOptions::new().write(true).open(path).map_err(|e| failed(&e))?;
@@ -78,11 +84,11 @@ pub fn write_atomically(path: &Path, fill: impl FnOnce(&mut (dyn Write + Send)) 
         let what = format!("cannot write: the folder {} does not exist", folder.display());
         return Err(Error::input(what).file(path.display().to_string()));
     }
-    let (file, _known) = Unfinished::create(folder).map_err(|e| failed(&plain(&e)))?;
+    let (file, _known) = Unfinished::create(folder, path).map_err(|e| failed(&plain(&e)))?;
     let mut out = std::io::BufWriter::new(file);
     fill(&mut out)?;
     let file = out.into_inner().map_err(|e| failed(e.error()))?;
-    set_mode(file.as_file()).map_err(|e| failed(&e))?;
+    keep_mode(file.as_file(), path).map_err(|e| failed(&e))?;
     file.as_file().sync_all().map_err(|e| failed(&e))?;
     file.persist(path).map_err(|e| failed(&e.error))?;
     if let Ok(folder) = std::fs::File::open(folder) {
@@ -105,14 +111,39 @@ pub fn write_bytes(path: &Path, bytes: &[u8]) -> Result<()> {
     write_atomically(path, |out| out.write_all(bytes).map_err(|e| Error::io_path(path, "write", &e)))
 }
 
-/// Temporary files are private; a result is as readable as any other new file.
+/// This process' own standard output or error under one of its names. It is written to where it stands: a file that the shell appends to
+/// would otherwise be replaced, or written over from its beginning.
+fn standard_stream(path: &Path) -> Option<Box<dyn Write + Send>> {
+    let is = |names: [&str; 3]| names.iter().any(|name| path == Path::new(name));
+    if is(["/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"]) {
+        return Some(Box::new(std::io::stdout()));
+    }
+    is(["/dev/stderr", "/dev/fd/2", "/proc/self/fd/2"]).then(|| Box::new(std::io::stderr()) as Box<dyn Write + Send>)
+}
+
+/// The permissions of the file that is replaced, or those of a new file, from which the system takes the umask.
 #[cfg(unix)]
-fn set_mode(file: &std::fs::File) -> std::io::Result<()> {
+fn with_mode<'a, 'b, 'c>(
+    builder: &'a mut tempfile::Builder<'b, 'c>,
+    target: &Path,
+) -> &'a mut tempfile::Builder<'b, 'c> {
     use std::os::unix::fs::PermissionsExt;
-    file.set_permissions(std::fs::Permissions::from_mode(0o644))
+    let before = std::fs::metadata(target).map(|found| found.permissions().mode() & 0o777);
+    builder.permissions(std::fs::Permissions::from_mode(before.unwrap_or(0o666)))
 }
 
 #[cfg(not(unix))]
-fn set_mode(_: &std::fs::File) -> std::io::Result<()> {
+fn with_mode<'a, 'b, 'c>(builder: &'a mut tempfile::Builder<'b, 'c>, _: &Path) -> &'a mut tempfile::Builder<'b, 'c> {
+    builder
+}
+
+/// A file that is replaced keeps the permissions that it had, also those that the umask would take.
+#[cfg(unix)]
+fn keep_mode(file: &std::fs::File, target: &Path) -> std::io::Result<()> {
+    std::fs::metadata(target).map_or(Ok(()), |found| file.set_permissions(found.permissions()))
+}
+
+#[cfg(not(unix))]
+fn keep_mode(_: &std::fs::File, _: &Path) -> std::io::Result<()> {
     Ok(())
 }

@@ -64,6 +64,9 @@ pub fn read_curve(path: &Path) -> Result<(Vec<BareCurve>, LogFile)> {
     Ok((curves, LogFile { file: file_name(&name), sha256: hex(&sha256(&bytes)), rows, rows_sketch: String::new() }))
 }
 
+/// Largest deviation of a curve, °/h: some 3·10⁶ °/s.
+const MOST_DPH: f64 = 1e10;
+
 /// Reads the text of a curve.
 ///
 /// # Errors
@@ -107,7 +110,12 @@ pub fn parse_curve(text: &[u8]) -> Result<Vec<BareCurve>> {
             if curve.points.last().is_some_and(|(last, _)| *last >= tau_s) {
                 return Err(Error::input("τ must rise from line to line").line(line).column(TAU));
             }
-            curve.points.push((tau_s, value(*index)? * unit));
+            let deviation_dph = value(*index)? * unit;
+            if deviation_dph > MOST_DPH {
+                let error = Error::input("no gyro has so large a deviation").line(line);
+                return Err(error.column(headers.get(*index).unwrap_or_default()).value(deviation_dph.to_string()));
+            }
+            curve.points.push((tau_s, deviation_dph));
         }
     }
     if curves.iter().all(|curve| curve.points.is_empty()) {

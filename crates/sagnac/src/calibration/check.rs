@@ -1,7 +1,7 @@
 //! The checks of a record, before it is used or written: anyone may have edited the file.
 
 use sagnac_log::error::{Error, Result};
-use sagnac_log::setup::{ThermometerSetup, check_thermometer};
+use sagnac_log::setup::{ThermometerSetup, check_thermometer, is_serial, not_a_serial};
 
 use crate::calibration::{AxisCalibration, Calibration, Input, InputSource, Term};
 
@@ -25,8 +25,8 @@ impl Calibration {
             }
         }
         let serial = &self.serial;
-        if serial.is_empty() || serial.len() > 32 || serial.contains('\0') {
-            return Err(Error::input("a serial has 1 to 32 bytes").column("serial").value(serial));
+        if !is_serial(serial) {
+            return Err(not_a_serial(serial));
         }
         if self.axes.is_empty() {
             return Err(Error::input("a calibration without an axis").column("axes"));

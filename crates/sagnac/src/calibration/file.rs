@@ -7,6 +7,10 @@ use serde_json::Value;
 
 use crate::calibration::{Calibration, FORMAT, MINOR_VERSION, VERSION};
 
+/// No quantity of a record is beyond this, in any unit: a drift of 10⁵ °/s in °/h is 4·10⁸, a variance its square. Larger numbers are
+/// damage, and what is computed from them is no figure.
+const MOST: f64 = 1e30;
+
 impl Calibration {
     /// Reads and checks a record. Fields that this program does not know are ignored in a record of a newer minor version,
     /// and refused in any other.
@@ -25,6 +29,7 @@ impl Calibration {
                 .value(found)
                 .help("calibrate again from the logs, or use the program that wrote the record"));
         }
+        within_bounds(&head, "")?;
         let is_newer = head.get("minor_version").and_then(Value::as_u64) > Some(u64::from(MINOR_VERSION));
         let mut unknown = None;
         let mut json = serde_json::Deserializer::from_str(text);
@@ -57,6 +62,8 @@ impl Calibration {
         self.check()?;
         let mut text =
             serde_json::to_string_pretty(self).map_err(|e| Error::input(format!("cannot write JSON: {e}")))?;
+        // A record that could not be read again is none.
+        within_bounds(&serde_json::from_str(&text).map_err(|e| not_json(&e))?, "")?;
         text.push('\n');
         Ok(text)
     }
@@ -67,6 +74,21 @@ impl Calibration {
     /// As [`Calibration::to_json`], and what the file system says.
     pub fn save(&self, path: impl AsRef<Path>) -> Result<()> {
         sagnac_log::write::write_bytes(path.as_ref(), self.to_json()?.as_bytes())
+    }
+}
+
+/// Refuses a number beyond [`MOST`], by its place.
+fn within_bounds(value: &Value, place: &str) -> Result<()> {
+    let below = |name: &str| if place.is_empty() { name.to_owned() } else { format!("{place}.{name}") };
+    match value {
+        Value::Number(number) if number.as_f64().is_some_and(|value| value.abs() > MOST) => {
+            Err(Error::input("no quantity of a gyro is so large").column(place).value(number.to_string()))
+        }
+        Value::Array(all) => {
+            all.iter().enumerate().try_for_each(|(at, value)| within_bounds(value, &below(&at.to_string())))
+        }
+        Value::Object(all) => all.iter().try_for_each(|(name, value)| within_bounds(value, &below(name))),
+        _ => Ok(()),
     }
 }
 

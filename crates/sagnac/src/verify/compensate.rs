@@ -16,6 +16,7 @@ use sagnac_log::ingest::{AngleUnit, COMPENSATED_STAMP, LogReader, LogSummary, un
 use sagnac_log::setup::{Counter, Setup};
 #[cfg(feature = "parquet")]
 use sagnac_log::write::ParquetRows;
+use sagnac_units::format::one_line;
 use sagnac_units::s_from_ns;
 
 /// What a corrected log is written as.
@@ -51,7 +52,9 @@ pub fn compensate(
     let (images, readings) = correction.fit_to(&shape, setup).map_err(|e| e.file(&file))?;
     let mut replay = Replay::new(&images, &shape, readings, &file)?;
     let (columns, read, units) = (log.axis_columns(), log.columns_read(), log.rate_units());
-    let stamp = format!("{COMPENSATED_STAMP}: serial {}, images {}", correction.serial(), correction.sha256());
+    // An image's serial number may be any text.
+    let serial = one_line(&correction.serial()).into_owned();
+    let stamp = format!("{COMPENSATED_STAMP}: serial {serial}, images {}", correction.sha256());
     let mut rows = rows_out(log, setup, format, &stamp, out)?;
     let comma_is_decimal = format == CorrectedFormat::Csv && log.delimiter() != b',';
     let mut cells: Vec<Vec<u8>> = Vec::new();
@@ -125,7 +128,7 @@ struct CsvOut<'a>(csv::Writer<&'a mut (dyn Write + Send)>);
 impl<'a> CsvOut<'a> {
     fn new(out: &'a mut (dyn Write + Send), delimiter: u8, stamp: &str, headers: &[String]) -> Result<Self> {
         writeln!(out, "{stamp}").map_err(unwritten)?;
-        let mut rows = Self(csv::WriterBuilder::new().delimiter(delimiter).from_writer(out));
+        let mut rows = Self(csv::WriterBuilder::new().delimiter(delimiter).comment(Some(b'#')).from_writer(out));
         rows.0.write_record(headers).map_err(|e| unwritten(e.into()))?;
         rows.flush()?;
         Ok(rows)

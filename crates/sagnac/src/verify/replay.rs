@@ -15,9 +15,14 @@ use sagnac_core::{Compensator, Image, InputSpec, MAX_INPUTS, Misuse, State, Stat
 use crate::verify::readings::{LogColumn, Readings};
 use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::{AngleUnit, Batch, LogShape};
+use sagnac_units::s_from_ns;
 
-/// No row and no gap may last longer than this many slow updates (116 days at 1 s).
+/// No gap may last longer than this many slow updates (116 days at 1 s).
 const MAX_UPDATES: i64 = 10_000_000;
+/// No row may: 5.8 days at 1 s. More is an image for another log.
+const MAX_ROW_UPDATES: i64 = 500_000;
+/// Most slow updates of a whole replay: eleven days at 10 ms, three years at 1 s. They take some 8 s.
+const MAX_ALL_UPDATES: i64 = 100_000_000;
 /// Largest |raw| the core takes at once.
 const MAX_RAW: i64 = sagnac_core::MAX_RAW as i64;
 
@@ -77,6 +82,8 @@ pub struct Replay {
     period_ticks: i64,
     origin_ns: Option<i64>,
     ticks_done: i64,
+    /// Slow updates so far, of one axis.
+    updates: i64,
     /// Newest value of every thermometer and auxiliary column of the log, as the images last saw it.
     register: Register,
     file: String,
@@ -105,6 +112,7 @@ impl Replay {
             period_ticks: i64::from(head.period_ticks),
             origin_ns: None,
             ticks_done: 0,
+            updates: 0,
             register: Register::default(),
             file: file.to_owned(),
         })
@@ -138,6 +146,13 @@ impl Replay {
                 .line(batch.line[row])
                 .help("cut the log there; each file is a run of its own"));
         }
+        if end - start > MAX_ROW_UPDATES.saturating_mul(self.period_ticks) {
+            return Err(Error::input(format!("a row of more than {MAX_ROW_UPDATES} temperature periods of the image"))
+                .file(&self.file)
+                .line(batch.line[row])
+                .help("give an image whose temperature period fits the rows of the log"));
+        }
+        self.count_updates(gap, end - start).map_err(|e| e.file(&self.file).line(batch.line[row]))?;
         for (index, axis) in self.axes.iter_mut().enumerate() {
             let codes = axis.codes(&self.register);
             axis.skip(codes, gap).map_err(|e| misused(e, &self.file, batch.line[row]))?;
@@ -152,6 +167,26 @@ impl Replay {
         self.ticks_done = end.max(start);
         self.register.take(batch, row);
         Ok(())
+    }
+
+    /// Bounds the slow updates of all rows and gaps together: a temperature period far below the length of a row would take hours.
+    fn count_updates(&mut self, gap_ticks: i64, row_ticks: i64) -> Result<()> {
+        // A gap takes no more updates than the lags take to settle to the bit.
+        let settle = |axis: &AxisReplay| {
+            let eighths = axis.gyro.image().inputs().iter().filter(|input| input.lag.is_used());
+            eighths.map(|input| 320 * i64::from(input.lag.longest_hold_updates())).max().unwrap_or(8)
+        };
+        let settling = self.axes.iter().map(settle).max().unwrap_or(0);
+        let periods = |ticks: i64| ticks.max(0) / self.period_ticks;
+        self.updates = self.updates.saturating_add(periods(gap_ticks).min(settling)).saturating_add(periods(row_ticks));
+        if self.updates <= MAX_ALL_UPDATES {
+            return Ok(());
+        }
+        Err(Error::input(format!(
+            "more than {MAX_ALL_UPDATES} slow updates up to here, at a temperature period of {} s",
+            s_from_ns(self.period_ticks.saturating_mul(self.tick_ns))
+        ))
+        .help("give an image with a longer temperature period, or cut the log"))
     }
 
     /// The state of an axis, for those who want to look inside.
@@ -228,7 +263,15 @@ impl AxisReplay {
 
     /// Lets ticks pass without counts.
     fn skip(&mut self, codes: Codes, mut ticks: i64) -> std::result::Result<(), Misuse> {
+        let period = i64::from(self.gyro.image().description().period_ticks);
         while ticks > 0 {
+            let periods = ticks / period;
+            if self.state.ticks_to_update() == 0 && periods > 1 {
+                let inputs = self.gyro.image().inputs().len();
+                self.gyro.rest(&mut self.state, &codes[..inputs], periods.unsigned_abs())?;
+                ticks -= periods * period;
+                continue;
+            }
             let step = self.step(&codes, ticks)?;
             self.gyro.skip(&mut self.state, step)?;
             ticks -= i64::from(step);

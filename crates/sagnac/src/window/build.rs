@@ -13,6 +13,10 @@ use sagnac_units::{ns_from_s, s_from_ns};
 
 /// Longest track, in temperature periods: 48 days at 1 s.
 const MAX_TRACK: usize = 1 << 22;
+/// Largest number of values in all tracks of all runs together: 256 MiB.
+const MAX_TRACK_VALUES: usize = 1 << 25;
+/// Largest number of windows: some 200 MiB. A month of windows of 100 s has 26,000.
+const MAX_WINDOWS: usize = 1 << 20;
 
 /// Collects windows; push batches run by run, then finish.
 pub struct WindowBuilder {
@@ -179,7 +183,7 @@ impl WindowBuilder {
                 if std::mem::take(&mut is_first) {
                     builder.begin_file(batch, &name)?;
                 }
-                builder.push(batch)?;
+                builder.push(batch).map_err(|e| e.file(&name))?;
             }
             let summary = log.summary();
             seen.take(&summary)?;
@@ -209,7 +213,14 @@ impl WindowBuilder {
         let run = self.run.get_or_insert_with(|| OpenRun::new(*first_ns, self.tracks));
         run.end_ns = *last_ns;
         if self.shape.timed {
-            run.sample_tracks(batch, self.tick_ns, self.shape.period_ns)?;
+            let kept: usize = self.runs.iter().flat_map(|run| &run.tracks).map(Vec::len).sum();
+            let room = (MAX_TRACK_VALUES - kept.min(MAX_TRACK_VALUES)).checked_div(self.tracks).unwrap_or(MAX_TRACK);
+            run.sample_tracks(batch, self.tick_ns, self.shape.period_ns, room)?;
+        }
+        if self.rows.run.len() > MAX_WINDOWS {
+            return Err(Error::input(format!("more than {MAX_WINDOWS} windows"))
+                .line(*batch.line.first().unwrap_or(&0))
+                .help("give longer windows (--window), or fewer logs at a time; a log without times has a window for each row"));
         }
         self.weights.clear();
         let rows = batch.start_ns.iter().zip(&batch.end_ns);
@@ -459,7 +470,7 @@ impl WindowBuilder {
 
 impl OpenRun {
     /// Brings the tracks up to the end of a batch. Only the rows next to a grid point matter.
-    fn sample_tracks(&mut self, batch: &Batch, tick_ns: i64, period_ns: i64) -> Result<()> {
+    fn sample_tracks(&mut self, batch: &Batch, tick_ns: i64, period_ns: i64, room: usize) -> Result<()> {
         let mut at = 0;
         while let Some(points) = self.tracks.first().map(|track| track.values.len() as i64) {
             // As in replay: a stamp counts from the tick it falls into.
@@ -481,6 +492,9 @@ impl OpenRun {
             if before > MAX_TRACK {
                 return Err(too_many_periods(period_ns).line(batch.line[next]));
             }
+            if before > room {
+                return Err(too_many_values(self.tracks.len(), period_ns).line(batch.line[next]));
+            }
             for (track, column) in self.tracks.iter_mut().zip(columns()) {
                 track.sample(before, column[next]);
             }
@@ -499,6 +513,15 @@ impl OpenRun {
 /// A window in ns.
 fn window_ns(seconds: f64) -> i64 {
     ns_from_s(seconds).unwrap_or(i64::MAX).max(1)
+}
+
+fn too_many_values(tracks: usize, period_ns: i64) -> Error {
+    Error::input(format!(
+        "{tracks} columns every {} s are more than {MAX_TRACK_VALUES} values in all runs together",
+        s_from_ns(period_ns)
+    ))
+    .column("temperature_period_s")
+    .help("map columns that no model needs to \"ignore\" under [columns], or give a longer temperature_period_s in the setup")
 }
 
 fn too_many_periods(period_ns: i64) -> Error {

@@ -356,7 +356,8 @@ fn append(windows: &mut Windows, batch: &RecordBatch) -> Result<()> {
         batch.column_by_name(name).filter(whole).ok_or_else(|| missing(name))
     };
     let floats = |name: &str| {
-        column(name)?.as_primitive_opt::<Float64Type>().map(|c| c.values().to_vec()).ok_or_else(|| missing(name))
+        let values = column(name)?.as_primitive_opt::<Float64Type>().ok_or_else(|| missing(name))?.values().to_vec();
+        within_bounds(name, &values).map(|()| values)
     };
     let longs = |name: &str| {
         column(name)?.as_primitive_opt::<Int64Type>().map(|c| c.values().to_vec()).ok_or_else(|| missing(name))
@@ -390,6 +391,7 @@ fn append(windows: &mut Windows, batch: &RecordBatch) -> Result<()> {
         let lists = column(&name)?.as_list_opt::<i32>().ok_or_else(|| missing(&name))?;
         for list in lists.iter() {
             let all = list.as_ref().and_then(|l| l.as_primitive_opt::<Float64Type>()).ok_or_else(|| missing(&name))?;
+            within_bounds(&name, all.values())?;
             let third = all.len() / 3;
             let part = |n: usize| all.values().get(n * third..(n + 1) * third).unwrap_or(&[]).to_vec();
             slot.push(ShortTauSums { squares: part(0), numbers: part(1), edf: part(2) });
@@ -407,6 +409,7 @@ fn append(windows: &mut Windows, batch: &RecordBatch) -> Result<()> {
         for (list, run) in lists.iter().zip(&run) {
             let piece =
                 list.as_ref().and_then(|l| l.as_primitive_opt::<Float64Type>()).ok_or_else(|| missing(&name))?;
+            within_bounds(&name, piece.values())?;
             let target = windows.runs.get_mut(*run as usize).and_then(|run| run.tracks.get_mut(at));
             target.ok_or_else(|| missing("run"))?.extend(piece.values());
         }
@@ -419,6 +422,19 @@ fn append(windows: &mut Windows, batch: &RecordBatch) -> Result<()> {
     }
     rows.run.extend(run);
     Ok(())
+}
+
+/// No angle, temperature or rate of a window is beyond this, in any unit; a value that is missing is NaN.
+const MOST: f64 = 1e20;
+
+fn within_bounds(name: &str, values: &[f64]) -> Result<()> {
+    match values.iter().find(|value| value.abs() > MOST) {
+        None => Ok(()),
+        Some(value) => {
+            let error = Error::input("no window of a gyro has so large a value; the window table is damaged");
+            Err(error.column(name).value(value.to_string()))
+        }
+    }
 }
 
 fn check_indices(windows: &Windows) -> Result<()> {

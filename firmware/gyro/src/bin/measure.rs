@@ -11,8 +11,8 @@ use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m::peripheral::{Peripherals, SYST};
 use cortex_m_rt::entry;
 use sagnac_board::{ActuatorCodes, Board, Rig, RigSettings, Row};
-use sagnac_core::{Compensator, Description, Image, Origin, Output, State, Status};
-use sagnac_firmware::{finish, say, unit_image, unit_loops};
+use sagnac_core::{Compensator, Description, Image, Origin, Output, SlowUpdate, State, Status};
+use sagnac_firmware::{finish, say, stack, unit_image, unit_loops};
 use sagnac_loops::Stripper;
 
 /// Instructions a count.
@@ -78,6 +78,21 @@ fn main() -> ! {
     #[cfg(feature = "signed")]
     say(format_args!("verification {}", verification()));
     say(format_args!("slow-update {}", slow.saturating_sub(copy)));
+    say(format_args!("slice {}", largest_slice(&gyro, codes)));
+    say(format_args!(
+        "stack-update {}",
+        stack_of(|| {
+            let mut fresh = black_box(State::new());
+            let _ = black_box(black_box(&gyro).update(black_box(&mut fresh), black_box(codes)));
+        })
+    ));
+    say(format_args!(
+        "stack-tick {}",
+        stack_of(|| {
+            let mut fresh = black_box(state);
+            let _ = black_box(tick(black_box(&gyro), black_box(&mut fresh), 37));
+        })
+    ));
     say(format_args!("tick {plain}"));
     say(format_args!("tick-slewing {slewing}"));
     say(format_args!("tick-limited {limited}"));
@@ -99,6 +114,48 @@ fn verification() -> u32 {
     instructions_of(1, || {
         let _ = black_box(fuses.verify(black_box(&key), black_box(&[5; 836]), black_box(&signature)));
     })
+}
+
+/// Bytes of stack that a call uses, its own locals included.
+#[inline(never)]
+fn stack_of(act: impl FnOnce()) -> usize {
+    let here = stack::depth();
+    stack::paint();
+    act();
+    stack::used().saturating_sub(here)
+}
+
+/// The most expensive slice of a slow update.
+fn largest_slice(gyro: &Compensator, codes: &[Option<i32>]) -> u32 {
+    let Ok(mut update) = gyro.begin_update(&State::new(), codes) else { return 0 };
+    let mut largest = 0;
+    loop {
+        let with = slice_instructions(gyro, &update, advance);
+        let without = slice_instructions(gyro, &update, |_, _| false);
+        largest = largest.max(with.saturating_sub(without));
+        if gyro.advance_update(&mut update) {
+            return largest;
+        }
+    }
+}
+
+/// Instructions of `act` on a copy of an update, the copy included.
+#[inline(never)]
+fn slice_instructions(
+    gyro: &Compensator,
+    update: &SlowUpdate,
+    act: impl Fn(&Compensator, &mut SlowUpdate) -> bool,
+) -> u32 {
+    instructions(|| {
+        let mut fresh = *black_box(update);
+        let _ = black_box(act(black_box(gyro), black_box(&mut fresh)));
+    })
+}
+
+/// A slice as a separate function with its state in memory, as an interrupt calls it.
+#[inline(never)]
+fn advance(gyro: &Compensator, update: &mut SlowUpdate) -> bool {
+    gyro.advance_update(update)
 }
 
 /// A tick as a separate function with its state in memory, as an interrupt calls it.

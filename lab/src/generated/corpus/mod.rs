@@ -1,5 +1,6 @@
 //! The corpus of broken inputs: the files of each case, the command that runs on them, and the expected result.
 
+mod crafted;
 mod noise;
 
 use std::io::Write;
@@ -243,6 +244,7 @@ pub(crate) fn cases(program: &Program) -> Result<Vec<Case>> {
     all.extend(files(&good));
     all.extend(records(&good)?);
     all.extend(noise::noise_budgets(&good));
+    all.extend(crafted::crafted(&good)?);
     Ok(all)
 }
 

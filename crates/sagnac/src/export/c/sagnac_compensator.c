@@ -40,14 +40,6 @@
 #define MINOR_OF_REPEATS 2U
 #define MINOR_OF_HARMONICS 1U
 
-/* One input at one slow update, scaled for the terms. */
-typedef struct {
-    int64_t x_q47;
-    int64_t y_q31;
-    uint32_t x_clamped;
-    uint32_t y_clamped;
-} scaled_input;
-
 /* T_0(x) ... T_8(x) in Q31 for x in Q47, |x| <= 1. */
 static void gyro_chebyshev(int64_t x_q47, int64_t basis[BASIS_LENGTH])
 {
@@ -123,7 +115,7 @@ static uint32_t input_if_valid(const sagnac_input *spec, int64_t t, int32_t *t_q
 }
 
 /* x of the value clamped to the span. */
-static void scale_input(const sagnac_input *spec, int32_t t_q24, scaled_input *out)
+static void scale_input(const sagnac_input *spec, int32_t t_q24, sagnac_scaled_input *out)
 {
     const int32_t clamped = sagnac_held32(t_q24, spec->span_lo_q24, spec->span_hi_q24);
     const int64_t both = (int64_t)spec->span_lo_q24 + (int64_t)spec->span_hi_q24;
@@ -134,7 +126,7 @@ static void scale_input(const sagnac_input *spec, int32_t t_q24, scaled_input *o
 }
 
 /* One period of the lag; y is the scaled, clamped rate. */
-static void step_lag(const sagnac_input *spec, sagnac_input_state *memory, int32_t t_q24, scaled_input *out)
+static void step_lag(const sagnac_input *spec, sagnac_input_state *memory, int32_t t_q24, sagnac_scaled_input *out)
 {
     out->y_q31 = 0;
     out->y_clamped = 0U;
@@ -211,7 +203,7 @@ static void begin_anew(const sagnac_input *spec, sagnac_input_state *memory, uin
 
 /* One period of one input; 0 without a valid value at this update. */
 static uint32_t read_input(const sagnac_input *spec, sagnac_input_state *memory, uint32_t present,
-                                 int64_t value, scaled_input *out)
+                                 int64_t value, sagnac_scaled_input *out)
 {
     int32_t t_q24 = 0;
     uint32_t fresh = 0U;
@@ -232,7 +224,7 @@ static uint32_t read_input(const sagnac_input *spec, sagnac_input_state *memory,
         t_q24 = memory->last_q24;
     }
     if ((fresh != 0U) || (memory->has_last != 0U)) {
-        scaled_input now = {0, 0, 0U, 0U};
+        sagnac_scaled_input now = {0, 0, 0U, 0U};
         memory->last_q24 = t_q24;
         memory->has_last = 1U;
         memory->settled_updates = one_more(memory->settled_updates);
@@ -257,112 +249,88 @@ static void begin_warm_up(const sagnac_input *spec, sagnac_input_state *memory)
 }
 
 /* The value of input i: 0 of a warm-up, else from its code, or from one or two inputs with a value at this update; 0 if there is none. */
-static uint32_t find_value(const sagnac_image *image, const sagnac_compensator_state *state, uint32_t i,
-                                 const int32_t *codes, uint32_t present, uint32_t fresh, int64_t *value)
+static uint32_t find_value(const sagnac_image *image, const sagnac_slow_update *update, uint32_t i, int64_t *value)
 {
     const sagnac_input *spec = &image->inputs[i];
     uint32_t found;
     *value = 0;
     if (spec->source == SAGNAC_DIFFERENCE) {
-        found = (fresh >> spec->of) & (fresh >> spec->less) & 1U;
+        found = (update->fresh >> spec->of) & (update->fresh >> spec->less) & 1U;
         if (found != 0U) {
-            *value = (int64_t)state->inputs[spec->of].last_q24 -
-                           (int64_t)state->inputs[spec->less].last_q24;
+            *value = (int64_t)update->inputs[spec->of].last_q24 - (int64_t)update->inputs[spec->less].last_q24;
         }
     } else if (spec->source == SAGNAC_REPEAT) {
-        found = (fresh >> spec->of) & 1U;
+        found = (update->fresh >> spec->of) & 1U;
         if (found != 0U) {
-            *value = (int64_t)state->inputs[spec->of].last_q24;
+            *value = (int64_t)update->inputs[spec->of].last_q24;
         }
     } else if (spec->source == SAGNAC_WARM_UP) {
         found = 1U;
     } else {
-        found = (present >> i) & 1U;
+        found = (update->present >> i) & 1U;
         if (found != 0U) {
-            *value = input_value(spec, codes[i]);
+            *value = input_value(spec, update->codes[i]);
         }
     }
     return found;
 }
 
-/* Runs every input; 1 if any has no value. */
-static uint32_t read_all(const sagnac_image *image, sagnac_compensator_state *state, const int32_t *codes,
-                         uint32_t present, scaled_input *inputs, uint32_t *status)
+/* The slice of an input: its value, lag, status and series. */
+static void input_slice(const sagnac_image *image, sagnac_slow_update *update, uint32_t i)
 {
-    uint32_t held = 0U;
-    uint32_t fresh = 0U;
-    uint32_t i;
-    *status = 0U;
-    for (i = 0U; i < image->input_count; i++) {
-        const sagnac_input *spec = &image->inputs[i];
-        sagnac_input_state *memory = &state->inputs[i];
-        int64_t value;
-        const uint32_t has_sample = find_value(image, state, i, codes, present, fresh, &value);
-        if (state->warm == 0U) {
-            begin_warm_up(spec, memory);
-        }
-        if (read_input(spec, memory, has_sample, value, &inputs[i]) != 0U) {
-            fresh |= 1U << i;
-        } else {
-            held = 1U;
-            *status |= SAGNAC_HELD;
-            if (memory->held_updates > spec->stale_after_updates) {
-                *status |= SAGNAC_STALE;
-            }
-        }
-        if ((inputs[i].x_clamped != 0U) || (inputs[i].y_clamped != 0U)) {
-            *status |= SAGNAC_OUT_OF_SPAN;
-        }
-        if (inputs[i].y_clamped != 0U) {
-            *status |= SAGNAC_RATE_OUT_OF_SPAN;
-        }
-        if ((spec->settling_updates > 0U) && (memory->settled_updates <= spec->settling_updates)) {
-            *status |= SAGNAC_SETTLING;
+    const sagnac_input *spec = &image->inputs[i];
+    sagnac_input_state *memory = &update->inputs[i];
+    sagnac_scaled_input *scaled = &update->scaled[i];
+    int64_t value;
+    const uint32_t has_sample = find_value(image, update, i, &value);
+    if (update->warm == 0U) {
+        begin_warm_up(spec, memory);
+    }
+    if (read_input(spec, memory, has_sample, value, scaled) != 0U) {
+        update->fresh |= 1U << i;
+    } else {
+        update->held = 1U;
+        update->status |= SAGNAC_HELD;
+        if (memory->held_updates > spec->stale_after_updates) {
+            update->status |= SAGNAC_STALE;
         }
     }
-    if (held != 0U) {
-        /* A held correction keeps the span bits of the values it was computed from. */
-        *status |= state->slow_status & (SAGNAC_OUT_OF_SPAN | SAGNAC_RATE_OUT_OF_SPAN);
+    if ((scaled->x_clamped != 0U) || (scaled->y_clamped != 0U)) {
+        update->status |= SAGNAC_OUT_OF_SPAN;
     }
-    return held;
+    if (scaled->y_clamped != 0U) {
+        update->status |= SAGNAC_RATE_OUT_OF_SPAN;
+    }
+    if ((spec->settling_updates > 0U) && (memory->settled_updates <= spec->settling_updates)) {
+        update->status |= SAGNAC_SETTLING;
+    }
+    gyro_chebyshev(scaled->x_q47, update->basis[i]);
 }
 
-/* k in Q32 and the increment in counts * 2^-32 per tick. */
-static void gyro_evaluate(const sagnac_image *image, const scaled_input *inputs, int64_t *k_q32, int64_t *increment)
+/* The slice of a term. */
+static void term_slice(const sagnac_term *term, sagnac_slow_update *update)
 {
-    int64_t basis[SAGNAC_MAX_INPUTS][BASIS_LENGTH];
-    int64_t bias = 0;
-    int64_t scale = 0;
-    uint32_t i;
-    for (i = 0U; i < image->input_count; i++) {
-        gyro_chebyshev(inputs[i].x_q47, basis[i]);
+    const int64_t x_q47 = update->scaled[term->input].x_q47;
+    int64_t factor;
+    int64_t value;
+    if (term->shape == SAGNAC_ZONE) {
+        factor = gyro_zone(x_q47, term->knot_q15);
+    } else if (term->shape == SAGNAC_STEP) {
+        factor = (x_q47 >= ((int64_t)term->knot_q15 * ONE_Q32)) ? ONE_Q31 : 0;
+    } else if (is_harmonic(term) != 0U) {
+        factor = gyro_harmonic(x_q47, term);
+    } else {
+        factor = update->basis[term->input][term->order];
     }
-    for (i = 0U; i < image->term_count; i++) {
-        const sagnac_term *term = &image->terms[i];
-        const int64_t x_q47 = inputs[term->input].x_q47;
-        int64_t factor;
-        int64_t value;
-        if (term->shape == SAGNAC_ZONE) {
-            factor = gyro_zone(x_q47, term->knot_q15);
-        } else if (term->shape == SAGNAC_STEP) {
-            factor = (x_q47 >= ((int64_t)term->knot_q15 * ONE_Q32)) ? ONE_Q31 : 0;
-        } else if (is_harmonic(term) != 0U) {
-            factor = gyro_harmonic(x_q47, term);
-        } else {
-            factor = basis[term->input][term->order];
-        }
-        if (term->times_rate != 0U) {
-            factor = sagnac_round_shift(factor * inputs[term->input].y_q31, 31U);
-        }
-        value = sagnac_round_shift((int64_t)term->mantissa * factor, term->shift);
-        if (term->kind == SAGNAC_BIAS) {
-            bias += value;
-        } else {
-            scale += value;
-        }
+    if (term->times_rate != 0U) {
+        factor = sagnac_round_shift(factor * update->scaled[term->input].y_q31, 31U);
     }
-    *k_q32 = ONE_Q32 + sagnac_round_shift(scale, GUARD_BITS);
-    *increment = sagnac_round_shift(bias, GUARD_BITS);
+    value = sagnac_round_shift((int64_t)term->mantissa * factor, term->shift);
+    if (term->kind == SAGNAC_BIAS) {
+        update->bias += value;
+    } else {
+        update->scale += value;
+    }
 }
 
 /* Starts the slew to a new increment: `steeper` ticks by slope + 1, the others by slope. */
@@ -469,6 +437,7 @@ void sagnac_compensator_start(sagnac_compensator_state *state)
     state->corrected_once = 0U;
     state->overflow = 0U;
     state->warm = 0U;
+    state->updates = 0U;
     for (i = 0U; i < SAGNAC_MAX_INPUTS; i++) {
         state->inputs[i].lag_q46 = 0;
         state->inputs[i].remainder = 0;
@@ -502,34 +471,98 @@ void sagnac_compensator_migrate_state(const sagnac_image *image, sagnac_compensa
     sagnac_compensator_start_warm(state);
     state->accumulator = old.accumulator;
     state->overflow = old.overflow;
+    state->updates = (old.updates == UINT32_MAX) ? 0U : (old.updates + 1U);
     state->k_q32 = old.k_q32;
     state->increment = sagnac_held(old.increment, -bound, bound);
     state->target = state->increment;
 }
 
-sagnac_misuse sagnac_compensator_update(const sagnac_image *image, sagnac_compensator_state *state,
-                                        const int32_t *codes, uint32_t present)
+void sagnac_compensator_begin_update(const sagnac_image *image, const sagnac_compensator_state *state,
+                                     const int32_t *codes, uint32_t present, sagnac_slow_update *update)
+{
+    uint32_t i;
+    for (i = 0U; i < SAGNAC_MAX_INPUTS; i++) {
+        const uint32_t given = (i < image->input_count) ? ((present >> i) & 1U) : 0U;
+        update->inputs[i] = state->inputs[i];
+        update->scaled[i].x_q47 = 0;
+        update->scaled[i].y_q31 = 0;
+        update->scaled[i].x_clamped = 0U;
+        update->scaled[i].y_clamped = 0U;
+        update->codes[i] = 0;
+        if (given != 0U) {
+            update->codes[i] = codes[i];
+        }
+    }
+    update->bias = 0;
+    update->scale = 0;
+    update->present = present;
+    update->warm = state->warm;
+    update->before = state->updates;
+    update->fresh = 0U;
+    update->held = 0U;
+    update->status = 0U;
+    update->slices = 0U;
+}
+
+uint32_t sagnac_compensator_advance_update(const sagnac_image *image, sagnac_slow_update *update)
+{
+    const uint32_t at = update->slices;
+    uint32_t complete = 0U;
+    if (at < image->input_count) {
+        input_slice(image, update, at);
+        update->slices++;
+    } else if (((at - image->input_count) < image->term_count) && (update->held == 0U)) {
+        term_slice(&image->terms[at - image->input_count], update);
+        update->slices++;
+    } else {
+        complete = 1U;
+    }
+    return complete;
+}
+
+sagnac_misuse sagnac_compensator_apply_update(const sagnac_image *image, sagnac_compensator_state *state,
+                                              sagnac_slow_update *update)
 {
     sagnac_misuse result = SAGNAC_OK;
     if (state->ticks_to_update != 0U) {
         result = SAGNAC_UPDATE_NOT_DUE;
+    } else if (update->before != state->updates) {
+        result = SAGNAC_OUTDATED;
     } else {
-        scaled_input inputs[SAGNAC_MAX_INPUTS] = {{0, 0, 0U, 0U}, {0, 0, 0U, 0U}, {0, 0, 0U, 0U}, {0, 0, 0U, 0U}};
-        uint32_t status;
-        const uint32_t held = read_all(image, state, codes, present, inputs, &status);
+        uint32_t complete = 0U;
+        uint32_t i;
+        while (complete == 0U) {
+            complete = sagnac_compensator_advance_update(image, update);
+        }
+        for (i = 0U; i < SAGNAC_MAX_INPUTS; i++) {
+            state->inputs[i] = update->inputs[i];
+        }
         state->ticks_to_update = image->period_ticks;
-        if (held == 0U) {
-            int64_t k_q32;
-            int64_t increment;
-            gyro_evaluate(image, inputs, &k_q32, &increment);
-            state->k_q32 = k_q32;
-            gyro_slew_to(state, increment, image->slew_ticks);
+        state->updates = (state->updates == UINT32_MAX) ? 0U : (state->updates + 1U);
+        if (update->held == 0U) {
+            state->k_q32 = ONE_Q32 + sagnac_round_shift(update->scale, GUARD_BITS);
+            gyro_slew_to(state, sagnac_round_shift(update->bias, GUARD_BITS), image->slew_ticks);
             state->corrected_once = 1U;
+        } else {
+            /* A held correction keeps the span bits of the values it was computed from. */
+            update->status |= state->slow_status & (SAGNAC_OUT_OF_SPAN | SAGNAC_RATE_OUT_OF_SPAN);
         }
         if (state->corrected_once == 0U) {
-            status |= SAGNAC_UNCORRECTED;
+            update->status |= SAGNAC_UNCORRECTED;
         }
-        state->slow_status = status;
+        state->slow_status = update->status;
+    }
+    return result;
+}
+
+sagnac_misuse sagnac_compensator_update(const sagnac_image *image, sagnac_compensator_state *state,
+                                        const int32_t *codes, uint32_t present)
+{
+    sagnac_misuse result = SAGNAC_UPDATE_NOT_DUE;
+    if (state->ticks_to_update == 0U) {
+        sagnac_slow_update update;
+        sagnac_compensator_begin_update(image, state, codes, present, &update);
+        result = sagnac_compensator_apply_update(image, state, &update);
     }
     return result;
 }

@@ -15,7 +15,7 @@
  *   in the 100 us interrupt:
  *     if (state.ticks_to_update == 0U) { sagnac_compensator_update(&image, &state, codes, present); }
  *     if (sagnac_compensator_tick(&image, &state, raw, &output) == SAGNAC_OK) { use output.counts, output.status; }
- * The slow path may run in the interrupt, or before it in a task that always ends in time.
+ * The slow path may run in the interrupt, before it in a task that always ends in time, or in slices over some ticks.
  *
  * Signs: positive counts are positive rotation. Values of inputs are 2^-24 degC.
  * A call past a slow update, or with more than 2^29 counts, is refused and changes nothing.
@@ -50,7 +50,9 @@ typedef enum {
     SAGNAC_OK = 0,
     SAGNAC_UPDATE_DUE = 1,
     SAGNAC_UPDATE_NOT_DUE = 2,
-    SAGNAC_RAW_OUT_OF_RANGE = 3
+    SAGNAC_RAW_OUT_OF_RANGE = 3,
+    /* A slow update in slices that was begun before another one. */
+    SAGNAC_OUTDATED = 5
 } sagnac_misuse;
 
 /* Why an image is refused. */
@@ -173,8 +175,34 @@ typedef struct {
     uint32_t corrected_once;
     uint32_t overflow;
     uint32_t warm;
+    uint32_t updates;
     sagnac_input_state inputs[SAGNAC_MAX_INPUTS];
 } sagnac_compensator_state;
+
+/* An input at one slow update, scaled for the terms. */
+typedef struct {
+    int64_t x_q47;
+    int64_t y_q31;
+    uint32_t x_clamped;
+    uint32_t y_clamped;
+} sagnac_scaled_input;
+
+/* A slow update in the making. Change it only through the functions. */
+typedef struct {
+    sagnac_input_state inputs[SAGNAC_MAX_INPUTS];
+    sagnac_scaled_input scaled[SAGNAC_MAX_INPUTS];
+    int64_t basis[SAGNAC_MAX_INPUTS][SAGNAC_MAX_ORDER + 1U];
+    int64_t bias;
+    int64_t scale;
+    int32_t codes[SAGNAC_MAX_INPUTS];
+    uint32_t present;
+    uint32_t warm;
+    uint32_t before;
+    uint32_t fresh;
+    uint32_t held;
+    uint32_t status;
+    uint32_t slices;
+} sagnac_slow_update;
 
 /* One corrected value. */
 typedef struct {
@@ -202,6 +230,19 @@ void sagnac_compensator_migrate_state(const sagnac_image *image, sagnac_compensa
  * difference, repeat or warm-up has neither bit nor code. */
 sagnac_misuse sagnac_compensator_update(const sagnac_image *image, sagnac_compensator_state *state,
                                         const int32_t *codes, uint32_t present);
+
+/* The same in slices, for an image whose slow update does not fit between two ticks. Begin some ticks before it is due, with the codes of
+ * then; make a slice or more in each tick; apply it when ticks_to_update is 0, in place of sagnac_compensator_update. The bits are those
+ * of an update with the same codes. A slice is one input with its series, or one term: at most input_count + term_count of them. */
+void sagnac_compensator_begin_update(const sagnac_image *image, const sagnac_compensator_state *state,
+                                     const int32_t *codes, uint32_t present, sagnac_slow_update *update);
+
+/* One slice; 1 when none is missing any more. */
+uint32_t sagnac_compensator_advance_update(const sagnac_image *image, sagnac_slow_update *update);
+
+/* Puts it in force. Makes the slices that are still missing. SAGNAC_OUTDATED if another update, or another image, came in between. */
+sagnac_misuse sagnac_compensator_apply_update(const sagnac_image *image, sagnac_compensator_state *state,
+                                              sagnac_slow_update *update);
 
 /* One tick. */
 sagnac_misuse sagnac_compensator_tick(const sagnac_image *image, sagnac_compensator_state *state, int32_t raw,

@@ -1,0 +1,80 @@
+//! What a command reads and writes: no output is an input, and no two outputs are one file.
+//!
+//! One rule, before the work. Files are compared by what they are (device and number), so that a link, another spelling of a path
+//! or a name that the command derives does not get around it. Devices and pipes are not files: they are written to and never replaced.
+
+use std::path::{Path, PathBuf};
+
+use sagnac::{Error, Result};
+
+/// The files of one command.
+#[derive(Default)]
+pub(crate) struct Files {
+    reads: Vec<PathBuf>,
+    writes: Vec<PathBuf>,
+}
+
+impl Files {
+    pub(crate) fn new() -> Self {
+        Self::default()
+    }
+
+    /// Files that are read.
+    pub(crate) fn reads(mut self, paths: impl IntoIterator<Item = impl AsRef<Path>>) -> Self {
+        self.reads.extend(paths.into_iter().map(|path| path.as_ref().to_owned()));
+        self
+    }
+
+    /// Files that are written.
+    pub(crate) fn writes(mut self, paths: impl IntoIterator<Item = impl AsRef<Path>>) -> Self {
+        self.writes.extend(paths.into_iter().map(|path| path.as_ref().to_owned()));
+        self
+    }
+
+    /// Refuses an output that is an input, or another output.
+    pub(crate) fn check(&self) -> Result<()> {
+        let read: Vec<Identity> = self.reads.iter().filter_map(|path| identity(path)).collect();
+        let mut written: Vec<Identity> = Vec::new();
+        for path in &self.writes {
+            let Some(it) = identity(path) else { continue };
+            let refused = |what: &str| Err(Error::input(what).file(path.display().to_string()));
+            if read.contains(&it) {
+                return refused("this file is read here; write to another");
+            }
+            if written.contains(&it) {
+                return refused("this file is written twice here; give each output a name of its own");
+            }
+            written.push(it);
+        }
+        Ok(())
+    }
+}
+
+/// What a path means, whatever its spelling.
+#[derive(Debug, PartialEq, Eq)]
+enum Identity {
+    /// A file that is there: device and number.
+    #[cfg(unix)]
+    There(u64, u64),
+    /// One that is not, or on a system without numbers: its folder and name.
+    Named(PathBuf),
+}
+
+/// `None` for what is no file and is never replaced: devices, pipes, folders, `-`.
+fn identity(path: &Path) -> Option<Identity> {
+    match std::fs::metadata(path) {
+        Ok(found) if !found.is_file() => None,
+        #[cfg(unix)]
+        Ok(found) => {
+            use std::os::unix::fs::MetadataExt;
+            Some(Identity::There(found.dev(), found.ino()))
+        }
+        #[cfg(not(unix))]
+        Ok(_) => path.canonicalize().ok().map(Identity::Named),
+        Err(_) => {
+            let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+            let folder = folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
+            Some(Identity::Named(folder.join(path.file_name()?)))
+        }
+    }
+}

@@ -1,0 +1,134 @@
+//! Nothing from a file reaches a terminal, a CSV or a stamp raw.
+
+use std::fs;
+use std::path::PathBuf;
+
+use assert_cmd::Command;
+use sagnac_core::{Description, Image};
+use tempfile::TempDir;
+
+const CLEAR: &str = "\u{1b}[2J\u{7}\u{9b}31m\u{202e}";
+
+struct Bench {
+    folder: TempDir,
+}
+
+impl Bench {
+    /// With a log of 400 rows and a calibration of it.
+    fn new() -> Self {
+        let it = Self { folder: tempfile::tempdir().unwrap() };
+        let rows: String = (1..=400)
+            .map(|row: u32| format!("{},{:.4},{}\n", row * 5, 5.0 + f64::from(row) * 0.075, 150 + row * 7 % 3))
+            .collect();
+        it.write("log.csv", &format!("time_s,temperature_c,counts\n{rows}"));
+        let args = ["calibrate", "log.csv", "--arcsec-per-count", "0.15125", "--window", "25", "--serial", "RLG-7"];
+        let (status, _, said) = it.run(&[&args[..], &["--model", "bias 1", "-o", "unit.cal.json"]].concat());
+        assert_eq!(status, 0, "{said}");
+        it
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    fn write(&self, name: &str, text: &str) {
+        fs::write(self.path(name), text).unwrap();
+    }
+
+    /// Exit status, standard output, standard error; neither of the two has anything that controls a terminal.
+    fn run(&self, args: &[&str]) -> (i32, String, String) {
+        let output = Command::cargo_bin("sagnac").unwrap().args(args).current_dir(self.folder.path()).output().unwrap();
+        let [out, said] = [output.stdout, output.stderr].map(|bytes| String::from_utf8(bytes).unwrap());
+        for text in [&out, &said] {
+            let raw = text.chars().find(|c| *c != '\n' && (c.is_control() || *c == '\u{202e}'));
+            assert_eq!(raw, None, "{args:?}: {text:?}");
+        }
+        (output.status.code().unwrap(), out, said)
+    }
+}
+
+/// Headers, file names, flags, JSON and TOML: said, and not obeyed.
+#[test]
+fn a_terminal_is_not_controlled() {
+    let it = Bench::new();
+    it.write("header.csv", &format!("time_s,temperature_c,{CLEAR}counts\n1,20,1\n"));
+    it.write("read.csv", &format!("time_s,temperature_c_a{CLEAR},counts\n1,20,1\n2,20,1\n"));
+    it.write("cell.csv", &format!("time_s,temperature_c,counts\n1,{CLEAR},1\n2,20,{CLEAR}\n3,20,1\n"));
+    it.write("odd.json", &format!("{{\"format\": \"{CLEAR}\"}}"));
+    it.write("odd.toml", &format!("serial = \"A\"\n\"{}\" = 3\n", CLEAR.escape_unicode().to_string().replace("\\u{", "\\U{")));
+    it.write("odd-value.toml", "serial = \"A\\u001b[2J\"\n");
+    it.write(&format!("{CLEAR}.csv"), "time_s,temperature_c,counts\n1,20,1\n");
+    let named = format!("{CLEAR}.csv");
+    let missing = format!("none{CLEAR}.csv");
+    let runs: [&[&str]; 11] = [
+        &["inspect", "header.csv"],
+        &["inspect", "header.csv", "--json"],
+        &["inspect", "read.csv", "--arcsec-per-count", "1"],
+        &["inspect", "cell.csv", "--arcsec-per-count", "1"],
+        &["inspect", "odd.json"],
+        &["calibrate", "log.csv", "--setup", "odd.toml"],
+        &["calibrate", "log.csv", "--setup", "odd-value.toml"],
+        &["inspect", &named, "--arcsec-per-count", "1"],
+        &["inspect", &missing],
+        &["inspect", &missing, "--json"],
+        &["verify", "unit.cal.json", "log.csv", "--limits", &missing],
+    ];
+    for run in runs {
+        it.run(run);
+    }
+    let (status, out, _) = it.run(&["inspect", &missing, "--json"]);
+    let object: serde_json::Value = serde_json::from_str(&out).unwrap();
+    assert_eq!((status, object["place"]["file"].as_str()), (2, Some(missing.as_str())), "JSON keeps the name itself");
+}
+
+/// A serial number or a name of a column that is read has no control characters; it is refused where it comes from.
+#[test]
+fn names_are_refused_at_their_source() {
+    let it = Bench::new();
+    it.write("serial.toml", "serial = \"A\\nB,C\"\narcsec_per_count = 0.15125\n");
+    it.write("name.csv", "time_s,temperature_c_a\u{1},counts\n1,20,1\n2,20,1\n");
+    let record = fs::read_to_string(it.path("unit.cal.json")).unwrap().replace("RLG-7", "A\\nB");
+    it.write("serial.cal.json", &record);
+    for (args, why) in [
+        (&["calibrate", "log.csv", "--setup", "serial.toml"][..], "no control characters"),
+        (&["calibrate", "log.csv", "--arcsec-per-count", "1", "--serial", "A\u{1b}B"], "no control characters"),
+        (&["inspect", "name.csv", "--arcsec-per-count", "1"], "a header has no control characters"),
+        (&["inspect", "serial.cal.json"], "no control characters"),
+    ] {
+        let (status, _, said) = it.run(args);
+        assert!(status == 2 && said.contains(why), "{args:?}: {said}");
+    }
+}
+
+/// A text cell that would begin a comment line is quoted: no reader loses the row.
+#[test]
+fn a_row_does_not_become_a_comment() {
+    let it = Bench::new();
+    it.write("notes.csv", "note,time_s,temperature_c,counts\n\"#x\",5,20,150\n\"#y\",10,20.1,150\nz,15,20.2,150\n");
+    let (status, _, said) = it.run(&["compensate", "unit.cal.json", "notes.csv", "-o", "out.csv"]);
+    assert_eq!(status, 0, "{said}");
+    let text = fs::read_to_string(it.path("out.csv")).unwrap();
+    assert!(text.contains("\n\"#x\",5,20,") && text.contains("\n\"#y\",10,"), "{text}");
+    let rows = text.lines().filter(|line| !line.starts_with('#')).count();
+    assert_eq!(rows, 4, "{text}");
+}
+
+/// An image's serial number may be any text: the stamp of a corrected log stays one line.
+#[test]
+fn the_stamp_is_one_line() {
+    let it = Bench::new();
+    assert_eq!(it.run(&["export", "unit.cal.json", "--to", "image", "-o", "unit.img"]).0, 0);
+    let image = Image::decode(&fs::read(it.path("unit.img")).unwrap()).unwrap();
+    let mut serial = [0; 32];
+    serial[..8].copy_from_slice(b"A\nB\x1b[2J\x07");
+    let odd = Image::new(Description { serial, ..*image.description() }).unwrap();
+    let mut bytes = vec![0; odd.encoded_len()];
+    odd.encode(&mut bytes).unwrap();
+    fs::write(it.path("odd.img"), bytes).unwrap();
+    let (status, out, said) = it.run(&["compensate", "odd.img", "log.csv"]);
+    assert_eq!(status, 0, "{said}");
+    let stamp = out.lines().next().unwrap();
+    assert!(stamp.starts_with("# sagnac compensated: serial A\\u{a}B\\u{1b}[2J\\u{7}, images "), "{stamp}");
+    assert!(out.lines().nth(1).unwrap().starts_with("time_s,"), "{out}");
+    it.run(&["inspect", "odd.img"]);
+}

@@ -1,0 +1,164 @@
+//! Nothing that a command reads, or writes in the same run, is overwritten: by any spelling, link or derived name.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use assert_cmd::Command;
+use tempfile::TempDir;
+
+/// A folder with a log, a setup, limits, a calibration of it and its image.
+struct Bench {
+    folder: TempDir,
+}
+
+impl Bench {
+    fn new() -> Self {
+        let it = Self { folder: tempfile::tempdir().unwrap() };
+        let scenario = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios/paper");
+        for name in ["paper.toml", "bench.toml"] {
+            fs::copy(scenario.join(name), it.path(name)).unwrap();
+        }
+        fs::write(it.path("limits.toml"), "[limits]\nbias_1sigma_dph_max = 1.0\n").unwrap();
+        assert_eq!(it.run("simulate paper.toml -o log.csv").0, 0);
+        let (status, said) = it.run("calibrate log.csv --setup bench.toml --model |bias 2| -o unit.cal.json");
+        assert_eq!(status, 0, "{said}");
+        assert_eq!(it.run("export unit.cal.json --to image -o unit.img").0, 0);
+        it
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// Exit status and standard error. An argument with spaces stands between bars.
+    fn run(&self, line: &str) -> (i32, String) {
+        let mut args = Vec::new();
+        for (at, part) in line.split('|').enumerate() {
+            if at % 2 == 1 {
+                args.push(part);
+            } else {
+                args.extend(part.split_whitespace());
+            }
+        }
+        let output = Command::cargo_bin("sagnac").unwrap().args(args).current_dir(self.folder.path()).output().unwrap();
+        (output.status.code().unwrap(), String::from_utf8_lossy(&output.stderr).into_owned())
+    }
+
+    /// Every file with its bytes.
+    fn all(&self) -> Vec<(PathBuf, Vec<u8>)> {
+        let mut found: Vec<_> = fs::read_dir(self.folder.path())
+            .unwrap()
+            .map(|entry| entry.unwrap().path())
+            .filter(|path| path.is_file())
+            .map(|path| (path.clone(), fs::read(path).unwrap()))
+            .collect();
+        found.sort();
+        found
+    }
+}
+
+#[test]
+fn inputs_and_outputs_are_kept_apart() {
+    let it = Bench::new();
+    let folder = it.folder.path();
+    std::os::unix::fs::symlink("log.csv", folder.join("link.csv")).unwrap();
+    fs::hard_link(folder.join("log.csv"), folder.join("hard.csv")).unwrap();
+    fs::create_dir(folder.join("sub")).unwrap();
+    // What an export of one axis of two, and of C sources, would be called.
+    fs::copy(folder.join("unit.img"), folder.join("u-x.img")).unwrap();
+    let before = it.all();
+    let model = "--model |bias 2|";
+    let cases = [
+        format!("calibrate log.csv --setup bench.toml {model} -o bench.toml"),
+        format!("calibrate log.csv --setup bench.toml {model} -o log.csv"),
+        format!("calibrate log.csv --setup bench.toml {model} -o sub/../log.csv"),
+        format!("calibrate log.csv --setup bench.toml {model} -o link.csv"),
+        format!("calibrate log.csv --setup bench.toml {model} -o hard.csv"),
+        format!("calibrate log.csv --setup bench.toml {model} --report bench.toml"),
+        format!("calibrate log.csv --setup bench.toml {model} -o new.json --report new.json"),
+        format!("calibrate log.csv --setup bench.toml {model} -o new.json --report sub/../new.json"),
+        "verify unit.cal.json log.csv --limits limits.toml --report limits.toml".to_owned(),
+        "verify unit.cal.json log.csv --setup bench.toml --report bench.toml".to_owned(),
+        "verify unit.cal.json log.csv --report unit.cal.json".to_owned(),
+        "compare unit.cal.json unit.cal.json --limits limits.toml --report limits.toml".to_owned(),
+        "compensate unit.cal.json log.csv -o unit.cal.json".to_owned(),
+        "compensate unit.cal.json log.csv --setup bench.toml -o bench.toml".to_owned(),
+        "window log.csv --setup bench.toml -o bench.toml".to_owned(),
+        "allan log.csv --setup bench.toml -o bench.toml".to_owned(),
+        "allan log.csv --setup bench.toml -o new.csv --report new.csv".to_owned(),
+        "evaluate unit.cal.json --at 20,25 -o unit.cal.json".to_owned(),
+        "export unit.cal.json --to image -o unit.cal.json".to_owned(),
+        "export unit.img --to upload -o hard-of-nothing/../unit.img".to_owned(),
+        "export paper.toml --to loops -o paper.toml".to_owned(),
+        "simulate paper.toml -o paper.toml".to_owned(),
+        "simulate paper.toml -o new.csv --truth new.csv".to_owned(),
+    ];
+    for case in cases {
+        let (status, said) = it.run(&case);
+        assert_eq!(status, 2, "{case}: {said}");
+        assert_eq!(it.all(), before, "{case}: {said}");
+        let named = said.contains("this file is read here")
+            || said.contains("written twice")
+            || said.contains("does not exist");
+        assert!(named || said.contains("no .csv is written"), "{case}: {said}");
+    }
+}
+
+/// Derived names: the C sources of a folder, and an image of one axis.
+#[test]
+fn derived_names_are_compared_too() {
+    let it = Bench::new();
+    let folder = it.folder.path();
+    fs::create_dir(folder.join("c")).unwrap();
+    for name in ["sagnac_unit.c", "sagnac_unit.h"] {
+        let input = folder.join("c").join(name);
+        fs::copy(folder.join("unit.img"), &input).unwrap();
+        let (status, said) = it.run(&format!("export c/{name} --to c -o c"));
+        assert!(status == 2 && said.contains("this file is read here"), "{said}");
+        assert_eq!(fs::read(&input).unwrap(), fs::read(folder.join("unit.img")).unwrap());
+    }
+}
+
+/// The shell appends to a file: what is there stays, whatever name the standard output has.
+#[test]
+fn an_appended_file_keeps_what_it_has() {
+    let it = Bench::new();
+    for name in ["/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"] {
+        let all = it.path("all.csv");
+        fs::write(&all, "kept\n").unwrap();
+        let out = fs::OpenOptions::new().append(true).open(&all).unwrap();
+        let mut command = std::process::Command::new(assert_cmd::cargo::cargo_bin!("sagnac"));
+        let args = ["compensate", "unit.cal.json", "log.csv", "-o", name];
+        assert!(command.args(args).current_dir(it.folder.path()).stdout(out).status().unwrap().success());
+        let text = fs::read_to_string(&all).unwrap();
+        assert!(text.starts_with("kept\n") && text.lines().count() > 100, "{name}: {}", text.lines().count());
+    }
+}
+
+/// A new file has the permissions of the umask; one that is replaced keeps its own.
+#[test]
+fn permissions_are_those_of_the_user() {
+    use std::os::unix::fs::PermissionsExt;
+    let it = Bench::new();
+    let mode = |name: &str| fs::metadata(it.path(name)).unwrap().permissions().mode() & 0o777;
+    let program = assert_cmd::cargo::cargo_bin!("sagnac");
+    let shell = |umask: &str, out: &str| {
+        let line = format!("umask {umask}; exec {} export unit.cal.json --to image -o {out}", program.display());
+        assert!(
+            std::process::Command::new("sh")
+                .args(["-c", &line])
+                .current_dir(it.folder.path())
+                .status()
+                .unwrap()
+                .success()
+        );
+    };
+    shell("077", "private.img");
+    shell("027", "group.img");
+    assert_eq!((mode("private.img"), mode("group.img")), (0o600, 0o640));
+    shell("022", "private.img");
+    assert_eq!(mode("private.img"), 0o600, "an existing file stays private");
+    fs::set_permissions(it.path("group.img"), fs::Permissions::from_mode(0o664)).unwrap();
+    shell("077", "group.img");
+    assert_eq!(mode("group.img"), 0o664);
+}
