@@ -55,7 +55,10 @@ fn a_terminal_is_not_controlled() {
     it.write("read.csv", &format!("time_s,temperature_c_a{CLEAR},counts\n1,20,1\n2,20,1\n"));
     it.write("cell.csv", &format!("time_s,temperature_c,counts\n1,{CLEAR},1\n2,20,{CLEAR}\n3,20,1\n"));
     it.write("odd.json", &format!("{{\"format\": \"{CLEAR}\"}}"));
-    it.write("odd.toml", &format!("serial = \"A\"\n\"{}\" = 3\n", CLEAR.escape_unicode().to_string().replace("\\u{", "\\U{")));
+    it.write(
+        "odd.toml",
+        &format!("serial = \"A\"\n\"{}\" = 3\n", CLEAR.escape_unicode().to_string().replace("\\u{", "\\U{")),
+    );
     it.write("odd-value.toml", "serial = \"A\\u001b[2J\"\n");
     it.write(&format!("{CLEAR}.csv"), "time_s,temperature_c,counts\n1,20,1\n");
     let named = format!("{CLEAR}.csv");
