@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
 use sagnac::export::{TextFile, Widths, c_files, verilog_files};
-use sagnac_core::Image;
+use sagnac_core::{Image, Watch, WatchSpec};
 use sagnac_loops::LoopTable;
 use sagnac_vectors::{MAX_TABLE, Words};
 use xtask::debian::{self, need};
@@ -15,7 +15,8 @@ use crate::generated::vectors;
 
 const STRICT: [&str; 9] =
     ["-std=c99", "-O2", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wsign-conversion", "-Wshadow", "-Werror"];
-const MODULES: [&str; 4] = ["sagnac_integer.c", "sagnac_compensator.c", "sagnac_path_length.c", "sagnac_intensity.c"];
+const MODULES: [&str; 5] =
+    ["sagnac_integer.c", "sagnac_compensator.c", "sagnac_path_length.c", "sagnac_intensity.c", "sagnac_watch.c"];
 /// Accepted findings of cppcheck's MISRA add-on: rule and count. docs/explanation/on-target.md gives the reasons.
 const JUSTIFIED: [(&str, usize); 2] = [("misra-c2012-8.7", 7), ("misra-c2012-9.3", 2)];
 
@@ -75,6 +76,7 @@ pub(crate) fn c() -> Result<()> {
     misra(&folder)?;
     constants(&folder)?;
     loaders(&folder)?;
+    watches(&folder)?;
     let runner = root().join("firmware/c/check_vectors.c");
     for (name, flags) in [("64-bit", vec!["-fsanitize=undefined", "-fno-sanitize-recover"]), ("32-bit", vec!["-m32"])] {
         let program = folder.join(format!("check-{name}"));
@@ -198,6 +200,63 @@ fn loaders(folder: &Path) -> Result<()> {
     let file = folder.join("verdicts.bin");
     fs::write(&file, records)?;
     let (source, program) = (root().join("firmware/c/check_loader.c"), folder.join("check-loader"));
+    let flags = ["-fsanitize=undefined", "-fno-sanitize-recover", "-I.", text(&source)?, "-o", text(&program)?];
+    stdout_of(300, "gcc", &[&STRICT[..], &flags, &MODULES].concat(), folder)?;
+    println!("check: C: {}", stdout_of(60, text(&program)?, &[text(&file)?], folder)?.trim());
+    Ok(())
+}
+
+/// Random walks, stuck values and extremes through the watch and the vote of both languages.
+fn watches(folder: &Path) -> Result<()> {
+    let mut dice = 1_u32;
+    let mut throw = || {
+        dice = dice.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        dice >> 4
+    };
+    let mut records = Vec::new();
+    let (mut spec, mut values) = (WatchSpec::default(), [0_i32; 4]);
+    let (mut watch, mut shown) = (Watch::<4>::new(spec), 0);
+    for number in 0..50_000 {
+        let new = number % 500 == 0;
+        if new {
+            spec = WatchSpec {
+                shows: throw() >> (throw() % 28),
+                still: throw() >> (throw() % 28),
+                command_shows: throw() % 9000,
+            };
+            watch = Watch::new(spec);
+        }
+        for value in &mut values {
+            *value = match throw() % 40 {
+                0 => (throw() << 4).cast_signed(),
+                1 => [i32::MIN, i32::MAX][(throw() % 2) as usize],
+                2..8 => *value,
+                _ => value.wrapping_add((throw() % 20_001).cast_signed() - 10_000),
+            };
+        }
+        let present = (throw() & throw().rotate_left(3)) | (throw() % 16);
+        let seen: [Option<i32>; 4] = std::array::from_fn(|at| (present >> at & 1 == 1).then_some(values[at]));
+        let (has_command, command) = (throw() % 2, (throw() % 30_000).cast_signed());
+        let named = watch.update(&seen, (has_command == 1).then_some(command));
+        let codes: [i32; 8] = std::array::from_fn(|at| match throw() % 9 {
+            0 => [i32::MIN, i32::MAX, 0][(throw() % 3) as usize],
+            _ => values[at % 4].wrapping_add((throw() % 100).cast_signed()),
+        });
+        let (agree, voters) = (throw() >> (throw() % 28), throw() % 256);
+        let cast: Vec<Option<i32>> = (0..8).map(|at| (voters >> at & 1 == 1).then_some(codes[at])).collect();
+        let vote = sagnac_core::vote(&cast, agree);
+        shown += [u32::from(named != 0), u32::from(vote.outvoted != 0 && vote.code.is_some())].iter().sum::<u32>();
+        let word = u32::from(vote.code.is_some()) | u32::from(vote.outvoted) << 8 | u32::from(vote.voters) << 16;
+        let first = [spec.shows, spec.still, spec.command_shows, present & 15];
+        let rest = [has_command, command.cast_unsigned(), named, u32::from(new), agree, voters];
+        let codes = codes.map(i32::cast_unsigned);
+        let words = first.into_iter().chain(values.map(i32::cast_unsigned)).chain(rest).chain(codes);
+        records.extend(words.chain([word, vote.code.unwrap_or(0).cast_unsigned()]).flat_map(u32::to_le_bytes));
+    }
+    ensure!(shown > 10_000, "only {shown} records name a thermometer");
+    let file = folder.join("watch.bin");
+    fs::write(&file, records)?;
+    let (source, program) = (root().join("firmware/c/check_watch.c"), folder.join("check-watch"));
     let flags = ["-fsanitize=undefined", "-fno-sanitize-recover", "-I.", text(&source)?, "-o", text(&program)?];
     stdout_of(300, "gcc", &[&STRICT[..], &flags, &MODULES].concat(), folder)?;
     println!("check: C: {}", stdout_of(60, text(&program)?, &[text(&file)?], folder)?.trim());

@@ -5,12 +5,14 @@
 //! ```
 //!
 //! The status of a frame also has what the board alone knows: a dither that is missing, steps of unknown direction, counts beyond what
-//! a call takes, and where the image comes from.
+//! a call takes, a thermometer that stands still, and where the image comes from.
 //!
 //! With a dithered gyro the counts go to the correction at the end of each dither period; the ticks in between have
 //! none. The order is part of the format: the content of a frame depends on it.
 
-use sagnac_core::{Compensator, Image, Loaded, MAX_RAW, Origin, State, Status};
+use sagnac_core::{
+    Compensator, Image, Loaded, MAX_INPUTS, MAX_RAW, Origin, State, Status, ValueSource, Watch, WatchSpec,
+};
 use sagnac_loops::{
     Counting, Intensity, IntensityState, LoopTable, PathLength, PathLengthState, PathLengthStatus, Quadrature,
     QuadratureState, Stripper,
@@ -30,6 +32,8 @@ pub struct Sample {
     pub pickoff: i32,
     /// Code of the photodiode.
     pub light: i32,
+    /// What the caller knows of its codes, for example [`Status::OUTVOTED`] after a [`sagnac_core::vote`].
+    pub known: Status,
 }
 
 /// Outputs of a tick to the converters.
@@ -55,6 +59,7 @@ pub struct Board {
     light: (Intensity, IntensityState),
     origin: Origin,
     trial: bool,
+    watch: Option<ThermometerWatch>,
     /// The frame being filled, and its ticks so far.
     frame: Output,
     frame_ticks: u16,
@@ -83,9 +88,21 @@ impl Board {
             light: (loops.intensity, loops.intensity.start()),
             origin,
             trial: false,
+            watch: None,
             frame: Output { origin, ..Output::default() },
             frame_ticks: 0,
         }
+    }
+
+    /// Watches the image's thermometers from here on: [`Status::STUCK`] while one stands still although another one goes away from it.
+    /// `heats`: the path-length actuator is a heater that moves them all; its command shows it too. `spec` is in 2⁻²⁴ °C.
+    pub fn watch_thermometers(&mut self, spec: WatchSpec, heats: bool) {
+        self.watch = Some(ThermometerWatch { watch: Watch::new(spec), heats, still: 0 });
+    }
+
+    /// Bit i: the image's input i stands still.
+    pub fn standing_still(&self) -> u32 {
+        self.watch.as_ref().map_or(0, |watch| watch.still)
     }
 
     /// Continues with another image, between two ticks.
@@ -131,7 +148,10 @@ impl Board {
         // No misuse is possible: a due update was made, and the counts are in range.
         if let Ok(output) = self.gyro.tick(&mut self.state, raw) {
             self.frame.counts = self.frame.counts.wrapping_add(output.counts);
-            self.frame.status |= output.status | of_origin(self.origin);
+            self.frame.status |= output.status | of_origin(self.origin) | sample.known;
+        }
+        if self.standing_still() != 0 {
+            self.frame.status |= Status::STUCK;
         }
         self.frame.raw = self.frame.raw.wrapping_add(raw);
         let commands = self.loops(sample.light);
@@ -143,6 +163,10 @@ impl Board {
         let codes = sample.codes.get(..wanted).unwrap_or(&[]);
         let _ = self.gyro.update(&mut self.state, codes);
         self.frame.temperature = sample.codes.first().copied().flatten();
+        if let Some(watch) = &mut self.watch {
+            let command = watch.heats.then_some(self.path.1.held());
+            watch.still = watch.watch.update(&temperatures(self.gyro.image(), &sample.codes), command);
+        }
     }
 
     fn count(&mut self, levels: impl Iterator<Item = (bool, bool)>, pickoff: i32) -> i64 {
@@ -198,6 +222,25 @@ impl Board {
         };
         Some(given)
     }
+}
+
+/// The watch over the thermometers, and what it found at the last slow update.
+#[derive(Clone, Debug)]
+struct ThermometerWatch {
+    watch: Watch<MAX_INPUTS>,
+    heats: bool,
+    still: u32,
+}
+
+/// The image's thermometers, 2⁻²⁴ °C: inputs with a code of their own in °C.
+fn temperatures(image: &Image, codes: &[Option<i32>; MAX_INPUTS]) -> [Option<i32>; MAX_INPUTS] {
+    let mut values = [None; MAX_INPUTS];
+    for ((slot, input), code) in values.iter_mut().zip(image.inputs()).zip(codes) {
+        if input.source == ValueSource::Code && input.unit_exponent == 0 {
+            *slot = code.and_then(|code| input.value_q24(code));
+        }
+    }
+    values
 }
 
 /// What the source of an image adds to the status of every tick.

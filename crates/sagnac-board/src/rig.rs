@@ -94,7 +94,7 @@ impl Rig {
         for (i, (slot, code)) in codes.iter_mut().zip(self.row.codes).enumerate() {
             *slot = (self.row.present >> i & 1 == 1).then_some(code);
         }
-        (levels, Sample { codes, pickoff, light })
+        (levels, Sample { codes, pickoff, light, ..Sample::default() })
     }
 
     /// Counts that the dither adds in this tick, and its angle at the end.

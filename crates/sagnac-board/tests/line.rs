@@ -6,7 +6,7 @@ use sagnac_board::{
     Board, CommandHandler, FRAME_TICKS, MemoryFlash, Message, OUTPUT_LEN, Output, Reply, ReplyCode, RigSettings, Row,
     Sample, run,
 };
-use sagnac_core::{Banks, Gyro, Image, Origin, Status};
+use sagnac_core::{Banks, Description, Gyro, Image, Origin, Status, WatchSpec};
 use sagnac_loops::{LoopTable, Stripper};
 
 fn bytes_of(message: &Message) -> Vec<u8> {
@@ -261,7 +261,7 @@ fn on_board(origin: Origin, stripper: Option<Stripper>, ticks: impl Iterator<Ite
     ticks.filter_map(|(quarters, sample)| board.tick(quarters.into_iter().map(levels), &sample).1).collect()
 }
 
-const AT_20_C: Sample = Sample { codes: [Some(20 << 24), None, None, None], pickoff: 0, light: 0 };
+const AT_20_C: Sample = Sample { codes: [Some(20 << 24), None, None, None], pickoff: 0, light: 0, known: Status::OK };
 
 /// No dither is lock-in: the status says so in the frame in which two dither periods have passed without it, and until it returns.
 #[test]
@@ -304,4 +304,33 @@ fn a_frame_says_what_its_numbers_are() {
         let message = Message::Output(frame);
         assert_eq!(Message::parse(&message.frame().unwrap()), Some(message));
     }
+}
+
+/// Two thermometers in a ramp, the second stuck from the fifth minute on: STUCK in every frame from the time at which the first has gone
+/// 2 °C away, and not before; and what the caller knows of its codes is there too.
+#[test]
+fn a_stuck_thermometer_is_in_the_status() {
+    let paper = *Image::decode(PAPER).unwrap().description();
+    let mut two = Description { input_count: 2, period_ticks: 10, slew_ticks: 0, ..paper };
+    two.inputs[1] = two.inputs[0];
+    let image = Image::new(two).unwrap();
+    let mut board = Board::new(image, Origin::Newest, &loops(), (false, false), None);
+    board.watch_thermometers(WatchSpec { shows: 2 << 24, still: 1 << 22, command_shows: 0 }, false);
+    let mut frames = Vec::new();
+    for tick in 0..60_000 {
+        // From 20 °C, 4 °C in all; one code a tick.
+        let ramp = (20 << 24) + tick * 1118;
+        let second = ramp.min((20 << 24) + 20_000 * 1118);
+        let known = if tick == 100 { Status::OUTVOTED } else { Status::OK };
+        let sample = Sample { codes: [Some(ramp), Some(second), None, None], known, ..AT_20_C };
+        frames.extend(board.tick(std::iter::empty(), &sample).1);
+    }
+    let stuck: Vec<usize> = (0..frames.len()).filter(|at| frames[*at].status.contains(Status::STUCK)).collect();
+    // 2 °C are 30,015 ticks of the ramp, after the last move of a quarter of a degree.
+    let first = stuck[0];
+    assert!((490..=502).contains(&first), "{first}");
+    assert_eq!(stuck, (first..600).collect::<Vec<_>>());
+    assert_eq!(board.standing_still(), 2);
+    let outvoted: Vec<usize> = (0..frames.len()).filter(|at| frames[*at].status.contains(Status::OUTVOTED)).collect();
+    assert_eq!(outvoted, [1]);
 }

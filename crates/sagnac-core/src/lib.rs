@@ -51,6 +51,7 @@ mod rounding;
 mod series;
 mod signature;
 mod status;
+mod watch;
 mod work;
 
 pub use bank::{
@@ -70,4 +71,5 @@ pub use signature::{
     key_id, service_message,
 };
 pub use status::Status;
+pub use watch::{MOST_VOTERS, Vote, Watch, WatchSpec, vote};
 pub use work::Work;

@@ -33,9 +33,19 @@ impl Status {
     /// The image is the only usable one of two ([`crate::Origin::Survivor`]); it may be the older.
     pub const SURVIVOR: Self = Self(1 << 10);
 
+    /// A thermometer stands still although another one, or the heater's command, moved ([`crate::Watch`]).
+    pub const STUCK: Self = Self(1 << 11);
+    /// A thermometer is outvoted by the others of its place, or two disagree ([`crate::vote`]).
+    pub const OUTVOTED: Self = Self(1 << 12);
+
     /// The bits that a board adds to those of the compensator, with their names.
-    pub const BOARD_NAMES: [(Self, &'static str); 3] =
-        [(Self::NO_DITHER, "NO_DITHER"), (Self::COUNTS_LOST, "COUNTS_LOST"), (Self::SURVIVOR, "SURVIVOR")];
+    pub const BOARD_NAMES: [(Self, &'static str); 5] = [
+        (Self::NO_DITHER, "NO_DITHER"),
+        (Self::COUNTS_LOST, "COUNTS_LOST"),
+        (Self::SURVIVOR, "SURVIVOR"),
+        (Self::STUCK, "STUCK"),
+        (Self::OUTVOTED, "OUTVOTED"),
+    ];
 
     /// Every bit of a compensator with its name in scripts and reports.
     pub const NAMES: [(Self, &'static str); 8] = [

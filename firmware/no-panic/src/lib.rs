@@ -9,7 +9,9 @@ use core::hint::black_box;
 use core::panic::PanicInfo;
 
 use sagnac_board::{Action, CommandHandler, MemoryFlash, Message, run};
-use sagnac_core::{Banks, Compensator, Description, Gyro, Image, MAX_IMAGE_LEN, State, Status, Trust, Trusted};
+use sagnac_core::{
+    Banks, Compensator, Description, Gyro, Image, MAX_IMAGE_LEN, State, Status, Trust, Trusted, Watch, WatchSpec, vote,
+};
 use sagnac_loops::{Counting, Intensity, LoopTable, PathLength, Quadrature, QuadratureState, Stripper, TABLE_LEN};
 
 unsafe extern "C" {
@@ -35,6 +37,9 @@ impl Write for Nowhere {
 /// Calls everything with values the compiler cannot see.
 #[unsafe(no_mangle)]
 pub extern "C" fn sagnac_core_everything(raw: i32, ticks: u32, code: i32) -> i32 {
+    let mut watch = Watch::<4>::new(black_box(WatchSpec { shows: 100, still: 1, command_shows: 7 }));
+    black_box(watch.update(&black_box([Some(code), None, Some(raw), Some(7)]), black_box(Some(code))));
+    black_box(vote(&black_box([Some(code), None, Some(raw)]), ticks));
     let bytes = black_box([0_u8; MAX_IMAGE_LEN]);
     let len = black_box(ticks) as usize;
     let image = match Image::decode(bytes.get(..len).unwrap_or(&[])) {
@@ -59,6 +64,13 @@ pub extern "C" fn sagnac_core_everything(raw: i32, ticks: u32, code: i32) -> i32
     let codes = black_box([Some(code); 4]);
     let count = gyro.image().inputs().len();
     let status = gyro.update(&mut state, codes.get(..count).unwrap_or(&[])).unwrap_or_default();
+    if let Ok(mut update) = gyro.begin_update(&state, codes.get(..count).unwrap_or(&[])) {
+        black_box((gyro.advance_update(&mut update), gyro.slices()));
+        if let Err(misuse) = gyro.apply_update(&mut state, &mut update) {
+            let _ = write!(Nowhere, "{misuse}");
+        }
+    }
+    black_box(gyro.rest(&mut state, codes.get(..count).unwrap_or(&[]), ticks.into()).is_ok());
     black_box(gyro.skip(&mut state, ticks).is_ok());
     let tick = gyro.tick(&mut state, raw).map_or(0, |o| o.counts);
     let many = gyro.advance(&mut state, raw, ticks).map_or(0, |o| o.counts);

@@ -11,11 +11,13 @@ use sagnac_loops::LoopTable;
 
 use super::TextFile;
 
-const MODULES: [(&str, &str); 4] = [
+const MODULES: [(&str, &str); 6] = [
     ("sagnac_integer.h", include_str!("c/sagnac_integer.h")),
     ("sagnac_integer.c", include_str!("c/sagnac_integer.c")),
     ("sagnac_compensator.h", include_str!("c/sagnac_compensator.h")),
     ("sagnac_compensator.c", include_str!("c/sagnac_compensator.c")),
+    ("sagnac_watch.h", include_str!("c/sagnac_watch.h")),
+    ("sagnac_watch.c", include_str!("c/sagnac_watch.c")),
 ];
 const LOOPS: [(&str, &str); 4] = [
     ("sagnac_path_length.h", include_str!("c/sagnac_path_length.h")),
