@@ -14,9 +14,6 @@ use sagnac_log::setup::Setup;
 use crate::progress::open_log;
 use crate::setup_args::LogArgs;
 
-/// Largest size of a calibration.
-const MAX_CALIBRATION_BYTES: u64 = 64 << 20;
-
 /// Enough for a magic number or a line of headers.
 const FIRST_BYTES: u64 = 1024;
 
@@ -37,7 +34,9 @@ pub(crate) fn kind_of(path: &Path) -> Result<Kind> {
         return Ok(Kind::Log);
     }
     let start = first_bytes(path)?;
-    Ok(match start.as_slice() {
+    // Some editors put a byte order mark before text.
+    let start = start.strip_prefix("\u{feff}".as_bytes()).unwrap_or(&start);
+    Ok(match start {
         start if start.starts_with(&MAGIC) => Kind::Image,
         [b'{', ..] => Kind::Calibration,
         [b'P', b'A', b'R', b'1', ..] if is_table(path)? => Kind::WindowTable,
@@ -138,10 +137,6 @@ pub(crate) fn image_bytes_of(path: &Path) -> Result<Vec<u8>> {
 
 /// A calibration.
 pub(crate) fn calibration(path: &Path) -> Result<Calibration> {
-    let size = std::fs::metadata(path).map_err(|e| Error::io_path(path, "read", &e))?.len();
-    if size > MAX_CALIBRATION_BYTES {
-        return Err(Error::input("too large for a calibration").file(path.display().to_string()));
-    }
     Calibration::read(path)
 }
 

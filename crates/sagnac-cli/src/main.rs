@@ -28,9 +28,11 @@ mod simulate;
 mod verify;
 mod window;
 
+use std::io::Write;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
+use sagnac_units::format::printable;
 
 use crate::console::{Console, Outcome};
 
@@ -78,7 +80,10 @@ enum Command {
 }
 
 fn main() -> ExitCode {
-    let cli = Cli::parse();
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(said) => return arguments_said(&said),
+    };
     let json = match &cli.command {
         Command::Calibrate(args) => args.json,
         Command::Verify(args) => args.json,
@@ -101,6 +106,22 @@ fn main() -> ExitCode {
         Ok(Ok(Outcome::LimitsNotMet)) => ExitCode::from(1),
         Ok(Err(error)) => console.complain(&error),
         Err(_) => console.complain(&console::internal_error()),
+    }
+}
+
+/// Help, the version, or what is wrong with the arguments. Text that cannot be written is an error, and an argument does not control the
+/// terminal.
+fn arguments_said(said: &clap::Error) -> ExitCode {
+    let plain = said.render().to_string();
+    let written = match printable(&plain) {
+        std::borrow::Cow::Borrowed(_) => said.print().and_then(|()| std::io::stdout().flush()),
+        std::borrow::Cow::Owned(escaped) => write!(std::io::stderr(), "{escaped}"),
+    };
+    match written {
+        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
+            Console::new(false).complain(&sagnac::Error::io("standard output", "write", &error))
+        }
+        _ => ExitCode::from(u8::try_from(said.exit_code()).unwrap_or(2)),
     }
 }
 

@@ -135,3 +135,43 @@ fn the_stamp_is_one_line() {
     assert!(out.lines().nth(1).unwrap().starts_with("time_s,"), "{out}");
     it.run(&["inspect", "odd.img"]);
 }
+
+/// What cannot be written is an error, also of help and version; an argument does not control the terminal.
+#[test]
+fn help_that_cannot_be_written_is_an_error() {
+    let it = Bench::new();
+    for args in [
+        &["--help"][..],
+        &["calibrate", "--help"],
+        &["--version"],
+        &["manual", "markdown"],
+        &["inspect", "unit.cal.json"],
+    ] {
+        let full = fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+        let mut command = std::process::Command::new(assert_cmd::cargo::cargo_bin!("sagnac"));
+        let output = command.args(args).current_dir(it.folder.path()).stdout(full).output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.code() == Some(2) && said.contains("standard output: cannot write"), "{args:?}: {said}");
+        assert_eq!(it.run(args).0, 0);
+    }
+    assert_eq!(it.run(&[&format!("--{CLEAR}")]).0, 2);
+    assert_eq!(it.run(&["inspect", &format!("--{CLEAR}")]).0, 2);
+}
+
+/// A byte order mark before JSON and TOML, and lines that end in a carriage return alone.
+#[test]
+fn the_marks_of_other_systems() {
+    let it = Bench::new();
+    let record = fs::read_to_string(it.path("unit.cal.json")).unwrap();
+    it.write("bom.cal.json", &format!("\u{feff}{record}"));
+    it.write("bom.toml", "\u{feff}serial = \"RLG-7\"\narcsec_per_count = 0.15125\n");
+    assert_eq!(it.run(&["inspect", "bom.cal.json"]).1, it.run(&["inspect", "unit.cal.json"]).1);
+    assert_eq!(it.run(&["inspect", "log.csv", "--setup", "bom.toml"]).0, 0);
+    assert_eq!(it.run(&["window", "log.csv", "--setup", "bom.toml", "-o", "w.parquet"]).0, 0);
+    let log = fs::read_to_string(it.path("log.csv")).unwrap();
+    it.write("mac.csv", &log.replace('\n', "\r"));
+    let (status, _, said) = it.run(&["inspect", "mac.csv", "--arcsec-per-count", "1"]);
+    assert!(status == 2 && said.contains("carriage return alone") && said.contains("tr '\\r' '\\n'"), "{said}");
+    it.write("windows.csv", &log.replace('\n', "\r\n"));
+    assert_eq!(it.run(&["inspect", "windows.csv", "--arcsec-per-count", "1"]).0, 0);
+}

@@ -84,6 +84,11 @@ fn header_line(source: &mut Source) -> Result<(String, u64)> {
         if text.starts_with(COMPENSATED_STAMP) {
             return Err(header::already_compensated().line(lines));
         }
+        if text.contains('\r') {
+            return Err(Error::input("its lines end in a carriage return alone, as on old Macs")
+                .line(lines)
+                .help("convert it: tr '\\r' '\\n' < old.csv > new.csv"));
+        }
         if !text.is_empty() && !text.starts_with('#') {
             return Ok((text.to_owned(), lines));
         }

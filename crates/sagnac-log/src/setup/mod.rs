@@ -14,6 +14,7 @@ use serde::{Deserialize, Serialize};
 pub use stages::{Clock, Identity, ModelConfig, ReadConfig, Stages, TargetConfig, TestConfig, WindowConfig};
 
 use crate::error::{Error, Result};
+use crate::read::read_text;
 use sagnac_units::EARTH_RATE_DPH;
 use sagnac_units::format::controls;
 
@@ -361,7 +362,7 @@ impl Setup {
     /// Unreadable, not TOML, an unknown key, or a value outside its range (key and value named).
     pub fn read(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
-        let text = std::fs::read_to_string(path).map_err(|e| Error::io_path(path, "read the setup", &e))?;
+        let text = read_text(path, "read the setup", 1 << 20)?;
         Self::parse(&text).map_err(|e| e.file(path.display().to_string()))
     }
 

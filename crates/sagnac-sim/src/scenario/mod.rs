@@ -16,6 +16,8 @@ mod manual;
 mod section;
 mod tables;
 
+use std::fs::File;
+use std::io::Read;
 use std::path::Path;
 use std::str::FromStr;
 
@@ -111,9 +113,16 @@ impl Scenario {
     /// # Errors
     /// A file that cannot be read or is not UTF-8; what [`Self::from_toml`] refuses.
     pub fn from_file(path: impl AsRef<Path>) -> Result<Self, ScenarioError> {
+        /// A scenario has some kilobytes; a device may have no end.
+        const MOST_BYTES: u64 = 1 << 20;
         let path = path.as_ref();
-        let text = std::fs::read_to_string(path)
-            .map_err(|e| ScenarioError::new("", format!("cannot read {}: {e}", path.display())))?;
+        let mut text = String::new();
+        let file = File::open(path).and_then(|file| file.take(MOST_BYTES + 1).read_to_string(&mut text));
+        let read = file.map_err(|e| ScenarioError::new("", format!("cannot read {}: {e}", path.display())))?;
+        if read as u64 > MOST_BYTES {
+            let message = format!("cannot read {}: more than {MOST_BYTES} bytes are no scenario", path.display());
+            return Err(ScenarioError::new("", message));
+        }
         Self::from_toml(&text)
     }
 

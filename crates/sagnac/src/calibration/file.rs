@@ -3,9 +3,13 @@
 use std::path::Path;
 
 use sagnac_log::error::{Error, Result};
+use sagnac_log::read::read_text;
 use serde_json::Value;
 
 use crate::calibration::{Calibration, FORMAT, MINOR_VERSION, VERSION};
+
+/// Longest record.
+const MOST_BYTES: u64 = 64 << 20;
 
 /// No quantity of a record is beyond this, in any unit: a drift of 10⁵ °/s in °/h is 4·10⁸, a variance its square. Larger numbers are
 /// damage, and what is computed from them is no figure.
@@ -50,7 +54,7 @@ impl Calibration {
     /// As [`Calibration::parse`], with the file named.
     pub fn read(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
-        let text = std::fs::read_to_string(path).map_err(|e| Error::io_path(path, "read", &e))?;
+        let text = read_text(path, "read", MOST_BYTES)?;
         Self::parse(&text).map_err(|e| e.file(path.display().to_string()))
     }
 

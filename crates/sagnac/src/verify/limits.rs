@@ -15,6 +15,7 @@ use crate::verify::limit_specs::{EXCLUDED, LimitSpec, SPECS};
 use crate::verify::verdict::{DecisionRule, Verdict};
 use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::{hex, sha256};
+use sagnac_log::read::read_text;
 
 /// Limits of a verification.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -132,8 +133,8 @@ impl Limits {
         let path = path.as_ref();
         let name = path.display().to_string();
         let sets = Error::choices(&SETS.map(|(set, _)| set.to_owned()));
-        let text = std::fs::read_to_string(path)
-            .map_err(|e| Error::io_path(path, "read the limits", &e).help(format!("a TOML file, or a set: {sets}")))?;
+        let text = read_text(path, "read the limits", 1 << 20)
+            .map_err(|e| e.help(format!("a TOML file, or a set: {sets}")))?;
         Self::of_text(&name, &text)
     }
 

@@ -33,6 +33,17 @@ pub(super) fn crafted(by: &Good) -> anyhow::Result<Vec<Case>> {
         case("calibration with a number beyond any quantity", "compare unit.cal.json unit.cal.json --report out.json")
             .file("unit.cal.json", huge)
             .place("window_s"),
+        case("a device without an end as setup", "calibrate log.csv --setup /dev/zero")
+            .file("log.csv", good())
+            .place("/dev/zero"),
+        case("a device without an end as limits", "verify unit.cal.json log.csv --limits /dev/zero")
+            .file("unit.cal.json", by.record.clone())
+            .file("log.csv", good())
+            .place("/dev/zero"),
+        case("a device without an end as calibration", "export /dev/zero --to image -o out.json").place("/dev/zero"),
+        case("a device without an end as key", "key sign unit.img --key /dev/zero --model A --counter 1 -o out.json")
+            .file("unit.img", by.image.clone())
+            .place("/dev/zero"),
         case("image with a temperature period of a microsecond", "compensate unit.img log.csv -o out.json")
             .file("unit.img", fast)
             .file("log.csv", good())
