@@ -128,6 +128,10 @@ fn arguments_said(said: &clap::Error) -> ExitCode {
 /// Ctrl-C (and SIGTERM) ends the program with nothing half written.
 fn leave_nothing_behind() {
     // Without a handler the program ends as well; only a temporary file may then be left.
+    //
+    // A file beyond the user's limit of sizes is an error of its write, and not the end of the program beside its temporary file.
+    #[cfg(unix)]
+    let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, std::sync::Arc::default());
     let _ = ctrlc::set_handler(|| {
         sagnac_log::write::remove_unfinished();
         std::process::exit(INTERRUPTED);

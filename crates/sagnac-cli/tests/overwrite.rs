@@ -162,3 +162,25 @@ fn permissions_are_those_of_the_user() {
     shell("077", "group.img");
     assert_eq!(mode("group.img"), 0o664);
 }
+
+/// A file beyond the limit of sizes: an error that names it, the old file as it was, and no temporary one.
+#[test]
+fn a_limit_of_file_sizes_leaves_nothing_behind() {
+    let it = Bench::new();
+    fs::write(it.path("out.csv"), "before").unwrap();
+    let before = it.all();
+    // Blocks of 512 bytes or of a kilobyte, by the shell.
+    let line = format!(
+        "ulimit -f 8; exec {} simulate paper.toml -o out.csv",
+        assert_cmd::cargo::cargo_bin!("sagnac").display()
+    );
+    let output = std::process::Command::new("sh").args(["-c", &line]).current_dir(it.folder.path()).output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(
+        output.status.code() == Some(2) && said.contains("out.csv") && said.contains("too large"),
+        "{:?} {said}",
+        output.status
+    );
+    assert_eq!(it.all(), before);
+    assert_eq!(fs::read_dir(it.folder.path()).unwrap().count(), before.len());
+}

@@ -85,9 +85,12 @@ pub fn write_atomically(path: &Path, fill: impl FnOnce(&mut (dyn Write + Send)) 
         return Err(Error::input(what).file(path.display().to_string()));
     }
     let (file, _known) = Unfinished::create(folder, path).map_err(|e| failed(&plain(&e)))?;
-    let mut out = std::io::BufWriter::new(file);
-    fill(&mut out)?;
-    let file = out.into_inner().map_err(|e| failed(e.error()))?;
+    // The file itself, not its handle, whose errors would name the temporary path.
+    let mut out = std::io::BufWriter::new(file.as_file());
+    let named = |e: Error| if e.what.starts_with("cannot write") { e.file(path.display().to_string()) } else { e };
+    fill(&mut out).map_err(named)?;
+    out.flush().map_err(|e| failed(&e))?;
+    drop(out);
     keep_mode(file.as_file(), path).map_err(|e| failed(&e))?;
     file.as_file().sync_all().map_err(|e| failed(&e))?;
     file.persist(path).map_err(|e| failed(&e.error))?;
