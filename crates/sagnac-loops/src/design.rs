@@ -75,6 +75,13 @@ pub enum DesignError {
         /// The range without the modulation, wavelengths.
         waves: f64,
     },
+    /// The modulation curves the light of a peak too little to show that it is one.
+    Faint {
+        /// Second harmonic of the light, codes of the photodiode.
+        codes: f64,
+        /// Modulation that would suffice, wavelengths.
+        least_waves: f64,
+    },
     /// A gain does not fit the mantissa and shift of the target.
     Gain {
         /// Name of the gain.
@@ -97,6 +104,12 @@ impl fmt::Display for DesignError {
             Self::ShortRange { waves } => write!(
                 f,
                 "the actuator's range holds {waves:.2} wavelengths; a mode reset needs one, twice the margin of a reset, and 0.04"
+            ),
+            Self::Faint { codes, least_waves } => write!(
+                f,
+                "a peak makes a second harmonic of {:.2e} codes of the photodiode and a lock needs half a code of it: modulate by {} wavelengths, or give a photodiode of more bits or an actuator of less lag",
+                codes,
+                Short(*least_waves)
             ),
             Self::Gain { name, value } => write!(
                 f,

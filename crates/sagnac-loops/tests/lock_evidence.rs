@@ -2,7 +2,7 @@
 //!
 //! The cavity here is the test's own: I = gain of a Gaussian line, periodic in the path, with noise and quantization.
 
-use sagnac_loops::{LoopGoal, PathLengthConfig, PathLengthPhase, PathLengthState, PathLengthStatus};
+use sagnac_loops::{DesignError, LoopGoal, PathLengthConfig, PathLengthPhase, PathLengthState, PathLengthStatus};
 
 /// What is wrong with the loop's hardware.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -179,4 +179,19 @@ fn a_photodiode_that_gets_stuck_is_found_out() {
         let found: i64 = found.unwrap();
         assert!(found <= 2 * lost_periods * ticks, "{seed}: after {found} ticks of {lost_periods} periods");
     }
+}
+
+/// A modulation that shows no peak is refused where the loop is designed, with the one that would do.
+#[test]
+fn a_modulation_that_shows_nothing_is_refused() {
+    let mut config = Gyro::random(1, true).config;
+    (config.peak_code, config.modulation_waves) = (2000.0, 0.001);
+    let Err(DesignError::Faint { codes, least_waves }) = config.build() else { panic!("{:?}", config.build()) };
+    // c·a²/2 of the light: the closed form.
+    let wanted = config.curvature * 1e-6 / 2.0 * 2000.0;
+    assert!((codes / wanted - 1.0).abs() < 0.1, "{codes} for {wanted}");
+    config.modulation_waves = least_waves * 1.001;
+    assert!(config.build().is_ok());
+    config.modulation_waves = least_waves * 0.99;
+    assert!(config.build().is_err());
 }

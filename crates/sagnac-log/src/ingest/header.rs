@@ -1,6 +1,6 @@
 //! What each column of a log is, from its header.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
 
 use crate::error::{Error, Result};
 use crate::ingest::number::ISO_8601;
@@ -214,8 +214,9 @@ impl Layout {
             return Err(Error::input(format!("[columns] maps {missing:?}, but the log has no such header"))
                 .help(format!("the log has: {}", layout.headers.join(", "))));
         }
+        let mut seen = HashSet::new();
         for (index, header) in layout.headers.clone().iter().enumerate() {
-            if layout.headers[..index].contains(header) {
+            if !seen.insert(header.as_str()) {
                 return Err(Error::input("this header is there twice").column(header));
             }
             let role = match columns.get(header) {

@@ -24,6 +24,8 @@ use crate::setup::ReadConfig;
 
 /// First words of the comment that `sagnac compensate` puts above its output.
 pub const COMPENSATED_STAMP: &str = "# sagnac compensated";
+/// Most blank lines and comments above the headers.
+const MAX_LINES_ABOVE: u64 = 100_000;
 /// Longest line of a log.
 const MAX_LINE_BYTES: usize = 1 << 20;
 /// Rows handed over to their columns together.
@@ -78,6 +80,10 @@ fn header_line(source: &mut Source) -> Result<(String, u64)> {
         lines += 1;
         if n > MAX_LINE_BYTES {
             return Err(line_without_end().line(lines));
+        }
+        if lines > MAX_LINES_ABOVE {
+            return Err(Error::input(format!("no header in the first {MAX_LINES_ABOVE} lines"))
+                .help("a log begins with a line of column headers; only blank lines and comments may be above it"));
         }
         let text = String::from_utf8(line).map_err(|_| Error::input("the header is not UTF-8").line(lines))?;
         let text = text.trim_start_matches('\u{feff}').trim();
@@ -203,6 +209,10 @@ impl LineParser {
         let (mut at, mut line) = (0, 0_u32);
         while at < piece.len() {
             line += 1;
+            if piece[at] == b'\n' {
+                at += 1;
+                continue;
+            }
             if !self.keep_fields
                 && let Some(length) = self.plain_row(&piece[at..])
             {

@@ -91,10 +91,10 @@ impl PathLengthConfig {
         let limits = self.limits()?;
         let error_shift = self.error_shift(ticks)?;
         let plant = self.plant(&reference, error_shift, period_s, &answer)?;
-        let evidence = self.evidence(&reference, &answer)?;
         let ideal = pi_gains(plant, period_s, self.goal)?;
         let gain = |name, value| Gain::from_f64(value).ok_or(DesignError::Gain { name, value });
         let (kp, ki) = (gain("kp", ideal.kp)?, gain("ki", ideal.ki)?);
+        let evidence = self.evidence(&reference, &answer)?;
         let pi = PiGains { kp: kp.to_f64(), ki: ki.to_f64(), ..ideal };
         // Error per wavelength: the gain of the plant, per path.
         let per_wave = plant.gain * limits.wavelength;
@@ -203,13 +203,8 @@ impl PathLengthConfig {
         let per_light_q8 = 0.5 * 256.0 * peak / f64::from(ticks);
         let shortfall = (0.5 / self.peak_code / amplitude.max(1e-30)).max(16.0 / per_light_q8.max(1e-30));
         if shortfall > 1.0 {
-            let least = self.modulation_waves * libm::sqrt(shortfall);
-            return Err(DesignError::OutOfRange {
-                name: "modulation_waves",
-                value: self.modulation_waves,
-                least,
-                most: 0.1,
-            });
+            let least_waves = self.modulation_waves * libm::sqrt(shortfall);
+            return Err(DesignError::Faint { codes: amplitude * self.peak_code, least_waves });
         }
         let noise = libm::hypot(self.noise, 0.29 / self.peak_code);
         let readings = squares / (f64::from(i16::MAX) * f64::from(i16::MAX)) / f64::from(ticks);

@@ -96,6 +96,7 @@ fn in_scenario(table: &str, error: &DesignError) -> ScenarioError {
         DesignError::OutOfRange { name, .. } => *name,
         DesignError::Margin { .. } => "bandwidth_hz",
         DesignError::ShortRange { .. } => "range_high",
+        DesignError::Faint { .. } => "modulation_waves",
         DesignError::Gain { .. } => "",
     };
     let key = match name {
