@@ -131,6 +131,10 @@ fn folders(args: &Args, made: &[(PathBuf, Vec<TextFile>)], console: &mut Console
 /// Refuses a flag that the target does not use.
 fn check_flags(args: &Args) -> Result<()> {
     use Target::{C, Image, Upload, Verilog};
+    let said = &args.signature.block;
+    if args.signature.sign.is_none() && (said.model.is_some() || said.counter.is_some()) {
+        return Err(Error::input("belongs to --sign").column(if said.model.is_some() { "--model" } else { "--counter" }));
+    }
     let flags: [(&str, bool, &[Target]); 6] = [
         ("--sign", args.signature.sign.is_some(), &[Image, Upload]),
         ("--trial", args.trial, &[Upload]),

@@ -192,6 +192,8 @@ fn keys_are_kept() {
             "--to image",
         ),
         (vec!["export", text(&paper()), "--to", "image", "--trial", "-o", "x"], "--to upload"),
+        (vec!["export", text(&paper()), "--to", "image", "--model", "A", "-o", "x"], "belongs to --sign"),
+        (vec!["export", text(&paper()), "--to", "image", "--sign", text(&key), "--model", "A", "-o", "x"], "--counter"),
     ] {
         let (status, _, complained) = sagnac(&args);
         assert!(status == 2 && complained.contains(why), "{args:?}: {complained}");
