@@ -131,9 +131,10 @@ fn folders(args: &Args, made: &[(PathBuf, Vec<TextFile>)], console: &mut Console
 /// Refuses a flag that the target does not use.
 fn check_flags(args: &Args) -> Result<()> {
     use Target::{C, Image, Upload, Verilog};
-    let said = &args.signature.block;
-    if args.signature.sign.is_none() && (said.model.is_some() || said.counter.is_some()) {
-        return Err(Error::input("belongs to --sign").column(if said.model.is_some() { "--model" } else { "--counter" }));
+    let said =
+        [("--model", args.signature.block.model.is_some()), ("--counter", args.signature.block.counter.is_some())];
+    if let Some((flag, _)) = said.iter().find(|(_, given)| *given && args.signature.sign.is_none()) {
+        return Err(Error::input("belongs to --sign").column(*flag));
     }
     let flags: [(&str, bool, &[Target]); 6] = [
         ("--sign", args.signature.sign.is_some(), &[Image, Upload]),
