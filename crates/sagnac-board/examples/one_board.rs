@@ -30,7 +30,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let stepped = tick % 100 == 0;
         quarter = if stepped { (quarter + 1) % 4 } else { quarter };
         // A cavity without light: the path-length loop keeps searching.
-        let sample = Sample { codes: [Some(20 << 24), None, None, None], pickoff: 0, light: 0, known: Status::OK };
+        let sample = Sample { codes: [Some(20 << 24), None, None, None], pickoff: 0, light: 0, status: Status::OK };
         let (new_actuators, frame) = board.tick(stepped.then_some(levels(quarter)).into_iter(), &sample);
         actuators = new_actuators;
         frames.extend(frame);

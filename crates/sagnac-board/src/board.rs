@@ -32,8 +32,8 @@ pub struct Sample {
     pub pickoff: i32,
     /// Code of the photodiode.
     pub light: i32,
-    /// What the caller knows of its codes, for example [`Status::OUTVOTED`] after a [`sagnac_core::vote`].
-    pub known: Status,
+    /// Status bits that the caller adds, for example [`Status::OUTVOTED`] after a [`sagnac_core::vote`].
+    pub status: Status,
 }
 
 /// Outputs of a tick to the converters.
@@ -105,20 +105,16 @@ impl Board {
         self.watch.as_ref().map_or(0, |watch| watch.still)
     }
 
-    /// Continues with another image, between two ticks.
-    #[inline(never)]
-    pub fn use_image(&mut self, image: Image, origin: Origin) {
-        self.gyro = Compensator::new(image);
-        self.state = self.gyro.migrate_state(&self.state);
-        self.origin = origin;
-        self.frame.origin = origin;
-    }
-
-    /// What flash holds now, after a message or at power-on. Continues with its image if that is another one.
+    /// What flash holds now, after a message or at power-on: continues with its image, between two ticks, if that is another one.
     #[inline(never)]
     pub fn use_loaded(&mut self, loaded: &Loaded) {
         if loaded.image != *self.image() {
-            self.use_image(loaded.image, loaded.origin);
+            self.gyro = Compensator::new(loaded.image);
+            self.state = self.gyro.migrate_state(&self.state);
+            // Its inputs may be other thermometers.
+            if let Some(watch) = &mut self.watch {
+                *watch = ThermometerWatch { watch: Watch::new(watch.watch.spec()), still: 0, ..*watch };
+            }
         }
         (self.origin, self.trial) = (loaded.origin, loaded.trial);
         (self.frame.origin, self.frame.trial) = (loaded.origin, loaded.trial);
@@ -148,7 +144,7 @@ impl Board {
         // No misuse is possible: a due update was made, and the counts are in range.
         if let Ok(output) = self.gyro.tick(&mut self.state, raw) {
             self.frame.counts = self.frame.counts.wrapping_add(output.counts);
-            self.frame.status |= output.status | of_origin(self.origin) | sample.known;
+            self.frame.status |= output.status | of_origin(self.origin) | sample.status;
         }
         if self.standing_still() != 0 {
             self.frame.status |= Status::STUCK;

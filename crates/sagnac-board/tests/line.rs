@@ -6,7 +6,7 @@ use sagnac_board::{
     Board, CommandHandler, FRAME_TICKS, MemoryFlash, Message, OUTPUT_LEN, Output, Reply, ReplyCode, RigSettings, Row,
     Sample, run,
 };
-use sagnac_core::{Banks, Description, Gyro, Image, Origin, Status, WatchSpec};
+use sagnac_core::{BankReport, Banks, Description, Gyro, Image, Loaded, Origin, Status, WatchSpec};
 use sagnac_loops::{LoopTable, Stripper};
 
 fn bytes_of(message: &Message) -> Vec<u8> {
@@ -261,7 +261,7 @@ fn on_board(origin: Origin, stripper: Option<Stripper>, ticks: impl Iterator<Ite
     ticks.filter_map(|(quarters, sample)| board.tick(quarters.into_iter().map(levels), &sample).1).collect()
 }
 
-const AT_20_C: Sample = Sample { codes: [Some(20 << 24), None, None, None], pickoff: 0, light: 0, known: Status::OK };
+const AT_20_C: Sample = Sample { codes: [Some(20 << 24), None, None, None], pickoff: 0, light: 0, status: Status::OK };
 
 /// No dither is lock-in: the status says so in the frame in which two dither periods have passed without it, and until it returns.
 #[test]
@@ -321,8 +321,8 @@ fn a_stuck_thermometer_is_in_the_status() {
         // From 20 °C, 4 °C in all; one code a tick.
         let ramp = (20 << 24) + tick * 1118;
         let second = ramp.min((20 << 24) + 20_000 * 1118);
-        let known = if tick == 100 { Status::OUTVOTED } else { Status::OK };
-        let sample = Sample { codes: [Some(ramp), Some(second), None, None], known, ..AT_20_C };
+        let status = if tick == 100 { Status::OUTVOTED } else { Status::OK };
+        let sample = Sample { codes: [Some(ramp), Some(second), None, None], status, ..AT_20_C };
         frames.extend(board.tick(std::iter::empty(), &sample).1);
     }
     let stuck: Vec<usize> = (0..frames.len()).filter(|at| frames[*at].status.contains(Status::STUCK)).collect();
@@ -333,4 +333,12 @@ fn a_stuck_thermometer_is_in_the_status() {
     assert_eq!(board.standing_still(), 2);
     let outvoted: Vec<usize> = (0..frames.len()).filter(|at| frames[*at].status.contains(Status::OUTVOTED)).collect();
     assert_eq!(outvoted, [1]);
+    // Another image may have other thermometers in these places: the watch begins anew with it.
+    let other = Image::new(Description { sequence: two.sequence + 1, ..two }).unwrap();
+    let loaded = Loaded { image: other, origin: Origin::Newest, banks: [BankReport::Uncommitted; 2], trial: false };
+    board.use_loaded(&loaded);
+    assert_eq!(board.standing_still(), 0);
+    let sample = Sample { codes: [Some(24 << 24), Some(20 << 24), None, None], ..AT_20_C };
+    (0..1000).for_each(|_| drop(board.tick(std::iter::empty(), &sample)));
+    assert_eq!(board.standing_still(), 0);
 }

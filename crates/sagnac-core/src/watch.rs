@@ -62,6 +62,11 @@ impl<const N: usize> Watch<N> {
         Self { spec, places: [None; N] }
     }
 
+    /// What it takes as evidence.
+    pub const fn spec(&self) -> WatchSpec {
+        self.spec
+    }
+
     /// Takes the newest values, `None` where there is no sample, and the heater's command. Bit i of the result: thermometer i stands still
     /// although another one, or the command, moved.
     pub fn update(&mut self, values: &[Option<i32>; N], command: Option<i32>) -> u32 {

@@ -29,7 +29,8 @@
 //!
 //! A modulation beyond the resonance of a mirror answers in counterphase: the error changes its sign and the loop settles
 //! on the trough. The second harmonic keeps its sign there, so such a loop never reads LOCKED; it reports NO_PEAK. A lock
-//! whose second harmonic falls below a quarter for a loss time is lost. Without a search, a loop that found no peak begins
+//! whose second harmonic falls below a quarter for a loss time is lost. A period counts with twice its expected harmonic, or four times
+//! its noise, at most, so that a spike of the photodiode does not end a lock. Without a search, a loop that found no peak begins
 //! again half a wavelength aside: that is how it leaves a start on the trough.
 //!
 //! Off its peak a cavity may be dark although the discharge burns, so the search covers a whole wavelength even without
@@ -144,9 +145,14 @@ pub struct PathLength {
     pub(crate) lost_error: i32,
     /// Smallest second harmonic of a peak, 2^-23 of the light.
     pub(crate) least_curvature_q8: u16,
+    /// Largest that a single period counts with, 2^-23 of the light.
+    pub(crate) most_curvature_q8: u32,
     /// Below this sum of a period there is no light.
     pub(crate) dark_sum: i64,
 }
+
+/// Largest `most_curvature_q8`: its product with the light of a period stays below 2^59.
+pub(crate) const MOST_CURVATURE_Q8: u32 = 1 << 30;
 
 /// Longest lock and loss time, periods: 2^44 of a period's second harmonic still add up below 2^63.
 pub(crate) const MAX_EVIDENCE: u32 = 1 << 17;
@@ -159,9 +165,12 @@ struct Evidence {
 }
 
 impl Evidence {
-    fn add(&mut self, sums: &Sums) {
-        // At most MAX_EVIDENCE periods: the sums cannot saturate.
-        self.second = self.second.saturating_add(sums.second);
+    /// Adds a period. Its harmonic counts with `most_q8` of the light at most: what a single spike of the photodiode adds is no evidence,
+    /// and a spike in a quarter of the periods does not end a lock.
+    fn add(&mut self, sums: &Sums, most_q8: u32) {
+        // plain ≤ 2^29 and most_q8 ≤ 2^30; at most MAX_EVIDENCE periods, so that the sums cannot saturate.
+        let most = sums.plain.max(0).saturating_mul(i64::from(most_q8)) >> 8;
+        self.second = self.second.saturating_add(sums.second.clamp(-most, most));
         self.plain = self.plain.saturating_add(sums.plain);
     }
 
@@ -401,7 +410,7 @@ impl PathLength {
         if good <= 1 {
             state.evidence = Evidence::default();
         }
-        state.evidence.add(sums);
+        state.evidence.add(sums, self.most_curvature_q8);
         if good < self.lock_periods {
             return PathLengthPhase::Closing { good, since: since + 1 };
         }
@@ -417,7 +426,7 @@ impl PathLength {
     }
 
     fn stay_or_reset(&self, state: &mut PathLengthState, bad: u32, checked: u32, sums: &Sums) -> PathLengthPhase {
-        state.evidence.add(sums);
+        state.evidence.add(sums, self.most_curvature_q8);
         let mut checked = checked;
         if checked >= self.lost_periods {
             if !state.evidence.shows_peak(self.least_curvature_q8 / 2) {

@@ -18,7 +18,7 @@ use crate::MAX_CODE;
 use crate::gain::Gain;
 use crate::intensity::Intensity;
 use crate::lockin::{MAX_TICKS_PER_PERIOD, Reference};
-use crate::path_length::{MAX_EVIDENCE, PathLength};
+use crate::path_length::{MAX_EVIDENCE, MOST_CURVATURE_Q8, PathLength};
 
 /// First eight bytes of every table.
 pub const TABLE_MAGIC: [u8; 8] = *b"SAGNACLT";
@@ -143,7 +143,7 @@ impl LoopTable {
 
 impl PathLength {
     /// All numbers of the table by name, without the tables of the reference. For exports to other languages.
-    pub fn fields(&self) -> [(&'static str, i64); 25] {
+    pub fn fields(&self) -> [(&'static str, i64); 26] {
         [
             ("ticks", self.reference.ticks().into()),
             ("delay", self.reference.delay().into()),
@@ -168,6 +168,7 @@ impl PathLength {
             ("lock_error", self.lock_error.into()),
             ("lost_error", self.lost_error.into()),
             ("least_curvature_q8", self.least_curvature_q8.into()),
+            ("most_curvature_q8", self.most_curvature_q8.into()),
             ("dark_sum", self.dark_sum),
             ("range_middle_q32", self.middle_q32()),
         ]
@@ -184,7 +185,7 @@ impl PathLength {
     }
 
     /// The rules that keep every sum and product of a tick within 64 bits, and the actuator within its range.
-    fn rules(&self) -> [(bool, &'static str); 20] {
+    fn rules(&self) -> [(bool, &'static str); 21] {
         let code = |value: i32| value.unsigned_abs() <= MAX_CODE.unsigned_abs();
         let time = |value: u32| value <= MAX_TIME;
         let error = |value: i32| (1..=MAX_ERROR).contains(&value);
@@ -209,6 +210,10 @@ impl PathLength {
             ((1..=MAX_EVIDENCE).contains(&self.lock_periods), "path-length lock time"),
             ((1..=MAX_EVIDENCE).contains(&self.lost_periods), "path-length loss time"),
             (self.least_curvature_q8 >= 2, "path-length least curvature"),
+            (
+                (u32::from(self.least_curvature_q8)..=MOST_CURVATURE_Q8).contains(&self.most_curvature_q8),
+                "path-length most curvature",
+            ),
             (time(self.give_up_periods), "path-length time to give up"),
             (error(self.lock_error), "path-length lock error"),
             (error(self.lost_error), "path-length loss error"),
@@ -304,7 +309,9 @@ fn write_path(w: &mut Writer<'_>, path: &PathLength) -> Option<()> {
         w.put(value.to_le_bytes())?;
     }
     w.put(path.least_curvature_q8.to_le_bytes())?;
-    w.put([0; 38])
+    w.put([0; 2])?;
+    w.put(path.most_curvature_q8.to_le_bytes())?;
+    w.put([0; 32])
 }
 
 fn read_path(r: &mut Reader<'_>) -> Option<PathLength> {
@@ -322,7 +329,9 @@ fn read_path(r: &mut Reader<'_>) -> Option<PathLength> {
     let (sweep_periods, settle_periods, lock_periods) = (r.u32()?, r.u32()?, r.u32()?);
     let (lost_periods, give_up_periods) = (r.u32()?, r.u32()?);
     let least_curvature_q8 = r.u16()?;
-    zeros(r.take::<38>()?)?;
+    zeros(r.take::<2>()?)?;
+    let most_curvature_q8 = r.u32()?;
+    zeros(r.take::<32>()?)?;
     let reference = Reference::from_tables(sine_q15, second_q15, ticks, delay);
     Some(PathLength {
         reference,
@@ -345,6 +354,7 @@ fn read_path(r: &mut Reader<'_>) -> Option<PathLength> {
         lock_error,
         lost_error,
         least_curvature_q8,
+        most_curvature_q8,
         dark_sum,
     })
 }

@@ -16,6 +16,8 @@ enum Fault {
     Counterphase,
     /// The light of the search was that of a flash.
     Flash,
+    /// Once it is locked, a spike of up to a tenth of the light, in one tick of every eighth period.
+    Spikes,
 }
 
 /// A small generator: the numbers of Park and Miller.
@@ -99,6 +101,10 @@ impl Gyro {
                 _ => shape,
             };
             let noise = if fault == Fault::Stuck { 0.0 } else { self.config.noise * self.dice.normal() };
+            let period = loops.ticks_per_period() as usize;
+            let locked = tick > ticks / 2;
+            let hit = fault == Fault::Spikes && locked && tick % (8 * period) == (tick / (8 * period)) % period;
+            let noise = noise + if hit { self.dice.within(-0.1, 0.1) } else { 0.0 };
             let code = ((light + noise) * self.config.peak_code).round() as i32;
             let out = loops.tick(&mut state, code);
             held = out.actuator;
@@ -117,6 +123,16 @@ fn a_sound_loop_locks() {
     for seed in 0..200 {
         let mut gyro = Gyro::random(seed, seed % 2 == 0);
         let (clean, state) = gyro.run(Fault::None, 4.0);
+        assert!(matches!(state.phase(), PathLengthPhase::Locked { .. }), "{seed}: {:?}", state.phase());
+        assert!(state.status() == PathLengthStatus::OK && clean > 0.5, "{seed}: {:?}, {clean}", state.status());
+    }
+}
+
+/// Spikes that are a hundred times a peak's harmonic do not end a lock.
+#[test]
+fn spikes_do_not_end_a_lock() {
+    for seed in 0..200 {
+        let (clean, state) = Gyro::random(seed, seed % 2 == 0).run(Fault::Spikes, 6.0);
         assert!(matches!(state.phase(), PathLengthPhase::Locked { .. }), "{seed}: {:?}", state.phase());
         assert!(state.status() == PathLengthStatus::OK && clean > 0.5, "{seed}: {:?}, {clean}", state.status());
     }

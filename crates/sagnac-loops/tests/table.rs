@@ -77,13 +77,15 @@ fn every_flipped_bit_is_refused() {
 fn values_that_cannot_run_are_refused_by_name() {
     let good = designed(20.0, false, 8).encode();
     // Offset of a field in the table, its new value, words of the error.
-    let cases: [(usize, &[u8], &str); 11] = [
+    let cases: [(usize, &[u8], &str); 13] = [
         (24 + 280, &[0, 0, 0, 0x80], "path-length range"),
         (24 + 284, &[0xff, 0xff, 0xff, 0x7f], "path-length range"),
         (16, &[0, 0, 0, 0], "tick"),
         (24 + 256, &[7], "path-length reference"),
         (24 + 130, &[7], "path-length reference"),
         (24 + 352, &[1, 0], "path-length least curvature"),
+        (24 + 356, &[1, 0, 0, 0], "path-length most curvature"),
+        (24 + 356, &[1, 0, 0, 0x40], "path-length most curvature"),
         (24 + 340, &[0, 0, 4, 0], "path-length lock time"),
         (24 + 260, &[0, 0, 0, 0x40], "path-length kp"),
         (24 + 276 + 4, &[0, 0, 0, 0x7f], "path-length range"),

@@ -588,7 +588,7 @@ fn path_length(of: &Loops, longer: u32, runs: u32) -> Result<Making> {
     let wavelength = path_length.wavelength();
     let mut making = Making::new(Module::PathLength, of.table.clone(), about)?;
     making.step(0, &[])?;
-    let mut place_q32 = i64::from(wavelength / 5) << 32;
+    let (mut place_q32, mut closed) = (i64::from(wavelength / 5) << 32, 0);
     for run in 0..runs {
         let dice = run.wrapping_mul(2_654_435_761) >> 8;
         let drift = match run / 60 % 6 {
@@ -604,8 +604,9 @@ fn path_length(of: &Loops, longer: u32, runs: u32) -> Result<Making> {
         }
         let dark = run % 250 > 242 && run % 250 < 248;
         let ticks = period * (1 + dice % 24) * longer;
-        // From none to a sixteenth of the light.
-        let bits = (of.peak.ilog2() - 4).saturating_sub([99, 8, 4, 0][(dice / 64 % 4) as usize]);
+        // From none to a 512th of the light, and for a while to a sixteenth, in which no peak shows.
+        let less = if run % 700 < 12 { [8, 4, 0] } else { [99, 8, 5] }[(dice / 64 % 3) as usize];
+        let bits = (of.peak.ilog2() - 4).saturating_sub(less);
         let flags = bits | if dark { 0 } else { LIGHT } | of.lag << 16;
         let [low, high] = [place_q32 as u32, (place_q32 >> 32) as u32];
         let inputs = [ticks, dice, low, high, drift as u32, of.peak, of.curvature, flags];
@@ -615,9 +616,12 @@ fn path_length(of: &Loops, longer: u32, runs: u32) -> Result<Making> {
         let Machine::PathLength(path) = &tried else { anyhow::bail!("not a path-length machine") };
         let mut with = inputs;
         with[7] |= if path.was_closed() { CLOSED } else { 0 };
+        closed += u32::from(path.was_closed());
         making.step(1, &with)?;
         place_q32 += (i64::from(drift) << 16) * i64::from(ticks);
     }
+    // The Verilog is checked on these alone.
+    anyhow::ensure!(5 * closed > 2 * runs, "closed in {closed} of {runs} runs alone");
     Ok(making)
 }
 

@@ -1,6 +1,6 @@
 //! From SI units to the integers of the path-length loop.
 
-use super::{MAX_EVIDENCE, PathLength};
+use super::{MAX_EVIDENCE, MOST_CURVATURE_Q8, PathLength};
 use crate::MAX_CODE;
 use crate::design::{DesignError, LoopGoal, PiGains, Plant, open_loop, pi_gains, within};
 use crate::gain::Gain;
@@ -125,6 +125,7 @@ impl PathLengthConfig {
             lock_error: error(self.lock_waves),
             lost_error: error(limits.lost_waves),
             least_curvature_q8: evidence.least_q8,
+            most_curvature_q8: evidence.most_q8,
             dark_sum: libm::round(0.1 * self.peak_code * ticks as f64) as i64,
         };
         Ok(PathLengthDesign { integers, plant, pi, slow_margin_deg: slow_margin(&plant, &pi, self.lag_s[1]) })
@@ -211,6 +212,8 @@ impl PathLengthConfig {
         let needed = 144.0 * noise * noise / (amplitude * amplitude) / readings / f64::from(ticks);
         Ok(PeakEvidence {
             least_q8: per_light_q8.min(f64::from(u16::MAX)) as u16,
+            most_q8: (4.0 * per_light_q8.max(512.0 * noise * libm::sqrt(squares) / f64::from(ticks)))
+                .min(f64::from(MOST_CURVATURE_Q8)) as u32,
             periods: libm::ceil(needed).clamp(8.0, f64::from(MAX_EVIDENCE)) as u32,
         })
     }
@@ -244,6 +247,8 @@ struct Answer {
 struct PeakEvidence {
     /// Half of its second harmonic, 2^-23 of the light.
     least_q8: u16,
+    /// What a period counts with at most, 2^-23 of the light: twice its harmonic, or four times its noise.
+    most_q8: u32,
     /// Periods in which half of it stands at six times its noise.
     periods: u32,
 }

@@ -6,6 +6,7 @@
 #define MAX_STEP ((int64_t)72057594037927936)
 #define MAX_TIME 1000000000U
 #define MAX_EVIDENCE 131072U
+#define MOST_CURVATURE_Q8 1073741824U
 #define MAX_DARK_SUM ((int64_t)536870912)
 #define PATH_AT 24U
 
@@ -84,6 +85,15 @@ static void path_check_anew(sagnac_path_length_state *state)
     state->checked = 0U;
 }
 
+/* A period of the check: its harmonic counts with most_curvature_q8 of the light at most, so that a spike is no evidence. */
+static void path_see(const sagnac_path_length *loop, sagnac_path_length_state *state, int64_t sum)
+{
+    const int64_t light = (sum > 0) ? sum : 0;
+    const int64_t most = sagnac_floor_shift(light * (int64_t)loop->most_curvature_q8, 8U);
+    state->seen_second += sagnac_held(state->second_harmonic, -most, most);
+    state->seen_plain += sum;
+}
+
 /* The light curves as on a peak. Never for a light that does not answer: its second harmonic is zero. */
 static uint32_t path_shows_peak(const sagnac_path_length_state *state, uint32_t least_q8)
 {
@@ -126,8 +136,7 @@ static void path_closing(const sagnac_path_length *loop, sagnac_path_length_stat
         if (state->count <= 1U) {
             path_check_anew(state);
         }
-        state->seen_second += state->second_harmonic;
-        state->seen_plain += sum;
+        path_see(loop, state, sum);
         if (state->count < loop->lock_periods) {
             state->since++;
         } else if (path_shows_peak(state, loop->least_curvature_q8) != 0U) {
@@ -170,8 +179,7 @@ static void stay_or_reset(const sagnac_path_length *loop, sagnac_path_length_sta
 static void path_stay(const sagnac_path_length *loop, sagnac_path_length_state *state, int64_t sum)
 {
     uint32_t peak = SAGNAC_YES;
-    state->seen_second += state->second_harmonic;
-    state->seen_plain += sum;
+    path_see(loop, state, sum);
     state->checked++;
     if (state->checked >= loop->lost_periods) {
         peak = path_shows_peak(state, loop->least_curvature_q8 / 2U);
@@ -398,7 +406,8 @@ static uint32_t path_is_sound(const sagnac_path_length *loop)
     }
     if ((loop->sweep_periods > MAX_TIME) || (loop->settle_periods > MAX_TIME) || (loop->lock_periods < 1U) ||
         (loop->lock_periods > MAX_EVIDENCE) || (loop->lost_periods < 1U) || (loop->lost_periods > MAX_EVIDENCE) ||
-        (loop->give_up_periods > MAX_TIME) || (loop->least_curvature_q8 < 2U) || (loop->least_curvature_q8 > 0xFFFFU)) {
+        (loop->give_up_periods > MAX_TIME) || (loop->least_curvature_q8 < 2U) || (loop->least_curvature_q8 > 0xFFFFU) ||
+        (loop->most_curvature_q8 < loop->least_curvature_q8) || (loop->most_curvature_q8 > MOST_CURVATURE_Q8)) {
         sound = 0U;
     }
     if ((loop->lock_error < 1) || (loop->lock_error > MAX_ERROR) || (loop->lost_error < 1) ||
@@ -441,6 +450,7 @@ static void path_load_fields(sagnac_path_length *loop, sagnac_read_octet read, c
     loop->lost_periods = sagnac_read_u32(read, context, at + 88U);
     loop->give_up_periods = sagnac_read_u32(read, context, at + 92U);
     loop->least_curvature_q8 = sagnac_read_u16(read, context, at + 96U);
+    loop->most_curvature_q8 = sagnac_read_u32(read, context, at + 100U);
 }
 
 uint32_t sagnac_path_length_load(sagnac_path_length *loop, sagnac_read_octet read, const void *context,
@@ -452,7 +462,8 @@ uint32_t sagnac_path_length_load(sagnac_path_length *loop, sagnac_read_octet rea
         loaded = path_is_sound(loop) & sagnac_are_zero(read, context, PATH_AT + 259U, 1U) &
                  sagnac_are_zero(read, context, PATH_AT + 265U, 3U) &
                  sagnac_are_zero(read, context, PATH_AT + 273U, 3U) &
-                 sagnac_are_zero(read, context, PATH_AT + 354U, 38U);
+                 sagnac_are_zero(read, context, PATH_AT + 354U, 2U) &
+                 sagnac_are_zero(read, context, PATH_AT + 360U, 32U);
     }
     return loaded;
 }

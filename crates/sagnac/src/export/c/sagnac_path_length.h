@@ -72,6 +72,7 @@ typedef struct {
     uint32_t lost_periods;
     uint32_t give_up_periods;
     uint32_t least_curvature_q8; /* second harmonic of a peak, 2^-23 of the light */
+    uint32_t most_curvature_q8;  /* the most that a period counts with */
 } sagnac_path_length;
 
 /* What it remembers. Read it freely. */
