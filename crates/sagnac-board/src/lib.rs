@@ -9,8 +9,8 @@
 //! ```
 //!
 //! * [`Board`] runs one tick in a fixed order: slow update if due, pulses, stripping, compensation, loops, frame.
-//! * `Rig` (feature `rig`, for a board without a gyro) replaces the gyro where there is none. It turns the rows of a log into levels, pickoff and light, in
-//!   integers, so a board in an emulator and one on the host see the same.
+//! * `Rig` (feature `rig`) replaces the gyro where there is none. It turns the rows of a log into levels, pickoff and light, in integers, so
+//!   a board in an emulator and one on the host see the same.
 //! * `TickHandler` is the part for the tick's interrupt on such a board, `CommandHandler` the part for its main loop; `run` runs
 //!   both on the host. A gyro's own firmware has neither, nor their messages: it calls [`Board`] and [`Upload`].
 //! * [`Upload`] receives an image over the line, checks its signature if the board has a key, and commits it to the flash banks.

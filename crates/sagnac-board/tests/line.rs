@@ -339,6 +339,8 @@ fn a_stuck_thermometer_is_in_the_status() {
     board.use_loaded(&loaded);
     assert_eq!(board.standing_still(), 0);
     let sample = Sample { codes: [Some(24 << 24), Some(20 << 24), None, None], ..AT_20_C };
-    (0..1000).for_each(|_| drop(board.tick(std::iter::empty(), &sample)));
+    for _ in 0..1000 {
+        board.tick(std::iter::empty(), &sample);
+    }
     assert_eq!(board.standing_still(), 0);
 }

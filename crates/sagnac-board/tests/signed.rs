@@ -7,45 +7,13 @@ use sagnac_board::{
 };
 use sagnac_core::{Banks, Description, Gyro, Image, NoKey, Origin, SIGNATURE_LEN, TRIAL_STARTS, Trust};
 use sagnac_loops::LoopTable;
-use sagnac_signature::{Signer, verify};
+use sagnac_signature::{Keyed, Signer};
 
 const PAPER: &[u8] = include_bytes!("../../../testdata/image/paper.img");
 const MODEL: [u8; 16] = *b"RLG-28\0\0\0\0\0\0\0\0\0\0";
 
-/// What the board trusts, with a counter that starts at 5 and challenges 1, 2, 3 …
-#[derive(Clone, Debug)]
-struct Fuses {
-    key: [u8; 32],
-    lowest: u32,
-    challenges: u8,
-}
-
-impl Trust for Fuses {
-    fn public_key(&self) -> Option<[u8; 32]> {
-        Some(self.key)
-    }
-
-    fn model(&self) -> [u8; 16] {
-        MODEL
-    }
-
-    fn lowest_counter(&self) -> u32 {
-        self.lowest
-    }
-
-    fn raise_lowest_counter(&mut self, to: u32) {
-        self.lowest = to;
-    }
-
-    fn verify(&self, public_key: &[u8; 32], message: &[u8], signature: &[u8; 64]) -> bool {
-        verify(public_key, message, signature)
-    }
-
-    fn challenge(&mut self) -> [u8; 16] {
-        self.challenges += 1;
-        [self.challenges; 16]
-    }
-}
+/// Challenges 1, 2, 3 …
+type Counted = Box<dyn FnMut() -> [u8; 16]>;
 
 fn signer() -> Signer {
     Signer::from_seed(&[42; 32])
@@ -70,9 +38,14 @@ struct Bench<T> {
     gyro: Gyro,
 }
 
-impl Bench<Fuses> {
+impl Bench<Keyed<Counted>> {
     fn new() -> Self {
-        Self::with(Fuses { key: signer().public().bytes(), lowest: 5, challenges: 0 })
+        let mut challenges = 0;
+        let challenge: Counted = Box::new(move || {
+            challenges += 1;
+            [challenges; 16]
+        });
+        Self::with(Keyed { public_key: signer().public().bytes(), model: MODEL, lowest_counter: 5, challenge })
     }
 
     fn open(&mut self) {
@@ -118,7 +91,7 @@ fn a_signed_image_is_stored_and_raises_the_counter() {
     let mut bench = Bench::new();
     bench.open();
     assert_eq!(bench.commit(&signed(&signer(), &image(1), MODEL, 9), false), ReplyCode::Done);
-    assert_eq!((bench.active(), bench.upload.trust().lowest), ((1, Origin::Newest), 9));
+    assert_eq!((bench.active(), bench.upload.trust().lowest_counter), ((1, Origin::Newest), 9));
     // The service mode ended with it.
     assert_eq!(bench.commit(&signed(&signer(), &image(2), MODEL, 9), false), ReplyCode::Locked);
     bench.open();
@@ -153,7 +126,7 @@ fn what_is_not_signed_for_this_board_is_refused() {
         let mut bench = Bench::new();
         bench.open();
         assert_eq!(bench.commit(&bytes, false), code);
-        assert_eq!((bench.active().1, bench.upload.trust().lowest), (Origin::FactoryDefaults, 5));
+        assert_eq!((bench.active().1, bench.upload.trust().lowest_counter), (Origin::FactoryDefaults, 5));
         // A refusal does not end the service mode: the right image may follow.
         assert_eq!(bench.commit(&signed(&signer(), &image(1), MODEL, 9), false), ReplyCode::Done);
     }

@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 
 use clap::Subcommand;
 use sagnac::{Error, Result};
-use sagnac_core::{Image, SignatureBlock, SignatureError, Trust, Trusted};
+use sagnac_core::{CHALLENGE_LEN, Image, SignatureBlock, SignatureError, Trusted};
 use sagnac_log::ingest::hex;
 use sagnac_log::write::write_bytes;
-use sagnac_signature::{PublicKey, Signer, verify};
+use sagnac_signature::{Keyed, Signer};
 
 use crate::console::{Console, Outcome, Ran};
 use crate::files::Files;
@@ -127,39 +127,6 @@ fn sign(image: &Path, key: &Path, args: &BlockArgs, output: &Path, console: &mut
     Ok(Outcome::Done)
 }
 
-/// What a board with this key would say, apart from its own identity.
-struct Host {
-    key: PublicKey,
-    model: [u8; 16],
-    lowest: u32,
-}
-
-impl Trust for Host {
-    fn public_key(&self) -> Option<[u8; 32]> {
-        Some(self.key.bytes())
-    }
-
-    fn model(&self) -> [u8; 16] {
-        self.model
-    }
-
-    fn lowest_counter(&self) -> u32 {
-        self.lowest
-    }
-
-    fn raise_lowest_counter(&mut self, to: u32) {
-        self.lowest = to;
-    }
-
-    fn verify(&self, public_key: &[u8; 32], message: &[u8], signature: &[u8; 64]) -> bool {
-        verify(public_key, message, signature)
-    }
-
-    fn challenge(&mut self) -> [u8; 16] {
-        [0; 16]
-    }
-}
-
 fn check(path: &Path, key: &Path, model: Option<&str>, lowest: u32, console: &mut Console) -> Ran {
     let whole = loading::image_bytes_of(path)?;
     let (_, block) =
@@ -170,8 +137,10 @@ fn check(path: &Path, key: &Path, model: Option<&str>, lowest: u32, console: &mu
         (None, Some(block)) => block.model,
         (None, None) => [0; 16],
     };
-    let host = Host { key: public_key(key)?, model, lowest };
-    match (Trusted::check(&whole, &host), block) {
+    let key = public_key(key)?;
+    // A board with this key, apart from its own identity.
+    let board = Keyed { public_key: key.bytes(), model, lowest_counter: lowest, challenge: || [0; CHALLENGE_LEN] };
+    match (Trusted::check(&whole, &board), block) {
         (Ok(trusted), Some(block)) => {
             console.say(format!("{}: good: {}, {}", path.display(), about(&trusted.image), words(&block)));
             Ok(Outcome::Done)
@@ -182,7 +151,7 @@ fn check(path: &Path, key: &Path, model: Option<&str>, lowest: u32, console: &mu
         (Err(error), block) => {
             console.say(format!("{}: NOT GOOD: {error}", path.display()));
             if let Some(block) = block {
-                console.say(format!("it says: {}; the key here is {}", words(&block), hex(&host.key.id())));
+                console.say(format!("it says: {}; the key here is {}", words(&block), hex(&key.id())));
             }
             Ok(Outcome::LimitsNotMet)
         }

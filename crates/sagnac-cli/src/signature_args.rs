@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use sagnac::{Error, Result};
 use sagnac_core::SignatureBlock;
+use sagnac_log::read::read_text;
 use sagnac_signature::{PublicKey, Signer};
 
 /// How an image is signed.
@@ -72,13 +73,7 @@ pub(crate) fn public_key(path: &Path) -> Result<PublicKey> {
     read.map_err(|e| Error::input(e.to_string()).file(path.display().to_string()))
 }
 
-/// The text of a key file.
+/// The text of a key file, which has some 120 bytes.
 fn pem(path: &Path) -> Result<String> {
-    /// A key has some 120 bytes.
-    const MOST_BYTES: u64 = 1 << 16;
-    use std::io::Read as _;
-    let file = std::fs::File::open(path).map_err(|e| Error::io_path(path, "open", &e))?;
-    let mut text = String::new();
-    file.take(MOST_BYTES).read_to_string(&mut text).map_err(|e| Error::io_path(path, "read", &e))?;
-    Ok(text)
+    read_text(path, "read the key", 1 << 16)
 }

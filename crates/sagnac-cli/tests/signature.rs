@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 
 use assert_cmd::Command;
 use sagnac_board::{CommandHandler, MemoryFlash, run};
-use sagnac_core::{Banks, Gyro, Image, SIGNATURE_LEN, Trust};
+use sagnac_core::{Banks, Gyro, Image, SIGNATURE_LEN};
 use sagnac_loops::LoopTable;
-use sagnac_signature::{PublicKey, verify};
+use sagnac_signature::{Keyed, PublicKey};
 
 /// Exit status, standard output and standard error.
 fn sagnac(args: &[&str]) -> (i32, String, String) {
@@ -123,110 +123,30 @@ fn keys_are_kept() {
     assert!(!it.path("a.pub").exists(), "no public key without its private one");
     #[cfg(unix)]
     assert_eq!(std::os::unix::fs::MetadataExt::mode(&fs::metadata(&key).unwrap()) & 0o777, 0o600);
-    for (args, why) in [
-        (
-            vec![
-                "key",
-                "sign",
-                text(&paper()),
-                "--key",
-                text(&paper()),
-                "--model",
-                "A",
-                "--counter",
-                "1",
-                "-o",
-                "x.img",
-            ],
-            "paper.img",
-        ),
-        (vec!["key", "sign", text(&paper()), "--key", text(&key), "--counter", "1", "-o", "x.img"], "--model"),
-        (vec!["key", "sign", text(&paper()), "--key", text(&key), "--model", "A", "-o", "x.img"], "--counter"),
-        (
-            vec![
-                "key",
-                "sign",
-                text(&paper()),
-                "--key",
-                text(&key),
-                "--model",
-                "a name of 17 byte",
-                "--counter",
-                "1",
-                "-o",
-                "x.img",
-            ],
-            "1 to 16 bytes",
-        ),
-        (
-            vec![
-                "key",
-                "sign",
-                text(&paper()),
-                "--key",
-                text(&key),
-                "--model",
-                "A",
-                "--counter",
-                "1",
-                "-o",
-                text(&key),
-            ],
-            "a.key",
-        ),
-        (
-            vec![
-                "export",
-                text(&paper()),
-                "--to",
-                "c",
-                "--sign",
-                text(&key),
-                "--model",
-                "A",
-                "--counter",
-                "1",
-                "-o",
-                "x",
-            ],
-            "--to image",
-        ),
-        (vec!["export", text(&paper()), "--to", "image", "--trial", "-o", "x"], "--to upload"),
-        (vec!["export", text(&paper()), "--to", "image", "--model", "A", "-o", "x"], "belongs to --sign"),
-        (vec!["export", text(&paper()), "--to", "image", "--sign", text(&key), "--model", "A", "-o", "x"], "--counter"),
+    let (image, own) = (paper(), text(&key).to_owned());
+    for (words, why) in [
+        ("key sign IMAGE --key IMAGE --model A --counter 1 -o x.img", "paper.img"),
+        ("key sign IMAGE --key KEY --counter 1 -o x.img", "--model"),
+        ("key sign IMAGE --key KEY --model A -o x.img", "--counter"),
+        ("key sign IMAGE --key KEY --model a-name-of-17-byte --counter 1 -o x.img", "1 to 16 bytes"),
+        ("key sign IMAGE --key KEY --model A --counter 1 -o KEY", "a.key"),
+        ("export IMAGE --to c --sign KEY --model A --counter 1 -o x", "--to image"),
+        ("export IMAGE --to image --trial -o x", "--to upload"),
+        ("export IMAGE --to image --model A -o x", "belongs to --sign"),
+        ("export IMAGE --to image --sign KEY --model A -o x", "--counter"),
     ] {
+        let args: Vec<&str> = words
+            .split(' ')
+            .map(|word| match word {
+                "IMAGE" => text(&image),
+                "KEY" => &own,
+                word => word,
+            })
+            .collect();
         let (status, _, complained) = sagnac(&args);
         assert!(status == 2 && complained.contains(why), "{args:?}: {complained}");
     }
     assert_eq!(fs::read(&key).unwrap(), before);
-}
-
-/// A board with the key.
-#[derive(Debug)]
-struct Fuses([u8; 32]);
-
-impl Trust for Fuses {
-    fn public_key(&self) -> Option<[u8; 32]> {
-        Some(self.0)
-    }
-
-    fn model(&self) -> [u8; 16] {
-        *b"RLG-28\0\0\0\0\0\0\0\0\0\0"
-    }
-
-    fn lowest_counter(&self) -> u32 {
-        12
-    }
-
-    fn raise_lowest_counter(&mut self, _to: u32) {}
-
-    fn verify(&self, public_key: &[u8; 32], message: &[u8], signature: &[u8; 64]) -> bool {
-        verify(public_key, message, signature)
-    }
-
-    fn challenge(&mut self) -> [u8; 16] {
-        *b"0123456789abcdef"
-    }
 }
 
 /// Service, challenge, answer, upload on trial, confirmation: every byte made by the program, every reply read by it.
@@ -244,7 +164,9 @@ fn a_board_with_a_key_is_served_from_the_command_line() {
     let head = words.head().unwrap();
     let loops = LoopTable::decode(words.table(&head, &mut words_bytes).unwrap()).unwrap();
     let banks = Banks::new(MemoryFlash::new(), 0, MemoryFlash::BANK).unwrap();
-    let mut board = CommandHandler::with_trust(banks, Gyro::of(&image, 4), loops, Fuses(public));
+    let model = *b"RLG-28\0\0\0\0\0\0\0\0\0\0";
+    let trust = Keyed { public_key: public, model, lowest_counter: 12, challenge: || *b"0123456789abcdef" };
+    let mut board = CommandHandler::with_trust(banks, Gyro::of(&image, 4), loops, trust);
     // One power-on: the bytes of several commands in a row. The summary of `sagnac frames` comes back.
     let mut said = |commands: &[&[&str]]| -> String {
         let mut bytes = Vec::new();

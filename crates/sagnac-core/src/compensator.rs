@@ -18,11 +18,10 @@
 
 use core::fmt;
 
-use crate::harmonic::{cosine, sine};
-use crate::image::{GUARD_BITS, Image, Kind, MAX_INPUTS, Multiplier, Shape, Term};
-use crate::input::{InputSpec, InputState, ScaledInput, ValueSource};
+use crate::image::{GUARD_BITS, Image, MAX_INPUTS};
+use crate::input::InputState;
 use crate::rounding::round_shift;
-use crate::series::{BASIS_LEN, ONE_Q31, chebyshev, step, zone};
+use crate::slow_update::{Reading, SlowUpdate, Sums, evaluate, read};
 use crate::status::Status;
 
 /// Largest |raw| of one call: 2²⁹ counts.
@@ -55,19 +54,6 @@ pub struct State {
     warm: bool,
     /// Slow updates so far, and images applied: a slow update in slices belongs to one of them.
     updates: u32,
-}
-
-/// A slow update in the making: [`Compensator::begin_update`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct SlowUpdate {
-    memory: [InputState; MAX_INPUTS],
-    codes: [Option<i32>; MAX_INPUTS],
-    warm: bool,
-    before: u32,
-    reading: Reading,
-    basis: [[i64; BASIS_LEN]; MAX_INPUTS],
-    sums: Sums,
-    slices: u8,
 }
 
 /// One corrected value.
@@ -147,7 +133,7 @@ impl State {
 
     /// Memory after a reset that did not cut the power: as at power-on, but a warm-up is over.
     ///
-    /// A term over [`ValueSource::WarmUp`] then corrects nothing, and the status is SETTLING for as long as its input says.
+    /// A term over [`ValueSource::WarmUp`](crate::input::ValueSource::WarmUp) then corrects nothing, and the status is SETTLING for as long as its input says.
     pub const fn warm() -> Self {
         let mut state = Self::new();
         state.warm = true;
@@ -336,8 +322,8 @@ impl Compensator {
         if codes.len() != self.image.inputs().len() {
             return Err(Misuse::InputCount);
         }
-        let reading = self.read(state, codes);
-        let sums = if reading.held { Sums::default() } else { self.evaluate(&reading.inputs) };
+        let reading = read(&self.image, &mut state.inputs, codes, state.warm);
+        let sums = if reading.held { Sums::default() } else { evaluate(&self.image, &reading.inputs) };
         Ok(self.conclude(state, &reading, sums))
     }
 
@@ -346,9 +332,8 @@ impl Compensator {
         self.image.inputs().len() + self.image.terms().len()
     }
 
-    /// Begins a slow update before it is due, with the codes of now. [`Compensator::advance_update`] makes it slice by slice, a few in each
-    /// tick; [`Compensator::apply_update`] puts it in force when it is due. The result has the bits of [`Compensator::update`] with the same
-    /// codes.
+    /// Begins a slow update before it is due, with the codes of now. [`Self::advance_update`] makes it slice by slice, a few in each tick;
+    /// [`Self::apply_update`] puts it in force when it is due. The result has the bits of [`Self::update`] with the same codes.
     ///
     /// A slice is one input with its lag and series, or one term: at most 605 instructions of the reference, held to 700 by `cargo xtask
     /// firmware` ([`crate::Work`] has the whole).
@@ -359,40 +344,16 @@ impl Compensator {
         if codes.len() != self.image.inputs().len() {
             return Err(Misuse::InputCount);
         }
-        let mut own = [None; MAX_INPUTS];
-        own.iter_mut().zip(codes).for_each(|(slot, code)| *slot = *code);
-        Ok(SlowUpdate {
-            memory: state.inputs,
-            codes: own,
-            warm: state.warm,
-            before: state.updates,
-            reading: Reading::new(),
-            basis: [[0; BASIS_LEN]; MAX_INPUTS],
-            sums: Sums::default(),
-            slices: 0,
-        })
+        Ok(SlowUpdate::new(codes, state.inputs, state.warm, state.updates))
     }
 
     /// Makes one slice of a slow update; true when none is missing any more.
     #[inline]
     pub fn advance_update(&self, update: &mut SlowUpdate) -> bool {
-        let (inputs, at) = (self.image.inputs(), usize::from(update.slices));
-        if let Some(spec) = inputs.get(at) {
-            let code = update.codes.get(at).copied().flatten();
-            if let (Some(memory), Some(row)) = (update.memory.get_mut(at), update.basis.get_mut(at)) {
-                update.reading.add(at, spec, memory, code, update.warm);
-                *row = chebyshev(update.reading.inputs.get(at).map_or(0, |input| input.x_q47));
-            }
-        } else if let Some(term) = self.image.terms().get(at - inputs.len()).filter(|_| !update.reading.held) {
-            update.sums.add(term, &update.reading.inputs, &update.basis);
-        } else {
-            return true;
-        }
-        update.slices += 1;
-        false
+        update.advance(&self.image)
     }
 
-    /// Puts a slow update in force that is due now, in place of [`Compensator::update`]. Makes the slices that are still missing.
+    /// Puts a slow update in force that is due now, in place of [`Self::update`]. Makes the slices that are still missing.
     ///
     /// # Errors
     /// [`Misuse::UpdateNotDue`]; [`Misuse::Outdated`] if the state had another slow update, or is another one, since this was begun. Then
@@ -404,7 +365,7 @@ impl Compensator {
         if update.before != state.updates {
             return Err(Misuse::Outdated);
         }
-        while !self.advance_update(update) {}
+        while !update.advance(&self.image) {}
         state.inputs = update.memory;
         Ok(self.conclude(state, &update.reading, update.sums))
     }
@@ -461,16 +422,6 @@ impl Compensator {
         Output { counts, status: state.status() | Status::LIMITED }
     }
 
-    /// Runs every input.
-    fn read(&self, state: &mut State, codes: &[Option<i32>]) -> Reading {
-        let mut reading = Reading::new();
-        let warm = state.warm;
-        for (at, ((memory, spec), code)) in state.inputs.iter_mut().zip(self.image.inputs()).zip(codes).enumerate() {
-            reading.add(at, spec, memory, *code, warm);
-        }
-        reading
-    }
-
     /// The end of a slow update: correction and status of the ticks from here on.
     fn conclude(&self, state: &mut State, reading: &Reading, sums: Sums) -> Status {
         state.ticks_to_update = self.image.description().period_ticks;
@@ -494,125 +445,4 @@ impl Compensator {
         state.slow_status = status;
         state.status()
     }
-
-    /// The sums of all terms.
-    fn evaluate(&self, inputs: &[ScaledInput; MAX_INPUTS]) -> Sums {
-        let mut basis = [[0_i64; BASIS_LEN]; MAX_INPUTS];
-        for (row, input) in basis.iter_mut().zip(inputs).take(self.image.inputs().len()) {
-            *row = chebyshev(input.x_q47);
-        }
-        let mut sums = Sums::default();
-        for term in self.image.terms() {
-            sums.add(term, inputs, &basis);
-        }
-        sums
-    }
-}
-
-/// What a slow update has read so far.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Reading {
-    pub(crate) inputs: [ScaledInput; MAX_INPUTS],
-    /// Values of this update, for the differences and repeats that come later in the table.
-    fresh_q24: [Option<i64>; MAX_INPUTS],
-    status: Status,
-    /// A value is missing: the last correction stays.
-    pub(crate) held: bool,
-}
-
-impl Reading {
-    pub(crate) const fn new() -> Self {
-        let nothing = ScaledInput { x_q47: 0, y_q31: 0, x_clamped: false, y_clamped: false };
-        Self { inputs: [nothing; MAX_INPUTS], fresh_q24: [None; MAX_INPUTS], status: Status::OK, held: false }
-    }
-
-    /// Runs one input.
-    #[inline]
-    pub(crate) fn add(&mut self, at: usize, spec: &InputSpec, memory: &mut InputState, code: Option<i32>, warm: bool) {
-        let fresh = self.value(spec, code);
-        if spec.source == ValueSource::WarmUp && !warm {
-            memory.begin_warm_up();
-        }
-        match memory.update(spec, fresh) {
-            Some(scaled) => {
-                if scaled.x_clamped || scaled.y_clamped {
-                    self.status |= Status::OUT_OF_SPAN;
-                }
-                if scaled.y_clamped {
-                    self.status |= Status::RATE_OUT_OF_SPAN;
-                }
-                if let (Some(slot), Some(place)) = (self.inputs.get_mut(at), self.fresh_q24.get_mut(at)) {
-                    *slot = scaled;
-                    *place = fresh.map(i64::from);
-                }
-            }
-            None => {
-                self.held = true;
-                self.status |= Status::HELD;
-                if memory.held_updates > spec.stale_after_updates {
-                    self.status |= Status::STALE;
-                }
-            }
-        }
-        if spec.settling_updates > 0 && memory.settled_updates <= spec.settling_updates {
-            self.status |= Status::SETTLING;
-        }
-    }
-
-    fn value(&self, spec: &InputSpec, code: Option<i32>) -> Option<i32> {
-        let of_update = |i: u8| self.fresh_q24.get(usize::from(i)).copied().flatten();
-        match spec.source {
-            ValueSource::Code => code.and_then(|code| spec.value_q24(code)),
-            ValueSource::Difference { of, less } => {
-                of_update(of).zip(of_update(less)).and_then(|(a, b)| spec.if_valid(a - b))
-            }
-            ValueSource::Repeat { of } => of_update(of).and_then(|value| spec.if_valid(value)),
-            ValueSource::WarmUp => spec.if_valid(0),
-        }
-    }
-}
-
-/// Sums of the terms, Q40; `Image::new` bounds them.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Sums {
-    bias: i64,
-    scale: i64,
-}
-
-impl Sums {
-    /// Adds one term.
-    #[inline]
-    pub(crate) fn add(
-        &mut self,
-        term: &Term,
-        inputs: &[ScaledInput; MAX_INPUTS],
-        basis: &[[i64; BASIS_LEN]; MAX_INPUTS],
-    ) {
-        let index = usize::from(term.input);
-        let input = inputs.get(index).copied().unwrap_or_default();
-        let shape = match term.shape {
-            Shape::Chebyshev(order) => {
-                basis.get(index).and_then(|row| row.get(usize::from(order))).copied().unwrap_or(0)
-            }
-            Shape::Zone { knot_q15 } => zone(input.x_q47, knot_q15),
-            Shape::Step { knot_q15 } => step(input.x_q47, knot_q15),
-            Shape::Cosine { turns_q18 } => cosine(input.x_q47, turns_q18),
-            Shape::Sine { turns_q18 } => sine(input.x_q47, turns_q18),
-        };
-        let value = term_value(term, shape, input.y_q31);
-        match term.kind {
-            Kind::Bias => self.bias += value,
-            Kind::Scale => self.scale += value,
-        }
-    }
-}
-
-/// |mantissa|·|basis| ≤ 2³¹·(2³¹ + 36) < 2⁶²·¹.
-#[inline]
-fn term_value(term: &Term, shape: i64, y: i64) -> i64 {
-    let basis = match term.multiplier {
-        Multiplier::One => shape,
-        Multiplier::Rate => round_shift(shape * y, ONE_Q31.trailing_zeros()),
-    };
-    round_shift(i64::from(term.mantissa) * basis, u32::from(term.shift))
 }

@@ -50,6 +50,7 @@ mod input;
 mod rounding;
 mod series;
 mod signature;
+mod slow_update;
 mod status;
 mod watch;
 mod work;
@@ -59,7 +60,7 @@ pub use bank::{
     TRIAL_STARTS,
 };
 pub use codec::{DecodeError, FORMAT_MINOR, FORMAT_VERSION, MAGIC, MAX_IMAGE_LEN};
-pub use compensator::{Compensator, MAX_RAW, Misuse, Output, SlowUpdate, State};
+pub use compensator::{Compensator, MAX_RAW, Misuse, Output, State};
 pub use harmonic::MAX_TURNS_Q18;
 pub use image::{
     Description, Image, ImageError, Kind, MAX_INCREMENT, MAX_INPUTS, MAX_SCALE, MAX_TERMS, Multiplier, Shape, Term,
@@ -70,6 +71,7 @@ pub use signature::{
     CHALLENGE_LEN, MAX_SIGNED_LEN, NoKey, SIGNATURE_LEN, SignatureBlock, SignatureError, SignedMessage, Trust, Trusted,
     key_id, service_message,
 };
+pub use slow_update::SlowUpdate;
 pub use status::Status;
 pub use watch::{MOST_VOTERS, Vote, Watch, WatchSpec, vote};
 pub use work::Work;

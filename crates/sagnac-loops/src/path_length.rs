@@ -170,7 +170,8 @@ impl Evidence {
     fn add(&mut self, sums: &Sums, most_q8: u32) {
         // plain ≤ 2^29 and most_q8 ≤ 2^30; at most MAX_EVIDENCE periods, so that the sums cannot saturate.
         let most = sums.plain.max(0).saturating_mul(i64::from(most_q8)) >> 8;
-        self.second = self.second.saturating_add(sums.second.clamp(-most, most));
+        // Not `clamp`, whose check of its bounds is a panic path.
+        self.second = self.second.saturating_add(sums.second.max(-most).min(most));
         self.plain = self.plain.saturating_add(sums.plain);
     }
 

@@ -3,11 +3,12 @@
 mod charts;
 
 use std::cell::RefCell;
-use std::io::{Read, Write};
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use sagnac::{Error, Result};
 use sagnac_log::ingest::Content;
+use sagnac_log::read::read_text;
 use sagnac_log::write::{ParquetRows, write_atomically, write_bytes};
 use sagnac_report::{ChartPage, chart_report};
 use sagnac_sim::{
@@ -116,16 +117,7 @@ pub(crate) fn refused(path: &Path, problem: &ScenarioError) -> Error {
 
 /// Reads and checks a scenario.
 pub(crate) fn read_scenario(path: &Path) -> Result<Scenario> {
-    const MOST_BYTES: u64 = 1 << 20;
-    let file = std::fs::File::open(path).map_err(|e| Error::io_path(path, "open", &e))?;
-    let mut bytes = Vec::new();
-    file.take(MOST_BYTES + 1).read_to_end(&mut bytes).map_err(|e| Error::io_path(path, "read", &e))?;
-    if bytes.len() as u64 > MOST_BYTES {
-        return Err(
-            Error::input(format!("more than {MOST_BYTES} bytes are no scenario")).file(path.display().to_string())
-        );
-    }
-    let text = String::from_utf8(bytes).map_err(|_| Error::input("not UTF-8 text").file(path.display().to_string()))?;
+    let text = read_text(path, "read the scenario", 1 << 20)?;
     let scenario = Scenario::from_toml(&text).map_err(|problem| refused(path, &problem))?;
     scenario.build().map_err(|problem| refused(path, &problem))?;
     Ok(scenario)

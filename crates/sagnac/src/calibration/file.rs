@@ -64,10 +64,11 @@ impl Calibration {
     /// A number that JSON cannot hold.
     pub fn to_json(&self) -> Result<String> {
         self.check()?;
-        let mut text =
-            serde_json::to_string_pretty(self).map_err(|e| Error::input(format!("cannot write JSON: {e}")))?;
+        let unwritten = |e: serde_json::Error| Error::input(format!("cannot write JSON: {e}"));
+        let value = serde_json::to_value(self).map_err(unwritten)?;
         // A record that could not be read again is none.
-        within_bounds(&serde_json::from_str(&text).map_err(|e| not_json(&e))?, "")?;
+        within_bounds(&value, "")?;
+        let mut text = serde_json::to_string_pretty(&value).map_err(unwritten)?;
         text.push('\n');
         Ok(text)
     }
