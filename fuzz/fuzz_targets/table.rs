@@ -9,7 +9,7 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     let file = tempfile::NamedTempFile::new().expect("a temporary file");
     std::fs::write(file.path(), bytes).expect("room on the disk");
     let _ = is_table(file.path());
-    if let Ok((windows, setup)) = read_table(file.path()) {
+    if let Ok((windows, setup)) = read_table(file.path(), sagnac_log::MemoryBudget::default()) {
         let options = FitOptions::new(Model::Auto);
         let _ = calibrate(windows, &setup, &options);
     }

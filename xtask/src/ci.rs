@@ -86,7 +86,7 @@ fn tests() -> Result<()> {
 fn tools() -> Vec<debian::Tool> {
     let browser = std::env::var_os("SAGNAC_REQUIRE_SHARED").is_some_and(|value| value == "1");
     let browser = if browser { debian::BROWSER } else { &[] };
-    [debian::C, debian::FPGA, debian::FIRMWARE, debian::DIST, browser].concat()
+    [debian::CORPUS, debian::C, debian::FPGA, debian::FIRMWARE, debian::DIST, browser].concat()
 }
 
 /// Processor time of all child processes that have ended, s: proc(5), where it is in hundredths.

@@ -67,6 +67,9 @@ pub const C: &[Tool] = &[
     ("cppcheck", "cppcheck"),
 ];
 
+/// For the corpus of broken inputs, whose peak memory GNU time reads.
+pub const CORPUS: &[Tool] = &[("/usr/bin/time", "time")];
+
 /// For `cargo xtask fpga`.
 pub const FPGA: &[Tool] =
     &[("iverilog", "iverilog"), ("verilator", "verilator"), ("yosys", "yosys"), ("g++", "g++"), ("make", "make")];

@@ -3,6 +3,7 @@
 //! With `--json` one object goes to standard output and the text for people to standard error.
 //! A reader that goes away (a closed pipe) ends the printing quietly.
 
+use std::borrow::Cow;
 use std::io::Write;
 use std::process::ExitCode;
 use std::sync::Mutex;
@@ -116,26 +117,35 @@ impl Console {
             ErrorKind::Input => "error",
             ErrorKind::Refused => "refused",
         };
-        self.note(format!("{word}: {error}"));
+        self.note(shortened(&format!("{word}: {error}")));
         if let Some(help) = &error.help {
-            self.note(format!("  help: {help}"));
+            self.note(shortened(&format!("  help: {help}")));
         }
         let place = &error.place;
         let _ = self.object(&Complaint {
             refused: error.kind == ErrorKind::Refused,
-            reason: &error.what,
+            reason: &shortened(&error.what),
             place: ComplaintPlace {
                 file: place.file.as_deref(),
                 line: place.line,
                 column: place.column.as_deref(),
                 value: place.value.as_deref(),
             },
-            help: error.help.as_deref(),
+            help: error.help.as_deref().map(shortened).as_deref(),
         });
         match error.kind {
             ErrorKind::Input => ExitCode::from(2),
             ErrorKind::Refused => ExitCode::from(3),
         }
+    }
+}
+
+/// A message in a length that a person reads: what a file holds may be quoted in it.
+fn shortened(text: &str) -> Cow<'_, str> {
+    const MOST_CHARS: usize = 1500;
+    match text.char_indices().nth(MOST_CHARS) {
+        Some((end, _)) => Cow::Owned(format!("{} … ({} more bytes)", &text[..end], text.len() - end)),
+        None => Cow::Borrowed(text),
     }
 }
 

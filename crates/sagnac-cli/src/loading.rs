@@ -8,8 +8,9 @@ use sagnac::verify::Correction;
 use sagnac::window::{WindowBuilder, Windows, is_table, read_table};
 use sagnac::{Error, Result};
 use sagnac_core::{Image, MAGIC, MAX_SIGNED_LEN, SignatureBlock};
-use sagnac_log::ingest::{LogReader, ReadMode};
+use sagnac_log::ingest::{Logs, ReadMode};
 use sagnac_log::setup::Setup;
+use sagnac_units::format::controls;
 
 use crate::progress::open_log;
 use crate::setup_args::LogArgs;
@@ -26,10 +27,14 @@ pub(crate) enum Kind {
     Log,
 }
 
+/// True for what is read once: standard input, a pipe, a device.
+fn is_pipe(path: &Path) -> bool {
+    path.as_os_str() == "-" || std::fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir())
+}
+
 /// Looks at the first bytes of a file; `-` and pipes are logs.
 pub(crate) fn kind_of(path: &Path) -> Result<Kind> {
-    let is_pipe = std::fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir());
-    if path.as_os_str() == "-" || is_pipe {
+    if is_pipe(path) {
         // Bytes read from a pipe cannot be read again.
         return Ok(Kind::Log);
     }
@@ -72,9 +77,12 @@ pub(crate) fn check_output_name(path: &Path, formats: &str) -> Result<()> {
     }
 }
 
-/// Opens several logs, each a run.
-pub(crate) fn logs(paths: &[PathBuf], setup: &Setup, pace: ReadMode) -> Result<Vec<LogReader>> {
-    paths.iter().map(|path| open_log(path, setup, pace)).collect()
+/// Several logs, each opened when the one before has been read. One that is not there is noticed before the first is read.
+pub(crate) fn logs<'a>(paths: &'a [PathBuf], setup: &'a Setup, pace: ReadMode) -> Result<Logs<'a>> {
+    for path in paths.iter().filter(|path| path.as_os_str() != "-") {
+        std::fs::metadata(path).map_err(|e| Error::io_path(path, "open", &e))?;
+    }
+    Ok(Logs::opened_by(paths.iter().map(move |path| open_log(path, setup, pace))))
 }
 
 /// Windows of logs, or of one window table, with their setup and the flags that override it.
@@ -103,7 +111,7 @@ pub(crate) fn windows(paths: &[PathBuf], args: &LogArgs) -> Result<(Windows, Set
 
 /// A window table. The settings of its windows cannot be changed any more.
 fn table(path: &Path, args: &LogArgs) -> Result<(Windows, Setup)> {
-    let (windows, made_with) = read_table(path)?;
+    let (windows, made_with) = read_table(path, args.setup.memory())?;
     let setup = args.setup.over(made_with.clone())?;
     if !setup.makes_the_windows_of(&made_with) || args.keep_outliers {
         return Err(Error::input("a flag or the setup would change how the windows of this table were made")
@@ -124,6 +132,9 @@ pub(crate) fn signed_image(path: &Path) -> Result<(Image, Vec<u8>, Option<Signat
     let refused = |e: String| Error::input(format!("not a usable image: {e}")).file(path.display().to_string());
     let (bytes, block) = SignatureBlock::split(&whole).map_err(|e| refused(e.to_string()))?;
     let image = Image::decode(bytes).map_err(|e| refused(e.to_string()))?;
+    if image.serial().is_some_and(|serial| serial.contains(controls)) {
+        return Err(refused("its serial number has control characters".to_owned()));
+    }
     Ok((image, bytes.to_vec(), block))
 }
 
@@ -147,6 +158,9 @@ pub(crate) fn correction(path: &Path) -> Result<Correction> {
         Kind::Calibration => {
             Correction::from_calibration(calibration(path)?).map_err(|e| e.file(path.display().to_string()))
         }
+        _ if is_pipe(path) => Err(Error::input("a correction is not read from a pipe")
+            .file(path.display().to_string())
+            .help("save it as a file; only logs are read from a pipe")),
         Kind::WindowTable | Kind::Log => Err(Error::input("neither a calibration nor an image")
             .file(path.display().to_string())
             .help("the correction comes first, then the logs: sagnac verify unit.cal.json retest.csv")),

@@ -32,6 +32,7 @@ use std::io::Write;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
+use sagnac_log::threads::{STACK_BYTES, spawn};
 use sagnac_units::format::printable;
 
 use crate::console::{Console, Outcome};
@@ -80,6 +81,26 @@ enum Command {
 }
 
 fn main() -> ExitCode {
+    // Files are decoded on a stack of a stated size. Where the machine allows no further thread, this one does the work.
+    match spawn("sagnac", begin) {
+        Ok(thread) => thread.join().unwrap_or_else(|_| Console::new(false).complain(&console::internal_error())),
+        Err(_) => begin(),
+    }
+}
+
+/// Works with a thread for each processor, or with this one alone where the machine allows no further one.
+fn on_all_processors<T: Send>(work: impl FnOnce() -> T + Send) -> T {
+    match rayon::ThreadPoolBuilder::new().stack_size(STACK_BYTES).build() {
+        Ok(pool) => pool.install(work),
+        Err(_) => {
+            // There is no other pool yet, so this cannot fail.
+            let _ = rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread().build_global();
+            work()
+        }
+    }
+}
+
+fn begin() -> ExitCode {
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
         Err(said) => return arguments_said(&said),
@@ -97,9 +118,11 @@ fn main() -> ExitCode {
     console::keep_panics_quiet();
     leave_nothing_behind();
     let ran = std::panic::catch_unwind(|| {
-        let mut console = Console::new(json);
-        let ran = run(cli.command, &mut console);
-        console.ended(ran)
+        on_all_processors(|| {
+            let mut console = Console::new(json);
+            let ran = run(cli.command, &mut console);
+            console.ended(ran)
+        })
     });
     match ran {
         Ok(Ok(Outcome::Done)) => ExitCode::SUCCESS,

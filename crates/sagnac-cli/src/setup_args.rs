@@ -2,9 +2,11 @@
 
 use std::path::PathBuf;
 
+use bytesize::ByteSize;
 use clap::{Args, ValueEnum};
 use sagnac::window::WindowBuilder;
 use sagnac::{Error, Result};
+use sagnac_log::memory::MemoryBudget;
 use sagnac_log::setup::{Counter, RunDivision, Setup, WindowSize};
 
 /// What the log cannot say of itself.
@@ -69,6 +71,9 @@ pub(crate) struct SetupArgs {
     /// columns; `none` for none. An image alone reads its other inputs by them
     #[arg(long, value_name = "NAMES")]
     inputs: Option<String>,
+    /// Memory for the data of one run, such as 512MiB or 4GiB; a file that would take more is refused [default: 1GiB]
+    #[arg(long, value_name = "SIZE", value_parser = memory_budget)]
+    memory: Option<MemoryBudget>,
 }
 
 /// How a log becomes windows.
@@ -102,6 +107,11 @@ enum CounterWord {
 }
 
 impl SetupArgs {
+    /// The memory budget of the run.
+    pub(crate) fn memory(&self) -> MemoryBudget {
+        self.memory.unwrap_or_default()
+    }
+
     /// The setup file (or `base` without one) with the flags over it.
     pub(crate) fn over(&self, base: Setup) -> Result<Setup> {
         let mut setup = match &self.setup {
@@ -126,6 +136,7 @@ impl SetupArgs {
         put(&mut setup.min_span_c, &self.min_span);
         put(&mut setup.use_thermometer, &self.thermometer);
         put(&mut setup.inputs, &self.inputs.as_deref().map(names));
+        setup.memory = self.memory();
         setup.discard_initial_s = self.discard_initial.unwrap_or(setup.discard_initial_s);
         setup.temperature_offset_s = self.temperature_offset.unwrap_or(setup.temperature_offset_s);
         setup.counter = match self.counter {
@@ -151,6 +162,12 @@ fn window_size(text: &str) -> std::result::Result<WindowSize, String> {
         return Ok(WindowSize::ROW);
     }
     text.parse().map(WindowSize::Seconds).map_err(|_| "seconds, or the word `row`".to_owned())
+}
+
+fn memory_budget(text: &str) -> std::result::Result<MemoryBudget, String> {
+    let bytes: ByteSize = text.parse()?;
+    let least = ByteSize(MemoryBudget::LEAST);
+    MemoryBudget::of_bytes(bytes.as_u64()).ok_or_else(|| format!("at least {least}"))
 }
 
 /// Comma-separated numbers.

@@ -419,3 +419,29 @@ fn a_live_log_may_begin_with_a_broken_row() {
         assert_eq!(reader.shape().nominal_ns, 1_000_000_000);
     }
 }
+
+/// Counts of 1 arcsec in rows of 1 s: 1e5 °/s are 3.6e8 of them, and half as many more in a row that lasts as much longer.
+#[test]
+fn a_rate_that_no_gyro_has_is_no_value() {
+    let faults = |rows: &str, setup: &Setup| {
+        let (batch, reader) = read(format!("time_s,temperature_c,{rows}"), setup).unwrap();
+        (batch.len(), tallies(&reader))
+    };
+    let counts = |last: &str| faults(&format!("counts\n1,20,7\n2,20,8\n3,20,9\n4,20,{last}\n"), &counts_setup());
+    assert_eq!(counts("540000000"), (4, vec![]));
+    let refused = |first: &str| vec![(Reason::ValueOutOfRange, 1, first.to_owned())];
+    assert_eq!(counts("540000001"), (3, refused("log.csv:5")));
+    assert_eq!(counts("-540000001"), (3, refused("log.csv:5")));
+    let rates = |last: &str| faults(&format!("rate_dps\n1,20,7\n2,20,8\n3,20,9\n4,20,{last}\n"), &Setup::default());
+    assert_eq!(rates("-100000"), (4, vec![]));
+    assert_eq!(rates("100001"), (3, refused("log.csv:5")));
+    let totals = Setup { counter: Counter::Cumulative, ..counts_setup() };
+    let total = |last: &str| faults(&format!("counts\n1,20,7\n2,20,8\n3,20,9\n4,20,{last}\n"), &totals);
+    assert_eq!(total("540000009"), (3, vec![]));
+    assert_eq!(total("540000010").0, 2);
+    // A rate of the table that is none is missing.
+    let (batch, _) =
+        read("time_s,rate_dps,reference_rate_dps\n1,7,1e5\n2,7,-100001\n3,7,1e300\n", &Setup::default()).unwrap();
+    assert_eq!(batch.reference_dps[0], 1e5);
+    assert!(batch.reference_dps[1..].iter().all(|rate| rate.is_nan()));
+}

@@ -190,6 +190,9 @@ impl Figure {
             return None;
         }
         if self.decades {
+            if xs.has_too_many_decades() || ys.has_too_many_decades() {
+                return None;
+            }
             let padded = |range: &Range, part: f64| Some(range.log10().padded(part)?.map(|power| 10.0_f64.powf(power)));
             self.x = padded(&xs, 0.02)?;
             self.y = padded(&ys, 0.04)?;
@@ -256,10 +259,17 @@ impl Range {
         }
     }
 
-    /// Beyond what any quantity is and any axis can be divided into.
+    /// Beyond what any quantity is and any axis can be divided into: too large, or too narrow.
     fn is_beyond(&self) -> bool {
         const DRAWABLE: f64 = 1e60;
-        self.lo <= self.hi && (self.lo.abs() > DRAWABLE || self.hi.abs() > DRAWABLE)
+        let width = self.hi - self.lo;
+        self.lo.abs().max(self.hi.abs()) > DRAWABLE && width >= 0.0 || width > 0.0 && width < 1.0 / DRAWABLE
+    }
+
+    /// More powers of ten than an axis can be divided into.
+    fn has_too_many_decades(&self) -> bool {
+        const DRAWABLE: f64 = 60.0;
+        self.lo > 0.0 && self.hi.log10() - self.lo.log10() > DRAWABLE
     }
 
     /// The range of the powers of ten; empty where something is not above zero.

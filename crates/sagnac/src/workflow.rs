@@ -5,7 +5,7 @@
 use std::path::Path;
 
 use sagnac_log::error::{Error, Result};
-use sagnac_log::ingest::{LogReader, ReadMode};
+use sagnac_log::ingest::{LogReader, Logs, ReadMode};
 use sagnac_log::setup::Setup;
 use sagnac_noise::Taus;
 
@@ -25,7 +25,7 @@ pub fn calibrate<P: AsRef<Path>>(
     logs: impl IntoIterator<Item = P>,
     model: Model,
 ) -> Result<Calibration> {
-    let windows = WindowBuilder::read_all(open(logs, bench)?, bench)?.finish();
+    let windows = WindowBuilder::read_all(open(logs, bench), bench)?.finish();
     crate::fit::calibrate(windows, bench, &FitOptions::new(model))
 }
 
@@ -35,11 +35,11 @@ pub fn calibrate<P: AsRef<Path>>(
 /// A log that cannot be read, or without a usable row.
 pub fn allan(bench: &Setup, log: impl AsRef<Path>) -> Result<NoiseBudget> {
     let request = Request { taus: Taus::LogSpaced, exact: false };
-    noise_budget(open([log], bench)?, None, bench, &request)
+    noise_budget(open([log], bench), None, bench, &request)
 }
 
-fn open<P: AsRef<Path>>(logs: impl IntoIterator<Item = P>, bench: &Setup) -> Result<Vec<LogReader>> {
-    logs.into_iter().map(|log| LogReader::open(log.as_ref(), bench, ReadMode::Bulk)).collect()
+fn open<'a, P: AsRef<Path> + 'a>(logs: impl IntoIterator<Item = P, IntoIter: 'a>, bench: &'a Setup) -> Logs<'a> {
+    Logs::opened_by(logs.into_iter().map(move |log| LogReader::open(log.as_ref(), bench, ReadMode::Bulk)))
 }
 
 impl Calibration {
@@ -51,7 +51,7 @@ impl Calibration {
     pub fn verify<P: AsRef<Path>>(&self, retests: impl IntoIterator<Item = P>) -> Result<Proof> {
         let correction = Correction::from_calibration(self.clone())?;
         let bench = correction.setup();
-        verify(&correction, open(retests, &bench)?, &bench, VerifyOptions::default())
+        verify(&correction, open(retests, &bench), &bench, VerifyOptions::default())
     }
 
     /// The bytes of the flash image of an axis.

@@ -24,7 +24,7 @@ fn calibrated() -> Calibration {
 fn proof(calibration: &Calibration, logs: Vec<Vec<u8>>, options: VerifyOptions) -> Proof {
     let setup = Bench::setup();
     let correction = Correction::from_calibration(calibration.clone()).unwrap();
-    verify(&correction, logs.into_iter().map(|log| reader(log, &setup)).collect(), &setup, options).unwrap()
+    verify(&correction, logs.into_iter().map(|log| reader(log, &setup)).collect::<Vec<_>>(), &setup, options).unwrap()
 }
 
 fn judged(calibration: &Calibration, log: Vec<u8>, limits: &Limits) -> Proof {

@@ -114,7 +114,7 @@ fn a_temperature_ramp_is_reported_and_removed() {
     let raw = noise_budget(vec![log()], None, &setup, &request).unwrap();
     assert!(raw.warnings[0].contains("the temperature moved by 17.9 °C") && !raw.detrended, "{:?}", raw.warnings);
     let long = |budget: &AxisBudget| budget.curve.last().unwrap().adev_dph;
-    let flat = noise_budget(vec![log()], Some(vec![log()]), &setup, &request).unwrap();
+    let flat = noise_budget(vec![log()], Some(vec![log()].into()), &setup, &request).unwrap();
     assert!(flat.warnings.is_empty() && flat.detrended, "{:?}", flat.warnings);
     // White noise of N = 0.18 arcsec/√s at 4096 s is 0.0028 °/h.
     assert!(long(&raw.axes[0]) > 0.05 && long(&flat.axes[0]) < 0.004, "{} {}", long(&raw.axes[0]), long(&flat.axes[0]));

@@ -19,7 +19,7 @@ fn usual(now: Now) -> f64 {
 /// The logs that a retest shares with its calibration.
 fn overlap(unit: &Calibration, logs: Vec<Vec<u8>>, setup: &Setup) -> usize {
     let correction = Correction::from_calibration(unit.clone()).unwrap();
-    let logs = logs.into_iter().map(|log| reader(log, setup)).collect();
+    let logs = logs.into_iter().map(|log| reader(log, setup)).collect::<Vec<_>>();
     let limits: Limits = "sigma_dph_max = 1000".parse().unwrap();
     let proof = verify(&correction, logs, setup, VerifyOptions::default()).unwrap().limits(&limits).unwrap();
     let found = proof.verification.training_overlap.len();

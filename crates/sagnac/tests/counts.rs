@@ -369,7 +369,7 @@ fn the_drift_of_a_room_is_removed() {
         let values = steps(&day.totals(&angles));
         let log = || reader(log_with_temperature(&day, &values, |row| (16.0 * room_c(row)).round() / 16.0), &setup);
         let raw = noise_budget(vec![log()], None, &setup, &request).unwrap().axes.remove(0);
-        let flat = noise_budget(vec![log()], Some(vec![log()]), &setup, &request).unwrap();
+        let flat = noise_budget(vec![log()], Some(vec![log()].into()), &setup, &request).unwrap();
         assert!(flat.detrended);
         let flat = &flat.axes[0];
         n.push(value(&flat.terms.n_deg_rt_h) / value(&quiet.terms.n_deg_rt_h));

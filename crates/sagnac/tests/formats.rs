@@ -7,7 +7,11 @@ mod ulog_writer;
 use std::io::{Cursor, Write};
 use std::sync::Arc;
 
-use arrow_array::{ArrayRef, BooleanArray, Float64Array, Int64Array, RecordBatch, TimestampMicrosecondArray};
+use arrow_array::types::Int32Type;
+use arrow_array::{
+    ArrayRef, BooleanArray, DictionaryArray, Float64Array, Int64Array, LargeStringArray, RecordBatch, StringArray,
+    StringViewArray, TimestampMicrosecondArray,
+};
 use arrow_ipc::CompressionType;
 use arrow_ipc::writer::{FileWriter, IpcWriteOptions, StreamWriter};
 use arrow_schema::{Field, Schema};
@@ -19,6 +23,7 @@ use parquet::file::properties::WriterProperties;
 use sagnac::fit::{FitOptions, calibrate};
 use sagnac::verify::{CorrectedFormat, Correction, compensate};
 use sagnac::window::WindowBuilder;
+use sagnac_log::MemoryBudget;
 use sagnac_log::ingest::{LogReader, ReadMode};
 use sagnac_log::setup::Setup;
 use sagnac_sim::LaggedChamber;
@@ -182,7 +187,7 @@ fn times_and_texts_of_columns() {
     let times = TimestampMicrosecondArray::from(c.time_s.iter().map(micros).collect::<Vec<_>>());
     let other = of_columns(vec![
         ("time_s", Arc::new(times)),
-        ("temperature_c", Arc::new(arrow_array::StringArray::from(texts))),
+        ("temperature_c", Arc::new(StringArray::from(texts))),
         ("counts", Arc::new(Int64Array::from(c.counts.clone()))),
         ("valid", Arc::new(Float64Array::from_iter_values(c.valid.iter().map(|v| f64::from(u8::from(*v)))))),
         ("aux_volts", Arc::new(Float64Array::from(c.volts.clone()))),
@@ -304,6 +309,102 @@ fn the_second_gyro_is_read_when_asked_for() {
     let third = Setup { instance: Some(2), ..Setup::default() };
     let error = LogReader::from_reader("log", Box::new(Cursor::new(bytes)), &third, ReadMode::Bulk).err().unwrap();
     assert!(error.what.contains("instance 2") && error.help.unwrap().contains("sensor_gyro"));
+}
+
+/// A topic that is announced without a message is passed over where the file can be read again; a pipe cannot, and says so.
+#[test]
+fn a_silent_gyro_is_passed_over() {
+    let mut log = ULogWriter::new();
+    log.format("sensor_gyro:uint64_t timestamp;float x;float y;float z;float temperature;");
+    log.format("sensor_combined:uint64_t timestamp;float[3] gyro_rad;");
+    log.format("sensor_baro:uint64_t timestamp;float pressure;float temperature;");
+    log.subscribe("sensor_gyro", 3, 0);
+    log.subscribe("sensor_combined", 4, 0);
+    log.subscribe("sensor_baro", 9, 0);
+    log.data(9, 900_000, &[101_325.0, 31.5]);
+    (0..9000).for_each(|i| log.data(4, 1_000_000 + i * 10_000, &[0.125, 0.25, 0.5]));
+    let bytes = log.finish();
+    let path = tempfile::NamedTempFile::new().unwrap();
+    std::fs::write(path.path(), &bytes).unwrap();
+    let mut log = LogReader::open(path.path(), &Setup::default(), ReadMode::Bulk).unwrap();
+    let mut rows = 0;
+    while let Some(batch) = log.next_batch().unwrap() {
+        assert!(rows > 0 || batch.temperature_c[0][0] == 31.5);
+        rows += batch.len();
+    }
+    assert_eq!(rows, 9000);
+    assert_eq!(log.summary().sha256, sagnac_log::ingest::hex(&sagnac_log::ingest::sha256(&bytes)));
+    for piped in [gzip(&bytes), bytes] {
+        let piped = Box::new(Cursor::new(piped));
+        let error = LogReader::from_reader("log", piped, &Setup::default(), ReadMode::Bulk).err().unwrap();
+        assert!(error.what.contains("sensor_combined has"), "{error}");
+    }
+}
+
+/// Text of categories, of short and long form, and in another unit of storage is the same text.
+#[test]
+fn text_of_any_form_is_the_same() {
+    let c = columns();
+    let words = ["a", "bc", "a word longer than a view holds"];
+    let text: Vec<&str> = (0..c.counts.len()).map(|i| words[i % 3]).collect();
+    let categories: DictionaryArray<Int32Type> = text.iter().copied().collect();
+    let forms: [ArrayRef; 4] = [
+        Arc::new(StringArray::from(text.clone())),
+        Arc::new(LargeStringArray::from(text.clone())),
+        Arc::new(StringViewArray::from(text.clone())),
+        Arc::new(categories),
+    ];
+    for form in forms {
+        let kind = form.data_type().clone();
+        let mut columns: Vec<(&str, ArrayRef)> = ["time_s", "temperature_c", "counts", "valid", "aux_volts"]
+            .into_iter()
+            .zip(batch(&c).columns().to_vec())
+            .collect();
+        columns.insert(1, ("note", form));
+        let source = Box::new(Cursor::new(parquet(&of_columns(columns), ParquetCompression::SNAPPY)));
+        let mut log = LogReader::from_reader("log", source, &setup(), ReadMode::BulkWithText).unwrap();
+        let mut at = 0;
+        while let Some(batch) = log.next_batch().unwrap() {
+            for (line, fields) in batch.line.iter().zip(&batch.fields) {
+                let row = *line as usize - 2;
+                assert_eq!(
+                    (&fields[1], &fields[3]),
+                    (text[row].as_bytes(), c.counts[row].unwrap().to_string().as_bytes()),
+                    "{kind}"
+                );
+                at += 1;
+            }
+        }
+        assert!(at > c.counts.len() / 2, "{kind}: {at} rows");
+    }
+}
+
+/// What unpacks to more than its share of the budget is refused, and read with a larger budget.
+#[test]
+fn a_file_beyond_its_share_of_memory_is_refused() {
+    let rows = 3_000_000;
+    let zeros = || Arc::new(Float64Array::from(vec![0.0; rows])) as ArrayRef;
+    let time: ArrayRef = Arc::new(Float64Array::from_iter_values((0..rows).map(|i| i as f64)));
+    let wide = of_columns(vec![("time_s", time), ("temperature_c", zeros()), ("rate_dph", zeros())]);
+    let options = IpcWriteOptions::default().try_with_compression(Some(CompressionType::ZSTD)).unwrap();
+    let mut writer = FileWriter::try_new_with_options(Vec::new(), &wide.schema(), options).unwrap();
+    writer.write(&wide).unwrap();
+    let bytes = writer.into_inner().unwrap();
+    let read = |mebibytes: u64| {
+        let memory = MemoryBudget::of_bytes(mebibytes << 20).unwrap();
+        let source = Box::new(Cursor::new(bytes.clone()));
+        LogReader::from_reader("log", source, &Setup { memory, ..Setup::default() }, ReadMode::Bulk)
+    };
+    // 72 MB in one batch: a quarter of 256 MiB is less, of 512 MiB is more.
+    let error = read(256).err().unwrap();
+    assert!(error.what.contains("more than 64 MiB") && error.help.as_ref().unwrap().contains("--memory"), "{error}");
+    let mut log = read(512).unwrap();
+    let mut read = 0;
+    while let Some(batch) = log.next_batch().unwrap() {
+        read += batch.len();
+    }
+    // The row before the first is missing.
+    assert!(read >= rows - 1, "{read}");
 }
 
 /// Arrow's own times are written in the unit of their header, and what has no text is left empty.

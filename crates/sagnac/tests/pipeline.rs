@@ -35,10 +35,10 @@ fn a_window_table_gives_the_same_calibration_as_its_logs() {
     let mut bytes = Vec::new();
     write_table(&windows(logs(), &setup), &setup, &mut bytes).unwrap();
     std::fs::write(&path, &bytes).unwrap();
-    let (table, made_with) = read_table(&path).unwrap();
+    let (table, made_with) = read_table(&path, sagnac_log::MemoryBudget::default()).unwrap();
     let through = calibrate(table, &made_with, &options).unwrap();
     std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
-    let torn = read_table(&path).unwrap_err();
+    let torn = read_table(&path, sagnac_log::MemoryBudget::default()).unwrap_err();
     std::fs::remove_file(&path).unwrap();
     assert_eq!(direct.to_json().unwrap(), through.to_json().unwrap());
     assert_eq!(torn.kind, ErrorKind::Input);
@@ -317,7 +317,7 @@ fn a_run_shorter_than_a_block_is_judged_about_its_own_mean() {
 #[test]
 fn the_same_log_twice_is_no_second_run() {
     let logs = || vec![csv_bytes(PaperRig::PAPER.run(1)), csv_bytes(PaperRig::PAPER.run(1))];
-    let readers = logs().into_iter().map(|csv| reader(csv, &paper_setup())).collect();
+    let readers = logs().into_iter().map(|csv| reader(csv, &paper_setup())).collect::<Vec<_>>();
     let error = sagnac::window::WindowBuilder::read_all(readers, &paper_setup()).err().unwrap();
     assert!(error.kind == ErrorKind::Input && error.what.contains("same bytes"), "{error}");
 }

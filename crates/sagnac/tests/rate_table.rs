@@ -148,7 +148,7 @@ fn rates_per_file_separate_them_too() {
         let open = |path: &std::path::PathBuf| {
             sagnac_log::ingest::LogReader::open(path, setup, sagnac_log::ingest::ReadMode::Bulk)
         };
-        let logs = logs.iter().map(|path| open(path).unwrap()).collect();
+        let logs = logs.iter().map(|path| open(path).unwrap()).collect::<Vec<_>>();
         let windows = sagnac::window::WindowBuilder::read_all(logs, setup).unwrap().finish();
         let options = sagnac::fit::FitOptions::new(support::model("bias 2, scale 2"));
         sagnac::fit::calibrate(windows, setup, &options)
@@ -258,7 +258,7 @@ fn misalignment_from_two_orientations() {
         let open = |path: &std::path::PathBuf| {
             sagnac_log::ingest::LogReader::open(path, &setup, sagnac_log::ingest::ReadMode::Bulk)
         };
-        let logs = paths.iter().map(|path| open(path).unwrap()).collect();
+        let logs = paths.iter().map(|path| open(path).unwrap()).collect::<Vec<_>>();
         let windows = sagnac::window::WindowBuilder::read_all(logs, &setup).unwrap().finish();
         let options = sagnac::fit::FitOptions::new(support::model("bias 1"));
         sagnac::fit::calibrate(windows, &setup, &options)

@@ -1,5 +1,5 @@
 //! Messages of the program on broken inputs. Each case of the corpus must end with the documented status and one message
-//! that names the place, and must not change existing files; otherwise the page is not written.
+//! that names the place, within 256 MiB, and must not change existing files; otherwise the page is not written.
 
 use std::fs;
 use std::io::Write as _;
@@ -8,7 +8,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 use anyhow::{Context, Result, ensure};
-use tempfile::TempDir;
+use tempfile::{NamedTempFile, TempDir};
 
 use crate::bless::Made;
 use crate::generated::corpus::{Case, Feed, cases};
@@ -17,6 +17,8 @@ use crate::program::Program;
 
 /// Limit on the address space of a run: a log is never held in memory.
 const MEMORY_KIB: u64 = 600_000;
+/// Largest resident set of a run with the default budget.
+const PEAK_KIB: u64 = 256 << 10;
 const OLD: &str = "what was there before\n";
 /// Files in every case's folder.
 const OURS: [&str; 2] = ["sagnac", "out.json"];
@@ -25,7 +27,7 @@ const HEAD: &str = "# Error messages for broken inputs
 
 Made by `cargo xtask bless`; do not edit. Every input of the table is made and run. A message states what is wrong, where (file, line,
 column, value) and, if there is a remedy, what to do. Status 2: bad usage or input. Status 3: refused, because the data cannot
-support the answer. Existing files are never changed by a command that fails.
+support the answer. Existing files are never changed by a command that fails. Each run took less than 256 MiB of memory.
 
 | input | status | message |
 |---|---|---|
@@ -35,6 +37,7 @@ support the answer. Existing files are never changed by a command that fails.
 struct Outcome {
     status: i32,
     stderr: String,
+    peak_kib: u64,
 }
 
 /// One table, in the order of the corpus.
@@ -84,7 +87,11 @@ fn prepared(case: &Case, program: &Program) -> Result<TempDir> {
 
 /// Runs a case in its own folder.
 fn run(case: &Case, folder: &Path) -> Result<Outcome> {
-    let limited = format!("ulimit -v {MEMORY_KIB}; exec \"$0\" \"$@\"");
+    let peak = NamedTempFile::new()?;
+    // A case may run as another user.
+    fs::set_permissions(peak.path(), fs::Permissions::from_mode(0o666))?;
+    let limited =
+        format!("ulimit -v {MEMORY_KIB}; exec /usr/bin/time -f %M -o {} \"$0\" \"$@\"", peak.path().display());
     let mut command = if case.as_nobody && is_root() {
         let mut command = Command::new("setpriv");
         command.args(["--reuid=65534", "--regid=65534", "--clear-groups", "sh", "-c", &limited]);
@@ -102,7 +109,10 @@ fn run(case: &Case, folder: &Path) -> Result<Outcome> {
         let _ = (0..*times).try_for_each(|_| stdin.write_all(block));
     }
     let output = child.wait_with_output()?;
-    Ok(Outcome { status: output.status.code().unwrap_or(-1), stderr: String::from_utf8(output.stderr)? })
+    let measured = fs::read_to_string(peak.path())?;
+    let peak_kib = measured.lines().last().and_then(|line| line.trim().parse().ok());
+    let peak_kib = peak_kib.context("no peak from /usr/bin/time; on Debian: apt-get install time")?;
+    Ok(Outcome { status: output.status.code().unwrap_or(-1), stderr: String::from_utf8(output.stderr)?, peak_kib })
 }
 
 fn is_root() -> bool {
@@ -126,6 +136,7 @@ fn problems(case: &Case, folder: &Path, before: &[String], outcome: &Outcome) ->
         (case.place.is_none_or(|place| first.contains(place)), format!("does not name {:?}", case.place)),
         (old == OLD, "the old output was changed".to_owned()),
         (after == before, format!("left {after:?}")),
+        (outcome.peak_kib < PEAK_KIB, format!("took {} MiB", outcome.peak_kib >> 10)),
     ];
     let failed = checks.into_iter().filter(|(good, _)| !good);
     Ok(failed.map(|(_, what)| format!("{}: {what}: {}", case.name, stderr.trim())).collect())
@@ -153,7 +164,7 @@ mod tests {
     fn ended(status: i32, stderr: &str) -> Vec<String> {
         let folder = TempDir::new().unwrap();
         fs::write(folder.path().join("out.json"), OLD).unwrap();
-        let outcome = Outcome { status, stderr: stderr.to_owned() };
+        let outcome = Outcome { status, stderr: stderr.to_owned(), peak_kib: 20_000 };
         problems(&example(), folder.path(), &["out.json".to_owned()], &outcome).unwrap()
     }
 
@@ -172,14 +183,18 @@ mod tests {
     }
 
     #[test]
-    fn an_output_that_was_changed_and_a_file_more_are_noticed() {
+    fn a_changed_output_a_file_more_and_much_memory_are_noticed() {
         let folder = TempDir::new().unwrap();
         fs::write(folder.path().join("out.json"), "new").unwrap();
         fs::write(folder.path().join("more"), "").unwrap();
-        let outcome = Outcome { status: 2, stderr: "error: log.csv\n".to_owned() };
+        let outcome = Outcome { status: 2, stderr: "error: log.csv\n".to_owned(), peak_kib: PEAK_KIB };
         let problems = problems(&example(), folder.path(), &["out.json".to_owned()], &outcome).unwrap();
         assert!(
-            problems.len() == 2 && problems[0].contains("was changed") && problems[1].contains("more"),
+            problems.len() == 3
+                && ["was changed", "more", "took 256 MiB"]
+                    .iter()
+                    .zip(&problems)
+                    .all(|(what, found)| found.contains(what)),
             "{problems:?}"
         );
     }

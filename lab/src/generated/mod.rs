@@ -2,7 +2,7 @@
 
 pub(crate) mod chamber;
 pub(crate) mod circle;
-mod corpus;
+pub(crate) mod corpus;
 pub(crate) mod errors;
 pub(crate) mod evidence;
 pub(crate) mod faults;

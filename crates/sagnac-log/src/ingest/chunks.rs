@@ -15,6 +15,7 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use crate::error::{Error, Result};
 use crate::ingest::raw::RawRows;
 use crate::ingest::text::{LineParser, TextFeed};
+use crate::threads::spawn;
 
 /// More threads than this do not read one log faster: hashing is sequential.
 const MAX_HELPERS: usize = 3;
@@ -32,9 +33,9 @@ pub(crate) enum Feed {
 
 /// Feed and numbering of its pieces; whoever holds it reads.
 struct Reading {
-    feed: Feed,
+    /// `None` at the end: the file is closed there, whichever threads still hold this.
+    feed: Option<Feed>,
     read: u64,
-    ended: bool,
 }
 
 /// Pieces that are parsed and wait for their turn.
@@ -71,26 +72,26 @@ struct Worker {
 impl Shared {
     /// Reads and parses one piece; false at the end.
     fn work(&self, worker: &mut Worker, mut reading: MutexGuard<'_, Reading>) -> bool {
-        if reading.ended {
-            return false;
-        }
+        let Some(feed) = &mut reading.feed else { return false };
         let mut rows = lock(&self.ready).spare.pop().unwrap_or_default();
         // A panic of a third-party decoder means that the file is damaged.
-        let read = catch_unwind(AssertUnwindSafe(|| match &mut reading.feed {
+        let read = catch_unwind(AssertUnwindSafe(|| match feed {
             Feed::Text(feed, _) => feed.next(&mut worker.text),
             Feed::Table(feed) => feed.next(&mut rows),
         }));
         let read = read.unwrap_or_else(|_| Err(Error::input("a damaged file (its decoder gave up)")));
         let number = reading.read;
         if matches!(read, Ok(false)) {
-            reading.ended = true;
+            reading.feed = None;
             drop(reading);
             lock(&self.ready).total = Some(number);
             self.changed.notify_all();
             return false;
         }
         reading.read += 1;
-        reading.ended = read.is_err();
+        if read.is_err() {
+            reading.feed = None;
+        }
         drop(reading);
         let ended = read.is_err();
         let piece = read.and_then(|_| {
@@ -151,7 +152,7 @@ impl ChunkReader {
         let cores = std::thread::available_parallelism().map_or(1, usize::from);
         let helpers = if parallel { (cores - 1).min(MAX_HELPERS) } else { 0 };
         let shared = Shared {
-            reading: Mutex::new(Reading { feed, read: 0, ended: false }),
+            reading: Mutex::new(Reading { feed: Some(feed), read: 0 }),
             ready: Mutex::default(),
             changed: Condvar::new(),
             room: 2 + 2 * helpers,
@@ -192,7 +193,7 @@ impl ChunkReader {
                 return turn;
             }
             let ahead = reading.read > self.next && lock(&self.shared.ready).pieces.len() >= self.shared.room;
-            if reading.ended || ahead {
+            if reading.feed.is_none() || ahead {
                 // Another thread parses it and notifies when it is ready.
                 drop(reading);
                 self.sleep();
@@ -223,7 +224,8 @@ impl ChunkReader {
         for _ in 0..self.helpers {
             let shared = Arc::clone(&self.shared);
             let worker = Worker { text: Vec::new(), parser: self.worker.parser.clone() };
-            std::thread::spawn(move || shared.help(worker));
+            // Without a further thread this one does all the work.
+            let _ = spawn("read", move || shared.help(worker));
         }
     }
 }

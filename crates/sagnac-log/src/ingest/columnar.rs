@@ -8,54 +8,48 @@
 //! file, every length that it would trust is checked against the length of the file.
 
 use std::fs::File;
-use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::PathBuf;
+use std::thread::JoinHandle;
 
-use arrow_array::cast::AsArray;
-use arrow_array::types::{
-    DurationMicrosecondType, DurationMillisecondType, DurationNanosecondType, DurationSecondType, Float32Type,
-    Float64Type, Int8Type, Int16Type, Int32Type, Int64Type, TimestampMicrosecondType, TimestampMillisecondType,
-    TimestampNanosecondType, TimestampSecondType, UInt8Type, UInt16Type, UInt32Type, UInt64Type,
-};
-use arrow_array::{Array, ArrowPrimitiveType, RecordBatch};
-use arrow_ipc::reader::StreamReader;
-use arrow_schema::{ArrowError, DataType, Schema, TimeUnit};
+use arrow_array::{Array, RecordBatch};
+use arrow_schema::{ArrowError, Schema, SchemaRef};
 use csv::ByteRecord;
+use parquet::errors::ParquetError;
 
 use crate::error::{Error, Result};
 use crate::ingest::ReadMode;
+use crate::ingest::arrow_file::{ArrowForm, arrow_reader, check_arrow};
 use crate::ingest::chunks::TableFeed;
+use crate::ingest::column_values::{flags, has_values, numbers, text_bytes, texts, time_text, times};
 use crate::ingest::header::Layout;
-use crate::ingest::iso::iso_text;
-use crate::ingest::number::{ISO_8601, parse_flag, parse_time_ns, parse_value, time_ns_of};
-use crate::ingest::parquet_file::{parquet_batches, parquet_schema};
-use crate::ingest::raw::{BAD_TEMPERATURE, Faults, NO_TIME, RawRows};
-use crate::ingest::source::Source;
+use crate::ingest::parquet_file::{ParquetRead, decoded_type, parquet_batches, parquet_schema};
+use crate::ingest::raw::{BAD_TEMPERATURE, Faults, RawRows};
+use crate::ingest::source::{HashHandle, Source};
+use crate::memory::MemoryBudget;
+use crate::threads::spawn;
 
-/// Rows decoded at once.
-const BATCH_ROWS: usize = 8192;
-/// Writers align the first message of a file to at most this.
-const ARROW_PADDING: usize = 72;
-/// Largest size of all unpacked buffers of a message.
-const MAX_UNPACKED: u64 = 1 << 28;
-/// Powers of ten of the units of Arrow's times to ns.
-const UNITS: [(TimeUnit, u32); 4] =
-    [(TimeUnit::Second, 9), (TimeUnit::Millisecond, 6), (TimeUnit::Microsecond, 3), (TimeUnit::Nanosecond, 0)];
+/// Most rows of a piece, and most values of it; of rows that are kept as text, most fields and most bytes of text.
+const PIECE_ROWS: usize = 8192;
+const PIECE_VALUES: usize = 1 << 20;
+const PIECE_FIELDS: usize = 1 << 17;
+const PIECE_TEXT_BYTES: usize = 4 << 20;
+/// Longest text of a field, as in a line of text.
+const MAX_FIELD_BYTES: usize = 1 << 20;
 
 /// Which of the three formats a file has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Form {
     Parquet,
-    ArrowFile,
-    ArrowStream,
+    Arrow(ArrowForm),
 }
 
 impl Form {
     fn of(magic: &[u8]) -> Self {
         match magic {
             b"PAR1" => Self::Parquet,
-            b"ARROW1" => Self::ArrowFile,
-            _ => Self::ArrowStream,
+            b"ARROW1" => Self::Arrow(ArrowForm::File),
+            _ => Self::Arrow(ArrowForm::Stream),
         }
     }
 }
@@ -63,67 +57,70 @@ impl Form {
 /// A log of columns whose header has been read.
 pub(crate) struct Columnar {
     pub(crate) headers: Vec<String>,
+    schema: SchemaRef,
     file: File,
     form: Form,
     hashing: Hashing,
+    memory: MemoryBudget,
 }
 
-/// The hash of a plain file, computed in parallel with the decoding.
+/// The hash of a file.
 enum Hashing {
     Done,
-    Beside(Option<std::thread::JoinHandle<std::io::Result<u64>>>),
+    /// Computed in parallel with the decoding.
+    Beside(Option<JoinHandle<std::io::Result<u64>>>),
+    /// Computed after it: no further thread was to be had.
+    After(PathBuf, HashHandle),
 }
 
-/// The same for a batch iterator of either decoder.
+/// A batch iterator of either decoder.
 type Batches = Box<dyn Iterator<Item = std::result::Result<RecordBatch, ArrowError>> + Send>;
 
-fn broken(what: &str, error: &dyn std::fmt::Display) -> Error {
+pub(super) fn broken(what: &str, error: &dyn std::fmt::Display) -> Error {
     Error::input(format!("not a readable {what} file: {error}"))
 }
 
 /// Opens the file and reads the names of its columns.
-pub(crate) fn open(source: Source) -> Result<Columnar> {
+pub(crate) fn open(source: Source, memory: MemoryBudget) -> Result<Columnar> {
     let form = Form::of(source.format.magic);
-    let (mut file, hashing) = match source.plain_file {
+    let (mut file, hashing) = match source.plain_file.clone() {
         Some(path) => {
             let file = File::open(&path).map_err(|e| Error::io_path(&path, "open", &e))?;
-            let mut reader = source.reader;
-            let beside = std::thread::spawn(move || std::io::copy(&mut reader, &mut std::io::sink()));
-            (file, Hashing::Beside(Some(beside)))
+            (file, Hashing::begin(source, path))
         }
         None => (spooled(source)?, Hashing::Done),
     };
     let schema = match form {
-        Form::Parquet => {
-            let schema = guarded(|| parquet_schema(clone_of(&file)?).map_err(parquet_broken))?;
-            schema.as_ref().clone()
-        }
-        _ => {
-            check_arrow(&mut file, form)?;
-            guarded(|| Ok(arrow_reader(&file, form, None)?.schema()))?.as_ref().clone()
+        Form::Parquet => guarded(|| parquet_schema(clone_of(&file)?).map_err(parquet_broken))?,
+        Form::Arrow(form) => {
+            check_arrow(&mut file, form, memory)?;
+            guarded(|| Ok(arrow_reader(&file, form, None)?.schema()))?
         }
     };
-    Ok(Columnar { headers: names(&schema), file, form, hashing })
+    Ok(Columnar { headers: names(&schema), schema, file, form, hashing, memory })
 }
 
 fn names(schema: &Schema) -> Vec<String> {
     schema.fields().iter().map(|field| field.name().clone()).collect()
 }
 
-fn parquet_broken(error: parquet::errors::ParquetError) -> Error {
-    broken("Parquet", &error)
+fn parquet_broken(error: ParquetError) -> Error {
+    match error {
+        // Our own, with what to do.
+        ParquetError::External(error) => match error.downcast::<Error>() {
+            Ok(own) => *own,
+            Err(other) => broken("Parquet", &other),
+        },
+        error => broken("Parquet", &error),
+    }
 }
 
-fn arrow_broken(error: &ArrowError) -> Error {
-    broken("Arrow", error)
-}
-
-fn clone_of(file: &File) -> Result<File> {
+pub(super) fn clone_of(file: &File) -> Result<File> {
     file.try_clone().map_err(|e| Error::input(format!("cannot read: {e}")))
 }
 
 /// Runs a decoder; its panic becomes an error about the file.
-fn guarded<T>(decode: impl FnOnce() -> Result<T>) -> Result<T> {
+pub(super) fn guarded<T>(decode: impl FnOnce() -> Result<T>) -> Result<T> {
     catch_unwind(AssertUnwindSafe(decode)).unwrap_or_else(|_| Err(Error::input("a damaged file (its decoder gave up)")))
 }
 
@@ -135,125 +132,66 @@ fn spooled(source: Source) -> Result<File> {
     Ok(file)
 }
 
-/// Where Arrow's messages begin: in the file form after its magic and padding.
-fn messages_at(file: &mut File, form: Form) -> Result<u64> {
-    if form == Form::ArrowStream {
-        return Ok(0);
-    }
-    let mut start = [0; ARROW_PADDING];
-    let unreadable = |e: std::io::Error| Error::input(format!("cannot read: {e}"));
-    file.seek(SeekFrom::Start(0)).map_err(unreadable)?;
-    file.read_exact(&mut start).map_err(|_| truncated())?;
-    let first = start.chunks_exact(8).skip(1).position(|word| word.starts_with(&[0xff; 4]));
-    Ok(8 * (1 + first.unwrap_or(0)) as u64)
-}
-
-fn truncated() -> Error {
-    Error::input("a truncated or damaged Arrow file").help("copy or write it again")
-}
-
-/// With the columns of these places alone, if any are given: the others are not unpacked.
-fn arrow_reader(file: &File, form: Form, wanted: Option<Vec<usize>>) -> Result<StreamReader<BufReader<File>>> {
-    let mut file = clone_of(file)?;
-    let at = messages_at(&mut file, form)?;
-    file.seek(SeekFrom::Start(at)).map_err(|e| Error::input(format!("cannot read: {e}")))?;
-    StreamReader::try_new_buffered(file, wanted).map_err(|e| arrow_broken(&e))
-}
-
-/// Reads through the messages and checks every length against the file's length; detects a truncated file.
-fn check_arrow(file: &mut File, form: Form) -> Result<()> {
-    let unreadable = |e: std::io::Error| Error::input(format!("cannot read: {e}"));
-    let size = file.metadata().map_err(unreadable)?.len();
-    if form == Form::ArrowFile {
-        let mut tail = [0; 6];
-        file.seek(SeekFrom::Start(size.saturating_sub(6))).map_err(unreadable)?;
-        file.read_exact(&mut tail).map_err(unreadable)?;
-        if tail != *b"ARROW1" || size < 24 {
-            return Err(truncated());
-        }
-    }
-    let mut at = messages_at(file, form)?;
-    loop {
-        if at == size {
-            return Ok(());
-        }
-        let mut head = [0; 8];
-        file.seek(SeekFrom::Start(at)).map_err(unreadable)?;
-        file.read_exact(&mut head).map_err(|_| truncated())?;
-        let [mark, length] = [&head[..4], &head[4..]].map(|part| i32::from_le_bytes(part.try_into().unwrap_or([0; 4])));
-        if mark != -1 {
-            return Err(Error::input("a damaged Arrow file, or one of a version before 0.15"));
-        }
-        if length == 0 {
-            return Ok(());
-        }
-        let length = u64::try_from(length).map_err(|_| truncated())?;
-        if at + 8 + length > size {
-            return Err(truncated());
-        }
-        let mut metadata = vec![0; length as usize];
-        file.read_exact(&mut metadata).map_err(|_| truncated())?;
-        let body_at = at + 8 + length;
-        let body = guarded(|| check_message(&metadata, file, body_at, size))?;
-        at = body_at + body;
-    }
-}
-
-/// The length of a message's body, if it and its unpacked buffers are consistent.
-fn check_message(metadata: &[u8], file: &mut File, body_at: u64, size: u64) -> Result<u64> {
-    let damaged = |e: &dyn std::fmt::Display| Error::input(format!("a damaged Arrow file: {e}"));
-    let message = arrow_ipc::root_as_message(metadata).map_err(|e| damaged(&e))?;
-    let body = u64::try_from(message.bodyLength()).map_err(|e| damaged(&e))?;
-    if body_at.saturating_add(body) > size {
-        return Err(truncated());
-    }
-    let dictionary = message.header_as_dictionary_batch().and_then(|batch| batch.data());
-    let batch = message.header_as_record_batch().or(dictionary);
-    let Some(batch) = batch else { return Ok(body) };
-    let mut all = 0_u64;
-    for buffer in batch.buffers().iter().flatten() {
-        let (offset, length) = (u64::try_from(buffer.offset()), u64::try_from(buffer.length()));
-        let (Ok(offset), Ok(length)) = (offset, length) else { return Err(damaged(&"a negative length")) };
-        if offset.saturating_add(length) > body {
-            return Err(damaged(&"a buffer beyond its message"));
-        }
-        if batch.compression().is_some() && length >= 8 {
-            let mut unpacked = [0; 8];
-            file.seek(SeekFrom::Start(body_at + offset)).map_err(|e| damaged(&e))?;
-            file.read_exact(&mut unpacked).map_err(|e| damaged(&e))?;
-            // −1: not compressed after all.
-            all = all.saturating_add(u64::try_from(i64::from_le_bytes(unpacked)).unwrap_or(0));
-            if all > MAX_UNPACKED {
-                return Err(damaged(&"a batch that unpacks to more than 256 MiB; write smaller batches"));
-            }
-        }
-    }
-    Ok(body)
-}
-
 impl Columnar {
     /// Begins to decode. `mode` selects whether all columns are kept as text.
+    ///
+    /// # Errors
+    /// A column that is read has a type without values; what the decoder reports.
     pub(crate) fn feed(self, layout: &Layout, mode: ReadMode) -> Result<ColumnFeed> {
         let keep_fields = mode != ReadMode::Bulk;
-        let wanted: Vec<usize> = if keep_fields { (0..layout.headers.len()).collect() } else { layout.columns_read() };
+        let read = layout.columns_read();
+        if let Some(index) = read.iter().find(|index| !self.has_values(**index)) {
+            return Err(wrong_type(&self.schema, &layout.headers[*index]));
+        }
+        // A column without values would be empty as text.
+        let mut decoded: Vec<usize> =
+            if keep_fields { (0..layout.headers.len()).filter(|i| self.has_values(*i)).collect() } else { read };
+        decoded.sort_unstable();
+        decoded.dedup();
+        let mut places = vec![None; layout.headers.len()];
+        decoded.iter().enumerate().for_each(|(place, index)| places[*index] = Some(place));
+        let most = if keep_fields { PIECE_FIELDS } else { PIECE_VALUES };
+        let columns = if keep_fields { layout.headers.len() } else { decoded.len() };
+        let most_rows = (most / columns.max(1)).clamp(1, PIECE_ROWS);
         let batches: Batches = match self.form {
             Form::Parquet => guarded(|| {
-                let reader = parquet_batches(clone_of(&self.file)?, Some(&wanted), BATCH_ROWS);
-                Ok(Box::new(reader.map_err(parquet_broken)?) as Batches)
+                let roots = Some(decoded.as_slice());
+                let read = ParquetRead { roots, rows: most_rows, values: u64::MAX, memory: self.memory };
+                Ok(Box::new(parquet_batches(clone_of(&self.file)?, &read).map_err(parquet_broken)?) as Batches)
             })?,
-            form => guarded(|| Ok(Box::new(arrow_reader(&self.file, form, Some(wanted.clone()))?) as Batches))?,
+            Form::Arrow(form) => guarded(|| Ok(Box::new(arrow_reader(&self.file, form, Some(decoded))?) as Batches))?,
         };
         let what = if self.form == Form::Parquet { "Parquet" } else { "Arrow" };
-        let layout = layout.clone();
-        Ok(ColumnFeed { batches, layout, keep_fields, hashing: self.hashing, what, waiting: None })
+        let (layout, schema, hashing) = (layout.clone(), self.schema, self.hashing);
+        Ok(ColumnFeed { batches, layout, schema, places, keep_fields, most_rows, hashing, what, waiting: None })
     }
+
+    fn has_values(&self, index: usize) -> bool {
+        let kind = self.schema.fields().get(index).map(|field| field.data_type());
+        kind.is_some_and(|kind| match self.form {
+            Form::Parquet => has_values(&decoded_type(kind)),
+            Form::Arrow(_) => has_values(kind),
+        })
+    }
+}
+
+fn wrong_type(schema: &Schema, name: &str) -> Error {
+    let kind = schema.field_with_name(name).map_or(String::new(), |field| field.data_type().to_string());
+    Error::input(format!("a column of type {kind}, where numbers are needed"))
+        .column(name)
+        .help("write it as a number, or map it to \"ignore\" under [columns]")
 }
 
 /// Record batches to rows.
 pub(crate) struct ColumnFeed {
     batches: Batches,
     layout: Layout,
+    schema: SchemaRef,
+    /// Place of each of the file's columns among those that are decoded.
+    places: Vec<Option<usize>>,
     keep_fields: bool,
+    /// Rows of a piece.
+    most_rows: usize,
     hashing: Hashing,
     what: &'static str,
     /// A batch and the number of its rows that were already returned.
@@ -270,22 +208,63 @@ impl TableFeed for ColumnFeed {
                 None => return self.hashing.finish().map(|()| false),
             },
         };
-        let length = (batch.num_rows() - done).min(BATCH_ROWS);
-        if done + length < batch.num_rows() {
-            self.waiting = Some((batch.clone(), done + length));
+        let length = (batch.num_rows() - done).min(self.most_rows);
+        let mut piece = batch.slice(done, length);
+        if self.keep_fields {
+            piece = piece.slice(0, rows_of_short_text(&piece)?);
         }
-        self.rows_of(&batch.slice(done, length), rows)?;
+        let done = done + piece.num_rows();
+        if done < batch.num_rows() {
+            self.waiting = Some((batch, done));
+        }
+        self.rows_of(&piece, rows)?;
         Ok(true)
     }
 }
 
+/// The first rows of a batch, at least one, whose text together is short enough to be copied.
+fn rows_of_short_text(batch: &RecordBatch) -> Result<usize> {
+    let mut all = vec![0_usize; batch.num_rows()];
+    for (column, field) in batch.columns().iter().zip(batch.schema_ref().fields()) {
+        for (sum, bytes) in all.iter_mut().zip(text_bytes(column)) {
+            if bytes > MAX_FIELD_BYTES {
+                return Err(Error::input("a field of more than 1 MiB of text").column(field.name()));
+            }
+            *sum += bytes;
+        }
+    }
+    let mut sum = 0_usize;
+    let fits = all.iter().take_while(|bytes| {
+        sum = sum.saturating_add(**bytes);
+        sum <= PIECE_TEXT_BYTES
+    });
+    Ok(fits.count().max(1).min(batch.num_rows()))
+}
+
 impl Hashing {
+    /// Begins to hash beside the decoding, if there may be a further thread.
+    fn begin(source: Source, path: PathBuf) -> Self {
+        let (mut reader, hash) = (source.reader, source.hash);
+        match spawn("hash", move || std::io::copy(&mut reader, &mut std::io::sink())) {
+            Ok(thread) => Self::Beside(Some(thread)),
+            Err(_) => Self::After(path, hash),
+        }
+    }
+
     /// Waits until every byte is in the hash.
     fn finish(&mut self) -> Result<()> {
-        let Self::Beside(beside) = self else { return Ok(()) };
-        let Some(thread) = beside.take() else { return Ok(()) };
-        let read = thread.join().map_err(|_| Error::input("a defect of this program: the file could not be hashed"))?;
-        read.map(|_| ()).map_err(|e| Error::input(format!("cannot read on: {e}")))
+        let unread = |e: std::io::Error| Error::input(format!("cannot read on: {e}"));
+        match std::mem::replace(self, Self::Done) {
+            Self::Done | Self::Beside(None) => Ok(()),
+            Self::Beside(Some(thread)) => {
+                let defect = |_| Error::input("a defect of this program: the file could not be hashed");
+                thread.join().map_err(defect)?.map(|_| ()).map_err(unread)
+            }
+            Self::After(path, hash) => {
+                let file = File::open(&path).map_err(|e| Error::io_path(&path, "open", &e))?;
+                hash.begin_anew_with(file).map_err(unread)
+            }
+        }
     }
 }
 
@@ -299,7 +278,7 @@ impl ColumnFeed {
         rows.faults.resize(length, Faults::NONE);
         if let Some((index, places)) = layout.time {
             times(self.column(batch, index)?, places, &mut rows.time_ns)
-                .ok_or_else(|| self.wrong_type(batch, index))?;
+                .ok_or_else(|| wrong_type(&self.schema, &self.layout.headers[index]))?;
         }
         for ((index, _, unit), out) in layout.axes.iter().zip(&mut rows.axes) {
             let unit = unit.unwrap_or(1.0);
@@ -317,7 +296,8 @@ impl ColumnFeed {
             self.values(batch, index, f64::NAN, &mut rows.reference_dps)?;
         }
         if let Some(index) = layout.valid {
-            flags(self.column(batch, index)?, &mut rows.faults).ok_or_else(|| self.wrong_type(batch, index))?;
+            flags(self.column(batch, index)?, &mut rows.faults)
+                .ok_or_else(|| wrong_type(&self.schema, &self.layout.headers[index]))?;
         }
         if self.keep_fields {
             self.texts(batch, rows)?;
@@ -325,43 +305,36 @@ impl ColumnFeed {
         Ok(())
     }
 
-    /// A column by its place in the layout; projection keeps the names.
-    fn column<'a>(&self, batch: &'a RecordBatch, index: usize) -> Result<&'a dyn Array> {
-        let name = &self.layout.headers[index];
-        let column = batch.column_by_name(name).map(AsRef::as_ref);
-        column.ok_or_else(|| Error::input("a part of the file lacks this column").column(name))
+    /// A column by its place in the layout, if it is decoded.
+    fn decoded<'a>(&self, batch: &'a RecordBatch, index: usize) -> Option<&'a dyn Array> {
+        self.places.get(index).copied().flatten().and_then(|place| batch.columns().get(place)).map(AsRef::as_ref)
     }
 
-    fn wrong_type(&self, batch: &RecordBatch, index: usize) -> Error {
-        let name = &self.layout.headers[index];
-        let kind = batch.column_by_name(name).map_or(String::new(), |column| column.data_type().to_string());
-        Error::input(format!("a column of type {kind}, where numbers are needed"))
-            .column(name)
-            .help("write it as a number, or map it to \"ignore\" under [columns]")
+    fn column<'a>(&self, batch: &'a RecordBatch, index: usize) -> Result<&'a dyn Array> {
+        let missing = || Error::input("a part of the file lacks this column").column(&self.layout.headers[index]);
+        self.decoded(batch, index).ok_or_else(missing)
     }
 
     /// Values of a column: NaN for null, `bad` for anything but a finite number.
     fn values(&self, batch: &RecordBatch, index: usize, bad: f64, out: &mut Vec<f64>) -> Result<()> {
-        numbers(self.column(batch, index)?, bad, out).ok_or_else(|| self.wrong_type(batch, index))
+        numbers(self.column(batch, index)?, bad, out)
+            .ok_or_else(|| wrong_type(&self.schema, &self.layout.headers[index]))
     }
 
-    /// Every column as text, as a CSV of it would hold.
+    /// Every column as text, as a CSV of it would hold; one of a type without values stays empty.
     fn texts(&self, batch: &RecordBatch, rows: &mut RawRows) -> Result<()> {
         let mut columns = Vec::new();
-        let read = self.layout.columns_read();
         for index in 0..self.layout.headers.len() {
-            let column = self.column(batch, index)?;
+            let Some(column) = self.decoded(batch, index) else {
+                columns.push(vec![String::new(); batch.num_rows()]);
+                continue;
+            };
             columns.push(match self.layout.time.filter(|(time, _)| *time == index) {
                 // Arrow's own times in the unit that the header names.
                 Some((_, places)) if !column.data_type().is_numeric() => {
                     rows.time_ns.iter().map(|time_ns| time_text(*time_ns, places)).collect()
                 }
-                _ => match texts(column) {
-                    Some(texts) => texts,
-                    // A column that is not read and has no plain text stays empty.
-                    None if !read.contains(&index) => vec![String::new(); batch.num_rows()],
-                    None => return Err(self.wrong_type(batch, index)),
-                },
+                _ => texts(column).ok_or_else(|| wrong_type(&self.schema, &self.layout.headers[index]))?,
             });
         }
         rows.fields.extend(
@@ -370,172 +343,4 @@ impl ColumnFeed {
         );
         Ok(())
     }
-}
-
-fn each<T: ArrowPrimitiveType>(column: &dyn Array, take: impl FnMut(Option<T::Native>)) -> Option<()> {
-    column.as_primitive_opt::<T>()?.iter().for_each(take);
-    Some(())
-}
-
-/// A primitive column as numbers.
-fn all<T: ArrowPrimitiveType>(column: &dyn Array, number: impl Fn(T::Native) -> f64, out: &mut Vec<f64>) -> Option<()> {
-    let column = column.as_primitive_opt::<T>()?;
-    if column.null_count() == 0 {
-        out.extend(column.values().iter().map(|value| number(*value)));
-    } else {
-        out.extend(column.iter().map(|value| value.map_or(f64::NAN, &number)));
-    }
-    Some(())
-}
-
-/// Numbers of any width, or text that holds them: NaN for null, `bad` for anything but a finite number.
-fn numbers(column: &dyn Array, bad: f64, out: &mut Vec<f64>) -> Option<()> {
-    let finite = |value: f64| if value.is_finite() { value } else { bad };
-    match column.data_type() {
-        DataType::Float64 => all::<Float64Type>(column, finite, out),
-        DataType::Float32 => all::<Float32Type>(column, |v| finite(f64::from(v)), out),
-        DataType::Int8 => all::<Int8Type>(column, f64::from, out),
-        DataType::Int16 => all::<Int16Type>(column, f64::from, out),
-        DataType::Int32 => all::<Int32Type>(column, f64::from, out),
-        DataType::Int64 => all::<Int64Type>(column, |v| v as f64, out),
-        DataType::UInt8 => all::<UInt8Type>(column, f64::from, out),
-        DataType::UInt16 => all::<UInt16Type>(column, f64::from, out),
-        DataType::UInt32 => all::<UInt32Type>(column, f64::from, out),
-        DataType::UInt64 => all::<UInt64Type>(column, |v| v as f64, out),
-        DataType::Utf8 | DataType::LargeUtf8 => each_text(column, |text| {
-            let given = text.filter(|t| !t.is_empty());
-            out.push(given.map_or(f64::NAN, |t| parse_value(t.as_bytes(), false).unwrap_or(bad)));
-        }),
-        _ => None,
-    }
-}
-
-/// Whole numbers exactly.
-fn integers(column: &dyn Array, out: &mut dyn FnMut(Option<i128>)) -> Option<()> {
-    match column.data_type() {
-        DataType::Int8 => each::<Int8Type>(column, |v| out(v.map(i128::from))),
-        DataType::Int16 => each::<Int16Type>(column, |v| out(v.map(i128::from))),
-        DataType::Int32 => each::<Int32Type>(column, |v| out(v.map(i128::from))),
-        DataType::Int64 => each::<Int64Type>(column, |v| out(v.map(i128::from))),
-        DataType::UInt8 => each::<UInt8Type>(column, |v| out(v.map(i128::from))),
-        DataType::UInt16 => each::<UInt16Type>(column, |v| out(v.map(i128::from))),
-        DataType::UInt32 => each::<UInt32Type>(column, |v| out(v.map(i128::from))),
-        DataType::UInt64 => each::<UInt64Type>(column, |v| out(v.map(i128::from))),
-        _ => None,
-    }
-}
-
-fn each_text<'a>(column: &'a dyn Array, take: impl FnMut(Option<&'a str>)) -> Option<()> {
-    match column.data_type() {
-        DataType::Utf8 => column.as_string_opt::<i32>()?.iter().for_each(take),
-        _ => column.as_string_opt::<i64>()?.iter().for_each(take),
-    }
-    Some(())
-}
-
-/// Times in ns: numbers in the unit of the header, Arrow's own times in theirs.
-fn times(column: &dyn Array, places: u32, out: &mut Vec<i64>) -> Option<()> {
-    // Numbers are never dates, so their power of ten is not needed.
-    let scale = |places: u32| 10_i128.pow(places.min(9));
-    let whole =
-        |value: Option<i128>, places: u32| value.and_then(|v| i64::try_from(v * scale(places)).ok()).unwrap_or(NO_TIME);
-    let unit_places = |unit: TimeUnit| UNITS.iter().find(|(u, _)| *u == unit).map_or(0, |(_, places)| *places);
-    match column.data_type() {
-        DataType::Float64 => {
-            let column = column.as_primitive_opt::<Float64Type>()?;
-            let time = |value: f64| time_ns_of(value, places).unwrap_or(NO_TIME);
-            if column.null_count() == 0 {
-                out.extend(column.values().iter().map(|value| time(*value)));
-            } else {
-                out.extend(column.iter().map(|value| value.map_or(NO_TIME, time)));
-            }
-            Some(())
-        }
-        DataType::Float32 => each::<Float32Type>(column, |v| {
-            out.push(v.and_then(|v| time_ns_of(f64::from(v), places)).unwrap_or(NO_TIME));
-        }),
-        DataType::Utf8 | DataType::LargeUtf8 => {
-            let time = |text: &str| parse_time_ns(text.as_bytes(), places, false);
-            each_text(column, |text| out.push(text.and_then(time).unwrap_or(NO_TIME)))
-        }
-        DataType::Timestamp(unit, _) | DataType::Duration(unit) => {
-            let (unit, own) = (*unit, unit_places(*unit));
-            arrow_times(column, unit, &mut |value| out.push(whole(value.map(i128::from), own)))
-        }
-        _ => integers(column, &mut |value| out.push(whole(value.filter(|_| places != ISO_8601), places))),
-    }
-}
-
-fn arrow_times(column: &dyn Array, unit: TimeUnit, out: &mut dyn FnMut(Option<i64>)) -> Option<()> {
-    let duration = matches!(column.data_type(), DataType::Duration(_));
-    match (unit, duration) {
-        (TimeUnit::Second, false) => each::<TimestampSecondType>(column, out),
-        (TimeUnit::Millisecond, false) => each::<TimestampMillisecondType>(column, out),
-        (TimeUnit::Microsecond, false) => each::<TimestampMicrosecondType>(column, out),
-        (TimeUnit::Nanosecond, false) => each::<TimestampNanosecondType>(column, out),
-        (TimeUnit::Second, true) => each::<DurationSecondType>(column, out),
-        (TimeUnit::Millisecond, true) => each::<DurationMillisecondType>(column, out),
-        (TimeUnit::Microsecond, true) => each::<DurationMicrosecondType>(column, out),
-        (TimeUnit::Nanosecond, true) => each::<DurationNanosecondType>(column, out),
-    }
-}
-
-/// Rows whose flag is not set.
-fn flags(column: &dyn Array, faults: &mut [Faults]) -> Option<()> {
-    let mut slots = faults.iter_mut();
-    let mut flag = |set: bool| {
-        if let Some(fault) = slots.next() {
-            *fault = fault.with(Faults::FLAGGED, !set);
-        }
-    };
-    match column.data_type() {
-        DataType::Boolean => column.as_boolean_opt()?.iter().for_each(|v| flag(v == Some(true))),
-        DataType::Utf8 | DataType::LargeUtf8 => {
-            each_text(column, |text| flag(text.and_then(|t| parse_flag(t.as_bytes())).unwrap_or(false)))?;
-        }
-        _ => {
-            let mut values = Vec::new();
-            numbers(column, f64::NAN, &mut values)?;
-            values.iter().for_each(|value| flag(*value == 1.0));
-        }
-    }
-    Some(())
-}
-
-/// A time as a plain decimal in units of 10^`places` ns, exactly; empty for none.
-fn time_text(time_ns: i64, places: u32) -> String {
-    if time_ns == NO_TIME {
-        return String::new();
-    }
-    if places == ISO_8601 {
-        return iso_text(time_ns);
-    }
-    let unit = 10_u64.pow(places);
-    let (whole, rest) = (time_ns.unsigned_abs() / unit, time_ns.unsigned_abs() % unit);
-    let sign = if time_ns < 0 { "-" } else { "" };
-    let fraction = format!("{rest:0width$}", width = places as usize);
-    let fraction = fraction.trim_end_matches('0');
-    if rest == 0 { format!("{sign}{whole}") } else { format!("{sign}{whole}.{fraction}") }
-}
-
-fn texts(column: &dyn Array) -> Option<Vec<String>> {
-    let mut out = Vec::with_capacity(column.len());
-    match column.data_type() {
-        DataType::Utf8 | DataType::LargeUtf8 => each_text(column, |text| out.push(text.unwrap_or("").to_owned()))?,
-        DataType::Boolean => {
-            let text = |v: Option<bool>| v.map_or(String::new(), |v| v.to_string());
-            out.extend(column.as_boolean_opt()?.iter().map(text));
-        }
-        DataType::Float64 | DataType::Float32 => {
-            let mut values = Vec::new();
-            numbers(column, f64::INFINITY, &mut values)?;
-            let text = |value: &f64| if value.is_nan() { String::new() } else { value.to_string() };
-            out.extend(values.iter().map(text));
-        }
-        DataType::Timestamp(unit, _) | DataType::Duration(unit) => {
-            arrow_times(column, *unit, &mut |v| out.push(v.map_or(String::new(), |v| v.to_string())))?;
-        }
-        _ => integers(column, &mut |value| out.push(value.map_or(String::new(), |v| v.to_string())))?,
-    }
-    Some(out)
 }

@@ -50,7 +50,7 @@ fn open_text(mut source: Source, config: &ReadConfig, mode: ReadMode) -> Result<
 
 #[cfg(feature = "parquet")]
 fn open_columns(source: Source, config: &ReadConfig, mode: ReadMode) -> Result<Opened> {
-    let columnar = crate::ingest::columnar::open(source)?;
+    let columnar = crate::ingest::columnar::open(source, config.memory)?;
     let layout = Layout::new(columnar.headers.clone(), &config.columns, config.axis)?;
     let feed = Feed::Table(Box::new(columnar.feed(&layout, mode)?));
     // As if one line of headers preceded the rows.

@@ -9,8 +9,12 @@
 //! goes on can follow another one ([`LogReader::follow`]).
 
 mod align;
+#[cfg(feature = "parquet")]
+mod arrow_file;
 mod cells;
 mod chunks;
+#[cfg(feature = "parquet")]
+mod column_values;
 #[cfg(feature = "parquet")]
 mod columnar;
 mod counter;
@@ -23,14 +27,19 @@ mod number;
 mod parquet_file;
 #[cfg(feature = "parquet")]
 mod parquet_footer;
+#[cfg(feature = "parquet")]
+mod parquet_pages;
 mod raw;
 mod reason;
 mod rows;
+mod several;
 mod sketch;
 mod source;
 mod table;
 mod text;
 mod thermometer;
+#[cfg(feature = "parquet")]
+mod thrift;
 #[cfg(feature = "ulog")]
 mod ulog;
 
@@ -46,11 +55,12 @@ use crate::ingest::interval::nominal_interval;
 #[cfg(feature = "parquet")]
 pub(crate) use crate::ingest::number::parse_time_ns;
 #[cfg(feature = "parquet")]
-pub use crate::ingest::parquet_file::{parquet_batches, parquet_schema};
+pub use crate::ingest::parquet_file::{ParquetRead, parquet_batches, parquet_schema};
 use crate::ingest::raw::{Faults, RawRows};
 pub use crate::ingest::reason::{Reason, Tallies, Tally};
 pub use crate::ingest::rows::CounterEnd;
 use crate::ingest::rows::RowValidator;
+pub use crate::ingest::several::Logs;
 use crate::ingest::sketch::Sketch;
 pub use crate::ingest::sketch::share_rows;
 use crate::ingest::source::{HashHandle, Source};
@@ -444,11 +454,13 @@ impl LogReader {
         if !self.table.waits() {
             let more = self.read_batch()?;
             self.table.convert(&mut self.batch);
+            forget_impossible(&mut self.batch.reference_dps);
             return Ok(more.then_some(&self.batch));
         }
         loop {
             if let Some(batch) = self.table.ready() {
                 self.batch = batch;
+                forget_impossible(&mut self.batch.reference_dps);
                 return Ok(Some(&self.batch));
             }
             if self.read_batch()? {
@@ -518,6 +530,11 @@ impl LogReader {
             follows_by_counter: self.offset_ns.is_some(),
         }
     }
+}
+
+/// A rate of the table that is none is missing.
+fn forget_impossible(reference_dps: &mut [f64]) {
+    reference_dps.iter_mut().filter(|rate| rate.abs() > rows::MAX_RATE_DPS).for_each(|rate| *rate = f64::NAN);
 }
 
 /// A log whose header has been read.

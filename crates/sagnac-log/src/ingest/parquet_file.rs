@@ -8,12 +8,14 @@
 //! * It reads every list of the footer to the announced length, however long
 //!   ([`crate::ingest::parquet_footer`]).
 //! * It allocates memory for as many values as a dictionary page announces. Here a page must hold at least one bit for each.
+//! * It allocates what a page header announces, and copies a cell of text into each row that has it. Here the pages are compared with
+//!   the memory budget first ([`crate::ingest::parquet_pages`]), and text is decoded as views of its page.
 
 use std::fs::File;
 use std::io::{self, BufReader, Read};
 use std::sync::Arc;
 
-use arrow_schema::SchemaRef;
+use arrow_schema::{DataType, Field, Fields, SchemaRef};
 use bytes::Bytes;
 use parquet::arrow::arrow_reader::{ArrowReaderMetadata, ParquetRecordBatchReader, RowGroups};
 use parquet::arrow::{ProjectionMask, parquet_to_arrow_field_levels};
@@ -24,22 +26,67 @@ use parquet::file::reader::{ChunkReader, FileReader, Length};
 use parquet::file::serialized_reader::SerializedFileReader;
 
 use crate::ingest::parquet_footer::check_footer;
+use crate::ingest::parquet_pages::unpacked;
+use crate::memory::MemoryBudget;
 
-/// The columns with these root indices (all if `None`) in batches of at most `rows` rows.
+/// Which columns are decoded, and what they may take.
+#[derive(Clone, Copy, Debug)]
+pub struct ParquetRead<'a> {
+    /// Indices of the columns; all if `None`.
+    pub roots: Option<&'a [usize]>,
+    /// Most rows of a batch.
+    pub rows: usize,
+    /// Most values of all columns together: for a reader that keeps them.
+    pub values: u64,
+    /// What the pages of the columns may unpack to.
+    pub memory: MemoryBudget,
+}
+
+/// Batches of some columns. Text comes as views of the page that holds it.
 ///
 /// # Errors
-/// Errors of the decoder on the footer.
-pub fn parquet_batches(file: File, roots: Option<&[usize]>, rows: usize) -> Result<ParquetRecordBatchReader> {
+/// Errors of the decoder on the footer; pages that unpack to more than their share of the memory budget; more values than permitted.
+pub fn parquet_batches(file: File, read: &ParquetRead<'_>) -> Result<ParquetRecordBatchReader> {
     let file = ParquetFile(file);
     let described = described(&file)?;
     let schema = described.metadata().file_metadata().schema_descr_ptr();
-    let mask = match roots {
+    let mask = match read.roots {
         Some(roots) => ProjectionMask::roots(&schema, roots.iter().copied()),
         None => ProjectionMask::all(),
     };
-    let levels = parquet_to_arrow_field_levels(&schema, mask, Some(described.schema().fields()))?;
+    let sizes =
+        unpacked(&file.0, described.metadata(), |leaf| mask.leaf_included(leaf)).map_err(ParquetError::General)?;
+    let share = read.memory.decoder();
+    if sizes.pages > share {
+        let help = "write it with smaller pages or smaller cells";
+        return Err(ParquetError::External(Box::new(read.memory.exceeded(
+            "pages that unpack together to",
+            share,
+            help,
+        ))));
+    }
+    if sizes.values > read.values {
+        return Err(ParquetError::General(format!("more than {} values", read.values)));
+    }
+    let rows = usize::try_from(share / sizes.cell.max(1)).unwrap_or(read.rows).clamp(1, read.rows);
+    let levels = parquet_to_arrow_field_levels(&schema, mask, Some(&decoded_types(described.schema().fields())))?;
     let groups = DoubtedGroups(Arc::new(SerializedFileReader::new(file)?));
     ParquetRecordBatchReader::try_new_with_row_groups(&levels, &groups, rows, None)
+}
+
+/// The type as which a column is decoded: text and bytes as views, any other as it is.
+pub(super) fn decoded_type(kind: &DataType) -> DataType {
+    match kind {
+        DataType::Utf8 | DataType::LargeUtf8 => DataType::Utf8View,
+        DataType::Binary | DataType::LargeBinary => DataType::BinaryView,
+        DataType::Dictionary(_, of) if matches!(**of, DataType::Utf8 | DataType::LargeUtf8) => DataType::Utf8View,
+        kind => kind.clone(),
+    }
+}
+
+fn decoded_types(fields: &Fields) -> Fields {
+    let decoded = |field: &Arc<Field>| field.as_ref().clone().with_data_type(decoded_type(field.data_type()));
+    fields.iter().map(decoded).collect()
 }
 
 /// Names and types of the columns, with the writer's metadata.

@@ -13,7 +13,7 @@ pub enum Reason {
     Ragged,
     /// A time or count that is not a finite number.
     NotANumber,
-    /// More than 2^40 quanta or 1e8 °/h in a row.
+    /// More than 1e5 °/s or 2^40 quanta in a row: no gyro turns so fast.
     ValueOutOfRange,
     /// Time before the row above.
     TimeBackwards,
@@ -122,7 +122,7 @@ impl Reason {
         match self {
             Self::Ragged => "The number of fields differs from the header's.",
             Self::NotANumber => "A time or count that is not a finite number.",
-            Self::ValueOutOfRange => "More than 2^40 quanta or 1e8 °/h in a row.",
+            Self::ValueOutOfRange => "More than 1e5 °/s or 2^40 quanta in a row: no gyro turns so fast.",
             Self::TimeBackwards => "Time before that of the row above.",
             Self::DuplicateTime => "Time of the row above.",
             Self::Gap => {

@@ -32,7 +32,11 @@ const WHOLE_TO: f64 = 1e-6;
 /// Largest total that is held exactly.
 const MAX_TOTAL_QUANTA: f64 = 9e15;
 const MAX_QUANTA: f64 = (1_u64 << 40) as f64;
-const MAX_RATE_DPH: f64 = 1e8;
+/// No gyro turns faster than 1e5 °/s.
+pub(crate) const MAX_RATE_DPS: f64 = 1e5;
+const MAX_RATE_DPH: f64 = 3600.0 * MAX_RATE_DPS;
+/// A row may last longer than the nominal interval.
+const LONGEST_ROW: f64 = 1.5;
 
 /// Times beyond this many ns (146 years) are invalid.
 pub(crate) const MAX_TIME: u64 = 1 << 62;
@@ -95,6 +99,8 @@ pub(crate) struct RowValidator {
     counter_bits: Option<u8>,
     /// Counts per quantum, or `None` for a rate log.
     quantum: Option<f64>,
+    /// Most quanta of a row.
+    most_quanta: f64,
     clock_ns: Option<i64>,
     last_counter: Option<(i64, Vec<i64>)>,
     /// Steps of each axis so far.
@@ -122,6 +128,7 @@ impl RowValidator {
             counter: config.counter,
             counter_bits: config.counter_bits,
             quantum: layout.is_count_log().then(|| config.quantum.unwrap_or(1.0)),
+            most_quanta: most_quanta(config, nominal_ns),
             clock_ns: None,
             last_counter: None,
             steps_by_axis: vec![StepStatistics::default(); layout.axes.len()],
@@ -234,7 +241,10 @@ impl RowValidator {
         }
         let sound = rows.faults[part.clone()].iter().fold(true, |all, faults| all & (*faults == Faults::NONE));
         let usable = |column: &Vec<f64>| match self.quantum {
-            Some(quantum) => column[part.clone()].iter().fold(true, |all, counts| all & is_whole(counts / quantum)),
+            Some(quantum) => {
+                let most = self.most_quanta;
+                column[part.clone()].iter().fold(true, |all, counts| all & is_whole(counts / quantum, most))
+            }
             None => column[part.clone()].iter().fold(true, |all, rate| all & (rate.abs() <= MAX_RATE_DPH)),
         };
         if !(in_order && sound && rows.axes.iter().all(usable)) {
@@ -367,7 +377,7 @@ impl RowValidator {
         batch: &mut Batch,
     ) -> Result<Option<(i64, Vec<f64>)>> {
         let exact: Vec<f64> = row.axes().map(|counts| counts / quantum).collect();
-        let most = if self.counter == Counter::Incremental { MAX_QUANTA } else { MAX_TOTAL_QUANTA };
+        let most = if self.counter == Counter::Incremental { self.most_quanta } else { MAX_TOTAL_QUANTA };
         if exact.iter().any(|q| q.abs() > most) {
             if !row.is_flagged() {
                 self.reject(Reason::ValueOutOfRange, row);
@@ -425,9 +435,14 @@ impl RowValidator {
         };
         let length_ns = interval.end_ns - before_ns;
         let is_row = length_ns <= BRIDGED_NS.max(BRIDGED_INTERVALS * self.nominal_ns);
-        let Some(steps) = self.steps(row, &before, &totals, intervals_of(length_ns, self.nominal_ns))? else {
+        let intervals = intervals_of(length_ns, self.nominal_ns);
+        let Some(steps) = self.steps(row, &before, &totals, intervals)? else {
             return Ok(None);
         };
+        if steps.iter().any(|step| step.unsigned_abs() as f64 > self.most_quanta * intervals as f64) {
+            self.reject(Reason::ValueOutOfRange, row);
+            return Ok(None);
+        }
         let angle = steps.into_iter().map(|step| step as f64).collect();
         if is_row {
             return Ok(Some((before_ns, angle)));
@@ -518,9 +533,16 @@ impl RowValidator {
     }
 }
 
-/// A number of quanta that a row may hold.
-fn is_whole(quanta: f64) -> bool {
-    (quanta.abs() <= MAX_QUANTA) & is_near(quanta, nearest(quanta))
+/// Most quanta of a row: those of the fastest rate.
+fn most_quanta(config: &ReadConfig, nominal_ns: i64) -> f64 {
+    let quantum_arcsec = config.arcsec_per_count.unwrap_or(1.0) * config.quantum.unwrap_or(1.0);
+    let fastest = MAX_RATE_DPH * LONGEST_ROW * s_from_ns(nominal_ns) / quantum_arcsec;
+    fastest.min(MAX_QUANTA)
+}
+
+/// A number of quanta that a row may hold, at most `most`.
+fn is_whole(quanta: f64, most: f64) -> bool {
+    (quanta.abs() <= most) & is_near(quanta, nearest(quanta))
 }
 
 /// The same for a total, which may be larger.

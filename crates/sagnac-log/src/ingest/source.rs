@@ -26,6 +26,14 @@ impl HashHandle {
         hex(&self.0.lock().unwrap_or_else(PoisonError::into_inner).clone().finalize())
     }
 
+    /// Forgets what was read, and reads all of `bytes`.
+    #[cfg(feature = "parquet")]
+    pub(crate) fn begin_anew_with(&self, bytes: impl Read) -> std::io::Result<()> {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Sha256::default();
+        let mut hashing = HashingReader { inner: bytes, hash: self.clone() };
+        std::io::copy(&mut hashing, &mut std::io::sink()).map(|_| ())
+    }
+
     fn update(&self, bytes: &[u8]) {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).update(bytes);
     }

@@ -7,15 +7,16 @@
 //!
 //! The thermometer of another sensor fills its field in the first row logged after its message; other rows
 //! leave it empty, as a slower thermometer does in text. Values are the log's 32-bit floats exactly.
+//! A topic that is announced and has no message is passed over: the file is then read a second time for the next one.
 //! A file that ends within a message, as after a power loss, gives one ragged row for it.
 //!
 //! This module splits the file into messages. Only those of topics that are read, all of them flat, go through
 //! `px4-ulog`: it panics on some malformed records and follows nested formats without a limit.
 
 use std::cell::RefCell;
-use std::collections::{BTreeMap, BTreeSet};
-use std::io::{BufRead, Read};
-use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::fs::File;
+use std::io::{BufRead, BufReader, Read};
 
 use csv::ByteRecord;
 use px4_ulog::stream_parser::file_reader::LogParser;
@@ -33,6 +34,11 @@ use crate::setup::ReadConfig;
 const BATCH_ROWS: usize = 4096;
 /// Largest number of formats and subscriptions.
 const MAX_KNOWN: usize = 4096;
+/// Largest size of all formats together, bytes: PX4's own have some 200 kB.
+const MAX_FORMAT_BYTES: usize = 4 << 20;
+/// Longest message of a thermometer that is kept for the first row.
+const MAX_READING_BYTES: usize = 4096;
+const FILE_HEADER_BYTES: usize = 16;
 /// Topics that hold rates, the preferred one first, and their fields.
 const GYROS: [(&str, [&str; 3]); 2] =
     [("sensor_gyro", ["x", "y", "z"]), ("sensor_combined", ["gyro_rad[0]", "gyro_rad[1]", "gyro_rad[2]"])];
@@ -42,45 +48,6 @@ const SCALARS: [&str; 12] = [
     "int8_t", "uint8_t", "int16_t", "uint16_t", "int32_t", "uint32_t", "int64_t", "uint64_t", "float", "double",
     "bool", "char",
 ];
-
-/// What the decoding thread sends: the layout once, then rows.
-enum Sent {
-    Layout(Layout),
-    Rows(Result<RawRows>),
-}
-
-/// Rows from the decoding thread.
-pub(crate) struct ULogFeed(Receiver<Sent>);
-
-/// Starts to decode; the layout is known when the first row of the gyro is.
-pub(crate) fn open(source: Source, config: &ReadConfig, keep_fields: bool) -> Result<(ULogFeed, Layout)> {
-    let (sender, receiver) = sync_channel(2);
-    let (reader, config) = (source.reader, config.clone());
-    std::thread::spawn(move || {
-        if let Err(error) = decode(reader, &config, keep_fields, &sender) {
-            // The receiver may be closed.
-            let _ = sender.send(Sent::Rows(Err(error)));
-        }
-    });
-    match receiver.recv() {
-        Ok(Sent::Layout(layout)) => Ok((ULogFeed(receiver), layout)),
-        Ok(Sent::Rows(Err(error))) => Err(error),
-        Ok(Sent::Rows(Ok(_))) | Err(_) => Err(Error::input("a damaged ULog file (its decoder gave up)")),
-    }
-}
-
-impl TableFeed for ULogFeed {
-    fn next(&mut self, rows: &mut RawRows) -> Result<bool> {
-        match self.0.recv() {
-            Ok(Sent::Rows(sent)) => {
-                *rows = sent?;
-                Ok(rows.lines > 0)
-            }
-            // The thread ends with an empty piece or an error; otherwise it failed.
-            Ok(Sent::Layout(_)) | Err(_) => Err(Error::input("a damaged ULog file (its decoder gave up)")),
-        }
-    }
-}
 
 /// One message: type and payload.
 struct Message {
@@ -187,6 +154,8 @@ enum Use {
 struct Known {
     /// Each record itself, and the fields it names.
     formats: BTreeMap<String, (Vec<u8>, Fields)>,
+    /// Bytes of them.
+    format_bytes: usize,
     /// Message id to topic, instance and the record itself.
     subscribed: BTreeMap<u16, (String, u8, Vec<u8>)>,
 }
@@ -194,7 +163,8 @@ struct Known {
 impl Known {
     fn learn(&mut self, message: &Message) {
         match message.kind {
-            b'F' if self.formats.len() < MAX_KNOWN => {
+            b'F' if self.formats.len() < MAX_KNOWN && self.format_bytes + message.payload.len() <= MAX_FORMAT_BYTES => {
+                self.format_bytes += message.payload.len();
                 if let Some((name, fields)) = flat_format(&message.payload) {
                     self.formats.insert(name, (message.payload.clone(), fields));
                 }
@@ -217,12 +187,26 @@ impl Known {
         fields.iter().any(|(kind, name)| name == field && kind == "float")
     }
 
-    /// The gyro's message id, its fields, and whether it has a temperature of its own.
-    fn gyro(&self, instance: u8) -> Option<(u16, Use)> {
-        GYROS.iter().find_map(|(topic, fields)| {
-            let mut of_topic = self.subscribed.iter().filter(|(_, (name, of, _))| name == topic && *of == instance);
-            of_topic.next().map(|(id, _)| (*id, Use::Gyro(*fields, self.has_field(topic, TEMPERATURE))))
+    /// Gyros of an instance: message id, fields and whether it has a temperature of its own; the preferred one first.
+    fn gyros(&self, instance: u8) -> impl Iterator<Item = (u16, Use)> {
+        GYROS.iter().flat_map(move |(topic, fields)| {
+            let of_topic = self.subscribed.iter().filter(move |(_, (name, of, _))| name == topic && *of == instance);
+            of_topic.map(move |(id, _)| (*id, Use::Gyro(*fields, self.has_field(topic, TEMPERATURE))))
         })
+    }
+
+    /// The preferred gyro that is not silent.
+    fn gyro(&self, instance: u8, silent: &BTreeSet<u16>) -> Option<(u16, Use)> {
+        self.gyros(instance).find(|(id, _)| !silent.contains(id))
+    }
+
+    /// The gyros without data.
+    fn silent(&self, instance: u8, heard: &BTreeSet<u16>) -> BTreeSet<u16> {
+        self.gyros(instance).map(|(id, _)| id).filter(|id| !heard.contains(id)).collect()
+    }
+
+    fn is_thermometer(&self, id: u16) -> bool {
+        self.subscribed.get(&id).is_some_and(|(topic, ..)| self.has_field(topic, TEMPERATURE))
     }
 
     /// Thermometers of other sensors: message id and name.
@@ -239,90 +223,118 @@ impl Known {
     }
 }
 
-/// Decodes a file, on its own thread.
-fn decode(
-    reader: Box<dyn BufRead + Send>,
-    config: &ReadConfig,
-    keep_fields: bool,
-    sender: &SyncSender<Sent>,
-) -> Result<()> {
-    let mut messages = Messages { reader, position: 0, appended: BTreeSet::new() };
-    let mut header = [0; 16];
-    if messages.fill(&mut header)? < header.len() {
-        return Err(Error::input("a truncated ULog file: not even its header is whole"));
+/// Reads up to the gyro's first message, which makes the layout known.
+///
+/// # Errors
+/// No ULog file, no message of a gyro, columns that the setup contradicts.
+pub(crate) fn open(source: Source, config: &ReadConfig, keep_fields: bool) -> Result<(ULogFeed, Layout)> {
+    let instance = config.instance.unwrap_or(0);
+    let mut start = Start::read(source.reader, instance, &BTreeSet::new())?;
+    if start.first.is_none() {
+        let silent = start.known.silent(instance, &start.heard);
+        let other = start.known.gyro(instance, &silent).filter(|(id, _)| start.heard.contains(id));
+        let Some((id, _)) = other else { return Err(no_gyro(&start.known, instance)) };
+        let Some(path) = source.plain_file else { return Err(silent_gyro(&start.known, id)) };
+        let file = File::open(&path).map_err(|e| Error::io_path(&path, "open", &e))?;
+        start = Start::read(Box::new(BufReader::new(file)), instance, &silent)?;
     }
-    let mut known = Known::default();
-    let mut early = BTreeMap::new();
-    let (first, gyro) = until_gyro(&mut messages, &mut known, &mut early, config.instance.unwrap_or(0))?;
+    let Start { messages, header, known, early, first, .. } = start;
+    let Some((first, gyro)) = first else { return Err(no_gyro(&known, instance)) };
     let (headers, topics) = columns(&known, gyro);
     let layout = Layout::new(headers, &config.columns, config.axis)?;
-    if sender.send(Sent::Layout(layout.clone())).is_err() {
-        return Ok(());
-    }
-    let table = RefCell::new(Table {
+    let table = Table {
         cells: Cells::new(&layout),
-        layout,
+        layout: layout.clone(),
         topics,
         waiting: Vec::new(),
         keep_fields,
         fields: Vec::new(),
-    });
-    let mut on_data = |message: &DataMessage<'_>| table.borrow_mut().take(message);
-    let mut parser = LogParser::default();
-    parser.set_data_message_callback(&mut on_data);
-    begin(&mut parser, &header, &known, &table.borrow().topics)?;
-    for message in early.values().filter(|message| table.borrow().wants(message)) {
-        // A thermometer with a message before the gyro's first.
-        let _ = feed(&mut parser, message.kind, &message.payload);
-    }
-    let mut next = Next::Message(first);
-    loop {
-        match &next {
-            Next::Message(message) if table.borrow().wants(message) => {
-                if feed(&mut parser, message.kind, &message.payload).is_err() {
-                    table.borrow_mut().push_broken_row();
+    };
+    // A thermometer's message before the gyro's first one belongs to the first row.
+    let waiting = early.into_values().chain([first]).collect();
+    Ok((ULogFeed { messages, header, known, table, waiting }, layout))
+}
+
+/// Rows of a file, piece by piece.
+pub(crate) struct ULogFeed {
+    messages: Messages,
+    header: [u8; FILE_HEADER_BYTES],
+    known: Known,
+    table: Table,
+    /// Messages that were read to learn the layout.
+    waiting: VecDeque<Message>,
+}
+
+impl TableFeed for ULogFeed {
+    /// Each piece has a parser of its own, which knows only the topics that are read.
+    fn next(&mut self, rows: &mut RawRows) -> Result<bool> {
+        let table = RefCell::new(&mut self.table);
+        let mut on_data = |message: &DataMessage<'_>| table.borrow_mut().take(message);
+        let mut parser = LogParser::default();
+        parser.set_data_message_callback(&mut on_data);
+        begin(&mut parser, &self.header, &self.known, &table.borrow().topics)?;
+        while table.borrow().cells.len() < BATCH_ROWS {
+            let next = match self.waiting.pop_front() {
+                Some(message) => Next::Message(message),
+                None => self.messages.next()?,
+            };
+            match next {
+                Next::Message(message) if table.borrow().wants(&message) => {
+                    if feed(&mut parser, message.kind, &message.payload).is_err() {
+                        table.borrow_mut().push_broken_row();
+                    }
                 }
-            }
-            Next::Cut => table.borrow_mut().push_broken_row(),
-            Next::Message(_) | Next::End => {}
-        }
-        let ended = matches!(next, Next::End);
-        let waiting = table.borrow().cells.len();
-        if waiting >= BATCH_ROWS || (ended && waiting > 0) {
-            let rows = table.borrow_mut().rows();
-            if sender.send(Sent::Rows(Ok(rows))).is_err() {
-                return Ok(());
+                Next::Message(_) => {}
+                Next::Cut => table.borrow_mut().push_broken_row(),
+                Next::End => break,
             }
         }
-        if ended {
-            // An empty piece is the end.
-            let _ = sender.send(Sent::Rows(Ok(RawRows::default())));
-            return Ok(());
-        }
-        next = messages.next()?;
+        *rows = table.borrow_mut().rows();
+        Ok(rows.lines > 0)
     }
 }
 
-/// Reads up to the first message of the gyro; `early` receives the newest message of every other topic.
-fn until_gyro(
-    messages: &mut Messages,
-    known: &mut Known,
-    early: &mut BTreeMap<u16, Message>,
-    instance: u8,
-) -> Result<(Message, (u16, Use))> {
-    loop {
-        match messages.next()? {
-            Next::Message(message) if message.kind == b'D' => {
-                if let Some(gyro) = known.gyro(instance).filter(|(id, _)| message.id() == Some(*id)) {
-                    return Ok((message, gyro));
+/// A file up to the gyro's first message.
+struct Start {
+    messages: Messages,
+    header: [u8; FILE_HEADER_BYTES],
+    known: Known,
+    /// The newest message of every thermometer.
+    early: BTreeMap<u16, Message>,
+    /// The first message of the gyro, and what the gyro is; `None` at the file's end.
+    first: Option<(Message, (u16, Use))>,
+    /// Message ids that have data.
+    heard: BTreeSet<u16>,
+}
+
+impl Start {
+    /// Reads on to the first message of the preferred gyro that is not `silent`.
+    fn read(reader: Box<dyn BufRead + Send>, instance: u8, silent: &BTreeSet<u16>) -> Result<Self> {
+        let messages = Messages { reader, position: 0, appended: BTreeSet::new() };
+        let (header, known, heard) = ([0; FILE_HEADER_BYTES], Known::default(), BTreeSet::new());
+        let mut start = Self { messages, header, known, early: BTreeMap::new(), first: None, heard };
+        if start.messages.fill(&mut start.header)? < FILE_HEADER_BYTES {
+            return Err(Error::input("a truncated ULog file: not even its header is whole"));
+        }
+        loop {
+            match start.messages.next()? {
+                Next::Message(message) if message.kind == b'D' => {
+                    let Some(id) = message.id() else { continue };
+                    if let Some(gyro) = start.known.gyro(instance, silent).filter(|(gyro, _)| id == *gyro) {
+                        start.first = Some((message, gyro));
+                        return Ok(start);
+                    }
+                    start.heard.insert(id);
+                    if message.payload.len() <= MAX_READING_BYTES && start.known.is_thermometer(id) {
+                        start.early.insert(id, message);
+                    }
                 }
-                if let Some(id) = message.id().filter(|id| known.subscribed.contains_key(id)) {
-                    early.insert(id, message);
+                Next::Message(message) if message.kind == b'B' => {
+                    start.messages.appended = appended_offsets(&message.payload);
                 }
+                Next::Message(message) => start.known.learn(&message),
+                Next::Cut | Next::End => return Ok(start),
             }
-            Next::Message(message) if message.kind == b'B' => messages.appended = appended_offsets(&message.payload),
-            Next::Message(message) => known.learn(&message),
-            Next::Cut | Next::End => return Err(no_gyro(known, instance)),
         }
     }
 }
@@ -344,7 +356,12 @@ fn columns(known: &Known, gyro: (u16, Use)) -> (Vec<String>, BTreeMap<u16, Use>)
 }
 
 /// Declares to the parser the topics that are read, and nothing else.
-fn begin(parser: &mut LogParser<'_>, header: &[u8; 16], known: &Known, topics: &BTreeMap<u16, Use>) -> Result<()> {
+fn begin(
+    parser: &mut LogParser<'_>,
+    header: &[u8; FILE_HEADER_BYTES],
+    known: &Known,
+    topics: &BTreeMap<u16, Use>,
+) -> Result<()> {
     parser.consume_bytes(header).map_err(|e| damaged(&e))?;
     // The parser needs flags before any subscription; these state that nothing was appended.
     feed(parser, b'B', &[0; 40])?;
@@ -443,4 +460,11 @@ fn no_gyro(known: &Known, instance: u8) -> Error {
     let topics = known.topics();
     Error::input(format!("a ULog file without messages of sensor_gyro or sensor_combined, instance {instance}"))
         .help(if topics.is_empty() { "it has no topic at all".to_owned() } else { format!("it has: {topics}") })
+}
+
+/// The preferred gyro has no message, and what was read cannot be read again.
+fn silent_gyro(known: &Known, id: u16) -> Error {
+    let topic = known.subscribed.get(&id).map_or("another topic", |(topic, ..)| topic.as_str());
+    Error::input(format!("a ULog file whose preferred gyro has no message, while {topic} has"))
+        .help("give it as a file that is not compressed; a pipe is read once")
 }

@@ -14,6 +14,7 @@ use serde::{Deserialize, Serialize};
 pub use stages::{Clock, Identity, ModelConfig, ReadConfig, Stages, TargetConfig, TestConfig, WindowConfig};
 
 use crate::error::{Error, Result};
+use crate::memory::MemoryBudget;
 use crate::read::read_text;
 use sagnac_units::EARTH_RATE_DPH;
 use sagnac_units::format::controls;
@@ -353,6 +354,9 @@ pub struct Setup {
     /// Auxiliary columns that differ from the defaults.
     #[serde(rename = "aux", skip_serializing_if = "Vec::is_empty")]
     pub aux: Vec<AuxSetup>,
+    /// What the data of one run may take (`--memory`): a fact of the machine, so neither in the file nor in a record.
+    #[serde(skip)]
+    pub memory: MemoryBudget,
 }
 
 impl Setup {
@@ -406,6 +410,12 @@ impl Setup {
         in_range("noise.k_dph_rt_h", self.noise.and_then(|n| n.k_dph_rt_h), 0.0, 1e5)?;
         in_range("earth.latitude_deg", self.earth.map(|e| e.latitude_deg), -90.0, 90.0)?;
         in_range("counter_bits", self.counter_bits.map(f64::from), 4.0, 52.0)?;
+        for (name, value) in
+            self.noise.iter().flat_map(|n| [("noise.n_deg_rt_h", n.n_deg_rt_h), ("noise.q_arcsec", n.q_arcsec)])
+        {
+            // Zero stands for none; the quietest ring lasers have some 1e-8 °/√h.
+            in_range(name, Some(value).filter(|value| *value != 0.0), 1e-12, 1e4)?;
+        }
         if self.noise.is_some_and(|n| n.n_deg_rt_h == 0.0 && n.q_arcsec == 0.0) {
             return Err(Error::input("noise of zero is no floor; leave it out to have it measured").column("noise"));
         }

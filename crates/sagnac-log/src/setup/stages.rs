@@ -18,6 +18,7 @@ use super::{
     WindowSize,
 };
 use crate::error::{Error, Result};
+use crate::memory::MemoryBudget;
 use sagnac_units::ns_from_s;
 
 /// How rows are read.
@@ -45,6 +46,8 @@ pub struct ReadConfig {
     pub thermometers: Vec<ThermometerSetup>,
     /// Valid ranges and codes of auxiliary columns.
     pub aux: Vec<AuxSetup>,
+    /// What a file may take.
+    pub memory: MemoryBudget,
 }
 
 impl ReadConfig {
@@ -101,6 +104,8 @@ pub struct WindowConfig {
     pub clock: Clock,
     /// Which files are one run.
     pub runs: RunDivision,
+    /// What windows and tracks may take.
+    pub memory: MemoryBudget,
 }
 
 /// What the gyro was subjected to.
@@ -229,6 +234,7 @@ impl Setup {
             tables,
             thermometers,
             aux,
+            memory,
         } = self.clone();
         let clock = Clock { tick_s, temperature_period_s };
         Stages {
@@ -244,8 +250,15 @@ impl Setup {
                 temperature_offset_s,
                 thermometers: thermometers.clone(),
                 aux: aux.clone(),
+                memory,
             },
-            window: WindowConfig { window: window.unwrap_or(WindowSize::DEFAULT), discard_initial_s, clock, runs },
+            window: WindowConfig {
+                window: window.unwrap_or(WindowSize::DEFAULT),
+                discard_initial_s,
+                clock,
+                runs,
+                memory,
+            },
             test: TestConfig {
                 input_rate_dph: input_rate_dph.or(earth.map(|e| e.rate_dph())),
                 tables,
@@ -267,7 +280,7 @@ impl Setup {
 
     /// True where both setups make the same windows of a log.
     pub fn makes_the_windows_of(&self, other: &Self) -> bool {
-        let (a, b) = (self.stages(), other.stages());
+        let (a, b) = (self.stages(), Self { memory: self.memory, ..other.clone() }.stages());
         a.read == b.read && a.window == b.window
     }
 }

@@ -4,6 +4,7 @@
 //! read. The curve that `sagnac allan -o` writes is one.
 
 use std::io::Read;
+use std::ops::RangeInclusive;
 use std::path::Path;
 
 use sagnac_log::error::{Error, Result};
@@ -64,8 +65,10 @@ pub fn read_curve(path: &Path) -> Result<(Vec<BareCurve>, LogFile)> {
     Ok((curves, LogFile { file: file_name(&name), sha256: hex(&sha256(&bytes)), rows, rows_sketch: String::new() }))
 }
 
-/// Largest deviation of a curve, °/h: some 3·10⁶ °/s.
-const MOST_DPH: f64 = 1e10;
+/// Deviations of a curve, °/h: the largest is some 3·10⁶ °/s, and no gyro of this world is as quiet as the least.
+const DEVIATIONS_DPH: RangeInclusive<f64> = 1e-15..=1e10;
+/// τ of a curve, s.
+const TAUS_S: RangeInclusive<f64> = 1e-12..=1e15;
 
 /// Reads the text of a curve.
 ///
@@ -103,6 +106,10 @@ pub fn parse_curve(text: &[u8]) -> Result<Vec<BareCurve>> {
             number.ok_or_else(|| Error::input("must be a number above zero").line(line).column(column).value(cell))
         };
         let tau_s = value(tau)?;
+        if !TAUS_S.contains(&tau_s) {
+            let error = Error::input("τ is between 1e-12 and 1e15 s").line(line).column(TAU);
+            return Err(error.value(format!("{tau_s:e}")));
+        }
         for ((index, _, unit), curve) in columns.iter().zip(&mut curves) {
             if record.get(*index).is_some_and(str::is_empty) {
                 continue;
@@ -111,9 +118,10 @@ pub fn parse_curve(text: &[u8]) -> Result<Vec<BareCurve>> {
                 return Err(Error::input("τ must rise from line to line").line(line).column(TAU));
             }
             let deviation_dph = value(*index)? * unit;
-            if deviation_dph > MOST_DPH {
-                let error = Error::input("no gyro has so large a deviation").line(line);
-                return Err(error.column(headers.get(*index).unwrap_or_default()).value(deviation_dph.to_string()));
+            if !DEVIATIONS_DPH.contains(&deviation_dph) {
+                let size = if deviation_dph < 1.0 { "small" } else { "large" };
+                let error = Error::input(format!("no gyro has so {size} a deviation")).line(line);
+                return Err(error.column(headers.get(*index).unwrap_or_default()).value(format!("{deviation_dph:e}")));
             }
             curve.points.push((tau_s, deviation_dph));
         }

@@ -8,7 +8,7 @@
 use crate::fit::{FitOptions, Model, calibrate_with_report_data};
 use crate::window::{WindowBuilder, Windows};
 use sagnac_log::error::{Error, Result};
-use sagnac_log::ingest::{Batch, LogReader};
+use sagnac_log::ingest::{Batch, Logs};
 use sagnac_log::setup::Setup;
 use sagnac_units::format::significant;
 use sagnac_units::{NS_PER_S, s_from_ns};
@@ -117,8 +117,8 @@ impl Drift {
     ///
     /// # Errors
     /// What reading and fitting say: a record without a temperature, or with too little of a span.
-    pub(crate) fn of(logs: Vec<LogReader>, setup: &Setup) -> Result<Vec<Self>> {
-        let axes = logs.first().map(|log| log.shape().axes.clone()).unwrap_or_default();
+    pub(crate) fn of(mut logs: Logs<'_>, setup: &Setup) -> Result<Vec<Self>> {
+        let axes = logs.shape()?.axes;
         let windows = WindowBuilder::read_all(logs, setup)?.finish();
         let setup = &for_a_room(setup, &windows);
         let rows = windows.rows.clone();

@@ -1,7 +1,7 @@
 //! Logs in, noise budget out.
 
 use sagnac_log::error::{Error, Result};
-use sagnac_log::ingest::{Batch, Bridge, LogReader, LogShape, Tallies, Tally, same_shape};
+use sagnac_log::ingest::{Batch, Bridge, LogShape, Logs, Tallies, Tally, same_shape};
 use sagnac_log::setup::Setup;
 use sagnac_noise::{
     AxisBudget, HELD_PHASES, MOST_ROWS, MOST_TAUS, Place, Screen, Screened, TauError, Taus, budget_of_screened,
@@ -42,21 +42,25 @@ pub struct NoiseBudget {
     pub program: String,
 }
 
+/// Bytes of a row of an axis with full overlap: up to four variants of the record, each with its phase.
+const EXACT_ROW_BYTES: usize = 32;
+
 /// Reads logs, each as one or more unbroken stretches, into a noise budget.
 ///
 /// With `again` (the same logs, opened anew) the drift over temperature is removed first.
 ///
 /// # Errors
 /// Errors of reading; logs of different shape; `all` τ of a long record; a temperature whose drift cannot be removed.
-pub fn noise_budget(
-    logs: Vec<LogReader>,
-    again: Option<Vec<LogReader>>,
+pub fn noise_budget<'a>(
+    logs: impl Into<Logs<'a>>,
+    again: Option<Logs<'a>>,
     setup: &Setup,
     request: &Request,
 ) -> Result<NoiseBudget> {
-    let shape = logs.first().ok_or_else(|| Error::input("no log given"))?.shape().clone();
+    let mut logs = logs.into();
+    let shape = logs.shape()?;
     if !shape.timed && setup.sample_interval_s.is_none() {
-        let file = logs.first().map(|log| log.summary().file).unwrap_or_default();
+        let file = logs.first()?.summary().file;
         return Err(Error::input("no time column, and the interval of a row is not stated")
             .file(file)
             .help("give --sample-interval or sample_interval_s in the setup, or map the time column under [columns]"));
@@ -65,9 +69,19 @@ pub fn noise_budget(
     let drifts = again.map(|again| Drift::of(again, setup)).transpose()?;
     let shown = request.taus.multiples(tau0_s).map_err(bad_tau)?;
     let mut reading = Reading::new(&shape, &shown, request.exact);
-    for (number, mut log) in logs.into_iter().enumerate() {
+    let share = setup.memory.tracks() + setup.memory.windows();
+    let most_exact_rows = usize::try_from(share).unwrap_or(usize::MAX) / (EXACT_ROW_BYTES * shape.axes.len().max(1));
+    let mut rows = 0;
+    for (number, log) in logs.enumerate() {
+        let mut log = log?;
         same_shape(&shape, log.shape()).map_err(|e| e.file(log.summary().file))?;
         while let Some(batch) = log.next_batch()? {
+            rows += batch.len();
+            if request.exact && rows > most_exact_rows {
+                let what = format!("--exact over {rows} rows takes");
+                let error = setup.memory.exceeded(&what, share, "leave out --exact, which rounds τ by at most 0.2 %");
+                return Err(error.line(batch.line.first().copied().unwrap_or(0)).file(log.summary().file));
+            }
             reading.push(batch, drifts.as_ref().and_then(|drifts| drifts.get(number)));
         }
         reading.end_run();

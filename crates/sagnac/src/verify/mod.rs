@@ -53,7 +53,7 @@ use crate::verify::paired::PairedWindows;
 use crate::verify::suspects::suspects;
 use crate::window::Windows;
 use sagnac_log::error::{Error, Result};
-use sagnac_log::ingest::{LogReader, LogShape, Tally, hex, sha256, share_rows};
+use sagnac_log::ingest::{LogReader, LogShape, Logs, Tally, hex, sha256, share_rows};
 use sagnac_log::setup::Setup;
 use sagnac_units::format::celsius;
 
@@ -465,9 +465,16 @@ impl VerifyOptions {
 ///
 /// # Errors
 /// Logs that do not fit the correction, or too few windows for any figure.
-pub fn verify(correction: &Correction, logs: Vec<LogReader>, setup: &Setup, options: VerifyOptions) -> Result<Proof> {
+pub fn verify<'a>(
+    correction: &Correction,
+    logs: impl Into<Logs<'a>>,
+    setup: &Setup,
+    options: VerifyOptions,
+) -> Result<Proof> {
+    let mut logs = logs.into();
     let fits = |log: &LogReader| correction.fit_to(log.shape(), setup).map_err(|e| e.file(log.summary().file));
-    let sensor = logs.first().map(fits).transpose()?.and_then(|(_, readings)| readings.thermometer);
+    let (_, readings) = fits(logs.first()?)?;
+    let sensor = readings.thermometer;
     let mut test = setup.stages().test;
     // What the setup of the retest does not state is as the calibration had it.
     test.input_rate_dph = test.input_rate_dph.or(correction.setup().stages().test.input_rate_dph);

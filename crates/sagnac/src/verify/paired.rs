@@ -12,7 +12,7 @@ use crate::verify::{Correction, VerifyOptions};
 use crate::window::{SeenLogs, WindowBuilder, Windows, mark_outliers};
 use sagnac_core::Status;
 use sagnac_log::error::{Error, Result};
-use sagnac_log::ingest::{Batch, LogReader, LogShape, Reason, same_shape};
+use sagnac_log::ingest::{Batch, LogShape, Logs, Reason, same_shape};
 use sagnac_log::setup::{Setup, TestConfig};
 use sagnac_units::ns_from_s;
 
@@ -34,10 +34,11 @@ impl PairedWindows {
     ///
     /// # Errors
     /// What reading and replaying report; logs of different columns or units.
-    pub(crate) fn replayed(correction: &Correction, logs: Vec<LogReader>, setup: &Setup) -> Result<Self> {
+    pub(crate) fn replayed(correction: &Correction, logs: Logs<'_>, setup: &Setup) -> Result<Self> {
         let mut pair: Option<PairBuilder> = None;
         let (mut seen, mut replay, mut counter_end) = (SeenLogs::default(), None::<Replay>, None);
-        for mut log in logs {
+        for log in logs {
+            let mut log = log?;
             let shape = log.shape().clone();
             let name = log.summary().file;
             let (images, readings) = correction.fit_to(&shape, setup).map_err(|e| e.file(&name))?;

@@ -6,17 +6,22 @@ use crate::window::sums::{Moments, Sums, until_split};
 use crate::window::{Run, RunFile, WindowRows, WindowShape, Windows, outliers};
 use sagnac_core::Status;
 use sagnac_log::error::{Error, Result};
-use sagnac_log::ingest::{Batch, CounterEnd, LogReader, LogShape, LogSummary, Reason, Tallies, same_shape};
+use sagnac_log::ingest::{Batch, CounterEnd, LogReader, LogShape, LogSummary, Logs, Reason, Tallies, same_shape};
+use sagnac_log::memory::MemoryBudget;
 use sagnac_log::setup::{RunDivision, Setup, TableRun, WindowConfig, WindowSize};
 use sagnac_noise::ShortTau;
 use sagnac_units::{ns_from_s, s_from_ns};
 
 /// Longest track, in temperature periods: 48 days at 1 s.
 const MAX_TRACK: usize = 1 << 22;
-/// Largest number of values in all tracks of all runs together: 256 MiB.
-const MAX_TRACK_VALUES: usize = 1 << 25;
-/// Largest number of windows: some 200 MiB. A month of windows of 100 s has 26,000.
-const MAX_WINDOWS: usize = 1 << 20;
+/// Bytes of a window apart from its columns: times, samples, line, reference, reason.
+const WINDOW_BYTES: usize = 64;
+/// Bytes of an axis in a window: angle, status, and the sums at short τ in a list of their own.
+const AXIS_BYTES: usize = 136;
+/// Bytes of a thermometer or auxiliary column in a window: mean, variance, least, largest.
+const COLUMN_BYTES: usize = 32;
+/// A column that grows has up to this many times the length that it needs.
+const GROWTH: usize = 2;
 
 /// Collects windows; push batches run by run, then finish.
 pub struct WindowBuilder {
@@ -39,6 +44,7 @@ pub struct WindowBuilder {
     keep_outliers: bool,
     /// Per axis and window: union of the status bits of corrected rows.
     status: Vec<Vec<Status>>,
+    memory: MemoryBudget,
 }
 
 /// The run being read.
@@ -102,7 +108,7 @@ impl WindowBuilder {
     /// # Errors
     /// A temperature period that is no whole number of ticks.
     pub fn new(log: &LogShape, setup: &Setup) -> Result<Self> {
-        let WindowConfig { window, discard_initial_s, clock, runs: division } = setup.stages().window;
+        let WindowConfig { window, discard_initial_s, clock, runs: division, memory } = setup.stages().window;
         let (tick_ns, period_ns) = (clock.tick_ns(), clock.period_ns()?);
         let sample_interval_s = s_from_ns(log.nominal_ns);
         if let Some(seconds) = window.seconds()
@@ -157,6 +163,7 @@ impl WindowBuilder {
             table_spread_dps: Vec::new(),
             keep_outliers: false,
             status: vec![Vec::new(); log.axes.len()],
+            memory,
         })
     }
 
@@ -166,16 +173,18 @@ impl WindowBuilder {
         Self { tracks: 0, ..self }
     }
 
-    /// Reads whole logs. A log that goes on where the one before ends goes on with its run ([`RunDivision`]).
+    /// Reads whole logs, each opened when the one before is read. A log that goes on where the one before ends goes on with its run ([`RunDivision`]).
     ///
     /// # Errors
     /// What reading reports; logs of different columns or units; files that are to be one run and are not in the order of
     /// their times.
-    pub fn read_all(logs: Vec<LogReader>, setup: &Setup) -> Result<Self> {
-        let first = logs.first().ok_or_else(|| Error::input("no log given"))?.shape().clone();
+    pub fn read_all<'a>(logs: impl Into<Logs<'a>>, setup: &Setup) -> Result<Self> {
+        let mut logs = logs.into();
+        let first = logs.shape()?;
         let mut builder = Self::new(&first, setup)?;
         let (mut seen, mut counter_end) = (SeenLogs::default(), None);
-        for mut log in logs {
+        for log in logs {
+            let mut log = log?;
             same_shape(&first, log.shape()).map_err(|e| e.file(log.summary().file))?;
             builder.follow(&mut log, counter_end.as_ref())?;
             let (mut is_first, name) = (true, log.summary().file);
@@ -214,13 +223,18 @@ impl WindowBuilder {
         run.end_ns = *last_ns;
         if self.shape.timed {
             let kept: usize = self.runs.iter().flat_map(|run| &run.tracks).map(Vec::len).sum();
-            let room = (MAX_TRACK_VALUES - kept.min(MAX_TRACK_VALUES)).checked_div(self.tracks).unwrap_or(MAX_TRACK);
-            run.sample_tracks(batch, self.tick_ns, self.shape.period_ns, room)?;
+            let most = usize::try_from(self.memory.tracks()).unwrap_or(usize::MAX) / size_of::<f64>();
+            let room = most.saturating_sub(kept).checked_div(self.tracks).unwrap_or(MAX_TRACK);
+            run.sample_tracks(batch, self.tick_ns, self.shape.period_ns, room, self.memory)?;
         }
-        if self.rows.run.len() > MAX_WINDOWS {
-            return Err(Error::input(format!("more than {MAX_WINDOWS} windows"))
-                .line(*batch.line.first().unwrap_or(&0))
-                .help("give longer windows (--window), or fewer logs at a time; a log without times has a window for each row"));
+        let columns = self.log.thermometers.len() + self.log.aux.len();
+        let bytes_each = GROWTH * (WINDOW_BYTES + AXIS_BYTES * self.log.axes.len() + COLUMN_BYTES * columns);
+        if (self.rows.run.len() * bytes_each) as u64 > self.memory.windows() {
+            let what = format!("{} windows take", self.rows.run.len());
+            let or =
+                "a log without times has a window for each row: give longer windows (--window) or fewer logs at a time";
+            let error = self.memory.exceeded(&what, self.memory.windows(), or);
+            return Err(error.line(*batch.line.first().unwrap_or(&0)));
         }
         self.weights.clear();
         let rows = batch.start_ns.iter().zip(&batch.end_ns);
@@ -470,7 +484,14 @@ impl WindowBuilder {
 
 impl OpenRun {
     /// Brings the tracks up to the end of a batch. Only the rows next to a grid point matter.
-    fn sample_tracks(&mut self, batch: &Batch, tick_ns: i64, period_ns: i64, room: usize) -> Result<()> {
+    fn sample_tracks(
+        &mut self,
+        batch: &Batch,
+        tick_ns: i64,
+        period_ns: i64,
+        room: usize,
+        memory: MemoryBudget,
+    ) -> Result<()> {
         let mut at = 0;
         while let Some(points) = self.tracks.first().map(|track| track.values.len() as i64) {
             // As in replay: a stamp counts from the tick it falls into.
@@ -493,7 +514,7 @@ impl OpenRun {
                 return Err(too_many_periods(period_ns).line(batch.line[next]));
             }
             if before > room {
-                return Err(too_many_values(self.tracks.len(), period_ns).line(batch.line[next]));
+                return Err(too_many_values(self.tracks.len(), period_ns, memory).line(batch.line[next]));
             }
             for (track, column) in self.tracks.iter_mut().zip(columns()) {
                 track.sample(before, column[next]);
@@ -515,13 +536,10 @@ fn window_ns(seconds: f64) -> i64 {
     ns_from_s(seconds).unwrap_or(i64::MAX).max(1)
 }
 
-fn too_many_values(tracks: usize, period_ns: i64) -> Error {
-    Error::input(format!(
-        "{tracks} columns every {} s are more than {MAX_TRACK_VALUES} values in all runs together",
-        s_from_ns(period_ns)
-    ))
-    .column("temperature_period_s")
-    .help("map columns that no model needs to \"ignore\" under [columns], or give a longer temperature_period_s in the setup")
+fn too_many_values(tracks: usize, period_ns: i64, memory: MemoryBudget) -> Error {
+    let what = format!("{tracks} columns every {} s in all runs take together", s_from_ns(period_ns));
+    let or = "map columns that no model needs to \"ignore\" under [columns], give a longer temperature_period_s in the setup";
+    memory.exceeded(&what, memory.tracks(), or).column("temperature_period_s")
 }
 
 fn too_many_periods(period_ns: i64) -> Error {

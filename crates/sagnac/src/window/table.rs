@@ -24,7 +24,8 @@ use serde::{Deserialize, Serialize};
 use crate::window::{Run, RunFile, WindowRows, WindowShape, Windows};
 use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::{AngleUnit, LogSummary, Tallies, Tally};
-use sagnac_log::ingest::{parquet_batches, parquet_schema};
+use sagnac_log::ingest::{ParquetRead, parquet_batches, parquet_schema};
+use sagnac_log::memory::MemoryBudget;
 use sagnac_log::setup::{Setup, WindowSize};
 use sagnac_log::write::parquet_properties;
 use sagnac_noise::ShortTauSums;
@@ -265,21 +266,24 @@ pub fn is_table(path: &Path) -> Result<bool> {
     Ok(std::panic::catch_unwind(std::panic::AssertUnwindSafe(described)).ok().flatten().unwrap_or(false))
 }
 
+/// Most axes, thermometers or auxiliary columns; a log has at most as many.
+const MOST_COLUMNS: usize = 256;
 /// Windows decoded at once.
 const BATCH_ROWS: usize = 1024;
 
 /// Reads a table back, with the setup its logs were read with.
 ///
 /// # Errors
-/// No Parquet file, no window table of this version, or columns that do not fit its description.
-pub fn read_table(path: &Path) -> Result<(Windows, Setup)> {
+/// No Parquet file, no window table of this version, columns that do not fit its description, or more values than the memory budget
+/// has room for.
+pub fn read_table(path: &Path, memory: MemoryBudget) -> Result<(Windows, Setup)> {
     // The decoder is not ours; whatever it does with a damaged file, the file is what is bad.
-    let result = std::panic::catch_unwind(|| read(path));
+    let result = std::panic::catch_unwind(|| read(path, memory));
     let result = result.unwrap_or_else(|_| Err(Error::input("a damaged Parquet file (its decoder gave up)")));
     result.map_err(|e| e.file(path.display().to_string()))
 }
 
-fn read(path: &Path) -> Result<(Windows, Setup)> {
+fn read(path: &Path, memory: MemoryBudget) -> Result<(Windows, Setup)> {
     let file = File::open(path).map_err(|e| Error::io_path(path, "open", &e))?;
     let broken = |e: &dyn std::fmt::Display| Error::input(format!("not a readable Parquet file: {e}"));
     let schema = parquet_schema(file).map_err(|e| broken(&e))?;
@@ -294,14 +298,37 @@ fn read(path: &Path) -> Result<(Windows, Setup)> {
             .help("make it again from its logs with `sagnac window`"));
     }
     meta.setup.check()?;
+    check_columns(&meta)?;
     let setup = meta.setup.clone();
     let mut windows = empty_windows(meta);
     let file = File::open(path).map_err(|e| Error::io_path(path, "open", &e))?;
-    for batch in parquet_batches(file, None, BATCH_ROWS).map_err(|e| broken(&e))? {
+    // Everything is kept: as windows, or as tracks.
+    let values = (memory.windows() + memory.tracks()) / size_of::<f64>() as u64;
+    let options = ParquetRead { roots: None, rows: BATCH_ROWS, values, memory };
+    for batch in parquet_batches(file, &options).map_err(|e| broken(&e))? {
         append(&mut windows, &batch.map_err(|e| broken(&e))?)?;
     }
     check_indices(&windows)?;
     Ok((windows, setup))
+}
+
+/// Axes, thermometers and auxiliary columns are each named once, and an axis is one letter or digit.
+fn check_columns(meta: &Metadata) -> Result<()> {
+    let refused = |what: &str| Err(Error::input(format!("its description is damaged: {what}")));
+    let twice = |names: &[String]| names.iter().enumerate().any(|(at, name)| names[..at].contains(name));
+    let axes: Vec<String> = meta.axes.iter().map(char::to_string).collect();
+    // So many at most that no search for a second one takes long.
+    let most = [meta.axes.len(), meta.thermometers.len(), meta.aux.len()].into_iter().max().unwrap_or(0);
+    if most > MOST_COLUMNS {
+        return refused(&format!("more than {MOST_COLUMNS} columns of one kind"));
+    }
+    if axes.is_empty() || twice(&axes) || !meta.axes.iter().all(char::is_ascii_alphanumeric) {
+        return refused("its axes are not letters or digits, each once");
+    }
+    if twice(&meta.thermometers) || twice(&meta.aux) {
+        return refused("a column is named twice");
+    }
+    Ok(())
 }
 
 fn empty_windows(meta: Metadata) -> Windows {
@@ -374,7 +401,7 @@ fn append(windows: &mut Windows, batch: &RecordBatch) -> Result<()> {
     rows.reference_dps.extend(floats("reference_dps")?);
     let lines = column("first_line")?.as_primitive_opt::<UInt64Type>().ok_or_else(|| missing("first_line"))?;
     rows.first_line.extend(lines.values());
-    let reasons = column("excluded")?.as_string_opt::<i32>().ok_or_else(|| missing("excluded"))?;
+    let reasons = column("excluded")?.as_string_view_opt().ok_or_else(|| missing("excluded"))?;
     for reason in reasons {
         let parsed = reason.map(|r| serde_json::from_value(serde_json::Value::from(r))).transpose();
         rows.excluded.push(parsed.map_err(|_| missing("excluded"))?);

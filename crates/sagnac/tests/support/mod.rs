@@ -19,7 +19,7 @@ pub(crate) fn reader(csv: Vec<u8>, setup: &Setup) -> LogReader {
 }
 
 pub(crate) fn windows(logs: Vec<Vec<u8>>, setup: &Setup) -> Windows {
-    let logs = logs.into_iter().map(|csv| reader(csv, setup)).collect();
+    let logs = logs.into_iter().map(|csv| reader(csv, setup)).collect::<Vec<_>>();
     WindowBuilder::read_all(logs, setup).unwrap().finish()
 }
 

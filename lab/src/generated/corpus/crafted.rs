@@ -1,15 +1,23 @@
 //! Inputs crafted to abort, swell or hang a reader: deep, wide, long or huge, and all of them small as files.
 
 use std::fmt::Write as _;
+use std::sync::Arc;
 
+use anyhow::{Context, Result};
+use arrow_array::types::Int32Type;
+use arrow_array::{ArrayRef, DictionaryArray, RecordBatch, StringArray};
+use arrow_ipc::CompressionType;
+use arrow_ipc::writer::{FileWriter, IpcWriteOptions};
 use sagnac_core::{Description, Image};
 
-use super::{Case, Good, case, good, gzip};
+use super::{Case, Good, batch, case, good, gzip, of_columns, parquet};
 
 /// A gzipped Parquet file whose schema is nested ten thousand deep.
 const NEST: &[u8] = include_bytes!("../../../../testdata/crafted/nest.gz");
+/// Zstandard Parquet with a cell of 300 MB.
+const CELL: &[u8] = include_bytes!("../../../../testdata/crafted/cell.parquet");
 
-pub(super) fn crafted(by: &Good) -> anyhow::Result<Vec<Case>> {
+pub(super) fn crafted(by: &Good) -> Result<Vec<Case>> {
     let fast = {
         let own = Image::decode(&by.image)?;
         let tick = Description { tick_ns: 1_000, period_ticks: 1, slew_ticks: 0, ..*own.description() };
@@ -24,6 +32,17 @@ pub(super) fn crafted(by: &Good) -> anyhow::Result<Vec<Case>> {
         case("twelve million rows in a gzip of 70 KB", "inspect rows.gz --arcsec-per-count 1")
             .file("rows.gz", gzip(&[b"temperature_c,rate_dph\n".as_slice(), &b"20,1\n".repeat(12_000_000)].concat()))
             .place("rows.gz"),
+        case("Parquet of 10 KB with a cell of 300 MB", "compensate unit.cal.json cell.parquet -o out.json")
+            .file("unit.cal.json", by.record.clone())
+            .file("cell.parquet", CELL)
+            .place("cell.parquet"),
+        case("Parquet whose rows all have the same text of 2 MiB", "compensate unit.cal.json log.parquet -o out.json")
+            .file("unit.cal.json", by.record.clone())
+            .file("log.parquet", parquet(&repeated_text()?))
+            .place("note"),
+        case("Arrow batch that announces a terabyte", "inspect log.arrow --arcsec-per-count 1")
+            .file("log.arrow", announcing_a_terabyte()?)
+            .place("log.arrow"),
         case("curve to 1e308", "allan curve.csv --report out.json")
             .file("curve.csv", "tau_s,adev_dph\n1,1\n2,1e308\n")
             .place("curve.csv"),
@@ -49,6 +68,29 @@ pub(super) fn crafted(by: &Good) -> anyhow::Result<Vec<Case>> {
             .file("log.csv", good())
             .place("log.csv"),
     ])
+}
+
+/// The good log with the same text in each row, which the file holds once.
+fn repeated_text() -> Result<RecordBatch> {
+    let batch = batch();
+    let text = StringArray::from(vec!["x".repeat(2 << 20)]);
+    let note = DictionaryArray::<Int32Type>::try_new(vec![0; batch.num_rows()].into(), Arc::new(text))?;
+    let mut columns: Vec<(&str, ArrayRef)> =
+        ["time_s", "temperature_c", "counts"].iter().zip(batch.columns()).map(|(n, c)| (*n, Arc::clone(c))).collect();
+    columns.push(("note", Arc::new(note)));
+    Ok(of_columns(columns))
+}
+
+/// The good log in a packed batch, whose first column announces 2^40 bytes.
+fn announcing_a_terabyte() -> Result<Vec<u8>> {
+    let options = IpcWriteOptions::default().try_with_compression(Some(CompressionType::ZSTD))?;
+    let mut writer = FileWriter::try_new_with_options(Vec::new(), &batch().schema(), options)?;
+    writer.write(&batch())?;
+    let mut bytes = writer.into_inner()?;
+    let length = (8 * batch().num_rows() as u64).to_le_bytes();
+    let at = bytes.windows(8).position(|window| *window == length).context("no length of a column")?;
+    bytes[at..at + 8].copy_from_slice(&(1_u64 << 40).to_le_bytes());
+    Ok(bytes)
 }
 
 /// 41 rows 1e5 s apart, each with 255 auxiliary columns: tracks every second would take 8 GB.

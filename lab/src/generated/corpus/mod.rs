@@ -531,12 +531,6 @@ fn records(by: &Good) -> Result<Vec<Case>> {
     let flash = |name: &'static str, bytes: Vec<u8>| {
         case(name, "verify unit.img log.csv").file("unit.img", bytes).file("log.csv", good()).place("unit.img")
     };
-    let recrc = |mut bytes: Vec<u8>| {
-        let end = bytes.len() - 4;
-        let crc = crc32(&bytes[..end]);
-        bytes[end..].copy_from_slice(&crc.to_le_bytes());
-        bytes
-    };
     Ok(vec![
         json("calibration that is no JSON", "{ \"format\": ".to_owned()),
         json("calibration cut short", good_record[..good_record.len() / 2].to_owned()),
@@ -595,6 +589,14 @@ fn records(by: &Good) -> Result<Vec<Case>> {
             .then(by.window_table())
             .place("w.parquet"),
     ])
+}
+
+/// An image with the CRC of its bytes.
+pub(crate) fn recrc(mut bytes: Vec<u8>) -> Vec<u8> {
+    let end = bytes.len().saturating_sub(4);
+    let crc = crc32(&bytes[..end]);
+    bytes[end..].copy_from_slice(&crc.to_le_bytes());
+    bytes
 }
 
 /// CRC-32 of IEEE 802.3, as docs/reference/image-format.md has it.
