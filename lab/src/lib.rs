@@ -8,6 +8,7 @@ mod conserve;
 mod exports;
 mod firmware;
 mod generated;
+mod hunt;
 mod pictures;
 mod places;
 mod program;
@@ -32,6 +33,7 @@ pub fn run(args: &[&str]) -> Result<()> {
         }
         "firmware" => firmware::firmware(),
         "fpga" => exports::fpga(rest.contains(&"place")),
+        "hunt" => hunt::hunt(rest),
         "pictures" => pictures::pictures(),
         other => bail!("no such task: {other}; `cargo xtask help` lists them"),
     }

@@ -29,11 +29,12 @@ const FIRST: [Part; 10] = [
 ];
 
 /// Then what runs on all processors.
-const RUNS: [Part; 5] = [
+const RUNS: [Part; 6] = [
     ("tests", tests),
     ("examples", examples),
     ("bless", || run_lab(&["bless", "--check"])),
     ("dist", || dist::dist(&["--check"])),
+    ("hunt", || run_lab(&["hunt", "5"])),
     ("fuzz", || fuzz::fuzz(&["--smoke"])),
 ];
 

@@ -1,5 +1,5 @@
-//! `cargo xtask fuzz`: every target on a corpus of good and broken inputs, a million executions each. With `--smoke`, as in
-//! CI, a few seconds each.
+//! `cargo xtask fuzz`: every target on a corpus of good and broken inputs, a million executions each; with `--address` under a sanitizer
+//! of memory; with `--smoke`, as in CI, a few seconds each.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -18,9 +18,12 @@ struct Effort {
     limit: &'static str,
 }
 
-/// The full run: also detects memory errors, which needs a nightly compiler.
-const HUNT: Effort =
-    Effort { build: &["--sanitizer", "address"], target_folder: "../target/fuzz", limit: "-runs=1000000" };
+/// The full run, by the project's compiler.
+const FULL: Effort =
+    Effort { build: &["--sanitizer", "none"], target_folder: "../target/fuzz", limit: "-runs=1000000" };
+/// The same, which also detects memory errors in what is not ours; it needs a nightly compiler.
+const ADDRESS: Effort =
+    Effort { build: &["--sanitizer", "address"], target_folder: "../target/fuzz-address", limit: "-runs=1000000" };
 /// Built like the tests, by the same compiler: our code has no `unsafe` for a sanitizer to check.
 const SMOKE: Effort = Effort {
     build: &["--dev", "--sanitizer", "none"],
@@ -40,8 +43,12 @@ fn max_length(target: &str) -> usize {
 /// Runs all targets, or those named.
 pub(crate) fn fuzz(args: &[&str]) -> Result<()> {
     need_cargo_tool("fuzz")?;
-    let effort = if args.contains(&"--smoke") { SMOKE } else { HUNT };
-    let wanted: Vec<&str> = args.iter().copied().filter(|arg| *arg != "--smoke").collect();
+    let effort = match args.first() {
+        Some(&"--smoke") => SMOKE,
+        Some(&"--address") => ADDRESS,
+        _ => FULL,
+    };
+    let wanted: Vec<&str> = args.iter().copied().filter(|arg| !arg.starts_with("--")).collect();
     let targets = targets()?;
     if let Some(unknown) = wanted.iter().find(|name| targets.iter().all(|target| target != *name)) {
         bail!("no fuzz target {unknown}; there are: {}", targets.join(", "));

@@ -14,7 +14,7 @@ use std::process::ExitCode;
 use anyhow::{Result, bail};
 
 /// Tasks that need our crates; the lab does them.
-const LAB: [&str; 8] = ["bench", "bless", "c", "compare", "conserve", "firmware", "fpga", "pictures"];
+const LAB: [&str; 9] = ["bench", "bless", "c", "compare", "conserve", "firmware", "fpga", "hunt", "pictures"];
 
 const HELP: &str = "\
 cargo xtask example    the main job on the log in testdata/: calibrate, export, verify
@@ -31,7 +31,10 @@ cargo xtask bless      [--check] [names] make the generated files anew, all or t
                        testdata, image, vectors (only after an intended change of the target), schema, glossary, scenario, first-bytes,
                        circle, cli, errors, faults, pages; evidence, only if named (runs the tests of coverage and risk, minutes)
 cargo xtask conserve   1e9 ticks (27.8 h): every count accounted for
-cargo xtask fuzz       [--smoke] [targets] a million executions of every fuzz target or of those named; --smoke: a few seconds of each
+cargo xtask hunt       [MINUTES] generated inputs of every kind through the program, findings to testdata/found; --from N, --case N: one again,
+                       --found: only those of earlier hunts
+cargo xtask fuzz       [--smoke | --address] [targets] a million executions of every fuzz target or of those named; --smoke: a few
+                       seconds of each; --address: with a sanitizer of memory (needs a nightly compiler)
 cargo xtask c          the exported C: warnings, MISRA, vectors on this machine and on an emulated Cortex-M4F
 cargo xtask fpga       [place] the exported Verilog: lint, vectors in two simulators, synthesis
 cargo xtask firmware   build the firmware, run it in QEMU, compare it with the host bit for bit

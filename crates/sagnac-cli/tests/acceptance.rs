@@ -179,3 +179,36 @@ fn a_flight_beyond_the_test_is_not_accepted() {
     std::fs::write(&limits, flight.replace("minutes = 60", "minutes = -1")).unwrap();
     sagnac().args(["verify", &record, &testdata("cycle-3.csv.gz"), "--limits", &limits]).assert().code(2);
 }
+
+/// Found by the hunt: every window was short, so the noise floor was the mean of nothing, and a limit beyond it was met by σ ± 0.026 °/h.
+#[test]
+fn a_floor_of_nothing_meets_no_limit() {
+    let folder = TempDir::new().unwrap();
+    let found = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../testdata/found/log-3070");
+    let limits = folder.path().join("limits.toml");
+    std::fs::write(&limits, "sigma_beyond_floor_dph_max = 0.001\n").unwrap();
+    let verify = |record: &Path, retest: &Path| {
+        let limits = limits.display().to_string();
+        let out =
+            sagnac().arg("verify").args([record, retest]).args(["--limits", &limits, "--axis", "x"]).output().unwrap();
+        (out.status.code().unwrap(), String::from_utf8(out.stdout).unwrap(), String::from_utf8(out.stderr).unwrap())
+    };
+    let (status, _, said) = verify(&found.join("unit.cal.json"), &found.join("log.parquet"));
+    assert!(status == 3 && said.contains("0 usable windows"), "{said}");
+
+    // A record that states no noise at all, of a retest whose noise cannot be measured: the floor is not known.
+    let rows: String = (1..=400)
+        .map(|row: u32| format!("{},{:.4},{}\n", row * 100, 5.0 + f64::from(row) * 0.075, 3000 + row % 2))
+        .collect();
+    let log = folder.path().join("log.csv");
+    std::fs::write(&log, format!("time_s,temperature_c,counts\n{rows}")).unwrap();
+    let record = folder.path().join("silent.cal.json");
+    let text = std::fs::read_to_string(found.join("unit.cal.json")).unwrap();
+    let mut silent: Value = serde_json::from_str(&text).unwrap();
+    silent["axes"][0]["noise_floor"]["n_deg_rt_h"] = 0.0.into();
+    silent["axes"][0]["noise_floor"]["q_arcsec"] = 0.0.into();
+    silent["setup"]["noise"] = Value::Null;
+    std::fs::write(&record, silent.to_string()).unwrap();
+    let (status, out, said) = verify(&record, &log);
+    assert!(status == 1 && out.contains("the noise floor is not known"), "{status} {out} {said}");
+}

@@ -122,6 +122,10 @@ impl RateTableInput {
             return Ok(());
         }
         let (letter, ppm) = (windows.shape.axes[axis], 1e6 * (1.0 / slope - 1.0));
+        if !ppm.is_finite() {
+            let what = format!("axis {letter} does not follow the reference at all: no scale factor can be estimated");
+            return Err(Error::refused(what).column("scale_factor_deviation_max_ppm"));
+        }
         let error = Error::refused(format!(
             "the scale factor of axis {letter} would deviate by {ppm:.0} ppm from its nominal value; at most {most_ppm} ppm are accepted"
         ))

@@ -237,12 +237,8 @@ pub(crate) fn noise_of(windows: &Windows, axis: usize, test: &TestConfig) -> Opt
 /// The noise floor of a nominal window.
 fn noise_floor_of(windows: &Windows, axis: usize, test: &TestConfig) -> Option<NoiseFloor> {
     let (terms, source) = noise_of(windows, axis, test)?;
-    Some(NoiseFloor {
-        value_dph: terms.floor_dph(windows.shape.nominal_s),
-        n_deg_rt_h: terms.n_deg_rt_h(),
-        q_arcsec: terms.q_arcsec,
-        source: source.to_owned(),
-    })
+    let value_dph = Some(terms.floor_dph(windows.shape.nominal_s)).filter(|value| value.is_finite() && *value > 0.0)?;
+    Some(NoiseFloor { value_dph, n_deg_rt_h: terms.n_deg_rt_h(), q_arcsec: terms.q_arcsec, source: source.to_owned() })
 }
 
 /// Names the log, where there is only one.

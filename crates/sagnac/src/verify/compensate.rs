@@ -5,6 +5,7 @@
 //! out is the row's own counts) and a `status` column is added. Rows that could not be read have no
 //! corrected value and are left out (and counted).
 
+use std::borrow::Cow;
 use std::io::Write;
 
 use sagnac_core::Status;
@@ -16,7 +17,7 @@ use sagnac_log::ingest::{AngleUnit, COMPENSATED_STAMP, LogReader, LogSummary, un
 use sagnac_log::setup::{Counter, Setup};
 #[cfg(feature = "parquet")]
 use sagnac_log::write::ParquetRows;
-use sagnac_units::format::one_line;
+use sagnac_units::format::{one_line, printable};
 use sagnac_units::s_from_ns;
 
 /// What a corrected log is written as.
@@ -122,6 +123,22 @@ fn rows_out<'a>(
     }
 }
 
+/// A cell without what controls a terminal: a comment column may hold anything. Bytes that are no UTF-8 stay as they are where they are
+/// letters of an older encoding.
+fn without_controls(cell: &[u8]) -> Cow<'_, [u8]> {
+    if cell.iter().all(|byte| (b' '..0x7f).contains(byte)) {
+        return Cow::Borrowed(cell);
+    }
+    if let Ok(text) = std::str::from_utf8(cell) {
+        return Cow::Owned(printable(text).into_owned().into_bytes());
+    }
+    let escaped = |byte: &u8| match byte {
+        b'\n' | b' '..0x7f | 0xa0.. => vec![*byte],
+        byte => format!("\\u{{{byte:x}}}").into_bytes(),
+    };
+    Cow::Owned(cell.iter().flat_map(escaped).collect())
+}
+
 /// Text out.
 struct CsvOut<'a>(csv::Writer<&'a mut (dyn Write + Send)>);
 
@@ -129,7 +146,9 @@ impl<'a> CsvOut<'a> {
     fn new(out: &'a mut (dyn Write + Send), delimiter: u8, stamp: &str, headers: &[String]) -> Result<Self> {
         writeln!(out, "{stamp}").map_err(unwritten)?;
         let mut rows = Self(csv::WriterBuilder::new().delimiter(delimiter).comment(Some(b'#')).from_writer(out));
-        rows.0.write_record(headers).map_err(|e| unwritten(e.into()))?;
+        rows.0
+            .write_record(headers.iter().map(|header| without_controls(header.as_bytes())))
+            .map_err(|e| unwritten(e.into()))?;
         rows.flush()?;
         Ok(rows)
     }
@@ -137,7 +156,7 @@ impl<'a> CsvOut<'a> {
 
 impl RowsOut for CsvOut<'_> {
     fn row(&mut self, cells: &[Vec<u8>]) -> Result<()> {
-        self.0.write_record(cells).map_err(|e| unwritten(e.into()))
+        self.0.write_record(cells.iter().map(|cell| without_controls(cell))).map_err(|e| unwritten(e.into()))
     }
 
     fn flush(&mut self) -> Result<()> {

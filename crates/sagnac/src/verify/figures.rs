@@ -62,6 +62,14 @@ impl Against<'_> {
     fn axis_figures(&self, prepared: &Prepared<'_>, axis: usize) -> Result<AxisVerification> {
         let Prepared { pair, used, drifts, about_common_mean, report_data } = prepared;
         let windows = &pair.raw;
+        let too_few = || {
+            Error::refused(format!("{} usable windows; before and after need at least two per run", used.len()))
+                .help("give a longer retest or a shorter --window")
+        };
+        // Short windows alone say nothing of a floor, a plateau or a status.
+        if used.is_empty() {
+            return Err(too_few());
+        }
         let scale = unit_of(windows).0;
         let dph_per_unit = windows.shape.unit.arcsec() / scale;
         let run_of = |i: usize| if *about_common_mean { 0 } else { windows.rows.run[i] };
@@ -78,10 +86,7 @@ impl Against<'_> {
             };
             let judged = (0..windows.len()).filter(is_judged);
             let values: Vec<Weighted> = judged.map(weighted).collect();
-            Figures::of(&values, dph_per_unit).ok_or_else(|| {
-                Error::refused(format!("{} usable windows; before and after need at least two per run", used.len()))
-                    .help("give a longer retest or a shorter --window")
-            })
+            Figures::of(&values, dph_per_unit).ok_or_else(too_few)
         };
         let (before, after) = (figures(windows, &drifts.raw)?, figures(&pair.corrected, &drifts.corrected)?);
         let ratio = |before: f64, after: f64| (after > 0.0).then_some(before / after);
@@ -295,7 +300,9 @@ fn noise_floor(
     let mean_square = used.iter().map(square).sum::<f64>() / used.len() as f64;
     let count = |run: usize| used.iter().filter(|i| windows.rows.run[**i] as usize == run).count();
     let largest = (0..windows.runs.len()).map(count).max()?;
-    let (value_dph, value) = (mean_square.sqrt(), mean_square.sqrt() / dph_per_unit);
+    // A floor of nothing bounds nothing: it is not known.
+    let value_dph = Some(mean_square.sqrt()).filter(|value| value.is_finite() && *value > 0.0)?;
+    let value = value_dph / dph_per_unit;
     Some(RetestNoiseFloor {
         value_dph,
         value,
