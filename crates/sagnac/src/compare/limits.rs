@@ -207,7 +207,7 @@ impl Compared<'_> {
     fn change_of_curve(&self, a: usize, b: usize) -> Result<Estimate, String> {
         let (apart, covariance) = self.apart(a, b)?;
         let m = self.temperatures_c.len() as f64;
-        let value = ((apart.norm_squared() - covariance.trace()) / m).max(0.0).sqrt();
+        let value = ((apart.norm_squared() - covariance.trace()) / m).clamp(0.0, f64::INFINITY).sqrt();
         // What noise makes of D is in DᵀCD: without it D would be as long as r says.
         let own = apart.norm_squared().max(f64::MIN_POSITIVE);
         let along = apart.dot(&(&covariance * &apart)) * (m * value * value / own).min(1.0);
@@ -223,7 +223,7 @@ impl Compared<'_> {
         let mean = self.temperatures_c.iter().sum::<f64>() / m as f64;
         let from_mean = DVector::from_fn(m, |i, _| self.temperatures_c[i] - mean);
         let weights = &from_mean / from_mean.norm_squared();
-        let sigma = weights.dot(&(&covariance * &weights)).max(0.0).sqrt();
+        let sigma = weights.dot(&(&covariance * &weights)).clamp(0.0, f64::INFINITY).sqrt();
         Ok(Estimate { value: weights.dot(&apart), sigma })
     }
 

@@ -341,9 +341,9 @@ fn curve(axes: &[&AxisCalibration], quantity: ActsOn, temperatures: &[f64], refe
         let n = column.len() as f64;
         let spread = column.iter().map(|(value, _)| (value - centre).powi(2)).sum::<f64>() / (n - 1.0);
         let explained = column.iter().map(|(_, sigma)| sigma.powi(2)).sum::<f64>() / n;
-        beyond.push((spread - explained).max(0.0).sqrt());
+        beyond.push((spread - explained).clamp(0.0, f64::INFINITY).sqrt());
         for (record, (value, sigma)) in with.iter().copied().zip(&column) {
-            let own = (sigma.powi(2) - information.recip()).max(0.0).sqrt();
+            let own = (sigma.powi(2) - information.recip()).clamp(0.0, f64::INFINITY).sqrt();
             let away = (tells && own > 0.0).then(|| (value - centre) / own);
             z[record][at] = away;
             if let Some(sigmas) = away.map(f64::abs)

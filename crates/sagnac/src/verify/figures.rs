@@ -203,7 +203,8 @@ impl AxisVerification {
     pub(crate) fn sigma_beyond_floor(&self) -> Option<(f64, Option<f64>)> {
         let floor_dph = self.noise_floor.as_ref()?.value_dph;
         let square = self.after.sigma_dph.powi(2);
-        let value = (square - floor_dph * floor_dph).max(0.0).sqrt();
+        // `clamp` keeps what is no number, where `max` would make it a figure.
+        let value = (square - floor_dph * floor_dph).clamp(0.0, f64::INFINITY).sqrt();
         let sigma_of_square = 2.0 * square * self.relative_sigma_of_spread();
         Some((value, Some(sigma_of_square / (2.0 * value).max(sigma_of_square.sqrt()))))
     }

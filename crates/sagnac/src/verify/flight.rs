@@ -228,8 +228,7 @@ impl Flight {
             .profile
             .windows(2)
             .map(|leg| ((leg[1].temperature_c - leg[0].temperature_c) / (leg[1].minutes - leg[0].minutes)).abs());
-        let (pace, known) =
-            (paces.fold(0.0, f64::max), used.iter().fold(0.0_f64, |most, p| most.max(p.rate_cpm.abs())));
+        let (pace, known) = (largest(paces), used.iter().fold(0.0_f64, |most, p| most.max(p.rate_cpm.abs())));
         if pace > SLACK_OF_PACE * known + SLACK_CPM {
             return Err(format!("the flight changes by {pace:.2} °C/min, the proof by {known:.2} °C/min at most"));
         }
@@ -246,7 +245,7 @@ impl Flight {
         let end = |drift: &Drift| {
             let g = unit.row(steps - 1).transpose();
             let variance = (g.transpose() * &drift.covariance * &g)[(0, 0)];
-            Estimate { value: g.dot(&drift.coefficients), sigma: variance.max(0.0).sqrt() }
+            Estimate { value: g.dot(&drift.coefficients), sigma: variance.clamp(0.0, f64::INFINITY).sqrt() }
         };
         let every = (steps / 300).max(1);
         let shown: Vec<usize> = (0..steps).filter(|i| (i + 1) % every == 0 || *i == steps - 1).collect();
@@ -259,7 +258,7 @@ impl Flight {
             bound_after_m: bound_m(&unit, &after, &curve_after)
                 .hypot(heading.map_or(0.0, |h| h.cross_track_m.value.abs() + 2.0 * h.cross_track_m.sigma)),
             heading,
-            most_after_m: curve_after.iter().fold(0.0, |most: f64, x| most.max(x.abs())),
+            most_after_m: largest(curve_after.iter().map(|x| x.abs())),
             noise_m: n_deg_rt_h.map(|n| noise_m(self.channel(), n, 60.0 * self.minutes())),
             at_minutes: shown.iter().map(|i| (*i + 1) as f64 * STEP_S / 60.0).collect(),
             curve_before_m: pick(&curve_before),
@@ -275,7 +274,7 @@ impl Flight {
         let variance = (at_start.transpose() * &drift.covariance * &at_start)[(0, 0)];
         let per_dph = 1.0 / (EARTH_RATE_DPH * compass.latitude_deg.to_radians().cos());
         let distance_m = self.speed_m_s.unwrap_or(0.0) * 60.0 * self.minutes();
-        let rad = [value_dph, variance.max(0.0).sqrt()].map(|dph| dph * per_dph);
+        let rad = [value_dph, variance.clamp(0.0, f64::INFINITY).sqrt()].map(|dph| dph * per_dph);
         let estimate = |unit: f64| Estimate { value: unit * rad[0], sigma: unit * rad[1] };
         HeadingError { heading_arcmin: estimate(ARCMIN_PER_RAD), cross_track_m: estimate(distance_m) }
     }
@@ -314,6 +313,12 @@ impl Flight {
     }
 }
 
+/// The largest of some figures from zero on, and NaN if one is: `f64::max` would pass over it, and a limit would be met by what is not
+/// known.
+fn largest(values: impl Iterator<Item = f64>) -> f64 {
+    values.fold(0.0, |most, value| if value.is_nan() || value > most { value } else { most })
+}
+
 /// Largest |x| + 2σ over the flight, looked at every minute and at its end.
 fn bound_m(unit: &DMatrix<f64>, drift: &Drift, curve: &DVector<f64>) -> f64 {
     let last = unit.nrows() - 1;
@@ -321,9 +326,9 @@ fn bound_m(unit: &DMatrix<f64>, drift: &Drift, curve: &DVector<f64>) -> f64 {
     let bound = |step: usize| {
         let g = unit.row(step).transpose();
         let variance = (g.transpose() * &drift.covariance * &g)[(0, 0)];
-        curve[step].abs() + 2.0 * variance.max(0.0).sqrt()
+        curve[step].abs() + 2.0 * variance.clamp(0.0, f64::INFINITY).sqrt()
     };
-    looks.map(bound).fold(0.0, f64::max)
+    largest(looks.map(bound))
 }
 
 fn columns(span: Span, celsius: f64, rate_cpm: f64) -> [f64; COLUMNS] {
@@ -378,6 +383,15 @@ mod tests {
     use super::*;
     use crate::verify::RunBias;
     use crate::verify::tests::noise;
+
+    /// A figure that is not known is not the smallest.
+    #[test]
+    fn the_largest_of_what_is_not_known_is_not_known() {
+        assert_eq!(largest([1.0, 3.0, 2.0].into_iter()), 3.0);
+        for unknown in [[f64::NAN, 1.0, 2.0], [1.0, f64::NAN, 2.0], [1.0, 2.0, f64::NAN]] {
+            assert!(largest(unknown.into_iter()).is_nan());
+        }
+    }
 
     fn points(before: impl Fn(f64, f64) -> f64, after: impl Fn(f64, f64) -> f64) -> Vec<Point> {
         let one = |i: usize| {

@@ -205,7 +205,7 @@ fn over_temperature(used: &[&Point]) -> Option<Estimate> {
     let rho = (product / rest.norm_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 0.95);
     let noise = variance * (1.0 + rho) / (1.0 - rho) / n as f64;
     let p = SMOOTH_ORDER as f64;
-    let value = (square - p * noise).max(0.0).sqrt();
+    let value = (square - p * noise).clamp(0.0, f64::INFINITY).sqrt();
     let sigma_of_square = (2.0 * p * noise * noise + 4.0 * value * value * noise).sqrt();
     // Near zero the root of the mean square's own uncertainty.
     let sigma = sigma_of_square / (2.0 * value).max(sigma_of_square.sqrt());

@@ -85,7 +85,7 @@ pub fn noise_m(channel: Channel, n_deg_rt_h: f64, seconds: f64) -> f64 {
             let omega = (GRAVITY_M_S2 / EARTH_RADIUS_M).sqrt();
             let angle = omega * seconds;
             let integral = 1.5 * seconds - 2.0 * angle.sin() / omega + (2.0 * angle).sin() / (4.0 * omega);
-            EARTH_RADIUS_M.powi(2) * integral.max(0.0)
+            EARTH_RADIUS_M.powi(2) * integral.clamp(0.0, f64::INFINITY)
         }
         Channel::Azimuth(speed_m_s) => speed_m_s.powi(2) * seconds.powi(3) / 3.0,
     };
