@@ -1,0 +1,87 @@
+//! Stretches of rows in which nothing is odd, checked and passed on by column.
+//!
+//! The result is that of the rows one by one (a property test holds it); only the time differs.
+
+use std::ops::Range;
+
+use super::{MAX_RATE_DPH, MAX_TIME, PLAIN_CHUNK, RowValidator, is_whole, nearest};
+use crate::ingest::Batch;
+use crate::ingest::raw::{Faults, RawRows};
+use sagnac_units::s_from_ns;
+
+impl RowValidator {
+    /// The end of the rows from `at` on that the state machine would pass unchanged. None in a log with running totals or
+    /// with several thermometers (which are compared with each other).
+    pub(super) fn plain_rows(&self, rows: &RawRows, at: usize) -> usize {
+        let Some(clock_ns) = self.clock_ns.filter(|_| self.whole_rows) else { return at };
+        let mut end = at;
+        let mut before_ns = clock_ns;
+        while end < rows.len() {
+            let next = (end + PLAIN_CHUNK).min(rows.len());
+            if !self.is_plain(rows, end..next, before_ns, end == at) {
+                break;
+            }
+            before_ns = rows.time_ns[next - 1];
+            end = next;
+        }
+        end
+    }
+
+    fn is_plain(&self, rows: &RawRows, part: Range<usize>, before_ns: i64, first: bool) -> bool {
+        let times = &rows.time_ns[part.clone()];
+        let most_ns = self.nominal_ns + self.nominal_ns / 2;
+        let mut in_order = before_ns.unsigned_abs() < MAX_TIME && times[times.len() - 1].unsigned_abs() < MAX_TIME;
+        let mut last = before_ns;
+        for &now in times {
+            in_order &= (1..=most_ns).contains(&now.wrapping_sub(last));
+            last = now;
+        }
+        let sound = rows.faults[part.clone()].iter().fold(true, |all, faults| all & (*faults == Faults::NONE));
+        let usable = |column: &Vec<f64>| match self.quantum {
+            Some(quantum) => {
+                let most = self.most_quanta;
+                column[part.clone()].iter().fold(true, |all, counts| all & is_whole(counts / quantum, most))
+            }
+            None => column[part.clone()].iter().fold(true, |all, rate| all & (rate.abs() <= MAX_RATE_DPH)),
+        };
+        if !(in_order && sound && rows.axes.iter().all(usable)) {
+            return false;
+        }
+        let (Some(column), Some(thermometer)) = (rows.temperatures_c.first(), self.thermometers.first()) else {
+            return true;
+        };
+        let before_c = if first { thermometer.valid_c() } else { column[part.start - 1] };
+        thermometer.are_plain(&column[part], before_c)
+    }
+
+    pub(super) fn push_plain(&mut self, rows: &RawRows, part: Range<usize>, batch: &mut Batch) {
+        let times = &rows.time_ns[part.clone()];
+        let (Some(clock_ns), [.., last_ns]) = (self.clock_ns, times) else { return };
+        batch.start_ns.push(clock_ns);
+        batch.start_ns.extend_from_slice(&times[..times.len() - 1]);
+        batch.end_ns.extend_from_slice(times);
+        for (angle, column) in batch.angle.iter_mut().zip(&rows.axes) {
+            let column = &column[part.clone()];
+            match self.quantum {
+                Some(quantum) => angle.extend(column.iter().map(|counts| nearest(counts / quantum))),
+                None => {
+                    let starts = std::iter::once(&clock_ns).chain(times);
+                    let durations = times.iter().zip(starts).map(|(end, start)| s_from_ns(end - start));
+                    angle.extend(column.iter().zip(durations).map(|(rate_dph, s)| rate_dph * s));
+                }
+            }
+        }
+        let pairs = batch.temperature_c.iter_mut().zip(&rows.temperatures_c).chain(batch.aux.iter_mut().zip(&rows.aux));
+        pairs.for_each(|(mine, theirs)| mine.extend_from_slice(&theirs[part.clone()]));
+        batch.reference_dps.extend_from_slice(rows.reference_dps.get(part.clone()).unwrap_or(&[]));
+        batch.valid.resize(batch.end_ns.len(), true);
+        batch.line.extend(rows.line[part.clone()].iter().map(|line| rows.lines_before + u64::from(*line)));
+        batch.fields.extend_from_slice(rows.fields.get(part.clone()).unwrap_or(&[]));
+        if let (Some(thermometer), Some(column)) = (self.thermometers.first_mut(), rows.temperatures_c.first()) {
+            let before_ns = times.len().checked_sub(2).map(|last_but_one| times[last_but_one]);
+            thermometer.accept(column[part.end - 1], *last_ns, before_ns);
+        }
+        self.clock_ns = Some(*last_ns);
+        self.rows_read += part.len() as u64;
+    }
+}
