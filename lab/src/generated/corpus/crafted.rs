@@ -52,6 +52,9 @@ pub(super) fn crafted(by: &Good) -> Result<Vec<Case>> {
         case("calibration with a number beyond any quantity", "compare unit.cal.json unit.cal.json --report out.json")
             .file("unit.cal.json", huge)
             .place("window_s"),
+        case("calibration of 17 MB", "inspect unit.cal.json")
+            .file("unit.cal.json", format!("{{\"format\": [{}]}}", vec!["[]"; 6_000_000].join(",")))
+            .place("unit.cal.json"),
         case("a device without an end as setup", "calibrate log.csv --setup /dev/zero")
             .file("log.csv", good())
             .place("/dev/zero"),
