@@ -3,7 +3,7 @@
 
 use embedded_storage::nor_flash::{NorFlash, ReadNorFlash};
 use sagnac_board::MemoryFlash;
-use sagnac_core::{Banks, Description, Gyro, Image, Loaded, Origin, StoreError};
+use sagnac_core::{Banks, Description, Gyro, Image, Loaded, Origin};
 
 const IMAGE: &[u8] = include_bytes!("../../testdata/image/paper.img");
 
