@@ -117,9 +117,10 @@ impl Console {
             ErrorKind::Input => "error",
             ErrorKind::Refused => "refused",
         };
-        self.note(shortened(&format!("{word}: {error}")));
+        // Cut as it is shown: an escaped character has several.
+        self.note(shortened(&printable(&format!("{word}: {error}"))));
         if let Some(help) = &error.help {
-            self.note(shortened(&format!("  help: {help}")));
+            self.note(shortened(&printable(&format!("  help: {help}"))));
         }
         let place = &error.place;
         let _ = self.object(&Complaint {
