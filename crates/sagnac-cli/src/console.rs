@@ -118,9 +118,10 @@ impl Console {
             ErrorKind::Refused => "refused",
         };
         // Cut as it is shown: an escaped character has several.
-        self.note(shortened(&printable(&format!("{word}: {error}"))));
+        let line = |text: &str| writeln!(std::io::stderr(), "{}", shortened(&printable(text)));
+        let _ = line(&format!("{word}: {error}"));
         if let Some(help) = &error.help {
-            self.note(shortened(&printable(&format!("  help: {help}"))));
+            let _ = line(&format!("  help: {help}"));
         }
         let place = &error.place;
         let _ = self.object(&Complaint {

@@ -1,6 +1,5 @@
 //! Logs: text by a grammar of dialects and headers, columns with the writers of Parquet and Arrow.
 
-use std::io::Write;
 use std::sync::Arc;
 
 use arrow_array::builder::{Float64Builder, ListBuilder};
@@ -10,13 +9,12 @@ use arrow_array::{
 };
 use arrow_ipc::CompressionType;
 use arrow_ipc::writer::{FileWriter, IpcWriteOptions, StreamWriter};
-use flate2::Compression;
-use flate2::write::GzEncoder;
 use parquet::arrow::ArrowWriter;
 use parquet::basic::{Compression as Codec, GzipLevel, ZstdLevel};
 use parquet::file::properties::{WriterProperties, WriterVersion};
 
 use super::chance::Chance;
+use crate::generated::corpus::gzip;
 
 /// Headers of a log's columns besides time.
 const HEADERS: [&str; 22] = [
@@ -133,13 +131,6 @@ pub(super) fn log(chance: &mut Chance) -> Log {
         return Log { name: "log.gz", bytes: if !sound && chance.one_in(3) { chance.damage(zipped) } else { zipped } };
     }
     Log { name, bytes }
-}
-
-pub(super) fn gzip(bytes: &[u8]) -> Vec<u8> {
-    let mut packed = GzEncoder::new(Vec::new(), Compression::fast());
-    // Writing to a Vec cannot fail.
-    let _ = packed.write_all(bytes);
-    packed.finish().unwrap_or_default()
 }
 
 fn text(chance: &mut Chance, columns: &[Column], sound: bool) -> Vec<u8> {

@@ -26,6 +26,7 @@ use crate::ingest::header::Layout;
 use crate::ingest::parquet_file::{ParquetRead, decoded_type, parquet_batches, parquet_schema};
 use crate::ingest::raw::{BAD_TEMPERATURE, Faults, RawRows};
 use crate::ingest::source::{HashHandle, Source};
+use crate::ingest::text::MAX_LINE_BYTES;
 use crate::memory::MemoryBudget;
 use crate::threads::spawn;
 
@@ -34,8 +35,6 @@ const PIECE_ROWS: usize = 8192;
 const PIECE_VALUES: usize = 1 << 20;
 const PIECE_FIELDS: usize = 1 << 17;
 const PIECE_TEXT_BYTES: usize = 4 << 20;
-/// Longest text of a field, as in a line of text.
-const MAX_FIELD_BYTES: usize = 1 << 20;
 
 /// Which of the three formats a file has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -227,7 +226,8 @@ fn rows_of_short_text(batch: &RecordBatch) -> Result<usize> {
     let mut all = vec![0_usize; batch.num_rows()];
     for (column, field) in batch.columns().iter().zip(batch.schema_ref().fields()) {
         for (sum, bytes) in all.iter_mut().zip(text_bytes(column)) {
-            if bytes > MAX_FIELD_BYTES {
+            // No longer than a line of text may be.
+            if bytes > MAX_LINE_BYTES {
                 return Err(Error::input("a field of more than 1 MiB of text").column(field.name()));
             }
             *sum += bytes;

@@ -22,6 +22,7 @@ mod formats;
 pub mod header;
 mod interval;
 mod iso;
+mod logs;
 mod number;
 #[cfg(feature = "parquet")]
 mod parquet_file;
@@ -32,7 +33,7 @@ mod parquet_pages;
 mod raw;
 mod reason;
 mod rows;
-mod several;
+
 mod sketch;
 mod source;
 mod table;
@@ -52,6 +53,7 @@ use crate::ingest::chunks::{ChunkReader, Feed};
 pub use crate::ingest::formats::{FORMATS, Format};
 use crate::ingest::header::Layout;
 use crate::ingest::interval::nominal_interval;
+pub use crate::ingest::logs::Logs;
 #[cfg(feature = "parquet")]
 pub(crate) use crate::ingest::number::parse_time_ns;
 #[cfg(feature = "parquet")]
@@ -60,7 +62,6 @@ use crate::ingest::raw::{Faults, RawRows};
 pub use crate::ingest::reason::{Reason, Tallies, Tally};
 pub use crate::ingest::rows::CounterEnd;
 use crate::ingest::rows::RowValidator;
-pub use crate::ingest::several::Logs;
 use crate::ingest::sketch::Sketch;
 pub use crate::ingest::sketch::share_rows;
 use crate::ingest::source::{HashHandle, Source};

@@ -68,7 +68,7 @@ pub fn parquet_batches(file: File, read: &ParquetRead<'_>) -> Result<ParquetReco
     if sizes.values > read.values {
         return Err(ParquetError::General(format!("more than {} values", read.values)));
     }
-    let rows = usize::try_from(share / sizes.cell.max(1)).unwrap_or(read.rows).clamp(1, read.rows);
+    let rows = usize::try_from(share / sizes.row.max(1)).unwrap_or(read.rows).clamp(1, read.rows);
     let levels = parquet_to_arrow_field_levels(&schema, mask, Some(&decoded_types(described.schema().fields())))?;
     let groups = DoubtedGroups(Arc::new(SerializedFileReader::new(file)?));
     ParquetRecordBatchReader::try_new_with_row_groups(&levels, &groups, rows, None)

@@ -6,7 +6,7 @@
 //!
 //! The decoder (parquet 59) allocates what a page header announces. A page of 10 kB can announce 2 GiB, and a dictionary of one cell of
 //! 300 MB serves every row. A reader holds one dictionary and one page of each column at a time, so these together are compared with the
-//! budget; a column of text also gives its mean cell, from which follows how many rows can be decoded at once.
+//! budget. A batch of rows holds the pages of all of its cells, so the mean bytes of a row say how many rows can be decoded at once.
 //!
 //! Snappy, Zstandard and LZ4 unpack to the announced size at most. Gzip, and the LZ4 frames of old writers, do not stop there: a page of
 //! these that could be longer is unpacked once for its length.
@@ -38,8 +38,8 @@ pub(crate) struct Unpacked {
     pub(crate) pages: u64,
     /// Values of all pages of all columns.
     pub(crate) values: u64,
-    /// Mean bytes of a value in the page where they are largest.
-    pub(crate) cell: u64,
+    /// Bytes of a row: of each column the mean value in the page where it is largest, together.
+    pub(crate) row: u64,
 }
 
 /// Sizes of the columns with these indices of the schema's leaves.
@@ -55,7 +55,7 @@ pub(crate) fn unpacked(
     let mut all = Unpacked::default();
     let columns = metadata.file_metadata().schema_descr().num_columns();
     for column in (0..columns).filter(|column| is_read(*column)) {
-        let [mut dictionary, mut page] = [0_u64; 2];
+        let [mut dictionary, mut page, mut value] = [0_u64; 3];
         for group in metadata.row_groups() {
             let Some(chunk) = group.columns().get(column) else { continue };
             pages_of(&mut file, chunk, &mut |sizes| {
@@ -65,10 +65,11 @@ pub(crate) fn unpacked(
                     page = page.max(sizes.unpacked);
                     all.values = all.values.saturating_add(sizes.values);
                 }
-                all.cell = all.cell.max(sizes.unpacked / sizes.values.max(1));
+                value = value.max(sizes.unpacked / sizes.values.max(1));
             })?;
         }
         all.pages = all.pages.saturating_add(dictionary).saturating_add(page);
+        all.row = all.row.saturating_add(value);
     }
     Ok(all)
 }
@@ -172,9 +173,22 @@ mod tests {
                 let found = sizes(&file(codec, version)).unwrap();
                 assert_eq!(found.values, ROWS as u64, "{codec} {version:?}");
                 assert!((8 * ROWS as u64..9 * ROWS as u64).contains(&found.pages), "{codec} {version:?}: {found:?}");
-                assert_eq!(found.cell, 8, "{codec} {version:?}");
+                assert_eq!(found.row, 8, "{codec} {version:?}");
             }
         }
+    }
+
+    /// A batch of rows holds the cells of every column, so a row is as long as all of them.
+    #[test]
+    fn a_row_has_the_cells_of_every_column() {
+        let column = || Arc::new(Float64Array::from_iter_values((0..100).map(f64::from))) as ArrayRef;
+        let batch = RecordBatch::try_from_iter([("a", column()), ("b", column()), ("c", column())]).unwrap();
+        let mut bytes = Vec::new();
+        let properties = WriterProperties::builder().set_dictionary_enabled(false).build();
+        let mut writer = ArrowWriter::try_new(&mut bytes, batch.schema(), Some(properties)).unwrap();
+        writer.write(&batch).unwrap();
+        writer.close().unwrap();
+        assert_eq!(sizes(&bytes).unwrap().row, 3 * 8);
     }
 
     /// The size in the header is made smaller by a bit of its varint; the pages stay as they are.

@@ -27,7 +27,7 @@ pub const COMPENSATED_STAMP: &str = "# sagnac compensated";
 /// Most blank lines and comments above the headers.
 const MAX_LINES_ABOVE: u64 = 100_000;
 /// Longest line of a log.
-const MAX_LINE_BYTES: usize = 1 << 20;
+pub(crate) const MAX_LINE_BYTES: usize = 1 << 20;
 /// Rows handed over to their columns together.
 const WAITING_ROWS: usize = 512;
 /// Bytes of a piece.
