@@ -11,6 +11,10 @@ use sagnac_log::setup::Setup;
 /// Logs of more windows are not fitted: these targets test the reading.
 const FEW_WINDOWS: usize = 60;
 
+/// One log in so many is fitted, chosen by the sum of its bytes: a fit takes as long as a thousand readings, and `table` fits
+/// whatever it reads.
+const ONE_FIT_IN: u32 = 64;
+
 /// Reads the bytes as a log and fits them. The library catches a decoder's panic, so its message is suppressed.
 pub fn read_log(bytes: &[u8]) {
     only_our_own_panics_are_findings();
@@ -26,6 +30,9 @@ pub fn read_log(bytes: &[u8]) {
             continue;
         };
         while let Ok(Some(_)) = log.next_batch() {}
+    }
+    if bytes.iter().fold(0_u32, |sum, byte| sum.wrapping_add(u32::from(*byte))) % ONE_FIT_IN != 0 {
+        return;
     }
     let Ok(log) = LogReader::from_reader("log", Box::new(Cursor::new(bytes.to_vec())), &setup, ReadMode::Bulk) else {
         return;

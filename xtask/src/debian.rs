@@ -65,6 +65,16 @@ pub const C: &[Tool] = &[
     ("/usr/lib/arm-none-eabi/newlib/thumb/v7e-m+fp/hard/librdimon.a", "libnewlib-arm-none-eabi"),
     ("qemu-system-arm", "qemu-system-arm"),
     ("cppcheck", "cppcheck"),
+    ("g++", "g++"),
+    ("make", "make"),
+    ("/usr/include/sodium.h", "libsodium-dev"),
+    // By its version: the package without one does not install beside gcc-multilib.
+    ("powerpc-linux-gnu-gcc-12", "gcc-12-powerpc-linux-gnu"),
+    ("/usr/powerpc-linux-gnu/lib/libc.a", "libc6-dev-powerpc-cross"),
+    ("qemu-ppc", "qemu-user"),
+    ("avr-gcc", "gcc-avr"),
+    ("/usr/lib/avr/include/stdio.h", "avr-libc"),
+    ("simavr", "simavr"),
 ];
 
 /// For the corpus of broken inputs, whose peak memory GNU time reads.

@@ -1,5 +1,6 @@
 //! `sagnac export`: turns a calibration into the files of a target.
 
+use std::collections::BTreeMap;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
@@ -319,11 +320,28 @@ fn folder(path: &Path, files: &[TextFile], console: &mut Console) -> Ran {
     }
     std::fs::create_dir_all(path).map_err(|e| Error::io_path(path, "create", &e))?;
     for file in files {
-        write_bytes(&path.join(&file.name), file.text.as_bytes())?;
+        let file_path = path.join(&file.name);
+        if let Some(below) = file_path.parent() {
+            std::fs::create_dir_all(below).map_err(|e| Error::io_path(below, "create", &e))?;
+        }
+        write_bytes(&file_path, file.text.as_bytes())?;
     }
-    let names: Vec<&str> = files.iter().map(|file| file.name.as_str()).collect();
-    console.say(format!("wrote {}: {}", path.display(), names.join(", ")));
+    console.say(format!("wrote {}: {}", path.display(), listed(files).join(", ")));
     Ok(Outcome::Done)
+}
+
+/// The names of the files; of a folder its name and how many it has.
+fn listed(files: &[TextFile]) -> Vec<String> {
+    let mut names: Vec<String> = Vec::new();
+    let mut folders: BTreeMap<&str, usize> = BTreeMap::new();
+    for file in files {
+        match file.name.split_once('/') {
+            Some((folder, _)) => *folders.entry(folder).or_default() += 1,
+            None => names.push(file.name.clone()),
+        }
+    }
+    names.extend(folders.into_iter().map(|(folder, count)| format!("{folder}/ ({count})")));
+    names
 }
 
 fn wrote(path: &Path, bytes: &[u8], console: &mut Console) -> Ran {

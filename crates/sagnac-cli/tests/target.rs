@@ -38,7 +38,19 @@ fn c_and_verilog_are_whole_folders() {
     for (to, files) in [
         (
             "c",
-            &["sagnac_compensator.c", "sagnac_intensity.h", "sagnac_path_length.c", "sagnac_unit.c", "sagnac_unit.h"][..],
+            &[
+                "sagnac_compensator.c",
+                "sagnac_intensity.h",
+                "sagnac_banks.c",
+                "sagnac_board.h",
+                "sagnac_unit.c",
+                "sagnac_unit.h",
+                "sagnac_version.h",
+                "Makefile",
+                "README.md",
+                "check/check_vectors.c",
+                "vectors/stripper.hex",
+            ][..],
         ),
         (
             "verilog",

@@ -25,6 +25,7 @@ mod intensity;
 mod path_length;
 mod quadrature;
 mod stimulus;
+mod strip;
 
 use core::fmt;
 
@@ -33,6 +34,7 @@ pub use file::{BadFile, Head, Words};
 pub use intensity::IntensityMachine;
 pub use path_length::PathLengthMachine;
 pub use quadrature::QuadratureMachine;
+pub use strip::StripperMachine;
 
 /// First word of a file.
 pub const MAGIC: u32 = 0x5a67_ac01;
@@ -56,6 +58,8 @@ pub enum Module {
     Intensity = 3,
     /// [`QuadratureMachine`].
     Quadrature = 4,
+    /// [`StripperMachine`].
+    Stripper = 5,
 }
 
 /// An implementation under test, driven by records.
@@ -70,6 +74,8 @@ pub enum Machine {
     Intensity(IntensityMachine),
     /// See [`QuadratureMachine`].
     Quadrature(QuadratureMachine),
+    /// See [`StripperMachine`].
+    Stripper(StripperMachine),
 }
 
 /// Result of a file that passed.
@@ -135,6 +141,7 @@ impl Module {
             2 => Some(Self::PathLength),
             3 => Some(Self::Intensity),
             4 => Some(Self::Quadrature),
+            5 => Some(Self::Stripper),
             _ => None,
         }
     }
@@ -148,6 +155,7 @@ impl Machine {
             Module::PathLength => Self::PathLength(PathLengthMachine::new(table)?),
             Module::Intensity => Self::Intensity(IntensityMachine::new(table)?),
             Module::Quadrature => Self::Quadrature(QuadratureMachine::new()),
+            Module::Stripper => Self::Stripper(StripperMachine::new()),
         })
     }
 
@@ -158,6 +166,7 @@ impl Machine {
             Self::PathLength(machine) => machine.step(operation, inputs),
             Self::Intensity(machine) => machine.step(operation, inputs),
             Self::Quadrature(machine) => machine.step(operation, inputs),
+            Self::Stripper(machine) => machine.step(operation, inputs),
         }
     }
 
@@ -168,6 +177,7 @@ impl Machine {
             Self::PathLength(machine) => machine.ticks(),
             Self::Intensity(machine) => machine.ticks(),
             Self::Quadrature(machine) => machine.ticks(),
+            Self::Stripper(machine) => machine.ticks(),
         }
     }
 }

@@ -41,6 +41,7 @@ pub(crate) fn make() -> Result<Vec<Made>> {
         path_length(&heater, 25, 400)?.made("path-length-heater")?,
         intensity(&mirror.table)?.made("intensity")?,
         quadrature()?.made("quadrature")?,
+        stripper()?.made("stripper")?,
     ])
 }
 
@@ -659,6 +660,29 @@ fn quadrature() -> Result<Making> {
             let (forward, back) = [(90, 95), (5, 90), (45, 90), (100, 100)][(run % 4) as usize];
             let double = if run % 5 == 4 { 97 } else { back };
             making.step(1, &[1000, run * 31 + index as u32, share(forward), share(back), share(double)])?;
+        }
+    }
+    Ok(making)
+}
+
+/// Dithers of several periods and amplitudes, with noise; a dither that dies, at rest anywhere or in its noise, and returns.
+fn stripper() -> Result<Making> {
+    let mut making =
+        Making::new(Module::Stripper, Vec::new(), "dither stripper: whole periods, dead dithers, ends of the range")?;
+    let ends = [0, 70_000, -70_000, i32::MIN, i32::MAX].map(i32::cast_unsigned);
+    for (start, (longest, least_swing)) in
+        [(50, 250_000), (1, 0), (0, 1), (65_535, 1 << 20), (7, u32::MAX), (50, 0)].into_iter().enumerate()
+    {
+        making.step(0, &[longest, least_swing])?;
+        for run in 0..60_u32 {
+            let seed = run * 47 + start as u32;
+            let period = [25, 24, 50, 3, 1000][(run % 5) as usize];
+            let step = u32::MAX / period + run;
+            let amplitude = [1 << 20, 1 << 24, 0, u32::MAX, 1 << 20, 300_000][(run % 6) as usize];
+            let counts = [3, -40, 0, i32::MAX, i32::MIN, 1][(run / 2 % 6) as usize].cast_unsigned();
+            let bits = [0, 8, 20, 31][(run / 3 % 4) as usize];
+            let place = if run % 4 == 0 { ends[(run / 4 % 5) as usize] } else { 0 };
+            making.step(1, &[700, seed, counts, bits, amplitude, step, [0, 16, 31][(run % 3) as usize], place])?;
         }
     }
     Ok(making)

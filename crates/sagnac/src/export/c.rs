@@ -1,4 +1,4 @@
-//! The correction and the loops as C99.
+//! The whole of a gyro's program as C99: correction, loops, counting, banks, signature, serial line and the order of a tick.
 //!
 //! The modules are the same for every gyro and load an image or table from bytes; `sagnac_unit.c` holds the images and the
 //! table as constants for builds that compile them in. The code needs only `<stdint.h>`, no 8-bit type and no
@@ -11,28 +11,83 @@ use sagnac_loops::LoopTable;
 
 use super::TextFile;
 
-const MODULES: [(&str, &str); 6] = [
-    ("sagnac_integer.h", include_str!("c/sagnac_integer.h")),
-    ("sagnac_integer.c", include_str!("c/sagnac_integer.c")),
-    ("sagnac_compensator.h", include_str!("c/sagnac_compensator.h")),
-    ("sagnac_compensator.c", include_str!("c/sagnac_compensator.c")),
-    ("sagnac_watch.h", include_str!("c/sagnac_watch.h")),
-    ("sagnac_watch.c", include_str!("c/sagnac_watch.c")),
-];
-const LOOPS: [(&str, &str); 4] = [
-    ("sagnac_path_length.h", include_str!("c/sagnac_path_length.h")),
-    ("sagnac_path_length.c", include_str!("c/sagnac_path_length.c")),
-    ("sagnac_intensity.h", include_str!("c/sagnac_intensity.h")),
-    ("sagnac_intensity.c", include_str!("c/sagnac_intensity.c")),
-];
+/// A module: its header and its source.
+macro_rules! modules {
+    ($($name:literal),+ $(,)?) => {
+        [$((concat!($name, ".h"), include_str!(concat!("c/", $name, ".h"))), (concat!($name, ".c"), include_str!(concat!("c/", $name, ".c")))),+]
+    };
+}
 
-/// The files for some axes of a gyro, and for its loops if their table is given.
+/// In the order of their layers: each includes only those before it.
+const MODULES: [(&str, &str); 28] = modules!(
+    "sagnac_integer",
+    "sagnac_hash",
+    "sagnac_compensator",
+    "sagnac_watch",
+    "sagnac_quadrature",
+    "sagnac_strip",
+    "sagnac_path_length",
+    "sagnac_intensity",
+    "sagnac_identity",
+    "sagnac_banks",
+    "sagnac_signature",
+    "sagnac_frame",
+    "sagnac_upload",
+    "sagnac_board",
+);
+
+/// What the checking program reads.
+macro_rules! vectors {
+    ($($name:literal),+ $(,)?) => {
+        [$((concat!("vectors/", $name, ".hex"), include_str!(concat!("../../../../testdata/vectors/", $name, ".hex")))),+]
+    };
+}
+
+const CHECK: [(&str, &str); 3] = [
+    ("check/check_vectors.c", include_str!("../../../../firmware/c/check_vectors.c")),
+    ("Makefile", include_str!("c/Makefile")),
+    ("README.md", include_str!("c/README.md")),
+];
+const VECTORS: [(&str, &str); 14] = vectors!(
+    "compensator-advance",
+    "compensator-edges",
+    "compensator-full",
+    "compensator-harmonic",
+    "compensator-inputs",
+    "compensator-lags",
+    "compensator-limits",
+    "compensator-paper",
+    "compensator-warm-up",
+    "intensity",
+    "path-length-heater",
+    "path-length-mirror",
+    "quadrature",
+    "stripper",
+);
+
+/// The files for some axes of a gyro: every module, the constants of the unit (those of its loops if their table is given), the program
+/// that checks a port with its reference vectors, a Makefile and a README. Names have folders, `check/` and `vectors/`.
 pub fn c_files(images: &[Image], loops: Option<&LoopTable>) -> Vec<TextFile> {
-    let modules = MODULES.iter().chain(if loops.is_some() { &LOOPS[..] } else { &[] });
-    let mut files: Vec<TextFile> = modules.map(|(name, text)| TextFile::new(name, (*text).to_owned())).collect();
+    let whole = MODULES.iter().chain(&CHECK).chain(&VECTORS);
+    let mut files: Vec<TextFile> = whole.map(|(name, text)| TextFile::new(name, (*text).to_owned())).collect();
+    files.push(TextFile::new("sagnac_version.h", version_header()));
     files.push(TextFile::new("sagnac_unit.h", unit_header(images, loops)));
     files.push(TextFile::new("sagnac_unit.c", unit_source(images, loops)));
     files
+}
+
+/// The version of the program that made the export, as text and as one number that grows.
+fn version_header() -> String {
+    let parts = [env!("CARGO_PKG_VERSION_MAJOR"), env!("CARGO_PKG_VERSION_MINOR"), env!("CARGO_PKG_VERSION_PATCH")];
+    let number = parts.iter().fold(0_u32, |sum, part| sum * 1000 + part.parse::<u32>().unwrap_or(0));
+    format!(
+        "/* The version of this export. Made by `sagnac export --to c`. */\n\
+         #ifndef SAGNAC_VERSION_H\n#define SAGNAC_VERSION_H\n\n\
+         #define SAGNAC_VERSION \"{}\"\n\
+         /* 1000000 times the first number, 1000 times the second, the third. */\n\
+         #define SAGNAC_VERSION_NUMBER {number}UL\n\n#endif\n",
+        env!("CARGO_PKG_VERSION")
+    )
 }
 
 fn name_of(image: &Image) -> String {
@@ -57,7 +112,7 @@ fn unit_header(images: &[Image], loops: Option<&LoopTable>) -> String {
     if loops.is_some() {
         out.push_str("#include \"sagnac_intensity.h\"\n#include \"sagnac_path_length.h\"\n");
     }
-    out.push('\n');
+    out.push_str("#include \"sagnac_version.h\"\n\n#ifdef __cplusplus\nextern \"C\" {\n#endif\n\n");
     for image in images {
         let d = image.description();
         // Writing to a String cannot fail.
@@ -72,7 +127,7 @@ fn unit_header(images: &[Image], loops: Option<&LoopTable>) -> String {
     if loops.is_some() {
         out.push_str("extern const sagnac_path_length sagnac_unit_path_length;\nextern const sagnac_intensity sagnac_unit_intensity;\n\n");
     }
-    out + "#endif\n"
+    out + "#ifdef __cplusplus\n}\n#endif\n\n#endif\n"
 }
 
 fn unit_source(images: &[Image], loops: Option<&LoopTable>) -> String {

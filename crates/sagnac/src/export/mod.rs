@@ -12,7 +12,7 @@ pub use verilog::{Widths, verilog_files};
 /// One file of source text.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TextFile {
-    /// Its name, without a folder.
+    /// Its name, below the folder of the export, with `/` between folders.
     pub name: String,
     /// What it holds.
     pub text: String,

@@ -12,7 +12,7 @@ macro_rules! vectors {
     };
 }
 
-const FILES: [(&str, &[u8]); 13] = vectors!(
+const FILES: [(&str, &[u8]); 14] = vectors!(
     "compensator-full",
     "compensator-paper",
     "compensator-inputs",
@@ -26,6 +26,7 @@ const FILES: [(&str, &[u8]); 13] = vectors!(
     "path-length-heater",
     "intensity",
     "quadrature",
+    "stripper",
 );
 
 #[entry]

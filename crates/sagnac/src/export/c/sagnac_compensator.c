@@ -114,6 +114,11 @@ static uint32_t input_if_valid(const sagnac_input *spec, int64_t t, int32_t *t_q
     return valid;
 }
 
+uint32_t sagnac_input_value(const sagnac_input *spec, int32_t code, int32_t *t_q24)
+{
+    return input_if_valid(spec, input_value(spec, code), t_q24);
+}
+
 /* x of the value clamped to the span. */
 static void scale_input(const sagnac_input *spec, int32_t t_q24, sagnac_scaled_input *out)
 {
@@ -748,8 +753,7 @@ static uint32_t term_is_sound(const sagnac_image *image, const sagnac_term *term
     return sound;
 }
 
-/* The largest value that the terms of one kind can reach together, in 2^-32. */
-static int64_t gyro_reach(const sagnac_image *image, sagnac_kind kind)
+int64_t sagnac_image_reach(const sagnac_image *image, sagnac_kind kind)
 {
     int64_t sum = 0;
     uint32_t i;
@@ -765,10 +769,68 @@ static int64_t gyro_reach(const sagnac_image *image, sagnac_kind kind)
     return sagnac_floor_shift(sum, GUARD_BITS);
 }
 
+/* The octets that follow the first one of a character of UTF-8, and the range of the first of them; SAGNAC_NO for an octet that begins
+ * none. Table 3-7 of the Unicode Standard. */
+static uint32_t text_begins(uint32_t octet, uint32_t *more, uint32_t *low, uint32_t *high)
+{
+    uint32_t begins = SAGNAC_YES;
+    *low = 0x80U;
+    *high = 0xBFU;
+    if (octet < 0x80U) {
+        *more = 0U;
+    } else if ((octet >= 0xC2U) && (octet <= 0xDFU)) {
+        *more = 1U;
+    } else if ((octet >= 0xE0U) && (octet <= 0xEFU)) {
+        *more = 2U;
+        if (octet == 0xE0U) {
+            *low = 0xA0U;
+        }
+        if (octet == 0xEDU) {
+            *high = 0x9FU;
+        }
+    } else if ((octet >= 0xF0U) && (octet <= 0xF4U)) {
+        *more = 3U;
+        if (octet == 0xF0U) {
+            *low = 0x90U;
+        }
+        if (octet == 0xF4U) {
+            *high = 0x8FU;
+        }
+    } else {
+        *more = 0U;
+        begins = SAGNAC_NO;
+    }
+    return begins;
+}
+
+/* The serial number is UTF-8. */
+static uint32_t serial_is_text(const sagnac_image *image)
+{
+    uint32_t sound = SAGNAC_YES;
+    uint32_t more = 0U;
+    uint32_t low = 0U;
+    uint32_t high = 0U;
+    uint32_t i;
+    for (i = 0U; i < 32U; i++) {
+        const uint32_t octet = (image->serial[i / 4U] >> (8U * (i % 4U))) & 0xFFU;
+        if (more == 0U) {
+            sound &= text_begins(octet, &more, &low, &high);
+        } else {
+            if ((octet < low) || (octet > high)) {
+                sound = SAGNAC_NO;
+            }
+            low = 0x80U;
+            high = 0xBFU;
+            more--;
+        }
+    }
+    return (more == 0U) ? sound : SAGNAC_NO;
+}
+
 /* The axis is a printable character; all numbers are in range. */
 static uint32_t head_is_sound(const sagnac_image *image)
 {
-    uint32_t sound = 1U;
+    uint32_t sound = serial_is_text(image);
     if ((image->axis < 33U) || (image->axis > 126U) || (image->tick_ns == 0U) || (image->period_ticks == 0U) ||
         (image->period_ticks > 16777216U) || (image->slew_ticks > image->period_ticks)) {
         sound = 0U;
@@ -801,11 +863,29 @@ sagnac_image_error sagnac_image_check(const sagnac_image *image)
             }
         }
         if ((error == SAGNAC_IMAGE_OK) &&
-            ((gyro_reach(image, SAGNAC_BIAS) > increment_bound(image)) || (gyro_reach(image, SAGNAC_SCALE) > MAX_SCALE))) {
+            ((sagnac_image_reach(image, SAGNAC_BIAS) > increment_bound(image)) || (sagnac_image_reach(image, SAGNAC_SCALE) > MAX_SCALE))) {
             error = SAGNAC_IMAGE_SUM;
         }
     }
     return error;
+}
+
+void sagnac_image_empty(sagnac_image *image)
+{
+    uint32_t i;
+    for (i = 0U; i < 8U; i++) {
+        image->serial[i] = 0U;
+    }
+    image->axis = 120U;
+    image->tick_ns = 100000U;
+    image->period_ticks = 10000U;
+    image->slew_ticks = 100U;
+    image->scale_factor_femto_arcsec = (uint64_t)1000000000000000;
+    image->quantum_nano_counts = (uint64_t)1000000000;
+    image->sequence = 0U;
+    image->output_limit = 2147483647U;
+    image->input_count = 0U;
+    image->term_count = 0U;
 }
 
 static void load_head(sagnac_image *image, sagnac_read_octet read, const void *context)
@@ -908,7 +988,7 @@ static uint32_t load_term(sagnac_term *term, sagnac_read_octet read, const void 
     } else {
         term->shape = SAGNAC_CHEBYSHEV;
     }
-    return (((kind == 1U) || (kind == 2U)) && (shape <= 4U)) ? SAGNAC_YES : SAGNAC_NO;
+    return ((kind >= 1U) && (kind <= 2U) && (shape <= 4U)) ? SAGNAC_YES : SAGNAC_NO;
 }
 
 /* Checks length, magic, versions and checksum. */
@@ -916,7 +996,7 @@ static sagnac_image_error gyro_envelope(sagnac_read_octet read, const void *cont
 {
     static const uint32_t magic[2] = {0x4E474153U, 0x4D494341U};
     sagnac_image_error error = SAGNAC_IMAGE_OK;
-    if (length < (HEAD_LENGTH + CRC_LENGTH)) {
+    if ((length < (HEAD_LENGTH + CRC_LENGTH)) || (length > SAGNAC_MAX_IMAGE)) {
         error = SAGNAC_IMAGE_LENGTH;
     } else if ((sagnac_read_u32(read, context, 0U) != magic[0]) || (sagnac_read_u32(read, context, 4U) != magic[1])) {
         error = SAGNAC_IMAGE_NOT_AN_IMAGE;

@@ -27,11 +27,17 @@
 
 #include "sagnac_integer.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 #define SAGNAC_MAX_INPUTS 4U
 #define SAGNAC_MAX_TERMS 32U
 #define SAGNAC_MAX_ORDER 8U
 /* Most turns of a harmonic over the span, 2^-18: just below 64. */
 #define SAGNAC_MAX_TURNS_Q18 16777215U
+/* Longest image, octets. */
+#define SAGNAC_MAX_IMAGE 772U
 /* Largest |raw| of one call. */
 #define SAGNAC_MAX_RAW ((int32_t)536870912)
 
@@ -44,6 +50,12 @@
 #define SAGNAC_UNCORRECTED 32U
 #define SAGNAC_LIMITED 64U
 #define SAGNAC_OVERFLOW 128U
+/* Bits that a board adds (sagnac_board.h). */
+#define SAGNAC_NO_DITHER 256U
+#define SAGNAC_COUNTS_LOST 512U
+#define SAGNAC_SURVIVOR 1024U
+#define SAGNAC_STUCK 2048U
+#define SAGNAC_OUTVOTED 4096U
 
 /* Result of a call. After anything but SAGNAC_OK nothing has changed. */
 typedef enum {
@@ -210,11 +222,21 @@ typedef struct {
     uint32_t status;
 } sagnac_output;
 
-/* Reads an image of `length` bytes and checks every value; with anything but SAGNAC_IMAGE_OK do not use it. */
+/* Reads an image of `length` bytes and checks every value; with anything but SAGNAC_IMAGE_OK do not use it. No byte at or
+ * beyond `length`, and none at or beyond SAGNAC_MAX_IMAGE, is read. */
 sagnac_image_error sagnac_image_load(sagnac_image *image, sagnac_read_octet read, const void *context, uint32_t length);
 
 /* The checks alone, for an image that was not loaded. */
 sagnac_image_error sagnac_image_check(const sagnac_image *image);
+
+/* The largest value that the terms of one kind can reach together, 2^-32 counts per tick or 2^-32. */
+int64_t sagnac_image_reach(const sagnac_image *image, sagnac_kind kind);
+
+/* The value of a code, 2^-24 degC: SAGNAC_YES, or SAGNAC_NO outside the valid range of the input. */
+uint32_t sagnac_input_value(const sagnac_input *spec, int32_t code, int32_t *t_q24);
+
+/* An image without inputs and terms, which passes counts through. */
+void sagnac_image_empty(sagnac_image *image);
 
 /* Memory at power-on: a slow update is due. */
 void sagnac_compensator_start(sagnac_compensator_state *state);
@@ -260,5 +282,9 @@ void sagnac_compensator_clear_overflow(sagnac_compensator_state *state);
 
 /* The status that a tick would have now, without its own SAGNAC_LIMITED. */
 uint32_t sagnac_compensator_status(const sagnac_compensator_state *state);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

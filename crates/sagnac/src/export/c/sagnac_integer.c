@@ -148,6 +148,36 @@ int64_t sagnac_read_i64(sagnac_read_octet read, const void *context, uint32_t at
     return result;
 }
 
+uint32_t sagnac_octet_at(const void *context, uint32_t index)
+{
+    const sagnac_octet *octets = context;
+    return (uint32_t)octets[index] & 0xFFU;
+}
+
+void sagnac_write_u16(sagnac_octet *octets, uint32_t at, uint32_t value)
+{
+    octets[at] = (sagnac_octet)(value & 0xFFU);
+    octets[at + 1U] = (sagnac_octet)((value >> 8) & 0xFFU);
+}
+
+void sagnac_write_u32(sagnac_octet *octets, uint32_t at, uint32_t value)
+{
+    sagnac_write_u16(octets, at, value & 0xFFFFU);
+    sagnac_write_u16(octets, at + 2U, value >> 16);
+}
+
+uint32_t sagnac_are_equal(const sagnac_octet *some, const sagnac_octet *others, uint32_t count)
+{
+    uint32_t equal = SAGNAC_YES;
+    uint32_t index;
+    for (index = 0U; index < count; index++) {
+        if (some[index] != others[index]) {
+            equal = SAGNAC_NO;
+        }
+    }
+    return equal;
+}
+
 uint32_t sagnac_crc32(sagnac_read_octet read, const void *context, uint32_t from, uint32_t length)
 {
     uint32_t crc = 0xFFFFFFFFU;

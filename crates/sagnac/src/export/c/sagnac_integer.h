@@ -10,12 +10,22 @@
 
 #include <stdint.h>
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 /* Answers of the functions that return uint32_t for yes or no. */
 #define SAGNAC_YES ((uint32_t)1)
 #define SAGNAC_NO ((uint32_t)0)
 
-/* Gives byte `index` of an image or table: 0 to 255. On a machine with 8-bit char: return ((const unsigned char *)context)[index]; */
+/* Eight bits of a file, a frame or a flash, 0 to 255, in the smallest type that holds them: 16 bits where char has 16. */
+typedef uint_least8_t sagnac_octet;
+
+/* Gives byte `index` of an image or table: 0 to 255. sagnac_octet_at reads an array of octets. */
 typedef uint32_t (*sagnac_read_octet)(const void *context, uint32_t index);
+
+/* Octet `index` of an array: the reader of an image in memory, whose context is the array. */
+uint32_t sagnac_octet_at(const void *context, uint32_t index);
 
 /* A gain of mantissa * 2^-shift. */
 typedef struct {
@@ -61,6 +71,13 @@ int32_t sagnac_read_i16(sagnac_read_octet read, const void *context, uint32_t at
 int32_t sagnac_read_i32(sagnac_read_octet read, const void *context, uint32_t at);
 int64_t sagnac_read_i64(sagnac_read_octet read, const void *context, uint32_t at);
 
+/* The same, written. */
+void sagnac_write_u16(sagnac_octet *octets, uint32_t at, uint32_t value);
+void sagnac_write_u32(sagnac_octet *octets, uint32_t at, uint32_t value);
+
+/* SAGNAC_YES if `count` octets are equal. */
+uint32_t sagnac_are_equal(const sagnac_octet *some, const sagnac_octet *others, uint32_t count);
+
 /* CRC-32/ISO-HDLC over `length` bytes from `from` on. */
 uint32_t sagnac_crc32(sagnac_read_octet read, const void *context, uint32_t from, uint32_t length);
 
@@ -69,5 +86,9 @@ uint32_t sagnac_are_zero(sagnac_read_octet read, const void *context, uint32_t f
 
 /* 1 if these bytes are a table of the loops (docs/reference/loop-table.md) by length, magic, version, head and checksum, else 0. */
 uint32_t sagnac_is_loop_table(sagnac_read_octet read, const void *context, uint32_t length);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -15,6 +15,10 @@
 
 #include "sagnac_integer.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 /* Status bits. */
 #define SAGNAC_LIGHT_LOW 1U
 #define SAGNAC_LIGHT_END_OF_RANGE 2U
@@ -78,5 +82,9 @@ void sagnac_intensity_start(const sagnac_intensity *loop, sagnac_intensity_state
 /* One tick. With `hold` not 0 the current stays and no dark time is counted (SAGNAC_PATH_HOLD_LIGHT). */
 void sagnac_intensity_tick(const sagnac_intensity *loop, sagnac_intensity_state *state, int32_t photodiode,
                            uint32_t hold, sagnac_intensity_output *output);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

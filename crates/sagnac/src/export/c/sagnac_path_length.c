@@ -406,7 +406,7 @@ static uint32_t path_is_sound(const sagnac_path_length *loop)
     }
     if ((loop->sweep_periods > MAX_TIME) || (loop->settle_periods > MAX_TIME) || (loop->lock_periods < 1U) ||
         (loop->lock_periods > MAX_EVIDENCE) || (loop->lost_periods < 1U) || (loop->lost_periods > MAX_EVIDENCE) ||
-        (loop->give_up_periods > MAX_TIME) || (loop->least_curvature_q8 < 2U) || (loop->least_curvature_q8 > 0xFFFFU) ||
+        (loop->give_up_periods > MAX_TIME) || (loop->least_curvature_q8 < 2U) ||
         (loop->most_curvature_q8 < loop->least_curvature_q8) || (loop->most_curvature_q8 > MOST_CURVATURE_Q8)) {
         sound = 0U;
     }

@@ -23,6 +23,10 @@
 
 #include "sagnac_integer.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 #define SAGNAC_MAX_TICKS_PER_PERIOD 64U
 
 /* Status bits. */
@@ -115,5 +119,9 @@ void sagnac_path_length_start(const sagnac_path_length *loop, sagnac_path_length
 /* One tick. */
 void sagnac_path_length_tick(const sagnac_path_length *loop, sagnac_path_length_state *state, int32_t detector,
                              sagnac_path_length_output *output);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -12,6 +12,10 @@
 
 #include <stdint.h>
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 #define SAGNAC_MAX_WATCHED 4U
 #define SAGNAC_MAX_VOTERS 8U
 
@@ -56,5 +60,9 @@ uint32_t sagnac_watch_update(const sagnac_watch_spec *spec, sagnac_watch *watch,
 
 /* The median of `count` codes of one place, at most 8. */
 void sagnac_vote_of(const int32_t *codes, uint32_t count, uint32_t present, uint32_t agree, sagnac_vote *vote);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -1,0 +1,221 @@
+/* One tick of a gyro's board: see sagnac_board.h. */
+#include "sagnac_board.h"
+
+#include "sagnac_integer.h"
+#include "sagnac_upload.h"
+
+#define OUTPUT_PAYLOAD 33U
+
+/* What the source of an image adds to the status of every tick. */
+static uint32_t board_origin_status(sagnac_origin origin)
+{
+    uint32_t status = 0U;
+    if (origin == SAGNAC_FACTORY_DEFAULTS) {
+        status = SAGNAC_UNCORRECTED;
+    }
+    if (origin == SAGNAC_ONLY_SURVIVOR) {
+        status = SAGNAC_SURVIVOR;
+    }
+    return status;
+}
+
+static void board_take_image(sagnac_board *board, const sagnac_loaded *loaded)
+{
+    uint32_t i;
+    board->image = loaded->image;
+    for (i = 0U; i < SAGNAC_DIGEST; i++) {
+        board->digest[i] = loaded->digest[i];
+    }
+}
+
+/* Sums and bits of the next frame; number, tick and the last codes go on. */
+static void board_begin_frame(sagnac_output_frame *frame)
+{
+    frame->counts = 0U;
+    frame->raw = 0U;
+    frame->status = 0U;
+    frame->path_status = 0U;
+    frame->light_status = 0U;
+    frame->ticks = 0U;
+}
+
+void sagnac_board_start(sagnac_board *board, const sagnac_loaded *loaded, const sagnac_path_length *path,
+                        const sagnac_intensity *light)
+{
+    board_take_image(board, loaded);
+    sagnac_compensator_start(&board->state);
+    board->path = path;
+    sagnac_path_length_start(path, &board->path_state);
+    board->light = light;
+    sagnac_intensity_start(light, &board->light_state);
+    board->strips = SAGNAC_NO;
+    board->origin = loaded->origin;
+    board->trial = loaded->trial;
+    board->watches = SAGNAC_NO;
+    board->heats = SAGNAC_NO;
+    board->still = 0U;
+    board->lost_steps = 0U;
+    board->frame.number = 0U;
+    board->frame.tick = 0U;
+    board->frame.actuator = 0;
+    board->frame.current = 0;
+    board->frame.has_temperature = SAGNAC_NO;
+    board->frame.temperature = 0;
+    board_begin_frame(&board->frame);
+}
+
+void sagnac_board_strip(sagnac_board *board, uint32_t longest, uint32_t least_swing)
+{
+    board->strips = SAGNAC_YES;
+    sagnac_stripper_start(&board->stripper, longest, least_swing);
+}
+
+void sagnac_board_watch(sagnac_board *board, const sagnac_watch_spec *spec, uint32_t heats)
+{
+    board->watches = SAGNAC_YES;
+    board->heats = heats;
+    board->watch_spec = *spec;
+    board->still = 0U;
+    sagnac_watch_start(&board->watch);
+}
+
+void sagnac_board_use(sagnac_board *board, const sagnac_loaded *loaded)
+{
+    if (sagnac_are_equal(board->digest, loaded->digest, SAGNAC_DIGEST) == 0U) {
+        board_take_image(board, loaded);
+        sagnac_compensator_migrate_state(&board->image, &board->state);
+        /* Its inputs may be other thermometers. */
+        board->still = 0U;
+        sagnac_watch_start(&board->watch);
+    }
+    board->origin = loaded->origin;
+    board->trial = loaded->trial;
+}
+
+/* The image's thermometers, 2^-24 degC: inputs with a code of their own in degC. */
+static uint32_t board_temperatures(const sagnac_board *board, const sagnac_sample *sample, int32_t values[SAGNAC_MAX_WATCHED])
+{
+    uint32_t present = 0U;
+    uint32_t i;
+    for (i = 0U; i < SAGNAC_MAX_WATCHED; i++) {
+        values[i] = 0;
+        if ((i < board->image.input_count) && (((sample->present >> i) & 1U) != 0U)) {
+            const sagnac_input *input = &board->image.inputs[i];
+            if ((input->source == SAGNAC_CODE) && (input->unit_exponent == 0) &&
+                (sagnac_input_value(input, sample->codes[i], &values[i]) != 0U)) {
+                present |= (uint32_t)1U << i;
+            }
+        }
+    }
+    return present;
+}
+
+static void board_slow_update(sagnac_board *board, const sagnac_sample *sample)
+{
+    /* It is due. */
+    (void)sagnac_compensator_update(&board->image, &board->state, sample->codes, sample->present);
+    board->frame.has_temperature = sample->present & 1U;
+    board->frame.temperature = (board->frame.has_temperature != 0U) ? sample->codes[0] : 0;
+    if (board->watches != 0U) {
+        int32_t values[SAGNAC_MAX_WATCHED];
+        const uint32_t present = board_temperatures(board, sample, values);
+        board->still =
+            sagnac_watch_update(&board->watch_spec, &board->watch, values, present, board->heats, board->path_state.held);
+    }
+}
+
+/* The counts of this tick for the correction: without stripping all of them, with it those of a period that ends. */
+static int64_t board_counted(sagnac_board *board, int32_t counts, uint32_t lost_steps, int32_t pickoff)
+{
+    int64_t counted = (int64_t)counts;
+    if (lost_steps != board->lost_steps) {
+        board->lost_steps = lost_steps;
+        board->frame.status |= SAGNAC_COUNTS_LOST;
+    }
+    if (board->strips != 0U) {
+        sagnac_stripped stripped;
+        counted = 0;
+        if (sagnac_stripper_update(&board->stripper, counts, pickoff, &stripped) != 0U) {
+            counted = stripped.counts;
+        }
+        if (sagnac_stripper_has_dither(&board->stripper) == 0U) {
+            board->frame.status |= SAGNAC_NO_DITHER;
+        }
+    }
+    return counted;
+}
+
+static void board_correct(sagnac_board *board, int64_t counted, uint32_t status)
+{
+    const int64_t most = (int64_t)SAGNAC_MAX_RAW;
+    const int32_t raw = (int32_t)sagnac_held(counted, -most, most);
+    sagnac_output output;
+    if ((int64_t)raw != counted) {
+        /* More counts than one call accepts: the excess is lost, and the status reports it. */
+        board->frame.status |= SAGNAC_OVERFLOW;
+    }
+    if (sagnac_compensator_tick(&board->image, &board->state, raw, &output) == SAGNAC_OK) {
+        board->frame.counts += (uint32_t)output.counts;
+        board->frame.status |= output.status | board_origin_status(board->origin) | status;
+    }
+    if (board->still != 0U) {
+        board->frame.status |= SAGNAC_STUCK;
+    }
+    board->frame.raw += (uint32_t)raw;
+}
+
+static void board_loops(sagnac_board *board, int32_t light, sagnac_actuators *actuators)
+{
+    sagnac_path_length_output path;
+    sagnac_intensity_output lit;
+    sagnac_path_length_tick(board->path, &board->path_state, light, &path);
+    sagnac_intensity_tick(board->light, &board->light_state, light, path.status & SAGNAC_PATH_HOLD_LIGHT, &lit);
+    board->frame.path_status |= path.status;
+    board->frame.light_status |= lit.status;
+    board->frame.actuator = path.actuator;
+    board->frame.current = lit.current;
+    actuators->actuator = path.actuator + path.modulation;
+    actuators->modulation = path.modulation;
+    actuators->current = lit.current;
+}
+
+/* The payload of docs/reference/serial-line.md. */
+static void board_compose(const sagnac_board *board, sagnac_frame *frame)
+{
+    const sagnac_output_frame *from = &board->frame;
+    sagnac_octet *payload = frame->payload;
+    frame->kind = SAGNAC_KIND_OUTPUT;
+    frame->length = OUTPUT_PAYLOAD;
+    sagnac_write_u16(payload, 0U, from->number);
+    sagnac_write_u32(payload, 2U, from->tick);
+    sagnac_write_u32(payload, 6U, from->counts);
+    sagnac_write_u32(payload, 10U, from->raw);
+    sagnac_write_u16(payload, 14U, from->status);
+    payload[16] = (sagnac_octet)(from->path_status & 0xFFU);
+    payload[17] = (sagnac_octet)(from->light_status & 0xFFU);
+    sagnac_write_u32(payload, 18U, (uint32_t)from->actuator);
+    sagnac_write_u32(payload, 22U, (uint32_t)from->current);
+    sagnac_write_u32(payload, 26U, (uint32_t)from->temperature);
+    sagnac_write_u16(payload, 30U, board->lost_steps);
+    payload[32] = (sagnac_octet)(from->has_temperature | (sagnac_image_code(board->origin, board->trial) << 1));
+}
+
+uint32_t sagnac_board_tick(sagnac_board *board, int32_t counts, uint32_t lost_steps, const sagnac_sample *sample,
+                           sagnac_actuators *actuators, sagnac_frame *frame)
+{
+    uint32_t ends = SAGNAC_NO;
+    if (board->state.ticks_to_update == 0U) {
+        board_slow_update(board, sample);
+    }
+    board_correct(board, board_counted(board, counts, lost_steps, sample->pickoff), sample->status);
+    board_loops(board, sample->light, actuators);
+    board->frame.tick = (board->frame.tick + 1U) & 0xFFFFFFFFU;
+    board->frame.ticks++;
+    if (board->frame.ticks >= SAGNAC_FRAME_TICKS) {
+        board_compose(board, frame);
+        board->frame.number = (board->frame.number + 1U) & 0xFFFFU;
+        board_begin_frame(&board->frame);
+        ends = SAGNAC_YES;
+    }
+    return ends;
+}

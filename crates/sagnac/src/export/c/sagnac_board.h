@@ -1,0 +1,112 @@
+/*
+ * One tick of a gyro's board, in a fixed order.
+ *
+ *   slow update, if due -> counts -> stripping -> correction -> path-length loop -> intensity loop -> output frame
+ *
+ * Bit for bit the Rust crate sagnac-board. The status of a frame also has what the board alone knows: a dither that is missing, steps of
+ * unknown direction, counts beyond what a call takes, a thermometer that stands still, and where the image comes from.
+ *
+ * Use:
+ *   sagnac_banks_start(&banks, &gyro, &loaded);
+ *   sagnac_board_start(&board, &loaded, &path, &light);      (a dithered gyro: then sagnac_board_strip)
+ *   in the 100 us interrupt, with the counts of the processor's encoder timer:
+ *     if (sagnac_board_tick(&board, counts, lost_steps, &sample, &actuators, &frame) != 0U) { send frame; }
+ *   in the main loop: sagnac_frame_push, sagnac_upload_handle; then, between two ticks, sagnac_board_use.
+ */
+#ifndef SAGNAC_BOARD_H
+#define SAGNAC_BOARD_H
+
+#include <stdint.h>
+
+#include "sagnac_banks.h"
+#include "sagnac_compensator.h"
+#include "sagnac_frame.h"
+#include "sagnac_intensity.h"
+#include "sagnac_path_length.h"
+#include "sagnac_strip.h"
+#include "sagnac_watch.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* Ticks of an output frame: 10 ms at 100 us. */
+#define SAGNAC_FRAME_TICKS 100U
+
+/* Inputs of a tick besides the counts. */
+typedef struct {
+    int32_t codes[SAGNAC_MAX_INPUTS]; /* of the image's inputs; used at a slow update */
+    uint32_t present;                 /* bit i: codes[i] is a new sample */
+    int32_t pickoff;                  /* dither angle at the end of the tick, in any unit */
+    int32_t light;                    /* code of the photodiode */
+    uint32_t status;                  /* bits that the caller adds, for example SAGNAC_OUTVOTED */
+} sagnac_sample;
+
+/* Outputs of a tick to the converters, codes. */
+typedef struct {
+    int32_t actuator;   /* path-length actuator with its modulation */
+    int32_t modulation; /* the modulation alone */
+    int32_t current;    /* discharge current */
+} sagnac_actuators;
+
+/* The frame in the making. */
+typedef struct {
+    uint32_t number;
+    uint32_t tick;
+    uint32_t counts;
+    uint32_t raw;
+    uint32_t status;
+    uint32_t path_status;
+    uint32_t light_status;
+    int32_t actuator;
+    int32_t current;
+    uint32_t has_temperature;
+    int32_t temperature;
+    uint32_t ticks;
+} sagnac_output_frame;
+
+/* The board of one axis; keep it in static memory. Read it freely; change it only through the functions. */
+typedef struct {
+    sagnac_image image;
+    sagnac_octet digest[SAGNAC_DIGEST];
+    sagnac_compensator_state state;
+    const sagnac_path_length *path;
+    sagnac_path_length_state path_state;
+    const sagnac_intensity *light;
+    sagnac_intensity_state light_state;
+    uint32_t strips;
+    sagnac_stripper stripper;
+    sagnac_origin origin;
+    uint32_t trial;
+    uint32_t watches;
+    uint32_t heats;
+    sagnac_watch_spec watch_spec;
+    sagnac_watch watch;
+    uint32_t still; /* bit i: the image's input i stands still */
+    uint32_t lost_steps;
+    sagnac_output_frame frame;
+} sagnac_board;
+
+/* A board at power-on, without stripping and without a watch. The loops stay the caller's. */
+void sagnac_board_start(sagnac_board *board, const sagnac_loaded *loaded, const sagnac_path_length *path,
+                        const sagnac_intensity *light);
+
+/* The gyro is dithered: sagnac_stripper_start says what the two numbers are. */
+void sagnac_board_strip(sagnac_board *board, uint32_t longest, uint32_t least_swing);
+
+/* Watches the image's thermometers from here on (sagnac_watch.h), in 2^-24 degC. `heats`: the path-length actuator is a heater. */
+void sagnac_board_watch(sagnac_board *board, const sagnac_watch_spec *spec, uint32_t heats);
+
+/* What flash holds now, between two ticks: goes on with its image if that is another one. */
+void sagnac_board_use(sagnac_board *board, const sagnac_loaded *loaded);
+
+/* One tick. `lost_steps` is the counter's total of steps of unknown direction, 0 for hardware that has none. SAGNAC_YES with a frame to
+ * send in every SAGNAC_FRAME_TICKS-th tick. */
+uint32_t sagnac_board_tick(sagnac_board *board, int32_t counts, uint32_t lost_steps, const sagnac_sample *sample,
+                           sagnac_actuators *actuators, sagnac_frame *frame);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif
