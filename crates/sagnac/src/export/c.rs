@@ -5,7 +5,9 @@
 //! allocation. Documentation: `docs/explanation/on-target.md`.
 
 use std::fmt::Write as _;
+use std::io::Read as _;
 
+use flate2::read::GzDecoder;
 use sagnac_core::{Image, InputSpec, Kind, Multiplier, Shape, Term, ValueSource};
 use sagnac_loops::LoopTable;
 
@@ -36,40 +38,29 @@ const MODULES: [(&str, &str); 28] = modules!(
     "sagnac_board",
 );
 
-/// What the checking program reads.
-macro_rules! vectors {
-    ($($name:literal),+ $(,)?) => {
-        [$((concat!("vectors/", $name, ".hex"), include_str!(concat!("../../../../testdata/vectors/", $name, ".hex")))),+]
-    };
-}
-
 const CHECK: [(&str, &str); 3] = [
     ("check/check_vectors.c", include_str!("../../../../firmware/c/check_vectors.c")),
     ("Makefile", include_str!("c/Makefile")),
     ("README.md", include_str!("c/README.md")),
 ];
-const VECTORS: [(&str, &str); 14] = vectors!(
-    "compensator-advance",
-    "compensator-edges",
-    "compensator-full",
-    "compensator-harmonic",
-    "compensator-inputs",
-    "compensator-lags",
-    "compensator-limits",
-    "compensator-paper",
-    "compensator-warm-up",
-    "intensity",
-    "path-length-heater",
-    "path-length-mirror",
-    "quadrature",
-    "stripper",
-);
+/// What the checking program reads, packed by build.rs.
+const VECTORS: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/vectors.gz"));
+
+/// The reference vectors, each with its name.
+fn vectors() -> Vec<TextFile> {
+    let mut text = String::new();
+    // What build.rs packed can be unpacked: a test compares every byte.
+    let _ = GzDecoder::new(VECTORS).read_to_string(&mut text);
+    let files = text.split("=== ").filter_map(|file| file.split_once('\n'));
+    files.map(|(name, text)| TextFile::new(&format!("vectors/{name}"), text.to_owned())).collect()
+}
 
 /// The files for some axes of a gyro: every module, the constants of the unit (those of its loops if their table is given), the program
 /// that checks a port with its reference vectors, a Makefile and a README. Names have folders, `check/` and `vectors/`.
 pub fn c_files(images: &[Image], loops: Option<&LoopTable>) -> Vec<TextFile> {
-    let whole = MODULES.iter().chain(&CHECK).chain(&VECTORS);
+    let whole = MODULES.iter().chain(&CHECK);
     let mut files: Vec<TextFile> = whole.map(|(name, text)| TextFile::new(name, (*text).to_owned())).collect();
+    files.extend(vectors());
     files.push(TextFile::new("sagnac_version.h", version_header()));
     files.push(TextFile::new("sagnac_unit.h", unit_header(images, loops)));
     files.push(TextFile::new("sagnac_unit.c", unit_source(images, loops)));
@@ -268,4 +259,20 @@ fn term(term: &Term) -> String {
         constant(term.mantissa.into()),
         term.shift
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Every file of testdata/vectors, byte for byte.
+    #[test]
+    fn the_vectors_are_those_of_the_project() {
+        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../testdata");
+        let packed = vectors();
+        assert_eq!(packed.len(), std::fs::read_dir(format!("{folder}/vectors")).unwrap().count());
+        for file in packed {
+            assert_eq!(file.text, std::fs::read_to_string(format!("{folder}/{}", file.name)).unwrap(), "{}", file.name);
+        }
+    }
 }
