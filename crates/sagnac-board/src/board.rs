@@ -1,7 +1,7 @@
 //! One tick of the board, in a fixed order.
 //!
 //! ```text
-//! slow update, if due ─▶ levels ─▶ counts ─▶ stripping ─▶ compensation ─▶ path-length loop ─▶ intensity loop ─▶ frame
+//! levels ─▶ counts ─▶ slow update, if due ─▶ stripping ─▶ compensation ─▶ path-length loop ─▶ intensity loop ─▶ frame
 //! ```
 //!
 //! The status of a frame also has what the board alone knows: a dither that is missing, steps of unknown direction, counts beyond what
@@ -54,6 +54,8 @@ pub struct Board {
     state: State,
     counter: Quadrature,
     count_state: QuadratureState,
+    /// The counter's total at the last tick.
+    lost_steps: u32,
     stripper: Option<Stripper>,
     path: (PathLength, PathLengthState),
     light: (Intensity, IntensityState),
@@ -83,6 +85,7 @@ impl Board {
             state: State::new(),
             counter,
             count_state,
+            lost_steps: 0,
             stripper,
             path: (loops.path_length, loops.path_length.start()),
             light: (loops.intensity, loops.intensity.start()),
@@ -132,10 +135,21 @@ impl Board {
         levels: impl Iterator<Item = (bool, bool)>,
         sample: &Sample,
     ) -> (ActuatorCodes, Option<Output>) {
+        let mut counts = 0_i32;
+        for (a, b) in levels {
+            counts = counts.wrapping_add(self.counter.update(&mut self.count_state, a, b));
+        }
+        self.tick_counts(counts, self.count_state.lost, sample)
+    }
+
+    /// The same with the counts of a hardware counter (a timer in encoder mode, a capture unit): those of this tick, and the counter's
+    /// total of steps of unknown direction, 0 for a counter that has none. A board calls one of the two, never both.
+    #[inline]
+    pub fn tick_counts(&mut self, counts: i32, lost_steps: u32, sample: &Sample) -> (ActuatorCodes, Option<Output>) {
         if self.state.ticks_to_update() == 0 {
             self.slow_update(sample);
         }
-        let counted = self.count(levels, sample.pickoff);
+        let counted = self.count(counts, lost_steps, sample.pickoff);
         let raw = counted.clamp(i64::from(-MAX_RAW), i64::from(MAX_RAW)) as i32;
         if i64::from(raw) != counted {
             // More counts than one call accepts: the excess is lost, and the status reports it.
@@ -165,12 +179,9 @@ impl Board {
         }
     }
 
-    fn count(&mut self, levels: impl Iterator<Item = (bool, bool)>, pickoff: i32) -> i64 {
-        let (mut counts, lost) = (0_i32, self.count_state.lost);
-        for (a, b) in levels {
-            counts = counts.wrapping_add(self.counter.update(&mut self.count_state, a, b));
-        }
-        if self.count_state.lost != lost {
+    fn count(&mut self, counts: i32, lost_steps: u32, pickoff: i32) -> i64 {
+        if lost_steps != self.lost_steps {
+            self.lost_steps = lost_steps;
             self.frame.status |= Status::COUNTS_LOST;
         }
         let Some(stripper) = &mut self.stripper else { return counts.into() };
@@ -203,7 +214,7 @@ impl Board {
         if self.frame_ticks < FRAME_TICKS {
             return None;
         }
-        self.frame.lost_steps = self.count_state.lost as u16;
+        self.frame.lost_steps = self.lost_steps as u16;
         let given = self.frame;
         self.frame_ticks = 0;
         self.frame = Output {

@@ -8,7 +8,7 @@ use sagnac::export::{Widths, verilog_files};
 use xtask::debian::{self, need};
 use xtask::shell::{output, root, stdout_of, text};
 
-use super::{image, loops, spoiled, write};
+use super::{Spoiled, image, loops, spoiled, write};
 use crate::generated::vectors;
 
 /// The Verilog export: lint, benches in two simulators, latches, cells; with `place`, place and route too.
@@ -65,7 +65,6 @@ fn simulate(folder: &Path, vectors_name: &str, bench: &str, modules: &[&str]) ->
     stdout_of(600, "verilator", &[&quiet[..], &["-Mdir", &built, &top], modules].concat(), folder)?;
     let program = format!("{built}/V{bench}");
     let good = vectors::folder().join(vectors_name).with_extension("hex");
-    let bad = spoiled(vectors_name, folder)?;
     for (simulator, command, first) in [("iverilog", "vvp", Some(bench)), ("verilator", program.as_str(), None)] {
         let run = |path: &Path| -> Result<String> {
             let vectors = format!("+vectors={}", text(path)?);
@@ -76,7 +75,8 @@ fn simulate(folder: &Path, vectors_name: &str, bench: &str, modules: &[&str]) ->
         let verdict =
             stdout.lines().find(|line| line.starts_with("PASSED")).with_context(|| format!("{bench}: {stdout}"))?;
         println!("check: Verilog, {simulator}, {vectors_name}: {verdict}");
-        let stdout = run(&bad)?;
+        let which = if simulator == "iverilog" { Spoiled::Early } else { Spoiled::Last };
+        let stdout = run(&spoiled(vectors_name, folder, which)?)?;
         ensure!(
             stdout.contains("FAILED: record"),
             "{bench} in {simulator}: a changed bit of the vectors is not noticed"

@@ -10,7 +10,7 @@ use anyhow::{Context, Result};
 use sagnac::export::TextFile;
 use sagnac_core::Image;
 use sagnac_loops::LoopTable;
-use sagnac_vectors::{MAX_TABLE, Words};
+use sagnac_vectors::{MAX_TABLE, RECORD, Words};
 
 pub(crate) use self::c::c;
 pub(crate) use self::fpga::fpga;
@@ -42,19 +42,31 @@ fn write(folder: &Path, files: &[TextFile]) -> Result<()> {
     Ok(())
 }
 
-/// A copy of a vector file with the last output changed: every check of it must fail.
-fn spoiled(name: &str, folder: &Path) -> Result<PathBuf> {
+/// Which record of a vector file is changed.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Spoiled {
+    /// One of the first: a slow reader that stops at it needs no second run of the whole file.
+    Early,
+    Last,
+}
+
+/// A copy of a vector file with the first output of a record changed: every check of it must fail.
+fn spoiled(name: &str, folder: &Path, which: Spoiled) -> Result<PathBuf> {
     let text = fs::read_to_string(vectors::folder().join(name).with_extension("hex"))?;
     let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();
-    // For the path-length loop the last record in which it is closed: the hardware's bench reads only such records.
-    let closed = |line: &String| {
-        line.split(' ').nth(8).and_then(|word| u32::from_str_radix(word, 16).ok()).is_some_and(|f| f & 256 != 0)
-    };
+    // For the path-length loop a record in which it is closed: the hardware's bench reads only such records.
+    let closed = |words: &[&str]| u32::from_str_radix(words[8], 16).is_ok_and(|flags| flags & 256 != 0);
     let is_loop = name.starts_with("path-length");
-    let last = lines.iter_mut().rfind(|line| !is_loop || closed(line)).context("an empty file")?;
-    // The first output: a bit of the first word behind operation and inputs.
-    let digit = if last.as_bytes()[9 * 9 + 7] == b'0' { "1" } else { "0" };
-    last.replace_range(9 * 9 + 7..9 * 9 + 8, digit);
+    let is_record = |line: &&mut String| {
+        let words: Vec<&str> = line.split(' ').collect();
+        words.len() == RECORD && (!is_loop || closed(&words))
+    };
+    let mut records = lines.iter_mut().filter(is_record);
+    let record =
+        if which == Spoiled::Early { records.nth(8) } else { records.next_back() }.context("too few records")?;
+    // A bit of the first word behind operation and inputs.
+    let digit = if record.as_bytes()[9 * 9 + 7] == b'0' { "1" } else { "0" };
+    record.replace_range(9 * 9 + 7..9 * 9 + 8, digit);
     let path = folder.join(format!("{name}-spoiled.hex"));
     fs::write(&path, lines.join("\n"))?;
     Ok(path)
