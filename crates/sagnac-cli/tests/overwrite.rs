@@ -119,6 +119,27 @@ fn derived_names_are_compared_too() {
     }
 }
 
+/// A folder with a project of its own in it: its Makefile and README stay. Those of an export are replaced by the next one.
+#[test]
+fn an_export_replaces_no_makefile_of_another() {
+    let it = Bench::new();
+    let folder = it.folder.path();
+    fs::create_dir(folder.join("project")).unwrap();
+    for name in ["Makefile", "README.md"] {
+        let own = folder.join("project").join(name);
+        fs::write(&own, "all:\n").unwrap();
+        let (status, said) = it.run("export unit.img --to c -o project");
+        assert!(status == 2 && said.contains(name) && said.contains("a folder of its own"), "{said}");
+        assert_eq!(fs::read_to_string(&own).unwrap(), "all:\n");
+        assert!(!folder.join("project/sagnac_unit.c").exists(), "nothing is written");
+        fs::remove_file(own).unwrap();
+    }
+    for _ in 0..2 {
+        let (status, said) = it.run("export unit.img --to c -o project");
+        assert_eq!(status, 0, "{said}");
+    }
+}
+
 /// The shell appends to a file: what is there stays, whatever name the standard output has.
 #[test]
 fn an_appended_file_keeps_what_it_has() {
