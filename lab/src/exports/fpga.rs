@@ -5,6 +5,7 @@ use std::path::Path;
 
 use anyhow::{Context, Result, ensure};
 use sagnac::export::{Widths, verilog_files};
+use sagnac_core::{Description, Image};
 use xtask::debian::{self, need};
 use xtask::shell::{output, root, stdout_of, text};
 
@@ -15,6 +16,7 @@ use crate::generated::vectors;
 pub(crate) fn fpga(place: bool) -> Result<()> {
     need(debian::FPGA)?;
     let folder = root().join("target/fpga");
+    let mut early = 0;
     // Widths of each: the default, the smallest that fit, or the largest.
     for (name, raw, increment) in [
         ("compensator-full", 16, 48),
@@ -30,8 +32,10 @@ pub(crate) fn fpga(place: bool) -> Result<()> {
         let widths = Widths { raw, increment };
         write(&here, &verilog_files(&image(name)?, Some(&loops()?), widths)?)?;
         lint(&here, &["sagnac_fast", "sagnac_series"])?;
-        simulate(&here, name, "tb_compensator", &["sagnac_fast.v", "sagnac_series.v"])?;
+        early += simulate(&here, name, "tb_compensator", &["sagnac_fast.v", "sagnac_series.v"])?;
     }
+    ensure!(early >= 4, "only {early} runs end where ticks that come too early can be tried");
+    without_slew(&folder)?;
     let here = folder.join("compensator-full");
     lint(&here, &["sagnac_quadrature", "sagnac_path_length"])?;
     simulate(&here, "quadrature", "tb_quadrature", &["sagnac_quadrature.v"])?;
@@ -55,8 +59,18 @@ fn lint(folder: &Path, modules: &[&str]) -> Result<()> {
     Ok(())
 }
 
-/// A test bench in both simulators; with one changed bit of the vectors both must fail.
-fn simulate(folder: &Path, vectors_name: &str, bench: &str, modules: &[&str]) -> Result<()> {
+/// An image that does not slew leaves no warning either.
+fn without_slew(folder: &Path) -> Result<()> {
+    let own = image("compensator-full")?;
+    let image = Image::new(Description { slew_ticks: 0, ..*own.description() })?;
+    let here = folder.join("compensator-without-slew");
+    write(&here, &verilog_files(&image, Some(&loops()?), Widths::default())?)?;
+    lint(&here, &["sagnac_fast", "sagnac_series"])
+}
+
+/// A test bench in both simulators; with one changed bit of the vectors both must fail. How many of the runs tried early ticks.
+fn simulate(folder: &Path, vectors_name: &str, bench: &str, modules: &[&str]) -> Result<usize> {
+    let mut early = 0;
     let top = format!("{bench}.v");
     let iverilog = ["-g2005", "-Wall", "-I.", "-o", bench, &top];
     stdout_of(120, "iverilog", &[&iverilog[..], modules].concat(), folder)?;
@@ -75,6 +89,7 @@ fn simulate(folder: &Path, vectors_name: &str, bench: &str, modules: &[&str]) ->
         let verdict =
             stdout.lines().find(|line| line.starts_with("PASSED")).with_context(|| format!("{bench}: {stdout}"))?;
         println!("check: Verilog, {simulator}, {vectors_name}: {verdict}");
+        early += usize::from(verdict.contains("early ticks refused"));
         let which = if simulator == "iverilog" { Spoiled::Early } else { Spoiled::Last };
         let stdout = run(&spoiled(vectors_name, folder, which)?)?;
         ensure!(
@@ -82,7 +97,7 @@ fn simulate(folder: &Path, vectors_name: &str, bench: &str, modules: &[&str]) ->
             "{bench} in {simulator}: a changed bit of the vectors is not noticed"
         );
     }
-    Ok(())
+    Ok(early)
 }
 
 const WHOLE: &str = "read_verilog -I. pins.v sagnac_fast.v sagnac_series.v sagnac_quadrature.v";

@@ -7,8 +7,10 @@
 //
 // `apply` is the `ready` of sagnac_series: it may be high long before its time and is taken when `due` is high, at the
 // boundary before a period's first tick; `applied` says so for that clock. A tick that is not taken, because of `due`,
-// |raw| > 2^29, or a restart in the same clock, raises `refused` for a clock, and nothing has changed. Ticks must be at
-// least four clocks apart, and `clear` comes between two of them, once `valid` has been. `status` is the slow path's of the update in force.
+// |raw| > 2^29, a restart in the same clock, or a tick with counts before this one that is still being summed, raises `refused` for a
+// clock, and nothing has changed: the counts are the sender's, who offers them again with the next tick or counts them as lost. Ticks
+// three clocks apart are never refused for the last reason. `clear` comes between two of them, once `valid` has been. `status` is the slow
+// path's of the update in force.
 //
 // Where it fails: RAW_BITS too small for the pulses of a tick loses them before they get here.
 `timescale 1ns / 1ns
@@ -104,7 +106,7 @@ module sagnac_fast #(
                 if (SLEW == 32'd0)
                     increment <= apply_target;
             end
-        end else if (tick && (due || too_large)) begin
+        end else if (tick && (due || too_large || taken || summed)) begin
             refused <= 1'b1;
         end else if (tick) begin
             ticks_to_update <= ticks_to_update - 32'd1;

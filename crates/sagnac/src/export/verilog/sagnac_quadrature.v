@@ -7,7 +7,8 @@
 //
 // SYNCHRONIZED puts two flip-flops before each level, for levels that do not come from this clock. `sample` says when a pair
 // is looked at: tie it high to look every clock. `take` gives out what was counted since the last one.
-// Fringes faster than a quarter per sample are lost, and counted in `lost`.
+// Fringes faster than a quarter per sample are lost, and counted in `lost`; so is each step beyond what COUNT_BITS hold between two
+// `take`s: the count stays at its end. `lost` itself stays at its largest value.
 `timescale 1ns / 1ns
 `default_nettype none
 
@@ -45,6 +46,9 @@ module sagnac_quadrature #(
         : (moved == 2'd1 ? 2'sd1 : (moved == 2'd3 ? -2'sd1 : 2'sd0));
     wire signed [COUNT_BITS-1:0] now_wide = {{(COUNT_BITS - 1){now[1]}}, now[0]};
     reg signed [COUNT_BITS-1:0] running;
+    wire at_most = !running[COUNT_BITS-1] && (&running[COUNT_BITS-2:0]);
+    wire at_least = running[COUNT_BITS-1] && !(|running[COUNT_BITS-2:0]);
+    wire full = !take && ((now == 2'sd1 && at_most) || (now == -2'sd1 && at_least));
 
     always @(posedge clk) begin
         if (rst) begin
@@ -56,15 +60,15 @@ module sagnac_quadrature #(
             lost <= 32'd0;
         end else begin
             step <= now;
-            running <= take ? now_wide : running + now_wide;
+            running <= take ? now_wide : (full ? running : running + now_wide);
             if (take)
                 counts <= running;
             if (sample) begin
                 seen <= 1'b1;
                 earlier <= place;
-                if (seen && moved == 2'd2 && !(&lost))
-                    lost <= lost + 32'd1;
             end
+            if (((sample && seen && moved == 2'd2) || full) && !(&lost))
+                lost <= lost + 32'd1;
         end
     end
 endmodule

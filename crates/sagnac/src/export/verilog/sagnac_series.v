@@ -197,6 +197,9 @@ module sagnac_series #(
     wire signed [55:0] delta = bias - {{(56 - INCREMENT_BITS){target_now[INCREMENT_BITS-1]}}, target_now};
     wire [INCREMENT_BITS-1:0] delta_turned = -delta[INCREMENT_BITS-1:0];
     wire [INCREMENT_BITS-1:0] trial = {rest[INCREMENT_BITS-2:0], dividend[INCREMENT_BITS-1]};
+    // No comparison, which would be constant where nothing slews.
+    wire [INCREMENT_BITS:0] less = {1'b0, trial} - {1'b0, SLEW};
+    wire fits = !less[INCREMENT_BITS];
     wire exact = rest == {INCREMENT_BITS{1'b0}};
     wire signed [89:0] rounded = product + 90'sd1;
 
@@ -458,8 +461,8 @@ module sagnac_series #(
                     steeper <= !negative || exact ? rest[31:0] : SLEW[31:0] - rest[31:0];
                     state <= FINISH;
                 end else begin
-                    rest <= trial >= SLEW ? trial - SLEW : trial;
-                    quotient <= {quotient[INCREMENT_BITS-2:0], trial >= SLEW};
+                    rest <= fits ? less[INCREMENT_BITS-1:0] : trial;
+                    quotient <= {quotient[INCREMENT_BITS-2:0], fits};
                     dividend <= {dividend[INCREMENT_BITS-2:0], 1'b0};
                     bit_count <= bit_count + 6'd1;
                 end

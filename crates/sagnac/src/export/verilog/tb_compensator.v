@@ -44,7 +44,7 @@ module tb_compensator;
     reg [31:0] out [0:6];
     reg [31:0] seed, hash, sum, status, last;
     reg signed [31:0] wanted;
-    reg failed, started;
+    reg failed, started, early;
     integer ticks, longest, clocks;
 
     wire [31:0] tick_status = {24'd0, overflow, limited, slow_status};
@@ -207,6 +207,47 @@ module tb_compensator;
         end
     endtask
 
+    // A tick while the one before it is being summed is refused, whichever clock it comes in, and changes nothing: no count is lost unseen.
+    task too_early;
+        integer gap_clocks;
+        reg [31:0] ticks_before;
+        reg signed [63:0] once;
+        begin
+            for (gap_clocks = 0; gap_clocks < 2; gap_clocks = gap_clocks + 1) begin
+                @(negedge clk);
+                raw = {{(RAW_WIDTH - 1){1'b0}}, 1'b1};
+                gap = 1'b0;
+                ticks_before = fast.ticks_to_update;
+                tick = 1'b1;
+                @(negedge clk) tick = 1'b0;
+                repeat (gap_clocks) @(negedge clk);
+                tick = 1'b1;
+                @(negedge clk) tick = 1'b0;
+                if (!failed && (!refused || fast.ticks_to_update !== ticks_before - 32'd1)) begin
+                    $display("FAILED: a tick %0d clocks behind another is not refused", gap_clocks + 1);
+                    failed = 1'b1;
+                end
+                repeat (3) @(negedge clk);
+                once = accumulator;
+                repeat (3) @(negedge clk);
+                if (!failed && accumulator !== once) begin
+                    $display("FAILED: a refused tick changes the accumulator");
+                    failed = 1'b1;
+                end
+            end
+            // Three clocks apart: taken.
+            @(negedge clk) tick = 1'b1;
+            @(negedge clk) tick = 1'b0;
+            repeat (2) @(negedge clk);
+            tick = 1'b1;
+            @(negedge clk) tick = 1'b0;
+            if (!failed && refused) begin
+                $display("FAILED: a tick three clocks behind another is refused");
+                failed = 1'b1;
+            end
+        end
+    endtask
+
     initial begin
         failed = 1'b0;
         started = 1'b0;
@@ -267,8 +308,20 @@ module tb_compensator;
                 end
             at = at + 16;
         end
+        // At the end of the vectors: a power-on, an update without samples, and a period with room for four ticks.
+        @(negedge clk) rst = 1'b1;
+        @(negedge clk) rst = 1'b0;
+        present = 4'd0;
+        @(negedge clk) start = 1'b1;
+        @(negedge clk) start = 1'b0;
+        while (due)
+            @(negedge clk);
+        early = fast.ticks_to_update >= 32'd4;
+        if (!failed && early)
+            too_early;
         if (!failed && ticks > 0)
-            $display("PASSED: %0d records, %0d ticks, slow path %0d clocks at most", records, ticks, longest);
+            $display("PASSED: %0d records, %0d ticks, slow path %0d clocks at most%0s", records, ticks, longest,
+                     early ? ", early ticks refused" : "");
         if (!failed && !(ticks > 0))
             $display("FAILED: nothing was run");
         $finish;

@@ -11,11 +11,19 @@ module tb_quadrature;
     wire signed [1:0] step1, step2, step4;
     wire [31:0] lost1, lost2, lost4;
     sagnac_quadrature #(.COUNTS_PER_FRINGE(1), .SYNCHRONIZED(0)) one (.clk(clk), .rst(rst), .sample(sample), .a(a),
-        .b(b), .take(1'b0), .counts(counts1), .step(step1), .lost(lost1));
+        .b(b), .take(1'b1), .counts(counts1), .step(step1), .lost(lost1));
     sagnac_quadrature #(.COUNTS_PER_FRINGE(2), .SYNCHRONIZED(0)) two (.clk(clk), .rst(rst), .sample(sample), .a(a),
-        .b(b), .take(1'b0), .counts(counts2), .step(step2), .lost(lost2));
+        .b(b), .take(1'b1), .counts(counts2), .step(step2), .lost(lost2));
     sagnac_quadrature #(.COUNTS_PER_FRINGE(4), .SYNCHRONIZED(0)) four (.clk(clk), .rst(rst), .sample(sample), .a(a),
-        .b(b), .take(1'b0), .counts(counts4), .step(step4), .lost(lost4));
+        .b(b), .take(1'b1), .counts(counts4), .step(step4), .lost(lost4));
+
+    // Four bits hold -8 to 7: what comes beyond them is counted as lost.
+    reg short_take = 1'b0;
+    wire signed [3:0] short_counts;
+    wire signed [1:0] short_step;
+    wire [31:0] short_lost;
+    sagnac_quadrature #(.COUNTS_PER_FRINGE(4), .COUNT_BITS(4), .SYNCHRONIZED(0)) short (.clk(clk), .rst(rst), .sample(sample), .a(a),
+        .b(b), .take(short_take), .counts(short_counts), .step(short_step), .lost(short_lost));
 
     reg [31:0] words [0:131071];
     reg [8*512-1:0] name;
@@ -51,6 +59,26 @@ module tb_quadrature;
         end
     endtask
 
+    // So many quarter steps (forward 1, back 3), then the counts and the losses of the short counter.
+    task beyond(input integer steps, input [31:0] by, input signed [3:0] wanted, input [31:0] lost_in_all);
+        begin
+            for (n = 0; n < steps; n = n + 1) begin
+                place = (place + by) & 3;
+                @(negedge clk);
+                a = place == 1 || place == 2;
+                b = place == 2 || place == 3;
+                sample = 1'b1;
+                @(negedge clk) sample = 1'b0;
+            end
+            short_take = 1'b1;
+            @(negedge clk) short_take = 1'b0;
+            if (!failed && (short_counts !== wanted || short_lost !== lost_in_all)) begin
+                $display("FAILED: %0d steps in four bits: %0d counts, %0d lost", steps, short_counts, short_lost);
+                failed = 1'b1;
+            end
+        end
+    endtask
+
     initial begin
         failed = 1'b0;
         pairs = 0;
@@ -83,6 +111,17 @@ module tb_quadrature;
                 end
             at = at + 16;
         end
+        place = 32'd0;
+        a = 1'b0;
+        b = 1'b0;
+        @(negedge clk) rst = 1'b1;
+        @(negedge clk) rst = 1'b0;
+        sample = 1'b1;
+        @(negedge clk) sample = 1'b0;
+        beyond(7, 1, 4'sd7, 32'd0);
+        beyond(10, 1, 4'sd7, 32'd3);
+        beyond(8, 3, -4'sd8, 32'd3);
+        beyond(9, 3, -4'sd8, 32'd4);
         if (!failed && pairs > 0)
             $display("PASSED: %0d records, %0d pairs of levels", record, pairs);
         if (!failed && !(pairs > 0))
