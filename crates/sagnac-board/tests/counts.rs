@@ -1,18 +1,11 @@
 //! Counts of a hardware counter give the frames that the levels of the comparators give.
 
+mod given;
+
+use given::{PAPER, loops};
 use sagnac_board::{Board, Sample};
 use sagnac_core::{Image, Origin, Status};
-use sagnac_loops::{Counting, LoopTable, Quadrature, QuadratureState, Stripper};
-
-const PAPER: &[u8] = include_bytes!("../../../testdata/image/paper.img");
-
-fn loops() -> LoopTable {
-    let text =
-        std::fs::read(concat!(env!("CARGO_MANIFEST_DIR"), "/../../testdata/vectors/path-length-mirror.hex")).unwrap();
-    let mut words = sagnac_vectors::Words::new(&text);
-    let head = words.head().unwrap();
-    LoopTable::decode(words.table(&head, &mut [0; sagnac_vectors::MAX_TABLE]).unwrap()).unwrap()
-}
+use sagnac_loops::{Counting, Quadrature, QuadratureState, Stripper};
 
 fn levels(quarter: u8) -> (bool, bool) {
     (matches!(quarter & 3, 1 | 2), matches!(quarter & 3, 2 | 3))

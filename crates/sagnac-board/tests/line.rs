@@ -1,5 +1,8 @@
 //! Frames survive damage to others; messages come back as they were; the whole line on this machine.
 
+mod given;
+
+use given::{PAPER, loops};
 use proptest::prelude::*;
 use sagnac_board::frame::{Frame, FrameReader, MAX_PAYLOAD};
 use sagnac_board::{
@@ -7,7 +10,7 @@ use sagnac_board::{
     Sample, run,
 };
 use sagnac_core::{BankReport, Banks, Description, Gyro, Image, Loaded, Origin, Status, WatchSpec};
-use sagnac_loops::{LoopTable, Stripper};
+use sagnac_loops::Stripper;
 
 fn bytes_of(message: &Message) -> Vec<u8> {
     let (bytes, len) = message.frame().unwrap().bytes();
@@ -183,17 +186,6 @@ proptest! {
         run(&mut handler(), input.into_iter(), |bytes| out += bytes.len());
         prop_assert!(out > 0);
     }
-}
-
-const PAPER: &[u8] = include_bytes!("../../../testdata/image/paper.img");
-
-fn loops() -> LoopTable {
-    let text =
-        std::fs::read(concat!(env!("CARGO_MANIFEST_DIR"), "/../../testdata/vectors/path-length-mirror.hex")).unwrap();
-    let mut words = sagnac_vectors::Words::new(&text);
-    let head = words.head().unwrap();
-    let mut room = [0; sagnac_vectors::MAX_TABLE];
-    LoopTable::decode(words.table(&head, &mut room).unwrap()).unwrap()
 }
 
 fn handler() -> CommandHandler<MemoryFlash> {
