@@ -339,23 +339,8 @@ void sagnac_banks_load(sagnac_banks *banks, const sagnac_gyro *gyro, sagnac_load
     }
 }
 
-void sagnac_banks_start(sagnac_banks *banks, const sagnac_gyro *gyro, sagnac_loaded *loaded)
-{
-    sagnac_bank found[2];
-    uint32_t active;
-    bank_inspect_both(banks, gyro, found);
-    active = bank_active(found);
-    if ((active < 2U) && (found[active].trial != 0U)) {
-        const uint32_t start = bank_start_of(banks, active);
-        /* All starts are used, or the flash takes no more marks. */
-        if (bank_mark(banks, start + STARTS_AT, SAGNAC_TRIAL_STARTS, found[active].stored) != SAGNAC_STORE_DONE) {
-            (void)sagnac_banks_roll_back(banks, gyro);
-        }
-    }
-    sagnac_banks_load(banks, gyro, loaded);
-}
-
-sagnac_store_result sagnac_banks_confirm(sagnac_banks *banks, const sagnac_gyro *gyro)
+/* Programs a mark of the active image's store into a row of its bank, if it is on trial. */
+static sagnac_store_result bank_mark_trial(sagnac_banks *banks, const sagnac_gyro *gyro, uint32_t row, uint32_t units)
 {
     sagnac_store_result result = SAGNAC_STORE_NOT_ON_TRIAL;
     sagnac_bank found[2];
@@ -363,10 +348,24 @@ sagnac_store_result sagnac_banks_confirm(sagnac_banks *banks, const sagnac_gyro 
     bank_inspect_both(banks, gyro, found);
     active = bank_active(found);
     if ((active < 2U) && (found[active].trial != 0U)) {
-        const uint32_t start = bank_start_of(banks, active);
-        result = bank_mark(banks, start + CONFIRM_AT, CONFIRMS, found[active].stored);
+        result = bank_mark(banks, bank_start_of(banks, active) + row, units, found[active].stored);
     }
     return result;
+}
+
+void sagnac_banks_start(sagnac_banks *banks, const sagnac_gyro *gyro, sagnac_loaded *loaded)
+{
+    const sagnac_store_result marked = bank_mark_trial(banks, gyro, STARTS_AT, SAGNAC_TRIAL_STARTS);
+    /* All starts are used, or the flash takes no more marks. */
+    if ((marked != SAGNAC_STORE_DONE) && (marked != SAGNAC_STORE_NOT_ON_TRIAL)) {
+        (void)sagnac_banks_roll_back(banks, gyro);
+    }
+    sagnac_banks_load(banks, gyro, loaded);
+}
+
+sagnac_store_result sagnac_banks_confirm(sagnac_banks *banks, const sagnac_gyro *gyro)
+{
+    return bank_mark_trial(banks, gyro, CONFIRM_AT, CONFIRMS);
 }
 
 sagnac_store_result sagnac_banks_roll_back(sagnac_banks *banks, const sagnac_gyro *gyro)
