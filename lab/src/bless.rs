@@ -15,8 +15,8 @@ use flate2::read::GzDecoder;
 use xtask::shell::root;
 
 use crate::generated::{
-    chamber, circle, errors, evidence, faults, first_bytes, glossary, image, manual, pages, scenario_keys, schema,
-    vectors,
+    chamber, circle, errors, evidence, faults, first_bytes, glossary, image, manual, pages, requirements,
+    scenario_keys, schema, vectors,
 };
 use crate::program::Program;
 
@@ -46,7 +46,7 @@ enum Make {
 }
 
 /// All generated files. Those of the libraries come first: the program reads some.
-const FILES: [(&str, Make); 14] = [
+const FILES: [(&str, Make); 15] = [
     ("testdata", Make::Here(chamber::make)),
     ("image", Make::Here(image::make)),
     ("vectors", Make::Here(vectors::make)),
@@ -55,6 +55,7 @@ const FILES: [(&str, Make); 14] = [
     ("scenario", Make::Here(scenario_keys::make)),
     ("first-bytes", Make::Here(first_bytes::make)),
     ("circle", Make::Here(circle::make)),
+    ("requirements", Make::Here(requirements::make)),
     ("cli", Make::ByProgram(manual::make)),
     ("errors", Make::ByProgram(errors::make)),
     ("faults", Make::ByProgram(faults::make)),

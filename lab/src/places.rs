@@ -20,4 +20,5 @@ pub(crate) const PICTURES: &str = "docs/pictures";
 pub(crate) const README: &str = "README.md";
 pub(crate) const RECORD: &str = "docs/reference/record.md";
 pub(crate) const SCENARIO_KEYS: &str = "docs/reference/scenario.md";
+pub(crate) const TRACEABILITY: &str = "docs/reference/traceability.md";
 pub(crate) const VECTORS: &str = "testdata/vectors";

@@ -84,8 +84,8 @@ pub const CORPUS: &[Tool] = &[("/usr/bin/time", "time")];
 pub const FPGA: &[Tool] =
     &[("iverilog", "iverilog"), ("verilator", "verilator"), ("yosys", "yosys"), ("g++", "g++"), ("make", "make")];
 
-/// For `cargo xtask fpga place`, beside those.
-pub const PLACE: &[Tool] = &[("nextpnr-ice40", "nextpnr-ice40")];
+/// For `cargo xtask fpga place`, beside those: place and route comes from PyPI.
+pub const PLACE: &[Tool] = &[("python3", "python3-venv")];
 
 /// For `cargo xtask firmware`.
 pub const FIRMWARE: &[Tool] = &[

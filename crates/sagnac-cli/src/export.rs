@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 use sagnac::calibration::{Calibration, InputSource, UNASSIGNED};
-use sagnac::export::{TextFile, Widths, c_files, codes, encode, image_bytes, verilog_files};
+use sagnac::export::{TextFile, c_files, codes, encode, image_bytes, verilog_files};
 use sagnac::{Error, Result};
 use sagnac_board::Message;
 use sagnac_core::{Image, MAX_SEQUENCE, SignatureBlock};
@@ -28,7 +28,7 @@ use crate::simulate::{read_scenario, refused};
 Examples:
   sagnac export unit.cal.json --to image -o unit.img        (three axes: unit-x.img, unit-y.img, unit-z.img)
   sagnac export unit.cal.json --to c -o src/sagnac --loops gyro.toml
-  sagnac export unit.img --to verilog -o rtl --raw-bits 12
+  sagnac export unit.img --to verilog -o rtl
   sagnac export unit.cal.json --to upload --sequence 2 --trial -o /dev/ttyUSB0
   sagnac export unit.cal.json --to image --sign factory.key --model RLG-28 --counter 12 -o unit.img
   sagnac export gyro.toml --to loops -o gyro.loops")]
@@ -53,12 +53,6 @@ pub(crate) struct Args {
     /// C and Verilog: the loops too, of this scenario or table of the loops
     #[arg(long, value_name = "FILE")]
     loops: Option<PathBuf>,
-    /// Verilog: width of a tick's counts, bits [default: 16]
-    #[arg(long, value_parser = clap::value_parser!(u32).range(2..=32))]
-    raw_bits: Option<u32>,
-    /// Verilog: width of the increment, bits [default: 48]
-    #[arg(long, value_parser = clap::value_parser!(u32).range(34..=48))]
-    increment_bits: Option<u32>,
 }
 
 /// What an export writes.
@@ -91,24 +85,17 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
             folders(args, &[(args.output.clone(), files)], console)
         }
         Target::Verilog => {
-            let default = Widths::default();
-            let widths = Widths {
-                raw: args.raw_bits.unwrap_or(default.raw),
-                increment: args.increment_bits.unwrap_or(default.increment),
-            };
             let images = images(args)?;
             let table = table(args, &images)?;
-            // All of them first: a refusal of the second axis leaves no folder of the first.
-            let made: Result<Vec<_>> = images
+            let made: Vec<_> = images
                 .iter()
                 .map(|image| {
                     let axis = path_letter(char::from(image.description().axis));
                     let path = if images.len() == 1 { args.output.clone() } else { args.output.join(axis) };
-                    let files = verilog_files(image, table.as_ref(), widths);
-                    Ok((path, files.map_err(|e| e.file(args.input.display().to_string()))?))
+                    (path, verilog_files(image, table.as_ref()))
                 })
                 .collect();
-            folders(args, &made?, console)
+            folders(args, &made, console)
         }
     }
 }
@@ -155,13 +142,11 @@ fn check_flags(args: &Args) -> Result<()> {
     if let Some((flag, _)) = said.iter().find(|(_, given)| *given && args.signature.sign.is_none()) {
         return Err(Error::input("belongs to --sign").column(*flag));
     }
-    let flags: [(&str, bool, &[Target]); 6] = [
+    let flags: [(&str, bool, &[Target]); 4] = [
         ("--sign", args.signature.sign.is_some(), &[Image, Upload]),
         ("--trial", args.trial, &[Upload]),
         ("--sequence", args.sequence.is_some(), &[Image, Upload, C, Verilog]),
         ("--loops", args.loops.is_some(), &[C, Verilog]),
-        ("--raw-bits", args.raw_bits.is_some(), &[Verilog]),
-        ("--increment-bits", args.increment_bits.is_some(), &[Verilog]),
     ];
     match flags.iter().find(|(_, given, of)| *given && !of.contains(&args.to)) {
         None => Ok(()),

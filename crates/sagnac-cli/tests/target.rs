@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use assert_cmd::Command;
 use sagnac_board::frame::{Frame, FrameReader};
 use sagnac_board::{CommandHandler, MemoryFlash, Message, RigSettings, Row, run};
-use sagnac_core::{Banks, Gyro, Image, Shape};
+use sagnac_core::{Banks, Gyro, Image};
 use sagnac_loops::LoopTable;
 
 fn root() -> PathBuf {
@@ -54,7 +54,8 @@ fn c_and_verilog_are_whole_folders() {
         ),
         (
             "verilog",
-            &["sagnac_fast.v", "sagnac_series.v", "sagnac_unit.vh", "sagnac_path_unit.vh", "tb_path_length.v"][..],
+            &["sagnac_correction.v", "sagnac_axi4_lite.v", "sagnac_image.hex", "sagnac_loops.hex", "tb_path_length.v"]
+                [..],
         ),
     ] {
         let out = folder.path().join(to);
@@ -96,22 +97,9 @@ fn loops_and_uploads_are_what_the_target_reads() {
 fn what_cannot_be_is_refused_by_name() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out");
-    let image = Image::decode(&fs::read(paper()).unwrap()).unwrap();
-    // The paper's drift a million times over: fits the image, not 40 bits.
-    let mut description = *image.description();
-    description.terms[2].shift -= 20;
-    let large = Image::new(description).unwrap();
-    let path = folder.path().join("large.img");
-    fs::write(&path, sagnac::export::image_bytes(&large)).unwrap();
-    let (status, _, said) =
-        sagnac(&["export", text(&path), "--to", "verilog", "-o", text(&out), "--increment-bits", "36"]);
-    assert_eq!(status, 3, "{said}");
-    assert!(said.contains("order 2") && said.contains("36 bits"), "{said}");
-    assert!(!out.exists(), "nothing is left behind");
+    let path = paper();
     for (args, expected) in [
-        (&["--to", "c", "--raw-bits", "12"][..], "--raw-bits"),
-        (&["--to", "image", "--increment-bits", "40"][..], "--increment-bits"),
-        (&["--to", "verilog", "--raw-bits", "33"][..], "2..=32"),
+        (&["--to", "verilog", "--trial"][..], "--trial"),
         (&["--to", "image", "--sequence", "3"][..], "--sequence"),
         (&["--to", "loops"][..], "UTF-8"),
     ] {
@@ -121,22 +109,17 @@ fn what_cannot_be_is_refused_by_name() {
     }
 }
 
-/// Two terms whose sizes add up to the last value that 34 bits hold; rounded, their sum is one more.
+/// The words of the hardware are the image's bytes, and its needs are stated.
 #[test]
-fn a_width_that_rounding_could_exceed_is_refused() {
+fn the_hardware_gets_the_bytes_of_the_image() {
     let folder = tempfile::tempdir().unwrap();
-    let (path, out) = (folder.path().join("edge.img"), folder.path().join("out"));
-    let mut description = *Image::decode(&fs::read(paper()).unwrap()).unwrap().description();
-    (description.terms[0].mantissa, description.terms[0].shift) = ((1 << 30) - 1, 20);
-    (description.terms[1].mantissa, description.terms[1].shift, description.terms[1].shape) =
-        (15, 24, Shape::Chebyshev(0));
-    description.term_count = 2;
-    fs::write(&path, sagnac::export::image_bytes(&Image::new(description).unwrap())).unwrap();
-    let with =
-        |bits: &str| sagnac(&["export", text(&path), "--to", "verilog", "-o", text(&out), "--increment-bits", bits]);
-    let (status, _, said) = with("34");
-    assert!(status == 3 && said.contains("give the increment 35 bits"), "{status} {said}");
-    assert_eq!(with("35").0, 0);
+    let image = fs::read(paper()).unwrap();
+    assert_eq!(sagnac(&["export", text(&paper()), "--to", "verilog", "-o", text(folder.path())]).0, 0);
+    let hex = fs::read_to_string(folder.path().join("sagnac_image.hex")).unwrap();
+    assert!(hex.contains("Needs INPUTS 1, PIECES 0, HARMONICS 0, DERIVED 0, STEP_LIMITS 1 or more."), "{hex}");
+    let lines = hex.lines().filter(|line| !line.starts_with("//"));
+    let words = lines.flat_map(|line| line.split(' ')).map(|word| u32::from_str_radix(word, 16).unwrap());
+    assert_eq!(words.flat_map(u32::to_le_bytes).collect::<Vec<u8>>(), image);
 }
 
 /// What is read is never written over: a capture, a log, an image, a calibration.

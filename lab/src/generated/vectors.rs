@@ -1,6 +1,5 @@
 //! The reference vectors in `testdata/vectors/`, made from the core, only after an intended change.
 
-use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use anyhow::{Context, Result};
@@ -8,11 +7,12 @@ use sagnac_core::{Description, Gain, Image, InputSpec, Kind, LagSpec, MAX_RAW, M
 use sagnac_loops::LoopTable;
 use sagnac_sim::physics::free_spectral_range_hz;
 use sagnac_sim::{LoopDesign, Scenario};
-use sagnac_vectors::{INPUTS, MAGIC, Machine, Module};
+use sagnac_vectors::{Machine, Module};
 use xtask::shell::root;
 
 use crate::bless::Made;
 use crate::generated::image;
+use crate::generated::making::Making;
 use crate::places::VECTORS;
 
 const LIGHT: u32 = 1 << 9;
@@ -45,58 +45,7 @@ pub(crate) fn make() -> Result<Vec<Made>> {
     ])
 }
 
-/// A vector file under construction: the machine that computes the outputs, and the text.
-struct Making {
-    machine: Machine,
-    about: &'static str,
-    head: [u32; 3],
-    table: Vec<u8>,
-    records: u32,
-    text: String,
-}
-
-impl Making {
-    fn new(module: Module, table: Vec<u8>, about: &'static str) -> Result<Self> {
-        let machine = Machine::new(module, &table).context("the table is refused")?;
-        let head = [MAGIC, module as u32, table.len() as u32];
-        Ok(Self { machine, about, head, table, records: 0, text: String::new() })
-    }
-
-    /// One record; its outputs.
-    fn step(&mut self, operation: u32, inputs: &[u32]) -> Result<[u32; 7]> {
-        let mut all = [0; INPUTS];
-        all[..inputs.len()].copy_from_slice(inputs);
-        let outputs = self.machine.step(operation, &all).context("no such operation")?;
-        for word in [operation].iter().chain(&all).chain(&outputs) {
-            write!(self.text, "{word:08x} ")?;
-        }
-        self.text.pop();
-        self.text.push('\n');
-        self.records += 1;
-        Ok(outputs)
-    }
-
-    fn made(self, name: &str) -> Result<Made> {
-        let mut text = format!(
-            "// {}\n// Made by `cargo xtask bless vectors`; format in docs/reference/vectors.md.\n",
-            self.about
-        );
-        let [magic, module, len] = self.head;
-        writeln!(text, "{magic:08x} {module:08x} {len:08x} {:08x}", self.records)?;
-        for line in self.table.chunks(32) {
-            let words = line.chunks(4).map(|four| {
-                let mut bytes = [0; 4];
-                bytes[..four.len()].copy_from_slice(four);
-                format!("{:08x}", u32::from_le_bytes(bytes))
-            });
-            writeln!(text, "{}", words.collect::<Vec<_>>().join(" "))?;
-        }
-        text.push_str(&self.text);
-        Ok(Made::new(format!("{VECTORS}/{name}.hex"), text))
-    }
-}
-
-fn image_bytes(description: Description) -> Result<Vec<u8>> {
+pub(crate) fn image_bytes(description: Description) -> Result<Vec<u8>> {
     let image = Image::new(description)?;
     let mut bytes = vec![0; image.encoded_len()];
     image.encode(&mut bytes).context("does not fit its own length")?;

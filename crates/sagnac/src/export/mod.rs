@@ -7,7 +7,7 @@ mod verilog;
 pub use crate::image::{Code, codes, encode, image_bytes};
 pub use c::c_files;
 pub use polynomial::{Polynomial, import};
-pub use verilog::{Widths, verilog_files};
+pub use verilog::{hex_words, verilog_files};
 
 /// One file of source text.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -3,7 +3,7 @@
 //     acc += raw*k - increment          whole counts go out, the Q0.32 remainder is carried
 //
 // Bit for bit the Rust crate sagnac-core (docs/explanation/arithmetic.md). Three clocks from `tick` to `valid`. A new increment is
-// approached over SLEW_TICKS by an arithmetic progression: the first `steeper` ticks by slope + 1, the others by slope.
+// approached over slew_ticks by an arithmetic progression: the first `steeper` ticks by slope + 1, the others by slope.
 //
 // `apply` is the `ready` of sagnac_series: it may be high long before its time and is taken when `due` is high, at the
 // boundary before a period's first tick; `applied` says so for that clock. A tick that is not taken, because of `due`,
@@ -17,11 +17,7 @@
 `default_nettype none
 
 module sagnac_fast #(
-    parameter RAW_BITS = 16,           // width of raw, 2 to 32
-    parameter INCREMENT_BITS = 48,     // width of increment, target and slope, at most 48
-    parameter PERIOD_TICKS = 10000,    // ticks of a temperature period
-    parameter SLEW_TICKS = 100,        // ticks of the way to a new increment
-    parameter OUTPUT_LIMIT = 2147483647
+    parameter RAW_BITS = 16            // width of raw, 2 to 32
 ) (
     input  wire                             clk,
     input  wire                             rst,
@@ -33,11 +29,15 @@ module sagnac_fast #(
     input  wire                             apply,
     input  wire                             apply_held,   // keep k and increment
     input  wire        [33:0]               apply_k,
-    input  wire signed [INCREMENT_BITS-1:0] apply_target,
-    input  wire signed [INCREMENT_BITS-1:0] apply_slope,
+    input  wire signed [47:0] apply_target,
+    input  wire signed [47:0] apply_slope,
     input  wire        [31:0]               apply_steeper,
     input  wire        [5:0]                apply_status,
+    input  wire        [31:0]               period_ticks, // of a temperature period; all three stand still but for a restart
+    input  wire        [31:0]               slew_ticks,   // of the way to a new increment
+    input  wire        [31:0]               output_limit, // 1 to 2^31 - 1
     output wire                             applied,
+    output reg         [31:0]               ticks_to_update,
     output reg         [5:0]                status,
     output wire                             due,
     output reg                              refused,
@@ -46,19 +46,15 @@ module sagnac_fast #(
     output reg                              limited,
     output reg                              overflow,
     output reg  signed [63:0]               accumulator,
-    output reg  signed [INCREMENT_BITS-1:0] increment,
-    output reg  signed [INCREMENT_BITS-1:0] target,
+    output reg  signed [47:0] increment,
+    output reg  signed [47:0] target,
     output reg         [33:0]               k
 );
     localparam [63:0] ACCUMULATOR_BOUND = 64'h2000000000000000;
-    localparam signed [31:0] LIMIT = OUTPUT_LIMIT;
-    localparam [31:0] PERIOD = PERIOD_TICKS;
-    localparam [31:0] SLEW = SLEW_TICKS;
 
-    reg [31:0] ticks_to_update;
     reg [31:0] slewing;
     reg [31:0] steeper;
-    reg signed [INCREMENT_BITS-1:0] slope;
+    reg signed [47:0] slope;
     reg taken, summed;
     reg signed [63:0] product;
     reg signed [63:0] sum;
@@ -68,8 +64,8 @@ module sagnac_fast #(
 
     wire signed [31:0] raw_wide = {{(32 - RAW_BITS + 1){raw[RAW_BITS-1]}}, raw[RAW_BITS-2:0]};
     wire too_large = !gap && (raw_wide > 32'sd536870912 || raw_wide < -32'sd536870912);
-    wire signed [INCREMENT_BITS-1:0] one_more = {{(INCREMENT_BITS - 1){1'b0}}, steeper != 32'd0};
-    wire signed [INCREMENT_BITS-1:0] next_increment = slewing == 32'd0 ? increment : increment + slope + one_more;
+    wire signed [47:0] one_more = {47'd0, steeper != 32'd0};
+    wire signed [47:0] next_increment = slewing == 32'd0 ? increment : increment + slope + one_more;
 
     wire signed [RAW_BITS+34:0] scaled = $signed({{35{raw[RAW_BITS-1]}}, raw}) * $signed({{(RAW_BITS + 1){1'b0}}, k});
     /* verilator lint_off UNUSEDSIGNAL */ // the other bits are dropped on purpose
@@ -84,17 +80,17 @@ module sagnac_fast #(
             ticks_to_update <= 32'd0;
             slewing <= 32'd0;
             steeper <= 32'd0;
-            slope <= {INCREMENT_BITS{1'b0}};
-            target <= rst ? {INCREMENT_BITS{1'b0}} : increment;
+            slope <= 48'd0;
+            target <= rst ? 48'd0 : increment;
             status <= 6'b100000;
             refused <= tick;
             if (rst) begin
-                increment <= {INCREMENT_BITS{1'b0}};
+                increment <= 48'd0;
                 k <= 34'h100000000;
                 product <= 64'sd0;
             end
         end else if (applied) begin
-            ticks_to_update <= PERIOD;
+            ticks_to_update <= period_ticks;
             status <= apply_status;
             refused <= tick;
             if (!apply_held) begin
@@ -102,8 +98,8 @@ module sagnac_fast #(
                 target <= apply_target;
                 slope <= apply_slope;
                 steeper <= apply_steeper;
-                slewing <= SLEW;
-                if (SLEW == 32'd0)
+                slewing <= slew_ticks;
+                if (slew_ticks == 32'd0)
                     increment <= apply_target;
             end
         end else if (tick && (due || too_large || taken || summed)) begin
@@ -120,9 +116,10 @@ module sagnac_fast #(
         end
     end
 
-    wire signed [63:0] increment_wide = {{(64 - INCREMENT_BITS){increment[INCREMENT_BITS-1]}}, increment};
+    wire signed [63:0] increment_wide = {{16{increment[47]}}, increment};
+    wire signed [31:0] limit = output_limit;
     wire signed [31:0] whole = sum[63:32];
-    wire signed [31:0] out = whole > LIMIT ? LIMIT : (whole < -LIMIT ? -LIMIT : whole);
+    wire signed [31:0] out = whole > limit ? limit : (whole < -limit ? -limit : whole);
     wire signed [63:0] rest = sum - $signed({out, 32'd0});
     wire [63:0] rest_size = rest[63] ? ~rest + 64'd1 : rest;
 

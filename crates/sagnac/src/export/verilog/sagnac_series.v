@@ -3,11 +3,12 @@
 //     code -> T -> lag -> rate y --+
 //             +--> x --------------+-> terms -> k = 1 + scale, increment, and the slew to it (slope, steeper)
 //
-// Bit for bit the Rust crate sagnac-core (docs/explanation/arithmetic.md). sagnac_unit.vh has the constants of one gyro axis.
+// Bit for bit the Rust crate sagnac-core (docs/explanation/arithmetic.md). The constants of one gyro axis are read from the image's
+// own words (sagnac_image): four words of an input for each stage, the three of a term.
 //
 // `start` begins a slow update; a code and a `present` bit per input are read in that clock. A difference of two inputs
-// and a repeat of one have neither, nor has a warm-up, whose lag begins at -1 degC after `rst` and is over after `restart`. `ready` rises at the end and stays high, with valid outputs, until `taken` (the `applied` of
-// sagnac_fast). `target_now` is the increment that is active at the boundary: sagnac_fast's target. Start early enough:
+// and a repeat of one have neither, nor has a warm-up, whose lag begins at -1 degC after `rst` and is over after `restart`. `ready`
+// rises at the end and stays high, with valid outputs, until `taken` (the `applied` of sagnac_fast). `target_now` is the increment that is active at the boundary: sagnac_fast's target. Start early enough:
 // docs/explanation/fpga.md has the number of clocks. `restart` resets the inputs, for a new image.
 //
 // A value farther than the largest step from the last one is held back until three of them in a row lie that near to each other. With
@@ -19,8 +20,11 @@
 `default_nettype none
 
 module sagnac_series #(
-    parameter INCREMENT_BITS = 48,    // width of target and slope, 34 to 48
-    parameter ORDER = 8               // highest order that any term has, 0 to 8
+    parameter INPUTS = 4,             // most inputs, 1 to 4
+    parameter PIECES = 1,             // zones and steps
+    parameter HARMONICS = 1,
+    parameter DERIVED = 1,            // differences, repeats, warm-ups
+    parameter STEP_LIMITS = 1         // largest steps of a thermometer
 ) (
     input  wire                             clk,
     input  wire                             rst,
@@ -28,35 +32,39 @@ module sagnac_series #(
     input  wire                             start,
     input  wire        [127:0]              codes,
     input  wire        [3:0]                present,
-    input  wire signed [INCREMENT_BITS-1:0] target_now,
+    input  wire signed [47:0] target_now,
     input  wire                             taken,
+    input  wire        [2:0]                inputs,       // of the image in force
+    input  wire        [5:0]                terms,
+    input  wire        [3:0]                highest_order,
+    input  wire        [31:0]               slew_ticks,
+    output reg         [7:0]                address,      // of a word of the image
+    input  wire        [31:0]               word,         // a clock later
     output wire                             busy,
     output reg                              ready,
     output reg                              held,
     output reg         [33:0]               k,
-    output reg  signed [INCREMENT_BITS-1:0] target,
-    output reg  signed [INCREMENT_BITS-1:0] slope,
+    output reg  signed [47:0] target,
+    output reg  signed [47:0] slope,
     output reg         [31:0]               steeper,
     output reg         [5:0]                status
 );
-`include "sagnac_unit.vh"
+    localparam [5:0] IDLE = 6'd0, FETCH = 6'd1, INPUT = 6'd2, SOURCE = 6'd3, HOLD = 6'd4, CONVERT = 6'd5, VALUE = 6'd6,
+        CODE = 6'd7, ACCEPT = 6'd8, LAG = 6'd9, LAG_SUM = 6'd10, LAG_RATE = 6'd11, RATE = 6'd12, SCALED_RATE = 6'd13,
+        POSITION = 6'd14, SCALED = 6'd15, REPORT = 6'd16, BASIS = 6'd17, BASIS_STEP = 6'd18, BASIS_NEXT = 6'd19,
+        BASIS_TURN = 6'd20, TERM_READ = 6'd21, TERM_SHAPE = 6'd22, TERM_ZONE = 6'd23, TURNS = 6'd24,
+        TURNS_SQUARE = 6'd25, TURNS_SUM = 6'd26, TURNS_SINE = 6'd27, TERM = 6'd28, TERM_RATE = 6'd29, TERM_ADD = 6'd30,
+        SCALE = 6'd31, BIAS = 6'd32, DIVIDE = 6'd33, DIVIDED = 6'd34, FINISH = 6'd35, MULTIPLY = 6'd36, SHIFT = 6'd37;
 
-    localparam [4:0] IDLE = 5'd0, INPUT = 5'd1, CODE = 5'd2, ACCEPT = 5'd3, LAG = 5'd4, LAG_SUM = 5'd5,
-        LAG_RATE = 5'd6, RATE = 5'd7, SCALED_RATE = 5'd8, POSITION = 5'd9, SCALED = 5'd10, REPORT = 5'd11,
-        BASIS = 5'd12, BASIS_STEP = 5'd13, BASIS_NEXT = 5'd14, TERM = 5'd15, TERM_RATE = 5'd16,
-        TERM_ADD = 5'd18, SCALE = 5'd19, BIAS = 5'd20, DIVIDE = 5'd21, DIVIDED = 5'd22, FINISH = 5'd23,
-        MULTIPLY = 5'd24, SHIFT = 5'd25, BASIS_TURN = 5'd17, TERM_READ = 5'd26, TERM_ZONE = 5'd27,
-        TURNS = 5'd28, TURNS_SQUARE = 5'd29, TURNS_SUM = 5'd30, TURNS_SINE = 5'd31;
+    // What a stage reads of an input, and the last of a term: the words' places.
+    localparam [2:0] OF_SOURCE = 3'd0, OF_CODE = 3'd1, OF_LAG = 3'd2, OF_POSITION = 3'd3, OF_REPORT = 3'd4, OF_TERM = 3'd5;
 
     localparam signed [63:0] ONE_Q31 = 64'sd2147483648;
     localparam signed [63:0] ONE_Q47 = 64'sd140737488355328;
     // A quarter of the sine is z + z*R(z^2): R in Q32, from the constant on, 34 bits each.
     localparam [203:0] REST = {-34'sd14670, 34'sd688100, -34'sd20107381, 34'sd342277046, -34'sd2774394651, 34'sd2451551556};
-    localparam [INCREMENT_BITS-1:0] SLEW = {{(INCREMENT_BITS - 32){1'b0}}, SLEW_TICKS};
-    localparam [5:0] DIVISION_STEPS = INCREMENT_BITS;
-    localparam [3:0] LAST_ORDER = ORDER;
 
-    reg [4:0] state, back;
+    reg [5:0] state, back;
 
     // The multiplier: result = (a*b + rounding) >> shift.
     reg signed [89:0] addend;
@@ -74,7 +82,7 @@ module sagnac_series #(
     reg [3:0] present_now;
     reg [2:0] index;
     // A single input needs no memory of four.
-    wire [1:0] at = INPUTS > 3'd1 ? index[1:0] : 2'd0;
+    wire [1:0] at = {INPUTS > 2 && index[1], INPUTS > 1 && index[0]};
     reg fresh;
     reg signed [31:0] value_now;
     reg signed [55:0] difference;
@@ -108,50 +116,58 @@ module sagnac_series #(
     reg signed [39:0] scale;
 
     // The division of the slew.
-    reg [INCREMENT_BITS-1:0] dividend;
-    reg [INCREMENT_BITS-1:0] rest;
-    reg [INCREMENT_BITS-1:0] quotient;
+    reg [47:0] dividend;
+    reg [47:0] rest;
+    reg [47:0] quotient;
     reg negative;
 
     wire signed [31:0] code = codes_now[32*at +: 32];
-    wire signed [31:0] gain_mantissa = GAIN_MANTISSA[32*at +: 32];
-    wire signed [31:0] offset = OFFSET[32*at +: 32];
-    wire signed [31:0] valid_lo = VALID_LO[32*at +: 32];
-    wire signed [31:0] valid_hi = VALID_HI[32*at +: 32];
-    wire signed [31:0] span_lo = SPAN_LO[32*at +: 32];
-    wire signed [31:0] span_hi = SPAN_HI[32*at +: 32];
-    wire signed [31:0] rate_lo = RATE_LO[32*at +: 32];
-    wire signed [31:0] rate_hi = RATE_HI[32*at +: 32];
-    wire [31:0] alpha_mantissa = ALPHA_MANTISSA[32*at +: 32];
-    wire [31:0] x_mantissa = X_MANTISSA[32*at +: 32];
-    wire [31:0] y_mantissa = Y_MANTISSA[32*at +: 32];
-    wire [31:0] stale_after_updates = STALE_AFTER_UPDATES[32*at +: 32];
-    wire [31:0] settling_updates = SETTLING_UPDATES[32*at +: 32];
-    wire [15:0] largest_step = LARGEST_STEP[16*at +: 16];
-    wire [31:0] longest_hold = LONGEST_HOLD[32*at +: 32];
-    wire [6:0] alpha_shift = ALPHA_SHIFT[7*at +: 7];
-    wire [6:0] rate_shift = RATE_SHIFT[7*at +: 7];
+    // Four words of the image, the last one read in `word_3`; each stage has its own names for them.
+    reg [31:0] word_0, word_1, word_2, word_3;
+    reg [2:0] stage, fetched;
+    reg [7:0] term_address;
+    wire signed [31:0] gain_mantissa = word_0;
+    wire [31:0] alpha_of_source = word_3;
+    wire [15:0] largest_step = word_0[23:8];
+    wire signed [31:0] offset = word_1;
+    wire signed [31:0] valid_lo = word_2;
+    wire signed [31:0] valid_hi = word_3;
+    wire [31:0] alpha_mantissa = word_0;
+    wire signed [31:0] rate_lo = word_1;
+    wire signed [31:0] rate_hi = word_2;
+    wire [31:0] y_mantissa = word_3;
+    wire signed [31:0] span_lo = word_0;
+    wire signed [31:0] span_hi = word_1;
+    wire [31:0] x_mantissa = word_2;
+    wire [31:0] stale_after_updates = word_0;
+    wire [31:0] settling_updates = word_1;
+    // Of an input, from its first fetch to its last stage.
+    reg [6:0] gain_shift, x_shift, alpha_shift, rate_shift, y_shift;
+    reg [1:0] source, minuend, subtrahend;
+    reg has_lag, long_hold;
 
-    wire [1:0] term_input = TERM_INPUT[2*term[4:0] +: 2];
-    wire [3:0] term_order = TERM_ORDER[4*term[4:0] +: 4];
-    wire signed [31:0] term_mantissa = TERM_MANTISSA[32*term[4:0] +: 32];
-    wire [6:0] term_shift = TERM_SHIFT[7*term[4:0] +: 7];
-    wire signed [15:0] term_knot = TERM_KNOT[16*term[4:0] +: 16];
+    // Of a term, at the first: kind, input, order and multiplier; its mantissa; shift, shape and knot or turns.
+    wire term_scales = word_0[1];
+    wire [1:0] term_input = word_0[9:8];
+    wire [3:0] term_order = word_0[19:16];
+    wire term_rated = word_0[24];
+    wire signed [31:0] term_mantissa = word_1;
+    wire [6:0] term_shift = word_2[6:0];
+    wire [2:0] term_shape = word_2[10:8];
+    wire is_harmonic = HARMONICS != 0 && term_shape >= 3'd3;
+    wire is_zone = PIECES != 0 && term_shape == 3'd1;
+    wire is_piece = (PIECES != 0 && term_shape != 3'd0) || is_harmonic;
+    // Turns count from the lower end of the span: the subtraction that a knot needs gives x + 1.
+    wire signed [15:0] term_knot = is_harmonic ? 16'sh8000 : word_2[31:16];
+    wire [23:0] term_turns = {word_0[23:16], word_2[31:16]};
+    wire term_is_cosine = term_shape == 3'd3;
     // From -1 to +1 are 2 in Q47: 50 bits with the sign.
     wire signed [49:0] above_knot = {x[term_input][48], x[term_input]} - {{2{term_knot[15]}}, term_knot, 32'd0};
     wire signed [49:0] half_above = (above_knot + 50'sd65536) >>> 17;
     // A harmonic's knot is -1, the lower end of the span: (x + 1)/2 in Q38.
     wire signed [49:0] position = (above_knot + 50'sd512) >>> 10;
-    wire [23:0] term_turns = TERM_TURNS[24*term[4:0] +: 24];
-
-    // Logic that the image does not use is left out.
-    localparam HAS_STEP_LIMITS = |LARGEST_STEP, HAS_DERIVED = |IS_DERIVED, HAS_REPEATS = |IS_REPEAT, HAS_WARM_UPS = |IS_WARM_UP,
-        HAS_ZONES = |TERM_IS_ZONE, HAS_STEPS = |TERM_IS_STEP,
-        HAS_HARMONICS = |TERM_TURNS;
-    wire is_harmonic = HAS_HARMONICS && term_turns != 24'd0;
-    wire is_piece = (HAS_ZONES && TERM_IS_ZONE[term[4:0]]) || (HAS_STEPS && TERM_IS_STEP[term[4:0]]) || is_harmonic;
     // The turns in Q56, a cosine's a quarter later: which quarter, how far in it, and as z in Q31.
-    wire [1:0] quarter = result[55:54] + {1'b0, TERM_IS_COSINE[term[4:0]]};
+    wire [1:0] quarter = result[55:54] + {1'b0, term_is_cosine};
     wire [54:0] along = quarter[0] ? 55'h40000000000000 - {1'b0, result[53:0]} : {1'b0, result[53:0]};
     /* verilator lint_off UNUSEDSIGNAL */ // the other bits are rounded away
     wire [54:0] along_half_up = along + 55'h400000;
@@ -164,10 +180,8 @@ module sagnac_series #(
     wire [34:0] sine_sum = result[34:0] + {3'd0, z};
     wire [34:0] sine_size = sine_sum > ONE_Q31[34:0] ? ONE_Q31[34:0] : sine_sum;
     wire signed [34:0] term_basis = is_piece ? piece : basis_read;
-    wire [1:0] minuend = DERIVED_OF[2*at +: 2];
-    wire [1:0] subtrahend = DERIVED_LESS[2*at +: 2];
     // A repeat subtracts nothing.
-    wire signed [31:0] subtracted = HAS_REPEATS && IS_REPEAT[at] ? 32'sd0 : last_q24[subtrahend];
+    wire signed [31:0] subtracted = source == 2'd2 ? 32'sd0 : last_q24[subtrahend];
     wire signed [32:0] derived = {last_q24[minuend][31], last_q24[minuend]} - {subtracted[31], subtracted};
 
     wire signed [63:0] value = result + {{32{offset[31]}}, offset};
@@ -179,11 +193,11 @@ module sagnac_series #(
     wire [32:0] largest = {1'b0, largest_step, 16'd0};
     wire [32:0] step_size = from_last[32] ? -from_last : from_last;
     wire [32:0] stay_size = from_step[32] ? -from_step : from_step;
-    wire is_step = HAS_STEP_LIMITS && largest_step != 16'd0 && has_last[at] && step_size > largest;
+    wire is_step = STEP_LIMITS != 0 && largest_step != 16'd0 && has_last[at] && step_size > largest;
     wire stays = steady[at] != 2'd0 && stay_size <= largest;
     wire is_taken = is_valid && (!is_step || (stays && steady[at] == 2'd2));
     wire anew = !has_last[at]
-        || (alpha_mantissa != 32'd0 && (is_step || (held_updates[at] != 32'd0 && held_updates[at] > longest_hold)));
+        || (has_lag && (is_step || long_hold));
     wire signed [55:0] lag_wide = {lag_q46[at][54], lag_q46[at]};
     wire signed [32:0] both = {span_lo[31], span_lo} + {span_hi[31], span_hi};
     wire signed [32:0] middle = both >>> 1;
@@ -194,13 +208,13 @@ module sagnac_series #(
     wire signed [63:0] rate_in_span = result < rate_lo_wide ? rate_lo_wide
         : (result > rate_hi_wide ? rate_hi_wide : result);
     wire signed [34:0] half_here = (here + 35'sd1) >>> 1;
-    wire signed [55:0] delta = bias - {{(56 - INCREMENT_BITS){target_now[INCREMENT_BITS-1]}}, target_now};
-    wire [INCREMENT_BITS-1:0] delta_turned = -delta[INCREMENT_BITS-1:0];
-    wire [INCREMENT_BITS-1:0] trial = {rest[INCREMENT_BITS-2:0], dividend[INCREMENT_BITS-1]};
+    wire signed [55:0] delta = bias - {{8{target_now[47]}}, target_now};
+    wire [47:0] delta_turned = -delta[47:0];
+    wire [47:0] trial = {rest[46:0], dividend[47]};
     // No comparison, which would be constant where nothing slews.
-    wire [INCREMENT_BITS:0] less = {1'b0, trial} - {1'b0, SLEW};
-    wire fits = !less[INCREMENT_BITS];
-    wire exact = rest == {INCREMENT_BITS{1'b0}};
+    wire [48:0] less = {1'b0, trial} - {17'd0, slew_ticks};
+    wire fits = !less[48];
+    wire exact = rest == 48'd0;
     wire signed [89:0] rounded = product + 90'sd1;
 
     assign busy = state != IDLE;
@@ -212,7 +226,7 @@ module sagnac_series #(
         input signed [34:0] b;
         input [6:0] by;
         input rounding;
-        input [4:0] then;
+        input [5:0] then;
         begin
             addend <= {{26{a[63]}}, a};
             factor <= b;
@@ -227,6 +241,43 @@ module sagnac_series #(
         end
     endtask
 
+    // Which word of an input or term comes after `fetched` others.
+    reg [3:0] of_input;
+    always @* begin
+        case ({stage, fetched[1:0]})
+            {OF_SOURCE, 2'd0}: of_input = 4'd1;
+            {OF_SOURCE, 2'd1}: of_input = 4'd2;
+            {OF_SOURCE, 2'd2}: of_input = 4'd3;
+            {OF_SOURCE, 2'd3}: of_input = 4'd9;
+            {OF_CODE, 2'd0}: of_input = 4'd15;
+            {OF_CODE, 2'd1}: of_input = 4'd0;
+            {OF_CODE, 2'd2}: of_input = 4'd4;
+            {OF_CODE, 2'd3}: of_input = 4'd5;
+            {OF_LAG, 2'd0}: of_input = 4'd9;
+            {OF_LAG, 2'd1}: of_input = 4'd10;
+            {OF_LAG, 2'd2}: of_input = 4'd11;
+            {OF_LAG, 2'd3}: of_input = 4'd12;
+            {OF_POSITION, 2'd0}: of_input = 4'd6;
+            {OF_POSITION, 2'd1}: of_input = 4'd7;
+            {OF_POSITION, 2'd2}: of_input = 4'd8;
+            {OF_REPORT, 2'd0}: of_input = 4'd13;
+            {OF_REPORT, 2'd1}: of_input = 4'd14;
+            default: of_input = 4'd0;
+        endcase
+    end
+    wire [7:0] next_address = stage == OF_TERM ? term_address + {6'd0, fetched[1:0]} : 8'd32 + {2'd0, at, of_input};
+
+    task fetch;
+        input [2:0] what;
+        input [5:0] then;
+        begin
+            stage <= what;
+            fetched <= 3'd0;
+            back <= then;
+            state <= FETCH;
+        end
+    endtask
+
     always @(posedge clk) begin
         if (taken)
             ready <= 1'b0;
@@ -237,6 +288,7 @@ module sagnac_series #(
             present_now <= 4'd0;
             has_last <= 4'd0;
             warm <= !rst;
+            held <= 1'b0;
             earlier <= 6'b100000;
             status <= 6'b100000;
             corrected_once <= 1'b0;
@@ -262,38 +314,64 @@ module sagnac_series #(
                     reported <= 6'd0;
                     state <= INPUT;
                 end
-                // An input: its value, if there is one.
+                // Four words of the image: the address is two clocks ahead of the word.
+                FETCH: begin
+                    fetched <= fetched + 3'd1;
+                    address <= next_address;
+                    {word_3, word_2, word_1, word_0} <= {word, word_3, word_2, word_1};
+                    if (fetched == 3'd5)
+                        state <= back;
+                end
                 INPUT: begin
                     x_clamped <= 1'b0;
                     y_clamped <= 1'b0;
-                    if (index == INPUTS) begin
+                    if (index == inputs) begin
                         index <= 3'd0;
                         // A held correction keeps the span bits of the values it was computed from.
                         reported <= held ? reported | (earlier & 6'b000011) : reported;
                         state <= held ? FINISH : BASIS;
-                    end else if (HAS_WARM_UPS && IS_WARM_UP[at]) begin
+                    end else
+                        fetch(OF_SOURCE, SOURCE);
+                end
+                // A hold is too long when it is above 2^(shift - 3)/mantissa, an eighth of tau: held*mantissa - 1 has a bit there or higher.
+                SOURCE: begin
+                    {rate_shift, alpha_shift, x_shift, gain_shift} <= {word_1[30:24], word_1[22:16], word_1[14:8], word_1[6:0]};
+                    {subtrahend, minuend, source, y_shift} <= {word_2[25:24], word_2[17:16], word_2[9:8], word_2[6:0]};
+                    has_lag <= alpha_of_source != 32'd0;
+                    long_hold <= 1'b0;
+                    if (alpha_of_source != 32'd0 && held_updates[at] != 32'd0) begin
+                        multiply({32'd0, held_updates[at]}, {3'd0, alpha_of_source}, word_1[22:16] - 7'd3, 1'b0, HOLD);
+                        product <= -90'sd1;
+                    end else
+                        state <= CONVERT;
+                end
+                HOLD: begin
+                    long_hold <= result > 64'sd0;
+                    state <= CONVERT;
+                end
+                // An input: its value, if there is one.
+                CONVERT: begin
+                    fresh <= 1'b0;
+                    if (DERIVED != 0 && source == 2'd3) begin
                         product <= 90'sd0;
                         if (!has_last[at] && !warm) begin
                             lag_q46[at] <= -55'sd70368744177664;
                             has_last[at] <= 1'b1;
                             settled_updates[at] <= 32'hffffffff;
                         end
-                        state <= CODE;
-                    end else if (HAS_DERIVED && IS_DERIVED[at]) begin
-                        fresh <= 1'b0;
+                        state <= VALUE;
+                    end else if (DERIVED != 0 && source != 2'd0) begin
                         product <= {{57{derived[32]}}, derived};
-                        state <= fresh_now[minuend] && fresh_now[subtrahend] ? CODE : ACCEPT;
+                        state <= fresh_now[minuend] && (source == 2'd2 || fresh_now[subtrahend]) ? VALUE : ACCEPT;
                     end else if (present_now[at])
-                        multiply({{32{code[31]}}, code}, {{3{gain_mantissa[31]}}, gain_mantissa},
-                                 GAIN_SHIFT[7*at +: 7], 1'b1, CODE);
-                    else begin
-                        fresh <= 1'b0;
+                        multiply({{32{code[31]}}, code}, {{3{gain_mantissa[31]}}, gain_mantissa}, gain_shift, 1'b1, VALUE);
+                    else
                         state <= ACCEPT;
-                    end
                 end
+                VALUE: fetch(OF_CODE, CODE);
                 CODE: begin
                     fresh <= is_taken;
-                    if (is_valid && HAS_STEP_LIMITS) begin
+                    if (is_valid && STEP_LIMITS != 0) begin
                         step_q24[at] <= value_code;
                         steady[at] <= !is_step || is_taken ? 2'd0 : (stays ? steady[at] + 2'd1 : 2'd1);
                     end
@@ -315,8 +393,13 @@ module sagnac_series #(
                         : (&held_updates[at] ? held_updates[at] : held_updates[at] + 32'd1);
                     if (has_last[at] && !(&settled_updates[at]))
                         settled_updates[at] <= settled_updates[at] + 32'd1;
-                    state <= !has_last[at] ? REPORT : (alpha_mantissa != 32'd0 ? LAG : POSITION);
                     y[at] <= 35'sd0;
+                    if (!has_last[at])
+                        fetch(OF_REPORT, REPORT);
+                    else if (has_lag)
+                        fetch(OF_LAG, LAG);
+                    else
+                        fetch(OF_POSITION, POSITION);
                 end
                 // The lag, and its rate.
                 LAG: multiply({{8{difference[55]}}, difference}, {3'd0, alpha_mantissa}, 7'd23, 1'b0, LAG_SUM);
@@ -329,19 +412,19 @@ module sagnac_series #(
                 end
                 RATE: begin
                     y_clamped <= fresh && rate_in_span != result;
-                    multiply(rate_in_span, {3'd0, y_mantissa}, Y_SHIFT[7*at +: 7], 1'b1, SCALED_RATE);
+                    multiply(rate_in_span, {3'd0, y_mantissa}, y_shift, 1'b1, SCALED_RATE);
                 end
                 SCALED_RATE: begin
                     y[at] <= result > ONE_Q31 ? ONE_Q31[34:0] : (result < -ONE_Q31 ? -ONE_Q31[34:0] : result[34:0]);
-                    state <= POSITION;
+                    fetch(OF_POSITION, POSITION);
                 end
                 POSITION: begin
                     x_clamped <= fresh && in_span != value_now;
-                    multiply({{31{from_middle[32]}}, from_middle}, {3'd0, x_mantissa}, X_SHIFT[7*at +: 7], 1'b1, SCALED);
+                    multiply({{31{from_middle[32]}}, from_middle}, {3'd0, x_mantissa}, x_shift, 1'b1, SCALED);
                 end
                 SCALED: begin
                     x[at] <= result > ONE_Q47 ? ONE_Q47[48:0] : (result < -ONE_Q47 ? -ONE_Q47[48:0] : result[48:0]);
-                    state <= REPORT;
+                    fetch(OF_REPORT, REPORT);
                 end
                 REPORT: begin
                     held <= held || !fresh;
@@ -352,12 +435,13 @@ module sagnac_series #(
                     index <= index + 3'd1;
                     state <= INPUT;
                 end
-                // T_0 ... T_ORDER of every input.
+                // T_0 to the highest order of every input.
                 BASIS: begin
                     order <= 4'd0;
                     previous <= 35'sd4294967296;
-                    if (index == INPUTS) begin
+                    if (index == inputs) begin
                         term <= 6'd0;
+                        term_address <= 8'd32 + {1'b0, inputs, 4'd0};
                         bias <= 56'sd0;
                         scale <= 40'sd0;
                         state <= TERM_READ;
@@ -372,7 +456,7 @@ module sagnac_series #(
                 end
                 BASIS_NEXT: begin
                     basis[{at, order}] <= half_here;
-                    if (order >= LAST_ORDER) begin
+                    if (order >= highest_order) begin
                         index <= index + 3'd1;
                         state <= BASIS;
                     end else
@@ -386,7 +470,11 @@ module sagnac_series #(
                     state <= BASIS_NEXT;
                 end
                 // Terms, one after the other.
-                TERM_READ: if (HAS_ZONES && TERM_IS_ZONE[term[4:0]])
+                TERM_READ: if (term == terms)
+                    multiply({{24{scale[39]}}, scale}, 35'sd1, 7'd8, 1'b1, SCALE);
+                else
+                    fetch(OF_TERM, TERM_SHAPE);
+                TERM_SHAPE: if (is_zone)
                     multiply(above_knot < 50'sd0 ? 64'sd0 : {{14{half_above[49]}}, half_above},
                              above_knot < 50'sd0 ? 35'sd0 : half_above[34:0], 7'd31, 1'b1, TERM_ZONE);
                 else if (is_harmonic)
@@ -401,69 +489,68 @@ module sagnac_series #(
                     state <= TERM;
                 end
                 // A harmonic: turns, folded into a quarter; z^2; R by Horner; z + z*R.
-                TURNS: if (HAS_HARMONICS) begin
+                TURNS: if (HARMONICS != 0) begin
                     below <= quarter[1];
                     z <= along_half_up[54:23];
                     multiply({32'd0, along_half_up[54:23]}, {3'd0, along_half_up[54:23]}, 7'd31, 1'b1, TURNS_SQUARE);
                 end
-                TURNS_SQUARE: if (HAS_HARMONICS) begin
+                TURNS_SQUARE: if (HARMONICS != 0) begin
                     square <= result[31:0];
                     rest_at <= 3'd4;
                     multiply({{30{REST[203]}}, REST[203:170]}, {3'd0, result[31:0]}, 7'd31, 1'b1, TURNS_SUM);
                 end
-                TURNS_SUM: if (HAS_HARMONICS) begin
+                TURNS_SUM: if (HARMONICS != 0) begin
                     rest_at <= rest_at - 3'd1;
                     if (rest_at == 3'd0)
                         multiply(rest_sum, {3'd0, z}, 7'd32, 1'b1, TURNS_SINE);
                     else
                         multiply(rest_sum, {3'd0, square}, 7'd31, 1'b1, TURNS_SUM);
                 end
-                TURNS_SINE: if (HAS_HARMONICS) begin
+                TURNS_SINE: if (HARMONICS != 0) begin
                     piece <= below ? -sine_size : sine_size;
                     state <= TERM;
                 end
-                TERM: if (term == TERMS)
-                    multiply({{24{scale[39]}}, scale}, 35'sd1, 7'd8, 1'b1, SCALE);
-                else if (TERM_RATED[term[4:0]])
+                TERM: if (term_rated)
                     multiply({{29{term_basis[34]}}, term_basis}, y[term_input], 7'd31, 1'b1, TERM_RATE);
                 else
                     multiply({{32{term_mantissa[31]}}, term_mantissa}, term_basis, term_shift, 1'b1, TERM_ADD);
                 TERM_RATE: multiply({{32{term_mantissa[31]}}, term_mantissa}, result[34:0], term_shift, 1'b1, TERM_ADD);
                 TERM_ADD: begin
-                    if (TERM_SCALES[term[4:0]])
+                    if (term_scales)
                         scale <= scale + result[39:0];
                     else
                         bias <= bias + result[55:0];
                     term <= term + 6'd1;
+                    term_address <= term_address + 8'd3;
                     state <= TERM_READ;
                 end
                 SCALE: begin
                     k <= 34'h100000000 + result[33:0];
                     multiply({{8{bias[55]}}, bias}, 35'sd1, 7'd8, 1'b1, BIAS);
                 end
-                // The slew to the new increment: floor(delta / SLEW) and its remainder.
+                // The slew to the new increment: floor(delta / slew_ticks) and its remainder.
                 BIAS: begin
-                    target <= result[INCREMENT_BITS-1:0];
+                    target <= result[47:0];
                     bias <= result[55:0];
                     state <= DIVIDE;
                 end
                 DIVIDE: begin
                     negative <= delta < 56'sd0;
-                    dividend <= delta < 56'sd0 ? delta_turned : delta[INCREMENT_BITS-1:0];
-                    rest <= {INCREMENT_BITS{1'b0}};
-                    quotient <= {INCREMENT_BITS{1'b0}};
+                    dividend <= delta < 56'sd0 ? delta_turned : delta[47:0];
+                    rest <= 48'd0;
+                    quotient <= 48'd0;
                     bit_count <= 6'd0;
                     state <= DIVIDED;
                     corrected_once <= 1'b1;
                 end
-                DIVIDED: if (bit_count == DIVISION_STEPS || SLEW == {INCREMENT_BITS{1'b0}}) begin
+                DIVIDED: if (bit_count == 6'd48 || slew_ticks == 32'd0) begin
                     slope <= !negative ? quotient : (exact ? -quotient : ~quotient);
-                    steeper <= !negative || exact ? rest[31:0] : SLEW[31:0] - rest[31:0];
+                    steeper <= !negative || exact ? rest[31:0] : slew_ticks - rest[31:0];
                     state <= FINISH;
                 end else begin
-                    rest <= fits ? less[INCREMENT_BITS-1:0] : trial;
-                    quotient <= {quotient[INCREMENT_BITS-2:0], fits};
-                    dividend <= {dividend[INCREMENT_BITS-2:0], 1'b0};
+                    rest <= fits ? less[47:0] : trial;
+                    quotient <= {quotient[46:0], fits};
+                    dividend <= {dividend[46:0], 1'b0};
                     bit_count <= bit_count + 6'd1;
                 end
                 FINISH: begin

@@ -1,0 +1,182 @@
+//! `cargo xtask fpga`: the Verilog export, built and checked.
+
+mod images;
+mod synthesis;
+mod verdict;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, ensure};
+use sagnac::export::verilog_files;
+use xtask::debian::{self, need};
+use xtask::shell::{output, root, stdout_of, text};
+
+use self::verdict::Hardware;
+use super::{Spoiled, image, loops, spoiled, table, write};
+use crate::generated::vectors;
+
+/// The modules of the correction behind its plain bus.
+const CORRECTION: [&str; 4] = ["sagnac_correction.v", "sagnac_image.v", "sagnac_series.v", "sagnac_fast.v"];
+/// Vectors of the correction, and the smallest width of the counts that they fit. `compensator-limits` advances many ticks at once,
+/// which no hardware does.
+const FILES: [(&str, u32); 8] = [
+    ("compensator-full", 16),
+    ("compensator-paper", 3),
+    ("compensator-edges", 32),
+    ("compensator-advance", 32),
+    ("compensator-inputs", 16),
+    ("compensator-harmonic", 16),
+    ("compensator-lags", 16),
+    ("compensator-warm-up", 16),
+];
+/// Records that the slow simulator runs of a file: all of most. The fast one runs every record, through both buses.
+const SLOW_RECORDS: &str = "+records=1300";
+/// Random images with records, and images alone, most of them changed.
+const RANDOM_IMAGES: u64 = 1000;
+const IMAGES_ALONE: u64 = 4000;
+
+/// The Verilog export: lint, benches in two simulators, random images, latches, cells and the netlist; with `place`, place and route too.
+pub(crate) fn fpga(place: bool) -> Result<()> {
+    need(debian::FPGA)?;
+    let folder = root().join("target/fpga");
+    write(&folder, &verilog_files(&image("compensator-full")?, Some(&loops()?)))?;
+    lint(&folder)?;
+    correction(&folder)?;
+    for (name, bench, module) in [
+        ("quadrature", "tb_quadrature", "sagnac_quadrature.v"),
+        ("path-length-mirror", "tb_path_length", "sagnac_path_length.v"),
+    ] {
+        let bench = Bench { folder: &folder, top: bench, modules: &[module] };
+        for built in [bench.in_iverilog(&[])?, bench.in_verilator("", &[])?] {
+            built.run_vectors(name)?;
+        }
+    }
+    synthesis::all(&folder)?;
+    if place {
+        synthesis::place_and_route(&folder)?;
+    }
+    println!("fpga: every check passed");
+    Ok(())
+}
+
+/// Every width, both buses, with everything that can be left out and without it.
+fn lint(folder: &Path) -> Result<()> {
+    let small = Hardware::SMALL.parameters().map(|(name, value)| format!("-G{name}={value}"));
+    let small: Vec<&str> = small.iter().map(String::as_str).chain(["-GSTATE_WORDS=0", "-GSTEP_LIMITS=0"]).collect();
+    for (module, parameters) in [
+        ("sagnac_axi4_lite", &[][..]),
+        ("sagnac_axi4_lite", &["-GRAW_BITS=2"]),
+        ("sagnac_axi4_lite", &["-GRAW_BITS=32"]),
+        ("sagnac_axi4_lite", &["-GIMAGE=\"sagnac_image.hex\""]),
+        ("sagnac_correction", &small),
+        ("sagnac_quadrature", &[]),
+        ("sagnac_path_length", &[]),
+    ] {
+        let file = format!("{module}.v");
+        let args = [&["--lint-only", "-Wall", "-I."], parameters, &[&file]].concat();
+        let lint = output(120, "verilator", &args, folder)?;
+        let stderr = String::from_utf8_lossy(&lint.stderr);
+        ensure!(lint.status.success() && stderr.trim().is_empty(), "{file} {parameters:?}: {stderr}");
+    }
+    println!("check: Verilog: every module lint clean (verilator -Wall), whole and small");
+    Ok(())
+}
+
+/// The correction: every vector file through the plain bus in both simulators and through AXI4-Lite in one; random and
+/// changed images.
+fn correction(folder: &Path) -> Result<()> {
+    let bench = Bench { folder, top: "tb_compensator", modules: &CORRECTION };
+    let with_bus = [&CORRECTION[..], &["sagnac_axi4_lite.v"]].concat();
+    let with_bus = Bench { modules: &with_bus, ..bench };
+    let fast = bench.in_verilator("", &["-GRAW_WIDTH=32"])?;
+    let axi = with_bus.in_verilator("-axi", &["-GRAW_WIDTH=32", "+define+AXI"])?;
+    let path = folder.join("random.hex");
+    fs::write(&path, images::random(RANDOM_IMAGES)?)?;
+    for built in [&fast, &axi] {
+        built.run(&path, "random images")?;
+    }
+    let preset = folder.join("preset");
+    write(&preset, &verilog_files(&image("compensator-lags")?, None))?;
+    let preset = Bench { folder: &preset, ..bench };
+    preset.in_iverilog(&["-DPRESET"])?.run_vectors("compensator-lags")?;
+    let own: Vec<Vec<u8>> = FILES.iter().map(|(name, _)| table(name)).collect::<Result<_>>()?;
+    let path = folder.join("alone.hex");
+    fs::write(&path, images::alone(&own, IMAGES_ALONE, Hardware::WHOLE)?)?;
+    fast.run(&path, "images alone")?;
+    let mut early = 0;
+    for (name, width) in FILES {
+        let width = format!("-Ptb_compensator.RAW_WIDTH={width}");
+        for built in [&bench.in_iverilog(&[&width])?, &fast, &axi] {
+            early += usize::from(built.run_vectors(name)?.contains("early ticks"));
+        }
+    }
+    ensure!(early >= 4, "only {early} runs end where ticks that come too early can be tried");
+    Ok(())
+}
+
+/// A test bench and the modules that it tries.
+#[derive(Clone, Copy)]
+struct Bench<'a> {
+    folder: &'a Path,
+    top: &'a str,
+    modules: &'a [&'a str],
+}
+
+impl Bench<'_> {
+    fn in_iverilog(&self, options: &[&str]) -> Result<Built> {
+        let file = format!("{}.v", self.top);
+        let args = [&["-g2005", "-Wall", "-I.", "-o", self.top, &file], options].concat();
+        stdout_of(120, "iverilog", &[&args[..], self.modules].concat(), self.folder)?;
+        Ok(Built::new(self, "iverilog", "vvp", &[self.top]))
+    }
+
+    fn in_verilator(&self, suffix: &str, options: &[&str]) -> Result<Built> {
+        let (file, built) = (format!("{}.v", self.top), format!("obj_{}{suffix}", self.top));
+        let quiet = ["--binary", "-j", "2", "-Wno-fatal", "-Wno-lint", "-Wno-style", "-I.", "--top-module", self.top];
+        let args = [&quiet[..], options, &["-Mdir", &built, &file], self.modules].concat();
+        stdout_of(1200, "verilator", &args, self.folder)?;
+        Ok(Built::new(self, &format!("verilator{suffix}"), &format!("{built}/V{}", self.top), &[]))
+    }
+}
+
+/// A bench built for a simulator.
+struct Built {
+    folder: PathBuf,
+    simulator: String,
+    command: String,
+    args: Vec<String>,
+}
+
+impl Built {
+    fn new(bench: &Bench<'_>, simulator: &str, command: &str, args: &[&str]) -> Self {
+        let args = args.iter().map(|arg| (*arg).to_owned()).collect();
+        Self { folder: bench.folder.to_owned(), simulator: simulator.to_owned(), command: command.to_owned(), args }
+    }
+
+    fn says(&self, path: &Path) -> Result<String> {
+        let vectors = format!("+vectors={}", text(path)?);
+        let records = (self.simulator == "iverilog").then_some(SLOW_RECORDS);
+        let args: Vec<&str> = self.args.iter().map(String::as_str).chain([vectors.as_str()]).chain(records).collect();
+        stdout_of(900, &self.command, &args, &self.folder)
+    }
+
+    /// Must pass; what it said.
+    fn run(&self, path: &Path, name: &str) -> Result<String> {
+        let stdout = self.says(path)?;
+        let verdict = stdout.lines().find(|line| line.starts_with("PASSED"));
+        let verdict = verdict.with_context(|| format!("{}, {name}: {stdout}", self.simulator))?;
+        println!("check: Verilog, {}, {name}: {verdict}", self.simulator);
+        Ok(verdict.to_owned())
+    }
+
+    /// A vector file must pass, and fail with one changed bit: the slow simulator gets an early one, so that it need not run twice.
+    fn run_vectors(&self, name: &str) -> Result<String> {
+        let verdict = self.run(&vectors::folder().join(name).with_extension("hex"), name)?;
+        let which = if self.simulator == "iverilog" { Spoiled::Early } else { Spoiled::Last };
+        let stdout = self.says(&spoiled(name, &self.folder, which)?)?;
+        let noticed = stdout.contains("FAILED: record");
+        ensure!(noticed, "{name} in {}: a changed bit of the vectors is not noticed", self.simulator);
+        Ok(verdict)
+    }
+}

