@@ -170,6 +170,8 @@ impl Image {
     ///
     /// # Errors
     /// [`DecodeError`], cheapest check first: length, magic, version, CRC, then every value.
+    ///
+    /// **SAG-CORE-018** Bytes with another magic, version, length or CRC-32 are no image.
     pub fn decode(bytes: &[u8]) -> Result<Self, DecodeError> {
         let (announced, stored_minor) = announced(bytes)?;
         let (needed, given) = (announced, bytes.len());

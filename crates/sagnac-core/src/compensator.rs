@@ -173,6 +173,8 @@ impl State {
 
     /// Clears [`Status::OVERFLOW`]: counts are output again, from a remainder of zero. What was held back is lost, so call it only where
     /// the user of the counts starts anew as well.
+    ///
+    /// **SAG-CORE-015** More than 2^29 counts held back set OVERFLOW, which only a call clears; the counts are zero meanwhile.
     pub const fn clear_overflow(&mut self) {
         if self.overflow {
             self.overflow = false;
@@ -232,6 +234,9 @@ impl State {
     }
 
     /// Starts the slew to a new increment.
+    ///
+    /// **SAG-CORE-012** A new increment is approached in a stated number of ticks by an arithmetic progression that ends on it
+    /// exactly.
     fn slew_to(&mut self, target: i64, ticks: u32) {
         let delta = target - self.increment;
         self.target = target;
@@ -264,6 +269,8 @@ impl Compensator {
     /// The remainder of a count is kept. The active correction stays until the next slow update, which is due at once, and slews away
     /// from it. Inputs start again: SETTLING, and UNCORRECTED until all of them have a valid value. A warm-up is over, as in
     /// [`State::warm`].
+    ///
+    /// **SAG-CORE-020** A new image takes over remainder and increment; its inputs settle anew, and an update is due.
     pub fn migrate_state(&self, old: &State) -> State {
         let bound = self.image.description().increment_bound();
         let increment = old.increment.max(-bound).min(bound);
@@ -293,6 +300,8 @@ impl Compensator {
     /// # Errors
     /// [`Misuse`] when a slow update is due before the last tick or |raw| > [`MAX_RAW`]; then
     /// nothing has changed.
+    ///
+    /// **SAG-CORE-017** Counts of a tick beyond 2^29 are refused and change nothing.
     #[inline]
     pub fn advance(&self, state: &mut State, raw: i32, ticks: u32) -> Result<Output, Misuse> {
         // |raw| > MAX_RAW in one comparison.
@@ -340,6 +349,9 @@ impl Compensator {
     ///
     /// # Errors
     /// [`Misuse::InputCount`] for a wrong number of codes.
+    ///
+    /// **SAG-CORE-010** While any input has no valid value the whole correction is held, with HELD, and after the hold time
+    /// with STALE.
     pub fn begin_update(&self, state: &State, codes: &[Option<i32>]) -> Result<SlowUpdate, Misuse> {
         if codes.len() != self.image.inputs().len() {
             return Err(Misuse::InputCount);
@@ -348,6 +360,8 @@ impl Compensator {
     }
 
     /// Makes one slice of a slow update; true when none is missing any more.
+    ///
+    /// **SAG-CORE-026** A slow update in slices has the bits of a whole one.
     #[inline]
     pub fn advance_update(&self, update: &mut SlowUpdate) -> bool {
         update.advance(&self.image)
@@ -392,6 +406,7 @@ impl Compensator {
         Ok(())
     }
 
+    /// **SAG-CORE-016** A tick when a slow update is due is refused and changes nothing.
     #[inline]
     fn run_clock(&self, state: &mut State, ticks: u32) -> Result<i64, Misuse> {
         if ticks > state.ticks_to_update {
@@ -402,6 +417,11 @@ impl Compensator {
     }
 
     /// acc ≤ 2⁶¹ before, raw·k ≤ 2²⁹·(2³² + 2²⁶), Σ increments ≤ 2⁶¹: the sum stays below 2⁶³.
+    ///
+    /// **SAG-CORE-013** The corrected counts are the whole counts of the sum of raw times k minus increment; the rest is
+    /// carried, so that no count is lost or made.
+    ///
+    /// **SAG-CORE-014** The counts of a tick are held to the output limit, with LIMITED; what is held back comes out later.
     #[inline]
     fn emit(&self, state: &mut State, raw: i32, increments: i64) -> Output {
         if state.overflow {

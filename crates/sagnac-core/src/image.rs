@@ -343,6 +343,7 @@ impl Image {
         ])
     }
 
+    /// **SAG-CORE-019** An image whose terms together can leave the range of increment or scale is refused.
     fn check_sums(&self) -> Result<(), ImageError> {
         if self.reach(Kind::Bias) > self.0.increment_bound() {
             return Err(ImageError::IncrementTooLarge);

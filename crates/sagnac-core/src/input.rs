@@ -159,6 +159,8 @@ impl InputSpec {
     /// The value of a code in 2⁻²⁴ °C, or `None` outside the valid range.
     ///
     /// `T = offset + round(code · gain)`; |code · mantissa| ≤ 2⁶², so nothing overflows.
+    ///
+    /// **SAG-CORE-002** The value of a code is offset plus code times gain. Beyond the valid range there is no value.
     pub fn value_q24(&self, code: i32) -> Option<i32> {
         let scaled = round_shift(i64::from(code) * i64::from(self.gain.mantissa), u32::from(self.gain.shift));
         self.if_valid(i64::from(self.offset_q24) + scaled)
@@ -171,6 +173,8 @@ impl InputSpec {
     }
 
     /// `x` in Q47 of the value clamped to the span, and whether it was clamped.
+    ///
+    /// **SAG-CORE-006** A value beyond the span is used as the border of the span, and OUT_OF_SPAN reports it.
     pub(crate) fn scaled(&self, t_q24: i32) -> (i64, bool) {
         let clamped = t_q24.max(self.span_lo_q24).min(self.span_hi_q24);
         let middle = (i64::from(self.span_lo_q24) + i64::from(self.span_hi_q24)) >> 1;
@@ -182,6 +186,9 @@ impl InputSpec {
 
 impl LagSpec {
     /// Longest hold after which the filter goes on, slow updates: an eighth of τ, 1/(8α).
+    ///
+    /// **SAG-CORE-004** After a hold of more than an eighth of τ, and after a step, the lag begins anew at the value, and
+    /// SETTLING stands until it has settled.
     pub fn longest_hold_updates(&self) -> u32 {
         let eighth = 1_u64.checked_shl(u32::from(self.alpha_shift).saturating_sub(HOLD_SHIFT)).unwrap_or(0);
         let updates = eighth.checked_div(u64::from(self.alpha_mantissa)).unwrap_or(u64::MAX);
@@ -271,6 +278,9 @@ impl InputState {
     }
 
     /// A value that is too far from the last one counts as missing until it has stayed. Also whether this one has.
+    ///
+    /// **SAG-CORE-003** A value farther than the largest step from the last one is used only when three in a row lie that near
+    /// to each other.
     fn held_back(&mut self, spec: &InputSpec, fresh: Option<i32>) -> (Option<i32>, bool) {
         let (Some(t), Some(last)) = (fresh, self.last_q24) else { return (fresh, false) };
         let largest = u32::from(spec.largest_step_q8) << 16;
@@ -292,6 +302,8 @@ impl InputState {
     ///
     /// |T − T_lag| ≤ 2⁵⁴ in 2⁻⁴⁶ °C. Its upper 32 bits times the mantissa of α are ≤ 2⁶², and the lower 23 bits add less than 2³¹.
     /// The product is in 2^−(23 + alpha_shift) °C; its remainder is below 2³⁹.
+    ///
+    /// **SAG-CORE-005** The lag carries the remainder of its division, so that its rounding does not add up.
     fn step(&mut self, lag: &LagSpec, t_q24: i32) -> (i64, bool) {
         if !lag.is_used() {
             return (0, false);

@@ -76,6 +76,8 @@ pub(crate) fn read(image: &Image, memory: &mut [InputState; MAX_INPUTS], codes: 
 }
 
 /// The sums of all terms.
+///
+/// **SAG-CORE-011** Increment and scale are the sums of their terms; a term with a rate is multiplied by its input's rate.
 pub(crate) fn evaluate(image: &Image, inputs: &[ScaledInput; MAX_INPUTS]) -> Sums {
     let mut basis = [[0_i64; BASIS_LEN]; MAX_INPUTS];
     for (row, input) in basis.iter_mut().zip(inputs).take(image.inputs().len()) {

@@ -69,6 +69,8 @@ impl<const N: usize> Watch<N> {
 
     /// Takes the newest values, `None` where there is no sample, and the heater's command. Bit i of the result: thermometer i stands still
     /// although another one, or the command, moved.
+    ///
+    /// **SAG-CORE-024** A thermometer that stands still while others or the heater's command move is named.
     pub fn update(&mut self, values: &[Option<i32>; N], command: Option<i32>) -> u32 {
         let spec = self.spec;
         let mut named = 0;
@@ -117,6 +119,8 @@ pub struct Vote {
 /// The median of the codes of several thermometers at one place, each with the same conversion: of an even number the mean of the two in the
 /// middle, rounded down. One that is farther than `agree` from it is outvoted. Two must agree, and one alone is used as it is. Of more
 /// than [`MOST_VOTERS`] the first are taken.
+///
+/// **SAG-CORE-025** Of three or more codes the vote is the median, and codes away from it are named.
 pub fn vote(codes: &[Option<i32>], agree: u32) -> Vote {
     let mut sorted = [0_i32; MOST_VOTERS];
     let mut voters = 0_usize;

@@ -114,6 +114,7 @@ fn cut_everywhere<const U: usize, const S: usize>(seed: u64) -> u64 {
 }
 
 /// 1,000 sequences over the flashes of five families (4 bytes and 2 KB pages; 8; 16; 32 with error correction; 1).
+/// SAG-CORE-021
 #[test]
 fn power_fails_at_every_step() {
     let mut cuts = 0;
@@ -174,6 +175,7 @@ fn empty_banks_give_factory_defaults() {
     assert!(loaded.image.terms().is_empty());
 }
 
+/// SAG-CORE-023
 #[test]
 fn an_image_for_another_gyro_is_refused_by_store_and_load() {
     let mut dice = Dice(5);
@@ -334,6 +336,7 @@ const PARTS: [std::ops::Range<usize>; 3] = [0..32, 160..192, 192..992];
 
 /// By hand: parts of one legal bank under those of another. No mixture of two stores is an image, whichever part is which; a CRC would
 /// not see it, because that of every image is the same number.
+/// SAG-CORE-021
 #[test]
 fn parts_of_two_stores_are_no_image() {
     let mut mixtures = 0;
@@ -413,6 +416,7 @@ fn confirm<const U: usize, const S: usize>(flash: Flash<U, S>) -> (Flash<U, S>, 
 }
 
 /// Never confirmed: four starts, and the fifth goes back by itself. Confirmed after any of them: it stays.
+/// SAG-CORE-022
 #[test]
 fn a_trial_ends_by_confirmation_or_by_itself() {
     let mut dice = Dice(11);

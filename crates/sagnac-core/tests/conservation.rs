@@ -69,6 +69,7 @@ impl Books {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(400))]
 
+    /// SAG-CORE-013
     #[test]
     fn counts_are_conserved_exactly(image in any_image(), calls in prop::collection::vec(any_call(), 1..60)) {
         let mut books = Books::new(image);
@@ -114,6 +115,7 @@ proptest! {
         }
     }
 
+    /// SAG-CORE-012
     #[test]
     fn slew_ends_on_its_target_without_a_step(image in any_image(), codes in prop::collection::vec(-(40 << 24)..(70_i32 << 24), 1..6)) {
         let gyro = Compensator::new(image);
@@ -212,6 +214,7 @@ fn k_and_increments_at_the_edges_of_their_ranges() {
 }
 
 /// An output limit keeps the excess; a hopeless one latches OVERFLOW instead of wrapping.
+/// SAG-CORE-014, SAG-CORE-015
 #[test]
 fn limiting_loses_nothing_and_overflow_is_latched() {
     let mut d = *image(&[], 1 << 20, 0).description();
@@ -231,6 +234,7 @@ fn limiting_loses_nothing_and_overflow_is_latched() {
     assert_eq!(gyro.tick(&mut state, 5).unwrap().counts, 0);
 }
 
+/// SAG-CORE-016, SAG-CORE-017
 #[test]
 fn a_tick_past_a_slow_update_is_refused_and_changes_nothing() {
     let gyro = Compensator::new(image(&[], 10, 0));
@@ -254,6 +258,7 @@ fn bias_only_first_status() -> Status {
 }
 
 /// A new image between two ticks: not a count lost, no step, within the new image's bound.
+/// SAG-CORE-020
 #[test]
 fn a_new_image_keeps_the_remainder() {
     let old = image(&[term(Kind::Bias, 0, Multiplier::One, i32::MAX, 8)], 1 << 15, 1);
@@ -274,6 +279,7 @@ fn a_new_image_keeps_the_remainder() {
 }
 
 /// HELD keeps the correction, STALE follows the hold time, OUT_OF_SPAN clamps, SETTLING ends.
+/// SAG-CORE-006, SAG-CORE-010
 #[test]
 fn status_reports_what_happened_to_the_input() {
     let slope = term(Kind::Bias, 1, Multiplier::One, 1 << 30, 30);
@@ -410,6 +416,7 @@ fn ramp(n: i32, per_update: i32) -> i32 {
 
 /// After every hold of 1 to 400 updates on a ramp the rate is that of the ramp to 1 %, or the status is SETTLING until it is to 5 %. Before this
 /// rule a hold of 4τ gave five times the rate with status 0.
+/// SAG-CORE-004
 #[test]
 fn no_hold_makes_a_false_rate_with_a_clean_status() {
     let gyro = rated(|_| ());
@@ -442,6 +449,7 @@ fn no_hold_makes_a_false_rate_with_a_clean_status() {
 
 /// A spike inside the valid range, of one update or two, is no temperature: HELD, and the correction is that of before. A step that stays is one after
 /// three updates, and the rate then settles anew.
+/// SAG-CORE-003
 #[test]
 fn a_spike_is_held_back_and_a_step_that_stays_is_not() {
     let limited = |spec: &mut InputSpec| spec.largest_step_q8 = 256;
@@ -482,6 +490,7 @@ fn a_spike_is_held_back_and_a_step_that_stays_is_not() {
 }
 
 /// An overflow ends by the stated call alone, with a remainder of zero; without one the call changes nothing.
+/// SAG-CORE-015
 #[test]
 fn an_overflow_is_cleared_by_the_call_alone() {
     let mut d = *image(&[], 1000, 0).description();

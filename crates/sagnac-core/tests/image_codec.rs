@@ -54,6 +54,7 @@ proptest! {
     }
 }
 
+/// SAG-CORE-018
 #[test]
 fn every_one_and_two_bit_flip_is_refused() {
     let image = typical();
@@ -73,6 +74,7 @@ fn every_one_and_two_bit_flip_is_refused() {
     assert_eq!(bytes, good);
 }
 
+/// SAG-CORE-018
 #[test]
 fn every_truncation_and_extension_is_refused() {
     let good = bytes_of(&typical());
@@ -285,6 +287,7 @@ fn a_repeat_is_of_an_input_before_it_and_held_like_it() {
     }
 }
 
+/// SAG-CORE-019
 #[test]
 fn a_description_out_of_range_is_refused_by_field() {
     let refuse = |change: &dyn Fn(&mut Description)| {

@@ -9,6 +9,7 @@ use support::any_image_of_four;
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(400))]
 
+    /// SAG-CORE-026
     #[test]
     fn slices_have_the_bits_of_a_whole(
         image in any_image_of_four(),

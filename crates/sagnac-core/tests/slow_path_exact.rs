@@ -163,6 +163,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(1000))]
 
     /// Bound of docs/explanation/arithmetic.md: 2⁻²⁷ of the coefficients' sum, and one LSB of Q32 for the last rounding.
+    /// SAG-CORE-002, SAG-CORE-005, SAG-CORE-006, SAG-CORE-007, SAG-CORE-008, SAG-CORE-009, SAG-CORE-011
     #[test]
     fn roundings_stay_within_their_bound(
         image in any_image_of_four(),

@@ -72,6 +72,7 @@ fn chambers() -> impl Iterator<Item = Chamber> {
 }
 
 /// Two healthy thermometers behind different lags, through ramps and soaks: never named with the move that the docs state.
+/// SAG-CORE-024
 #[test]
 fn healthy_thermometers_are_not_named() {
     for chamber in chambers() {
@@ -81,6 +82,7 @@ fn healthy_thermometers_are_not_named() {
 }
 
 /// One that gets stuck is named, and the other is not, once the other has moved by 10 °C.
+/// SAG-CORE-024
 #[test]
 fn a_stuck_thermometer_is_named() {
     let mut minutes = Vec::new();
@@ -126,6 +128,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(2000))]
 
     /// The median by counting: at most half lie below it and at most half above.
+    /// SAG-CORE-025
     #[test]
     fn the_vote_is_the_median(codes in prop::collection::vec(prop::option::weighted(0.8, prop_oneof![any::<i32>(), -50..50_i32]), 0..9), agree in prop_oneof![0_u32..60, any::<u32>()]) {
         let cast: Vec<i64> = codes.iter().take(8).flatten().map(|code| i64::from(*code)).collect();

@@ -17,10 +17,11 @@ use crate::places::TRACEABILITY;
 
 const ID: &str = "SAG-CORE-";
 /// Requirements that the hardware leaves to the processor beside it, and why.
-const NOT_IN_HARDWARE: [(&str, &str); 6] = [
+const NOT_IN_HARDWARE: [(&str, &str); 7] = [
     ("SAG-CORE-019", "the processor that sends the image"),
     ("SAG-CORE-021", "no flash"),
     ("SAG-CORE-022", "no flash"),
+    ("SAG-CORE-023", "the processor; the loader compares serial, axis and tick"),
     ("SAG-CORE-024", "the processor"),
     ("SAG-CORE-025", "the processor"),
     ("SAG-CORE-026", "one product at a time"),
@@ -126,7 +127,8 @@ fn sources(folder: &str, extension: &str) -> Result<Vec<PathBuf>> {
 fn definitions(path: &Path, all: &mut BTreeMap<String, Requirement>) -> Result<()> {
     let text = fs::read_to_string(path)?;
     let lines: Vec<&str> = text.lines().map(str::trim_start).collect();
-    let module = path.file_stem().context("a name")?.to_string_lossy();
+    let module = if path.ends_with("mod.rs") { path.parent().and_then(Path::file_name) } else { path.file_stem() };
+    let module = module.context("a name")?.to_string_lossy();
     for (at, line) in lines.iter().enumerate() {
         let Some((id, first)) = line.strip_prefix("/// **").and_then(|rest| rest.split_once("** ")) else { continue };
         if !id.starts_with(ID) {

@@ -91,6 +91,9 @@ impl Gyro {
     ///
     /// # Errors
     /// The first property that differs.
+    ///
+    /// **SAG-CORE-023** An image for another serial number, axis, tick or scale factor, or beyond the gyro's limits, is
+    /// refused.
     pub fn accept(&self, image: &Image) -> Result<(), ImageMismatch> {
         let d = image.description();
         let rules = [

@@ -178,6 +178,8 @@ impl<F: NorFlash> Banks<F> {
 
     /// Power-on: the active image for this gyro. An image on trial is marked as started once more; if all its starts are used, it is
     /// withdrawn, and the image before it is active again. Without an image before it, it stays.
+    ///
+    /// **SAG-CORE-022** An image on trial is withdrawn after four starts without a confirmation.
     #[inline(never)]
     pub fn start(&mut self, gyro: &Gyro) -> Loaded {
         let found = self.inspect_both(gyro);
@@ -246,6 +248,7 @@ impl<F: NorFlash> Banks<F> {
         self.store_as(gyro, image, true)
     }
 
+    /// **SAG-CORE-021** A loss of power at any step of a store leaves the old image or the new one in force, never a mixture.
     #[inline(never)]
     fn store_as(&mut self, gyro: &Gyro, image: &Image, trial: bool) -> Result<(), StoreError<F::Error>> {
         gyro.accept(image).map_err(StoreError::Mismatch)?;

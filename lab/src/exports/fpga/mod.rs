@@ -30,7 +30,7 @@ const FILES: [(&str, u32); 8] = [
     ("compensator-lags", 16),
     ("compensator-warm-up", 16),
 ];
-/// Records that the slow simulator runs of a file: all of most. The fast one runs every record, through both buses.
+/// Records that the slow simulator runs of a file. The fast one runs every record, through both buses.
 const SLOW_RECORDS: &str = "+records=1300";
 /// Random images with records, and images alone, most of them changed.
 const RANDOM_IMAGES: u64 = 1000;

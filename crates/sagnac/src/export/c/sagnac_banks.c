@@ -340,6 +340,7 @@ void sagnac_banks_load(sagnac_banks *banks, const sagnac_gyro *gyro, sagnac_load
 }
 
 /* Programs a mark of the active image's store into a row of its bank, if it is on trial. */
+/* SAG-CORE-022 */
 static sagnac_store_result bank_mark_trial(sagnac_banks *banks, const sagnac_gyro *gyro, uint32_t row, uint32_t units)
 {
     sagnac_store_result result = SAGNAC_STORE_NOT_ON_TRIAL;
@@ -464,6 +465,7 @@ static uint32_t bank_newest_number(const sagnac_bank found[2])
     return newest;
 }
 
+/* SAG-CORE-021 */
 sagnac_store_result sagnac_banks_store(sagnac_banks *banks, const sagnac_gyro *gyro, const sagnac_octet *octets, uint32_t length,
                                        uint32_t trial)
 {

@@ -41,6 +41,7 @@
 #define MINOR_OF_HARMONICS 1U
 
 /* T_0(x) ... T_8(x) in Q31 for x in Q47, |x| <= 1. */
+/* SAG-CORE-007 */
 static void gyro_chebyshev(int64_t x_q47, int64_t basis[BASIS_LENGTH])
 {
     const int64_t high = sagnac_floor_shift(x_q47, X_LOW_BITS);
@@ -59,6 +60,7 @@ static void gyro_chebyshev(int64_t x_q47, int64_t basis[BASIS_LENGTH])
 }
 
 /* ((x - knot)/2)^2 in Q31 above the knot, 0 below it. */
+/* SAG-CORE-008 */
 static int64_t gyro_zone(int64_t x_q47, int32_t knot_q15)
 {
     const int64_t above = x_q47 - ((int64_t)knot_q15 * ONE_Q32);
@@ -76,6 +78,7 @@ static uint32_t is_harmonic(const sagnac_term *term)
 }
 
 /* The sine of a term's turns at x, the cosine a quarter of a turn later: z + z*R(z^2) of a quarter, R in Q32. */
+/* SAG-CORE-009 */
 static int64_t gyro_harmonic(int64_t x_q47, const sagnac_term *term)
 {
     static const int64_t rest_q32[SINE_LENGTH] = {2451551556, -2774394651, 342277046, -20107381, 688100, -14670};
@@ -97,6 +100,7 @@ static int64_t gyro_harmonic(int64_t x_q47, const sagnac_term *term)
 }
 
 /* The value of a code, 2^-24 degC, not yet checked. */
+/* SAG-CORE-002 */
 static int64_t input_value(const sagnac_input *spec, int32_t code)
 {
     const int64_t product = (int64_t)code * (int64_t)spec->gain_mantissa;
@@ -120,6 +124,7 @@ uint32_t sagnac_input_value(const sagnac_input *spec, int32_t code, int32_t *t_q
 }
 
 /* x of the value clamped to the span. */
+/* SAG-CORE-006 */
 static void scale_input(const sagnac_input *spec, int32_t t_q24, sagnac_scaled_input *out)
 {
     const int32_t clamped = sagnac_held32(t_q24, spec->span_lo_q24, spec->span_hi_q24);
@@ -131,6 +136,7 @@ static void scale_input(const sagnac_input *spec, int32_t t_q24, sagnac_scaled_i
 }
 
 /* One period of the lag; y is the scaled, clamped rate. */
+/* SAG-CORE-005 */
 static void step_lag(const sagnac_input *spec, sagnac_input_state *memory, int32_t t_q24, sagnac_scaled_input *out)
 {
     out->y_q31 = 0;
@@ -167,6 +173,7 @@ static uint32_t distance(int32_t a, int32_t b)
 }
 
 /* 1 for a value at once, 2 for one too far from the last one that has stayed, 0 while it has not. */
+/* SAG-CORE-003 */
 static uint32_t accept_step(const sagnac_input *spec, sagnac_input_state *memory, int32_t t_q24)
 {
     const uint32_t largest = spec->largest_step_q8 * 65536U;
@@ -188,6 +195,7 @@ static uint32_t accept_step(const sagnac_input *spec, sagnac_input_state *memory
 }
 
 /* The lag begins anew with a step that has stayed, or after a hold of more than an eighth of tau: 1/(8 alpha) updates. */
+/* SAG-CORE-004 */
 static void begin_anew(const sagnac_input *spec, sagnac_input_state *memory, uint32_t accepted, int32_t t_q24)
 {
     if (spec->alpha_mantissa != 0U) {
@@ -281,6 +289,7 @@ static uint32_t find_value(const sagnac_image *image, const sagnac_slow_update *
 }
 
 /* The slice of an input: its value, lag, status and series. */
+/* SAG-CORE-010 */
 static void input_slice(const sagnac_image *image, sagnac_slow_update *update, uint32_t i)
 {
     const sagnac_input *spec = &image->inputs[i];
@@ -313,6 +322,7 @@ static void input_slice(const sagnac_image *image, sagnac_slow_update *update, u
 }
 
 /* The slice of a term. */
+/* SAG-CORE-011 */
 static void term_slice(const sagnac_term *term, sagnac_slow_update *update)
 {
     const int64_t x_q47 = update->scaled[term->input].x_q47;
@@ -339,6 +349,7 @@ static void term_slice(const sagnac_term *term, sagnac_slow_update *update)
 }
 
 /* Starts the slew to a new increment: `steeper` ticks by slope + 1, the others by slope. */
+/* SAG-CORE-012 */
 static void gyro_slew_to(sagnac_compensator_state *state, int64_t target, uint32_t ticks)
 {
     state->target = target;
@@ -379,6 +390,7 @@ static int64_t gyro_slew(sagnac_compensator_state *state, uint32_t n)
     return sum;
 }
 
+/* SAG-CORE-016 */
 static sagnac_misuse run_clock(sagnac_compensator_state *state, uint32_t ticks, int64_t *increments)
 {
     sagnac_misuse result = SAGNAC_OK;
@@ -391,6 +403,7 @@ static sagnac_misuse run_clock(sagnac_compensator_state *state, uint32_t ticks, 
     return result;
 }
 
+/* SAG-CORE-013, SAG-CORE-014 */
 static void emit(const sagnac_image *image, sagnac_compensator_state *state, int32_t raw, int64_t increments,
                      sagnac_output *output)
 {
@@ -461,6 +474,7 @@ void sagnac_compensator_start_warm(sagnac_compensator_state *state)
     state->warm = 1U;
 }
 
+/* SAG-CORE-015 */
 void sagnac_compensator_clear_overflow(sagnac_compensator_state *state)
 {
     if (state->overflow != 0U) {
@@ -469,6 +483,7 @@ void sagnac_compensator_clear_overflow(sagnac_compensator_state *state)
     }
 }
 
+/* SAG-CORE-020 */
 void sagnac_compensator_migrate_state(const sagnac_image *image, sagnac_compensator_state *state)
 {
     const int64_t bound = increment_bound(image);
@@ -509,6 +524,7 @@ void sagnac_compensator_begin_update(const sagnac_image *image, const sagnac_com
     update->slices = 0U;
 }
 
+/* SAG-CORE-026 */
 uint32_t sagnac_compensator_advance_update(const sagnac_image *image, sagnac_slow_update *update)
 {
     const uint32_t at = update->slices;
@@ -578,6 +594,7 @@ sagnac_misuse sagnac_compensator_tick(const sagnac_image *image, sagnac_compensa
     return sagnac_compensator_advance(image, state, raw, 1U, output);
 }
 
+/* SAG-CORE-017 */
 sagnac_misuse sagnac_compensator_advance(const sagnac_image *image, sagnac_compensator_state *state, int32_t raw,
                                          uint32_t ticks, sagnac_output *output)
 {
@@ -845,6 +862,7 @@ static uint32_t head_is_sound(const sagnac_image *image)
     return sound;
 }
 
+/* SAG-CORE-019 */
 sagnac_image_error sagnac_image_check(const sagnac_image *image)
 {
     sagnac_image_error error = SAGNAC_IMAGE_OK;
@@ -992,6 +1010,7 @@ static uint32_t load_term(sagnac_term *term, sagnac_read_octet read, const void 
 }
 
 /* Checks length, magic, versions and checksum. */
+/* SAG-CORE-018 */
 static sagnac_image_error gyro_envelope(sagnac_read_octet read, const void *context, uint32_t length)
 {
     static const uint32_t magic[2] = {0x4E474153U, 0x4D494341U};

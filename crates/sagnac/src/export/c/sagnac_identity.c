@@ -50,6 +50,7 @@ static uint32_t identity_same_serial(const sagnac_gyro *gyro, const sagnac_image
     return same;
 }
 
+/* SAG-CORE-023 */
 sagnac_mismatch sagnac_gyro_accept(const sagnac_gyro *gyro, const sagnac_image *image)
 {
     sagnac_mismatch mismatch = SAGNAC_MATCHES;

@@ -32,6 +32,7 @@ int64_t sagnac_floor_shift(int64_t value, uint32_t shift)
     return result;
 }
 
+/* SAG-CORE-001 */
 int64_t sagnac_round_shift(int64_t value, uint32_t shift)
 {
     int64_t result = value;

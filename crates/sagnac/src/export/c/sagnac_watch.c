@@ -90,6 +90,7 @@ void sagnac_watch_start(sagnac_watch *watch)
     }
 }
 
+/* SAG-CORE-024 */
 uint32_t sagnac_watch_update(const sagnac_watch_spec *spec, sagnac_watch *watch, const int32_t *values, uint32_t present,
                              uint32_t has_command, int32_t command)
 {
@@ -131,6 +132,7 @@ static uint32_t sorted_codes(const int32_t *codes, uint32_t count, uint32_t pres
     return voters;
 }
 
+/* SAG-CORE-025 */
 void sagnac_vote_of(const int32_t *codes, uint32_t count, uint32_t present, uint32_t agree, sagnac_vote *vote)
 {
     int32_t sorted[SAGNAC_MAX_VOTERS] = {0, 0, 0, 0, 0, 0, 0, 0};

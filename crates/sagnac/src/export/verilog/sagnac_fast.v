@@ -63,6 +63,7 @@ module sagnac_fast #(
     assign applied = apply && due && !rst && !restart;
 
     wire signed [31:0] raw_wide = {{(32 - RAW_BITS + 1){raw[RAW_BITS-1]}}, raw[RAW_BITS-2:0]};
+    // SAG-CORE-017
     wire too_large = !gap && (raw_wide > 32'sd536870912 || raw_wide < -32'sd536870912);
     wire signed [47:0] one_more = {47'd0, steeper != 32'd0};
     wire signed [47:0] next_increment = slewing == 32'd0 ? increment : increment + slope + one_more;
@@ -76,6 +77,7 @@ module sagnac_fast #(
     always @(posedge clk) begin
         taken <= 1'b0;
         refused <= 1'b0;
+        // SAG-CORE-020
         if (rst || restart) begin
             ticks_to_update <= 32'd0;
             slewing <= 32'd0;
@@ -102,6 +104,7 @@ module sagnac_fast #(
                 if (slew_ticks == 32'd0)
                     increment <= apply_target;
             end
+        // SAG-CORE-016
         end else if (tick && (due || too_large || taken || summed)) begin
             refused <= 1'b1;
         end else if (tick) begin
@@ -119,10 +122,12 @@ module sagnac_fast #(
     wire signed [63:0] increment_wide = {{16{increment[47]}}, increment};
     wire signed [31:0] limit = output_limit;
     wire signed [31:0] whole = sum[63:32];
+    // SAG-CORE-014
     wire signed [31:0] out = whole > limit ? limit : (whole < -limit ? -limit : whole);
     wire signed [63:0] rest = sum - $signed({out, 32'd0});
     wire [63:0] rest_size = rest[63] ? ~rest + 64'd1 : rest;
 
+    // SAG-CORE-013
     // Sum, then whole counts.
     always @(posedge clk) begin
         valid <= 1'b0;
@@ -133,6 +138,7 @@ module sagnac_fast #(
             counts <= 32'sd0;
             limited <= 1'b0;
             sum <= 64'sd0;
+        // SAG-CORE-015
         end else if (clear && overflow) begin
             accumulator <= 64'sd0;
             overflow <= 1'b0;

@@ -115,6 +115,7 @@ module sagnac_image #(
     wire [31:0] unit_word = unit_serial[32*serial_word +: 32];
 
     // What is wrong with a word of the first pass, and of the second.
+    // SAG-CORE-018
     reg [2:0] sum_fault, field_fault;
     always @* begin
         sum_fault = 3'd0;

@@ -184,6 +184,7 @@ module sagnac_series #(
     wire signed [31:0] subtracted = source == 2'd2 ? 32'sd0 : last_q24[subtrahend];
     wire signed [32:0] derived = {last_q24[minuend][31], last_q24[minuend]} - {subtracted[31], subtracted};
 
+    // SAG-CORE-002
     wire signed [63:0] value = result + {{32{offset[31]}}, offset};
     wire signed [31:0] value_code = value[31:0];
     wire is_valid = value[63:31] == {33{value[31]}} && value_code >= valid_lo && value_code <= valid_hi;
@@ -193,9 +194,11 @@ module sagnac_series #(
     wire [32:0] largest = {1'b0, largest_step, 16'd0};
     wire [32:0] step_size = from_last[32] ? -from_last : from_last;
     wire [32:0] stay_size = from_step[32] ? -from_step : from_step;
+    // SAG-CORE-003
     wire is_step = STEP_LIMITS != 0 && largest_step != 16'd0 && has_last[at] && step_size > largest;
     wire stays = steady[at] != 2'd0 && stay_size <= largest;
     wire is_taken = is_valid && (!is_step || (stays && steady[at] == 2'd2));
+    // SAG-CORE-004
     wire anew = !has_last[at]
         || (has_lag && (is_step || long_hold));
     wire signed [55:0] lag_wide = {lag_q46[at][54], lag_q46[at]};
@@ -215,6 +218,7 @@ module sagnac_series #(
     wire [48:0] less = {1'b0, trial} - {17'd0, slew_ticks};
     wire fits = !less[48];
     wire exact = rest == 48'd0;
+    // SAG-CORE-001
     wire signed [89:0] rounded = product + 90'sd1;
 
     assign busy = state != IDLE;
@@ -404,6 +408,7 @@ module sagnac_series #(
                 // The lag, and its rate.
                 LAG: multiply({{8{difference[55]}}, difference}, {3'd0, alpha_mantissa}, 7'd23, 1'b0, LAG_SUM);
                 LAG_SUM: multiply(result + $signed({25'd0, remainder[at]}), 35'sd1, alpha_shift - 7'd23, 1'b0, LAG_RATE);
+                // SAG-CORE-005
                 LAG_RATE: begin
                     remainder[at] <= shifted_out;
                     lag_q46[at] <= lag_q46[at] + result[54:0];
@@ -418,6 +423,7 @@ module sagnac_series #(
                     y[at] <= result > ONE_Q31 ? ONE_Q31[34:0] : (result < -ONE_Q31 ? -ONE_Q31[34:0] : result[34:0]);
                     fetch(OF_POSITION, POSITION);
                 end
+                // SAG-CORE-006
                 POSITION: begin
                     x_clamped <= fresh && in_span != value_now;
                     multiply({{31{from_middle[32]}}, from_middle}, {3'd0, x_mantissa}, x_shift, 1'b1, SCALED);
@@ -426,6 +432,7 @@ module sagnac_series #(
                     x[at] <= result > ONE_Q47 ? ONE_Q47[48:0] : (result < -ONE_Q47 ? -ONE_Q47[48:0] : result[48:0]);
                     fetch(OF_REPORT, REPORT);
                 end
+                // SAG-CORE-010
                 REPORT: begin
                     held <= held || !fresh;
                     fresh_now[at] <= fresh;
@@ -463,6 +470,7 @@ module sagnac_series #(
                         multiply({{15{x[at][48]}}, x[at]}, here, 7'd46, 1'b1, BASIS_TURN);
                 end
                 // 2x*T_n - T_(n-1).
+                // SAG-CORE-007
                 BASIS_TURN: begin
                     previous <= here;
                     here <= result[34:0] - previous;
@@ -474,6 +482,7 @@ module sagnac_series #(
                     multiply({{24{scale[39]}}, scale}, 35'sd1, 7'd8, 1'b1, SCALE);
                 else
                     fetch(OF_TERM, TERM_SHAPE);
+                // SAG-CORE-008
                 TERM_SHAPE: if (is_zone)
                     multiply(above_knot < 50'sd0 ? 64'sd0 : {{14{half_above[49]}}, half_above},
                              above_knot < 50'sd0 ? 35'sd0 : half_above[34:0], 7'd31, 1'b1, TERM_ZONE);
@@ -489,6 +498,7 @@ module sagnac_series #(
                     state <= TERM;
                 end
                 // A harmonic: turns, folded into a quarter; z^2; R by Horner; z + z*R.
+                // SAG-CORE-009
                 TURNS: if (HARMONICS != 0) begin
                     below <= quarter[1];
                     z <= along_half_up[54:23];
@@ -515,6 +525,7 @@ module sagnac_series #(
                 else
                     multiply({{32{term_mantissa[31]}}, term_mantissa}, term_basis, term_shift, 1'b1, TERM_ADD);
                 TERM_RATE: multiply({{32{term_mantissa[31]}}, term_mantissa}, result[34:0], term_shift, 1'b1, TERM_ADD);
+                // SAG-CORE-011
                 TERM_ADD: begin
                     if (term_scales)
                         scale <= scale + result[39:0];
@@ -534,6 +545,7 @@ module sagnac_series #(
                     bias <= result[55:0];
                     state <= DIVIDE;
                 end
+                // SAG-CORE-012
                 DIVIDE: begin
                     negative <= delta < 56'sd0;
                     dividend <= delta < 56'sd0 ? delta_turned : delta[47:0];
