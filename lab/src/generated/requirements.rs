@@ -34,8 +34,8 @@ Made by `cargo xtask bless requirements` from the sources; do not edit. Each req
 without C, without a test, or without hardware unless a reason is given here, and a number that no requirement has.
 [For those who certify](../explanation/certification.md) says what this table is good for, and what it is not.
 
-| requirement | | Rust | C | Verilog | tests | vectors |
-|---|---|---|---|---|---|---|
+| requirement | where |
+|---|---|
 ";
 
 /// One requirement and its places.
@@ -88,15 +88,12 @@ fn row(id: &str, of: &Requirement) -> Result<String> {
         (false, Some(_)) => bail!("{id} is in Verilog, and a reason why not is given"),
     };
     let mut out = String::new();
-    writeln!(
-        out,
-        "| {id} | {} | `{}` | {} | {verilog} | {} | {} |",
-        of.text,
-        of.rust,
-        list(&of.c),
-        list(&of.tests),
-        list(&of.vectors)
-    )?;
+    write!(out, "| **{id}** {} | Rust: `{}`<br>C: {}<br>Verilog: {verilog}<br>", of.text, of.rust, list(&of.c))?;
+    write!(out, "Tests: {}", list(&of.tests))?;
+    if !of.vectors.is_empty() {
+        write!(out, "<br>Vectors: {}", list(&of.vectors))?;
+    }
+    out.push_str(" |\n");
     Ok(out)
 }
 
