@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 use sagnac::calibration::{Calibration, InputSource, UNASSIGNED};
-use sagnac::export::{TextFile, c_files, codes, encode, image_bytes, verilog_files};
+use sagnac::export::{TextFile, c_files, codes, data_sheet, encode, image_bytes, verilog_files};
 use sagnac::{Error, Result};
 use sagnac_board::Message;
 use sagnac_core::{Image, MAX_SEQUENCE, SignatureBlock};
@@ -31,6 +31,7 @@ Examples:
   sagnac export unit.img --to verilog -o rtl
   sagnac export unit.cal.json --to upload --sequence 2 --trial -o /dev/ttyUSB0
   sagnac export unit.cal.json --to image --sign factory.key --model RLG-28 --counter 12 -o unit.img
+  sagnac export unit.cal.json --to data-sheet -o unit.md
   sagnac export gyro.toml --to loops -o gyro.loops")]
 pub(crate) struct Args {
     /// Calibration, flash image or reference vectors; for `--to loops` the scenario whose loops are meant
@@ -68,12 +69,15 @@ enum Target {
     Loops,
     /// Messages that bring an image to a gyro over its serial line (docs/reference/serial-line.md)
     Upload,
+    /// Data sheet of the image as a parameter data item, in Markdown (docs/explanation/certification.md)
+    DataSheet,
 }
 
 pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     check_flags(args)?;
     match args.to {
         Target::Image | Target::Upload => per_axis(args, console),
+        Target::DataSheet => data_sheets(args, console),
         Target::Loops => {
             files(args).writes([&args.output]).check()?;
             let table = loops_of(&args.input)?.encode();
@@ -136,7 +140,7 @@ fn not_of_another((path, file): (PathBuf, &TextFile)) -> Result<()> {
 
 /// Refuses a flag that the target does not use.
 fn check_flags(args: &Args) -> Result<()> {
-    use Target::{C, Image, Upload, Verilog};
+    use Target::{C, DataSheet, Image, Upload, Verilog};
     let said =
         [("--model", args.signature.block.model.is_some()), ("--counter", args.signature.block.counter.is_some())];
     if let Some((flag, _)) = said.iter().find(|(_, given)| *given && args.signature.sign.is_none()) {
@@ -145,7 +149,7 @@ fn check_flags(args: &Args) -> Result<()> {
     let flags: [(&str, bool, &[Target]); 4] = [
         ("--sign", args.signature.sign.is_some(), &[Image, Upload]),
         ("--trial", args.trial, &[Upload]),
-        ("--sequence", args.sequence.is_some(), &[Image, Upload, C, Verilog]),
+        ("--sequence", args.sequence.is_some(), &[Image, Upload, C, Verilog, DataSheet]),
         ("--loops", args.loops.is_some(), &[C, Verilog]),
     ];
     match flags.iter().find(|(_, given, of)| *given && !of.contains(&args.to)) {
@@ -165,6 +169,7 @@ impl Target {
             Self::Verilog => "verilog",
             Self::Loops => "loops",
             Self::Upload => "upload",
+            Self::DataSheet => "data-sheet",
         }
     }
 }
@@ -173,10 +178,7 @@ fn per_axis(args: &Args, console: &mut Console) -> Ran {
     // All images first: a failure of the second axis leaves the first axis' old file.
     let images = images(args)?;
     let signed_before = signed_before(args)?;
-    let path_of = |image: &Image| match images.len() {
-        1 => args.output.clone(),
-        _ => path_of_axis(&args.output, char::from(image.description().axis)),
-    };
+    let path_of = |image: &Image| path_of(args, &images, image);
     files(args).writes(images.iter().map(path_of)).check()?;
     for image in &images {
         let path = path_of(image);
@@ -188,6 +190,31 @@ fn per_axis(args: &Args, console: &mut Console) -> Ran {
     }
     say_codes(args, console)?;
     Ok(Outcome::Done)
+}
+
+/// A sheet for each axis; only a calibration has an error budget.
+fn data_sheets(args: &Args, console: &mut Console) -> Ran {
+    if !matches!(loading::kind_of(&args.input)?, Kind::Calibration) {
+        return Err(Error::input("a data sheet needs the error budget of a calibration")
+            .file(args.input.display().to_string())
+            .help("give the calibration that the image was made from"));
+    }
+    let calibration = calibration(&args.input)?;
+    let images = encode_all(&calibration, args.sequence)?;
+    let path_of = |image: &Image| path_of(args, &images, image);
+    files(args).writes(images.iter().map(path_of)).check()?;
+    for (axis, image) in calibration.axes.iter().zip(&images) {
+        wrote(&path_of(image), data_sheet(&calibration, axis, image).as_bytes(), console)?;
+    }
+    Ok(Outcome::Done)
+}
+
+/// The output, or one for each axis.
+fn path_of(args: &Args, images: &[Image], image: &Image) -> PathBuf {
+    match images.len() {
+        1 => args.output.clone(),
+        _ => path_of_axis(&args.output, char::from(image.description().axis)),
+    }
 }
 
 /// What the target gives the image at each slow update, where it is more than one thermometer's code.

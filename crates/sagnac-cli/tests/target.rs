@@ -122,6 +122,57 @@ fn the_hardware_gets_the_bytes_of_the_image() {
     assert_eq!(words.flat_map(u32::to_le_bytes).collect::<Vec<u8>>(), image);
 }
 
+/// Every byte of the image is in one row of the sheet, and the target's own arithmetic is far below the interval.
+#[test]
+fn the_data_sheet_has_every_byte_and_the_error_budget() {
+    let folder = tempfile::tempdir().unwrap();
+    let (image, sheet) = (folder.path().join("unit.img"), folder.path().join("unit.md"));
+    let record = folder.path().join("unit.cal.json");
+    let text_of = fs::read_to_string(root().join("testdata/found/log-7120/unit.cal.json")).unwrap();
+    let calibration: serde_json::Value = serde_json::from_str(&text_of).unwrap();
+    let serial = calibration["serial"].as_str().unwrap();
+    fs::write(&record, text_of.replace(&format!("\"{serial}\""), "\"A|B<i>`\"")).unwrap();
+    for (to, out) in [("image", &image), ("data-sheet", &sheet)] {
+        let (status, _, said) = sagnac(&["export", text(&record), "--to", to, "-o", text(out), "--sequence", "7"]);
+        assert_eq!(status, 0, "{said}");
+    }
+    let (bytes, sheet) = (fs::read(&image).unwrap(), fs::read_to_string(&sheet).unwrap());
+    let (fields, budget) = sheet.split_once("## Error budget").unwrap();
+    assert!(fields.contains("of gyro A\\|B&lt;i>\\`, axis"), "{fields}");
+    let mut next = 0;
+    for row in fields.lines().filter(|line| line.starts_with("| ") && line.ends_with(" |")) {
+        let cells: Vec<&str> = row.trim_matches('|').split(" | ").map(str::trim).collect();
+        let Ok(offset) = cells[0].parse::<usize>() else { continue };
+        assert_eq!(offset, next, "{row}");
+        let (kind, size) = cells[1].split_at(1);
+        if let ("u" | "i", Ok(bits)) = (kind, size.parse::<usize>()) {
+            let value = cells[3].parse::<i128>().unwrap().to_le_bytes();
+            assert_eq!(bytes[offset..offset + bits / 8], value[..bits / 8], "{row}");
+            next += bits / 8;
+        } else {
+            let len: usize = cells[1].strip_suffix(" bytes").unwrap().parse().unwrap();
+            let (hex, here) = (cells[3], &bytes[offset..offset + len]);
+            let shown: String = here.iter().map(|byte| format!("{byte:02x}")).collect();
+            let read = String::from_utf8_lossy(here).trim_end_matches('\0').to_owned();
+            let escaped = read.replace('|', "\\|").replace('<', "&lt;").replace('`', "\\`");
+            assert!(hex == shown || hex == escaped, "{row}");
+            next += len;
+        }
+    }
+    assert_eq!(next, bytes.len());
+    let rows: Vec<Vec<f64>> = budget
+        .lines()
+        .filter_map(|line| line.trim_matches('|').split(" | ").map(|cell| cell.trim().parse().ok()).collect())
+        .collect();
+    assert_eq!(rows.len(), 13, "{budget}");
+    for row in rows {
+        assert!(row[2] > 0.0 && row[3].abs() < 1e-6, "{row:?}");
+    }
+    let (status, _, said) =
+        sagnac(&["export", text(&image), "--to", "data-sheet", "-o", text(&folder.path().join("x.md"))]);
+    assert!(status == 2 && said.contains("error budget"), "{status} {said}");
+}
+
 /// What is read is never written over: a capture, a log, an image, a calibration.
 #[test]
 fn inputs_stay_as_they_are() {

@@ -1,11 +1,13 @@
 //! Calibrations out to the target, and old coefficients in.
 
 mod c;
+mod data_sheet;
 mod polynomial;
 mod verilog;
 
 pub use crate::image::{Code, codes, encode, image_bytes};
 pub use c::c_files;
+pub use data_sheet::data_sheet;
 pub use polynomial::{Polynomial, import};
 pub use verilog::{hex_words, verilog_files};
 
