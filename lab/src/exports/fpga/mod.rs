@@ -30,8 +30,8 @@ const FILES: [(&str, u32); 8] = [
     ("compensator-lags", 16),
     ("compensator-warm-up", 16),
 ];
-/// Records that the slow simulator runs of a file. The fast one runs every record, through both buses.
-const SLOW_RECORDS: &str = "+records=1300";
+/// Records that slow runs have of a file: another simulator, a netlist. The fast one runs every record, through both buses.
+const SLOW_RECORDS: [(&str, &str); 2] = [("iverilog", "+records=1300"), ("verilator-netlist", "+records=300")];
 /// Random images with records, and images alone, most of them changed.
 const RANDOM_IMAGES: u64 = 1000;
 const IMAGES_ALONE: u64 = 4000;
@@ -156,7 +156,8 @@ impl Built {
 
     fn says(&self, path: &Path) -> Result<String> {
         let vectors = format!("+vectors={}", text(path)?);
-        let records = (self.simulator == "iverilog").then_some(SLOW_RECORDS);
+        let records =
+            SLOW_RECORDS.iter().find(|(simulator, _)| *simulator == self.simulator).map(|(_, records)| *records);
         let args: Vec<&str> = self.args.iter().map(String::as_str).chain([vectors.as_str()]).chain(records).collect();
         stdout_of(900, &self.command, &args, &self.folder)
     }
