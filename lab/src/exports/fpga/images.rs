@@ -51,8 +51,8 @@ pub(super) fn alone(own: &[Vec<u8>], count: u64, hardware: Hardware) -> Result<S
         text.push_str(&hex_words(&bytes));
     }
     // Nothing is too much for the whole hardware; another unit's image needs registers, and the bench itself tries that.
-    let possible = if hardware == Hardware::WHOLE { 6 } else { 7 };
-    let never: Vec<usize> = (0..possible).filter(|fault| seen.get(*fault) == Some(&0)).collect();
+    let wanted = if hardware == Hardware::WHOLE { &[0, 1, 2, 3, 4, 5][..] } else { &[0, 4, 5, 6] };
+    let never: Vec<usize> = wanted.iter().copied().filter(|fault| seen.get(*fault) == Some(&0)).collect();
     ensure!(never.is_empty(), "no image of {count} has the faults {never:?}");
     Ok(text)
 }
@@ -247,4 +247,19 @@ fn code_within(rng: &mut ChaCha8Rng, spec: &InputSpec) -> u32 {
     let scaled = i128::from(value - i64::from(spec.offset_q24)) << spec.gain.shift;
     let code = scaled / i128::from(spec.gain.mantissa).max(1);
     i32::try_from(code).map_or(0, i32::cast_unsigned)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{FILES, IMAGES_ALONE, NETLIST_IMAGES, table};
+    use super::*;
+
+    /// The verdicts stand to the core's as they should, and each fault is among them.
+    #[test]
+    fn images_alone_have_every_fault() {
+        let own: Vec<Vec<u8>> = FILES.iter().map(|(name, _)| table(name).unwrap()).collect();
+        for (count, hardware) in [(IMAGES_ALONE, Hardware::WHOLE), (NETLIST_IMAGES, Hardware::SMALL)] {
+            alone(&own, count, hardware).unwrap();
+        }
+    }
 }

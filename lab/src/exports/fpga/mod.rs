@@ -35,6 +35,8 @@ const SLOW_RECORDS: [(&str, &str); 2] = [("iverilog", "+records=1300"), ("verila
 /// Random images with records, and images alone, most of them changed.
 const RANDOM_IMAGES: u64 = 1000;
 const IMAGES_ALONE: u64 = 4000;
+/// Images alone that the netlist is given, which is slow.
+const NETLIST_IMAGES: u64 = 300;
 
 /// The Verilog export: lint, benches in two simulators, random images, latches, cells and the netlist; with `place`, place and route too.
 pub(crate) fn fpga(place: bool) -> Result<()> {

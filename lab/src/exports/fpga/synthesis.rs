@@ -9,7 +9,7 @@ use xtask::shell::{output, sh, stdout_of, text};
 
 use super::super::table;
 use super::verdict::Hardware;
-use super::{Bench, CORRECTION, FILES, images};
+use super::{Bench, CORRECTION, FILES, NETLIST_IMAGES, images};
 use crate::generated::vectors;
 
 /// Part of the cells' names that are counted, by family.
@@ -75,7 +75,7 @@ fn netlist(folder: &Path) -> Result<()> {
     ensure!(ticks >= NETLIST_TICKS, "the netlist ran {ticks} ticks");
     let own: Vec<Vec<u8>> = FILES.iter().map(|(name, _)| table(name)).collect::<Result<_>>()?;
     let path = folder.join("alone-small.hex");
-    fs::write(&path, images::alone(&own, 300, Hardware::SMALL)?)?;
+    fs::write(&path, images::alone(&own, NETLIST_IMAGES, Hardware::SMALL)?)?;
     built.run(&path, "images alone")?;
     Ok(())
 }
