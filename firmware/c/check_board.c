@@ -7,9 +7,12 @@
  *   B   a board at power-on: origin (1), trial (1), strips (1), longest (2), least swing (4), watches (1), shows (4), still (4),
  *       command (4), heats (1), length (2), image
  *   U   another image between two ticks: origin (1), trial (1), length (2), image (none for the factory defaults of the last)
+ *   R   the same as U, after an upset of the image
+ *   M   ticks that were missed (4)
  *   T   ticks (4), seed (4), steps of a tick (2), a double step in every so many ticks (2), codes (4 times 4), present (1), amplitude of
  *       the pickoff (4), light (4), status (2); then what must be: hash of frames and actuators (4), inputs that stand still (1)
  */
+#include <stddef.h>
 #include <stdio.h>
 
 #include "sagnac_board.h"
@@ -96,6 +99,113 @@ static int new_board(FILE *file)
     return 1;
 }
 
+static void flip(void *object, size_t bit)
+{
+    unsigned char *bytes = (unsigned char *)object;
+    bytes[bit / 8U] = (unsigned char)(bytes[bit / 8U] ^ (1U << (bit % 8U)));
+}
+
+/* Every bit of an image, turned over, changes its sum if its place is used, and only then. */
+static unsigned long image_upsets(void)
+{
+    const size_t inputs = offsetof(sagnac_image, inputs) + (size_t)loaded.image.input_count * sizeof(sagnac_input);
+    const size_t terms = offsetof(sagnac_image, terms) + (size_t)loaded.image.term_count * sizeof(sagnac_term);
+    const uint32_t sum = sagnac_image_sum(&loaded.image);
+    unsigned long wrong = 0;
+    size_t bit;
+    for (bit = 0; bit < 8U * sizeof(sagnac_image); bit++) {
+        const size_t at = bit / 8U;
+        const int used = at < offsetof(sagnac_image, terms) ? at < inputs : at < terms;
+        sagnac_image upset = loaded.image;
+        flip(&upset, bit);
+        if ((sagnac_image_sum(&upset) != sum) != used) {
+            printf("image, bit %lu\n", (unsigned long)bit);
+            wrong++;
+        }
+    }
+    wrong += sagnac_board_is_intact(&board) == 0U;
+    flip(&board.image.terms[0].mantissa, 7U);
+    wrong += sagnac_board_is_intact(&board) != 0U;
+    sagnac_board_mend(&board, &loaded);
+    wrong += sagnac_board_is_intact(&board) == 0U || sagnac_image_sum(&board.image) != sum;
+    return wrong;
+}
+
+/* Bits that the board saw over so many ticks. */
+static uint32_t run_quietly(sagnac_board *own, uint32_t count)
+{
+    sagnac_sample sample = {{0, 0, 0, 0}, 15U, 0, 0, 0U};
+    uint32_t status = own->frame.status;
+    while (count-- > 0U) {
+        sagnac_frame frame;
+        int i;
+        /* A ramp, so that each slow update slews. */
+        for (i = 0; i < 4; i++) {
+            sample.codes[i] = 50 * (i + 1) * (int32_t)(own->frame.tick & 0xFFFFU);
+        }
+        if (sagnac_board_tick(own, 3, 0U, &sample, &actuators, &frame) != 0U) {
+            status |= frame.payload[14] | ((uint32_t)frame.payload[15] << 8);
+        }
+    }
+    return status | own->frame.status;
+}
+
+/* Every bit of a state, turned over in and after a slew, is reported at the next slow update, but for the part of a count. */
+static unsigned long state_upsets(void)
+{
+    static sagnac_board steady, upset;
+    const uint32_t moments[2] = {205U, 333U};
+    unsigned long wrong = 0;
+    size_t bit;
+    int moment;
+    for (moment = 0; moment < 2; moment++) {
+        sagnac_loaded quick = loaded;
+        quick.image.period_ticks = 200U;
+        quick.image.slew_ticks = 20U;
+        quick.image.output_limit = 2147483647U;
+        sagnac_board_start(&steady, &quick, &path, &light);
+        (void)run_quietly(&steady, moments[moment]);
+        for (bit = 0; bit < 8U * sizeof(sagnac_compensator_state); bit++) {
+            const size_t at = bit / 8U;
+            sagnac_compensator_state *state = &upset.state;
+            int fraction;
+            upset = steady;
+            flip(state, bit);
+            fraction = (uint64_t)state->accumulator < UINT64_C(4294967296) && at < sizeof state->accumulator;
+            if (at >= offsetof(sagnac_compensator_state, overflow) && at < offsetof(sagnac_compensator_state, warm)) {
+                /* The status itself says it. */
+                wrong += (run_quietly(&upset, 201U) & SAGNAC_OVERFLOW) == 0U;
+            } else if (((run_quietly(&upset, 201U) & SAGNAC_UPSET) != 0U) == fraction) {
+                printf("state, bit %lu at moment %d\n", (unsigned long)bit, moment);
+                wrong++;
+            }
+        }
+        wrong += (run_quietly(&steady, 1000U) & SAGNAC_UPSET) != 0U;
+        /* An image whose period turned over does not hold up a pause. */
+        steady.image.period_ticks = 0U;
+        sagnac_board_make_up(&steady, 1000U);
+    }
+    return wrong;
+}
+
+/* An image with an output limit holds counts back: what is beyond its bound is an upset, unless it is an overflow. */
+static unsigned long limited_upsets(void)
+{
+    static sagnac_board limited;
+    sagnac_loaded slow = loaded;
+    unsigned long wrong = 0;
+    slow.image.output_limit = 1U;
+    sagnac_board_start(&limited, &slow, &path, &light);
+    wrong += (run_quietly(&limited, 250U) & (SAGNAC_UPSET | SAGNAC_LIMITED)) != SAGNAC_LIMITED;
+    limited.state.accumulator = INT64_C(1) << 62;
+    limited.state.overflow = 1U;
+    wrong += (run_quietly(&limited, 150U) & SAGNAC_UPSET) != 0U;
+    limited.state.overflow = 0U;
+    limited.state.updates = UINT32_MAX;
+    wrong += (run_quietly(&limited, 50U) & SAGNAC_UPSET) == 0U;
+    return wrong;
+}
+
 static int32_t step_to(uint32_t by)
 {
     quarter = (quarter + by) & 3U;
@@ -146,7 +256,7 @@ int main(int argc, char **argv)
     FILE *file = argc == 2 ? fopen(argv[1], "rb") : NULL;
     unsigned long records = 0, wrong = 0;
     uint32_t length;
-    int kind;
+    int kind, upsets = 0;
     if (file == NULL) {
         return 2;
     }
@@ -156,13 +266,21 @@ int main(int argc, char **argv)
         return 2;
     }
     while ((kind = fgetc(file)) != EOF) {
-        if (kind == 'B' || kind == 'U') {
+        if (kind == 'B' || kind == 'U' || kind == 'R') {
             if (kind == 'B' ? !new_board(file) : !read_loaded(file)) {
                 return 2;
             }
             if (kind == 'U') {
                 sagnac_board_use(&board, &loaded);
+            } else if (kind == 'R') {
+                sagnac_board_mend(&board, &loaded);
+            } else if (upsets++ == 0) {
+                const sagnac_board fresh = board;
+                wrong += image_upsets() + state_upsets() + limited_upsets();
+                board = fresh;
             }
+        } else if (kind == 'M') {
+            sagnac_board_make_up(&board, word(file, 4));
         } else if (kind == 'T') {
             const uint32_t hash = ticks(file), wanted = word(file, 4), still = word(file, 1);
             records++;

@@ -53,6 +53,7 @@ pub(crate) fn firmware() -> Result<()> {
     line_of(&folder, &unit, "without dither", 0, 600)?;
     line_of(&folder, &unit, "dithered", 60, 60)?;
     signed_while_ticks_run(&sysroot, &folder, &unit)?;
+    stm32f407(&sysroot)?;
     println!("firmware: every check passed");
     Ok(())
 }
@@ -115,21 +116,58 @@ fn sagnac(args: &[&str]) -> Result<String> {
 }
 
 fn build(sysroot: &Path, image: &Path, loops: &Path, features: &[&str]) -> Result<()> {
+    let files = [("SAGNAC_IMAGE", image), ("SAGNAC_LOOPS", loops)];
+    cargo_build(sysroot, "firmware/gyro", features, &files)
+}
+
+fn cargo_build(sysroot: &Path, package: &str, features: &[&str], files: &[(&str, &Path)]) -> Result<()> {
     let flags = format!("-C link-arg=-Tlink.x -C linker=arm-none-eabi-ld --sysroot {}", text(sysroot)?);
     let target = root().join("target/firmware/build");
     let args = ["build", "--release", "--locked", "--target", TARGET, "--target-dir", text(&target)?];
     let output = Command::new("cargo")
         .args(args)
         .args(features)
-        .current_dir(root().join("firmware/gyro"))
+        .current_dir(root().join(package))
         .env("RUSTC", "/usr/bin/rustc")
         .env("RUSTFLAGS", &flags)
-        .env("SAGNAC_IMAGE", image)
-        .env("SAGNAC_LOOPS", loops)
+        .envs(files.iter().copied())
         .env("SAGNAC_KEY", root().join("target/firmware/unit.key"))
         .output()
         .context("cannot start cargo")?;
-    ensure!(output.status.success(), "the firmware does not build:\n{}", String::from_utf8_lossy(&output.stderr));
+    ensure!(output.status.success(), "{package} does not build:\n{}", String::from_utf8_lossy(&output.stderr));
+    Ok(())
+}
+
+/// Builds the board of the STM32F407 and looks where its parts lie: the vectors in sector 0 of the flash, the program from sector 4 on, and
+/// nothing in the sectors of the banks and of the loops.
+fn stm32f407(sysroot: &Path) -> Result<()> {
+    const SECTOR_1: u64 = 0x0800_4000;
+    const SECTOR_4: u64 = 0x0801_0000;
+    const END: u64 = 0x0810_0000;
+    cargo_build(sysroot, "firmware/stm32f407", &[], &[])?;
+    let program = root().join(format!("target/firmware/build/{TARGET}/release/sagnac-stm32f407"));
+    let headers = stdout_of(60, "arm-none-eabi-readelf", &["--wide", "--program-headers", text(&program)?], &root())?;
+    let mut stored = Vec::new();
+    for line in headers.lines().filter(|line| line.trim_start().starts_with("LOAD")) {
+        let hex = |column: usize| {
+            let digits = line.split_whitespace().nth(column).and_then(|word| word.strip_prefix("0x"));
+            u64::from_str_radix(digits.with_context(|| format!("no number in: {line}"))?, 16).context("a number")
+        };
+        // Physical address and size in the file.
+        stored.push((hex(3)?, hex(4)?));
+    }
+    stored.retain(|(_, size)| *size > 0);
+    for (from, size) in &stored {
+        let to = from + size;
+        let fits = to <= SECTOR_1 || (*from >= SECTOR_4 && to <= END);
+        ensure!(fits, "STM32F407: {from:#x} to {to:#x} lies in the sectors of the banks, or beyond the flash");
+    }
+    ensure!(stored.iter().any(|(from, _)| *from >= SECTOR_4), "STM32F407: no program in {headers}");
+    let size: u64 = stored.iter().map(|(_, size)| size).sum();
+    println!(
+        "check: the board of the STM32F407 links without a panic path: {} KB of flash beside its banks",
+        size.div_ceil(1024)
+    );
     Ok(())
 }
 

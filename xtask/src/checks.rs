@@ -90,10 +90,11 @@ pub(crate) fn example() -> Result<()> {
 
 /// Links core, loops and board with a panic handler that does not exist. The same links with an added panic must fail.
 pub(crate) fn no_panic() -> Result<()> {
-    const ENTRIES: [(&str, &str); 3] = [
+    const ENTRIES: [(&str, &str); 4] = [
         ("sagnac-core", "sagnac_core_everything"),
         ("sagnac-loops", "sagnac_loops_everything"),
         ("sagnac-board", "sagnac_board_everything"),
+        ("sagnac-board on hardware", "sagnac_hardware_everything"),
     ];
     let target = target().join("no-panic");
     let library = target.join("release/libsagnac_no_panic.a");

@@ -5,7 +5,7 @@
 //! ```
 //!
 //! The status of a frame also has what the board alone knows: a dither that is missing, steps of unknown direction, counts beyond what
-//! a call takes, a thermometer that stands still, and where the image comes from.
+//! a call takes, a thermometer that stands still, where the image comes from, ticks that were missed, and memory that turned over.
 //!
 //! With a dithered gyro the counts go to the correction at the end of each dither period; the ticks in between have
 //! none. The order is part of the format: the content of a frame depends on it.
@@ -22,6 +22,8 @@ use crate::message::Output;
 
 /// Ticks of an output frame: 10 ms at 100 µs.
 pub const FRAME_TICKS: u16 = 100;
+/// Longest pause that [`Board::make_up`] makes up, ticks: 105 s at 100 µs.
+pub const LONGEST_PAUSE_TICKS: u32 = 1 << 20;
 
 /// Inputs of a tick besides the levels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -62,6 +64,8 @@ pub struct Board {
     origin: Origin,
     trial: bool,
     watch: Option<ThermometerWatch>,
+    seal: Seal,
+    image_checksum: u32,
     /// The frame being filled, and its ticks so far.
     frame: Output,
     frame_ticks: u16,
@@ -80,9 +84,12 @@ impl Board {
         let counter = Quadrature { counting: Counting::X4 };
         let mut count_state = QuadratureState::new();
         counter.update(&mut count_state, levels.0, levels.1);
+        let state = State::new();
         Self {
             gyro: Compensator::new(image),
-            state: State::new(),
+            seal: Seal::of(&state, 0),
+            image_checksum: image.checksum(),
+            state,
             counter,
             count_state,
             lost_steps: 0,
@@ -113,7 +120,9 @@ impl Board {
     pub fn use_loaded(&mut self, loaded: &Loaded) {
         if loaded.image != *self.image() {
             self.gyro = Compensator::new(loaded.image);
+            self.image_checksum = loaded.image.checksum();
             self.state = self.gyro.migrate_state(&self.state);
+            self.seal = Seal::of(&self.state, self.frame.tick);
             // Its inputs may be other thermometers.
             if let Some(watch) = &mut self.watch {
                 *watch = ThermometerWatch { watch: Watch::new(watch.watch.spec()), still: 0, ..*watch };
@@ -121,6 +130,29 @@ impl Board {
         }
         (self.origin, self.trial) = (loaded.origin, loaded.trial);
         (self.frame.origin, self.frame.trial) = (loaded.origin, loaded.trial);
+    }
+
+    /// False if a bit of the image or of the loops turned over in memory since they were given. `loops` is the table in flash. Ask once a
+    /// second, between two ticks; the state is compared at every slow update by itself.
+    #[inline(never)]
+    pub fn is_intact(&self, loops: &LoopTable) -> bool {
+        self.image().checksum() == self.image_checksum
+            && self.path.0 == loops.path_length
+            && self.light.0 == loops.intensity
+    }
+
+    /// Goes on with what flash holds after [`Board::is_intact`] was false, with [`Status::UPSET`] in the frame.
+    #[inline(never)]
+    pub fn mend(&mut self, loaded: &Loaded, loops: &LoopTable) {
+        self.use_loaded(loaded);
+        self.image_checksum = self.image().checksum();
+        if self.path.0 != loops.path_length {
+            self.path = (loops.path_length, loops.path_length.start());
+        }
+        if self.light.0 != loops.intensity {
+            self.light = (loops.intensity, loops.intensity.start());
+        }
+        self.frame.status |= Status::UPSET;
     }
 
     /// The active image.
@@ -146,6 +178,7 @@ impl Board {
     /// total of steps of unknown direction, 0 for a counter that has none. A board calls one of the two, never both.
     #[inline]
     pub fn tick_counts(&mut self, counts: i32, lost_steps: u32, sample: &Sample) -> (ActuatorCodes, Option<Output>) {
+        self.check_state();
         if self.state.ticks_to_update() == 0 {
             self.slow_update(sample);
         }
@@ -168,10 +201,58 @@ impl Board {
         (commands, self.end_of_tick(&commands))
     }
 
+    /// Makes up ticks that passed without a call, before the one that has all their counts: while the processor erased its flash, say.
+    ///
+    /// Their correction is output, as that of ticks without counts, with [`Status::MISSED_TICKS`] in the frame. Slow updates among them
+    /// have no sample (`HELD`). The loops and the stripping stand still: no light and no pickoff was seen, and the counts between two zeros
+    /// of the dither are the same. The tick number of the frame jumps. After more than [`LONGEST_PAUSE_TICKS`] nothing is made up: the
+    /// correction begins anew, as after a reset.
+    pub fn make_up(&mut self, missed_ticks: u32) {
+        if missed_ticks == 0 {
+            return;
+        }
+        self.check_state();
+        self.frame.status |= Status::MISSED_TICKS;
+        if missed_ticks > LONGEST_PAUSE_TICKS {
+            self.frame.tick = self.frame.tick.wrapping_add(missed_ticks);
+            self.begin_anew();
+            return;
+        }
+        let mut rest = missed_ticks;
+        while rest > 0 {
+            if self.state.ticks_to_update() == 0 {
+                self.slow_update(&Sample::default());
+            }
+            let ticks = rest.min(self.state.ticks_to_update());
+            if let Ok(output) = self.gyro.advance(&mut self.state, 0, ticks) {
+                self.frame.counts = self.frame.counts.wrapping_add(output.counts);
+                self.frame.status |= output.status;
+            }
+            self.frame.tick = self.frame.tick.wrapping_add(ticks);
+            rest = rest.saturating_sub(ticks.max(1));
+        }
+    }
+
+    /// Begins the state anew if a bit of it turned over since the last tick.
+    #[inline]
+    fn check_state(&mut self) {
+        if !self.seal.holds(&self.gyro, &self.state, self.frame.tick) {
+            self.begin_anew();
+            self.frame.status |= Status::UPSET;
+        }
+    }
+
+    #[cold]
+    fn begin_anew(&mut self) {
+        self.state = self.gyro.restart(&self.state);
+        self.seal = Seal::of(&self.state, self.frame.tick);
+    }
+
     fn slow_update(&mut self, sample: &Sample) {
         let wanted = self.gyro.image().inputs().len();
         let codes = sample.codes.get(..wanted).unwrap_or(&[]);
         let _ = self.gyro.update(&mut self.state, codes);
+        self.seal = Seal::of(&self.state, self.frame.tick);
         self.frame.temperature = sample.codes.first().copied().flatten();
         if let Some(watch) = &mut self.watch {
             let command = watch.heats.then_some(self.path.1.held());
@@ -231,6 +312,27 @@ impl Board {
     }
 }
 
+/// What the state must still be at the next slow update, and when that is.
+#[derive(Clone, Copy, Debug)]
+struct Seal {
+    checksum: u32,
+    /// Number of the tick before which the next slow update is due.
+    update_at: u32,
+}
+
+impl Seal {
+    fn of(state: &State, tick: u32) -> Self {
+        Self { checksum: state.checksum(), update_at: tick.wrapping_add(state.ticks_to_update()) }
+    }
+
+    /// At every tick the bounds and the time of the slow update, and the checksum when it is due.
+    #[inline]
+    fn holds(self, gyro: &Compensator, state: &State, tick: u32) -> bool {
+        let due = state.ticks_to_update() == 0;
+        gyro.is_plausible(state) && due == (tick == self.update_at) && (!due || self.checksum == state.checksum())
+    }
+}
+
 /// The watch over the thermometers, and what it found at the last slow update.
 #[derive(Clone, Debug)]
 struct ThermometerWatch {
@@ -256,5 +358,75 @@ fn of_origin(origin: Origin) -> Status {
         Origin::FactoryDefaults => Status::UNCORRECTED,
         Origin::Survivor => Status::SURVIVOR,
         Origin::Newest => Status::OK,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+
+    use sagnac_core::BankReport;
+
+    use super::*;
+
+    fn board() -> Board {
+        let words =
+            std::fs::read(concat!(env!("CARGO_MANIFEST_DIR"), "/../../testdata/vectors/path-length-mirror.hex"));
+        let (words, mut room) = (words.unwrap(), [0; sagnac_vectors::MAX_TABLE]);
+        let mut words = sagnac_vectors::Words::new(&words);
+        let head = words.head().unwrap();
+        let loops = LoopTable::decode(words.table(&head, &mut room).unwrap()).unwrap();
+        let image = Image::decode(include_bytes!("../../../testdata/image/paper.img")).unwrap();
+        Board::new(image, Origin::Newest, &loops, (false, false), None)
+    }
+
+    fn frame(board: &mut Board) -> Output {
+        let sample = Sample { codes: [Some(20 << 24), None, None, None], ..Sample::default() };
+        core::iter::repeat_with(|| board.tick_counts(3, 0, &sample).1).find_map(|frame| frame).unwrap()
+    }
+
+    /// An image or a checksum that turned over, or other loops, is found by the comparison alone, and mended from what flash holds.
+    #[test]
+    fn an_upset_image_is_found_and_mended() {
+        let mut board = board();
+        let loops = LoopTable { tick_ns: 0, path_length: board.path.0, intensity: board.light.0 };
+        assert!(board.is_intact(&loops));
+        let image = *board.image();
+        let held = Loaded { image, origin: Origin::Newest, banks: [BankReport::Uncommitted; 2], trial: false };
+        let mut description = *image.description();
+        description.sequence ^= 1 << 20;
+        for upset in [Compensator::new(Image::new(description).unwrap()), board.gyro] {
+            board.gyro = upset;
+            board.image_checksum ^= u32::from(upset.image() == &image);
+            assert!(!board.is_intact(&loops) && frame(&mut board).status == Status::OK);
+            board.mend(&held, &loops);
+            assert!(board.is_intact(&loops) && *board.image() == image);
+            assert_eq!(frame(&mut board).status, Status::UPSET);
+            assert_eq!(frame(&mut board).status, Status::OK);
+        }
+    }
+
+    /// SAG-CORE-027: a state that is not the one of the last slow update is found at the next one, one frame says so, and the correction
+    /// goes on. A tick that does not fit the time of the slow update is found at once.
+    #[test]
+    fn an_upset_state_is_found_at_the_next_slow_update() {
+        for bit in 0..32 {
+            let mut board = board();
+            let period_frames = board.image().description().period_ticks / u32::from(FRAME_TICKS);
+            for _ in 0..period_frames {
+                assert_eq!(frame(&mut board).status, Status::OK);
+            }
+            frame(&mut board);
+            board.seal.checksum ^= 1 << bit;
+            for _ in 1..period_frames {
+                assert_eq!(frame(&mut board).status, Status::OK);
+            }
+            assert_eq!(frame(&mut board).status, Status::UPSET, "bit {bit}");
+            assert_eq!(frame(&mut board).status, Status::OK);
+            board.seal.update_at ^= 1 << bit;
+            let found =
+                (0..2 * period_frames).map(|_| frame(&mut board).status).filter(|status| *status == Status::UPSET);
+            assert_eq!(found.count(), 1, "bit {bit} of the time");
+        }
     }
 }

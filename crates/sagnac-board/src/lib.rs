@@ -13,6 +13,8 @@
 //!   a board in an emulator and one on the host see the same.
 //! * `TickHandler` is the part for the tick's interrupt on such a board, `CommandHandler` the part for its main loop; `run` runs
 //!   both on the host. A gyro's own firmware has neither, nor their messages: it calls [`Board`] and [`Upload`].
+//! * [`Axis`] runs a [`Board`] on hardware behind three traits (counter, clock, converters), [`Line`] the serial line of its main loop over
+//!   `embedded-io`; `firmware/stm32f407` is a whole board of this kind.
 //! * [`Upload`] receives an image over the line, checks its signature if the board has a key, and commits it to the flash banks.
 //! * [`frame`] is the format of the line: `docs/reference/serial-line.md`.
 //!
@@ -28,15 +30,19 @@ mod board;
 pub mod frame;
 #[cfg(feature = "rig")]
 mod handler;
+mod hardware;
+mod line;
 mod memory_flash;
 mod message;
 #[cfg(feature = "rig")]
 mod rig;
 mod upload;
 
-pub use board::{ActuatorCodes, Board, FRAME_TICKS, Sample};
+pub use board::{ActuatorCodes, Board, FRAME_TICKS, LONGEST_PAUSE_TICKS, Sample};
 #[cfg(feature = "rig")]
 pub use handler::{Action, CommandHandler, TickHandler, run};
+pub use hardware::{Axis, Converters, FringeCounter, PwmOutput, SpiDac, TickClock};
+pub use line::Line;
 pub use memory_flash::{MemoryFlash, MemoryFlashError};
 pub use message::{
     ANSWER, COMMIT, CONFIRM, Message, OUTPUT_LEN, Output, PIECE, POWER_ON, ROLL_BACK, Reply, ReplyCode, SERVICE,

@@ -16,6 +16,8 @@
 //!
 //! A call past a slow update, or with |raw| > 2²⁹, is refused with a [`Misuse`] and changes nothing.
 
+mod upset;
+
 use core::fmt;
 
 use crate::image::{GUARD_BITS, Image, MAX_INPUTS};

@@ -8,7 +8,9 @@
 //! terms are parts of one. Both are summed in Q40, eight guard bits below the Q32 of the fast path.
 
 use core::fmt;
+use core::hash::Hash as _;
 
+use crate::checksum::Checksum;
 use crate::harmonic::MAX_TURNS_Q18;
 use crate::input::{Gain, InputSpec, LagSpec, ValueSource};
 use crate::series::MAX_ORDER;
@@ -27,7 +29,7 @@ const MAX_INCREMENT_SUM: i64 = 1 << 61;
 pub(crate) const GUARD_BITS: u32 = 8;
 
 /// What a term adds to.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Kind {
     /// Bias drift: counts per tick to be subtracted.
     Bias,
@@ -36,7 +38,7 @@ pub enum Kind {
 }
 
 /// What a term's shape is multiplied by.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Multiplier {
     /// One: the shape alone.
     One,
@@ -45,7 +47,7 @@ pub enum Multiplier {
 }
 
 /// The function of x in a term.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Shape {
     /// T_order(x), the Chebyshev polynomial of this order, 0..=8.
     Chebyshev(u8),
@@ -90,7 +92,7 @@ impl Shape {
 }
 
 /// One row of the image's table.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Term {
     /// What it adds to.
     pub kind: Kind,
@@ -124,7 +126,7 @@ impl Term {
 }
 
 /// The fields of an image, not yet checked.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Description {
     /// Serial number of the gyro, UTF-8, padded with zero bytes.
     pub serial: [u8; 32],
@@ -218,10 +220,17 @@ impl fmt::Display for ImageError {
 impl core::error::Error for ImageError {}
 
 /// A description that passed every check.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Image(Description);
 
 impl Image {
+    /// A checksum of every field, for comparing the image in memory with itself later. Not the CRC of its bytes.
+    pub fn checksum(&self) -> u32 {
+        let mut sum = Checksum::START;
+        self.hash(&mut sum);
+        sum.sum()
+    }
+
     /// Checks a description and makes it an image.
     ///
     /// # Errors

@@ -26,6 +26,7 @@
 //! that was held back, the filter begins anew at it: the change meanwhile is no rate. The status is SETTLING again until the settling
 //! time has passed. After a shorter hold the rate is wrong by less than 1 % of itself (½(hold/τ)²).
 
+use crate::checksum::Checksum;
 use crate::rounding::round_shift;
 use crate::series::{ONE_Q31, ONE_Q47};
 
@@ -41,7 +42,7 @@ const WARM_UP_START_Q46: i64 = -(1 << 46);
 const LOW_BITS: u32 = 23;
 
 /// A positive or negative gain `mantissa · 2^−shift`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Gain {
     /// Signed mantissa.
     pub mantissa: i32,
@@ -55,7 +56,7 @@ impl Gain {
 }
 
 /// Where the value of an input comes from.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum ValueSource {
     /// Its own code.
     #[default]
@@ -78,7 +79,7 @@ pub enum ValueSource {
 }
 
 /// The lag filter of one input and the span of its rate. All zero: the input has no rate.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct LagSpec {
     /// α as `alpha_mantissa · 2^−alpha_shift`; mantissa ≤ 2³¹, shift 31..=62.
     pub alpha_mantissa: u32,
@@ -97,7 +98,7 @@ pub struct LagSpec {
 }
 
 /// One input as the image describes it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct InputSpec {
     /// Where its value comes from.
     pub source: ValueSource,
@@ -234,6 +235,40 @@ impl InputState {
             held_updates: 0,
             settled_updates: 0,
         }
+    }
+
+    /// Every field of this input in the checksum of its state.
+    pub(crate) const fn add_to(&self, sum: Checksum) -> Checksum {
+        let (has_last, last) = match self.last_q24 {
+            Some(last) => (1, last.cast_unsigned()),
+            None => (0, 0),
+        };
+        sum.long(self.lag_q46)
+            .long(self.remainder)
+            .word(has_last | (self.steady_updates as u32) << 1)
+            .word(last)
+            .word(self.step_q24.cast_unsigned())
+            .word(self.held_updates)
+            .word(self.settled_updates)
+    }
+
+    /// This input with each one of its bits turned over.
+    #[cfg(test)]
+    pub(crate) fn flipped(&self) -> impl Iterator<Item = Self> + '_ {
+        let long = (0..64).flat_map(|bit| {
+            [Self { lag_q46: self.lag_q46 ^ 1 << bit, ..*self }, Self { remainder: self.remainder ^ 1 << bit, ..*self }]
+        });
+        let word = (0..32).flat_map(|bit| {
+            [
+                Self { step_q24: self.step_q24 ^ 1 << bit, ..*self },
+                Self { held_updates: self.held_updates ^ 1 << bit, ..*self },
+                Self { settled_updates: self.settled_updates ^ 1 << bit, ..*self },
+                Self { last_q24: Some(self.last_q24.unwrap_or(0) ^ 1 << bit), ..*self },
+            ]
+        });
+        let present = self.last_q24.map_or(Some(1), |_| None);
+        let byte = (0..8).map(|bit| Self { steady_updates: self.steady_updates ^ 1 << bit, ..*self });
+        long.chain(word).chain(byte).chain([Self { last_q24: present, ..*self }])
     }
 
     /// Power-on: the filter of a warm-up begins, once.

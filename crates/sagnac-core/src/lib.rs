@@ -42,6 +42,7 @@
 
 mod bank;
 pub mod bytes;
+mod checksum;
 mod codec;
 mod compensator;
 mod harmonic;

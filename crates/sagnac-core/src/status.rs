@@ -37,14 +37,20 @@ impl Status {
     pub const STUCK: Self = Self(1 << 11);
     /// A thermometer is outvoted by the others of its place, or two disagree ([`crate::vote`]).
     pub const OUTVOTED: Self = Self(1 << 12);
+    /// Ticks passed without a call, for example while flash was erased: their correction was made up, their inputs are missing.
+    pub const MISSED_TICKS: Self = Self(1 << 13);
+    /// A bit of memory turned over: the image is the one of flash again, or the state began anew ([`crate::State::checksum`]).
+    pub const UPSET: Self = Self(1 << 14);
 
     /// The bits that a board adds to those of the compensator, with their names.
-    pub const BOARD_NAMES: [(Self, &'static str); 5] = [
+    pub const BOARD_NAMES: [(Self, &'static str); 7] = [
         (Self::NO_DITHER, "NO_DITHER"),
         (Self::COUNTS_LOST, "COUNTS_LOST"),
         (Self::SURVIVOR, "SURVIVOR"),
         (Self::STUCK, "STUCK"),
         (Self::OUTVOTED, "OUTVOTED"),
+        (Self::MISSED_TICKS, "MISSED_TICKS"),
+        (Self::UPSET, "UPSET"),
     ];
 
     /// Every bit of a compensator with its name in scripts and reports.

@@ -8,7 +8,13 @@ use core::fmt::Write;
 use core::hint::black_box;
 use core::panic::PanicInfo;
 
-use sagnac_board::{Action, CommandHandler, MemoryFlash, Message, run};
+use embedded_hal::pwm::SetDutyCycle;
+use embedded_hal::spi::{Operation, SpiDevice};
+use embedded_io::{Read, ReadReady, Write as _};
+use sagnac_board::{
+    Action, ActuatorCodes, Axis, Board, CommandHandler, Converters, FringeCounter, Line, MemoryFlash, Message,
+    PwmOutput, Sample, SpiDac, TickClock, run,
+};
 use sagnac_core::{
     Banks, Compensator, Description, Gyro, Image, MAX_IMAGE_LEN, State, Status, Trust, Trusted, Watch, WatchSpec, vote,
 };
@@ -175,4 +181,138 @@ pub extern "C" fn sagnac_board_everything(input: &[u8; TABLE_LEN], gyro: &Gyro, 
     #[cfg(feature = "broken")]
     assert!(sent != 12_345, "a panic path on purpose");
     sent as i32
+}
+
+/// Hardware of which the compiler knows nothing.
+struct Unknown;
+
+impl FringeCounter for Unknown {
+    const BITS: u32 = 16;
+    fn position(&mut self) -> u32 {
+        black_box(1)
+    }
+}
+
+impl TickClock for Unknown {
+    const BITS: u32 = 32;
+    fn ticks(&mut self) -> u32 {
+        black_box(2)
+    }
+}
+
+impl Converters for Unknown {
+    fn sample(&mut self) -> Sample {
+        black_box(Sample::default())
+    }
+    fn drive(&mut self, codes: &ActuatorCodes) {
+        black_box(codes);
+    }
+}
+
+/// What a bus or a port reports.
+#[derive(Clone, Copy, Debug)]
+struct Fault;
+
+impl core::fmt::Display for Fault {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str("fault")
+    }
+}
+
+impl core::error::Error for Fault {}
+
+impl embedded_io::Error for Fault {
+    fn kind(&self) -> embedded_io::ErrorKind {
+        embedded_io::ErrorKind::Other
+    }
+}
+
+impl embedded_hal::pwm::Error for Fault {
+    fn kind(&self) -> embedded_hal::pwm::ErrorKind {
+        embedded_hal::pwm::ErrorKind::Other
+    }
+}
+
+impl embedded_hal::spi::Error for Fault {
+    fn kind(&self) -> embedded_hal::spi::ErrorKind {
+        embedded_hal::spi::ErrorKind::Other
+    }
+}
+
+impl embedded_io::ErrorType for Unknown {
+    type Error = Fault;
+}
+
+impl embedded_hal::pwm::ErrorType for Unknown {
+    type Error = Fault;
+}
+
+impl embedded_hal::spi::ErrorType for Unknown {
+    type Error = Fault;
+}
+
+impl ReadReady for Unknown {
+    fn read_ready(&mut self) -> Result<bool, Fault> {
+        black_box(Ok(true))
+    }
+}
+
+impl Read for Unknown {
+    fn read(&mut self, room: &mut [u8]) -> Result<usize, Fault> {
+        black_box(room);
+        black_box(Ok(3))
+    }
+}
+
+impl embedded_io::Write for Unknown {
+    fn write(&mut self, bytes: &[u8]) -> Result<usize, Fault> {
+        black_box(bytes);
+        black_box(Ok(3))
+    }
+    fn flush(&mut self) -> Result<(), Fault> {
+        black_box(Ok(()))
+    }
+}
+
+impl SetDutyCycle for Unknown {
+    fn max_duty_cycle(&self) -> u16 {
+        black_box(7)
+    }
+    fn set_duty_cycle(&mut self, duty: u16) -> Result<(), Fault> {
+        black_box(duty);
+        black_box(Ok(()))
+    }
+}
+
+impl SpiDevice for Unknown {
+    fn transaction(&mut self, operations: &mut [Operation<'_, u8>]) -> Result<(), Fault> {
+        black_box(operations);
+        black_box(Ok(()))
+    }
+}
+
+/// A board on hardware: an axis, its line, two outputs.
+#[unsafe(no_mangle)]
+pub extern "C" fn sagnac_hardware_everything(input: &[u8; TABLE_LEN], gyro: &Gyro) -> i32 {
+    let Some(banks) = Banks::new(black_box(MemoryFlash::new()), 0, black_box(MemoryFlash::BANK)) else { return -1 };
+    let Ok(table) = LoopTable::decode(black_box(input)) else { return -2 };
+    let Ok((mut line, loaded)) = Line::power_on(Unknown, banks, *gyro, Keyed) else { return -3 };
+    let board = Board::new(loaded.image, loaded.origin, &table, (false, false), None);
+    let mut axis = Axis::new(board, Unknown, Unknown, Unknown);
+    black_box(axis.converters().sample());
+    axis.board().make_up(black_box(70_000));
+    if let Some(output) = axis.tick() {
+        black_box(line.send(output).is_ok());
+    }
+    black_box(line.poll(|loaded| axis.board().use_loaded(loaded)).is_ok());
+    black_box(line.quiet(|loaded| axis.board().use_loaded(loaded)).is_ok());
+    if !axis.board().is_intact(&table) {
+        axis.board().mend(&line.load(), &table);
+    }
+    let Some(mut width) = PwmOutput::new(Unknown, black_box(-5), black_box(5)) else { return -4 };
+    black_box(width.set(black_box(1)).is_ok());
+    black_box(SpiDac::new(Unknown, black_box(-5)).set(black_box(1)).is_ok());
+    #[cfg(feature = "broken")]
+    assert!(gyro.axis != 99, "a panic path on purpose");
+    0
 }

@@ -17,7 +17,7 @@ use crate::places::TRACEABILITY;
 
 const ID: &str = "SAG-CORE-";
 /// Requirements that the hardware leaves to the processor beside it, and why.
-const NOT_IN_HARDWARE: [(&str, &str); 7] = [
+const NOT_IN_HARDWARE: [(&str, &str); 8] = [
     ("SAG-CORE-019", "the processor that sends the image"),
     ("SAG-CORE-021", "no flash"),
     ("SAG-CORE-022", "no flash"),
@@ -25,6 +25,7 @@ const NOT_IN_HARDWARE: [(&str, &str); 7] = [
     ("SAG-CORE-024", "the processor"),
     ("SAG-CORE-025", "the processor"),
     ("SAG-CORE-026", "one product at a time"),
+    ("SAG-CORE-027", "none: block RAM with ECC, or the device's own scrubbing"),
 ];
 
 const HEAD: &str = "# Requirements and where they are met

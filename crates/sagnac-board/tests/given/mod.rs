@@ -5,8 +5,12 @@ use sagnac_loops::LoopTable;
 pub(crate) const PAPER: &[u8] = include_bytes!("../../../../testdata/image/paper.img");
 
 pub(crate) fn loops() -> LoopTable {
-    let text =
-        std::fs::read(concat!(env!("CARGO_MANIFEST_DIR"), "/../../testdata/vectors/path-length-mirror.hex")).unwrap();
+    loops_of("path-length-mirror")
+}
+
+pub(crate) fn loops_of(vectors: &str) -> LoopTable {
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../testdata/vectors");
+    let text = std::fs::read(format!("{folder}/{vectors}.hex")).unwrap();
     let mut words = sagnac_vectors::Words::new(&text);
     let head = words.head().unwrap();
     let mut room = [0; sagnac_vectors::MAX_TABLE];

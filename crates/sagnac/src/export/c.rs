@@ -21,10 +21,11 @@ macro_rules! modules {
 }
 
 /// In the order of their layers: each includes only those before it.
-const MODULES: [(&str, &str); 28] = modules!(
+const MODULES: [(&str, &str); 30] = modules!(
     "sagnac_integer",
     "sagnac_hash",
     "sagnac_compensator",
+    "sagnac_upset",
     "sagnac_watch",
     "sagnac_quadrature",
     "sagnac_strip",

@@ -90,6 +90,17 @@ fn one_board(seed: u32, images: &[Vec<u8>], bytes: &mut Vec<u8>, seen: &mut Stat
             let other = loaded(&mut dice, images, bytes)?;
             board.use_loaded(&other);
         }
+        if dice.below(4) == 0 {
+            bytes.push(b'R');
+            let held = loaded(&mut dice, images, bytes)?;
+            board.mend(&held, &loops()?);
+        }
+        if dice.below(3) == 0 {
+            let missed = [0, 1, 7, 10_000, 65_537, 1 << 20, (1 << 20) + 1][dice.below(7) as usize];
+            bytes.push(b'M');
+            bytes.extend(u32::to_le_bytes(missed));
+            board.make_up(missed);
+        }
         // One thermometer of four stands still.
         for (i, code) in codes.iter_mut().enumerate() {
             *code = if i == (seed % 4) as usize {

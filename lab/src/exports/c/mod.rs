@@ -27,10 +27,11 @@ use super::{Spoiled, files, image, loops, spoiled, write};
 const STRICT: [&str; 9] =
     ["-std=c99", "-O2", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wsign-conversion", "-Wshadow", "-Werror"];
 /// The modules, in the order of their layers.
-const MODULES: [&str; 14] = [
+const MODULES: [&str; 15] = [
     "sagnac_integer.c",
     "sagnac_hash.c",
     "sagnac_compensator.c",
+    "sagnac_upset.c",
     "sagnac_watch.c",
     "sagnac_quadrature.c",
     "sagnac_strip.c",

@@ -23,6 +23,7 @@ static void board_take_image(sagnac_board *board, const sagnac_loaded *loaded)
 {
     uint32_t i;
     board->image = loaded->image;
+    board->image_sum = sagnac_image_sum(&board->image);
     for (i = 0U; i < SAGNAC_DIGEST; i++) {
         board->digest[i] = loaded->digest[i];
     }
@@ -37,6 +38,37 @@ static void board_begin_frame(sagnac_output_frame *frame)
     frame->path_status = 0U;
     frame->light_status = 0U;
     frame->ticks = 0U;
+}
+
+/* What the state must still be at the next slow update, and when that is. */
+static void board_seal(sagnac_board *board)
+{
+    board->state_sum = sagnac_state_sum(&board->state);
+    board->update_at = (board->frame.tick + board->state.ticks_to_update) & 0xFFFFFFFFU;
+}
+
+static void board_begin_anew(sagnac_board *board)
+{
+    sagnac_state_restart(&board->state);
+    board_seal(board);
+}
+
+/* Every tick the bounds and the time of the slow update, and the sum when it is due. */
+static void board_check_state(sagnac_board *board)
+{
+    const uint32_t due = (board->state.ticks_to_update == 0U) ? SAGNAC_YES : SAGNAC_NO;
+    const uint32_t is_time = (board->frame.tick == board->update_at) ? SAGNAC_YES : SAGNAC_NO;
+    uint32_t holds = sagnac_state_is_plausible(&board->image, &board->state);
+    if (due != is_time) {
+        holds = SAGNAC_NO;
+    }
+    if ((due != 0U) && (sagnac_state_sum(&board->state) != board->state_sum)) {
+        holds = SAGNAC_NO;
+    }
+    if (holds == 0U) {
+        board_begin_anew(board);
+        board->frame.status |= SAGNAC_UPSET;
+    }
 }
 
 void sagnac_board_start(sagnac_board *board, const sagnac_loaded *loaded, const sagnac_path_length *path,
@@ -62,6 +94,7 @@ void sagnac_board_start(sagnac_board *board, const sagnac_loaded *loaded, const 
     board->frame.has_temperature = SAGNAC_NO;
     board->frame.temperature = 0;
     board_begin_frame(&board->frame);
+    board_seal(board);
 }
 
 void sagnac_board_strip(sagnac_board *board, uint32_t longest, uint32_t least_swing)
@@ -79,17 +112,40 @@ void sagnac_board_watch(sagnac_board *board, const sagnac_watch_spec *spec, uint
     sagnac_watch_start(&board->watch);
 }
 
+/* Goes on with another image. */
+static void board_change_image(sagnac_board *board, const sagnac_loaded *loaded)
+{
+    board_take_image(board, loaded);
+    sagnac_compensator_migrate_state(&board->image, &board->state);
+    board_seal(board);
+    /* Its inputs may be other thermometers. */
+    board->still = 0U;
+    sagnac_watch_start(&board->watch);
+}
+
 void sagnac_board_use(sagnac_board *board, const sagnac_loaded *loaded)
 {
     if (sagnac_are_equal(board->digest, loaded->digest, SAGNAC_DIGEST) == 0U) {
-        board_take_image(board, loaded);
-        sagnac_compensator_migrate_state(&board->image, &board->state);
-        /* Its inputs may be other thermometers. */
-        board->still = 0U;
-        sagnac_watch_start(&board->watch);
+        board_change_image(board, loaded);
     }
     board->origin = loaded->origin;
     board->trial = loaded->trial;
+}
+
+uint32_t sagnac_board_is_intact(const sagnac_board *board)
+{
+    return (sagnac_image_sum(&board->image) == board->image_sum) ? SAGNAC_YES : SAGNAC_NO;
+}
+
+void sagnac_board_mend(sagnac_board *board, const sagnac_loaded *loaded)
+{
+    if (sagnac_image_sum(&board->image) != sagnac_image_sum(&loaded->image)) {
+        board_change_image(board, loaded);
+    }
+    board->image_sum = sagnac_image_sum(&board->image);
+    board->origin = loaded->origin;
+    board->trial = loaded->trial;
+    board->frame.status |= SAGNAC_UPSET;
 }
 
 /* The image's thermometers, 2^-24 degC: inputs with a code of their own in degC. */
@@ -114,6 +170,7 @@ static void board_slow_update(sagnac_board *board, const sagnac_sample *sample)
 {
     /* It is due. */
     (void)sagnac_compensator_update(&board->image, &board->state, sample->codes, sample->present);
+    board_seal(board);
     board->frame.has_temperature = sample->present & 1U;
     board->frame.temperature = (board->frame.has_temperature != 0U) ? sample->codes[0] : 0;
     if (board->watches != 0U) {
@@ -200,10 +257,49 @@ static void board_compose(const sagnac_board *board, sagnac_frame *frame)
     payload[32] = (sagnac_octet)(from->has_temperature | (sagnac_image_code(board->origin, board->trial) << 1));
 }
 
+void sagnac_board_make_up(sagnac_board *board, uint32_t missed_ticks)
+{
+    sagnac_sample none;
+    uint32_t i;
+    for (i = 0U; i < SAGNAC_MAX_INPUTS; i++) {
+        none.codes[i] = 0;
+    }
+    none.present = 0U;
+    none.pickoff = 0;
+    none.light = 0;
+    none.status = 0U;
+    if (missed_ticks > 0U) {
+        board_check_state(board);
+        board->frame.status |= SAGNAC_MISSED_TICKS;
+    }
+    if (missed_ticks > SAGNAC_LONGEST_PAUSE_TICKS) {
+        board->frame.tick = (board->frame.tick + missed_ticks) & 0xFFFFFFFFU;
+        board_begin_anew(board);
+    } else {
+        uint32_t rest = missed_ticks;
+        while (rest > 0U) {
+            sagnac_output output = {0, 0U};
+            uint32_t ticks;
+            if (board->state.ticks_to_update == 0U) {
+                board_slow_update(board, &none);
+            }
+            ticks = (rest < board->state.ticks_to_update) ? rest : board->state.ticks_to_update;
+            /* No misuse is possible: no counts, and no tick past a slow update. */
+            (void)sagnac_compensator_advance(&board->image, &board->state, 0, ticks, &output);
+            board->frame.counts += (uint32_t)output.counts;
+            board->frame.status |= output.status;
+            board->frame.tick = (board->frame.tick + ticks) & 0xFFFFFFFFU;
+            /* No ticks to the update after one: the image turned over. */
+            rest -= (ticks == 0U) ? rest : ticks;
+        }
+    }
+}
+
 uint32_t sagnac_board_tick(sagnac_board *board, int32_t counts, uint32_t lost_steps, const sagnac_sample *sample,
                            sagnac_actuators *actuators, sagnac_frame *frame)
 {
     uint32_t ends = SAGNAC_NO;
+    board_check_state(board);
     if (board->state.ticks_to_update == 0U) {
         board_slow_update(board, sample);
     }

@@ -4,14 +4,17 @@
  *   slow update, if due -> counts -> stripping -> correction -> path-length loop -> intensity loop -> output frame
  *
  * Bit for bit the Rust crate sagnac-board. The status of a frame also has what the board alone knows: a dither that is missing, steps of
- * unknown direction, counts beyond what a call takes, a thermometer that stands still, and where the image comes from.
+ * unknown direction, counts beyond what a call takes, a thermometer that stands still, where the image comes from, ticks that were missed,
+ * and memory that turned over.
  *
  * Use:
  *   sagnac_banks_start(&banks, &gyro, &loaded);
  *   sagnac_board_start(&board, &loaded, &path, &light);      (a dithered gyro: then sagnac_board_strip)
  *   in the 100 us interrupt, with the counts of the processor's encoder timer:
+ *     sagnac_board_make_up(&board, missed);                    (where a clock of its own shows ticks without an interrupt)
  *     if (sagnac_board_tick(&board, counts, lost_steps, &sample, &actuators, &frame) != 0U) { send frame; }
- *   in the main loop: sagnac_frame_push, sagnac_upload_handle; then, between two ticks, sagnac_board_use.
+ *   in the main loop: sagnac_frame_push, sagnac_upload_handle; then, between two ticks, sagnac_board_use; once a second sagnac_board_is_intact,
+ *   and if it is not, sagnac_banks_load and sagnac_board_mend.
  */
 #ifndef SAGNAC_BOARD_H
 #define SAGNAC_BOARD_H
@@ -24,6 +27,7 @@
 #include "sagnac_intensity.h"
 #include "sagnac_path_length.h"
 #include "sagnac_strip.h"
+#include "sagnac_upset.h"
 #include "sagnac_watch.h"
 
 #ifdef __cplusplus
@@ -32,6 +36,8 @@ extern "C" {
 
 /* Ticks of an output frame: 10 ms at 100 us. */
 #define SAGNAC_FRAME_TICKS 100U
+/* Longest pause that is made up, ticks: 105 s at 100 us. */
+#define SAGNAC_LONGEST_PAUSE_TICKS 1048576U
 
 /* Inputs of a tick besides the counts. */
 typedef struct {
@@ -84,6 +90,9 @@ typedef struct {
     sagnac_watch watch;
     uint32_t still; /* bit i: the image's input i stands still */
     uint32_t lost_steps;
+    uint32_t image_sum; /* what sagnac_image_sum must still be */
+    uint32_t state_sum; /* what sagnac_state_sum must still be at the next slow update */
+    uint32_t update_at; /* number of the tick before which that is due */
     sagnac_output_frame frame;
 } sagnac_board;
 
@@ -99,6 +108,17 @@ void sagnac_board_watch(sagnac_board *board, const sagnac_watch_spec *spec, uint
 
 /* What flash holds now, between two ticks: goes on with its image if that is another one. */
 void sagnac_board_use(sagnac_board *board, const sagnac_loaded *loaded);
+
+/* SAGNAC_NO if a bit of the image turned over in memory since it was given. Ask once a second, between two ticks. The tick compares the state by
+ * itself. The loops stay in the caller's memory; constants in flash need no comparison. */
+uint32_t sagnac_board_is_intact(const sagnac_board *board);
+
+/* Goes on with what flash holds (sagnac_banks_load) after SAGNAC_NO above, with SAGNAC_UPSET in the frame. */
+void sagnac_board_mend(sagnac_board *board, const sagnac_loaded *loaded);
+
+/* Ticks that passed without a call, before the one that has all their counts. Their correction is output, with SAGNAC_MISSED_TICKS; slow
+ * updates among them have no sample; loops and stripping stand still. After more than SAGNAC_LONGEST_PAUSE_TICKS the correction begins anew. */
+void sagnac_board_make_up(sagnac_board *board, uint32_t missed_ticks);
 
 /* One tick. `lost_steps` is the counter's total of steps of unknown direction, 0 for hardware that has none. SAGNAC_YES with a frame to
  * send in every SAGNAC_FRAME_TICKS-th tick. */

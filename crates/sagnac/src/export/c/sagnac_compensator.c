@@ -428,12 +428,12 @@ static void emit(const sagnac_image *image, sagnac_compensator_state *state, int
     }
 }
 
-/* The largest |increment| that cannot overflow within a period. */
-static int64_t increment_bound(const sagnac_image *image)
+int64_t sagnac_image_increment_bound(const sagnac_image *image)
 {
     uint32_t bits = 0U;
     int64_t by_period;
-    while (((image->period_ticks - 1U) >> bits) != 0U) {
+    /* 32 bits: a period of 0, which no image has, in memory that turned over. */
+    while ((bits < 32U) && (((image->period_ticks - 1U) >> bits) != 0U)) {
         bits++;
     }
     by_period = sagnac_floor_shift(MAX_INCREMENT_SUM, bits);
@@ -486,7 +486,7 @@ void sagnac_compensator_clear_overflow(sagnac_compensator_state *state)
 /* SAG-CORE-020 */
 void sagnac_compensator_migrate_state(const sagnac_image *image, sagnac_compensator_state *state)
 {
-    const int64_t bound = increment_bound(image);
+    const int64_t bound = sagnac_image_increment_bound(image);
     const sagnac_compensator_state old = *state;
     sagnac_compensator_start_warm(state);
     state->accumulator = old.accumulator;
@@ -881,7 +881,7 @@ sagnac_image_error sagnac_image_check(const sagnac_image *image)
             }
         }
         if ((error == SAGNAC_IMAGE_OK) &&
-            ((sagnac_image_reach(image, SAGNAC_BIAS) > increment_bound(image)) || (sagnac_image_reach(image, SAGNAC_SCALE) > MAX_SCALE))) {
+            ((sagnac_image_reach(image, SAGNAC_BIAS) > sagnac_image_increment_bound(image)) || (sagnac_image_reach(image, SAGNAC_SCALE) > MAX_SCALE))) {
             error = SAGNAC_IMAGE_SUM;
         }
     }

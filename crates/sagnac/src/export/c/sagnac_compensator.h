@@ -56,6 +56,8 @@ extern "C" {
 #define SAGNAC_SURVIVOR 1024U
 #define SAGNAC_STUCK 2048U
 #define SAGNAC_OUTVOTED 4096U
+#define SAGNAC_MISSED_TICKS 8192U
+#define SAGNAC_UPSET 16384U
 
 /* Result of a call. After anything but SAGNAC_OK nothing has changed. */
 typedef enum {
@@ -231,6 +233,9 @@ sagnac_image_error sagnac_image_check(const sagnac_image *image);
 
 /* The largest value that the terms of one kind can reach together, 2^-32 counts per tick or 2^-32. */
 int64_t sagnac_image_reach(const sagnac_image *image, sagnac_kind kind);
+
+/* The largest |increment| that cannot overflow within a temperature period, 2^-32 counts per tick. */
+int64_t sagnac_image_increment_bound(const sagnac_image *image);
 
 /* The value of a code, 2^-24 degC: SAGNAC_YES, or SAGNAC_NO outside the valid range of the input. */
 uint32_t sagnac_input_value(const sagnac_input *spec, int32_t code, int32_t *t_q24);
