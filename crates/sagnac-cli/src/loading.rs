@@ -28,7 +28,7 @@ pub(crate) enum Kind {
 }
 
 /// True for what is read once: standard input, a pipe, a device.
-fn is_pipe(path: &Path) -> bool {
+pub(crate) fn is_pipe(path: &Path) -> bool {
     path.as_os_str() == "-" || std::fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir())
 }
 

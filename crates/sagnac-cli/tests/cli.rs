@@ -127,8 +127,7 @@ fn complaints_name_their_place() {
     let ran = run(&["calibrate", &log, "--setup", &setup]);
     assert!(ran.status == 2 && ran.err.contains(&format!("{setup}:2")) && ran.err.contains("quantm"), "{}", ran.err);
 
-    let rows: String = (1..2000).map(|s| format!("{s},25.{},4\n", s % 3)).collect();
-    let log = bench.write("still.csv", &format!("time_s,temperature_c,counts\n{rows}"));
+    let log = log_of_one_temperature(&bench);
     let (status, object) = json(&["calibrate", &log, "--arcsec-per-count", "1", "--json"]);
     assert_eq!((status, &object["refused"]), (3, &Value::from(true)));
     assert!(object["reason"].as_str().unwrap().contains("a fit needs 10 °C"), "{object}");
@@ -141,7 +140,7 @@ fn complaints_name_their_place() {
     // A log without a stated scale is still described.
     let whole = bench.write("counts.csv", "time_s,temperature_c,counts\n1,20,3\n2,20,4\n3,20,5\n");
     let (status, object) = json(&["inspect", &whole, "--json"]);
-    assert_eq!((status, &object["calibrate"]["asks_for"]), (0, &Value::from("arcsec_per_count")));
+    assert_eq!((status, &object["asks_for"]), (0, &Value::from("arcsec_per_count")));
     assert_eq!(
         (&object["axes"][0]["mean_counts_per_s"], &object["axes"][0]["mean_dph"]),
         (&Value::from(4.0), &Value::Null)
@@ -330,7 +329,10 @@ fn real_recordings_are_described_and_refused_as_they_deserve() {
     close(&object["sample_interval_s"], 0.015_608_7, 1e-3);
     close(&object["length_s"], 300.0, 2e-3);
     close(&object["axes"][0]["mean_dph"], 3.1885e-3 * 3600.0, 2e-3);
-    assert_eq!(object["calibrate"]["refused"], Value::from(true));
+    assert_eq!(object["survey"]["good_for"], Value::from("noise"));
+    assert!(object["survey"]["reason"].as_str().unwrap().contains("no temperature"), "{object}");
+    // Its README: the Allan deviation of x falls with slope −1, dither and quantization: no walk shows in 300 s.
+    assert!(object["survey"]["axes"][0]["arw_deg_rt_h"].is_null(), "{object}");
     let ran = run(&["calibrate", &log, "--setup", &setup]);
     assert!(ran.status == 3 && ran.err.contains("no temperature"), "{}", ran.err);
     for raw in ["x_LN100_up.ins", "x_LN100_down.ins"] {
@@ -401,4 +403,84 @@ fn a_terminal_is_treated_as_one_and_no_color_is_heeded() {
     assert!(!plain.contains("\u{1b}[3"), "{plain:?}");
     let piped = String::from_utf8(sagnac().arg("--help").output().unwrap().stdout).unwrap();
     assert!(!piped.contains('\u{1b}'));
+}
+
+/// `inspect` names every kind of file that the program writes, none as a log with a mistake.
+#[test]
+fn every_file_that_is_written_is_recognised() {
+    let bench = Bench::new();
+    let (log, setup) = (testdata("chamber/cycle-3.csv.gz"), testdata("chamber/bench.toml"));
+    let scenario = testdata("../scenarios/paper/paper.toml");
+    let record = bench.path("unit.cal.json");
+    let limits = testdata("chamber/limits.toml");
+    let path = |name: &str| bench.path(name);
+    let saved = |name: &str, args: &[&str]| {
+        let ran = run(args);
+        assert!(ran.status <= 1, "{args:?}: {}", ran.err);
+        if !ran.out.is_empty() {
+            fs::write(path(name), ran.out).unwrap();
+        }
+    };
+    saved("proof.json", &["verify", &record, &log, "--limits", &limits, "--json", "--report", &path("proof.html")]);
+    saved("noise.json", &["allan", &log, "--setup", &setup, "--json", "-o", &path("curve.csv")]);
+    saved("compared.json", &["compare", &record, &record, "--json"]);
+    saved("points.json", &["evaluate", &record, "--at", "20", "--json"]);
+    saved("inspected.json", &["inspect", &log, "--setup", &setup, "--json", "--report", &path("log.html")]);
+    saved("-", &["window", &log, "--setup", &setup, "-o", &path("windows.parquet")]);
+    saved("-", &["window", &log, "--setup", &setup, "-o", &path("windows.csv")]);
+    saved("-", &["compensate", &record, &log, "-o", &path("corrected.csv")]);
+    saved("-", &["compensate", &record, &log, "-o", &path("corrected.parquet")]);
+    saved("-", &["export", &record, "--to", "image", "-o", &path("unit.img")]);
+    saved("-", &["export", &record, "--to", "upload", "-o", &path("upload.bin")]);
+    saved("-", &["export", &record, "--to", "data-sheet", "-o", &path("unit.md")]);
+    saved("-", &["export", &record, "--to", "c", "-o", &path("c")]);
+    saved("-", &["export", &record, "--to", "verilog", "-o", &path("rtl")]);
+    saved("-", &["key", "new", "-o", &path("factory.key")]);
+    saved("-", &["simulate", &scenario, "-o", &path("run.csv"), "--truth", &path("truth.csv")]);
+    let mut seen = 0;
+    for (name, said) in [
+        ("unit.cal.json", "a calibration of RLG-0001"),
+        ("proof.json", "a verification of RLG-0001"),
+        ("proof.html", "a report: "),
+        ("noise.json", "a noise budget of 1 axis from 1 log"),
+        ("curve.csv", "an Allan curve"),
+        ("compared.json", "a comparison of 2 calibrations"),
+        ("points.json", "a correction evaluated"),
+        ("inspected.json", "what `sagnac inspect` said of a log"),
+        ("log.html", "a report: "),
+        ("windows.parquet", "a window table"),
+        ("windows.csv", "windows as text"),
+        ("corrected.csv", "a compensated log (serial RLG-0001"),
+        ("corrected.parquet", "a compensated log"),
+        ("unit.img", "an image for axis z"),
+        ("upload.bin", "pieces of an image, 1 commit;"),
+        ("unit.md", "made by `sagnac export`"),
+        ("c/sagnac_unit.c", "made by `sagnac export`"),
+        ("c/sagnac_board.h", "made by `sagnac export`"),
+        ("c/Makefile", "made by `sagnac export`"),
+        ("rtl/sagnac_image.hex", "made by `sagnac export`"),
+        ("rtl/sagnac_image.v", "made by `sagnac export`"),
+        ("factory.key", "a private key: keep it secret"),
+        ("factory.pub", "a public key"),
+        ("run.csv", "a log of "),
+        ("truth.csv", "the truth of a simulated test"),
+    ] {
+        let ran = run(&["inspect", &path(name)]);
+        assert!(ran.status == 0 && ran.out.contains(said), "{name}: {} {}{}", ran.status, ran.out, ran.err);
+        seen += 1;
+    }
+    for (file, said) in [(setup, "a setup of RLG-0001"), (limits, "limits of an acceptance"), (scenario, "a scenario")]
+    {
+        assert!(run(&["inspect", &file]).out.contains(said), "{file}");
+    }
+    assert_eq!(seen, 25);
+    // A refusal as JSON goes to standard output and ends with another status.
+    let refused = run(&["calibrate", &log_of_one_temperature(&bench), "--arcsec-per-count", "1", "--json"]);
+    let inspected = run(&["inspect", &bench.write("refused.json", &refused.out)]);
+    assert!(inspected.out.contains("an error of this program: "), "{}", inspected.out);
+}
+
+fn log_of_one_temperature(bench: &Bench) -> String {
+    let rows: String = (1..2000).map(|s| format!("{s},25.{},4\n", s % 3)).collect();
+    bench.write("still.csv", &format!("time_s,temperature_c,counts\n{rows}"))
 }

@@ -17,6 +17,7 @@ mod figure;
 mod figures;
 mod noise;
 mod page;
+mod survey;
 mod svg;
 mod terms;
 
@@ -24,3 +25,4 @@ pub use charts::{Band, Chart, ChartPage, Curve, PageTable, chart_report};
 pub use compared::comparison_report;
 pub use noise::{noise_report, row_notes, term_text};
 pub use page::{calibration_report, verification_report};
+pub use survey::survey_report;

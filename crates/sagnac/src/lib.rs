@@ -35,6 +35,7 @@ pub mod export;
 pub mod fit;
 mod image;
 pub mod model;
+pub mod survey;
 pub mod verify;
 pub mod window;
 mod workflow;

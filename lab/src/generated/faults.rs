@@ -1,4 +1,4 @@
-//! Each ready scenario with each fault, through `inspect` (which tries `calibrate`): detected, named, or refused.
+//! Each ready scenario with each fault, through `inspect`: named, or not good for a calibration.
 //! The page is not written if a fault goes undetected that is not documented as such.
 
 use std::collections::BTreeMap;
@@ -15,10 +15,8 @@ use crate::generated::READY;
 use crate::places::FAULTS;
 use crate::program::Program;
 
-/// Faults that go undetected, as listed in docs/explanation/simulator.md. A single frozen thermometer looks like a constant
-/// temperature; a slow clock stretches all rows alike.
-const UNNOTICED: [(&str, &str); 5] = [
-    ("paper", "stuck_thermometer"),
+/// Faults that go undetected, as listed in docs/explanation/simulator.md: a slow clock stretches all rows alike.
+const UNNOTICED: [(&str, &str); 4] = [
     ("paper", "clock_drift"),
     ("square-28cm", "clock_drift"),
     ("prism-heater-loop", "clock_drift"),
@@ -32,8 +30,9 @@ type Unnoticed = Vec<(&'static str, &'static str)>;
 struct Seen {
     rows: u64,
     excluded: BTreeMap<String, u64>,
-    calibrate: String,
-    refused: bool,
+    verdict: String,
+    cautions: Vec<String>,
+    good: bool,
 }
 
 fn seen(program: &Program, folder: &Path, scenario: &str, fault: Option<&str>) -> Result<Seen> {
@@ -49,17 +48,29 @@ fn seen(program: &Program, folder: &Path, scenario: &str, fault: Option<&str>) -
 fn of_inspect(object: &Value) -> Option<Seen> {
     let tallies = object["excluded"].as_array()?.iter();
     let excluded = tallies.map(|t| Some((t["reason"].as_str()?.to_owned(), t["rows"].as_u64()?)));
-    let calibrate = &object["calibrate"];
-    let refused = calibrate["refused"].as_bool().unwrap_or(false);
-    let words = match calibrate["models"][0].as_str() {
-        Some(model) => format!("`{model}`"),
-        // The reason up to its first colon; places follow.
-        None => format!("refused: {}", calibrate["reason"].as_str()?.split([';', '(']).next()?.trim()),
+    let survey = &object["survey"];
+    let good_for = survey["good_for"].as_str()?;
+    let verdict = match survey["reason"].as_str() {
+        None => good_for.to_owned(),
+        // The reason up to its places.
+        Some(reason) => format!("{good_for}: {}", reason.split([';', '(']).next()?.trim()),
     };
-    Some(Seen { rows: object["rows"].as_u64()?, excluded: excluded.collect::<Option<_>>()?, calibrate: words, refused })
+    let cautions = survey["cautions"].as_array()?.iter().map(|caution| Some(caution.as_str()?.to_owned()));
+    Some(Seen {
+        rows: object["rows"].as_u64()?,
+        excluded: excluded.collect::<Option<_>>()?,
+        verdict,
+        cautions: cautions.collect::<Option<_>>()?,
+        good: good_for == "calibration",
+    })
 }
 
-/// Reasons that are new or concern at least 0.5 % of the rows more. A shortened window by itself does not count.
+/// A caution without its figures: they differ from log to log.
+fn kind_of(caution: &str) -> String {
+    caution.chars().filter(|c| !c.is_ascii_digit()).collect()
+}
+
+/// Reasons that are new or concern at least 0.5 % of the rows more, and cautions that are new. A shortened window by itself does not count.
 fn named(clean: &Seen, broken: &Seen) -> Vec<String> {
     let more = broken.excluded.iter().filter_map(|(reason, rows)| {
         let before = clean.excluded.get(reason).copied().unwrap_or(0);
@@ -67,7 +78,9 @@ fn named(clean: &Seen, broken: &Seen) -> Vec<String> {
         let counts = reason != "short_window" && more > 0 && (before == 0 || more * 200 >= broken.rows);
         counts.then(|| format!("{reason} {more}"))
     });
-    more.collect()
+    let known: Vec<String> = clean.cautions.iter().map(|caution| kind_of(caution)).collect();
+    let new = broken.cautions.iter().filter(|caution| !known.contains(&kind_of(caution)));
+    more.chain(new.map(|caution| caution.replace('|', "/"))).collect()
 }
 
 const HEAD: &str = "# Faults
@@ -75,10 +88,10 @@ const HEAD: &str = "# Faults
 Made by `cargo xtask bless`; do not edit.
 
 Each ready scenario has each fault from two fifths to three fifths of its run. The log goes through `sagnac inspect`. *Named* are the
-reasons for which rows are excluded beyond those of the same test without the fault, with their number. **Not noticed** means that the log looks
+reasons for which rows are excluded beyond those of the same test without the fault, with their number, and what there is to mind. **Not noticed** means that the log looks
 like a good one; [Simulator](../explanation/simulator.md#faults-that-are-not-detected) states why.
 
-| scenario | fault | named | calibrate |
+| scenario | fault | named | good for |
 |---|---|---|---|
 ";
 
@@ -101,17 +114,17 @@ pub(crate) fn make(program: &Program) -> Result<Vec<Made>> {
 
 fn of_scenario(program: &Program, folder: &Path, scenario: &'static str) -> Result<(String, Unnoticed)> {
     let clean = seen(program, folder, scenario, None)?;
-    ensure!(!clean.refused, "{scenario} without a fault: {}", clean.calibrate);
+    ensure!(clean.good, "{scenario} without a fault: good for {}", clean.verdict);
     let (mut rows, mut unnoticed) = (String::new(), Vec::new());
     for (_, fault) in FaultKind::ALL {
         let broken = seen(program, folder, scenario, Some(fault))?;
         let mut named = named(&clean, &broken);
-        if named.is_empty() && !broken.refused {
+        if named.is_empty() && broken.good {
             named.push("**not noticed**".to_owned());
             unnoticed.push((scenario, fault));
         }
         let words = fault.replace('_', " ");
-        rows += &format!("| {scenario} | {words} | {} | {} |\n", named.join(", "), broken.calibrate);
+        rows += &format!("| {scenario} | {words} | {} | {} |\n", named.join(", "), broken.verdict);
     }
     Ok((rows, unnoticed))
 }

@@ -52,6 +52,7 @@ use crate::ingest::align::Aligner;
 use crate::ingest::chunks::{ChunkReader, Feed};
 pub use crate::ingest::formats::{FORMATS, Format};
 use crate::ingest::header::Layout;
+pub use crate::ingest::header::already_compensated;
 use crate::ingest::interval::nominal_interval;
 pub use crate::ingest::logs::Logs;
 #[cfg(feature = "parquet")]

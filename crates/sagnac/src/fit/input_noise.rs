@@ -21,7 +21,8 @@ use crate::fit::least_squares::{LeastSquares, TermColumn};
 use crate::fit::solution::Fitted;
 use crate::model::ActsOn;
 use crate::model::input::{SampledInput, Signal};
-use sagnac_units::ARCSEC_RT_S_PER_DEG_RT_H;
+use crate::window::{WindowShape, Windows};
+use sagnac_units::{ARCSEC_RT_S_PER_DEG_RT_H, s_from_ns};
 
 /// The corrected angle random walk may exceed the raw one by this fraction.
 pub(crate) const INCREASE_MAX: f64 = 0.05;
@@ -146,24 +147,31 @@ struct Track {
 impl Track {
     fn of(problem: &LeastSquares<'_>, source: Signal) -> Self {
         let windows = problem.windows();
-        let row = (windows.shape.sample_interval_s / problem.period_s()).round().max(1.0) as usize;
         let tracks: Vec<_> = problem.runs.iter().map(|run| source.track(windows, *run)).collect();
+        let tracks: Vec<&[f64]> = tracks.iter().map(|track| &**track).collect();
+        Self::of_tracks(&tracks, &windows.shape, source.in_celsius())
+    }
+
+    /// Of the tracks of one thermometer or column, run by run.
+    fn of_tracks(tracks: &[&[f64]], shape: &WindowShape, in_celsius: bool) -> Self {
+        let period_s = s_from_ns(shape.period_ns);
+        let row = (shape.sample_interval_s / period_s).round().max(1.0) as usize;
         let found = tracks.iter().map(|track| renewal(track)).fold(0, gcd);
         // A value that changes only every few windows is not a held reading: a mode, a gain.
-        let most = (windows.shape.nominal_s / 3.0 / problem.period_s()) as usize;
+        let most = (shape.nominal_s / 3.0 / period_s) as usize;
         let renewal = if found <= most { found.max(row) } else { row };
         let mut seconds: Vec<f64> = Vec::new();
-        for track in &tracks {
+        for track in tracks {
             // From the first renewal on, one point of each reading.
             let first = track.windows(2).position(|pair| pair[0] != pair[1]).map_or(0, |at| at + 1);
             let readings: Vec<f64> = track.iter().skip(first).step_by(renewal).copied().collect();
             seconds.extend(readings.windows(3).map(|w| w[0] - 2.0 * w[1] + w[2]).filter(|s| s.is_finite()));
         }
-        let interval_s = renewal as f64 * problem.period_s();
+        let interval_s = renewal as f64 * period_s;
         if seconds.is_empty() {
             return Self { sigma: 0.0, interval_s };
         }
-        let spread = if source.in_celsius() {
+        let spread = if in_celsius {
             (seconds.iter().map(|s| s * s).sum::<f64>() / seconds.len() as f64).sqrt()
         } else {
             seconds.iter_mut().for_each(|s| *s = s.abs());
@@ -172,6 +180,14 @@ impl Track {
         };
         Self { sigma: spread / 6.0_f64.sqrt(), interval_s }
     }
+}
+
+/// Noise of a thermometer, °C, and the interval between its readings, s, as its tracks show them.
+pub(crate) fn thermometer_noise(windows: &Windows, thermometer: usize) -> (f64, f64) {
+    let tracks: Vec<&[f64]> =
+        windows.runs.iter().filter_map(|run| run.tracks.get(thermometer)).map(Vec::as_slice).collect();
+    let Track { sigma, interval_s } = Track::of_tracks(&tracks, &windows.shape, true);
+    (sigma, interval_s)
 }
 
 /// Points of a track after which its value may change: the greatest common divisor of the ways between changes; 0 without two

@@ -38,6 +38,7 @@ mod tradeoff;
 mod two_lags;
 mod warm_up;
 
+pub(crate) use input_noise::thermometer_noise;
 pub(crate) use plateaus::{level_stretches, plateaus_of};
 pub(crate) use rate_table_input::{RateTableInput, SAME_RATE};
 pub use record::{FitOptions, calibrate, calibrate_with_report_data};

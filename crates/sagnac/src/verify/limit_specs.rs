@@ -156,7 +156,7 @@ pub(crate) const EXCLUDED: &str = "excluded_max";
 /// Limits of the form *at most* that are of the whole retest, not of each run.
 const OF_ALL: [&str; 4] = ["turn_on_sigma_dph_max", "missing_max", EXCLUDED, POSITION_ERROR];
 const PLATEAU_OFFSET: &str = "plateau_offset_dph_max";
-const POSITION_ERROR: &str = "position_error_m_max";
+pub(crate) const POSITION_ERROR: &str = "position_error_m_max";
 const NO_PLATEAU: &str = "no five steady windows within 1 °C of each other";
 const NO_SLOPE: &str =
     "temperature (by σ 0.3 °C) and its rate (by 0.01 °C/min) do not vary, or not apart, or in fewer than ten windows";

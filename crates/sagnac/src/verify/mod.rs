@@ -22,6 +22,7 @@ mod stats;
 mod strapdown;
 mod suspects;
 mod turned;
+mod unanswered;
 mod verdict;
 
 use std::collections::BTreeMap;
@@ -43,6 +44,7 @@ pub use stats::{Figures, expected_range};
 pub use strapdown::{Channel, Strapdown, noise_m, positions_m};
 pub use suspects::Suspect;
 pub use turned::{PlateauProof, ScaleFigures, ScaleProof};
+pub use unanswered::{Unanswered, unanswered};
 pub use verdict::{DecisionRule, Judged, Verdict};
 
 use crate::calibration::{Calibration, LogFile, LogUnit, PpmEstimate, program};

@@ -1,0 +1,63 @@
+//! `sagnac inspect`: what a file is, and what a log is good for.
+
+mod image;
+mod log;
+mod results;
+
+use std::path::PathBuf;
+
+use sagnac::Error;
+use sagnac::calibration::Calibration;
+
+use crate::calibrate::summary;
+use crate::console::{Console, Outcome, Ran};
+use crate::files::Files;
+use crate::loading::{self, Kind};
+use crate::setup_args::LogArgs;
+
+/// Say what a file is, and of a log what it is good for
+///
+/// A log or window table gets a verdict: good for calibration, for noise only, or for nothing. No model is searched for.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Example:
+  sagnac inspect cycle-1.csv --arcsec-per-count 1.059 --report cycle-1.html")]
+pub(crate) struct Args {
+    /// Any file
+    file: PathBuf,
+    /// Report of a log to write: one HTML file for screen and paper
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
+    /// One JSON object on standard output, text on standard error
+    #[arg(long)]
+    pub(crate) json: bool,
+    #[command(flatten)]
+    reading: LogArgs,
+}
+
+pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
+    Files::new().reads([&args.file]).reads(&args.reading.setup.setup).writes(&args.report).check()?;
+    let kind = loading::kind_of(&args.file)?;
+    if args.report.is_some() && !matches!(kind, Kind::Log | Kind::WindowTable) {
+        return Err(Error::input("a report is made of a log or window table").file(args.file.display().to_string()));
+    }
+    match kind {
+        Kind::Image => image::image(&args.file, console)?,
+        Kind::Calibration => match results::json(&args.file, console)? {
+            true => {}
+            false => {
+                let calibration: Calibration = loading::calibration(&args.file)?;
+                console.say(format!("a calibration of {} by {}", calibration.serial, calibration.provenance.program));
+                summary(console, &calibration);
+                console.object(&calibration)?;
+            }
+        },
+        Kind::WindowTable => log::window_table(&args.file, &args.reading, args.report.as_deref(), console)?,
+        Kind::Log => {
+            if !results::recognised(&args.file, console)? {
+                log::log(&args.file, &args.reading, args.report.as_deref(), console)?;
+            }
+        }
+    }
+    Ok(Outcome::Done)
+}

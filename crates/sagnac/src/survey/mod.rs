@@ -1,0 +1,294 @@
+//! What a log is good for, in one pass and without a search for a model.
+//!
+//! ```text
+//! windows ─▶ one trial fit, `bias 1` ── refused ─▶ its reason: noise alone, or nothing
+//!                 │ fitted
+//!                 └▶ thermometers healthy, windows cover the span, both directions ─▶ calibration, with what to mind
+//! ```
+//!
+//! The trial has the rules of [`crate::fit::calibrate`] for span, windows and excluded stretches, so what they refuse is not called good here.
+//! A log is *good for calibration* if the trial is fitted and the windows, not only single readings, cover the least span. It is *good for
+//! noise* if its counts vary and enough unbroken rows show that; else for nothing.
+//!
+//! Fails where a log is wrong without a sign: a lone thermometer without noise that stops, a scale factor that was typed wrong, a chamber
+//! log that belongs to another test.
+
+mod coverage;
+mod thermometers;
+
+pub use coverage::CoverageMap;
+pub use thermometers::ThermometerSurvey;
+
+use serde::Serialize;
+
+use crate::calibration::{AxisCalibration, Calibration};
+use crate::diagnostics::profile::{TOGETHER, rate_explained, time_explained};
+use crate::diagnostics::{Leg, Point, points, run_spans};
+use crate::fit::{FitOptions, Model, calibrate};
+use crate::verify::{Correction, Unanswered, unanswered};
+use crate::window::Windows;
+use sagnac_log::error::{Error, ErrorKind, Result};
+use sagnac_log::setup::Setup;
+use sagnac_units::format::significant;
+use thermometers::thermometers;
+
+/// Model of the trial: a constant for each run, and a slope.
+const TRIAL: &str = "bias 1";
+/// Fewer rows in an unbroken stretch show no noise.
+const FEWEST_ROWS: u64 = 1000;
+/// Fewer windows allow small models only: three for each coefficient.
+const FEW_WINDOWS: usize = 30;
+/// Fewer windows of a leg are no leg.
+const FEWEST_OF_LEG: usize = 5;
+/// Fewer windows in an outer third of the span hold that end of the curve badly.
+const FEWEST_OF_THIRD: usize = 5;
+/// Part of the rows that is missing or excluded from which on it is said.
+const MANY_ROWS: f64 = 0.05;
+
+/// The best use of a log.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum GoodFor {
+    /// A calibration over temperature.
+    Calibration,
+    /// Noise terms alone.
+    Noise,
+    /// Neither.
+    Nothing,
+}
+
+impl GoodFor {
+    /// In words.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Calibration => "good for calibration",
+            Self::Noise => "good for noise only",
+            Self::Nothing => "good for nothing",
+        }
+    }
+}
+
+/// What a log is good for, and what it lacks.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct Survey {
+    /// The verdict.
+    pub good_for: GoodFor,
+    /// Why it is not good for more; null for a calibration.
+    pub reason: Option<String>,
+    /// What to mind.
+    pub cautions: Vec<String>,
+    /// Every thermometer.
+    pub thermometers: Vec<ThermometerSurvey>,
+    /// Hours over temperature and rate; null without time or temperature.
+    pub coverage: Option<CoverageMap>,
+    /// Per axis: angle random walk of the rows, °/√h, and the limits of which the log has no figure.
+    pub axes: Vec<AxisSurvey>,
+}
+
+/// One axis of a log.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct AxisSurvey {
+    /// Axis letter.
+    pub axis: char,
+    /// Angle random walk, °/√h; null where the rows do not show it.
+    pub arw_deg_rt_h: Option<f64>,
+    /// Slope of the trial with its standard error, °/h per °C; null without a trial.
+    pub slope_dph_per_c: Option<[f64; 2]>,
+    /// Limits of an acceptance that such a log has no figure for; null where the log is not good for a calibration.
+    pub unanswered: Option<Vec<Unanswered>>,
+}
+
+/// Surveys the windows of a log.
+///
+/// # Errors
+/// A setup that does not fit the log.
+pub fn survey(windows: &Windows, setup: &Setup) -> Result<Survey> {
+    let thermometers = thermometers(windows);
+    let main = main_thermometer(windows, setup);
+    let coverage = main.and_then(|at| CoverageMap::of(windows, at));
+    let span = main.and_then(|at| span_of(windows, at));
+    let reference_c = setup.stages().model.reference_c;
+    let outside = span.filter(|[lo, hi]| !(*lo..=*hi).contains(&reference_c));
+    // Where the correction is zero is a choice: it does not make a log worse.
+    let setup =
+        &Setup { reference_c: outside.map(|[lo, hi]| f64::midpoint(lo, hi)).or(setup.reference_c), ..setup.clone() };
+    let tried = match trial(windows, setup) {
+        Err(error) if error.kind == ErrorKind::Input => return Err(error),
+        tried => tried.and_then(|calibration| covered(windows, setup, main).map(|()| calibration)),
+    };
+    let limits = match &tried {
+        Ok(calibration) => limits_without_figure(windows, setup, calibration)?,
+        Err(_) => Vec::new(),
+    };
+    let axis = |(at, letter): (usize, &char)| AxisSurvey {
+        axis: *letter,
+        arw_deg_rt_h: windows.measured_noise(at).map(|noise| noise.n_deg_rt_h()).filter(|n| *n > 0.0),
+        slope_dph_per_c: tried.as_ref().ok().and_then(|calibration| slope(calibration.axis(*letter).ok()?)),
+        unanswered: limits.iter().find(|(axis, _)| axis == letter).map(|(_, all)| all.clone()),
+    };
+    let axes: Vec<AxisSurvey> = windows.shape.axes.iter().enumerate().map(axis).collect();
+    let (good_for, reason) = match (&tried, noise(windows)) {
+        (Ok(_), _) => (GoodFor::Calibration, None),
+        (Err(refusal), Ok(())) => (GoodFor::Noise, Some(refusal.what.clone())),
+        (Err(refusal), Err(why)) => (GoodFor::Nothing, Some(format!("{why}; {}", refusal.what))),
+    };
+    let mut cautions: Vec<String> = thermometers.iter().flat_map(|one| one.faults.clone()).collect();
+    cautions.extend(rows_missing(windows));
+    if good_for == GoodFor::Calibration {
+        cautions.extend(outside.map(|[lo, hi]| {
+            format!("the reference temperature {reference_c} °C lies outside the span {lo:.1} … {hi:.1} °C: give --reference within it")
+        }));
+        cautions.extend(profile(windows, main));
+        cautions.extend(tried.iter().flat_map(loud_thermometers));
+    }
+    Ok(Survey { good_for, reason, cautions, thermometers, coverage, axes })
+}
+
+/// The thermometer that a calibration would use.
+fn main_thermometer(windows: &Windows, setup: &Setup) -> Option<usize> {
+    let names = &windows.shape.thermometers;
+    let wanted = setup.use_thermometer.as_deref();
+    wanted.and_then(|wanted| names.iter().position(|name| name == wanted)).or((!names.is_empty()).then_some(0))
+}
+
+/// Lowest to highest reading of the used windows.
+fn span_of(windows: &Windows, thermometer: usize) -> Option<[f64; 2]> {
+    let used = |column: &[f64], pick: fn(f64, f64) -> f64| {
+        let known =
+            column.iter().zip(&windows.rows.excluded).filter(|(c, excluded)| excluded.is_none() && c.is_finite());
+        known.map(|(c, _)| *c).reduce(pick)
+    };
+    let rows = &windows.rows;
+    Some([used(&rows.min_c[thermometer], f64::min)?, used(&rows.max_c[thermometer], f64::max)?])
+}
+
+fn trial(windows: &Windows, setup: &Setup) -> Result<Calibration> {
+    calibrate(windows.clone(), setup, &FitOptions::new(Model::Fixed(TRIAL.parse()?)))
+}
+
+/// The means of the windows must cover the span that a fit needs: a spike is no temperature.
+fn covered(windows: &Windows, setup: &Setup, main: Option<usize>) -> Result<()> {
+    let least_c = setup.stages().model.min_span_c;
+    let used = (0..windows.len()).filter(|i| windows.rows.excluded[*i].is_none());
+    let means = main.map(|at| used.map(|i| windows.rows.mean_c[at][i]).filter(|c| c.is_finite()).collect::<Vec<f64>>());
+    let (lo, hi) =
+        means.iter().flatten().fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), c| (lo.min(*c), hi.max(*c)));
+    if hi - lo >= least_c {
+        return Ok(());
+    }
+    Err(Error::refused(format!(
+        "single readings reach {least_c} °C, but the means of the windows span only {:.2} °C",
+        (hi - lo).max(0.0)
+    )))
+}
+
+/// Whether the rows show noise.
+fn noise(windows: &Windows) -> std::result::Result<(), String> {
+    let rows: u64 = windows.runs.iter().flat_map(|run| &run.files).map(|file| file.summary.rows).sum();
+    if rows < FEWEST_ROWS {
+        return Err(format!("{rows} rows are too few for noise terms, which need {FEWEST_ROWS}"));
+    }
+    if !windows.shape.timed {
+        return Err("the rows have no time".to_owned());
+    }
+    let shows = (0..windows.shape.axes.len()).any(|axis| windows.measured_noise(axis).is_some());
+    if shows { Ok(()) } else { Err("the counts of no axis show any noise".to_owned()) }
+}
+
+/// An end of the span that rests on few windows: a short excursion, or a thermometer that was wrong for some minutes.
+fn thin_end(used: &[&Point]) -> Option<String> {
+    let known = || used.iter().map(|p| p.temperature_c).filter(|c| c.is_finite());
+    let (lo, hi) = (known().reduce(f64::min)?, known().reduce(f64::max)?);
+    let third = (hi - lo) / 3.0;
+    let ends = [("lower", lo, lo + third), ("upper", hi - third, hi)];
+    ends.into_iter().find_map(|(which, from, to)| {
+        let n = known().filter(|c| (from..=to).contains(c)).count();
+        let windows = if n == 1 { "1 window holds".to_owned() } else { format!("{n} windows hold") };
+        (n < FEWEST_OF_THIRD).then(|| format!("only {windows} the {which} third of the span, {from:.1} … {to:.1} °C"))
+    })
+}
+
+fn limits_without_figure(
+    windows: &Windows,
+    setup: &Setup,
+    calibration: &Calibration,
+) -> Result<Vec<(char, Vec<Unanswered>)>> {
+    // A slope that no image holds leaves the limits unknown, not the log.
+    let Ok(correction) = Correction::from_calibration(calibration.clone()) else { return Ok(Vec::new()) };
+    match unanswered(windows, &correction, setup) {
+        Err(error) if error.kind == ErrorKind::Input => Err(error),
+        asked => Ok(asked.unwrap_or_default()),
+    }
+}
+
+/// The slope of the trial with its standard error.
+fn slope(axis: &AxisCalibration) -> Option<[f64; 2]> {
+    let term = axis.correction.terms.first()?;
+    Some([term.value, term.sigma?]).filter(|both| both.iter().all(|value| value.is_finite()))
+}
+
+/// Rows that cannot be used, if they are many.
+fn rows_missing(windows: &Windows) -> Option<String> {
+    let rows: u64 = windows.runs.iter().flat_map(|run| &run.files).map(|file| file.summary.rows).sum();
+    let excluded: u64 = windows.tallies.list().iter().map(|tally| tally.rows).sum();
+    let part = excluded as f64 / (rows.max(1)) as f64;
+    let most = windows.tallies.most()?;
+    (part > MANY_ROWS).then(|| {
+        format!("{} % of the rows are excluded, most of them as {}", significant(100.0 * part, 2), most.reason.name())
+    })
+}
+
+/// What the profile of the test does not hold.
+fn profile(windows: &Windows, main: Option<usize>) -> Vec<String> {
+    let all = points(windows, &run_spans(windows), main, |_| 0.0, |_| 0.0);
+    let used: Vec<&Point> = all.iter().filter(|p| p.excluded.is_none()).collect();
+    let mut out = Vec::new();
+    if used.len() < FEW_WINDOWS {
+        out.push(format!(
+            "{} windows allow {} coefficients, the constants of the runs included",
+            used.len(),
+            used.len() / 3
+        ));
+    }
+    out.extend(thin_end(&used));
+    if !windows.shape.timed {
+        out.push("the rows have no time: no term over the temperature rate".to_owned());
+        return out;
+    }
+    let count = |leg: Leg| used.iter().filter(|p| p.leg() == leg).count();
+    match [Leg::Heating, Leg::Cooling].map(|leg| count(leg) >= FEWEST_OF_LEG) {
+        [true, false] => {
+            out.push("it heats and never cools: hysteresis and rate terms cannot be told from the curve".to_owned())
+        }
+        [false, true] => {
+            out.push("it cools and never heats: hysteresis and rate terms cannot be told from the curve".to_owned())
+        }
+        _ => {}
+    }
+    if count(Leg::Steady) < FEWEST_OF_LEG {
+        out.push("it has no soak: the bias at rest of temperature is extrapolated from ramps".to_owned());
+    }
+    if rate_explained(&all).is_some_and(|part| part > TOGETHER) {
+        out.push("temperature and its rate moved together: the calibration holds for this profile alone".to_owned());
+    }
+    if time_explained(&all).is_some_and(|part| part > TOGETHER) {
+        out.push("temperature and time moved together: a drift with time becomes a curve over temperature".to_owned());
+    }
+    out
+}
+
+/// Thermometers whose noise would be angle random walk.
+fn loud_thermometers(calibration: &Calibration) -> Vec<String> {
+    let loud = |axis: &AxisCalibration| {
+        let noise = axis.fit.as_ref()?.correction_noise.as_ref()?;
+        let increase = noise.increase.filter(|increase| *increase > noise.limit)?;
+        Some(format!(
+            "axis {}: through the slope alone the noise of the thermometers raises the angle random walk by {} %",
+            axis.axis,
+            significant(100.0 * increase, 2)
+        ))
+    };
+    calibration.axes.iter().filter_map(loud).collect()
+}
