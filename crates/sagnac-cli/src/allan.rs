@@ -33,9 +33,9 @@ Examples:
   sagnac allan static.csv --arcsec-per-count 1.059 --taus 1,10,100 --json
   sagnac allan curve.csv --duration 7200")]
 pub(crate) struct Args {
-    /// Logs of the gyro at rest, or one table of tau_s and adev_dph
+    /// Logs of the gyro at rest, a folder or a pattern of them, or one table of tau_s and adev_dph
     #[arg(required = true)]
-    logs: Vec<PathBuf>,
+    pub(crate) logs: Vec<PathBuf>,
     /// τ to show: seconds separated by commas, `octave`, `all`, or `log` for ten per decade
     #[arg(long, default_value = "log")]
     taus: String,

@@ -32,9 +32,9 @@ Examples:
   sagnac calibrate log.csv --setup bench.toml --model \"bias 2, rate 0, bias(cavity - block) 1, steps(mode)\" -o unit.cal.json
   sagnac calibrate log.csv --setup bench.toml --inputs \"cavity - block,path_length_v\" -o unit.cal.json")]
 pub(crate) struct Args {
-    /// Thermal-test logs: CSV, Parquet, Arrow or PX4 ULog, also gzipped; `-` is standard input
+    /// Thermal-test logs: CSV, Parquet, Arrow or PX4 ULog, also gzipped; a folder or a pattern stands for its logs, `-` is standard input
     #[arg(required = true)]
-    logs: Vec<PathBuf>,
+    pub(crate) logs: Vec<PathBuf>,
     /// Calibration to write
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,

@@ -19,6 +19,7 @@ mod inspect;
 mod key;
 mod line;
 mod loading;
+mod log_paths;
 mod manual;
 mod pipe;
 mod progress;
@@ -36,6 +37,7 @@ use sagnac_log::threads::{STACK_BYTES, spawn};
 use sagnac_units::format::printable;
 
 use crate::console::{Console, Outcome};
+use crate::log_paths::expanded;
 
 /// Exit status after Ctrl-C, as shells have it: 128 + SIGINT.
 const INTERRUPTED: i32 = 130;
@@ -163,13 +165,28 @@ fn leave_nothing_behind() {
 
 fn run(command: Command, console: &mut Console) -> console::Ran {
     match command {
-        Command::Calibrate(args) => calibrate::run(&args, console),
-        Command::Verify(args) => verify::run(&args, console),
+        Command::Calibrate(mut args) => {
+            args.logs = expanded(&args.logs, console)?;
+            calibrate::run(&args, console)
+        }
+        Command::Verify(mut args) => {
+            args.retests = expanded(&args.retests, console)?;
+            verify::run(&args, console)
+        }
         Command::Compensate(args) => compensate::run(&args, console),
-        Command::Window(args) => window::run(&args, console),
-        Command::Allan(args) => allan::run(&args, console),
+        Command::Window(mut args) => {
+            args.logs = expanded(&args.logs, console)?;
+            window::run(&args, console)
+        }
+        Command::Allan(mut args) => {
+            args.logs = expanded(&args.logs, console)?;
+            allan::run(&args, console)
+        }
         Command::Compare(args) => compare::run(&args, console),
-        Command::Inspect(args) => inspect::run(&args, console),
+        Command::Inspect(mut args) => {
+            args.files = expanded(&args.files, console)?;
+            inspect::run(&args, console)
+        }
         Command::Evaluate(args) => evaluate::run(&args, console),
         Command::Export(args) => export::run(&args, console),
         Command::Frames(args) => frames::run(&args, console),

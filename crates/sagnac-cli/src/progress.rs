@@ -1,6 +1,6 @@
 //! Progress of reading a log or simulating a test: shown on a terminal after one second, otherwise silent.
 
-use std::io::IsTerminal;
+use std::io::{IsTerminal, Write};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -8,6 +8,7 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use sagnac::Result;
 use sagnac_log::ingest::{LogReader, ReadMode, Watch};
 use sagnac_log::setup::Setup;
+use sagnac_units::format::printable;
 
 /// Delay before anything is shown.
 const PATIENCE: Duration = Duration::from_secs(1);
@@ -17,7 +18,12 @@ const TEMPLATE: &str = "{msg} {wide_bar} {bytes} of {total_bytes}, {binary_bytes
 pub(crate) fn open_log(path: &Path, setup: &Setup, pace: ReadMode) -> Result<LogReader> {
     let regular = std::fs::metadata(path).ok().filter(std::fs::Metadata::is_file);
     let watch = regular.filter(|_| std::io::stderr().is_terminal()).map(|metadata| watch(path, metadata.len()));
-    LogReader::open_watched(path, setup, pace, watch)
+    let log = LogReader::open_watched(path, setup, pace, watch)?;
+    if !log.assumed().is_empty() {
+        let said = format!("{}: {}", log.summary().file, log.assumed().join("; "));
+        let _ = writeln!(std::io::stderr(), "{}", printable(&said));
+    }
+    Ok(log)
 }
 
 /// A bar that appears after a second.

@@ -27,9 +27,9 @@ Example:
 pub(crate) struct Args {
     /// Calibration or image
     correction: PathBuf,
-    /// Logs that the fit did not see
+    /// Logs that the fit did not see; a folder or a pattern stands for its logs
     #[arg(required = true)]
-    retests: Vec<PathBuf>,
+    pub(crate) retests: Vec<PathBuf>,
     /// Limits to be met: a TOML file, or `navigation-grade` or `paper`
     #[arg(long, value_name = "FILE|SET")]
     limits: Option<String>,

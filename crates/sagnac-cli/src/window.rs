@@ -17,9 +17,9 @@ use crate::setup_args::LogArgs;
 Example:
   sagnac window cycle-1.csv cycle-2.csv --setup bench.toml -o w.parquet && sagnac calibrate w.parquet -o unit.cal.json")]
 pub(crate) struct Args {
-    /// Logs, each a run
+    /// Logs, each a run; a folder or a pattern stands for its logs
     #[arg(required = true)]
-    logs: Vec<PathBuf>,
+    pub(crate) logs: Vec<PathBuf>,
     /// Table to write: Parquet, which calibrate takes in place of logs, or CSV for a name in .csv
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,

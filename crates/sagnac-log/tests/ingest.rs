@@ -217,7 +217,8 @@ fn what_a_log_cannot_say_is_asked_for() {
         assert!(error.what.contains(word) && error.kind == ErrorKind::Input, "{log:?}: {error}");
         assert_eq!(error.place.file.as_deref(), Some("log.csv"), "{log:?}");
     }
-    assert!(refused(b"PK\x03\x04\x00\x00".to_vec(), &counts_setup()).what.contains("binary"));
+    assert!(refused(b"PK\x03\x04\x00\x00".to_vec(), &counts_setup()).what.contains("a zip archive"));
+    assert!(refused(b"\x01\x02\x00\x00".to_vec(), &counts_setup()).what.contains("binary"));
     assert!(refused(vec![b'1'; 3 << 20], &counts_setup()).what.contains("1 MiB"));
 }
 
@@ -279,9 +280,9 @@ fn a_time_column_that_cannot_be_read_is_refused() {
     for (header, time, column, word) in [
         ("time", "", "time", "unknown unit"),
         ("time", "noon ", "time", "unknown unit"),
-        ("timestamp", "29.02.2024 12:00:", "timestamp", "unknown unit"),
+        ("timestamp", "02/29/2024 12:00:", "timestamp", "unknown unit"),
         ("time_s", "2024-02-29T12:00:", "time_s", "no time in the first rows"),
-        ("Time [s]", "", "Time [s]", "looks like a time"),
+        ("Time [h]", "", "Time [h]", "looks like a time"),
         ("gps_epoch", "", "gps_epoch", "looks like a time"),
         ("date", "2024-02-29T12:00:", "date", "looks like a time"),
         ("utc clock", "noon", "utc clock", "looks like a time"),

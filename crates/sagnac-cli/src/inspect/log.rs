@@ -1,6 +1,6 @@
 //! `sagnac inspect` of a log: what it holds, and what it is good for.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use sagnac::Result;
 use sagnac::survey::{AxisSurvey, Survey, ThermometerSurvey, survey};
@@ -55,6 +55,13 @@ pub(super) fn window_table(path: &Path, args: &LogArgs, report: Option<&Path>, c
     let (windows, setup) = loading::windows(std::slice::from_ref(&path.to_owned()), args)?;
     console.say("a window table");
     described(&windows, Vec::new(), "window table", &setup, report, console)
+}
+
+/// Logs that are runs of one test.
+pub(super) fn several(paths: &[PathBuf], args: &LogArgs, report: Option<&Path>, console: &mut Console) -> Result<()> {
+    let (windows, setup) = loading::windows(paths, args)?;
+    console.say(format!("{} logs, {} runs", paths.len(), windows.runs.len()));
+    described(&windows, Vec::new(), "logs", &setup, report, console)
 }
 
 pub(super) fn log(path: &Path, args: &LogArgs, report: Option<&Path>, console: &mut Console) -> Result<()> {

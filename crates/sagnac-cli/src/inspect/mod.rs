@@ -23,8 +23,9 @@ use crate::setup_args::LogArgs;
 Example:
   sagnac inspect cycle-1.csv --arcsec-per-count 1.059 --report cycle-1.html")]
 pub(crate) struct Args {
-    /// Any file
-    file: PathBuf,
+    /// Any file; several logs, a folder or a pattern of them are surveyed together
+    #[arg(required = true, value_name = "FILE")]
+    pub(crate) files: Vec<PathBuf>,
     /// Report of a log to write: one HTML file for screen and paper
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
@@ -36,26 +37,30 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
-    Files::new().reads([&args.file]).reads(&args.reading.setup.setup).writes(&args.report).check()?;
-    let kind = loading::kind_of(&args.file)?;
+    Files::new().reads(&args.files).reads(&args.reading.setup.setup).writes(&args.report).check()?;
+    let [file] = args.files.as_slice() else {
+        log::several(&args.files, &args.reading, args.report.as_deref(), console)?;
+        return Ok(Outcome::Done);
+    };
+    let kind = loading::kind_of(file)?;
     if args.report.is_some() && !matches!(kind, Kind::Log | Kind::WindowTable) {
-        return Err(Error::input("a report is made of a log or window table").file(args.file.display().to_string()));
+        return Err(Error::input("a report is made of a log or window table").file(file.display().to_string()));
     }
     match kind {
-        Kind::Image => image::image(&args.file, console)?,
-        Kind::Calibration => match results::json(&args.file, console)? {
+        Kind::Image => image::image(file, console)?,
+        Kind::Calibration => match results::json(file, console)? {
             true => {}
             false => {
-                let calibration: Calibration = loading::calibration(&args.file)?;
+                let calibration: Calibration = loading::calibration(file)?;
                 console.say(format!("a calibration of {} by {}", calibration.serial, calibration.provenance.program));
                 summary(console, &calibration);
                 console.object(&calibration)?;
             }
         },
-        Kind::WindowTable => log::window_table(&args.file, &args.reading, args.report.as_deref(), console)?,
+        Kind::WindowTable => log::window_table(file, &args.reading, args.report.as_deref(), console)?,
         Kind::Log => {
-            if !results::recognised(&args.file, console)? {
-                log::log(&args.file, &args.reading, args.report.as_deref(), console)?;
+            if !results::recognised(file, console)? {
+                log::log(file, &args.reading, args.report.as_deref(), console)?;
             }
         }
     }

@@ -4,7 +4,8 @@ use crate::error::Result;
 use crate::ingest::chunks::Feed;
 use crate::ingest::header::Layout;
 use crate::ingest::source::Source;
-use crate::ingest::text::{self, LineParser, TextFeed};
+use crate::ingest::text::{LineParser, TextFeed};
+use crate::ingest::text_head::{self, TextHeader};
 use crate::ingest::{Opened, ReadMode};
 use crate::setup::ReadConfig;
 
@@ -41,11 +42,12 @@ impl Format {
 }
 
 fn open_text(mut source: Source, config: &ReadConfig, mode: ReadMode) -> Result<Opened> {
-    let header = text::read_header(&mut source)?;
-    let layout = text::layout_of(&header, config)?;
+    let header = text_head::read_header(&mut source, config)?;
+    let layout = text_head::layout_of(&header, config)?;
     let parser = LineParser::new(&layout, header.delimiter, mode);
     let feed = Feed::Text(TextFeed::new(source.reader, mode), Box::new(parser));
-    Ok(Opened { feed, layout, delimiter: header.delimiter, lines_before: header.lines })
+    let TextHeader { delimiter, lines, assumed, .. } = header;
+    Ok(Opened { feed, layout, delimiter, lines_before: lines, assumed })
 }
 
 #[cfg(feature = "parquet")]
@@ -54,13 +56,14 @@ fn open_columns(source: Source, config: &ReadConfig, mode: ReadMode) -> Result<O
     let layout = Layout::new(columnar.headers.clone(), &config.columns, config.axis)?;
     let feed = Feed::Table(Box::new(columnar.feed(&layout, mode)?));
     // As if one line of headers preceded the rows.
-    Ok(Opened { feed, layout, delimiter: b',', lines_before: 1 })
+    Ok(Opened { feed, layout, delimiter: b',', lines_before: 1, assumed: Vec::new() })
 }
 
 #[cfg(feature = "ulog")]
 fn open_ulog(source: Source, config: &ReadConfig, mode: ReadMode) -> Result<Opened> {
     let (feed, layout): (_, Layout) = crate::ingest::ulog::open(source, config, mode != ReadMode::Bulk)?;
-    Ok(Opened { feed: Feed::Table(Box::new(feed)), layout, delimiter: b',', lines_before: 1 })
+    let feed = Feed::Table(Box::new(feed));
+    Ok(Opened { feed, layout, delimiter: b',', lines_before: 1, assumed: Vec::new() })
 }
 
 #[cfg(not(feature = "parquet"))]

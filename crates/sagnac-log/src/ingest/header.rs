@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, HashSet};
 
 use crate::error::{Error, Result};
-use crate::ingest::number::ISO_8601;
+use crate::ingest::number::{ISO_8601, SPREADSHEET_DAYS};
 use crate::ingest::table::TableColumn;
 use sagnac_units::format::controls;
 use sagnac_units::{DPH_PER_DPS, DPH_PER_RADPS, KELVIN_AT_0_C};
@@ -16,15 +16,16 @@ pub const RECOGNISED: &str = "time_s|_ms|_us|_ns, time or timestamp (ISO 8601), 
      rate_dph|_dps|_radps[_x|_y|_z], reference_rate_dps or table_angle_deg or table_mark, valid, aux_name";
 
 /// Every recognised header and what its column holds, for the manual.
-pub const HEADERS: [(&str, &str); 10] = [
+pub const HEADERS: [(&str, &str); 11] = [
     (
         "time_s, time_ms, time_us, time_ns",
         "end of the row's interval; without it there is one window per row and no rate term",
     ),
     (
         "time, timestamp, datetime",
-        "the same as a date of ISO 8601, such as 2024-02-29T12:00:05.5Z; read where no column of the line above is there",
+        "the same as a date of ISO 8601, such as 2024-02-29T12:00:05.5Z, or 29.02.2024 12:00:05; read where no column of the line above is there",
     ),
+    ("time_excel", "the same in days since 1899-12-30, as spreadsheets store dates: 45351.5; to some 0.1 ms"),
     ("temperature_c[_name], temperature_k[_name]", "a thermometer, in °C or K"),
     ("counts[_x, _y, _z]", "counts of the row, or a running total with `counter = \"cumulative\"`"),
     ("rate_dph, rate_dps, rate_radps [_x, _y, _z]", "mean rate of the row in °/h, °/s or rad/s"),
@@ -136,7 +137,8 @@ fn time_role(header: &str, unit: &str) -> Result<Role> {
         "us" => 3,
         "ns" => 0,
         "" | "iso" | "iso8601" | "utc" => ISO_8601,
-        _ => return Err(unknown_unit(header, unit, "s, ms, us, ns, or none for dates of ISO 8601")),
+        "excel" => SPREADSHEET_DAYS,
+        _ => return Err(unknown_unit(header, unit, "s, ms, us, ns, excel, or none for dates of ISO 8601")),
     };
     Ok(Role::Time { places })
 }

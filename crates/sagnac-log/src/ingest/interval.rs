@@ -150,7 +150,7 @@ fn no_interval(read: usize, times: &[i64], layout: &Layout, ahead: &VecDeque<Raw
         ),
         _ if times.is_empty() && layout.has_dates() => (
             "unknown unit: a time column without a unit holds dates of ISO 8601, and no row begins with one",
-            "name the column time_s, time_ms, time_us or time_ns, or map it so under [columns]; a date is 2024-02-29T12:00:05.5Z",
+            "name the column time_s, time_ms, time_us, time_ns, or time_excel for days of a spreadsheet, or map it so under [columns]; a date is 2024-02-29T12:00:05.5Z",
         ),
         _ if times.is_empty() => (
             "no time in the first rows is a number",

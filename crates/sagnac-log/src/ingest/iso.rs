@@ -4,7 +4,8 @@
 
 use chrono::{NaiveDate, NaiveTime};
 
-const DATES: [&str; 2] = ["%Y-%m-%d", "%Y%m%d"];
+/// With points the day comes first. With slashes only the year tells the order: 03/04/2024 has two meanings and is none.
+const DATES: [&str; 4] = ["%Y-%m-%d", "%Y%m%d", "%Y/%m/%d", "%d.%m.%Y"];
 const TIMES: [&str; 3] = ["%H:%M:%S%.f", "%H:%M", "%H%M%S%.f"];
 
 /// A date with a time as ns since 1970, to the nanosecond; `None` for anything else.
@@ -63,6 +64,8 @@ mod tests {
             "2024-02-29 04:00:00 -08",
             "20240229T120000Z",
             "2024-03-01T00:30:00,000+12:30",
+            "29.02.2024 12:00:00",
+            "2024/02/29 12:00:00",
         ] {
             assert_eq!(iso_ns(text), Some(NOON_OF_29_FEBRUARY_2024), "{text}");
         }
@@ -80,7 +83,7 @@ mod tests {
             "2024-02-29T25:00:00",
             "2024-02-29T12:00:00+1",
             "2024-02-29T12:00:00+24:00",
-            "29.02.2024 12:00:00",
+            "02/29/2024 12:00:00",
             "5",
             "T",
             "2024-02-29T12:00:00+é",

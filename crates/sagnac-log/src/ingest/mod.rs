@@ -18,6 +18,7 @@ mod column_values;
 #[cfg(feature = "parquet")]
 mod columnar;
 mod counter;
+mod foreign;
 mod formats;
 pub mod header;
 mod interval;
@@ -38,6 +39,7 @@ mod sketch;
 mod source;
 mod table;
 mod text;
+mod text_head;
 mod thermometer;
 #[cfg(feature = "parquet")]
 mod thrift;
@@ -298,9 +300,15 @@ pub struct LogReader {
     name: String,
     /// Added to every time: not zero where it follows another file by its counter.
     offset_ns: Option<i64>,
+    assumed: Vec<String>,
 }
 
 impl LogReader {
+    /// What had to be assumed of the text, a sentence each: its encoding, lines above the headers, units.
+    pub fn assumed(&self) -> &[String] {
+        &self.assumed
+    }
+
     /// Opens a log; `-` is standard input.
     ///
     /// # Errors
@@ -338,7 +346,7 @@ impl LogReader {
 
     fn start(source: Source, config: &ReadConfig, mode: ReadMode) -> Result<Self> {
         let (name, hash) = (source.name.clone(), source.hash.clone());
-        let Opened { feed, layout, delimiter, lines_before } = source.format.open(source, config, mode)?;
+        let Opened { feed, layout, delimiter, lines_before, assumed } = source.format.open(source, config, mode)?;
         let mut pieces = ChunkReader::new(feed, lines_before, mode != ReadMode::LineByLine);
         let unit = angle_unit(&layout, config)?;
         let mut ahead = VecDeque::new();
@@ -380,6 +388,7 @@ impl LogReader {
             sketch,
             name,
             offset_ns: None,
+            assumed,
         })
     }
 
@@ -545,6 +554,7 @@ pub(crate) struct Opened {
     layout: Layout,
     delimiter: u8,
     lines_before: u64,
+    assumed: Vec<String>,
 }
 
 fn angle_unit(layout: &Layout, config: &ReadConfig) -> Result<AngleUnit> {

@@ -2,12 +2,29 @@
 
 use crate::ingest::iso::iso_ns;
 
-/// A finite number; a decimal comma is understood when `decimal_comma`. `None` for anything else.
+/// A finite number; a decimal comma is understood when `decimal_comma`, and thousands that are set apart. `None` for anything else.
 pub(crate) fn parse_value(field: &[u8], decimal_comma: bool) -> Option<f64> {
     let text = std::str::from_utf8(field).ok()?.trim();
-    let value: f64 =
-        if decimal_comma && text.contains(',') { text.replacen(',', ".", 1).parse() } else { text.parse() }.ok()?;
+    let plain = if decimal_comma && text.contains(',') { text.replacen(',', ".", 1).parse() } else { text.parse() };
+    let value: f64 = plain.ok().or_else(|| without_thousands(text, decimal_comma)?.parse().ok())?;
     value.is_finite().then_some(value)
+}
+
+/// A number whose thousands are set apart, without what separates them and with a decimal point: `1.234.567,8`, `1,234.5`, `1 234`, `1'234`.
+///
+/// One group behind a point or a comma alone (`1.234`) may be decimals; it is none.
+fn without_thousands(text: &str, decimal_comma: bool) -> Option<String> {
+    let (own, point) = if decimal_comma { ('.', ',') } else { (',', '.') };
+    let (whole, fraction) = text.split_once(point).unwrap_or((text, ""));
+    let separator = whole.chars().find(|c| [own, ' ', '\'', '\u{a0}', '\u{202f}', '’'].contains(c))?;
+    let digits = |part: &str| !part.is_empty() && part.bytes().all(|byte| byte.is_ascii_digit());
+    let (sign, unsigned) = whole.strip_prefix('-').map_or(("", whole), |rest| ("-", rest));
+    let groups: Vec<&str> = unsigned.split(separator).collect();
+    let (first, rest) = groups.split_first()?;
+    let sound = digits(first) && first.len() <= 3 && rest.iter().all(|group| digits(group) && group.len() == 3);
+    let certain = separator != own || rest.len() > 1 || text.contains(point);
+    let decimals = fraction.is_empty() || digits(fraction);
+    (sound && certain && decimals).then(|| format!("{sign}{}.{fraction}0", groups.concat()))
 }
 
 /// Powers of ten that `f64` holds exactly.
@@ -83,13 +100,28 @@ fn run_of_digits(mut digits: u64, bytes: &[u8]) -> (u64, usize) {
 /// Used in place of a time's decimal places if the column holds dates.
 pub(crate) const ISO_8601: u32 = u32::MAX;
 
+/// Used in place of a time's decimal places if the column holds days since 1899-12-30, as spreadsheets store dates.
+pub(crate) const SPREADSHEET_DAYS: u32 = u32::MAX - 1;
+/// 1970-01-01 in those days.
+const EPOCH_DAYS: f64 = 25_569.0;
+const S_PER_DAY: f64 = 86_400.0;
+
+/// Days of a spreadsheet as ns since 1970, to the microsecond: a double has no more of them.
+fn spreadsheet_ns(days: f64) -> Option<i64> {
+    let us = ((days - EPOCH_DAYS) * S_PER_DAY * 1e6).round();
+    (us.abs() < 9.2e15).then(|| us as i64 * 1000)
+}
+
 /// A time as whole nanoseconds, to the nearest; exact for decimals down to 1 ns.
 ///
-/// `places` is the power of ten from the column's unit to nanoseconds, or [`ISO_8601`]. Exponents go through `f64`.
+/// `places` is the power of ten from the column's unit to nanoseconds, [`ISO_8601`] or [`SPREADSHEET_DAYS`]. Exponents go through `f64`.
 pub(crate) fn parse_time_ns(field: &[u8], places: u32, decimal_comma: bool) -> Option<i64> {
     let text = std::str::from_utf8(field).ok()?.trim();
     if places == ISO_8601 {
         return iso_ns(text);
+    }
+    if places == SPREADSHEET_DAYS {
+        return spreadsheet_ns(parse_value(field, decimal_comma)?);
     }
     let (negative, digits) = match text.strip_prefix('-') {
         Some(rest) => (true, rest),
@@ -116,6 +148,9 @@ pub(crate) fn parse_time_ns(field: &[u8], places: u32, decimal_comma: bool) -> O
 
 /// The same for a number that came as one: as if written in its shortest decimal form.
 pub(crate) fn time_ns_of(value: f64, places: u32) -> Option<i64> {
+    if places == SPREADSHEET_DAYS {
+        return spreadsheet_ns(value);
+    }
     let scaled = value * EXACT_POWERS.get(places as usize)?;
     // Below this the product is within half a nanosecond of the decimal.
     if scaled.abs() < (1_u64 << 50) as f64 {
@@ -175,6 +210,41 @@ mod tests {
         }
         assert_eq!(time_ns_of(f64::NAN, 9), None);
         assert_eq!(time_ns_of(1e300, 9), None);
+    }
+
+    #[test]
+    fn thousands_are_set_apart_without_a_guess() {
+        for (text, comma, value) in [
+            ("1.234.567,8", true, 1_234_567.8),
+            ("-1.234,5", true, -1234.5),
+            ("1,234.5", false, 1234.5),
+            ("1,234,567", false, 1_234_567.0),
+            ("1 234", true, 1234.0),
+            ("1\u{a0}234,25", true, 1234.25),
+            ("1'234'567", false, 1_234_567.0),
+            ("-12\u{202f}345.5", false, -12_345.5),
+        ] {
+            assert_eq!(parse_value(text.as_bytes(), comma), Some(value), "{text}");
+        }
+        // One group may be decimals: as a decimal comma it is one, else nothing.
+        assert_eq!(parse_value(b"1.234", true), Some(1.234));
+        assert_eq!(parse_value(b"1,234", true), Some(1.234));
+        assert_eq!(parse_value(b"1,234", false), None);
+        for bad in ["12.34.567,8", "1.2345,6", "1..234,5", "1 23", "1 234 5", "1.234,5,6", "a 234", ".234.567,1"] {
+            assert_eq!(parse_value(bad.as_bytes(), true), None, "{bad}");
+        }
+    }
+
+    /// Days of Excel: 2024-02-29 12:00 is 45351.5 (Microsoft's documentation counts 2024-01-01 as 45292).
+    #[test]
+    fn days_of_a_spreadsheet_are_dates() {
+        let noon = crate::ingest::iso::iso_ns("2024-02-29T12:00:00Z");
+        assert_eq!(parse_time_ns(b"45351.5", SPREADSHEET_DAYS, false), noon);
+        assert_eq!(parse_time_ns(b"45351,5", SPREADSHEET_DAYS, true), noon);
+        assert_eq!(time_ns_of(45_292.0, SPREADSHEET_DAYS), crate::ingest::iso::iso_ns("2024-01-01T00:00:00Z"));
+        assert_eq!(parse_time_ns(b"1e300", SPREADSHEET_DAYS, false), None);
+        let second = parse_time_ns(b"45351.500011574", SPREADSHEET_DAYS, false).unwrap() - noon.unwrap();
+        assert!((second - 1_000_000_000).abs() < 50_000, "{second}");
     }
 
     #[test]

@@ -16,6 +16,8 @@ use crate::error::{Error, Result};
 use crate::ingest::formats::{FORMATS, Format};
 
 const GZIP_MAGIC: [u8; 2] = [0x1f, 0x8b];
+/// Byte order marks of UTF-16.
+const UTF16_MARKS: [[u8; 2]; 2] = [[0xff, 0xfe], [0xfe, 0xff]];
 /// The running hash of what was read.
 #[derive(Clone, Default)]
 pub(crate) struct HashHandle(Arc<Mutex<Sha256>>);
@@ -71,6 +73,8 @@ pub(crate) struct Source {
     /// The file that holds exactly these bytes: decoders that seek open it again.
     pub(crate) plain_file: Option<PathBuf>,
     packed: bool,
+    /// What had to be assumed of the bytes.
+    pub(crate) assumed: Vec<String>,
 }
 
 /// Callback for the number of bytes read from a file.
@@ -125,7 +129,25 @@ impl Source {
             let (inner, start) = first_bytes(Box::new(unpacked), &name)?;
             (reader, format) = (inner, Format::of(&start));
         }
-        Ok(Self { name, reader, hash, format, plain_file: None, packed })
+        let mut assumed = Vec::new();
+        let start;
+        (reader, start) = first_bytes(reader, &name)?;
+        if let Some(encoding) = utf16_of(&start) {
+            let decoded = encoding_rs_io::DecodeReaderBytesBuilder::new().bom_override(true).build(reader);
+            reader = Box::new(BufReader::with_capacity(1 << 16, decoded));
+            assumed.push(format!("text in {encoding}"));
+        }
+        Ok(Self { name, reader, hash, format, plain_file: None, packed, assumed })
+    }
+}
+
+/// The encoding of two bytes per character that a byte order mark names; four bytes of ones begin an Arrow stream.
+fn utf16_of(start: &[u8]) -> Option<&'static str> {
+    match start {
+        [0xff, 0xff, ..] | [0xff, 0xfe, 0, 0, ..] => None,
+        [0xff, 0xfe, ..] => Some("UTF-16, little-endian"),
+        [0xfe, 0xff, ..] => Some("UTF-16, big-endian"),
+        _ => None,
     }
 }
 
@@ -133,7 +155,13 @@ impl Source {
 /// awaited only while those read so far match the start of a format.
 fn first_bytes(mut reader: Box<dyn BufRead + Send>, name: &str) -> Result<(Box<dyn BufRead + Send>, Vec<u8>)> {
     let failed = |e: std::io::Error| Error::io(name, "read", &e);
-    let marks = || FORMATS.iter().map(|format| format.magic).chain([GZIP_MAGIC.as_slice()]);
+    let marks = || {
+        FORMATS
+            .iter()
+            .map(|format| format.magic)
+            .chain([GZIP_MAGIC.as_slice()])
+            .chain(UTF16_MARKS.iter().map(<[u8; 2]>::as_slice))
+    };
     let longest = marks().map(<[u8]>::len).max().unwrap_or(0);
     let undecided = |start: &[u8]| marks().any(|mark| mark.len() > start.len() && mark.starts_with(start));
     let mut start = loop {

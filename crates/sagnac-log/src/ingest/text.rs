@@ -1,4 +1,4 @@
-//! Delimited text: header, pieces of whole lines, rows.
+//! Delimited text: pieces of whole lines, rows.
 //!
 //! ```text
 //! bytes ─TextFeed▶ pieces of whole lines (in order) ─LineParser▶ RawRows (in any order)
@@ -16,97 +16,19 @@ use memchr::{memchr, memrchr};
 use crate::error::{Error, Result};
 use crate::ingest::ReadMode;
 use crate::ingest::cells::{Cells, Slot};
-use crate::ingest::header::{self, Layout};
+use crate::ingest::header::Layout;
 use crate::ingest::number::{Decimal, parse_flag, parse_time_ns, parse_value};
 use crate::ingest::raw::{BAD_TEMPERATURE, Faults, NO_TIME, RawRows};
-use crate::ingest::source::Source;
-use crate::setup::ReadConfig;
+use crate::ingest::text_head::is_missing;
 
 /// First words of the comment that `sagnac compensate` puts above its output.
 pub const COMPENSATED_STAMP: &str = "# sagnac compensated";
-/// Most blank lines and comments above the headers.
-const MAX_LINES_ABOVE: u64 = 100_000;
 /// Longest line of a log.
 pub(crate) const MAX_LINE_BYTES: usize = 1 << 20;
 /// Rows handed over to their columns together.
 const WAITING_ROWS: usize = 512;
 /// Bytes of a piece.
 const PIECE_BYTES: usize = 256 << 10;
-
-/// The line of headers and where it ends.
-pub(crate) struct TextHeader {
-    pub(crate) headers: Vec<String>,
-    pub(crate) delimiter: u8,
-    /// Lines up to and with it.
-    pub(crate) lines: u64,
-}
-
-/// Reads the header of a text log.
-pub(crate) fn read_header(source: &mut Source) -> Result<TextHeader> {
-    refuse_binary(source.reader.fill_buf().map_err(|e| Error::io(&source.name, "read", &e))?)?;
-    let (line, lines) = header_line(source)?;
-    let delimiter = [b'\t', b';'].into_iter().find(|d| line.as_bytes().contains(d)).unwrap_or(b',');
-    let headers = split_header(&line, delimiter)?;
-    if headers.iter().all(|h| h.parse::<f64>().is_ok()) {
-        return Err(Error::input("the first line holds numbers, not headers")
-            .line(lines)
-            .help(format!("put a line of headers above it; recognised: {}", header::RECOGNISED)));
-    }
-    Ok(TextHeader { headers, delimiter, lines })
-}
-
-/// A text log has no zero byte and is UTF-8 where it begins.
-fn refuse_binary(start: &[u8]) -> Result<()> {
-    let start = &start[..start.len().min(4096)];
-    let broken = std::str::from_utf8(start).err().is_some_and(|e| e.error_len().is_some());
-    if broken || start.contains(&0) {
-        return Err(Error::input("binary data in no format that Sagnac reads").help(
-            "logs are CSV (comma, tab or semicolon), Parquet, Arrow or ULog, also gzipped; convert this file first",
-        ));
-    }
-    Ok(())
-}
-
-/// Skips blank lines and comments; the header line and its number. Finds our own stamp.
-fn header_line(source: &mut Source) -> Result<(String, u64)> {
-    let mut lines = 0;
-    loop {
-        let mut line = Vec::new();
-        let mut limited = source.reader.by_ref().take(MAX_LINE_BYTES as u64 + 1);
-        let n = limited.read_until(b'\n', &mut line).map_err(|e| Error::io(&source.name, "read", &e))?;
-        if n == 0 {
-            return Err(Error::input("no header: the file is empty").help("a log begins with a line of column headers"));
-        }
-        lines += 1;
-        if n > MAX_LINE_BYTES {
-            return Err(line_without_end().line(lines));
-        }
-        if lines > MAX_LINES_ABOVE {
-            return Err(Error::input(format!("no header in the first {MAX_LINES_ABOVE} lines"))
-                .help("a log begins with a line of column headers; only blank lines and comments may be above it"));
-        }
-        let text = String::from_utf8(line).map_err(|_| Error::input("the header is not UTF-8").line(lines))?;
-        let text = text.trim_start_matches('\u{feff}').trim();
-        if text.starts_with(COMPENSATED_STAMP) {
-            return Err(header::already_compensated().line(lines));
-        }
-        if text.contains('\r') {
-            return Err(Error::input("its lines end in a carriage return alone, as on old Macs")
-                .line(lines)
-                .help("convert it: tr '\\r' '\\n' < old.csv > new.csv"));
-        }
-        if !text.is_empty() && !text.starts_with('#') {
-            return Ok((text.to_owned(), lines));
-        }
-    }
-}
-
-fn split_header(line: &str, delimiter: u8) -> Result<Vec<String>> {
-    let mut reader = csv::ReaderBuilder::new().has_headers(false).delimiter(delimiter).from_reader(line.as_bytes());
-    let mut record = csv::StringRecord::new();
-    reader.read_record(&mut record).map_err(|e| Error::input(format!("cannot read the header: {e}")))?;
-    Ok(record.iter().map(|h| h.trim().to_owned()).collect())
-}
 
 fn line_without_end() -> Error {
     Error::input("a line of more than 1 MiB; this is no table of text")
@@ -301,6 +223,7 @@ impl LineParser {
         let mut faults = Faults::NONE.with(Faults::RAGGED, record.len() != self.cells.slots.len());
         for (index, slot) in self.cells.slots.iter().enumerate() {
             let field = unquoted(record.get(index).unwrap_or(b""));
+            let field = if is_missing(field) { b"" } else { field };
             let value = parse_value(field, self.decimal_comma);
             self.cells.values.push(match slot {
                 Slot::Temperature(..) if value.is_none() && !field.is_empty() => BAD_TEMPERATURE,
@@ -340,11 +263,6 @@ fn fields_of(text: &[u8], delimiter: u8) -> ByteRecord {
 pub fn unquoted(field: &[u8]) -> &[u8] {
     let trimmed = field.trim_ascii();
     trimmed.strip_prefix(b"\"").and_then(|f| f.strip_suffix(b"\"")).unwrap_or(trimmed)
-}
-
-/// The layout of a text log.
-pub(crate) fn layout_of(header: &TextHeader, config: &ReadConfig) -> Result<Layout> {
-    Layout::new(header.headers.clone(), &config.columns, config.axis).map_err(|e| e.line(header.lines))
 }
 
 #[cfg(test)]

@@ -13,6 +13,7 @@ use serde::Serialize;
 
 use crate::fit::thermometer_noise;
 use crate::window::Windows;
+use sagnac_units::format::file_name;
 use sagnac_units::s_from_ns;
 
 const Q24_PER_C: f64 = 16_777_216.0;
@@ -136,7 +137,7 @@ fn standing_still(windows: &Windows) -> Vec<(usize, String)> {
                         "{} stands still at {:.2} °C while another thermometer moves, first seen {hours:.2} h after the start of {}",
                         of(&names[place]),
                         track[at],
-                        run.name()
+                        file_name(&run.name())
                     );
                     found.push((place, what));
                 }

@@ -1,0 +1,228 @@
+//! Logs as they come: encodings, separators, preambles, units, dates, missing values, folders and patterns. Every form of one log gives
+//! the figures of its plain form.
+
+use std::fs;
+use std::path::Path;
+use std::process::Output;
+
+use assert_cmd::Command;
+use serde_json::Value;
+use tempfile::TempDir;
+
+const ROWS: usize = 600;
+
+fn sagnac(folder: &Path, args: &[&str]) -> Output {
+    Command::cargo_bin("sagnac").unwrap().current_dir(folder).args(args).output().unwrap()
+}
+
+fn said(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+/// Time, temperature and counts of a row.
+fn row(at: usize) -> (usize, f64, usize) {
+    let triangle = 1.0 - (2.0 * at as f64 / ROWS as f64 - 1.0).abs();
+    (at + 1, (2000.0 + 3000.0 * triangle).round() / 100.0, 1200 + at * 7919 % 13 + (10.0 * triangle) as usize)
+}
+
+/// The rows in some form.
+fn rows(form: impl Fn(usize, f64, usize) -> String) -> String {
+    (0..ROWS).map(row).map(|(time, celsius, counts)| form(time, celsius, counts) + "\n").collect()
+}
+
+fn german(number: f64) -> String {
+    format!("{number:.2}").replace('.', ",")
+}
+
+fn survey(folder: &Path, name: &str) -> (Value, String) {
+    let output = sagnac(folder, &["inspect", name, "--arcsec-per-count", "1", "--json"]);
+    assert!(output.status.success(), "{name}: {}", said(&output));
+    let mut object: Value = serde_json::from_slice(&output.stdout).unwrap_or_else(|e| panic!("{name}: {e}"));
+    // Where the reading of an excluded row was is of the form, not of the log.
+    object.as_object_mut().unwrap().remove("excluded");
+    (object, said(&output))
+}
+
+fn utf16(text: &str, big: bool) -> Vec<u8> {
+    let units = std::iter::once(0xfeff).chain(text.encode_utf16());
+    units.flat_map(|unit: u16| if big { unit.to_be_bytes() } else { unit.to_le_bytes() }).collect()
+}
+
+fn windows_1252(text: &str) -> Vec<u8> {
+    encoding_rs::WINDOWS_1252.encode(text).0.into_owned()
+}
+
+#[test]
+fn every_form_of_a_log_gives_the_figures_of_the_plain_one() {
+    let folder = TempDir::new().unwrap();
+    let at = folder.path();
+    let head = "time_s;temperature_c;counts\n";
+    let semicolons = rows(|time, celsius, counts| format!("{time};{};{counts}", german(celsius)));
+    let commas = rows(|time, celsius, counts| format!("{time},{celsius:.2},{counts}"));
+    let grouped = |separator: char| {
+        let set_apart = |counts: usize| format!("{}{separator}{:03},0", counts / 1000, counts % 1000);
+        rows(|time, celsius, counts| format!("{time};{};{}", german(celsius), set_apart(counts)))
+    };
+    let clock = |time: usize| format!("{:02}:{:02}:{:02}", 10 + time / 3600, time / 60 % 60, time % 60);
+    fs::write(at.join("plain.csv"), format!("time_s,temperature_c,counts\n{commas}")).unwrap();
+    let (plain, silent) = survey(at, "plain.csv");
+    assert!(silent.lines().all(|line| !line.starts_with("plain.csv: ")), "{silent}");
+    let forms: Vec<(&str, Vec<u8>, &str)> = vec![
+        ("utf16-le.csv", utf16(&format!("{head}{semicolons}"), false), "text in UTF-16, little-endian"),
+        ("utf16-be.csv", utf16(&format!("{head}{semicolons}"), true), "text in UTF-16, big-endian"),
+        ("sep.csv", format!("sep=;\r\n{head}{semicolons}").into_bytes(), "names the separator: ;"),
+        ("sep-bar.csv", format!("SEP=|\n{head}{semicolons}").replace(';', "|").into_bytes(), "names the separator: |"),
+        (
+            "preamble.csv",
+            format!("Chamber 7; Nuremberg\nOperator;N. N.\n\nRun;3\n{head}{semicolons}").into_bytes(),
+            "3 lines above the headers are not read",
+        ),
+        ("units.csv", format!("time,temperature,counts\ns,°C,-\n{commas}").into_bytes(), "one of units"),
+        (
+            "brackets.csv",
+            windows_1252(&format!("Time [s],Temperature (°C),Counts\n{commas}")),
+            "read as Windows-1252; read as: Time [s] as time_s, Temperature (°C) as temperature_c",
+        ),
+        ("points.csv", format!("{head}{}", grouped('.')).into_bytes(), ""),
+        ("spaces.csv", format!("{head}{}", grouped('\u{a0}')).into_bytes(), ""),
+        (
+            "dates.csv",
+            format!(
+                "time,temperature_c,counts\n{}",
+                rows(|time, celsius, counts| format!("29.02.2024 {},{celsius:.2},{counts}", clock(time)))
+            )
+            .into_bytes(),
+            "",
+        ),
+        (
+            "excel.csv",
+            format!(
+                "time_excel,temperature_c,counts\n{}",
+                rows(|time, celsius, counts| format!("{:.11},{celsius:.2},{counts}", 45351.5 + time as f64 / 86400.0))
+            )
+            .into_bytes(),
+            "",
+        ),
+    ];
+    for (name, bytes, assumed) in forms {
+        fs::write(at.join(name), bytes).unwrap();
+        let (found, said) = survey(at, name);
+        assert!(said.contains(assumed), "{name}: {said}");
+        // A row that ends some microseconds late begins another window.
+        let windows: &[&str] = if name == "excel.csv" { &[] } else { &["windows", "windows_used"] };
+        for key in ["kind", "quantity", "rows"].iter().chain(windows) {
+            assert_eq!(found[key], plain[key], "{name}: {key}");
+        }
+        for key in ["good_for", "cautions"] {
+            assert_eq!(found["survey"][key], plain["survey"][key], "{name}: {key}");
+        }
+        // A spreadsheet's days are good to some microseconds, which moves the border of a window.
+        let slope = |object: &Value| object["survey"]["axes"][0]["slope_dph_per_c"][0].as_f64().unwrap();
+        let differ = (slope(&found) / slope(&plain) - 1.0).abs();
+        assert!(differ <= if name == "excel.csv" { 0.01 } else { 0.0 }, "{name}: {differ}");
+    }
+}
+
+/// What has two meanings is refused or read as it always was, never guessed.
+#[test]
+fn what_has_two_meanings_is_not_guessed() {
+    let folder = TempDir::new().unwrap();
+    let at = folder.path();
+    let write = |name: &str, text: String| fs::write(at.join(name), text).unwrap();
+    // The month or the day first.
+    write(
+        "dates.csv",
+        format!("time,counts\n{}", rows(|time, _, counts| format!("03/04/2024 10:{:02}:00,{counts}", time % 60))),
+    );
+    // One group behind a point: thousands or decimals. Counts are whole, so it is refused.
+    write(
+        "points.csv",
+        format!("time_s;counts\n{}", rows(|time, _, counts| format!("{time};{}.{:03}", counts / 1000, counts % 1000))),
+    );
+    // No line names counts: the first line is reported.
+    write("none.csv", format!("Chamber 7\nfoo,bar\n{}", rows(|time, _, counts| format!("{time},{counts}"))));
+    for (name, word) in [
+        ("dates.csv", "unknown unit"),
+        ("points.csv", "not a whole number of quanta"),
+        ("none.csv", "none.csv:1: no column"),
+    ] {
+        let output = sagnac(at, &["inspect", name, "--arcsec-per-count", "1"]);
+        assert!(output.status.code() == Some(2) && said(&output).contains(word), "{name}: {}", said(&output));
+    }
+    // A row of rubbish below the headers is said, and data are never mistaken for units.
+    write("words.csv", format!("time_s,counts\nfoo,bar\n{}", rows(|time, _, counts| format!("{time},{counts}"))));
+    let output = sagnac(at, &["inspect", "words.csv", "--arcsec-per-count", "1"]);
+    assert!(said(&output).contains("the line below the headers is one of units"), "{}", said(&output));
+    write(
+        "missing.csv",
+        format!(
+            "time_s,temperature_c,counts\n1,-,NaN\n{}",
+            rows(|time, c, counts| format!("{},{c:.2},{counts}", time + 1))
+        ),
+    );
+    let output = sagnac(at, &["inspect", "missing.csv", "--arcsec-per-count", "1", "--json"]);
+    assert!(!said(&output).contains("units"), "{}", said(&output));
+    let object: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(object["rows"], Value::from(ROWS as u64 + 1));
+}
+
+/// Words for no value are as an empty cell: the last temperature is held, and a row without counts is excluded.
+#[test]
+fn words_for_no_value_are_empty_cells() {
+    let folder = TempDir::new().unwrap();
+    let at = folder.path();
+    let with = |word: &str| {
+        rows(|time, celsius, counts| match time % 50 {
+            7 => format!("{time},{word},{counts}"),
+            9 => format!("{time},{celsius:.2},{word}"),
+            _ => format!("{time},{celsius:.2},{counts}"),
+        })
+    };
+    let write = |name: &str, word: &str| {
+        fs::write(at.join(name), format!("time_s,temperature_c,counts\n{}", with(word))).unwrap()
+    };
+    write("empty.csv", "");
+    let (empty, _) = survey(at, "empty.csv");
+    for word in ["-", "--", "NaN", "nan", "NA", "N/A", "#N/A", "NULL", "None", "#VALUE!"] {
+        write("word.csv", word);
+        assert_eq!(survey(at, "word.csv").0, empty, "{word}");
+    }
+}
+
+/// A folder and a pattern stand for their logs, run-2 before run-10; the record is that of the logs named one by one.
+#[test]
+fn a_folder_and_a_pattern_stand_for_their_logs() {
+    let folder = TempDir::new().unwrap();
+    let at = folder.path();
+    fs::create_dir(at.join("runs")).unwrap();
+    for run in 1..=11 {
+        let begun = run * 100_000;
+        let text = rows(|time, celsius, counts| format!("{},{celsius:.2},{}", begun + time, counts + run));
+        fs::write(at.join(format!("runs/run-{run}.csv")), format!("time_s,temperature_c,counts\n{text}")).unwrap();
+    }
+    fs::write(at.join("runs/notes.txt"), "no log").unwrap();
+    fs::write(at.join("runs/.hidden.csv"), "no log").unwrap();
+    let flags = ["--arcsec-per-count", "1", "--model", "bias 1", "--serial", "A"];
+    let calibrated = |logs: &[&str], out: &str| {
+        let output = sagnac(at, &[&["calibrate"], logs, &flags[..], &["-o", out]].concat());
+        assert!(output.status.success(), "{}", said(&output));
+        (fs::read(at.join(out)).unwrap(), said(&output))
+    };
+    let names: Vec<String> = (1..=11).map(|run| format!("runs/run-{run}.csv")).collect();
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    let (one_by_one, _) = calibrated(&names, "a.json");
+    let (of_folder, words) = calibrated(&["runs"], "b.json");
+    assert!(words.contains("runs: 11 logs, run-1.csv … run-11.csv"), "{words}");
+    assert!(of_folder == one_by_one);
+    assert!(calibrated(&["runs/run-*.csv"], "c.json").0 == one_by_one);
+    let output = sagnac(at, &["inspect", "runs", "--arcsec-per-count", "1"]);
+    assert!(String::from_utf8_lossy(&output.stdout).contains("11 logs, 11 runs"), "{}", said(&output));
+    fs::create_dir(at.join("none")).unwrap();
+    for (argument, word) in [("none", "no log in this folder"), ("runs/*.parquet", "no file matches this pattern")] {
+        let output = sagnac(at, &["calibrate", argument, "--arcsec-per-count", "1"]);
+        assert!(output.status.code() == Some(2) && said(&output).contains(word), "{}", said(&output));
+    }
+    // An output that is one of the folder's logs is refused before the work.
+    let output = sagnac(at, &["calibrate", "runs", "--arcsec-per-count", "1", "-o", "runs/run-3.csv"]);
+    assert!(said(&output).contains("this file is read here"), "{}", said(&output));
+}

@@ -1,0 +1,279 @@
+//! The head of a text log: encoding, `sep=;`, lines above the headers, the headers, a line of units below them.
+//!
+//! ```text
+//! lines ─▶ skip blank lines, comments and a preamble ─▶ headers ─▶ with the units of brackets or of the next line ─▶ headers of Sagnac
+//! ```
+//!
+//! What is not stated in the file and had to be assumed is said in a line each ([`TextHeader::assumed`]). A line is the line of headers if it
+//! has one of counts or rates, by its name, by its name and unit, or by the setup's `[columns]`. Where no line has one, the first line counts,
+//! and the error is about that.
+//!
+//! Bytes that are not UTF-8 are read as Windows-1252, which every byte of is a character; UTF-16 is decoded before ([`crate::ingest::source`]).
+
+use std::io::{BufRead, Cursor, Read};
+
+use crate::error::{Error, Result};
+use crate::ingest::foreign;
+use crate::ingest::header::{self, Layout, Role, role_of};
+use crate::ingest::source::Source;
+use crate::ingest::text::{COMPENSATED_STAMP, MAX_LINE_BYTES};
+use crate::setup::ReadConfig;
+
+/// Most blank lines and comments above the headers.
+const MAX_LINES_ABOVE: u64 = 100_000;
+/// Most other lines above the headers.
+const MAX_PREAMBLE: usize = 100;
+/// Units of a header or of a line of units, as people write them, and the ending of Sagnac's headers.
+const UNITS: [(&str, &[&str], &str); 9] = [
+    ("time", &["s", "sec", "secs", "second", "seconds"], "s"),
+    ("time", &["ms", "msec", "millisecond", "milliseconds"], "ms"),
+    ("time", &["us", "µs", "μs", "microseconds"], "us"),
+    ("temperature", &["c", "°c", "degc", "deg c", "deg. c", "celsius"], "c"),
+    ("temperature", &["k", "kelvin"], "k"),
+    ("rate", &["°/h", "deg/h", "deg/hr", "dph", "°/hr"], "dph"),
+    ("rate", &["°/s", "deg/s", "dps", "deg/sec", "°/sec"], "dps"),
+    ("rate", &["rad/s", "rad/sec"], "radps"),
+    ("counts", &["counts", "count", "cts", "pulses", "1", "-", ""], ""),
+];
+
+/// The line of headers and where the rows begin.
+pub(crate) struct TextHeader {
+    pub(crate) headers: Vec<String>,
+    pub(crate) delimiter: u8,
+    /// Lines above the first row.
+    pub(crate) lines: u64,
+    /// Line of the headers.
+    pub(crate) line: u64,
+    /// What was assumed, a sentence each.
+    pub(crate) assumed: Vec<String>,
+}
+
+/// One line as it was read.
+struct HeadLine {
+    text: String,
+    number: u64,
+}
+
+/// Reads the head of a text log.
+pub(crate) fn read_header(source: &mut Source, config: &ReadConfig) -> Result<TextHeader> {
+    refuse_binary(source.reader.fill_buf().map_err(|e| Error::io(&source.name, "read", &e))?)?;
+    let mut head = Head { source, config, lines: 0, is_latin: false, separator: None };
+    let (line, above) = head.header_line()?;
+    let delimiter = head.separator.unwrap_or_else(|| delimiter_of(&line.text));
+    let names = split(&line.text, delimiter).map_err(|e| e.line(line.number))?;
+    if names.iter().all(|h| h.parse::<f64>().is_ok()) {
+        return Err(Error::input("the first line holds numbers, not headers")
+            .line(line.number)
+            .help(format!("put a line of headers above it; recognised: {}", header::RECOGNISED)));
+    }
+    let units = head.line_of_units(names.len(), delimiter)?;
+    let (headers, read_as) = with_units(names, units.as_deref(), config);
+    let (is_latin, separator, lines) = (head.is_latin, head.separator, head.lines);
+    let mut assumed = std::mem::take(&mut source.assumed);
+    let mut say = |holds: bool, what: String| assumed.extend(holds.then_some(what));
+    say(is_latin, "text that is not UTF-8 is read as Windows-1252".to_owned());
+    say(separator.is_some(), format!("its first line names the separator: {}", char::from(delimiter)));
+    say(above == 1, "1 line above the headers is not read".to_owned());
+    say(above > 1, format!("{above} lines above the headers are not read"));
+    say(units.is_some(), "the line below the headers is one of units".to_owned());
+    say(!read_as.is_empty(), format!("read as: {}", read_as.join(", ")));
+    Ok(TextHeader { headers, delimiter, lines, line: line.number, assumed })
+}
+
+/// A text log has no zero byte, and no other control characters where it is not UTF-8.
+fn refuse_binary(start: &[u8]) -> Result<()> {
+    if let Some(refusal) = foreign::refusal(start) {
+        return Err(refusal);
+    }
+    let start = &start[..start.len().min(4096)];
+    let is_utf8 = std::str::from_utf8(start).err().is_none_or(|e| e.error_len().is_none());
+    let odd = |byte: &u8| byte.is_ascii_control() && !matches!(byte, b'\t' | b'\r' | b'\n');
+    if start.contains(&0) || (!is_utf8 && start.iter().any(odd)) {
+        return Err(Error::input("binary data in no format that Sagnac reads").help(
+            "logs are CSV (comma, tab or semicolon), Parquet, Arrow or ULog, also gzipped; convert this file first",
+        ));
+    }
+    Ok(())
+}
+
+struct Head<'a> {
+    source: &'a mut Source,
+    config: &'a ReadConfig,
+    lines: u64,
+    is_latin: bool,
+    separator: Option<u8>,
+}
+
+impl Head<'_> {
+    /// The next line without its end; `None` at the end of the file.
+    fn next(&mut self) -> Result<Option<HeadLine>> {
+        let mut line = Vec::new();
+        let mut limited = self.source.reader.by_ref().take(MAX_LINE_BYTES as u64 + 1);
+        let n = limited.read_until(b'\n', &mut line).map_err(|e| Error::io(&self.source.name, "read", &e))?;
+        if n == 0 {
+            return Ok(None);
+        }
+        self.lines += 1;
+        if n > MAX_LINE_BYTES {
+            return Err(Error::input("a line of more than 1 MiB; this is no table of text").line(self.lines));
+        }
+        let text = String::from_utf8(line).unwrap_or_else(|e| {
+            self.is_latin = true;
+            encoding_rs::WINDOWS_1252.decode_without_bom_handling(e.as_bytes()).0.into_owned()
+        });
+        let text = text.trim_start_matches('\u{feff}').trim();
+        if text.contains('\r') {
+            return Err(Error::input("its lines end in a carriage return alone, as on old Macs")
+                .line(self.lines)
+                .help("convert it: tr '\\r' '\\n' < old.csv > new.csv"));
+        }
+        Ok(Some(HeadLine { text: text.to_owned(), number: self.lines }))
+    }
+
+    /// The line of headers, and how many lines above it were neither blank nor comments.
+    fn header_line(&mut self) -> Result<(HeadLine, usize)> {
+        let mut first: Option<HeadLine> = None;
+        let mut above = 0;
+        loop {
+            let Some(line) = self.next()? else {
+                let empty =
+                    || Error::input("no header: the file is empty").help("a log begins with a line of column headers");
+                return first.map(|line| (line, 0)).ok_or_else(empty);
+            };
+            if self.lines > MAX_LINES_ABOVE {
+                return Err(Error::input(format!("no header in the first {MAX_LINES_ABOVE} lines"))
+                    .line(self.lines)
+                    .help(
+                        "a log begins with a line of column headers; only blank lines and comments may be above it",
+                    ));
+            }
+            if line.text.starts_with(COMPENSATED_STAMP) {
+                return Err(header::already_compensated().line(line.number));
+            }
+            if line.text.is_empty() || line.text.starts_with('#') {
+                continue;
+            }
+            if let Some(separator) = separator_of(&line.text).filter(|_| first.is_none()) {
+                self.separator = Some(separator);
+                continue;
+            }
+            if self.has_an_axis(&line.text) {
+                return Ok((line, above));
+            }
+            above += 1;
+            let first = first.get_or_insert(line);
+            // Only a table whose first line is no line of headers is searched further.
+            if above > MAX_PREAMBLE {
+                return Ok((HeadLine { text: first.text.clone(), number: first.number }, 0));
+            }
+        }
+    }
+
+    /// Whether a line names counts or rates.
+    fn has_an_axis(&self, text: &str) -> bool {
+        let Ok(names) = split(text, self.separator.unwrap_or_else(|| delimiter_of(text))) else { return false };
+        names.iter().any(|name| {
+            let known =
+                self.config.columns.get(name).cloned().or_else(|| bracketed(name)).unwrap_or_else(|| name.clone());
+            // A wrong unit is a mistake in a line of headers, and is reported as one.
+            let word = known.to_ascii_lowercase();
+            let axis = matches!(role_of(&known), Ok(Role::Counts { .. } | Role::Rate { .. }));
+            axis || word == "rate" || word.starts_with("rate_") || role_of(&known).is_err()
+        })
+    }
+
+    /// The line below the headers, if it has as many cells and none of them has a digit; any other line is put back.
+    fn line_of_units(&mut self, columns: usize, delimiter: u8) -> Result<Option<Vec<String>>> {
+        let mut line = Vec::new();
+        let mut limited = self.source.reader.by_ref().take(MAX_LINE_BYTES as u64);
+        limited.read_until(b'\n', &mut line).map_err(|e| Error::io(&self.source.name, "read", &e))?;
+        let text = String::from_utf8_lossy(&line);
+        let decoded = match &text {
+            std::borrow::Cow::Borrowed(text) => (*text).to_owned(),
+            std::borrow::Cow::Owned(_) => encoding_rs::WINDOWS_1252.decode_without_bom_handling(&line).0.into_owned(),
+        };
+        let cells = split(decoded.trim(), delimiter).unwrap_or_default();
+        let is_word = |cell: &String| !cell.is_empty() && !is_missing(cell.as_bytes());
+        let has_digit = |cell: &String| cell.chars().any(|c| c.is_ascii_digit());
+        let rated = cells.iter().filter(|cell| is_word(cell)).count();
+        if cells.len() == columns && rated * 2 >= columns && !cells.iter().any(has_digit) && line.ends_with(b"\n") {
+            self.lines += 1;
+            return Ok(Some(cells));
+        }
+        let rest = std::mem::replace(&mut self.source.reader, Box::new(std::io::empty()));
+        self.source.reader = Box::new(Cursor::new(line).chain(rest));
+        Ok(None)
+    }
+}
+
+/// What spreadsheets and loggers write where there is no value.
+pub(crate) fn is_missing(field: &[u8]) -> bool {
+    const WORDS: [&[u8]; 9] = [b"-", b"--", b"nan", b"na", b"n/a", b"#n/a", b"null", b"none", b"#value!"];
+    field.len() <= 7 && WORDS.iter().any(|word| field.eq_ignore_ascii_case(word))
+}
+
+/// The separator of a line `sep=;`, as spreadsheets write it.
+fn separator_of(text: &str) -> Option<u8> {
+    let rest = text.get(..4).filter(|start| start.eq_ignore_ascii_case("sep=")).and_then(|_| text.get(4..))?;
+    match rest.as_bytes() {
+        [separator] if !separator.is_ascii_alphanumeric() => Some(*separator),
+        _ => None,
+    }
+}
+
+fn delimiter_of(line: &str) -> u8 {
+    [b'\t', b';'].into_iter().find(|d| line.as_bytes().contains(d)).unwrap_or(b',')
+}
+
+fn split(line: &str, delimiter: u8) -> Result<Vec<String>> {
+    let mut reader = csv::ReaderBuilder::new().has_headers(false).delimiter(delimiter).from_reader(line.as_bytes());
+    let mut record = csv::StringRecord::new();
+    reader.read_record(&mut record).map_err(|e| Error::input(format!("cannot read the header: {e}")))?;
+    Ok(record.iter().map(|h| h.trim().to_owned()).collect())
+}
+
+/// A header with its unit in brackets as Sagnac writes it: `Temperature (°C)` is `temperature_c`.
+fn bracketed(header: &str) -> Option<String> {
+    let (name, rest) = header.split_once(['(', '['])?;
+    named(name.trim(), rest.strip_suffix([')', ']'])?.trim())
+}
+
+/// A quantity with a unit as Sagnac writes it; what comes behind the quantity's name stays: `rate x` in °/s is `rate_dps_x`.
+fn named(name: &str, unit: &str) -> Option<String> {
+    let lower = name.to_lowercase();
+    let (quantity, rest) = lower.split_once(['_', ' ', '-']).unwrap_or((&lower, ""));
+    let unit = unit.to_lowercase();
+    let unit = unit.trim_matches(['[', ']', '(', ')']).trim();
+    let (.., ending) = UNITS.iter().find(|(of, units, _)| *of == quantity && units.contains(&unit))?;
+    let parts = [quantity, ending, rest].into_iter().filter(|part| !part.is_empty());
+    let header = parts.collect::<Vec<_>>().join("_");
+    matches!(role_of(&header), Ok(role) if role != Role::Ignored).then_some(header)
+}
+
+/// Headers with the units of their brackets, or of the line below; and what was renamed. What the setup maps, and what is known already, stays.
+fn with_units(names: Vec<String>, units: Option<&[String]>, config: &ReadConfig) -> (Vec<String>, Vec<String>) {
+    let mut said = Vec::new();
+    let one = |(at, name): (usize, String)| {
+        if config.columns.contains_key(&name) {
+            return name;
+        }
+        let below = units.and_then(|units| named(&name, units.get(at)?));
+        let known = matches!(role_of(&name), Ok(role) if role != Role::Ignored);
+        // The column of a bare `time` holds dates, unless a line of units says seconds.
+        let header = below.or_else(|| bracketed(&name).filter(|_| !known));
+        match header {
+            Some(header) if header != name => {
+                said.push(format!("{name} as {header}"));
+                header
+            }
+            _ => name,
+        }
+    };
+    let headers = names.into_iter().enumerate().map(one).collect();
+    (headers, said)
+}
+
+/// The layout of a text log.
+pub(crate) fn layout_of(header: &TextHeader, config: &ReadConfig) -> Result<Layout> {
+    Layout::new(header.headers.clone(), &config.columns, config.axis).map_err(|e| e.line(header.line))
+}
