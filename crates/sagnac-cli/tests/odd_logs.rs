@@ -217,6 +217,10 @@ fn a_folder_and_a_pattern_stand_for_their_logs() {
     assert!(calibrated(&["runs/run-*.csv"], "c.json").0 == one_by_one);
     let output = sagnac(at, &["inspect", "runs", "--arcsec-per-count", "1"]);
     assert!(String::from_utf8_lossy(&output.stdout).contains("11 logs, 11 runs"), "{}", said(&output));
+    // As for a single log: what is known without the size of a count is said.
+    let output = sagnac(at, &["inspect", "runs"]);
+    assert!(output.status.success(), "{}", said(&output));
+    assert!(String::from_utf8_lossy(&output.stdout).contains("the size of a count is not known"));
     fs::create_dir(at.join("none")).unwrap();
     for (argument, word) in [("none", "no log in this folder"), ("runs/*.parquet", "no file matches this pattern")] {
         let output = sagnac(at, &["calibrate", argument, "--arcsec-per-count", "1"]);

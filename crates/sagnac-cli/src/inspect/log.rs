@@ -59,7 +59,15 @@ pub(super) fn window_table(path: &Path, args: &LogArgs, report: Option<&Path>, c
 
 /// Logs that are runs of one test.
 pub(super) fn several(paths: &[PathBuf], args: &LogArgs, report: Option<&Path>, console: &mut Console) -> Result<()> {
-    let (windows, setup) = loading::windows(paths, args)?;
+    let (windows, setup) = match loading::windows(paths, args) {
+        Err(error) if error.place.column.as_deref() == Some(SCALE_KEY) => {
+            let given = args.setup.over(Setup::default())?;
+            let counted = Setup { arcsec_per_count: Some(1.0), ..given.clone() };
+            let builder = WindowBuilder::read_all(loading::logs(paths, &counted, ReadMode::Bulk)?, &counted)?;
+            (args.outliers(builder).finish(), given)
+        }
+        read => read?,
+    };
     console.say(format!("{} logs, {} runs", paths.len(), windows.runs.len()));
     described(&windows, Vec::new(), "logs", &setup, report, console)
 }
