@@ -30,6 +30,7 @@ mod verify;
 mod window;
 
 use std::io::Write;
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
@@ -163,30 +164,30 @@ fn leave_nothing_behind() {
     });
 }
 
-fn run(command: Command, console: &mut Console) -> console::Ran {
+/// The arguments that are logs: a folder or a pattern stands for the logs in it.
+fn logs_of(command: &mut Command) -> Option<&mut Vec<PathBuf>> {
     match command {
-        Command::Calibrate(mut args) => {
-            args.logs = expanded(&args.logs, console)?;
-            calibrate::run(&args, console)
-        }
-        Command::Verify(mut args) => {
-            args.retests = expanded(&args.retests, console)?;
-            verify::run(&args, console)
-        }
+        Command::Calibrate(args) => Some(&mut args.logs),
+        Command::Verify(args) => Some(&mut args.retests),
+        Command::Window(args) => Some(&mut args.logs),
+        Command::Allan(args) => Some(&mut args.logs),
+        Command::Inspect(args) => Some(&mut args.files),
+        _ => None,
+    }
+}
+
+fn run(mut command: Command, console: &mut Console) -> console::Ran {
+    if let Some(logs) = logs_of(&mut command) {
+        *logs = expanded(logs, console)?;
+    }
+    match command {
+        Command::Calibrate(args) => calibrate::run(&args, console),
+        Command::Verify(args) => verify::run(&args, console),
         Command::Compensate(args) => compensate::run(&args, console),
-        Command::Window(mut args) => {
-            args.logs = expanded(&args.logs, console)?;
-            window::run(&args, console)
-        }
-        Command::Allan(mut args) => {
-            args.logs = expanded(&args.logs, console)?;
-            allan::run(&args, console)
-        }
+        Command::Window(args) => window::run(&args, console),
+        Command::Allan(args) => allan::run(&args, console),
         Command::Compare(args) => compare::run(&args, console),
-        Command::Inspect(mut args) => {
-            args.files = expanded(&args.files, console)?;
-            inspect::run(&args, console)
-        }
+        Command::Inspect(args) => inspect::run(&args, console),
         Command::Evaluate(args) => evaluate::run(&args, console),
         Command::Export(args) => export::run(&args, console),
         Command::Frames(args) => frames::run(&args, console),

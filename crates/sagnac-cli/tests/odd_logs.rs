@@ -77,6 +77,11 @@ fn every_form_of_a_log_gives_the_figures_of_the_plain_one() {
             format!("Chamber 7; Nuremberg\nOperator;N. N.\n\nRun;3\n{head}{semicolons}").into_bytes(),
             "3 lines above the headers are not read",
         ),
+        (
+            "words.csv",
+            format!("\"Chamber 7\";\"counts\"\nOperator;N. N.\n\n{head}{semicolons}").into_bytes(),
+            "2 lines above the headers are not read",
+        ),
         ("units.csv", format!("time,temperature,counts\ns,°C,-\n{commas}").into_bytes(), "one of units"),
         (
             "brackets.csv",
@@ -149,10 +154,20 @@ fn what_has_two_meanings_is_not_guessed() {
         let output = sagnac(at, &["inspect", name, "--arcsec-per-count", "1"]);
         assert!(output.status.code() == Some(2) && said(&output).contains(word), "{name}: {}", said(&output));
     }
-    // A row of rubbish below the headers is said, and data are never mistaken for units.
-    write("words.csv", format!("time_s,counts\nfoo,bar\n{}", rows(|time, _, counts| format!("{time},{counts}"))));
-    let output = sagnac(at, &["inspect", "words.csv", "--arcsec-per-count", "1"]);
-    assert!(said(&output).contains("the line below the headers is one of units"), "{}", said(&output));
+    // A line of units that contradicts the headers, or is of units that are not known; a line of rubbish.
+    let table = rows(|time, celsius, counts| format!("{time},{celsius:.2},{counts}"));
+    for (head, word) in [
+        ("time_s,temperature_c,counts\nms,C,-", ":2, `time_s`, value \"ms\": the header says `s`"),
+        ("time_s,temperature_c,counts\ns,K,-", ":2, `temperature_c`, value \"K\": the header says `c`"),
+        ("time_ns,temperature_c,counts\ns,C,-", ":2, `time_ns`, value \"s\": the header says `ns`"),
+        ("time,temperature,counts\ns,F,-", ":2, `temperature`, value \"F\": this unit is not known"),
+        ("time,temperature,counts\ns,C,arcsec", ":2, `counts`, value \"arcsec\": this unit is not known"),
+        ("time_s,temperature_c,counts\nfoo,bar,baz", ":2: the line below the headers is neither"),
+    ] {
+        write("units.csv", format!("{head}\n{table}"));
+        let output = sagnac(at, &["inspect", "units.csv", "--arcsec-per-count", "1"]);
+        assert!(output.status.code() == Some(2) && said(&output).contains(word), "{head}: {}", said(&output));
+    }
     write(
         "missing.csv",
         format!(

@@ -105,7 +105,10 @@ fn untimed(layout: &Layout, config: &ReadConfig, given: Option<i64>) -> Result<i
         None if layout.is_count_log() => {
             Err(Error::input("counts without a time column, and the length of a row is not given")
                 .column("sample_interval_s")
-                .help("give --sample-interval or sample_interval_s in the setup"))
+                .help(format!(
+                    "give --sample-interval, or map the column of the time under [columns]; the log has: {}",
+                    layout.headers.join(", ")
+                )))
         }
         None => Ok(1_000_000_000),
     }

@@ -5,8 +5,8 @@
 //! ```
 //!
 //! What is not stated in the file and had to be assumed is said in a line each ([`TextHeader::assumed`]). A line is the line of headers if it
-//! has one of counts or rates, by its name, by its name and unit, or by the setup's `[columns]`. Where no line has one, the first line counts,
-//! and the error is about that.
+//! has one of counts or rates, by its name, by its name and unit, or by the setup's `[columns]`, and a row or a line of units is below it. Where
+//! no line has one, the first line counts, and the error is about that. A unit that contradicts its header, or that is not known, is refused.
 //!
 //! Bytes that are not UTF-8 are read as Windows-1252, which every byte of is a character; UTF-16 is decoded before ([`crate::ingest::source`]).
 
@@ -33,7 +33,7 @@ const UNITS: [(&str, &[&str], &str); 9] = [
     ("rate", &["°/h", "deg/h", "deg/hr", "dph", "°/hr"], "dph"),
     ("rate", &["°/s", "deg/s", "dps", "deg/sec", "°/sec"], "dps"),
     ("rate", &["rad/s", "rad/sec"], "radps"),
-    ("counts", &["counts", "count", "cts", "pulses", "1", "-", ""], ""),
+    ("counts", &["counts", "count", "cts", "pulses", "pulse", "1", "-", ""], ""),
 ];
 
 /// The line of headers and where the rows begin.
@@ -67,7 +67,7 @@ pub(crate) fn read_header(source: &mut Source, config: &ReadConfig) -> Result<Te
             .help(format!("put a line of headers above it; recognised: {}", header::RECOGNISED)));
     }
     let units = head.line_of_units(names.len(), delimiter)?;
-    let (headers, read_as) = with_units(names, units.as_deref(), config);
+    let (headers, read_as) = with_units(names, units.as_deref(), config).map_err(|e| e.line(line.number + 1))?;
     let (is_latin, separator, lines) = (head.is_latin, head.separator, head.lines);
     let mut assumed = std::mem::take(&mut source.assumed);
     let mut say = |holds: bool, what: String| assumed.extend(holds.then_some(what));
@@ -134,8 +134,13 @@ impl Head<'_> {
     fn header_line(&mut self) -> Result<(HeadLine, usize)> {
         let mut first: Option<HeadLine> = None;
         let mut above = 0;
+        // A line that names counts above something that is no table: a preamble, if headers follow.
+        let mut no_table = None;
         loop {
             let Some(line) = self.next()? else {
+                if let Some(number) = no_table {
+                    return Err(no_row_below(number));
+                }
                 let empty =
                     || Error::input("no header: the file is empty").help("a log begins with a line of column headers");
                 return first.map(|line| (line, 0)).ok_or_else(empty);
@@ -157,13 +162,18 @@ impl Head<'_> {
                 self.separator = Some(separator);
                 continue;
             }
-            if self.has_an_axis(&line.text) {
+            let is_header = self.has_an_axis(&line.text);
+            if is_header && self.is_above_a_table()? {
                 return Ok((line, above));
             }
             above += 1;
+            no_table = no_table.or(is_header.then_some(line.number));
             let first = first.get_or_insert(line);
             // Only a table whose first line is no line of headers is searched further.
             if above > MAX_PREAMBLE {
+                if let Some(number) = no_table {
+                    return Err(no_row_below(number));
+                }
                 return Ok((HeadLine { text: first.text.clone(), number: first.number }, 0));
             }
         }
@@ -182,28 +192,58 @@ impl Head<'_> {
         })
     }
 
-    /// The line below the headers, if it has as many cells and none of them has a digit; any other line is put back.
+    /// Whether the next line is a row or a line of units: it has a digit, a missing value or a unit. The end of the file is a table without rows.
+    fn is_above_a_table(&mut self) -> Result<bool> {
+        let (bytes, text) = self.raw_line()?;
+        let is_table = text.is_empty()
+            || text.chars().any(|c| c.is_ascii_digit())
+            || split(&text, self.separator.unwrap_or_else(|| delimiter_of(&text)))
+                .unwrap_or_default()
+                .iter()
+                .any(|cell| is_missing(cell.as_bytes()) || is_unit(cell));
+        self.put_back(bytes);
+        Ok(is_table)
+    }
+
+    /// The line below the headers, if it has as many cells, one of them a unit, and none of them has a digit; any other line is put back.
     fn line_of_units(&mut self, columns: usize, delimiter: u8) -> Result<Option<Vec<String>>> {
-        let mut line = Vec::new();
-        let mut limited = self.source.reader.by_ref().take(MAX_LINE_BYTES as u64);
-        limited.read_until(b'\n', &mut line).map_err(|e| Error::io(&self.source.name, "read", &e))?;
-        let text = String::from_utf8_lossy(&line);
-        let decoded = match &text {
-            std::borrow::Cow::Borrowed(text) => (*text).to_owned(),
-            std::borrow::Cow::Owned(_) => encoding_rs::WINDOWS_1252.decode_without_bom_handling(&line).0.into_owned(),
-        };
-        let cells = split(decoded.trim(), delimiter).unwrap_or_default();
-        let is_word = |cell: &String| !cell.is_empty() && !is_missing(cell.as_bytes());
+        let (bytes, text) = self.raw_line()?;
+        let cells = split(&text, delimiter).unwrap_or_default();
+        let is_word = |cell: &&String| !cell.is_empty() && !is_missing(cell.as_bytes());
         let has_digit = |cell: &String| cell.chars().any(|c| c.is_ascii_digit());
-        let rated = cells.iter().filter(|cell| is_word(cell)).count();
-        if cells.len() == columns && rated * 2 >= columns && !cells.iter().any(has_digit) && line.ends_with(b"\n") {
+        let words = cells.iter().filter(is_word).count();
+        let is_of_units = cells.iter().any(|cell| is_unit(cell)) && words * 2 >= columns;
+        if cells.len() == columns && is_of_units && !cells.iter().any(has_digit) && bytes.ends_with(b"\n") {
             self.lines += 1;
             return Ok(Some(cells));
         }
-        let rest = std::mem::replace(&mut self.source.reader, Box::new(std::io::empty()));
-        self.source.reader = Box::new(Cursor::new(line).chain(rest));
+        self.put_back(bytes);
         Ok(None)
     }
+
+    /// The bytes of the next line, and its text.
+    fn raw_line(&mut self) -> Result<(Vec<u8>, String)> {
+        let mut line = Vec::new();
+        let mut limited = self.source.reader.by_ref().take(MAX_LINE_BYTES as u64);
+        limited.read_until(b'\n', &mut line).map_err(|e| Error::io(&self.source.name, "read", &e))?;
+        let text = match std::str::from_utf8(&line) {
+            Ok(text) => text.trim().to_owned(),
+            Err(_) => encoding_rs::WINDOWS_1252.decode_without_bom_handling(&line).0.trim().to_owned(),
+        };
+        Ok((line, text))
+    }
+
+    /// What was read is read again.
+    fn put_back(&mut self, bytes: Vec<u8>) {
+        let rest = std::mem::replace(&mut self.source.reader, Box::new(std::io::empty()));
+        self.source.reader = Box::new(Cursor::new(bytes).chain(rest));
+    }
+}
+
+fn no_row_below(header: u64) -> Error {
+    Error::input("the line below the headers is neither a row nor a line of units")
+        .line(header + 1)
+        .help("a row has a number or nothing in each of its cells")
 }
 
 /// What spreadsheets and loggers write where there is no value.
@@ -241,36 +281,82 @@ fn bracketed(header: &str) -> Option<String> {
 /// A quantity with a unit as Sagnac writes it; what comes behind the quantity's name stays: `rate x` in °/s is `rate_dps_x`.
 fn named(name: &str, unit: &str) -> Option<String> {
     let lower = name.to_lowercase();
-    let (quantity, rest) = lower.split_once(['_', ' ', '-']).unwrap_or((&lower, ""));
-    let unit = unit.to_lowercase();
-    let unit = unit.trim_matches(['[', ']', '(', ')']).trim();
-    let (.., ending) = UNITS.iter().find(|(of, units, _)| *of == quantity && units.contains(&unit))?;
+    let (quantity, rest) = quantity_of(&lower);
+    let ending = ending_of(quantity, unit)?;
     let parts = [quantity, ending, rest].into_iter().filter(|part| !part.is_empty());
     let header = parts.collect::<Vec<_>>().join("_");
     matches!(role_of(&header), Ok(role) if role != Role::Ignored).then_some(header)
 }
 
+/// The quantity that a header in small letters begins with, and the rest.
+fn quantity_of(lower: &str) -> (&str, &str) {
+    lower.split_once(['_', ' ', '-']).unwrap_or((lower, ""))
+}
+
+/// A unit as it is compared: without brackets, in small letters.
+fn bare(unit: &str) -> String {
+    unit.to_lowercase().trim_matches(['[', ']', '(', ')']).trim().to_owned()
+}
+
+/// The ending of Sagnac's header for a quantity in a unit.
+fn ending_of(quantity: &str, unit: &str) -> Option<&'static str> {
+    let unit = bare(unit);
+    UNITS.iter().find(|(of, units, _)| *of == quantity && units.contains(&unit.as_str())).map(|(.., ending)| *ending)
+}
+
+/// True for the name of a unit of any quantity.
+fn is_unit(cell: &str) -> bool {
+    let unit = bare(cell);
+    !unit.is_empty() && !is_missing(unit.as_bytes()) && UNITS.iter().any(|(_, units, _)| units.contains(&unit.as_str()))
+}
+
+/// The refusal of a unit that contradicts its header, or that no header can state.
+fn refuse_other_unit(name: &str, unit: &str) -> Result<()> {
+    let lower = name.to_lowercase();
+    let (quantity, rest) = quantity_of(&lower);
+    let endings = || UNITS.iter().filter(|(of, ..)| *of == quantity).map(|(.., ending)| *ending);
+    if bare(unit).is_empty() || is_missing(bare(unit).as_bytes()) || endings().next().is_none() {
+        return Ok(());
+    }
+    let stated = Some(quantity_of(rest).0)
+        .filter(|word| *word == "ns" || endings().any(|ending| ending == *word && !word.is_empty()));
+    let found = ending_of(quantity, unit);
+    let refused = |what: String| Err(Error::input(what).column(name).value(unit));
+    match (stated, found) {
+        (Some(stated), found) if found != Some(stated) => {
+            refused(format!("the header says `{stated}`, the line of units says otherwise"))
+                .map_err(|e: Error| e.help("correct one of the two; Sagnac does not guess which"))
+        }
+        // What a bare `time` holds is found by its values: dates have no unit.
+        (None, None) if quantity != "time" => refused("this unit is not known here".to_owned())
+            .map_err(|e: Error| e.help(format!("convert the column; recognised: {}", header::RECOGNISED))),
+        _ => Ok(()),
+    }
+}
+
 /// Headers with the units of their brackets, or of the line below; and what was renamed. What the setup maps, and what is known already, stays.
-fn with_units(names: Vec<String>, units: Option<&[String]>, config: &ReadConfig) -> (Vec<String>, Vec<String>) {
+fn with_units(names: Vec<String>, units: Option<&[String]>, config: &ReadConfig) -> Result<(Vec<String>, Vec<String>)> {
     let mut said = Vec::new();
     let one = |(at, name): (usize, String)| {
         if config.columns.contains_key(&name) {
-            return name;
+            return Ok(name);
         }
-        let below = units.and_then(|units| named(&name, units.get(at)?));
+        let below = units.and_then(|units| units.get(at));
+        below.map_or(Ok(()), |unit| refuse_other_unit(&name, unit))?;
+        let below = below.and_then(|unit| named(&name, unit));
         let known = matches!(role_of(&name), Ok(role) if role != Role::Ignored);
         // The column of a bare `time` holds dates, unless a line of units says seconds.
         let header = below.or_else(|| bracketed(&name).filter(|_| !known));
-        match header {
+        Ok(match header {
             Some(header) if header != name => {
                 said.push(format!("{name} as {header}"));
                 header
             }
             _ => name,
-        }
+        })
     };
-    let headers = names.into_iter().enumerate().map(one).collect();
-    (headers, said)
+    let headers = names.into_iter().enumerate().map(one).collect::<Result<_>>()?;
+    Ok((headers, said))
 }
 
 /// The layout of a text log.
