@@ -13,10 +13,11 @@ use sagnac_report::{noise_report, row_notes, term_text};
 use sagnac_units::format::significant;
 
 use crate::calibrate::excluded;
-use crate::console::{Console, Outcome, Ran, table};
+use crate::console::{Console, Outcome, Ran};
 use crate::files::Files;
 use crate::loading;
 use crate::setup_args::{SetupArgs, numbers};
+use crate::terminal::table;
 
 /// τ in the table on the terminal.
 const SHOWN_TAUS: usize = 12;

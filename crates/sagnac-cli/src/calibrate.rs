@@ -13,10 +13,11 @@ use sagnac_log::write::write_bytes;
 use sagnac_report::calibration_report;
 use sagnac_units::format::{celsius, significant, with_sigma};
 
-use crate::console::{Console, Outcome, Ran, table};
+use crate::console::{Console, Outcome, Ran};
 use crate::files::Files;
 use crate::loading;
 use crate::setup_args::LogArgs;
+use crate::terminal::table;
 
 /// Candidates shown besides the one that was selected.
 const SHOWN_CANDIDATES: usize = 8;

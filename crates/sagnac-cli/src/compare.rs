@@ -10,9 +10,10 @@ use sagnac_log::write::write_bytes;
 use sagnac_report::comparison_report;
 use sagnac_units::format;
 
-use crate::console::{Console, Outcome, Ran, table};
+use crate::console::{Console, Outcome, Ran};
 use crate::files::Files;
 use crate::loading;
+use crate::terminal::table;
 use crate::verify::limits_table;
 
 /// Hold calibrations of one unit against each other: cycles, turn-ons, months

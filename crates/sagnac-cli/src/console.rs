@@ -1,17 +1,18 @@
 //! Output for people and scripts: text, tables, JSON, errors.
 //!
 //! With `--json` one object goes to standard output and the text for people to standard error.
-//! A reader that goes away (a closed pipe) ends the printing quietly.
+//! On a terminal, lines wrap by word ([`crate::terminal`]). A reader that goes away (a closed pipe) ends the printing quietly.
 
 use std::borrow::Cow;
 use std::io::Write;
 use std::process::ExitCode;
 use std::sync::Mutex;
 
-use comfy_table::{CellAlignment, LineStyle, Table, presets};
 use sagnac::{Error, ErrorKind};
 use sagnac_units::format::{printable, printable_json};
 use serde::Serialize;
+
+use crate::terminal::{columns_of_errors, columns_of_output, wrapped};
 
 /// How a command that did not fail ended.
 pub(crate) enum Outcome {
@@ -75,13 +76,13 @@ impl Console {
         if self.json {
             self.note(line);
         } else {
-            self.print(&printable(line.as_ref()));
+            self.print(&wrapped(&printable(line.as_ref()), columns_of_output()));
         }
     }
 
     /// A line for people that is never part of the output.
     pub(crate) fn note(&mut self, line: impl AsRef<str>) {
-        let _ = writeln!(std::io::stderr(), "{}", printable(line.as_ref()));
+        let _ = writeln!(std::io::stderr(), "{}", wrapped(&printable(line.as_ref()), columns_of_errors()));
     }
 
     /// The object for scripts, if it was asked for.
@@ -118,7 +119,10 @@ impl Console {
             ErrorKind::Refused => "refused",
         };
         // Cut as it is shown: an escaped character has several.
-        let line = |text: &str| writeln!(std::io::stderr(), "{}", shortened(&printable(text)));
+        let line = |text: &str| {
+            let shown = wrapped(&shortened(&printable(text)), columns_of_errors());
+            writeln!(std::io::stderr(), "{shown}")
+        };
         let _ = line(&format!("{word}: {error}"));
         if let Some(help) = &error.help {
             let _ = line(&format!("  help: {help}"));
@@ -149,18 +153,4 @@ fn shortened(text: &str) -> Cow<'_, str> {
         Some((end, _)) => Cow::Owned(format!("{} … ({} more bytes)", &text[..end], text.len() - end)),
         None => Cow::Borrowed(text),
     }
-}
-
-/// A plain aligned table; the first column to the left, numbers to the right.
-pub(crate) fn table(header: &[&str], rows: impl IntoIterator<Item = Vec<String>>) -> String {
-    let mut table = Table::new();
-    let rule = LineStyle::none().fill('─').junction('─');
-    table.load_style(presets::NOTHING.header_separator(rule)).set_header(header.to_vec());
-    for row in rows {
-        table.add_row(row);
-    }
-    for column in table.column_iter_mut().skip(1) {
-        column.set_cell_alignment(CellAlignment::Right);
-    }
-    table.trim_fmt()
 }

@@ -18,7 +18,8 @@ use sagnac_report::verification_report;
 use sagnac_sim::{PaperRig, csv_bytes};
 use sagnac_units::format::{significant, with_sigma};
 
-use crate::console::{Console, Outcome, Ran, table};
+use crate::console::{Console, Outcome, Ran};
+use crate::terminal::table;
 
 /// Reproduce the source paper: its rig, its table, its equations
 #[derive(clap::Args)]

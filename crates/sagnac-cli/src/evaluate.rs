@@ -9,9 +9,10 @@ use sagnac_log::write::{ParquetRows, write_atomically};
 use sagnac_units::format::{plain, significant};
 use serde::Serialize;
 
-use crate::console::{Console, Outcome, Ran, table};
+use crate::console::{Console, Outcome, Ran};
 use crate::files::Files;
 use crate::loading;
+use crate::terminal::table;
 
 /// Most temperatures of one call.
 const MOST_POINTS: usize = 1_000_000;

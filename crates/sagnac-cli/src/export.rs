@@ -15,12 +15,13 @@ use sagnac_log::write::write_bytes;
 use sagnac_loops::{LoopTable, TABLE_MAGIC};
 use sagnac_sim::LoopDesign;
 
-use crate::console::{Console, Outcome, Ran, table as drawn};
+use crate::console::{Console, Outcome, Ran};
 use crate::files::Files;
 use crate::line::frame_bytes;
 use crate::loading::{self, Kind};
 use crate::signature_args::SignArgs;
 use crate::simulate::{read_scenario, refused};
+use crate::terminal::table as drawn;
 
 /// Write a calibration as what the target holds: a flash image per axis, C99, or Verilog
 #[derive(clap::Args)]

@@ -26,6 +26,7 @@ mod progress;
 mod setup_args;
 mod signature_args;
 mod simulate;
+mod terminal;
 mod verify;
 mod window;
 

@@ -12,10 +12,11 @@ use sagnac_report::verification_report;
 use sagnac_units::format::{significant, with_sigma};
 
 use crate::calibrate::excluded;
-use crate::console::{Console, Outcome, Ran, table};
+use crate::console::{Console, Outcome, Ran};
 use crate::files::Files;
 use crate::loading;
 use crate::setup_args::SetupArgs;
+use crate::terminal::table;
 
 /// Prove on another test what a correction gains
 ///

@@ -11,10 +11,11 @@ use sagnac_log::ingest::{hex, sha256};
 use sagnac_units::format::significant;
 use serde::Serialize;
 
-use crate::console::{Console, table};
+use crate::console::Console;
 use crate::key::words;
 use crate::loading;
 use crate::signature_args::model_name;
+use crate::terminal::table;
 
 /// Output of `inspect --json` for an image.
 #[derive(Serialize)]

@@ -14,11 +14,12 @@ use sagnac_units::s_from_ns;
 use serde::Serialize;
 
 use crate::calibrate::excluded;
-use crate::console::{Console, table};
+use crate::console::Console;
 use crate::inspect::results;
 use crate::loading;
 use crate::progress::open_log;
 use crate::setup_args::LogArgs;
+use crate::terminal::table;
 
 /// Output of `inspect --json` for a log or window table.
 #[derive(Serialize)]

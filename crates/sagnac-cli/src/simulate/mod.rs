@@ -17,12 +17,13 @@ use sagnac_sim::{
 };
 use sagnac_units::format::significant;
 
-use crate::console::{Console, Outcome, Ran, table};
+use crate::console::{Console, Outcome, Ran};
 use crate::files::Files;
 use crate::loading;
 use crate::pipe::PipeAware;
 use crate::progress::SimulatedTime;
 use crate::simulate::charts::Recorder;
+use crate::terminal::table;
 
 /// Simulate a ring laser gyro on its thermal test
 #[derive(clap::Args)]

@@ -1,0 +1,74 @@
+//! On a terminal of 60 to 200 columns no line is longer than the terminal, and no number is broken. `script` of util-linux is the terminal.
+#![cfg(target_os = "linux")]
+
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+use tempfile::TempDir;
+
+/// What a person sees of a command on a terminal with so many columns, and its exit status.
+fn on_a_terminal(folder: &Path, columns: usize, arguments: &str) -> String {
+    let program = env!("CARGO_BIN_EXE_sagnac");
+    let line = format!("stty cols {columns} rows 40; {program} {arguments}");
+    let output = Command::new("script")
+        .args(["-qefc", &line, "/dev/null"])
+        .current_dir(folder)
+        .env("TERM", "dumb")
+        .stdin(Stdio::null())
+        .output()
+        .expect("script of util-linux");
+    String::from_utf8_lossy(&output.stdout).replace('\r', "")
+}
+
+fn chamber(name: &str) -> String {
+    format!("{}/../../testdata/chamber/{name}", env!("CARGO_MANIFEST_DIR"))
+}
+
+#[test]
+fn every_command_fits_terminals_of_60_to_200_columns() {
+    let folder = TempDir::new().unwrap();
+    let at = folder.path();
+    for name in ["cycle-1.csv.gz", "cycle-3.csv.gz", "bench.toml", "limits.toml"] {
+        std::fs::copy(chamber(name), at.join(name)).unwrap();
+    }
+    let commands = [
+        "calibrate cycle-1.csv.gz --setup bench.toml --model 'bias 3, rate 0' -o a.json",
+        "calibrate cycle-3.csv.gz --setup bench.toml --tradeoff -o b.json",
+        "export a.json --to image -o a.img",
+        "verify a.json cycle-3.csv.gz --limits limits.toml",
+        "verify a.img cycle-3.csv.gz --limits navigation-grade",
+        "compare a.json b.json --limits navigation-grade",
+        "inspect cycle-1.csv.gz --setup bench.toml",
+        "inspect a.img",
+        "inspect a.json",
+        "allan cycle-1.csv.gz --setup bench.toml",
+        "evaluate a.json --at -40,0,70",
+        "verify a.json",
+        "verify --help",
+        "calibrate cycle-1.csv.gz --setup bench.toml --model 'bias 3, rate 0, bias(a_name_that_is_not_there - another) 1'",
+    ];
+    for columns in [60, 80, 100, 133, 200] {
+        for command in commands {
+            let shown = on_a_terminal(at, columns, command);
+            assert!(shown.lines().count() > 0, "{command}");
+            // A hash is a single word, and so is what clap repeats of a command.
+            let fits = |line: &&str| line.chars().count() <= columns || !line.trim().contains(' ');
+            let over: Vec<&str> = shown.lines().filter(|line| !fits(line)).collect();
+            assert!(over.is_empty(), "{columns}, {command}: {over:#?}");
+        }
+    }
+    // A pipe gets each line whole.
+    let whole = assert_cmd::Command::cargo_bin("sagnac").unwrap().current_dir(at).args(["inspect", "a.json"]).output();
+    let whole = String::from_utf8(whole.unwrap().stdout).unwrap();
+    assert!(whole.lines().any(|line| line.chars().count() > 100), "{whole}");
+    // The words are the same, but for the rules of tables.
+    let words = |text: &str| -> Vec<String> {
+        let mut all: Vec<String> =
+            text.split(|c: char| c.is_whitespace() || c == '─').filter(|w| !w.is_empty()).map(str::to_owned).collect();
+        all.sort();
+        all
+    };
+    for columns in [100, 133, 200] {
+        assert_eq!(words(&on_a_terminal(at, columns, "inspect a.json")), words(&whole), "{columns}");
+    }
+}
