@@ -16,6 +16,7 @@ use crate::calibrate::excluded;
 use crate::console::{Console, Outcome, Ran};
 use crate::files::Files;
 use crate::loading;
+use crate::report_args::ReportArgs;
 use crate::setup_args::{SetupArgs, numbers};
 use crate::terminal::table;
 
@@ -52,9 +53,8 @@ pub(crate) struct Args {
     /// Curve to write: CSV
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
-    /// Report to write: one HTML file for screen and paper
-    #[arg(long, value_name = "FILE")]
-    report: Option<PathBuf>,
+    #[command(flatten)]
+    report: ReportArgs,
     /// One JSON object on standard output, text on standard error
     #[arg(long)]
     pub(crate) json: bool,
@@ -69,7 +69,8 @@ enum Detrend {
 }
 
 pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
-    Files::new().reads(&args.logs).reads(&args.setup.setup).writes(args.output.iter().chain(&args.report)).check()?;
+    let files = Files::new().reads(&args.logs).reads(&args.setup.setup).writes(&args.output);
+    args.report.check_with(files)?;
     if let Some(path) = &args.output {
         loading::check_output_name(path, "CSV")?;
     }
@@ -86,10 +87,7 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
         write_bytes(path, curve_csv(&budget).as_bytes())?;
         console.say(format!("wrote {}", path.display()));
     }
-    if let Some(path) = &args.report {
-        write_bytes(path, noise_report(&budget)?.as_bytes())?;
-        console.say(format!("wrote {}", path.display()));
-    }
+    args.report.write(console, || noise_report(&budget))?;
     console.object(&budget)?;
     Ok(Outcome::Done)
 }

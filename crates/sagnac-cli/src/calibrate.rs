@@ -11,11 +11,12 @@ use sagnac::{Error, Result};
 use sagnac_log::ingest::Tally;
 use sagnac_log::write::write_bytes;
 use sagnac_report::calibration_report;
-use sagnac_units::format::{celsius, significant, with_sigma};
+use sagnac_units::format::{celsius, significant, unit, with_sigma};
 
 use crate::console::{Console, Outcome, Ran};
 use crate::files::Files;
 use crate::loading;
+use crate::report_args::ReportArgs;
 use crate::setup_args::LogArgs;
 use crate::terminal::table;
 
@@ -26,12 +27,17 @@ const SHOWN_CANDIDATES: usize = 8;
 ///
 /// Each LOG is one run. A table made by `sagnac window` may stand in their place.
 #[derive(clap::Args)]
-#[command(after_help = "\
+#[command(
+    after_help = "\
+Example:
+  sagnac calibrate cycle-1.csv cycle-2.csv --setup bench.toml -o unit.cal.json --report unit.html",
+    after_long_help = "\
 Examples:
   sagnac calibrate cycle-1.csv cycle-2.csv --setup bench.toml -o unit.cal.json --report unit.html
   sagnac calibrate log.csv --arcsec-per-count 1.059 --model \"bias 3, rate 1\" -o unit.cal.json --json
   sagnac calibrate log.csv --setup bench.toml --model \"bias 2, rate 0, bias(cavity - block) 1, steps(mode)\" -o unit.cal.json
-  sagnac calibrate log.csv --setup bench.toml --inputs \"cavity - block,path_length_v\" -o unit.cal.json")]
+  sagnac calibrate log.csv --setup bench.toml --inputs \"cavity - block,path_length_v\" -o unit.cal.json"
+)]
 pub(crate) struct Args {
     /// Thermal-test logs: CSV, Parquet, Arrow or PX4 ULog, also gzipped; a folder or a pattern stands for its logs, `-` is standard input
     #[arg(required = true)]
@@ -39,21 +45,22 @@ pub(crate) struct Args {
     /// Calibration to write
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
-    /// Report to write: one HTML file for screen and paper
-    #[arg(long, value_name = "FILE")]
-    report: Option<PathBuf>,
-    /// `auto`, or orders: "bias 3", "bias 3, rate 1", "bias 3, rate 1, slow rate 0" (two lags), "bias 2, zones 4", "bias 2, bias(cavity - block) 1, steps(mode)",
-    /// "bias 2, harmonic(path_length_v) 25.3" (its period; fitted without one)
+    #[command(flatten)]
+    report: ReportArgs,
+    /// `auto`, or orders: "bias 3, rate 1"
+    ///
+    /// Also "bias 3, rate 1, slow rate 0" (two lags), "bias 2, zones 4", "bias 2, bias(cavity - block) 1, steps(mode)", "bias 2,
+    /// harmonic(path_length_v) 25.3" (its period; fitted without one)
     #[arg(long, default_value = "auto")]
     model: String,
     /// What misfit costs: `huber` lets windows far from the fit count for less
-    #[arg(long, value_enum, default_value = "squares")]
+    #[arg(long, value_enum, default_value = "squares", hide_short_help = true)]
     loss: LossWord,
     /// What each order buys out of sample, and what it costs on the target in instructions
     #[arg(long)]
     tradeoff: bool,
     /// 95 % intervals by so many draws of the bootstrap beside those of the covariance
-    #[arg(long, value_name = "DRAWS", value_parser = clap::value_parser!(u16).range(100..=20_000))]
+    #[arg(long, value_name = "DRAWS", hide_short_help = true, value_parser = clap::value_parser!(u16).range(100..=20_000))]
     bootstrap: Option<u16>,
     /// Corrects the warm-up since power-on too, where the runs hold one: every log must begin at power-on
     #[arg(long)]
@@ -73,11 +80,8 @@ enum LossWord {
 }
 
 pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
-    Files::new()
-        .reads(&args.logs)
-        .reads(&args.reading.setup.setup)
-        .writes(args.output.iter().chain(&args.report))
-        .check()?;
+    let files = Files::new().reads(&args.logs).reads(&args.reading.setup.setup).writes(&args.output);
+    args.report.check_with(files)?;
     let loss = match args.loss {
         LossWord::Squares => Loss::Squares,
         LossWord::Huber => Loss::Huber,
@@ -109,10 +113,7 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
         write_bytes(path, text.as_bytes())?;
         console.say(format!("wrote {}", path.display()));
     }
-    if let Some(path) = &args.report {
-        write_bytes(path, calibration_report(&calibration, &report_data)?.as_bytes())?;
-        console.say(format!("wrote {}", path.display()));
-    }
+    args.report.write(console, || calibration_report(&calibration, &report_data))?;
     if calibration.serial == sagnac::calibration::UNASSIGNED {
         console.note("note: no serial number given, so no image can be exported from this calibration (--serial)");
     }
@@ -271,7 +272,7 @@ fn powers(monomial: &Monomial) -> String {
     });
     let zone = monomial.range_c.map_or(String::new(), |[from, to]| format!(", {from:.2} … {to:.2} °C"));
     let sum = powers.collect::<Vec<_>>().join(" + ");
-    format!("  in powers of °C ({}, {} s{zone}): {sum}", monomial.unit, monomial.window_s)
+    format!("  in powers of °C ({}, {} s{zone}): {sum}", unit(&monomial.unit), monomial.window_s)
 }
 
 /// The search from the grid's model to the one selected, with the best of each step.
@@ -308,7 +309,7 @@ fn verdict(axis: &AxisCalibration) -> String {
 fn coefficients(axis: &AxisCalibration) -> String {
     let terms = axis.correction.terms.iter().map(|term| {
         let mark = if term.significant == Some(false) { "not significant" } else { "" };
-        let mut row = vec![axis.name_of(term), with_sigma(term.value, term.sigma), term.unit.clone(), mark.to_owned()];
+        let mut row = vec![axis.name_of(term), with_sigma(term.value, term.sigma), unit(&term.unit), mark.to_owned()];
         if let Some([lo, hi]) = term.bootstrap {
             row.push(format!("{} … {}", significant(lo, 3), significant(hi, 3)));
         }
@@ -316,7 +317,7 @@ fn coefficients(axis: &AxisCalibration) -> String {
     });
     let others = axis.nonlinear().into_iter().map(|found| {
         let mark = if found.sigma.is_none() { "not resolved: smallest within two of its σ" } else { "" };
-        vec![found.name, with_sigma(found.value, found.sigma), found.unit, mark.to_owned()]
+        vec![found.name, with_sigma(found.value, found.sigma), unit(&found.unit), mark.to_owned()]
     });
     let rows: Vec<Vec<String>> = terms.chain(others).collect();
     if rows.is_empty() {

@@ -6,13 +6,13 @@ use sagnac::calibration::Calibration;
 use sagnac::compare::{ComparedAxis, ComparedCurve, ComparedNumber, Comparison, compare};
 use sagnac::verify::{Judged, Limits};
 use sagnac::{Error, Result};
-use sagnac_log::write::write_bytes;
 use sagnac_report::comparison_report;
 use sagnac_units::format;
 
 use crate::console::{Console, Outcome, Ran};
 use crate::files::Files;
 use crate::loading;
+use crate::report_args::ReportArgs;
 use crate::terminal::table;
 use crate::verify::limits_table;
 
@@ -29,16 +29,15 @@ pub(crate) struct Args {
     /// limit that is asked is met
     #[arg(long, value_name = "FILE|SET")]
     limits: Option<String>,
-    /// Report to write: one HTML file for screen and paper
-    #[arg(long, value_name = "FILE")]
-    report: Option<PathBuf>,
+    #[command(flatten)]
+    report: ReportArgs,
     /// One JSON object on standard output, text on standard error
     #[arg(long)]
     pub(crate) json: bool,
 }
 
 pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
-    Files::new().reads(&args.calibrations).reads(&args.limits).writes(&args.report).check()?;
+    args.report.check_with(Files::new().reads(&args.calibrations).reads(&args.limits))?;
     let read = |path: &PathBuf| -> Result<(String, Calibration)> {
         let name = path.display().to_string();
         match loading::kind_of(path)? {
@@ -58,6 +57,9 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
         let axes: Vec<String> = comparison.untested_axes.iter().map(char::to_string).collect();
         console.note(format!("warning: not every record has axis {}, which is not compared", axes.join(", ")));
     }
+    for change in &comparison.changes {
+        console.say(format!("{}: {}", comparison.records[change.record].0, change.words()));
+    }
     for axis in &comparison.axes {
         if let Some(words) = verdict(axis, &comparison) {
             console.say(format!("axis {}: {words}", axis.axis));
@@ -68,10 +70,7 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
             console.say(format!("axis {}: {words}", axis.axis));
         }
     }
-    if let Some(path) = &args.report {
-        write_bytes(path, comparison_report(&comparison)?.as_bytes())?;
-        console.say(format!("wrote {}", path.display()));
-    }
+    args.report.write(console, || comparison_report(&comparison))?;
     console.object(&comparison)?;
     Ok(if comparison.passed() { Outcome::Done } else { Outcome::LimitsNotMet })
 }
@@ -96,18 +95,20 @@ fn verdict(axis: &ComparedAxis, comparison: &Comparison) -> Option<String> {
 fn describe(console: &mut Console, comparison: &Comparison, axis: &ComparedAxis) {
     for curve in &axis.curves {
         console.say(format!("axis {}: {}", axis.axis, curve.verdict(&comparison.records)));
+        if let Some(words) = curve.change(&comparison.records) {
+            console.say(format!("axis {}: {words}", axis.axis));
+        }
         console.say(values(comparison, curve));
     }
     console.say(numbers(comparison, &axis.numbers));
 }
 
 fn values(comparison: &Comparison, curve: &ComparedCurve) -> String {
-    let title = format!("{}, {}", curve.quantity, curve.unit);
-    let mut header: Vec<&str> = vec![&title];
-    header.extend(comparison.records.iter().map(|(name, _)| name.as_str()));
-    header.push("beyond their σ");
-    let rows = curve.temperatures_c.iter().enumerate().map(|(at, celsius)| {
-        let mut row = vec![format!("{} °C", format::celsius(*celsius))];
+    let title = format!("{}, {}", curve.quantity, format::unit(&curve.unit));
+    let titles = curve.titles(&comparison.records);
+    let header: Vec<&str> = [title.as_str()].into_iter().chain(titles.iter().map(String::as_str)).collect();
+    let rows = curve.by_change().into_iter().map(|at| {
+        let mut row = vec![format!("{} °C", format::celsius(curve.temperatures_c[at]))];
         row.extend(curve.row(at));
         row
     });

@@ -4,10 +4,11 @@ use std::io::Write;
 use std::path::PathBuf;
 
 use sagnac::Result;
-use sagnac::verify::{CorrectedFormat, Correction, compensate};
-use sagnac_log::ingest::{LogSummary, ReadMode};
+use sagnac::verify::{Compensated, CorrectedFormat, Correction, compensate};
+use sagnac_log::ingest::ReadMode;
 use sagnac_log::setup::Setup;
 use sagnac_log::write::write_atomically;
+use sagnac_units::format::significant;
 
 use crate::calibrate::excluded;
 use crate::console::{Console, Outcome, Ran};
@@ -19,7 +20,8 @@ use crate::setup_args::SetupArgs;
 
 /// Correct a log as the gyro's processor would, row by row
 ///
-/// From standard input to standard output it answers line by line.
+/// From standard input to standard output it answers line by line. Exit status 1 where less than a stated part of the rows is corrected
+/// within the span of the fit; the corrected log is written all the same.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -34,6 +36,9 @@ pub(crate) struct Args {
     /// Corrected log: CSV, or Parquet for a name in .parquet; standard output by default
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
+    /// Part of the rows that must be corrected within the span of the fit, 0 to 1
+    #[arg(long, value_name = "PART", default_value_t = 0.9, value_parser = part)]
+    corrected_min: f64,
     #[command(flatten)]
     setup: SetupArgs,
 }
@@ -43,25 +48,55 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     Files::new().reads([&args.correction, &args.log]).reads(&args.setup.setup).writes(&args.output).check()?;
     let correction = loading::correction(&args.correction)?;
     let setup = args.setup.over(correction.setup())?;
-    let summary = match &args.output {
+    let done = match &args.output {
         Some(path) => {
-            let mut summary = None;
+            let mut done = None;
             let written = write_atomically(path, |out| {
-                summary = Some(pour(args, &correction, &setup, out)?);
+                done = Some(pour(args, &correction, &setup, out)?);
                 Ok(())
             });
             written.map_err(|e| e.file(path.display().to_string()))?;
-            summary
+            done
         }
         None => pour_to_stdout(args, &correction, &setup)?,
     };
-    for line in summary.iter().flat_map(|s| excluded(&s.tallies.list())) {
+    // A reader that went away has seen what it wanted.
+    let Some(done) = done else { return Ok(Outcome::Done) };
+    for line in excluded(&done.log.tallies.list()) {
         console.note(line);
     }
-    Ok(Outcome::Done)
+    console.note(words(&done));
+    if done.fraction() >= args.corrected_min {
+        return Ok(Outcome::Done);
+    }
+    console.note(format!(
+        "LESS THAN {} % CORRECTED (--corrected-min {}): wrong units, another thermometer or another test",
+        significant(100.0 * args.corrected_min, 3),
+        args.corrected_min
+    ));
+    Ok(Outcome::LimitsNotMet)
 }
 
-fn pour(args: &Args, correction: &Correction, setup: &Setup, out: &mut (dyn Write + Send)) -> Result<LogSummary> {
+/// How much was corrected, and why the rest was not.
+fn words(done: &Compensated) -> String {
+    let all = done.log.rows;
+    let unread = all.saturating_sub(done.rows);
+    let rest = [
+        (done.out_of_span, "outside the span of the fit, with the correction of its border"),
+        (done.uncorrected, "without a temperature for the correction"),
+        (unread, "not read"),
+    ];
+    let rest = rest.into_iter().filter(|(rows, _)| *rows > 0).map(|(rows, why)| format!("; {rows} {why}"));
+    let percent = significant(100.0 * done.fraction(), 4);
+    format!("corrected {} of {all} rows, {percent} %{}", done.corrected(), rest.collect::<String>())
+}
+
+/// A part of a whole.
+fn part(text: &str) -> std::result::Result<f64, String> {
+    text.parse().ok().filter(|part| (0.0..=1.0).contains(part)).ok_or_else(|| "a number from 0 to 1".to_owned())
+}
+
+fn pour(args: &Args, correction: &Correction, setup: &Setup, out: &mut (dyn Write + Send)) -> Result<Compensated> {
     let live = args.log.as_os_str() == "-";
     let pace = if live { ReadMode::LineByLine } else { ReadMode::BulkWithText };
     let mut setup = setup.clone();
@@ -79,7 +114,7 @@ fn pour(args: &Args, correction: &Correction, setup: &Setup, out: &mut (dyn Writ
 }
 
 /// `None` when the reader has closed the pipe: then there is nothing more to do.
-fn pour_to_stdout(args: &Args, correction: &Correction, setup: &Setup) -> Result<Option<LogSummary>> {
+fn pour_to_stdout(args: &Args, correction: &Correction, setup: &Setup) -> Result<Option<Compensated>> {
     let mut out = PipeAware::new(std::io::stdout());
     let poured = pour(args, correction, setup, &mut out);
     if out.closed() { Ok(None) } else { poured.map(Some).map_err(|e| e.file("standard output")) }

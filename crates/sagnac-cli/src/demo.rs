@@ -4,7 +4,6 @@
 //! the decoded image at 100 µs. The output shows the paper's figures beside ours.
 
 use std::io::Cursor;
-use std::path::PathBuf;
 
 use sagnac::fit::{FitOptions, Model, calibrate};
 use sagnac::model::ModelSpec;
@@ -13,12 +12,13 @@ use sagnac::window::WindowBuilder;
 use sagnac::{Error, Result};
 use sagnac_log::ingest::{LogReader, ReadMode};
 use sagnac_log::setup::Setup;
-use sagnac_log::write::write_bytes;
 use sagnac_report::verification_report;
 use sagnac_sim::{PaperRig, csv_bytes};
 use sagnac_units::format::{significant, with_sigma};
 
 use crate::console::{Console, Outcome, Ran};
+use crate::files::Files;
+use crate::report_args::ReportArgs;
 use crate::terminal::table;
 
 /// Reproduce the source paper: its rig, its table, its equations
@@ -30,9 +30,8 @@ pub(crate) struct Args {
     /// Seed of the calibration run; the retest takes the next one
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Report of the proof to write: one HTML file for screen and paper
-    #[arg(long, value_name = "FILE")]
-    report: Option<PathBuf>,
+    #[command(flatten)]
+    report: ReportArgs,
 }
 
 /// Rows of the paper's table: min, max, mean, max − min, counts per 100 s.
@@ -40,6 +39,7 @@ const PAPER_BEFORE: [f64; 4] = [421.0, 491.75, 457.85, 70.75];
 const PAPER_AFTER: [f64; 4] = [420.0, 429.0, 424.64, 9.0];
 
 pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
+    args.report.check_with(Files::new())?;
     let rig = PaperRig::PAPER;
     let setup = Setup {
         serial: Some("PAPER-RIG".to_owned()),
@@ -89,11 +89,7 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     describe(console, &proof)?;
     equations(console);
     printed_constant(console);
-    if let Some(path) = &args.report {
-        let page = verification_report(&proof, correction.calibration.as_ref(), &report_data)?;
-        write_bytes(path, page.as_bytes())?;
-        console.say(format!("wrote {}", path.display()));
-    }
+    args.report.write(console, || verification_report(&proof, correction.calibration.as_ref(), &report_data))?;
     Ok(Outcome::Done)
 }
 

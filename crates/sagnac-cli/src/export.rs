@@ -25,7 +25,12 @@ use crate::terminal::table as drawn;
 
 /// Write a calibration as what the target holds: a flash image per axis, C99, or Verilog
 #[derive(clap::Args)]
-#[command(after_help = "\
+#[command(
+    after_help = "\
+Examples:
+  sagnac export unit.cal.json --to image -o unit.img        (three axes: unit-x.img, unit-y.img, unit-z.img)
+  sagnac export unit.cal.json --to c -o src/sagnac --loops gyro.toml",
+    after_long_help = "\
 Examples:
   sagnac export unit.cal.json --to image -o unit.img        (three axes: unit-x.img, unit-y.img, unit-z.img)
   sagnac export unit.cal.json --to c -o src/sagnac --loops gyro.toml
@@ -33,7 +38,8 @@ Examples:
   sagnac export unit.cal.json --to upload --sequence 2 --trial -o /dev/ttyUSB0
   sagnac export unit.cal.json --to image --sign factory.key --model RLG-28 --counter 12 -o unit.img
   sagnac export unit.cal.json --to data-sheet -o unit.md
-  sagnac export gyro.toml --to loops -o gyro.loops")]
+  sagnac export gyro.toml --to loops -o gyro.loops"
+)]
 pub(crate) struct Args {
     /// Calibration, flash image or reference vectors; for `--to loops` the scenario whose loops are meant
     #[arg(value_name = "INPUT")]
@@ -113,7 +119,7 @@ fn files(args: &Args) -> Files {
 /// Writes the sources, after a look at all of their names.
 fn folders(args: &Args, made: &[(PathBuf, Vec<TextFile>)], console: &mut Console) -> Ran {
     let names = made.iter().flat_map(|(path, files)| files.iter().map(|file| path.join(&file.name)));
-    files(args).writes(names).check()?;
+    files(args).writes(names).makes(made.iter().map(|(path, _)| path)).check()?;
     made.iter()
         .flat_map(|(path, files)| files.iter().map(|file| (path.join(&file.name), file)))
         .try_for_each(not_of_another)?;
@@ -346,9 +352,6 @@ fn loops_of(path: &Path) -> Result<LoopTable> {
 }
 
 fn folder(path: &Path, files: &[TextFile], console: &mut Console) -> Ran {
-    if path.is_file() {
-        return Err(Error::input("this is a file; sources need a folder").file(path.display().to_string()));
-    }
     std::fs::create_dir_all(path).map_err(|e| Error::io_path(path, "create", &e))?;
     for file in files {
         let file_path = path.join(&file.name);

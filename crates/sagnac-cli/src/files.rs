@@ -1,4 +1,4 @@
-//! What a command reads and writes: no output is an input, and no two outputs are one file.
+//! What a command reads and writes: no output is an input, no two outputs are one file, and each can be written.
 //!
 //! One rule, before the work. Files are compared by what they are (device and number), so that a link, another spelling of a path
 //! or a name that the command derives does not get around it. Devices and pipes are not files: they are written to and never replaced.
@@ -6,12 +6,14 @@
 use std::path::{Path, PathBuf};
 
 use sagnac::{Error, Result};
+use sagnac_log::write::try_writing;
 
 /// The files of one command.
 #[derive(Default)]
 pub(crate) struct Files {
     reads: Vec<PathBuf>,
     writes: Vec<PathBuf>,
+    folders: Vec<PathBuf>,
 }
 
 impl Files {
@@ -31,7 +33,13 @@ impl Files {
         self
     }
 
-    /// Refuses an output that is an input, or another output.
+    /// Folders that are made where they are not there.
+    pub(crate) fn makes(mut self, folders: impl IntoIterator<Item = impl AsRef<Path>>) -> Self {
+        self.folders.extend(folders.into_iter().map(|path| path.as_ref().to_owned()));
+        self
+    }
+
+    /// Refuses an output that is an input, or another output, or that cannot be written.
     pub(crate) fn check(&self) -> Result<()> {
         let read: Vec<Identity> = self.reads.iter().filter_map(|path| identity(path)).collect();
         let mut written: Vec<Identity> = Vec::new();
@@ -46,8 +54,27 @@ impl Files {
             }
             written.push(it);
         }
-        Ok(())
+        let in_new_folder = |path: &&PathBuf| {
+            let is_new = path.parent().is_some_and(|folder| !folder.exists());
+            is_new && self.folders.iter().any(|made| path.starts_with(made))
+        };
+        self.writes.iter().filter(|path| !in_new_folder(path)).try_for_each(|path| try_writing(path))?;
+        self.folders.iter().try_for_each(|folder| try_making(folder))
     }
+}
+
+/// Tries whether a folder takes a file, or can be made.
+fn try_making(folder: &Path) -> Result<()> {
+    if folder.is_dir() {
+        return try_writing(&folder.join("any-name"));
+    }
+    if let Some(file) = folder.ancestors().find(|path| path.exists() && !path.is_dir()) {
+        return Err(Error::input("this is a file; a folder is needed").file(file.display().to_string()));
+    }
+    // The folder, or the first of those above it that has to be made too.
+    let is_under_a_folder =
+        |path: &&Path| path.parent().is_some_and(|above| above.as_os_str().is_empty() || above.is_dir());
+    folder.ancestors().find(is_under_a_folder).map_or(Ok(()), try_writing)
 }
 
 /// What a path means, whatever its spelling.

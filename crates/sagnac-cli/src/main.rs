@@ -23,6 +23,7 @@ mod log_paths;
 mod manual;
 mod pipe;
 mod progress;
+mod report_args;
 mod setup_args;
 mod signature_args;
 mod simulate;

@@ -163,7 +163,7 @@ fn section(command: &mut Command) -> String {
     if command.get_arguments().any(is_setup) {
         out += "| and the [flags over the setup](#flags-over-the-setup) | |\n";
     }
-    if let Some(examples) = command.get_after_help() {
+    if let Some(examples) = command.get_after_long_help().or(command.get_after_help()) {
         let examples = examples.to_string();
         let lines: Vec<&str> = examples.lines().skip(1).map(str::trim_start).collect();
         out += &format!("\n```sh\n{}\n```\n", lines.join("\n"));
@@ -190,7 +190,7 @@ fn form(arg: &Arg) -> String {
 }
 
 fn meaning(arg: &Arg) -> String {
-    let mut out = plain(arg.get_help());
+    let mut out = plain(arg.get_long_help().or(arg.get_help())).replace("\n\n", ". ");
     let possible: Vec<String> = arg.get_possible_values().iter().map(|v| format!("`{}`", v.get_name())).collect();
     if !possible.is_empty() && matches!(arg.get_action(), ArgAction::Set) {
         out += &format!(" ({})", possible.join(", "));

@@ -7,14 +7,14 @@ use sagnac::verify::{
     ScaleFigures, ScaleProof, Verdict, Verification, VerifyOptions, verify,
 };
 use sagnac_log::ingest::ReadMode;
-use sagnac_log::write::write_bytes;
 use sagnac_report::verification_report;
-use sagnac_units::format::{significant, with_sigma};
+use sagnac_units::format::{significant, unit, with_sigma};
 
 use crate::calibrate::excluded;
 use crate::console::{Console, Outcome, Ran};
 use crate::files::Files;
 use crate::loading;
+use crate::report_args::ReportArgs;
 use crate::setup_args::SetupArgs;
 use crate::terminal::table;
 
@@ -34,9 +34,8 @@ pub(crate) struct Args {
     /// Limits to be met: a TOML file, or `navigation-grade` or `paper`
     #[arg(long, value_name = "FILE|SET")]
     limits: Option<String>,
-    /// Report to write: one HTML file for screen and paper
-    #[arg(long, value_name = "FILE")]
-    report: Option<PathBuf>,
+    #[command(flatten)]
+    report: ReportArgs,
     /// One JSON object on standard output, text on standard error
     #[arg(long)]
     pub(crate) json: bool,
@@ -56,13 +55,9 @@ enum Exclude {
 }
 
 pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
-    Files::new()
-        .reads(&args.retests)
-        .reads([&args.correction])
-        .reads(&args.setup.setup)
-        .reads(&args.limits)
-        .writes(&args.report)
-        .check()?;
+    let files =
+        Files::new().reads(&args.retests).reads([&args.correction]).reads(&args.setup.setup).reads(&args.limits);
+    args.report.check_with(files)?;
     let correction = loading::correction(&args.correction)?;
     let setup = args.setup.over(correction.setup())?;
     let limits = args.limits.as_deref().map(Limits::named_or_read).transpose()?;
@@ -77,11 +72,7 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     };
     warn_of_same_log(console, &verification);
     describe(console, &verification);
-    if let Some(path) = &args.report {
-        let page = verification_report(&verification, correction.calibration.as_ref(), &report_data)?;
-        write_bytes(path, page.as_bytes())?;
-        console.say(format!("wrote {}", path.display()));
-    }
+    args.report.write(console, || verification_report(&verification, correction.calibration.as_ref(), &report_data))?;
     console.object(&verification)?;
     Ok(if verification.passed() { Outcome::Done } else { Outcome::LimitsNotMet })
 }
@@ -259,6 +250,6 @@ fn figures(axis: &AxisVerification, verification: &Verification) -> String {
             significant(floor.value_dph, 3),
         ]);
     }
-    let title = format!("{} ({} s)", verification.unit, verification.window_s);
+    let title = format!("{} ({} s)", unit(&verification.unit), verification.window_s);
     table(&[&title, "n", "min", "max", "mean", "max − min", "σ", "σ, °/h"], rows)
 }

@@ -484,3 +484,44 @@ fn log_of_one_temperature(bench: &Bench) -> String {
     let rows: String = (1..2000).map(|s| format!("{s},25.{},4\n", s % 3)).collect();
     bench.write("still.csv", &format!("time_s,temperature_c,counts\n{rows}"))
 }
+
+/// A log that the correction is not made for is not corrected without a word: exit status 1, and how much was.
+#[test]
+fn compensate_says_how_much_it_corrected() {
+    let bench = Bench::new();
+    let record = bench.path("unit.cal.json");
+    let compensate = |log: &str, flags: &[&str]| {
+        let out = bench.path("out.csv");
+        let ran = run(&[&["compensate", &record, log, "-o", &out], flags].concat());
+        assert!(fs::read_to_string(&out).is_ok_and(|text| text.lines().count() == 602), "{}", ran.err);
+        fs::remove_file(out).unwrap();
+        (ran.status, ran.err)
+    };
+    // Ten minutes of rows of 5 s at a temperature, from the row that the temperature begins with.
+    let written = |name: &str, celsius: &dyn Fn(usize) -> Option<f64>| {
+        let row =
+            |at: usize| format!("{},{},150\n", 5 * (at + 1), celsius(at).map_or(String::new(), |c| c.to_string()));
+        let rows: String = (0..600).map(row).collect();
+        fs::write(bench.path(name), format!("time_s,temperature_c,counts\n{rows}")).unwrap();
+        bench.path(name)
+    };
+    let (status, said) = compensate(&written("within.csv", &|_| Some(25.0)), &[]);
+    assert!(status == 0 && said.contains("corrected 600 of 600 rows, 100.0 %"), "{said}");
+    let (status, said) = compensate(&written("hot.csv", &|_| Some(125.0)), &[]);
+    assert!(status == 1 && said.contains("corrected 0 of 600 rows, 0 %; 600 outside the span of the fit"), "{said}");
+    assert!(said.contains("LESS THAN 90.0 % CORRECTED"), "{said}");
+    let half = written("half.csv", &|at| Some(if at < 300 { 25.0 } else { 125.0 }));
+    let (status, said) = compensate(&half, &[]);
+    // The reading of the jump itself is not believed until it stays.
+    assert!(status == 1 && said.contains("corrected 303 of 600 rows, 50.50 %; 288 outside"), "{said}");
+    assert_eq!(compensate(&half, &["--corrected-min", "0.5"]).0, 0);
+    // Kelvin under a header of °C is no temperature of a gyro; none at all.
+    let (status, said) = compensate(&written("kelvin.csv", &|_| Some(298.15)), &[]);
+    assert!(status == 1 && said.contains("600 without a temperature"), "{said}");
+    let (status, said) = compensate(&written("none.csv", &|_| None), &[]);
+    assert!(status == 1 && said.contains("600 without a temperature"), "{said}");
+    for bad in ["-0.1", "1.1", "nan", "x"] {
+        let ran = run(&["compensate", &record, &half, &format!("--corrected-min={bad}")]);
+        assert!(ran.status == 2 && ran.err.contains("from 0 to 1"), "{bad}: {}", ran.err);
+    }
+}

@@ -96,3 +96,88 @@ fn compare_holds_what_changed_against_limits() {
     assert_eq!(twice.status.code(), Some(1));
     assert!(String::from_utf8_lossy(&twice.stderr).contains("NOT ACCEPTED: records were made from the same log"));
 }
+
+/// Model, setup, data and program come first; then the most changed temperature, with a figure of the difference.
+#[test]
+fn compare_says_what_changed() {
+    let folder = three_records();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    let (a, c, page) = (at("0.cal.json"), at("2.cal.json"), at("compare.html"));
+    let (log, other) = (at("1.csv"), at("other.cal.json"));
+    let flags = ["--arcsec-per-count", "1.059", "--quantum", "0.25", "--serial", "RLG-7", "--reference", "20"];
+    let fit = [&["calibrate", &log], &flags[..], &["--model", "bias 3", "--window", "200", "-o", &other]].concat();
+    sagnac().args(fit).assert().success();
+    let text = |args: &[&str]| {
+        let out = sagnac().arg("compare").args(args).output().unwrap();
+        String::from_utf8(out.stdout).unwrap()
+    };
+    let said = text(&[&a, &other]);
+    for word in [
+        "model, axis x: `bias 2` → `bias 3`",
+        "setup, reference_c: not set → 20.0",
+        "setup, window: 100.00 s → 200.00 s",
+        "data, axis x: 1 log, ",
+    ] {
+        assert!(said.contains(word), "{word}: {said}");
+    }
+    assert!(!text(&[&a, &a]).contains(" → "), "{said}");
+    // The third record's slope is higher: farthest from the reference the difference is largest.
+    let out = sagnac().args(["compare", &a, &c, "--json", "--report", &page]).output().unwrap();
+    let object: Value = serde_json::from_slice(&out.stdout).unwrap();
+    let curve = &object["axes"][0]["curves"][0];
+    let celsius: Vec<f64> = curve["temperatures_c"].as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect();
+    let differences: Vec<[f64; 2]> = serde_json::from_value(curve["differences"][0].clone()).unwrap();
+    let ratio = |at: usize| (differences[at][0] / differences[at][1]).abs();
+    let most =
+        (0..celsius.len()).filter(|at| ratio(*at).is_finite()).max_by(|a, b| ratio(*a).total_cmp(&ratio(*b))).unwrap();
+    let table = text(&[&a, &c]);
+    let first_row = table.lines().skip_while(|line| !line.contains('─')).nth(1).unwrap();
+    assert!(first_row.trim_start().starts_with(&format!("{:.1} °C", celsius[most])), "{table}");
+    assert!(table.contains(&format!("bias: most changed at {:.1} °C, by ", celsius[most])), "{table}");
+    let page = fs::read_to_string(page).unwrap();
+    assert!(page.contains("What changed? Axis x, bias") && page.contains("bias-difference-x"));
+}
+
+/// The difference of two records of an unchanged gyro lies within its interval as often as stated; that of a changed one outside.
+#[test]
+fn the_interval_of_a_difference_covers() {
+    use sagnac::compare::compare;
+    use sagnac::fit::{FitOptions, Model, calibrate};
+    use sagnac::window::WindowBuilder;
+    use sagnac_log::ingest::{LogReader, ReadMode};
+    use sagnac_log::setup::Setup;
+
+    let setup = Setup {
+        serial: Some("RLG-7".to_owned()),
+        arcsec_per_count: Some(1.059),
+        quantum: Some(0.25),
+        ..Setup::default()
+    };
+    let options = FitOptions::new(Model::Fixed("bias 2".parse().unwrap()));
+    let record = |rig: PaperRig, seed: u64| {
+        let bytes = std::io::Cursor::new(csv_bytes(rig.run(seed)));
+        let log = LogReader::from_reader("log", Box::new(bytes), &setup, ReadMode::Bulk).unwrap();
+        let windows = WindowBuilder::read_all(vec![log], &setup).unwrap().finish();
+        (format!("{seed}"), calibrate(windows, &setup, &options).unwrap())
+    };
+    let mut changed = PaperRig::PAPER;
+    changed.coefficients[0] += 0.05;
+    let (mut within, mut all, mut seen) = (0, 0, 0);
+    const PAIRS: u64 = 200;
+    for pair in 0..PAIRS {
+        let first = record(PaperRig::PAPER, 1000 + 3 * pair);
+        let ratios = |other: (String, sagnac::calibration::Calibration)| -> Vec<f64> {
+            let found = compare(&[first.clone(), other], None).unwrap();
+            let curve = &found.axes[0].curves[0];
+            curve.differences[0].iter().map(|[value, sigma]| value.abs() / sigma).filter(|r| r.is_finite()).collect()
+        };
+        let same = ratios(record(PaperRig::PAPER, 1001 + 3 * pair));
+        within += same.iter().filter(|ratio| **ratio <= 1.96).count();
+        all += same.len();
+        seen += usize::from(ratios(record(changed, 1002 + 3 * pair)).iter().any(|ratio| *ratio > 3.0));
+    }
+    // 95 % are stated; the twelve temperatures of a pair go together, so that the fraction scatters by some 1.5 %.
+    let fraction = within as f64 / all as f64;
+    assert!((0.91..=0.99).contains(&fraction), "{fraction}");
+    assert_eq!(seen, PAIRS as usize);
+}

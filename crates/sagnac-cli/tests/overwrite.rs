@@ -205,3 +205,69 @@ fn a_limit_of_file_sizes_leaves_nothing_behind() {
     assert_eq!(it.all(), before);
     assert_eq!(fs::read_dir(it.folder.path()).unwrap().count(), before.len());
 }
+
+/// An output that cannot be written is reported before anything is read: the log of each command is rubbish, which would be reported else.
+#[test]
+fn outputs_are_tried_before_the_work() {
+    let it = Bench::new();
+    fs::write(it.path("rubbish.csv"), "no log at all\n").unwrap();
+    fs::write(it.path("a-file"), "").unwrap();
+    for line in [
+        "calibrate rubbish.csv -o nowhere/unit.cal.json",
+        "calibrate rubbish.csv --report nowhere/unit.html",
+        "calibrate rubbish.csv --figures a-file",
+        "calibrate rubbish.csv --figures a-file/below",
+        "verify unit.cal.json rubbish.csv --report nowhere/proof.html",
+        "compare rubbish.csv rubbish.csv --report nowhere/change.html",
+        "compensate rubbish.csv rubbish.csv -o nowhere/out.csv",
+        "window rubbish.csv -o nowhere/w.parquet",
+        "allan rubbish.csv -o nowhere/curve.csv",
+        "inspect rubbish.csv --report nowhere/log.html",
+        "simulate rubbish.csv -o nowhere/log.csv",
+        "simulate rubbish.csv --truth nowhere/truth.csv",
+        "demo --report nowhere/demo.html",
+        "calibrate rubbish.csv -o .",
+    ] {
+        let (status, said) = it.run(line);
+        assert_eq!(status, 2, "{line}: {said}");
+        let about_output = ["nowhere", "a-file", "a directory", "Not a directory"];
+        assert!(about_output.iter().any(|word| said.contains(word)) && !said.contains("rubbish"), "{line}: {said}");
+    }
+}
+
+#[test]
+fn a_report_is_html_and_its_figures_are_svg() {
+    let it = Bench::new();
+    for (name, word) in [
+        ("unit.pdf", "--print-to-pdf=unit.pdf unit.html"),
+        ("unit.svg", "--figures FOLDER"),
+        ("unit.PNG", "--figures FOLDER"),
+        ("unit.docx", "unit.html"),
+        ("unit", "unit.html"),
+        ("other.csv", "other.html"),
+    ] {
+        let (status, said) = it.run(&format!("inspect log.csv --setup bench.toml --report {name}"));
+        assert!(status == 2 && said.contains(word), "{name}: {said}");
+    }
+    let line = "verify unit.cal.json log.csv --report proof.HTML --figures new/folder";
+    let (status, said) = it.run(line);
+    assert_eq!(status, 0, "{said}");
+    let page = fs::read_to_string(it.path("proof.HTML")).unwrap();
+    let figures = |folder: &str| -> Vec<(String, String)> {
+        let mut all: Vec<(String, String)> = fs::read_dir(it.path(folder))
+            .unwrap()
+            .map(|entry| entry.unwrap().path())
+            .map(|path| (path.file_name().unwrap().to_str().unwrap().to_owned(), fs::read_to_string(path).unwrap()))
+            .collect();
+        all.sort();
+        all
+    };
+    let all = figures("new/folder");
+    assert!(all.len() >= 3 && all.len() == page.matches("<figure>").count(), "{}", all.len());
+    for (name, svg) in &all {
+        assert!(name.ends_with(".svg") && svg.starts_with("<svg width=\"860\" height=\"350\""), "{name}");
+        assert!(svg.contains("xmlns=\"http://www.w3.org/2000/svg\"") && svg.ends_with("</svg>"), "{name}");
+    }
+    it.run("verify unit.cal.json log.csv --figures again");
+    assert_eq!(figures("again"), all);
+}

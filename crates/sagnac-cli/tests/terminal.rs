@@ -72,3 +72,24 @@ fn every_command_fits_terminals_of_60_to_200_columns() {
         assert_eq!(words(&on_a_terminal(at, columns, "inspect a.json")), words(&whole), "{columns}");
     }
 }
+
+/// `-h` of every command fits a screen; what it leaves out is in `--help`, which it names.
+#[test]
+fn the_short_help_of_a_command_fits_a_screen() {
+    let folder = TempDir::new().unwrap();
+    let program = on_a_terminal(folder.path(), 100, "-h");
+    let commands: Vec<&str> = program
+        .lines()
+        .skip_while(|line| !line.starts_with("Commands:"))
+        .skip(1)
+        .take_while(|line| line.starts_with("  "))
+        .filter_map(|line| line.split_whitespace().next())
+        .collect();
+    assert!(commands.len() >= 16, "{commands:?}");
+    for command in commands.into_iter().filter(|command| *command != "help") {
+        let short = on_a_terminal(folder.path(), 100, &format!("{command} -h"));
+        assert!(short.lines().count() <= 32, "{command}: {} lines\n{short}", short.lines().count());
+        let all = on_a_terminal(folder.path(), 100, &format!("{command} --help"));
+        assert!(all.lines().count() == short.lines().count() || short.contains("see more with '--help'"), "{command}");
+    }
+}

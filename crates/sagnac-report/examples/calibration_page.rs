@@ -19,10 +19,10 @@ fn main() -> Result<()> {
     let model: Model = "bias 3, rate 0".parse()?;
     let (calibration, drawn) = calibrate_with_report_data(windows, &setup, &FitOptions::new(model))?;
     let page = calibration_report(&calibration, &drawn)?;
-    println!("{} bytes of HTML", page.len());
-    assert!(page.starts_with("<!DOCTYPE html>") && !page.contains("src=\"http"));
+    println!("{} bytes of HTML", page.html().len());
+    assert!(page.html().starts_with("<!DOCTYPE html>") && !page.html().contains("src=\"http"));
     match std::env::args().nth(1) {
-        Some(path) => write_bytes(path.as_ref(), page.as_bytes()),
+        Some(path) => write_bytes(path.as_ref(), page.html().as_bytes()),
         None => Ok(()),
     }
 }

@@ -13,9 +13,9 @@ fn main() -> Result<()> {
     // A thermal cycle is not a record at rest; the budget carries a warning.
     assert!(budget.warnings.iter().any(|warning| warning.contains("temperature")), "{:?}", budget.warnings);
     let page = noise_report(&budget)?;
-    println!("{} bytes of HTML", page.len());
+    println!("{} bytes of HTML", page.html().len());
     match std::env::args().nth(1) {
-        Some(path) => write_bytes(path.as_ref(), page.as_bytes()),
+        Some(path) => write_bytes(path.as_ref(), page.html().as_bytes()),
         None => Ok(()),
     }
 }

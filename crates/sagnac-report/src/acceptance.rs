@@ -6,7 +6,7 @@ use crate::figure::{Figure, Layer, Role, SOLID, rounded};
 use crate::figures::figure;
 use sagnac::calibration::{Calibration, LogUnit};
 use sagnac::verify::{AxisVerification, Bound, Estimate, Judged, PositionError, SPECS, Verification};
-use sagnac_units::format::{celsius, plain, significant, with_sigma};
+use sagnac_units::format::{celsius, plain, significant, unit, with_sigma};
 
 /// True where the unit was checked against limits.
 pub(crate) fn is_acceptance(verification: &Verification) -> bool {
@@ -82,9 +82,9 @@ pub(crate) fn limits(verification: &Verification) -> Markup {
                     th { "margin" } th.words { "" }
                 } }
                 @for limit in &axis.limits {
-                    @let (words, unit) = limit_words(&limit.name);
+                    @let (words, its_unit) = limit_words(&limit.name);
                     tr {
-                        td.words { (words) } td.unit { (unit) } td { (significant(limit.limit, 4)) }
+                        td.words { (words) } td.unit { (its_unit) } td { (significant(limit.limit, 4)) }
                         td { (limit.value_text()) }
                         @if excluding { td { (limit.value_of_every_row.map_or("-".to_owned(), |value| significant(value, 4))) } }
                         td { (limit.margin_text()) }
@@ -106,33 +106,19 @@ pub(crate) fn limits(verification: &Verification) -> Markup {
             @if axis.about_common_mean {
                 p.note { "Each run covers little of the temperatures: the figures are about the mean of all runs, not each run's own." }
             }
-            @if axis.about_common_mean {
-                p.note { "Each run covers little of the temperatures: the figures are about the mean of all runs, not each run's own." }
-            }
             (suspects(axis))
         }
     }
 }
 
 /// A limit's name for people, and its unit.
-fn limit_words(name: &str) -> (String, &'static str) {
-    let Some(spec) = SPECS.iter().find(|spec| spec.key == name) else { return (name.to_owned(), "") };
+fn limit_words(name: &str) -> (String, String) {
+    let Some(spec) = SPECS.iter().find(|spec| spec.key == name) else { return (name.to_owned(), String::new()) };
     let bound = match spec.bound {
         Bound::Most => "at most",
         Bound::Least => "at least",
     };
-    (format!("{}, {bound}", spec.label), unit_for_people(spec.unit))
-}
-
-/// The unit of a limit with its signs.
-fn unit_for_people(unit: &'static str) -> &'static str {
-    match unit {
-        "deg/h" => "°/h",
-        "deg/h per degC" => "°/h per °C",
-        "deg/h per degC/min" => "°/h per °C/min",
-        "deg/rt h" => "°/√h",
-        other => other,
-    }
+    (format!("{}, {bound}", spec.label), unit(spec.unit))
 }
 
 /// The residual, figure by figure.

@@ -4,6 +4,7 @@ use maud::{Markup, html};
 
 use crate::figure::{DASHES, Figure, Layer, Role, SOLID, rounded};
 use crate::page::{page, shown};
+use crate::report::Report;
 use sagnac_log::error::Result;
 
 /// Curves and words of a page.
@@ -162,11 +163,11 @@ fn table(of: &PageTable) -> Markup {
     }
 }
 
-/// The page as one self-contained HTML file.
+/// The page as a report.
 ///
 /// # Errors
 /// Figures that cannot be written as JSON.
-pub fn chart_report(content: &ChartPage) -> Result<String> {
+pub fn chart_report(content: &ChartPage) -> Result<Report> {
     let drawn: Vec<Figure> = content.charts.iter().filter_map(Chart::figure).collect();
     let body = html! {
         h1 { (content.title) }
@@ -179,5 +180,5 @@ pub fn chart_report(content: &ChartPage) -> Result<String> {
         @for figure in &drawn { (shown(figure)) }
         @for data in &content.tables { (table(data)) }
     };
-    page(&content.title, &body, &drawn)
+    page(&content.title, &body, drawn)
 }

@@ -1,19 +1,20 @@
 //! The report of a comparison: every record's curve with its band, and its deviation from the mean in σ.
 
 use crate::charts::{Band, Chart, ChartPage, Curve, PageTable, chart_report};
-use sagnac::compare::{ComparedAxis, ComparedCurve, ComparedNumber, Comparison};
+use crate::report::Report;
+use sagnac::compare::{Change, ComparedAxis, ComparedCurve, ComparedNumber, Comparison};
 use sagnac::verify::{Judged, Verdict};
 use sagnac_log::error::Result;
-use sagnac_units::format::{celsius, significant};
+use sagnac_units::format::{celsius, significant, unit};
 
 /// Two-sided 95 % of a normal.
 const TWO_SIGMA: f64 = 1.96;
 
-/// A comparison as one self-contained HTML file.
+/// A comparison as a report.
 ///
 /// # Errors
 /// Figures that cannot be written as JSON.
-pub fn comparison_report(comparison: &Comparison) -> Result<String> {
+pub fn comparison_report(comparison: &Comparison) -> Result<Report> {
     let mut page = ChartPage {
         title: format!("Calibrations of {} beside each other", comparison.serial),
         subtitle: comparison.records.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(", "),
@@ -28,6 +29,8 @@ pub fn comparison_report(comparison: &Comparison) -> Result<String> {
         for curve in &axis.curves {
             let words = format!("Axis {}: {}", axis.axis, curve.verdict(&comparison.records));
             page.verdicts.push((!curve.disagrees(), words));
+            page.notes.extend(curve.change(&comparison.records).map(|words| format!("Axis {}: {words}.", axis.axis)));
+            page.charts.push(difference(comparison, axis.axis, curve));
             page.charts.push(values(comparison, axis.axis, curve));
             page.charts.push(apart(comparison, axis.axis, curve));
             page.tables.push(table(comparison, axis.axis, curve));
@@ -47,7 +50,57 @@ pub fn comparison_report(comparison: &Comparison) -> Result<String> {
     if comparison.limits.is_some() && !comparison.untested_axes.is_empty() {
         page.verdicts.push((false, "Not accepted: an axis is not in every record".to_owned()));
     }
+    if !comparison.changes.is_empty() {
+        page.results.insert(0, changes(comparison));
+    }
     chart_report(&page)
+}
+
+/// What changed besides the figures.
+fn changes(comparison: &Comparison) -> PageTable {
+    let row = |change: &Change| {
+        let record = comparison.records[change.record].0.clone();
+        vec![record, change.kind.clone(), change.what.clone(), change.from.clone(), change.to.clone()]
+    };
+    PageTable {
+        heading: format!("What changed since {}", comparison.records[0].0),
+        columns: ["record", "kind", "what", "from", "to"].map(str::to_owned).to_vec(),
+        rows: comparison.changes.iter().map(row).collect(),
+    }
+}
+
+/// Each record less the first, with the band of the difference.
+fn difference(comparison: &Comparison, axis: char, curve: &ComparedCurve) -> Chart {
+    let edge =
+        |all: &[[f64; 2]], sign: f64| all.iter().map(|[value, sigma]| value + sign * TWO_SIGMA * sigma).collect();
+    let x = || curve.temperatures_c.clone();
+    let named = |record: usize| format!("{} less {}", comparison.records[record].0, comparison.records[0].0);
+    let bands = curve.differences.iter().map(|all| Band {
+        label: String::new(),
+        x: x(),
+        lo: edge(all, -1.0),
+        hi: edge(all, 1.0),
+    });
+    let lines = curve.differences.iter().enumerate().map(|(at, all)| Curve {
+        label: named(at + 1),
+        x: x(),
+        y: all.iter().map(|[value, _]| *value).collect(),
+        dashed: false,
+    });
+    let zero = Curve { label: "no change".to_owned(), x: x(), y: vec![0.0; curve.temperatures_c.len()], dashed: true };
+    Chart {
+        id: format!("{}-difference-{axis}", curve.quantity),
+        group: format!("temperature-{axis}"),
+        title: format!("What changed? Axis {axis}, {}", curve.quantity),
+        caption: "The difference from the first record, with the band where it is with 95 % confidence. Where the band does not hold zero, \
+                  the gyro changed."
+            .to_owned(),
+        x_label: "temperature, °C".to_owned(),
+        y_label: format!("difference of {}, {}", curve.quantity, unit(&curve.unit)),
+        curves: lines.chain([zero]).collect(),
+        bands: bands.collect(),
+        ..Chart::default()
+    }
 }
 
 /// Every limit of an axis with its value.
@@ -85,7 +138,7 @@ fn values(comparison: &Comparison, axis: char, curve: &ComparedCurve) -> Chart {
         title: format!("Do the curves come back? Axis {axis}, {}", curve.quantity),
         caption: "Each curve with the band where its own fit puts it with 95 % confidence.".to_owned(),
         x_label: "temperature, °C".to_owned(),
-        y_label: format!("{}, {}", curve.quantity, curve.unit),
+        y_label: format!("{}, {}", curve.quantity, unit(&curve.unit)),
         curves: all.clone().map(line).collect(),
         bands: all.map(band).collect(),
         ..Chart::default()
@@ -122,16 +175,15 @@ fn numbers(comparison: &Comparison, axis: &ComparedAxis) -> PageTable {
 
 fn table(comparison: &Comparison, axis: char, curve: &ComparedCurve) -> PageTable {
     let mut columns = vec!["°C".to_owned()];
-    columns.extend(comparison.records.iter().map(|(name, _)| name.clone()));
-    columns.push("beyond their σ".to_owned());
+    columns.extend(curve.titles(&comparison.records));
     let row = |at: usize| {
         let mut row = vec![celsius(curve.temperatures_c[at])];
         row.extend(curve.row(at));
         row
     };
     PageTable {
-        heading: format!("Axis {axis}, {}, {}", curve.quantity, curve.unit),
+        heading: format!("Axis {axis}, {}, {}", curve.quantity, unit(&curve.unit)),
         columns,
-        rows: (0..curve.temperatures_c.len()).map(row).collect(),
+        rows: curve.by_change().into_iter().map(row).collect(),
     }
 }

@@ -1,7 +1,7 @@
 //! Reports: one HTML file that needs nothing else, for screen and paper.
 //!
 //! ```text
-//! record (Calibration, Verification) + ReportData (windows) ─▶ Figure (data) ─▶ svg (paper), page's script (screen)
+//! record (Calibration, Verification) + ReportData (windows) ─▶ Figure (data) ─▶ svg (paper, files), page's script (screen)
 //!                                                       └──────────────────▶ tables, verdict, provenance
 //! ```
 //!
@@ -17,6 +17,7 @@ mod figure;
 mod figures;
 mod noise;
 mod page;
+mod report;
 mod survey;
 mod svg;
 mod terms;
@@ -25,4 +26,5 @@ pub use charts::{Band, Chart, ChartPage, Curve, PageTable, chart_report};
 pub use compared::comparison_report;
 pub use noise::{noise_report, row_notes, term_text};
 pub use page::{calibration_report, verification_report};
+pub use report::Report;
 pub use survey::survey_report;

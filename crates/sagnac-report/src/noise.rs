@@ -1,6 +1,7 @@
 //! The report of a noise budget: the curve with its confidence, the fitted terms, and their values.
 
 use crate::charts::{Band, Chart, ChartPage, Curve, PageTable, chart_report};
+use crate::report::Report;
 use sagnac::allan::NoiseBudget;
 use sagnac_log::error::Result;
 use sagnac_noise::{AxisBudget, CurvePoint, Term, TermValue};
@@ -9,11 +10,11 @@ use sagnac_units::format::significant;
 /// τ that the table lists at most.
 const SHOWN_TAUS: usize = 40;
 
-/// A noise budget as one self-contained HTML file.
+/// A noise budget as a report.
 ///
 /// # Errors
 /// Figures that cannot be written as JSON.
-pub fn noise_report(budget: &NoiseBudget) -> Result<String> {
+pub fn noise_report(budget: &NoiseBudget) -> Result<Report> {
     let files: Vec<&str> = budget.inputs.iter().map(|input| input.file.as_str()).collect();
     let mut page = ChartPage {
         title: "Noise budget".to_owned(),

@@ -4,13 +4,14 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use crate::figure::Figure;
 use crate::figures::Wording;
+use crate::report::Report;
 use crate::{acceptance, figures, svg, terms};
 use sagnac::calibration::{AxisCalibration, Calibration, LogFile, LogUnit, PpmEstimate, UNASSIGNED};
 use sagnac::diagnostics::{AxisReportData, ReportData};
 use sagnac::verify::{AxisVerification, Correction, Figures, Judged, REPEATED_PROFILE, ScaleFigures, Verification};
 use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::{Tally, hex, sha256};
-use sagnac_units::format::{celsius, plain, significant, with_sigma};
+use sagnac_units::format::{celsius, plain, significant, unit, with_sigma};
 
 /// Scripts and styles of the page. uPlot 1.6.32 is under the MIT licence, which is in the same folder.
 const UPLOT_JS: &str = include_str!("vendor/uplot/uPlot.iife.min.js");
@@ -25,7 +26,7 @@ const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; script-src 
 ///
 /// # Errors
 /// A record that cannot be written as JSON.
-pub fn calibration_report(calibration: &Calibration, report_data: &ReportData) -> Result<String> {
+pub fn calibration_report(calibration: &Calibration, report_data: &ReportData) -> Result<Report> {
     let mut drawn = Vec::new();
     let several = calibration.axes.len() > 1;
     let body = html! {
@@ -51,7 +52,7 @@ pub fn calibration_report(calibration: &Calibration, report_data: &ReportData) -
         }
         (provenance(calibration)?)
     };
-    page(&format!("Thermal calibration ({})", calibration.serial), &body, &drawn)
+    page(&format!("Thermal calibration ({})", calibration.serial), &body, drawn)
 }
 
 /// The report of a verification; `calibration` adds the verified calibration, where it is available.
@@ -62,7 +63,7 @@ pub fn verification_report(
     verification: &Verification,
     calibration: Option<&Calibration>,
     report_data: &ReportData,
-) -> Result<String> {
+) -> Result<Report> {
     let mut drawn = Vec::new();
     let several = verification.axes.len() > 1;
     let judged = acceptance::is_acceptance(verification);
@@ -105,12 +106,12 @@ pub fn verification_report(
             tr { td { "SHA-256 of the images" } td.hash { (verification.image_sha256) } }
         } }
     };
-    page(&format!("{} {}", if judged { "Acceptance" } else { "Proof" }, verification.serial), &body, &drawn)
+    page(&format!("{} {}", if judged { "Acceptance" } else { "Proof" }, verification.serial), &body, drawn)
 }
 
 /// Everything into one file.
-pub(crate) fn page(title: &str, body: &Markup, figures: &[Figure]) -> Result<String> {
-    let data = serde_json::to_string(figures).map_err(|e| Error::input(format!("cannot write the figures: {e}")))?;
+pub(crate) fn page(title: &str, body: &Markup, figures: Vec<Figure>) -> Result<Report> {
+    let data = serde_json::to_string(&figures).map_err(|e| Error::input(format!("cannot write the figures: {e}")))?;
     let data = data.replace('<', "\\u003c");
     let markup = html! {
         (DOCTYPE)
@@ -133,7 +134,7 @@ pub(crate) fn page(title: &str, body: &Markup, figures: &[Figure]) -> Result<Str
             }
         }
     };
-    Ok(markup.into_string())
+    Ok(Report { html: markup.into_string(), figures })
 }
 
 /// Every printed page shows its report, its number and the number of pages.
@@ -336,7 +337,7 @@ fn before_after(axis: &AxisVerification, verification: &Verification) -> Markup 
         }
     };
     html! {
-        h3 { "Before and after, " (verification.unit) }
+        h3 { "Before and after, " (unit(&verification.unit)) }
         div.scroll { table {
             thead { tr { th { "" } th { "n" } th { "min" } th { "max" } th { "mean" } th { "max − min" } th { "σ" } th { "σ, °/h" } } }
             (row("before", &axis.before))

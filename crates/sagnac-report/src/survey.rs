@@ -1,17 +1,18 @@
 //! The page of `inspect`: what a log is good for, where the test was, and what it lacks.
 
 use crate::charts::{Chart, ChartPage, Curve, PageTable, chart_report};
+use crate::report::Report;
 use sagnac::survey::{CoverageMap, GoodFor, Survey};
 use sagnac::window::Windows;
 use sagnac_log::error::Result;
 use sagnac_units::format::{file_name, significant, with_sigma};
 use sagnac_units::s_from_ns;
 
-/// A survey as one self-contained HTML file.
+/// A survey as a report.
 ///
 /// # Errors
 /// Figures that cannot be written as JSON.
-pub fn survey_report(survey: &Survey, windows: &Windows) -> Result<String> {
+pub fn survey_report(survey: &Survey, windows: &Windows) -> Result<Report> {
     let files: Vec<String> =
         windows.runs.iter().flat_map(|run| &run.files).map(|file| file_name(&file.summary.file)).collect();
     let because = survey.reason.as_ref().map_or(String::new(), |why| format!(": {why}"));

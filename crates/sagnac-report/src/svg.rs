@@ -57,6 +57,11 @@ pub(crate) fn draw(figure: &Figure) -> String {
     }
 }
 
+/// A figure as a file of its own, with the size that a page gives it otherwise.
+pub(crate) fn file(figure: &Figure) -> String {
+    draw(figure).replacen("<svg ", &format!("<svg width=\"{WIDTH}\" height=\"{HEIGHT}\" "), 1)
+}
+
 /// The marks go on top, before the end of the drawing; the size is left to the page.
 fn finish(svg: &str, marks: &str, title: &str) -> String {
     let size = format!("width=\"{WIDTH}\" height=\"{HEIGHT}\" ");

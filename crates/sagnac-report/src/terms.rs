@@ -3,7 +3,7 @@
 use maud::{Markup, html};
 
 use sagnac::calibration::{AxisCalibration, Candidate, Monomial, Prediction, SearchStep};
-use sagnac_units::format::{celsius, on_scale, significant, with_sigma};
+use sagnac_units::format::{celsius, on_scale, significant, unit, with_sigma};
 
 /// Candidates shown besides the one that was selected.
 const SHOWN_CANDIDATES: usize = 12;
@@ -30,7 +30,7 @@ pub(crate) fn coefficients(axis: &AxisCalibration) -> Markup {
                 @for term in &axis.correction.terms {
                     tr {
                         td { (axis.name_of(term)) } td { (with_sigma(term.value, term.sigma)) }
-                        td.words { (term.unit) }
+                        td.words { (unit(&term.unit)) }
                         td { (term.vif.map_or("-".to_owned(), |v| significant(v, 2))) }
                         @if by_bootstrap { td { (term.bootstrap.map_or("-".to_owned(), |[lo, hi]| format!("{} … {}", significant(lo, 3), significant(hi, 3)))) } }
                         td.words { @if term.significant == Some(false) { "not significant at 95 %" } }
@@ -38,7 +38,7 @@ pub(crate) fn coefficients(axis: &AxisCalibration) -> Markup {
                 }
                 @for found in axis.nonlinear() {
                     tr {
-                        td { (found.name) } td { (found.sigma.map_or_else(|| significant(found.value, 3), |s| with_sigma(found.value, Some(s)))) } td.words { (found.unit) } td {}
+                        td { (found.name) } td { (found.sigma.map_or_else(|| significant(found.value, 3), |s| with_sigma(found.value, Some(s)))) } td.words { (unit(&found.unit)) } td {}
                         td.words { @if found.sigma.is_none() { "not resolved: the smallest within two of its σ" } }
                     }
                 }
@@ -47,7 +47,7 @@ pub(crate) fn coefficients(axis: &AxisCalibration) -> Markup {
         (inputs_and_conditioning(axis))
         @match &axis.monomial {
             Some(monomial) => p.note {
-                "The same curve at rest in powers of °C, " (monomial.unit) " of " (monomial.window_s) " s, with the offset of run "
+                "The same curve at rest in powers of °C, " (unit(&monomial.unit)) " of " (monomial.window_s) " s, with the offset of run "
                 (monomial.run) ":"
             },
             None => p.note { "The curve at rest is no polynomial of the temperature, so it has no powers of °C." },
@@ -102,7 +102,7 @@ fn powers(monomial: &Monomial) -> Markup {
             @for (power, value) in monomial.coefficients.iter().enumerate() {
                 tr {
                     td { "T" sup { (power) } } td { (with_sigma(*value, sigma(power))) }
-                    td.words { (monomial.unit) @match power { 0 => {} 1 => { " per °C" } _ => { " per °C" sup { (power) } } } }
+                    td.words { (unit(&monomial.unit)) @match power { 0 => {} 1 => { " per °C" } _ => { " per °C" sup { (power) } } } }
                 }
             }
         } }

@@ -19,7 +19,10 @@ pub fn with_sigma(value: f64, sigma: Option<f64>) -> String {
                 let scale = 10.0_f64.powf(-power);
                 return format!("({:.decimals$} ± {:.decimals$})e{power}", value * scale, sigma * scale);
             }
-            format!("{value:.decimals$} ± {sigma:.decimals$}")
+            let text = format!("{value:.decimals$}");
+            // A value within half a digit of zero has no sign.
+            let is_zero = text.bytes().all(|byte| matches!(byte, b'-' | b'0' | b'.'));
+            format!("{} ± {sigma:.decimals$}", if is_zero { text.trim_start_matches('-') } else { &text })
         }
         _ => significant(value, 6),
     }
@@ -73,6 +76,11 @@ pub fn significant(value: f64, digits: i32) -> String {
     format!("{value:.*}", (digits - 1 - magnitude).max(0) as usize)
 }
 
+/// A unit as people read it: records and limits write `deg/h per degC/min`, people °/h per °C/min.
+pub fn unit(of_record: &str) -> String {
+    of_record.replace("degC", "°C").replace("deg/h", "°/h").replace("deg/rt h", "°/√h")
+}
+
 /// A setting as it was meant: no more than nine significant digits, and no zeros behind them.
 pub fn plain(value: f64) -> String {
     significant(value, 9).parse::<f64>().map_or(String::new(), |value| value.to_string())
@@ -97,6 +105,8 @@ mod tests {
     fn values_carry_the_digits_their_uncertainty_supports() {
         assert_eq!(with_sigma(0.123_456, Some(0.0123)), "0.123 ± 0.012");
         assert_eq!(with_sigma(1043.39, Some(12.0)), "1043 ± 12");
+        assert_eq!(with_sigma(-0.000_01, Some(0.0011)), "0.0000 ± 0.0011");
+        assert_eq!(unit("deg/h per degC/min"), "°/h per °C/min");
         assert_eq!(with_sigma(-7.656e-9, Some(2.64e-10)), "(-7.66 ± 0.26)e-9");
         assert_eq!(with_sigma(1e-12, Some(2.6e-10)), "(0.0 ± 2.6)e-10");
         assert_eq!(with_sigma(2.5, None), "2.50000");

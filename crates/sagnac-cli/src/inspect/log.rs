@@ -7,7 +7,6 @@ use sagnac::survey::{AxisSurvey, Survey, ThermometerSurvey, survey};
 use sagnac::window::{WindowBuilder, Windows};
 use sagnac_log::ingest::{AngleUnit, LogReader, LogShape, ReadMode, Tally, already_compensated};
 use sagnac_log::setup::Setup;
-use sagnac_log::write::write_bytes;
 use sagnac_report::survey_report;
 use sagnac_units::format::{significant, with_sigma};
 use sagnac_units::s_from_ns;
@@ -18,6 +17,7 @@ use crate::console::Console;
 use crate::inspect::results;
 use crate::loading;
 use crate::progress::open_log;
+use crate::report_args::ReportArgs;
 use crate::setup_args::LogArgs;
 use crate::terminal::table;
 
@@ -52,14 +52,14 @@ struct LogAxis {
 
 const SCALE_KEY: &str = "arcsec_per_count";
 
-pub(super) fn window_table(path: &Path, args: &LogArgs, report: Option<&Path>, console: &mut Console) -> Result<()> {
+pub(super) fn window_table(path: &Path, args: &LogArgs, report: &ReportArgs, console: &mut Console) -> Result<()> {
     let (windows, setup) = loading::windows(std::slice::from_ref(&path.to_owned()), args)?;
     console.say("a window table");
     described(&windows, Vec::new(), "window table", &setup, report, console)
 }
 
 /// Logs that are runs of one test.
-pub(super) fn several(paths: &[PathBuf], args: &LogArgs, report: Option<&Path>, console: &mut Console) -> Result<()> {
+pub(super) fn several(paths: &[PathBuf], args: &LogArgs, report: &ReportArgs, console: &mut Console) -> Result<()> {
     let (windows, setup) = match loading::windows(paths, args) {
         Err(error) if error.place.column.as_deref() == Some(SCALE_KEY) => {
             let given = args.setup.over(Setup::default())?;
@@ -73,7 +73,7 @@ pub(super) fn several(paths: &[PathBuf], args: &LogArgs, report: Option<&Path>, 
     described(&windows, Vec::new(), "logs", &setup, report, console)
 }
 
-pub(super) fn log(path: &Path, args: &LogArgs, report: Option<&Path>, console: &mut Console) -> Result<()> {
+pub(super) fn log(path: &Path, args: &LogArgs, report: &ReportArgs, console: &mut Console) -> Result<()> {
     let given = args.setup.over(Setup::default())?;
     let (reader, setup) = match open_as_far_as_known(path, given) {
         Err(error) if error.what == already_compensated().what => return results::compensated(None, console),
@@ -118,7 +118,7 @@ fn described(
     ignored: Vec<String>,
     kind: &'static str,
     setup: &Setup,
-    report: Option<&Path>,
+    report: &ReportArgs,
     console: &mut Console,
 ) -> Result<()> {
     let scale_known = setup.arcsec_per_count.is_some() || windows.shape.unit == AngleUnit::Arcsec;
@@ -129,11 +129,9 @@ fn described(
             "the size of a count is not known (--arcsec-per-count): rates below are counts per second".to_owned(),
         );
     }
-    if let Some(path) = report {
-        write_bytes(path, survey_report(&found, windows)?.as_bytes())?;
-    }
     let object = object_of(windows, found, ignored, kind, scale_known);
     say(&object, scale_known, console);
+    report.write(console, || survey_report(&object.survey, windows))?;
     console.object(&object)
 }
 

@@ -13,6 +13,7 @@ use crate::calibrate::summary;
 use crate::console::{Console, Outcome, Ran};
 use crate::files::Files;
 use crate::loading::{self, Kind};
+use crate::report_args::ReportArgs;
 use crate::setup_args::LogArgs;
 
 /// Say what a file is, and of a log what it is good for
@@ -26,9 +27,8 @@ pub(crate) struct Args {
     /// Any file; several logs, a folder or a pattern of them are surveyed together
     #[arg(required = true, value_name = "FILE")]
     pub(crate) files: Vec<PathBuf>,
-    /// Report of a log to write: one HTML file for screen and paper
-    #[arg(long, value_name = "FILE")]
-    report: Option<PathBuf>,
+    #[command(flatten)]
+    report: ReportArgs,
     /// One JSON object on standard output, text on standard error
     #[arg(long)]
     pub(crate) json: bool,
@@ -37,13 +37,13 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
-    Files::new().reads(&args.files).reads(&args.reading.setup.setup).writes(&args.report).check()?;
+    args.report.check_with(Files::new().reads(&args.files).reads(&args.reading.setup.setup))?;
     let [file] = args.files.as_slice() else {
-        log::several(&args.files, &args.reading, args.report.as_deref(), console)?;
+        log::several(&args.files, &args.reading, &args.report, console)?;
         return Ok(Outcome::Done);
     };
     let kind = loading::kind_of(file)?;
-    if args.report.is_some() && !matches!(kind, Kind::Log | Kind::WindowTable) {
+    if args.report.is_asked() && !matches!(kind, Kind::Log | Kind::WindowTable) {
         return Err(Error::input("a report is made of a log or window table").file(file.display().to_string()));
     }
     match kind {
@@ -57,10 +57,10 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
                 console.object(&calibration)?;
             }
         },
-        Kind::WindowTable => log::window_table(file, &args.reading, args.report.as_deref(), console)?,
+        Kind::WindowTable => log::window_table(file, &args.reading, &args.report, console)?,
         Kind::Log => {
             if !results::recognised(file, console)? {
-                log::log(file, &args.reading, args.report.as_deref(), console)?;
+                log::log(file, &args.reading, &args.report, console)?;
             }
         }
     }

@@ -9,8 +9,8 @@ use std::path::{Path, PathBuf};
 use sagnac::{Error, Result};
 use sagnac_log::ingest::Content;
 use sagnac_log::read::read_text;
-use sagnac_log::write::{ParquetRows, write_atomically, write_bytes};
-use sagnac_report::{ChartPage, chart_report};
+use sagnac_log::write::{ParquetRows, write_atomically};
+use sagnac_report::chart_report;
 use sagnac_sim::{
     BlockWriter, Bode, Fault, FaultKind, LogRow, LogText, LoopDesign, LoopName, Scenario, ScenarioError, Second,
     truth_header, write_truth,
@@ -22,6 +22,7 @@ use crate::files::Files;
 use crate::loading;
 use crate::pipe::PipeAware;
 use crate::progress::SimulatedTime;
+use crate::report_args::ReportArgs;
 use crate::simulate::charts::Recorder;
 use crate::terminal::table;
 
@@ -45,9 +46,8 @@ pub(crate) struct Args {
     /// Truth to write as CSV: true rate, every error source apart, temperatures, mode
     #[arg(long, value_name = "FILE")]
     truth: Option<PathBuf>,
-    /// Report to write: one HTML file with the gyro's inside over time
-    #[arg(long, value_name = "FILE")]
-    report: Option<PathBuf>,
+    #[command(flatten)]
+    report: ReportArgs,
     /// Sweep both running loops instead, and print their open-loop gain beside the design
     #[arg(long)]
     bode: bool,
@@ -64,7 +64,7 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     }
     let outputs = [&args.output, &args.truth];
     let seed = args.seed.unwrap_or(scenario.seed);
-    let mut recorder = args.report.as_ref().map(|_| Recorder::new(&scenario));
+    let mut recorder = args.report.is_asked().then(|| Recorder::new(&scenario));
     let mut rows = 0;
     let mut to = |path: Option<&Path>, out: &mut (dyn Write + Send)| {
         rows = pour_with_truth(&scenario, seed, path, out, args.truth.as_deref(), &mut recorder)?;
@@ -72,7 +72,7 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     };
     match &args.output {
         Some(path) => write_atomically(path, |out| to(Some(path), out))?,
-        None if args.truth.is_none() && args.report.is_none() => return to_stdout(&scenario, seed),
+        None if args.truth.is_none() && !args.report.is_asked() => return to_stdout(&scenario, seed),
         // With a truth or a report only, no log goes to the terminal.
         None => to(None, &mut std::io::sink())?,
     }
@@ -80,32 +80,20 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     for path in outputs.into_iter().flatten() {
         console.say(format!("wrote {}", path.display()));
     }
-    if let (Some(path), Some(recorder)) = (&args.report, recorder) {
-        write_report(path, &recorder.page(seed), console)?;
+    if let Some(recorder) = recorder {
+        args.report.write(console, || chart_report(&recorder.page(seed)))?;
     }
     Ok(Outcome::Done)
 }
 
-/// Files out are what their names say, apart from each other and from the scenario, in folders that are there.
+/// Files out are what their names say, apart from each other and from the scenario, and can be written.
 fn check_files(args: &Args) -> Result<()> {
     args.output.iter().try_for_each(|path| loading::check_output_name(path, "CSV, or Parquet for .parquet"))?;
     let parquet = |path: &&PathBuf| loading::has_extension(path, "parquet");
     if let Some(path) = args.truth.iter().find(parquet) {
         return Err(Error::input("the truth is written as CSV only").file(path.display().to_string()));
     }
-    let is_page = |path: &&PathBuf| !["csv", "parquet", "toml"].iter().any(|e| loading::has_extension(path, e));
-    if let Some(path) = args.report.iter().find(|path| !is_page(path)) {
-        return Err(Error::input("a report is an HTML page").file(path.display().to_string()));
-    }
-    let outputs = || [&args.output, &args.truth, &args.report].into_iter().flatten();
-    for path in outputs() {
-        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        std::fs::canonicalize(folder).map_err(|e| Error::io_path(path, "write", &e))?;
-        if path.is_dir() {
-            return Err(Error::input("this is a directory; give the name of a file").file(path.display().to_string()));
-        }
-    }
-    Files::new().reads([&args.scenario]).writes(outputs()).check()
+    args.report.check_with(Files::new().reads([&args.scenario]).writes(&args.output).writes(&args.truth))
 }
 
 /// A scenario's refusal, with its file and key.
@@ -283,12 +271,6 @@ fn describe(scenario: &Scenario, seed: u64, rows: u64, console: &mut Console) {
     }
 }
 
-fn write_report(path: &Path, page: &ChartPage, console: &mut Console) -> Result<()> {
-    write_bytes(path, chart_report(page)?.as_bytes())?;
-    console.say(format!("wrote {}", path.display()));
-    Ok(())
-}
-
 fn bode(args: &Args, scenario: &Scenario, console: &mut Console) -> Ran {
     if args.output.is_some() || args.truth.is_some() {
         return Err(
@@ -302,9 +284,7 @@ fn bode(args: &Args, scenario: &Scenario, console: &mut Console) -> Ran {
     for sweep in [&path, &light] {
         describe_loop(sweep, console);
     }
-    if let Some(file) = &args.report {
-        write_report(file, &charts::bode_page(scenario, &[path, light]), console)?;
-    }
+    args.report.write(console, || chart_report(&charts::bode_page(scenario, &[path, light])))?;
     Ok(Outcome::Done)
 }
 

@@ -245,7 +245,7 @@ impl Batch {
 }
 
 /// Summary of a log, complete when the log has been read to its end.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct LogSummary {
     /// File name as given.
     pub file: String,

@@ -59,31 +59,19 @@ impl Drop for Unfinished {
 /// The error of `fill`, or one of the file system with the path.
 pub fn write_atomically(path: &Path, fill: impl FnOnce(&mut (dyn Write + Send)) -> Result<()>) -> Result<()> {
     let failed = |e: &std::io::Error| Error::io_path(path, "write", e);
-    if path.as_os_str() == "-" {
-        return Err(
-            Error::input("`-` is no file; leave -o away for standard output where a command has it").column("-o")
-        );
-    }
-    if path.is_dir() {
-        return Err(Error::input("this is a directory; give the name of a file").file(path.display().to_string()));
-    }
+    refuse_no_file(path)?;
     if let Some(mut out) = standard_stream(path) {
         fill(&mut *out)?;
         return out.flush().map_err(|e| failed(&e));
     }
-    if path.exists() && !path.is_file() {
+    if is_device(path) {
         // A device or a pipe is written to, never replaced.
         let mut out = std::fs::OpenOptions::new().write(true).open(path).map_err(|e| failed(&e))?;
         fill(&mut out)?;
         return out.flush().map_err(|e| failed(&e));
     }
-    let target = if path.is_symlink() { path.canonicalize().map_err(|e| failed(&e))? } else { path.to_owned() };
-    let path = target.as_path();
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    if !folder.is_dir() {
-        let what = format!("cannot write: the folder {} does not exist", folder.display());
-        return Err(Error::input(what).file(path.display().to_string()));
-    }
+    let (path, folder) = target_of(path)?;
+    let (path, folder) = (path.as_path(), folder.as_path());
     let (file, _known) = Unfinished::create(folder, path).map_err(|e| failed(&plain(&e)))?;
     // The file itself, not its handle, whose errors would name the temporary path.
     let mut out = std::io::BufWriter::new(file.as_file());
@@ -99,6 +87,49 @@ pub fn write_atomically(path: &Path, fill: impl FnOnce(&mut (dyn Write + Send)) 
         let _ = folder.sync_all();
     }
     Ok(())
+}
+
+/// Tries whether a file can be written, before the work that fills it: its folder is there and takes a file. A file that is there keeps its
+/// bytes; a device or a pipe is not touched.
+///
+/// # Errors
+/// As [`write_atomically`].
+pub fn try_writing(path: &Path) -> Result<()> {
+    refuse_no_file(path)?;
+    if standard_stream(path).is_some() || is_device(path) {
+        return Ok(());
+    }
+    let (path, folder) = target_of(path)?;
+    Unfinished::create(&folder, &path).map(drop).map_err(|e| Error::io_path(&path, "write", &plain(&e)))
+}
+
+fn refuse_no_file(path: &Path) -> Result<()> {
+    if path.as_os_str() == "-" {
+        return Err(
+            Error::input("`-` is no file; leave -o away for standard output where a command has it").column("-o")
+        );
+    }
+    if path.is_dir() {
+        return Err(Error::input("this is a directory; give the name of a file").file(path.display().to_string()));
+    }
+    Ok(())
+}
+
+/// A device or a pipe is written to, never replaced.
+fn is_device(path: &Path) -> bool {
+    path.exists() && !path.is_file()
+}
+
+/// The file that is written, behind a symbolic link, and its folder.
+fn target_of(path: &Path) -> Result<(PathBuf, PathBuf)> {
+    let behind = path.is_symlink().then(|| path.canonicalize()).transpose();
+    let target = behind.map_err(|e| Error::io_path(path, "write", &e))?.unwrap_or_else(|| path.to_owned());
+    let folder = target.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new(".")).to_owned();
+    if !folder.is_dir() {
+        let what = format!("cannot write: the folder {} does not exist", folder.display());
+        return Err(Error::input(what).file(target.display().to_string()));
+    }
+    Ok((target, folder))
 }
 
 /// The system's error without the name of the temporary file, which means nothing to a user.

@@ -8,12 +8,15 @@
 //! intervals explain. The spread beyond the intervals is the error to expect of a correction after the same time. The same
 //! holds for the scale factor (with its value at T0, if every record has one), the rate effect, the lag and the fixed bias of
 //! the last run (its rate where the input is unknown), all at the first record's T0. A record whose model lacks a term is not
-//! compared in that term. Records made from the same log are reported.
+//! compared in that term. Records made from the same log are reported. Besides, each record's curve less the first's, d_i − d_0 with
+//! σ = √(σ_i² + σ_0²): what changed since the first, the most changed temperature first.
 //!
 //! With limits every pair of records is judged by the rule and in the words of `verify` ([`COMPARED`]).
 
+mod changes;
 mod limits;
 
+pub use changes::Change;
 pub use limits::{COMPARED, ComparedLimit};
 
 use schemars::JsonSchema;
@@ -24,7 +27,7 @@ use crate::compare::limits::Compared;
 use crate::model::ActsOn;
 use crate::verify::{Limits, LimitsSource, Verdict};
 use sagnac_log::error::{Error, Result};
-use sagnac_units::format::{significant, with_sigma};
+use sagnac_units::format::{celsius, significant, unit, with_sigma};
 
 /// A deviation beyond this many σ is not chance.
 const DISAGREE: f64 = 3.0;
@@ -55,6 +58,9 @@ pub struct ComparedCurve {
     pub z: Vec<Vec<Option<f64>>>,
     /// Spread of the records beyond their σ, at each temperature.
     pub beyond: Vec<f64>,
+    /// Per record after the first: its values less the first record's, each with σ. Empty in records of earlier versions.
+    #[serde(default)]
+    pub differences: Vec<Vec<[f64; 2]>>,
     /// Records whose model has no such term; they take no part.
     pub without: Vec<usize>,
     /// Largest |z|, its record and temperature.
@@ -67,7 +73,7 @@ impl ComparedNumber {
         let of = |value: &Option<[f64; 2]>| value.map_or("-".to_owned(), |[v, s]| with_sigma(v, Some(s)));
         let mut row = vec![self.name.clone()];
         row.extend(self.values.iter().map(of));
-        row.push(self.unit.clone());
+        row.push(unit(&self.unit));
         row.push(self.sigmas.map_or("-".to_owned(), |s| significant(s, 2)));
         row
     }
@@ -85,10 +91,51 @@ impl ComparedCurve {
         self.worst.as_ref().is_some_and(|worst| worst.sigmas > DISAGREE)
     }
 
-    /// Values ± σ of every record at one of the temperatures, and the spread beyond them.
+    /// Values ± σ of every record at one of the temperatures, the differences from the first, and the spread beyond them.
     pub fn row(&self, at: usize) -> Vec<String> {
         let of = |record: usize| with_sigma(self.values[record][at], Some(self.sigmas[record][at]));
-        (0..self.values.len()).map(of).chain([significant(self.beyond[at], 2)]).collect()
+        let less = self.differences.iter().map(|all| with_sigma(all[at][0], Some(all[at][1])));
+        (0..self.values.len()).map(of).chain(less).chain([significant(self.beyond[at], 2)]).collect()
+    }
+
+    /// Titles of [`Self::row`].
+    pub fn titles(&self, records: &[(String, f64)]) -> Vec<String> {
+        let names = records.iter().map(|(name, _)| name.clone());
+        let less = match records {
+            [_, _] => vec!["difference".to_owned()],
+            all => all.iter().skip(1).map(|(name, _)| format!("{name} less the first")).collect(),
+        };
+        names.chain(less).chain(["beyond their σ".to_owned()]).collect()
+    }
+
+    /// Places of the temperatures, the most changed first: by the largest difference in its σ.
+    pub fn by_change(&self) -> Vec<usize> {
+        let change = |at: &usize| {
+            let ratios = self.differences.iter().map(|all| all[*at][0].abs() / all[*at][1]);
+            ratios.filter(|ratio| ratio.is_finite()).fold(0.0, f64::max)
+        };
+        let mut places: Vec<usize> = (0..self.temperatures_c.len()).collect();
+        places.sort_by(|a, b| change(b).total_cmp(&change(a)));
+        places
+    }
+
+    /// The largest change since the first record in words; `None` where nothing changed.
+    pub fn change(&self, records: &[(String, f64)]) -> Option<String> {
+        let at = *self.by_change().first()?;
+        let ratio = |all: &Vec<[f64; 2]>| all[at][0].abs() / all[at][1];
+        let most = self.differences.iter().enumerate().filter(|(_, all)| ratio(all).is_finite());
+        let (record, all) = most.max_by(|a, b| ratio(a.1).total_cmp(&ratio(b.1)))?;
+        let (name, _) = records.get(record + 1)?;
+        let [value, sigma] = all[at];
+        (value != 0.0).then(|| {
+            format!(
+                "{}: most changed at {} °C, by {} {} in {name}",
+                self.quantity,
+                celsius(self.temperatures_c[at]),
+                with_sigma(value, Some(sigma)),
+                unit(&self.unit)
+            )
+        })
     }
 
     /// The result in words.
@@ -116,7 +163,7 @@ impl ComparedCurve {
         if !self.disagrees() {
             return format!("{quantity}: the records agree within their intervals; {farthest}{lacking}");
         }
-        let (beyond, unit) = (significant(beyond, 2), &self.unit);
+        let (beyond, unit) = (significant(beyond, 2), unit(&self.unit));
         format!(
             "{quantity}: the records disagree; {farthest}; beyond their σ they differ by up to {beyond} {unit}{lacking}"
         )
@@ -175,6 +222,9 @@ pub struct Comparison {
     pub serial: String,
     /// Per record: its name and the time of its newest sample, s.
     pub records: Vec<(String, f64)>,
+    /// In which each record differs from the first besides its figures: model, setup, data, program.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub changes: Vec<Change>,
     /// Logs that more than one of them was made from: such records are not independent, and agree too well.
     pub shared_logs: Vec<String>,
     /// The axes that all have.
@@ -228,6 +278,7 @@ pub fn compare(records: &[(String, Calibration)], limits: Option<&Limits>) -> Re
     Ok(Comparison {
         serial: first.serial.clone(),
         records: named.collect(),
+        changes: changes::changes(records),
         shared_logs: shared_logs(records),
         axes: axes?,
         untested_axes: letters,
@@ -357,6 +408,11 @@ fn curve(axes: &[&AxisCalibration], quantity: ActsOn, temperatures: &[f64], refe
         ActsOn::Bias => ("bias", "deg/h"),
         ActsOn::ScaleFactor => ("scale", "ppm"),
     };
+    let less = |record: usize| {
+        let at = |at: usize| [values[record][at] - values[0][at], f64::hypot(sigmas[record][at], sigmas[0][at])];
+        (0..temperatures.len()).map(at).collect()
+    };
+    let differences = (1..axes.len()).map(less).collect();
     ComparedCurve {
         quantity: name.to_owned(),
         unit: unit.to_owned(),
@@ -366,6 +422,7 @@ fn curve(axes: &[&AxisCalibration], quantity: ActsOn, temperatures: &[f64], refe
         mean,
         z,
         beyond,
+        differences,
         without,
         worst,
     }

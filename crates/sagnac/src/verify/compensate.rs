@@ -37,7 +37,42 @@ trait RowsOut {
     fn finish(&mut self) -> Result<()>;
 }
 
-/// Corrects a log as it is read; what was read.
+/// A log that was corrected: what was read, and how much of it the correction is made for.
+#[derive(Clone, Debug, Default)]
+pub struct Compensated {
+    /// What was read, and what was left out.
+    pub log: LogSummary,
+    /// Rows written.
+    pub rows: u64,
+    /// Rows without a correction: no temperature yet, or none for longer than the image's hold time, or an overflow.
+    pub uncorrected: u64,
+    /// Rows with the correction at the border of the fit's span, which the fit does not support.
+    pub out_of_span: u64,
+}
+
+impl Compensated {
+    /// Rows corrected within the span of the fit.
+    pub fn corrected(&self) -> u64 {
+        self.rows.saturating_sub(self.uncorrected + self.out_of_span)
+    }
+
+    /// The same as a fraction of the rows that were read, 0 to 1; 0 where there are none.
+    pub fn fraction(&self) -> f64 {
+        self.corrected() as f64 / self.log.rows.max(1) as f64
+    }
+
+    fn count(&mut self, status: Status) {
+        let none = [Status::UNCORRECTED, Status::STALE, Status::OVERFLOW];
+        self.rows += 1;
+        if none.iter().any(|bit| status.contains(*bit)) {
+            self.uncorrected += 1;
+        } else if status.contains(Status::OUT_OF_SPAN) {
+            self.out_of_span += 1;
+        }
+    }
+}
+
+/// Corrects a log as it is read; what was read and corrected.
 ///
 /// # Errors
 /// What the reader or the replay says; a failed write.
@@ -47,7 +82,7 @@ pub fn compensate(
     setup: &Setup,
     format: CorrectedFormat,
     out: &mut (dyn Write + Send),
-) -> Result<LogSummary> {
+) -> Result<Compensated> {
     let shape = log.shape().clone();
     let file = log.summary().file;
     let (images, readings) = correction.fit_to(&shape, setup).map_err(|e| e.file(&file))?;
@@ -59,7 +94,7 @@ pub fn compensate(
     let mut rows = rows_out(log, setup, format, &stamp, out)?;
     let comma_is_decimal = format == CorrectedFormat::Csv && log.delimiter() != b',';
     let mut cells: Vec<Vec<u8>> = Vec::new();
-    let mut written = 0_u64;
+    let mut done = Compensated::default();
     while let Some(batch) = log.next_batch()? {
         let corrected = replay.correct(batch)?;
         for (row, fields) in batch.fields.iter().enumerate() {
@@ -79,17 +114,17 @@ pub fn compensate(
             }));
             cells.push(status_text(status).into_bytes());
             rows.row(&cells)?;
-            written += 1;
+            done.count(status);
         }
         rows.flush()?;
     }
     rows.finish()?;
-    let summary = log.summary();
-    if let (0, Some(most)) = (written, summary.tallies.most()) {
+    done.log = log.summary();
+    if let (0, Some(most)) = (done.rows, done.log.tallies.most()) {
         let what = format!("no row could be corrected: {} are excluded as {}", most.rows, most.reason.name());
         return Err(Error::refused(what).file(most.first).help("`sagnac inspect` lists everything excluded"));
     }
-    Ok(summary)
+    Ok(done)
 }
 
 /// Headers of the corrected log, status last.

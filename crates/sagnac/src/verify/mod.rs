@@ -31,7 +31,7 @@ use sagnac_core::Image;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-pub use compensate::{CorrectedFormat, compensate, status_text};
+pub use compensate::{Compensated, CorrectedFormat, compensate, status_text};
 pub use flight::{Corner, Flight, FlightAxis, Gyrocompass, HeadingError, PositionError};
 pub use limit_specs::{Applies, Bound, LimitSpec, SPECS};
 pub use limits::{Limits, LimitsSource, SETS};
