@@ -24,7 +24,7 @@ use crate::fit::lag::RATE_COLUMNS;
 use crate::fit::least_squares::LeastSquares;
 use crate::fit::search::CONDITION_MAX;
 use crate::fit::slow_noise::Whitening;
-use crate::fit::solve::{Factor, Reducer, Solution};
+use crate::fit::solve::{Factor, RunColumns, RunReducer, Solution};
 use crate::model::basis::{BASIS_LEN, chebyshev};
 use crate::model::spec::ModelSpec;
 
@@ -86,11 +86,14 @@ pub(crate) fn price(windows: f64) -> f64 {
     (windows.ln() - PRICE_LESS).max(LEAST_PRICE)
 }
 
-/// Whitened rows of the series over one thermometer: levels, b₁…b₈, c₀…c₃, e₁… and y, at every τ.
+/// Whitened rows of the series over one thermometer: shared levels, b₁…b₈, c₀…c₃, e₁… and y, at every τ; what a run has for itself is
+/// projected out.
 pub(crate) struct Series<'a> {
     specs: &'a [ModelSpec],
     factors: Vec<Factor>,
+    /// Levels in the factors, and those projected out.
     levels: usize,
+    of_runs: usize,
     rows: f64,
 }
 
@@ -101,15 +104,18 @@ impl<'a> Series<'a> {
         whitening: &Whitening,
         specs: &'a [ModelSpec],
         taus_s: &[f64],
+        columns: &RunColumns,
     ) -> Option<Self> {
         let scales = specs.iter().map(|spec| usize::from(spec.thermometer().scale)).max()?;
         let rated = specs.iter().any(is_rated);
         let taus_s = if rated { taus_s } else { taus_s.get(..1)? };
-        let factors = taus_s.par_iter().map(|tau_s| factor(problem, whitening, *tau_s, rated, scales)).collect();
-        Some(Self { specs, factors, levels: problem.levels.len(), rows: problem.len() as f64 })
+        let factors =
+            taus_s.par_iter().map(|tau_s| factor(problem, whitening, *tau_s, rated, scales, columns)).collect();
+        let (levels, of_runs) = (columns.shared.len(), problem.levels.len() - columns.shared.len());
+        Some(Self { specs, factors, levels, of_runs, rows: problem.len() as f64 })
     }
 
-    /// Grades of all models with some of the levels.
+    /// Grades of all models with some of the shared levels, by their places among these, and all that runs have for themselves.
     pub(crate) fn grades(&self, levels: &[usize]) -> Option<Grades> {
         let solved: Vec<(usize, Solution)> = self
             .specs
@@ -123,7 +129,7 @@ impl<'a> Series<'a> {
             })
             .collect();
         let least = solved.iter().map(|(_, solution)| solution.ssr).fold(f64::INFINITY, f64::min);
-        let most = levels.len() + self.specs.iter().map(ModelSpec::coefficients).max()?;
+        let most = self.of_runs + levels.len() + self.specs.iter().map(ModelSpec::coefficients).max()?;
         let variance = least / (self.rows - most as f64).max(1.0);
         let graded = |(spec, solution): (usize, Solution)| {
             let lags = usize::from(is_rated(&self.specs[spec]));
@@ -157,8 +163,9 @@ pub(crate) fn grade(
     specs: &[ModelSpec],
     taus_s: &[f64],
 ) -> Option<Grades> {
-    let levels: Vec<usize> = (0..problem.levels.len()).collect();
-    Series::new(problem, whitening, specs, taus_s)?.grades(&levels)
+    let columns = problem.run_columns();
+    let levels: Vec<usize> = (0..columns.shared.len()).collect();
+    Series::new(problem, whitening, specs, taus_s, &columns)?.grades(&levels)
 }
 
 /// σ that the models beside a curve add to it, over the span; `None` where there is nothing beside it.
@@ -168,31 +175,32 @@ pub(crate) fn spread(
     specs: &[ModelSpec],
     curve: impl Fn(f64) -> (f64, f64),
 ) -> Option<CurveSpread> {
-    let variance = grades.variance;
+    let (variance, levels) = (grades.variance, problem.run_columns().shared.len());
     let exponent = |graded: &Graded| graded.solution.ssr / variance + graded.weight_price;
     let best = grades.all.iter().map(exponent).fold(f64::INFINITY, f64::min);
     let member = |graded: Graded| {
         let criterion = exponent(&graded) - best;
         let near = (-0.5 * criterion).exp() > LEAST_WEIGHT;
         // A model that could not be selected, because its terms explain each other, is no rival.
-        let conditioning = if near { graded.solution.conditioning(problem.levels.len(), &[]) } else { None };
+        let conditioning = if near { graded.solution.conditioning(levels, &[]) } else { None };
         let near = near && conditioning.is_none_or(|found| found.condition <= CONDITION_MAX);
         let normal = near.then(|| graded.solution.inverse_normal()).flatten()?;
         let bias = usize::from(specs[graded.spec].thermometer().bias);
         Some(Member { theta: graded.solution.theta, normal, bias, criterion })
     };
     let members: Vec<Member> = grades.all.into_iter().filter_map(member).collect();
-    average(problem, &members, variance, curve)
+    average(problem, &members, variance, levels, curve)
 }
 
 fn average(
     problem: &LeastSquares<'_>,
     members: &[Member],
     variance: f64,
+    levels: usize,
     curve: impl Fn(f64) -> (f64, f64),
 ) -> Option<CurveSpread> {
     let total: f64 = members.iter().map(|member| (-0.5 * member.criterion).exp()).sum();
-    let (span, levels) = (problem.span(), problem.levels.len());
+    let span = problem.span();
     let at_reference = chebyshev(span.x(problem.inputs[0].reference));
     let at = |point: usize| {
         let celsius = temperature(problem, point);
@@ -222,21 +230,29 @@ fn average(
         .then_some(CurveSpread { temperature_c, sigma_dph })
 }
 
-/// Levels, b₁…b₈, c₀…c₃, e₁… and y of all rows, whitened.
-fn factor(problem: &LeastSquares<'_>, whitening: &Whitening, tau_s: f64, rated: bool, scales: usize) -> Factor {
-    let rates = if rated { problem.rate_columns(0, tau_s) } else { vec![[0.0; RATE_COLUMNS]; problem.len()] };
-    let width = problem.levels.len() + BASIS_LEN - 1 + RATE_COLUMNS + scales + 1;
-    let (mut reducer, mut filter) = (Reducer::new(width), whitening.filter(width));
+/// Shared levels, b₁…b₈, c₀…c₃, e₁… and y of all rows, whitened.
+fn factor(
+    problem: &LeastSquares<'_>,
+    whitening: &Whitening,
+    tau_s: f64,
+    rated: bool,
+    scales: usize,
+    columns: &RunColumns,
+) -> Factor {
+    let rates = if rated { problem.rate_columns(0, tau_s) } else { vec![[0.0; RATE_COLUMNS]; problem.len()].into() };
+    let further = BASIS_LEN - 1 + RATE_COLUMNS + scales + 1;
+    let width = problem.levels.len() + further;
+    let (mut reducer, mut filter) = (RunReducer::new(columns, further), whitening.filter(width));
     let mut row = Vec::with_capacity(width);
     for (i, rates) in rates.iter().enumerate() {
         row.clear();
-        row.extend(problem.levels.iter().map(|level| problem.level(i, *level)));
+        row.extend(columns.of(problem.run[i]).map(|level| problem.level(i, problem.levels[level])));
         row.extend_from_slice(&problem.inputs[0].basis[i][1..]);
         row.extend_from_slice(rates);
         row.extend((1..=scales).map(|k| problem.scale_column(0, i, k)));
         row.push(problem.y[i]);
         filter.push(i, &mut row);
-        reducer.push(&row);
+        reducer.push(problem.run[i], &row);
     }
-    reducer.finish()
+    reducer.finish_shared()
 }

@@ -8,7 +8,7 @@
 
 use crate::fit::least_squares::{LeastSquares, Rates, TermColumn};
 use crate::fit::slow_noise::Whitening;
-use crate::fit::solve::{Factor, Reducer, Solution};
+use crate::fit::solve::{Factor, RunColumns, RunReducer, Solution};
 
 /// τ counts as resolved unless misfits within this Δχ² of the least reach an end of the search: two standard errors.
 pub(crate) const FLAT_CHI_SQUARED: f64 = 4.0;
@@ -44,7 +44,10 @@ impl<'a> Design<'a> {
 
     /// Sum of squares of the residuals at the best coefficients; infinite where there are none.
     pub(crate) fn misfit(&self) -> f64 {
-        self.factor(&[]).solve_all().map_or(f64::INFINITY, |solution| solution.ssr)
+        let columns = self.problem.run_columns();
+        let factor = self.reducer(&columns, &[]).finish_shared();
+        let count = columns.shared.len() + self.terms.len();
+        factor.solve(&(0..count).collect::<Vec<_>>()).map_or(f64::INFINITY, |solution| solution.ssr)
     }
 
     /// The best coefficients.
@@ -93,11 +96,22 @@ impl<'a> Design<'a> {
     /// All rows as a factor, with ∂y/∂τ as last columns if given.
     pub(super) fn factor(&self, slopes: &[Vec<f64>]) -> Columns {
         let count = self.problem.levels.len() + self.terms.len() + slopes.len();
-        let mut reducer = Reducer::new(count + 1);
+        Columns { factor: self.reducer(&self.problem.run_columns(), slopes).finish(), count }
+    }
+
+    /// All rows run by run, with what [`Self::factor`] says.
+    fn reducer<'c>(&self, columns: &'c RunColumns, slopes: &[Vec<f64>]) -> RunReducer<'c> {
+        let count = self.problem.levels.len() + self.terms.len() + slopes.len();
+        let mut reducer = RunReducer::new(columns, self.terms.len() + slopes.len() + 1);
         let mut row = Vec::with_capacity(count + 1);
+        // A run begins with a filter that knows nothing, so that its own columns may take the places of those of the run before.
         let mut filter = self.whitening.map(|whitening| whitening.filter(count + 1));
         for i in 0..self.problem.len().min(self.rows) {
-            self.row(i, slopes, &mut row);
+            let run = self.problem.run[i];
+            row.clear();
+            row.extend(columns.of(run).map(|level| self.problem.level(i, self.problem.levels[level])));
+            row.extend(self.terms.iter().map(|term| self.problem.regressor(term, i, &self.rates)));
+            row.extend(slopes.iter().map(|slope| slope[i]));
             row.push(self.problem.y[i]);
             match &mut filter {
                 Some(filter) => filter.push(i, &mut row),
@@ -106,9 +120,9 @@ impl<'a> Design<'a> {
                     row.iter_mut().for_each(|value| *value *= root);
                 }
             }
-            reducer.push(&row);
+            reducer.push(run, &row);
         }
-        Columns { factor: reducer.finish(), count }
+        reducer
     }
 
     pub(super) fn model_at(&self, row: usize, theta: &[f64], regressors: &mut Vec<f64>) -> f64 {

@@ -13,8 +13,8 @@ use std::collections::BTreeMap;
 use nalgebra::DVector;
 
 use crate::fit::lag::RATE_COLUMNS;
-use crate::fit::least_squares::{LeastSquares, Rates, TermColumn};
-use crate::fit::solve::{Factor, Reducer, Solution};
+use crate::fit::least_squares::{LeastSquares, RateRows, Rates, TermColumn};
+use crate::fit::solve::{Factor, RunColumns, RunReducer, Solution};
 use crate::fit::two_lags::coarse_pairs;
 use crate::model::spec::ModelSpec;
 use rayon::prelude::*;
@@ -27,8 +27,9 @@ const BIAS_COLUMNS: usize = crate::model::basis::BASIS_LEN - 1;
 struct Division {
     block: Vec<usize>,
     blocks: usize,
-    /// Columns before the terms; 0: every run is centred instead.
-    levels: usize,
+    /// Columns before the terms that no run has for itself; none of them where every run is centred instead.
+    columns: RunColumns,
+    is_centred: bool,
     scheme: &'static str,
 }
 
@@ -39,19 +40,32 @@ impl Division {
             // On a table the scale factor at T0 and the constant that runs share are learned from the other runs; so are a drift in
             // time and a warm-up.
             let beyond_runs = problem.turning.is_some() || problem.levels.iter().any(|level| level.is_nuisance());
-            let levels = if beyond_runs { problem.levels.len() } else { 0 };
-            return Self { block: problem.run.clone(), blocks: runs, levels, scheme: "leave one run out" };
+            let columns = if beyond_runs { problem.run_columns() } else { RunColumns::default() };
+            return Self {
+                block: problem.run.clone(),
+                blocks: runs,
+                columns,
+                is_centred: !beyond_runs,
+                scheme: "leave one run out",
+            };
         }
         let blocks = BLOCKS.min(n);
         let block = (0..n).map(|i| i * blocks / n).collect();
-        Self { block, blocks, levels: problem.levels.len(), scheme: "contiguous blocks" }
+        let columns = RunColumns { own: Vec::new(), shared: (0..problem.levels.len()).collect() };
+        Self { block, blocks, columns, is_centred: false, scheme: "contiguous blocks" }
     }
 
     /// Levels that the training set of a fold determines, and those that occur in the fold only.
     fn levels_without(&self, problem: &LeastSquares<'_>, fold: usize) -> (Vec<usize>, Vec<usize>) {
-        let is_present = |level: usize, i: usize| problem.level(i, problem.levels[level]) != 0.0;
+        let level_of = |place: usize| problem.levels[self.columns.shared[place]];
+        let is_present = |level: usize, i: usize| problem.level(i, level_of(level)) != 0.0;
         let trained = |level: &usize| (0..problem.len()).any(|i| self.block[i] != fold && is_present(*level, i));
-        (0..self.levels).partition(trained)
+        (0..self.levels()).partition(trained)
+    }
+
+    /// Columns of the factors before the terms.
+    fn levels(&self) -> usize {
+        self.columns.shared.len()
     }
 }
 
@@ -68,7 +82,7 @@ pub(crate) fn cross_validate(problem: &LeastSquares<'_>, candidates: &[ModelSpec
     let with_rate = candidates.iter().any(|c| c.thermometer().rate.is_some());
     // Without a rate term τ does not matter.
     let taus_s = if with_rate { taus_s } else { &taus_s[..1] };
-    let factors: Vec<Vec<Factor>> =
+    let factors: Vec<Folds> =
         taus_s.par_iter().map(|tau| block_factors(problem, &division, *tau, with_rate, scale_orders)).collect();
     let folds: Vec<usize> = (0..division.blocks).collect();
     let squares: Vec<_> =
@@ -86,25 +100,22 @@ fn fold_squares(
     division: &Division,
     candidates: &[ModelSpec],
     taus_s: &[f64],
-    factors: &[Vec<Factor>],
+    factors: &[Folds],
     fold: usize,
 ) -> Vec<Option<f64>> {
-    let training: Vec<Option<Factor>> = factors
-        .iter()
-        .map(|blocks| Factor::join(blocks.iter().enumerate().filter(|(b, _)| *b != fold).map(|(_, f)| f)))
-        .collect();
+    let training: Vec<Option<&Factor>> = factors.iter().map(|of_tau| of_tau.without[fold].as_ref()).collect();
     let (known, free) = division.levels_without(problem, fold);
     let squares = candidates.iter().map(|candidate| {
-        let columns = columns_of_grid(candidate, &known, division.levels);
+        let columns = columns_of_grid(candidate, &known, division.levels());
         let choices = if candidate.thermometer().rate.is_some() { taus_s.len() } else { 1 };
         let (tau, theta) = best_tau(&training[..choices], &columns)?;
-        Some(factors[tau][fold].ssr(&columns, &theta, &free))
+        Some(factors[tau].blocks[fold].ssr(&columns, &theta, &free))
     });
     squares.collect()
 }
 
 /// The τ of least misfit on the training set.
-fn best_tau(training: &[Option<Factor>], columns: &[usize]) -> Option<(usize, DVector<f64>)> {
+fn best_tau(training: &[Option<&Factor>], columns: &[usize]) -> Option<(usize, DVector<f64>)> {
     let solved = training.iter().enumerate().filter_map(|(i, f)| Some((i, f.as_ref()?.solve(columns)?)));
     let best: Option<(usize, Solution)> = solved.min_by(|(_, a), (_, b)| a.ssr.total_cmp(&b.ssr));
     best.map(|(i, solution)| (i, solution.theta))
@@ -132,8 +143,9 @@ fn block_factors(
     tau_s: f64,
     with_rate: bool,
     scale_orders: usize,
-) -> Vec<Factor> {
-    let rates = if with_rate { problem.rate_columns(0, tau_s) } else { vec![[0.0; RATE_COLUMNS]; problem.len()] };
+) -> Folds {
+    let rates =
+        if with_rate { problem.rate_columns(0, tau_s) } else { vec![[0.0; RATE_COLUMNS]; problem.len()].into() };
     reduced(problem, division, BIAS_COLUMNS + RATE_COLUMNS + scale_orders, |row, i| {
         row.extend_from_slice(&problem.inputs[0].basis[i][1..]);
         row.extend_from_slice(&rates[i]);
@@ -141,23 +153,38 @@ fn block_factors(
     })
 }
 
-/// Factors of the blocks, of levels, `regressors` columns that `add` appends, and y.
+/// Factors of the blocks, of all others beside each, and of all.
+struct Folds {
+    blocks: Vec<Factor>,
+    without: Vec<Option<Factor>>,
+    whole: Option<Factor>,
+}
+
+impl Folds {
+    fn of(blocks: Vec<Factor>) -> Self {
+        Self { without: Factor::without_each(&blocks), whole: Factor::join(blocks.iter()), blocks }
+    }
+}
+
+/// Factors of the blocks, of shared levels, `regressors` columns that `add` appends, and y. What a run has for itself is projected out:
+/// the offset and drift of a held-out run take their best values.
 fn reduced(
     problem: &LeastSquares<'_>,
     division: &Division,
     regressors: usize,
     add: impl Fn(&mut Vec<f64>, usize),
-) -> Vec<Factor> {
-    let width = division.levels + regressors + 1;
+) -> Folds {
+    let columns = &division.columns;
+    let width = division.levels() + regressors + 1;
     let mut row = Vec::with_capacity(width);
     let fill = |row: &mut Vec<f64>, i: usize| {
         row.clear();
-        row.extend(problem.levels[..division.levels].iter().map(|level| problem.level(i, *level)));
+        row.extend(columns.of(problem.run[i]).map(|level| problem.level(i, problem.levels[level])));
         add(row, i);
         row.push(problem.y[i]);
     };
     let mut centres = vec![vec![0.0; width]; problem.runs.len()];
-    if division.levels == 0 {
+    if division.is_centred {
         let mut weights = vec![0.0; problem.runs.len()];
         for i in 0..problem.len() {
             fill(&mut row, i);
@@ -166,14 +193,18 @@ fn reduced(
             centres[problem.run[i]].iter_mut().zip(&row).for_each(|(mean, value)| *mean += share * (value - *mean));
         }
     }
-    let mut reducers: Vec<Reducer> = (0..division.blocks).map(|_| Reducer::new(width)).collect();
+    let mut reducers: Vec<RunReducer<'_>> =
+        (0..division.blocks).map(|_| RunReducer::new(columns, regressors + 1)).collect();
     for i in 0..problem.len() {
         fill(&mut row, i);
         let root = problem.weight[i].sqrt();
-        row.iter_mut().zip(&centres[problem.run[i]]).for_each(|(value, centre)| *value = (*value - centre) * root);
-        reducers[division.block[i]].push(&row);
+        if division.is_centred {
+            row.iter_mut().zip(&centres[problem.run[i]]).for_each(|(value, centre)| *value -= centre);
+        }
+        row.iter_mut().for_each(|value| *value *= root);
+        reducers[division.block[i]].push(problem.run[i], &row);
     }
-    reducers.into_iter().map(Reducer::finish).collect()
+    Folds::of(reducers.into_iter().map(RunReducer::finish_shared).collect())
 }
 
 /// Limit on the sweeps over several lags.
@@ -192,7 +223,7 @@ pub(crate) struct Trial<'a> {
     /// Per step term and block: lowest and highest value of its column.
     steps: BTreeMap<usize, Vec<(f64, f64)>>,
     /// Factors of the blocks by the places of the lags in the grid.
-    factors: BTreeMap<Vec<usize>, Vec<Factor>>,
+    factors: BTreeMap<Vec<usize>, Folds>,
 }
 
 impl<'a> Trial<'a> {
@@ -216,7 +247,7 @@ impl<'a> Trial<'a> {
             self.problem.tau_from[*input].max(place)
         });
         let start: Vec<usize> = start.collect();
-        let whole: Vec<usize> = self.columns(&(0..self.division.levels).collect::<Vec<_>>());
+        let whole: Vec<usize> = self.columns(&(0..self.division.levels()).collect::<Vec<_>>());
         let (start, _) = self.descend(start, None, &whole)?;
         let mut sum = 0.0;
         for fold in 0..self.division.blocks {
@@ -225,7 +256,7 @@ impl<'a> Trial<'a> {
                 self.columns(&known).into_iter().partition(|column| self.is_seen(*column, fold));
             free.extend(unseen);
             let (best, theta) = self.descend(start.clone(), Some(fold), &columns)?;
-            sum += self.blocks(&best)[fold].ssr(&columns, &theta, &free);
+            sum += self.folds(&best).blocks[fold].ssr(&columns, &theta, &free);
         }
         Some(sum / self.problem.len() as f64)
     }
@@ -233,7 +264,7 @@ impl<'a> Trial<'a> {
     /// False for a step that does not occur in the training set of a fold. It gets its best value in the fold, like the level
     /// of a run that occurs in the fold only.
     fn is_seen(&self, column: usize, fold: usize) -> bool {
-        let of_term = column.checked_sub(self.division.levels).and_then(|term| self.steps.get(&term));
+        let of_term = column.checked_sub(self.division.levels()).and_then(|term| self.steps.get(&term));
         let Some(blocks) = of_term else { return true };
         let others = blocks.iter().enumerate().filter(|(block, _)| *block != fold).map(|(_, extremes)| *extremes);
         let (lo, hi) = others.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), (l, h)| (lo.min(l), hi.max(h)));
@@ -241,7 +272,8 @@ impl<'a> Trial<'a> {
     }
 
     fn columns(&self, known: &[usize]) -> Vec<usize> {
-        known.iter().copied().chain(self.division.levels..self.division.levels + self.terms.len()).collect()
+        let levels = self.division.levels();
+        known.iter().copied().chain(levels..levels + self.terms.len()).collect()
     }
 
     /// The lags of least misfit outside a fold, optimised in turn, and the coefficients there.
@@ -290,12 +322,13 @@ impl<'a> Trial<'a> {
     }
 
     fn misfit(&mut self, at: &[usize], fold: Option<usize>, columns: &[usize]) -> Option<Solution> {
-        let blocks = self.blocks(at).iter().enumerate().filter(|(block, _)| Some(*block) != fold);
-        Factor::join(blocks.map(|(_, factor)| factor))?.solve(columns)
+        let folds = self.folds(at);
+        let training = fold.map_or(&folds.whole, |fold| &folds.without[fold]);
+        training.as_ref()?.solve(columns)
     }
 
     /// Factors of the blocks at these lags, made once.
-    fn blocks(&mut self, at: &[usize]) -> &[Factor] {
+    fn folds(&mut self, at: &[usize]) -> &Folds {
         if !self.factors.contains_key(at) {
             for (input, tau) in self.rated.iter().zip(at) {
                 if self.rates.get(input).is_none_or(|(at, _)| at != tau) {
@@ -303,7 +336,7 @@ impl<'a> Trial<'a> {
                 }
             }
             let of_input = |input: usize| self.rates.get(&input).map(|(_, rates)| rates);
-            let none = vec![Vec::new(); self.problem.inputs.len()];
+            let none: Rates = vec![RateRows::default(); self.problem.inputs.len()];
             let made = reduced(self.problem, &self.division, self.terms.len(), |row, i| {
                 let value = |term: &TermColumn| self.problem.regressor(term, i, of_input(term.input).unwrap_or(&none));
                 row.extend(self.terms.iter().map(value));

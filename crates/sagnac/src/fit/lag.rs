@@ -8,49 +8,77 @@
 //! The same recursion as `sagnac_core::InputSpec` on the same grid with the same zero-order hold;
 //! a window's mean of Ṫ·T_j(x) is the difference of a running sum at its ends.
 
-use std::borrow::Cow;
-
 use crate::model::basis::Span;
 use crate::model::spec::MAX_RATE_ORDER;
 
 /// Columns of a full rate series, c₀ … c₃.
 pub(crate) const RATE_COLUMNS: usize = MAX_RATE_ORDER as usize + 1;
 
+/// One run's temperatures on the grid: each with the number of grid points that it stays. A thermometer is read less often than the grid
+/// has points, and between two readings the lag has a closed form.
+#[derive(Debug, Default)]
+pub(crate) struct Track(Vec<(f64, u32)>);
+
+impl Track {
+    pub(crate) fn of(temperatures_c: &[f64]) -> Self {
+        let mut levels: Vec<(f64, u32)> = Vec::new();
+        for celsius in temperatures_c {
+            match levels.last_mut().filter(|(last, points)| last == celsius && *points < u32::MAX) {
+                Some((_, points)) => *points += 1,
+                None => levels.push((*celsius, 1)),
+            }
+        }
+        Self(levels)
+    }
+}
+
 /// The lag on one run's track.
 pub(crate) struct LagRate<'a> {
-    pub(crate) track_c: Cow<'a, [f64]>,
+    pub(crate) track: &'a Track,
     pub(crate) span: Span,
     pub(crate) period_s: f64,
     pub(crate) tau_s: f64,
 }
 
 impl LagRate<'_> {
-    /// Ṫ at each grid point, °C/min, with the temperature there.
-    fn rates(&self) -> impl Iterator<Item = (f64, f64)> {
+    /// Ṫ at each grid point, °C/min.
+    fn rates(&self) -> impl Iterator<Item = f64> {
         let alpha = -(-self.period_s / self.tau_s).exp_m1();
-        let mut lag = self.track_c.first().copied().unwrap_or(0.0);
+        let mut lag = self.first_c();
         let per_minute = 60.0 / self.period_s;
-        self.track_c.iter().map(move |&t_c| {
+        let points = self.track.0.iter().flat_map(|(t_c, points)| std::iter::repeat_n(*t_c, *points as usize));
+        points.map(move |t_c| {
             let step = alpha * (t_c - lag);
             lag += step;
-            (per_minute * step, t_c)
+            per_minute * step
         })
+    }
+
+    fn first_c(&self) -> f64 {
+        self.track.0.first().map_or(0.0, |(t_c, _)| *t_c)
     }
 
     /// Means of Ṫ·T_j(x) over windows (start, end], seconds from the start of the run, °C/min. Windows are in order and do
     /// not overlap, so one pass is enough and memory does not grow with the track.
     pub(crate) fn means(&self, windows: &[(f64, f64)]) -> Vec<[f64; RATE_COLUMNS]> {
-        let track: &[f64] = &self.track_c;
-        let mut sums = RunningSums::new(self, track.first().copied().unwrap_or(0.0));
-        let mut next = 0;
+        let levels = self.track.0.as_slice();
+        let mut sums = RunningSums::new(self, self.first_c());
+        // The level that comes next, how many of its points are behind, and how many points altogether.
+        let (mut level, mut of_level, mut behind) = (0, 0_u32, 0_usize);
         let mut up_to = |border_s: f64| {
             let position = (border_s / self.period_s).max(0.0);
-            let whole = (position as usize).min(track.len());
-            track[next..whole.max(next)].iter().for_each(|t_c| sums.take(*t_c));
-            next = next.max(whole);
+            let whole = position as usize;
+            while let Some((t_c, points)) = levels.get(level).filter(|_| behind < whole) {
+                let ahead = u32::try_from(whole - behind).unwrap_or(u32::MAX).min(points - of_level);
+                sums.take(*t_c, ahead);
+                (of_level, behind) = (of_level + ahead, behind + ahead as usize);
+                if of_level == *points {
+                    (level, of_level) = (level + 1, 0);
+                }
+            }
             // Linear between grid points; nothing behind the last.
-            match track.get(whole) {
-                Some(t_c) => sums.with_part(*t_c, position - whole as f64),
+            match levels.get(level) {
+                Some((t_c, _)) => sums.with_part(*t_c, position - whole as f64),
                 None => sums.sums,
             }
         };
@@ -65,7 +93,7 @@ impl LagRate<'_> {
     pub(crate) fn extremes(&self, windows: &[(f64, f64)]) -> [f64; 2] {
         let index = |s: f64| (s / self.period_s) as usize;
         let (mut at, mut extremes) = (0, [0.0, 0.0]);
-        for (n, (rate, _)) in self.rates().enumerate() {
+        for (n, rate) in self.rates().enumerate() {
             while windows.get(at).is_some_and(|(_, end)| index(*end) <= n) {
                 at += 1;
             }
@@ -95,25 +123,24 @@ impl RunningSums {
         Self { span: of.span, alpha, period_s: of.period_s, per_minute, lag_c: first_c, sums }
     }
 
-    /// What the next grid point adds, and its step of the lag.
+    /// So many grid points of one temperature: lag ← T + (1 − α)ⁿ·(lag − T), and the sums grow by the change of the lag.
     #[inline]
-    fn added(&self, t_c: f64) -> ([f64; RATE_COLUMNS], f64) {
-        let step = self.alpha * (t_c - self.lag_c);
-        let (rate, basis) = (self.per_minute * step, low_orders(self.span.x(t_c)));
-        (basis.map(|value| rate * value * self.period_s), step)
-    }
-
-    #[inline]
-    fn take(&mut self, t_c: f64) {
-        let (added, step) = self.added(t_c);
+    fn take(&mut self, t_c: f64, points: u32) {
+        let away = t_c - self.lag_c;
+        let step = if points == 1 { self.alpha * away } else { away - away * (1.0 - self.alpha).powi(points as i32) };
         self.lag_c += step;
-        self.sums.iter_mut().zip(added).for_each(|(sum, value)| *sum += value);
+        self.add(t_c, step, 1.0).iter().zip(&mut self.sums).for_each(|(value, sum)| *sum = *value);
     }
 
     /// The sums with a part of the next grid point.
     fn with_part(&self, t_c: f64, part: f64) -> [f64; RATE_COLUMNS] {
-        let (added, _) = self.added(t_c);
-        std::array::from_fn(|j| self.sums[j] + part * added[j])
+        self.add(t_c, self.alpha * (t_c - self.lag_c), part)
+    }
+
+    #[inline]
+    fn add(&self, t_c: f64, step: f64, part: f64) -> [f64; RATE_COLUMNS] {
+        let (rate, basis) = (self.per_minute * step, low_orders(self.span.x(t_c)));
+        std::array::from_fn(|j| self.sums[j] + part * (rate * basis[j] * self.period_s))
     }
 }
 
@@ -128,8 +155,24 @@ fn low_orders(x: f64) -> [f64; RATE_COLUMNS] {
 mod tests {
     use super::*;
 
-    fn ramp(track_c: &[f64], span: Span, tau_s: f64) -> LagRate<'_> {
-        LagRate { track_c: Cow::Borrowed(track_c), span, period_s: 1.0, tau_s }
+    fn ramp(track: &Track, span: Span, tau_s: f64) -> LagRate<'_> {
+        LagRate { track, span, period_s: 1.0, tau_s }
+    }
+
+    /// A stretch of one temperature gives what its points give one by one.
+    #[test]
+    fn a_stretch_is_as_its_points() {
+        let celsius: Vec<f64> = (0..3000).map(|n| f64::from((n / 7 * 37) % 11) + f64::from(n % 500 / 250)).collect();
+        let (stretches, points) = (Track::of(&celsius), Track(celsius.iter().map(|t_c| (*t_c, 1)).collect()));
+        assert!(stretches.0.len() < 500 && stretches.0.iter().map(|(_, n)| *n).sum::<u32>() == 3000);
+        let windows: Vec<(f64, f64)> =
+            (0..130).map(|w| (f64::from(w) * 23.3 + 0.4, f64::from(w) * 23.3 + 22.9)).collect();
+        for tau_s in [0.3, 7.0, 400.0] {
+            let span = Span { lo: 0.0, hi: 11.0 };
+            let [a, b] = [&stretches, &points].map(|track| ramp(track, span, tau_s).means(&windows));
+            let far = a.iter().flatten().zip(b.iter().flatten()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            assert!(far < 1e-11, "{tau_s}: {far}");
+        }
     }
 
     #[test]
@@ -145,6 +188,7 @@ mod tests {
     fn a_ramp_shows_its_own_rate() {
         let track: Vec<f64> = (0..4000).map(|n| f64::from(n) / 60.0).collect();
         let span = Span { lo: 0.0, hi: 70.0 };
+        let track = Track::of(&track);
         let lag = ramp(&track, span, 120.0);
         let means = lag.means(&[(10.0, 20.0), (3000.0, 3100.0)]);
         assert!((means[1][0] - 1.0).abs() < 1e-9, "{}", means[1][0]);
@@ -163,6 +207,7 @@ mod tests {
             let last = lags[lags.len() - 1];
             lags.push(last + alpha * (t - last));
         }
+        let track = Track::of(&track);
         let lag = ramp(&track, Span { lo: 0.0, hi: 10.0 }, 7.0);
         // Windows between grid points and up to the very end too.
         let means = lag.means(&[(50.0, 150.0), (150.25, 160.5), (190.0, 200.0)]);

@@ -18,12 +18,14 @@
 //! constant per run where every run was turned at several rates, otherwise one for all: a run at a single rate does not
 //! separate its constant from ε0.
 
-use std::sync::{Arc, RwLock};
+use std::ops::Range;
+use std::sync::{Arc, OnceLock, RwLock};
 
 use crate::calibration::{Plateau, SCALE_AT_REFERENCE};
-use crate::fit::lag::{LagRate, RATE_COLUMNS};
+use crate::fit::lag::{LagRate, RATE_COLUMNS, Track};
 use crate::fit::plateaus::plateaus_of;
 use crate::fit::rate_table_input::RateTableInput;
+use crate::fit::solve::RunColumns;
 use crate::model::basis::Span;
 use crate::model::input::{SampledInput, Signal, knots};
 use crate::model::spec::ModelSpec;
@@ -36,8 +38,8 @@ use sagnac_units::s_from_ns;
 const RATE_MARGIN: f64 = 1.5;
 /// Number of τ in the grid, before the refinement.
 const TAU_STEPS: usize = 24;
-/// Rows up to which rate columns are kept: 38 MB.
-const MOST_KNOWN_ROWS: usize = 50_000;
+/// Rows of rate columns that are kept: 64 MB.
+const MOST_KNOWN_ROWS: usize = 2_000_000;
 
 /// The used windows of one axis.
 pub(crate) struct LeastSquares<'a> {
@@ -69,26 +71,35 @@ pub(crate) struct LeastSquares<'a> {
     /// Rates of the table, where the axis was on one.
     pub(crate) turning: Option<RateTableInput>,
     known_rates: KnownRates,
+    /// Per input and run: its temperatures on the grid, from when they are first needed.
+    tracks: Vec<OnceLock<Vec<Track>>>,
 }
 
-/// Rate columns of the thermometer of the fit at the τ of the grid, which every model asks for.
+/// From so many runs on, the columns of each run are reduced by themselves.
+const MANY_RUNS: usize = 4;
+
+/// Rate columns at the τ of the grid by input, which every model asks for. A second lag has the columns of the first.
 #[derive(Default)]
-struct KnownRates(RwLock<Vec<(f64, Arc<[RateRow]>)>>);
+struct KnownRates(RwLock<Vec<(usize, f64, RateRows)>>);
+
+/// Rate columns of all rows.
+pub(crate) type RateRows = Arc<[RateRow]>;
 
 /// Means of Ṫ·T₀ … Ṫ·T₃ over a row, °C/min.
 pub(crate) type RateRow = [f64; RATE_COLUMNS];
 
 impl KnownRates {
-    fn find(&self, tau_s: f64) -> Option<Vec<RateRow>> {
+    fn find(&self, input: usize, tau_s: f64) -> Option<RateRows> {
         let known = self.0.read().ok()?;
-        known.iter().find(|(other, _)| *other == tau_s).map(|(_, rows)| rows.to_vec())
+        known.iter().find(|(of, other, _)| *of == input && *other == tau_s).map(|(.., rows)| Arc::clone(rows))
     }
 
-    fn keep(&self, tau_s: f64, rows: &[RateRow]) {
+    fn keep(&self, input: usize, tau_s: f64, rows: &RateRows) {
         if let Ok(mut known) = self.0.write()
-            && known.iter().all(|(other, _)| *other != tau_s)
+            && (known.len() + 1) * rows.len() <= MOST_KNOWN_ROWS
+            && known.iter().all(|(of, other, _)| *of != input || *other != tau_s)
         {
-            known.push((tau_s, rows.into()));
+            known.push((input, tau_s, Arc::clone(rows)));
         }
     }
 }
@@ -150,7 +161,7 @@ pub(crate) struct TermColumn {
 }
 
 /// Means of Ṫ·T₀ … Ṫ·T₃ of every row, per input; nothing for inputs without a rate term.
-pub(crate) type Rates = Vec<Vec<RateRow>>;
+pub(crate) type Rates = Vec<RateRows>;
 
 impl<'a> LeastSquares<'a> {
     /// The windows in which all of `signals` are known; the first of them is the thermometer of the fit.
@@ -209,6 +220,7 @@ impl<'a> LeastSquares<'a> {
             inputs.extend(SampledInput::repeated(&inputs));
         }
         let tau_from = vec![0; inputs.len()];
+        let tracks = inputs.iter().map(|_| OnceLock::new()).collect();
         Ok(Self {
             windows,
             inputs,
@@ -225,6 +237,7 @@ impl<'a> LeastSquares<'a> {
             without_main_rate: false,
             turning,
             known_rates: KnownRates::default(),
+            tracks,
         })
     }
 
@@ -319,39 +332,50 @@ impl<'a> LeastSquares<'a> {
 
     fn lag(&self, input: usize, run: usize, tau_s: f64) -> LagRate<'_> {
         let SampledInput { signal, span, .. } = &self.inputs[input];
-        let track_c = signal.track(self.windows, self.runs[run]);
-        LagRate { track_c, span: *span, period_s: self.period_s(), tau_s }
+        let made = || self.runs.iter().map(|run| Track::of(&signal.track(self.windows, *run))).collect();
+        let track = &self.tracks[input].get_or_init(made)[run];
+        LagRate { track, span: *span, period_s: self.period_s(), tau_s }
+    }
+
+    /// The input whose track and span this one has.
+    fn source(&self, input: usize) -> usize {
+        self.inputs[input].repeats.unwrap_or(input)
     }
 
     /// Start and end of each row's window of one run, s from the start of the run.
     fn bounds(&self, of: usize) -> Vec<(f64, f64)> {
         let origin_ns = self.windows.runs[self.runs[of]].start_ns;
         let seconds = |ns: i64| s_from_ns(ns - origin_ns);
-        let members = self.used.iter().zip(&self.run).filter(|(_, run)| **run == of);
-        members.map(|(i, _)| (seconds(self.windows.rows.start_ns[*i]), seconds(self.windows.rows.end_ns[*i]))).collect()
+        self.used[self.rows_of(of)]
+            .iter()
+            .map(|i| (seconds(self.windows.rows.start_ns[*i]), seconds(self.windows.rows.end_ns[*i])))
+            .collect()
     }
 
-    /// Means of Ṫ·T₀ … Ṫ·T₃ of every row, °C/min. Rows stand run by run.
-    pub(crate) fn rate_columns(&self, input: usize, tau_s: f64) -> Vec<RateRow> {
-        if !self.is_main(input) {
-            return self.computed_rates(input, tau_s);
-        }
-        self.known_rates.find(tau_s).unwrap_or_else(|| {
+    /// Rows of one run; rows stand run by run.
+    fn rows_of(&self, run: usize) -> Range<usize> {
+        self.run.partition_point(|other| *other < run)..self.run.partition_point(|other| *other <= run)
+    }
+
+    /// Means of Ṫ·T₀ … Ṫ·T₃ of every row, °C/min.
+    pub(crate) fn rate_columns(&self, input: usize, tau_s: f64) -> RateRows {
+        let input = self.source(input);
+        self.known_rates.find(input, tau_s).unwrap_or_else(|| {
             let rows = self.computed_rates(input, tau_s);
-            if rows.len() <= MOST_KNOWN_ROWS && self.tau_grid().contains(&tau_s) {
-                self.known_rates.keep(tau_s, &rows);
+            if self.tau_grid().contains(&tau_s) {
+                self.known_rates.keep(input, tau_s, &rows);
             }
             rows
         })
     }
 
-    fn computed_rates(&self, input: usize, tau_s: f64) -> Vec<RateRow> {
+    fn computed_rates(&self, input: usize, tau_s: f64) -> RateRows {
         (0..self.runs.len()).flat_map(|run| self.lag(input, run, tau_s).means(&self.bounds(run))).collect()
     }
 
     /// The rate columns of the inputs that have a τ.
     pub(crate) fn rates(&self, taus_s: &[(usize, f64)]) -> Rates {
-        let mut rates = vec![Vec::new(); self.inputs.len()];
+        let mut rates: Rates = vec![RateRows::default(); self.inputs.len()];
         taus_s.iter().for_each(|(input, tau_s)| rates[*input] = self.rate_columns(*input, *tau_s));
         rates
     }
@@ -403,6 +427,25 @@ impl<'a> LeastSquares<'a> {
     pub(crate) fn plateaus(&self, axis: usize) -> Option<Vec<Plateau>> {
         let Signal::Thermometer(sensor) = self.inputs[0].signal else { return None };
         Some(plateaus_of(self.windows, &self.used, axis, sensor, self.turning.as_ref()?))
+    }
+
+    /// Which of the levels are zero outside a single run. Of few runs none is set apart: there is nothing to be gained.
+    pub(crate) fn run_columns(&self) -> RunColumns {
+        self.run_columns_of(|_| true)
+    }
+
+    /// The same of those levels alone that may be set apart; the others count as shared.
+    pub(crate) fn run_columns_of(&self, may: impl Fn(Level) -> bool) -> RunColumns {
+        let mut columns = RunColumns { own: vec![Vec::new(); self.runs.len()], shared: Vec::new() };
+        for (column, level) in self.levels.iter().enumerate() {
+            match level {
+                Level::Run(run) | Level::Drift(Some(run)) if self.runs.len() >= MANY_RUNS && may(*level) => {
+                    columns.own[*run].push(column);
+                }
+                _ => columns.shared.push(column),
+            }
+        }
+        columns
     }
 
     /// Index of a level among the parameters.

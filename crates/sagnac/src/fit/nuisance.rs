@@ -45,34 +45,82 @@ pub(crate) fn justified(problem: &mut LeastSquares<'_>, specs: &[ModelSpec], tau
     found.unwrap_or_default()
 }
 
-/// The best set of columns; leaves `problem` with all that were tried.
+/// The best set of columns; leaves `problem` with some that were tried.
 fn best(problem: &mut LeastSquares<'_>, own: usize, specs: &[ModelSpec], taus_s: &[f64]) -> Option<Vec<Level>> {
     let noise = noise_beside(problem, own, specs, taus_s)?;
     let whitening = Whitening::new(problem, noise);
     let runs = problem.runs.len();
-    let drifts = Level::Drift(None);
-    let each = (0..if runs > 1 { runs } else { 0 }).map(|run| Level::Drift(Some(run)));
-    let warm_ups = warm_ups(problem);
-    let all: Vec<Level> = std::iter::once(drifts).chain(each).chain(warm_ups).collect();
-    problem.levels.extend(&all);
-    let series = Series::new(problem, &whitening, specs, taus_s)?;
-    let known: Vec<usize> = (0..own).collect();
-    let is_separate = |level: &usize| series.explained_by_bias(*level, &known).is_some_and(|part| part < EXPLAINED_MAX);
-    let separate: Vec<usize> = (own..problem.levels.len()).filter(is_separate).collect();
-    let sets = sets(&problem.levels, &separate, runs);
-    let graded: Vec<(Grades, &Vec<usize>)> =
-        sets.iter().filter_map(|set| Some((series.grades(&[known.as_slice(), set].concat())?, set))).collect();
+    let each: Vec<Level> = (0..if runs > 1 { runs } else { 0 }).map(|run| Level::Drift(Some(run))).collect();
+    let of_all: Vec<Level> = std::iter::once(Level::Drift(None)).chain(warm_ups(problem)).collect();
+    let each = if separate(problem, own, &whitening, specs, taus_s, &each)?.len() == runs { each } else { Vec::new() };
+    let of_all = separate(problem, own, &whitening, specs, taus_s, &of_all)?;
+    let mut graded = graded_sets(problem, own, &whitening, specs, taus_s, &[], &sets(&of_all))?;
+    if !each.is_empty() {
+        // A drift of each run takes the place of that of all.
+        let beside_each: Vec<Vec<Level>> =
+            sets(&of_all).into_iter().filter(|set| !set.contains(&Level::Drift(None))).collect();
+        graded.extend(graded_sets(problem, own, &whitening, specs, taus_s, &each, &beside_each)?);
+    }
     let variance = graded.iter().map(|(grades, _)| grades.variance).fold(f64::INFINITY, f64::min);
-    let tried_taus = problem.levels.iter().filter(|level| level.warm_up_s().is_some()).count();
-    let price_of = |set: &[usize]| {
-        let is_warm = set.iter().any(|level| problem.levels[*level].warm_up_s().is_some());
+    let tried_taus = of_all.iter().filter(|level| level.warm_up_s().is_some()).count();
+    let price_of = |set: &[Level]| {
+        let is_warm = set.iter().any(|level| level.warm_up_s().is_some());
         let of_tau = if is_warm { 2.0 * (tried_taus as f64).ln() } else { 0.0 };
         let margin = if set.is_empty() { 0.0 } else { DECISIVE };
         set.len() as f64 * price(problem.len() as f64) + of_tau + margin
     };
-    let grade = |(grades, set): &(Grades, &Vec<usize>)| grades.least(variance) + price_of(set);
-    let (_, set) = graded.iter().min_by(|a, b| grade(a).total_cmp(&grade(b)))?;
-    Some(set.iter().map(|level| problem.levels[*level]).collect())
+    let grade = |(grades, set): &(Grades, Vec<Level>)| grades.least(variance) + price_of(set);
+    graded.into_iter().min_by(|a, b| grade(a).total_cmp(&grade(b))).map(|(_, set)| set)
+}
+
+/// Of some columns those that the curve over temperature does not explain beside the offsets.
+fn separate(
+    problem: &mut LeastSquares<'_>,
+    own: usize,
+    whitening: &Whitening,
+    specs: &[ModelSpec],
+    taus_s: &[f64],
+    tried: &[Level],
+) -> Option<Vec<Level>> {
+    problem.levels.truncate(own);
+    problem.levels.extend(tried);
+    // The columns in question stay in the factor; offsets of runs, which are in every model, are projected out.
+    let columns = problem.run_columns_of(|level| matches!(level, Level::Run(_)));
+    let series = Series::new(problem, whitening, specs, &taus_s[..1.min(taus_s.len())], &columns)?;
+    let place = |column: usize| columns.shared.iter().position(|shared| *shared == column);
+    let known: Vec<usize> = (0..own).filter_map(place).collect();
+    let is_separate = |column: &usize| {
+        place(*column).and_then(|at| series.explained_by_bias(at, &known)).is_some_and(|part| part < EXPLAINED_MAX)
+    };
+    Some((own..problem.levels.len()).filter(is_separate).map(|column| problem.levels[column]).collect())
+}
+
+/// Grades with each of some sets of columns, beside those that are always there.
+fn graded_sets(
+    problem: &mut LeastSquares<'_>,
+    own: usize,
+    whitening: &Whitening,
+    specs: &[ModelSpec],
+    taus_s: &[f64],
+    always: &[Level],
+    sets: &[Vec<Level>],
+) -> Option<Vec<(Grades, Vec<Level>)>> {
+    problem.levels.truncate(own);
+    problem.levels.extend(always);
+    let tried = problem.levels.len();
+    for level in sets.iter().flatten() {
+        if !problem.levels[tried..].contains(level) {
+            problem.levels.push(*level);
+        }
+    }
+    let columns = problem.run_columns();
+    let series = Series::new(problem, whitening, specs, taus_s, &columns)?;
+    let place = |level: &Level| columns.shared.iter().position(|shared| problem.levels[*shared] == *level);
+    let graded = |set: &Vec<Level>| {
+        let before = problem.levels[..tried].iter().chain(set).filter_map(place).collect::<Vec<_>>();
+        Some((series.grades(&before)?, always.iter().chain(set).copied().collect()))
+    };
+    Some(sets.iter().filter_map(graded).collect())
 }
 
 /// Slow noise of the largest model beside a drift and a warm-up of middle length, so that neither counts as noise.
@@ -93,15 +141,12 @@ fn warm_ups(problem: &LeastSquares<'_>) -> Vec<Level> {
     (0..MOST_TAUS).map(tau).take_while(|tau_s| *tau_s <= longest_s).map(|tau_s| Level::WarmUp { tau_s }).collect()
 }
 
-/// Nothing; a drift of all runs or one of each; one warm-up; both together.
-fn sets(levels: &[Level], separate: &[usize], runs: usize) -> Vec<Vec<usize>> {
-    let of = |is: fn(&Level) -> bool| separate.iter().copied().filter(|at| is(&levels[*at])).collect::<Vec<_>>();
-    let warm = of(|level| level.warm_up_s().is_some());
-    let each = of(|level| matches!(level, Level::Drift(Some(_))));
-    let mut drifts = vec![Vec::new()];
-    drifts.extend(of(|level| *level == Level::Drift(None)).into_iter().map(|level| vec![level]));
-    drifts.extend((each.len() == runs).then_some(each));
+/// Nothing, a drift of all runs, one warm-up, or both.
+fn sets(separate: &[Level]) -> Vec<Vec<Level>> {
+    let (warm, drift): (Vec<Level>, Vec<Level>) = separate.iter().partition(|level| level.warm_up_s().is_some());
+    let drifts: Vec<Vec<Level>> =
+        std::iter::once(Vec::new()).chain(drift.into_iter().map(|level| vec![level])).collect();
     let with_warm = drifts.iter().flat_map(|drift| warm.iter().map(|level| [drift.as_slice(), &[*level]].concat()));
-    let with_warm: Vec<Vec<usize>> = with_warm.collect();
+    let with_warm: Vec<Vec<Level>> = with_warm.collect();
     drifts.into_iter().chain(with_warm).collect()
 }
