@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 
 use sagnac::allan::{NoiseBudget, Request, budget_of_curves, is_curve, noise_budget, read_curve};
 use sagnac::{Error, Result};
-use sagnac_log::ingest::ReadMode;
 use sagnac_log::setup::Setup;
 use sagnac_log::write::write_bytes;
 use sagnac_noise::{AxisBudget, Taus, Term, TermValue};
@@ -128,11 +127,11 @@ fn of_logs(args: &Args) -> Result<NoiseBudget> {
                 return Err(Error::input("--detrend reads the log twice, which a pipe does not allow")
                     .file(pipe.display().to_string()));
             }
-            Some(loading::logs(&args.logs, &setup, ReadMode::Bulk)?)
+            Some(loading::logs(&args.logs, &setup, "reading")?)
         }
         None => None,
     };
-    noise_budget(loading::logs(&args.logs, &setup, ReadMode::Bulk)?, again, &setup, &request)
+    noise_budget(loading::logs(&args.logs, &setup, "reading")?, again, &setup, &request)
 }
 
 fn taus(text: &str) -> Result<Taus> {

@@ -16,6 +16,7 @@ use sagnac_units::format::{celsius, significant, unit, with_sigma};
 use crate::console::{Console, Outcome, Ran};
 use crate::files::Files;
 use crate::loading;
+use crate::progress::of_fit;
 use crate::report_args::ReportArgs;
 use crate::setup_args::LogArgs;
 use crate::terminal::table;
@@ -90,7 +91,8 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
         .source_date_epoch(source_date_epoch()?)
         .bootstrap(args.bootstrap.map(usize::from))
         .loss(loss)
-        .correct_warm_up(args.warm_up);
+        .correct_warm_up(args.warm_up)
+        .progress(of_fit());
     let (windows, setup) = loading::windows(&args.logs, &args.reading)?;
     for run in windows.runs.iter().filter(|run| run.files.len() > 1) {
         let by_counter = run.files.iter().any(|file| file.summary.follows_by_counter);
@@ -99,6 +101,8 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
         console.note(format!("one run: {}, {why} (--runs makes each file a run)", run.name()));
     }
     let (calibration, report_data) = calibrate_with_report_data(windows, &setup, &options)?;
+    // Its bar goes before the results come.
+    drop(options);
     let text = calibration.to_json()?;
     for axis in &calibration.axes {
         describe(console, axis);

@@ -105,7 +105,7 @@ fn pour(args: &Args, correction: &Correction, setup: &Setup, out: &mut (dyn Writ
         let known = correction.calibration.as_ref().map(|c| c.sample_interval_s);
         setup.sample_interval_s = setup.sample_interval_s.or(known);
     }
-    let mut log = open_log(&args.log, &setup, pace)?;
+    let mut log = open_log(&args.log, &setup, pace, "correcting")?;
     let format = match &args.output {
         Some(path) if loading::has_extension(path, "parquet") => CorrectedFormat::Parquet,
         _ => CorrectedFormat::Csv,

@@ -78,11 +78,11 @@ pub(crate) fn check_output_name(path: &Path, formats: &str) -> Result<()> {
 }
 
 /// Several logs, each opened when the one before has been read. One that is not there is noticed before the first is read.
-pub(crate) fn logs<'a>(paths: &'a [PathBuf], setup: &'a Setup, pace: ReadMode) -> Result<Logs<'a>> {
+pub(crate) fn logs<'a>(paths: &'a [PathBuf], setup: &'a Setup, doing: &'static str) -> Result<Logs<'a>> {
     for path in paths.iter().filter(|path| path.as_os_str() != "-") {
         std::fs::metadata(path).map_err(|e| Error::io_path(path, "open", &e))?;
     }
-    Ok(Logs::opened_by(paths.iter().map(move |path| open_log(path, setup, pace))))
+    Ok(Logs::opened_by(paths.iter().map(move |path| open_log(path, setup, ReadMode::Bulk, doing))))
 }
 
 /// Windows of logs, or of one window table, with their setup and the flags that override it.
@@ -105,7 +105,7 @@ pub(crate) fn windows(paths: &[PathBuf], args: &LogArgs) -> Result<(Windows, Set
         }
     }
     let setup = args.setup.over(Setup::default())?;
-    let builder = WindowBuilder::read_all(logs(paths, &setup, ReadMode::Bulk)?, &setup)?;
+    let builder = WindowBuilder::read_all(logs(paths, &setup, "reading")?, &setup)?;
     Ok((args.outliers(builder).finish(), setup))
 }
 

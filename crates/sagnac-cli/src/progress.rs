@@ -1,4 +1,4 @@
-//! Progress of reading a log or simulating a test: shown on a terminal after one second, otherwise silent.
+//! Progress of reading a log, fitting it or simulating a test: shown on a terminal after one second, otherwise silent.
 
 use std::io::{IsTerminal, Write};
 use std::path::Path;
@@ -6,18 +6,19 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use sagnac::Result;
+use sagnac::fit::{Doing, Progress};
 use sagnac_log::ingest::{LogReader, ReadMode, Watch};
 use sagnac_log::setup::Setup;
 use sagnac_units::format::printable;
 
 /// Delay before anything is shown.
 const PATIENCE: Duration = Duration::from_secs(1);
-const TEMPLATE: &str = "{msg} {wide_bar} {bytes} of {total_bytes}, {binary_bytes_per_sec}, {eta} left";
+const TEMPLATE: &str = "{prefix} {msg} {wide_bar} {bytes} of {total_bytes}, {binary_bytes_per_sec}, {eta} left";
 
-/// Opens a log; a long read from a file shows itself on a terminal.
-pub(crate) fn open_log(path: &Path, setup: &Setup, pace: ReadMode) -> Result<LogReader> {
+/// Opens a log; a long read from a file shows itself on a terminal, with what is done with it.
+pub(crate) fn open_log(path: &Path, setup: &Setup, pace: ReadMode, doing: &'static str) -> Result<LogReader> {
     let regular = std::fs::metadata(path).ok().filter(std::fs::Metadata::is_file);
-    let watch = regular.filter(|_| std::io::stderr().is_terminal()).map(|metadata| watch(path, metadata.len()));
+    let watch = regular.filter(|_| std::io::stderr().is_terminal()).map(|metadata| watch(path, metadata.len(), doing));
     let log = LogReader::open_watched(path, setup, pace, watch)?;
     if !log.assumed().is_empty() {
         let said = format!("{}: {}", log.summary().file, log.assumed().join("; "));
@@ -27,11 +28,12 @@ pub(crate) fn open_log(path: &Path, setup: &Setup, pace: ReadMode) -> Result<Log
 }
 
 /// A bar that appears after a second.
-fn watch(path: &Path, length: u64) -> Watch {
+fn watch(path: &Path, length: u64, doing: &'static str) -> Watch {
     let bar = Bar(ProgressBar::with_draw_target(Some(length), ProgressDrawTarget::hidden()));
     if let Ok(style) = ProgressStyle::with_template(TEMPLATE) {
         bar.0.set_style(style);
     }
+    bar.0.set_prefix(doing);
     bar.0.set_message(path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default());
     let mut since: Option<Instant> = None;
     Box::new(move |done| {
@@ -46,6 +48,26 @@ fn watch(path: &Path, length: u64) -> Watch {
         if done >= length {
             bar.0.finish_and_clear();
         }
+    })
+}
+
+/// How far a fit is: which part of it, and how much of that.
+pub(crate) fn of_fit() -> Progress {
+    if !std::io::stderr().is_terminal() {
+        return Progress::default();
+    }
+    let bar = Bar(ProgressBar::with_draw_target(Some(1), ProgressDrawTarget::hidden()));
+    if let Ok(style) = ProgressStyle::with_template("{msg} {wide_bar} {pos} of {len}, {elapsed}") {
+        bar.0.set_style(style);
+    }
+    let since = Instant::now();
+    Progress::to(move |doing: &Doing| {
+        if bar.0.is_hidden() && since.elapsed() > PATIENCE {
+            bar.0.set_draw_target(ProgressDrawTarget::stderr());
+        }
+        bar.0.set_message(doing.what.clone());
+        bar.0.set_length(doing.of as u64);
+        bar.0.set_position(doing.done as u64);
     })
 }
 

@@ -6,7 +6,6 @@ use sagnac::verify::{
     AxisVerification, BiasRepeatability, Estimate, Figures, Judged, Limits, PositionError, Proof, REPEATED_PROFILE,
     ScaleFigures, ScaleProof, Verdict, Verification, VerifyOptions, verify,
 };
-use sagnac_log::ingest::ReadMode;
 use sagnac_report::verification_report;
 use sagnac_units::format::{significant, unit, with_sigma};
 
@@ -61,7 +60,7 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     let correction = loading::correction(&args.correction)?;
     let setup = args.setup.over(correction.setup())?;
     let limits = args.limits.as_deref().map(Limits::named_or_read).transpose()?;
-    let logs = loading::logs(&args.retests, &setup, ReadMode::Bulk)?;
+    let logs = loading::logs(&args.retests, &setup, "replaying")?;
     let options = VerifyOptions::default()
         .exclude_outliers(args.exclude.contains(&Exclude::Outliers))
         .exclude_start(args.exclude.contains(&Exclude::Start));

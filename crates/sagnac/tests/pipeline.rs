@@ -374,3 +374,28 @@ fn hysteresis_is_always_reported() {
     let without = legs("bias 3");
     assert!(without.after_dph > 10.0 * without.sigma_dph.min(0.005), "{without:?}");
 }
+
+/// Every part of a fit is told from its start to its end, and telling changes nothing.
+#[test]
+fn a_fit_tells_what_it_is_doing() {
+    use sagnac::fit::{Doing, Progress};
+    use std::sync::{Arc, Mutex};
+
+    let (logs, setup) = (vec![csv_bytes(PaperRig::PAPER.run(1))], paper_setup());
+    let told: Arc<Mutex<Vec<Doing>>> = Arc::default();
+    let watcher = {
+        let told = Arc::clone(&told);
+        Progress::to(move |doing| told.lock().unwrap().push(doing.clone()))
+    };
+    let options = || FitOptions::new(sagnac::fit::Model::Auto).bootstrap(Some(200));
+    let watched = calibrate(windows(logs.clone(), &setup), &setup, &options().progress(watcher)).unwrap();
+    let silent = calibrate(windows(logs, &setup), &setup, &options()).unwrap();
+    assert_eq!(watched.to_json().unwrap(), silent.to_json().unwrap());
+    let told = told.lock().unwrap();
+    for part in ["models, each held out", "model search, step 1", "bootstrap"] {
+        let of_part: Vec<&Doing> = told.iter().filter(|doing| doing.what.contains(part)).collect();
+        assert!(of_part.iter().all(|doing| doing.what.starts_with("axis x: ") && doing.done <= doing.of), "{part}");
+        assert!(of_part.iter().any(|doing| doing.done == 0), "{part}");
+        assert!(of_part.iter().any(|doing| doing.done == doing.of), "{part}: {of_part:?}");
+    }
+}

@@ -64,7 +64,7 @@ pub(super) fn several(paths: &[PathBuf], args: &LogArgs, report: &ReportArgs, co
         Err(error) if error.place.column.as_deref() == Some(SCALE_KEY) => {
             let given = args.setup.over(Setup::default())?;
             let counted = Setup { arcsec_per_count: Some(1.0), ..given.clone() };
-            let builder = WindowBuilder::read_all(loading::logs(paths, &counted, ReadMode::Bulk)?, &counted)?;
+            let builder = WindowBuilder::read_all(loading::logs(paths, &counted, "reading")?, &counted)?;
             (args.outliers(builder).finish(), given)
         }
         read => read?,
@@ -88,10 +88,10 @@ pub(super) fn log(path: &Path, args: &LogArgs, report: &ReportArgs, console: &mu
 /// Opens a log. Counts without a stated scale are read with 1 arcsec per count, so that °/h means counts per second; the
 /// returned setup still lacks the scale.
 fn open_as_far_as_known(path: &Path, given: Setup) -> Result<(LogReader, Setup)> {
-    match open_log(path, &given, ReadMode::Bulk) {
+    match open_log(path, &given, ReadMode::Bulk, "reading") {
         Err(error) if error.place.column.as_deref() == Some(SCALE_KEY) && path.as_os_str() != "-" => {
             let setup = Setup { arcsec_per_count: Some(1.0), ..given };
-            Ok((open_log(path, &setup, ReadMode::Bulk)?, Setup { arcsec_per_count: None, ..setup }))
+            Ok((open_log(path, &setup, ReadMode::Bulk, "reading")?, Setup { arcsec_per_count: None, ..setup }))
         }
         opened => Ok((opened?, given)),
     }

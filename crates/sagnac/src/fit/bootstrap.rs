@@ -15,6 +15,7 @@ use nalgebra::{DMatrix, DVector};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use crate::fit::progress::Progress;
 use crate::fit::slow_noise::Whitening;
 
 const SEED: u64 = 0x424c_4f43_4b53;
@@ -34,6 +35,7 @@ pub(crate) struct Resampling<'a> {
     pub(crate) t_quantile_975: f64,
     /// Of the slow noise of the residuals, if there is any, with the weights of the rows.
     pub(crate) slow: Option<(&'a Whitening, &'a [f64])>,
+    pub(crate) progress: &'a Progress,
 }
 
 impl Resampling<'_> {
@@ -54,7 +56,9 @@ impl Resampling<'_> {
         let mut rng = ChaCha8Rng::seed_from_u64(SEED);
         let mut drawn = vec![Vec::with_capacity(draws); p];
         let mut resampled = DVector::zeros(n);
+        let part = self.progress.part("bootstrap", draws);
         for _ in 0..draws {
+            part.one_more();
             match self.slow {
                 Some(slow) => coloured(slow, &innovations, &mut rng, &mut resampled),
                 None => self.draw_blocks(&starts, &mut rng, &mut resampled),

@@ -44,20 +44,26 @@ impl<'a> Design<'a> {
 
     /// Sum of squares of the residuals at the best coefficients; infinite where there are none.
     pub(crate) fn misfit(&self) -> f64 {
+        self.solve_shared(&[]).map_or(f64::INFINITY, |(_, solution)| solution.ssr)
+    }
+
+    /// The best coefficients of the terms and of further columns behind them, whatever those of the levels are.
+    pub(crate) fn solve_terms(&self, slopes: &[Vec<f64>]) -> Option<Vec<f64>> {
+        let (shared, solution) = self.solve_shared(slopes)?;
+        Some(solution.theta.iter().copied().skip(shared).collect())
+    }
+
+    /// The fit beside the levels that runs do not have for themselves, and how many these are.
+    fn solve_shared(&self, slopes: &[Vec<f64>]) -> Option<(usize, Solution)> {
         let columns = self.problem.run_columns();
-        let factor = self.reducer(&columns, &[]).finish_shared();
-        let count = columns.shared.len() + self.terms.len();
-        factor.solve(&(0..count).collect::<Vec<_>>()).map_or(f64::INFINITY, |solution| solution.ssr)
+        let shared = columns.shared.len();
+        let all: Vec<usize> = (0..shared + self.terms.len() + slopes.len()).collect();
+        Some((shared, self.reducer(&columns, slopes).finish_shared().solve(&all)?))
     }
 
     /// The best coefficients.
     pub(crate) fn solve(&self) -> Option<Vec<f64>> {
-        self.solve_with(&[])
-    }
-
-    /// The same with further columns behind the terms.
-    pub(crate) fn solve_with(&self, slopes: &[Vec<f64>]) -> Option<Vec<f64>> {
-        self.factor(slopes).solve_all().map(|solution| solution.theta.iter().copied().collect())
+        self.factor(&[]).solve_all().map(|solution| solution.theta.iter().copied().collect())
     }
 
     /// Residuals, each times the root of its weight.
@@ -65,20 +71,15 @@ impl<'a> Design<'a> {
         self.residuals(theta).iter().zip(&self.problem.weight).map(|(r, w)| r * w.sqrt()).collect()
     }
 
-    /// ∂y/∂τ of a lag at some coefficients, by central difference over ±1 %.
-    pub(crate) fn slope_of_lag(&self, tau: &Tau, theta: &[f64]) -> Vec<f64> {
+    /// ∂y/∂τ of a lag at some coefficients of the terms, by central difference over ±1 %.
+    pub(crate) fn slope_of_lag(&self, tau: &Tau, of_terms: &[f64]) -> Vec<f64> {
         let step = 0.01 * tau.value_s;
-        let own: Vec<(usize, &TermColumn)> = self
-            .terms
-            .iter()
-            .enumerate()
-            .filter(|(_, term)| term.input == tau.input && term.form.times_rate)
-            .map(|(at, term)| (self.problem.levels.len() + at, term))
-            .collect();
+        let own: Vec<(usize, &TermColumn)> =
+            self.terms.iter().enumerate().filter(|(_, term)| term.input == tau.input && term.form.times_rate).collect();
         let made_at = |tau_s: f64| -> Vec<f64> {
             let rates = self.problem.rates(&[(tau.input, tau_s)]);
             let of_row =
-                |row| own.iter().map(|(at, term)| theta[*at] * self.problem.regressor(term, row, &rates)).sum();
+                |row| own.iter().map(|(at, term)| of_terms[*at] * self.problem.regressor(term, row, &rates)).sum();
             (0..self.problem.len()).map(of_row).collect()
         };
         let (above, below) = (made_at(tau.value_s + step), made_at(tau.value_s - step));
@@ -125,14 +126,16 @@ impl<'a> Design<'a> {
         reducer
     }
 
-    pub(super) fn model_at(&self, row: usize, theta: &[f64], regressors: &mut Vec<f64>) -> f64 {
-        self.row(row, &[], regressors);
-        regressors.iter().zip(theta).map(|(a, b)| a * b).sum::<f64>()
-    }
-
     pub(super) fn residuals(&self, theta: &[f64]) -> Vec<f64> {
-        let mut regressors = Vec::new();
-        (0..self.problem.len()).map(|i| self.problem.y[i] - self.model_at(i, theta, &mut regressors)).collect()
+        let problem = self.problem;
+        let columns = problem.run_columns();
+        let (of_levels, of_terms) = theta.split_at(problem.levels.len());
+        let model_at = |row: usize| {
+            let level = |column: usize| problem.level(row, problem.levels[column]) * of_levels[column];
+            let term = |(term, value): (&TermColumn, &f64)| problem.regressor(term, row, &self.rates) * value;
+            columns.of(problem.run[row]).map(level).chain(self.terms.iter().zip(of_terms).map(term)).sum::<f64>()
+        };
+        (0..problem.len()).map(|row| problem.y[row] - model_at(row)).collect()
     }
 }
 

@@ -13,7 +13,8 @@ use std::collections::BTreeMap;
 use nalgebra::DVector;
 
 use crate::fit::lag::RATE_COLUMNS;
-use crate::fit::least_squares::{LeastSquares, RateRows, Rates, TermColumn};
+use crate::fit::least_squares::{LeastSquares, Rates, TermColumn};
+use crate::fit::prepared::{Blocks, Prepared};
 use crate::fit::solve::{Factor, RunColumns, RunReducer, Solution};
 use crate::fit::two_lags::coarse_pairs;
 use crate::model::spec::ModelSpec;
@@ -63,6 +64,15 @@ impl Division {
         (0..self.levels()).partition(trained)
     }
 
+    /// The same for [`Prepared`].
+    fn split(&self) -> Blocks {
+        let rows_of = |block: usize| {
+            self.block.partition_point(|other| *other < block)..self.block.partition_point(|other| *other <= block)
+        };
+        let rows = (0..self.blocks).map(rows_of).collect();
+        Blocks { rows, columns: self.columns.clone(), is_centred: self.is_centred }
+    }
+
     /// Columns of the factors before the terms.
     fn levels(&self) -> usize {
         self.columns.shared.len()
@@ -85,8 +95,13 @@ pub(crate) fn cross_validate(problem: &LeastSquares<'_>, candidates: &[ModelSpec
     let factors: Vec<Folds> =
         taus_s.par_iter().map(|tau| block_factors(problem, &division, *tau, with_rate, scale_orders)).collect();
     let folds: Vec<usize> = (0..division.blocks).collect();
-    let squares: Vec<_> =
-        folds.par_iter().map(|fold| fold_squares(problem, &division, candidates, taus_s, &factors, *fold)).collect();
+    let part = problem.progress.part(format_args!("{} models, each held out", candidates.len()), folds.len());
+    let squared = |fold: &usize| {
+        let squares = fold_squares(problem, &division, candidates, taus_s, &factors, *fold);
+        part.one_more();
+        squares
+    };
+    let squares: Vec<_> = folds.par_iter().map(squared).collect();
     // Added in the order of the folds, independent of the threads.
     let held_out =
         (0..candidates.len()).map(|candidate| squares.iter().map(|fold| fold[candidate]).sum::<Option<f64>>());
@@ -146,11 +161,11 @@ fn block_factors(
 ) -> Folds {
     let rates =
         if with_rate { problem.rate_columns(0, tau_s) } else { vec![[0.0; RATE_COLUMNS]; problem.len()].into() };
-    reduced(problem, division, BIAS_COLUMNS + RATE_COLUMNS + scale_orders, |row, i| {
+    Folds::of(reduced(problem, division, BIAS_COLUMNS + RATE_COLUMNS + scale_orders, |row, i| {
         row.extend_from_slice(&problem.inputs[0].basis[i][1..]);
         row.extend_from_slice(&rates[i]);
         row.extend((1..=scale_orders).map(|k| problem.scale_column(0, i, k)));
-    })
+    }))
 }
 
 /// Factors of the blocks, of all others beside each, and of all.
@@ -173,7 +188,7 @@ fn reduced(
     division: &Division,
     regressors: usize,
     add: impl Fn(&mut Vec<f64>, usize),
-) -> Folds {
+) -> Vec<Factor> {
     let columns = &division.columns;
     let width = division.levels() + regressors + 1;
     let mut row = Vec::with_capacity(width);
@@ -204,7 +219,7 @@ fn reduced(
         row.iter_mut().for_each(|value| *value *= root);
         reducers[division.block[i]].push(problem.run[i], &row);
     }
-    Folds::of(reducers.into_iter().map(RunReducer::finish_shared).collect())
+    reducers.into_iter().map(RunReducer::finish_shared).collect()
 }
 
 /// Limit on the sweeps over several lags.
@@ -218,8 +233,8 @@ pub(crate) struct Trial<'a> {
     /// Inputs whose lag is fitted.
     rated: Vec<usize>,
     taus_s: &'a [f64],
-    /// Rate columns of each input at the τ that it was last tried at.
-    rates: BTreeMap<usize, (usize, Rates)>,
+    /// What does not depend on the lags, where there are few enough rows.
+    prepared: Option<Prepared<'a>>,
     /// Per step term and block: lowest and highest value of its column.
     steps: BTreeMap<usize, Vec<(f64, f64)>>,
     /// Factors of the blocks by the places of the lags in the grid.
@@ -230,9 +245,10 @@ impl<'a> Trial<'a> {
     pub(crate) fn new(problem: &'a LeastSquares<'a>, spec: &ModelSpec, taus_s: &'a [f64]) -> Self {
         let (terms, rated) = (problem.terms(spec), problem.rated(spec));
         let division = Division::of(problem);
+        let prepared = Prepared::new(problem, &terms, taus_s, division.split());
         let steps = terms.iter().enumerate().filter(|(_, term)| term.form.shape.jump().is_some());
         let steps = steps.map(|(at, term)| (at, extremes_of(problem, &division, term))).collect();
-        Self { problem, division, terms, rated, taus_s, rates: BTreeMap::new(), steps, factors: BTreeMap::new() }
+        Self { problem, division, terms, rated, taus_s, prepared, steps, factors: BTreeMap::new() }
     }
 
     /// Held-out mean square, (°/h)²; `None` where a fold could not be fitted.
@@ -330,18 +346,18 @@ impl<'a> Trial<'a> {
     /// Factors of the blocks at these lags, made once.
     fn folds(&mut self, at: &[usize]) -> &Folds {
         if !self.factors.contains_key(at) {
-            for (input, tau) in self.rated.iter().zip(at) {
-                if self.rates.get(input).is_none_or(|(at, _)| at != tau) {
-                    self.rates.insert(*input, (*tau, self.problem.rates(&[(*input, self.taus_s[*tau])])));
+            let lags_s: Vec<(usize, f64)> =
+                self.rated.iter().zip(at).map(|(input, tau)| (*input, self.taus_s[*tau])).collect();
+            let made = match &self.prepared {
+                Some(prepared) => prepared.factors(&lags_s),
+                None => {
+                    let rates = self.problem.rates(&lags_s);
+                    reduced(self.problem, &self.division, self.terms.len(), |row, i| {
+                        row.extend(self.terms.iter().map(|term| self.problem.regressor(term, i, &rates)));
+                    })
                 }
-            }
-            let of_input = |input: usize| self.rates.get(&input).map(|(_, rates)| rates);
-            let none: Rates = vec![RateRows::default(); self.problem.inputs.len()];
-            let made = reduced(self.problem, &self.division, self.terms.len(), |row, i| {
-                let value = |term: &TermColumn| self.problem.regressor(term, i, of_input(term.input).unwrap_or(&none));
-                row.extend(self.terms.iter().map(value));
-            });
-            self.factors.insert(at.to_vec(), made);
+            };
+            self.factors.insert(at.to_vec(), Folds::of(made));
         }
         &self.factors[at]
     }

@@ -113,6 +113,8 @@ struct RunningSums {
     period_s: f64,
     per_minute: f64,
     lag_c: f64,
+    /// (1 − α)ⁿ of the last stretch: most are of one length.
+    kept: (u32, f64),
     sums: [f64; RATE_COLUMNS],
 }
 
@@ -120,14 +122,17 @@ impl RunningSums {
     fn new(of: &LagRate<'_>, first_c: f64) -> Self {
         let alpha = -(-of.period_s / of.tau_s).exp_m1();
         let (per_minute, sums) = (60.0 / of.period_s, [0.0; RATE_COLUMNS]);
-        Self { span: of.span, alpha, period_s: of.period_s, per_minute, lag_c: first_c, sums }
+        Self { span: of.span, alpha, period_s: of.period_s, per_minute, lag_c: first_c, kept: (0, 1.0), sums }
     }
 
     /// So many grid points of one temperature: lag ← T + (1 − α)ⁿ·(lag − T), and the sums grow by the change of the lag.
     #[inline]
     fn take(&mut self, t_c: f64, points: u32) {
         let away = t_c - self.lag_c;
-        let step = if points == 1 { self.alpha * away } else { away - away * (1.0 - self.alpha).powi(points as i32) };
+        if self.kept.0 != points {
+            self.kept = (points, (1.0 - self.alpha).powi(points as i32));
+        }
+        let step = if points == 1 { self.alpha * away } else { away - away * self.kept.1 };
         self.lag_c += step;
         self.add(t_c, step, 1.0).iter().zip(&mut self.sums).for_each(|(value, sum)| *sum = *value);
     }

@@ -24,6 +24,7 @@ use std::sync::{Arc, OnceLock, RwLock};
 use crate::calibration::{Plateau, SCALE_AT_REFERENCE};
 use crate::fit::lag::{LagRate, RATE_COLUMNS, Track};
 use crate::fit::plateaus::plateaus_of;
+use crate::fit::progress::Progress;
 use crate::fit::rate_table_input::RateTableInput;
 use crate::fit::solve::RunColumns;
 use crate::model::basis::Span;
@@ -70,9 +71,13 @@ pub(crate) struct LeastSquares<'a> {
     pub(crate) without_main_rate: bool,
     /// Rates of the table, where the axis was on one.
     pub(crate) turning: Option<RateTableInput>,
+    /// Told what is being done.
+    pub(crate) progress: Progress,
     known_rates: KnownRates,
     /// Per input and run: its temperatures on the grid, from when they are first needed.
     tracks: Vec<OnceLock<Vec<Track>>>,
+    /// Per run: start and end of each row's window, s from the start of the run.
+    bounds: Vec<Vec<(f64, f64)>>,
 }
 
 /// From so many runs on, the columns of each run are reduced by themselves.
@@ -221,6 +226,11 @@ impl<'a> LeastSquares<'a> {
         }
         let tau_from = vec![0; inputs.len()];
         let tracks = inputs.iter().map(|_| OnceLock::new()).collect();
+        let mut bounds = vec![Vec::new(); runs.len()];
+        for (i, run) in used.iter().zip(&run) {
+            let origin_ns = windows.runs[runs[*run]].start_ns;
+            bounds[*run].push([rows.start_ns[*i], rows.end_ns[*i]].map(|ns| s_from_ns(ns - origin_ns)).into());
+        }
         Ok(Self {
             windows,
             inputs,
@@ -236,8 +246,10 @@ impl<'a> LeastSquares<'a> {
             levels,
             without_main_rate: false,
             turning,
+            progress: Progress::default(),
             known_rates: KnownRates::default(),
             tracks,
+            bounds,
         })
     }
 
@@ -342,18 +354,8 @@ impl<'a> LeastSquares<'a> {
         self.inputs[input].repeats.unwrap_or(input)
     }
 
-    /// Start and end of each row's window of one run, s from the start of the run.
-    fn bounds(&self, of: usize) -> Vec<(f64, f64)> {
-        let origin_ns = self.windows.runs[self.runs[of]].start_ns;
-        let seconds = |ns: i64| s_from_ns(ns - origin_ns);
-        self.used[self.rows_of(of)]
-            .iter()
-            .map(|i| (seconds(self.windows.rows.start_ns[*i]), seconds(self.windows.rows.end_ns[*i])))
-            .collect()
-    }
-
     /// Rows of one run; rows stand run by run.
-    fn rows_of(&self, run: usize) -> Range<usize> {
+    pub(crate) fn rows_of(&self, run: usize) -> Range<usize> {
         self.run.partition_point(|other| *other < run)..self.run.partition_point(|other| *other <= run)
     }
 
@@ -370,7 +372,7 @@ impl<'a> LeastSquares<'a> {
     }
 
     fn computed_rates(&self, input: usize, tau_s: f64) -> RateRows {
-        (0..self.runs.len()).flat_map(|run| self.lag(input, run, tau_s).means(&self.bounds(run))).collect()
+        (0..self.runs.len()).flat_map(|run| self.lag(input, run, tau_s).means(&self.bounds[run])).collect()
     }
 
     /// The rate columns of the inputs that have a τ.
@@ -383,7 +385,7 @@ impl<'a> LeastSquares<'a> {
     /// Lowest and highest Ṫ that the used windows hold, °C/min, and half as much again: two steps of a thermometer may fall
     /// together, and a chamber ramps a little faster another time. 0 is always within.
     pub(crate) fn rate_span(&self, input: usize, tau_s: f64) -> [f64; 2] {
-        let of_runs = (0..self.runs.len()).map(|run| self.lag(input, run, tau_s).extremes(&self.bounds(run)));
+        let of_runs = (0..self.runs.len()).map(|run| self.lag(input, run, tau_s).extremes(&self.bounds[run]));
         of_runs.fold([0.0, 0.0], |[lo, hi], [l, h]| [l.min(lo), h.max(hi)]).map(|far| RATE_MARGIN * far)
     }
 

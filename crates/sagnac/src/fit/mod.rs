@@ -26,6 +26,8 @@ mod monomial;
 mod nuisance;
 mod period;
 mod plateaus;
+mod prepared;
+mod progress;
 mod rate_table_input;
 mod record;
 mod robust;
@@ -40,6 +42,7 @@ mod warm_up;
 
 pub(crate) use input_noise::thermometer_noise;
 pub(crate) use plateaus::{level_stretches, plateaus_of};
+pub use progress::{Doing, Progress};
 pub(crate) use rate_table_input::{RateTableInput, SAME_RATE};
 pub use record::{FitOptions, calibrate, calibrate_with_report_data};
 pub(crate) use record::{log_files, noise_of};

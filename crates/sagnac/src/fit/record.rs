@@ -25,6 +25,7 @@ use crate::fit::exclusions;
 use crate::fit::least_squares::{LeastSquares, Level, TermColumn};
 use crate::fit::monomial::monomials;
 use crate::fit::plateaus::repeatability;
+use crate::fit::progress::Progress;
 use crate::fit::rate_table_input::RateTableInput;
 use crate::fit::robust::Loss;
 use crate::fit::search::CONDITION_MAX;
@@ -56,12 +57,15 @@ pub struct FitOptions {
     pub loss: Loss,
     /// Whether a warm-up since power-on is a part of the correction, where the runs hold one; every run then begins at power-on.
     pub corrects_warm_up: bool,
+    /// Told what the fit is doing.
+    pub progress: Progress,
 }
 
 impl FitOptions {
     /// A model, by least squares.
     pub fn new(model: Model) -> Self {
-        Self { model, source_date_epoch: None, bootstrap: None, loss: Loss::Squares, corrects_warm_up: false }
+        let progress = Progress::default();
+        Self { model, source_date_epoch: None, bootstrap: None, loss: Loss::Squares, corrects_warm_up: false, progress }
     }
 
     /// With the time of SOURCE_DATE_EPOCH in place of that of the newest input sample.
@@ -80,6 +84,12 @@ impl FitOptions {
     #[must_use]
     pub fn correct_warm_up(self, corrects_warm_up: bool) -> Self {
         Self { corrects_warm_up, ..self }
+    }
+
+    /// With somebody who is told what the fit is doing.
+    #[must_use]
+    pub fn progress(self, progress: Progress) -> Self {
+        Self { progress, ..self }
     }
 
     /// With another loss.
@@ -298,7 +308,12 @@ fn fit_axis(
     if let Some(turning) = &turning {
         turning.check_scale(windows, axis, stages.test.scale_factor_deviation_max_ppm)?;
     }
-    let make = |signals: &[Signal]| LeastSquares::new(windows, axis, signals, reference_c, min_span_c, turning.clone());
+    let progress = options.progress.of_axis(letter);
+    let make = |signals: &[Signal]| {
+        let mut problem = LeastSquares::new(windows, axis, signals, reference_c, min_span_c, turning.clone())?;
+        problem.progress = progress.clone();
+        Ok(problem)
+    };
     let holder = Holder {
         unit: count_of(windows, &stages.target),
         target: Target::from_config(stages.target)?,

@@ -114,7 +114,7 @@ pub(crate) fn walk(
 
 fn walk_from(problem: &LeastSquares<'_>, start: &ModelSpec, taus_s: &[f64], image: &ImageCheck<'_>) -> Option<Path> {
     let mut here =
-        try_all(problem, std::slice::from_ref(start), taus_s, image).pop().filter(|t| t.mean_square.is_some())?;
+        try_all(problem, std::slice::from_ref(start), taus_s, image, 0).pop().filter(|t| t.mean_square.is_some())?;
     let mut steps = vec![here.step(0, SearchVerdict::Start)];
     let mut least = here.held();
     let mut number = 0;
@@ -125,7 +125,7 @@ fn walk_from(problem: &LeastSquares<'_>, start: &ModelSpec, taus_s: &[f64], imag
         }
         for _ in 0..MOST_STEPS {
             let next = if forward { grown(problem, &here.spec) } else { shrunk(&here.spec) };
-            let tried = try_all(problem, &next, taus_s, image);
+            let tried = try_all(problem, &next, taus_s, image, number + 1);
             let passes = |model: &Tried| {
                 if !forward {
                     return is_undominated(model.held(), &[least], here.windows);
@@ -176,7 +176,14 @@ fn best_of(tried: &[Tried], windows: f64, passes: impl Fn(&Tried) -> bool) -> Op
     })
 }
 
-fn try_all(problem: &LeastSquares<'_>, specs: &[ModelSpec], taus_s: &[f64], image: &ImageCheck<'_>) -> Vec<Tried> {
+fn try_all(
+    problem: &LeastSquares<'_>,
+    specs: &[ModelSpec],
+    taus_s: &[f64],
+    image: &ImageCheck<'_>,
+    step: usize,
+) -> Vec<Tried> {
+    let part = problem.progress.part(format_args!("model search, step {step}"), specs.len());
     let tried = |spec: &ModelSpec| {
         // A model that is refused for its terms needs no folds.
         let fitted = fit(problem, spec, taus_s).ok();
@@ -188,6 +195,7 @@ fn try_all(problem: &LeastSquares<'_>, specs: &[ModelSpec], taus_s: &[f64], imag
         let windows = effective_windows(problem.len(), rho);
         let misfit = fitted.as_ref().map_or(f64::INFINITY, |fitted| fitted.misfit(problem));
         let inputs = inputs_read(problem, spec);
+        part.one_more();
         Tried { spec: spec.clone(), windows, inputs, mean_square, misfit, condition, held }
     };
     specs.par_iter().map(tried).collect()

@@ -17,6 +17,7 @@ use crate::fit::bootstrap::Resampling;
 use crate::fit::design::{Columns, Design, FLAT_CHI_SQUARED, Tau, lag_one, misfit};
 use crate::fit::golden_section::golden_section;
 use crate::fit::least_squares::{LeastSquares, TermColumn};
+use crate::fit::prepared::{Blocks, Prepared};
 use crate::fit::slow_noise::{self, MOST_ROWS, SlowNoise, Whitening};
 use crate::fit::solve::Conditioning;
 use crate::fit::two_lags::{Found, LEAST_RATIO, find_pair};
@@ -270,6 +271,7 @@ pub(crate) fn bootstrap_intervals(
         autocorrelation: fitted.autocorrelation,
         t_quantile_975: fitted.t_quantile_975,
         slow: whitening.as_ref().map(|whitening| (whitening, problem.weight.as_slice())),
+        progress: &problem.progress,
     };
     let others = fitted.nonlinear().into_iter().map(|(_, _, value)| value);
     let theta: Vec<f64> = fitted.theta.iter().copied().chain(others).collect();
@@ -305,6 +307,11 @@ fn dependent(problem: &LeastSquares<'_>, spec: &ModelSpec) -> Error {
 fn find_taus(problem: &LeastSquares<'_>, spec: &ModelSpec, terms: &[TermColumn], taus_s: &[f64]) -> Result<Vec<Tau>> {
     let middle = taus_s.get(taus_s.len() / 2).copied().unwrap_or(1.0);
     let rated = problem.rated(spec);
+    let prepared = Prepared::new(problem, terms, taus_s, Blocks::of_all(problem)).filter(|_| !rated.is_empty());
+    let misfit = |lags_s: &[(usize, f64)]| match &prepared {
+        Some(prepared) => prepared.misfit(lags_s),
+        None => misfit(problem, terms, lags_s),
+    };
     let mut taus: Vec<Tau> =
         rated.iter().map(|input| Tau { input: *input, value_s: middle, resolved: false }).collect();
     for _ in 0..MOST_SWEEPS {
@@ -314,7 +321,7 @@ fn find_taus(problem: &LeastSquares<'_>, spec: &ModelSpec, terms: &[TermColumn],
                 continue;
             }
             if is_slow(problem, &taus, at + 1) {
-                match find_pair(problem, terms, &taus, at, taus_s) {
+                match find_pair(problem, terms, &taus, at, taus_s, &misfit) {
                     Found::Pair(pair) => {
                         for (tau, found) in taus[at..].iter_mut().zip(pair) {
                             (tau.value_s, tau.resolved) = found;
@@ -331,7 +338,7 @@ fn find_taus(problem: &LeastSquares<'_>, spec: &ModelSpec, terms: &[TermColumn],
             };
             let grid = taus_s.get(problem.tau_from[taus[at].input]..).unwrap_or(&[]);
             let degrees = (problem.len() as f64 - (problem.levels.len() + terms.len()) as f64).max(1.0);
-            let found = find_tau(grid, degrees, |tau_s| misfit(problem, terms, &with(tau_s)));
+            let found = find_tau(grid, degrees, |tau_s| misfit(&with(tau_s)));
             (taus[at].value_s, taus[at].resolved) = found.ok_or_else(|| dependent(problem, spec))?;
         }
         let moved = taus.iter().zip(&before).any(|(a, b)| (a.value_s / b.value_s - 1.0).abs() > STILL);
@@ -384,7 +391,10 @@ fn nonlinear_columns(design: &Design<'_>, spec: &ModelSpec, taus: &[Tau], theta:
 
 /// ∂y/∂τ of every resolved lag.
 fn tau_columns(design: &Design<'_>, taus: &[Tau], theta: &[f64]) -> Vec<Vec<f64>> {
-    taus.iter().filter(|tau| tau.resolved).map(|tau| design.slope_of_lag(tau, theta)).collect()
+    taus.iter()
+        .filter(|tau| tau.resolved)
+        .map(|tau| design.slope_of_lag(tau, &theta[design.problem.levels.len()..]))
+        .collect()
 }
 
 /// Index of the cosine and the period of every harmonic whose period is a parameter of the fit.

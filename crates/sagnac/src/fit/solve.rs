@@ -159,6 +159,11 @@ impl<'a> RunReducer<'a> {
 }
 
 impl Factor {
+    /// Columns with the scalar products of a block's columns, y last.
+    pub(crate) fn of(columns: DMatrix<f64>) -> Self {
+        Self(columns)
+    }
+
     /// Of each block the factor of all others; `None` where there is no other. Of n blocks with 3n joins of two.
     pub(crate) fn without_each(blocks: &[Self]) -> Vec<Option<Self>> {
         let joined = |all: &Option<Self>, next: &Self| match all {
@@ -333,5 +338,52 @@ mod tests {
         assert!((all.ssr(&[0], &DVector::from_element(1, 0.0), &[]) - (4.0 + 25.0 + 64.0 + 121.0)).abs() < 1e-9);
         // About their own mean, 6.5, the same values leave 45.
         assert!((all.ssr(&[], &DVector::zeros(0), &[0]) - 45.0).abs() < 1e-9);
+    }
+
+    /// Rows of seven runs with a constant and a slope each, a shared column, a term and y: run by run as in one factor.
+    #[test]
+    fn runs_by_themselves_give_the_factor_of_all_rows() {
+        const RUNS: usize = 7;
+        let columns = RunColumns { own: (0..RUNS).map(|run| vec![run, RUNS + 1 + run]).collect(), shared: vec![RUNS] };
+        let width = 2 * RUNS + 1 + 2;
+        let (mut whole, mut by_run) = (Reducer::new(width), RunReducer::new(&columns, 2));
+        let mut shared = RunReducer::new(&columns, 2);
+        for i in 0..RUNS * 90 {
+            let (run, t) = (i / 90, (i % 90) as f64);
+            let noise = |k: usize| ((i * 7919 + k * 104_729) % 1009) as f64 / 1009.0 - 0.5;
+            let values = [1.0, t, 1.0 + noise(1), noise(2) + 0.01 * t, 3.0 + 0.1 * t + noise(3)];
+            let mut row = vec![0.0; width];
+            (row[run], row[RUNS + 1 + run], row[RUNS]) = (values[0], values[1], values[2]);
+            row[width - 2..].copy_from_slice(&values[3..]);
+            whole.push(&row);
+            by_run.push(run, &values);
+            shared.push(run, &values);
+        }
+        let all: Vec<usize> = (0..width - 1).collect();
+        let (expected, found) = (whole.finish().solve(&all).unwrap(), by_run.finish().solve(&all).unwrap());
+        assert!((&expected.theta - &found.theta).amax() < 1e-11);
+        assert!((expected.ssr / found.ssr - 1.0).abs() < 1e-12);
+        let (a, b) = (expected.inverse_normal().unwrap(), found.inverse_normal().unwrap());
+        assert!((a - b).amax() < 1e-12);
+        let projected = shared.finish_shared().solve(&[0, 1]).unwrap();
+        assert!((projected.ssr / expected.ssr - 1.0).abs() < 1e-12);
+        assert!((projected.theta[0] - expected.theta[RUNS]).abs() < 1e-11);
+    }
+
+    #[test]
+    fn without_each_is_the_join_of_the_others() {
+        let blocks: Vec<Factor> = (0..6)
+            .map(|block| {
+                let number = |i: usize| ((block * 31 + i * 17) % 13) as f64;
+                factor(&[0, 1, 2, 3, 4].map(|row| [0, 1, 2, 3].map(|column| number(4 * row + column * (row + 1)))))
+            })
+            .collect();
+        for (at, without) in Factor::without_each(&blocks).into_iter().enumerate() {
+            let others = blocks.iter().enumerate().filter(|(other, _)| *other != at).map(|(_, block)| block);
+            let (expected, found) = (Factor::join(others).unwrap(), without.unwrap());
+            let [a, b] = [&expected, &found].map(|factor| factor.solve(&[0, 1, 2]).unwrap().ssr);
+            assert!((a / b - 1.0).abs() < 1e-12, "{at}: {a} {b}");
+        }
+        assert!(Factor::without_each(&blocks[..1])[0].is_none());
     }
 }

@@ -19,7 +19,7 @@ use rayon::prelude::*;
 use crate::fit::criterion::effective_windows;
 use crate::fit::design::{Design, FLAT_CHI_SQUARED, Tau, lag_one};
 use crate::fit::golden_section::golden_section;
-use crate::fit::least_squares::{LeastSquares, Rates, TermColumn};
+use crate::fit::least_squares::{LeastSquares, TermColumn};
 
 /// Least ratio of the slow lag to the fast one.
 pub(crate) const LEAST_RATIO: f64 = 3.0;
@@ -72,8 +72,9 @@ pub(crate) fn find_pair(
     taus: &[Tau],
     fast: usize,
     taus_s: &[f64],
+    misfit_at: &MisfitAt<'_>,
 ) -> Found {
-    let search = PairSearch { problem, terms, taus, fast };
+    let search = PairSearch { problem, terms, taus, fast, misfit_at };
     let inputs = [taus[fast].input, taus[fast + 1].input];
     let all = pairs(taus_s, inputs.map(|input| problem.tau_from[input]));
     let misfits = search.misfits(&all, taus_s);
@@ -109,39 +110,39 @@ struct PairSearch<'a> {
     terms: &'a [TermColumn],
     taus: &'a [Tau],
     fast: usize,
+    misfit_at: &'a MisfitAt<'a>,
 }
+
+/// Misfit of the model at some lags.
+type MisfitAt<'a> = dyn Fn(&[(usize, f64)]) -> f64 + Sync + 'a;
 
 impl PairSearch<'_> {
     fn inputs(&self) -> [usize; 2] {
         [self.taus[self.fast].input, self.taus[self.fast + 1].input]
     }
 
-    /// Misfits at pairs of the grid; the rates of each τ are computed once.
+    /// Misfits at pairs of the grid.
     fn misfits(&self, pairs: &[[usize; 2]], taus_s: &[f64]) -> Vec<f64> {
-        let [fast, slow] = self.inputs();
-        let others: Vec<(usize, f64)> =
-            self.taus.iter().filter(|tau| ![fast, slow].contains(&tau.input)).map(|t| (t.input, t.value_s)).collect();
-        let others = self.problem.rates(&others);
-        // A repeat has the track and the span of what it repeats, so the same columns serve both.
-        let columns: Vec<_> = taus_s.par_iter().map(|tau_s| self.problem.rate_columns(fast, *tau_s)).collect();
-        let misfit = |[at_fast, at_slow]: &[usize; 2]| {
-            let mut rates: Rates = others.clone();
-            rates[fast].clone_from(&columns[*at_fast]);
-            rates[slow].clone_from(&columns[*at_slow]);
-            Design::with_rates(self.problem, self.terms, rates).misfit()
-        };
-        pairs.par_iter().map(misfit).collect()
+        pairs.par_iter().map(|pair| self.misfit(pair.map(|place| taus_s[place]))).collect()
     }
 
-    fn design(&self, [fast_s, slow_s]: [f64; 2]) -> Design<'_> {
+    fn misfit(&self, pair: [f64; 2]) -> f64 {
+        (self.misfit_at)(&self.lags_s(pair))
+    }
+
+    /// The lags of all inputs with this pair.
+    fn lags_s(&self, [fast_s, slow_s]: [f64; 2]) -> Vec<(usize, f64)> {
         let [fast, slow] = self.inputs();
         let value = |tau: &Tau| match tau.input {
             input if input == fast => fast_s,
             input if input == slow => slow_s,
             _ => tau.value_s,
         };
-        let taus_s: Vec<(usize, f64)> = self.taus.iter().map(|tau| (tau.input, value(tau))).collect();
-        Design::new(self.problem, self.terms, &taus_s)
+        self.taus.iter().map(|tau| (tau.input, value(tau))).collect()
+    }
+
+    fn design(&self, pair: [f64; 2]) -> Design<'_> {
+        Design::new(self.problem, self.terms, &self.lags_s(pair))
     }
 
     /// Windows less coefficients, as far as the residuals at a pair are independent.
@@ -156,12 +157,13 @@ impl PairSearch<'_> {
     fn newton(&self, mut pair: [f64; 2], mut least: f64, ends: [f64; 2]) -> ([f64; 2], f64) {
         for _ in 0..MOST_NEWTON_STEPS {
             let design = self.design(pair);
-            let Some(step) = design.solve().and_then(|theta| self.step(&design, pair, &theta)) else { break };
+            let of_terms = design.solve_terms(&[]);
+            let Some(step) = of_terms.and_then(|of_terms| self.step(&design, pair, &of_terms)) else { break };
             let moved = (0..MOST_HALVINGS).map(|n| 0.5_f64.powi(n as i32)).find_map(|part| {
                 let to = |i: usize| (pair[i] * (part * step[i]).exp()).clamp(ends[0], ends[1]);
                 let [fast_s, slow_s] = [to(0), to(1)];
                 let there = [fast_s, slow_s.max(LEAST_RATIO * fast_s)];
-                let misfit = self.design(there).misfit();
+                let misfit = self.misfit(there);
                 (misfit < least && there[1] <= ends[1]).then_some((there, misfit))
             });
             let Some((there, misfit)) = moved else { break };
@@ -175,10 +177,10 @@ impl PairSearch<'_> {
     }
 
     /// Changes of ln τ that the linearized model asks for.
-    fn step(&self, design: &Design<'_>, pair: [f64; 2], theta: &[f64]) -> Option<[f64; 2]> {
+    fn step(&self, design: &Design<'_>, pair: [f64; 2], of_terms: &[f64]) -> Option<[f64; 2]> {
         let of = |i: usize| Tau { input: self.inputs()[i], value_s: pair[i], resolved: true };
-        let slopes: Vec<Vec<f64>> = (0..2).map(|i| design.slope_of_lag(&of(i), theta)).collect();
-        let solved = design.solve_with(&slopes)?;
+        let slopes: Vec<Vec<f64>> = (0..2).map(|i| design.slope_of_lag(&of(i), of_terms)).collect();
+        let solved = design.solve_terms(&slopes)?;
         let change = |i: usize| (solved[solved.len() - 2 + i] / pair[i]).clamp(-MOST_CHANGE, MOST_CHANGE);
         Some([change(0), change(1)])
     }
@@ -193,7 +195,7 @@ impl PairSearch<'_> {
             Some(slow) => {
                 let fast_s = taus_s[fast];
                 let (lo, hi) = (taus_s[slow - 1].max(LEAST_RATIO * fast_s).ln(), taus_s[slow + 1].ln());
-                let misfit = |log: f64| self.design([fast_s, log.exp()]).misfit();
+                let misfit = |log: f64| self.misfit([fast_s, log.exp()]);
                 Found::Pair([(fast_s, false), (golden_section(lo, hi, misfit).exp(), true)])
             }
         }
