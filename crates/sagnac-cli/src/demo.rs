@@ -12,7 +12,7 @@ use sagnac::window::WindowBuilder;
 use sagnac::{Error, Result};
 use sagnac_log::ingest::{LogReader, ReadMode};
 use sagnac_log::setup::Setup;
-use sagnac_report::verification_report;
+use sagnac_report::{Sheet, verification_report};
 use sagnac_sim::{PaperRig, csv_bytes};
 use sagnac_units::format::{significant, with_sigma};
 
@@ -89,7 +89,9 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     describe(console, &proof)?;
     equations(console);
     printed_constant(console);
-    args.report.write(console, || verification_report(&proof, correction.calibration.as_ref(), &report_data))?;
+    args.report.write(console, || {
+        verification_report(&proof, correction.calibration.as_ref(), &report_data, &Sheet::default())
+    })?;
     Ok(Outcome::Done)
 }
 

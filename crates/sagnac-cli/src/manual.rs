@@ -173,7 +173,7 @@ fn section(command: &mut Command) -> String {
 
 /// True for the flags that every command with a log has.
 fn is_setup(arg: &Arg) -> bool {
-    arg.get_help_heading().is_some()
+    arg.get_help_heading().is_some_and(|heading| heading.starts_with("What the log"))
 }
 
 /// `-o, --output <FILE>`.

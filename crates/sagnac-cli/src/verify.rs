@@ -2,11 +2,13 @@
 
 use std::path::PathBuf;
 
+use chrono::NaiveDate;
 use sagnac::verify::{
     AxisVerification, BiasRepeatability, Estimate, Figures, Judged, Limits, PositionError, Proof, REPEATED_PROFILE,
     ScaleFigures, ScaleProof, Verdict, Verification, VerifyOptions, verify,
 };
-use sagnac_report::verification_report;
+use sagnac::{Error, Result};
+use sagnac_report::{Sheet, verification_report};
 use sagnac_units::format::{significant, unit, with_sigma};
 
 use crate::calibrate::excluded;
@@ -35,6 +37,8 @@ pub(crate) struct Args {
     limits: Option<String>,
     #[command(flatten)]
     report: ReportArgs,
+    #[command(flatten)]
+    sheet: SheetArgs,
     /// One JSON object on standard output, text on standard error
     #[arg(long)]
     pub(crate) json: bool,
@@ -53,7 +57,51 @@ enum Exclude {
     Start,
 }
 
+/// The head of an acceptance report.
+#[derive(clap::Args, Clone, Default)]
+#[command(next_help_heading = "Head of an acceptance report (what is not given has a line for the pen)")]
+struct SheetArgs {
+    /// Number of the document
+    #[arg(long, value_name = "NUMBER", hide_short_help = true)]
+    document: Option<String>,
+    /// Who ran the test
+    #[arg(long, value_name = "NAME", hide_short_help = true)]
+    operator: Option<String>,
+    /// Day of the test, such as 2024-02-29
+    #[arg(long, value_name = "DATE", hide_short_help = true)]
+    test_date: Option<NaiveDate>,
+    /// Day of the report; the clock is never asked
+    #[arg(long, value_name = "DATE", hide_short_help = true)]
+    report_date: Option<NaiveDate>,
+}
+
+/// Longest entry of the head.
+const MOST_ENTRY_CHARS: usize = 80;
+
+impl SheetArgs {
+    fn sheet(&self) -> Result<Sheet> {
+        let text = |flag: &str, text: &Option<String>| match text {
+            Some(text) if text.chars().count() > MOST_ENTRY_CHARS || text.chars().any(char::is_control) => {
+                Err(Error::input(format!("at most {MOST_ENTRY_CHARS} characters, none of control")).column(flag))
+            }
+            text => Ok(text.clone()),
+        };
+        if let (Some(test), Some(report)) = (self.test_date, self.report_date)
+            && test > report
+        {
+            return Err(Error::input("a report is not made before its test").column("--report-date"));
+        }
+        Ok(Sheet {
+            document: text("--document", &self.document)?,
+            operator: text("--operator", &self.operator)?,
+            test_date: self.test_date.map(|date| date.to_string()),
+            report_date: self.report_date.map(|date| date.to_string()),
+        })
+    }
+}
+
 pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
+    let sheet = args.sheet.sheet()?;
     let files =
         Files::new().reads(&args.retests).reads([&args.correction]).reads(&args.setup.setup).reads(&args.limits);
     args.report.check_with(files)?;
@@ -71,7 +119,8 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     };
     warn_of_same_log(console, &verification);
     describe(console, &verification);
-    args.report.write(console, || verification_report(&verification, correction.calibration.as_ref(), &report_data))?;
+    args.report
+        .write(console, || verification_report(&verification, correction.calibration.as_ref(), &report_data, &sheet))?;
     console.object(&verification)?;
     Ok(if verification.passed() { Outcome::Done } else { Outcome::LimitsNotMet })
 }

@@ -72,6 +72,127 @@ setTimeout(() => {
 }, 300);
 </script>"##;
 
+/// Last script of a look at the layout: whatever is wider than its room, on the page or in a table, and text that its box cuts off. A
+/// number is in it for each thing that was measured.
+const MEASURE: &str = r##"<script>
+setTimeout(() => {
+  const clipped = [];
+  let measured = 0;
+  const name = (e) => `${e.tagName}.${e.className} ${(e.textContent || "").trim().slice(0, 40)}`;
+  const root = document.documentElement;
+  if (root.scrollWidth > root.clientWidth) clipped.push(`page: ${root.scrollWidth} in ${root.clientWidth}`);
+  for (const e of document.querySelectorAll(".scroll, figure, .verdict, .tile, .legend, .signatures, td, th, p, h1, h2, h3")) {
+    if (getComputedStyle(e).display === "none" || e.closest(".screen")) continue;
+    measured++;
+    const box = e.getBoundingClientRect();
+    if (e.scrollWidth > e.clientWidth + 1 && e.clientWidth > 0) clipped.push(`${name(e)}: ${e.scrollWidth} in ${e.clientWidth}`);
+    if (box.right > root.clientWidth + 1 || box.left < -1) clipped.push(`${name(e)}: ends at ${Math.round(box.right)} of ${root.clientWidth}`);
+  }
+  const answer = document.createElement("pre");
+  answer.id = "answer";
+  answer.textContent = JSON.stringify({ clipped, measured, wrong, width: root.clientWidth });
+  document.body.append(answer);
+}, 300);
+</script>"##;
+
+/// What a browser of this width cuts off in a report.
+fn measured(chromium: &str, report: &Path, width: u64, flags: &[&str]) -> serde_json::Value {
+    let page = std::fs::read_to_string(report).unwrap();
+    // A window has a least width, so that a frame of the width in question holds the page.
+    let inner =
+        page.replacen("<head>", &format!("<head>{LISTEN}"), 1).replacen("</body>", &format!("{MEASURE}</body>"), 1);
+    let folder = TempDir::new().unwrap();
+    std::fs::write(folder.path().join("inner.html"), inner).unwrap();
+    let outer = format!(
+        "<!DOCTYPE html><body style='margin:0'><iframe id=f src=inner.html style='border:0;width:{width}px;height:3000px'></iframe><script>\
+         setTimeout(() => {{ const a = document.getElementById('f').contentDocument.getElementById('answer'); \
+         const p = document.createElement('pre'); p.id = 'answer'; p.textContent = a ? a.textContent : ''; document.body.append(p); }}, 1500);\
+         </script>"
+    );
+    std::fs::write(folder.path().join("outer.html"), outer).unwrap();
+    let output = Command::new(chromium)
+        .args(["--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--allow-file-access-from-files"])
+        .args([
+            "--disable-background-networking",
+            "--virtual-time-budget=8000",
+            "--window-size=2000,3000",
+            "--dump-dom",
+        ])
+        .args(flags)
+        .arg(format!("--user-data-dir={}", folder.path().join("profile").display()))
+        .arg(format!("file://{}", folder.path().join("outer.html").display()))
+        .output()
+        .unwrap();
+    let dom = String::from_utf8(output.stdout).unwrap();
+    let answer = dom.rsplit_once("<pre id=\"answer\">").unwrap().1.split_once("</pre>").unwrap().0;
+    let answer = answer.replace("&quot;", "\"").replace("&lt;", "<").replace("&gt;", ">").replace("&amp;", "&");
+    serde_json::from_str(&answer).unwrap_or_else(|e| panic!("{}: {e}: {answer}", report.display()))
+}
+
+/// Every kind of report on a telephone, a tablet, a laptop and a large screen, light and dark: nothing is cut off.
+#[test]
+fn nothing_is_clipped_at_any_width() {
+    let Some(chromium) = chromium() else { return };
+    let folder = TempDir::new().unwrap();
+    let at = folder.path();
+    let file = |name: &str| testdata(name).display().to_string();
+    let (one, two, three) =
+        (file("chamber/cycle-1.csv.gz"), file("chamber/cycle-2.csv.gz"), file("chamber/cycle-3.csv.gz"));
+    let (setup, limits) = (file("chamber/bench.toml"), file("chamber/acceptance.toml"));
+    // Three axes, each the rows of a cycle.
+    let three_axes = |name: &str, by: usize| {
+        let head = "time_s,temperature_c,counts_x,counts_y,counts_z\n";
+        let text: String = sagnac_sim::LaggedChamber::domain_notes()
+            .run(by as u64)
+            .map(|row| format!("{},{},{},{},{}\n", row.time_s, row.temperature_c, row.counts, row.counts, row.counts))
+            .collect();
+        std::fs::write(at.join(name), format!("{head}{text}")).unwrap();
+    };
+    three_axes("a.csv", 1);
+    three_axes("b.csv", 2);
+    let fit = |log: &str, out: &str, more: &[&str]| {
+        sagnac(at, &[&["calibrate", log, "--setup", &setup, "-o", out], more].concat());
+    };
+    fit(&one, "1.json", &["--tradeoff", "--report", "fit.html"]);
+    fit(&two, "2.json", &["--model", "bias 3, rate 0"]);
+    let flags = ["--arcsec-per-count", "0.15125", "--model", "bias 3, rate 0", "-o", "3.json", "--serial", "RLG-3"];
+    sagnac(at, &[&["calibrate", "a.csv"][..], &flags].concat());
+    sagnac(
+        at,
+        &["verify", "1.json", &three, "--limits", &limits, "--report", "acceptance.html", "--document", "T-104"],
+    );
+    let _ = Sagnac::cargo_bin("sagnac")
+        .unwrap()
+        .current_dir(at)
+        .args(["verify", "3.json", "b.csv", "--limits", "navigation-grade", "--report", "axes.html"])
+        .assert();
+    sagnac(at, &["allan", "a.csv", "--arcsec-per-count", "0.15125", "--report", "noise.html"]);
+    sagnac(at, &["compare", "1.json", "2.json", "--report", "compare.html"]);
+    sagnac(at, &["inspect", "a.csv", "--arcsec-per-count", "0.15125", "--report", "survey.html"]);
+    for name in ["fit", "acceptance", "axes", "noise", "compare", "survey"] {
+        let report = at.join(format!("{name}.html"));
+        for width in [380, 768, 1280, 1920] {
+            let answer = measured(chromium, &report, width, &[]);
+            assert_eq!(answer["clipped"], serde_json::json!([]), "{name} at {width}");
+            assert_eq!(answer["wrong"], serde_json::json!([]), "{name} at {width}");
+            // Less a bar for scrolling.
+            let seen = answer["width"].as_u64().unwrap();
+            assert!(
+                answer["measured"].as_u64().unwrap() > 40 && seen <= width && seen + 20 > width,
+                "{name}: {answer}"
+            );
+        }
+        let dark = measured(chromium, &report, 380, &["--blink-settings=preferredColorScheme=0"]);
+        assert_eq!(dark["clipped"], serde_json::json!([]), "{name} in the dark");
+    }
+    // The look sees what is too wide.
+    let good = std::fs::read_to_string(at.join("fit.html")).unwrap();
+    let wide = good.replacen("<main>", "<main><p style='white-space:nowrap'>".to_owned().as_str(), 1);
+    let wide = wide.replacen("white-space:nowrap'>", &format!("white-space:nowrap'>{}</p>", "too wide ".repeat(60)), 1);
+    std::fs::write(at.join("wide.html"), wide).unwrap();
+    assert_ne!(measured(chromium, &at.join("wide.html"), 380, &[])["clipped"], serde_json::json!([]));
+}
+
 /// Findings of the browser in a report.
 fn look_at(chromium: &str, report: &Path) -> serde_json::Value {
     let page = std::fs::read_to_string(report).unwrap();

@@ -4,9 +4,10 @@ use maud::{Markup, html};
 
 use crate::figure::{Figure, Layer, Role, SOLID, rounded};
 use crate::figures::figure;
+use crate::sheet::Sheet;
 use sagnac::calibration::{Calibration, LogUnit};
-use sagnac::verify::{AxisVerification, Bound, Estimate, Judged, PositionError, SPECS, Verification};
-use sagnac_units::format::{celsius, plain, significant, unit, with_sigma};
+use sagnac::verify::{AxisVerification, Bound, Estimate, Judged, PositionError, SPECS, Verdict, Verification};
+use sagnac_units::format::{celsius, file_name, plain, significant, unit, with_sigma};
 
 /// True where the unit was checked against limits.
 pub(crate) fn is_acceptance(verification: &Verification) -> bool {
@@ -14,7 +15,7 @@ pub(crate) fn is_acceptance(verification: &Verification) -> bool {
 }
 
 /// The verdict over all axes, with the retest and the limits.
-pub(crate) fn identity(verification: &Verification, calibration: Option<&Calibration>) -> Markup {
+pub(crate) fn identity(verification: &Verification, calibration: Option<&Calibration>, sheet: &Sheet) -> Markup {
     let accepted = verification.passed();
     let judged = Judged::of(verification.axes.iter().flat_map(|axis| &axis.limits));
     let word = match (accepted, judged.not_asked) {
@@ -23,7 +24,6 @@ pub(crate) fn identity(verification: &Verification, calibration: Option<&Calibra
         (false, _) if judged.not_met == 0 && judged.not_decided > 0 => "Not decided",
         (false, _) => "Not accepted",
     };
-    let not_stated = || "not stated in the setup".to_owned();
     let log = calibration.map(|c| match c.unit {
         LogUnit::Counts { arcsec_per_count, quantum } => {
             format!("counts of {} arcsec, quantum {quantum}", plain(arcsec_per_count))
@@ -40,8 +40,9 @@ pub(crate) fn identity(verification: &Verification, calibration: Option<&Calibra
         div class={ "verdict " (if accepted { "pass" } else { "fail" }) } { b.word { (word) ": " (judged.words()) } }
         div.scroll { table {
             tr { td { "unit" } td.words { (verification.serial) } }
-            tr { td { "sensor" } td.words { (verification.sensor.clone().unwrap_or_else(not_stated)) } }
-            tr { td { "rig" } td.words { (verification.rig.clone().unwrap_or_else(not_stated)) } }
+            @for (name, value) in sheet.entries() { (entry(name, value)) }
+            (entry("sensor", verification.sensor.as_deref()))
+            (entry("rig", verification.rig.as_deref()))
             @if let Some(log) = log { tr { td { "log" } td.words { (log) } } }
             @for test in &verification.inputs {
                 tr {
@@ -49,15 +50,13 @@ pub(crate) fn identity(verification: &Verification, calibration: Option<&Calibra
                     td.words { (test.file) ", " (test.rows) " rows" br; span.hash { "SHA-256 " (test.sha256) } }
                 }
             }
-            @for axis in &verification.axes {
-                @if let Some(coverage) = &axis.coverage {
-                    tr { td { "temperatures, axis " (axis.axis) } td.words { (coverage.words()) } }
-                }
+            @for (axes, words) in covered(verification) {
+                tr { td { "temperatures, axis " (axes) } td.words { (words) } }
             }
             @if let Some(limits) = limits {
                 @for (word, source) in [("limits", Some(limits)), ("limits start from", limits.base.as_deref())] {
                     @if let Some(source) = source {
-                        tr { td { (word) } td.words { (source.name) br; span.hash { "SHA-256 " (source.sha256) } } }
+                        tr { td { (word) } td.words { (file_name(&source.name)) br; span.hash { "SHA-256 " (source.sha256) } } }
                     }
                 }
             }
@@ -68,46 +67,145 @@ pub(crate) fn identity(verification: &Verification, calibration: Option<&Calibra
     }
 }
 
-/// Every limit with its value, its margin and its verdict, axis by axis.
+/// An entry of the head; a line for the pen where it is not given.
+fn entry(name: &str, value: Option<&str>) -> Markup {
+    html! { tr { td { (name) } td.words { @match value { Some(value) => { (value) } None => { span.pen {} } } } } }
+}
+
+/// The temperatures that the test covers, axes that cover the same in one line.
+fn covered(verification: &Verification) -> Vec<(String, String)> {
+    let mut all: Vec<(String, String)> = Vec::new();
+    for axis in &verification.axes {
+        let Some(words) = axis.coverage.as_ref().map(|coverage| coverage.words()) else { continue };
+        match all.iter_mut().find(|(_, known)| *known == words) {
+            Some((axes, _)) => *axes += &format!(", {}", axis.axis),
+            None => all.push((axis.axis.to_string(), words)),
+        }
+    }
+    all
+}
+
+/// Every limit with its verdict: on one page, whether of one axis or of three.
 pub(crate) fn limits(verification: &Verification) -> Markup {
-    let several = verification.axes.len() > 1;
+    let judged: Vec<&AxisVerification> = verification.axes.iter().filter(|axis| !axis.limits.is_empty()).collect();
     html! {
-        @for axis in verification.axes.iter().filter(|axis| !axis.limits.is_empty()) {
-            h3 { "Limits" @if several { " of axis " (axis.axis) } }
-            div.scroll { table {
-                @let excluding = axis.excluded_fraction.is_some();
-                thead { tr {
-                    th { "limit" } th.words { "unit" } th { "bound" } th { "value" }
-                    @if excluding { th { "of every row" } }
-                    th { "margin" } th.words { "" }
-                } }
-                @for limit in &axis.limits {
-                    @let (words, its_unit) = limit_words(&limit.name);
-                    tr {
-                        td.words { (words) } td.unit { (its_unit) } td { (significant(limit.limit, 4)) }
-                        td { (limit.value_text()) }
-                        @if excluding { td { (limit.value_of_every_row.map_or("-".to_owned(), |value| significant(value, 4))) } }
-                        td { (limit.margin_text()) }
-                        @match limit.pass {
-                            Some(true) => { td.pass.words { (limit.word()) } }
-                            Some(false) => { td.fail.words { (limit.word()) } }
-                            None => { td.unit { (limit.word()) } }
+        @match judged.as_slice() {
+            [] => {}
+            [axis] => { h3 { "Limits" } (limits_of_one(axis)) }
+            axes => {
+                h3 { "Limits" }
+                (limits_of_all(axes))
+            }
+        }
+    }
+}
+
+/// The limits of one axis with their margins.
+fn limits_of_one(axis: &AxisVerification) -> Markup {
+    let excluding = axis.excluded_fraction.is_some();
+    html! {
+        div.scroll { table {
+            thead { tr {
+                th { "limit" } th.words { "unit" } th { "bound" } th { "value" }
+                @if excluding { th { "of every row" } }
+                th { "margin" } th.words { "" }
+            } }
+            @for limit in &axis.limits {
+                @let (words, its_unit) = limit_words(&limit.name);
+                tr {
+                    td.words { (words) } td.unit { (its_unit) } td { (significant(limit.limit, 4)) }
+                    td { (limit.value_text()) }
+                    @if excluding { td { (limit.value_of_every_row.map_or("-".to_owned(), |value| significant(value, 4))) } }
+                    td { (limit.margin_text()) }
+                    (verdict_cell(limit))
+                }
+            }
+        } }
+    }
+}
+
+fn verdict_cell(limit: &Verdict) -> Markup {
+    html! {
+        @match limit.pass {
+            Some(true) => { td.pass.words { (limit.word()) } }
+            Some(false) => { td.fail.words { (limit.word()) } }
+            None => { td.unit { (limit.word()) } }
+        }
+    }
+}
+
+/// The limits of several axes, a column each.
+fn limits_of_all(axes: &[&AxisVerification]) -> Markup {
+    let mut names: Vec<&str> = Vec::new();
+    for limit in axes.iter().flat_map(|axis| &axis.limits) {
+        if !names.contains(&limit.name.as_str()) {
+            names.push(&limit.name);
+        }
+    }
+    let of = |axis: &AxisVerification, name: &str| axis.limits.iter().find(|limit| limit.name == name).cloned();
+    html! {
+        div.scroll { table {
+            thead { tr {
+                th { "limit" } th.words { "unit" } th { "bound" }
+                @for axis in axes { th { "axis " (axis.axis) } }
+            } }
+            @for name in names {
+                @let (words, its_unit) = limit_words(name);
+                @let bound = axes.iter().find_map(|axis| of(axis, name)).map_or(f64::NAN, |limit| limit.limit);
+                tr {
+                    td.words { (words) } td.unit { (its_unit) } td { (significant(bound, 4)) }
+                    @for axis in axes {
+                        @match of(axis, name) {
+                            Some(limit) => {
+                                td class=(match limit.pass { Some(true) => "judged pass", Some(false) => "judged fail", None => "judged" }) {
+                                    (limit.value_text()) br; span.verdict-word { (limit.word()) }
+                                }
+                            }
+                            None => { td { "-" } }
                         }
                     }
-                    @if let Some(remark) = limit.remark().filter(|_| limit.pass.is_some()) {
-                        tr.why { td colspan="7" { (limit.word()) ": " (remark) } }
+                }
+            }
+        } }
+    }
+}
+
+/// Behind the signatures: why a limit is not met, not decided or not asked, how limits decide, and what is suspected.
+pub(crate) fn remarks(verification: &Verification) -> Markup {
+    let several = verification.axes.len() > 1;
+    let mut unasked: Vec<(String, String)> = Vec::new();
+    for axis in &verification.axes {
+        for limit in axis.limits.iter().filter(|limit| limit.pass.is_none()) {
+            let words = format!(
+                "Not asked: {}: {}.",
+                limit_words(&limit.name).0,
+                limit.why.as_deref().unwrap_or("it is of another test")
+            );
+            match unasked.iter_mut().find(|(_, known)| *known == words) {
+                Some((axes, _)) => *axes += &format!(", {}", axis.axis),
+                None => unasked.push((axis.axis.to_string(), words)),
+            }
+        }
+    }
+    html! {
+        @for axis in verification.axes.iter().filter(|axis| !axis.limits.is_empty()) {
+            @for limit in axis.limits.iter().filter(|limit| limit.pass.is_some()) {
+                @if let Some(remark) = limit.remark() {
+                    p.note.why {
+                        @if several { "Axis " (axis.axis) ": " }
+                        (limit_words(&limit.name).0) ": " (limit.word()) ", " (remark) "."
                     }
                 }
-            } }
-            @for limit in axis.limits.iter().filter(|limit| limit.pass.is_none()) {
-                p.note { "Not asked: " (limit_words(&limit.name).0) ": " (limit.why.as_deref().unwrap_or("it is of another test")) "." }
             }
-            p.note { "Guarded: met where the value and 1.645 of its standard errors (±) are within the bound, not met where both are beyond it, else not decided. Simple: the value alone decides. Margin: the distance to the bound, as a fraction of it." }
             @if axis.about_common_mean {
                 p.note { "Each run covers little of the temperatures: the figures are about the mean of all runs, not each run's own." }
             }
             (suspects(axis))
         }
+        @for (axes, words) in &unasked {
+            p.note { @if several && axes.split(", ").count() < verification.axes.len() { "Axis " (axes) ": " } (words) }
+        }
+        p.note { "Guarded: met where the value and 1.645 of its standard errors (±) are within the bound, not met where both are beyond it, else not decided. Simple: the value alone decides. Margin: the distance to the bound, as a fraction of it." }
     }
 }
 
@@ -226,7 +324,7 @@ pub(crate) fn bias_repeatability(axis: &AxisVerification) -> Markup {
                 thead { tr { th.words { "" } th { "fixed bias" } th { "less the calibration's" } } }
                 tr { td { "calibration, input rate " (significant(found.input_rate_dph, 5)) " °/h" } td { (text(found.calibration_dph)) } td { "-" } }
                 @for run in &found.runs {
-                    tr { td { (sagnac_units::format::file_name(&run.file)) } td { (text(run.bias_dph)) } td { (text(run.difference_dph)) } }
+                    tr { td { (file_name(&run.file)) } td { (text(run.bias_dph)) } td { (text(run.difference_dph)) } }
                 }
             } }
             @if let Some(turn_ons) = found.turn_ons {

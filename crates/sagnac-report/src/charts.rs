@@ -20,6 +20,8 @@ pub struct ChartPage {
     pub verdicts: Vec<(bool, String)>,
     /// Words under them: what to know before reading on.
     pub notes: Vec<String>,
+    /// Words under the first figure.
+    pub remarks: Vec<String>,
     /// Tables before the figures: what a reader wants first.
     pub results: Vec<PageTable>,
     /// Tables after the figures.
@@ -177,7 +179,9 @@ pub fn chart_report(content: &ChartPage) -> Result<Report> {
         }
         @for note in &content.notes { p.note { (note) } }
         @for result in &content.results { (table(result)) }
-        @for figure in &drawn { (shown(figure)) }
+        @for figure in drawn.iter().take(1) { (shown(figure)) }
+        @for remark in &content.remarks { p.note { (remark) } }
+        @for figure in drawn.iter().skip(1) { (shown(figure)) }
         @for data in &content.tables { (table(data)) }
     };
     page(&content.title, &body, drawn)

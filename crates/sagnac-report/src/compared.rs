@@ -5,7 +5,7 @@ use crate::report::Report;
 use sagnac::compare::{Change, ComparedAxis, ComparedCurve, ComparedNumber, Comparison};
 use sagnac::verify::{Judged, Verdict};
 use sagnac_log::error::Result;
-use sagnac_units::format::{celsius, significant, unit};
+use sagnac_units::format::{celsius, file_name, significant, unit};
 
 /// Two-sided 95 % of a normal.
 const TWO_SIGMA: f64 = 1.96;
@@ -17,7 +17,7 @@ const TWO_SIGMA: f64 = 1.96;
 pub fn comparison_report(comparison: &Comparison) -> Result<Report> {
     let mut page = ChartPage {
         title: format!("Calibrations of {} beside each other", comparison.serial),
-        subtitle: comparison.records.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(", "),
+        subtitle: names(comparison).join(", "),
         ..ChartPage::default()
     };
     for axis in &comparison.axes {
@@ -27,9 +27,9 @@ pub fn comparison_report(comparison: &Comparison) -> Result<Report> {
             page.results.push(limits(axis));
         }
         for curve in &axis.curves {
-            let words = format!("Axis {}: {}", axis.axis, curve.verdict(&comparison.records));
+            let words = format!("Axis {}: {}", axis.axis, curve.verdict(&named(comparison)));
             page.verdicts.push((!curve.disagrees(), words));
-            page.notes.extend(curve.change(&comparison.records).map(|words| format!("Axis {}: {words}.", axis.axis)));
+            page.notes.extend(curve.change(&named(comparison)).map(|words| format!("Axis {}: {words}.", axis.axis)));
             page.charts.push(difference(comparison, axis.axis, curve));
             page.charts.push(values(comparison, axis.axis, curve));
             page.charts.push(apart(comparison, axis.axis, curve));
@@ -56,14 +56,28 @@ pub fn comparison_report(comparison: &Comparison) -> Result<Report> {
     chart_report(&page)
 }
 
+/// A record's name without its folder.
+fn name(comparison: &Comparison, record: usize) -> String {
+    file_name(&comparison.records[record].0)
+}
+
+/// The records without their folders.
+fn named(comparison: &Comparison) -> Vec<(String, f64)> {
+    comparison.records.iter().map(|(name, time_s)| (file_name(name), *time_s)).collect()
+}
+
+fn names(comparison: &Comparison) -> Vec<String> {
+    (0..comparison.records.len()).map(|record| name(comparison, record)).collect()
+}
+
 /// What changed besides the figures.
 fn changes(comparison: &Comparison) -> PageTable {
     let row = |change: &Change| {
-        let record = comparison.records[change.record].0.clone();
+        let record = name(comparison, change.record);
         vec![record, change.kind.clone(), change.what.clone(), change.from.clone(), change.to.clone()]
     };
     PageTable {
-        heading: format!("What changed since {}", comparison.records[0].0),
+        heading: format!("What changed since {}", name(comparison, 0)),
         columns: ["record", "kind", "what", "from", "to"].map(str::to_owned).to_vec(),
         rows: comparison.changes.iter().map(row).collect(),
     }
@@ -74,7 +88,7 @@ fn difference(comparison: &Comparison, axis: char, curve: &ComparedCurve) -> Cha
     let edge =
         |all: &[[f64; 2]], sign: f64| all.iter().map(|[value, sigma]| value + sign * TWO_SIGMA * sigma).collect();
     let x = || curve.temperatures_c.clone();
-    let named = |record: usize| format!("{} less {}", comparison.records[record].0, comparison.records[0].0);
+    let named = |record: usize| format!("{} less {}", name(comparison, record), name(comparison, 0));
     let bands = curve.differences.iter().map(|all| Band {
         label: String::new(),
         x: x(),
@@ -117,7 +131,6 @@ fn limits(axis: &ComparedAxis) -> PageTable {
 }
 
 fn values(comparison: &Comparison, axis: char, curve: &ComparedCurve) -> Chart {
-    let name = |record: usize| comparison.records[record].0.clone();
     let all = 0..comparison.records.len();
     let band = |record: usize| {
         let edge = |sign: f64| {
@@ -127,7 +140,7 @@ fn values(comparison: &Comparison, axis: char, curve: &ComparedCurve) -> Chart {
         Band { label: String::new(), x: curve.temperatures_c.clone(), lo: edge(-1.0), hi: edge(1.0) }
     };
     let line = |record: usize| Curve {
-        label: name(record),
+        label: name(comparison, record),
         x: curve.temperatures_c.clone(),
         y: curve.values[record].clone(),
         dashed: false,
@@ -149,7 +162,7 @@ fn apart(comparison: &Comparison, axis: char, curve: &ComparedCurve) -> Chart {
     let line = |record: usize| {
         let points = curve.temperatures_c.iter().zip(&curve.z[record]);
         let (x, y) = points.filter_map(|(t, z)| Some((*t, (*z)?))).unzip();
-        Curve { label: comparison.records[record].0.clone(), x, y, dashed: false }
+        Curve { label: name(comparison, record), x, y, dashed: false }
     };
     Chart {
         id: format!("{}-apart-{axis}", curve.quantity),
@@ -167,7 +180,7 @@ fn apart(comparison: &Comparison, axis: char, curve: &ComparedCurve) -> Chart {
 
 fn numbers(comparison: &Comparison, axis: &ComparedAxis) -> PageTable {
     let mut columns = vec![String::new()];
-    columns.extend(comparison.records.iter().map(|(name, _)| name.clone()));
+    columns.extend(names(comparison));
     columns.extend(["unit", "farthest apart, σ"].map(str::to_owned));
     let rows = axis.numbers.iter().map(ComparedNumber::row);
     PageTable { heading: format!("Numbers of axis {}", axis.axis), columns, rows: rows.collect() }
@@ -175,7 +188,7 @@ fn numbers(comparison: &Comparison, axis: &ComparedAxis) -> PageTable {
 
 fn table(comparison: &Comparison, axis: char, curve: &ComparedCurve) -> PageTable {
     let mut columns = vec!["°C".to_owned()];
-    columns.extend(curve.titles(&comparison.records));
+    columns.extend(curve.titles(&named(comparison)));
     let row = |at: usize| {
         let mut row = vec![celsius(curve.temperatures_c[at])];
         row.extend(curve.row(at));

@@ -115,11 +115,18 @@ impl Layer {
             Self::Dots { role: Role::Before, .. } => "ring",
             Self::Dots { role: Role::Steady, .. } => "point",
             Self::Dots { .. } => "dot",
-            Self::Line { dash, .. } if !dash.is_empty() => "dashed",
             Self::Whiskers { joined: false, .. } => "bar",
             Self::Line { .. } | Self::Whiskers { .. } => "solid",
             Self::Band { .. } | Self::Shades { .. } => "pale",
             Self::Bars { .. } => "full",
+        }
+    }
+
+    /// How its line is broken; nothing for an unbroken one, and for what is no line.
+    pub(crate) fn dash(&self) -> Dash {
+        match self {
+            Self::Line { dash, .. } => dash,
+            _ => SOLID,
         }
     }
 

@@ -193,8 +193,18 @@ pub(crate) fn tradeoff(record: &AxisCalibration) -> Option<Figure> {
     out.layers.push(dots("models", Role::Steady, all));
     let x: Vec<f64> = best.iter().map(|point| f64::from(point.instructions)).collect();
     out.layers.push(line("frontier", Role::After, &x, best.iter().map(|point| point.held_out_dph).collect(), false));
-    let at = [(f64::from(knee.instructions), knee.held_out_dph)];
-    out.layers.push(dots(&format!("knee: {}", knee.candidate.model), Role::Excluded, at.into_iter()));
+    let at = |instructions: u32, held_out_dph: f64| std::iter::once((f64::from(instructions), held_out_dph));
+    let selected = record.candidates().iter().find(|candidate| candidate.chosen);
+    let is_knee = selected.is_some_and(|candidate| candidate.model == knee.candidate.model);
+    let word = if is_knee { "knee and selected" } else { "knee" };
+    let knee_at = at(knee.instructions, knee.held_out_dph);
+    out.layers.push(dots(&format!("{word}: {}", knee.candidate.model), Role::Excluded, knee_at));
+    if let Some((candidate, instructions, held_out_dph)) =
+        selected.filter(|_| !is_knee).and_then(|c| Some((c, c.slow_update_instructions?, c.held_out_dph?)))
+    {
+        let label = format!("selected: {}", candidate.model);
+        out.layers.push(dots(&label, Role::Cooling, at(instructions, held_out_dph)));
+    }
     if let Some(floor) = record.noise_floor() {
         out.layers.push(line("noise floor", Role::Floor, &[x[0], x[x.len() - 1]], vec![floor.value_dph; 2], true));
     }
@@ -337,7 +347,7 @@ pub(crate) fn histogram(axis: &AxisReportData, floor_dph: Option<f64>) -> Option
         ),
         None => "The noise floor of this log is not known, so there is nothing to hold the bars against.".to_owned(),
     };
-    let title = "Residual, beside the noise floor";
+    let title = if floor_dph.is_some() { "Residual, beside the noise floor" } else { "Residual" };
     let mut out = figure(axis.axis, "histogram", title, caption, ["residual, °/h", "windows"], "histogram");
     let width = edges[1] - edges[0];
     let (lo, hi) = (edges[0], edges[edges.len() - 1]);

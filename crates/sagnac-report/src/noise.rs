@@ -5,7 +5,7 @@ use crate::report::Report;
 use sagnac::allan::NoiseBudget;
 use sagnac_log::error::Result;
 use sagnac_noise::{AxisBudget, CurvePoint, Term, TermValue};
-use sagnac_units::format::significant;
+use sagnac_units::format::{file_name, significant};
 
 /// τ that the table lists at most.
 const SHOWN_TAUS: usize = 40;
@@ -15,20 +15,21 @@ const SHOWN_TAUS: usize = 40;
 /// # Errors
 /// Figures that cannot be written as JSON.
 pub fn noise_report(budget: &NoiseBudget) -> Result<Report> {
-    let files: Vec<&str> = budget.inputs.iter().map(|input| input.file.as_str()).collect();
+    let files: Vec<String> = budget.inputs.iter().map(|input| file_name(&input.file)).collect();
     let mut page = ChartPage {
         title: "Noise budget".to_owned(),
         subtitle: files.join(", "),
-        notes: notes(budget),
+        remarks: notes(budget),
         ..ChartPage::default()
     };
-    for axis in &budget.axes {
-        page.charts.push(allan_chart(axis));
-        page.charts.extend(hadamard_chart(axis));
-        page.results.push(terms_table(axis));
-        page.tables.push(curve_table(axis));
+    if budget.axes.len() > 1 {
+        page.charts.push(all_axes(&budget.axes));
     }
-    let inputs = budget.inputs.iter().map(|i| vec![i.file.clone(), i.rows.to_string(), i.sha256.clone()]);
+    page.charts.extend(budget.axes.iter().map(allan_chart));
+    page.charts.extend(budget.axes.iter().filter_map(hadamard_chart));
+    page.tables.extend(budget.axes.iter().map(terms_table));
+    page.tables.extend(budget.axes.iter().map(curve_table));
+    let inputs = budget.inputs.iter().map(|i| vec![file_name(&i.file), i.rows.to_string(), i.sha256.clone()]);
     page.tables.push(table("Provenance", ["log", "rows", "SHA-256"], inputs));
     if !budget.excluded.is_empty() {
         let rows = budget.excluded.iter().map(|tally| {
@@ -43,8 +44,41 @@ fn table<const N: usize>(heading: &str, columns: [&str; N], rows: impl Iterator<
     PageTable { heading: heading.to_owned(), columns: columns.map(str::to_owned).into(), rows: rows.collect() }
 }
 
+/// What B is: the flat part of the curve lies lower than it.
+const MEANING_OF_B: &str = "Bias instability B is the coefficient of IEEE Std 952-1997: the flat part of the Allan deviation lies at \
+                            √(2·ln 2/π)·B = 0.664·B, so that B is the least deviation over 0.664.";
+
+/// The curves of all axes in one figure, with their intervals.
+fn all_axes(axes: &[AxisBudget]) -> Chart {
+    let curve = |axis: &AxisBudget| {
+        let shown = axis.curve.iter().filter(|point| point.adev_dph > 0.0);
+        let (x, y) = shown.map(|point| (point.tau_s, point.adev_dph)).unzip();
+        Curve { label: format!("axis {}", axis.axis), x, y, dashed: false }
+    };
+    let bands = axes.iter().map(|axis| {
+        let mut of_axis = band(axis.curve.iter().map(|p| (p.tau_s, p.lower_dph, p.upper_dph)));
+        of_axis.iter_mut().for_each(|band| band.label.clear());
+        of_axis.pop().unwrap_or_default()
+    });
+    Chart {
+        id: "allan".to_owned(),
+        group: "tau".to_owned(),
+        title: "How quiet is each axis?".to_owned(),
+        caption: "Overlapping Allan deviation of every axis; each band holds 95 % at each τ.".to_owned(),
+        x_label: "averaging time τ, s".to_owned(),
+        y_label: "deviation, °/h".to_owned(),
+        curves: axes.iter().map(curve).collect(),
+        bands: bands.collect(),
+        decades: true,
+        ..Chart::default()
+    }
+}
+
 fn notes(budget: &NoiseBudget) -> Vec<String> {
     let mut out: Vec<String> = budget.warnings.iter().map(|warning| format!("Warning: {warning}.")).collect();
+    if budget.axes.iter().any(|axis| matches!(axis.terms.get(Term::BiasInstability), TermValue::Found { .. })) {
+        out.push(MEANING_OF_B.to_owned());
+    }
     if budget.detrended {
         out.push(
             "The drift over temperature was removed first: at long τ these curves lie lower than the log's own.".into(),
@@ -192,7 +226,7 @@ fn allan_chart(axis: &AxisBudget) -> Chart {
     let found = if found.is_empty() { "none is resolved".to_owned() } else { found.join(", ") };
     Chart {
         id: format!("allan-{}", axis.axis),
-        group: format!("tau-{}", axis.axis),
+        group: "tau".to_owned(),
         title: format!("Which noise rules at which averaging time, axis {}?", axis.axis),
         caption: format!("Terms: {found}. Dashed: each term alone. The band holds 95 % at each τ."),
         x_label: "averaging time τ, s".to_owned(),
@@ -233,7 +267,7 @@ fn hadamard_chart(axis: &AxisBudget) -> Option<Chart> {
     };
     (!shown.is_empty()).then(|| Chart {
         id: format!("hadamard-{}", axis.axis),
-        group: format!("tau-{}", axis.axis),
+        group: "tau".to_owned(),
         title: format!("Does a steady ramp of the rate make the long end, axis {}?", axis.axis),
         caption: "The Hadamard deviation does not see a steady ramp: where it stays below the Allan deviation at long τ, one is there.".to_owned(),
         x_label: "averaging time τ, s".to_owned(),

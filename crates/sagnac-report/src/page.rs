@@ -2,9 +2,10 @@
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-use crate::figure::Figure;
+use crate::figure::{Dash, Figure};
 use crate::figures::Wording;
 use crate::report::Report;
+use crate::sheet::Sheet;
 use crate::{acceptance, figures, svg, terms};
 use sagnac::calibration::{AxisCalibration, Calibration, LogFile, LogUnit, PpmEstimate, UNASSIGNED};
 use sagnac::diagnostics::{AxisReportData, ReportData};
@@ -55,7 +56,7 @@ pub fn calibration_report(calibration: &Calibration, report_data: &ReportData) -
     page(&format!("Thermal calibration ({})", calibration.serial), &body, drawn)
 }
 
-/// The report of a verification; `calibration` adds the verified calibration, where it is available.
+/// The report of a verification; `calibration` adds the verified calibration, where it is available. `sheet` is the head of an acceptance.
 ///
 /// # Errors
 /// A record that cannot be written as JSON.
@@ -63,6 +64,7 @@ pub fn verification_report(
     verification: &Verification,
     calibration: Option<&Calibration>,
     report_data: &ReportData,
+    sheet: &Sheet,
 ) -> Result<Report> {
     let mut drawn = Vec::new();
     let several = verification.axes.len() > 1;
@@ -75,9 +77,10 @@ pub fn verification_report(
         }
         (same_log(verification))
         @if judged {
-            (acceptance::identity(verification, calibration))
+            (acceptance::identity(verification, calibration, sheet))
             (acceptance::limits(verification))
             (acceptance::signatures())
+            (acceptance::remarks(verification))
         }
         @for axis in &verification.axes { (proof_verdict(axis, several)) }
         @for axis in &verification.axes {
@@ -113,6 +116,7 @@ pub fn verification_report(
 pub(crate) fn page(title: &str, body: &Markup, figures: Vec<Figure>) -> Result<Report> {
     let data = serde_json::to_string(&figures).map_err(|e| Error::input(format!("cannot write the figures: {e}")))?;
     let data = data.replace('<', "\\u003c");
+    let body = PreEscaped(true_minus(&body.0));
     let markup = html! {
         (DOCTYPE)
         html lang="en" {
@@ -137,6 +141,25 @@ pub(crate) fn page(title: &str, body: &Markup, figures: Vec<Figure>) -> Result<R
     Ok(Report { html: markup.into_string(), figures })
 }
 
+/// A minus before a digit, in the text of a page, as people print it. What stands behind a letter, digit or point is a name or a date.
+fn true_minus(html: &str) -> String {
+    let mut out = String::with_capacity(html.len() + 64);
+    let (mut in_tag, mut before) = (false, ' ');
+    let mut rest = html.chars().peekable();
+    while let Some(c) = rest.next() {
+        match c {
+            '<' => in_tag = true,
+            '>' => in_tag = false,
+            _ => (),
+        }
+        let begins = !before.is_alphanumeric() && !['.', '_', '-', '/', ')', '"', '\''].contains(&before);
+        let is_minus = c == '-' && !in_tag && begins && rest.peek().is_some_and(char::is_ascii_digit);
+        out.push(if is_minus { '−' } else { c });
+        before = c;
+    }
+    out
+}
+
 /// Every printed page shows its report, its number and the number of pages.
 fn footer(title: &str) -> String {
     let plain = |c: &char| c.is_alphanumeric() || " .,:;()[]/+-_…".contains(*c);
@@ -152,8 +175,12 @@ pub(crate) fn shown(figure: &Figure) -> Markup {
         figure {
             h3 { (figure.title) }
             div.legend {
-                @for (label, role, kind) in legend(figure) {
-                    span { i class=(kind) style={ "color:var(--" (role) ")" } {} (label) }
+                @for (label, role, kind, dash) in legend(figure) {
+                    span {
+                        @if dash.is_empty() { i class=(kind) style={ "color:var(--" (role) ")" } {} }
+                        @else { (broken_line(role, dash)) }
+                        (label)
+                    }
                 }
             }
             div.plot id=(figure.id) { (PreEscaped(svg::draw(figure))) }
@@ -163,13 +190,23 @@ pub(crate) fn shown(figure: &Figure) -> Markup {
     }
 }
 
-/// Labels once each, with the names of their colour and their sign.
-fn legend(figure: &Figure) -> Vec<(&str, &'static str, &'static str)> {
-    let mut out: Vec<(&str, &'static str, &'static str)> = Vec::new();
+/// A broken line as the figure draws it.
+fn broken_line(role: &str, dash: Dash) -> Markup {
+    let lengths = dash.iter().map(u8::to_string).collect::<Vec<_>>().join(" ");
+    html! {
+        svg.key width="34" height="10" aria-hidden="true" {
+            path d="M0 5h34" fill="none" stroke={ "var(--" (role) ")" } stroke-width="2.5" stroke-dasharray=(lengths) {}
+        }
+    }
+}
+
+/// Labels once each, with the names of their colour and their sign, and how a line is broken.
+fn legend(figure: &Figure) -> Vec<(&str, &'static str, &'static str, Dash)> {
+    let mut out: Vec<(&str, &'static str, &'static str, Dash)> = Vec::new();
     for layer in &figure.layers {
         let (label, role) = layer.label();
         if !label.is_empty() && out.iter().all(|(seen, ..)| *seen != label) {
-            out.push((label, role.name(), layer.sign()));
+            out.push((label, role.name(), layer.sign(), layer.dash()));
         }
     }
     out
@@ -278,21 +315,23 @@ fn fit_verdict(axis: &AxisCalibration, report_data: &ReportData, several: bool) 
 
 fn proof_verdict(axis: &AxisVerification, several: bool) -> Markup {
     let left = axis.noise_floor.as_ref().map_or("the noise floor is not known".to_owned(), |floor| {
-        format!("the residual is {} of the noise floor", significant(axis.after.sigma_dph / floor.value_dph, 3))
+        format!("σ after correction is {} of the noise floor", significant(axis.after.sigma_dph / floor.value_dph, 3))
     });
+    let moved = |f: &Figures| significant(f.peak_to_peak * f.dph_per_unit(), 3);
+    let gained = format!("max − min {} → {} °/h", moved(&axis.before), moved(&axis.after));
     let class = axis.pass.map_or("", |pass| if pass { "pass" } else { "fail" });
     let word = match axis.pass {
         Some(_) if several => format!("{}; {left}", Judged::of(&axis.limits).words()),
         Some(_) => left,
-        None => format!("No limits were given: {left}"),
+        None => format!("{gained}; {left}"),
     };
     let times = |ratio: Option<f64>| ratio.map_or("-".to_owned(), |r| significant(r, 3));
     html! {
         div class={ "verdict " (class) } {
             b.word { (axis_word(axis.axis, several)) (word) }
             div.tiles {
-                (tile("max − min, before over after", &times(axis.improvement), "times"))
-                (tile("σ, before over after", &times(axis.improvement_sigma), "times"))
+                (tile("max − min, before over after", &times(axis.improvement), ""))
+                (tile("σ, before over after", &times(axis.improvement_sigma), ""))
                 (tile("σ after", &significant(axis.after.sigma_dph, 3), "°/h"))
                 @match &axis.noise_floor {
                     Some(floor) => {

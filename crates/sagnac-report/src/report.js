@@ -85,7 +85,24 @@
     ctx.restore();
   }
 
-  const short = (value) => Number(value.toPrecision(4)).toString();
+  // Names each cell of a table after its column: a narrow screen shows a row as a list of names and values.
+  for (const table of document.querySelectorAll("table")) {
+    const names = [...table.querySelectorAll("thead th")].map((th) => th.textContent.trim());
+    table.classList.toggle("listed", names.length > 2);
+    for (const row of table.querySelectorAll("tr")) {
+      [...row.children].forEach((cell, i) => { if (names[i] && cell.tagName === "TD") cell.dataset.name = names[i]; });
+    }
+  }
+
+  // 1, 2 and 5 times the powers of ten between the ends; the powers alone where there are many.
+  function decades(u, axis, min, max) {
+    const from = Math.floor(Math.log10(min)), to = Math.ceil(Math.log10(max)), all = [];
+    const steps = to - from > 4 ? [1] : [1, 2, 5];
+    for (let power = from; power <= to; power++) for (const step of steps) all.push(step * 10 ** power);
+    return all.filter((tick) => tick >= min && tick <= max);
+  }
+
+  const short = (value) => Number(value.toPrecision(4)).toString().replace(/^-/, "\u2212");
 
   // What lies under the cursor: the nearest point in words.
   function read(u, figure, out) {
@@ -118,6 +135,7 @@
     const axis = (label, size) => ({
       label, stroke: css("soft"), grid: { stroke: css("grid"), width: 1 }, ticks: { stroke: css("line"), width: 1 },
       values: (u, ticks) => ticks.map((tick) => (tick === null ? "" : short(tick))),
+      ...(figure.decades ? { splits: decades, filter: (u, ticks) => ticks } : {}),
       font: "12px system-ui, sans-serif", labelFont: "12.5px system-ui, sans-serif", labelSize: 22, size,
     });
     const keep = (u, min, max) => [min, max];

@@ -213,7 +213,7 @@ pub const SPECS: [LimitSpec; 32] = [
         Most,
         "deg/h",
         Always,
-        "σ after",
+        "σ after correction",
         false,
         |a| relative(Some(a.after.sigma_dph), a.relative_sigma_of_spread()),
         ""
@@ -223,7 +223,7 @@ pub const SPECS: [LimitSpec; 32] = [
         Most,
         "deg/h",
         Always,
-        "max − min after",
+        "max − min after correction",
         false,
         |a| relative(Some(a.after.peak_to_peak * a.after.dph_per_unit()), a.relative_sigma_of_range()),
         ""
@@ -233,7 +233,7 @@ pub const SPECS: [LimitSpec; 32] = [
         Most,
         "",
         Always,
-        "σ after over the noise floor",
+        "σ after correction over the noise floor",
         false,
         |a| {
             let ratio = a.noise_floor.as_ref().map(|floor| a.after.sigma_dph / floor.value_dph);
@@ -246,7 +246,7 @@ pub const SPECS: [LimitSpec; 32] = [
         Most,
         "deg/h",
         Always,
-        "σ after beyond the noise floor, √(σ² − floor²)",
+        "σ beyond the noise floor, √(σ² − floor²)",
         false,
         |a| a.sigma_beyond_floor(),
         "the noise floor is not known"
@@ -256,7 +256,7 @@ pub const SPECS: [LimitSpec; 32] = [
         Least,
         "",
         Always,
-        "max − min before over after",
+        "max − min, before over after",
         false,
         |a| relative(a.improvement, a.relative_sigma_of_range()),
         "the residual is zero: there is nothing to divide by"
@@ -266,7 +266,7 @@ pub const SPECS: [LimitSpec; 32] = [
         Least,
         "",
         Always,
-        "σ before over after",
+        "σ, before over after",
         false,
         |a| relative(a.improvement_sigma, a.relative_sigma_of_spread()),
         "the residual is zero: there is nothing to divide by"
@@ -276,7 +276,7 @@ pub const SPECS: [LimitSpec; 32] = [
         Most,
         "",
         Always,
-        "fraction of the windows beyond the fit's temperatures by over 0.5 °C",
+        "windows beyond the calibrated temperatures, fraction",
         true,
         |a| plain(Some(a.out_of_span_fraction)),
         ""
@@ -286,7 +286,7 @@ pub const SPECS: [LimitSpec; 32] = [
         Least,
         "",
         Always,
-        "fraction of the fit's temperature span that the windows cover",
+        "calibrated temperature span covered, fraction",
         true,
         |a| plain(a.coverage.as_ref().map(|coverage| coverage.covered_fraction)),
         "the retest has no temperature"
@@ -296,7 +296,7 @@ pub const SPECS: [LimitSpec; 32] = [
         Most,
         "deg/h",
         Always,
-        "largest σ within a plateau",
+        "plateau σ, largest",
         false,
         |a| a.residual.plateaus.map(|p| (p.worst_sigma_dph, Some(p.worst_sigma_dph * p.worst_relative_sigma))),
         NO_PLATEAU
@@ -307,7 +307,7 @@ pub const SPECS: [LimitSpec; 32] = [
         Most,
         "deg/h",
         Always,
-        "largest distance of a plateau's mean from its run's",
+        "plateau bias, largest",
         false,
         |a| size(a.residual.plateaus.filter(|p| p.plateaus > 1).map(|p| p.worst_offset_dph)),
         NO_PLATEAU
@@ -317,7 +317,7 @@ pub const SPECS: [LimitSpec; 32] = [
         Most,
         "deg/h",
         Always,
-        "rms in ramps",
+        "ramp residual, rms",
         false,
         |a| relative(a.residual.ramps_rms_dph, a.relative_sigma_of_spread()),
         "fewer than ten windows in ramps"
@@ -327,7 +327,7 @@ pub const SPECS: [LimitSpec; 32] = [
         Most,
         "deg/h per degC",
         Always,
-        "slope over temperature",
+        "bias temperature slope",
         false,
         |a| size(a.residual.temperature_slope),
         NO_SLOPE
@@ -337,7 +337,7 @@ pub const SPECS: [LimitSpec; 32] = [
         Most,
         "deg/h per degC/min",
         Always,
-        "slope over the temperature rate",
+        "bias temperature-rate slope",
         false,
         |a| size(a.residual.rate_slope),
         NO_SLOPE
@@ -347,7 +347,7 @@ pub const SPECS: [LimitSpec; 32] = [
         Most,
         "deg/h",
         Always,
-        "mean while heating less mean while cooling",
+        "hysteresis, heating less cooling",
         false,
         |a| size(a.residual_diagnostics.hysteresis_dph),
         "fewer than 20 windows of heating or of cooling"
@@ -357,7 +357,7 @@ pub const SPECS: [LimitSpec; 32] = [
         Most,
         "ppm",
         Turned,
-        "σ of the scale factor over the plateaus",
+        "scale factor over temperature, σ",
         false,
         |a| plain(a.scale_factor.as_ref().map(|scale| scale.after.sigma_ppm)),
         NO_SCALE
@@ -367,7 +367,7 @@ pub const SPECS: [LimitSpec; 32] = [
         Most,
         "ppm",
         Turned,
-        "max − min of the scale factor over the plateaus",
+        "scale factor over temperature, max − min",
         false,
         |a| plain(a.scale_factor.as_ref().map(|scale| scale.after.peak_to_peak_ppm)),
         NO_SCALE
@@ -377,7 +377,7 @@ pub const SPECS: [LimitSpec; 32] = [
         Most,
         "deg/rt h",
         AtRest,
-        "angle random walk after",
+        "angle random walk",
         false,
         |a| plain(a.residual.random_walk.map(|walk| walk.after_deg_rt_h)),
         NO_NOISE
@@ -387,7 +387,7 @@ pub const SPECS: [LimitSpec; 32] = [
         Most,
         "",
         AtRest,
-        "angle random walk after over before",
+        "angle random walk, after over before",
         false,
         |a| plain(a.residual.random_walk.map(|walk| walk.after_deg_rt_h / walk.before_deg_rt_h)),
         NO_NOISE
@@ -397,7 +397,7 @@ pub const SPECS: [LimitSpec; 32] = [
         Most,
         "deg/h",
         Always,
-        "bias instability after",
+        "bias instability",
         false,
         |a| size(a.residual.bias_instability_dph),
         "no six windows that follow each other"
@@ -407,7 +407,7 @@ pub const SPECS: [LimitSpec; 32] = [
         Most,
         "m",
         Always,
-        "position error of the flight by the drift after, with two of its σ",
+        "position error of the flight, with 2 σ",
         false,
         |a| plain(a.flight.as_ref().map(|flight| flight.bound_after_m)),
         "the flight was not flown"
@@ -417,7 +417,7 @@ pub const SPECS: [LimitSpec; 32] = [
         Most,
         "deg/h",
         Always,
-        "rms over temperature of the smooth residual, less what noise makes of it",
+        "bias over temperature beyond noise, rms",
         false,
         |a| size(a.residual.over_temperature_dph),
         "fewer than 40 windows with a temperature, or less than 1 °C between them"
@@ -427,7 +427,7 @@ pub const SPECS: [LimitSpec; 32] = [
         Most,
         "deg/h",
         KnownInput,
-        "largest fixed bias of a run less that of the calibration",
+        "bias repeatability, largest",
         false,
         |a| size(a.bias_repeatability.as_ref().and_then(|found| Some(found.worst()?.difference_dph))),
         "no run of the retest has it"
@@ -437,7 +437,7 @@ pub const SPECS: [LimitSpec; 32] = [
         Most,
         "deg/h",
         KnownInput,
-        "one-sided 95 % bound of the σ from turn-on to turn-on",
+        "turn-on to turn-on bias, σ (95 % bound)",
         false,
         |a| plain(a.bias_repeatability.as_ref().and_then(|found| Some(found.turn_ons?.sigma_upper_dph))),
         "fewer than two runs"
@@ -447,7 +447,7 @@ pub const SPECS: [LimitSpec; 32] = [
         Most,
         "deg/h",
         KnownInput,
-        "largest fixed bias of a run",
+        "fixed bias, largest",
         false,
         |a| size(a.bias_repeatability.as_ref().and_then(|found| found.largest_bias_dph())),
         "no run of the retest has it"
@@ -457,7 +457,7 @@ pub const SPECS: [LimitSpec; 32] = [
         Most,
         "ppm",
         BothTurned,
-        "scale factor less that of the calibration",
+        "scale factor repeatability",
         false,
         |a| size_ppm(a.scale_factor_difference),
         NO_SCALE
@@ -467,7 +467,7 @@ pub const SPECS: [LimitSpec; 32] = [
         Most,
         "ppm",
         Turned,
-        "deviation of the scale factor from its nominal value",
+        "scale factor error",
         false,
         |a| {
             let scale = a.scale_factor.as_ref()?;
@@ -481,7 +481,7 @@ pub const SPECS: [LimitSpec; 32] = [
         Most,
         "ppm",
         Turned,
-        "largest asymmetry of the scale factor at a plateau",
+        "scale factor asymmetry, largest",
         false,
         |a| largest_ppm(a, |plateau| plateau.asymmetry),
         "no plateau has rates in both directions"
@@ -491,7 +491,7 @@ pub const SPECS: [LimitSpec; 32] = [
         Most,
         "ppm",
         Turned,
-        "largest nonlinearity of the scale factor at a plateau",
+        "scale factor nonlinearity, largest",
         false,
         |a| largest_ppm(a, |plateau| plateau.nonlinearity),
         "no plateau has three rates"
@@ -501,7 +501,7 @@ pub const SPECS: [LimitSpec; 32] = [
         Most,
         "ppm",
         Turned,
-        "largest difference of the scale factor between visits of one temperature",
+        "scale factor hysteresis, largest",
         false,
         |a| size_ppm(a.scale_factor.as_ref().and_then(ScaleProof::hysteresis)),
         "no temperature was visited twice"
@@ -511,7 +511,7 @@ pub const SPECS: [LimitSpec; 32] = [
         Least,
         "",
         WithRate,
-        "fraction of the fit's temperature rates that the ramps reach",
+        "calibrated temperature rates covered, fraction",
         true,
         |a| plain(a.rate_coverage),
         "the ramps of the fit are not known"
@@ -521,7 +521,7 @@ pub const SPECS: [LimitSpec; 32] = [
         Most,
         "",
         Always,
-        "fraction of the time of the runs of which no row is usable",
+        "time without usable rows, fraction",
         true,
         |a| plain(Some(a.missing_fraction)),
         ""
@@ -531,7 +531,7 @@ pub const SPECS: [LimitSpec; 32] = [
         Most,
         "",
         Excluding,
-        "fraction of the rows that was excluded on request",
+        "rows excluded on request, fraction",
         true,
         |a| plain(a.excluded_fraction),
         ""

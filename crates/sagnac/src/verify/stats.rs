@@ -27,7 +27,7 @@ pub struct Figures {
 
 impl Figures {
     /// °/h per unit of the figures; 0 where nothing scatters.
-    pub(crate) fn dph_per_unit(&self) -> f64 {
+    pub fn dph_per_unit(&self) -> f64 {
         if self.sigma > 0.0 { self.sigma_dph / self.sigma } else { 0.0 }
     }
 

@@ -43,13 +43,13 @@ pub(super) fn crafted(by: &Good) -> Result<Vec<Case>> {
         case("Arrow batch that announces a terabyte", "inspect log.arrow --arcsec-per-count 1")
             .file("log.arrow", announcing_a_terabyte()?)
             .place("log.arrow"),
-        case("curve to 1e308", "allan curve.csv --report out.json")
+        case("curve to 1e308", "allan curve.csv --report out.html")
             .file("curve.csv", "tau_s,adev_dph\n1,1\n2,1e308\n")
             .place("curve.csv"),
         case("curve of a record of 1e18 rows", "allan curve.csv --duration 9.9e11")
             .file("curve.csv", "tau_s,adev_dph\n1e-6,1\n2e-6,0.7\n1e3,1\n2e3,1\n")
             .place("--duration"),
-        case("calibration with a number beyond any quantity", "compare unit.cal.json unit.cal.json --report out.json")
+        case("calibration with a number beyond any quantity", "compare unit.cal.json unit.cal.json --report out.html")
             .file("unit.cal.json", huge)
             .place("window_s"),
         case("calibration of 17 MB", "inspect unit.cal.json")
