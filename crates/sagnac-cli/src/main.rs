@@ -15,6 +15,7 @@ mod export;
 mod files;
 mod frames;
 mod import;
+mod init;
 mod inspect;
 mod key;
 mod line;
@@ -80,6 +81,7 @@ enum Command {
     Key(key::Args),
     Line(line::Args),
     Import(import::Args),
+    Init(init::Args),
     Demo(demo::Args),
     Simulate(simulate::Args),
     Manual(manual::Args),
@@ -196,6 +198,7 @@ fn run(mut command: Command, console: &mut Console) -> console::Ran {
         Command::Key(args) => key::run(&args, console),
         Command::Line(args) => line::run(&args, console),
         Command::Import(args) => import::run(&args, console),
+        Command::Init(args) => init::run(&args, console),
         Command::Demo(args) => demo::run(&args, console),
         Command::Simulate(args) => simulate::run(&args, console),
         Command::Manual(args) => manual::run(&args, <Cli as clap::CommandFactory>::command(), console),

@@ -245,3 +245,75 @@ fn a_folder_and_a_pattern_stand_for_their_logs() {
     let output = sagnac(at, &["calibrate", "runs", "--arcsec-per-count", "1", "-o", "runs/run-3.csv"]);
     assert!(said(&output).contains("this file is read here"), "{}", said(&output));
 }
+
+/// `init` writes a setup from which `calibrate` makes of an odd log what it makes of the plain one.
+#[test]
+fn init_writes_a_setup_that_calibrate_runs_from() {
+    let folder = TempDir::new().unwrap();
+    let at = folder.path();
+    let commas = rows(|time, celsius, counts| format!("{time},{celsius:.2},{counts}"));
+    fs::write(at.join("plain.csv"), format!("time_s,temperature_c,counts\n{commas}")).unwrap();
+    let record = |log: &str, setup: &[&str]| {
+        let flags = ["--arcsec-per-count", "1", "--model", "bias 1", "--window", "20", "--serial", "A", "-o", "u.json"];
+        let output = sagnac(at, &[&["calibrate", log][..], &flags, setup].concat());
+        assert!(output.status.success(), "{log}: {}", said(&output));
+        let record: Value = serde_json::from_slice(&fs::read(at.join("u.json")).unwrap()).unwrap();
+        let axis = &record["axes"][0];
+        [&axis["terms"][0]["value"], &axis["run_offsets"][0]["value_dph"]].map(|value| value.as_f64().unwrap())
+    };
+    let plain = record("plain.csv", &[]);
+    let total = |time: usize| (0..time).map(|at| row(at).2).sum::<usize>();
+    let odd: [(&str, String, &[&str]); 5] = [
+        (
+            "german.csv",
+            format!(
+                "\"Prüfstand 7\";\"Zähler 3\";\"counts\"\nBediener;N. N.;\n\nZeit [s];Temperatur [°C];Impulse\n{}",
+                rows(|time, celsius, counts| format!("{time};{};{counts}", german(celsius)))
+            ),
+            &["\"Zeit [s]\" = \"time_s\"\n", "\"Impulse\" = \"counts\"   # GUESS: by its name"],
+        ),
+        (
+            "units.csv",
+            format!("t,Temp,Pulses\nms,K,-\n{}", rows(|t, c, n| format!("{},{:.2},{n}", 1000 * t, c + 273.15))),
+            &["\"t\" = \"time_ms\"\n", "\"Temp\" = \"temperature_k\"\n"],
+        ),
+        (
+            "bare.csv",
+            format!("timestamp,temp,cnt\n{}", rows(|t, c, n| format!("{},{c:.2},{n}", 1_000_000 * t))),
+            &["GUESS: the unit, from rows that are 1000000 apart", "\"temp\" = \"temperature_c\"   # GUESS: the unit"],
+        ),
+        (
+            "total.csv",
+            format!("time_s,temperature_c,pulse\n{}", rows(|t, c, _| format!("{t},{c:.2},{}", total(t)))),
+            &["counter = \"cumulative\"   # GUESS", "# \"time_s\" is read as it is"],
+        ),
+        (
+            "more.csv",
+            format!("time_s,temperature_c,counts,\"a \"\"b\"\"\"\n{}", rows(|t, c, n| format!("{t},{c:.2},{n},7"))),
+            &["\"a \\\"b\\\"\" = \"ignore\""],
+        ),
+    ];
+    for (name, text, words) in odd {
+        fs::write(at.join(name), text).unwrap();
+        let output = sagnac(at, &["init", name, "-o", "bench.toml"]);
+        assert!(output.status.success(), "{name}: {}", said(&output));
+        let setup = fs::read_to_string(at.join("bench.toml")).unwrap();
+        for word in words {
+            assert!(setup.contains(word), "{name}: {word}\n{setup}");
+        }
+        for (found, plain) in record(name, &["--setup", "bench.toml"]).iter().zip(plain) {
+            // A running total has no counts in its first row.
+            assert!((found / plain - 1.0).abs() < 0.02, "{name}: {found} {plain}");
+        }
+    }
+    // What Sagnac does not read is not mapped to something that it does; what is no table is refused.
+    let hours = format!("Time [h],Temp [F],counts\n{}", rows(|t, c, n| format!("{t},{c},{n}")));
+    fs::write(at.join("hours.csv"), hours).unwrap();
+    let text = String::from_utf8_lossy(&sagnac(at, &["init", "hours.csv"]).stdout).into_owned();
+    assert!(text.contains("\"Time [h]\" = \"ignore\"") && text.contains("\"Temp [F]\" = \"ignore\""), "{text}");
+    assert!(text.contains("NEEDED: no column of time"), "{text}");
+    for (name, bytes) in [("none.csv", "1,2,3\n4,5,6\n"), ("empty.csv", ""), ("words.csv", "a b c\nd e f\n")] {
+        fs::write(at.join(name), bytes).unwrap();
+        assert_eq!(sagnac(at, &["init", name]).status.code(), Some(2), "{name}");
+    }
+}

@@ -37,7 +37,7 @@ pub(crate) fn identity(verification: &Verification, calibration: Option<&Calibra
         @if !verification.untested_axes.is_empty() {
             p.note { "The retest lacks axes of the calibration: " (verification.untested_axes.iter().collect::<String>()) ". The unit is not accepted." }
         }
-        div class={ "verdict " (if accepted { "pass" } else { "fail" }) } { b.word { (word) ": " (judged.words()) } }
+        div class={ "verdict " (if accepted { "pass" } else { "fail" }) } { b.word { (word) ": " (judged.words()) (unjudged_bias(verification)) } }
         div.scroll { table {
             tr { td { "unit" } td.words { (verification.serial) } }
             @for (name, value) in sheet.entries() { (entry(name, value)) }
@@ -65,6 +65,13 @@ pub(crate) fn identity(verification: &Verification, calibration: Option<&Calibra
             tr { td { "program" } td.words { (verification.program) } }
         } }
     }
+}
+
+/// Says beside the verdict that the bias was not judged.
+fn unjudged_bias(verification: &Verification) -> &'static str {
+    let mut limits = verification.axes.iter().flat_map(|axis| &axis.limits);
+    let is_unjudged = limits.any(|limit| limit.name == "bias_repeatability_dph_max" && limit.pass.is_none());
+    if is_unjudged { "; the bias against the calibration is NOT judged" } else { "" }
 }
 
 /// An entry of the head; a line for the pen where it is not given.
@@ -143,17 +150,20 @@ fn limits_of_all(axes: &[&AxisVerification]) -> Markup {
         }
     }
     let of = |axis: &AxisVerification, name: &str| axis.limits.iter().find(|limit| limit.name == name).cloned();
+    let is_asked = |name: &&str| axes.iter().any(|axis| of(axis, name).is_some_and(|limit| limit.pass.is_some()));
+    let (names, unasked): (Vec<&str>, Vec<&str>) = names.into_iter().partition(is_asked);
+    let unasked: Vec<String> = unasked.into_iter().map(|name| limit_words(name).0).collect();
     html! {
         div.scroll { table {
             thead { tr {
-                th { "limit" } th.words { "unit" } th { "bound" }
+                th { "limit" } th { "bound" }
                 @for axis in axes { th { "axis " (axis.axis) } }
             } }
             @for name in names {
                 @let (words, its_unit) = limit_words(name);
                 @let bound = axes.iter().find_map(|axis| of(axis, name)).map_or(f64::NAN, |limit| limit.limit);
                 tr {
-                    td.words { (words) } td.unit { (its_unit) } td { (significant(bound, 4)) }
+                    td.words { (words) @if !its_unit.is_empty() { ", " (its_unit) } } td { (significant(bound, 4)) }
                     @for axis in axes {
                         @match of(axis, name) {
                             Some(limit) => {
@@ -165,6 +175,9 @@ fn limits_of_all(axes: &[&AxisVerification]) -> Markup {
                         }
                     }
                 }
+            }
+            @if !unasked.is_empty() {
+                tr { td.words colspan=(2 + axes.len()) { b { "Not asked of any axis: " } (unasked.join("; ")) } }
             }
         } }
     }

@@ -34,6 +34,7 @@ mod parquet_pages;
 mod raw;
 mod reason;
 mod rows;
+mod sample;
 
 mod sketch;
 mod source;
@@ -65,6 +66,7 @@ use crate::ingest::raw::{Faults, RawRows};
 pub use crate::ingest::reason::{Reason, Tallies, Tally};
 pub use crate::ingest::rows::CounterEnd;
 use crate::ingest::rows::RowValidator;
+pub use crate::ingest::sample::{Sample, SampleColumn, sample, sample_reader};
 use crate::ingest::sketch::Sketch;
 pub use crate::ingest::sketch::share_rows;
 use crate::ingest::source::{HashHandle, Source};

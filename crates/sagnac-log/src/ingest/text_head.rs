@@ -49,15 +49,15 @@ pub(crate) struct TextHeader {
 }
 
 /// One line as it was read.
-struct HeadLine {
-    text: String,
-    number: u64,
+pub(crate) struct HeadLine {
+    pub(crate) text: String,
+    pub(crate) number: u64,
 }
 
 /// Reads the head of a text log.
 pub(crate) fn read_header(source: &mut Source, config: &ReadConfig) -> Result<TextHeader> {
     refuse_binary(source.reader.fill_buf().map_err(|e| Error::io(&source.name, "read", &e))?)?;
-    let mut head = Head { source, config, lines: 0, is_latin: false, separator: None };
+    let mut head = Head::new(source, config);
     let (line, above) = head.header_line()?;
     let delimiter = head.separator.unwrap_or_else(|| delimiter_of(&line.text));
     let names = split(&line.text, delimiter).map_err(|e| e.line(line.number))?;
@@ -81,7 +81,7 @@ pub(crate) fn read_header(source: &mut Source, config: &ReadConfig) -> Result<Te
 }
 
 /// A text log has no zero byte, and no other control characters where it is not UTF-8.
-fn refuse_binary(start: &[u8]) -> Result<()> {
+pub(crate) fn refuse_binary(start: &[u8]) -> Result<()> {
     if let Some(refusal) = foreign::refusal(start) {
         return Err(refusal);
     }
@@ -96,7 +96,7 @@ fn refuse_binary(start: &[u8]) -> Result<()> {
     Ok(())
 }
 
-struct Head<'a> {
+pub(crate) struct Head<'a> {
     source: &'a mut Source,
     config: &'a ReadConfig,
     lines: u64,
@@ -104,9 +104,15 @@ struct Head<'a> {
     separator: Option<u8>,
 }
 
+impl<'a> Head<'a> {
+    pub(crate) fn new(source: &'a mut Source, config: &'a ReadConfig) -> Self {
+        Self { source, config, lines: 0, is_latin: false, separator: None }
+    }
+}
+
 impl Head<'_> {
     /// The next line without its end; `None` at the end of the file.
-    fn next(&mut self) -> Result<Option<HeadLine>> {
+    pub(crate) fn next(&mut self) -> Result<Option<HeadLine>> {
         let mut line = Vec::new();
         let mut limited = self.source.reader.by_ref().take(MAX_LINE_BYTES as u64 + 1);
         let n = limited.read_until(b'\n', &mut line).map_err(|e| Error::io(&self.source.name, "read", &e))?;
@@ -253,7 +259,7 @@ pub(crate) fn is_missing(field: &[u8]) -> bool {
 }
 
 /// The separator of a line `sep=;`, as spreadsheets write it.
-fn separator_of(text: &str) -> Option<u8> {
+pub(crate) fn separator_of(text: &str) -> Option<u8> {
     let rest = text.get(..4).filter(|start| start.eq_ignore_ascii_case("sep=")).and_then(|_| text.get(4..))?;
     match rest.as_bytes() {
         [separator] if !separator.is_ascii_alphanumeric() => Some(*separator),
@@ -261,11 +267,11 @@ fn separator_of(text: &str) -> Option<u8> {
     }
 }
 
-fn delimiter_of(line: &str) -> u8 {
+pub(crate) fn delimiter_of(line: &str) -> u8 {
     [b'\t', b';'].into_iter().find(|d| line.as_bytes().contains(d)).unwrap_or(b',')
 }
 
-fn split(line: &str, delimiter: u8) -> Result<Vec<String>> {
+pub(crate) fn split(line: &str, delimiter: u8) -> Result<Vec<String>> {
     let mut reader = csv::ReaderBuilder::new().has_headers(false).delimiter(delimiter).from_reader(line.as_bytes());
     let mut record = csv::StringRecord::new();
     reader.read_record(&mut record).map_err(|e| Error::input(format!("cannot read the header: {e}")))?;
@@ -305,7 +311,7 @@ fn ending_of(quantity: &str, unit: &str) -> Option<&'static str> {
 }
 
 /// True for the name of a unit of any quantity.
-fn is_unit(cell: &str) -> bool {
+pub(crate) fn is_unit(cell: &str) -> bool {
     let unit = bare(cell);
     !unit.is_empty() && !is_missing(unit.as_bytes()) && UNITS.iter().any(|(_, units, _)| units.contains(&unit.as_str()))
 }

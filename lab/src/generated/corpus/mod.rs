@@ -425,7 +425,9 @@ fn models_and_data() -> Vec<Case> {
 
 fn files(by: &Good) -> Vec<Case> {
     let on = |name: &'static str, args: &'static str| case(name, args).file("log.csv", good());
-    let mut unreadable = log("log that may not be read", good());
+    // Without an output: in this folder nobody may write, and that is tried first.
+    let reading = "calibrate log.csv --arcsec-per-count 1.059 --quantum 0.25";
+    let mut unreadable = case("log that may not be read", reading).file("log.csv", good()).place("log.csv");
     unreadable.as_nobody = true;
     let lock =
         |folder: &Path| Ok(std::fs::set_permissions(folder.join("log.csv"), std::fs::Permissions::from_mode(0o000))?);

@@ -1,0 +1,140 @@
+//! The head of a text log and its first rows as they stand, for whoever has to find out what its columns are.
+//!
+//! The line of headers is the first line of words whose next rows have as many cells, most of them numbers, dates or missing values. No
+//! column has to be known by name.
+
+use std::io::{BufRead, Read};
+use std::path::Path;
+
+use crate::error::{Error, Result};
+use crate::ingest::iso::iso_ns;
+use crate::ingest::number::parse_value;
+use crate::ingest::source::Source;
+use crate::ingest::text_head::{Head, delimiter_of, is_missing, is_unit, refuse_binary, split};
+use crate::setup::ReadConfig;
+
+/// Lines that are looked at.
+const MOST_LINES: usize = 1000;
+/// Rows that must follow a line of headers, where there are so many.
+const ROWS_BELOW: usize = 3;
+
+/// A text log's columns with their first values.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sample {
+    /// Line of the headers, from 1.
+    pub header_line: u64,
+    /// Lines above it that are neither blank nor comments.
+    pub above: usize,
+    /// The columns in their order.
+    pub columns: Vec<SampleColumn>,
+    /// What had to be assumed to read the text.
+    pub assumed: Vec<String>,
+}
+
+/// One column.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SampleColumn {
+    /// As the log has it.
+    pub header: String,
+    /// From the line of units, if there is one.
+    pub unit: Option<String>,
+    /// Its cells in the first rows, without blanks around them.
+    pub cells: Vec<String>,
+}
+
+impl SampleColumn {
+    /// Its numbers, with points or commas; missing values are left out.
+    pub fn numbers(&self) -> Vec<f64> {
+        let has_comma = self.cells.iter().any(|cell| cell.contains(','));
+        self.cells.iter().filter_map(|cell| parse_value(cell.as_bytes(), has_comma)).collect()
+    }
+
+    /// True where its cells are dates.
+    pub fn is_dates(&self) -> bool {
+        let mut known = self.cells.iter().filter(|cell| !is_missing(cell.as_bytes()) && !cell.is_empty()).peekable();
+        known.peek().is_some() && known.all(|cell| iso_ns(cell).is_some())
+    }
+}
+
+/// Looks at the head of a text log.
+///
+/// # Errors
+/// No text, no readable file, or no table in its first lines.
+pub fn sample(path: &Path) -> Result<Sample> {
+    sampled(Source::open(path, None)?).map_err(|e| e.file(path.display().to_string()))
+}
+
+/// The same of a reader, with a name for messages.
+///
+/// # Errors
+/// As [`sample`].
+pub fn sample_reader(name: &str, reader: Box<dyn Read + Send>) -> Result<Sample> {
+    sampled(Source::from_reader(name.to_owned(), reader)?).map_err(|e| e.file(name))
+}
+
+fn sampled(mut source: Source) -> Result<Sample> {
+    if !source.format.magic.is_empty() {
+        let what = format!("a log of the format {}, whose columns have their own names and units", source.format.name);
+        return Err(Error::input(what).help("`sagnac inspect` says which of them are not known"));
+    }
+    refuse_binary(source.reader.fill_buf().map_err(|e| Error::io(&source.name, "read", &e))?)?;
+    let config = ReadConfig::default();
+    let mut head = Head::new(&mut source, &config);
+    let (mut lines, mut separator) = (Vec::new(), None);
+    while let Some(line) = head.next()?.filter(|_| lines.len() < MOST_LINES) {
+        match crate::ingest::text_head::separator_of(&line.text).filter(|_| lines.is_empty()) {
+            Some(found) => separator = Some(found),
+            None if line.text.is_empty() || line.text.starts_with('#') => (),
+            None => lines.push(line),
+        }
+    }
+    let split_at = |at: usize| -> Vec<String> {
+        let text = &lines[at].text;
+        split(text, separator.unwrap_or_else(|| delimiter_of(text))).unwrap_or_default()
+    };
+    let is_header = |at: &usize| {
+        let names = split_at(*at);
+        let words = names.iter().filter(|name| !name.is_empty() && !is_value(name)).count();
+        let below = rows_below(&lines.len(), *at, &split_at);
+        words * 2 > names.len() && !below.is_empty() && below.iter().all(|row| is_row(row, names.len()))
+    };
+    let Some(at) = (0..lines.len()).find(is_header) else {
+        return Err(Error::input("no line of headers with rows of numbers below it").help("a log is a table of text"));
+    };
+    let names = split_at(at);
+    let below = (at + 1..lines.len()).map(split_at).collect::<Vec<_>>();
+    let units = below.first().filter(|cells| is_units(cells, names.len())).cloned();
+    let rows: Vec<Vec<String>> =
+        below.into_iter().skip(usize::from(units.is_some())).filter(|row| row.len() == names.len()).collect();
+    let column = |(place, header): (usize, String)| SampleColumn {
+        header,
+        unit: units.as_ref().and_then(|units| units.get(place)).filter(|unit| !unit.is_empty()).cloned(),
+        cells: rows.iter().filter_map(|row| row.get(place)).cloned().collect(),
+    };
+    let columns = names.into_iter().enumerate().map(column).collect();
+    let header_line = lines[at].number;
+    Ok(Sample { header_line, above: at, columns, assumed: source.assumed })
+}
+
+/// The first rows below a line, without a line of units.
+fn rows_below(lines: &usize, at: usize, split_at: &dyn Fn(usize) -> Vec<String>) -> Vec<Vec<String>> {
+    let width = split_at(at).len();
+    let first = at + 1;
+    let skip = usize::from(first < *lines && is_units(&split_at(first), width));
+    (first + skip..*lines).take(ROWS_BELOW).map(split_at).collect()
+}
+
+fn is_units(cells: &[String], width: usize) -> bool {
+    cells.len() == width
+        && cells.iter().any(|cell| is_unit(cell))
+        && !cells.iter().any(|cell| is_value(cell) && cell.len() > 1)
+}
+
+fn is_row(cells: &[String], width: usize) -> bool {
+    cells.len() == width && cells.iter().filter(|cell| is_value(cell)).count() * 2 >= width
+}
+
+fn is_value(cell: &str) -> bool {
+    let bytes = cell.as_bytes();
+    cell.is_empty() || is_missing(bytes) || iso_ns(cell).is_some() || parse_value(bytes, cell.contains(',')).is_some()
+}
