@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use sagnac::calibration::{
-    AxisCalibration, Calibration, Candidate, Monomial, PpmEstimate, RejectedModel, ScaleFactor, SearchStep,
+    AxisCalibration, Calibration, Candidate, Monomial, PpmEstimate, RejectedModel, RunOffset, ScaleFactor, SearchStep,
 };
 use sagnac::fit::{FitOptions, Loss, calibrate_with_report_data, frontier};
 use sagnac::model::TICK_INSTRUCTIONS;
@@ -140,7 +140,11 @@ fn describe(console: &mut Console, axis: &AxisCalibration) {
     conditioning(console, axis);
     let whole = axis.monomial.iter().filter(|_| axis.zones.is_empty());
     whole.chain(&axis.zones).for_each(|zone| console.say(powers(zone)));
-    for offset in &axis.run_offsets {
+    let offsets = axis.run_offsets.as_slice();
+    if offsets.len() > MOST_RUNS {
+        console.say(range_of_runs(axis, offsets));
+    }
+    for offset in offsets.iter().filter(|_| offsets.len() <= MOST_RUNS) {
         let bias = offset
             .fixed_bias_dph
             .map_or(String::new(), |b| format!(", fixed bias {} °/h", with_sigma(b, offset.sigma_dph)));
@@ -230,6 +234,29 @@ fn describe(console: &mut Console, axis: &AxisCalibration) {
     for line in excluded(&fit.excluded) {
         console.say(format!("  {line}"));
     }
+}
+
+/// Runs that have a line each; more are one line.
+const MOST_RUNS: usize = 8;
+
+/// Many runs in one line: their range and scatter, beside what noise makes of each.
+fn range_of_runs(axis: &AxisCalibration, offsets: &[RunOffset]) -> String {
+    let by_value = |a: &&RunOffset, b: &&RunOffset| a.value_dph.total_cmp(&b.value_dph);
+    let [lowest, highest] = [offsets.iter().min_by(by_value), offsets.iter().max_by(by_value)];
+    let of = |end: Option<&RunOffset>| {
+        end.map_or(String::new(), |o| format!("{} (run {})", with_sigma(o.value_dph, o.sigma_dph), o.run))
+    };
+    let mean = offsets.iter().map(|offset| offset.value_dph).sum::<f64>() / offsets.len() as f64;
+    let square = offsets.iter().map(|offset| (offset.value_dph - mean).powi(2)).sum::<f64>();
+    let scatter = (square / (offsets.len() - 1).max(1) as f64).sqrt();
+    format!(
+        "  {} runs at {} °C: {} … {} °/h, scatter σ {} °/h; the record has each",
+        offsets.len(),
+        axis.reference_c(),
+        of(lowest),
+        of(highest),
+        significant(scatter, 2)
+    )
 }
 
 /// The other inputs, the conditioning of the terms, and the effect of thermometer noise.
@@ -404,7 +431,8 @@ const UNEXPLAINED: f64 = 3.0;
 
 /// What was excluded, one line per reason.
 pub(crate) fn excluded(tallies: &[Tally]) -> Vec<String> {
-    tallies.iter().map(|t| format!("excluded: {} rows, {} (first at {})", t.rows, t.reason.name(), t.first)).collect()
+    let rows = |n: u64| if n == 1 { "1 row".to_owned() } else { format!("{n} rows") };
+    tallies.iter().map(|t| format!("excluded: {}, {} (first at {})", rows(t.rows), t.reason.name(), t.first)).collect()
 }
 
 /// A short description of a calibration, for `inspect`.

@@ -506,7 +506,8 @@ fn no_window(windows: &Windows) -> Error {
 /// The most frequent reason for excluded rows, in words.
 fn most_left_out(windows: &Windows) -> Option<String> {
     let most = windows.tallies.most()?;
-    Some(format!("{} rows are excluded as {} (first at {})", most.rows, most.reason.name(), most.first))
+    let rows = if most.rows == 1 { "1 row is".to_owned() } else { format!("{} rows are", most.rows) };
+    Some(format!("{rows} excluded as {} (first at {})", most.reason.name(), most.first))
 }
 
 /// Lowest to highest sample of the used windows must be wide enough.

@@ -48,10 +48,15 @@ pub(crate) struct Prepared<'a> {
     of_runs: Vec<Vec<Vec<f64>>>,
     bases: Vec<Basis>,
     y: Beyond,
-    known: RwLock<HashMap<(usize, u64), Arc<[Beyond]>>>,
+    known: RwLock<KnownLags>,
     /// Per input the last τ that is not of the grid: while the lag of one input is refined, the others stay.
-    last: RwLock<HashMap<usize, (u64, Arc<[Beyond]>)>>,
+    last: RwLock<LastLags>,
 }
+
+/// By input and bits of τ.
+type KnownLags = HashMap<(usize, u64), Arc<[Beyond]>>;
+/// By input: bits of τ, columns.
+type LastLags = HashMap<usize, (u64, Arc<[Beyond]>)>;
 
 /// Q₁ of a block and R₁₁, column by column.
 struct Basis {
@@ -151,9 +156,8 @@ impl<'a> Prepared<'a> {
         if let Some(found) = self.known.read().ok().and_then(|known| known.get(&key).map(Arc::clone)) {
             return found;
         }
-        let recent = |last: &HashMap<usize, (u64, Arc<[Beyond]>)>| {
-            last.get(&input).filter(|(bits, _)| *bits == key.1).map(|(_, made)| Arc::clone(made))
-        };
+        let recent =
+            |last: &LastLags| last.get(&input).filter(|(bits, _)| *bits == key.1).map(|(_, made)| Arc::clone(made));
         if let Some(found) = self.last.read().ok().and_then(|last| recent(&last)) {
             return found;
         }

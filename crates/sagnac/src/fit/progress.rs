@@ -15,10 +15,12 @@ pub struct Doing {
     pub of: usize,
 }
 
+type Watcher = Arc<dyn Fn(&Doing) + Send + Sync>;
+
 /// Tells a watcher what a fit is doing, from any thread. It changes no result.
 #[derive(Clone, Default)]
 pub struct Progress {
-    watcher: Option<Arc<dyn Fn(&Doing) + Send + Sync>>,
+    watcher: Option<Watcher>,
     /// Before every part: the axis.
     of: String,
 }
