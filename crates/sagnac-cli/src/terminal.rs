@@ -53,9 +53,24 @@ pub(crate) fn wrapped(text: &str, columns: Option<usize>) -> String {
     lines.collect::<Vec<_>>().join("\n")
 }
 
-/// A plain aligned table that fits the terminal; the first column to the left, numbers to the right.
+/// A plain aligned table that fits the terminal; the first column to the left, numbers to the right. A column without any value is not
+/// shown.
 pub(crate) fn table(header: &[&str], rows: impl IntoIterator<Item = Vec<String>>) -> String {
-    table_within(columns_of_output(), header, &rows.into_iter().collect::<Vec<_>>())
+    let (header, rows) = with_values(header, rows.into_iter().collect());
+    table_within(columns_of_output(), &header, &rows)
+}
+
+/// The columns that have a value in some row; the first stays.
+fn with_values<'a>(header: &[&'a str], rows: Vec<Vec<String>>) -> (Vec<&'a str>, Vec<Vec<String>>) {
+    let has_value =
+        |at: usize| rows.iter().any(|row| row.get(at).is_some_and(|cell| !["", "-"].contains(&cell.as_str())));
+    let kept: Vec<bool> = (0..header.len()).map(|at| at == 0 || rows.is_empty() || has_value(at)).collect();
+    let is_kept = |at: usize| kept.get(at).copied().unwrap_or(true);
+    let header = header.iter().enumerate().filter(|(at, _)| is_kept(*at)).map(|(_, title)| *title).collect();
+    let of_row =
+        |row: Vec<String>| row.into_iter().enumerate().filter(|(at, _)| is_kept(*at)).map(|(_, cell)| cell).collect();
+    let rows = rows.into_iter().map(of_row).collect();
+    (header, rows)
 }
 
 fn table_within(columns: Option<usize>, header: &[&str], rows: &[Vec<String>]) -> String {
@@ -212,6 +227,16 @@ mod tests {
                 assert!(cell.split(' ').all(|word| text.contains(word)), "{columns}: {cell}\n{text}");
             }
         }
+    }
+
+    #[test]
+    fn a_column_without_a_value_is_not_shown() {
+        let row = |cells: [&str; 4]| cells.map(str::to_owned).to_vec();
+        let rows = vec![row(["x", "-", "1", ""]), row(["y", "", "-", ""])];
+        let (header, rows) = with_values(&["axis", "none", "some", ""], rows);
+        assert_eq!(header, ["axis", "some"]);
+        assert_eq!(rows, [["x", "1"], ["y", "-"]]);
+        assert_eq!(with_values(&["a", "b"], Vec::new()).0, ["a", "b"]);
     }
 
     #[test]

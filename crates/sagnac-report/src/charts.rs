@@ -156,11 +156,15 @@ fn table(of: &PageTable) -> Markup {
         })
         .collect();
     let is_words = |column: usize| words.get(column) == Some(&true);
+    // A column without any value says nothing.
+    let has_value = |column: usize| {
+        column == 0 || of.rows.iter().any(|row| row.get(column).is_some_and(|cell| !["", "-"].contains(&cell.as_str())))
+    };
     html! {
         h2 { (of.heading) }
         div.scroll { table {
-            thead { tr { @for (i, column) in of.columns.iter().enumerate() { th.words[is_words(i)] { (column) } } } }
-            tbody { @for row in &of.rows { tr { @for (i, cell) in row.iter().enumerate() { td.words[is_words(i)] { (cell) } } } } }
+            thead { tr { @for (i, column) in of.columns.iter().enumerate().filter(|(i, _)| has_value(*i)) { th.words[is_words(i)] { (column) } } } }
+            tbody { @for row in &of.rows { tr { @for (i, cell) in row.iter().enumerate().filter(|(i, _)| has_value(*i)) { td.words[is_words(i)] { (cell) } } } } }
         } }
     }
 }
