@@ -13,8 +13,9 @@ use crate::ingest::source::Source;
 use crate::ingest::text_head::{Head, delimiter_of, is_missing, is_unit, refuse_binary, split};
 use crate::setup::ReadConfig;
 
-/// Lines that are looked at.
+/// Lines that are looked at, and bytes of them.
 const MOST_LINES: usize = 1000;
+const MOST_BYTES: usize = 4 << 20;
 /// Rows that must follow a line of headers, where there are so many.
 const ROWS_BELOW: usize = 3;
 
@@ -80,8 +81,9 @@ fn sampled(mut source: Source) -> Result<Sample> {
     refuse_binary(source.reader.fill_buf().map_err(|e| Error::io(&source.name, "read", &e))?)?;
     let config = ReadConfig::default();
     let mut head = Head::new(&mut source, &config);
-    let (mut lines, mut separator) = (Vec::new(), None);
-    while let Some(line) = head.next()?.filter(|_| lines.len() < MOST_LINES) {
+    let (mut lines, mut separator, mut bytes) = (Vec::new(), None, 0);
+    while let Some(line) = head.next()?.filter(|_| lines.len() < MOST_LINES && bytes < MOST_BYTES) {
+        bytes += line.text.len();
         match crate::ingest::text_head::separator_of(&line.text).filter(|_| lines.is_empty()) {
             Some(found) => separator = Some(found),
             None if line.text.is_empty() || line.text.starts_with('#') => (),
