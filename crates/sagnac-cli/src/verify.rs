@@ -59,7 +59,7 @@ enum Exclude {
 
 /// The head of an acceptance report.
 #[derive(clap::Args, Clone, Default)]
-#[command(next_help_heading = "Head of an acceptance report (what is not given has a line for the pen)")]
+#[command(next_help_heading = "Head of an acceptance report, a line for the pen by default")]
 struct SheetArgs {
     /// Number of the document
     #[arg(long, value_name = "NUMBER", hide_short_help = true)]
