@@ -8,33 +8,58 @@
 //! The same recursion as `sagnac_core::InputSpec` on the same grid with the same zero-order hold;
 //! a window's mean of Ṫ·T_j(x) is the difference of a running sum at its ends.
 
+use std::borrow::Cow;
+
 use crate::model::basis::Span;
 use crate::model::spec::MAX_RATE_ORDER;
 
 /// Columns of a full rate series, c₀ … c₃.
 pub(crate) const RATE_COLUMNS: usize = MAX_RATE_ORDER as usize + 1;
 
-/// One run's temperatures on the grid: each with the number of grid points that it stays. A thermometer is read less often than the grid
-/// has points, and between two readings the lag has a closed form.
-#[derive(Debug, Default)]
-pub(crate) struct Track(Vec<(f64, u32)>);
+/// Temperatures with the number of grid points that each stays. A thermometer is read less often than the grid has points, and between
+/// two readings the lag has a closed form.
+pub(crate) type Stretches = Vec<(f64, u32)>;
 
-impl Track {
-    pub(crate) fn of(temperatures_c: &[f64]) -> Self {
-        let mut levels: Vec<(f64, u32)> = Vec::new();
-        for celsius in temperatures_c {
-            match levels.last_mut().filter(|(last, points)| last == celsius && *points < u32::MAX) {
-                Some((_, points)) => *points += 1,
-                None => levels.push((*celsius, 1)),
-            }
+/// One run's temperatures on the grid.
+pub(crate) enum Track<'a> {
+    /// Point by point.
+    Points(Cow<'a, [f64]>),
+    /// Stretch by stretch, where there are far fewer of these.
+    Stretches(&'a [(f64, u32)]),
+}
+
+/// So many points to a stretch, at least, make it worth to keep the stretches: they take half of the track's memory or less.
+const POINTS_OF_A_STRETCH: usize = 4;
+
+/// The stretches of a track; `None` where there are too many of them.
+pub(crate) fn stretches(temperatures_c: &[f64]) -> Option<Stretches> {
+    let most = temperatures_c.len() / POINTS_OF_A_STRETCH + 1;
+    let mut levels: Stretches = Vec::new();
+    for celsius in temperatures_c {
+        let here = levels.len();
+        match levels.last_mut().filter(|(last, points)| last == celsius && *points < u32::MAX) {
+            Some((_, points)) => *points += 1,
+            None if here == most => return None,
+            None => levels.push((*celsius, 1)),
         }
-        Self(levels)
+    }
+    Some(levels)
+}
+
+impl Track<'_> {
+    /// A temperature and its points.
+    #[inline]
+    fn get(&self, at: usize) -> Option<(f64, u32)> {
+        match self {
+            Self::Points(all) => all.get(at).map(|celsius| (*celsius, 1)),
+            Self::Stretches(all) => all.get(at).copied(),
+        }
     }
 }
 
 /// The lag on one run's track.
 pub(crate) struct LagRate<'a> {
-    pub(crate) track: &'a Track,
+    pub(crate) track: Track<'a>,
     pub(crate) span: Span,
     pub(crate) period_s: f64,
     pub(crate) tau_s: f64,
@@ -46,7 +71,8 @@ impl LagRate<'_> {
         let alpha = -(-self.period_s / self.tau_s).exp_m1();
         let mut lag = self.first_c();
         let per_minute = 60.0 / self.period_s;
-        let points = self.track.0.iter().flat_map(|(t_c, points)| std::iter::repeat_n(*t_c, *points as usize));
+        let levels = (0..).map_while(|at| self.track.get(at));
+        let points = levels.flat_map(|(t_c, points)| std::iter::repeat_n(t_c, points as usize));
         points.map(move |t_c| {
             let step = alpha * (t_c - lag);
             lag += step;
@@ -55,30 +81,29 @@ impl LagRate<'_> {
     }
 
     fn first_c(&self) -> f64 {
-        self.track.0.first().map_or(0.0, |(t_c, _)| *t_c)
+        self.track.get(0).map_or(0.0, |(t_c, _)| t_c)
     }
 
     /// Means of Ṫ·T_j(x) over windows (start, end], seconds from the start of the run, °C/min. Windows are in order and do
     /// not overlap, so one pass is enough and memory does not grow with the track.
     pub(crate) fn means(&self, windows: &[(f64, f64)]) -> Vec<[f64; RATE_COLUMNS]> {
-        let levels = self.track.0.as_slice();
         let mut sums = RunningSums::new(self, self.first_c());
         // The level that comes next, how many of its points are behind, and how many points altogether.
         let (mut level, mut of_level, mut behind) = (0, 0_u32, 0_usize);
         let mut up_to = |border_s: f64| {
             let position = (border_s / self.period_s).max(0.0);
             let whole = position as usize;
-            while let Some((t_c, points)) = levels.get(level).filter(|_| behind < whole) {
+            while let Some((t_c, points)) = self.track.get(level).filter(|_| behind < whole) {
                 let ahead = u32::try_from(whole - behind).unwrap_or(u32::MAX).min(points - of_level);
-                sums.take(*t_c, ahead);
+                sums.take(t_c, ahead);
                 (of_level, behind) = (of_level + ahead, behind + ahead as usize);
-                if of_level == *points {
+                if of_level == points {
                     (level, of_level) = (level + 1, 0);
                 }
             }
             // Linear between grid points; nothing behind the last.
-            match levels.get(level) {
-                Some((t_c, _)) => sums.with_part(*t_c, position - whole as f64),
+            match self.track.get(level) {
+                Some((t_c, _)) => sums.with_part(t_c, position - whole as f64),
                 None => sums.sums,
             }
         };
@@ -160,21 +185,24 @@ fn low_orders(x: f64) -> [f64; RATE_COLUMNS] {
 mod tests {
     use super::*;
 
-    fn ramp(track: &Track, span: Span, tau_s: f64) -> LagRate<'_> {
-        LagRate { track, span, period_s: 1.0, tau_s }
+    fn ramp(track: &[f64], span: Span, tau_s: f64) -> LagRate<'_> {
+        LagRate { track: Track::Points(Cow::Borrowed(track)), span, period_s: 1.0, tau_s }
     }
 
     /// A stretch of one temperature gives what its points give one by one.
     #[test]
     fn a_stretch_is_as_its_points() {
-        let celsius: Vec<f64> = (0..3000).map(|n| f64::from((n / 7 * 37) % 11) + f64::from(n % 500 / 250)).collect();
-        let (stretches, points) = (Track::of(&celsius), Track(celsius.iter().map(|t_c| (*t_c, 1)).collect()));
-        assert!(stretches.0.len() < 500 && stretches.0.iter().map(|(_, n)| *n).sum::<u32>() == 3000);
+        let celsius: Vec<f64> = (0..3000).map(|n| f64::from((n / 17 * 37) % 11) + f64::from(n % 500 / 250)).collect();
+        let found = stretches(&celsius).unwrap();
+        assert!(found.len() < 300 && found.iter().map(|(_, n)| *n).sum::<u32>() == 3000);
+        let other: Vec<f64> = (0..3000).map(f64::from).collect();
+        assert!(stretches(&other).is_none());
         let windows: Vec<(f64, f64)> =
             (0..130).map(|w| (f64::from(w) * 23.3 + 0.4, f64::from(w) * 23.3 + 22.9)).collect();
         for tau_s in [0.3, 7.0, 400.0] {
             let span = Span { lo: 0.0, hi: 11.0 };
-            let [a, b] = [&stretches, &points].map(|track| ramp(track, span, tau_s).means(&windows));
+            let of_stretches = LagRate { track: Track::Stretches(&found), span, period_s: 1.0, tau_s };
+            let (a, b) = (of_stretches.means(&windows), ramp(&celsius, span, tau_s).means(&windows));
             let far = a.iter().flatten().zip(b.iter().flatten()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
             assert!(far < 1e-11, "{tau_s}: {far}");
         }
@@ -193,7 +221,6 @@ mod tests {
     fn a_ramp_shows_its_own_rate() {
         let track: Vec<f64> = (0..4000).map(|n| f64::from(n) / 60.0).collect();
         let span = Span { lo: 0.0, hi: 70.0 };
-        let track = Track::of(&track);
         let lag = ramp(&track, span, 120.0);
         let means = lag.means(&[(10.0, 20.0), (3000.0, 3100.0)]);
         assert!((means[1][0] - 1.0).abs() < 1e-9, "{}", means[1][0]);
@@ -212,7 +239,6 @@ mod tests {
             let last = lags[lags.len() - 1];
             lags.push(last + alpha * (t - last));
         }
-        let track = Track::of(&track);
         let lag = ramp(&track, Span { lo: 0.0, hi: 10.0 }, 7.0);
         // Windows between grid points and up to the very end too.
         let means = lag.means(&[(50.0, 150.0), (150.25, 160.5), (190.0, 200.0)]);

@@ -22,7 +22,7 @@ use std::ops::Range;
 use std::sync::{Arc, OnceLock, RwLock};
 
 use crate::calibration::{Plateau, SCALE_AT_REFERENCE};
-use crate::fit::lag::{LagRate, RATE_COLUMNS, Track};
+use crate::fit::lag::{LagRate, RATE_COLUMNS, Stretches, Track, stretches};
 use crate::fit::plateaus::plateaus_of;
 use crate::fit::progress::Progress;
 use crate::fit::rate_table_input::RateTableInput;
@@ -74,8 +74,8 @@ pub(crate) struct LeastSquares<'a> {
     /// Told what is being done.
     pub(crate) progress: Progress,
     known_rates: KnownRates,
-    /// Per input and run: its temperatures on the grid, from when they are first needed.
-    tracks: Vec<OnceLock<Vec<Track>>>,
+    /// Per input and run: its temperatures in stretches where these are few, from when they are first needed.
+    tracks: Vec<OnceLock<Vec<Option<Stretches>>>>,
     /// Per run: start and end of each row's window, s from the start of the run.
     bounds: Vec<Vec<(f64, f64)>>,
 }
@@ -344,8 +344,11 @@ impl<'a> LeastSquares<'a> {
 
     fn lag(&self, input: usize, run: usize, tau_s: f64) -> LagRate<'_> {
         let SampledInput { signal, span, .. } = &self.inputs[input];
-        let made = || self.runs.iter().map(|run| Track::of(&signal.track(self.windows, *run))).collect();
-        let track = &self.tracks[input].get_or_init(made)[run];
+        let made = || self.runs.iter().map(|run| stretches(&signal.track(self.windows, *run))).collect();
+        let track = match &self.tracks[self.source(input)].get_or_init(made)[run] {
+            Some(kept) => Track::Stretches(kept),
+            None => Track::Points(signal.track(self.windows, self.runs[run])),
+        };
         LagRate { track, span: *span, period_s: self.period_s(), tau_s }
     }
 
