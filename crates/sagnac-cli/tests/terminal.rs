@@ -13,7 +13,9 @@ fn on_a_terminal(folder: &Path, columns: usize, arguments: &str) -> String {
     let output = Command::new("script")
         .args(["-qefc", &line, "/dev/null"])
         .current_dir(folder)
+        // Styled help would count its escapes as columns; a machine of CI styles on a dumb terminal too.
         .env("TERM", "dumb")
+        .env("NO_COLOR", "1")
         .stdin(Stdio::null())
         .output()
         .expect("script of util-linux");
