@@ -92,6 +92,7 @@ setTimeout(() => {
   answer.id = "answer";
   answer.textContent = JSON.stringify({ clipped, measured, wrong, width: root.clientWidth });
   document.body.append(answer);
+  parent.postMessage(answer.textContent, "*");
 }, 300);
 </script>"##;
 
@@ -104,10 +105,9 @@ fn measured(chromium: &str, report: &Path, width: u64, flags: &[&str]) -> serde_
     let folder = TempDir::new().unwrap();
     std::fs::write(folder.path().join("inner.html"), inner).unwrap();
     let outer = format!(
-        "<!DOCTYPE html><body style='margin:0'><iframe id=f src=inner.html style='border:0;width:{width}px;height:3000px'></iframe><script>\
-         setTimeout(() => {{ const a = document.getElementById('f').contentDocument.getElementById('answer'); \
-         const p = document.createElement('pre'); p.id = 'answer'; p.textContent = a ? a.textContent : ''; document.body.append(p); }}, 1500);\
-         </script>"
+        "<!DOCTYPE html><body style='margin:0'><script>addEventListener('message', (said) => {{ \
+         const p = document.createElement('pre'); p.id = 'answer'; p.textContent = said.data; document.body.append(p); }});</script>\
+         <iframe src=inner.html style='border:0;width:{width}px;height:3000px'></iframe>"
     );
     std::fs::write(folder.path().join("outer.html"), outer).unwrap();
     let output = Command::new(chromium)
@@ -124,7 +124,8 @@ fn measured(chromium: &str, report: &Path, width: u64, flags: &[&str]) -> serde_
         .output()
         .unwrap();
     let dom = String::from_utf8(output.stdout).unwrap();
-    let answer = dom.rsplit_once("<pre id=\"answer\">").unwrap().1.split_once("</pre>").unwrap().0;
+    let said = dom.rsplit_once("<pre id=\"answer\">").and_then(|(_, rest)| rest.split_once("</pre>"));
+    let (answer, _) = said.unwrap_or_else(|| panic!("{}: the page does not answer: {dom}", report.display()));
     let answer = answer.replace("&quot;", "\"").replace("&lt;", "<").replace("&gt;", ">").replace("&amp;", "&");
     serde_json::from_str(&answer).unwrap_or_else(|e| panic!("{}: {e}: {answer}", report.display()))
 }
