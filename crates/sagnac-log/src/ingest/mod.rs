@@ -18,6 +18,7 @@ mod column_values;
 #[cfg(feature = "parquet")]
 mod columnar;
 mod counter;
+mod expected;
 mod foreign;
 mod formats;
 pub mod header;

@@ -75,6 +75,12 @@ impl Decimal {
         Some(f64::from_bits(size.to_bits() ^ (u64::from(self.negative) << 63)))
     }
 
+    /// Units of the last place by which it is above another of the same sign and places.
+    pub(crate) fn less(self, other: Self) -> Option<u64> {
+        let alike = self.places == other.places && !self.negative && !other.negative;
+        self.digits.checked_sub(other.digits).filter(|_| alike)
+    }
+
     /// In units of 10^-`places`, exactly; `None` where digits remain or it overflows.
     #[inline]
     pub(crate) fn scaled(self, places: u32) -> Option<i64> {

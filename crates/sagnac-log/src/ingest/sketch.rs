@@ -33,13 +33,16 @@ const DIGITS: usize = 8;
 
 /// Collects the sketch of a log as it is read.
 pub(crate) struct Sketch {
-    letters: Vec<char>,
+    /// Of each axis: its letter, mixed.
+    letters: Vec<u64>,
     /// Base to the power of a stretch.
     far: u64,
     recent: [u64; ROWS],
     rows: usize,
     rolling: u64,
     smallest: BTreeSet<u64>,
+    /// The largest of them once there are enough.
+    largest: u64,
     /// Those of them that came more than once.
     again: BTreeSet<u64>,
 }
@@ -47,36 +50,45 @@ pub(crate) struct Sketch {
 impl Sketch {
     pub(crate) fn new(letters: Vec<char>) -> Self {
         let far = (0..ROWS).fold(1_u64, |power, _| power.wrapping_mul(BASE));
-        Self { letters, far, recent: [0; ROWS], rows: 0, rolling: 0, smallest: BTreeSet::new(), again: BTreeSet::new() }
+        Self {
+            letters: letters.into_iter().map(|letter| mix(u64::from(letter))).collect(),
+            far,
+            recent: [0; ROWS],
+            rows: 0,
+            rolling: 0,
+            smallest: BTreeSet::new(),
+            largest: u64::MAX,
+            again: BTreeSet::new(),
+        }
     }
 
     /// The next rows.
     pub(crate) fn push(&mut self, batch: &Batch, whole: bool) {
         for row in 0..batch.len() {
             let axes = self.letters.iter().zip(&batch.angle);
-            let of = |(letter, angle): (&char, &Vec<f64>)| mix(bits_of(angle[row], whole) ^ mix(u64::from(*letter)));
+            let of = |(letter, angle): (&u64, &Vec<f64>)| mix(bits_of(angle[row], whole) ^ letter);
             let value = axes.map(of).fold(0, u64::wrapping_add);
             let place = self.rows % ROWS;
             let old = std::mem::replace(&mut self.recent[place], value);
             self.rolling = self.rolling.wrapping_mul(BASE).wrapping_add(value).wrapping_sub(old.wrapping_mul(self.far));
             self.rows += 1;
-            if self.rows >= ROWS {
-                self.keep(mix(self.rolling));
+            let hash = mix(self.rolling);
+            if hash <= self.largest && self.rows >= ROWS {
+                self.keep(hash);
             }
         }
     }
 
     fn keep(&mut self, hash: u64) {
-        let largest = self.smallest.last().copied().unwrap_or(u64::MAX);
-        if self.smallest.len() == KEPT && hash > largest {
-            return;
-        }
         if !self.smallest.insert(hash) {
             self.again.insert(hash);
         } else if self.smallest.len() > KEPT
             && let Some(evicted) = self.smallest.pop_last()
         {
             self.again.remove(&evicted);
+        }
+        if self.smallest.len() == KEPT {
+            self.largest = self.smallest.last().copied().unwrap_or(u64::MAX);
         }
     }
 

@@ -12,7 +12,7 @@ pub enum SearchVerdict {
     Start,
     /// Selected: its additional coefficients are justified, or it is smaller and no larger one is justified.
     Selected,
-    /// One term more, not justified, or less so than another.
+    /// One term more, not justified, or less so than another. Without a held-out residual where even its own residual could not fall enough.
     NoGain,
     /// One term less, and the fit needs it, or another saves more.
     Needed,
@@ -38,7 +38,7 @@ pub struct SearchStep {
     pub model: String,
     /// Coefficients without constants, lags included.
     pub coefficients: usize,
-    /// Root mean square of held-out residuals, °/h; null where it was not found.
+    /// Root mean square of held-out residuals, °/h; null where it was not found, or not looked for because the terms gain too little.
     pub held_out_dph: Option<f64>,
     /// Condition of its terms; null where it was not found.
     pub condition: Option<f64>,

@@ -17,7 +17,7 @@ use crate::fit::least_squares::{LeastSquares, Rates, TermColumn};
 use crate::fit::prepared::{Blocks, Prepared};
 use crate::fit::solve::{Factor, RunColumns, RunReducer, Solution};
 use crate::fit::two_lags::coarse_pairs;
-use crate::model::spec::ModelSpec;
+use crate::model::spec::{InputTerms, MAX_RATE_ORDER, ModelSpec};
 use rayon::prelude::*;
 
 const BLOCKS: usize = 12;
@@ -120,20 +120,48 @@ fn fold_squares(
 ) -> Vec<Option<f64>> {
     let training: Vec<Option<&Factor>> = factors.iter().map(|of_tau| of_tau.without[fold].as_ref()).collect();
     let (known, free) = division.levels_without(problem, fold);
+    let mut misfits = RateMisfits::default();
     let squares = candidates.iter().map(|candidate| {
         let columns = columns_of_grid(candidate, &known, division.levels());
-        let choices = if candidate.thermometer().rate.is_some() { taus_s.len() } else { 1 };
-        let (tau, theta) = best_tau(&training[..choices], &columns)?;
+        let of = candidate.thermometer();
+        let tau = match of.rate {
+            None => 0,
+            Some(rate) if of.scale == 0 => {
+                let all = ModelSpec::of_thermometer(InputTerms { rate: Some(MAX_RATE_ORDER), ..of.clone() });
+                let all = columns_of_grid(&all, &known, division.levels());
+                misfits.best_tau(&training[..taus_s.len()], of.bias, rate, &all)?
+            }
+            Some(_) => best_tau(&training[..taus_s.len()], &columns)?,
+        };
+        let theta = training[tau]?.solve(&columns)?.theta;
         Some(factors[tau].blocks[fold].ssr(&columns, &theta, &free))
     });
     squares.collect()
 }
 
+/// By order of the bias: per τ the misfits with each order of the rate, from none on.
+#[derive(Default)]
+struct RateMisfits(BTreeMap<u8, Vec<Vec<f64>>>);
+
+impl RateMisfits {
+    /// The τ of least misfit on the training set; `columns` are those of the highest order of the rate, which come last.
+    fn best_tau(&mut self, training: &[Option<&Factor>], bias: u8, rate: u8, columns: &[usize]) -> Option<usize> {
+        let without_rate = columns.len() - RATE_COLUMNS;
+        let of_tau = |factor: &Option<&Factor>| {
+            factor.map_or(Vec::new(), |factor| factor.misfits_of_first(columns, without_rate..=columns.len()))
+        };
+        let of_bias = self.0.entry(bias).or_insert_with(|| training.iter().map(of_tau).collect());
+        let misfits = of_bias.iter().enumerate();
+        let misfits = misfits.filter_map(|(tau, orders)| Some((tau, *orders.get(usize::from(rate) + 1)?)));
+        let best = misfits.filter(|(_, misfit)| misfit.is_finite()).min_by(|(_, a), (_, b)| a.total_cmp(b));
+        best.map(|(tau, _)| tau)
+    }
+}
+
 /// The τ of least misfit on the training set.
-fn best_tau(training: &[Option<&Factor>], columns: &[usize]) -> Option<(usize, DVector<f64>)> {
-    let solved = training.iter().enumerate().filter_map(|(i, f)| Some((i, f.as_ref()?.solve(columns)?)));
-    let best: Option<(usize, Solution)> = solved.min_by(|(_, a), (_, b)| a.ssr.total_cmp(&b.ssr));
-    best.map(|(i, solution)| (i, solution.theta))
+fn best_tau(training: &[Option<&Factor>], columns: &[usize]) -> Option<usize> {
+    let solved = training.iter().enumerate().filter_map(|(i, f)| Some((i, f.as_ref()?.solve(columns)?.ssr)));
+    solved.min_by(|(_, a), (_, b)| a.total_cmp(b)).map(|(i, _)| i)
 }
 
 /// Columns of a candidate in the full row: levels, b₁…b₈, c₀…c₃, e₁….

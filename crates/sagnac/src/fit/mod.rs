@@ -31,6 +31,7 @@ mod progress;
 mod rate_table_input;
 mod record;
 mod robust;
+mod screening;
 mod search;
 mod slow_noise;
 mod soak;

@@ -22,7 +22,7 @@ use crate::fit::least_squares::{LeastSquares, Rates, TermColumn};
 use crate::fit::solve::{Factor, RunColumns};
 
 /// Most numbers in Q₁: 32 MB. As many again are kept for V'.
-const MOST_VALUES: usize = 4 << 20;
+pub(super) const MOST_VALUES: usize = 4 << 20;
 /// A column whose part beyond the columns before it is a smaller fraction of it is nothing but rounding.
 const ROUNDING: f64 = 1e-14;
 
@@ -112,21 +112,35 @@ impl<'a> Prepared<'a> {
 
     /// The factor of each block at these lags: shared levels, terms, y.
     pub(crate) fn factors(&self, lags_s: &[(usize, f64)]) -> Vec<Factor> {
-        let moved: Vec<(usize, Arc<[Beyond]>)> =
-            lags_s.iter().map(|(input, tau_s)| (*input, self.at_lag(*input, *tau_s))).collect();
+        let moved = self.at_lags(lags_s);
+        let columns = self.varying_of(&moved);
+        (0..self.bases.len()).map(|block| self.factor(block, &columns)).collect()
+    }
+
+    /// An orthonormal basis of all columns at these lags, of the first block.
+    pub(super) fn basis(&self, lags_s: &[(usize, f64)]) -> Vec<Vec<f64>> {
+        let mut basis = self.bases.first().map_or(Vec::new(), |fixed| fixed.q.clone());
+        for column in self.varying_of(&self.at_lags(lags_s)) {
+            extend(&mut basis, &mut column.rest.clone());
+        }
+        basis
+    }
+
+    fn at_lags(&self, lags_s: &[(usize, f64)]) -> Vec<(usize, Arc<[Beyond]>)> {
+        lags_s.iter().map(|(input, tau_s)| (*input, self.at_lag(*input, *tau_s))).collect()
+    }
+
+    /// The columns of the rate terms in their order.
+    fn varying_of<'m>(&self, moved: &'m [(usize, Arc<[Beyond]>)]) -> Vec<&'m Beyond> {
         let mut taken: HashMap<usize, usize> = HashMap::new();
         let shared = self.split.columns.shared.len();
-        let columns: Vec<&Beyond> = self
-            .varying
-            .iter()
-            .filter_map(|place| {
-                let input = self.terms[place - shared].input;
-                let at = taken.entry(input).or_default();
-                *at += 1;
-                moved.iter().find(|(of, _)| *of == input).and_then(|(_, all)| all.get(*at - 1))
-            })
-            .collect();
-        (0..self.bases.len()).map(|block| self.factor(block, &columns)).collect()
+        let of_place = |place: &usize| {
+            let input = self.terms[place - shared].input;
+            let at = taken.entry(input).or_default();
+            *at += 1;
+            moved.iter().find(|(of, _)| *of == input).and_then(|(_, all)| all.get(*at - 1))
+        };
+        self.varying.iter().filter_map(of_place).collect()
     }
 
     fn factor(&self, block: usize, varying: &[&Beyond]) -> Factor {
@@ -179,7 +193,7 @@ impl<'a> Prepared<'a> {
     }
 
     /// A column, each row times the root of its weight, without what is projected out of its run.
-    fn column(&self, value: impl Fn(usize) -> f64) -> Vec<f64> {
+    pub(super) fn column(&self, value: impl Fn(usize) -> f64) -> Vec<f64> {
         let problem = self.problem;
         let mut all: Vec<f64> = (0..problem.len()).map(|row| problem.weight[row].sqrt() * value(row)).collect();
         for (run, basis) in self.of_runs.iter().enumerate().filter(|(_, basis)| !basis.is_empty()) {
@@ -234,7 +248,7 @@ impl<'a> Prepared<'a> {
 }
 
 /// Takes the part within an orthonormal basis out of a column; the coefficients of that part.
-fn project(basis: &[Vec<f64>], column: &mut [f64]) -> Vec<f64> {
+pub(super) fn project(basis: &[Vec<f64>], column: &mut [f64]) -> Vec<f64> {
     let mut parts = vec![0.0; basis.len()];
     for _ in 0..2 {
         for (part, direction) in parts.iter_mut().zip(basis) {
@@ -247,7 +261,7 @@ fn project(basis: &[Vec<f64>], column: &mut [f64]) -> Vec<f64> {
 }
 
 /// Adds a column's own direction to an orthonormal basis; its coefficients. A column without one adds nothing but zeros.
-fn extend(basis: &mut Vec<Vec<f64>>, column: &mut [f64]) -> Vec<f64> {
+pub(super) fn extend(basis: &mut Vec<Vec<f64>>, column: &mut [f64]) -> Vec<f64> {
     let whole = dot(column, column).sqrt();
     let mut parts = project(basis, column);
     let norm = dot(column, column).sqrt();
@@ -259,7 +273,7 @@ fn extend(basis: &mut Vec<Vec<f64>>, column: &mut [f64]) -> Vec<f64> {
 }
 
 /// In four sums at a time, which a processor adds together.
-fn dot(a: &[f64], b: &[f64]) -> f64 {
+pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
     const LANES: usize = 4;
     let (heads, tails) = (a.chunks_exact(LANES).zip(b.chunks_exact(LANES)), a.len() / LANES * LANES);
     let mut sums = [0.0; LANES];

@@ -5,6 +5,7 @@
 //! forward:   candidates have one order (input, zone, set of steps, second lag) more; those must improve on the reference (m: candidates
 //!            of this step), and the residual of their fit on that of the last model by as much: held-out errors of one record
 //!            scatter more than residuals. Selected: the smallest that no other of them improves on.
+//!            Those whose residual cannot fall by half of that, as a logarithm, are not fitted (`screening`).
 //! backward:  candidates have one order less; the reference must not improve on them. Selected: the smallest.
 //! ```
 //!
@@ -21,6 +22,7 @@ use crate::fit::correction::ImageCheck;
 use crate::fit::criterion::{CvScore, effective_windows, is_undominated, needed_gain};
 use crate::fit::folds::Trial;
 use crate::fit::least_squares::{LeastSquares, Level};
+use crate::fit::screening::{Base, Screen};
 use crate::fit::solution::fit;
 use crate::model::input::channels;
 use crate::model::price::work_of;
@@ -31,7 +33,7 @@ use rayon::prelude::*;
 pub(crate) const CONDITION_MAX: f64 = 100.0;
 /// Highest orders that are tried over inputs other than the thermometer of the fit.
 const MOST_BIAS: u8 = 3;
-const MOST_RATE: u8 = 1;
+pub(crate) const MOST_RATE: u8 = 1;
 const MOST_SCALE: u8 = 2;
 /// Zones that are tried, one after the other.
 const ZONES: [u8; 4] = [2, 3, 4, 6];
@@ -55,6 +57,8 @@ impl Path {
 /// A model that was tried.
 struct Tried {
     spec: ModelSpec,
+    /// Terms, lags and coefficients; `None` where it was not fitted.
+    base: Option<Base>,
     /// Effective number of windows, after the correlation of their residuals.
     windows: f64,
     /// Inputs that its image reads.
@@ -65,6 +69,8 @@ struct Tried {
     condition: Option<f64>,
     /// An image can hold it.
     held: bool,
+    /// Not fitted: its terms can gain too little.
+    is_screened: bool,
 }
 
 impl Tried {
@@ -113,8 +119,9 @@ pub(crate) fn walk(
 }
 
 fn walk_from(problem: &LeastSquares<'_>, start: &ModelSpec, taus_s: &[f64], image: &ImageCheck<'_>) -> Option<Path> {
-    let mut here =
-        try_all(problem, std::slice::from_ref(start), taus_s, image, 0).pop().filter(|t| t.mean_square.is_some())?;
+    let mut here = try_all(problem, std::slice::from_ref(start), taus_s, image, 0, |_| true)
+        .pop()
+        .filter(|t| t.mean_square.is_some())?;
     let mut steps = vec![here.step(0, SearchVerdict::Start)];
     let mut least = here.held();
     let mut number = 0;
@@ -125,13 +132,21 @@ fn walk_from(problem: &LeastSquares<'_>, start: &ModelSpec, taus_s: &[f64], imag
         }
         for _ in 0..MOST_STEPS {
             let next = if forward { grown(problem, &here.spec) } else { shrunk(&here.spec) };
-            let tried = try_all(problem, &next, taus_s, image, number + 1);
+            let needed = |spec: &ModelSpec| {
+                let more = spec.coefficients().saturating_sub(here.spec.coefficients());
+                needed_gain(here.windows, more, next.len().max(ZONES.len()))
+            };
+            let screen = here.base.as_ref().filter(|_| forward).and_then(|base| Screen::new(problem, base, taus_s));
+            let may_pass = |spec: &ModelSpec| {
+                let least = screen.as_ref().and_then(|screen| screen.least_misfit(spec));
+                least.is_none_or(|least| least * needed(spec).sqrt() < here.misfit)
+            };
+            let tried = try_all(problem, &next, taus_s, image, number + 1, may_pass);
             let passes = |model: &Tried| {
                 if !forward {
                     return is_undominated(model.held(), &[least], here.windows);
                 }
-                let more = model.spec.coefficients().saturating_sub(here.spec.coefficients());
-                let needed = needed_gain(here.windows, more, tried.len().max(ZONES.len()));
+                let needed = needed(&model.spec);
                 model.square() * needed < least.mean_square && model.misfit * needed < here.misfit
             };
             let taken = best_of(&tried, here.windows, passes);
@@ -141,6 +156,7 @@ fn walk_from(problem: &LeastSquares<'_>, start: &ModelSpec, taus_s: &[f64], imag
                     (true, ..) => SearchVerdict::Selected,
                     (_, _, true) => SearchVerdict::Collinear,
                     _ if !model.held => SearchVerdict::NotInImage,
+                    _ if model.is_screened => SearchVerdict::NoGain,
                     (_, false, _) => SearchVerdict::NotFitted,
                     _ if forward => SearchVerdict::NoGain,
                     _ => SearchVerdict::Needed,
@@ -182,23 +198,49 @@ fn try_all(
     taus_s: &[f64],
     image: &ImageCheck<'_>,
     step: usize,
+    may_pass: impl Fn(&ModelSpec) -> bool + Sync,
 ) -> Vec<Tried> {
     let part = problem.progress.part(format_args!("model search, step {step}"), specs.len());
     let tried = |spec: &ModelSpec| {
-        // A model that is refused for its terms needs no folds.
-        let fitted = fit(problem, spec, taus_s).ok();
-        let condition = fitted.as_ref().and_then(|f| f.conditioning.as_ref()).map(|near| near.condition);
-        let held = fitted.as_ref().is_none_or(|fitted| image.check(fitted, problem).is_ok());
-        let fair = fitted.is_some() && held && condition.is_none_or(|condition| condition <= CONDITION_MAX);
-        let mean_square = if fair { Trial::new(problem, spec, taus_s).held_out() } else { None };
-        let rho = fitted.as_ref().map_or(0.0, |f| f.autocorrelation);
-        let windows = effective_windows(problem.len(), rho);
-        let misfit = fitted.as_ref().map_or(f64::INFINITY, |fitted| fitted.misfit(problem));
-        let inputs = inputs_read(problem, spec);
+        let tried = if may_pass(spec) { try_one(problem, spec, taus_s, image) } else { screened(problem, spec) };
         part.one_more();
-        Tried { spec: spec.clone(), windows, inputs, mean_square, misfit, condition, held }
+        tried
     };
     specs.par_iter().map(tried).collect()
+}
+
+fn try_one(problem: &LeastSquares<'_>, spec: &ModelSpec, taus_s: &[f64], image: &ImageCheck<'_>) -> Tried {
+    // A model that is refused for its terms needs no folds.
+    let fitted = fit(problem, spec, taus_s).ok();
+    let condition = fitted.as_ref().and_then(|f| f.conditioning.as_ref()).map(|near| near.condition);
+    let held = fitted.as_ref().is_none_or(|fitted| image.check(fitted, problem).is_ok());
+    let fair = fitted.is_some() && held && condition.is_none_or(|condition| condition <= CONDITION_MAX);
+    let mean_square = if fair { Trial::new(problem, spec, taus_s).held_out() } else { None };
+    let rho = fitted.as_ref().map_or(0.0, |f| f.autocorrelation);
+    let windows = effective_windows(problem.len(), rho);
+    let misfit = fitted.as_ref().map_or(f64::INFINITY, |fitted| fitted.misfit(problem));
+    let inputs = inputs_read(problem, spec);
+    let base = fitted.map(|fitted| Base {
+        of_terms: fitted.theta[problem.levels.len()..].to_vec(),
+        terms: fitted.terms,
+        taus: fitted.taus,
+    });
+    Tried { spec: spec.clone(), base, windows, inputs, mean_square, misfit, condition, held, is_screened: false }
+}
+
+/// A model whose terms can gain too little to be fitted.
+fn screened(problem: &LeastSquares<'_>, spec: &ModelSpec) -> Tried {
+    Tried {
+        spec: spec.clone(),
+        base: None,
+        windows: problem.len() as f64,
+        inputs: inputs_read(problem, spec),
+        mean_square: None,
+        misfit: f64::INFINITY,
+        condition: None,
+        held: true,
+        is_screened: true,
+    }
 }
 
 /// An image can read all inputs of a model and hold all its terms.
@@ -229,7 +271,7 @@ fn slower(problem: &LeastSquares<'_>, of: &InputTerms) -> Vec<(Option<u8>, Optio
 }
 
 /// Every model with one order, zone table, set of steps or lag more.
-fn grown(problem: &LeastSquares<'_>, from: &ModelSpec) -> Vec<ModelSpec> {
+pub(super) fn grown(problem: &LeastSquares<'_>, from: &ModelSpec) -> Vec<ModelSpec> {
     let with_scale = problem.column_of(Level::Scale).is_some();
     let mut all = Vec::new();
     let mut add = |change: &dyn Fn(&mut ModelSpec)| {

@@ -198,13 +198,25 @@ impl Factor {
         let picked = self.0.select_columns(&with_y);
         let lengths: Vec<f64> = (0..p).map(|j| picked.column(j).norm()).collect();
         let r = triangle(picked);
-        let independent = (0..p).all(|j| r[(j, j)].abs() > RANK_TOLERANCE * lengths[j] && lengths[j].is_finite());
+        let independent = (0..p).all(|j| is_independent(r[(j, j)], lengths[j]));
         if !independent {
             return None;
         }
         let (square, right) = (r.view((0, 0), (p, p)).into_owned(), r.view((0, p), (p, 1)).into_owned());
         let theta = square.solve_upper_triangular(&right)?;
         Some(Solution { theta: theta.column(0).into_owned(), ssr: r[(p, p)] * r[(p, p)], r: square })
+    }
+
+    /// Residual sums of squares of the first columns of some, as many as each of `counts` says, by one factor; infinite where those are not
+    /// independent.
+    pub(crate) fn misfits_of_first(&self, columns: &[usize], counts: impl Iterator<Item = usize>) -> Vec<f64> {
+        let with_y: Vec<usize> = columns.iter().copied().chain(std::iter::once(self.0.ncols() - 1)).collect();
+        let picked = self.0.select_columns(&with_y);
+        let lengths: Vec<f64> = (0..columns.len()).map(|j| picked.column(j).norm()).collect();
+        let r = triangle(picked);
+        let independent = (0..columns.len()).take_while(|j| is_independent(r[(*j, *j)], lengths[*j])).count();
+        let beyond = |count: usize| (count..r.nrows()).map(|row| r[(row, columns.len())].powi(2)).sum();
+        counts.map(|count| if count <= independent { beyond(count) } else { f64::INFINITY }).collect()
     }
 
     /// A column solved for some others; `None` when those are not independent.
@@ -291,6 +303,11 @@ fn stack(blocks: &[&DMatrix<f64>]) -> DMatrix<f64> {
 }
 
 /// The square R factor, padded with zero rows where there are fewer rows than columns.
+/// A column of some length has a part of its own, this long.
+fn is_independent(own: f64, length: f64) -> bool {
+    own.abs() > RANK_TOLERANCE * length && length.is_finite()
+}
+
 fn triangle(rows: DMatrix<f64>) -> DMatrix<f64> {
     let width = rows.ncols();
     let r = if rows.nrows() == 0 { rows } else { rows.qr().unpack_r() };

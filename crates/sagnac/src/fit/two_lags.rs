@@ -38,7 +38,7 @@ fn is_apart(fast_s: f64, slow_s: f64) -> bool {
 }
 
 /// Places on the grid of all pairs far enough apart; the lags begin at `from`.
-fn pairs(taus_s: &[f64], from: [usize; 2]) -> Vec<[usize; 2]> {
+pub(crate) fn pairs(taus_s: &[f64], from: [usize; 2]) -> Vec<[usize; 2]> {
     let places = 0..taus_s.len();
     let slower = |fast: usize| places.clone().map(move |slow| [fast, slow]);
     let apart =

@@ -30,6 +30,8 @@ pub struct WindowBuilder {
     division: RunDivision,
     tables: Vec<TableRun>,
     discard_initial_ns: i64,
+    /// Length of a window by time.
+    window_ns: Option<i64>,
     tick_ns: i64,
     rows: WindowRows,
     runs: Vec<Run>,
@@ -150,6 +152,7 @@ impl WindowBuilder {
         Ok(Self {
             log: log.clone(),
             short_tau: vec![ShortTau::new(sample_interval_s, longest); log.axes.len()],
+            window_ns: shape.window.seconds().map(window_ns),
             shape,
             division,
             tables: setup.tables.clone(),
@@ -253,15 +256,14 @@ impl WindowBuilder {
     /// A row that a window can take: of a cumulative counter with rows lost it may outlast a window.
     fn is_usable(&self, batch: &Batch, row: usize) -> bool {
         let length_ns = batch.end_ns[row] - batch.start_ns[row];
-        let outlasts = self.shape.window.seconds().is_some_and(|seconds| length_ns > window_ns(seconds));
+        let outlasts = self.window_ns.is_some_and(|window_ns| length_ns > window_ns);
         batch.valid[row] && !(outlasts && self.log.intervals(batch.start_ns[row], batch.end_ns[row]) > 1)
     }
 
     /// The end of the rows from `at` on that belong together: usable, one after the other, in one window by time.
     fn same_window(&self, batch: &Batch, at: usize) -> usize {
         let Some(run) = self.run.as_ref().filter(|_| self.is_usable(batch, at)) else { return at + 1 };
-        let Some(seconds) = self.shape.window.seconds() else { return at + 1 };
-        let length_ns = window_ns(seconds);
+        let Some(length_ns) = self.window_ns else { return at + 1 };
         let index = (batch.end_ns[at] - 1 - run.start_ns).div_euclid(length_ns);
         let last_ns = run.start_ns.saturating_add(index.saturating_add(1).saturating_mul(length_ns));
         let in_time = at + batch.end_ns[at..].partition_point(|end| *end <= last_ns);
@@ -271,8 +273,8 @@ impl WindowBuilder {
 
     /// Adds rows of one window by time; a temperature that moves far within it divides it.
     fn add(&mut self, batch: &Batch, unrounded: &[Vec<f64>], status: &[Vec<Status>], rows: Range<usize>) {
-        let index = match (self.shape.window.seconds(), &self.run) {
-            (Some(seconds), Some(run)) => (batch.end_ns[rows.start] - 1 - run.start_ns).div_euclid(window_ns(seconds)),
+        let index = match (self.window_ns, &self.run) {
+            (Some(length_ns), Some(run)) => (batch.end_ns[rows.start] - 1 - run.start_ns).div_euclid(length_ns),
             _ => i64::try_from(self.rows.run.len()).unwrap_or(i64::MAX),
         };
         let open = self.run.as_ref().and_then(|run| run.open.as_ref());
