@@ -8,7 +8,7 @@
 // `start` reads every input; `busy` follows, and `done` is high for a clock when the result stands, which it does until the next `start`.
 // A `start` while `busy` is ignored. Clocks from `start` to `done`: VOTERS * (VOTERS + 3) + 2, that is 20 for three and 90 for eight.
 //
-// Where it fails: more than half of the thermometers wrong in the same way. Stuck ones that agree are sagnac_watch's.
+// Where it fails: half of the thermometers or more are wrong in the same way. Stuck ones that agree are sagnac_watch's.
 `timescale 1ns / 1ns
 `default_nettype none
 

@@ -4,7 +4,7 @@
 //                     -> one is farther away by `shows`, or the command has gone `command_shows`        -> bit of `named`
 //
 // Bit for bit the Rust crate sagnac-core (watch.rs), which states what to choose for `shows` and `still`. Only the way away from a
-// thermometer counts. A thermometer without a sample is not named, and begins where it was when it has one again.
+// thermometer counts. A thermometer without a sample is not named, and what is known of it stays.
 //
 // `start` reads every input, for example at a slow update; `busy` follows, and `done` is high in the clock in which `named` is new.
 // A `start` while `busy` is ignored. Clocks from `start` to `done`: 2, and for each thermometer 1, or with a sample 10, and then 4 more
@@ -19,7 +19,7 @@ module sagnac_watch (
     input  wire               clk,
     input  wire               rst,
     input  wire               start,
-    input  wire        [127:0] values,       // four, signed, in one unit: 2^-24 degC, or a code
+    input  wire       [127:0] values,         // four, signed, in one unit: 2^-24 degC, or a code
     input  wire        [3:0]  present,        // a bit for each value with a sample
     input  wire               has_command,
     input  wire signed [31:0] command,        // of the heater
