@@ -14,6 +14,7 @@
 #include "sagnac_path_length.h"
 #include "sagnac_quadrature.h"
 #include "sagnac_strip.h"
+#include "sagnac_watch.h"
 
 #define MAGIC UINT32_C(0x5a67ac01)
 #define INPUTS 8
@@ -53,6 +54,12 @@ typedef union {
         sagnac_stripper stripper;
         uint32_t phase;
     } strip;
+    struct {
+        sagnac_watch_spec spec;
+        sagnac_watch watch;
+        int32_t values[4];
+        uint32_t command;
+    } watch;
 } machine;
 
 /* The next word; 1, or 0 at the end or at something that is no word. */
@@ -397,6 +404,87 @@ static int strip_step(machine *m, uint32_t operation, const uint32_t *in, uint32
     return operation == 1U;
 }
 
+/* Each thermometer but those that stand still moves by drift and noise. */
+static void move_values(machine *m, const uint32_t *in, uint32_t *seed)
+{
+    uint32_t i;
+    for (i = 0U; i < 4U; i++) {
+        const uint32_t moved = in[2] + (uint32_t)noise(seed, in[3]);
+        if ((in[6] >> i & 1U) == 0U) {
+            m->watch.values[i] = as_signed((uint32_t)m->watch.values[i] + moved);
+        }
+    }
+}
+
+static void watch_run(machine *m, const uint32_t *in, uint32_t *out)
+{
+    uint32_t seed = in[1], i;
+    out[0] = UINT32_C(2166136261);
+    for (i = 0U; i < 4U; i++) {
+        if ((in[6] >> (12U + i) & 1U) != 0U) {
+            m->watch.values[i] = as_signed(in[5]);
+        }
+    }
+    for (i = 0U; i < in[0]; i++) {
+        const uint32_t present = ~(in[6] >> 8) & (~(in[6] >> 4) | noise_word(&seed) >> 28) & 15U;
+        m->watch.command += in[4];
+        move_values(m, in, &seed);
+        out[3] = sagnac_watch_update(&m->watch.spec, &m->watch.watch, m->watch.values, present, in[6] >> 16 & 1U,
+                                     as_signed(m->watch.command));
+        out[1] += out[3] != 0U;
+        out[2] |= out[3];
+        take(&out[0], out[3]);
+    }
+    out[4] = (uint32_t)m->watch.values[0];
+    out[5] = m->watch.command;
+}
+
+static void vote_run(const uint32_t *in, uint32_t *out)
+{
+    uint32_t seed = in[1], turn, i;
+    out[0] = UINT32_C(2166136261);
+    for (turn = 0U; turn < in[0]; turn++) {
+        const uint32_t present = ~(in[6] >> 8) & (~in[6] | noise_word(&seed) >> 24) & 255U;
+        int32_t codes[8];
+        sagnac_vote vote;
+        for (i = 0U; i < 8U; i++) {
+            const uint32_t drawn = in[4] + (uint32_t)noise(&seed, in[3]);
+            codes[i] = as_signed((in[6] >> (16U + i) & 1U) != 0U ? in[5] : drawn);
+        }
+        sagnac_vote_of(codes, 8U, present, in[2], &vote);
+        out[1] += vote.outvoted != 0U;
+        out[2] |= vote.outvoted;
+        out[3] = vote.has_code | vote.outvoted << 8 | vote.voters << 16;
+        out[4] = (uint32_t)vote.code;
+        take(&out[0], out[3]);
+        take(&out[0], out[4]);
+    }
+}
+
+static void watch_start(machine *m, uint32_t shows, uint32_t still, uint32_t command_shows)
+{
+    const sagnac_watch_spec spec = {shows, still, command_shows};
+    uint32_t i;
+    m->watch.spec = spec;
+    m->watch.command = 0U;
+    for (i = 0U; i < 4U; i++) {
+        m->watch.values[i] = 0;
+    }
+    sagnac_watch_start(&m->watch.watch);
+}
+
+static int watch_step(machine *m, uint32_t operation, const uint32_t *in, uint32_t *out)
+{
+    if (operation == 0U) {
+        watch_start(m, in[0], in[1], in[2]);
+    } else if (operation == 1U) {
+        watch_run(m, in, out);
+    } else {
+        vote_run(in, out);
+    }
+    return operation <= 2U;
+}
+
 /* 1 ready, 0 refused, -1 an unknown module. */
 static int start(machine *m, uint32_t module, const vectors *from)
 {
@@ -411,6 +499,9 @@ static int start(machine *m, uint32_t module, const vectors *from)
     } else if (module == 4U || module == 5U) {
         sagnac_quadrature_start(&m->fringes.counter);
         ready = 1;
+    } else if (module == 7U) {
+        watch_start(m, UINT32_MAX, UINT32_MAX, 0U);
+        ready = 1;
     }
     return ready;
 }
@@ -422,6 +513,9 @@ static int step(machine *m, uint32_t module, uint32_t operation, const uint32_t 
     }
     if (module == 4U || module == 5U) {
         return module == 4U ? fringes_step(m, operation, in, out) : strip_step(m, operation, in, out);
+    }
+    if (module == 7U) {
+        return watch_step(m, operation, in, out);
     }
     return module == 2U ? path_step(m, operation, in, out) : light_step(m, operation, in, out);
 }

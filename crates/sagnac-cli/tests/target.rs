@@ -54,8 +54,16 @@ fn c_and_verilog_are_whole_folders() {
         ),
         (
             "verilog",
-            &["sagnac_correction.v", "sagnac_axi4_lite.v", "sagnac_image.hex", "sagnac_loops.hex", "tb_path_length.v"]
-                [..],
+            &[
+                "sagnac_correction.v",
+                "sagnac_axi4_lite.v",
+                "sagnac_watch.v",
+                "sagnac_vote.v",
+                "tb_watch.v",
+                "sagnac_image.hex",
+                "sagnac_loops.hex",
+                "tb_path_length.v",
+            ],
         ),
     ] {
         let out = folder.path().join(to);

@@ -26,6 +26,7 @@ mod path_length;
 mod quadrature;
 mod stimulus;
 mod strip;
+mod watch;
 
 use core::fmt;
 
@@ -35,6 +36,7 @@ pub use intensity::IntensityMachine;
 pub use path_length::PathLengthMachine;
 pub use quadrature::QuadratureMachine;
 pub use strip::StripperMachine;
+pub use watch::WatchMachine;
 
 /// First word of a file.
 pub const MAGIC: u32 = 0x5a67_ac01;
@@ -60,6 +62,8 @@ pub enum Module {
     Quadrature = 4,
     /// [`StripperMachine`].
     Stripper = 5,
+    /// [`WatchMachine`]. The bench of the hardware has another use for 6.
+    Watch = 7,
 }
 
 /// An implementation under test, driven by records.
@@ -76,6 +80,8 @@ pub enum Machine {
     Quadrature(QuadratureMachine),
     /// See [`StripperMachine`].
     Stripper(StripperMachine),
+    /// See [`WatchMachine`].
+    Watch(WatchMachine),
 }
 
 /// Result of a file that passed.
@@ -142,6 +148,7 @@ impl Module {
             3 => Some(Self::Intensity),
             4 => Some(Self::Quadrature),
             5 => Some(Self::Stripper),
+            7 => Some(Self::Watch),
             _ => None,
         }
     }
@@ -156,6 +163,7 @@ impl Machine {
             Module::Intensity => Self::Intensity(IntensityMachine::new(table)?),
             Module::Quadrature => Self::Quadrature(QuadratureMachine::new()),
             Module::Stripper => Self::Stripper(StripperMachine::new()),
+            Module::Watch => Self::Watch(WatchMachine::new()),
         })
     }
 
@@ -167,6 +175,7 @@ impl Machine {
             Self::Intensity(machine) => machine.step(operation, inputs),
             Self::Quadrature(machine) => machine.step(operation, inputs),
             Self::Stripper(machine) => machine.step(operation, inputs),
+            Self::Watch(machine) => machine.step(operation, inputs),
         }
     }
 
@@ -178,6 +187,7 @@ impl Machine {
             Self::Intensity(machine) => machine.ticks(),
             Self::Quadrature(machine) => machine.ticks(),
             Self::Stripper(machine) => machine.ticks(),
+            Self::Watch(machine) => machine.ticks(),
         }
     }
 }

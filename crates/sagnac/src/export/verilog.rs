@@ -1,4 +1,4 @@
-//! The correction and the path-length loop as synthesizable Verilog-2005.
+//! The correction, the watch over thermometers and the path-length loop as synthesizable Verilog-2005.
 //!
 //! The modules are the same for every gyro and load an image and a table of the loops from their bytes, so one bitstream serves a
 //! fleet. `sagnac_image.hex` and `sagnac_loops.hex` have the words of one gyro, for a bench or for hardware that nobody loads; the
@@ -10,17 +10,20 @@ use sagnac_loops::LoopTable;
 
 use super::{TextFile, image_bytes};
 
-const MODULES: [(&str, &str); 6] = [
+const MODULES: [(&str, &str); 8] = [
     ("sagnac_fast.v", include_str!("verilog/sagnac_fast.v")),
     ("sagnac_series.v", include_str!("verilog/sagnac_series.v")),
     ("sagnac_image.v", include_str!("verilog/sagnac_image.v")),
     ("sagnac_correction.v", include_str!("verilog/sagnac_correction.v")),
     ("sagnac_axi4_lite.v", include_str!("verilog/sagnac_axi4_lite.v")),
     ("sagnac_quadrature.v", include_str!("verilog/sagnac_quadrature.v")),
+    ("sagnac_watch.v", include_str!("verilog/sagnac_watch.v")),
+    ("sagnac_vote.v", include_str!("verilog/sagnac_vote.v")),
 ];
-const BENCHES: [(&str, &str); 2] = [
+const BENCHES: [(&str, &str); 3] = [
     ("tb_compensator.v", include_str!("verilog/tb_compensator.v")),
     ("tb_quadrature.v", include_str!("verilog/tb_quadrature.v")),
+    ("tb_watch.v", include_str!("verilog/tb_watch.v")),
 ];
 const PATH_LENGTH: [(&str, &str); 2] = [
     ("sagnac_path_length.v", include_str!("verilog/sagnac_path_length.v")),

@@ -12,7 +12,7 @@ macro_rules! vectors {
     };
 }
 
-const FILES: [(&str, &[u8]); 14] = vectors!(
+const FILES: [(&str, &[u8]); 15] = vectors!(
     "compensator-full",
     "compensator-paper",
     "compensator-inputs",
@@ -27,6 +27,7 @@ const FILES: [(&str, &[u8]); 14] = vectors!(
     "intensity",
     "quadrature",
     "stripper",
+    "watch",
 );
 
 #[entry]

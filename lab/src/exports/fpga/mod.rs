@@ -45,11 +45,12 @@ pub(crate) fn fpga(place: bool) -> Result<()> {
     write(&folder, &verilog_files(&image("compensator-full")?, Some(&loops()?)))?;
     lint(&folder)?;
     correction(&folder)?;
-    for (name, bench, module) in [
-        ("quadrature", "tb_quadrature", "sagnac_quadrature.v"),
-        ("path-length-mirror", "tb_path_length", "sagnac_path_length.v"),
+    for (name, bench, modules) in [
+        ("quadrature", "tb_quadrature", &["sagnac_quadrature.v"][..]),
+        ("path-length-mirror", "tb_path_length", &["sagnac_path_length.v"]),
+        ("watch", "tb_watch", &["sagnac_watch.v", "sagnac_vote.v"]),
     ] {
-        let bench = Bench { folder: &folder, top: bench, modules: &[module] };
+        let bench = Bench { folder: &folder, top: bench, modules };
         for built in [bench.in_iverilog(&[])?, bench.in_verilator("", &[])?] {
             built.run_vectors(name)?;
         }
@@ -74,6 +75,10 @@ fn lint(folder: &Path) -> Result<()> {
         ("sagnac_correction", &small),
         ("sagnac_quadrature", &[]),
         ("sagnac_path_length", &[]),
+        ("sagnac_watch", &[]),
+        ("sagnac_vote", &[]),
+        ("sagnac_vote", &["-GVOTERS=2"]),
+        ("sagnac_vote", &["-GVOTERS=8"]),
     ] {
         let file = format!("{module}.v");
         let args = [&["--lint-only", "-Wall", "-I."], parameters, &[&file]].concat();

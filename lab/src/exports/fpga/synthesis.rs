@@ -32,6 +32,8 @@ pub(super) fn all(folder: &Path) -> Result<()> {
         ("one thermometer", small, "sagnac_correction", &[ICE40][..]),
         ("whole", whole, "sagnac_correction", &[ICE40, ECP5, XILINX]),
         ("path-length loop", path_length, "sagnac_path_length", &[ICE40, ECP5, XILINX]),
+        ("watch", "read_verilog sagnac_watch.v".to_owned(), "sagnac_watch", &[ICE40, ECP5, XILINX]),
+        ("vote of three", "read_verilog sagnac_vote.v".to_owned(), "sagnac_vote", &[ICE40, ECP5, XILINX]),
     ] {
         let latches =
             format!("{read}; hierarchy -top {top}; proc; opt; select -assert-none t:$dlatch t:$adlatch t:$sr");
@@ -47,7 +49,10 @@ pub(super) fn all(folder: &Path) -> Result<()> {
             println!("check: Verilog: {name}, {family}: {}", cells(&stat, counted));
         }
     }
-    netlist(folder)
+    netlist(folder)?;
+    let bench = Bench { folder, top: "tb_watch", modules: &["watch-iCE40.v", "sagnac_vote.v", CELLS] };
+    bench.in_verilator("-netlist", &["-DNO_ICE40_DEFAULT_ASSIGNMENTS", "--bbox-unsup"])?.run_vectors("watch")?;
+    Ok(())
 }
 
 /// Cells whose names begin so, added up.
