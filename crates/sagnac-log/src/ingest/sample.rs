@@ -3,7 +3,7 @@
 //! The line of headers is the first line of words whose next rows have as many cells, most of them numbers, dates or missing values. No
 //! column has to be known by name.
 
-use std::io::{BufRead, Read};
+use std::io::Read;
 use std::path::Path;
 
 use crate::error::{Error, Result};
@@ -78,7 +78,7 @@ fn sampled(mut source: Source) -> Result<Sample> {
         let what = format!("a log of the format {}, whose columns have their own names and units", source.format.name);
         return Err(Error::input(what).help("`sagnac inspect` says which of them are not known"));
     }
-    refuse_binary(source.reader.fill_buf().map_err(|e| Error::io(&source.name, "read", &e))?)?;
+    refuse_binary(&mut source)?;
     let config = ReadConfig::default();
     let mut head = Head::new(&mut source, &config);
     let (mut lines, mut separator, mut bytes) = (Vec::new(), None, 0);
