@@ -1,7 +1,7 @@
 //! Formats of other programs that are recognised by their first bytes and not read, with the command that makes a CSV of them.
 //!
-//! No crate reads all of what MATLAB, LabVIEW, CAN loggers and ArduPilot write; the programs of Python below do, and are kept by those who
-//! know the formats. `cargo xtask formats` runs each command, as the program prints it, on a file that the same package wrote.
+//! Such a file holds arrays with clocks of their own, and only its owner knows which of them make a row: docs/how-to/other-tools.md says
+//! which crates there are, and why they are not used. The packages of Python below are kept by those who know the formats. `cargo xtask formats` runs each command, as the program prints it, on a file that the same package wrote.
 
 use std::path::Path;
 
