@@ -5,7 +5,7 @@ use std::io::Cursor;
 
 use sagnac::fit::{FitOptions, Model, calibrate};
 use sagnac::window::WindowBuilder;
-use sagnac_log::ingest::{LogReader, ReadMode};
+use sagnac_log::ingest::{LogReader, ReadMode, sample_reader};
 use sagnac_log::setup::Setup;
 
 /// Logs of more windows are not fitted: these targets test the reading.
@@ -31,6 +31,7 @@ pub fn read_log(bytes: &[u8]) {
         };
         while let Ok(Some(_)) = log.next_batch() {}
     }
+    look_at(bytes);
     if bytes.iter().fold(0_u32, |sum, byte| sum.wrapping_add(u32::from(*byte))) % ONE_FIT_IN != 0 {
         return;
     }
@@ -41,6 +42,15 @@ pub fn read_log(bytes: &[u8]) {
     if windows.len() < FEW_WINDOWS {
         let options = FitOptions::new(Model::Auto);
         let _ = calibrate(windows, &setup, &options).map(|calibration| calibration.to_json());
+    }
+}
+
+/// What `sagnac init` looks at.
+fn look_at(bytes: &[u8]) {
+    let Ok(sample) = sample_reader("fuzz", Box::new(Cursor::new(bytes.to_vec()))) else { return };
+    for column in &sample.columns {
+        let _ = column.is_dates();
+        assert!(column.numbers().len() <= column.cells.len());
     }
 }
 

@@ -7,6 +7,7 @@ mod compare;
 mod conserve;
 mod exports;
 mod firmware;
+mod formats;
 mod generated;
 mod hunt;
 mod pictures;
@@ -32,6 +33,7 @@ pub fn run(args: &[&str]) -> Result<()> {
             generated::errors::keep(&Program::beside_the_lab()?, folder.as_ref())
         }
         "firmware" => firmware::firmware(),
+        "formats" => formats::formats(),
         "fpga" => exports::fpga(rest.contains(&"place")),
         "hunt" => hunt::hunt(rest),
         "pictures" => pictures::pictures(),

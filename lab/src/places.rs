@@ -13,6 +13,7 @@ pub(crate) const GLOSSARY: &str = "GLOSSARY.md";
 pub(crate) const GLOSSARY_PAGE: &str = "docs/reference/glossary.md";
 pub(crate) const IMAGE_FORMAT: &str = "docs/reference/image-format.md";
 pub(crate) const MANUAL: &str = "docs/reference/cli.md";
+pub(crate) const OTHER_TOOLS: &str = "docs/how-to/other-tools.md";
 pub(crate) const PAPER_IMAGE: &str = "testdata/image/paper.img";
 pub(crate) const PERFORMANCE: &str = "docs/explanation/performance.md";
 pub(crate) const PERFORMANCE_PLOT: &str = "docs/explanation/performance.svg";

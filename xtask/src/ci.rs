@@ -38,8 +38,8 @@ const RUNS: [Part; 6] = [
     ("fuzz", || fuzz::fuzz(&["--smoke"])),
 ];
 
-/// And beside it what runs on one: simulators and emulators. The lab has a command for each.
-const BESIDE: [&str; 4] = ["conserve", "c", "fpga", "firmware"];
+/// And beside it what runs on one: simulators, emulators, programs of Python. The lab has a command for each.
+const BESIDE: [&str; 5] = ["conserve", "c", "fpga", "firmware", "formats"];
 
 /// All of it; stops at the first failure, but does not cut short what runs beside it.
 pub(crate) fn ci() -> Result<()> {
@@ -87,7 +87,7 @@ fn tests() -> Result<()> {
 fn tools() -> Vec<debian::Tool> {
     let browser = std::env::var_os("SAGNAC_REQUIRE_SHARED").is_some_and(|value| value == "1");
     let browser = if browser { debian::BROWSER } else { &[] };
-    [debian::CORPUS, debian::C, debian::FPGA, debian::FIRMWARE, debian::DIST, browser].concat()
+    [debian::CORPUS, debian::C, debian::FPGA, debian::FIRMWARE, debian::DIST, debian::FORMATS, browser].concat()
 }
 
 /// Processor time of all child processes that have ended, s: proc(5), where it is in hundredths.

@@ -107,8 +107,15 @@ pub const DIST: &[Tool] = &[
     ("git", "git"),
 ];
 
+/// For `cargo xtask formats`: the packages come from PyPI.
+pub const FORMATS: &[Tool] = &[("python3", "python3-venv")];
+
 /// For the tests of reports in a browser.
-pub const BROWSER: &[Tool] = &[("chromium", "chromium"), ("/usr/share/fonts/truetype/dejavu", "fonts-dejavu-core")];
+pub const BROWSER: &[Tool] = &[
+    ("chromium", "chromium"),
+    ("pdftotext", "poppler-utils"),
+    ("/usr/share/fonts/truetype/dejavu", "fonts-dejavu-core"),
+];
 
 #[cfg(test)]
 mod tests {

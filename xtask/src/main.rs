@@ -14,7 +14,8 @@ use std::process::ExitCode;
 use anyhow::{Result, bail};
 
 /// Tasks that need our crates; the lab does them.
-const LAB: [&str; 9] = ["bench", "bless", "c", "compare", "conserve", "firmware", "fpga", "hunt", "pictures"];
+const LAB: [&str; 10] =
+    ["bench", "bless", "c", "compare", "conserve", "firmware", "formats", "fpga", "hunt", "pictures"];
 
 const HELP: &str = "\
 cargo xtask example    the main job on the log in testdata/: calibrate, export, verify
@@ -38,6 +39,7 @@ cargo xtask fuzz       [--smoke | --address] [targets] a million executions of e
 cargo xtask c          the exported C: warnings, MISRA, vectors on this machine and on an emulated Cortex-M4F
 cargo xtask fpga       [place] the exported Verilog: lint, vectors in two simulators, synthesis
 cargo xtask firmware   build the firmware, run it in QEMU, compare it with the host bit for bit
+cargo xtask formats    files of MATLAB, HDF5, TDMS, MDF, ArduPilot, Excel and SQLite, converted as the program says (needs python3-venv)
 cargo xtask dist       an archive and a Debian package in target/dist, of a release build for old systems (with zig from PyPI);
                        --check packs the program of the tests instead; both are unpacked or installed, and run
 

@@ -1,7 +1,7 @@
 //! `sagnac init`: looks at a log and writes a setup for it, each guess marked.
 //!
 //! Columns are found by their names and units, in English, German, French and Spanish; a unit that is not stated is guessed from the
-//! values. What no log can say (size of a count, input rate, serial number) stays open: it is never guessed.
+//! values. Dates are a time, and so is a column that a schema calls one. What no log can say (size of a count, input rate, serial number) stays open: it is never guessed.
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -22,7 +22,7 @@ use crate::files::Files;
 Example:
   sagnac init cycle-1.csv -o bench.toml && sagnac calibrate cycle-1.csv --setup bench.toml --arcsec-per-count 1.059 -o unit.cal.json")]
 pub(crate) struct Args {
-    /// Text log: CSV, tab- or semicolon-separated, also gzipped
+    /// Log: CSV, tab- or semicolon-separated, Parquet, Arrow or ULog, also gzipped
     log: PathBuf,
     /// Setup to write; standard output by default
     #[arg(short, long, value_name = "FILE")]
@@ -155,7 +155,7 @@ fn guess(column: &SampleColumn, used: &mut BTreeSet<String>) -> Option<Guess> {
     // Under these names without a unit a log holds dates.
     let is_of_dates = ["time", "timestamp", "datetime"].contains(&header.to_lowercase().as_str());
     let is_known = matches!(role_of(header), Ok(role) if role != Role::Ignored) && column.unit.is_none();
-    if is_known && (!is_of_dates || column.is_dates()) && used.insert(header.clone()) {
+    if is_known && (!is_of_dates || column.is_dates()) && used.insert(kind_of(header)) {
         return Some(Guess { role: header.clone(), guessed: Vec::new() });
     }
     let (words, bracket) = words_of(header);
@@ -168,7 +168,7 @@ fn guess(column: &SampleColumn, used: &mut BTreeSet<String>) -> Option<Guess> {
     // A `t` that only rises is the time; any other, and one with a place behind it, is a temperature.
     let is_t = words.first().is_some_and(|word| word == "t");
     let rises = || column.numbers().windows(2).all(|pair| pair[1] > pair[0]);
-    let made = if has(&TIME) || is_t && words.len() == 1 && rises() {
+    let made = if column.is_dates() || has(&TIME) || is_t && words.len() == 1 && rises() {
         time(column, unit.as_deref(), &words)
     } else if has(&TEMPERATURE) || is_t {
         Some(temperature(column, unit.as_deref(), &words))
@@ -181,7 +181,12 @@ fn guess(column: &SampleColumn, used: &mut BTreeSet<String>) -> Option<Guess> {
     } else {
         None
     }?;
-    (made.role == "ignore" || used.insert(made.role.clone())).then_some(made)
+    (made.role == "ignore" || used.insert(kind_of(&made.role))).then_some(made)
+}
+
+/// What a log has once: a role, or the time as a number in whatever unit. Dates may stand beside such a time.
+fn kind_of(role: &str) -> String {
+    if role.starts_with("time_") { "time_".to_owned() } else { role.to_owned() }
 }
 
 /// The words of a header in small letters, and the unit in its brackets.

@@ -2,10 +2,18 @@
 //! the figures of its plain form.
 
 use std::fs;
+use std::io::Read;
 use std::path::Path;
 use std::process::Output;
+use std::sync::Arc;
 
+use arrow_array::{
+    ArrayRef, BooleanArray, Float32Array, Int32Array, RecordBatch, StringArray, TimestampMillisecondArray,
+};
+use arrow_ipc::writer::{FileWriter, StreamWriter};
 use assert_cmd::Command;
+use flate2::read::MultiGzDecoder;
+use parquet::arrow::ArrowWriter;
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -316,4 +324,87 @@ fn init_writes_a_setup_that_calibrate_runs_from() {
         fs::write(at.join(name), bytes).unwrap();
         assert_eq!(sagnac(at, &["init", name]).status.code(), Some(2), "{name}");
     }
+}
+
+/// The chamber's log as columns with names of another bench, and times of their own type.
+fn foreign_columns() -> RecordBatch {
+    let packed = fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../testdata/chamber/cycle-1.csv.gz")).unwrap();
+    let mut text = String::new();
+    MultiGzDecoder::new(packed.as_slice()).read_to_string(&mut text).unwrap();
+    let cells = |place: usize| text.lines().skip(1).map(move |line| line.split(',').nth(place).unwrap());
+    let ms = |cell: &str| 1000 * cell.parse::<i64>().unwrap();
+    let columns: [(&str, ArrayRef); 5] = [
+        ("Aufnahme", Arc::new(TimestampMillisecondArray::from_iter_values(cells(0).map(ms)))),
+        ("Temperatur", Arc::new(Float32Array::from_iter_values(cells(1).map(|cell| cell.parse::<f32>().unwrap())))),
+        ("Impulse", Arc::new(Int32Array::from_iter_values(cells(2).map(|cell| cell.parse::<i32>().unwrap())))),
+        ("Ventil", Arc::new(BooleanArray::from_iter(cells(2).map(|_| Some(true))))),
+        ("Kommentar", Arc::new(StringArray::from(vec!["ok"; cells(2).count()]))),
+    ];
+    RecordBatch::try_from_iter(columns).unwrap()
+}
+
+/// `init` of a log of columns: the names and the type of the time are in its schema; the setup gives the plain log's calibration.
+#[test]
+fn init_reads_the_schema_of_parquet_and_arrow() {
+    let folder = TempDir::new().unwrap();
+    let at = folder.path();
+    let batch = foreign_columns();
+    let file = |name: &str| fs::File::create(at.join(name)).unwrap();
+    let mut parquet = ArrowWriter::try_new(file("log.parquet"), batch.schema(), None).unwrap();
+    parquet.write(&batch).unwrap();
+    parquet.close().unwrap();
+    let mut arrow = FileWriter::try_new(file("log.arrow"), &batch.schema()).unwrap();
+    // In small batches too.
+    (0..batch.num_rows())
+        .step_by(99)
+        .for_each(|row| arrow.write(&batch.slice(row, 99.min(batch.num_rows() - row))).unwrap());
+    arrow.finish().unwrap();
+    let mut stream = StreamWriter::try_new(file("log.arrows"), &batch.schema()).unwrap();
+    stream.write(&batch).unwrap();
+    stream.finish().unwrap();
+    let record = |log: &str, setup: &[&str]| {
+        let flags = ["--arcsec-per-count", "0.15125", "--model", "bias 3, rate 0", "-o", "u.json"];
+        let output = sagnac(at, &[&["calibrate", log][..], &flags, setup].concat());
+        assert!(output.status.success(), "{log}: {}", said(&output));
+        let record: Value = serde_json::from_slice(&fs::read(at.join("u.json")).unwrap()).unwrap();
+        record["axes"].clone()
+    };
+    let plain =
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("../../testdata/chamber/cycle-1.csv.gz").display().to_string();
+    let plain = record(&plain, &[]);
+    assert!(plain[0]["terms"].as_array().is_some_and(|terms| terms.len() == 4), "{plain}");
+    for name in ["log.parquet", "log.arrow", "log.arrows"] {
+        let output = sagnac(at, &["init", name, "-o", "bench.toml"]);
+        assert!(output.status.success(), "{name}: {}", said(&output));
+        let setup = fs::read_to_string(at.join("bench.toml")).unwrap();
+        let mapped = setup.split_once("[columns]\n").unwrap().1;
+        let wanted = "\"Aufnahme\" = \"time\"\n\
+                      \"Temperatur\" = \"temperature_c\"   # GUESS: the unit, from values near -40 (first: -40)\n\
+                      \"Impulse\" = \"counts\"   # GUESS: by its name (first: 144)\n\
+                      \"Ventil\" = \"ignore\"   # not known; \"aux_name\" makes it an input (first: true)\n\
+                      \"Kommentar\" = \"ignore\"   # not known; \"aux_name\" makes it an input (first: ok)\n";
+        assert_eq!(mapped, wanted, "{name}");
+        assert_eq!(record(name, &["--setup", "bench.toml"]), plain, "{name}");
+    }
+    // A damaged file is refused.
+    let whole = fs::read(at.join("log.parquet")).unwrap();
+    fs::write(at.join("cut.parquet"), &whole[..whole.len() / 2]).unwrap();
+    assert_eq!(sagnac(at, &["init", "cut.parquet"]).status.code(), Some(2));
+}
+
+/// A second column of times does not make a setup that no log can be read by.
+#[test]
+fn init_maps_one_time_as_a_number() {
+    let folder = TempDir::new().unwrap();
+    let text = rows(|t, c, n| format!("{t},{},{c:.2},{n}", 1000 * t));
+    fs::write(folder.path().join("two.csv"), format!("clock [s],elapsed [ms],temp [C],counts\n{text}")).unwrap();
+    let made = sagnac(folder.path(), &["init", "two.csv", "-o", "bench.toml"]);
+    assert!(made.status.success(), "{}", said(&made));
+    let setup = fs::read_to_string(folder.path().join("bench.toml")).unwrap();
+    assert!(
+        setup.contains("\"clock [s]\" = \"time_s\"\n") && setup.contains("\"elapsed [ms]\" = \"ignore\""),
+        "{setup}"
+    );
+    let read = sagnac(folder.path(), &["inspect", "two.csv", "--setup", "bench.toml", "--arcsec-per-count", "1"]);
+    assert!(read.status.success(), "{}", said(&read));
 }

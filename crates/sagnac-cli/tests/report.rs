@@ -88,13 +88,31 @@ setTimeout(() => {
     if (e.scrollWidth > e.clientWidth + 1 && e.clientWidth > 0) clipped.push(`${name(e)}: ${e.scrollWidth} in ${e.clientWidth}`);
     if (box.right > root.clientWidth + 1 || box.left < -1) clipped.push(`${name(e)}: ends at ${Math.round(box.right)} of ${root.clientWidth}`);
   }
+  // Each piece of text that is shown.
+  const texts = [], walk = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+  while (walk.nextNode()) {
+    const text = walk.currentNode.nodeValue.trim(), e = walk.currentNode.parentElement;
+    if (text && e.checkVisibility() && !["SCRIPT", "STYLE"].includes(e.tagName)) texts.push(text);
+  }
   const answer = document.createElement("pre");
   answer.id = "answer";
-  answer.textContent = JSON.stringify({ clipped, measured, wrong, width: root.clientWidth });
-  document.body.append(answer);
-  parent.postMessage(answer.textContent, "*");
+  answer.textContent = JSON.stringify({ clipped, measured, texts, wrong, width: root.clientWidth });
+  // To the page around this one, whenever it is ready: a busy machine takes its time.
+  parent.document.body.append(answer);
 }, 300);
 </script>"##;
+
+/// Width of the text on A4 within the margins of a report, in the browser's pixels: 182 mm.
+const PAPER_PX: u64 = 688;
+
+/// A copy of a report that is on every screen as it is on paper.
+fn for_paper(report: &Path) -> PathBuf {
+    let page = std::fs::read_to_string(report).unwrap();
+    assert!(page.contains("@media print") && page.contains("@media screen"), "{}", report.display());
+    let path = report.with_extension("paper.html");
+    std::fs::write(&path, page.replace("@media print", "@media all").replace("@media screen", "@media print")).unwrap();
+    path
+}
 
 /// What a browser of this width cuts off in a report.
 fn measured(chromium: &str, report: &Path, width: u64, flags: &[&str]) -> serde_json::Value {
@@ -105,16 +123,14 @@ fn measured(chromium: &str, report: &Path, width: u64, flags: &[&str]) -> serde_
     let folder = TempDir::new().unwrap();
     std::fs::write(folder.path().join("inner.html"), inner).unwrap();
     let outer = format!(
-        "<!DOCTYPE html><body style='margin:0'><script>addEventListener('message', (said) => {{ \
-         const p = document.createElement('pre'); p.id = 'answer'; p.textContent = said.data; document.body.append(p); }});</script>\
-         <iframe src=inner.html style='border:0;width:{width}px;height:3000px'></iframe>"
+        "<!DOCTYPE html><body style='margin:0'><iframe src=inner.html style='border:0;width:{width}px;height:3000px'></iframe>"
     );
     std::fs::write(folder.path().join("outer.html"), outer).unwrap();
     let output = Command::new(chromium)
         .args(["--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--allow-file-access-from-files"])
         .args([
             "--disable-background-networking",
-            "--virtual-time-budget=8000",
+            "--virtual-time-budget=60000",
             "--window-size=2000,3000",
             "--dump-dom",
         ])
@@ -124,10 +140,19 @@ fn measured(chromium: &str, report: &Path, width: u64, flags: &[&str]) -> serde_
         .output()
         .unwrap();
     let dom = String::from_utf8(output.stdout).unwrap();
-    let said = dom.rsplit_once("<pre id=\"answer\">").and_then(|(_, rest)| rest.split_once("</pre>"));
-    let (answer, _) = said.unwrap_or_else(|| panic!("{}: the page does not answer: {dom}", report.display()));
+    let answer = dom.rsplit_once("<pre id=\"answer\">").unwrap().1.split_once("</pre>").unwrap().0;
     let answer = answer.replace("&quot;", "\"").replace("&lt;", "<").replace("&gt;", ">").replace("&amp;", "&");
     serde_json::from_str(&answer).unwrap_or_else(|e| panic!("{}: {e}: {answer}", report.display()))
+}
+
+/// A log of three axes, each the rows of one cycle.
+fn three_axes(folder: &Path, name: &str, seed: u64) {
+    let head = "time_s,temperature_c,counts_x,counts_y,counts_z\n";
+    let text: String = LaggedChamber::domain_notes()
+        .run(seed)
+        .map(|row| format!("{},{},{},{},{}\n", row.time_s, row.temperature_c, row.counts, row.counts, row.counts))
+        .collect();
+    std::fs::write(folder.join(name), format!("{head}{text}")).unwrap();
 }
 
 /// Every kind of report on a telephone, a tablet, a laptop and a large screen, light and dark: nothing is cut off.
@@ -140,17 +165,8 @@ fn nothing_is_clipped_at_any_width() {
     let (one, two, three) =
         (file("chamber/cycle-1.csv.gz"), file("chamber/cycle-2.csv.gz"), file("chamber/cycle-3.csv.gz"));
     let (setup, limits) = (file("chamber/bench.toml"), file("chamber/acceptance.toml"));
-    // Three axes, each the rows of a cycle.
-    let three_axes = |name: &str, by: usize| {
-        let head = "time_s,temperature_c,counts_x,counts_y,counts_z\n";
-        let text: String = sagnac_sim::LaggedChamber::domain_notes()
-            .run(by as u64)
-            .map(|row| format!("{},{},{},{},{}\n", row.time_s, row.temperature_c, row.counts, row.counts, row.counts))
-            .collect();
-        std::fs::write(at.join(name), format!("{head}{text}")).unwrap();
-    };
-    three_axes("a.csv", 1);
-    three_axes("b.csv", 2);
+    three_axes(at, "a.csv", 1);
+    three_axes(at, "b.csv", 2);
     let fit = |log: &str, out: &str, more: &[&str]| {
         sagnac(at, &[&["calibrate", log, "--setup", &setup, "-o", out], more].concat());
     };
@@ -192,6 +208,125 @@ fn nothing_is_clipped_at_any_width() {
     let wide = wide.replacen("white-space:nowrap'>", &format!("white-space:nowrap'>{}</p>", "too wide ".repeat(60)), 1);
     std::fs::write(at.join("wide.html"), wide).unwrap();
     assert_ne!(measured(chromium, &at.join("wide.html"), 380, &[])["clipped"], serde_json::json!([]));
+}
+
+/// The pages of a report on paper, each as its text without blanks: cells one after the other, each whole, and nothing of what is off the
+/// page.
+fn pages(chromium: &str, report: &Path) -> Vec<String> {
+    let folder = TempDir::new().unwrap();
+    let pdf = folder.path().join("report.pdf");
+    let status = Command::new(chromium)
+        .args(["--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking"])
+        .args(["--virtual-time-budget=6000", "--no-pdf-header-footer"])
+        .arg(format!("--print-to-pdf={}", pdf.display()))
+        .arg(format!("--user-data-dir={}", folder.path().join("profile").display()))
+        .arg(format!("file://{}", report.display()))
+        .output()
+        .unwrap();
+    assert!(status.status.success() && pdf.exists(), "{}", String::from_utf8_lossy(&status.stderr));
+    let text = Command::new("pdftotext").args(["-raw", "-enc", "UTF-8"]).arg(&pdf).arg("-").output();
+    let text = text.expect("pdftotext is missing; on Debian: apt-get install poppler-utils");
+    String::from_utf8(text.stdout).unwrap().split_terminator('\u{c}').map(without_blanks).collect()
+}
+
+fn without_blanks(text: &str) -> String {
+    text.chars().filter(|c| !c.is_whitespace()).collect()
+}
+
+/// Text of a report on paper that none of its pages has, or fewer times: each piece of text of the document, without blanks. The foot of
+/// a page may stand in a paragraph that goes on.
+fn lost(answer: &serde_json::Value, pages: &[String]) -> Vec<String> {
+    let paper = pages.concat();
+    let mut wanted: std::collections::BTreeMap<String, usize> = std::collections::BTreeMap::new();
+    for text in answer["texts"].as_array().unwrap() {
+        *wanted.entry(without_blanks(text.as_str().unwrap())).or_default() += 1;
+    }
+    assert!(wanted.len() > 100, "{answer}");
+    wanted
+        .into_iter()
+        .filter(|(text, times)| paper.matches(text.as_str()).count() < *times)
+        .map(|(text, _)| text)
+        .collect()
+}
+
+/// What an acceptance lacks on its first page: head, verdict, every limit that is asked, both signatures.
+fn lacking(page_one: &str, limits: &serde_json::Value) -> Vec<String> {
+    let mut wanted: Vec<String> = [
+        "Acceptance test: RLG-3",
+        "limits met",
+        "T-104",
+        "2026-11-20",
+        "2026-11-23",
+        "A. N. Other",
+        "pier 4, Munich",
+        "Tested by",
+        "Accepted by",
+        "Not asked of any axis",
+    ]
+    .map(str::to_owned)
+    .to_vec();
+    let asked: Vec<&serde_json::Value> =
+        limits.as_array().unwrap().iter().filter(|limit| !limit["pass"].is_null()).collect();
+    assert!(asked.len() >= 17, "{limits}");
+    for limit in asked {
+        let spec = sagnac::verify::SPECS.iter().find(|spec| spec.key == limit["name"]).unwrap();
+        wanted.push(spec.label.to_owned());
+    }
+    let mut missing: Vec<String> =
+        wanted.into_iter().filter(|text| !page_one.contains(&without_blanks(text))).collect();
+    for line in ["Name", "Date", "Signature"] {
+        if page_one.matches(line).count() != 2 {
+            missing.push(format!("two lines of {line}"));
+        }
+    }
+    missing
+}
+
+/// An acceptance of three axes on paper, with as many limits as one test can have: its first page is signed, and no page loses a word.
+#[test]
+fn an_acceptance_of_three_axes_is_signed_on_its_first_page() {
+    let Some(chromium) = chromium() else { return };
+    let folder = TempDir::new().unwrap();
+    let at = folder.path();
+    three_axes(at, "a.csv", 1);
+    three_axes(at, "b.csv", 2);
+    let setup = "serial = \"RLG-3\"\nsensor = \"ring laser gyro, three axes, block 0042 (simulated)\"\n\
+                 rig = \"thermal chamber 2, rate table of the old laboratory, pier 4, Munich\"\narcsec_per_count = 0.15125\n";
+    std::fs::write(at.join("bench.toml"), setup).unwrap();
+    let limits = std::fs::read_to_string(testdata("chamber/acceptance.toml")).unwrap();
+    std::fs::write(at.join("limits.toml"), format!("base = \"navigation-grade\"\n{limits}")).unwrap();
+    sagnac(at, &["calibrate", "a.csv", "--setup", "bench.toml", "--model", "bias 3, rate 0", "-o", "3.json"]);
+    let head = ["--document", "T-104", "--operator", "A. N. Other", "--test-date", "2026-11-20"];
+    let verify = ["verify", "3.json", "b.csv", "--limits", "limits.toml", "--json", "--report", "axes.html"];
+    let mut command = Sagnac::cargo_bin("sagnac").unwrap();
+    let output =
+        command.current_dir(at).args(verify).args(head).args(["--report-date", "2026-11-23"]).output().unwrap();
+    let found: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let (report, limits) = (at.join("axes.html"), &found["axes"][0]["limits"]);
+    let seen = |report: &Path| {
+        let pages = pages(chromium, report);
+        let answer = measured(chromium, &for_paper(report), PAPER_PX, &[]);
+        assert!(answer["measured"].as_u64().unwrap() > 200, "{answer}");
+        (lacking(&pages[0], limits), lost(&answer, &pages), answer["clipped"].clone())
+    };
+    let nothing = serde_json::json!([]);
+    assert_eq!(seen(&report), (Vec::new(), Vec::new(), nothing.clone()));
+    // The look sees a page break in the wrong place, a table that leaves the page, and a box that cuts off.
+    let page = std::fs::read_to_string(&report).unwrap();
+    let spoiled = |style: &str| {
+        let path = at.join("spoiled.html");
+        std::fs::write(&path, page.replacen("</head>", &format!("<style>{style}</style></head>"), 1)).unwrap();
+        seen(&path)
+    };
+    let (lacking, ..) = spoiled(".signatures { break-before: page !important; }");
+    assert_eq!(
+        lacking,
+        ["Tested by", "Accepted by", "two lines of Name", "two lines of Date", "two lines of Signature"]
+    );
+    let (_, lost, _) = spoiled("@media print { td.judged { position: relative; left: 120px; } }");
+    assert!(lost.len() > 10, "{lost:?}");
+    let (_, _, clipped) = spoiled("@media print { .scroll { overflow: hidden !important; max-width: 9cm; } }");
+    assert_ne!(clipped, nothing);
 }
 
 /// Findings of the browser in a report.

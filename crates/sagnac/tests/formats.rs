@@ -24,7 +24,7 @@ use sagnac::fit::{FitOptions, calibrate};
 use sagnac::verify::{CorrectedFormat, Correction, compensate};
 use sagnac::window::WindowBuilder;
 use sagnac_log::MemoryBudget;
-use sagnac_log::ingest::{LogReader, ReadMode};
+use sagnac_log::ingest::{LogReader, ReadMode, sample_reader};
 use sagnac_log::setup::Setup;
 use sagnac_sim::LaggedChamber;
 use ulog_writer::ULogWriter;
@@ -246,7 +246,17 @@ fn a_ulog_is_the_csv_of_its_values() {
     let setup =
         Setup { window: Some("20".parse().map(sagnac_log::setup::WindowSize::Seconds).unwrap()), ..Setup::default() };
     let setup = Setup { reference_c: Some(30.0), ..setup };
-    assert!(calibration(log.finish(), &setup) == calibration(text.into_bytes(), &setup));
+    let bytes = log.finish();
+    // What `sagnac init` looks at: the same names and cells.
+    let cells = |bytes: Vec<u8>| sample_reader("log", Box::new(Cursor::new(bytes))).unwrap().columns;
+    let [of_ulog, of_text] = [cells(bytes.clone()), cells(text.clone().into_bytes())];
+    assert_eq!(of_ulog.len(), 6);
+    for (column, plain) in of_ulog.iter().zip(&of_text) {
+        let rows = column.cells.len().min(plain.cells.len());
+        assert!(rows > 900 && column.cells[..rows] == plain.cells[..rows], "{}", column.header);
+        assert_eq!(column.header, plain.header);
+    }
+    assert!(calibration(bytes, &setup) == calibration(text.into_bytes(), &setup));
 }
 
 #[test]

@@ -13,7 +13,7 @@ use std::path::PathBuf;
 use std::thread::JoinHandle;
 
 use arrow_array::{Array, RecordBatch};
-use arrow_schema::{ArrowError, Schema, SchemaRef};
+use arrow_schema::{ArrowError, DataType, Schema, SchemaRef};
 use csv::ByteRecord;
 use parquet::errors::ParquetError;
 
@@ -23,6 +23,7 @@ use crate::ingest::arrow_file::{ArrowForm, arrow_reader, check_arrow};
 use crate::ingest::chunks::TableFeed;
 use crate::ingest::column_values::{flags, has_values, numbers, text_bytes, texts, time_text, times};
 use crate::ingest::header::Layout;
+use crate::ingest::number::ISO_8601;
 use crate::ingest::parquet_file::{ParquetRead, decoded_type, parquet_batches, parquet_schema};
 use crate::ingest::raw::{BAD_TEMPERATURE, Faults, RawRows};
 use crate::ingest::source::{HashHandle, Source};
@@ -163,6 +164,16 @@ impl Columnar {
         let what = if self.form == Form::Parquet { "Parquet" } else { "Arrow" };
         let (layout, schema, hashing) = (layout.clone(), self.schema, self.hashing);
         Ok(ColumnFeed { batches, layout, schema, places, keep_fields, most_rows, hashing, what, waiting: None })
+    }
+
+    /// The first column that Arrow's types call a time, and its unit as text: a date, or seconds.
+    pub(crate) fn own_time(&self) -> Option<(usize, u32)> {
+        let places = |kind: &DataType| match kind {
+            DataType::Timestamp(..) => Some(ISO_8601),
+            DataType::Duration(_) => Some(9),
+            _ => None,
+        };
+        self.schema.fields().iter().enumerate().find_map(|(index, field)| Some((index, places(field.data_type())?)))
     }
 
     fn has_values(&self, index: usize) -> bool {

@@ -17,16 +17,23 @@ pub struct Format {
     /// Its name.
     pub name: &'static str,
     open: fn(Source, &ReadConfig, ReadMode) -> Result<Opened>,
+    /// The same with its rows as text, whatever its columns are for.
+    unmapped: fn(Source, &ReadConfig) -> Result<Opened>,
 }
 
 /// Every format; text has no magic bytes and is therefore the last.
 pub static FORMATS: [Format; 5] = [
-    Format { magic: b"PAR1", name: "Apache Parquet", open: open_columns },
-    Format { magic: b"ARROW1", name: "Arrow IPC file (Feather 2)", open: open_columns },
+    Format { magic: b"PAR1", name: "Apache Parquet", open: open_columns, unmapped: unmapped_columns },
+    Format { magic: b"ARROW1", name: "Arrow IPC file (Feather 2)", open: open_columns, unmapped: unmapped_columns },
     // The stream form begins with a continuation mark.
-    Format { magic: &[0xff; 4], name: "Arrow IPC stream", open: open_columns },
-    Format { magic: &[0x55, 0x4c, 0x6f, 0x67, 0x01, 0x12, 0x35], name: "PX4 ULog", open: open_ulog },
-    Format { magic: b"", name: "delimited text", open: open_text },
+    Format { magic: &[0xff; 4], name: "Arrow IPC stream", open: open_columns, unmapped: unmapped_columns },
+    Format {
+        magic: &[0x55, 0x4c, 0x6f, 0x67, 0x01, 0x12, 0x35],
+        name: "PX4 ULog",
+        open: open_ulog,
+        unmapped: unmapped_ulog,
+    },
+    Format { magic: b"", name: "delimited text", open: open_text, unmapped: unmapped_text },
 ];
 
 impl Format {
@@ -38,6 +45,11 @@ impl Format {
     /// Reads the header of a log of this format.
     pub(crate) fn open(&self, source: Source, config: &ReadConfig, mode: ReadMode) -> Result<Opened> {
         (self.open)(source, config, mode)
+    }
+
+    /// The same with its rows as text, whatever its columns are for. Of text the headers must be known ones: `sample` searches for others.
+    pub(crate) fn open_unmapped(&self, source: Source, config: &ReadConfig) -> Result<Opened> {
+        (self.unmapped)(source, config)
     }
 }
 
@@ -54,6 +66,19 @@ fn open_text(mut source: Source, config: &ReadConfig, mode: ReadMode) -> Result<
 fn open_columns(source: Source, config: &ReadConfig, mode: ReadMode) -> Result<Opened> {
     let columnar = crate::ingest::columnar::open(source, config.memory)?;
     let layout = Layout::new(columnar.headers.clone(), &config.columns, config.axis)?;
+    with_layout(columnar, layout, mode)
+}
+
+/// Of the columns only a time of Arrow's own type has a role: so it becomes text as a date, or in seconds.
+#[cfg(feature = "parquet")]
+fn unmapped_columns(source: Source, config: &ReadConfig) -> Result<Opened> {
+    let columnar = crate::ingest::columnar::open(source, config.memory)?;
+    let layout = Layout { headers: columnar.headers.clone(), time: columnar.own_time(), ..Layout::default() };
+    with_layout(columnar, layout, ReadMode::BulkWithText)
+}
+
+#[cfg(feature = "parquet")]
+fn with_layout(columnar: crate::ingest::columnar::Columnar, layout: Layout, mode: ReadMode) -> Result<Opened> {
     let feed = Feed::Table(Box::new(columnar.feed(&layout, mode)?));
     // As if one line of headers preceded the rows.
     Ok(Opened { feed, layout, delimiter: b',', lines_before: 1, assumed: Vec::new() })
@@ -64,6 +89,20 @@ fn open_ulog(source: Source, config: &ReadConfig, mode: ReadMode) -> Result<Open
     let (feed, layout): (_, Layout) = crate::ingest::ulog::open(source, config, mode != ReadMode::Bulk)?;
     let feed = Feed::Table(Box::new(feed));
     Ok(Opened { feed, layout, delimiter: b',', lines_before: 1, assumed: Vec::new() })
+}
+
+fn unmapped_text(source: Source, config: &ReadConfig) -> Result<Opened> {
+    open_text(source, config, ReadMode::BulkWithText)
+}
+
+/// Its columns have Sagnac's names.
+fn unmapped_ulog(source: Source, config: &ReadConfig) -> Result<Opened> {
+    open_ulog(source, config, ReadMode::BulkWithText)
+}
+
+#[cfg(not(feature = "parquet"))]
+fn unmapped_columns(source: Source, _: &ReadConfig) -> Result<Opened> {
+    Err(not_built(&source))
 }
 
 #[cfg(not(feature = "parquet"))]

@@ -1,14 +1,17 @@
-//! The head of a text log and its first rows as they stand, for whoever has to find out what its columns are.
+//! The head of a log and its first rows as they stand, for whoever has to find out what its columns are.
 //!
-//! The line of headers is the first line of words whose next rows have as many cells, most of them numbers, dates or missing values. No
+//! Formats of columns state their names. In text the line of headers is the first line of words whose next rows have as many cells, most of them numbers, dates or missing values. No
 //! column has to be known by name.
 
-use std::io::{BufRead, Read};
+use std::io::Read;
 use std::path::Path;
 
 use crate::error::{Error, Result};
+use crate::ingest::Opened;
+use crate::ingest::chunks::ChunkReader;
 use crate::ingest::iso::iso_ns;
 use crate::ingest::number::parse_value;
+use crate::ingest::raw::RawRows;
 use crate::ingest::source::Source;
 use crate::ingest::text_head::{Head, delimiter_of, is_missing, is_unit, refuse_binary, split};
 use crate::setup::ReadConfig;
@@ -19,7 +22,7 @@ const MOST_BYTES: usize = 4 << 20;
 /// Rows that must follow a line of headers, where there are so many.
 const ROWS_BELOW: usize = 3;
 
-/// A text log's columns with their first values.
+/// A log's columns with their first values.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sample {
     /// Line of the headers, from 1.
@@ -57,10 +60,10 @@ impl SampleColumn {
     }
 }
 
-/// Looks at the head of a text log.
+/// Looks at the head of a log.
 ///
 /// # Errors
-/// No text, no readable file, or no table in its first lines.
+/// No log, no readable file, or no table in its first lines.
 pub fn sample(path: &Path) -> Result<Sample> {
     sampled(Source::open(path, None)?).map_err(|e| e.file(path.display().to_string()))
 }
@@ -73,14 +76,31 @@ pub fn sample_reader(name: &str, reader: Box<dyn Read + Send>) -> Result<Sample>
     sampled(Source::from_reader(name.to_owned(), reader)?).map_err(|e| e.file(name))
 }
 
-fn sampled(mut source: Source) -> Result<Sample> {
-    if !source.format.magic.is_empty() {
-        let what = format!("a log of the format {}, whose columns have their own names and units", source.format.name);
-        return Err(Error::input(what).help("`sagnac inspect` says which of them are not known"));
-    }
-    refuse_binary(source.reader.fill_buf().map_err(|e| Error::io(&source.name, "read", &e))?)?;
+fn sampled(source: Source) -> Result<Sample> {
     let config = ReadConfig::default();
-    let mut head = Head::new(&mut source, &config);
+    if source.format.magic.is_empty() { sampled_text(source, &config) } else { sampled_columns(source, &config) }
+}
+
+/// The first rows of a format of columns, as a text log would have them.
+fn sampled_columns(source: Source, config: &ReadConfig) -> Result<Sample> {
+    let Opened { feed, layout, lines_before, assumed, .. } = source.format.open_unmapped(source, config)?;
+    let mut pieces = ChunkReader::new(feed, lines_before, false);
+    let mut columns: Vec<SampleColumn> =
+        layout.headers.into_iter().map(|header| SampleColumn { header, unit: None, cells: Vec::new() }).collect();
+    let (mut rows, mut read) = (RawRows::default(), 0);
+    while read < MOST_LINES && pieces.next(&mut rows)? {
+        for fields in rows.fields.iter().take(MOST_LINES - read) {
+            let cells = columns.iter_mut().zip(fields);
+            cells.for_each(|(column, cell)| column.cells.push(String::from_utf8_lossy(cell).trim().to_owned()));
+        }
+        read += rows.fields.len();
+    }
+    Ok(Sample { header_line: lines_before, above: 0, columns, assumed })
+}
+
+fn sampled_text(mut source: Source, config: &ReadConfig) -> Result<Sample> {
+    refuse_binary(&mut source)?;
+    let mut head = Head::new(&mut source, config);
     let (mut lines, mut separator, mut bytes) = (Vec::new(), None, 0);
     while let Some(line) = head.next()?.filter(|_| lines.len() < MOST_LINES && bytes < MOST_BYTES) {
         bytes += line.text.len();

@@ -56,7 +56,7 @@ pub(crate) struct HeadLine {
 
 /// Reads the head of a text log.
 pub(crate) fn read_header(source: &mut Source, config: &ReadConfig) -> Result<TextHeader> {
-    refuse_binary(source.reader.fill_buf().map_err(|e| Error::io(&source.name, "read", &e))?)?;
+    refuse_binary(source)?;
     let mut head = Head::new(source, config);
     let (line, above) = head.header_line()?;
     let delimiter = head.separator.unwrap_or_else(|| delimiter_of(&line.text));
@@ -81,8 +81,9 @@ pub(crate) fn read_header(source: &mut Source, config: &ReadConfig) -> Result<Te
 }
 
 /// A text log has no zero byte, and no other control characters where it is not UTF-8.
-pub(crate) fn refuse_binary(start: &[u8]) -> Result<()> {
-    if let Some(refusal) = foreign::refusal(start) {
+pub(crate) fn refuse_binary(source: &mut Source) -> Result<()> {
+    let start = source.reader.fill_buf().map_err(|e| Error::io(&source.name, "read", &e))?;
+    if let Some(refusal) = foreign::refusal(start, source.plain_file.as_deref()) {
         return Err(refusal);
     }
     let start = &start[..start.len().min(4096)];
