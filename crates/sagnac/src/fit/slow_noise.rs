@@ -26,6 +26,7 @@ use crate::calibration::SlowNoiseTerms;
 use crate::fit::golden_section::golden_section;
 use crate::fit::least_squares::LeastSquares;
 use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
 use sagnac_log::setup::Noise;
 use sagnac_units::s_from_ns;
 
@@ -360,30 +361,47 @@ fn middle_s(problem: &LeastSquares<'_>, row: usize) -> f64 {
 }
 
 /// The noise of least `criterion`, −2·ln of the restricted likelihood: flicker always, walk and Markov where they gain.
-pub(crate) fn estimate(nominal_s: f64, criterion: impl Fn(SlowNoise) -> f64) -> SlowNoise {
-    let best_of = |with: &dyn Fn(f64) -> SlowNoise| {
-        let value = golden_section(LEAST.ln(), MOST.ln(), |log| criterion(with(log.exp()))).exp();
-        let found = with(value);
-        (found, criterion(found))
+pub(crate) fn estimate(nominal_s: f64, criterion: impl Fn(SlowNoise) -> f64 + Sync) -> SlowNoise {
+    let better = |a: (SlowNoise, f64), b: (SlowNoise, f64), gain: f64| if b.1 < a.1 - gain { b } else { a };
+    // The best of each process beside what is there already, all at a time.
+    let best_of_each = |base: SlowNoise, processes: &[Process]| -> Vec<(SlowNoise, f64)> {
+        let best_of = |process: &Process| {
+            let with = |log: f64| process.of_variance(base, log.exp());
+            let found = with(golden_section(LEAST.ln(), MOST.ln(), |log| criterion(with(log))));
+            (found, criterion(found))
+        };
+        processes.par_iter().map(best_of).collect()
     };
     let white = (SlowNoise::default(), criterion(SlowNoise::default()));
-    let better = |a: (SlowNoise, f64), b: (SlowNoise, f64), gain: f64| if b.1 < a.1 - gain { b } else { a };
-    let mut best = better(white, best_of(&|flicker| SlowNoise { flicker, ..SlowNoise::default() }), 0.0);
-    let alone = best_of(&|walk_per_h| SlowNoise { walk_per_h, ..SlowNoise::default() });
-    let markov = MARKOV_WINDOWS.map(|windows| {
-        best_of(&|variance| SlowNoise { markov: Some((variance, windows * nominal_s)), ..SlowNoise::default() })
-    });
-    best = better(best, alone, GAIN);
-    best = markov.into_iter().fold(best, |best, markov| better(best, markov, GAIN));
-    // A second process beside the best.
+    let markov = MARKOV_WINDOWS.map(|windows| Process::Markov(windows * nominal_s));
+    let first = best_of_each(white.0, &[&[Process::Flicker, Process::Walk][..], &markov].concat());
+    let gain_of = |at: usize| if at == 0 { 0.0 } else { GAIN };
+    let mut best = first.into_iter().enumerate().fold(white, |best, (at, found)| better(best, found, gain_of(at)));
     let base = best.0;
-    if base.flicker == 0.0 {
-        best = better(best, best_of(&|flicker| SlowNoise { flicker, ..base }), GAIN);
-    }
-    if base.walk_per_h == 0.0 {
-        best = better(best, best_of(&|walk_per_h| SlowNoise { walk_per_h, ..base }), GAIN);
-    }
+    let open = [(Process::Flicker, base.flicker), (Process::Walk, base.walk_per_h)].into_iter();
+    let second: Vec<Process> = open.filter(|(_, variance)| *variance == 0.0).map(|(process, _)| process).collect();
+    best = best_of_each(base, &second).into_iter().fold(best, |best, found| better(best, found, GAIN));
     SlowNoise { log_variance: log_variance(best, criterion), ..best.0 }
+}
+
+/// A process whose variance is searched for.
+#[derive(Clone, Copy)]
+enum Process {
+    Flicker,
+    Walk,
+    /// Of this correlation time, s.
+    Markov(f64),
+}
+
+impl Process {
+    /// Some noise with this process of a variance.
+    fn of_variance(self, base: SlowNoise, variance: f64) -> SlowNoise {
+        match self {
+            Self::Flicker => SlowNoise { flicker: variance, ..base },
+            Self::Walk => SlowNoise { walk_per_h: variance, ..base },
+            Self::Markov(tau_s) => SlowNoise { markov: Some((variance, tau_s)), ..base },
+        }
+    }
 }
 
 /// Step of ln variance for its curvature, and the variance where the likelihood has none.

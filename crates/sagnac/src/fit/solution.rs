@@ -148,9 +148,10 @@ pub(crate) fn noise_of(problem: &LeastSquares<'_>, fitted: &Fitted) -> SlowNoise
         return SlowNoise::default();
     }
     let nominal_s = problem.windows().shape.nominal_s;
+    let rates = problem.rates(&values(&fitted.taus));
     slow_noise::estimate(nominal_s, |noise| {
         let whitening = Whitening::of_rows(problem, noise, rows);
-        let mut design = Design::new(problem, &fitted.terms, &values(&fitted.taus));
+        let mut design = Design::with_rates(problem, &fitted.terms, rates.clone());
         (design.whitening, design.rows) = (Some(&whitening), rows);
         let Some(solution) = design.factor(&[]).solve_all() else { return f64::INFINITY };
         let degrees = (rows - parameters) as f64;
