@@ -6,7 +6,7 @@ use sagnac::calibration::{AxisCalibration, Evaluation};
 use sagnac::{Error, Result};
 use sagnac_log::ingest::Content;
 use sagnac_log::write::{ParquetRows, write_atomically};
-use sagnac_units::format::{plain, significant};
+use sagnac_units::format::{counted, plain, significant};
 use serde::Serialize;
 
 use crate::console::{Console, Outcome, Ran};
@@ -71,10 +71,10 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
         loading::check_output_name(path, "CSV, or Parquet for .parquet")?;
         write(path, &evaluated)?;
         console.say(format!(
-            "wrote {}: {} points of {} axes",
+            "wrote {}: {} of {}",
             path.display(),
-            temperatures.len(),
-            evaluated.axes.len()
+            counted(temperatures.len(), "point", "points"),
+            counted(evaluated.axes.len(), "axis", "axes")
         ));
     } else {
         evaluated.axes.iter().for_each(|axis| console.say(describe(axis)));

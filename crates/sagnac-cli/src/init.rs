@@ -72,6 +72,21 @@ const COUNTS: [&str; 12] = [
 const RATE: [&str; 8] = ["rate", "gyro", "omega", "drehrate", "gyr", "angrate", "vitesse", "velocidad"];
 const FLAG: [&str; 3] = ["valid", "ok", "gueltig"];
 
+/// Units as people write them, and the ending of Sagnac's header.
+type Units = [(&'static [&'static str], &'static str)];
+const TIME_UNITS: &Units = &[
+    (&["s", "sec", "secs", "second", "seconds", "sek", "sekunden"], "s"),
+    (&["ms", "msec", "milliseconds"], "ms"),
+    (&["us", "µs", "μs", "usec", "microseconds"], "us"),
+    (&["ns", "nsec", "nanoseconds"], "ns"),
+];
+const TEMPERATURE_UNITS: &Units = &[(&["c", "°c", "degc", "deg c", "celsius", "grad c"], "c"), (&["k", "kelvin"], "k")];
+const RATE_UNITS: &Units = &[
+    (&["°/h", "deg/h", "deg/hr", "dph", "°/hr"], "dph"),
+    (&["°/s", "deg/s", "dps", "deg/sec", "°/sec"], "dps"),
+    (&["rad/s", "radps", "rad/sec"], "radps"),
+];
+
 /// The setup as text.
 fn setup_of(name: &str, sample: &Sample) -> String {
     let mut used = BTreeSet::new();
@@ -179,9 +194,23 @@ fn guess(column: &SampleColumn, used: &mut BTreeSet<String>) -> Option<Guess> {
     } else if has(&FLAG) {
         Some(Guess { role: "valid".to_owned(), guessed: vec!["by its name".to_owned()] })
     } else {
-        None
+        by_unit(column, unit.as_deref()?, &words, &axis)
     }?;
     (made.role == "ignore" || used.insert(kind_of(&made.role))).then_some(made)
+}
+
+/// What a column is whose name says nothing, by its unit.
+fn by_unit(column: &SampleColumn, unit: &str, words: &[String], axis: &str) -> Option<Guess> {
+    let guess = if stated(Some(unit), &[], TEMPERATURE_UNITS).is_some() {
+        temperature(column, Some(unit), words)
+    } else if stated(Some(unit), &[], RATE_UNITS).is_some() {
+        rate(column, Some(unit), words, axis)?
+    } else if COUNTS.contains(&unit.to_lowercase().as_str()) {
+        Guess { role: format!("counts{axis}"), guessed: Vec::new() }
+    } else {
+        return None;
+    };
+    Some(Guess { guessed: vec![format!("by its unit, {unit}")], ..guess })
 }
 
 /// What a log has once: a role, or the time as a number in whatever unit. Dates may stand beside such a time.
@@ -199,7 +228,7 @@ fn words_of(header: &str) -> (Vec<String>, Option<String>) {
 }
 
 /// The unit as it is stated in brackets, a line of units or a word of the name, by a table of what people write.
-fn stated(unit: Option<&str>, words: &[String], known: &[(&[&str], &'static str)]) -> Option<&'static str> {
+fn stated(unit: Option<&str>, words: &[String], known: &Units) -> Option<&'static str> {
     let find = |text: &str| {
         let text = text.trim_matches(['[', ']', '(', ')', ' ']).to_lowercase();
         known.iter().find(|(names, _)| names.contains(&text.as_str())).map(|(_, ending)| *ending)
@@ -212,17 +241,11 @@ fn stated(unit: Option<&str>, words: &[String], known: &[(&[&str], &'static str)
 }
 
 fn time(column: &SampleColumn, unit: Option<&str>, words: &[String]) -> Option<Guess> {
-    const UNITS: [(&[&str], &str); 4] = [
-        (&["s", "sec", "secs", "second", "seconds", "sek", "sekunden"], "s"),
-        (&["ms", "msec", "milliseconds"], "ms"),
-        (&["us", "µs", "μs", "usec", "microseconds"], "us"),
-        (&["ns", "nsec", "nanoseconds"], "ns"),
-    ];
     if column.is_dates() {
         return Some(Guess { role: "time".to_owned(), guessed: Vec::new() });
     }
     let numbers = column.numbers();
-    if let Some(ending) = stated(unit, words, &UNITS) {
+    if let Some(ending) = stated(unit, words, TIME_UNITS) {
         return Some(Guess { role: format!("time_{ending}"), guessed: Vec::new() });
     }
     if let Some(unit) = unit {
@@ -246,9 +269,7 @@ fn time(column: &SampleColumn, unit: Option<&str>, words: &[String]) -> Option<G
 }
 
 fn temperature(column: &SampleColumn, unit: Option<&str>, words: &[String]) -> Guess {
-    const UNITS: [(&[&str], &str); 2] =
-        [(&["c", "°c", "degc", "deg c", "celsius", "grad c"], "c"), (&["k", "kelvin"], "k")];
-    let known = stated(unit, words, &UNITS);
+    let known = stated(unit, words, TEMPERATURE_UNITS);
     if let (None, Some(unit)) = (known, unit) {
         return Guess {
             role: "ignore".to_owned(),
@@ -263,7 +284,7 @@ fn temperature(column: &SampleColumn, unit: Option<&str>, words: &[String]) -> G
     let is_plain = |word: &&String| {
         word.as_str() != "t"
             && !TEMPERATURE.contains(&word.as_str())
-            && !UNITS.iter().any(|(names, _)| names.contains(&word.as_str()))
+            && !TEMPERATURE_UNITS.iter().any(|(names, _)| names.contains(&word.as_str()))
     };
     let name: Vec<&str> = words.iter().filter(is_plain).map(String::as_str).collect();
     let name = if name.is_empty() { String::new() } else { format!("_{}", name.join("_")) };
@@ -272,12 +293,7 @@ fn temperature(column: &SampleColumn, unit: Option<&str>, words: &[String]) -> G
 }
 
 fn rate(column: &SampleColumn, unit: Option<&str>, words: &[String], axis: &str) -> Option<Guess> {
-    const UNITS: [(&[&str], &str); 3] = [
-        (&["°/h", "deg/h", "deg/hr", "dph", "°/hr"], "dph"),
-        (&["°/s", "deg/s", "dps", "deg/sec", "°/sec"], "dps"),
-        (&["rad/s", "radps", "rad/sec"], "radps"),
-    ];
-    if let Some(ending) = stated(unit, words, &UNITS) {
+    if let Some(ending) = stated(unit, words, RATE_UNITS) {
         return Some(Guess { role: format!("rate_{ending}{axis}"), guessed: Vec::new() });
     }
     if unit.is_some() {

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use sagnac::window::{write_table, write_table_csv};
 use sagnac_log::write::write_bytes;
+use sagnac_units::format::counted;
 
 use crate::calibrate::excluded;
 use crate::console::{Console, Outcome, Ran};
@@ -40,10 +41,10 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     write_bytes(&args.output, &bytes)?;
     let used = windows.rows.excluded.iter().filter(|reason| reason.is_none()).count();
     console.say(format!(
-        "wrote {}: {} windows of {} runs, {used} to be used",
+        "wrote {}: {} of {}, {used} to be used",
         args.output.display(),
-        windows.len(),
-        windows.runs.len()
+        counted(windows.len(), "window", "windows"),
+        counted(windows.runs.len(), "run", "runs")
     ));
     for line in excluded(&windows.tallies.list()) {
         console.say(line);

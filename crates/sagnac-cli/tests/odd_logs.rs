@@ -271,7 +271,7 @@ fn init_writes_a_setup_that_calibrate_runs_from() {
     };
     let plain = record("plain.csv", &[]);
     let total = |time: usize| (0..time).map(|at| row(at).2).sum::<usize>();
-    let odd: [(&str, String, &[&str]); 5] = [
+    let odd: [(&str, String, &[&str]); 6] = [
         (
             "german.csv",
             format!(
@@ -294,6 +294,14 @@ fn init_writes_a_setup_that_calibrate_runs_from() {
             "total.csv",
             format!("time_s,temperature_c,pulse\n{}", rows(|t, c, _| format!("{t},{c:.2},{}", total(t)))),
             &["counter = \"cumulative\"   # GUESS", "# \"time_s\" is read as it is"],
+        ),
+        (
+            "by-unit.csv",
+            format!(
+                "Messung Kammer 3; Prüfling 9\nZeit;Block;Kreisel X\ns;°C;Impulse\n{}",
+                rows(|time, celsius, counts| format!("{time};{};{counts}", german(celsius)))
+            ),
+            &["\"temperature_c_block\"   # GUESS: by its unit, °C", "\"counts_x\"   # GUESS: by its unit, Impulse"],
         ),
         (
             "more.csv",

@@ -2,6 +2,11 @@
 
 use std::borrow::Cow;
 
+/// A number of things: `1 row`, `3 rows`.
+pub fn counted(number: usize, one: &str, more: &str) -> String {
+    if number == 1 { format!("1 {one}") } else { format!("{number} {more}") }
+}
+
 /// The last part of a path, as provenance names it.
 pub fn file_name(path: &str) -> String {
     std::path::Path::new(path).file_name().map_or_else(|| path.to_owned(), |name| name.to_string_lossy().into_owned())
