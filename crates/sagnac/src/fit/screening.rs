@@ -21,12 +21,25 @@ use crate::fit::design::{Design, Tau};
 use crate::fit::lag::RATE_COLUMNS;
 use crate::fit::least_squares::{LeastSquares, Rates, TermColumn};
 use crate::fit::prepared::{Blocks, MOST_VALUES, Prepared, dot, extend, project};
-use crate::fit::search::MOST_RATE;
+use crate::fit::search::{CONDITION_MAX, MOST_RATE};
 use crate::fit::two_lags::pairs;
 use crate::model::spec::ModelSpec;
 
 /// A column whose part beyond the base and the columns before it has less than this fraction of its square adds nothing.
 const DEPENDENT: f64 = 1e-12;
+
+/// A column whose part beyond the base has less than this fraction of its square, offsets aside, makes a condition beyond the limit: the
+/// least singular value of columns at unit length is at most the distance of one from the others.
+const COLLINEAR: f64 = 1.0 / (CONDITION_MAX * CONDITION_MAX);
+
+/// What a model can be at best.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Bound {
+    /// Its misfit is no less.
+    pub(crate) least_misfit: f64,
+    /// Its terms are nearly combinations of each other, for certain.
+    pub(crate) is_collinear: bool,
+}
 
 /// A fitted model, as far as it matters here.
 #[derive(Clone, Debug)]
@@ -76,25 +89,32 @@ impl<'a> Screen<'a> {
         Some(Self { problem, prepared, base, taus_s, basis, rest, rates })
     }
 
-    /// The least misfit that a model may have, of the base's terms and further ones; `None` where that cannot be said so simply.
-    pub(crate) fn least_misfit(&self, spec: &ModelSpec) -> Option<f64> {
+    /// What a model of the base's terms and further ones can be at best; `None` where that cannot be said so simply.
+    pub(crate) fn bound(&self, spec: &ModelSpec) -> Option<Bound> {
         let terms = self.problem.terms(spec);
         let (rated, fixed): (Vec<TermColumn>, Vec<TermColumn>) =
             terms.iter().filter(|term| !self.base.terms.contains(term)).partition(|term| term.form.times_rate);
-        let explained = match (fixed.is_empty(), rated.first()) {
+        let (explained, is_collinear) = match (fixed.is_empty(), rated.first()) {
             (_, None) => self.explained_by(&fixed),
-            (true, Some(first)) => self.explained_at_best_lags(&terms, first.input)?,
+            (true, Some(first)) => (self.explained_at_best_lags(&terms, first.input)?, false),
             (false, Some(_)) => return None,
         };
-        Some(dot(&self.rest, &self.rest) - explained)
+        Some(Bound { least_misfit: dot(&self.rest, &self.rest) - explained, is_collinear })
     }
 
-    fn explained_by(&self, further: &[TermColumn]) -> f64 {
+    fn explained_by(&self, further: &[TermColumn]) -> (f64, bool) {
         let none = Rates::new();
         let column = |term| self.prepared.column(|row| self.problem.regressor(term, row, &none));
-        let columns = further.iter().map(column).collect();
+        let columns: Vec<Vec<f64>> = further.iter().map(column).collect();
+        let levels = self.basis.len().min(self.problem.run_columns().shared.len());
+        let beyond_levels = |mut column: Vec<f64>| {
+            project(&self.basis[..levels], &mut column);
+            dot(&column, &column)
+        };
+        let whole: Vec<f64> = columns.iter().cloned().map(beyond_levels).collect();
         let products = self.products(columns, further.len());
-        products.explained(&(0..further.len()).collect::<Vec<_>>())
+        let is_collinear = whole.iter().enumerate().any(|(at, whole)| products.gram[(at, at)] < COLLINEAR * whole);
+        (products.explained(&(0..further.len()).collect::<Vec<_>>()), is_collinear)
     }
 
     /// By all rate terms of an input, at the lags of the grid where they explain most.
@@ -277,7 +297,7 @@ mod tests {
                 for spec in &all {
                     let Ok(there) = fit(&problem, spec, &taus_s) else { continue };
                     let needed = needed_gain(problem.len() as f64, 1, all.len());
-                    let least = screen.least_misfit(spec).unwrap();
+                    let least = screen.bound(spec).unwrap().least_misfit;
                     let is_screened = least * needed.sqrt() >= misfit;
                     let gains = there.misfit(&problem) * needed < misfit;
                     assert!(!(gains && is_screened), "{from} → {spec}: {misfit} → {}, {least}", there.misfit(&problem));

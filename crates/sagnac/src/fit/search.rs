@@ -22,7 +22,7 @@ use crate::fit::correction::ImageCheck;
 use crate::fit::criterion::{CvScore, effective_windows, is_undominated, needed_gain};
 use crate::fit::folds::Trial;
 use crate::fit::least_squares::{LeastSquares, Level};
-use crate::fit::screening::{Base, Screen};
+use crate::fit::screening::{Base, Bound, Screen};
 use crate::fit::solution::fit;
 use crate::model::input::channels;
 use crate::model::price::work_of;
@@ -70,7 +70,7 @@ struct Tried {
     /// An image can hold it.
     held: bool,
     /// Not fitted: its terms can gain too little.
-    is_screened: bool,
+    screened: Option<Bound>,
 }
 
 impl Tried {
@@ -119,7 +119,7 @@ pub(crate) fn walk(
 }
 
 fn walk_from(problem: &LeastSquares<'_>, start: &ModelSpec, taus_s: &[f64], image: &ImageCheck<'_>) -> Option<Path> {
-    let mut here = try_all(problem, std::slice::from_ref(start), taus_s, image, 0, |_| true)
+    let mut here = try_all(problem, std::slice::from_ref(start), taus_s, image, 0, |_| None)
         .pop()
         .filter(|t| t.mean_square.is_some())?;
     let mut steps = vec![here.step(0, SearchVerdict::Start)];
@@ -137,11 +137,11 @@ fn walk_from(problem: &LeastSquares<'_>, start: &ModelSpec, taus_s: &[f64], imag
                 needed_gain(here.windows, more, next.len().max(ZONES.len()))
             };
             let screen = here.base.as_ref().filter(|_| forward).and_then(|base| Screen::new(problem, base, taus_s));
-            let may_pass = |spec: &ModelSpec| {
-                let least = screen.as_ref().and_then(|screen| screen.least_misfit(spec));
-                least.is_none_or(|least| least * needed(spec).sqrt() < here.misfit)
+            let refused = |spec: &ModelSpec| {
+                let bound = screen.as_ref().and_then(|screen| screen.bound(spec));
+                bound.filter(|bound| bound.least_misfit * needed(spec).sqrt() >= here.misfit)
             };
-            let tried = try_all(problem, &next, taus_s, image, number + 1, may_pass);
+            let tried = try_all(problem, &next, taus_s, image, number + 1, refused);
             let passes = |model: &Tried| {
                 if !forward {
                     return is_undominated(model.held(), &[least], here.windows);
@@ -156,7 +156,7 @@ fn walk_from(problem: &LeastSquares<'_>, start: &ModelSpec, taus_s: &[f64], imag
                     (true, ..) => SearchVerdict::Selected,
                     (_, _, true) => SearchVerdict::Collinear,
                     _ if !model.held => SearchVerdict::NotInImage,
-                    _ if model.is_screened => SearchVerdict::NoGain,
+                    _ if model.screened.is_some() => SearchVerdict::NoGain,
                     (_, false, _) => SearchVerdict::NotFitted,
                     _ if forward => SearchVerdict::NoGain,
                     _ => SearchVerdict::Needed,
@@ -178,6 +178,7 @@ fn walk_from(problem: &LeastSquares<'_>, start: &ModelSpec, taus_s: &[f64], imag
 
 fn collinear(model: &Tried) -> bool {
     model.condition.is_some_and(|condition| condition > CONDITION_MAX)
+        || model.screened.is_some_and(|bound| bound.is_collinear)
 }
 
 /// Of those that pass the smallest that none of them betters by what it must; of those of one size the least condition.
@@ -198,11 +199,14 @@ fn try_all(
     taus_s: &[f64],
     image: &ImageCheck<'_>,
     step: usize,
-    may_pass: impl Fn(&ModelSpec) -> bool + Sync,
+    refused: impl Fn(&ModelSpec) -> Option<Bound> + Sync,
 ) -> Vec<Tried> {
     let part = problem.progress.part(format_args!("model search, step {step}"), specs.len());
     let tried = |spec: &ModelSpec| {
-        let tried = if may_pass(spec) { try_one(problem, spec, taus_s, image) } else { screened(problem, spec) };
+        let tried = match refused(spec) {
+            None => try_one(problem, spec, taus_s, image),
+            Some(bound) => screened(problem, spec, bound),
+        };
         part.one_more();
         tried
     };
@@ -225,11 +229,11 @@ fn try_one(problem: &LeastSquares<'_>, spec: &ModelSpec, taus_s: &[f64], image: 
         terms: fitted.terms,
         taus: fitted.taus,
     });
-    Tried { spec: spec.clone(), base, windows, inputs, mean_square, misfit, condition, held, is_screened: false }
+    Tried { spec: spec.clone(), base, windows, inputs, mean_square, misfit, condition, held, screened: None }
 }
 
 /// A model whose terms can gain too little to be fitted.
-fn screened(problem: &LeastSquares<'_>, spec: &ModelSpec) -> Tried {
+fn screened(problem: &LeastSquares<'_>, spec: &ModelSpec, bound: Bound) -> Tried {
     Tried {
         spec: spec.clone(),
         base: None,
@@ -239,7 +243,7 @@ fn screened(problem: &LeastSquares<'_>, spec: &ModelSpec) -> Tried {
         misfit: f64::INFINITY,
         condition: None,
         held: true,
-        is_screened: true,
+        screened: Some(bound),
     }
 }
 
