@@ -117,13 +117,9 @@ impl<'a> Prepared<'a> {
         (0..self.bases.len()).map(|block| self.factor(block, &columns)).collect()
     }
 
-    /// An orthonormal basis of all columns at these lags, of the first block.
-    pub(super) fn basis(&self, lags_s: &[(usize, f64)]) -> Vec<Vec<f64>> {
-        let mut basis = self.bases.first().map_or(Vec::new(), |fixed| fixed.q.clone());
-        for column in self.varying_of(&self.at_lags(lags_s)) {
-            extend(&mut basis, &mut column.rest.clone());
-        }
-        basis
+    /// An orthonormal basis of what does not depend on a lag, of the first block: shared levels first.
+    pub(super) fn fixed_basis(&self) -> Vec<Vec<f64>> {
+        self.bases.first().map_or(Vec::new(), |fixed| fixed.q.clone())
     }
 
     fn at_lags(&self, lags_s: &[(usize, f64)]) -> Vec<(usize, Arc<[Beyond]>)> {

@@ -1,26 +1,24 @@
-//! What further terms could gain at most, before any model with them is fitted.
+//! What further terms could gain at most on a model without a lag, before any model with them is fitted.
 //!
 //! ```text
-//! base:     [ levels | terms at the fitted lags | ∂y/∂τ ] = Q·R,   y' = y − QQᵀy
-//! further:  V' = V − QQᵀV,   misfit ≥ |y'|² − bᵀG⁻¹b              G = V'ᵀV', b = V'ᵀy'
+//! base:     [ levels | terms ] = Q·R,   y' = y − QQᵀy
+//! further:  V' = V − QQᵀV,   misfit = |y'|² − bᵀG⁻¹b              G = V'ᵀV', b = V'ᵀy'
 //! ```
 //!
-//! V are the columns of the further terms. Where these have a lag, V holds all rate terms of their input, and the least misfit over the
-//! lags of the grid counts; of two lags, over all pairs. The base keeps its own rate terms and the slopes by its lags, so it
-//! can do more than the model with those terms: at lags of the grid the bound is never above the misfit, but for the part of a
-//! lag's change that is not linear.
+//! V are the columns of the further terms. Where these have a lag, the least misfit over the lags of the grid counts; of two lags, over
+//! all pairs. Between two lags of the grid a misfit may be lower, so the search asks for half of the gain that is needed, as a
+//! logarithm ([`super::search`]).
 //!
-//! Between two lags of the grid a misfit may be lower still, so the search asks for half of the gain that is needed, as a logarithm
-//! ([`super::search`]). Fails where a further term moves another lag so far that the slope by it says nothing: the bound is too high then.
+//! A base with a lag is not screened: a further term may let that lag go elsewhere, and gain ten times what it gains where the lag stands
+//! (a gradient beside a lag that stands for it). Fails where no lag of the grid is near one that gains.
 
 use std::sync::OnceLock;
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::fit::design::{Design, Tau};
 use crate::fit::lag::RATE_COLUMNS;
 use crate::fit::least_squares::{LeastSquares, Rates, TermColumn};
-use crate::fit::prepared::{Blocks, MOST_VALUES, Prepared, dot, extend, project};
+use crate::fit::prepared::{Blocks, MOST_VALUES, Prepared, dot, project};
 use crate::fit::search::{CONDITION_MAX, MOST_RATE};
 use crate::fit::two_lags::pairs;
 use crate::model::spec::ModelSpec;
@@ -41,20 +39,11 @@ pub(crate) struct Bound {
     pub(crate) is_collinear: bool,
 }
 
-/// A fitted model, as far as it matters here.
-#[derive(Clone, Debug)]
-pub(crate) struct Base {
-    pub(crate) terms: Vec<TermColumn>,
-    pub(crate) taus: Vec<Tau>,
-    /// Coefficients of the terms.
-    pub(crate) of_terms: Vec<f64>,
-}
-
 /// What a base does not explain, ready for further terms.
 pub(crate) struct Screen<'a> {
     problem: &'a LeastSquares<'a>,
     prepared: Prepared<'a>,
-    base: &'a Base,
+    base: Vec<TermColumn>,
     taus_s: &'a [f64],
     basis: Vec<Vec<f64>>,
     rest: Vec<f64>,
@@ -73,16 +62,14 @@ struct Products {
 }
 
 impl<'a> Screen<'a> {
-    /// Of a fitted model; `None` for too many rows.
-    pub(crate) fn new(problem: &'a LeastSquares<'a>, base: &'a Base, taus_s: &'a [f64]) -> Option<Self> {
-        let prepared = Prepared::new(problem, &base.terms, taus_s, Blocks::of_all(problem))?;
-        let lags_s: Vec<(usize, f64)> = base.taus.iter().map(|tau| (tau.input, tau.value_s)).collect();
-        let mut basis = prepared.basis(&lags_s);
-        let design = Design::new(problem, &base.terms, &lags_s);
-        for tau in &base.taus {
-            let slope = design.slope_of_lag(tau, &base.of_terms);
-            extend(&mut basis, &mut prepared.column(|row| slope[row]));
+    /// Of a model; `None` where it has a lag, or for too many rows.
+    pub(crate) fn new(problem: &'a LeastSquares<'a>, spec: &ModelSpec, taus_s: &'a [f64]) -> Option<Self> {
+        let base = problem.terms(spec);
+        if !problem.rated(spec).is_empty() {
+            return None;
         }
+        let prepared = Prepared::new(problem, &base, taus_s, Blocks::of_all(problem))?;
+        let basis = prepared.fixed_basis();
         let mut rest = prepared.column(|row| problem.y[row]);
         project(&basis, &mut rest);
         let rates = problem.inputs.iter().map(|_| OnceLock::new()).collect();
@@ -93,7 +80,7 @@ impl<'a> Screen<'a> {
     pub(crate) fn bound(&self, spec: &ModelSpec) -> Option<Bound> {
         let terms = self.problem.terms(spec);
         let (rated, fixed): (Vec<TermColumn>, Vec<TermColumn>) =
-            terms.iter().filter(|term| !self.base.terms.contains(term)).partition(|term| term.form.times_rate);
+            terms.iter().filter(|term| !self.base.contains(term)).partition(|term| term.form.times_rate);
         let (explained, is_collinear) = match (fixed.is_empty(), rated.first()) {
             (_, None) => self.explained_by(&fixed),
             (true, Some(first)) => (self.explained_at_best_lags(&terms, first.input)?, false),
@@ -210,7 +197,7 @@ mod tests {
     use super::*;
     use crate::fit::criterion::needed_gain;
     use crate::fit::search::grown;
-    use crate::fit::solution::{Fitted, fit};
+    use crate::fit::solution::fit;
     use crate::model::input::Signal;
     use crate::window::{WindowBuilder, Windows};
 
@@ -274,11 +261,6 @@ mod tests {
         WindowBuilder::read_all(logs.map(open).collect::<Vec<_>>(), &setup).unwrap().finish()
     }
 
-    fn base_of(problem: &LeastSquares<'_>, fitted: &Fitted) -> Base {
-        let of_terms = fitted.theta[problem.levels.len()..].to_vec();
-        Base { terms: fitted.terms.clone(), taus: fitted.taus.clone(), of_terms }
-    }
-
     /// No model whose residual falls as far as the search asks is refused by its bound; most of the others are.
     #[test]
     fn no_model_that_gains_enough_is_screened_out() {
@@ -289,10 +271,10 @@ mod tests {
             let signals = [Signal::Thermometer(0), Signal::Column(0), Signal::Column(1)];
             let problem = LeastSquares::new(&windows, 0, &signals, 25.0, 1.0, None).unwrap();
             let taus_s = problem.tau_grid();
-            for from in ["bias 2", "bias 3, rate 0", "bias 2, rate 1, bias(v0) 1"] {
+            for from in ["bias 0", "bias 2", "bias 3, bias(v0) 1"] {
                 let fitted = fit(&problem, &from.parse().unwrap(), &taus_s).unwrap();
-                let (base, misfit) = (base_of(&problem, &fitted), fitted.misfit(&problem));
-                let screen = Screen::new(&problem, &base, &taus_s).unwrap();
+                let misfit = fitted.misfit(&problem);
+                let screen = Screen::new(&problem, &fitted.spec, &taus_s).unwrap();
                 let all = grown(&problem, &fitted.spec);
                 for spec in &all {
                     let Ok(there) = fit(&problem, spec, &taus_s) else { continue };

@@ -5,7 +5,7 @@
 //! forward:   candidates have one order (input, zone, set of steps, second lag) more; those must improve on the reference (m: candidates
 //!            of this step), and the residual of their fit on that of the last model by as much: held-out errors of one record
 //!            scatter more than residuals. Selected: the smallest that no other of them improves on.
-//!            Those whose residual cannot fall by half of that, as a logarithm, are not fitted (`screening`).
+//!            Beside a model without a lag, those whose residual cannot fall by half of that, as a logarithm, are not fitted (`screening`).
 //! backward:  candidates have one order less; the reference must not improve on them. Selected: the smallest.
 //! ```
 //!
@@ -22,7 +22,7 @@ use crate::fit::correction::ImageCheck;
 use crate::fit::criterion::{CvScore, effective_windows, is_undominated, needed_gain};
 use crate::fit::folds::Trial;
 use crate::fit::least_squares::{LeastSquares, Level};
-use crate::fit::screening::{Base, Bound, Screen};
+use crate::fit::screening::{Bound, Screen};
 use crate::fit::solution::fit;
 use crate::model::input::channels;
 use crate::model::price::work_of;
@@ -57,8 +57,6 @@ impl Path {
 /// A model that was tried.
 struct Tried {
     spec: ModelSpec,
-    /// Terms, lags and coefficients; `None` where it was not fitted.
-    base: Option<Base>,
     /// Effective number of windows, after the correlation of their residuals.
     windows: f64,
     /// Inputs that its image reads.
@@ -136,7 +134,7 @@ fn walk_from(problem: &LeastSquares<'_>, start: &ModelSpec, taus_s: &[f64], imag
                 let more = spec.coefficients().saturating_sub(here.spec.coefficients());
                 needed_gain(here.windows, more, next.len().max(ZONES.len()))
             };
-            let screen = here.base.as_ref().filter(|_| forward).and_then(|base| Screen::new(problem, base, taus_s));
+            let screen = if forward { Screen::new(problem, &here.spec, taus_s) } else { None };
             let refused = |spec: &ModelSpec| {
                 let bound = screen.as_ref().and_then(|screen| screen.bound(spec));
                 bound.filter(|bound| bound.least_misfit * needed(spec).sqrt() >= here.misfit)
@@ -224,19 +222,13 @@ fn try_one(problem: &LeastSquares<'_>, spec: &ModelSpec, taus_s: &[f64], image: 
     let windows = effective_windows(problem.len(), rho);
     let misfit = fitted.as_ref().map_or(f64::INFINITY, |fitted| fitted.misfit(problem));
     let inputs = inputs_read(problem, spec);
-    let base = fitted.map(|fitted| Base {
-        of_terms: fitted.theta[problem.levels.len()..].to_vec(),
-        terms: fitted.terms,
-        taus: fitted.taus,
-    });
-    Tried { spec: spec.clone(), base, windows, inputs, mean_square, misfit, condition, held, screened: None }
+    Tried { spec: spec.clone(), windows, inputs, mean_square, misfit, condition, held, screened: None }
 }
 
 /// A model whose terms can gain too little to be fitted.
 fn screened(problem: &LeastSquares<'_>, spec: &ModelSpec, bound: Bound) -> Tried {
     Tried {
         spec: spec.clone(),
-        base: None,
         windows: problem.len() as f64,
         inputs: inputs_read(problem, spec),
         mean_square: None,
