@@ -112,7 +112,8 @@ impl<'a> Prepared<'a> {
 
     /// The factor of each block at these lags: shared levels, terms, y.
     pub(crate) fn factors(&self, lags_s: &[(usize, f64)]) -> Vec<Factor> {
-        let moved = self.at_lags(lags_s);
+        let moved: Vec<(usize, Arc<[Beyond]>)> =
+            lags_s.iter().map(|(input, tau_s)| (*input, self.at_lag(*input, *tau_s))).collect();
         let columns = self.varying_of(&moved);
         (0..self.bases.len()).map(|block| self.factor(block, &columns)).collect()
     }
@@ -120,10 +121,6 @@ impl<'a> Prepared<'a> {
     /// An orthonormal basis of what does not depend on a lag, of the first block: shared levels first.
     pub(super) fn fixed_basis(&self) -> Vec<Vec<f64>> {
         self.bases.first().map_or(Vec::new(), |fixed| fixed.q.clone())
-    }
-
-    fn at_lags(&self, lags_s: &[(usize, f64)]) -> Vec<(usize, Arc<[Beyond]>)> {
-        lags_s.iter().map(|(input, tau_s)| (*input, self.at_lag(*input, *tau_s))).collect()
     }
 
     /// The columns of the rate terms in their order.

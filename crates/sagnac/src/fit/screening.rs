@@ -271,6 +271,8 @@ mod tests {
             let signals = [Signal::Thermometer(0), Signal::Column(0), Signal::Column(1)];
             let problem = LeastSquares::new(&windows, 0, &signals, 25.0, 1.0, None).unwrap();
             let taus_s = problem.tau_grid();
+            // Beside a lag, which may go elsewhere, nothing is refused unfitted.
+            assert!(Screen::new(&problem, &"bias 2, rate 0".parse().unwrap(), &taus_s).is_none());
             for from in ["bias 0", "bias 2", "bias 3, bias(v0) 1"] {
                 let fitted = fit(&problem, &from.parse().unwrap(), &taus_s).unwrap();
                 let misfit = fitted.misfit(&problem);
