@@ -1,5 +1,5 @@
 //! `cargo xtask fuzz`: every target on a corpus of good and broken inputs, a million executions each; with `--address` under a sanitizer
-//! of memory; with `--smoke`, as in CI, a few seconds each.
+//! of memory; with `--smoke`, as in CI, some thousand each.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -15,20 +15,21 @@ struct Effort {
     /// Flags of `cargo fuzz build` and `cargo fuzz run`.
     build: &'static [&'static str],
     target_folder: &'static str,
-    limit: &'static str,
+    limits: &'static [&'static str],
 }
 
 /// The full run, by the project's compiler.
 const FULL: Effort =
-    Effort { build: &["--sanitizer", "none"], target_folder: "../target/fuzz", limit: "-runs=1000000" };
+    Effort { build: &["--sanitizer", "none"], target_folder: "../target/fuzz", limits: &["-runs=1000000"] };
 /// The same, which also detects memory errors in what is not ours; it needs a nightly compiler.
 const ADDRESS: Effort =
-    Effort { build: &["--sanitizer", "address"], target_folder: "../target/fuzz-address", limit: "-runs=1000000" };
-/// Built like the tests, by the same compiler: our code has no `unsafe` for a sanitizer to check.
+    Effort { build: &["--sanitizer", "address"], target_folder: "../target/fuzz-address", limits: &["-runs=1000000"] };
+/// Built like the tests, by the same compiler: our code has no `unsafe` for a sanitizer to check. From one seed, so many executions: the same
+/// on every machine.
 const SMOKE: Effort = Effort {
     build: &["--dev", "--sanitizer", "none"],
     target_folder: "../target/fuzz-smoke",
-    limit: "-max_total_time=3",
+    limits: &["-runs=4000", "-seed=1"],
 };
 
 /// Longest input, bytes. Longer inputs find nothing new and are slower: a few hundred executions a second at 16 KiB,
@@ -110,15 +111,8 @@ fn run(target: &str, effort: &Effort, seeds: &[PathBuf]) -> Result<()> {
     }
     let length = format!("-max_len={}", max_length(target));
     // Without leak detection, because a decoding thread that is about to end looks like a leak. Memory is limited anyway.
-    let limits = [
-        effort.limit,
-        &length,
-        "-timeout=20",
-        "-rss_limit_mb=3000",
-        "-detect_leaks=0",
-        "-print_final_stats=1",
-        "-verbosity=0",
-    ];
-    cargo_fuzz("run", effort, &[&[target, "--"][..], &limits].concat())
+    let bounds =
+        [&length, "-timeout=20", "-rss_limit_mb=3000", "-detect_leaks=0", "-print_final_stats=1", "-verbosity=0"];
+    cargo_fuzz("run", effort, &[&[target, "--"][..], effort.limits, &bounds].concat())
         .with_context(|| format!("{target}: the input is in fuzz/artifacts/{target}"))
 }

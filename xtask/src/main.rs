@@ -32,8 +32,8 @@ cargo xtask bless      [--check] [names] make the generated files anew, all or t
                        testdata, image, vectors (only after an intended change of the target), schema, glossary, scenario, first-bytes,
                        circle, cli, errors, faults, pages; evidence, only if named (runs the tests of coverage and risk, minutes)
 cargo xtask conserve   1e9 ticks (27.8 h): every count accounted for
-cargo xtask hunt       [MINUTES] generated inputs of every kind through the program, findings to testdata/found; --from N, --case N: one again,
-                       --found: only those of earlier hunts
+cargo xtask hunt       [MINUTES] generated inputs of every kind through the program, findings to testdata/found; --cases N: so many;
+                       --from N, --case N: one again, --found: only those of earlier hunts
 cargo xtask fuzz       [--smoke | --address] [targets] a million executions of every fuzz target or of those named; --smoke: a few
                        seconds of each; --address: with a sanitizer of memory (needs a nightly compiler)
 cargo xtask c          the exported C: warnings, MISRA, vectors on this machine and on an emulated Cortex-M4F

@@ -103,6 +103,28 @@ fn names_are_refused_at_their_source() {
     }
 }
 
+/// A record is a text that anyone may change: in a report as well, what controls stands as its number.
+#[test]
+fn a_report_has_no_control_characters() {
+    let it = Bench::new();
+    let record = fs::read_to_string(it.path("unit.cal.json")).unwrap();
+    let (from, to) = ("\"program\": \"", "\"program\": \"a\\b\\u009b\\u202eb");
+    assert!(record.contains(from), "{record}");
+    it.write("odd.json", &record.replace(from, to));
+    for args in [
+        &["compare", "odd.json", "unit.cal.json", "--report", "out.html"][..],
+        &["verify", "odd.json", "log.csv", "--report", "out.html"],
+    ] {
+        let (status, _, said) = it.run(args);
+        assert!(status < 2, "{args:?}: {said}");
+        let page = fs::read_to_string(it.path("out.html")).unwrap();
+        let raw = page.chars().find(|c| !['\n', '\t'].contains(c) && (c.is_control() || *c == '\u{202e}'));
+        assert_eq!(raw, None, "{args:?}");
+    }
+    let page = fs::read_to_string(it.path("out.html")).unwrap();
+    assert!(page.len() > 10_000);
+}
+
 /// A text cell that would begin a comment line is quoted: no reader loses the row.
 #[test]
 fn a_row_does_not_become_a_comment() {

@@ -12,7 +12,7 @@ use sagnac::diagnostics::{AxisReportData, ReportData};
 use sagnac::verify::{AxisVerification, Correction, Figures, Judged, REPEATED_PROFILE, ScaleFigures, Verification};
 use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::{Tally, hex, sha256};
-use sagnac_units::format::{celsius, plain, significant, unit, with_sigma};
+use sagnac_units::format::{celsius, plain, printable, printable_json, significant, unit, with_sigma};
 
 /// Scripts and styles of the page. uPlot 1.6.32 is under the MIT licence, which is in the same folder.
 const UPLOT_JS: &str = include_str!("vendor/uplot/uPlot.iife.min.js");
@@ -112,11 +112,11 @@ pub fn verification_report(
     page(&format!("{} {}", if judged { "Acceptance" } else { "Proof" }, verification.serial), &body, drawn)
 }
 
-/// Everything into one file.
+/// Everything into one file. A control character of a record or a log is shown as its number, wherever it comes from.
 pub(crate) fn page(title: &str, body: &Markup, figures: Vec<Figure>) -> Result<Report> {
     let data = serde_json::to_string(&figures).map_err(|e| Error::input(format!("cannot write the figures: {e}")))?;
-    let data = data.replace('<', "\\u003c");
-    let body = PreEscaped(true_minus(&body.0));
+    let data = printable_json(&data).replace('<', "\\u003c");
+    let (title, body) = (printable(title), PreEscaped(true_minus(&printable(&body.0))));
     let markup = html! {
         (DOCTYPE)
         html lang="en" {
@@ -125,7 +125,7 @@ pub(crate) fn page(title: &str, body: &Markup, figures: Vec<Figure>) -> Result<R
                 meta http-equiv="Content-Security-Policy" content=(POLICY);
                 meta name="viewport" content="width=device-width, initial-scale=1";
                 title { (title) }
-                style { (PreEscaped(UPLOT_CSS)) (PreEscaped(STYLE)) (PreEscaped(footer(title))) }
+                style { (PreEscaped(UPLOT_CSS)) (PreEscaped(STYLE)) (PreEscaped(footer(&title))) }
             }
             body {
                 main {

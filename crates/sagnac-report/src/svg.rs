@@ -15,6 +15,8 @@ use plotters::element::{PathElement, Polygon, Rectangle};
 use plotters::series::LineSeries;
 use plotters::style::{Color, RGBColor, ShapeStyle, WHITE};
 
+use sagnac_units::format::printable;
+
 use crate::figure::{Dash, Figure, Layer, Role};
 
 const WIDTH: u32 = 860;
@@ -59,7 +61,7 @@ pub(crate) fn draw(figure: &Figure) -> String {
 
 /// A figure as a file of its own, with the size that a page gives it otherwise.
 pub(crate) fn file(figure: &Figure) -> String {
-    draw(figure).replacen("<svg ", &format!("<svg width=\"{WIDTH}\" height=\"{HEIGHT}\" "), 1)
+    printable(&draw(figure)).replacen("<svg ", &format!("<svg width=\"{WIDTH}\" height=\"{HEIGHT}\" "), 1)
 }
 
 /// The marks go on top, before the end of the drawing; the size is left to the page.

@@ -1,4 +1,4 @@
-//! `cargo xtask hunt [MINUTES]`: generated inputs of every kind through the real program, on fixed seeds.
+//! `cargo xtask hunt [MINUTES]` or `--cases N`: generated inputs of every kind through the real program, on fixed seeds.
 //!
 //! ```text
 //! number of a case ─▶ Chance ─▶ kind ─▶ files (good ones changed, or made by a grammar) and a command ─▶ run ─▶ oracle
@@ -50,7 +50,8 @@ struct Seen {
     findings: Vec<String>,
 }
 
-/// Hunts for so many minutes from case 0 on, or runs one case and keeps its files.
+/// Hunts for so many minutes or cases from case 0 on, or runs one case and keeps its files. So many cases are the same on every machine: CI
+/// asks for those.
 pub(crate) fn hunt(args: &[&str]) -> Result<()> {
     let program = Program::beside_the_lab()?;
     let materials = Materials::make(&program)?;
@@ -62,20 +63,18 @@ pub(crate) fn hunt(args: &[&str]) -> Result<()> {
         }
         _ => {}
     }
-    let from = args.iter().position(|arg| *arg == "--from").and_then(|at| args.get(at + 1));
-    let from = from.map_or(Ok(0), |from| from.parse()).context("--from: no number of a case")?;
-    let minutes = args.first().filter(|arg| !arg.starts_with("--")).map_or(Ok(MINUTES), |arg| arg.parse());
-    let until = Instant::now() + Duration::from_secs(60 * minutes.context("how many minutes?")?);
+    let (from, end) = reach(args)?;
     let again = found_again(&program)?;
     let (next, seen) = (AtomicU64::new(from), Mutex::new(Seen::default()));
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
     std::thread::scope(|scope| {
         let hunters: Vec<_> =
-            (0..threads).map(|_| scope.spawn(|| hunter(&program, &materials, &next, &seen, until))).collect();
+            (0..threads).map(|_| scope.spawn(|| hunter(&program, &materials, &next, &seen, end))).collect();
         hunters.into_iter().try_for_each(|hunter| hunter.join().map_err(|_| anyhow::anyhow!("a hunter panicked"))?)
     })?;
     let seen = seen.into_inner().unwrap_or_default();
-    report(&seen, from, next.into_inner(), again)?;
+    let to = end.cases.map_or(next.into_inner(), |cases| from.saturating_add(cases));
+    report(&seen, from, to, again)?;
     ensure!(
         seen.findings.is_empty(),
         "{} findings, kept in testdata/found:\n{}",
@@ -83,6 +82,32 @@ pub(crate) fn hunt(args: &[&str]) -> Result<()> {
         seen.findings.join("\n")
     );
     Ok(())
+}
+
+/// Where a hunt ends, whichever comes first.
+#[derive(Clone, Copy)]
+struct End {
+    until: Option<Instant>,
+    cases: Option<u64>,
+    from: u64,
+}
+
+impl End {
+    fn is_reached(&self, number: u64) -> bool {
+        self.until.is_some_and(|until| Instant::now() >= until)
+            || self.cases.is_some_and(|cases| number >= self.from.saturating_add(cases))
+    }
+}
+
+/// First case and end that the arguments ask for.
+fn reach(args: &[&str]) -> Result<(u64, End)> {
+    let after = |name: &str| args.iter().position(|arg| *arg == name).and_then(|at| args.get(at + 1));
+    let from = after("--from").map_or(Ok(0), |from| from.parse()).context("--from: no number of a case")?;
+    let cases = after("--cases").map(|cases| cases.parse()).transpose().context("--cases: how many?")?;
+    let minutes = args.first().filter(|arg| !arg.starts_with("--")).map(|arg| arg.parse()).transpose();
+    let minutes: Option<u64> = minutes.context("how many minutes?")?.or(cases.is_none().then_some(MINUTES));
+    let until = minutes.map(|minutes| Instant::now() + Duration::from_secs(60 * minutes));
+    Ok((from, End { until, cases, from }))
 }
 
 fn report(seen: &Seen, from: u64, to: u64, again: usize) -> Result<()> {
@@ -99,15 +124,13 @@ fn report(seen: &Seen, from: u64, to: u64, again: usize) -> Result<()> {
 }
 
 /// Takes one case after the other.
-fn hunter(
-    program: &Program,
-    materials: &Materials,
-    next: &AtomicU64,
-    seen: &Mutex<Seen>,
-    until: Instant,
-) -> Result<()> {
-    while Instant::now() < until {
-        let case = case(next.fetch_add(1, Ordering::Relaxed), materials)?;
+fn hunter(program: &Program, materials: &Materials, next: &AtomicU64, seen: &Mutex<Seen>, end: End) -> Result<()> {
+    loop {
+        let number = next.fetch_add(1, Ordering::Relaxed);
+        if end.is_reached(number) {
+            return Ok(());
+        }
+        let case = case(number, materials)?;
         let folder = prepared(&case)?;
         let (outcome, wrong) = oracle::judge(&case, program, folder.path())?;
         let Ok(mut seen) = seen.lock() else { bail!("another hunter panicked") };
@@ -122,10 +145,9 @@ fn hunter(
             seen.findings.push(finding);
         }
         if seen.findings.len() >= MOST_FINDINGS {
-            break;
+            return Ok(());
         }
     }
-    Ok(())
 }
 
 /// A folder with the files of a case.

@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::window::{Windows, suspected};
 use sagnac_log::ingest::Reason;
+use sagnac_units::format::{file_name, significant};
 use sagnac_units::s_from_ns;
 
 /// Windows on each side that a stretch is compared with.
@@ -25,17 +26,18 @@ pub struct Suspect {
     pub end_h: f64,
     /// Windows.
     pub windows: usize,
-    /// Their mean rate less that of the windows beside them, °/h.
-    pub size_dph: f64,
+    /// Their mean rate less that of the windows beside them, °/h; none where no window beside them is used.
+    pub size_dph: Option<f64>,
 }
 
 impl Suspect {
     /// `step of -0.31 °/h at 3.25 … 4.25 h of cycle.csv`.
     pub fn words(&self) -> String {
         let what = self.reason.name().replace('_', " ");
-        let size = sagnac_units::format::significant(self.size_dph, 2);
-        let file = sagnac_units::format::file_name(&self.file);
-        format!("{what} of {size} °/h at {:.2} … {:.2} h of {file}", self.start_h, self.end_h)
+        let size =
+            self.size_dph.map_or_else(|| "unknown size".to_owned(), |dph| format!("{} °/h", significant(dph, 2)));
+        let file = file_name(&self.file);
+        format!("{what} of {size} at {:.2} … {:.2} h of {file}", self.start_h, self.end_h)
     }
 }
 
@@ -54,19 +56,20 @@ pub(crate) fn suspects(windows: &Windows, axis: usize) -> Vec<Suspect> {
         let of_run = &windows.runs[run as usize];
         let hours = |ns: i64| s_from_ns(ns - of_run.start_ns) / 3600.0;
         let own = mean(windows, axis, first..=last);
+        let level = mean(windows, axis, before.chain(after));
         Suspect {
             reason,
             file: of_run.name(),
             start_h: hours(rows.start_ns[first]),
             end_h: hours(rows.end_ns[last]),
             windows: stretch.len(),
-            size_dph: own - mean(windows, axis, before.chain(after)),
+            size_dph: own.zip(level).map(|(own, level)| own - level),
         }
     };
     found.chunk_by(follows).map(stretch).collect()
 }
 
-fn mean(windows: &Windows, axis: usize, members: impl Iterator<Item = usize>) -> f64 {
+fn mean(windows: &Windows, axis: usize, members: impl Iterator<Item = usize>) -> Option<f64> {
     let (sum, n) = members.fold((0.0, 0.0), |(sum, n), i| (sum + windows.rate_dph(axis, i), n + 1.0));
-    if n > 0.0 { sum / n } else { f64::NAN }
+    (n > 0.0).then(|| sum / n)
 }
