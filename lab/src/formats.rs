@@ -14,12 +14,12 @@ use serde_json::Value;
 use xtask::debian::{self, need};
 use xtask::shell::{output, root, sh, stdout_of, target, text};
 
-use crate::places::{CHAMBER, OTHER_TOOLS};
+use crate::places::{CHAMBER, FLEET_TABLE, OTHER_TOOLS};
 use crate::program::Program;
 
 const MAKE: &str = include_str!("formats/make.py");
-/// The packages, in the versions that docs/how-to/other-tools.md names.
-const PACKAGES: [&str; 9] = [
+/// The packages, in the versions that docs/how-to/other-tools.md names, and what reads the table of a fleet.
+const PACKAGES: [&str; 11] = [
     "numpy==2.4.6",
     "pandas==3.1.0",
     "pyarrow==26.0.0",
@@ -29,6 +29,8 @@ const PACKAGES: [&str; 9] = [
     "asammdf==8.8.28",
     "pymavlink==2.4.50",
     "openpyxl==3.1.5",
+    "polars==2.1.0",
+    "duckdb==2.0.0",
 ];
 
 /// A file of another program.
@@ -109,7 +111,7 @@ pub(crate) fn formats() -> Result<()> {
     for file in &FILES {
         bench.check(file, file.script.and_then(|at| scripts.get(at)).copied())?;
     }
-    Ok(())
+    bench.fleet()
 }
 
 /// A Python environment with the packages; the folder of its programs.
@@ -147,7 +149,8 @@ impl Bench {
             }
         }
         let log = root().join(CHAMBER).join("cycle-1.csv.gz");
-        self.python(&self.folder, MAKE, &[text(&log)?, text(&self.folder)?])
+        self.python(&self.folder, MAKE, &[text(&log)?, text(&self.folder)?])?;
+        Ok(())
     }
 
     /// Refused by its name; converted, it gives the record of the plain log.
@@ -171,6 +174,32 @@ impl Bench {
         }
         let by_script = if script.is_some() { " and by the script" } else { "" };
         println!("check: formats: {}: refused, and the same record by the printed command{by_script}", file.name);
+        Ok(())
+    }
+
+    /// The table of a fleet, by the scripts of its page.
+    fn fleet(&self) -> Result<()> {
+        let folder = self.folder.join("fleet");
+        if folder.exists() {
+            fs::remove_dir_all(&folder)?;
+        }
+        for unit in 1..=2 {
+            let own = folder.join(format!("units/RLG-{unit}"));
+            fs::create_dir_all(&own)?;
+            fs::copy(root().join(CHAMBER).join(format!("cycle-{unit}.csv.gz")), own.join("run.csv.gz"))?;
+        }
+        let bench = fs::read_to_string(root().join(CHAMBER).join("bench.toml"))?;
+        let shared: Vec<&str> = bench.lines().filter(|line| !line.starts_with("serial")).collect();
+        fs::write(folder.join(PLAIN), shared.join("\n"))?;
+        self.program.stdout_in(&folder, &["fleet", "calibrate", "units", "--setup", PLAIN, "-o", "."])?;
+        let page = fs::read_to_string(root().join(FLEET_TABLE))?;
+        let scripts = scripts(&page);
+        ensure!(scripts.len() == 2, "{FLEET_TABLE} has {} scripts of Python in place of 2", scripts.len());
+        for (script, wanted) in scripts.iter().zip(["2", "RLG-2"]) {
+            let said = self.python(&folder, script, &[])?;
+            ensure!(said.contains(wanted), "{FLEET_TABLE}: no {wanted} in what the script printed:\n{said}");
+        }
+        println!("check: formats: the table of a fleet: read by the page's scripts, with DuckDB and polars");
         Ok(())
     }
 
@@ -208,10 +237,10 @@ impl Bench {
         Ok(record)
     }
 
-    fn python(&self, folder: &Path, script: &str, args: &[&str]) -> Result<()> {
+    /// What a script prints.
+    fn python(&self, folder: &Path, script: &str, args: &[&str]) -> Result<String> {
         let python = self.bin.join("python3");
-        stdout_of(300, text(&python)?, &[&["-c", script], args].concat(), folder)?;
-        Ok(())
+        stdout_of(300, text(&python)?, &[&["-c", script], args].concat(), folder)
     }
 }
 

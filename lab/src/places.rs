@@ -9,6 +9,7 @@ pub(crate) const ERRORS: &str = "docs/reference/errors.md";
 pub(crate) const EVIDENCE: &str = "docs/explanation/evidence.md";
 pub(crate) const FAULTS: &str = "docs/reference/faults.md";
 pub(crate) const FIRST_BYTES: &str = "crates/sagnac-sim/tests/first_bytes.txt";
+pub(crate) const FLEET_TABLE: &str = "docs/reference/fleet-table.md";
 pub(crate) const GLOSSARY: &str = "GLOSSARY.md";
 pub(crate) const GLOSSARY_PAGE: &str = "docs/reference/glossary.md";
 pub(crate) const IMAGE_FORMAT: &str = "docs/reference/image-format.md";

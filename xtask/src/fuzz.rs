@@ -24,12 +24,12 @@ const FULL: Effort =
 /// The same, which also detects memory errors in what is not ours; it needs a nightly compiler.
 const ADDRESS: Effort =
     Effort { build: &["--sanitizer", "address"], target_folder: "../target/fuzz-address", limits: &["-runs=1000000"] };
-/// Built like the tests, by the same compiler: our code has no `unsafe` for a sanitizer to check. From one seed, so many executions: the same
-/// on every machine.
+/// Built like the tests, by the same compiler: our code has no `unsafe` for a sanitizer to check. From one seed, so many
+/// executions, or as many of those as fit into some seconds: the same inputs on every machine.
 const SMOKE: Effort = Effort {
     build: &["--dev", "--sanitizer", "none"],
     target_folder: "../target/fuzz-smoke",
-    limits: &["-runs=4000", "-seed=1"],
+    limits: &["-runs=4000", "-seed=1", "-max_total_time=4"],
 };
 
 /// Longest input, bytes. Longer inputs find nothing new and are slower: a few hundred executions a second at 16 KiB,

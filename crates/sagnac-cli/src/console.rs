@@ -18,6 +18,8 @@ use crate::terminal::{columns_of_errors, columns_of_output, wrapped};
 pub(crate) enum Outcome {
     Done,
     LimitsNotMet,
+    /// Some units of a fleet have no calibration.
+    SomeFailed,
 }
 
 /// Result of a subcommand.

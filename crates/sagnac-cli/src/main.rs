@@ -13,6 +13,7 @@ mod demo;
 mod evaluate;
 mod export;
 mod files;
+mod fleet;
 mod frames;
 mod import;
 mod init;
@@ -76,6 +77,7 @@ enum Command {
     Allan(allan::Args),
     Inspect(inspect::Args),
     Evaluate(evaluate::Args),
+    Fleet(fleet::Args),
     Export(export::Args),
     Frames(frames::Args),
     Key(key::Args),
@@ -119,6 +121,7 @@ fn begin() -> ExitCode {
         Command::Compare(args) => args.json,
         Command::Inspect(args) => args.json,
         Command::Evaluate(args) => args.json,
+        Command::Fleet(args) => args.is_json(),
         _ => false,
     };
     let mut console = Console::new(json);
@@ -133,7 +136,7 @@ fn begin() -> ExitCode {
     });
     match ran {
         Ok(Ok(Outcome::Done)) => ExitCode::SUCCESS,
-        Ok(Ok(Outcome::LimitsNotMet)) => ExitCode::from(1),
+        Ok(Ok(Outcome::LimitsNotMet | Outcome::SomeFailed)) => ExitCode::from(1),
         Ok(Err(error)) => console.complain(&error),
         Err(_) => console.complain(&console::internal_error()),
     }
@@ -193,6 +196,7 @@ fn run(mut command: Command, console: &mut Console) -> console::Ran {
         Command::Compare(args) => compare::run(&args, console),
         Command::Inspect(args) => inspect::run(&args, console),
         Command::Evaluate(args) => evaluate::run(&args, console),
+        Command::Fleet(args) => fleet::run(&args, console),
         Command::Export(args) => export::run(&args, console),
         Command::Frames(args) => frames::run(&args, console),
         Command::Key(args) => key::run(&args, console),

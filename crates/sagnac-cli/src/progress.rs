@@ -104,6 +104,34 @@ impl SimulatedTime {
     }
 }
 
+/// How many units of a fleet are done, and how long the others take; nothing where standard error is no terminal.
+pub(crate) struct Units(Option<Bar>);
+
+impl Units {
+    pub(crate) fn new(units: usize) -> Self {
+        let bar = std::io::stderr().is_terminal().then(|| {
+            let bar = Bar(ProgressBar::with_draw_target(Some(units as u64), ProgressDrawTarget::stderr()));
+            if let Ok(style) = ProgressStyle::with_template("{pos} of {len} units {wide_bar} {elapsed}, {eta} to go") {
+                bar.0.set_style(style);
+            }
+            bar
+        });
+        Self(bar)
+    }
+
+    pub(crate) fn one_more(&self) {
+        self.0.iter().for_each(|bar| bar.0.inc(1));
+    }
+
+    /// Prints something above it.
+    pub(crate) fn beside(&self, print: impl FnOnce()) {
+        match &self.0 {
+            Some(bar) => bar.0.suspend(print),
+            None => print(),
+        }
+    }
+}
+
 /// Leaves no trace on the terminal, however the reading ended.
 struct Bar(ProgressBar);
 

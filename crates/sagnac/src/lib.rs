@@ -33,6 +33,7 @@ pub mod compare;
 pub mod diagnostics;
 pub mod export;
 pub mod fit;
+pub mod fleet;
 mod image;
 pub mod model;
 pub mod survey;

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use sagnac::fleet::{UnitResult, table_summary};
 use sagnac::verify::{Judged, Limits, Verification};
 use sagnac::{Error, Result};
 use sagnac_board::Message;
@@ -11,6 +12,7 @@ use sagnac_log::read::read_text;
 use sagnac_log::setup::Setup;
 use sagnac_loops::{LoopTable, TABLE_MAGIC};
 use sagnac_sim::Scenario;
+use sagnac_units::format::counted;
 use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};
 
@@ -27,11 +29,6 @@ const TABLES: [(&str, &str); 5] = [
     ("time_s,true_", "the truth of a simulated test"),
     ("frequency_hz,", "the response of a loop, of `sagnac simulate --bode`"),
 ];
-
-/// So many of a thing.
-fn several(n: usize, one: &str, more: &str) -> String {
-    if n == 1 { format!("1 {one}") } else { format!("{n} {more}") }
-}
 
 /// Output of `inspect --json` for such a file.
 #[derive(Serialize)]
@@ -59,6 +56,7 @@ struct Peek {
     inputs: Option<Vec<IgnoredAny>>,
     axes: Option<Vec<PeekAxis>>,
     kind: Option<String>,
+    outcome: Option<IgnoredAny>,
     refused: Option<bool>,
     reason: Option<String>,
 }
@@ -84,8 +82,14 @@ pub(super) fn json(path: &Path, console: &mut Console) -> Result<bool> {
         return said("comparison", what, console);
     }
     if let (Some(_), Some(inputs), Some(program)) = (peek.detrended, &peek.inputs, peek.program) {
-        let (axes, logs) = (several(axes.len(), "axis", "axes"), several(inputs.len(), "log", "logs"));
+        let (axes, logs) = (counted(axes.len(), "axis", "axes"), counted(inputs.len(), "log", "logs"));
         return said("noise_budget", format!("a noise budget of {axes} from {logs}, by {program}"), console);
+    }
+    if peek.outcome.is_some()
+        && let Ok(unit) = serde_json::from_str::<UnitResult>(&text)
+    {
+        let what = format!("what `sagnac fleet calibrate` found of {}: {}", unit.unit, crate::fleet::line(&unit));
+        return said("fleet_unit", what, console);
     }
     if let Some(kind) = peek.kind {
         return said("inspection", format!("what `sagnac inspect` said of a {kind}"), console);
@@ -125,6 +129,14 @@ pub(super) fn recognised(path: &Path, console: &mut Console) -> Result<bool> {
         return Ok(false);
     }
     let start = loading::first_bytes(path)?;
+    if start.starts_with(b"PAR1")
+        && let Some(table) = table_summary(path)?
+    {
+        let (units, rows) = (counted(table.units, "unit", "units"), counted(table.rows, "row", "rows"));
+        let what =
+            format!("a fleet of {units}, {} calibrated, in {rows}; any reader of Parquet opens it", table.calibrated);
+        return said("fleet_table", what, console);
+    }
     if start.starts_with(&TABLE_MAGIC) {
         return loop_table(path, console);
     }
@@ -189,7 +201,7 @@ fn messages(path: &Path, console: &mut Console) -> Result<bool> {
     ];
     let rest = all.len() - parts.iter().map(|(n, ..)| n).sum::<usize>();
     let parts = parts.into_iter().chain([(rest, "other", "others")]).filter(|(n, ..)| *n > 0);
-    let named: Vec<String> = parts.map(|(n, one, more)| several(n, one, more)).collect();
+    let named: Vec<String> = parts.map(|(n, one, more)| counted(n, one, more)).collect();
     said(
         "messages",
         format!("messages of a gyro's serial line: {}; `sagnac frames` reads them", named.join(", ")),

@@ -15,7 +15,7 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use crate::error::{Error, Result};
 use crate::ingest::raw::RawRows;
 use crate::ingest::text::{LineParser, TextFeed};
-use crate::threads::spawn;
+use crate::threads::{helpers, spawn};
 
 /// More threads than this do not read one log faster: hashing is sequential.
 const MAX_HELPERS: usize = 3;
@@ -149,8 +149,7 @@ impl ChunkReader {
             Feed::Text(_, parser) => Some(parser.as_ref().clone()),
             Feed::Table(_) => None,
         };
-        let cores = std::thread::available_parallelism().map_or(1, usize::from);
-        let helpers = if parallel { (cores - 1).min(MAX_HELPERS) } else { 0 };
+        let helpers = if parallel { helpers(MAX_HELPERS) } else { 0 };
         let shared = Shared {
             reading: Mutex::new(Reading { feed: Some(feed), read: 0 }),
             ready: Mutex::default(),

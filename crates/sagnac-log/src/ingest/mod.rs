@@ -71,7 +71,7 @@ pub use crate::ingest::sample::{Sample, SampleColumn, sample, sample_reader};
 use crate::ingest::sketch::Sketch;
 pub use crate::ingest::sketch::share_rows;
 use crate::ingest::source::{HashHandle, Source};
-pub use crate::ingest::source::{Watch, hex, sha256};
+pub use crate::ingest::source::{Watch, hex, sha256, sha256_of_file};
 pub use crate::ingest::table::TableColumn;
 use crate::ingest::table::TableRates;
 pub use crate::ingest::text::COMPENSATED_STAMP;

@@ -51,6 +51,18 @@ pub fn sha256(bytes: &[u8]) -> [u8; 32] {
     Sha256::digest(bytes).into()
 }
 
+/// SHA-256 of a file's bytes, in hexadecimal.
+///
+/// # Errors
+/// A file that cannot be read.
+pub fn sha256_of_file(path: &Path) -> Result<String> {
+    let hash = HashHandle::default();
+    let file = File::open(path).map_err(|e| Error::io_path(path, "open", &e))?;
+    let mut hashing = HashingReader { inner: file, hash: hash.clone() };
+    std::io::copy(&mut hashing, &mut std::io::sink()).map_err(|e| Error::io_path(path, "read", &e))?;
+    Ok(hash.hex())
+}
+
 struct HashingReader<R> {
     inner: R,
     hash: HashHandle,

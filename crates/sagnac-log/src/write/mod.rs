@@ -14,6 +14,9 @@ pub use parquet_rows::{ParquetRows, parquet_properties};
 /// Temporary files that are being written.
 static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
+/// Names of temporary files begin so.
+const PREFIX: &str = ".sagnac-";
+
 fn unfinished() -> MutexGuard<'static, Vec<PathBuf>> {
     UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -30,6 +33,21 @@ pub fn remove_unfinished() {
     std::mem::forget(unfinished);
 }
 
+/// Removes what programs that were killed began to write into a folder. Only for a folder that no other program writes into.
+///
+/// # Errors
+/// A folder that cannot be read, a file that cannot be removed.
+pub fn remove_abandoned(folder: &Path) -> Result<()> {
+    let failed = |e: std::io::Error| Error::io_path(folder, "clear", &e);
+    for entry in std::fs::read_dir(folder).map_err(failed)? {
+        let entry = entry.map_err(failed)?;
+        if entry.file_name().to_string_lossy().starts_with(PREFIX) {
+            std::fs::remove_file(entry.path()).map_err(failed)?;
+        }
+    }
+    Ok(())
+}
+
 /// A temporary file that is known as long as it is unfinished.
 struct Unfinished(PathBuf);
 
@@ -39,7 +57,7 @@ impl Unfinished {
     fn create(folder: &Path, target: &Path) -> std::io::Result<(tempfile::NamedTempFile, Self)> {
         let mut unfinished = unfinished();
         let mut builder = tempfile::Builder::new();
-        let file = with_mode(builder.prefix(".sagnac-"), target).tempfile_in(folder)?;
+        let file = with_mode(builder.prefix(PREFIX), target).tempfile_in(folder)?;
         unfinished.push(file.path().to_owned());
         let known = Self(file.path().to_owned());
         Ok((file, known))

@@ -287,7 +287,7 @@ impl AxisCalibration {
     }
 
     /// Row of the covariance of a term.
-    fn row_of(&self, term: &Term) -> Option<usize> {
+    pub(crate) fn row_of(&self, term: &Term) -> Option<usize> {
         let name = self.name_of(term);
         self.fit.as_ref()?.covariance_of.iter().position(|row| *row == name)
     }

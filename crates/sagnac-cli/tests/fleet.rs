@@ -1,0 +1,362 @@
+//! `sagnac fleet calibrate`: the records of `sagnac calibrate`, a row for whatever comes, and nothing done twice.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+
+use arrow_array::cast::AsArray;
+use arrow_array::types::Float64Type;
+use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
+use sagnac_sim::{PaperRig, csv_bytes};
+use tempfile::TempDir;
+
+const SETUP: &str = "arcsec_per_count = 1.059\nquantum = 0.25\n";
+
+/// A folder of units: `lots/LOT/UNIT/run-1.csv …`, each unit with a curve of its own.
+struct Factory(TempDir);
+
+impl Factory {
+    fn new(units: usize) -> Self {
+        let it = Self(TempDir::new().unwrap());
+        fs::write(it.path("bench.toml"), SETUP).unwrap();
+        for unit in 0..units {
+            let [a, b, c] = PaperRig::PAPER.coefficients;
+            let step = unit as f64;
+            let rig = PaperRig { coefficients: [a + 0.02 * step, b - step, c], ..PaperRig::PAPER };
+            for run in 1..=2 {
+                it.write(&format!("units/RLG-{unit}/run-{run}.csv"), &csv_bytes(rig.run(10 * unit as u64 + run)));
+            }
+            it.write(&format!("units/RLG-{unit}/retest/run-3.csv"), &csv_bytes(rig.run(10 * unit as u64 + 3)));
+        }
+        it
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    fn write(&self, name: &str, bytes: &[u8]) {
+        let path = self.path(name);
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        fs::write(path, bytes).unwrap();
+    }
+
+    fn command(&self, args: &[&str]) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_sagnac"));
+        command.args(args).current_dir(self.0.path());
+        command
+    }
+
+    /// Exit status, standard output, standard error.
+    fn run(&self, args: &[&str]) -> (i32, String, String) {
+        let Output { status, stdout, stderr } = self.command(args).output().unwrap();
+        let text = |bytes| String::from_utf8(bytes).unwrap();
+        (status.code().unwrap(), text(stdout), text(stderr))
+    }
+
+    fn fleet(&self, source: &str, folder: &str, more: &[&str]) -> (i32, String, String) {
+        let args = ["fleet", "calibrate", source, "--setup", "bench.toml", "--model", "bias 2", "-o", folder];
+        self.run(&[&args[..], more].concat())
+    }
+}
+
+/// Every file of a folder but the lock.
+fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let mut all = BTreeMap::new();
+    let mut folders = vec![folder.to_owned()];
+    while let Some(here) = folders.pop() {
+        for entry in fs::read_dir(here).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+            } else if path.file_name().unwrap() != "lock" {
+                all.insert(path.strip_prefix(folder).unwrap().to_owned(), fs::read(&path).unwrap());
+            }
+        }
+    }
+    all
+}
+
+/// A folder, a pattern, a manifest; one thread or two; unit by unit: the same bytes.
+#[test]
+fn records_and_proofs_are_those_of_the_program_for_one_unit() {
+    let it = Factory::new(3);
+    let limits = ["--limits", "paper"];
+    assert_eq!(it.fleet("units", "one", &[&limits[..], &["--threads", "1"]].concat()).0, 0);
+    assert_eq!(it.fleet("units", "two", &[&limits[..], &["--threads", "2"]].concat()).0, 0);
+    let one = files(&it.path("one"));
+    assert_eq!(one.len(), 10, "{:?}", one.keys());
+    assert_eq!(one, files(&it.path("two")));
+
+    let mut manifest = "unit,run,use\n".to_owned();
+    for unit in 0..3 {
+        for (run, of) in [("run-1.csv", ""), ("run-2.csv", "calibrate"), ("retest/run-3.csv", "verify")] {
+            manifest += &format!("RLG-{unit},units/RLG-{unit}/{run},{of}\n");
+        }
+    }
+    it.write("manifest.csv", manifest.as_bytes());
+    assert_eq!(it.fleet("manifest.csv", "listed", &limits).0, 0);
+    assert_eq!(one, files(&it.path("listed")));
+    assert_eq!(it.fleet("units/{unit}/run-{run}.csv", "matched", &[]).0, 0);
+    assert_eq!(it.fleet("units/*/*.csv", "found", &[]).0, 0);
+    assert_eq!(files(&it.path("matched")), files(&it.path("found")));
+
+    for unit in 0..3 {
+        let (folder, name) = (format!("units/RLG-{unit}"), format!("RLG-{unit}"));
+        let args = ["calibrate", &folder, "--setup", "bench.toml", "--model", "bias 2", "--serial", &name];
+        assert_eq!(it.run(&[&args[..], &["-o", "unit.cal.json"]].concat()).0, 0);
+        let record = fs::read(it.path("unit.cal.json")).unwrap();
+        assert!(one[Path::new(&format!("records/{name}.cal.json"))] == record, "{name}");
+        assert_eq!(files(&it.path("found"))[Path::new(&format!("records/{name}.cal.json"))], record);
+        let retest = format!("{folder}/retest");
+        let (status, proof, _) = it.run(&["verify", "unit.cal.json", &retest, "--limits", "paper", "--json"]);
+        assert_eq!(status, 0);
+        assert!(one[Path::new(&format!("proofs/{name}.json"))] == proof.as_bytes(), "{name}");
+    }
+}
+
+/// Whatever a unit brings is a row; the others are calibrated.
+#[test]
+fn a_broken_log_is_a_row_and_not_the_end() {
+    let it = Factory::new(4);
+    let cut = fs::read(it.path("units/RLG-1/run-1.csv")).unwrap();
+    let mut packed = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+    std::io::Write::write_all(&mut packed, &cut).unwrap();
+    let packed = packed.finish().unwrap();
+    it.write("units/cut/run.csv.gz", &packed[..packed.len() / 2]);
+    it.write("units/rubbish/run.csv", b"not a log\n");
+    it.write("units/parquet/run.parquet", b"PAR1 and no more");
+    it.write("units/odd-setup/run.csv", &cut);
+    it.write("units/odd-setup/bench.toml", b"arcsec_per_cuont = 1.059\n");
+    fs::create_dir(it.path("units/empty")).unwrap();
+    // Level temperature: no slope can be had of it.
+    let level: String = (1..=4000).map(|t| format!("{t},20,{}\n", 7 + t % 2)).collect();
+    it.write("units/level/run.csv", format!("time_s,temperature_c,counts\n{level}").as_bytes());
+    it.write("units/RLG-2/retest/run-3.csv", b"time_s,counts\n1,2\n");
+
+    let (status, said, _) = it.fleet("units", "fleet", &["--limits", "paper"]);
+    assert_eq!(status, 1, "{said}");
+    assert!(said.contains("10 units: 4 calibrated, 1 refused, 5 failed; limits met by 2 of 4"), "{said}");
+    for (unit, why) in [
+        ("cut", "failed"),
+        ("rubbish", "no column of counts or rates"),
+        ("parquet", "failed"),
+        ("odd-setup", "arcsec_per_cuont"),
+        ("empty", "no log of this unit"),
+        ("level", "refused"),
+        ("RLG-2", "retest not judged"),
+    ] {
+        let line = said.lines().find(|line| line.split_whitespace().next() == Some(unit));
+        assert!(line.is_some_and(|line| line.contains(why)), "{unit}: {said}");
+    }
+    let table = column(&it.path("fleet/fleet.parquet"), "outcome");
+    assert_eq!(table.len(), 10);
+    assert_eq!(table["RLG-0"], "calibrated");
+    assert_eq!(table["level"], "refused");
+    assert_eq!(column(&it.path("fleet/fleet.parquet"), "acceptance")["RLG-2"], "not judged");
+    assert_eq!(column(&it.path("fleet/fleet.parquet"), "acceptance")["RLG-0"], "met");
+    assert!(!it.path("fleet/records/cut.cal.json").exists());
+}
+
+/// A column of text, by unit.
+fn column(table: &Path, name: &str) -> BTreeMap<String, String> {
+    let reader = ParquetRecordBatchReaderBuilder::try_new(fs::File::open(table).unwrap()).unwrap();
+    assert_eq!(reader.schema().metadata()["sagnac.fleet"], "1");
+    let mut out = BTreeMap::new();
+    for batch in reader.build().unwrap() {
+        let batch = batch.unwrap();
+        let of = |name: &str| batch.column_by_name(name).unwrap().as_string::<i32>().clone();
+        let rows = of("unit");
+        rows.iter().zip(of(name).iter()).for_each(|(unit, value)| {
+            out.insert(unit.unwrap().to_owned(), value.unwrap_or_default().to_owned());
+        });
+    }
+    out
+}
+
+/// Only what has changed is done: a log, the setup, the limits, a record that somebody edited; and whatever was added.
+#[test]
+fn a_second_run_does_what_has_changed() {
+    let it = Factory::new(3);
+    let again = |more: &[&str]| {
+        let (status, said, _) = it.fleet("units", "fleet", more);
+        assert_eq!(status, 0, "{said}");
+        let unchanged = |line: &&str| line.contains("(unchanged)");
+        let done = said.lines().filter(|line| line.starts_with("RLG-") && !unchanged(line));
+        done.map(|line| line.split_whitespace().next().unwrap().to_owned()).collect::<Vec<_>>()
+    };
+    let all = ["RLG-0", "RLG-1", "RLG-2"];
+    assert_eq!(again(&[]), all);
+    let first = files(&it.path("fleet"));
+    assert_eq!(again(&[]), [""; 0]);
+    assert_eq!(files(&it.path("fleet")), first);
+    assert_eq!(again(&["--again"]), all);
+    assert_eq!(files(&it.path("fleet")), first);
+
+    let record = it.path("fleet/records/RLG-1.cal.json");
+    fs::write(&record, "{}").unwrap();
+    assert_eq!(again(&[]), ["RLG-1"]);
+    fs::remove_file(it.path("fleet/proofs/RLG-2.json")).unwrap();
+    assert_eq!(again(&[]), ["RLG-2"]);
+    assert_eq!(files(&it.path("fleet")), first);
+
+    let log = it.path("units/RLG-0/run-2.csv");
+    let bytes = fs::read(&log).unwrap();
+    fs::write(&log, &bytes[..bytes.len() * 9 / 10]).unwrap();
+    assert_eq!(again(&[]), ["RLG-0"]);
+    fs::write(&log, &bytes).unwrap();
+    assert_eq!(again(&[]), ["RLG-0"]);
+    assert_eq!(files(&it.path("fleet")), first);
+
+    assert_eq!(again(&["--limits", "paper"]), all);
+    assert_eq!(again(&["--limits", "paper"]), [""; 0]);
+    fs::write(it.path("bench.toml"), format!("{SETUP}reference_c = 25.0\n")).unwrap();
+    assert_eq!(again(&["--limits", "paper"]), all);
+
+    it.write("units/RLG-3/run-1.csv", &csv_bytes(PaperRig::PAPER.run(77)));
+    assert_eq!(again(&["--limits", "paper"]), ["RLG-3"]);
+    assert_eq!(column(&it.path("fleet/fleet.parquet"), "outcome").len(), 4);
+    // Of another source: added to the table.
+    it.write("more/RLG-9/run-1.csv", &csv_bytes(PaperRig::PAPER.run(78)));
+    assert_eq!(it.fleet("more", "fleet", &[]).0, 0);
+    let units: Vec<String> = column(&it.path("fleet/fleet.parquet"), "outcome").into_keys().collect();
+    assert_eq!(units, ["RLG-0", "RLG-1", "RLG-2", "RLG-3", "RLG-9"]);
+}
+
+/// Killed in the middle, by the signal that nothing can catch: the next run ends with the same bytes, and does not do again what was done.
+#[test]
+fn killed_in_the_middle_nothing_is_lost_or_double() {
+    let it = Factory::new(8);
+    assert_eq!(it.fleet("units", "whole", &[]).0, 0);
+    let whole = files(&it.path("whole"));
+    let mut caught = 0;
+    for kill in 1..8 {
+        let args = ["fleet", "calibrate", "units", "--setup", "bench.toml", "--model", "bias 2", "-o", "fleet"];
+        let _ = fs::remove_dir_all(it.path("fleet"));
+        let mut child = it.command(&args).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+        // As soon as so many units are done.
+        let done =
+            || fs::read_dir(it.path("fleet/units")).map_or(0, |entries| entries.flatten().filter(is_result).count());
+        while done() < kill && child.try_wait().unwrap().is_none() {
+            std::thread::yield_now();
+        }
+        let _ = child.kill();
+        let _ = child.wait();
+        let were_done = done();
+        caught += u32::from(were_done < 8);
+        let (status, said, _) = it.fleet("units", "fleet", &[]);
+        assert_eq!(status, 0, "{said}");
+        assert!(said.contains(&format!("{were_done} unchanged since before")), "{were_done}: {said}");
+        assert_eq!(files(&it.path("fleet")), whole, "after {kill}");
+    }
+    assert!(caught >= 4, "only {caught} of 7 kills came before the end");
+}
+
+fn is_result(entry: &fs::DirEntry) -> bool {
+    !entry.file_name().to_string_lossy().starts_with('.')
+}
+
+/// Two programs at one folder: the second is refused, and the first ends as alone.
+#[test]
+fn two_at_once_do_not_mix() {
+    let it = Factory::new(1);
+    fs::create_dir(it.path("fleet")).unwrap();
+    let lock = fs::File::create(it.path("fleet/lock")).unwrap();
+    lock.lock().unwrap();
+    let (status, _, said) = it.fleet("units", "fleet", &[]);
+    assert!(status == 2 && said.contains("another program writes into this folder"), "{said}");
+    drop(lock);
+    assert_eq!(it.fleet("units", "fleet", &[]).0, 0);
+}
+
+/// A disk without room: an error that names the file, and what was there before is whole.
+#[test]
+fn without_room_the_results_of_before_stand() {
+    let it = Factory::new(2);
+    assert_eq!(it.fleet("units", "fleet", &[]).0, 0);
+    let before = files(&it.path("fleet"));
+    it.write("units/RLG-2/run-1.csv", &csv_bytes(PaperRig::PAPER.run(77)));
+    let program = env!("CARGO_BIN_EXE_sagnac");
+    let line =
+        format!("ulimit -f 8; exec {program} fleet calibrate units --setup bench.toml --model 'bias 2' -o fleet");
+    let output = Command::new("sh").args(["-c", &line]).current_dir(it.0.path()).output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.code() == Some(2) && said.contains("RLG-2.cal.json"), "{said}");
+    assert_eq!(files(&it.path("fleet")), before);
+    assert_eq!(it.fleet("units", "fleet", &[]).0, 0);
+    assert_eq!(column(&it.path("fleet/fleet.parquet"), "outcome").len(), 3);
+}
+
+/// Manifests and patterns that cannot be meant: refused with their place, before anything is written.
+#[test]
+fn sources_that_cannot_be_meant_are_refused() {
+    let it = Factory::new(1);
+    let log = "units/RLG-0/run-1.csv";
+    for (name, text, why) in [
+        ("no-run.csv", "unit,lot\nA,1\n".to_owned(), "lacks a column"),
+        ("odd.csv", format!("unit,run,batch\nA,{log},1\n"), "`batch`"),
+        ("two-lots.csv", format!("unit,run,lot\nA,{log},1\nA,units/RLG-0/run-2.csv,2\n"), "two-lots.csv:3"),
+        ("twice.csv", format!("unit,run\nA,{log}\nA,{log}\n"), "the same log twice"),
+        ("name.csv", format!("unit,run\n../A,{log}\n"), "not a name for a unit"),
+        ("use.csv", format!("unit,run,use\nA,{log},retest\n"), "`calibrate` or `verify`"),
+        ("empty.csv", "unit,run\n".to_owned(), "no line"),
+        ("short.csv", "unit,run,lot\nA\n".to_owned(), "short.csv"),
+    ] {
+        it.write(name, text.as_bytes());
+        let (status, _, said) = it.fleet(name, "fleet", &[]);
+        assert!(status == 2 && said.contains(why), "{name}: {said}");
+    }
+    for (source, why) in [
+        ("units/{unit}/{gyro}.csv", "{gyro}"),
+        ("units/{lot}/*.csv", "without {unit}"),
+        ("units/{unit}/none-{run}.csv", "no file matches"),
+        ("nowhere", "nowhere"),
+    ] {
+        let (status, _, said) = it.fleet(source, "fleet", &[]);
+        assert!(status == 2 && said.contains(why), "{source}: {said}");
+    }
+    let (status, _, said) = it.fleet("units", "fleet", &["--serial", "RLG-7"]);
+    assert!(status == 2 && said.contains("one serial number for all units"), "{said}");
+    assert!(!it.path("fleet").exists());
+}
+
+/// On the basis that all units share, and at the common temperatures, the curve is that of the record.
+#[test]
+fn the_common_basis_is_the_curve_of_the_record() {
+    let it = Factory::new(2);
+    assert_eq!(it.fleet("units", "fleet", &[]).0, 0);
+    let reader = ParquetRecordBatchReaderBuilder::try_new(fs::File::open(it.path("fleet/fleet.parquet")).unwrap());
+    let batch = reader.unwrap().build().unwrap().next().unwrap().unwrap();
+    let list = |name: &str, row: usize| -> Vec<f64> {
+        let values = batch.column_by_name(name).unwrap().as_list::<i32>().value(row);
+        values.as_primitive::<Float64Type>().values().to_vec()
+    };
+    for row in 0..2 {
+        let (beta, curve) = (list("coefficients", row), [list("curve_c", row), list("curve_dph", row)]);
+        let sigmas = list("curve_sigma_dph", row);
+        let lower = list("covariance", row);
+        let reference = batch.column_by_name("reference_c").unwrap().as_primitive::<Float64Type>().value(row);
+        // T_1 and T_2 of x = (T − 20)/60, written out.
+        let basis = |t: f64| [(t - 20.0) / 60.0, 2.0 * ((t - 20.0) / 60.0).powi(2) - 1.0];
+        assert_eq!((beta.len(), lower.len(), curve[0].len()), (2, 3, 4), "20, 25, 30 and 35 °C");
+        for (at, t) in curve[0].iter().enumerate() {
+            let weight: Vec<f64> = basis(*t).iter().zip(basis(reference)).map(|(a, b)| a - b).collect();
+            let drift: f64 = weight.iter().zip(&beta).map(|(w, b)| w * b).sum();
+            assert!((drift - curve[1][at]).abs() < 1e-9 * (1.0 + drift.abs()), "{t} °C: {drift} {}", curve[1][at]);
+            // The curve's own, and what lies beside the model: never less.
+            let of = |i: usize, j: usize| weight[i] * weight[j] * lower[i.max(j) * (i.max(j) + 1) / 2 + i.min(j)];
+            let sigma = (of(0, 0) + 2.0 * of(0, 1) + of(1, 1)).max(0.0).sqrt();
+            assert!(sigma <= sigmas[at] * (1.0 + 1e-6) + 1e-9, "{t} °C: {sigma} {}", sigmas[at]);
+        }
+        // The highest order is only scaled: by the square of the ratio of the two spans.
+        let record: serde_json::Value =
+            serde_json::from_slice(&fs::read(it.path(&format!("fleet/records/RLG-{row}.cal.json"))).unwrap()).unwrap();
+        let axis = &record["axes"][0];
+        let span: Vec<f64> = (0..2).map(|end| axis["span_c"][end].as_f64().unwrap()).collect();
+        let scale = (120.0 / (span[1] - span[0])).powi(2);
+        let of = |key: &str| axis["terms"][1][key].as_f64().unwrap() * scale;
+        assert!((beta[1] / of("value") - 1.0).abs() < 1e-9, "{} {}", beta[1], of("value"));
+        assert!((lower[2].sqrt() / of("sigma") - 1.0).abs() < 1e-6, "{} {}", lower[2].sqrt(), of("sigma"));
+    }
+}

@@ -1,0 +1,94 @@
+//! A folder or a pattern in place of logs: the files that it means, in natural order (run-2 before run-10).
+
+use std::ffi::OsStr;
+use std::path::{Path, PathBuf};
+
+use crate::error::{Error, Result};
+
+/// Endings of logs, each also with .gz behind it.
+const ENDINGS: [&str; 6] = ["csv", "tsv", "parquet", "arrow", "feather", "ulg"];
+
+/// The logs that a path means: those of a folder, or what a pattern (`runs/*.csv`) matches; `None` for any other path, which is one file.
+///
+/// # Errors
+/// A folder without a log or that cannot be read, a pattern that matches nothing.
+pub fn logs_of(path: &Path) -> Result<Option<Vec<PathBuf>>> {
+    match path {
+        path if path.is_dir() => folder(path).map(Some),
+        path if is_pattern(path) => matches(path).map(Some),
+        _ => Ok(None),
+    }
+}
+
+/// The folders in a folder, in natural order; hidden ones are passed over.
+///
+/// # Errors
+/// A folder that cannot be read.
+pub fn folders_in(path: &Path) -> Result<Vec<PathBuf>> {
+    let mut all = entries(path)?;
+    all.retain(|entry| entry.is_dir() && !is_hidden(entry));
+    in_order(&mut all);
+    Ok(all)
+}
+
+/// The files in a folder, in natural order; hidden ones are passed over.
+///
+/// # Errors
+/// A folder that cannot be read.
+pub fn files_in(path: &Path) -> Result<Vec<PathBuf>> {
+    let mut all = entries(path)?;
+    all.retain(|entry| entry.is_file() && !is_hidden(entry));
+    in_order(&mut all);
+    Ok(all)
+}
+
+/// A name with the signs of a pattern that is no file by itself.
+fn is_pattern(path: &Path) -> bool {
+    !path.exists() && path.to_str().is_some_and(|text| text.contains(['*', '?', '[']))
+}
+
+fn is_hidden(path: &Path) -> bool {
+    path.file_name().and_then(OsStr::to_str).is_some_and(|name| name.starts_with('.'))
+}
+
+/// True for the name of a log, packed or not; false for a hidden file.
+fn is_log(path: &Path) -> bool {
+    let name = path.file_name().and_then(OsStr::to_str).unwrap_or_default().to_ascii_lowercase();
+    let name = name.strip_suffix(".gz").unwrap_or(&name);
+    !is_hidden(path) && ENDINGS.iter().any(|ending| name.ends_with(&format!(".{ending}")))
+}
+
+fn entries(path: &Path) -> Result<Vec<PathBuf>> {
+    let failed = |e: std::io::Error| Error::io_path(path, "read", &e);
+    let entries = std::fs::read_dir(path).map_err(failed)?;
+    entries.map(|entry| entry.map(|entry| entry.path()).map_err(failed)).collect()
+}
+
+fn folder(path: &Path) -> Result<Vec<PathBuf>> {
+    let mut logs = entries(path)?;
+    logs.retain(|file| file.is_file() && is_log(file));
+    if logs.is_empty() {
+        return Err(Error::input("no log in this folder").file(path.display().to_string()).help(format!(
+            "the names of logs end in {}; name others one by one",
+            Error::choices(&ENDINGS.map(str::to_owned))
+        )));
+    }
+    in_order(&mut logs);
+    Ok(logs)
+}
+
+fn matches(pattern: &Path) -> Result<Vec<PathBuf>> {
+    let text = pattern.to_str().unwrap_or_default();
+    let refused = |what: String| Error::input(what).file(text);
+    let found = glob::glob(text).map_err(|e| refused(format!("not a pattern of names: {e}")))?;
+    let mut logs: Vec<PathBuf> = found.filter_map(std::result::Result::ok).filter(|path| path.is_file()).collect();
+    if logs.is_empty() {
+        return Err(refused("no file matches this pattern".to_owned()));
+    }
+    in_order(&mut logs);
+    Ok(logs)
+}
+
+fn in_order(paths: &mut [PathBuf]) {
+    alphanumeric_sort::sort_path_slice(paths);
+}

@@ -1,0 +1,198 @@
+//! Which units there are, and what belongs to each.
+//!
+//! ```text
+//! a folder of folders:  SOURCE/RLG-0001/*.csv, with retest/*.csv and a bench.toml of its own where it has them
+//! a pattern:            SOURCE/{lot}/unit={unit}/run={run}.parquet; SOURCE/*/*.csv is that of {unit}/*.csv
+//! a manifest:           unit,lot,rig,run,use,setup       a line for each log; paths from the manifest's folder
+//! ```
+//!
+//! Fails for a unit with two lots, rigs or setups, and for a name that cannot be a file's.
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+use super::pattern::{self, Found};
+use sagnac_log::error::{Error, Result};
+use sagnac_log::paths::{folders_in, logs_of};
+
+/// Setup of a unit in its own folder.
+const OWN_SETUP: &str = "bench.toml";
+/// Folder of its retests.
+const OWN_RETESTS: &str = "retest";
+/// Longest name of a unit: it names files, and stands in an image.
+const MOST_LETTERS: usize = 32;
+/// Columns of a manifest.
+const COLUMNS: [&str; 6] = ["unit", "run", "lot", "rig", "use", "setup"];
+
+/// A gyro and its tests.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct Unit {
+    /// Its name, and its serial number where its setup does not say one.
+    pub name: String,
+    /// Lot; empty where it is not known.
+    pub lot: String,
+    /// Rig; empty where it is not known.
+    pub rig: String,
+    /// Logs of the calibration, each a run unless one goes on in the next.
+    pub runs: Vec<PathBuf>,
+    /// Logs that the calibration is proved on.
+    pub retests: Vec<PathBuf>,
+    /// A setup of its own.
+    pub setup: Option<PathBuf>,
+}
+
+/// What a log is for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) enum Use {
+    #[default]
+    Calibrate,
+    Verify,
+}
+
+impl FromStr for Use {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        match text {
+            "" | "calibrate" => Ok(Self::Calibrate),
+            "verify" => Ok(Self::Verify),
+            _ => Err(Error::input("a log is for `calibrate` or `verify`").column("use").value(text)),
+        }
+    }
+}
+
+/// The units of a folder, a pattern or a manifest.
+///
+/// # Errors
+/// What cannot be read, or names no unit.
+pub fn units_of(source: &Path) -> Result<Vec<Unit>> {
+    if source.is_dir() {
+        return of_folder(source);
+    }
+    if pattern::is_template(source) {
+        return gathered(pattern::matches(source)?);
+    }
+    match logs_of(source)? {
+        Some(logs) => gathered(logs.into_iter().map(by_its_folder).collect()),
+        None => read_manifest(source),
+    }
+}
+
+/// Each folder is a unit, by its name. One without logs is a unit too, which fails by that name.
+fn of_folder(folder: &Path) -> Result<Vec<Unit>> {
+    let all = folders_in(folder)?;
+    if all.is_empty() {
+        return Err(Error::input("no folder of a unit in this folder").file(folder.display().to_string()).help(
+            "each unit has a folder of its own with its logs; or give a pattern, data/{unit}.csv, or a manifest",
+        ));
+    }
+    let logs_in = |path: &Path| logs_of(path).ok().flatten().unwrap_or_default();
+    let unit = |path: &PathBuf| {
+        let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+        checked(&name).map_err(|e| e.file(path.display().to_string()))?;
+        let retests = path.join(OWN_RETESTS);
+        let retests = if retests.is_dir() { logs_in(&retests) } else { Vec::new() };
+        let setup = Some(path.join(OWN_SETUP)).filter(|setup| setup.is_file());
+        Ok(Unit { name, runs: logs_in(path), retests, setup, ..Unit::default() })
+    };
+    all.iter().map(unit).collect()
+}
+
+fn by_its_folder(log: PathBuf) -> Found {
+    let folder = log.parent().and_then(Path::file_name).unwrap_or_default();
+    Found { unit: folder.to_string_lossy().into_owned(), log, ..Found::default() }
+}
+
+fn gathered(found: Vec<Found>) -> Result<Vec<Unit>> {
+    let mut units = Gathered::default();
+    for Found { unit, lot, rig, of, log } in found {
+        let place = log.display().to_string();
+        units.add(Unit { name: unit, lot, rig, ..Unit::default() }, of, log).map_err(|e| e.file(place))?;
+    }
+    Ok(units.all)
+}
+
+/// The units of a manifest, in the order of their first lines.
+fn read_manifest(path: &Path) -> Result<Vec<Unit>> {
+    let name = path.display().to_string();
+    let broken = |e: csv::Error| Error::input(format!("cannot read the manifest: {e}")).file(&name);
+    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_path(path).map_err(broken)?;
+    let headers = reader.headers().map_err(broken)?.clone();
+    let known = format!("its columns: {}; `unit` and `run` are needed", COLUMNS.join(", "));
+    if let Some(odd) = headers.iter().find(|header| !COLUMNS.contains(header)) {
+        return Err(Error::input("a column that a manifest does not have").file(&name).column(odd).help(known));
+    }
+    let column = |wanted: &str| headers.iter().position(|header| header == wanted);
+    if let Some(missing) = ["unit", "run"].into_iter().find(|wanted| column(wanted).is_none()) {
+        return Err(Error::input("the manifest lacks a column").file(&name).column(missing).help(known));
+    }
+    let columns = COLUMNS.map(column);
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let mut units = Gathered::default();
+    for record in reader.records() {
+        let record = record.map_err(broken)?;
+        let line = record.position().map_or(0, csv::Position::line);
+        let [unit, run, lot, rig, of, setup] = columns.map(|at| at.and_then(|at| record.get(at)).unwrap_or_default());
+        let here = |e: Error| e.file(&name).line(line);
+        if run.is_empty() {
+            return Err(here(Error::input("a line without a run").column("run")));
+        }
+        let own = Unit {
+            name: unit.to_owned(),
+            lot: lot.to_owned(),
+            rig: rig.to_owned(),
+            setup: Some(setup).filter(|text| !text.is_empty()).map(|text| folder.join(text)),
+            ..Unit::default()
+        };
+        units.add(own, of.parse().map_err(here)?, folder.join(run)).map_err(here)?;
+    }
+    if units.all.is_empty() {
+        return Err(Error::input("the manifest has no line").file(&name));
+    }
+    Ok(units.all)
+}
+
+/// Units as their logs come.
+#[derive(Default)]
+struct Gathered {
+    all: Vec<Unit>,
+    places: HashMap<String, usize>,
+}
+
+impl Gathered {
+    fn add(&mut self, own: Unit, of: Use, log: PathBuf) -> Result<()> {
+        checked(&own.name)?;
+        let next = self.all.len();
+        let at = *self.places.entry(own.name.clone()).or_insert(next);
+        if at == next {
+            self.all.push(own);
+        } else if let unit = &self.all[at]
+            && (&unit.lot, &unit.rig, &unit.setup) != (&own.lot, &own.rig, &own.setup)
+        {
+            return Err(Error::input("another lot, rig or setup than for a log of this unit before")
+                .column("unit")
+                .value(&own.name)
+                .help("a unit that was tested on two rigs is two entries with two names"));
+        }
+        let unit = &mut self.all[at];
+        let logs = if of == Use::Verify { &mut unit.retests } else { &mut unit.runs };
+        if logs.contains(&log) {
+            return Err(Error::input("the same log twice").column("run").value(log.display().to_string()));
+        }
+        logs.push(log);
+        Ok(())
+    }
+}
+
+/// A name that can be a file's on any system.
+fn checked(name: &str) -> Result<()> {
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || ['-', '_', '.', '='].contains(&c);
+    if name.is_empty() || name.starts_with('.') || name.len() > MOST_LETTERS || !name.chars().all(is_plain) {
+        return Err(Error::input("not a name for a unit").column("unit").value(name).help(format!(
+            "up to {MOST_LETTERS} letters, digits, - _ . and =, without a point in front: it names files and is the serial number"
+        )));
+    }
+    Ok(())
+}

@@ -1,0 +1,250 @@
+//! What came of a unit: the row of the table, and `units/UNIT.json`.
+
+use serde::{Deserialize, Serialize};
+
+use super::Unit;
+use super::common_basis::{CommonBasis, common_curve, on_common_basis};
+use crate::calibration::{AxisCalibration, Calibration};
+use crate::verify::{AxisVerification, Verification};
+use sagnac_log::error::{Error, ErrorKind};
+
+/// Version of a unit's result.
+pub(super) const VERSION: u32 = 1;
+
+/// What came of a unit.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct UnitResult {
+    /// Version of this form.
+    pub version: u32,
+    /// Name in the manifest.
+    pub unit: String,
+    /// Lot; empty where it is not known.
+    pub lot: String,
+    /// Rig; empty where it is not known.
+    pub rig: String,
+    /// What it was made of, as a hash; another key means another result. Empty where its logs cannot be read.
+    pub key: String,
+    /// Calibrated, refused or failed.
+    pub outcome: Outcome,
+    /// Why not, where it was not calibrated.
+    pub refusal: Option<Refusal>,
+    /// SHA-256 of its record.
+    pub record_sha256: Option<String>,
+    /// Serial number in the record.
+    pub serial: Option<String>,
+    /// Time of the newest sample in the log's own time, or SOURCE_DATE_EPOCH, s.
+    pub time_s: Option<f64>,
+    /// What its retest came to.
+    pub acceptance: Acceptance,
+    /// Why a retest was not judged.
+    pub retest_refusal: Option<Refusal>,
+    /// SHA-256 of its verification.
+    pub proof_sha256: Option<String>,
+    /// One per axis.
+    pub axes: Vec<AxisResult>,
+}
+
+/// How a calibration ended.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Outcome {
+    /// There is a record.
+    Calibrated,
+    /// The data cannot support a calibration.
+    Refused,
+    /// A log or setup that cannot be read.
+    #[default]
+    Failed,
+}
+
+impl Outcome {
+    /// Its word in the table.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Calibrated => "calibrated",
+            Self::Refused => "refused",
+            Self::Failed => "failed",
+        }
+    }
+}
+
+/// What the retest of a unit came to.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Acceptance {
+    /// No retest, or no record to retest.
+    #[default]
+    NoRetest,
+    /// Replayed, without limits to be met.
+    NoLimits,
+    /// Every limit that applies is met.
+    Met,
+    /// A limit is not met.
+    NotMet,
+    /// No limit is failed, but the uncertainty of one reaches across its bound.
+    NotDecided,
+    /// The retest cannot be read or judged.
+    NotJudged,
+}
+
+impl Acceptance {
+    /// Its words in the table.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::NoRetest => "no retest",
+            Self::NoLimits => "no limits",
+            Self::Met => "met",
+            Self::NotMet => "not met",
+            Self::NotDecided => "not decided",
+            Self::NotJudged => "not judged",
+        }
+    }
+
+    /// A retest that was to be judged and did not pass.
+    pub fn is_bad(self) -> bool {
+        matches!(self, Self::NotMet | Self::NotDecided | Self::NotJudged)
+    }
+
+    fn of(verification: &Verification) -> Self {
+        if verification.axes.iter().all(|axis| axis.pass.is_none()) {
+            return Self::NoLimits;
+        }
+        let all = || verification.axes.iter().flat_map(|axis| &axis.limits);
+        let failed = all().any(|limit| limit.pass == Some(false) && limit.undecided_hours.is_none());
+        match (verification.passed(), failed) {
+            (true, _) => Self::Met,
+            (false, false) if all().any(|limit| limit.pass == Some(false)) => Self::NotDecided,
+            (false, _) => Self::NotMet,
+        }
+    }
+}
+
+/// Why a unit was not calibrated, or not judged.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct Refusal {
+    /// What was wrong.
+    pub reason: String,
+    /// Where.
+    pub place: String,
+    /// What to do.
+    pub help: Option<String>,
+}
+
+impl From<Error> for Refusal {
+    fn from(error: Error) -> Self {
+        let Error { what, place, help, .. } = error;
+        Self { reason: what, place: place.to_string(), help }
+    }
+}
+
+/// What a table says of an axis.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct AxisResult {
+    /// Its letter.
+    pub axis: String,
+    /// In the words of `--model`.
+    pub model: String,
+    /// T0, °C.
+    pub reference_c: f64,
+    /// Span of the thermometer of the fit, °C.
+    pub span_c: [f64; 2],
+    /// Lag of its temperature, s.
+    pub lag_s: Option<f64>,
+    /// Coefficients on the basis that all units share; null where the model has none there.
+    pub common: Option<CommonBasis>,
+    /// Temperature, °C, drift at rest less that at T0, and its σ, °/h.
+    pub curve: Vec<[f64; 3]>,
+    /// Mean of the run offsets, the rate at T0 and rest, °/h.
+    pub mean_offset_dph: Option<f64>,
+    /// σ of the residual of a nominal window, °/h.
+    pub residual_dph: Option<f64>,
+    /// Root mean square of held-out residuals, °/h.
+    pub held_out_dph: Option<f64>,
+    /// Noise floor of a nominal window, °/h.
+    pub noise_floor_dph: Option<f64>,
+    /// Angle random walk, °/√h.
+    pub n_deg_rt_h: Option<f64>,
+    /// Quantization, arcsec.
+    pub q_arcsec: Option<f64>,
+    /// Bias instability, °/h; null where the residual holds none.
+    pub bias_instability_dph: Option<f64>,
+    /// Scale factor at T0 from nominal, ppm; null without a rate table.
+    pub scale_ppm: Option<f64>,
+    /// σ of the retest before the correction, °/h.
+    pub retest_before_dph: Option<f64>,
+    /// And after it.
+    pub retest_after_dph: Option<f64>,
+    /// Limits that are not met or not decided.
+    pub limits_not_met: Vec<String>,
+}
+
+impl UnitResult {
+    /// A unit of which nothing is known yet.
+    pub(super) fn begun(unit: &Unit, key: String) -> Self {
+        let Unit { name, lot, rig, .. } = unit.clone();
+        Self { version: VERSION, unit: name, lot, rig, key, ..Self::default() }
+    }
+
+    pub(super) fn calibrated(&mut self, calibration: &Calibration, record_sha256: String) {
+        self.outcome = Outcome::Calibrated;
+        self.record_sha256 = Some(record_sha256);
+        self.serial = Some(calibration.serial.clone());
+        self.time_s = Some(calibration.provenance.time_s);
+        self.axes = calibration.axes.iter().map(AxisResult::of).collect();
+    }
+
+    pub(super) fn refused(&mut self, error: Error) {
+        self.outcome = if error.kind == ErrorKind::Refused { Outcome::Refused } else { Outcome::Failed };
+        self.refusal = Some(error.into());
+    }
+
+    pub(super) fn proved(&mut self, verification: &Verification, proof_sha256: String) {
+        self.acceptance = Acceptance::of(verification);
+        self.proof_sha256 = Some(proof_sha256);
+        for proved in &verification.axes {
+            let letter = proved.axis.to_string();
+            self.axes.iter_mut().filter(|axis| axis.axis == letter).for_each(|axis| axis.prove(proved));
+        }
+    }
+
+    pub(super) fn not_judged(&mut self, error: Error) {
+        self.acceptance = Acceptance::NotJudged;
+        self.retest_refusal = Some(error.into());
+    }
+}
+
+impl AxisResult {
+    fn of(axis: &AxisCalibration) -> Self {
+        let fit = axis.fit.as_ref();
+        let offsets = &axis.run_offsets;
+        let sum: f64 = offsets.iter().map(|offset| offset.value_dph).sum();
+        Self {
+            axis: axis.axis.to_string(),
+            model: axis.correction.model.to_string(),
+            reference_c: axis.reference_c(),
+            span_c: axis.span_c(),
+            lag_s: axis.lag_s().map(|lag| lag.value),
+            common: on_common_basis(axis),
+            curve: common_curve(axis),
+            mean_offset_dph: (!offsets.is_empty()).then(|| sum / offsets.len() as f64),
+            residual_dph: axis.residual().map(|residual| residual.sigma_dph),
+            held_out_dph: axis.cross_validation().map(|held_out| held_out.sigma_dph),
+            noise_floor_dph: axis.noise_floor().map(|floor| floor.value_dph),
+            n_deg_rt_h: axis.noise_floor().map(|floor| floor.n_deg_rt_h),
+            q_arcsec: axis.noise_floor().map(|floor| floor.q_arcsec),
+            bias_instability_dph: fit.and_then(|fit| fit.slow_noise.as_ref()?.bias_instability_dph),
+            scale_ppm: axis.scale_factor().map(|scale| scale.at_reference.ppm),
+            ..Self::default()
+        }
+    }
+
+    fn prove(&mut self, proved: &AxisVerification) {
+        self.retest_before_dph = Some(proved.before.sigma_dph);
+        self.retest_after_dph = Some(proved.after.sigma_dph);
+        let failed = proved.limits.iter().filter(|limit| limit.pass == Some(false));
+        self.limits_not_met = failed.map(|limit| limit.name.clone()).collect();
+    }
+}
