@@ -1,7 +1,7 @@
 //! Of a fleet: manifests, tables of Parquet, results of units.
 #![no_main]
 
-use sagnac::fleet::{UnitResult, table_summary, units_of};
+use sagnac::fleet::{Prior, UnitResult, table_summary, units_of};
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     sagnac_fuzz::only_our_own_panics_are_findings();
@@ -12,4 +12,10 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     }
     let _ = table_summary(file.path());
     let _ = serde_json::from_slice::<UnitResult>(bytes);
+    if let Ok(prior) =
+        std::str::from_utf8(bytes).map_err(|_| ()).and_then(|text| Prior::from_json(text).map_err(|_| ()))
+    {
+        let text = prior.to_json().expect("a prior that was read can be written");
+        assert_eq!(Prior::from_json(&text).expect("and read again").to_json().expect("and again"), text);
+    }
 });

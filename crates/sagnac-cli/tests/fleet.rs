@@ -360,3 +360,68 @@ fn the_common_basis_is_the_curve_of_the_record() {
         assert!((lower[2].sqrt() / of("sigma") - 1.0).abs() < 1e-6, "{} {}", lower[2].sqrt(), of("sigma"));
     }
 }
+
+/// The prior of units whose curves were drawn here: mean and scatter of the quadratic in closed form, merged from two halves to the same
+/// bytes, and an odd unit named.
+#[test]
+fn the_prior_of_a_fleet_is_that_of_its_units() {
+    let it = Factory::new(0);
+    // 24 equal steps: variance n(n + 1)/12 of a step squared.
+    let (n, step) = (24_u64, 0.02);
+    let [a, b, c] = PaperRig::PAPER.coefficients;
+    let mut units = "unit,lot,run\n".to_owned();
+    for unit in 0..n {
+        let rig = PaperRig { coefficients: [a + step * unit as f64, b, c], windows: 60, ..PaperRig::PAPER };
+        it.write(&format!("logs/{unit}.csv"), &csv_bytes(rig.run(unit)));
+        units += &format!("RLG-{unit},,logs/{unit}.csv\n");
+    }
+    it.write("manifest.csv", units.as_bytes());
+    assert_eq!(it.fleet("manifest.csv", "fleet", &[]).0, 0);
+    let (status, said, _) = it.run(&["fleet", "prior", "fleet", "-o", "fleet.prior.json", "--json"]);
+    assert_eq!(status, 0);
+    let prior: serde_json::Value = serde_json::from_str(&said).unwrap();
+    assert_eq!(prior["terms"], serde_json::json!(["bias 1", "bias 2"]));
+    // Counts of 1.059 arcsec in 100 s are 0.01059 °/h; T² is 60²·(T_2(x) + 1)/2 + ….
+    let per_a = 0.01059 * 1800.0;
+    let mean = prior["fleet"]["mean"][1].as_f64().unwrap();
+    let sigma = prior["fleet"]["covariance"][2].as_f64().unwrap().sqrt();
+    let wanted = [per_a * (a + step * (n - 1) as f64 / 2.0), per_a * step * ((n * (n + 1)) as f64 / 12.0).sqrt()];
+    assert!((mean / wanted[0] - 1.0).abs() < 0.02, "{mean} for {}", wanted[0]);
+    assert!((sigma / wanted[1] - 1.0).abs() < 0.05, "{sigma} for {}", wanted[1]);
+
+    // As text, and of a unit that is not of this fleet.
+    let odd = PaperRig { coefficients: [a + 9.0, b, c], windows: 60, ..PaperRig::PAPER };
+    it.write("odd/RLG-99/run.csv", &csv_bytes(odd.run(99)));
+    assert_eq!(it.fleet("odd", "fleet", &[]).0, 0);
+    let (status, said, _) = it.run(&["fleet", "prior", "fleet", "-o", "with-odd.json"]);
+    assert!(status == 0 && said.contains("not used: RLG-99 x, odd: bias"), "{said}");
+    let sums = |name: &str| {
+        let text = fs::read_to_string(it.path(name)).unwrap();
+        serde_json::from_str::<serde_json::Value>(&text).unwrap()["sums"].clone()
+    };
+    assert_eq!(sums("with-odd.json"), sums("fleet.prior.json"));
+
+    // Merged with itself: twice the axes, the same mean.
+    let (status, said, _) = it.run(&["fleet", "prior", "fleet.prior.json", "fleet.prior.json", "--json"]);
+    let twice: serde_json::Value = serde_json::from_str(&said).unwrap();
+    assert!(status == 0 && twice["fleet"]["axes"] == 2 * n, "{said}");
+    assert_eq!(twice["fleet"]["mean"], prior["fleet"]["mean"]);
+    let (_, said, _) = it.run(&["inspect", "fleet.prior.json"]);
+    assert!(said.contains("a prior of a fleet for `bias 2`, of 24 axes"), "{said}");
+    let (_, said, _) = it.run(&["inspect", "fleet/fleet.parquet"]);
+    assert!(said.contains("a fleet of 25 units, 25 calibrated"), "{said}");
+
+    // Too few, another model, rubbish.
+    it.write("few/RLG-1/run.csv", &csv_bytes(PaperRig::PAPER.run(1)));
+    assert_eq!(it.fleet("few", "few-fleet", &[]).0, 0);
+    for (args, status, why) in [
+        (["fleet", "prior", "few-fleet", "--json"], 3, "too few"),
+        (["fleet", "prior", "fleet", "--model=bias 7"], 3, "0 axes of `bias 7`"),
+        (["fleet", "prior", "fleet.prior.json", "--model=bias 7"], 2, "a prior for `bias 2`"),
+        (["fleet", "prior", "manifest.csv", "--json"], 2, "not a prior of a fleet"),
+        (["fleet", "prior", "nowhere", "--json"], 2, "nowhere"),
+    ] {
+        let (got, out, said) = it.run(&args);
+        assert!(got == status && (said.contains(why) || out.contains(why)), "{args:?}: {got} {said}");
+    }
+}

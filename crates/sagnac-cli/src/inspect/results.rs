@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use sagnac::fleet::{UnitResult, table_summary};
+use sagnac::fleet::{Prior, UnitResult, table_summary};
 use sagnac::verify::{Judged, Limits, Verification};
 use sagnac::{Error, Result};
 use sagnac_board::Message;
@@ -90,6 +90,13 @@ pub(super) fn json(path: &Path, console: &mut Console) -> Result<bool> {
     {
         let what = format!("what `sagnac fleet calibrate` found of {}: {}", unit.unit, crate::fleet::line(&unit));
         return said("fleet_unit", what, console);
+    }
+    if let Ok(prior) = Prior::from_json(&text) {
+        let what = format!(
+            "a prior of a fleet for `{}`, of {} axes; `sagnac fleet prior` merges it",
+            prior.model, prior.fleet.axes
+        );
+        return said("fleet_prior", what, console);
     }
     if let Some(kind) = peek.kind {
         return said("inspection", format!("what `sagnac inspect` said of a {kind}"), console);

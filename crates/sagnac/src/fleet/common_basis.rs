@@ -30,7 +30,9 @@ pub const COMMON_TEMPERATURES_C: [f64; 33] = [
 pub struct CommonBasis {
     /// Names: `bias 1`, `rate 0`, `slow rate 0`.
     pub terms: Vec<String>,
-    /// In °/h, °/h per °C/min, ppm.
+    /// Unit of each coefficient: `deg/h`, `deg/h per degC/min`, `ppm`.
+    pub units: Vec<String>,
+    /// Their values.
     pub coefficients: Vec<f64>,
     /// Their covariance: the lower triangle, row by row.
     pub covariance: Vec<f64>,
@@ -43,7 +45,7 @@ type Weights = Vec<(usize, f64)>;
 pub(super) fn on_common_basis(axis: &AxisCalibration) -> Option<CommonBasis> {
     let terms = &axis.correction.terms;
     // Name of each new term, with the own terms that it is made of and how much of each.
-    let mut rows: BTreeMap<(usize, usize), (String, Weights)> = BTreeMap::new();
+    let mut rows: BTreeMap<(usize, usize), (Term, Weights)> = BTreeMap::new();
     for (own, term) in terms.iter().enumerate() {
         let order = term.shape.order().filter(|_| axis.is_of_thermometer(term))?;
         let powers = powers_of_chebyshev(axis.span(), u8::try_from(order).ok()?);
@@ -52,11 +54,11 @@ pub(super) fn on_common_basis(axis: &AxisCalibration) -> Option<CommonBasis> {
         {
             let like = Term { shape: Shape::Chebyshev { order: u8::try_from(n).ok()? }, ..term.clone() };
             let series = terms.iter().position(|other| is_of_series(other, term))?;
-            let row = rows.entry((series, n)).or_insert_with(|| (axis.name_of(&like), Vec::new()));
+            let row = rows.entry((series, n)).or_insert_with(|| (like, Vec::new()));
             row.1.push((own, weight));
         }
     }
-    let rows: Vec<(String, Weights)> = rows.into_values().collect();
+    let rows: Vec<(Term, Weights)> = rows.into_values().collect();
     let coefficient = |row: &[(usize, f64)]| row.iter().map(|(own, weight)| weight * terms[*own].value).sum();
     let in_covariance = |row: &[(usize, f64)]| -> Option<Weights> {
         row.iter().map(|(own, weight)| Some((axis.row_of(&terms[*own])?, *weight))).collect()
@@ -66,7 +68,8 @@ pub(super) fn on_common_basis(axis: &AxisCalibration) -> Option<CommonBasis> {
     Some(CommonBasis {
         coefficients: rows.iter().map(|(_, row)| coefficient(row)).collect(),
         covariance: lower.map(|(a, b)| axis.covariance_between(a, b)).collect(),
-        terms: rows.into_iter().map(|(name, _)| name).collect(),
+        terms: rows.iter().map(|(like, _)| axis.name_of(like)).collect(),
+        units: rows.into_iter().map(|(like, _)| like.unit).collect(),
     })
 }
 

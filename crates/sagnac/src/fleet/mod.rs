@@ -14,6 +14,7 @@
 mod common_basis;
 mod manifest;
 mod pattern;
+mod prior;
 mod result;
 #[cfg(feature = "parquet")]
 mod table;
@@ -26,6 +27,7 @@ use std::sync::{Mutex, PoisonError};
 
 pub use common_basis::{COMMON_SPAN, COMMON_TEMPERATURES_C, CommonBasis};
 pub use manifest::{Unit, units_of};
+pub use prior::{ExactSum, LotMean, NotUsed, Population, Prior, Sums};
 pub use result::{Acceptance, AxisResult, Outcome, Refusal, UnitResult};
 #[cfg(feature = "parquet")]
 pub use table::{TableSummary, table_summary};

@@ -127,6 +127,7 @@ fn batch_of(rows: &[Row<'_>]) -> std::result::Result<RecordBatch, arrow_schema::
         ("lag_s", of_axis(|axis| axis.lag_s)),
         ("mean_offset_dph", of_axis(|axis| axis.mean_offset_dph)),
         ("terms", texts(rows, |axis| axis.common.as_ref().map(|common| common.terms.as_slice()))),
+        ("units", texts(rows, |axis| axis.common.as_ref().map(|common| common.units.as_slice()))),
         ("coefficients", common(|common| &common.coefficients)),
         ("covariance", common(|common| &common.covariance)),
         ("curve_c", curve(0)),

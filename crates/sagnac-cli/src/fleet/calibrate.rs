@@ -1,4 +1,4 @@
-//! `sagnac fleet`: the same for a factory's gyros, unit by unit.
+//! `sagnac fleet calibrate`: the same for a factory's gyros, unit by unit.
 
 use std::collections::BTreeMap;
 use std::num::NonZeroUsize;
@@ -19,18 +19,6 @@ use crate::files::Files;
 use crate::progress::Units;
 use crate::setup_args::SetupArgs;
 
-/// Calibrate a factory's gyros, unit by unit
-#[derive(clap::Args)]
-pub(crate) struct Args {
-    #[command(subcommand)]
-    command: Command,
-}
-
-#[derive(clap::Subcommand)]
-enum Command {
-    Calibrate(Box<CalibrateArgs>),
-}
-
 /// Calibrate every unit of a folder or a manifest
 ///
 /// Records are those of `sagnac calibrate`, byte for byte. A unit without a calibration is a row with its reason, and exit status 1. A
@@ -41,7 +29,7 @@ Examples:
   sagnac fleet calibrate units/ --setup bench.toml -o fleet/ --limits navigation-grade
   sagnac fleet calibrate 'data/{lot}/unit={unit}/{use}-{run}.parquet' --setup bench.toml -o fleet/
   sagnac fleet calibrate manifest.csv -o fleet/")]
-struct CalibrateArgs {
+pub(crate) struct Args {
     /// Units: a folder with a folder for each (its logs, those in retest/, its bench.toml), a pattern of logs with {unit}, or a
     /// manifest, CSV with the columns unit, run, and lot, rig, use (calibrate or verify), setup
     source: PathBuf,
@@ -62,16 +50,9 @@ struct CalibrateArgs {
     threads: Option<NonZeroUsize>,
     /// One JSON object on standard output, text on standard error
     #[arg(long)]
-    json: bool,
+    pub(super) json: bool,
     #[command(flatten)]
     setup: SetupArgs,
-}
-
-impl Args {
-    pub(crate) fn is_json(&self) -> bool {
-        let Command::Calibrate(args) = &self.command;
-        args.json
-    }
 }
 
 /// What a run of a fleet came to.
@@ -91,7 +72,6 @@ struct Summary {
 }
 
 pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
-    let Command::Calibrate(args) = &args.command;
     Files::new().reads(&args.setup.setup).check()?;
     let units = units_of(&args.source)?;
     let setup = args.setup.over(Setup::default())?;

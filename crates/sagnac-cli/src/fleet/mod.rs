@@ -1,0 +1,37 @@
+//! `sagnac fleet`: a factory's gyros.
+
+mod calibrate;
+mod prior;
+
+pub(crate) use calibrate::line;
+
+use crate::console::{Console, Ran};
+
+/// Calibrate a factory's gyros, and learn from them what the next one is like
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(clap::Subcommand)]
+enum Command {
+    Calibrate(Box<calibrate::Args>),
+    Prior(prior::Args),
+}
+
+impl Args {
+    pub(crate) fn is_json(&self) -> bool {
+        match &self.command {
+            Command::Calibrate(args) => args.json,
+            Command::Prior(args) => args.json,
+        }
+    }
+}
+
+pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
+    match &args.command {
+        Command::Calibrate(args) => calibrate::run(args, console),
+        Command::Prior(args) => prior::run(args, console),
+    }
+}

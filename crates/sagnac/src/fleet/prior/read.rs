@@ -1,0 +1,60 @@
+//! A prior as a file.
+
+use std::path::Path;
+
+use super::{FORMAT, Head, Prior, VERSION};
+use sagnac_log::error::{Error, Result};
+use sagnac_log::read::read_text;
+
+/// Longest file: 64 terms of a thousand lots are 100 MB.
+const MOST_BYTES: u64 = 256 << 20;
+
+/// Axes of a lot.
+const MOST_AXES: u64 = 1 << 32;
+
+impl Prior {
+    /// As JSON.
+    ///
+    /// # Errors
+    /// A number that JSON does not have.
+    pub fn to_json(&self) -> Result<String> {
+        let text = serde_json::to_string_pretty(self);
+        text.map(|text| text + "\n").map_err(|e| Error::input(format!("cannot write the prior: {e}")))
+    }
+
+    /// Reads and checks one. Means and covariances are made anew of the sums: what somebody wrote into them does not count.
+    ///
+    /// # Errors
+    /// Unreadable, of another version, or with sums that do not belong together.
+    pub fn read(path: &Path) -> Result<Self> {
+        let text = read_text(path, "read the prior", MOST_BYTES)?;
+        Self::from_json(&text).map_err(|e| e.file(path.display().to_string()))
+    }
+
+    /// The same of a text.
+    ///
+    /// # Errors
+    /// As [`Prior::read`].
+    pub fn from_json(text: &str) -> Result<Self> {
+        let found: Self =
+            serde_json::from_str(text).map_err(|e| Error::input(format!("not a prior of a fleet: {e}")))?;
+        if found.format != FORMAT || found.version != VERSION {
+            let what = format!("{} version {}; this program reads {FORMAT} {VERSION}", found.format, found.version);
+            return Err(Error::input(what));
+        }
+        let p = found.terms.len();
+        let triangle = p * (p + 1) / 2;
+        let fits = found
+            .sums
+            .values()
+            .all(|sums| [sums.value.len(), sums.product.len(), sums.covariance.len()] == [p, triangle, triangle]);
+        if !fits || found.units.len() != p || found.sums.values().any(|sums| !(1..=MOST_AXES).contains(&sums.axes)) {
+            return Err(Error::input("sums that do not fit the terms").column("sums"));
+        }
+        if found.span_c[0].partial_cmp(&found.span_c[1]) != Some(std::cmp::Ordering::Less) {
+            return Err(Error::input("a span that ends before it begins").column("span_c"));
+        }
+        let Self { model, terms, units, span_c, not_used, sums, .. } = found;
+        Self::of_sums(Head { model, terms, units, span_c }, not_used, sums)
+    }
+}

@@ -1,0 +1,244 @@
+//! Against fleets of known truth, drawn here: by hundreds, never by one.
+
+use super::*;
+use crate::fleet::Outcome;
+
+/// A stream of normal values: Marsaglia's polar method on a 64-bit generator of Vigna (splitmix64).
+struct Draws(u64);
+
+impl Draws {
+    fn uniform(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) >> 11) as f64 * 2f64.powi(-53)
+    }
+
+    fn normal(&mut self) -> f64 {
+        loop {
+            let [a, b] = [self.uniform(), self.uniform()].map(|u| 2.0 * u - 1.0);
+            let s = a * a + b * b;
+            if s > 0.0 && s < 1.0 {
+                return a * (-2.0 * s.ln() / s).sqrt();
+            }
+        }
+    }
+
+    /// L·z.
+    fn with(&mut self, factor: &[[f64; 3]; 3]) -> [f64; 3] {
+        let z = [self.normal(), self.normal(), self.normal()];
+        factor.map(|row| row.iter().zip(z).map(|(l, z)| l * z).sum())
+    }
+}
+
+const MEAN: [f64; 3] = [0.3, -0.1, 0.05];
+/// Factors of Σ and of V: both with correlations, of terms of different sizes.
+const OF_UNITS: [[f64; 3]; 3] = [[0.2, 0.0, 0.0], [0.05, 0.08, 0.0], [-0.02, 0.03, 0.04]];
+const OF_TESTS: [[f64; 3]; 3] = [[0.05, 0.0, 0.0], [-0.02, 0.04, 0.0], [0.01, 0.01, 0.02]];
+
+fn product(factor: &[[f64; 3]; 3]) -> Vec<f64> {
+    let entry = |i: usize, j: usize| (0..3).map(|k| factor[i][k] * factor[j][k]).sum::<f64>();
+    (0..3).flat_map(|i| (0..=i).map(move |j| entry(i, j))).collect()
+}
+
+fn unit(name: usize, lot: &str, beta: [f64; 3], covariance: Vec<f64>) -> UnitResult {
+    let terms = ["bias 1", "bias 2", "rate 0"].map(str::to_owned).to_vec();
+    let units = ["deg/h", "deg/h", "deg/h per degC/min"].map(str::to_owned).to_vec();
+    let axis = AxisResult {
+        axis: "x".to_owned(),
+        model: "bias 2, rate 0".to_owned(),
+        span_c: [-40.0, 70.0],
+        common: Some(CommonBasis { terms, units, coefficients: beta.to_vec(), covariance }),
+        ..AxisResult::default()
+    };
+    UnitResult {
+        unit: format!("RLG-{name}"),
+        lot: lot.to_owned(),
+        outcome: Outcome::Calibrated,
+        axes: vec![axis],
+        ..UnitResult::default()
+    }
+}
+
+/// A fleet: units about the mean of their lot, each tested with an uncertainty of its own.
+fn fleet(draws: &mut Draws, units: usize, lots: &[f64]) -> Vec<UnitResult> {
+    let of_one = |at: usize, draws: &mut Draws| {
+        let lot = at % lots.len();
+        let size = 0.5 + draws.uniform();
+        let (own, error) = (draws.with(&OF_UNITS), draws.with(&OF_TESTS));
+        let beta = std::array::from_fn(|k| MEAN[k] + lots[lot] + own[k] + size * error[k]);
+        unit(at, &format!("lot {lot}"), beta, product(&OF_TESTS).iter().map(|v| v * size * size).collect())
+    };
+    (0..units).map(|at| of_one(at, draws)).collect()
+}
+
+/// Mean and its standard error of each entry over many priors.
+fn over(priors: &[Vec<f64>]) -> Vec<[f64; 2]> {
+    let n = priors.len() as f64;
+    let of = |at: usize| {
+        let mean = priors.iter().map(|prior| prior[at]).sum::<f64>() / n;
+        let square = priors.iter().map(|prior| (prior[at] - mean).powi(2)).sum::<f64>() / (n - 1.0);
+        [mean, (square / n).sqrt()]
+    };
+    (0..priors[0].len()).map(of).collect()
+}
+
+/// 400 fleets of 60: μ̂ and Σ̂ are those of the units, without what their tests add; S is not.
+#[test]
+fn mean_and_scatter_are_the_units_own() {
+    let mut draws = Draws(1);
+    let priors: Vec<Prior> = (0..400).map(|_| Prior::learned(&fleet(&mut draws, 60, &[0.0]), None).unwrap()).collect();
+    let of = |figures: fn(&Population) -> Vec<f64>| over(&priors.iter().map(|p| figures(&p.fleet)).collect::<Vec<_>>());
+    for (got, wanted) in of(|fleet| fleet.mean.clone()).iter().zip(MEAN) {
+        assert!((got[0] - wanted).abs() < 4.0 * got[1], "{got:?} for {wanted}");
+    }
+    let truth = product(&OF_UNITS);
+    for ([got, error], wanted) in of(|fleet| fleet.covariance.clone()).iter().zip(&truth) {
+        // Measured: the positive part and the bound on odd units move an entry by less than 2 % of the largest beside it.
+        assert!((got - wanted).abs() < 4.0 * error + 0.0006, "{got} ± {error} for {wanted}");
+    }
+    let with_tests: f64 = truth[0] + product(&OF_TESTS)[0] * (1.0 + 1.0 / 12.0);
+    assert!((with_tests / truth[0] - 1.0) > 0.05, "the tests add something that can be seen");
+    assert!(priors.iter().all(|prior| prior.fleet.directions == 3 && prior.within_lots.is_none()));
+}
+
+/// Coverage of the next unit: its true curve and rate effect lie within the 95 % interval of the fleet at every temperature, as often as
+/// they should. Together they are within the ellipsoid less often, because the least of sixty units' scatters is too small.
+#[test]
+fn the_next_unit_is_where_the_prior_says() {
+    let mut draws = Draws(2);
+    let temperatures = [-40.0, -10.0, 5.0, 40.0, 70.0];
+    let (mut within, mut in_ellipsoid) = ([0; 6], 0);
+    for _ in 0..2000 {
+        let prior = Prior::learned(&fleet(&mut draws, 60, &[0.0]), None).unwrap();
+        let own = draws.with(&OF_UNITS);
+        let away = DVector::from_iterator(3, (0..3).map(|k| MEAN[k] + own[k] - prior.fleet.mean[k]));
+        let sigma = symmetric(&prior.fleet.covariance, 3);
+        // Student's t of 59 degrees: 2.001.
+        let next = symmetric(&prior.fleet.of_next_unit(), 3);
+        let curve = temperatures.map(|t: f64| {
+            let x = (t - 20.0) / 60.0;
+            DVector::from_column_slice(&[x, 2.0 * x * x, 0.0])
+        });
+        let rate = DVector::from_column_slice(&[0.0, 0.0, 1.0]);
+        for (count, weight) in within.iter_mut().zip(curve.iter().chain([&rate])) {
+            *count += u32::from(weight.dot(&away).abs() < 2.001 * weight.dot(&(&next * weight)).sqrt());
+        }
+        // χ² of three degrees, 95 %: 7.815.
+        in_ellipsoid += u32::from(away.dot(&(sigma.try_inverse().unwrap() * &away)) < 7.815);
+    }
+    for count in within {
+        let part = f64::from(count) / 2000.0;
+        assert!((0.93..0.97).contains(&part), "{within:?}");
+    }
+    let part = f64::from(in_ellipsoid) / 2000.0;
+    assert!((0.83..0.91).contains(&part), "{part}");
+}
+
+/// Tests alone scatter the results: of units that are all equal the prior says so.
+#[test]
+fn equal_units_have_no_scatter() {
+    let mut draws = Draws(3);
+    let mut sigmas = Vec::new();
+    for _ in 0..100 {
+        let units: Vec<UnitResult> = (0..60)
+            .map(|at| {
+                let error = draws.with(&OF_TESTS);
+                unit(at, "", std::array::from_fn(|k| MEAN[k] + error[k]), product(&OF_TESTS))
+            })
+            .collect();
+        let prior = Prior::learned(&units, None).unwrap();
+        sigmas.push(prior.fleet.sigma(0) / prior.fleet.sigma_of_tests(0));
+    }
+    sigmas.sort_by(f64::total_cmp);
+    // A plain difference of variances would be negative in a half of the fleets.
+    assert!(sigmas.iter().all(|ratio| *ratio >= 0.0) && sigmas[50] < 0.45, "median {}", sigmas[50]);
+}
+
+/// Odd units are excluded by name and change nothing; units of the fleet are not.
+#[test]
+fn odd_units_are_named_and_do_not_count() {
+    let mut draws = Draws(4);
+    let (mut caught, mut wrong, mut units_in_all) = (0, 0, 0);
+    let mut ratios = Vec::new();
+    for _ in 0..200 {
+        let mut units = fleet(&mut draws, 60, &[0.0, 0.4, -0.3]);
+        let clean = Prior::learned(&units, None).unwrap();
+        for (at, by) in [(7, 3.0), (31, -2.5), (50, 2.0)] {
+            if let Some(common) = &mut units[at].axes[0].common {
+                common.coefficients[at % 3] += by;
+            }
+        }
+        let prior = Prior::learned(&units, None).unwrap();
+        let named: Vec<&str> = prior.not_used.iter().map(|part| part.axis.as_str()).collect();
+        caught += ["RLG-7 x", "RLG-31 x", "RLG-50 x"].iter().filter(|name| named.contains(name)).count();
+        wrong += named.len() - 3;
+        units_in_all += 57;
+        ratios.push(prior.within_lots.unwrap().sigma(0) / clean.within_lots.unwrap().sigma(0));
+    }
+    assert_eq!(caught, 600);
+    assert!(wrong * 1000 < units_in_all, "{wrong} of {units_in_all} good units excluded");
+    ratios.sort_by(f64::total_cmp);
+    assert!(ratios[10] > 0.9 && ratios[189] < 1.1, "{} … {}", ratios[10], ratios[189]);
+}
+
+/// Within lots the scatter is that of the units; over all of them that of the lots as well.
+#[test]
+fn lots_have_their_own_means() {
+    let mut draws = Draws(5);
+    let offsets = [0.0, 0.6, -0.6];
+    let priors: Vec<Prior> =
+        (0..200).map(|_| Prior::learned(&fleet(&mut draws, 90, &offsets), None).unwrap()).collect();
+    let within = over(&priors.iter().map(|p| p.within_lots.clone().unwrap().covariance).collect::<Vec<_>>());
+    for ([got, error], wanted) in within.iter().zip(product(&OF_UNITS)) {
+        assert!((got - wanted).abs() < 4.0 * error + 0.0006, "{got} ± {error} for {wanted}");
+    }
+    // Variance of the offsets over ninety axes: 90/89 · 0.24.
+    let all = over(&priors.iter().map(|p| p.fleet.covariance.clone()).collect::<Vec<_>>());
+    assert!((all[0][0] - product(&OF_UNITS)[0] - 0.2427).abs() < 0.005, "{:?}", all[0]);
+    for (lot, offset) in priors[0].lots.iter().zip(offsets) {
+        assert!(lot.axes == 30 && (lot.mean[0] - MEAN[0] - offset).abs() < 0.2, "{lot:?}");
+    }
+}
+
+/// The same bytes, in whatever order units come and in whatever parts they are merged.
+#[test]
+fn parts_merge_to_the_bytes_of_the_whole() {
+    let mut draws = Draws(6);
+    for _ in 0..20 {
+        let units = fleet(&mut draws, 120, &[0.0, 0.2]);
+        let whole = Prior::learned(&units, None).unwrap().to_json().unwrap();
+        let mut other = units.clone();
+        for at in (1..other.len()).rev() {
+            other.swap(at, (draws.uniform() * (at + 1) as f64) as usize);
+        }
+        assert_eq!(Prior::learned(&other, None).unwrap().to_json().unwrap(), whole);
+        let of = |units: &[UnitResult]| Prior::learned(units, None).unwrap();
+        let [a, b, c] = [&other[..40], &other[40..70], &other[70..]].map(of);
+        // The median of a part may name a unit that the whole does not: the same sums only where none is odd.
+        let one = a.clone().merged(b.clone()).unwrap().merged(c.clone()).unwrap();
+        let two = c.merged(a.merged(b).unwrap()).unwrap();
+        assert_eq!(one.to_json().unwrap(), two.to_json().unwrap());
+        if one.not_used.is_empty() && !whole.contains("odd") {
+            assert_eq!(one.to_json().unwrap(), whole);
+        }
+        assert_eq!(Prior::from_json(&whole).unwrap().to_json().unwrap(), whole);
+    }
+}
+
+/// What cannot tell a scatter is refused, with what is missing.
+#[test]
+fn too_little_is_refused() {
+    let mut draws = Draws(7);
+    let units = fleet(&mut draws, 20, &[0.0]);
+    let why = |units: &[UnitResult], model: Option<&str>| Prior::learned(units, model).unwrap_err();
+    assert!(why(&units, None).what.contains("20 axes of `bias 2, rate 0` are too few"), "{}", why(&units, None));
+    assert!(why(&units, Some("bias 5")).what.contains("0 axes of `bias 5`"));
+    assert!(why(&[], None).what.contains("no unit of this fleet"));
+    let mut others = fleet(&mut draws, 40, &[0.0]);
+    others[..20].iter_mut().for_each(|unit| unit.axes[0].span_c = [10.0, 30.0]);
+    others[..15].iter_mut().for_each(|unit| unit.axes[0].model = "bias 9".to_owned());
+    let help = why(&others, None).help.unwrap();
+    assert!(help.contains("15 not used: another model") && help.contains("5 not used: its test spans fewer"), "{help}");
+}
