@@ -425,3 +425,58 @@ fn the_prior_of_a_fleet_is_that_of_its_units() {
         assert!(got == status && (said.contains(why) || out.contains(why)), "{args:?}: {got} {said}");
     }
 }
+
+/// A rig whose chamber adds a rate, an odd unit and a refusal, all of them named; of ten thousand units the page stays small.
+#[test]
+fn the_report_names_what_is_wrong() {
+    let it = Factory::new(0);
+    let [a, b, c] = PaperRig::PAPER.coefficients;
+    let mut units = "unit,lot,rig,run,use\n".to_owned();
+    for unit in 0..36_u64 {
+        let (lot, rig) = (unit % 2, unit / 2 % 3);
+        let bend = if unit == 11 { 2.0 } else { 0.01 * (unit * 7 % 5) as f64 };
+        let off = if rig == 1 { 40.0 } else { 0.0 };
+        let level = c + off + (unit * 5 % 7) as f64;
+        let gyro = PaperRig { coefficients: [a + bend, b, level], windows: 60, ..PaperRig::PAPER };
+        for (run, of) in [(1, "calibrate"), (2, "verify")] {
+            it.write(&format!("logs/{unit}-{run}.csv"), &csv_bytes(gyro.run(100 * unit + run)));
+            units += &format!("RLG-{unit},{lot},rig-{rig},logs/{unit}-{run}.csv,{of}\n");
+        }
+    }
+    it.write("logs/short.csv", b"time_s,temperature_c,counts\n1,20,1\n2,20,1\n3,20,1\n");
+    units += "RLG-99,0,rig-0,logs/short.csv,calibrate\n";
+    it.write("manifest.csv", units.as_bytes());
+    assert_eq!(it.fleet("manifest.csv", "fleet", &["--limits", "paper"]).0, 1);
+    let (status, said, _) = it.run(&["fleet", "report", "fleet", "--report", "fleet.html"]);
+    assert_eq!(status, 0, "{said}");
+    assert!(said.contains("all lots: 36 of 37 units calibrated") && said.contains("odd: RLG-11 x, bias 2"), "{said}");
+    assert!(said.contains("rig rig-1: rate at T0 differs by"), "{said}");
+    assert!(!said.contains("rig rig-0") && !said.contains("rig rig-2"), "{said}");
+    let page = fs::read_to_string(it.path("fleet.html")).unwrap();
+    for words in [
+        "Fleet of 37 units",
+        "RLG-11 x",
+        "Rigs that differ",
+        "rig-1",
+        "Capability",
+        "Refusals and failures",
+        "angle random walk",
+    ] {
+        assert!(page.contains(words), "{words}");
+    }
+
+    let results: Vec<String> =
+        (0..36).map(|unit| fs::read_to_string(it.path(&format!("fleet/units/RLG-{unit}.json"))).unwrap()).collect();
+    for unit in 0..10_000 {
+        let text = &results[unit * 31 % 36];
+        let (head, axis) = text.split_once("\"axes\": [").unwrap();
+        let axis = axis.rsplit_once(']').unwrap().0;
+        let axes = ["x", "y", "z"].map(|letter| axis.replace("\"axis\": \"x\"", &format!("\"axis\": \"{letter}\"")));
+        let head = head.replace(&format!("\"RLG-{}\"", unit * 31 % 36), &format!("\"U-{unit}\""));
+        it.write(&format!("many/units/U-{unit}.json"), format!("{head}\"axes\": [{}]}}", axes.join(",")).as_bytes());
+    }
+    let (status, said, wrong) = it.run(&["fleet", "report", "many", "--report", "many.html"]);
+    assert!(status == 0 && said.contains("all lots: 10000 of 10000 units"), "{said} {wrong}");
+    let bytes = fs::metadata(it.path("many.html")).unwrap().len();
+    assert!(bytes < 3_000_000, "{bytes}");
+}

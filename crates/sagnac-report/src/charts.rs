@@ -56,6 +56,8 @@ pub struct Chart {
     pub y_label: String,
     /// Curves.
     pub curves: Vec<Curve>,
+    /// Values that no line joins: many, then few that stand out. All of them are drawn.
+    pub dots: Vec<Curve>,
     /// Bands between two curves, behind the curve of their place.
     pub bands: Vec<Band>,
     /// Both axes in decades; every value must be above zero.
@@ -115,6 +117,10 @@ impl Chart {
         for (band, role) in self.bands.iter().zip(ROLES) {
             let [x, lo, hi] = [&band.x, &band.lo, &band.hi].map(|values| rounded(values.iter().copied()));
             layers.push(Layer::Band { label: band.label.clone(), role, x, lo, hi });
+        }
+        for (dots, role) in self.dots.iter().zip([Role::Temperature, Role::Before]) {
+            let [x, y] = [&dots.x, &dots.y].map(|values| rounded(values.iter().copied()));
+            layers.push(Layer::Dots { label: dots.label.clone(), role, x, y });
         }
         let points = MOST_POINTS / self.curves.len().max(1);
         // Where broken lines have no meaning of their own, they distinguish curves on paper without colour.

@@ -15,6 +15,7 @@ mod charts;
 mod compared;
 mod figure;
 mod figures;
+mod fleet;
 mod noise;
 mod page;
 mod report;
@@ -25,6 +26,7 @@ mod terms;
 
 pub use charts::{Band, Chart, ChartPage, Curve, PageTable, chart_report};
 pub use compared::comparison_report;
+pub use fleet::fleet_report;
 pub use noise::{noise_report, row_notes, term_text};
 pub use page::{calibration_report, verification_report};
 pub use report::Report;

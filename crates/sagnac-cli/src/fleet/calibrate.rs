@@ -185,10 +185,10 @@ fn axis(of: &AxisResult) -> String {
     let floors = of.residual_dph.zip(of.noise_floor_dph).filter(|(_, floor)| *floor > 0.0);
     let floors =
         floors.map_or(String::new(), |(sigma, floor)| format!(" ({} of the floor)", significant(sigma / floor, 3)));
-    let not_met = if of.limits_not_met.is_empty() {
+    let not_met = if of.limits_not_met().is_empty() {
         String::new()
     } else {
-        format!(", not met: {}", of.limits_not_met.join(" "))
+        format!(", not met: {}", of.limits_not_met().join(" "))
     };
     format!("{} `{}`{residual}{floors}{not_met}", of.axis, of.model)
 }

@@ -2,6 +2,7 @@
 
 mod calibrate;
 mod prior;
+mod report;
 
 pub(crate) use calibrate::line;
 
@@ -18,6 +19,7 @@ pub(crate) struct Args {
 enum Command {
     Calibrate(Box<calibrate::Args>),
     Prior(prior::Args),
+    Report(report::Args),
 }
 
 impl Args {
@@ -25,6 +27,7 @@ impl Args {
         match &self.command {
             Command::Calibrate(args) => args.json,
             Command::Prior(args) => args.json,
+            Command::Report(_) => false,
         }
     }
 }
@@ -33,5 +36,6 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     match &args.command {
         Command::Calibrate(args) => calibrate::run(args, console),
         Command::Prior(args) => prior::run(args, console),
+        Command::Report(args) => report::run(args, console),
     }
 }

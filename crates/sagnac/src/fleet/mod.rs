@@ -12,9 +12,13 @@
 //! Fails where two programs write into one folder at a time: the second is refused.
 
 mod common_basis;
+mod control;
+#[cfg(test)]
+mod draws;
 mod manifest;
 mod pattern;
 mod prior;
+mod quality;
 mod result;
 #[cfg(feature = "parquet")]
 mod table;
@@ -26,9 +30,11 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 pub use common_basis::{COMMON_SPAN, COMMON_TEMPERATURES_C, CommonBasis};
+pub use control::{ControlChart, Rule};
 pub use manifest::{Unit, units_of};
 pub use prior::{ExactSum, LotMean, NotUsed, Population, Prior, Sums};
-pub use result::{Acceptance, AxisResult, Outcome, Refusal, UnitResult};
+pub use quality::{Capability, Odd, Quality, Quantity, RigEffect, Yield};
+pub use result::{Acceptance, AxisResult, LimitResult, Outcome, Refusal, UnitResult};
 #[cfg(feature = "parquet")]
 pub use table::{TableSummary, table_summary};
 

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::Unit;
 use super::common_basis::{CommonBasis, common_curve, on_common_basis};
 use crate::calibration::{AxisCalibration, Calibration};
-use crate::verify::{AxisVerification, Verification};
+use crate::verify::{AxisVerification, Verdict, Verification};
 use sagnac_log::error::{Error, ErrorKind};
 
 /// Version of a unit's result.
@@ -177,8 +177,22 @@ pub struct AxisResult {
     pub retest_before_dph: Option<f64>,
     /// And after it.
     pub retest_after_dph: Option<f64>,
-    /// Limits that are not met or not decided.
-    pub limits_not_met: Vec<String>,
+    /// Limits that the retest was held against.
+    pub limits: Vec<LimitResult>,
+}
+
+/// A limit and the value that was held against it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct LimitResult {
+    /// Its key.
+    pub name: String,
+    /// The limit.
+    pub bound: f64,
+    /// The value; null where it is not known.
+    pub value: Option<f64>,
+    /// False where it is not met or not decided.
+    pub met: Option<bool>,
 }
 
 impl UnitResult {
@@ -244,7 +258,18 @@ impl AxisResult {
     fn prove(&mut self, proved: &AxisVerification) {
         self.retest_before_dph = Some(proved.before.sigma_dph);
         self.retest_after_dph = Some(proved.after.sigma_dph);
-        let failed = proved.limits.iter().filter(|limit| limit.pass == Some(false));
-        self.limits_not_met = failed.map(|limit| limit.name.clone()).collect();
+        let asked = proved.limits.iter().filter(|limit| limit.pass.is_some());
+        let of = |limit: &Verdict| LimitResult {
+            name: limit.name.clone(),
+            bound: limit.limit,
+            value: limit.value,
+            met: limit.pass,
+        };
+        self.limits = asked.map(of).collect();
+    }
+
+    /// Names of the limits that are not met or not decided.
+    pub fn limits_not_met(&self) -> Vec<&str> {
+        self.limits.iter().filter(|limit| limit.met == Some(false)).map(|limit| limit.name.as_str()).collect()
     }
 }

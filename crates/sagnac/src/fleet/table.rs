@@ -104,9 +104,10 @@ fn rows_of(unit: &UnitResult) -> Vec<Row<'_>> {
 fn batch_of(rows: &[Row<'_>]) -> std::result::Result<RecordBatch, arrow_schema::ArrowError> {
     let of_axis = |value: fn(&AxisResult) -> Option<f64>| number(rows, move |(_, axis)| axis.and_then(value));
     let common = |values: fn(&CommonBasis) -> &[f64]| {
-        numbers(rows, move |axis| axis.common.as_ref().map(|common| values(common).to_vec()))
+        numbers(rows, move |axis| axis.common.as_ref().map(|common| values(common).iter().copied().map(Some).collect()))
     };
-    let curve = |column: usize| numbers(rows, move |axis| Some(axis.curve.iter().map(|point| point[column]).collect()));
+    let curve =
+        |column: usize| numbers(rows, move |axis| Some(axis.curve.iter().map(|point| Some(point[column])).collect()));
     let refusal = |value: fn(&Refusal) -> &str, of: fn(&UnitResult) -> &Option<Refusal>| {
         text(rows, move |(unit, _)| of(unit).as_ref().map(value))
     };
@@ -126,8 +127,8 @@ fn batch_of(rows: &[Row<'_>]) -> std::result::Result<RecordBatch, arrow_schema::
         ("span_high_c", of_axis(|axis| Some(axis.span_c[1]))),
         ("lag_s", of_axis(|axis| axis.lag_s)),
         ("mean_offset_dph", of_axis(|axis| axis.mean_offset_dph)),
-        ("terms", texts(rows, |axis| axis.common.as_ref().map(|common| common.terms.as_slice()))),
-        ("units", texts(rows, |axis| axis.common.as_ref().map(|common| common.units.as_slice()))),
+        ("terms", texts(rows, |axis| axis.common.as_ref().map(|common| plain(&common.terms)))),
+        ("units", texts(rows, |axis| axis.common.as_ref().map(|common| plain(&common.units)))),
         ("coefficients", common(|common| &common.coefficients)),
         ("covariance", common(|common| &common.covariance)),
         ("curve_c", curve(0)),
@@ -141,7 +142,10 @@ fn batch_of(rows: &[Row<'_>]) -> std::result::Result<RecordBatch, arrow_schema::
         ("bias_instability_dph", of_axis(|axis| axis.bias_instability_dph)),
         ("scale_ppm", of_axis(|axis| axis.scale_ppm)),
         ("acceptance", text(rows, |(unit, _)| Some(unit.acceptance.name()))),
-        ("limits_not_met", texts(rows, |axis| Some(&axis.limits_not_met))),
+        ("limits_not_met", texts(rows, |axis| Some(axis.limits_not_met()))),
+        ("limits", texts(rows, |axis| Some(axis.limits.iter().map(|limit| limit.name.as_str()).collect()))),
+        ("limit_bounds", numbers(rows, |axis| Some(axis.limits.iter().map(|limit| Some(limit.bound)).collect()))),
+        ("limit_values", numbers(rows, |axis| Some(axis.limits.iter().map(|limit| limit.value).collect()))),
         ("retest_reason", refusal(|refusal| &refusal.reason, |unit| &unit.retest_refusal)),
         ("retest_before_dph", of_axis(|axis| axis.retest_before_dph)),
         ("retest_after_dph", of_axis(|axis| axis.retest_after_dph)),
@@ -163,21 +167,25 @@ fn number<'a>(rows: &[Row<'a>], value: impl Fn(Row<'a>) -> Option<f64>) -> Array
     Arc::new(Float64Array::from_iter(rows.iter().map(|row| value(*row))))
 }
 
-fn texts<'a>(rows: &[Row<'a>], values: impl Fn(&'a AxisResult) -> Option<&'a [String]>) -> ArrayRef {
+fn plain(names: &[String]) -> Vec<&str> {
+    names.iter().map(String::as_str).collect()
+}
+
+fn texts<'a>(rows: &[Row<'a>], values: impl Fn(&'a AxisResult) -> Option<Vec<&'a str>>) -> ArrayRef {
     let mut list = ListBuilder::new(StringBuilder::new());
     for (_, axis) in rows {
         let values = axis.and_then(&values);
-        values.into_iter().flatten().for_each(|name| list.values().append_value(name));
+        values.iter().flatten().for_each(|name| list.values().append_value(name));
         list.append(values.is_some());
     }
     Arc::new(list.finish())
 }
 
-fn numbers(rows: &[Row<'_>], values: impl Fn(&AxisResult) -> Option<Vec<f64>>) -> ArrayRef {
+fn numbers(rows: &[Row<'_>], values: impl Fn(&AxisResult) -> Option<Vec<Option<f64>>>) -> ArrayRef {
     let mut list = ListBuilder::new(Float64Builder::new());
     for (_, axis) in rows {
         let values = axis.and_then(&values);
-        list.values().append_slice(values.as_deref().unwrap_or_default());
+        values.iter().flatten().for_each(|value| list.values().append_option(*value));
         list.append(values.is_some());
     }
     Arc::new(list.finish())

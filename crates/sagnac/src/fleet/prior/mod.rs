@@ -31,6 +31,7 @@ use serde::{Deserialize, Serialize};
 pub use exact_sum::ExactSum;
 
 use super::common_basis::CommonBasis;
+use super::control::{SIGMA_OF_MAD, median};
 use super::result::{AxisResult, UnitResult};
 use sagnac_log::error::{Error, Result};
 
@@ -40,8 +41,6 @@ const FORMAT: &str = "sagnac-fleet-prior";
 const VERSION: u32 = 1;
 /// Odd is further from the median than so many MAD as σ.
 const ODD_MADS: f64 = 5.0;
-/// MAD of a normal distribution as its σ.
-const SIGMA_OF_MAD: f64 = 1.482_602_218_505_602;
 /// Lots of fewer axes have the median of all.
 const LEAST_OF_LOT: usize = 8;
 /// Axes that a covariance needs, in all and for each term.
@@ -412,16 +411,4 @@ fn odd_ones(members: &[Member<'_>]) -> BTreeMap<String, String> {
         }
     }
     out
-}
-
-/// Median; NaN of nothing.
-fn median(values: &[f64]) -> f64 {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    let middle = sorted.len() / 2;
-    match sorted.len() {
-        0 => f64::NAN,
-        n if n % 2 == 1 => sorted[middle],
-        _ => f64::midpoint(sorted[middle - 1], sorted[middle]),
-    }
 }

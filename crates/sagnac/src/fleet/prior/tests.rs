@@ -2,34 +2,12 @@
 
 use super::*;
 use crate::fleet::Outcome;
+use crate::fleet::draws::Draws;
 
-/// A stream of normal values: Marsaglia's polar method on a 64-bit generator of Vigna (splitmix64).
-struct Draws(u64);
-
-impl Draws {
-    fn uniform(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 * 2f64.powi(-53)
-    }
-
-    fn normal(&mut self) -> f64 {
-        loop {
-            let [a, b] = [self.uniform(), self.uniform()].map(|u| 2.0 * u - 1.0);
-            let s = a * a + b * b;
-            if s > 0.0 && s < 1.0 {
-                return a * (-2.0 * s.ln() / s).sqrt();
-            }
-        }
-    }
-
-    /// L·z.
-    fn with(&mut self, factor: &[[f64; 3]; 3]) -> [f64; 3] {
-        let z = [self.normal(), self.normal(), self.normal()];
-        factor.map(|row| row.iter().zip(z).map(|(l, z)| l * z).sum())
-    }
+/// L·z of three normal values.
+fn with(draws: &mut Draws, factor: &[[f64; 3]; 3]) -> [f64; 3] {
+    let z = [draws.normal(), draws.normal(), draws.normal()];
+    factor.map(|row| row.iter().zip(z).map(|(l, z)| l * z).sum())
 }
 
 const MEAN: [f64; 3] = [0.3, -0.1, 0.05];
@@ -66,7 +44,7 @@ fn fleet(draws: &mut Draws, units: usize, lots: &[f64]) -> Vec<UnitResult> {
     let of_one = |at: usize, draws: &mut Draws| {
         let lot = at % lots.len();
         let size = 0.5 + draws.uniform();
-        let (own, error) = (draws.with(&OF_UNITS), draws.with(&OF_TESTS));
+        let (own, error) = (with(draws, &OF_UNITS), with(draws, &OF_TESTS));
         let beta = std::array::from_fn(|k| MEAN[k] + lots[lot] + own[k] + size * error[k]);
         unit(at, &format!("lot {lot}"), beta, product(&OF_TESTS).iter().map(|v| v * size * size).collect())
     };
@@ -112,7 +90,7 @@ fn the_next_unit_is_where_the_prior_says() {
     let (mut within, mut in_ellipsoid) = ([0; 6], 0);
     for _ in 0..2000 {
         let prior = Prior::learned(&fleet(&mut draws, 60, &[0.0]), None).unwrap();
-        let own = draws.with(&OF_UNITS);
+        let own = with(&mut draws, &OF_UNITS);
         let away = DVector::from_iterator(3, (0..3).map(|k| MEAN[k] + own[k] - prior.fleet.mean[k]));
         let sigma = symmetric(&prior.fleet.covariance, 3);
         // Student's t of 59 degrees: 2.001.
@@ -144,7 +122,7 @@ fn equal_units_have_no_scatter() {
     for _ in 0..100 {
         let units: Vec<UnitResult> = (0..60)
             .map(|at| {
-                let error = draws.with(&OF_TESTS);
+                let error = with(&mut draws, &OF_TESTS);
                 unit(at, "", std::array::from_fn(|k| MEAN[k] + error[k]), product(&OF_TESTS))
             })
             .collect();
