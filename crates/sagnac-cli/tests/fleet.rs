@@ -316,9 +316,21 @@ fn sources_that_cannot_be_meant_are_refused() {
         let (status, _, said) = it.fleet(source, "fleet", &[]);
         assert!(status == 2 && said.contains(why), "{source}: {said}");
     }
+    for folder in ["units", "units/fleet", "./units/../units/a/b"] {
+        let (status, _, said) = it.fleet("units", folder, &[]);
+        assert!(status == 2 && said.contains("among the units"), "{folder}: {said}");
+    }
+    for args in [["fleet", "report", "units"], ["fleet", "prior", "units"]] {
+        let (status, _, said) = it.run(&args);
+        assert!(status == 2 && said.contains("not a folder of `sagnac fleet calibrate`"), "{said}");
+    }
     let (status, _, said) = it.fleet("units", "fleet", &["--serial", "RLG-7"]);
     assert!(status == 2 && said.contains("one serial number for all units"), "{said}");
     assert!(!it.path("fleet").exists());
+    assert_eq!(fs::read_dir(it.path("units")).unwrap().count(), 1);
+    // Of a table calculator: a byte order mark, semicolons, carriage returns.
+    it.write("semicolons.csv", format!("\u{feff}unit;run\r\nA;{log}\r\n").as_bytes());
+    assert_eq!(it.fleet("semicolons.csv", "fleet", &[]).0, 0);
 }
 
 /// On the basis that all units share, and at the common temperatures, the curve is that of the record.

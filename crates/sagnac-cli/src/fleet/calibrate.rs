@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::num::NonZeroUsize;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 use sagnac::Error;
@@ -73,6 +73,12 @@ struct Summary {
 
 pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     Files::new().reads(&args.setup.setup).check()?;
+    if is_within(&args.output, &args.source) {
+        return Err(Error::input("the results would stand among the units")
+            .column("--output")
+            .value(args.output.display().to_string())
+            .help("give a folder beside that of the units"));
+    }
     let units = units_of(&args.source)?;
     let setup = args.setup.over(Setup::default())?;
     if setup.serial.is_some() {
@@ -98,6 +104,16 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     console.object(&summary)?;
     let is_good = summary.calibrated == summary.units && summary.not_met == 0;
     Ok(if is_good { Outcome::Done } else { Outcome::SomeFailed })
+}
+
+/// True for a folder that is another one or lies in it, or will.
+fn is_within(folder: &Path, other: &Path) -> bool {
+    let Ok(other) = other.canonicalize() else { return false };
+    let known = folder.ancestors().find_map(|part| {
+        let part = if part.as_os_str().is_empty() { Path::new(".") } else { part };
+        part.canonicalize().ok()
+    });
+    other.is_dir() && known.is_some_and(|known| known.starts_with(&other))
 }
 
 impl Summary {

@@ -9,6 +9,7 @@
 //! Fails for a unit with two lots, rigs or setups, and for a name that cannot be a file's.
 
 use std::collections::HashMap;
+use std::io::BufRead;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
@@ -118,7 +119,11 @@ fn gathered(found: Vec<Found>) -> Result<Vec<Unit>> {
 fn read_manifest(path: &Path) -> Result<Vec<Unit>> {
     let name = path.display().to_string();
     let broken = |e: csv::Error| Error::input(format!("cannot read the manifest: {e}")).file(&name);
-    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_path(path).map_err(broken)?;
+    let file = std::fs::File::open(path).map_err(|e| Error::io_path(path, "read", &e))?;
+    let mut file = std::io::BufReader::new(file);
+    let start = file.fill_buf().map_err(|e| Error::io_path(path, "read", &e))?;
+    let delimiter = delimiter_of(start);
+    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).delimiter(delimiter).from_reader(file);
     let headers = reader.headers().map_err(broken)?.clone();
     let known = format!("its columns: {}; `unit` and `run` are needed", COLUMNS.join(", "));
     if let Some(odd) = headers.iter().find(|header| !COLUMNS.contains(header)) {
@@ -152,6 +157,12 @@ fn read_manifest(path: &Path) -> Result<Vec<Unit>> {
         return Err(Error::input("the manifest has no line").file(&name));
     }
     Ok(units.all)
+}
+
+/// What parts the columns of the first line: a comma, else a semicolon or a tabulator.
+fn delimiter_of(start: &[u8]) -> u8 {
+    let header = start.split(|byte| *byte == b'\n').next().unwrap_or_default();
+    [b',', b';', b'\t'].into_iter().find(|delimiter| header.contains(delimiter)).unwrap_or(b',')
 }
 
 /// Units as their logs come.

@@ -106,6 +106,12 @@ pub fn calibrate(units: &[Unit], work: &Work<'_>, folder: &Path, report: &(dyn F
 /// # Errors
 /// A folder or result that cannot be read, or that another version of this program wrote.
 pub fn results_in(folder: &Path) -> Result<Vec<UnitResult>> {
+    let units = folder.join(UNITS);
+    if !units.is_dir() {
+        return Err(Error::input("not a folder of `sagnac fleet calibrate`")
+            .file(folder.display().to_string())
+            .help(format!("such a folder has a folder {UNITS}/ with a result for each unit")));
+    }
     let is_result = |path: &Path| path.extension().is_some_and(|ending| ending == "json");
     let read = |path: std::path::PathBuf| -> Result<UnitResult> {
         let text = fs::read(&path).map_err(|e| Error::io_path(&path, "read", &e))?;
@@ -123,7 +129,7 @@ pub fn results_in(folder: &Path) -> Result<Vec<UnitResult>> {
         }
         Ok(result)
     };
-    files_in(&folder.join(UNITS))?.into_iter().filter(|path| is_result(path)).map(read).collect()
+    files_in(&units)?.into_iter().filter(|path| is_result(path)).map(read).collect()
 }
 
 /// The lock of a folder, for as long as the file is open.
