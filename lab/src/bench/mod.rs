@@ -7,6 +7,7 @@
 //! Times depend on the machine that the page names; the targets are on the ratios.
 
 mod deviations;
+mod fleet;
 mod logs;
 mod plot;
 mod process;
@@ -74,7 +75,7 @@ struct Bench {
     folder: PathBuf,
 }
 
-/// Runs everything (about ten minutes, 4 GB of disk), or one part (`csv`, `simulator`, `allan`) and replaces its section.
+/// Runs everything (about ten minutes, 4 GB of disk), or one part (`csv`, `simulator`, `allan`, `fleet`) and replaces its section.
 pub(crate) fn bench(part: Option<&str>) -> Result<()> {
     sh("cargo", &["build", "--release", "--locked", "--package", "sagnac-cli"])?;
     let folder = root().join("target/bench");
@@ -84,7 +85,8 @@ pub(crate) fn bench(part: Option<&str>) -> Result<()> {
         Some("csv") => return section_only(&bench, CSV_HEADING, Bench::against_readers),
         Some("simulator") => return section_only(&bench, simulator::HEADING, simulator::measure),
         Some("allan") => return section_only(&bench, deviations::HEADING, deviations::measure),
-        Some(other) => bail!("no part {other} of the bench; there are csv, simulator and allan"),
+        Some("fleet") => return section_only(&bench, fleet::HEADING, fleet::measure_fleet),
+        Some(other) => bail!("no part {other} of the bench; there are csv, simulator, allan and fleet"),
         None => {}
     }
     let mut page = head(&bench)?;
@@ -95,6 +97,7 @@ pub(crate) fn bench(part: Option<&str>) -> Result<()> {
     bench.verification(&mut page)?;
     deviations::measure(&bench, &mut page)?;
     simulator::measure(&bench, &mut page)?;
+    fleet::measure_fleet(&bench, &mut page)?;
     fs::write(root().join(PERFORMANCE), &page)?;
     println!("{page}\nwrote {PERFORMANCE}");
     Ok(())

@@ -1,0 +1,135 @@
+//! A fleet: beside a shell loop of the program, beside DuckDB's bare window sums, and memory over units.
+
+use std::fmt::Write as _;
+use std::fs;
+use std::io::Write as _;
+
+use anyhow::{Context, Result};
+use sagnac_sim::{LaggedChamber, Leg};
+
+use crate::bench::process::{Pairs, measure, median};
+use crate::bench::{Bench, line};
+
+/// Heading of the section.
+pub(super) const HEADING: &str = "\n## A fleet\n\n";
+/// Units whose logs are made, and units of the manifest that names each of them so often.
+const UNITS: u64 = 40;
+const ALIASES: u64 = 10;
+const PAIRS: usize = 5;
+const RUNS: u64 = 2;
+const AXES: [char; 3] = ['x', 'y', 'z'];
+/// Soak of a cycle of ten hours, s.
+const SOAK_S: f64 = 11_400.0;
+const MODEL: &str = "bias 3, rate 0";
+
+/// The bare sums of windows of 100 s, of every log.
+const DUCKDB: &str = "import sys, duckdb
+duckdb.sql('SET threads = 2')
+for log in open(sys.argv[1]).read().split():
+    duckdb.sql(f'''SELECT CAST(floor((time_s - 1) / 100) AS INT) AS w, count(*), avg(temperature_c), sum(counts_x), sum(counts_y), sum(counts_z)
+                   FROM read_csv('{log}') GROUP BY w ORDER BY w''').fetchnumpy()
+";
+
+/// Units a second, memory, ratios.
+pub(super) fn measure_fleet(bench: &Bench, page: &mut String) -> Result<()> {
+    let bytes = logs(bench)?;
+    let folder = bench.file("fleet").display().to_string();
+    let with = |source: &str, threads: &str, model: &str| -> Vec<String> {
+        let words = ["fleet", "calibrate", source, "--again", "--arcsec-per-count", "0.15125", "--model", model];
+        let more = ["--threads", threads, "-o", &format!("{folder}-out")].map(str::to_owned);
+        std::iter::once(bench.sagnac.clone()).chain(words.map(str::to_owned)).chain(more).collect()
+    };
+    let fleet = |source: &str, threads: &str| with(source, threads, MODEL);
+    let alone = |of: Vec<String>| ["taskset", "-c", "0"].map(str::to_owned).into_iter().chain(of).collect::<Vec<_>>();
+    let program = &bench.sagnac;
+    let script = format!(
+        "for u in {folder}/*; do {program} calibrate $u/*.csv --arcsec-per-count 0.15125 --model '{MODEL}' --serial $(basename $u) -o {folder}-loop.json; done"
+    );
+    let shell: Vec<String> = ["sh", "-c", &script].map(str::to_owned).into();
+    let sums = bench.file("duckdb_window_sums.py");
+    fs::write(&sums, DUCKDB)?;
+    let listed = bench.file("fleet-logs.txt");
+    let duckdb: Vec<String> = [bench.python.clone(), sums.display().to_string(), listed.display().to_string()].into();
+    let two = Pairs::run(PAIRS, &fleet(&folder, "2"), &shell)?;
+    let one = Pairs::run(PAIRS, &alone(fleet(&folder, "1")), &alone(shell))?;
+    let bare = Pairs::run(PAIRS, &fleet(&folder, "2"), &duckdb)?;
+    let many = measure(&fleet(&bench.file("fleet-many.csv").display().to_string(), "2"))?;
+    let auto = measure(&with(&folder, "2", "auto"))?;
+    *page += HEADING;
+    let _ = write!(
+        page,
+        "{UNITS} units of three axes and {RUNS} runs of ten hours at 1 Hz each: {} logs, {:.0} MB of CSV, `--model \"{MODEL}\"`. The loop is a shell's over \
+         `sagnac calibrate`; DuckDB sums the windows of the same logs and fits nothing.\n\n| | median, s | peak, MiB |\n|---|---|---|\n",
+        UNITS * RUNS,
+        bytes as f64 / 1e6
+    );
+    line(page, "`fleet calibrate --threads 2`", &two.ours());
+    line(page, "the loop, two cores", &two.theirs());
+    line(page, "`fleet calibrate --threads 1`, one core", &one.ours());
+    line(page, "the loop, one core", &one.theirs());
+    line(page, "DuckDB, bare window sums", &bare.theirs());
+    line(page, &format!("`fleet calibrate --threads 2`, {} units of the same logs", UNITS * ALIASES), &many);
+    line(page, "`fleet calibrate --threads 2 --model auto`", &auto);
+    let rate = |seconds: f64, units: u64| units as f64 / seconds;
+    let _ = writeln!(
+        page,
+        "\n**{:.1} units a second on two cores, {:.1} on one; {:.2} and {:.2} times as fast as the loop, pair by pair; {:.2} times the time of DuckDB's bare sums** (asked: no \
+         slower than the loop, 1.2). {} units take {:.1} a second with {:.1} MiB in place of {:.1}.",
+        rate(two.ours().seconds, UNITS),
+        rate(one.ours().seconds, UNITS),
+        median(&two.ratios()),
+        median(&one.ratios()),
+        1.0 / median(&bare.ratios()),
+        UNITS * ALIASES,
+        rate(many.seconds, UNITS * ALIASES),
+        many.peak_mib,
+        two.ours().peak_mib
+    );
+    Ok(())
+}
+
+/// Makes the logs and the manifest of many; their bytes.
+fn logs(bench: &Bench) -> Result<u64> {
+    let folder = bench.file("fleet");
+    let (mut bytes, mut list, mut manifest) = (0, String::new(), "unit,run\n".to_owned());
+    for unit in 0..UNITS {
+        let own = folder.join(format!("RLG-{unit:03}"));
+        fs::create_dir_all(&own)?;
+        for run in 0..RUNS {
+            let path = own.join(format!("run-{run}.csv"));
+            if !path.exists() {
+                fs::write(&path, log(unit, run)?)?;
+            }
+            bytes += fs::metadata(&path)?.len();
+            let _ = writeln!(list, "{}", path.display());
+            for alias in 0..ALIASES {
+                let _ = writeln!(manifest, "RLG-{unit:03}-{alias},{}", path.strip_prefix(&bench.folder)?.display());
+            }
+        }
+    }
+    fs::write(bench.file("fleet-logs.txt"), list)?;
+    fs::write(bench.file("fleet-many.csv"), manifest)?;
+    Ok(bytes)
+}
+
+/// A run of a unit: three axes with curves of their own, at the temperatures of one block.
+fn log(unit: u64, run: u64) -> Result<Vec<u8>> {
+    let legs = vec![Leg::Soak(SOAK_S), Leg::Ramp(70.0, 1.0), Leg::Soak(SOAK_S), Leg::Ramp(-40.0, 1.0)];
+    let axis = |at: usize| {
+        let step = 0.001 * ((unit * 7 + at as u64 * 3) % 11) as f64;
+        let drift_dph = vec![0.01, 0.004 + step, -0.012 + step, 0.014];
+        LaggedChamber { legs: legs.clone(), drift_dph, ..LaggedChamber::domain_notes() }
+    };
+    let seed = |at: usize| 1000 * unit + 10 * run + at as u64;
+    let mut rows: Vec<_> = (0..AXES.len()).map(|at| axis(at).run(seed(at))).collect();
+    let mut out = Vec::new();
+    writeln!(out, "time_s,temperature_c,{}", AXES.map(|axis| format!("counts_{axis}")).join(","))?;
+    while let Some(first) = rows[0].next() {
+        write!(out, "{},{},{}", first.time_s, first.temperature_c, first.counts)?;
+        for other in &mut rows[1..] {
+            write!(out, ",{}", other.next().context("axes of unequal length")?.counts)?;
+        }
+        writeln!(out)?;
+    }
+    Ok(out)
+}
