@@ -1,11 +1,12 @@
 //! `sagnac calibrate`: thermal-test logs in, calibration out.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use sagnac::calibration::{
     AxisCalibration, Calibration, Candidate, Monomial, PpmEstimate, RejectedModel, RunOffset, ScaleFactor, SearchStep,
 };
-use sagnac::fit::{FitOptions, Loss, calibrate_with_report_data, frontier};
+use sagnac::fit::{FitOptions, Loss, UnitPrior, calibrate_with_report_data, frontier};
+use sagnac::fleet::PriorFile;
 use sagnac::model::TICK_INSTRUCTIONS;
 use sagnac::{Error, Result};
 use sagnac_log::ingest::Tally;
@@ -37,7 +38,8 @@ Examples:
   sagnac calibrate cycle-1.csv cycle-2.csv --setup bench.toml -o unit.cal.json --report unit.html
   sagnac calibrate log.csv --arcsec-per-count 1.059 --model \"bias 3, rate 1\" -o unit.cal.json --json
   sagnac calibrate log.csv --setup bench.toml --model \"bias 2, rate 0, bias(cavity - block) 1, steps(mode)\" -o unit.cal.json
-  sagnac calibrate log.csv --setup bench.toml --inputs \"cavity - block,path_length_v\" -o unit.cal.json"
+  sagnac calibrate log.csv --setup bench.toml --inputs \"cavity - block,path_length_v\" -o unit.cal.json
+  sagnac calibrate short.csv --setup bench.toml --prior fleet.prior.json --lot A -o unit.cal.json"
 )]
 pub(crate) struct Args {
     /// Thermal-test logs: CSV, Parquet, Arrow or PX4 ULog, also gzipped; a folder or a pattern stands for its logs, `-` is standard input
@@ -54,6 +56,12 @@ pub(crate) struct Args {
     /// harmonic(path_length_v) 25.3" (its period; fitted without one)
     #[arg(long, default_value = "auto")]
     model: String,
+    /// What is known of the unit before its test: a file of `sagnac fleet prior`, whose model it takes
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["model", "loss", "bootstrap", "warm_up", "tradeoff"])]
+    prior: Option<PathBuf>,
+    /// The unit's lot, one of the prior's
+    #[arg(long, value_name = "NAME", requires = "prior")]
+    lot: Option<String>,
     /// What misfit costs: `huber` lets windows far from the fit count for less
     #[arg(long, value_enum, default_value = "squares", hide_short_help = true)]
     loss: LossWord,
@@ -81,13 +89,15 @@ enum LossWord {
 }
 
 pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
-    let files = Files::new().reads(&args.logs).reads(&args.reading.setup.setup).writes(&args.output);
+    let files = Files::new().reads(&args.logs).reads(&args.reading.setup.setup).reads(&args.prior).writes(&args.output);
     args.report.check_with(files)?;
     let loss = match args.loss {
         LossWord::Squares => Loss::Squares,
         LossWord::Huber => Loss::Huber,
     };
+    let prior = args.prior.as_deref().map(|path| of_unit(path, args.lot.as_deref())).transpose()?;
     let options = FitOptions::new(args.model.parse()?)
+        .prior(prior)
         .source_date_epoch(source_date_epoch()?)
         .bootstrap(args.bootstrap.map(usize::from))
         .loss(loss)
@@ -125,6 +135,10 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     Ok(Outcome::Done)
 }
 
+fn of_unit(path: &Path, lot: Option<&str>) -> Result<UnitPrior> {
+    PriorFile::read(path)?.of_unit(lot).map_err(|e| e.file(path.display().to_string()))
+}
+
 /// SOURCE_DATE_EPOCH, which takes the place of the newest sample's time in provenance.
 pub(crate) fn source_date_epoch() -> Result<Option<i64>> {
     let Some(value) = std::env::var_os("SOURCE_DATE_EPOCH") else { return Ok(None) };
@@ -136,6 +150,9 @@ pub(crate) fn source_date_epoch() -> Result<Option<i64>> {
 /// One axis, the verdict first.
 fn describe(console: &mut Console, axis: &AxisCalibration) {
     console.say(format!("axis {}: {}", axis.axis, verdict(axis)));
+    if let Some(prior) = axis.fit.as_ref().and_then(|fit| fit.prior.as_ref()) {
+        console.say(format!("  {}", prior.words()));
+    }
     console.say(coefficients(axis));
     conditioning(console, axis);
     let whole = axis.monomial.iter().filter(|_| axis.zones.is_empty());

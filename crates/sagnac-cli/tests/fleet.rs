@@ -423,6 +423,36 @@ fn the_prior_of_a_fleet_is_that_of_its_units() {
     let (_, said, _) = it.run(&["inspect", "fleet/fleet.parquet"]);
     assert!(said.contains("a fleet of 25 units, 25 calibrated"), "{said}");
 
+    // The next unit of it with the prior, alone and as a fleet: the same bytes, with the prior's hash; the odd one is refused by name.
+    let next = PaperRig { coefficients: [a + 0.2, b, c], windows: 40, ..PaperRig::PAPER };
+    it.write("next/RLG-50/run.csv", &csv_bytes(next.run(50)));
+    it.write("next/RLG-98/run.csv", &csv_bytes(odd.run(98)));
+    let calibrated_with = |prior: &str| {
+        let args = ["fleet", "calibrate", "next", "--setup", "bench.toml", "-o", "next-fleet", "--prior", prior];
+        it.run(&args)
+    };
+    let (status, _, _) = calibrated_with("fleet.prior.json");
+    assert_eq!(status, 1, "one of the two is refused");
+    let refused = fs::read_to_string(it.path("next-fleet/units/RLG-98.json")).unwrap();
+    assert!(refused.contains("not of this fleet") && refused.contains("give it the full test"), "{refused}");
+    let one = ["calibrate", "next/RLG-50/run.csv", "--setup", "bench.toml", "--serial", "RLG-50"];
+    let with_prior = [&one[..], &["--prior", "fleet.prior.json", "-o", "alone.cal.json"]].concat();
+    let (status, said, _) = it.run(&with_prior);
+    assert!(status == 0 && said.contains("prior of 24 axes: the test determines"), "{said}");
+    let record = fs::read(it.path("alone.cal.json")).unwrap();
+    assert_eq!(record, fs::read(it.path("next-fleet/records/RLG-50.cal.json")).unwrap());
+    let hash = sagnac_log::ingest::sha256_of_file(&it.path("fleet.prior.json")).unwrap();
+    assert!(String::from_utf8(record).unwrap().contains(&hash));
+    let (status, _, said) = it.run(&[&with_prior[..], &["--model", "bias 2"]].concat());
+    assert!(status == 2 && said.contains("--model"), "{said}");
+    let (status, _, said) = it.run(&[&one[..], &["--lot", "A"]].concat());
+    assert!(status == 2 && said.contains("--prior"), "{said}");
+    // What has not changed is not done again; with another prior it is.
+    let said = calibrated_with("fleet.prior.json").1;
+    assert!(said.contains("unchanged since before"), "{said}");
+    let said = calibrated_with("with-odd.json").1;
+    assert!(!said.contains("unchanged since before"), "{said}");
+
     // Too few, another model, rubbish.
     it.write("few/RLG-1/run.csv", &csv_bytes(PaperRig::PAPER.run(1)));
     assert_eq!(it.fleet("few", "few-fleet", &[]).0, 0);

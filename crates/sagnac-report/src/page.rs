@@ -301,6 +301,7 @@ fn fit_verdict(axis: &AxisCalibration, report_data: &ReportData, several: bool) 
                 (tile("windows used", &format!("{used} of {all}"), ""))
             }
             @if let Some(note) = axis.below_floor_note() { p.note { "Note: " (note) "." } }
+            @for prior in axis.fit.iter().flat_map(|fit| &fit.prior) { p.note { "Note: " (prior.words()) ". SHA-256 of the prior: " (prior.sha256) "." } }
             @for found in axis.fit.iter().flat_map(|fit| &fit.entanglement) { p.note { "Note: " (found.note()) "." } }
             @if let Some(warm_up) = &axis.correction.warm_up { p.note { "Warm-up since power-on, corrected: " (warm_up.words()) ". Residual and held-out σ are without it." } }
             @for effect in axis.fit.iter().flat_map(|fit| &fit.time_effects) {

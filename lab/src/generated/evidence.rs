@@ -37,6 +37,7 @@ const TESTS: &Tests = &[
             "inputs",
             "many_files",
             "paper",
+            "prior",
             "rate_table",
             "turned",
             "two_lags",

@@ -7,7 +7,7 @@ use std::sync::{Mutex, PoisonError};
 
 use sagnac::Error;
 use sagnac::fit::FitOptions;
-use sagnac::fleet::{self, Acceptance, AxisResult, Done, Refusal, TABLE, UnitResult, Work, units_of};
+use sagnac::fleet::{self, Acceptance, AxisResult, Done, PriorFile, Refusal, TABLE, UnitResult, Work, units_of};
 use sagnac::verify::Limits;
 use sagnac_log::setup::Setup;
 use sagnac_units::format::{counted, significant};
@@ -39,6 +39,9 @@ pub(crate) struct Args {
     /// `auto`, or orders: "bias 3, rate 1"
     #[arg(long, default_value = "auto")]
     model: String,
+    /// What is known of the units before their tests: a file of `sagnac fleet prior`, whose model they take
+    #[arg(long, value_name = "FILE", conflicts_with = "model")]
+    prior: Option<PathBuf>,
     /// Limits that retests are to meet: a TOML file, or `navigation-grade` or `paper`
     #[arg(long, value_name = "FILE|SET")]
     limits: Option<String>,
@@ -72,7 +75,7 @@ struct Summary {
 }
 
 pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
-    Files::new().reads(&args.setup.setup).check()?;
+    Files::new().reads(&args.setup.setup).reads(&args.prior).check()?;
     if is_within(&args.output, &args.source) {
         return Err(Error::input("the results would stand among the units")
             .column("--output")
@@ -86,11 +89,13 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
             .column("serial")
             .help("take it out: each unit has its name, or the serial number of its own setup"));
     }
+    let prior = args.prior.as_deref().map(PriorFile::read).transpose()?;
     let limits = args.limits.as_deref().map(Limits::named_or_read).transpose()?;
     let (model, epoch_s) = (args.model.parse()?, source_date_epoch()?);
     let options = || FitOptions::new(sagnac::Model::clone(&model)).source_date_epoch(epoch_s);
     let threads = args.threads.or_else(|| std::thread::available_parallelism().ok()).map_or(1, NonZeroUsize::get);
-    let work = Work { setup: &setup, options: &options, limits: limits.as_ref(), threads, again: args.again };
+    let (prior, limits) = (prior.as_ref(), limits.as_ref());
+    let work = Work { setup: &setup, options: &options, prior, limits, threads, again: args.again };
     let width = units.iter().map(|unit| unit.name.len()).max().unwrap_or(0);
     let bar = Units::new(units.len());
     let (waiting, summary) = (BTreeMap::new(), Summary::default());

@@ -7,8 +7,8 @@ use serde::{Deserialize, Serialize};
 use crate::calibration::axis_record::AxisRecord;
 use crate::calibration::{
     Calibration, Candidate, Collinearity, CorrectionNoise, CrossValidation, CurveSpread, Entanglement, Hysteresis,
-    Input, InputSource, Lag, Misalignment, Monomial, NoiseFloor, RejectedInput, RejectedModel, Residual, RunOffset,
-    ScaleFactor, SearchStep, SlowNoiseTerms, Soak, Term, TimeEffect, WarmUp,
+    Input, InputSource, Lag, Misalignment, Monomial, NoiseFloor, PriorUse, RejectedInput, RejectedModel, Residual,
+    RunOffset, ScaleFactor, SearchStep, SlowNoiseTerms, Soak, Term, TimeEffect, WarmUp,
 };
 use crate::model::{BASIS_LEN, Form, Shape, Span};
 
@@ -64,6 +64,8 @@ pub struct FitDiagnostics {
     pub time_effects: Vec<TimeEffect>,
     /// What moved together with temperature; empty where nothing did.
     pub entanglement: Vec<Entanglement>,
+    /// What was known of the unit before its test; null where nothing was.
+    pub prior: Option<PriorUse>,
     /// σ of the run offsets, °/h, where runs cover so little of the temperatures each that their offsets can hold the drift; null
     /// where they cannot.
     pub hidden_in_offsets_dph: Option<f64>,
@@ -158,6 +160,13 @@ impl AxisCalibration {
     /// Lag of the rate terms over the thermometer of the fit.
     pub fn lag_s(&self) -> Option<Lag> {
         self.thermometer().lag_s
+    }
+
+    /// Rates of the thermometer of the fit that the rate terms were fitted to, °C/min: of its lag, then of its slow one.
+    pub(crate) fn rate_spans_cpm(&self) -> Vec<[f64; 2]> {
+        let main = self.thermometer();
+        let slow = self.other_inputs().iter().find(|input| input.repeats() == Some(&main.name));
+        std::iter::once(main).chain(slow).filter_map(|input| input.rate_span_per_min).collect()
     }
 
     /// The second, slower lag of the rate terms over the thermometer of the fit.

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::calibration::{
     AxisCalibration, AxisCorrection, Candidate, Collinearity, CorrectionNoise, CrossValidation, CurveSpread,
-    Entanglement, FitDiagnostics, Hysteresis, Input, Lag, Misalignment, Monomial, NoiseFloor, RejectedInput,
+    Entanglement, FitDiagnostics, Hysteresis, Input, Lag, Misalignment, Monomial, NoiseFloor, PriorUse, RejectedInput,
     RejectedModel, Residual, RunOffset, ScaleFactor, SearchStep, SlowNoiseTerms, Soak, Term, TimeEffect, WarmUp,
 };
 
@@ -83,6 +83,9 @@ pub(crate) struct AxisRecord {
     /// What moved together with temperature in the runs; absent where nothing did.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     entanglement: Vec<Entanglement>,
+    /// The prior of the unit's fleet; absent without one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    prior: Option<PriorUse>,
     /// σ of the run offsets, °/h, where runs cover so little of the temperatures each that their offsets can hold the drift;
     /// absent where they cannot.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -140,6 +143,7 @@ impl From<AxisCalibration> for AxisRecord {
             slow_noise: None,
             time_effects: Vec::new(),
             entanglement: Vec::new(),
+            prior: None,
             hidden_in_offsets_dph: None,
             soak: None,
             cross_validation: None,
@@ -169,6 +173,7 @@ impl AxisRecord {
             slow_noise,
             time_effects,
             entanglement,
+            prior,
             hidden_in_offsets_dph,
             soak,
             scale_factor,
@@ -185,7 +190,7 @@ impl AxisRecord {
         (self.noise_floor, self.cross_validation, self.collinearity) = (noise_floor, cross_validation, collinearity);
         (self.correction_noise, self.hysteresis, self.soak) = (correction_noise, hysteresis, soak);
         (self.curve_spread, self.slow_noise) = (curve_spread, slow_noise);
-        (self.time_effects, self.entanglement) = (time_effects, entanglement);
+        (self.time_effects, self.entanglement, self.prior) = (time_effects, entanglement, prior);
         (self.ramp_rates_cpm, self.hidden_in_offsets_dph) = (ramp_rates_cpm, hidden_in_offsets_dph);
         (self.scale_factor, self.misalignment) = (scale_factor, misalignment);
         (self.candidates, self.model_search, self.rejected_inputs) = (candidates, model_search, rejected_inputs);
@@ -238,6 +243,7 @@ impl TryFrom<AxisRecord> for AxisCalibration {
             slow_noise,
             time_effects,
             entanglement,
+            prior,
             hidden_in_offsets_dph,
             soak,
             cross_validation,
@@ -258,6 +264,7 @@ impl TryFrom<AxisRecord> for AxisCalibration {
             slow_noise,
             time_effects,
             entanglement,
+            prior,
             hidden_in_offsets_dph,
             soak,
             scale_factor,

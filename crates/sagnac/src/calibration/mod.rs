@@ -29,7 +29,7 @@ pub use crate::calibration::input::{Input, InputSource};
 pub use crate::calibration::profile::{Entanglement, MovedTogether, TimeEffect, TimeEffectKind, WarmUp};
 pub use crate::calibration::rate_table::{Misalignment, Plateau, PpmEstimate, Repeatability, ScaleFactor};
 pub use crate::calibration::search::{
-    Collinearity, CorrectionNoise, InputNoise, RejectedInput, RejectedModel, SearchStep, SearchVerdict,
+    Collinearity, CorrectionNoise, InputNoise, PriorUse, RejectedInput, RejectedModel, SearchStep, SearchVerdict,
 };
 pub(crate) use crate::calibration::uncertainty::SCALE_AT_REFERENCE;
 pub use crate::calibration::uncertainty::{
@@ -42,7 +42,7 @@ pub const FORMAT: &str = "sagnac-calibration";
 /// Value of `Calibration::version`: a change of meaning or a field less raises it.
 pub const VERSION: u32 = 2;
 /// Value of `Calibration::minor_version`: a field or a shape more raises it.
-pub const MINOR_VERSION: u32 = 1;
+pub const MINOR_VERSION: u32 = 2;
 /// Serial of a calibration whose gyro was not named.
 pub const UNASSIGNED: &str = "unassigned";
 

@@ -133,3 +133,42 @@ pub struct CorrectionNoise {
     /// The fraction that is allowed.
     pub limit: f64,
 }
+
+/// The prior of a fleet in a fit, and how far the unit's test is from it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[non_exhaustive]
+pub struct PriorUse {
+    /// SHA-256 of the prior's file, hex.
+    pub sha256: String,
+    /// The lot whose prior it is; null for the whole fleet's.
+    pub lot: Option<String>,
+    /// Axes behind it.
+    pub axes: u64,
+    /// Mahalanobis distance of the test from what the fleet expects of it.
+    pub distance: f64,
+    /// Its bound: one unit of the fleet in a hundred is farther.
+    pub distance_max: f64,
+    /// Directions in which units differ by more than the test's noise: those that the distance is of.
+    pub directions: usize,
+    /// Parameters of the prior.
+    pub parameters: usize,
+    /// How many of them the test determines: the sum over all directions of the part that is the test's.
+    pub determined: f64,
+}
+
+impl PriorUse {
+    /// What it is and how far the test is from it, for people.
+    pub fn words(&self) -> String {
+        let lot = self.lot.as_ref().map_or(String::new(), |lot| format!(" of lot {lot}"));
+        format!(
+            "prior of {} axes{lot}: the test determines {} of {} parameters, the fleet the others; Mahalanobis distance {} in {} directions, \
+             at most {}",
+            self.axes,
+            significant(self.determined, 2),
+            self.parameters,
+            significant(self.distance, 2),
+            self.directions,
+            significant(self.distance_max, 2)
+        )
+    }
+}

@@ -10,7 +10,8 @@
 //! hold, and the record names it; a given one is refused.
 
 use crate::calibration::{
-    Candidate, CorrectionNoise, CrossValidation, CurveSpread, RejectedInput, RejectedModel, SearchStep, SearchVerdict,
+    Candidate, CorrectionNoise, CrossValidation, CurveSpread, PriorUse, RejectedInput, RejectedModel, SearchStep,
+    SearchVerdict,
 };
 use crate::fit::allowed_inputs::{
     candidate_inputs, check_channels, check_codes, check_scale_rates, count_steps, sources_of,
@@ -28,6 +29,7 @@ use crate::fit::search::{CONDITION_MAX, fits_image, inputs_read, shrunk, walk};
 use crate::fit::slow_noise::{SlowNoise, Whitening};
 use crate::fit::solution::{Fitted, fit, noise_of, white_variance, with_slow_noise};
 use crate::fit::warm_up;
+use crate::fit::with_prior::{UnitPrior, WithPrior, fit_with_prior};
 use crate::fit::{Model, SMALLER_WINS_WITHIN};
 use crate::model::input::Signal;
 use crate::model::price::{with_warm_up, work_of};
@@ -66,7 +68,7 @@ pub(crate) struct Chosen<'a> {
     image: ImageCheck<'a>,
     /// What would have been selected if an image could hold it.
     pub(crate) not_held: Vec<RejectedModel>,
-    /// As the setup states it, with the white variance of a nominal window, (°/h)².
+    /// As the setup states it, or a fit with a prior found it, with the white variance of a nominal window, (°/h)².
     pub(crate) stated: Option<(SlowNoise, f64)>,
 }
 
@@ -237,7 +239,9 @@ fn given<'a>(
         problem.levels.extend(found);
     }
     settle_periods(&problem, &mut spec, &taus_s)?;
-    let mean_square = Trial::new(&problem, &spec, &taus_s).held_out();
+    // What is held out of a short test says nothing of a fit that the prior holds together.
+    let held_out = || Trial::new(&problem, &spec, &taus_s).held_out();
+    let mean_square = if problem.has_prior() { None } else { held_out() };
     Ok(Chosen {
         problem,
         grid: vec![spec.clone()],
@@ -396,16 +400,35 @@ impl Chosen<'_> {
                 step.condition = fitted.conditioning.as_ref().map(|near| near.condition);
             }
             let noise = correction_noise(&self.problem, &fitted, n_deg_rt_h);
-            // Where the value terms alone exceed the limit, it applies to what the rate terms add.
-            let by_value = noise.increase_by_value.unwrap_or(0.0);
-            let most = if by_value > INCREASE_MAX { by_value + INCREASE_MAX } else { INCREASE_MAX };
             let loudest = loudest_rate(&self.problem, &fitted);
             match loudest {
-                Some(input) if noise.increase.is_some_and(|increase| increase > most) => {
+                Some(input) if noise.increase.is_some_and(|increase| increase > most_increase(&noise)) => {
                     self.quieten(&fitted, &noise, input, is_given)?;
                 }
                 _ => return Ok((fitted, noise)),
             }
+        }
+    }
+
+    /// Fits it with a prior. Returns the fit, the noise of its correction, and what was made of the prior.
+    ///
+    /// # Errors
+    /// As [`fit_with_prior`]; a correction that no image can hold, or that its thermometers' noise would spoil.
+    pub(crate) fn fit_with_prior(
+        &mut self,
+        prior: &UnitPrior,
+        n_deg_rt_h: Option<f64>,
+    ) -> Result<(Fitted, CorrectionNoise, PriorUse)> {
+        let WithPrior { fitted, noise, white_variance, used } =
+            fit_with_prior(&self.problem, &self.spec, prior, self.stated)?;
+        (self.noise, self.stated) = (noise, Some((noise, white_variance)));
+        self.image.check(&fitted, &self.problem)?;
+        let noise = correction_noise(&self.problem, &fitted, n_deg_rt_h);
+        match loudest_rate(&self.problem, &fitted) {
+            Some(input) if noise.increase.is_some_and(|increase| increase > most_increase(&noise)) => {
+                Err(self.too_noisy(&noise, input))
+            }
+            _ => Ok((fitted, noise, used)),
         }
     }
 
@@ -485,20 +508,24 @@ impl Chosen<'_> {
             }
         }
         if is_given {
-            let part = noise.increase.unwrap_or(f64::NAN) * 100.0;
-            let name = &self.problem.inputs[input].name;
-            return Err(Error::refused(format!(
-                "the noise of {name} through the rate terms of `{}` would raise the angle random walk by {part:.0} %, and {:.0} % are allowed",
-                self.spec,
-                INCREASE_MAX * 100.0
-            ))
-            .help("take a quieter thermometer or average its samples; or leave the rate terms out of --model"));
+            return Err(self.too_noisy(noise, input));
         }
         self.note(SearchVerdict::TooNoisy);
         self.mean_square = Trial::new(&self.problem, &without, &self.taus_s).held_out();
         self.spec = without;
         self.note(SearchVerdict::Selected);
         Ok(())
+    }
+
+    fn too_noisy(&self, noise: &CorrectionNoise, input: usize) -> Error {
+        let part = noise.increase.unwrap_or(f64::NAN) * 100.0;
+        let name = &self.problem.inputs[input].name;
+        Error::refused(format!(
+            "the noise of {name} through the rate terms of `{}` would raise the angle random walk by {part:.0} %, and {:.0} % are allowed",
+            self.spec,
+            INCREASE_MAX * 100.0
+        ))
+        .help("take a quieter thermometer or average its samples; or leave the rate terms out of --model")
     }
 
     /// One more row of the path; its condition comes with the next fit.
@@ -555,6 +582,13 @@ impl Chosen<'_> {
         let (scheme, folds) = scheme_of(&self.problem);
         Some(CrossValidation { scheme: scheme.to_owned(), folds, sigma_dph: self.mean_square?.sqrt() })
     }
+}
+
+/// By how much the noise of thermometers may raise the angle random walk. Where the value terms alone exceed the limit, it applies to
+/// what the rate terms add.
+fn most_increase(noise: &CorrectionNoise) -> f64 {
+    let by_value = noise.increase_by_value.unwrap_or(0.0);
+    if by_value > INCREASE_MAX { by_value + INCREASE_MAX } else { INCREASE_MAX }
 }
 
 /// A model without the rate terms of an input, or of its repeat.

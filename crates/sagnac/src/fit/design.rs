@@ -31,6 +31,8 @@ pub(crate) struct Design<'a> {
     pub(super) whitening: Option<&'a Whitening>,
     /// Only so many of the first rows.
     pub(super) rows: usize,
+    /// What is subtracted from y, row by row.
+    pub(super) expected: Option<&'a [f64]>,
 }
 
 impl<'a> Design<'a> {
@@ -39,7 +41,7 @@ impl<'a> Design<'a> {
     }
 
     pub(crate) fn with_rates(problem: &'a LeastSquares<'a>, terms: &'a [TermColumn], rates: Rates) -> Self {
-        Self { problem, terms, rates, whitening: None, rows: usize::MAX }
+        Self { problem, terms, rates, whitening: None, rows: usize::MAX, expected: None }
     }
 
     /// Sum of squares of the residuals at the best coefficients; infinite where there are none.
@@ -113,7 +115,7 @@ impl<'a> Design<'a> {
             row.extend(columns.of(run).map(|level| self.problem.level(i, self.problem.levels[level])));
             row.extend(self.terms.iter().map(|term| self.problem.regressor(term, i, &self.rates)));
             row.extend(slopes.iter().map(|slope| slope[i]));
-            row.push(self.problem.y[i]);
+            row.push(self.problem.y[i] - self.expected.map_or(0.0, |expected| expected[i]));
             match &mut filter {
                 Some(filter) => filter.push(i, &mut row),
                 None => {

@@ -27,6 +27,7 @@ use crate::fit::plateaus::plateaus_of;
 use crate::fit::progress::Progress;
 use crate::fit::rate_table_input::RateTableInput;
 use crate::fit::solve::RunColumns;
+use crate::fit::with_prior::UnitPrior;
 use crate::model::basis::Span;
 use crate::model::input::{SampledInput, Signal, knots};
 use crate::model::spec::ModelSpec;
@@ -78,6 +79,9 @@ pub(crate) struct LeastSquares<'a> {
     tracks: Vec<OnceLock<Vec<Option<Stretches>>>>,
     /// Per run: start and end of each row's window, s from the start of the run.
     bounds: Vec<Vec<(f64, f64)>>,
+    /// Rates that the tests behind a prior covered, °C/min: of the thermometer of the fit, then of its repeat.
+    rate_spans: Vec<[f64; 2]>,
+    has_prior: bool,
 }
 
 /// From so many runs on, the columns of each run are reduced by themselves.
@@ -177,6 +181,7 @@ impl<'a> LeastSquares<'a> {
         reference_c: f64,
         min_span_c: f64,
         turning: Option<RateTableInput>,
+        prior: Option<&UnitPrior>,
     ) -> Result<Self> {
         let rows = &windows.rows;
         let known = |i: &usize| signals.iter().all(|signal| signal.in_window(windows, *i).0.is_finite());
@@ -186,8 +191,12 @@ impl<'a> LeastSquares<'a> {
         }
         let mut inputs: Vec<SampledInput> =
             signals.iter().map(|signal| SampledInput::new(*signal, windows, &used, reference_c)).collect();
+        if let Some(prior) = prior {
+            inputs[0] = SampledInput::over(signals[0], windows, &used, reference_c, prior.span_c);
+        } else {
+            check_span(windows, inputs[0].span, min_span_c)?;
+        }
         let span = inputs[0].span;
-        check_span(windows, span, min_span_c)?;
         if !(span.lo..=span.hi).contains(&reference_c) {
             return Err(Error::refused(format!(
                 "the reference temperature {reference_c} °C lies outside the span of the data, {:.2} … {:.2} °C",
@@ -250,6 +259,8 @@ impl<'a> LeastSquares<'a> {
             known_rates: KnownRates::default(),
             tracks,
             bounds,
+            has_prior: prior.is_some(),
+            rate_spans: prior.map_or_else(Vec::new, |prior| prior.rate_spans_cpm.clone()),
         })
     }
 
@@ -389,7 +400,9 @@ impl<'a> LeastSquares<'a> {
     /// together, and a chamber ramps a little faster another time. 0 is always within.
     pub(crate) fn rate_span(&self, input: usize, tau_s: f64) -> [f64; 2] {
         let of_runs = (0..self.runs.len()).map(|run| self.lag(input, run, tau_s).extremes(&self.bounds[run]));
-        of_runs.fold([0.0, 0.0], |[lo, hi], [l, h]| [l.min(lo), h.max(hi)]).map(|far| RATE_MARGIN * far)
+        let own = of_runs.fold([0.0, 0.0], |[lo, hi], [l, h]| [l.min(lo), h.max(hi)]).map(|far| RATE_MARGIN * far);
+        let of_prior = self.is_main(input).then(|| self.rate_spans.get(usize::from(input > 0))).flatten();
+        of_prior.map_or(own, |known| [own[0].min(known[0]), own[1].max(known[1])])
     }
 
     /// −Ω_run·1e-6·[T̄_k − T_k(x0)], °/h per ppm.
@@ -451,6 +464,11 @@ impl<'a> LeastSquares<'a> {
             }
         }
         columns
+    }
+
+    /// Something is known of the unit before its test.
+    pub(crate) fn has_prior(&self) -> bool {
+        self.has_prior
     }
 
     /// Index of a level among the parameters.

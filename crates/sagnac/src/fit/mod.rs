@@ -40,6 +40,7 @@ mod solve;
 mod tradeoff;
 mod two_lags;
 mod warm_up;
+mod with_prior;
 
 pub(crate) use input_noise::thermometer_noise;
 pub(crate) use plateaus::{level_stretches, plateaus_of};
@@ -49,6 +50,7 @@ pub use record::{FitOptions, calibrate, calibrate_with_report_data};
 pub(crate) use record::{log_files, noise_of};
 pub use robust::Loss;
 pub use tradeoff::{FrontierPoint, frontier};
+pub use with_prior::UnitPrior;
 
 /// A smaller model wins if its held-out mean square is within this factor of the least.
 const SMALLER_WINS_WITHIN: f64 = 1.02;

@@ -33,6 +33,7 @@ use crate::fit::slow_noise::SlowNoise;
 use crate::fit::soak::{Extension, soak};
 use crate::fit::solution::{Fitted, bootstrap_intervals};
 use crate::fit::warm_up::estimate;
+use crate::fit::with_prior::UnitPrior;
 use crate::image::{Holder, rate_unit};
 use crate::model::ActsOn;
 use crate::model::input::Signal;
@@ -57,6 +58,8 @@ pub struct FitOptions {
     pub loss: Loss,
     /// Whether a warm-up since power-on is a part of the correction, where the runs hold one; every run then begins at power-on.
     pub corrects_warm_up: bool,
+    /// What is known of the unit before its test; its model takes the place of `model`.
+    pub prior: Option<UnitPrior>,
     /// Told what the fit is doing.
     pub progress: Progress,
 }
@@ -65,7 +68,8 @@ impl FitOptions {
     /// A model, by least squares.
     pub fn new(model: Model) -> Self {
         let progress = Progress::default();
-        Self { model, source_date_epoch: None, bootstrap: None, loss: Loss::Squares, corrects_warm_up: false, progress }
+        let loss = Loss::Squares;
+        Self { model, source_date_epoch: None, bootstrap: None, loss, corrects_warm_up: false, prior: None, progress }
     }
 
     /// With the time of SOURCE_DATE_EPOCH in place of that of the newest input sample.
@@ -84,6 +88,12 @@ impl FitOptions {
     #[must_use]
     pub fn correct_warm_up(self, corrects_warm_up: bool) -> Self {
         Self { corrects_warm_up, ..self }
+    }
+
+    /// With what is known of the unit before its test.
+    #[must_use]
+    pub fn prior(self, prior: Option<UnitPrior>) -> Self {
+        Self { prior, ..self }
     }
 
     /// With somebody who is told what the fit is doing.
@@ -117,6 +127,7 @@ pub fn calibrate_with_report_data(
     setup: &Setup,
     options: &FitOptions,
 ) -> Result<(Calibration, ReportData)> {
+    check_with_prior(options)?;
     let stages = setup.stages();
     let sensor = sensor_of(&windows.shape, &stages.model).map_err(|e| of_file(e, &windows))?;
     check_aux(&windows.shape, &stages.model)?;
@@ -184,6 +195,21 @@ pub fn calibrate_with_report_data(
         provenance: provenance(&windows, options),
     };
     Ok((calibration, report_data))
+}
+
+/// What a prior does not go with.
+fn check_with_prior(options: &FitOptions) -> Result<()> {
+    let what = match options {
+        FitOptions { prior: None, .. } => return Ok(()),
+        FitOptions { loss: Loss::Huber, .. } => "--loss huber",
+        FitOptions { bootstrap: Some(_), .. } => "--bootstrap",
+        FitOptions { corrects_warm_up: true, .. } => "--warm-up",
+        FitOptions { model: Model::Fixed(_), .. } => "--model",
+        FitOptions { .. } => return Ok(()),
+    };
+    Err(Error::input(format!("{what} does not go with a prior"))
+        .column("--prior")
+        .help("a prior has its own model, and its weights are those of Gaussian noise"))
 }
 
 /// Size of a count of the log; `None` for a rate log whose counts follow its correction.
@@ -310,7 +336,8 @@ fn fit_axis(
     }
     let progress = options.progress.of_axis(letter);
     let make = |signals: &[Signal]| {
-        let mut problem = LeastSquares::new(windows, axis, signals, reference_c, min_span_c, turning.clone())?;
+        let prior = options.prior.as_ref();
+        let mut problem = LeastSquares::new(windows, axis, signals, reference_c, min_span_c, turning.clone(), prior)?;
         problem.progress = progress.clone();
         Ok(problem)
     };
@@ -321,15 +348,20 @@ fn fit_axis(
     };
     let corrects_warm_up = options.corrects_warm_up;
     let image = ImageCheck { windows, config: &stages.model, sensor, axis: letter, holder, corrects_warm_up };
-    let mut chosen = choose(windows, Signal::Thermometer(sensor), image, &options.model, &make)?;
+    let of_prior = options.prior.as_ref().map(|prior| Model::Fixed(prior.model.clone()));
+    let model = of_prior.as_ref().unwrap_or(&options.model);
+    let mut chosen = choose(windows, Signal::Thermometer(sensor), image, model, &make)?;
     let noise_floor = noise_floor_of(windows, axis, &stages.test);
-    let is_given = options.model != Model::Auto;
+    let is_given = *model != Model::Auto;
     let raw_n = noise_floor.as_ref().map(|floor| floor.n_deg_rt_h);
     chosen.stated = stages.test.noise.zip(noise_floor.as_ref()).and_then(|(stated, floor)| {
         let white = floor.value_dph.powi(2);
         Some((SlowNoise::stated(stated, white)?, white))
     });
-    let (fitted, noise) = chosen.fit(is_given, raw_n, options.loss)?;
+    let (fitted, noise, prior) = match &options.prior {
+        Some(prior) => chosen.fit_with_prior(prior, raw_n).map(|(fitted, noise, used)| (fitted, noise, Some(used)))?,
+        None => chosen.fit(is_given, raw_n, options.loss).map(|(fitted, noise)| (fitted, noise, None))?,
+    };
     let problem = &chosen.problem;
     let parts = Parts::new(&fitted, problem);
     let inputs = recorded_inputs(&fitted, Some(&parts), problem, windows, &stages.model, sensor);
@@ -355,6 +387,7 @@ fn fit_axis(
         slow_noise: chosen.noise.terms(chosen.white_variance(&fitted).sqrt()),
         time_effects: time_effects(&fitted, problem, corrects_warm_up),
         entanglement: Vec::new(),
+        prior,
         hidden_in_offsets_dph: None,
         soak: None,
         scale_factor: scale_factor(&fitted, problem, axis, &windows.shape),
@@ -375,6 +408,10 @@ fn fit_axis(
         zones,
         fit: Some(diagnostics),
     };
+    if options.prior.is_some() {
+        return Ok((record, drawn));
+    }
+    // What other models, more soaking and what moved together make of the curve: of the test alone.
     let forecast = Extension::new(problem, &fitted, chosen.noise).and_then(|extension| soak(&record, &extension));
     let curve = |celsius: f64| {
         let variance = record.variance_of(&record.drift_weights(celsius, reference_c));

@@ -269,7 +269,7 @@ mod tests {
         for _ in 0..40 {
             let windows = record(&mut random);
             let signals = [Signal::Thermometer(0), Signal::Column(0), Signal::Column(1)];
-            let problem = LeastSquares::new(&windows, 0, &signals, 25.0, 1.0, None).unwrap();
+            let problem = LeastSquares::new(&windows, 0, &signals, 25.0, 1.0, None, None).unwrap();
             let taus_s = problem.tau_grid();
             // Beside a lag, which may go elsewhere, nothing is refused unfitted.
             assert!(Screen::new(&problem, &"bias 2, rate 0".parse().unwrap(), &taus_s).is_none());

@@ -205,9 +205,9 @@ pub(crate) fn weighted_rows(
 }
 
 /// Step of ln v for the slope of the covariance.
-const SLOPE_STEP: f64 = 0.3;
+pub(crate) const SLOPE_STEP: f64 = 0.3;
 /// Degrees of freedom at least: fewer make an interval that holds anything.
-const FEWEST_DEGREES: f64 = 3.0;
+pub(crate) const FEWEST_DEGREES: f64 = 3.0;
 
 /// White variance of a nominal window under this noise: mean square of the innovations of generalized least squares.
 pub(crate) fn white_variance(problem: &LeastSquares<'_>, fitted: &Fitted, noise: SlowNoise) -> f64 {
@@ -251,7 +251,7 @@ pub(crate) fn beside(
 }
 
 /// Windows that tell slow noise from none.
-const FEWEST_FOR_NOISE: usize = 60;
+pub(crate) const FEWEST_FOR_NOISE: usize = 60;
 
 /// 95 % intervals of every parameter by the bootstrap, under the slow noise of the residuals.
 pub(crate) fn bootstrap_intervals(

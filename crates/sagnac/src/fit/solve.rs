@@ -164,6 +164,17 @@ impl Factor {
         Self(columns)
     }
 
+    /// Every row by a number.
+    pub(crate) fn scaled(&self, by: f64) -> Self {
+        Self(&self.0 * by)
+    }
+
+    /// The factor of the columns behind the first `before`, which are projected out, y last.
+    pub(crate) fn beyond(&self, before: usize) -> DMatrix<f64> {
+        let r = triangle(self.0.clone());
+        r.view((before, before), (r.nrows() - before, r.ncols() - before)).into_owned()
+    }
+
     /// Of each block the factor of all others; `None` where there is no other. Of n blocks with 3n joins of two.
     pub(crate) fn without_each(blocks: &[Self]) -> Vec<Option<Self>> {
         let joined = |all: &Option<Self>, next: &Self| match all {

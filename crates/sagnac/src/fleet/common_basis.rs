@@ -1,23 +1,14 @@
-//! The terms of units of different spans on one basis, so that they can be compared, averaged and charted.
+//! What a unit's record says on the basis that all units share ([`crate::model::COMMON_SPAN`]): coefficients of the series, then the lags.
 //!
-//! ```text
-//! x = (T − 20 °C)/60 °C     bias n: T_n(x)     rate n: Ṫ·T_n(x)     scale n: T_n(x)     T_n: Chebyshev polynomial
-//! ```
-//!
-//! The map from a record's own basis is linear and exact for polynomials: β' = M·β, Cov(β') = M·Cov(β)·Mᵀ. The constant of a series in
-//! T belongs to the run offset and is not part of it; that of a rate series is `rate 0`. Fails for models with zones, steps, harmonics
-//! or other inputs, which have no such basis: the curve at common temperatures stands for those.
+//! Fails for models with zones, steps, harmonics or other inputs, which have no such basis: the curve at common temperatures stands for
+//! those. A lag that the test does not resolve is not part of it.
 
-use std::collections::BTreeMap;
-
+use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 
-use crate::calibration::{AxisCalibration, Term};
-use crate::model::powers::{powers_of_chebyshev, series_from_powers};
-use crate::model::{Shape, Span};
+use crate::calibration::{AxisCalibration, Lag, Term};
+use crate::model::common_basis::{SeriesTerm, onto_common};
 
-/// Where x is −1 and 1, °C.
-pub const COMMON_SPAN: Span = Span { lo: -40.0, hi: 80.0 };
 /// Temperatures at which every curve is given where its span has them, °C.
 pub const COMMON_TEMPERATURES_C: [f64; 33] = [
     -60.0, -55.0, -50.0, -45.0, -40.0, -35.0, -30.0, -25.0, -20.0, -15.0, -10.0, -5.0, 0.0, 5.0, 10.0, 15.0, 20.0,
@@ -28,9 +19,9 @@ pub const COMMON_TEMPERATURES_C: [f64; 33] = [
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct CommonBasis {
-    /// Names: `bias 1`, `rate 0`, `slow rate 0`.
+    /// Names: `bias 1`, `rate 0`, `slow rate 0`, `lag_s`, `slow lag_s`.
     pub terms: Vec<String>,
-    /// Unit of each coefficient: `deg/h`, `deg/h per degC/min`, `ppm`.
+    /// Unit of each: `deg/h`, `deg/h per degC/min`, `ppm`, `s`.
     pub units: Vec<String>,
     /// Their values.
     pub coefficients: Vec<f64>,
@@ -38,39 +29,55 @@ pub struct CommonBasis {
     pub covariance: Vec<f64>,
 }
 
-/// Some of the own terms, each with its weight.
-type Weights = Vec<(usize, f64)>;
+/// A parameter as it is made of the record's own: name, unit, value, rows of the covariance with their weights.
+struct Row {
+    name: String,
+    unit: String,
+    value: f64,
+    of: Vec<(usize, f64)>,
+}
 
-/// The terms of an axis on the common basis; `None` where a term is no polynomial in the temperature.
+/// The terms and lags of an axis on the common basis; `None` where a term is no polynomial in the temperature.
 pub(super) fn on_common_basis(axis: &AxisCalibration) -> Option<CommonBasis> {
-    let terms = &axis.correction.terms;
-    // Name of each new term, with the own terms that it is made of and how much of each.
-    let mut rows: BTreeMap<(usize, usize), (Term, Weights)> = BTreeMap::new();
-    for (own, term) in terms.iter().enumerate() {
-        let order = term.shape.order().filter(|_| axis.is_of_thermometer(term))?;
-        let powers = powers_of_chebyshev(axis.span(), u8::try_from(order).ok()?);
-        let least = usize::from(!term.times_rate);
-        for (n, weight) in series_from_powers(COMMON_SPAN, &powers).into_iter().enumerate().take(order + 1).skip(least)
-        {
-            let like = Term { shape: Shape::Chebyshev { order: u8::try_from(n).ok()? }, ..term.clone() };
-            let series = terms.iter().position(|other| is_of_series(other, term))?;
-            let row = rows.entry((series, n)).or_insert_with(|| (like, Vec::new()));
-            row.1.push((own, weight));
-        }
+    let rows: Vec<Row> = series(axis)?.into_iter().chain(lags(axis)).collect();
+    let p = rows.len();
+    let covariance = DMatrix::from_fn(p, p, |i, j| axis.covariance_between(&rows[i].of, &rows[j].of));
+    let (mut terms, mut units, mut coefficients) = (Vec::new(), Vec::new(), Vec::new());
+    for Row { name, unit, value, .. } in rows {
+        terms.push(name);
+        units.push(unit);
+        coefficients.push(value);
     }
-    let rows: Vec<(Term, Weights)> = rows.into_values().collect();
-    let coefficient = |row: &[(usize, f64)]| row.iter().map(|(own, weight)| weight * terms[*own].value).sum();
-    let in_covariance = |row: &[(usize, f64)]| -> Option<Weights> {
-        row.iter().map(|(own, weight)| Some((axis.row_of(&terms[*own])?, *weight))).collect()
+    let covariance = (0..p).flat_map(|i| (0..=i).map(|j| covariance[(i, j)]).collect::<Vec<_>>()).collect();
+    Some(CommonBasis { terms, units, coefficients, covariance })
+}
+
+fn series(axis: &AxisCalibration) -> Option<Vec<Row>> {
+    let terms = &axis.correction.terms;
+    let of_series = |term: &Term| -> Option<SeriesTerm> {
+        let of_thermometer = axis.is_of_thermometer(term);
+        let series = terms.iter().position(|other| is_of_series(other, term)).filter(|_| of_thermometer)?;
+        Some(SeriesTerm { series, shape: term.shape, times_rate: term.times_rate })
     };
-    let weights: Vec<Weights> = rows.iter().map(|(_, row)| in_covariance(row)).collect::<Option<_>>()?;
-    let lower = weights.iter().enumerate().flat_map(|(i, a)| weights[..=i].iter().map(move |b| (a, b)));
-    Some(CommonBasis {
-        coefficients: rows.iter().map(|(_, row)| coefficient(row)).collect(),
-        covariance: lower.map(|(a, b)| axis.covariance_between(a, b)).collect(),
-        terms: rows.iter().map(|(like, _)| axis.name_of(like)).collect(),
-        units: rows.into_iter().map(|(like, _)| like.unit).collect(),
-    })
+    let onto = onto_common(axis.span(), &terms.iter().map(of_series).collect::<Option<Vec<_>>>()?)?;
+    let row = |(term, weights): (&Term, Vec<(usize, f64)>)| {
+        let of = |(own, weight): &(usize, f64)| Some((axis.row_of(&terms[*own])?, *weight));
+        Some(Row {
+            name: axis.name_of(term),
+            unit: term.unit.clone(),
+            value: weights.iter().map(|(own, weight)| weight * terms[*own].value).sum(),
+            of: weights.iter().map(of).collect::<Option<_>>()?,
+        })
+    };
+    terms.iter().zip(onto).map(row).collect()
+}
+
+fn lags(axis: &AxisCalibration) -> impl Iterator<Item = Row> {
+    let named = |(name, lag): (&str, Option<Lag>)| {
+        let row = axis.fit.as_ref()?.covariance_of.iter().position(|row| row == name)?;
+        Some(Row { name: name.to_owned(), unit: "s".to_owned(), value: lag?.value, of: vec![(row, 1.0)] })
+    };
+    [("lag_s", axis.lag_s()), ("slow lag_s", axis.slow_lag_s())].into_iter().filter_map(named)
 }
 
 fn is_of_series(one: &Term, other: &Term) -> bool {

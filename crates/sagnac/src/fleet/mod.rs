@@ -29,10 +29,10 @@ use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
-pub use common_basis::{COMMON_SPAN, COMMON_TEMPERATURES_C, CommonBasis};
+pub use common_basis::{COMMON_TEMPERATURES_C, CommonBasis};
 pub use control::{ControlChart, Rule};
 pub use manifest::{Unit, units_of};
-pub use prior::{ExactSum, LotMean, NotUsed, Population, Prior, Sums};
+pub use prior::{ExactSum, LotMean, NotUsed, Population, Prior, PriorFile, Sums};
 pub use quality::{Capability, Odd, Quality, Quantity, RigEffect, Yield};
 pub use result::{Acceptance, AxisResult, LimitResult, Outcome, Refusal, UnitResult};
 #[cfg(feature = "parquet")]
@@ -60,6 +60,8 @@ pub struct Work<'a> {
     pub setup: &'a Setup,
     /// Makes the options of a fit.
     pub options: &'a (dyn Fn() -> FitOptions + Sync),
+    /// What is known of the units before their tests.
+    pub prior: Option<&'a PriorFile>,
     /// What a retest is held against.
     pub limits: Option<&'a Limits>,
     /// Units at a time.

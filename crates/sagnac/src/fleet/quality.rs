@@ -224,6 +224,7 @@ fn figures(axis: &AxisResult) -> Vec<(String, String, f64)> {
         ("angle random walk", "deg/rt h", axis.n_deg_rt_h),
         ("quantization", "arcsec", axis.q_arcsec),
         ("bias instability", "deg/h", axis.bias_instability_dph),
+        ("rate random walk", "deg/h/sqrt(h)", axis.rate_random_walk_dph_rt_h),
         ("scale factor", "ppm", axis.scale_ppm),
         ("retest after correction", "deg/h", axis.retest_after_dph),
     ];

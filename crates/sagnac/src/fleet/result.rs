@@ -9,7 +9,7 @@ use crate::verify::{AxisVerification, Verdict, Verification};
 use sagnac_log::error::{Error, ErrorKind};
 
 /// Version of a unit's result.
-pub(super) const VERSION: u32 = 1;
+pub(super) const VERSION: u32 = 2;
 
 /// What came of a unit.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -153,6 +153,8 @@ pub struct AxisResult {
     pub span_c: [f64; 2],
     /// Lag of its temperature, s.
     pub lag_s: Option<f64>,
+    /// Temperature rates of the fit, °C/min: of its lag, then of its slow lag; empty without rate terms.
+    pub rate_spans_cpm: Vec<[f64; 2]>,
     /// Coefficients on the basis that all units share; null where the model has none there.
     pub common: Option<CommonBasis>,
     /// Temperature, °C, drift at rest less that at T0, and its σ, °/h.
@@ -171,6 +173,8 @@ pub struct AxisResult {
     pub q_arcsec: Option<f64>,
     /// Bias instability, °/h; null where the residual holds none.
     pub bias_instability_dph: Option<f64>,
+    /// Rate random walk, °/h/√h; null where the residual holds none.
+    pub rate_random_walk_dph_rt_h: Option<f64>,
     /// Scale factor at T0 from nominal, ppm; null without a rate table.
     pub scale_ppm: Option<f64>,
     /// σ of the retest before the correction, °/h.
@@ -232,7 +236,7 @@ impl UnitResult {
 
 impl AxisResult {
     fn of(axis: &AxisCalibration) -> Self {
-        let fit = axis.fit.as_ref();
+        let slow_noise = axis.fit.as_ref().and_then(|fit| fit.slow_noise.as_ref());
         let offsets = &axis.run_offsets;
         let sum: f64 = offsets.iter().map(|offset| offset.value_dph).sum();
         Self {
@@ -241,6 +245,7 @@ impl AxisResult {
             reference_c: axis.reference_c(),
             span_c: axis.span_c(),
             lag_s: axis.lag_s().map(|lag| lag.value),
+            rate_spans_cpm: axis.rate_spans_cpm(),
             common: on_common_basis(axis),
             curve: common_curve(axis),
             mean_offset_dph: (!offsets.is_empty()).then(|| sum / offsets.len() as f64),
@@ -249,7 +254,8 @@ impl AxisResult {
             noise_floor_dph: axis.noise_floor().map(|floor| floor.value_dph),
             n_deg_rt_h: axis.noise_floor().map(|floor| floor.n_deg_rt_h),
             q_arcsec: axis.noise_floor().map(|floor| floor.q_arcsec),
-            bias_instability_dph: fit.and_then(|fit| fit.slow_noise.as_ref()?.bias_instability_dph),
+            bias_instability_dph: slow_noise.and_then(|noise| noise.bias_instability_dph),
+            rate_random_walk_dph_rt_h: slow_noise.and_then(|noise| noise.rate_random_walk_dph_rt_h),
             scale_ppm: axis.scale_factor().map(|scale| scale.at_reference.ppm),
             ..Self::default()
         }

@@ -140,6 +140,7 @@ fn batch_of(rows: &[Row<'_>]) -> std::result::Result<RecordBatch, arrow_schema::
         ("n_deg_rt_h", of_axis(|axis| axis.n_deg_rt_h)),
         ("q_arcsec", of_axis(|axis| axis.q_arcsec)),
         ("bias_instability_dph", of_axis(|axis| axis.bias_instability_dph)),
+        ("rate_random_walk_dph_rt_h", of_axis(|axis| axis.rate_random_walk_dph_rt_h)),
         ("scale_ppm", of_axis(|axis| axis.scale_ppm)),
         ("acceptance", text(rows, |(unit, _)| Some(unit.acceptance.name()))),
         ("limits_not_met", texts(rows, |axis| Some(axis.limits_not_met()))),

@@ -53,19 +53,22 @@ impl Files {
 /// A result that cannot be written.
 pub(super) fn calibrated(unit: &Unit, work: &Work<'_>, folder: &Path) -> Result<(UnitResult, bool)> {
     let files = Files::of(&unit.name, folder);
-    let options = (work.options)();
+    let options = options_of(unit, work);
     let setup = setup_of(unit, work.setup);
-    let key = setup.as_ref().map_err(Clone::clone).and_then(|setup| key_of(unit, setup, &options, work));
+    let key = match (&setup, &options) {
+        (Ok(setup), Ok(options)) => key_of(unit, setup, options, work),
+        (Err(e), _) | (_, Err(e)) => Err(e.clone()),
+    };
     let kept = key.as_ref().ok().filter(|_| !work.again).and_then(|key| files.kept(key));
     if let Some(before) = kept {
         return Ok((UnitResult { lot: unit.lot.clone(), rig: unit.rig.clone(), ..before }, true));
     }
     // What stands there is not of these logs.
     [&files.result, &files.record, &files.proof].into_iter().try_for_each(|path| remove(path))?;
-    let made = match (setup, &key) {
-        (Ok(setup), Ok(_)) => guarded(|| record_of(unit, &setup, &options)),
-        (Err(e), _) => Err(e),
-        (_, Err(e)) => Err(e.clone()),
+    let made = match (setup, options, &key) {
+        (Ok(setup), Ok(options), Ok(_)) => guarded(|| record_of(unit, &setup, &options)),
+        (Err(e), ..) | (_, Err(e), _) => Err(e),
+        (.., Err(e)) => Err(e.clone()),
     };
     let mut result = UnitResult::begun(unit, key.unwrap_or_default());
     match made {
@@ -117,13 +120,21 @@ fn setup_of(unit: &Unit, of_all: &Setup) -> Result<Setup> {
     Ok(setup)
 }
 
+/// How it is fitted: with what is known of its lot, where there is a prior.
+fn options_of(unit: &Unit, work: &Work<'_>) -> Result<FitOptions> {
+    let lot = Some(unit.lot.as_str()).filter(|lot| !lot.is_empty());
+    let prior = work.prior.map(|prior| prior.of_unit(lot)).transpose()?;
+    Ok((work.options)().prior(prior))
+}
+
 /// What a result depends on.
 fn key_of(unit: &Unit, setup: &Setup, options: &FitOptions, work: &Work<'_>) -> Result<String> {
     let hashes = |logs: &[PathBuf]| {
         logs.iter().map(|log| Ok([file_name(log), sha256_of_file(log)?])).collect::<Result<Vec<_>>>()
     };
-    let FitOptions { model, source_date_epoch, bootstrap, loss, corrects_warm_up, .. } = options;
-    let fit = format!("{model:?} {source_date_epoch:?} {bootstrap:?} {loss:?} {corrects_warm_up}");
+    let FitOptions { model, source_date_epoch, bootstrap, loss, corrects_warm_up, prior, progress: _ } = options;
+    let prior = prior.as_ref().map(|prior| (&prior.sha256, &prior.lot));
+    let fit = format!("{model:?} {source_date_epoch:?} {bootstrap:?} {loss:?} {corrects_warm_up} {prior:?}");
     let limits = work.limits.map(|limits| &limits.source);
     let logs = (hashes(&unit.runs)?, hashes(&unit.retests)?);
     let all = (VERSION, crate::calibration::program(), fit, setup, setup.memory.windows(), limits, logs);

@@ -202,8 +202,14 @@ pub(crate) struct SampledInput {
 impl SampledInput {
     /// On these windows, in which it must be known; `reference` or its own where that is `None`.
     pub(crate) fn new(signal: Signal, windows: &Windows, used: &[usize], reference: f64) -> Self {
+        Self::over(signal, windows, used, reference, [f64::INFINITY, f64::NEG_INFINITY])
+    }
+
+    /// The same on a span that holds at least these values.
+    pub(crate) fn over(signal: Signal, windows: &Windows, used: &[usize], reference: f64, least: [f64; 2]) -> Self {
         let moments: Vec<(f64, f64)> = used.iter().map(|i| signal.in_window(windows, *i)).collect();
         let (lo, hi) = signal.extremes(windows, used);
+        let (lo, hi) = (lo.min(least[0]), hi.max(least[1]));
         let exponent = if signal.in_celsius() { 0 } else { unit_exponent(plausible_about([lo, hi])) };
         let unit = 2.0_f64.powi(exponent.into());
         let on_grid = Span::on_grid(lo / unit, hi / unit);

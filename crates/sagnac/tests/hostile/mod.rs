@@ -99,6 +99,8 @@ pub(crate) struct Bench<'a> {
     pub(crate) quantum_arcsec: f64,
     /// Interval of a row, s.
     pub(crate) row_s: f64,
+    /// Temperature of the chamber, °C, after so many minutes.
+    pub(crate) chamber_c: fn(f64) -> f64,
 }
 
 /// No drift.
@@ -127,6 +129,7 @@ impl<'a> Bench<'a> {
             start_s: 0.0,
             quantum_arcsec: QUANTUM_ARCSEC,
             row_s: 5.0,
+            chamber_c: Self::triangle_c,
         }
     }
 
@@ -141,7 +144,7 @@ impl<'a> Bench<'a> {
     }
 
     /// Chamber temperature after so many minutes: soak cold, up, soak hot, down.
-    fn chamber_c(minutes: f64) -> f64 {
+    pub(crate) fn triangle_c(minutes: f64) -> f64 {
         match minutes % 400.0 {
             m if m < 90.0 => -40.0,
             m if m < 200.0 => -40.0 + (m - 90.0),
@@ -164,11 +167,11 @@ impl<'a> Bench<'a> {
 
     fn run(&self, mut row: impl FnMut(usize, Now, &mut Dice)) {
         let mut dice = Dice::new(self.seed);
-        let (mut block, mut lagged, mut slow) = (-40.0, 0.0, 0.0);
+        let (mut block, mut lagged, mut slow) = ((self.chamber_c)(0.0), 0.0, 0.0);
         for i in 0..self.rows() {
             let minutes = (i as f64 + 0.5) * self.row_s / 60.0;
             let before = block;
-            block += (Self::chamber_c(minutes) - block) * (1.0 - (-self.row_s / self.block_lag_s).exp());
+            block += ((self.chamber_c)(minutes) - block) * (1.0 - (-self.row_s / self.block_lag_s).exp());
             let cpm = (block - before) / self.row_s * 60.0;
             lagged += (cpm - lagged) * (1.0 - (-self.row_s / self.rate_lag_s).exp());
             slow += (cpm - slow) * (1.0 - (-self.row_s / self.slow_lag_s).exp());

@@ -28,7 +28,11 @@ pub(crate) fn model(text: &str) -> Model {
 }
 
 pub(crate) fn fit(logs: Vec<Vec<u8>>, setup: &Setup, text: &str) -> sagnac::Result<Calibration> {
-    calibrate(windows(logs, setup), setup, &FitOptions::new(model(text)))
+    fit_with(logs, setup, &FitOptions::new(model(text)))
+}
+
+pub(crate) fn fit_with(logs: Vec<Vec<u8>>, setup: &Setup, options: &FitOptions) -> sagnac::Result<Calibration> {
+    calibrate(windows(logs, setup), setup, options)
 }
 
 pub(crate) fn retest(calibration: &Calibration, log: Vec<u8>, setup: &Setup) -> Verification {

@@ -19,6 +19,7 @@
 //! 0.97, but the 95 % ellipsoid of three terms of Σ̂ in 0.83 to 0.91 (asserted in the tests): a gate on it needs a wider bound.
 
 mod exact_sum;
+mod of_unit;
 mod read;
 #[cfg(test)]
 mod tests;
@@ -29,6 +30,7 @@ use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use serde::{Deserialize, Serialize};
 
 pub use exact_sum::ExactSum;
+pub use of_unit::PriorFile;
 
 use super::common_basis::CommonBasis;
 use super::control::{SIGMA_OF_MAD, median};
@@ -38,7 +40,9 @@ use sagnac_log::error::{Error, Result};
 /// Value of the `format` key.
 const FORMAT: &str = "sagnac-fleet-prior";
 /// Version of the file.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
+/// Kinds of slow noise in the sums: B and K.
+const SLOW_NOISES: usize = 2;
 /// Odd is further from the median than so many MAD as σ.
 const ODD_MADS: f64 = 5.0;
 /// Lots of fewer axes have the median of all.
@@ -55,7 +59,7 @@ const SPAN_MARGIN_C: f64 = 5.0;
 pub struct Prior {
     /// `sagnac-fleet-prior`.
     pub format: String,
-    /// 1.
+    /// 2.
     pub version: u32,
     /// The model of all units, in the words of `--model`.
     pub model: String,
@@ -65,6 +69,12 @@ pub struct Prior {
     pub units: Vec<String>,
     /// Temperatures that every unit's test covers, °C.
     pub span_c: [f64; 2],
+    /// Temperature rates that every unit's test covers, °C/min: of the lag, then of the slow lag; empty without rate terms.
+    pub rate_spans_cpm: Vec<[f64; 2]>,
+    /// Bias instability of the residuals, root mean square over the axes, °/h.
+    pub bias_instability_dph: f64,
+    /// Rate random walk of the residuals, root mean square over the axes, °/h/√h.
+    pub rate_random_walk_dph_rt_h: f64,
     /// All units, without regard to lots.
     pub fleet: Population,
     /// Units about the means of their lots; null with a single lot.
@@ -129,6 +139,8 @@ pub struct Sums {
     pub product: Vec<ExactSum>,
     /// ΣV, the lower triangle.
     pub covariance: Vec<ExactSum>,
+    /// Σ B² and Σ K² of the residuals.
+    pub slow_noise: Vec<ExactSum>,
 }
 
 /// What the axes of a prior have in common.
@@ -137,6 +149,7 @@ struct Head {
     terms: Vec<String>,
     units: Vec<String>,
     span_c: [f64; 2],
+    rate_spans_cpm: Vec<[f64; 2]>,
 }
 
 /// An axis that may be used.
@@ -167,10 +180,12 @@ impl Prior {
         let model = model.map_or_else(|| most_frequent(&all), |model| Some(model.to_owned()));
         let model = model.ok_or_else(|| Error::refused("no unit of this fleet has a model on the common basis"))?;
         let mut not_used = vec![counted("its model has no terms on the common basis", without)];
-        let terms = all.iter().find(|member| member.axis.model == model).map(|member| member.basis.terms.clone());
-        let (members, others) =
-            parted(all, |member| member.axis.model == model && Some(&member.basis.terms) == terms.as_ref());
+        let (members, others) = parted(all, |member| member.axis.model == model);
         not_used.push(counted("another model", others.len()));
+        // A test that does not resolve a lag has fewer parameters.
+        let most = members.iter().map(|member| member.basis.terms.len()).max().unwrap_or(0);
+        let (members, unresolved) = parted(members, |member| member.basis.terms.len() == most);
+        not_used.push(counted("its test does not resolve the lag", unresolved.len()));
         let ends = |end: usize| median(&members.iter().map(|member| member.axis.span_c[end]).collect::<Vec<_>>());
         let [lo, hi] = [ends(0), ends(1)];
         let (members, short) = parted(members, |Member { axis, .. }| {
@@ -188,13 +203,18 @@ impl Prior {
             members.iter().map(|member| member.axis.span_c[0]).fold(f64::NEG_INFINITY, f64::max),
             members.iter().map(|member| member.axis.span_c[1]).fold(f64::INFINITY, f64::min),
         ];
-        let mut by_lot: BTreeMap<String, Vec<&CommonBasis>> = BTreeMap::new();
+        let rate_spans_cpm = members
+            .iter()
+            .map(|member| member.axis.rate_spans_cpm.clone())
+            .reduce(|a, b| both(&a, &b))
+            .unwrap_or_default();
+        let mut by_lot: BTreeMap<String, Vec<&Member<'_>>> = BTreeMap::new();
         for member in &members {
-            by_lot.entry(member.unit.lot.clone()).or_default().push(member.basis);
+            by_lot.entry(member.unit.lot.clone()).or_default().push(member);
         }
         let sums = by_lot.into_iter().map(|(lot, of)| (lot, Sums::of(&of))).collect();
         not_used.retain(|part| part.axes > 0);
-        Self::of_sums(Head { model, terms, units, span_c }, not_used, sums)
+        Self::of_sums(Head { model, terms, units, span_c, rate_spans_cpm }, not_used, sums)
     }
 
     /// Two priors as one: as if it had been learned from the fleets of both, each without its own odd units.
@@ -207,6 +227,7 @@ impl Prior {
             return Err(Error::input(what).help("calibrate both fleets with the same --model"));
         }
         let span_c = [self.span_c[0].max(other.span_c[0]), self.span_c[1].min(other.span_c[1])];
+        let rate_spans_cpm = both(&self.rate_spans_cpm, &other.rate_spans_cpm);
         let mut not_used: BTreeMap<(String, String), u64> = BTreeMap::new();
         for NotUsed { axis, reason, axes } in std::mem::take(&mut self.not_used).into_iter().chain(other.not_used) {
             *not_used.entry((axis, reason)).or_default() += axes;
@@ -222,11 +243,11 @@ impl Prior {
             }
         }
         let Self { model, terms, units, .. } = self;
-        Self::of_sums(Head { model, terms, units, span_c }, not_used, sums)
+        Self::of_sums(Head { model, terms, units, span_c, rate_spans_cpm }, not_used, sums)
     }
 
     fn of_sums(head: Head, mut not_used: Vec<NotUsed>, sums: BTreeMap<String, Sums>) -> Result<Self> {
-        let Head { model, terms, units, span_c } = head;
+        let Head { model, terms, units, span_c, rate_spans_cpm } = head;
         not_used.sort();
         let mut all = Sums::empty(terms.len());
         sums.values().for_each(|lot| all.merge(lot));
@@ -252,6 +273,7 @@ impl Prior {
         let each: Vec<&Sums> = sums.values().collect();
         let fleet = Population::of(&all, mean(&all), &whole)?;
         let within_lots = (each.len() > 1).then(|| Population::of(&all, mean(&all), &each)).transpose()?;
+        let root_mean = |at: usize| (all.slow_noise[at].value() / all.axes as f64).max(0.0).sqrt();
         Ok(Self {
             format: FORMAT.to_owned(),
             version: VERSION,
@@ -259,6 +281,9 @@ impl Prior {
             terms,
             units,
             span_c,
+            rate_spans_cpm,
+            bias_instability_dph: root_mean(0),
+            rate_random_walk_dph_rt_h: root_mean(1),
             fleet,
             within_lots,
             lots,
@@ -288,8 +313,7 @@ impl Population {
     /// Covariance of the next unit's coefficients about the mean, as a lower triangle: the scatter of units, and what is not known of their
     /// mean, Σ̂ + (Σ̂ + V̄)/n.
     pub fn of_next_unit(&self) -> Vec<f64> {
-        let n = self.axes as f64;
-        self.covariance.iter().zip(&self.of_tests).map(|(own, tests)| own + (own + tests) / n).collect()
+        self.about_mean_of(self.axes)
     }
 
     /// σ of the units in a term, without that of their tests.
@@ -325,19 +349,30 @@ fn beyond(scatter: &DMatrix<f64>, covariance: &DMatrix<f64>) -> Option<(DMatrix<
 
 impl Sums {
     fn empty(terms: usize) -> Self {
-        let triangle = vec![ExactSum::default(); terms * (terms + 1) / 2];
-        Self { axes: 0, value: vec![ExactSum::default(); terms], product: triangle.clone(), covariance: triangle }
+        let zeros = |n: usize| vec![ExactSum::default(); n];
+        let triangle = terms * (terms + 1) / 2;
+        Self {
+            axes: 0,
+            value: zeros(terms),
+            product: zeros(triangle),
+            covariance: zeros(triangle),
+            slow_noise: zeros(SLOW_NOISES),
+        }
     }
 
-    fn of(members: &[&CommonBasis]) -> Self {
-        let terms = members.first().map_or(0, |basis| basis.coefficients.len());
+    fn of(members: &[&Member<'_>]) -> Self {
+        let terms = members.first().map_or(0, |member| member.basis.coefficients.len());
         let triangle = || (0..terms).flat_map(|i| (0..=i).map(move |j| (i, j)));
-        let sum = |value: &dyn Fn(&CommonBasis) -> f64| ExactSum::of(members.iter().map(|basis| value(basis)));
+        let sum = |value: &dyn Fn(&CommonBasis) -> f64| ExactSum::of(members.iter().map(|member| value(member.basis)));
+        let noise = |of: fn(&AxisResult) -> Option<f64>| {
+            ExactSum::of(members.iter().filter_map(|member| Some(of(member.axis)?.powi(2))))
+        };
         Self {
             axes: members.len() as u64,
             value: (0..terms).map(|i| sum(&|basis| basis.coefficients[i])).collect(),
             product: triangle().map(|(i, j)| sum(&|basis| basis.coefficients[i] * basis.coefficients[j])).collect(),
             covariance: triangle().map(|(i, j)| sum(&|basis| basis.covariance[place(i, j)])).collect(),
+            slow_noise: vec![noise(|axis| axis.bias_instability_dph), noise(|axis| axis.rate_random_walk_dph_rt_h)],
         }
     }
 
@@ -347,6 +382,7 @@ impl Sums {
             (&mut self.value, &other.value),
             (&mut self.product, &other.product),
             (&mut self.covariance, &other.covariance),
+            (&mut self.slow_noise, &other.slow_noise),
         ];
         for (own, more) in parts {
             own.iter_mut().zip(more).for_each(|(own, more)| own.merge(more));
@@ -370,6 +406,11 @@ fn symmetric(lower: &[f64], p: usize) -> DMatrix<f64> {
 
 fn lower(matrix: &DMatrix<f64>) -> Vec<f64> {
     (0..matrix.nrows()).flat_map(|i| (0..=i).map(move |j| matrix[(i, j)])).collect()
+}
+
+/// Rates that both spans hold, lag by lag.
+fn both(one: &[[f64; 2]], other: &[[f64; 2]]) -> Vec<[f64; 2]> {
+    one.iter().zip(other).map(|(a, b)| [a[0].max(b[0]), a[1].min(b[1])]).collect()
 }
 
 fn parted<T>(all: Vec<T>, is: impl Fn(&T) -> bool) -> (Vec<T>, Vec<T>) {

@@ -2,12 +2,12 @@
 
 use std::path::Path;
 
-use super::{FORMAT, Head, Prior, VERSION};
+use super::{FORMAT, Head, Prior, SLOW_NOISES, Sums, VERSION};
 use sagnac_log::error::{Error, Result};
 use sagnac_log::read::read_text;
 
 /// Longest file: 64 terms of a thousand lots are 100 MB.
-const MOST_BYTES: u64 = 256 << 20;
+pub(super) const MOST_BYTES: u64 = 256 << 20;
 
 /// Axes of a lot.
 const MOST_AXES: u64 = 1 << 32;
@@ -44,17 +44,19 @@ impl Prior {
         }
         let p = found.terms.len();
         let triangle = p * (p + 1) / 2;
-        let fits = found
-            .sums
-            .values()
-            .all(|sums| [sums.value.len(), sums.product.len(), sums.covariance.len()] == [p, triangle, triangle]);
+        let lengths = |sums: &Sums| [&sums.value, &sums.product, &sums.covariance, &sums.slow_noise].map(Vec::len);
+        let fits = found.sums.values().all(|sums| lengths(sums) == [p, triangle, triangle, SLOW_NOISES]);
         if !fits || found.units.len() != p || found.sums.values().any(|sums| !(1..=MOST_AXES).contains(&sums.axes)) {
             return Err(Error::input("sums that do not fit the terms").column("sums"));
         }
         if found.span_c[0].partial_cmp(&found.span_c[1]) != Some(std::cmp::Ordering::Less) {
             return Err(Error::input("a span that ends before it begins").column("span_c"));
         }
-        let Self { model, terms, units, span_c, not_used, sums, .. } = found;
-        Self::of_sums(Head { model, terms, units, span_c }, not_used, sums)
+        let is_rate_span = |[lo, hi]: &[f64; 2]| *lo <= 0.0 && *hi >= 0.0 && lo.is_finite() && hi.is_finite();
+        if !found.rate_spans_cpm.iter().all(is_rate_span) {
+            return Err(Error::input("a span of rates without 0").column("rate_spans_cpm"));
+        }
+        let Self { model, terms, units, span_c, rate_spans_cpm, not_used, sums, .. } = found;
+        Self::of_sums(Head { model, terms, units, span_c, rate_spans_cpm }, not_used, sums)
     }
 }
