@@ -16,7 +16,7 @@ use std::io::Read;
 use crate::error::Error;
 
 /// A budget in bytes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct MemoryBudget(u64);
 
 impl Default for MemoryBudget {

@@ -8,6 +8,10 @@ use crate::error::{Error, Result};
 /// Endings of logs, each also with .gz behind it.
 const ENDINGS: [&str; 6] = ["csv", "tsv", "parquet", "arrow", "feather", "ulg"];
 
+/// A sign of a pattern stands for a part of one name; hidden files are passed over.
+const AS_FILES: glob::MatchOptions =
+    glob::MatchOptions { case_sensitive: true, require_literal_separator: true, require_literal_leading_dot: true };
+
 /// The logs that a path means: those of a folder, or what a pattern (`runs/*.csv`) matches; `None` for any other path, which is one file.
 ///
 /// # Errors
@@ -40,6 +44,31 @@ pub fn files_in(path: &Path) -> Result<Vec<PathBuf>> {
     all.retain(|entry| entry.is_file() && !is_hidden(entry));
     in_order(&mut all);
     Ok(all)
+}
+
+/// Those of some names that are logs by their endings, in natural order: for stores whose files are not this machine's.
+pub fn logs_among(mut names: Vec<PathBuf>) -> Vec<PathBuf> {
+    names.retain(|name| is_log(name));
+    in_order(&mut names);
+    names
+}
+
+/// Those of some names that a pattern matches, in natural order.
+///
+/// # Errors
+/// Not a pattern; no name that it matches.
+pub fn matches_among(pattern: &str, mut names: Vec<PathBuf>) -> Result<Vec<PathBuf>> {
+    let refused = |what: String| Error::input(what).file(pattern);
+    let matcher = glob::Pattern::new(pattern).map_err(|e| refused(format!("not a pattern of names: {e}")))?;
+    // As on a file system: a sign stands for a part of one name, and hidden ones are passed over.
+    let options =
+        glob::MatchOptions { case_sensitive: true, require_literal_separator: true, require_literal_leading_dot: true };
+    names.retain(|name| matcher.matches_path_with(name, options));
+    if names.is_empty() {
+        return Err(refused("no file matches this pattern".to_owned()));
+    }
+    in_order(&mut names);
+    Ok(names)
 }
 
 /// A name with the signs of a pattern that is no file by itself.
@@ -80,7 +109,7 @@ fn folder(path: &Path) -> Result<Vec<PathBuf>> {
 fn matches(pattern: &Path) -> Result<Vec<PathBuf>> {
     let text = pattern.to_str().unwrap_or_default();
     let refused = |what: String| Error::input(what).file(text);
-    let found = glob::glob(text).map_err(|e| refused(format!("not a pattern of names: {e}")))?;
+    let found = glob::glob_with(text, AS_FILES).map_err(|e| refused(format!("not a pattern of names: {e}")))?;
     let mut logs: Vec<PathBuf> = found.filter_map(std::result::Result::ok).filter(|path| path.is_file()).collect();
     if logs.is_empty() {
         return Err(refused("no file matches this pattern".to_owned()));
@@ -89,6 +118,7 @@ fn matches(pattern: &Path) -> Result<Vec<PathBuf>> {
     Ok(logs)
 }
 
-fn in_order(paths: &mut [PathBuf]) {
+/// Puts paths into natural order.
+pub fn in_order(paths: &mut [PathBuf]) {
     alphanumeric_sort::sort_path_slice(paths);
 }

@@ -10,7 +10,7 @@ use hostile::{Bench, Dice, Now};
 use rayon::prelude::*;
 use sagnac::calibration::Calibration;
 use sagnac::fit::{FitOptions, Loss, Model, UnitPrior};
-use sagnac::fleet::{Prior, PriorFile, Unit, Work, calibrate, results_in};
+use sagnac::fleet::{Prior, PriorFile, Recipe, Unit, Work, calibrate, results_in};
 use support::evidence::evidence;
 
 /// A gyro: coefficients of u, u², u³ and of Ṫ, Ṫ·u, °/h and °/h per °C/min, and the lag of Ṫ, s.
@@ -117,9 +117,8 @@ impl Fleet {
             unit
         };
         let units: Vec<Unit> = gyros.par_iter().enumerate().map(unit).collect();
-        let options = || FitOptions::new(support::model(MODEL));
-        let setup = Bench::setup();
-        let work = Work { setup: &setup, options: &options, prior: None, limits: None, threads: 2, again: false };
+        let recipe = Recipe::new(Bench::setup(), support::model(MODEL));
+        let work = Work { recipe: &recipe, threads: 2, again: false };
         calibrate(&units, &work, &folder, &|_| ()).unwrap();
         let prior = Prior::learned(&results_in(&folder).unwrap(), None).unwrap();
         let path = folder.join("fleet.prior.json");

@@ -4,8 +4,6 @@ mod calibrate;
 mod prior;
 mod report;
 
-pub(crate) use calibrate::line;
-
 use crate::console::{Console, Ran};
 
 /// Calibrate a factory's gyros, and learn from them what the next one is like

@@ -88,7 +88,7 @@ pub(super) fn json(path: &Path, console: &mut Console) -> Result<bool> {
     if peek.outcome.is_some()
         && let Ok(unit) = serde_json::from_str::<UnitResult>(&text)
     {
-        let what = format!("what `sagnac fleet calibrate` found of {}: {}", unit.unit, crate::fleet::line(&unit));
+        let what = format!("what `sagnac fleet calibrate` found of {}: {}", unit.unit, unit.words());
         return said("fleet_unit", what, console);
     }
     if let Ok(prior) = Prior::from_json(&text) {

@@ -68,6 +68,16 @@ pub enum Model {
     Fixed(ModelSpec),
 }
 
+impl std::fmt::Display for Model {
+    /// As [`std::str::FromStr`] reads it.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Auto => f.write_str("auto"),
+            Self::Fixed(spec) => spec.fmt(f),
+        }
+    }
+}
+
 impl std::str::FromStr for Model {
     type Err = Error;
 

@@ -8,14 +8,17 @@
 //!
 //! Fails for a unit with two lots, rigs or setups, and for a name that cannot be a file's.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
+use std::ffi::OsStr;
 use std::io::BufRead;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
+use serde::{Deserialize, Serialize};
+
 use super::pattern::{self, Found};
 use sagnac_log::error::{Error, Result};
-use sagnac_log::paths::{folders_in, logs_of};
+use sagnac_log::paths::{folders_in, in_order, logs_among, logs_of, matches_among};
 
 /// Setup of a unit in its own folder.
 const OWN_SETUP: &str = "bench.toml";
@@ -27,7 +30,7 @@ const MOST_LETTERS: usize = 32;
 const COLUMNS: [&str; 6] = ["unit", "run", "lot", "rig", "use", "setup"];
 
 /// A gyro and its tests.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Unit {
     /// Its name, and its serial number where its setup does not say one.
@@ -73,21 +76,73 @@ pub fn units_of(source: &Path) -> Result<Vec<Unit>> {
         return of_folder(source);
     }
     if pattern::is_template(source) {
-        return gathered(pattern::matches(source)?);
+        let logs = |pattern: &str| Ok(logs_of(Path::new(pattern))?.unwrap_or_default());
+        return gathered(pattern::matches(source, logs)?);
     }
     match logs_of(source)? {
         Some(logs) => gathered(logs.into_iter().map(by_its_folder).collect()),
-        None => read_manifest(source),
+        None => units_in_manifest(source, source.parent().unwrap_or(Path::new(""))),
     }
+}
+
+/// The units of a store that is no folder of this machine: `names` are all its files below `source`, a prefix such as
+/// `s3://bucket/units` or a pattern, each with the prefix in front.
+///
+/// # Errors
+/// Names that are no units.
+pub fn units_among(source: &str, names: Vec<PathBuf>) -> Result<Vec<Unit>> {
+    let root = Path::new(source);
+    if pattern::is_template(root) {
+        return gathered(pattern::matches(root, |pattern| matches_among(pattern, names))?);
+    }
+    if source.contains(['*', '?', '[']) {
+        return gathered(matches_among(source, names)?.into_iter().map(by_its_folder).collect());
+    }
+    let mut units: BTreeMap<String, Folder> = BTreeMap::new();
+    for name in names {
+        let below = name.strip_prefix(root).map(Path::to_path_buf).unwrap_or_default();
+        let parts: Vec<&str> = below.iter().filter_map(OsStr::to_str).collect();
+        match parts[..] {
+            [unit, _, ..] if unit.starts_with('.') => {}
+            [unit, OWN_SETUP] => units.entry(unit.to_owned()).or_default().setup = Some(name),
+            [unit, _] => units.entry(unit.to_owned()).or_default().runs.push(name),
+            [unit, OWN_RETESTS, _] => units.entry(unit.to_owned()).or_default().retests.push(name),
+            _ => {}
+        }
+    }
+    if units.is_empty() {
+        return Err(no_folder(source));
+    }
+    let mut names: Vec<PathBuf> = units.keys().map(PathBuf::from).collect();
+    in_order(&mut names);
+    let unit = |path: PathBuf| {
+        let name = path.to_string_lossy().into_owned();
+        checked(&name).map_err(|e| e.file(root.join(&path).display().to_string()))?;
+        let Folder { runs, retests, setup } = units.remove(&name).unwrap_or_default();
+        Ok(Unit { name, runs: logs_among(runs), retests: logs_among(retests), setup, ..Unit::default() })
+    };
+    names.into_iter().map(unit).collect()
+}
+
+/// What lies in a unit's folder.
+#[derive(Default)]
+struct Folder {
+    runs: Vec<PathBuf>,
+    retests: Vec<PathBuf>,
+    setup: Option<PathBuf>,
+}
+
+fn no_folder(place: &str) -> Error {
+    Error::input("no folder of a unit in this folder")
+        .file(place)
+        .help("each unit has a folder of its own with its logs; or give a pattern, data/{unit}.csv, or a manifest")
 }
 
 /// Each folder is a unit, by its name. One without logs is a unit too, which fails by that name.
 fn of_folder(folder: &Path) -> Result<Vec<Unit>> {
     let all = folders_in(folder)?;
     if all.is_empty() {
-        return Err(Error::input("no folder of a unit in this folder").file(folder.display().to_string()).help(
-            "each unit has a folder of its own with its logs; or give a pattern, data/{unit}.csv, or a manifest",
-        ));
+        return Err(no_folder(&folder.display().to_string()));
     }
     let logs_in = |path: &Path| logs_of(path).ok().flatten().unwrap_or_default();
     let unit = |path: &PathBuf| {
@@ -115,8 +170,12 @@ fn gathered(found: Vec<Found>) -> Result<Vec<Unit>> {
     Ok(units.all)
 }
 
-/// The units of a manifest, in the order of their first lines.
-fn read_manifest(path: &Path) -> Result<Vec<Unit>> {
+/// The units of a manifest, in the order of their first lines; its paths are from `folder`, and URLs are as they are.
+///
+/// # Errors
+/// What cannot be read, a line that is wrong, no line.
+pub fn units_in_manifest(path: &Path, folder: &Path) -> Result<Vec<Unit>> {
+    let from_folder = |text: &str| if text.contains("://") { PathBuf::from(text) } else { folder.join(text) };
     let name = path.display().to_string();
     let broken = |e: csv::Error| Error::input(format!("cannot read the manifest: {e}")).file(&name);
     let file = std::fs::File::open(path).map_err(|e| Error::io_path(path, "read", &e))?;
@@ -134,7 +193,6 @@ fn read_manifest(path: &Path) -> Result<Vec<Unit>> {
         return Err(Error::input("the manifest lacks a column").file(&name).column(missing).help(known));
     }
     let columns = COLUMNS.map(column);
-    let folder = path.parent().unwrap_or(Path::new(""));
     let mut units = Gathered::default();
     for record in reader.records() {
         let record = record.map_err(broken)?;
@@ -148,10 +206,10 @@ fn read_manifest(path: &Path) -> Result<Vec<Unit>> {
             name: unit.to_owned(),
             lot: lot.to_owned(),
             rig: rig.to_owned(),
-            setup: Some(setup).filter(|text| !text.is_empty()).map(|text| folder.join(text)),
+            setup: Some(setup).filter(|text| !text.is_empty()).map(from_folder),
             ..Unit::default()
         };
-        units.add(own, of.parse().map_err(here)?, folder.join(run)).map_err(here)?;
+        units.add(own, of.parse().map_err(here)?, from_folder(run)).map_err(here)?;
     }
     if units.all.is_empty() {
         return Err(Error::input("the manifest has no line").file(&name));
@@ -206,4 +264,46 @@ fn checked(name: &str) -> Result<()> {
         )));
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What a store's listing says is what a folder of the same names would.
+    #[test]
+    fn a_listing_is_a_folder() {
+        let folder = tempfile::tempdir().unwrap();
+        let names = [
+            "RLG-10/run-1.csv",
+            "RLG-10/run-10.csv",
+            "RLG-10/run-2.csv.gz",
+            "RLG-10/notes.txt",
+            "RLG-10/.hidden.csv",
+            "RLG-2/a.parquet",
+            "RLG-2/retest/b.parquet",
+            "RLG-2/bench.toml",
+            "RLG-2/deeper/than/c.csv",
+            "RLG-3/notes.txt",
+            "loose.csv",
+        ];
+        for name in names {
+            let path = folder.path().join(name);
+            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+            std::fs::write(path, "x").unwrap();
+        }
+        let source = folder.path().to_str().unwrap();
+        let listing = || names.iter().rev().map(|name| folder.path().join(name)).collect::<Vec<_>>();
+        let units = units_among(source, listing()).unwrap();
+        assert_eq!(units, units_of(folder.path()).unwrap());
+        assert_eq!(units.iter().map(|unit| unit.name.as_str()).collect::<Vec<_>>(), ["RLG-2", "RLG-3", "RLG-10"]);
+        assert_eq!(units[2].runs.len(), 3);
+        for pattern in ["{unit}/run-{run}.csv*", "*/*.csv", "{unit}/{lot}/b.parquet"] {
+            let pattern = format!("{source}/{pattern}");
+            assert_eq!(units_among(&pattern, listing()).unwrap(), units_of(Path::new(&pattern)).unwrap(), "{pattern}");
+        }
+        for wrong in ["nothing-here", "*.ulg", "{lot}/a.csv"] {
+            assert!(units_among(&format!("{source}/{wrong}"), listing()).is_err(), "{wrong}");
+        }
+    }
 }

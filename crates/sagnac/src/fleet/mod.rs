@@ -15,55 +15,46 @@ mod common_basis;
 mod control;
 #[cfg(test)]
 mod draws;
+mod folder;
 mod manifest;
 mod pattern;
 mod prior;
 mod quality;
+mod recipe;
 mod result;
+mod summary;
 #[cfg(feature = "parquet")]
 mod table;
 mod unit;
 
-use std::fs::{self, File};
+use std::fs;
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 pub use common_basis::{COMMON_TEMPERATURES_C, CommonBasis};
 pub use control::{ControlChart, Rule};
-pub use manifest::{Unit, units_of};
+pub use folder::{Results, TABLE};
+pub use manifest::{Unit, units_among, units_in_manifest, units_of};
 pub use prior::{ExactSum, LotMean, NotUsed, Population, Prior, PriorFile, Sums};
 pub use quality::{Capability, Odd, Quality, Quantity, RigEffect, Yield};
+pub use recipe::Recipe;
 pub use result::{Acceptance, AxisResult, LimitResult, Outcome, Refusal, UnitResult};
+pub use summary::{InOrder, Summary};
 #[cfg(feature = "parquet")]
 pub use table::{TableSummary, table_summary};
+pub use unit::{Answer, answer};
 
-use crate::fit::FitOptions;
-use crate::verify::Limits;
+use folder::UNITS;
 use sagnac_log::error::{Error, Result};
 use sagnac_log::paths::files_in;
-use sagnac_log::setup::Setup;
-use sagnac_log::write::remove_abandoned;
+use sagnac_log::threads::STACK_BYTES;
 
-/// Folder of the records, of the proofs, and of what is known of each unit.
-const RECORDS: &str = "records";
-const PROOFS: &str = "proofs";
-const UNITS: &str = "units";
-/// The table.
-pub const TABLE: &str = "fleet.parquet";
-/// Held while a program writes into the folder.
-const LOCK: &str = "lock";
-
-/// What is done with each unit.
+/// How a machine's own threads do it.
+#[derive(Clone, Copy)]
 pub struct Work<'a> {
-    /// What the logs cannot say, for units without a setup of their own.
-    pub setup: &'a Setup,
-    /// Makes the options of a fit.
-    pub options: &'a (dyn Fn() -> FitOptions + Sync),
-    /// What is known of the units before their tests.
-    pub prior: Option<&'a PriorFile>,
-    /// What a retest is held against.
-    pub limits: Option<&'a Limits>,
+    /// What is done with each unit.
+    pub recipe: &'a Recipe,
     /// Units at a time.
     pub threads: usize,
     /// Also what has not changed is done.
@@ -85,22 +76,31 @@ pub struct Done {
 /// # Errors
 /// A folder that cannot be written, or that another program writes into.
 pub fn calibrate(units: &[Unit], work: &Work<'_>, folder: &Path, report: &(dyn Fn(Done) + Sync)) -> Result<()> {
-    for part in [RECORDS, PROOFS, UNITS] {
-        let part = folder.join(part);
-        fs::create_dir_all(&part).map_err(|e| Error::io_path(&part, "make the folder", &e))?;
-    }
-    let _lock = locked(&folder.join(LOCK))?;
-    for part in [RECORDS, PROOFS, UNITS] {
-        remove_abandoned(&folder.join(part))?;
-    }
+    let memory = work.recipe.setup.memory;
+    calibrate_by(units, work, folder, report, &|unit, before| answer(unit, work.recipe, memory, before))
+}
+
+/// The same where `answer` does a unit, unless its key is the one given.
+///
+/// # Errors
+/// As [`calibrate`].
+pub fn calibrate_by(
+    units: &[Unit],
+    work: &Work<'_>,
+    folder: &Path,
+    report: &(dyn Fn(Done) + Sync),
+    answer: &(dyn Fn(&Unit, Option<&str>) -> Answer + Sync),
+) -> Result<()> {
+    let results = Results::open(folder)?;
     each(units, work.threads, &|place| {
-        let (result, is_kept) = unit::calibrated(&units[place], work, folder)?;
+        let unit = &units[place];
+        let before = results.before(unit).filter(|_| !work.again);
+        let answer = answer(unit, before.as_ref().map(|before| before.key.as_str()));
+        let (result, is_kept) = results.take(unit, before, answer)?;
         report(Done { place, result, is_kept });
         Ok(())
     })?;
-    #[cfg(feature = "parquet")]
-    table::write(&results_in(folder)?, &folder.join(TABLE))?;
-    Ok(())
+    results.write_table()
 }
 
 /// What is known of every unit of a folder, in the natural order of their names.
@@ -134,36 +134,17 @@ pub fn results_in(folder: &Path) -> Result<Vec<UnitResult>> {
     files_in(&units)?.into_iter().filter(|path| is_result(path)).map(read).collect()
 }
 
-/// The lock of a folder, for as long as the file is open.
-fn locked(path: &Path) -> Result<File> {
-    let file = File::options().create(true).truncate(false).write(true).open(path);
-    let file = file.map_err(|e| Error::io_path(path, "open", &e))?;
-    match file.try_lock() {
-        Ok(()) => Ok(file),
-        Err(fs::TryLockError::WouldBlock) => Err(Error::input("another program writes into this folder")
-            .file(path.display().to_string())
-            .help("wait until it has ended, or give another folder")),
-        Err(fs::TryLockError::Error(e)) => Err(Error::io_path(path, "lock", &e)),
-    }
-}
-
 /// Does some work for each unit; so many threads take the next one each. The first error ends it.
 fn each(units: &[Unit], threads: usize, work: &(dyn Fn(usize) -> Result<()> + Sync)) -> Result<()> {
     let next = AtomicUsize::new(0);
     let failed: Mutex<Option<Error>> = Mutex::default();
     let take = || {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).stack_size(sagnac_log::threads::STACK_BYTES).build();
         loop {
             let place = next.fetch_add(1, Ordering::Relaxed);
             if place >= units.len() {
                 break;
             }
-            let alone = || sagnac_log::threads::alone(|| work(place));
-            let done = match &pool {
-                Ok(pool) => pool.install(alone),
-                Err(_) => alone(),
-            };
-            if let Err(e) = done {
+            if let Err(e) = by_one_thread(|| work(place)) {
                 next.store(units.len(), Ordering::Relaxed);
                 failed.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(e);
             }
@@ -173,9 +154,18 @@ fn each(units: &[Unit], threads: usize, work: &(dyn Fn(usize) -> Result<()> + Sy
         for number in 1..threads.min(units.len()) {
             let thread = std::thread::Builder::new().name(format!("units {number}"));
             // A machine may refuse a thread: the others do its work.
-            let _ = thread.stack_size(sagnac_log::threads::STACK_BYTES).spawn_scoped(scope, take);
+            let _ = thread.stack_size(STACK_BYTES).spawn_scoped(scope, take);
         }
         take();
     });
     failed.into_inner().unwrap_or_else(PoisonError::into_inner).map_or(Ok(()), Err)
+}
+
+/// Does some work by one thread alone, whatever it would do by several: for who has as many units at a time as there are processors.
+pub fn by_one_thread<T: Send>(work: impl FnOnce() -> T + Send) -> T {
+    let alone = || sagnac_log::threads::alone(work);
+    match rayon::ThreadPoolBuilder::new().num_threads(1).stack_size(STACK_BYTES).build() {
+        Ok(pool) => pool.install(alone),
+        Err(_) => alone(),
+    }
 }

@@ -8,7 +8,6 @@ use std::path::{Path, PathBuf};
 
 use super::manifest::Use;
 use sagnac_log::error::{Error, Result};
-use sagnac_log::paths::logs_of;
 
 /// Names that may stand in braces.
 const NAMES: [&str; 5] = ["unit", "lot", "rig", "run", "use"];
@@ -36,11 +35,11 @@ pub(super) fn is_template(source: &Path) -> bool {
     !source.exists() && source.to_str().is_some_and(|text| text.contains('{'))
 }
 
-/// The logs that a template means, in natural order.
+/// The logs that a template means, in natural order: `logs_of` has those of a pattern with `*` for each name.
 ///
 /// # Errors
 /// An unknown name, a template without `{unit}`, no log that matches, two values of a name in one path.
-pub(super) fn matches(template: &Path) -> Result<Vec<Found>> {
+pub(super) fn matches(template: &Path, logs_of: impl FnOnce(&str) -> Result<Vec<PathBuf>>) -> Result<Vec<Found>> {
     let text = template.to_str().unwrap_or_default();
     let wrong = |what: String| Error::input(what).file(text).help("such as data/{lot}/unit={unit}/run={run}.parquet");
     let folders: Vec<Vec<Part>> = text.split('/').map(parts).collect::<std::result::Result<_, _>>().map_err(wrong)?;
@@ -52,7 +51,7 @@ pub(super) fn matches(template: &Path) -> Result<Vec<Found>> {
         Part::Any(_) => "*".to_owned(),
     };
     let glob: Vec<String> = folders.iter().map(|folder| folder.iter().map(as_glob).collect()).collect();
-    let logs = logs_of(Path::new(&glob.join("/")))?.unwrap_or_default();
+    let logs = logs_of(&glob.join("/"))?;
     let found = |log: PathBuf| {
         let text =
             log.to_str().ok_or_else(|| Error::input("a name that is not Unicode").file(log.display().to_string()))?;

@@ -4,95 +4,98 @@
 //! key = SHA-256(program, model and options, setup, limits, name and SHA-256 of each run and retest)
 //! ```
 
-use std::fs;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
 
 use super::result::{UnitResult, VERSION};
-use super::{PROOFS, RECORDS, UNITS, Unit, Work};
+use super::{Recipe, Unit};
 use crate::calibration::Calibration;
 use crate::fit::FitOptions;
 use crate::verify::{Correction, Verification, VerifyOptions, verify};
 use crate::window::WindowBuilder;
 use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::{LogReader, Logs, ReadMode, hex, sha256, sha256_of_file};
+use sagnac_log::memory::MemoryBudget;
 use sagnac_log::setup::Setup;
-use sagnac_log::write::write_bytes;
 
-/// Files of a unit.
-struct Files {
-    result: PathBuf,
-    record: PathBuf,
-    proof: PathBuf,
+/// What came of a unit, on whatever machine.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Answer {
+    /// It was done before: nothing that its result depends on has changed.
+    Unchanged,
+    /// Its result, with its record and the proof on its retests where there are any, as they are written.
+    Done {
+        /// The result.
+        result: Box<UnitResult>,
+        /// The text of its record.
+        record: Option<String>,
+        /// The text of its verification.
+        proof: Option<String>,
+    },
 }
 
-impl Files {
-    fn of(unit: &str, folder: &Path) -> Self {
-        Self {
-            result: folder.join(UNITS).join(format!("{unit}.json")),
-            record: folder.join(RECORDS).join(format!("{unit}.cal.json")),
-            proof: folder.join(PROOFS).join(format!("{unit}.json")),
-        }
-    }
-
-    /// The result of before, if it has this key and its files are as they were written.
-    fn kept(&self, key: &str) -> Option<UnitResult> {
-        let before: UnitResult = serde_json::from_slice(&fs::read(&self.result).ok()?).ok()?;
-        let is_whole = |path: &Path, written: &Option<String>| match written {
-            Some(written) => sha256_of_file(path).is_ok_and(|found| found == *written),
-            None => !path.exists(),
-        };
-        let is_whole = is_whole(&self.record, &before.record_sha256) && is_whole(&self.proof, &before.proof_sha256);
-        (before.version == VERSION && before.key == key && is_whole).then_some(before)
-    }
-}
-
-/// A unit's result, and whether it is the one of before.
-///
-/// # Errors
-/// A result that cannot be written.
-pub(super) fn calibrated(unit: &Unit, work: &Work<'_>, folder: &Path) -> Result<(UnitResult, bool)> {
-    let files = Files::of(&unit.name, folder);
-    let options = options_of(unit, work);
-    let setup = setup_of(unit, work.setup);
+/// Does a unit, unless its key is that of `before`. Whatever goes wrong with its logs is a result with its reason.
+pub fn answer(unit: &Unit, recipe: &Recipe, memory: MemoryBudget, before: Option<&str>) -> Answer {
+    let options = recipe.options_of(unit);
+    let setup = setup_of(unit, &recipe.setup, memory);
     let key = match (&setup, &options) {
-        (Ok(setup), Ok(options)) => key_of(unit, setup, options, work),
+        (Ok(setup), Ok(options)) => key_of(unit, setup, options, recipe),
         (Err(e), _) | (_, Err(e)) => Err(e.clone()),
     };
-    let kept = key.as_ref().ok().filter(|_| !work.again).and_then(|key| files.kept(key));
-    if let Some(before) = kept {
-        return Ok((UnitResult { lot: unit.lot.clone(), rig: unit.rig.clone(), ..before }, true));
+    if key.as_ref().is_ok_and(|key| Some(key.as_str()) == before) {
+        return Answer::Unchanged;
     }
-    // What stands there is not of these logs.
-    [&files.result, &files.record, &files.proof].into_iter().try_for_each(|path| remove(path))?;
-    let made = match (setup, options, &key) {
-        (Ok(setup), Ok(options), Ok(_)) => guarded(|| record_of(unit, &setup, &options)),
-        (Err(e), ..) | (_, Err(e), _) => Err(e),
-        (.., Err(e)) => Err(e.clone()),
+    let made = match (&setup, options, &key) {
+        (Ok(setup), Ok(options), Ok(_)) => guarded(|| record_of(unit, setup, &options)),
+        (Err(e), ..) | (.., Err(e)) => Err(e.clone()),
+        (_, Err(e), _) => Err(e),
     };
-    let mut result = UnitResult::begun(unit, key.unwrap_or_default());
+    let mut result = Box::new(UnitResult::begun(unit, key.unwrap_or_default()));
+    let (mut record, mut proof) = (None, None);
     match made {
         Ok((calibration, text)) => {
-            result.calibrated(&calibration, written(&files.record, &text)?);
+            result.calibrated(&calibration, hash_of(&text));
+            record = Some(text);
             if !unit.retests.is_empty() {
-                match guarded(|| proof_of(unit, calibration, work)) {
-                    Ok((verification, text)) => result.proved(&verification, written(&files.proof, &text)?),
+                match guarded(|| proof_of(unit, calibration, recipe, memory)) {
+                    Ok((verification, text)) => {
+                        result.proved(&verification, hash_of(&text));
+                        proof = Some(text);
+                    }
                     Err(e) => result.not_judged(e),
                 }
             }
         }
         Err(e) => result.refused(e),
     }
-    let text = serde_json::to_string_pretty(&result)
-        .map_err(|e| Error::input(format!("cannot write the result of {}: {e}", unit.name)))?;
-    written(&files.result, &text)?;
-    Ok((result, false))
+    Answer::Done { result, record, proof }
 }
 
-/// Writes a text; its hash.
-fn written(path: &Path, text: &str) -> Result<String> {
-    write_bytes(path, text.as_bytes())?;
-    Ok(hex(&sha256(text.as_bytes())))
+impl Answer {
+    /// That a unit could not be done at all: its logs could not be fetched, or the machine cannot do what it was asked.
+    pub fn failed(unit: &Unit, error: Error) -> Self {
+        let mut result = UnitResult::begun(unit, String::new());
+        result.refused(error);
+        Self::Done { result: Box::new(result), record: None, proof: None }
+    }
+
+    /// With the names by which the logs were given, where it was done on files of other names: (file, given).
+    pub fn rename(&mut self, names: &[(String, String)]) {
+        let Self::Done { result, .. } = self else { return };
+        for refusal in result.refusal.iter_mut().chain(&mut result.retest_refusal) {
+            for (file, given) in names {
+                refusal.place = refusal.place.replace(file, given);
+                refusal.reason = refusal.reason.replace(file, given);
+            }
+        }
+    }
+}
+
+fn hash_of(text: &str) -> String {
+    hex(&sha256(text.as_bytes()))
 }
 
 /// A panic while one unit is done is a defect of this program, and not the end of the fleet.
@@ -103,46 +106,33 @@ fn guarded<T>(work: impl FnOnce() -> Result<T>) -> Result<T> {
     })
 }
 
-fn remove(path: &Path) -> Result<()> {
-    match fs::remove_file(path) {
-        Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(Error::io_path(path, "remove", &e)),
-        _ => Ok(()),
-    }
-}
-
 /// The setup of a unit: its own, or that of all; its name is its serial number where that has none.
-fn setup_of(unit: &Unit, of_all: &Setup) -> Result<Setup> {
-    let mut setup = match &unit.setup {
-        Some(path) => Setup { memory: of_all.memory, ..Setup::read(path)? },
+fn setup_of(unit: &Unit, of_all: &Setup, memory: MemoryBudget) -> Result<Setup> {
+    let setup = match &unit.setup {
+        Some(path) => Setup::read(path)?,
         None => of_all.clone(),
     };
+    let mut setup = Setup { memory, ..setup };
     setup.serial.get_or_insert_with(|| unit.name.clone());
     Ok(setup)
 }
 
-/// How it is fitted: with what is known of its lot, where there is a prior.
-fn options_of(unit: &Unit, work: &Work<'_>) -> Result<FitOptions> {
-    let lot = Some(unit.lot.as_str()).filter(|lot| !lot.is_empty());
-    let prior = work.prior.map(|prior| prior.of_unit(lot)).transpose()?;
-    Ok((work.options)().prior(prior))
-}
-
 /// What a result depends on.
-fn key_of(unit: &Unit, setup: &Setup, options: &FitOptions, work: &Work<'_>) -> Result<String> {
+fn key_of(unit: &Unit, setup: &Setup, options: &FitOptions, recipe: &Recipe) -> Result<String> {
     let hashes = |logs: &[PathBuf]| {
         logs.iter().map(|log| Ok([file_name(log), sha256_of_file(log)?])).collect::<Result<Vec<_>>>()
     };
     let FitOptions { model, source_date_epoch, bootstrap, loss, corrects_warm_up, prior, progress: _ } = options;
     let prior = prior.as_ref().map(|prior| (&prior.sha256, &prior.lot));
     let fit = format!("{model:?} {source_date_epoch:?} {bootstrap:?} {loss:?} {corrects_warm_up} {prior:?}");
-    let limits = work.limits.map(|limits| &limits.source);
+    let limits = recipe.limits.as_ref().map(|limits| &limits.source);
     let logs = (hashes(&unit.runs)?, hashes(&unit.retests)?);
     let all = (VERSION, crate::calibration::program(), fit, setup, setup.memory.windows(), limits, logs);
     let text = serde_json::to_string(&all).map_err(|e| Error::input(format!("cannot name the setup: {e}")))?;
     Ok(hex(&sha256(text.as_bytes())))
 }
 
-fn file_name(path: &Path) -> String {
+fn file_name(path: &std::path::Path) -> String {
     sagnac_units::format::file_name(&path.display().to_string())
 }
 
@@ -156,11 +146,16 @@ fn record_of(unit: &Unit, setup: &Setup, options: &FitOptions) -> Result<(Calibr
     Ok((calibration, text))
 }
 
-fn proof_of(unit: &Unit, calibration: Calibration, work: &Work<'_>) -> Result<(Verification, String)> {
+fn proof_of(
+    unit: &Unit,
+    calibration: Calibration,
+    recipe: &Recipe,
+    memory: MemoryBudget,
+) -> Result<(Verification, String)> {
     let correction = Correction::from_calibration(calibration)?;
-    let setup = Setup { memory: work.setup.memory, ..correction.setup() };
+    let setup = Setup { memory, ..correction.setup() };
     let proof = verify(&correction, open(&unit.retests, &setup), &setup, VerifyOptions::default())?;
-    let proof = match work.limits {
+    let proof = match &recipe.limits {
         Some(limits) => proof.limits(limits)?,
         None => proof,
     };

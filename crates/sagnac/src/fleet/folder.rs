@@ -1,0 +1,134 @@
+//! The folder of a fleet's results, held while a program writes into it.
+//!
+//! ```text
+//! answer ─▶ records/UNIT.cal.json, proofs/UNIT.json ─▶ units/UNIT.json, last ─▶ all of them: fleet.parquet
+//! ```
+//!
+//! What a unit had before is replaced when its new result is there: a program that is killed leaves each unit as it was or as it is.
+
+use std::fs::{self, File};
+use std::path::{Path, PathBuf};
+
+use super::result::{UnitResult, VERSION};
+use super::unit::Answer;
+use super::{Unit, results_in};
+use sagnac_log::error::{Error, Result};
+use sagnac_log::ingest::sha256_of_file;
+use sagnac_log::write::{remove_abandoned, write_bytes};
+
+/// Folder of the records, of the proofs, and of what is known of each unit.
+const RECORDS: &str = "records";
+const PROOFS: &str = "proofs";
+pub(super) const UNITS: &str = "units";
+/// The table.
+pub const TABLE: &str = "fleet.parquet";
+/// Held while a program writes into the folder.
+const LOCK: &str = "lock";
+
+/// The folder, locked for as long as this is.
+pub struct Results {
+    folder: PathBuf,
+    _lock: File,
+}
+
+impl Results {
+    /// Makes the folder where there is none, and locks it.
+    ///
+    /// # Errors
+    /// A folder that cannot be written, or that another program writes into.
+    pub fn open(folder: &Path) -> Result<Self> {
+        for part in [RECORDS, PROOFS, UNITS] {
+            let part = folder.join(part);
+            fs::create_dir_all(&part).map_err(|e| Error::io_path(&part, "make the folder", &e))?;
+        }
+        let lock = locked(&folder.join(LOCK))?;
+        for part in [RECORDS, PROOFS, UNITS] {
+            remove_abandoned(&folder.join(part))?;
+        }
+        Ok(Self { folder: folder.to_owned(), _lock: lock })
+    }
+
+    /// What a unit has from before, if its files are as they were written.
+    pub fn before(&self, unit: &Unit) -> Option<UnitResult> {
+        let files = Files::of(&unit.name, &self.folder);
+        let before: UnitResult = serde_json::from_slice(&fs::read(&files.result).ok()?).ok()?;
+        let is_whole = |path: &Path, written: &Option<String>| match written {
+            Some(written) => sha256_of_file(path).is_ok_and(|found| found == *written),
+            None => !path.exists(),
+        };
+        let is_whole = is_whole(&files.record, &before.record_sha256) && is_whole(&files.proof, &before.proof_sha256);
+        (before.version == VERSION && !before.key.is_empty() && is_whole).then_some(before)
+    }
+
+    /// Writes what came of a unit, unless it is what was there before. The result, and whether it is that of before.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
+    pub fn take(&self, unit: &Unit, before: Option<UnitResult>, answer: Answer) -> Result<(UnitResult, bool)> {
+        let (result, record, proof) = match (answer, before) {
+            (Answer::Done { result, record, proof }, _) => (*result, record, proof),
+            (Answer::Unchanged, Some(before)) => {
+                return Ok((UnitResult { lot: unit.lot.clone(), rig: unit.rig.clone(), ..before }, true));
+            }
+            (Answer::Unchanged, None) => {
+                return Err(Error::input("unchanged, and there is nothing before").file(&unit.name));
+            }
+        };
+        let Files { result: of_result, record: of_record, proof: of_proof } = Files::of(&unit.name, &self.folder);
+        [&of_result, &of_record, &of_proof].into_iter().try_for_each(|path| remove(path))?;
+        for (path, text) in [(of_record, record), (of_proof, proof)] {
+            text.map_or(Ok(()), |text| write_bytes(&path, text.as_bytes()))?;
+        }
+        let text = serde_json::to_string_pretty(&result)
+            .map_err(|e| Error::input(format!("cannot write the result of {}: {e}", unit.name)))?;
+        write_bytes(&of_result, text.as_bytes())?;
+        Ok((result, false))
+    }
+
+    /// Writes the table of all units of the folder.
+    ///
+    /// # Errors
+    /// A table that cannot be written; a result that cannot be read.
+    pub fn write_table(&self) -> Result<()> {
+        #[cfg(feature = "parquet")]
+        super::table::write(&results_in(&self.folder)?, &self.folder.join(TABLE))?;
+        Ok(())
+    }
+}
+
+/// Files of a unit.
+struct Files {
+    result: PathBuf,
+    record: PathBuf,
+    proof: PathBuf,
+}
+
+impl Files {
+    fn of(unit: &str, folder: &Path) -> Self {
+        Self {
+            result: folder.join(UNITS).join(format!("{unit}.json")),
+            record: folder.join(RECORDS).join(format!("{unit}.cal.json")),
+            proof: folder.join(PROOFS).join(format!("{unit}.json")),
+        }
+    }
+}
+
+fn remove(path: &Path) -> Result<()> {
+    match fs::remove_file(path) {
+        Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(Error::io_path(path, "remove", &e)),
+        _ => Ok(()),
+    }
+}
+
+/// The lock of a folder, for as long as the file is open.
+fn locked(path: &Path) -> Result<File> {
+    let file = File::options().create(true).truncate(false).write(true).open(path);
+    let file = file.map_err(|e| Error::io_path(path, "open", &e))?;
+    match file.try_lock() {
+        Ok(()) => Ok(file),
+        Err(fs::TryLockError::WouldBlock) => Err(Error::input("another program writes into this folder")
+            .file(path.display().to_string())
+            .help("wait until it has ended, or give another folder")),
+        Err(fs::TryLockError::Error(e)) => Err(Error::io_path(path, "lock", &e)),
+    }
+}

@@ -1,0 +1,171 @@
+//! `sagnac-fleet calibrate`: `sagnac fleet calibrate` with units in an object store, and on a cluster.
+
+use std::io::{IsTerminal, Write};
+use std::num::NonZeroUsize;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use sagnac::fleet::{
+    Answer, Done, InOrder, PriorFile, Recipe, Results, TABLE, Unit, Work, answer, calibrate_by, units_among,
+    units_in_manifest, units_of,
+};
+use sagnac::verify::Limits;
+use sagnac::{Error, Result};
+use sagnac_log::setup::Setup;
+
+use crate::cluster::{self, Cluster};
+use crate::function::by_files;
+use crate::store::{Patience, Stores, is_object};
+
+/// Calibrate every unit of a folder, a manifest or an object store, on this machine or on a cluster
+///
+/// Records are those of `sagnac calibrate`, byte for byte, wherever they are made.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  sagnac-fleet calibrate s3://rlg/units --setup bench.toml -o fleet/ --limits navigation-grade
+  sagnac-fleet calibrate /share/units --setup bench.toml -o fleet/ --cluster df://scheduler:50050
+  sagnac-fleet calibrate 's3://rlg/{lot}/unit={unit}/run={run}.parquet' --setup bench.toml -o fleet/")]
+pub(crate) struct Args {
+    /// Units, as `sagnac fleet calibrate` has them: a folder, a pattern of logs with {unit}, a manifest; each also as s3://bucket/…
+    source: String,
+    /// Folder for records/, proofs/, units/ and the table fleet.parquet
+    #[arg(short, long, value_name = "FOLDER")]
+    output: PathBuf,
+    /// What the logs cannot say: a bench.toml
+    #[arg(long, value_name = "FILE")]
+    setup: Option<PathBuf>,
+    /// `auto`, or orders: "bias 3, rate 1"
+    #[arg(long, default_value = "auto")]
+    model: String,
+    /// What is known of the units before their tests: a file of `sagnac fleet prior`, whose model they take
+    #[arg(long, value_name = "FILE", conflicts_with = "model")]
+    prior: Option<PathBuf>,
+    /// Limits that retests are to meet: a TOML file, or `navigation-grade` or `paper`
+    #[arg(long, value_name = "FILE|SET")]
+    limits: Option<String>,
+    /// Does every unit, also those that have not changed
+    #[arg(long)]
+    again: bool,
+    /// Scheduler of a cluster: df://host:port
+    #[arg(long, value_name = "URL")]
+    cluster: Option<String>,
+    /// Units that a cluster is sent at a time
+    #[arg(long, default_value = "64", value_name = "N", requires = "cluster")]
+    batch: NonZeroUsize,
+    /// Units at a time on this machine [default: one for each processor]
+    #[arg(long, value_name = "N", conflicts_with = "cluster")]
+    threads: Option<NonZeroUsize>,
+    /// One JSON object on standard output, text on standard error
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    patience: Patience,
+}
+
+pub(crate) fn run(args: &Args) -> Result<bool> {
+    let stores = Stores::new(args.patience)?;
+    let units = units(&args.source, &stores)?;
+    let recipe = recipe(args)?;
+    let told = Mutex::new(Told::new(&units, args.json));
+    let report = |done: Done| told.lock().unwrap_or_else(PoisonError::into_inner).take(done);
+    let ran = match &args.cluster {
+        Some(url) => on_cluster(&Cluster { url, batch: args.batch.get() }, &units, &recipe, args, report),
+        None => here(&units, &recipe, args, &report),
+    };
+    let Told { lines, bar, .. } = told.into_inner().unwrap_or_else(PoisonError::into_inner);
+    bar.finish_and_clear();
+    ran?;
+    let summary = lines.summary();
+    say(args.json, &format!("{}\nwrote {}", summary.words(), args.output.join(TABLE).display()));
+    if args.json {
+        let text = serde_json::to_string_pretty(&summary).map_err(|e| Error::input(format!("no JSON: {e}")))?;
+        let _ = writeln!(std::io::stdout(), "{text}");
+    }
+    Ok(summary.is_good())
+}
+
+/// The units of a source, which may be in an object store.
+fn units(source: &str, stores: &Stores) -> Result<Vec<Unit>> {
+    let path = Path::new(source);
+    if !is_object(path) {
+        return units_of(path);
+    }
+    let source = source.trim_end_matches('/');
+    let names = stores.list(source)?;
+    if names == [path] {
+        let (_folder, manifest) = stores.fetch_manifest(source)?;
+        return units_in_manifest(&manifest, path.parent().unwrap_or(path));
+    }
+    units_among(source, names)
+}
+
+fn recipe(args: &Args) -> Result<Recipe> {
+    let setup = args.setup.as_deref().map(Setup::read).transpose()?.unwrap_or_default();
+    if setup.serial.is_some() {
+        return Err(Error::input("one serial number for all units")
+            .column("serial")
+            .help("take it out: each unit has its name, or the serial number of its own setup"));
+    }
+    let epoch = std::env::var("SOURCE_DATE_EPOCH").ok().filter(|text| !text.is_empty()).map(|text| {
+        text.parse().map_err(|_| Error::input("not a whole number of seconds").column("SOURCE_DATE_EPOCH").value(&text))
+    });
+    let prior = args.prior.as_deref().map(PriorFile::read).transpose()?;
+    let limits = args.limits.as_deref().map(Limits::named_or_read).transpose()?;
+    Ok(Recipe::new(setup, args.model.parse()?).source_date_epoch(epoch.transpose()?).prior(prior).limits(limits))
+}
+
+fn on_cluster(
+    cluster: &Cluster<'_>,
+    units: &[Unit],
+    recipe: &Recipe,
+    args: &Args,
+    report: impl FnMut(Done),
+) -> Result<()> {
+    let results = Results::open(&args.output)?;
+    cluster::calibrate(cluster, units, recipe, args.again, &results, report)?;
+    results.write_table()
+}
+
+fn here(units: &[Unit], recipe: &Recipe, args: &Args, report: &(dyn Fn(Done) + Sync)) -> Result<()> {
+    let threads = args.threads.or_else(|| std::thread::available_parallelism().ok()).map_or(1, NonZeroUsize::get);
+    let work = Work { recipe, threads, again: args.again };
+    let by_unit = |unit: &Unit, before: Option<&str>| {
+        let done = Stores::new(args.patience)
+            .and_then(|stores| by_files(&stores, unit, &|unit| answer(unit, recipe, recipe.setup.memory, before)));
+        done.unwrap_or_else(|e| Answer::failed(unit, e))
+    };
+    calibrate_by(units, &work, &args.output, report, &by_unit)
+}
+
+/// What is said of each unit, as they are done.
+struct Told {
+    lines: InOrder,
+    bar: ProgressBar,
+    is_json: bool,
+}
+
+impl Told {
+    fn new(units: &[Unit], is_json: bool) -> Self {
+        let target =
+            if std::io::stderr().is_terminal() { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
+        let bar = ProgressBar::with_draw_target(Some(units.len() as u64), target);
+        if let Ok(style) = ProgressStyle::with_template("{pos} of {len} units {wide_bar} {elapsed}, {eta} to go") {
+            bar.set_style(style);
+        }
+        Self { lines: InOrder::new(units, is_json), bar, is_json }
+    }
+
+    fn take(&mut self, done: Done) {
+        self.bar.inc(1);
+        for line in self.lines.take(done) {
+            self.bar.suspend(|| say(self.is_json, &line));
+        }
+    }
+}
+
+/// Where people read: standard error beside JSON. A reader that has gone is no failure.
+fn say(is_json: bool, text: &str) {
+    let _ = if is_json { writeln!(std::io::stderr(), "{text}") } else { writeln!(std::io::stdout(), "{text}") };
+}

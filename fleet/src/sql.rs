@@ -1,0 +1,50 @@
+//! `sagnac-fleet sql`: questions to the table of a fleet.
+
+use std::path::PathBuf;
+
+use datafusion::arrow::util::pretty::pretty_format_batches;
+use datafusion::prelude::{ParquetReadOptions, SessionContext};
+use sagnac::fleet::TABLE;
+use sagnac::{Error, Result};
+
+/// Ask the table of a fleet, `fleet`, by SQL
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  sagnac-fleet sql fleet/ \"SELECT lot, count(*), avg(residual_dph) FROM fleet GROUP BY lot ORDER BY lot\"
+  sagnac-fleet sql fleet/ \"SELECT unit, reason FROM fleet WHERE outcome <> 'calibrated'\"")]
+pub(crate) struct Args {
+    /// Folder of `fleet calibrate`, or its fleet.parquet
+    fleet: PathBuf,
+    /// The question
+    query: String,
+    /// Comma-separated values in place of a table
+    #[arg(long)]
+    csv: bool,
+}
+
+pub(crate) fn run(args: &Args) -> Result<()> {
+    let table = if args.fleet.is_dir() { args.fleet.join(TABLE) } else { args.fleet.clone() };
+    if !table.is_file() {
+        return Err(Error::input("no table of a fleet").file(table.display().to_string()));
+    }
+    let name = table.to_str().ok_or_else(|| Error::input("a name that is not Unicode"))?;
+    let batches = crate::runtime()?.block_on(async {
+        let context = SessionContext::new();
+        context.register_parquet("fleet", name, ParquetReadOptions::default()).await?;
+        // Only questions: a table of results is written by `calibrate` alone.
+        let options = datafusion::execution::context::SQLOptions::new()
+            .with_allow_ddl(false)
+            .with_allow_dml(false)
+            .with_allow_statements(false);
+        context.sql_with_options(&args.query, options).await?.collect().await
+    });
+    let batches = batches.map_err(|e| Error::input(format!("no answer: {}", e.strip_backtrace())))?;
+    let broken = |e: &dyn std::fmt::Display| Error::input(format!("the answer cannot be shown: {e}"));
+    if !args.csv {
+        println!("{}", pretty_format_batches(&batches).map_err(|e| broken(&e))?);
+        return Ok(());
+    }
+    let mut out = datafusion::arrow::csv::Writer::new(std::io::stdout().lock());
+    batches.iter().try_for_each(|batch| out.write(batch)).map_err(|e| broken(&e))
+}

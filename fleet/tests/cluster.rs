@@ -1,0 +1,101 @@
+//! The same bytes on any number of machines, and whatever happens to them.
+
+mod support;
+
+use std::process::Stdio;
+
+use support::{Cluster, Factory, said};
+
+/// Local threads, then 1, 2 and 4 executors: records, proofs, results and table are the same bytes, and a second run does nothing.
+#[test]
+fn a_cluster_of_any_size_gives_the_same_bytes() {
+    let it = Factory::new(6);
+    let (status, told, _) = it.calibrate("units", "here", &["--threads", "1"]);
+    assert_eq!(status, 1, "one log is broken: {told}");
+    assert!(told.contains("7 units: 6 calibrated, 0 refused, 1 failed"), "{told}");
+    let expected = it.files("here");
+    assert_eq!(expected.len(), 6 * 3 + 1 + 1, "a result, a record and a proof a unit; the broken one; the table");
+    let mut cluster = Cluster::new(0);
+    for executors in [1, 2, 4] {
+        while cluster.executors() < executors {
+            cluster.add_executor();
+        }
+        let (folder, url) = (format!("of-{executors}"), cluster.url());
+        for (batch, more) in [("64", ""), ("2", ", 7 unchanged since before")] {
+            let (status, on_cluster, problems) = it.calibrate("units", &folder, &["--cluster", &url, "--batch", batch]);
+            assert_eq!(status, 1, "{problems}{}", cluster.logs());
+            assert!(on_cluster.contains(more.trim_start_matches(", ")), "{on_cluster}");
+            let plain = on_cluster.replace(" (unchanged)", "").replace(&more.replace(", ", "; "), "");
+            assert_eq!(plain, told.replace("here/", &format!("{folder}/")));
+            assert_eq!(it.files(&folder), expected);
+        }
+    }
+}
+
+/// An executor is killed when it has answered some of a batch: its units are done by the other.
+#[test]
+fn an_executor_that_dies_loses_nothing() {
+    let it = Factory::new(24);
+    it.calibrate("units", "here", &[]);
+    let mut cluster = Cluster::new(2);
+    let url = cluster.url();
+    let mut command = it.command("units", "there", &["--cluster", &url]);
+    let running = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    support::until("an answer", || cluster.has_answers(1));
+    cluster.kill_executor(1);
+    assert_eq!(it.done("there"), 0, "the batch is under way");
+    let (status, told, problems) = said(running.wait_with_output().unwrap());
+    assert_eq!(status, 1, "{told}{problems}{}", cluster.logs());
+    assert_eq!(it.files("there"), it.files("here"));
+}
+
+/// The scheduler is killed between two batches, and started again: what was under way is sent again.
+#[test]
+fn a_scheduler_that_is_started_again_loses_nothing() {
+    let it = Factory::new(12);
+    it.calibrate("units", "here", &[]);
+    let mut cluster = Cluster::new(2);
+    let url = cluster.url();
+    let mut command = it.command("units", "there", &["--cluster", &url, "--batch", "2"]);
+    let running = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    support::until("a batch", || it.done("there") > 0);
+    cluster.restart_scheduler();
+    let (status, told, problems) = said(running.wait_with_output().unwrap());
+    assert_eq!(status, 1, "{told}{problems}{}", cluster.logs());
+    assert!(problems.contains("a batch is sent again"), "{problems}");
+    assert_eq!(it.files("there"), it.files("here"));
+}
+
+/// The driver is killed at any batch: what it had written stays, and the next run does the others.
+#[test]
+fn a_driver_that_dies_is_started_again() {
+    let it = Factory::new(8);
+    it.calibrate("units", "here", &[]);
+    let cluster = Cluster::new(1);
+    let url = cluster.url();
+    for _ in 1..4 {
+        let mut command = it.command("units", "there", &["--cluster", &url, "--batch", "1"]);
+        let mut running = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+        let before = it.done("there");
+        support::until("a batch", || it.done("there") > before);
+        let _ = running.kill();
+        let _ = running.wait();
+    }
+    let (status, told, problems) = it.calibrate("units", "there", &["--cluster", &url]);
+    assert_eq!(status, 1, "{problems}");
+    assert!(told.contains("unchanged since before"), "{told}");
+    assert_eq!(it.files("there"), it.files("here"));
+}
+
+/// Nobody there: an error that says what to do, and exit status 2. Two drivers at one folder: the second is refused.
+#[test]
+fn what_cannot_be_done_is_refused() {
+    let it = Factory::new(1);
+    let (status, _, problems) = it.calibrate("units", "there", &["--cluster", "no address"]);
+    assert!(status == 2 && problems.contains("no address"), "{problems}");
+    std::fs::create_dir_all(it.path("taken")).unwrap();
+    let lock = std::fs::File::create(it.path("taken/lock")).unwrap();
+    lock.lock().unwrap();
+    let (status, _, problems) = it.calibrate("units", "taken", &["--cluster", "df://127.0.0.1:9"]);
+    assert!(status == 2 && problems.contains("another program writes into this folder"), "{problems}");
+}
