@@ -93,12 +93,11 @@ fn units(source: &str, stores: &Stores) -> Result<Vec<Unit>> {
         return units_of(path);
     }
     let source = source.trim_end_matches('/');
-    let names = stores.list(source)?;
-    if names == [path] {
+    if path.extension().is_some_and(|ending| ending == "csv") && !source.contains(['{', '*', '?', '[']) {
         let (_folder, manifest) = stores.fetch_manifest(source)?;
         return units_in_manifest(&manifest, path.parent().unwrap_or(path));
     }
-    units_among(source, names)
+    units_among(source, stores.list(source)?)
 }
 
 fn recipe(args: &Args) -> Result<Recipe> {

@@ -41,6 +41,12 @@ pub(crate) struct Patience {
     store_silence: u64,
 }
 
+impl Patience {
+    fn silence(self) -> Duration {
+        Duration::from_secs(self.store_silence.max(1))
+    }
+}
+
 impl Default for Patience {
     fn default() -> Self {
         Self { store_patience: 120, store_silence: 20 }
@@ -83,8 +89,7 @@ impl Stores {
         let fixed: Vec<&str> = key.split('/').take_while(|part| !part.contains(['{', '*', '?', '['])).collect();
         let prefix = Key::from(fixed.join("/"));
         let store = self.of(bucket)?;
-        let listed = self.runtime.block_on(store.list(Some(&prefix)).map_ok(|object| object.location).try_collect());
-        let keys: Vec<Key> = listed.map_err(|e| failed(source, &e))?;
+        let keys = self.runtime.block_on(listed(&*store, &prefix, source, self.patience))?;
         if keys.is_empty() {
             return Err(Error::input("no object of this name or below it").file(source));
         }
@@ -136,14 +141,13 @@ impl Stores {
         if let Some(store) = known.get(bucket) {
             return Ok(store.clone());
         }
-        let seconds = |seconds: u64| Duration::from_secs(seconds.max(1));
-        let silence = seconds(self.patience.store_silence);
+        let silence = self.patience.silence();
         let retry = RetryConfig {
             backoff: BackoffConfig { init_backoff: Duration::from_millis(200), max_backoff: silence, base: 2.0 },
             max_retries: usize::MAX,
             retry_timeout: silence,
         };
-        // Of an answer's begin, not of the whole object: a large log on a slow line is no fault.
+        // An object is timed by its pieces, in `Object::go_on`: a large log on a slow line is no fault.
         let client = ClientOptions::new().with_connect_timeout(silence).with_timeout_disabled();
         let builder =
             AmazonS3Builder::from_env().with_bucket_name(bucket).with_retry(retry).with_client_options(client);
@@ -163,6 +167,29 @@ impl Stores {
     }
 }
 
+/// The keys below a prefix. A listing is begun anew where its store falters.
+async fn listed(store: &dyn ObjectStore, prefix: &Key, source: &str, patience: Patience) -> Result<Vec<Key>> {
+    let once = async || -> std::result::Result<Vec<Key>, Failure> {
+        let mut objects = store.list(Some(prefix));
+        let mut keys = Vec::new();
+        loop {
+            let next = tokio::time::timeout(patience.silence(), objects.try_next()).await;
+            let next = next.map_err(|_| Failure::Again(Error::input("the store is silent").file(source)))?;
+            match next.map_err(|e| Failure::of(source, &e))? {
+                Some(object) => keys.push(object.location),
+                None => return Ok(keys),
+            }
+        }
+    };
+    let mut asked = Asked::new(patience);
+    loop {
+        match once().await {
+            Ok(keys) => return Ok(keys),
+            Err(failure) => asked.again(failure).await?,
+        }
+    }
+}
+
 /// An object on its way into a file.
 struct Object<'a> {
     name: &'a str,
@@ -178,23 +205,14 @@ struct Object<'a> {
 impl Object<'_> {
     /// Goes on where it was, until it is whole or the store has given nothing for as long as its patience.
     async fn fetch(&mut self, store: &dyn ObjectStore, patience: Patience) -> Result<()> {
-        let pauses = || ExponentialBuilder::default().with_max_times(usize::MAX).build();
-        let (mut since, mut had, mut pause) = (Instant::now(), 0, pauses());
-        loop {
-            let Err(failure) = self.go_on(store, Duration::from_secs(patience.store_silence.max(1))).await else {
-                return Ok(());
-            };
+        let (mut asked, mut had) = (Asked::new(patience), 0);
+        while let Err(failure) = self.go_on(store, patience.silence()).await {
             if self.had > had {
-                (since, had, pause) = (Instant::now(), self.had, pauses());
+                (asked, had) = (Asked::new(patience), self.had);
             }
-            match failure {
-                Failure::Final(error) => return Err(error),
-                Failure::Again(error) if since.elapsed() > Duration::from_secs(patience.store_patience) => {
-                    return Err(error);
-                }
-                Failure::Again(_) => tokio::time::sleep(pause.next().unwrap_or_default()).await,
-            }
+            asked.again(failure).await?;
         }
+        Ok(())
     }
 
     /// One request, from where the file ends.
@@ -227,6 +245,31 @@ impl Object<'_> {
         }
         let what = format!("{} bytes of an object of {size}", self.had);
         Err(Failure::Again(Error::input(what).file(self.name)))
+    }
+}
+
+/// A store that is asked again, after pauses that double.
+struct Asked {
+    until: Instant,
+    pauses: backon::ExponentialBackoff,
+}
+
+impl Asked {
+    fn new(patience: Patience) -> Self {
+        let pauses = ExponentialBuilder::default().with_min_delay(Duration::from_millis(200));
+        let pauses = pauses.with_max_delay(patience.silence()).with_max_times(usize::MAX).build();
+        Self { until: Instant::now() + Duration::from_secs(patience.store_patience), pauses }
+    }
+
+    /// Waits, or fails where it would fail again or patience has ended.
+    async fn again(&mut self, failure: Failure) -> Result<()> {
+        match failure {
+            Failure::Again(_) if Instant::now() < self.until => {
+                tokio::time::sleep(self.pauses.next().unwrap_or_default()).await;
+                Ok(())
+            }
+            Failure::Again(error) | Failure::Final(error) => Err(error),
+        }
     }
 }
 

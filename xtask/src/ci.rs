@@ -9,7 +9,7 @@ use xtask::debian::{self, need};
 use xtask::shell::{built, root, sh, stdout_of, text};
 
 use crate::checks::{build_lab, compiled_once, deny, examples, no_panic, run_lab};
-use crate::{dist, docs, features, fuzz, layers};
+use crate::{dist, docs, features, fleet, fuzz, layers};
 
 /// A part by its name.
 type Part = (&'static str, fn() -> Result<()>);
@@ -32,13 +32,14 @@ const FIRST: [Part; 10] = [
 ];
 
 /// Then what runs on all processors.
-const RUNS: [Part; 6] = [
+const RUNS: [Part; 7] = [
     ("tests", tests),
     ("examples", examples),
     ("bless", || run_lab(&["bless", "--check"])),
     ("dist", || dist::dist(&["--check"])),
     ("hunt", || run_lab(&["hunt", "--cases", HUNTED])),
     ("fuzz", || fuzz::fuzz(&["--smoke"])),
+    ("fleet", fleet::fleet),
 ];
 
 /// And beside it what runs on one: simulators, emulators, programs of Python. The lab has a command for each.

@@ -6,6 +6,7 @@ mod ci;
 mod dist;
 mod docs;
 mod features;
+mod fleet;
 mod fuzz;
 mod layers;
 
@@ -40,6 +41,7 @@ cargo xtask c          the exported C: warnings, MISRA, vectors on this machine 
 cargo xtask fpga       [place] the exported Verilog: lint, vectors in two simulators, synthesis
 cargo xtask firmware   build the firmware, run it in QEMU, compare it with the host bit for bit
 cargo xtask formats    files of MATLAB, HDF5, TDMS, MDF, ArduPilot, Excel and SQLite, converted as the program says (needs python3-venv)
+cargo xtask fleet      the cluster's program in fleet/: lints, licences, tests with executors and an object store (needs python3-venv)
 cargo xtask dist       an archive and a Debian package in target/dist, of a release build for old systems (with zig from PyPI);
                        --check packs the program of the tests instead; both are unpacked or installed, and run
 
@@ -71,6 +73,7 @@ fn run(args: &[&str]) -> Result<()> {
         ["no-panic"] => checks::no_panic(),
         ["deny"] => checks::deny(),
         ["features"] => features::features(),
+        ["fleet"] => fleet::fleet(),
         ["layers"] => layers::layers(),
         ["dist", args @ ..] => dist::dist(args),
         ["examples"] => checks::examples(),
