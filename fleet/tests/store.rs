@@ -179,6 +179,8 @@ fn units_of_a_store_are_those_of_a_folder() {
         assert_eq!(here, there, "{folder}");
     };
     same("there");
+    let record = fs::read_to_string(it.path("there/records/RLG-1.cal.json")).unwrap();
+    assert!(record.contains("\"first\": \"run-1.csv:"), "where the log lay is not part of its record: {record}");
     let cluster = Cluster::with(2, &Store::environment(store.port));
     let (status, _, problems) =
         calibrate(&it, "s3://rlg/units/", "on-cluster", store.port, &["--cluster", &cluster.url()]);

@@ -24,6 +24,7 @@ mod loading;
 mod log_paths;
 mod manual;
 mod pipe;
+mod plan;
 mod progress;
 mod report_args;
 mod setup_args;
@@ -78,6 +79,7 @@ enum Command {
     Inspect(inspect::Args),
     Evaluate(evaluate::Args),
     Fleet(fleet::Args),
+    Plan(plan::Args),
     Export(export::Args),
     Frames(frames::Args),
     Key(key::Args),
@@ -122,6 +124,7 @@ fn begin() -> ExitCode {
         Command::Inspect(args) => args.json,
         Command::Evaluate(args) => args.json,
         Command::Fleet(args) => args.is_json(),
+        Command::Plan(args) => args.json,
         _ => false,
     };
     let mut console = Console::new(json);
@@ -197,6 +200,7 @@ fn run(mut command: Command, console: &mut Console) -> console::Ran {
         Command::Inspect(args) => inspect::run(&args, console),
         Command::Evaluate(args) => evaluate::run(&args, console),
         Command::Fleet(args) => fleet::run(&args, console),
+        Command::Plan(args) => plan::run(&args, console),
         Command::Export(args) => export::run(&args, console),
         Command::Frames(args) => frames::run(&args, console),
         Command::Key(args) => key::run(&args, console),

@@ -522,3 +522,56 @@ fn the_report_names_what_is_wrong() {
     let bytes = fs::metadata(it.path("many.html")).unwrap().len();
     assert!(bytes < 3_000_000, "{bytes}");
 }
+
+/// The demonstration: the rig that is off is named, the planned test is half of the full one or shorter, and all but the odd unit pass
+/// with it. Its files are a factory like any other.
+#[test]
+fn the_demonstration_shows_what_it_says() {
+    let it = Factory::new(0);
+    let (status, said, problems) = it.run(&["fleet", "demo", "-o", "factory", "--units", "90"]);
+    assert_eq!(status, 0, "{problems}");
+    for line in ["90 units: 90 calibrated", "rig west: ", "without the prior, its model known: ", "RLG-0098  refused"] {
+        assert!(said.contains(line), "{line}: {said}");
+    }
+    assert!(!said.contains("rig north") && !said.contains("rig south"), "{said}");
+    let hours: f64 = said.split(" h of chamber").next().unwrap().rsplit('\n').next().unwrap().parse().unwrap();
+    assert!(hours < 6.8, "{hours} of 13.6 h");
+    let next = said.lines().find(|line| line.starts_with("9 units: ")).unwrap();
+    let [calibrated, met] = ["calibrated", "limits met by"].map(|of| next.contains(of));
+    assert!(calibrated && met && next.contains("0 failed"), "{next}");
+    let report = fs::read_to_string(it.path("factory/fleet.html")).unwrap();
+    assert!(report.contains("west"));
+    // By hand, in the folder: the same bytes.
+    let before = files(&it.path("factory/fleet"));
+    let pattern = "factory/units/{lot}/{rig}/{unit}/{use}-{run}.csv";
+    let args = ["fleet", "calibrate", pattern, "--model", "bias 3, rate 0", "-o", "again"];
+    let more = ["--setup", "factory/bench.toml", "--limits", "navigation-grade"];
+    assert_eq!(it.run(&[&args[..], &more].concat()).0, 0);
+    assert_eq!(files(&it.path("again")), before);
+    let (status, _, problems) = it.run(&["fleet", "demo", "-o", "factory"]);
+    assert!(status == 2 && problems.contains("not empty"), "{problems}");
+    // A plan: JSON, a chamber's program, and what is refused.
+    let plan = ["plan", "--prior", "factory/fleet.prior.json", "--limits", "navigation-grade", "--start", "20"];
+    let with = |more: &[&str]| it.run(&[&plan[..], more].concat());
+    let (status, json, _) = with(&["--lot", "A", "--json", "-o", "test.csv"]);
+    let made: serde_json::Value = serde_json::from_str(&json).unwrap();
+    assert!(status == 0 && made["probability"].as_f64().unwrap() >= 0.95, "{json}");
+    let steps = fs::read_to_string(it.path("test.csv")).unwrap();
+    assert_eq!(steps.lines().count() - 1, made["steps"].as_array().unwrap().len(), "{steps}");
+    for (more, status, why) in [
+        (&["--lot", "A", "--share", "0.02"][..], 3, "no test of up to 24 h"),
+        (&["--lot", "D"], 3, "no lot of this name"),
+        (&["--lot", "A", "--start", "90"], 2, "outside of the fleet's"),
+        (&["--lot", "A", "--ramps", "0"], 2, "ramps at"),
+        (&["--lot", "A", "--probability", "1"], 2, "between 0 and 1"),
+    ] {
+        let (found, _, problems) = with(more);
+        assert!(found == status && problems.contains(why), "{more:?}: {problems}");
+    }
+    it.write("none.toml", b"arw_deg_rt_h_max = 0.004\n");
+    let (status, _, problems) =
+        it.run(&["plan", "--prior", "factory/fleet.prior.json", "--lot", "A", "--limits", "none.toml"]);
+    assert!(status == 2 && problems.contains("no limit that a calibration test decides"), "{problems}");
+    let (status, _, problems) = it.run(&["fleet", "prior", "factory/fleet", "--without-rig", "east"]);
+    assert!(status == 2 && problems.contains("no unit of this rig"), "{problems}");
+}

@@ -66,7 +66,7 @@ pub use log::{BlockWriter, LogText, truth_header, write_truth};
 pub use physics::RingShape;
 pub use plant::{Bode, BodePoint, LoopAverages, LoopDesign, LoopName, LoopState, PlantConditions};
 pub use profile::{Leg, Profile};
-pub use rigs::{LaggedChamber, ManyInputs, PaperRig, RateTable, Resting, Row, csv_bytes, write_csv};
+pub use rigs::{Factory, LaggedChamber, ManyInputs, PaperRig, RateTable, Resting, Row, csv_bytes, write_csv};
 pub use scenario::{
     Actuator, AxisDirection, BeatModel, BiasConfig, BlockConfig, CavityConfig, ChamberConfig, ChamberLeg, Counting,
     DitherConfig, ElectronicsConfig, Fault, FaultKind, Fidelity, GeometryConfig, InputConfig, IntensityControlConfig,

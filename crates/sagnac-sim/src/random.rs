@@ -25,6 +25,8 @@ pub(crate) enum Stream {
     Light = 6,
     Pickoff = 7,
     Fault = 8,
+    Lot = 9,
+    Unit = 10,
 }
 
 /// The generator of a stream.

@@ -36,6 +36,7 @@ pub mod fit;
 pub mod fleet;
 mod image;
 pub mod model;
+pub mod plan;
 pub mod survey;
 pub mod verify;
 pub mod window;

@@ -37,6 +37,7 @@ const TESTS: &Tests = &[
             "inputs",
             "many_files",
             "paper",
+            "plan",
             "prior",
             "rate_table",
             "turned",
@@ -47,7 +48,7 @@ const TESTS: &Tests = &[
     ("sagnac-noise", &["terms"]),
 ];
 /// Those that CI only compiles: hundreds of records of each truth and number of runs.
-const STUDY: &Tests = &[("sagnac", &["selection_study"])];
+const STUDY: &Tests = &[("sagnac", &["selection_study", "plan_study"])];
 /// Time limit of the tests, s.
 const LONGEST_S: u32 = 4 * 3600;
 /// Start of a figure's line.

@@ -1,6 +1,7 @@
 //! `sagnac fleet`: a factory's gyros.
 
 mod calibrate;
+mod demo;
 mod prior;
 mod report;
 
@@ -18,6 +19,7 @@ enum Command {
     Calibrate(Box<calibrate::Args>),
     Prior(prior::Args),
     Report(report::Args),
+    Demo(demo::Args),
 }
 
 impl Args {
@@ -25,7 +27,7 @@ impl Args {
         match &self.command {
             Command::Calibrate(args) => args.json,
             Command::Prior(args) => args.json,
-            Command::Report(_) => false,
+            Command::Report(_) | Command::Demo(_) => false,
         }
     }
 }
@@ -35,5 +37,6 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
         Command::Calibrate(args) => calibrate::run(args, console),
         Command::Prior(args) => prior::run(args, console),
         Command::Report(args) => report::run(args, console),
+        Command::Demo(args) => demo::run(args, console),
     }
 }

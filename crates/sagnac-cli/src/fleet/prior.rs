@@ -18,6 +18,7 @@ use crate::terminal::table;
 #[command(after_help = "\
 Examples:
   sagnac fleet prior fleet/ -o fleet.prior.json
+  sagnac fleet prior fleet/ --without-rig west -o fleet.prior.json
   sagnac fleet prior here.prior.json there.prior.json -o both.prior.json")]
 pub(crate) struct Args {
     /// Folders of `sagnac fleet calibrate`, and priors of other fleets: merged
@@ -29,6 +30,9 @@ pub(crate) struct Args {
     /// Model of the units that are used; that of most by default
     #[arg(long)]
     model: Option<String>,
+    /// A rig whose units are not used, such as one that `fleet report` names; may be given again
+    #[arg(long, value_name = "RIG")]
+    without_rig: Vec<String>,
     /// One JSON object on standard output, text on standard error
     #[arg(long)]
     pub(super) json: bool,
@@ -38,7 +42,7 @@ pub(super) fn run(args: &Args, console: &mut Console) -> Ran {
     Files::new().reads(args.fleets.iter().filter(|fleet| !fleet.is_dir())).writes(&args.output).check()?;
     let mut all: Option<Prior> = None;
     for fleet in &args.fleets {
-        let one = of(fleet, args.model.as_deref())?;
+        let one = of(fleet, args)?;
         all = Some(match all {
             Some(all) => all.merged(one).map_err(|e| e.file(fleet.display().to_string()))?,
             None => one,
@@ -54,18 +58,30 @@ pub(super) fn run(args: &Args, console: &mut Console) -> Ran {
     Ok(Outcome::Done)
 }
 
-fn of(fleet: &Path, model: Option<&str>) -> Result<Prior> {
+fn of(fleet: &Path, args: &Args) -> Result<Prior> {
+    let here = |e: Error| e.file(fleet.display().to_string());
     if !fleet.is_dir() {
         let prior = Prior::read(fleet)?;
-        return match model {
-            Some(model) if model != prior.model => {
-                let what = format!("a prior for `{}`, not for `{model}`", prior.model);
-                Err(Error::input(what).file(fleet.display().to_string()))
+        if let Some(rig) = args.without_rig.first() {
+            let what = "a prior does not know which units were on a rig";
+            return Err(here(Error::input(what).column("--without-rig").value(rig)).help("give the fleet's folder"));
+        }
+        return match &args.model {
+            Some(model) if *model != prior.model => {
+                Err(here(Error::input(format!("a prior for `{}`, not for `{model}`", prior.model))))
             }
             _ => Ok(prior),
         };
     }
-    Prior::learned(&results_in(fleet)?, model).map_err(|e| e.file(fleet.display().to_string()))
+    let mut results = results_in(fleet)?;
+    for rig in &args.without_rig {
+        let before = results.len();
+        results.retain(|unit| unit.rig != *rig);
+        if results.len() == before {
+            return Err(here(Error::input("no unit of this rig").column("--without-rig").value(rig)));
+        }
+    }
+    Prior::learned(&results, args.model.as_deref()).map_err(here)
 }
 
 /// Terms in a table, then the lots, and what was not used.

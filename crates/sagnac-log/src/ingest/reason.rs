@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use sagnac_units::format::file_name;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -156,7 +157,7 @@ pub struct Tally {
     pub reason: Reason,
     /// Rows of the log it concerns.
     pub rows: u64,
-    /// `file:line` of the first.
+    /// `file:line` of the first, the file by its name alone: what a log holds does not depend on where it lies.
     pub first: String,
 }
 
@@ -167,7 +168,7 @@ pub struct Tallies(BTreeMap<Reason, (u64, String)>);
 impl Tallies {
     /// Counts `rows` more for a reason.
     pub fn add(&mut self, reason: Reason, rows: u64, first: impl FnOnce() -> String) {
-        self.0.entry(reason).or_insert_with(|| (0, first())).0 += rows;
+        self.0.entry(reason).or_insert_with(|| (0, file_name(&first()))).0 += rows;
     }
 
     /// Adds another log's tallies; first places stay.

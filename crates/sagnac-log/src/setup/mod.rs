@@ -103,6 +103,12 @@ impl Noise {
         Self { n_deg_rt_h, ..Self::default() }
     }
 
+    /// With quantization, arcsec.
+    #[must_use]
+    pub fn quantized(self, q_arcsec: f64) -> Self {
+        Self { q_arcsec, ..self }
+    }
+
     /// With bias instability, °/h, and rate random walk, °/h/√h.
     #[must_use]
     pub fn slow(self, b_dph: f64, k_dph_rt_h: f64) -> Self {

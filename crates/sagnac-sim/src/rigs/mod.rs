@@ -14,6 +14,7 @@
 
 mod chamber;
 mod counter;
+mod factory;
 mod many_inputs;
 mod paper;
 mod rate_table;
@@ -22,6 +23,7 @@ mod resting;
 use std::io::Write;
 
 pub use chamber::LaggedChamber;
+pub use factory::Factory;
 pub use many_inputs::ManyInputs;
 pub use paper::PaperRig;
 pub use rate_table::RateTable;

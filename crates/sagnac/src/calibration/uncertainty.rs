@@ -245,9 +245,15 @@ impl AxisCalibration {
         let of_rate = |(term, _): &(&Term, f64)| term.times_rate;
         let one = &|_: &Input| 1.0;
         let terms: Vec<(&Term, f64)> = self.weights(ActsOn::Bias, celsius, one, celsius).filter(of_rate).collect();
-        let rows: Vec<(usize, f64)> = self.rows(ActsOn::Bias, celsius, one, celsius);
+        let rows = self.rate_weights(celsius);
         let value = terms.iter().map(|(term, weight)| term.value * weight).sum();
         (!terms.is_empty()).then(|| [value, self.variance_of(&rows).sqrt()])
+    }
+
+    /// The same as rows of the covariance with their weights; empty without rate terms.
+    pub(crate) fn rate_weights(&self, celsius: f64) -> Vec<(usize, f64)> {
+        let one = &|_: &Input| 1.0;
+        self.rows(ActsOn::Bias, celsius, one, celsius)
     }
 
     /// The correction at a temperature within the span and a temperature rate, with its 95 % interval: zero at T0 and rest.

@@ -38,6 +38,8 @@ const SHOWN_TO_GATE: f64 = 1.0;
 const CONTRADICTED: f64 = 2.0;
 /// Windows beyond the parameters, so that the test says how noisy it is.
 const LEAST_DEGREES: usize = 10;
+/// End of the name of a lag among the parameters.
+const LAG: &str = "lag_s";
 /// Sweeps over the lags at most, and the change of a lag that is none.
 const MOST_SWEEPS: usize = 12;
 const STILL: f64 = 1e-4;
@@ -60,6 +62,8 @@ pub struct UnitPrior {
     pub span_c: [f64; 2],
     /// Rates that they covered, °C/min: of the thermometer's first lag, then of its slow one.
     pub rate_spans_cpm: Vec<[f64; 2]>,
+    /// Lag of the rate terms where the fleet's tests do not resolve one, s: that of their records.
+    pub fixed_lag_s: Option<f64>,
     /// Bias instability of its units, °/h.
     pub bias_instability_dph: f64,
     /// Rate random walk of its units, °/h/√h.
@@ -125,7 +129,13 @@ pub(super) fn fit_with_prior(
     let terms = problem.terms(spec);
     let mut taus: Vec<Tau> =
         problem.rated(spec).into_iter().map(|input| Tau { input, value_s: 0.0, resolved: true }).collect();
-    let known = Known::new(problem, &terms, taus.len(), prior)?;
+    let free = prior.terms.iter().filter(|name| name.ends_with(LAG)).count();
+    if let ([tau], 0, Some(lag_s)) = (&mut taus[..], free, prior.fixed_lag_s) {
+        (tau.value_s, tau.resolved) = (lag_s.clamp(problem.period_s(), problem.longest_run_s()), false);
+    } else if free != taus.len() {
+        return Err(of_other_terms());
+    }
+    let known = Known::new(problem, &terms, free, prior)?;
     let parameters = problem.levels.len() + known.mean.len();
     if problem.len() < parameters + LEAST_DEGREES {
         let least = parameters + LEAST_DEGREES;
@@ -170,6 +180,11 @@ pub(super) fn fit_with_prior(
     Ok(WithPrior { fitted, noise, white_variance: solved.variance, used })
 }
 
+fn of_other_terms() -> Error {
+    Error::input("the prior's parameters are not those of its model in this program")
+        .help("make the prior anew with `sagnac fleet prior`")
+}
+
 fn values(taus: &[Tau]) -> Vec<(usize, f64)> {
     taus.iter().map(|tau| (tau.input, tau.value_s)).collect()
 }
@@ -177,10 +192,7 @@ fn values(taus: &[Tau]) -> Vec<(usize, f64)> {
 impl Known {
     fn new(problem: &LeastSquares<'_>, terms: &[TermColumn], lags: usize, prior: &UnitPrior) -> Result<Self> {
         let (p, q) = (terms.len(), terms.len() + lags);
-        let other = || {
-            Error::input("the prior's parameters are not those of its model in this program")
-                .help("make the prior anew with `sagnac fleet prior`")
-        };
+        let other = of_other_terms;
         if prior.mean.len() != q || prior.covariance.len() != q * (q + 1) / 2 {
             return Err(other());
         }
@@ -229,8 +241,10 @@ impl Linear {
         let of_term = |term: &TermColumn| -> Vec<f64> {
             (0..problem.len()).map(|row| problem.regressor(term, row, &design.rates)).collect()
         };
+        // A lag that is fixed has no column.
+        let free = taus.iter().take(known.mean.len() - terms.len());
         let own: Vec<Vec<f64>> =
-            terms.iter().map(of_term).chain(taus.iter().map(|tau| design.slope_of_lag(tau, of_terms))).collect();
+            terms.iter().map(of_term).chain(free.map(|tau| design.slope_of_lag(tau, of_terms))).collect();
         let mix = |weights: &dyn Fn(usize) -> f64| -> Vec<f64> {
             let mut sum = vec![0.0; problem.len()];
             for (at, column) in own.iter().enumerate() {

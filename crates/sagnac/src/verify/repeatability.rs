@@ -13,6 +13,7 @@
 //!
 //! Needs the input rate, from the setup (`input_rate_dph`, `[earth]`): without it a difference of bias is none of the gyro's.
 
+use sagnac_units::format::file_name;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
@@ -103,7 +104,7 @@ impl BiasRepeatability {
             let bias_dph = Estimate { value: after.value - input_dph, sigma: after.sigma };
             let difference = bias_dph.value - calibration_dph.value;
             Some(RunBias {
-                file: windows.runs[run].name(),
+                file: file_name(&windows.runs[run].name()),
                 bias_dph,
                 difference_dph: Estimate { value: difference, sigma: bias_dph.sigma.hypot(calibration_dph.sigma) },
                 raw_difference_dph: before.value - input_dph - calibration_dph.value,

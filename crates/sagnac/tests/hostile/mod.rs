@@ -9,6 +9,8 @@
 #![allow(dead_code, reason = "each test binary uses its own part")]
 
 pub(crate) mod curves;
+pub(crate) mod lots;
+pub(crate) mod planned;
 pub(crate) mod table;
 
 use std::fmt::Write as _;

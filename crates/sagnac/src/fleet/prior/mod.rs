@@ -41,8 +41,8 @@ use sagnac_log::error::{Error, Result};
 const FORMAT: &str = "sagnac-fleet-prior";
 /// Version of the file.
 const VERSION: u32 = 2;
-/// Kinds of slow noise in the sums: B and K.
-const SLOW_NOISES: usize = 2;
+/// Kinds of noise in the sums: N, Q, B and K.
+const NOISES: usize = 4;
 /// Odd is further from the median than so many MAD as σ.
 const ODD_MADS: f64 = 5.0;
 /// Lots of fewer axes have the median of all.
@@ -71,6 +71,13 @@ pub struct Prior {
     pub span_c: [f64; 2],
     /// Temperature rates that every unit's test covers, °C/min: of the lag, then of the slow lag; empty without rate terms.
     pub rate_spans_cpm: Vec<[f64; 2]>,
+    /// Lag of the rate terms where most tests do not resolve one, s: the median of their records; null where it is a parameter, and
+    /// without rate terms.
+    pub fixed_lag_s: Option<f64>,
+    /// Angle random walk, root mean square over the axes whose logs show it, °/√h; 0 where none does.
+    pub n_deg_rt_h: f64,
+    /// Quantization, root mean square over the same, arcsec.
+    pub q_arcsec: f64,
     /// Bias instability of the residuals, root mean square over the axes, °/h.
     pub bias_instability_dph: f64,
     /// Rate random walk of the residuals, root mean square over the axes, °/h/√h.
@@ -139,8 +146,10 @@ pub struct Sums {
     pub product: Vec<ExactSum>,
     /// ΣV, the lower triangle.
     pub covariance: Vec<ExactSum>,
-    /// Σ B² and Σ K² of the residuals.
-    pub slow_noise: Vec<ExactSum>,
+    /// Axes whose N and Q are known.
+    pub noise_axes: u64,
+    /// Σ N², Σ Q² of those, and Σ B² and Σ K² of all residuals.
+    pub noise: Vec<ExactSum>,
 }
 
 /// What the axes of a prior have in common.
@@ -150,6 +159,7 @@ struct Head {
     units: Vec<String>,
     span_c: [f64; 2],
     rate_spans_cpm: Vec<[f64; 2]>,
+    fixed_lag_s: Option<f64>,
 }
 
 /// An axis that may be used.
@@ -182,10 +192,12 @@ impl Prior {
         let mut not_used = vec![counted("its model has no terms on the common basis", without)];
         let (members, others) = parted(all, |member| member.axis.model == model);
         not_used.push(counted("another model", others.len()));
-        // A test that does not resolve a lag has fewer parameters.
-        let most = members.iter().map(|member| member.basis.terms.len()).max().unwrap_or(0);
-        let (members, unresolved) = parted(members, |member| member.basis.terms.len() == most);
-        not_used.push(counted("its test does not resolve the lag", unresolved.len()));
+        // A test that does not resolve a lag has fewer parameters: the prior has those of most.
+        let usual = most_frequent_by(&members, |member| member.basis.terms.len()).unwrap_or(0);
+        let (members, others) = parted(members, |member| member.basis.terms.len() == usual);
+        let (fewer, more) = parted(others, |member| member.basis.terms.len() < usual);
+        not_used.push(counted("its test does not resolve the lag", fewer.len()));
+        not_used.push(counted("its test resolves a lag that most do not", more.len()));
         let ends = |end: usize| median(&members.iter().map(|member| member.axis.span_c[end]).collect::<Vec<_>>());
         let [lo, hi] = [ends(0), ends(1)];
         let (members, short) = parted(members, |Member { axis, .. }| {
@@ -208,13 +220,16 @@ impl Prior {
             .map(|member| member.axis.rate_spans_cpm.clone())
             .reduce(|a, b| both(&a, &b))
             .unwrap_or_default();
+        let has_lag = terms.iter().any(|term| term.ends_with("lag_s"));
+        let lags: Vec<f64> = members.iter().filter_map(|member| member.axis.lag_s).collect();
+        let fixed_lag_s = (!has_lag && !lags.is_empty()).then(|| median(&lags));
         let mut by_lot: BTreeMap<String, Vec<&Member<'_>>> = BTreeMap::new();
         for member in &members {
             by_lot.entry(member.unit.lot.clone()).or_default().push(member);
         }
         let sums = by_lot.into_iter().map(|(lot, of)| (lot, Sums::of(&of))).collect();
         not_used.retain(|part| part.axes > 0);
-        Self::of_sums(Head { model, terms, units, span_c, rate_spans_cpm }, not_used, sums)
+        Self::of_sums(Head { model, terms, units, span_c, rate_spans_cpm, fixed_lag_s }, not_used, sums)
     }
 
     /// Two priors as one: as if it had been learned from the fleets of both, each without its own odd units.
@@ -242,12 +257,14 @@ impl Prior {
                 }
             }
         }
+        // Of two fleets the one whose tests say more: their records' lags differ by less than they can tell.
+        let fixed_lag_s = self.fixed_lag_s.into_iter().chain(other.fixed_lag_s).reduce(f64::max);
         let Self { model, terms, units, .. } = self;
-        Self::of_sums(Head { model, terms, units, span_c, rate_spans_cpm }, not_used, sums)
+        Self::of_sums(Head { model, terms, units, span_c, rate_spans_cpm, fixed_lag_s }, not_used, sums)
     }
 
     fn of_sums(head: Head, mut not_used: Vec<NotUsed>, sums: BTreeMap<String, Sums>) -> Result<Self> {
-        let Head { model, terms, units, span_c, rate_spans_cpm } = head;
+        let Head { model, terms, units, span_c, rate_spans_cpm, fixed_lag_s } = head;
         not_used.sort();
         let mut all = Sums::empty(terms.len());
         sums.values().for_each(|lot| all.merge(lot));
@@ -273,7 +290,7 @@ impl Prior {
         let each: Vec<&Sums> = sums.values().collect();
         let fleet = Population::of(&all, mean(&all), &whole)?;
         let within_lots = (each.len() > 1).then(|| Population::of(&all, mean(&all), &each)).transpose()?;
-        let root_mean = |at: usize| (all.slow_noise[at].value() / all.axes as f64).max(0.0).sqrt();
+        let root_mean = |at: usize, axes: u64| (all.noise[at].value() / axes.max(1) as f64).max(0.0).sqrt();
         Ok(Self {
             format: FORMAT.to_owned(),
             version: VERSION,
@@ -282,8 +299,11 @@ impl Prior {
             units,
             span_c,
             rate_spans_cpm,
-            bias_instability_dph: root_mean(0),
-            rate_random_walk_dph_rt_h: root_mean(1),
+            fixed_lag_s,
+            n_deg_rt_h: root_mean(0, all.noise_axes),
+            q_arcsec: root_mean(1, all.noise_axes),
+            bias_instability_dph: root_mean(2, all.axes),
+            rate_random_walk_dph_rt_h: root_mean(3, all.axes),
             fleet,
             within_lots,
             lots,
@@ -353,10 +373,11 @@ impl Sums {
         let triangle = terms * (terms + 1) / 2;
         Self {
             axes: 0,
+            noise_axes: 0,
             value: zeros(terms),
             product: zeros(triangle),
             covariance: zeros(triangle),
-            slow_noise: zeros(SLOW_NOISES),
+            noise: zeros(NOISES),
         }
     }
 
@@ -369,20 +390,27 @@ impl Sums {
         };
         Self {
             axes: members.len() as u64,
+            noise_axes: members.iter().filter(|member| member.axis.n_deg_rt_h.is_some()).count() as u64,
             value: (0..terms).map(|i| sum(&|basis| basis.coefficients[i])).collect(),
             product: triangle().map(|(i, j)| sum(&|basis| basis.coefficients[i] * basis.coefficients[j])).collect(),
             covariance: triangle().map(|(i, j)| sum(&|basis| basis.covariance[place(i, j)])).collect(),
-            slow_noise: vec![noise(|axis| axis.bias_instability_dph), noise(|axis| axis.rate_random_walk_dph_rt_h)],
+            noise: vec![
+                noise(|axis| axis.n_deg_rt_h),
+                noise(|axis| axis.q_arcsec),
+                noise(|axis| axis.bias_instability_dph),
+                noise(|axis| axis.rate_random_walk_dph_rt_h),
+            ],
         }
     }
 
     fn merge(&mut self, other: &Self) {
         self.axes += other.axes;
+        self.noise_axes += other.noise_axes;
         let parts = [
             (&mut self.value, &other.value),
             (&mut self.product, &other.product),
             (&mut self.covariance, &other.covariance),
-            (&mut self.slow_noise, &other.slow_noise),
+            (&mut self.noise, &other.noise),
         ];
         for (own, more) in parts {
             own.iter_mut().zip(more).for_each(|(own, more)| own.merge(more));
@@ -423,9 +451,13 @@ fn counted(reason: &str, axes: usize) -> NotUsed {
 
 /// The model of most axes; the first by its name among equals.
 fn most_frequent(members: &[Member<'_>]) -> Option<String> {
-    let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
-    members.iter().for_each(|member| *counts.entry(&member.axis.model).or_default() += 1);
-    counts.into_iter().rev().max_by_key(|(_, count)| *count).map(|(model, _)| model.to_owned())
+    most_frequent_by(members, |member| member.axis.model.clone())
+}
+
+fn most_frequent_by<T: Ord>(members: &[Member<'_>], of: impl Fn(&Member<'_>) -> T) -> Option<T> {
+    let mut counts: BTreeMap<T, usize> = BTreeMap::new();
+    members.iter().for_each(|member| *counts.entry(of(member)).or_default() += 1);
+    counts.into_iter().rev().max_by_key(|(_, count)| *count).map(|(value, _)| value)
 }
 
 /// Names of axes that are far from the median of their lot, each with what is odd.

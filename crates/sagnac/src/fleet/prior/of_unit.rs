@@ -17,6 +17,7 @@ use crate::fit::UnitPrior;
 use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::{hex, sha256};
 use sagnac_log::read::read_text;
+use sagnac_log::setup::Noise;
 use sagnac_units::format::counted;
 
 /// A prior and the hash of its file.
@@ -38,6 +39,12 @@ impl PriorFile {
         let text = read_text(path, "read the prior", MOST_BYTES)?;
         let prior = Prior::from_json(&text).map_err(|e| e.file(path.display().to_string()))?;
         Ok(Self { prior, sha256: hex(&sha256(text.as_bytes())) })
+    }
+
+    /// The noise of the fleet's units.
+    pub fn noise(&self) -> Noise {
+        let Prior { n_deg_rt_h, q_arcsec, bias_instability_dph, rate_random_walk_dph_rt_h, .. } = self.prior;
+        Noise::walk(n_deg_rt_h).quantized(q_arcsec).slow(bias_instability_dph, rate_random_walk_dph_rt_h)
     }
 
     /// What is known of the next unit, of a lot if that is known.
@@ -69,6 +76,7 @@ impl Prior {
             degrees: degrees as f64,
             span_c: self.span_c,
             rate_spans_cpm: self.rate_spans_cpm.clone(),
+            fixed_lag_s: self.fixed_lag_s,
             bias_instability_dph: self.bias_instability_dph,
             rate_random_walk_dph_rt_h: self.rate_random_walk_dph_rt_h,
             axes,

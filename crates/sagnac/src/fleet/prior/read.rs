@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::{FORMAT, Head, Prior, SLOW_NOISES, Sums, VERSION};
+use super::{FORMAT, Head, NOISES, Prior, Sums, VERSION};
 use sagnac_log::error::{Error, Result};
 use sagnac_log::read::read_text;
 
@@ -44,9 +44,12 @@ impl Prior {
         }
         let p = found.terms.len();
         let triangle = p * (p + 1) / 2;
-        let lengths = |sums: &Sums| [&sums.value, &sums.product, &sums.covariance, &sums.slow_noise].map(Vec::len);
-        let fits = found.sums.values().all(|sums| lengths(sums) == [p, triangle, triangle, SLOW_NOISES]);
-        if !fits || found.units.len() != p || found.sums.values().any(|sums| !(1..=MOST_AXES).contains(&sums.axes)) {
+        let lengths = |sums: &Sums| [&sums.value, &sums.product, &sums.covariance, &sums.noise].map(Vec::len);
+        let fits = found.sums.values().all(|sums| lengths(sums) == [p, triangle, triangle, NOISES]);
+        if !fits
+            || found.units.len() != p
+            || found.sums.values().any(|sums| !(1..=MOST_AXES).contains(&sums.axes) || sums.noise_axes > sums.axes)
+        {
             return Err(Error::input("sums that do not fit the terms").column("sums"));
         }
         if found.span_c[0].partial_cmp(&found.span_c[1]) != Some(std::cmp::Ordering::Less) {
@@ -56,7 +59,10 @@ impl Prior {
         if !found.rate_spans_cpm.iter().all(is_rate_span) {
             return Err(Error::input("a span of rates without 0").column("rate_spans_cpm"));
         }
-        let Self { model, terms, units, span_c, rate_spans_cpm, not_used, sums, .. } = found;
-        Self::of_sums(Head { model, terms, units, span_c, rate_spans_cpm }, not_used, sums)
+        if found.fixed_lag_s.is_some_and(|lag_s| !(lag_s > 0.0 && lag_s.is_finite())) {
+            return Err(Error::input("a lag that is none").column("fixed_lag_s"));
+        }
+        let Self { model, terms, units, span_c, rate_spans_cpm, fixed_lag_s, not_used, sums, .. } = found;
+        Self::of_sums(Head { model, terms, units, span_c, rate_spans_cpm, fixed_lag_s }, not_used, sums)
     }
 }

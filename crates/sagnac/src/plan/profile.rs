@@ -1,0 +1,247 @@
+//! Thermal tests as a chamber is told them, and the log that the mean unit of a fleet would have of one.
+
+use std::fmt::Write as _;
+
+use serde::Serialize;
+
+use crate::fit::UnitPrior;
+use crate::model::COMMON_SPAN;
+use crate::model::basis::chebyshev;
+use sagnac_log::error::{Error, Result};
+
+/// Rows of a window in the planned log.
+const ROWS: f64 = 5.0;
+/// Tests of the same length are not told apart below this, h.
+const SAME_HOURS: f64 = 1e-9;
+
+/// What a chamber can do.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct Chamber {
+    /// Temperature at the start of a test, °C.
+    pub start_c: f64,
+    /// Rates at which it ramps, °C/min.
+    pub rates_cpm: Vec<f64>,
+    /// First-order lag of the gyro's block behind the chamber, min.
+    pub block_lag_min: f64,
+}
+
+impl Chamber {
+    /// From room temperature at one rate, with a block that follows at once.
+    pub fn new(start_c: f64, rates_cpm: Vec<f64>) -> Self {
+        Self { start_c, rates_cpm, block_lag_min: 0.0 }
+    }
+
+    pub(super) fn check(&self, [lo, hi]: [f64; 2]) -> Result<()> {
+        if !(lo..=hi).contains(&self.start_c) {
+            return Err(Error::input(format!("the test starts outside of the fleet's {lo} … {hi} °C"))
+                .column("start_c")
+                .value(self.start_c.to_string()));
+        }
+        if self.rates_cpm.is_empty() || self.rates_cpm.iter().any(|rate| !(0.01..=20.0).contains(rate)) {
+            return Err(Error::input("a chamber ramps at 0.01 … 20 °C/min").column("rates_cpm"));
+        }
+        if !(0.0..=240.0).contains(&self.block_lag_min) {
+            return Err(Error::input("a block lags by 0 … 240 min").column("block_lag_min"));
+        }
+        Ok(())
+    }
+}
+
+/// A step of a test: a ramp, then a soak.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct Step {
+    /// Temperature at the end of the ramp, °C.
+    pub to_c: f64,
+    /// Rate of the ramp, °C/min.
+    pub rate_cpm: f64,
+    /// Soak behind it, min.
+    pub soak_min: f64,
+}
+
+/// The steps of a test.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Profile {
+    pub(super) steps: Vec<Step>,
+}
+
+/// Every test of up to so many hours, the shortest first.
+pub(super) fn candidates(
+    prior: &UnitPrior,
+    chamber: &Chamber,
+    soaks_min: &[f64],
+    plateaus: &[usize],
+    hours_max: f64,
+) -> Vec<Profile> {
+    // A chamber is told whole degrees.
+    let [lo, hi] = prior.span_c.map(f64::round);
+    let (start, middle) = (chamber.start_c, |end: f64| ((chamber.start_c + end) / 2.0).round());
+    let routes = [
+        vec![lo],
+        vec![hi],
+        vec![middle(lo), middle(hi)],
+        vec![lo, hi],
+        vec![hi, lo],
+        vec![lo, start],
+        vec![hi, start],
+        vec![lo, hi, start],
+        vec![hi, lo, start],
+        vec![lo, hi, lo],
+        vec![hi, lo, hi],
+        vec![lo, hi, lo, hi],
+        vec![hi, lo, hi, lo],
+    ];
+    let mut all: Vec<Profile> = Vec::new();
+    for route in &routes {
+        for rate_cpm in &chamber.rates_cpm {
+            for plateaus in plateaus {
+                let one = |soak_min: &f64| Profile::along(start, route, *rate_cpm, *plateaus, *soak_min);
+                all.extend(soaks_min.iter().map(one));
+            }
+        }
+    }
+    all.retain(|profile| profile.hours(chamber) <= hours_max && !profile.steps.is_empty());
+    all.sort_by(|a, b| a.hours(chamber).total_cmp(&b.hours(chamber)));
+    all.dedup_by(|a, b| (a.hours(chamber) - b.hours(chamber)).abs() < SAME_HOURS && a == b);
+    all
+}
+
+impl Profile {
+    /// Along some temperatures, with so many plateaus on the way to each, each with the same soak.
+    fn along(start: f64, route: &[f64], rate_cpm: f64, plateaus: usize, soak_min: f64) -> Self {
+        let mut steps: Vec<Step> = Vec::new();
+        let mut from = start;
+        for to in route {
+            let parts = plateaus + 1;
+            for part in 1..=parts {
+                let to_c = (from + (to - from) * part as f64 / parts as f64).round();
+                if to_c != steps.last().map_or(start, |step| step.to_c) {
+                    steps.push(Step { to_c, rate_cpm, soak_min });
+                }
+            }
+            from = *to;
+        }
+        Self { steps }
+    }
+
+    /// With a step's soak shortened; `None` where it has none.
+    pub(super) fn shortened(&self, step: usize, by_min: f64) -> Option<Self> {
+        let mut shorter = self.clone();
+        let soak = &mut shorter.steps.get_mut(step)?.soak_min;
+        if *soak <= 0.0 {
+            return None;
+        }
+        *soak = (*soak - by_min).max(0.0);
+        Some(shorter)
+    }
+
+    pub(super) fn hours(&self, chamber: &Chamber) -> f64 {
+        let mut from = chamber.start_c;
+        let mut minutes = 0.0;
+        for step in &self.steps {
+            minutes += (step.to_c - from).abs() / step.rate_cpm + step.soak_min;
+            from = step.to_c;
+        }
+        minutes / 60.0
+    }
+
+    /// The chamber's temperature after so many minutes.
+    fn chamber_c(&self, chamber: &Chamber, minutes: f64) -> f64 {
+        let (mut from, mut left) = (chamber.start_c, minutes);
+        for step in &self.steps {
+            let ramp = (step.to_c - from).abs() / step.rate_cpm;
+            if left < ramp {
+                return from + (step.to_c - from) * left / ramp;
+            }
+            left -= ramp;
+            if left < step.soak_min {
+                return step.to_c;
+            }
+            left -= step.soak_min;
+            from = step.to_c;
+        }
+        from
+    }
+
+    /// The log of the mean unit, without noise: rates, °/h, so many rows a window.
+    pub(super) fn log(&self, prior: &UnitPrior, chamber: &Chamber, window_s: f64) -> Vec<u8> {
+        let row_s = window_s / ROWS;
+        let rows = (self.hours(chamber) * 3600.0 / row_s) as usize;
+        let mut unit = MeanUnit::new(prior, chamber.start_c);
+        let (mut text, mut block_c) = ("time_s,temperature_c,rate_dph\n".to_owned(), chamber.start_c);
+        // A lag of the block, step by step of a second; none is a block that follows at once.
+        let follows =
+            if chamber.block_lag_min > 0.0 { 1.0 - (-1.0 / (60.0 * chamber.block_lag_min)).exp() } else { 1.0 };
+        let seconds = row_s.round().max(1.0) as usize;
+        for row in 1..=rows {
+            let mut drift = 0.0;
+            for second in 0..seconds {
+                let now_s = ((row - 1) * seconds + second + 1) as f64;
+                block_c += follows * (self.chamber_c(chamber, now_s / 60.0) - block_c);
+                drift += unit.drift_dph(block_c);
+            }
+            let _ = writeln!(text, "{},{block_c},{}", row * seconds, drift / seconds as f64);
+        }
+        text.into_bytes()
+    }
+}
+
+/// The unit whose coefficients are the prior's mean.
+struct MeanUnit {
+    /// Coefficients of T_n, and those times the lagged rate and the slow one.
+    bias: Vec<(usize, f64)>,
+    rates: [Vec<(usize, f64)>; 2],
+    /// Part of the way that a lag goes in a second, and where it is, °C.
+    follows: [f64; 2],
+    lagged_c: [f64; 2],
+}
+
+impl MeanUnit {
+    fn new(prior: &UnitPrior, start_c: f64) -> Self {
+        let of = |start: &str| -> Vec<(usize, f64)> {
+            let named = prior.terms.iter().zip(&prior.mean);
+            named.filter_map(|(name, value)| Some((name.strip_prefix(start)?.parse().ok()?, *value))).collect()
+        };
+        let lag = |wanted: &str| prior.terms.iter().position(|name| name == wanted).map_or(1.0, |at| prior.mean[at]);
+        let follows = ["lag_s", "slow lag_s"].map(|name| 1.0 - (-1.0 / lag(name).max(1.0)).exp());
+        Self { bias: of("bias "), rates: [of("rate "), of("slow rate ")], follows, lagged_c: [start_c; 2] }
+    }
+
+    /// After one more second at a temperature of the block.
+    fn drift_dph(&mut self, block_c: f64) -> f64 {
+        let x = (2.0 * block_c - COMMON_SPAN.lo - COMMON_SPAN.hi) / (COMMON_SPAN.hi - COMMON_SPAN.lo);
+        let basis = chebyshev(x);
+        let series = |terms: &[(usize, f64)]| -> f64 {
+            terms.iter().map(|(n, value)| value * basis.get(*n).copied().unwrap_or(0.0)).sum()
+        };
+        let mut drift = series(&self.bias);
+        for ((lagged, follows), terms) in self.lagged_c.iter_mut().zip(self.follows).zip(&self.rates) {
+            let step = follows * (block_c - *lagged);
+            *lagged += step;
+            drift += 60.0 * step * series(terms);
+        }
+        drift
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_profile_is_what_the_chamber_does() {
+        let chamber = Chamber::new(20.0, vec![1.0]);
+        let profile = Profile::along(20.0, &[-40.0, 70.0], 1.0, 1, 30.0);
+        assert_eq!(profile.steps.iter().map(|step| step.to_c).collect::<Vec<_>>(), [-10.0, -40.0, 15.0, 70.0]);
+        assert!((profile.hours(&chamber) - (60.0 + 110.0 + 4.0 * 30.0) / 60.0).abs() < 1e-12);
+        for (minutes, celsius) in
+            [(0.0, 20.0), (15.0, 5.0), (40.0, -10.0), (75.0, -25.0), (100.0, -40.0), (500.0, 70.0)]
+        {
+            assert!((profile.chamber_c(&chamber, minutes) - celsius).abs() < 1e-9, "{minutes}");
+        }
+        let shorter = profile.shortened(1, 40.0).unwrap();
+        assert_eq!(shorter.steps[1].soak_min, 0.0);
+        assert_eq!(shorter.shortened(1, 5.0), None);
+    }
+}

@@ -1,0 +1,34 @@
+//! The planned test: as many units pass as after the full test, in less than half of its hours.
+
+mod hostile;
+mod support;
+
+use hostile::planned::{FULL_HOURS, compared};
+use support::evidence::evidence;
+
+#[test]
+fn a_planned_test_does_what_the_full_one_does() {
+    const UNITS: u64 = 240;
+    let found = compared(UNITS);
+    println!("{found:#?}");
+    let hours = found.plan.hours / FULL_HOURS;
+    evidence("planned test with the prior of a lot: hours over those of the full test", hours, "≤ 0.5", UNITS);
+    evidence("planned test: `navigation-grade` accepts the unit in a full retest", found.planned, "≥ 0.95", UNITS);
+    evidence("full test, its model known: the same retest is accepted", found.full, "≥ 0.95", UNITS);
+    evidence(
+        "planned test: the correction's error is within half of its limits, 0.95 planned",
+        found.within_half,
+        "≥ 0.92",
+        UNITS,
+    );
+    evidence("planned test: 95 % interval of the curve covers", found.covered, "0.93 … 0.97", UNITS);
+    evidence(
+        "planned test: units of the fleet that are refused and need the full test",
+        found.refused,
+        "≤ 0.06",
+        UNITS,
+    );
+    let [least, mean] = [found.odd.into_iter().fold(1.0, f64::min), found.odd.iter().sum::<f64>() / 4.0];
+    evidence("planned test: units six σ odd in one of four parameters are refused", mean, "≥ 0.95", UNITS);
+    evidence("planned test: the same, the parameter it shows least", least, "≥ 0.9", UNITS / 4);
+}
