@@ -7,8 +7,8 @@ use std::sync::{Mutex, PoisonError};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use sagnac::fleet::{
-    Answer, Done, InOrder, PriorFile, Recipe, Results, TABLE, Unit, Work, answer, calibrate_by, units_among,
-    units_in_manifest, units_of,
+    Answer, Done, InOrder, PriorFile, Recipe, Results, TABLE, Unit, Work, answer, calibrate_by, check_output,
+    units_among, units_in_manifest, units_of,
 };
 use sagnac::verify::Limits;
 use sagnac::{Error, Result};
@@ -66,6 +66,7 @@ pub(crate) struct Args {
 
 pub(crate) fn run(args: &Args) -> Result<bool> {
     let stores = Stores::new(args.patience)?;
+    check_output(&args.output, Path::new(&args.source))?;
     let units = units(&args.source, &stores)?;
     let recipe = recipe(args)?;
     let told = Mutex::new(Told::new(&units, args.json));

@@ -1,5 +1,6 @@
 //! `sagnac-fleet sql`: questions to the table of a fleet.
 
+use std::io::Write;
 use std::path::PathBuf;
 
 use datafusion::arrow::util::pretty::pretty_format_batches;
@@ -42,7 +43,9 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let batches = batches.map_err(|e| Error::input(format!("no answer: {}", e.strip_backtrace())))?;
     let broken = |e: &dyn std::fmt::Display| Error::input(format!("the answer cannot be shown: {e}"));
     if !args.csv {
-        println!("{}", pretty_format_batches(&batches).map_err(|e| broken(&e))?);
+        let table = pretty_format_batches(&batches).map_err(|e| broken(&e))?;
+        // A reader that has gone is no failure.
+        let _ = writeln!(std::io::stdout(), "{table}");
         return Ok(());
     }
     let mut out = datafusion::arrow::csv::Writer::new(std::io::stdout().lock());

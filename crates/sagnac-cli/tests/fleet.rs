@@ -551,7 +551,7 @@ fn the_demonstration_shows_what_it_says() {
     let (status, _, problems) = it.run(&["fleet", "demo", "-o", "factory"]);
     assert!(status == 2 && problems.contains("not empty"), "{problems}");
     // A plan: JSON, a chamber's program, and what is refused.
-    let plan = ["plan", "--prior", "factory/fleet.prior.json", "--limits", "navigation-grade", "--start", "20"];
+    let plan = ["plan", "--prior", "factory/fleet.prior.json", "--limits", "navigation-grade"];
     let with = |more: &[&str]| it.run(&[&plan[..], more].concat());
     let (status, json, _) = with(&["--lot", "A", "--json", "-o", "test.csv"]);
     let made: serde_json::Value = serde_json::from_str(&json).unwrap();

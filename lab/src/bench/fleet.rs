@@ -3,11 +3,13 @@
 use std::fmt::Write as _;
 use std::fs;
 use std::io::Write as _;
+use std::process::{Child, Command, Stdio};
 
 use anyhow::{Context, Result};
 use sagnac_sim::{LaggedChamber, Leg};
+use xtask::shell::{root, sh_in};
 
-use crate::bench::process::{Pairs, measure, median};
+use crate::bench::process::{Cost, Pairs, measure, median};
 use crate::bench::{Bench, line};
 
 /// Heading of the section.
@@ -50,11 +52,13 @@ pub(super) fn measure_fleet(bench: &Bench, page: &mut String) -> Result<()> {
     fs::write(&sums, DUCKDB)?;
     let listed = bench.file("fleet-logs.txt");
     let duckdb: Vec<String> = [bench.python.clone(), sums.display().to_string(), listed.display().to_string()].into();
+    let shell_loops = [alone(shell.clone()), shell.clone()];
     let two = Pairs::run(PAIRS, &fleet(&folder, "2"), &shell)?;
-    let one = Pairs::run(PAIRS, &alone(fleet(&folder, "1")), &alone(shell))?;
+    let one = Pairs::run(PAIRS, &alone(fleet(&folder, "1")), &shell_loops[0])?;
     let bare = Pairs::run(PAIRS, &fleet(&folder, "2"), &duckdb)?;
     let many = measure(&fleet(&bench.file("fleet-many.csv").display().to_string(), "2"))?;
     let auto = measure(&with(&folder, "2", "auto"))?;
+    let clusters = on_clusters(bench, &folder, &shell_loops)?;
     *page += HEADING;
     let _ = write!(
         page,
@@ -70,6 +74,10 @@ pub(super) fn measure_fleet(bench: &Bench, page: &mut String) -> Result<()> {
     line(page, "DuckDB, bare window sums", &bare.theirs());
     line(page, &format!("`fleet calibrate --threads 2`, {} units of the same logs", UNITS * ALIASES), &many);
     line(page, "`fleet calibrate --threads 2 --model auto`", &auto);
+    for Cluster { executors, cores, pairs, peak_mib } in &clusters {
+        let cost = Cost { peak_mib: *peak_mib, ..pairs.ours() };
+        line(page, &format!("`sagnac-fleet`, {executors} on {cores}; peak of an executor"), &cost);
+    }
     let rate = |seconds: f64, units: u64| units as f64 / seconds;
     let _ = writeln!(
         page,
@@ -85,7 +93,90 @@ pub(super) fn measure_fleet(bench: &Bench, page: &mut String) -> Result<()> {
         many.peak_mib,
         two.ours().peak_mib
     );
+    let over: Vec<String> = clusters
+        .iter()
+        .map(|cluster| {
+            format!("{:+.0} % with {}", 100.0 * (1.0 / median(&cluster.pairs.ratios()) - 1.0), cluster.executors)
+        })
+        .collect();
+    let _ = writeln!(
+        page,
+        "\n**On a cluster of this machine: time over that of the loop on as many cores, pair by pair: {}** (asked: at most 5 % more; executors under 256 MiB).",
+        over.join(", ")
+    );
     Ok(())
+}
+
+/// A cluster that was measured.
+struct Cluster {
+    executors: String,
+    cores: &'static str,
+    pairs: Pairs,
+    peak_mib: f64,
+}
+
+/// A process that ends with this.
+struct Running(Child);
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// One executor on one core, and one, two and four slots in two executors on two, beside the loop on the same cores.
+fn on_clusters(bench: &Bench, folder: &str, loops: &[Vec<String>; 2]) -> Result<Vec<Cluster>> {
+    sh_in(&root().join("fleet"), "cargo", &["build", "--release", "--locked"], &[])?;
+    let program = root().join("fleet/target/release/sagnac-fleet").display().to_string();
+    let setup = bench.file("fleet-bench.toml");
+    fs::write(&setup, "arcsec_per_count = 0.15125\n")?;
+    let mut measured = Vec::new();
+    for (executors, slots, one_core) in [(1, 1, true), (2, 1, false), (4, 1, false)] {
+        let start = |args: &[&str]| -> Result<Running> {
+            let mut command = if one_core { Command::new("taskset") } else { Command::new(&program) };
+            if one_core {
+                command.args(["-c", "0", &program]);
+            }
+            let child = command.args(args).stdout(Stdio::null()).stderr(Stdio::null()).spawn();
+            Ok(Running(child.with_context(|| format!("cannot start {program}"))?))
+        };
+        let port = 50_150 + 20 * executors;
+        let at = format!("127.0.0.1:{port}");
+        let _scheduler = start(&["scheduler", "--port", &port.to_string()])?;
+        let running: Vec<Running> = (1..=executors)
+            .map(|number| {
+                let own = (port + 2 * number).to_string();
+                start(&["executor", "--scheduler", &at, "--port", &own, "--slots", &slots.to_string()])
+            })
+            .collect::<Result<_>>()?;
+        let words =
+            ["calibrate", folder, "--again", "--model", MODEL, "--cluster", &format!("df://{at}")].map(str::to_owned);
+        let more = ["--setup", &setup.display().to_string(), "-o", &format!("{folder}-cluster")].map(str::to_owned);
+        let of_cluster: Vec<String> = std::iter::once(program.clone()).chain(words).chain(more).collect();
+        let ours = if one_core {
+            ["taskset", "-c", "0"].map(str::to_owned).into_iter().chain(of_cluster).collect()
+        } else {
+            of_cluster
+        };
+        let pairs = Pairs::run(PAIRS, &ours, &loops[usize::from(!one_core)])?;
+        let peaks = running.iter().map(|executor| peak_mib(executor.0.id())).collect::<Result<Vec<_>>>()?;
+        measured.push(Cluster {
+            executors: if executors == 1 { "1 executor".to_owned() } else { format!("{executors} executors") },
+            cores: if one_core { "one core" } else { "two cores" },
+            pairs,
+            peak_mib: peaks.into_iter().fold(0.0, f64::max),
+        });
+    }
+    Ok(measured)
+}
+
+/// The largest resident set of a process so far: proc(5).
+fn peak_mib(process: u32) -> Result<f64> {
+    let status = fs::read_to_string(format!("/proc/{process}/status")).context("a process that has ended")?;
+    let peak =
+        status.lines().find_map(|line| line.strip_prefix("VmHWM:")?.trim().strip_suffix(" kB")?.parse::<f64>().ok());
+    Ok(peak.context("no peak")? / 1024.0)
 }
 
 /// Makes the logs and the manifest of many; their bytes.

@@ -1,7 +1,7 @@
 //! `sagnac fleet calibrate`: the same for a factory's gyros, unit by unit.
 
 use std::num::NonZeroUsize;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
 
 use sagnac::Error;
@@ -56,12 +56,7 @@ pub(crate) struct Args {
 
 pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     Files::new().reads(&args.setup.setup).reads(&args.prior).check()?;
-    if is_within(&args.output, &args.source) {
-        return Err(Error::input("the results would stand among the units")
-            .column("--output")
-            .value(args.output.display().to_string())
-            .help("give a folder beside that of the units"));
-    }
+    fleet::check_output(&args.output, &args.source)?;
     let units = units_of(&args.source)?;
     let setup = args.setup.over(Setup::default())?;
     if setup.serial.is_some() {
@@ -91,14 +86,4 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     console.say(format!("wrote {}", args.output.join(TABLE).display()));
     console.object(&summary)?;
     Ok(if summary.is_good() { Outcome::Done } else { Outcome::SomeFailed })
-}
-
-/// True for a folder that is another one or lies in it, or will.
-fn is_within(folder: &Path, other: &Path) -> bool {
-    let Ok(other) = other.canonicalize() else { return false };
-    let known = folder.ancestors().find_map(|part| {
-        let part = if part.as_os_str().is_empty() { Path::new(".") } else { part };
-        part.canonicalize().ok()
-    });
-    other.is_dir() && known.is_some_and(|known| known.starts_with(&other))
 }

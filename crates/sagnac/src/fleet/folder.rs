@@ -96,6 +96,30 @@ impl Results {
     }
 }
 
+/// Refuses results among the units: the next run would take them for some.
+///
+/// # Errors
+/// A folder that is the source or lies in it.
+pub fn check_output(folder: &Path, source: &Path) -> Result<()> {
+    if !is_within(folder, source) {
+        return Ok(());
+    }
+    Err(Error::input("the results would stand among the units")
+        .column("--output")
+        .value(folder.display().to_string())
+        .help("give a folder beside that of the units"))
+}
+
+/// True for a folder that is another one or lies in it, or will.
+fn is_within(folder: &Path, other: &Path) -> bool {
+    let Ok(other) = other.canonicalize() else { return false };
+    let known = folder.ancestors().find_map(|part| {
+        let part = if part.as_os_str().is_empty() { Path::new(".") } else { part };
+        part.canonicalize().ok()
+    });
+    other.is_dir() && known.is_some_and(|known| known.starts_with(&other))
+}
+
 /// Files of a unit.
 struct Files {
     result: PathBuf,

@@ -91,6 +91,9 @@ impl Recipe {
         }
         let Sent { setup, model, source_date_epoch, prior, limits, program: _ } =
             serde_json::from_value(of).map_err(|e| broken(&e))?;
+        // What was sent may be anything.
+        setup.check()?;
+        limits.iter().try_for_each(|(limits, _)| limits.check())?;
         let of_file =
             |(text, sha256): (String, String)| super::Prior::from_json(&text).map(|prior| PriorFile { prior, sha256 });
         Ok(Self {

@@ -153,25 +153,34 @@ impl Limits {
         let own: Self = toml::from_str(text)
             .map_err(|e| Error::toml("limits", text, &e).help("docs/reference/limits.md lists the keys"))?;
         let limits = own.on_base()?;
-        for (spec, value) in limits.given() {
+        limits.check()?;
+        Ok(limits)
+    }
+
+    /// Checks every value against its range.
+    ///
+    /// # Errors
+    /// The first value outside its range, by its key.
+    pub(crate) fn check(&self) -> Result<()> {
+        for (spec, value) in self.given() {
             if !(value.is_finite() && value >= 0.0) || (spec.is_fraction && value > 1.0) {
                 return Err(Error::input("a limit is a number from 0 on (those of a fraction: to 1)")
                     .column(spec.key)
                     .value(value.to_string()));
             }
         }
-        if let Some(flight) = &limits.flight {
+        if let Some(flight) = &self.flight {
             flight.check()?;
         }
-        if limits.position_error_m_max.is_some() && limits.flight.is_none() {
+        if self.position_error_m_max.is_some() && self.flight.is_none() {
             return Err(Error::input("a limit of the position error needs a [flight]")
                 .column("position_error_m_max")
                 .help("[flight] with axis = \"level\" and profile = [{ minutes = 0, temperature_c = 20 }, …]; docs/reference/limits.md"));
         }
-        if limits.given().is_empty() && limits.flight.is_none() {
+        if self.given().is_empty() && self.flight.is_none() {
             return Err(Error::input("no limit in the limits file").help("docs/reference/limits.md lists the keys"));
         }
-        Ok(limits)
+        Ok(())
     }
 
     /// A set that comes with the program, by its name, else a file.
