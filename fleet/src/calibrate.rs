@@ -54,6 +54,9 @@ pub(crate) struct Args {
     /// Units that a cluster is sent at a time
     #[arg(long, default_value = "64", value_name = "N", requires = "cluster")]
     batch: NonZeroUsize,
+    /// Units in a task of a cluster, one after the other: more where units are quick and executors many
+    #[arg(long, default_value = "1", value_name = "N", requires = "cluster")]
+    per_task: NonZeroUsize,
     /// Units at a time on this machine [default: one for each processor]
     #[arg(long, value_name = "N", conflicts_with = "cluster")]
     threads: Option<NonZeroUsize>,
@@ -72,7 +75,10 @@ pub(crate) fn run(args: &Args) -> Result<bool> {
     let told = Mutex::new(Told::new(&units, args.json));
     let report = |done: Done| told.lock().unwrap_or_else(PoisonError::into_inner).take(done);
     let ran = match &args.cluster {
-        Some(url) => on_cluster(&Cluster { url, batch: args.batch.get() }, &units, &recipe, args, report),
+        Some(url) => {
+            let cluster = Cluster { url, batch: args.batch.get(), per_task: args.per_task.get() };
+            on_cluster(&cluster, &units, &recipe, args, report)
+        }
         None => here(&units, &recipe, args, &report),
     };
     let Told { lines, bar, .. } = told.into_inner().unwrap_or_else(PoisonError::into_inner);

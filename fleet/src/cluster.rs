@@ -1,7 +1,7 @@
 //! Units through a cluster: sent as a plan, done where there is room, and written here as they come back.
 //!
 //! ```text
-//! batch of units ─▶ VALUES (place, unit) each ─▶ calibrate_unit(recipe, unit) ─▶ UNION of all: a task a unit ─▶ answers
+//! batch of units ─▶ VALUES (place, unit) ─▶ calibrate_unit(recipe, unit) ─▶ UNION of all: a task each ─▶ answers
 //! ```
 //!
 //! The manifest travels in the plan, as values, so that executors need to see logs alone. A leaf of values is one of those that Ballista 55
@@ -42,6 +42,8 @@ pub(crate) struct Cluster<'a> {
     pub(crate) url: &'a str,
     /// Units in a batch.
     pub(crate) batch: usize,
+    /// Units in a task, one after the other.
+    pub(crate) per_task: usize,
 }
 
 /// The session of all sides: a task a unit, and no plan made anew on the way.
@@ -72,7 +74,7 @@ pub(crate) fn calibrate(
     crate::runtime()?.block_on(async {
         let places: Vec<usize> = (0..units.len()).collect();
         let answered = futures::stream::iter(places.chunks(cluster.batch.max(1)))
-            .map(|places| answers_of(cluster.url, &sent, places, &recipe, again, results))
+            .map(|places| answers_of(cluster, &sent, places, &recipe, again, results))
             .buffered(UNDER_WAY);
         let mut answered = std::pin::pin!(answered);
         while let Some(answers) = answered.try_next().await? {
@@ -112,7 +114,7 @@ fn words(error: &DataFusionError) -> String {
 
 /// A batch, sent until it is answered.
 async fn answers_of(
-    url: &str,
+    cluster: &Cluster<'_>,
     units: &[Unit],
     places: &[usize],
     recipe: &str,
@@ -131,7 +133,7 @@ async fn answers_of(
         .with_min_delay(Duration::from_secs(1))
         .with_max_delay(Duration::from_secs(30))
         .with_max_times(SENT_AGAIN);
-    let sent = || async { answers(&sent(url, &asked, recipe).await?, places) };
+    let sent = || async { answers(&sent(cluster, &asked, recipe).await?, places) };
     sent.retry(pauses)
         .when(|e| !matches!(e, DataFusionError::Configuration(_)))
         .notify(|e: &DataFusionError, pause: Duration| {
@@ -140,25 +142,27 @@ async fn answers_of(
         .await
         .map_err(|e| {
             Error::input(format!("the cluster does not do it: {}", words(&e)))
-                .value(url)
+                .value(cluster.url)
                 .help("what is done is in the folder; start the scheduler and its executors, and run it again")
         })
 }
 
 /// One try of a batch.
-async fn sent(url: &str, asked: &[(usize, String)], recipe: &str) -> EngineResult<Vec<RecordBatch>> {
+async fn sent(cluster: &Cluster<'_>, asked: &[(usize, String)], recipe: &str) -> EngineResult<Vec<RecordBatch>> {
     let state = SessionStateBuilder::new().with_default_features().with_config(session_config()).build();
-    let context = SessionContext::remote_with_state(url, state).await?;
+    let context = SessionContext::remote_with_state(cluster.url, state).await?;
     let function = calibrate_unit(Patience::default(), MemoryBudget::default());
     context.state_ref().write().register_udf(function.clone())?;
-    let of_unit = |(place, text): &(usize, String)| -> EngineResult<Arc<LogicalPlan>> {
-        let place = i64::try_from(*place).unwrap_or(i64::MAX);
+    let of_task = |units: &[(usize, String)]| -> EngineResult<Arc<LogicalPlan>> {
+        let row =
+            |(place, text): &(usize, String)| vec![lit(i64::try_from(*place).unwrap_or(i64::MAX)), lit(text.as_str())];
         let answer = function.call(vec![lit(recipe), col("column2")]);
-        let values = LogicalPlanBuilder::values(vec![vec![lit(place), lit(text.as_str())]])?;
+        let values = LogicalPlanBuilder::values(units.iter().map(row).collect())?;
         let plan = values.project(vec![col("column1").alias("place"), answer.alias("answer")])?;
         plan.build().map(Arc::new)
     };
-    let plans: Vec<Arc<LogicalPlan>> = asked.iter().map(of_unit).collect::<EngineResult<_>>()?;
+    let plans: Vec<Arc<LogicalPlan>> =
+        asked.chunks(cluster.per_task.max(1)).map(of_task).collect::<EngineResult<_>>()?;
     let plan = match <[Arc<LogicalPlan>; 1]>::try_from(plans) {
         Ok([one]) => Arc::unwrap_or_clone(one),
         Err(plans) => LogicalPlan::Union(Union::try_new_with_loose_types(plans)?),

@@ -21,8 +21,9 @@ fn a_cluster_of_any_size_gives_the_same_bytes() {
             cluster.add_executor();
         }
         let (folder, url) = (format!("of-{executors}"), cluster.url());
-        for (batch, more) in [("64", ""), ("2", ", 7 unchanged since before")] {
-            let (status, on_cluster, problems) = it.calibrate("units", &folder, &["--cluster", &url, "--batch", batch]);
+        for (batch, per_task, more) in [("64", "3", ""), ("2", "1", ", 7 unchanged since before")] {
+            let args = ["--cluster", &url, "--batch", batch, "--per-task", per_task];
+            let (status, on_cluster, problems) = it.calibrate("units", &folder, &args);
             assert_eq!(status, 1, "{problems}{}", cluster.logs());
             assert!(on_cluster.contains(more.trim_start_matches(", ")), "{on_cluster}");
             let plain = on_cluster.replace(" (unchanged)", "").replace(&more.replace(", ", "; "), "");

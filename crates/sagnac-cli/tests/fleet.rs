@@ -439,6 +439,10 @@ fn the_prior_of_a_fleet_is_that_of_its_units() {
     let with_prior = [&one[..], &["--prior", "fleet.prior.json", "-o", "alone.cal.json"]].concat();
     let (status, said, _) = it.run(&with_prior);
     assert!(status == 0 && said.contains("prior of 24 axes: the test determines"), "{said}");
+    let with_report = [&with_prior[..], &["--report", "alone.html"]].concat();
+    assert_eq!(it.run(&with_report).0, 0);
+    let page = fs::read_to_string(it.path("alone.html")).unwrap();
+    assert!(page.contains("fitted with the prior of its fleet") && !page.contains("not fitted here"));
     let record = fs::read(it.path("alone.cal.json")).unwrap();
     assert_eq!(record, fs::read(it.path("next-fleet/records/RLG-50.cal.json")).unwrap());
     let hash = sagnac_log::ingest::sha256_of_file(&it.path("fleet.prior.json")).unwrap();

@@ -288,7 +288,10 @@ fn fit_verdict(axis: &AxisCalibration, report_data: &ReportData, several: bool) 
             format!("leaves {} {times} the noise floor on held-out data", significant(ratio, 3))
         }
         (Some(_), None) => "fitted; the noise floor of this log is not known".to_owned(),
-        _ => "not fitted here".to_owned(),
+        (None, _) if axis.fit.as_ref().is_some_and(|fit| fit.prior.is_some()) => {
+            "fitted with the prior of its fleet; nothing is held out of so short a test".to_owned()
+        }
+        (None, _) => "not fitted here".to_owned(),
     };
     html! {
         div.verdict {
