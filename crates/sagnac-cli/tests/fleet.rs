@@ -510,6 +510,12 @@ fn the_report_names_what_is_wrong() {
     ] {
         assert!(page.contains(words), "{words}");
     }
+    // A click from the odd unit, and from the one without a record, to what is known of it.
+    for (unit, words) in [("RLG-11", "records/RLG-11.cal.json"), ("RLG-99", "refused: no window of the log")] {
+        let entry = page.split(&format!("id=\"unit-{unit}\"")).nth(1).and_then(|rest| rest.split("</section>").next());
+        assert!(entry.is_some_and(|entry| entry.contains(words)), "{unit}: {entry:?}");
+        assert!(page.contains(&format!("href=\"#unit-{unit}\"")), "{unit}");
+    }
 
     let results: Vec<String> =
         (0..36).map(|unit| fs::read_to_string(it.path(&format!("fleet/units/RLG-{unit}.json"))).unwrap()).collect();

@@ -26,6 +26,21 @@ pub struct ChartPage {
     pub results: Vec<PageTable>,
     /// Tables after the figures.
     pub tables: Vec<PageTable>,
+    /// Entries at the end, each reached by a link to its id.
+    pub entries: Vec<Entry>,
+}
+
+/// An entry of a page.
+#[derive(Clone, Debug, Default)]
+pub struct Entry {
+    /// Unique on the page: letters, digits, - _ . and =.
+    pub id: String,
+    /// Heading.
+    pub heading: String,
+    /// Words under it.
+    pub words: Vec<String>,
+    /// Its tables.
+    pub tables: Vec<PageTable>,
 }
 
 /// A table of a page; columns of long texts are set as words.
@@ -37,6 +52,8 @@ pub struct PageTable {
     pub columns: Vec<String>,
     /// Rows of cells.
     pub rows: Vec<Vec<String>>,
+    /// Of each row the id of an entry that its first cell leads to; empty without any.
+    pub entries: Vec<Option<String>>,
 }
 
 /// A figure of curves over one axis.
@@ -155,6 +172,14 @@ impl Chart {
 /// Longer cells are words, not figures.
 const LONGEST_FIGURE: usize = 32;
 
+/// A cell; the first of a row may lead to an entry.
+fn cell(of: &PageTable, row: usize, column: usize, text: &str) -> Markup {
+    match of.entries.get(row).and_then(Option::as_ref).filter(|_| column == 0) {
+        Some(id) => html! { a href={ "#" (id) } { (text) } },
+        None => html! { (text) },
+    }
+}
+
 fn table(of: &PageTable) -> Markup {
     let words: Vec<bool> = (0..of.columns.len())
         .map(|column| {
@@ -170,7 +195,7 @@ fn table(of: &PageTable) -> Markup {
         h2 { (of.heading) }
         div.scroll { table {
             thead { tr { @for (i, column) in of.columns.iter().enumerate().filter(|(i, _)| has_value(*i)) { th.words[is_words(i)] { (column) } } } }
-            tbody { @for row in &of.rows { tr { @for (i, cell) in row.iter().enumerate().filter(|(i, _)| has_value(*i)) { td.words[is_words(i)] { (cell) } } } } }
+            tbody { @for (at, row) in of.rows.iter().enumerate() { tr { @for (i, text) in row.iter().enumerate().filter(|(i, _)| has_value(*i)) { td.words[is_words(i)] { (cell(of, at, i, text)) } } } } }
         } }
     }
 }
@@ -193,6 +218,13 @@ pub fn chart_report(content: &ChartPage) -> Result<Report> {
         @for remark in &content.remarks { p.note { (remark) } }
         @for figure in drawn.iter().skip(1) { (shown(figure)) }
         @for data in &content.tables { (table(data)) }
+        @for entry in &content.entries {
+            section.entry id=(entry.id) {
+                h2 { (entry.heading) }
+                @for words in &entry.words { p.note { (words) } }
+                @for data in &entry.tables { (table(data)) }
+            }
+        }
     };
     page(&content.title, &body, drawn)
 }

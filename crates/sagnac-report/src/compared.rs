@@ -80,6 +80,7 @@ fn changes(comparison: &Comparison) -> PageTable {
         heading: format!("What changed since {}", name(comparison, 0)),
         columns: ["record", "kind", "what", "from", "to"].map(str::to_owned).to_vec(),
         rows: comparison.changes.iter().map(row).collect(),
+        ..PageTable::default()
     }
 }
 
@@ -127,6 +128,7 @@ fn limits(axis: &ComparedAxis) -> PageTable {
         heading: format!("Limits of axis {}", axis.axis),
         columns: ["limit", "value", "bound", "margin", "verdict", ""].map(str::to_owned).to_vec(),
         rows: axis.limits.iter().map(row).collect(),
+        ..PageTable::default()
     }
 }
 
@@ -183,7 +185,12 @@ fn numbers(comparison: &Comparison, axis: &ComparedAxis) -> PageTable {
     columns.extend(names(comparison));
     columns.extend(["unit", "farthest apart, σ"].map(str::to_owned));
     let rows = axis.numbers.iter().map(ComparedNumber::row);
-    PageTable { heading: format!("Numbers of axis {}", axis.axis), columns, rows: rows.collect() }
+    PageTable {
+        heading: format!("Numbers of axis {}", axis.axis),
+        columns,
+        rows: rows.collect(),
+        ..PageTable::default()
+    }
 }
 
 fn table(comparison: &Comparison, axis: char, curve: &ComparedCurve) -> PageTable {
@@ -198,5 +205,6 @@ fn table(comparison: &Comparison, axis: char, curve: &ComparedCurve) -> PageTabl
         heading: format!("Axis {axis}, {}, {}", curve.quantity, unit(&curve.unit)),
         columns,
         rows: curve.by_change().into_iter().map(row).collect(),
+        ..PageTable::default()
     }
 }

@@ -1,10 +1,15 @@
 //! The page of a fleet: yield, rigs, odd units, what drifts, which limit is tight.
 
-use sagnac::fleet::{Capability, ControlChart, Quality, Quantity, RigEffect, Rule, Yield};
+use std::collections::BTreeMap;
+
+use sagnac::fleet::{
+    Acceptance, AxisResult, Capability, ControlChart, Odd, Outcome, Quality, Quantity, RigEffect, Rule, UnitResult,
+    Yield,
+};
 use sagnac_log::error::Result;
 use sagnac_units::format::{counted, significant, unit, with_sigma};
 
-use crate::charts::{Band, Chart, ChartPage, Curve, PageTable, chart_report};
+use crate::charts::{Band, Chart, ChartPage, Curve, Entry, PageTable, chart_report};
 use crate::report::Report;
 
 /// Values of a chart that are all drawn; of more, the lowest and highest of each stretch.
@@ -13,14 +18,17 @@ const MOST_DOTS: usize = 1200;
 const MOST_SIGMAS: f64 = 6.0;
 /// Rows of the table of odd units; more are counted.
 const MOST_ODD: usize = 100;
+/// Units with an entry of their own: those that a reader asks for first.
+const MOST_ENTRIES: usize = 150;
 /// A capability below this is no capability.
 const CAPABLE: f64 = 1.33;
 
-/// The state of a fleet as a report. `order` says in what order its units are.
+/// The state of a fleet as a report. `results` are those that it was made of, `order` says in what order its units are.
 ///
 /// # Errors
 /// Figures that cannot be written as JSON.
-pub fn fleet_report(quality: &Quality, order: &str) -> Result<Report> {
+pub fn fleet_report(quality: &Quality, results: &[UnitResult], order: &str) -> Result<Report> {
+    let named = Named::new(quality, results);
     let all = quality.yields.first().cloned().unwrap_or_default();
     let mut page = ChartPage {
         title: format!("Fleet of {}", counted(all.units, "unit", "units")),
@@ -31,9 +39,17 @@ pub fn fleet_report(quality: &Quality, order: &str) -> Result<Report> {
              as well; more of them say that something changed, not what."
                 .to_owned(),
         ],
-        results: vec![yields(quality), odd(quality), rigs(quality), capability(quality), refusals(quality)],
+        results: vec![
+            yields(quality),
+            named.not_good(),
+            odd(quality, &named),
+            rigs(quality),
+            capability(quality),
+            refusals(quality),
+        ],
         charts: quality.charts.iter().enumerate().filter_map(|(at, quantity)| chart(at, quantity)).collect(),
         tables: vec![signals(quality)],
+        entries: named.entries(),
         ..ChartPage::default()
     };
     page.results.retain(|table| !table.rows.is_empty());
@@ -68,7 +84,7 @@ fn rig_words(effect: &RigEffect) -> String {
 
 fn table<const N: usize>(heading: &str, columns: [&str; N], rows: impl Iterator<Item = [String; N]>) -> PageTable {
     let rows = rows.map(Vec::from).collect();
-    PageTable { heading: heading.to_owned(), columns: columns.map(str::to_owned).into(), rows }
+    PageTable { heading: heading.to_owned(), columns: columns.map(str::to_owned).into(), rows, ..PageTable::default() }
 }
 
 fn part(some: usize, of: usize) -> String {
@@ -85,12 +101,125 @@ fn yields(quality: &Quality) -> PageTable {
     table("Yield", ["lot", "units", "calibrated", "of units", "retested", "limits met", "of retested"], rows)
 }
 
-fn odd(quality: &Quality) -> PageTable {
-    let rows =
-        quality.odd.iter().take(MOST_ODD).map(|odd| [odd.of.clone(), odd.quantity.clone(), significant(odd.sigmas, 2)]);
+fn odd(quality: &Quality, named: &Named<'_>) -> PageTable {
+    let shown = || quality.odd.iter().take(MOST_ODD);
+    let rows = shown().map(|odd| [odd.of.clone(), odd.quantity.clone(), significant(odd.sigmas, 2)]);
     let more = quality.odd.len().saturating_sub(MOST_ODD);
     let heading = if more > 0 { format!("Odd units ({more} more)") } else { "Odd units".to_owned() };
-    table(&heading, ["unit and axis", "furthest in", "from the median, σ"], rows)
+    let entries = shown().map(|odd| named.id_of(unit_of(odd))).collect();
+    PageTable { entries, ..table(&heading, ["unit and axis", "furthest in", "from the median, σ"], rows) }
+}
+
+/// An odd axis is named by its unit and its letter.
+fn unit_of(odd: &Odd) -> &str {
+    odd.of.rsplit_once(' ').map_or(odd.of.as_str(), |(unit, _)| unit)
+}
+
+/// Units that a reader will ask for: without a record, not accepted, or odd; each with why.
+struct Named<'a> {
+    units: Vec<(&'a UnitResult, Vec<String>)>,
+    places: BTreeMap<&'a str, usize>,
+}
+
+impl<'a> Named<'a> {
+    fn new(quality: &Quality, results: &'a [UnitResult]) -> Self {
+        let mut odd: BTreeMap<&str, Vec<String>> = BTreeMap::new();
+        for one in &quality.odd {
+            let axis = one.of.rsplit(' ').next().unwrap_or_default();
+            let words = format!("axis {axis}: {} {} σ from the median", one.quantity, significant(one.sigmas, 2));
+            odd.entry(unit_of(one)).or_default().push(words);
+        }
+        let mut units = Vec::new();
+        for of in results {
+            let refused = of.refusal.iter().map(|why| format!("{}: {}", of.outcome.name(), why.reason));
+            let not_judged = of.retest_refusal.iter().map(|why| format!("retest not judged: {}", why.reason));
+            let limits = of.axes.iter().filter(|_| of.acceptance.is_bad()).flat_map(|axis| {
+                let how = if of.acceptance == Acceptance::NotDecided { "not decided" } else { "not met" };
+                axis.limits_not_met().into_iter().map(move |limit| format!("axis {}: {limit} {how}", axis.axis))
+            });
+            let mut why: Vec<String> = refused.chain(not_judged).chain(limits).collect();
+            why.extend(odd.remove(of.unit.as_str()).into_iter().flatten());
+            if !why.is_empty() && units.len() < MOST_ENTRIES {
+                units.push((of, why));
+            }
+        }
+        let places = units.iter().enumerate().map(|(at, (of, _))| (of.unit.as_str(), at)).collect();
+        Self { units, places }
+    }
+
+    fn id_of(&self, unit: &str) -> Option<String> {
+        self.places.contains_key(unit).then(|| format!("unit-{unit}"))
+    }
+
+    /// Those without a record or not accepted.
+    fn not_good(&self) -> PageTable {
+        let is_good = |of: &UnitResult| of.outcome == Outcome::Calibrated && !of.acceptance.is_bad();
+        let shown = || self.units.iter().filter(|(of, _)| !is_good(of));
+        let rows = shown().map(|(of, why)| [of.unit.clone(), of.lot.clone(), of.rig.clone(), why.join("; ")]);
+        let entries = shown().map(|(of, _)| self.id_of(&of.unit)).collect();
+        PageTable { entries, ..table("Units that are not good", ["unit", "lot", "rig", "why"], rows) }
+    }
+
+    fn entries(&self) -> Vec<Entry> {
+        let entry = |(of, why): &(&UnitResult, Vec<String>)| {
+            let mut words = why.clone();
+            let known = |name: &str, value: &str| (!value.is_empty()).then(|| format!("{name} {value}"));
+            let place: Vec<String> = known("lot", &of.lot).into_iter().chain(known("rig", &of.rig)).collect();
+            words.push([&[of.outcome.name().to_owned()][..], &place].concat().join(", "));
+            let help = of.refusal.iter().chain(&of.retest_refusal).filter_map(|why| why.help.clone());
+            words.extend(help);
+            if of.record_sha256.is_some() {
+                words.push(format!("record: records/{}.cal.json", of.unit));
+            }
+            if of.acceptance != Acceptance::NoRetest {
+                words.push(format!("limits {}, proof: proofs/{}.json", of.acceptance.name(), of.unit));
+            }
+            let tables = of.axes.iter().flat_map(axis_tables).filter(|table| !table.rows.is_empty()).collect();
+            Entry { id: format!("unit-{}", of.unit), heading: of.unit.clone(), words, tables }
+        };
+        self.units.iter().map(entry).collect()
+    }
+}
+
+/// Coefficients and noise of an axis, and the limits that its retest was held against.
+fn axis_tables(of: &AxisResult) -> [PageTable; 2] {
+    let known = |name: &str, value: Option<f64>, unit: &str| {
+        value.map(|value| [name.to_owned(), significant(value, 4), unit.to_owned()])
+    };
+    let basis = of.common.iter().flat_map(|basis| {
+        basis.terms.iter().zip(&basis.coefficients).zip(&basis.units).enumerate().map(
+            |(at, ((term, value), of_unit))| {
+                let variance = basis.covariance.get(at * (at + 3) / 2).copied();
+                [term.clone(), with_sigma(*value, variance.map(f64::sqrt)), unit(of_unit)]
+            },
+        )
+    });
+    let noise = [
+        known("σ of the residual", of.residual_dph, "°/h"),
+        known("noise floor", of.noise_floor_dph, "°/h"),
+        known("angle random walk", of.n_deg_rt_h, "°/√h"),
+        known("bias instability", of.bias_instability_dph, "°/h"),
+        known("retest, σ before", of.retest_before_dph, "°/h"),
+        known("retest, σ after", of.retest_after_dph, "°/h"),
+    ];
+    let heading = format!(
+        "Axis {}: {}, {} … {} °C",
+        of.axis,
+        of.model,
+        significant(of.span_c[0], 3),
+        significant(of.span_c[1], 3)
+    );
+    let figures = table(&heading, ["", "value", "unit"], basis.chain(noise.into_iter().flatten()));
+    let limits = of.limits.iter().map(|limit| {
+        let value = limit.value.map_or("not known".to_owned(), |value| significant(value, 3));
+        let met = match limit.met {
+            Some(true) => "met",
+            Some(false) => "not met",
+            None => "not asked",
+        };
+        [limit.name.clone(), value, significant(limit.bound, 3), met.to_owned()]
+    });
+    [figures, table(&format!("Axis {}: limits", of.axis), ["limit", "value", "bound", ""], limits)]
 }
 
 fn rigs(quality: &Quality) -> PageTable {

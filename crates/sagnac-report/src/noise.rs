@@ -41,7 +41,12 @@ pub fn noise_report(budget: &NoiseBudget) -> Result<Report> {
 }
 
 fn table<const N: usize>(heading: &str, columns: [&str; N], rows: impl Iterator<Item = Vec<String>>) -> PageTable {
-    PageTable { heading: heading.to_owned(), columns: columns.map(str::to_owned).into(), rows: rows.collect() }
+    PageTable {
+        heading: heading.to_owned(),
+        columns: columns.map(str::to_owned).into(),
+        rows: rows.collect(),
+        ..PageTable::default()
+    }
 }
 
 /// What B is: the flat part of the curve lies lower than it.

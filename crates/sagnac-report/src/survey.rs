@@ -35,7 +35,12 @@ pub fn survey_report(survey: &Survey, windows: &Windows) -> Result<Report> {
 }
 
 fn table<const N: usize>(heading: &str, columns: [&str; N], rows: impl Iterator<Item = Vec<String>>) -> PageTable {
-    PageTable { heading: heading.to_owned(), columns: columns.map(str::to_owned).into(), rows: rows.collect() }
+    PageTable {
+        heading: heading.to_owned(),
+        columns: columns.map(str::to_owned).into(),
+        rows: rows.collect(),
+        ..PageTable::default()
+    }
 }
 
 fn cell(value: Option<f64>, digits: i32) -> String {

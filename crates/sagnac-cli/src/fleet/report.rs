@@ -36,7 +36,7 @@ pub(super) fn run(args: &Args, console: &mut Console) -> Ran {
     let quality = Quality::of(&results);
     describe(console, &quality);
     let order = if dated { "the times of their logs" } else { "the names of the units: the logs have no dates" };
-    args.report.write(console, || fleet_report(&quality, order))?;
+    args.report.write(console, || fleet_report(&quality, &results, order))?;
     Ok(Outcome::Done)
 }
 

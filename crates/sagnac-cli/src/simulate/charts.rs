@@ -175,7 +175,12 @@ impl Recorder {
             );
             row
         });
-        PageTable { heading: "Error sources".to_owned(), columns: columns.to_vec(), rows: rows.collect() }
+        PageTable {
+            heading: "Error sources".to_owned(),
+            columns: columns.to_vec(),
+            rows: rows.collect(),
+            ..PageTable::default()
+        }
     }
 }
 
