@@ -585,3 +585,23 @@ fn the_demonstration_shows_what_it_says() {
     let (status, _, problems) = it.run(&["fleet", "prior", "factory/fleet", "--without-rig", "east"]);
     assert!(status == 2 && problems.contains("no unit of this rig"), "{problems}");
 }
+
+/// The same log under two names is one test of one unit: it says once how units scatter.
+#[test]
+fn a_copied_log_is_not_another_unit() {
+    let it = Factory::new(24);
+    for run in [1, 2] {
+        let log = fs::read(it.path(&format!("units/RLG-3/run-{run}.csv"))).unwrap();
+        it.write(&format!("units/RLG-100/copy-{run}.csv"), &log);
+    }
+    assert_eq!(it.fleet("units", "fleet", &[]).0, 0);
+    let (status, said, problems) = it.run(&["fleet", "prior", "fleet", "--json"]);
+    assert_eq!(status, 0, "{problems}");
+    let prior: serde_json::Value = serde_json::from_str(&said).unwrap();
+    assert_eq!(prior["fleet"]["axes"].as_u64(), Some(24), "{said}");
+    let not_used = prior["not_used"].as_array().unwrap();
+    assert!(
+        not_used.iter().any(|one| one["reason"] == "its log is that of RLG-3" && one["axis"] == "RLG-100 x"),
+        "{said}"
+    );
+}

@@ -9,7 +9,7 @@ use crate::verify::{AxisVerification, Verdict, Verification};
 use sagnac_log::error::{Error, ErrorKind};
 
 /// Version of a unit's result.
-pub(super) const VERSION: u32 = 2;
+pub(super) const VERSION: u32 = 3;
 
 /// What came of a unit.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -31,6 +31,8 @@ pub struct UnitResult {
     pub refusal: Option<Refusal>,
     /// SHA-256 of its record.
     pub record_sha256: Option<String>,
+    /// SHA-256 of each log behind its record.
+    pub inputs_sha256: Vec<String>,
     /// Serial number in the record.
     pub serial: Option<String>,
     /// Time of the newest sample in the log's own time, or SOURCE_DATE_EPOCH, s.
@@ -209,6 +211,7 @@ impl UnitResult {
     pub(super) fn calibrated(&mut self, calibration: &Calibration, record_sha256: String) {
         self.outcome = Outcome::Calibrated;
         self.record_sha256 = Some(record_sha256);
+        self.inputs_sha256 = calibration.provenance.inputs.iter().map(|input| input.sha256.clone()).collect();
         self.serial = Some(calibration.serial.clone());
         self.time_s = Some(calibration.provenance.time_s);
         self.axes = calibration.axes.iter().map(AxisResult::of).collect();

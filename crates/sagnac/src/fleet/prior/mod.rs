@@ -198,6 +198,8 @@ impl Prior {
         let (fewer, more) = parted(others, |member| member.basis.terms.len() < usual);
         not_used.push(counted("its test does not resolve the lag", fewer.len()));
         not_used.push(counted("its test resolves a lag that most do not", more.len()));
+        let (members, copies) = copies(members);
+        not_used.extend(copies);
         let ends = |end: usize| median(&members.iter().map(|member| member.axis.span_c[end]).collect::<Vec<_>>());
         let [lo, hi] = [ends(0), ends(1)];
         let (members, short) = parted(members, |Member { axis, .. }| {
@@ -458,6 +460,24 @@ fn most_frequent_by<T: Ord>(members: &[Member<'_>], of: impl Fn(&Member<'_>) -> 
     let mut counts: BTreeMap<T, usize> = BTreeMap::new();
     members.iter().for_each(|member| *counts.entry(of(member)).or_default() += 1);
     counts.into_iter().rev().max_by_key(|(_, count)| *count).map(|(value, _)| value)
+}
+
+/// Without units whose logs are those of a unit before: one test says once how units scatter.
+fn copies(members: Vec<Member<'_>>) -> (Vec<Member<'_>>, Vec<NotUsed>) {
+    let mut first: BTreeMap<&str, &str> = BTreeMap::new();
+    let mut not_used = Vec::new();
+    let own = members.into_iter().filter(|member| {
+        let unit = member.unit.unit.as_str();
+        let others = member.unit.inputs_sha256.iter().map(|input| *first.entry(input).or_insert(unit));
+        let other = others.filter(|other| *other != unit).last();
+        not_used.extend(other.map(|other| NotUsed {
+            axis: member.name(),
+            reason: format!("its log is that of {other}"),
+            axes: 1,
+        }));
+        other.is_none()
+    });
+    (own.collect(), not_used)
 }
 
 /// Names of axes that are far from the median of their lot, each with what is odd.
