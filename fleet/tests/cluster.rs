@@ -2,9 +2,9 @@
 
 mod support;
 
-use std::process::Stdio;
+use std::process::{Command, Stdio};
 
-use support::{Cluster, Factory, said};
+use support::{Cluster, Factory, PROGRAM, said};
 
 /// Local threads, then 1, 2 and 4 executors: records, proofs, results and table are the same bytes, and a second run does nothing.
 #[test]
@@ -99,4 +99,22 @@ fn what_cannot_be_done_is_refused() {
     lock.lock().unwrap();
     let (status, _, problems) = it.calibrate("units", "taken", &["--cluster", "df://127.0.0.1:9"]);
     assert!(status == 2 && problems.contains("another program writes into this folder"), "{problems}");
+}
+
+/// Questions to the table, as a table and as CSV; what is no question is refused.
+#[test]
+fn the_table_answers_questions() {
+    let it = Factory::new(3);
+    it.calibrate("units", "here", &[]);
+    let ask = |more: &[&str]| said(Command::new(PROGRAM).arg("sql").arg(it.path("here")).args(more).output().unwrap());
+    let question = "SELECT outcome, count(*) AS units FROM fleet GROUP BY outcome ORDER BY outcome";
+    let (status, answer, problems) = ask(&[question, "--csv"]);
+    assert!(status == 0 && answer == "outcome,units\ncalibrated,3\nfailed,1\n", "{answer}{problems}");
+    let (status, answer, _) = ask(&[question]);
+    assert!(status == 0 && answer.contains("| calibrated | 3     |"), "{answer}");
+    for wrong in ["DROP TABLE fleet", "COPY fleet TO 'there.csv'", "SELECT nothing FROM fleet", ""] {
+        let (status, _, problems) = ask(&[wrong]);
+        assert!(status == 2 && problems.contains("no answer"), "{wrong}: {problems}");
+    }
+    assert!(!it.path("there.csv").exists());
 }
