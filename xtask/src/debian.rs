@@ -60,7 +60,7 @@ pub fn is_root() -> bool {
 pub const C: &[Tool] = &[
     ("gcc", "gcc"),
     ("/usr/include/x86_64-linux-gnu/asm/errno.h", "linux-libc-dev"),
-    ("/usr/lib/gcc/x86_64-linux-gnu/*/32/libgcc.a", "gcc-multilib"),
+    ("/usr/lib/gcc/x86_64-linux-gnu/*/32/libgcc.a", "gcc-12-multilib"),
     ("arm-none-eabi-gcc", "gcc-arm-none-eabi"),
     ("/usr/lib/arm-none-eabi/newlib/thumb/v7e-m+fp/hard/librdimon.a", "libnewlib-arm-none-eabi"),
     ("qemu-system-arm", "qemu-system-arm"),
@@ -68,7 +68,7 @@ pub const C: &[Tool] = &[
     ("g++", "g++"),
     ("make", "make"),
     ("/usr/include/sodium.h", "libsodium-dev"),
-    // By its version: the package without one does not install beside gcc-multilib.
+    // Both by their versions: gcc-multilib conflicts with either package for PowerPC.
     ("powerpc-linux-gnu-gcc-12", "gcc-12-powerpc-linux-gnu"),
     ("/usr/powerpc-linux-gnu/lib/libc.a", "libc6-dev-powerpc-cross"),
     ("qemu-ppc", "qemu-user"),
