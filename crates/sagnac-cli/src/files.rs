@@ -14,6 +14,7 @@ pub(crate) struct Files {
     reads: Vec<PathBuf>,
     writes: Vec<PathBuf>,
     folders: Vec<PathBuf>,
+    reads_all_in: Vec<PathBuf>,
 }
 
 impl Files {
@@ -24,6 +25,12 @@ impl Files {
     /// Files that are read.
     pub(crate) fn reads(mut self, paths: impl IntoIterator<Item = impl AsRef<Path>>) -> Self {
         self.reads.extend(paths.into_iter().map(|path| path.as_ref().to_owned()));
+        self
+    }
+
+    /// Folders and files; all files in them count as read.
+    pub(crate) fn reads_all_in(mut self, folders: impl IntoIterator<Item = impl AsRef<Path>>) -> Self {
+        self.reads_all_in.extend(folders.into_iter().map(|path| path.as_ref().to_owned()));
         self
     }
 
@@ -46,7 +53,7 @@ impl Files {
         for path in &self.writes {
             let Some(it) = identity(path) else { continue };
             let refused = |what: &str| Err(Error::input(what).file(path.display().to_string()));
-            if read.contains(&it) {
+            if read.contains(&it) || self.is_in_a_folder_read(path) {
                 return refused("this file is read here; write to another");
             }
             if written.contains(&it) {
@@ -60,6 +67,13 @@ impl Files {
         };
         self.writes.iter().filter(|path| !in_new_folder(path)).try_for_each(|path| try_writing(path))?;
         self.folders.iter().try_for_each(|folder| try_making(folder))
+    }
+}
+
+impl Files {
+    fn is_in_a_folder_read(&self, path: &Path) -> bool {
+        let Ok(path) = path.canonicalize() else { return false };
+        self.reads_all_in.iter().filter_map(|folder| folder.canonicalize().ok()).any(|folder| path.starts_with(folder))
     }
 }
 

@@ -62,7 +62,7 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
-    Files::new().reads(&args.setup).reads([&args.prior]).writes(&args.output).check()?;
+    Files::new().reads(&args.setup).reads([&args.prior]).reads([&args.limits]).writes(&args.output).check()?;
     let file = PriorFile::read(&args.prior)?;
     let setup = args.setup.as_deref().map(Setup::read).transpose()?.unwrap_or_default();
     let prior = file.of_unit(args.lot.as_deref()).map_err(|e| e.file(args.prior.display().to_string()))?;

@@ -413,11 +413,23 @@ fn the_prior_of_a_fleet_is_that_of_its_units() {
     };
     assert_eq!(sums("with-odd.json"), sums("fleet.prior.json"));
 
-    // Merged with itself: twice the axes, the same mean.
-    let (status, said, _) = it.run(&["fleet", "prior", "fleet.prior.json", "fleet.prior.json", "--json"]);
-    let twice: serde_json::Value = serde_json::from_str(&said).unwrap();
-    assert!(status == 0 && twice["fleet"]["axes"] == 2 * n, "{said}");
-    assert_eq!(twice["fleet"]["mean"], prior["fleet"]["mean"]);
+    // With itself, or with its own fleet, it would count twice.
+    for other in ["fleet.prior.json", "fleet"] {
+        let (status, _, said) = it.run(&["fleet", "prior", "fleet.prior.json", other, "-o", "twice.json"]);
+        assert!(status == 2 && said.contains("the same units of a lot"), "{status} {said}");
+    }
+    // No output takes the place of what it is made from.
+    let before = files(it.0.path());
+    for output in ["fleet/fleet.parquet", "fleet/units/RLG-3.json", "fleet/records/RLG-3.cal.json"] {
+        let (status, _, said) = it.run(&["fleet", "prior", "fleet", "-o", output]);
+        assert!(status == 2 && said.contains("this file is read here"), "{output}: {status} {said}");
+    }
+    it.write("limits.toml", b"drift_dph_per_c_max = 0.01\n");
+    let plan = ["plan", "--prior", "fleet.prior.json", "--limits", "limits.toml", "-o", "limits.toml"];
+    let (status, _, said) = it.run(&plan);
+    assert!(status == 2 && said.contains("this file is read here"), "{status} {said}");
+    std::fs::remove_file(it.path("limits.toml")).unwrap();
+    assert!(files(it.0.path()) == before);
     let (_, said, _) = it.run(&["inspect", "fleet.prior.json"]);
     assert!(said.contains("a prior of a fleet for `bias 2`, of 24 axes"), "{said}");
     let (_, said, _) = it.run(&["inspect", "fleet/fleet.parquet"]);

@@ -200,6 +200,48 @@ fn odd_units_are_refused_by_name() {
     evidence("short test, unit six σ odd in the rate effect: refused", caught(3), "≥ 0.95", 100);
 }
 
+/// A fleet whose units are alike in the third order, ten times as much as their short test could tell: a unit that is odd there has the
+/// fleet's narrow interval unless the test contradicts it.
+#[test]
+fn oddness_where_all_are_alike_is_seen() {
+    const ALIKE: f64 = 0.002;
+    let fleet = Fleet::alike_in_third(11, ALIKE);
+    let prior = fleet.of_lot();
+    let found = |by: f64, seed: u64| {
+        let one = |unit: u64| {
+            let mut dice = Dice::new(seed + unit);
+            let mut odd = gyro(fleet.lots[1], &mut dice);
+            odd.curve[2] = fleet.lots[1][2] + ALIKE * (hostile::lots::heavy(&mut dice) + by);
+            calibrated(odd.log(seed + unit, short), Some(&prior)).ok().map(|made| scored(&made, odd))
+        };
+        Score::of(&(0..160).into_par_iter().map(one).collect::<Vec<_>>())
+    };
+    let [of_fleet, odd, very_odd] = [(0.0, 4000), (20.0, 5000), (40.0, 6000)].map(|(by, seed)| found(by, seed));
+    println!("alike: {of_fleet:?} {odd:?} {very_odd:?}");
+    evidence(
+        "fleet alike in the third order, short test: 95 % interval of the curve covers",
+        of_fleet.held,
+        "0.92 … 0.98",
+        160,
+    );
+    evidence("the same: units of the fleet that are refused", of_fleet.refused, "≤ 0.06", 160);
+    evidence("the same, unit 20 σ odd in the third order: refused", odd.refused, "≥ 0.2", 160);
+    evidence("the same, unit 40 σ odd in the third order: refused", very_odd.refused, "≥ 0.95", 160);
+    // What the record says of it: with such an error one test of two finds nothing.
+    let made = calibrated(gyro(fleet.lots[1], &mut Dice::new(3)).log(3, short), Some(&prior)).unwrap();
+    let stated = made.axes[0].fit.as_ref().unwrap().prior.as_ref().unwrap().unnoticed_dph.unwrap();
+    let error_of = |by: f64| error_of_third(ALIKE * by);
+    let passed = 1.0 - found(stated / error_of(1.0), 8000).refused;
+    println!("stated {stated}: {} σ, passed {passed}", stated / error_of(1.0));
+    evidence("the same, unit odd by what the record states as unnoticed: passes", passed, "0.3 … 0.7", 160);
+}
+
+/// Largest |u³| about its mean over the fleet's span, for a coefficient.
+fn error_of_third(coefficient: f64) -> f64 {
+    let curve: Vec<f64> = (-100..=100).map(|at| coefficient * (f64::from(at) / 100.0).powi(3)).collect();
+    curve.iter().copied().fold(0.0, f64::max)
+}
+
 /// A prior that says nothing is the fit without one, and one that knows everything is its own mean.
 #[test]
 fn between_no_prior_and_nothing_else() {

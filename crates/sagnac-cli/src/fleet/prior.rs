@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use sagnac::fleet::{Prior, results_in};
+use sagnac::fleet::{Prior, parts_of, results_in};
 use sagnac::{Error, Result};
 use sagnac_log::write::write_bytes;
 use sagnac_units::format::{celsius, counted, significant, unit};
@@ -39,7 +39,9 @@ pub(crate) struct Args {
 }
 
 pub(super) fn run(args: &Args, console: &mut Console) -> Ran {
-    Files::new().reads(args.fleets.iter().filter(|fleet| !fleet.is_dir())).writes(&args.output).check()?;
+    let (folders, files): (Vec<&PathBuf>, Vec<&PathBuf>) = args.fleets.iter().partition(|fleet| fleet.is_dir());
+    let parts = folders.into_iter().flat_map(|folder| parts_of(folder));
+    Files::new().reads(files).reads_all_in(parts).writes(&args.output).check()?;
     let mut all: Option<Prior> = None;
     for fleet in &args.fleets {
         let one = of(fleet, args)?;

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use sagnac::fleet::{Quality, UnitResult, results_in};
+use sagnac::fleet::{Quality, UnitResult, parts_of, results_in};
 use sagnac_report::fleet_report;
 use sagnac_units::format::{significant, unit, with_sigma};
 
@@ -26,7 +26,7 @@ pub(crate) struct Args {
 const DATES_FROM_S: f64 = 1e8;
 
 pub(super) fn run(args: &Args, console: &mut Console) -> Ran {
-    args.report.check_with(Files::new())?;
+    args.report.check_with(Files::new().reads_all_in(parts_of(&args.fleet)))?;
     let mut results = results_in(&args.fleet)?;
     let has_date = |result: &UnitResult| result.time_s.is_none_or(|time_s| time_s >= DATES_FROM_S);
     let dated = results.iter().any(|result| result.time_s.is_some()) && results.iter().all(has_date);

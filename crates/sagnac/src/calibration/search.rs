@@ -150,6 +150,13 @@ pub struct PriorUse {
     pub distance_max: f64,
     /// Directions in which units differ by more than the test's noise: those that the distance is of.
     pub directions: usize,
+    /// Distance in the other directions, in which units are alike within the test's noise; 0 where there are none.
+    pub misfit: f64,
+    /// Its bound: one test in two hundred has more by its noise alone.
+    pub misfit_max: f64,
+    /// Error of the drift at rest about its mean over the span, °/h, with which a unit that is not like its fleet passes both bounds in one
+    /// of two tests, in the worst direction; null where the test does not show a direction at all.
+    pub unnoticed_dph: Option<f64>,
     /// Parameters of the prior.
     pub parameters: usize,
     /// How many of them the test determines: the sum over all directions of the part that is the test's.
@@ -159,16 +166,19 @@ pub struct PriorUse {
 impl PriorUse {
     /// What it is and how far the test is from it, for people.
     pub fn words(&self) -> String {
-        let lot = self.lot.as_ref().map_or(String::new(), |lot| format!(" of lot {lot}"));
+        let lot = self.lot.as_ref().map_or(" of all lots".to_owned(), |lot| format!(" of lot {lot}"));
         format!(
             "prior of {} axes{lot}: the test determines {} of {} parameters, the fleet the others; Mahalanobis distance {} in {} directions, \
-             at most {}",
+             at most {}; misfit in the others {}, at most {}; a unit that is not like its fleet passes with an error of {}",
             self.axes,
             significant(self.determined, 2),
             self.parameters,
             significant(self.distance, 2),
             self.directions,
-            significant(self.distance_max, 2)
+            significant(self.distance_max, 2),
+            significant(self.misfit, 2),
+            significant(self.misfit_max, 2),
+            self.unnoticed_dph.map_or("any size".to_owned(), |dph| format!("up to {} °/h", significant(dph, 2)))
         )
     }
 }

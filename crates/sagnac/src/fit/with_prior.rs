@@ -5,6 +5,7 @@
 //! θ = M⁻¹·(μ + L·z),   z ~ N(0, I)            min |W·(y − levels − X(τ)·β)|²/s² + |z|²,   linear in θ about the last τ
 //! Cov θ = M⁻¹·L·(Gᵀ·G/s² + I)⁻¹·Lᵀ·M⁻ᵀ        G: rows of z without the levels, whitened by the slow noise of the test
 //! D² = Σ (uⱼᵀy)²/(s² + sⱼ²)                   G = U·S·Vᵀ; over the directions j in which units scatter by more than the noise
+//! M² = Σ (uⱼᵀy)²/(s² + sⱼ²)                   over the others: what noise alone makes where units are alike
 //! ```
 //!
 //! D is the Mahalanobis distance of the test from what the fleet expects of it. Of a unit of the fleet D² has Hotelling's distribution
@@ -24,7 +25,8 @@ use crate::fit::least_squares::{LeastSquares, TermColumn};
 use crate::fit::slow_noise::{self, MOST_ROWS, SlowNoise, Whitening};
 use crate::fit::solution::{FEWEST_DEGREES, FEWEST_FOR_NOISE, Fitted, SLOPE_STEP};
 use crate::fit::solve::Factor;
-use crate::model::common_basis::{SeriesTerm, onto_common};
+use crate::model::chebyshev;
+use crate::model::common_basis::{COMMON_SPAN, SeriesTerm, onto_common};
 use crate::model::spec::ModelSpec;
 use sagnac_log::error::{Error, Result};
 use sagnac_log::setup::Noise;
@@ -32,8 +34,15 @@ use sagnac_log::setup::Noise;
 /// Of so many units of the fleet one is refused.
 const GATE: f64 = 0.99;
 /// A direction counts as shown by the test where its scatter is this part of the noise: for the noise, and for the gate.
-const SHOWN_TO_NOISE: f64 = 0.3;
+const SHOWN_TO_NOISE: f64 = 1e-3;
 const SHOWN_TO_GATE: f64 = 1.0;
+/// Directions of which the test shows nothing at all, not even a unit that is odd there.
+const SHOWN_AT_ALL: f64 = 1e-6;
+/// Parts of the span at which a curve is looked at, and one that is none, °/h.
+const CURVE: usize = 48;
+const NO_CURVE_DPH: f64 = 1e-9;
+/// Of so many units that are like their fleet one is refused where units are alike: by the noise of its test alone.
+const MISFIT: f64 = 0.995;
 /// The test contradicts the noise of the fleet where its own explains it better by this in −2·ln(restricted likelihood).
 const CONTRADICTED: f64 = 2.0;
 /// Windows beyond the parameters, so that the test says how noisy it is.
@@ -156,7 +165,8 @@ pub(super) fn fit_with_prior(
             (linear, solved) = settled(problem, &terms, &mut taus, &known, (noise, None)).ok_or_else(dependent)?;
         }
     }
-    let used = gate(&known, &solved, prior)?;
+    let spare_rows = (problem.len() - parameters) as f64;
+    let used = gate(&known, &solved, prior, spare_rows)?;
     let theta = known.theta(&solved);
     let whole: Vec<f64> = solved.levels.iter().chain(theta.iter().take(terms.len())).copied().collect();
     let residuals = Design::new(problem, &terms, &values(&taus)).residuals(&whole);
@@ -401,11 +411,14 @@ fn degrees_of(
     (((n - levels - solved.z.len()).max(1) as f64).recip() + of_noise).recip()
 }
 
-/// Refuses a unit that is not of the fleet.
-fn gate(known: &Known, solved: &Solved, prior: &UnitPrior) -> Result<PriorUse> {
+/// Refuses a unit that is not of the fleet: by its distance where units differ, and by its misfit where they are alike. The prior would
+/// draw a unit that is odd where others are alike onto the fleet, with the fleet's narrow interval.
+fn gate(known: &Known, solved: &Solved, prior: &UnitPrior, spare_rows: f64) -> Result<PriorUse> {
     let square = |at: &usize| solved.along[*at].powi(2) / (solved.variance + solved.singular[*at].powi(2));
     let shown = shown(solved, SHOWN_TO_GATE);
+    let alike: Vec<usize> = self::shown(solved, SHOWN_AT_ALL).into_iter().filter(|at| !shown.contains(at)).collect();
     let distance = shown.iter().map(square).sum::<f64>().sqrt();
+    let misfit = alike.iter().map(square).sum::<f64>().sqrt();
     let (k, degrees) = (shown.len() as f64, prior.degrees);
     if shown.is_empty() {
         return Err(Error::refused("the test shows nothing in which the units of the fleet differ")
@@ -418,6 +431,14 @@ fn gate(known: &Known, solved: &Solved, prior: &UnitPrior) -> Result<PriorUse> {
             .help("make a prior of more units")
     })?;
     let distance_max = (quantile.inverse_cdf(GATE) * degrees * k / spare).sqrt();
+    // Noise alone, whose variance is that of the rows beyond all columns.
+    let m = alike.len() as f64;
+    let misfit_max = FisherSnedecor::new(m, spare_rows).map_or(0.0, |f| (m * f.inverse_cdf(MISFIT)).sqrt());
+    let unnoticed = |at: usize| {
+        let (bound, others) = if shown.contains(&at) { (distance_max, k) } else { (misfit_max, m) };
+        unnoticed_dph(known, solved, prior, at, (bound.powi(2) - others + 1.0).max(0.0).sqrt())
+    };
+    let unnoticed_dph = (0..solved.z.len()).map(unnoticed).fold(0.0, f64::max);
     let variance = solved.singular.iter().map(|s| s.powi(2) / (s.powi(2) + solved.variance));
     let used = PriorUse {
         sha256: prior.sha256.clone(),
@@ -426,23 +447,71 @@ fn gate(known: &Known, solved: &Solved, prior: &UnitPrior) -> Result<PriorUse> {
         distance,
         distance_max,
         directions: shown.len(),
+        misfit,
+        misfit_max,
+        unnoticed_dph: unnoticed_dph.is_finite().then_some(unnoticed_dph),
         parameters: solved.z.len(),
         determined: variance.sum(),
     };
-    if distance <= distance_max {
-        return Ok(used);
+    if distance > distance_max {
+        let away = &known.common_root * &solved.z;
+        let in_sigma = |at: usize| away[at] / known.common_root.row(at).norm();
+        let farthest = most(away.len(), |at| in_sigma(at).abs());
+        let name = prior.terms.get(farthest).map_or("", String::as_str);
+        return Err(not_of_fleet(format!(
+            "Mahalanobis distance {distance:.1} in {} directions, at most {distance_max:.1} at {:.0} %; \
+             {name} is {:+.1} σ from the fleet's mean",
+            shown.len(),
+            100.0 * GATE,
+            in_sigma(farthest)
+        )));
     }
-    let away = &known.common_root * &solved.z;
-    let in_sigma = |at: usize| away[at] / known.common_root.row(at).norm();
-    let farthest = (0..away.len()).max_by(|a, b| in_sigma(*a).abs().total_cmp(&in_sigma(*b).abs())).unwrap_or(0);
-    let name = prior.terms.get(farthest).map_or("", String::as_str);
-    Err(Error::refused(format!(
-        "the unit is not of this fleet: Mahalanobis distance {distance:.1} in {} directions, at most {distance_max:.1} at {:.0} %; \
-         {name} is {:+.1} σ from the fleet's mean",
-        shown.len(),
-        100.0 * GATE,
-        in_sigma(farthest)
-    ))
-    .column("--prior")
-    .help("give it the full test and calibrate it without a prior"))
+    if misfit > misfit_max {
+        let worst = alike[most(alike.len(), |at| square(&alike[at]))];
+        let along = &known.common_root * solved.directions.column(worst);
+        let name = prior.terms.get(most(along.len(), |at| (along[at] / known.common_root.row(at).norm()).abs()));
+        return Err(not_of_fleet(format!(
+            "the test contradicts it in {} in which its units are alike: misfit {misfit:.1}, at most {misfit_max:.1} at {:.1} %; \
+             mostly in {}",
+            sagnac_units::format::counted(alike.len(), "direction", "directions"),
+            100.0 * MISFIT,
+            name.map_or("", String::as_str)
+        )));
+    }
+    Ok(used)
+}
+
+/// Error of the curve, about its mean over the prior's span, of a unit that is odd in one direction by what one test of two does not find:
+/// δ = bound·√(s² + sⱼ²)/sⱼ units of z, of which the prior draws s²/(s² + sⱼ²) onto the fleet.
+fn unnoticed_dph(known: &Known, solved: &Solved, prior: &UnitPrior, at: usize, bound: f64) -> f64 {
+    let common = &known.common_root * solved.directions.column(at);
+    let order = |name: &str| name.strip_prefix("bias ").and_then(|order| order.parse::<usize>().ok());
+    let orders: Vec<(usize, f64)> =
+        prior.terms.iter().zip(common.iter()).filter_map(|(name, value)| Some((order(name)?, *value))).collect();
+    let [lo, hi] = prior.span_c;
+    let curve = |part: usize| -> f64 {
+        let shapes = chebyshev(COMMON_SPAN.x(lo + (hi - lo) * part as f64 / CURVE as f64));
+        orders.iter().map(|(order, value)| value * shapes.get(*order).copied().unwrap_or(0.0)).sum()
+    };
+    let curve: Vec<f64> = (0..=CURVE).map(curve).collect();
+    let mean = curve.iter().sum::<f64>() / curve.len() as f64;
+    let size_dph = curve.iter().map(|value| (value - mean).abs()).fold(0.0, f64::max);
+    let (singular, variance) = (solved.singular[at], solved.variance);
+    // A direction of the lag alone has no curve, whether the test shows it or not.
+    if size_dph <= NO_CURVE_DPH {
+        0.0
+    } else {
+        size_dph * bound * variance / (singular * (variance + singular.powi(2)).sqrt())
+    }
+}
+
+/// Where something is largest.
+fn most(count: usize, of: impl Fn(usize) -> f64) -> usize {
+    (0..count).max_by(|a, b| of(*a).total_cmp(&of(*b))).unwrap_or(0)
+}
+
+fn not_of_fleet(why: String) -> Error {
+    Error::refused(format!("the unit is not of this fleet: {why}"))
+        .column("--prior")
+        .help("give it the full test and calibrate it without a prior")
 }

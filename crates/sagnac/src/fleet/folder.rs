@@ -31,6 +31,11 @@ pub struct Results {
     _lock: File,
 }
 
+/// What a folder of results is made of: the table, and folders of files.
+pub fn parts_of(folder: &Path) -> [PathBuf; 4] {
+    [TABLE, RECORDS, PROOFS, UNITS].map(|part| folder.join(part))
+}
+
 impl Results {
     /// Makes the folder where there is none, and locks it.
     ///

@@ -34,7 +34,7 @@ use std::sync::{Mutex, PoisonError};
 
 pub use common_basis::{COMMON_TEMPERATURES_C, CommonBasis};
 pub use control::{ControlChart, Rule};
-pub use folder::{Results, TABLE, check_output};
+pub use folder::{Results, TABLE, check_output, parts_of};
 pub use manifest::{Unit, units_among, units_in_manifest, units_of};
 pub use prior::{ExactSum, LotMean, NotUsed, Population, Prior, PriorFile, Sums};
 pub use quality::{Capability, Odd, Quality, Quantity, RigEffect, Yield};

@@ -9,7 +9,7 @@ use crate::verify::{AxisVerification, Verdict, Verification};
 use sagnac_log::error::{Error, ErrorKind};
 
 /// Version of a unit's result.
-pub(super) const VERSION: u32 = 3;
+pub(super) const VERSION: u32 = 4;
 
 /// What came of a unit.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -157,6 +157,8 @@ pub struct AxisResult {
     pub lag_s: Option<f64>,
     /// Temperature rates of the fit, °C/min: of its lag, then of its slow lag; empty without rate terms.
     pub rate_spans_cpm: Vec<[f64; 2]>,
+    /// Whether its record was made with a prior: then its coefficients are in part those of the units before it.
+    pub with_prior: bool,
     /// Coefficients on the basis that all units share; null where the model has none there.
     pub common: Option<CommonBasis>,
     /// Temperature, °C, drift at rest less that at T0, and its σ, °/h.
@@ -249,6 +251,7 @@ impl AxisResult {
             span_c: axis.span_c(),
             lag_s: axis.lag_s().map(|lag| lag.value),
             rate_spans_cpm: axis.rate_spans_cpm(),
+            with_prior: axis.fit.as_ref().is_some_and(|fit| fit.prior.is_some()),
             common: on_common_basis(axis),
             curve: common_curve(axis),
             mean_offset_dph: (!offsets.is_empty()).then(|| sum / offsets.len() as f64),

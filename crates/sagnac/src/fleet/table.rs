@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use arrow_array::builder::{Float64Builder, ListBuilder, StringBuilder};
 use arrow_array::cast::AsArray;
-use arrow_array::{ArrayRef, Float64Array, RecordBatch, StringArray};
+use arrow_array::{ArrayRef, BooleanArray, Float64Array, RecordBatch, StringArray};
 use arrow_schema::{Field, Schema};
 use parquet::arrow::ArrowWriter;
 
@@ -122,6 +122,7 @@ fn batch_of(rows: &[Row<'_>]) -> std::result::Result<RecordBatch, arrow_schema::
         ("place", refusal(|refusal| &refusal.place, |unit| &unit.refusal)),
         ("time_s", number(rows, |(unit, _)| unit.time_s)),
         ("model", text(rows, |(_, axis)| axis.map(|axis| axis.model.as_str()))),
+        ("with_prior", flag(rows, |axis| axis.with_prior)),
         ("reference_c", of_axis(|axis| Some(axis.reference_c))),
         ("span_low_c", of_axis(|axis| Some(axis.span_c[0]))),
         ("span_high_c", of_axis(|axis| Some(axis.span_c[1]))),
@@ -166,6 +167,10 @@ fn text<'a>(rows: &[Row<'a>], value: impl Fn(Row<'a>) -> Option<&'a str>) -> Arr
 
 fn number<'a>(rows: &[Row<'a>], value: impl Fn(Row<'a>) -> Option<f64>) -> ArrayRef {
     Arc::new(Float64Array::from_iter(rows.iter().map(|row| value(*row))))
+}
+
+fn flag(rows: &[Row<'_>], value: fn(&AxisResult) -> bool) -> ArrayRef {
+    Arc::new(BooleanArray::from_iter(rows.iter().map(|(_, axis)| axis.map(value))))
 }
 
 fn plain(names: &[String]) -> Vec<&str> {

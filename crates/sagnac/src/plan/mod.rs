@@ -147,7 +147,9 @@ fn check(request: &PlanRequest) -> Result<()> {
         }
     }
     if request.noise.n_deg_rt_h.is_nan() || request.noise.n_deg_rt_h <= 0.0 {
-        return Err(Error::input("the noise of the units is not known").column("noise"));
+        return Err(Error::refused("the noise of the units is not known: the prior has no angle random walk")
+            .column("noise")
+            .help("its records show none where rows are long, such as 20 s; give a --setup with [noise], or log the fleet with shorter rows"));
     }
     Ok(())
 }

@@ -65,6 +65,21 @@ pub(crate) struct Fleet {
 impl Fleet {
     /// Made by the full test of 22 units of each of three lots, or of 8 of each of twelve.
     pub(crate) fn new(seed: u64, lots: usize, noise: fn(&mut Bench<'_>)) -> Self {
+        Self::of(seed, lots, noise, gyro)
+    }
+
+    /// Three lots whose units scatter by so much in the third order.
+    #[allow(dead_code, reason = "not of all tests that have this module")]
+    pub(crate) fn alike_in_third(seed: u64, sigma: f64) -> Self {
+        let alike = move |of: [f64; 6], dice: &mut Dice| {
+            let mut one = gyro(of, dice);
+            one.curve[2] = of[2] + sigma * heavy(dice);
+            one
+        };
+        Self::of(seed, 3, |_| (), alike)
+    }
+
+    fn of(seed: u64, lots: usize, noise: fn(&mut Bench<'_>), next: impl Fn([f64; 6], &mut Dice) -> Gyro) -> Self {
         let mut dice = Dice::new(seed);
         let units = if lots < 10 { 22 } else { 8 };
         let lots: Vec<[f64; 6]> = (0..lots).map(|_| lot(&mut dice)).collect();
@@ -72,7 +87,7 @@ impl Fleet {
         static FOLDERS: AtomicUsize = AtomicUsize::new(0);
         let number = FOLDERS.fetch_add(1, Ordering::Relaxed);
         let folder = std::env::temp_dir().join(format!("sagnac-prior-{}-{number}", std::process::id()));
-        let gyros: Vec<Gyro> = (0..units * lots.len()).map(|at| gyro(lots[at % lots.len()], &mut dice)).collect();
+        let gyros: Vec<Gyro> = (0..units * lots.len()).map(|at| next(lots[at % lots.len()], &mut dice)).collect();
         std::fs::create_dir_all(&folder).unwrap();
         let unit = |(at, gyro): (usize, &Gyro)| {
             let path = folder.join(format!("{at}.csv"));

@@ -19,6 +19,7 @@
 //! 0.97, but the 95 % ellipsoid of three terms of Σ̂ in 0.83 to 0.91 (asserted in the tests): a gate on it needs a wider bound.
 
 mod exact_sum;
+mod groups;
 mod of_unit;
 mod read;
 #[cfg(test)]
@@ -40,7 +41,7 @@ use sagnac_log::error::{Error, Result};
 /// Value of the `format` key.
 const FORMAT: &str = "sagnac-fleet-prior";
 /// Version of the file.
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 /// Kinds of noise in the sums: N, Q, B and K.
 const NOISES: usize = 4;
 /// Odd is further from the median than so many MAD as σ.
@@ -52,6 +53,8 @@ const LEAST_AXES: u64 = 20;
 const LEAST_PER_TERM: u64 = 5;
 /// An axis is not used if its span ends so far, °C, within that of most.
 const SPAN_MARGIN_C: f64 = 5.0;
+/// Part of the axes at most that is not used because of its lag.
+const MOST_SELECTED: f64 = 0.2;
 
 /// A prior for the next unit.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -59,7 +62,7 @@ const SPAN_MARGIN_C: f64 = 5.0;
 pub struct Prior {
     /// `sagnac-fleet-prior`.
     pub format: String,
-    /// 2.
+    /// 3.
     pub version: u32,
     /// The model of all units, in the words of `--model`.
     pub model: String,
@@ -92,6 +95,8 @@ pub struct Prior {
     pub not_used: Vec<NotUsed>,
     /// What it was made of: sums, by lot.
     pub sums: BTreeMap<String, Sums>,
+    /// SHA-256 of all the rest as compact JSON, hex: set where a file is written.
+    pub content_sha256: String,
 }
 
 /// How axes scatter.
@@ -190,11 +195,14 @@ impl Prior {
         let model = model.map_or_else(|| most_frequent(&all), |model| Some(model.to_owned()));
         let model = model.ok_or_else(|| Error::refused("no unit of this fleet has a model on the common basis"))?;
         let mut not_used = vec![counted("its model has no terms on the common basis", without)];
+        let (all, others) = parted(all, |member| !member.axis.with_prior);
+        not_used.push(counted("its record was made with a prior", others.len()));
         let (members, others) = parted(all, |member| member.axis.model == model);
         not_used.push(counted("another model", others.len()));
         // A test that does not resolve a lag has fewer parameters: the prior has those of most.
         let usual = most_frequent_by(&members, |member| member.basis.terms.len()).unwrap_or(0);
         let (members, others) = parted(members, |member| member.basis.terms.len() == usual);
+        selected_by_lag(members.len(), others.len())?;
         let (fewer, more) = parted(others, |member| member.basis.terms.len() < usual);
         not_used.push(counted("its test does not resolve the lag", fewer.len()));
         not_used.push(counted("its test resolves a lag that most do not", more.len()));
@@ -212,6 +220,7 @@ impl Prior {
             let name = member.name();
             NotUsed { reason: odd[&name].clone(), axis: name, axes: 1 }
         }));
+        groups::refuse(&members)?;
         let CommonBasis { terms, units, .. } = members.first().map(|member| member.basis.clone()).unwrap_or_default();
         let span_c = [
             members.iter().map(|member| member.axis.span_c[0]).fold(f64::NEG_INFINITY, f64::max),
@@ -251,6 +260,11 @@ impl Prior {
         }
         let not_used = not_used.into_iter().map(|((axis, reason), axes)| NotUsed { axis, reason, axes }).collect();
         let mut sums = std::mem::take(&mut self.sums);
+        if let Some((lot, _)) = other.sums.iter().find(|(lot, more)| sums.get(*lot) == Some(more)) {
+            return Err(Error::input("both have the same units of a lot")
+                .value(if lot.is_empty() { "no lot" } else { lot })
+                .help("give each fleet once: a unit that counts twice makes the others look alike"));
+        }
         for (lot, more) in other.sums {
             match sums.entry(lot) {
                 std::collections::btree_map::Entry::Occupied(mut own) => own.get_mut().merge(&more),
@@ -311,6 +325,7 @@ impl Prior {
             lots,
             not_used,
             sums,
+            content_sha256: String::new(),
         })
     }
 }
@@ -480,6 +495,20 @@ fn copies(members: Vec<Member<'_>>) -> (Vec<Member<'_>>, Vec<NotUsed>) {
     (own.collect(), not_used)
 }
 
+/// Refuses units of which many are not used because their tests do or do not resolve a lag: the others are a selection by their lag, and
+/// by whatever goes with it.
+fn selected_by_lag(used: usize, others: usize) -> Result<()> {
+    if others as f64 <= MOST_SELECTED * (used + others) as f64 {
+        return Ok(());
+    }
+    let what = format!(
+        "the tests of {used} axes and of {others} differ in whether they resolve the lag: either part is a selection of the fleet"
+    );
+    Err(Error::refused(what).help(
+        "test the units with ramps that resolve the lag, or calibrate the fleet with a --model without rate terms",
+    ))
+}
+
 /// Names of axes that are far from the median of their lot, each with what is odd.
 fn odd_ones(members: &[Member<'_>]) -> BTreeMap<String, String> {
     let mut out = BTreeMap::new();
@@ -490,16 +519,20 @@ fn odd_ones(members: &[Member<'_>]) -> BTreeMap<String, String> {
         let mut by_lot: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
         members.iter().for_each(|member| by_lot.entry(&member.unit.lot).or_default().push(value(member)));
         let middle = |member: &Member<'_>| {
-            let own = by_lot.get(member.unit.lot.as_str()).filter(|own| own.len() >= LEAST_OF_LOT);
-            own.map_or(of_all, |own| median(own))
+            by_lot.get(member.unit.lot.as_str()).filter(|own| own.len() >= LEAST_OF_LOT).map(|own| median(own))
         };
-        let away: Vec<f64> = members.iter().map(|member| value(member) - middle(member)).collect();
-        let sigma = SIGMA_OF_MAD * median(&away.iter().map(|away| away.abs()).collect::<Vec<_>>());
-        for (member, away) in members.iter().zip(&away) {
+        let mad = |away: &mut dyn Iterator<Item = f64>| SIGMA_OF_MAD * median(&away.map(f64::abs).collect::<Vec<_>>());
+        let sigma = mad(&mut members.iter().filter_map(|member| Some(value(member) - middle(member)?)));
+        // Of a small lot: how far it may be from the others is how far lots are from each other.
+        let sigma_of_all = mad(&mut members.iter().map(|member| value(member) - of_all));
+        for member in members {
+            let (away, sigma, of) = match middle(member) {
+                Some(own) => (value(member) - own, sigma, "of its lot"),
+                None => (value(member) - of_all, sigma_of_all, "of all lots"),
+            };
             if sigma > 0.0 && away.abs() > ODD_MADS * sigma {
                 let how = sagnac_units::format::significant(away / sigma, 2);
-                out.entry(member.name())
-                    .or_insert_with(|| format!("odd: {term} is {how} σ from the median of its lot"));
+                out.entry(member.name()).or_insert_with(|| format!("odd: {term} is {how} σ from the median {of}"));
             }
         }
     }

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use super::{FORMAT, Head, NOISES, Prior, Sums, VERSION};
 use sagnac_log::error::{Error, Result};
+use sagnac_log::ingest::{hex, sha256};
 use sagnac_log::read::read_text;
 
 /// Longest file: 64 terms of a thousand lots are 100 MB.
@@ -12,20 +13,29 @@ pub(super) const MOST_BYTES: u64 = 256 << 20;
 /// Axes of a lot.
 const MOST_AXES: u64 = 1 << 32;
 
+/// SHA-256 of a prior as compact JSON, hex.
+fn hash_of(prior: &Prior) -> serde_json::Result<String> {
+    Ok(hex(&sha256(serde_json::to_string(prior)?.as_bytes())))
+}
+
 impl Prior {
     /// As JSON.
     ///
     /// # Errors
     /// A number that JSON does not have.
     pub fn to_json(&self) -> Result<String> {
-        let text = serde_json::to_string_pretty(self);
-        text.map(|text| text + "\n").map_err(|e| Error::input(format!("cannot write the prior: {e}")))
+        let broken = |e: serde_json::Error| Error::input(format!("cannot write the prior: {e}"));
+        let mut whole = self.clone();
+        whole.content_sha256.clear();
+        whole.content_sha256 = hash_of(&whole).map_err(broken)?;
+        serde_json::to_string_pretty(&whole).map(|text| text + "\n").map_err(broken)
     }
 
-    /// Reads and checks one. Means and covariances are made anew of the sums: what somebody wrote into them does not count.
+    /// Reads and checks one. Means and covariances are made anew of the sums. A file that was changed by hand is refused by the hash of its
+    /// content: a plan of a prior with two terms exchanged would promise as confidently as that of a whole one.
     ///
     /// # Errors
-    /// Unreadable, of another version, or with sums that do not belong together.
+    /// Unreadable, of another version, changed after it was made, or with sums that do not belong together.
     pub fn read(path: &Path) -> Result<Self> {
         let text = read_text(path, "read the prior", MOST_BYTES)?;
         Self::from_json(&text).map_err(|e| e.file(path.display().to_string()))
@@ -41,6 +51,13 @@ impl Prior {
         if found.format != FORMAT || found.version != VERSION {
             let what = format!("{} version {}; this program reads {FORMAT} {VERSION}", found.format, found.version);
             return Err(Error::input(what));
+        }
+        let mut content = found.clone();
+        let stated = std::mem::take(&mut content.content_sha256);
+        if hash_of(&content).ok().as_deref() != Some(stated.as_str()) {
+            return Err(Error::input("the file was changed after it was made: its content has another hash")
+                .column("content_sha256")
+                .help("make the prior anew with `sagnac fleet prior`"));
         }
         let p = found.terms.len();
         let triangle = p * (p + 1) / 2;

@@ -220,3 +220,149 @@ fn too_little_is_refused() {
     let help = why(&others, None).help.unwrap();
     assert!(help.contains("15 not used: another model") && help.contains("5 not used: its test spans fewer"), "{help}");
 }
+
+/// `gyros` gyros, each tested `tests` times under as many names.
+fn few_under_many_names(draws: &mut Draws, gyros: usize, tests: usize) -> Vec<UnitResult> {
+    let own: Vec<[f64; 3]> = (0..gyros).map(|_| with(draws, &OF_UNITS)).collect();
+    let of_one = |at: usize| {
+        let error = with(draws, &OF_TESTS);
+        let beta = std::array::from_fn(|k| MEAN[k] + own[at % gyros][k] + 0.3 * error[k]);
+        unit(at, "", beta, product(&OF_TESTS).iter().map(|v| v * 0.09).collect())
+    };
+    (0..gyros * tests).map(of_one).collect()
+}
+
+/// Few gyros under many names are refused, and gyros that are all distinct are not: normal ones, ones with heavy tails, ones that scatter
+/// less than their tests, ones of lots near each other that the manifest does not tell, ones that differ in one direction.
+#[test]
+fn one_gyro_has_one_name() {
+    let mut draws = Draws(8);
+    let is_refused = |units: &[UnitResult]| match Prior::learned(units, None) {
+        Ok(_) => false,
+        Err(e) => e.what.contains("fall into groups") && e.help.unwrap().contains("each gyro one name"),
+    };
+    for (gyros, tests, least) in [(2, 15, 90), (4, 8, 90), (6, 6, 85), (10, 4, 80)] {
+        let refused = (0..100).filter(|_| is_refused(&few_under_many_names(&mut draws, gyros, tests))).count();
+        assert!(refused >= least, "{gyros} gyros, {tests} tests each: {refused} of 100 refused");
+    }
+    let mut wrong = [0; 5];
+    for _ in 0..200 {
+        let heavy = |draws: &mut Draws| {
+            let chi: f64 = (0..3).map(|_| draws.normal().powi(2)).sum();
+            let size = (3.0 / chi).sqrt();
+            let (own, error) = (with(draws, &OF_UNITS), with(draws, &OF_TESTS));
+            std::array::from_fn(|k| MEAN[k] + size * own[k] + 0.3 * error[k])
+        };
+        let alike = |draws: &mut Draws| {
+            let (own, error) = (with(draws, &OF_UNITS), with(draws, &OF_TESTS));
+            std::array::from_fn(|k| MEAN[k] + 0.1 * own[k] + error[k])
+        };
+        let small = product(&OF_TESTS).iter().map(|v| v * 0.09).collect::<Vec<_>>();
+        let tails: Vec<UnitResult> = (0..40).map(|at| unit(at, "", heavy(&mut draws), small.clone())).collect();
+        let equal: Vec<UnitResult> = (0..40).map(|at| unit(at, "", alike(&mut draws), product(&OF_TESTS))).collect();
+        let mut untold = fleet(&mut draws, 40, &[0.0, 0.1, -0.1]);
+        untold.iter_mut().for_each(|unit| unit.lot.clear());
+        // In one direction alone, some 30 times the uncertainty of the tests.
+        let line: Vec<UnitResult> = (0..40)
+            .map(|at| {
+                let (along, error) = (draws.normal(), with(&mut draws, &OF_TESTS));
+                let beta = std::array::from_fn(|k| MEAN[k] + 0.3 * error[k] + if k == 0 { 0.4 * along } else { 0.0 });
+                unit(at, "", beta, small.clone())
+            })
+            .collect();
+        let distinct = few_under_many_names(&mut draws, 40, 1);
+        for (count, units) in wrong.iter_mut().zip([distinct, tails, equal, untold, line]) {
+            *count += usize::from(is_refused(&units));
+        }
+    }
+    assert!(wrong.iter().all(|count| *count <= 4), "of 200 each: {wrong:?}");
+}
+
+/// A record that was made with a prior says of the unit what its fleet said already.
+#[test]
+fn what_a_prior_made_makes_no_prior() {
+    let mut draws = Draws(9);
+    let mut units = fleet(&mut draws, 60, &[0.0]);
+    let without = Prior::learned(&units[..40], None).unwrap();
+    units[40..].iter_mut().for_each(|unit| unit.axes[0].with_prior = true);
+    let prior = Prior::learned(&units, None).unwrap();
+    assert_eq!((&prior.sums, prior.fleet.axes), (&without.sums, 40));
+    assert_eq!(prior.not_used, [counted("its record was made with a prior", 20)]);
+}
+
+/// Half of the tests resolve the lag: whichever half is used, it is selected by the lag.
+#[test]
+fn a_selection_by_lag_is_refused() {
+    let mut draws = Draws(10);
+    let mut units = fleet(&mut draws, 100, &[0.0]);
+    let add_lag = |unit: &mut UnitResult| {
+        let common = unit.axes[0].common.as_mut().unwrap();
+        common.terms.push("lag_s".to_owned());
+        common.units.push("s".to_owned());
+        common.coefficients.push(300.0);
+        common.covariance.extend([0.0, 0.0, 0.0, 400.0]);
+    };
+    units[..15].iter_mut().for_each(add_lag);
+    assert_eq!(Prior::learned(&units, None).unwrap().fleet.axes, 85);
+    units[15..40].iter_mut().for_each(add_lag);
+    let refusal = Prior::learned(&units, None).unwrap_err();
+    assert!(refusal.what.contains("60 axes and of 40 differ in whether they resolve the lag"), "{refusal}");
+}
+
+/// Lots of a few units each are as far from the median of all as lots are from each other: none of them is odd for that.
+#[test]
+fn small_lots_are_not_odd() {
+    let mut draws = Draws(11);
+    let (mut named, mut all) = (0, 0);
+    for _ in 0..50 {
+        let lots: Vec<f64> = (0..16).map(|_| draws.normal()).collect();
+        let mut units = fleet(&mut draws, 128, &lots);
+        // Four of each of twelve lots, ten of each of four.
+        let mut counts = [0; 16];
+        units.retain(|unit| {
+            let lot: usize = unit.lot[4..].parse().unwrap();
+            counts[lot] += 1;
+            counts[lot] <= if lot < 12 { 4 } else { 10 }
+        });
+        let prior = Prior::learned(&units, None).unwrap();
+        named += prior.not_used.len();
+        all += units.len();
+    }
+    assert!(named * 100 < all, "{named} of {all} good units excluded");
+}
+
+/// Two priors of the same fleet, or a fleet and its own prior, are one fleet.
+#[test]
+fn a_fleet_counts_once() {
+    let mut draws = Draws(12);
+    let one = Prior::learned(&fleet(&mut draws, 60, &[0.0, 0.2]), None).unwrap();
+    let refusal = one.clone().merged(one).unwrap_err();
+    assert!(refusal.what.contains("the same units of a lot"), "{refusal}");
+}
+
+/// Numbers of a file that somebody changed: each is refused, whatever it is.
+#[test]
+fn a_changed_file_is_refused() {
+    let mut draws = Draws(13);
+    let text = Prior::learned(&fleet(&mut draws, 60, &[0.0, 0.2]), None).unwrap().to_json().unwrap();
+    assert!(Prior::from_json(&text).is_ok());
+    // Another layout is no change.
+    let whole: serde_json::Value = serde_json::from_str(&text).unwrap();
+    assert!(Prior::from_json(&whole.to_string()).is_ok());
+    let mut refused = 0;
+    let changes: [fn(&mut serde_json::Value); 6] = [
+        |v| v["terms"].as_array_mut().unwrap().swap(0, 1),
+        |v| v["sums"]["lot 0"]["axes"] = 3000.into(),
+        |v| v["sums"]["lot 0"]["product"][0] = v["sums"]["lot 0"]["product"][1].clone(),
+        |v| v["model"] = "bias 1, rate 1".into(),
+        |v| v["bias_instability_dph"] = 0.5.into(),
+        |v| v["units"][0] = "ppm".into(),
+    ];
+    for change in changes {
+        let mut changed = whole.clone();
+        change(&mut changed);
+        let error = Prior::from_json(&changed.to_string()).unwrap_err();
+        refused += u32::from(error.what.contains("changed after it was made"));
+    }
+    assert_eq!(refused, 6);
+}
