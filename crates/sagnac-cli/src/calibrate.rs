@@ -96,6 +96,11 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
         LossWord::Huber => Loss::Huber,
     };
     let prior = args.prior.as_deref().map(|path| of_unit(path, args.lot.as_deref())).transpose()?;
+    if let (Some(lot), Some(UnitPrior { lot: None, .. })) = (&args.lot, &prior) {
+        console.note(format!(
+            "the prior has no lot {lot} of eight axes or more: it is about the mean of all lots, as a new lot is"
+        ));
+    }
     let options = FitOptions::new(args.model.parse()?)
         .prior(prior)
         .source_date_epoch(source_date_epoch()?)

@@ -1,6 +1,6 @@
 //! How a model was found: the steps of the search, rejected inputs, conditioning, and the noise of the correction.
 
-use sagnac_units::format::significant;
+use sagnac_units::format::{counted, significant};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -166,15 +166,15 @@ pub struct PriorUse {
 impl PriorUse {
     /// What it is and how far the test is from it, for people.
     pub fn words(&self) -> String {
-        let lot = self.lot.as_ref().map_or(" of all lots".to_owned(), |lot| format!(" of lot {lot}"));
+        let lot = self.lot.as_ref().map_or(String::new(), |lot| format!(" of lot {lot}"));
         format!(
-            "prior of {} axes{lot}: the test determines {} of {} parameters, the fleet the others; Mahalanobis distance {} in {} directions, \
+            "prior of {} axes{lot}: the test determines {} of {} parameters, the fleet the others; Mahalanobis distance {} in {}, \
              at most {}; misfit in the others {}, at most {}; a unit that is not like its fleet passes with an error of {}",
             self.axes,
             significant(self.determined, 2),
             self.parameters,
             significant(self.distance, 2),
-            self.directions,
+            counted(self.directions, "direction", "directions"),
             significant(self.distance_max, 2),
             significant(self.misfit, 2),
             significant(self.misfit_max, 2),
