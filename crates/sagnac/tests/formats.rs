@@ -24,7 +24,7 @@ use sagnac::fit::{FitOptions, calibrate};
 use sagnac::verify::{CorrectedFormat, Correction, compensate};
 use sagnac::window::WindowBuilder;
 use sagnac_log::MemoryBudget;
-use sagnac_log::ingest::{LogReader, ReadMode, sample_reader};
+use sagnac_log::ingest::{LogReader, MemoryTable, ReadMode, sample_reader};
 use sagnac_log::setup::Setup;
 use sagnac_sim::LaggedChamber;
 use ulog_writer::ULogWriter;
@@ -503,4 +503,84 @@ fn corrected_logs_agree_in_both_formats() {
     let expected: Vec<f64> =
         text.lines().skip(2).map(|line| line.split(',').nth(2).unwrap().parse().unwrap()).collect();
     assert_eq!(values, expected);
+}
+
+fn in_memory(batch: &RecordBatch, part: usize) -> LogReader {
+    let parts: Vec<_> =
+        (0..batch.num_rows()).step_by(part).map(|at| Ok(batch.slice(at, part.min(batch.num_rows() - at)))).collect();
+    let table = MemoryTable { name: "log".to_owned(), schema: batch.schema(), batches: Box::new(parts.into_iter()) };
+    LogReader::from_table(table, &setup(), ReadMode::Bulk).unwrap()
+}
+
+/// A table in memory gives the calibration of its file. Its hash is that of its values: whatever parts they come in, whatever is beside them.
+#[test]
+fn a_table_in_memory_is_the_log_of_its_file() {
+    let batch = batch(&columns());
+    let expected = calibration(csv(&columns(), ','), &setup());
+    let whole = |part: usize| {
+        let mut log = in_memory(&batch, part);
+        while log.next_batch().unwrap().is_some() {}
+        log.summary()
+    };
+    let all = batch.num_rows();
+    for part in [all, 700, 8192, 1] {
+        assert_eq!(calibration_of(in_memory(&batch, part), &setup()), expected, "parts of {part}");
+        assert_eq!(whole(part).sha256, whole(all).sha256, "parts of {part}");
+    }
+    // The same stretches as the file, so that a copy of it is no independent test.
+    let bytes = Box::new(Cursor::new(csv(&columns(), ',')));
+    let mut file = LogReader::from_reader("log", bytes, &setup(), ReadMode::Bulk).unwrap();
+    while file.next_batch().unwrap().is_some() {}
+    assert!(file.summary().rows_sketch == whole(all).rows_sketch && !whole(all).rows_sketch.is_empty());
+    assert_ne!(file.summary().sha256, whole(all).sha256);
+    let sha256_of = |batch: &RecordBatch| {
+        let mut log = in_memory(batch, 1000);
+        while log.next_batch().unwrap().is_some() {}
+        log.summary().sha256
+    };
+    let with = |name: &str, column: ArrayRef| {
+        let schema = batch.schema();
+        let names = schema.fields().iter().map(|field| field.name().as_str());
+        let mut columns: Vec<(&str, ArrayRef)> = names.zip(batch.columns().iter().cloned()).collect();
+        match columns.iter_mut().find(|(other, _)| *other == name) {
+            Some((_, other)) => *other = column,
+            None => columns.push((name, column)),
+        }
+        sha256_of(&of_columns(columns))
+    };
+    let counts = columns().counts;
+    let as_numbers = Float64Array::from_iter(counts.iter().map(|count| count.map(|count| count as f64)));
+    assert_eq!(with("counts", Arc::new(as_numbers)), sha256_of(&batch), "numbers of another width");
+    let notes = StringArray::from(vec!["a note"; all]);
+    assert_eq!(with("remark", Arc::new(notes)), sha256_of(&batch), "a column that is not read");
+    let mut other = counts;
+    other[all / 2] = other[all / 2].map_or(Some(1), |count| Some(count + 1));
+    assert_ne!(with("counts", Arc::new(Int64Array::from(other))), sha256_of(&batch), "one count more");
+}
+
+/// What goes wrong while a table is read is what its owner said, with the table's name.
+#[test]
+fn a_table_that_breaks_off_is_an_error() {
+    let batch = batch(&columns());
+    let own = sagnac::Error::input("the generator raised ValueError: no more").help("mend the generator");
+    let batches = vec![Ok(batch.slice(0, 500)), Err(arrow_schema::ArrowError::ExternalError(Box::new(own)))];
+    let table =
+        MemoryTable { name: "run 1".to_owned(), schema: batch.schema(), batches: Box::new(batches.into_iter()) };
+    let mut log = LogReader::from_table(table, &setup(), ReadMode::Bulk).unwrap();
+    let error = loop {
+        match log.next_batch() {
+            Ok(Some(_)) => {}
+            Ok(None) => panic!("the error is lost"),
+            Err(error) => break error,
+        }
+    };
+    assert_eq!(error.what, "the generator raised ValueError: no more");
+    assert_eq!((error.place.file.as_deref(), error.help.as_deref()), (Some("run 1"), Some("mend the generator")));
+    // Batches of other columns than announced.
+    let narrow = batch.project(&[0, 1]).unwrap();
+    let table =
+        MemoryTable { name: "run 2".to_owned(), schema: batch.schema(), batches: Box::new([Ok(narrow)].into_iter()) };
+    let error =
+        LogReader::from_table(table, &setup(), ReadMode::Bulk).err().map_or_else(String::new, |e| e.to_string());
+    assert!(error.contains("run 2") && error.contains("lacks this column"), "{error}");
 }

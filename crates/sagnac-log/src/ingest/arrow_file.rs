@@ -58,7 +58,7 @@ pub(crate) fn arrow_reader(
     let mut file = clone_of(file)?;
     let at = messages_at(&mut file, form)?;
     file.seek(SeekFrom::Start(at)).map_err(|e| Error::input(format!("cannot read: {e}")))?;
-    StreamReader::try_new_buffered(file, wanted).map_err(|e| broken("Arrow", &e))
+    StreamReader::try_new_buffered(file, wanted).map_err(|e| broken("Arrow file", &e))
 }
 
 /// Reads through the messages and checks every length against the file's length, every size against the budget; detects a truncated

@@ -26,6 +26,7 @@ use crate::ingest::header::Layout;
 use crate::ingest::number::ISO_8601;
 use crate::ingest::parquet_file::{ParquetRead, decoded_type, parquet_batches, parquet_schema};
 use crate::ingest::raw::{BAD_TEMPERATURE, Faults, RawRows};
+use crate::ingest::row_hash::RowHash;
 use crate::ingest::source::{HashHandle, Source};
 use crate::ingest::text::MAX_LINE_BYTES;
 use crate::memory::MemoryBudget;
@@ -58,10 +59,24 @@ impl Form {
 pub(crate) struct Columnar {
     pub(crate) headers: Vec<String>,
     schema: SchemaRef,
-    file: File,
-    form: Form,
-    hashing: Hashing,
+    origin: Origin,
     memory: MemoryBudget,
+}
+
+/// Where its batches come from.
+enum Origin {
+    File { file: File, form: Form, hashing: Hashing },
+    Memory { batches: Batches, hash: HashHandle },
+}
+
+/// A table in memory, batch by batch.
+pub struct MemoryTable {
+    /// Name in messages and records.
+    pub name: String,
+    /// Its columns.
+    pub schema: SchemaRef,
+    /// Its batches, in order. An error of [`crate::Error`] as [`ArrowError::ExternalError`] comes out as it is.
+    pub batches: Box<dyn Iterator<Item = std::result::Result<RecordBatch, ArrowError>> + Send>,
 }
 
 /// The hash of a file.
@@ -71,13 +86,26 @@ enum Hashing {
     Beside(Option<JoinHandle<std::io::Result<u64>>>),
     /// Computed after it: no further thread was to be had.
     After(PathBuf, HashHandle),
+    /// Of the rows: the table has no bytes of its own.
+    OfRows(Box<RowHash>),
 }
 
 /// A batch iterator of either decoder.
 type Batches = Box<dyn Iterator<Item = std::result::Result<RecordBatch, ArrowError>> + Send>;
 
 pub(super) fn broken(what: &str, error: &dyn std::fmt::Display) -> Error {
-    Error::input(format!("not a readable {what} file: {error}"))
+    Error::input(format!("not a readable {what}: {error}"))
+}
+
+/// An error of a decoder, or one of our own in it.
+fn unread(what: &str, error: ArrowError) -> Error {
+    match error {
+        ArrowError::ExternalError(error) => match error.downcast::<Error>() {
+            Ok(own) => *own,
+            Err(other) => broken(what, &other),
+        },
+        error => broken(what, &error),
+    }
 }
 
 /// Opens the file and reads the names of its columns.
@@ -97,7 +125,13 @@ pub(crate) fn open(source: Source, memory: MemoryBudget) -> Result<Columnar> {
             guarded(|| Ok(arrow_reader(&file, form, None)?.schema()))?
         }
     };
-    Ok(Columnar { headers: names(&schema), schema, file, form, hashing, memory })
+    Ok(Columnar { headers: names(&schema), schema, origin: Origin::File { file, form, hashing }, memory })
+}
+
+/// The columns of a table in memory; `hash` becomes that of its rows.
+pub(crate) fn of_table(table: MemoryTable, hash: HashHandle, memory: MemoryBudget) -> Columnar {
+    let MemoryTable { schema, batches, .. } = table;
+    Columnar { headers: names(&schema), schema, origin: Origin::Memory { batches, hash }, memory }
 }
 
 fn names(schema: &Schema) -> Vec<String> {
@@ -109,9 +143,9 @@ fn parquet_broken(error: ParquetError) -> Error {
         // Our own, with what to do.
         ParquetError::External(error) => match error.downcast::<Error>() {
             Ok(own) => *own,
-            Err(other) => broken("Parquet", &other),
+            Err(other) => broken("Parquet file", &other),
         },
-        error => broken("Parquet", &error),
+        error => broken("Parquet file", &error),
     }
 }
 
@@ -153,16 +187,23 @@ impl Columnar {
         let most = if keep_fields { PIECE_FIELDS } else { PIECE_VALUES };
         let columns = if keep_fields { layout.headers.len() } else { decoded.len() };
         let most_rows = (most / columns.max(1)).clamp(1, PIECE_ROWS);
-        let batches: Batches = match self.form {
-            Form::Parquet => guarded(|| {
-                let roots = Some(decoded.as_slice());
-                let read = ParquetRead { roots, rows: most_rows, values: u64::MAX, memory: self.memory };
-                Ok(Box::new(parquet_batches(clone_of(&self.file)?, &read).map_err(parquet_broken)?) as Batches)
-            })?,
-            Form::Arrow(form) => guarded(|| Ok(Box::new(arrow_reader(&self.file, form, Some(decoded))?) as Batches))?,
+        let memory = self.memory;
+        let (batches, hashing, what): (Batches, _, _) = match self.origin {
+            Origin::File { file, form: Form::Parquet, hashing } => {
+                let read = ParquetRead { roots: Some(&decoded), rows: most_rows, values: u64::MAX, memory };
+                let batches = guarded(|| parquet_batches(clone_of(&file)?, &read).map_err(parquet_broken))?;
+                (Box::new(batches), hashing, "Parquet file")
+            }
+            Origin::File { file, form: Form::Arrow(form), hashing } => {
+                (Box::new(guarded(|| arrow_reader(&file, form, Some(decoded)))?), hashing, "Arrow file")
+            }
+            Origin::Memory { batches, hash } => {
+                // Every column is there, at its own place.
+                decoded.iter().for_each(|index| places[*index] = Some(*index));
+                (batches, Hashing::OfRows(Box::new(RowHash::new(layout, hash))), "table")
+            }
         };
-        let what = if self.form == Form::Parquet { "Parquet" } else { "Arrow" };
-        let (layout, schema, hashing) = (layout.clone(), self.schema, self.hashing);
+        let (layout, schema) = (layout.clone(), self.schema);
         Ok(ColumnFeed { batches, layout, schema, places, keep_fields, most_rows, hashing, what, waiting: None })
     }
 
@@ -178,9 +219,9 @@ impl Columnar {
 
     fn has_values(&self, index: usize) -> bool {
         let kind = self.schema.fields().get(index).map(|field| field.data_type());
-        kind.is_some_and(|kind| match self.form {
-            Form::Parquet => has_values(&decoded_type(kind)),
-            Form::Arrow(_) => has_values(kind),
+        kind.is_some_and(|kind| match self.origin {
+            Origin::File { form: Form::Parquet, .. } => has_values(&decoded_type(kind)),
+            Origin::File { .. } | Origin::Memory { .. } => has_values(kind),
         })
     }
 }
@@ -214,7 +255,7 @@ impl TableFeed for ColumnFeed {
         let (batch, done) = match self.waiting.take() {
             Some(waiting) => waiting,
             None => match self.batches.next() {
-                Some(batch) => (batch.map_err(|e| broken(self.what, &e))?, 0),
+                Some(batch) => (batch.map_err(|e| unread(self.what, e))?, 0),
                 None => return self.hashing.finish().map(|()| false),
             },
         };
@@ -228,6 +269,9 @@ impl TableFeed for ColumnFeed {
             self.waiting = Some((batch, done));
         }
         self.rows_of(&piece, rows)?;
+        if let Hashing::OfRows(hash) = &mut self.hashing {
+            hash.push(rows);
+        }
         Ok(true)
     }
 }
@@ -267,6 +311,10 @@ impl Hashing {
         let unread = |e: std::io::Error| Error::input(format!("cannot read on: {e}"));
         match std::mem::replace(self, Self::Done) {
             Self::Done | Self::Beside(None) => Ok(()),
+            Self::OfRows(mut hash) => {
+                hash.finish();
+                Ok(())
+            }
             Self::Beside(Some(thread)) => {
                 let defect = |_| Error::input("a defect of this program: the file could not be hashed");
                 thread.join().map_err(defect)?.map(|_| ()).map_err(unread)

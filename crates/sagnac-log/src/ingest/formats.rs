@@ -2,7 +2,11 @@
 
 use crate::error::Result;
 use crate::ingest::chunks::Feed;
+#[cfg(feature = "parquet")]
+use crate::ingest::columnar::MemoryTable;
 use crate::ingest::header::Layout;
+#[cfg(feature = "parquet")]
+use crate::ingest::source::HashHandle;
 use crate::ingest::source::Source;
 use crate::ingest::text::{LineParser, TextFeed};
 use crate::ingest::text_head::{self, TextHeader};
@@ -65,6 +69,14 @@ fn open_text(mut source: Source, config: &ReadConfig, mode: ReadMode) -> Result<
 #[cfg(feature = "parquet")]
 fn open_columns(source: Source, config: &ReadConfig, mode: ReadMode) -> Result<Opened> {
     let columnar = crate::ingest::columnar::open(source, config.memory)?;
+    let layout = Layout::new(columnar.headers.clone(), &config.columns, config.axis)?;
+    with_layout(columnar, layout, mode)
+}
+
+/// A table in memory.
+#[cfg(feature = "parquet")]
+pub(super) fn open_table(table: MemoryTable, hash: HashHandle, config: &ReadConfig, mode: ReadMode) -> Result<Opened> {
+    let columnar = crate::ingest::columnar::of_table(table, hash, config.memory);
     let layout = Layout::new(columnar.headers.clone(), &config.columns, config.axis)?;
     with_layout(columnar, layout, mode)
 }

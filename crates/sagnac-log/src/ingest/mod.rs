@@ -34,6 +34,8 @@ mod parquet_footer;
 mod parquet_pages;
 mod raw;
 mod reason;
+#[cfg(feature = "parquet")]
+mod row_hash;
 mod rows;
 mod sample;
 
@@ -54,6 +56,8 @@ use std::path::Path;
 use crate::error::{Error, Result};
 use crate::ingest::align::Aligner;
 use crate::ingest::chunks::{ChunkReader, Feed};
+#[cfg(feature = "parquet")]
+pub use crate::ingest::columnar::MemoryTable;
 pub use crate::ingest::formats::{FORMATS, Format};
 use crate::ingest::header::Layout;
 pub use crate::ingest::header::already_compensated;
@@ -342,14 +346,28 @@ impl LogReader {
         Self::from_source(Source::from_reader(name.to_owned(), reader)?, setup, mode)
     }
 
-    fn from_source(source: Source, setup: &Setup, mode: ReadMode) -> Result<Self> {
-        let name = source.name.clone();
-        Self::start(source, &setup.stages().read, mode).map_err(|e| e.file(name))
+    /// Reads a table in memory, batch by batch. Its columns have the names and types of a Parquet log's; a line of headers is counted before
+    /// its first row. The hash in its summary is that of the rows' values (`row_hash.rs` has the definition), complete at the end.
+    ///
+    /// # Errors
+    /// As [`LogReader::open`].
+    #[cfg(feature = "parquet")]
+    pub fn from_table(table: MemoryTable, setup: &Setup, mode: ReadMode) -> Result<Self> {
+        let (name, hash) = (table.name.clone(), HashHandle::default());
+        let config = setup.stages().read;
+        let opened = formats::open_table(table, hash.clone(), &config, mode);
+        opened.and_then(|opened| Self::start(opened, &name, hash, &config, mode)).map_err(|e| e.file(name))
     }
 
-    fn start(source: Source, config: &ReadConfig, mode: ReadMode) -> Result<Self> {
+    fn from_source(source: Source, setup: &Setup, mode: ReadMode) -> Result<Self> {
         let (name, hash) = (source.name.clone(), source.hash.clone());
-        let Opened { feed, layout, delimiter, lines_before, assumed } = source.format.open(source, config, mode)?;
+        let config = setup.stages().read;
+        let opened = source.format.open(source, &config, mode);
+        opened.and_then(|opened| Self::start(opened, &name, hash, &config, mode)).map_err(|e| e.file(name))
+    }
+
+    fn start(opened: Opened, name: &str, hash: HashHandle, config: &ReadConfig, mode: ReadMode) -> Result<Self> {
+        let Opened { feed, layout, delimiter, lines_before, assumed } = opened;
         let mut pieces = ChunkReader::new(feed, lines_before, mode != ReadMode::LineByLine);
         let unit = angle_unit(&layout, config)?;
         let mut ahead = VecDeque::new();
@@ -364,7 +382,7 @@ impl LogReader {
             has_reference: layout.reference.is_some(),
             ignored: layout.ignored.clone(),
         };
-        let check = RowValidator::new(name.clone(), &layout, config, nominal_ns);
+        let check = RowValidator::new(name.to_owned(), &layout, config, nominal_ns);
         // For a pipe, no row was known when the interval was given.
         let watched = mode == ReadMode::LineByLine && config.sample_interval_s.is_some();
         let check = if watched { check.watching_interval() } else { check };
@@ -389,7 +407,7 @@ impl LogReader {
             table,
             hash,
             sketch,
-            name,
+            name: name.to_owned(),
             offset_ns: None,
             assumed,
         })

@@ -36,7 +36,7 @@ impl HashHandle {
         std::io::copy(&mut hashing, &mut std::io::sink()).map(|_| ())
     }
 
-    fn update(&self, bytes: &[u8]) {
+    pub(crate) fn update(&self, bytes: &[u8]) {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).update(bytes);
     }
 }
