@@ -9,7 +9,7 @@ use xtask::debian::{self, need};
 use xtask::shell::{built, root, sh, stdout_of, text};
 
 use crate::checks::{build_lab, compiled_once, deny, examples, no_panic, run_lab};
-use crate::{dist, docs, features, fleet, fuzz, layers};
+use crate::{dist, docs, features, fleet, fuzz, layers, wheel};
 
 /// A part by its name.
 type Part = (&'static str, fn() -> Result<()>);
@@ -32,7 +32,7 @@ const FIRST: [Part; 10] = [
 ];
 
 /// Then what runs on all processors.
-const RUNS: [Part; 7] = [
+const RUNS: [Part; 8] = [
     ("tests", tests),
     ("examples", examples),
     ("bless", || run_lab(&["bless", "--check"])),
@@ -40,6 +40,7 @@ const RUNS: [Part; 7] = [
     ("hunt", || run_lab(&["hunt", "--cases", HUNTED])),
     ("fuzz", || fuzz::fuzz(&["--smoke"])),
     ("fleet", fleet::fleet),
+    ("wheel", wheel::wheel),
 ];
 
 /// And beside it what runs on one: simulators, emulators, programs of Python. The lab has a command for each.

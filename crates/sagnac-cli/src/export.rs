@@ -122,27 +122,12 @@ fn folders(args: &Args, made: &[(PathBuf, Vec<TextFile>)], console: &mut Console
     files(args).writes(names).makes(made.iter().map(|(path, _)| path)).check()?;
     made.iter()
         .flat_map(|(path, files)| files.iter().map(|file| (path.join(&file.name), file)))
-        .try_for_each(not_of_another)?;
+        .try_for_each(|(path, file)| file.check_place(&path))?;
     for (path, files) in made {
         folder(path, files, console)?;
     }
     say_codes(args, console)?;
     Ok(Outcome::Done)
-}
-
-/// Refuses to replace a file with a name that any project has, a Makefile or a README, unless an export made it: then its first line
-/// is the same.
-fn not_of_another((path, file): (PathBuf, &TextFile)) -> Result<()> {
-    if file.name.contains('/') || file.name.starts_with("sagnac_") || file.name.starts_with("tb_") || !path.exists() {
-        return Ok(());
-    }
-    let there = std::fs::read_to_string(&path).unwrap_or_default();
-    if there.lines().next() == file.text.lines().next() {
-        return Ok(());
-    }
-    Err(Error::input("this file is not of an export, and would be replaced")
-        .file(path.display().to_string())
-        .help("export into a folder of its own"))
 }
 
 /// Refuses a flag that the target does not use.

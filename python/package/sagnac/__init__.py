@@ -1,0 +1,196 @@
+"""Thermal calibration of ring laser gyros.
+
+    >>> import sagnac
+    >>> unit = sagnac.calibrate(["cycle-1.csv.gz", "cycle-2.csv.gz"], "bench.toml")  # doctest: +SKIP
+    >>> unit.verify("cycle-3.csv.gz", limits="limits.toml").passed  # doctest: +SKIP
+    True
+
+A run is a path, a data frame of pandas or polars, any object with Arrow's stream interface, or a dict of numpy arrays, with the column
+names of a log: ``time_s``, ``counts`` or ``rate_dph``, ``temperature_c``.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from importlib.metadata import version as _version
+from typing import TYPE_CHECKING
+
+from . import _progress, _sagnac
+from ._errors import InputError, Refused, SagnacError
+from ._results import (
+    Axis,
+    Calibration,
+    ComparedAxis,
+    Comparison,
+    Compensator,
+    Evaluation,
+    Limit,
+    NoiseAxis,
+    NoiseBudget,
+    NoiseTerm,
+    Path,
+    Table,
+    Term,
+    Verification,
+    VerifiedAxis,
+)
+from ._sources import limits_of, runs_of, setup_of
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+__all__ = [
+    "Axis",
+    "Calibration",
+    "ComparedAxis",
+    "Comparison",
+    "Compensator",
+    "Evaluation",
+    "InputError",
+    "Limit",
+    "NoiseAxis",
+    "NoiseBudget",
+    "NoiseTerm",
+    "Refused",
+    "SagnacError",
+    "Table",
+    "Term",
+    "Verification",
+    "VerifiedAxis",
+    "allan",
+    "calibrate",
+    "compare",
+    "simulate",
+]
+
+__version__ = _version("sagnac")
+
+
+def calibrate(
+    runs: object,
+    setup: object = None,
+    *,
+    model: str = "auto",
+    columns: Mapping[str, str] | None = None,
+    loss: str = "squares",
+    warm_up: bool = False,
+    bootstrap: int | None = None,
+    prior: Path | None = None,
+    lot: str | None = None,
+    keep_outliers: bool = False,
+    progress: Callable[[str, int, int], object] | bool | None = None,
+    **keys: object,
+) -> Calibration:
+    """Fits how bias and scale factor of a gyro move with temperature.
+
+    Args:
+        runs: A run, or a list of them: paths, data frames, Arrow streams, dicts of arrays.
+        setup: A setup file, or a mapping with its keys.
+        model: ``"auto"``, or such as ``"bias 3, rate 1"``.
+        columns: Names of columns to Sagnac's own: ``{"gyro_z": "rate_radps_z"}``.
+        loss: ``"squares"`` or ``"huber"``.
+        warm_up: Corrects a drift with time that the runs show.
+        bootstrap: Draws of a bootstrap of the intervals.
+        prior: A file of ``sagnac fleet prior``.
+        lot: The unit's lot, for the prior.
+        keep_outliers: Keeps windows that look like bumps or steps.
+        progress: Called with what is done, steps and number of steps; ``True`` for a bar, ``False`` for none, by default a bar where there
+            is a terminal or a notebook.
+        keys: Keys of a setup file: ``arcsec_per_count=1.059, axis="z", serial="RLG-7"``.
+
+    Raises:
+        InputError: A run or a setup that cannot be read.
+        Refused: The data cannot support a calibration.
+    """
+    if loss not in ("squares", "huber"):
+        raise InputError("loss is 'squares' or 'huber'", "loss")
+    epoch = os.environ.get("SOURCE_DATE_EPOCH")
+    try:
+        source_date_epoch = int(epoch) if epoch else None
+    except ValueError:
+        raise InputError("not a whole number of seconds", "SOURCE_DATE_EPOCH") from None
+    asked: dict[str, object] = {
+        "model": model,
+        "huber": loss == "huber",
+        "warm_up": warm_up,
+        "bootstrap": bootstrap,
+        "source_date_epoch": source_date_epoch,
+        "prior": None if prior is None else os.fspath(prior),
+        "lot": lot,
+        "keep_outliers": keep_outliers,
+    }
+    with _progress.watching(progress) as watcher:
+        native = _sagnac.calibrate(runs_of(runs), setup_of(setup, keys, columns), asked, watcher)
+    return Calibration(native)
+
+
+def allan(
+    runs: object,
+    setup: object = None,
+    *,
+    fs: float | None = None,
+    quantity: str = "rate_dph",
+    taus: str | Sequence[float] | ArrayLike = "log",
+    exact: bool = False,
+    columns: Mapping[str, str] | None = None,
+    **keys: object,
+) -> NoiseBudget:
+    """Splits the noise of a record at rest into its terms.
+
+    Args:
+        runs: As in :func:`calibrate`; or a one-dimensional array of values at ``fs``.
+        setup: A setup file, or a mapping with its keys.
+        fs: Values a second, Hz; with an array.
+        quantity: What an array holds, as a header of a log: ``"rate_dph"``, ``"rate_radps"``, ``"counts"`` (then ``arcsec_per_count`` is
+            needed).
+        taus: ``"log"`` (ten a decade), ``"octave"``, ``"all"``, or averaging times in s.
+        exact: Full overlap at every τ, with 8 bytes a row.
+        columns: Names of columns to Sagnac's own.
+        keys: Keys of a setup file.
+
+    Raises:
+        InputError: A record that cannot be read; an array without ``fs``.
+        Refused: The record cannot support the figures.
+    """
+    if getattr(runs, "ndim", None) == 1 and not hasattr(runs, "__arrow_c_stream__"):
+        if fs is None or not fs > 0.0:
+            raise InputError("an array needs the number of its values a second", "fs", "give fs=, in Hz")
+        runs, keys = {quantity: runs}, {"sample_interval_s": 1.0 / fs, **keys}
+    elif fs is not None:
+        raise InputError("belongs to an array; a table has its time, or sample_interval_s", "fs")
+    word, given = (taus, []) if isinstance(taus, str) else ("given", [float(tau) for tau in taus])  # type: ignore[union-attr]
+    if word not in ("log", "octave", "all", "given"):
+        raise InputError("taus is 'log', 'octave', 'all' or a list of times in s", "taus")
+    return NoiseBudget(_sagnac.allan(runs_of(runs), setup_of(setup, keys, columns), word, given, exact))
+
+
+def compare(calibrations: Sequence[Calibration] | Mapping[str, Calibration], limits: object = None) -> Comparison:
+    """Records of one unit beside each other: cycles, turn-ons, months.
+
+    Args:
+        calibrations: In their order, or by their names.
+        limits: As in :meth:`Calibration.verify`.
+    """
+    if isinstance(calibrations, Mapping):
+        named = [(str(name), record._native) for name, record in calibrations.items()]
+    else:
+        named = [(f"record {at}", record._native) for at, record in enumerate(calibrations, 1)]
+    return Comparison(_sagnac.compare(named, limits_of(limits)))
+
+
+def simulate(scenario: Path, seed: int | None = None) -> Table:
+    """The log of a simulated test: the columns of ``sagnac simulate``.
+
+    Args:
+        scenario: Path of a scenario, or its TOML text.
+        seed: Of all random numbers; that of the scenario by default.
+    """
+    text = os.fspath(scenario)
+    if "\n" not in text:
+        try:
+            with open(text, encoding="utf-8") as file:
+                text = file.read()
+        except (OSError, UnicodeDecodeError) as error:
+            raise InputError(f"cannot read the scenario: {error}", text) from error
+    return Table(_sagnac.simulate(text, seed))

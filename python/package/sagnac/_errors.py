@@ -1,0 +1,37 @@
+"""Exceptions of the package."""
+
+from __future__ import annotations
+
+__all__ = ["InputError", "Refused", "SagnacError"]
+
+
+class SagnacError(Exception):
+    """An error on which a person can act.
+
+    Attributes:
+        reason: What was wrong.
+        place: Where: file or table, row, column and value; empty where there is none.
+        help: What to do; ``None`` where there is nothing to say.
+    """
+
+    reason: str
+    place: str
+    help: str | None
+
+    def __init__(self, reason: str, place: str = "", help: str | None = None) -> None:
+        super().__init__(reason, place, help)
+        self.reason = reason
+        self.place = place
+        self.help = help
+
+    def __str__(self) -> str:
+        text = f"{self.place}: {self.reason}" if self.place else self.reason
+        return f"{text}\nhelp: {self.help}" if self.help else text
+
+
+class InputError(SagnacError):
+    """A bad argument, table or file (exit status 2 of the program)."""
+
+
+class Refused(SagnacError):
+    """The input is fine, but cannot support what was asked (exit status 3 of the program)."""

@@ -1,0 +1,349 @@
+//! Calibrations: made, read, evaluated, applied.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use arrow_array::{ArrayRef, Float64Array, Int64Array, StringArray};
+use pyo3::prelude::*;
+use pyo3::types::PyBytes;
+use sagnac::compare::compare as compared;
+use sagnac::diagnostics::ReportData;
+use sagnac::export::{c_files, encode, image_bytes};
+use sagnac::fit::{FitOptions, Loss, calibrate_with_report_data};
+use sagnac::fleet::PriorFile;
+use sagnac::verify::{Correction, Replay, VerifyOptions, status_text, verify};
+use sagnac::window::{WindowBuilder, Windows};
+use sagnac::{Error, Result, Setup};
+use sagnac_core::{Image, Status};
+use sagnac_log::ingest::{AngleUnit, ReadMode, sha256};
+use sagnac_log::write::write_bytes;
+use sagnac_report::calibration_report;
+use sagnac_units::s_from_ns;
+
+use crate::columns::words;
+use crate::errors::exception;
+use crate::settings;
+use crate::sources::{Run, Sources};
+use crate::table::Table;
+use crate::verification::{Comparison, Verification};
+use crate::work::away;
+
+/// A record, and what it was made of where it was made here.
+#[pyclass(frozen, module = "sagnac._sagnac")]
+pub(crate) struct Calibration {
+    record: Arc<sagnac::Calibration>,
+    behind: Option<Arc<(Windows, ReportData)>>,
+}
+
+/// What `calibrate` is asked for, beside its runs and its setup.
+#[derive(FromPyObject)]
+pub(crate) struct Asked {
+    #[pyo3(item)]
+    model: String,
+    #[pyo3(item)]
+    huber: bool,
+    #[pyo3(item)]
+    warm_up: bool,
+    #[pyo3(item)]
+    bootstrap: Option<usize>,
+    #[pyo3(item)]
+    source_date_epoch: Option<i64>,
+    #[pyo3(item)]
+    prior: Option<PathBuf>,
+    #[pyo3(item)]
+    lot: Option<String>,
+    #[pyo3(item)]
+    keep_outliers: bool,
+}
+
+impl Asked {
+    fn options(&self) -> Result<FitOptions> {
+        let prior = match &self.prior {
+            Some(path) => {
+                let prior = PriorFile::read(path)?.of_unit(self.lot.as_deref());
+                Some(prior.map_err(|e| e.file(path.display().to_string()))?)
+            }
+            None => None,
+        };
+        Ok(FitOptions::new(self.model.parse()?)
+            .prior(prior)
+            .source_date_epoch(self.source_date_epoch)
+            .bootstrap(self.bootstrap)
+            .loss(if self.huber { Loss::Huber } else { Loss::Squares })
+            .correct_warm_up(self.warm_up))
+    }
+}
+
+/// Fits runs; `setup` is a file and keys as JSON.
+#[pyfunction]
+pub(crate) fn calibrate(
+    py: Python<'_>,
+    runs: Vec<Run>,
+    setup: (Option<String>, String),
+    asked: Asked,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<Calibration> {
+    let sources = Sources::of(py, runs)?;
+    away(py, move |stop| {
+        let setup = settings::setup(Setup::default(), setup.0.as_deref(), &setup.1)?;
+        let options = asked.options()?.progress(stop.progress(progress));
+        let builder = WindowBuilder::read_all(sources.logs(&setup, ReadMode::Bulk, stop)?, &setup)?;
+        let builder = if asked.keep_outliers { builder.keep_outliers() } else { builder };
+        let windows = builder.finish();
+        let (record, report_data) = calibrate_with_report_data(windows.clone(), &setup, &options)?;
+        Ok(Calibration { record: Arc::new(record), behind: Some(Arc::new((windows, report_data))) })
+    })
+}
+
+/// A record's text.
+#[pyfunction]
+pub(crate) fn parse_calibration(text: &str, name: &str) -> PyResult<Calibration> {
+    let record = sagnac::Calibration::parse(text).map_err(|e| exception(e.file(name)))?;
+    Ok(Calibration { record: Arc::new(record), behind: None })
+}
+
+/// Records of one unit beside each other.
+#[pyfunction]
+pub(crate) fn compare(records: Vec<(String, PyRef<'_, Calibration>)>, limits: Option<String>) -> PyResult<Comparison> {
+    let records: Vec<_> = records.into_iter().map(|(name, record)| (name, record.record.as_ref().clone())).collect();
+    let limits = limits.as_deref().map(settings::limits).transpose().map_err(exception)?;
+    Ok(Comparison(compared(&records, limits.as_ref()).map_err(exception)?))
+}
+
+impl Calibration {
+    fn behind(&self) -> PyResult<&(Windows, ReportData)> {
+        self.behind.as_deref().ok_or_else(|| {
+            exception(
+                Error::input("a record that was read has no windows: it holds what was fitted, not the data")
+                    .help("calibrate the runs again"),
+            )
+        })
+    }
+
+    fn axis(&self, letter: &str) -> PyResult<&sagnac::AxisCalibration> {
+        let mut letters = letter.chars();
+        match (letters.next(), letters.next()) {
+            (Some(letter), None) => self.record.axis(letter).map_err(exception),
+            _ => Err(exception(Error::input("an axis is one letter").column("axis").value(letter))),
+        }
+    }
+
+    fn images(&self, sequence: u32) -> Result<Vec<Image>> {
+        let parent = sha256(self.record.to_json()?.as_bytes());
+        self.record.axes.iter().map(|axis| encode(&self.record, axis, parent, sequence)).collect()
+    }
+}
+
+/// Arrays of one value each for many temperatures: drift, lower, upper (NaN for null), scale; then whether each is in the span.
+type Evaluated<'py> = ([Bound<'py, PyBytes>; 4], Bound<'py, PyBytes>);
+
+#[pymethods]
+impl Calibration {
+    fn to_json(&self) -> PyResult<String> {
+        self.record.to_json().map_err(exception)
+    }
+
+    fn save(&self, path: PathBuf) -> PyResult<()> {
+        self.record.save(path).map_err(exception)
+    }
+
+    /// At temperatures and rates, `f8` each.
+    fn evaluate<'py>(&self, py: Python<'py>, axis: &str, celsius: &[u8], cpm: &[u8]) -> PyResult<Evaluated<'py>> {
+        let axis = self.axis(axis)?;
+        let (celsius, cpm) = (words(celsius, f64::from_le_bytes), words(cpm, f64::from_le_bytes));
+        let all: Vec<_> = celsius.iter().zip(&cpm).map(|(celsius, cpm)| axis.evaluate(*celsius, *cpm)).collect();
+        let column = |value: fn(&sagnac::Evaluation) -> f64| {
+            PyBytes::new(py, &all.iter().flat_map(|one| value(one).to_le_bytes()).collect::<Vec<u8>>())
+        };
+        let numbers = [
+            column(|one| one.drift_dph),
+            column(|one| one.lower_dph.unwrap_or(f64::NAN)),
+            column(|one| one.upper_dph.unwrap_or(f64::NAN)),
+            column(|one| one.scale_ppm),
+        ];
+        Ok((numbers, PyBytes::new(py, &all.iter().map(|one| u8::from(one.in_span)).collect::<Vec<u8>>())))
+    }
+
+    fn image<'py>(&self, py: Python<'py>, axis: &str, sequence: u32) -> PyResult<Bound<'py, PyBytes>> {
+        let parent = sha256(self.to_json()?.as_bytes());
+        let image = encode(&self.record, self.axis(axis)?, parent, sequence).map_err(exception)?;
+        Ok(PyBytes::new(py, &image_bytes(&image)))
+    }
+
+    /// Writes the C sources; their paths.
+    fn export_c(&self, folder: PathBuf, sequence: u32) -> PyResult<Vec<PathBuf>> {
+        let files = c_files(&self.images(sequence).map_err(exception)?, None);
+        let paths: Vec<PathBuf> = files.iter().map(|file| folder.join(&file.name)).collect();
+        let write = || -> Result<()> {
+            files.iter().zip(&paths).try_for_each(|(file, path)| file.check_place(path))?;
+            for (file, path) in files.iter().zip(&paths) {
+                let above = path.parent().unwrap_or(Path::new("."));
+                std::fs::create_dir_all(above).map_err(|e| Error::io_path(above, "make the folder", &e))?;
+                write_bytes(path, file.text.as_bytes())?;
+            }
+            Ok(())
+        };
+        write().map_err(exception)?;
+        Ok(paths)
+    }
+
+    fn verify(
+        &self,
+        py: Python<'_>,
+        runs: Vec<Run>,
+        setup: (Option<String>, String),
+        limits: Option<String>,
+        exclude: (bool, bool),
+    ) -> PyResult<Verification> {
+        let (sources, record) = (Sources::of(py, runs)?, Arc::clone(&self.record));
+        away(py, move |stop| {
+            let correction = Correction::from_calibration(record.as_ref().clone())?;
+            let setup = settings::setup(correction.setup(), setup.0.as_deref(), &setup.1)?;
+            let limits = limits.as_deref().map(settings::limits).transpose()?;
+            let options = VerifyOptions::default().exclude_outliers(exclude.0).exclude_start(exclude.1);
+            let proof = verify(&correction, sources.logs(&setup, ReadMode::Bulk, stop)?, &setup, options)?;
+            let proof = match &limits {
+                Some(limits) => proof.limits(limits)?,
+                None => proof,
+            };
+            Ok(Verification { proof, record })
+        })
+    }
+
+    /// A log as the gyro's processor would correct it.
+    fn compensate(&self, py: Python<'_>, run: Run, setup: (Option<String>, String)) -> PyResult<Table> {
+        let (sources, record) = (Sources::of(py, vec![run])?, Arc::clone(&self.record));
+        let columns = away(py, move |stop| {
+            let correction = Correction::from_calibration(record.as_ref().clone())?;
+            let setup = settings::setup(correction.setup(), setup.0.as_deref(), &setup.1)?;
+            corrected(&correction, &sources, &setup, stop)
+        })?;
+        Table::of(columns)
+    }
+
+    fn report(&self) -> PyResult<String> {
+        let (_, report_data) = self.behind()?;
+        calibration_report(&self.record, report_data).map(|report| report.html().to_owned()).map_err(exception)
+    }
+
+    /// The windows that the runs were summed into.
+    fn windows(&self) -> PyResult<Table> {
+        let (windows, _) = self.behind()?;
+        let rows = &windows.rows;
+        let origin_ns = |at: usize| windows.runs.get(rows.run[at] as usize).map_or(0, |run| run.start_ns);
+        let seconds = |of: &[i64]| -> ArrayRef {
+            Arc::new(Float64Array::from_iter_values(
+                of.iter().enumerate().map(|(at, ns)| s_from_ns(ns - origin_ns(at))),
+            ))
+        };
+        let number = |of: &[f64]| -> ArrayRef {
+            Arc::new(Float64Array::from_iter(of.iter().map(|value| (!value.is_nan()).then_some(*value))))
+        };
+        let mut columns: Vec<(String, ArrayRef)> = vec![
+            ("run".to_owned(), Arc::new(Int64Array::from_iter_values(rows.run.iter().map(|run| i64::from(*run))))),
+            ("start_s".to_owned(), seconds(&rows.start_ns)),
+            ("end_s".to_owned(), seconds(&rows.end_ns)),
+            ("samples".to_owned(), Arc::new(Int64Array::from_iter_values(rows.samples.iter().map(|n| i64::from(*n))))),
+        ];
+        for (at, axis) in windows.shape.axes.iter().enumerate() {
+            let rate: Vec<f64> = (0..windows.len()).map(|window| windows.rate_dph(at, window)).collect();
+            columns.push((format!("rate_dph_{axis}"), number(&rate)));
+        }
+        for (name, values) in windows.shape.thermometers.iter().zip(&rows.mean_c) {
+            let name = if name.is_empty() { "temperature_c".to_owned() } else { format!("temperature_c_{name}") };
+            columns.push((name, number(values)));
+        }
+        for (name, values) in windows.shape.aux.iter().zip(&rows.aux) {
+            columns.push((format!("aux_{name}"), number(values)));
+        }
+        Table::of(columns)
+    }
+
+    /// The points of an axis: rate about its run's constant, and less the fit.
+    fn residuals(&self, axis: &str) -> PyResult<Table> {
+        let letter = self.axis(axis)?.axis;
+        let (_, report_data) = self.behind()?;
+        let points = report_data.axes.iter().find(|axis| axis.axis == letter).map_or(&[][..], |axis| &axis.points);
+        points_table(points)
+    }
+
+    /// Models that were tried for an axis.
+    fn candidates(&self, axis: &str) -> PyResult<Table> {
+        let fit = self.axis(axis)?.fit.as_ref();
+        let all = fit.map_or(&[][..], |fit| &fit.candidates);
+        let number = |of: fn(&sagnac::calibration::Candidate) -> Option<f64>| -> ArrayRef {
+            Arc::new(Float64Array::from_iter(all.iter().map(of)))
+        };
+        Table::of(vec![
+            ("model".to_owned(), Arc::new(StringArray::from_iter_values(all.iter().map(|one| &one.model)))),
+            (
+                "coefficients".to_owned(),
+                Arc::new(Int64Array::from_iter_values(all.iter().map(|one| one.coefficients as i64))),
+            ),
+            ("held_out_dph".to_owned(), number(|one| one.held_out_dph)),
+            ("slow_update_instructions".to_owned(), number(|one| one.slow_update_instructions.map(f64::from))),
+            ("chosen".to_owned(), Arc::new(Int64Array::from_iter_values(all.iter().map(|one| i64::from(one.chosen))))),
+        ])
+    }
+}
+
+/// Points of a report as a table; `after_dph` is null where a window was excluded.
+pub(crate) fn points_table(points: &[sagnac::diagnostics::Point]) -> PyResult<Table> {
+    let number = |of: fn(&sagnac::diagnostics::Point) -> f64| -> ArrayRef {
+        Arc::new(Float64Array::from_iter(points.iter().map(|point| Some(of(point)).filter(|value| !value.is_nan()))))
+    };
+    let excluded = points.iter().map(|point| point.excluded.map(|reason| reason.name()));
+    Table::of(vec![
+        ("run".to_owned(), Arc::new(Int64Array::from_iter_values(points.iter().map(|point| point.run as i64)))),
+        ("hours".to_owned(), number(|point| point.hours)),
+        ("temperature_c".to_owned(), number(|point| point.temperature_c)),
+        ("rate_cpm".to_owned(), number(|point| point.rate_cpm)),
+        ("before_dph".to_owned(), number(|point| point.before_dph)),
+        ("after_dph".to_owned(), number(|point| point.after_dph)),
+        ("excluded".to_owned(), Arc::new(StringArray::from_iter(excluded))),
+    ])
+}
+
+/// Columns of a corrected log.
+fn corrected(
+    correction: &Correction,
+    sources: &Sources,
+    setup: &Setup,
+    stop: &crate::work::Stop,
+) -> Result<Vec<(String, ArrayRef)>> {
+    let mut logs = sources.logs(setup, ReadMode::Bulk, stop)?;
+    let mut log = logs.next().ok_or_else(|| Error::input("no log given"))??;
+    let (shape, name) = (log.shape().clone(), log.summary().file);
+    let (images, readings) = correction.fit_to(&shape, setup).map_err(|e| e.file(&name))?;
+    let mut replay = Replay::new(&images, &shape, readings, &name)?;
+    let (mut rows, mut times) = (Vec::new(), Vec::new());
+    let mut angles = vec![Vec::new(); shape.axes.len()];
+    let mut statuses = vec![Vec::new(); shape.axes.len()];
+    while let Some(batch) = log.next_batch()? {
+        let done = replay.correct(batch)?;
+        rows.extend(batch.line.iter().map(|line| *line as i64 - 2));
+        times.extend(batch.end_ns.iter().map(|ns| s_from_ns(*ns)));
+        for ((all, part), (words, status)) in
+            angles.iter_mut().zip(&done.angle).zip(statuses.iter_mut().zip(&done.status))
+        {
+            all.extend_from_slice(part);
+            words.extend(status.iter().map(|status| (*status != Status::OK).then(|| status_text(*status))));
+        }
+    }
+    let mut columns: Vec<(String, ArrayRef)> = vec![("row".to_owned(), Arc::new(Int64Array::from(rows)))];
+    if shape.timed {
+        columns.push(("time_s".to_owned(), Arc::new(Float64Array::from(times))));
+    }
+    for ((axis, angle), status) in shape.axes.iter().zip(angles).zip(statuses) {
+        let column: (String, ArrayRef) = match shape.unit {
+            AngleUnit::Quanta { .. } => (
+                format!("counts_{axis}"),
+                Arc::new(Int64Array::from_iter_values(angle.iter().map(|value| *value as i64))),
+            ),
+            AngleUnit::Arcsec => (format!("angle_arcsec_{axis}"), Arc::new(Float64Array::from(angle))),
+        };
+        columns.push(column);
+        columns.push((format!("status_{axis}"), Arc::new(StringArray::from_iter(status))));
+    }
+    Ok(columns)
+}

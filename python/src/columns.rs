@@ -1,0 +1,101 @@
+//! Columns of numpy, part by part, as Arrow batches.
+//!
+//! The package cuts arrays into parts and gives the bytes of each: a copy of a part at a time, never of the whole.
+
+use std::sync::Arc;
+
+use arrow_array::{
+    ArrayRef, BooleanArray, Float64Array, Int64Array, RecordBatch, StringArray, TimestampNanosecondArray,
+};
+use arrow_schema::{ArrowError, DataType, Field, Schema, SchemaRef, TimeUnit};
+use pyo3::exceptions::PyStopIteration;
+use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PyList};
+
+use crate::work::Stop;
+
+/// An iterator of Python over lists of parts, one a column.
+pub(crate) struct ColumnParts {
+    iterator: Py<PyAny>,
+    schema: SchemaRef,
+    stop: Stop,
+}
+
+/// Names and kinds of columns: `f8`, `i8`, `?`, `ns` (times in ns since 1970) and `U` (text).
+pub(crate) fn schema_of(columns: &[(String, String)]) -> sagnac::Result<SchemaRef> {
+    let field = |(name, kind): &(String, String)| {
+        let kind = match kind.as_str() {
+            "f8" => DataType::Float64,
+            "i8" => DataType::Int64,
+            "?" => DataType::Boolean,
+            "ns" => DataType::Timestamp(TimeUnit::Nanosecond, None),
+            "U" => DataType::Utf8,
+            other => return Err(sagnac::Error::input(format!("no kind of column: {other}")).column(name)),
+        };
+        Ok(Field::new(name, kind, true))
+    };
+    Ok(Arc::new(Schema::new(columns.iter().map(field).collect::<sagnac::Result<Vec<_>>>()?)))
+}
+
+impl ColumnParts {
+    pub(crate) fn new(iterator: Py<PyAny>, schema: SchemaRef, stop: Stop) -> Self {
+        Self { iterator, schema, stop }
+    }
+
+    fn part(&self, py: Python<'_>) -> PyResult<Option<RecordBatch>> {
+        let parts = match self.iterator.call_method0(py, "__next__") {
+            Ok(parts) => parts,
+            Err(e) if e.is_instance_of::<PyStopIteration>(py) => return Ok(None),
+            Err(e) => return Err(e),
+        };
+        let parts = parts.bind(py).cast::<PyList>()?.clone();
+        let fields = self.schema.fields().iter();
+        let columns: PyResult<Vec<ArrayRef>> =
+            fields.zip(parts.iter()).map(|(field, part)| array_of(field.data_type(), &part)).collect();
+        let batch = RecordBatch::try_new(Arc::clone(&self.schema), columns?);
+        batch.map(Some).map_err(|e| crate::errors::exception(sagnac::Error::input(format!("columns that differ: {e}"))))
+    }
+}
+
+impl Iterator for ColumnParts {
+    type Item = Result<RecordBatch, ArrowError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        if self.stop.is_asked() {
+            return Some(Err(stopped()));
+        }
+        match Python::attach(|py| self.part(py)) {
+            Ok(batch) => batch.map(Ok),
+            Err(raised) => {
+                self.stop.raise(raised);
+                Some(Err(stopped()))
+            }
+        }
+    }
+}
+
+/// The error of a table whose reading was stopped; what stopped it is raised in its place.
+pub(crate) fn stopped() -> ArrowError {
+    ArrowError::ExternalError(Box::new(sagnac::Error::input("stopped")))
+}
+
+fn array_of(kind: &DataType, part: &Bound<'_, PyAny>) -> PyResult<ArrayRef> {
+    if *kind == DataType::Utf8 {
+        return Ok(Arc::new(StringArray::from(part.extract::<Vec<Option<String>>>()?)));
+    }
+    let bytes = part.cast::<PyBytes>()?.as_bytes();
+    Ok(match kind {
+        DataType::Float64 => Arc::new(Float64Array::from(words(bytes, f64::from_le_bytes))),
+        DataType::Boolean => Arc::new(BooleanArray::from(bytes.iter().map(|byte| *byte != 0).collect::<Vec<bool>>())),
+        // numpy's NaT is the least number.
+        DataType::Timestamp(..) => Arc::new(TimestampNanosecondArray::from_iter(
+            words(bytes, i64::from_le_bytes).into_iter().map(|ns| (ns != i64::MIN).then_some(ns)),
+        )),
+        _ => Arc::new(Int64Array::from(words(bytes, i64::from_le_bytes))),
+    })
+}
+
+/// Values of eight bytes each.
+pub(crate) fn words<T>(bytes: &[u8], of: fn([u8; 8]) -> T) -> Vec<T> {
+    bytes.as_chunks::<8>().0.iter().map(|word| of(*word)).collect()
+}

@@ -1,0 +1,78 @@
+//! `cargo xtask wheel`: the Python package in `python/`, a workspace of its own: format, lints, licences, one wheel for every CPython from
+//! 3.10 on, and its tests in fresh environments: one with what users have beside it, one with nothing.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, ensure};
+use xtask::debian::{self, need};
+use xtask::shell::{built, root, sh, sh_in, stdout_of, target, text};
+
+use crate::cargo_tools::need_cargo_tool;
+
+/// Largest wheel, bytes.
+const MOST_BYTES: u64 = 8_000_000;
+
+pub(crate) fn wheel() -> Result<()> {
+    need(debian::PLACE)?;
+    need_cargo_tool("deny")?;
+    let folder = root().join("python");
+    let cargo = |args: &[&str]| sh_in(&folder, "cargo", args, &[]);
+    cargo(&["fmt", "--check"])?;
+    cargo(&["fetch", "--locked"])?;
+    cargo(&["deny", "--offline", "check", "--hide-inclusion-graph", "licenses", "bans", "sources"])?;
+    let full = environment("full")?;
+    install(&full, &["--requirement", text(&folder.join("requirements.txt"))?])?;
+    let wheel = build(&folder, &full)?;
+    let bare = environment("bare")?;
+    for python in [&full, &bare] {
+        install(python, &["--force-reinstall", "--no-deps", text(&wheel)?])?;
+    }
+    // The program that the package's bytes are compared with.
+    sh("cargo", &["build", "--quiet", "--locked", "--package", "sagnac-cli"])?;
+    let program = built("debug", "sagnac");
+    let env = [("SAGNAC_PROGRAM", text(&program)?), ("MPLBACKEND", "Agg")];
+    sh_in(&folder, text(&bare)?, &["tests/without_packages.py"], &env)?;
+    let python = |args: &[&str]| sh_in(&folder, text(&full)?, args, &env);
+    python(&["-m", "mypy", "--strict", "package/sagnac", "tests"])?;
+    python(&["-m", "mypy.stubtest", "--concise", "sagnac._sagnac"])?;
+    python(&["-m", "pytest", "--quiet"])
+}
+
+/// The Python of an environment that is made anew.
+fn environment(name: &str) -> Result<PathBuf> {
+    let venv = target().join("python").join(name);
+    if venv.exists() {
+        fs::remove_dir_all(&venv).with_context(|| format!("cannot remove {}", venv.display()))?;
+    }
+    sh("python3", &["-m", "venv", text(&venv)?])?;
+    Ok(venv.join("bin/python"))
+}
+
+fn install(python: &Path, what: &[&str]) -> Result<()> {
+    let pip = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check"];
+    sh(text(python)?, &[&pip[..], what].concat())
+}
+
+/// The wheel. Clippy's driver compiles what is ours in the one build there is.
+fn build(folder: &Path, python: &Path) -> Result<PathBuf> {
+    let wheels = target().join("wheels");
+    if wheels.exists() {
+        fs::remove_dir_all(&wheels)?;
+    }
+    let env = [
+        ("RUSTC_WORKSPACE_WRAPPER", "clippy-driver"),
+        ("CLIPPY_ARGS", "-D__CLIPPY_HACKERY__warnings__CLIPPY_HACKERY__"),
+    ];
+    let maturin = ["-m", "maturin", "build", "--quiet", "--release", "--locked", "--out", text(&wheels)?];
+    sh_in(folder, text(python)?, &maturin, &env)?;
+    let entry = fs::read_dir(&wheels)?.next().context("maturin has made no wheel")??;
+    let bytes = entry.metadata()?.len();
+    let name = entry.file_name().to_string_lossy().into_owned();
+    println!("wheel: {name}, {bytes} bytes");
+    ensure!(bytes < MOST_BYTES, "the wheel has {bytes} bytes, {MOST_BYTES} at most");
+    ensure!(name.contains("cp310-abi3"), "{name} is not for every CPython from 3.10 on");
+    let listed = stdout_of(60, text(python)?, &["-m", "zipfile", "--list", text(&entry.path())?], folder)?;
+    ensure!(listed.contains("sagnac/py.typed") && listed.contains("sagnac/_sagnac.pyi"), "the wheel has no types");
+    Ok(entry.path())
+}
