@@ -15,7 +15,8 @@ use crate::work::away;
 pub(crate) fn simulate(py: Python<'_>, toml: String, seed: Option<u64>) -> PyResult<Table> {
     let columns = away(py, move |stop| {
         let refused = |problem: ScenarioError| {
-            let error = Error::input(problem.message.clone()).column(problem.key.clone());
+            let error = Error::input(problem.message.clone());
+            let error = if problem.key.is_empty() { error } else { error.column(problem.key.clone()) };
             let error = problem.line.map_or(error.clone(), |line| error.line(line));
             error.help("docs/reference/scenario.md lists every key with its unit and range")
         };

@@ -118,9 +118,10 @@ def test_plots_answer_with_the_reports_words(unit: sagnac.Calibration, tmp_path:
 
 
 def test_reports_of_all_kinds(unit: sagnac.Calibration, tmp_path: Path) -> None:
-    for number, result in enumerate([unit, sagnac.allan(CHAMBER / "cycle-1.csv.gz", BENCH), sagnac.compare([unit, unit])]):
+    noise, compared = sagnac.allan(CHAMBER / "cycle-1.csv.gz", BENCH), sagnac.compare([unit, unit])
+    for number, write in enumerate([unit.report, noise.report, compared.report]):
         path = tmp_path / f"{number}.html"
-        result.report(path)
+        write(path)
         assert path.read_text().startswith("<!DOCTYPE html>")
     with pytest.raises(sagnac.InputError, match="cannot write"):
         unit.report(tmp_path / "no-such-folder" / "report.html")

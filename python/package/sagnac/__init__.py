@@ -14,7 +14,6 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping, Sequence
 from importlib.metadata import version as _version
-from typing import TYPE_CHECKING
 
 from . import _progress, _sagnac
 from ._errors import InputError, Refused, SagnacError
@@ -36,9 +35,6 @@ from ._results import (
     VerifiedAxis,
 )
 from ._sources import limits_of, runs_of, setup_of
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
 
 __all__ = [
     "Axis",
@@ -131,7 +127,7 @@ def allan(
     *,
     fs: float | None = None,
     quantity: str = "rate_dph",
-    taus: str | Sequence[float] | ArrayLike = "log",
+    taus: str | Sequence[float] = "log",
     exact: bool = False,
     columns: Mapping[str, str] | None = None,
     **keys: object,
@@ -159,7 +155,7 @@ def allan(
         runs, keys = {quantity: runs}, {"sample_interval_s": 1.0 / fs, **keys}
     elif fs is not None:
         raise InputError("belongs to an array; a table has its time, or sample_interval_s", "fs")
-    word, given = (taus, []) if isinstance(taus, str) else ("given", [float(tau) for tau in taus])  # type: ignore[union-attr]
+    word, given = (taus, []) if isinstance(taus, str) else ("given", [float(tau) for tau in taus])
     if word not in ("log", "octave", "all", "given"):
         raise InputError("taus is 'log', 'octave', 'all' or a list of times in s", "taus")
     return NoiseBudget(_sagnac.allan(runs_of(runs), setup_of(setup, keys, columns), word, given, exact))

@@ -362,7 +362,8 @@ class Calibration(_Result[Axis]):
 
     def image(self, axis: str | None = None, sequence: int = 1) -> bytes:
         """The flash image of an axis; the image with the larger ``sequence`` is the newer one."""
-        return self._native.image(self._letter(axis), sequence)
+        image: bytes = self._native.image(self._letter(axis), sequence)
+        return image
 
     def compensator(self, axis: str | None = None) -> Compensator:
         """The gyro's own processor for an axis."""
@@ -613,7 +614,8 @@ class Comparison(_Result[ComparedAxis]):
     @property
     def words(self) -> list[str]:
         """What changed, a line a curve."""
-        return self._native.words()
+        words: list[str] = self._native.words()
+        return words
 
     def __repr__(self) -> str:
         return "\n".join(["Comparison: " + ("passed" if self.passed else "NOT PASSED"), *self.words])

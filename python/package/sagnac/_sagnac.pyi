@@ -3,6 +3,20 @@
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, final
 
+__all__ = [
+    "Calibration",
+    "calibrate",
+    "compare",
+    "parse_calibration",
+    "Compensator",
+    "NoiseBudget",
+    "allan",
+    "simulate",
+    "Table",
+    "Comparison",
+    "Verification",
+]
+
 _Run = tuple[str, str, object]
 _Setup = tuple[str | None, str]
 
