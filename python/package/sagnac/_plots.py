@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from ._errors import InputError
+from ._packages import need
 
 if TYPE_CHECKING:
     from ._results import Calibration, NoiseBudget, Verification
@@ -19,18 +20,14 @@ def axes_of(ax: Any, rows: int = 1) -> list[Any]:
         if len(given) < rows:
             raise InputError(f"{rows} axes are needed, {len(given)} are given")
         return given
-    try:
-        import matplotlib.pyplot as plt
-    except ImportError:
-        raise InputError("plots need matplotlib, which is not installed", "", "pip install matplotlib") from None
+    plt = need("matplotlib.pyplot", "plots")
     _, made = plt.subplots(rows, 1, figsize=(7.5, 3.4 * rows), layout="constrained")
     return [made] if rows == 1 else list(made)
 
 
 def calibration(of: Calibration, axis: str, ax: Any) -> list[Any]:
     """Drift over temperature with the fit and its 95 % interval; below it the residual over time."""
-    import numpy
-
+    numpy = need("numpy", "plots")
     drift, residual = axes_of(ax, 2)
     points = of.residuals(axis)
     temperature_c, before, after = points["temperature_c"], points["before_dph"], points["after_dph"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import io
 import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from . import _plots, _sagnac
 from ._errors import InputError
+from ._packages import need
 from ._sources import limits_of, runs_of, setup_of
 
 if TYPE_CHECKING:
@@ -45,8 +47,7 @@ class Table(Mapping[str, Any]):
         kind, values = self._native.column(name)
         if isinstance(values, list):
             return values
-        import numpy
-
+        numpy = need("numpy", "columns of a table")
         return numpy.frombuffer(values, dtype="<" + kind)
 
     def __iter__(self) -> Iterator[str]:
@@ -214,17 +215,13 @@ class _Result(Generic[AxisOf]):
     def _figure(self) -> str:
         """The figure as SVG, where matplotlib is there; a figure never breaks a notebook's cell."""
         try:
-            import io
-
-            import matplotlib.figure
-
-            figure = matplotlib.figure.Figure(figsize=(7.5, 3.4 * self._rows), layout="constrained")
+            figure = need("matplotlib.figure", "figures").Figure(figsize=(7.5, 3.4 * self._rows), layout="constrained")
             made = figure.subplots(self._rows, 1)
             self._draw(self._letter(None), made if self._rows > 1 else [made])
             out = io.StringIO()
             figure.savefig(out, format="svg")
             return out.getvalue()[out.getvalue().index("<svg") :]
-        except (ImportError, InputError):
+        except InputError:
             return ""
 
     _rows = 1
@@ -299,8 +296,7 @@ class Calibration(_Result[Axis]):
         Raises:
             InputError: Shapes that do not go together, values that are not numbers, several axes and none named.
         """
-        import numpy
-
+        numpy = need("numpy", "evaluations")
         try:
             celsius, cpm = numpy.broadcast_arrays(
                 numpy.asarray(temperature_c, dtype="<f8"), numpy.asarray(rate_cpm, dtype="<f8")
@@ -535,7 +531,7 @@ class NoiseBudget(_Result[NoiseAxis]):
     @property
     def axes(self) -> tuple[NoiseAxis, ...]:
         """The axes."""
-        import numpy
+        numpy = need("numpy", "curves")
 
         def term(of: Mapping[str, Any], unit: str) -> NoiseTerm:
             return NoiseTerm(of.get("value"), of.get("lower"), of.get("upper"), unit, of.get("unresolved"))
@@ -674,8 +670,7 @@ class Compensator:
         Raises:
             InputError: Arrays of other shapes or values; fewer codes than updates that fall due. Nothing has changed then.
         """
-        import numpy
-
+        numpy = need("numpy", "many ticks")
         ticks, rows = _whole(numpy, "counts", counts, 1), _whole(numpy, "codes", codes, 2)
         if rows.shape[1] != self.inputs:
             raise InputError(f"codes of {rows.shape[1]} inputs, the image has {self.inputs}")

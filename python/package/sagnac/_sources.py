@@ -12,6 +12,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from ._errors import InputError
+from ._packages import need
 
 Run = tuple[str, str, object]
 
@@ -56,10 +57,7 @@ def _columns(frame: Any) -> list[Any]:
 
 
 def _of_columns(name: str, columns: Mapping[str, Any]) -> Run:
-    try:
-        import numpy
-    except ImportError:
-        raise InputError("columns need numpy, which is not installed", name, "pip install numpy") from None
+    numpy = need("numpy", "columns")
     kinds: list[tuple[str, str]] = []
     arrays: list[tuple[str, Any, Any]] = []
     rows: int | None = None
