@@ -40,7 +40,7 @@ const RUNS: [Part; 8] = [
     ("hunt", || run_lab(&["hunt", "--cases", HUNTED])),
     ("fuzz", || fuzz::fuzz(&["--smoke"])),
     ("fleet", fleet::fleet),
-    ("wheel", wheel::wheel),
+    ("wheel", || wheel::wheel(false)),
 ];
 
 /// And beside it what runs on one: simulators, emulators, programs of Python. The lab has a command for each.

@@ -43,7 +43,8 @@ cargo xtask fpga       [place] the exported Verilog: lint, vectors in two simula
 cargo xtask firmware   build the firmware, run it in QEMU, compare it with the host bit for bit
 cargo xtask formats    files of MATLAB, HDF5, TDMS, MDF, ArduPilot, Excel and SQLite, converted as the program says (needs python3-venv)
 cargo xtask fleet      the cluster's program in fleet/: lints, licences, tests with executors and an object store (needs python3-venv)
-cargo xtask wheel      the Python package in python/: lints, licences, the wheel, types and tests (needs python3-venv)
+cargo xtask wheel      the Python package in python/: lints, licences, the wheel, types and tests (needs python3-venv); --notebooks: the
+                       notebooks' pages in docs/ anew
 cargo xtask dist       an archive and a Debian package in target/dist, of a release build for old systems (with zig from PyPI);
                        --check packs the program of the tests instead; both are unpacked or installed, and run
 
@@ -76,7 +77,8 @@ fn run(args: &[&str]) -> Result<()> {
         ["deny"] => checks::deny(),
         ["features"] => features::features(),
         ["fleet"] => fleet::fleet(),
-        ["wheel"] => wheel::wheel(),
+        ["wheel"] => wheel::wheel(false),
+        ["wheel", "--notebooks"] => wheel::wheel(true),
         ["layers"] => layers::layers(),
         ["dist", args @ ..] => dist::dist(args),
         ["examples"] => checks::examples(),

@@ -13,7 +13,7 @@ use crate::cargo_tools::need_cargo_tool;
 /// Largest wheel, bytes.
 const MOST_BYTES: u64 = 8_000_000;
 
-pub(crate) fn wheel() -> Result<()> {
+pub(crate) fn wheel(makes_pages: bool) -> Result<()> {
     need(debian::PLACE)?;
     need_cargo_tool("deny")?;
     let folder = root().join("python");
@@ -34,7 +34,10 @@ pub(crate) fn wheel() -> Result<()> {
     let env = [("SAGNAC_PROGRAM", text(&program)?), ("MPLBACKEND", "Agg")];
     sh_in(&folder, text(&bare)?, &["tests/without_packages.py"], &env)?;
     let python = |args: &[&str]| sh_in(&folder, text(&full)?, args, &env);
-    python(&["-m", "mypy", "--strict", "package/sagnac", "tests"])?;
+    if makes_pages {
+        return python(&["notebooks/pages.py"]);
+    }
+    python(&["-m", "mypy", "--strict", "package/sagnac", "tests", "notebooks/pages.py"])?;
     python(&["-m", "mypy.stubtest", "--concise", "sagnac._sagnac"])?;
     python(&["-m", "pytest", "--quiet"])
 }

@@ -575,11 +575,10 @@ class NoiseBudget(_Result[NoiseAxis]):
 
     def __repr__(self) -> str:
         lines = ["Noise budget"]
-        for axis in self.axes:
-            known = ", ".join(
-                f"{name} {term.value:.3g} {term.unit}" for name, term in axis.terms.items() if term.value is not None
-            )
-            lines.append(f"axis {axis.axis}: {known or 'no term is resolved'}")
+        for axis in self.to_dict()["axes"]:
+            found = {letter: axis["terms"][key].get("value") for letter, (key, _) in _TERMS.items()}
+            known = ", ".join(f"{name} {value:.3g} {_TERMS[name][1]}" for name, value in found.items() if value is not None)
+            lines.append(f"axis {axis['axis']}: {known or 'no term is resolved'}")
         return "\n".join(lines + [f"warning: {warning}" for warning in self.warnings])
 
 
