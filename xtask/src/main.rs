@@ -49,7 +49,7 @@ cargo xtask dist       an archive and a Debian package in target/dist, of a rele
                        --check packs the program of the tests instead; both are unpacked or installed, and run
 
 Not in ci
-cargo xtask bench      [csv | simulator | allan | fleet] time and memory compared with other tools, to docs/explanation/performance.md (10 minutes,
+cargo xtask bench      [csv | simulator | allan | fleet | python] time and memory compared with other tools, to docs/explanation/performance.md (10 minutes,
                        4 GB in target/bench; needs python3-venv)
 cargo xtask compare    fits of Sagnac and other tools on logs with a known truth, to docs/explanation/comparison.md (needs python3-venv)
 cargo xtask pictures   make the pictures of the README and of docs/ anew (needs chromium)

@@ -11,6 +11,7 @@ mod fleet;
 mod logs;
 mod plot;
 mod process;
+mod python;
 mod simulator;
 
 use std::fmt::Write as _;
@@ -75,7 +76,7 @@ struct Bench {
     folder: PathBuf,
 }
 
-/// Runs everything (about ten minutes, 4 GB of disk), or one part (`csv`, `simulator`, `allan`, `fleet`) and replaces its section.
+/// Runs everything (about ten minutes, 4 GB of disk), or one part (`csv`, `simulator`, `allan`, `fleet`, `python`) and replaces its section.
 pub(crate) fn bench(part: Option<&str>) -> Result<()> {
     sh("cargo", &["build", "--release", "--locked", "--package", "sagnac-cli"])?;
     let folder = root().join("target/bench");
@@ -86,7 +87,8 @@ pub(crate) fn bench(part: Option<&str>) -> Result<()> {
         Some("simulator") => return section_only(&bench, simulator::HEADING, simulator::measure),
         Some("allan") => return section_only(&bench, deviations::HEADING, deviations::measure),
         Some("fleet") => return section_only(&bench, fleet::HEADING, fleet::measure_fleet),
-        Some(other) => bail!("no part {other} of the bench; there are csv, simulator, allan and fleet"),
+        Some("python") => return section_only(&bench, python::HEADING, python::measure),
+        Some(other) => bail!("no part {other} of the bench; there are csv, simulator, allan, fleet and python"),
         None => {}
     }
     let mut page = head(&bench)?;
@@ -98,6 +100,7 @@ pub(crate) fn bench(part: Option<&str>) -> Result<()> {
     deviations::measure(&bench, &mut page)?;
     simulator::measure(&bench, &mut page)?;
     fleet::measure_fleet(&bench, &mut page)?;
+    python::measure(&bench, &mut page)?;
     fs::write(root().join(PERFORMANCE), &page)?;
     println!("{page}\nwrote {PERFORMANCE}");
     Ok(())

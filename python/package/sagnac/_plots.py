@@ -64,11 +64,11 @@ def verification(of: Verification, axis: str, ax: Any) -> list[Any]:
 
 
 def noise(of: NoiseBudget, axis: str, ax: Any) -> list[Any]:
-    """Overlapping Allan deviation with its 68 % interval, and the terms that explain it."""
+    """Overlapping Allan deviation with its 95 % interval, and the terms that explain it."""
     (only,) = axes_of(ax)[:1]
     found = of.axis(axis)
     only.loglog(found.tau_s, found.adev_dph, color=AFTER, label="Allan deviation")
-    only.fill_between(found.tau_s, found.lower_dph, found.upper_dph, color=AFTER, alpha=0.2, lw=0, label="its interval")
+    only.fill_between(found.tau_s, found.lower_dph, found.upper_dph, color=AFTER, alpha=0.2, lw=0, label="95 % interval")
     terms = [f"{name} {term.value:.3g} {term.unit}" for name, term in found.terms.items() if term.value is not None]
     only.set(xlabel="τ, s", ylabel="Allan deviation, °/h", title=f"axis {axis}: " + (", ".join(terms) or "no term resolved"))
     only.grid(True, which="both", alpha=0.3)
