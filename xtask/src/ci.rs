@@ -93,7 +93,8 @@ fn tests() -> Result<()> {
 fn tools() -> Vec<debian::Tool> {
     let browser = std::env::var_os("SAGNAC_REQUIRE_SHARED").is_some_and(|value| value == "1");
     let browser = if browser { debian::BROWSER } else { &[] };
-    [debian::CORPUS, debian::C, debian::FPGA, debian::FIRMWARE, debian::DIST, debian::FORMATS, browser].concat()
+    [debian::CORPUS, debian::C, debian::FPGA, debian::FIRMWARE, debian::DIST, debian::FORMATS, debian::WHEEL, browser]
+        .concat()
 }
 
 /// Processor time of all child processes that have ended, s: proc(5), where it is in hundredths.

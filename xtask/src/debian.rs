@@ -107,6 +107,9 @@ pub const DIST: &[Tool] = &[
     ("git", "git"),
 ];
 
+/// For `cargo xtask wheel`: Spark runs on Java.
+pub const WHEEL: &[Tool] = &[("python3", "python3-venv"), ("java", "openjdk-17-jre-headless")];
+
 /// For `cargo xtask formats`: the packages come from PyPI.
 pub const FORMATS: &[Tool] = &[("python3", "python3-venv")];
 

@@ -14,7 +14,7 @@ use crate::cargo_tools::need_cargo_tool;
 const MOST_BYTES: u64 = 8_000_000;
 
 pub(crate) fn wheel(makes_pages: bool) -> Result<()> {
-    need(debian::PLACE)?;
+    need(debian::WHEEL)?;
     need_cargo_tool("deny")?;
     let folder = root().join("python");
     let cargo = |args: &[&str]| sh_in(&folder, "cargo", args, &[]);
