@@ -12,9 +12,10 @@ use sagnac::export::{c_files, encode, image_bytes};
 use sagnac::fit::{FitOptions, Loss, calibrate_with_report_data};
 use sagnac::fleet::PriorFile;
 use sagnac::verify::{Correction, Replay, VerifyOptions, status_text, verify};
-use sagnac::window::{WindowBuilder, Windows};
+use sagnac::window::{WindowBuilder, Windows, read_table};
 use sagnac::{Error, Result, Setup};
 use sagnac_core::{Image, Status};
+use sagnac_log::MemoryBudget;
 use sagnac_log::ingest::{AngleUnit, ReadMode, sha256};
 use sagnac_log::write::write_bytes;
 use sagnac_report::calibration_report;
@@ -85,14 +86,31 @@ pub(crate) fn calibrate(
 ) -> PyResult<Calibration> {
     let sources = Sources::of(py, runs)?;
     away(py, move |stop| {
-        let setup = settings::setup(Setup::default(), setup.0.as_deref(), &setup.1)?;
         let options = asked.options()?.progress(stop.progress(progress));
-        let builder = WindowBuilder::read_all(sources.logs(&setup, ReadMode::Bulk, stop)?, &setup)?;
-        let builder = if asked.keep_outliers { builder.keep_outliers() } else { builder };
-        let windows = builder.finish();
+        let (windows, setup) = match sources.window_table()? {
+            Some(path) => of_table(path, &setup, asked.keep_outliers)?,
+            None => {
+                let setup = settings::setup(Setup::default(), setup.0.as_deref(), &setup.1)?;
+                let builder = WindowBuilder::read_all(sources.logs(&setup, ReadMode::Bulk, stop)?, &setup)?;
+                let builder = if asked.keep_outliers { builder.keep_outliers() } else { builder };
+                (builder.finish(), setup)
+            }
+        };
         let (record, report_data) = calibrate_with_report_data(windows.clone(), &setup, &options)?;
         Ok(Calibration { record: Arc::new(record), behind: Some(Arc::new((windows, report_data))) })
     })
+}
+
+/// A file of windows; the settings that made them cannot be changed any more.
+fn of_table(path: &Path, (file, keys): &(Option<String>, String), keep_outliers: bool) -> Result<(Windows, Setup)> {
+    let (windows, made_with) = read_table(path, MemoryBudget::default())?;
+    let setup = settings::setup(made_with.clone(), file.as_deref(), keys)?;
+    if !setup.makes_the_windows_of(&made_with) || keep_outliers {
+        return Err(Error::input("the setup would change how the windows of this table were made")
+            .file(path.display().to_string())
+            .help("make the table anew with `sagnac window`, or leave that to what it was made with"));
+    }
+    Ok((windows, setup))
 }
 
 /// A record's text.
@@ -211,14 +229,14 @@ impl Calibration {
     }
 
     /// A log as the gyro's processor would correct it.
-    fn compensate(&self, py: Python<'_>, run: Run, setup: (Option<String>, String)) -> PyResult<Table> {
+    fn compensate(&self, py: Python<'_>, run: Run, setup: (Option<String>, String)) -> PyResult<(Table, u64, u64)> {
         let (sources, record) = (Sources::of(py, vec![run])?, Arc::clone(&self.record));
-        let columns = away(py, move |stop| {
+        let (columns, good, all) = away(py, move |stop| {
             let correction = Correction::from_calibration(record.as_ref().clone())?;
             let setup = settings::setup(correction.setup(), setup.0.as_deref(), &setup.1)?;
             corrected(&correction, &sources, &setup, stop)
         })?;
-        Table::of(columns)
+        Table::of(columns).map(|table| (table, good, all))
     }
 
     fn report(&self) -> PyResult<String> {
@@ -304,24 +322,27 @@ pub(crate) fn points_table(points: &[sagnac::diagnostics::Point]) -> PyResult<Ta
     ])
 }
 
-/// Columns of a corrected log.
-fn corrected(
-    correction: &Correction,
-    sources: &Sources,
-    setup: &Setup,
-    stop: &crate::work::Stop,
-) -> Result<Vec<(String, ArrayRef)>> {
+/// Columns of a corrected log, rows that were corrected within the span of the fit, and rows that there were.
+type Corrected = (Vec<(String, ArrayRef)>, u64, u64);
+
+/// Corrects a log.
+fn corrected(correction: &Correction, sources: &Sources, setup: &Setup, stop: &crate::work::Stop) -> Result<Corrected> {
     let mut logs = sources.logs(setup, ReadMode::Bulk, stop)?;
     let mut log = logs.next().ok_or_else(|| Error::input("no log given"))??;
     let (shape, name) = (log.shape().clone(), log.summary().file);
     let (images, readings) = correction.fit_to(&shape, setup).map_err(|e| e.file(&name))?;
     let mut replay = Replay::new(&images, &shape, readings, &name)?;
-    let (mut rows, mut times) = (Vec::new(), Vec::new());
+    let is_file = sources.are_files();
+    let (mut rows, mut times, mut good) = (Vec::new(), Vec::new(), 0_u64);
     let mut angles = vec![Vec::new(); shape.axes.len()];
     let mut statuses = vec![Vec::new(); shape.axes.len()];
     while let Some(batch) = log.next_batch()? {
         let done = replay.correct(batch)?;
-        rows.extend(batch.line.iter().map(|line| *line as i64 - 2));
+        // A table has a line of headers and no other line but its rows.
+        rows.extend(batch.line.iter().map(|line| if is_file { *line as i64 } else { *line as i64 - 2 }));
+        let none = Status::UNCORRECTED | Status::STALE | Status::OVERFLOW | Status::OUT_OF_SPAN;
+        let is_good = |row: &usize| done.status.iter().all(|axis| axis[*row].bits() & none.bits() == 0);
+        good += (0..batch.len()).filter(is_good).count() as u64;
         times.extend(batch.end_ns.iter().map(|ns| s_from_ns(*ns)));
         for ((all, part), (words, status)) in
             angles.iter_mut().zip(&done.angle).zip(statuses.iter_mut().zip(&done.status))
@@ -330,20 +351,25 @@ fn corrected(
             words.extend(status.iter().map(|status| (*status != Status::OK).then(|| status_text(*status))));
         }
     }
-    let mut columns: Vec<(String, ArrayRef)> = vec![("row".to_owned(), Arc::new(Int64Array::from(rows)))];
+    let name = if is_file { "line" } else { "row" };
+    let mut columns: Vec<(String, ArrayRef)> = vec![(name.to_owned(), Arc::new(Int64Array::from(rows)))];
     if shape.timed {
         columns.push(("time_s".to_owned(), Arc::new(Float64Array::from(times))));
     }
     for ((axis, angle), status) in shape.axes.iter().zip(angles).zip(statuses) {
         let column: (String, ArrayRef) = match shape.unit {
-            AngleUnit::Quanta { .. } => (
+            AngleUnit::Quanta { quantum: 1.0, .. } => (
                 format!("counts_{axis}"),
                 Arc::new(Int64Array::from_iter_values(angle.iter().map(|value| *value as i64))),
+            ),
+            AngleUnit::Quanta { quantum, .. } => (
+                format!("counts_{axis}"),
+                Arc::new(Float64Array::from_iter_values(angle.iter().map(|value| *value * quantum))),
             ),
             AngleUnit::Arcsec => (format!("angle_arcsec_{axis}"), Arc::new(Float64Array::from(angle))),
         };
         columns.push(column);
         columns.push((format!("status_{axis}"), Arc::new(StringArray::from_iter(status))));
     }
-    Ok(columns)
+    Ok((columns, good, log.summary().rows))
 }

@@ -5,12 +5,14 @@
 use std::sync::Arc;
 
 use arrow_array::{
-    ArrayRef, BooleanArray, Float64Array, Int64Array, RecordBatch, StringArray, TimestampNanosecondArray,
+    ArrayRef, BooleanArray, DurationNanosecondArray, Float64Array, Int64Array, NullArray, RecordBatch, StringArray,
+    TimestampNanosecondArray, UInt64Array,
 };
+use arrow_buffer::NullBuffer;
 use arrow_schema::{ArrowError, DataType, Field, Schema, SchemaRef, TimeUnit};
 use pyo3::exceptions::PyStopIteration;
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyList};
+use pyo3::types::{PyBytes, PyList, PyTuple};
 
 use crate::work::Stop;
 
@@ -21,12 +23,16 @@ pub(crate) struct ColumnParts {
     stop: Stop,
 }
 
-/// Names and kinds of columns: `f8`, `i8`, `?`, `ns` (times in ns since 1970) and `U` (text).
+/// Names and kinds of columns: `f8`, `i8`, `u8`, `?`, `ns` (times in ns since 1970), `dur` (ns), `U` (text) and `none` (no values that
+/// could be read).
 pub(crate) fn schema_of(columns: &[(String, String)]) -> sagnac::Result<SchemaRef> {
     let field = |(name, kind): &(String, String)| {
         let kind = match kind.as_str() {
             "f8" => DataType::Float64,
             "i8" => DataType::Int64,
+            "u8" => DataType::UInt64,
+            "dur" => DataType::Duration(TimeUnit::Nanosecond),
+            "none" => DataType::Null,
             "?" => DataType::Boolean,
             "ns" => DataType::Timestamp(TimeUnit::Nanosecond, None),
             "U" => DataType::Utf8,
@@ -79,19 +85,40 @@ pub(crate) fn stopped() -> ArrowError {
     ArrowError::ExternalError(Box::new(sagnac::Error::input("stopped")))
 }
 
+/// A part is the bytes of its values, or those with a byte a row that is not 0 where there is no value; text is a list, and of a column
+/// that cannot be read there is the number of rows.
 fn array_of(kind: &DataType, part: &Bound<'_, PyAny>) -> PyResult<ArrayRef> {
-    if *kind == DataType::Utf8 {
-        return Ok(Arc::new(StringArray::from(part.extract::<Vec<Option<String>>>()?)));
+    match kind {
+        DataType::Utf8 => return Ok(Arc::new(StringArray::from(part.extract::<Vec<Option<String>>>()?))),
+        DataType::Null => return Ok(Arc::new(NullArray::new(part.extract()?))),
+        _ => {}
     }
-    let bytes = part.cast::<PyBytes>()?.as_bytes();
+    let (values, mask) = match part.cast::<PyTuple>() {
+        Ok(both) => (both.get_item(0)?, Some(both.get_item(1)?)),
+        Err(_) => (part.clone(), None),
+    };
+    let bytes = values.cast::<PyBytes>()?.as_bytes();
+    let mask = match &mask {
+        Some(mask) => Some(mask.cast::<PyBytes>()?.as_bytes()),
+        None => None,
+    };
+    let nulls = mask.map(|mask| NullBuffer::from_iter(mask.iter().map(|gone| *gone == 0)));
+    let rows = if *kind == DataType::Boolean { bytes.len() } else { bytes.len() / 8 };
+    if mask.is_some_and(|mask| mask.len() != rows) {
+        return Err(crate::errors::exception(sagnac::Error::input("a mask of another length than its column")));
+    }
+    // numpy's NaT is the least number.
+    let known = |ns: Vec<i64>| -> Vec<Option<i64>> {
+        let is_gone = |row: usize| mask.is_some_and(|mask| mask[row] != 0);
+        ns.into_iter().enumerate().map(|(row, ns)| Some(ns).filter(|ns| *ns != i64::MIN && !is_gone(row))).collect()
+    };
     Ok(match kind {
-        DataType::Float64 => Arc::new(Float64Array::from(words(bytes, f64::from_le_bytes))),
-        DataType::Boolean => Arc::new(BooleanArray::from(bytes.iter().map(|byte| *byte != 0).collect::<Vec<bool>>())),
-        // numpy's NaT is the least number.
-        DataType::Timestamp(..) => Arc::new(TimestampNanosecondArray::from_iter(
-            words(bytes, i64::from_le_bytes).into_iter().map(|ns| (ns != i64::MIN).then_some(ns)),
-        )),
-        _ => Arc::new(Int64Array::from(words(bytes, i64::from_le_bytes))),
+        DataType::Float64 => Arc::new(Float64Array::new(words(bytes, f64::from_le_bytes).into(), nulls)),
+        DataType::UInt64 => Arc::new(UInt64Array::new(words(bytes, u64::from_le_bytes).into(), nulls)),
+        DataType::Boolean => Arc::new(BooleanArray::new(bytes.iter().map(|byte| *byte != 0).collect(), nulls)),
+        DataType::Timestamp(..) => Arc::new(TimestampNanosecondArray::from(known(words(bytes, i64::from_le_bytes)))),
+        DataType::Duration(_) => Arc::new(DurationNanosecondArray::from(known(words(bytes, i64::from_le_bytes)))),
+        _ => Arc::new(Int64Array::new(words(bytes, i64::from_le_bytes).into(), nulls)),
     })
 }
 

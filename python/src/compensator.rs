@@ -1,6 +1,5 @@
 //! The gyro's own processor, count by count.
 
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use sagnac_core::{Image, Misuse, SignatureBlock, State, Status};
@@ -76,7 +75,10 @@ impl Compensator {
                     let row: Vec<Option<i32>> = match rows.next() {
                         Some(row) => row.iter().map(|code| known(i32::from_le_bytes(*code))).collect(),
                         None if inputs == 0 => Vec::new(),
-                        None => return Err(PyValueError::new_err("an update is due, and there are no more codes")),
+                        None => {
+                            let what = "an update is due, and there are no more codes";
+                            return Err(exception(sagnac::Error::input(what)));
+                        }
                     };
                     let updated = self.compensator.update(&mut state, &row).map_err(misuse)?;
                     statuses.push(u32::from(updated.bits()));

@@ -1,14 +1,18 @@
 //! Runs as the package gives them: a path, an Arrow stream, or columns.
 
-use std::path::PathBuf;
+use std::io::Read;
+use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 use arrow_array::ffi_stream::ArrowArrayStreamReader;
 use arrow_array::{RecordBatch, RecordBatchReader};
 use arrow_pyarrow::FromPyArrow;
 use arrow_schema::{ArrowError, SchemaRef};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
+use sagnac::window::is_table;
 use sagnac::{Error, Result, Setup};
+use sagnac_core::MAGIC;
 use sagnac_log::ingest::{LogReader, Logs, MemoryTable, ReadMode};
 
 use crate::columns::{ColumnParts, schema_of, stopped};
@@ -34,15 +38,49 @@ impl Sources {
         runs.into_iter().map(|run| source(py, run)).collect::<PyResult<_>>().map(Self)
     }
 
+    /// True where every run is a file.
+    pub(crate) fn are_files(&self) -> bool {
+        self.0.iter().all(|source| matches!(source, Source::Path(_)))
+    }
+
+    /// The file of windows that is the only run, if it is one.
+    ///
+    /// # Errors
+    /// A file that cannot be opened.
+    pub(crate) fn window_table(&self) -> Result<Option<&Path>> {
+        match self.0.as_slice() {
+            [Source::Path(path)] if begins_with(path, b"PAR1") && is_table(path)? => Ok(Some(path)),
+            _ => Ok(None),
+        }
+    }
+
     /// Each opened when the one before is read.
     pub(crate) fn logs<'a>(&'a self, setup: &'a Setup, mode: ReadMode, stop: &'a Stop) -> Result<Logs<'a>> {
         for source in &self.0 {
             if let Source::Path(path) = source {
                 std::fs::metadata(path).map_err(|e| Error::io_path(path, "open", &e))?;
+                if begins_with(path, b"{") || begins_with(path, &MAGIC) {
+                    let what = "an image or calibration where a log is needed";
+                    return Err(Error::input(what).file(path.display().to_string()));
+                }
             }
         }
         Ok(Logs::opened_by(self.0.iter().map(move |source| source.open(setup, mode, stop))))
     }
+}
+
+/// What an object that says that it is a stream is not: a series of single values, a type that Arrow's Rust does not have.
+fn no_stream(py: Python<'_>, raised: PyErr, name: &str) -> PyErr {
+    if !raised.is_instance_of::<PyValueError>(py) {
+        return raised;
+    }
+    let error = Error::input(format!("no table: {}", raised.value(py))).file(name);
+    crate::errors::exception(error.help("give a table with named columns, of numbers, times and text"))
+}
+
+fn begins_with(path: &Path, wanted: &[u8]) -> bool {
+    let mut start = vec![0; wanted.len()];
+    std::fs::File::open(path).and_then(|mut file| file.read_exact(&mut start)).is_ok() && start == wanted
 }
 
 fn source(py: Python<'_>, Run(kind, name, payload): Run) -> PyResult<Source> {
@@ -50,7 +88,7 @@ fn source(py: Python<'_>, Run(kind, name, payload): Run) -> PyResult<Source> {
     Ok(match kind.as_str() {
         "path" => Source::Path(payload.extract()?),
         "stream" => {
-            let stream = ArrowArrayStreamReader::from_pyarrow_bound(payload)?;
+            let stream = ArrowArrayStreamReader::from_pyarrow_bound(payload).map_err(|e| no_stream(py, e, &name))?;
             Source::Stream(name, Mutex::new(Some(stream)))
         }
         _ => {

@@ -21,6 +21,8 @@ use crate::errors::Ended;
 
 /// How often the caller looks for signals.
 const EACH: Duration = Duration::from_millis(50);
+/// Looks for the end of work that is to stop, before the caller goes on without it.
+const PATIENCE: u32 = 20;
 
 /// The end of some work, asked for from outside it.
 #[derive(Clone, Default)]
@@ -82,6 +84,7 @@ pub(crate) fn away<T: Send + 'static>(
     started.map_err(|e| crate::errors::exception(sagnac::Error::input(format!("no thread can be started: {e}"))))?;
     // A Receiver is not shared between threads: the closure owns it while the lock is released.
     let mut receiver = receiver;
+    let mut patience = PATIENCE;
     loop {
         let (waited, back) = py.detach(move || (receiver.recv_timeout(EACH), receiver));
         receiver = back;
@@ -90,6 +93,14 @@ pub(crate) fn away<T: Send + 'static>(
             Err(RecvTimeoutError::Timeout) => {
                 if let Err(raised) = py.check_signals() {
                     stop.raise(raised);
+                }
+                // Work that has no place to stop at is not waited for: it ends by itself, and nothing is made of it.
+                if stop.is_asked() {
+                    patience -= 1;
+                    if patience == 0 {
+                        let raised = stop.raised.lock().unwrap_or_else(PoisonError::into_inner).take();
+                        return Err(raised.unwrap_or_else(|| Ended::Stopped.into()));
+                    }
                 }
             }
             Err(RecvTimeoutError::Disconnected) => return Err(defect().into()),

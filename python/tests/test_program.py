@@ -47,6 +47,22 @@ def test_keys_are_those_of_a_setup_file(program: Program) -> None:
     assert found.to_json().encode() == program("calibrate", *RUNS, *words, "bias 2", "--json")
 
 
+def test_a_table_of_windows_is_calibrated(program: Program, tmp_path: Path) -> None:
+    program("window", *RUNS, "--setup", "bench.toml", "-o", tmp_path / "windows.parquet")
+    wanted = program("calibrate", tmp_path / "windows.parquet", "--model", MODEL, "--json")
+    assert sagnac.calibrate(tmp_path / "windows.parquet", model=MODEL).to_json().encode() == wanted
+    with pytest.raises(sagnac.InputError, match="change how the windows"):
+        sagnac.calibrate(tmp_path / "windows.parquet", window=50.0)
+
+
+def test_results_are_no_logs(unit: sagnac.Calibration, tmp_path: Path) -> None:
+    unit.save(tmp_path / "unit.cal.json")
+    (tmp_path / "unit.img").write_bytes(unit.image())
+    for path in (tmp_path / "unit.cal.json", tmp_path / "unit.img"):
+        with pytest.raises(sagnac.InputError, match="where a log is needed"):
+            sagnac.calibrate(path)
+
+
 def test_verifications_are_the_programs(unit: sagnac.Calibration, record: Path, program: Program) -> None:
     for limits in ("limits.toml", "navigation-grade", None):
         words = [] if limits is None else ["--limits", limits]
@@ -83,7 +99,8 @@ def test_corrected_counts_are_the_programs(unit: sagnac.Calibration, record: Pat
     counts = [int(row.split(",")[at]) for row in rows[1:]]
     found = unit.compensate("cycle-3.csv.gz")
     assert found["counts_z"].tolist() == counts
-    assert found["row"].tolist() == list(range(len(counts)))
+    # A line of headers is above them.
+    assert found["line"].tolist() == list(range(2, len(counts) + 2))
 
 
 def test_images_and_sources_are_the_programs(unit: sagnac.Calibration, record: Path, program: Program, tmp_path: Path) -> None:

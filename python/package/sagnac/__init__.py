@@ -99,11 +99,18 @@ def calibrate(
         InputError: A run or a setup that cannot be read.
         Refused: The data cannot support a calibration.
     """
+    for name, value, of in [("model", model, str), ("warm_up", warm_up, bool), ("keep_outliers", keep_outliers, bool)]:
+        if not isinstance(value, of):
+            raise InputError(f"{of.__name__} is needed, not {type(value).__name__}", name)
+    if bootstrap is not None and (isinstance(bootstrap, bool) or not isinstance(bootstrap, int) or bootstrap < 0):
+        raise InputError("a number of draws is needed", "bootstrap")
     if loss not in ("squares", "huber"):
         raise InputError("loss is 'squares' or 'huber'", "loss")
     epoch = os.environ.get("SOURCE_DATE_EPOCH")
     try:
         source_date_epoch = int(epoch) if epoch else None
+        if source_date_epoch is not None and abs(source_date_epoch) >= 2**63:
+            raise ValueError
     except ValueError:
         raise InputError("not a whole number of seconds", "SOURCE_DATE_EPOCH") from None
     asked: dict[str, object] = {
@@ -116,8 +123,9 @@ def calibrate(
         "lot": lot,
         "keep_outliers": keep_outliers,
     }
-    with _progress.watching(progress) as watcher:
-        native = _sagnac.calibrate(runs_of(runs), setup_of(setup, keys, columns), asked, watcher)
+    given = runs_of(runs)
+    with _progress.watching(progress) as watcher, given.reading():
+        native = _sagnac.calibrate(given, setup_of(setup, keys, columns), asked, watcher)
     return Calibration(native)
 
 
@@ -149,16 +157,43 @@ def allan(
         InputError: A record that cannot be read; an array without ``fs``.
         Refused: The record cannot support the figures.
     """
-    if getattr(runs, "ndim", None) == 1 and not hasattr(runs, "__arrow_c_stream__"):
-        if fs is None or not fs > 0.0:
-            raise InputError("an array needs the number of its values a second", "fs", "give fs=, in Hz")
-        runs, keys = {quantity: runs}, {"sample_interval_s": 1.0 / fs, **keys}
-    elif fs is not None:
+    if fs is not None:
+        runs, keys = _of_values(runs, fs, quantity, keys)
+    elif _is_values(runs):
+        raise InputError("an array needs the number of its values a second", "fs", "give fs=, in Hz")
+    word, times = _taus(taus)
+    given = runs_of(runs)
+    with given.reading():
+        return NoiseBudget(_sagnac.allan(given, setup_of(setup, keys, columns), word, times, bool(exact)))
+
+
+def _is_values(runs: object) -> bool:
+    """One column: an array, a series, a list of numbers."""
+    is_list = isinstance(runs, (list, tuple)) and all(isinstance(value, (int, float)) for value in runs) and bool(runs)
+    return is_list or getattr(runs, "ndim", None) == 1 or type(runs).__name__.endswith(("Series", "Array"))
+
+
+def _of_values(
+    runs: object, fs: object, quantity: str, keys: dict[str, object]
+) -> tuple[dict[str, object], dict[str, object]]:
+    if not _is_values(runs):
         raise InputError("belongs to an array; a table has its time, or sample_interval_s", "fs")
-    word, given = (taus, []) if isinstance(taus, str) else ("given", [float(tau) for tau in taus])
-    if word not in ("log", "octave", "all", "given"):
-        raise InputError("taus is 'log', 'octave', 'all' or a list of times in s", "taus")
-    return NoiseBudget(_sagnac.allan(runs_of(runs), setup_of(setup, keys, columns), word, given, exact))
+    if isinstance(fs, bool) or not isinstance(fs, (int, float)) or not 0.0 < fs < float("inf"):
+        raise InputError("a number of values a second is needed, above 0", "fs", "give fs=, in Hz")
+    if "sample_interval_s" in keys:
+        raise InputError("fs and sample_interval_s both give the interval; keep one", "fs")
+    return {quantity: runs}, {"sample_interval_s": 1.0 / fs, **keys}
+
+
+def _taus(taus: object) -> tuple[str, list[float]]:
+    if isinstance(taus, str) and taus in ("log", "octave", "all"):
+        return taus, []
+    try:
+        if isinstance(taus, (str, bytes)) or taus is None:
+            raise TypeError
+        return "given", [float(tau) for tau in taus]  # type: ignore[attr-defined]
+    except (TypeError, ValueError):
+        raise InputError("taus is 'log', 'octave', 'all' or a list of times in s", "taus") from None
 
 
 def compare(calibrations: Sequence[Calibration] | Mapping[str, Calibration], limits: object = None) -> Comparison:
@@ -168,10 +203,14 @@ def compare(calibrations: Sequence[Calibration] | Mapping[str, Calibration], lim
         calibrations: In their order, or by their names.
         limits: As in :meth:`Calibration.verify`.
     """
-    if isinstance(calibrations, Mapping):
-        named = [(str(name), record._native) for name, record in calibrations.items()]
-    else:
-        named = [(f"record {at}", record._native) for at, record in enumerate(calibrations, 1)]
+    if isinstance(calibrations, Calibration):
+        raise InputError("two records or more are compared", "calibrations")
+    if not isinstance(calibrations, Mapping):
+        calibrations = {f"record {at}": record for at, record in enumerate(calibrations, 1)}
+    wrong = next((record for record in calibrations.values() if not isinstance(record, Calibration)), None)
+    if wrong is not None:
+        raise InputError(f"no calibration: {type(wrong).__name__}", "calibrations", "read records with Calibration.read")
+    named = [(str(name), record._native) for name, record in calibrations.items()]
     return Comparison(_sagnac.compare(named, limits_of(limits)))
 
 

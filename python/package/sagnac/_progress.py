@@ -7,6 +7,8 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+from ._errors import InputError
+
 Watcher = Callable[[str, int, int], object]
 
 #: Nothing is shown before this, s.
@@ -20,7 +22,9 @@ def watching(progress: Watcher | bool | None) -> Iterator[Watcher | None]:
     if callable(progress):
         yield progress
         return
-    if progress is False or (progress is None and not (sys.stderr.isatty() or _is_notebook())):
+    if progress is not None and not isinstance(progress, bool):
+        raise InputError("a callable, True or False is needed", "progress")
+    if progress is False or (progress is None and not (_is_terminal() or _is_notebook())):
         yield None
         return
     bar = Bar()
@@ -28,6 +32,13 @@ def watching(progress: Watcher | bool | None) -> Iterator[Watcher | None]:
         yield bar
     finally:
         bar.erase()
+
+
+def _is_terminal() -> bool:
+    try:
+        return sys.stderr is not None and sys.stderr.isatty()
+    except (OSError, ValueError):
+        return False
 
 
 def _is_notebook() -> bool:
@@ -49,11 +60,17 @@ class Bar:
         self.next = passed + 0.1
         full = WIDTH * done // max(of, 1)
         line = f"{what} [{'#' * full}{'.' * (WIDTH - full)}] {done} of {of}"
-        sys.stderr.write("\r" + line.ljust(self.drawn))
-        sys.stderr.flush()
+        self.write("\r" + line.ljust(self.drawn))
         self.drawn = len(line)
+
+    def write(self, text: str) -> None:
+        """A terminal that went away does not end a fit."""
+        try:
+            sys.stderr.write(text)
+            sys.stderr.flush()
+        except (AttributeError, OSError, ValueError):
+            self.next = float("inf")
 
     def erase(self) -> None:
         if self.drawn:
-            sys.stderr.write("\r" + " " * self.drawn + "\r")
-            sys.stderr.flush()
+            self.write("\r" + " " * self.drawn + "\r")

@@ -6,6 +6,7 @@ import html
 import io
 import json
 import os
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
@@ -25,7 +26,7 @@ Path = str | os.PathLike[str]
 
 
 class Table(Mapping[str, Any]):
-    """Columns of equal length, for any library: ``polars.DataFrame(table)``, ``pyarrow.table(table)``, ``pandas.DataFrame(table)``.
+    """Columns of equal length, for any library: ``polars.DataFrame(table)``, ``pyarrow.table(table)``, ``pandas.DataFrame(dict(table))``.
 
     ``table["hours"]`` is a numpy array (NaN where there is no value), or a list for text.
     """
@@ -44,6 +45,8 @@ class Table(Mapping[str, Any]):
         return len(self._native)
 
     def __getitem__(self, name: str) -> Any:
+        if not isinstance(name, str):
+            raise KeyError(name)
         kind, values = self._native.column(name)
         if isinstance(values, list):
             return values
@@ -68,7 +71,7 @@ class Table(Mapping[str, Any]):
         return f"Table of {self.rows} rows: {', '.join(self.column_names)}"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Evaluation:
     """The correction at some temperatures.
 
@@ -230,6 +233,14 @@ class _Result(Generic[AxisOf]):
         raise InputError("no figure")
 
 
+def _numbers(numpy: Any, values: object) -> Any:
+    """As floating-point numbers, NaN where they are masked."""
+    array = numpy.ma.asarray(values) if isinstance(values, numpy.ma.MaskedArray) else numpy.asarray(values)
+    if array.dtype.kind not in "iuf":
+        raise TypeError(f"of type {array.dtype}")
+    return numpy.ma.filled(array.astype("<f8"), numpy.nan)
+
+
 def _number(value: float | None, unit: str) -> str:
     return "not known" if value is None or value != value else f"{value:.4g} {unit}"
 
@@ -298,9 +309,7 @@ class Calibration(_Result[Axis]):
         """
         numpy = need("numpy", "evaluations")
         try:
-            celsius, cpm = numpy.broadcast_arrays(
-                numpy.asarray(temperature_c, dtype="<f8"), numpy.asarray(rate_cpm, dtype="<f8")
-            )
+            celsius, cpm = numpy.broadcast_arrays(_numbers(numpy, temperature_c), _numbers(numpy, rate_cpm))
         except (TypeError, ValueError) as error:
             raise InputError(f"temperatures and rates are numbers: {error}") from error
         numbers, in_span = self._native.evaluate(self._letter(axis), celsius.tobytes(), cpm.tobytes())
@@ -336,7 +345,9 @@ class Calibration(_Result[Axis]):
         if unknown or isinstance(exclude, str):
             raise InputError("exclude takes 'outliers' and 'start'", "exclude")
         given = ("outliers" in exclude, "start" in exclude)
-        native = self._native.verify(runs_of(runs), setup_of(setup, keys, columns), limits_of(limits), given)
+        retests = runs_of(runs)
+        with retests.reading():
+            native = self._native.verify(retests, setup_of(setup, keys, columns), limits_of(limits), given)
         return Verification(native)
 
     def compensate(
@@ -350,16 +361,30 @@ class Calibration(_Result[Axis]):
         """A log as the gyro's processor would give it, count by count.
 
         Returns:
-            ``row`` of the log (from 0), ``time_s``, and of each axis ``counts_x`` (or ``angle_arcsec_x`` of a log of rates) and
-            ``status_x`` (null where there is nothing to say). Rows that cannot be used are not there.
+            ``row`` of a table (from 0) or ``line`` of a file (from 1), ``time_s``, and of each axis ``counts_x`` (or ``angle_arcsec_x`` of a
+            log of rates) and ``status_x`` (null where there is nothing to say). Rows that cannot be used are not there.
+
+        Warns:
+            UserWarning: Less than nine tenths of the rows were corrected within the span of the fit.
         """
-        (one,) = runs_of([run])
-        return Table(self._native.compensate(one, setup_of(setup, keys, columns)))
+        given = runs_of([run])
+        with given.reading():
+            table, good, rows = self._native.compensate(given[0], setup_of(setup, keys, columns))
+        if good < 0.9 * rows:
+            what = f"{good} of {rows} rows are corrected within the span of the fit: wrong units, another thermometer or another test"
+            warnings.warn(what, stacklevel=2)
+        return Table(table)
 
     def image(self, axis: str | None = None, sequence: int = 1) -> bytes:
         """The flash image of an axis; the image with the larger ``sequence`` is the newer one."""
+        if isinstance(sequence, bool) or not isinstance(sequence, int) or not 0 <= sequence < 2**32:
+            raise InputError("a whole number from 0 to 2**32 − 1 is needed", "sequence")
         image: bytes = self._native.image(self._letter(axis), sequence)
         return image
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """Pickled and copied as its record; windows and report stay behind."""
+        return _unpickled, (self.to_json(),)
 
     def compensator(self, axis: str | None = None) -> Compensator:
         """The gyro's own processor for an axis."""
@@ -393,6 +418,10 @@ class Calibration(_Result[Axis]):
                 f"noise floor {_number(axis.noise_floor_dph, '°/h')}"
             )
         return "\n".join(lines)
+
+
+def _unpickled(text: str) -> Calibration:
+    return Calibration(_sagnac.parse_calibration(text, "a pickled calibration"))
 
 
 @dataclass(frozen=True)
@@ -501,7 +530,7 @@ _TERMS = {
 }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class NoiseAxis:
     """The noise of an axis.
 
@@ -623,7 +652,7 @@ class Compensator:
     """
 
     def __init__(self, image: bytes) -> None:
-        self._native = _sagnac.Compensator(image)
+        self._native = _sagnac.Compensator(bytes(image))
 
     @property
     def period_ticks(self) -> int:
@@ -646,7 +675,7 @@ class Compensator:
         Raises:
             InputError: Not due, or the wrong number of codes; nothing has changed then.
         """
-        return self._native.update(list(codes))
+        return self._native.update([None if code is None else _within_32_bits("a code", code) for code in codes])
 
     def tick(self, counts: int) -> int:
         """One tick: counts in, corrected counts out.
@@ -654,7 +683,7 @@ class Compensator:
         Raises:
             InputError: An update is due, or counts beyond 2²⁹; nothing has changed then.
         """
-        return self._native.tick(counts)
+        return self._native.tick(_within_32_bits("counts", counts))
 
     def run(self, counts: ArrayLike, codes: ArrayLike) -> tuple[NDArray[numpy.int32], NDArray[numpy.uint32]]:
         """Many ticks.
@@ -670,15 +699,31 @@ class Compensator:
             InputError: Arrays of other shapes or values; fewer codes than updates that fall due. Nothing has changed then.
         """
         numpy = need("numpy", "many ticks")
-        ticks, rows = _whole(numpy, "counts", counts, 1), _whole(numpy, "codes", codes, 2)
+        ticks, rows = _whole(numpy, "counts", counts, 1), _whole(numpy, "codes", codes, 2, missing=NO_SAMPLE)
         if rows.shape[1] != self.inputs:
             raise InputError(f"codes of {rows.shape[1]} inputs, the image has {self.inputs}")
         corrected, statuses = self._native.run(ticks.tobytes(), rows.tobytes())
         return numpy.frombuffer(corrected, dtype="<i4"), numpy.array(statuses, dtype="u4")
 
 
-def _whole(numpy: Any, name: str, values: object, dimensions: int) -> Any:
+#: In codes: no sample.
+NO_SAMPLE = -(2**31)
+
+
+def _within_32_bits(what: str, value: object) -> int:
+    if isinstance(value, bool) or not hasattr(value, "__index__") or not -(2**31) <= value.__index__() < 2**31:
+        raise InputError(f"{what}: a whole number of 32 bits is needed, not {value!r:.40}")
+    return int(value.__index__())
+
+
+def _whole(numpy: Any, name: str, values: object, dimensions: int, missing: int | None = None) -> Any:
+    if isinstance(values, numpy.ma.MaskedArray) and numpy.ma.is_masked(values):
+        if missing is None:
+            raise InputError(f"{name} with masked values")
+        values = numpy.ma.filled(values.astype("i8"), missing)
     array = numpy.asarray(values)
+    if array.size == 0 and array.ndim == dimensions:
+        array = array.astype("<i4")
     if array.ndim != dimensions:
         raise InputError(f"{name} has {array.ndim} dimensions, not {dimensions}")
     if array.dtype.kind not in "iu":

@@ -12,8 +12,9 @@ use arrow_array::{Array, ArrowPrimitiveType};
 use arrow_schema::{DataType, TimeUnit};
 
 use crate::ingest::iso::iso_text;
-use crate::ingest::number::{ISO_8601, parse_flag, parse_time_ns, parse_value, time_ns_of};
+use crate::ingest::number::{ISO_8601, SPREADSHEET_DAYS, parse_flag, parse_time_ns, parse_value, time_ns_of};
 use crate::ingest::raw::{Faults, NO_TIME};
+use crate::ingest::text_head::is_missing;
 
 /// Powers of ten of the units of Arrow's times to ns.
 const UNITS: [(TimeUnit, u32); 4] =
@@ -45,9 +46,9 @@ fn all<T: ArrowPrimitiveType>(column: &dyn Array, number: impl Fn(T::Native) -> 
     Some(())
 }
 
-/// Numbers of any width, or text that holds them: NaN for null, `bad` for anything but a finite number.
+/// Numbers of any width, or text that holds them: NaN for null, NaN and a word for no value, `bad` for anything else but a finite number.
 pub(crate) fn numbers(column: &dyn Array, bad: f64, out: &mut Vec<f64>) -> Option<()> {
-    let finite = |value: f64| if value.is_finite() { value } else { bad };
+    let finite = |value: f64| if value.is_infinite() { bad } else { value };
     match column.data_type() {
         DataType::Float64 => all::<Float64Type>(column, finite, out),
         DataType::Float32 => all::<Float32Type>(column, |v| finite(f64::from(v)), out),
@@ -60,7 +61,7 @@ pub(crate) fn numbers(column: &dyn Array, bad: f64, out: &mut Vec<f64>) -> Optio
         DataType::UInt32 => all::<UInt32Type>(column, f64::from, out),
         DataType::UInt64 => all::<UInt64Type>(column, |v| v as f64, out),
         kind if is_text(kind) => each_text(column, |text| {
-            let given = text.filter(|t| !t.is_empty());
+            let given = text.filter(|t| !t.is_empty() && !is_missing(t.trim().as_bytes()));
             out.push(given.map_or(f64::NAN, |t| parse_value(t.as_bytes(), false).unwrap_or(bad)));
         }),
         _ => None,
@@ -119,6 +120,9 @@ pub(crate) fn times(column: &dyn Array, places: u32, out: &mut Vec<i64>) -> Opti
         DataType::Timestamp(unit, _) | DataType::Duration(unit) => {
             let (unit, own) = (*unit, unit_places(*unit));
             arrow_times(column, unit, &mut |value| out.push(whole(value.map(i128::from), own)))
+        }
+        _ if places == SPREADSHEET_DAYS => {
+            integers(column, &mut |value| out.push(value.and_then(|v| time_ns_of(v as f64, places)).unwrap_or(NO_TIME)))
         }
         _ => integers(column, &mut |value| out.push(whole(value.filter(|_| places != ISO_8601), places))),
     }
