@@ -154,9 +154,15 @@ pub struct PriorUse {
     pub misfit: f64,
     /// Its bound: one test in two hundred has more by its noise alone.
     pub misfit_max: f64,
-    /// Error of the drift at rest about its mean over the span, °/h, with which a unit that is not like its fleet passes both bounds in one
-    /// of two tests, in the worst direction; null where the test does not show a direction at all.
+    /// Error of the drift at rest about its mean over the span, °/h, with which a unit whose coefficients are not like its fleet's passes both
+    /// bounds in one of ten tests, in the worst single direction; null where the test does not show a direction at all.
     pub unnoticed_dph: Option<f64>,
+    /// The same of the drift with the temperature rate, °/h per °C/min.
+    pub unnoticed_dph_per_cpm: Option<f64>,
+    /// Residual of a window with what its autocorrelation adds, σ·√((1 + ρ)/(1 − ρ)), °/h.
+    pub residual_dph: Option<f64>,
+    /// Its bound: one unit in two hundred like the fleet has more; null where the fleet's windows are of another length.
+    pub residual_max_dph: Option<f64>,
     /// Parameters of the prior.
     pub parameters: usize,
     /// How many of them the test determines: the sum over all directions of the part that is the test's.
@@ -169,7 +175,7 @@ impl PriorUse {
         let lot = self.lot.as_ref().map_or(String::new(), |lot| format!(" of lot {lot}"));
         format!(
             "prior of {} axes{lot}: the test determines {} of {} parameters, the fleet the others; Mahalanobis distance {} in {}, \
-             at most {}; misfit in the others {}, at most {}; a unit that is not like its fleet passes with an error of {}",
+             at most {}; misfit in the others {}, at most {}; a unit with other coefficients may pass with an error of {}",
             self.axes,
             significant(self.determined, 2),
             self.parameters,

@@ -50,7 +50,8 @@ pub use record::{FitOptions, calibrate, calibrate_with_report_data};
 pub(crate) use record::{log_files, noise_of};
 pub use robust::Loss;
 pub use tradeoff::{FrontierPoint, frontier};
-pub use with_prior::UnitPrior;
+pub(crate) use with_prior::ln_of_residual;
+pub use with_prior::{ResidualOfFleet, UnitPrior};
 
 /// A smaller model wins if its held-out mean square is within this factor of the least.
 const SMALLER_WINS_WITHIN: f64 = 1.02;

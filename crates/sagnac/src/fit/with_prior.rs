@@ -25,9 +25,10 @@ use crate::fit::least_squares::{LeastSquares, TermColumn};
 use crate::fit::slow_noise::{self, MOST_ROWS, SlowNoise, Whitening};
 use crate::fit::solution::{FEWEST_DEGREES, FEWEST_FOR_NOISE, Fitted, SLOPE_STEP};
 use crate::fit::solve::Factor;
-use crate::model::chebyshev;
 use crate::model::common_basis::{COMMON_SPAN, SeriesTerm, onto_common};
 use crate::model::spec::ModelSpec;
+use crate::model::{ActsOn, Form, chebyshev};
+use sagnac_core::MAX_ORDER;
 use sagnac_log::error::{Error, Result};
 use sagnac_log::setup::Noise;
 
@@ -43,8 +44,19 @@ const CURVE: usize = 48;
 const NO_CURVE_DPH: f64 = 1e-9;
 /// Of so many units that are like their fleet one is refused where units are alike: by the noise of its test alone.
 const MISFIT: f64 = 0.995;
+/// Of so many units one is refused for a term that the model does not have.
+const OTHER_TERM: f64 = 0.995;
+/// Orders of the curve beyond the model's, and lags of rate effects, s, that are looked for.
+const NEXT_ORDERS: usize = 2;
+const OTHER_LAGS_S: [f64; 3] = [60.0, 300.0, 1200.0];
+/// Of so many units one is refused for its residual.
+const RESIDUAL: f64 = 0.995;
+/// Quantile of a normal law: what is larger by it is found in nine tests of ten.
+const ONE_OF_TEN: f64 = 1.3;
 /// The test contradicts the noise of the fleet where its own explains it better by this in −2·ln(restricted likelihood).
 const CONTRADICTED: f64 = 2.0;
+/// An autocorrelation is taken as within this.
+const MOST_CORRELATED: f64 = 0.95;
 /// Windows beyond the parameters, so that the test says how noisy it is.
 const LEAST_DEGREES: usize = 10;
 /// End of the name of a lag among the parameters.
@@ -77,12 +89,45 @@ pub struct UnitPrior {
     pub bias_instability_dph: f64,
     /// Rate random walk of its units, °/h/√h.
     pub rate_random_walk_dph_rt_h: f64,
+    /// How large residuals of the fleet are; `None` where its tests have windows of several lengths.
+    pub residual: Option<ResidualOfFleet>,
     /// Axes behind it.
     pub axes: u64,
     /// The lot, where it is that of a lot.
     pub lot: Option<String>,
     /// SHA-256 of its file, hex.
     pub sha256: String,
+}
+
+/// Residuals of a fleet's tests: ln r is normal over its axes, r² = σ²·(1 + ρ)/(1 − ρ).
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct ResidualOfFleet {
+    /// Nominal length of their windows, s.
+    pub window_s: f64,
+    /// Mean of ln r, r in °/h.
+    pub ln_mean: f64,
+    /// Its σ.
+    pub ln_sigma: f64,
+    /// Axes behind both.
+    pub axes: u64,
+}
+
+impl ResidualOfFleet {
+    /// The largest r of a unit like the fleet, °/h, whose test has so many degrees of freedom.
+    fn most_dph(&self, degrees: f64) -> f64 {
+        let n = self.axes as f64;
+        // ln of a standard deviation has a variance of 1/(2ν), and that of its correlation factor some 1/ν.
+        let sigma = (self.ln_sigma.powi(2) * (1.0 + n.recip()) + 1.5 / degrees.max(1.0)).sqrt();
+        let quantile = StudentsT::new(0.0, 1.0, (n - 1.0).max(1.0)).map_or(3.0, |t| t.inverse_cdf(RESIDUAL));
+        (self.ln_mean + quantile * sigma).exp()
+    }
+}
+
+/// ln of σ·√((1 + ρ)/(1 − ρ)): what a residual and its autocorrelation from window to window make of the mean of many.
+pub(crate) fn ln_of_residual(sigma_dph: f64, correlation: f64) -> f64 {
+    let rho = correlation.clamp(-MOST_CORRELATED, MOST_CORRELATED);
+    sigma_dph.max(f64::MIN_POSITIVE).ln() + 0.5 * ((1.0 + rho) / (1.0 - rho)).ln()
 }
 
 /// The prior in the parameters of a fit.
@@ -166,6 +211,7 @@ pub(super) fn fit_with_prior(
         }
     }
     let spare_rows = (problem.len() - parameters) as f64;
+    refuse_other_terms(problem, &linear, &solved, (&terms, &taus), noise, spare_rows)?;
     let used = gate(&known, &solved, prior, spare_rows)?;
     let theta = known.theta(&solved);
     let whole: Vec<f64> = solved.levels.iter().chain(theta.iter().take(terms.len())).copied().collect();
@@ -175,6 +221,8 @@ pub(super) fn fit_with_prior(
     let degrees = (problem.len() - problem.levels.len()) as f64 - used.determined;
     let effective = degrees_of(problem, &linear, &solved, noise, stated);
     let sigma_dph = (weighted.iter().map(|r| r * r).sum::<f64>() / degrees.max(1.0)).sqrt();
+    let used = PriorUse { residual_dph: Some(ln_of_residual(sigma_dph, autocorrelation).exp()), ..used };
+    let used = residual_like_the_fleets(used, prior, problem.windows().shape.nominal_s, degrees)?;
     let fitted = Fitted {
         spec: spec.clone(),
         terms,
@@ -312,6 +360,21 @@ impl Linear {
         })
     }
 
+    /// γ/σ of one more column, of which nothing is known before; `None` where the others explain it whole.
+    fn beside(&self, problem: &LeastSquares<'_>, column: Vec<f64>, noise: SlowNoise, variance: f64) -> Option<f64> {
+        let (levels, q) = (problem.levels.len(), self.columns.len());
+        let columns: Vec<Vec<f64>> = self.columns.iter().cloned().chain([column]).collect();
+        let more = Self { columns, expected: self.expected.clone() };
+        let mut of_prior = DMatrix::zeros(q, levels + q + 2);
+        of_prior.view_mut((0, levels), (q, q)).fill_with_identity();
+        let both = [more.factor(problem, noise).scaled(variance.sqrt().recip()), Factor::of(of_prior)];
+        let whole = Columns { factor: Factor::join(both.iter())?, count: levels + q + 1 };
+        let solution = whole.solve_all()?;
+        let covariance = solution.inverse_normal()?;
+        let sigma = covariance[(levels + q, levels + q)].sqrt();
+        Some(solution.theta[levels + q] / sigma).filter(|in_sigma| in_sigma.is_finite())
+    }
+
     fn autocorrelation(&self, problem: &LeastSquares<'_>, theta: &DVector<f64>) -> f64 {
         let levels = problem.levels.len();
         let residual = |row: usize| {
@@ -434,11 +497,12 @@ fn gate(known: &Known, solved: &Solved, prior: &UnitPrior, spare_rows: f64) -> R
     // Noise alone, whose variance is that of the rows beyond all columns.
     let m = alike.len() as f64;
     let misfit_max = FisherSnedecor::new(m, spare_rows).map_or(0.0, |f| (m * f.inverse_cdf(MISFIT)).sqrt());
-    let unnoticed = |at: usize| {
+    let unnoticed = |at: usize, of: &str| {
         let (bound, others) = if shown.contains(&at) { (distance_max, k) } else { (misfit_max, m) };
-        unnoticed_dph(known, solved, prior, at, (bound.powi(2) - others + 1.0).max(0.0).sqrt())
+        unnoticed_error(known, solved, prior, (at, of), (bound.powi(2) - others + 1.0).max(0.0).sqrt() + ONE_OF_TEN)
     };
-    let unnoticed_dph = (0..solved.z.len()).map(unnoticed).fold(0.0, f64::max);
+    let most_unnoticed = |of: &str| (0..solved.z.len()).map(|at| unnoticed(at, of)).fold(0.0, f64::max);
+    let (unnoticed_dph, unnoticed_rate) = (most_unnoticed("bias "), most_unnoticed("rate "));
     let variance = solved.singular.iter().map(|s| s.powi(2) / (s.powi(2) + solved.variance));
     let used = PriorUse {
         sha256: prior.sha256.clone(),
@@ -449,6 +513,9 @@ fn gate(known: &Known, solved: &Solved, prior: &UnitPrior, spare_rows: f64) -> R
         directions: shown.len(),
         misfit,
         misfit_max,
+        residual_dph: None,
+        residual_max_dph: None,
+        unnoticed_dph_per_cpm: unnoticed_rate.is_finite().then_some(unnoticed_rate),
         unnoticed_dph: unnoticed_dph.is_finite().then_some(unnoticed_dph),
         parameters: solved.z.len(),
         determined: variance.sum(),
@@ -481,11 +548,11 @@ fn gate(known: &Known, solved: &Solved, prior: &UnitPrior, spare_rows: f64) -> R
     Ok(used)
 }
 
-/// Error of the curve, about its mean over the prior's span, of a unit that is odd in one direction by what one test of two does not find:
-/// δ = bound·√(s² + sⱼ²)/sⱼ units of z, of which the prior draws s²/(s² + sⱼ²) onto the fleet.
-fn unnoticed_dph(known: &Known, solved: &Solved, prior: &UnitPrior, at: usize, bound: f64) -> f64 {
+/// Error of a series of terms over the prior's span, that of a curve about its mean, of a unit that is odd in one direction by what one test
+/// of ten does not find: δ = bound·√(s² + sⱼ²)/sⱼ units of z, of which the prior draws s²/(s² + sⱼ²) onto the fleet.
+fn unnoticed_error(known: &Known, solved: &Solved, prior: &UnitPrior, (at, of): (usize, &str), bound: f64) -> f64 {
     let common = &known.common_root * solved.directions.column(at);
-    let order = |name: &str| name.strip_prefix("bias ").and_then(|order| order.parse::<usize>().ok());
+    let order = |name: &str| name.strip_prefix(of).and_then(|order| order.parse::<usize>().ok());
     let orders: Vec<(usize, f64)> =
         prior.terms.iter().zip(common.iter()).filter_map(|(name, value)| Some((order(name)?, *value))).collect();
     let [lo, hi] = prior.span_c;
@@ -494,7 +561,8 @@ fn unnoticed_dph(known: &Known, solved: &Solved, prior: &UnitPrior, at: usize, b
         orders.iter().map(|(order, value)| value * shapes.get(*order).copied().unwrap_or(0.0)).sum()
     };
     let curve: Vec<f64> = (0..=CURVE).map(curve).collect();
-    let mean = curve.iter().sum::<f64>() / curve.len() as f64;
+    // The mean of a curve is a part of the run's offset.
+    let mean = if of == "bias " { curve.iter().sum::<f64>() / curve.len() as f64 } else { 0.0 };
     let size_dph = curve.iter().map(|value| (value - mean).abs()).fold(0.0, f64::max);
     let (singular, variance) = (solved.singular[at], solved.variance);
     // A direction of the lag alone has no curve, whether the test shows it or not.
@@ -503,6 +571,76 @@ fn unnoticed_dph(known: &Known, solved: &Solved, prior: &UnitPrior, at: usize, b
     } else {
         size_dph * bound * variance / (singular * (variance + singular.powi(2)).sqrt())
     }
+}
+
+/// Refuses a unit that another term explains, which the fleet's model does not have: the next orders of the curve, a rate effect of
+/// another lag. Each is added alone, with no prior; γ/σ of the true model has Student's distribution.
+fn refuse_other_terms(
+    problem: &LeastSquares<'_>,
+    linear: &Linear,
+    solved: &Solved,
+    (terms, taus): (&[TermColumn], &[Tau]),
+    noise: SlowNoise,
+    spare_rows: f64,
+) -> Result<()> {
+    let others = other_columns(problem, terms, taus);
+    let bound = StudentsT::new(0.0, 1.0, spare_rows.max(1.0))
+        .map_or(f64::INFINITY, |t| t.inverse_cdf(1.0 - (1.0 - OTHER_TERM) / (2.0 * others.len().max(1) as f64)));
+    for (name, column) in others {
+        let Some(in_sigma) = linear.beside(problem, column, noise, solved.variance) else { continue };
+        if in_sigma.abs() > bound {
+            return Err(not_of_fleet(format!(
+                "{name}, which the fleet's model does not have, is {:.1} σ from none in this test, at most {bound:.1} at {:.1} %",
+                in_sigma.abs(),
+                100.0 * OTHER_TERM
+            )));
+        }
+    }
+    Ok(())
+}
+
+/// Columns of terms beyond the model, with their names.
+fn other_columns(problem: &LeastSquares<'_>, terms: &[TermColumn], taus: &[Tau]) -> Vec<(String, Vec<f64>)> {
+    let mut out = Vec::new();
+    let is_curve =
+        |term: &&TermColumn| !term.form.times_rate && term.form.acts_on == ActsOn::Bias && problem.is_main(term.input);
+    let highest = terms.iter().filter(is_curve).filter_map(|term| Some((term.form.shape.order()?, term.input))).max();
+    let Some((order, input)) = highest else { return out };
+    let column = |form: Form, lag_s: Option<f64>| -> Vec<f64> {
+        let term = [TermColumn { input, form }];
+        let lags: Vec<(usize, f64)> = lag_s.map(|lag_s| (input, lag_s)).into_iter().collect();
+        let design = Design::new(problem, &term, &lags);
+        (0..problem.len()).map(|row| problem.regressor(&term[0], row, &design.rates)).collect()
+    };
+    for next in order + 1..=(order + NEXT_ORDERS).min(usize::from(MAX_ORDER)) {
+        let Ok(next) = u8::try_from(next) else { continue };
+        out.push((format!("an order {next} of the curve"), column(Form::bias(next), None)));
+    }
+    if problem.has_rate() {
+        let is_another = |lag_s: &f64| taus.iter().all(|tau| !(0.5..2.0).contains(&(lag_s / tau.value_s)));
+        for lag_s in OTHER_LAGS_S.into_iter().filter(|lag_s| *lag_s < problem.longest_run_s()).filter(is_another) {
+            out.push((format!("a rate effect with a lag of {lag_s} s"), column(Form::rate(0), Some(lag_s))));
+        }
+    }
+    out
+}
+
+/// Refuses a unit whose residual is larger than those of its fleet: something moves it that the fleet's model does not have. Its variance would
+/// widen the bounds of the gate, and hide what it is.
+fn residual_like_the_fleets(used: PriorUse, prior: &UnitPrior, window_s: f64, degrees: f64) -> Result<PriorUse> {
+    let of_fleet = prior.residual.filter(|of_fleet| (of_fleet.window_s / window_s - 1.0).abs() < 1e-9);
+    let (Some(of_fleet), Some(residual_dph)) = (of_fleet, used.residual_dph) else { return Ok(used) };
+    let most_dph = of_fleet.most_dph(degrees);
+    if residual_dph > most_dph {
+        let [residual, most, usual] =
+            [residual_dph, most_dph, of_fleet.ln_mean.exp()].map(|dph| sagnac_units::format::significant(dph, 3));
+        return Err(not_of_fleet(format!(
+            "its residual is {residual} °/h, at most {most} at {:.1} %, and {usual} in the fleet: something moves it that the fleet's model does \
+             not have, such as a longer lag",
+            100.0 * RESIDUAL
+        )));
+    }
+    Ok(PriorUse { residual_max_dph: Some(most_dph), ..used })
 }
 
 /// Where something is largest.

@@ -167,6 +167,10 @@ pub struct AxisResult {
     pub mean_offset_dph: Option<f64>,
     /// σ of the residual of a nominal window, °/h.
     pub residual_dph: Option<f64>,
+    /// Its autocorrelation from window to window.
+    pub residual_autocorrelation: Option<f64>,
+    /// Nominal length of a window, s.
+    pub window_s: f64,
     /// Root mean square of held-out residuals, °/h.
     pub held_out_dph: Option<f64>,
     /// Noise floor of a nominal window, °/h.
@@ -217,6 +221,7 @@ impl UnitResult {
         self.serial = Some(calibration.serial.clone());
         self.time_s = Some(calibration.provenance.time_s);
         self.axes = calibration.axes.iter().map(AxisResult::of).collect();
+        self.axes.iter_mut().for_each(|axis| axis.window_s = calibration.window_s);
     }
 
     pub(super) fn refused(&mut self, error: Error) {
@@ -256,6 +261,7 @@ impl AxisResult {
             curve: common_curve(axis),
             mean_offset_dph: (!offsets.is_empty()).then(|| sum / offsets.len() as f64),
             residual_dph: axis.residual().map(|residual| residual.sigma_dph),
+            residual_autocorrelation: axis.residual().map(|residual| residual.lag1_autocorrelation),
             held_out_dph: axis.cross_validation().map(|held_out| held_out.sigma_dph),
             noise_floor_dph: axis.noise_floor().map(|floor| floor.value_dph),
             n_deg_rt_h: axis.noise_floor().map(|floor| floor.n_deg_rt_h),

@@ -11,7 +11,9 @@
 //! differ in several directions make more near pairs than a normal population of the same scatter.
 //!
 //! Of fleets of two to ten gyros under 30 to 40 names 0.8 or more are refused (0.9 of two), and at most 0.02 of fleets of 40 gyros (asserted in the
-//! tests). Three lots that the manifest does not tell are refused as well where they are well apart: three groups say as little of a fourth.
+//! tests); of fleets of 30 with tails of Student's t of three that scatter in one direction it may be 0.07. Three lots that the manifest does not tell are refused as well where they are well apart: three groups say as little of a fourth.
+//!
+//! Pairs are of one lot: lots differ for good reasons. So a gyro under a name in each of many lots is not found.
 //!
 //! Fails for groups that happen to be no farther apart than their tests, and for a gyro that is there a few times among many others:
 //! neither makes the fleet look much more alike than it is.

@@ -25,7 +25,8 @@ mod read;
 #[cfg(test)]
 mod tests;
 
-use std::collections::BTreeMap;
+use std::borrow::Cow;
+use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use serde::{Deserialize, Serialize};
@@ -36,14 +37,15 @@ pub use of_unit::PriorFile;
 use super::common_basis::CommonBasis;
 use super::control::{SIGMA_OF_MAD, median};
 use super::result::{AxisResult, UnitResult};
+use crate::fit::ln_of_residual;
 use sagnac_log::error::{Error, Result};
 
 /// Value of the `format` key.
 const FORMAT: &str = "sagnac-fleet-prior";
 /// Version of the file.
 const VERSION: u32 = 3;
-/// Kinds of noise in the sums: N, Q, B and K.
-const NOISES: usize = 4;
+/// Kinds of noise in the sums: N, Q, B and K, then ln r and its square.
+const NOISES: usize = 6;
 /// Odd is further from the median than so many MAD as σ.
 const ODD_MADS: f64 = 5.0;
 /// Lots of fewer axes have the median of all.
@@ -55,6 +57,8 @@ const LEAST_PER_TERM: u64 = 5;
 const SPAN_MARGIN_C: f64 = 5.0;
 /// Part of the axes at most that is not used because of its lag.
 const MOST_SELECTED: f64 = 0.2;
+/// Digits of a log's hash: no two logs of a factory share them by chance.
+const LOG_DIGITS: usize = 16;
 
 /// A prior for the next unit.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -85,6 +89,13 @@ pub struct Prior {
     pub bias_instability_dph: f64,
     /// Rate random walk of the residuals, root mean square over the axes, °/h/√h.
     pub rate_random_walk_dph_rt_h: f64,
+    /// Nominal length of the windows of its units' residuals, s; null where they differ.
+    pub window_s: Option<f64>,
+    /// Mean of ln r over the axes, r in °/h: σ of a window's residual, with what its autocorrelation adds to the mean of many,
+    /// r² = σ²·(1 + ρ)/(1 − ρ).
+    pub residual_ln_mean: f64,
+    /// Its σ over the axes.
+    pub residual_ln_sigma: f64,
     /// All units, without regard to lots.
     pub fleet: Population,
     /// Units about the means of their lots; null with a single lot.
@@ -93,6 +104,8 @@ pub struct Prior {
     pub lots: Vec<LotMean>,
     /// Axes that were not used, by reason; the odd ones by name.
     pub not_used: Vec<NotUsed>,
+    /// The logs behind it: the first 16 hexadecimal digits of their SHA-256.
+    pub logs: BTreeSet<String>,
     /// What it was made of: sums, by lot.
     pub sums: BTreeMap<String, Sums>,
     /// SHA-256 of all the rest as compact JSON, hex: set where a file is written.
@@ -153,7 +166,7 @@ pub struct Sums {
     pub covariance: Vec<ExactSum>,
     /// Axes whose N and Q are known.
     pub noise_axes: u64,
-    /// Σ N², Σ Q² of those, and Σ B² and Σ K² of all residuals.
+    /// Σ N², Σ Q² of those, Σ B² and Σ K² of all residuals, Σ ln r and Σ (ln r)².
     pub noise: Vec<ExactSum>,
 }
 
@@ -165,13 +178,15 @@ struct Head {
     span_c: [f64; 2],
     rate_spans_cpm: Vec<[f64; 2]>,
     fixed_lag_s: Option<f64>,
+    window_s: Option<f64>,
+    logs: BTreeSet<String>,
 }
 
 /// An axis that may be used.
 struct Member<'a> {
     unit: &'a UnitResult,
     axis: &'a AxisResult,
-    basis: &'a CommonBasis,
+    basis: Cow<'a, CommonBasis>,
 }
 
 impl Member<'_> {
@@ -189,7 +204,7 @@ impl Prior {
         let all: Vec<Member<'_>> = results
             .iter()
             .flat_map(|unit| unit.axes.iter().map(move |axis| (unit, axis)))
-            .filter_map(|(unit, axis)| Some(Member { unit, axis, basis: axis.common.as_ref()? }))
+            .filter_map(|(unit, axis)| Some(Member { unit, axis, basis: Cow::Borrowed(axis.common.as_ref()?) }))
             .collect();
         let without = results.iter().map(|unit| unit.axes.len()).sum::<usize>() - all.len();
         let model = model.map_or_else(|| most_frequent(&all), |model| Some(model.to_owned()));
@@ -201,8 +216,13 @@ impl Prior {
         not_used.push(counted("another model", others.len()));
         // A test that does not resolve a lag has fewer parameters: the prior has those of most.
         let usual = most_frequent_by(&members, |member| member.basis.terms.len()).unwrap_or(0);
-        let (members, others) = parted(members, |member| member.basis.terms.len() == usual);
-        selected_by_lag(members.len(), others.len())?;
+        let (mut members, mut others) = parted(members, |member| member.basis.terms.len() == usual);
+        if others.len() as f64 > MOST_SELECTED * (members.len() + others.len()) as f64 {
+            // Either part would be a selection by the lag, and by whatever goes with it: all take part, without it.
+            members.append(&mut others);
+            members.iter_mut().for_each(|member| member.basis = Cow::Owned(without_lags(&member.basis)));
+        }
+        let usual = members.first().map_or(0, |member| member.basis.terms.len());
         let (fewer, more) = parted(others, |member| member.basis.terms.len() < usual);
         not_used.push(counted("its test does not resolve the lag", fewer.len()));
         not_used.push(counted("its test resolves a lag that most do not", more.len()));
@@ -221,7 +241,8 @@ impl Prior {
             NotUsed { reason: odd[&name].clone(), axis: name, axes: 1 }
         }));
         groups::refuse(&members)?;
-        let CommonBasis { terms, units, .. } = members.first().map(|member| member.basis.clone()).unwrap_or_default();
+        let CommonBasis { terms, units, .. } =
+            members.first().map(|member| member.basis.as_ref().clone()).unwrap_or_default();
         let span_c = [
             members.iter().map(|member| member.axis.span_c[0]).fold(f64::NEG_INFINITY, f64::max),
             members.iter().map(|member| member.axis.span_c[1]).fold(f64::INFINITY, f64::min),
@@ -234,13 +255,17 @@ impl Prior {
         let has_lag = terms.iter().any(|term| term.ends_with("lag_s"));
         let lags: Vec<f64> = members.iter().filter_map(|member| member.axis.lag_s).collect();
         let fixed_lag_s = (!has_lag && !lags.is_empty()).then(|| median(&lags));
+        let windows: Vec<f64> = members.iter().map(|member| member.axis.window_s).collect();
+        let window_s = windows.first().copied().filter(|first| windows.iter().all(|window| window == first));
+        let logs = members.iter().flat_map(|member| &member.unit.inputs_sha256);
+        let logs = logs.map(|log| log.chars().take(LOG_DIGITS).collect()).collect();
         let mut by_lot: BTreeMap<String, Vec<&Member<'_>>> = BTreeMap::new();
         for member in &members {
             by_lot.entry(member.unit.lot.clone()).or_default().push(member);
         }
         let sums = by_lot.into_iter().map(|(lot, of)| (lot, Sums::of(&of))).collect();
         not_used.retain(|part| part.axes > 0);
-        Self::of_sums(Head { model, terms, units, span_c, rate_spans_cpm, fixed_lag_s }, not_used, sums)
+        Self::of_sums(Head { model, terms, units, span_c, rate_spans_cpm, fixed_lag_s, window_s, logs }, not_used, sums)
     }
 
     /// Two priors as one: as if it had been learned from the fleets of both, each without its own odd units.
@@ -259,12 +284,17 @@ impl Prior {
             *not_used.entry((axis, reason)).or_default() += axes;
         }
         let not_used = not_used.into_iter().map(|((axis, reason), axes)| NotUsed { axis, reason, axes }).collect();
-        let mut sums = std::mem::take(&mut self.sums);
-        if let Some((lot, _)) = other.sums.iter().find(|(lot, more)| sums.get(*lot) == Some(more)) {
-            return Err(Error::input("both have the same units of a lot")
-                .value(if lot.is_empty() { "no lot" } else { lot })
-                .help("give each fleet once: a unit that counts twice makes the others look alike"));
+        let twice = self.logs.intersection(&other.logs).count();
+        if twice > 0 {
+            let what = format!("{} of {} logs are in both", twice, other.logs.len());
+            return Err(
+                Error::input(what).help("give each unit once: one that counts twice makes the others look alike")
+            );
         }
+        let mut sums = std::mem::take(&mut self.sums);
+        let mut logs = std::mem::take(&mut self.logs);
+        logs.extend(other.logs);
+        let window_s = self.window_s.filter(|window_s| other.window_s == Some(*window_s));
         for (lot, more) in other.sums {
             match sums.entry(lot) {
                 std::collections::btree_map::Entry::Occupied(mut own) => own.get_mut().merge(&more),
@@ -276,11 +306,11 @@ impl Prior {
         // Of two fleets the one whose tests say more: their records' lags differ by less than they can tell.
         let fixed_lag_s = self.fixed_lag_s.into_iter().chain(other.fixed_lag_s).reduce(f64::max);
         let Self { model, terms, units, .. } = self;
-        Self::of_sums(Head { model, terms, units, span_c, rate_spans_cpm, fixed_lag_s }, not_used, sums)
+        Self::of_sums(Head { model, terms, units, span_c, rate_spans_cpm, fixed_lag_s, window_s, logs }, not_used, sums)
     }
 
     fn of_sums(head: Head, mut not_used: Vec<NotUsed>, sums: BTreeMap<String, Sums>) -> Result<Self> {
-        let Head { model, terms, units, span_c, rate_spans_cpm, fixed_lag_s } = head;
+        let Head { model, terms, units, span_c, rate_spans_cpm, fixed_lag_s, window_s, logs } = head;
         not_used.sort();
         let mut all = Sums::empty(terms.len());
         sums.values().for_each(|lot| all.merge(lot));
@@ -306,6 +336,8 @@ impl Prior {
         let each: Vec<&Sums> = sums.values().collect();
         let fleet = Population::of(&all, mean(&all), &whole)?;
         let within_lots = (each.len() > 1).then(|| Population::of(&all, mean(&all), &each)).transpose()?;
+        let [ln, ln_square] = [4, 5].map(|at| all.noise[at].value() / all.axes as f64);
+        let ln_variance = (ln_square - ln * ln).max(0.0) * all.axes as f64 / (all.axes - 1) as f64;
         let root_mean = |at: usize, axes: u64| (all.noise[at].value() / axes.max(1) as f64).max(0.0).sqrt();
         Ok(Self {
             format: FORMAT.to_owned(),
@@ -320,10 +352,14 @@ impl Prior {
             q_arcsec: root_mean(1, all.noise_axes),
             bias_instability_dph: root_mean(2, all.axes),
             rate_random_walk_dph_rt_h: root_mean(3, all.axes),
+            window_s,
+            residual_ln_mean: ln,
+            residual_ln_sigma: ln_variance.sqrt(),
             fleet,
             within_lots,
             lots,
             not_used,
+            logs,
             sums,
             content_sha256: String::new(),
         })
@@ -401,7 +437,7 @@ impl Sums {
     fn of(members: &[&Member<'_>]) -> Self {
         let terms = members.first().map_or(0, |member| member.basis.coefficients.len());
         let triangle = || (0..terms).flat_map(|i| (0..=i).map(move |j| (i, j)));
-        let sum = |value: &dyn Fn(&CommonBasis) -> f64| ExactSum::of(members.iter().map(|member| value(member.basis)));
+        let sum = |value: &dyn Fn(&CommonBasis) -> f64| ExactSum::of(members.iter().map(|member| value(&member.basis)));
         let noise = |of: fn(&AxisResult) -> Option<f64>| {
             ExactSum::of(members.iter().filter_map(|member| Some(of(member.axis)?.powi(2))))
         };
@@ -416,6 +452,8 @@ impl Sums {
                 noise(|axis| axis.q_arcsec),
                 noise(|axis| axis.bias_instability_dph),
                 noise(|axis| axis.rate_random_walk_dph_rt_h),
+                ExactSum::of(members.iter().map(|member| residual_ln(member.axis))),
+                ExactSum::of(members.iter().map(|member| residual_ln(member.axis).powi(2))),
             ],
         }
     }
@@ -495,18 +533,23 @@ fn copies(members: Vec<Member<'_>>) -> (Vec<Member<'_>>, Vec<NotUsed>) {
     (own.collect(), not_used)
 }
 
-/// Refuses units of which many are not used because their tests do or do not resolve a lag: the others are a selection by their lag, and
-/// by whatever goes with it.
-fn selected_by_lag(used: usize, others: usize) -> Result<()> {
-    if others as f64 <= MOST_SELECTED * (used + others) as f64 {
-        return Ok(());
+/// Terms without the lags: of a test that resolves a lag its coefficients are the same, with their own covariance.
+fn without_lags(basis: &CommonBasis) -> CommonBasis {
+    let kept: Vec<usize> = (0..basis.terms.len()).filter(|at| !basis.terms[*at].ends_with("lag_s")).collect();
+    let text = |of: &[String]| kept.iter().map(|at| of[*at].clone()).collect();
+    let covariance = kept.iter().enumerate().flat_map(|(row, i)| kept[..=row].iter().map(|j| place(*i, *j)));
+    CommonBasis {
+        terms: text(&basis.terms),
+        units: text(&basis.units),
+        coefficients: kept.iter().map(|at| basis.coefficients[*at]).collect(),
+        covariance: covariance.map(|at| basis.covariance[at]).collect(),
     }
-    let what = format!(
-        "the tests of {used} axes and of {others} differ in whether they resolve the lag: either part is a selection of the fleet"
-    );
-    Err(Error::refused(what).help(
-        "test the units with ramps that resolve the lag, or calibrate the fleet with a --model without rate terms",
-    ))
+}
+
+/// ln r of a record's residual.
+fn residual_ln(axis: &AxisResult) -> f64 {
+    let correlation = axis.residual_autocorrelation.unwrap_or(0.0);
+    ln_of_residual(axis.residual_dph.unwrap_or(1.0), correlation)
 }
 
 /// Names of axes that are far from the median of their lot, each with what is odd.
@@ -515,7 +558,6 @@ fn odd_ones(members: &[Member<'_>]) -> BTreeMap<String, String> {
     let terms = members.first().map_or(&[][..], |member| &member.basis.terms);
     for (at, term) in terms.iter().enumerate() {
         let value = |member: &Member<'_>| member.basis.coefficients.get(at).copied().unwrap_or(f64::NAN);
-        let of_all = median(&members.iter().map(value).collect::<Vec<_>>());
         let mut by_lot: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
         members.iter().for_each(|member| by_lot.entry(&member.unit.lot).or_default().push(value(member)));
         let middle = |member: &Member<'_>| {
@@ -523,12 +565,14 @@ fn odd_ones(members: &[Member<'_>]) -> BTreeMap<String, String> {
         };
         let mad = |away: &mut dyn Iterator<Item = f64>| SIGMA_OF_MAD * median(&away.map(f64::abs).collect::<Vec<_>>());
         let sigma = mad(&mut members.iter().filter_map(|member| Some(value(member) - middle(member)?)));
-        // Of a small lot: how far it may be from the others is how far lots are from each other.
-        let sigma_of_all = mad(&mut members.iter().map(|member| value(member) - of_all));
+        // Of a small lot: how far it may be from the others is how far lots are from each other, each counted once.
+        let medians: Vec<f64> = by_lot.values().map(|own| median(own)).collect();
+        let of_all = median(&medians);
+        let of_lots = mad(&mut medians.iter().map(|own| own - of_all));
         for member in members {
             let (away, sigma, of) = match middle(member) {
                 Some(own) => (value(member) - own, sigma, "of its lot"),
-                None => (value(member) - of_all, sigma_of_all, "of all lots"),
+                None => (value(member) - of_all, sigma.hypot(of_lots), "of all lots"),
             };
             if sigma > 0.0 && away.abs() > ODD_MADS * sigma {
                 let how = sagnac_units::format::significant(away / sigma, 2);

@@ -1,9 +1,12 @@
 //! The prior as one unit's fit has it: of the whole fleet, or of the unit's lot.
 //!
 //! ```text
-//! fleet     μ̂ of all,      Σ̂ + (Σ̂ + V̄)/n                  ν = lots − 1, or axes − 1 of a single lot
+//! no lots   μ̂ of all,      Σ̂ + (Σ̂ + V̄)/n                    ν = axes − 1
 //! lot l     μ̂ of the lot,  Σ̂_within + (Σ̂_within + V̄)/n_l    ν = axes − lots
+//! new lot   mean of the lots' means m_l,  Σ̂_new + (Σ̂_new + V̄)/lots,  Σ̂_new = Σ̂_within + Cov(m_l)    ν = lots − 1
 //! ```
+//!
+//! Of a new lot each lot counts once, however large it is. Cov(m_l) holds what few axes say of a lot's mean, so that it is rather too wide.
 //!
 //! A unit of a lot that the fleet has not seen is as far from the others as lots are from each other, which a few lots do not say: with
 //! fewer than [`LEAST_LOTS`] the unit's lot must be one of them. So the first units of a new lot are given the full test. A unit in a wrong
@@ -13,7 +16,7 @@ use std::path::Path;
 
 use super::read::MOST_BYTES;
 use super::{LEAST_OF_LOT, LotMean, Population, Prior};
-use crate::fit::UnitPrior;
+use crate::fit::{ResidualOfFleet, UnitPrior};
 use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::{hex, sha256};
 use sagnac_log::read::read_text;
@@ -62,9 +65,11 @@ const LEAST_LOTS: usize = 10;
 impl Prior {
     fn of_unit(&self, lot: Option<&str>, sha256: String) -> Result<UnitPrior> {
         let own = self.lot_of(lot)?;
-        let (population, mean, axes) = match own {
-            None => (&self.fleet, &self.fleet.mean, self.fleet.axes),
-            Some(lot) => (self.within_lots.as_ref().unwrap_or(&self.fleet), &lot.mean, lot.axes),
+        let of_new_lot = self.within_lots.as_ref().map(|within| self.of_new_lot(within));
+        let (population, mean, axes) = match (own, &of_new_lot) {
+            (None, Some(of_new_lot)) => (of_new_lot, &of_new_lot.mean, of_new_lot.axes),
+            (None, None) => (&self.fleet, &self.fleet.mean, self.fleet.axes),
+            (Some(lot), _) => (self.within_lots.as_ref().unwrap_or(&self.fleet), &lot.mean, lot.axes),
         };
         let lots = self.lots.len() as u64;
         let degrees = if own.is_none() && lots > 1 { lots - 1 } else { self.fleet.axes.saturating_sub(lots) };
@@ -79,10 +84,30 @@ impl Prior {
             fixed_lag_s: self.fixed_lag_s,
             bias_instability_dph: self.bias_instability_dph,
             rate_random_walk_dph_rt_h: self.rate_random_walk_dph_rt_h,
-            axes,
+            residual: self.window_s.map(|window_s| ResidualOfFleet {
+                window_s,
+                ln_mean: self.residual_ln_mean,
+                ln_sigma: self.residual_ln_sigma,
+                axes: self.fleet.axes,
+            }),
+            axes: own.map_or(self.fleet.axes, |lot| lot.axes),
             lot: own.map(|lot| lot.lot.clone()),
             sha256,
         })
+    }
+
+    /// Units of a lot that is not one of the fleet's.
+    fn of_new_lot(&self, within: &Population) -> Population {
+        let (p, lots) = (self.terms.len(), self.lots.len() as f64);
+        let mean: Vec<f64> = (0..p).map(|at| self.lots.iter().map(|lot| lot.mean[at]).sum::<f64>() / lots).collect();
+        let of_lots = |i: usize, j: usize| {
+            let away = self.lots.iter().map(|lot| (lot.mean[i] - mean[i]) * (lot.mean[j] - mean[j]));
+            away.sum::<f64>() / (lots - 1.0)
+        };
+        let entries = (0..p).flat_map(|i| (0..=i).map(move |j| (i, j)));
+        let covariance = entries.zip(&within.covariance).map(|((i, j), own)| own + of_lots(i, j)).collect();
+        let (axes, of_tests) = (self.lots.len() as u64, within.of_tests.clone());
+        Population { axes, mean, covariance, of_tests, directions: p }
     }
 
     /// The lot whose mean a unit is about; `None` for that of all units: where they have no lots, or many, of which it is another.

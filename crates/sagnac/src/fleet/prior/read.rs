@@ -79,7 +79,9 @@ impl Prior {
         if found.fixed_lag_s.is_some_and(|lag_s| !(lag_s > 0.0 && lag_s.is_finite())) {
             return Err(Error::input("a lag that is none").column("fixed_lag_s"));
         }
-        let Self { model, terms, units, span_c, rate_spans_cpm, fixed_lag_s, not_used, sums, .. } = found;
-        Self::of_sums(Head { model, terms, units, span_c, rate_spans_cpm, fixed_lag_s }, not_used, sums)
+        let Self { model, terms, units, span_c, rate_spans_cpm, fixed_lag_s, window_s, logs, not_used, sums, .. } =
+            found;
+        let head = Head { model, terms, units, span_c, rate_spans_cpm, fixed_lag_s, window_s, logs };
+        Self::of_sums(head, not_used, sums)
     }
 }

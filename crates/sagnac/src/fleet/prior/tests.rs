@@ -290,12 +290,14 @@ fn what_a_prior_made_makes_no_prior() {
     assert_eq!(prior.not_used, [counted("its record was made with a prior", 20)]);
 }
 
-/// Half of the tests resolve the lag: whichever half is used, it is selected by the lag.
+/// Where some tests resolve the lag and others do not, either part would be a selection by it: all take part, without it.
 #[test]
-fn a_selection_by_lag_is_refused() {
+fn no_part_is_selected_by_its_lag() {
     let mut draws = Draws(10);
     let mut units = fleet(&mut draws, 100, &[0.0]);
+    let without = Prior::learned(&units, None).unwrap();
     let add_lag = |unit: &mut UnitResult| {
+        unit.axes[0].lag_s = Some(300.0);
         let common = unit.axes[0].common.as_mut().unwrap();
         common.terms.push("lag_s".to_owned());
         common.units.push("s".to_owned());
@@ -304,9 +306,9 @@ fn a_selection_by_lag_is_refused() {
     };
     units[..15].iter_mut().for_each(add_lag);
     assert_eq!(Prior::learned(&units, None).unwrap().fleet.axes, 85);
-    units[15..40].iter_mut().for_each(add_lag);
-    let refusal = Prior::learned(&units, None).unwrap_err();
-    assert!(refusal.what.contains("60 axes and of 40 differ in whether they resolve the lag"), "{refusal}");
+    units[15..60].iter_mut().for_each(add_lag);
+    let mixed = Prior::learned(&units, None).unwrap();
+    assert_eq!((mixed.fleet, mixed.terms, mixed.fixed_lag_s), (without.fleet, without.terms, Some(300.0)));
 }
 
 /// Lots of a few units each are as far from the median of all as lots are from each other: none of them is odd for that.
@@ -331,13 +333,48 @@ fn small_lots_are_not_odd() {
     assert!(named * 100 < all, "{named} of {all} good units excluded");
 }
 
-/// Two priors of the same fleet, or a fleet and its own prior, are one fleet.
+/// A unit counts once, in whatever parts its fleet is given.
 #[test]
 fn a_fleet_counts_once() {
     let mut draws = Draws(12);
-    let one = Prior::learned(&fleet(&mut draws, 60, &[0.0, 0.2]), None).unwrap();
-    let refusal = one.clone().merged(one).unwrap_err();
-    assert!(refusal.what.contains("the same units of a lot"), "{refusal}");
+    let mut units = fleet(&mut draws, 90, &[0.0, 0.2]);
+    for (at, unit) in units.iter_mut().enumerate() {
+        unit.inputs_sha256 = vec![format!("{at:016x}{at:048x}"), format!("{:016x}{at:048x}", at + 1000)];
+    }
+    let of = |units: &[UnitResult]| Prior::learned(units, None).unwrap();
+    let one = of(&units[..45]);
+    assert!(one.clone().merged(of(&units[45..])).is_ok());
+    for other in [&units[..45], &units[..44], &units[44..]] {
+        let refusal = one.clone().merged(of(other)).unwrap_err();
+        assert!(refusal.what.contains("logs are in both"), "{refusal}");
+    }
+}
+
+/// A unit of a new lot: each lot counts once, however large it is, and no lot is odd because a large one is not like it.
+#[test]
+fn a_large_lot_does_not_decide_for_a_new_one() {
+    let mut draws = Draws(14);
+    let (mut within, mut named, mut all) = (0, 0, 0);
+    for _ in 0..400 {
+        let lots: Vec<f64> = (0..31).map(|_| 0.4 * draws.normal()).collect();
+        let mut units = fleet(&mut draws, 31 * 60, &lots);
+        let mut counts = [0; 31];
+        units.retain(|unit| {
+            let lot: usize = unit.lot[4..].parse().unwrap();
+            counts[lot] += 1;
+            counts[lot] <= if lot == 0 { 60 } else { 2 }
+        });
+        let prior = Prior::learned(&units, None).unwrap();
+        named += prior.not_used.len();
+        all += units.len();
+        let next = PriorFile { prior, sha256: String::new() }.of_unit(None).unwrap();
+        let own = MEAN[0] + 0.4 * draws.normal() + with(&mut draws, &OF_UNITS)[0];
+        // Student's t of 30 degrees: 2.042.
+        within += u32::from((own - next.mean[0]).abs() < 2.042 * next.covariance[0].sqrt());
+    }
+    let part = f64::from(within) / 400.0;
+    assert!((0.93..=0.99).contains(&part), "{part}");
+    assert!(named * 50 < all, "{named} of {all} good units excluded");
 }
 
 /// Numbers of a file that somebody changed: each is refused, whatever it is.
