@@ -18,6 +18,8 @@
 //! Fails for groups that happen to be no farther apart than their tests, and for a gyro that is there a few times among many others:
 //! neither makes the fleet look much more alike than it is.
 
+use std::collections::BTreeMap;
+
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -38,6 +40,8 @@ const BETWEEN: f64 = 0.2;
 const FAR: f64 = 0.25;
 /// Near pairs of an axis from which on they matter.
 const PER_AXIS: f64 = 0.5;
+/// Axes of a lot, for each parameter, that tell its own scatter.
+const LEAST_PER_PARAMETER: usize = 4;
 /// More than chance makes by this factor, which tails of Student's t of three do not reach.
 const MORE_THAN_CHANCE: f64 = 3.0;
 /// Draws for the chance of a near pair, always the same.
@@ -54,7 +58,7 @@ struct Pairs {
 
 /// Refuses a fleet of few gyros under many names.
 pub(super) fn refuse(members: &[Member<'_>]) -> Result<()> {
-    let Some((points, roots)) = whitened(members) else { return Ok(()) };
+    let Some(points) = whitened(members) else { return Ok(()) };
     let degrees = points.first().map_or(0, |(_, point)| point.len());
     let Some(near) = ChiSquared::new(degrees as f64).ok().map(|law| law.inverse_cdf(NEAR)) else { return Ok(()) };
     let squares = squares(&points);
@@ -75,7 +79,7 @@ pub(super) fn refuse(members: &[Member<'_>]) -> Result<()> {
         .map(|wider| at(near * WIDER.powi(wider as i32)))
         .find(|pairs| matters(pairs) && pairs.between < BETWEEN * pairs.near && pairs.far > FAR * pairs.near);
     let close = at(near);
-    let by_chance = squares.len() as f64 * chance(&roots, near);
+    let Some(by_chance) = near_by_chance(&points, near) else { return Ok(()) };
     let crowded = Some(close).filter(|pairs| matters(pairs) && pairs.near > MORE_THAN_CHANCE * by_chance);
     match apart.or(crowded) {
         None => Ok(()),
@@ -87,8 +91,8 @@ pub(super) fn refuse(members: &[Member<'_>]) -> Result<()> {
     }
 }
 
-/// Axes with their lots where the mean test has unit covariance, and the eigenvalues of their scatter there.
-fn whitened<'a>(members: &[Member<'a>]) -> Option<(Vec<Point<'a>>, Vec<f64>)> {
+/// Axes with their lots where the mean test has unit covariance.
+fn whitened<'a>(members: &[Member<'a>]) -> Option<Vec<Point<'a>>> {
     let p = members.first()?.basis.coefficients.len();
     let mut sorted: Vec<&Member<'a>> = members.iter().collect();
     sorted.sort_by_key(|member| (&member.unit.unit, &member.axis.axis));
@@ -106,22 +110,38 @@ fn whitened<'a>(members: &[Member<'a>]) -> Option<(Vec<Point<'a>>, Vec<f64>)> {
             DVector::from_iterator(p, member.basis.coefficients.iter().zip(&scale).map(|(value, s)| value / s));
         Some(((member.unit.lot.as_str(), member.unit.unit.as_str()), factor.solve_lower_triangular(&scaled)?))
     };
-    let points: Vec<Point<'a>> = used.iter().map(point).collect::<Option<_>>()?;
-    let eigen = SymmetricEigen::new(scatter_within_lots(&points, p)?);
-    Some((points, eigen.eigenvalues.iter().map(|value| value.max(0.0)).collect()))
+    used.iter().map(point).collect()
 }
 
 /// Lot and unit of an axis, and its coefficients.
 type Point<'a> = ((&'a str, &'a str), DVector<f64>);
 
-fn scatter_within_lots(points: &[Point<'_>], p: usize) -> Option<DMatrix<f64>> {
-    let mut lots: std::collections::BTreeMap<&str, Vec<&DVector<f64>>> = std::collections::BTreeMap::new();
+/// Near pairs that chance makes of normal populations: each lot's own, where it has axes enough to tell its scatter, else that within all lots.
+fn near_by_chance(points: &[Point<'_>], near: f64) -> Option<f64> {
+    let p = points.first()?.1.len();
+    let mut lots: BTreeMap<&str, Vec<&DVector<f64>>> = BTreeMap::new();
     points.iter().for_each(|((lot, _), point)| lots.entry(*lot).or_default().push(point));
-    let degrees = points.len().checked_sub(lots.len()).filter(|degrees| *degrees > 0)?;
+    let chance_of = |groups: &[&Vec<&DVector<f64>>]| -> Option<f64> {
+        let eigen = SymmetricEigen::new(scatter_about_means(groups, p)?);
+        let roots: Vec<f64> = eigen.eigenvalues.iter().map(|value| value.max(0.0)).collect();
+        Some(chance(&roots, near))
+    };
+    let pooled = chance_of(&lots.values().collect::<Vec<_>>())?;
+    let of_lot = |lot: &Vec<&DVector<f64>>| {
+        let n = lot.len() as f64;
+        let own = if lot.len() >= LEAST_PER_PARAMETER * p { chance_of(&[lot]).unwrap_or(pooled) } else { pooled };
+        own * n * (n - 1.0) / 2.0
+    };
+    Some(lots.values().map(of_lot).sum())
+}
+
+fn scatter_about_means(groups: &[&Vec<&DVector<f64>>], p: usize) -> Option<DMatrix<f64>> {
+    let axes: usize = groups.iter().map(|of_group| of_group.len()).sum();
+    let degrees = axes.checked_sub(groups.len()).filter(|degrees| *degrees > 0)?;
     let mut scatter = DMatrix::zeros(p, p);
-    for of_lot in lots.values() {
-        let mean = of_lot.iter().copied().sum::<DVector<f64>>() / of_lot.len() as f64;
-        for point in of_lot {
+    for of_group in groups {
+        let mean = of_group.iter().copied().sum::<DVector<f64>>() / of_group.len() as f64;
+        for point in of_group.iter() {
             let away = *point - &mean;
             scatter += &away * away.transpose();
         }

@@ -370,12 +370,7 @@ impl Population {
     /// Axes about the means of the groups that they are in.
     fn of(all: &Sums, mean: Vec<f64>, groups: &[&Sums]) -> Result<Self> {
         let (p, n) = (mean.len(), all.axes as f64);
-        let mut scatter = DMatrix::zeros(p, p);
-        for group in groups {
-            let own = DVector::from_iterator(p, group.value.iter().map(ExactSum::value));
-            scatter += symmetric(&values(&group.product), p) - &own * own.transpose() / group.axes as f64;
-        }
-        scatter /= n - groups.len() as f64;
+        let scatter = scatter_about_means(groups, p);
         let of_tests = symmetric(&values(&all.covariance), p) / n;
         let (covariance, directions) = beyond(&scatter, &of_tests).ok_or_else(|| {
             Error::refused("the records of this fleet have no covariance that a prior could be freed of")
@@ -398,6 +393,18 @@ impl Population {
     pub fn sigma_of_tests(&self, term: usize) -> f64 {
         self.of_tests.get(place(term, term)).map_or(f64::NAN, |variance| variance.sqrt())
     }
+}
+
+/// Covariance of axes about the means of their groups.
+fn scatter_about_means(groups: &[&Sums], p: usize) -> DMatrix<f64> {
+    let mut scatter = DMatrix::zeros(p, p);
+    let mut degrees = 0.0;
+    for group in groups {
+        let own = DVector::from_iterator(p, group.value.iter().map(ExactSum::value));
+        scatter += symmetric(&values(&group.product), p) - &own * own.transpose() / group.axes as f64;
+        degrees += group.axes as f64 - 1.0;
+    }
+    scatter / degrees
 }
 
 /// The part of a scatter beyond a covariance, and the number of its directions; `None` where the covariance is not positive.

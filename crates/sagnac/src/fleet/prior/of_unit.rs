@@ -15,7 +15,9 @@
 use std::path::Path;
 
 use super::read::MOST_BYTES;
-use super::{LEAST_OF_LOT, LotMean, Population, Prior};
+use statrs::distribution::{ContinuousCDF, FisherSnedecor};
+
+use super::{LEAST_OF_LOT, LotMean, Population, Prior, Sums, scatter_about_means};
 use crate::fit::{ResidualOfFleet, UnitPrior};
 use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::{hex, sha256};
@@ -59,12 +61,18 @@ impl PriorFile {
     }
 }
 
+/// Of so many lots that scatter like the others one is refused, where the variance of a variance is so many times that of a normal law.
+const LIKE_OTHERS: f64 = 0.999;
+const KURTOSIS: f64 = 4.0;
 /// Lots that say how far another one may be.
 const LEAST_LOTS: usize = 10;
 
 impl Prior {
     fn of_unit(&self, lot: Option<&str>, sha256: String) -> Result<UnitPrior> {
         let own = self.lot_of(lot)?;
+        if let Some(lot) = own {
+            self.refuse_wide(lot)?;
+        }
         let of_new_lot = self.within_lots.as_ref().map(|within| self.of_new_lot(within));
         let (population, mean, axes) = match (own, &of_new_lot) {
             (None, Some(of_new_lot)) => (of_new_lot, &of_new_lot.mean, of_new_lot.axes),
@@ -94,6 +102,34 @@ impl Prior {
             lot: own.map(|lot| lot.lot.clone()),
             sha256,
         })
+    }
+
+    /// Refuses a lot whose units scatter more than those of the other lots: Σ̂_within would be too narrow for it. The ratio of the
+    /// variances, mean over the terms, has about Fisher's distribution; a quarter of the degrees stands for tails of Student's t of five.
+    fn refuse_wide(&self, lot: &LotMean) -> Result<()> {
+        let (p, lots) = (self.terms.len(), self.sums.len());
+        let (Some(sums), true) = (self.sums.get(&lot.lot), lots > 1) else { return Ok(()) };
+        let others: Vec<&Sums> = self.sums.iter().filter(|(name, _)| **name != lot.lot).map(|(_, sums)| sums).collect();
+        let of_others = others.iter().map(|sums| sums.axes).sum::<u64>();
+        if of_others < others.len() as u64 + LEAST_OF_LOT as u64 {
+            return Ok(());
+        }
+        let (own, usual) = (scatter_about_means(&[sums], p), scatter_about_means(&others, p));
+        let Some(factor) = usual.cholesky() else { return Ok(()) };
+        let ratio = factor.solve(&own).trace() / p as f64;
+        let degrees = |axes: u64, groups: usize| (p as f64 * (axes as f64 - groups as f64) / KURTOSIS).max(1.0);
+        let law = FisherSnedecor::new(degrees(sums.axes, 1), degrees(of_others, lots - 1));
+        let most = law.map_or(f64::INFINITY, |law| law.inverse_cdf(LIKE_OTHERS));
+        if ratio <= most {
+            return Ok(());
+        }
+        let what = format!(
+            "the units of this lot scatter {:.1} times as much as those of the other lots, at most {:.1} times at {} %",
+            ratio.sqrt(),
+            most.sqrt(),
+            100.0 * LIKE_OTHERS
+        );
+        Err(Error::refused(what).column("--lot").value(&lot.lot).help("make a prior of this lot's units alone"))
     }
 
     /// Units of a lot that is not one of the fleet's.

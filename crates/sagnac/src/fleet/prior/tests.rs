@@ -403,3 +403,26 @@ fn a_changed_file_is_refused() {
     }
     assert_eq!(refused, 6);
 }
+
+/// A lot that scatters more than the others has no narrow interval of theirs; lots that scatter alike do, heavy tails or not.
+#[test]
+fn a_wide_lot_needs_a_prior_of_its_own() {
+    let mut draws = Draws(15);
+    let mut of = |wide: f64, heavy: bool| {
+        let one = |at: usize, draws: &mut Draws| {
+            let lot = usize::from(at < 30);
+            let chi: f64 = (0..5).map(|_| draws.normal().powi(2)).sum();
+            let size = if heavy { (3.0 / chi).sqrt() } else { 1.0 } * if lot == 1 { wide } else { 1.0 };
+            let (own, error) = (with(draws, &OF_UNITS), with(draws, &OF_TESTS));
+            let beta = std::array::from_fn(|k| MEAN[k] + size * own[k] + 0.3 * error[k]);
+            unit(at, &format!("lot {lot}"), beta, product(&OF_TESTS).iter().map(|v| v * 0.09).collect())
+        };
+        let units: Vec<UnitResult> = (0..130).map(|at| one(at, &mut draws)).collect();
+        let prior = PriorFile { prior: Prior::learned(&units, None).unwrap(), sha256: String::new() };
+        assert!(prior.of_unit(Some("lot 0")).is_ok());
+        prior.of_unit(Some("lot 1")).is_err_and(|e| e.what.contains("scatter") && e.help.unwrap().contains("alone"))
+    };
+    let mut refused = |wide: f64, heavy: bool| (0..100).filter(|_| of(wide, heavy)).count();
+    let found = [refused(1.0, false), refused(1.0, true), refused(2.5, false), refused(2.5, true)];
+    assert!(found[0] <= 2 && found[1] <= 2 && found[2] >= 95 && found[3] >= 80, "of 100: {found:?}");
+}
