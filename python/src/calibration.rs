@@ -11,12 +11,12 @@ use sagnac::diagnostics::ReportData;
 use sagnac::export::{c_files, encode, image_bytes};
 use sagnac::fit::{FitOptions, Loss, calibrate_with_report_data};
 use sagnac::fleet::PriorFile;
-use sagnac::verify::{Correction, Replay, VerifyOptions, status_text, verify};
+use sagnac::verify::{Compensated, Correction, Replay, VerifyOptions, status_text, verify};
 use sagnac::window::{WindowBuilder, Windows, read_table};
 use sagnac::{Error, Result, Setup};
 use sagnac_core::{Image, Status};
 use sagnac_log::MemoryBudget;
-use sagnac_log::ingest::{AngleUnit, ReadMode, sha256};
+use sagnac_log::ingest::{AngleUnit, LogShape, ReadMode, sha256};
 use sagnac_log::write::write_bytes;
 use sagnac_report::calibration_report;
 use sagnac_units::s_from_ns;
@@ -322,6 +322,15 @@ pub(crate) fn points_table(points: &[sagnac::diagnostics::Point]) -> PyResult<Ta
     ])
 }
 
+/// Corrected rows, column by column.
+struct CorrectedRows {
+    lines: Vec<i64>,
+    times_s: Vec<f64>,
+    /// Per axis: angle in the log's unit, and status in words where there is something to say.
+    angles: Vec<Vec<f64>>,
+    statuses: Vec<Vec<Option<String>>>,
+}
+
 /// Columns of a corrected log, rows that were corrected within the span of the fit, and rows that there were.
 type Corrected = (Vec<(String, ArrayRef)>, u64, u64);
 
@@ -332,44 +341,54 @@ fn corrected(correction: &Correction, sources: &Sources, setup: &Setup, stop: &c
     let (shape, name) = (log.shape().clone(), log.summary().file);
     let (images, readings) = correction.fit_to(&shape, setup).map_err(|e| e.file(&name))?;
     let mut replay = Replay::new(&images, &shape, readings, &name)?;
-    let is_file = sources.are_files();
-    let (mut rows, mut times, mut good) = (Vec::new(), Vec::new(), 0_u64);
-    let mut angles = vec![Vec::new(); shape.axes.len()];
-    let mut statuses = vec![Vec::new(); shape.axes.len()];
+    let axes = shape.axes.len();
+    let mut rows = CorrectedRows {
+        lines: Vec::new(),
+        times_s: Vec::new(),
+        angles: vec![Vec::new(); axes],
+        statuses: vec![Vec::new(); axes],
+    };
+    let mut counted = Compensated::default();
     while let Some(batch) = log.next_batch()? {
         let done = replay.correct(batch)?;
-        // A table has a line of headers and no other line but its rows.
-        rows.extend(batch.line.iter().map(|line| if is_file { *line as i64 } else { *line as i64 - 2 }));
-        let none = Status::UNCORRECTED | Status::STALE | Status::OVERFLOW | Status::OUT_OF_SPAN;
-        let is_good = |row: &usize| done.status.iter().all(|axis| axis[*row].bits() & none.bits() == 0);
-        good += (0..batch.len()).filter(is_good).count() as u64;
-        times.extend(batch.end_ns.iter().map(|ns| s_from_ns(*ns)));
-        for ((all, part), (words, status)) in
-            angles.iter_mut().zip(&done.angle).zip(statuses.iter_mut().zip(&done.status))
-        {
-            all.extend_from_slice(part);
-            words.extend(status.iter().map(|status| (*status != Status::OK).then(|| status_text(*status))));
+        rows.lines.extend(batch.line.iter().map(|line| *line as i64));
+        rows.times_s.extend(batch.end_ns.iter().map(|ns| s_from_ns(*ns)));
+        for row in 0..batch.len() {
+            counted.count(done.status.iter().fold(Status::OK, |all, axis| all | axis[row]));
+        }
+        rows.angles.iter_mut().zip(&done.angle).for_each(|(all, part)| all.extend_from_slice(part));
+        for (words, part) in rows.statuses.iter_mut().zip(&done.status) {
+            words.extend(part.iter().map(|status| (*status != Status::OK).then(|| status_text(*status))));
         }
     }
-    let name = if is_file { "line" } else { "row" };
-    let mut columns: Vec<(String, ArrayRef)> = vec![(name.to_owned(), Arc::new(Int64Array::from(rows)))];
-    if shape.timed {
-        columns.push(("time_s".to_owned(), Arc::new(Float64Array::from(times))));
-    }
-    for ((axis, angle), status) in shape.axes.iter().zip(angles).zip(statuses) {
-        let column: (String, ArrayRef) = match shape.unit {
-            AngleUnit::Quanta { quantum: 1.0, .. } => (
-                format!("counts_{axis}"),
-                Arc::new(Int64Array::from_iter_values(angle.iter().map(|value| *value as i64))),
-            ),
-            AngleUnit::Quanta { quantum, .. } => (
-                format!("counts_{axis}"),
-                Arc::new(Float64Array::from_iter_values(angle.iter().map(|value| *value * quantum))),
-            ),
-            AngleUnit::Arcsec => (format!("angle_arcsec_{axis}"), Arc::new(Float64Array::from(angle))),
+    Ok((rows.columns(&shape, sources.are_files()), counted.corrected(), log.summary().rows))
+}
+
+impl CorrectedRows {
+    /// Rows of a table are counted from 0; its line of headers is above them, and no other line but its rows.
+    fn columns(self, shape: &LogShape, is_file: bool) -> Vec<(String, ArrayRef)> {
+        let place: (String, ArrayRef) = if is_file {
+            ("line".to_owned(), Arc::new(Int64Array::from(self.lines)))
+        } else {
+            ("row".to_owned(), Arc::new(Int64Array::from_iter_values(self.lines.iter().map(|line| line - 2))))
         };
-        columns.push(column);
-        columns.push((format!("status_{axis}"), Arc::new(StringArray::from_iter(status))));
+        let mut columns = vec![place];
+        if shape.timed {
+            columns.push(("time_s".to_owned(), Arc::new(Float64Array::from(self.times_s))));
+        }
+        for ((axis, angle), status) in shape.axes.iter().zip(self.angles).zip(self.statuses) {
+            let (name, values): (&str, ArrayRef) = match shape.unit {
+                AngleUnit::Quanta { quantum: 1.0, .. } => {
+                    ("counts", Arc::new(Int64Array::from_iter_values(angle.iter().map(|value| *value as i64))))
+                }
+                AngleUnit::Quanta { quantum, .. } => {
+                    ("counts", Arc::new(Float64Array::from_iter_values(angle.iter().map(|value| *value * quantum))))
+                }
+                AngleUnit::Arcsec => ("angle_arcsec", Arc::new(Float64Array::from(angle))),
+            };
+            columns.push((format!("{name}_{axis}"), values));
+            columns.push((format!("status_{axis}"), Arc::new(StringArray::from_iter(status))));
+        }
+        columns
     }
-    Ok((columns, good, log.summary().rows))
 }

@@ -75,17 +75,16 @@ pub(crate) fn away<T: Send + 'static>(
     work: impl FnOnce(&Stop) -> sagnac::Result<T> + Send + 'static,
 ) -> PyResult<T> {
     let stop = Stop::default();
-    let (sender, receiver) = channel();
+    let (sender, mut receiver) = channel();
     let of_worker = stop.clone();
     let started = sagnac_log::threads::spawn("sagnac", move || {
-        // The caller waits for this in any case.
+        // After a stop the caller may be gone.
         let _ = sender.send(done(&of_worker, work));
     });
     started.map_err(|e| crate::errors::exception(sagnac::Error::input(format!("no thread can be started: {e}"))))?;
-    // A Receiver is not shared between threads: the closure owns it while the lock is released.
-    let mut receiver = receiver;
     let mut patience = PATIENCE;
     loop {
+        // A Receiver is not shared between threads: the closure owns it while the lock is released.
         let (waited, back) = py.detach(move || (receiver.recv_timeout(EACH), receiver));
         receiver = back;
         match waited {

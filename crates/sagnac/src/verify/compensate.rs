@@ -61,7 +61,8 @@ impl Compensated {
         self.corrected() as f64 / self.log.rows.max(1) as f64
     }
 
-    fn count(&mut self, status: Status) {
+    /// Counts a row that was corrected with this status.
+    pub fn count(&mut self, status: Status) {
         let none = [Status::UNCORRECTED, Status::STALE, Status::OVERFLOW];
         self.rows += 1;
         if none.iter().any(|bit| status.contains(*bit)) {
