@@ -153,7 +153,7 @@ pub(crate) fn source_date_epoch() -> Result<Option<i64>> {
 }
 
 /// One axis, the verdict first.
-fn describe(console: &mut Console, axis: &AxisCalibration) {
+pub(crate) fn describe(console: &mut Console, axis: &AxisCalibration) {
     console.say(format!("axis {}: {}", axis.axis, verdict(axis)));
     if let Some(prior) = axis.fit.as_ref().and_then(|fit| fit.prior.as_ref()) {
         console.say(format!("  {}", prior.words()));

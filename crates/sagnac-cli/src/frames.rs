@@ -4,12 +4,13 @@ use std::io::{BufReader, Read, Write};
 use std::path::PathBuf;
 
 use sagnac::{Error, Result};
+use sagnac_bench::serial_line::{
+    OutputClock, image_words, intensity_words, is_piece_done, path_length_words, reply_words, status_words,
+};
 use sagnac_board::frame::FrameReader;
-use sagnac_board::{ANSWER, COMMIT, CONFIRM, Message, Output, PIECE, POWER_ON, ROLL_BACK, Reply, ReplyCode, SERVICE};
-use sagnac_core::{Origin, Status};
+use sagnac_board::{Message, Output, POWER_ON};
 use sagnac_log::ingest::hex;
 use sagnac_log::write::write_atomically;
-use sagnac_loops::{IntensityStatus, PathLengthStatus};
 
 use crate::console::{Console, Outcome, Ran};
 use crate::files::Files;
@@ -47,13 +48,8 @@ struct Tally {
     /// Replies and challenges, as lines.
     answers: Vec<String>,
     others: u64,
-    missing: u64,
-    /// Places where the frames' count or clock jumps by more than lost frames explain.
-    breaks: u64,
+    clock: OutputClock,
     damaged_bytes: u64,
-    last: Option<Output>,
-    /// Ticks since power-on, beyond the 32 bits of a frame.
-    ticks: u64,
 }
 
 /// Largest number of answers that are listed one by one.
@@ -87,9 +83,12 @@ fn report(tally: &Tally, console: &mut Console) -> Ran {
     for answer in &tally.answers {
         console.note(answer);
     }
-    console.note(format!("{} output frames, {} missing between them", tally.outputs, tally.missing));
-    if tally.breaks > 0 {
-        console.note(format!("{} times count or clock jump: restarts, or frames twice or in disorder", tally.breaks));
+    console.note(format!("{} output frames, {} missing between them", tally.outputs, tally.clock.missing));
+    if tally.clock.breaks > 0 {
+        console.note(format!(
+            "{} times count or clock jump: restarts, or frames twice or in disorder",
+            tally.clock.breaks
+        ));
     }
     if tally.damaged_bytes > 0 {
         console.note(format!("{} bytes belong to no frame: damaged or of another sender", tally.damaged_bytes));
@@ -98,42 +97,6 @@ fn report(tally: &Tally, console: &mut Console) -> Ran {
         console.note(format!("{} frames of other kinds", tally.others));
     }
     Ok(Outcome::Done)
-}
-
-fn words_of(reply: &Reply) -> String {
-    let what = match reply.to {
-        POWER_ON => "power-on",
-        PIECE => "piece of an image",
-        COMMIT => "commit of an image",
-        ROLL_BACK => "roll back",
-        CONFIRM => "confirmation",
-        SERVICE => "service mode",
-        ANSWER => "answer to a challenge",
-        _ => "message",
-    };
-    let became = match reply.code {
-        ReplyCode::Done => "done",
-        ReplyCode::NotAnImage => "refused: not an image, or damaged",
-        ReplyCode::Mismatch => "refused: for another gyro, or beyond its limits",
-        ReplyCode::NotNewer => "refused: not newer than the active image",
-        ReplyCode::NoOlderImage => "refused: no older image to go back to",
-        ReplyCode::Flash => "failed: flash",
-        ReplyCode::BadPiece => "refused: beyond the longest image",
-        ReplyCode::Locked => "refused: the service mode is closed",
-        ReplyCode::Unsigned => "refused: not signed, and this gyro has a key",
-        ReplyCode::BadSignature => "refused: the signature does not match, or is by another key",
-        ReplyCode::NotOnTrial => "refused: no image is on trial",
-    };
-    let trial = if reply.trial { ", on trial: confirm it" } else { "" };
-    match reply.sequence {
-        0 => format!("{what}: {became}; factory defaults active"),
-        number if reply.origin == Origin::Survivor => {
-            format!(
-                "{what}: {became}; image {number} active, the only usable one: the other bank is damaged or not for this gyro"
-            )
-        }
-        number => format!("{what}: {became}; image {number} active{trial}"),
-    }
 }
 
 fn pour(args: &Args, tally: &mut Tally, out: &mut dyn Write) -> Result<()> {
@@ -172,27 +135,7 @@ fn pour(args: &Args, tally: &mut Tally, out: &mut dyn Write) -> Result<()> {
     out.flush().map_err(|e| written(&e))
 }
 
-/// A gap of more frames than this, five minutes, is a restart or a disorder.
-const LONGEST_GAP: u16 = 1 << 15;
-
 impl Tally {
-    /// Counts the frames missing before an output and advances the clock.
-    fn follow(&mut self, output: &Output) {
-        let Some(last) = self.last.replace(*output) else {
-            self.ticks = output.tick.into();
-            return;
-        };
-        let gap = output.sequence.wrapping_sub(last.sequence).wrapping_sub(1);
-        let moved = output.tick.wrapping_sub(last.tick);
-        if gap < LONGEST_GAP && moved < 1 << 31 {
-            self.missing += u64::from(gap);
-            self.ticks += u64::from(moved);
-        } else {
-            self.breaks += 1;
-            self.ticks = output.tick.into();
-        }
-    }
-
     fn note(&mut self, line: String) {
         if self.answers.len() < MOST_ANSWERS {
             self.answers.push(line);
@@ -204,16 +147,16 @@ impl Tally {
         match Message::parse(frame) {
             Some(Message::Output(output)) => {
                 self.outputs += 1;
-                self.follow(&output);
-                Some(row(&output, self.ticks, tick_us))
+                self.clock.follow(&output);
+                Some(row(&output, self.clock.ticks, tick_us))
             }
             Some(Message::Reply(reply)) => {
                 if reply.to == POWER_ON {
                     // Power-on begins a new count.
-                    self.last = None;
+                    self.clock.power_on();
                 }
-                if !(reply.to == PIECE && reply.code == ReplyCode::Done) {
-                    self.note(words_of(&reply));
+                if !is_piece_done(&reply) {
+                    self.note(reply_words(&reply));
                 }
                 None
             }
@@ -229,39 +172,20 @@ impl Tally {
     }
 }
 
-/// Where the image comes from, as a word.
-fn origin_word(origin: Origin) -> &'static str {
-    match origin {
-        Origin::Newest => "newest",
-        Origin::Survivor => "survivor",
-        Origin::FactoryDefaults => "factory defaults",
-    }
-}
-
 fn row(o: &Output, ticks: u64, tick_us: f64) -> String {
     let time_s = ticks as f64 * tick_us * 1e-6;
-    let status =
-        names(Status::NAMES.iter().chain(&Status::BOARD_NAMES).map(|(bit, name)| (bit.bits(), *name)), o.status.bits());
-    let path = PathLengthStatus::NAMES.iter().map(|(bit, name)| (bit.bits().into(), *name));
-    let light = IntensityStatus::NAMES.iter().map(|(bit, name)| (bit.bits().into(), *name));
     let thermometer = o.temperature.map_or(String::new(), |code| code.to_string());
-    let image = if o.trial { "on trial" } else { origin_word(o.origin) };
-    let (path, light) = (names(path, o.path_status.into()), names(light, o.light_status.into()));
     format!(
-        "{},{ticks},{time_s:.6},{},{},{status},{path},{light},{},{},{thermometer},{},{image}\n",
-        o.sequence, o.counts, o.raw, o.actuator, o.current, o.lost_steps
+        "{},{ticks},{time_s:.6},{},{},{},{},{},{},{},{thermometer},{},{}\n",
+        o.sequence,
+        o.counts,
+        o.raw,
+        status_words(o),
+        path_length_words(o),
+        intensity_words(o),
+        o.actuator,
+        o.current,
+        o.lost_steps,
+        image_words(o)
     )
-}
-
-/// Names of the bits that are set, joined; bits without a name as a number.
-fn names<'a>(all: impl Iterator<Item = (u16, &'a str)>, bits: u16) -> String {
-    let (mut set, mut left) = (Vec::new(), bits);
-    for (bit, name) in all.filter(|(bit, _)| bits & bit != 0) {
-        set.push(name.to_owned());
-        left &= !bit;
-    }
-    if left != 0 {
-        set.push(format!("0x{left:x}"));
-    }
-    if set.is_empty() { "OK".to_owned() } else { set.join("+") }
 }

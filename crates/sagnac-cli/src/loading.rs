@@ -109,6 +109,11 @@ pub(crate) fn windows(paths: &[PathBuf], args: &LogArgs) -> Result<(Windows, Set
     Ok((args.outliers(builder).finish(), setup))
 }
 
+/// Windows of logs of a known setup.
+pub(crate) fn windows_of(paths: &[PathBuf], setup: &Setup) -> Result<Windows> {
+    Ok(WindowBuilder::read_all(logs(paths, setup, "reading")?, setup)?.finish())
+}
+
 /// A window table. The settings of its windows cannot be changed any more.
 fn table(path: &Path, args: &LogArgs) -> Result<(Windows, Setup)> {
     let (windows, made_with) = read_table(path, args.setup.memory())?;

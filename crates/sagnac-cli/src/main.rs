@@ -5,6 +5,7 @@
 #![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used, clippy::panic))]
 
 mod allan;
+mod bench;
 mod calibrate;
 mod compare;
 mod compensate;
@@ -18,6 +19,7 @@ mod frames;
 mod import;
 mod init;
 mod inspect;
+mod interrupt;
 mod key;
 mod line;
 mod loading;
@@ -44,9 +46,6 @@ use sagnac_units::format::printable;
 
 use crate::console::{Console, Outcome};
 use crate::log_paths::expanded;
-
-/// Exit status after Ctrl-C, as shells have it: 128 + SIGINT.
-const INTERRUPTED: i32 = 130;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -80,6 +79,7 @@ enum Command {
     Evaluate(evaluate::Args),
     Fleet(fleet::Args),
     Plan(plan::Args),
+    Bench(bench::Args),
     Export(export::Args),
     Frames(frames::Args),
     Key(key::Args),
@@ -129,7 +129,7 @@ fn begin() -> ExitCode {
     };
     let mut console = Console::new(json);
     console::keep_panics_quiet();
-    leave_nothing_behind();
+    interrupt::leave_nothing_behind();
     let ran = std::panic::catch_unwind(|| {
         on_all_processors(|| {
             let mut console = Console::new(json);
@@ -161,19 +161,6 @@ fn arguments_said(said: &clap::Error) -> ExitCode {
     }
 }
 
-/// Ctrl-C (and SIGTERM) ends the program with nothing half written.
-fn leave_nothing_behind() {
-    // Without a handler the program ends as well; only a temporary file may then be left.
-    //
-    // A file beyond the user's limit of sizes is an error of its write, and not the end of the program beside its temporary file.
-    #[cfg(unix)]
-    let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, std::sync::Arc::default());
-    let _ = ctrlc::set_handler(|| {
-        sagnac_log::write::remove_unfinished();
-        std::process::exit(INTERRUPTED);
-    });
-}
-
 /// The arguments that are logs: a folder or a pattern stands for the logs in it.
 fn logs_of(command: &mut Command) -> Option<&mut Vec<PathBuf>> {
     match command {
@@ -201,6 +188,7 @@ fn run(mut command: Command, console: &mut Console) -> console::Ran {
         Command::Evaluate(args) => evaluate::run(&args, console),
         Command::Fleet(args) => fleet::run(&args, console),
         Command::Plan(args) => plan::run(&args, console),
+        Command::Bench(args) => bench::run(&args, console),
         Command::Export(args) => export::run(&args, console),
         Command::Frames(args) => frames::run(&args, console),
         Command::Key(args) => key::run(&args, console),

@@ -165,7 +165,7 @@ pub(crate) fn flags(column: &dyn Array, faults: &mut [Faults]) -> Option<()> {
 }
 
 /// A time as a plain decimal in units of 10^`places` ns, exactly; empty for none.
-pub(crate) fn time_text(time_ns: i64, places: u32) -> String {
+pub fn time_text(time_ns: i64, places: u32) -> String {
     if time_ns == NO_TIME {
         return String::new();
     }

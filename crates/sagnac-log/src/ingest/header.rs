@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, HashSet};
 
 use crate::error::{Error, Result};
+use crate::ingest::Content;
 use crate::ingest::number::{ISO_8601, SPREADSHEET_DAYS};
 use crate::ingest::table::TableColumn;
 use sagnac_units::format::controls;
@@ -336,6 +337,17 @@ impl Layout {
             .collect();
         all.sort_unstable();
         all
+    }
+
+    /// Content of a column.
+    pub fn content_of(&self, index: usize) -> Content {
+        let read = self.columns_read().contains(&index) && self.valid != Some(index);
+        match self.time {
+            Some((time, 0)) if time == index => Content::Nanoseconds,
+            Some((time, _)) if time == index && self.has_dates() => Content::Text,
+            _ if read => Content::Number,
+            _ => Content::Text,
+        }
     }
 
     /// True for counts, false for rates.

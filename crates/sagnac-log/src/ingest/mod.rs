@@ -24,6 +24,7 @@ mod formats;
 pub mod header;
 mod interval;
 mod iso;
+mod live;
 mod logs;
 mod number;
 #[cfg(feature = "parquet")]
@@ -57,14 +58,16 @@ use crate::error::{Error, Result};
 use crate::ingest::align::Aligner;
 use crate::ingest::chunks::{ChunkReader, Feed};
 #[cfg(feature = "parquet")]
+pub use crate::ingest::column_values::time_text;
+#[cfg(feature = "parquet")]
 pub use crate::ingest::columnar::MemoryTable;
 pub use crate::ingest::formats::{FORMATS, Format};
 use crate::ingest::header::Layout;
 pub use crate::ingest::header::already_compensated;
 use crate::ingest::interval::nominal_interval;
+pub use crate::ingest::live::LiveHeader;
 pub use crate::ingest::logs::Logs;
-#[cfg(feature = "parquet")]
-pub(crate) use crate::ingest::number::parse_time_ns;
+pub use crate::ingest::number::{parse_time_ns, parse_value};
 #[cfg(feature = "parquet")]
 pub use crate::ingest::parquet_file::{ParquetRead, parquet_batches, parquet_schema};
 use crate::ingest::raw::{Faults, RawRows};
@@ -79,7 +82,7 @@ pub use crate::ingest::source::{Watch, hex, sha256, sha256_of_file};
 pub use crate::ingest::table::TableColumn;
 use crate::ingest::table::TableRates;
 pub use crate::ingest::text::COMPENSATED_STAMP;
-pub use crate::ingest::text::unquoted;
+pub use crate::ingest::text::{fields_of, unquoted};
 use crate::setup::{Counter, ReadConfig, Setup};
 use sagnac_units::ns_from_s;
 
@@ -469,13 +472,7 @@ impl LogReader {
     /// Content of a column.
     #[cfg(feature = "parquet")]
     pub fn content_of(&self, index: usize) -> Content {
-        let read = self.layout.columns_read().contains(&index) && self.layout.valid != Some(index);
-        match self.layout.time {
-            Some((time, 0)) if time == index => Content::Nanoseconds,
-            Some((time, _)) if time == index && self.layout.has_dates() => Content::Text,
-            _ if read => Content::Number,
-            _ => Content::Text,
-        }
+        self.layout.content_of(index)
     }
 
     /// The next batch, or `None` at the end. A batch may be empty (its rows were all rejected).

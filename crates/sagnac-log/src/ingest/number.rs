@@ -3,7 +3,7 @@
 use crate::ingest::iso::iso_ns;
 
 /// A finite number; a decimal comma is understood when `decimal_comma`, and thousands that are set apart. `None` for anything else.
-pub(crate) fn parse_value(field: &[u8], decimal_comma: bool) -> Option<f64> {
+pub fn parse_value(field: &[u8], decimal_comma: bool) -> Option<f64> {
     let text = std::str::from_utf8(field).ok()?.trim();
     let plain = if decimal_comma && text.contains(',') { text.replacen(',', ".", 1).parse() } else { text.parse() };
     let value: f64 = plain.ok().or_else(|| without_thousands(text, decimal_comma)?.parse().ok())?;
@@ -121,7 +121,7 @@ fn spreadsheet_ns(days: f64) -> Option<i64> {
 /// A time as whole nanoseconds, to the nearest; exact for decimals down to 1 ns.
 ///
 /// `places` is the power of ten from the column's unit to nanoseconds, [`ISO_8601`] or [`SPREADSHEET_DAYS`]. Exponents go through `f64`.
-pub(crate) fn parse_time_ns(field: &[u8], places: u32, decimal_comma: bool) -> Option<i64> {
+pub fn parse_time_ns(field: &[u8], places: u32, decimal_comma: bool) -> Option<i64> {
     let text = std::str::from_utf8(field).ok()?.trim();
     if places == ISO_8601 {
         return iso_ns(text);

@@ -273,7 +273,7 @@ fn skipped(bytes: &[u8], delimiter: u8) -> Option<usize> {
 }
 
 /// The fields of one line. A quote can hold a delimiter, but never reaches beyond its line.
-fn fields_of(text: &[u8], delimiter: u8) -> ByteRecord {
+pub fn fields_of(text: &[u8], delimiter: u8) -> ByteRecord {
     let quotes = text.iter().filter(|byte| **byte == b'"').count();
     // A stray quote is part of its field, which is then not a number.
     if quotes > 0 && quotes % 2 == 0 {

@@ -188,15 +188,7 @@ impl Head<'_> {
 
     /// Whether a line names counts or rates.
     fn has_an_axis(&self, text: &str) -> bool {
-        let Ok(names) = split(text, self.separator.unwrap_or_else(|| delimiter_of(text))) else { return false };
-        names.iter().any(|name| {
-            let known =
-                self.config.columns.get(name).cloned().or_else(|| bracketed(name)).unwrap_or_else(|| name.clone());
-            // A wrong unit is a mistake in a line of headers, and is reported as one.
-            let word = known.to_ascii_lowercase();
-            let axis = matches!(role_of(&known), Ok(Role::Counts { .. } | Role::Rate { .. }));
-            axis || word == "rate" || word.starts_with("rate_") || role_of(&known).is_err()
-        })
+        names_an_axis(text, self.separator.unwrap_or_else(|| delimiter_of(text)), self.config)
     }
 
     /// Whether the next line is a row or a line of units: it has a digit, a missing value or a unit. The end of the file is a table without rows.
@@ -245,6 +237,28 @@ impl Head<'_> {
         let rest = std::mem::replace(&mut self.source.reader, Box::new(std::io::empty()));
         self.source.reader = Box::new(Cursor::new(bytes).chain(rest));
     }
+}
+
+/// Whether a line names counts or rates.
+fn names_an_axis(text: &str, delimiter: u8, config: &ReadConfig) -> bool {
+    let Ok(names) = split(text, delimiter) else { return false };
+    names.iter().any(|name| {
+        let known = config.columns.get(name).cloned().or_else(|| bracketed(name)).unwrap_or_else(|| name.clone());
+        // A wrong unit is a mistake in a line of headers, and is reported as one.
+        let word = known.to_ascii_lowercase();
+        let axis = matches!(role_of(&known), Ok(Role::Counts { .. } | Role::Rate { .. }));
+        axis || word == "rate" || word.starts_with("rate_") || role_of(&known).is_err()
+    })
+}
+
+/// The headers of a line and what separates them; `None` for a line that names no counts and no rates.
+pub(crate) fn headers_of(line: &str, config: &ReadConfig) -> Result<Option<(Vec<String>, u8)>> {
+    let delimiter = delimiter_of(line);
+    if !names_an_axis(line, delimiter, config) {
+        return Ok(None);
+    }
+    let (headers, _) = with_units(split(line, delimiter)?, None, config)?;
+    Ok(Some((headers, delimiter)))
 }
 
 fn no_row_below(header: u64) -> Error {

@@ -3,6 +3,7 @@
 //! Every key is optional in the file. If a log needs a value that neither file nor flag gives, the error
 //! names it. Unknown keys are refused. `docs/reference/cli.md` has the table of keys.
 
+mod bench;
 mod stages;
 
 use std::collections::BTreeMap;
@@ -11,6 +12,7 @@ use std::path::Path;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+pub use bench::{BenchSetup, LiveFormat, PollColumn, PollSetup, RegisterTable, RegisterType};
 pub use stages::{Clock, Identity, ModelConfig, ReadConfig, Stages, TargetConfig, TestConfig, WindowConfig};
 
 use crate::error::{Error, Result};
@@ -360,6 +362,10 @@ pub struct Setup {
     /// Auxiliary columns that differ from the defaults.
     #[serde(rename = "aux", skip_serializing_if = "Vec::is_empty")]
     pub aux: Vec<AuxSetup>,
+    /// How a live test is recorded (`sagnac bench`): no fact of a log, so not in a record.
+    #[serde(skip_serializing)]
+    #[schemars(skip)]
+    pub bench: BenchSetup,
     /// What the data of one run may take (`--memory`): a fact of the machine, so neither in the file nor in a record.
     #[serde(skip)]
     pub memory: MemoryBudget,
@@ -429,6 +435,7 @@ impl Setup {
             in_range("table.rate_dps", table.rate_dps, -1e4, 1e4)?;
         }
         self.check_words()?;
+        self.bench.check()?;
         self.thermometers.iter().try_for_each(check_thermometer)?;
         for (at, aux) in self.aux.iter().enumerate() {
             aux.check()?;

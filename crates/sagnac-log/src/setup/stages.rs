@@ -6,6 +6,7 @@
 //!                               ├▶ TestConfig     table, input rate, noise of the test
 //!                               ├▶ ModelConfig    inputs of the fit and their limits
 //!                               ├▶ TargetConfig   timing of the image
+//!                               ├▶ BenchSetup     sources of a live test
 //!                               └▶ Identity       words about the gyro and its test
 //! ```
 //!
@@ -14,8 +15,8 @@
 use std::collections::BTreeMap;
 
 use super::{
-    AuxSetup, Counter, DEFAULT_TICK_NS, Noise, ONE_SECOND_NS, RunDivision, Setup, TableRun, ThermometerSetup,
-    WindowSize,
+    AuxSetup, BenchSetup, Counter, DEFAULT_TICK_NS, Noise, ONE_SECOND_NS, RunDivision, Setup, TableRun,
+    ThermometerSetup, WindowSize,
 };
 use crate::error::{Error, Result};
 use crate::memory::MemoryBudget;
@@ -197,6 +198,8 @@ pub struct Stages {
     pub target: TargetConfig,
     /// Names.
     pub identity: Identity,
+    /// How a live test is recorded.
+    pub bench: BenchSetup,
 }
 
 impl Setup {
@@ -234,6 +237,7 @@ impl Setup {
             tables,
             thermometers,
             aux,
+            bench,
             memory,
         } = self.clone();
         let clock = Clock { tick_s, temperature_period_s };
@@ -275,6 +279,7 @@ impl Setup {
             },
             target: TargetConfig { clock, slew_ticks, slow_update_instructions_max, rate_lsb_arcsec },
             identity: Identity { serial, sensor, rig },
+            bench,
         }
     }
 

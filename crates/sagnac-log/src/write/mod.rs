@@ -9,7 +9,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use crate::error::{Error, Result};
 #[cfg(feature = "parquet")]
-pub use parquet_rows::{ParquetRows, parquet_properties};
+pub use parquet_rows::{CellColumns, ParquetBatches, ParquetRows, parquet_properties};
 
 /// Temporary files that are being written.
 static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());

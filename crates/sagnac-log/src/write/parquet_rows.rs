@@ -12,7 +12,7 @@ use parquet::basic::Compression;
 use parquet::file::properties::WriterProperties;
 
 use crate::error::{Error, Result};
-use crate::ingest::{Content, parse_time_ns};
+use crate::ingest::{Content, parse_time_ns, parse_value};
 
 /// How every Parquet file of Sagnac is written.
 pub fn parquet_properties() -> WriterProperties {
@@ -22,6 +22,7 @@ pub fn parquet_properties() -> WriterProperties {
 /// Rows written together.
 const GROUP_ROWS: usize = 65_536;
 
+/// Cells of one column.
 enum Column {
     Number(Float64Builder),
     Nanoseconds(Int64Builder),
@@ -48,8 +49,7 @@ impl Column {
     /// A cell; in a column of numbers anything else is null.
     fn push(&mut self, cell: &str, decimal_comma: bool) {
         match self {
-            Self::Number(column) if decimal_comma => column.append_option(cell.replacen(',', ".", 1).parse().ok()),
-            Self::Number(column) => column.append_option(cell.parse().ok()),
+            Self::Number(column) => column.append_option(parse_value(cell.as_bytes(), decimal_comma)),
             Self::Nanoseconds(column) => column.append_option(parse_time_ns(cell.as_bytes(), 0, decimal_comma)),
             Self::Text(column) => column.append_value(cell),
         }
@@ -64,13 +64,66 @@ impl Column {
     }
 }
 
-/// Writes rows of text cells as typed columns, in groups, so that memory does not grow with the rows.
-pub struct ParquetRows<'a> {
-    writer: Option<ArrowWriter<&'a mut (dyn Write + Send)>>,
+/// Rows of text cells on their way to typed columns: numbers, nanoseconds, text; a cell that is none of its column is null.
+pub struct CellColumns {
     schema: Arc<Schema>,
     columns: Vec<Column>,
     rows: usize,
     decimal_comma: bool,
+}
+
+impl CellColumns {
+    /// Columns by name and content; entries of metadata. With `decimal_comma` numbers may have one.
+    pub fn new(columns: Vec<(String, Content)>, metadata: HashMap<String, String>, decimal_comma: bool) -> Self {
+        let (names, contents): (Vec<String>, Vec<Content>) = columns.into_iter().unzip();
+        let columns: Vec<Column> = contents.into_iter().map(Column::of).collect();
+        let fields = names.into_iter().zip(&columns).map(|(name, c)| Field::new(name, c.data_type(), true));
+        let schema = Arc::new(Schema::new(fields.collect::<Vec<_>>()).with_metadata(metadata));
+        Self { schema, columns, rows: 0, decimal_comma }
+    }
+
+    /// The columns' names and types.
+    pub fn schema(&self) -> Arc<Schema> {
+        Arc::clone(&self.schema)
+    }
+
+    /// Rows that wait.
+    pub fn len(&self) -> usize {
+        self.rows
+    }
+
+    /// True without waiting rows.
+    pub fn is_empty(&self) -> bool {
+        self.rows == 0
+    }
+
+    /// A row; a cell that is missing is null.
+    pub fn row<C: AsRef<[u8]>>(&mut self, cells: impl IntoIterator<Item = C>) {
+        let mut cells = cells.into_iter();
+        for column in &mut self.columns {
+            match cells.next() {
+                Some(cell) => column.push(&String::from_utf8_lossy(cell.as_ref()), self.decimal_comma),
+                None => column.push("", self.decimal_comma),
+            }
+        }
+        self.rows += 1;
+    }
+
+    /// The waiting rows.
+    ///
+    /// # Errors
+    /// None that is known: every column has as many rows.
+    pub fn take(&mut self) -> Result<RecordBatch> {
+        let arrays = self.columns.iter_mut().map(Column::finish).collect();
+        self.rows = 0;
+        RecordBatch::try_new(self.schema(), arrays).map_err(|e| failed(&e))
+    }
+}
+
+/// Writes rows of text cells as typed columns, in groups, so that memory does not grow with the rows.
+pub struct ParquetRows<'a> {
+    writer: Option<ArrowWriter<&'a mut (dyn Write + Send)>>,
+    cells: CellColumns,
 }
 
 fn failed(error: &dyn std::fmt::Display) -> Error {
@@ -88,14 +141,9 @@ impl<'a> ParquetRows<'a> {
         metadata: Option<(String, String)>,
         decimal_comma: bool,
     ) -> Result<Self> {
-        let (names, contents): (Vec<String>, Vec<Content>) = columns.into_iter().unzip();
-        let columns: Vec<Column> = contents.into_iter().map(Column::of).collect();
-        let fields = names.into_iter().zip(&columns).map(|(name, c)| Field::new(name, c.data_type(), true));
-        let metadata: HashMap<String, String> = metadata.into_iter().collect();
-        let schema = Arc::new(Schema::new(fields.collect::<Vec<_>>()).with_metadata(metadata));
-        let writer = ArrowWriter::try_new(out, Arc::clone(&schema), Some(parquet_properties()));
-        let writer = Some(writer.map_err(|e| failed(&e))?);
-        Ok(Self { writer, schema, columns, rows: 0, decimal_comma })
+        let cells = CellColumns::new(columns, metadata.into_iter().collect(), decimal_comma);
+        let writer = ArrowWriter::try_new(out, cells.schema(), Some(parquet_properties()));
+        Ok(Self { writer: Some(writer.map_err(|e| failed(&e))?), cells })
     }
 
     /// A row, a cell for each column.
@@ -103,11 +151,8 @@ impl<'a> ParquetRows<'a> {
     /// # Errors
     /// A failed write.
     pub fn row<C: AsRef<[u8]>>(&mut self, cells: &[C]) -> Result<()> {
-        for (column, cell) in self.columns.iter_mut().zip(cells) {
-            column.push(&String::from_utf8_lossy(cell.as_ref()), self.decimal_comma);
-        }
-        self.rows += 1;
-        if self.rows == GROUP_ROWS { self.write_group() } else { Ok(()) }
+        self.cells.row(cells);
+        if self.cells.len() == GROUP_ROWS { self.write_group() } else { Ok(()) }
     }
 
     /// The last rows and the end of the file.
@@ -120,9 +165,40 @@ impl<'a> ParquetRows<'a> {
     }
 
     fn write_group(&mut self) -> Result<()> {
-        let arrays = self.columns.iter_mut().map(Column::finish).collect();
-        let batch = RecordBatch::try_new(Arc::clone(&self.schema), arrays).map_err(|e| failed(&e))?;
-        self.rows = 0;
+        let batch = self.cells.take()?;
         self.writer.as_mut().map_or(Ok(()), |writer| writer.write(&batch)).map_err(|e| failed(&e))
+    }
+}
+
+/// Writes batches of one schema as Parquet, in groups of some tens of thousands of rows.
+pub struct ParquetBatches<'a> {
+    writer: ArrowWriter<&'a mut (dyn Write + Send)>,
+}
+
+impl<'a> ParquetBatches<'a> {
+    /// Of this schema.
+    ///
+    /// # Errors
+    /// A failed write.
+    pub fn new(out: &'a mut (dyn Write + Send), schema: Arc<Schema>) -> Result<Self> {
+        let properties = parquet_properties().into_builder().set_max_row_group_row_count(Some(GROUP_ROWS)).build();
+        let writer = ArrowWriter::try_new(out, schema, Some(properties)).map_err(|e| failed(&e))?;
+        Ok(Self { writer })
+    }
+
+    /// More rows.
+    ///
+    /// # Errors
+    /// A failed write.
+    pub fn write(&mut self, batch: &RecordBatch) -> Result<()> {
+        self.writer.write(batch).map_err(|e| failed(&e))
+    }
+
+    /// The end of the file.
+    ///
+    /// # Errors
+    /// A failed write.
+    pub fn finish(self) -> Result<()> {
+        self.writer.close().map(|_| ()).map_err(|e| failed(&e))
     }
 }

@@ -326,7 +326,7 @@ pub struct Provenance {
 }
 
 /// Name and version of this program.
-pub(crate) fn program() -> String {
+pub fn program() -> String {
     format!("sagnac {}", env!("CARGO_PKG_VERSION"))
 }
 

@@ -24,6 +24,7 @@ const COLUMN_BYTES: usize = 32;
 const GROWTH: usize = 2;
 
 /// Collects windows; push batches run by run, then finish.
+#[derive(Clone)]
 pub struct WindowBuilder {
     log: LogShape,
     shape: WindowShape,
@@ -50,6 +51,7 @@ pub struct WindowBuilder {
 }
 
 /// The run being read.
+#[derive(Clone)]
 struct OpenRun {
     start_ns: i64,
     end_ns: i64,
@@ -79,6 +81,7 @@ impl SeenLogs {
 }
 
 /// Zero-order hold of one thermometer or auxiliary column on the grid of the temperature period.
+#[derive(Clone)]
 struct Track {
     newest_c: f64,
     values: Vec<f64>,
@@ -441,6 +444,14 @@ impl WindowBuilder {
     #[must_use]
     pub fn keep_outliers(self) -> Self {
         Self { keep_outliers: true, ..self }
+    }
+
+    /// The windows of a log so far, of which `summary` is known: what [`WindowBuilder::finish`] would give if it ended here.
+    #[must_use]
+    pub fn so_far(&self, summary: LogSummary) -> Windows {
+        let mut ended = self.clone();
+        ended.end_file(summary);
+        ended.finish()
     }
 
     /// The windows, and per axis and window the union of the status bits of its corrected rows.

@@ -16,6 +16,7 @@ const SPLIT_C: f64 = 2.0;
 const LANES: usize = 4;
 
 /// Sums of the window being filled.
+#[derive(Clone)]
 pub(super) struct Sums {
     pub(super) index: i64,
     pub(super) start_ns: i64,

@@ -1,0 +1,111 @@
+//! Frames of a gyro's serial line to rows (docs/reference/serial-line.md).
+//!
+//! A row is a frame: counts before the correction, which are the log, beside those that the target corrected, its status, and the codes of its loops.
+
+use sagnac_board::frame::FrameReader;
+use sagnac_board::{Message, Output, POWER_ON, Reply};
+use sagnac_log::ingest::Content;
+use sagnac_log::setup::{Setup, ThermometerSetup};
+use sagnac_log::{Error, Result};
+
+use crate::decode::Rows;
+use crate::decode::clock::{ClockReport, RowClock};
+use crate::serial_line::{
+    OutputClock, image_words, intensity_words, is_piece_done, path_length_words, reply_words, status_words,
+};
+
+/// A source of frames.
+pub(crate) struct Frames {
+    reader: FrameReader,
+    output: OutputClock,
+    clock: RowClock,
+    tick_ns: i64,
+    thermometer: Option<(f64, f64)>,
+    skipped: u64,
+}
+
+impl Frames {
+    pub(crate) fn new(setup: &Setup, rows: &mut Rows) -> Result<Self> {
+        let axis = setup.axis.unwrap_or('x');
+        let scale = |t: &ThermometerSetup| Some((t.offset_c?, t.gain_c_per_code?));
+        let first = setup.thermometers.first();
+        let thermometer = first.and_then(scale);
+        let mut columns =
+            vec![("time_ns".to_owned(), Content::Nanoseconds), (format!("counts_{axis}"), Content::Number)];
+        if let Some(first) = first {
+            if thermometer.is_none() {
+                return Err(Error::input("frames have codes of a thermometer, and what a code means is not stated")
+                    .column("thermometer")
+                    .help("give offset_c and gain_c_per_code of the thermometer in the setup"));
+            }
+            let name = if first.name.is_empty() { String::new() } else { format!("_{}", first.name) };
+            columns.push((format!("temperature_c{name}"), Content::Number));
+        }
+        let numbers = ["target_counts", "sequence", "actuator_code", "current_code", "lost_steps"];
+        columns.extend(numbers.map(|name| (name.to_owned(), Content::Number)));
+        let words = ["target_status", "path_length_status", "intensity_status", "image"];
+        columns.extend(words.map(|name| (name.to_owned(), Content::Text)));
+        rows.begin(columns, false);
+        let tick_ns = setup.stages().window.clock.tick_ns();
+        let (reader, output, clock) = (FrameReader::new(), OutputClock::default(), RowClock::default());
+        Ok(Self { reader, output, clock, tick_ns, thermometer, skipped: 0 })
+    }
+
+    pub(crate) fn connected(&mut self) {
+        self.skipped += self.reader.skipped() + self.reader.buffered() as u64;
+        self.reader = FrameReader::new();
+        self.clock.connected();
+    }
+
+    pub(crate) fn push(&mut self, bytes: &[u8], at_ns: i64, rows: &mut Rows) {
+        for byte in bytes {
+            let mut frame = self.reader.push(*byte);
+            while let Some(found) = frame {
+                match Message::parse(&found) {
+                    Some(Message::Output(output)) => self.output(&output, at_ns, rows),
+                    Some(Message::Reply(reply)) => self.reply(&reply, at_ns, rows),
+                    _ => {}
+                }
+                frame = self.reader.next_buffered();
+            }
+        }
+        rows.counts.lost_bytes = self.skipped + self.reader.skipped();
+        self.clock.arrived();
+    }
+
+    fn reply(&mut self, reply: &Reply, at_ns: i64, rows: &mut Rows) {
+        if reply.to == POWER_ON {
+            // Power-on begins a new count.
+            self.output.power_on();
+            self.clock.connected();
+        }
+        if !is_piece_done(reply) {
+            rows.say(at_ns, reply_words(reply));
+        }
+    }
+
+    fn output(&mut self, output: &Output, at_ns: i64, rows: &mut Rows) {
+        self.output.follow(output);
+        rows.counts.missing_frames = self.output.missing;
+        let ticks = i64::try_from(self.output.ticks).unwrap_or(i64::MAX);
+        let (time_ns, anew) = self.clock.at(ticks.saturating_mul(self.tick_ns), at_ns);
+        if anew {
+            rows.say(at_ns, "the gyro was switched off and on: its times go on by arrival");
+        }
+        let mut cells = vec![time_ns.to_string(), output.raw.to_string()];
+        if let Some((offset_c, gain_c)) = self.thermometer {
+            let celsius = output.temperature.map(|code| offset_c + gain_c * f64::from(code));
+            cells.push(celsius.map_or(String::new(), |celsius| celsius.to_string()));
+        }
+        let numbers = [output.counts, i32::from(output.sequence), output.actuator, output.current];
+        cells.extend(numbers.map(|number| number.to_string()));
+        cells.push(output.lost_steps.to_string());
+        cells.extend([status_words(output), path_length_words(output), intensity_words(output)]);
+        cells.push(image_words(output).to_owned());
+        rows.row(cells, at_ns);
+    }
+
+    pub(crate) fn clock(&self) -> ClockReport {
+        self.clock.report()
+    }
+}

@@ -1,0 +1,209 @@
+//! Lines of delimited text to rows.
+
+use sagnac_log::Error;
+use sagnac_log::Result;
+use sagnac_log::ingest::{Content, LiveHeader, fields_of, parse_time_ns, time_text};
+use sagnac_log::setup::{ReadConfig, Setup};
+use sagnac_units::ns_from_s;
+
+use crate::decode::Rows;
+use crate::decode::clock::{ClockReport, RowClock};
+
+/// Longest line, bytes.
+const MOST_LINE_BYTES: usize = 1 << 16;
+/// Lines without headers after which it is said.
+const MANY_LINES: u64 = 100;
+/// Header of the time that a source without one gets.
+const TIME: &str = "time_ns";
+
+/// A source of text.
+pub(crate) struct Text {
+    config: ReadConfig,
+    header: Option<LiveHeader>,
+    /// The source sends no headers: the setup has them.
+    is_given: bool,
+    carried: Vec<u8>,
+    /// The rest of this line is dropped.
+    skips: bool,
+    /// The next line is the first of a connection.
+    is_first: bool,
+    before_header: u64,
+    clock: RowClock,
+    /// Without a column of times: interval of a row, and the time of the next one.
+    interval_ns: Option<i64>,
+    next_ns: i64,
+    started_ns: i64,
+}
+
+impl Text {
+    pub(crate) fn new(setup: &Setup, started_ns: i64, rows: &mut Rows) -> Result<Self> {
+        let config = setup.stages().read;
+        let interval_ns = config.sample_interval_s.and_then(ns_from_s);
+        let mut text = Self {
+            config,
+            header: None,
+            is_given: false,
+            carried: Vec::new(),
+            skips: false,
+            is_first: true,
+            before_header: 0,
+            clock: RowClock::default(),
+            interval_ns,
+            next_ns: 0,
+            started_ns,
+        };
+        if let Some(line) = &setup.bench.headers {
+            text.is_given = text.begins(line, rows).map_err(|e| e.column("bench.headers"))?;
+            if !text.is_given {
+                return Err(Error::input("a line of headers that names no counts and no rates")
+                    .column("bench.headers")
+                    .value(line));
+            }
+        }
+        Ok(text)
+    }
+
+    /// Takes a line of headers over; false for a line that is none.
+    fn begins(&mut self, line: &str, rows: &mut Rows) -> Result<bool> {
+        let polled = rows.polled_names();
+        let Some(header) = LiveHeader::of_line(line, &polled, &self.config)? else { return Ok(false) };
+        if self.header.as_ref().is_some_and(|known| *known == header) {
+            return Ok(true);
+        }
+        if self.header.is_some() {
+            return Err(Error::input("the source sends other headers than before")
+                .value(line)
+                .help("end this recording, and begin another"));
+        }
+        let layout = &header.layout;
+        let own = layout.headers.len() - polled.len();
+        let mut columns: Vec<(String, Content)> = layout
+            .headers
+            .iter()
+            .take(own)
+            .enumerate()
+            .map(|(at, name)| (name.clone(), layout.content_of(at)))
+            .collect();
+        if layout.time.is_none() {
+            let interval = "rows without a time need the interval of a row";
+            let help = "give sample_interval_s in the setup, or map the column of the time under [columns]";
+            self.interval_ns.ok_or_else(|| Error::input(interval).column("sample_interval_s").help(help))?;
+            columns.insert(0, (TIME.to_owned(), Content::Nanoseconds));
+        }
+        rows.begin(columns, header.has_decimal_comma());
+        self.header = Some(header);
+        Ok(true)
+    }
+
+    /// A new connection.
+    pub(crate) fn connected(&mut self, rows: &mut Rows) {
+        rows.counts.lost_bytes += self.carried.len() as u64;
+        self.carried.clear();
+        (self.skips, self.is_first) = (false, true);
+        self.clock.connected();
+    }
+
+    /// Bytes that came together.
+    pub(crate) fn push(&mut self, bytes: &[u8], at_ns: i64, rows: &mut Rows) -> Result<()> {
+        let mut rest = bytes;
+        while let Some(end) = memchr::memchr(b'\n', rest) {
+            let (line, behind) = rest.split_at(end);
+            rest = behind.get(1..).unwrap_or_default();
+            if std::mem::take(&mut self.skips) {
+                rows.counts.lost_bytes += line.len() as u64;
+            } else if self.carried.is_empty() {
+                self.line(line, at_ns, rows)?;
+            } else {
+                let mut whole = std::mem::take(&mut self.carried);
+                whole.extend_from_slice(line);
+                self.line(&whole, at_ns, rows)?;
+                whole.clear();
+                self.carried = whole;
+            }
+        }
+        if self.skips || self.carried.len() + rest.len() > MOST_LINE_BYTES {
+            rows.counts.lost_bytes += (self.carried.len() + rest.len()) as u64;
+            self.carried.clear();
+            self.skips = true;
+        } else {
+            self.carried.extend_from_slice(rest);
+        }
+        self.clock.arrived();
+        Ok(())
+    }
+
+    fn line(&mut self, line: &[u8], at_ns: i64, rows: &mut Rows) -> Result<()> {
+        let line = line.strip_suffix(b"\r").unwrap_or(line);
+        let is_first = std::mem::take(&mut self.is_first);
+        if line.is_empty() || line.starts_with(b"#") {
+            return Ok(());
+        }
+        // A line of headers has letters; looking at each row for them would cost more than reading it.
+        let may_be_header = self.header.is_none() || is_first || line.iter().any(u8::is_ascii_alphabetic);
+        if may_be_header
+            && let Ok(text) = std::str::from_utf8(line)
+            && !self.is_given
+            && self.begins(text, rows)?
+        {
+            return Ok(());
+        }
+        let Some(header) = &self.header else {
+            self.before_header += 1;
+            rows.counts.lost_bytes += line.len() as u64;
+            if self.before_header == MANY_LINES {
+                rows.say(at_ns, format!("{MANY_LINES} lines, and none has headers: give `headers` under [bench]"));
+            }
+            return Ok(());
+        };
+        let own = header.layout.headers.len() - rows.polled.len();
+        let fields = fields_of(line, header.delimiter);
+        // The first line after connecting may be the end of one.
+        if fields.len() != own {
+            rows.counts.lost_bytes += line.len() as u64;
+            if !is_first {
+                rows.counts.cut_lines += 1;
+            }
+            return Ok(());
+        }
+        match header.layout.time {
+            Some((index, places)) => {
+                let comma = header.has_decimal_comma();
+                let time_ns = fields.get(index).and_then(|field| parse_time_ns(field, places, comma));
+                let (counts_ns, anew) = time_ns.map_or((0, false), |time_ns| self.clock.at(time_ns, at_ns));
+                if anew {
+                    rows.say(at_ns, "the gyro's clock began anew: its times go on by arrival");
+                }
+                if self.clock.offset_ns() == 0 || time_ns.is_none() {
+                    rows.row(fields.iter(), at_ns);
+                } else {
+                    let time = time_text(counts_ns, places);
+                    let cell = |(at, field)| if at == index { time.as_bytes() } else { field };
+                    rows.row(fields.iter().enumerate().map(cell), at_ns);
+                }
+            }
+            None => {
+                let time = self.time_of_row(at_ns).to_string();
+                rows.row(std::iter::once(time.as_bytes()).chain(fields.iter()), at_ns);
+            }
+        }
+        Ok(())
+    }
+
+    /// The time of a row that has none: an interval after the row before; after a gap, by arrival.
+    fn time_of_row(&mut self, at_ns: i64) -> i64 {
+        let interval_ns = self.interval_ns.unwrap_or(1);
+        let since_ns = at_ns.saturating_sub(self.started_ns);
+        let is_gap = self.clock.last().is_none() || self.clock.is_new_connection();
+        if is_gap {
+            self.next_ns = self.next_ns.max(since_ns);
+        }
+        let time_ns = self.next_ns;
+        self.next_ns = time_ns.saturating_add(interval_ns);
+        self.clock.at(time_ns, at_ns);
+        time_ns
+    }
+
+    pub(crate) fn clock(&self) -> ClockReport {
+        self.clock.report()
+    }
+}

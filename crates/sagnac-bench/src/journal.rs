@@ -1,0 +1,460 @@
+//! The journal of a recording: every byte as it came, with the time of its arrival.
+//!
+//! ```text
+//! file   block*
+//! block  "SGJ1"  u32 length of body  u32 CRC-32 of body  body: entries, LZ4 with their length in front
+//! entry  u8 kind  u8 source  i64 arrival, ns since 1970  u32 length  bytes          (all little-endian)
+//! ```
+//!
+//! Blocks are appended whole. A cut, wherever it falls, costs the block in which it is and nothing before it; a block that was damaged later
+//! costs itself, because the next one is found by its magic and its checksum. Rows, Parquet and the live figures are all made from this file and
+//! from nothing else, so a recording that is resumed, or finished a week later, gives the rows that were shown.
+
+use std::fs::File;
+use std::io::{ErrorKind, Read, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+
+use sagnac_log::{Error, Result};
+
+/// First bytes of a block.
+const MAGIC: [u8; 4] = *b"SGJ1";
+const HEAD_BYTES: usize = 12;
+/// Most bytes of a block's entries.
+pub const MOST_BLOCK_BYTES: usize = 1 << 20;
+/// Bytes of an entry apart from its payload.
+const ENTRY_BYTES: usize = 14;
+/// Most bytes of an entry's payload.
+pub const MOST_PAYLOAD_BYTES: usize = 1 << 16;
+const CRC: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
+
+/// What an entry is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// The recording begins: [`crate::Start`] as JSON.
+    Start,
+    /// Bytes of a source.
+    Bytes,
+    /// A source is connected; the payload says to what.
+    Connected,
+    /// A source was lost; the payload says why.
+    Lost,
+    /// A source has ended by itself.
+    Ended,
+    /// The recording goes on after an interruption.
+    Resumed,
+    /// The recording has ended.
+    Stopped,
+    /// Something that a person should know, as text.
+    Note,
+}
+
+impl Kind {
+    const ALL: [Self; 8] =
+        [Self::Start, Self::Bytes, Self::Connected, Self::Lost, Self::Ended, Self::Resumed, Self::Stopped, Self::Note];
+
+    fn code(self) -> u8 {
+        Self::ALL.iter().position(|kind| *kind == self).unwrap_or(0) as u8
+    }
+
+    fn of(code: u8) -> Option<Self> {
+        Self::ALL.get(usize::from(code)).copied()
+    }
+}
+
+/// One entry.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Entry {
+    /// What it is.
+    pub kind: Kind,
+    /// Number of the source, from 0.
+    pub source: u8,
+    /// Time of arrival, ns since 1970: the clock of the computer at the start, and its monotonic clock since.
+    pub arrival_ns: i64,
+    /// Its bytes.
+    pub payload: Vec<u8>,
+}
+
+impl Entry {
+    /// An entry with a text.
+    pub fn text(kind: Kind, source: u8, arrival_ns: i64, text: &str) -> Self {
+        let most = text.char_indices().map(|(at, c)| at + c.len_utf8()).take_while(|end| *end <= MOST_PAYLOAD_BYTES);
+        let end = most.last().unwrap_or(0);
+        Self { kind, source, arrival_ns, payload: text.as_bytes().get(..end).unwrap_or_default().to_vec() }
+    }
+
+    fn append_to(&self, block: &mut Vec<u8>) {
+        block.extend_from_slice(&[self.kind.code(), self.source]);
+        block.extend_from_slice(&self.arrival_ns.to_le_bytes());
+        block.extend_from_slice(&(self.payload.len() as u32).to_le_bytes());
+        block.extend_from_slice(&self.payload);
+    }
+}
+
+/// Splits the front of a slice off, as an array.
+fn front<const N: usize>(bytes: &mut &[u8]) -> Option<[u8; N]> {
+    let (first, rest) = bytes.split_first_chunk::<N>()?;
+    *bytes = rest;
+    Some(*first)
+}
+
+/// The entries of a block; `None` for anything that no writer made.
+fn entries_of(mut bytes: &[u8]) -> Option<Vec<Entry>> {
+    let mut entries = Vec::new();
+    while !bytes.is_empty() {
+        let [kind, source] = front(&mut bytes)?;
+        let arrival_ns = i64::from_le_bytes(front(&mut bytes)?);
+        let length = u32::from_le_bytes(front(&mut bytes)?) as usize;
+        let payload = bytes.get(..length)?.to_vec();
+        bytes = bytes.get(length..)?;
+        entries.push(Entry { kind: Kind::of(kind)?, source, arrival_ns, payload });
+    }
+    Some(entries)
+}
+
+/// Appends to a journal.
+pub struct JournalWriter {
+    file: File,
+    path: PathBuf,
+    /// Length of the file up to its last whole block.
+    length: u64,
+    waiting: Vec<u8>,
+    is_synced: bool,
+}
+
+impl JournalWriter {
+    /// A new journal. It is locked while this lives.
+    ///
+    /// # Errors
+    /// A file that is there, or that cannot be made.
+    pub fn create(path: &Path) -> Result<Self> {
+        let file = File::options().read(true).append(true).create_new(true).open(path);
+        let file = file.map_err(|e| match e.kind() {
+            ErrorKind::AlreadyExists => Error::input("a recording of this name is there already")
+                .file(path.display().to_string())
+                .help("--resume goes on with it; --finish makes its log; or give another -o"),
+            _ => Error::io_path(path, "make", &e),
+        })?;
+        Self::of(file, path, 0)
+    }
+
+    /// Goes on with a journal behind its last whole block; what a cut spoiled behind it is removed.
+    ///
+    /// # Errors
+    /// A file that is no journal, or cannot be written, or that another program records into.
+    pub fn resume(path: &Path) -> Result<Self> {
+        let mut reader = JournalReader::open(path)?;
+        while reader.next_block(u64::MAX)?.is_some() {}
+        let file = File::options().read(true).append(true).open(path).map_err(|e| Error::io_path(path, "write", &e))?;
+        let writer = Self::of(file, path, reader.position())?;
+        writer.file.set_len(writer.length).map_err(|e| Error::io_path(path, "write", &e))?;
+        Ok(writer)
+    }
+
+    fn of(file: File, path: &Path, length: u64) -> Result<Self> {
+        file.try_lock().map_err(|_| {
+            Error::input("another program records into this file")
+                .file(path.display().to_string())
+                .help("end it first, or give another -o")
+        })?;
+        Ok(Self { file, path: path.to_owned(), length, waiting: Vec::new(), is_synced: true })
+    }
+
+    /// Adds an entry to the block that waits. A payload is at most [`MOST_PAYLOAD_BYTES`] long.
+    ///
+    /// # Errors
+    /// A failed write, where the block is full.
+    pub fn push(&mut self, entry: &Entry) -> Result<()> {
+        if self.waiting.len() + ENTRY_BYTES + entry.payload.len() > MOST_BLOCK_BYTES {
+            self.write()?;
+        }
+        entry.append_to(&mut self.waiting);
+        Ok(())
+    }
+
+    /// Bytes that wait to be written.
+    pub fn waiting(&self) -> usize {
+        self.waiting.len()
+    }
+
+    /// Writes the block that waits; the length of the journal since.
+    ///
+    /// # Errors
+    /// A failed write. The journal then ends with its last whole block.
+    pub fn write(&mut self) -> Result<u64> {
+        if self.waiting.is_empty() {
+            return Ok(self.length);
+        }
+        let body = lz4_flex::block::compress_prepend_size(&self.waiting);
+        let mut block = Vec::with_capacity(HEAD_BYTES + body.len());
+        block.extend_from_slice(&MAGIC);
+        block.extend_from_slice(&(body.len() as u32).to_le_bytes());
+        block.extend_from_slice(&CRC.checksum(&body).to_le_bytes());
+        block.extend_from_slice(&body);
+        if let Err(error) = self.file.write_all(&block) {
+            // Part of the block may be there: a reader would skip it, a resumed recording remove it.
+            let _ = self.file.set_len(self.length);
+            return Err(Error::io_path(&self.path, "write", &error).help(
+                "what was recorded before is kept; when there is room again, --resume goes on, and --finish makes the log",
+            ));
+        }
+        self.length += block.len() as u64;
+        self.waiting.clear();
+        self.is_synced = false;
+        Ok(self.length)
+    }
+
+    /// Brings everything that was written to the disk.
+    ///
+    /// # Errors
+    /// A failed write.
+    pub fn sync(&mut self) -> Result<()> {
+        if !std::mem::replace(&mut self.is_synced, true) {
+            self.file.sync_data().map_err(|e| Error::io_path(&self.path, "write", &e))?;
+        }
+        Ok(())
+    }
+}
+
+/// Reads a journal, also while it is written.
+pub struct JournalReader {
+    file: File,
+    path: PathBuf,
+    /// Behind the last block that was read.
+    position: u64,
+    /// Bytes between blocks that belong to none.
+    damaged: u64,
+}
+
+/// What stands at a place of the file.
+enum Found {
+    Block {
+        entries: Vec<Entry>,
+        length: u64,
+    },
+    /// Not enough bytes, yet.
+    Short,
+    Damaged,
+}
+
+impl JournalReader {
+    /// Opens a journal.
+    ///
+    /// # Errors
+    /// A file that cannot be read, or that does not begin with a block.
+    pub fn open(path: &Path) -> Result<Self> {
+        let file = File::open(path).map_err(|e| Error::io_path(path, "open", &e))?;
+        let mut reader = Self { file, path: path.to_owned(), position: 0, damaged: 0 };
+        let is_journal = reader.bytes(0, MAGIC.len())?.as_slice() == MAGIC;
+        if !is_journal {
+            return Err(Error::input("not the journal of a recording").file(path.display().to_string()));
+        }
+        Ok(reader)
+    }
+
+    /// Behind the last whole block that was read.
+    pub fn position(&self) -> u64 {
+        self.position
+    }
+
+    /// Bytes that belong to no block, so far.
+    pub fn damaged(&self) -> u64 {
+        self.damaged
+    }
+
+    /// The entries of the next block that ends at or before `end`; `None` where there is none, yet.
+    ///
+    /// # Errors
+    /// A failed read.
+    pub fn next_block(&mut self, end: u64) -> Result<Option<Vec<Entry>>> {
+        let mut at = self.position;
+        loop {
+            match self.look(at, end)? {
+                Found::Block { entries, length } => {
+                    self.damaged += at - self.position;
+                    self.position = at + length;
+                    return Ok(Some(entries));
+                }
+                // The end of the file, a cut in its last block, or a damaged length: then whole blocks are behind it.
+                Found::Short | Found::Damaged => match self.next_magic(at + 1, end)? {
+                    Some(next) => at = next,
+                    None => return Ok(None),
+                },
+            }
+        }
+    }
+
+    fn look(&mut self, at: u64, end: u64) -> Result<Found> {
+        let room = end.saturating_sub(at);
+        let head = self.bytes(at, HEAD_BYTES)?;
+        let mut rest = head.as_slice();
+        let (Some(magic), Some(length), Some(checksum)) =
+            (front::<4>(&mut rest), front::<4>(&mut rest), front::<4>(&mut rest))
+        else {
+            return Ok(Found::Short);
+        };
+        let length = u32::from_le_bytes(length) as usize;
+        // LZ4 makes nothing longer by more than a part in 255.
+        if magic != MAGIC || length > MOST_BLOCK_BYTES + MOST_BLOCK_BYTES / 128 {
+            return Ok(Found::Damaged);
+        }
+        if (HEAD_BYTES + length) as u64 > room {
+            return Ok(Found::Short);
+        }
+        let body = self.bytes(at + HEAD_BYTES as u64, length)?;
+        if body.len() < length {
+            return Ok(Found::Short);
+        }
+        if CRC.checksum(&body) != u32::from_le_bytes(checksum) {
+            return Ok(Found::Damaged);
+        }
+        let entries = unpacked(&body).and_then(|bytes| entries_of(&bytes));
+        Ok(entries.map_or(Found::Damaged, |entries| Found::Block { entries, length: (HEAD_BYTES + length) as u64 }))
+    }
+
+    /// The next place where a block may begin.
+    fn next_magic(&mut self, from: u64, end: u64) -> Result<Option<u64>> {
+        let mut at = from;
+        while at < end {
+            let bytes = self.bytes(at, MOST_PAYLOAD_BYTES)?;
+            if let Some(found) = memchr::memmem::find(&bytes, &MAGIC) {
+                return Ok(Some(at + found as u64));
+            }
+            if bytes.len() < MOST_PAYLOAD_BYTES {
+                return Ok(None);
+            }
+            at += (bytes.len() - (MAGIC.len() - 1)) as u64;
+        }
+        Ok(None)
+    }
+
+    /// Up to so many bytes from a place.
+    fn bytes(&mut self, at: u64, length: usize) -> Result<Vec<u8>> {
+        let mut bytes = Vec::new();
+        let read = self.file.seek(SeekFrom::Start(at)).and_then(|_| {
+            let mut limited = (&mut self.file).take(length as u64);
+            limited.read_to_end(&mut bytes)
+        });
+        read.map(|_| bytes).map_err(|e| Error::io_path(&self.path, "read", &e))
+    }
+}
+
+/// The entries' bytes of a block.
+fn unpacked(body: &[u8]) -> Option<Vec<u8>> {
+    let (size, _) = body.split_first_chunk::<4>()?;
+    if u32::from_le_bytes(*size) as usize > MOST_BLOCK_BYTES {
+        return None;
+    }
+    lz4_flex::block::decompress_size_prepended(body).ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn entry(number: u8, payload: Vec<u8>) -> Entry {
+        Entry { kind: Kind::Bytes, source: number % 3, arrival_ns: i64::from(number) * 1_000_000, payload }
+    }
+
+    fn written(path: &Path, blocks: &[Vec<Vec<u8>>]) -> Vec<u64> {
+        let mut writer = JournalWriter::create(path).unwrap();
+        let mut ends = Vec::new();
+        for block in blocks {
+            for payload in block {
+                writer.push(&entry(payload.len() as u8, payload.clone())).unwrap();
+            }
+            ends.push(writer.write().unwrap());
+            writer.sync().unwrap();
+        }
+        ends
+    }
+
+    fn payloads(path: &Path) -> (Vec<Vec<u8>>, u64) {
+        let mut reader = JournalReader::open(path).unwrap();
+        let mut all = Vec::new();
+        while let Some(entries) = reader.next_block(u64::MAX).unwrap() {
+            all.extend(entries.into_iter().map(|entry| entry.payload));
+        }
+        (all, reader.damaged())
+    }
+
+    fn blocks() -> impl Strategy<Value = Vec<Vec<Vec<u8>>>> {
+        let payload = prop::collection::vec(any::<u8>(), 0..200);
+        prop::collection::vec(prop::collection::vec(payload, 1..5), 1..6)
+    }
+
+    proptest! {
+        /// A cut anywhere costs no block before it, and a resumed journal goes on behind the last whole one.
+        #[test]
+        fn a_cut_costs_the_block_it_is_in(blocks in blocks(), part in 0.0..1.0_f64) {
+            let folder = tempfile::tempdir().unwrap();
+            let path = folder.path().join("a.journal");
+            let ends = written(&path, &blocks);
+            let cut = 4 + (part * (*ends.last().unwrap() as f64 - 4.0)) as u64;
+            File::options().write(true).open(&path).unwrap().set_len(cut).unwrap();
+            let whole = ends.iter().filter(|end| **end <= cut).count();
+            let expected: Vec<Vec<u8>> = blocks[..whole].concat();
+            prop_assert_eq!(&payloads(&path).0, &expected);
+            let mut writer = JournalWriter::resume(&path).unwrap();
+            writer.push(&entry(1, b"more".to_vec())).unwrap();
+            writer.write().unwrap();
+            let (all, damaged) = payloads(&path);
+            prop_assert_eq!(damaged, 0);
+            prop_assert_eq!(all, [expected, vec![b"more".to_vec()]].concat());
+        }
+
+        /// Damage costs the blocks in which it is; the others are read.
+        #[test]
+        fn damage_costs_one_block(blocks in blocks(), place in 0.0..1.0_f64, bit in 0_u8..8) {
+            let folder = tempfile::tempdir().unwrap();
+            let path = folder.path().join("a.journal");
+            let ends = written(&path, &blocks);
+            let mut bytes = std::fs::read(&path).unwrap();
+            let at = (place * bytes.len() as f64) as usize;
+            // Without its first magic a file is no journal.
+            prop_assume!(at >= 4);
+            bytes[at] ^= 1 << bit;
+            std::fs::write(&path, &bytes).unwrap();
+            let hit = ends.iter().position(|end| (at as u64) < *end).unwrap();
+            let mut expected = blocks.clone();
+            expected.remove(hit);
+            prop_assert_eq!(payloads(&path).0, expected.concat());
+        }
+
+        /// Any bytes are read without a panic, and without a block that nobody wrote.
+        #[test]
+        fn any_bytes_are_no_block(noise in prop::collection::vec(any::<u8>(), 0..500)) {
+            let folder = tempfile::tempdir().unwrap();
+            let path = folder.path().join("a.journal");
+            std::fs::write(&path, [&MAGIC[..], &noise].concat()).unwrap();
+            prop_assert!(payloads(&path).0.is_empty());
+        }
+    }
+
+    #[test]
+    fn two_programs_do_not_record_into_one_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.journal");
+        let mut writer = JournalWriter::create(&path).unwrap();
+        writer.push(&entry(1, b"x".to_vec())).unwrap();
+        writer.write().unwrap();
+        assert!(JournalWriter::create(&path).is_err());
+        assert!(JournalWriter::resume(&path).is_err_and(|e| e.what.contains("another program")));
+        drop(writer);
+        assert!(JournalWriter::resume(&path).is_ok());
+    }
+
+    /// A full disk: the write fails, and the journal ends with its last whole block.
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn a_full_disk_keeps_what_there_is() {
+        let full = Path::new("/dev/full");
+        let file = File::options().read(true).append(true).open(full).unwrap();
+        let mut writer = JournalWriter { file, path: full.to_owned(), length: 0, waiting: Vec::new(), is_synced: true };
+        writer.push(&entry(1, b"x".to_vec())).unwrap();
+        let error = writer.write().unwrap_err();
+        assert!(error.help.is_some_and(|help| help.contains("--resume")), "{}", error.what);
+        assert_eq!(writer.length, 0);
+    }
+}

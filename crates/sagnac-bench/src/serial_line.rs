@@ -1,0 +1,125 @@
+//! What a gyro says on its serial line, in words, and its clock over wraps and restarts.
+
+use sagnac_board::{ANSWER, COMMIT, CONFIRM, Output, PIECE, POWER_ON, ROLL_BACK, Reply, ReplyCode, SERVICE};
+use sagnac_core::{Origin, Status};
+use sagnac_loops::{IntensityStatus, PathLengthStatus};
+
+/// A gap of more frames than this, five minutes, is a restart or a disorder.
+const LONGEST_GAP: u16 = 1 << 15;
+
+/// Counts the frames missing between outputs, and the ticks since power-on beyond the 32 bits of a frame.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct OutputClock {
+    last: Option<Output>,
+    /// Ticks since power-on at the newest output.
+    pub ticks: u64,
+    /// Frames missing between outputs.
+    pub missing: u64,
+    /// Places where the frames' count or clock jumps by more than lost frames explain.
+    pub breaks: u64,
+}
+
+impl OutputClock {
+    /// Power-on begins a new count.
+    pub fn power_on(&mut self) {
+        self.last = None;
+    }
+
+    /// The next output.
+    pub fn follow(&mut self, output: &Output) {
+        let Some(last) = self.last.replace(*output) else {
+            self.ticks = output.tick.into();
+            return;
+        };
+        let gap = output.sequence.wrapping_sub(last.sequence).wrapping_sub(1);
+        let moved = output.tick.wrapping_sub(last.tick);
+        if gap < LONGEST_GAP && moved < 1 << 31 {
+            self.missing += u64::from(gap);
+            self.ticks += u64::from(moved);
+        } else {
+            self.breaks += 1;
+            self.ticks = output.tick.into();
+        }
+    }
+}
+
+/// A reply in words.
+pub fn reply_words(reply: &Reply) -> String {
+    let what = match reply.to {
+        POWER_ON => "power-on",
+        PIECE => "piece of an image",
+        COMMIT => "commit of an image",
+        ROLL_BACK => "roll back",
+        CONFIRM => "confirmation",
+        SERVICE => "service mode",
+        ANSWER => "answer to a challenge",
+        _ => "message",
+    };
+    let became = match reply.code {
+        ReplyCode::Done => "done",
+        ReplyCode::NotAnImage => "refused: not an image, or damaged",
+        ReplyCode::Mismatch => "refused: for another gyro, or beyond its limits",
+        ReplyCode::NotNewer => "refused: not newer than the active image",
+        ReplyCode::NoOlderImage => "refused: no older image to go back to",
+        ReplyCode::Flash => "failed: flash",
+        ReplyCode::BadPiece => "refused: beyond the longest image",
+        ReplyCode::Locked => "refused: the service mode is closed",
+        ReplyCode::Unsigned => "refused: not signed, and this gyro has a key",
+        ReplyCode::BadSignature => "refused: the signature does not match, or is by another key",
+        ReplyCode::NotOnTrial => "refused: no image is on trial",
+    };
+    let trial = if reply.trial { ", on trial: confirm it" } else { "" };
+    match reply.sequence {
+        0 => format!("{what}: {became}; factory defaults active"),
+        number if reply.origin == Origin::Survivor => {
+            format!(
+                "{what}: {became}; image {number} active, the only usable one: the other bank is damaged or not for this gyro"
+            )
+        }
+        number => format!("{what}: {became}; image {number} active{trial}"),
+    }
+}
+
+/// True for the reply to a piece that was taken, of which an upload has many.
+pub fn is_piece_done(reply: &Reply) -> bool {
+    reply.to == PIECE && reply.code == ReplyCode::Done
+}
+
+/// Where the active image of an output comes from.
+pub fn image_words(output: &Output) -> &'static str {
+    match output.origin {
+        _ if output.trial => "on trial",
+        Origin::Newest => "newest",
+        Origin::Survivor => "survivor",
+        Origin::FactoryDefaults => "factory defaults",
+    }
+}
+
+/// The bits of an output's status.
+pub fn status_words(output: &Output) -> String {
+    let known = Status::NAMES.iter().chain(&Status::BOARD_NAMES);
+    names(known.map(|(bit, name)| (bit.bits(), *name)), output.status.bits())
+}
+
+/// The bits of the path-length loop's status.
+pub fn path_length_words(output: &Output) -> String {
+    names(PathLengthStatus::NAMES.iter().map(|(bit, name)| (bit.bits().into(), *name)), output.path_status.into())
+}
+
+/// The bits of the intensity loop's status.
+pub fn intensity_words(output: &Output) -> String {
+    names(IntensityStatus::NAMES.iter().map(|(bit, name)| (bit.bits().into(), *name)), output.light_status.into())
+}
+
+/// Names of the bits that are set, joined; bits without a name as a number.
+fn names<'a>(all: impl Iterator<Item = (u16, &'a str)>, bits: u16) -> String {
+    let (mut set, mut rest) = (Vec::new(), bits);
+    for (bit, name) in all.filter(|(bit, _)| bits & bit != 0) {
+        set.push(name.to_owned());
+        rest &= !bit;
+    }
+    if rest != 0 {
+        set.push(format!("0x{rest:x}"));
+    }
+    if set.is_empty() { "OK".to_owned() } else { set.join("+") }
+}

@@ -1,0 +1,187 @@
+//! Where bytes come from.
+//!
+//! ```text
+//! address ─▶ a thread each ─▶ Arrived { source, time, bytes | connected | lost | ended } ─▶ queue ─▶ recorder
+//! ```
+//!
+//! A source that is lost is connected again, with a pause that grows from 0.2 to 2 s; it leaves a gap, not an end. The queue is bounded: a recorder
+//! that cannot write holds up TCP, files and pipes, which then wait. A serial port and UDP cannot wait; what the system drops there shows as
+//! missing rows.
+
+mod address;
+mod poll;
+mod replay;
+mod stream;
+
+pub use address::{Address, Instrument};
+pub(crate) use poll::spawn_poll;
+pub(crate) use stream::spawn_stream;
+
+use std::sync::mpsc::SyncSender;
+use std::sync::{Arc, Condvar, Mutex, PoisonError};
+use std::time::{Duration, Instant, SystemTime};
+
+use crate::journal::{Entry, Kind};
+
+/// Time to wait for bytes before a source looks whether it is to stop.
+pub(crate) const PATIENCE: Duration = Duration::from_millis(200);
+/// Pauses between two attempts to connect.
+const FIRST_PAUSE: Duration = Duration::from_millis(200);
+const LONGEST_PAUSE: Duration = Duration::from_secs(2);
+
+/// What a source sends.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum What {
+    /// Bytes.
+    Bytes(Vec<u8>),
+    /// It is connected: to what.
+    Connected(String),
+    /// It is lost: why.
+    Lost(String),
+    /// It has ended by itself.
+    Ended,
+}
+
+/// Something that came from a source.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Arrived {
+    /// Number of the source.
+    pub source: u8,
+    /// Time of arrival, ns since 1970.
+    pub at_ns: i64,
+    /// What came.
+    pub what: What,
+}
+
+/// Words between the name of a source that can be read from a place, and that place.
+const FROM_BYTE: &str = " from byte ";
+
+/// The name of a source that is read from a place on.
+fn from_byte(name: &str, at: u64) -> String {
+    format!("{name}{FROM_BYTE}{at}")
+}
+
+/// How far a source that can be read from a place was read.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Place(pub(crate) Option<u64>);
+
+impl Place {
+    /// Follows an entry of the first source.
+    pub(crate) fn follow(&mut self, entry: &Entry) {
+        match entry.kind {
+            Kind::Connected if entry.source == 0 => {
+                self.0 = first_byte(&String::from_utf8_lossy(&entry.payload));
+            }
+            Kind::Bytes if entry.source == 0 => self.0 = self.0.map(|place| place + entry.payload.len() as u64),
+            _ => {}
+        }
+    }
+}
+
+/// The place from which a source is read, where its connection names one.
+fn first_byte(connected: &str) -> Option<u64> {
+    connected.rsplit_once(FROM_BYTE)?.1.parse().ok()
+}
+
+/// The time of arrivals: the clock of the computer at the start, and its monotonic clock since, so that a clock that is set does not step it.
+#[derive(Clone, Copy, Debug)]
+pub struct ArrivalClock {
+    start: Instant,
+    start_ns: i64,
+}
+
+impl ArrivalClock {
+    /// From now on; not before `after_ns`, so that a resumed recording goes on behind the one before.
+    pub fn start(after_ns: i64) -> Self {
+        let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
+        let now_ns = i64::try_from(since.as_nanos()).unwrap_or(i64::MAX);
+        Self { start: Instant::now(), start_ns: now_ns.max(after_ns) }
+    }
+
+    /// Now, ns since 1970.
+    pub fn now_ns(&self) -> i64 {
+        let since = i64::try_from(self.start.elapsed().as_nanos()).unwrap_or(i64::MAX);
+        self.start_ns.saturating_add(since)
+    }
+}
+
+/// Tells threads to stop, and wakes those that wait.
+#[derive(Clone, Debug, Default)]
+pub struct Stop(Arc<(Mutex<bool>, Condvar)>);
+
+impl Stop {
+    /// Tells every thread to stop.
+    pub fn stop(&self) {
+        *self.0.0.lock().unwrap_or_else(PoisonError::into_inner) = true;
+        self.0.1.notify_all();
+    }
+
+    /// True once it was told.
+    pub fn is_stopped(&self) -> bool {
+        *self.0.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Waits for so long, or until the stop; true if it is to stop.
+    pub fn wait(&self, time: Duration) -> bool {
+        let guard = self.0.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let waited = self.0.1.wait_timeout_while(guard, time, |stopped| !*stopped);
+        *waited.unwrap_or_else(PoisonError::into_inner).0
+    }
+}
+
+/// The way of one source to the recorder.
+pub(crate) struct Out {
+    pub(crate) number: u8,
+    pub(crate) clock: ArrivalClock,
+    pub(crate) to: SyncSender<Arrived>,
+    pub(crate) stop: Stop,
+}
+
+impl Out {
+    /// Sends; false when nobody records any more.
+    pub(crate) fn send(&self, what: What) -> bool {
+        self.to.send(Arrived { source: self.number, at_ns: self.clock.now_ns(), what }).is_ok()
+    }
+
+    /// Runs a source that can be connected again, until it is to stop or has ended. `session` reports how long it held and how it ended.
+    pub(crate) fn keep(&self, mut session: impl FnMut(&Self) -> SessionEnd) {
+        let mut pause = FIRST_PAUSE;
+        let mut said = String::new();
+        while !self.stop.is_stopped() {
+            let why = match session(self) {
+                SessionEnd::Stopped => return,
+                SessionEnd::Ended => {
+                    self.send(What::Ended);
+                    return;
+                }
+                SessionEnd::Lost(why) => {
+                    pause = FIRST_PAUSE;
+                    said.clear();
+                    why
+                }
+                SessionEnd::NotConnected(why) => why,
+            };
+            // The same reason is not said at each attempt.
+            if why != said && !self.send(What::Lost(why.clone())) {
+                return;
+            }
+            said = why;
+            if self.stop.wait(pause) {
+                return;
+            }
+            pause = (pause * 2).min(LONGEST_PAUSE);
+        }
+    }
+}
+
+/// How a connection ended.
+pub(crate) enum SessionEnd {
+    /// It is to stop.
+    Stopped,
+    /// The source has nothing more.
+    Ended,
+    /// It broke.
+    Lost(String),
+    /// It was not made.
+    NotConnected(String),
+}

@@ -1,0 +1,88 @@
+//! A log in place of a gyro, in its own time: `replay:LOG?speed=10`.
+//!
+//! Any log that Sagnac reads becomes text again, row by row, at the times of its rows. Rows that the reader refuses are not sent; the rest of the
+//! bench cannot tell it from a gyro. A row is sent when its time has come; a gap in the log is a pause.
+
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use sagnac_log::ingest::{LogReader, ReadMode};
+use sagnac_log::setup::Setup;
+use sagnac_log::{Error, Result};
+
+use super::{Out, What, from_byte};
+use crate::journal::MOST_PAYLOAD_BYTES;
+
+/// Longest time between two sends.
+const TOGETHER: Duration = Duration::from_millis(20);
+
+/// Sends a log; `skip` bytes of its text were recorded before.
+pub(crate) fn replay(path: &Path, speed: f64, skip: u64, setup: &Setup, out: &Out) {
+    if !out.send(What::Connected(from_byte(&format!("replay of {}", path.display()), skip))) {
+        return;
+    }
+    let mut sender = Sender { out, waiting: Vec::new(), skip };
+    match sender.pour(path, speed, setup) {
+        Ok(true) => {
+            out.send(What::Ended);
+        }
+        Ok(false) => {}
+        Err(error) => {
+            out.send(What::Lost(error.to_string()));
+            out.send(What::Ended);
+        }
+    }
+}
+
+struct Sender<'a> {
+    out: &'a Out,
+    waiting: Vec<u8>,
+    skip: u64,
+}
+
+impl Sender<'_> {
+    /// True at the end of the log, false where it is to stop.
+    fn pour(&mut self, path: &Path, speed: f64, setup: &Setup) -> Result<bool> {
+        let mut log = LogReader::open(path, setup, ReadMode::BulkWithText)?;
+        if !log.shape().timed && setup.sample_interval_s.is_none() {
+            return Err(Error::input("a log without times, and the interval of a row is not stated")
+                .column("sample_interval_s")
+                .file(path.display().to_string()));
+        }
+        self.line(log.headers().iter().map(String::as_bytes))?;
+        let (start, mut first_ns) = (Instant::now(), None);
+        while let Some(batch) = log.next_batch()? {
+            for (end_ns, fields) in batch.end_ns.iter().zip(&batch.fields) {
+                let since_ns = end_ns.saturating_sub(*first_ns.get_or_insert(*end_ns)).max(0);
+                let due = Duration::from_secs_f64(since_ns as f64 * 1e-9 / speed);
+                let early = due.saturating_sub(start.elapsed());
+                if early > TOGETHER && (!self.send() || self.out.stop.wait(early)) {
+                    return Ok(false);
+                }
+                self.line(fields)?;
+                if self.waiting.len() >= MOST_PAYLOAD_BYTES / 2 && !self.send() {
+                    return Ok(false);
+                }
+            }
+            if self.out.stop.is_stopped() {
+                return Ok(false);
+            }
+        }
+        Ok(self.send())
+    }
+
+    /// A line of delimited text.
+    fn line<'f>(&mut self, fields: impl IntoIterator<Item = &'f [u8]>) -> Result<()> {
+        let mut writer = csv::Writer::from_writer(&mut self.waiting);
+        let written = writer.write_record(fields).and_then(|()| writer.flush().map_err(Into::into));
+        written.map_err(|e| Error::input(format!("cannot replay: {e}")))
+    }
+
+    fn send(&mut self) -> bool {
+        let known = self.skip.min(self.waiting.len() as u64);
+        self.skip -= known;
+        let bytes = self.waiting.split_off(known as usize);
+        self.waiting.clear();
+        bytes.is_empty() || bytes.chunks(MOST_PAYLOAD_BYTES / 2).all(|piece| self.out.send(What::Bytes(piece.to_vec())))
+    }
+}

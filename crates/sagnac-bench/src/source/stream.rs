@@ -1,0 +1,200 @@
+//! Sources of bytes: standard input, growing files, TCP, UDP, serial ports, logs that are replayed.
+
+use std::fs::File;
+use std::io::{ErrorKind, Read, Seek, SeekFrom};
+use std::net::{TcpStream, ToSocketAddrs, UdpSocket};
+use std::path::Path;
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use sagnac_log::setup::Setup;
+use sagnac_log::threads::spawn;
+
+use super::{Address, Out, PATIENCE, SessionEnd, What, from_byte};
+use crate::journal::MOST_PAYLOAD_BYTES;
+use crate::source::replay::replay;
+
+/// Bytes read at once.
+const PIECE_BYTES: usize = MOST_PAYLOAD_BYTES / 2;
+/// How often a file is looked at whether it has grown.
+const GROWN: Duration = Duration::from_millis(100);
+/// Time to make a connection.
+const CONNECT: Duration = Duration::from_secs(3);
+
+/// Starts a source. `skip` bytes of a file were recorded before.
+pub(crate) fn spawn_stream(address: Address, skip: u64, setup: Setup, out: Out) -> std::io::Result<JoinHandle<()>> {
+    spawn("source", move || match address {
+        Address::Input => input(&out),
+        Address::File(path) => {
+            let mut at = skip;
+            out.keep(|out| file(&path, &mut at, out));
+        }
+        Address::Tcp(address) => out.keep(|out| tcp(&address, out)),
+        Address::Udp(address) => out.keep(|out| udp(&address, out)),
+        Address::Serial { path, baud } => out.keep(|out| serial(&path, baud, out)),
+        Address::Replay { path, speed } => replay(&path, speed, skip, &setup, &out),
+    })
+}
+
+/// An interrupted or late read is none that failed.
+fn is_late(error: &std::io::Error) -> bool {
+    matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted)
+}
+
+/// Reads until the end, a failure or the stop.
+fn pour(reader: &mut dyn Read, out: &Out, at_end: impl Fn() -> SessionEnd) -> SessionEnd {
+    let mut bytes = vec![0; PIECE_BYTES];
+    loop {
+        if out.stop.is_stopped() {
+            return SessionEnd::Stopped;
+        }
+        match reader.read(&mut bytes) {
+            Ok(0) => return at_end(),
+            Ok(read) => {
+                if !out.send(What::Bytes(bytes.get(..read).unwrap_or_default().to_vec())) {
+                    return SessionEnd::Stopped;
+                }
+            }
+            Err(error) if is_late(&error) => {}
+            Err(error) => return SessionEnd::Lost(error.to_string()),
+        }
+    }
+}
+
+fn input(out: &Out) {
+    out.keep(|out| {
+        if !out.send(What::Connected("standard input".to_owned())) {
+            return SessionEnd::Stopped;
+        }
+        pour(&mut std::io::stdin(), out, || SessionEnd::Ended)
+    });
+}
+
+/// A file that grows, from a place on. One that became shorter, or is another file under its name, is read from its start.
+fn file(path: &Path, at: &mut u64, out: &Out) -> SessionEnd {
+    let mut open = match File::open(path) {
+        Ok(open) => open,
+        Err(error) => return SessionEnd::NotConnected(error.to_string()),
+    };
+    let length = open.metadata().map_or(0, |metadata| metadata.len());
+    if length < *at {
+        *at = 0;
+    }
+    if let Err(error) = open.seek(SeekFrom::Start(*at)) {
+        return SessionEnd::NotConnected(error.to_string());
+    }
+    if !out.send(What::Connected(from_byte(&path.display().to_string(), *at))) {
+        return SessionEnd::Stopped;
+    }
+    let mut bytes = vec![0; PIECE_BYTES];
+    loop {
+        match open.read(&mut bytes) {
+            Ok(0) => {
+                if let Some(why) = replaced(path, &open, *at) {
+                    *at = 0;
+                    return SessionEnd::Lost(why);
+                }
+                if out.stop.wait(GROWN) {
+                    return SessionEnd::Stopped;
+                }
+            }
+            Ok(read) => {
+                *at += read as u64;
+                let came = What::Bytes(bytes.get(..read).unwrap_or_default().to_vec());
+                if !out.send(came) || out.stop.is_stopped() {
+                    return SessionEnd::Stopped;
+                }
+            }
+            Err(error) if is_late(&error) => {}
+            Err(error) => return SessionEnd::Lost(error.to_string()),
+        }
+    }
+}
+
+/// Whether the file under a path is no longer the open one, as far as it was read.
+fn replaced(path: &Path, open: &File, at: u64) -> Option<String> {
+    let (now, ours) = (std::fs::metadata(path).ok()?, open.metadata().ok()?);
+    if now.len() < at {
+        return Some("the file became shorter".to_owned());
+    }
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::MetadataExt;
+        if (now.dev(), now.ino()) != (ours.dev(), ours.ino()) {
+            return Some("another file has its name".to_owned());
+        }
+    }
+    let _ = ours;
+    None
+}
+
+/// A connection to the first address of a name that answers.
+pub(crate) fn connected(address: &str) -> std::io::Result<TcpStream> {
+    let mut failed = std::io::Error::new(ErrorKind::NotFound, "the name has no address");
+    for address in address.to_socket_addrs()? {
+        match TcpStream::connect_timeout(&address, CONNECT) {
+            Ok(stream) => {
+                stream.set_read_timeout(Some(PATIENCE))?;
+                stream.set_write_timeout(Some(CONNECT))?;
+                stream.set_nodelay(true)?;
+                return Ok(stream);
+            }
+            Err(error) => failed = error,
+        }
+    }
+    Err(failed)
+}
+
+fn tcp(address: &str, out: &Out) -> SessionEnd {
+    let mut stream = match connected(address) {
+        Ok(stream) => stream,
+        Err(error) => return SessionEnd::NotConnected(error.to_string()),
+    };
+    if !out.send(What::Connected(format!("tcp://{address}"))) {
+        return SessionEnd::Stopped;
+    }
+    pour(&mut stream, out, || SessionEnd::Lost("the other side has closed the connection".to_owned()))
+}
+
+/// Datagrams: each is whole lines or frames, so the end of one is the end of a line.
+fn udp(address: &str, out: &Out) -> SessionEnd {
+    let socket = UdpSocket::bind(address).and_then(|socket| socket.set_read_timeout(Some(PATIENCE)).map(|()| socket));
+    let socket = match socket {
+        Ok(socket) => socket,
+        Err(error) => return SessionEnd::NotConnected(error.to_string()),
+    };
+    let heard = socket.local_addr().map_or_else(|_| address.to_owned(), |bound| bound.to_string());
+    if !out.send(What::Connected(format!("udp://{heard}"))) {
+        return SessionEnd::Stopped;
+    }
+    let mut bytes = vec![0; MOST_PAYLOAD_BYTES];
+    loop {
+        if out.stop.is_stopped() {
+            return SessionEnd::Stopped;
+        }
+        match socket.recv(&mut bytes) {
+            Ok(read) => {
+                if !out.send(What::Bytes(bytes.get(..read).unwrap_or_default().to_vec())) {
+                    return SessionEnd::Stopped;
+                }
+            }
+            Err(error) if is_late(&error) => {}
+            Err(error) => return SessionEnd::Lost(error.to_string()),
+        }
+    }
+}
+
+fn serial(path: &Path, baud: u32, out: &Out) -> SessionEnd {
+    let port = serial2::SerialPort::open(path, baud).and_then(|mut port| {
+        port.set_read_timeout(PATIENCE)?;
+        Ok(port)
+    });
+    let mut port = match port {
+        Ok(port) => port,
+        Err(error) => return SessionEnd::NotConnected(error.to_string()),
+    };
+    if !out.send(What::Connected(format!("{} at {baud} baud", path.display()))) {
+        return SessionEnd::Stopped;
+    }
+    pour(&mut port, out, || SessionEnd::Lost("the port was closed".to_owned()))
+}

@@ -1,0 +1,68 @@
+//! The first entry of a journal: what is recorded, and how.
+
+use std::collections::HashMap;
+
+use sagnac_log::setup::{BenchSetup, Setup};
+use sagnac_log::{Error, Result};
+use serde::{Deserialize, Serialize};
+
+use crate::journal::{Entry, Kind};
+
+/// What is recorded, and how.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Start {
+    /// Program and version that began the recording.
+    pub program: String,
+    /// Its beginning, ns since 1970.
+    pub started_ns: i64,
+    /// Setup of the test, with the flags over it: a journal can be finished without its bench.toml.
+    setup: Setup,
+    /// Its `[bench]`, which a record does not hold.
+    bench: BenchSetup,
+    /// Names of the sources, by their numbers.
+    pub sources: Vec<String>,
+}
+
+impl Start {
+    /// The entry with it.
+    ///
+    /// # Errors
+    /// A setup that is too long for an entry.
+    pub fn entry(&self) -> Result<Entry> {
+        let text = serde_json::to_string(self).map_err(|e| Error::input(format!("cannot write the journal: {e}")))?;
+        let entry = Entry::text(Kind::Start, 0, self.started_ns, &text);
+        if entry.payload.len() < text.len() {
+            return Err(Error::input("a setup of more than 64 KiB cannot be recorded"));
+        }
+        Ok(entry)
+    }
+
+    /// The start in a journal's first block.
+    ///
+    /// # Errors
+    /// A journal that does not begin with one.
+    pub fn of(entries: &[Entry]) -> Result<Self> {
+        let none = || Error::input("the journal does not begin with the setup of its recording");
+        let first = entries.first().filter(|entry| entry.kind == Kind::Start).ok_or_else(none)?;
+        let start: Self = serde_json::from_slice(&first.payload).map_err(|_| none())?;
+        start.setup().check()?;
+        Ok(start)
+    }
+
+    /// Of a recording that begins now.
+    pub(crate) fn new(program: &str, started_ns: i64, setup: &Setup, sources: Vec<String>) -> Self {
+        let (program, setup, bench) = (program.to_owned(), setup.clone(), setup.bench.clone());
+        Self { program, started_ns, setup, bench, sources }
+    }
+
+    /// The setup of the recording.
+    pub fn setup(&self) -> Setup {
+        Setup { bench: self.bench.clone(), ..self.setup.clone() }
+    }
+
+    /// What the finished log says of its origin.
+    pub(crate) fn metadata(&self) -> HashMap<String, String> {
+        let says = format!("recorded by {} bench from {}", self.program, self.sources.join(", "));
+        HashMap::from([("sagnac".to_owned(), says), ("started_ns".to_owned(), self.started_ns.to_string())])
+    }
+}
