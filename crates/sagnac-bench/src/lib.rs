@@ -11,6 +11,8 @@
 
 pub mod decode;
 pub mod journal;
+pub mod live;
+pub mod page;
 mod record;
 mod rows;
 pub mod serial_line;

@@ -85,6 +85,7 @@ struct Variant {
 }
 
 /// Receives the rows of one axis.
+#[derive(Clone)]
 pub struct Screen {
     variants: Vec<Variant>,
     pieces: Vec<Piece>,

@@ -28,7 +28,7 @@ pub use charts::{Band, Chart, ChartPage, Curve, PageTable, chart_report};
 pub use compared::comparison_report;
 pub use fleet::fleet_report;
 pub use noise::{noise_report, row_notes, term_text};
-pub use page::{calibration_report, verification_report};
+pub use page::{STYLE, UPLOT_CSS, UPLOT_JS, UPLOT_LICENCE, calibration_report, verification_report};
 pub use report::Report;
 pub use sheet::Sheet;
 pub use survey::survey_report;

@@ -15,10 +15,14 @@ use sagnac_log::ingest::{Tally, hex, sha256};
 use sagnac_units::format::{celsius, plain, printable, printable_json, significant, unit, with_sigma};
 
 /// Scripts and styles of the page. uPlot 1.6.32 is under the MIT licence, which is in the same folder.
-const UPLOT_JS: &str = include_str!("vendor/uplot/uPlot.iife.min.js");
-const UPLOT_CSS: &str = include_str!("vendor/uplot/uPlot.min.css");
-const UPLOT_LICENCE: &str = include_str!("vendor/uplot/LICENSE");
-const STYLE: &str = include_str!("report.css");
+/// uPlot, which draws the figures that move.
+pub const UPLOT_JS: &str = include_str!("vendor/uplot/uPlot.iife.min.js");
+/// Its style.
+pub const UPLOT_CSS: &str = include_str!("vendor/uplot/uPlot.min.css");
+/// Its licence.
+pub const UPLOT_LICENCE: &str = include_str!("vendor/uplot/LICENSE");
+/// Style of every page.
+pub const STYLE: &str = include_str!("report.css");
 const SCRIPT: &str = include_str!("report.js");
 /// The page loads nothing from anywhere, and the browser enforces that.
 const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'";

@@ -1,17 +1,24 @@
 //! `sagnac bench`: a thermal test recorded as it runs.
 
-use std::path::PathBuf;
-use std::time::Duration;
+mod lines;
 
-use sagnac::calibration::program;
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+
+use sagnac::calibration::{Calibration, program};
 use sagnac::fit::{FitOptions, Model, calibrate_with_report_data};
+use sagnac::plan::EnoughRequest;
+use sagnac::verify::Limits;
 use sagnac::{Error, Result};
-use sagnac_bench::{Finished, Session, finish, journal_of};
+use sagnac_bench::live::{Live, LiveRequest};
+use sagnac_bench::page::{Page, PageOf};
+use sagnac_bench::{Finished, JournalRows, Session, finish, journal_of};
 use sagnac_log::setup::Setup;
 use sagnac_log::write::write_bytes;
 use sagnac_report::calibration_report;
 use sagnac_units::format::significant;
 
+use crate::bench::lines::Lines;
 use crate::calibrate::source_date_epoch;
 use crate::console::{Console, Outcome, Ran};
 use crate::files::Files;
@@ -21,6 +28,11 @@ use crate::progress::of_fit;
 use crate::report_args::ReportArgs;
 use crate::setup_args::SetupArgs;
 
+/// Address of the page, if it is free.
+const PAGE: &str = "127.0.0.1:8647";
+/// Times in a row that a test must have told enough before it ends itself.
+const IN_A_ROW: u32 = 3;
+
 /// Record a thermal test as it runs, show it, and say when enough is known
 ///
 /// Every byte goes to the journal beside the log first (LOG.journal), so that `kill -9` and a power cut cost at most a second, and --resume goes
@@ -29,7 +41,7 @@ use crate::setup_args::SetupArgs;
 #[command(after_help = "\
 Examples:
   sagnac bench bench.toml --source serial:/dev/ttyUSB0 -o run.parquet --calibration unit.cal.json
-  sagnac bench bench.toml --source tcp://192.168.1.20:4001 -o run.parquet --resume
+  sagnac bench bench.toml --source tcp://192.168.1.20:4001 -o run.parquet --limits navigation-grade --stop-when met
   sagnac simulate scenarios/paper/paper.toml | sagnac bench bench.toml --source - -o run.parquet")]
 pub(crate) struct Args {
     /// Setup file, whose [bench] names the sources
@@ -38,7 +50,8 @@ pub(crate) struct Args {
     /// Log to write when the test has ended: Parquet
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
-    /// Where the gyro's bytes come from, in place of the setup's
+    /// Where the gyro's bytes come from, in place of the setup's: -, file:PATH, tcp://HOST:PORT, udp://HOST:PORT, serial:DEVICE?baud=115200,
+    /// replay:LOG?speed=10
     #[arg(long, value_name = "SOURCE")]
     source: Option<String>,
     /// Go on with the recording of this log
@@ -47,6 +60,15 @@ pub(crate) struct Args {
     /// Record nothing more: make the log of what was recorded
     #[arg(long, conflicts_with_all = ["resume", "source"])]
     finish: bool,
+    /// Limits that the unit is to meet, in place of the setup's: a file or the name of a set
+    #[arg(long, value_name = "LIMITS")]
+    limits: Option<String>,
+    /// `met`: end the recording when the test has told enough; needs limits, and span_c under [bench]
+    #[arg(long, value_enum, default_value = "never")]
+    stop_when: StopWhen,
+    /// Address of the page, or `none`
+    #[arg(long = "page", id = "address", value_name = "ADDRESS", default_value = PAGE)]
+    page_address: String,
     /// Calibration to write at the end
     #[arg(long, value_name = "FILE")]
     calibration: Option<PathBuf>,
@@ -59,8 +81,14 @@ pub(crate) struct Args {
     setup: SetupArgs,
 }
 
-/// How often it is looked whether the recording has ended.
-const LOOK: Duration = Duration::from_millis(200);
+/// What ends a recording besides Ctrl-C and the end of its source.
+#[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum StopWhen {
+    /// Nothing.
+    Never,
+    /// The test has told enough.
+    Met,
+}
 
 pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     if !loading::has_extension(&args.output, "parquet") {
@@ -71,40 +99,139 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     let files = Files::new().reads(&args.bench).reads(&args.setup.setup).writes([&args.output]);
     args.report.check_with(files.writes(&args.calibration))?;
     let model: Model = args.model.parse()?;
+    let setup = if args.finish { JournalRows::open(&journal)?.start().setup() } else { setup_of(args)? };
+    let enough = enough_of(args, &setup)?;
     if !args.finish {
         if args.output.exists() && !args.resume {
             return Err(Error::input("a log of this name is there already")
                 .file(args.output.display().to_string())
                 .help("give another -o; --resume goes on with its recording"));
         }
-        record(args, &journal, console)?;
+        let request = LiveRequest { model: model.clone(), every_minute: is_replay(&setup), enough };
+        record(args, &setup, request, &journal, console)?;
     }
     let finished = finish(&journal, &args.output)?;
     describe(&finished, console);
     console.say(format!("wrote {}", args.output.display()));
-    calibrate(args, model, console)
+    calibrate(args, &setup, model, console)
 }
 
+/// The setup with the flags over it.
 fn setup_of(args: &Args) -> Result<Setup> {
     let base = args.bench.as_deref().map_or_else(|| Ok(Setup::default()), Setup::read)?;
     let mut setup = args.setup.over(base)?;
     if let Some(source) = &args.source {
         setup.bench.source = Some(source.clone());
     }
+    if let Some(limits) = &args.limits {
+        setup.bench.limits = Some(limits.clone());
+    }
     Ok(setup)
 }
 
-/// Records until the source ends, or somebody ends it.
-fn record(args: &Args, journal: &std::path::Path, console: &mut Console) -> Result<()> {
-    let setup = setup_of(args)?;
-    let session = Session::begin(&setup, &program(), journal, args.resume)?;
+/// A replay has hours in seconds.
+fn is_replay(setup: &Setup) -> bool {
+    setup.bench.source.as_deref().is_some_and(|source| source.starts_with("replay:"))
+}
+
+/// What the test is to tell.
+fn enough_of(args: &Args, setup: &Setup) -> Result<Option<EnoughRequest>> {
+    let bench = &setup.bench;
+    if args.stop_when == StopWhen::Met {
+        if bench.limits.is_none() {
+            return Err(Error::input("--stop-when met needs the limits that the unit is to meet")
+                .column("--limits")
+                .help("give --limits, or limits under [bench]"));
+        }
+        if bench.span_c.is_none() {
+            return Err(Error::input("--stop-when met needs the temperatures that the calibration is to cover")
+                .column("bench.span_c")
+                .help("give span_c = [-40, 70] under [bench]"));
+        }
+    }
+    let Some(limits) = &bench.limits else { return Ok(None) };
+    let mut request = EnoughRequest::new(Limits::named_or_read(limits)?);
+    (request.span_c, request.rate_cpm) = (bench.span_c, bench.ramp_cpm);
+    request.share = bench.share.unwrap_or(request.share);
+    request.probability = bench.probability.unwrap_or(request.probability);
+    Ok(Some(request))
+}
+
+/// Records until the source ends, somebody ends it, or the test has told enough.
+fn record(args: &Args, setup: &Setup, request: LiveRequest, journal: &Path, console: &mut Console) -> Result<()> {
+    let session = Session::begin(setup, &program(), journal, args.resume)?;
     let stop = session.stop.clone();
     interrupt::first(move || stop.stop());
     console.note(format!("recording {} to {}", session.start.sources.join(", "), journal.display()));
-    while !session.is_ended() {
-        session.stop.wait(LOOK);
+    let share = request.enough.as_ref().and_then(share_of);
+    let live = Live::default();
+    let reader = live.begin(JournalRows::follow(journal, session.published.clone())?, setup, request)?;
+    let page = page_of(args, setup, share, &session, &live, console)?;
+    let mut lines = Lines::new();
+    loop {
+        let has_ended = session.is_ended();
+        lines.show(&live, &session.sources.now(), console);
+        if has_ended {
+            break;
+        }
+        let met = live.look(|state| state.study.met_in_a_row >= IN_A_ROW);
+        if met && args.stop_when == StopWhen::Met {
+            console.note("the test has told enough: the recording is ended");
+            session.stop.stop();
+        }
+        lines.wait(&live, &session.stop);
     }
-    session.join()
+    let recorded = session.join();
+    // The last fit is of the whole record, and is shown.
+    let _ = reader.join();
+    lines.last(&live, console);
+    page.into_iter().for_each(Page::end);
+    recorded
+}
+
+/// What of a limit the curve may take at a temperature.
+fn share_of(request: &EnoughRequest) -> Option<(f64, String)> {
+    let limits = &request.limits;
+    let named = [
+        ("plateau_offset_dph_max", limits.plateau_offset_dph_max),
+        ("temperature_residual_dph_max", limits.temperature_residual_dph_max),
+    ];
+    let (name, limit) = named.into_iter().find_map(|(name, limit)| Some((name, limit?)))?;
+    Some((limit * request.share, format!("{name} ({} of it)", significant(request.share, 2))))
+}
+
+/// Serves the page, unless there is to be none.
+fn page_of(
+    args: &Args,
+    setup: &Setup,
+    share: Option<(f64, String)>,
+    session: &Session,
+    live: &Live,
+    console: &mut Console,
+) -> Result<Option<Page>> {
+    if args.page_address == "none" {
+        return Ok(None);
+    }
+    let bad = || {
+        Error::input("not an address").column("--page").value(&args.page_address).help("an address is 127.0.0.1:8647, or `none`")
+    };
+    let address: SocketAddr = args.page_address.parse().map_err(|_| bad())?;
+    let of = PageOf {
+        title: setup.serial.clone().map_or_else(|| "Sagnac bench".to_owned(), |serial| format!("{serial} on the bench")),
+        subtitle: session.start.sources.join(", "),
+        live: live.clone(),
+        sources: session.sources.clone(),
+        clock: session.clock,
+        stop: session.stop.clone(),
+        share,
+    };
+    let page = match Page::begin(of.clone(), address) {
+        // The usual port may be another bench's.
+        Err(_) if args.page_address == PAGE => Page::begin(of, SocketAddr::from(([127, 0, 0, 1], 0)))?,
+        made => made?,
+    };
+    console.note(format!("the page: http://{}/?token={}", page.address, page.token));
+    Ok(Some(page))
 }
 
 fn describe(finished: &Finished, console: &mut Console) {
@@ -120,14 +247,13 @@ fn describe(finished: &Finished, console: &mut Console) {
     odd(counts.lost_bytes, "bytes are in no row; the journal has them");
     odd(finished.damaged_bytes, "bytes of the journal are damaged");
     let clock = finished.clock;
-    let drift =
-        clock.drift_ppm.map_or(String::new(), |ppm| format!(", the gyro's clock is {} ppm fast", significant(ppm, 2)));
+    let drift = clock.drift_ppm.map_or(String::new(), |ppm| format!(", the gyro's clock is {} ppm fast", significant(ppm, 2)));
     console.note(format!("rows and instruments are aligned to within {} s{drift}", significant(clock.jitter_s, 2)));
 }
 
 /// Calibrates the finished log, as `calibrate` does.
-fn calibrate(args: &Args, model: Model, console: &mut Console) -> Ran {
-    let setup = Setup { bench: Default::default(), ..setup_of(args)? };
+fn calibrate(args: &Args, setup: &Setup, model: Model, console: &mut Console) -> Ran {
+    let setup = Setup { bench: Default::default(), ..setup.clone() };
     let windows = loading::windows_of(std::slice::from_ref(&args.output), &setup)?;
     let options = FitOptions::new(model).source_date_epoch(source_date_epoch()?).progress(of_fit());
     let (calibration, report_data) = calibrate_with_report_data(windows, &setup, &options)?;
@@ -135,10 +261,15 @@ fn calibrate(args: &Args, model: Model, console: &mut Console) -> Ran {
     for axis in &calibration.axes {
         crate::calibrate::describe(console, axis);
     }
+    write_record(args, &calibration, console)?;
+    args.report.write(console, || calibration_report(&calibration, &report_data))?;
+    Ok(Outcome::Done)
+}
+
+fn write_record(args: &Args, calibration: &Calibration, console: &mut Console) -> Result<()> {
     if let Some(path) = &args.calibration {
         write_bytes(path, calibration.to_json()?.as_bytes())?;
         console.say(format!("wrote {}", path.display()));
     }
-    args.report.write(console, || calibration_report(&calibration, &report_data))?;
-    Ok(Outcome::Done)
+    Ok(())
 }

@@ -164,6 +164,21 @@ pub(crate) fn flags(column: &dyn Array, faults: &mut [Faults]) -> Option<()> {
     Some(())
 }
 
+/// A column of a table as times, ns, by the places of its header ([`crate::ingest::header::Role::Time`]); `None` for one that has none, and in the
+/// place of a time that is none.
+pub fn column_times(column: &dyn Array, places: u32) -> Option<Vec<Option<i64>>> {
+    let mut out = Vec::new();
+    times(column, places, &mut out)?;
+    Some(out.into_iter().map(|time_ns| Some(time_ns).filter(|time_ns| *time_ns != NO_TIME)).collect())
+}
+
+/// A column of a table as numbers, NaN where there is none; `None` for one of a type without numbers.
+pub fn column_numbers(column: &dyn Array) -> Option<Vec<f64>> {
+    let mut out = Vec::new();
+    numbers(column, f64::NAN, &mut out)?;
+    Some(out)
+}
+
 /// A time as a plain decimal in units of 10^`places` ns, exactly; empty for none.
 pub fn time_text(time_ns: i64, places: u32) -> String {
     if time_ns == NO_TIME {

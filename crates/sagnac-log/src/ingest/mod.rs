@@ -58,7 +58,7 @@ use crate::error::{Error, Result};
 use crate::ingest::align::Aligner;
 use crate::ingest::chunks::{ChunkReader, Feed};
 #[cfg(feature = "parquet")]
-pub use crate::ingest::column_values::time_text;
+pub use crate::ingest::column_values::{column_numbers, column_times, time_text};
 #[cfg(feature = "parquet")]
 pub use crate::ingest::columnar::MemoryTable;
 pub use crate::ingest::formats::{FORMATS, Format};

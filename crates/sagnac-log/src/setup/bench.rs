@@ -45,8 +45,16 @@ pub struct BenchSetup {
     pub headers: Option<String>,
     /// A source is silent after this time without a byte, s; 3 by default, and at least three rows.
     pub silent_after_s: Option<f64>,
-    /// Limits that the finished calibration is to meet: a file, or `navigation-grade` or `tactical-grade`.
+    /// Limits that the unit is to meet: a file of `verify`, or one of its sets by name.
     pub limits: Option<String>,
+    /// Temperatures that the calibration is to cover, °C; asked before a test may end itself.
+    pub span_c: Option<[f64; 2]>,
+    /// Rate of the chamber's ramps, °C/min; that of the record by default.
+    pub ramp_cpm: Option<f64>,
+    /// Part of each limit that the error of the correction may take; 0.5 by default.
+    pub share: Option<f64>,
+    /// Probability with which it does; 0.95 by default.
+    pub probability: Option<f64>,
     /// Instruments that are asked for values.
     #[serde(rename = "poll")]
     pub polls: Vec<PollSetup>,
@@ -142,6 +150,13 @@ pub struct PollColumn {
 impl BenchSetup {
     pub(super) fn check(&self) -> Result<()> {
         in_range("bench.silent_after_s", self.silent_after_s, 0.1, 1e5)?;
+        in_range("bench.ramp_cpm", self.ramp_cpm, 0.01, 100.0)?;
+        in_range("bench.share", self.share, 0.01, 0.99)?;
+        in_range("bench.probability", self.probability, 0.5, 0.9999)?;
+        if let Some([lo, hi]) = self.span_c {
+            in_range("bench.span_c", Some(lo), -127.0, 127.0)?;
+            in_range("bench.span_c", Some(hi), lo, 127.0)?;
+        }
         let mut names: Vec<&str> = Vec::new();
         for poll in &self.polls {
             in_range("bench.poll.every_s", Some(poll.every_s), 0.01, 3600.0)?;

@@ -13,4 +13,4 @@ mod ramp;
 mod read;
 
 pub use curve::{budget_of_curves, is_curve, parse_curve, read_curve};
-pub use read::{NoiseBudget, Request, noise_budget};
+pub use read::{NoiseBudget, NoiseSoFar, Request, noise_budget};

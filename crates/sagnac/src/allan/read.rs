@@ -92,6 +92,43 @@ pub fn noise_budget<'a>(
     reading.finish(&shape, &shown, request)
 }
 
+/// The noise of a log that grows, in memory that does not.
+#[derive(Clone)]
+pub struct NoiseSoFar {
+    reading: Reading,
+    shape: LogShape,
+    shown: Vec<usize>,
+}
+
+/// Phases that are held of each axis of a log that grows: differences of longer τ overlap less.
+const HELD_SO_FAR: usize = 1 << 14;
+
+impl NoiseSoFar {
+    /// Of a log of this shape, in ten τ per decade.
+    ///
+    /// # Errors
+    /// None that is known: the τ are our own.
+    pub fn new(shape: &LogShape) -> Result<Self> {
+        let shown = Taus::LogSpaced.multiples(s_from_ns(shape.nominal_ns)).map_err(bad_tau)?;
+        Ok(Self { reading: Reading::holding(shape, &shown, HELD_SO_FAR), shape: shape.clone(), shown })
+    }
+
+    /// The next rows.
+    pub fn push(&mut self, batch: &Batch) {
+        self.reading.push(batch, None);
+    }
+
+    /// The noise so far, drift over temperature included.
+    ///
+    /// # Errors
+    /// No usable row yet.
+    pub fn so_far(&self) -> Result<NoiseBudget> {
+        let mut reading = self.reading.clone();
+        reading.end_run();
+        reading.finish(&self.shape, &self.shown, &Request { taus: Taus::LogSpaced, exact: false })
+    }
+}
+
 /// Scatter beyond chance, as a part of σ, from which on it is said. Less is in the intervals all the same. Curves of other programs, whose
 /// differences do not overlap, scatter by some 5 % more than ours: a warning for each of them would say nothing. Of 200 records of the five
 /// terms alone, half of them as such curves, fewer than 5 % are warned of.
@@ -125,6 +162,7 @@ fn bad_tau(error: TauError) -> Error {
 }
 
 /// What is being read.
+#[derive(Clone)]
 struct Reading {
     screens: Vec<Screen>,
     shape: LogShape,
@@ -143,8 +181,12 @@ struct Reading {
 
 impl Reading {
     fn new(shape: &LogShape, shown: &[usize], exact: bool) -> Self {
+        Self::holding(shape, shown, if exact { usize::MAX } else { HELD_PHASES / shape.axes.len().max(1) })
+    }
+
+    /// Holds so many phases of each axis.
+    fn holding(shape: &LogShape, shown: &[usize], hold: usize) -> Self {
         let wanted = differences(shown, MOST_ROWS);
-        let hold = if exact { usize::MAX } else { HELD_PHASES / shape.axes.len().max(1) };
         Self {
             screens: shape.axes.iter().map(|_| Screen::new(wanted.clone(), hold)).collect(),
             shape: shape.clone(),

@@ -17,15 +17,18 @@
 //! Fails for a unit that is not of the fleet, which the test itself refuses; for limits that a correction does not decide (noise,
 //! repeatability); for fleets on a rate table, whose scale factor is not planned.
 
+mod enough;
 mod profile;
 mod promise;
 
 use rayon::prelude::*;
 use serde::Serialize;
 
+pub use enough::{Enough, EnoughRequest, NextStep, enough};
 pub use profile::{Chamber, Step};
 pub use promise::Expected;
 
+use crate::calibration::AxisCalibration;
 use crate::fit::{FitOptions, Model, UnitPrior, calibrate};
 use crate::verify::Limits;
 use crate::window::WindowBuilder;
@@ -233,5 +236,13 @@ fn promised(request: &PlanRequest, profile: &Profile) -> Option<Promise> {
     let windows = WindowBuilder::read_all(vec![reader], &setup).ok()?.finish();
     let options = FitOptions::new(Model::Auto).prior(Some(request.prior.clone()));
     let made = calibrate(windows, &setup, &options).ok()?;
-    Promise::of(made.axes.first()?, request)
+    let axis = made.axes.first()?;
+    Promise::of(axis, &request.limits, request.share, rate_of(axis, request))
+}
+
+/// The rate of the ramps that the unit will see, °C/min: the chamber's fastest, as far as the fleet's tests know it.
+fn rate_of(axis: &AxisCalibration, request: &PlanRequest) -> f64 {
+    let fleet = request.prior.rate_spans_cpm.first().map_or(0.0, |[lo, hi]| hi.abs().max(lo.abs()));
+    let chamber = request.chamber.rates_cpm.iter().fold(0.0_f64, |most, rate| most.max(*rate));
+    if axis.rate_effect(axis.reference_c()).is_some() { fleet.min(chamber) } else { 0.0 }
 }

@@ -12,7 +12,6 @@ use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 use statrs::distribution::{ContinuousCDF, Normal};
 
-use super::PlanRequest;
 use crate::calibration::AxisCalibration;
 use crate::verify::Limits;
 
@@ -69,8 +68,8 @@ pub(super) fn not_planned(limits: &Limits) -> Vec<String> {
 }
 
 impl Promise {
-    /// By the covariance of a fit; `None` where it has none.
-    pub(super) fn of(axis: &AxisCalibration, request: &PlanRequest) -> Option<Self> {
+    /// By the covariance of a fit, for ramps of a rate, °C/min; the error may take `share` of each limit. `None` where the fit has no covariance.
+    pub(super) fn of(axis: &AxisCalibration, limits: &Limits, share: f64, rate_cpm: f64) -> Option<Self> {
         let [lo, hi] = axis.span_c();
         let celsius: Vec<f64> =
             (0..TEMPERATURES).map(|at| lo + (hi - lo) * at as f64 / (TEMPERATURES - 1) as f64).collect();
@@ -78,28 +77,31 @@ impl Promise {
         let mut weights: Vec<Vec<(usize, f64)>> = celsius.iter().map(|c| axis.drift_weights(*c, reference_c)).collect();
         weights.extend(celsius.iter().map(|c| axis.rate_weights(*c)));
         let n = weights.len();
-        let covariance = DMatrix::from_fn(n, n, |i, j| axis.covariance_between(&weights[i], &weights[j]));
+        let mut covariance = DMatrix::from_fn(n, n, |i, j| axis.covariance_between(&weights[i], &weights[j]));
+        // Models beside the selected one have other curves.
+        for (at, celsius) in celsius.iter().enumerate() {
+            covariance[(at, at)] += axis.spread_variance(*celsius);
+        }
         let SymmetricEigen { eigenvectors, eigenvalues } =
             SymmetricEigen::new((&covariance + covariance.transpose()) / 2.0);
         let root = eigenvectors * DMatrix::from_diagonal(&eigenvalues.map(|value| value.max(0.0).sqrt()));
-        let rate_cpm = rate_of(axis, request);
         // Where the correction is used: at rest, and on ramps in both directions.
         let on_ramps: f64 =
             (0..TEMPERATURES).map(|at| rate_cpm.powi(2) * covariance[(TEMPERATURES + at, TEMPERATURES + at)]).sum();
         let at_rest: f64 = (0..TEMPERATURES).map(|at| covariance[(at, at)]).sum();
         let sigma_dph = ((at_rest + on_ramps) / TEMPERATURES as f64).sqrt();
-        let judged = judged(&request.limits);
+        let judged = judged(limits);
         let (mut figures, mut good) = (vec![Vec::with_capacity(DRAWS); judged.len()], 0_usize);
         for error in draws(n) {
             let all = figures_of(&celsius, &(&root * error), rate_cpm);
-            let is_within = |(at, bound): &(usize, f64)| all[*at] <= request.share * bound;
+            let is_within = |(at, bound): &(usize, f64)| all[*at] <= share * bound;
             good += usize::from(judged.iter().all(is_within));
             judged.iter().zip(&mut figures).for_each(|((at, _), of)| of.push(all[*at]));
         }
         let expected = judged.iter().zip(figures).map(|((at, bound), mut of)| {
             of.sort_by(f64::total_cmp);
             let value_95 = of.get((SHOWN * DRAWS as f64) as usize).copied().unwrap_or(f64::NAN);
-            let given = request.limits.given();
+            let given = limits.given();
             let unit = given.iter().find(|(spec, _)| spec.key == NAMES[*at]).map_or("", |(spec, _)| spec.unit);
             Expected { limit: NAMES[*at].to_owned(), bound: *bound, value_95, unit: unit.to_owned() }
         });
@@ -107,13 +109,6 @@ impl Promise {
         let is_known = sigma_dph.is_finite() && sigma_dph > 0.0;
         is_known.then(|| Self { probability: good as f64 / DRAWS as f64, sigma_dph, expected })
     }
-}
-
-/// The rate of the ramps that the unit will see, °C/min: the chamber's fastest, as far as the fleet's tests know it.
-fn rate_of(axis: &AxisCalibration, request: &PlanRequest) -> f64 {
-    let fleet = request.prior.rate_spans_cpm.first().map_or(0.0, |[lo, hi]| hi.abs().max(lo.abs()));
-    let chamber = request.chamber.rates_cpm.iter().fold(0.0_f64, |most, rate| most.max(*rate));
-    if axis.rate_effect(axis.reference_c()).is_some() { fleet.min(chamber) } else { 0.0 }
 }
 
 fn figures_of(celsius: &[f64], error: &DVector<f64>, rate_cpm: f64) -> [f64; NAMES.len()] {

@@ -1,0 +1,342 @@
+//! Whether a test that runs has told enough, and what it should do next.
+//!
+//! ```text
+//! Cov θ of the fit so far ─▶ error of the correction ─▶ P(within a share of every limit)      as for a planned test
+//! a step (a soak, a ramp) is worth      I − I',   I = mean over T and ±Ṫ of Var δ(T, Ṫ),   Cov' = (Cov⁻¹ + Σ g·gᵀ/v)⁻¹
+//! v = N_w²·τ_w/t + B²·ln 4/π + K²·t      variance of the mean of a piece of t seconds under the noise of the fit
+//! ```
+//!
+//! The step of the largest I − I' per hour is the next one: I-optimal, one step at a time. Hours to go repeat it until the probability is reached.
+//! The test has told enough when that probability is reached on every axis and nothing below is open: the temperatures asked for were reached, heating
+//! and cooling can be compared, temperature did not move together with time or its rate, and the held-out residual beyond the noise floor is
+//! within its limit.
+//!
+//! Fails as the fit does: a term that no temperature so far has shown is in no covariance. So a caller asks for the same answer several times in a
+//! row, over a growing record, before he ends a test.
+
+use nalgebra::DMatrix;
+use serde::Serialize;
+
+use super::promise::{self, Expected, Promise};
+use crate::calibration::{AxisCalibration, Calibration};
+use crate::verify::Limits;
+
+/// Temperatures over the span, ends included: of soaks that are compared, and of the criterion.
+const TEMPERATURES: usize = 12;
+/// A soak that is compared, h.
+const SOAK_H: f64 = 1.0;
+/// Pieces of a ramp.
+const PIECES: usize = 8;
+/// Most hours that are looked ahead.
+const MOST_H: f64 = 48.0;
+/// A temperature counts as reached within this, °C.
+const NEAR_C: f64 = 0.5;
+
+/// What is asked of a test that runs.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct EnoughRequest {
+    /// What the unit is to meet.
+    pub limits: Limits,
+    /// Probability that the error of the correction is within the share of every limit.
+    pub probability: f64,
+    /// Part of each limit that it may take.
+    pub share: f64,
+    /// Temperatures that the calibration is to cover, °C; those of the record without.
+    pub span_c: Option<[f64; 2]>,
+    /// Rate of the chamber's ramps, °C/min; that of the record without.
+    pub rate_cpm: Option<f64>,
+}
+
+impl EnoughRequest {
+    /// With a probability of 0.95 and half of each limit.
+    pub fn new(limits: Limits) -> Self {
+        Self { limits, probability: 0.95, share: 0.5, span_c: None, rate_cpm: None }
+    }
+}
+
+/// What a chamber should do next.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct NextStep {
+    /// From this temperature, °C.
+    pub from_c: f64,
+    /// To this one; the same for a soak.
+    pub to_c: f64,
+    /// For so long, h.
+    pub hours: f64,
+    /// σ of the correction over temperatures and ramps after it, °/h.
+    pub sigma_after_dph: f64,
+}
+
+impl NextStep {
+    /// In words.
+    pub fn words(&self) -> String {
+        let c = |celsius: f64| format!("{celsius:.0} °C").replace('-', "−");
+        let long = if self.hours >= 1.0 { format!("{:.1} h", self.hours) } else { format!("{:.0} min", 60.0 * self.hours) };
+        if (self.from_c - self.to_c).abs() < NEAR_C {
+            format!("soak at {} for {long}", c(self.to_c))
+        } else {
+            format!("ramp from {} to {} in {long}", c(self.from_c), c(self.to_c))
+        }
+    }
+}
+
+/// What an axis has told so far.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct EnoughAxis {
+    /// Axis letter.
+    pub axis: char,
+    /// Probability that the error of the correction is within the share of every limit.
+    pub probability: f64,
+    /// σ of the correction over temperatures and ramps, °/h.
+    pub sigma_dph: f64,
+    /// Each limit that a calibration test decides, with the error at 95 %.
+    pub expected: Vec<Expected>,
+    /// The step that is worth most.
+    pub next: Option<NextStep>,
+    /// Hours of the best steps until the probability is reached; `None` where two days do not do it.
+    pub hours_to_go: Option<f64>,
+}
+
+/// What a test has told so far.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct Enough {
+    /// Enough: every axis, and nothing open.
+    pub met: bool,
+    /// Axis by axis.
+    pub axes: Vec<EnoughAxis>,
+    /// What is open besides.
+    pub open: Vec<String>,
+    /// Hours until everything is met, as far as it can be said.
+    pub hours_to_go: Option<f64>,
+    /// Limits that are asked and that no calibration test decides.
+    pub not_decided: Vec<String>,
+}
+
+/// Judges a fit of the record so far.
+pub fn enough(calibration: &Calibration, request: &EnoughRequest) -> Enough {
+    let mut open = Vec::new();
+    if promise::judged(&request.limits).is_empty() {
+        open.push("no limit is asked that a calibration test decides".to_owned());
+    }
+    let window_s = calibration.setup.stages().window.window.seconds().unwrap_or(calibration.sample_interval_s);
+    let so_far = |axis| axis_so_far(axis, window_s, request, &mut open);
+    let axes: Vec<EnoughAxis> = calibration.axes.iter().filter_map(so_far).collect();
+    if axes.len() < calibration.axes.len() {
+        open.push("an axis has no uncertainty yet".to_owned());
+    }
+    let unseen_h = calibration.axes.first().map_or(0.0, |axis| unseen(axis, request, &mut open));
+    open.sort();
+    open.dedup();
+    let all = axes.iter().all(|axis| axis.probability >= request.probability);
+    let hours = axes.iter().map(|axis| axis.hours_to_go).try_fold(0.0_f64, |most, hours| Some(most.max(hours?)));
+    Enough {
+        met: all && open.is_empty() && !axes.is_empty(),
+        hours_to_go: hours.filter(|_| !axes.is_empty()).map(|hours| hours + unseen_h),
+        axes,
+        open,
+        not_decided: promise::not_planned(&request.limits),
+    }
+}
+
+/// Hours until the temperatures asked for were reached; says which are open.
+fn unseen(axis: &AxisCalibration, request: &EnoughRequest, open: &mut Vec<String>) -> f64 {
+    let Some([lo, hi]) = request.span_c else { return 0.0 };
+    let [seen_lo, seen_hi] = axis.span_c();
+    let mut missing_c = 0.0;
+    let mut say = |is_open: bool, at_c: f64, by_c: f64| {
+        if is_open {
+            open.push(format!("{at_c:.0} °C was not reached yet").replace('-', "−"));
+            missing_c += by_c;
+        }
+    };
+    say(seen_lo > lo + NEAR_C, lo, seen_lo - lo);
+    say(seen_hi < hi - NEAR_C, hi, hi - seen_hi);
+    let rate_cpm = ramp_rate(axis, request);
+    if rate_cpm > 0.0 { missing_c / rate_cpm / 60.0 } else { 0.0 }
+}
+
+/// Rate of the ramps: as stated, else the fastest of the record.
+fn ramp_rate(axis: &AxisCalibration, request: &EnoughRequest) -> f64 {
+    let seen = axis.fit.as_ref().and_then(|fit| fit.ramp_rates_cpm).map_or(0.0, |[lo, hi]| lo.abs().max(hi.abs()));
+    request.rate_cpm.unwrap_or(seen)
+}
+
+fn axis_so_far(
+    axis: &AxisCalibration,
+    window_s: f64,
+    request: &EnoughRequest,
+    open: &mut Vec<String>,
+) -> Option<EnoughAxis> {
+    let fit = axis.fit.as_ref()?;
+    let letter = axis.axis;
+    let mut say = |is_open: bool, what: String| open.extend(is_open.then(|| format!("axis {letter}: {what}")));
+    say(fit.hysteresis.is_none(), "heating and cooling cannot be compared yet".to_owned());
+    fit.entanglement.iter().for_each(|found| say(true, found.note()));
+    if let (Some(limit), Some(beyond)) = (request.limits.sigma_beyond_floor_dph_max, beyond_floor(axis)) {
+        say(beyond > limit, format!("the held-out residual is {beyond:.3} °/h beyond the noise floor; the limit is {limit}"));
+    }
+    let rate_cpm = ramp_rate(axis, request);
+    let of_rates = if axis.rate_span_cpm().is_some() { rate_cpm } else { 0.0 };
+    let promise = Promise::of(axis, &request.limits, request.share, of_rates)?;
+    let ahead = Ahead::new(axis, window_s, of_rates, rate_cpm)?;
+    let next = ahead.best();
+    let hours_to_go = hours_to_go(axis, request, of_rates, promise.probability, &ahead);
+    Some(EnoughAxis {
+        axis: letter,
+        probability: promise.probability,
+        sigma_dph: promise.sigma_dph,
+        expected: promise.expected,
+        next: next.map(|(step, _)| step),
+        hours_to_go,
+    })
+}
+
+/// √(σ² − floor²) of the held-out residual.
+fn beyond_floor(axis: &AxisCalibration) -> Option<f64> {
+    let held_out = axis.cross_validation()?.sigma_dph;
+    let floor = axis.noise_floor()?.value_dph;
+    Some((held_out.powi(2) - floor.powi(2)).max(0.0).sqrt())
+}
+
+/// Hours of the best steps until the probability is reached.
+fn hours_to_go(
+    axis: &AxisCalibration,
+    request: &EnoughRequest,
+    of_rates: f64,
+    now: f64,
+    ahead: &Ahead<'_>,
+) -> Option<f64> {
+    let (mut ahead, mut hours, mut probability) = (ahead.clone(), 0.0, now);
+    while probability < request.probability {
+        let (step, covariance) = ahead.best()?;
+        hours += step.hours;
+        if hours > MOST_H {
+            return None;
+        }
+        ahead.covariance = covariance;
+        let mut after = axis.clone();
+        if let Some(fit) = &mut after.fit {
+            let size = fit.covariance.len();
+            fit.covariance = (0..size).map(|i| (0..size).map(|j| ahead.covariance[(i, j)]).collect()).collect();
+        }
+        probability = Promise::of(&after, &request.limits, request.share, of_rates)?.probability;
+    }
+    Some(hours)
+}
+
+/// What steps would make of the covariance.
+#[derive(Clone)]
+struct Ahead<'a> {
+    axis: &'a AxisCalibration,
+    covariance: DMatrix<f64>,
+    /// Row of the newest run's offset.
+    offset: usize,
+    /// Rate of the ramps of the criterion, and of those that the chamber makes, °C/min.
+    of_rates: f64,
+    chamber_cpm: f64,
+    temperatures: Vec<f64>,
+    /// White variance of an hour's mean; B²·ln 4/π; K² per hour; all in (°/h)².
+    white_h: f64,
+    flicker: f64,
+    walk_per_h: f64,
+}
+
+impl<'a> Ahead<'a> {
+    fn new(axis: &'a AxisCalibration, window_s: f64, of_rates: f64, chamber_cpm: f64) -> Option<Self> {
+        let fit = axis.fit.as_ref()?;
+        let size = fit.covariance.len();
+        let offset = fit.covariance_of.iter().rposition(|name| name.starts_with("offset"))?;
+        let covariance = DMatrix::from_fn(size, size, |i, j| fit.covariance[i].get(j).copied().unwrap_or(0.0));
+        let [lo, hi] = axis.span_c();
+        let width = (hi - lo) / (TEMPERATURES - 1) as f64;
+        let slow = fit.slow_noise.as_ref();
+        let square = |value: Option<f64>| value.map_or(0.0, |value| value * value);
+        let white_dph = slow.map_or(fit.residual.sigma_dph, |slow| slow.white_dph);
+        let markov = slow.map_or(0.0, |slow| square(slow.markov_sigma_dph));
+        Some(Self {
+            axis,
+            covariance,
+            offset,
+            of_rates,
+            chamber_cpm,
+            temperatures: (0..TEMPERATURES).map(|i| lo + width * i as f64).collect(),
+            white_h: white_dph.powi(2) * window_s / 3600.0,
+            flicker: square(slow.and_then(|slow| slow.bias_instability_dph)) * 4_f64.ln() / std::f64::consts::PI + markov,
+            walk_per_h: square(slow.and_then(|slow| slow.rate_random_walk_dph_rt_h)),
+        })
+    }
+
+    /// Variance of the mean of a piece of so many hours.
+    fn variance(&self, hours: f64) -> f64 {
+        self.white_h / hours + self.flicker + self.walk_per_h * hours
+    }
+
+    /// Regressors of a window at a temperature and rate.
+    fn regressors(&self, celsius: f64, rate_cpm: f64) -> Vec<(usize, f64)> {
+        let mut all = self.correction(celsius, rate_cpm);
+        all.push((self.offset, 1.0));
+        all
+    }
+
+    /// Weights of the correction at a temperature and rate.
+    fn correction(&self, celsius: f64, rate_cpm: f64) -> Vec<(usize, f64)> {
+        let mut all = self.axis.drift_weights(celsius, self.axis.reference_c());
+        all.extend(self.axis.rate_weights(celsius).into_iter().map(|(row, weight)| (row, weight * rate_cpm)));
+        all
+    }
+
+    /// Mean variance of the correction over temperatures, at rest and on ramps in both directions.
+    fn criterion(&self, covariance: &DMatrix<f64>) -> f64 {
+        let rates: &[f64] = if self.of_rates > 0.0 { &[0.0, self.of_rates, -self.of_rates] } else { &[0.0] };
+        let of = |celsius: f64, rate: f64| {
+            let w = self.correction(celsius, rate);
+            w.iter().map(|(i, a)| w.iter().map(|(j, b)| a * b * covariance[(*i, *j)]).sum::<f64>()).sum::<f64>()
+        };
+        let all = self.temperatures.iter().flat_map(|celsius| rates.iter().map(move |rate| of(*celsius, *rate)));
+        all.sum::<f64>() / (self.temperatures.len() * rates.len()) as f64
+    }
+
+    /// The covariance after pieces of so many hours each (Sherman and Morrison 1950).
+    fn after(&self, pieces: impl Iterator<Item = Vec<(usize, f64)>>, hours: f64) -> DMatrix<f64> {
+        let variance = self.variance(hours);
+        let mut covariance = self.covariance.clone();
+        for g in pieces {
+            let size = covariance.nrows();
+            let mut toward = nalgebra::DVector::zeros(size);
+            g.iter().for_each(|(row, weight)| toward += covariance.column(*row) * *weight);
+            let gain: f64 = variance + g.iter().map(|(row, weight)| toward[*row] * weight).sum::<f64>();
+            covariance -= &toward * toward.transpose() / gain;
+        }
+        covariance
+    }
+
+    /// The step that is worth most per hour, and the covariance after it.
+    fn best(&self) -> Option<(NextStep, DMatrix<f64>)> {
+        let now = self.criterion(&self.covariance);
+        let soak = |celsius: &f64| {
+            let after = self.after(std::iter::once(self.regressors(*celsius, 0.0)), SOAK_H);
+            (*celsius, *celsius, SOAK_H, after)
+        };
+        let mut steps: Vec<(f64, f64, f64, DMatrix<f64>)> = self.temperatures.iter().map(soak).collect();
+        let [lo, hi] = self.axis.span_c();
+        if self.chamber_cpm > 0.0 {
+            let hours = (hi - lo) / self.chamber_cpm / 60.0;
+            let ramp = |from: f64, to: f64| {
+                let rate = self.chamber_cpm.copysign(to - from);
+                let at = |piece: usize| from + (to - from) * (piece as f64 + 0.5) / PIECES as f64;
+                let pieces = (0..PIECES).map(|piece| self.regressors(at(piece), rate));
+                (from, to, hours, self.after(pieces, hours / PIECES as f64))
+            };
+            steps.extend([ramp(lo, hi), ramp(hi, lo)]);
+        }
+        let worth = |(.., hours, after): &(f64, f64, f64, DMatrix<f64>)| (now - self.criterion(after)) / hours;
+        let best = steps.into_iter().max_by(|a, b| worth(a).total_cmp(&worth(b)))?;
+        let sigma_after_dph = self.criterion(&best.3).max(0.0).sqrt();
+        let (from_c, to_c, hours, covariance) = best;
+        Some((NextStep { from_c, to_c, hours, sigma_after_dph }, covariance))
+    }
+}
