@@ -154,6 +154,8 @@ pub struct Decoder {
     rows: Rows,
     names: Vec<String>,
     place: Place,
+    /// A replay has the clock of its log, which is none beside the computer's.
+    has_clock: bool,
 }
 
 impl Decoder {
@@ -171,7 +173,8 @@ impl Decoder {
             LiveFormat::Text => Format::Text(Box::new(Text::new(setup, start.started_ns, &mut rows)?)),
             LiveFormat::Frames => Format::Frames(Box::new(Frames::new(setup, &mut rows)?)),
         };
-        Ok(Self { format, rows, names: start.sources.clone(), place: Place::default() })
+        let has_clock = setup.bench.source.as_deref().is_none_or(|source| !source.starts_with("replay:"));
+        Ok(Self { format, rows, has_clock, names: start.sources.clone(), place: Place::default() })
     }
 
     /// The next entry.
@@ -262,6 +265,9 @@ impl Decoder {
 
     /// The gyro's clock beside that of arrival.
     pub fn clock(&self) -> ClockReport {
+        if !self.has_clock {
+            return ClockReport::default();
+        }
         match &self.format {
             Format::Text(text) => text.clock(),
             Format::Frames(frames) => frames.clock(),

@@ -206,7 +206,8 @@ impl Seconds {
             second.lost += lost;
             for (axis, column) in axes.iter().enumerate() {
                 let value = column.get(row).copied().unwrap_or(f64::NAN);
-                let known = Known { interval_s, follows, modulus: self.columns.modulus, is_total: self.columns.is_total };
+                let known =
+                    Known { interval_s, follows, modulus: self.columns.modulus, is_total: self.columns.is_total };
                 let at = (&mut self.last[axis], &mut self.last_step[axis]);
                 add(&mut second.axes[axis], &self.columns.axes[axis], value, known, at);
             }

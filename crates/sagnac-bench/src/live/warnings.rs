@@ -149,15 +149,18 @@ impl Watch {
     /// All warnings, those that hold first, each newest first.
     pub(crate) fn all(&self) -> Vec<Warning> {
         let mut all = self.warnings.clone();
-        all.sort_by(|a, b| (a.until_s.is_some(), b.since_s).partial_cmp(&(b.until_s.is_some(), a.since_s)).unwrap_or(std::cmp::Ordering::Equal));
+        all.sort_by(|a, b| {
+            (a.until_s.is_some(), b.since_s)
+                .partial_cmp(&(b.until_s.is_some(), a.since_s))
+                .unwrap_or(std::cmp::Ordering::Equal)
+        });
         all
     }
 
     /// Begins what is new and ends what is over.
     fn keep(&mut self, found: Vec<Found>, now_s: f64) {
-        let holds = |warning: &Warning| {
-            found.iter().any(|(kind, place, _)| *kind == warning.kind && *place == warning.place)
-        };
+        let holds =
+            |warning: &Warning| found.iter().any(|(kind, place, _)| *kind == warning.kind && *place == warning.place);
         for warning in self.warnings.iter_mut().filter(|warning| warning.until_s.is_none()) {
             if !holds(warning) {
                 warning.until_s = Some(now_s);
@@ -185,7 +188,8 @@ impl Watch {
         let names: Vec<String> = self.columns.thermometers.iter().map(|t| t.name.clone()).collect();
         for (at, name) in names.iter().enumerate() {
             if let Some(moved) = self.stands_still(at) {
-                let words = format!("{name} has stood still for {STILL} min{moved}: look at its cable and its converter");
+                let words =
+                    format!("{name} has stood still for {STILL} min{moved}: look at its cable and its converter");
                 found.push((WarningKind::StuckThermometer, name.clone(), words));
             }
         }
@@ -223,7 +227,9 @@ impl Watch {
         let first = value(last.first()?);
         let is_still = last.iter().all(|minute| {
             let value = value(minute);
-            value.number > 0 && value.least.to_bits() == value.most.to_bits() && value.last.to_bits() == first.last.to_bits()
+            value.number > 0
+                && value.least.to_bits() == value.most.to_bits()
+                && value.last.to_bits() == first.last.to_bits()
         });
         if !is_still {
             return None;
@@ -234,11 +240,14 @@ impl Watch {
         });
         let still = |other: usize| {
             let since = self.history.iter().skip(still_from.map_or(0, |from| from + 1));
-            let means: Vec<f64> = since.map(|minute| minute.temperatures[other].mean()).filter(|c| c.is_finite()).collect();
-            let (least, most) = means.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), c| (a.min(*c), b.max(*c)));
+            let means: Vec<f64> =
+                since.map(|minute| minute.temperatures[other].mean()).filter(|c| c.is_finite()).collect();
+            let (least, most) =
+                means.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), c| (a.min(*c), b.max(*c)));
             most - least
         };
-        let moved = (0..self.columns.thermometers.len()).filter(|other| *other != at).find(|other| still(*other) > MOVED_C);
+        let moved =
+            (0..self.columns.thermometers.len()).filter(|other| *other != at).find(|other| still(*other) > MOVED_C);
         if let Some(other) = moved {
             let name = &self.columns.thermometers[other].name;
             return Some(format!(", while {name} moved by {} °C", significant(still(other), 2)));
@@ -248,7 +257,8 @@ impl Watch {
         }
         // Alone: it was lively right before.
         let from = still_from?;
-        let before = self.history.iter().take(from + 1).rev().take(STILL).map(|minute| value(minute).changes).sum::<u32>();
+        let before =
+            self.history.iter().take(from + 1).rev().take(STILL).map(|minute| value(minute).changes).sum::<u32>();
         let first = self.history.iter().take(from + 1).rev().nth(3)?;
         let rate = (first.temperatures[at].mean() - value(self.history.get(from)?).mean()).abs() / 3.0;
         (before >= LIVELY * STILL as u32 / 2 && rate > 0.2).then(|| ", in the middle of a ramp".to_owned())
@@ -259,7 +269,8 @@ impl Watch {
         let part = |minute: &Minute| f64::from(minute.lost) / f64::from((minute.rows + minute.lost).max(1));
         if last.iter().all(|minute| part(minute) > MISSING) {
             let worst = last.iter().map(|minute| part(minute)).fold(0.0, f64::max);
-            let words = format!("{} % of the rows are missing: look at the line and its speed", significant(100.0 * worst, 2));
+            let words =
+                format!("{} % of the rows are missing: look at the line and its speed", significant(100.0 * worst, 2));
             found.push((WarningKind::MissingRows, "rows".to_owned(), words));
         }
         for (at, axis) in self.columns.axes.iter().enumerate() {
@@ -288,7 +299,8 @@ impl Watch {
                 found.push((WarningKind::CountsStandStill, letter.to_string(), words));
             }
             self.varied[at] |= newest.pairs > 0 && repeats(newest) < VARIED;
-            let rises = |minute: &&Minute| minute.axes[at].pairs >= 10 && minute.axes[at].rises + 2 >= minute.axes[at].pairs;
+            let rises =
+                |minute: &&Minute| minute.axes[at].pairs >= 10 && minute.axes[at].rises + 2 >= minute.axes[at].pairs;
             if self.last(LASTS).is_some_and(|last| last.iter().all(rises)) {
                 let words = format!(
                     "axis {letter}: the counts rise by the same from row to row: a running total; set counter = \"cumulative\""
@@ -300,7 +312,9 @@ impl Watch {
             let wraps = BITS.into_iter().find(|bits| (step / 2_f64.powi(*bits) - 1.0).abs() < 0.02);
             let usual = self.usual_step(at);
             if let Some(bits) = wraps.filter(|_| step > 20.0 * usual) {
-                let words = format!("axis {letter}: a step of nearly 2^{bits} counts: a counter of {bits} bits wraps; set counter_bits");
+                let words = format!(
+                    "axis {letter}: a step of nearly 2^{bits} counts: a counter of {bits} bits wraps; set counter_bits"
+                );
                 found.push((WarningKind::CounterWraps, letter.to_string(), words));
             }
         }
@@ -341,7 +355,8 @@ impl Watch {
     fn chamber(&self, found: &mut Vec<Found>) {
         let is_set_point = |name: &str| name.contains("set_point") || name.contains("setpoint");
         let Some(set_point) = self.columns.numbers.iter().position(|(_, name)| is_set_point(name)) else { return };
-        let Some(chamber) = self.columns.thermometers.iter().position(|t| t.is_of_instrument || t.name == "chamber") else {
+        let Some(chamber) = self.columns.thermometers.iter().position(|t| t.is_of_instrument || t.name == "chamber")
+        else {
             return;
         };
         let Some(last) = self.last(FOLLOWS) else { return };
@@ -388,11 +403,14 @@ impl Watch {
             }
             if name.contains("path_length") {
                 let Some(last) = self.last(AT_LIMIT) else { continue };
-                let (least, most) = all().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v.least), b.max(v.most)));
+                let (least, most) =
+                    all().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v.least), b.max(v.most)));
                 let stands = |limit: f64| {
                     last.iter().all(|minute| {
                         let value = minute.numbers[at];
-                        value.number > 1 && value.least.to_bits() == limit.to_bits() && value.most.to_bits() == limit.to_bits()
+                        value.number > 1
+                            && value.least.to_bits() == limit.to_bits()
+                            && value.most.to_bits() == limit.to_bits()
                     })
                 };
                 if most > least && (stands(least) || stands(most)) {

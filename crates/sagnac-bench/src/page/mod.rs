@@ -120,7 +120,8 @@ impl Page {
         let tells = Arc::clone(&ends);
         let teller = spawn("page-events", move || tell(&of, &tells)).map_err(|e| no_thread(&e))?;
         let closes = Arc::clone(&ends);
-        let server = spawn("page", move || runtime.block_on(serve(site, listener, closes))).map_err(|e| no_thread(&e))?;
+        let server =
+            spawn("page", move || runtime.block_on(serve(site, listener, closes))).map_err(|e| no_thread(&e))?;
         Ok(Self { address, token, ends, server, teller })
     }
 
@@ -246,7 +247,8 @@ async fn stop(Shared(site): Shared<Arc<Site>>, headers: HeaderMap) -> Response {
     let origin = headers.get(header::ORIGIN).and_then(|origin| origin.to_str().ok()).unwrap_or_default();
     let from_page = origin.strip_prefix("http://").is_some_and(|host| site.is_own_name(host));
     if !site.has_token(&headers) || !from_page {
-        return (StatusCode::FORBIDDEN, "only the page that was opened with the token may end the recording\n").into_response();
+        return (StatusCode::FORBIDDEN, "only the page that was opened with the token may end the recording\n")
+            .into_response();
     }
     site.of.stop.stop();
     StatusCode::NO_CONTENT.into_response()

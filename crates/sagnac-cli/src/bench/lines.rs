@@ -102,8 +102,7 @@ pub(crate) fn lines_of(state: &State) -> Vec<String> {
     let axes = state.names.axes.iter().zip(&now.rates_dph);
     let axes = axes.map(|(axis, rate)| format!("{axis} {} °/h", known(*rate, 5)));
     let temperatures = state.names.thermometers.iter().zip(&now.temperatures_c);
-    let temperatures =
-        temperatures.map(|(name, c)| format!("{name} {} °C", c.map_or("–".to_owned(), celsius)));
+    let temperatures = temperatures.map(|(name, c)| format!("{name} {} °C", c.map_or("–".to_owned(), celsius)));
     let all: Vec<String> = axes.chain(temperatures).collect();
     let mut lines = vec![format!("{}, {} rows: {}", long(now.t_s), state.counts.rows, all.join(", "))];
     let study = &state.study;
@@ -120,7 +119,8 @@ pub(crate) fn lines_of(state: &State) -> Vec<String> {
     }
     if let Some(enough) = &study.enough {
         let least = enough.axes.iter().map(|axis| axis.probability).fold(f64::INFINITY, f64::min);
-        let probability = if least.is_finite() { format!("probability {least:.2}") } else { "no probability yet".into() };
+        let probability =
+            if least.is_finite() { format!("probability {least:.2}") } else { "no probability yet".into() };
         let hours = match (enough.met, enough.hours_to_go) {
             (true, _) => "enough".to_owned(),
             (false, Some(hours)) => format!("some {} h to go", significant(hours, 2)),

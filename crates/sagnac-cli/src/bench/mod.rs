@@ -213,11 +213,17 @@ fn page_of(
         return Ok(None);
     }
     let bad = || {
-        Error::input("not an address").column("--page").value(&args.page_address).help("an address is 127.0.0.1:8647, or `none`")
+        Error::input("not an address")
+            .column("--page")
+            .value(&args.page_address)
+            .help("an address is 127.0.0.1:8647, or `none`")
     };
     let address: SocketAddr = args.page_address.parse().map_err(|_| bad())?;
     let of = PageOf {
-        title: setup.serial.clone().map_or_else(|| "Sagnac bench".to_owned(), |serial| format!("{serial} on the bench")),
+        title: setup
+            .serial
+            .clone()
+            .map_or_else(|| "Sagnac bench".to_owned(), |serial| format!("{serial} on the bench")),
         subtitle: session.start.sources.join(", "),
         live: live.clone(),
         sources: session.sources.clone(),
@@ -247,7 +253,8 @@ fn describe(finished: &Finished, console: &mut Console) {
     odd(counts.lost_bytes, "bytes are in no row; the journal has them");
     odd(finished.damaged_bytes, "bytes of the journal are damaged");
     let clock = finished.clock;
-    let drift = clock.drift_ppm.map_or(String::new(), |ppm| format!(", the gyro's clock is {} ppm fast", significant(ppm, 2)));
+    let drift =
+        clock.drift_ppm.map_or(String::new(), |ppm| format!(", the gyro's clock is {} ppm fast", significant(ppm, 2)));
     console.note(format!("rows and instruments are aligned to within {} s{drift}", significant(clock.jitter_s, 2)));
 }
 

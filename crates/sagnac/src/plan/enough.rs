@@ -73,7 +73,8 @@ impl NextStep {
     /// In words.
     pub fn words(&self) -> String {
         let c = |celsius: f64| format!("{celsius:.0} °C").replace('-', "−");
-        let long = if self.hours >= 1.0 { format!("{:.1} h", self.hours) } else { format!("{:.0} min", 60.0 * self.hours) };
+        let long =
+            if self.hours >= 1.0 { format!("{:.1} h", self.hours) } else { format!("{:.0} min", 60.0 * self.hours) };
         if (self.from_c - self.to_c).abs() < NEAR_C {
             format!("soak at {} for {long}", c(self.to_c))
         } else {
@@ -177,7 +178,10 @@ fn axis_so_far(
     say(fit.hysteresis.is_none(), "heating and cooling cannot be compared yet".to_owned());
     fit.entanglement.iter().for_each(|found| say(true, found.note()));
     if let (Some(limit), Some(beyond)) = (request.limits.sigma_beyond_floor_dph_max, beyond_floor(axis)) {
-        say(beyond > limit, format!("the held-out residual is {beyond:.3} °/h beyond the noise floor; the limit is {limit}"));
+        say(
+            beyond > limit,
+            format!("the held-out residual is {beyond:.3} °/h beyond the noise floor; the limit is {limit}"),
+        );
     }
     let rate_cpm = ramp_rate(axis, request);
     let of_rates = if axis.rate_span_cpm().is_some() { rate_cpm } else { 0.0 };
@@ -265,7 +269,8 @@ impl<'a> Ahead<'a> {
             chamber_cpm,
             temperatures: (0..TEMPERATURES).map(|i| lo + width * i as f64).collect(),
             white_h: white_dph.powi(2) * window_s / 3600.0,
-            flicker: square(slow.and_then(|slow| slow.bias_instability_dph)) * 4_f64.ln() / std::f64::consts::PI + markov,
+            flicker: square(slow.and_then(|slow| slow.bias_instability_dph)) * 4_f64.ln() / std::f64::consts::PI
+                + markov,
             walk_per_h: square(slow.and_then(|slow| slow.rate_random_walk_dph_rt_h)),
         })
     }
