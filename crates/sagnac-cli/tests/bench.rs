@@ -1,0 +1,293 @@
+//! `sagnac bench` as a process: killed, resumed, finished, refused.
+
+use std::io::Write;
+use std::net::TcpListener;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+
+use arrow_array::cast::AsArray;
+use arrow_array::types::Float64Type;
+use rand::RngExt;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use sagnac_log::ingest::{ParquetRead, parquet_batches};
+
+const HEADER: &str = "time_s,counts,temperature_c\n";
+/// Longest wait for something that must happen.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+struct Bench {
+    folder: tempfile::TempDir,
+    source: String,
+}
+
+impl Bench {
+    fn new(source: impl Into<String>) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let setup = "serial = \"T\"\naxis = \"z\"\narcsec_per_count = 0.6\n";
+        std::fs::write(folder.path().join("bench.toml"), setup).unwrap();
+        Self { folder, source: source.into() }
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    fn command(&self, more: &[&str]) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_sagnac"));
+        command.current_dir(self.folder.path());
+        command.args(["bench", "bench.toml", "-o", "run.parquet", "--page", "none"]).args(more);
+        command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        command
+    }
+
+    fn start(&self, more: &[&str]) -> Child {
+        let mut command = self.command(&[&["--source", &self.source], more].concat());
+        command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap()
+    }
+
+    fn run(&self, more: &[&str]) -> Output {
+        self.command(more).output().unwrap()
+    }
+
+    fn journal_bytes(&self) -> u64 {
+        std::fs::metadata(self.path("run.parquet.journal")).map_or(0, |file| file.len())
+    }
+
+    /// The counts of the finished log.
+    fn counts(&self) -> Vec<u64> {
+        let read = ParquetRead { roots: None, rows: 8192, values: u64::MAX, memory: Default::default() };
+        let file = std::fs::File::open(self.path("run.parquet")).unwrap();
+        let mut out = Vec::new();
+        for batch in parquet_batches(file, &read).unwrap() {
+            let batch = batch.unwrap();
+            let column = batch.column_by_name("counts").unwrap().as_primitive::<Float64Type>();
+            out.extend(column.iter().map(|count| count.unwrap() as u64));
+        }
+        out
+    }
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+/// Waits until a condition holds.
+fn until(what: &str, mut holds: impl FnMut() -> bool) {
+    let begun = Instant::now();
+    while !holds() {
+        assert!(begun.elapsed() < PATIENCE, "{what} did not happen");
+        std::thread::yield_now();
+    }
+}
+
+/// A row whose counts are its number.
+fn row(number: u64) -> String {
+    format!("{}.{:02},{number},{:.3}\n", number / 100, number % 100, 20.0 + (number % 1000) as f64 / 100.0)
+}
+
+/// 150 times `kill -9` of a recording of a file that grows: every row is in the log, once and in order.
+#[test]
+fn kills_lose_nothing_of_a_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("live.csv");
+    let mut file = std::fs::File::create(&path).unwrap();
+    file.write_all(HEADER.as_bytes()).unwrap();
+    let goes_on = Arc::new(AtomicBool::new(true));
+    let writer = {
+        let goes_on = Arc::clone(&goes_on);
+        std::thread::spawn(move || {
+            let mut number = 0;
+            while goes_on.load(Ordering::Relaxed) {
+                // A row in two pieces, so that kills fall between them.
+                let row = row(number);
+                let (first, second) = row.split_at(row.len() / 2);
+                file.write_all(first.as_bytes()).unwrap();
+                file.write_all(second.as_bytes()).unwrap();
+                number += 1;
+                if number % 16 == 0 {
+                    std::thread::park_timeout(Duration::from_millis(1));
+                }
+            }
+            number
+        })
+    };
+    let bench = Bench::new(format!("file:{}", path.display()));
+    let mut random = ChaCha8Rng::seed_from_u64(21);
+    for kill in 0..150 {
+        let before = bench.journal_bytes();
+        let mut child = bench.start(if kill == 0 { &[] } else { &["--resume"] });
+        let grown = random.random_range(1..4000);
+        until("a block", || bench.journal_bytes() > before + grown);
+        child.kill().unwrap();
+        child.wait().unwrap();
+    }
+    goes_on.store(false, Ordering::Relaxed);
+    let written = writer.join().unwrap();
+    let mut child = bench.start(&["--resume"]);
+    // The rest is read when the journal no longer grows.
+    let (mut size, mut since) = (0, Instant::now());
+    until("the end of the file", || {
+        let now = bench.journal_bytes();
+        if now != size {
+            (size, since) = (now, Instant::now());
+        }
+        since.elapsed() > Duration::from_secs(1)
+    });
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let out = bench.run(&["--finish"]);
+    assert!(bench.path("run.parquet").exists(), "{}", text(&out.stderr));
+    let counts = bench.counts();
+    assert_eq!(counts.len() as u64, written);
+    assert!(counts.iter().zip(0..).all(|(count, number)| *count == number), "rows are lost, twice or in disorder");
+    assert!(!text(&out.stderr).contains("in no row"), "{}", text(&out.stderr));
+}
+
+/// 50 times `kill -9` of a recording over TCP: what is missing was sent within the second before a kill, or to nobody.
+#[test]
+fn kills_lose_at_most_the_last_second_of_a_line() {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let bench = Bench::new(format!("tcp://{}", listener.local_addr().unwrap()));
+    let goes_on = Arc::new(AtomicBool::new(true));
+    // When each row was sent, and when each connection began.
+    let sent = Arc::new(Mutex::new(Vec::<Instant>::new()));
+    let begun = Arc::new(Mutex::new(Vec::<Instant>::new()));
+    let server = {
+        let (goes_on, sent, begun) = (Arc::clone(&goes_on), Arc::clone(&sent), Arc::clone(&begun));
+        std::thread::spawn(move || {
+            let mut number = 0;
+            while goes_on.load(Ordering::Relaxed) {
+                let (mut line, _) = listener.accept().unwrap();
+                begun.lock().unwrap().push(Instant::now());
+                let mut alive = line.write_all(HEADER.as_bytes()).is_ok();
+                while alive && goes_on.load(Ordering::Relaxed) {
+                    sent.lock().unwrap().push(Instant::now());
+                    alive = line.write_all(row(number).as_bytes()).is_ok();
+                    number += 1;
+                    std::thread::park_timeout(Duration::from_micros(200));
+                }
+            }
+        })
+    };
+    let mut random = ChaCha8Rng::seed_from_u64(22);
+    let mut killed = Vec::new();
+    for kill in 0..50 {
+        let before = bench.journal_bytes();
+        let mut child = bench.start(if kill == 0 { &[] } else { &["--resume"] });
+        let grown = random.random_range(1..6000);
+        until("a block", || bench.journal_bytes() > before + grown);
+        killed.push(Instant::now());
+        child.kill().unwrap();
+        child.wait().unwrap();
+    }
+    goes_on.store(false, Ordering::Relaxed);
+    // Lets the server go on from waiting for somebody.
+    let address = bench.source.strip_prefix("tcp://").unwrap().to_owned();
+    let _ = std::net::TcpStream::connect(address);
+    server.join().unwrap();
+    let out = bench.run(&["--finish"]);
+    assert!(bench.path("run.parquet").exists(), "{}", text(&out.stderr));
+    let counts = bench.counts();
+    assert!(counts.windows(2).all(|pair| pair[0] < pair[1]), "rows are twice or in disorder");
+    let (sent, begun) = (sent.lock().unwrap(), begun.lock().unwrap());
+    let there: std::collections::BTreeSet<u64> = counts.iter().copied().collect();
+    assert!(there.len() as f64 > 0.5 * sent.len() as f64, "{} of {}", there.len(), sent.len());
+    let second = Duration::from_secs(1);
+    for (number, at) in sent.iter().enumerate().filter(|(number, _)| !there.contains(&(*number as u64))) {
+        let excused = killed.iter().any(|kill| {
+            let back = begun.iter().find(|begun| *begun > kill).copied().unwrap_or_else(Instant::now);
+            *at + second >= *kill && *at <= back
+        });
+        assert!(excused, "row {number} is lost, and no kill was near");
+    }
+}
+
+/// A pipe from the simulator: recorded, calibrated, and the same record as `calibrate` makes of the log.
+#[test]
+fn a_pipe_is_recorded_and_calibrated() {
+    let bench = Bench::new("-");
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let scenario = root.join("scenarios/paper");
+    std::fs::copy(scenario.join("bench.toml"), bench.path("bench.toml")).unwrap();
+    let mut simulator = Command::new(env!("CARGO_BIN_EXE_sagnac"))
+        .arg("simulate")
+        .arg(scenario.join("paper.toml"))
+        .stdout(Stdio::piped())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let pipe = simulator.stdout.take().unwrap();
+    let more = ["--source", "-", "--calibration", "unit.cal.json", "--report", "unit.html"];
+    let out = bench.command(&more).stdin(pipe).output().unwrap();
+    simulator.wait().unwrap();
+    assert!(out.status.success(), "{}", text(&out.stderr));
+    let again = Command::new(env!("CARGO_BIN_EXE_sagnac"))
+        .current_dir(bench.folder.path())
+        .args(["calibrate", "run.parquet", "--setup", "bench.toml", "-o", "again.cal.json"])
+        .output()
+        .unwrap();
+    assert!(again.status.success(), "{}", text(&again.stderr));
+    let read = |name: &str| std::fs::read(bench.path(name)).unwrap();
+    assert!(read("unit.cal.json") == read("again.cal.json"), "the bench's record is not that of its log");
+    assert!(text(&read("unit.html")).contains("<html"));
+    // What is there is not replaced.
+    let twice = bench.run(&["--source", "-"]);
+    assert_eq!(twice.status.code(), Some(2));
+    assert!(text(&twice.stderr).contains("is there already"), "{}", text(&twice.stderr));
+}
+
+/// What cannot work is refused before anything is recorded.
+#[test]
+fn what_cannot_work_is_refused_first() {
+    let bench = Bench::new("-");
+    let refused = |more: &[&str], says: &str| {
+        let out = bench.run(more);
+        assert_eq!(out.status.code(), Some(2), "{more:?}: {}", text(&out.stderr));
+        assert!(text(&out.stderr).contains(says), "{more:?}: {}", text(&out.stderr));
+        assert_eq!(bench.journal_bytes(), 0, "{more:?}");
+    };
+    refused(&[], "bench.source");
+    refused(&["--source", "ftp://x"], "not a source");
+    refused(&["--source", "-", "--limits", "no-such-set"], "no-such-set");
+    refused(&["--source", "-", "--stop-when", "met"], "--limits");
+    refused(&["--source", "-", "--stop-when", "met", "--limits", "navigation-grade"], "span_c");
+    refused(&["--source", "-", "--resume"], "no recording to go on with");
+    refused(&["--finish"], "run.parquet.journal");
+    refused(&["--source", "-", "--model", "cubic"], "cubic");
+    std::fs::write(bench.path("bench.toml"), "[bench]\nheaders = \"a,b\"\n").unwrap();
+    refused(&["--source", "-"], "bench.headers");
+    std::fs::write(bench.path("bench.toml"), "[bench]\n[[bench.poll]]\nsource = \"scpi://x:1\"\ncolumns = [{ name = \"t\" }]\n").unwrap();
+    refused(&["--source", "-"], "query");
+}
+
+/// Garbage in place of a log: nothing that is a row, exit 3, and the journal keeps it.
+#[test]
+fn garbage_is_kept_and_no_log() {
+    let bench = Bench::new("-");
+    let mut random = ChaCha8Rng::seed_from_u64(3);
+    let garbage: Vec<u8> = (0..200_000).map(|_| random.random()).collect();
+    let path = bench.path("garbage");
+    std::fs::write(&path, &garbage).unwrap();
+    let out = bench.command(&["--source", "-"]).stdin(std::fs::File::open(&path).unwrap()).output().unwrap();
+    assert_eq!(out.status.code(), Some(3), "{}", text(&out.stderr));
+    assert!(text(&out.stderr).contains("nothing was recorded that is a row"), "{}", text(&out.stderr));
+    assert!(bench.journal_bytes() >= 200_000);
+    assert!(!bench.path("run.parquet").exists());
+}
+
+/// A recording of another setup does not go on, and a journal that somebody else writes is not touched.
+#[test]
+fn a_recording_goes_on_with_its_own_setup() {
+    let bench = Bench::new("-");
+    let out = bench.command(&["--source", "-"]).stdin(Stdio::null()).output().unwrap();
+    assert_eq!(out.status.code(), Some(3), "{}", text(&out.stderr));
+    let before = bench.journal_bytes();
+    let other = bench.run(&["--source", "-", "--resume", "--arcsec-per-count", "0.7"]);
+    assert_eq!(other.status.code(), Some(2));
+    assert!(text(&other.stderr).contains("not that of the recording"), "{}", text(&other.stderr));
+    assert_eq!(bench.journal_bytes(), before);
+}
