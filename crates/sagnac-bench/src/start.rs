@@ -50,7 +50,7 @@ impl Start {
     }
 
     /// Of a recording that begins now.
-    pub(crate) fn new(program: &str, started_ns: i64, setup: &Setup, sources: Vec<String>) -> Self {
+    pub fn new(program: &str, started_ns: i64, setup: &Setup, sources: Vec<String>) -> Self {
         let (program, setup, bench) = (program.to_owned(), setup.clone(), setup.bench.clone());
         Self { program, started_ns, setup, bench, sources }
     }

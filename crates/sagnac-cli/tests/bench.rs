@@ -260,7 +260,11 @@ fn what_cannot_work_is_refused_first() {
     refused(&["--source", "-", "--model", "cubic"], "cubic");
     std::fs::write(bench.path("bench.toml"), "[bench]\nheaders = \"a,b\"\n").unwrap();
     refused(&["--source", "-"], "bench.headers");
-    std::fs::write(bench.path("bench.toml"), "[bench]\n[[bench.poll]]\nsource = \"scpi://x:1\"\ncolumns = [{ name = \"t\" }]\n").unwrap();
+    std::fs::write(
+        bench.path("bench.toml"),
+        "[bench]\n[[bench.poll]]\nsource = \"scpi://x:1\"\ncolumns = [{ name = \"t\" }]\n",
+    )
+    .unwrap();
     refused(&["--source", "-"], "query");
 }
 

@@ -182,6 +182,18 @@ impl Live {
         .map_err(|e| no_thread(&e))
     }
 
+    /// Looks through a recording that has ended, for what would have been shown and warned of, without a fit.
+    ///
+    /// # Errors
+    /// A failed read; headers that contradict the setup.
+    pub fn look_through(&self, mut rows: JournalRows) -> Result<()> {
+        let mut monitor = Monitor::new(self.clone(), rows.start().setup());
+        while let Some(batch) = rows.next_rows()? {
+            monitor.push(&batch, &rows);
+        }
+        Ok(())
+    }
+
     fn read(&self, rows: JournalRows, setup: &Setup, request: LiveRequest) -> Result<()> {
         let mut monitor = Monitor::new(self.clone(), setup.clone());
         let table = rows.table("the recording", move |batch, rows| monitor.push(batch, rows))?;

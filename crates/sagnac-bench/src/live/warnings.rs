@@ -21,6 +21,8 @@ const HISTORY: usize = 120;
 const STILL: usize = 10;
 /// Another one has moved by more, °C.
 const MOVED_C: f64 = 1.5;
+/// The chamber has, °C.
+const MOVED_CHAMBER_C: f64 = 10.0;
 /// A lone thermometer that changed so often in the minutes before does not stop by itself.
 const LIVELY: u32 = 10;
 /// Part of a minute's rows that may be missing.
@@ -186,7 +188,9 @@ impl Watch {
 
     fn thermometers(&mut self, found: &mut Vec<Found>) {
         let names: Vec<String> = self.columns.thermometers.iter().map(|t| t.name.clone()).collect();
-        for (at, name) in names.iter().enumerate() {
+        // A chamber that is regulated well stands still in a soak.
+        let own = |at: &usize| !self.columns.thermometers[*at].is_of_instrument;
+        for (at, name) in names.iter().enumerate().filter(|(at, _)| own(at)) {
             if let Some(moved) = self.stands_still(at) {
                 let words =
                     format!("{name} has stood still for {STILL} min{moved}: look at its cable and its converter");
@@ -238,21 +242,27 @@ impl Watch {
             let value = value(minute);
             value.least.to_bits() != first.last.to_bits() || value.most.to_bits() != first.last.to_bits()
         });
-        let still = |other: usize| {
-            let since = self.history.iter().skip(still_from.map_or(0, |from| from + 1));
-            let means: Vec<f64> =
-                since.map(|minute| minute.temperatures[other].mean()).filter(|c| c.is_finite()).collect();
-            let (least, most) =
-                means.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), c| (a.min(*c), b.max(*c)));
+        let since = still_from.map_or(0, |from| from + 1);
+        let moved = |other: usize| {
+            let means = self.history.iter().skip(since).map(|minute| minute.temperatures[other].mean());
+            let known = means.filter(|c| c.is_finite());
+            let (least, most) = known.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), c| (a.min(c), b.max(c)));
             most - least
         };
-        let moved =
-            (0..self.columns.thermometers.len()).filter(|other| *other != at).find(|other| still(*other) > MOVED_C);
-        if let Some(other) = moved {
+        let is_own = |other: &usize| !self.columns.thermometers[*other].is_of_instrument;
+        let others = || (0..self.columns.thermometers.len()).filter(|other| *other != at);
+        let has_own = others().any(|other| is_own(&other));
+        // A block may lag far behind the air of its chamber: that counts only where no other thermometer is on the block.
+        let far = |other: usize| match (has_own, is_own(&other)) {
+            (true, true) => MOVED_C,
+            (false, false) => MOVED_CHAMBER_C,
+            _ => f64::INFINITY,
+        };
+        if let Some(other) = others().find(|other| moved(*other) > far(*other)) {
             let name = &self.columns.thermometers[other].name;
-            return Some(format!(", while {name} moved by {} °C", significant(still(other), 2)));
+            return Some(format!(", while {name} moved by {} °C", significant(moved(other), 2)));
         }
-        if self.columns.thermometers.len() > 1 {
+        if has_own {
             return None;
         }
         // Alone: it was lively right before.
