@@ -27,7 +27,12 @@ pub(crate) fn leave_nothing_behind() {
             act();
             return;
         }
-        sagnac_log::write::remove_unfinished();
-        std::process::exit(INTERRUPTED);
+        leave();
     });
+}
+
+/// Ends the program at once, with nothing half written.
+pub(crate) fn leave() -> ! {
+    sagnac_log::write::remove_unfinished();
+    std::process::exit(INTERRUPTED)
 }

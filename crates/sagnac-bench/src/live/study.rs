@@ -15,6 +15,8 @@ use serde::Serialize;
 
 /// A search is made when the record has grown by this part.
 const GROWN: f64 = 0.1;
+/// A test has told enough after this length of the record without a break, s.
+const HELD_S: f64 = 1800.0;
 /// Temperatures of a curve.
 const CURVE: usize = 49;
 /// Residuals that are shown.
@@ -85,8 +87,8 @@ pub struct Study {
     pub enough: Option<Enough>,
     /// Letter and Allan deviations of each axis, drift over temperature included.
     pub allan: Vec<(char, Vec<Deviation>)>,
-    /// How often in a row it has told enough.
-    pub met_in_a_row: u32,
+    /// It has told enough for half an hour of the record without a break, and a search for the model confirms it.
+    pub confirmed: bool,
 }
 
 /// Makes studies of a growing record.
@@ -96,22 +98,39 @@ pub(crate) struct Studies {
     request: Option<EnoughRequest>,
     /// The model found last, where it is that of all axes, and the record's length then.
     found: Option<(Option<Model>, f64)>,
-    met_in_a_row: u32,
+    /// Length of the record since which it has told enough without a break, s.
+    met_since_s: Option<f64>,
 }
 
 impl Studies {
     pub(crate) fn new(setup: Setup, model: Model, request: Option<EnoughRequest>) -> Self {
-        Self { setup, model, request, found: None, met_in_a_row: 0 }
+        Self { setup, model, request, found: None, met_since_s: None }
     }
 
     /// Of the windows so far; how long it took. The last one is what `calibrate` finds in the log.
     pub(crate) fn next(&mut self, windows: Windows, noise: Option<&NoiseBudget>, is_last: bool) -> (Study, Duration) {
         let begun = Instant::now();
         let recorded_s: f64 = windows.runs.iter().map(sagnac::window::Run::length_s).sum();
-        let mut study = Study { recorded_s, allan: noise.map(deviations).unwrap_or_default(), ..Study::default() };
-        let found = self.found.take_if(|(_, at_s)| is_last || recorded_s > (1.0 + GROWN) * *at_s);
-        let searches = found.is_some() || self.found.is_none();
-        let known = self.found.as_ref().and_then(|(model, _)| model.clone());
+        let is_grown = self.found.as_ref().is_none_or(|(_, at_s)| recorded_s > (1.0 + GROWN) * at_s);
+        let searches = is_last || is_grown;
+        let again = windows.clone();
+        let mut study = self.fitted(windows, recorded_s, searches);
+        let has_held = self.met_since_s.is_some_and(|since_s| recorded_s - since_s >= HELD_S);
+        if has_held {
+            // What a model found before says may not be what a search would say now.
+            if !searches {
+                study = self.fitted(again, recorded_s, true);
+            }
+            study.confirmed = self.met_since_s.is_some();
+        }
+        study.allan = noise.map(deviations).unwrap_or_default();
+        (study, begun.elapsed())
+    }
+
+    /// A fit, by a search for the model or with the one found last.
+    fn fitted(&mut self, windows: Windows, recorded_s: f64, searches: bool) -> Study {
+        let mut study = Study { recorded_s, ..Study::default() };
+        let known = self.found.as_ref().filter(|_| !searches).and_then(|(model, _)| model.clone());
         let model = known.unwrap_or_else(|| self.model.clone());
         match calibrate_with_report_data(windows, &self.setup, &FitOptions::new(model)) {
             Ok((calibration, drawn)) => {
@@ -123,18 +142,13 @@ impl Studies {
                     residuals(own.map_or(&[][..], |of| &of.points))
                 };
                 study.axes = calibration.axes.iter().map(|axis| study_axis(axis, points(axis))).collect();
-                let judged = self.request.as_ref().map(|request| enough(&calibration, request));
-                let met = judged.as_ref().is_some_and(|judged| judged.met);
-                self.met_in_a_row = if met { self.met_in_a_row + 1 } else { 0 };
-                study.enough = judged;
+                study.enough = self.request.as_ref().map(|request| enough(&calibration, request));
             }
-            Err(refusal) => {
-                self.met_in_a_row = 0;
-                study.refused = Some(refusal.what);
-            }
+            Err(refusal) => study.refused = Some(refusal.what),
         }
-        study.met_in_a_row = self.met_in_a_row;
-        (study, begun.elapsed())
+        let met = study.enough.as_ref().is_some_and(|enough| enough.met);
+        self.met_since_s = self.met_since_s.or(Some(recorded_s)).filter(|_| met);
+        study
     }
 }
 

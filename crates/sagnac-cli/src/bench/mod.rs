@@ -1,7 +1,9 @@
 //! `sagnac bench`: a thermal test recorded as it runs.
 
 mod lines;
+mod screen;
 
+use std::io::IsTerminal;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
@@ -19,6 +21,7 @@ use sagnac_report::calibration_report;
 use sagnac_units::format::significant;
 
 use crate::bench::lines::Lines;
+use crate::bench::screen::Screen;
 use crate::calibrate::source_date_epoch;
 use crate::console::{Console, Outcome, Ran};
 use crate::files::Files;
@@ -30,8 +33,6 @@ use crate::setup_args::SetupArgs;
 
 /// Address of the page, if it is free.
 const PAGE: &str = "127.0.0.1:8647";
-/// Times in a row that a test must have told enough before it ends itself.
-const IN_A_ROW: u32 = 3;
 
 /// Record a thermal test as it runs, show it, and say when enough is known
 ///
@@ -69,6 +70,9 @@ pub(crate) struct Args {
     /// Address of the page, or `none`
     #[arg(long = "page", id = "address", value_name = "ADDRESS", default_value = PAGE)]
     page_address: String,
+    /// The figures in text on this terminal; plain lines where standard output is none
+    #[arg(long)]
+    tui: bool,
     /// Calibration to write at the end
     #[arg(long, value_name = "FILE")]
     calibration: Option<PathBuf>,
@@ -163,30 +167,75 @@ fn record(args: &Args, setup: &Setup, request: LiveRequest, journal: &Path, cons
     let stop = session.stop.clone();
     interrupt::first(move || stop.stop());
     console.note(format!("recording {} to {}", session.start.sources.join(", "), journal.display()));
-    let share = request.enough.as_ref().and_then(share_of);
+    let (share, title) = (request.enough.as_ref().and_then(share_of), title_of(setup));
     let live = Live::default();
     let reader = live.begin(JournalRows::follow(journal, session.published.clone())?, setup, request)?;
     let page = page_of(args, setup, share, &session, &live, console)?;
-    let mut lines = Lines::new();
+    let mut shown = Shown::begin(args, &title, page.as_ref())?;
     loop {
         let has_ended = session.is_ended();
-        lines.show(&live, &session.sources.now(), console);
+        shown.show(&live, &session, console)?;
         if has_ended {
             break;
         }
-        let met = live.look(|state| state.study.met_in_a_row >= IN_A_ROW);
+        let met = live.look(|state| state.study.confirmed);
         if met && args.stop_when == StopWhen::Met {
-            console.note("the test has told enough: the recording is ended");
             session.stop.stop();
         }
-        lines.wait(&live, &session.stop);
     }
     let recorded = session.join();
     // The last fit is of the whole record, and is shown.
     let _ = reader.join();
-    lines.last(&live, console);
+    shown.end(&live, console);
+    if args.stop_when == StopWhen::Met && live.look(|state| state.study.confirmed) {
+        console.note("the test has told enough, and was ended");
+    }
     page.into_iter().for_each(Page::end);
     recorded
+}
+
+/// How a running test is shown here.
+enum Shown {
+    Lines(Lines),
+    Screen(Box<Screen>),
+}
+
+impl Shown {
+    fn begin(args: &Args, title: &str, page: Option<&Page>) -> Result<Self> {
+        if !args.tui || !std::io::stdout().is_terminal() {
+            return Ok(Self::Lines(Lines::new()));
+        }
+        let page = page.map_or(String::new(), |page| format!("   http://{}", page.address));
+        Screen::begin(&format!("{title}{page}")).map(|screen| Self::Screen(Box::new(screen)))
+    }
+
+    /// Shows what is new, and waits for more or a moment.
+    fn show(&mut self, live: &Live, session: &Session, console: &mut Console) -> Result<()> {
+        match self {
+            Self::Lines(lines) => {
+                lines.show(live, &session.sources.now(), console);
+                lines.wait(live, &session.stop);
+                Ok(())
+            }
+            Self::Screen(screen) => screen.show(live, &session.sources.now(), &session.stop),
+        }
+    }
+
+    /// The last word, in lines.
+    fn end(self, live: &Live, console: &mut Console) {
+        let mut lines = match self {
+            Self::Lines(lines) => lines,
+            Self::Screen(screen) => {
+                drop(screen);
+                Lines::new()
+            }
+        };
+        lines.last(live, console);
+    }
+}
+
+fn title_of(setup: &Setup) -> String {
+    setup.serial.clone().map_or_else(|| "Sagnac bench".to_owned(), |serial| format!("{serial} on the bench"))
 }
 
 /// What of a limit the curve may take at a temperature.
@@ -220,10 +269,7 @@ fn page_of(
     };
     let address: SocketAddr = args.page_address.parse().map_err(|_| bad())?;
     let of = PageOf {
-        title: setup
-            .serial
-            .clone()
-            .map_or_else(|| "Sagnac bench".to_owned(), |serial| format!("{serial} on the bench")),
+        title: title_of(setup),
         subtitle: session.start.sources.join(", "),
         live: live.clone(),
         sources: session.sources.clone(),

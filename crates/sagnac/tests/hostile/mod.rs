@@ -11,6 +11,7 @@
 pub(crate) mod curves;
 pub(crate) mod lots;
 pub(crate) mod planned;
+pub(crate) mod stopped;
 pub(crate) mod table;
 
 use std::fmt::Write as _;

@@ -1,0 +1,57 @@
+//! Tests that end themselves, on two hundred units: run by `cargo xtask bless study`, compiled by CI.
+
+mod hostile;
+mod support;
+
+use hostile::stopped::{FULL_HOURS, STRICT, stopped};
+use sagnac::Limits;
+use support::evidence::evidence;
+
+const UNITS: u64 = 200;
+
+#[test]
+#[ignore = "two hundred units, each fitted at every hour of its test, take minutes: cargo xtask bless study"]
+fn two_hundred_tests_that_end_themselves() {
+    let found = stopped(UNITS, &Limits::named_or_read("navigation-grade").unwrap());
+    println!("{found:#?}");
+    let hours = found.hours / FULL_HOURS;
+    evidence(
+        "study, test that ends itself, `navigation-grade`: hours over those of the full test",
+        hours,
+        "≤ 0.6",
+        UNITS,
+    );
+    evidence(
+        "study, test that ends itself: `navigation-grade` accepts the unit in a retest",
+        found.met,
+        "≥ 0.95",
+        UNITS,
+    );
+    evidence(
+        "study, full test: `navigation-grade` accepts the unit in the same retest",
+        found.met_full,
+        "≥ 0.95",
+        UNITS,
+    );
+    evidence(
+        "study, test that ends itself, `navigation-grade`: met less than after the full test",
+        found.lost,
+        "≤ 0.02",
+        UNITS,
+    );
+    let found = stopped(UNITS, &Limits::parse(STRICT).unwrap());
+    println!("{found:#?}");
+    let hours = found.hours / FULL_HOURS;
+    evidence(
+        "study, test that ends itself, limits of two thirds: hours over those of the full test",
+        hours,
+        "≤ 0.7",
+        UNITS,
+    );
+    evidence(
+        "study, test that ends itself, limits of two thirds: met less than after the full test",
+        found.lost,
+        "≤ 0.02",
+        UNITS,
+    );
+}

@@ -1,0 +1,163 @@
+//! Tests that end when they have told enough, beside the full ones, each held against an independent retest.
+
+use rayon::prelude::*;
+use sagnac::Limits;
+use sagnac::calibration::Calibration;
+use sagnac::fit::{FitOptions, Model, calibrate};
+use sagnac::plan::{EnoughRequest, enough};
+use sagnac::verify::{Correction, VerifyOptions, verify};
+use sagnac::window::WindowBuilder;
+use sagnac_log::ingest::{LogReader, ReadMode};
+
+use super::{Bench, Dice, Now};
+
+/// Hours of the full test: three cycles.
+pub(crate) const FULL_HOURS: f64 = 20.0;
+/// A judgement is made so often, h, and must hold this many times in a row. The bench asks for half an hour only, and judges each minute.
+const EVERY_H: f64 = 1.0;
+/// Interval of a row, s.
+const ROW_S: f64 = 5.0;
+const IN_A_ROW: u32 = 2;
+/// Kinds of drift.
+const KINDS: u64 = 5;
+
+/// What came of many units.
+#[derive(Debug, Default)]
+pub(crate) struct Stopped {
+    /// Part of the tests that ended before the full one.
+    pub(crate) ended: f64,
+    /// Their hours, of all tests.
+    pub(crate) hours: f64,
+    /// Part of all units whose retest met all limits, after the test that ended, and after the full one.
+    pub(crate) met: f64,
+    pub(crate) met_full: f64,
+    /// Part of the units that met them after the full test and not after the one that ended.
+    pub(crate) lost: f64,
+    /// The same five, by kind of drift: met after the test that ended, after the full one.
+    pub(crate) kinds: Vec<[f64; 2]>,
+}
+
+/// A unit: its drift, of one of five kinds, with coefficients of its own.
+fn unit(number: u64) -> (u64, Box<dyn Fn(Now) -> f64 + Sync>) {
+    let mut dice = Dice::new(5_000_000 + number);
+    let mut near = |mean: f64| mean * (1.0 + 0.3 * dice.normal());
+    let (a, b, c, rate) = (near(0.12), near(-0.05), near(0.03), near(0.04));
+    let (knee_c, width_c, lag) = (near(25.0), near(15.0), near(0.03));
+    let kind = number % KINDS;
+    let drift: Box<dyn Fn(Now) -> f64 + Sync> = match kind {
+        // A cubic with a rate effect: what the models can hold.
+        0 => Box::new(move |now| a * now.u() + b * now.u().powi(2) + c * now.u().powi(3) + rate * now.cpm),
+        // A knee, which no polynomial holds exactly.
+        1 => Box::new(move |now| a * now.u() + 0.04 * ((now.celsius - knee_c) / width_c).tanh() + rate * now.cpm),
+        // An exponential.
+        2 => Box::new(move |now| a * (0.8 * now.u()).exp() + rate * now.cpm * (1.0 + 0.4 * now.u())),
+        // A fourth order, and a rate effect behind a lag.
+        3 => Box::new(move |now| a * now.u() + b * now.u().powi(4) + rate * now.lagged_cpm),
+        // Hardly any drift.
+        _ => Box::new(move |now| 0.1 * a * now.u() + lag * 0.2 * now.cpm),
+    };
+    (kind, drift)
+}
+
+fn log(drift: &dyn Fn(Now) -> f64, seed: u64, noise: [f64; 2]) -> Vec<u8> {
+    let mut bench = Bench::new(seed, drift);
+    (bench.cycles, bench.row_s, bench.rate_lag_s) = (3, ROW_S, 240.0);
+    [bench.b_dph, bench.k_dph_rt_h] = noise;
+    bench.log()
+}
+
+fn reader(log: &[u8]) -> LogReader {
+    let bytes = Box::new(std::io::Cursor::new(log.to_vec()));
+    LogReader::from_reader("test.csv", bytes, &Bench::setup(), ReadMode::Bulk).unwrap()
+}
+
+/// The calibration of a test that ends when it has told enough, with its hours; and that of the full one.
+fn tested(bytes: &[u8], request: &EnoughRequest) -> (Option<(f64, Calibration)>, Calibration) {
+    let setup = Bench::setup();
+    let fit = |windows| calibrate(windows, &setup, &FitOptions::new(Model::Auto));
+    // Rows are pushed one by one, so that the record ends where it is judged.
+    let mut log = reader(bytes);
+    let mut windows = WindowBuilder::new(log.shape(), &setup).unwrap();
+    let (mut stopped, mut in_a_row, mut due_h) = (None, 0, EVERY_H);
+    while let Some(batch) = log.next_batch().unwrap() {
+        windows.push(batch).unwrap();
+    }
+    let whole = windows.so_far(log.summary());
+    let first_ns = whole.runs[0].start_ns;
+    let full = fit(whole.clone()).unwrap();
+    while stopped.is_none() && due_h < FULL_HOURS {
+        // A prefix of the rows, read as they came until then.
+        let rows = (due_h * 3600.0 / ROW_S) as usize;
+        let end = bytes
+            .iter()
+            .enumerate()
+            .filter(|(_, byte)| **byte == b'\n')
+            .nth(rows)
+            .map_or(bytes.len(), |(at, _)| at + 1);
+        let mut part = reader(&bytes[..end]);
+        let mut builder = WindowBuilder::new(part.shape(), &setup).unwrap();
+        while let Some(batch) = part.next_batch().unwrap() {
+            builder.push(batch).unwrap();
+        }
+        let so_far = builder.so_far(part.summary());
+        assert_eq!(so_far.runs[0].start_ns, first_ns);
+        let made = fit(so_far).ok().filter(|made| enough(made, request).met);
+        in_a_row = if made.is_some() { in_a_row + 1 } else { 0 };
+        stopped = made.filter(|_| in_a_row >= IN_A_ROW).map(|made| (due_h, made));
+        due_h += EVERY_H;
+    }
+    (stopped, full)
+}
+
+fn accepted(made: &Calibration, retest: &[u8], limits: &Limits) -> bool {
+    let correction = Correction::from_calibration(made.clone()).unwrap();
+    let setup = Bench::setup();
+    let proof = verify(&correction, vec![reader(retest)], &setup, VerifyOptions::default()).unwrap();
+    proof.limits(limits).unwrap().passed()
+}
+
+/// Limits of two thirds of those of `navigation-grade`: for some units the length of a test decides.
+pub(crate) const STRICT: &str = "base = \"navigation-grade\"
+temperature_residual_dph_max = 0.008
+plateau_offset_dph_max = 0.025
+drift_dph_per_cpm_max = 0.014
+hysteresis_dph_max = 0.014
+";
+
+/// Tests so many units.
+pub(crate) fn stopped(units: u64, limits: &Limits) -> Stopped {
+    let mut request = EnoughRequest::new(limits.clone());
+    request.span_c = Some([-40.0, 69.0]);
+    let one = |number: u64| {
+        let (kind, drift) = unit(number);
+        // Units without flicker and walk, with little, and with much of them.
+        let noise = [[0.0, 0.0], [0.001, 0.001], [0.002, 0.002]][(number / KINDS % 3) as usize];
+        let (stopped, full) = tested(&log(&drift, 10 * number + 1, noise), &request);
+        let retest = log(&drift, 10 * number + 2, noise);
+        let met_full = accepted(&full, &retest, limits);
+        let (hours, met) = match &stopped {
+            Some((hours, made)) => (*hours, accepted(made, &retest, limits)),
+            None => (FULL_HOURS, met_full),
+        };
+        (kind, stopped.is_some(), hours, met, met_full)
+    };
+    let all: Vec<_> = (0..units).into_par_iter().map(one).collect();
+    let part = |is: &dyn Fn(&(u64, bool, f64, bool, bool)) -> bool| {
+        all.iter().filter(|one| is(one)).count() as f64 / units as f64
+    };
+    let of_kind = |kind: u64| {
+        let own: Vec<_> = all.iter().filter(|one| one.0 == kind).collect();
+        let part = |is: fn(&(u64, bool, f64, bool, bool)) -> bool| {
+            own.iter().filter(|one| is(one)).count() as f64 / own.len() as f64
+        };
+        [part(|one| one.3), part(|one| one.4)]
+    };
+    Stopped {
+        ended: part(&|one| one.1),
+        hours: all.iter().map(|one| one.2).sum::<f64>() / units as f64,
+        met: part(&|one| one.3),
+        met_full: part(&|one| one.4),
+        lost: part(&|one| one.4 && !one.3),
+        kinds: (0..KINDS).map(of_kind).collect(),
+    }
+}
