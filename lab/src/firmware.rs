@@ -59,7 +59,7 @@ pub(crate) fn firmware() -> Result<()> {
 }
 
 /// Builds core and compiler_builtins for the target once, from Debian's source of the same compiler version.
-fn sysroot(folder: &Path) -> Result<PathBuf> {
+pub(crate) fn sysroot(folder: &Path) -> Result<PathBuf> {
     let versions = ["rustc-web", "rust-web-src"].map(|package| {
         let version = stdout_of(60, "dpkg-query", &["-W", "-f", "${Version}", package], &root())?;
         Ok::<_, anyhow::Error>(version)
@@ -115,7 +115,7 @@ fn sagnac(args: &[&str]) -> Result<String> {
     Program::beside_the_lab()?.stdout(args)
 }
 
-fn build(sysroot: &Path, image: &Path, loops: &Path, features: &[&str]) -> Result<()> {
+pub(crate) fn build(sysroot: &Path, image: &Path, loops: &Path, features: &[&str]) -> Result<()> {
     let files = [("SAGNAC_IMAGE", image), ("SAGNAC_LOOPS", loops)];
     cargo_build(sysroot, "firmware/gyro", features, &files)
 }
@@ -171,9 +171,14 @@ fn stm32f407(sysroot: &Path) -> Result<()> {
     Ok(())
 }
 
+/// A program that [`build`] made.
+pub(crate) fn built(program: &str) -> PathBuf {
+    root().join(format!("target/firmware/build/{TARGET}/release/{program}"))
+}
+
 /// Runs a program in the emulator and returns its output. The exit status is the program's own verdict.
 fn emulate(program: &str, args: &[&str], seconds: u32) -> Result<String> {
-    let path = root().join(format!("target/firmware/build/{TARGET}/release/{program}"));
+    let path = built(program);
     let machine = ["-M", "mps2-an386", "-cpu", "cortex-m4", "-nographic", "-monitor", "none"];
     let hosting = ["-semihosting-config", "enable=on,target=native", "-kernel", text(&path)?];
     stdout_of(seconds, "qemu-system-arm", &[&machine[..], &hosting, args].concat(), &root())
@@ -588,7 +593,7 @@ fn rows(log: &str) -> Result<Vec<Row>> {
 }
 
 /// A plant that the loops can control: that of the vectors, with a drift of a tenth of a wavelength per °C.
-fn settings(loops: &LoopTable, dither_counts: u32) -> RigSettings {
+pub(crate) fn settings(loops: &LoopTable, dither_counts: u32) -> RigSettings {
     let wavelength = loops.path_length.wavelength();
     let field = |wanted: &str| {
         let all = loops.intensity.fields();

@@ -3,6 +3,7 @@
 
 mod bench;
 pub mod bless;
+mod closed_loop;
 mod compare;
 mod conserve;
 mod exports;
@@ -26,6 +27,7 @@ pub fn run(args: &[&str]) -> Result<()> {
         "bench" => bench::bench(rest.first().copied()),
         "bless" => bless::bless(rest),
         "c" => exports::c(),
+        "closed-loop" => closed_loop::closed_loop(rest),
         "compare" => compare::compare(),
         "conserve" => conserve::conserve(),
         "corpus" => {

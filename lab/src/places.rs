@@ -3,6 +3,7 @@
 pub(crate) const CALIBRATION_SCHEMA: &str = "docs/reference/calibration.schema.json";
 pub(crate) const CHAMBER: &str = "testdata/chamber";
 pub(crate) const CIRCLE: &str = "docs/explanation/circle.md";
+pub(crate) const CLOSED_LOOP_PICTURE: &str = "docs/pictures/closed-loop.svg";
 pub(crate) const COMPARISON: &str = "docs/explanation/comparison.md";
 pub(crate) const DOCS: &str = "docs";
 pub(crate) const ERRORS: &str = "docs/reference/errors.md";

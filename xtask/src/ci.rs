@@ -44,7 +44,7 @@ const RUNS: [Part; 8] = [
 ];
 
 /// And beside it what runs on one: simulators, emulators, programs of Python. The lab has a command for each.
-const BESIDE: [&str; 5] = ["conserve", "c", "fpga", "firmware", "formats"];
+const BESIDE: [&str; 6] = ["conserve", "c", "fpga", "firmware", "closed-loop", "formats"];
 
 /// All of it; stops at the first failure, but does not cut short what runs beside it.
 pub(crate) fn ci() -> Result<()> {

@@ -16,8 +16,8 @@ use std::process::ExitCode;
 use anyhow::{Result, bail};
 
 /// Tasks that need our crates; the lab does them.
-const LAB: [&str; 10] =
-    ["bench", "bless", "c", "compare", "conserve", "firmware", "formats", "fpga", "hunt", "pictures"];
+const LAB: [&str; 11] =
+    ["bench", "bless", "c", "closed-loop", "compare", "conserve", "firmware", "formats", "fpga", "hunt", "pictures"];
 
 const HELP: &str = "\
 cargo xtask example    the main job on the log in testdata/: calibrate, export, verify
@@ -41,6 +41,8 @@ cargo xtask fuzz       [--smoke | --address] [targets] a million executions of e
 cargo xtask c          the exported C: warnings, MISRA, vectors on this machine and on an emulated Cortex-M4F
 cargo xtask fpga       [place] the exported Verilog: lint, vectors in two simulators, synthesis
 cargo xtask firmware   build the firmware, run it in QEMU, compare it with the host bit for bit
+cargo xtask closed-loop  [--picture] the circle with the processor in it: the firmware in QEMU sends, the bench records and fits, the image goes back
+                       over the same line, a second cycle runs corrected; --picture: the picture of its page anew
 cargo xtask formats    files of MATLAB, HDF5, TDMS, MDF, ArduPilot, Excel and SQLite, converted as the program says (needs python3-venv)
 cargo xtask fleet      the cluster's program in fleet/: lints, licences, tests with executors and an object store (needs python3-venv)
 cargo xtask wheel      the Python package in python/: lints, licences, the wheel, types and tests (needs python3-venv); --notebooks: the
