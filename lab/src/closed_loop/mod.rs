@@ -36,6 +36,8 @@ use crate::program::Program;
 
 /// Ticks of a frame: a second of the chamber, as the setup's tick is 10 ms.
 const FRAME_TICKS: u32 = sagnac_board::FRAME_TICKS as u32;
+/// Ticks of a gyro, 100 µs, in a tick of this unit.
+const FASTER: i32 = 100;
 /// Codes of 2⁻²⁴ °C, as the setup says.
 const CODES_PER_C: f64 = 16_777_216.0;
 /// The target's own counts have so many times less drift (σ) corrected than as counted.
@@ -102,7 +104,9 @@ impl Unit {
         unit.sagnac(&["export", &scenario, "--to", "loops", "-o", "unit.loops"])?;
         let image = Image::decode(&unit.read("factory.img")?)?;
         unit.arcsec_per_count = image.description().scale_factor_femto_arcsec as f64 / 1e15;
-        unit.settings = settings(&LoopTable::decode(&unit.read("unit.loops")?)?, 0);
+        let plant = settings(&LoopTable::decode(&unit.read("unit.loops")?)?, 0);
+        // A degree takes a hundredth of the ticks, so the path moves a hundredth of the way: as much in a tick as in a gyro.
+        unit.settings = RigSettings { peak_slope: plant.peak_slope / FASTER, ..plant };
         unit.build()?;
         Ok(unit)
     }
@@ -138,7 +142,9 @@ impl Unit {
         target.tap = Some(line);
         is(target.power_on(self.settings)?, POWER_ON, sequence, false)?;
         target.run(&fed)?;
-        recording.end(target.tap.take().context("the bench's line")?)?;
+        let said = recording.end(target.tap.take().context("the bench's line")?)?;
+        fs::write(self.work.join(format!("{name}.txt")), said)
+            .with_context(|| format!("what the bench said of {name}"))?;
         ensure!(lost(&target.outputs) == 0, "{name}: frames are lost on the line");
         let record = Record::read(&self.work.join(format!("{name}.parquet")))?;
         let counts = record.holds_what_was_fed(&fed)?;

@@ -15,7 +15,7 @@ use std::process::Command;
 use std::time::Duration;
 
 use anyhow::{Context, Result, bail, ensure};
-use sagnac_board::frame::{FrameReader, MAX_FRAME};
+use sagnac_board::frame::{Frame, FrameReader, MAX_FRAME};
 use sagnac_board::{Message, Output, POWER_ON, Reply, RigSettings, Row};
 use xtask::shell::text;
 
@@ -28,8 +28,10 @@ const SILENT: Duration = Duration::from_secs(60);
 const AHEAD: u16 = 64;
 /// Frames on their way while a message is answered: one row runs, one waits.
 const ENOUGH: u16 = 2;
-/// Bytes that are read at once.
+/// Bytes that are read at once: at most 100 frames.
 const PIECE: usize = 4096;
+/// Frames of the row in which the line is cut: more than are read before it is.
+const CUT_FRAMES: u32 = 500;
 
 /// The target.
 pub(super) struct Target {
@@ -113,7 +115,7 @@ impl Target {
     pub(super) fn cut_behind(&mut self, begun: &[u8], soak: &Row) -> Result<()> {
         self.idle()?;
         let before = self.outputs.len();
-        self.row(&Row { ticks: u32::from(AHEAD) * FRAME_TICKS, ..*soak })?;
+        self.row(&Row { ticks: CUT_FRAMES * FRAME_TICKS, ..*soak })?;
         while self.outputs.len() == before {
             self.hear()?;
         }
@@ -195,15 +197,24 @@ impl Target {
         if let Some(tap) = &mut self.tap {
             tap.write_all(bytes).context("the bench has closed its line")?;
         }
-        for frame in bytes.iter().filter_map(|byte| self.reader.push(*byte)) {
-            match Message::parse(&frame) {
-                Some(Message::Output(output)) => {
-                    self.heard = output.sequence.wrapping_add(1);
-                    self.outputs.push(output);
-                }
-                Some(Message::Reply(reply)) => self.replies.push_back(reply),
-                other => bail!("an unexpected message of the target: {other:?}"),
+        for byte in bytes {
+            let mut frame = self.reader.push(*byte);
+            while let Some(found) = frame {
+                self.take(&found)?;
+                frame = self.reader.next_buffered();
             }
+        }
+        Ok(())
+    }
+
+    fn take(&mut self, frame: &Frame) -> Result<()> {
+        match Message::parse(frame) {
+            Some(Message::Output(output)) => {
+                self.heard = output.sequence.wrapping_add(1);
+                self.outputs.push(output);
+            }
+            Some(Message::Reply(reply)) => self.replies.push_back(reply),
+            other => bail!("an unexpected message of the target: {other:?}"),
         }
         Ok(())
     }
