@@ -102,11 +102,24 @@ fn only_its_own_names_are_answered() {
 #[test]
 fn every_answer_has_its_security_headers() {
     let running = Running::begin("T", COLUMNS);
-    for path in ["/", "/state.json", "/bench.js", "/uplot.js", "/report.css", "/nothing-there", "/../Cargo.toml", "/%2e%2e/etc/passwd"] {
+    for path in [
+        "/",
+        "/state.json",
+        "/bench.js",
+        "/uplot.js",
+        "/report.css",
+        "/nothing-there",
+        "/../Cargo.toml",
+        "/%2e%2e/etc/passwd",
+    ] {
         let (head, _) = running.ask("GET", path, &[]);
-        for header in
-            ["content-security-policy: default-src 'none'", "x-content-type-options: nosniff", "cache-control: no-store", "x-frame-options: deny", "referrer-policy: no-referrer"]
-        {
+        for header in [
+            "content-security-policy: default-src 'none'",
+            "x-content-type-options: nosniff",
+            "cache-control: no-store",
+            "x-frame-options: deny",
+            "referrer-policy: no-referrer",
+        ] {
             assert!(head.contains(header), "{path}: {head}");
         }
         let is_there = !path.contains("nothing") && !path.contains("..") && !path.contains("%2e");
@@ -183,7 +196,8 @@ fn listen_once(running: &Running) -> TcpStream {
 /// Markup in a header of a log or a serial is text in the state, and the page has no place where text becomes markup.
 #[test]
 fn nothing_of_a_log_is_markup() {
-    let mut running = Running::begin("<img src=x onerror=alert(1)>", "time_s,counts,temperature_c_<script>alert(2)</script>");
+    let mut running =
+        Running::begin("<img src=x onerror=alert(1)>", "time_s,counts,temperature_c_<script>alert(2)</script>");
     running.gyro.write_all(rows(1, 50).as_bytes()).unwrap();
     let (head, body) = running.ask("GET", "/state.json", &[]);
     assert!(head.contains("content-type: application/json"), "{head}");

@@ -16,7 +16,7 @@ mod study;
 mod trend;
 mod warnings;
 
-use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -30,6 +30,7 @@ use sagnac_log::Result;
 use sagnac_log::ingest::{LogReader, ReadMode};
 use sagnac_log::setup::Setup;
 use sagnac_log::threads::spawn;
+use sagnac_units::s_from_ns;
 use serde::Serialize;
 
 pub use study::{CurveAt, Deviation, Residual, Study, StudyAxis};
@@ -145,7 +146,7 @@ pub struct Live(Arc<(Mutex<State>, Condvar)>);
 
 impl Live {
     fn lock(&self) -> MutexGuard<'_, State> {
-        self.0.0.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.0.0)
     }
 
     /// Looks at what is known.
@@ -202,13 +203,14 @@ impl Live {
         let mut log = LogReader::from_table(table, setup, ReadMode::Bulk)?;
         let mut windows = WindowBuilder::new(log.shape(), setup)?;
         let mut noise = NoiseSoFar::new(log.shape())?;
-        let (mut first_ns, mut studied_s) = (None, 0.0);
+        let (mut first_ns, mut recorded_s, mut studied_s) = (None, 0.0, 0.0);
+        // Without rows there is an empty batch each second, so that a fit that is due comes when the fitter has rested.
         while let Some(batch) = log.next_batch()? {
             windows.push(batch)?;
             noise.push(batch);
-            let Some(last_ns) = batch.end_ns.last().copied() else { continue };
-            let since_ns = last_ns.saturating_sub(*first_ns.get_or_insert(last_ns));
-            let recorded_s = sagnac_units::s_from_ns(since_ns);
+            if let (Some(start_ns), Some(end_ns)) = (batch.start_ns.first(), batch.end_ns.last()) {
+                recorded_s = s_from_ns(end_ns.saturating_sub(*first_ns.get_or_insert(*start_ns)));
+            }
             if recorded_s - studied_s >= STUDY_S {
                 let work = || (windows.so_far(log.summary()), noise.so_far().ok(), false);
                 if fitter.take(work, every_minute) {
@@ -293,14 +295,14 @@ type Work = (Windows, Option<NoiseBudget>, bool);
 struct Fitter {
     to: SyncSender<Work>,
     thread: JoinHandle<()>,
-    /// No sooner than this.
-    rests_until: Arc<Mutex<Instant>>,
+    /// It takes no work before this; `None` while it fits.
+    rests_until: Arc<Mutex<Option<Instant>>>,
 }
 
 impl Fitter {
     fn begin(live: Live, setup: &Setup, request: LiveRequest) -> Result<Self> {
         let (to, from) = sync_channel(0);
-        let rests_until = Arc::new(Mutex::new(Instant::now()));
+        let rests_until = Arc::new(Mutex::new(Some(Instant::now())));
         let rests = Arc::clone(&rests_until);
         let studies = Studies::new(Setup { bench: Default::default(), ..setup.clone() }, request.model, request.enough);
         let thread = spawn("fit", move || fit(&live, studies, &from, &rests)).map_err(|e| no_thread(&e))?;
@@ -309,11 +311,8 @@ impl Fitter {
 
     /// Hands windows over, if it is idle and rested; `waits` until it is.
     fn take(&self, work: impl FnOnce() -> Work, waits: bool) -> bool {
-        let rests = *self.rests_until.lock().unwrap_or_else(PoisonError::into_inner) > Instant::now();
-        if waits {
-            return self.to.send(work()).is_ok();
-        }
-        !rests && !matches!(self.to.try_send(work()), Err(TrySendError::Full(_) | TrySendError::Disconnected(_)))
+        let is_ready = lock(&self.rests_until).is_some_and(|until| until <= Instant::now());
+        (waits || is_ready) && self.to.send(work()).is_ok()
     }
 
     fn join(self) {
@@ -322,13 +321,18 @@ impl Fitter {
     }
 }
 
-fn fit(live: &Live, mut studies: Studies, from: &Receiver<Work>, rests_until: &Mutex<Instant>) {
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn fit(live: &Live, mut studies: Studies, from: &Receiver<Work>, rests_until: &Mutex<Option<Instant>>) {
     while let Ok((windows, noise, is_last)) = from.recv() {
+        *lock(rests_until) = None;
         let (study, took) = studies.next(windows, noise.as_ref(), is_last);
-        *rests_until.lock().unwrap_or_else(PoisonError::into_inner) = Instant::now() + took * FIT_SHARE;
         live.change(|state| {
             state.study = Arc::new(study);
             state.versions.study += 1;
         });
+        *lock(rests_until) = Some(Instant::now() + took * FIT_SHARE);
     }
 }
