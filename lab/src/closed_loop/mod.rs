@@ -20,8 +20,10 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
 use sagnac_board::{COMMIT, CONFIRM, Message, POWER_ON, ROLL_BACK, Reply, ReplyCode, RigSettings, Row};
-use sagnac_core::{Image, Origin};
+use sagnac_core::Origin;
+use sagnac_log::setup::Setup;
 use sagnac_loops::LoopTable;
+use sagnac_sim::Scenario;
 use xtask::debian::{self, need};
 use xtask::shell::{root, text};
 
@@ -30,7 +32,7 @@ use crate::closed_loop::record::Record;
 use crate::closed_loop::recording::Recording;
 use crate::closed_loop::target::Target;
 use crate::closed_loop::upload::{Old, Upload, lost};
-use crate::firmware::{build, built, settings, sysroot};
+use crate::firmware::{build, built, settings as plant_of, sysroot};
 use crate::places::CLOSED_LOOP_PICTURE;
 use crate::program::Program;
 
@@ -95,16 +97,15 @@ impl Unit {
         }
         fs::create_dir_all(&work).with_context(|| format!("cannot make {}", work.display()))?;
         let given = root().join("firmware/gyro/closed-loop");
-        let mut unit =
-            Self { firmware: work.join("gyro"), work, given, settings: RigSettings::default(), arcsec_per_count: 0.0 };
-        let scenario = unit.given("factory.toml")?;
-        unit.sagnac(&["simulate", &scenario, "-o", "factory.csv"])?;
+        let setup = Setup::read(given.join("bench.toml"))?;
+        let arcsec_per_count = setup.arcsec_per_count.context("bench.toml has no arcsec_per_count")?;
+        let (firmware, settings) = (work.join("gyro"), RigSettings::default());
+        let mut unit = Self { work, given, firmware, settings, arcsec_per_count };
+        unit.simulated("factory")?;
         unit.sagnac(&["calibrate", "factory.csv", "--setup", &unit.given("bench.toml")?, "-o", "factory.cal.json"])?;
         unit.sagnac(&["export", "factory.cal.json", "--to", "image", "-o", "factory.img"])?;
-        unit.sagnac(&["export", &scenario, "--to", "loops", "-o", "unit.loops"])?;
-        let image = Image::decode(&unit.read("factory.img")?)?;
-        unit.arcsec_per_count = image.description().scale_factor_femto_arcsec as f64 / 1e15;
-        let plant = settings(&LoopTable::decode(&unit.read("unit.loops")?)?, 0);
+        unit.sagnac(&["export", &unit.given("factory.toml")?, "--to", "loops", "-o", "unit.loops"])?;
+        let plant = plant_of(&LoopTable::decode(&unit.read("unit.loops")?)?, 0);
         // A degree takes a hundredth of the ticks, so the path moves a hundredth of the way: as much in a tick as in a gyro.
         unit.settings = RigSettings { peak_slope: plant.peak_slope / FASTER, ..plant };
         unit.build()?;
@@ -132,11 +133,20 @@ impl Unit {
         target.idle()
     }
 
+    /// The log of a scenario, whose counts are as long as the setup says.
+    fn simulated(&self, name: &str) -> Result<PathBuf> {
+        let (scenario, log) = (self.given(&format!("{name}.toml"))?, format!("{name}.csv"));
+        let text = fs::read_to_string(&scenario).with_context(|| format!("cannot read {scenario}"))?;
+        let arcsec = Scenario::from_toml(&text)?.arcsec_per_count();
+        let same = (arcsec / self.arcsec_per_count - 1.0).abs() < 1e-12;
+        ensure!(same, "a count of {name} is {arcsec} arcsec, of bench.toml {}", self.arcsec_per_count);
+        self.sagnac(&["simulate", &scenario, "-o", &log])?;
+        Ok(self.work.join(log))
+    }
+
     /// A cycle of the chamber from power-on, recorded by the bench.
     fn cycle(&self, target: &mut Target, name: &str, sequence: u32) -> Result<Cycle> {
-        let log = format!("{name}.csv");
-        self.sagnac(&["simulate", &self.given(&format!("{name}.toml"))?, "-o", &log])?;
-        let fed = chamber::rows(&self.work.join(log))?;
+        let fed = chamber::rows(&self.simulated(name)?)?;
         let (recording, line) = Recording::start(&self.work, &self.given("bench.toml")?, name)?;
         target.idle()?;
         target.tap = Some(line);

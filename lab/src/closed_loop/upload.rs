@@ -84,7 +84,7 @@ impl Old {
         self.stays(target, &upload.commit)?;
         let lost = lost(&target.outputs);
         println!(
-            "check: the line is cut within piece {} of {} while ticks run ({lost} frames are lost): image {} stays",
+            "check: the line is cut within piece {} of {} while ticks run (frames lost: {lost}): image {} stays",
             upload.cut_at() + 1,
             upload.pieces.len(),
             self.sequence
