@@ -12,6 +12,7 @@
 pub mod decode;
 pub mod journal;
 pub mod live;
+#[cfg(feature = "page")]
 pub mod page;
 mod record;
 mod rows;

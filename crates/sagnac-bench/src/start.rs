@@ -60,9 +60,12 @@ impl Start {
         Setup { bench: self.bench.clone(), ..self.setup.clone() }
     }
 
-    /// What the finished log says of its origin.
+    /// What the finished log says of its origin: one entry, so that the same journal gives the same bytes.
     pub(crate) fn metadata(&self) -> HashMap<String, String> {
-        let says = format!("recorded by {} bench from {}", self.program, self.sources.join(", "));
-        HashMap::from([("sagnac".to_owned(), says), ("started_ns".to_owned(), self.started_ns.to_string())])
+        let (program, sources, started) = (&self.program, self.sources.join(", "), self.started_ns);
+        HashMap::from([(
+            "sagnac".to_owned(),
+            format!("recorded by {program} from {sources}, begun {started} ns after 1970"),
+        )])
     }
 }

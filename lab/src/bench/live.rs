@@ -39,7 +39,8 @@ struct Look {
 
 /// Measures and writes the section.
 pub(super) fn measure(bench: &Bench, page: &mut String) -> Result<()> {
-    let hours = std::env::var("SAGNAC_LIVE_HOURS").ok().map_or(Ok(HOURS), |text| text.parse()).context("SAGNAC_LIVE_HOURS")?;
+    let hours =
+        std::env::var("SAGNAC_LIVE_HOURS").ok().map_or(Ok(HOURS), |text| text.parse()).context("SAGNAC_LIVE_HOURS")?;
     let folder = bench.file("live");
     fs::create_dir_all(&folder)?;
     for old in ["run.parquet", "run.parquet.journal"] {
@@ -94,7 +95,8 @@ fn feed(program: &mut Child, hours: u64) -> Result<Vec<Look>> {
 /// Resident set and processor time of a process: proc(5).
 fn look(process: u32, hours: f64) -> Result<Look> {
     let status = fs::read_to_string(format!("/proc/{process}/status")).context("the program has ended")?;
-    let resident = status.lines().find_map(|line| line.strip_prefix("VmRSS:")?.trim().strip_suffix(" kB")?.parse::<f64>().ok());
+    let resident =
+        status.lines().find_map(|line| line.strip_prefix("VmRSS:")?.trim().strip_suffix(" kB")?.parse::<f64>().ok());
     let stat = fs::read_to_string(format!("/proc/{process}/stat"))?;
     // Behind the name in brackets: fields 14 and 15 are user and system time in hundredths of a second.
     let fields: Vec<&str> = stat.rsplit_once(')').context("no name")?.1.split_whitespace().collect();

@@ -215,7 +215,7 @@ impl Unit {
             number("improvement")?,
             number("improvement_sigma")?
         );
-        let windows = record.is_as_verified(&self.proof("cycle-2-replayed.csv", &[])?["after"])?;
+        let windows = record.is_as_verified(&axis["after"])?;
         println!(
             "check: the {windows} windows after correction of `sagnac verify` are those of the target's own counts"
         );

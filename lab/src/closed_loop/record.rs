@@ -13,11 +13,9 @@ use crate::program::Program;
 
 /// Columns of a recording, a value for each frame.
 pub(super) struct Record {
-    /// Ends of the frames, ns.
-    pub(super) time_ns: Vec<f64>,
     /// Counts before the correction.
     pub(super) counts: Vec<f64>,
-    /// What the slow update of the frame read, °C.
+    /// What the slow update at the end of the frame read, °C.
     pub(super) temperature_c: Vec<f64>,
     /// Counts as the target corrected them.
     pub(super) target: Vec<f64>,
@@ -29,7 +27,6 @@ impl Record {
     pub(super) fn read(path: &Path) -> Result<Self> {
         let column = |name: &str| column(path, name).with_context(|| format!("{}: {name}", path.display()));
         Ok(Self {
-            time_ns: column("time_ns")?,
             counts: column("counts_z")?,
             temperature_c: column("temperature_c")?,
             target: column("target_counts")?,
@@ -37,7 +34,8 @@ impl Record {
         })
     }
 
-    /// Every row that was fed is a frame of the recording, with its counts; no frame is missing.
+    /// Every row that was fed is a frame of the recording, with its counts and what the slow update at its end read: the code of the next row, for the
+    /// last one its own. No frame is missing.
     pub(super) fn holds_what_was_fed(&self, fed: &[Row]) -> Result<i64> {
         ensure!(
             self.counts.len() == fed.len(),
@@ -47,30 +45,22 @@ impl Record {
         );
         let in_order = (0_u32..).zip(&self.sequence).all(|(number, sequence)| f64::from(number) == *sequence);
         ensure!(in_order, "a frame is missing or twice");
-        let rows = self.counts.iter().zip(&self.temperature_c).zip(fed).zip(1_u32..);
-        for (((counts, celsius), row), second) in rows {
+        let next = fed.iter().skip(1).chain(fed.last());
+        let rows = self.counts.iter().zip(&self.temperature_c).zip(fed.iter().zip(next)).zip(1_u32..);
+        for (((counts, celsius), (row, next)), second) in rows {
             let code = celsius * super::CODES_PER_C;
             ensure!(
-                *counts == f64::from(row.counts) && code == f64::from(row.codes[0]),
-                "second {second}: {counts} counts at {celsius} °C are recorded, {row:?} was fed"
+                *counts == f64::from(row.counts) && code == f64::from(next.codes[0]),
+                "second {second}: {counts} counts at {celsius} °C are recorded, {row:?} was fed, then {next:?}"
             );
         }
         Ok(fed.iter().map(|row| i64::from(row.counts)).sum())
     }
 
-    /// The target's corrected counts are, in every frame, those of `sagnac compensate` with this image on the recorded raw counts.
-    ///
-    /// A frame tells the code that the slow update at its beginning read. A row of a log has the newest at its end, which the next slow update
-    /// reads: the code that the next frame tells. So each row of the log that is replayed has the temperature of the next frame.
+    /// The target's corrected counts are, in every frame, those of `sagnac compensate` with this image on the recorded log.
     pub(super) fn is_as_compensated(&self, work: &Path, image: &str, setup: &str, name: &str) -> Result<usize> {
-        let (replayed, corrected) = (format!("{name}-replayed.csv"), format!("{name}-corrected.csv"));
-        let next = self.temperature_c.iter().skip(1).chain(self.temperature_c.last());
-        let mut log = String::from("time_ns,counts_z,temperature_c\n");
-        for ((time_ns, counts), celsius) in self.time_ns.iter().zip(&self.counts).zip(next) {
-            log += &format!("{time_ns},{counts},{celsius}\n");
-        }
-        std::fs::write(work.join(&replayed), log).with_context(|| replayed.clone())?;
-        let compensate = ["compensate", image, &replayed, "--setup", setup, "-o", &corrected];
+        let (log, corrected) = (format!("{name}.parquet"), format!("{name}-corrected.csv"));
+        let compensate = ["compensate", image, &log, "--setup", setup, "-o", &corrected];
         Program::beside_the_lab()?.stdout_in(work, &compensate)?;
         let host = compensated(&work.join(&corrected))?;
         ensure!(host.len() == self.target.len(), "{} rows of the host, {} frames", host.len(), self.target.len());

@@ -30,6 +30,7 @@ const TESTS: &Tests = &[
             "copies",
             "counts",
             "coverage",
+            "enough",
             "entanglement",
             "harmonics",
             "how_sure",
@@ -48,7 +49,7 @@ const TESTS: &Tests = &[
     ("sagnac-noise", &["terms"]),
 ];
 /// Those that CI only compiles: hundreds of records of each truth and number of runs.
-const STUDY: &Tests = &[("sagnac", &["selection_study", "plan_study"])];
+const STUDY: &Tests = &[("sagnac", &["selection_study", "plan_study", "enough_study"])];
 /// Time limit of the tests, s.
 const LONGEST_S: u32 = 4 * 3600;
 /// Start of a figure's line.

@@ -1,9 +1,12 @@
 //! Frames of a gyro's serial line to rows (docs/reference/serial-line.md).
 //!
 //! A row is a frame: counts before the correction, which are the log, beside those that the target corrected, its status, and the codes of its loops.
+//!
+//! A frame has the code that the slow update at its *beginning* read; the row of a log has what is known at its end. So a row waits for the next frame and
+//! gets its code: `compensate` on the log then makes of each row what the target made of it. Where no frame follows, the row has its own frame's code.
 
 use sagnac_board::frame::FrameReader;
-use sagnac_board::{Message, Output, POWER_ON, Reply};
+use sagnac_board::{FRAME_TICKS, Message, Output, POWER_ON, Reply};
 use sagnac_log::ingest::Content;
 use sagnac_log::setup::{Setup, ThermometerSetup};
 use sagnac_log::{Error, Result};
@@ -22,6 +25,16 @@ pub(crate) struct Frames {
     tick_ns: i64,
     thermometer: Option<(f64, f64)>,
     skipped: u64,
+    /// The newest row, and the ticks at its end.
+    waiting: Option<Waiting>,
+}
+
+/// A row that waits for the code of the next frame.
+struct Waiting {
+    output: Output,
+    ticks: u64,
+    time_ns: i64,
+    at_ns: i64,
 }
 
 impl Frames {
@@ -48,10 +61,11 @@ impl Frames {
         rows.begin(columns, false);
         let tick_ns = setup.stages().window.clock.tick_ns();
         let (reader, output, clock) = (FrameReader::new(), OutputClock::default(), RowClock::default());
-        Ok(Self { reader, output, clock, tick_ns, thermometer, skipped: 0 })
+        Ok(Self { reader, output, clock, tick_ns, thermometer, skipped: 0, waiting: None })
     }
 
-    pub(crate) fn connected(&mut self) {
+    pub(crate) fn connected(&mut self, rows: &mut Rows) {
+        self.flush(rows);
         self.skipped += self.reader.skipped() + self.reader.buffered() as u64;
         self.reader = FrameReader::new();
         self.clock.connected();
@@ -76,6 +90,7 @@ impl Frames {
     fn reply(&mut self, reply: &Reply, at_ns: i64, rows: &mut Rows) {
         if reply.to == POWER_ON {
             // Power-on begins a new count.
+            self.flush(rows);
             self.output.power_on();
             self.clock.connected();
         }
@@ -92,9 +107,27 @@ impl Frames {
         if anew {
             rows.say(at_ns, "the gyro was switched off and on: its times go on by arrival");
         }
-        let mut cells = vec![time_ns.to_string(), output.raw.to_string()];
+        let ticks = self.output.ticks;
+        if let Some(waiting) = self.waiting.take() {
+            let follows = ticks.checked_sub(waiting.ticks).is_some_and(|since| since == u64::from(FRAME_TICKS));
+            let code = if follows { output.temperature } else { waiting.output.temperature };
+            self.row(&waiting, code, rows);
+        }
+        self.waiting = Some(Waiting { output: *output, ticks, time_ns, at_ns });
+    }
+
+    /// The row that waits, as no frame follows it.
+    pub(crate) fn flush(&mut self, rows: &mut Rows) {
+        if let Some(waiting) = self.waiting.take() {
+            self.row(&waiting, waiting.output.temperature, rows);
+        }
+    }
+
+    fn row(&self, waiting: &Waiting, code: Option<i32>, rows: &mut Rows) {
+        let output = &waiting.output;
+        let mut cells = vec![waiting.time_ns.to_string(), output.raw.to_string()];
         if let Some((offset_c, gain_c)) = self.thermometer {
-            let celsius = output.temperature.map(|code| offset_c + gain_c * f64::from(code));
+            let celsius = code.map(|code| offset_c + gain_c * f64::from(code));
             cells.push(celsius.map_or(String::new(), |celsius| celsius.to_string()));
         }
         let numbers = [output.counts, i32::from(output.sequence), output.actuator, output.current];
@@ -102,7 +135,7 @@ impl Frames {
         cells.push(output.lost_steps.to_string());
         cells.extend([status_words(output), path_length_words(output), intensity_words(output)]);
         cells.push(image_words(output).to_owned());
-        rows.row(cells, at_ns);
+        rows.row(cells, waiting.at_ns);
     }
 
     pub(crate) fn clock(&self) -> ClockReport {

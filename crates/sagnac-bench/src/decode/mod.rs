@@ -7,7 +7,7 @@
 //! ```
 //!
 //! A row has the newest answer of each instrument that had arrived when the row's bytes arrived, as long as it is not older than three questions. Rows
-//! keep the times that the gyro gives them; where it gives none, or its clock begins anew, the time of arrival carries on ([`clock`]).
+//! keep the times that the gyro gives them; where it gives none, or its clock begins anew, the time of arrival carries on ([`ClockReport`]).
 
 mod clock;
 mod frames;
@@ -211,11 +211,18 @@ impl Decoder {
                 self.rows.say(at_ns, format!("{name} lost: {}", text()));
             }
             (Kind::Ended, source) => {
+                self.flush();
                 let name = self.names.get(usize::from(source)).cloned().unwrap_or_default();
                 self.rows.say(at_ns, format!("{name} has ended"));
             }
-            (Kind::Resumed, _) => self.rows.say(at_ns, "the recording goes on"),
-            (Kind::Stopped, _) => self.rows.say(at_ns, "the recording was ended"),
+            (Kind::Resumed, _) => {
+                self.flush();
+                self.rows.say(at_ns, "the recording goes on");
+            }
+            (Kind::Stopped, _) => {
+                self.flush();
+                self.rows.say(at_ns, "the recording was ended");
+            }
             (Kind::Note, _) => self.rows.say(at_ns, text()),
             (Kind::Start, _) => {}
         }
@@ -231,7 +238,14 @@ impl Decoder {
         }
         match &mut self.format {
             Format::Text(text) => text.connected(&mut self.rows),
-            Format::Frames(frames) => frames.connected(),
+            Format::Frames(frames) => frames.connected(&mut self.rows),
+        }
+    }
+
+    /// A row that waits for more of its source gets none.
+    fn flush(&mut self) {
+        if let Format::Frames(frames) = &mut self.format {
+            frames.flush(&mut self.rows);
         }
     }
 
