@@ -295,3 +295,106 @@ fn a_recording_goes_on_with_its_own_setup() {
     assert!(text(&other.stderr).contains("not that of the recording"), "{}", text(&other.stderr));
     assert_eq!(bench.journal_bytes(), before);
 }
+
+/// A disk that is full (a limit on the size of files): recording stops with a word, what there is is kept, and it goes on when there is room.
+#[test]
+#[cfg(target_os = "linux")]
+fn a_full_disk_stops_the_recording_with_a_word() {
+    let bench = Bench::new("file:live.csv");
+    // Digits that do not compress well.
+    let mut random = ChaCha8Rng::seed_from_u64(4);
+    let rows: String = (0..20_000_u32)
+        .map(|i| format!("{i},{},{:.6}\n", random.random_range(0..1_000_000), random.random_range(20.0..30.0)))
+        .collect();
+    std::fs::write(bench.path("live.csv"), HEADER.to_owned() + &rows).unwrap();
+    let program = env!("CARGO_BIN_EXE_sagnac");
+    let line =
+        format!("ulimit -f 100; exec {program} bench bench.toml -o run.parquet --page none --source file:live.csv");
+    let out = Command::new("bash").args(["-c", &line]).current_dir(bench.folder.path()).output().unwrap();
+    assert_eq!(out.status.code(), Some(2), "{}", text(&out.stderr));
+    assert!(text(&out.stderr).contains("--resume goes on"), "{}", text(&out.stderr));
+    assert!(bench.journal_bytes() <= 102_400 && !bench.path("run.parquet").exists());
+    let mut child = bench.start(&["--resume"]);
+    let mut since = (bench.journal_bytes(), Instant::now());
+    until("the rest", || {
+        let now = bench.journal_bytes();
+        if now != since.0 {
+            since = (now, Instant::now());
+        }
+        since.1.elapsed() > Duration::from_secs(1)
+    });
+    child.kill().unwrap();
+    child.wait().unwrap();
+    bench.run(&["--finish"]);
+    assert_eq!(bench.counts().len(), 20_000);
+}
+
+/// A test of two cycles over −40 … 70 °C with a smooth drift, rows of 5 s.
+fn two_cycles() -> String {
+    let mut random = ChaCha8Rng::seed_from_u64(8);
+    let (mut block, mut angle, mut counted) = (-40.0, 0.0, 0.0);
+    let mut text = HEADER.to_owned();
+    for row in 1..=14_400_u32 {
+        let minutes = f64::from(row) / 12.0 % 400.0;
+        let chamber = match minutes {
+            m if m < 90.0 => -40.0,
+            m if m < 200.0 => -40.0 + (m - 90.0),
+            m if m < 290.0 => 70.0,
+            m => 70.0 - (m - 290.0),
+        };
+        block += (chamber - block) * 5.0 / 1200.0;
+        let noise: f64 = (0..12).map(|_| random.random_range(-0.5..0.5)).sum();
+        angle += (4.5 + 0.001 * block) * 5.0 + 0.18 * 5.0_f64.sqrt() * noise;
+        let counts = (angle / 0.15125).floor() - counted;
+        counted += counts;
+        text += &format!("{},{counts},{block:.4}\n", 5 * row);
+    }
+    text
+}
+
+/// The test ends itself when it has told enough, long before its log does: record and report are written, and the exit status is 0.
+#[test]
+fn a_test_that_has_told_enough_ends_itself() {
+    let bench = Bench::new("replay:test.csv?speed=max");
+    std::fs::write(bench.path("test.csv"), two_cycles()).unwrap();
+    let setup = "serial = \"T\"\naxis = \"z\"\narcsec_per_count = 0.15125\n[bench]\nspan_c = [-40, 69]\nlimits = \"navigation-grade\"\n";
+    std::fs::write(bench.path("bench.toml"), setup).unwrap();
+    let more = ["--stop-when", "met", "--calibration", "unit.cal.json", "--report", "unit.html"];
+    let ended = bench.run(&[&["--source", "replay:test.csv?speed=4000"][..], &more].concat());
+    assert!(ended.status.success(), "{}", text(&ended.stderr));
+    assert!(text(&ended.stderr).contains("told enough, and was ended"), "{}", text(&ended.stderr));
+    let rows = bench.counts().len();
+    assert!((5000..13_000).contains(&rows), "{rows} rows");
+    assert!(bench.path("unit.cal.json").exists() && bench.path("unit.html").exists());
+    // It goes on where it ended, and then it ends with its log.
+    let resumed = bench.run(&["--source", "replay:test.csv?speed=max", "--resume"]);
+    assert!(resumed.status.success(), "{}", text(&resumed.stderr));
+    assert_eq!(bench.counts().len(), 14_400);
+}
+
+/// On a terminal the figures are drawn in text; `q` ends the recording, and the terminal is as before.
+#[test]
+#[cfg(target_os = "linux")]
+fn a_terminal_shows_the_figures() {
+    let bench = Bench::new("file:live.csv");
+    std::fs::write(bench.path("live.csv"), two_cycles()).unwrap();
+    let line = format!(
+        "stty cols 140 rows 45; {} bench bench.toml -o run.parquet --page none --tui --source file:live.csv",
+        env!("CARGO_BIN_EXE_sagnac")
+    );
+    let mut child = Command::new("script")
+        .args(["-qefc", &line, "shown"])
+        .current_dir(bench.folder.path())
+        .env("TERM", "xterm-256color")
+        .stdin(Stdio::piped())
+        .stdout(Stdio::null())
+        .spawn()
+        .expect("script of util-linux");
+    let shown = || text(&std::fs::read(bench.path("shown")).unwrap_or_default());
+    until("the figures", || ["Allan", "temperature", "bias"].iter().all(|word| shown().contains(word)));
+    child.stdin.take().unwrap().write_all(b"q").unwrap();
+    assert!(child.wait().unwrap().success());
+    // The alternate screen was entered and is left.
+    assert!(shown().contains("\u{1b}[?1049h") && shown().contains("\u{1b}[?1049l"));
+    assert_eq!(bench.counts().len(), 14_400);
+}
