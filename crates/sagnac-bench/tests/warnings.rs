@@ -267,12 +267,12 @@ fn counts_that_stand_still_or_are_missing_are_seen() {
     });
     raised(&stopped, WarningKind::CountsStandStill, FAULT_S, 7.0);
     let missing = Rig::default().warnings("", |row| {
-        if row.t_s >= FAULT_S && row.t_s as u64 % 5 == 0 {
+        if row.t_s >= FAULT_S && (row.t_s as u64).is_multiple_of(5) {
             row.counts = f64::NAN;
         }
     });
     raised(&missing, WarningKind::MissingRows, FAULT_S, 3.0);
-    let lost = Rig::default().warnings("", |row| row.lost = row.t_s >= FAULT_S && row.t_s as u64 % 6 == 0);
+    let lost = Rig::default().warnings("", |row| row.lost = row.t_s >= FAULT_S && (row.t_s as u64).is_multiple_of(6));
     raised(&lost, WarningKind::MissingRows, FAULT_S, 3.0);
 }
 

@@ -340,7 +340,7 @@ impl Watch {
         for at in 0..self.columns.axes.len() {
             let usual = median(self.quiet[at].iter().copied().collect()).filter(|_| self.quiet[at].len() >= QUIET);
             let shaken = |minute: &Minute| usual.is_some_and(|usual| minute.axes[at].variance > SHAKEN * usual);
-            let newest = self.history.back().is_some_and(|minute| shaken(minute));
+            let newest = self.history.back().is_some_and(&shaken);
             if self.last(LASTS).is_some_and(|last| last.iter().all(|minute| shaken(minute))) {
                 let letter = self.columns.axes[at].letter;
                 let (is, was) =

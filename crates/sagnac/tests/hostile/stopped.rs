@@ -139,25 +139,33 @@ pub(crate) fn stopped(units: u64, limits: &Limits) -> Stopped {
             Some((hours, made)) => (*hours, accepted(made, &retest, limits)),
             None => (FULL_HOURS, met_full),
         };
-        (kind, stopped.is_some(), hours, met, met_full)
+        One { kind, ended: stopped.is_some(), hours, met, met_full }
     };
-    let all: Vec<_> = (0..units).into_par_iter().map(one).collect();
-    let part = |is: &dyn Fn(&(u64, bool, f64, bool, bool)) -> bool| {
-        all.iter().filter(|one| is(one)).count() as f64 / units as f64
-    };
+    let all: Vec<One> = (0..units).into_par_iter().map(one).collect();
     let of_kind = |kind: u64| {
-        let own: Vec<_> = all.iter().filter(|one| one.0 == kind).collect();
-        let part = |is: fn(&(u64, bool, f64, bool, bool)) -> bool| {
-            own.iter().filter(|one| is(one)).count() as f64 / own.len() as f64
-        };
-        [part(|one| one.3), part(|one| one.4)]
+        let own: Vec<One> = all.iter().copied().filter(|one| one.kind == kind).collect();
+        [part(&own, |one| one.met), part(&own, |one| one.met_full)]
     };
     Stopped {
-        ended: part(&|one| one.1),
-        hours: all.iter().map(|one| one.2).sum::<f64>() / units as f64,
-        met: part(&|one| one.3),
-        met_full: part(&|one| one.4),
-        lost: part(&|one| one.4 && !one.3),
+        ended: part(&all, |one| one.ended),
+        hours: all.iter().map(|one| one.hours).sum::<f64>() / units as f64,
+        met: part(&all, |one| one.met),
+        met_full: part(&all, |one| one.met_full),
+        lost: part(&all, |one| one.met_full && !one.met),
         kinds: (0..KINDS).map(of_kind).collect(),
     }
+}
+
+/// What came of one.
+#[derive(Clone, Copy)]
+struct One {
+    kind: u64,
+    ended: bool,
+    hours: f64,
+    met: bool,
+    met_full: bool,
+}
+
+fn part(all: &[One], is: fn(&One) -> bool) -> f64 {
+    all.iter().filter(|one| is(one)).count() as f64 / all.len() as f64
 }
