@@ -116,6 +116,7 @@ pub const FORMATS: &[Tool] = &[("python3", "python3-venv")];
 /// For the tests of reports in a browser.
 pub const BROWSER: &[Tool] = &[
     ("chromium", "chromium"),
+    ("chromedriver", "chromium-driver"),
     ("pdftotext", "poppler-utils"),
     ("/usr/share/fonts/truetype/dejavu", "fonts-dejavu-core"),
 ];

@@ -11,7 +11,7 @@ use sagnac::{Error, Result};
 use sagnac_core::Status;
 use sagnac_log::ingest::Reason;
 use sagnac_log::ingest::header::HEADERS;
-use sagnac_log::setup::Setup;
+use sagnac_log::setup::{BenchSetup, PollColumn, Setup};
 use serde_json::Value;
 
 use crate::console::{Console, Outcome, Ran};
@@ -106,6 +106,11 @@ fn markdown(program: &mut Command) -> Result<String> {
     out += "\n## bench.toml\n\nWhat a log cannot say of itself. Flags of the same names override the file; `verify` and `compensate` take \
             all of it from the calibration unless overridden. Unknown keys are refused.\n\n";
     out += &keys(&schema_of::<Setup>()?)?;
+    out += "\n## \\[bench\\] in bench.toml\n\nHow `sagnac bench` records a test; no record holds it. `[[bench.poll]]` is an instrument, an entry of its \
+            `columns` a column.\n\n";
+    out += &keys(&schema_of::<BenchSetup>()?)?;
+    out += "\nA column of an instrument:\n\n";
+    out += &keys(&schema_of::<PollColumn>()?)?;
     out += "\n## limits.toml\n\nWhat a retest must show; every key is optional. Exit status 1 if any is not met.\n\n";
     out += &keys(&schema_of::<Limits>()?)?;
     out += "\n## Why rows and windows are excluded\n\n| reason | what it means |\n|---|---|\n";

@@ -15,6 +15,8 @@
     const text = size !== 0 && (size < 1e-3 || size >= 1e6) ? value.toExponential(2) : value.toPrecision(size >= 100 ? Math.min(7, Math.ceil(Math.log10(size)) + 1) : 3);
     return text.replace("-", "−");
   };
+  const degrees = (celsius) => String(Math.round(celsius)).replace("-", "−");
+  const unit = (text) => text.replaceAll("degC", "°C").replaceAll("deg/", "°/");
   const long = (seconds) => {
     if (seconds < 120) return Math.round(seconds) + " s";
     if (seconds < 7200) return Math.round(seconds / 60) + " min";
@@ -131,7 +133,8 @@
     });
     tiles.push(tile("recorded", long(now.t_s), `${state.counts.rows} rows`));
     const drift = state.clock.drift_ppm;
-    tiles.push(tile("jitter of arrival", figures3(1000 * state.clock.jitter_s), "ms" + (drift === null ? "" : `, clock ${figures3(drift)} ppm`)));
+    // A replay has no clock of its own.
+    if (state.clock.jitter_s > 0) tiles.push(tile("jitter of arrival", figures3(1000 * state.clock.jitter_s), "ms" + (drift === null ? "" : `, clock ${figures3(drift)} ppm`)));
     at("tiles").replaceChildren(...tiles);
     at("sources").tBodies[0].replaceChildren(...state.sources.map((s) => row(
       cell(s.name, "words"), cell(s.state + (s.state === "lost" ? ": " + s.why : ""), "state-" + s.state),
@@ -155,14 +158,14 @@
       put("verdict-word", enough.met ? "The test has told enough" : "The test has not told enough yet");
       const hours = enough.hours_to_go;
       const next = enough.axes.map((a) => a.next).find((n) => n);
-      const to = next ? (Math.abs(next.from_c - next.to_c) < 0.5 ? `a soak at ${Math.round(next.to_c)} °C` : `a ramp from ${Math.round(next.from_c)} to ${Math.round(next.to_c)} °C`) : "";
+      const to = next ? (Math.abs(next.from_c - next.to_c) < 0.5 ? `a soak at ${degrees(next.to_c)} °C` : `a ramp from ${degrees(next.from_c)} to ${degrees(next.to_c)} °C`) : "";
       const probability = Math.min(...enough.axes.map((a) => a.probability));
       put("verdict-text", `probability ${isFinite(probability) ? probability.toFixed(2) : "–"}`
         + (enough.met ? "" : hours === null ? "; hours to go are not known" : `; some ${hours.toFixed(1)} h to go`)
         + (next ? `; worth most now: ${to} for ${next.hours.toFixed(1)} h` : ""));
     }
     at("open").replaceChildren(...(enough ? enough.open : []).map((text) => item(text)));
-    const limits = enough ? enough.axes.flatMap((a) => a.expected.map((e) => row(cell(a.axis), cell(e.limit, "words"), cell(figures3(e.value_95)), cell(figures3(e.bound)), cell(e.unit)))) : [];
+    const limits = enough ? enough.axes.flatMap((a) => a.expected.map((e) => row(cell(a.axis), cell(e.limit, "words"), cell(figures3(e.value_95)), cell(figures3(e.bound)), cell(unit(e.unit))))) : [];
     at("limits-section").hidden = !limits.length;
     at("limits").tBodies[0].replaceChildren(...limits);
     put("not-decided", enough && enough.not_decided.length ? "Decided by a retest: " + enough.not_decided.join(", ") : "");
