@@ -251,6 +251,11 @@ impl JournalReader {
         Ok(reader)
     }
 
+    /// The journal's file.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
     /// Behind the last whole block that was read.
     pub fn position(&self) -> u64 {
         self.position

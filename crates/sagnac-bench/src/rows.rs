@@ -6,6 +6,7 @@ use std::time::Duration;
 use arrow_array::RecordBatch;
 use arrow_schema::{ArrowError, SchemaRef};
 use sagnac_log::ingest::MemoryTable;
+use sagnac_log::setup::Setup;
 use sagnac_log::write::{ParquetBatches, write_atomically};
 use sagnac_log::{Error, Result};
 
@@ -50,7 +51,15 @@ impl JournalRows {
     /// # Errors
     /// A file that is no journal.
     pub fn open(path: &Path) -> Result<Self> {
-        Self::of(path, None)
+        Self::of(path, None, None)
+    }
+
+    /// Of a journal that has ended, read with another setup than it was recorded with.
+    ///
+    /// # Errors
+    /// A file that is no journal.
+    pub fn open_with(path: &Path, setup: &Setup) -> Result<Self> {
+        Self::of(path, None, Some(setup))
     }
 
     /// Of one that grows.
@@ -58,16 +67,17 @@ impl JournalRows {
     /// # Errors
     /// A file that is no journal.
     pub fn follow(path: &Path, published: Published) -> Result<Self> {
-        Self::of(path, Some(published))
+        Self::of(path, Some(published), None)
     }
 
-    fn of(path: &Path, published: Option<Published>) -> Result<Self> {
+    fn of(path: &Path, published: Option<Published>, setup: Option<&Setup>) -> Result<Self> {
         let mut reader = JournalReader::open(path)?;
         let named = |e: Error| e.file(path.display().to_string());
         let entries = reader.next_block(u64::MAX)?.unwrap_or_default();
         let start = Start::of(&entries).map_err(named)?;
+        let start = setup.map_or(start.clone(), |setup| start.with(setup));
         let mut decoder = Decoder::new(&start)?;
-        entries.iter().try_for_each(|entry| decoder.push(entry))?;
+        entries.iter().for_each(|entry| decoder.push(entry));
         Ok(Self { reader, decoder, start, published, ended: false })
     }
 
@@ -85,23 +95,31 @@ impl JournalRows {
     fn step(&mut self) -> Result<bool> {
         let end = self.published.as_ref().map_or(u64::MAX, Published::length);
         let Some(entries) = self.reader.next_block(end)? else { return Ok(false) };
-        entries.iter().try_for_each(|entry| self.decoder.push(entry))?;
+        entries.iter().for_each(|entry| self.decoder.push(entry));
         Ok(true)
     }
 
     /// Reads on until the columns are known; `None` where the recording ends before.
     ///
     /// # Errors
-    /// A failed read; headers that contradict the setup.
+    /// A failed read.
     pub fn schema(&mut self) -> Result<Option<SchemaRef>> {
         loop {
             if let Some(schema) = self.decoder.schema() {
                 return Ok(Some(schema));
             }
-            if !self.step()? && self.is_at_end() {
+            if self.has_ended_before_columns()? {
                 return Ok(None);
             }
         }
+    }
+
+    /// Reads on a little, or waits for more up to a second: true where the recording has ended and no columns are known.
+    ///
+    /// # Errors
+    /// A failed read.
+    pub(crate) fn has_ended_before_columns(&mut self) -> Result<bool> {
+        Ok(self.decoder.schema().is_none() && !self.step()? && self.is_at_end())
     }
 
     /// Nothing more will come; otherwise it waits for more, up to a second.
@@ -171,14 +189,14 @@ impl JournalRows {
 ///
 /// # Errors
 /// A file that is no journal, a recording without a row, a failed write.
-pub fn finish(journal: &Path, log: &Path) -> Result<Finished> {
-    let mut rows = JournalRows::open(journal)?;
+pub fn finish(mut rows: JournalRows, log: &Path) -> Result<Finished> {
+    let journal = rows.reader.path().to_owned();
     let nothing = || {
         Error::refused("nothing was recorded that is a row")
             .file(journal.display().to_string())
-            .help("`format`, `headers` and [columns] of the setup say how the bytes are read; the journal keeps them")
+            .help("`format`, `headers` and [columns] of the setup say how the bytes are read; the journal keeps them: correct the setup, and --finish with it")
     };
-    let schema = rows.schema()?.ok_or_else(nothing)?;
+    let Some(schema) = rows.schema()? else { return Err(rows.decoder.problem().cloned().unwrap_or_else(nothing)) };
     write_atomically(log, |out| {
         let mut writer = ParquetBatches::new(out, schema)?;
         while let Some(batch) = rows.next_rows()? {

@@ -55,6 +55,12 @@ impl Start {
         Self { program, started_ns, setup, bench, sources }
     }
 
+    /// The same recording under another setup; its sources stay.
+    pub(crate) fn with(&self, setup: &Setup) -> Self {
+        let bench = BenchSetup { source: self.bench.source.clone(), ..setup.bench.clone() };
+        Self { setup: setup.clone(), bench, ..self.clone() }
+    }
+
     /// The setup of the recording.
     pub fn setup(&self) -> Setup {
         Setup { bench: self.bench.clone(), ..self.setup.clone() }

@@ -69,7 +69,7 @@ impl Recording {
         let session = self.session.take().unwrap();
         session.stop.stop();
         session.join().unwrap();
-        finish(&journal_of(&self.log()), &self.log()).unwrap()
+        finish(JournalRows::open(&journal_of(&self.log())).unwrap(), &self.log()).unwrap()
     }
 
     fn column(&self, name: &str) -> Vec<Option<f64>> {
@@ -366,4 +366,28 @@ fn the_fit_that_is_shown_is_that_of_the_log() {
     // And the log of the test says the same as the text that was replayed.
     let text = sagnac::calibrate(&plain, [path], "auto".parse().unwrap()).unwrap();
     assert_eq!(serde_json::to_string(&text.axes).unwrap(), serde_json::to_string(&record.axes).unwrap());
+}
+
+/// What a board says when it starts is no line of headers, and other headers than before end nothing: their rows are not read.
+#[test]
+fn odd_lines_end_no_recording() {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap();
+    let mut recording = Recording::begin(&setup(&format!("[bench]\nsource = \"tcp://{address}\"")));
+    let (mut first, _) = listener.accept().unwrap();
+    let boot = "rate_limit=4,counts_ok\nbooting...\n";
+    first
+        .write_all((boot.to_owned() + HEADER + &rows(0, 20) + "counts_reset,now\n" + &rows(20, 30)).as_bytes())
+        .unwrap();
+    recording.wait_for_rows(30);
+    drop(first);
+    let (mut second, _) = listener.accept().unwrap();
+    let other = "time_s,temperature_c,counts\n1,2,3\n4,5,6\n";
+    second.write_all((other.to_owned() + HEADER + &rows(30, 40)).as_bytes()).unwrap();
+    recording.wait_for_rows(40);
+    let finished = recording.end();
+    assert_eq!(recording.column("counts"), expected_counts(0, 40));
+    for said in ["other headers than before", "the headers are those of before again", "cannot be read"] {
+        assert!(finished.events.iter().any(|event| event.what.contains(said)), "{said}: {:?}", finished.events);
+    }
 }

@@ -398,3 +398,21 @@ fn a_terminal_shows_the_figures() {
     assert!(shown().contains("\u{1b}[?1049h") && shown().contains("\u{1b}[?1049l"));
     assert_eq!(bench.counts().len(), 14_400);
 }
+
+/// A setup that does not fit the source loses nothing: the recording goes on, says why, and is finished with a corrected setup.
+#[test]
+fn a_wrong_setup_is_corrected_afterwards() {
+    let bench = Bench::new("-");
+    let log = "t;Ctr;T\n".to_owned() + &(0..300).map(|i| format!("{i},5;7;2{},25\n", i % 10)).collect::<String>();
+    std::fs::write(bench.path("log"), log).unwrap();
+    let out =
+        bench.command(&["--source", "-"]).stdin(std::fs::File::open(bench.path("log")).unwrap()).output().unwrap();
+    assert_eq!(out.status.code(), Some(3), "{}", text(&out.stderr));
+    assert!(text(&out.stderr).contains("none has headers"), "{}", text(&out.stderr));
+    let setup =
+        "axis = \"z\"\narcsec_per_count = 0.6\n[columns]\nt = \"time_s\"\nCtr = \"counts\"\nT = \"temperature_c\"\n";
+    std::fs::write(bench.path("bench.toml"), setup).unwrap();
+    let out = bench.run(&["--finish"]);
+    assert!(bench.path("run.parquet").exists(), "{}", text(&out.stderr));
+    assert!(text(&out.stdout).contains("300 rows"), "{}", text(&out.stdout));
+}

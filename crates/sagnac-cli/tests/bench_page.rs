@@ -1,13 +1,13 @@
 //! The page of `sagnac bench` in a real browser: Debian's Chromium, driven by WebDriver.
 
 use std::fs::File;
-use std::io::{BufRead, BufReader, Write};
-use std::net::TcpListener;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::{TcpListener, TcpStream};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use fantoccini::{Client, ClientBuilder, Locator};
+use serde_json::{Value, json};
 
 /// Longest wait for something that must happen.
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -38,51 +38,102 @@ fn driver() -> Option<(Process, String)> {
         let line = line.ok()?;
         Some(line.split_once("started successfully on port ")?.1.trim_end_matches('.').to_owned())
     });
-    let address = format!("http://127.0.0.1:{}", port.expect("chromedriver names its port"));
+    let address = format!("127.0.0.1:{}", port.expect("chromedriver names its port"));
     // It goes on to talk; nobody listens.
     std::thread::spawn(move || said.for_each(drop));
     Some((Process(child), address))
 }
 
-async fn browser(address: &str, profile: &Path, dark: bool) -> Client {
-    let mut args = vec![
-        "--headless".to_owned(),
-        "--no-sandbox".to_owned(),
-        "--disable-gpu".to_owned(),
-        "--disable-quic".to_owned(),
-        "--no-first-run".to_owned(),
-        "--disable-background-networking".to_owned(),
-        "--disable-component-update".to_owned(),
-        "--disable-sync".to_owned(),
-        "--window-size=390,844".to_owned(),
-        format!("--user-data-dir={}", profile.display()),
-    ];
-    if dark {
-        args.push("--force-dark-mode".to_owned());
-    }
-    let mut capabilities = serde_json::Map::new();
-    capabilities.insert("goog:chromeOptions".to_owned(), serde_json::json!({ "args": args }));
-    ClientBuilder::new(hyper_util::client::legacy::connect::HttpConnector::new())
-        .capabilities(capabilities)
-        .connect(address)
-        .await
-        .unwrap()
+/// A browser, by the WebDriver protocol (W3C): each command is one HTTP request with JSON.
+struct Browser {
+    driver: String,
+    session: String,
 }
 
-/// Waits until a script returns true.
-async fn until(page: &Client, what: &str, script: &str) {
-    let begun = Instant::now();
-    loop {
-        let answer = page.execute(script, Vec::new()).await.unwrap();
-        if answer == serde_json::Value::Bool(true) {
-            return;
-        }
-        if begun.elapsed() > PATIENCE {
-            let seen = page.execute("return document.body.innerText", Vec::new()).await.unwrap();
-            panic!("{what} did not happen; the page says:\n{}", seen.as_str().unwrap_or_default());
-        }
-        tokio::time::sleep(Duration::from_millis(50)).await;
+impl Browser {
+    fn begin(driver: &str, profile: &Path) -> Self {
+        let args = [
+            "--headless",
+            "--no-sandbox",
+            "--disable-gpu",
+            "--disable-quic",
+            "--no-first-run",
+            "--disable-background-networking",
+            "--disable-component-update",
+            "--disable-sync",
+            "--window-size=390,844",
+            "--force-dark-mode",
+            &format!("--user-data-dir={}", profile.display()),
+        ];
+        let wanted = json!({ "capabilities": { "alwaysMatch": { "goog:chromeOptions": { "args": args } } } });
+        let made = ask(driver, "POST", "/session", &wanted).unwrap();
+        Self { driver: driver.to_owned(), session: made["sessionId"].as_str().unwrap().to_owned() }
     }
+
+    fn command(&self, path: &str, body: &Value) -> Result<Value, String> {
+        ask(&self.driver, "POST", &format!("/session/{}/{path}", self.session), body)
+    }
+
+    fn goto(&self, address: &str) -> Result<Value, String> {
+        self.command("url", &json!({ "url": address }))
+    }
+
+    fn run(&self, script: &str) -> Value {
+        self.command("execute/sync", &json!({ "script": script, "args": [] })).unwrap()
+    }
+
+    /// Types a key into whatever has the focus.
+    fn key(&self, key: &str) {
+        let press = json!([{ "type": "keyDown", "value": key }, { "type": "keyUp", "value": key }]);
+        self.command("actions", &json!({ "actions": [{ "type": "key", "id": "keys", "actions": press }] })).unwrap();
+    }
+
+    /// Waits until a script returns true.
+    fn until(&self, what: &str, script: &str) {
+        let begun = Instant::now();
+        while self.run(script) != Value::Bool(true) {
+            if begun.elapsed() > PATIENCE {
+                let seen = self.run("return document.body.innerText");
+                panic!("{what} did not happen; the page says:\n{}", seen.as_str().unwrap_or_default());
+            }
+        }
+    }
+}
+
+impl Drop for Browser {
+    fn drop(&mut self) {
+        let _ = ask(&self.driver, "DELETE", &format!("/session/{}", self.session), &Value::Null);
+    }
+}
+
+/// The value of an answer, or the error that the driver states.
+fn ask(driver: &str, method: &str, path: &str, body: &Value) -> Result<Value, String> {
+    let mut line = TcpStream::connect(driver).map_err(|e| e.to_string())?;
+    let body = body.to_string();
+    let head = format!(
+        "{method} {path} HTTP/1.1\r\nHost: {driver}\r\nConnection: close\r\nContent-Type: application/json\r\nContent-Length: {}\r\n\r\n",
+        body.len()
+    );
+    line.write_all((head + &body).as_bytes()).map_err(|e| e.to_string())?;
+    let mut answer = BufReader::new(line);
+    let (mut status, mut length) = (String::new(), 0);
+    answer.read_line(&mut status).map_err(|e| e.to_string())?;
+    loop {
+        let mut header = String::new();
+        answer.read_line(&mut header).map_err(|e| e.to_string())?;
+        match header.trim_end().split_once(':') {
+            Some((name, value)) if name.eq_ignore_ascii_case("content-length") => {
+                length = value.trim().parse().unwrap()
+            }
+            Some(_) => {}
+            None => break,
+        }
+    }
+    let mut text = vec![0; length];
+    answer.read_exact(&mut text).map_err(|e| e.to_string())?;
+    let mut answer: Value = serde_json::from_slice(&text).map_err(|e| e.to_string())?;
+    let value = answer["value"].take();
+    if status.contains(" 200 ") { Ok(value) } else { Err(value.to_string()) }
 }
 
 /// True where each figure has a canvas with something drawn in it.
@@ -133,59 +184,39 @@ fn the_page_is_drawn_and_comes_back() {
     log.write_all(("time_s,counts,temperature_c\n".to_owned() + &rows(0, 4000)).as_bytes()).unwrap();
     let address = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().to_string();
     let mut bench = start(path, &address, &[]);
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
-    runtime.block_on(async {
-        let page = browser(&webdriver, &path.join("profile"), true).await;
-        let begun = Instant::now();
-        while page.goto(&format!("http://{address}/")).await.is_err()
-            || page.title().await.unwrap_or_default().is_empty()
-        {
-            assert!(begun.elapsed() < PATIENCE);
-        }
-        until(
-            &page,
-            "the title",
-            "return document.getElementById('title').textContent === 'RLG-<b>7</b> on the bench'",
-        )
-        .await;
-        until(&page, "figures", DRAWN).await;
-        until(&page, "the dark", "return document.documentElement.className === 'dark'").await;
-        until(&page, "limits", "return document.querySelectorAll('#limits tbody tr').length >= 3").await;
-        until(&page, "an event", "return document.getElementById('events').textContent.includes('connected')").await;
-        // A phone: nothing is wider than the screen.
-        until(&page, "the width", "return document.documentElement.scrollWidth <= innerWidth").await;
-        // Keys reach the figures.
-        page.find(Locator::Css("body")).await.unwrap().send_keys("3").await.unwrap();
-        until(&page, "focus", "return document.activeElement.closest('figure')?.id === 'figure-residual'").await;
-        // The counter stops: a warning comes while the page is open.
-        log.write_all((4000..4200).map(|i| format!("{},75,20.000\n", 10 * (i + 1))).collect::<String>().as_bytes())
-            .unwrap();
-        until(
-            &page,
-            "a warning",
-            "return document.querySelector('#warnings li:not(.over) b')?.textContent.includes('stood still')",
-        )
-        .await;
-        // Killed: the page says so. Resumed: it goes on by itself, with what came meanwhile.
-        bench.0.kill().unwrap();
-        bench.0.wait().unwrap();
-        until(&page, "the loss", "return document.getElementById('link').className === 'bad'").await;
-        log.write_all(rows(4200, 4300).as_bytes()).unwrap();
-        bench = start(path, &address, &["--resume"]);
-        until(&page, "the return", "return document.getElementById('link').textContent === 'live'").await;
-        until(
-            &page,
-            "the rest",
-            "return [...document.querySelectorAll('.tile .unit')].some((unit) => unit.textContent === '4300 rows')",
-        )
-        .await;
-        until(&page, "figures again", DRAWN).await;
-        until(
-            &page,
-            "the event",
-            "return document.getElementById('events').textContent.includes('the recording goes on')",
-        )
-        .await;
-        page.close().await.unwrap();
-    });
+    let page = Browser::begin(&webdriver, &path.join("profile"));
+    let begun = Instant::now();
+    while page.goto(&format!("http://{address}/")).is_err() {
+        assert!(begun.elapsed() < PATIENCE);
+    }
+    page.until("the title", "return document.getElementById('title').textContent === 'RLG-<b>7</b> on the bench'");
+    page.until("figures", DRAWN);
+    page.until("the dark", "return document.documentElement.className === 'dark'");
+    page.until("limits", "return document.querySelectorAll('#limits tbody tr').length >= 3");
+    page.until("an event", "return document.getElementById('events').textContent.includes('connected')");
+    // A phone: nothing is wider than the screen.
+    page.until("the width", "return document.documentElement.scrollWidth <= innerWidth");
+    // Keys reach the figures.
+    page.key("3");
+    page.until("focus", "return document.activeElement.closest('figure')?.id === 'figure-residual'");
+    // The counter stops: a warning comes while the page is open.
+    log.write_all((4000..4200).map(|i| format!("{},75,20.000\n", 10 * (i + 1))).collect::<String>().as_bytes())
+        .unwrap();
+    page.until(
+        "a warning",
+        "return document.querySelector('#warnings li:not(.over) b')?.textContent.includes('stood still')",
+    );
+    // Killed: the page says so. Resumed: it goes on by itself, with what came meanwhile.
+    bench.0.kill().unwrap();
+    bench.0.wait().unwrap();
+    page.until("the loss", "return document.getElementById('link').className === 'bad'");
+    log.write_all(rows(4200, 4300).as_bytes()).unwrap();
+    let _resumed = start(path, &address, &["--resume"]);
+    page.until("the return", "return document.getElementById('link').textContent === 'live'");
+    page.until(
+        "the rest",
+        "return [...document.querySelectorAll('.tile .unit')].some((unit) => unit.textContent === '4300 rows')",
+    );
+    page.until("figures again", DRAWN);
+    page.until("the event", "return document.getElementById('events').textContent.includes('the recording goes on')");
 }

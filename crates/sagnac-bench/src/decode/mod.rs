@@ -17,10 +17,10 @@ use std::collections::HashMap;
 
 use arrow_array::RecordBatch;
 use arrow_schema::SchemaRef;
-use sagnac_log::Result;
 use sagnac_log::ingest::{Content, parse_value};
 use sagnac_log::setup::{LiveFormat, PollColumn, PollSetup};
 use sagnac_log::write::CellColumns;
+use sagnac_log::{Error, Result};
 use sagnac_units::NS_PER_S;
 use serde::Serialize;
 
@@ -178,23 +178,17 @@ impl Decoder {
     }
 
     /// The next entry.
-    ///
-    /// # Errors
-    /// Headers that contradict each other or the setup.
-    pub fn push(&mut self, entry: &Entry) -> Result<()> {
+    pub fn push(&mut self, entry: &Entry) {
         let at_ns = entry.arrival_ns;
         let text = || String::from_utf8_lossy(&entry.payload).into_owned();
         match (entry.kind, entry.source) {
             (Kind::Bytes, 0) => {
                 self.rows.counts.bytes += entry.payload.len() as u64;
                 self.place.follow(entry);
-                return match &mut self.format {
+                match &mut self.format {
                     Format::Text(text) => text.push(&entry.payload, at_ns, &mut self.rows),
-                    Format::Frames(frames) => {
-                        frames.push(&entry.payload, at_ns, &mut self.rows);
-                        Ok(())
-                    }
-                };
+                    Format::Frames(frames) => frames.push(&entry.payload, at_ns, &mut self.rows),
+                }
             }
             (Kind::Bytes, source) => {
                 let polled = self.rows.polled.get_mut(usize::from(source) - 1);
@@ -226,7 +220,14 @@ impl Decoder {
             (Kind::Note, _) => self.rows.say(at_ns, text()),
             (Kind::Start, _) => {}
         }
-        Ok(())
+    }
+
+    /// Why there are no columns, where a line of headers could not be read.
+    pub fn problem(&self) -> Option<&Error> {
+        match &self.format {
+            Format::Text(text) => text.problem(),
+            Format::Frames(_) => None,
+        }
     }
 
     /// A new connection: half a line of the old one is lost, unless the source goes on where it was.

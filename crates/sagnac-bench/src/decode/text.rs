@@ -28,6 +28,10 @@ pub(crate) struct Text {
     /// The next line is the first of a connection.
     is_first: bool,
     before_header: u64,
+    /// What is wrong with the last line of headers that could not be read.
+    problem: Option<Error>,
+    /// Rows are under other headers.
+    is_foreign: bool,
     clock: RowClock,
     /// Without a column of times: interval of a row, and the time of the next one.
     interval_ns: Option<i64>,
@@ -47,6 +51,8 @@ impl Text {
             skips: false,
             is_first: true,
             before_header: 0,
+            problem: None,
+            is_foreign: false,
             clock: RowClock::default(),
             interval_ns,
             next_ns: 0,
@@ -67,14 +73,6 @@ impl Text {
     fn begins(&mut self, line: &str, rows: &mut Rows) -> Result<bool> {
         let polled = rows.polled_names();
         let Some(header) = LiveHeader::of_line(line, &polled, &self.config)? else { return Ok(false) };
-        if self.header.as_ref().is_some_and(|known| *known == header) {
-            return Ok(true);
-        }
-        if self.header.is_some() {
-            return Err(Error::input("the source sends other headers than before")
-                .value(line)
-                .help("end this recording, and begin another"));
-        }
         let layout = &header.layout;
         let own = layout.headers.len() - polled.len();
         let mut columns: Vec<(String, Content)> = layout
@@ -99,12 +97,12 @@ impl Text {
     pub(crate) fn connected(&mut self, rows: &mut Rows) {
         rows.counts.lost_bytes += self.carried.len() as u64;
         self.carried.clear();
-        (self.skips, self.is_first) = (false, true);
+        (self.skips, self.is_first, self.is_foreign) = (false, true, false);
         self.clock.connected();
     }
 
     /// Bytes that came together.
-    pub(crate) fn push(&mut self, bytes: &[u8], at_ns: i64, rows: &mut Rows) -> Result<()> {
+    pub(crate) fn push(&mut self, bytes: &[u8], at_ns: i64, rows: &mut Rows) {
         let mut rest = bytes;
         while let Some(end) = memchr::memchr(b'\n', rest) {
             let (line, behind) = rest.split_at(end);
@@ -112,11 +110,11 @@ impl Text {
             if std::mem::take(&mut self.skips) {
                 rows.counts.lost_bytes += line.len() as u64;
             } else if self.carried.is_empty() {
-                self.line(line, at_ns, rows)?;
+                self.line(line, at_ns, rows);
             } else {
                 let mut whole = std::mem::take(&mut self.carried);
                 whole.extend_from_slice(line);
-                self.line(&whole, at_ns, rows)?;
+                self.line(&whole, at_ns, rows);
                 whole.clear();
                 self.carried = whole;
             }
@@ -129,31 +127,61 @@ impl Text {
             self.carried.extend_from_slice(rest);
         }
         self.clock.arrived();
-        Ok(())
     }
 
-    fn line(&mut self, line: &[u8], at_ns: i64, rows: &mut Rows) -> Result<()> {
+    /// Why there are no columns, where a line of headers could not be read.
+    pub(crate) fn problem(&self) -> Option<&Error> {
+        self.problem.as_ref().filter(|_| self.header.is_none())
+    }
+
+    /// Whether a line is one of headers. What is wrong with it is said, and ends nothing: a board may say anything when it starts. Behind other
+    /// headers than before, rows are not read until the known ones come again.
+    fn is_header(&mut self, line: &[u8], is_first: bool, at_ns: i64, rows: &mut Rows) -> bool {
+        // Looking at each row for the words of headers would cost more than reading it.
+        let may_be = self.header.is_none() || is_first || line.iter().any(u8::is_ascii_alphabetic);
+        let Some(text) = std::str::from_utf8(line).ok().filter(|_| may_be && !self.is_given) else { return false };
+        let Some(known) = &self.header else {
+            return self.begins(text, rows).unwrap_or_else(|refused| {
+                if self.problem.is_none() {
+                    rows.say(at_ns, format!("a line of headers that cannot be read: {refused}"));
+                }
+                self.problem = Some(refused);
+                false
+            });
+        };
+        match LiveHeader::of_line(text, &rows.polled_names(), &self.config) {
+            Ok(Some(header)) if header == *known => {
+                if std::mem::take(&mut self.is_foreign) {
+                    rows.say(at_ns, "the headers are those of before again");
+                }
+                true
+            }
+            Ok(Some(_)) => {
+                if !std::mem::replace(&mut self.is_foreign, true) {
+                    rows.say(at_ns, format!("other headers than before, whose rows are not read: {text}"));
+                }
+                true
+            }
+            Ok(None) | Err(_) => false,
+        }
+    }
+
+    fn line(&mut self, line: &[u8], at_ns: i64, rows: &mut Rows) {
         let line = line.strip_suffix(b"\r").unwrap_or(line);
         let is_first = std::mem::take(&mut self.is_first);
         if line.is_empty() || line.starts_with(b"#") {
-            return Ok(());
+            return;
         }
-        // A line of headers has letters; looking at each row for them would cost more than reading it.
-        let may_be_header = self.header.is_none() || is_first || line.iter().any(u8::is_ascii_alphabetic);
-        if may_be_header
-            && let Ok(text) = std::str::from_utf8(line)
-            && !self.is_given
-            && self.begins(text, rows)?
-        {
-            return Ok(());
+        if self.is_header(line, is_first, at_ns, rows) {
+            return;
         }
-        let Some(header) = &self.header else {
-            self.before_header += 1;
+        let Some(header) = self.header.as_ref().filter(|_| !self.is_foreign) else {
+            self.before_header += u64::from(self.header.is_none());
             rows.counts.lost_bytes += line.len() as u64;
-            if self.before_header == MANY_LINES {
+            if self.before_header == MANY_LINES && self.header.is_none() {
                 rows.say(at_ns, format!("{MANY_LINES} lines, and none has headers: give `headers` under [bench]"));
             }
-            return Ok(());
+            return;
         };
         let own = header.layout.headers.len() - rows.polled.len();
         let fields = fields_of(line, header.delimiter);
@@ -163,7 +191,7 @@ impl Text {
             if !is_first {
                 rows.counts.cut_lines += 1;
             }
-            return Ok(());
+            return;
         }
         match header.layout.time {
             Some((index, places)) => {
@@ -186,7 +214,6 @@ impl Text {
                 rows.row(std::iter::once(time.as_bytes()).chain(fields.iter()), at_ns);
             }
         }
-        Ok(())
     }
 
     /// The time of a row that has none: an interval after the row before; after a gap, by arrival.

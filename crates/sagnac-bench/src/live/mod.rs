@@ -195,8 +195,15 @@ impl Live {
         Ok(())
     }
 
-    fn read(&self, rows: JournalRows, setup: &Setup, request: LiveRequest) -> Result<()> {
+    fn read(&self, mut rows: JournalRows, setup: &Setup, request: LiveRequest) -> Result<()> {
         let mut monitor = Monitor::new(self.clone(), setup.clone());
+        while rows.decoder().schema().is_none() {
+            let has_ended = rows.has_ended_before_columns()?;
+            monitor.heard(&rows);
+            if has_ended {
+                return Ok(());
+            }
+        }
         let table = rows.table("the recording", move |batch, rows| monitor.push(batch, rows))?;
         let every_minute = request.every_minute;
         let fitter = Fitter::begin(self.clone(), setup, request)?;
@@ -237,8 +244,8 @@ impl Monitor {
         Self { live, setup, made: None }
     }
 
+    /// The next rows.
     fn push(&mut self, batch: &RecordBatch, rows: &JournalRows) {
-        let known = rows.finished();
         if self.made.is_none()
             && let Ok(columns) = Columns::new(batch, &self.setup)
         {
@@ -250,19 +257,17 @@ impl Monitor {
             let window_s = self.setup.window.and_then(sagnac_log::setup::WindowSize::seconds).unwrap_or(WINDOW_S);
             self.made = Some((Seconds::new(columns.clone()), Minutes::default(), Watch::new(columns, window_s)));
         }
-        let mut warnings = None;
-        let mut seconds_done = Vec::new();
-        if let Some((seconds, minutes, watch)) = &mut self.made {
-            seconds_done = seconds.push(batch);
-            for second in &seconds_done {
-                if let Some(minute) = minutes.push(second) {
-                    watch.push(minute, known.clock);
-                    warnings = Some(watch.all());
-                }
+        self.heard(rows);
+        let Some((seconds, minutes, watch)) = &mut self.made else { return };
+        let (done, mut warnings) = (seconds.push(batch), None);
+        for second in &done {
+            if let Some(minute) = minutes.push(second) {
+                watch.push(minute, rows.decoder().clock());
+                warnings = Some(watch.all());
             }
         }
         self.live.change(|state| {
-            seconds_done.iter().for_each(|second| state.trend.push(second));
+            done.iter().for_each(|second| state.trend.push(second));
             if let Some(newest) = state.trend.newest() {
                 state.now = Now {
                     t_s: newest.t_s,
@@ -271,17 +276,24 @@ impl Monitor {
                     temperature_rates_cpm: state.trend.temperature_rates_cpm(),
                 };
             }
-            state.versions.now += u64::from(!seconds_done.is_empty());
+            state.versions.now += u64::from(!done.is_empty());
+            if let Some(warnings) = warnings.filter(|warnings| *warnings != state.warnings) {
+                state.warnings = warnings;
+                state.versions.events += 1;
+            }
+        });
+    }
+
+    /// What is known besides rows.
+    fn heard(&self, rows: &JournalRows) {
+        let known = rows.finished();
+        self.live.change(|state| {
             state.counts = known.counts;
             state.clock = known.clock;
             let from = known.events.len().saturating_sub(SHOWN_EVENTS);
             let events = known.events.get(from..).unwrap_or_default();
             if state.events != events {
                 state.events = events.to_vec();
-                state.versions.events += 1;
-            }
-            if let Some(warnings) = warnings.filter(|warnings| *warnings != state.warnings) {
-                state.warnings = warnings;
                 state.versions.events += 1;
             }
         });

@@ -22,6 +22,7 @@ pub(crate) struct Lines {
     warnings: Vec<(String, f64)>,
     known: Versions,
     states: Vec<SourceState>,
+    failed: bool,
 }
 
 impl Lines {
@@ -33,6 +34,7 @@ impl Lines {
             warnings: Vec::new(),
             known: Versions::default(),
             states: Vec::new(),
+            failed: false,
         }
     }
 
@@ -80,7 +82,9 @@ impl Lines {
                 self.warnings.push(key);
             }
         }
-        said.extend(state.failed.as_ref().map(|failed| format!("rows cannot be read: {failed}")));
+        if let Some(failed) = state.failed.as_ref().filter(|_| !std::mem::replace(&mut self.failed, true)) {
+            said.push(format!("rows cannot be read: {failed}"));
+        }
         said
     }
 
@@ -104,6 +108,9 @@ pub(crate) fn lines_of(state: &State) -> Vec<String> {
     let temperatures = state.names.thermometers.iter().zip(&now.temperatures_c);
     let temperatures = temperatures.map(|(name, c)| format!("{name} {} °C", c.map_or("–".to_owned(), celsius)));
     let all: Vec<String> = axes.chain(temperatures).collect();
+    if state.counts.rows == 0 {
+        return vec!["no rows yet".to_owned()];
+    }
     let mut lines = vec![format!("{}, {} rows: {}", long(now.t_s), state.counts.rows, all.join(", "))];
     let study = &state.study;
     for axis in &study.axes {

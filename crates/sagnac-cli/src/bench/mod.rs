@@ -58,7 +58,7 @@ pub(crate) struct Args {
     /// Go on with the recording of this log
     #[arg(long)]
     resume: bool,
-    /// Record nothing more: make the log of what was recorded
+    /// Record nothing more: make the log of what was recorded, with its own setup or the one that is given
     #[arg(long, conflicts_with_all = ["resume", "source"])]
     finish: bool,
     /// Limits that the unit is to meet, in place of the setup's: a file or the name of a set
@@ -103,7 +103,9 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     let files = Files::new().reads(&args.bench).reads(&args.setup.setup).writes([&args.output]);
     args.report.check_with(files.writes(&args.calibration))?;
     let model: Model = args.model.parse()?;
-    let setup = if args.finish { JournalRows::open(&journal)?.start().setup() } else { setup_of(args)? };
+    // A recording is finished with its own setup, or with a corrected one.
+    let has_setup = args.bench.is_some() || args.setup.setup.is_some();
+    let setup = if args.finish && !has_setup { JournalRows::open(&journal)?.start().setup() } else { setup_of(args)? };
     let enough = enough_of(args, &setup)?;
     if !args.finish {
         if args.output.exists() && !args.resume {
@@ -114,7 +116,7 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
         let request = LiveRequest { model: model.clone(), every_minute: is_replay(&setup), enough };
         record(args, &setup, request, &journal, console)?;
     }
-    let finished = finish(&journal, &args.output)?;
+    let finished = finish(JournalRows::open_with(&journal, &setup)?, &args.output)?;
     describe(&finished, console);
     console.say(format!("wrote {}", args.output.display()));
     calibrate(args, &setup, model, console)
