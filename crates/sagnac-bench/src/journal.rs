@@ -127,7 +127,9 @@ impl JournalWriter {
     /// # Errors
     /// A file that is there, or that cannot be made.
     pub fn create(path: &Path) -> Result<Self> {
-        let file = File::options().read(true).append(true).create_new(true).open(path);
+        // A file without a byte holds no recording.
+        let is_empty = std::fs::metadata(path).is_ok_and(|file| file.is_file() && file.len() == 0);
+        let file = File::options().read(true).append(true).create_new(!is_empty).open(path);
         let file = file.map_err(|e| match e.kind() {
             ErrorKind::AlreadyExists => Error::input("a recording of this name is there already")
                 .file(path.display().to_string())
@@ -142,10 +144,12 @@ impl JournalWriter {
     /// # Errors
     /// A file that is no journal, or cannot be written, or that another program records into.
     pub fn resume(path: &Path) -> Result<Self> {
+        let file = File::options().read(true).append(true).open(path).map_err(|e| Error::io_path(path, "write", &e))?;
+        // Locked before its end is looked for.
+        let mut writer = Self::of(file, path, 0)?;
         let mut reader = JournalReader::open(path)?;
         while reader.next_block(u64::MAX)?.is_some() {}
-        let file = File::options().read(true).append(true).open(path).map_err(|e| Error::io_path(path, "write", &e))?;
-        let writer = Self::of(file, path, reader.position())?;
+        writer.length = reader.position();
         writer.file.set_len(writer.length).map_err(|e| Error::io_path(path, "write", &e))?;
         Ok(writer)
     }
@@ -244,9 +248,16 @@ impl JournalReader {
     pub fn open(path: &Path) -> Result<Self> {
         let file = File::open(path).map_err(|e| Error::io_path(path, "open", &e))?;
         let mut reader = Self { file, path: path.to_owned(), position: 0, damaged: 0 };
-        let is_journal = reader.bytes(0, MAGIC.len())?.as_slice() == MAGIC;
-        if !is_journal {
-            return Err(Error::input("not the journal of a recording").file(path.display().to_string()));
+        let start = reader.bytes(0, MOST_PAYLOAD_BYTES)?;
+        if memchr::memmem::find(&start, &MAGIC).is_none() {
+            let what = if start.is_empty() {
+                "an empty journal: nothing was recorded"
+            } else {
+                "not the journal of a recording"
+            };
+            return Err(Error::input(what)
+                .file(path.display().to_string())
+                .help("leave --resume and --finish out to begin a recording"));
         }
         Ok(reader)
     }

@@ -56,6 +56,8 @@ impl Session {
         let address = address_of(setup)?;
         let instruments = instruments_of(setup)?;
         let names = names_of(&address, &instruments);
+        // Headers of the setup that are none are found before anything is recorded.
+        Decoder::new(&Start::new(program, 0, setup, names.clone()))?;
         let (mut writer, before) = match resume {
             true => {
                 let before = before(journal)?;
@@ -65,7 +67,9 @@ impl Session {
             false => (JournalWriter::create(journal)?, None),
         };
         let clock = ArrivalClock::start(before.as_ref().map_or(0, |before| before.newest_ns));
-        let place = before.as_ref().map_or(0, |before| before.place);
+        // Another source is read from its beginning.
+        let is_same = |before: &&Before| before.start.setup().bench.source == setup.bench.source;
+        let place = before.as_ref().filter(is_same).map_or(0, |before| before.place);
         let start = match before {
             Some(before) => {
                 writer.push(&Entry::text(Kind::Resumed, 0, clock.now_ns(), program))?;
@@ -73,8 +77,9 @@ impl Session {
             }
             None => {
                 let start = Start::new(program, clock.now_ns(), setup, names.clone());
-                // Headers of the setup that are none are found before anything is recorded.
-                Decoder::new(&start)?;
+                // Twice, in blocks of their own: without it no row could be read.
+                writer.push(&start.entry()?)?;
+                writer.write()?;
                 writer.push(&start.entry()?)?;
                 start
             }

@@ -144,6 +144,7 @@ fn the_recording_is_ended_only_with_the_token() {
         vec![("Cookie", cookie.as_str())],
         vec![("Cookie", cookie.as_str()), ("Origin", "http://evil.example")],
         vec![("Cookie", cookie.as_str()), ("Origin", "null")],
+        vec![("Cookie", cookie.as_str()), ("Origin", "http://127.0.0.1")],
     ];
     for headers in refused {
         let (head, _) = running.ask("POST", "/stop", &headers);
@@ -181,10 +182,14 @@ fn ten_browsers_at_once_cost_nothing() {
         assert!(begun.elapsed() < PATIENCE);
     }
     drop(asleep);
-    // A stream that is open does not keep the page from ending.
+    // Neither a stream that is open nor half a request keeps the page from ending.
     let open = listen_once(&running);
+    let mut half = TcpStream::connect(running.address()).unwrap();
+    half.write_all(b"GET / HTTP/1.1\r\nHo").unwrap();
+    let begun = Instant::now();
     running.end();
-    drop(open);
+    assert!(begun.elapsed() < PATIENCE);
+    drop((open, half));
 }
 
 fn listen_once(running: &Running) -> TcpStream {

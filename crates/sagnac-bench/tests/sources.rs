@@ -308,6 +308,8 @@ fn an_instrument_that_is_lost_leaves_no_stale_values() {
     let mut recording = Recording::begin(&setup);
     let (mut line, _) = listener.accept().unwrap();
     let (mut instrument, _) = chamber.accept().unwrap();
+    let mut question = [0; 3];
+    instrument.read_exact(&mut question).unwrap();
     instrument.write_all(b"21\n").unwrap();
     until("an answer", || recording.session().sources.now()[1].bytes > 0);
     line.write_all((HEADER.to_owned() + &rows(0, 5)).as_bytes()).unwrap();

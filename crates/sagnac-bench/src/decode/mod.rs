@@ -29,7 +29,7 @@ pub use clock::ClockReport;
 use crate::decode::frames::Frames;
 use crate::decode::text::Text;
 use crate::journal::{Entry, Kind};
-use crate::source::Place;
+use crate::source::{Place, may_begin_within_a_row};
 use crate::start::Start;
 
 /// An answer is no older than so many questions.
@@ -206,6 +206,9 @@ impl Decoder {
             }
             (Kind::Ended, source) => {
                 self.flush();
+                if let (Format::Text(text), 0) = (&mut self.format, source) {
+                    text.ended(at_ns, &mut self.rows);
+                }
                 let name = self.names.get(usize::from(source)).cloned().unwrap_or_default();
                 self.rows.say(at_ns, format!("{name} has ended"));
             }
@@ -238,7 +241,7 @@ impl Decoder {
             return;
         }
         match &mut self.format {
-            Format::Text(text) => text.connected(&mut self.rows),
+            Format::Text(text) => text.connected(may_begin_within_a_row(&entry.payload), &mut self.rows),
             Format::Frames(frames) => frames.connected(&mut self.rows),
         }
     }

@@ -13,6 +13,8 @@ use crate::decode::clock::{ClockReport, RowClock};
 const MOST_LINE_BYTES: usize = 1 << 16;
 /// Lines without headers after which it is said.
 const MANY_LINES: u64 = 100;
+/// Without times, a pause that is longer than this, and than three rows, is a gap, ns.
+const PAUSE_NS: i64 = 2_500_000_000;
 /// Header of the time that a source without one gets.
 const TIME: &str = "time_ns";
 
@@ -25,8 +27,9 @@ pub(crate) struct Text {
     carried: Vec<u8>,
     /// The rest of this line is dropped.
     skips: bool,
-    /// The next line is the first of a connection.
+    /// The next line is the first of a connection, and on a line that may begin within a row.
     is_first: bool,
+    may_be_cut: bool,
     before_header: u64,
     /// What is wrong with the last line of headers that could not be read.
     problem: Option<Error>,
@@ -50,6 +53,7 @@ impl Text {
             carried: Vec::new(),
             skips: false,
             is_first: true,
+            may_be_cut: false,
             before_header: 0,
             problem: None,
             is_foreign: false,
@@ -94,7 +98,8 @@ impl Text {
     }
 
     /// A new connection.
-    pub(crate) fn connected(&mut self, rows: &mut Rows) {
+    pub(crate) fn connected(&mut self, may_be_cut: bool, rows: &mut Rows) {
+        self.may_be_cut = may_be_cut;
         rows.counts.lost_bytes += self.carried.len() as u64;
         self.carried.clear();
         (self.skips, self.is_first, self.is_foreign) = (false, true, false);
@@ -127,6 +132,14 @@ impl Text {
             self.carried.extend_from_slice(rest);
         }
         self.clock.arrived();
+    }
+
+    /// The source has ended: what was carried is its last line.
+    pub(crate) fn ended(&mut self, at_ns: i64, rows: &mut Rows) {
+        let last = std::mem::take(&mut self.carried);
+        if !last.is_empty() && !self.skips {
+            self.line(&last, at_ns, rows);
+        }
     }
 
     /// Why there are no columns, where a line of headers could not be read.
@@ -185,8 +198,8 @@ impl Text {
         };
         let own = header.layout.headers.len() - rows.polled.len();
         let fields = fields_of(line, header.delimiter);
-        // The first line after connecting may be the end of one.
-        if fields.len() != own {
+        // The first line of a connection may be the end of one, even with as many fields.
+        if fields.len() != own || (is_first && self.may_be_cut) {
             rows.counts.lost_bytes += line.len() as u64;
             if !is_first {
                 rows.counts.cut_lines += 1;
@@ -220,7 +233,9 @@ impl Text {
     fn time_of_row(&mut self, at_ns: i64) -> i64 {
         let interval_ns = self.interval_ns.unwrap_or(1);
         let since_ns = at_ns.saturating_sub(self.started_ns);
-        let is_gap = self.clock.last().is_none() || self.clock.is_new_connection();
+        let pause_ns = PAUSE_NS.max(interval_ns.saturating_mul(3));
+        let paused = self.clock.last().is_none_or(|(_, before_ns)| at_ns.saturating_sub(before_ns) > pause_ns);
+        let is_gap = self.clock.is_new_connection() || (paused && since_ns.saturating_sub(self.next_ns) > pause_ns);
         if is_gap {
             self.next_ns = self.next_ns.max(since_ns);
         }

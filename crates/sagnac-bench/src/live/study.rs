@@ -142,7 +142,7 @@ impl Studies {
                     residuals(own.map_or(&[][..], |of| &of.points))
                 };
                 study.axes = calibration.axes.iter().map(|axis| study_axis(axis, points(axis))).collect();
-                study.enough = self.request.as_ref().map(|request| enough(&calibration, request));
+                study.enough = self.request.as_ref().map(|request| enough(&calibration, &drawn, request));
             }
             Err(refusal) => study.refused = Some(refusal.what),
         }

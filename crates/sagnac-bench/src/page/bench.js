@@ -160,9 +160,9 @@
       const next = enough.axes.map((a) => a.next).find((n) => n);
       const to = next ? (Math.abs(next.from_c - next.to_c) < 0.5 ? `a soak at ${degrees(next.to_c)} °C` : `a ramp from ${degrees(next.from_c)} to ${degrees(next.to_c)} °C`) : "";
       const probability = Math.min(...enough.axes.map((a) => a.probability));
-      put("verdict-text", `probability ${isFinite(probability) ? probability.toFixed(2) : "–"}`
+      put("verdict-text", `probability ${isFinite(probability) ? probability.toFixed(2) + " if the model is right" : "–"}`
         + (enough.met ? "" : hours === null ? "; hours to go are not known" : `; some ${hours.toFixed(1)} h to go`)
-        + (next ? `; worth most now: ${to} for ${next.hours.toFixed(1)} h` : ""));
+        + (next && !enough.met ? `; worth most now: ${to} for ${next.hours.toFixed(1)} h` : ""));
     }
     at("open").replaceChildren(...(enough ? enough.open : []).map((text) => item(text)));
     const limits = enough ? enough.axes.flatMap((a) => a.expected.map((e) => row(cell(a.axis), cell(e.limit, "words"), cell(figures3(e.value_95)), cell(figures3(e.bound)), cell(unit(e.unit))))) : [];

@@ -140,6 +140,8 @@ fn token() -> Result<String> {
     Ok(sagnac_log::ingest::hex(&bytes))
 }
 
+/// Time for the last events on their way.
+const LAST_WORDS: Duration = Duration::from_millis(300);
 /// How often it is looked whether the page is to end.
 const LOOK: Duration = Duration::from_millis(100);
 
@@ -164,9 +166,10 @@ async fn serve(site: Arc<Site>, listener: TcpListener, ends: Ends) {
             look.tick().await;
         }
     };
-    // Connections that are kept alive end with their streams.
-    let served = axum::serve(listener, routes).with_graceful_shutdown(is_over);
-    let _ = served.await;
+    // A client that sends half a request, or never reads, does not keep the bench from ending: what is open then is dropped.
+    drop(tokio::spawn(async move { axum::serve(listener, routes).await }));
+    is_over.await;
+    tokio::time::sleep(LAST_WORDS).await;
 }
 
 async fn fixed(kind: &'static str, text: &'static str) -> Response {
@@ -176,7 +179,8 @@ async fn fixed(kind: &'static str, text: &'static str) -> Response {
 /// Who may look, and what every answer says.
 async fn guard(Shared(site): Shared<Arc<Site>>, request: Request, next: Next) -> Response {
     let host = request.headers().get(header::HOST).and_then(|host| host.to_str().ok()).unwrap_or_default();
-    let mut answer = if !site.is_own_name(host) {
+    let is_one = request.headers().get_all(header::HOST).iter().count() == 1 && request.uri().authority().is_none();
+    let mut answer = if !is_one || !site.is_own_name(host) {
         (StatusCode::MISDIRECTED_REQUEST, "this is not a name of the bench\n").into_response()
     } else if !site.address.ip().is_loopback() && !site.has_token(request.headers()) && request.uri().path() != "/" {
         (StatusCode::UNAUTHORIZED, "open the address with its token, as the bench printed it\n").into_response()
@@ -245,7 +249,9 @@ async fn page(Shared(site): Shared<Arc<Site>>, Query(opens): Query<Opens>, heade
 
 async fn stop(Shared(site): Shared<Arc<Site>>, headers: HeaderMap) -> Response {
     let origin = headers.get(header::ORIGIN).and_then(|origin| origin.to_str().ok()).unwrap_or_default();
-    let from_page = origin.strip_prefix("http://").is_some_and(|host| site.is_own_name(host));
+    let host = headers.get(header::HOST).and_then(|host| host.to_str().ok());
+    // Another port of this computer is another site.
+    let from_page = origin.strip_prefix("http://").is_some_and(|from| Some(from) == host && site.is_own_name(from));
     if !site.has_token(&headers) || !from_page {
         return (StatusCode::FORBIDDEN, "only the page that was opened with the token may end the recording\n")
             .into_response();

@@ -61,6 +61,11 @@ fn from_byte(name: &str, at: u64) -> String {
     format!("{name}{FROM_BYTE}{at}")
 }
 
+/// True of a connection whose first bytes may be the end of a row: a network line and a serial port, not a file, a pipe or a datagram.
+pub(crate) fn may_begin_within_a_row(connected: &[u8]) -> bool {
+    connected.starts_with(b"tcp://") || connected.ends_with(b" baud")
+}
+
 /// How far a source that can be read from a place was read.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Place(pub(crate) Option<u64>);

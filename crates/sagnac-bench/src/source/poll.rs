@@ -87,6 +87,13 @@ fn wrong(what: impl Into<String>) -> std::io::Error {
 impl Connection {
     /// A question, and its answer without the end of the line.
     fn ask_scpi(&mut self, column: &PollColumn) -> std::io::Result<Vec<u8>> {
+        // What nobody asked for would be taken for the answer, and every later answer for that of the question before.
+        self.stream.set_nonblocking(true)?;
+        let unasked = self.stream.peek(&mut [0]).is_ok_and(|bytes| bytes > 0) || !self.reader.buffer().is_empty();
+        self.stream.set_nonblocking(false)?;
+        if unasked {
+            return Err(wrong("it says something that nobody asked for"));
+        }
         let question = column.query.as_deref().unwrap_or_default();
         self.stream.write_all(format!("{question}\n").as_bytes())?;
         let mut answer = Vec::new();

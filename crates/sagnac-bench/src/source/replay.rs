@@ -21,7 +21,7 @@ pub(crate) fn replay(path: &Path, speed: f64, skip: u64, setup: &Setup, out: &Ou
     if !out.send(What::Connected(from_byte(&format!("replay of {}", path.display()), skip))) {
         return;
     }
-    let mut sender = Sender { out, waiting: Vec::new(), skip };
+    let mut sender = Sender { out, waiting: Vec::new(), skip, separator: b',' };
     match sender.pour(path, speed, setup) {
         Ok(true) => {
             out.send(What::Ended);
@@ -38,6 +38,7 @@ struct Sender<'a> {
     out: &'a Out,
     waiting: Vec<u8>,
     skip: u64,
+    separator: u8,
 }
 
 impl Sender<'_> {
@@ -49,6 +50,8 @@ impl Sender<'_> {
                 .column("sample_interval_s")
                 .file(path.display().to_string()));
         }
+        // As in the log: numbers with a decimal comma need another separator.
+        self.separator = log.delimiter();
         self.line(log.headers().iter().map(String::as_bytes))?;
         let (start, mut first_ns) = (Instant::now(), None);
         while let Some(batch) = log.next_batch()? {
@@ -73,7 +76,7 @@ impl Sender<'_> {
 
     /// A line of delimited text.
     fn line<'f>(&mut self, fields: impl IntoIterator<Item = &'f [u8]>) -> Result<()> {
-        let mut writer = csv::Writer::from_writer(&mut self.waiting);
+        let mut writer = csv::WriterBuilder::new().delimiter(self.separator).from_writer(&mut self.waiting);
         let written = writer.write_record(fields).and_then(|()| writer.flush().map_err(Into::into));
         written.map_err(|e| Error::input(format!("cannot replay: {e}")))
     }

@@ -126,14 +126,17 @@ pub(crate) fn lines_of(state: &State) -> Vec<String> {
     }
     if let Some(enough) = &study.enough {
         let least = enough.axes.iter().map(|axis| axis.probability).fold(f64::INFINITY, f64::min);
-        let probability =
-            if least.is_finite() { format!("probability {least:.2}") } else { "no probability yet".into() };
+        let probability = if least.is_finite() {
+            format!("probability {least:.2} if the model is right")
+        } else {
+            "no probability yet".into()
+        };
         let hours = match (enough.met, enough.hours_to_go) {
             (true, _) => "enough".to_owned(),
             (false, Some(hours)) => format!("some {} h to go", significant(hours, 2)),
             (false, None) => "hours to go are not known".to_owned(),
         };
-        let next = enough.axes.iter().find_map(|axis| axis.next.as_ref());
+        let next = enough.axes.iter().find_map(|axis| axis.next.as_ref()).filter(|_| !enough.met);
         let next = next.map_or(String::new(), |step| format!("; worth most: {}", step.words()));
         lines.push(format!("  {probability}, {hours}{next}"));
         lines.extend(enough.open.iter().map(|open| format!("  open: {open}")));

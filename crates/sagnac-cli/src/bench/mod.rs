@@ -107,6 +107,7 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     let has_setup = args.bench.is_some() || args.setup.setup.is_some();
     let setup = if args.finish && !has_setup { JournalRows::open(&journal)?.start().setup() } else { setup_of(args)? };
     let enough = enough_of(args, &setup)?;
+    page_address(args)?;
     if !args.finish {
         if args.output.exists() && !args.resume {
             return Err(Error::input("a log of this name is there already")
@@ -251,6 +252,19 @@ fn share_of(request: &EnoughRequest) -> Option<(f64, String)> {
     Some((limit * request.share, format!("{name} ({} of it)", significant(request.share, 2))))
 }
 
+/// The page's address; `None` where there is to be no page.
+fn page_address(args: &Args) -> Result<Option<SocketAddr>> {
+    if args.page_address == "none" {
+        return Ok(None);
+    }
+    args.page_address.parse().map(Some).map_err(|_| {
+        Error::input("not an address")
+            .column("--page")
+            .value(&args.page_address)
+            .help("an address is 127.0.0.1:8647, or `none`")
+    })
+}
+
 /// Serves the page, unless there is to be none.
 fn page_of(
     args: &Args,
@@ -260,16 +274,7 @@ fn page_of(
     live: &Live,
     console: &mut Console,
 ) -> Result<Option<Page>> {
-    if args.page_address == "none" {
-        return Ok(None);
-    }
-    let bad = || {
-        Error::input("not an address")
-            .column("--page")
-            .value(&args.page_address)
-            .help("an address is 127.0.0.1:8647, or `none`")
-    };
-    let address: SocketAddr = args.page_address.parse().map_err(|_| bad())?;
+    let Some(address) = page_address(args)? else { return Ok(None) };
     let of = PageOf {
         title: title_of(setup),
         subtitle: session.start.sources.join(", "),

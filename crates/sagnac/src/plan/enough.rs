@@ -8,17 +8,21 @@
 //!
 //! The step of the largest I − I' per hour is the next one: I-optimal, one step at a time. Hours to go repeat it until the probability is reached.
 //! The test has told enough when that probability is reached on every axis and nothing below is open: the temperatures asked for were reached, heating
-//! and cooling can be compared, temperature did not move together with time or its rate, and the held-out residual beyond the noise floor is
-//! within its limit.
+//! and cooling can be compared, temperature did not move together with time or its rate, the held-out residual beyond the noise floor is
+//! within its limit, and what the model misses of the residual over temperature, heating, cooling and rest is within the share of its limit: the
+//! covariance takes the model for granted, this does not.
 //!
 //! Fails as the fit does: a term that no temperature so far has shown is in no covariance. So a caller asks for the same answer several times in a
 //! row, over a growing record, before he ends a test.
+
+use std::collections::BTreeMap;
 
 use nalgebra::DMatrix;
 use serde::Serialize;
 
 use super::promise::{self, Expected, Promise};
 use crate::calibration::{AxisCalibration, Calibration};
+use crate::diagnostics::{Leg, Point, ReportData};
 use crate::verify::Limits;
 
 /// Temperatures over the span, ends included: of soaks that are compared, and of the criterion.
@@ -29,6 +33,8 @@ const SOAK_H: f64 = 1.0;
 const PIECES: usize = 8;
 /// Most hours that are looked ahead.
 const MOST_H: f64 = 48.0;
+/// Width of the bins of the residual, °C.
+const BIN_C: f64 = 10.0;
 /// A temperature counts as reached within this, °C.
 const NEAR_C: f64 = 0.5;
 
@@ -117,13 +123,17 @@ pub struct Enough {
     pub not_decided: Vec<String>,
 }
 
-/// Judges a fit of the record so far.
-pub fn enough(calibration: &Calibration, request: &EnoughRequest) -> Enough {
+/// Judges a fit of the record so far by its record and its windows.
+pub fn enough(calibration: &Calibration, drawn: &ReportData, request: &EnoughRequest) -> Enough {
     let mut open = Vec::new();
     if promise::judged(&request.limits).is_empty() {
         open.push("no limit is asked that a calibration test decides".to_owned());
     }
     let window_s = calibration.setup.stages().window.window.seconds().unwrap_or(calibration.sample_interval_s);
+    for axis in &calibration.axes {
+        let points = drawn.axes.iter().find(|of| of.axis == axis.axis).map_or(&[][..], |of| &of.points);
+        open.extend(misfit_of(axis, points, window_s, request));
+    }
     let so_far = |axis| axis_so_far(axis, window_s, request, &mut open);
     let axes: Vec<EnoughAxis> = calibration.axes.iter().filter_map(so_far).collect();
     if axes.len() < calibration.axes.len() {
@@ -177,6 +187,7 @@ fn axis_so_far(
     let mut say = |is_open: bool, what: String| open.extend(is_open.then(|| format!("axis {letter}: {what}")));
     say(fit.hysteresis.is_none(), "heating and cooling cannot be compared yet".to_owned());
     fit.entanglement.iter().for_each(|found| say(true, found.note()));
+    say(axis.noise_floor().is_none(), "the noise floor is not known, so a misfit of the model is not seen".to_owned());
     if let (Some(limit), Some(beyond)) = (request.limits.sigma_beyond_floor_dph_max, beyond_floor(axis)) {
         say(
             beyond > limit,
@@ -196,6 +207,34 @@ fn axis_so_far(
         expected: promise.expected,
         next: next.map(|(step, _)| step),
         hours_to_go,
+    })
+}
+
+/// What the model leaves of the residual over temperature, where it is more than the share of its limit. Means over [`BIN_C`], apart for heating, cooling
+/// and rest, have a mean square beyond that of white noise and of the slow noise of the fit.
+fn misfit_of(axis: &AxisCalibration, points: &[Point], window_s: f64, request: &EnoughRequest) -> Option<String> {
+    let limit = request.share * request.limits.temperature_residual_dph_max?;
+    let ahead = Ahead::new(axis, window_s, 0.0, 0.0)?;
+    let mut bins: BTreeMap<(i64, u8), (f64, f64)> = BTreeMap::new();
+    let known = points.iter().filter(|point| point.after_dph.is_finite() && point.temperature_c.is_finite());
+    for point in known {
+        let leg = match point.leg() {
+            Leg::Heating => 0,
+            Leg::Cooling => 1,
+            Leg::Steady => 2,
+        };
+        let bin = bins.entry(((point.temperature_c / BIN_C).floor() as i64, leg)).or_default();
+        bin.0 += point.after_dph * point.length_h;
+        bin.1 += point.length_h;
+    }
+    let of_noise = |hours: f64| ahead.white_h / hours + ahead.flicker;
+    let beyond = bins.values().map(|(sum, hours)| (sum / hours).powi(2) - of_noise(*hours)).sum::<f64>();
+    let misfit = (beyond / bins.len().max(1) as f64).max(0.0).sqrt();
+    (misfit > limit).then(|| {
+        format!(
+            "axis {}: the model misses the residual over temperature, heating, cooling and rest by {misfit:.4} °/h; {limit:.4} is allowed",
+            axis.axis
+        )
     })
 }
 

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 use sagnac::Limits;
 use sagnac::calibration::Calibration;
-use sagnac::fit::{FitOptions, Model, calibrate};
+use sagnac::fit::{FitOptions, Model, calibrate_with_report_data};
 use sagnac::plan::{EnoughRequest, enough};
 use sagnac::verify::{Correction, VerifyOptions, verify};
 use sagnac::window::WindowBuilder;
@@ -74,7 +74,7 @@ fn reader(log: &[u8]) -> LogReader {
 /// The calibration of a test that ends when it has told enough, with its hours; and that of the full one.
 fn tested(bytes: &[u8], request: &EnoughRequest) -> (Option<(f64, Calibration)>, Calibration) {
     let setup = Bench::setup();
-    let fit = |windows| calibrate(windows, &setup, &FitOptions::new(Model::Auto));
+    let fit = |windows| calibrate_with_report_data(windows, &setup, &FitOptions::new(Model::Auto));
     // Rows are pushed one by one, so that the record ends where it is judged.
     let mut log = reader(bytes);
     let mut windows = WindowBuilder::new(log.shape(), &setup).unwrap();
@@ -84,7 +84,7 @@ fn tested(bytes: &[u8], request: &EnoughRequest) -> (Option<(f64, Calibration)>,
     }
     let whole = windows.so_far(log.summary());
     let first_ns = whole.runs[0].start_ns;
-    let full = fit(whole.clone()).unwrap();
+    let (full, _) = fit(whole.clone()).unwrap();
     while stopped.is_none() && due_h < FULL_HOURS {
         // A prefix of the rows, read as they came until then.
         let rows = (due_h * 3600.0 / ROW_S) as usize;
@@ -101,9 +101,9 @@ fn tested(bytes: &[u8], request: &EnoughRequest) -> (Option<(f64, Calibration)>,
         }
         let so_far = builder.so_far(part.summary());
         assert_eq!(so_far.runs[0].start_ns, first_ns);
-        let made = fit(so_far).ok().filter(|made| enough(made, request).met);
+        let made = fit(so_far).ok().filter(|(made, drawn)| enough(made, drawn, request).met);
         in_a_row = if made.is_some() { in_a_row + 1 } else { 0 };
-        stopped = made.filter(|_| in_a_row >= IN_A_ROW).map(|made| (due_h, made));
+        stopped = made.filter(|_| in_a_row >= IN_A_ROW).map(|(made, _)| (due_h, made));
         due_h += EVERY_H;
     }
     (stopped, full)
