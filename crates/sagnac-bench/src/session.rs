@@ -67,8 +67,10 @@ impl Session {
             false => (JournalWriter::create(journal)?, None),
         };
         let clock = ArrivalClock::start(before.as_ref().map_or(0, |before| before.newest_ns));
-        // Another source is read from its beginning.
-        let is_same = |before: &&Before| before.start.setup().bench.source == setup.bench.source;
+        // Another source is read from its beginning; the same one may come at another speed.
+        let bare =
+            |source: Option<String>| source.map(|source| source.split('?').next().unwrap_or_default().to_owned());
+        let is_same = |before: &&Before| bare(before.start.setup().bench.source) == bare(setup.bench.source.clone());
         let place = before.as_ref().filter(is_same).map_or(0, |before| before.place);
         let start = match before {
             Some(before) => {
