@@ -42,7 +42,7 @@ const PAGE: &str = "127.0.0.1:8647";
 #[command(after_help = "\
 Examples:
   sagnac bench bench.toml --source serial:/dev/ttyUSB0 -o run.parquet --calibration unit.cal.json
-  sagnac bench bench.toml --source tcp://192.168.1.20:4001 -o run.parquet --limits navigation-grade --stop-when met
+  sagnac bench bench.toml --source tcp://192.168.1.20:4001 -o run.parquet --stop-when met
   sagnac simulate scenarios/paper/paper.toml | sagnac bench bench.toml --source - -o run.parquet")]
 pub(crate) struct Args {
     /// Setup file, whose [bench] names the sources
@@ -51,26 +51,31 @@ pub(crate) struct Args {
     /// Log to write when the test has ended: Parquet
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
-    /// Where the gyro's bytes come from, in place of the setup's: -, file:PATH, tcp://HOST:PORT, udp://HOST:PORT, serial:DEVICE?baud=115200,
-    /// replay:LOG?speed=10
+    /// Where the gyro's bytes come from, in place of the setup's
+    ///
+    /// -, file:PATH, tcp://HOST:PORT, udp://HOST:PORT, serial:DEVICE?baud=115200, replay:LOG?speed=10
     #[arg(long, value_name = "SOURCE")]
     source: Option<String>,
     /// Go on with the recording of this log
     #[arg(long)]
     resume: bool,
-    /// Record nothing more: make the log of what was recorded, with its own setup or the one that is given
+    /// Record nothing more: make the log of what was recorded
+    ///
+    /// With the setup of the recording, or a corrected one that is given
     #[arg(long, conflicts_with_all = ["resume", "source"])]
     finish: bool,
-    /// Limits that the unit is to meet, in place of the setup's: a file or the name of a set
+    /// Limits that the unit is to meet: a file or the name of a set
     #[arg(long, value_name = "LIMITS")]
     limits: Option<String>,
-    /// `met`: end the recording when the test has told enough; needs limits, and span_c under [bench]
-    #[arg(long, value_enum, default_value = "never")]
+    /// `met`: end the recording when the test has told enough
+    ///
+    /// Needs limits, and span_c under [bench]
+    #[arg(long, value_enum, default_value = "never", hide_possible_values = true)]
     stop_when: StopWhen,
     /// Address of the page, or `none`
     #[arg(long = "page", id = "address", value_name = "ADDRESS", default_value = PAGE)]
     page_address: String,
-    /// The figures in text on this terminal; plain lines where standard output is none
+    /// The figures in text on this terminal
     #[arg(long)]
     tui: bool,
     /// Calibration to write at the end
