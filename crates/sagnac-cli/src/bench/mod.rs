@@ -42,7 +42,6 @@ const PAGE: &str = "127.0.0.1:8647";
 #[command(after_help = "\
 Examples:
   sagnac bench bench.toml --source serial:/dev/ttyUSB0 -o run.parquet --calibration unit.cal.json
-  sagnac bench bench.toml --source tcp://192.168.1.20:4001 -o run.parquet --stop-when met
   sagnac simulate scenarios/paper/paper.toml | sagnac bench bench.toml --source - -o run.parquet")]
 pub(crate) struct Args {
     /// Setup file, whose [bench] names the sources
