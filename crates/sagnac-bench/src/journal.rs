@@ -34,7 +34,7 @@ pub enum Kind {
     Start,
     /// Bytes of a source.
     Bytes,
-    /// A source is connected; the payload says to what.
+    /// A source is connected: [`crate::source::Connection`] as JSON.
     Connected,
     /// A source was lost; the payload says why.
     Lost,

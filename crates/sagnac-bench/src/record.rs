@@ -213,7 +213,7 @@ impl Recorder {
                     status.state = SourceState::Waiting;
                     status.last_ns = at_ns;
                 });
-                Entry::text(Kind::Connected, source, at_ns, &to)
+                Entry::text(Kind::Connected, source, at_ns, &serde_json::to_string(&to).unwrap_or(to.to))
             }
             What::Lost(why) => {
                 self.sources.with(source.into(), |status| {

@@ -47,6 +47,13 @@ impl Recording {
         Self { folder, session: Some(session) }
     }
 
+    /// With the server that it connects to.
+    fn over_tcp() -> (Self, TcpListener) {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let address = listener.local_addr().unwrap();
+        (Self::begin(&setup(&format!("[bench]\nsource = \"tcp://{address}\""))), listener)
+    }
+
     fn log(&self) -> PathBuf {
         self.folder.path().join("run.parquet")
     }
@@ -95,9 +102,7 @@ fn expected_counts(from: u32, to: u32) -> Vec<Option<f64>> {
 
 #[test]
 fn a_tcp_source_that_breaks_leaves_a_gap_and_not_an_end() {
-    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-    let address = listener.local_addr().unwrap();
-    let mut recording = Recording::begin(&setup(&format!("[bench]\nsource = \"tcp://{address}\"")));
+    let (mut recording, listener) = Recording::over_tcp();
     let (mut first, _) = listener.accept().unwrap();
     first.write_all((HEADER.to_owned() + &rows(0, 50)).as_bytes()).unwrap();
     recording.wait_for_rows(50);
@@ -117,9 +122,7 @@ fn a_tcp_source_that_breaks_leaves_a_gap_and_not_an_end() {
 /// A source that says nothing is named within three seconds of its last byte, and what it says afterwards is recorded.
 #[test]
 fn a_silent_source_is_named_within_three_seconds() {
-    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-    let address = listener.local_addr().unwrap();
-    let mut recording = Recording::begin(&setup(&format!("[bench]\nsource = \"tcp://{address}\"")));
+    let (mut recording, listener) = Recording::over_tcp();
     let (mut line, _) = listener.accept().unwrap();
     line.write_all((HEADER.to_owned() + &rows(0, 5)).as_bytes()).unwrap();
     let state = |recording: &Recording| recording.session().sources.now().remove(0);
@@ -373,9 +376,7 @@ fn the_fit_that_is_shown_is_that_of_the_log() {
 /// What a board says when it starts is no line of headers, and other headers than before end nothing: their rows are not read.
 #[test]
 fn odd_lines_end_no_recording() {
-    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-    let address = listener.local_addr().unwrap();
-    let mut recording = Recording::begin(&setup(&format!("[bench]\nsource = \"tcp://{address}\"")));
+    let (mut recording, listener) = Recording::over_tcp();
     let (mut first, _) = listener.accept().unwrap();
     let boot = "rate_limit=4,counts_ok\nbooting...\n";
     first
@@ -392,4 +393,35 @@ fn odd_lines_end_no_recording() {
     for said in ["other headers than before", "the headers are those of before again", "cannot be read"] {
         assert!(finished.events.iter().any(|event| event.what.contains(said)), "{said}: {:?}", finished.events);
     }
+}
+
+/// A rig that writes Windows-1252, decimal commas and dates of its country: the log is that of the same rows in a file.
+#[test]
+fn a_foreign_rig_is_read_as_its_file_is() {
+    let row = |i: u32| {
+        format!("24.11.2026 08:{:02}:{:02};{},{:02};{};n{i}\r\n", i / 60, i % 60, 20 + i / 100, i % 100, 7 + i % 5)
+    };
+    let text = "Zeitpunkt;Temperatur (°C);Zähler;Bemerkung\r\n".to_owned() + &(0..300).map(row).collect::<String>();
+    let bytes: Vec<u8> = text.chars().map(|c| u8::try_from(u32::from(c)).unwrap()).collect();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("rig.txt");
+    std::fs::write(&path, &bytes).unwrap();
+    let columns =
+        "[columns]\n\"Zeitpunkt\" = \"time\"\n\"Temperatur (°C)\" = \"temperature_c\"\n\"Zähler\" = \"counts_z\"\n";
+    let setup = setup(&format!("{columns}[bench]\nsource = \"file:{}\"", path.display()));
+    let mut recording = Recording::begin(&setup);
+    recording.wait_for_rows(300);
+    recording.end();
+    let plain = Setup { bench: Default::default(), ..setup };
+    let rows = |path: &Path| {
+        let mut log = LogReader::open(path, &plain, ReadMode::Bulk).unwrap();
+        let mut all = Vec::new();
+        while let Some(batch) = log.next_batch().unwrap() {
+            all.extend(batch.end_ns.iter().copied().zip(batch.angle[0].clone()).zip(batch.temperature_c[0].clone()));
+        }
+        all
+    };
+    let recorded = rows(&recording.log());
+    assert_eq!(recorded.len(), 300);
+    assert_eq!(recorded, rows(&path));
 }

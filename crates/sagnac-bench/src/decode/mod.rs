@@ -29,7 +29,7 @@ pub use clock::ClockReport;
 use crate::decode::frames::Frames;
 use crate::decode::text::Text;
 use crate::journal::{Entry, Kind};
-use crate::source::{Place, may_begin_within_a_row};
+use crate::source::{Connection, Place};
 use crate::start::Start;
 
 /// An answer is no older than so many questions.
@@ -198,7 +198,7 @@ impl Decoder {
                 if source == 0 {
                     self.connected(entry);
                 }
-                self.rows.say(at_ns, format!("connected: {}", text()));
+                self.rows.say(at_ns, format!("connected: {}", Connection::of(entry).to));
             }
             (Kind::Lost, source) => {
                 let name = self.names.get(usize::from(source)).map_or("", String::as_str);
@@ -241,7 +241,7 @@ impl Decoder {
             return;
         }
         match &mut self.format {
-            Format::Text(text) => text.connected(may_begin_within_a_row(&entry.payload), &mut self.rows),
+            Format::Text(text) => text.connected(Connection::of(entry).may_be_cut, &mut self.rows),
             Format::Frames(frames) => frames.connected(&mut self.rows),
         }
     }

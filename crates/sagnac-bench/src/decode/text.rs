@@ -63,7 +63,7 @@ impl Text {
             started_ns,
         };
         if let Some(line) = &setup.bench.headers {
-            text.is_given = text.begins(line, rows).map_err(|e| e.column("bench.headers"))?;
+            text.is_given = text.begins(line.as_bytes(), rows).map_err(|e| e.column("bench.headers"))?;
             if !text.is_given {
                 return Err(Error::input("a line of headers that names no counts and no rates")
                     .column("bench.headers")
@@ -74,7 +74,7 @@ impl Text {
     }
 
     /// Takes a line of headers over; false for a line that is none.
-    fn begins(&mut self, line: &str, rows: &mut Rows) -> Result<bool> {
+    fn begins(&mut self, line: &[u8], rows: &mut Rows) -> Result<bool> {
         let polled = rows.polled_names();
         let Some(header) = LiveHeader::of_line(line, &polled, &self.config)? else { return Ok(false) };
         let layout = &header.layout;
@@ -152,9 +152,11 @@ impl Text {
     fn is_header(&mut self, line: &[u8], is_first: bool, at_ns: i64, rows: &mut Rows) -> bool {
         // Looking at each row for the words of headers would cost more than reading it.
         let may_be = self.header.is_none() || is_first || line.iter().any(u8::is_ascii_alphabetic);
-        let Some(text) = std::str::from_utf8(line).ok().filter(|_| may_be && !self.is_given) else { return false };
+        if !may_be || self.is_given {
+            return false;
+        }
         let Some(known) = &self.header else {
-            return self.begins(text, rows).unwrap_or_else(|refused| {
+            return self.begins(line, rows).unwrap_or_else(|refused| {
                 if self.problem.is_none() {
                     rows.say(at_ns, format!("a line of headers that cannot be read: {refused}"));
                 }
@@ -162,7 +164,7 @@ impl Text {
                 false
             });
         };
-        match LiveHeader::of_line(text, &rows.polled_names(), &self.config) {
+        match LiveHeader::of_line(line, &rows.polled_names(), &self.config) {
             Ok(Some(header)) if header == *known => {
                 if std::mem::take(&mut self.is_foreign) {
                     rows.say(at_ns, "the headers are those of before again");
@@ -171,7 +173,8 @@ impl Text {
             }
             Ok(Some(_)) => {
                 if !std::mem::replace(&mut self.is_foreign, true) {
-                    rows.say(at_ns, format!("other headers than before, whose rows are not read: {text}"));
+                    let other = String::from_utf8_lossy(line);
+                    rows.say(at_ns, format!("other headers than before, whose rows are not read: {other}"));
                 }
                 true
             }

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::live::seconds::Second;
+use crate::live::seconds::{Second, Steps};
 
 /// Length of a minute, s.
 pub(crate) const MINUTE_S: f64 = 60.0;
@@ -51,12 +51,7 @@ pub(crate) struct AxisMinute {
     pub(crate) rate: Value,
     /// Variance from row to row, (°/h)² at the interval of a row; NaN without two rows.
     pub(crate) variance: f64,
-    squares: f64,
-    pub(crate) pairs: u32,
-    pub(crate) repeats: u32,
-    pub(crate) missing: u32,
-    pub(crate) rises: u32,
-    pub(crate) largest_step: f64,
+    pub(crate) steps: Steps,
 }
 
 /// A minute.
@@ -97,14 +92,7 @@ impl Minutes {
         open.seconds += 1;
         for (minute, axis) in open.axes.iter_mut().zip(&second.axes) {
             minute.rate.add(axis.rate_dph());
-            minute.squares += axis.squares;
-            minute.pairs += axis.pairs;
-            minute.repeats += axis.repeats;
-            minute.missing += axis.missing;
-            minute.rises += axis.rises;
-            if axis.largest_step.abs() > minute.largest_step.abs() {
-                minute.largest_step = axis.largest_step;
-            }
+            minute.steps.add(&axis.steps);
         }
         open.temperatures.iter_mut().zip(&second.temperatures_c).for_each(|(value, c)| value.add(*c));
         open.numbers.iter_mut().zip(&second.numbers).for_each(|(value, number)| value.add(*number));
@@ -118,7 +106,7 @@ impl Minutes {
 
 fn closed(mut minute: Minute) -> Minute {
     for axis in &mut minute.axes {
-        axis.variance = axis.squares / f64::from(axis.pairs);
+        axis.variance = axis.steps.squares / f64::from(axis.steps.pairs);
     }
     minute
 }

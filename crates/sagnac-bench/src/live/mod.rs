@@ -286,14 +286,14 @@ impl Monitor {
 
     /// What is known besides rows.
     fn heard(&self, rows: &JournalRows) {
-        let known = rows.finished();
+        let decoder = rows.decoder();
+        let events = decoder.events();
+        let shown = events.get(events.len().saturating_sub(SHOWN_EVENTS)..).unwrap_or_default();
         self.live.change(|state| {
-            state.counts = known.counts;
-            state.clock = known.clock;
-            let from = known.events.len().saturating_sub(SHOWN_EVENTS);
-            let events = known.events.get(from..).unwrap_or_default();
-            if state.events != events {
-                state.events = events.to_vec();
+            state.counts = decoder.counts();
+            state.clock = decoder.clock();
+            if state.events != shown {
+                state.events = shown.to_vec();
                 state.versions.events += 1;
             }
         });

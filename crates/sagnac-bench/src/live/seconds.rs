@@ -99,23 +99,47 @@ impl Columns {
     }
 }
 
-/// One axis in a second.
+/// How the rows of an axis follow each other.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct AxisSecond {
-    /// Σ rate · interval, °/h·s.
-    angle: f64,
-    seconds: f64,
-    /// Σ (difference)² of rows that follow each other, (°/h)² at their interval, and their number.
+pub(crate) struct Steps {
+    /// Σ (difference)²/2 of rows that follow each other, (°/h)² at their interval, and their number.
     pub(crate) squares: f64,
     pub(crate) pairs: u32,
     /// Rows whose value is that of the row before.
     pub(crate) repeats: u32,
     /// Rows without a value.
     pub(crate) missing: u32,
-    /// Rows whose value is above that of the row before, all by nearly the same.
+    /// Rows whose value differs from that of the row before by nearly the same as that one.
     pub(crate) rises: u32,
-    /// Largest step of a running total or difference of two values, counts.
-    pub(crate) largest_step: f64,
+    /// Largest difference of two values, counts.
+    pub(crate) largest: f64,
+}
+
+impl Steps {
+    /// Of further rows.
+    pub(crate) fn add(&mut self, more: &Self) {
+        self.squares += more.squares;
+        self.pairs += more.pairs;
+        self.repeats += more.repeats;
+        self.missing += more.missing;
+        self.rises += more.rises;
+        self.widen(more.largest);
+    }
+
+    fn widen(&mut self, step: f64) {
+        if step.abs() > self.largest.abs() {
+            self.largest = step;
+        }
+    }
+}
+
+/// One axis in a second.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct AxisSecond {
+    /// Σ rate · interval, °/h·s.
+    angle: f64,
+    seconds: f64,
+    pub(crate) steps: Steps,
 }
 
 impl AxisSecond {
@@ -283,7 +307,7 @@ struct Known {
 fn add(second: &mut AxisSecond, column: &AxisColumn, value: f64, known: Known, before: (&mut f64, &mut f64)) {
     let (last, last_step) = before;
     if value.is_nan() {
-        second.missing += 1;
+        second.steps.missing += 1;
         *last = f64::NAN;
         return;
     }
@@ -301,15 +325,13 @@ fn add(second: &mut AxisSecond, column: &AxisColumn, value: f64, known: Known, b
     if known.follows && !step.is_nan() {
         let difference = rate - rate_before;
         if difference.is_finite() {
-            second.squares += difference * difference / 2.0;
-            second.pairs += 1;
-            second.repeats += u32::from(own.to_bits() == before.to_bits());
+            second.steps.squares += difference * difference / 2.0;
+            second.steps.pairs += 1;
+            second.steps.repeats += u32::from(own.to_bits() == before.to_bits());
         }
         let alike = (step - *last_step).abs() <= ALIKE * step.abs();
-        second.rises += u32::from(!known.is_total && step != 0.0 && alike);
-        if step.abs() > second.largest_step.abs() {
-            second.largest_step = step;
-        }
+        second.steps.rises += u32::from(!known.is_total && step != 0.0 && alike);
+        second.steps.widen(step);
     }
     *last_step = step;
     *last = value;

@@ -113,16 +113,10 @@ impl Studies {
         let recorded_s: f64 = windows.runs.iter().map(sagnac::window::Run::length_s).sum();
         let is_grown = self.found.as_ref().is_none_or(|(_, at_s)| recorded_s > (1.0 + GROWN) * at_s);
         let searches = is_last || is_grown;
-        let again = windows.clone();
-        let mut study = self.fitted(windows, recorded_s, searches);
-        let has_held = self.met_since_s.is_some_and(|since_s| recorded_s - since_s >= HELD_S);
-        if has_held {
-            // What a model found before says may not be what a search would say now.
-            if !searches {
-                study = self.fitted(again, recorded_s, true);
-            }
-            study.confirmed = self.met_since_s.is_some();
-        }
+        // What a model found before says may not be what a search would say now: only a search confirms.
+        let may_confirm = self.met_since_s.is_some_and(|since_s| recorded_s - since_s >= HELD_S);
+        let mut study = self.fitted(windows, recorded_s, searches || may_confirm);
+        study.confirmed = may_confirm && self.met_since_s.is_some();
         study.allan = noise.map(deviations).unwrap_or_default();
         (study, begun.elapsed())
     }

@@ -23,8 +23,8 @@ const STILL: usize = 10;
 const MOVED_C: f64 = 1.5;
 /// The chamber has, °C.
 const MOVED_CHAMBER_C: f64 = 10.0;
-/// A lone thermometer that changed so often in the minutes before does not stop by itself.
-const LIVELY: u32 = 10;
+/// A lone thermometer that changed so often in as many minutes before does not stop by itself.
+const LIVELY: u32 = 50;
 /// Part of a minute's rows that may be missing.
 const MISSING: f64 = 0.05;
 /// Minutes in a row that a fault must last.
@@ -271,7 +271,7 @@ impl Watch {
             self.history.iter().take(from + 1).rev().take(STILL).map(|minute| value(minute).changes).sum::<u32>();
         let first = self.history.iter().take(from + 1).rev().nth(3)?;
         let rate = (first.temperatures[at].mean() - value(self.history.get(from)?).mean()).abs() / 3.0;
-        (before >= LIVELY * STILL as u32 / 2 && rate > 0.2).then(|| ", in the middle of a ramp".to_owned())
+        (before >= LIVELY && rate > 0.2).then(|| ", in the middle of a ramp".to_owned())
     }
 
     fn rows(&self, found: &mut Vec<Found>) {
@@ -284,7 +284,7 @@ impl Watch {
             found.push((WarningKind::MissingRows, "rows".to_owned(), words));
         }
         for (at, axis) in self.columns.axes.iter().enumerate() {
-            let part = |minute: &Minute| f64::from(minute.axes[at].missing) / f64::from(minute.rows.max(1));
+            let part = |minute: &Minute| f64::from(minute.axes[at].steps.missing) / f64::from(minute.rows.max(1));
             if last.iter().all(|minute| part(minute) > MISSING) {
                 let worst = last.iter().map(|minute| part(minute)).fold(0.0, f64::max);
                 let words =
@@ -298,9 +298,10 @@ impl Watch {
         for at in 0..self.columns.axes.len() {
             let letter = self.columns.axes[at].letter;
             let Some(newest) = self.history.back().map(|minute| minute.axes[at]) else { return };
-            let repeats = |axis: super::minutes::AxisMinute| f64::from(axis.repeats) / f64::from(axis.pairs.max(1));
+            let repeats =
+                |axis: super::minutes::AxisMinute| f64::from(axis.steps.repeats) / f64::from(axis.steps.pairs.max(1));
             let stopped = self.last(STOPPED).is_some_and(|last| {
-                last.iter().all(|minute| minute.axes[at].pairs > 0 && repeats(minute.axes[at]) > REPEATS)
+                last.iter().all(|minute| minute.axes[at].steps.pairs > 0 && repeats(minute.axes[at]) > REPEATS)
             });
             if stopped && self.varied[at] {
                 let words = format!(
@@ -308,9 +309,10 @@ impl Watch {
                 );
                 found.push((WarningKind::CountsStandStill, letter.to_string(), words));
             }
-            self.varied[at] |= newest.pairs > 0 && repeats(newest) < VARIED;
-            let rises =
-                |minute: &&Minute| minute.axes[at].pairs >= 10 && minute.axes[at].rises + 2 >= minute.axes[at].pairs;
+            self.varied[at] |= newest.steps.pairs > 0 && repeats(newest) < VARIED;
+            let rises = |minute: &&Minute| {
+                minute.axes[at].steps.pairs >= 10 && minute.axes[at].steps.rises + 2 >= minute.axes[at].steps.pairs
+            };
             if self.last(LASTS).is_some_and(|last| last.iter().all(rises)) {
                 let words = format!(
                     "axis {letter}: the counts rise by the same from row to row: a running total; set counter = \"cumulative\""
@@ -318,7 +320,7 @@ impl Watch {
                 found.push((WarningKind::CounterWraps, letter.to_string(), words));
                 continue;
             }
-            let step = newest.largest_step.abs();
+            let step = newest.steps.largest.abs();
             let wraps = BITS.into_iter().find(|bits| (step / 2_f64.powi(*bits) - 1.0).abs() < 0.02);
             let usual = self.usual_step(at);
             if let Some(bits) = wraps.filter(|_| step > 20.0 * usual) {
@@ -333,7 +335,7 @@ impl Watch {
     /// The median of the largest steps of the minutes before.
     fn usual_step(&self, at: usize) -> f64 {
         let before = self.history.iter().rev().skip(1);
-        median(before.map(|minute| minute.axes[at].largest_step.abs()).collect()).unwrap_or(f64::INFINITY)
+        median(before.map(|minute| minute.axes[at].steps.largest.abs()).collect()).unwrap_or(f64::INFINITY)
     }
 
     fn vibration(&mut self, found: &mut Vec<Found>) {

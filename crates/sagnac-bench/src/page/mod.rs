@@ -384,10 +384,7 @@ fn tell(of: &PageOf, ends: &Ends) {
         // The newest values come once a second, even where nothing is new: a page must see that the bench is there.
         let waits = std::time::Instant::now();
         of.live.wait(known, EVERY);
-        let rest = EVERY.saturating_sub(waits.elapsed());
-        if of.stop.wait(rest) {
-            std::thread::park_timeout(rest);
-        }
+        std::thread::park_timeout(EVERY.saturating_sub(waits.elapsed()));
         let told = of.live.look(|state| {
             let mut told = Vec::new();
             let mut say = |name: &'static str, data: serde_json::Result<String>| {

@@ -21,6 +21,8 @@ use std::sync::mpsc::SyncSender;
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::time::{Duration, Instant, SystemTime};
 
+use serde::{Deserialize, Serialize};
+
 use crate::journal::{Entry, Kind};
 
 /// Time to wait for bytes before a source looks whether it is to stop.
@@ -34,8 +36,8 @@ const LONGEST_PAUSE: Duration = Duration::from_secs(2);
 pub enum What {
     /// Bytes.
     Bytes(Vec<u8>),
-    /// It is connected: to what.
-    Connected(String),
+    /// It is connected.
+    Connected(Connection),
     /// It is lost: why.
     Lost(String),
     /// It has ended by itself.
@@ -53,17 +55,37 @@ pub struct Arrived {
     pub what: What,
 }
 
-/// Words between the name of a source that can be read from a place, and that place.
-const FROM_BYTE: &str = " from byte ";
-
-/// The name of a source that is read from a place on.
-fn from_byte(name: &str, at: u64) -> String {
-    format!("{name}{FROM_BYTE}{at}")
+/// A connection that was made, as the journal has it.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Connection {
+    /// To what, in words.
+    pub to: String,
+    /// Place of its first byte, for a source that can be read from a place.
+    pub from_byte: Option<u64>,
+    /// Its first bytes may be the end of a row: of a network line or a serial port.
+    pub may_be_cut: bool,
 }
 
-/// True of a connection whose first bytes may be the end of a row: a network line and a serial port, not a file, a pipe or a datagram.
-pub(crate) fn may_begin_within_a_row(connected: &[u8]) -> bool {
-    connected.starts_with(b"tcp://") || connected.ends_with(b" baud")
+impl Connection {
+    /// Of a source whose first bytes begin a row.
+    fn whole(to: impl Into<String>) -> Self {
+        Self { to: to.into(), ..Self::default() }
+    }
+
+    /// Of a source that is read from a place on.
+    fn from_byte(to: impl Into<String>, at: u64) -> Self {
+        Self { to: to.into(), from_byte: Some(at), may_be_cut: false }
+    }
+
+    /// Of a line that may be joined within a row.
+    fn within(to: impl Into<String>) -> Self {
+        Self { to: to.into(), from_byte: None, may_be_cut: true }
+    }
+
+    /// In an entry of the journal.
+    pub(crate) fn of(entry: &Entry) -> Self {
+        serde_json::from_slice(&entry.payload).unwrap_or_else(|_| Self::whole(String::from_utf8_lossy(&entry.payload)))
+    }
 }
 
 /// How far a source that can be read from a place was read.
@@ -75,17 +97,12 @@ impl Place {
     pub(crate) fn follow(&mut self, entry: &Entry) {
         match entry.kind {
             Kind::Connected if entry.source == 0 => {
-                self.0 = first_byte(&String::from_utf8_lossy(&entry.payload));
+                self.0 = Connection::of(entry).from_byte;
             }
             Kind::Bytes if entry.source == 0 => self.0 = self.0.map(|place| place + entry.payload.len() as u64),
             _ => {}
         }
     }
-}
-
-/// The place from which a source is read, where its connection names one.
-fn first_byte(connected: &str) -> Option<u64> {
-    connected.rsplit_once(FROM_BYTE)?.1.parse().ok()
 }
 
 /// The time of arrivals: the clock of the computer at the start, and its monotonic clock since, so that a clock that is set does not step it.

@@ -7,13 +7,12 @@ use std::net::TcpStream;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use rmodbus::ModbusProto;
 use rmodbus::client::ModbusRequest;
 use sagnac_log::setup::{PollColumn, PollSetup, RegisterTable};
 use sagnac_log::threads::spawn;
 
 use super::stream::connected;
-use super::{Instrument, Out, SessionEnd, What};
+use super::{Connection, Instrument, Out, SessionEnd, What};
 
 /// Longest time for an answer.
 const ANSWER: Duration = Duration::from_secs(2);
@@ -37,16 +36,16 @@ pub(crate) fn spawn_poll(instrument: Instrument, poll: PollSetup, outs: Vec<Out>
 /// Asks all columns in turn until something fails.
 fn ask_on(instrument: &Instrument, poll: &PollSetup, outs: &[Out], first: &Out) -> SessionEnd {
     let (Instrument::Scpi(address) | Instrument::Modbus { address, .. }) = instrument;
-    let connection = connected(address).and_then(|stream| {
+    let client = connected(address).and_then(|stream| {
         stream.set_read_timeout(Some(ANSWER))?;
         let reader = BufReader::new(stream.try_clone()?);
-        Ok(Connection { stream, reader, transaction: 0 })
+        Ok(Client { stream, reader, transaction: 0 })
     });
-    let mut connection = match connection {
-        Ok(connection) => connection,
+    let mut client = match client {
+        Ok(client) => client,
         Err(error) => return SessionEnd::NotConnected(error.to_string()),
     };
-    if !first.send(What::Connected(instrument.shown())) {
+    if !first.send(What::Connected(Connection::whole(instrument.shown()))) {
         return SessionEnd::Stopped;
     }
     let every = Duration::from_secs_f64(poll.every_s);
@@ -54,8 +53,8 @@ fn ask_on(instrument: &Instrument, poll: &PollSetup, outs: &[Out], first: &Out) 
     loop {
         for (column, out) in poll.columns.iter().zip(outs) {
             let answer = match instrument {
-                Instrument::Scpi(_) => connection.ask_scpi(column),
-                Instrument::Modbus { unit, .. } => connection.ask_modbus(*unit, column),
+                Instrument::Scpi(_) => client.ask_scpi(column),
+                Instrument::Modbus { unit, .. } => client.ask_modbus(*unit, column),
             };
             match answer {
                 Ok(answer) => {
@@ -74,7 +73,8 @@ fn ask_on(instrument: &Instrument, poll: &PollSetup, outs: &[Out], first: &Out) 
     }
 }
 
-struct Connection {
+/// Asks, and reads answers.
+struct Client {
     stream: TcpStream,
     reader: BufReader<TcpStream>,
     transaction: u16,
@@ -84,7 +84,7 @@ fn wrong(what: impl Into<String>) -> std::io::Error {
     std::io::Error::new(ErrorKind::InvalidData, what.into())
 }
 
-impl Connection {
+impl Client {
     /// A question, and its answer without the end of the line.
     fn ask_scpi(&mut self, column: &PollColumn) -> std::io::Result<Vec<u8>> {
         // What nobody asked for would be taken for the answer, and every later answer for that of the question before.
@@ -107,7 +107,6 @@ impl Connection {
     /// The bytes of the registers, the high byte of each first.
     fn ask_modbus(&mut self, unit: u8, column: &PollColumn) -> std::io::Result<Vec<u8>> {
         let mut request = ModbusRequest::new_tcp_udp(unit, self.transaction);
-        debug_assert!(request.proto == ModbusProto::TcpUdp);
         self.transaction = self.transaction.wrapping_add(1);
         let (register, count) = (column.register.unwrap_or(0), column.kind.registers());
         let mut question = Vec::new();

@@ -10,7 +10,7 @@ use sagnac_log::ingest::{LogReader, ReadMode};
 use sagnac_log::setup::Setup;
 use sagnac_log::{Error, Result};
 
-use super::{Out, What, from_byte};
+use super::{Connection, Out, What};
 use crate::journal::MOST_PAYLOAD_BYTES;
 
 /// Longest time between two sends.
@@ -18,7 +18,7 @@ const TOGETHER: Duration = Duration::from_millis(20);
 
 /// Sends a log; `skip` bytes of its text were recorded before.
 pub(crate) fn replay(path: &Path, speed: f64, skip: u64, setup: &Setup, out: &Out) {
-    if !out.send(What::Connected(from_byte(&format!("replay of {}", path.display()), skip))) {
+    if !out.send(What::Connected(Connection::from_byte(format!("replay of {}", path.display()), skip))) {
         return;
     }
     let mut sender = Sender { out, waiting: Vec::new(), skip, separator: b',' };

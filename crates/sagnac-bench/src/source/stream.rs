@@ -1,6 +1,6 @@
 //! Sources of bytes: standard input, growing files, TCP, UDP, serial ports, logs that are replayed.
 
-use std::fs::File;
+use std::fs::{File, Metadata};
 use std::io::{ErrorKind, Read, Seek, SeekFrom};
 use std::net::{TcpStream, ToSocketAddrs, UdpSocket};
 use std::path::Path;
@@ -10,7 +10,7 @@ use std::time::Duration;
 use sagnac_log::setup::Setup;
 use sagnac_log::threads::spawn;
 
-use super::{Address, Out, PATIENCE, SessionEnd, What, from_byte};
+use super::{Address, Connection, Out, PATIENCE, SessionEnd, What};
 use crate::journal::MOST_PAYLOAD_BYTES;
 use crate::source::replay::replay;
 
@@ -63,7 +63,7 @@ fn pour(reader: &mut dyn Read, out: &Out, at_end: impl Fn() -> SessionEnd) -> Se
 
 fn input(out: &Out) {
     out.keep(|out| {
-        if !out.send(What::Connected("standard input".to_owned())) {
+        if !out.send(What::Connected(Connection::whole("standard input"))) {
             return SessionEnd::Stopped;
         }
         pour(&mut std::io::stdin(), out, || SessionEnd::Ended)
@@ -83,7 +83,7 @@ fn file(path: &Path, at: &mut u64, out: &Out) -> SessionEnd {
     if let Err(error) = open.seek(SeekFrom::Start(*at)) {
         return SessionEnd::NotConnected(error.to_string());
     }
-    if !out.send(What::Connected(from_byte(&path.display().to_string(), *at))) {
+    if !out.send(What::Connected(Connection::from_byte(path.display().to_string(), *at))) {
         return SessionEnd::Stopped;
     }
     let mut bytes = vec![0; PIECE_BYTES];
@@ -111,21 +111,25 @@ fn file(path: &Path, at: &mut u64, out: &Out) -> SessionEnd {
     }
 }
 
-/// Whether the file under a path is no longer the open one, as far as it was read.
+/// Why the file under a path is no longer the open one, as far as it was read.
 fn replaced(path: &Path, open: &File, at: u64) -> Option<String> {
-    let (now, ours) = (std::fs::metadata(path).ok()?, open.metadata().ok()?);
+    let now = std::fs::metadata(path).ok()?;
     if now.len() < at {
         return Some("the file became shorter".to_owned());
     }
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::MetadataExt;
-        if (now.dev(), now.ino()) != (ours.dev(), ours.ino()) {
-            return Some("another file has its name".to_owned());
-        }
-    }
-    let _ = ours;
-    None
+    is_another(&now, &open.metadata().ok()?).then(|| "another file has its name".to_owned())
+}
+
+#[cfg(unix)]
+fn is_another(one: &Metadata, other: &Metadata) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    (one.dev(), one.ino()) != (other.dev(), other.ino())
+}
+
+/// A system without numbers of files.
+#[cfg(not(unix))]
+fn is_another(_: &Metadata, _: &Metadata) -> bool {
+    false
 }
 
 /// A connection to the first address of a name that answers.
@@ -150,7 +154,7 @@ fn tcp(address: &str, out: &Out) -> SessionEnd {
         Ok(stream) => stream,
         Err(error) => return SessionEnd::NotConnected(error.to_string()),
     };
-    if !out.send(What::Connected(format!("tcp://{address}"))) {
+    if !out.send(What::Connected(Connection::within(format!("tcp://{address}")))) {
         return SessionEnd::Stopped;
     }
     pour(&mut stream, out, || SessionEnd::Lost("the other side has closed the connection".to_owned()))
@@ -164,7 +168,7 @@ fn udp(address: &str, out: &Out) -> SessionEnd {
         Err(error) => return SessionEnd::NotConnected(error.to_string()),
     };
     let heard = socket.local_addr().map_or_else(|_| address.to_owned(), |bound| bound.to_string());
-    if !out.send(What::Connected(format!("udp://{heard}"))) {
+    if !out.send(What::Connected(Connection::whole(format!("udp://{heard}")))) {
         return SessionEnd::Stopped;
     }
     let mut bytes = vec![0; MOST_PAYLOAD_BYTES];
@@ -193,7 +197,7 @@ fn serial(path: &Path, baud: u32, out: &Out) -> SessionEnd {
         Ok(port) => port,
         Err(error) => return SessionEnd::NotConnected(error.to_string()),
     };
-    if !out.send(What::Connected(format!("{} at {baud} baud", path.display()))) {
+    if !out.send(What::Connected(Connection::within(format!("{} at {baud} baud", path.display())))) {
         return SessionEnd::Stopped;
     }
     pour(&mut port, out, || SessionEnd::Lost("the port was closed".to_owned()))

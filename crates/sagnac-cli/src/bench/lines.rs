@@ -17,7 +17,6 @@ const LOOK: Duration = Duration::from_millis(200);
 /// What was said already.
 pub(crate) struct Lines {
     said: Option<Instant>,
-    events: usize,
     last_event_ns: i64,
     warnings: Vec<(String, f64)>,
     known: Versions,
@@ -29,7 +28,6 @@ impl Lines {
     pub(crate) fn new() -> Self {
         Self {
             said: None,
-            events: 0,
             last_event_ns: i64::MIN,
             warnings: Vec::new(),
             known: Versions::default(),
@@ -74,7 +72,6 @@ impl Lines {
         let silence = |what: &str| what.contains(": silent for ");
         said.extend(state.events.iter().filter(is_new).map(|event| event.what.clone()).filter(|what| !silence(what)));
         self.last_event_ns = state.events.last().map_or(self.last_event_ns, |event| event.at_ns);
-        self.events = state.events.len();
         for warning in &state.warnings {
             let key = (warning.place.clone(), warning.since_s);
             if !self.warnings.contains(&key) {

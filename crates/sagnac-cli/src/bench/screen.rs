@@ -267,11 +267,10 @@ mod tests {
         (0..height).map(|y| line(y) + "\n").collect()
     }
 
-    #[allow(clippy::field_reassign_with_default, reason = "a part of it is private")]
     fn state() -> State {
-        let names = sagnac_bench::live::Names { axes: vec!['z'], thermometers: vec!["block".into()] };
         let mut state = State::default();
-        state.names = names;
+        state.names.axes.push('z');
+        state.names.thermometers.push("block".to_owned());
         state
     }
 

@@ -5,7 +5,7 @@
 
 use crate::error::Result;
 use crate::ingest::header::Layout;
-use crate::ingest::text_head::headers_of;
+use crate::ingest::text_head::{headers_of, text_of};
 use crate::setup::ReadConfig;
 
 /// The columns of a live source.
@@ -18,23 +18,17 @@ pub struct LiveHeader {
 }
 
 impl LiveHeader {
-    /// Reads a line of headers; `None` for a line that names no counts and no rates. A polled column may have its name in `[columns]`, too.
+    /// Reads a line of headers, which is UTF-8 or Windows-1252; `None` for a line that names no counts and no rates. `more` are columns behind those of
+    /// the line.
     ///
     /// # Errors
     /// Headers that contradict each other or the setup.
-    pub fn of_line(line: &str, more: &[String], config: &ReadConfig) -> Result<Option<Self>> {
-        let line = line.trim_start_matches('\u{feff}').trim();
+    pub fn of_line(line: &[u8], more: &[String], config: &ReadConfig) -> Result<Option<Self>> {
+        let text = text_of(line);
+        let line = text.trim_start_matches('\u{feff}').trim();
         let Some((mut headers, delimiter)) = headers_of(line, config)? else { return Ok(None) };
         headers.extend(more.iter().cloned());
-        Self::of_headers(headers, delimiter, config).map(Some)
-    }
-
-    /// Of known headers.
-    ///
-    /// # Errors
-    /// As [`LiveHeader::of_line`].
-    pub fn of_headers(headers: Vec<String>, delimiter: u8, config: &ReadConfig) -> Result<Self> {
-        Ok(Self { layout: Layout::new(headers, &config.columns, config.axis)?, delimiter })
+        Ok(Some(Self { layout: Layout::new(headers, &config.columns, config.axis)?, delimiter }))
     }
 
     /// Decimal commas are understood where no comma separates fields.

@@ -10,6 +10,7 @@
 //!
 //! Bytes that are not UTF-8 are read as Windows-1252, which every byte of is a character; UTF-16 is decoded before ([`crate::ingest::source`]).
 
+use std::borrow::Cow;
 use std::io::{BufRead, Cursor, Read};
 
 use crate::error::{Error, Result};
@@ -225,10 +226,7 @@ impl Head<'_> {
         let mut line = Vec::new();
         let mut limited = self.source.reader.by_ref().take(MAX_LINE_BYTES as u64);
         limited.read_until(b'\n', &mut line).map_err(|e| Error::io(&self.source.name, "read", &e))?;
-        let text = match std::str::from_utf8(&line) {
-            Ok(text) => text.trim().to_owned(),
-            Err(_) => encoding_rs::WINDOWS_1252.decode_without_bom_handling(&line).0.trim().to_owned(),
-        };
+        let text = text_of(&line).trim().to_owned();
         Ok((line, text))
     }
 
@@ -249,6 +247,14 @@ fn names_an_axis(text: &str, delimiter: u8, config: &ReadConfig) -> bool {
         let axis = matches!(role_of(&known), Ok(Role::Counts { .. } | Role::Rate { .. }));
         axis || word == "rate" || word.starts_with("rate_") || role_of(&known).is_err()
     })
+}
+
+/// Bytes as text: UTF-8, else Windows-1252.
+pub(crate) fn text_of(line: &[u8]) -> Cow<'_, str> {
+    match std::str::from_utf8(line) {
+        Ok(text) => Cow::Borrowed(text),
+        Err(_) => encoding_rs::WINDOWS_1252.decode_without_bom_handling(line).0,
+    }
 }
 
 /// The headers of a line and what separates them; `None` for a line that names no counts and no rates.

@@ -47,11 +47,11 @@ impl Column {
     }
 
     /// A cell; in a column of numbers anything else is null.
-    fn push(&mut self, cell: &str, decimal_comma: bool) {
+    fn push(&mut self, cell: &[u8], decimal_comma: bool) {
         match self {
-            Self::Number(column) => column.append_option(parse_value(cell.as_bytes(), decimal_comma)),
-            Self::Nanoseconds(column) => column.append_option(parse_time_ns(cell.as_bytes(), 0, decimal_comma)),
-            Self::Text(column) => column.append_value(cell),
+            Self::Number(column) => column.append_option(parse_value(cell, decimal_comma)),
+            Self::Nanoseconds(column) => column.append_option(parse_time_ns(cell, 0, decimal_comma)),
+            Self::Text(column) => column.append_value(String::from_utf8_lossy(cell)),
         }
     }
 
@@ -102,8 +102,8 @@ impl CellColumns {
         let mut cells = cells.into_iter();
         for column in &mut self.columns {
             match cells.next() {
-                Some(cell) => column.push(&String::from_utf8_lossy(cell.as_ref()), self.decimal_comma),
-                None => column.push("", self.decimal_comma),
+                Some(cell) => column.push(cell.as_ref(), self.decimal_comma),
+                None => column.push(b"", self.decimal_comma),
             }
         }
         self.rows += 1;
