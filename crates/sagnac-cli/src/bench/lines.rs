@@ -50,7 +50,7 @@ impl Lines {
             self.known = state.versions;
             said = self.news(state);
             let is_due = self.said.is_none_or(|said| said.elapsed() >= EVERY);
-            if is_due && state.counts.rows > 0 {
+            if is_due && !state.now.rates_dph.is_empty() {
                 self.said = Some(Instant::now());
                 said.extend(lines_of(state));
             }
@@ -105,7 +105,7 @@ pub(crate) fn lines_of(state: &State) -> Vec<String> {
     let temperatures = state.names.thermometers.iter().zip(&now.temperatures_c);
     let temperatures = temperatures.map(|(name, c)| format!("{name} {} °C", c.map_or("–".to_owned(), celsius)));
     let all: Vec<String> = axes.chain(temperatures).collect();
-    if state.counts.rows == 0 {
+    if state.names.axes.is_empty() || now.rates_dph.is_empty() {
         return vec!["no rows yet".to_owned()];
     }
     let mut lines = vec![format!("{}, {} rows: {}", long(now.t_s), state.counts.rows, all.join(", "))];
