@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 use std::fs;
 use std::io::Write as _;
+use std::path::Path;
 use std::process::{Child, Command, Stdio};
 
 use anyhow::{Context, Result};
@@ -18,11 +19,11 @@ pub(super) const HEADING: &str = "\n## A fleet\n\n";
 const UNITS: u64 = 40;
 const ALIASES: u64 = 10;
 const PAIRS: usize = 5;
-const RUNS: u64 = 2;
+pub(super) const RUNS: u64 = 2;
 const AXES: [char; 3] = ['x', 'y', 'z'];
 /// Soak of a cycle of ten hours, s.
 const SOAK_S: f64 = 11_400.0;
-const MODEL: &str = "bias 3, rate 0";
+pub(super) const MODEL: &str = "bias 3, rate 0";
 
 /// The bare sums of windows of 100 s, of every log.
 const DUCKDB: &str = "import sys, duckdb
@@ -36,28 +37,16 @@ for log in open(sys.argv[1]).read().split():
 pub(super) fn measure_fleet(bench: &Bench, page: &mut String) -> Result<()> {
     let bytes = logs(bench)?;
     let folder = bench.file("fleet").display().to_string();
-    let with = |source: &str, threads: &str, model: &str| -> Vec<String> {
-        let words = ["fleet", "calibrate", source, "--again", "--arcsec-per-count", "0.15125", "--model", model];
-        let more = ["--threads", threads, "-o", &format!("{folder}-out")].map(str::to_owned);
-        std::iter::once(bench.sagnac.clone()).chain(words.map(str::to_owned)).chain(more).collect()
-    };
-    let fleet = |source: &str, threads: &str| with(source, threads, MODEL);
-    let alone = |of: Vec<String>| ["taskset", "-c", "0"].map(str::to_owned).into_iter().chain(of).collect::<Vec<_>>();
-    let program = &bench.sagnac;
-    let script = format!(
-        "for u in {folder}/*; do {program} calibrate $u/*.csv --arcsec-per-count 0.15125 --model '{MODEL}' --serial $(basename $u) -o {folder}-loop.json; done"
-    );
-    let shell: Vec<String> = ["sh", "-c", &script].map(str::to_owned).into();
-    let sums = bench.file("duckdb_window_sums.py");
-    fs::write(&sums, DUCKDB)?;
-    let listed = bench.file("fleet-logs.txt");
-    let duckdb: Vec<String> = [bench.python.clone(), sums.display().to_string(), listed.display().to_string()].into();
+    let out = format!("{folder}-out");
+    let fleet = |source: &str, threads: &str| on_threads(bench, source, threads, MODEL, &out);
+    let shell = by_shell(bench, &folder);
+    let duckdb = by_duckdb(bench, &bench.file("fleet-logs.txt"))?;
     let shell_loops = [alone(shell.clone()), shell.clone()];
     let two = Pairs::run(PAIRS, &fleet(&folder, "2"), &shell)?;
     let one = Pairs::run(PAIRS, &alone(fleet(&folder, "1")), &shell_loops[0])?;
     let bare = Pairs::run(PAIRS, &fleet(&folder, "2"), &duckdb)?;
     let many = measure(&fleet(&bench.file("fleet-many.csv").display().to_string(), "2"))?;
-    let auto = measure(&with(&folder, "2", "auto"))?;
+    let auto = measure(&on_threads(bench, &folder, "2", "auto", &out))?;
     let clusters = on_clusters(bench, &folder, &shell_loops)?;
     *page += HEADING;
     let _ = write!(
@@ -125,50 +114,105 @@ impl Drop for Running {
     }
 }
 
-/// One executor on one core, and one, two and four slots in two executors on two, beside the loop on the same cores.
-fn on_clusters(bench: &Bench, folder: &str, loops: &[Vec<String>; 2]) -> Result<Vec<Cluster>> {
-    sh_in(&root().join("fleet"), "cargo", &["build", "--release", "--locked"], &[])?;
-    let program = root().join("fleet/target/release/sagnac-fleet").display().to_string();
-    let setup = bench.file("fleet-bench.toml");
-    fs::write(&setup, "arcsec_per_count = 0.15125\n")?;
-    let mut measured = Vec::new();
-    for (executors, slots, one_core) in [(1, 1, true), (2, 1, false), (4, 1, false)] {
+/// A scheduler and executors on this machine, which end with this.
+pub(super) struct Started {
+    _scheduler: Running,
+    executors: Vec<Running>,
+    /// Where units are sent.
+    pub(super) at: String,
+}
+
+impl Started {
+    /// The executors have so many slots each; all are on the first core, or on every one.
+    pub(super) fn new(program: &str, executors: usize, slots: usize, one_core: bool) -> Result<Self> {
         let start = |args: &[&str]| -> Result<Running> {
-            let mut command = if one_core { Command::new("taskset") } else { Command::new(&program) };
+            let mut command = if one_core { Command::new("taskset") } else { Command::new(program) };
             if one_core {
-                command.args(["-c", "0", &program]);
+                command.args(["-c", "0", program]);
             }
             let child = command.args(args).stdout(Stdio::null()).stderr(Stdio::null()).spawn();
             Ok(Running(child.with_context(|| format!("cannot start {program}"))?))
         };
         let port = 50_150 + 20 * executors;
         let at = format!("127.0.0.1:{port}");
-        let _scheduler = start(&["scheduler", "--port", &port.to_string()])?;
-        let running: Vec<Running> = (1..=executors)
+        let scheduler = start(&["scheduler", "--port", &port.to_string()])?;
+        let executors = (1..=executors)
             .map(|number| {
                 let own = (port + 2 * number).to_string();
                 start(&["executor", "--scheduler", &at, "--port", &own, "--slots", &slots.to_string()])
             })
             .collect::<Result<_>>()?;
-        let words =
-            ["calibrate", folder, "--again", "--model", MODEL, "--cluster", &format!("df://{at}")].map(str::to_owned);
-        let more = ["--setup", &setup.display().to_string(), "-o", &format!("{folder}-cluster")].map(str::to_owned);
-        let of_cluster: Vec<String> = std::iter::once(program.clone()).chain(words).chain(more).collect();
-        let ours = if one_core {
-            ["taskset", "-c", "0"].map(str::to_owned).into_iter().chain(of_cluster).collect()
-        } else {
-            of_cluster
-        };
+        Ok(Self { _scheduler: scheduler, executors, at })
+    }
+
+    /// The largest resident set of an executor so far, MiB.
+    pub(super) fn peak_mib(&self) -> Result<f64> {
+        let peaks = self.executors.iter().map(|executor| peak_mib(executor.0.id())).collect::<Result<Vec<_>>>()?;
+        Ok(peaks.into_iter().fold(0.0, f64::max))
+    }
+}
+
+/// Builds the program of the cluster; where it is.
+pub(super) fn cluster_program() -> Result<String> {
+    sh_in(&root().join("fleet"), "cargo", &["build", "--release", "--locked"], &[])?;
+    Ok(root().join("fleet/target/release/sagnac-fleet").display().to_string())
+}
+
+/// The command that calibrates a folder of units on a cluster, all of them.
+pub(super) fn on_cluster(bench: &Bench, program: &str, folder: &str, at: &str) -> Result<Vec<String>> {
+    let setup = bench.file("fleet-bench.toml");
+    fs::write(&setup, "arcsec_per_count = 0.15125\n")?;
+    let words =
+        ["calibrate", folder, "--again", "--model", MODEL, "--cluster", &format!("df://{at}")].map(str::to_owned);
+    let more = ["--setup", &setup.display().to_string(), "-o", &format!("{folder}-cluster")].map(str::to_owned);
+    Ok(std::iter::once(program.to_owned()).chain(words).chain(more).collect())
+}
+
+/// The command that calibrates a folder of units on threads of this machine, all of them.
+pub(super) fn on_threads(bench: &Bench, source: &str, threads: &str, model: &str, to: &str) -> Vec<String> {
+    let words = ["fleet", "calibrate", source, "--again", "--arcsec-per-count", "0.15125", "--model", model];
+    let more = ["--threads", threads, "-o", to].map(str::to_owned);
+    std::iter::once(bench.sagnac.clone()).chain(words.map(str::to_owned)).chain(more).collect()
+}
+
+/// The same by a shell that calls the program for each unit.
+pub(super) fn by_shell(bench: &Bench, folder: &str) -> Vec<String> {
+    let program = &bench.sagnac;
+    let script = format!(
+        "for u in {folder}/*; do {program} calibrate $u/*.csv --arcsec-per-count 0.15125 --model '{MODEL}' --serial $(basename $u) -o {folder}-loop.json; done"
+    );
+    ["sh", "-c", &script].map(str::to_owned).into()
+}
+
+/// The bare window sums by DuckDB of the logs that a file lists.
+pub(super) fn by_duckdb(bench: &Bench, listed: &Path) -> Result<Vec<String>> {
+    let sums = bench.file("duckdb_window_sums.py");
+    fs::write(&sums, DUCKDB)?;
+    Ok([bench.python.clone(), sums.display().to_string(), listed.display().to_string()].into())
+}
+
+/// One executor on one core, and one, two and four slots in two executors on two, beside the loop on the same cores.
+fn on_clusters(bench: &Bench, folder: &str, loops: &[Vec<String>; 2]) -> Result<Vec<Cluster>> {
+    let program = cluster_program()?;
+    let mut measured = Vec::new();
+    for (executors, slots, one_core) in [(1, 1, true), (2, 1, false), (4, 1, false)] {
+        let running = Started::new(&program, executors, slots, one_core)?;
+        let of_cluster = on_cluster(bench, &program, folder, &running.at)?;
+        let ours = if one_core { alone(of_cluster) } else { of_cluster };
         let pairs = Pairs::run(PAIRS, &ours, &loops[usize::from(!one_core)])?;
-        let peaks = running.iter().map(|executor| peak_mib(executor.0.id())).collect::<Result<Vec<_>>>()?;
         measured.push(Cluster {
             executors: if executors == 1 { "1 executor".to_owned() } else { format!("{executors} executors") },
             cores: if one_core { "one core" } else { "two cores" },
             pairs,
-            peak_mib: peaks.into_iter().fold(0.0, f64::max),
+            peak_mib: running.peak_mib()?,
         });
     }
     Ok(measured)
+}
+
+/// A command on the first core alone.
+fn alone(of: Vec<String>) -> Vec<String> {
+    ["taskset", "-c", "0"].map(str::to_owned).into_iter().chain(of).collect()
 }
 
 /// The largest resident set of a process so far: proc(5).
@@ -205,14 +249,21 @@ fn logs(bench: &Bench) -> Result<u64> {
 
 /// A run of a unit: three axes with curves of their own, at the temperatures of one block.
 fn log(unit: u64, run: u64) -> Result<Vec<u8>> {
-    let legs = vec![Leg::Soak(SOAK_S), Leg::Ramp(70.0, 1.0), Leg::Soak(SOAK_S), Leg::Ramp(-40.0, 1.0)];
-    let axis = |at: usize| {
-        let step = 0.001 * ((unit * 7 + at as u64 * 3) % 11) as f64;
-        let drift_dph = vec![0.01, 0.004 + step, -0.012 + step, 0.014];
-        LaggedChamber { legs: legs.clone(), drift_dph, ..LaggedChamber::domain_notes() }
+    let drift_dph = |axis: u64| {
+        let step = 0.001 * ((unit * 7 + axis * 3) % 11) as f64;
+        vec![0.01, 0.004 + step, -0.012 + step, 0.014]
     };
-    let seed = |at: usize| 1000 * unit + 10 * run + at as u64;
-    let mut rows: Vec<_> = (0..AXES.len()).map(|at| axis(at).run(seed(at))).collect();
+    log_of([0, 1, 2].map(drift_dph), 1000 * unit + 10 * run)
+}
+
+/// A run of three axes with these drifts in powers of u, °/h: ten hours of a cycle at 1 Hz.
+pub(super) fn log_of(drifts: [Vec<f64>; 3], seed: u64) -> Result<Vec<u8>> {
+    let legs = vec![Leg::Soak(SOAK_S), Leg::Ramp(70.0, 1.0), Leg::Soak(SOAK_S), Leg::Ramp(-40.0, 1.0)];
+    let axis = |(at, drift_dph)| {
+        let chamber = LaggedChamber { legs: legs.clone(), drift_dph, ..LaggedChamber::domain_notes() };
+        chamber.run(seed + at)
+    };
+    let mut rows: Vec<_> = (0..).zip(drifts).map(axis).collect();
     let mut out = Vec::new();
     writeln!(out, "time_s,temperature_c,{}", AXES.map(|axis| format!("counts_{axis}")).join(","))?;
     while let Some(first) = rows[0].next() {

@@ -8,6 +8,7 @@
 
 mod deviations;
 mod fleet;
+mod fleet_scale;
 mod live;
 mod logs;
 mod plot;
@@ -77,7 +78,7 @@ struct Bench {
     folder: PathBuf,
 }
 
-/// Runs everything (about ten minutes, 4 GB of disk), or one part (`csv`, `simulator`, `allan`, `fleet`, `python`, `live`) and replaces its section.
+/// Runs everything (about ten minutes, 4 GB of disk), or one part (`csv`, `simulator`, `allan`, `fleet`, `fleet-scale`, `python`, `live`) and replaces its section.
 pub(crate) fn bench(part: Option<&str>) -> Result<()> {
     sh("cargo", &["build", "--release", "--locked", "--package", "sagnac-cli"])?;
     let folder = root().join("target/bench");
@@ -89,9 +90,12 @@ pub(crate) fn bench(part: Option<&str>) -> Result<()> {
         Some("allan") => return section_only(&bench, deviations::HEADING, deviations::measure),
         Some("fleet") => return section_only(&bench, fleet::HEADING, fleet::measure_fleet),
         Some("python") => return section_only(&bench, python::HEADING, python::measure),
-        // Three quarters of an hour: only by name.
+        // An hour each: only by name.
+        Some("fleet-scale") => return section_only(&bench, fleet_scale::HEADING, fleet_scale::measure_scale),
         Some("live") => return section_only(&bench, live::HEADING, live::measure),
-        Some(other) => bail!("no part {other} of the bench; there are csv, simulator, allan, fleet, python and live"),
+        Some(other) => {
+            bail!("no part {other} of the bench; there are csv, simulator, allan, fleet, fleet-scale, python and live")
+        }
         None => {}
     }
     let mut page = head(&bench)?;

@@ -131,6 +131,9 @@ pub struct LogShape {
     pub ignored: Vec<String>,
 }
 
+/// Shortest time without rows over which temperatures are interpolated, ns.
+const GAP_NS: i64 = 60_000_000_000;
+
 /// Logs that can be analysed together: the same axes, thermometers, units and row interval.
 ///
 /// # Errors
@@ -157,6 +160,12 @@ impl LogShape {
     /// Intervals that a row covers: more than one for a cumulative counter with missing rows in between.
     pub fn intervals(&self, start_ns: i64, end_ns: i64) -> u64 {
         intervals_of(end_ns - start_ns, self.nominal_ns).unsigned_abs()
+    }
+
+    /// Between the stamps of two rows temperatures were not read for so long that the older ones say little of it: more than three intervals, and a minute.
+    pub fn is_gap(&self, from_ns: i64, to_ns: i64) -> bool {
+        let length_ns = to_ns.saturating_sub(from_ns);
+        length_ns >= GAP_NS && length_ns > self.nominal_ns.saturating_mul(3)
     }
 }
 

@@ -8,7 +8,8 @@
 //! Ticks and slow updates count from the start of the run's first row. At a boundary the slow update
 //! comes first. It reads the newest temperature stamped at or before its own time; the first one reads
 //! the first row's. A row that a slow update cuts is split in integer proportion to its ticks. Through
-//! gaps the clock runs on without counts.
+//! gaps the clock runs on without counts. Over a gap of a minute or more temperatures go from the last to the next one on a
+//! straight line, in up to a thousand steps: the gyro saw no step.
 
 use sagnac_core::{Compensator, Image, InputSpec, MAX_INPUTS, Misuse, State, Status};
 
@@ -25,6 +26,9 @@ const MAX_ROW_UPDATES: i64 = 500_000;
 const MAX_ALL_UPDATES: i64 = 100_000_000;
 /// Largest |raw| the core takes at once.
 const MAX_RAW: i64 = sagnac_core::MAX_RAW as i64;
+
+/// Most steps of the temperature through a gap.
+const STEPS: i64 = 1000;
 
 /// One count of the target's accumulator.
 const COUNT: f64 = 4_294_967_296.0;
@@ -86,6 +90,11 @@ pub struct Replay {
     updates: i64,
     /// Newest value of every thermometer and auxiliary column of the log, as the images last saw it.
     register: Register,
+    /// The same of the row that is being corrected.
+    newest: Register,
+    /// Stamp of the row of `register`, ns.
+    stamp_ns: i64,
+    log: LogShape,
     file: String,
 }
 
@@ -114,6 +123,9 @@ impl Replay {
             ticks_done: 0,
             updates: 0,
             register: Register::default(),
+            newest: Register::default(),
+            stamp_ns: i64::MIN,
+            log: shape.clone(),
             file: file.to_owned(),
         })
     }
@@ -152,31 +164,42 @@ impl Replay {
                 .line(batch.line[row])
                 .help("give an image whose temperature period fits the rows of the log"));
         }
-        self.count_updates(gap, end - start).map_err(|e| e.file(&self.file).line(batch.line[row]))?;
+        self.count_updates(gap, end - start, if self.is_gap(batch, row) { STEPS } else { 1 })
+            .map_err(|e| e.file(&self.file).line(batch.line[row]))?;
+        let is_gap = self.is_gap(batch, row);
+        self.newest.take(batch, row);
         for (index, axis) in self.axes.iter_mut().enumerate() {
-            let codes = axis.codes(&self.register);
-            axis.skip(codes, gap).map_err(|e| misused(e, &self.file, batch.line[row]))?;
+            let before = axis.codes(&self.register);
+            let after = if is_gap { axis.codes(&self.newest) } else { before };
+            let codes = Between { before, after, ticks: end - self.ticks_done, gap };
+            axis.skip(&codes).map_err(|e| misused(e, &self.file, batch.line[row]))?;
             let held = axis.held();
             let (angle, status) = axis
-                .row(codes, batch.angle[index][row], end - start)
+                .row(&codes, batch.angle[index][row], end - start)
                 .map_err(|e| misused(e, &self.file, batch.line[row]))?;
             out.angle[index].push(angle);
             out.unrounded[index].push(angle + (axis.held() - held) * axis.lsb);
             out.status[index].push(status);
         }
         self.ticks_done = end.max(start);
-        self.register.take(batch, row);
+        std::mem::swap(&mut self.register, &mut self.newest);
+        self.stamp_ns = batch.end_ns[row];
         Ok(())
     }
 
+    /// No row came before this one for so long that temperatures are interpolated.
+    fn is_gap(&self, batch: &Batch, row: usize) -> bool {
+        self.stamp_ns != i64::MIN && self.log.timed && self.log.is_gap(self.stamp_ns, batch.end_ns[row])
+    }
+
     /// Bounds the slow updates of all rows and gaps together: a temperature period far below the length of a row would take hours.
-    fn count_updates(&mut self, gap_ticks: i64, row_ticks: i64) -> Result<()> {
-        // A gap takes no more updates than the lags take to settle to the bit.
+    fn count_updates(&mut self, gap_ticks: i64, row_ticks: i64, steps: i64) -> Result<()> {
+        // Each step of a gap takes no more updates than the lags take to settle to the bit.
         let settle = |axis: &AxisReplay| {
             let eighths = axis.gyro.image().inputs().iter().filter(|input| input.lag.is_used());
             eighths.map(|input| 320 * i64::from(input.lag.longest_hold_updates())).max().unwrap_or(8)
         };
-        let settling = self.axes.iter().map(settle).max().unwrap_or(0);
+        let settling = self.axes.iter().map(settle).max().unwrap_or(0).saturating_mul(steps);
         let periods = |ticks: i64| ticks.max(0) / self.period_ticks;
         self.updates = self.updates.saturating_add(periods(gap_ticks).min(settling)).saturating_add(periods(row_ticks));
         if self.updates <= MAX_ALL_UPDATES {
@@ -229,6 +252,38 @@ impl Register {
 /// One code per thermometer of an image.
 type Codes = [Option<i32>; MAX_INPUTS];
 
+/// Codes from the stamp of a row to that of the next one: those of the first, or through a gap on a straight line to those of the second.
+struct Between {
+    before: Codes,
+    after: Codes,
+    /// Ticks from stamp to stamp, and of the gap: the row has the rest.
+    ticks: i64,
+    gap: i64,
+}
+
+impl Between {
+    fn at(&self, tick: i64) -> Codes {
+        let mut codes = self.before;
+        if self.before == self.after {
+            return codes;
+        }
+        for (code, after) in codes.iter_mut().zip(&self.after) {
+            let (Some(from), Some(to)) = (*code, *after) else { continue };
+            let moved = (i128::from(to) - i128::from(from)) * i128::from(tick) / i128::from(self.ticks.max(1));
+            *code = i32::try_from(i128::from(from) + moved).ok();
+        }
+        codes
+    }
+
+    /// Ticks of a step of the gap, of whole periods.
+    fn step(&self, period: i64) -> i64 {
+        if self.before == self.after {
+            return self.gap;
+        }
+        (self.gap / STEPS / period).max(1) * period
+    }
+}
+
 impl AxisReplay {
     fn new(image: &Image, unit: AngleUnit, columns: &[Option<LogColumn>]) -> Result<Self> {
         let arcsec_per_lsb = image.description().scale_factor_femto_arcsec as f64 / 1e15;
@@ -261,8 +316,20 @@ impl AxisReplay {
         self.pending + self.state.remainder() as f64 / COUNT
     }
 
-    /// Lets ticks pass without counts.
-    fn skip(&mut self, codes: Codes, mut ticks: i64) -> std::result::Result<(), Misuse> {
+    /// Lets the ticks of a gap pass without counts.
+    fn skip(&mut self, codes: &Between) -> std::result::Result<(), Misuse> {
+        let step = codes.step(i64::from(self.gyro.image().description().period_ticks));
+        let mut done = 0;
+        while done < codes.gap {
+            let ticks = step.min(codes.gap - done);
+            self.rest(codes.at(done), ticks)?;
+            done += ticks;
+        }
+        Ok(())
+    }
+
+    /// The same at one temperature.
+    fn rest(&mut self, codes: Codes, mut ticks: i64) -> std::result::Result<(), Misuse> {
         let period = i64::from(self.gyro.image().description().period_ticks);
         while ticks > 0 {
             let periods = ticks / period;
@@ -280,7 +347,7 @@ impl AxisReplay {
     }
 
     /// Gives a row's counts to the core; what came out, in the log's unit, and its status.
-    fn row(&mut self, codes: Codes, angle: f64, ticks: i64) -> std::result::Result<(f64, Status), Misuse> {
+    fn row(&mut self, codes: &Between, angle: f64, ticks: i64) -> std::result::Result<(f64, Status), Misuse> {
         let exact = angle / self.lsb + self.pending;
         if ticks == 0 {
             self.pending = exact;
@@ -297,7 +364,7 @@ impl AxisReplay {
             // As many ticks at once as the core takes the counts of.
             let most = (i128::from(left) * i128::from(MAX_RAW)).checked_div(i128::from(raw).abs());
             let most = most.map_or(left, |most| i64::try_from(most).map_or(left, |most| most.clamp(1, left)));
-            let step = self.step(&codes, most)?;
+            let step = self.step(&codes.at(codes.ticks - left), most)?;
             // Integer proportion; the last part takes the rest.
             let part = (i128::from(raw) * i128::from(step) / i128::from(left)) as i64;
             if part.abs() > MAX_RAW {

@@ -57,10 +57,22 @@ struct OpenRun {
     end_ns: i64,
     open: Option<Sums>,
     tracks: Vec<Track>,
+    /// Stamp of the newest row of the tracks, ns.
+    sampled_ns: i64,
     /// Files that were read to their end.
     files: Vec<RunFile>,
     /// Start of the file that is being read, ns.
     file_start_ns: i64,
+}
+
+/// The grid of the tracks.
+#[derive(Clone, Copy)]
+struct Grid {
+    tick_ns: i64,
+    period_ns: i64,
+    /// Values that a track may have.
+    room: usize,
+    memory: MemoryBudget,
 }
 
 /// Logs that were read: one whose bytes came before would count twice.
@@ -80,7 +92,7 @@ impl SeenLogs {
     }
 }
 
-/// Zero-order hold of one thermometer or auxiliary column on the grid of the temperature period.
+/// Zero-order hold of one thermometer or auxiliary column on the grid of the temperature period; a straight line through a gap.
 #[derive(Clone)]
 struct Track {
     newest_c: f64,
@@ -94,6 +106,19 @@ impl Track {
             self.values.resize(grid_points_before, self.newest_c);
         }
         self.hold(value_c);
+    }
+
+    /// The grid before the sample's time, where no row came between `from` and `to` (in grid points, the sample's own time): a straight line, for a
+    /// step would be a rate that the gyro never saw.
+    fn interpolate(&mut self, grid_points_before: usize, value_c: f64, [from, to]: [f64; 2]) {
+        let before_c = self.newest_c;
+        if !before_c.is_nan() && !value_c.is_nan() {
+            for point in self.values.len()..grid_points_before {
+                let part = ((point as f64 - from) / (to - from)).clamp(0.0, 1.0);
+                self.values.push(before_c + (value_c - before_c) * part);
+            }
+        }
+        self.sample(grid_points_before, value_c);
     }
 
     fn hold(&mut self, value_c: f64) {
@@ -231,7 +256,8 @@ impl WindowBuilder {
             let kept: usize = self.runs.iter().flat_map(|run| &run.tracks).map(Vec::len).sum();
             let most = usize::try_from(self.memory.tracks()).unwrap_or(usize::MAX) / size_of::<f64>();
             let room = most.saturating_sub(kept).checked_div(self.tracks).unwrap_or(MAX_TRACK);
-            run.sample_tracks(batch, self.tick_ns, self.shape.period_ns, room, self.memory)?;
+            let grid = Grid { tick_ns: self.tick_ns, period_ns: self.shape.period_ns, room, memory: self.memory };
+            run.sample_tracks(batch, &self.log, grid)?;
         }
         let columns = self.log.thermometers.len() + self.log.aux.len();
         let bytes_each = GROWTH * (WINDOW_BYTES + AXIS_BYTES * self.log.axes.len() + COLUMN_BYTES * columns);
@@ -500,10 +526,8 @@ impl OpenRun {
     fn sample_tracks(
         &mut self,
         batch: &Batch,
-        tick_ns: i64,
-        period_ns: i64,
-        room: usize,
-        memory: MemoryBudget,
+        log: &LogShape,
+        Grid { tick_ns, period_ns, room, memory }: Grid,
     ) -> Result<()> {
         let mut at = 0;
         while let Some(points) = self.tracks.first().map(|track| track.values.len() as i64) {
@@ -529,18 +553,27 @@ impl OpenRun {
             if before > room {
                 return Err(too_many_values(self.tracks.len(), period_ns, memory).line(batch.line[next]));
             }
+            let stamp_ns = if next == 0 { self.sampled_ns } else { batch.end_ns[next - 1] };
+            let gap = log.is_gap(stamp_ns, batch.end_ns[next]).then(|| {
+                [stamp_ns, batch.end_ns[next]].map(|end_ns| (end_ns - self.start_ns) as f64 / period_ns as f64)
+            });
             for (track, column) in self.tracks.iter_mut().zip(columns()) {
-                track.sample(before, column[next]);
+                match gap {
+                    Some(between) => track.interpolate(before, column[next], between),
+                    None => track.sample(before, column[next]),
+                }
             }
             at = next + 1;
         }
+        self.sampled_ns = batch.end_ns.last().copied().unwrap_or(self.sampled_ns);
         Ok(())
     }
 
     fn new(start_ns: i64, thermometers: usize) -> Self {
+        let sampled_ns = start_ns;
         let track = || Track { newest_c: f64::NAN, values: Vec::new() };
         let tracks = (0..thermometers).map(|_| track()).collect();
-        Self { start_ns, end_ns: start_ns, open: None, tracks, files: Vec::new(), file_start_ns: start_ns }
+        Self { start_ns, end_ns: start_ns, open: None, tracks, sampled_ns, files: Vec::new(), file_start_ns: start_ns }
     }
 }
 
