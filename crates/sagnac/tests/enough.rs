@@ -3,21 +3,35 @@
 mod hostile;
 mod support;
 
-use hostile::stopped::{FULL_HOURS, stopped};
+use hostile::stopped::{FULL_HOURS, growing_memory, stopped, unit};
 use sagnac::Limits;
 use support::evidence::evidence;
 
 #[test]
 fn a_test_that_ends_itself_does_what_the_full_one_does() {
     const UNITS: u64 = 40;
-    let found = stopped(UNITS, &Limits::named_or_read("navigation-grade").unwrap());
+    let found = stopped(UNITS, &Limits::named_or_read("navigation-grade").unwrap(), 3, unit);
     println!("{found:#?}");
     let hours = found.hours / FULL_HOURS;
-    evidence("test that ends itself, `navigation-grade`: hours over those of the full test", hours, "≤ 0.6", UNITS);
+    evidence("test that ends itself, `navigation-grade`: hours over those of the full test", hours, "≤ 0.72", UNITS);
     evidence(
         "test that ends itself, `navigation-grade`: units that meet the limits after the full test only",
         found.lost,
         "≤ 0.03",
+        UNITS,
+    );
+}
+
+/// An adversary's unit: with a pass each way 7 of 10 such tests ended at nine hours, and no unit met its retest.
+#[test]
+fn a_memory_that_grows_from_cycle_to_cycle_is_seen_in_the_second() {
+    const UNITS: u64 = 20;
+    let found = stopped(UNITS, &Limits::named_or_read("navigation-grade").unwrap(), 3, growing_memory);
+    println!("{found:#?}");
+    evidence(
+        "test that ends itself, memory of the direction that grows from cycle to cycle: tests that end before the full one",
+        found.ended,
+        "≤ 0.05",
         UNITS,
     );
 }

@@ -168,7 +168,9 @@
     const limits = enough ? enough.axes.flatMap((a) => a.expected.map((e) => row(cell(a.axis), cell(e.limit, "words"), cell(figures3(e.value_95)), cell(figures3(e.bound)), cell(unit(e.unit))))) : [];
     at("limits-section").hidden = !limits.length;
     at("limits").tBodies[0].replaceChildren(...limits);
-    put("not-decided", enough && enough.not_decided.length ? "Decided by a retest: " + enough.not_decided.join(", ") : "");
+    const later = enough && enough.not_decided.length ? ["Decided by a retest: " + enough.not_decided.join(", ")] : [];
+    const unseen = (enough ? enough.not_seen : []).map((text) => "Not seen by this test: " + text);
+    put("not-decided", unseen.concat(later).join(". "));
   };
   const drawEvents = () => {
     const when = (ns) => new Date(ns / 1e6).toISOString().slice(0, 19).replace("T", " ") + " UTC";

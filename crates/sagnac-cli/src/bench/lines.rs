@@ -137,6 +137,7 @@ pub(crate) fn lines_of(state: &State) -> Vec<String> {
         let next = next.map_or(String::new(), |step| format!("; worth most: {}", step.words()));
         lines.push(format!("  {probability}, {hours}{next}"));
         lines.extend(enough.open.iter().map(|open| format!("  open: {open}")));
+        lines.extend(enough.not_seen.iter().map(|what| format!("  not seen by this test: {what}")));
     } else if let Some(refused) = study.refused.as_ref() {
         lines.push(format!("  no fit yet: {refused}"));
     }

@@ -165,6 +165,7 @@ fn enough_of(args: &Args, setup: &Setup) -> Result<Option<EnoughRequest>> {
     (request.span_c, request.rate_cpm) = (bench.span_c, bench.ramp_cpm);
     request.share = bench.share.unwrap_or(request.share);
     request.probability = bench.probability.unwrap_or(request.probability);
+    request.passes = bench.passes.unwrap_or(request.passes);
     Ok(Some(request))
 }
 
@@ -196,6 +197,8 @@ fn record(args: &Args, setup: &Setup, request: LiveRequest, journal: &Path, cons
     shown.end(&live, console);
     if args.stop_when == StopWhen::Met && live.look(|state| state.study.confirmed) {
         console.note("the test has told enough, and was ended");
+        let not_seen = live.look(|state| state.study.enough.as_ref().map(|enough| enough.not_seen.clone()));
+        not_seen.into_iter().flatten().for_each(|what| console.note(format!("not seen by this test: {what}")));
     }
     page.into_iter().for_each(Page::end);
     recorded

@@ -55,6 +55,8 @@ pub struct BenchSetup {
     pub share: Option<f64>,
     /// Probability with which it does; 0.95 by default.
     pub probability: Option<f64>,
+    /// How often each temperature is to be passed, up or down, before a test may end itself; 3 by default: a cycle and a half.
+    pub passes: Option<u32>,
     /// Instruments that are asked for values.
     #[serde(rename = "poll")]
     pub polls: Vec<PollSetup>,
@@ -153,6 +155,7 @@ impl BenchSetup {
         in_range("bench.ramp_cpm", self.ramp_cpm, 0.01, 100.0)?;
         in_range("bench.share", self.share, 0.01, 0.99)?;
         in_range("bench.probability", self.probability, 0.5, 0.9999)?;
+        in_range("bench.passes", self.passes.map(f64::from), 1.0, 100.0)?;
         if let Some([lo, hi]) = self.span_c {
             in_range("bench.span_c", Some(lo), -127.0, 127.0)?;
             in_range("bench.span_c", Some(hi), lo, 127.0)?;

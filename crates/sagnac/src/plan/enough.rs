@@ -9,17 +9,19 @@
 //! The step of the largest I − I' per hour is the next one: I-optimal, one step at a time. Hours to go repeat it until the probability is reached.
 //! The test has told enough when that probability is reached on every axis and nothing below is open: the temperatures asked for were reached, heating
 //! and cooling can be compared, temperature did not move together with time or its rate, the held-out residual beyond the noise floor is
-//! within its limit, and what the model misses of the residual over temperature, heating, cooling and rest is within the share of its limit: the
-//! covariance takes the model for granted, this does not.
+//! within its limit, what the model misses of the residual over temperature, sweep by sweep, is within the share of its limit (the covariance takes the
+//! model for granted, this does not), and each temperature was passed often enough for a change from one cycle to the next to show.
+//! The next step goes where the test has not been yet, before anything else.
 //!
 //! Fails as the fit does: a term that no temperature so far has shown is in no covariance. So a caller asks for the same answer several times in a
-//! row, over a growing record, before he ends a test.
+//! row, over a growing record, before he ends a test. What the test's own shape cannot show is listed (`not_seen`).
 
 use std::collections::BTreeMap;
 
 use nalgebra::DMatrix;
 use serde::Serialize;
 
+use super::passes::{BIN_C, Passes, rested_from_both, sweeps};
 use super::promise::{self, Expected, Promise};
 use crate::calibration::{AxisCalibration, Calibration};
 use crate::diagnostics::{Leg, Point, ReportData};
@@ -33,8 +35,8 @@ const SOAK_H: f64 = 1.0;
 const PIECES: usize = 8;
 /// Most hours that are looked ahead.
 const MOST_H: f64 = 48.0;
-/// Width of the bins of the residual, °C.
-const BIN_C: f64 = 10.0;
+/// Shortest part of a sweep within a bin of temperature that has a mean of its own, windows.
+const BIN_WINDOWS: f64 = 2.5;
 /// A temperature counts as reached within this, °C.
 const NEAR_C: f64 = 0.5;
 
@@ -52,12 +54,15 @@ pub struct EnoughRequest {
     pub span_c: Option<[f64; 2]>,
     /// Rate of the chamber's ramps, °C/min; that of the record without.
     pub rate_cpm: Option<f64>,
+    /// How often each temperature is to be passed, up or down. A third pass is the second in one direction, so that a change from one cycle to the next can
+    /// show. A span below 10 °C has no passes.
+    pub passes: u32,
 }
 
 impl EnoughRequest {
-    /// With a probability of 0.95 and half of each limit.
+    /// With a probability of 0.95, half of each limit, and three passes.
     pub fn new(limits: Limits) -> Self {
-        Self { limits, probability: 0.95, share: 0.5, span_c: None, rate_cpm: None }
+        Self { limits, probability: 0.95, share: 0.5, span_c: None, rate_cpm: None, passes: 3 }
     }
 }
 
@@ -71,8 +76,8 @@ pub struct NextStep {
     pub to_c: f64,
     /// For so long, h.
     pub hours: f64,
-    /// σ of the correction over temperatures and ramps after it, °/h.
-    pub sigma_after_dph: f64,
+    /// σ of the correction over temperatures and ramps after it, °/h; `None` where the test has not been yet.
+    pub sigma_after_dph: Option<f64>,
 }
 
 impl NextStep {
@@ -121,6 +126,8 @@ pub struct Enough {
     pub hours_to_go: Option<f64>,
     /// Limits that are asked and that no calibration test decides.
     pub not_decided: Vec<String>,
+    /// What a test of this shape cannot show.
+    pub not_seen: Vec<String>,
 }
 
 /// Judges a fit of the record so far by its record and its windows.
@@ -135,39 +142,88 @@ pub fn enough(calibration: &Calibration, drawn: &ReportData, request: &EnoughReq
         open.extend(misfit_of(axis, points, window_s, request));
     }
     let so_far = |axis| axis_so_far(axis, window_s, request, &mut open);
-    let axes: Vec<EnoughAxis> = calibration.axes.iter().filter_map(so_far).collect();
+    let mut axes: Vec<EnoughAxis> = calibration.axes.iter().filter_map(so_far).collect();
     if axes.len() < calibration.axes.len() {
         open.push("an axis has no uncertainty yet".to_owned());
     }
-    let unseen_h = calibration.axes.first().map_or(0.0, |axis| unseen(axis, request, &mut open));
+    let first = calibration.axes.first().zip(drawn.axes.first());
+    let ways = first.map(|(axis, drawn)| Ways::of(axis, &drawn.points, request)).unwrap_or_default();
+    open.extend(ways.open);
+    for axis in &mut axes {
+        // A temperature that was not reached comes first; passes come when nothing else is missing.
+        let is_known = axis.probability >= request.probability;
+        axis.next =
+            ways.unreached.clone().or_else(|| ways.pass.clone().filter(|_| is_known)).or_else(|| axis.next.take());
+    }
     open.sort();
     open.dedup();
     let all = axes.iter().all(|axis| axis.probability >= request.probability);
     let hours = axes.iter().map(|axis| axis.hours_to_go).try_fold(0.0_f64, |most, hours| Some(most.max(hours?)));
     Enough {
         met: all && open.is_empty() && !axes.is_empty(),
-        hours_to_go: hours.filter(|_| !axes.is_empty()).map(|hours| hours + unseen_h),
+        hours_to_go: hours.filter(|_| !axes.is_empty()).map(|hours| hours.max(ways.pass_h) + ways.unreached_h),
         axes,
         open,
         not_decided: promise::not_planned(&request.limits),
+        not_seen: ways.not_seen,
     }
 }
 
-/// Hours until the temperatures asked for were reached; says which are open.
-fn unseen(axis: &AxisCalibration, request: &EnoughRequest, open: &mut Vec<String>) -> f64 {
-    let Some([lo, hi]) = request.span_c else { return 0.0 };
-    let [seen_lo, seen_hi] = axis.span_c();
-    let mut missing_c = 0.0;
-    let mut say = |is_open: bool, at_c: f64, by_c: f64| {
-        if is_open {
-            open.push(format!("{at_c:.0} °C was not reached yet").replace('-', "−"));
-            missing_c += by_c;
+/// Where the test has not been yet.
+#[derive(Default)]
+struct Ways {
+    open: Vec<String>,
+    not_seen: Vec<String>,
+    /// The way to a temperature that was not reached.
+    unreached: Option<NextStep>,
+    /// The sweep that is missing.
+    pass: Option<NextStep>,
+    /// Hours until temperatures were reached, and until they were passed often enough.
+    unreached_h: f64,
+    pass_h: f64,
+}
+
+impl Ways {
+    fn of(axis: &AxisCalibration, points: &[Point], request: &EnoughRequest) -> Self {
+        let mut ways = Self::default();
+        let [seen_lo, seen_hi] = axis.span_c();
+        let rate_cpm = ramp_rate(axis, request);
+        let hours = |by_c: f64| if rate_cpm > 0.0 { by_c / rate_cpm / 60.0 } else { 0.0 };
+        let [lo, hi] = request.span_c.unwrap_or([seen_lo, seen_hi]);
+        for (from_c, to_c, by_c) in [(seen_lo, lo, seen_lo - lo), (seen_hi, hi, hi - seen_hi)] {
+            if by_c > NEAR_C {
+                ways.open.push(format!("{to_c:.0} °C was not reached yet").replace('-', "−"));
+                ways.unreached_h += hours(by_c);
+                let step = NextStep { from_c, to_c, hours: hours(by_c), sigma_after_dph: None };
+                ways.unreached.get_or_insert(step);
+            }
         }
-    };
-    say(seen_lo > lo + NEAR_C, lo, seen_lo - lo);
-    say(seen_hi < hi - NEAR_C, hi, hi - seen_hi);
-    let rate_cpm = ramp_rate(axis, request);
-    if rate_cpm > 0.0 { missing_c / rate_cpm / 60.0 } else { 0.0 }
+        if let Some(passes) = Passes::least(points, [seen_lo, seen_hi]) {
+            let missing = request.passes.saturating_sub(passes.all());
+            if missing > 0 {
+                ways.open.push(format!(
+                    "a temperature was passed {} × up and {} × down; {} × in all are asked",
+                    passes.up, passes.down, request.passes
+                ));
+                let [from_c, to_c] = if passes.up <= passes.down { [seen_lo, seen_hi] } else { [seen_hi, seen_lo] };
+                let sweep_h = hours(seen_hi - seen_lo);
+                ways.pass = Some(NextStep { from_c, to_c, hours: sweep_h, sigma_after_dph: None });
+                ways.pass_h = f64::from(missing) * sweep_h;
+            }
+            if passes.all() < 3 {
+                ways.not_seen.push(
+                    "a change from one cycle to the next: a temperature was passed once in each direction".to_owned(),
+                );
+            }
+            if !rested_from_both(points) {
+                ways.not_seen.push(
+                    "a memory of the direction at rest: no temperature was soaked at after heating and after cooling"
+                        .to_owned(),
+                );
+            }
+        }
+        ways
+    }
 }
 
 /// Rate of the ramps: as stated, else the fastest of the record.
@@ -210,23 +266,26 @@ fn axis_so_far(
     })
 }
 
-/// What the model leaves of the residual over temperature, where it is more than the share of its limit. Means over [`BIN_C`], apart for heating, cooling
-/// and rest, have a mean square beyond that of white noise and of the slow noise of the fit.
+/// What the model leaves of the residual over temperature, where it is more than the share of its limit. Means over [`BIN_C`], apart for each sweep and for
+/// heating, cooling and rest, have a mean square beyond that of white noise and of the slow noise of the fit.
 fn misfit_of(axis: &AxisCalibration, points: &[Point], window_s: f64, request: &EnoughRequest) -> Option<String> {
     let limit = request.share * request.limits.temperature_residual_dph_max?;
     let ahead = Ahead::new(axis, window_s, 0.0, 0.0)?;
-    let mut bins: BTreeMap<(i64, u8), (f64, f64)> = BTreeMap::new();
-    let known = points.iter().filter(|point| point.after_dph.is_finite() && point.temperature_c.is_finite());
-    for point in known {
+    let mut bins: BTreeMap<(i64, u8, u32), (f64, f64)> = BTreeMap::new();
+    let sweeps = sweeps(points);
+    let known =
+        points.iter().zip(&sweeps).filter(|(point, _)| point.after_dph.is_finite() && point.temperature_c.is_finite());
+    for (point, sweep) in known {
         let leg = match point.leg() {
             Leg::Heating => 0,
             Leg::Cooling => 1,
             Leg::Steady => 2,
         };
-        let bin = bins.entry(((point.temperature_c / BIN_C).floor() as i64, leg)).or_default();
+        let bin = bins.entry(((point.temperature_c / BIN_C).floor() as i64, leg, *sweep)).or_default();
         bin.0 += point.after_dph * point.length_h;
         bin.1 += point.length_h;
     }
+    bins.retain(|_, (_, hours)| *hours * 3600.0 >= BIN_WINDOWS * window_s);
     let of_noise = |hours: f64| ahead.white_h / hours + ahead.flicker;
     let beyond = bins.values().map(|(sum, hours)| (sum / hours).powi(2) - of_noise(*hours)).sum::<f64>();
     let misfit = (beyond / bins.len().max(1) as f64).max(0.0).sqrt();
@@ -381,6 +440,6 @@ impl<'a> Ahead<'a> {
         let best = steps.into_iter().max_by(|a, b| worth(a).total_cmp(&worth(b)))?;
         let sigma_after_dph = self.criterion(&best.3).max(0.0).sqrt();
         let (from_c, to_c, hours, covariance) = best;
-        Some((NextStep { from_c, to_c, hours, sigma_after_dph }, covariance))
+        Some((NextStep { from_c, to_c, hours, sigma_after_dph: Some(sigma_after_dph) }, covariance))
     }
 }

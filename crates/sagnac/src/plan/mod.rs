@@ -18,6 +18,7 @@
 //! repeatability); for fleets on a rate table, whose scale factor is not planned.
 
 mod enough;
+mod passes;
 mod profile;
 mod promise;
 

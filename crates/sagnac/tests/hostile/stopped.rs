@@ -37,8 +37,22 @@ pub(crate) struct Stopped {
     pub(crate) kinds: Vec<[f64; 2]>,
 }
 
+/// Kind and drift of a unit.
+pub(crate) type Unit = (u64, Box<dyn Fn(Now) -> f64 + Sync>);
+
+/// A unit of the first kind with a memory of the direction, ±0.04 °/h, that grows between the eighth and the fourteenth hour: heating and hot, cooling and
+/// cold.
+pub(crate) fn growing_memory(number: u64) -> Unit {
+    let (_, drift) = unit(KINDS * number);
+    let memory = |now: Now| {
+        let direction = if (90.0..290.0).contains(&(now.hours * 60.0 % 400.0)) { 1.0 } else { -1.0 };
+        0.04 * direction * ((now.hours - 8.0) / 6.0).clamp(0.0, 1.0)
+    };
+    (0, Box::new(move |now| drift(now) + memory(now)))
+}
+
 /// A unit: its drift, of one of five kinds, with coefficients of its own.
-fn unit(number: u64) -> (u64, Box<dyn Fn(Now) -> f64 + Sync>) {
+pub(crate) fn unit(number: u64) -> Unit {
     let mut dice = Dice::new(5_000_000 + number);
     let mut near = |mean: f64| mean * (1.0 + 0.3 * dice.normal());
     let (a, b, c, rate) = (near(0.12), near(-0.05), near(0.03), near(0.04));
@@ -124,9 +138,10 @@ drift_dph_per_cpm_max = 0.014
 hysteresis_dph_max = 0.014
 ";
 
-/// Tests so many units.
-pub(crate) fn stopped(units: u64, limits: &Limits) -> Stopped {
+/// Tests so many units, of which each temperature is passed so often.
+pub(crate) fn stopped(units: u64, limits: &Limits, passes: u32, unit: fn(u64) -> Unit) -> Stopped {
     let mut request = EnoughRequest::new(limits.clone());
+    request.passes = passes;
     request.span_c = Some([-40.0, 69.0]);
     let one = |number: u64| {
         let (kind, drift) = unit(number);
