@@ -11,7 +11,7 @@ use sagnac_log::{Error, Result};
 use crate::decode::Decoder;
 use crate::journal::{Entry, JournalReader, JournalWriter, Kind};
 use crate::record::{Published, QUEUE, Recorder, SourceStatus, Sources, no_thread};
-use crate::source::{Address, ArrivalClock, Instrument, Out, Place, Stop, spawn_poll, spawn_stream};
+use crate::source::{Address, ArrivalClock, GoOn, Instrument, Out, Place, Stop, spawn_poll, spawn_stream};
 use crate::start::Start;
 
 /// A source is silent after so long by default, s, and after so many rows or questions.
@@ -44,7 +44,7 @@ pub struct Session {
 struct Before {
     start: Start,
     newest_ns: i64,
-    place: u64,
+    go_on: GoOn,
 }
 
 impl Session {
@@ -71,7 +71,7 @@ impl Session {
         let bare =
             |source: Option<String>| source.map(|source| source.split('?').next().unwrap_or_default().to_owned());
         let is_same = |before: &&Before| bare(before.start.setup().bench.source) == bare(setup.bench.source.clone());
-        let place = before.as_ref().filter(is_same).map_or(0, |before| before.place);
+        let go_on = before.as_ref().filter(is_same).map(|before| before.go_on.clone()).unwrap_or_default();
         let start = match before {
             Some(before) => {
                 writer.push(&Entry::text(Kind::Resumed, 0, clock.now_ns(), program))?;
@@ -104,7 +104,7 @@ impl Session {
             stop: stop.clone(),
         };
         let recorder = spawn("record", move || recorder.run(&queue)).map_err(|e| no_thread(&e))?;
-        spawn_stream(address, place, setup.clone(), out(0)).map_err(|e| no_thread(&e))?;
+        spawn_stream(address, go_on, setup.clone(), out(0)).map_err(|e| no_thread(&e))?;
         let mut number = 1;
         for (instrument, poll) in instruments {
             let outs = (0..poll.columns.len()).map(|at| out(number + at)).collect();
@@ -178,16 +178,17 @@ fn before(journal: &Path) -> Result<Before> {
     let mut reader = JournalReader::open(journal)?;
     let first = reader.next_block(u64::MAX)?.unwrap_or_default();
     let start = Start::of(&first).map_err(|e| e.file(journal.display().to_string()))?;
-    let (mut newest_ns, mut place) = (start.started_ns, Place::default());
+    let (mut newest_ns, mut place, mut go_on) = (start.started_ns, Place::default(), GoOn::default());
     let mut entries = first;
     loop {
         for entry in &entries {
             newest_ns = newest_ns.max(entry.arrival_ns);
             place.follow(entry);
+            go_on.follow(entry, place);
         }
         match reader.next_block(u64::MAX)? {
             Some(next) => entries = next,
-            None => return Ok(Before { start, newest_ns, place: place.0.unwrap_or(0) }),
+            None => return Ok(Before { start, newest_ns, go_on }),
         }
     }
 }

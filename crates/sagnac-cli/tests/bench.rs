@@ -57,6 +57,20 @@ impl Bench {
         std::fs::metadata(self.path("run.parquet.journal")).map_or(0, |file| file.len())
     }
 
+    /// Kills a recording of a file when the journal no longer grows: it has the rest of the file then.
+    fn kill_at_the_end(&self, child: &mut Child) {
+        let (mut size, mut since) = (0, Instant::now());
+        until("the end of the file", || {
+            let now = self.journal_bytes();
+            if now != size {
+                (size, since) = (now, Instant::now());
+            }
+            size > 0 && since.elapsed() > Duration::from_secs(1)
+        });
+        child.kill().unwrap();
+        child.wait().unwrap();
+    }
+
     /// The counts of the finished log.
     fn counts(&self) -> Vec<u64> {
         let read = ParquetRead { roots: None, rows: 8192, values: u64::MAX, memory: Default::default() };
@@ -128,23 +142,29 @@ fn kills_lose_nothing_of_a_file() {
     goes_on.store(false, Ordering::Relaxed);
     let written = writer.join().unwrap();
     let mut child = bench.start(&["--resume"]);
-    // The rest is read when the journal no longer grows.
-    let (mut size, mut since) = (0, Instant::now());
-    until("the end of the file", || {
-        let now = bench.journal_bytes();
-        if now != size {
-            (size, since) = (now, Instant::now());
-        }
-        since.elapsed() > Duration::from_secs(1)
-    });
-    child.kill().unwrap();
-    child.wait().unwrap();
+    bench.kill_at_the_end(&mut child);
     let out = bench.run(&["--finish"]);
     assert!(bench.path("run.parquet").exists(), "{}", text(&out.stderr));
     let counts = bench.counts();
     assert_eq!(counts.len() as u64, written);
     assert!(counts.iter().zip(0..).all(|(count, number)| *count == number), "rows are lost, twice or in disorder");
     assert!(!text(&out.stderr).contains("in no row"), "{}", text(&out.stderr));
+}
+
+/// While the bench was down another program began a new file under the same name, and it is the longer one: it is read from its start.
+#[test]
+fn a_file_that_was_replaced_while_the_bench_was_down_is_another() {
+    let bench = Bench::new("file:live.csv");
+    let rows = |numbers: std::ops::Range<u64>| HEADER.to_owned() + &numbers.map(row).collect::<String>();
+    std::fs::write(bench.path("live.csv"), rows(0..500)).unwrap();
+    bench.kill_at_the_end(&mut bench.start(&[]));
+    std::fs::write(bench.path("new.csv"), rows(500..2000)).unwrap();
+    std::fs::rename(bench.path("new.csv"), bench.path("live.csv")).unwrap();
+    bench.kill_at_the_end(&mut bench.start(&["--resume"]));
+    bench.kill_at_the_end(&mut bench.start(&["--resume"]));
+    let out = bench.run(&["--finish"]);
+    assert!(bench.path("run.parquet").exists(), "{}", text(&out.stderr));
+    assert!(bench.counts().into_iter().eq(0..2000), "{}", text(&out.stderr));
 }
 
 /// 50 times `kill -9` of a recording over TCP: what is missing was sent within the second before a kill, or to nobody.
@@ -363,6 +383,12 @@ fn a_test_that_has_told_enough_ends_itself() {
     let ended = bench.run(&[&["--source", "replay:test.csv?speed=4000"][..], &more].concat());
     assert!(ended.status.success(), "{}", text(&ended.stderr));
     assert!(text(&ended.stderr).contains("told enough, and was ended"), "{}", text(&ended.stderr));
+    // It soaked at the ends alone.
+    assert!(
+        text(&ended.stderr).contains("not seen by this test: a memory of the direction at rest"),
+        "{}",
+        text(&ended.stderr)
+    );
     let rows = bench.counts().len();
     assert!((5000..13_000).contains(&rows), "{rows} rows");
     assert!(bench.path("unit.cal.json").exists() && bench.path("unit.html").exists());

@@ -105,6 +105,31 @@ impl Place {
     }
 }
 
+/// Where a source that can be read from a place goes on.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct GoOn {
+    pub(crate) place: u64,
+    /// The bytes before that place, as they were recorded: a file that has others there is another one.
+    pub(crate) tail: Vec<u8>,
+}
+
+/// Most bytes of a tail.
+const TAIL_BYTES: usize = 4096;
+
+impl GoOn {
+    /// Follows the entries of the first source with their place behind them.
+    pub(crate) fn follow(&mut self, entry: &Entry, place: Place) {
+        let Some(place) = place.0.filter(|_| entry.source == 0) else { return };
+        if entry.kind == Kind::Connected && place != self.place {
+            self.tail.clear();
+        } else if entry.kind == Kind::Bytes {
+            self.tail.extend_from_slice(&entry.payload);
+            self.tail.drain(..self.tail.len().saturating_sub(TAIL_BYTES));
+        }
+        self.place = place;
+    }
+}
+
 /// The time of arrivals: the clock of the computer at the start, and its monotonic clock since, so that a clock that is set does not step it.
 #[derive(Clone, Copy, Debug)]
 pub struct ArrivalClock {

@@ -54,11 +54,16 @@ impl Sender<'_> {
         self.separator = log.delimiter();
         self.line(log.headers().iter().map(String::as_bytes))?;
         let (start, mut first_ns) = (Instant::now(), None);
+        // Time of the log that was recorded before: it is not waited for again.
+        let mut lead = Duration::ZERO;
         while let Some(batch) = log.next_batch()? {
             for (end_ns, fields) in batch.end_ns.iter().zip(&batch.fields) {
                 let since_ns = end_ns.saturating_sub(*first_ns.get_or_insert(*end_ns)).max(0);
                 let due = Duration::from_secs_f64(since_ns as f64 * 1e-9 / speed);
-                let early = due.saturating_sub(start.elapsed());
+                if self.skip > self.waiting.len() as u64 {
+                    lead = due;
+                }
+                let early = due.saturating_sub(lead + start.elapsed());
                 if early > TOGETHER && (!self.send() || self.out.stop.wait(early)) {
                     return Ok(false);
                 }
@@ -87,5 +92,35 @@ impl Sender<'_> {
         let bytes = self.waiting.split_off(known as usize);
         self.waiting.clear();
         bytes.is_empty() || bytes.chunks(MOST_PAYLOAD_BYTES / 2).all(|piece| self.out.send(What::Bytes(piece.to_vec())))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::source::{ArrivalClock, Stop};
+
+    /// Eleven days that were recorded before are not waited for a second time.
+    #[test]
+    fn what_was_recorded_is_not_waited_for() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("log.csv");
+        let text = "time_s,counts,temperature_c\n1,1,20\n1000000,2,20\n1000001,3,20\n";
+        std::fs::write(&path, text).unwrap();
+        let setup = Setup { arcsec_per_count: Some(0.6), sample_interval_s: Some(1.0), ..Setup::default() };
+        let (to, came) = std::sync::mpsc::sync_channel(8);
+        let stop = Stop::default();
+        let out = Out { number: 0, clock: ArrivalClock::start(0), to, stop: stop.clone() };
+        let recorded = text.len() - "1000001,3,20\n".len();
+        std::thread::scope(|scope| {
+            scope.spawn(|| replay(&path, 1.0, recorded as u64, &setup, &out));
+            let next = || came.recv_timeout(Duration::from_secs(30)).map(|came| came.what);
+            assert!(
+                matches!(next(), Ok(What::Connected(Connection { from_byte: Some(at), .. })) if at == recorded as u64)
+            );
+            let row = next();
+            stop.stop();
+            assert!(matches!(&row, Ok(What::Bytes(bytes)) if bytes == b"1000001,3,20\n"), "{:?}", row.is_ok());
+        });
     }
 }

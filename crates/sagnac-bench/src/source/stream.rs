@@ -10,7 +10,7 @@ use std::time::Duration;
 use sagnac_log::setup::Setup;
 use sagnac_log::threads::spawn;
 
-use super::{Address, Connection, Out, PATIENCE, SessionEnd, What};
+use super::{Address, Connection, GoOn, Out, PATIENCE, SessionEnd, What};
 use crate::journal::MOST_PAYLOAD_BYTES;
 use crate::source::replay::replay;
 
@@ -21,18 +21,22 @@ const GROWN: Duration = Duration::from_millis(100);
 /// Time to make a connection.
 const CONNECT: Duration = Duration::from_secs(3);
 
-/// Starts a source. `skip` bytes of a file were recorded before.
-pub(crate) fn spawn_stream(address: Address, skip: u64, setup: Setup, out: Out) -> std::io::Result<JoinHandle<()>> {
+/// Starts a source; a file or a replay goes on where it was recorded up to.
+pub(crate) fn spawn_stream(
+    address: Address,
+    mut go_on: GoOn,
+    setup: Setup,
+    out: Out,
+) -> std::io::Result<JoinHandle<()>> {
     spawn("source", move || match address {
         Address::Input => input(&out),
         Address::File(path) => {
-            let mut at = skip;
-            out.keep(|out| file(&path, &mut at, out));
+            out.keep(|out| file(&path, &mut go_on, out));
         }
         Address::Tcp(address) => out.keep(|out| tcp(&address, out)),
         Address::Udp(address) => out.keep(|out| udp(&address, out)),
         Address::Serial { path, baud } => out.keep(|out| serial(&path, baud, out)),
-        Address::Replay { path, speed } => replay(&path, speed, skip, &setup, &out),
+        Address::Replay { path, speed } => replay(&path, speed, go_on.place, &setup, &out),
     })
 }
 
@@ -71,15 +75,16 @@ fn input(out: &Out) {
 }
 
 /// A file that grows, from a place on. One that became shorter, or is another file under its name, is read from its start.
-fn file(path: &Path, at: &mut u64, out: &Out) -> SessionEnd {
+fn file(path: &Path, GoOn { place: at, tail }: &mut GoOn, out: &Out) -> SessionEnd {
     let mut open = match File::open(path) {
         Ok(open) => open,
         Err(error) => return SessionEnd::NotConnected(error.to_string()),
     };
     let length = open.metadata().map_or(0, |metadata| metadata.len());
-    if length < *at {
+    if length < *at || !goes_on(&mut open, *at, tail) {
         *at = 0;
     }
+    tail.clear();
     if let Err(error) = open.seek(SeekFrom::Start(*at)) {
         return SessionEnd::NotConnected(error.to_string());
     }
@@ -109,6 +114,13 @@ fn file(path: &Path, at: &mut u64, out: &Out) -> SessionEnd {
             Err(error) => return SessionEnd::Lost(error.to_string()),
         }
     }
+}
+
+/// The file has the bytes that were recorded before a place.
+fn goes_on(open: &mut File, at: u64, tail: &[u8]) -> bool {
+    let mut there = vec![0; tail.len()];
+    let from = at.saturating_sub(tail.len() as u64);
+    open.seek(SeekFrom::Start(from)).and_then(|_| open.read_exact(&mut there)).is_ok() && there == tail
 }
 
 /// Why the file under a path is no longer the open one, as far as it was read.

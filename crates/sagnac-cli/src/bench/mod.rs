@@ -315,7 +315,10 @@ fn describe(finished: &Finished, console: &mut Console) {
     let clock = finished.clock;
     let drift =
         clock.drift_ppm.map_or(String::new(), |ppm| format!(", the gyro's clock is {} ppm fast", significant(ppm, 2)));
-    console.note(format!("rows and instruments are aligned to within {} s{drift}", significant(clock.jitter_s, 2)));
+    console.note(format!(
+        "half of the rows arrive within {} s of the quickest of their minute{drift}",
+        significant(clock.jitter_s, 2)
+    ));
 }
 
 /// Calibrates the finished log, as `calibrate` does.
