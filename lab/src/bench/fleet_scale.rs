@@ -1,6 +1,6 @@
 //! A factory: ten thousand units, each with logs of its own, on threads and on a cluster of this machine.
 //!
-//! Each command runs once: minutes each, and 15 GB that no file cache of this machine holds.
+//! Each command runs once, for minutes.
 
 use std::fmt::Write as _;
 use std::fs;
@@ -8,9 +8,9 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 
+use crate::bench::Bench;
 use crate::bench::fleet::{self, MODEL, RUNS, Started};
 use crate::bench::process::{Cost, measure};
-use crate::bench::{Bench, line};
 
 pub(super) const HEADING: &str = "\n## Ten thousand units";
 /// Units, unless SAGNAC_FLEET_UNITS says another number.
@@ -26,60 +26,79 @@ pub(super) fn measure_scale(bench: &Bench, page: &mut String) -> Result<()> {
         .context("SAGNAC_FLEET_UNITS")?;
     let folder = bench.file(&format!("fleet-{units}"));
     let logs = make(&folder, units)?;
-    let listed = bench.file("fleet-scale-logs.txt");
-    let names: Vec<String> = logs.iter().map(|log| log.display().to_string()).collect();
-    fs::write(&listed, names.join("\n"))?;
     let bytes = logs.iter().map(|log| Ok(fs::metadata(log)?.len())).sum::<Result<u64>>()?;
+    // What goes one by one takes as long for each unit of a tenth as of all.
+    let few = (units / 10).max(1);
+    let tenth = part_of(&folder, few)?;
     let folder = folder.display().to_string();
     let once = |what: &str, command: &[String]| -> Result<Cost> {
         let cost = measure(command)?;
         println!("{what}: {:.0} s, {:.1} MiB", cost.seconds, cost.peak_mib);
         Ok(cost)
     };
-    let threads = |number| fleet::on_threads(bench, &folder, number, MODEL, &format!("{folder}-out"));
-    let two = once("two threads", &threads("2"))?;
-    let table_bytes = fs::metadata(Path::new(&format!("{folder}-out")).join("fleet.parquet"))?.len();
-    let shell = once("shell", &fleet::by_shell(bench, &folder))?;
+    let out = format!("{folder}-out");
+    let two = once("two threads", &fleet::on_threads(bench, &folder, "2", MODEL, &out))?;
+    let table_bytes = fs::metadata(Path::new(&out).join("fleet.parquet"))?.len();
     let mut clusters = Vec::new();
     let program = fleet::cluster_program()?;
-    for executors in [1, 2, 4] {
+    for executors in [4, 2, 1] {
         let running = Started::new(&program, executors, 1, false)?;
         let cost = once("cluster", &fleet::on_cluster(bench, &program, &folder, &running.at)?)?;
         clusters.push((executors, cost, running.peak_mib()?));
     }
+    let one = once("one thread", &fleet::on_threads(bench, &tenth, "1", MODEL, &format!("{tenth}-out")))?;
+    let shell = once("shell", &fleet::by_shell(bench, &tenth))?;
+    let listed = bench.file("fleet-scale-logs.txt");
+    let names: Vec<String> = logs.iter().take((few * RUNS) as usize).map(|log| log.display().to_string()).collect();
+    fs::write(&listed, names.join("\n"))?;
     let bare = once("DuckDB", &fleet::by_duckdb(bench, &listed)?)?;
-    let one = once("one thread", &threads("1"))?;
     let _ = write!(
         page,
         "{HEADING}\n\n{units} units of three axes and {RUNS} runs of ten hours at 1 Hz, every log of its own ({} logs, {:.1} GB of CSV), \
-         `--model \"{MODEL}\"` (`cargo xtask bench fleet-scale`). Each command ran once. The table has {:.1} MB.\n\n| | s | peak, MiB |\n|---|---|---|\n",
+         `--model \"{MODEL}\"` (`cargo xtask bench fleet-scale`). Each command ran once, on two cores; the table has {:.1} MB. The loop, one thread and DuckDB \
+         had {few} of the units.\n\n| | units | s | units a second | peak, MiB |\n|---|---|---|---|---|\n",
         units * RUNS,
         bytes as f64 / 1e9,
         table_bytes as f64 / 1e6
     );
-    line(page, "`fleet calibrate --threads 2`", &two);
-    line(page, "`fleet calibrate --threads 1`", &one);
-    line(page, "the loop, one unit at a time", &shell);
-    line(page, "DuckDB, bare window sums, two threads", &bare);
+    let each = |of: u64, cost: &Cost| cost.seconds / of as f64;
+    let mut row = |what: &str, of: u64, cost: &Cost, peak_mib: f64| {
+        let seconds = cost.seconds;
+        let _ = writeln!(page, "| {what} | {of} | {seconds:.1} | {:.1} | {peak_mib:.1} |", 1.0 / each(of, cost));
+    };
+    row("`fleet calibrate --threads 2`", units, &two, two.peak_mib);
     for (executors, cost, peak_mib) in &clusters {
-        line(page, &format!("`sagnac-fleet`, executors of one slot: {executors}; the driver's peak"), cost);
-        let _ = writeln!(page, "| the largest executor of these | | {peak_mib:.1} |");
+        let slots = if *executors == 1 { "1 executor" } else { &format!("{executors} executors") };
+        row(&format!("`sagnac-fleet`, {slots} of one slot; peak of an executor"), units, cost, *peak_mib);
     }
-    let rate = |cost: &Cost| units as f64 / cost.seconds;
-    let over = |cost: &Cost| 100.0 * (cost.seconds / shell.seconds - 1.0);
+    row("`fleet calibrate --threads 1`", few, &one, one.peak_mib);
+    row("the loop, one unit at a time", few, &shell, shell.peak_mib);
+    row("DuckDB, bare window sums, two threads", few, &bare, bare.peak_mib);
+    let over = |cost: &Cost| 100.0 * (each(units, cost) / each(few, &shell) - 1.0);
     let overheads: Vec<String> = clusters.iter().map(|(n, cost, _)| format!("{:+.0} % with {n}", over(cost))).collect();
     let most = clusters.iter().map(|(_, _, peak)| *peak).fold(0.0, f64::max);
+    let driver = clusters.iter().map(|(_, cost, _)| cost.peak_mib).fold(0.0, f64::max);
     let _ = writeln!(
         page,
-        "\n**{:.1} units a second on two threads, {:.1} on one. Time over that of the loop: {:+.0} % on threads; on the cluster {} (asked: none; at \
-         most 5 %). {:.2} of the time of DuckDB's bare sums (asked: at most 1.2). Largest executor {most:.1} MiB (asked: under {MOST_MIB}).**",
-        rate(&two),
-        rate(&one),
+        "\n**Time of a unit over that of the loop: {:+.0} % on threads; on the cluster {} (asked: none; at most 5 %). {:.2} of the time of DuckDB's \
+         bare sums (asked: at most 1.2). Largest executor {most:.1} MiB (asked: under {MOST_MIB}), the driver {driver:.1}.**",
         over(&two),
         overheads.join(", "),
-        two.seconds / bare.seconds
+        each(units, &two) / each(few, &bare)
     );
     Ok(())
+}
+
+/// A folder with the first units of another one, by links.
+fn part_of(folder: &Path, units: u64) -> Result<String> {
+    let part = folder.with_extension("part");
+    let _ = fs::remove_dir_all(&part);
+    fs::create_dir_all(&part)?;
+    for unit in 0..units {
+        let name = format!("RLG-{unit:05}");
+        std::os::unix::fs::symlink(folder.join(&name), part.join(&name))?;
+    }
+    Ok(part.display().to_string())
 }
 
 /// The logs of every unit, on two threads; those that are there already stay.

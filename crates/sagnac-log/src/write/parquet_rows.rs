@@ -9,14 +9,20 @@ use arrow_array::{ArrayRef, RecordBatch};
 use arrow_schema::{DataType, Field, Schema};
 use parquet::arrow::ArrowWriter;
 use parquet::basic::Compression;
-use parquet::file::properties::WriterProperties;
+use parquet::file::properties::{EnabledStatistics, WriterProperties};
 
 use crate::error::{Error, Result};
 use crate::ingest::{Content, parse_time_ns, parse_value};
 
-/// How every Parquet file of Sagnac is written.
+/// How every Parquet file of Sagnac is written: statistics of each group of rows, and none of its pages, which a writer would hold until the end of the
+/// file (25 MiB for three days at 4 kHz).
 pub fn parquet_properties() -> WriterProperties {
-    WriterProperties::builder().set_compression(Compression::SNAPPY).set_created_by("sagnac".into()).build()
+    WriterProperties::builder()
+        .set_compression(Compression::SNAPPY)
+        .set_statistics_enabled(EnabledStatistics::Chunk)
+        .set_offset_index_disabled(true)
+        .set_created_by("sagnac".into())
+        .build()
 }
 
 /// Rows written together.
