@@ -348,6 +348,18 @@ fn rows_where(log: &[u8], keep: impl Fn(f64) -> bool) -> Vec<u8> {
     rows.map(|(_, row)| format!("{row}\n")).collect::<String>().into_bytes()
 }
 
+/// Empties the temperatures of a log at some hours.
+fn without_temperatures(at: impl Fn(f64) -> bool) -> impl Fn(Vec<u8>) -> Vec<u8> {
+    move |log| {
+        let row = |row: &str| {
+            let fields: Vec<&str> = row.split(',').collect();
+            let is_off = fields[0].parse::<f64>().is_ok_and(|s| at(s / 3600.0));
+            if is_off { format!("{},,{}\n", fields[0], fields[2]) } else { format!("{row}\n") }
+        };
+        std::str::from_utf8(&log).unwrap().lines().map(row).collect::<String>().into_bytes()
+    }
+}
+
 /// The bench was off for two hours and a half, while the temperature went from one end to the other: the rate behind a lag is that of a chamber that moved,
 /// not that of a step. Read as a step: 0.33 of the rates are that near.
 #[test]
@@ -355,8 +367,16 @@ fn hours_missing_in_a_run_are_no_step_of_the_temperature() {
     let drift = |now: Now| 0.02 * now.u() - 0.008 * now.u().powi(2) + 0.01 * now.u().powi(3) + 0.05 * now.lagged_cpm;
     let bench = |seed: u64| Bench { rate_lag_s: 600.0, cycles: 3, ..Bench::new(seed, &drift) };
     let (setup, limits) = (Bench::setup(), navigation());
+    let not_ready = without_temperatures(|hours| (9.4..9.402).contains(&hours));
+    let off = without_temperatures(|hours| (6.9..9.4).contains(&hours));
     let found = |seed: u64| {
-        let log = rows_where(&bench(8100 + seed).log(), |hours| !(6.9..9.4).contains(&hours));
+        let log = bench(8100 + seed).log();
+        let log = match seed % 3 {
+            0 => rows_where(&log, |hours| !(6.9..9.4).contains(&hours)),
+            // The thermometer is not ready in the first row after the gap; or it alone is off, while rows go on.
+            1 => not_ready(rows_where(&log, |hours| !(6.9..9.4).contains(&hours))),
+            _ => off(log),
+        };
         let unit = fit(vec![log], &setup, "bias 3, rate 0").unwrap();
         let rate = unit.axes[0].correction.terms.last().unwrap();
         let error = (rate.value - 0.05).abs();
@@ -364,23 +384,23 @@ fn hours_missing_in_a_run_are_no_step_of_the_temperature() {
     };
     let found: Vec<_> = {
         use rayon::prelude::*;
-        (0..100).into_par_iter().map(found).collect()
+        (0..150).into_par_iter().map(found).collect()
     };
     let part =
-        |holds: &dyn Fn(&(bool, bool, bool)) -> bool| found.iter().filter(|found| holds(found)).count() as f64 / 100.0;
+        |holds: &dyn Fn(&(bool, bool, bool)) -> bool| found.iter().filter(|found| holds(found)).count() as f64 / 150.0;
     evidence(
         "95 % interval of the rate covers it, 2.5 h of a run with a whole ramp missing",
         part(&|f| f.0),
         "≥ 0.86",
-        100,
+        150,
     );
-    evidence("the rate is within a tenth, 2.5 h of a run with a whole ramp missing", part(&|f| f.1), "≥ 0.97", 100);
+    evidence("the rate is within a tenth, 2.5 h of a run with a whole ramp missing", part(&|f| f.1), "≥ 0.97", 150);
     let accepted = part(&|f| f.2);
     evidence(
         "`navigation-grade` accepts a unit whose calibration misses 2.5 h with a whole ramp",
         accepted,
         "≥ 0.95",
-        100,
+        150,
     );
 }
 

@@ -211,9 +211,10 @@ impl Ways {
                 ways.pass_h = f64::from(missing) * sweep_h;
             }
             if passes.all() < 3 {
-                ways.not_seen.push(
-                    "a change from one cycle to the next: a temperature was passed once in each direction".to_owned(),
-                );
+                ways.not_seen.push(format!(
+                    "a change from one cycle to the next: a temperature was passed {} × up and {} × down",
+                    passes.up, passes.down
+                ));
             }
             if !rested_from_both(points) {
                 ways.not_seen.push(

@@ -37,11 +37,13 @@ impl Passes {
             .map(|step| lo + BIN_C * (f64::from(step) + 0.5))
             .take_while(|centre_c| *centre_c <= hi - BIN_C / 2.0 + 1e-9);
         let of = |centre_c: f64| {
-            let (mut passes, mut was_above, mut run) = (Self::default(), None, None);
+            let (mut passes, mut was_above, mut last) = (Self::default(), None, None);
             for point in points.iter().filter(|point| is_known(point)) {
-                if run != Some(point.run) {
-                    (run, was_above) = (Some(point.run), None);
+                // What was not recorded is not passed.
+                if last.is_none_or(|last| !follows(last, point)) {
+                    was_above = None;
                 }
+                last = Some(point);
                 if (point.temperature_c - centre_c).abs() < ASIDE_C {
                     continue;
                 }
@@ -105,6 +107,12 @@ pub(super) fn rested_from_both(points: &[Point]) -> bool {
     rests.values().any(|hours| hours.iter().all(|hours| *hours >= REST_H))
 }
 
+/// A window of the same run, with at most a quarter of an hour between them.
+fn follows(last: &Point, next: &Point) -> bool {
+    let apart_h = next.hours - last.hours - (next.length_h + last.length_h) / 2.0;
+    next.run == last.run && apart_h < 0.25
+}
+
 fn is_known(point: &Point) -> bool {
     point.after_dph.is_finite() && point.temperature_c.is_finite()
 }
@@ -136,6 +144,14 @@ mod tests {
         assert_eq!(Passes::least(&ways, [20.0, 40.0]), Some(Passes { up: 2, down: 1 }));
         assert_eq!(Passes::least(&ways, [20.0, 29.0]), None);
         assert_eq!(sweeps(&ways), [0, 0, 0, 0, 0, 1, 1, 2, 2]);
+    }
+
+    #[test]
+    fn what_was_not_recorded_is_not_passed() {
+        let mut ways = points(&[0.0, 10.0, 20.0, 30.0, 40.0]);
+        ways.iter_mut().skip(2).for_each(|point| point.hours += 1.0);
+        assert_eq!(Passes::least(&ways, [0.0, 40.0]), Some(Passes::default()));
+        assert_eq!(Passes::least(&ways, [20.0, 40.0]), Some(Passes { up: 1, down: 0 }));
     }
 
     #[test]

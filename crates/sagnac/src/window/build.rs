@@ -57,8 +57,6 @@ struct OpenRun {
     end_ns: i64,
     open: Option<Sums>,
     tracks: Vec<Track>,
-    /// Stamp of the newest row of the tracks, ns.
-    sampled_ns: i64,
     /// Files that were read to their end.
     files: Vec<RunFile>,
     /// Start of the file that is being read, ns.
@@ -92,43 +90,52 @@ impl SeenLogs {
     }
 }
 
-/// Zero-order hold of one thermometer or auxiliary column on the grid of the temperature period; a straight line through a gap.
+/// Zero-order hold of one thermometer or auxiliary column on the grid of the temperature period; a straight line where it was not read for long.
 #[derive(Clone)]
 struct Track {
     newest_c: f64,
+    newest_ns: i64,
+    /// Time from a value to the next one, as it was before the column was not read; 0 before there are two.
+    interval_ns: i64,
     values: Vec<f64>,
 }
 
+/// Shortest time over which a column that was not read is interpolated, ns; it is also more than three of its intervals.
+const GAP_NS: i64 = 60_000_000_000;
+
 impl Track {
+    fn new() -> Self {
+        Self { newest_c: f64::NAN, newest_ns: 0, interval_ns: 0, values: Vec::new() }
+    }
+
     /// Everything on the grid strictly before the sample's time still has the sample before it.
-    fn sample(&mut self, grid_points_before: usize, value_c: f64) {
+    fn sample(&mut self, grid_points_before: usize, value_c: f64, since_start_ns: i64, period_ns: i64) {
         if self.values.len() < grid_points_before {
             self.values.resize(grid_points_before, self.newest_c);
         }
-        self.hold(value_c);
+        self.hold(value_c, since_start_ns, period_ns);
     }
 
-    /// The grid before the sample's time, where no row came between `from` and `to` (in grid points, the sample's own time): a straight line, for a
-    /// step would be a rate that the gyro never saw.
-    fn interpolate(&mut self, grid_points_before: usize, value_c: f64, [from, to]: [f64; 2]) {
-        let before_c = self.newest_c;
-        if !before_c.is_nan() && !value_c.is_nan() {
-            for point in self.values.len()..grid_points_before {
-                let part = ((point as f64 - from) / (to - from)).clamp(0.0, 1.0);
-                self.values.push(before_c + (value_c - before_c) * part);
-            }
+    /// The newest value; after a gap of the column the grid since the value before has a straight line, for a step would be a rate that the gyro never saw.
+    fn hold(&mut self, value_c: f64, since_start_ns: i64, period_ns: i64) {
+        if value_c.is_nan() {
+            return;
         }
-        self.sample(grid_points_before, value_c);
-    }
-
-    fn hold(&mut self, value_c: f64) {
-        if !value_c.is_nan() {
-            if self.newest_c.is_nan() {
-                // Nothing is known before the first sample: it stands for the time before.
-                self.values.fill(value_c);
+        let length_ns = since_start_ns - self.newest_ns;
+        if self.newest_c.is_nan() {
+            // Nothing is known before the first sample: it stands for the time before.
+            self.values.fill(value_c);
+        } else if length_ns >= GAP_NS && self.interval_ns > 0 && length_ns > self.interval_ns.saturating_mul(3) {
+            let first = usize::try_from(self.newest_ns / period_ns + 1).unwrap_or(usize::MAX);
+            let (before_c, from_ns) = (self.newest_c, self.newest_ns as f64);
+            for (point, value) in self.values.iter_mut().enumerate().skip(first) {
+                let part = (point as f64 * period_ns as f64 - from_ns) / length_ns as f64;
+                *value = before_c + (value_c - before_c) * part.clamp(0.0, 1.0);
             }
-            self.newest_c = value_c;
+        } else {
+            self.interval_ns = length_ns;
         }
+        (self.newest_c, self.newest_ns) = (value_c, since_start_ns);
     }
 }
 
@@ -257,7 +264,7 @@ impl WindowBuilder {
             let most = usize::try_from(self.memory.tracks()).unwrap_or(usize::MAX) / size_of::<f64>();
             let room = most.saturating_sub(kept).checked_div(self.tracks).unwrap_or(MAX_TRACK);
             let grid = Grid { tick_ns: self.tick_ns, period_ns: self.shape.period_ns, room, memory: self.memory };
-            run.sample_tracks(batch, &self.log, grid)?;
+            run.sample_tracks(batch, grid)?;
         }
         let columns = self.log.thermometers.len() + self.log.aux.len();
         let bytes_each = GROWTH * (WINDOW_BYTES + AXIS_BYTES * self.log.axes.len() + COLUMN_BYTES * columns);
@@ -523,23 +530,21 @@ impl WindowBuilder {
 
 impl OpenRun {
     /// Brings the tracks up to the end of a batch. Only the rows next to a grid point matter.
-    fn sample_tracks(
-        &mut self,
-        batch: &Batch,
-        log: &LogShape,
-        Grid { tick_ns, period_ns, room, memory }: Grid,
-    ) -> Result<()> {
+    fn sample_tracks(&mut self, batch: &Batch, Grid { tick_ns, period_ns, room, memory }: Grid) -> Result<()> {
         let mut at = 0;
         while let Some(points) = self.tracks.first().map(|track| track.values.len() as i64) {
             // As in replay: a stamp counts from the tick it falls into.
             let due_ns = self.start_ns.saturating_add(points.saturating_mul(period_ns)).saturating_add(tick_ns);
             let next = at + batch.end_ns[at..].partition_point(|end| *end < due_ns);
             let columns = || batch.temperature_c.iter().chain(&batch.aux);
+            let since_ns = |row: usize| batch.end_ns[row] - self.start_ns;
             for (track, column) in self.tracks.iter_mut().zip(columns()) {
-                let known = || column[at..next].iter().copied().filter(|value| !value.is_nan());
+                let known = || (at..next).filter(|row| !column[*row].is_nan());
                 // The very first stands for the time before it, however rows come in pieces.
-                known().next().filter(|_| track.newest_c.is_nan()).into_iter().for_each(|value| track.hold(value));
-                known().next_back().into_iter().for_each(|value| track.hold(value));
+                let first = known().next().filter(|_| track.newest_c.is_nan());
+                for row in first.into_iter().chain(known().next_back()) {
+                    track.hold(column[row], since_ns(row), period_ns);
+                }
             }
             if next == batch.len() {
                 break;
@@ -553,27 +558,18 @@ impl OpenRun {
             if before > room {
                 return Err(too_many_values(self.tracks.len(), period_ns, memory).line(batch.line[next]));
             }
-            let stamp_ns = if next == 0 { self.sampled_ns } else { batch.end_ns[next - 1] };
-            let gap = log.is_gap(stamp_ns, batch.end_ns[next]).then(|| {
-                [stamp_ns, batch.end_ns[next]].map(|end_ns| (end_ns - self.start_ns) as f64 / period_ns as f64)
-            });
+            let since_ns = batch.end_ns[next] - self.start_ns;
             for (track, column) in self.tracks.iter_mut().zip(columns()) {
-                match gap {
-                    Some(between) => track.interpolate(before, column[next], between),
-                    None => track.sample(before, column[next]),
-                }
+                track.sample(before, column[next], since_ns, period_ns);
             }
             at = next + 1;
         }
-        self.sampled_ns = batch.end_ns.last().copied().unwrap_or(self.sampled_ns);
         Ok(())
     }
 
     fn new(start_ns: i64, thermometers: usize) -> Self {
-        let sampled_ns = start_ns;
-        let track = || Track { newest_c: f64::NAN, values: Vec::new() };
-        let tracks = (0..thermometers).map(|_| track()).collect();
-        Self { start_ns, end_ns: start_ns, open: None, tracks, sampled_ns, files: Vec::new(), file_start_ns: start_ns }
+        let tracks = (0..thermometers).map(|_| Track::new()).collect();
+        Self { start_ns, end_ns: start_ns, open: None, tracks, files: Vec::new(), file_start_ns: start_ns }
     }
 }
 
