@@ -27,7 +27,7 @@ pub(super) fn measure_scale(bench: &Bench, page: &mut String) -> Result<()> {
     let folder = bench.file(&format!("fleet-{units}"));
     let logs = make(&folder, units)?;
     let bytes = logs.iter().map(|log| Ok(fs::metadata(log)?.len())).sum::<Result<u64>>()?;
-    // What goes one by one takes as long for each unit of a tenth as of all.
+    // What keeps nothing from unit to unit takes as long for each unit of a tenth as of all.
     let few = (units / 10).max(1);
     let tenth = part_of(&folder, few)?;
     let folder = folder.display().to_string();
@@ -41,10 +41,10 @@ pub(super) fn measure_scale(bench: &Bench, page: &mut String) -> Result<()> {
     let table_bytes = fs::metadata(Path::new(&out).join("fleet.parquet"))?.len();
     let mut clusters = Vec::new();
     let program = fleet::cluster_program()?;
-    for executors in [4, 2, 1] {
+    for (executors, source, of) in [(2, &folder, units), (1, &tenth, few), (4, &tenth, few)] {
         let running = Started::new(&program, executors, 1, false)?;
-        let cost = once("cluster", &fleet::on_cluster(bench, &program, &folder, &running.at)?)?;
-        clusters.push((executors, cost, running.peak_mib()?));
+        let cost = once("cluster", &fleet::on_cluster(bench, &program, source, &running.at)?)?;
+        clusters.push((executors, of, cost, running.peak_mib()?));
     }
     let one = once("one thread", &fleet::on_threads(bench, &tenth, "1", MODEL, &format!("{tenth}-out")))?;
     let shell = once("shell", &fleet::by_shell(bench, &tenth))?;
@@ -55,8 +55,8 @@ pub(super) fn measure_scale(bench: &Bench, page: &mut String) -> Result<()> {
     let _ = write!(
         page,
         "{HEADING}\n\n{units} units of three axes and {RUNS} runs of ten hours at 1 Hz, every log of its own ({} logs, {:.1} GB of CSV), \
-         `--model \"{MODEL}\"` (`cargo xtask bench fleet-scale`). Each command ran once, on two cores; the table has {:.1} MB. The loop, one thread and DuckDB \
-         had {few} of the units.\n\n| | units | s | units a second | peak, MiB |\n|---|---|---|---|---|\n",
+         `--model \"{MODEL}\"` (`cargo xtask bench fleet-scale`). Each command ran once, on two cores; the table has {:.1} MB. Rows of {few} units are of the \
+         first of them.\n\n| | units | s | units a second | peak, MiB |\n|---|---|---|---|---|\n",
         units * RUNS,
         bytes as f64 / 1e9,
         table_bytes as f64 / 1e6
@@ -67,22 +67,23 @@ pub(super) fn measure_scale(bench: &Bench, page: &mut String) -> Result<()> {
         let _ = writeln!(page, "| {what} | {of} | {seconds:.1} | {:.1} | {peak_mib:.1} |", 1.0 / each(of, cost));
     };
     row("`fleet calibrate --threads 2`", units, &two, two.peak_mib);
-    for (executors, cost, peak_mib) in &clusters {
+    for (executors, of, cost, peak_mib) in &clusters {
         let slots = if *executors == 1 { "1 executor" } else { &format!("{executors} executors") };
-        row(&format!("`sagnac-fleet`, {slots} of one slot; peak of an executor"), units, cost, *peak_mib);
+        row(&format!("`sagnac-fleet`, {slots} of one slot; peak of an executor"), *of, cost, *peak_mib);
     }
     row("`fleet calibrate --threads 1`", few, &one, one.peak_mib);
     row("the loop, one unit at a time", few, &shell, shell.peak_mib);
     row("DuckDB, bare window sums, two threads", few, &bare, bare.peak_mib);
-    let over = |cost: &Cost| 100.0 * (each(units, cost) / each(few, &shell) - 1.0);
-    let overheads: Vec<String> = clusters.iter().map(|(n, cost, _)| format!("{:+.0} % with {n}", over(cost))).collect();
-    let most = clusters.iter().map(|(_, _, peak)| *peak).fold(0.0, f64::max);
-    let driver = clusters.iter().map(|(_, cost, _)| cost.peak_mib).fold(0.0, f64::max);
+    let over = |of: u64, cost: &Cost| 100.0 * (each(of, cost) / each(few, &shell) - 1.0);
+    let overheads: Vec<String> =
+        clusters.iter().map(|(n, of, cost, _)| format!("{:+.0} % with {n}", over(*of, cost))).collect();
+    let most = clusters.iter().map(|(.., peak)| *peak).fold(0.0, f64::max);
+    let driver = clusters.iter().map(|(_, _, cost, _)| cost.peak_mib).fold(0.0, f64::max);
     let _ = writeln!(
         page,
         "\n**Time of a unit over that of the loop: {:+.0} % on threads; on the cluster {} (asked: none; at most 5 %). {:.2} of the time of DuckDB's \
          bare sums (asked: at most 1.2). Largest executor {most:.1} MiB (asked: under {MOST_MIB}), the driver {driver:.1}.**",
-        over(&two),
+        over(units, &two),
         overheads.join(", "),
         each(units, &two) / each(few, &bare)
     );

@@ -116,7 +116,7 @@ impl PairedWindows {
         let whole: f64 = self.raw.runs.iter().map(crate::window::Run::length_s).sum();
         let known: f64 = (0..self.raw.len()).map(|i| self.raw.duration_s(i)).sum();
         // Sums of windows and of runs differ by their rounding.
-        Some(1.0 - known / whole).filter(|part| *part > 1e-9).map_or(0.0, |part| part.min(1.0))
+        Some((whole - known) / whole).filter(|part| *part > 1e-9).map_or(0.0, |part| part.min(1.0))
     }
 
     /// Windows that are used, in their order.
