@@ -25,8 +25,8 @@ pub fn parquet_properties() -> WriterProperties {
         .build()
 }
 
-/// Rows written together.
-const GROUP_ROWS: usize = 65_536;
+/// Rows of a group: a writer holds half a kilobyte for each column of each of them until the end of the file, and the rows of the last one.
+const GROUP_ROWS: usize = 262_144;
 
 /// Cells of one column.
 enum Column {

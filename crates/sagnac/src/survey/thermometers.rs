@@ -88,7 +88,8 @@ impl<'a> Readings<'a> {
         let tracks = windows.runs.iter().filter_map(|run| run.tracks.get(thermometer));
         let runs: Vec<Vec<f64>> = tracks.map(|track| track.iter().copied().step_by(every).collect()).collect();
         let steps = runs.iter().flat_map(|run| run.windows(2)).map(|pair| (pair[1] - pair[0]).abs());
-        let step_c = steps.filter(|step| *step > 0.0).reduce(f64::min);
+        // Less is the rounding of a decimal fraction.
+        let step_c = steps.filter(|step| *step > 1e-9).reduce(f64::min);
         Some(Self { name: &windows.shape.thermometers[thermometer], runs, sigma_c, interval_s, step_c })
     }
 

@@ -97,15 +97,20 @@ struct Track {
     newest_ns: i64,
     /// Time from a value to the next one, as it was before the column was not read; 0 before there are two.
     interval_ns: i64,
+    /// Smallest change of a value so far: what is interpolated is read in such steps too, for the survey takes them for the resolution.
+    step_c: f64,
     values: Vec<f64>,
 }
 
 /// Shortest time over which a column that was not read is interpolated, ns; it is also more than three of its intervals.
 const GAP_NS: i64 = 60_000_000_000;
 
+/// Values this near are the same, °C or the column's unit.
+const SAME_C: f64 = 1e-9;
+
 impl Track {
     fn new() -> Self {
-        Self { newest_c: f64::NAN, newest_ns: 0, interval_ns: 0, values: Vec::new() }
+        Self { newest_c: f64::NAN, newest_ns: 0, interval_ns: 0, step_c: f64::INFINITY, values: Vec::new() }
     }
 
     /// Everything on the grid strictly before the sample's time still has the sample before it.
@@ -130,10 +135,16 @@ impl Track {
             let (before_c, from_ns) = (self.newest_c, self.newest_ns as f64);
             for (point, value) in self.values.iter_mut().enumerate().skip(first) {
                 let part = (point as f64 * period_ns as f64 - from_ns) / length_ns as f64;
-                *value = before_c + (value_c - before_c) * part.clamp(0.0, 1.0);
+                let moved_c = (value_c - before_c) * part.clamp(0.0, 1.0);
+                let whole_c = (moved_c / self.step_c).round() * self.step_c;
+                *value = before_c + if whole_c.is_finite() { whole_c } else { moved_c };
             }
         } else {
             self.interval_ns = length_ns;
+        }
+        let change_c = (value_c - self.newest_c).abs();
+        if change_c > SAME_C {
+            self.step_c = self.step_c.min(change_c);
         }
         (self.newest_c, self.newest_ns) = (value_c, since_start_ns);
     }
