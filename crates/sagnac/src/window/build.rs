@@ -57,6 +57,8 @@ struct OpenRun {
     end_ns: i64,
     open: Option<Sums>,
     tracks: Vec<Track>,
+    /// Stamp of the newest row of the tracks, ns.
+    sampled_ns: i64,
     /// Files that were read to their end.
     files: Vec<RunFile>,
     /// Start of the file that is being read, ns.
@@ -90,27 +92,25 @@ impl SeenLogs {
     }
 }
 
-/// Zero-order hold of one thermometer or auxiliary column on the grid of the temperature period; a straight line where it was not read for long.
+/// Zero-order hold of one thermometer or auxiliary column on the grid of the temperature period; a straight line through a gap of the rows. A thermometer
+/// that alone is not read is held, as on the target.
 #[derive(Clone)]
 struct Track {
     newest_c: f64,
     newest_ns: i64,
-    /// Time from a value to the next one, as it was before the column was not read; 0 before there are two.
-    interval_ns: i64,
+    /// No row came for long since the newest value.
+    is_gap: bool,
     /// Smallest change of a value so far: what is interpolated is read in such steps too, for the survey takes them for the resolution.
     step_c: f64,
     values: Vec<f64>,
 }
-
-/// Shortest time over which a column that was not read is interpolated, ns; it is also more than three of its intervals.
-const GAP_NS: i64 = 60_000_000_000;
 
 /// Values this near are the same, °C or the column's unit.
 const SAME_C: f64 = 1e-9;
 
 impl Track {
     fn new() -> Self {
-        Self { newest_c: f64::NAN, newest_ns: 0, interval_ns: 0, step_c: f64::INFINITY, values: Vec::new() }
+        Self { newest_c: f64::NAN, newest_ns: 0, is_gap: false, step_c: f64::INFINITY, values: Vec::new() }
     }
 
     /// Everything on the grid strictly before the sample's time still has the sample before it.
@@ -121,7 +121,7 @@ impl Track {
         self.hold(value_c, since_start_ns, period_ns);
     }
 
-    /// The newest value; after a gap of the column the grid since the value before has a straight line, for a step would be a rate that the gyro never saw.
+    /// The newest value; after a gap of the rows the grid since the value before has a straight line, for a step would be a rate that the gyro never saw.
     fn hold(&mut self, value_c: f64, since_start_ns: i64, period_ns: i64) {
         if value_c.is_nan() {
             return;
@@ -130,7 +130,7 @@ impl Track {
         if self.newest_c.is_nan() {
             // Nothing is known before the first sample: it stands for the time before.
             self.values.fill(value_c);
-        } else if length_ns >= GAP_NS && self.interval_ns > 0 && length_ns > self.interval_ns.saturating_mul(3) {
+        } else if self.is_gap {
             let first = usize::try_from(self.newest_ns / period_ns + 1).unwrap_or(usize::MAX);
             let (before_c, from_ns) = (self.newest_c, self.newest_ns as f64);
             for (point, value) in self.values.iter_mut().enumerate().skip(first) {
@@ -139,9 +139,8 @@ impl Track {
                 let whole_c = (moved_c / self.step_c).round() * self.step_c;
                 *value = before_c + if whole_c.is_finite() { whole_c } else { moved_c };
             }
-        } else {
-            self.interval_ns = length_ns;
         }
+        self.is_gap = false;
         let change_c = (value_c - self.newest_c).abs();
         if change_c > SAME_C {
             self.step_c = self.step_c.min(change_c);
@@ -275,7 +274,7 @@ impl WindowBuilder {
             let most = usize::try_from(self.memory.tracks()).unwrap_or(usize::MAX) / size_of::<f64>();
             let room = most.saturating_sub(kept).checked_div(self.tracks).unwrap_or(MAX_TRACK);
             let grid = Grid { tick_ns: self.tick_ns, period_ns: self.shape.period_ns, room, memory: self.memory };
-            run.sample_tracks(batch, grid)?;
+            run.sample_tracks(batch, &self.log, grid)?;
         }
         let columns = self.log.thermometers.len() + self.log.aux.len();
         let bytes_each = GROWTH * (WINDOW_BYTES + AXIS_BYTES * self.log.axes.len() + COLUMN_BYTES * columns);
@@ -541,7 +540,12 @@ impl WindowBuilder {
 
 impl OpenRun {
     /// Brings the tracks up to the end of a batch. Only the rows next to a grid point matter.
-    fn sample_tracks(&mut self, batch: &Batch, Grid { tick_ns, period_ns, room, memory }: Grid) -> Result<()> {
+    fn sample_tracks(
+        &mut self,
+        batch: &Batch,
+        log: &LogShape,
+        Grid { tick_ns, period_ns, room, memory }: Grid,
+    ) -> Result<()> {
         let mut at = 0;
         while let Some(points) = self.tracks.first().map(|track| track.values.len() as i64) {
             // As in replay: a stamp counts from the tick it falls into.
@@ -570,17 +574,29 @@ impl OpenRun {
                 return Err(too_many_values(self.tracks.len(), period_ns, memory).line(batch.line[next]));
             }
             let since_ns = batch.end_ns[next] - self.start_ns;
+            let newest_ns = if next == 0 { self.sampled_ns } else { batch.end_ns[next - 1] };
+            let is_gap = log.is_gap(newest_ns, batch.end_ns[next]);
+            self.tracks.iter_mut().for_each(|track| track.is_gap |= is_gap);
             for (track, column) in self.tracks.iter_mut().zip(columns()) {
                 track.sample(before, column[next], since_ns, period_ns);
             }
             at = next + 1;
         }
+        self.sampled_ns = batch.end_ns.last().copied().unwrap_or(self.sampled_ns);
         Ok(())
     }
 
     fn new(start_ns: i64, thermometers: usize) -> Self {
         let tracks = (0..thermometers).map(|_| Track::new()).collect();
-        Self { start_ns, end_ns: start_ns, open: None, tracks, files: Vec::new(), file_start_ns: start_ns }
+        Self {
+            start_ns,
+            end_ns: start_ns,
+            open: None,
+            tracks,
+            sampled_ns: start_ns,
+            files: Vec::new(),
+            file_start_ns: start_ns,
+        }
     }
 }
 
