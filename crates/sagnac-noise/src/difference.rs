@@ -200,6 +200,19 @@ impl Running {
         }
     }
 
+    /// The next phases of the stretch.
+    pub(crate) fn extend(&mut self, mut phases: &[f64]) {
+        while !phases.is_empty() {
+            let room = self.summed + BLOCK - self.len();
+            let here = phases.split_off(..room.min(phases.len())).unwrap_or_default();
+            self.holes += here.iter().filter(|phase| phase.is_nan()).count();
+            self.phases.extend_from_slice(here);
+            if here.len() == room {
+                self.sum_up();
+            }
+        }
+    }
+
     /// Phases of this stretch so far.
     pub(crate) fn len(&self) -> usize {
         self.dropped + self.phases.len()

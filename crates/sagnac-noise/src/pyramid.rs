@@ -19,6 +19,8 @@ pub(crate) struct Pyramid {
     levels: Vec<Level>,
     /// Phases of this stretch so far.
     phases: u64,
+    /// Those of a level on their way to it.
+    thinned: Vec<f64>,
 }
 
 #[derive(Clone, Debug)]
@@ -49,7 +51,7 @@ impl Pyramid {
             Level { running: Running::new(here.collect()), places }
         };
         let levels = (0..=highest).map(level).collect();
-        Self { sums: vec![SquareSum::default(); wanted.len()], levels, phases: 0 }
+        Self { sums: vec![SquareSum::default(); wanted.len()], levels, phases: 0, thinned: Vec::new() }
     }
 
     /// The next phase of the stretch.
@@ -62,6 +64,25 @@ impl Pyramid {
         for level in &mut self.levels[..levels] {
             level.running.push(phase);
         }
+    }
+
+    /// The next phases of the stretch.
+    pub(crate) fn extend(&mut self, phases: &[f64]) {
+        let Some((foot, above)) = self.levels.split_first_mut() else { return };
+        foot.running.extend(phases);
+        self.thinned.clear();
+        self.thinned.extend_from_slice(phases);
+        let mut number = self.phases;
+        for level in above {
+            // Every second of the level below, of even number.
+            let first = (number % 2) as usize;
+            let kept = self.thinned.len().saturating_sub(first).div_ceil(2);
+            (0..kept).for_each(|at| self.thinned[at] = self.thinned[first + 2 * at]);
+            self.thinned.truncate(kept);
+            number = number.div_ceil(2);
+            level.running.extend(&self.thinned);
+        }
+        self.phases += phases.len() as u64;
     }
 
     /// Ends the stretch.

@@ -8,6 +8,8 @@ use crate::pyramid::{Pyramid, served};
 /// Phases in memory, all axes together, before the switch to the pyramid: 24 MiB. Where rows are lost or disturbed, up to four
 /// variants of the record are kept ([`crate::Screen`]).
 pub const HELD_PHASES: usize = 3 << 20;
+/// Rows whose phases are passed on together.
+const PIECE: usize = 4096;
 /// Longest distance of a difference, rows: no record is longer.
 pub const MOST_ROWS: usize = 1 << 40;
 
@@ -24,6 +26,8 @@ pub struct Recorder {
     /// Of the open stretch; 0 between stretches.
     phases: u64,
     phase: f64,
+    /// Phases of rows on their way.
+    arriving: Vec<f64>,
     /// First angle of the record, subtracted from all so that sums keep their digits.
     offset: Option<f64>,
     rows: u64,
@@ -61,6 +65,7 @@ impl Recorder {
             stretches: Stretches::default(),
             phases: 0,
             phase: 0.0,
+            arriving: Vec::new(),
             offset: None,
             rows: 0,
             filled: 0,
@@ -77,11 +82,17 @@ impl Recorder {
     pub fn push(&mut self, angles: &[f64]) {
         let Some(first) = angles.first() else { return };
         let offset = self.open_at(*first);
-        for angle in angles {
-            self.phase += angle - offset;
-            self.keep(self.phase);
-        }
         self.rows += angles.len() as u64;
+        let mut arriving = std::mem::take(&mut self.arriving);
+        for angles in angles.chunks(PIECE) {
+            arriving.clear();
+            arriving.extend(angles.iter().map(|angle| {
+                self.phase += angle - offset;
+                self.phase
+            }));
+            self.keep_all(&arriving);
+        }
+        self.arriving = arriving;
     }
 
     /// A row of several intervals: a running total with missing rows in between. Within it the phase is missing.
@@ -135,6 +146,27 @@ impl Recorder {
         }
     }
 
+    /// The same of many.
+    fn keep_all(&mut self, phases: &[f64]) {
+        let held = if self.pyramid.is_some() { 0 } else { (self.hold - self.held_phases).min(phases.len()) };
+        let (held, through) = phases.split_at(held);
+        if let Some(stretch) = self.held.last_mut() {
+            stretch.extend_from_slice(held);
+        }
+        self.holes += phases.iter().filter(|phase| phase.is_nan()).count() as u64;
+        self.phases += phases.len() as u64;
+        self.held_phases += held.len();
+        if through.is_empty() {
+            return;
+        }
+        if self.pyramid.is_none() {
+            self.switch_to_pyramid();
+        }
+        if let Some(pyramid) = &mut self.pyramid {
+            pyramid.extend(through);
+        }
+    }
+
     /// Switches to the pyramid and passes all phases in memory to it.
     fn switch_to_pyramid(&mut self) {
         let served = |difference: &Difference| Difference { m: served(difference.m), ..*difference };
@@ -144,7 +176,7 @@ impl Recorder {
         let held = std::mem::take(&mut self.held);
         let last = held.len().saturating_sub(1);
         for (number, stretch) in held.into_iter().enumerate() {
-            stretch.into_iter().for_each(|phase| pyramid.push(phase));
+            pyramid.extend(&stretch);
             if number < last {
                 pyramid.end_stretch();
             }
@@ -239,6 +271,12 @@ mod tests {
             assert!((sum.squares / exact.squares - 1.0).abs() < 1e-11, "{difference:?}");
         }
         assert_eq!(recorded(20_000, 4000), through, "a switch in the middle changes nothing");
+        let mut one_by_one = Recorder::new(differences(8192), 0);
+        angles.chunks(40_000).for_each(|stretch| {
+            stretch.iter().for_each(|angle| one_by_one.push(&[*angle]));
+            one_by_one.end_stretch();
+        });
+        assert_eq!(one_by_one.finish(), through, "nor do the pieces");
     }
 
     /// The module's claim: how far the pyramid is from full overlap, in standard deviations of the result.

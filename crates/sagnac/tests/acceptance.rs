@@ -423,3 +423,29 @@ fn missing_rows_are_a_limit_and_a_gap_is_none() {
     let half_an_hour = accepted(&|hours| !(0.5..1.0).contains(&hours));
     evidence("`navigation-grade` accepts a sound unit with half an hour missing", half_an_hour, "≥ 0.95", 20);
 }
+
+/// A logger that pauses for 50 s each 40 minutes cuts every stretch to 24 windows, in which white noise hides B.
+#[test]
+fn short_gaps_in_every_hour_hide_no_bias_instability() {
+    let (unit, limits) = (calibrated(), navigation());
+    let accepted = |records: u64, b_dph: f64| {
+        fraction(records, |seed| {
+            let mut bench = Bench::new(8500 + seed, &usual);
+            bench.b_dph = b_dph;
+            let found = judged(&unit, rows_where(&bench.log(), &|hours| (60.0 * hours) % 40.0 >= 50.0 / 60.0), &limits);
+            if found.passed() != (b_dph == 0.0) {
+                println!("{seed}, B {b_dph}: {:?}", missed(&found));
+            }
+            found.passed()
+        })
+    };
+    let sound = accepted(60, 0.0);
+    evidence("`navigation-grade` accepts a sound unit with 50 s missing in each 40 minutes", sound, "≥ 0.95", 60);
+    let loud = accepted(60, 0.03);
+    evidence(
+        "a unit at twice `bias_instability_dph_max` is accepted, 50 s missing in each 40 minutes",
+        loud,
+        "≤ 0.05",
+        60,
+    );
+}

@@ -22,6 +22,20 @@ fn a_test_that_ends_itself_does_what_the_full_one_does() {
     );
 }
 
+/// Fewer passes end a test sooner, where a change from one cycle to the next need not be seen.
+#[test]
+fn two_passes_end_a_test_sooner() {
+    const UNITS: u64 = 40;
+    let found = stopped(UNITS, &Limits::named_or_read("navigation-grade").unwrap(), 2, unit);
+    println!("{found:#?}");
+    evidence(
+        "test that ends itself, `navigation-grade`, two passes: hours over those of the full test",
+        found.hours / FULL_HOURS,
+        "≤ 0.6",
+        UNITS,
+    );
+}
+
 /// An adversary's unit: with a pass each way 7 of 10 such tests ended at nine hours, and no unit met its retest.
 #[test]
 fn a_memory_that_grows_from_cycle_to_cycle_is_seen_in_the_second() {

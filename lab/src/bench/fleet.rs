@@ -211,7 +211,7 @@ fn on_clusters(bench: &Bench, folder: &str, loops: &[Vec<String>; 2]) -> Result<
 }
 
 /// A command on the first core alone.
-fn alone(of: Vec<String>) -> Vec<String> {
+pub(super) fn alone(of: Vec<String>) -> Vec<String> {
     ["taskset", "-c", "0"].map(str::to_owned).into_iter().chain(of).collect()
 }
 

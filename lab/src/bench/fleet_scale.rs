@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result};
 
 use crate::bench::Bench;
-use crate::bench::fleet::{self, MODEL, RUNS, Started};
+use crate::bench::fleet::{self, MODEL, RUNS, Started, alone};
 use crate::bench::process::{Cost, measure};
 
 pub(super) const HEADING: &str = "\n## Ten thousand units";
@@ -42,12 +42,15 @@ pub(super) fn measure_scale(bench: &Bench, page: &mut String) -> Result<()> {
     let mut clusters = Vec::new();
     let program = fleet::cluster_program()?;
     for (executors, source, of) in [(2, &folder, units), (1, &tenth, few), (4, &tenth, few)] {
-        let running = Started::new(&program, executors, 1, false)?;
-        let cost = once("cluster", &fleet::on_cluster(bench, &program, source, &running.at)?)?;
+        let one_core = executors == 1;
+        let running = Started::new(&program, executors, 1, one_core)?;
+        let command = fleet::on_cluster(bench, &program, source, &running.at)?;
+        let cost = once("cluster", &if one_core { alone(command) } else { command })?;
         clusters.push((executors, of, cost, running.peak_mib()?));
     }
-    let one = once("one thread", &fleet::on_threads(bench, &tenth, "1", MODEL, &format!("{tenth}-out")))?;
+    let one = once("one thread", &alone(fleet::on_threads(bench, &tenth, "1", MODEL, &format!("{tenth}-out"))))?;
     let shell = once("shell", &fleet::by_shell(bench, &tenth))?;
+    let shell_alone = once("shell on one core", &alone(fleet::by_shell(bench, &tenth)))?;
     let listed = bench.file("fleet-scale-logs.txt");
     let names: Vec<String> = logs.iter().take((few * RUNS) as usize).map(|log| log.display().to_string()).collect();
     fs::write(&listed, names.join("\n"))?;
@@ -68,22 +71,28 @@ pub(super) fn measure_scale(bench: &Bench, page: &mut String) -> Result<()> {
     };
     row("`fleet calibrate --threads 2`", units, &two, two.peak_mib);
     for (executors, of, cost, peak_mib) in &clusters {
-        let slots = if *executors == 1 { "1 executor" } else { &format!("{executors} executors") };
-        row(&format!("`sagnac-fleet`, {slots} of one slot; peak of an executor"), *of, cost, *peak_mib);
+        let slots = if *executors == 1 { "1 executor on one core" } else { &format!("{executors} executors") };
+        row(&format!("`sagnac-fleet`, {slots}, one slot each; peak of an executor"), *of, cost, *peak_mib);
     }
-    row("`fleet calibrate --threads 1`", few, &one, one.peak_mib);
-    row("the loop, one unit at a time", few, &shell, shell.peak_mib);
+    row("`fleet calibrate --threads 1`, one core", few, &one, one.peak_mib);
+    row("the loop, two cores", few, &shell, shell.peak_mib);
+    row("the loop, one core", few, &shell_alone, shell_alone.peak_mib);
     row("DuckDB, bare window sums, two threads", few, &bare, bare.peak_mib);
-    let over = |of: u64, cost: &Cost| 100.0 * (each(of, cost) / each(few, &shell) - 1.0);
-    let overheads: Vec<String> =
-        clusters.iter().map(|(n, of, cost, _)| format!("{:+.0} % with {n}", over(*of, cost))).collect();
+    let over = |of: u64, cost: &Cost, by: &Cost| 100.0 * (each(of, cost) / each(few, by) - 1.0);
+    let overheads: Vec<String> = clusters
+        .iter()
+        .map(|(n, of, cost, _)| {
+            format!("{:+.0} % with {n}", over(*of, cost, if *n == 1 { &shell_alone } else { &shell }))
+        })
+        .collect();
     let most = clusters.iter().map(|(.., peak)| *peak).fold(0.0, f64::max);
     let driver = clusters.iter().map(|(_, _, cost, _)| cost.peak_mib).fold(0.0, f64::max);
     let _ = writeln!(
         page,
-        "\n**Time of a unit over that of the loop: {:+.0} % on threads; on the cluster {} (asked: none; at most 5 %). {:.2} of the time of DuckDB's \
-         bare sums (asked: at most 1.2). Largest executor {most:.1} MiB (asked: under {MOST_MIB}), the driver {driver:.1}.**",
-        over(units, &two),
+        "\n**Time of a unit over that of the loop on as many cores: {:+.0} % on two threads, {:+.0} % on one; on the cluster {} (asked: none; at most 5 %). \
+         {:.2} of the time of DuckDB's bare sums (asked: at most 1.2). Largest executor {most:.1} MiB (asked: under {MOST_MIB}), the driver {driver:.1}.**",
+        over(units, &two, &shell),
+        over(few, &one, &shell_alone),
         overheads.join(", "),
         each(units, &two) / each(few, &bare)
     );

@@ -162,6 +162,12 @@ impl LogShape {
         intervals_of(end_ns - start_ns, self.nominal_ns).unsigned_abs()
     }
 
+    /// The same for the usual row: true where [`LogShape::intervals`] is 1.
+    pub fn is_one_interval(&self, start_ns: i64, end_ns: i64) -> bool {
+        let nominal_ns = self.nominal_ns.max(1);
+        end_ns - start_ns <= nominal_ns + nominal_ns / 2
+    }
+
     /// Between the stamps of two rows temperatures were not read for so long that the older ones say little of it: more than three intervals, and a minute.
     pub fn is_gap(&self, from_ns: i64, to_ns: i64) -> bool {
         let length_ns = to_ns.saturating_sub(from_ns);

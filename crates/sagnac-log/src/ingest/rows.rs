@@ -121,8 +121,7 @@ impl RowValidator {
         Self {
             file,
             timed: layout.time.is_some(),
-            whole_rows: layout.time.is_some()
-                && layout.temperatures.len() <= 1
+            whole_rows: layout.temperatures.len() <= usize::from(layout.time.is_some())
                 && (config.counter == Counter::Incremental || !layout.is_count_log()),
             nominal_ns,
             counter: config.counter,
@@ -492,13 +491,15 @@ mod tests {
     use super::*;
     use crate::ingest::raw::NO_TIME;
 
-    fn piece(rows: &[(i64, f64, f64, u8)]) -> RawRows {
+    fn piece(rows: &[(i64, f64, f64, u8)], timed: bool) -> RawRows {
         let mut piece = RawRows::default();
-        piece.reset(1, 1, 0);
+        piece.reset(1, usize::from(timed), 0);
         for (i, (time_ns, t_c, counts, faults)) in rows.iter().enumerate() {
             piece.line.push(i as u32 + 1);
-            piece.time_ns.push(*time_ns);
-            piece.temperatures_c[0].push(*t_c);
+            if timed {
+                piece.time_ns.push(*time_ns);
+                piece.temperatures_c[0].push(*t_c);
+            }
             piece.axes[0].push(*counts);
             piece.faults.push(Faults::NONE.with(Faults::RAGGED, *faults == 1).with(Faults::FLAGGED, *faults == 2));
         }
@@ -530,16 +531,18 @@ mod tests {
     proptest! {
         /// Stretches copied whole and rows checked one by one: the same rows, tallies and state.
         #[test]
-        fn whole_stretches_are_what_single_rows_are(rows in any_rows(), rates: bool, cut in 0_usize..1500) {
+        fn whole_stretches_are_what_single_rows_are(rows in any_rows(), rates: bool, timed: bool, cut in 0_usize..1500) {
             let header = if rates { "rate_dph" } else { "counts" };
-            let headers = ["time_ns", "temperature_c", header].map(str::to_owned).to_vec();
+            let headers: &[&str] = if timed { &["time_ns", "temperature_c", header] } else { &[header] };
+            let headers = headers.iter().map(|header| (*header).to_owned()).collect();
             let layout = Layout::new(headers, &Default::default(), None).unwrap();
             let judge = |whole_rows: bool| {
                 let mut check = RowValidator::new("log".to_owned(), &layout, &ReadConfig::default(), 10);
                 check.whole_rows &= whole_rows;
-                let mut batch = Batch { angle: vec![vec![]], temperature_c: vec![vec![]], ..Batch::default() };
+                let temperature_c = vec![vec![]; usize::from(timed)];
+                let mut batch = Batch { angle: vec![vec![]], temperature_c, ..Batch::default() };
                 let (first, second) = rows.split_at(cut.min(rows.len()));
-                let ended = check.push(&piece(first), &mut batch).and_then(|()| check.push(&piece(second), &mut batch));
+                let ended = check.push(&piece(first, timed), &mut batch).and_then(|()| check.push(&piece(second, timed), &mut batch));
                 batch.checked_c.clear();
                 (format!("{ended:?} {batch:?}"), check.tallies, check.rows_read, check.clock_ns)
             };

@@ -1,5 +1,7 @@
 //! Logs in, noise budget out.
 
+use std::ops::Range;
+
 use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::{Batch, Bridge, LogShape, Logs, Tallies, Tally, same_shape};
 use sagnac_log::setup::Setup;
@@ -214,14 +216,45 @@ impl Reading {
             self.detrended = true;
         }
         let mut bridges = batch.bridges.iter().peekable();
-        for row in 0..=batch.len() {
-            while let Some(bridge) = bridges.next_if(|bridge| bridge.before_row <= row) {
+        let mut at = 0;
+        loop {
+            while let Some(bridge) = bridges.next_if(|bridge| bridge.before_row <= at) {
                 self.bridge(bridge, drift);
             }
-            if row < batch.len() {
-                self.row(batch, row);
+            if at >= batch.len() {
+                break;
             }
+            let next_bridge = bridges.peek().map_or(batch.len(), |bridge| bridge.before_row);
+            let end = self.end_of_plain(batch, at, next_bridge);
+            if end > at {
+                self.plain_rows(batch, at..end);
+            } else {
+                self.row(batch, at);
+            }
+            at = end.max(at + 1);
         }
+    }
+
+    /// The end of the rows from `at` on that are valid, an interval each, and follow on without a gap.
+    fn end_of_plain(&self, batch: &Batch, at: usize, before: usize) -> usize {
+        let (mut last_ns, mut end) = (self.last_end_ns.unwrap_or(batch.start_ns[at]), at);
+        let before = before.min(batch.len());
+        let rows = batch.start_ns[at..before].iter().zip(&batch.end_ns[at..before]).zip(&batch.valid[at..before]);
+        for ((start_ns, end_ns), valid) in rows {
+            if !valid || *start_ns != last_ns || !self.shape.is_one_interval(*start_ns, *end_ns) {
+                break;
+            }
+            (last_ns, end) = (*end_ns, end + 1);
+        }
+        end
+    }
+
+    fn plain_rows(&mut self, batch: &Batch, rows: Range<usize>) {
+        let log = self.inputs.len() as u32;
+        for (screen, column) in self.screens.iter_mut().zip(&self.angles) {
+            screen.rows(&column[rows.clone()], |at| Place { log, line: batch.line[rows.start + at] });
+        }
+        self.last_end_ns = Some(batch.end_ns[rows.end - 1]);
     }
 
     /// A row; what is missing before it is lost.

@@ -12,7 +12,7 @@ use sagnac_core::{MAX_INPUTS, Watch, WatchSpec};
 use serde::Serialize;
 
 use crate::fit::thermometer_noise;
-use crate::window::Windows;
+use crate::window::{SAME_VALUE, Windows};
 use sagnac_units::format::file_name;
 use sagnac_units::s_from_ns;
 
@@ -89,7 +89,7 @@ impl<'a> Readings<'a> {
         let runs: Vec<Vec<f64>> = tracks.map(|track| track.iter().copied().step_by(every).collect()).collect();
         let steps = runs.iter().flat_map(|run| run.windows(2)).map(|pair| (pair[1] - pair[0]).abs());
         // Less is the rounding of a decimal fraction.
-        let step_c = steps.filter(|step| *step > 1e-9).reduce(f64::min);
+        let step_c = steps.filter(|step| *step > SAME_VALUE).reduce(f64::min);
         Some(Self { name: &windows.shape.thermometers[thermometer], runs, sigma_c, interval_s, step_c })
     }
 

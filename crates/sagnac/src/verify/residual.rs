@@ -6,8 +6,8 @@
 //! per °C, per °C/min  slopes of one line r = a + s·T + q·Ṫ through all windows
 //! ARW                 N of the rows, raw, and corrected before they are rounded, by short-τ Allan deviations
 //! over temperature    root mean square of a Chebyshev series of order 8 in T through all windows, less what noise makes of it
-//! bias instability    least overlapping Allan deviation of the corrected windows / 0.664: an estimate of B that noise lifts and few
-//!                     degrees of freedom scatter
+//! bias instability    least overlapping Allan deviation of the corrected windows / 0.664, across gaps of up to two windows: an estimate
+//!                     of B that noise lifts and few degrees of freedom scatter
 //! ```
 //!
 //! Out of sample always: the windows are those of a retest.
@@ -212,18 +212,42 @@ fn over_temperature(used: &[&Point]) -> Option<Estimate> {
     Some(Estimate { value, sigma })
 }
 
-/// The least deviation over octaves of the windows, to a sixth of what hangs together.
-fn bias_instability(used: &[&Point]) -> Option<Estimate> {
-    let mut stretches: Vec<Vec<f64>> = vec![Vec::new()];
-    for (index, point) in used.iter().enumerate() {
-        let follows = index > 0 && joined(used[index - 1], point);
-        if !follows {
+/// Longest gap that a stretch reaches across, in windows.
+const MOST_BRIDGED: f64 = 2.0;
+/// Largest fraction of the windows that may be filled: σ at long τ is too large by half of it in white noise, and off by as much in
+/// flicker.
+const MOST_FILLED: f64 = 0.1;
+
+/// The windows in stretches without a gap. Short gaps are filled with the mean of the windows beside them, unless these are too many:
+/// a minute that is missing in each hour must not hide every τ above an hour.
+fn stretches(used: &[&Point]) -> Vec<Vec<f64>> {
+    let longest_h = used.iter().map(|point| point.length_h).fold(0.0, f64::max);
+    let gap_h = |a: &Point, b: &Point| (b.hours - 0.5 * b.length_h) - (a.hours + 0.5 * a.length_h);
+    let lost = |a: &Point, b: &Point| {
+        let windows = gap_h(a, b) / longest_h;
+        (a.run == b.run && !joined(a, b) && windows <= MOST_BRIDGED).then(|| windows.round().max(0.0) as usize)
+    };
+    let all: usize = used.windows(2).filter_map(|pair| lost(pair[0], pair[1])).sum();
+    let fills = all as f64 <= MOST_FILLED * used.len() as f64;
+    let mut stretches: Vec<Vec<f64>> = vec![used.first().map(|point| point.after_dph).into_iter().collect()];
+    for pair in used.windows(2) {
+        let (before, point) = (pair[0], pair[1]);
+        let filled = lost(before, point).filter(|_| fills);
+        if filled.is_none() && !joined(before, point) {
             stretches.push(Vec::new());
         }
         if let Some(last) = stretches.last_mut() {
+            let mean = 0.5 * (before.after_dph + point.after_dph);
+            last.extend(std::iter::repeat_n(mean, filled.unwrap_or(0)));
             last.push(point.after_dph);
         }
     }
+    stretches
+}
+
+/// The least deviation over octaves of the windows, to a sixth of what hangs together.
+fn bias_instability(used: &[&Point]) -> Option<Estimate> {
+    let stretches = stretches(used);
     let longest = stretches.iter().map(Vec::len).max().unwrap_or(0);
     let wanted: Vec<Difference> = (0..16)
         .map(|octave| 1_usize << octave)

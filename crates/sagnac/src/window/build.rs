@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use crate::window::sums::{Moments, Sums, until_split};
+use crate::window::tracks::{Grid, Tracks};
 use crate::window::{Run, RunFile, WindowRows, WindowShape, Windows, outliers};
 use sagnac_core::Status;
 use sagnac_log::error::{Error, Result};
@@ -12,8 +13,6 @@ use sagnac_log::setup::{RunDivision, Setup, TableRun, WindowConfig, WindowSize};
 use sagnac_noise::ShortTau;
 use sagnac_units::{ns_from_s, s_from_ns};
 
-/// Longest track, in temperature periods: 48 days at 1 s.
-const MAX_TRACK: usize = 1 << 22;
 /// Bytes of a window apart from its columns: times, samples, line, reference, reason.
 const WINDOW_BYTES: usize = 64;
 /// Bytes of an axis in a window: angle, status, and the sums at short τ in a list of their own.
@@ -56,23 +55,11 @@ struct OpenRun {
     start_ns: i64,
     end_ns: i64,
     open: Option<Sums>,
-    tracks: Vec<Track>,
-    /// Stamp of the newest row of the tracks, ns.
-    sampled_ns: i64,
+    tracks: Tracks,
     /// Files that were read to their end.
     files: Vec<RunFile>,
     /// Start of the file that is being read, ns.
     file_start_ns: i64,
-}
-
-/// The grid of the tracks.
-#[derive(Clone, Copy)]
-struct Grid {
-    tick_ns: i64,
-    period_ns: i64,
-    /// Values that a track may have.
-    room: usize,
-    memory: MemoryBudget,
 }
 
 /// Logs that were read: one whose bytes came before would count twice.
@@ -89,63 +76,6 @@ impl SeenLogs {
         }
         self.0.push((log.sha256.clone(), log.file.clone()));
         Ok(())
-    }
-}
-
-/// Zero-order hold of one thermometer or auxiliary column on the grid of the temperature period; a straight line through a gap of the rows. A thermometer
-/// that alone is not read is held, as on the target.
-#[derive(Clone)]
-struct Track {
-    newest_c: f64,
-    newest_ns: i64,
-    /// No row came for long since the newest value.
-    is_gap: bool,
-    /// Smallest change of a value so far: what is interpolated is read in such steps too, for the survey takes them for the resolution.
-    step_c: f64,
-    values: Vec<f64>,
-}
-
-/// Values this near are the same, °C or the column's unit.
-const SAME_C: f64 = 1e-9;
-
-impl Track {
-    fn new() -> Self {
-        Self { newest_c: f64::NAN, newest_ns: 0, is_gap: false, step_c: f64::INFINITY, values: Vec::new() }
-    }
-
-    /// Everything on the grid strictly before the sample's time still has the sample before it.
-    fn sample(&mut self, grid_points_before: usize, value_c: f64, since_start_ns: i64, period_ns: i64) {
-        if self.values.len() < grid_points_before {
-            self.values.resize(grid_points_before, self.newest_c);
-        }
-        self.hold(value_c, since_start_ns, period_ns);
-    }
-
-    /// The newest value; after a gap of the rows the grid since the value before has a straight line, for a step would be a rate that the gyro never saw.
-    fn hold(&mut self, value_c: f64, since_start_ns: i64, period_ns: i64) {
-        if value_c.is_nan() {
-            return;
-        }
-        let length_ns = since_start_ns - self.newest_ns;
-        if self.newest_c.is_nan() {
-            // Nothing is known before the first sample: it stands for the time before.
-            self.values.fill(value_c);
-        } else if self.is_gap {
-            let first = usize::try_from(self.newest_ns / period_ns + 1).unwrap_or(usize::MAX);
-            let (before_c, from_ns) = (self.newest_c, self.newest_ns as f64);
-            for (point, value) in self.values.iter_mut().enumerate().skip(first) {
-                let part = (point as f64 * period_ns as f64 - from_ns) / length_ns as f64;
-                let moved_c = (value_c - before_c) * part.clamp(0.0, 1.0);
-                let whole_c = (moved_c / self.step_c).round() * self.step_c;
-                *value = before_c + if whole_c.is_finite() { whole_c } else { moved_c };
-            }
-        }
-        self.is_gap = false;
-        let change_c = (value_c - self.newest_c).abs();
-        if change_c > SAME_C {
-            self.step_c = self.step_c.min(change_c);
-        }
-        (self.newest_c, self.newest_ns) = (value_c, since_start_ns);
     }
 }
 
@@ -271,10 +201,8 @@ impl WindowBuilder {
         run.end_ns = *last_ns;
         if self.shape.timed {
             let kept: usize = self.runs.iter().flat_map(|run| &run.tracks).map(Vec::len).sum();
-            let most = usize::try_from(self.memory.tracks()).unwrap_or(usize::MAX) / size_of::<f64>();
-            let room = most.saturating_sub(kept).checked_div(self.tracks).unwrap_or(MAX_TRACK);
-            let grid = Grid { tick_ns: self.tick_ns, period_ns: self.shape.period_ns, room, memory: self.memory };
-            run.sample_tracks(batch, &self.log, grid)?;
+            let grid = Grid::new(self.tick_ns, self.shape.period_ns, self.tracks, kept, self.memory);
+            run.tracks.sample(batch, &self.log, grid)?;
         }
         let columns = self.log.thermometers.len() + self.log.aux.len();
         let bytes_each = GROWTH * (WINDOW_BYTES + AXIS_BYTES * self.log.axes.len() + COLUMN_BYTES * columns);
@@ -479,7 +407,7 @@ impl WindowBuilder {
     fn end_run(&mut self) {
         self.close_window();
         let Some(run) = self.run.take() else { return };
-        let tracks = run.tracks.into_iter().map(|track| track.values).collect();
+        let tracks = run.tracks.into_values();
         self.runs.push(Run { files: run.files, start_ns: run.start_ns, end_ns: run.end_ns, tracks });
     }
 
@@ -539,80 +467,13 @@ impl WindowBuilder {
 }
 
 impl OpenRun {
-    /// Brings the tracks up to the end of a batch. Only the rows next to a grid point matter.
-    fn sample_tracks(
-        &mut self,
-        batch: &Batch,
-        log: &LogShape,
-        Grid { tick_ns, period_ns, room, memory }: Grid,
-    ) -> Result<()> {
-        let mut at = 0;
-        while let Some(points) = self.tracks.first().map(|track| track.values.len() as i64) {
-            // As in replay: a stamp counts from the tick it falls into.
-            let due_ns = self.start_ns.saturating_add(points.saturating_mul(period_ns)).saturating_add(tick_ns);
-            let next = at + batch.end_ns[at..].partition_point(|end| *end < due_ns);
-            let columns = || batch.temperature_c.iter().chain(&batch.aux);
-            let since_ns = |row: usize| batch.end_ns[row] - self.start_ns;
-            for (track, column) in self.tracks.iter_mut().zip(columns()) {
-                let known = || (at..next).filter(|row| !column[*row].is_nan());
-                // The very first stands for the time before it, however rows come in pieces.
-                let first = known().next().filter(|_| track.newest_c.is_nan());
-                for row in first.into_iter().chain(known().next_back()) {
-                    track.hold(column[row], since_ns(row), period_ns);
-                }
-            }
-            if next == batch.len() {
-                break;
-            }
-            let elapsed_ns = (batch.end_ns[next] - self.start_ns) / tick_ns * tick_ns;
-            let before = elapsed_ns / period_ns + i64::from(elapsed_ns % period_ns != 0);
-            let before = usize::try_from(before).unwrap_or(usize::MAX);
-            if before > MAX_TRACK {
-                return Err(too_many_periods(period_ns).line(batch.line[next]));
-            }
-            if before > room {
-                return Err(too_many_values(self.tracks.len(), period_ns, memory).line(batch.line[next]));
-            }
-            let since_ns = batch.end_ns[next] - self.start_ns;
-            let newest_ns = if next == 0 { self.sampled_ns } else { batch.end_ns[next - 1] };
-            let is_gap = log.is_gap(newest_ns, batch.end_ns[next]);
-            self.tracks.iter_mut().for_each(|track| track.is_gap |= is_gap);
-            for (track, column) in self.tracks.iter_mut().zip(columns()) {
-                track.sample(before, column[next], since_ns, period_ns);
-            }
-            at = next + 1;
-        }
-        self.sampled_ns = batch.end_ns.last().copied().unwrap_or(self.sampled_ns);
-        Ok(())
-    }
-
-    fn new(start_ns: i64, thermometers: usize) -> Self {
-        let tracks = (0..thermometers).map(|_| Track::new()).collect();
-        Self {
-            start_ns,
-            end_ns: start_ns,
-            open: None,
-            tracks,
-            sampled_ns: start_ns,
-            files: Vec::new(),
-            file_start_ns: start_ns,
-        }
+    fn new(start_ns: i64, columns: usize) -> Self {
+        let tracks = Tracks::new(start_ns, columns);
+        Self { start_ns, end_ns: start_ns, open: None, tracks, files: Vec::new(), file_start_ns: start_ns }
     }
 }
 
 /// A window in ns.
 fn window_ns(seconds: f64) -> i64 {
     ns_from_s(seconds).unwrap_or(i64::MAX).max(1)
-}
-
-fn too_many_values(tracks: usize, period_ns: i64, memory: MemoryBudget) -> Error {
-    let what = format!("{tracks} columns every {} s in all runs take together", s_from_ns(period_ns));
-    let or = "map columns that no model needs to \"ignore\" under [columns], give a longer temperature_period_s in the setup";
-    memory.exceeded(&what, memory.tracks(), or).column("temperature_period_s")
-}
-
-fn too_many_periods(period_ns: i64) -> Error {
-    Error::input(format!("the run is longer than {MAX_TRACK} temperature periods of {} s", s_from_ns(period_ns)))
-        .column("temperature_period_s")
-        .help("cut the log into shorter files (each is a run), or give a longer temperature_period_s in the setup")
 }

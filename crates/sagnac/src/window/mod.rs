@@ -10,6 +10,7 @@ mod outliers;
 mod sums;
 #[cfg(feature = "parquet")]
 mod table;
+mod tracks;
 
 pub(crate) use crate::window::build::SeenLogs;
 pub use crate::window::build::WindowBuilder;
@@ -21,6 +22,9 @@ use sagnac_log::ingest::{AngleUnit, LogSummary, Reason, Tallies};
 use sagnac_log::setup::WindowSize;
 use sagnac_noise::{NoiseTerms, ShortTauSums};
 use sagnac_units::s_from_ns;
+
+/// Readings this near are the same, °C or the column's unit: a smaller change is no step of a thermometer.
+pub(crate) const SAME_VALUE: f64 = 1e-9;
 
 /// What a set of windows consists of.
 #[derive(Clone, Debug, PartialEq)]

@@ -2,6 +2,7 @@
 //!
 //! The result is that of the rows one by one (a property test holds it); only the time differs.
 
+use std::borrow::Cow;
 use std::ops::Range;
 
 use super::{MAX_RATE_DPH, MAX_TIME, PLAIN_CHUNK, RowValidator, is_whole, nearest};
@@ -10,25 +11,33 @@ use crate::ingest::raw::{Faults, RawRows};
 use sagnac_units::s_from_ns;
 
 impl RowValidator {
-    /// The end of the rows from `at` on that the state machine would pass unchanged. None in a log with running totals or
-    /// with several thermometers (which are compared with each other).
+    /// The end of the rows from `at` on that the state machine would pass unchanged. None in a log with running totals, with
+    /// several thermometers (which are compared with each other), or with one and no times.
     pub(super) fn plain_rows(&self, rows: &RawRows, at: usize) -> usize {
-        let Some(clock_ns) = self.clock_ns.filter(|_| self.whole_rows) else { return at };
+        let Some(mut before_ns) = self.plain_clock_ns().filter(|_| self.whole_rows) else { return at };
         let mut end = at;
-        let mut before_ns = clock_ns;
         while end < rows.len() {
             let next = (end + PLAIN_CHUNK).min(rows.len());
-            if !self.is_plain(rows, end..next, before_ns, end == at) {
+            let Some(last_ns) = self.last_of_plain_times(rows, end..next, before_ns) else { break };
+            if !self.is_plain(rows, end..next, end == at) {
                 break;
             }
-            before_ns = rows.time_ns[next - 1];
-            end = next;
+            (before_ns, end) = (last_ns, next);
         }
         end
     }
 
-    fn is_plain(&self, rows: &RawRows, part: Range<usize>, before_ns: i64, first: bool) -> bool {
-        let times = &rows.time_ns[part.clone()];
+    /// The end of the row before; a log without times begins at zero.
+    fn plain_clock_ns(&self) -> Option<i64> {
+        if self.timed { self.clock_ns } else { Some(self.clock_ns.unwrap_or(0)) }
+    }
+
+    /// The last of these times, if they rise in steps of at most one and a half intervals.
+    fn last_of_plain_times(&self, rows: &RawRows, part: Range<usize>, before_ns: i64) -> Option<i64> {
+        if !self.timed {
+            return self.nominal_ns.checked_mul(part.len() as i64)?.checked_add(before_ns);
+        }
+        let times = &rows.time_ns[part];
         let most_ns = self.nominal_ns + self.nominal_ns / 2;
         let mut in_order = before_ns.unsigned_abs() < MAX_TIME && times[times.len() - 1].unsigned_abs() < MAX_TIME;
         let mut last = before_ns;
@@ -36,6 +45,10 @@ impl RowValidator {
             in_order &= (1..=most_ns).contains(&now.wrapping_sub(last));
             last = now;
         }
+        in_order.then_some(last)
+    }
+
+    fn is_plain(&self, rows: &RawRows, part: Range<usize>, first: bool) -> bool {
         let sound = rows.faults[part.clone()].iter().fold(true, |all, faults| all & (*faults == Faults::NONE));
         let usable = |column: &Vec<f64>| match self.quantum {
             Some(quantum) => {
@@ -44,7 +57,7 @@ impl RowValidator {
             }
             None => column[part.clone()].iter().fold(true, |all, rate| all & (rate.abs() <= MAX_RATE_DPH)),
         };
-        if !(in_order && sound && rows.axes.iter().all(usable)) {
+        if !(sound && rows.axes.iter().all(usable)) {
             return false;
         }
         let (Some(column), Some(thermometer)) = (rows.temperatures_c.first(), self.thermometers.first()) else {
@@ -55,17 +68,22 @@ impl RowValidator {
     }
 
     pub(super) fn push_plain(&mut self, rows: &RawRows, part: Range<usize>, batch: &mut Batch) {
-        let times = &rows.time_ns[part.clone()];
-        let (Some(clock_ns), [.., last_ns]) = (self.clock_ns, times) else { return };
+        let Some(clock_ns) = self.plain_clock_ns() else { return };
+        let times: Cow<'_, [i64]> = if self.timed {
+            Cow::Borrowed(&rows.time_ns[part.clone()])
+        } else {
+            Cow::Owned((1..=part.len() as i64).map(|row| clock_ns + row * self.nominal_ns).collect())
+        };
+        let Some(last_ns) = times.last().copied() else { return };
         batch.start_ns.push(clock_ns);
         batch.start_ns.extend_from_slice(&times[..times.len() - 1]);
-        batch.end_ns.extend_from_slice(times);
+        batch.end_ns.extend_from_slice(&times);
         for (angle, column) in batch.angle.iter_mut().zip(&rows.axes) {
             let column = &column[part.clone()];
             match self.quantum {
                 Some(quantum) => angle.extend(column.iter().map(|counts| nearest(counts / quantum))),
                 None => {
-                    let starts = std::iter::once(&clock_ns).chain(times);
+                    let starts = std::iter::once(&clock_ns).chain(times.iter());
                     let durations = times.iter().zip(starts).map(|(end, start)| s_from_ns(end - start));
                     angle.extend(column.iter().zip(durations).map(|(rate_dph, s)| rate_dph * s));
                 }
@@ -79,9 +97,9 @@ impl RowValidator {
         batch.fields.extend_from_slice(rows.fields.get(part.clone()).unwrap_or(&[]));
         if let (Some(thermometer), Some(column)) = (self.thermometers.first_mut(), rows.temperatures_c.first()) {
             let before_ns = times.len().checked_sub(2).map(|last_but_one| times[last_but_one]);
-            thermometer.accept(column[part.end - 1], *last_ns, before_ns);
+            thermometer.accept(column[part.end - 1], last_ns, before_ns);
         }
-        self.clock_ns = Some(*last_ns);
+        self.clock_ns = Some(last_ns);
         self.rows_read += part.len() as u64;
     }
 }
