@@ -127,8 +127,8 @@ def main() -> None:
     print(f"Memory that `calibrate` adds beside the table, MiB: {added} (to reach: 64).")
     print(f"Import: {import_ms():.0f} ms (to reach: 100).\n")
     print(
-        "The two figures of `allan` are missed. Differences and their squares are a tenth of its time; reading and judging each row, looking for\n"
-        "disturbed ones (a median of the record), and five terms with intervals are the rest, which `oadev` does not do."
+        "The figure of `allan` at octaves is missed. Differences and their squares are a tenth of its time; hashing and copying the array, checking\n"
+        "each row, looking for disturbed ones (a median of the record), and five terms with intervals are the rest, which `oadev` does not do."
     )
 
 

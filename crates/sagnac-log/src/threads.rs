@@ -5,7 +5,7 @@
 
 use std::cell::Cell;
 use std::io;
-use std::thread::{Builder, JoinHandle};
+use std::thread::{Builder, JoinHandle, Scope, ScopedJoinHandle};
 
 /// Stack of a thread that reads or decodes, bytes.
 pub const STACK_BYTES: usize = 16 << 20;
@@ -26,6 +26,18 @@ pub fn alone<T>(work: impl FnOnce() -> T) -> T {
 pub(crate) fn helpers(most: usize) -> usize {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     if IS_ALONE.get() { 0 } else { (cores - 1).min(most) }
+}
+
+/// The same within a scope.
+///
+/// # Errors
+/// As [`spawn`].
+pub(crate) fn spawn_in<'scope, T: Send + 'scope>(
+    scope: &'scope Scope<'scope, '_>,
+    name: &str,
+    work: impl FnOnce() -> T + Send + 'scope,
+) -> io::Result<ScopedJoinHandle<'scope, T>> {
+    Builder::new().name(name.to_owned()).stack_size(STACK_BYTES).spawn_scoped(scope, work)
 }
 
 /// Starts a thread with [`STACK_BYTES`] of stack.

@@ -259,16 +259,16 @@ impl Curves {
         let size = multiples.len();
         let mut correlation = DMatrix::<f64>::identity(size, size);
         let sigma = |point: &Point| point.variance * (2.0 / point.edf).sqrt();
-        for i in 0..size {
-            for j in 0..i {
-                let (near, far) = (multiples[j], multiples[i]);
-                if far <= FAR * near {
-                    let both = sigma(&expected[i]) * sigma(&expected[j]);
-                    let shared = (record.covariance(near, far) / both).clamp(-1.0, 1.0);
-                    correlation[(i, j)] = shared;
-                    correlation[(j, i)] = shared;
-                }
-            }
+        let near = |(i, j): &(usize, usize)| multiples[*i] <= FAR * multiples[*j];
+        let pairs: Vec<(usize, usize)> = (0..size).flat_map(|i| (0..i).map(move |j| (i, j))).filter(near).collect();
+        let shared = |(i, j): &(usize, usize)| {
+            let both = sigma(&expected[*i]) * sigma(&expected[*j]);
+            (record.covariance(multiples[*j], multiples[*i]) / both).clamp(-1.0, 1.0)
+        };
+        let all: Vec<f64> = pairs.par_iter().map(shared).collect();
+        for ((i, j), shared) in pairs.into_iter().zip(all) {
+            correlation[(i, j)] = shared;
+            correlation[(j, i)] = shared;
         }
         // Truncated correlations may leave the matrix slightly indefinite: negative eigenvalues become zero.
         let eigen = correlation.symmetric_eigen();

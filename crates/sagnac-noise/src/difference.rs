@@ -10,9 +10,20 @@
 //! over all M values of k (fully overlapping). Sums of separate stretches add up, so a gap causes no error.
 //!
 //! A missing phase is NaN: only differences whose phases are all known are summed and counted.
+//!
+//! Squares are summed in sixteen interleaved sums, as vectors of whatever width the processor has: the order of additions, and so every
+//! bit of the result, is the same on all.
 
-/// Independent partial sums, so that the processor can add in parallel.
-const LANES: usize = 4;
+use std::sync::LazyLock;
+
+use fearless_simd::{Level, Simd, SimdBase, dispatch, f64x8};
+
+/// Independent partial sums, so that the processor can add in parallel: two vectors.
+const LANES: usize = 16;
+const LANES_OF_VECTOR: usize = LANES / 2;
+
+/// The vector instructions of this processor.
+static LEVEL: LazyLock<Level> = LazyLock::new(Level::new);
 
 /// Which difference of the phase is squared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -68,32 +79,70 @@ impl Deviation {
     /// Σ of the squared differences that end at `from..end` of the phases, at a distance of `m`.
     pub(crate) fn squares(self, phases: &[f64], from: usize, end: usize, m: usize) -> f64 {
         let before = |n: usize| &phases[from - n * m..end - n * m];
+        let level = *LEVEL;
         match self {
-            Self::Allan => sum_of_squares([before(0), before(1), before(2)], |[a, b, c]| a - 2.0 * b + c),
+            Self::Allan => {
+                let columns = [before(0), before(1), before(2)];
+                dispatch!(level, simd => sum_of_squares(simd, columns, #[inline(always)] |[a, b, c]| a - (b + b) + c))
+            }
             Self::Hadamard => {
-                sum_of_squares([before(0), before(1), before(2), before(3)], |[a, b, c, d]| (a - d) - 3.0 * (b - c))
+                let columns = [before(0), before(1), before(2), before(3)];
+                dispatch!(level, simd => {
+                    let three = f64x8::splat(simd, 3.0);
+                    sum_of_squares(simd, columns, #[inline(always)] |[a, b, c, d]| (a - d) - three * (b - c))
+                })
             }
         }
     }
 }
 
-/// Σ f(columns)², in four interleaved sums.
-fn sum_of_squares<const N: usize>(columns: [&[f64]; N], f: impl Fn([f64; N]) -> f64) -> f64 {
+/// Σ f(columns)².
+#[inline(always)]
+fn sum_of_squares<S: Simd, const N: usize>(
+    simd: S,
+    columns: [&[f64]; N],
+    f: impl Fn([f64x8<S>; N]) -> f64x8<S>,
+) -> f64 {
     let length = columns[0].len();
-    let columns = columns.map(|column| &column[..length]);
-    let squared = |i: usize| {
-        let difference = f(columns.map(|column| column[i]));
-        difference * difference
-    };
-    let mut lanes = [0.0; LANES];
-    let whole = length / LANES * LANES;
-    for from in (0..whole).step_by(LANES) {
-        for (lane, sum) in lanes.iter_mut().enumerate() {
-            *sum += squared(from + lane);
-        }
+    let whole = columns.map(|column| column[..length].as_chunks::<LANES>());
+    let mut sums = [f64x8::splat(simd, 0.0); 2];
+    for at in 0..length / LANES {
+        add_squares(
+            simd,
+            &mut sums,
+            whole.map(
+                #[inline(always)]
+                |(chunks, _)| &chunks[at],
+            ),
+            &f,
+        );
     }
-    (whole..length).for_each(|i| lanes[0] += squared(i));
-    lanes.iter().sum()
+    // Zeros in place of what is missing to a whole vector add nothing.
+    let last = whole.map(|(_, rest)| {
+        let mut values = [0.0; LANES];
+        values[..rest.len()].copy_from_slice(rest);
+        values
+    });
+    add_squares(simd, &mut sums, last.each_ref(), &f);
+    sums.iter().flat_map(|sum| sum.as_slice()).sum()
+}
+
+/// Adds f(values)² to the sums. All of this is compiled into its caller, for the processor's own instructions.
+#[inline(always)]
+fn add_squares<S: Simd, const N: usize>(
+    simd: S,
+    sums: &mut [f64x8<S>; 2],
+    values: [&[f64; LANES]; N],
+    f: &impl Fn([f64x8<S>; N]) -> f64x8<S>,
+) {
+    for (sum, from) in sums.iter_mut().zip([0, LANES_OF_VECTOR]) {
+        let half = values.map(
+            #[inline(always)]
+            |values| f64x8::from_slice(simd, &values[from..from + LANES_OF_VECTOR]),
+        );
+        let difference = f(half);
+        *sum += difference * difference;
+    }
 }
 
 /// Σ z² and M of one τ.

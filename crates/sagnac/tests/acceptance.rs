@@ -432,7 +432,7 @@ fn short_gaps_in_every_hour_hide_no_bias_instability() {
         fraction(records, |seed| {
             let mut bench = Bench::new(8500 + seed, &usual);
             bench.b_dph = b_dph;
-            let found = judged(&unit, rows_where(&bench.log(), &|hours| (60.0 * hours) % 40.0 >= 50.0 / 60.0), &limits);
+            let found = judged(&unit, rows_where(&bench.log(), |hours| (60.0 * hours) % 40.0 >= 50.0 / 60.0), &limits);
             if found.passed() != (b_dph == 0.0) {
                 println!("{seed}, B {b_dph}: {:?}", missed(&found));
             }

@@ -60,11 +60,11 @@ print(log.shape, log['counts'].sum())
 
 /// By `perf` on the 10-million-row CSV; updated by hand.
 const WHERE_THE_TIME_GOES: &str = "
-The targets are missed. Of some 0.9 s of processor time on two cores a quarter goes to the fit with its noise and nuisance models, which the
-others do not do; a fifth to fields; a quarter to checks, the sketch of the rows, sums and short-τ deviations; a tenth to SHA-256. Even times
-and repeated temperatures are recognised by their text, without reading digits, which took 0.1 s off. When these targets were set, this
-program took 0.37 s: it did not yet look for copies of a log, slow noise, drift in time or warm-up. The other programs vary by half
-between runs: page faults of 1.6 to 1.9 GB.
+The targets are missed. Of some 0.6 s of processor time on two cores a quarter goes to fields; a seventh to SHA-256; a third to checks, the sketch
+of the rows, sums and short-τ deviations; a quarter to the fit with its noise and nuisance models, which the others do not do. Even times
+and repeated temperatures are recognised by their text, without reading digits; windows are summed on another thread than rows are checked. When
+these targets were set, this program took 0.37 s on a slower machine: it did not yet look for copies of a log, slow noise, drift in time or
+warm-up. The other programs vary by half between runs: page faults of 1.6 to 1.9 GB.
 ";
 
 /// Read the same CSV and fit it with numpy.

@@ -53,6 +53,8 @@ mod ulog;
 
 use std::collections::VecDeque;
 use std::path::Path;
+use std::sync::mpsc::{channel, sync_channel};
+use std::thread::Scope;
 
 use crate::error::{Error, Result};
 use crate::ingest::align::Aligner;
@@ -84,6 +86,7 @@ use crate::ingest::table::TableRates;
 pub use crate::ingest::text::COMPENSATED_STAMP;
 pub use crate::ingest::text::{fields_of, unquoted};
 use crate::setup::{Counter, ReadConfig, Setup};
+use crate::threads::{helpers, spawn_in};
 use sagnac_units::ns_from_s;
 
 /// What one unit of an angle column is.
@@ -133,6 +136,8 @@ pub struct LogShape {
 
 /// Shortest time without rows over which temperatures are interpolated, ns.
 const GAP_NS: i64 = 60_000_000_000;
+/// Batches that are passed on before a thread is started for them.
+const BATCHES_ALONE: usize = 2;
 
 /// Logs that can be analysed together: the same axes, thermometers, units and row interval.
 ///
@@ -163,6 +168,7 @@ impl LogShape {
     }
 
     /// The same for the usual row: true where [`LogShape::intervals`] is 1.
+    #[inline]
     pub fn is_one_interval(&self, start_ns: i64, end_ns: i64) -> bool {
         let nominal_ns = self.nominal_ns.max(1);
         end_ns - start_ns <= nominal_ns + nominal_ns / 2
@@ -513,6 +519,64 @@ impl LogReader {
                 return Ok(None);
             }
         }
+    }
+
+    /// Reads to the end. `take` gets every batch, in order; on a thread of its own where one may be had, so that the next rows are
+    /// read meanwhile. The result does not depend on it.
+    ///
+    /// # Errors
+    /// As [`LogReader::next_batch`]; the first of `take`.
+    pub fn for_each_batch(&mut self, mut take: impl FnMut(&Batch) -> Result<()> + Send) -> Result<()> {
+        // A short log needs no thread.
+        for _ in 0..BATCHES_ALONE {
+            match self.next_batch()? {
+                Some(batch) => take(batch)?,
+                None => return Ok(()),
+            }
+        }
+        if helpers(1) > 0
+            && let Some(done) = std::thread::scope(|scope| self.pass_on(scope, &mut take))
+        {
+            return done;
+        }
+        while let Some(batch) = self.next_batch()? {
+            take(batch)?;
+        }
+        Ok(())
+    }
+
+    /// Passes the batches to a thread; `None` where the machine allows no further one.
+    fn pass_on<'scope>(
+        &mut self,
+        scope: &'scope Scope<'scope, '_>,
+        take: &'scope mut (impl FnMut(&Batch) -> Result<()> + Send),
+    ) -> Option<Result<()>> {
+        let (full, batches) = sync_channel::<Batch>(1);
+        let (back, used) = channel();
+        let thread = spawn_in(scope, "take", move || {
+            batches.into_iter().try_for_each(|batch| {
+                take(&batch)?;
+                // Nobody waits for the last ones.
+                let _ = back.send(batch);
+                Ok(())
+            })
+        })
+        .ok()?;
+        let read = loop {
+            match self.next_batch() {
+                Ok(Some(_)) => {}
+                Ok(None) => break Ok(()),
+                Err(error) => break Err(error),
+            }
+            let empty = used.try_recv().unwrap_or_else(|_| Batch::for_shape(&self.shape));
+            // It ends early only with an error of its own.
+            if full.send(std::mem::replace(&mut self.batch, empty)).is_err() {
+                break Ok(());
+            }
+        };
+        drop(full);
+        // Its error is of earlier rows.
+        Some(thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)).and(read))
     }
 
     /// The next rows into `self.batch`; false at the end.

@@ -77,15 +77,18 @@ pub fn noise_budget<'a>(
     for (number, log) in logs.enumerate() {
         let mut log = log?;
         same_shape(&shape, log.shape()).map_err(|e| e.file(log.summary().file))?;
-        while let Some(batch) = log.next_batch()? {
+        let name = log.summary().file;
+        let drift = drifts.as_ref().and_then(|drifts| drifts.get(number));
+        log.for_each_batch(|batch| {
             rows += batch.len();
             if request.exact && rows > most_exact_rows {
                 let what = format!("--exact over {rows} rows takes");
                 let error = setup.memory.exceeded(&what, share, "leave out --exact, which rounds τ by at most 0.2 %");
-                return Err(error.line(batch.line.first().copied().unwrap_or(0)).file(log.summary().file));
+                return Err(error.line(batch.line.first().copied().unwrap_or(0)).file(&name));
             }
-            reading.push(batch, drifts.as_ref().and_then(|drifts| drifts.get(number)));
-        }
+            reading.push(batch, drift);
+            Ok(())
+        })?;
         reading.end_run();
         let summary = log.summary();
         reading.tallies.merge(&summary.tallies);

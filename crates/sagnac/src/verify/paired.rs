@@ -49,15 +49,15 @@ impl PairedWindows {
             same_shape(&pair.shape, &shape).map_err(|e| e.file(&name))?;
             pair.raw.follow(&mut log, counter_end.as_ref())?;
             let mut is_first = true;
-            while let Some(batch) = log.next_batch()? {
+            log.for_each_batch(|batch| {
                 if std::mem::take(&mut is_first) && !pair.begin_file(batch, &name)? {
                     let new = Replay::new(&images, &shape, readings.clone(), &name).map_err(|e| e.file(&name))?;
                     replay = Some(new);
                 }
-                let Some(replay) = &mut replay else { continue };
+                let Some(replay) = &mut replay else { return Ok(()) };
                 let corrected = replay.correct(batch)?;
-                pair.push(batch, corrected).map_err(|e| e.file(&name))?;
-            }
+                pair.push(batch, corrected).map_err(|e| e.file(&name))
+            })?;
             let summary = log.summary();
             seen.take(&summary)?;
             pair.raw.end_file(summary.clone());

@@ -166,12 +166,12 @@ impl WindowBuilder {
             same_shape(&first, log.shape()).map_err(|e| e.file(log.summary().file))?;
             builder.follow(&mut log, counter_end.as_ref())?;
             let (mut is_first, name) = (true, log.summary().file);
-            while let Some(batch) = log.next_batch()? {
+            log.for_each_batch(|batch| {
                 if std::mem::take(&mut is_first) {
                     builder.begin_file(batch, &name)?;
                 }
-                builder.push(batch).map_err(|e| e.file(&name))?;
-            }
+                builder.push(batch).map_err(|e| e.file(&name))
+            })?;
             let summary = log.summary();
             seen.take(&summary)?;
             builder.end_file(summary);
