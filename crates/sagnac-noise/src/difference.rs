@@ -14,6 +14,7 @@
 //! Squares are summed in sixteen interleaved sums, as vectors of whatever width the processor has: the order of additions, and so every
 //! bit of the result, is the same on all.
 
+use std::ops::Range;
 use std::sync::LazyLock;
 
 use fearless_simd::{Level, Simd, SimdBase, dispatch, f64x8};
@@ -78,8 +79,12 @@ impl Deviation {
 
     /// Σ of the squared differences that end at `from..end` of the phases, at a distance of `m`.
     pub(crate) fn squares(self, phases: &[f64], from: usize, end: usize, m: usize) -> f64 {
-        let before = |n: usize| &phases[from - n * m..end - n * m];
-        let level = *LEVEL;
+        self.squares_with(*LEVEL, phases, from..end, m)
+    }
+
+    /// The same with given vector instructions.
+    fn squares_with(self, level: Level, phases: &[f64], ends: Range<usize>, m: usize) -> f64 {
+        let before = |n: usize| &phases[ends.start - n * m..ends.end - n * m];
         match self {
             Self::Allan => {
                 let columns = [before(0), before(1), before(2)];
@@ -107,15 +112,8 @@ fn sum_of_squares<S: Simd, const N: usize>(
     let whole = columns.map(|column| column[..length].as_chunks::<LANES>());
     let mut sums = [f64x8::splat(simd, 0.0); 2];
     for at in 0..length / LANES {
-        add_squares(
-            simd,
-            &mut sums,
-            whole.map(
-                #[inline(always)]
-                |(chunks, _)| &chunks[at],
-            ),
-            &f,
-        );
+        let values = std::array::from_fn(|column| &whole[column].0[at]);
+        add_squares(simd, &mut sums, values, &f);
     }
     // Zeros in place of what is missing to a whole vector add nothing.
     let last = whole.map(|(_, rest)| {
@@ -136,11 +134,8 @@ fn add_squares<S: Simd, const N: usize>(
     f: &impl Fn([f64x8<S>; N]) -> f64x8<S>,
 ) {
     for (sum, from) in sums.iter_mut().zip([0, LANES_OF_VECTOR]) {
-        let half = values.map(
-            #[inline(always)]
-            |values| f64x8::from_slice(simd, &values[from..from + LANES_OF_VECTOR]),
-        );
-        let difference = f(half);
+        let half = |column: usize| f64x8::from_slice(simd, &values[column][from..from + LANES_OF_VECTOR]);
+        let difference = f(std::array::from_fn(half));
         *sum += difference * difference;
     }
 }
@@ -292,5 +287,48 @@ impl Running {
         self.phases.clear();
         (self.dropped, self.summed, self.holes) = (0, 0, 0);
         std::mem::replace(&mut self.sums, vec![SquareSum::default(); self.wanted.len()])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The same additions in the same order, one after the other.
+    fn one_by_one(deviation: Deviation, phases: &[f64], ends: Range<usize>, m: usize) -> f64 {
+        let mut lanes = [0.0; LANES];
+        for (at, end) in ends.enumerate() {
+            let [a, b, c, d] = [0, 1, 2, 3].map(|n| phases.get(end.wrapping_sub(n * m)).copied().unwrap_or(0.0));
+            let difference = match deviation {
+                Deviation::Allan => a - 2.0 * b + c,
+                Deviation::Hadamard => (a - d) - 3.0 * (b - c),
+            };
+            lanes[at % LANES] += difference * difference;
+        }
+        lanes.iter().sum()
+    }
+
+    /// Every bit is the same with the widest vectors of this processor, with the narrowest, and without any.
+    #[test]
+    fn sums_do_not_depend_on_the_processor() {
+        let mut phase = 0.0;
+        let phases: Vec<f64> = (0..1000_u32)
+            .map(|k| {
+                phase += f64::from(k.wrapping_mul(2_654_435_761) >> 8) / 1e7 - 0.8;
+                phase
+            })
+            .collect();
+        for deviation in [Deviation::Allan, Deviation::Hadamard] {
+            for m in [1, 7, 64, 300] {
+                for length in [0, 1, 15, 16, 17, 90] {
+                    let ends = 900..900 + length;
+                    let wanted = one_by_one(deviation, &phases, ends.clone(), m).to_bits();
+                    for level in [Level::new(), Level::baseline()] {
+                        let sum = deviation.squares_with(level, &phases, ends.clone(), m);
+                        assert_eq!(sum.to_bits(), wanted, "{deviation:?} {m} {length} {level:?}");
+                    }
+                }
+            }
+        }
     }
 }

@@ -313,7 +313,7 @@ impl Layout {
         }
         if self.axes.is_empty() {
             return Err(Error::input("no column of counts or rates").help(format!(
-                "the log has: {}; recognised: {RECOGNISED}; map others under [columns]",
+                "the log has: {}; recognised: {RECOGNISED}; map others under [columns] of a setup, which `sagnac init` begins",
                 self.headers.join(", ")
             )));
         }

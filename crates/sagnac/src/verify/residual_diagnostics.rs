@@ -15,7 +15,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::diagnostics::{Point, hysteresis_of};
-use sagnac_units::format::{significant, with_sigma};
+use sagnac_units::format::{counted, significant, with_sigma};
 
 /// Windows on each side of a gap whose means are compared.
 const BESIDE: usize = 10;
@@ -76,7 +76,7 @@ impl ResidualDiagnostics {
             row("hysteresis (heating minus cooling), °/h", with_sigma(legs.value, Some(legs.sigma)), noise);
         }
         if let Some(gaps) = self.gap_steps {
-            let name = format!("steps across {} gaps, rms, °/h", gaps.gaps);
+            let name = format!("steps across {}, rms, °/h", counted(gaps.gaps, "gap", "gaps"));
             row(&name, significant(gaps.rms_dph, 2), significant(gaps.noise_dph, 2));
         }
         if let Some(slow) = self.lag1_autocorrelation {
