@@ -39,21 +39,6 @@ fn two_hundred_tests_that_end_themselves() {
         "≤ 0.02",
         UNITS,
     );
-    let found = stopped(UNITS, &Limits::named_or_read("navigation-grade").unwrap(), 2, unit);
-    println!("{found:#?}");
-    let hours = found.hours / FULL_HOURS;
-    evidence(
-        "study, test that ends itself, `navigation-grade`, two passes: hours over those of the full test",
-        hours,
-        "≤ 0.6",
-        UNITS,
-    );
-    evidence(
-        "study, test that ends itself, two passes: units that meet the limits after the full test only",
-        found.lost,
-        "≤ 0.02",
-        UNITS,
-    );
     let found = stopped(FEWER, &Limits::parse(STRICT).unwrap(), 3, unit);
     println!("{found:#?}");
     let hours = found.hours / FULL_HOURS;
