@@ -54,19 +54,7 @@ impl Pyramid {
         Self { sums: vec![SquareSum::default(); wanted.len()], levels, phases: 0, thinned: Vec::new() }
     }
 
-    /// The next phase of the stretch.
-    #[inline]
-    pub(crate) fn push(&mut self, phase: f64) {
-        // A phase whose number divides by 2^L belongs to the levels up to L.
-        let deepest = self.phases.trailing_zeros() as usize;
-        self.phases += 1;
-        let levels = self.levels.len().min(deepest.saturating_add(1));
-        for level in &mut self.levels[..levels] {
-            level.running.push(phase);
-        }
-    }
-
-    /// The next phases of the stretch.
+    /// The next phases of the stretch. A phase whose number divides by 2^L belongs to the levels up to L.
     pub(crate) fn extend(&mut self, phases: &[f64]) {
         let Some((foot, above)) = self.levels.split_first_mut() else { return };
         foot.running.extend(phases);
@@ -79,6 +67,9 @@ impl Pyramid {
             let kept = self.thinned.len().saturating_sub(first).div_ceil(2);
             (0..kept).for_each(|at| self.thinned[at] = self.thinned[first + 2 * at]);
             self.thinned.truncate(kept);
+            if kept == 0 {
+                break;
+            }
             number = number.div_ceil(2);
             level.running.extend(&self.thinned);
         }

@@ -90,7 +90,7 @@ impl Recorder {
                 self.phase += angle - offset;
                 self.phase
             }));
-            self.keep_all(&arriving);
+            self.keep(&arriving);
         }
         self.arriving = arriving;
     }
@@ -99,10 +99,10 @@ impl Recorder {
     pub fn push_wide(&mut self, intervals: u64, angle: f64) {
         let offset = self.open_at(angle / intervals.max(1) as f64);
         for _ in 1..intervals {
-            self.keep(f64::NAN);
+            self.keep(&[f64::NAN]);
         }
         self.phase += angle - offset * intervals as f64;
-        self.keep(self.phase);
+        self.keep(&[self.phase]);
         self.rows += 1;
     }
 
@@ -111,7 +111,7 @@ impl Recorder {
         let offset = self.open_at(angle);
         for _ in 0..rows {
             self.phase += angle - offset;
-            self.keep(self.phase);
+            self.keep(&[self.phase]);
         }
         self.filled += rows;
     }
@@ -124,30 +124,13 @@ impl Recorder {
             if self.pyramid.is_none() {
                 self.held.push(Vec::new());
             }
-            self.keep(0.0);
+            self.keep(&[0.0]);
         }
         offset
     }
 
-    #[inline]
-    fn keep(&mut self, phase: f64) {
-        self.phases += 1;
-        self.holes += u64::from(phase.is_nan());
-        if let Some(pyramid) = &mut self.pyramid {
-            pyramid.push(phase);
-            return;
-        }
-        if let Some(stretch) = self.held.last_mut() {
-            stretch.push(phase);
-        }
-        self.held_phases += 1;
-        if self.held_phases > self.hold {
-            self.switch_to_pyramid();
-        }
-    }
-
-    /// The same of many.
-    fn keep_all(&mut self, phases: &[f64]) {
+    /// The next phases, into memory or the pyramid.
+    fn keep(&mut self, phases: &[f64]) {
         let held = if self.pyramid.is_some() { 0 } else { (self.hold - self.held_phases).min(phases.len()) };
         let (held, through) = phases.split_at(held);
         if let Some(stretch) = self.held.last_mut() {
