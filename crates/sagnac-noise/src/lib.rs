@@ -28,6 +28,7 @@ mod bootstrap;
 mod budget;
 mod difference;
 mod freedom;
+mod level;
 mod overlap;
 mod pyramid;
 mod recorder;
