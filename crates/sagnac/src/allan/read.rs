@@ -75,7 +75,7 @@ pub fn noise_budget<'a>(
     let most_exact_rows = usize::try_from(share).unwrap_or(usize::MAX) / (EXACT_ROW_BYTES * shape.axes.len().max(1));
     let mut rows = 0;
     for (number, log) in logs.enumerate() {
-        let mut log = log?;
+        let mut log = log?.without_sketch();
         same_shape(&shape, log.shape()).map_err(|e| e.file(log.summary().file))?;
         let name = log.summary().file;
         let drift = drifts.as_ref().and_then(|drifts| drifts.get(number));
@@ -92,7 +92,7 @@ pub fn noise_budget<'a>(
         reading.end_run();
         let summary = log.summary();
         reading.tallies.merge(&summary.tallies);
-        reading.inputs.push(LogFile::of(&summary).named());
+        reading.inputs.push(LogFile::of(&summary));
     }
     reading.finish(&shape, &shown, request)
 }
