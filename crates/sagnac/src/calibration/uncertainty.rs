@@ -98,7 +98,7 @@ impl CurveSpread {
     }
 }
 
-/// Noise of a residual that is not white, with its terms as IEEE Std 952 names them.
+/// Noise of a residual that is not white, with its terms as IEEE Std 952 names them: the likeliest kind. Intervals count the others, too.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[non_exhaustive]
 pub struct SlowNoiseTerms {

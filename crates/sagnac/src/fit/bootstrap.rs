@@ -69,7 +69,9 @@ impl Resampling<'_> {
         }
         let interval = |(all, value): (&mut Vec<f64>, &f64)| {
             all.sort_by(f64::total_cmp);
-            let at = |part: f64| all.get((part * all.len() as f64) as usize).copied().unwrap_or(f64::NAN);
+            // The k-th of n draws is the quantile k/(n + 1).
+            let place = |part: f64| (part * (all.len() + 1) as f64).round() as usize;
+            let at = |part: f64| all.get(place(part).clamp(1, all.len().max(1)) - 1).copied().unwrap_or(f64::NAN);
             [value - at(1.0 - TAIL), value - at(TAIL)]
         };
         drawn.iter_mut().zip(theta).map(interval).collect()

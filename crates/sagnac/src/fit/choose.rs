@@ -26,7 +26,7 @@ use crate::fit::nuisance;
 use crate::fit::period::settle_periods;
 use crate::fit::robust::{Loss, robust_fit};
 use crate::fit::search::{CONDITION_MAX, fits_image, inputs_read, shrunk, walk};
-use crate::fit::slow_noise::{SlowNoise, Whitening};
+use crate::fit::slow_noise::{Estimate, SlowNoise, Whitening};
 use crate::fit::solution::{Fitted, fit, noise_of, white_variance, with_slow_noise};
 use crate::fit::warm_up;
 use crate::fit::with_prior::{UnitPrior, WithPrior, fit_with_prior};
@@ -64,7 +64,7 @@ pub(crate) struct Chosen<'a> {
     /// Models of the thermometer of the fit that the selection chose from; the given one alone where it was given.
     grid: Vec<ModelSpec>,
     /// Slow noise of the residual.
-    pub(crate) noise: SlowNoise,
+    pub(crate) noise: Estimate,
     image: ImageCheck<'a>,
     /// What would have been selected if an image could hold it.
     pub(crate) not_held: Vec<RejectedModel>,
@@ -155,7 +155,7 @@ fn searched<'a>(
         aside,
         path,
         grid: specs,
-        noise: SlowNoise::default(),
+        noise: Estimate::default(),
         image,
         not_held,
         stated: None,
@@ -251,7 +251,7 @@ fn given<'a>(
         candidates: Vec::new(),
         aside: Vec::new(),
         path: Vec::new(),
-        noise: SlowNoise::default(),
+        noise: Estimate::default(),
         image,
         not_held: Vec::new(),
         stated: None,
@@ -327,11 +327,11 @@ fn rejected(spec: &ModelSpec, refusal: &Error) -> RejectedModel {
 fn grades_if_white(problem: &LeastSquares<'_>, fair: &[usize], specs: &[ModelSpec], taus_s: &[f64]) -> Option<Grades> {
     let largest = fair.iter().copied().max_by_key(|i| specs[*i].coefficients())?;
     let fitted = fit(problem, &specs[largest], taus_s).ok();
-    let noise = fitted.map_or(SlowNoise::default(), |fitted| noise_of(problem, &fitted));
+    let noise = fitted.map_or(SlowNoise::default(), |fitted| noise_of(problem, &fitted).best);
     if noise.parts_of_white() > NEARLY_WHITE {
         return None;
     }
-    grade(problem, &Whitening::new(problem, noise), specs, taus_s)
+    grade(problem, &Whitening::new(problem.noise_rows(), noise), specs, taus_s)
 }
 
 /// The smallest model against which no other is justified ([`super::criterion`]). At equal size a model without rate term is
@@ -381,12 +381,12 @@ impl Chosen<'_> {
                 Loss::Squares => {
                     let fitted = fit(&self.problem, &self.spec, &self.taus_s)?;
                     let measured = || noise_of(&self.problem, &fitted);
-                    self.noise = self.stated.map_or_else(measured, |(noise, _)| noise);
-                    if self.stated.is_none() && self.noise == SlowNoise::default() {
+                    self.noise = self.stated.map_or_else(measured, |(noise, _)| Estimate::known(noise));
+                    if self.stated.is_none() && self.noise.best == SlowNoise::default() {
                         fitted
                     } else {
-                        let white = self.white_variance(&fitted);
-                        with_slow_noise(&self.problem, fitted, self.noise, white)
+                        let white = self.white_variance(&fitted, self.noise.mixed);
+                        with_slow_noise(&self.problem, fitted, self.noise.mixed, white)
                     }
                 }
                 Loss::Huber => robust_fit(&mut self.problem, &self.spec, &self.taus_s)?,
@@ -421,7 +421,7 @@ impl Chosen<'_> {
     ) -> Result<(Fitted, CorrectionNoise, PriorUse)> {
         let WithPrior { fitted, noise, white_variance, used } =
             fit_with_prior(&self.problem, &self.spec, prior, self.stated)?;
-        (self.noise, self.stated) = (noise, Some((noise, white_variance)));
+        (self.noise, self.stated) = (Estimate::known(noise), Some((noise, white_variance)));
         self.image.check(&fitted, &self.problem)?;
         let noise = correction_noise(&self.problem, &fitted, n_deg_rt_h);
         match loudest_rate(&self.problem, &fitted) {
@@ -447,14 +447,14 @@ impl Chosen<'_> {
         if is_series(&self.spec) && !specs.contains(&self.spec) {
             specs.push(self.spec.clone());
         }
-        let whitening = Whitening::new(&self.problem, self.noise);
+        let whitening = Whitening::new(self.problem.noise_rows(), self.noise.best);
         let grades = grade(&self.problem, &whitening, &specs, &self.taus_s)?;
         spread(&self.problem, grades, &specs, curve)
     }
 
-    /// White variance of a nominal window, (°/h)²: stated, else that of the fit under its slow noise.
-    pub(crate) fn white_variance(&self, fitted: &Fitted) -> f64 {
-        self.stated.map_or_else(|| white_variance(&self.problem, fitted, self.noise), |(_, white)| white)
+    /// White variance of a nominal window, (°/h)²: stated, else that of the fit beside this slow noise.
+    pub(crate) fn white_variance(&self, fitted: &Fitted, noise: SlowNoise) -> f64 {
+        self.stated.map_or_else(|| white_variance(&self.problem, fitted, noise), |(_, white)| white)
     }
 
     fn check_condition(&self, fitted: &Fitted) -> Result<()> {

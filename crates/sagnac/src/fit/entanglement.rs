@@ -55,8 +55,8 @@ fn added(chosen: &Chosen<'_>, fitted: &Fitted, with: MovedTogether) -> CurveSpre
             vec![(0..problem.len()).map(|row| problem.level(row, Level::Drift(None))).collect()]
         }
     };
-    let whitening = Whitening::new(problem, chosen.noise);
-    let variance = chosen.white_variance(fitted);
+    let whitening = Whitening::new(problem.noise_rows(), chosen.noise.best);
+    let variance = chosen.white_variance(fitted, chosen.noise.best);
     let values = &fitted.theta[problem.levels.len()..];
     let whole =
         (0..POINTS).map(|point| curve(problem, fitted, values, temperature(problem, point)).abs()).fold(0.0, f64::max);

@@ -26,6 +26,7 @@ use crate::fit::lag::{LagRate, RATE_COLUMNS, Stretches, Track, stretches};
 use crate::fit::plateaus::plateaus_of;
 use crate::fit::progress::Progress;
 use crate::fit::rate_table_input::RateTableInput;
+use crate::fit::slow_noise::{NoiseRows, SlowNoise};
 use crate::fit::solve::RunColumns;
 use crate::fit::with_prior::UnitPrior;
 use crate::model::basis::Span;
@@ -66,6 +67,8 @@ pub(crate) struct LeastSquares<'a> {
     /// Middle of each row's window, h since the first row of its run; and the weighted mean of each run.
     time_h: Vec<f64>,
     mean_time_h: Vec<f64>,
+    /// The same middle, s since the start of its run.
+    middle_s: Vec<f64>,
     /// Columns before the terms of a model.
     pub(crate) levels: Vec<Level>,
     /// Rate terms over the thermometer of the fit are not tried.
@@ -228,6 +231,7 @@ impl<'a> LeastSquares<'a> {
             s_from_ns(middle_ns - windows.runs[rows.run[*i] as usize].start_ns) / 3600.0
         };
         let time_h: Vec<f64> = used.iter().map(since_start_h).collect();
+        let middle_s = used.iter().map(|i| windows.middle_s(*i)).collect();
         let mean_time_h = mean_of_runs(&time_h);
         let levels = levels(turning.as_ref(), &used, &run, runs.len());
         if windows.shape.timed {
@@ -252,6 +256,7 @@ impl<'a> LeastSquares<'a> {
             run_rate,
             time_h,
             mean_time_h,
+            middle_s,
             levels,
             without_main_rate: false,
             turning,
@@ -341,6 +346,12 @@ impl<'a> LeastSquares<'a> {
 
     pub(crate) fn longest_run_s(&self) -> f64 {
         self.runs.iter().map(|r| self.windows.runs[*r].length_s()).fold(0.0, f64::max)
+    }
+
+    /// The rows as noise runs through them.
+    pub(crate) fn noise_rows(&self) -> NoiseRows<'_> {
+        let (longest_s, nominal_s) = (self.longest_run_s(), self.windows.shape.nominal_s);
+        NoiseRows { run: &self.run, middle_s: &self.middle_s, weight: &self.weight, longest_s, nominal_s }
     }
 
     /// Δt, s.
@@ -441,10 +452,10 @@ impl<'a> LeastSquares<'a> {
         }
     }
 
-    /// The plateaus of the axis, where a table turned it.
-    pub(crate) fn plateaus(&self, axis: usize) -> Option<Vec<Plateau>> {
+    /// The plateaus of the axis, where a table turned it; with the noise that a setup states beside a white variance.
+    pub(crate) fn plateaus(&self, axis: usize, stated: Option<(SlowNoise, f64)>) -> Option<Vec<Plateau>> {
         let Signal::Thermometer(sensor) = self.inputs[0].signal else { return None };
-        Some(plateaus_of(self.windows, &self.used, axis, sensor, self.turning.as_ref()?))
+        Some(plateaus_of(self.windows, &self.used, axis, sensor, self.turning.as_ref()?, stated))
     }
 
     /// Which of the levels are zero outside a single run. Of few runs none is set apart: there is nothing to be gained.

@@ -48,7 +48,7 @@ pub(crate) fn justified(problem: &mut LeastSquares<'_>, specs: &[ModelSpec], tau
 /// The best set of columns; leaves `problem` with some that were tried.
 fn best(problem: &mut LeastSquares<'_>, own: usize, specs: &[ModelSpec], taus_s: &[f64]) -> Option<Vec<Level>> {
     let noise = noise_beside(problem, own, specs, taus_s)?;
-    let whitening = Whitening::new(problem, noise);
+    let whitening = Whitening::new(problem.noise_rows(), noise);
     let runs = problem.runs.len();
     let each: Vec<Level> = (0..if runs > 1 { runs } else { 0 }).map(|run| Level::Drift(Some(run))).collect();
     let of_all: Vec<Level> = std::iter::once(Level::Drift(None)).chain(warm_ups(problem)).collect();
@@ -129,7 +129,7 @@ fn noise_beside(problem: &mut LeastSquares<'_>, own: usize, specs: &[ModelSpec],
     let warm_ups = warm_ups(problem);
     problem.levels.push(Level::Drift(None));
     problem.levels.extend(warm_ups.get(warm_ups.len() / 2));
-    let noise = fit(problem, largest, taus_s).map(|fitted| noise_of(problem, &fitted)).unwrap_or_default();
+    let noise = fit(problem, largest, taus_s).map(|fitted| noise_of(problem, &fitted).best).unwrap_or_default();
     problem.levels.truncate(own);
     Some(noise)
 }

@@ -13,12 +13,17 @@
 //! * repeatability: σ of ε about the mean of its temperature (within 2 °C), after removal of the slope over all plateaus; only
 //!   temperatures that were visited more than once count
 //!
+//! The uncertainty of each is that of a sum over the windows under their noise ([`super::plateau_noise`]): a rate that stays long is
+//! compared with others across the slow noise between them.
+//!
 //! These figures check the joint fit; they are not inputs of it.
 
 use nalgebra::{DMatrix, DVector};
 
 use crate::calibration::{Plateau, PpmEstimate, Repeatability};
+use crate::fit::plateau_noise::PlateauNoise;
 use crate::fit::rate_table_input::{RateTableInput, SAME_RATE};
+use crate::fit::slow_noise::SlowNoise;
 use crate::window::Windows;
 
 /// Largest distance of a plateau's windows from its mean, °C.
@@ -32,14 +37,32 @@ const SAME_C: f64 = 2.0;
 
 /// A window with what the plateaus need of it.
 #[derive(Clone, Copy)]
-struct TurnedWindow {
-    run: usize,
+pub(super) struct TurnedWindow {
+    pub(super) run: usize,
+    /// Since the start of its run, s.
+    pub(super) middle_s: f64,
     temperature_c: f64,
     /// Rate of the table along the axis, °/h.
-    along_dph: f64,
+    pub(super) along_dph: f64,
     /// Rate as measured, °/h.
     measured_dph: f64,
-    weight: f64,
+    pub(super) weight: f64,
+}
+
+impl TurnedWindow {
+    /// What was measured beyond the table, °/h: few digits of a large rate are lost.
+    pub(super) fn beyond_dph(&self) -> f64 {
+        self.measured_dph - self.along_dph
+    }
+}
+
+/// What is known of the windows' noise beside their own scatter.
+#[derive(Clone, Copy)]
+pub(crate) struct KnownNoise {
+    /// As a setup states it, beside a white variance, (°/h)².
+    pub(crate) stated: Option<(SlowNoise, f64)>,
+    /// Nominal length of a window, s; `None` for rows without time.
+    pub(crate) nominal_s: Option<f64>,
 }
 
 /// The plateaus of one axis over some windows, in their order.
@@ -49,40 +72,49 @@ pub(crate) fn plateaus_of(
     column: usize,
     sensor: usize,
     turning: &RateTableInput,
+    stated: Option<(SlowNoise, f64)>,
 ) -> Vec<Plateau> {
     let one = |i: &usize| TurnedWindow {
         run: windows.rows.run[*i] as usize,
+        middle_s: windows.middle_s(*i),
         temperature_c: windows.rows.mean_c[sensor][*i],
         along_dph: turning.along_dph[*i],
         measured_dph: windows.rate_dph(column, *i),
         weight: windows.duration_s(*i) / windows.shape.nominal_s,
     };
-    plateaus(&used.iter().map(one).filter(|w| w.temperature_c.is_finite()).collect::<Vec<_>>())
+    let known = KnownNoise { stated, nominal_s: windows.shape.timed.then_some(windows.shape.nominal_s) };
+    plateaus(&used.iter().map(one).filter(|w| w.temperature_c.is_finite()).collect::<Vec<_>>(), known)
 }
 
 /// Every plateau that separates scale factor and bias, by temperature within the order of the test.
-fn plateaus(windows: &[TurnedWindow]) -> Vec<Plateau> {
+fn plateaus(windows: &[TurnedWindow], known: KnownNoise) -> Vec<Plateau> {
     let places = windows.iter().map(|w| (w.run, w.temperature_c));
     let stretches: Vec<Vec<TurnedWindow>> =
         level_stretches(places).into_iter().map(|stretch| windows[stretch].to_vec()).collect();
     let (mut whole, mut single): (Vec<_>, Vec<_>) = stretches.into_iter().partition(|stretch| rates(stretch) > 1);
     // Where rate and temperature change together, as on a ramp, their effects cannot be separated.
     whole.retain(|stretch| {
-        let means = by_rate(stretch).into_iter().map(|(_, members)| mean_c(&members));
+        let means = by_rate(stretch).into_iter().map(|(_, members)| mean_c(members.iter().map(|at| &stretch[*at])));
         let (lo, hi) = means.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), c| (lo.min(c), hi.max(c)));
         hi - lo <= 0.5 * REACH_C
     });
     // Rates that lie in different runs: windows of equal temperature together.
-    single.sort_by(|a, b| mean_c(a).total_cmp(&mean_c(b)));
+    single.sort_by(|a, b| mean_c(a.iter()).total_cmp(&mean_c(b.iter())));
     let mut gathered: Vec<Vec<TurnedWindow>> = Vec::new();
     for stretch in single {
         match gathered.last_mut() {
-            Some(last) if (mean_c(last) - mean_c(&stretch)).abs() <= REACH_C => last.extend(stretch),
+            Some(last) if (mean_c(last.iter()) - mean_c(stretch.iter())).abs() <= REACH_C => last.extend(stretch),
             _ => gathered.push(stretch),
         }
     }
+    for plateau in &mut gathered {
+        plateau.sort_by(|a, b| a.run.cmp(&b.run).then(a.middle_s.total_cmp(&b.middle_s)));
+    }
     whole.extend(gathered.into_iter().filter(|stretch| rates(stretch) > 1));
-    whole.iter().filter_map(|stretch| plateau(stretch)).collect()
+    whole.retain(|stretch| stretch.len() >= FEWEST);
+    let levels: Vec<Vec<usize>> = whole.iter().map(|stretch| rate_of_each(stretch)).collect();
+    let noise = PlateauNoise::of(&whole, &levels, known);
+    whole.iter().zip(&levels).filter_map(|(windows, levels)| plateau(windows, levels, &noise)).collect()
 }
 
 /// Stretches of one run whose temperature stays within reach of its own mean so far, as ranges of the windows.
@@ -104,51 +136,68 @@ pub(crate) fn level_stretches(places: impl Iterator<Item = (usize, f64)>) -> Vec
     stretches
 }
 
-fn mean_c(windows: &[TurnedWindow]) -> f64 {
-    windows.iter().map(|w| w.temperature_c).sum::<f64>() / windows.len() as f64
+fn mean_c<'a>(windows: impl ExactSizeIterator<Item = &'a TurnedWindow>) -> f64 {
+    let count = windows.len() as f64;
+    windows.map(|w| w.temperature_c).sum::<f64>() / count
 }
 
-/// Different rates: (rate, its windows), rising.
-fn by_rate(windows: &[TurnedWindow]) -> Vec<(f64, Vec<TurnedWindow>)> {
-    let largest = windows.iter().fold(0.0_f64, |most, w| most.max(w.along_dph.abs()));
-    let mut sorted = windows.to_vec();
-    sorted.sort_by(|a, b| a.along_dph.total_cmp(&b.along_dph));
-    let mut out: Vec<(f64, Vec<TurnedWindow>)> = Vec::new();
-    for window in sorted {
+/// Different rates, rising, each with the places of its windows.
+fn by_rate(windows: &[TurnedWindow]) -> Vec<(f64, Vec<usize>)> {
+    let largest = largest_dph(windows);
+    let mut sorted: Vec<usize> = (0..windows.len()).collect();
+    sorted.sort_by(|a, b| windows[*a].along_dph.total_cmp(&windows[*b].along_dph));
+    let mut out: Vec<(f64, Vec<usize>)> = Vec::new();
+    for at in sorted {
+        let along_dph = windows[at].along_dph;
         match out.last_mut() {
-            Some((rate, members)) if window.along_dph - *rate <= SAME_RATE * largest => members.push(window),
-            _ => out.push((window.along_dph, vec![window])),
+            Some((rate, members)) if along_dph - *rate <= SAME_RATE * largest => members.push(at),
+            _ => out.push((along_dph, vec![at])),
         }
     }
     out
+}
+
+fn largest_dph(windows: &[TurnedWindow]) -> f64 {
+    windows.iter().fold(0.0_f64, |most, w| most.max(w.along_dph.abs()))
 }
 
 fn rates(windows: &[TurnedWindow]) -> usize {
     by_rate(windows).len()
 }
 
-/// Least squares of the measured rate on some columns: values and covariance by the residuals' own scatter.
-fn least_squares(
-    windows: &[TurnedWindow],
-    columns: &[fn(&TurnedWindow) -> f64],
-) -> Option<(DVector<f64>, DMatrix<f64>)> {
-    let degrees = windows.len().checked_sub(columns.len()).filter(|degrees| *degrees > 0)?;
-    let root = |i: usize| windows[i].weight.sqrt();
-    let design = DMatrix::from_fn(windows.len(), columns.len(), |i, j| root(i) * columns[j](&windows[i]));
-    // About the line of slope one, so that no digits are lost.
-    let right = DVector::from_fn(windows.len(), |i, _| root(i) * (windows[i].measured_dph - windows[i].along_dph));
-    let scale: Vec<f64> = (0..columns.len()).map(|j| design.column(j).norm()).collect();
-    if scale.iter().any(|length| *length <= 0.0) {
-        return None;
+/// Of each window: the place of its rate among the different ones.
+fn rate_of_each(windows: &[TurnedWindow]) -> Vec<usize> {
+    let mut out = vec![0; windows.len()];
+    for (place, (_, members)) in by_rate(windows).into_iter().enumerate() {
+        members.into_iter().for_each(|at| out[at] = place);
     }
-    let scaled = DMatrix::from_fn(windows.len(), columns.len(), |i, j| design[(i, j)] / scale[j]);
-    let inverse = (scaled.transpose() * &scaled).try_inverse()?;
-    let solution = &inverse * scaled.transpose() * &right;
-    let variance = (&right - &scaled * &solution).norm_squared() / degrees as f64;
-    let unscaled = |i: usize, j: usize| inverse[(i, j)] * variance / (scale[i] * scale[j]);
-    let values = DVector::from_fn(columns.len(), |j, _| solution[j] / scale[j]);
-    let covariance = DMatrix::from_fn(columns.len(), columns.len(), unscaled);
-    (values.iter().all(|v| v.is_finite())).then_some((values, covariance))
+    out
+}
+
+/// Least squares on some columns, of what was measured beyond the table: about the line of slope one no digits are lost.
+struct Line {
+    theta: DVector<f64>,
+    /// Of the parameters as sums over the windows: a row each.
+    gain: DMatrix<f64>,
+    /// The columns: a row for each window.
+    design: DMatrix<f64>,
+}
+
+impl Line {
+    fn of(windows: &[TurnedWindow], columns: &[fn(&TurnedWindow) -> f64]) -> Option<Self> {
+        let (n, p) = (windows.len(), columns.len());
+        let design = DMatrix::from_fn(n, p, |i, j| columns[j](&windows[i]));
+        let scale: Vec<f64> = (0..p).map(|j| design.column(j).norm()).collect();
+        if n <= p || scale.iter().any(|length| *length <= 0.0) {
+            return None;
+        }
+        let scaled = DMatrix::from_fn(n, p, |i, j| design[(i, j)] / scale[j]);
+        let weighted = DMatrix::from_fn(n, p, |i, j| windows[i].weight * scaled[(i, j)]);
+        let mut gain = (scaled.transpose() * &weighted).try_inverse()? * weighted.transpose();
+        gain.row_iter_mut().zip(&scale).for_each(|(mut row, scale)| row /= *scale);
+        let theta = &gain * DVector::from_fn(n, |i, _| windows[i].beyond_dph());
+        theta.iter().all(|v| v.is_finite()).then_some(Self { theta, gain, design })
+    }
 }
 
 /// ε of a slope that lies `excess` above one, ppm.
@@ -156,49 +205,53 @@ fn ppm(excess: f64) -> f64 {
     ((1.0 + excess).recip() - 1.0) * 1e6
 }
 
-fn plateau(windows: &[TurnedWindow]) -> Option<Plateau> {
-    if windows.len() < FEWEST {
-        return None;
-    }
-    let (line, covariance) = least_squares(windows, &[|_| 1.0, |w| w.along_dph])?;
-    if line[1].abs() > FAR_FROM_ONE {
+fn plateau(windows: &[TurnedWindow], levels: &[usize], noise: &PlateauNoise) -> Option<Plateau> {
+    let line = Line::of(windows, &[|_| 1.0, |w| w.along_dph])?;
+    if line.theta[1].abs() > FAR_FROM_ONE {
         return None;
     }
     let groups = by_rate(windows);
+    let of_line = noise.about(windows, &[|_| 1.0, |w| w.along_dph])?;
+    let sigma = |row: usize| noise.sigma(windows, &line.gain.row(row).transpose(), of_line);
     Some(Plateau {
-        temperature_c: mean_c(windows),
+        temperature_c: mean_c(windows.iter()),
         windows: windows.len(),
         rates_dps: groups.iter().map(|(rate, _)| rate / sagnac_units::DPH_PER_DPS).collect(),
-        scale: PpmEstimate { ppm: ppm(line[1]), sigma_ppm: 1e6 * covariance[(1, 1)].sqrt() },
-        bias_dph: line[0],
-        bias_sigma_dph: covariance[(0, 0)].sqrt(),
-        nonlinearity: nonlinearity(&groups, line[0], line[1]),
-        asymmetry: asymmetry(windows, &groups),
+        scale: PpmEstimate { ppm: ppm(line.theta[1]), sigma_ppm: 1e6 * sigma(1) },
+        bias_dph: line.theta[0],
+        bias_sigma_dph: sigma(0),
+        nonlinearity: nonlinearity(windows, &groups, &line, noise.within(windows, levels), noise),
+        asymmetry: asymmetry(windows, &groups, noise),
     })
 }
 
-fn nonlinearity(groups: &[(f64, Vec<TurnedWindow>)], bias: f64, excess: f64) -> Option<PpmEstimate> {
-    let largest = groups.iter().fold(0.0_f64, |most, (rate, _)| most.max(rate.abs()));
+/// The largest mean of a rate's windows about the line; `variance` is that of a window within its rate.
+fn nonlinearity(
+    windows: &[TurnedWindow],
+    groups: &[(f64, Vec<usize>)],
+    line: &Line,
+    variance: Option<f64>,
+    noise: &PlateauNoise,
+) -> Option<PpmEstimate> {
+    let largest = largest_dph(windows);
     if groups.len() < 3 || largest == 0.0 {
         return None;
     }
-    let left = |w: &TurnedWindow| w.measured_dph - w.along_dph - bias - excess * w.along_dph;
-    let mean = |members: &[TurnedWindow]| members.iter().map(left).sum::<f64>() / members.len() as f64;
-    // One scatter for all rates: rates of few windows do not give their own.
-    let (mut squares, mut windows) = (0.0, 0);
-    for (_, members) in groups {
-        let mean = mean(members);
-        squares += members.iter().map(|w| (left(w) - mean).powi(2)).sum::<f64>();
-        windows += members.len();
-    }
-    let variance = squares / windows.checked_sub(groups.len()).filter(|degrees| *degrees > 0)? as f64;
-    let all = groups.iter().map(|(_, members)| (mean(members).abs(), (variance / members.len() as f64).sqrt()));
-    let (distance, sigma) = all.max_by(|a, b| a.0.total_cmp(&b.0))?;
+    let variance = variance?;
+    let distance = |(_, members): &(f64, Vec<usize>)| {
+        let part = (members.len() as f64).recip();
+        let columns = members.iter().fold(DVector::zeros(2), |sum, at| sum + line.design.row(*at).transpose() * part);
+        let mut parts = -line.gain.tr_mul(&columns);
+        members.iter().for_each(|at| parts[*at] += part);
+        let dph: f64 = parts.iter().zip(windows).map(|(part, w)| part * w.beyond_dph()).sum();
+        (dph.abs(), noise.sigma(windows, &parts, variance))
+    };
+    let (distance, sigma) = groups.iter().map(distance).max_by(|a, b| a.0.total_cmp(&b.0))?;
     Some(PpmEstimate { ppm: 1e6 * distance / largest, sigma_ppm: 1e6 * sigma / largest })
 }
 
-fn asymmetry(windows: &[TurnedWindow], groups: &[(f64, Vec<TurnedWindow>)]) -> Option<PpmEstimate> {
-    let largest = groups.iter().fold(0.0_f64, |most, (rate, _)| most.max(rate.abs()));
+fn asymmetry(windows: &[TurnedWindow], groups: &[(f64, Vec<usize>)], noise: &PlateauNoise) -> Option<PpmEstimate> {
+    let largest = largest_dph(windows);
     let side = |sign: f64| groups.iter().filter(|(rate, _)| rate * sign > SAME_RATE * largest).count();
     let rest = groups.iter().any(|(rate, _)| rate.abs() <= SAME_RATE * largest);
     let (forward, backward) = (side(1.0), side(-1.0));
@@ -206,10 +259,11 @@ fn asymmetry(windows: &[TurnedWindow], groups: &[(f64, Vec<TurnedWindow>)]) -> O
         return None;
     }
     let columns: [fn(&TurnedWindow) -> f64; 3] = [|_| 1.0, |w| w.along_dph.max(0.0), |w| w.along_dph.min(0.0)];
-    let (fit, covariance) = least_squares(windows, &columns)?;
-    let variance = covariance[(1, 1)] + covariance[(2, 2)] - 2.0 * covariance[(1, 2)];
+    let line = Line::of(windows, &columns)?;
+    let between = (line.gain.row(1) - line.gain.row(2)).transpose();
+    let sigma = noise.sigma(windows, &between, noise.about(windows, &columns)?);
     // S is inverse to the slope: a steeper positive side is a smaller S⁺.
-    Some(PpmEstimate { ppm: ppm(fit[1]) - ppm(fit[2]), sigma_ppm: 1e6 * variance.max(0.0).sqrt() })
+    Some(PpmEstimate { ppm: ppm(line.theta[1]) - ppm(line.theta[2]), sigma_ppm: 1e6 * sigma })
 }
 
 /// Spread of ε among visits of one temperature, after removal of its slope over all plateaus; `None` where no temperature
@@ -254,10 +308,19 @@ pub(crate) fn repeatability(plateaus: &[Plateau]) -> Option<Repeatability> {
 mod tests {
     use super::*;
 
+    const WHITE: KnownNoise = KnownNoise { stated: None, nominal_s: None };
+
     fn windows(measured: impl Fn(f64, usize) -> f64, rates: &[f64], temperature_c: f64) -> Vec<TurnedWindow> {
         let one = |i: usize| {
             let along_dph = rates[i % rates.len()];
-            TurnedWindow { run: 0, temperature_c, along_dph, measured_dph: measured(along_dph, i), weight: 1.0 }
+            TurnedWindow {
+                run: 0,
+                middle_s: 100.0 * i as f64,
+                temperature_c,
+                along_dph,
+                measured_dph: measured(along_dph, i),
+                weight: 1.0,
+            }
         };
         (0..24).map(one).collect()
     }
@@ -272,7 +335,7 @@ mod tests {
     fn two_directions_separate_scale_and_bias() {
         let epsilon = 250e-6;
         let made = windows(|rate, i| (rate + 4.5 + 0.3) / (1.0 + epsilon) + noise(i), &[36_000.0, -36_000.0], 20.0);
-        let found = plateaus(&made).remove(0);
+        let found = plateaus(&made, WHITE).remove(0);
         assert!(
             (found.scale.ppm - 250.0).abs() < 3.0 * found.scale.sigma_ppm && found.scale.sigma_ppm < 0.01,
             "{found:?}"
@@ -291,25 +354,25 @@ mod tests {
                 w.along_dph = if (i / change).is_multiple_of(2) { 36_000.0 } else { -36_000.0 };
                 (w.measured_dph, w.temperature_c) = (w.along_dph + noise(i), 20.0 + i as f64 / 3.0);
             }
-            plateaus(&made).len()
+            plateaus(&made, WHITE).len()
         };
         assert_eq!(ramp(6), 0);
         assert!(ramp(1) > 0);
         let mut soak = windows(|rate, i| rate + noise(i), &[36_000.0, -36_000.0], 20.0);
         soak[0].temperature_c = 19.2;
         soak[23].temperature_c = 20.9;
-        assert_eq!(plateaus(&soak).len(), 1);
+        assert_eq!(plateaus(&soak, WHITE).len(), 1);
     }
 
     #[test]
     fn asymmetry_and_nonlinearity_need_their_rates() {
         let rates = [36_000.0, -36_000.0, 0.0, 18_000.0, -18_000.0];
         let lame = |rate: f64| if rate > 0.0 { rate / (1.0 + 30e-6) } else { rate / (1.0 - 10e-6) };
-        let found = plateaus(&windows(|rate, i| lame(rate) + noise(i), &rates, 20.0)).remove(0);
+        let found = plateaus(&windows(|rate, i| lame(rate) + noise(i), &rates, 20.0), WHITE).remove(0);
         let asymmetry = found.asymmetry.unwrap();
         assert!((asymmetry.ppm - 40.0).abs() < 3.0 * asymmetry.sigma_ppm, "{asymmetry:?}");
         let bent = |rate: f64| rate + 1.0 * (rate / 36_000.0).powi(2);
-        let found = plateaus(&windows(|rate, i| bent(rate) + noise(i), &rates, 20.0)).remove(0);
+        let found = plateaus(&windows(|rate, i| bent(rate) + noise(i), &rates, 20.0), WHITE).remove(0);
         // About the line through 1, 0.25, 0, 0.25, 1 (mean 0.5 but for unequal counts) the ends lie half a °/h away.
         let nonlinearity = found.nonlinearity.unwrap();
         assert!((nonlinearity.ppm - 0.5 / 36_000.0 * 1e6).abs() < 1.0, "{nonlinearity:?}");
@@ -326,7 +389,7 @@ mod tests {
                 40.0 + 10.0 * visit as f64,
             ));
         }
-        let found = repeatability(&plateaus(&made)).unwrap();
+        let found = repeatability(&plateaus(&made, WHITE)).unwrap();
         // 100, 104, 98: σ = 3.055.
         assert!((found.sigma_ppm - 3.055).abs() < 0.05 && found.temperatures == 1, "{found:?}");
         assert!(found.of_noise_ppm < 0.02);
@@ -339,13 +402,14 @@ mod tests {
         for (run, rate) in [36_000.0, -36_000.0].into_iter().enumerate() {
             made.extend((0..60).map(|i| TurnedWindow {
                 run,
+                middle_s: 100.0 * f64::from(i),
                 temperature_c: 10.0 + 0.25 * f64::from(i),
                 along_dph: rate,
                 measured_dph: rate / (1.0 + 1e-6 * f64::from(i)) + 1.0,
                 weight: 1.0,
             }));
         }
-        let found = plateaus(&made);
+        let found = plateaus(&made, WHITE);
         assert!(
             found.len() >= 4 && found.iter().all(|p| (p.scale.ppm - 4.0 * (p.temperature_c - 10.0)).abs() < 0.5),
             "{found:?}"

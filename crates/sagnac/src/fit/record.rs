@@ -17,7 +17,7 @@ use crate::diagnostics::{
     AxisReportData, Effect, Point, ReportData, hysteresis_of, offsets_hide_drift, points, ramp_rates_cpm, run_spans,
 };
 use crate::fit::Model;
-use crate::fit::choose::choose;
+use crate::fit::choose::{Chosen, choose};
 use crate::fit::correction::{ImageCheck, recorded_inputs, terms};
 use crate::fit::effects::Parts;
 use crate::fit::entanglement::entangled;
@@ -29,7 +29,7 @@ use crate::fit::progress::Progress;
 use crate::fit::rate_table_input::RateTableInput;
 use crate::fit::robust::Loss;
 use crate::fit::search::CONDITION_MAX;
-use crate::fit::slow_noise::SlowNoise;
+use crate::fit::slow_noise::{Estimate, SlowNoise};
 use crate::fit::soak::{Extension, soak};
 use crate::fit::solution::{Fitted, bootstrap_intervals};
 use crate::fit::warm_up::estimate;
@@ -277,6 +277,12 @@ fn noise_floor_of(windows: &Windows, axis: usize, test: &TestConfig) -> Option<N
     Some(NoiseFloor { value_dph, n_deg_rt_h: terms.n_deg_rt_h(), q_arcsec: terms.q_arcsec, source: source.to_owned() })
 }
 
+/// The slow noise that a setup states, and the white variance of a nominal window beside it, (°/h)².
+pub(crate) fn stated_noise(windows: &Windows, axis: usize, test: &TestConfig) -> Option<(SlowNoise, f64)> {
+    let white = noise_floor_of(windows, axis, test)?.value_dph.powi(2);
+    Some((SlowNoise::stated(test.noise?, white)?, white))
+}
+
 /// Names the log, where there is only one.
 fn of_file(error: Error, windows: &Windows) -> Error {
     match windows.runs.as_slice() {
@@ -354,23 +360,21 @@ fn fit_axis(
     let noise_floor = noise_floor_of(windows, axis, &stages.test);
     let is_given = *model != Model::Auto;
     let raw_n = noise_floor.as_ref().map(|floor| floor.n_deg_rt_h);
-    chosen.stated = stages.test.noise.zip(noise_floor.as_ref()).and_then(|(stated, floor)| {
-        let white = floor.value_dph.powi(2);
-        Some((SlowNoise::stated(stated, white)?, white))
-    });
+    chosen.stated = stated_noise(windows, axis, &stages.test);
     let (fitted, noise, prior) = match &options.prior {
         Some(prior) => chosen.fit_with_prior(prior, raw_n).map(|(fitted, noise, used)| (fitted, noise, Some(used)))?,
         None => chosen.fit(is_given, raw_n, options.loss).map(|(fitted, noise)| (fitted, noise, None))?,
     };
     let problem = &chosen.problem;
+    let Estimate { best, mixed } = chosen.noise;
     let parts = Parts::new(&fitted, problem);
     let inputs = recorded_inputs(&fitted, Some(&parts), problem, windows, &stages.model, sensor);
-    let intervals = options.bootstrap.map(|draws| bootstrap_intervals(problem, &fitted, chosen.noise, draws));
+    let intervals = options.bootstrap.map(|draws| bootstrap_intervals(problem, &fitted, chosen.noise.mixed, draws));
     let terms = terms(&fitted, problem, &inputs, intervals.as_deref());
     check_scale(&terms, letter)?;
     let drawn = Drawn::of(&fitted, problem, &parts);
     let warm_up =
-        corrects_warm_up.then(|| estimate(problem, &fitted, chosen.noise, chosen.white_variance(&fitted))).flatten();
+        corrects_warm_up.then(|| estimate(problem, &fitted, mixed, chosen.white_variance(&fitted, mixed))).flatten();
     let (monomial, zones) = monomials(&fitted, problem, &windows.shape, reference_c);
     let diagnostics = FitDiagnostics {
         residual: residual(&fitted),
@@ -384,13 +388,13 @@ fn fit_axis(
         hysteresis: None,
         ramp_rates_cpm: None,
         curve_spread: None,
-        slow_noise: chosen.noise.terms(chosen.white_variance(&fitted).sqrt()),
+        slow_noise: best.terms(chosen.white_variance(&fitted, best).sqrt()),
         time_effects: time_effects(&fitted, problem, corrects_warm_up),
         entanglement: Vec::new(),
         prior,
         hidden_in_offsets_dph: None,
         soak: None,
-        scale_factor: scale_factor(&fitted, problem, axis, &windows.shape),
+        scale_factor: scale_factor(&fitted, &chosen, axis, &windows.shape),
         misalignment: misalignment(&fitted, problem),
         candidates: chosen.candidates(),
         model_search: chosen.path.clone(),
@@ -412,7 +416,7 @@ fn fit_axis(
         return Ok((record, drawn));
     }
     // What other models, more soaking and what moved together make of the curve: of the test alone.
-    let forecast = Extension::new(problem, &fitted, chosen.noise).and_then(|extension| soak(&record, &extension));
+    let forecast = Extension::new(problem, &fitted, best).and_then(|extension| soak(&record, &extension));
     let curve = |celsius: f64| {
         let variance = record.variance_of(&record.drift_weights(celsius, reference_c));
         (record.drift(celsius, reference_c), variance)
@@ -495,9 +499,9 @@ fn run_offsets(fitted: &Fitted, problem: &LeastSquares<'_>, test: &TestConfig, a
 }
 
 /// The scale factor, from a rate table; `None` where the axis was not turned at several rates.
-fn scale_factor(fitted: &Fitted, problem: &LeastSquares<'_>, axis: usize, shape: &WindowShape) -> Option<ScaleFactor> {
-    let column = problem.column_of(Level::Scale)?;
-    let plateaus = problem.plateaus(axis)?;
+fn scale_factor(fitted: &Fitted, chosen: &Chosen<'_>, axis: usize, shape: &WindowShape) -> Option<ScaleFactor> {
+    let column = chosen.problem.column_of(Level::Scale)?;
+    let plateaus = chosen.problem.plateaus(axis, chosen.stated)?;
     let at_reference = PpmEstimate { ppm: fitted.theta[column], sigma_ppm: fitted.sigma(column) };
     let arcsec_per_count = match shape.unit {
         AngleUnit::Quanta { arcsec_per_count, .. } => Some(arcsec_per_count * (1.0 + at_reference.ppm * 1e-6)),

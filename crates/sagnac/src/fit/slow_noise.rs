@@ -18,17 +18,16 @@
 //! design and y go through the same filter (generalized least squares, for grades and likelihoods), run by run, over gaps of any
 //! length, in memory that does not grow with the rows.
 //! The variances are those of greatest restricted likelihood (Patterson and Thompson 1971): a plain likelihood would count as
-//! drift what the terms absorb of the noise.
+//! drift what the terms absorb of the noise. A test of hours rarely tells one kind of slow noise from another, so that intervals go by
+//! all of them ([`Estimate::mixed`]).
 //!
 //! Fails where a run is shorter than what is slow: a drift in time over a single ramp and a drift over temperature are one.
 
 use crate::calibration::SlowNoiseTerms;
 use crate::fit::golden_section::golden_section;
-use crate::fit::least_squares::LeastSquares;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use sagnac_log::setup::Noise;
-use sagnac_units::s_from_ns;
 
 /// First-order processes at most.
 const STATES: usize = 10;
@@ -43,6 +42,33 @@ const GAIN: f64 = 2.0;
 const MARKOV_WINDOWS: [f64; 5] = [1.0, 2.0, 5.0, 15.0, 50.0];
 /// Rows that the variances are estimated from.
 pub(crate) const MOST_ROWS: usize = 4000;
+
+/// Rows as noise runs through them: in the order of time within each run.
+#[derive(Clone, Copy)]
+pub(crate) struct NoiseRows<'a> {
+    /// Rows of different runs have noise of their own.
+    pub(crate) run: &'a [usize],
+    /// Middle of each row's window since the start of its run, s.
+    pub(crate) middle_s: &'a [f64],
+    /// Length of the window over the nominal one.
+    pub(crate) weight: &'a [f64],
+    /// Length of the longest run, s.
+    pub(crate) longest_s: f64,
+    /// Nominal length of a window, s.
+    pub(crate) nominal_s: f64,
+}
+
+impl NoiseRows<'_> {
+    pub(crate) fn len(&self) -> usize {
+        self.run.len()
+    }
+
+    /// Correlation times of the ladder, s.
+    fn ladder_s(&self) -> Vec<f64> {
+        let first_s = 2.0 * self.nominal_s;
+        (0..STATES as i32).map(|k| first_s * LADDER.powi(k)).take_while(|tau_s| *tau_s <= self.longest_s).collect()
+    }
+}
 
 /// Variances as parts of the white variance of a window of nominal length.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -92,51 +118,51 @@ impl SlowNoise {
     }
 
     /// Variance and τ, s, of the ladder and of the Markov process.
-    fn markov_processes(&self, problem: &LeastSquares<'_>) -> Vec<(f64, f64)> {
-        let rungs = ladder_s(problem).into_iter().take(STATES - 2).map(|tau_s| (self.flicker, tau_s));
+    fn markov_processes(&self, rows: NoiseRows<'_>) -> Vec<(f64, f64)> {
+        let rungs = rows.ladder_s().into_iter().take(STATES - 2).map(|tau_s| (self.flicker, tau_s));
         rungs.chain(self.markov).filter(|(variance, _)| *variance > 0.0).collect()
     }
 
     /// How the noise of the last run goes on behind it.
-    pub(crate) fn continued(&self, problem: &LeastSquares<'_>, z: &DMatrix<f64>) -> Continuation {
-        let last_run = problem.run.last().copied();
-        let rows: Vec<usize> = (0..problem.len()).filter(|row| Some(problem.run[*row]) == last_run).collect();
+    pub(crate) fn continued(&self, rows: NoiseRows<'_>, z: &DMatrix<f64>) -> Continuation {
+        let last_run = rows.run.last().copied();
+        let last: Vec<usize> = (0..rows.len()).filter(|row| Some(rows.run[*row]) == last_run).collect();
         let seconds_before =
-            |at: usize| if at == 0 { 0.0 } else { middle_s(problem, rows[at]) - middle_s(problem, rows[at - 1]) };
+            |at: usize| if at == 0 { 0.0 } else { rows.middle_s[last[at]] - rows.middle_s[last[at - 1]] };
         let decayed = |(variance, tau_s): (f64, f64)| {
             let mut sum = DVector::zeros(z.ncols());
-            for (at, row) in rows.iter().enumerate() {
+            for (at, row) in last.iter().enumerate() {
                 sum *= (-seconds_before(at) / tau_s).exp();
                 sum += z.row(*row).transpose();
             }
             (variance, tau_s, sum)
         };
         let (mut behind, mut sum, mut hours) = (DVector::zeros(z.ncols()), DVector::zeros(z.ncols()), 0.0);
-        for (at, row) in rows.iter().enumerate().rev() {
+        for (at, row) in last.iter().enumerate().rev() {
             behind += z.row(*row).transpose();
             sum += &behind * (seconds_before(at) / 3600.0);
             hours += seconds_before(at) / 3600.0;
         }
         Continuation {
-            markov: self.markov_processes(problem).into_iter().map(decayed).collect(),
+            markov: self.markov_processes(rows).into_iter().map(decayed).collect(),
             walk: (self.walk_per_h > 0.0).then_some((self.walk_per_h, sum, hours)),
-            window_s: problem.windows().shape.nominal_s,
+            window_s: rows.nominal_s,
         }
     }
 
-    /// Zᵀ·V·Z of some columns, one per parameter, in units of the white variance: V is this noise of the problem's rows.
-    pub(crate) fn between(&self, problem: &LeastSquares<'_>, z: &DMatrix<f64>) -> DMatrix<f64> {
+    /// Zᵀ·V·Z of some columns, one per parameter, in units of the white variance: V is this noise of the rows.
+    pub(crate) fn between(&self, rows: NoiseRows<'_>, z: &DMatrix<f64>) -> DMatrix<f64> {
         let p = z.ncols();
         let mut sum = DMatrix::zeros(p, p);
-        for row in 0..problem.len() {
+        for row in 0..rows.len() {
             let here = z.row(row).transpose();
-            sum.ger(1.0 / problem.weight[row], &here, &here, 1.0);
+            sum.ger(1.0 / rows.weight[row], &here, &here, 1.0);
         }
-        for (variance, tau_s) in self.markov_processes(problem) {
-            add_markov(problem, z, variance, tau_s, &mut sum);
+        for (variance, tau_s) in self.markov_processes(rows) {
+            add_markov(rows, z, variance, tau_s, &mut sum);
         }
         if self.walk_per_h > 0.0 {
-            add_walk(problem, z, self.walk_per_h, &mut sum);
+            add_walk(rows, z, self.walk_per_h, &mut sum);
         }
         sum
     }
@@ -172,11 +198,11 @@ impl Continuation {
 }
 
 /// Σᵢⱼ zᵢzⱼᵀ·v·exp(−|tᵢ − tⱼ|/τ) over rows of one run, by the running sum of those before.
-fn add_markov(problem: &LeastSquares<'_>, z: &DMatrix<f64>, variance: f64, tau_s: f64, sum: &mut DMatrix<f64>) {
+fn add_markov(rows: NoiseRows<'_>, z: &DMatrix<f64>, variance: f64, tau_s: f64, sum: &mut DMatrix<f64>) {
     let mut before = DVector::zeros(z.ncols());
     let mut last = None;
-    for row in 0..problem.len() {
-        let at = (problem.run[row], middle_s(problem, row));
+    for row in 0..rows.len() {
+        let at = (rows.run[row], rows.middle_s[row]);
         let keep = last.filter(|(run, _)| *run == at.0).map_or(0.0, |(_, s): (usize, f64)| (-(at.1 - s) / tau_s).exp());
         last = Some(at);
         before *= keep;
@@ -189,16 +215,16 @@ fn add_markov(problem: &LeastSquares<'_>, z: &DMatrix<f64>, variance: f64, tau_s
 }
 
 /// The same of a walk from the start of each run: every step is in all rows behind it.
-fn add_walk(problem: &LeastSquares<'_>, z: &DMatrix<f64>, per_h: f64, sum: &mut DMatrix<f64>) {
+fn add_walk(rows: NoiseRows<'_>, z: &DMatrix<f64>, per_h: f64, sum: &mut DMatrix<f64>) {
     let mut behind = DVector::zeros(z.ncols());
-    for row in (0..problem.len()).rev() {
-        let run = problem.run[row];
-        if problem.run.get(row + 1).is_some_and(|next| *next != run) {
+    for row in (0..rows.len()).rev() {
+        let run = rows.run[row];
+        if rows.run.get(row + 1).is_some_and(|next| *next != run) {
             behind.fill(0.0);
         }
         behind += z.row(row).transpose();
-        let first = row.checked_sub(1).filter(|before| problem.run[*before] == run);
-        let seconds = first.map_or(0.0, |before| middle_s(problem, row) - middle_s(problem, before));
+        let first = row.checked_sub(1).filter(|before| rows.run[*before] == run);
+        let seconds = first.map_or(0.0, |before| rows.middle_s[row] - rows.middle_s[before]);
         sum.ger(per_h * seconds / 3600.0, &behind, &behind, 1.0);
     }
 }
@@ -228,21 +254,21 @@ pub(crate) struct Filter<'a> {
 }
 
 impl Whitening {
-    pub(crate) fn new(problem: &LeastSquares<'_>, noise: SlowNoise) -> Self {
-        Self::of_rows(problem, noise, problem.len())
+    pub(crate) fn new(rows: NoiseRows<'_>, noise: SlowNoise) -> Self {
+        Self::of_first(rows, noise, rows.len())
     }
 
     /// Of so many of the first rows.
-    pub(crate) fn of_rows(problem: &LeastSquares<'_>, noise: SlowNoise, rows: usize) -> Self {
-        let taus_s = ladder_s(problem);
+    pub(crate) fn of_first(rows: NoiseRows<'_>, noise: SlowNoise, count: usize) -> Self {
+        let taus_s = rows.ladder_s();
         let rungs = if noise.flicker > 0.0 { taus_s.len().min(STATES - 2) } else { 0 };
         let markov = noise.markov.filter(|(variance, _)| *variance > 0.0);
         let states = rungs + usize::from(noise.walk_per_h > 0.0) + usize::from(markov.is_some());
-        let mut out = Self { steps: Vec::with_capacity(problem.len()), states, log_determinant: 0.0 };
+        let mut out = Self { steps: Vec::with_capacity(rows.len()), states, log_determinant: 0.0 };
         let mut covariance = [[0.0; STATES]; STATES];
         let (mut before, mut keep, mut kept_for) = (None, [0.0; STATES], None);
-        for row in 0..rows.min(problem.len()) {
-            let here = (problem.run[row], middle_s(problem, row));
+        for row in 0..count.min(rows.len()) {
+            let here = (rows.run[row], rows.middle_s[row]);
             let seconds = before.filter(|(run, _)| *run == here.0).map(|(_, at_s)| here.1 - at_s);
             before = Some(here);
             let process = |k: usize| -> (f64, f64) {
@@ -281,7 +307,7 @@ impl Whitening {
                 }
             }
             let kept = if seconds.is_some() { keep } else { [0.0; STATES] };
-            out.step(&mut covariance, kept, problem.weight[row]);
+            out.step(&mut covariance, kept, rows.weight[row]);
         }
         out
     }
@@ -346,22 +372,24 @@ impl Filter<'_> {
     }
 }
 
-/// Correlation times of the ladder, s.
-fn ladder_s(problem: &LeastSquares<'_>) -> Vec<f64> {
-    let windows = problem.windows();
-    let longest_s = problem.runs.iter().map(|run| windows.runs[*run].length_s()).fold(0.0, f64::max);
-    let first_s = 2.0 * windows.shape.nominal_s;
-    (0..STATES as i32).map(|k| first_s * LADDER.powi(k)).take_while(|tau_s| *tau_s <= longest_s).collect()
+/// Slow noise as the rows tell it.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Estimate {
+    /// The likeliest: flicker always, walk and Markov where they gain.
+    pub(crate) best: SlowNoise,
+    /// Each kind by its likelihood, for intervals. Noise that was taken for flicker and is another makes them too narrow.
+    pub(crate) mixed: SlowNoise,
 }
 
-fn middle_s(problem: &LeastSquares<'_>, row: usize) -> f64 {
-    let (rows, window) = (&problem.windows().rows, problem.used[row]);
-    let origin_ns = problem.windows().runs[rows.run[window] as usize].start_ns;
-    0.5 * (s_from_ns(rows.start_ns[window] - origin_ns) + s_from_ns(rows.end_ns[window] - origin_ns))
+impl Estimate {
+    /// A noise that is known.
+    pub(crate) fn known(noise: SlowNoise) -> Self {
+        Self { best: noise, mixed: noise }
+    }
 }
 
-/// The noise of least `criterion`, −2·ln of the restricted likelihood: flicker always, walk and Markov where they gain.
-pub(crate) fn estimate(nominal_s: f64, criterion: impl Fn(SlowNoise) -> f64 + Sync) -> SlowNoise {
+/// The noise by `criterion`, −2·ln of the restricted likelihood.
+pub(crate) fn estimate(nominal_s: f64, criterion: impl Fn(SlowNoise) -> f64 + Sync) -> Estimate {
     let better = |a: (SlowNoise, f64), b: (SlowNoise, f64), gain: f64| if b.1 < a.1 - gain { b } else { a };
     // The best of each process beside what is there already, all at a time.
     let best_of_each = |base: SlowNoise, processes: &[Process]| -> Vec<(SlowNoise, f64)> {
@@ -376,12 +404,33 @@ pub(crate) fn estimate(nominal_s: f64, criterion: impl Fn(SlowNoise) -> f64 + Sy
     let markov = MARKOV_WINDOWS.map(|windows| Process::Markov(windows * nominal_s));
     let first = best_of_each(white.0, &[&[Process::Flicker, Process::Walk][..], &markov].concat());
     let gain_of = |at: usize| if at == 0 { 0.0 } else { GAIN };
-    let mut best = first.into_iter().enumerate().fold(white, |best, (at, found)| better(best, found, gain_of(at)));
+    let mut best = first.iter().enumerate().fold(white, |best, (at, found)| better(best, *found, gain_of(at)));
     let base = best.0;
     let open = [(Process::Flicker, base.flicker), (Process::Walk, base.walk_per_h)].into_iter();
     let second: Vec<Process> = open.filter(|(_, variance)| *variance == 0.0).map(|(process, _)| process).collect();
     best = best_of_each(base, &second).into_iter().fold(best, |best, found| better(best, found, GAIN));
-    SlowNoise { log_variance: log_variance(best, criterion), ..best.0 }
+    let log_variance = log_variance(best, criterion);
+    let mixed = if best.0 == SlowNoise::default() { best.0 } else { mixture(best, &first) };
+    Estimate { best: SlowNoise { log_variance, ..best.0 }, mixed: SlowNoise { log_variance, ..mixed } }
+}
+
+/// The variances of several noises by their likelihoods, e^(−criterion/2), each alike before. Their covariances add, so that the
+/// mixture is a noise again; of the Markov processes the likeliest stands for all.
+fn mixture(best: (SlowNoise, f64), first: &[(SlowNoise, f64)]) -> SlowNoise {
+    let second = (!first.contains(&best)).then_some((best.0, best.1 + GAIN));
+    let least = first.iter().chain(&second).map(|(_, criterion)| *criterion).fold(f64::INFINITY, f64::min);
+    let weighted = |(noise, criterion): &(SlowNoise, f64)| (*noise, (0.5 * (least - criterion)).exp());
+    let members: Vec<(SlowNoise, f64)> = first.iter().chain(&second).map(weighted).collect();
+    let all: f64 = members.iter().map(|(_, weight)| weight).sum();
+    let mean = |of: &dyn Fn(SlowNoise) -> f64| members.iter().map(|(noise, w)| w * of(*noise)).sum::<f64>() / all;
+    let markov = mean(&|noise| noise.markov.map_or(0.0, |(variance, _)| variance));
+    let likeliest = members.iter().filter(|(noise, _)| noise.markov.is_some()).max_by(|a, b| a.1.total_cmp(&b.1));
+    SlowNoise {
+        flicker: mean(&|noise| noise.flicker),
+        walk_per_h: mean(&|noise| noise.walk_per_h),
+        markov: likeliest.and_then(|(noise, _)| noise.markov).map(|(_, tau_s)| (markov, tau_s)),
+        log_variance: 0.0,
+    }
 }
 
 /// A process whose variance is searched for.

@@ -34,10 +34,12 @@ pub(crate) struct Extension {
 }
 
 impl Extension {
-    /// Under the noise of the fit's covariance; `None` where the terms depend on each other.
+    /// Under the likeliest noise: in a mixture a walk that is hardly there would grow over the hours. `None` where the terms depend on
+    /// each other.
     pub(crate) fn new(problem: &LeastSquares<'_>, fitted: &Fitted, noise: SlowNoise) -> Option<Self> {
         let (normal, z) = weighted_rows(problem, fitted, None)?;
-        let (between, continuation) = (noise.between(problem, &z), noise.continued(problem, &z));
+        let (between, continuation) =
+            (noise.between(problem.noise_rows(), &z), noise.continued(problem.noise_rows(), &z));
         let first = normal.column(0);
         let white = fitted.covariance[(0, 0)] / first.dot(&(&between * first));
         Some(Self { normal, between, continuation, white, window_s: problem.windows().shape.nominal_s })

@@ -18,7 +18,7 @@ use crate::fit::design::{Columns, Design, FLAT_CHI_SQUARED, Tau, lag_one, misfit
 use crate::fit::golden_section::golden_section;
 use crate::fit::least_squares::{LeastSquares, TermColumn};
 use crate::fit::prepared::{Blocks, Prepared};
-use crate::fit::slow_noise::{self, MOST_ROWS, SlowNoise, Whitening};
+use crate::fit::slow_noise::{self, Estimate, MOST_ROWS, SlowNoise, Whitening};
 use crate::fit::solve::Conditioning;
 use crate::fit::two_lags::{Found, LEAST_RATIO, find_pair};
 use crate::model::ActsOn;
@@ -139,18 +139,18 @@ pub(crate) fn fit(problem: &LeastSquares<'_>, spec: &ModelSpec, taus_s: &[f64]) 
 
 /// The slow noise of a model's residuals, by restricted likelihood; white without time, with too few windows, or where the model
 /// explains everything.
-pub(crate) fn noise_of(problem: &LeastSquares<'_>, fitted: &Fitted) -> SlowNoise {
+pub(crate) fn noise_of(problem: &LeastSquares<'_>, fitted: &Fitted) -> Estimate {
     let rows = problem.len().min(MOST_ROWS);
     let parameters = problem.levels.len() + fitted.terms.len();
     let scale: f64 = problem.y.iter().map(|y| y * y).sum();
     let square: f64 = fitted.residuals.iter().map(|r| r * r).sum();
     if !problem.has_rate() || rows < FEWEST_FOR_NOISE || rows < 2 * parameters || square < 1e-18 * scale {
-        return SlowNoise::default();
+        return Estimate::default();
     }
     let nominal_s = problem.windows().shape.nominal_s;
     let rates = problem.rates(&values(&fitted.taus));
     slow_noise::estimate(nominal_s, |noise| {
-        let whitening = Whitening::of_rows(problem, noise, rows);
+        let whitening = Whitening::of_first(problem.noise_rows(), noise, rows);
         let mut design = Design::with_rates(problem, &fitted.terms, rates.clone());
         (design.whitening, design.rows) = (Some(&whitening), rows);
         let Some(solution) = design.factor(&[]).solve_all() else { return f64::INFINITY };
@@ -168,7 +168,7 @@ pub(crate) fn noise_of(problem: &LeastSquares<'_>, fitted: &Fitted) -> SlowNoise
 pub(crate) fn with_slow_noise(problem: &LeastSquares<'_>, fitted: Fitted, noise: SlowNoise, white: f64) -> Fitted {
     let Some((normal, z)) = weighted_rows(problem, &fitted, None) else { return fitted };
     let (n, p) = (problem.len(), normal.nrows());
-    let under = |noise: SlowNoise, white: f64| &normal * noise.between(problem, &z) * &normal * white;
+    let under = |noise: SlowNoise, white: f64| &normal * noise.between(problem.noise_rows(), &z) * &normal * white;
     let covariance = under(noise, white);
     let mut of_noise = 0.0;
     if noise.log_variance > 0.0 {
@@ -211,7 +211,7 @@ pub(crate) const FEWEST_DEGREES: f64 = 3.0;
 
 /// White variance of a nominal window under this noise: mean square of the innovations of generalized least squares.
 pub(crate) fn white_variance(problem: &LeastSquares<'_>, fitted: &Fitted, noise: SlowNoise) -> f64 {
-    let whitening = Whitening::new(problem, noise);
+    let whitening = Whitening::new(problem.noise_rows(), noise);
     let mut design = Design::new(problem, &fitted.terms, &values(&fitted.taus));
     design.whitening = Some(&whitening);
     let degrees = (problem.len() as f64 - (problem.levels.len() + fitted.terms.len()) as f64).max(1.0);
@@ -264,7 +264,7 @@ pub(crate) fn bootstrap_intervals(
     let mut gain = normal * z.transpose();
     gain.column_iter_mut().zip(&problem.weight).for_each(|(mut column, weight)| column /= weight.sqrt());
     let residuals: Vec<f64> = fitted.residuals.iter().zip(&problem.weight).map(|(r, w)| r * w.sqrt()).collect();
-    let whitening = (noise.parts_of_white() > 0.0).then(|| Whitening::new(problem, noise));
+    let whitening = (noise.parts_of_white() > 0.0).then(|| Whitening::new(problem.noise_rows(), noise));
     let resampling = Resampling {
         residuals: &residuals,
         run: &problem.run,

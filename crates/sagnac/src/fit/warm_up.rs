@@ -74,7 +74,7 @@ pub(crate) fn estimate(problem: &LeastSquares<'_>, fitted: &Fitted, noise: SlowN
         found.value_dph * level * problem.since_start_s(row) / tau_s.powi(2)
     };
     let (normal, z) = weighted_rows(problem, fitted, Some((0..problem.len()).map(slope).collect()))?;
-    let covariance = &normal * noise.between(problem, &z) * &normal * white;
+    let covariance = &normal * noise.between(problem.noise_rows(), &z) * &normal * white;
     let sigma = |at: usize| Some(covariance[(at, at)].max(0.0).sqrt()).filter(|sigma| sigma.is_finite());
     let tau_s = Lag { value: tau_s, sigma: sigma(covariance.nrows() - 1) };
     Some(WarmUp { sigma_dph: sigma(column), tau_s, ..found })

@@ -285,7 +285,7 @@ impl Linear {
 
     /// The rows whitened by some noise, reduced.
     fn factor(&self, problem: &LeastSquares<'_>, noise: SlowNoise) -> Factor {
-        let whitening = (noise != SlowNoise::default()).then(|| Whitening::new(problem, noise));
+        let whitening = (noise != SlowNoise::default()).then(|| Whitening::new(problem.noise_rows(), noise));
         let mut design = Design::with_rates(problem, &[], Vec::new());
         (design.whitening, design.expected) = (whitening.as_ref(), Some(self.expected.as_slice()));
         design.factor(&self.columns).factor
@@ -403,14 +403,14 @@ fn noise_of(problem: &LeastSquares<'_>, linear: &Linear, solved: &Solved, prior:
     };
     let columns: Vec<Vec<f64>> = shown.iter().map(along).collect();
     let criterion = |noise: SlowNoise| {
-        let whitening = Whitening::of_rows(problem, noise, rows);
+        let whitening = Whitening::of_first(problem.noise_rows(), noise, rows);
         let mut design = Design::with_rates(problem, &[], Vec::new());
         (design.whitening, design.rows, design.expected) = (Some(&whitening), rows, Some(linear.expected.as_slice()));
         let Some(solution) = design.factor(&columns).solve_all() else { return f64::INFINITY };
         let degrees = (rows - parameters) as f64;
         degrees * solution.ssr.ln() + whitening.log_determinant + solution.log_determinant()
     };
-    let measured = slow_noise::estimate(problem.windows().shape.nominal_s, criterion);
+    let measured = slow_noise::estimate(problem.windows().shape.nominal_s, criterion).best;
     if criterion(of_fleet) < criterion(measured) + CONTRADICTED { of_fleet } else { measured }
 }
 

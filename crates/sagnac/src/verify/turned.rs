@@ -12,7 +12,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::calibration::{Plateau, PpmEstimate};
-use crate::fit::{RateTableInput, plateaus_of};
+use crate::fit::{RateTableInput, SlowNoise, plateaus_of, stated_noise};
 use crate::verify::paired::PairedWindows;
 use crate::window::Windows;
 use sagnac_log::error::Result;
@@ -139,11 +139,13 @@ pub(crate) struct Drifts<'a> {
     /// Per axis and window, °/h; empty without a table.
     drift_dph: Vec<Vec<f64>>,
     turnings: Vec<RateTableInput>,
+    /// Per axis that was turned: slow noise that the setup states, and the white variance beside it.
+    stated: Vec<Option<(SlowNoise, f64)>>,
 }
 
 impl<'a> Drifts<'a> {
     fn of(windows: &'a Windows, used: &[usize], test: &TestConfig) -> Result<Self> {
-        let (mut drift_dph, mut turnings) = (Vec::new(), Vec::new());
+        let (mut drift_dph, mut turnings, mut stated) = (Vec::new(), Vec::new(), Vec::new());
         for axis in 0..windows.shape.axes.len() {
             let Some(turning) = RateTableInput::of(windows, axis, test)? else { continue };
             let mut drift: Vec<f64> =
@@ -156,8 +158,9 @@ impl<'a> Drifts<'a> {
             }
             drift_dph.push(drift);
             turnings.push(turning);
+            stated.push(stated_noise(windows, axis, test));
         }
-        Ok(Self { windows, drift_dph, turnings })
+        Ok(Self { windows, drift_dph, turnings, stated })
     }
 
     /// Rate of a window without the turning, °/h.
@@ -170,7 +173,8 @@ impl<'a> Drifts<'a> {
 
     /// Plateaus of an axis that was turned.
     fn plateaus(&self, used: &[usize], axis: usize, sensor: usize) -> Option<Vec<Plateau>> {
-        Some(plateaus_of(self.windows, used, axis, sensor, self.turnings.get(axis)?))
+        let stated = self.stated.get(axis).copied().flatten();
+        Some(plateaus_of(self.windows, used, axis, sensor, self.turnings.get(axis)?, stated))
     }
 }
 

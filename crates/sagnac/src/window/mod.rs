@@ -220,6 +220,12 @@ impl Windows {
         s_from_ns(self.rows.duration_ns[window])
     }
 
+    /// Middle of a window since the start of its run, s.
+    pub fn middle_s(&self, window: usize) -> f64 {
+        let origin_ns = self.runs[self.rows.run[window] as usize].start_ns;
+        0.5 * (s_from_ns(self.rows.start_ns[window] - origin_ns) + s_from_ns(self.rows.end_ns[window] - origin_ns))
+    }
+
     /// Mean rate of an axis over a window, °/h (1 arcsec/s = 1 °/h).
     pub fn rate_dph(&self, axis: usize, window: usize) -> f64 {
         self.rows.angle[axis][window] * self.shape.unit.arcsec() / self.duration_s(window)

@@ -50,6 +50,52 @@ impl Dice {
     }
 }
 
+/// Slow noise of a gyro.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct Slow {
+    pub(crate) b_dph: f64,
+    /// Rate random walk, °/h/√h.
+    pub(crate) k_dph_rt_h: f64,
+    /// Correlation time, s, and σ, °/h, of a first-order Markov process.
+    pub(crate) markov: Option<(f64, f64)>,
+}
+
+/// The same on its way. Flicker: Markov processes two octaves apart, from 10 s to 11 h; each has σ² = B²·ln 4/π. What is slower than
+/// the test is its bias.
+pub(crate) struct SlowNow {
+    slow: Slow,
+    flicker: [f64; 7],
+    markov: f64,
+    walk: f64,
+}
+
+impl Slow {
+    pub(crate) fn begin(self, dice: &mut Dice) -> SlowNow {
+        SlowNow { slow: self, flicker: std::array::from_fn(|_| dice.normal()), markov: dice.normal(), walk: 0.0 }
+    }
+}
+
+impl SlowNow {
+    /// °/h of the next row.
+    pub(crate) fn next(&mut self, row_s: f64, dice: &mut Dice) -> f64 {
+        let Slow { b_dph, k_dph_rt_h, markov } = self.slow;
+        let step = |state: f64, tau_s: f64, dice: &mut Dice| {
+            let keep = (-row_s / tau_s).exp();
+            keep * state + (1.0 - keep * keep).sqrt() * dice.normal()
+        };
+        for (k, state) in self.flicker.iter_mut().enumerate().filter(|_| b_dph > 0.0) {
+            *state = step(*state, 10.0 * 4.0_f64.powi(k as i32), dice);
+        }
+        self.walk += k_dph_rt_h * (row_s / 3600.0).sqrt() * dice.normal();
+        let mut of_markov = 0.0;
+        if let Some((tau_s, sigma)) = markov {
+            self.markov = step(self.markov, tau_s, dice);
+            of_markov = sigma * self.markov;
+        }
+        b_dph * (4.0_f64.ln() / std::f64::consts::PI).sqrt() * self.flicker.iter().sum::<f64>() + self.walk + of_markov
+    }
+}
+
 /// What the drift is a function of.
 #[derive(Clone, Copy)]
 pub(crate) struct Now {
@@ -188,26 +234,13 @@ impl<'a> Bench<'a> {
         let mut text = String::from("time_s,temperature_c,counts\n");
         let hours_per_row = self.row_s / 3600.0;
         let white = self.n_deg_rt_h / hours_per_row.sqrt();
-        // Flicker: Markov processes two octaves apart, from 10 s to 11 h; each has σ² = B²·ln 4/π. What is slower than the test is
-        // its bias.
-        let part = self.b_dph * (4.0_f64.ln() / std::f64::consts::PI).sqrt();
-        let taus: Vec<f64> = (0..7).map(|k| 10.0 * 4.0_f64.powi(k)).collect();
         let mut start = Dice::new(self.seed ^ 0xf11c);
-        let mut flicker: Vec<f64> = taus.iter().map(|_| start.normal()).collect();
-        let mut slow = start.normal();
-        let (mut walk, mut angle, mut counted) = (0.0, start.uniform() * self.quantum_arcsec, 0.0);
+        let slow = Slow { b_dph: self.b_dph, k_dph_rt_h: self.k_dph_rt_h, markov: self.markov };
+        let mut slow = slow.begin(&mut start);
+        let (mut angle, mut counted) = (start.uniform() * self.quantum_arcsec, 0.0);
         self.run(|i, now, dice| {
-            for (state, tau) in flicker.iter_mut().zip(&taus).filter(|_| part > 0.0) {
-                let keep = (-self.row_s / tau).exp();
-                *state = keep * *state + (1.0 - keep * keep).sqrt() * dice.normal();
-            }
-            walk += self.k_dph_rt_h * hours_per_row.sqrt() * dice.normal();
-            let markov = self.markov.map_or(0.0, |(tau_s, sigma)| {
-                let keep = (-self.row_s / tau_s).exp();
-                slow = keep * slow + (1.0 - keep * keep).sqrt() * dice.normal();
-                sigma * slow
-            });
-            let noise = white * dice.normal() + part * flicker.iter().sum::<f64>() + walk + markov;
+            let slow_dph = slow.next(self.row_s, dice);
+            let noise = slow_dph + white * dice.normal();
             let input = self.input_dph + self.bias_dph + (self.drift)(now) + disturb(now.hours) + noise;
             angle += input * self.row_s / (1.0 + self.scale_ppm * 1e-6);
             let total = (angle / self.quantum_arcsec).floor();

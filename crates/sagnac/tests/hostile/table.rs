@@ -2,9 +2,9 @@
 //!
 //! ```text
 //! chamber: −40, −18, 4, 26, 48, 70, 48, 26, 4, −18, −40 °C, 2,500 s each, 1 °C/min between; the block follows at once
-//! table:   x·Ω_most, x = 1, −1, ½, −½, 0 in turn, 100 s each
+//! table:   x·Ω_most, x = 1, −1, ½, −½, 0 in turn, 100 s each unless told
 //! ε(T, x)  = S's deviation + over temperature ± hysteresis/2 (heating −, cooling +) ± asymmetry/2 (by the sign of x)      ppm
-//! counted  = [Ω/(1 + ε) + nonlinearity·Ω_most·c(x) + input + bias + drift(T) + N]/S0, floor of the sum
+//! counted  = [Ω/(1 + ε) + nonlinearity·Ω_most·c(x) + input + bias + drift(T) + N + slow]/S0, floor of the sum
 //! c(x)     = (x³ − 0.85 x)/0.3: on these five x its straight line is zero and its largest value is 1, at ±½
 //! ```
 //!
@@ -14,12 +14,11 @@ use std::fmt::Write as _;
 
 use sagnac_log::setup::Setup;
 
-use super::{Dice, N_DEG_RT_H, QUANTUM_ARCSEC};
+use super::{Dice, N_DEG_RT_H, QUANTUM_ARCSEC, Slow};
 
 /// Temperatures in their order, °C.
 const PLATEAUS_C: [f64; 11] = [-40.0, -18.0, 4.0, 26.0, 48.0, 70.0, 48.0, 26.0, 4.0, -18.0, -40.0];
 const SOAK_S: f64 = 2500.0;
-const DWELL_S: f64 = 100.0;
 const ROW_S: f64 = 5.0;
 /// Parts of the largest rate.
 const PARTS: [f64; 5] = [1.0, -1.0, 0.5, -0.5, 0.0];
@@ -30,6 +29,9 @@ pub(crate) struct Table {
     pub(crate) seed: u64,
     /// Largest rate of the table, °/s.
     pub(crate) most_dps: f64,
+    /// Time at each rate, s.
+    pub(crate) dwell_s: f64,
+    pub(crate) slow: Slow,
     /// Deviation of S from its nominal value, ppm.
     pub(crate) scale_ppm: f64,
     /// Deviation of S over temperature beside that of every gyro here: ppm at 70 °C, straight, zero at 15 °C.
@@ -47,6 +49,8 @@ impl Table {
         Self {
             seed,
             most_dps: 10.0,
+            dwell_s: 100.0,
+            slow: Slow::default(),
             scale_ppm: 0.0,
             over_temperature_ppm: 0.0,
             hysteresis_ppm: 0.0,
@@ -60,15 +64,19 @@ impl Table {
         Setup { arcsec_per_count: Some(QUANTUM_ARCSEC), input_rate_dph: Some(4.5), ..Setup::default() }
     }
 
+    /// ε over temperature of every gyro here, ppm.
+    pub(crate) fn of_every_gyro_ppm(celsius: f64) -> f64 {
+        let u = (celsius - 15.0) / 55.0;
+        -18.0 * u + 9.0 * u * u
+    }
+
     /// ε at a temperature and a part of the largest rate, ppm.
     fn epsilon_ppm(&self, celsius: f64, cooling: bool, part: f64) -> f64 {
-        let u = (celsius - 15.0) / 55.0;
-        let of_every_gyro = -18.0 * u + 9.0 * u * u;
         let half = if cooling { 0.5 } else { -0.5 };
         let side = if part == 0.0 { 0.0 } else { 0.5 * part.signum() };
         self.scale_ppm
-            + of_every_gyro
-            + self.over_temperature_ppm * u
+            + Self::of_every_gyro_ppm(celsius)
+            + self.over_temperature_ppm * ((celsius - 15.0) / 55.0)
             + self.hysteresis_ppm * half
             + self.asymmetry_ppm * side
     }
@@ -92,15 +100,18 @@ impl Table {
         let mut text = String::from("time_s,temperature_c,counts,reference_rate_dps\n");
         let mut dice = Dice::new(self.seed);
         let white = N_DEG_RT_H / (ROW_S / 3600.0).sqrt();
+        let mut dice_of_slow = Dice::new(self.seed ^ 0xf11c);
+        let mut slow = self.slow.begin(&mut dice_of_slow);
         let (mut angle, mut counted) = (dice.uniform() * QUANTUM_ARCSEC, 0.0);
         for (row, (celsius, cooling)) in Self::chamber().enumerate() {
-            let part = PARTS[(row as f64 * ROW_S / DWELL_S) as usize % PARTS.len()];
+            let part = PARTS[(row as f64 * ROW_S / self.dwell_s) as usize % PARTS.len()];
             let most_dph = 3600.0 * self.most_dps;
             let bend = 1e-6 * self.nonlinearity_ppm * most_dph * (part.powi(3) - 0.85 * part) / 0.3;
             let turned = part * most_dph / (1.0 + 1e-6 * self.epsilon_ppm(celsius, cooling, part)) + bend;
             let u = (celsius - 15.0) / 55.0;
             let drift = 0.02 * u - 0.015 * u * u;
-            angle += (turned + 4.5 + 0.01 + drift + white * dice.normal()) * ROW_S;
+            angle +=
+                (turned + 4.5 + 0.01 + drift + white * dice.normal() + slow.next(ROW_S, &mut dice_of_slow)) * ROW_S;
             let total = (angle / QUANTUM_ARCSEC).floor();
             let (time_s, dps) = ((row + 1) as f64 * ROW_S, part * self.most_dps);
             writeln!(text, "{time_s},{celsius:.4},{},{dps}", total - counted).unwrap();
