@@ -3,10 +3,11 @@
 mod hostile;
 mod support;
 
-use hostile::{Bench, Now, WHITE_100_S_DPH, fraction};
+use hostile::{Bench, N_DEG_RT_H, Now, WHITE_100_S_DPH, fraction};
 use sagnac::Limits;
 use sagnac::calibration::Calibration;
 use sagnac::verify::{Correction, Proof, VerifyOptions, verify};
+use sagnac_log::setup::{Noise, Setup};
 use support::evidence::evidence;
 use support::{fit, reader};
 
@@ -231,6 +232,29 @@ fn half_of_every_limit_passes_and_twice_any_is_refused() {
         });
         evidence(claim, passed, "≤ 0.05", 60);
     }
+}
+
+/// A retest whose setup states ten times the noise that its log shows: what disturbs the unit from window to window would pass for noise.
+/// By the stated noise alone 60 of 60 such units were accepted.
+#[test]
+fn a_stated_noise_hides_no_disturbance() {
+    let (unit, limits) = (calibrated(), navigation());
+    let loud = Setup { noise: Some(Noise::walk(10.0 * N_DEG_RT_H)), ..Bench::setup() };
+    let accepted = |records: u64, first: u64, disturbance: &(dyn Fn(f64) -> f64 + Sync)| {
+        fraction(records, |seed| {
+            let correction = Correction::from_calibration(unit.clone()).unwrap();
+            let log = vec![reader(Bench::new(first + seed, &usual).log_with(disturbance), &loud)];
+            let found = verify(&correction, log, &loud, VerifyOptions::default()).unwrap().limits(&limits).unwrap();
+            assert!(found.verification.axes[0].noise_floor.as_ref().unwrap().source.ends_with("the setup states more"));
+            found.passed()
+        })
+    };
+    // A sine of 250 s: its σ is twice what may be beyond the noise floor.
+    let sine = |hours: f64| 0.06 * 2.0_f64.sqrt() * (std::f64::consts::TAU * 3600.0 * hours / 250.0).sin();
+    let claim = "a unit at twice `sigma_beyond_floor_dph_max` is accepted where the setup states ten times its noise";
+    evidence(claim, accepted(60, 61_000, &sine), "≤ 0.05", 60);
+    let claim = "a sound unit is accepted by `navigation-grade` where the setup states ten times its noise";
+    evidence(claim, accepted(40, 62_000, &|_| 0.0), "≥ 0.95", 40);
 }
 
 /// A drift of 2 °/h, which a correction improves over ten times.

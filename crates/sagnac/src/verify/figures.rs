@@ -277,7 +277,8 @@ fn weight(windows: &Windows, i: usize) -> f64 {
     (windows.duration_s(i) / windows.shape.nominal_s).min(1.0)
 }
 
-/// From the retest log, else from the calibration: N and Q, at the lengths that the windows really have.
+/// From the setup or the retest log, else from the calibration: N and Q, at the lengths that the windows really have. A setup that states
+/// more than the log shows is not believed: what a correction left over would pass for noise.
 fn noise_floor(
     windows: &Windows,
     used: &[usize],
@@ -295,6 +296,14 @@ fn noise_floor(
         Some((NoiseTerms { n_arcsec_rt_s, q_arcsec: known.q_arcsec }, format!("calibration ({})", known.source)))
     };
     let own = fit::noise_of(windows, axis, test).map(|(terms, source)| (terms, source.to_owned()));
+    let shown = test.noise.and_then(|_| windows.measured_noise(axis)).filter(|terms| terms.n_arcsec_rt_s > 0.0);
+    let floor_dph = |terms: &NoiseTerms| terms.floor_dph(windows.shape.nominal_s);
+    let own = match (own, shown) {
+        (Some((stated, _)), Some(shown)) if floor_dph(&shown) < floor_dph(&stated) => {
+            Some((shown, "short-tau Allan deviations of the log; the setup states more".to_owned()))
+        }
+        (own, _) => own,
+    };
     let (terms, source) = own.or_else(earlier)?;
     // As in the figures, a shorter window counts by its length.
     let square = |i: &usize| terms.floor_dph(windows.duration_s(*i)).powi(2) * weight(windows, *i);
