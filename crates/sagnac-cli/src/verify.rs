@@ -218,11 +218,8 @@ pub(crate) fn limits_table(limits: &[Verdict], excluding: bool) -> String {
 /// Fixed bias of the runs against the calibration.
 fn bias_repeatability(found: &BiasRepeatability) -> String {
     let text = |e: Estimate| with_sigma(e.value, Some(e.sigma));
-    let mut out = format!(
-        "  fixed bias of the calibration {} °/h (input rate {} °/h)",
-        text(found.calibration_dph),
-        significant(found.input_rate_dph, 5)
-    );
+    let mut out =
+        format!("  fixed bias of the calibration {} °/h ({})", text(found.calibration_dph), found.input_text());
     for run in &found.runs {
         let file = sagnac_units::format::file_name(&run.file);
         out +=

@@ -335,7 +335,7 @@ pub(crate) fn bias_repeatability(axis: &AxisVerification) -> Markup {
             h3 { "Fixed bias against the calibration, °/h" }
             div.scroll { table {
                 thead { tr { th.words { "" } th { "fixed bias" } th { "less the calibration's" } } }
-                tr { td { "calibration, input rate " (significant(found.input_rate_dph, 5)) " °/h" } td { (text(found.calibration_dph)) } td { "-" } }
+                tr { td { "calibration; " (found.input_text()) } td { (text(found.calibration_dph)) } td { "-" } }
                 @for run in &found.runs {
                     tr { td { (file_name(&run.file)) } td { (text(run.bias_dph)) } td { (text(run.difference_dph)) } }
                 }

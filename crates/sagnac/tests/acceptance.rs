@@ -120,6 +120,16 @@ fn a_unit_off_its_calibration_is_refused() {
         });
         evidence(claim, refused, "≥ 1", 60);
     }
+    // Another input rate in the retest is a bias that nobody sees in the figures, so that it is said.
+    let correction = Correction::from_calibration(unit.clone()).unwrap();
+    for (input_dph, said) in
+        [(4.5, "input rate 4.5000 °/h"), (4.2, "input rate 4.5000 °/h in the calibration, 4.2000 °/h in the retest")]
+    {
+        let setup = Setup { input_rate_dph: Some(input_dph), ..Bench::setup() };
+        let log = vec![reader(Bench::new(2, &usual).log(), &setup)];
+        let found = verify(&correction, log, &setup, VerifyOptions::default()).unwrap();
+        assert_eq!(found.verification.axes[0].bias_repeatability.as_ref().unwrap().input_text(), said);
+    }
     // Where neither retest nor calibration knows the input rate, the limit is not asked.
     let mut setup = Bench::setup();
     setup.input_rate_dph = None;

@@ -428,7 +428,13 @@ mod tests {
         let exact = |value: f64| Estimate { value, sigma: 0.0 };
         let run =
             RunBias { file: String::new(), bias_dph: exact(dph), difference_dph: exact(dph), raw_difference_dph: dph };
-        BiasRepeatability { input_rate_dph: 0.0, calibration_dph: exact(0.0), runs: vec![run], turn_ons: None }
+        BiasRepeatability {
+            input_rate_dph: 0.0,
+            calibration_input_rate_dph: 0.0,
+            calibration_dph: exact(0.0),
+            runs: vec![run],
+            turn_ons: None,
+        }
     }
 
     /// A drift of 0.001 °/h per °C over a ramp of an hour, by the closed form of a ramp: b = β·t gives

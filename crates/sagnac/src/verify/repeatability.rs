@@ -13,7 +13,7 @@
 //!
 //! Needs the input rate, from the setup (`input_rate_dph`, `[earth]`): without it a difference of bias is none of the gyro's.
 
-use sagnac_units::format::file_name;
+use sagnac_units::format::{file_name, significant};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
@@ -25,6 +25,8 @@ use crate::window::Windows;
 
 /// Stretches of a run whose means scatter.
 const STRETCHES: usize = 8;
+/// Input rates closer than this are one, °/h.
+const SAME_INPUT_DPH: f64 = 1e-6;
 /// Probability of the one-sided bound.
 const ONE_SIDED: f64 = 0.95;
 
@@ -61,8 +63,10 @@ pub struct TurnOns {
 #[serde(deny_unknown_fields)]
 #[non_exhaustive]
 pub struct BiasRepeatability {
-    /// Input rate that both are less of, °/h.
+    /// Input rate of the retest, °/h: its runs are less of it.
     pub input_rate_dph: f64,
+    /// The same of the calibration.
+    pub calibration_input_rate_dph: f64,
     /// Fixed bias of the calibration, °/h: mean over its runs.
     pub calibration_dph: Estimate,
     /// The runs of the retest.
@@ -72,6 +76,17 @@ pub struct BiasRepeatability {
 }
 
 impl BiasRepeatability {
+    /// The input rates in words: one where they agree, else both, for a wrong one is a bias.
+    pub fn input_text(&self) -> String {
+        let [calibration, retest] =
+            [self.calibration_input_rate_dph, self.input_rate_dph].map(|dph| significant(dph, 5));
+        if (self.calibration_input_rate_dph - self.input_rate_dph).abs() < SAME_INPUT_DPH {
+            format!("input rate {retest} °/h")
+        } else {
+            format!("input rate {calibration} °/h in the calibration, {retest} °/h in the retest")
+        }
+    }
+
     /// The run farthest from the calibration.
     pub fn worst(&self) -> Option<&RunBias> {
         let distance = |run: &&RunBias| run.difference_dph.value.abs();
@@ -115,7 +130,9 @@ impl BiasRepeatability {
             return Err(format!("no run of the retest has {STRETCHES} windows"));
         }
         let all: Vec<f64> = biases_of(record).into_iter().chain(runs.iter().map(|run| run.bias_dph.value)).collect();
-        Ok(Self { input_rate_dph: input_dph, calibration_dph, runs, turn_ons: TurnOns::of(&all) })
+        let calibration_input_rate_dph = input_of(record).unwrap_or(input_dph);
+        let turn_ons = TurnOns::of(&all);
+        Ok(Self { input_rate_dph: input_dph, calibration_input_rate_dph, calibration_dph, runs, turn_ons })
     }
 }
 
@@ -132,6 +149,13 @@ impl TurnOns {
 
 fn biases_of(record: &AxisCalibration) -> Vec<f64> {
     record.run_offsets.iter().filter_map(|offset| offset.fixed_bias_dph).collect()
+}
+
+/// Input rate of a record, °/h: mean over its runs.
+fn input_of(record: &AxisCalibration) -> Option<f64> {
+    let rates: Vec<f64> =
+        record.run_offsets.iter().filter_map(|offset| Some(offset.value_dph - offset.fixed_bias_dph?)).collect();
+    (!rates.is_empty()).then(|| rates.iter().sum::<f64>() / rates.len() as f64)
 }
 
 /// Mean over the runs of a record: the larger of what their own σ and their scatter make.
