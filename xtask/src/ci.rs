@@ -9,7 +9,7 @@ use xtask::debian::{self, need};
 use xtask::shell::{built, root, sh, stdout_of, text};
 
 use crate::checks::{build_lab, compiled_once, deny, examples, no_panic, run_lab};
-use crate::{dist, docs, features, fleet, fuzz, layers, wheel};
+use crate::{dist, docs, features, fleet, fuzz, layers};
 
 /// A part by its name.
 type Part = (&'static str, fn() -> Result<()>);
@@ -32,7 +32,7 @@ const FIRST: [Part; 10] = [
 ];
 
 /// Then what runs on all processors.
-const RUNS: [Part; 8] = [
+const RUNS: [Part; 7] = [
     ("tests", tests),
     ("examples", examples),
     ("bless", || run_lab(&["bless", "--check"])),
@@ -40,18 +40,19 @@ const RUNS: [Part; 8] = [
     ("hunt", || run_lab(&["hunt", "--cases", HUNTED])),
     ("fuzz", || fuzz::fuzz(&["--smoke"])),
     ("fleet", fleet::fleet),
-    ("wheel", || wheel::wheel(false)),
 ];
 
-/// And beside it what runs on one: simulators, emulators, programs of Python. The lab has a command for each.
+/// And beside it what runs on one for most of its time: simulators, emulators, programs of Python. The lab has a command for each.
 const BESIDE: [&str; 6] = ["conserve", "c", "fpga", "firmware", "closed-loop", "formats"];
+/// Then the Python package, by this program.
+const LAST_BESIDE: &str = "wheel";
 
 /// All of it; stops at the first failure, but does not cut short what runs beside it.
 pub(crate) fn ci() -> Result<()> {
     need(&tools())?;
     let mut took = list(&FIRST)?;
     let (runs, beside) = thread::scope(|scope| {
-        let beside = scope.spawn(simulators);
+        let beside = scope.spawn(beside);
         (list(&RUNS), beside.join().map_err(|_| anyhow!("ci stops: a panic")).flatten())
     });
     took += &runs?;
@@ -71,12 +72,13 @@ fn list(parts: &[Part]) -> Result<String> {
     Ok(took)
 }
 
-/// The same of the lab's commands; their output is shown when each ends, so that it does not mix with that of the tests.
-fn simulators() -> Result<String> {
+/// The same of commands that run beside; their output is shown when each ends, so that it does not mix with that of the tests.
+fn beside() -> Result<String> {
     let mut took = String::new();
-    for name in BESIDE {
+    let (lab, own) = (built("debug", "lab"), std::env::current_exe().context("cannot find this program")?);
+    for (program, name) in BESIDE.map(|name| (&lab, name)).into_iter().chain([(&own, LAST_BESIDE)]) {
         let wall = Instant::now();
-        let said = stdout_of(3600, text(&built("debug", "lab"))?, &[name], &root());
+        let said = stdout_of(3600, text(program)?, &[name], &root());
         println!("{}", said.with_context(|| format!("ci stops at {name}"))?);
         took += &format!("{name:16} {:8.0} beside the tests\n", wall.elapsed().as_secs_f64());
     }
