@@ -188,7 +188,8 @@ fn zones() {
     });
 }
 
-/// A curve that no order describes: the series of `auto` against the harmonic itself, its period known.
+/// A curve that no order describes: the series of `auto` against the harmonic itself, its period known. With 16 runs 0.892 covered, short of
+/// the 0.90 asked.
 #[test]
 #[ignore = "takes minutes"]
 fn harmonic() {
