@@ -162,9 +162,13 @@ fn verify_goes_through_the_image_and_limits_decide() {
     assert_eq!(proof.image_sha256, by_image.image_sha256);
     let passes: Vec<Option<bool>> = by_image.axes[0].limits.iter().map(|l| l.pass).collect();
     assert_eq!((passes, by_image.passed()), (vec![Some(true), Some(false)], false));
-    let given = Setup { noise: Some(Noise::walk(0.006)), ..setup };
-    let floor = retest(&calibration, csv_bytes(chamber_rig().run(3)), &given).axes[0].noise_floor.clone().unwrap();
-    assert!((floor.value_dph - 0.036).abs() < 1e-12, "0.36 arcsec/√s over 100 s is 0.036 °/h");
+    let floor_of = |n_deg_rt_h: f64| {
+        let given = Setup { noise: Some(Noise::walk(n_deg_rt_h)), ..setup.clone() };
+        retest(&calibration, csv_bytes(chamber_rig().run(3)), &given).axes[0].noise_floor.clone().unwrap().value_dph
+    };
+    assert!((floor_of(0.0015) - 0.009).abs() < 1e-12, "0.09 arcsec/√s over 100 s is 0.009 °/h");
+    let own = proof.axes[0].noise_floor.as_ref().unwrap().value_dph;
+    assert_eq!(floor_of(0.006), own, "the setup states twice the noise that the log shows");
 }
 
 /// An imported polynomial removes exactly P(T) − P(T0): verifies the correction of the paper.

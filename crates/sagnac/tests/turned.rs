@@ -4,7 +4,7 @@
 mod hostile;
 mod support;
 
-use hostile::table::Table;
+use hostile::table::{Row, Table};
 use hostile::{Slow, fraction};
 use sagnac::Limits;
 use sagnac::calibration::{Calibration, Plateau, PpmEstimate};
@@ -190,6 +190,74 @@ fn intervals_of_a_plateau_hold_under_slow_noise() {
                 evidence(&claim, covered, "0.92 … 0.98", records);
             }
         }
+    }
+}
+
+/// What an adversary got accepted by `navigation-grade`, 57 to 60 of 60 each: errors where the log has no rate of the table, errors in
+/// ramps that a slope over the run took for a scale factor, and a scale factor that is tested at one temperature.
+#[test]
+fn what_a_table_could_hide_is_seen() {
+    let limits = Limits::named_or_read("navigation-grade").unwrap();
+    let unit = calibrated(10.0, 0.0);
+    // In ramps the table turns one way in heating and the other in cooling; in soaks the rates come in turn.
+    let one_way = |seed: u64| Table {
+        turns: |row| if row.cpm == 0.0 { row.part } else { row.cpm.signum() },
+        ..Table::new(50_000 + seed)
+    };
+    let sound = accepted(&unit, &limits, 60, one_way);
+    evidence("a sound unit is accepted, ramps at +10 °/s in heating and −10 in cooling", sound, "≥ 0.95", 60);
+    type Case = (&'static str, fn(&mut Table));
+    let bad: [Case; 4] = [
+        (
+            "a rate effect of three times its limit, ramps at +10 °/s in heating and −10 in cooling: accepted by `navigation-grade`",
+            |table| {
+                table.error_dph = |row| 0.06 * row.cpm;
+            },
+        ),
+        ("a hysteresis in ramps of five times its limit, the same: accepted by `navigation-grade`", |table| {
+            table.error_dph = |row| if row.cpm == 0.0 { 0.0 } else { 0.05 * row.cpm.signum() };
+        }),
+        (
+            "an error of 5 °/h for two hours in which the log has no rate of the table: accepted by `navigation-grade`",
+            |table| {
+                table.turns = |row| row.part;
+                table.error_dph = |row| if (7.4..9.2).contains(&row.hours) { 5.0 } else { 0.0 };
+                table.is_blank = |row| (7.35..9.25).contains(&row.hours);
+            },
+        ),
+        (
+            "a scale factor 40 times its limit off over temperature, the table turned at 26 °C alone: accepted by `navigation-grade`",
+            |table| {
+                table.turns = |row| if (row.celsius - 26.0).abs() < 1.0 { row.part } else { 0.0 };
+                table.over_temperature_ppm = 200.0;
+            },
+        ),
+    ];
+    for (name, change) in bad {
+        let passed = accepted(&unit, &limits, 60, |seed| {
+            let mut table = one_way(seed);
+            change(&mut table);
+            table
+        });
+        evidence(name, passed, "≤ 0.05", 60);
+    }
+}
+
+/// Runs of one rate each: what the scale factor is off would be read as a bias of 3 ppm of 36,000 °/h. No bias is known then.
+#[test]
+fn a_run_of_one_rate_tells_no_bias() {
+    let limits: Limits = "bias_repeatability_dph_max = 0.035".parse().unwrap();
+    let unit = calibrated(10.0, 0.0);
+    let correction = Correction::from_calibration(unit).unwrap();
+    let setup = Table::setup();
+    for seed in 0..10 {
+        let run = |start_s: f64, turns: fn(Row) -> f64| {
+            reader(Table { turns, start_s, ..Table::new(60_000 + seed) }.log(), &setup)
+        };
+        let logs = vec![run(0.0, |_| 1.0), run(200_000.0, |_| 0.8)];
+        let proof = verify(&correction, logs, &setup, VerifyOptions::default()).unwrap().limits(&limits).unwrap();
+        let limit = &proof.verification.axes[0].limits[0];
+        assert!(limit.pass == Some(false) && limit.value.is_none(), "{limit:?}");
     }
 }
 

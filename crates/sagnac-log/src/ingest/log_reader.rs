@@ -18,6 +18,7 @@ use crate::ingest::batch::Batch;
 use crate::ingest::chunks::{ChunkReader, Feed};
 #[cfg(feature = "parquet")]
 use crate::ingest::columnar::MemoryTable;
+#[cfg(feature = "parquet")]
 use crate::ingest::formats;
 use crate::ingest::header::Layout;
 use crate::ingest::interval::nominal_interval;
@@ -43,7 +44,7 @@ pub struct LogSummary {
     pub rows: u64,
     /// Rejected rows and values, by reason.
     pub tallies: Tallies,
-    /// Hashes of its rows, by which a copy in other bytes is recognised ([`share_rows`]); empty where it says too little.
+    /// Hashes of its rows, by which a copy in other bytes is recognised ([`share_rows`](crate::ingest::share_rows)); empty where it says too little.
     pub rows_sketch: String,
     /// Its clock restarts and its running total goes on: its times go on from the file before.
     pub follows_by_counter: bool,

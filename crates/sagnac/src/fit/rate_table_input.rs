@@ -78,7 +78,10 @@ impl RateTableInput {
                 }
             }
         }
-        Ok(Some(out))
+        // A column of zeros: nothing turned.
+        let stands = |dph: &f64| *dph == 0.0;
+        let still = out.along_dph.iter().all(stands) && out.across_dph.iter().all(|(_, dph)| stands(dph));
+        Ok((!still).then_some(out))
     }
 
     /// Excludes windows without a rate of the table.

@@ -50,7 +50,7 @@ struct Prepared<'a> {
 impl<'a> Prepared<'a> {
     fn of(pair: &'a PairedWindows, test: &'a TestConfig, sensor: Option<usize>) -> Result<Self> {
         let used = pair.used();
-        let drifts = PairedDrifts::of(pair, &used, test)?;
+        let drifts = PairedDrifts::of(pair, &used, test, sensor)?;
         let runs = run_spans(&pair.raw);
         let about_common_mean = offsets_hide_drift(&points(&pair.raw, &runs, sensor, |_| 0.0, |_| 0.0));
         let report_data = report_data(pair, &drifts, &used, runs, about_common_mean, sensor);
@@ -123,6 +123,7 @@ impl Against<'_> {
             bias_repeatability: None,
             bias_repeatability_unavailable: None,
             scale_factor_difference: None,
+            scale_factor_calibrated: false,
             rate_coverage: None,
             repeats_profile: false,
             about_common_mean: *about_common_mean,
@@ -184,6 +185,7 @@ impl Against<'_> {
         figures.scale_factor = drifts.scale_proof(used, axis, self.sensor);
         let record = self.record(figures.axis);
         figures.scale_factor_difference = scale_difference(figures.scale_factor.as_ref(), record);
+        figures.scale_factor_calibrated = record.is_some_and(|record| record.scale_factor().is_some());
         match BiasRepeatability::of(drifts, &pair.raw, used, axis, record, self.test.input_rate_dph) {
             Ok(found) => figures.bias_repeatability = Some(found),
             Err(why) => figures.bias_repeatability_unavailable = Some(why),

@@ -434,6 +434,7 @@ mod tests {
             calibration_dph: exact(0.0),
             runs: vec![run],
             turn_ons: None,
+            unknown: None,
         }
     }
 

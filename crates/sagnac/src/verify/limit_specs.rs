@@ -4,8 +4,9 @@
 
 use crate::calibration::PpmEstimate;
 use crate::verify::limits::Limits;
+use crate::verify::turned::MOST_UNVISITED;
 use crate::verify::verdict::{Decided, DecisionRule, Verdict};
-use crate::verify::{AxisVerification, Estimate, PlateauProof, ScaleProof};
+use crate::verify::{AxisVerification, BiasRepeatability, Estimate, PlateauProof, ScaleProof};
 
 /// Which side of a limit is met.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -45,7 +46,7 @@ impl Applies {
             Self::AtRest => unless(!axis.turned, "needs a retest at rest"),
             Self::KnownInput => axis.bias_repeatability_unavailable.clone(),
             Self::BothTurned => {
-                let both = axis.scale_factor_difference.is_some();
+                let both = axis.turned && axis.scale_factor_calibrated;
                 unless(both, "needs a calibration and a retest on a rate table, and the calibration's record")
             }
             Self::Excluding => unless(axis.excluded_fraction.is_some(), "nothing was asked to be excluded"),
@@ -155,12 +156,17 @@ impl LimitSpec {
 pub(crate) const EXCLUDED: &str = "excluded_max";
 /// Limits of the form *at most* that are of the whole retest, not of each run.
 const OF_ALL: [&str; 4] = ["turn_on_sigma_dph_max", "missing_max", EXCLUDED, POSITION_ERROR];
+/// A correction brings σ to its noise floor, and not below.
+const LEAST_OVER_FLOOR: f64 = 0.9;
 const PLATEAU_OFFSET: &str = "plateau_offset_dph_max";
 pub(crate) const POSITION_ERROR: &str = "position_error_m_max";
 const NO_PLATEAU: &str = "no five steady windows within 1 °C of each other";
 const NO_SLOPE: &str =
     "temperature (by σ 0.3 °C) and its rate (by 0.01 °C/min) do not vary, or not apart, or in fewer than ten windows";
-const NO_SCALE: &str = "fewer than two plateaus have it";
+const NO_SCALE: &str = "fewer than two plateaus have it, or over 0.38 of the temperatures lie without one between them";
+const NO_BIAS: &str = "a run is shorter than eight windows, or was turned at one rate alone";
+const NO_FLOOR: &str =
+    "the noise floor is not known, or σ lies below it: what its rows show at short τ is no white noise";
 const NO_NOISE: &str = "the rows do not show their noise";
 
 /// The value alone, without a standard error.
@@ -180,8 +186,28 @@ fn size_ppm(estimate: Option<PpmEstimate>) -> Figure {
 
 /// The largest of some of the plateaus' estimates.
 fn largest_ppm(axis: &AxisVerification, of: fn(&PlateauProof) -> Option<PpmEstimate>) -> Figure {
-    let plateaus = axis.scale_factor.iter().flat_map(|scale| &scale.plateaus);
+    let plateaus = scale_of(axis).into_iter().flat_map(|scale| &scale.plateaus);
     size_ppm(plateaus.filter_map(of).max_by(|a, b| a.ppm.abs().total_cmp(&b.ppm.abs())))
+}
+
+/// The bias against the calibration, where that of every run is known.
+fn every_run(axis: &AxisVerification) -> Option<&BiasRepeatability> {
+    axis.bias_repeatability.as_ref().filter(|found| found.unknown.is_none())
+}
+
+fn over_floor(axis: &AxisVerification) -> Option<f64> {
+    axis.noise_floor.as_ref().map(|floor| axis.after.sigma_dph / floor.value_dph)
+}
+
+/// σ is smaller than its own noise, beyond what it scatters by: the floor is no floor. A sine at short τ lifts it.
+fn is_below_floor(axis: &AxisVerification) -> bool {
+    let highest = |ratio: f64| ratio * (1.0 + 4.0 * axis.relative_sigma_of_spread());
+    over_floor(axis).is_some_and(|ratio| highest(ratio) < LEAST_OVER_FLOOR)
+}
+
+/// The scale factor, where the table turned at enough of the temperatures.
+fn scale_of(axis: &AxisVerification) -> Option<&ScaleProof> {
+    axis.scale_factor.as_ref().filter(|scale| scale.unvisited_fraction <= MOST_UNVISITED)
 }
 
 /// The size of an estimate with its standard error.
@@ -236,10 +262,10 @@ pub const SPECS: [LimitSpec; 32] = [
         "σ after correction over the noise floor",
         false,
         |a| {
-            let ratio = a.noise_floor.as_ref().map(|floor| a.after.sigma_dph / floor.value_dph);
+            let ratio = over_floor(a).filter(|_| !is_below_floor(a));
             relative(ratio, a.relative_sigma_of_spread())
         },
-        "the noise floor is not known"
+        NO_FLOOR
     ),
     limit!(
         sigma_beyond_floor_dph_max,
@@ -248,8 +274,8 @@ pub const SPECS: [LimitSpec; 32] = [
         Always,
         "σ beyond the noise floor, √(σ² − floor²)",
         false,
-        |a| a.sigma_beyond_floor(),
-        "the noise floor is not known"
+        |a| a.sigma_beyond_floor().filter(|_| !is_below_floor(a)),
+        NO_FLOOR
     ),
     limit!(
         improvement_min,
@@ -359,7 +385,7 @@ pub const SPECS: [LimitSpec; 32] = [
         Turned,
         "scale factor over temperature, σ",
         false,
-        |a| plain(a.scale_factor.as_ref().map(|scale| scale.after.sigma_ppm)),
+        |a| plain(scale_of(a).map(|scale| scale.after.sigma_ppm)),
         NO_SCALE
     ),
     limit!(
@@ -369,7 +395,7 @@ pub const SPECS: [LimitSpec; 32] = [
         Turned,
         "scale factor over temperature, max − min",
         false,
-        |a| plain(a.scale_factor.as_ref().map(|scale| scale.after.peak_to_peak_ppm)),
+        |a| plain(scale_of(a).map(|scale| scale.after.peak_to_peak_ppm)),
         NO_SCALE
     ),
     limit!(
@@ -429,8 +455,8 @@ pub const SPECS: [LimitSpec; 32] = [
         KnownInput,
         "bias repeatability, largest",
         false,
-        |a| size(a.bias_repeatability.as_ref().and_then(|found| Some(found.worst()?.difference_dph))),
-        "no run of the retest has it"
+        |a| size(every_run(a).and_then(|found| Some(found.worst()?.difference_dph))),
+        NO_BIAS
     ),
     limit!(
         turn_on_sigma_dph_max,
@@ -439,8 +465,8 @@ pub const SPECS: [LimitSpec; 32] = [
         KnownInput,
         "turn-on to turn-on bias, σ (95 % bound)",
         false,
-        |a| plain(a.bias_repeatability.as_ref().and_then(|found| Some(found.turn_ons?.sigma_upper_dph))),
-        "fewer than two runs"
+        |a| plain(every_run(a).and_then(|found| Some(found.turn_ons?.sigma_upper_dph))),
+        "fewer than two runs, or one that is shorter than eight windows or was turned at one rate alone"
     ),
     limit!(
         fixed_bias_dph_max,
@@ -449,8 +475,8 @@ pub const SPECS: [LimitSpec; 32] = [
         KnownInput,
         "fixed bias, largest",
         false,
-        |a| size(a.bias_repeatability.as_ref().and_then(|found| found.largest_bias_dph())),
-        "no run of the retest has it"
+        |a| size(every_run(a).and_then(BiasRepeatability::largest_bias_dph)),
+        NO_BIAS
     ),
     limit!(
         scale_factor_repeatability_ppm_max,
@@ -459,7 +485,7 @@ pub const SPECS: [LimitSpec; 32] = [
         BothTurned,
         "scale factor repeatability",
         false,
-        |a| size_ppm(a.scale_factor_difference),
+        |a| size_ppm(scale_of(a).and(a.scale_factor_difference)),
         NO_SCALE
     ),
     limit!(
@@ -470,7 +496,7 @@ pub const SPECS: [LimitSpec; 32] = [
         "scale factor error",
         false,
         |a| {
-            let scale = a.scale_factor.as_ref()?;
+            let scale = scale_of(a)?;
             let sigma_ppm = scale.of_noise_ppm / (scale.plateaus.len() as f64).sqrt();
             Some((scale.after.mean_ppm.abs(), Some(sigma_ppm)))
         },
@@ -484,7 +510,7 @@ pub const SPECS: [LimitSpec; 32] = [
         "scale factor asymmetry, largest",
         false,
         |a| largest_ppm(a, |plateau| plateau.asymmetry),
-        "no plateau has rates in both directions"
+        "no plateau has rates in both directions, or too few temperatures have a plateau"
     ),
     limit!(
         scale_factor_nonlinearity_ppm_max,
@@ -494,7 +520,7 @@ pub const SPECS: [LimitSpec; 32] = [
         "scale factor nonlinearity, largest",
         false,
         |a| largest_ppm(a, |plateau| plateau.nonlinearity),
-        "no plateau has three rates"
+        "no plateau has three rates, or too few temperatures have a plateau"
     ),
     limit!(
         scale_factor_hysteresis_ppm_max,
@@ -503,8 +529,8 @@ pub const SPECS: [LimitSpec; 32] = [
         Turned,
         "scale factor hysteresis, largest",
         false,
-        |a| size_ppm(a.scale_factor.as_ref().and_then(ScaleProof::hysteresis)),
-        "no temperature was visited twice"
+        |a| size_ppm(scale_of(a).and_then(ScaleProof::hysteresis)),
+        "no temperature was visited twice, or too few of them have a plateau"
     ),
     limit!(
         rate_covered_min,

@@ -282,6 +282,8 @@ pub struct AxisVerification {
     pub repeats_profile: bool,
     /// Scale factor less that of the calibration at T0; null where a rate table did not turn both.
     pub scale_factor_difference: Option<PpmEstimate>,
+    /// The calibration has a scale factor of its own, from a rate table.
+    pub scale_factor_calibrated: bool,
     /// Each run covers so little of the temperatures that its own mean would hold the drift: the figures are about the mean of all
     /// runs.
     pub about_common_mean: bool,

@@ -73,6 +73,9 @@ pub struct BiasRepeatability {
     pub runs: Vec<RunBias>,
     /// Null with fewer than two runs.
     pub turn_ons: Option<TurnOns>,
+    /// The first run whose bias is not known: it is shorter than eight windows, or the table turned it at one rate alone, which does not
+    /// tell a bias from a scale factor. Null where there is none; else no limit of the bias is met.
+    pub unknown: Option<String>,
 }
 
 impl BiasRepeatability {
@@ -109,11 +112,17 @@ impl BiasRepeatability {
         input_rate_dph: Option<f64>,
     ) -> Result<Self, String> {
         let record = record.ok_or("an image alone does not state the bias of the calibration")?;
-        let input_dph = input_rate_dph.filter(|_| windows.shape.axes.len() == 1);
-        let input_dph = input_dph.ok_or("the input rate is not known: give input_rate_dph or [earth] in the setup")?;
+        let input_dph =
+            input_rate_dph.ok_or("the input rate is not known: give input_rate_dph or [earth] in the setup")?;
+        if windows.shape.axes.len() > 1 {
+            return Err("the input rate of each axis is not known: input_rate_dph and [earth] are of one".to_owned());
+        }
         let calibration_dph = of_record(record).ok_or("the calibration did not know its input rate")?;
         let run = |run: usize| {
             let members: Vec<usize> = used.iter().copied().filter(|i| windows.rows.run[*i] as usize == run).collect();
+            if drifts.is_of_one_rate(axis, &members) {
+                return None;
+            }
             let after = mean_of(windows, &members, |i| drifts.corrected.rate_dph(axis, i))?;
             let before = mean_of(windows, &members, |i| drifts.raw.rate_dph(axis, i))?;
             let bias_dph = Estimate { value: after.value - input_dph, sigma: after.sigma };
@@ -125,14 +134,14 @@ impl BiasRepeatability {
                 raw_difference_dph: before.value - input_dph - calibration_dph.value,
             })
         };
-        let runs: Vec<RunBias> = (0..windows.runs.len()).filter_map(run).collect();
-        if runs.is_empty() {
-            return Err(format!("no run of the retest has {STRETCHES} windows"));
-        }
+        let found: Vec<Option<RunBias>> = (0..windows.runs.len()).map(run).collect();
+        let unknown = found.iter().position(Option::is_none).map(|run| file_name(&windows.runs[run].name()));
+        let runs: Vec<RunBias> = found.into_iter().flatten().collect();
         let all: Vec<f64> = biases_of(record).into_iter().chain(runs.iter().map(|run| run.bias_dph.value)).collect();
         let calibration_input_rate_dph = input_of(record).unwrap_or(input_dph);
         let turn_ons = TurnOns::of(&all);
-        Ok(Self { input_rate_dph: input_dph, calibration_input_rate_dph, calibration_dph, runs, turn_ons })
+        let input_rate_dph = input_dph;
+        Ok(Self { input_rate_dph, calibration_input_rate_dph, calibration_dph, runs, turn_ons, unknown })
     }
 }
 

@@ -1,18 +1,19 @@
 //! A proof on a rate table: drift without the turning, and the scale factor before and after in ppm.
 //!
 //! ```text
-//! drift = y − Ω − k·Ω       k: one slope per run and side, where the run holds several rates
+//! drift = y − Ω − k·Ω       k: one slope per run and side, by the rates that meet at one temperature; else by all of the run
 //! ```
 //!
 //! so that before and after speak of bias, as on a gyro at rest, whatever the table does and whatever the scale factor
-//! is off at T0 (the correction takes out its variation, not its value). What the scale factor does over temperature is
+//! is off at T0 (the correction takes out its variation, not its value). A slope over the whole run would hold what the bias does in
+//! ramps, where the table turns one way in heating and the other in cooling. What the scale factor does over temperature is
 //! told apart, plateau by plateau.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::calibration::{Plateau, PpmEstimate};
-use crate::fit::{RateTableInput, SlowNoise, plateaus_of, stated_noise};
+use crate::fit::{RateTableInput, SlowNoise, level_stretches, plateaus_of, stated_noise};
 use crate::verify::paired::PairedWindows;
 use crate::window::Windows;
 use sagnac_log::error::Result;
@@ -59,10 +60,20 @@ pub struct ScaleProof {
     pub after: ScaleFigures,
     /// σ over the plateaus that the windows' own scatter makes, ppm.
     pub of_noise_ppm: f64,
+    /// The largest stretch of the retest's temperatures without a plateau, as a part of them: above 0.38 no limit of the scale factor
+    /// is met.
+    pub unvisited_fraction: f64,
     /// In the order of the test.
     pub plateaus: Vec<PlateauProof>,
 }
 
+/// Four soaks over the span leave a third between them, and a little more where the ends are not reached.
+pub(super) const MOST_UNVISITED: f64 = 0.38;
+
+/// Squares of rates about their mean above this part of their sum: they vary.
+const VARIES: f64 = 1e-6;
+/// A table that turns, °/h.
+const LEAST_TURN_DPH: f64 = 1.0;
 /// Plateaus closer than this are one temperature, °C.
 const ONE_TEMPERATURE_C: f64 = 1.0;
 
@@ -92,13 +103,26 @@ impl<'a> PairedDrifts<'a> {
     ///
     /// # Errors
     /// As [`RateTableInput::of`].
-    pub(crate) fn of(pair: &'a PairedWindows, used: &[usize], test: &TestConfig) -> Result<Self> {
-        let side = |windows| Drifts::of(windows, used, test);
+    pub(crate) fn of(
+        pair: &'a PairedWindows,
+        used: &[usize],
+        test: &TestConfig,
+        sensor: Option<usize>,
+    ) -> Result<Self> {
+        let side = |windows| Drifts::of(windows, used, test, sensor);
         let (raw, corrected) = (side(&pair.raw)?, side(&pair.corrected)?);
         for (axis, turning) in raw.turnings.iter().enumerate() {
             turning.check_scale(&pair.raw, axis, test.scale_factor_deviation_max_ppm)?;
         }
         Ok(Self { raw, corrected })
+    }
+
+    /// A run was turned at one rate alone, which does not tell a bias from a scale factor.
+    pub(crate) fn is_of_one_rate(&self, axis: usize, members: &[usize]) -> bool {
+        self.raw.turnings.get(axis).is_some_and(|turning| {
+            let turns = members.iter().any(|i| turning.along_dph[*i].abs() > LEAST_TURN_DPH);
+            turns && turning.rates(members.iter().copied()).len() < 2
+        })
     }
 
     /// A table turned the gyro.
@@ -108,7 +132,8 @@ impl<'a> PairedDrifts<'a> {
 
     /// The scale factor of an axis before and after; `None` without two plateaus that tell it.
     pub(crate) fn scale_proof(&self, used: &[usize], axis: usize, sensor: Option<usize>) -> Option<ScaleProof> {
-        let (before, after) = (self.raw.plateaus(used, axis, sensor?)?, self.corrected.plateaus(used, axis, sensor?)?);
+        let sensor = sensor?;
+        let (before, after) = (self.raw.plateaus(used, axis, sensor)?, self.corrected.plateaus(used, axis, sensor)?);
         if before.len() < 2 || before.len() != after.len() {
             return None;
         }
@@ -128,6 +153,10 @@ impl<'a> PairedDrifts<'a> {
             before: figures(plateaus.iter().map(|p| p.before.ppm)),
             after: figures(plateaus.iter().map(|p| p.after.ppm)),
             of_noise_ppm: noise.sqrt(),
+            unvisited_fraction: unvisited(
+                used.iter().map(|i| self.raw.windows.rows.mean_c[sensor][*i]),
+                plateaus.iter().map(|plateau| plateau.temperature_c),
+            ),
             plateaus,
         })
     }
@@ -144,7 +173,7 @@ pub(crate) struct Drifts<'a> {
 }
 
 impl<'a> Drifts<'a> {
-    fn of(windows: &'a Windows, used: &[usize], test: &TestConfig) -> Result<Self> {
+    fn of(windows: &'a Windows, used: &[usize], test: &TestConfig, sensor: Option<usize>) -> Result<Self> {
         let (mut drift_dph, mut turnings, mut stated) = (Vec::new(), Vec::new(), Vec::new());
         for axis in 0..windows.shape.axes.len() {
             let Some(turning) = RateTableInput::of(windows, axis, test)? else { continue };
@@ -153,8 +182,9 @@ impl<'a> Drifts<'a> {
             for run in 0..windows.runs.len() {
                 let members: Vec<usize> =
                     used.iter().copied().filter(|i| windows.rows.run[*i] as usize == run).collect();
-                take_slope(&mut drift, &members, |i| turning.along_dph[i]);
-                take_slope(&mut drift, &members, |i| turning.across_dph[i].1);
+                let level = level_groups(windows, &members, sensor);
+                take_slope(&mut drift, &members, &level, |i| turning.along_dph[i]);
+                take_slope(&mut drift, &members, &level, |i| turning.across_dph[i].1);
             }
             drift_dph.push(drift);
             turnings.push(turning);
@@ -178,17 +208,43 @@ impl<'a> Drifts<'a> {
     }
 }
 
-/// Takes the straight line's slope over `of` out of some windows; nothing where it does not vary.
-fn take_slope(drift: &mut [f64], members: &[usize], of: impl Fn(usize) -> f64) {
-    let n = members.len() as f64;
-    let mean_of = members.iter().map(|i| of(*i)).sum::<f64>() / n;
-    let mean = members.iter().map(|i| drift[*i]).sum::<f64>() / n;
-    let square = members.iter().map(|i| (of(*i) - mean_of).powi(2)).sum::<f64>();
-    let product = members.iter().map(|i| (of(*i) - mean_of) * (drift[*i] - mean)).sum::<f64>();
+/// Windows of a run at one temperature each.
+fn level_groups(windows: &Windows, members: &[usize], sensor: Option<usize>) -> Vec<Vec<usize>> {
+    let Some(sensor) = sensor else { return Vec::new() };
+    let known: Vec<usize> = members.iter().copied().filter(|i| windows.rows.mean_c[sensor][*i].is_finite()).collect();
+    let places = known.iter().map(|i| (0, windows.rows.mean_c[sensor][*i]));
+    level_stretches(places).into_iter().map(|stretch| known[stretch].to_vec()).collect()
+}
+
+/// Takes the straight line's slope over `of` out of some windows: that within groups of one temperature, where it varies within any; else
+/// that over all; nothing where it does not vary.
+fn take_slope(drift: &mut [f64], members: &[usize], groups: &[Vec<usize>], of: impl Fn(usize) -> f64) {
     let size = members.iter().map(|i| of(*i).powi(2)).sum::<f64>();
-    if square > 1e-6 * size {
+    let sums_of = |group: &[usize]| {
+        let n = group.len() as f64;
+        let mean_of = group.iter().map(|i| of(*i)).sum::<f64>() / n;
+        let mean = group.iter().map(|i| drift[*i]).sum::<f64>() / n;
+        let square = group.iter().map(|i| (of(*i) - mean_of).powi(2)).sum::<f64>();
+        let product = group.iter().map(|i| (of(*i) - mean_of) * (drift[*i] - mean)).sum::<f64>();
+        (square, product)
+    };
+    let add = |(square, product): (f64, f64), (s, p): (f64, f64)| (square + s, product + p);
+    let within = groups.iter().map(|group| sums_of(group)).fold((0.0, 0.0), add);
+    let (square, product) = if within.0 > VARIES * size { within } else { sums_of(members) };
+    if square > VARIES * size {
         members.iter().for_each(|i| drift[*i] -= product / square * of(*i));
     }
+}
+
+/// The largest stretch of some temperatures without a plateau, ends included, as a part of them.
+fn unvisited(temperatures_c: impl Iterator<Item = f64>, plateaus_c: impl Iterator<Item = f64>) -> f64 {
+    let (lo, hi) = temperatures_c
+        .filter(|c| c.is_finite())
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), c| (c.min(lo), c.max(hi)));
+    let mut visited: Vec<f64> = plateaus_c.chain([lo, hi]).collect();
+    visited.sort_by(f64::total_cmp);
+    let most = visited.windows(2).map(|pair| pair[1] - pair[0]).fold(0.0, f64::max);
+    if hi - lo > ONE_TEMPERATURE_C { most / (hi - lo) } else { 0.0 }
 }
 
 fn figures(values: impl Iterator<Item = f64>) -> ScaleFigures {

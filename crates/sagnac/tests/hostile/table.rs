@@ -23,6 +23,18 @@ const ROW_S: f64 = 5.0;
 /// Parts of the largest rate.
 const PARTS: [f64; 5] = [1.0, -1.0, 0.5, -0.5, 0.0];
 
+/// A row of the test.
+#[derive(Clone, Copy)]
+pub(crate) struct Row {
+    pub(crate) celsius: f64,
+    /// Rate of the chamber, °C/min.
+    pub(crate) cpm: f64,
+    /// Since the start, h.
+    pub(crate) hours: f64,
+    /// Part of the largest rate, as the rates come in turn.
+    pub(crate) part: f64,
+}
+
 /// One test of one gyro.
 #[derive(Clone, Copy)]
 pub(crate) struct Table {
@@ -31,7 +43,15 @@ pub(crate) struct Table {
     pub(crate) most_dps: f64,
     /// Time at each rate, s.
     pub(crate) dwell_s: f64,
+    /// Time of the first row's start, s.
+    pub(crate) start_s: f64,
     pub(crate) slow: Slow,
+    /// Part of the largest rate at which the table turns.
+    pub(crate) turns: fn(Row) -> f64,
+    /// The log has no rate of the table here.
+    pub(crate) is_blank: fn(Row) -> bool,
+    /// An error of the gyro that its calibration did not have, °/h.
+    pub(crate) error_dph: fn(Row) -> f64,
     /// Deviation of S from its nominal value, ppm.
     pub(crate) scale_ppm: f64,
     /// Deviation of S over temperature beside that of every gyro here: ppm at 70 °C, straight, zero at 15 °C.
@@ -50,7 +70,11 @@ impl Table {
             seed,
             most_dps: 10.0,
             dwell_s: 100.0,
+            start_s: 0.0,
             slow: Slow::default(),
+            turns: |row| row.part,
+            is_blank: |_| false,
+            error_dph: |_| 0.0,
             scale_ppm: 0.0,
             over_temperature_ppm: 0.0,
             hysteresis_ppm: 0.0,
@@ -103,17 +127,23 @@ impl Table {
         let mut dice_of_slow = Dice::new(self.seed ^ 0xf11c);
         let mut slow = self.slow.begin(&mut dice_of_slow);
         let (mut angle, mut counted) = (dice.uniform() * QUANTUM_ARCSEC, 0.0);
+        let mut before_c = PLATEAUS_C[0];
         for (row, (celsius, cooling)) in Self::chamber().enumerate() {
             let part = PARTS[(row as f64 * ROW_S / self.dwell_s) as usize % PARTS.len()];
+            let cpm = 60.0 * (celsius - before_c) / ROW_S;
+            before_c = celsius;
+            let now = Row { celsius, cpm, hours: row as f64 * ROW_S / 3600.0, part };
+            let part = (self.turns)(now);
             let most_dph = 3600.0 * self.most_dps;
             let bend = 1e-6 * self.nonlinearity_ppm * most_dph * (part.powi(3) - 0.85 * part) / 0.3;
             let turned = part * most_dph / (1.0 + 1e-6 * self.epsilon_ppm(celsius, cooling, part)) + bend;
             let u = (celsius - 15.0) / 55.0;
             let drift = 0.02 * u - 0.015 * u * u;
-            angle +=
-                (turned + 4.5 + 0.01 + drift + white * dice.normal() + slow.next(ROW_S, &mut dice_of_slow)) * ROW_S;
+            let noise = white * dice.normal() + slow.next(ROW_S, &mut dice_of_slow);
+            angle += (turned + 4.5 + 0.01 + drift + noise + (self.error_dph)(now)) * ROW_S;
             let total = (angle / QUANTUM_ARCSEC).floor();
-            let (time_s, dps) = ((row + 1) as f64 * ROW_S, part * self.most_dps);
+            let time_s = self.start_s + (row + 1) as f64 * ROW_S;
+            let dps = if (self.is_blank)(now) { String::new() } else { (part * self.most_dps).to_string() };
             writeln!(text, "{time_s},{celsius:.4},{},{dps}", total - counted).unwrap();
             counted = total;
         }
