@@ -249,13 +249,19 @@ fn half_of_every_limit_passes_and_twice_any_is_refused() {
 #[test]
 fn a_turn_on_too_short_for_its_bias_meets_no_limit_of_it() {
     let unit = calibrated();
-    let limits: Limits = "bias_repeatability_dph_max = 0.035\nturn_on_sigma_dph_max = 0.03".parse().unwrap();
+    let text = "bias_repeatability_dph_max = 0.035\nturn_on_sigma_dph_max = 0.03\nposition_error_m_max = 1e6
+[flight]\nprofile = [{ minutes = 0, temperature_c = -10 }, { minutes = 60, temperature_c = 40 }]\n";
+    let limits: Limits = text.parse().unwrap();
     for off in [0.0, 1.0] {
         let mut short = Bench::new(71_001, &usual);
         (short.hours, short.start_s, short.bias_dph) = (Some(690.0 / 3600.0), 200_000.0, off);
         let logs = vec![Bench::new(71_000, &usual).log(), short.log()];
         let found = proof(&unit, logs, VerifyOptions::default()).limits(&limits).unwrap();
-        assert_eq!(missed(&found), ["bias_repeatability_dph_max", "turn_on_sigma_dph_max"], "{off}");
+        assert_eq!(
+            missed(&found),
+            ["position_error_m_max", "bias_repeatability_dph_max", "turn_on_sigma_dph_max"],
+            "{off}"
+        );
     }
 }
 

@@ -4,6 +4,7 @@
 
 use crate::calibration::PpmEstimate;
 use crate::verify::limits::Limits;
+use crate::verify::repeatability::RUN_WITHOUT_BIAS;
 use crate::verify::turned::MOST_UNVISITED;
 use crate::verify::verdict::{Decided, DecisionRule, Verdict};
 use crate::verify::{AxisVerification, BiasRepeatability, Estimate, PlateauProof, ScaleProof};
@@ -164,7 +165,6 @@ const NO_PLATEAU: &str = "no five steady windows within 1 °C of each other";
 const NO_SLOPE: &str =
     "temperature (by σ 0.3 °C) and its rate (by 0.01 °C/min) do not vary, or not apart, or in fewer than ten windows";
 const NO_SCALE: &str = "fewer than two plateaus have it, or over 0.38 of the temperatures lie without one between them";
-const NO_BIAS: &str = "a run is shorter than eight windows, or was turned at one rate alone";
 const NO_FLOOR: &str =
     "the noise floor is not known, or σ lies below it: what its rows show at short τ is no white noise";
 const NO_NOISE: &str = "the rows do not show their noise";
@@ -188,11 +188,6 @@ fn size_ppm(estimate: Option<PpmEstimate>) -> Figure {
 fn largest_ppm(axis: &AxisVerification, of: fn(&PlateauProof) -> Option<PpmEstimate>) -> Figure {
     let plateaus = scale_of(axis).into_iter().flat_map(|scale| &scale.plateaus);
     size_ppm(plateaus.filter_map(of).max_by(|a, b| a.ppm.abs().total_cmp(&b.ppm.abs())))
-}
-
-/// The bias against the calibration, where that of every run is known.
-fn every_run(axis: &AxisVerification) -> Option<&BiasRepeatability> {
-    axis.bias_repeatability.as_ref().filter(|found| found.unknown.is_none())
 }
 
 fn over_floor(axis: &AxisVerification) -> Option<f64> {
@@ -455,8 +450,8 @@ pub const SPECS: [LimitSpec; 32] = [
         KnownInput,
         "bias repeatability, largest",
         false,
-        |a| size(every_run(a).and_then(|found| Some(found.worst()?.difference_dph))),
-        NO_BIAS
+        |a| size(a.bias_of_every_run().ok().and_then(|found| Some(found.worst()?.difference_dph))),
+        RUN_WITHOUT_BIAS
     ),
     limit!(
         turn_on_sigma_dph_max,
@@ -465,7 +460,7 @@ pub const SPECS: [LimitSpec; 32] = [
         KnownInput,
         "turn-on to turn-on bias, σ (95 % bound)",
         false,
-        |a| plain(every_run(a).and_then(|found| Some(found.turn_ons?.sigma_upper_dph))),
+        |a| plain(a.bias_of_every_run().ok().and_then(|found| Some(found.turn_ons?.sigma_upper_dph))),
         "fewer than two runs, or one that is shorter than eight windows or was turned at one rate alone"
     ),
     limit!(
@@ -475,8 +470,8 @@ pub const SPECS: [LimitSpec; 32] = [
         KnownInput,
         "fixed bias, largest",
         false,
-        |a| size(every_run(a).and_then(BiasRepeatability::largest_bias_dph)),
-        NO_BIAS
+        |a| size(a.bias_of_every_run().ok().and_then(BiasRepeatability::largest_bias_dph)),
+        RUN_WITHOUT_BIAS
     ),
     limit!(
         scale_factor_repeatability_ppm_max,

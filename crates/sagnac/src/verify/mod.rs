@@ -36,6 +36,7 @@ pub use flight::{Corner, Flight, FlightAxis, Gyrocompass, HeadingError, Position
 pub use limit_specs::{Applies, Bound, LimitSpec, SPECS};
 pub use limits::{Limits, LimitsSource, SETS};
 pub use readings::{LogColumn, Readings};
+use repeatability::RUN_WITHOUT_BIAS;
 pub use repeatability::{BiasRepeatability, RunBias, TurnOns};
 pub use replay::{Corrected, Replay};
 pub use residual::{Plateaus, RandomWalk, Residual};
@@ -415,11 +416,19 @@ impl AxisVerification {
         }
     }
 
+    /// The bias against the calibration, where that of every run is known; else why not.
+    pub(crate) fn bias_of_every_run(&self) -> std::result::Result<&BiasRepeatability, &str> {
+        match &self.bias_repeatability {
+            Some(found) if found.unknown.is_none() => Ok(found),
+            Some(_) => Err(RUN_WITHOUT_BIAS),
+            None => Err(self.bias_repeatability_unavailable.as_deref().unwrap_or_default()),
+        }
+    }
+
     fn judge(&mut self, limits: &Limits, points: &[Point]) -> Result<()> {
         if let Some(flight) = &limits.flight {
             let n = self.residual.random_walk.map(|walk| walk.after_deg_rt_h);
-            let against = self.bias_repeatability.as_ref().ok_or(self.bias_repeatability_unavailable.as_deref());
-            match flight.fly(points, n, against.map_err(Option::unwrap_or_default)) {
+            match flight.fly(points, n, self.bias_of_every_run()) {
                 Ok(flown) => self.flight = Some(flown),
                 Err(why) => self.flight_unavailable = Some(why),
             }

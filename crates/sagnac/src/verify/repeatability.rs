@@ -25,6 +25,8 @@ use crate::window::Windows;
 
 /// Stretches of a run whose means scatter.
 const STRETCHES: usize = 8;
+/// Why a run has no bias.
+pub(crate) const RUN_WITHOUT_BIAS: &str = "a run is shorter than eight windows, or was turned at one rate alone";
 /// Input rates closer than this are one, °/h.
 const SAME_INPUT_DPH: f64 = 1e-6;
 /// Probability of the one-sided bound.
