@@ -2,6 +2,7 @@
 
 mod support;
 
+use std::io::{BufRead, BufReader};
 use std::process::{Command, Stdio};
 
 use support::{Cluster, Factory, PROGRAM, said};
@@ -50,20 +51,24 @@ fn an_executor_that_dies_loses_nothing() {
     assert_eq!(it.files("there"), it.files("here"));
 }
 
-/// The scheduler is killed between two batches, and started again: what was under way is sent again.
+/// The scheduler is killed while batches are under way, and is back once the driver has noticed: these are sent again.
 #[test]
 fn a_scheduler_that_is_started_again_loses_nothing() {
     let it = Factory::new(12);
     it.calibrate("units", "here", &[]);
     let mut cluster = Cluster::new(2);
     let url = cluster.url();
-    let mut command = it.command("units", "there", &["--cluster", &url, "--batch", "2"]);
-    let running = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut command = it.command("units", "there", &["--cluster", &url, "--batch", "1"]);
+    let mut running = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut problems = BufReader::new(running.stderr.take().unwrap()).lines().map(Result::unwrap);
     support::until("a batch", || it.done("there") > 0);
-    cluster.restart_scheduler();
-    let (status, told, problems) = said(running.wait_with_output().unwrap());
-    assert_eq!(status, 1, "{told}{problems}{}", cluster.logs());
-    assert!(problems.contains("a batch is sent again"), "{problems}");
+    cluster.kill_scheduler();
+    assert!(it.done("there") < 13, "batches are under way");
+    let noticed = problems.find(|line| line.starts_with("a batch is sent again"));
+    assert!(noticed.is_some(), "the driver ends without a scheduler");
+    cluster.start_scheduler();
+    let (status, told, _) = said(running.wait_with_output().unwrap());
+    assert_eq!(status, 1, "{told}{}{}", problems.collect::<Vec<_>>().join("\n"), cluster.logs());
     assert_eq!(it.files("there"), it.files("here"));
 }
 

@@ -179,18 +179,17 @@ impl Cluster {
         format!("df://127.0.0.1:{}", self.port)
     }
 
-    fn start_scheduler(&mut self) {
+    /// A scheduler at the cluster's port: a second one knows nothing of the first.
+    pub(crate) fn start_scheduler(&mut self) {
         let mut command = Command::new(PROGRAM);
         command.args(["scheduler", "--port", &self.port.to_string()]);
         self.scheduler = Some(Process::start(&mut command, self.folder.path().join("scheduler.log")));
         until("the scheduler", || answers(self.port));
     }
 
-    /// Kills the scheduler and starts another one at its place, which knows nothing.
-    pub(crate) fn restart_scheduler(&mut self) {
+    pub(crate) fn kill_scheduler(&mut self) {
         self.scheduler = None;
         until("the scheduler's end", || !answers(self.port));
-        self.start_scheduler();
     }
 
     pub(crate) fn add_executor(&mut self) {
