@@ -199,6 +199,9 @@ pub(crate) fn describe(console: &mut Console, axis: &AxisCalibration) {
             significant(over, 2)
         ));
     }
+    if fit.noise_exceeds_setup {
+        console.note("warning: the log shows more noise than the setup states: intervals go by the log");
+    }
     if let Some(hidden) = fit.hidden_in_offsets_dph {
         console.say(format!(
             "  each run covers little of the temperatures: run offsets differ by {} °/h (σ), which may be drift; --one-run makes files one run",

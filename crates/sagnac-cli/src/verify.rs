@@ -130,6 +130,11 @@ fn warn_of_same_log(console: &mut Console, verification: &Verification) {
     for file in &verification.training_overlap {
         console.note(format!("warning: {file} is a log that the calibration was made from; this is no proof"));
     }
+    if verification.training_unknown {
+        console.note(
+            "warning: an image does not name its training logs; nothing shows that this test is another one: verify its record for a proof",
+        );
+    }
     if !verification.untested_axes.is_empty() {
         let axes: Vec<String> = verification.untested_axes.iter().map(char::to_string).collect();
         console.note(format!(
@@ -255,6 +260,9 @@ fn verdict(axis: &AxisVerification, verification: &Verification) -> String {
         Some(_) if !verification.training_overlap.is_empty() => "NOT ACCEPTED: the fit has seen this log; ".to_owned(),
         Some(true) if !verification.untested_axes.is_empty() => {
             format!("NOT ACCEPTED: an axis is not tested; {} on this one; ", judged.words())
+        }
+        Some(true) if verification.training_unknown => {
+            format!("{}{}, training logs unknown; ", judged.words(), unjudged_bias(axis))
         }
         Some(true) if judged.not_asked == 0 => "all limits met; ".to_owned(),
         Some(true) => format!("{}{}; ", judged.words(), unjudged_bias(axis)),

@@ -19,6 +19,7 @@ pub(crate) fn identity(verification: &Verification, calibration: Option<&Calibra
     let accepted = verification.passed();
     let judged = Judged::of(verification.axes.iter().flat_map(|axis| &axis.limits));
     let word = match (accepted, judged.not_asked) {
+        (true, _) if verification.training_unknown => "Limits met, training logs unknown",
         (true, 0) => "Accepted",
         (true, _) => "Accepted as far as asked",
         (false, _) if judged.not_met == 0 && judged.not_decided > 0 => "Not decided",

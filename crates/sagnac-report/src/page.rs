@@ -76,7 +76,7 @@ pub fn verification_report(
     let body = html! {
         h1 { (if judged { "Acceptance test" } else { "Proof on another test" }) @if !verification.serial.is_empty() && verification.serial != UNASSIGNED { ": " (verification.serial) } }
         p.sub {
-            (if verification.training_overlap.is_empty() { "Logs that the fit did not see, replayed" } else { "Logs replayed" })
+            (if verification.training_overlap.is_empty() && !verification.training_unknown { "Logs that the fit did not see, replayed" } else { "Logs replayed" })
             " through the code and the image that ship. Windows of " (plain(verification.window_s)) " s."
         }
         (same_log(verification))
@@ -310,6 +310,9 @@ fn fit_verdict(axis: &AxisCalibration, report_data: &ReportData, several: bool) 
             @if let Some(note) = axis.below_floor_note() { p.note { "Note: " (note) "." } }
             @for prior in axis.fit.iter().flat_map(|fit| &fit.prior) { p.note { "Note: " (prior.words()) ". SHA-256 of the prior: " (prior.sha256) "." } }
             @for found in axis.fit.iter().flat_map(|fit| &fit.entanglement) { p.note { "Note: " (found.note()) "." } }
+            @if axis.fit.as_ref().is_some_and(|fit| fit.noise_exceeds_setup) {
+                p.note { "Note: the log shows more noise than the setup states; intervals go by the log." }
+            }
             @if let Some(warm_up) = &axis.correction.warm_up { p.note { "Warm-up since power-on, corrected: " (warm_up.words()) ". Residual and held-out σ are without it." } }
             @for effect in axis.fit.iter().flat_map(|fit| &fit.time_effects) {
                 p.note { "Fitted beside the terms and not corrected: " (effect.words()) ". Residual and held-out σ are without it." }
@@ -361,6 +364,9 @@ fn proof_verdict(axis: &AxisVerification, several: bool) -> Markup {
 
 fn same_log(verification: &Verification) -> Markup {
     html! {
+        @if verification.training_unknown {
+            p.note { "Note: an image does not name its training logs; nothing shows that this test is another one. Verify its record for a proof." }
+        }
         @if !verification.training_overlap.is_empty() {
             div.verdict.fail {
                 b.word { "This is no proof" }

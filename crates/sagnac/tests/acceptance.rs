@@ -521,3 +521,43 @@ fn short_gaps_in_every_hour_hide_no_bias_instability() {
         60,
     );
 }
+
+/// A soak of 20 hours at 25 °C, one sweep to −40 and +70 °C, and as long at 35 °C: a mean over the windows would not see the ends.
+fn soaked_c(minutes: f64) -> f64 {
+    match minutes - 1200.0 {
+        m if m < 0.0 => 25.0,
+        m if m < 65.0 => 25.0 - m,
+        m if m < 175.0 => m - 105.0,
+        m => (245.0 - m).max(35.0),
+    }
+}
+
+/// A unit 0.1 °/h off at the ends of its span, seen for an hour of 43, beside one that is as calibrated. By the mean over the windows it was
+/// accepted 40 times of 40.
+#[test]
+fn a_long_soak_hides_no_residual() {
+    // Without a rate term: where there is one, `rate_covered_min` asks for more ramps.
+    let at_rest = |now: Now| usual(Now { cpm: 0.0, ..now });
+    let logs = (1..=4).map(|seed| Bench::new(seed, &at_rest).log()).collect();
+    let (unit, limits) = (fit(logs, &Bench::setup(), "bias 3").unwrap(), navigation());
+    let accepted = |off_dph: f64| {
+        fraction(40, |seed| {
+            let drift = move |now: Now| at_rest(now) + off_dph * now.u().powi(4);
+            let bench = Bench {
+                chamber_c: soaked_c,
+                hours: Some(43.5),
+                block_lag_s: 60.0,
+                row_s: 10.0,
+                ..Bench::new(900 + seed, &drift)
+            };
+            judged(&unit, bench.log(), &limits).passed()
+        })
+    };
+    evidence(
+        "a unit 0.1 °/h off at the ends of its span is accepted after soaks of 40 h within the span",
+        accepted(0.1),
+        "≤ 0.05",
+        40,
+    );
+    evidence("a sound unit is accepted after soaks of 40 h within the span", accepted(0.0), "≥ 0.95", 40);
+}

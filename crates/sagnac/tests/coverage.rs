@@ -4,7 +4,7 @@
 mod hostile;
 mod support;
 
-use hostile::curves::{Truth, shown, useless};
+use hostile::curves::{Truth, shown, shown_by, useless};
 use hostile::{Bench, Now};
 use sagnac::fit::{FitOptions, calibrate};
 use sagnac_log::setup::{Noise, Setup};
@@ -141,6 +141,36 @@ fn intervals_hold_under_slow_noise() {
         let claim = format!("95 % interval of the curve covers, `bias 3`, {noise}");
         evidence(&claim, found.coverage, "0.92 … 0.98", 150);
     }
+}
+
+/// A setup that states a third of the bias instability is not believed, one that states the true one is.
+#[test]
+fn noise_stated_too_low_makes_no_interval_narrow() {
+    let by = |b_dph: f64| {
+        let noise = Some(Noise::walk(hostile::N_DEG_RT_H).slow(b_dph, 0.0));
+        let setup = Setup { noise, ..Bench::setup() };
+        shown_by(&setup, 150, 2, weak_cubic, "bias 3", |bench| bench.b_dph = 0.01)
+    };
+    let (low, true_one) = (by(0.003), by(0.01));
+    println!("stated 0.003: {low:?}; stated 0.01: {true_one:?}");
+    evidence(
+        "95 % interval of the curve covers, B = 0.01 °/h where the setup states 0.003",
+        low.coverage,
+        "0.91 … 0.98",
+        150,
+    );
+    evidence(
+        "95 % interval of the curve covers, B = 0.01 °/h as the setup states",
+        true_one.coverage,
+        "0.91 … 0.98",
+        150,
+    );
+    evidence(
+        "a log shows more noise than the setup states, where it states the true one",
+        true_one.louder,
+        "≤ 0.03",
+        150,
+    );
 }
 
 /// The bootstrap's interval of the cubic coefficient under slow noise of each kind, two runs.

@@ -41,6 +41,7 @@ const TESTS: &Tests = &[
             "plan",
             "prior",
             "rate_table",
+            "retest_intervals",
             "turned",
             "two_lags",
             "warm_up",

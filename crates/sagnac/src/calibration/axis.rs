@@ -60,6 +60,8 @@ pub struct FitDiagnostics {
     pub curve_spread: Option<CurveSpread>,
     /// Noise of the residual that is not white; null where it is.
     pub slow_noise: Option<SlowNoiseTerms>,
+    /// The log shows more noise than the setup states, so that intervals go by the log.
+    pub noise_exceeds_setup: bool,
     /// Drift in time and warm-up, fitted beside the terms; empty where none is justified.
     pub time_effects: Vec<TimeEffect>,
     /// What moved together with temperature; empty where nothing did.

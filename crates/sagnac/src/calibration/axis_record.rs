@@ -77,6 +77,9 @@ pub(crate) struct AxisRecord {
     /// Noise of the residual that is not white; absent where it is.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     slow_noise: Option<SlowNoiseTerms>,
+    /// The log shows more noise than the setup states, so that intervals go by the log; absent where it does not.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    noise_exceeds_setup: bool,
     /// Drift in time and warm-up, fitted beside the terms and not corrected; absent where none is justified.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     time_effects: Vec<TimeEffect>,
@@ -141,6 +144,7 @@ impl From<AxisCalibration> for AxisRecord {
             ramp_rates_cpm: None,
             curve_spread: None,
             slow_noise: None,
+            noise_exceeds_setup: false,
             time_effects: Vec::new(),
             entanglement: Vec::new(),
             prior: None,
@@ -171,6 +175,7 @@ impl AxisRecord {
             ramp_rates_cpm,
             curve_spread,
             slow_noise,
+            noise_exceeds_setup,
             time_effects,
             entanglement,
             prior,
@@ -190,6 +195,7 @@ impl AxisRecord {
         (self.noise_floor, self.cross_validation, self.collinearity) = (noise_floor, cross_validation, collinearity);
         (self.correction_noise, self.hysteresis, self.soak) = (correction_noise, hysteresis, soak);
         (self.curve_spread, self.slow_noise) = (curve_spread, slow_noise);
+        self.noise_exceeds_setup = noise_exceeds_setup;
         (self.time_effects, self.entanglement, self.prior) = (time_effects, entanglement, prior);
         (self.ramp_rates_cpm, self.hidden_in_offsets_dph) = (ramp_rates_cpm, hidden_in_offsets_dph);
         (self.scale_factor, self.misalignment) = (scale_factor, misalignment);
@@ -241,6 +247,7 @@ impl TryFrom<AxisRecord> for AxisCalibration {
             ramp_rates_cpm,
             curve_spread,
             slow_noise,
+            noise_exceeds_setup,
             time_effects,
             entanglement,
             prior,
@@ -262,6 +269,7 @@ impl TryFrom<AxisRecord> for AxisCalibration {
             ramp_rates_cpm,
             curve_spread,
             slow_noise,
+            noise_exceeds_setup,
             time_effects,
             entanglement,
             prior,

@@ -4,7 +4,7 @@
 //! y = level of the plateau's rate + n        n: white + slow noise, each plateau by itself ([`super::slow_noise`])
 //! ```
 //!
-//! Variances of greatest restricted likelihood over all plateaus together, or as the setup states them. What is slower than a plateau is
+//! Variances of greatest restricted likelihood over all plateaus together, or as the setup states them where these windows show no more. What is slower than a plateau is
 //! in its bias, and in none of the figures. A level for each rate keeps what the gyro does to different rates out of the noise; where a
 //! table moves too freely for that, a straight line takes its place.
 //!
@@ -13,9 +13,8 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::fit::plateaus::{KnownNoise, TurnedWindow};
-use crate::fit::slow_noise::{self, MOST_ROWS, NoiseRows, SlowNoise, Whitening};
-use crate::fit::solution::FEWEST_FOR_NOISE;
-use crate::fit::solve::{Factor, Solution};
+use crate::fit::row_noise::{Block, RowNoise, Rows, noise_of_blocks, stated_or_shown, whitened};
+use crate::fit::slow_noise::{MOST_ROWS, SlowNoise, Whitening};
 
 /// Noise of a window of nominal length.
 pub(super) struct PlateauNoise {
@@ -32,9 +31,6 @@ impl PlateauNoise {
         let white = Self { slow: SlowNoise::default(), white: 0.0, longest_s: 0.0, nominal_s: 1.0 };
         let Some(nominal_s) = known.nominal_s else { return white };
         let longest_s = plateaus.iter().map(|windows| length_s(windows)).fold(0.0, f64::max) + nominal_s;
-        if let Some((slow, white)) = known.stated {
-            return Self { slow, white, longest_s, nominal_s };
-        }
         let white = Self { longest_s, nominal_s, ..white };
         let mut rest = MOST_ROWS;
         let few = plateaus.iter().zip(levels).map(|(windows, levels)| {
@@ -42,24 +38,15 @@ impl PlateauNoise {
             rest -= count;
             (&windows[..count], &levels[..count])
         });
-        let designs: Vec<(Rows, DMatrix<f64>)> = few
+        let blocks: Vec<Block> = few
             .filter(|(windows, _)| !windows.is_empty())
-            .map(|(windows, levels)| (white.rows(windows), level_columns(windows, levels)))
+            .map(|(windows, levels)| Block { rows: white.rows(windows), columns: level_columns(windows, levels) })
             .collect();
-        let windows: usize = designs.iter().map(|(_, columns)| columns.nrows()).sum();
-        let parameters: usize = designs.iter().map(|(_, columns)| columns.ncols() - 1).sum();
-        let scale: f64 = plateaus.iter().flatten().map(|w| w.beyond_dph().powi(2)).sum();
-        let misfit = misfit(&designs, SlowNoise::default()).map_or(0.0, |(ssr, _)| ssr);
-        if windows < FEWEST_FOR_NOISE || windows < 2 * parameters || misfit <= EXACT * scale {
-            return white;
-        }
-        let degrees = (windows - parameters) as f64;
-        let slow = slow_noise::estimate(nominal_s, |noise| {
-            self::misfit(&designs, noise).map_or(f64::INFINITY, |(ssr, determinants)| degrees * ssr.ln() + determinants)
-        })
-        .mixed;
-        let variance = self::misfit(&designs, slow).map_or(0.0, |(ssr, _)| ssr / degrees);
-        Self { slow, white: variance, ..white }
+        let found = match known.stated {
+            Some((slow, white)) => Some(stated_or_shown(&blocks, nominal_s, RowNoise { slow, white })),
+            None => noise_of_blocks(&blocks, nominal_s).map(|found| found.best),
+        };
+        found.map_or(white, |RowNoise { slow, white }| Self { slow, white, longest_s, nominal_s })
     }
 
     /// Variance of a window about a fit of some columns to its plateau; never less than over all plateaus. `None` where nothing is
@@ -96,27 +83,8 @@ impl PlateauNoise {
     }
 }
 
-/// Residuals smaller than this part of the values, as squares, are rounding.
-const EXACT: f64 = 1e-18;
-
 /// Rates of a plateau that have a level each.
 const MOST_LEVELS: usize = 24;
-
-/// Windows of one plateau as rows.
-struct Rows {
-    run: Vec<usize>,
-    middle_s: Vec<f64>,
-    weight: Vec<f64>,
-    longest_s: f64,
-    nominal_s: f64,
-}
-
-impl Rows {
-    fn view(&self) -> NoiseRows<'_> {
-        let Self { run, middle_s, weight, longest_s, nominal_s } = self;
-        NoiseRows { run, middle_s, weight, longest_s: *longest_s, nominal_s: *nominal_s }
-    }
-}
 
 /// Time from the first to the last window, the longest of any run in it.
 fn length_s(windows: &[TurnedWindow]) -> f64 {
@@ -141,26 +109,4 @@ fn level_columns(windows: &[TurnedWindow], levels: &[usize]) -> DMatrix<f64> {
         if j == count { windows[i].beyond_dph() } else { f64::from(u8::from(levels[i] == different[j])) }
     };
     DMatrix::from_fn(windows.len(), count + 1, of)
-}
-
-/// Columns, the last of them measured, as independent rows: solved.
-fn whitened(whitening: &Whitening, columns: &DMatrix<f64>) -> Option<Solution> {
-    let mut filter = whitening.filter(columns.ncols());
-    let mut out = columns.clone();
-    let mut row = vec![0.0; columns.ncols()];
-    for at in 0..columns.nrows() {
-        row.iter_mut().zip(columns.row(at).iter()).for_each(|(to, from)| *to = *from);
-        filter.push(at, &mut row);
-        row.iter().enumerate().for_each(|(j, value)| out[(at, j)] = *value);
-    }
-    Factor::of(out).solve(&(0..columns.ncols() - 1).collect::<Vec<_>>())
-}
-
-/// Over all plateaus under some noise: sum of squares, and the logarithms of the determinants of the restricted likelihood.
-fn misfit(designs: &[(Rows, DMatrix<f64>)], noise: SlowNoise) -> Option<(f64, f64)> {
-    designs.iter().try_fold((0.0, 0.0), |(ssr, determinants), (rows, columns)| {
-        let whitening = Whitening::new(rows.view(), noise);
-        let solution = whitened(&whitening, columns)?;
-        Some((ssr + solution.ssr, determinants + whitening.log_determinant + solution.log_determinant()))
-    })
 }

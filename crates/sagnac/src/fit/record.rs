@@ -389,6 +389,7 @@ fn fit_axis(
         ramp_rates_cpm: None,
         curve_spread: None,
         slow_noise: best.terms(chosen.white_variance(&fitted, best).sqrt()),
+        noise_exceeds_setup: chosen.noise_exceeds_setup,
         time_effects: time_effects(&fitted, problem, corrects_warm_up),
         entanglement: Vec::new(),
         prior,

@@ -414,6 +414,21 @@ pub(crate) fn estimate(nominal_s: f64, criterion: impl Fn(SlowNoise) -> f64 + Sy
     Estimate { best: SlowNoise { log_variance, ..best.0 }, mixed: SlowNoise { log_variance, ..mixed } }
 }
 
+/// By how much −2·ln of the likelihood of measured noise must be less than that of stated noise: odds of 400 to 1.
+const DECISIVE: f64 = 12.0;
+
+/// −2·ln of the restricted likelihood of rows with this sum of squares, degrees of freedom and Σ ln of determinants, all whitened by
+/// slow noise; the white variance is stated, or the likeliest.
+pub(crate) fn restricted(ssr: f64, degrees: f64, determinants: f64, white: Option<f64>) -> f64 {
+    let white = white.unwrap_or(ssr / degrees);
+    ssr / white + degrees * white.ln() + determinants
+}
+
+/// True where rows show more noise than is stated: what they show is decisively likelier by [`restricted`], and has the larger variance.
+pub(crate) fn shows_more(of_stated: f64, of_shown: f64, variance_of_stated: f64, variance_of_shown: f64) -> bool {
+    of_stated - of_shown > DECISIVE && variance_of_shown > variance_of_stated
+}
+
 /// The variances of several noises by their likelihoods, e^(−criterion/2), each alike before. Their covariances add, so that the
 /// mixture is a noise again; of the Markov processes the likeliest stands for all.
 fn mixture(best: (SlowNoise, f64), first: &[(SlowNoise, f64)]) -> SlowNoise {

@@ -18,7 +18,7 @@ use crate::fit::design::{Columns, Design, FLAT_CHI_SQUARED, Tau, lag_one, misfit
 use crate::fit::golden_section::golden_section;
 use crate::fit::least_squares::{LeastSquares, TermColumn};
 use crate::fit::prepared::{Blocks, Prepared};
-use crate::fit::slow_noise::{self, Estimate, MOST_ROWS, SlowNoise, Whitening};
+use crate::fit::slow_noise::{self, Estimate, MOST_ROWS, SlowNoise, Whitening, restricted, shows_more};
 use crate::fit::solve::Conditioning;
 use crate::fit::two_lags::{Found, LEAST_RATIO, find_pair};
 use crate::model::ActsOn;
@@ -159,6 +159,33 @@ pub(crate) fn noise_of(problem: &LeastSquares<'_>, fitted: &Fitted) -> Estimate 
     })
 }
 
+/// True where the residuals show more noise than the setup states, slow noise and white variance.
+pub(crate) fn shows_more_than(
+    problem: &LeastSquares<'_>,
+    fitted: &Fitted,
+    stated: (SlowNoise, f64),
+    shown: SlowNoise,
+) -> bool {
+    let parameters = problem.levels.len() + fitted.terms.len();
+    let Some((normal, z)) = weighted_rows(problem, fitted, None).filter(|_| problem.len() > parameters) else {
+        return false;
+    };
+    let degrees = (problem.len() - parameters) as f64;
+    let of = |noise: SlowNoise, white: Option<f64>| {
+        let whitening = Whitening::new(problem.noise_rows(), noise);
+        let mut design = Design::new(problem, &fitted.terms, &values(&fitted.taus));
+        design.whitening = Some(&whitening);
+        let solution = design.factor(&[]).solve_all()?;
+        let determinants = whitening.log_determinant + solution.log_determinant();
+        let covariance = &normal * noise.between(problem.noise_rows(), &z) * &normal;
+        let of_terms: f64 = covariance.diagonal().iter().skip(problem.levels.len()).sum();
+        let variance = of_terms * white.unwrap_or(solution.ssr / degrees);
+        Some((restricted(solution.ssr, degrees, determinants, white), variance))
+    };
+    let (Some(of_stated), Some(of_shown)) = (of(stated.0, Some(stated.1)), of(shown, None)) else { return false };
+    shows_more(of_stated.0, of_shown.0, of_stated.1, of_shown.1)
+}
+
 /// The fit with the covariance C that its weights have under this noise, beside a white variance. The variances of slow noise are
 /// themselves uncertain: degrees of freedom after Satterthwaite,
 ///
@@ -170,19 +197,23 @@ pub(crate) fn with_slow_noise(problem: &LeastSquares<'_>, fitted: Fitted, noise:
     let (n, p) = (problem.len(), normal.nrows());
     let under = |noise: SlowNoise, white: f64| &normal * noise.between(problem.noise_rows(), &z) * &normal * white;
     let covariance = under(noise, white);
-    let mut of_noise = 0.0;
+    let mut steepest = 0.0;
     if noise.log_variance > 0.0 {
         let [more, less] = [SLOPE_STEP, -SLOPE_STEP].map(|step| {
             let noise = noise.scaled(step.exp());
             under(noise, white_variance(problem, &fitted, noise))
         });
         let slope = |at: usize| (more[(at, at)] / less[(at, at)]).ln() / (2.0 * SLOPE_STEP);
-        let steepest = (problem.levels.len()..p).map(slope).fold(0.0_f64, |most, slope| most.max(slope.abs()));
-        of_noise = 0.5 * steepest.powi(2) * noise.log_variance;
+        steepest = (problem.levels.len()..p).map(slope).fold(0.0_f64, |most, slope| most.max(slope.abs()));
     }
-    let effective = (((n - p).max(1) as f64).recip() + of_noise).recip().max(FEWEST_DEGREES);
-    let t_quantile_975 = StudentsT::new(0.0, 1.0, effective).map_or(1.96, |t| t.inverse_cdf(0.975));
+    let t_quantile_975 = t_quantile_975((n - p).max(1) as f64, steepest, noise);
     Fitted { covariance, t_quantile_975, ..fitted }
+}
+
+/// Student's t for some degrees of freedom and a variance that goes with slow noise: `slope` is ∂ln C/∂ln v.
+pub(crate) fn t_quantile_975(degrees: f64, slope: f64, noise: SlowNoise) -> f64 {
+    let effective = (degrees.recip() + 0.5 * slope.powi(2) * noise.log_variance).recip().max(FEWEST_DEGREES);
+    StudentsT::new(0.0, 1.0, effective).map_or(1.96, |t| t.inverse_cdf(0.975))
 }
 
 /// (JᵀWJ)⁻¹ and the rows of WJ, with a further column behind those of the fit.

@@ -19,6 +19,7 @@ use crate::verify::paired::PairedWindows;
 use crate::verify::repeatability::{BiasRepeatability, scale_difference};
 use crate::verify::residual::{self, RandomWalk};
 use crate::verify::residual_diagnostics;
+use crate::verify::residual_noise::ResidualNoise;
 use crate::verify::stats::{Figures, Weighted, expected_range};
 use crate::verify::turned::{Drifts, PairedDrifts};
 use crate::verify::{AxisVerification, Correction, Coverage, RetestNoiseFloor};
@@ -95,8 +96,11 @@ impl Against<'_> {
         });
         let letter = windows.shape.axes[axis];
         let noise_floor = noise_floor(windows, used, axis, self.correction, self.test, dph_per_unit);
+        let points = &report_data.axes[axis].points;
+        let noise = ResidualNoise::of(&residual::judged(points), *about_common_mean);
         let diagnostics = residual_diagnostics::residual_diagnostics(
-            &report_data.axes[axis].points,
+            points,
+            &noise,
             after.sigma_dph,
             noise_floor.as_ref().map(|floor| floor.value_dph),
         );
@@ -115,7 +119,7 @@ impl Against<'_> {
             residual_diagnostics: diagnostics,
             status_windows: status_windows.filter(|(_, n)| *n > 0).collect(),
             coverage: None,
-            residual: residual::residual(&report_data.axes[axis].points, random_walk.filter(|_| !drifts.is_turned())),
+            residual: residual::residual(points, &noise, random_walk.filter(|_| !drifts.is_turned())),
             turned: drifts.is_turned(),
             flight: None,
             flight_unavailable: None,

@@ -18,6 +18,7 @@ mod repeatability;
 mod replay;
 mod residual;
 mod residual_diagnostics;
+mod residual_noise;
 mod stats;
 mod strapdown;
 mod suspects;
@@ -344,6 +345,9 @@ pub struct Verification {
     /// Those of them that the calibration was made from: with any of them this is no proof, and no limit can be met.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub training_overlap: Vec<String>,
+    /// True for an image alone, which does not name its training logs: nothing shows that these are others.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub training_unknown: bool,
 }
 
 impl Verification {
@@ -517,6 +521,7 @@ pub fn verify<'a>(
         limits: None,
         untested_axes: untested_axes(correction, &windows.shape.axes),
         training_overlap: training_overlap(correction, &fit::log_files(windows)),
+        training_unknown: correction.calibration.is_none(),
         inputs: fit::log_files(windows).into_iter().map(LogFile::named).collect(),
     };
     let several = pair.raw.runs.len() > 1 && !verification.axes.iter().any(|axis| axis.about_common_mean);

@@ -5,12 +5,14 @@
 //! ramps               root mean square of heating and cooling windows about the run's mean
 //! per °C, per °C/min  slopes of one line r = a + s·T + q·Ṫ through all windows
 //! ARW                 N of the rows, raw, and corrected before they are rounded, by short-τ Allan deviations
-//! over temperature    root mean square of a Chebyshev series of order 8 in T through all windows, less what noise makes of it
+//! over temperature    root mean square of a Chebyshev series of order 8 in T through all windows, less what noise makes of it; every
+//!                     temperature that was visited counts alike, however long
 //! bias instability    least overlapping Allan deviation of the corrected windows / 0.664, across gaps of up to two windows: an estimate
 //!                     of B that noise lifts and few degrees of freedom scatter
 //! ```
 //!
-//! Out of sample always: the windows are those of a retest.
+//! Out of sample always: the windows are those of a retest. Standard errors of the slopes and of the series by the noise of the windows,
+//! slow noise too ([`super::residual_noise`]); of a plateau's mean by its own scatter.
 
 use nalgebra::{DMatrix, DVector};
 use schemars::JsonSchema;
@@ -20,6 +22,7 @@ use crate::diagnostics::{Leg, Point};
 use crate::fit::level_stretches;
 use crate::model::{Span, chebyshev};
 use crate::verify::residual_diagnostics::{Estimate, joined};
+use crate::verify::residual_noise::ResidualNoise;
 use sagnac_noise::{Deviation, Difference, SquareSum, overlapping, phases};
 
 /// Fewer windows are no plateau.
@@ -78,26 +81,31 @@ pub struct Residual {
     pub rate_slope: Option<Estimate>,
     /// Null where the rows do not tell it.
     pub random_walk: Option<RandomWalk>,
-    /// Root mean square over temperature of the smooth residual, less what noise makes of it, °/h; null where the temperature
-    /// does not move.
+    /// Root mean square over temperature of the smooth residual, less what noise makes of it, °/h: every temperature visited counts
+    /// alike. Null where the temperature does not move.
     pub over_temperature_dph: Option<Estimate>,
     /// Estimate of the bias instability, °/h; null with too few neighbours.
     pub bias_instability_dph: Option<Estimate>,
 }
 
-/// From the points of an axis.
-pub(crate) fn residual(points: &[Point], random_walk: Option<RandomWalk>) -> Residual {
-    let used: Vec<&Point> = points.iter().filter(|p| p.excluded.is_none() && p.after_dph.is_finite()).collect();
-    let (temperature_slope, rate_slope) = slopes(&used);
+/// From the points of an axis and their noise.
+pub(crate) fn residual(points: &[Point], noise: &ResidualNoise, random_walk: Option<RandomWalk>) -> Residual {
+    let used = judged(points);
+    let (temperature_slope, rate_slope) = slopes(&used, noise);
     Residual {
         plateaus: plateaus(&used),
         ramps_rms_dph: ramps(&used),
         temperature_slope,
         rate_slope,
         random_walk,
-        over_temperature_dph: over_temperature(&used),
+        over_temperature_dph: over_temperature(&used, noise),
         bias_instability_dph: bias_instability(&used),
     }
+}
+
+/// The windows that figures are of.
+pub(crate) fn judged(points: &[Point]) -> Vec<&Point> {
+    points.iter().filter(|p| p.excluded.is_none() && p.after_dph.is_finite()).collect()
 }
 
 fn mean(points: &[&Point], of: impl Fn(&Point) -> f64) -> f64 {
@@ -114,6 +122,7 @@ fn plateaus(used: &[&Point]) -> Option<Plateaus> {
         let (n, centre) = (plateau.len() as f64, mean(plateau, |p| p.after_dph));
         let squares: f64 = plateau.iter().map(|p| (p.after_dph - centre).powi(2)).sum();
         let sigma = (squares / (n - 1.0)).sqrt();
+        // By its own scatter: slow noise lifts the largest of several distances as it is.
         (sigma, Estimate { value: centre, sigma: sigma / n.sqrt() }, mean(plateau, |p| p.temperature_c), n)
     };
     let figures: Vec<_> = all.iter().map(figures).collect();
@@ -135,40 +144,33 @@ fn ramps(used: &[&Point]) -> Option<f64> {
 }
 
 /// Slopes over T and Ṫ of one line, each `None` where its column does not vary, both where they vary as one.
-fn slopes(used: &[&Point]) -> (Option<Estimate>, Option<Estimate>) {
-    let sound: Vec<&&Point> = used.iter().filter(|p| p.temperature_c.is_finite() && p.rate_cpm.is_finite()).collect();
+fn slopes(used: &[&Point], noise: &ResidualNoise) -> (Option<Estimate>, Option<Estimate>) {
+    let sound: Vec<usize> =
+        (0..used.len()).filter(|at| used[*at].temperature_c.is_finite() && used[*at].rate_cpm.is_finite()).collect();
     if sound.len() < FEWEST_OF_LEG {
         return (None, None);
     }
     let n = sound.len() as f64;
-    let centred = |of: fn(&Point) -> f64| -> Vec<f64> {
-        let mean = sound.iter().map(|p| of(p)).sum::<f64>() / n;
-        sound.iter().map(|p| of(p) - mean).collect()
+    // About their mean; zero where they are not known.
+    let centred = |of: fn(&Point) -> f64| {
+        let mean = sound.iter().map(|at| of(used[*at])).sum::<f64>() / n;
+        let mut column = DVector::zeros(used.len());
+        sound.iter().for_each(|at| column[*at] = of(used[*at]) - mean);
+        column
     };
-    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
     let (t, q, r) = (centred(|p| p.temperature_c), centred(|p| p.rate_cpm), centred(|p| p.after_dph));
-    let (tt, qq, tq, tr, qr) = (dot(&t, &t), dot(&q, &q), dot(&t, &q), dot(&t, &r), dot(&q, &r));
-    let (moves, ramps) = (tt > LEAST_SPREAD_C2 * n, qq > LEAST_SPREAD_CPM2 * n);
-    let estimates = |s: f64, w: f64, inverse: [f64; 2], parameters: f64| {
-        let left = |i: usize| r[i] - s * t[i] - w * q[i];
-        let rest: Vec<f64> = (0..t.len()).map(left).collect();
-        let squares = dot(&rest, &rest);
-        let rho = (dot(&rest[1..], &rest[..rest.len() - 1]) / squares.max(f64::MIN_POSITIVE)).clamp(0.0, 0.95);
-        let variance = squares / (n - parameters) * (1.0 + rho) / (1.0 - rho);
-        [(s, inverse[0]), (w, inverse[1])].map(|(value, part)| Estimate { value, sigma: (variance * part).sqrt() })
-    };
-    match (moves, ramps) {
+    let (tt, qq, tq) = (t.norm_squared(), q.norm_squared(), t.dot(&q));
+    let slope = |parts: DVector<f64>| Some(Estimate { value: parts.dot(&r), sigma: noise.sigma_dph(parts.as_slice()) });
+    match (tt > LEAST_SPREAD_C2 * n, qq > LEAST_SPREAD_CPM2 * n) {
         (true, true) => {
             let det = tt * qq - tq * tq;
             if det < LEAST_APART * tt * qq {
                 return (None, None);
             }
-            let (s, w) = ((tr * qq - qr * tq) / det, (qr * tt - tr * tq) / det);
-            let [temperature_slope, rate_slope] = estimates(s, w, [qq / det, tt / det], 3.0);
-            (Some(temperature_slope), Some(rate_slope))
+            (slope((&t * qq - &q * tq) / det), slope((&q * tt - &t * tq) / det))
         }
-        (true, false) => (Some(estimates(tr / tt, 0.0, [1.0 / tt, 0.0], 2.0)[0]), None),
-        (false, true) => (None, Some(estimates(0.0, qr / qq, [0.0, 1.0 / qq], 2.0)[1])),
+        (true, false) => (slope(t / tt), None),
+        (false, true) => (None, slope(q / qq)),
         (false, false) => (None, None),
     }
 }
@@ -179,37 +181,62 @@ const SMOOTH_ORDER: usize = 8;
 const FEWEST_FOR_SMOOTH: usize = 40;
 /// A span below this holds no drift over temperature, °C.
 const LEAST_SPAN_C: f64 = 1.0;
+/// Bands of equal width over the span, of which each that was visited counts alike.
+const BANDS: f64 = 24.0;
 
-/// The smooth residual over temperature: its mean square is that of the fitted series less p·s²·w/n of noise, w for
-/// neighbours that correlate; the standard error of a mean square m with noise e per window is √(2pe² + 4me).
-fn over_temperature(used: &[&Point]) -> Option<Estimate> {
-    let known: Vec<&&Point> = used.iter().filter(|p| p.temperature_c.is_finite()).collect();
-    let n = known.len();
-    let ends = known
-        .iter()
-        .fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), p| (lo.min(p.temperature_c), hi.max(p.temperature_c)));
-    if n < FEWEST_FOR_SMOOTH || ends.1 - ends.0 < LEAST_SPAN_C {
+/// The smooth residual over temperature: a series θ through all windows, its mean square over the bands of temperature that were
+/// visited,
+///
+/// ```text
+/// m = θᵀMθ − tr(MC)        C the covariance of θ, M the mean of (b − b̄)(b − b̄)ᵀ over the bands, b the series' columns
+/// σ² of m = 2·tr(MCMC) + 4·θᵀMCMθ
+/// ```
+///
+/// Not the mean over the windows: forty hours at one temperature would hide the ends of the span.
+fn over_temperature(used: &[&Point], noise: &ResidualNoise) -> Option<Estimate> {
+    let known: Vec<usize> = (0..used.len()).filter(|at| used[*at].temperature_c.is_finite()).collect();
+    let celsius = |at: usize| used[known[at]].temperature_c;
+    let (lo, hi) =
+        (0..known.len()).map(celsius).fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), t| (lo.min(t), hi.max(t)));
+    if known.len() < FEWEST_FOR_SMOOTH || hi - lo < LEAST_SPAN_C {
         return None;
     }
-    let span = Span { lo: ends.0, hi: ends.1 };
-    let basis = DMatrix::from_fn(n, SMOOTH_ORDER + 1, |i, k| chebyshev(span.x(known[i].temperature_c))[k]);
-    let right = DVector::from_fn(n, |i, _| known[i].after_dph);
-    let svd = basis.clone().svd(true, true);
-    let theta = svd.solve(&right, 1e-9 * svd.singular_values.max()).ok()?;
-    let smooth = &basis * theta;
-    let rest = &right - &smooth;
-    let mean = smooth.mean();
-    let square = smooth.iter().map(|s| (s - mean).powi(2)).sum::<f64>() / n as f64;
-    let variance = rest.norm_squared() / (n - SMOOTH_ORDER - 1) as f64;
-    let product: f64 = rest.iter().zip(rest.iter().skip(1)).map(|(a, b)| a * b).sum();
-    let rho = (product / rest.norm_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 0.95);
-    let noise = variance * (1.0 + rho) / (1.0 - rho) / n as f64;
-    let p = SMOOTH_ORDER as f64;
-    let value = (square - p * noise).clamp(0.0, f64::INFINITY).sqrt();
-    let sigma_of_square = (2.0 * p * noise * noise + 4.0 * value * value * noise).sqrt();
+    let span = Span { lo, hi };
+    let columns = DMatrix::from_fn(known.len(), SMOOTH_ORDER + 1, |i, k| chebyshev(span.x(celsius(i)))[k]);
+    let svd = columns.clone().svd(true, true);
+    let least = 1e-9 * svd.singular_values.max();
+    let inverse = svd.pseudo_inverse(least).ok()?;
+    let theta = &inverse * DVector::from_fn(known.len(), |i, _| used[known[i]].after_dph);
+    let weight = band_weights((0..known.len()).map(|i| (celsius(i) - lo) / (hi - lo)));
+    let mean = columns.tr_mul(&weight).transpose();
+    let mut about = columns;
+    for (mut row, weight) in about.row_iter_mut().zip(weight.iter()) {
+        row -= &mean;
+        row *= weight.sqrt();
+    }
+    let m = about.tr_mul(&about);
+    let m_theta = &m * &theta;
+    let mut parts = DMatrix::zeros(used.len(), SMOOTH_ORDER + 1);
+    known.iter().enumerate().for_each(|(i, at)| parts.set_row(*at, &inverse.column(i).transpose()));
+    let (covariance, widening) = noise.covariance(&parts, |covariance| (&m * covariance).trace());
+    let of_noise = &m * covariance;
+    let square = theta.dot(&m_theta);
+    let value = (square - of_noise.trace()).clamp(0.0, f64::INFINITY).sqrt();
+    let along = if square > 0.0 { value * value / square } else { 0.0 };
+    let sigma_of_square =
+        (2.0 * (&of_noise * &of_noise).trace() + 4.0 * along * theta.dot(&(&of_noise * &m_theta))).sqrt();
     // Near zero the root of the mean square's own uncertainty.
     let sigma = sigma_of_square / (2.0 * value).max(sigma_of_square.sqrt());
-    Some(Estimate { value, sigma })
+    Some(Estimate { value, sigma: widening * sigma })
+}
+
+/// Weights of windows by their place in the span, 0 to 1: all of a band together as much as those of any other.
+fn band_weights(places: impl Iterator<Item = f64>) -> DVector<f64> {
+    let bands: Vec<usize> = places.map(|place| (place * BANDS).min(BANDS - 1.0) as usize).collect();
+    let mut counts = [0.0; BANDS as usize];
+    bands.iter().for_each(|band| counts[*band] += 1.0);
+    let visited = counts.iter().filter(|count| **count > 0.0).count() as f64;
+    DVector::from_iterator(bands.len(), bands.iter().map(|band| 1.0 / (counts[*band] * visited)))
 }
 
 /// Longest gap that a stretch reaches across, in windows.
@@ -297,9 +324,13 @@ mod tests {
         (0..200).map(one).collect()
     }
 
+    fn residual_of(points: &[Point]) -> Residual {
+        residual(points, &ResidualNoise::of(&judged(points), false), None)
+    }
+
     #[test]
     fn what_was_put_in_comes_out() {
-        let found = residual(&points(|i, t, r| 0.002 * t + 0.05 * r + 0.01 * noise(i)), None);
+        let found = residual_of(&points(|i, t, r| 0.002 * t + 0.05 * r + 0.01 * noise(i)));
         let (temperature_slope, rate_slope) = (found.temperature_slope.unwrap(), found.rate_slope.unwrap());
         assert!(
             (temperature_slope.value - 0.002).abs() < 4.0 * temperature_slope.sigma && temperature_slope.sigma < 1e-4,
@@ -329,9 +360,9 @@ mod tests {
     /// White windows of σ: the deviation falls to τ = 32 windows, σ/√32.
     #[test]
     fn the_instability_is_the_least_deviation() {
-        let found = residual(&points(|i, _, _| noise(i)), None).bias_instability_dph.unwrap().value;
+        let found = residual_of(&points(|i, _, _| noise(i))).bias_instability_dph.unwrap().value;
         let white = (1.0_f64 / 12.0).sqrt() / 32.0_f64.sqrt() / FLAT;
         assert!((0.4..2.0).contains(&(found / white)), "{found} for {white}");
-        assert_eq!(residual(&points(|_, _, _| 0.0)[..8], None).bias_instability_dph.unwrap().value, 0.0);
+        assert_eq!(residual_of(&points(|_, _, _| 0.0)[..8]).bias_instability_dph.unwrap().value, 0.0);
     }
 }

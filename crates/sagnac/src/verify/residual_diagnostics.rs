@@ -8,13 +8,15 @@
 //! ```
 //!
 //! All of corrected windows, each run about its own mean. Sampling errors are those of white residuals of n windows:
-//! √(2/n)·floor² for the variance, σ√(1/n₁ + 1/n₂) for means, widened by √((1 + ρ)/(1 − ρ)) where neighbours correlate,
-//! 1/√n for the correlation.
+//! √(2/n)·floor² for the variance, σ√(1/n₁ + 1/n₂) for steps, 1/√n for the correlation; of the hysteresis by the noise of the windows,
+//! slow noise too ([`super::residual_noise`]).
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::diagnostics::{Point, hysteresis_of};
+use crate::diagnostics::{Leg, Point, hysteresis_of};
+use crate::verify::residual::judged;
+use crate::verify::residual_noise::ResidualNoise;
 use sagnac_units::format::{counted, significant, with_sigma};
 
 /// Windows on each side of a gap whose means are compared.
@@ -88,12 +90,17 @@ impl ResidualDiagnostics {
 }
 
 /// From the points of an axis. σ of the figures, which counts a short window by its length, and the floor in °/h.
-pub(crate) fn residual_diagnostics(points: &[Point], sigma_dph: f64, floor_dph: Option<f64>) -> ResidualDiagnostics {
-    let used: Vec<&Point> = points.iter().filter(|p| p.excluded.is_none() && p.after_dph.is_finite()).collect();
+pub(crate) fn residual_diagnostics(
+    points: &[Point],
+    noise: &ResidualNoise,
+    sigma_dph: f64,
+    floor_dph: Option<f64>,
+) -> ResidualDiagnostics {
+    let used = judged(points);
     let sigma = spread(&used);
     ResidualDiagnostics {
         over_floor_dph: floor_dph.and_then(|floor| over(sigma_dph, floor, used.len())),
-        hysteresis_dph: hysteresis(points, sigma, &used),
+        hysteresis_dph: hysteresis(points, noise, &used),
         gap_steps: gap_steps(&used, sigma),
         lag1_autocorrelation: lag1_autocorrelation(&used, sigma),
     }
@@ -103,7 +110,7 @@ fn mean(points: &[&Point]) -> f64 {
     points.iter().map(|p| p.after_dph).sum::<f64>() / points.len() as f64
 }
 
-fn spread(points: &[&Point]) -> f64 {
+pub(crate) fn spread(points: &[&Point]) -> f64 {
     let mean = mean(points);
     (points.iter().map(|p| (p.after_dph - mean).powi(2)).sum::<f64>() / points.len() as f64).sqrt()
 }
@@ -114,11 +121,17 @@ fn over(sigma: f64, floor: f64, n: usize) -> Option<f64> {
     (n >= FEWEST && excess > 2.0 * sampling).then(|| excess.sqrt())
 }
 
-fn hysteresis(points: &[Point], sigma: f64, used: &[&Point]) -> Option<Estimate> {
+fn hysteresis(points: &[Point], noise: &ResidualNoise, used: &[&Point]) -> Option<Estimate> {
     let legs = hysteresis_of(points, FEWEST, |p| p.after_dph)?;
-    let rho = lag1_autocorrelation(used, sigma).map_or(0.0, |rho| rho.value.clamp(0.0, 0.95));
-    let widening = ((1.0 + rho) / (1.0 - rho)).sqrt();
-    Some(Estimate { value: legs.difference_dph, sigma: sigma * legs.per_sigma * widening })
+    let count = |leg: Leg| used.iter().filter(|p| p.leg() == leg).count() as f64;
+    let (heating, cooling) = (count(Leg::Heating), count(Leg::Cooling));
+    let part = |point: &&Point| match point.leg() {
+        Leg::Heating => 1.0 / heating,
+        Leg::Cooling => -1.0 / cooling,
+        Leg::Steady => 0.0,
+    };
+    let parts: Vec<f64> = used.iter().map(part).collect();
+    Some(Estimate { value: legs.difference_dph, sigma: noise.sigma_dph(&parts) })
 }
 
 /// Two windows follow each other without a break.
@@ -142,7 +155,7 @@ fn gap_steps(used: &[&Point], sigma: f64) -> Option<GapSteps> {
     (!steps.is_empty()).then(|| GapSteps { gaps: steps.len(), rms_dph: mean_square.sqrt(), noise_dph })
 }
 
-fn lag1_autocorrelation(used: &[&Point], sigma: f64) -> Option<Estimate> {
+pub(crate) fn lag1_autocorrelation(used: &[&Point], sigma: f64) -> Option<Estimate> {
     let pairs: Vec<f64> =
         used.windows(2).filter(|w| joined(w[0], w[1])).map(|w| w[0].after_dph * w[1].after_dph).collect();
     let n = pairs.len() as f64;
@@ -174,8 +187,10 @@ mod tests {
     #[test]
     fn what_was_put_in_is_named() {
         let floor = (1.0_f64 / 12.0).sqrt();
-        let of =
-            |points: &[Point], floor| residual_diagnostics(points, spread(&points.iter().collect::<Vec<_>>()), floor);
+        let of = |points: &[Point], floor| {
+            let noise = ResidualNoise::of(&judged(points), false);
+            residual_diagnostics(points, &noise, spread(&points.iter().collect::<Vec<_>>()), floor)
+        };
         let nothing = of(&points(noise), Some(floor));
         assert_eq!(nothing.over_floor_dph, None);
         let (legs, slow) = (nothing.hysteresis_dph.unwrap(), nothing.lag1_autocorrelation.unwrap());

@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 use sagnac::calibration::Calibration;
+use sagnac_log::setup::Setup;
 
 use super::{Bench, Now};
 use crate::support::fit;
@@ -20,9 +21,23 @@ pub(crate) struct Shown {
     pub(crate) error_dph: f64,
     /// Models that were selected, with how often.
     pub(crate) models: std::collections::BTreeMap<String, usize>,
+    /// Part of the records that show more noise than the setup states.
+    pub(crate) louder: f64,
 }
 
 pub(crate) fn shown(records: u64, runs: u64, truth: Truth, model: &str, change: fn(&mut Bench<'_>)) -> Shown {
+    shown_by(&Bench::setup(), records, runs, truth, model, change)
+}
+
+/// The same with a setup.
+pub(crate) fn shown_by(
+    setup: &Setup,
+    records: u64,
+    runs: u64,
+    truth: Truth,
+    model: &str,
+    change: fn(&mut Bench<'_>),
+) -> Shown {
     let one = |record: u64| -> Calibration {
         let logs = (0..runs).map(|run| {
             let mut bench = Bench::new(1000 * record + run, &truth);
@@ -30,7 +45,7 @@ pub(crate) fn shown(records: u64, runs: u64, truth: Truth, model: &str, change: 
             change(&mut bench);
             bench.log()
         });
-        fit(logs.collect(), &Bench::setup(), model).unwrap()
+        fit(logs.collect(), setup, model).unwrap()
     };
     let rest = |celsius: f64| truth(Now { celsius, cpm: 0.0, lagged_cpm: 0.0, slow_cpm: 0.0, hours: 0.0 });
     let each = |record: u64| {
@@ -42,12 +57,13 @@ pub(crate) fn shown(records: u64, runs: u64, truth: Truth, model: &str, change: 
             let (lower, upper) = (found.lower_dph.unwrap(), found.upper_dph.unwrap());
             (found.drift_dph - true_dph, lower <= true_dph && true_dph <= upper)
         });
-        (axis.correction.model.clone(), errors)
+        (axis.correction.model.clone(), axis.fit.as_ref().unwrap().noise_exceeds_setup, errors)
     };
     let all: Vec<_> = (0..records).into_par_iter().map(each).collect();
     let mut out = Shown::default();
     let n = (all.len() * AT_C.len()) as f64;
-    for (model, errors) in all {
+    for (model, is_louder, errors) in all {
+        out.louder += f64::from(u8::from(is_louder)) / records as f64;
         *out.models.entry(model).or_default() += 1;
         for (error, holds) in errors {
             out.error_dph += error * error / n;

@@ -1,0 +1,108 @@
+//! Noise of a retest's corrected windows, and what it makes of the uncertainty of their means and slopes.
+//!
+//! ```text
+//! r = level + series of order 4 in T + q·Ṫ + n      of each run; n white and slow noise by restricted likelihood (fit::row_noise)
+//! a figure Σ aᵢ·rᵢ has the variance aᵀVa            a about its mean within each run, as r is; V the covariance of n
+//! ```
+//!
+//! From the retest alone, as its figures are. Where few windows tell no slow noise, they count as white, widened by
+//! (1 + ρ)/(1 − ρ) for neighbours that correlate with ρ.
+//!
+//! Fails where a drift that no column has is as slow as the noise: it counts as noise, and intervals are wider than they need to be.
+
+use nalgebra::DMatrix;
+
+use crate::diagnostics::Point;
+use crate::fit::{Block, Estimated, MOST_ROWS, Rows, noise_of_blocks};
+use crate::model::{Span, chebyshev};
+use crate::verify::residual_diagnostics::{lag1_autocorrelation, spread};
+
+/// Order of the series that is no noise.
+const ORDER: usize = 4;
+/// Windows of a run that has such a series; shorter runs have a level alone.
+const FEWEST_FOR_SERIES: usize = 40;
+/// Columns that add less than this part of the largest are none of their own.
+const LEAST_OWN: f64 = 1e-6;
+
+/// The noise of the judged windows of an axis.
+pub(crate) struct ResidualNoise {
+    rows: Rows,
+    noise: Estimated,
+    /// The windows are about the mean of all runs, not each about its run's.
+    about_common_mean: bool,
+}
+
+impl ResidualNoise {
+    /// Of the judged windows, in their order.
+    pub(crate) fn of(used: &[&Point], about_common_mean: bool) -> Self {
+        let nominal_s = used.iter().map(|p| p.length_h).fold(0.0, f64::max) * 3600.0;
+        let runs: Vec<&[&Point]> = used.chunk_by(|a, b| a.run == b.run).collect();
+        let longest_h = runs.iter().map(|run| run[run.len() - 1].hours - run[0].hours).fold(0.0, f64::max);
+        let rows = |points: &[&Point]| Rows {
+            run: points.iter().map(|p| p.run).collect(),
+            middle_s: points.iter().map(|p| p.hours * 3600.0).collect(),
+            weight: points.iter().map(|p| p.length_h * 3600.0 / nominal_s).collect(),
+            longest_s: longest_h * 3600.0 + nominal_s,
+            nominal_s,
+        };
+        let mut rest = MOST_ROWS;
+        let block = |run: &[&Point]| {
+            let run = &run[..run.len().min(rest)];
+            rest -= run.len();
+            (!run.is_empty()).then(|| Block { rows: rows(run), columns: columns(run) })
+        };
+        let blocks: Vec<Block> = runs.into_iter().filter_map(block).collect();
+        let noise = noise_of_blocks(&blocks, nominal_s).unwrap_or_else(|| {
+            let sigma = spread(used);
+            let rho = lag1_autocorrelation(used, sigma).map_or(0.0, |rho| rho.value.clamp(0.0, 0.95));
+            let degrees = used.len().saturating_sub(blocks.len()).max(1) as f64;
+            Estimated::white(sigma * sigma * (1.0 + rho) / (1.0 - rho), degrees)
+        });
+        Self { rows: rows(used), noise, about_common_mean }
+    }
+
+    /// Covariance of figures, each the sum of the windows with the parts of a column, (°/h)²; and by how much standard errors from it are
+    /// to be widened, because the noise is an estimate itself. `whole` makes the variance of one number of the covariance.
+    pub(crate) fn covariance(&self, parts: &DMatrix<f64>, whole: impl Fn(&DMatrix<f64>) -> f64) -> (DMatrix<f64>, f64) {
+        let mut about = parts.clone();
+        for mut column in about.column_iter_mut() {
+            let mut first = 0;
+            for run in self.rows.run.chunk_by(|a, b| a == b || self.about_common_mean) {
+                let mut own = column.rows_mut(first, run.len());
+                let mean = own.mean();
+                own.add_scalar_mut(-mean);
+                first += run.len();
+            }
+        }
+        let widening = self.noise.widening(|noise| whole(&noise.between(&self.rows, &about)));
+        (self.noise.best.between(&self.rows, &about), widening)
+    }
+
+    /// Standard error of one such figure, °/h, of which 1.96 are a 95 % interval.
+    pub(crate) fn sigma_dph(&self, parts: &[f64]) -> f64 {
+        let parts = DMatrix::from_column_slice(parts.len(), 1, parts);
+        let (variance, widening) = self.covariance(&parts, |variance| variance[(0, 0)]);
+        widening * variance[(0, 0)].max(0.0).sqrt()
+    }
+}
+
+/// What a run's windows hold beside noise, as columns at right angles, then their values.
+fn columns(run: &[&Point]) -> DMatrix<f64> {
+    let values = |p: &&Point| p.after_dph;
+    let known = run.iter().all(|p| p.temperature_c.is_finite() && p.rate_cpm.is_finite());
+    if run.len() < FEWEST_FOR_SERIES || !known {
+        return DMatrix::from_fn(run.len(), 2, |i, j| if j == 0 { 1.0 } else { values(&run[i]) });
+    }
+    let (lo, hi) = run
+        .iter()
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), p| (lo.min(p.temperature_c), hi.max(p.temperature_c)));
+    let span = Span { lo, hi: hi.max(lo + f64::EPSILON * lo.abs().max(1.0)) };
+    let value = |i: usize, j: usize| {
+        if j <= ORDER { chebyshev(span.x(run[i].temperature_c))[j] } else { run[i].rate_cpm }
+    };
+    let svd = DMatrix::from_fn(run.len(), ORDER + 2, value).svd(true, false);
+    let least = LEAST_OWN * svd.singular_values.max();
+    let own = svd.singular_values.iter().filter(|value| **value > least).count();
+    let Some(u) = svd.u else { return DMatrix::from_fn(run.len(), 1, |i, _| values(&run[i])) };
+    DMatrix::from_fn(run.len(), own + 1, |i, j| if j < own { u[(i, j)] } else { values(&run[i]) })
+}

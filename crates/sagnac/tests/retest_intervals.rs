@@ -1,0 +1,75 @@
+//! Do the 95 % intervals of a retest's own figures hold: slopes, hysteresis, the residual over temperature, under white and slow noise? By a
+//! generator that shares no code with the program. The truth of a figure is that of the same drift without noise.
+
+mod hostile;
+mod support;
+
+use hostile::{Bench, Now};
+use rayon::prelude::*;
+use sagnac::verify::{AxisVerification, Correction, Estimate, VerifyOptions, verify};
+use support::evidence::evidence;
+use support::{fit, reader};
+
+/// Records of each kind of noise.
+const RECORDS: u64 = 300;
+
+/// What the calibration, which corrects nothing, leaves over.
+fn put_in(now: Now) -> f64 {
+    0.0003 * now.celsius + 0.01 * now.cpm + 0.01 * now.u().powi(2)
+}
+
+fn retest(unit: &Correction, log: Vec<u8>) -> AxisVerification {
+    let proof = verify(unit, vec![reader(log, &Bench::setup())], &Bench::setup(), VerifyOptions::default()).unwrap();
+    proof.verification.axes[0].clone()
+}
+
+const FIGURES: [&str; 4] = ["slope over temperature", "slope over its rate", "hysteresis", "residual over temperature"];
+
+/// In the order of [`FIGURES`].
+fn figures(axis: &AxisVerification) -> [Estimate; 4] {
+    let residual = &axis.residual;
+    [
+        residual.temperature_slope,
+        residual.rate_slope,
+        axis.residual_diagnostics.hysteresis_dph,
+        residual.over_temperature_dph,
+    ]
+    .map(Option::unwrap)
+}
+
+/// Part of the records in which each figure's interval holds its truth.
+fn covered(change: fn(&mut Bench<'_>)) -> [f64; 4] {
+    let unit = fit(vec![Bench::new(1, &hostile::none).log()], &Bench::setup(), "bias 0").unwrap();
+    let unit = Correction::from_calibration(unit).unwrap();
+    let mut silent = Bench::new(2, &put_in);
+    silent.n_deg_rt_h = 1e-5;
+    let truth = figures(&retest(&unit, silent.log()));
+    let one = |seed: u64| {
+        let mut bench = Bench::new(7_000 + seed, &put_in);
+        change(&mut bench);
+        let found = figures(&retest(&unit, bench.log()));
+        std::array::from_fn(|at| {
+            f64::from(u8::from((found[at].value - truth[at].value).abs() <= 1.96 * found[at].sigma))
+        })
+    };
+    let sum = |a: [f64; 4], b: [f64; 4]| std::array::from_fn(|at| a[at] + b[at]);
+    (0..RECORDS).into_par_iter().map(one).reduce(|| [0.0; 4], sum).map(|count| count / RECORDS as f64)
+}
+
+#[test]
+fn intervals_hold_under_white_and_slow_noise() {
+    type Noise = (&'static str, fn(&mut Bench<'_>));
+    let noises: [Noise; 5] = [
+        ("white noise", |_| ()),
+        ("B = 0.005 °/h", |bench| bench.b_dph = 0.005),
+        ("B = 0.01 °/h", |bench| bench.b_dph = 0.01),
+        ("K = 0.005 °/h/√h", |bench| bench.k_dph_rt_h = 0.005),
+        ("Markov noise of 3,600 s", |bench| bench.markov = Some((3600.0, 0.01))),
+    ];
+    for (noise, change) in noises {
+        let found = covered(change);
+        for (figure, covered) in FIGURES.iter().zip(found) {
+            evidence(&format!("95 % interval of a retest's {figure} covers, {noise}"), covered, "0.89 … 0.98", RECORDS);
+        }
+    }
+}
