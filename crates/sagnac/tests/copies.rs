@@ -148,3 +148,21 @@ fn an_independent_retest_is_never_taken_for_a_copy() {
     });
     evidence("an independent retest is taken for a copy of the training log", taken, "≤ 0", 240);
 }
+
+/// Copies of a retest are no further turn-ons: of runs alike by their rows the second is refused.
+#[test]
+fn a_copy_of_a_retest_is_no_other_run() {
+    let setup = Bench::setup();
+    let four_hours = |seed: u64| Bench { hours: Some(4.0), ..Bench::new(seed, &usual) }.log();
+    let unit = fit(vec![four_hours(1)], &setup, "bias 1").unwrap();
+    let correction = Correction::from_calibration(unit).unwrap();
+    let log = four_hours(2);
+    for (name, copy) in copies(&log, 2).into_iter().filter(|(_, parts)| parts.len() == 1) {
+        let logs: Vec<_> = [log.clone(), copy[0].clone()].into_iter().map(|log| reader(log, &setup)).collect();
+        let refused = verify(&correction, logs, &setup, VerifyOptions::default())
+            .map_or_else(|e| e.to_string(), |_| String::new());
+        assert!(refused.contains("one run counts once"), "{name}: {refused}");
+    }
+    let others: Vec<_> = [2, 3].map(|seed| reader(four_hours(seed), &setup)).into();
+    assert!(verify(&correction, others, &setup, VerifyOptions::default()).is_ok());
+}

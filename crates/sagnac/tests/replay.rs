@@ -34,8 +34,11 @@ fn walk(gyro: &Compensator, rows: &[(i64, i64, f64, f64)], lsb: f64) -> Vec<i64>
     for &(start_ns, end_ns, celsius, angle) in rows {
         let code = |celsius: f64| celsius.is_finite().then(|| (celsius * f64::from(1 << 24)).round() as i64);
         let (from, to) = ((start_ns - origin).div_euclid(TICK_NS), (end_ns - origin).div_euclid(TICK_NS));
-        // No row for a minute: a straight line from stamp to stamp, in steps of a slow update (10,000 ticks) as long as the gap has fewer than 1000.
-        let (since, is_gap) = (clock, (end_ns - origin) - stamp_ns >= 60_000_000_000);
+        // One and a half rows (of 0.7 s) or more from stamp to stamp: equal steps, here of a slow update (10,000 ticks), which is longer than a row,
+        // or of as many as make a thousand of them.
+        let (since, is_gap) = (clock, (end_ns - origin) - stamp_ns > 1_050_000_000);
+        let gap = (from - since).max(0);
+        let long = (gap / 10_000_000).max(1) * 10_000;
         let between = |at: i64| match (code(register), code(celsius)) {
             (Some(before), Some(after)) if is_gap => {
                 Some((before + (i128::from(after - before) * i128::from(at) / i128::from(to - since)) as i64) as i32)
@@ -48,7 +51,7 @@ fn walk(gyro: &Compensator, rows: &[(i64, i64, f64, f64)], lsb: f64) -> Vec<i64>
             }
         };
         while clock < from {
-            tick_at(gyro, &mut state, (clock - since) / 10_000 * 10_000);
+            tick_at(gyro, &mut state, (clock - since) / long * long);
             gyro.skip(&mut state, 1).unwrap();
             clock += 1;
         }
@@ -61,7 +64,7 @@ fn walk(gyro: &Compensator, rows: &[(i64, i64, f64, f64)], lsb: f64) -> Vec<i64>
         }
         let mut sum = 0;
         while clock < to {
-            tick_at(gyro, &mut state, clock - since);
+            tick_at(gyro, &mut state, gap + (clock - since - gap) / 10_000 * 10_000);
             // The split at slow updates is in proportion; within a piece any spread gives the same.
             let piece = i64::from(state.ticks_to_update()).min(to - clock);
             let part = raw * piece / (to - clock);

@@ -33,6 +33,7 @@ const TESTS: &Tests = &[
             "enough",
             "entanglement",
             "harmonics",
+            "hidden",
             "how_sure",
             "image_ranges",
             "inputs",

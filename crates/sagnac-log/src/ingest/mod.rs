@@ -73,7 +73,7 @@ pub use crate::ingest::rows::CounterEnd;
 pub use crate::ingest::sample::{Sample, SampleColumn, sample, sample_reader};
 pub(crate) use crate::ingest::shape::intervals_of;
 pub use crate::ingest::shape::{AngleUnit, LogShape, same_shape};
-pub use crate::ingest::sketch::share_rows;
+pub use crate::ingest::sketch::{Sketches, share_rows};
 pub use crate::ingest::source::{Watch, hex, sha256, sha256_of_file};
 pub use crate::ingest::table::TableColumn;
 pub use crate::ingest::text::{COMPENSATED_STAMP, fields_of, unquoted};

@@ -13,7 +13,7 @@
 //! has no sketch, nor has one that repeats itself in a kept stretch: coarse counts that hardly move are alike in independent tests,
 //! too. A short part of a long log shares few hashes with it.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 
 use crate::ingest::Batch;
@@ -105,13 +105,39 @@ impl Sketch {
 
 /// The rows of one of these logs are, for a part, those of one of the others.
 pub fn share_rows(these: &[&str], those: &[&str]) -> bool {
-    let hashes = |all: &[&str]| -> BTreeSet<String> {
-        all.iter()
-            .flat_map(|sketch| sketch.as_bytes().chunks(DIGITS))
-            .map(|h| String::from_utf8_lossy(h).into_owned())
-            .collect()
-    };
+    let hashes = |all: &[&str]| -> BTreeSet<u32> { all.iter().flat_map(|sketch| hashes_of(sketch)).collect() };
     hashes(these).intersection(&hashes(those)).count() >= COMMON
+}
+
+/// Sketches of many logs, to find one whose rows came before without holding each against each.
+#[derive(Clone, Debug, Default)]
+pub struct Sketches {
+    /// Hash and number of its log.
+    hashes: BTreeSet<(u32, u32)>,
+}
+
+impl Sketches {
+    /// One more log, by its number.
+    pub fn add(&mut self, log: u32, sketch: &str) {
+        self.hashes.extend(hashes_of(sketch).map(|hash| (hash, log)));
+    }
+
+    /// A log that shares rows with this one, as [`share_rows`] has it; the first.
+    pub fn twin_of(&self, sketch: &str) -> Option<u32> {
+        let mut common: BTreeMap<u32, usize> = BTreeMap::new();
+        let distinct: BTreeSet<u32> = hashes_of(sketch).collect();
+        for hash in distinct {
+            for (_, log) in self.hashes.range((hash, 0)..=(hash, u32::MAX)) {
+                *common.entry(*log).or_default() += 1;
+            }
+        }
+        common.into_iter().find(|(_, count)| *count >= COMMON).map(|(log, _)| log)
+    }
+}
+
+fn hashes_of(sketch: &str) -> impl Iterator<Item = u32> + '_ {
+    let digits = sketch.as_bytes().chunks(DIGITS).filter_map(|digits| std::str::from_utf8(digits).ok());
+    digits.filter_map(|digits| u32::from_str_radix(digits, 16).ok())
 }
 
 fn bits_of(angle: f64, whole: bool) -> u64 {
@@ -159,6 +185,12 @@ mod tests {
         assert!(share_rows(&[&sketch(&without[3..], 11)], &[&whole]));
         let other: Vec<f64> = rows.iter().rev().copied().collect();
         assert!(!share_rows(&[&sketch(&other, 11)], &[&whole]));
+        let mut all = Sketches::default();
+        all.add(0, &sketch(&other, 11));
+        assert_eq!(all.twin_of(&whole), None);
+        all.add(1, &whole);
+        assert_eq!(all.twin_of(&sketch(&without[3..], 11)), Some(1));
+        assert_eq!(all.twin_of(""), None);
         assert_eq!(sketch(&vec![4.0; 5000], 100), "", "a counter that stands still says nothing");
         assert_eq!(sketch(&rows[..80], 100), "", "too short");
     }

@@ -104,8 +104,9 @@ impl Against<'_> {
             after.sigma_dph,
             noise_floor.as_ref().map(|floor| floor.value_dph),
         );
-        // Turned, a counter's quantization is a saw that the short-τ fit takes for a walk.
-        let walk = |side: &Windows| side.measured_noise(axis).map(|noise| noise.n_deg_rt_h()).filter(|n| *n > 0.0);
+        // Of every window: a noise that comes and goes is the unit's. Turned, a counter's quantization is a saw that the short-τ fit takes
+        // for a walk.
+        let walk = |side: &Windows| side.noise_with_shaken(axis).map(|noise| noise.n_deg_rt_h()).filter(|n| *n > 0.0);
         let random_walk = walk(windows)
             .zip(walk(&pair.corrected))
             .map(|(before_deg_rt_h, after_deg_rt_h)| RandomWalk { before_deg_rt_h, after_deg_rt_h });

@@ -167,7 +167,7 @@ const NO_SLOPE: &str =
 const NO_SCALE: &str = "fewer than two plateaus have it, or over 0.38 of the temperatures lie without one between them";
 const NO_FLOOR: &str =
     "the noise floor is not known, or σ lies below it: what its rows show at short τ is no white noise";
-const NO_NOISE: &str = "the rows do not show their noise";
+const NO_NOISE: &str = "the rows do not show their noise: a window needs eight of them or more (a longer --window)";
 
 /// The value alone, without a standard error.
 fn plain(value: Option<f64>) -> Figure {

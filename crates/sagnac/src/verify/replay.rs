@@ -8,8 +8,8 @@
 //! Ticks and slow updates count from the start of the run's first row. At a boundary the slow update
 //! comes first. It reads the newest temperature stamped at or before its own time; the first one reads
 //! the first row's. A row that a slow update cuts is split in integer proportion to its ticks. Through
-//! gaps the clock runs on without counts. Over a gap of a minute or more temperatures go from the last to the next one on a
-//! straight line, in up to a thousand steps: the gyro saw no step.
+//! gaps the clock runs on without counts. Where rows are missing, temperatures go from the last to the next one in equal steps, one for
+//! each missing row, or up to a thousand: two steps at once would be a rate that the gyro did not see, and that its image cuts off.
 
 use sagnac_core::{Compensator, Image, InputSpec, MAX_INPUTS, Misuse, State, Status};
 
@@ -164,14 +164,15 @@ impl Replay {
                 .line(batch.line[row])
                 .help("give an image whose temperature period fits the rows of the log"));
         }
-        self.count_updates(gap, end - start, if self.is_gap(batch, row) { STEPS } else { 1 })
-            .map_err(|e| e.file(&self.file).line(batch.line[row]))?;
         let is_gap = self.is_gap(batch, row);
+        self.count_updates(gap, end - start, if is_gap { STEPS } else { 1 })
+            .map_err(|e| e.file(&self.file).line(batch.line[row]))?;
+        let row_ticks = (self.log.nominal_ns / self.tick_ns / self.period_ticks).max(1) * self.period_ticks;
         self.newest.take(batch, row);
         for (index, axis) in self.axes.iter_mut().enumerate() {
             let before = axis.codes(&self.register);
             let after = if is_gap { axis.codes(&self.newest) } else { before };
-            let codes = Between { before, after, ticks: end - self.ticks_done, gap };
+            let codes = Between { before, after, ticks: end - self.ticks_done, gap, row_ticks };
             axis.skip(&codes).map_err(|e| misused(e, &self.file, batch.line[row]))?;
             let held = axis.held();
             let (angle, status) = axis
@@ -187,9 +188,10 @@ impl Replay {
         Ok(())
     }
 
-    /// No row came before this one for so long that temperatures are interpolated.
+    /// Rows are missing before this one: temperatures are interpolated.
     fn is_gap(&self, batch: &Batch, row: usize) -> bool {
-        self.stamp_ns != i64::MIN && self.log.timed && self.log.is_gap(self.stamp_ns, batch.end_ns[row])
+        let is_timed = self.stamp_ns != i64::MIN && self.log.timed;
+        is_timed && !self.log.is_one_interval(self.stamp_ns, batch.end_ns[row])
     }
 
     /// Bounds the slow updates of all rows and gaps together: a temperature period far below the length of a row would take hours.
@@ -252,13 +254,16 @@ impl Register {
 /// One code per thermometer of an image.
 type Codes = [Option<i32>; MAX_INPUTS];
 
-/// Codes from the stamp of a row to that of the next one: those of the first, or through a gap on a straight line to those of the second.
+/// Codes from the stamp of a row to that of the next one: those of the first, or where rows are missing in equal steps towards those of the
+/// second, which the row behind it begins with.
 struct Between {
     before: Codes,
     after: Codes,
     /// Ticks from stamp to stamp, and of the gap: the row has the rest.
     ticks: i64,
     gap: i64,
+    /// Ticks of a usual row, of whole periods.
+    row_ticks: i64,
 }
 
 impl Between {
@@ -267,20 +272,26 @@ impl Between {
         if self.before == self.after {
             return codes;
         }
+        // As a logger has them: held since the last stamp.
+        let stamp = if tick < self.gap {
+            tick / self.step() * self.step()
+        } else {
+            self.gap + (tick - self.gap) / self.row_ticks * self.row_ticks
+        };
         for (code, after) in codes.iter_mut().zip(&self.after) {
             let (Some(from), Some(to)) = (*code, *after) else { continue };
-            let moved = (i128::from(to) - i128::from(from)) * i128::from(tick) / i128::from(self.ticks.max(1));
+            let moved = (i128::from(to) - i128::from(from)) * i128::from(stamp) / i128::from(self.ticks.max(1));
             *code = i32::try_from(i128::from(from) + moved).ok();
         }
         codes
     }
 
-    /// Ticks of a step of the gap, of whole periods.
-    fn step(&self, period: i64) -> i64 {
+    /// Ticks of a step of the gap, of whole rows.
+    fn step(&self) -> i64 {
         if self.before == self.after {
-            return self.gap;
+            return self.gap.max(1);
         }
-        (self.gap / STEPS / period).max(1) * period
+        (self.gap / STEPS / self.row_ticks).max(1) * self.row_ticks
     }
 }
 
@@ -318,7 +329,7 @@ impl AxisReplay {
 
     /// Lets the ticks of a gap pass without counts.
     fn skip(&mut self, codes: &Between) -> std::result::Result<(), Misuse> {
-        let step = codes.step(i64::from(self.gyro.image().description().period_ticks));
+        let step = codes.step();
         let mut done = 0;
         while done < codes.gap {
             let ticks = step.min(codes.gap - done);

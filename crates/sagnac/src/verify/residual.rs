@@ -5,7 +5,7 @@
 //! ramps               root mean square of heating and cooling windows about the run's mean
 //! per °C, per °C/min  slopes of one line r = a + s·T + q·Ṫ through all windows
 //! ARW                 N of the rows, raw, and corrected before they are rounded, by short-τ Allan deviations
-//! over temperature    root mean square of a Chebyshev series of order 8 in T through all windows, less what noise makes of it; every
+//! over temperature    root mean square of a Chebyshev series of order 16 in T through all windows, less what noise makes of it; every
 //!                     temperature that was visited counts alike, however long
 //! bias instability    least overlapping Allan deviation of the corrected windows / 0.664, across gaps of up to two windows: an estimate
 //!                     of B that noise lifts and few degrees of freedom scatter
@@ -20,7 +20,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::diagnostics::{Leg, Point};
 use crate::fit::level_stretches;
-use crate::model::{Span, chebyshev};
+use crate::model::Span;
 use crate::verify::residual_diagnostics::{Estimate, joined};
 use crate::verify::residual_noise::ResidualNoise;
 use sagnac_noise::{Deviation, Difference, SquareSum, overlapping, phases};
@@ -175,8 +175,9 @@ fn slopes(used: &[&Point], noise: &ResidualNoise) -> (Option<Estimate>, Option<E
     }
 }
 
-/// Order of the smooth residual.
-const SMOOTH_ORDER: usize = 8;
+/// Order of the smooth residual: half-waves of a tenth of the span. Less where windows are few: five for each order.
+const SMOOTH_ORDER: usize = 16;
+const WINDOWS_PER_ORDER: usize = 5;
 /// Windows that the smooth residual needs.
 const FEWEST_FOR_SMOOTH: usize = 40;
 /// A span below this holds no drift over temperature, °C.
@@ -201,8 +202,8 @@ fn over_temperature(used: &[&Point], noise: &ResidualNoise) -> Option<Estimate> 
     if known.len() < FEWEST_FOR_SMOOTH || hi - lo < LEAST_SPAN_C {
         return None;
     }
-    let span = Span { lo, hi };
-    let columns = DMatrix::from_fn(known.len(), SMOOTH_ORDER + 1, |i, k| chebyshev(span.x(celsius(i)))[k]);
+    let order = smooth_order(known.len());
+    let columns = smooth_columns(known.len(), order, Span { lo, hi }, celsius);
     let svd = columns.clone().svd(true, true);
     let least = 1e-9 * svd.singular_values.max();
     let inverse = svd.pseudo_inverse(least).ok()?;
@@ -216,7 +217,7 @@ fn over_temperature(used: &[&Point], noise: &ResidualNoise) -> Option<Estimate> 
     }
     let m = about.tr_mul(&about);
     let m_theta = &m * &theta;
-    let mut parts = DMatrix::zeros(used.len(), SMOOTH_ORDER + 1);
+    let mut parts = DMatrix::zeros(used.len(), order + 1);
     known.iter().enumerate().for_each(|(i, at)| parts.set_row(*at, &inverse.column(i).transpose()));
     let (covariance, widening) = noise.covariance(&parts, |covariance| (&m * covariance).trace());
     let of_noise = &m * covariance;
@@ -228,6 +229,16 @@ fn over_temperature(used: &[&Point], noise: &ResidualNoise) -> Option<Estimate> 
     // Near zero the root of the mean square's own uncertainty.
     let sigma = sigma_of_square / (2.0 * value).max(sigma_of_square.sqrt());
     Some(Estimate { value, sigma: widening * sigma })
+}
+
+/// Order of the series over temperature for so many windows.
+pub(crate) fn smooth_order(windows: usize) -> usize {
+    (windows / WINDOWS_PER_ORDER).min(SMOOTH_ORDER)
+}
+
+/// T₀ … of an order over a span.
+pub(crate) fn smooth_columns(rows: usize, order: usize, span: Span, celsius: impl Fn(usize) -> f64) -> DMatrix<f64> {
+    DMatrix::from_fn(rows, order + 1, |i, k| (k as f64 * span.x(celsius(i)).clamp(-1.0, 1.0).acos()).cos())
 }
 
 /// Weights of windows by their place in the span, 0 to 1: all of a band together as much as those of any other.

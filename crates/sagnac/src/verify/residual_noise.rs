@@ -1,7 +1,7 @@
 //! Noise of a retest's corrected windows, and what it makes of the uncertainty of their means and slopes.
 //!
 //! ```text
-//! r = level + series of order 4 in T + q·Ṫ + n      of each run; n white and slow noise by restricted likelihood (fit::row_noise)
+//! r = level + series in T + q·Ṫ + n                 of each run, the series of the residual over temperature; n white and slow noise by restricted likelihood (fit::row_noise)
 //! a figure Σ aᵢ·rᵢ has the variance aᵀVa            a about its mean within each run, as r is; V the covariance of n
 //! ```
 //!
@@ -14,13 +14,12 @@ use nalgebra::DMatrix;
 
 use crate::diagnostics::Point;
 use crate::fit::{Block, Estimated, MOST_ROWS, Rows, noise_of_blocks};
-use crate::model::{Span, chebyshev};
+use crate::model::Span;
+use crate::verify::residual::{smooth_columns, smooth_order};
 use crate::verify::residual_diagnostics::{lag1_autocorrelation, spread};
 
-/// Order of the series that is no noise.
-const ORDER: usize = 4;
 /// Windows of a run that has such a series; shorter runs have a level alone.
-const FEWEST_FOR_SERIES: usize = 40;
+const FEWEST_FOR_SERIES: usize = 20;
 /// Columns that add less than this part of the largest are none of their own.
 const LEAST_OWN: f64 = 1e-6;
 
@@ -97,10 +96,10 @@ fn columns(run: &[&Point]) -> DMatrix<f64> {
         .iter()
         .fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), p| (lo.min(p.temperature_c), hi.max(p.temperature_c)));
     let span = Span { lo, hi: hi.max(lo + f64::EPSILON * lo.abs().max(1.0)) };
-    let value = |i: usize, j: usize| {
-        if j <= ORDER { chebyshev(span.x(run[i].temperature_c))[j] } else { run[i].rate_cpm }
-    };
-    let svd = DMatrix::from_fn(run.len(), ORDER + 2, value).svd(true, false);
+    let order = smooth_order(run.len());
+    let series = smooth_columns(run.len(), order, span, |i| run[i].temperature_c);
+    let value = |i: usize, j: usize| if j <= order { series[(i, j)] } else { run[i].rate_cpm };
+    let svd = DMatrix::from_fn(run.len(), order + 2, value).svd(true, false);
     let least = LEAST_OWN * svd.singular_values.max();
     let own = svd.singular_values.iter().filter(|value| **value > least).count();
     let Some(u) = svd.u else { return DMatrix::from_fn(run.len(), 1, |i, _| values(&run[i])) };

@@ -7,7 +7,9 @@ use crate::window::tracks::{Grid, Tracks};
 use crate::window::{Run, RunFile, WindowRows, WindowShape, Windows, outliers};
 use sagnac_core::Status;
 use sagnac_log::error::{Error, Result};
-use sagnac_log::ingest::{Batch, CounterEnd, LogReader, LogShape, LogSummary, Logs, Reason, Tallies, same_shape};
+use sagnac_log::ingest::{
+    Batch, CounterEnd, LogReader, LogShape, LogSummary, Logs, Reason, Sketches, Tallies, same_shape,
+};
 use sagnac_log::memory::MemoryBudget;
 use sagnac_log::setup::{RunDivision, Setup, TableRun, WindowConfig, WindowSize};
 use sagnac_noise::ShortTau;
@@ -62,19 +64,26 @@ struct OpenRun {
     file_start_ns: i64,
 }
 
-/// Logs that were read: one whose bytes came before would count twice.
+/// Logs that were read: one whose bytes or rows came before would count twice.
 #[derive(Default)]
-pub(crate) struct SeenLogs(Vec<(String, String)>);
+pub(crate) struct SeenLogs {
+    /// SHA-256 and file of each.
+    logs: Vec<(String, String)>,
+    rows: Sketches,
+}
 
 impl SeenLogs {
     /// # Errors
-    /// The same bytes again.
+    /// The same bytes again, or rows of a log that came before: a copy with other line ends or with rows lost is no other run.
     pub(crate) fn take(&mut self, log: &LogSummary) -> Result<()> {
-        if let Some((_, twin)) = self.0.iter().find(|(sha256, _)| *sha256 == log.sha256) {
-            let what = format!("holds the same bytes as {twin}; one run counts once");
+        let of_bytes = self.logs.iter().find(|(sha256, _)| *sha256 == log.sha256).map(|(_, file)| ("bytes", file));
+        let of_rows = || self.rows.twin_of(&log.rows_sketch).and_then(|at| self.logs.get(at as usize));
+        if let Some((what, twin)) = of_bytes.or_else(|| of_rows().map(|(_, file)| ("rows", file))) {
+            let what = format!("holds the same {what} as {twin}; one run counts once");
             return Err(Error::input(what).file(&log.file).help("give each log once"));
         }
-        self.0.push((log.sha256.clone(), log.file.clone()));
+        self.rows.add(self.logs.len() as u32, &log.rows_sketch);
+        self.logs.push((log.sha256.clone(), log.file.clone()));
         Ok(())
     }
 }

@@ -233,14 +233,24 @@ impl Windows {
 
     /// N and Q of an axis from the raw samples of the used windows; `None` where they do not tell.
     pub fn measured_noise(&self, axis: usize) -> Option<NoiseTerms> {
-        let mut all = ShortTauSums::default();
-        let used = || {
-            let windows = self.rows.short_tau[axis].iter().zip(&self.rows.excluded);
-            windows.filter(|(_, reason)| reason.is_none()).map(|(sums, _)| sums)
-        };
         // A window that was shaken says nothing of the noise of the others.
-        let quietest = median_square(used());
-        used().filter(|sums| !is_shaken(sums, quietest)).for_each(|sums| all.merge(sums));
+        let median = median_square(self.short_tau_of_used(axis));
+        self.noise_of(axis, |sums| !is_shaken(sums, median))
+    }
+
+    /// The same of every used window, shaken or not: what the gyro did, not what its floor is.
+    pub(crate) fn noise_with_shaken(&self, axis: usize) -> Option<NoiseTerms> {
+        self.noise_of(axis, |_| true)
+    }
+
+    fn short_tau_of_used(&self, axis: usize) -> impl Iterator<Item = &ShortTauSums> {
+        let windows = self.rows.short_tau[axis].iter().zip(&self.rows.excluded);
+        windows.filter(|(_, reason)| reason.is_none()).map(|(sums, _)| sums)
+    }
+
+    fn noise_of(&self, axis: usize, counts: impl Fn(&ShortTauSums) -> bool) -> Option<NoiseTerms> {
+        let mut all = ShortTauSums::default();
+        self.short_tau_of_used(axis).filter(|sums| counts(sums)).for_each(|sums| all.merge(sums));
         let terms = all.fit(self.shape.sample_interval_s)?;
         // What the rounding of sums makes is no noise: of a counter that always counts the same.
         let largest = self.rows.angle[axis].iter().fold(0.0_f64, |most, angle| most.max(angle.abs()));
