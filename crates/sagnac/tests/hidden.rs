@@ -82,6 +82,16 @@ fn a_ripple_over_temperature_is_seen() {
     evidence("a unit with a ripple of 0.034 °/h each 24 °C is accepted by `navigation-grade`", accepted, "≤ 0.05", 40);
 }
 
+/// The log with its temperature blank for three minutes: a window without one must not hide the others.
+fn without_a_temperature(log: &[u8]) -> Vec<u8> {
+    let text = std::str::from_utf8(log).unwrap();
+    let rows = text.lines().enumerate().map(|(at, row)| {
+        let fields: Vec<&str> = row.split(',').collect();
+        if (2000..2036).contains(&at) { format!("{},,{}\n", fields[0], fields[2]) } else { format!("{row}\n") }
+    });
+    rows.collect::<String>().into_bytes()
+}
+
 /// One slow ramp, on which a curve of fifth to eighth order is as slow as noise, and a rule without a guard band.
 #[test]
 fn no_curve_is_slow_noise() {
@@ -111,7 +121,7 @@ fn no_curve_is_slow_noise() {
                 b_dph: 0.003,
                 ..Bench::new(3_300 + seed, &drift)
             };
-            accepts(&unit, &limits, bench.log())
+            accepts(&unit, &limits, without_a_temperature(&bench.log()))
         });
         evidence(claim, accepted, "≤ 0.05", 40);
     }

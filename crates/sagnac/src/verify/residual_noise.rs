@@ -46,6 +46,9 @@ impl ResidualNoise {
         };
         let mut rest = MOST_ROWS;
         let block = |run: &[&Point]| {
+            // A window whose temperature is not known must not hide those of the others.
+            let known: Vec<&Point> = run.iter().copied().filter(is_known).collect();
+            let run = if known.len() < FEWEST_FOR_SERIES { run } else { &known };
             let run = &run[..run.len().min(rest)];
             rest -= run.len();
             (!run.is_empty()).then(|| Block { rows: rows(run), columns: columns(run) })
@@ -85,11 +88,14 @@ impl ResidualNoise {
     }
 }
 
+fn is_known(point: &&Point) -> bool {
+    point.temperature_c.is_finite() && point.rate_cpm.is_finite()
+}
+
 /// What a run's windows hold beside noise, as columns at right angles, then their values.
 fn columns(run: &[&Point]) -> DMatrix<f64> {
     let values = |p: &&Point| p.after_dph;
-    let known = run.iter().all(|p| p.temperature_c.is_finite() && p.rate_cpm.is_finite());
-    if run.len() < FEWEST_FOR_SERIES || !known {
+    if run.len() < FEWEST_FOR_SERIES || !run.iter().all(is_known) {
         return DMatrix::from_fn(run.len(), 2, |i, j| if j == 0 { 1.0 } else { values(&run[i]) });
     }
     let (lo, hi) = run
