@@ -31,8 +31,7 @@ pub(crate) fn identity(verification: &Verification, calibration: Option<&Calibra
         }
         LogUnit::Rates { .. } => "rates".to_owned(),
     });
-    // An image alone does not say what it was made from.
-    let unseen = calibration.is_some() && verification.training_overlap.is_empty();
+    let unseen = verification.is_of_other_logs();
     let limits = verification.limits.as_ref();
     html! {
         @if !verification.untested_axes.is_empty() {

@@ -76,7 +76,7 @@ pub fn verification_report(
     let body = html! {
         h1 { (if judged { "Acceptance test" } else { "Proof on another test" }) @if !verification.serial.is_empty() && verification.serial != UNASSIGNED { ": " (verification.serial) } }
         p.sub {
-            (if verification.training_overlap.is_empty() && !verification.training_unknown { "Logs that the fit did not see, replayed" } else { "Logs replayed" })
+            (if verification.is_of_other_logs() { "Logs that the fit did not see, replayed" } else { "Logs replayed" })
             " through the code and the image that ship. Windows of " (plain(verification.window_s)) " s."
         }
         (same_log(verification))

@@ -3,24 +3,14 @@
 mod hostile;
 mod support;
 
-use hostile::{Bench, Dice, N_DEG_RT_H, Now, WHITE_100_S_DPH, fraction};
+use hostile::curves::calibrated;
+use hostile::{Bench, Dice, N_DEG_RT_H, Now, WHITE_100_S_DPH, fraction, usual};
 use sagnac::Limits;
 use sagnac::calibration::Calibration;
 use sagnac::verify::{Correction, Proof, VerifyOptions, verify};
 use sagnac_log::setup::{Noise, Setup};
 use support::evidence::evidence;
 use support::{fit, reader};
-
-/// A gyro with a weak cubic and a rate term, as most are.
-fn usual(now: Now) -> f64 {
-    0.02 * now.u() - 0.008 * now.u().powi(2) + 0.01 * now.u().powi(3) + 0.05 * now.cpm
-}
-
-/// From four cycles, so that the calibration adds little of its own noise.
-fn calibrated() -> Calibration {
-    let logs = (1..=4).map(|seed| Bench::new(seed, &usual).log()).collect();
-    fit(logs, &Bench::setup(), "bias 3, rate 0").unwrap()
-}
 
 fn proof(calibration: &Calibration, logs: Vec<Vec<u8>>, options: VerifyOptions) -> Proof {
     let setup = Bench::setup();

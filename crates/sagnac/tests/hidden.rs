@@ -4,21 +4,13 @@
 mod hostile;
 mod support;
 
-use hostile::{Bench, Dice, Now, fraction};
+use hostile::curves::calibrated;
+use hostile::{Bench, Dice, Now, fraction, usual};
 use sagnac::Limits;
 use sagnac::calibration::Calibration;
 use sagnac::verify::{Correction, VerifyOptions, verify};
 use support::evidence::evidence;
 use support::{fit, reader};
-
-fn usual(now: Now) -> f64 {
-    0.02 * now.u() - 0.008 * now.u().powi(2) + 0.01 * now.u().powi(3) + 0.05 * now.cpm
-}
-
-fn calibrated() -> Calibration {
-    let logs = (1..=4).map(|seed| Bench::new(seed, &usual).log()).collect();
-    fit(logs, &Bench::setup(), "bias 3, rate 0").unwrap()
-}
 
 fn accepts(unit: &Calibration, limits: &Limits, log: Vec<u8>) -> bool {
     let correction = Correction::from_calibration(unit.clone()).unwrap();

@@ -4,8 +4,8 @@
 //! y = level of the plateau's rate + n        n: white + slow noise, each plateau by itself ([`super::slow_noise`])
 //! ```
 //!
-//! Variances of greatest restricted likelihood over all plateaus together, or as the setup states them where these windows show no more. What is slower than a plateau is
-//! in its bias, and in none of the figures. A level for each rate keeps what the gyro does to different rates out of the noise; where a
+//! Variances of greatest restricted likelihood over all plateaus together, or as the setup states them where these windows show no more.
+//! What is slower than a plateau is in its bias, and in none of the figures. A level for each rate keeps what the gyro does to different rates out of the noise; where a
 //! table moves too freely for that, a straight line takes its place.
 //!
 //! Fails where the rates of a plateau lie in different runs: how the bias changes from run to run is not known within one.

@@ -11,7 +11,7 @@
 
 use nalgebra::DMatrix;
 
-use crate::fit::slow_noise::{self, NoiseRows, SlowNoise, Whitening, restricted, shows_more};
+use crate::fit::slow_noise::{self, NoiseFit, NoiseRows, SlowNoise, Whitening, restricted};
 use crate::fit::solution::{FEWEST_FOR_NOISE, SLOPE_STEP, t_quantile_975};
 use crate::fit::solve::{Factor, Solution};
 
@@ -112,12 +112,10 @@ pub(crate) fn stated_or_shown(blocks: &[Block], nominal_s: f64, stated: RowNoise
     let of = |noise: RowNoise| {
         let (ssr, determinants) = misfit(blocks, noise.slow)?;
         let variance = noise.white * (1.0 + noise.slow.parts_of_white());
-        Some((restricted(ssr, degrees, determinants, Some(noise.white)), variance))
+        Some(NoiseFit { criterion: restricted(ssr, degrees, determinants, Some(noise.white)), variance })
     };
-    match (of(stated), of(shown)) {
-        (Some(a), Some(b)) if shows_more(a.0, b.0, a.1, b.1) => shown,
-        _ => stated,
-    }
+    let exceeds = of(shown).zip(of(stated)).is_some_and(|(shown, stated)| shown.exceeds(&stated));
+    if exceeds { shown } else { stated }
 }
 
 /// Columns, the last of them measured, as independent rows: solved.

@@ -424,9 +424,17 @@ pub(crate) fn restricted(ssr: f64, degrees: f64, determinants: f64, white: Optio
     ssr / white + degrees * white.ln() + determinants
 }
 
-/// True where rows show more noise than is stated: what they show is decisively likelier by [`restricted`], and has the larger variance.
-pub(crate) fn shows_more(of_stated: f64, of_shown: f64, variance_of_stated: f64, variance_of_shown: f64) -> bool {
-    of_stated - of_shown > DECISIVE && variance_of_shown > variance_of_stated
+/// How a noise fits some rows: [`restricted`], and the variance that it makes of what they are to tell.
+pub(crate) struct NoiseFit {
+    pub(crate) criterion: f64,
+    pub(crate) variance: f64,
+}
+
+impl NoiseFit {
+    /// True where this noise, which rows show, is decisively likelier than a stated one, and larger.
+    pub(crate) fn exceeds(&self, stated: &Self) -> bool {
+        stated.criterion - self.criterion > DECISIVE && self.variance > stated.variance
+    }
 }
 
 /// The variances of several noises by their likelihoods, e^(−criterion/2), each alike before. Their covariances add, so that the

@@ -18,7 +18,7 @@ use crate::fit::design::{Columns, Design, FLAT_CHI_SQUARED, Tau, lag_one, misfit
 use crate::fit::golden_section::golden_section;
 use crate::fit::least_squares::{LeastSquares, TermColumn};
 use crate::fit::prepared::{Blocks, Prepared};
-use crate::fit::slow_noise::{self, Estimate, MOST_ROWS, SlowNoise, Whitening, restricted, shows_more};
+use crate::fit::slow_noise::{self, Estimate, MOST_ROWS, NoiseFit, SlowNoise, Whitening, restricted};
 use crate::fit::solve::Conditioning;
 use crate::fit::two_lags::{Found, LEAST_RATIO, find_pair};
 use crate::model::ActsOn;
@@ -180,10 +180,9 @@ pub(crate) fn shows_more_than(
         let covariance = &normal * noise.between(problem.noise_rows(), &z) * &normal;
         let of_terms: f64 = covariance.diagonal().iter().skip(problem.levels.len()).sum();
         let variance = of_terms * white.unwrap_or(solution.ssr / degrees);
-        Some((restricted(solution.ssr, degrees, determinants, white), variance))
+        Some(NoiseFit { criterion: restricted(solution.ssr, degrees, determinants, white), variance })
     };
-    let (Some(of_stated), Some(of_shown)) = (of(stated.0, Some(stated.1)), of(shown, None)) else { return false };
-    shows_more(of_stated.0, of_shown.0, of_stated.1, of_shown.1)
+    of(shown, None).zip(of(stated.0, Some(stated.1))).is_some_and(|(shown, stated)| shown.exceeds(&stated))
 }
 
 /// The fit with the covariance C that its weights have under this noise, beside a white variance. The variances of slow noise are

@@ -351,6 +351,11 @@ pub struct Verification {
 }
 
 impl Verification {
+    /// The retest's logs are known not to be those of the fit.
+    pub fn is_of_other_logs(&self) -> bool {
+        !self.training_unknown && self.training_overlap.is_empty()
+    }
+
     /// False when a limit is not met, or where limits were held against a log that the fit has seen.
     pub fn passed(&self) -> bool {
         let judged = self.axes.iter().any(|axis| axis.pass.is_some());

@@ -84,6 +84,8 @@ pub struct Replay {
     axes: Vec<AxisReplay>,
     tick_ns: i64,
     period_ticks: i64,
+    /// Of a usual row, of whole periods.
+    row_ticks: i64,
     origin_ns: Option<i64>,
     ticks_done: i64,
     /// Slow updates so far, of one axis.
@@ -115,10 +117,12 @@ impl Replay {
         let with_columns = images.iter().zip(&readings.columns);
         let axes: Result<Vec<AxisReplay>> =
             with_columns.map(|(image, columns)| AxisReplay::new(image, shape.unit, columns)).collect();
+        let (tick_ns, period_ticks) = (i64::from(head.tick_ns), i64::from(head.period_ticks));
         Ok(Self {
             axes: axes?,
-            tick_ns: i64::from(head.tick_ns),
-            period_ticks: i64::from(head.period_ticks),
+            tick_ns,
+            period_ticks,
+            row_ticks: (shape.nominal_ns / tick_ns / period_ticks).max(1) * period_ticks,
             origin_ns: None,
             ticks_done: 0,
             updates: 0,
@@ -167,12 +171,11 @@ impl Replay {
         let is_gap = self.is_gap(batch, row);
         self.count_updates(gap, end - start, if is_gap { STEPS } else { 1 })
             .map_err(|e| e.file(&self.file).line(batch.line[row]))?;
-        let row_ticks = (self.log.nominal_ns / self.tick_ns / self.period_ticks).max(1) * self.period_ticks;
         self.newest.take(batch, row);
         for (index, axis) in self.axes.iter_mut().enumerate() {
             let before = axis.codes(&self.register);
             let after = if is_gap { axis.codes(&self.newest) } else { before };
-            let codes = Between { before, after, ticks: end - self.ticks_done, gap, row_ticks };
+            let codes = Between { before, after, ticks: end - self.ticks_done, gap, row_ticks: self.row_ticks };
             axis.skip(&codes).map_err(|e| misused(e, &self.file, batch.line[row]))?;
             let held = axis.held();
             let (angle, status) = axis

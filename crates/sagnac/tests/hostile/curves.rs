@@ -4,7 +4,7 @@ use rayon::prelude::*;
 use sagnac::calibration::Calibration;
 use sagnac_log::setup::Setup;
 
-use super::{Bench, Now};
+use super::{Bench, Now, usual};
 use crate::support::fit;
 
 pub(crate) type Truth = fn(Now) -> f64;
@@ -23,6 +23,12 @@ pub(crate) struct Shown {
     pub(crate) models: std::collections::BTreeMap<String, usize>,
     /// Part of the records that show more noise than the setup states.
     pub(crate) louder: f64,
+}
+
+/// The usual gyro from four cycles, so that the calibration adds little of its own noise.
+pub(crate) fn calibrated() -> Calibration {
+    let logs = (1..=4).map(|seed| Bench::new(seed, &usual).log()).collect();
+    fit(logs, &Bench::setup(), "bias 3, rate 0").unwrap()
 }
 
 pub(crate) fn shown(records: u64, runs: u64, truth: Truth, model: &str, change: fn(&mut Bench<'_>)) -> Shown {

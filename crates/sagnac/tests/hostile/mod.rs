@@ -152,6 +152,11 @@ pub(crate) struct Bench<'a> {
     pub(crate) chamber_c: fn(f64) -> f64,
 }
 
+/// A gyro with a weak cubic and a rate term, as most are.
+pub(crate) fn usual(now: Now) -> f64 {
+    0.02 * now.u() - 0.008 * now.u().powi(2) + 0.01 * now.u().powi(3) + 0.05 * now.cpm
+}
+
 /// No drift.
 pub(crate) fn none(_: Now) -> f64 {
     0.0
