@@ -41,8 +41,9 @@ enum Make {
     Here(fn() -> Result<Vec<Made>>),
     /// By running the program.
     ByProgram(fn(&Program) -> Result<Vec<Made>>),
-    /// By tests that take minutes: only where it is named; `--check` looks for what it can see without them.
-    ByTests { make: fn() -> Result<Vec<Made>>, stale: fn() -> Result<Vec<String>> },
+    /// By files of tests that take minutes, all or those named behind `=`: only where it is named itself; `--check` looks for what it can
+    /// see without them.
+    ByTests { make: fn(&[&str]) -> Result<Vec<Made>>, stale: fn() -> Result<Vec<String>> },
 }
 
 /// All generated files. Those of the libraries come first: the program reads some.
@@ -76,12 +77,16 @@ pub(crate) fn bless(args: &[&str]) -> Result<()> {
         println!("bless: every generated file is up to date");
         return Ok(());
     }
+    // `evidence=hidden,copies`: these files of tests alone.
+    let files: Vec<&str> =
+        names.iter().filter_map(|name| Some(name.split_once('=')?.1)).flat_map(|of| of.split(',')).collect();
+    let names: Vec<&str> = names.iter().map(|name| name.split_once('=').map_or(*name, |(name, _)| name)).collect();
     for (name, make) in chosen(&names)? {
         if names.is_empty() && matches!(make, Make::ByTests { .. }) {
             println!("{name} runs tests for minutes or hours: `cargo xtask bless {name}` makes it");
             continue;
         }
-        for made in made(name, make, &program)? {
+        for made in made(name, make, &files, &program)? {
             write(&made)?;
         }
     }
@@ -94,7 +99,7 @@ pub fn stale(names: &[&str], program: &Program) -> Result<Vec<String>> {
     for (name, make) in chosen(names)? {
         match make {
             Make::ByTests { stale: of_tests, .. } => stale.extend(of_tests()?),
-            _ => stale.extend(made(name, make, program)?.iter().filter_map(difference)),
+            _ => stale.extend(made(name, make, &[], program)?.iter().filter_map(difference)),
         }
     }
     Ok(stale)
@@ -108,11 +113,11 @@ fn chosen(names: &[&str]) -> Result<Vec<&'static (&'static str, Make)>> {
     Ok(FILES.iter().filter(|(name, _)| names.is_empty() || names.contains(name)).collect())
 }
 
-fn made(name: &str, make: &Make, program: &Program) -> Result<Vec<Made>> {
+fn made(name: &str, make: &Make, files: &[&str], program: &Program) -> Result<Vec<Made>> {
     let made = match make {
         Make::Here(make) => make(),
         Make::ByProgram(make) => make(program),
-        Make::ByTests { make, .. } => make(),
+        Make::ByTests { make, .. } => make(files),
     };
     made.with_context(|| format!("{name} cannot be made"))
 }

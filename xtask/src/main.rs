@@ -32,7 +32,8 @@ cargo xtask deny       licences, bans and sources of the dependencies
 cargo xtask no-panic   link check: sagnac-core, sagnac-loops and sagnac-board have no panic path
 cargo xtask bless      [--check] [names] make the generated files anew, all or those named; --check: fail if one is out of date. Names:
                        testdata, image, vectors (only after an intended change of the target), schema, glossary, scenario, first-bytes,
-                       circle, cli, errors, faults, pages; evidence, only if named (runs the tests of coverage and risk, minutes)
+                       circle, cli, errors, faults, pages; evidence, only if named (runs the tests of coverage and risk, minutes;
+                       evidence=hidden,copies runs those of these files)
 cargo xtask conserve   1e9 ticks (27.8 h): every count accounted for
 cargo xtask hunt       [MINUTES] generated inputs of every kind through the program, findings to testdata/found; --cases N: so many;
                        --from N, --case N: one again, --found: only those of earlier hunts

@@ -117,8 +117,21 @@ fn setup_of(name: &str, sample: &Sample) -> String {
     if !is("counts") && !is("rate") {
         out += "\n# NEEDED: no column of counts or rates was found. Map one below.\n";
     }
-    out += "\n# input_rate_dph = 0.0     # input rate along the axis during the test, °/h, for the fixed bias\n";
+    out += &input_rate(&guesses);
     out + &columns(&sample.columns, &guesses)
+}
+
+/// The line of the input rate, with the letters of the axes where there are several.
+fn input_rate(guesses: &[Option<Guess>]) -> String {
+    let axis_of = |guess: &Guess| match role_of(&guess.role) {
+        Ok(Role::Counts { axis } | Role::Rate { axis, .. }) => axis,
+        _ => None,
+    };
+    let axes: BTreeSet<char> = guesses.iter().flatten().filter_map(axis_of).collect();
+    let each: Vec<String> = axes.iter().map(|axis| format!("{axis} = 0.0")).collect();
+    let (value, of) =
+        if each.len() > 1 { (format!("{{ {} }}", each.join(", ")), "each") } else { ("0.0".to_owned(), "the") };
+    format!("\n# input_rate_dph = {value}     # input rate along {of} axis during the test, °/h, for the fixed bias\n")
 }
 
 /// The mapping of the columns.

@@ -7,7 +7,7 @@ use clap::{Args, ValueEnum};
 use sagnac::window::WindowBuilder;
 use sagnac::{Error, Result};
 use sagnac_log::memory::MemoryBudget;
-use sagnac_log::setup::{Counter, RunDivision, Setup, WindowSize};
+use sagnac_log::setup::{Counter, PerAxis, RunDivision, Setup, WindowSize};
 
 /// What the log cannot say of itself.
 #[derive(Args, Clone, Default)]
@@ -43,9 +43,9 @@ pub(crate) struct SetupArgs {
     /// Added to the time of temperatures, s
     #[arg(long, value_name = "S", allow_negative_numbers = true, hide_short_help = true)]
     temperature_offset: Option<f64>,
-    /// Input rate along the axis during the test, °/h
+    /// Input rate along the axis during the test, °/h; of several axes x=…,y=…,z=…
     #[arg(long, value_name = "DPH", allow_negative_numbers = true, hide_short_help = true)]
-    input_rate: Option<f64>,
+    input_rate: Option<PerAxis<f64>>,
     /// Analysis window: seconds, or `row` for one window per row
     #[arg(long, value_parser = window_size, hide_short_help = true)]
     window: Option<WindowSize>,

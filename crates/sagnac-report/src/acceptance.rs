@@ -249,6 +249,9 @@ pub(crate) fn residual(axis: &AxisVerification) -> Markup {
     if let Some(rms) = left.ramps_rms_dph {
         rows.push(("root mean square in ramps".to_owned(), significant(rms, 3), "°/h"));
     }
+    if let Some(offset) = left.ramp_offset_dph {
+        rows.push(("mean of ramps less mean of soaks".to_owned(), estimate(offset), "°/h"));
+    }
     if let Some(slope) = left.temperature_slope {
         rows.push(("drift with temperature".to_owned(), estimate(slope), "°/h per °C"));
     }

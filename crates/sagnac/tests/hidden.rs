@@ -74,6 +74,20 @@ fn a_ripple_over_temperature_is_seen() {
     evidence("a unit with a ripple of 0.034 °/h each 24 °C is accepted by `navigation-grade`", accepted, "≤ 0.05", 40);
 }
 
+/// An effect of |Ṫ|: neither a slope over Ṫ nor a hysteresis.
+#[test]
+fn a_rate_effect_of_one_sign_is_seen() {
+    let (unit, limits) = (calibrated(), navigation());
+    for (dph_per_cpm, claim) in [
+        (0.04, "a unit with 0.04 °/h for each °C/min of either sign is accepted by `navigation-grade`"),
+        (-0.04, "a unit with −0.04 °/h for each °C/min of either sign is accepted by `navigation-grade`"),
+    ] {
+        let drift = move |now: Now| usual(now) + dph_per_cpm * now.cpm.abs();
+        let accepted = fraction(60, |seed| accepts(&unit, &limits, Bench::new(3_400 + seed, &drift).log()));
+        evidence(claim, accepted, "≤ 0.05", 60);
+    }
+}
+
 /// The log with its temperature blank for three minutes: a window without one must not hide the others.
 fn without_a_temperature(log: &[u8]) -> Vec<u8> {
     let text = std::str::from_utf8(log).unwrap();

@@ -71,7 +71,7 @@ impl Mems {
 }
 
 fn setup() -> Setup {
-    Setup { scale_factor_deviation_max_ppm: Some(1e6), input_rate_dph: Some(0.0), ..Setup::default() }
+    Setup { scale_factor_deviation_max_ppm: Some(1e6), input_rate_dph: Some(0.0.into()), ..Setup::default() }
 }
 
 /// The image at rest against the record over the span: largest distance in °/h and ppm, as parts of what is allowed: 1e-6 of

@@ -65,6 +65,9 @@ fn the_same_input_gives_the_same_bytes_and_json_goes_round() {
     let [now, later] = [sagnac::calibration::MINOR_VERSION, sagnac::calibration::MINOR_VERSION + 1].map(minor);
     let newer = text.replacen(&now, &later, 1).replacen("\"serial\"", "\"extra\": 1, \"serial\"", 1);
     assert_eq!(Calibration::parse(&newer).unwrap().serial, make().serial);
+    // The reference states both.
+    let stated = format!("| {}, {} |", sagnac::calibration::VERSION, sagnac::calibration::MINOR_VERSION);
+    assert!(include_str!("../../../docs/reference/versions.md").contains(&stated), "{stated}");
 }
 
 #[test]

@@ -13,7 +13,7 @@ use support::evidence::evidence;
 use support::{fit, retest};
 
 fn setup() -> Setup {
-    let earth = Earth { latitude_deg: 17.4, axis_direction: Direction::Up };
+    let earth = Earth { latitude_deg: 17.4, axis_direction: Direction::Up.into() };
     Setup { arcsec_per_count: Some(1.059), earth: Some(earth), serial: Some("RT-1".into()), ..Setup::default() }
 }
 

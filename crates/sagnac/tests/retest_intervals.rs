@@ -23,22 +23,24 @@ fn retest(unit: &Correction, log: Vec<u8>) -> AxisVerification {
     proof.verification.axes[0].clone()
 }
 
-const FIGURES: [&str; 4] = ["slope over temperature", "slope over its rate", "hysteresis", "residual over temperature"];
+const FIGURES: [&str; 5] =
+    ["slope over temperature", "slope over its rate", "hysteresis", "ramps less soaks", "residual over temperature"];
 
 /// In the order of [`FIGURES`].
-fn figures(axis: &AxisVerification) -> [Estimate; 4] {
+fn figures(axis: &AxisVerification) -> [Estimate; 5] {
     let residual = &axis.residual;
     [
         residual.temperature_slope,
         residual.rate_slope,
         axis.residual_diagnostics.hysteresis_dph,
+        residual.ramp_offset_dph,
         residual.over_temperature_dph,
     ]
     .map(Option::unwrap)
 }
 
 /// Part of the records in which each figure's interval holds its truth.
-fn covered(change: fn(&mut Bench<'_>)) -> [f64; 4] {
+fn covered(change: fn(&mut Bench<'_>)) -> [f64; 5] {
     let unit = fit(vec![Bench::new(1, &hostile::none).log()], &Bench::setup(), "bias 0").unwrap();
     let unit = Correction::from_calibration(unit).unwrap();
     let mut silent = Bench::new(2, &put_in);
@@ -52,8 +54,8 @@ fn covered(change: fn(&mut Bench<'_>)) -> [f64; 4] {
             f64::from(u8::from((found[at].value - truth[at].value).abs() <= 1.96 * found[at].sigma))
         })
     };
-    let sum = |a: [f64; 4], b: [f64; 4]| std::array::from_fn(|at| a[at] + b[at]);
-    (0..RECORDS).into_par_iter().map(one).reduce(|| [0.0; 4], sum).map(|count| count / RECORDS as f64)
+    let sum = |a: [f64; 5], b: [f64; 5]| std::array::from_fn(|at| a[at] + b[at]);
+    (0..RECORDS).into_par_iter().map(one).reduce(|| [0.0; 5], sum).map(|count| count / RECORDS as f64)
 }
 
 #[test]

@@ -6,13 +6,13 @@
 //! page ─▶ each claim and bound is in the test that the page names                                  bless --check
 //! ```
 //!
-//! The tests take minutes, so `--check` does not run them. CI runs them as tests, where they check the bounds. The study takes
+//! Rows of single files: `bless evidence=hidden,copies`. The tests take minutes, so `--check` does not run them. CI runs them as tests, where they check the bounds. The study takes
 //! hours: CI compiles it, `bless study` runs it.
 
 use std::collections::BTreeMap;
 use std::fs;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use xtask::shell::{root, stdout_of};
 
 use crate::bless::Made;
@@ -100,22 +100,30 @@ impl Figure {
     }
 }
 
-/// Runs the tests of CI and replaces their rows.
-pub(crate) fn make() -> Result<Vec<Made>> {
-    replaced(TESTS, &[])
+/// Runs the tests of CI, all or those of some files, and replaces their rows.
+pub(crate) fn make(files: &[&str]) -> Result<Vec<Made>> {
+    replaced(TESTS, files, &[])
 }
 
-/// Runs the study and replaces its rows.
-pub(crate) fn make_study() -> Result<Vec<Made>> {
-    replaced(STUDY, &["--ignored"])
+/// Runs the study, all or some files of it, and replaces its rows.
+pub(crate) fn make_study(files: &[&str]) -> Result<Vec<Made>> {
+    replaced(STUDY, files, &["--ignored"])
 }
 
 /// The page with the rows of some tests measured anew. What they printed stays in `target/evidence`.
-fn replaced(run: &Tests, more: &[&str]) -> Result<Vec<Made>> {
+fn replaced(run: &Tests, files: &[&str], more: &[&str]) -> Result<Vec<Made>> {
+    let all: Vec<&str> = run.iter().flat_map(|(_, tests)| tests.iter().copied()).collect();
+    if let Some(unknown) = files.iter().find(|file| !all.contains(file)) {
+        bail!("no file of tests named {unknown} measures; there are: {}", all.join(", "));
+    }
     let kept = root().join("target/evidence");
     fs::create_dir_all(&kept).with_context(|| format!("cannot make {}", kept.display()))?;
     let mut figures = committed()?;
     for (package, tests) in run {
+        let tests: Vec<&str> = tests.iter().copied().filter(|test| files.is_empty() || files.contains(test)).collect();
+        if tests.is_empty() {
+            continue;
+        }
         let mut args = vec!["test", "--locked", "-p", package];
         tests.iter().for_each(|test| args.extend(["--test", test]));
         args.extend(["--", "--nocapture", "--test-threads", "1"]);
@@ -152,7 +160,7 @@ fn printed(output: &str) -> Result<Vec<Figure>> {
         }
         let Some(figure) = line.strip_prefix(MARK) else { continue };
         let cells: Vec<&str> = figure.split(" | ").collect();
-        let [claim, measured, bound, records, file] = cells[..] else { anyhow::bail!("five cells: {line}") };
+        let [claim, measured, bound, records, file] = cells[..] else { bail!("five cells: {line}") };
         figures.push(Figure {
             test: format!("{file}::{}", test.with_context(|| format!("no test printed {line}"))?),
             at: figures.len(),

@@ -25,6 +25,7 @@ use crate::ingest::interval::nominal_interval;
 use crate::ingest::raw::RawRows;
 use crate::ingest::reason::Tallies;
 use crate::ingest::rows::{self, CounterEnd, RowValidator};
+use crate::ingest::running_total::RunningTotal;
 use crate::ingest::shape::{AngleUnit, LogShape};
 use crate::ingest::sketch::Sketch;
 use crate::ingest::source::{HashHandle, Source, Watch};
@@ -89,6 +90,8 @@ pub struct LogReader {
     table: TableRates,
     hash: HashHandle,
     sketch: Option<Sketch>,
+    /// Of counts that should be of each row.
+    running_total: Option<RunningTotal>,
     name: String,
     /// Added to every time: not zero where it follows another file by its counter.
     offset_ns: Option<i64>,
@@ -179,6 +182,8 @@ impl LogReader {
         let column = if mode != ReadMode::Bulk && column == TableColumn::Mark { TableColumn::Rate } else { column };
         let table = TableRates::new(column);
         let sketch = Some(Sketch::new(shape.axes.clone()));
+        let counts_of_rows = layout.is_count_log() && config.counter == Counter::Incremental;
+        let running_total = (counts_of_rows && !shape.has_reference).then(|| RunningTotal::new(shape.axes.len()));
         Ok(Self {
             pieces,
             layout,
@@ -192,6 +197,7 @@ impl LogReader {
             table,
             hash,
             sketch,
+            running_total,
             name: name.to_owned(),
             offset_ns: None,
             assumed,
@@ -350,11 +356,15 @@ impl LogReader {
     fn read_batch(&mut self) -> Result<bool> {
         self.batch.clear();
         if !self.next_rows()? {
-            return Ok(false);
+            let totals = self.running_total.as_ref().map_or(Ok(()), |watch| watch.check(&self.shape.axes));
+            return totals.map(|()| false).map_err(|e| e.file(&self.name));
         }
         self.check.push(&self.rows, &mut self.batch)?;
         if let Some(sketch) = &mut self.sketch {
             sketch.push(&self.batch, self.shape.unit != AngleUnit::Arcsec);
+        }
+        if let Some(watch) = &mut self.running_total {
+            watch.push(&self.batch);
         }
         Ok(true)
     }

@@ -40,6 +40,7 @@ mod reason;
 #[cfg(feature = "parquet")]
 mod row_hash;
 mod rows;
+mod running_total;
 mod sample;
 mod shape;
 mod sketch;

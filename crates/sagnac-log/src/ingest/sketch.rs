@@ -2,25 +2,26 @@
 //!
 //! ```text
 //! r_i = Σ over the axes of mix(angle of the row, letter)      whole quanta; an angle of a rate log to 12 bits of its mantissa
-//! h_i = mix(Σ_k r_{i−k}·B^k), k < 64, modulo 2⁶⁴              a rolling hash (Karp and Rabin 1987)
-//! sketch = the 64 smallest distinct h                          (Broder 1997): of each its lower 32 bits
+//! h_i = mix(Σ_k r_{i−k}·B^k), k < n, modulo 2⁶⁴               a rolling hash (Karp and Rabin 1987) of n rows
+//! sketch = of n = 64 and of n = 12: the 64 smallest distinct h (Broder 1997), of each its lower 32 bits
 //! ```
 //!
-//! The part of the hashes that two sketches share estimates the part of the stretches of 64 rows that two logs share. Some rows lost
-//! or changed cost the stretches that hold them. The rows themselves cannot be had from 64 hashes.
+//! The part of the hashes that two sketches share estimates the part of the stretches of n rows that two logs share. Some rows lost
+//! or changed cost the stretches that hold them: short stretches survive where one row in 20 is lost, long ones tell coarse counts
+//! apart. The rows themselves cannot be had from the hashes.
 //!
 //! Where it fails: rows that are resampled, or changed each by itself, make another log. A log of fewer than [`FEWEST`] distinct stretches
-//! has no sketch, nor has one that repeats itself in a kept stretch: coarse counts that hardly move are alike in independent tests,
-//! too. A short part of a long log shares few hashes with it.
+//! has no hashes of that length, nor has one that repeats itself in a kept stretch: coarse counts that hardly move are alike in independent
+//! tests, too. Of such a log no copy with one row in 64 lost is known. A short part of a long log shares few hashes with it.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 
 use crate::ingest::Batch;
 
-/// Rows of a stretch.
-const ROWS: usize = 64;
-/// Hashes kept.
+/// Rows of a stretch, long and short.
+const ROWS: [usize; 2] = [64, 12];
+/// Hashes kept of each length.
 const KEPT: usize = 64;
 /// Fewer distinct stretches than this are no sketch.
 const FEWEST: usize = 24;
@@ -35,11 +36,18 @@ const DIGITS: usize = 8;
 pub(crate) struct Sketch {
     /// Of each axis: its letter, mixed.
     letters: Vec<u64>,
-    /// Base to the power of a stretch.
-    far: u64,
-    recent: [u64; ROWS],
+    /// Σ r_{i−k}·B^k over all rows to the last, and to each of those before it.
+    prefix: u64,
+    before: [u64; ROWS[0]],
     rows: usize,
-    rolling: u64,
+    stretches: [Stretches; ROWS.len()],
+}
+
+/// The smallest hashes of stretches of one length.
+struct Stretches {
+    length: usize,
+    /// Base to the power of the length.
+    far: u64,
     smallest: BTreeSet<u64>,
     /// The largest of them once there are enough.
     largest: u64,
@@ -49,16 +57,12 @@ pub(crate) struct Sketch {
 
 impl Sketch {
     pub(crate) fn new(letters: Vec<char>) -> Self {
-        let far = (0..ROWS).fold(1_u64, |power, _| power.wrapping_mul(BASE));
         Self {
             letters: letters.into_iter().map(|letter| mix(u64::from(letter))).collect(),
-            far,
-            recent: [0; ROWS],
+            prefix: 0,
+            before: [0; ROWS[0]],
             rows: 0,
-            rolling: 0,
-            smallest: BTreeSet::new(),
-            largest: u64::MAX,
-            again: BTreeSet::new(),
+            stretches: ROWS.map(Stretches::of),
         }
     }
 
@@ -68,15 +72,35 @@ impl Sketch {
             let axes = self.letters.iter().zip(&batch.angle);
             let of = |(letter, angle): (&u64, &Vec<f64>)| mix(bits_of(angle[row], whole) ^ letter);
             let value = axes.map(of).fold(0, u64::wrapping_add);
-            let place = self.rows % ROWS;
-            let old = std::mem::replace(&mut self.recent[place], value);
-            self.rolling = self.rolling.wrapping_mul(BASE).wrapping_add(value).wrapping_sub(old.wrapping_mul(self.far));
+            self.before[self.rows % ROWS[0]] = self.prefix;
+            self.prefix = self.prefix.wrapping_mul(BASE).wrapping_add(value);
             self.rows += 1;
-            let hash = mix(self.rolling);
-            if hash <= self.largest && self.rows >= ROWS {
-                self.keep(hash);
+            for stretches in &mut self.stretches {
+                // Of the rows before the stretch; nothing before the first row.
+                let before = self.before[self.rows.wrapping_sub(stretches.length) % ROWS[0]];
+                let hash = mix(self.prefix.wrapping_sub(before.wrapping_mul(stretches.far)));
+                if hash <= stretches.largest && self.rows >= stretches.length {
+                    stretches.keep(hash);
+                }
             }
         }
+    }
+
+    /// The sketch as hexadecimal digits; empty where the log says too little.
+    pub(crate) fn hex(&self) -> String {
+        let kept = self.stretches.iter().filter(|stretches| stretches.tell());
+        kept.flat_map(|stretches| &stretches.smallest).fold(String::new(), |mut text, hash| {
+            // The smallest differ in their lower half only.
+            let _ = write!(text, "{:08x}", hash & 0xffff_ffff);
+            text
+        })
+    }
+}
+
+impl Stretches {
+    fn of(length: usize) -> Self {
+        let far = (0..length).fold(1_u64, |power, _| power.wrapping_mul(BASE));
+        Self { length, far, smallest: BTreeSet::new(), largest: u64::MAX, again: BTreeSet::new() }
     }
 
     fn keep(&mut self, hash: u64) {
@@ -92,14 +116,9 @@ impl Sketch {
         }
     }
 
-    /// The sketch as hexadecimal digits; empty where the log says too little.
-    pub(crate) fn hex(&self) -> String {
-        let kept = if self.smallest.len() < FEWEST || !self.again.is_empty() { None } else { Some(&self.smallest) };
-        kept.into_iter().flatten().fold(String::new(), |mut text, hash| {
-            // The smallest differ in their lower half only.
-            let _ = write!(text, "{:08x}", hash & 0xffff_ffff);
-            text
-        })
+    /// Enough of them, and none came again.
+    fn tell(&self) -> bool {
+        self.smallest.len() >= FEWEST && self.again.is_empty()
     }
 }
 
@@ -178,11 +197,17 @@ mod tests {
             })
             .collect();
         let whole = sketch(&rows, 5000);
-        assert_eq!(whole.len(), KEPT * DIGITS);
+        assert_eq!(whole.len(), ROWS.len() * KEPT * DIGITS);
         assert_eq!(whole, sketch(&rows, 7));
         let mut without = rows.clone();
         without.remove(2500);
         assert!(share_rows(&[&sketch(&without[3..], 11)], &[&whole]));
+        // Evenly lost: no stretch of 64 rows survives, of twelve some do.
+        for each in [50, 20] {
+            let lost: Vec<f64> =
+                rows.iter().enumerate().filter(|(at, _)| at % each != 3).map(|(_, row)| *row).collect();
+            assert!(share_rows(&[&sketch(&lost, 11)], &[&whole]), "{each}");
+        }
         let other: Vec<f64> = rows.iter().rev().copied().collect();
         assert!(!share_rows(&[&sketch(&other, 11)], &[&whole]));
         let mut all = Sketches::default();
@@ -192,6 +217,6 @@ mod tests {
         assert_eq!(all.twin_of(&sketch(&without[3..], 11)), Some(1));
         assert_eq!(all.twin_of(""), None);
         assert_eq!(sketch(&vec![4.0; 5000], 100), "", "a counter that stands still says nothing");
-        assert_eq!(sketch(&rows[..80], 100), "", "too short");
+        assert_eq!(sketch(&rows[..30], 100), "", "too short");
     }
 }

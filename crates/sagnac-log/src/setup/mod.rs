@@ -4,6 +4,7 @@
 //! names it. Unknown keys are refused. `docs/reference/cli.md` has the table of keys.
 
 mod bench;
+mod input_rate;
 mod stages;
 
 use std::collections::BTreeMap;
@@ -13,12 +14,12 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub use bench::{BenchSetup, LiveFormat, PollColumn, PollSetup, RegisterTable, RegisterType};
+pub use input_rate::{Direction, Earth, PerAxis, input_rate_hint};
 pub use stages::{Clock, Identity, ModelConfig, ReadConfig, Stages, TargetConfig, TestConfig, WindowConfig};
 
 use crate::error::{Error, Result};
 use crate::memory::MemoryBudget;
 use crate::read::read_text;
-use sagnac_units::EARTH_RATE_DPH;
 use sagnac_units::format::controls;
 
 const DEFAULT_TICK_NS: i64 = 100_000;
@@ -115,49 +116,6 @@ impl Noise {
     #[must_use]
     pub fn slow(self, b_dph: f64, k_dph_rt_h: f64) -> Self {
         Self { b_dph: Some(b_dph), k_dph_rt_h: Some(k_dph_rt_h), ..self }
-    }
-}
-
-/// Where the input axis points, for the Earth rate it sees.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "lowercase")]
-pub enum Direction {
-    /// Away from the Earth's centre.
-    Up,
-    /// Towards it.
-    Down,
-    /// Along the horizon to true north.
-    North,
-    /// Along the horizon to true south.
-    South,
-    /// Along the horizon to the east: sees no Earth rate.
-    East,
-    /// Along the horizon to the west: sees no Earth rate.
-    West,
-}
-
-/// Site and attitude of a static test.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Earth {
-    /// Geodetic latitude, degrees, north positive.
-    pub latitude_deg: f64,
-    /// Where the input axis points.
-    pub axis_direction: Direction,
-}
-
-impl Earth {
-    /// Input rate of that axis in °/h: Ω sin φ up, Ω cos φ north.
-    pub fn rate_dph(&self) -> f64 {
-        let (sin, cos) = self.latitude_deg.to_radians().sin_cos();
-        EARTH_RATE_DPH
-            * match self.axis_direction {
-                Direction::Up => sin,
-                Direction::Down => -sin,
-                Direction::North => cos,
-                Direction::South => -cos,
-                Direction::East | Direction::West => 0.0,
-            }
     }
 }
 
@@ -314,8 +272,8 @@ pub struct Setup {
     pub instance: Option<u8>,
     /// Added to the time of temperatures to bring them to the time of the counts, s.
     pub temperature_offset_s: f64,
-    /// Input rate along the axis during the test, °/h, if known.
-    pub input_rate_dph: Option<f64>,
+    /// Input rate along the axis during the test, °/h, if known; of a log with several axes one each: `{ x = 0.0, z = 4.498 }`.
+    pub input_rate_dph: Option<PerAxis<f64>>,
     /// Site and attitude, from which the input rate of a static test follows.
     pub earth: Option<Earth>,
     /// Analysis window: seconds or "row"; 100 s by default.
@@ -415,12 +373,18 @@ impl Setup {
         in_range("reference_c", self.reference_c, -127.0, 127.0)?;
         in_range("discard_initial_s", Some(self.discard_initial_s), 0.0, 1e7)?;
         in_range("temperature_offset_s", Some(self.temperature_offset_s), -3600.0, 3600.0)?;
-        in_range("input_rate_dph", self.input_rate_dph, -1e8, 1e8)?;
+        for rate_dph in self.input_rate_dph.iter().flat_map(PerAxis::values) {
+            in_range("input_rate_dph", Some(rate_dph), -1e8, 1e8)?;
+        }
+        self.input_rate_dph.as_ref().map_or(Ok(()), |rates| rates.check("input_rate_dph"))?;
         in_range("noise.n_deg_rt_h", self.noise.map(|n| n.n_deg_rt_h), 0.0, 1e3)?;
         in_range("noise.q_arcsec", self.noise.map(|n| n.q_arcsec), 0.0, 1e4)?;
         in_range("noise.b_dph", self.noise.and_then(|n| n.b_dph), 0.0, 1e5)?;
         in_range("noise.k_dph_rt_h", self.noise.and_then(|n| n.k_dph_rt_h), 0.0, 1e5)?;
-        in_range("earth.latitude_deg", self.earth.map(|e| e.latitude_deg), -90.0, 90.0)?;
+        if let Some(earth) = &self.earth {
+            in_range("earth.latitude_deg", Some(earth.latitude_deg), -90.0, 90.0)?;
+            earth.axis_direction.check("earth.axis_direction")?;
+        }
         in_range("counter_bits", self.counter_bits.map(f64::from), 4.0, 52.0)?;
         for (name, value) in
             self.noise.iter().flat_map(|n| [("noise.n_deg_rt_h", n.n_deg_rt_h), ("noise.q_arcsec", n.q_arcsec)])
@@ -541,12 +505,5 @@ mod tests {
         assert_eq!(Setup::parse("window = \"row\"").unwrap().window, Some(WindowSize::ROW));
         assert_eq!(Setup::parse("window = 50").unwrap().window, Some(WindowSize::Seconds(50.0)));
         assert!(Setup::parse("window = \"hour\"").is_err());
-    }
-
-    /// Domain notes §1: 4.498 °/h on a vertical axis at 17.4° N.
-    #[test]
-    fn earth_rate_is_that_of_the_paper() {
-        let earth = Earth { latitude_deg: 17.4, axis_direction: Direction::Up };
-        assert!((earth.rate_dph() - 4.498).abs() < 5e-4);
     }
 }

@@ -15,7 +15,7 @@
 use std::collections::BTreeMap;
 
 use super::{
-    AuxSetup, BenchSetup, Counter, DEFAULT_TICK_NS, Noise, ONE_SECOND_NS, RunDivision, Setup, TableRun,
+    AuxSetup, BenchSetup, Counter, DEFAULT_TICK_NS, Noise, ONE_SECOND_NS, PerAxis, RunDivision, Setup, TableRun,
     ThermometerSetup, WindowSize,
 };
 use crate::error::{Error, Result};
@@ -112,8 +112,8 @@ pub struct WindowConfig {
 /// What the gyro was subjected to.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TestConfig {
-    /// Known input rate along the axis, °/h: as given, else by site and attitude.
-    pub input_rate_dph: Option<f64>,
+    /// Known input rates, °/h: as given, else by site and attitude.
+    pub input_rate_dph: Option<PerAxis<f64>>,
     /// Runs on a rate table.
     pub tables: Vec<TableRun>,
     /// Noise where it is known; measured from the log by default.
@@ -123,6 +123,11 @@ pub struct TestConfig {
 }
 
 impl TestConfig {
+    /// Input rate of an axis of a log with so many axes, °/h.
+    pub fn input_rate_of(&self, axis: char, axes: usize) -> Option<f64> {
+        self.input_rate_dph.as_ref()?.of(axis, axes)
+    }
+
     /// Settings of the table for the run of a file: its own entry, otherwise the one for every run.
     pub fn table_of(&self, file: &str) -> Option<&TableRun> {
         let own = self.tables.iter().find(|table| table.file.as_deref() == Some(file));

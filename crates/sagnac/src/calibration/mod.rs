@@ -42,7 +42,7 @@ pub const FORMAT: &str = "sagnac-calibration";
 /// Value of `Calibration::version`: a change of meaning or a field less raises it.
 pub const VERSION: u32 = 2;
 /// Value of `Calibration::minor_version`: a field or a shape more raises it.
-pub const MINOR_VERSION: u32 = 2;
+pub const MINOR_VERSION: u32 = 3;
 /// Serial of a calibration whose gyro was not named.
 pub const UNASSIGNED: &str = "unassigned";
 
@@ -339,8 +339,8 @@ pub struct LogFile {
     pub sha256: String,
     /// Rows read.
     pub rows: u64,
-    /// In the record of a calibration: 64 hashes of 64 rows each, by which a copy in other bytes is recognised; the rows cannot be had
-    /// from them. Empty for a log that says too little.
+    /// In the record of a calibration: 64 hashes of 64 rows each and 64 of 12, by which a copy in other bytes is recognised; the rows
+    /// cannot be had from them. Empty for a log that says too little.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub rows_sketch: String,
 }

@@ -6,7 +6,7 @@
 
 use sagnac_core::MAX_ORDER;
 use sagnac_log::error::{Error, Result};
-use sagnac_log::setup::{Setup, TestConfig, WindowSize};
+use sagnac_log::setup::{Setup, WindowSize};
 
 use crate::calibration::{
     AxisCalibration, AxisCorrection, Calibration, FORMAT, Input, LogUnit, MINOR_VERSION, Monomial, Provenance,
@@ -65,10 +65,11 @@ pub fn import(polynomial: &Polynomial, setup: &Setup) -> Result<Calibration> {
     let series = series_from_powers(span, &dph);
     let input = Input::thermometer(stages.model.thermometer(""), span, reference_c);
     let terms = (1..=order).map(|n| Term::given(Form::bias(n as u8), &input, series[n])).collect();
+    let letter = setup.axis.unwrap_or('x');
     let axis = AxisCalibration {
-        axis: setup.axis.unwrap_or('x'),
+        axis: letter,
         correction: AxisCorrection { model: format!("bias {order}"), inputs: vec![input], terms, warm_up: None },
-        run_offsets: vec![run_offset(at_reference, &stages.test)],
+        run_offsets: vec![run_offset(at_reference, stages.test.input_rate_of(letter, 1))],
         monomial: Some(Monomial {
             run: 0,
             unit: "counts per window".to_owned(),
@@ -101,7 +102,7 @@ pub fn import(polynomial: &Polynomial, setup: &Setup) -> Result<Calibration> {
     })
 }
 
-fn run_offset(value_dph: f64, test: &TestConfig) -> RunOffset {
-    let fixed_bias_dph = test.input_rate_dph.map(|input| value_dph - input);
+fn run_offset(value_dph: f64, input_dph: Option<f64>) -> RunOffset {
+    let fixed_bias_dph = input_dph.map(|input| value_dph - input);
     RunOffset { run: 0, value_dph, sigma_dph: None, fixed_bias_dph }
 }

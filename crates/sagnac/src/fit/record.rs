@@ -408,7 +408,7 @@ fn fit_axis(
     let mut record = AxisCalibration {
         axis: letter,
         correction: AxisCorrection { model: fitted.spec.to_string(), inputs, terms, warm_up },
-        run_offsets: run_offsets(&fitted, problem, &stages.test, windows.shape.axes.len()),
+        run_offsets: run_offsets(&fitted, problem, stages.test.input_rate_of(letter, windows.shape.axes.len())),
         monomial,
         zones,
         fit: Some(diagnostics),
@@ -484,9 +484,7 @@ fn covariance_of(fitted: &Fitted, problem: &LeastSquares<'_>) -> Vec<String> {
     runs.chain(terms).chain(others).collect()
 }
 
-fn run_offsets(fitted: &Fitted, problem: &LeastSquares<'_>, test: &TestConfig, axes: usize) -> Vec<RunOffset> {
-    // One direction cannot be that of several axes.
-    let input_dph = test.input_rate_dph.filter(|_| axes == 1);
+fn run_offsets(fitted: &Fitted, problem: &LeastSquares<'_>, input_dph: Option<f64>) -> Vec<RunOffset> {
     let rows = problem.runs.iter().enumerate().filter_map(|(index, run)| {
         let column = problem.column_of(Level::Run(index)).or_else(|| problem.column_of(Level::AllRuns))?;
         Some(RunOffset {

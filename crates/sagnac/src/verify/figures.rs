@@ -191,7 +191,7 @@ impl Against<'_> {
         let record = self.record(figures.axis);
         figures.scale_factor_difference = scale_difference(figures.scale_factor.as_ref(), record);
         figures.scale_factor_calibrated = record.is_some_and(|record| record.scale_factor().is_some());
-        match BiasRepeatability::of(drifts, &pair.raw, used, axis, record, self.test.input_rate_dph) {
+        match BiasRepeatability::of(drifts, &pair.raw, used, axis, record, self.test) {
             Ok(found) => figures.bias_repeatability = Some(found),
             Err(why) => figures.bias_repeatability_unavailable = Some(why),
         }

@@ -35,6 +35,8 @@ pub enum Applies {
     Excluding,
     /// Those whose correction has rate terms.
     WithRate,
+    /// Those with soaks and with ramps.
+    SoaksAndRamps,
 }
 
 impl Applies {
@@ -51,6 +53,9 @@ impl Applies {
                 unless(both, "needs a calibration and a retest on a rate table, and the calibration's record")
             }
             Self::Excluding => unless(axis.excluded_fraction.is_some(), "nothing was asked to be excluded"),
+            Self::SoaksAndRamps => {
+                unless(axis.residual.ramp_offset_dph.is_some(), "needs 20 windows of soaks and 20 of ramps")
+            }
             Self::WithRate => unless(axis.rate_coverage.is_some(), "the correction has no rate terms, or no record"),
         }
     }
@@ -228,7 +233,7 @@ macro_rules! limit {
 }
 
 /// Every limit, in the order of reports.
-pub const SPECS: [LimitSpec; 32] = [
+pub const SPECS: [LimitSpec; 33] = [
     limit!(
         sigma_dph_max,
         Most,
@@ -342,6 +347,16 @@ pub const SPECS: [LimitSpec; 32] = [
         false,
         |a| relative(a.residual.ramps_rms_dph, a.relative_sigma_of_spread()),
         "fewer than ten windows in ramps"
+    ),
+    limit!(
+        ramp_offset_dph_max,
+        Most,
+        "deg/h",
+        SoaksAndRamps,
+        "ramps less soaks",
+        false,
+        |a| size(a.residual.ramp_offset_dph),
+        ""
     ),
     limit!(
         drift_dph_per_c_max,

@@ -52,6 +52,8 @@ pub struct Limits {
     pub plateau_offset_dph_max: Option<f64>,
     /// Largest root mean square in ramps, °/h.
     pub ramps_rms_dph_max: Option<f64>,
+    /// Largest mean of the ramps less mean of the soaks, °/h.
+    pub ramp_offset_dph_max: Option<f64>,
     /// Largest slope over temperature, °/h per °C.
     pub drift_dph_per_c_max: Option<f64>,
     /// Largest slope over its rate, °/h per °C/min.
@@ -281,6 +283,7 @@ mod tests {
                 Applies::BothTurned => "on a rate table, as the calibration",
                 Applies::Excluding => "with `--exclude`",
                 Applies::WithRate => "with rate terms",
+                Applies::SoaksAndRamps => "with soaks and ramps",
             };
             let unit = if spec.unit.is_empty() { "-" } else { spec.unit };
             let row = format!("| `{}` | {} | {bound} | {unit} | {retests} |", spec.key, spec.label);

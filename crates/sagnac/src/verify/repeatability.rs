@@ -22,6 +22,7 @@ use crate::calibration::{AxisCalibration, PpmEstimate};
 use crate::verify::residual_diagnostics::Estimate;
 use crate::verify::turned::{PairedDrifts, ScaleProof};
 use crate::window::Windows;
+use sagnac_log::setup::{TestConfig, input_rate_hint};
 
 /// Stretches of a run whose means scatter.
 const STRETCHES: usize = 8;
@@ -111,14 +112,13 @@ impl BiasRepeatability {
         used: &[usize],
         axis: usize,
         record: Option<&AxisCalibration>,
-        input_rate_dph: Option<f64>,
+        test: &TestConfig,
     ) -> Result<Self, String> {
         let record = record.ok_or("an image alone does not state the bias of the calibration")?;
-        let input_dph =
-            input_rate_dph.ok_or("the input rate is not known: give input_rate_dph or [earth] in the setup")?;
-        if windows.shape.axes.len() > 1 {
-            return Err("the input rate of each axis is not known: input_rate_dph and [earth] are of one".to_owned());
-        }
+        let (letter, axes) = (windows.shape.axes[axis], windows.shape.axes.len());
+        let input_dph = test
+            .input_rate_of(letter, axes)
+            .ok_or_else(|| format!("the input rate is not known: {}", input_rate_hint(letter, axes)))?;
         let calibration_dph = of_record(record).ok_or("the calibration did not know its input rate")?;
         let run = |run: usize| {
             let members: Vec<usize> = used.iter().copied().filter(|i| windows.rows.run[*i] as usize == run).collect();

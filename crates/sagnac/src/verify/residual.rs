@@ -3,6 +3,7 @@
 //! ```text
 //! plateau             steady windows (|Ṫ| ≤ 0.05 °C/min) within ±1 °C: σ about their own mean, and that mean about the run's
 //! ramps               root mean square of heating and cooling windows about the run's mean
+//! ramps less soaks    mean of heating and cooling windows less that of the steady ones: an effect of |Ṫ|, which no slope has
 //! per °C, per °C/min  slopes of one line r = a + s·T + q·Ṫ through all windows
 //! ARW                 N of the rows, raw, and corrected before they are rounded, by short-τ Allan deviations
 //! over temperature    root mean square of a Chebyshev series of order 16 in T through all windows, less what noise makes of it; every
@@ -29,6 +30,8 @@ use sagnac_noise::{Deviation, Difference, SquareSum, overlapping, phases};
 const FEWEST: usize = 5;
 /// Fewer windows of a leg tell no figure.
 const FEWEST_OF_LEG: usize = 10;
+/// Fewer windows of ramps, or of soaks, are not compared.
+const FEWEST_OF_SOAKS: f64 = 20.0;
 /// Mean square below which temperature does not vary, °C².
 const LEAST_SPREAD_C2: f64 = 0.09;
 /// The same of its rate, (°C/min)².
@@ -75,6 +78,8 @@ pub struct Residual {
     pub plateaus: Option<Plateaus>,
     /// Null without ramps.
     pub ramps_rms_dph: Option<f64>,
+    /// Mean of the ramps less mean of the steady windows, °/h; null where either has fewer than 20.
+    pub ramp_offset_dph: Option<Estimate>,
     /// °/h per °C; null where the temperature does not move.
     pub temperature_slope: Option<Estimate>,
     /// °/h per °C/min; null where its rate does not.
@@ -95,6 +100,7 @@ pub(crate) fn residual(points: &[Point], noise: &ResidualNoise, random_walk: Opt
     Residual {
         plateaus: plateaus(&used),
         ramps_rms_dph: ramps(&used),
+        ramp_offset_dph: ramp_offset(&used, noise),
         temperature_slope,
         rate_slope,
         random_walk,
@@ -141,6 +147,26 @@ fn ramps(used: &[&Point]) -> Option<f64> {
     let moving: Vec<f64> = used.iter().filter(|p| p.leg() != Leg::Steady).map(|p| p.after_dph).collect();
     let square = moving.iter().map(|r| r * r).sum::<f64>() / moving.len() as f64;
     (moving.len() >= FEWEST_OF_LEG).then(|| square.sqrt())
+}
+
+/// Means of the ramps, heating and cooling alike, less the mean of the steady windows.
+fn ramp_offset(used: &[&Point], noise: &ResidualNoise) -> Option<Estimate> {
+    let known = used.iter().filter(|p| p.rate_cpm.is_finite());
+    let (steady, ramps) = known.fold((0.0_f64, 0.0_f64), |(steady, ramps), p| match p.leg() {
+        Leg::Steady => (steady + 1.0, ramps),
+        Leg::Heating | Leg::Cooling => (steady, ramps + 1.0),
+    });
+    if ramps.min(steady) < FEWEST_OF_SOAKS {
+        return None;
+    }
+    let part = |p: &&Point| match p.leg() {
+        _ if !p.rate_cpm.is_finite() => 0.0,
+        Leg::Steady => -1.0 / steady,
+        Leg::Heating | Leg::Cooling => 1.0 / ramps,
+    };
+    let parts: Vec<f64> = used.iter().map(part).collect();
+    let value = parts.iter().zip(used).map(|(part, p)| part * p.after_dph).sum();
+    Some(Estimate { value, sigma: noise.sigma_dph(&parts) })
 }
 
 /// Slopes over T and Ṫ of one line, each `None` where its column does not vary, both where they vary as one.

@@ -194,7 +194,7 @@ impl<'a> Bench<'a> {
 
     /// The same with counts of another size.
     pub(crate) fn setup_of(quantum_arcsec: f64) -> Setup {
-        Setup { arcsec_per_count: Some(quantum_arcsec), input_rate_dph: Some(4.5), ..Setup::default() }
+        Setup { arcsec_per_count: Some(quantum_arcsec), input_rate_dph: Some(4.5.into()), ..Setup::default() }
     }
 
     /// Chamber temperature after so many minutes: soak cold, up, soak hot, down.

@@ -85,7 +85,7 @@ impl Table {
 
     /// How its logs are read.
     pub(crate) fn setup() -> Setup {
-        Setup { arcsec_per_count: Some(QUANTUM_ARCSEC), input_rate_dph: Some(4.5), ..Setup::default() }
+        Setup { arcsec_per_count: Some(QUANTUM_ARCSEC), input_rate_dph: Some(4.5.into()), ..Setup::default() }
     }
 
     /// ε over temperature of every gyro here, ppm.

@@ -1,0 +1,186 @@
+//! What turned each axis during a test, °/h: stated, or the Earth by site and attitude.
+//!
+//! ```text
+//! Ω sin φ up, −Ω sin φ down, Ω cos φ north, −Ω cos φ south, 0 east and west      φ the latitude, Ω = 15.041 °/h
+//! ```
+//!
+//! A bare value is of the only axis of a log. Where a log has several, each needs its own: one direction cannot be that of all.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::str::FromStr;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::error::{Error, Result};
+use sagnac_units::EARTH_RATE_DPH;
+
+/// A value of the only axis, or one of each axis.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[schemars(rename = "PerAxis_{T}")]
+#[serde(untagged, expecting = "needs one value, or one of each axis, as in { x = …, y = …, z = … }")]
+pub enum PerAxis<T> {
+    /// Of a log with one axis.
+    Only(T),
+    /// Letters of the axes, and the value of each.
+    Each(BTreeMap<char, T>),
+}
+
+impl<T: Copy> PerAxis<T> {
+    /// The value of an axis of a log with so many axes; `None` where it has none.
+    pub fn of(&self, axis: char, axes: usize) -> Option<T> {
+        match self {
+            Self::Only(value) => (axes == 1).then_some(*value),
+            Self::Each(values) => values.get(&axis).copied(),
+        }
+    }
+
+    /// All of them.
+    pub(super) fn values(&self) -> impl Iterator<Item = T> + '_ {
+        let (only, each) = match self {
+            Self::Only(value) => (Some(*value), None),
+            Self::Each(values) => (None, Some(values.values().copied())),
+        };
+        only.into_iter().chain(each.into_iter().flatten())
+    }
+
+    fn map<U>(&self, of: impl Fn(T) -> U) -> PerAxis<U> {
+        match self {
+            Self::Only(value) => PerAxis::Only(of(*value)),
+            Self::Each(values) => PerAxis::Each(values.iter().map(|(axis, value)| (*axis, of(*value))).collect()),
+        }
+    }
+
+    /// Axes are letters or digits, and there is one at least.
+    pub(super) fn check(&self, key: &str) -> Result<()> {
+        let Self::Each(values) = self else { return Ok(()) };
+        if let Some(axis) = values.keys().find(|axis| !axis.is_ascii_alphanumeric()) {
+            return Err(Error::input("an axis is one letter or digit").column(key).value(axis.to_string()));
+        }
+        if values.is_empty() {
+            return Err(Error::input("names no axis; leave it out where it is not known").column(key));
+        }
+        Ok(())
+    }
+}
+
+impl<T> From<T> for PerAxis<T> {
+    fn from(only: T) -> Self {
+        Self::Only(only)
+    }
+}
+
+/// As on a command line: `4.498`, or `x=0,y=14.35,z=4.498`.
+impl FromStr for PerAxis<f64> {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        let number = |text: &str| {
+            let value = text.trim().parse::<f64>().ok().filter(|value| value.is_finite());
+            value.ok_or_else(|| Error::input(format!("{text:?} is no rate in °/h")).help("one rate, or x=…,y=…,z=…"))
+        };
+        if !text.contains('=') {
+            return number(text).map(Self::Only);
+        }
+        let mut values = BTreeMap::new();
+        for part in text.split(',') {
+            let named = part.split_once('=').and_then(|(axis, value)| Some((axis.trim().parse::<char>().ok()?, value)));
+            let (axis, value) = named
+                .ok_or_else(|| Error::input(format!("{part:?} names no axis")).help("one rate, or x=…,y=…,z=…"))?;
+            if values.insert(axis, number(value)?).is_some() {
+                return Err(Error::input("the same axis twice").value(axis.to_string()));
+            }
+        }
+        Ok(Self::Each(values))
+    }
+}
+
+/// Where an input axis points, for the Earth rate it sees.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Direction {
+    /// Away from the Earth's centre.
+    Up,
+    /// Towards it.
+    Down,
+    /// Along the horizon to true north.
+    North,
+    /// Along the horizon to true south.
+    South,
+    /// Along the horizon to the east: sees no Earth rate.
+    East,
+    /// Along the horizon to the west: sees no Earth rate.
+    West,
+}
+
+/// Site and attitude of a static test.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Earth {
+    /// Geodetic latitude, degrees, north positive.
+    pub latitude_deg: f64,
+    /// Where the input axis points; of a log with several axes, where each does: `{ x = "north", y = "west", z = "up" }`.
+    pub axis_direction: PerAxis<Direction>,
+}
+
+impl Earth {
+    /// Input rate of each axis in °/h: Ω sin φ up, Ω cos φ north.
+    pub fn rate_dph(&self) -> PerAxis<f64> {
+        let (sin, cos) = self.latitude_deg.to_radians().sin_cos();
+        self.axis_direction.map(|direction| {
+            EARTH_RATE_DPH
+                * match direction {
+                    Direction::Up => sin,
+                    Direction::Down => -sin,
+                    Direction::North => cos,
+                    Direction::South => -cos,
+                    Direction::East | Direction::West => 0.0,
+                }
+        })
+    }
+}
+
+/// What to write into a setup so that an axis has an input rate.
+pub fn input_rate_hint(axis: char, axes: usize) -> String {
+    let mut hint = String::from("give input_rate_dph or [earth] in the setup");
+    if axes > 1 {
+        let _ = write!(hint, ", of each axis: input_rate_dph = {{ {axis} = … }}");
+    }
+    hint
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Domain notes §1: 4.498 °/h on a vertical axis at 17.4° N.
+    #[test]
+    fn earth_rate_is_that_of_the_paper() {
+        let earth = Earth { latitude_deg: 17.4, axis_direction: Direction::Up.into() };
+        let rate = earth.rate_dph();
+        assert!((rate.of('x', 1).unwrap() - 4.498).abs() < 5e-4);
+        assert_eq!(rate.of('x', 3), None, "one direction is not that of three axes");
+    }
+
+    #[test]
+    fn each_axis_has_its_own() {
+        let toml = "latitude_deg = 17.4\naxis_direction = { x = \"north\", y = \"west\", z = \"down\" }";
+        let rate = toml::from_str::<Earth>(toml).unwrap().rate_dph();
+        let of = |axis| rate.of(axis, 3).unwrap();
+        assert!((of('x') - 14.353).abs() < 5e-4 && of('y') == 0.0 && (of('z') + 4.498).abs() < 5e-4);
+        assert_eq!(rate.of('w', 3), None);
+        let wrong = toml::from_str::<Earth>("latitude_deg = 1.0\naxis_direction = { x = 3 }").unwrap_err().to_string();
+        assert!(wrong.contains("one of each axis"), "{wrong}");
+    }
+
+    #[test]
+    fn the_command_line_names_axes() {
+        assert_eq!("-4.5".parse::<PerAxis<f64>>().unwrap(), PerAxis::Only(-4.5));
+        let each: PerAxis<f64> = "x=0, z=-4.5".parse().unwrap();
+        assert_eq!((each.of('x', 2), each.of('z', 2), each.of('y', 3)), (Some(0.0), Some(-4.5), None));
+        for wrong in ["", "up", "nan", "x=", "xy=1", "x=1,x=2", "x=1,2"] {
+            assert!(wrong.parse::<PerAxis<f64>>().is_err(), "{wrong}");
+        }
+    }
+}
