@@ -154,6 +154,9 @@ fn columns(all: &[SampleColumn], guesses: &[Option<Guess>]) -> String {
     out
 }
 
+/// Rises without a fall that are no noise.
+const FEWEST_MOVES: usize = 16;
+
 /// Whether a column of counts is a running total, and its smallest step.
 fn counter(all: &[SampleColumn], guesses: &[Option<Guess>]) -> String {
     let is_counts = |guess: &Option<Guess>| guess.as_ref().is_some_and(|guess| guess.role.starts_with("counts"));
@@ -163,9 +166,13 @@ fn counter(all: &[SampleColumn], guesses: &[Option<Guess>]) -> String {
     let mean = steps.iter().sum::<f64>() / steps.len().max(1) as f64;
     let one_way = steps.len() > 2 && (steps.iter().all(|step| *step > 0.0) || steps.iter().all(|step| *step < 0.0));
     let spread = steps.iter().map(|step| (step - mean).abs()).fold(0.0, f64::max);
+    // Of a slow gyro, with many rows alike: noise would move some of them down.
+    let (rises, falls) =
+        (steps.iter().filter(|step| **step > 0.0).count(), steps.iter().filter(|step| **step < 0.0).count());
+    let moves_one_way = rises.max(falls) >= FEWEST_MOVES && rises.min(falls) == 0;
     let mut out = String::new();
-    if one_way && mean.abs() > spread {
-        out += "counter = \"cumulative\"   # GUESS: every row is beyond the one before, by about as much\n";
+    if one_way && mean.abs() > spread || moves_one_way {
+        out += "counter = \"cumulative\"   # GUESS: no row falls behind the one before\n";
     }
     let fraction =
         |quantum: f64| numbers.iter().all(|count| ((count / quantum).round() * quantum - count).abs() < 1e-9);
@@ -176,6 +183,10 @@ fn counter(all: &[SampleColumn], guesses: &[Option<Guess>]) -> String {
     }
     out
 }
+
+const AXES: [&str; 3] = ["x", "y", "z"];
+/// Largest time that a log can hold, s.
+const MOST_TIME_S: f64 = 4.6e9;
 
 /// What a column is; `None` where nothing says it. No role is given twice.
 fn guess(column: &SampleColumn, used: &mut BTreeSet<String>) -> Option<Guess> {
@@ -189,20 +200,23 @@ fn guess(column: &SampleColumn, used: &mut BTreeSet<String>) -> Option<Guess> {
     let (words, bracket) = words_of(header);
     let unit = column.unit.clone().or(bracket);
     let has = |names: &[&str]| words.iter().any(|word| names.contains(&word.as_str()));
-    let axis = words
-        .iter()
-        .find(|word| ["x", "y", "z"].contains(&word.as_str()))
-        .map_or(String::new(), |axis| format!("_{axis}"));
-    // A `t` that only rises is the time; any other, and one with a place behind it, is a temperature.
-    let is_t = words.first().is_some_and(|word| word == "t");
+    // `gx_dps`: rates of axes by one letter, where their unit is stated; without, they may be accelerations.
+    let first = words.first().map_or("", String::as_str);
+    let of_axis = first.strip_prefix(['g', 'w']).filter(|axis| AXES.contains(axis));
+    let of_axis = of_axis.filter(|_| stated(unit.as_deref(), &words, RATE_UNITS).is_some());
+    let axis = of_axis.or_else(|| words.iter().map(String::as_str).find(|word| AXES.contains(word)));
+    let axis = axis.map_or(String::new(), |axis| format!("_{axis}"));
+    // A `t` that only rises is the time, alone or with a unit of time; any other, and one with a place behind it, is a temperature.
+    let is_t = first == "t";
+    let of_time = || words.len() == 1 || stated(unit.as_deref(), &words, TIME_UNITS).is_some();
     let rises = || column.numbers().windows(2).all(|pair| pair[1] > pair[0]);
-    let made = if column.is_dates() || has(&TIME) || is_t && words.len() == 1 && rises() {
+    let made = if column.is_dates() || has(&TIME) || is_t && of_time() && rises() {
         time(column, unit.as_deref(), &words)
     } else if has(&TEMPERATURE) || is_t {
         Some(temperature(column, unit.as_deref(), &words))
     } else if has(&COUNTS) {
         Some(Guess { role: format!("counts{axis}"), guessed: vec!["by its name".to_owned()] })
-    } else if has(&RATE) && !column.numbers().is_empty() {
+    } else if (has(&RATE) || of_axis.is_some()) && !column.numbers().is_empty() {
         rate(column, unit.as_deref(), &words, &axis)
     } else if has(&FLAG) {
         Some(Guess { role: "valid".to_owned(), guessed: vec!["by its name".to_owned()] })
@@ -271,13 +285,11 @@ fn time(column: &SampleColumn, unit: Option<&str>, words: &[String]) -> Option<G
     let mut steps: Vec<f64> = numbers.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 0.0).collect();
     steps.sort_by(f64::total_cmp);
     let step = *steps.get(steps.len() / 2)?;
-    // Rows of a log are between half a millisecond and ten minutes apart.
-    let ending = match step {
-        step if step <= 600.0 => "s",
-        step if step <= 600e3 => "ms",
-        step if step <= 600e6 => "us",
-        _ => "ns",
-    };
+    // Rows of a log are between half a millisecond and ten minutes apart, and its times less than two centuries from zero.
+    let farthest = numbers.iter().fold(0.0_f64, |most, time| most.max(time.abs()));
+    let is_of = |per_s: f64| step <= 600.0 * per_s && farthest <= MOST_TIME_S * per_s;
+    let ending = [("s", 1.0), ("ms", 1e3), ("us", 1e6)].into_iter().find(|(_, per_s)| is_of(*per_s));
+    let ending = ending.map_or("ns", |(ending, _)| ending);
     Some(Guess { role: format!("time_{ending}"), guessed: vec![format!("the unit, from rows that are {step} apart")] })
 }
 

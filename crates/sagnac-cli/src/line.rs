@@ -64,7 +64,9 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     let bytes = frame_bytes(&message)?;
     if args.output.as_os_str() == "-" {
         use std::io::Write as _;
-        std::io::stdout().write_all(&bytes).map_err(|e| Error::io("standard output", "write", &e))?;
+        let mut out = std::io::stdout();
+        // Nothing may stay in a buffer whose error nobody sees.
+        out.write_all(&bytes).and_then(|()| out.flush()).map_err(|e| Error::io("standard output", "write", &e))?;
     } else {
         write_bytes(&args.output, &bytes)?;
         console.say(format!("wrote {}: {} bytes", args.output.display(), bytes.len()));

@@ -140,8 +140,8 @@ impl SetupArgs {
         setup.discard_initial_s = self.discard_initial.unwrap_or(setup.discard_initial_s);
         setup.temperature_offset_s = self.temperature_offset.unwrap_or(setup.temperature_offset_s);
         setup.counter = match self.counter {
-            Some(CounterWord::Incremental) => Counter::Incremental,
-            Some(CounterWord::Cumulative) => Counter::Cumulative,
+            Some(CounterWord::Incremental) => Some(Counter::Incremental),
+            Some(CounterWord::Cumulative) => Some(Counter::Cumulative),
             None => setup.counter,
         };
         setup.runs = match (self.one_run, self.runs) {

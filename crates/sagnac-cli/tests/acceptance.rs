@@ -73,7 +73,7 @@ fn what_is_not_asked_is_not_met() {
     assert_eq!(unasked[0]["why"], "needs a retest on a rate table");
     let said = String::from_utf8(out.stderr).unwrap();
     assert!(
-        said.contains("14 of 14 limits met, 3 not asked of such a retest") && !said.contains("all limits met"),
+        said.contains("15 of 15 limits met, 3 not asked of such a retest") && !said.contains("all limits met"),
         "{said}"
     );
     let html = std::fs::read_to_string(&page).unwrap();
@@ -211,4 +211,37 @@ fn a_floor_of_nothing_meets_no_limit() {
     std::fs::write(&record, silent.to_string()).unwrap();
     let (status, out, said) = verify(&record, &log);
     assert!(status == 1 && out.contains("the noise floor is not known"), "{status} {out} {said}");
+}
+
+/// What is periodic averages out in windows of its period: a retest does not choose their length.
+#[test]
+fn limits_are_not_held_against_another_window() {
+    let folder = TempDir::new().unwrap();
+    let (record, retest) = (record(&folder), testdata("cycle-3.csv.gz"));
+    let run = |more: &[&str]| {
+        let args = [&["verify", &record, &retest, "--window", "300"], more].concat();
+        let out = sagnac().args(args).output().unwrap();
+        (out.status.code().unwrap(), String::from_utf8_lossy(&out.stderr).into_owned())
+    };
+    assert_eq!(run(&[]).0, 0);
+    let (status, said) = run(&["--limits", "navigation-grade"]);
+    assert!(status == 3 && said.contains("the calibration in windows of 100.0 s"), "{status}: {said}");
+}
+
+/// An input rate of another axis, or one for several axes, must not switch a limit off.
+#[test]
+fn a_limit_of_the_bias_cannot_be_switched_off_by_a_name() {
+    let folder = TempDir::new().unwrap();
+    let (record, retest) = (record(&folder), testdata("cycle-3.csv.gz"));
+    let run = |rate: &str| {
+        let args = ["verify", &record, &retest, "--limits", "navigation-grade", "--input-rate", rate];
+        let out = sagnac().args(args).output().unwrap();
+        (out.status.code().unwrap(), String::from_utf8_lossy(&out.stderr).into_owned())
+    };
+    assert_eq!(run("4.498").0, 0);
+    assert_eq!(run("z=4.498").0, 0);
+    // Off by 0.1 °/h.
+    assert_eq!(run("z=4.4").0, 1);
+    let (status, said) = run("q=4.4");
+    assert!(status == 2 && said.contains("input rates of q, but the log has z"), "{status}: {said}");
 }

@@ -416,3 +416,77 @@ fn init_maps_one_time_as_a_number() {
     let read = sagnac(folder.path(), &["inspect", "two.csv", "--setup", "bench.toml", "--arcsec-per-count", "1"]);
     assert!(read.status.success(), "{}", said(&read));
 }
+
+/// Calibrates a log of counts that a function of the row makes, with some flags.
+fn calibrated(folder: &Path, counts: impl Fn(usize) -> usize, flags: &[&str]) -> Output {
+    let rows = rows(|time, celsius, _| format!("{time},{celsius},{}", counts(time)));
+    fs::write(folder.join("log.csv"), format!("time_s,temperature_c,counts\n{rows}")).unwrap();
+    let args = ["calibrate", "log.csv", "--arcsec-per-count", "1", "--model", "bias 1", "--window", "10"];
+    sagnac(folder, &[&args[..], flags].concat())
+}
+
+/// A running total has a drift of thousands of °/h, taken for counts of each row. A setup that states what they are is believed.
+#[test]
+fn a_running_total_is_not_calibrated_as_counts_of_rows() {
+    let folder = TempDir::new().unwrap();
+    let at = folder.path();
+    // With noise, and of a slow gyro with many rows alike.
+    let totals: [fn(usize) -> usize; 2] = [|row| 1200 * row + row * 7919 % 13, |row| row / 3 + 20];
+    for total in totals {
+        let refused = calibrated(at, total, &[]);
+        assert_eq!(refused.status.code(), Some(2), "{}", said(&refused));
+        assert!(said(&refused).contains("as a running total does") && said(&refused).contains("--counter cumulative"));
+        for counter in ["incremental", "cumulative"] {
+            let stated = calibrated(at, total, &["--counter", counter]);
+            assert!(stated.status.success(), "{counter}: {}", said(&stated));
+        }
+    }
+    let init = sagnac(at, &["init", "log.csv"]);
+    assert!(String::from_utf8_lossy(&init.stdout).contains("counter = \"cumulative\"   # GUESS"));
+    // A stream ends before its rows are taken for corrected ones.
+    let record = calibrated(at, |row| 1200 + row * 7919 % 13, &["--serial", "A", "-o", "a.cal.json"]);
+    assert!(record.status.success(), "{}", said(&record));
+    let endless: String = (1..5000).map(|row| format!("{row},20.0,{}\n", 1200 * row)).collect();
+    let stream = Command::cargo_bin("sagnac")
+        .unwrap()
+        .current_dir(at)
+        .args(["compensate", "a.cal.json"])
+        .write_stdin(format!("time_s,temperature_c,counts\n{endless}"))
+        .output()
+        .unwrap();
+    assert_eq!(stream.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&stream.stdout).lines().count() < 60 && said(&stream).contains("running total"));
+}
+
+/// Counts that never change hold neither drift nor noise.
+#[test]
+fn a_counter_that_stands_still_is_good_for_nothing() {
+    let folder = TempDir::new().unwrap();
+    let refused = calibrated(folder.path(), |_| 150, &[]);
+    assert_eq!(refused.status.code(), Some(3), "{}", said(&refused));
+    assert!(said(&refused).contains("the same rate in all 60 windows"), "{}", said(&refused));
+    let inspected = sagnac(folder.path(), &["inspect", "log.csv", "--arcsec-per-count", "1"]);
+    assert!(String::from_utf8_lossy(&inspected.stdout).contains("good for nothing"), "{inspected:?}");
+}
+
+/// Columns as recorders name them: a time with its unit behind one letter, rates by the letter of the axis, microseconds since a start-up years ago.
+#[test]
+fn init_knows_the_names_of_recorders() {
+    let folder = TempDir::new().unwrap();
+    let logs = [
+        (
+            "t_s,gx_dps,temperature_c\n0.01,0.003,20\n0.02,0.004,20\n0.03,0.002,21\n",
+            ["\"t_s\" = \"time_s\"", "\"gx_dps\" = \"rate_dps_x\""],
+        ),
+        (
+            "timestamp,rate_dph,temperature_c\n256551281491968,5,20\n256551281997314,6,21\n256551282502660,4,21\n",
+            ["\"timestamp\" = \"time_us\"", "rate_dph"],
+        ),
+    ];
+    for (log, wanted) in logs {
+        fs::write(folder.path().join("log.csv"), log).unwrap();
+        let out = sagnac(folder.path(), &["init", "log.csv"]);
+        let setup = String::from_utf8_lossy(&out.stdout).into_owned();
+        assert!(wanted.iter().all(|line| setup.contains(line)), "{setup}");
+    }
+}

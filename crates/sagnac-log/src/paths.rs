@@ -1,6 +1,5 @@
 //! A folder or a pattern in place of logs: the files that it means, in natural order (run-2 before run-10).
 
-use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
@@ -77,12 +76,12 @@ fn is_pattern(path: &Path) -> bool {
 }
 
 fn is_hidden(path: &Path) -> bool {
-    path.file_name().and_then(OsStr::to_str).is_some_and(|name| name.starts_with('.'))
+    path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'))
 }
 
 /// True for the name of a log, packed or not; false for a hidden file.
 fn is_log(path: &Path) -> bool {
-    let name = path.file_name().and_then(OsStr::to_str).unwrap_or_default().to_ascii_lowercase();
+    let name = path.file_name().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
     let name = name.strip_suffix(".gz").unwrap_or(&name);
     !is_hidden(path) && ENDINGS.iter().any(|ending| name.ends_with(&format!(".{ending}")))
 }

@@ -172,7 +172,7 @@ fn a_flagged_row_may_hold_anything() {
 
 #[test]
 fn cumulative_counters_are_unrolled_and_their_wraps_too() {
-    let setup = Setup { counter: Counter::Cumulative, ..counts_setup() };
+    let setup = Setup { counter: Some(Counter::Cumulative), ..counts_setup() };
     let (batch, _) = read("time_s,counts\n1,100\n2,107\n3,x\n4,120\n5,118\n", &setup).unwrap();
     assert_eq!(batch.angle[0], [7.0, 13.0, -2.0]);
     // The unreadable row's counts are in the next one, and so is its interval.
@@ -436,7 +436,7 @@ fn a_rate_that_no_gyro_has_is_no_value() {
     let rates = |last: &str| faults(&format!("rate_dps\n1,20,7\n2,20,8\n3,20,9\n4,20,{last}\n"), &Setup::default());
     assert_eq!(rates("-100000"), (4, vec![]));
     assert_eq!(rates("100001"), (3, refused("log.csv:5")));
-    let totals = Setup { counter: Counter::Cumulative, ..counts_setup() };
+    let totals = Setup { counter: Some(Counter::Cumulative), ..counts_setup() };
     let total = |last: &str| faults(&format!("counts\n1,20,7\n2,20,8\n3,20,9\n4,20,{last}\n"), &totals);
     assert_eq!(total("540000009"), (3, vec![]));
     assert_eq!(total("540000010").0, 2);

@@ -131,6 +131,49 @@ fn a_unit_off_its_calibration_is_refused() {
     assert!(limit.pass.is_none() && limit.why.as_ref().unwrap().contains("input rate"), "{limit:?}");
 }
 
+/// Three runs, of which the second has what each alone may not: 11 minutes of 1 °/h that are excluded on request (0.0046 of all rows, 0.014
+/// of the run's), or two hours of 1 °/h that are flagged (0.05 of all time, 0.15 of the run's).
+#[test]
+fn what_one_of_three_runs_excludes_or_misses_is_judged_by_itself() {
+    let (unit, limits) = (calibrated(), navigation());
+    let jump = |from_h: f64, to_h: f64| move |hours: f64| if (from_h..to_h).contains(&hours) { 1.0 } else { 0.0 };
+    let logs = |seed: u64, second: Vec<u8>| {
+        let [first, third] = [0, 1].map(|k| Bench::new(2 * seed + k, &usual).log());
+        vec![first, second, third]
+    };
+    let excluded = fraction(20, |seed| {
+        let second = Bench::new(20_000 + seed, &usual).log_with(&jump(5.5, 5.5 + 11.0 / 60.0));
+        let found = proof(&unit, logs(21_000 + seed, second), VerifyOptions::default().exclude_outliers(true));
+        missed(&found.limits(&limits).unwrap()) == ["excluded_max"]
+    });
+    evidence(
+        "a bump of 11 min in one of three runs, excluded on request, is refused by `excluded_max`",
+        excluded,
+        "≥ 1",
+        20,
+    );
+    let flagged = |log: Vec<u8>| {
+        let text = String::from_utf8(log).unwrap();
+        let row = |(at, line): (usize, &str)| match at {
+            0 => format!("{line},valid\n"),
+            _ => format!("{line},{}\n", u8::from(!(5 * 720..7 * 720).contains(&at))),
+        };
+        text.lines().enumerate().map(row).collect::<String>().into_bytes()
+    };
+    let hidden = fraction(20, |seed| {
+        let second = Bench::new(22_000 + seed, &usual).log_with(&jump(5.0, 7.0));
+        let all = logs(23_000 + seed, second).into_iter().map(&flagged);
+        // The others have the column, too, and flag nothing.
+        let all = all.enumerate().map(|(run, log)| {
+            let text = String::from_utf8(log).unwrap();
+            if run == 1 { text } else { text.replace(",0\n", ",1\n") }.into_bytes()
+        });
+        let found = proof(&unit, all.collect(), VerifyOptions::default());
+        missed(&found.limits(&limits).unwrap()).contains(&"missing_max".to_owned())
+    });
+    evidence("two hours of one of three runs that are flagged are refused by `missing_max`", hidden, "≥ 1", 20);
+}
+
 /// A log of three axes at one site: x north, y west, z up. Each has its own input rate, and only y has moved.
 #[test]
 fn each_axis_of_a_log_is_held_against_its_own_input_rate() {

@@ -75,7 +75,7 @@ fn any_setup() -> impl Strategy<Value = Setup> {
     (window, more, any::<bool>(), prop::option::of(4_u8..=52)).prop_map(|(window, more, cumulative, bits)| {
         let mut setup = Setup::parse(&format!("arcsec_per_count = 1.5\n{window}{more}")).unwrap();
         if cumulative {
-            (setup.counter, setup.counter_bits) = (Counter::Cumulative, bits);
+            (setup.counter, setup.counter_bits) = (Some(Counter::Cumulative), bits);
         }
         setup
     })

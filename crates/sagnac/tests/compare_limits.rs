@@ -187,6 +187,29 @@ fn a_scale_factor_that_changed_is_refused() {
 }
 
 /// What a comparison cannot ask is not asked and says so; what it does not know is not met; one log twice proves nothing.
+/// A second record that was only between −20 and 50 °C says nothing of what changed above.
+#[test]
+fn what_one_record_has_not_visited_is_not_unchanged() {
+    let limits = navigation();
+    let hot = |now: Now| usual(now) + 0.5 * ((now.celsius - 55.0) / 15.0).clamp(0.0, 1.0);
+    let refused = fraction(20, |seed| {
+        let whole = Bench { cycles: 2, ..Bench::new(9_000 + seed, &usual) };
+        let narrow = Bench {
+            chamber_c: |minutes| Bench::triangle_c(minutes).clamp(-20.0, 50.0),
+            ..Bench::new(9_100 + seed, &hot)
+        };
+        let of = |bench: &Bench<'_>| fit(vec![bench.log()], &Bench::setup(), "bias 3, rate 0").unwrap();
+        let found = judged(vec![of(&whole), of(&narrow)], &limits);
+        missed(&found).contains(&"span_covered_min")
+    });
+    evidence(
+        "`compare` refuses a record of 64 % of the other's temperatures by `navigation-grade`",
+        refused,
+        "≥ 1",
+        20,
+    );
+}
+
 #[test]
 fn what_is_not_asked_says_so() {
     let limits = navigation();
@@ -200,7 +223,13 @@ fn what_is_not_asked_says_so() {
     let asked: Vec<&str> = found.axes[0].limits.iter().filter(|l| l.pass.is_some()).map(|l| l.name.as_str()).collect();
     assert_eq!(
         asked,
-        ["drift_dph_per_c_max", "drift_dph_per_cpm_max", "temperature_residual_dph_max", "bias_repeatability_dph_max"]
+        [
+            "span_covered_min",
+            "drift_dph_per_c_max",
+            "drift_dph_per_cpm_max",
+            "temperature_residual_dph_max",
+            "bias_repeatability_dph_max"
+        ]
     );
     assert_eq!(of(&found, "arw_deg_rt_h_max").why.unwrap(), "needs a retest: `sagnac verify`");
     assert!(of(&found, "scale_factor_repeatability_ppm_max").why.unwrap().contains("was not made on a rate table"));

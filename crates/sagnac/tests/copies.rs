@@ -116,7 +116,7 @@ fn copies_of_rates_and_of_running_totals_are_refused() {
             total.set(total.get() + n.parse::<f64>().unwrap());
             Some(format!("{t},{c},{}\n", total.get()))
         });
-        let cumulative = Setup { counter: Counter::Cumulative, ..Bench::setup() };
+        let cumulative = Setup { counter: Some(Counter::Cumulative), ..Bench::setup() };
         assert_eq!(overlap(&unit, vec![summed], &cumulative), 1, "{seed}");
     }
 }

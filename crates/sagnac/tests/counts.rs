@@ -13,7 +13,7 @@ use support::records::{Gyro, Random, TWELVE_HOURS, log, log_with_temperature, lo
 use support::{reader, windows};
 
 fn setup(gyro: &Gyro, counter: Counter) -> Setup {
-    Setup { arcsec_per_count: Some(gyro.arcsec_per_count), counter, ..Setup::default() }
+    Setup { arcsec_per_count: Some(gyro.arcsec_per_count), counter: Some(counter), ..Setup::default() }
 }
 
 /// N in °/√h and the noise floor in °/h of the windows of a log.

@@ -134,7 +134,8 @@ fn small_drifts_do_not_round_to_nothing() {
     let drift = |now: Now| 1e-4 * now.u();
     for seed in 0..5 {
         let mut bench = Bench::new(seed, &drift);
-        (bench.n_deg_rt_h, bench.quantum_arcsec) = (1e-6, 1.0);
+        // Of 4.5 °/h each window would count the same.
+        (bench.n_deg_rt_h, bench.quantum_arcsec, bench.input_dph) = (1e-6, 1.0, 4.5037);
         let found = fit(vec![bench.log()], &Bench::setup_of(1.0), "bias 1").unwrap();
         let away = away_from_record(&found, &found.axes[0]);
         assert!(away < 1.0, "{away}");

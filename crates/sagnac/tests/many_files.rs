@@ -133,7 +133,7 @@ fn hourly_totals(log: &[u8], rows: usize, anew: bool, first_row_again: bool) -> 
 }
 
 fn cumulative() -> Setup {
-    Setup { counter: sagnac_log::setup::Counter::Cumulative, ..Bench::setup() }
+    Setup { counter: Some(sagnac_log::setup::Counter::Cumulative), ..Bench::setup() }
 }
 
 /// Hourly files whose clock restarts and whose running total goes on are one run, with the rows at the joints: the record is that of

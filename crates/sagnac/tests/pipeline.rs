@@ -86,7 +86,8 @@ fn what_the_data_cannot_support_is_refused_by_name() {
     let no_temperature = vec![b"time_s,counts\n1,4\n2,4\n3,5\n".to_vec()];
     assert!(refusal(no_temperature, &setup, "auto").contains("no temperature"));
     // A thermometer that never moves gives no rate.
-    let still = (1..=3000).map(|s| format!("{s},{},4\n", if s < 1500 { 20 } else { 40 })).collect::<String>();
+    let row = |s: i32| format!("{s},{},{}\n", if s < 1500 { 20 } else { 40 }, 4 + s * 7919 % 13 / 7);
+    let still = (1..=3000).map(row).collect::<String>();
     let still = vec![format!("time_s,temperature_c,counts\n{still}").into_bytes()];
     assert!(refusal(still, &setup, "bias 3").contains("not independent"));
 }

@@ -60,7 +60,7 @@ impl Steps {
         let found = significant(self.typical_ns as f64 / NS_PER_S, 6);
         let what = format!("the time column has a row every {found} s (mean of the first {} steps)", self.number);
         Err(Error::input(what).column("sample_interval_s").value(s_from_ns(given_ns).to_string()).help(
-            "leave --sample-interval (sample_interval_s) out, or map the time column to \"ignore\" under [columns] if it is wrong",
+            "give that with --sample-interval (sample_interval_s), or leave it out where the log is a file; map the time column to \"ignore\" under [columns] if it is wrong",
         ))
     }
 }

@@ -92,6 +92,8 @@ pub struct LogReader {
     sketch: Option<Sketch>,
     /// Of counts that should be of each row.
     running_total: Option<RunningTotal>,
+    /// Read line by line.
+    is_stream: bool,
     name: String,
     /// Added to every time: not zero where it follows another file by its counter.
     offset_ns: Option<i64>,
@@ -182,7 +184,7 @@ impl LogReader {
         let column = if mode != ReadMode::Bulk && column == TableColumn::Mark { TableColumn::Rate } else { column };
         let table = TableRates::new(column);
         let sketch = Some(Sketch::new(shape.axes.clone()));
-        let counts_of_rows = layout.is_count_log() && config.counter == Counter::Incremental;
+        let counts_of_rows = layout.is_count_log() && config.counter == Counter::Incremental && !config.counter_stated;
         let running_total = (counts_of_rows && !shape.has_reference).then(|| RunningTotal::new(shape.axes.len()));
         Ok(Self {
             pieces,
@@ -198,6 +200,7 @@ impl LogReader {
             hash,
             sketch,
             running_total,
+            is_stream: mode == ReadMode::LineByLine,
             name: name.to_owned(),
             offset_ns: None,
             assumed,
@@ -365,6 +368,10 @@ impl LogReader {
         }
         if let Some(watch) = &mut self.running_total {
             watch.push(&self.batch);
+            // A stream may have no end, and its first rows are out by then.
+            if self.is_stream {
+                watch.check(&self.shape.axes).map_err(|e| e.file(&self.name))?;
+            }
         }
         Ok(true)
     }

@@ -19,7 +19,10 @@ use sagnac_units::EARTH_RATE_DPH;
 /// A value of the only axis, or one of each axis.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[schemars(rename = "PerAxis_{T}")]
-#[serde(untagged, expecting = "needs one value, or one of each axis, as in { x = …, y = …, z = … }")]
+#[serde(
+    untagged,
+    expecting = "needs one value, or one of each axis as in { x = …, y = …, z = … }: rates are numbers, directions up, down, north, south, east or west"
+)]
 pub enum PerAxis<T> {
     /// Of a log with one axis.
     Only(T),
@@ -43,6 +46,49 @@ impl<T: Copy> PerAxis<T> {
             Self::Each(values) => (None, Some(values.values().copied())),
         };
         only.into_iter().chain(each.into_iter().flatten())
+    }
+
+    /// What is stated of the axes of a log: here, else by another.
+    ///
+    /// # Errors
+    /// One value for several axes; axes of which the log has none.
+    pub fn of_log(stated: Option<&Self>, else_by: Option<&Self>, letters: &[char]) -> Result<Option<Self>> {
+        if let Some(stated) = stated {
+            stated.check_log(letters)?;
+        }
+        let value = |axis: char| {
+            let of = |all: Option<&Self>| all.and_then(|all| all.of(axis, letters.len()));
+            of(stated).or_else(|| of(else_by))
+        };
+        let values: BTreeMap<char, T> = letters.iter().filter_map(|axis| Some((*axis, value(*axis)?))).collect();
+        Ok((!values.is_empty()).then_some(Self::Each(values)))
+    }
+
+    /// It can be of a log with these axes.
+    fn check_log(&self, letters: &[char]) -> Result<()> {
+        let have: Vec<String> = letters.iter().map(char::to_string).collect();
+        let refused = |what: String| {
+            let each: Vec<String> = have.iter().map(|axis| format!("{axis} = …")).collect();
+            Err(Error::input(what).column("input_rate_dph").help(format!(
+                "state one of each axis that is known: input_rate_dph = {{ {} }}, or axis_direction in [earth]",
+                each.join(", ")
+            )))
+        };
+        match self {
+            Self::Only(_) if letters.len() > 1 => {
+                refused(format!("one input rate cannot be that of the axes {}", have.join(", ")))
+            }
+            // A setup may serve the logs of three axes, each of one; a log of several has every axis that it states.
+            Self::Each(values) => {
+                let unknown: Vec<String> =
+                    values.keys().filter(|axis| !letters.contains(axis)).map(char::to_string).collect();
+                if unknown.is_empty() || letters.len() == 1 && unknown.len() < values.len() {
+                    return Ok(());
+                }
+                refused(format!("input rates of {}, but the log has {}", unknown.join(", "), have.join(", ")))
+            }
+            _ => Ok(()),
+        }
     }
 
     fn map<U>(&self, of: impl Fn(T) -> U) -> PerAxis<U> {
@@ -172,6 +218,25 @@ mod tests {
         assert_eq!(rate.of('w', 3), None);
         let wrong = toml::from_str::<Earth>("latitude_deg = 1.0\naxis_direction = { x = 3 }").unwrap_err().to_string();
         assert!(wrong.contains("one of each axis"), "{wrong}");
+    }
+
+    #[test]
+    fn a_log_has_what_is_stated_of_its_axes() {
+        let each = |text: &str| text.parse::<PerAxis<f64>>().unwrap();
+        let of_log = |stated: &str, else_by: &str, letters: &[char]| {
+            PerAxis::of_log(Some(&each(stated)), Some(&each(else_by)), letters)
+        };
+        // What a retest does not state is as the calibration had it.
+        assert_eq!(of_log("x=1,y=2", "2", &['x']).unwrap(), Some(each("x=1")));
+        assert_eq!(of_log("x=1", "x=2,y=3,z=4", &['x', 'y']).unwrap(), Some(each("x=1,y=3")));
+        assert_eq!(of_log("1", "2", &['z']).unwrap(), Some(each("z=1")));
+        assert_eq!(of_log("x=1", "2", &['x', 'y']).unwrap(), Some(each("x=1")));
+        for (stated, letters, word) in
+            [("1", "xy", "cannot be that of"), ("q=1", "x", "log has x"), ("x=1,Y=1", "xyz", "rates of Y")]
+        {
+            let letters: Vec<char> = letters.chars().collect();
+            assert!(of_log(stated, "2", &letters).unwrap_err().to_string().contains(word), "{stated}");
+        }
     }
 
     #[test]

@@ -260,8 +260,8 @@ pub struct Setup {
     pub arcsec_per_count: Option<f64>,
     /// Smallest step of the counts column, counts; 1 by default.
     pub quantum: Option<f64>,
-    /// Meaning of the counts column.
-    pub counter: Counter,
+    /// Meaning of the counts column; incremental by default. A log whose counts only rise is refused unless this states it.
+    pub counter: Option<Counter>,
     /// Width of a wrapping cumulative counter, bits.
     pub counter_bits: Option<u8>,
     /// Interval of a row, s; that of the first rows by default. Refused if it differs by over 2 % from the time column's.
@@ -429,7 +429,7 @@ impl Setup {
         if self.input_rate_dph.is_some() && self.earth.is_some() {
             return Err(Error::input("input_rate_dph and [earth] both give the input rate; keep one").column("earth"));
         }
-        if self.counter_bits.is_some() && self.counter == Counter::Incremental {
+        if self.counter_bits.is_some() && self.counter != Some(Counter::Cumulative) {
             return Err(
                 Error::input("only a cumulative counter wraps; set counter = \"cumulative\"").column("counter_bits")
             );

@@ -33,6 +33,8 @@ pub struct ReadConfig {
     pub quantum: Option<f64>,
     /// How the counts column counts.
     pub counter: Counter,
+    /// It was stated.
+    pub counter_stated: bool,
     /// Width of a wrapping cumulative counter, bits.
     pub counter_bits: Option<u8>,
     /// Interval of a row, s.
@@ -251,7 +253,8 @@ impl Setup {
                 axis,
                 arcsec_per_count,
                 quantum,
-                counter,
+                counter: counter.unwrap_or_default(),
+                counter_stated: counter.is_some(),
                 counter_bits,
                 sample_interval_s,
                 columns,
@@ -290,7 +293,9 @@ impl Setup {
 
     /// True where both setups make the same windows of a log.
     pub fn makes_the_windows_of(&self, other: &Self) -> bool {
-        let (a, b) = (self.stages(), Self { memory: self.memory, ..other.clone() }.stages());
+        let stated = |setup: &Self| Some(setup.counter.unwrap_or_default());
+        let a = Self { counter: stated(self), ..self.clone() }.stages();
+        let b = Self { memory: self.memory, counter: stated(other), ..other.clone() }.stages();
         a.read == b.read && a.window == b.window
     }
 }

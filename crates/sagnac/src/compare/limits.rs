@@ -30,7 +30,14 @@ pub struct ComparedLimit {
 }
 
 /// Every limit that a comparison asks, in the order of the limits' own table.
-pub const COMPARED: [ComparedLimit; 8] = [
+pub const COMPARED: [ComparedLimit; 9] = [
+    ComparedLimit {
+        key: "span_covered_min",
+        label: "temperatures that all records have, as a fraction of those that any has",
+        figure: |all| {
+            all.span_covered().map_or(Found::Unknown("a record without a temperature".to_owned()), Found::Bound)
+        },
+    },
     ComparedLimit {
         key: "drift_dph_per_c_max",
         label: "slope over temperature of the difference of two curves",
@@ -134,6 +141,13 @@ impl Compared<'_> {
             }
         };
         limits.given().into_iter().map(one).collect()
+    }
+
+    /// Curves are compared where all records have been: what changed elsewhere is not seen.
+    fn span_covered(&self) -> Option<f64> {
+        let of = |at: usize, pick: fn(f64, f64) -> f64| self.axes.iter().map(|axis| axis.span_c()[at]).reduce(pick);
+        let (common, any) = (of(1, f64::min)? - of(0, f64::max)?, of(1, f64::max)? - of(0, f64::min)?);
+        (any > 0.0).then_some((common / any).clamp(0.0, 1.0))
     }
 
     fn pairs(&self, of: impl Fn(usize, usize) -> Result<Estimate, String>) -> Found {

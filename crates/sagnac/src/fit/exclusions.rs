@@ -9,11 +9,32 @@ use sagnac_units::s_from_ns;
 
 /// Part of a run's rows that may be excluded as bumps, steps or start-up.
 const MOST: f64 = 0.05;
+/// Fewer windows may be alike by chance, of a coarse counter.
+const FEWEST_ALIKE: usize = 10;
+/// Differences below this part of a rate are rounding.
+const ROUNDING: f64 = 1e-12;
 
 /// # Errors
 /// [`sagnac_log::ErrorKind::Refused`] for a run of which too much looks like outliers, or whose rate changed for good.
 pub(crate) fn check(windows: &Windows) -> Result<()> {
     (0..windows.runs.len()).try_for_each(|run| check_run(windows, run))
+}
+
+/// Windows that are all alike hold neither drift nor noise: a fit of them would be sure of nothing to sixteen digits.
+///
+/// # Errors
+/// [`sagnac_log::ErrorKind::Refused`] for such an axis.
+pub(crate) fn check_moves(windows: &Windows, axis: usize) -> Result<()> {
+    let used: Vec<usize> = (0..windows.len()).filter(|i| windows.rows.excluded[*i].is_none()).collect();
+    let rates = used.iter().map(|i| windows.rate_dph(axis, *i));
+    let (lo, hi) = rates.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), rate| (lo.min(rate), hi.max(rate)));
+    if used.len() < FEWEST_ALIKE || hi - lo > ROUNDING * lo.abs().max(hi.abs()) {
+        return Ok(());
+    }
+    let (letter, n) = (windows.shape.axes[axis], used.len());
+    let what = format!("axis {letter} shows the same rate in all {n} windows, which no gyro with noise does");
+    Err(Error::refused(what)
+        .help("the counter or its column stands still, or a count is too coarse for the window; look at the column"))
 }
 
 fn check_run(windows: &Windows, run: usize) -> Result<()> {

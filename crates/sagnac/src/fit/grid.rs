@@ -1,7 +1,8 @@
 //! The best model of the thermometer of the fit: every series that the windows are enough for, graded or held out.
 //!
 //! ```text
-//! bias 0 … 8 × no rate, rate 0 … 3 ─▶ condition ≤ 100, an image holds it ─▶ least grade where the residual is nearly white ([`super::averaging`])
+//! bias 0 … 8 × no rate, rate 0 … 3 ─▶ condition ≤ 100, an image holds it ─▶ least grade where the residual is nearly white ([`super::averaging`]),
+//!                                                                       │   of those that no smaller one beats by far on held-out data
 //!                                                                       └▶ else the smallest that held-out data justify ([`super::criterion`])
 //! ```
 //!
@@ -31,6 +32,9 @@ pub(super) struct Best {
 
 /// Slow noise of less than this part of the white variance, each process, still counts as nearly white.
 const NEARLY_WHITE: f64 = 0.3;
+
+/// Held-out mean square of a model over that of a smaller one, from which on a grade does not count: 1.5 in σ.
+const FAR_BEHIND: f64 = 2.25;
 
 /// The models over the thermometer of the fit that the windows are enough for.
 pub(super) fn affordable(problem: &LeastSquares<'_>) -> Result<Vec<ModelSpec>> {
@@ -68,7 +72,7 @@ pub(super) fn best_of_grid(
         .help("test so that temperature and its rate move independently, or give a fixed --model");
     let chosen = loop {
         let best = match &grades {
-            Some(grades) => grades.best(&fair),
+            Some(grades) => grades.best(&not_far_behind(&fair, &specs, &mean_square)),
             None => best_held_out(problem, &fair, &specs, &mean_square, taus_s),
         };
         let Some(chosen) = best else { return Err(refusal) };
@@ -106,6 +110,16 @@ fn grades_if_white(problem: &LeastSquares<'_>, fair: &[usize], specs: &[ModelSpe
         return None;
     }
     grade(problem, &Whitening::new(problem.noise_rows(), noise), specs, taus_s)
+}
+
+/// Those whose held-out error no smaller model undercuts by far. A grade knows the rows that were fitted alone: on one ramp a larger
+/// model may follow them closely and be wrong by several times that beside them.
+fn not_far_behind(fair: &[usize], specs: &[ModelSpec], mean_square: &[Option<f64>]) -> Vec<usize> {
+    let square = |i: usize| mean_square[i].unwrap_or(f64::INFINITY);
+    let undercuts = |small: usize, large: usize| {
+        specs[small].coefficients() < specs[large].coefficients() && square(small) * FAR_BEHIND < square(large)
+    };
+    fair.iter().copied().filter(|large| !fair.iter().any(|small| undercuts(*small, *large))).collect()
 }
 
 /// The smallest model against which no other is justified ([`super::criterion`]). At equal size a model without rate term is

@@ -22,6 +22,7 @@ use std::ops::Range;
 use std::sync::{Arc, OnceLock, RwLock};
 
 use crate::calibration::{Plateau, SCALE_AT_REFERENCE};
+use crate::fit::exclusions;
 use crate::fit::lag::{LagRate, RATE_COLUMNS, Stretches, Track, stretches};
 use crate::fit::plateaus::plateaus_of;
 use crate::fit::progress::Progress;
@@ -199,6 +200,7 @@ impl<'a> LeastSquares<'a> {
         } else {
             check_span(windows, inputs[0].span, min_span_c)?;
         }
+        exclusions::check_moves(windows, axis)?;
         let span = inputs[0].span;
         if !(span.lo..=span.hi).contains(&reference_c) {
             return Err(Error::refused(format!(

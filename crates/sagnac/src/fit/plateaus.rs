@@ -82,8 +82,10 @@ pub(crate) fn plateaus_of(
         measured_dph: windows.rate_dph(column, *i),
         weight: windows.duration_s(*i) / windows.shape.nominal_s,
     };
+    // About another axis, this one sees what its misalignment makes of the rate: no rate of its own.
+    let used = used.iter().filter(|i| turning.across_dph[**i].1 == 0.0);
     let known = KnownNoise { stated, nominal_s: windows.shape.timed.then_some(windows.shape.nominal_s) };
-    plateaus(&used.iter().map(one).filter(|w| w.temperature_c.is_finite()).collect::<Vec<_>>(), known)
+    plateaus(&used.map(one).filter(|w| w.temperature_c.is_finite()).collect::<Vec<_>>(), known)
 }
 
 /// Every plateau that separates scale factor and bias, by temperature within the order of the test.

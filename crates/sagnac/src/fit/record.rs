@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::{AngleUnit, Reason};
-use sagnac_log::setup::{ModelConfig, Setup, Stages, TargetConfig, TestConfig};
+use sagnac_log::setup::{ModelConfig, PerAxis, Setup, Stages, TargetConfig, TestConfig};
 use sagnac_noise::NoiseTerms;
 use sagnac_units::{ARCSEC_RT_S_PER_DEG_RT_H, s_from_ns};
 
@@ -128,7 +128,9 @@ pub fn calibrate_with_report_data(
     options: &FitOptions,
 ) -> Result<(Calibration, ReportData)> {
     check_with_prior(options)?;
-    let stages = setup.stages();
+    let mut stages = setup.stages();
+    let rates = PerAxis::of_log(stages.test.input_rate_dph.as_ref(), None, &windows.shape.axes);
+    stages.test.input_rate_dph = rates.map_err(|e| of_file(e, &windows))?;
     let sensor = sensor_of(&windows.shape, &stages.model).map_err(|e| of_file(e, &windows))?;
     check_aux(&windows.shape, &stages.model)?;
     for i in 0..windows.len() {

@@ -131,7 +131,7 @@ pub fn compensate(
 /// Headers of the corrected log, status last.
 fn headers_out(log: &LogReader, setup: &Setup) -> Vec<String> {
     let columns = log.axis_columns();
-    let suffix = if setup.counter == Counter::Cumulative { "_increment" } else { "" };
+    let suffix = if setup.counter == Some(Counter::Cumulative) { "_increment" } else { "" };
     let headers = log.headers().iter().enumerate().map(|(index, header)| {
         if columns.contains(&index) { format!("{COMPENSATED_PREFIX}{header}{suffix}") } else { header.clone() }
     });

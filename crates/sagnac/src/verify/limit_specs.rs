@@ -5,7 +5,7 @@
 use crate::calibration::PpmEstimate;
 use crate::verify::limits::Limits;
 use crate::verify::repeatability::RUN_WITHOUT_BIAS;
-use crate::verify::turned::MOST_UNVISITED;
+use crate::verify::turned::{MOST_UNVISITED, worst_known};
 use crate::verify::verdict::{Decided, DecisionRule, Verdict};
 use crate::verify::{AxisVerification, BiasRepeatability, Estimate, PlateauProof, ScaleProof};
 
@@ -45,11 +45,12 @@ impl Applies {
         let unless = |holds: bool, why: &str| (!holds).then(|| why.to_owned());
         match self {
             Self::Always => None,
-            Self::Turned => unless(axis.turned, "needs a retest on a rate table"),
+            Self::Turned if axis.turned => unless(axis.turned_about, "needs a rate table that turns about this axis"),
+            Self::Turned => Some("needs a retest on a rate table".to_owned()),
             Self::AtRest => unless(!axis.turned, "needs a retest at rest"),
             Self::KnownInput => axis.bias_repeatability_unavailable.clone(),
             Self::BothTurned => {
-                let both = axis.turned && axis.scale_factor_calibrated;
+                let both = axis.turned_about && axis.scale_factor_calibrated;
                 unless(both, "needs a calibration and a retest on a rate table, and the calibration's record")
             }
             Self::Excluding => unless(axis.excluded_fraction.is_some(), "nothing was asked to be excluded"),
@@ -161,7 +162,7 @@ impl LimitSpec {
 
 pub(crate) const EXCLUDED: &str = "excluded_max";
 /// Limits of the form *at most* that are of the whole retest, not of each run.
-const OF_ALL: [&str; 4] = ["turn_on_sigma_dph_max", "missing_max", EXCLUDED, POSITION_ERROR];
+const OF_ALL: [&str; 2] = ["turn_on_sigma_dph_max", POSITION_ERROR];
 /// A correction brings σ to its noise floor, and not below.
 const LEAST_OVER_FLOOR: f64 = 0.9;
 const PLATEAU_OFFSET: &str = "plateau_offset_dph_max";
@@ -191,8 +192,7 @@ fn size_ppm(estimate: Option<PpmEstimate>) -> Figure {
 
 /// The largest of some of the plateaus' estimates.
 fn largest_ppm(axis: &AxisVerification, of: fn(&PlateauProof) -> Option<PpmEstimate>) -> Figure {
-    let plateaus = scale_of(axis).into_iter().flat_map(|scale| &scale.plateaus);
-    size_ppm(plateaus.filter_map(of).max_by(|a, b| a.ppm.abs().total_cmp(&b.ppm.abs())))
+    size_ppm(worst_known(scale_of(axis).into_iter().flat_map(|scale| &scale.plateaus).filter_map(of)))
 }
 
 fn over_floor(axis: &AxisVerification) -> Option<f64> {

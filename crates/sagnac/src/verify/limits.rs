@@ -227,17 +227,21 @@ impl Limits {
     /// Judges a run alone by the limits that each run must meet and has a figure for.
     pub(crate) fn judge_run(&self, axis: &AxisVerification) -> Vec<Verdict> {
         let rule = self.decision.unwrap_or_default();
-        let of_run = self.given().into_iter().filter(|(spec, _)| spec.is_of_each_run());
+        let of_run = self.asked_of(axis).filter(|(spec, _)| spec.is_of_each_run());
         of_run.map(|(spec, limit)| spec.judge(limit, axis, rule)).filter(|verdict| verdict.value.is_some()).collect()
     }
 
     /// Judges an axis by every limit given, and by how much was excluded.
     pub(crate) fn judge(&self, axis: &AxisVerification) -> Vec<Verdict> {
+        let rule = self.decision.unwrap_or_default();
+        self.asked_of(axis).map(|(spec, limit)| spec.judge(limit, axis, rule)).collect()
+    }
+
+    /// The limits given, and how much may be excluded where something was and the file does not state it.
+    fn asked_of(&self, axis: &AxisVerification) -> impl Iterator<Item = (&'static LimitSpec, f64)> {
         let implied = self.excluded_max.is_none() && axis.excluded_fraction.is_some();
         let excluded = implied.then(|| SPECS.iter().find(|spec| spec.key == EXCLUDED)).flatten();
-        let all = self.given().into_iter().chain(excluded.map(|spec| (spec, DEFAULT_EXCLUDED_MAX)));
-        let rule = self.decision.unwrap_or_default();
-        all.map(|(spec, limit)| spec.judge(limit, axis, rule)).collect()
+        self.given().into_iter().chain(excluded.map(|spec| (spec, DEFAULT_EXCLUDED_MAX)))
     }
 }
 

@@ -58,8 +58,8 @@ use crate::verify::suspects::suspects;
 use crate::window::Windows;
 use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::{LogReader, LogShape, Logs, Tally, hex, sha256, share_rows};
-use sagnac_log::setup::Setup;
-use sagnac_units::format::celsius;
+use sagnac_log::setup::{PerAxis, Setup};
+use sagnac_units::format::{celsius, significant};
 
 /// What a retest is held against.
 #[derive(Clone, Debug)]
@@ -263,6 +263,9 @@ pub struct AxisVerification {
     /// A rate table turned the gyro.
     #[serde(default)]
     pub turned: bool,
+    /// It turned it about this axis.
+    #[serde(default)]
+    pub turned_about: bool,
     /// What is left, figure by figure.
     pub residual: Residual,
     /// What a stated flight comes to; null without one, or where the retest does not tell it.
@@ -376,7 +379,12 @@ pub struct Proof {
     every_row: Option<(Vec<AxisVerification>, ReportData)>,
     /// Each run alone, where there are several: a good run does not make up for a bad one.
     each_run: Vec<(String, Vec<AxisVerification>)>,
+    /// Windows of the calibration, s.
+    record_window_s: Option<f64>,
 }
+
+/// Windows of a retest whose length is within this part of the calibration's are alike.
+const ALIKE: f64 = 0.1;
 
 impl Proof {
     /// Judges every axis by limits, and flies the flight that they state.
@@ -384,6 +392,7 @@ impl Proof {
     /// # Errors
     /// [`sagnac_log::ErrorKind::Refused`] where none of the limits applies to such a retest.
     pub fn limits(mut self, limits: &Limits) -> Result<Self> {
+        self.check_window()?;
         for (axis, drawn) in self.verification.axes.iter_mut().zip(&self.report_data.axes) {
             axis.judge(limits, &drawn.points)?;
         }
@@ -408,6 +417,19 @@ impl Proof {
     /// False when a limit is not met, or where limits were applied to a log that the fit has seen.
     pub fn passed(&self) -> bool {
         self.verification.passed()
+    }
+
+    /// What is periodic averages out in a window of its period: the length is not to be chosen by the retest.
+    fn check_window(&self) -> Result<()> {
+        let window_s = self.verification.window_s;
+        let Some(record_s) = self.record_window_s.filter(|record_s| (window_s / record_s - 1.0).abs() > ALIKE) else {
+            return Ok(());
+        };
+        let [window_s, record_s] = [window_s, record_s].map(|seconds| significant(seconds, 4));
+        let what = format!(
+            "the retest is in windows of {window_s} s, the calibration in windows of {record_s} s: limits are not held against another window"
+        );
+        Err(Error::refused(what).column("window").help("leave --window out, or calibrate with the same one"))
     }
 }
 
@@ -444,10 +466,12 @@ impl AxisVerification {
         }
         self.limits = limits.judge(self);
         if limits.asks() && self.limits.iter().all(|verdict| verdict.pass.is_none()) {
-            return Err(Error::refused(
-                "none of the limits can be asked of this retest: it has no rate table, or only that",
-            )
-            .help("docs/reference/limits.md says which limits ask for which test"));
+            let mut reasons: Vec<&str> = self.limits.iter().filter_map(|verdict| verdict.why.as_deref()).collect();
+            reasons.sort_unstable();
+            reasons.dedup();
+            let what =
+                format!("none of the limits can be asked of axis {} of this retest: {}", self.axis, reasons.join("; "));
+            return Err(Error::refused(what).help("docs/reference/limits.md says which limits ask for which test"));
         }
         self.pass = limits.asks().then(|| self.limits.iter().all(|verdict| verdict.pass != Some(false)));
         Ok(())
@@ -499,7 +523,9 @@ pub fn verify<'a>(
     let sensor = readings.thermometer;
     let mut test = setup.stages().test;
     // What the setup of the retest does not state is as the calibration had it.
-    test.input_rate_dph = test.input_rate_dph.or(correction.setup().stages().test.input_rate_dph);
+    let of_calibration = correction.setup().stages().test.input_rate_dph;
+    let letters = &logs.first()?.shape().axes;
+    test.input_rate_dph = PerAxis::of_log(test.input_rate_dph.as_ref(), of_calibration.as_ref(), letters)?;
     let mut whole = PairedWindows::replayed(correction, logs, setup)?;
     whole.leave_out_unknown(&test)?;
     let kept = options.excludes().then(|| whole.excluding(options, setup.discard_initial_s));
@@ -532,9 +558,17 @@ pub fn verify<'a>(
     let several = pair.raw.runs.len() > 1 && !verification.axes.iter().any(|axis| axis.about_common_mean);
     let runs = if several { pair.raw.runs.len() } else { 0 };
     // A run too short for figures of its own is judged with the others.
-    let one = |run: usize| Some((pair.raw.runs[run].name(), against.figures(&pair.of_run(run)).ok()?.0));
+    let one = |run: usize| {
+        let (alone, mut axes) = (pair.of_run(run), against.figures(&pair.of_run(run)).ok()?.0);
+        let excluded = kept.as_ref().map(|_| alone.excluded_fraction(&whole.of_run(run)));
+        for axis in &mut axes {
+            (axis.excluded_fraction, axis.missing_fraction) = (excluded, pair.missing_fraction(Some(run)));
+        }
+        Some((pair.raw.runs[run].name(), axes))
+    };
     let each_run = (0..runs).filter_map(one).collect();
-    Ok(Proof { verification, report_data, every_row, each_run })
+    let record_window_s = correction.calibration.as_ref().map(|record| record.window_s);
+    Ok(Proof { verification, report_data, every_row, each_run, record_window_s })
 }
 
 /// Axes of a calibration that a retest does not have.

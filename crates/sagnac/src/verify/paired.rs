@@ -111,11 +111,15 @@ impl PairedWindows {
         }
     }
 
-    /// Part of the time between the first and the last row of the runs of which nothing is judged, 0 to 1: no row is usable, or the rate of
-    /// the table is not known.
-    pub(crate) fn missing_fraction(&self) -> f64 {
-        let whole: f64 = self.raw.runs.iter().map(crate::window::Run::length_s).sum();
-        let is_known = |i: &usize| self.raw.rows.excluded[*i] != Some(Reason::NoReference);
+    /// Part of the time between the first and the last row of the runs, or of one run, of which nothing is judged, 0 to 1: no row is usable, or
+    /// the rate of the table is not known.
+    pub(crate) fn missing_fraction(&self, of_run: Option<usize>) -> f64 {
+        let counts = |run: usize| of_run.is_none_or(|of_run| of_run == run);
+        let whole: f64 =
+            (0..self.raw.runs.len()).filter(|run| counts(*run)).map(|run| self.raw.runs[run].length_s()).sum();
+        let is_known = |i: &usize| {
+            counts(self.raw.rows.run[*i] as usize) && self.raw.rows.excluded[*i] != Some(Reason::NoReference)
+        };
         let known: f64 = (0..self.raw.len()).filter(is_known).map(|i| self.raw.duration_s(i)).sum();
         // Sums of windows and of runs differ by their rounding.
         Some((whole - known) / whole).filter(|part| *part > 1e-9).map_or(0.0, |part| part.min(1.0))

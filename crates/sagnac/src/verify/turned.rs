@@ -88,8 +88,25 @@ impl ScaleProof {
                 sigma_ppm: second.after.sigma_ppm.hypot(first.after.sigma_ppm),
             })
         });
-        visits.max_by(|a, b| a.ppm.abs().total_cmp(&b.ppm.abs()))
+        worst_known(visits)
     }
+}
+
+/// A standard error above this multiple of the least one is that of a poorly known figure.
+const POORLY_KNOWN: f64 = 2.0;
+/// Standard errors that a poorly known figure is discounted by: of a hundred without any effect, one in a thousand tests shows that much.
+const DISCOUNT: f64 = 4.5;
+
+/// The largest of several figures. One that is poorly known, as of few windows in a ramp, counts only as far as it stands out of its noise: the
+/// largest of many such ones says how uncertain they are, and no longer test would change that.
+pub(crate) fn worst_known(figures: impl Iterator<Item = PpmEstimate>) -> Option<PpmEstimate> {
+    let all: Vec<PpmEstimate> = figures.collect();
+    let least = all.iter().map(|figure| figure.sigma_ppm).fold(f64::INFINITY, f64::min);
+    let size = |figure: &PpmEstimate| {
+        let discount = if figure.sigma_ppm > POORLY_KNOWN * least { DISCOUNT * figure.sigma_ppm } else { 0.0 };
+        figure.ppm.abs() - discount
+    };
+    all.into_iter().max_by(|a, b| size(a).total_cmp(&size(b)))
 }
 
 /// Drifts before and after.
@@ -128,6 +145,14 @@ impl<'a> PairedDrifts<'a> {
     /// A table turned the gyro.
     pub(crate) fn is_turned(&self) -> bool {
         !self.raw.turnings.is_empty()
+    }
+
+    /// A table turned the gyro about this axis.
+    pub(crate) fn is_turned_about(&self, axis: usize) -> bool {
+        self.raw
+            .turnings
+            .get(axis)
+            .is_some_and(|turning| turning.along_dph.iter().any(|dph| dph.abs() > LEAST_TURN_DPH))
     }
 
     /// The scale factor of an axis before and after; `None` without two plateaus that tell it.
@@ -254,4 +279,21 @@ fn figures(values: impl Iterator<Item = f64>) -> ScaleFigures {
     let sigma_ppm = (all.iter().map(|v| (v - mean_ppm).powi(2)).sum::<f64>() / (n - 1.0).max(1.0)).sqrt();
     let (lo, hi) = all.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| (v.min(lo), v.max(hi)));
     ScaleFigures { mean_ppm, sigma_ppm, peak_to_peak_ppm: hi - lo }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_poorly_known_figure_counts_where_it_stands_out() {
+        let figure = |(ppm, sigma_ppm)| PpmEstimate { ppm, sigma_ppm };
+        let worst = |all: &[(f64, f64)]| worst_known(all.iter().copied().map(figure)).unwrap().ppm;
+        // Soaks, and a few windows of a ramp.
+        assert_eq!(worst(&[(0.3, 0.2), (-0.5, 0.3), (7.9, 3.7), (-9.0, 3.9)]), -0.5);
+        assert_eq!(worst(&[(0.3, 0.2), (-0.5, 0.3), (30.0, 3.7)]), 30.0);
+        // All alike: the largest.
+        assert_eq!(worst(&[(7.9, 3.7), (-9.0, 3.9)]), -9.0);
+        assert_eq!(worst_known(std::iter::empty()), None);
+    }
 }

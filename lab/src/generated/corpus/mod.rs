@@ -354,6 +354,14 @@ fn values_of_logs() -> Vec<Case> {
         .place("flagged_invalid"),
         wraps,
         beyond.file("log.csv", total(1 << 20)).place("counter_bits"),
+        log("a running total mapped as counts of rows", total(i64::MAX)).place("counter"),
+        log("counts that never change", field(2, "4")).refused(),
+        case(
+            "an input rate of an axis that the log lacks",
+            "calibrate log.csv --arcsec-per-count 1.059 --quantum 0.25 --input-rate q=4.5 -o out.json",
+        )
+        .file("log.csv", good())
+        .place("input_rate_dph"),
     ]
 }
 
