@@ -55,7 +55,7 @@ const TIME: [&str; 10] =
     ["time", "zeit", "temps", "tiempo", "timestamp", "elapsed", "clock", "datetime", "date", "datum"];
 const TEMPERATURE: [&str; 10] =
     ["temperature", "temp", "temperatur", "température", "temperatura", "tmp", "thermo", "thermometer", "rtd", "pt100"];
-const COUNTS: [&str; 12] = [
+const COUNTS: [&str; 17] = [
     "counts",
     "count",
     "cnt",
@@ -68,6 +68,11 @@ const COUNTS: [&str; 12] = [
     "fringe",
     "impulsions",
     "pulsos",
+    "counter",
+    "zähler",
+    "zaehler",
+    "compteur",
+    "contador",
 ];
 const RATE: [&str; 8] = ["rate", "gyro", "omega", "drehrate", "gyr", "angrate", "vitesse", "velocidad"];
 const FLAG: [&str; 3] = ["valid", "ok", "gueltig"];
@@ -154,7 +159,7 @@ fn columns(all: &[SampleColumn], guesses: &[Option<Guess>]) -> String {
     out
 }
 
-/// Rises without a fall that are no noise.
+/// Moves in one direction, with none in the other, that are no noise.
 const FEWEST_MOVES: usize = 16;
 
 /// Whether a column of counts is a running total, and its smallest step.
@@ -164,15 +169,14 @@ fn counter(all: &[SampleColumn], guesses: &[Option<Guess>]) -> String {
     let numbers = column.numbers();
     let steps: Vec<f64> = numbers.windows(2).map(|pair| pair[1] - pair[0]).collect();
     let mean = steps.iter().sum::<f64>() / steps.len().max(1) as f64;
-    let one_way = steps.len() > 2 && (steps.iter().all(|step| *step > 0.0) || steps.iter().all(|step| *step < 0.0));
     let spread = steps.iter().map(|step| (step - mean).abs()).fold(0.0, f64::max);
-    // Of a slow gyro, with many rows alike: noise would move some of them down.
-    let (rises, falls) =
-        (steps.iter().filter(|step| **step > 0.0).count(), steps.iter().filter(|step| **step < 0.0).count());
-    let moves_one_way = rises.max(falls) >= FEWEST_MOVES && rises.min(falls) == 0;
+    let count = |of: fn(&&f64) -> bool| steps.iter().filter(of).count();
+    let (rises, falls) = (count(|step| **step > 0.0), count(|step| **step < 0.0));
+    // By about as much each, or, of a slow gyro with many rows alike, so often that noise would have gone the other way.
+    let goes_on = steps.len() > 2 && mean.abs() > spread || rises.max(falls) >= FEWEST_MOVES;
     let mut out = String::new();
-    if one_way && mean.abs() > spread || moves_one_way {
-        out += "counter = \"cumulative\"   # GUESS: no row falls behind the one before\n";
+    if rises.min(falls) == 0 && goes_on {
+        out += "counter = \"cumulative\"   # GUESS: rows differ in one direction only\n";
     }
     let fraction =
         |quantum: f64| numbers.iter().all(|count| ((count / quantum).round() * quantum - count).abs() < 1e-9);

@@ -482,6 +482,10 @@ fn init_knows_the_names_of_recorders() {
             "timestamp,rate_dph,temperature_c\n256551281491968,5,20\n256551281997314,6,21\n256551282502660,4,21\n",
             ["\"timestamp\" = \"time_us\"", "rate_dph"],
         ),
+        (
+            "t_s\tTemp [K]\tZähler x\tZähler y\n5\t300\t470\t199\n10\t301\t945\t395\n15\t302\t1419\t594\n20\t303\t1892\t792\n",
+            ["\"Zähler x\" = \"counts_x\"", "counter = \"cumulative\"   # GUESS"],
+        ),
     ];
     for (log, wanted) in logs {
         fs::write(folder.path().join("log.csv"), log).unwrap();

@@ -33,7 +33,7 @@ pub struct ReadConfig {
     pub quantum: Option<f64>,
     /// How the counts column counts.
     pub counter: Counter,
-    /// It was stated.
+    /// The setup states it: counts that only rise are believed.
     pub counter_stated: bool,
     /// Width of a wrapping cumulative counter, bits.
     pub counter_bits: Option<u8>,

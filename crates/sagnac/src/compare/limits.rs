@@ -35,7 +35,8 @@ pub const COMPARED: [ComparedLimit; 9] = [
         key: "span_covered_min",
         label: "temperatures that all records have, as a fraction of those that any has",
         figure: |all| {
-            all.span_covered().map_or(Found::Unknown("a record without a temperature".to_owned()), Found::Bound)
+            let unknown = || Found::Unknown("no record has a span of temperature".to_owned());
+            all.span_covered().map_or_else(unknown, Found::Bound)
         },
     },
     ComparedLimit {
