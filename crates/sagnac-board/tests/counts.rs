@@ -1,8 +1,6 @@
 //! Counts of a hardware counter give the frames that the levels of the comparators give.
 
-mod given;
-
-use given::{PAPER, loops};
+use crate::given::{PAPER, loops};
 use sagnac_board::{Board, Sample};
 use sagnac_core::{Image, Origin, Status};
 use sagnac_loops::{Counting, Quadrature, QuadratureState, Stripper};

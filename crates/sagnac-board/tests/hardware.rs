@@ -1,16 +1,14 @@
 //! A board on hardware behind traits: pauses, counters that wrap, converters, the serial line, and memory that turns over.
 
-mod given;
-
 use std::cell::{Cell, RefCell};
 use std::collections::VecDeque;
 use std::convert::Infallible;
 use std::rc::Rc;
 
+use crate::given::{PAPER, loops, loops_of};
 use embedded_hal::pwm::SetDutyCycle;
 use embedded_hal::spi::{ErrorType as SpiErrorType, Operation, SpiDevice};
 use embedded_io::{ErrorType, Read, ReadReady, Write};
-use given::{PAPER, loops, loops_of};
 use proptest::prelude::*;
 use sagnac_board::frame::{Frame, FrameReader};
 use sagnac_board::{

@@ -1,8 +1,6 @@
 //! Frames survive damage to others; messages come back as they were; the whole line on this machine.
 
-mod given;
-
-use given::{PAPER, loops};
+use crate::given::{PAPER, loops};
 use proptest::prelude::*;
 use sagnac_board::frame::{Frame, FrameReader, MAX_PAYLOAD};
 use sagnac_board::{

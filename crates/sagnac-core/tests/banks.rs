@@ -1,8 +1,6 @@
 //! Flash banks: power fails at every step, and the banks hold the old image or the new one.
 
-mod flash;
-
-use flash::{Dice, Fault, Flash};
+use crate::flash::{Dice, Fault, Flash};
 use sagnac_core::{
     BANK_LEN, BankReport, Banks, Description, Gain, Gyro, Image, ImageMismatch, InputSpec, Kind, MAX_SEQUENCE,
     MAX_TERMS, Multiplier, Origin, Shape, StoreError, TRIAL_STARTS, Term,

@@ -1,13 +1,11 @@
 //! Nothing is lost, nothing steps: the fast path against a big-integer model.
 
-mod support;
-
+use crate::support::{any_image, image, repeat, term, thermometer, warm_up};
 use num_bigint::BigInt;
 use proptest::prelude::*;
 use sagnac_core::{
     Compensator, Image, InputSpec, Kind, MAX_INCREMENT, MAX_RAW, Misuse, Multiplier, State, Status, Term, ValueSource,
 };
-use support::{any_image, image, repeat, term, thermometer, warm_up};
 
 /// One call to a compensator.
 #[derive(Clone, Debug)]

@@ -1,13 +1,11 @@
 //! Images as bytes: encoding and decoding give the same image, and damaged bytes are refused.
 
-mod support;
-
+use crate::support::{any_image_of_four, difference, image, repeat, term, thermometer, warm_up};
 use proptest::prelude::*;
 use sagnac_core::{
     DecodeError, Description, FORMAT_MINOR, Gain, Image, ImageError, InputSpec, Kind, LagSpec, MAX_IMAGE_LEN,
     MAX_TURNS_Q18, Multiplier, Shape, Term, ValueSource,
 };
-use support::{any_image_of_four, difference, image, repeat, term, thermometer, warm_up};
 
 fn bytes_of(image: &Image) -> Vec<u8> {
     let mut out = vec![0; MAX_IMAGE_LEN];

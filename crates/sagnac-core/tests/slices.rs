@@ -1,10 +1,9 @@
 //! A slow update in slices has the bits of a whole one, however the slices lie between the ticks.
 
-mod support;
-
+use crate::support;
+use crate::support::any_image_of_four;
 use proptest::prelude::*;
 use sagnac_core::{Compensator, Misuse, State};
-use support::any_image_of_four;
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(400))]

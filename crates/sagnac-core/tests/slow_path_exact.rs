@@ -1,14 +1,12 @@
 //! The slow path against the same image evaluated in big integers with 200 fractional bits: what the
 //! target's own roundings add.
 
-mod support;
-
 use std::sync::LazyLock;
 
+use crate::support::any_image_of_four;
 use num_bigint::BigInt;
 use proptest::prelude::*;
 use sagnac_core::{Compensator, Image, Kind, Multiplier, Shape, State, ValueSource};
-use support::any_image_of_four;
 
 const FRACTION: u32 = 200;
 

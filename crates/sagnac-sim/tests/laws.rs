@@ -1,9 +1,7 @@
 //! Laws of the ring laser that the beat must obey, each with its source. Tolerances are at least twice the deviation
 //! measured with these seeds.
 
-mod gyros;
-
-use gyros::{mean_dph, triangle, walk_deg_rt_h};
+use crate::gyros::{mean_dph, triangle, walk_deg_rt_h};
 use sagnac_loops::{Counting as LoopCounting, Quadrature, QuadratureState};
 use sagnac_sim::physics::{adler_mean_dph, dithered_arw_deg_rt_h};
 use sagnac_sim::{Beat, BeatModel, Counting, RingShape, Scenario};

@@ -1,8 +1,6 @@
 //! Both loops: their own code, running on the simulated plant.
 
-mod gyros;
-
-use gyros::{ready, run};
+use crate::gyros::{ready, run};
 use sagnac_sim::{
     ChamberLeg, IntensityStatus, LoopAverages, LoopDesign, LoopModel, LoopName, PathLengthStatus, PlantConditions,
     RunConfig, Scenario,

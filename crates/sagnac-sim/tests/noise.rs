@@ -2,9 +2,7 @@
 //!
 //! Overlapping Allan deviation of counts, by its definition (NIST SP 1065 §5.2.4) on the accumulated angle.
 
-mod gyros;
-
-use gyros::{mean_dph, ready, run, walk_deg_rt_h};
+use crate::gyros::{mean_dph, ready, run, walk_deg_rt_h};
 use sagnac_sim::{
     BeatModel, BiasConfig, ChamberConfig, ChamberLeg, ERROR_SOURCES, Fidelity, NoiseConfig, RateTableLeg, Scenario,
 };

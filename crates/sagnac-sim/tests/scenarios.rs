@@ -1,11 +1,9 @@
 //! Scenario files: refused by key before a run starts; the same bytes each time; the manual.
 
-mod gyros;
-
 use std::io::Write as _;
 use std::path::Path;
 
-use gyros::{READY, ready, run, run_rows};
+use crate::gyros::{READY, ready, run, run_rows};
 use sagnac_sim::{ChamberLeg, ERROR_SOURCES, Fault, FaultKind, Fidelity, LogText, Scenario, truth_header, write_truth};
 
 const LEAST: &str = "

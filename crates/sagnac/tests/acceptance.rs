@@ -1,16 +1,14 @@
 //! Can a bad unit be accepted, or a good one refused? By generators that share no code with the program.
 
-mod hostile;
-mod support;
-
-use hostile::curves::calibrated;
-use hostile::{Bench, Dice, N_DEG_RT_H, Now, WHITE_100_S_DPH, fraction, usual};
+use crate::hostile::curves::calibrated;
+use crate::hostile::{Bench, Dice, N_DEG_RT_H, Now, WHITE_100_S_DPH, fraction, usual};
+use crate::support;
+use crate::support::evidence::evidence;
+use crate::support::{fit, reader};
 use sagnac::Limits;
 use sagnac::calibration::Calibration;
 use sagnac::verify::{AxisVerification, Correction, Proof, VerifyOptions, verify};
 use sagnac_log::setup::{Direction, Earth, Noise, PerAxis, Setup};
-use support::evidence::evidence;
-use support::{fit, reader};
 
 fn proof(calibration: &Calibration, logs: Vec<Vec<u8>>, options: VerifyOptions) -> Proof {
     let setup = Bench::setup();

@@ -1,13 +1,11 @@
 //! Deviations against printed values and published recordings.
 
-mod support;
-
+use crate::support::{bench, paper_setup, reader, shared};
 use sagnac::allan::{Request, budget_of_curves, noise_budget, parse_curve};
 use sagnac::calibration::LogFile;
 use sagnac_log::setup::Setup;
 use sagnac_noise::{AxisBudget, BareCurve, Deviation, Difference, Taus, TermValue, overlapping, phases};
 use sagnac_sim::{PaperRig, csv_bytes};
-use support::{bench, paper_setup, reader, shared};
 
 fn deviation(deviation: Deviation, rates: &[f64], m: usize) -> f64 {
     let sums = overlapping(&phases(rates, 0.0), &[Difference { deviation, m }]);

@@ -1,8 +1,7 @@
 //! No input causes a panic: random logs, setups, records, limits and models, and damaged valid ones, up to
 //! a calibration and a replay. (Image and bytes of it: `sagnac-core`.)
 
-mod support;
-
+use crate::support;
 use proptest::prelude::*;
 use sagnac::calibration::Calibration;
 use sagnac::fit::{FitOptions, Model, calibrate};

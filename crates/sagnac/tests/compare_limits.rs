@@ -1,17 +1,14 @@
 //! `compare --limits`: is a gyro that did not change accepted, and one that changed by twice a limit refused? Records are made from
 //! logs of a generator that shares no code with the program: three months of one gyro, two runs each.
 
-mod hostile;
-mod support;
-
 use std::fmt::Write as _;
 
-use hostile::{Bench, Dice, Now, fraction};
+use crate::hostile::{Bench, Dice, Now, fraction};
+use crate::support::evidence::evidence;
+use crate::support::fit;
 use sagnac::compare::{COMPARED, Comparison, compare};
 use sagnac::verify::SPECS;
 use sagnac::{Calibration, Limits, Setup};
-use support::evidence::evidence;
-use support::fit;
 
 /// The drift of the gyro in its first months.
 fn usual(now: Now) -> f64 {

@@ -1,16 +1,15 @@
 //! A copy of the training log in other bytes is no other test; an independent one is never taken for a copy.
 
-mod hostile;
-mod support;
+use crate::hostile;
 
 use std::io::Write as _;
 
-use hostile::{Bench, Dice, Now, fraction};
+use crate::hostile::{Bench, Dice, Now, fraction};
+use crate::support::evidence::evidence;
+use crate::support::{fit, reader};
 use sagnac::verify::{Correction, VerifyOptions, verify};
 use sagnac::{Calibration, Limits, Setup};
 use sagnac_log::setup::Counter;
-use support::evidence::evidence;
-use support::{fit, reader};
 
 fn usual(now: Now) -> f64 {
     0.02 * now.u() + 0.05 * now.cpm

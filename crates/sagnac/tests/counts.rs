@@ -2,15 +2,13 @@
 //!
 //! The records are made in `support/records.rs`, which shares no code with the library.
 
-mod support;
-
+use crate::support::evidence::evidence;
+use crate::support::records::{Gyro, Random, TWELVE_HOURS, log, log_with_temperature, lost, steps};
+use crate::support::{reader, windows};
 use sagnac::allan::{NoiseBudget, Request, noise_budget};
 use sagnac_log::ingest::Reason;
 use sagnac_log::setup::{Counter, Setup};
 use sagnac_noise::{Taus, TermValue};
-use support::evidence::evidence;
-use support::records::{Gyro, Random, TWELVE_HOURS, log, log_with_temperature, lost, steps};
-use support::{reader, windows};
 
 fn setup(gyro: &Gyro, counter: Counter) -> Setup {
     Setup { arcsec_per_count: Some(gyro.arcsec_per_count), counter: Some(counter), ..Setup::default() }

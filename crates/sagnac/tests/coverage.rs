@@ -1,15 +1,15 @@
 //! Do intervals hold the truth after `auto` has selected, and under noise that is not white? By generators that share no code
 //! with the program.
 
-mod hostile;
-mod support;
+use crate::hostile;
+use crate::support;
 
-use hostile::curves::{Truth, shown, shown_by, useless};
-use hostile::{Bench, Now};
+use crate::hostile::curves::{Truth, shown, shown_by, useless};
+use crate::hostile::{Bench, Now};
+use crate::support::evidence::evidence;
+use crate::support::fit;
 use sagnac::fit::{FitOptions, calibrate};
 use sagnac_log::setup::{Noise, Setup};
-use support::evidence::evidence;
-use support::fit;
 
 fn weak_cubic(now: Now) -> f64 {
     let u = now.u();

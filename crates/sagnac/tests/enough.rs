@@ -1,11 +1,8 @@
 //! A test that ends when it has told enough: its units pass a retest as often as after the full test, in fewer hours.
 
-mod hostile;
-mod support;
-
-use hostile::stopped::{FULL_HOURS, growing_memory, stopped, unit};
+use crate::hostile::stopped::{FULL_HOURS, growing_memory, stopped, unit};
+use crate::support::evidence::evidence;
 use sagnac::Limits;
-use support::evidence::evidence;
 
 #[test]
 fn a_test_that_ends_itself_does_what_the_full_one_does() {

@@ -1,11 +1,8 @@
 //! Tests that end themselves, on two hundred units: run by `cargo xtask bless study`, compiled by CI.
 
-mod hostile;
-mod support;
-
-use hostile::stopped::{FULL_HOURS, STRICT, stopped, unit};
+use crate::hostile::stopped::{FULL_HOURS, STRICT, stopped, unit};
+use crate::support::evidence::evidence;
 use sagnac::Limits;
-use support::evidence::evidence;
 
 #[test]
 #[ignore = "two hundred units, each fitted at every hour of its test, take minutes: cargo xtask bless study"]

@@ -1,14 +1,12 @@
 //! What moves together with temperature: drift in time and warm-up are no rate terms, and a test that only heats says so. By a
 //! generator that shares no code with the program.
 
-mod hostile;
-mod support;
-
-use hostile::{Bench, Now};
+use crate::hostile::{Bench, Now};
+use crate::support;
+use crate::support::evidence::evidence;
+use crate::support::fit;
 use rayon::prelude::*;
 use sagnac::calibration::{AxisCalibration, MovedTogether, TimeEffectKind};
-use support::evidence::evidence;
-use support::fit;
 
 /// Temperatures at which the at-rest curve is compared, °C.
 const AT_C: [f64; 9] = [-36.0, -25.0, -12.0, 0.0, 12.0, 36.0, 48.0, 58.0, 65.0];

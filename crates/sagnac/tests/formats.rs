@@ -1,8 +1,7 @@
 //! One log in every format: the same calibration, byte for byte, except the hash of the input.
 
-mod support;
-#[path = "support/ulog_writer.rs"]
-mod ulog_writer;
+use crate::support;
+use crate::support::ulog_writer;
 
 use std::io::{Cursor, Write};
 use std::sync::Arc;

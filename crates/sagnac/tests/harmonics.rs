@@ -1,19 +1,17 @@
 //! Harmonics of an input: a bias that is periodic in a stabilisation voltage, as in prism gyros. The generator here shares no
 //! code with the fit: rows of °/h with a cosine of the voltage, a line in temperature and white noise.
 
-mod support;
-
 use std::f64::consts::TAU;
 use std::fmt::Write;
 
+use crate::support::evidence::evidence;
+use crate::support::{fit, retest};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use sagnac::ErrorKind;
 use sagnac::calibration::{AxisCalibration, Calibration};
 use sagnac::model::{ActsOn, Shape};
 use sagnac_log::setup::Setup;
-use support::evidence::evidence;
-use support::{fit, retest};
 
 /// A gyro whose bias follows `amplitude_dph·cos(2π·v/period + phase)`.
 #[derive(Clone, Copy)]

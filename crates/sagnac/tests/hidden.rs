@@ -1,16 +1,13 @@
 //! Defects that cancel in a window, come and go, or look like slow noise: does a verdict see them? By a generator that shares no code with
 //! the program. Every one of them was accepted by an earlier rule, in 20 records of 20 or nearly.
 
-mod hostile;
-mod support;
-
-use hostile::curves::calibrated;
-use hostile::{Bench, Dice, Now, fraction, usual};
+use crate::hostile::curves::calibrated;
+use crate::hostile::{Bench, Dice, Now, fraction, usual};
+use crate::support::evidence::evidence;
+use crate::support::{fit, reader};
 use sagnac::Limits;
 use sagnac::calibration::Calibration;
 use sagnac::verify::{Correction, VerifyOptions, verify};
-use support::evidence::evidence;
-use support::{fit, reader};
 
 fn accepts(unit: &Calibration, limits: &Limits, log: Vec<u8>) -> bool {
     let correction = Correction::from_calibration(unit.clone()).unwrap();

@@ -1,17 +1,16 @@
 //! Coverage of the intervals for residuals that are not white, and accuracy of the forecast for more data.
 
-mod support;
-
+use crate::support;
 use std::fmt::Write as _;
 
+use crate::support::evidence::{evidence, farthest};
+use crate::support::{fit, model, windows};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use sagnac::calibration::Calibration;
 use sagnac::compare::compare;
 use sagnac::fit::{FitOptions, Loss, calibrate};
 use sagnac_log::setup::{Noise, Setup, WindowSize};
-use support::evidence::{evidence, farthest};
-use support::{fit, model, windows};
 
 const SEEDS: u64 = 500;
 const SIGMA: f64 = 0.02;

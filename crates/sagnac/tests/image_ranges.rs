@@ -1,19 +1,16 @@
 //! What an image cannot hold is never selected: tables of sensors far from a ring laser gyro, of drifts from 10 to 30,000 °/h and
 //! scale factors that move by up to 20,000 ppm, and very small ones. The generator shares no code with the fit.
 
-mod hostile;
-mod support;
-
 use std::fmt::Write as _;
 
-use hostile::{Bench, Dice, Now, fraction};
+use crate::hostile::{Bench, Dice, Now, fraction};
+use crate::support::evidence::evidence;
+use crate::support::{fit, retest};
 use sagnac::calibration::{AxisCalibration, LogUnit};
 use sagnac::export::encode;
 use sagnac::{Calibration, ErrorKind};
 use sagnac_core::{Compensator, State};
 use sagnac_log::setup::Setup;
-use support::evidence::evidence;
-use support::{fit, retest};
 
 /// One sensor of microelectromechanics: what its rate log reads.
 struct Mems {

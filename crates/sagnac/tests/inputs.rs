@@ -1,8 +1,9 @@
 //! Several inputs, zones and steps against a simulated truth that shares no code with the fit: all useful terms, no useless
 //! one, and the effect of thermometer noise.
 
-mod support;
-
+use crate::support;
+use crate::support::evidence::evidence;
+use crate::support::{fit, retest};
 use sagnac::calibration::{AxisCalibration, Calibration, Input, SearchVerdict, Term};
 use sagnac::diagnostics::EffectOf;
 use sagnac::fit::{FitOptions, calibrate_with_report_data};
@@ -11,8 +12,6 @@ use sagnac::verify::Correction;
 use sagnac_core::{Compensator, State, Status};
 use sagnac_log::setup::{Noise, Setup};
 use sagnac_sim::{Leg, ManyInputs};
-use support::evidence::evidence;
-use support::{fit, retest};
 
 fn setup() -> Setup {
     Setup { arcsec_per_count: Some(0.05), reference_c: Some(20.0), ..Setup::default() }

@@ -1,17 +1,14 @@
 //! One test in many files is one test: its drift does not vanish in sixty offsets.
 
-mod hostile;
-mod support;
-
-use hostile::{Bench, Now, fraction};
+use crate::hostile::{Bench, Now, fraction};
+use crate::support::evidence::evidence;
+use crate::support::{fit, model};
 use sagnac::Limits;
 use sagnac::fit::{FitOptions, calibrate};
 use sagnac::verify::{Correction, VerifyOptions, verify};
 use sagnac::window::WindowBuilder;
 use sagnac_log::ingest::{LogReader, ReadMode};
 use sagnac_log::setup::{RunDivision, Setup};
-use support::evidence::evidence;
-use support::{fit, model};
 
 fn strong(now: Now) -> f64 {
     0.05 * now.u() - 0.03 * now.u().powi(2) + 0.02 * now.u().powi(3)

@@ -1,11 +1,9 @@
 //! The source paper's rig, 500 times: coverage of the intervals, and whether the correction reaches the noise
 //! floor on a run that the fit did not see.
 
-mod support;
-
+use crate::support::evidence::{evidence, farthest};
+use crate::support::{fit, paper_setup, retest};
 use sagnac_sim::{PaperRig, csv_bytes};
-use support::evidence::{evidence, farthest};
-use support::{fit, paper_setup, retest};
 
 const SEEDS: u64 = 500;
 

@@ -1,7 +1,6 @@
 //! The whole path from log to correction with simulated logs: windows as a table, replay, refusals of the fit.
 
-mod support;
-
+use crate::support::{fit, model, paper_setup, reader, retest, windows};
 use sagnac::fit::{FitOptions, calibrate};
 use sagnac::verify::{CorrectedFormat, Correction, Limits, VerifyOptions, compensate, verify};
 use sagnac::window::{read_table, write_table};
@@ -9,7 +8,6 @@ use sagnac::{ErrorKind, calibration::Calibration};
 use sagnac_log::ingest::{LogReader, ReadMode, Reason};
 use sagnac_log::setup::{Noise, Setup};
 use sagnac_sim::{LaggedChamber, PaperRig, csv_bytes};
-use support::{fit, model, paper_setup, reader, retest, windows};
 
 fn chamber_rig() -> LaggedChamber {
     LaggedChamber { row_s: 5, ..LaggedChamber::domain_notes() }

@@ -1,10 +1,7 @@
 //! The planned test: as many units pass as after the full test, in less than half of its hours.
 
-mod hostile;
-mod support;
-
-use hostile::planned::{FULL_HOURS, compared};
-use support::evidence::evidence;
+use crate::hostile::planned::{FULL_HOURS, compared};
+use crate::support::evidence::evidence;
 
 #[test]
 fn a_planned_test_does_what_the_full_one_does() {

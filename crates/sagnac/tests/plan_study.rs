@@ -1,10 +1,7 @@
 //! The planned test on two thousand units: run by `cargo xtask bless study`, compiled by CI.
 
-mod hostile;
-mod support;
-
-use hostile::planned::{FULL_HOURS, compared};
-use support::evidence::evidence;
+use crate::hostile::planned::{FULL_HOURS, compared};
+use crate::support::evidence::evidence;
 
 #[test]
 #[ignore = "two thousand units with their tests take minutes: cargo xtask bless study"]

@@ -1,15 +1,15 @@
 //! A short test with what the fleet knows: do its intervals hold, what does it save, and is a unit that is not of the fleet refused?
 //! By fleets of lots with heavy tails, from a generator that shares no code with the program.
 
-mod hostile;
-mod support;
+use crate::hostile;
+use crate::support;
 
-use hostile::lots::{Fleet, Gyro, MODEL, OF_UNITS, gyro, lot};
-use hostile::{Bench, Dice, Now};
+use crate::hostile::lots::{Fleet, Gyro, MODEL, OF_UNITS, gyro, lot};
+use crate::hostile::{Bench, Dice, Now};
+use crate::support::evidence::evidence;
 use rayon::prelude::*;
 use sagnac::calibration::Calibration;
 use sagnac::fit::{FitOptions, Loss, Model, UnitPrior};
-use support::evidence::evidence;
 
 /// From +20 °C down, half an hour there, up to +70 °C, half an hour there.
 fn short_c(minutes: f64) -> f64 {

@@ -1,16 +1,15 @@
 //! Scale factor and bias over temperature from runs on a rate table.
 
-mod support;
-
+use crate::support;
 use std::fmt::Write as _;
 
+use crate::support::evidence::evidence;
+use crate::support::{fit, retest};
 use sagnac::ErrorKind;
 use sagnac::calibration::AxisCalibration;
 use sagnac::model::ActsOn;
 use sagnac_log::setup::{Direction, Earth, Setup, TableRun};
 use sagnac_sim::RateTable;
-use support::evidence::evidence;
-use support::{fit, retest};
 
 fn setup() -> Setup {
     let earth = Earth { latitude_deg: 17.4, axis_direction: Direction::Up.into() };

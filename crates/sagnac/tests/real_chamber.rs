@@ -3,17 +3,16 @@
 //! Reference: numpy.polyfit(T, axis, 3) on all rows, numpy 2.4.6, printed by
 //! `testdata/mems-chamber-sweep/numpy_cubic.py` (the recording's README has the same to eight digits).
 
-mod support;
-
+use crate::support;
 use std::path::Path;
 
+use crate::support::{bench, model, shared};
 use sagnac::calibration::{AxisCalibration, Calibration};
 use sagnac::fit::{FitOptions, calibrate};
 use sagnac::window::WindowBuilder;
 use sagnac_log::ingest::{LogReader, ReadMode, Reason};
 use sagnac_log::setup::Setup;
 use sagnac_units::DPH_PER_RADPS;
-use support::{bench, model, shared};
 
 fn fit(text: &str, keep_all: bool) -> Option<Calibration> {
     Some(try_fit(text, keep_all)?.unwrap())

@@ -1,8 +1,7 @@
 //! Replay against a tick-by-tick computation, written independently from the rules of docs/explanation/arithmetic.md:
 //! rows at any nanosecond, rows that slow updates cut, gaps, rates with a virtual LSB, several axes.
 
-mod support;
-
+use crate::support;
 use proptest::prelude::*;
 use sagnac::calibration::{Calibration, Lag, Term};
 use sagnac::export::{Polynomial, import};

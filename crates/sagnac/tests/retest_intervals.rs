@@ -1,14 +1,13 @@
 //! Do the 95 % intervals of a retest's own figures hold: slopes, hysteresis, the residual over temperature, under white and slow noise? By a
 //! generator that shares no code with the program. The truth of a figure is that of the same drift without noise.
 
-mod hostile;
-mod support;
+use crate::hostile;
 
-use hostile::{Bench, Now};
+use crate::hostile::{Bench, Now};
+use crate::support::evidence::evidence;
+use crate::support::{fit, reader};
 use rayon::prelude::*;
 use sagnac::verify::{AxisVerification, Correction, Estimate, VerifyOptions, verify};
-use support::evidence::evidence;
-use support::{fit, reader};
 
 /// Records of each kind of noise.
 const RECORDS: u64 = 300;

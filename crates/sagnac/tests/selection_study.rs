@@ -6,13 +6,12 @@
 //! error is wider, because no selection keeps it (`docs/explanation/selection.md`); intervals may be too wide, never too narrow; 0.08 is
 //! above 0.05 by what 300 records scatter.
 
-mod hostile;
-mod support;
+use crate::hostile;
 
-use hostile::curves::{AT_C, Truth, shown, useless};
-use hostile::{Bench, Dice, Now, WHITE_100_S_DPH};
+use crate::hostile::curves::{AT_C, Truth, shown, useless};
+use crate::hostile::{Bench, Dice, Now, WHITE_100_S_DPH};
+use crate::support::evidence::evidence;
 use nalgebra::{DMatrix, DVector};
-use support::evidence::evidence;
 
 /// Records by number of runs.
 const RECORDS: [(u64, u64); 4] = [(1, 300), (2, 300), (4, 300), (16, 300)];

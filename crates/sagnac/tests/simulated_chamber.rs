@@ -1,10 +1,8 @@
 //! The chamber of the domain notes §2: a lagged block, a rate effect, a thermometer of 0.0625 °C.
 
-mod support;
-
+use crate::support::{fit, retest};
 use sagnac_log::setup::Setup;
 use sagnac_sim::{LaggedChamber, csv_bytes};
-use support::{fit, retest};
 
 /// σ after over noise floor on a third cycle; prints the selected model.
 fn left_over(model: &str, seeds: [u64; 3]) -> f64 {

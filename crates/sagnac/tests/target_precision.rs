@@ -3,8 +3,6 @@
 //!
 //! Asserted (and quoted in docs/explanation/arithmetic.md): d within max(1e-4 °/h, 2⁻²⁶ of its span), k within 5e-4 ppm.
 
-mod support;
-
 use proptest::prelude::*;
 use sagnac::calibration::{Calibration, Lag, Term};
 use sagnac::export::{Polynomial, encode, image_bytes, import};

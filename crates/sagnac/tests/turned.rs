@@ -1,13 +1,12 @@
 //! Can the scale factor of a bad unit pass its limits, or a good one fail them? On a rate table that shares no code with the
 //! program.
 
-mod hostile;
-mod support;
-
 use std::io::Cursor;
 
-use hostile::table::{Row, Table};
-use hostile::{Slow, fraction};
+use crate::hostile::table::{Row, Table};
+use crate::hostile::{Slow, fraction};
+use crate::support::evidence::evidence;
+use crate::support::{fit, reader};
 use sagnac::Limits;
 use sagnac::calibration::{Calibration, Plateau, PpmEstimate};
 use sagnac::fit::{FitOptions, calibrate};
@@ -15,8 +14,6 @@ use sagnac::verify::{AxisVerification, Correction, VerifyOptions, verify};
 use sagnac::window::WindowBuilder;
 use sagnac_log::ingest::{LogReader, ReadMode};
 use sagnac_log::setup::{PerAxis, Setup, TableRun};
-use support::evidence::evidence;
-use support::{fit, reader};
 
 /// Every limit in ppm, at values that a table of ±10 °/s knows well: a plateau has σ of 0.15 ppm there.
 const IN_PPM: &str = "decision = \"guarded\"

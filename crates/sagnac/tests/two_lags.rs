@@ -1,16 +1,13 @@
 //! Two lags of one thermometer, a fast and a slow one: found where there are two, refused where there is one, and the same on the
 //! target. By a generator that shares no code with the program.
 
-mod hostile;
-mod support;
-
-use hostile::{Bench, Now, fraction};
+use crate::hostile::{Bench, Now, fraction};
+use crate::support::evidence::evidence;
+use crate::support::{fit, retest};
 use rayon::prelude::*;
 use sagnac::calibration::{AxisCalibration, Calibration};
 use sagnac::export::{encode, image_bytes};
 use sagnac_core::{Image, ValueSource};
-use support::evidence::evidence;
-use support::{fit, retest};
 
 const FAST_S: f64 = 200.0;
 const SLOW_S: f64 = 2000.0;

@@ -1,17 +1,15 @@
 //! A warm-up since power-on as a part of the correction, where it is asked for. By a generator that shares no code with the program.
 
-mod hostile;
-mod support;
-
-use hostile::{Bench, Now, WHITE_100_S_DPH, fraction};
+use crate::hostile::{Bench, Now, WHITE_100_S_DPH, fraction};
+use crate::support;
+use crate::support::evidence::evidence;
+use crate::support::retest;
 use rayon::prelude::*;
 use sagnac::FitOptions;
 use sagnac::calibration::Calibration;
 use sagnac::export::{encode, image_bytes};
 use sagnac::fit::calibrate;
 use sagnac_core::{Image, ValueSource};
-use support::evidence::evidence;
-use support::retest;
 
 const TAU_S: f64 = 2520.0;
 const RECORDS: u64 = 100;

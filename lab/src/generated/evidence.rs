@@ -124,9 +124,17 @@ fn replaced(run: &Tests, files: &[&str], more: &[&str]) -> Result<Vec<Made>> {
         if tests.is_empty() {
             continue;
         }
+        let modules: Vec<String> = tests.iter().map(|test| format!("{test}::")).collect();
         let mut args = vec!["test", "--locked", "-p", package];
-        tests.iter().for_each(|test| args.extend(["--test", test]));
-        args.extend(["--", "--nocapture", "--test-threads", "1"]);
+        // Several files are modules of one program, a single one is a program itself.
+        if root().join(path(package, "main")).exists() {
+            args.extend(["--test", "tests", "--"]);
+            args.extend(modules.iter().map(String::as_str));
+        } else {
+            tests.iter().for_each(|test| args.extend(["--test", test]));
+            args.push("--");
+        }
+        args.extend(["--nocapture", "--test-threads", "1"]);
         args.extend(more);
         let output = stdout_of(LONGEST_S, "cargo", &args, &root())?;
         fs::write(kept.join(format!("{package}.txt")), &output).context("cannot keep what the tests printed")?;
@@ -162,7 +170,7 @@ fn printed(output: &str) -> Result<Vec<Figure>> {
         let cells: Vec<&str> = figure.split(" | ").collect();
         let [claim, measured, bound, records, file] = cells[..] else { bail!("five cells: {line}") };
         figures.push(Figure {
-            test: format!("{file}::{}", test.with_context(|| format!("no test printed {line}"))?),
+            test: format!("{file}::{}", in_file(test.with_context(|| format!("no test printed {line}"))?, file)),
             at: figures.len(),
             claim: claim.to_owned(),
             measured: three_digits(measured.parse().with_context(|| line.to_owned())?),
@@ -171,6 +179,14 @@ fn printed(output: &str) -> Result<Vec<Figure>> {
         });
     }
     Ok(figures)
+}
+
+/// The name of a test within its file, which may be a module of the program.
+fn in_file<'a>(test: &'a str, file: &str) -> &'a str {
+    match test.split_once("::") {
+        Some((module, name)) if file.ends_with(&format!("/{module}.rs")) => name,
+        _ => test,
+    }
 }
 
 /// Rounded to three digits; whole numbers as they are.
@@ -262,10 +278,16 @@ mod tests {
 
     #[test]
     fn figures_are_read_from_what_tests_print() {
-        let output = "running 2 tests\ntest one ... \nevidence: a | 0.98333 | ≥ 0.97 | 60 | crates/x/tests/y.rs\nok\n\
-                      test two ... ok\n";
-        let figures = printed(output).unwrap();
-        assert_eq!(figures[0].row(), "| a | 0.983 | ≥ 0.97 | 60 | `crates/x/tests/y.rs::one` |\n");
+        let row = "| a | 0.983 | ≥ 0.97 | 60 | `crates/x/tests/y.rs::one` |\n";
+        let of = |test: &str| {
+            let output = format!(
+                "running 2 tests\ntest {test} ... \nevidence: a | 0.98333 | ≥ 0.97 | 60 | crates/x/tests/y.rs\nok\n\
+                 test two ... ok\n"
+            );
+            printed(&output).unwrap()
+        };
+        let figures = of("one");
+        assert_eq!((figures[0].row().as_str(), of("y::one")[0].row().as_str()), (row, row));
         let again = Figure::of_row(0, figures[0].row().trim_end()).unwrap();
         assert_eq!(again, figures[0]);
         assert!(printed("evidence: a | 1 | ≥ 1 | 1 | y.rs\n").is_err(), "before any test");

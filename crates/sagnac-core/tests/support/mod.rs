@@ -1,7 +1,5 @@
 //! Descriptions of images, fixed and random, for the tests of this folder.
 
-#![allow(dead_code, reason = "each test binary uses its own part")]
-
 use proptest::prelude::*;
 use sagnac_core::{
     Description, Gain, Image, InputSpec, Kind, LagSpec, MAX_TURNS_Q18, Multiplier, Shape, Term, ValueSource,

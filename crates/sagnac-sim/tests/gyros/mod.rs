@@ -1,6 +1,4 @@
 //! Gyros and measurements shared by several tests.
-// Each test file uses some of them.
-#![allow(dead_code)]
 
 use sagnac_sim::{Beat, LogRow, Scenario, Second};
 

@@ -6,12 +6,17 @@
 //!
 //! For given lags the model is linear. Lags are searched for by [`super::solution`], pairs of them by [`super::two_lags`].
 
+use nalgebra::DMatrix;
+
 use crate::fit::least_squares::{LeastSquares, Rates, TermColumn};
-use crate::fit::slow_noise::Whitening;
+use crate::fit::likelihood::{Block, RestrictedLikelihood, Rows};
+use crate::fit::slow_noise::{NoiseRows, Whitening};
 use crate::fit::solve::{Factor, RunColumns, RunReducer, Solution};
 
 /// τ counts as resolved unless misfits within this Δχ² of the least reach an end of the search: two standard errors.
 pub(crate) const FLAT_CHI_SQUARED: f64 = 4.0;
+/// ln τ is found to within this.
+pub(crate) const LN_TAU_TOLERANCE: f64 = 1e-5;
 
 /// τ of the rate terms of an input.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -29,8 +34,6 @@ pub(crate) struct Design<'a> {
     pub(super) rates: Rates,
     /// Rows become innovations of it; else they are weighted by their lengths.
     pub(super) whitening: Option<&'a Whitening>,
-    /// Only so many of the first rows.
-    pub(super) rows: usize,
     /// What is subtracted from y, row by row.
     pub(super) expected: Option<&'a [f64]>,
 }
@@ -41,7 +44,7 @@ impl<'a> Design<'a> {
     }
 
     pub(crate) fn with_rates(problem: &'a LeastSquares<'a>, terms: &'a [TermColumn], rates: Rates) -> Self {
-        Self { problem, terms, rates, whitening: None, rows: usize::MAX, expected: None }
+        Self { problem, terms, rates, whitening: None, expected: None }
     }
 
     /// Sum of squares of the residuals at the best coefficients; infinite where there are none.
@@ -109,13 +112,8 @@ impl<'a> Design<'a> {
         let mut row = Vec::with_capacity(count + 1);
         // A run begins with a filter that knows nothing, so that its own columns may take the places of those of the run before.
         let mut filter = self.whitening.map(|whitening| whitening.filter(count + 1));
-        for i in 0..self.problem.len().min(self.rows) {
-            let run = self.problem.run[i];
-            row.clear();
-            row.extend(columns.of(run).map(|level| self.problem.level(i, self.problem.levels[level])));
-            row.extend(self.terms.iter().map(|term| self.problem.regressor(term, i, &self.rates)));
-            row.extend(slopes.iter().map(|slope| slope[i]));
-            row.push(self.problem.y[i] - self.expected.map_or(0.0, |expected| expected[i]));
+        for i in 0..self.problem.len() {
+            self.row_of_run(i, columns, slopes, &mut row);
             match &mut filter {
                 Some(filter) => filter.push(i, &mut row),
                 None => {
@@ -123,9 +121,49 @@ impl<'a> Design<'a> {
                     row.iter_mut().for_each(|value| *value *= root);
                 }
             }
-            reducer.push(run, &row);
+            reducer.push(self.problem.run[i], &row);
         }
         reducer
+    }
+
+    /// The first rows as they are, for many noises.
+    pub(super) fn likelihood(&self, rows: usize, slopes: &[Vec<f64>]) -> Option<RestrictedLikelihood> {
+        let NoiseRows { run, middle_s, weight, longest_s, nominal_s } = self.problem.noise_rows();
+        let columns = self.problem.run_columns();
+        let by_run = !columns.own.iter().all(Vec::is_empty);
+        let mut first = 0;
+        let block = |of: &[usize]| {
+            let rows = first..first + of.len();
+            first = rows.end;
+            let mut values = Vec::new();
+            let mut row = Vec::new();
+            for i in rows.clone() {
+                self.row_of_run(i, &columns, slopes, &mut row);
+                values.extend_from_slice(&row);
+            }
+            Block {
+                rows: Rows {
+                    run: run[rows.clone()].to_vec(),
+                    middle_s: middle_s[rows.clone()].to_vec(),
+                    weight: weight[rows].to_vec(),
+                    longest_s,
+                    nominal_s,
+                },
+                own: columns.own_of(of[0]).len(),
+                columns: DMatrix::from_row_slice(of.len(), row.len(), &values),
+            }
+        };
+        let rows = rows.min(self.problem.len());
+        RestrictedLikelihood::of(run[..rows].chunk_by(|a, b| a == b || !by_run).map(block).collect())
+    }
+
+    /// Levels of its run, terms and further columns of a row, then y.
+    fn row_of_run(&self, i: usize, columns: &RunColumns, slopes: &[Vec<f64>], row: &mut Vec<f64>) {
+        row.clear();
+        row.extend(columns.of(self.problem.run[i]).map(|level| self.problem.level(i, self.problem.levels[level])));
+        row.extend(self.terms.iter().map(|term| self.problem.regressor(term, i, &self.rates)));
+        row.extend(slopes.iter().map(|slope| slope[i]));
+        row.push(self.problem.y[i] - self.expected.map_or(0.0, |expected| expected[i]));
     }
 
     pub(super) fn residuals(&self, theta: &[f64]) -> Vec<f64> {

@@ -4,8 +4,8 @@
 //! P̂ = argmin over P of the least misfit of the whole model with cos(2πv/P) and sin(2πv/P)        Lomb 1976, Scargle 1982
 //! ```
 //!
-//! A grid of an eighth of a turn over the span, from half a turn to as many as the windows resolve, then a golden section
-//! about the best point. Lags are fitted without the harmonics first, and again with them by the fit itself.
+//! A grid of an eighth of a turn over the span, from half a turn to as many as the windows resolve, then parabolas about the
+//! best point. Lags are fitted without the harmonics first, and again with them by the fit itself.
 //!
 //! A grid of so many periods always finds one that fits the noise. So the harmonic must lower the held-out mean square by the
 //! criterion of the model search ([`super::criterion`]), with as many tries as there are independent periods (two per turn);
@@ -18,8 +18,8 @@ use sagnac_log::error::{Error, Result};
 
 use crate::fit::criterion::{effective_windows, needed_gain};
 use crate::fit::folds::Trial;
-use crate::fit::golden_section::golden_section;
 use crate::fit::least_squares::LeastSquares;
+use crate::fit::minimum::minimum;
 use crate::fit::solution::{fit, misfit_at};
 use crate::model::shape::period_on_grid;
 use crate::model::{ModelSpec, Span};
@@ -32,6 +32,8 @@ const FEWEST: f64 = 0.5;
 const MOST: f64 = 60.0;
 /// Windows per turn that resolve a period.
 const WINDOWS_PER_TURN: f64 = 8.0;
+/// Turns are found to within this.
+const TOLERANCE: f64 = 1e-6;
 
 /// Puts stated periods on the grid of the image and finds the others.
 ///
@@ -75,7 +77,7 @@ fn search(
     let grid: Vec<f64> = (0..=((most - FEWEST) / STEP) as usize).map(|i| FEWEST + STEP * i as f64).collect();
     let misfits: Vec<f64> = grid.par_iter().map(|turns| misfit(*turns)).collect();
     let best = (0..grid.len()).min_by(|a, b| misfits[*a].total_cmp(&misfits[*b])).unwrap_or(0);
-    let turns = golden_section((grid[best] - STEP).max(FEWEST), grid[best] + STEP, misfit);
+    let turns = minimum((grid[best] - STEP).max(FEWEST), grid[best] + STEP, TOLERANCE, misfit).at;
     let found = with(turns);
     let gain = needed_gain(effective_windows(problem.len(), base.autocorrelation), 3, (2.0 * most) as usize);
     let held_out = |spec: &ModelSpec| Trial::new(problem, spec, taus_s).held_out();

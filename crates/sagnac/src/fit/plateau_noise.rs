@@ -12,8 +12,9 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use crate::fit::likelihood::{Block, Rows};
 use crate::fit::plateaus::{KnownNoise, TurnedWindow};
-use crate::fit::row_noise::{Block, RowNoise, Rows, noise_of_blocks, stated_or_shown, whitened};
+use crate::fit::row_noise::{RowNoise, noise_of_blocks, stated_or_shown, whitened};
 use crate::fit::slow_noise::{MOST_ROWS, SlowNoise, Whitening};
 
 /// Noise of a window of nominal length.
@@ -40,11 +41,14 @@ impl PlateauNoise {
         });
         let blocks: Vec<Block> = few
             .filter(|(windows, _)| !windows.is_empty())
-            .map(|(windows, levels)| Block { rows: white.rows(windows), columns: level_columns(windows, levels) })
+            .map(|(windows, levels)| {
+                let columns = level_columns(windows, levels);
+                Block { rows: white.rows(windows), own: columns.ncols() - 1, columns }
+            })
             .collect();
         let found = match known.stated {
-            Some((slow, white)) => Some(stated_or_shown(&blocks, nominal_s, RowNoise { slow, white })),
-            None => noise_of_blocks(&blocks, nominal_s).map(|found| found.best),
+            Some((slow, white)) => Some(stated_or_shown(blocks, nominal_s, RowNoise { slow, white })),
+            None => noise_of_blocks(blocks, nominal_s).map(|found| found.best),
         };
         found.map_or(white, |RowNoise { slow, white }| Self { slow, white, longest_s, nominal_s })
     }

@@ -11,41 +11,15 @@
 
 use nalgebra::DMatrix;
 
-use crate::fit::slow_noise::{self, NoiseFit, NoiseRows, SlowNoise, Whitening, restricted};
+use crate::fit::likelihood::{Block, Misfit, RestrictedLikelihood, Rows};
+use crate::fit::slow_noise::{self, NoiseFit, SlowNoise, Whitening, restricted};
 use crate::fit::solution::{FEWEST_FOR_NOISE, SLOPE_STEP, t_quantile_975};
-use crate::fit::solve::{Factor, Solution};
+use crate::fit::solve::{Reducer, Solution};
 
 /// Of a normal variable.
 const NORMAL_QUANTILE_975: f64 = 1.959_964;
 /// Residuals smaller than this part of the values, as squares, are rounding.
 const EXACT: f64 = 1e-18;
-
-/// Rows in the order of time within each run.
-pub(crate) struct Rows {
-    /// Of each row.
-    pub(crate) run: Vec<usize>,
-    /// Middle of its window, s.
-    pub(crate) middle_s: Vec<f64>,
-    /// Length of its window over the nominal one.
-    pub(crate) weight: Vec<f64>,
-    /// Length of the longest run of any block, s.
-    pub(crate) longest_s: f64,
-    /// Nominal length of a window, s.
-    pub(crate) nominal_s: f64,
-}
-
-impl Rows {
-    pub(crate) fn view(&self) -> NoiseRows<'_> {
-        let Self { run, middle_s, weight, longest_s, nominal_s } = self;
-        NoiseRows { run, middle_s, weight, longest_s: *longest_s, nominal_s: *nominal_s }
-    }
-}
-
-/// Rows with their columns, the last of which was measured.
-pub(crate) struct Block {
-    pub(crate) rows: Rows,
-    pub(crate) columns: DMatrix<f64>,
-}
 
 /// Noise of rows.
 #[derive(Clone, Copy)]
@@ -89,28 +63,16 @@ impl Estimated {
 }
 
 /// The noise of blocks of rows. `None` where they do not tell it.
-pub(crate) fn noise_of_blocks(blocks: &[Block], nominal_s: f64) -> Option<Estimated> {
-    let rows: usize = blocks.iter().map(|block| block.columns.nrows()).sum();
-    let parameters: usize = blocks.iter().map(|block| block.columns.ncols() - 1).sum();
-    let scale: f64 = blocks.iter().map(|block| block.columns.column(block.columns.ncols() - 1).norm_squared()).sum();
-    let of_white = misfit(blocks, SlowNoise::default()).map_or(0.0, |(ssr, _)| ssr);
-    if rows < FEWEST_FOR_NOISE || rows < 2 * parameters || of_white <= EXACT * scale {
-        return None;
-    }
-    let degrees = (rows - parameters) as f64;
-    let criterion =
-        |noise| misfit(blocks, noise).map_or(f64::INFINITY, |(ssr, determinants)| degrees * ssr.ln() + determinants);
-    let slow = slow_noise::estimate(nominal_s, criterion).mixed;
-    let with = |slow| misfit(blocks, slow).map(|(ssr, _)| RowNoise { slow, white: ssr / degrees });
-    let [more, less] = [SLOPE_STEP, -SLOPE_STEP].map(|step| with(slow.scaled(step.exp())));
-    Some(Estimated { best: with(slow)?, beside: [more?, less?], degrees })
+pub(crate) fn noise_of_blocks(blocks: Vec<Block>, nominal_s: f64) -> Option<Estimated> {
+    shown(&likelihood(blocks)?, nominal_s)
 }
 
 /// A stated noise, unless the blocks show more.
-pub(crate) fn stated_or_shown(blocks: &[Block], nominal_s: f64, stated: RowNoise) -> RowNoise {
-    let Some(Estimated { best: shown, degrees, .. }) = noise_of_blocks(blocks, nominal_s) else { return stated };
+pub(crate) fn stated_or_shown(blocks: Vec<Block>, nominal_s: f64, stated: RowNoise) -> RowNoise {
+    let Some(likelihood) = likelihood(blocks) else { return stated };
+    let Some(Estimated { best: shown, degrees, .. }) = shown(&likelihood, nominal_s) else { return stated };
     let of = |noise: RowNoise| {
-        let (ssr, determinants) = misfit(blocks, noise.slow)?;
+        let Misfit { ssr, determinants } = likelihood.misfit(noise.slow)?;
         let variance = noise.white * (1.0 + noise.slow.parts_of_white());
         Some(NoiseFit { criterion: restricted(ssr, degrees, determinants, Some(noise.white)), variance })
     };
@@ -118,24 +80,34 @@ pub(crate) fn stated_or_shown(blocks: &[Block], nominal_s: f64, stated: RowNoise
     if exceeds { shown } else { stated }
 }
 
+/// `None` with few rows, with columns that explain them all, or that depend on each other.
+fn likelihood(blocks: Vec<Block>) -> Option<RestrictedLikelihood> {
+    let rows: usize = blocks.iter().map(|block| block.columns.nrows()).sum();
+    let parameters: usize = blocks.iter().map(|block| block.columns.ncols() - 1).sum();
+    let scale: f64 = blocks.iter().map(|block| block.columns.column(block.columns.ncols() - 1).norm_squared()).sum();
+    if rows < FEWEST_FOR_NOISE || rows < 2 * parameters {
+        return None;
+    }
+    RestrictedLikelihood::of(blocks).filter(|likelihood| likelihood.ssr_of_white() > EXACT * scale)
+}
+
+/// As rows show it.
+fn shown(likelihood: &RestrictedLikelihood, nominal_s: f64) -> Option<Estimated> {
+    let degrees = likelihood.degrees;
+    let slow = slow_noise::estimate(nominal_s, |noise| likelihood.criterion(noise)).mixed;
+    let with = |slow| likelihood.misfit(slow).map(|found| RowNoise { slow, white: found.ssr / degrees });
+    let [more, less] = [SLOPE_STEP, -SLOPE_STEP].map(|step| with(slow.scaled(step.exp())));
+    Some(Estimated { best: with(slow)?, beside: [more?, less?], degrees })
+}
+
 /// Columns, the last of them measured, as independent rows: solved.
 pub(crate) fn whitened(whitening: &Whitening, columns: &DMatrix<f64>) -> Option<Solution> {
     let mut filter = whitening.filter(columns.ncols());
-    let mut out = columns.clone();
-    let mut row = vec![0.0; columns.ncols()];
-    for at in 0..columns.nrows() {
-        row.iter_mut().zip(columns.row(at).iter()).for_each(|(to, from)| *to = *from);
+    let mut rows = Reducer::new(columns.ncols());
+    for (at, row) in columns.row_iter().enumerate() {
+        let mut row: Vec<f64> = row.iter().copied().collect();
         filter.push(at, &mut row);
-        row.iter().enumerate().for_each(|(j, value)| out[(at, j)] = *value);
+        rows.push(&row);
     }
-    Factor::of(out).solve(&(0..columns.ncols() - 1).collect::<Vec<_>>())
-}
-
-/// Over all blocks under some noise: sum of squares, and the logarithms of the determinants of the restricted likelihood.
-fn misfit(blocks: &[Block], noise: SlowNoise) -> Option<(f64, f64)> {
-    blocks.iter().try_fold((0.0, 0.0), |(ssr, determinants), Block { rows, columns }| {
-        let whitening = Whitening::new(rows.view(), noise);
-        let solution = whitened(&whitening, columns)?;
-        Some((ssr + solution.ssr, determinants + whitening.log_determinant + solution.log_determinant()))
-    })
+    rows.finish().solve(&(0..columns.ncols() - 1).collect::<Vec<_>>())
 }

@@ -24,7 +24,7 @@
 //! Fails where a run is shorter than what is slow: a drift in time over a single ramp and a drift over temperature are one.
 
 use crate::calibration::SlowNoiseTerms;
-use crate::fit::golden_section::golden_section;
+use crate::fit::minimum::minimum;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use sagnac_log::setup::Noise;
@@ -36,6 +36,8 @@ const LADDER: f64 = 4.0;
 /// Variances are searched between these parts of the white one.
 const LEAST: f64 = 1e-5;
 const MOST: f64 = 30.0;
+/// ln of a variance is found to within this; rows tell it to 0.1 at best.
+const LN_TOLERANCE: f64 = 0.01;
 /// What a further process must gain in −2·ln(restricted likelihood).
 const GAIN: f64 = 2.0;
 /// Correlation times of the Markov process that are tried, windows.
@@ -250,16 +252,15 @@ pub(crate) struct Whitening {
 /// Rows of some columns on their way through it.
 pub(crate) struct Filter<'a> {
     whitening: &'a Whitening,
-    state: Vec<[f64; STATES]>,
+    columns: usize,
+    /// State by state, a number for each column.
+    state: Vec<f64>,
+    /// Of a row: what the states expect, then what they did not.
+    news: Vec<f64>,
 }
 
 impl Whitening {
     pub(crate) fn new(rows: NoiseRows<'_>, noise: SlowNoise) -> Self {
-        Self::of_first(rows, noise, rows.len())
-    }
-
-    /// Of so many of the first rows.
-    pub(crate) fn of_first(rows: NoiseRows<'_>, noise: SlowNoise, count: usize) -> Self {
         let taus_s = rows.ladder_s();
         let rungs = if noise.flicker > 0.0 { taus_s.len().min(STATES - 2) } else { 0 };
         let markov = noise.markov.filter(|(variance, _)| *variance > 0.0);
@@ -267,7 +268,7 @@ impl Whitening {
         let mut out = Self { steps: Vec::with_capacity(rows.len()), states, log_determinant: 0.0 };
         let mut covariance = [[0.0; STATES]; STATES];
         let (mut before, mut keep, mut kept_for) = (None, [0.0; STATES], None);
-        for row in 0..count.min(rows.len()) {
+        for row in 0..rows.len() {
             let here = (rows.run[row], rows.middle_s[row]);
             let seconds = before.filter(|(run, _)| *run == here.0).map(|(_, at_s)| here.1 - at_s);
             before = Some(here);
@@ -332,7 +333,7 @@ impl Whitening {
 
     /// For rows of so many numbers, from the first row on.
     pub(crate) fn filter(&self, columns: usize) -> Filter<'_> {
-        Filter { whitening: self, state: vec![[0.0; STATES]; columns] }
+        Filter { whitening: self, columns, state: vec![0.0; self.states * columns], news: vec![0.0; columns] }
     }
 }
 
@@ -340,34 +341,44 @@ impl Filter<'_> {
     /// Rows in their order; `row` becomes its innovation at unit white variance.
     pub(crate) fn push(&mut self, index: usize, row: &mut [f64]) {
         let Step { keep, gain, inverse_root } = &self.whitening.steps[index];
-        let states = self.whitening.states;
-        for (value, state) in row.iter_mut().zip(&mut self.state) {
-            let mut known = 0.0;
-            for k in 0..states {
-                state[k] *= keep[k];
-                known += state[k];
-            }
-            let news = *value - known;
-            for k in 0..states {
-                state[k] += gain[k] * news;
-            }
-            *value = news * inverse_root;
+        let news = self.expected(keep, row.len());
+        for (value, known) in row.iter_mut().zip(news.iter_mut()) {
+            *known = *value - *known;
+            *value = *known * inverse_root;
         }
+        self.learn(gain, row.len());
     }
 
     /// The inverse of [`Filter::push`]: a row of innovations becomes a row of this noise.
     pub(crate) fn colour(&mut self, index: usize, row: &mut [f64]) {
         let Step { keep, gain, inverse_root } = &self.whitening.steps[index];
-        let states = self.whitening.states;
-        for (value, state) in row.iter_mut().zip(&mut self.state) {
-            let news = *value / inverse_root;
-            let mut known = 0.0;
-            for k in 0..states {
-                state[k] *= keep[k];
-                known += state[k];
-                state[k] += gain[k] * news;
+        let news = self.expected(keep, row.len());
+        for (value, known) in row.iter_mut().zip(news.iter_mut()) {
+            let new = *value / inverse_root;
+            *value = *known + new;
+            *known = new;
+        }
+        self.learn(gain, row.len());
+    }
+
+    /// The states a step on, and what they expect of a row of so many numbers.
+    fn expected(&mut self, keep: &[f64; STATES], columns: usize) -> &mut [f64] {
+        let news = &mut self.news[..columns];
+        news.fill(0.0);
+        for (state, keep) in self.state.chunks_mut(self.columns).zip(keep) {
+            for (state, known) in state.iter_mut().zip(news.iter_mut()) {
+                *state *= keep;
+                *known += *state;
             }
-            *value = known + news;
+        }
+        news
+    }
+
+    /// What the news of a row make of the states.
+    fn learn(&mut self, gain: &[f64; STATES], columns: usize) {
+        let news = &self.news[..columns];
+        for (state, gain) in self.state.chunks_mut(self.columns).zip(gain) {
+            state.iter_mut().zip(news).for_each(|(state, news)| *state += gain * news);
         }
     }
 }
@@ -395,8 +406,8 @@ pub(crate) fn estimate(nominal_s: f64, criterion: impl Fn(SlowNoise) -> f64 + Sy
     let best_of_each = |base: SlowNoise, processes: &[Process]| -> Vec<(SlowNoise, f64)> {
         let best_of = |process: &Process| {
             let with = |log: f64| process.of_variance(base, log.exp());
-            let found = with(golden_section(LEAST.ln(), MOST.ln(), |log| criterion(with(log))));
-            (found, criterion(found))
+            let found = minimum(LEAST.ln(), MOST.ln(), LN_TOLERANCE, |log| criterion(with(log)));
+            (with(found.at), found.value)
         };
         processes.par_iter().map(best_of).collect()
     };

@@ -1,6 +1,6 @@
 //! The fit of one model on all windows, with its covariance.
 //!
-//! For given τ the model is linear and solved by QR. τ is found by a grid over [Δt, run/4] and a golden section; two lags of one
+//! For given τ the model is linear and solved by QR. τ is found by a grid over [Δt, run/4] and parabolas; two lags of one
 //! input are found together ([`super::two_lags`]), those of several inputs in turn until they converge.
 //!
 //! ```text
@@ -14,9 +14,9 @@ use statrs::distribution::{ContinuousCDF, StudentsT};
 
 use crate::calibration::Lag;
 use crate::fit::bootstrap::Resampling;
-use crate::fit::design::{Columns, Design, FLAT_CHI_SQUARED, Tau, lag_one, misfit};
-use crate::fit::golden_section::golden_section;
+use crate::fit::design::{Columns, Design, FLAT_CHI_SQUARED, LN_TAU_TOLERANCE, Tau, lag_one, misfit};
 use crate::fit::least_squares::{LeastSquares, TermColumn};
+use crate::fit::minimum::minimum;
 use crate::fit::prepared::{Blocks, Prepared};
 use crate::fit::slow_noise::{self, Estimate, MOST_ROWS, NoiseFit, SlowNoise, Whitening, restricted};
 use crate::fit::solve::Conditioning;
@@ -147,16 +147,9 @@ pub(crate) fn noise_of(problem: &LeastSquares<'_>, fitted: &Fitted) -> Estimate 
     if !problem.has_rate() || rows < FEWEST_FOR_NOISE || rows < 2 * parameters || square < 1e-18 * scale {
         return Estimate::default();
     }
-    let nominal_s = problem.windows().shape.nominal_s;
-    let rates = problem.rates(&values(&fitted.taus));
-    slow_noise::estimate(nominal_s, |noise| {
-        let whitening = Whitening::of_first(problem.noise_rows(), noise, rows);
-        let mut design = Design::with_rates(problem, &fitted.terms, rates.clone());
-        (design.whitening, design.rows) = (Some(&whitening), rows);
-        let Some(solution) = design.factor(&[]).solve_all() else { return f64::INFINITY };
-        let degrees = (rows - parameters) as f64;
-        degrees * solution.ssr.ln() + whitening.log_determinant + solution.log_determinant()
-    })
+    let design = Design::new(problem, &fitted.terms, &values(&fitted.taus));
+    let Some(likelihood) = design.likelihood(rows, &[]) else { return Estimate::default() };
+    slow_noise::estimate(problem.windows().shape.nominal_s, |noise| likelihood.criterion(noise))
 }
 
 /// True where the residuals show more noise than the setup states, slow noise and white variance.
@@ -409,8 +402,8 @@ fn find_tau(taus_s: &[f64], degrees: f64, misfit: impl Fn(f64) -> f64 + Sync) ->
         let smallest = misfits.iter().position(near).unwrap_or(best);
         return Some((taus_s[smallest], false));
     }
-    let value_s = golden_section(taus_s[best - 1].ln(), taus_s[best + 1].ln(), |log| misfit(log.exp())).exp();
-    Some((value_s, true))
+    let found = minimum(taus_s[best - 1].ln(), taus_s[best + 1].ln(), LN_TAU_TOLERANCE, |log| misfit(log.exp()));
+    Some((found.at.exp(), true))
 }
 
 /// ∂y of every parameter of [`Fitted::nonlinear`], in its order.

@@ -87,7 +87,7 @@ impl RunColumns {
         self.own.iter().map(Vec::len).sum::<usize>() + self.shared.len()
     }
 
-    fn own_of(&self, run: usize) -> &[usize] {
+    pub(crate) fn own_of(&self, run: usize) -> &[usize] {
         self.own.get(run).map_or(&[], Vec::as_slice)
     }
 

@@ -17,9 +17,9 @@
 use rayon::prelude::*;
 
 use crate::fit::criterion::effective_windows;
-use crate::fit::design::{Design, FLAT_CHI_SQUARED, Tau, lag_one};
-use crate::fit::golden_section::golden_section;
+use crate::fit::design::{Design, FLAT_CHI_SQUARED, LN_TAU_TOLERANCE, Tau, lag_one};
 use crate::fit::least_squares::{LeastSquares, TermColumn};
+use crate::fit::minimum::minimum;
 
 /// Least ratio of the slow lag to the fast one.
 pub(crate) const LEAST_RATIO: f64 = 3.0;
@@ -83,8 +83,9 @@ pub(crate) fn find_pair(
     let lowest = all[best].map(|place| taus_s[place]);
     let most = taus_s.last().copied().unwrap_or(f64::INFINITY);
     let (refined, least) = search.newton(lowest, misfits[best], [taus_s[0], most]);
-    let near = |misfit: f64| misfit <= least * (1.0 + FLAT_CHI_SQUARED / search.degrees(refined));
-    let near: Vec<[usize; 2]> = all.iter().zip(&misfits).filter(|(_, m)| near(**m)).map(|(pair, _)| *pair).collect();
+    let most_near = least * (1.0 + FLAT_CHI_SQUARED / search.degrees(refined));
+    let near: Vec<[usize; 2]> =
+        all.iter().zip(&misfits).filter(|(_, m)| **m <= most_near).map(|(pair, _)| *pair).collect();
     let ratio = |[fast_s, slow_s]: [f64; 2]| slow_s / fast_s;
     // The grid's own steps: nothing closer can be told apart from the least ratio.
     let step = taus_s.get(1).map_or(1.0, |second| second / taus_s[0]);
@@ -196,7 +197,7 @@ impl PairSearch<'_> {
                 let fast_s = taus_s[fast];
                 let (lo, hi) = (taus_s[slow - 1].max(LEAST_RATIO * fast_s).ln(), taus_s[slow + 1].ln());
                 let misfit = |log: f64| self.misfit([fast_s, log.exp()]);
-                Found::Pair([(fast_s, false), (golden_section(lo, hi, misfit).exp(), true)])
+                Found::Pair([(fast_s, false), (minimum(lo, hi, LN_TAU_TOLERANCE, misfit).at.exp(), true)])
             }
         }
     }

@@ -4,7 +4,7 @@
 //! a·e^(−t/τ)        t: time since power-on, which is the first row of every run
 //! ```
 //!
-//! [`super::nuisance`] decides whether the runs hold one. Its τ from a grid of ratio two is refined here by golden section, and the
+//! [`super::nuisance`] decides whether the runs hold one. Its τ from a grid of ratio two is refined here by parabolas, and the
 //! uncertainties of a and τ are those of both together beside all terms, under the noise of the residuals.
 //!
 //! Fails where a run does not begin at power-on: then a belongs to the first row of the log, and nothing in a log says so.
@@ -13,9 +13,9 @@ use std::cell::RefCell;
 
 use crate::calibration::{Lag, WarmUp};
 use crate::fit::averaging::price;
-use crate::fit::design::misfit;
-use crate::fit::golden_section::golden_section;
+use crate::fit::design::{LN_TAU_TOLERANCE, misfit};
 use crate::fit::least_squares::{LeastSquares, Level};
+use crate::fit::minimum::minimum;
 use crate::fit::nuisance::DECISIVE;
 use crate::fit::slow_noise::SlowNoise;
 use crate::fit::solution::{Fitted, fit, weighted_rows};
@@ -54,8 +54,9 @@ fn settle(problem: &mut LeastSquares<'_>, spec: &ModelSpec, taus_s: &[f64]) -> O
         problem.borrow_mut().levels[column] = Level::WarmUp { tau_s: ln_tau.exp() };
         misfit(&problem.borrow(), &fitted.terms, &lags)
     };
-    let ln_tau = golden_section((grid_s / 2.0).ln(), (grid_s * 2.0).ln(), misfit_at);
-    Some(misfit_at(ln_tau))
+    let found = minimum((grid_s / 2.0).ln(), (grid_s * 2.0).ln(), LN_TAU_TOLERANCE, misfit_at);
+    // The column stays at the best τ.
+    Some(misfit_at(found.at))
 }
 
 /// The warm-up of a fit without its uncertainty; `None` where it has none.

@@ -402,14 +402,10 @@ fn noise_of(problem: &LeastSquares<'_>, linear: &Linear, solved: &Solved, prior:
         (0..problem.len()).map(|row| linear.columns.iter().zip(&weights).map(|(c, w)| w * c[row]).sum()).collect()
     };
     let columns: Vec<Vec<f64>> = shown.iter().map(along).collect();
-    let criterion = |noise: SlowNoise| {
-        let whitening = Whitening::of_first(problem.noise_rows(), noise, rows);
-        let mut design = Design::with_rates(problem, &[], Vec::new());
-        (design.whitening, design.rows, design.expected) = (Some(&whitening), rows, Some(linear.expected.as_slice()));
-        let Some(solution) = design.factor(&columns).solve_all() else { return f64::INFINITY };
-        let degrees = (rows - parameters) as f64;
-        degrees * solution.ssr.ln() + whitening.log_determinant + solution.log_determinant()
-    };
+    let mut design = Design::with_rates(problem, &[], Vec::new());
+    design.expected = Some(linear.expected.as_slice());
+    let Some(likelihood) = design.likelihood(rows, &columns) else { return of_fleet };
+    let criterion = |noise| likelihood.criterion(noise);
     let measured = slow_noise::estimate(problem.windows().shape.nominal_s, criterion).best;
     if criterion(of_fleet) < criterion(measured) + CONTRADICTED { of_fleet } else { measured }
 }

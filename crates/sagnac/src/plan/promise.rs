@@ -6,8 +6,10 @@
 //! drift_per_cpm          |mean ρ|             hysteresis       2·Ṫ·|mean ρ|
 //! ```
 
+use std::sync::LazyLock;
+
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
-use rand::SeedableRng;
+use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 use statrs::distribution::{ContinuousCDF, Normal};
@@ -92,8 +94,8 @@ impl Promise {
         let sigma_dph = ((at_rest + on_ramps) / TEMPERATURES as f64).sqrt();
         let judged = judged(limits);
         let (mut figures, mut good) = (vec![Vec::with_capacity(DRAWS); judged.len()], 0_usize);
-        for error in draws(n) {
-            let all = figures_of(&celsius, &(&root * error), rate_cpm);
+        for draw in DRAWN.iter() {
+            let all = figures_of(&celsius, &(&root * DVector::from_column_slice(draw)), rate_cpm);
             let is_within = |(at, bound): &(usize, f64)| all[*at] <= share * bound;
             good += usize::from(judged.iter().all(is_within));
             judged.iter().zip(&mut figures).for_each(|((at, _), of)| of.push(all[*at]));
@@ -124,11 +126,10 @@ fn figures_of(celsius: &[f64], error: &DVector<f64>, rate_cpm: f64) -> [f64; NAM
     [rms, most, (across / along).abs(), of_rate, 2.0 * rate_cpm * of_rate]
 }
 
-/// Standard normal vectors.
-fn draws(n: usize) -> impl Iterator<Item = DVector<f64>> {
-    use rand::RngExt;
+/// Standard normal vectors: errors at the temperatures, then their slopes.
+static DRAWN: LazyLock<Vec<[f64; 2 * TEMPERATURES]>> = LazyLock::new(|| {
     let mut random = ChaCha8Rng::seed_from_u64(SEED);
     let normal = Normal::standard();
-    (0..DRAWS)
-        .map(move |_| DVector::from_fn(n, |_, _| normal.inverse_cdf(random.random::<f64>().clamp(1e-12, 1.0 - 1e-12))))
-}
+    let mut one = || normal.inverse_cdf(random.random::<f64>().clamp(1e-12, 1.0 - 1e-12));
+    (0..DRAWS).map(|_| std::array::from_fn(|_| one())).collect()
+});

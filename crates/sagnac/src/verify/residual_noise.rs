@@ -51,13 +51,17 @@ impl ResidualNoise {
             let run = if known.len() < FEWEST_FOR_SERIES { run } else { &known };
             let run = &run[..run.len().min(rest)];
             rest -= run.len();
-            (!run.is_empty()).then(|| Block { rows: rows(run), columns: columns(run) })
+            (!run.is_empty()).then(|| {
+                let columns = columns(run);
+                Block { rows: rows(run), own: columns.ncols() - 1, columns }
+            })
         };
         let blocks: Vec<Block> = runs.into_iter().filter_map(block).collect();
-        let noise = noise_of_blocks(&blocks, nominal_s).unwrap_or_else(|| {
+        let count = blocks.len();
+        let noise = noise_of_blocks(blocks, nominal_s).unwrap_or_else(|| {
             let sigma = spread(used);
             let rho = lag1_autocorrelation(used, sigma).map_or(0.0, |rho| rho.value.clamp(0.0, 0.95));
-            let degrees = used.len().saturating_sub(blocks.len()).max(1) as f64;
+            let degrees = used.len().saturating_sub(count).max(1) as f64;
             Estimated::white(sigma * sigma * (1.0 + rho) / (1.0 - rho), degrees)
         });
         Self { rows: rows(used), noise, about_common_mean }

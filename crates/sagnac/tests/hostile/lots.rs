@@ -69,7 +69,6 @@ impl Fleet {
     }
 
     /// Three lots whose units scatter by so much in the third order.
-    #[allow(dead_code, reason = "not of all tests that have this module")]
     pub(crate) fn alike_in_third(seed: u64, sigma: f64) -> Self {
         let alike = move |of: [f64; 6], dice: &mut Dice| {
             let mut one = gyro(of, dice);

@@ -6,7 +6,6 @@
 //! rate   = input + bias + drift(T, Ṫ) + disturbance + N (white) + B (flicker) + K (walk) + slow (AR(1))      °/h
 //! counts = floor(angle/quantum) differences: quantization is that of a counter
 //! ```
-#![allow(dead_code, reason = "each test binary uses its own part")]
 
 pub(crate) mod curves;
 pub(crate) mod lots;

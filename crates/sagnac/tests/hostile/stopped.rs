@@ -33,22 +33,20 @@ pub(crate) struct Stopped {
     pub(crate) met_full: f64,
     /// Part of the units that met them after the full test and not after the one that ended.
     pub(crate) lost: f64,
-    /// The same five, by kind of drift: met after the test that ended, after the full one.
-    pub(crate) kinds: Vec<[f64; 2]>,
 }
 
-/// Kind and drift of a unit.
-pub(crate) type Unit = (u64, Box<dyn Fn(Now) -> f64 + Sync>);
+/// Drift of a unit.
+pub(crate) type Unit = Box<dyn Fn(Now) -> f64 + Sync>;
 
 /// A unit of the first kind with a memory of the direction, ±0.04 °/h, that grows between the eighth and the fourteenth hour: heating and hot, cooling and
 /// cold.
 pub(crate) fn growing_memory(number: u64) -> Unit {
-    let (_, drift) = unit(KINDS * number);
+    let drift = unit(KINDS * number);
     let memory = |now: Now| {
         let direction = if (90.0..290.0).contains(&(now.hours * 60.0 % 400.0)) { 1.0 } else { -1.0 };
         0.04 * direction * ((now.hours - 8.0) / 6.0).clamp(0.0, 1.0)
     };
-    (0, Box::new(move |now| drift(now) + memory(now)))
+    Box::new(move |now| drift(now) + memory(now))
 }
 
 /// A unit: its drift, of one of five kinds, with coefficients of its own.
@@ -57,8 +55,7 @@ pub(crate) fn unit(number: u64) -> Unit {
     let mut near = |mean: f64| mean * (1.0 + 0.3 * dice.normal());
     let (a, b, c, rate) = (near(0.12), near(-0.05), near(0.03), near(0.04));
     let (knee_c, width_c, lag) = (near(25.0), near(15.0), near(0.03));
-    let kind = number % KINDS;
-    let drift: Box<dyn Fn(Now) -> f64 + Sync> = match kind {
+    match number % KINDS {
         // A cubic with a rate effect: what the models can hold.
         0 => Box::new(move |now| a * now.u() + b * now.u().powi(2) + c * now.u().powi(3) + rate * now.cpm),
         // A knee, which no polynomial holds exactly.
@@ -69,8 +66,7 @@ pub(crate) fn unit(number: u64) -> Unit {
         3 => Box::new(move |now| a * now.u() + b * now.u().powi(4) + rate * now.lagged_cpm),
         // Hardly any drift.
         _ => Box::new(move |now| 0.1 * a * now.u() + lag * 0.2 * now.cpm),
-    };
-    (kind, drift)
+    }
 }
 
 fn log(drift: &dyn Fn(Now) -> f64, seed: u64, noise: [f64; 2]) -> Vec<u8> {
@@ -144,7 +140,7 @@ pub(crate) fn stopped(units: u64, limits: &Limits, passes: u32, unit: fn(u64) ->
     request.passes = passes;
     request.span_c = Some([-40.0, 69.0]);
     let one = |number: u64| {
-        let (kind, drift) = unit(number);
+        let drift = unit(number);
         // Units without flicker and walk, with little, and with much of them.
         let noise = [[0.0, 0.0], [0.001, 0.001], [0.002, 0.002]][(number / KINDS % 3) as usize];
         let (stopped, full) = tested(&log(&drift, 10 * number + 1, noise), &request);
@@ -154,27 +150,21 @@ pub(crate) fn stopped(units: u64, limits: &Limits, passes: u32, unit: fn(u64) ->
             Some((hours, made)) => (*hours, accepted(made, &retest, limits)),
             None => (FULL_HOURS, met_full),
         };
-        One { kind, ended: stopped.is_some(), hours, met, met_full }
+        One { ended: stopped.is_some(), hours, met, met_full }
     };
     let all: Vec<One> = (0..units).into_par_iter().map(one).collect();
-    let of_kind = |kind: u64| {
-        let own: Vec<One> = all.iter().copied().filter(|one| one.kind == kind).collect();
-        [part(&own, |one| one.met), part(&own, |one| one.met_full)]
-    };
     Stopped {
         ended: part(&all, |one| one.ended),
         hours: all.iter().map(|one| one.hours).sum::<f64>() / units as f64,
         met: part(&all, |one| one.met),
         met_full: part(&all, |one| one.met_full),
         lost: part(&all, |one| one.met_full && !one.met),
-        kinds: (0..KINDS).map(of_kind).collect(),
     }
 }
 
 /// What came of one.
 #[derive(Clone, Copy)]
 struct One {
-    kind: u64,
     ended: bool,
     hours: f64,
     met: bool,

@@ -1,7 +1,5 @@
 //! Figures of coverage, power and risk: asserted here, printed for `docs/explanation/evidence.md`.
 
-#![allow(dead_code, reason = "each test binary uses its own part")]
-
 /// Asserts that a measured figure keeps its bound, and prints the line that `cargo xtask bless evidence` collects. A bound is
 /// `≥ 0.97`, `≤ 0.05` or `0.92 … 0.98`. Claim and bound are literals of the test, or its formats, where `bless --check` looks for them.
 #[track_caller]

@@ -1,9 +1,8 @@
 //! From simulated rows to calibrations and verifications, through the readers a user's log goes through.
 
-#![allow(dead_code, reason = "each test binary uses its own part")]
-
 pub(crate) mod evidence;
 pub(crate) mod records;
+pub(crate) mod ulog_writer;
 
 use std::io::Cursor;
 

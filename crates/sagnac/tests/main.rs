@@ -1,0 +1,37 @@
+//! The tests of `sagnac` in one program: one compilation and one link for all of them.
+
+mod acceptance;
+mod allan;
+mod any_bytes;
+mod compare_limits;
+mod copies;
+mod counts;
+mod coverage;
+mod enough;
+mod enough_study;
+mod entanglement;
+mod formats;
+mod harmonics;
+mod hidden;
+mod hostile;
+mod how_sure;
+mod image_ranges;
+mod inputs;
+mod many_files;
+mod paper;
+mod pipeline;
+mod plan;
+mod plan_study;
+mod prior;
+mod rate_table;
+mod real_chamber;
+mod replay;
+mod retest_intervals;
+mod selection_study;
+mod simulated_chamber;
+mod support;
+mod survey;
+mod target_precision;
+mod turned;
+mod two_lags;
+mod warm_up;
