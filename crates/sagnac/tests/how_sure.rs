@@ -3,7 +3,8 @@
 use crate::support;
 use std::fmt::Write as _;
 
-use crate::support::evidence::{evidence, farthest};
+use crate::support::evidence::evidence;
+use crate::support::farthest;
 use crate::support::{fit, model, windows};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;

@@ -1,7 +1,8 @@
 //! The source paper's rig, 500 times: coverage of the intervals, and whether the correction reaches the noise
 //! floor on a run that the fit did not see.
 
-use crate::support::evidence::{evidence, farthest};
+use crate::support::evidence::evidence;
+use crate::support::farthest;
 use crate::support::{fit, paper_setup, retest};
 use sagnac_sim::{PaperRig, csv_bytes};
 

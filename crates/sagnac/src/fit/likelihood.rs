@@ -6,10 +6,10 @@
 //! ```
 //!
 //! This restricted likelihood (Patterson and Thompson 1971) depends neither on the basis of the columns, but for a constant, nor on
-//! what they add to y. They are made orthonormal once, and y is what they do not explain. Then products of whitened rows keep enough
-//! digits, and a noise costs one pass over the rows.
+//! what they add to y. They are made orthonormal once, those that depend on others dropped, and y is what they do not explain. Then
+//! products of whitened rows keep enough digits, and a noise costs one pass over the rows.
 //!
-//! Fails where columns depend on each other: there is no such basis.
+//! Fails where the columns explain all rows: nothing tells one noise from another then.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -50,6 +50,14 @@ pub(crate) struct Block {
     pub(crate) columns: DMatrix<f64>,
 }
 
+impl Block {
+    /// Without some of its columns, counted from one of them.
+    fn drop(&mut self, from: usize, columns: &[usize]) {
+        let columns: Vec<usize> = columns.iter().map(|column| from + column).collect();
+        self.columns = std::mem::take(&mut self.columns).remove_columns_at(&columns);
+    }
+}
+
 /// Blocks of rows, ready for many noises.
 pub(crate) struct RestrictedLikelihood {
     blocks: Vec<Ready>,
@@ -78,19 +86,22 @@ pub(crate) struct Misfit {
 }
 
 impl RestrictedLikelihood {
-    /// `None` where columns depend on each other, or explain all rows.
+    /// `None` where columns explain all rows.
     pub(crate) fn of(mut blocks: Vec<Block>) -> Option<Self> {
+        for block in &mut blocks {
+            let dropped = orthonormal(&mut [(&mut block.columns, 0)], block.own);
+            block.drop(0, &dropped);
+            block.own -= dropped.len();
+        }
         let shared = blocks.first().map_or(0, |block| block.columns.ncols() - block.own - 1);
+        let mut all: Vec<(&mut DMatrix<f64>, usize)> =
+            blocks.iter_mut().map(|block| (&mut block.columns, block.own)).collect();
+        let dropped = orthonormal(&mut all, shared);
+        blocks.iter_mut().for_each(|block| block.drop(block.own, &dropped));
+        let shared = shared - dropped.len();
         let rows: usize = blocks.iter().map(|block| block.columns.nrows()).sum();
         let columns = shared + blocks.iter().map(|block| block.own).sum::<usize>();
         let degrees = rows.checked_sub(columns).filter(|degrees| *degrees > 0)? as f64;
-        blocks.iter_mut().try_for_each(|block| {
-            let own = block.own;
-            orthonormal(&mut [(&mut block.columns, 0)], own)
-        })?;
-        let mut all: Vec<(&mut DMatrix<f64>, usize)> =
-            blocks.iter_mut().map(|block| (&mut block.columns, block.own)).collect();
-        orthonormal(&mut all, shared)?;
         let ready = |Block { rows, own, columns }: Block| Ready {
             rows,
             own,
@@ -203,16 +214,23 @@ impl Products {
 }
 
 /// Makes so many columns orthonormal, from a place on in each block, all blocks together, and subtracts what they explain from all that
-/// follow them (modified Gram–Schmidt). `None` where one depends on those before.
-fn orthonormal(blocks: &mut [(&mut DMatrix<f64>, usize)], count: usize) -> Option<()> {
+/// follow them (modified Gram–Schmidt). Those that depend on the columns before them stay as they are; their places are the result.
+fn orthonormal(blocks: &mut [(&mut DMatrix<f64>, usize)], count: usize) -> Vec<usize> {
     let squared = |blocks: &[(&mut DMatrix<f64>, usize)], k: usize| -> f64 {
         blocks.iter().map(|(columns, from)| columns.column(from + k).norm_squared()).sum()
     };
     let whole: Vec<f64> = (0..count).map(|k| squared(blocks, k)).collect();
     let after = blocks.first().map_or(0, |(columns, from)| columns.ncols() - from);
-    for k in 0..count {
-        let length = Some(squared(blocks, k)).filter(|own| *own > LEAST_OWN.powi(2) * whole[k])?.sqrt();
-        let unit: Vec<DVector<f64>> = blocks.iter().map(|(columns, from)| columns.column(from + k) / length).collect();
+    let mut dependent = Vec::new();
+    for (k, whole) in whole.into_iter().enumerate() {
+        let own = squared(blocks, k);
+        // Without a temperature in some row a column is not a number.
+        if !(own > LEAST_OWN.powi(2) * whole && own.is_finite()) {
+            dependent.push(k);
+            continue;
+        }
+        let unit: Vec<DVector<f64>> =
+            blocks.iter().map(|(columns, from)| columns.column(from + k) / own.sqrt()).collect();
         for ((columns, from), unit) in blocks.iter_mut().zip(&unit) {
             columns.set_column(*from + k, unit);
         }
@@ -224,7 +242,7 @@ fn orthonormal(blocks: &mut [(&mut DMatrix<f64>, usize)], count: usize) -> Optio
             }
         }
     }
-    Some(())
+    dependent
 }
 
 #[cfg(test)]
@@ -290,14 +308,28 @@ mod tests {
         }
     }
 
+    /// A column of another run than the rows have is zero; one that repeats another adds nothing.
     #[test]
-    fn columns_that_depend_on_each_other_have_none() {
-        let mut repeated = blocks();
-        for block in &mut repeated {
-            let slope = block.columns.column(1).into_owned();
-            block.columns.set_column(2, &(slope * 2.0));
-        }
-        assert!(RestrictedLikelihood::of(repeated).is_none());
+    fn columns_that_depend_on_others_are_dropped() {
+        let expected = RestrictedLikelihood::of(blocks()).unwrap();
+        let with = |block: Block| {
+            let columns = block.columns.insert_column(3, 0.0).insert_column(2, 0.0);
+            let repeated = columns.column(1) * 2.0;
+            let mut block = Block { columns, ..block };
+            block.columns.set_column(2, &repeated);
+            block
+        };
+        let found = RestrictedLikelihood::of(blocks().into_iter().map(with).collect()).unwrap();
+        assert_eq!((found.degrees, found.shared), (expected.degrees, expected.shared));
+        let noise = SlowNoise { flicker: 0.2, ..SlowNoise::default() };
+        let of = |likelihood: &RestrictedLikelihood| {
+            likelihood.criterion(noise) - likelihood.criterion(SlowNoise::default())
+        };
+        assert!((of(&found) - of(&expected)).abs() < 1e-9);
+    }
+
+    #[test]
+    fn columns_that_explain_all_rows_tell_no_noise() {
         let few = |mut block: Block| {
             block.columns = block.columns.rows(0, 2).into_owned();
             block

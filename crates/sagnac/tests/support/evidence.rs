@@ -20,9 +20,3 @@ fn is_within(measured: f64, bound: &str) -> bool {
         (number(least)..=number(most)).contains(&measured)
     }
 }
-
-/// The value of several that is farthest from a wanted one.
-pub(crate) fn farthest(values: impl IntoIterator<Item = f64>, wanted: f64) -> f64 {
-    let values = values.into_iter();
-    values.max_by(|a, b| (a - wanted).abs().total_cmp(&(b - wanted).abs())).unwrap()
-}

@@ -61,3 +61,9 @@ pub(crate) fn bench(name: &str) -> Setup {
     let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../testdata").join(name);
     Setup::read(&path).unwrap()
 }
+
+/// The value of several that is farthest from a wanted one.
+pub(crate) fn farthest(values: impl IntoIterator<Item = f64>, wanted: f64) -> f64 {
+    let values = values.into_iter();
+    values.max_by(|a, b| (a - wanted).abs().total_cmp(&(b - wanted).abs())).unwrap()
+}
