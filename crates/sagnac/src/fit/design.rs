@@ -9,7 +9,7 @@
 use nalgebra::DMatrix;
 
 use crate::fit::least_squares::{LeastSquares, Rates, TermColumn};
-use crate::fit::likelihood::{Block, RestrictedLikelihood, Rows};
+use crate::fit::likelihood::{Block, RestrictedLikelihood, Rows, groups, mean, rows_at_a_time};
 use crate::fit::slow_noise::{NoiseRows, Whitening};
 use crate::fit::solve::{Factor, RunColumns, RunReducer, Solution};
 
@@ -126,35 +126,33 @@ impl<'a> Design<'a> {
         reducer
     }
 
-    /// The first rows as they are, for many noises.
-    pub(super) fn likelihood(&self, rows: usize, slopes: &[Vec<f64>]) -> Option<RestrictedLikelihood> {
-        let NoiseRows { run, middle_s, weight, longest_s, nominal_s } = self.problem.noise_rows();
-        let columns = self.problem.run_columns();
-        let by_run = !columns.own.iter().all(Vec::is_empty);
+    /// The rows, not whitened, for many noises; many of them averaged.
+    pub(super) fn likelihood(&self, slopes: &[Vec<f64>]) -> Option<RestrictedLikelihood> {
+        let all = self.problem.noise_rows();
+        let at_a_time = rows_at_a_time(all.len());
+        let levels = self.problem.run_columns();
+        let by_run = !levels.own.iter().all(Vec::is_empty);
         let mut first = 0;
         let block = |of: &[usize]| {
-            let rows = first..first + of.len();
-            first = rows.end;
-            let mut values = Vec::new();
-            let mut row = Vec::new();
-            for i in rows.clone() {
-                self.row_of_run(i, &columns, slopes, &mut row);
-                values.extend_from_slice(&row);
+            let own = first..first + of.len();
+            first = own.end;
+            let (middle_s, weight) = (&all.middle_s[own.clone()], &all.weight[own.clone()]);
+            let rows = NoiseRows { run: of, middle_s, weight, ..all };
+            let groups = groups(rows, at_a_time);
+            let (mut row, mut of_group, mut values) = (Vec::new(), Vec::new(), Vec::new());
+            for group in &groups {
+                of_group.clear();
+                for i in group.clone() {
+                    self.row_of_run(own.start + i, &levels, slopes, &mut row);
+                    of_group.extend_from_slice(&row);
+                }
+                let value = |i: usize, j: usize| of_group[(i - group.start) * row.len() + j];
+                values.extend((0..row.len()).map(|j| mean(weight, group, |i| value(i, j))));
             }
-            Block {
-                rows: Rows {
-                    run: run[rows.clone()].to_vec(),
-                    middle_s: middle_s[rows.clone()].to_vec(),
-                    weight: weight[rows].to_vec(),
-                    longest_s,
-                    nominal_s,
-                },
-                own: columns.own_of(of[0]).len(),
-                columns: DMatrix::from_row_slice(of.len(), row.len(), &values),
-            }
+            let columns = DMatrix::from_row_slice(groups.len(), row.len(), &values);
+            Block { rows: Rows::averaged(rows, &groups, at_a_time), own: levels.own_of(of[0]).len(), columns }
         };
-        let rows = rows.min(self.problem.len());
-        RestrictedLikelihood::of(run[..rows].chunk_by(|a, b| a == b || !by_run).map(block).collect())
+        RestrictedLikelihood::of(all.run.chunk_by(|a, b| a == b || !by_run).map(block).collect())
     }
 
     /// Levels of its run, terms and further columns of a row, then y.

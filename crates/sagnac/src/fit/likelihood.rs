@@ -9,12 +9,20 @@
 //! what they add to y. They are made orthonormal once, those that depend on others dropped, and y is what they do not explain. Then
 //! products of whitened rows keep enough digits, and a noise costs one pass over the rows.
 //!
+//! Of more than [`MOST_ROWS`] rows, neighbours are averaged: slow noise is that of the whole test, however short its windows are.
+//!
 //! Fails where the columns explain all rows: nothing tells one noise from another then.
+
+use std::ops::Range;
 
 use nalgebra::{DMatrix, DVector};
 
 use crate::fit::slow_noise::{NoiseRows, SlowNoise, Whitening};
 
+/// Rows at most; more are averaged.
+pub(crate) const MOST_ROWS: usize = 4000;
+/// Middles of neighbours are nearer than this many windows.
+const NEIGHBOURS_WITHIN: f64 = 1.5;
 /// Rows that go into products at a time.
 const TOGETHER: usize = 4;
 /// A column whose own part is shorter than this fraction of it depends on the others.
@@ -40,6 +48,48 @@ impl Rows {
         let Self { run, middle_s, weight, longest_s, nominal_s } = self;
         NoiseRows { run, middle_s, weight, longest_s: *longest_s, nominal_s: *nominal_s }
     }
+
+    /// The means of groups of rows, each the length of its rows together.
+    pub(crate) fn averaged(rows: NoiseRows<'_>, groups: &[Range<usize>], at_a_time: usize) -> Self {
+        Self {
+            run: groups.iter().map(|group| rows.run[group.start]).collect(),
+            middle_s: groups.iter().map(|group| mean(rows.weight, group, |i| rows.middle_s[i])).collect(),
+            weight: groups.iter().map(|group| rows.weight[group.clone()].iter().sum()).collect(),
+            longest_s: rows.longest_s,
+            nominal_s: rows.nominal_s * at_a_time as f64,
+        }
+    }
+}
+
+/// How many of so many rows are averaged.
+pub(crate) fn rows_at_a_time(all: usize) -> usize {
+    all.div_ceil(MOST_ROWS).max(1)
+}
+
+/// Groups of so many rows of a run that follow each other; fewer before a gap and at the end.
+pub(crate) fn groups(rows: NoiseRows<'_>, at_a_time: usize) -> Vec<Range<usize>> {
+    let mut groups: Vec<Range<usize>> = Vec::new();
+    for i in 0..rows.len() {
+        let follows = |group: &&mut Range<usize>| {
+            group.len() < at_a_time
+                && rows.run[i - 1] == rows.run[i]
+                && rows.middle_s[i] - rows.middle_s[i - 1] < NEIGHBOURS_WITHIN * rows.nominal_s
+        };
+        match groups.last_mut().filter(follows) {
+            Some(group) => group.end = i + 1,
+            None => groups.push(i..i + 1),
+        }
+    }
+    groups
+}
+
+/// Mean over a group of rows, by their lengths.
+pub(crate) fn mean(weight: &[f64], group: &Range<usize>, value: impl Fn(usize) -> f64) -> f64 {
+    if group.len() == 1 {
+        return value(group.start);
+    }
+    let sum: f64 = group.clone().map(|i| weight[i] * value(i)).sum();
+    sum / weight[group.clone()].iter().sum::<f64>()
 }
 
 /// Rows with their columns: those of this block alone, those of all blocks, and what was measured.
@@ -65,6 +115,8 @@ pub(crate) struct RestrictedLikelihood {
     shared: usize,
     /// Rows less columns.
     pub(crate) degrees: f64,
+    /// Nominal length of a row, s.
+    pub(crate) nominal_s: f64,
 }
 
 /// A block whose columns are orthonormal, row by row.
@@ -99,6 +151,7 @@ impl RestrictedLikelihood {
         let dropped = orthonormal(&mut all, shared);
         blocks.iter_mut().for_each(|block| block.drop(block.own, &dropped));
         let shared = shared - dropped.len();
+        let nominal_s = blocks.first()?.rows.nominal_s;
         let rows: usize = blocks.iter().map(|block| block.columns.nrows()).sum();
         let columns = shared + blocks.iter().map(|block| block.own).sum::<usize>();
         let degrees = rows.checked_sub(columns).filter(|degrees| *degrees > 0)? as f64;
@@ -108,7 +161,7 @@ impl RestrictedLikelihood {
             width: columns.ncols(),
             values: columns.transpose().as_slice().to_vec(),
         };
-        Some(Self { blocks: blocks.into_iter().map(ready).collect(), shared, degrees })
+        Some(Self { blocks: blocks.into_iter().map(ready).collect(), shared, degrees, nominal_s })
     }
 
     /// Sum of squares under white noise.

@@ -47,7 +47,7 @@ mod warm_up;
 mod with_prior;
 
 pub(crate) use input_noise::thermometer_noise;
-pub(crate) use likelihood::{Block, Rows};
+pub(crate) use likelihood::{Block, Rows, groups, mean, rows_at_a_time};
 pub(crate) use plateaus::{level_stretches, plateaus_of};
 pub use progress::{Doing, Progress};
 pub(crate) use rate_table_input::{RateTableInput, SAME_RATE};
@@ -55,7 +55,7 @@ pub use record::{FitOptions, calibrate, calibrate_with_report_data};
 pub(crate) use record::{log_files, noise_of, stated_noise};
 pub use robust::Loss;
 pub(crate) use row_noise::{Estimated, noise_of_blocks};
-pub(crate) use slow_noise::{MOST_ROWS, SlowNoise};
+pub(crate) use slow_noise::SlowNoise;
 pub use tradeoff::{FrontierPoint, frontier};
 pub(crate) use with_prior::ln_of_residual;
 pub use with_prior::{ResidualOfFleet, UnitPrior};

@@ -12,10 +12,10 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::fit::likelihood::{Block, Rows};
+use crate::fit::likelihood::{Block, MOST_ROWS, Rows};
 use crate::fit::plateaus::{KnownNoise, TurnedWindow};
 use crate::fit::row_noise::{RowNoise, noise_of_blocks, stated_or_shown, whitened};
-use crate::fit::slow_noise::{MOST_ROWS, SlowNoise, Whitening};
+use crate::fit::slow_noise::{SlowNoise, Whitening};
 
 /// Noise of a window of nominal length.
 pub(super) struct PlateauNoise {
@@ -47,8 +47,8 @@ impl PlateauNoise {
             })
             .collect();
         let found = match known.stated {
-            Some((slow, white)) => Some(stated_or_shown(blocks, nominal_s, RowNoise { slow, white })),
-            None => noise_of_blocks(blocks, nominal_s).map(|found| found.best),
+            Some((slow, white)) => Some(stated_or_shown(blocks, RowNoise { slow, white })),
+            None => noise_of_blocks(blocks).map(|found| found.best),
         };
         found.map_or(white, |RowNoise { slow, white }| Self { slow, white, longest_s, nominal_s })
     }

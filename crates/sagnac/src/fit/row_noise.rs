@@ -63,14 +63,14 @@ impl Estimated {
 }
 
 /// The noise of blocks of rows. `None` where they do not tell it.
-pub(crate) fn noise_of_blocks(blocks: Vec<Block>, nominal_s: f64) -> Option<Estimated> {
-    shown(&likelihood(blocks)?, nominal_s)
+pub(crate) fn noise_of_blocks(blocks: Vec<Block>) -> Option<Estimated> {
+    shown(&likelihood(blocks)?)
 }
 
 /// A stated noise, unless the blocks show more.
-pub(crate) fn stated_or_shown(blocks: Vec<Block>, nominal_s: f64, stated: RowNoise) -> RowNoise {
+pub(crate) fn stated_or_shown(blocks: Vec<Block>, stated: RowNoise) -> RowNoise {
     let Some(likelihood) = likelihood(blocks) else { return stated };
-    let Some(Estimated { best: shown, degrees, .. }) = shown(&likelihood, nominal_s) else { return stated };
+    let Some(Estimated { best: shown, degrees, .. }) = shown(&likelihood) else { return stated };
     let of = |noise: RowNoise| {
         let Misfit { ssr, determinants } = likelihood.misfit(noise.slow)?;
         let variance = noise.white * (1.0 + noise.slow.parts_of_white());
@@ -92,9 +92,9 @@ fn likelihood(blocks: Vec<Block>) -> Option<RestrictedLikelihood> {
 }
 
 /// As rows show it.
-fn shown(likelihood: &RestrictedLikelihood, nominal_s: f64) -> Option<Estimated> {
+fn shown(likelihood: &RestrictedLikelihood) -> Option<Estimated> {
     let degrees = likelihood.degrees;
-    let slow = slow_noise::estimate(nominal_s, |noise| likelihood.criterion(noise)).mixed;
+    let slow = slow_noise::estimate(likelihood.nominal_s, |noise| likelihood.criterion(noise)).mixed;
     let with = |slow| likelihood.misfit(slow).map(|found| RowNoise { slow, white: found.ssr / degrees });
     let [more, less] = [SLOPE_STEP, -SLOPE_STEP].map(|step| with(slow.scaled(step.exp())));
     Some(Estimated { best: with(slow)?, beside: [more?, less?], degrees })

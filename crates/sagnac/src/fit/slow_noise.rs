@@ -42,8 +42,6 @@ const LN_TOLERANCE: f64 = 0.01;
 const GAIN: f64 = 2.0;
 /// Correlation times of the Markov process that are tried, windows.
 const MARKOV_WINDOWS: [f64; 5] = [1.0, 2.0, 5.0, 15.0, 50.0];
-/// Rows that the variances are estimated from.
-pub(crate) const MOST_ROWS: usize = 4000;
 
 /// Rows as noise runs through them: in the order of time within each run.
 #[derive(Clone, Copy)]

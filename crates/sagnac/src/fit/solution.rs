@@ -18,7 +18,7 @@ use crate::fit::design::{Columns, Design, FLAT_CHI_SQUARED, LN_TAU_TOLERANCE, Ta
 use crate::fit::least_squares::{LeastSquares, TermColumn};
 use crate::fit::minimum::minimum;
 use crate::fit::prepared::{Blocks, Prepared};
-use crate::fit::slow_noise::{self, Estimate, MOST_ROWS, NoiseFit, SlowNoise, Whitening, restricted};
+use crate::fit::slow_noise::{self, Estimate, NoiseFit, SlowNoise, Whitening, restricted};
 use crate::fit::solve::Conditioning;
 use crate::fit::two_lags::{Found, LEAST_RATIO, find_pair};
 use crate::model::ActsOn;
@@ -140,7 +140,7 @@ pub(crate) fn fit(problem: &LeastSquares<'_>, spec: &ModelSpec, taus_s: &[f64]) 
 /// The slow noise of a model's residuals, by restricted likelihood; white without time, with too few windows, or where the model
 /// explains everything.
 pub(crate) fn noise_of(problem: &LeastSquares<'_>, fitted: &Fitted) -> Estimate {
-    let rows = problem.len().min(MOST_ROWS);
+    let rows = problem.len();
     let parameters = problem.levels.len() + fitted.terms.len();
     let scale: f64 = problem.y.iter().map(|y| y * y).sum();
     let square: f64 = fitted.residuals.iter().map(|r| r * r).sum();
@@ -148,8 +148,8 @@ pub(crate) fn noise_of(problem: &LeastSquares<'_>, fitted: &Fitted) -> Estimate 
         return Estimate::default();
     }
     let design = Design::new(problem, &fitted.terms, &values(&fitted.taus));
-    let Some(likelihood) = design.likelihood(rows, &[]) else { return Estimate::default() };
-    slow_noise::estimate(problem.windows().shape.nominal_s, |noise| likelihood.criterion(noise))
+    let Some(likelihood) = design.likelihood(&[]) else { return Estimate::default() };
+    slow_noise::estimate(likelihood.nominal_s, |noise| likelihood.criterion(noise))
 }
 
 /// True where the residuals show more noise than the setup states, slow noise and white variance.

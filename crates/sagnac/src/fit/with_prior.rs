@@ -21,7 +21,7 @@ use statrs::distribution::{ContinuousCDF, StudentsT};
 use crate::calibration::PriorUse;
 use crate::fit::design::{Columns, Design, Tau, lag_one};
 use crate::fit::least_squares::{LeastSquares, TermColumn};
-use crate::fit::slow_noise::{self, MOST_ROWS, SlowNoise, Whitening};
+use crate::fit::slow_noise::{self, SlowNoise, Whitening};
 use crate::fit::solution::{FEWEST_DEGREES, FEWEST_FOR_NOISE, Fitted, SLOPE_STEP};
 use crate::fit::solve::Factor;
 use crate::model::common_basis::{SeriesTerm, onto_common};
@@ -389,7 +389,7 @@ fn settled(
 /// The slow noise of the test: that of the fleet, unless the test contradicts it. By restricted likelihood, beside the directions that
 /// the test shows.
 fn noise_of(problem: &LeastSquares<'_>, linear: &Linear, solved: &Solved, prior: &UnitPrior) -> SlowNoise {
-    let rows = problem.len().min(MOST_ROWS);
+    let rows = problem.len();
     let shown = shown(solved, SHOWN_TO_NOISE);
     let parameters = problem.levels.len() + shown.len();
     let stated = Noise::walk(0.0).slow(prior.bias_instability_dph, prior.rate_random_walk_dph_rt_h);
@@ -404,9 +404,9 @@ fn noise_of(problem: &LeastSquares<'_>, linear: &Linear, solved: &Solved, prior:
     let columns: Vec<Vec<f64>> = shown.iter().map(along).collect();
     let mut design = Design::with_rates(problem, &[], Vec::new());
     design.expected = Some(linear.expected.as_slice());
-    let Some(likelihood) = design.likelihood(rows, &columns) else { return of_fleet };
+    let Some(likelihood) = design.likelihood(&columns) else { return of_fleet };
     let criterion = |noise| likelihood.criterion(noise);
-    let measured = slow_noise::estimate(problem.windows().shape.nominal_s, criterion).best;
+    let measured = slow_noise::estimate(likelihood.nominal_s, criterion).best;
     if criterion(of_fleet) < criterion(measured) + CONTRADICTED { of_fleet } else { measured }
 }
 

@@ -10,10 +10,12 @@
 //!
 //! Fails where a drift that no column has is as slow as the noise: it counts as noise, and intervals are wider than they need to be.
 
+use std::ops::Range;
+
 use nalgebra::DMatrix;
 
 use crate::diagnostics::Point;
-use crate::fit::{Block, Estimated, MOST_ROWS, Rows, noise_of_blocks};
+use crate::fit::{Block, Estimated, Rows, groups, mean, noise_of_blocks, rows_at_a_time};
 use crate::model::Span;
 use crate::verify::residual::{smooth_columns, smooth_order};
 use crate::verify::residual_diagnostics::{lag1_autocorrelation, spread};
@@ -44,21 +46,20 @@ impl ResidualNoise {
             longest_s: longest_h * 3600.0 + nominal_s,
             nominal_s,
         };
-        let mut rest = MOST_ROWS;
+        let at_a_time = rows_at_a_time(used.len());
         let block = |run: &[&Point]| {
             // A window whose temperature is not known must not hide those of the others.
             let known: Vec<&Point> = run.iter().copied().filter(is_known).collect();
             let run = if known.len() < FEWEST_FOR_SERIES { run } else { &known };
-            let run = &run[..run.len().min(rest)];
-            rest -= run.len();
-            (!run.is_empty()).then(|| {
-                let columns = columns(run);
-                Block { rows: rows(run), own: columns.ncols() - 1, columns }
-            })
+            let rows = rows(run);
+            let groups = groups(rows.view(), at_a_time);
+            let averaged: Vec<Point> = groups.iter().map(|group| average(run, &rows.weight, group)).collect();
+            let columns = columns(&averaged.iter().collect::<Vec<_>>());
+            Block { rows: Rows::averaged(rows.view(), &groups, at_a_time), own: columns.ncols() - 1, columns }
         };
-        let blocks: Vec<Block> = runs.into_iter().filter_map(block).collect();
+        let blocks: Vec<Block> = runs.into_iter().map(block).collect();
         let count = blocks.len();
-        let noise = noise_of_blocks(blocks, nominal_s).unwrap_or_else(|| {
+        let noise = noise_of_blocks(blocks).unwrap_or_else(|| {
             let sigma = spread(used);
             let rho = lag1_autocorrelation(used, sigma).map_or(0.0, |rho| rho.value.clamp(0.0, 0.95));
             let degrees = used.len().saturating_sub(count).max(1) as f64;
@@ -90,6 +91,13 @@ impl ResidualNoise {
         let (variance, widening) = self.covariance(&parts, |variance| variance[(0, 0)]);
         widening * variance[(0, 0)].max(0.0).sqrt()
     }
+}
+
+/// The mean of a group of windows.
+fn average(run: &[&Point], weight: &[f64], group: &Range<usize>) -> Point {
+    let of = |value: fn(&Point) -> f64| mean(weight, group, |i| value(run[i]));
+    let (temperature_c, rate_cpm, after_dph) = (of(|p| p.temperature_c), of(|p| p.rate_cpm), of(|p| p.after_dph));
+    Point { temperature_c, rate_cpm, after_dph, ..*run[group.start] }
 }
 
 fn is_known(point: &&Point) -> bool {
