@@ -9,7 +9,7 @@
 use nalgebra::DMatrix;
 
 use crate::fit::least_squares::{LeastSquares, Rates, TermColumn};
-use crate::fit::likelihood::{Block, RestrictedLikelihood, Rows, groups, mean, rows_at_a_time};
+use crate::fit::likelihood::{Block, RestrictedLikelihood, Rows, mean};
 use crate::fit::slow_noise::{NoiseRows, Whitening};
 use crate::fit::solve::{Factor, RunColumns, RunReducer, Solution};
 
@@ -129,7 +129,6 @@ impl<'a> Design<'a> {
     /// The rows, not whitened, for many noises; many of them averaged.
     pub(super) fn likelihood(&self, slopes: &[Vec<f64>]) -> Option<RestrictedLikelihood> {
         let all = self.problem.noise_rows();
-        let at_a_time = rows_at_a_time(all.len());
         let levels = self.problem.run_columns();
         let by_run = !levels.own.iter().all(Vec::is_empty);
         let mut first = 0;
@@ -137,8 +136,7 @@ impl<'a> Design<'a> {
             let own = first..first + of.len();
             first = own.end;
             let (middle_s, weight) = (&all.middle_s[own.clone()], &all.weight[own.clone()]);
-            let rows = NoiseRows { run: of, middle_s, weight, ..all };
-            let groups = groups(rows, at_a_time);
+            let (rows, groups) = Rows::averaged(NoiseRows { run: of, middle_s, weight, ..all }, all.len());
             let (mut row, mut of_group, mut values) = (Vec::new(), Vec::new(), Vec::new());
             for group in &groups {
                 of_group.clear();
@@ -150,7 +148,7 @@ impl<'a> Design<'a> {
                 values.extend((0..row.len()).map(|j| mean(weight, group, |i| value(i, j))));
             }
             let columns = DMatrix::from_row_slice(groups.len(), row.len(), &values);
-            Block { rows: Rows::averaged(rows, &groups, at_a_time), own: levels.own_of(of[0]).len(), columns }
+            Block { rows, own: levels.own_of(of[0]).len(), columns }
         };
         RestrictedLikelihood::of(all.run.chunk_by(|a, b| a == b || !by_run).map(block).collect())
     }

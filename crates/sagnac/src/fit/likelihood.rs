@@ -29,7 +29,6 @@ const TOGETHER: usize = 4;
 const LEAST_OWN: f64 = 1e-9;
 
 /// Rows in the order of time within each run.
-#[derive(Clone)]
 pub(crate) struct Rows {
     /// Of each row.
     pub(crate) run: Vec<usize>,
@@ -49,25 +48,23 @@ impl Rows {
         NoiseRows { run, middle_s, weight, longest_s: *longest_s, nominal_s: *nominal_s }
     }
 
-    /// The means of groups of rows, each the length of its rows together.
-    pub(crate) fn averaged(rows: NoiseRows<'_>, groups: &[Range<usize>], at_a_time: usize) -> Self {
-        Self {
+    /// Rows of which there are so many in all blocks, averaged so that there are [`MOST_ROWS`] in all; and which of them each has for [`mean`].
+    pub(crate) fn averaged(rows: NoiseRows<'_>, all: usize) -> (Self, Vec<Range<usize>>) {
+        let at_a_time = all.div_ceil(MOST_ROWS);
+        let groups = groups(rows, at_a_time);
+        let averaged = Self {
             run: groups.iter().map(|group| rows.run[group.start]).collect(),
             middle_s: groups.iter().map(|group| mean(rows.weight, group, |i| rows.middle_s[i])).collect(),
             weight: groups.iter().map(|group| rows.weight[group.clone()].iter().sum()).collect(),
             longest_s: rows.longest_s,
             nominal_s: rows.nominal_s * at_a_time as f64,
-        }
+        };
+        (averaged, groups)
     }
 }
 
-/// How many of so many rows are averaged.
-pub(crate) fn rows_at_a_time(all: usize) -> usize {
-    all.div_ceil(MOST_ROWS).max(1)
-}
-
 /// Groups of so many rows of a run that follow each other; fewer before a gap and at the end.
-pub(crate) fn groups(rows: NoiseRows<'_>, at_a_time: usize) -> Vec<Range<usize>> {
+fn groups(rows: NoiseRows<'_>, at_a_time: usize) -> Vec<Range<usize>> {
     let mut groups: Vec<Range<usize>> = Vec::new();
     for i in 0..rows.len() {
         let follows = |group: &&mut Range<usize>| {
@@ -93,7 +90,6 @@ pub(crate) fn mean(weight: &[f64], group: &Range<usize>, value: impl Fn(usize) -
 }
 
 /// Rows with their columns: those of this block alone, those of all blocks, and what was measured.
-#[derive(Clone)]
 pub(crate) struct Block {
     pub(crate) rows: Rows,
     pub(crate) own: usize,

@@ -47,7 +47,7 @@ mod warm_up;
 mod with_prior;
 
 pub(crate) use input_noise::thermometer_noise;
-pub(crate) use likelihood::{Block, Rows, groups, mean, rows_at_a_time};
+pub(crate) use likelihood::{Block, Rows, mean};
 pub(crate) use plateaus::{level_stretches, plateaus_of};
 pub use progress::{Doing, Progress};
 pub(crate) use rate_table_input::{RateTableInput, SAME_RATE};

@@ -15,7 +15,7 @@ use std::ops::Range;
 use nalgebra::DMatrix;
 
 use crate::diagnostics::Point;
-use crate::fit::{Block, Estimated, Rows, groups, mean, noise_of_blocks, rows_at_a_time};
+use crate::fit::{Block, Estimated, Rows, mean, noise_of_blocks};
 use crate::model::Span;
 use crate::verify::residual::{smooth_columns, smooth_order};
 use crate::verify::residual_diagnostics::{lag1_autocorrelation, spread};
@@ -46,16 +46,15 @@ impl ResidualNoise {
             longest_s: longest_h * 3600.0 + nominal_s,
             nominal_s,
         };
-        let at_a_time = rows_at_a_time(used.len());
         let block = |run: &[&Point]| {
             // A window whose temperature is not known must not hide those of the others.
             let known: Vec<&Point> = run.iter().copied().filter(is_known).collect();
             let run = if known.len() < FEWEST_FOR_SERIES { run } else { &known };
-            let rows = rows(run);
-            let groups = groups(rows.view(), at_a_time);
-            let averaged: Vec<Point> = groups.iter().map(|group| average(run, &rows.weight, group)).collect();
+            let each = rows(run);
+            let (rows, groups) = Rows::averaged(each.view(), used.len());
+            let averaged: Vec<Point> = groups.iter().map(|group| average(run, &each.weight, group)).collect();
             let columns = columns(&averaged.iter().collect::<Vec<_>>());
-            Block { rows: Rows::averaged(rows.view(), &groups, at_a_time), own: columns.ncols() - 1, columns }
+            Block { rows, own: columns.ncols() - 1, columns }
         };
         let blocks: Vec<Block> = runs.into_iter().map(block).collect();
         let count = blocks.len();
