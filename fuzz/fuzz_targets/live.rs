@@ -6,7 +6,8 @@ use sagnac_bench::decode::Decoder;
 use sagnac_bench::journal::{Entry, Kind};
 use sagnac_log::setup::{LiveFormat, Setup, ThermometerSetup};
 
-const POLL: &str = "[[bench.poll]]\nsource = \"scpi://x:1\"\ncolumns = [{ name = \"temperature_c_chamber\", query = \"T?\" }]";
+const POLL: &str =
+    "[[bench.poll]]\nsource = \"scpi://x:1\"\ncolumns = [{ name = \"temperature_c_chamber\", query = \"T?\" }]";
 
 fn setup(which: u8) -> Setup {
     let mut setup = Setup::parse(POLL).expect("our own text");
@@ -17,7 +18,8 @@ fn setup(which: u8) -> Setup {
         2 => setup.bench.headers = Some("time_s;counts;temperature_c".to_owned()),
         _ => {
             setup.bench.format = LiveFormat::Frames;
-            let codes = ThermometerSetup { offset_c: Some(0.0), gain_c_per_code: Some(1e-3), ..ThermometerSetup::named("") };
+            let codes =
+                ThermometerSetup { offset_c: Some(0.0), gain_c_per_code: Some(1e-3), ..ThermometerSetup::named("") };
             setup.thermometers = vec![codes];
         }
     }
@@ -28,7 +30,8 @@ fn setup(which: u8) -> Setup {
 fn rows(which: u8, bytes: &[u8], piece: usize) -> String {
     let start = Start::new("fuzz", 0, &setup(which), vec!["gyro".to_owned(), "chamber".to_owned()]);
     let mut decoder = Decoder::new(&start).expect("our own setup");
-    let entry = |kind, source, payload: &[u8]| Entry { kind, source, arrival_ns: 1_000_000_000, payload: payload.to_vec() };
+    let entry =
+        |kind, source, payload: &[u8]| Entry { kind, source, arrival_ns: 1_000_000_000, payload: payload.to_vec() };
     decoder.push(&entry(Kind::Connected, 0, b"x"));
     decoder.push(&entry(Kind::Bytes, 1, bytes.get(..bytes.len().min(20)).unwrap_or_default()));
     for piece in bytes.chunks(piece) {

@@ -36,13 +36,18 @@ const TOOLS: [CargoTool; 3] = [
     },
 ];
 
-/// Installs a tool if it is missing, without optimisation: the build takes a quarter of the time, and each tool runs for
-/// a second only.
+/// Installs a tool if it is missing, without optimisation and checks: the build takes a quarter of the time, and each tool
+/// runs for a second only.
 pub(crate) fn need_cargo_tool(name: &str) -> Result<()> {
     let Some(tool) = TOOLS.iter().find(|tool| tool.name == name) else { bail!("no such tool: {name}") };
     let install = [&["install", "--locked"], tool.install].concat();
     let Some(version) = version(tool) else {
-        let quick = [("CARGO_PROFILE_DEV_DEBUG", "false"), ("CARGO_INCREMENTAL", "0")];
+        let quick = [
+            ("CARGO_PROFILE_DEV_DEBUG", "false"),
+            ("CARGO_PROFILE_DEV_DEBUG_ASSERTIONS", "false"),
+            ("CARGO_PROFILE_DEV_OVERFLOW_CHECKS", "false"),
+            ("CARGO_INCREMENTAL", "0"),
+        ];
         return sh_in(&root(), "cargo", &[&install[..], &["--debug"]].concat(), &quick)
             .with_context(|| format!("{name} is missing and cannot be installed"));
     };

@@ -38,9 +38,11 @@ pub(crate) fn lab(args: &[&str]) -> Result<()> {
     run_lab(args)
 }
 
-/// The lab with the program that it runs.
+/// The program, and the lab that runs it, for `cargo build`: in one selection, so that both share one set of features.
+pub(crate) const PROGRAMS: [&str; 4] = ["--package", "sagnac-cli", "--package", "sagnac-lab"];
+
 pub(crate) fn build_lab() -> Result<()> {
-    sh("cargo", &["build", "--quiet", "--locked", "--package", "sagnac-cli", "--package", "sagnac-lab"])
+    sh("cargo", &[&["build", "--quiet", "--locked"], &PROGRAMS[..]].concat())
 }
 
 pub(crate) fn run_lab(args: &[&str]) -> Result<()> {
@@ -54,7 +56,7 @@ pub(crate) fn compiled_once() -> Result<()> {
         let stdout = stdout_of(120, "cargo", &[&tree, selection].concat(), &root())?;
         Ok(stdout.lines().map(|line| line.trim_end_matches(" (*)").to_owned()).collect())
     };
-    let programs = packages(&["--package", "sagnac-cli", "--package", "sagnac-lab", "--edges", "normal,build"])?;
+    let programs = packages(&[&PROGRAMS[..], &["--package", "sagnac-fuzz", "--edges", "normal,build"]].concat())?;
     let tests = packages(&["--workspace", "--edges", "normal,build,dev"])?;
     let twice: Vec<&str> = programs.difference(&tests).map(String::as_str).collect();
     ensure!(
@@ -62,7 +64,7 @@ pub(crate) fn compiled_once() -> Result<()> {
         "compiled twice, because the tests use other features (see the end of lab/Cargo.toml):\n{}",
         twice.join("\n")
     );
-    println!("compiled once: all {} packages of program and lab are those of the tests", programs.len());
+    println!("compiled once: all {} packages of program, lab and fuzz targets are those of the tests", programs.len());
     Ok(())
 }
 

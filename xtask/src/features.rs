@@ -1,4 +1,6 @@
 //! `cargo xtask features`: every crate that has features compiles without any of them, and with each single one.
+//!
+//! A single feature that is the default is what everything else builds, and is not compiled once more for that.
 
 use std::fs;
 use std::path::PathBuf;
@@ -6,7 +8,7 @@ use std::path::PathBuf;
 use anyhow::{Context, Result, ensure};
 use xtask::shell::{root, sh};
 
-/// Checks every crate. All features together are built by everything else.
+/// Checks every crate. Its default, mostly all features together, is built by everything else.
 pub(crate) fn features() -> Result<()> {
     let mut checked = 0;
     for manifest in manifests()? {
@@ -30,13 +32,15 @@ fn manifests() -> Result<Vec<PathBuf>> {
     Ok(manifests)
 }
 
-/// Name and features of a package, if it has any; `default` is not one.
+/// Name of a package and its features, if it has any, without `default` and the one that is all of it.
 fn with_features(manifest: &str) -> Option<(&str, Vec<&str>)> {
     let package = manifest.lines().find_map(|line| line.strip_prefix("name = "))?.trim_matches('"');
     let section = manifest.split("\n[features]\n").nth(1)?.split("\n[").next()?;
-    let names = section.lines().filter_map(|line| line.split_once(" = ")).map(|(name, _)| name);
-    let names: Vec<&str> = names.filter(|name| !name.starts_with('#') && *name != "default").collect();
-    (!names.is_empty()).then_some((package, names))
+    let features =
+        || section.lines().filter_map(|line| line.split_once(" = ")).filter(|(name, _)| !name.starts_with('#'));
+    let default = features().find(|(name, _)| *name == "default").map(|(_, of)| of.trim_matches(['[', ']', '"']));
+    let names = features().map(|(name, _)| name).filter(|name| *name != "default" && Some(*name) != default);
+    Some((package, names.collect()))
 }
 
 fn check(package: &str, feature: &str) -> Result<()> {
@@ -50,9 +54,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn features_are_the_keys_of_their_section() {
+    fn features_are_the_keys_of_their_section_but_the_default_alone() {
         let manifest = "[package]\nname = \"a\"\n\n[features]\ndefault = [\"b\"]\n# Words = no key.\nb = [\"dep:x\"]\nc = []\n\n[dependencies]\nx = { version = \"1\" }\n";
-        assert_eq!(with_features(manifest), Some(("a", vec!["b", "c"])));
+        assert_eq!(with_features(manifest), Some(("a", vec!["c"])));
+        let both = manifest.replace("[\"b\"]", "[\"b\", \"c\"]");
+        assert_eq!(with_features(&both), Some(("a", vec!["b", "c"])));
         assert_eq!(with_features("[package]\nname = \"a\"\n\n[dependencies]\n"), None);
     }
 }

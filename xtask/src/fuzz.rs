@@ -1,36 +1,35 @@
-//! `cargo xtask fuzz`: every target on a corpus of good and broken inputs, a million executions each; with `--address` under a sanitizer
-//! of memory; with `--smoke`, as in CI, some thousand each.
+//! `cargo xtask fuzz`: every target on a corpus of good and broken inputs, a million executions each, guided by the code that they reach;
+//! with `--address` under a sanitizer of memory.
+//!
+//! With `--smoke`, as in CI, some thousand each, not guided: the targets are then linked with the libraries as the tests have them, with
+//! their overflow checks and debug assertions, and nothing is compiled once more with the fuzzer's instruments.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail, ensure};
-use xtask::shell::{root, sh_in, text};
+use xtask::shell::{built, root, sh, sh_in, text};
 
 use crate::cargo_tools::need_cargo_tool;
-use crate::checks::lab;
+use crate::checks::{PROGRAMS, lab};
 
-/// Duration and checks.
-struct Effort {
+/// A guided run: what is built and for how long it runs.
+struct Guided {
     /// Flags of `cargo fuzz build` and `cargo fuzz run`.
     build: &'static [&'static str],
     target_folder: &'static str,
-    limits: &'static [&'static str],
 }
 
-/// The full run, by the project's compiler.
-const FULL: Effort =
-    Effort { build: &["--sanitizer", "none"], target_folder: "../target/fuzz", limits: &["-runs=1000000"] };
+/// By the project's compiler: our code has no `unsafe` for a sanitizer to check.
+const PLAIN: Guided = Guided { build: &["--sanitizer", "none"], target_folder: "../target/fuzz" };
 /// The same, which also detects memory errors in what is not ours; it needs a nightly compiler.
-const ADDRESS: Effort =
-    Effort { build: &["--sanitizer", "address"], target_folder: "../target/fuzz-address", limits: &["-runs=1000000"] };
-/// Built like the tests, by the same compiler: our code has no `unsafe` for a sanitizer to check. From one seed, so many
-/// executions, or as many of those as fit into some seconds: the same inputs on every machine.
-const SMOKE: Effort = Effort {
-    build: &["--dev", "--sanitizer", "none"],
-    target_folder: "../target/fuzz-smoke",
-    limits: &["-runs=4000", "-seed=1", "-max_total_time=4"],
-};
+const ADDRESS: Guided = Guided { build: &["--sanitizer", "address"], target_folder: "../target/fuzz-address" };
+
+/// Executions of a guided run.
+const MANY: &[&str] = &["-runs=1000000"];
+/// From one seed, so many executions, or as many of those as fit into some seconds: the same inputs on every machine.
+/// Without instruments no seed reaches anything new, and is kept only if told so.
+const FEW: &[&str] = &["-runs=4000", "-seed=1", "-max_total_time=4", "-keep_seed=1"];
 
 /// Longest input, bytes. Longer inputs find nothing new and are slower: a few hundred executions a second at 16 KiB,
 /// thousands at 2 KiB. Only Parquet needs more, for its footer.
@@ -43,29 +42,50 @@ fn max_length(target: &str) -> usize {
 
 /// Runs all targets, or those named.
 pub(crate) fn fuzz(args: &[&str]) -> Result<()> {
-    need_cargo_tool("fuzz")?;
-    let effort = match args.first() {
-        Some(&"--smoke") => SMOKE,
-        Some(&"--address") => ADDRESS,
-        _ => FULL,
-    };
     let wanted: Vec<&str> = args.iter().copied().filter(|arg| !arg.starts_with("--")).collect();
-    let targets = targets()?;
+    let mut targets = targets()?;
     if let Some(unknown) = wanted.iter().find(|name| targets.iter().all(|target| target != *name)) {
         bail!("no fuzz target {unknown}; there are: {}", targets.join(", "));
     }
+    targets.retain(|name| wanted.is_empty() || wanted.contains(&name.as_str()));
     let seeds = seeds()?;
-    cargo_fuzz("build", &effort, &[])?;
-    for target in targets.iter().filter(|name| wanted.is_empty() || wanted.contains(&name.as_str())) {
-        run(target, &effort, &seeds)?;
+    match args.first() {
+        Some(&"--smoke") => smoke(&targets, &seeds),
+        Some(&"--address") => guided(&ADDRESS, &targets, &seeds),
+        _ => guided(&PLAIN, &targets, &seeds),
+    }
+}
+
+/// As the tests have the libraries: one build for program, lab and targets, so that all three share one set of features.
+fn smoke(targets: &[String], seeds: &[PathBuf]) -> Result<()> {
+    sh("cargo", &[&["build", "--quiet", "--locked"], &PROGRAMS[..], &["--package", "sagnac-fuzz"]].concat())?;
+    for target in targets {
+        let (corpus, options) = prepare(target, seeds)?;
+        let options: Vec<&str> = [text(&corpus)?].into_iter().chain(options.iter().map(String::as_str)).collect();
+        sh(text(&built("debug", target))?, &[&options[..], FEW].concat()).with_context(|| finding(target))?;
     }
     Ok(())
 }
 
-fn cargo_fuzz(task: &str, effort: &Effort, rest: &[&str]) -> Result<()> {
-    let toolchain: &[&str] = if effort.build.contains(&"address") { &["+nightly"] } else { &[] };
-    let args = [toolchain, &["fuzz", task, "--target-dir", effort.target_folder], effort.build, rest].concat();
+fn guided(how: &Guided, targets: &[String], seeds: &[PathBuf]) -> Result<()> {
+    need_cargo_tool("fuzz")?;
+    cargo_fuzz("build", how, &[])?;
+    for target in targets {
+        let (_, options) = prepare(target, seeds)?;
+        let options: Vec<&str> = [target, "--"].into_iter().chain(options.iter().map(String::as_str)).collect();
+        cargo_fuzz("run", how, &[&options[..], MANY].concat()).with_context(|| finding(target))?;
+    }
+    Ok(())
+}
+
+fn cargo_fuzz(task: &str, how: &Guided, rest: &[&str]) -> Result<()> {
+    let toolchain: &[&str] = if how.build.contains(&"address") { &["+nightly"] } else { &[] };
+    let args = [toolchain, &["fuzz", task, "--target-dir", how.target_folder], how.build, rest].concat();
     sh_in(&root().join("fuzz"), "cargo", &args, &[])
+}
+
+fn finding(target: &str) -> String {
+    format!("{target}: the input is in fuzz/artifacts/{target}")
 }
 
 /// The targets in fuzz/fuzz_targets.
@@ -95,9 +115,12 @@ fn walk(folder: &Path) -> Vec<PathBuf> {
     entries.flat_map(|path| if path.is_dir() { walk(&path) } else { vec![path] }).collect()
 }
 
-fn run(target: &str, effort: &Effort, seeds: &[PathBuf]) -> Result<()> {
+/// Writes the seeds of a target; its corpus, and the options of the fuzzer that every run has.
+fn prepare(target: &str, seeds: &[PathBuf]) -> Result<(PathBuf, Vec<String>)> {
     let corpus = root().join("fuzz/corpus").join(target);
+    let artifacts = root().join("fuzz/artifacts").join(target);
     fs::create_dir_all(&corpus)?;
+    fs::create_dir_all(&artifacts)?;
     for (number, seed) in seeds.iter().enumerate() {
         let bytes = fs::read(seed).with_context(|| format!("cannot read {}", seed.display()))?;
         let start = &bytes[..bytes.len().min(max_length(target))];
@@ -109,10 +132,10 @@ fn run(target: &str, effort: &Effort, seeds: &[PathBuf]) -> Result<()> {
         };
         fs::write(corpus.join(format!("seed-{number}")), start)?;
     }
-    let length = format!("-max_len={}", max_length(target));
     // Without leak detection, because a decoding thread that is about to end looks like a leak. Memory is limited anyway.
-    let bounds =
-        [&length, "-timeout=20", "-rss_limit_mb=3000", "-detect_leaks=0", "-print_final_stats=1", "-verbosity=0"];
-    cargo_fuzz("run", effort, &[&[target, "--"][..], effort.limits, &bounds].concat())
-        .with_context(|| format!("{target}: the input is in fuzz/artifacts/{target}"))
+    let bounds = ["-timeout=20", "-rss_limit_mb=3000", "-detect_leaks=0", "-print_final_stats=1", "-verbosity=0"];
+    let mut options = vec![format!("-max_len={}", max_length(target))];
+    options.push(format!("-artifact_prefix={}/", text(&artifacts)?));
+    options.extend(bounds.map(str::to_owned));
+    Ok((corpus, options))
 }
