@@ -1,8 +1,8 @@
 //! `cargo xtask fuzz`: every target on a corpus of good and broken inputs, a million executions each, guided by the code that they reach;
 //! with `--address` under a sanitizer of memory.
 //!
-//! With `--smoke`, as in CI, some thousand each, not guided: the targets are then linked with the libraries as the tests have them, with
-//! their overflow checks and debug assertions, and nothing is compiled once more with the fuzzer's instruments.
+//! With `--smoke`, as in CI, some thousand each: the targets count the code that they reach in themselves, and are linked with the libraries
+//! as the tests have them, with their overflow checks. So nothing is compiled once more with the fuzzer's instruments.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -13,22 +13,22 @@ use xtask::shell::{built, root, sh, sh_in, text};
 use crate::cargo_tools::need_cargo_tool;
 use crate::checks::{PROGRAMS, lab};
 
-/// A guided run: what is built and for how long it runs.
-struct Guided {
+/// A full run: how all that it reaches is built.
+struct Full {
     /// Flags of `cargo fuzz build` and `cargo fuzz run`.
     build: &'static [&'static str],
     target_folder: &'static str,
 }
 
 /// By the project's compiler: our code has no `unsafe` for a sanitizer to check.
-const PLAIN: Guided = Guided { build: &["--sanitizer", "none"], target_folder: "../target/fuzz" };
+const PLAIN: Full = Full { build: &["--sanitizer", "none"], target_folder: "../target/fuzz" };
 /// The same, which also detects memory errors in what is not ours; it needs a nightly compiler.
-const ADDRESS: Guided = Guided { build: &["--sanitizer", "address"], target_folder: "../target/fuzz-address" };
+const ADDRESS: Full = Full { build: &["--sanitizer", "address"], target_folder: "../target/fuzz-address" };
 
-/// Executions of a guided run.
+/// Executions of a full run.
 const MANY: &[&str] = &["-runs=1000000"];
-/// From one seed, so many executions, or as many of those as fit into some seconds: the same inputs on every machine.
-/// Without instruments no seed reaches anything new, and is kept only if told so.
+/// From one seed, so many executions, or as many of those as fit into some seconds. A seed that reaches nothing new is kept,
+/// for what it reaches in the libraries is not counted.
 const FEW: &[&str] = &["-runs=4000", "-seed=1", "-max_total_time=4", "-keep_seed=1"];
 
 /// Longest input, bytes. Longer inputs find nothing new and are slower: a few hundred executions a second at 16 KiB,
@@ -51,14 +51,17 @@ pub(crate) fn fuzz(args: &[&str]) -> Result<()> {
     let seeds = seeds()?;
     match args.first() {
         Some(&"--smoke") => smoke(&targets, &seeds),
-        Some(&"--address") => guided(&ADDRESS, &targets, &seeds),
-        _ => guided(&PLAIN, &targets, &seeds),
+        Some(&"--address") => full(&ADDRESS, &targets, &seeds),
+        _ => full(&PLAIN, &targets, &seeds),
     }
 }
 
 /// As the tests have the libraries: one build for program, lab and targets, so that all three share one set of features.
 fn smoke(targets: &[String], seeds: &[PathBuf]) -> Result<()> {
-    sh("cargo", &[&["build", "--quiet", "--locked"], &PROGRAMS[..], &["--package", "sagnac-fuzz"]].concat())?;
+    let counted = ["--package", "sagnac-fuzz", "--features", "sagnac-fuzz/counted"];
+    let wrapper = root().join("fuzz/counted.sh");
+    let args = [&["build", "--quiet", "--locked"], &PROGRAMS[..], &counted].concat();
+    sh_in(&root(), "cargo", &args, &[("RUSTC_WRAPPER", text(&wrapper)?)])?;
     for target in targets {
         let (corpus, options) = prepare(target, seeds)?;
         let options: Vec<&str> = [text(&corpus)?].into_iter().chain(options.iter().map(String::as_str)).collect();
@@ -67,7 +70,7 @@ fn smoke(targets: &[String], seeds: &[PathBuf]) -> Result<()> {
     Ok(())
 }
 
-fn guided(how: &Guided, targets: &[String], seeds: &[PathBuf]) -> Result<()> {
+fn full(how: &Full, targets: &[String], seeds: &[PathBuf]) -> Result<()> {
     need_cargo_tool("fuzz")?;
     cargo_fuzz("build", how, &[])?;
     for target in targets {
@@ -78,7 +81,7 @@ fn guided(how: &Guided, targets: &[String], seeds: &[PathBuf]) -> Result<()> {
     Ok(())
 }
 
-fn cargo_fuzz(task: &str, how: &Guided, rest: &[&str]) -> Result<()> {
+fn cargo_fuzz(task: &str, how: &Full, rest: &[&str]) -> Result<()> {
     let toolchain: &[&str] = if how.build.contains(&"address") { &["+nightly"] } else { &[] };
     let args = [toolchain, &["fuzz", task, "--target-dir", how.target_folder], how.build, rest].concat();
     sh_in(&root().join("fuzz"), "cargo", &args, &[])

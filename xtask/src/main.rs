@@ -38,7 +38,7 @@ cargo xtask conserve   1e9 ticks (27.8 h): every count accounted for
 cargo xtask hunt       [MINUTES] generated inputs of every kind through the program, findings to testdata/found; --cases N: so many;
                        --from N, --case N: one again, --found: only those of earlier hunts
 cargo xtask fuzz       [--smoke | --address] [targets] a million executions of every fuzz target or of those named; --smoke: a few
-                       seconds of each; --address: with a sanitizer of memory (needs a nightly compiler)
+                       seconds of each, in the tests' build; --address: with a sanitizer of memory (needs a nightly compiler)
 cargo xtask c          the exported C: warnings, MISRA, vectors on this machine and on an emulated Cortex-M4F
 cargo xtask fpga       [place] the exported Verilog: lint, vectors in two simulators, synthesis
 cargo xtask firmware   build the firmware, run it in QEMU, compare it with the host bit for bit

@@ -85,6 +85,11 @@ const TIME_UNITS: &Units = &[
     (&["us", "µs", "μs", "usec", "microseconds"], "us"),
     (&["ns", "nsec", "nanoseconds"], "ns"),
 ];
+/// Units of a time that Sagnac does not read: rounded to a few digits, they do not give the length of a row.
+const UNREAD_TIME_UNITS: [&str; 22] = [
+    "min", "mins", "minute", "minutes", "minuten", "minutos", "h", "hr", "hrs", "hour", "hours", "std", "stunde",
+    "stunden", "heure", "heures", "hora", "horas", "days", "tage", "jours", "dias",
+];
 const TEMPERATURE_UNITS: &Units = &[(&["c", "°c", "degc", "deg c", "celsius", "grad c"], "c"), (&["k", "kelvin"], "k")];
 const RATE_UNITS: &Units = &[
     (&["°/h", "deg/h", "deg/hr", "dph", "°/hr"], "dph"),
@@ -142,7 +147,7 @@ fn input_rate(guesses: &[Option<Guess>]) -> String {
 /// The mapping of the columns.
 fn columns(all: &[SampleColumn], guesses: &[Option<Guess>]) -> String {
     let mut out = String::from("\n[columns]\n");
-    for (column, guess) in all.iter().zip(guesses) {
+    for (column, guess) in all.iter().zip(guesses).filter(|(column, _)| !column.header.is_empty()) {
         let (header, cell) = (quoted(&column.header), column.cells.iter().find(|cell| !cell.is_empty()));
         let example = cell.map_or(String::new(), |cell| format!(" (first: {})", one_line(cell)));
         out += &match guess {
@@ -279,8 +284,8 @@ fn time(column: &SampleColumn, unit: Option<&str>, words: &[String]) -> Option<G
     if let Some(ending) = stated(unit, words, TIME_UNITS) {
         return Some(Guess { role: format!("time_{ending}"), guessed: Vec::new() });
     }
-    if let Some(unit) = unit {
-        // Hours or minutes: nothing that Sagnac reads.
+    let named = || words.iter().map(String::as_str).find(|word| UNREAD_TIME_UNITS.contains(word));
+    if let Some(unit) = unit.or_else(named) {
         return Some(Guess {
             role: "ignore".to_owned(),
             guessed: vec![format!("a time in {unit} is not read; convert it to seconds")],

@@ -417,6 +417,56 @@ fn init_maps_one_time_as_a_number() {
     assert!(read.status.success(), "{}", said(&read));
 }
 
+/// Loggers end rows, or the headers, in a separator, and name no column of row numbers.
+#[test]
+fn empty_cells_at_the_ends_of_lines_are_no_columns() {
+    let folder = TempDir::new().unwrap();
+    let at = folder.path();
+    let log = |head: &str, begin: &str, end: &str| {
+        let rows = rows(|time, celsius, counts| format!("{begin}{time}\t{celsius:.2}\t{counts}{end}"));
+        format!("{head}\n{rows}")
+    };
+    let headers = "time_s\ttemperature_c\tcounts";
+    fs::write(at.join("plain.csv"), log(headers, "", "")).unwrap();
+    let (plain, _) = survey(at, "plain.csv");
+    let forms = [
+        ("rows.csv", log(headers, "", "\t")),
+        ("headers.csv", log(&format!("{headers}\t"), "", "")),
+        ("both.csv", log(&format!("{headers}\t"), "", "\t")),
+        ("two.csv", log(headers, "", "\t\t")),
+        ("commas.csv", log(headers, "", "\t").replace('\t', ",")),
+        ("comment.csv", log(&format!("{headers}\tcomment"), "", "\t")),
+        ("number.csv", log(&format!("\t{headers}"), "7\t", "")),
+        ("blank.csv", log(&format!("\t\t\t\n{headers}\tcomment"), "", "\t")),
+    ];
+    for (name, text) in forms {
+        fs::write(at.join(name), text).unwrap();
+        let (found, _) = survey(at, name);
+        for key in ["kind", "quantity", "rows", "windows", "windows_used", "survey"] {
+            assert_eq!(found[key], plain[key], "{name}: {key}");
+        }
+        let made = sagnac(at, &["init", name, "-o", "bench.toml"]);
+        assert!(made.status.success(), "{name}: {}", said(&made));
+        let read = sagnac(at, &["inspect", name, "--setup", "bench.toml", "--arcsec-per-count", "1"]);
+        assert!(read.status.success(), "{name}: {}", said(&read));
+        fs::remove_file(at.join("bench.toml")).unwrap();
+    }
+}
+
+/// A time in minutes, rounded, does not give the length of a row.
+#[test]
+fn init_takes_no_time_in_minutes_for_one_in_seconds() {
+    let folder = TempDir::new().unwrap();
+    for header in ["Zeit_min", "Time (min)", "elapsed hours", "time_h"] {
+        let text = rows(|t, c, n| format!("{:.4},{c:.2},{n}", t as f64 / 60.0));
+        fs::write(folder.path().join("log.csv"), format!("{header},temp [C],counts\n{text}")).unwrap();
+        let made = sagnac(folder.path(), &["init", "log.csv"]);
+        let setup = String::from_utf8(made.stdout).unwrap();
+        let line = setup.lines().find(|line| line.starts_with(&format!("\"{header}\" = "))).unwrap_or_default();
+        assert!(line.contains("\"ignore\"") && line.contains("convert it to seconds"), "{header}: {setup}");
+    }
+}
+
 /// Calibrates a log of counts that a function of the row makes, with some flags.
 fn calibrated(folder: &Path, counts: impl Fn(usize) -> usize, flags: &[&str]) -> Output {
     let rows = rows(|time, celsius, _| format!("{time},{celsius},{}", counts(time)));

@@ -219,7 +219,8 @@ impl Layout {
         }
         let mut seen = HashSet::new();
         for (index, header) in layout.headers.clone().iter().enumerate() {
-            if !seen.insert(header.as_str()) {
+            // A column without a name is not read, and there may be several.
+            if !header.is_empty() && !seen.insert(header.as_str()) {
                 return Err(Error::input("this header is there twice").column(header));
             }
             let role = match columns.get(header) {
@@ -259,6 +260,8 @@ impl Layout {
                 self.place_axis(index, axis.unwrap_or(default_axis), Some(dph_per_unit)).ok_or_else(twice)?;
             }
             Role::Aux { name } => self.aux.push((index, name)),
+            // Nothing to name, and nothing to map.
+            Role::Ignored if header.is_empty() => {}
             Role::Ignored => self.ignored.push(header.to_owned()),
         }
         Ok(())

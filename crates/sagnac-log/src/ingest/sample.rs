@@ -13,7 +13,7 @@ use crate::ingest::iso::iso_ns;
 use crate::ingest::number::parse_value;
 use crate::ingest::raw::RawRows;
 use crate::ingest::source::Source;
-use crate::ingest::text_head::{Head, delimiter_of, is_missing, is_unit, refuse_binary, split};
+use crate::ingest::text_head::{Head, delimiter_of, fit_to_rows, is_missing, is_unit, refuse_binary, split};
 use crate::setup::ReadConfig;
 
 /// Lines that are looked at, and bytes of them.
@@ -114,16 +114,23 @@ fn sampled_text(mut source: Source, config: &ReadConfig) -> Result<Sample> {
         let text = &lines[at].text;
         split(text, separator.unwrap_or_else(|| delimiter_of(text))).unwrap_or_default()
     };
+    let names_at = |at: usize| {
+        let mut names = split_at(at);
+        if at + 1 < lines.len() {
+            fit_to_rows(&mut names, &split_at(at + 1));
+        }
+        names
+    };
     let is_header = |at: &usize| {
-        let names = split_at(*at);
+        let names = names_at(*at);
         let words = names.iter().filter(|name| !name.is_empty() && !is_value(name)).count();
-        let below = rows_below(&lines.len(), *at, &split_at);
+        let below = rows_below(&lines.len(), *at, names.len(), &split_at);
         words * 2 > names.len() && !below.is_empty() && below.iter().all(|row| is_row(row, names.len()))
     };
     let Some(at) = (0..lines.len()).find(is_header) else {
         return Err(Error::input("no line of headers with rows of numbers below it").help("a log is a table of text"));
     };
-    let names = split_at(at);
+    let names = names_at(at);
     let below = (at + 1..lines.len()).map(split_at).collect::<Vec<_>>();
     let units = below.first().filter(|cells| is_units(cells, names.len())).cloned();
     let rows: Vec<Vec<String>> =
@@ -139,8 +146,7 @@ fn sampled_text(mut source: Source, config: &ReadConfig) -> Result<Sample> {
 }
 
 /// The first rows below a line, without a line of units.
-fn rows_below(lines: &usize, at: usize, split_at: &dyn Fn(usize) -> Vec<String>) -> Vec<Vec<String>> {
-    let width = split_at(at).len();
+fn rows_below(lines: &usize, at: usize, width: usize, split_at: &dyn Fn(usize) -> Vec<String>) -> Vec<Vec<String>> {
     let first = at + 1;
     let skip = usize::from(first < *lines && is_units(&split_at(first), width));
     (first + skip..*lines).take(ROWS_BELOW).map(split_at).collect()

@@ -61,7 +61,8 @@ pub(crate) fn read_header(source: &mut Source, config: &ReadConfig) -> Result<Te
     let mut head = Head::new(source, config);
     let (line, above) = head.header_line()?;
     let delimiter = head.separator.unwrap_or_else(|| delimiter_of(&line.text));
-    let names = split(&line.text, delimiter).map_err(|e| e.line(line.number))?;
+    let mut names = split(&line.text, delimiter).map_err(|e| e.line(line.number))?;
+    fit_to_rows(&mut names, &head.cells_below(delimiter)?);
     if names.iter().all(|h| h.parse::<f64>().is_ok()) {
         return Err(Error::input("the first line holds numbers, not headers")
             .line(line.number)
@@ -129,7 +130,7 @@ impl Head<'_> {
             self.is_latin = true;
             encoding_rs::WINDOWS_1252.decode_without_bom_handling(e.as_bytes()).0.into_owned()
         });
-        let text = text.trim_start_matches('\u{feff}').trim();
+        let text = trimmed(text.trim_start_matches('\u{feff}'));
         if text.contains('\r') {
             return Err(Error::input("its lines end in a carriage return alone, as on old Macs")
                 .line(self.lines)
@@ -221,12 +222,19 @@ impl Head<'_> {
         Ok(None)
     }
 
+    /// The cells of the next line, which is read again.
+    fn cells_below(&mut self, delimiter: u8) -> Result<Vec<String>> {
+        let (bytes, text) = self.raw_line()?;
+        self.put_back(bytes);
+        Ok(split(&text, delimiter).unwrap_or_default())
+    }
+
     /// The bytes of the next line, and its text.
     fn raw_line(&mut self) -> Result<(Vec<u8>, String)> {
         let mut line = Vec::new();
         let mut limited = self.source.reader.by_ref().take(MAX_LINE_BYTES as u64);
         limited.read_until(b'\n', &mut line).map_err(|e| Error::io(&self.source.name, "read", &e))?;
-        let text = text_of(&line).trim().to_owned();
+        let text = trimmed(&text_of(&line)).to_owned();
         Ok((line, text))
     }
 
@@ -234,6 +242,22 @@ impl Head<'_> {
     fn put_back(&mut self, bytes: Vec<u8>) {
         let rest = std::mem::replace(&mut self.source.reader, Box::new(std::io::empty()));
         self.source.reader = Box::new(Cursor::new(bytes).chain(rest));
+    }
+}
+
+/// Without blanks and the line's end, but with tabs at either end: they separate cells that are empty. A line of nothing else is empty.
+fn trimmed(line: &str) -> &str {
+    if line.trim().is_empty() { "" } else { line.trim_matches(|c: char| c.is_whitespace() && c != '\t') }
+}
+
+/// Headers as many as the cells of the line below, where they differ by empty cells at the end alone: loggers end rows, or the headers,
+/// in a separator.
+pub(crate) fn fit_to_rows(names: &mut Vec<String>, row: &[String]) {
+    let named = names.iter().rposition(|name| !name.is_empty()).map_or(0, |last| last + 1);
+    let is_longer = row.len() > names.len() && row[names.len()..].iter().all(String::is_empty);
+    let is_shorter = row.len() < names.len() && row.len() >= named;
+    if is_longer || is_shorter {
+        names.resize(row.len(), String::new());
     }
 }
 

@@ -20,7 +20,7 @@ use nalgebra::{DMatrix, DVector};
 use crate::fit::slow_noise::{NoiseRows, SlowNoise, Whitening};
 
 /// Rows at most; more are averaged.
-pub(crate) const MOST_ROWS: usize = 4000;
+const MOST_ROWS: usize = 4000;
 /// Middles of neighbours are nearer than this many windows.
 const NEIGHBOURS_WITHIN: f64 = 1.5;
 /// Rows that go into products at a time.

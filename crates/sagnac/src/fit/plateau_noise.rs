@@ -8,11 +8,13 @@
 //! What is slower than a plateau is in its bias, and in none of the figures. A level for each rate keeps what the gyro does to different rates out of the noise; where a
 //! table moves too freely for that, a straight line takes its place.
 //!
+//! Of many windows neighbours are averaged for that ([`super::likelihood`]): the noise is that of all plateaus.
+//!
 //! Fails where the rates of a plateau lie in different runs: how the bias changes from run to run is not known within one.
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::fit::likelihood::{Block, MOST_ROWS, Rows};
+use crate::fit::likelihood::{Block, Rows, mean};
 use crate::fit::plateaus::{KnownNoise, TurnedWindow};
 use crate::fit::row_noise::{RowNoise, noise_of_blocks, stated_or_shown, whitened};
 use crate::fit::slow_noise::{SlowNoise, Whitening};
@@ -33,19 +35,16 @@ impl PlateauNoise {
         let Some(nominal_s) = known.nominal_s else { return white };
         let longest_s = plateaus.iter().map(|windows| length_s(windows)).fold(0.0, f64::max) + nominal_s;
         let white = Self { longest_s, nominal_s, ..white };
-        let mut rest = MOST_ROWS;
-        let few = plateaus.iter().zip(levels).map(|(windows, levels)| {
-            let count = windows.len().min(rest);
-            rest -= count;
-            (&windows[..count], &levels[..count])
-        });
-        let blocks: Vec<Block> = few
-            .filter(|(windows, _)| !windows.is_empty())
-            .map(|(windows, levels)| {
-                let columns = level_columns(windows, levels);
-                Block { rows: white.rows(windows), own: columns.ncols() - 1, columns }
-            })
-            .collect();
+        let all = plateaus.iter().map(Vec::len).sum();
+        let block = |(windows, levels): (&Vec<TurnedWindow>, &Vec<usize>)| {
+            let each = white.rows(windows);
+            let (rows, groups) = Rows::averaged(each.view(), all);
+            let columns = level_columns(windows, levels, groups.len());
+            let averaged = |group: usize, column: usize| mean(&each.weight, &groups[group], |i| columns[(i, column)]);
+            let columns = DMatrix::from_fn(groups.len(), columns.ncols(), averaged);
+            Block { rows, own: columns.ncols() - 1, columns }
+        };
+        let blocks: Vec<Block> = plateaus.iter().zip(levels).map(block).collect();
         let found = match known.stated {
             Some((slow, white)) => Some(stated_or_shown(blocks, RowNoise { slow, white })),
             None => noise_of_blocks(blocks).map(|found| found.best),
@@ -63,7 +62,7 @@ impl PlateauNoise {
 
     /// The same about the levels of its rates.
     pub(super) fn within(&self, windows: &[TurnedWindow], levels: &[usize]) -> Option<f64> {
-        self.variance(windows, &level_columns(windows, levels))
+        self.variance(windows, &level_columns(windows, levels, windows.len()))
     }
 
     fn variance(&self, windows: &[TurnedWindow], columns: &DMatrix<f64>) -> Option<f64> {
@@ -96,13 +95,13 @@ fn length_s(windows: &[TurnedWindow]) -> f64 {
     of_run.map(|run| run[run.len() - 1].middle_s - run[0].middle_s).fold(0.0, f64::max)
 }
 
-/// A column for each level, then what was measured; a straight line where there are too many levels.
-fn level_columns(windows: &[TurnedWindow], levels: &[usize]) -> DMatrix<f64> {
+/// A column for each level, then what was measured; a straight line where there are too many levels for so many rows.
+fn level_columns(windows: &[TurnedWindow], levels: &[usize], rows: usize) -> DMatrix<f64> {
     let mut different = levels.to_vec();
     different.sort_unstable();
     different.dedup();
     let count = different.len();
-    if 2 * count > windows.len() || count > MOST_LEVELS {
+    if 2 * count > rows || count > MOST_LEVELS {
         return DMatrix::from_fn(windows.len(), 3, |i, j| match j {
             0 => 1.0,
             1 => windows[i].along_dph,
@@ -113,4 +112,38 @@ fn level_columns(windows: &[TurnedWindow], levels: &[usize]) -> DMatrix<f64> {
         if j == count { windows[i].beyond_dph() } else { f64::from(u8::from(levels[i] == different[j])) }
     };
     DMatrix::from_fn(windows.len(), count + 1, of)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two plateaus of 4,000 windows of 1 s, two rates in turn; only the second has a random walk beside its white noise.
+    #[test]
+    fn slow_noise_of_a_later_plateau_is_seen_in_short_windows() {
+        let mut state = 1_u64;
+        let mut uniform = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
+        };
+        let mut normal = || (0..12).map(|_| uniform()).sum::<f64>();
+        let mut walk = 0.0;
+        let mut plateau = |run: usize| -> Vec<TurnedWindow> {
+            let window = |at: usize| {
+                walk += 0.05 * run as f64 * normal();
+                let along_dph = if at / 100 % 2 == 0 { 3600.0 } else { -3600.0 };
+                let measured_dph = along_dph + 7.0 + walk + normal();
+                TurnedWindow { run, middle_s: at as f64, temperature_c: 20.0, along_dph, measured_dph, weight: 1.0 }
+            };
+            (0..4000).map(window).collect()
+        };
+        let plateaus = [plateau(0), plateau(1)];
+        let levels = [(); 2].map(|()| (0..4000).map(|at| at / 100 % 2).collect());
+        let noise = PlateauNoise::of(&plateaus, &levels, KnownNoise { stated: None, nominal_s: Some(1.0) });
+        assert!((0.8..1.3).contains(&noise.white), "{}", noise.white);
+        // Of 2,000 windows each at two rates, beside the 1/√2000 of white noise alone.
+        let parts = DVector::from_fn(4000, |at, _| if at / 100 % 2 == 0 { 1.0 } else { -1.0 } / 2000.0);
+        let sigma = noise.sigma(&plateaus[1], &parts, noise.white);
+        assert!(sigma > 1.5 * (2.0 / 2000.0_f64).sqrt(), "{sigma}");
+    }
 }

@@ -41,11 +41,11 @@ pub(super) struct TurnedWindow {
     pub(super) run: usize,
     /// Since the start of its run, s.
     pub(super) middle_s: f64,
-    temperature_c: f64,
+    pub(super) temperature_c: f64,
     /// Rate of the table along the axis, °/h.
     pub(super) along_dph: f64,
     /// Rate as measured, °/h.
-    measured_dph: f64,
+    pub(super) measured_dph: f64,
     pub(super) weight: f64,
 }
 
