@@ -131,7 +131,7 @@ mod tests {
         let mut plateau = |run: usize| -> Vec<TurnedWindow> {
             let window = |at: usize| {
                 walk += 0.05 * run as f64 * normal();
-                let along_dph = if at / 100 % 2 == 0 { 3600.0 } else { -3600.0 };
+                let along_dph = if (at / 100).is_multiple_of(2) { 3600.0 } else { -3600.0 };
                 let measured_dph = along_dph + 7.0 + walk + normal();
                 TurnedWindow { run, middle_s: at as f64, temperature_c: 20.0, along_dph, measured_dph, weight: 1.0 }
             };
@@ -142,7 +142,7 @@ mod tests {
         let noise = PlateauNoise::of(&plateaus, &levels, KnownNoise { stated: None, nominal_s: Some(1.0) });
         assert!((0.8..1.3).contains(&noise.white), "{}", noise.white);
         // Of 2,000 windows each at two rates, beside the 1/√2000 of white noise alone.
-        let parts = DVector::from_fn(4000, |at, _| if at / 100 % 2 == 0 { 1.0 } else { -1.0 } / 2000.0);
+        let parts = DVector::from_fn(4000, |at, _| if (at / 100).is_multiple_of(2) { 1.0 } else { -1.0 } / 2000.0);
         let sigma = noise.sigma(&plateaus[1], &parts, noise.white);
         assert!(sigma > 1.5 * (2.0 / 2000.0_f64).sqrt(), "{sigma}");
     }
