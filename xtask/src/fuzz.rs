@@ -130,7 +130,7 @@ fn prepare(target: &str, seeds: &[PathBuf]) -> Result<(PathBuf, Vec<String>)> {
         // Some targets add the magic bytes themselves; their seeds are without it.
         let start = match target {
             "ulog" => start.get(16..).unwrap_or_default(),
-            "gzip" => start.get(3..).unwrap_or_default(),
+            "gzip_log" => start.get(3..).unwrap_or_default(),
             _ => start,
         };
         fs::write(corpus.join(format!("seed-{number}")), start)?;
