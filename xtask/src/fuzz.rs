@@ -13,17 +13,17 @@ use xtask::shell::{built, root, sh, sh_in, text};
 use crate::cargo_tools::need_cargo_tool;
 use crate::checks::{PROGRAMS, lab};
 
-/// A full run: how all that it reaches is built.
-struct Full {
+/// How a full run builds the targets and all that they reach.
+struct Build {
     /// Flags of `cargo fuzz build` and `cargo fuzz run`.
-    build: &'static [&'static str],
+    flags: &'static [&'static str],
     target_folder: &'static str,
 }
 
 /// By the project's compiler: our code has no `unsafe` for a sanitizer to check.
-const PLAIN: Full = Full { build: &["--sanitizer", "none"], target_folder: "../target/fuzz" };
+const PLAIN: Build = Build { flags: &["--sanitizer", "none"], target_folder: "../target/fuzz" };
 /// The same, which also detects memory errors in what is not ours; it needs a nightly compiler.
-const ADDRESS: Full = Full { build: &["--sanitizer", "address"], target_folder: "../target/fuzz-address" };
+const ADDRESS: Build = Build { flags: &["--sanitizer", "address"], target_folder: "../target/fuzz-address" };
 
 /// Executions of a full run.
 const MANY: &[&str] = &["-runs=1000000"];
@@ -70,20 +70,20 @@ fn smoke(targets: &[String], seeds: &[PathBuf]) -> Result<()> {
     Ok(())
 }
 
-fn full(how: &Full, targets: &[String], seeds: &[PathBuf]) -> Result<()> {
+fn full(build: &Build, targets: &[String], seeds: &[PathBuf]) -> Result<()> {
     need_cargo_tool("fuzz")?;
-    cargo_fuzz("build", how, &[])?;
+    cargo_fuzz("build", build, &[])?;
     for target in targets {
         let (_, options) = prepare(target, seeds)?;
         let options: Vec<&str> = [target, "--"].into_iter().chain(options.iter().map(String::as_str)).collect();
-        cargo_fuzz("run", how, &[&options[..], MANY].concat()).with_context(|| finding(target))?;
+        cargo_fuzz("run", build, &[&options[..], MANY].concat()).with_context(|| finding(target))?;
     }
     Ok(())
 }
 
-fn cargo_fuzz(task: &str, how: &Full, rest: &[&str]) -> Result<()> {
-    let toolchain: &[&str] = if how.build.contains(&"address") { &["+nightly"] } else { &[] };
-    let args = [toolchain, &["fuzz", task, "--target-dir", how.target_folder], how.build, rest].concat();
+fn cargo_fuzz(task: &str, build: &Build, rest: &[&str]) -> Result<()> {
+    let toolchain: &[&str] = if build.flags.contains(&"address") { &["+nightly"] } else { &[] };
+    let args = [toolchain, &["fuzz", task, "--target-dir", build.target_folder], build.flags, rest].concat();
     sh_in(&root().join("fuzz"), "cargo", &args, &[])
 }
 

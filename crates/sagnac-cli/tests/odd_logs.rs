@@ -451,6 +451,10 @@ fn empty_cells_at_the_ends_of_lines_are_no_columns() {
         assert!(read.status.success(), "{name}: {}", said(&read));
         fs::remove_file(at.join("bench.toml")).unwrap();
     }
+    // One row of another width is one row that is not read.
+    let first = log(headers, "", "").replacen("\n", "\n0\t20.00\t1200\t\n", 1);
+    fs::write(at.join("first.csv"), first).unwrap();
+    assert_eq!(survey(at, "first.csv").0["windows"], plain["windows"]);
 }
 
 /// A time in minutes, rounded, does not give the length of a row.

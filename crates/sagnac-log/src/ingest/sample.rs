@@ -116,9 +116,8 @@ fn sampled_text(mut source: Source, config: &ReadConfig) -> Result<Sample> {
     };
     let names_at = |at: usize| {
         let mut names = split_at(at);
-        if at + 1 < lines.len() {
-            fit_to_rows(&mut names, &split_at(at + 1));
-        }
+        let below: Vec<Vec<String>> = (at + 1..lines.len()).take(2).map(split_at).collect();
+        fit_to_rows(&mut names, &below);
         names
     };
     let is_header = |at: &usize| {

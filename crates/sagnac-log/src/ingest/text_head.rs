@@ -62,7 +62,7 @@ pub(crate) fn read_header(source: &mut Source, config: &ReadConfig) -> Result<Te
     let (line, above) = head.header_line()?;
     let delimiter = head.separator.unwrap_or_else(|| delimiter_of(&line.text));
     let mut names = split(&line.text, delimiter).map_err(|e| e.line(line.number))?;
-    fit_to_rows(&mut names, &head.cells_below(delimiter)?);
+    fit_to_rows(&mut names, &head.lines_below(delimiter)?);
     if names.iter().all(|h| h.parse::<f64>().is_ok()) {
         return Err(Error::input("the first line holds numbers, not headers")
             .line(line.number)
@@ -222,11 +222,13 @@ impl Head<'_> {
         Ok(None)
     }
 
-    /// The cells of the next line, which is read again.
-    fn cells_below(&mut self, delimiter: u8) -> Result<Vec<String>> {
-        let (bytes, text) = self.raw_line()?;
+    /// The cells of the next two lines, which are read again; of fewer at the end of the file.
+    fn lines_below(&mut self, delimiter: u8) -> Result<Vec<Vec<String>>> {
+        let ((mut bytes, first), (more, second)) = (self.raw_line()?, self.raw_line()?);
+        bytes.extend(more);
         self.put_back(bytes);
-        Ok(split(&text, delimiter).unwrap_or_default())
+        let lines = [first, second].into_iter().filter(|line| !line.is_empty());
+        Ok(lines.map(|line| split(&line, delimiter).unwrap_or_default()).collect())
     }
 
     /// The bytes of the next line, and its text.
@@ -250,14 +252,16 @@ fn trimmed(line: &str) -> &str {
     if line.trim().is_empty() { "" } else { line.trim_matches(|c: char| c.is_whitespace() && c != '\t') }
 }
 
-/// Headers as many as the cells of the line below, where they differ by empty cells at the end alone: loggers end rows, or the headers,
-/// in a separator.
-pub(crate) fn fit_to_rows(names: &mut Vec<String>, row: &[String]) {
+/// Headers as many as the cells of the lines below, where these are of one width and differ by empty cells at the end alone: loggers end
+/// rows, or the headers, in a separator.
+pub(crate) fn fit_to_rows(names: &mut Vec<String>, rows: &[Vec<String>]) {
+    let Some(width) = rows.first().map(Vec::len).filter(|width| rows.iter().all(|row| row.len() == *width)) else {
+        return;
+    };
     let named = names.iter().rposition(|name| !name.is_empty()).map_or(0, |last| last + 1);
-    let is_longer = row.len() > names.len() && row[names.len()..].iter().all(String::is_empty);
-    let is_shorter = row.len() < names.len() && row.len() >= named;
-    if is_longer || is_shorter {
-        names.resize(row.len(), String::new());
+    let is_longer = rows.iter().all(|row| row.iter().skip(names.len()).all(String::is_empty));
+    if width >= named && is_longer {
+        names.resize(width, String::new());
     }
 }
 
