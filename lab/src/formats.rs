@@ -114,6 +114,14 @@ pub(crate) fn formats() -> Result<()> {
     bench.fleet()
 }
 
+/// The chamber's setup, its input rate as that of z: some of the files hold three axes.
+fn setup() -> Result<String> {
+    let bench = fs::read_to_string(root().join(CHAMBER).join("bench.toml"))?;
+    let (before, rest) = bench.split_once("\ninput_rate_dph = ").context("the chamber's setup states no input rate")?;
+    let (value, rest) = rest.split_once('\n').context("the chamber's setup ends in its input rate")?;
+    Ok(format!("{before}\ninput_rate_dph = {{ z = {value} }}\n{rest}"))
+}
+
 /// A Python environment with the packages; the folder of its programs.
 fn packages(folder: &Path) -> Result<PathBuf> {
     let venv = folder.join("venv");
@@ -156,7 +164,7 @@ impl Bench {
     /// Refused by its name; converted, it gives the record of the plain log.
     fn check(&self, file: &Foreign, script: Option<&str>) -> Result<()> {
         let folder = self.folder.join(file.folder);
-        let bench = fs::read_to_string(root().join(CHAMBER).join("bench.toml"))?;
+        let bench = setup()?;
         fs::write(folder.join(PLAIN), &bench)?;
         fs::write(folder.join(MAPPED), format!("{bench}\n[columns]\n{}\n", file.columns))?;
         let own = folder.join("plain.csv");
