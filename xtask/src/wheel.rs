@@ -9,6 +9,7 @@ use xtask::debian::{self, need};
 use xtask::shell::{built, root, sh, sh_in, stdout_of, target, text};
 
 use crate::cargo_tools::need_cargo_tool;
+use crate::checks::build_lab;
 
 /// Largest wheel, bytes.
 const MOST_BYTES: u64 = 8_000_000;
@@ -28,8 +29,8 @@ pub(crate) fn wheel(makes_pages: bool) -> Result<()> {
     for python in [&full, &bare] {
         install(python, &["--force-reinstall", "--no-deps", text(&wheel)?])?;
     }
-    // The program that the package's bytes are compared with.
-    sh("cargo", &["build", "--quiet", "--locked", "--package", "sagnac-cli"])?;
+    // The program that the package's bytes are compared with, as the tests and the lab have it.
+    build_lab()?;
     let program = built("debug", "sagnac");
     let env = [("SAGNAC_PROGRAM", text(&program)?), ("MPLBACKEND", "Agg")];
     sh_in(&folder, text(&bare)?, &["tests/without_packages.py"], &env)?;

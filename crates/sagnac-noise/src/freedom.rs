@@ -233,13 +233,13 @@ impl Record<'_> {
         let step = (lesser / GRID).max(1.0);
         let order = self.deviation.order() as f64;
         let (lowest, highest) = (-order * m[0] - greater, order * m[1] + greater);
+        let (first, last) = ((lowest / step).ceil() as i64, (highest / step).floor() as i64);
+        let smooth = self.smooth_on_grid(m, step, first, last);
         let pairs_at = |lag: f64| (number[0].min(number[1] + lag) - lag.max(0.0)).max(0.0);
         let mut sums = PairSums { pairs: number[0] * number[1], ..self.of_shared_phases(m, &pairs_at) };
-        for i in (lowest / step).ceil() as i64..=(highest / step).floor() as i64 {
-            let lag = i as f64 * step;
-            let pairs = pairs_at(lag);
+        for (i, r) in (first..=last).zip(smooth) {
+            let pairs = pairs_at(i as f64 * step);
             if pairs > 0.0 {
-                let r = self.smooth(m[0], m[1], lag);
                 sums.plain += step * pairs * r;
                 sums.squares += step * pairs * r * r;
             }
@@ -248,6 +248,32 @@ impl Record<'_> {
             let pairs = pairs_at(lag);
             sums.plain += pairs * white;
             sums.squares += pairs * white * (2.0 * self.smooth(m[0], m[1], lag) + white);
+        }
+        sums
+    }
+
+    /// [`Record::smooth`] at the grid's lags from `first` to `last`. Distances of whole rows that are multiples of the step meet the
+    /// phase at the grid's lags alone: its covariance is computed once at each. The results are the same to the last bit, for a
+    /// whole number of rows over a power of two is exact.
+    fn smooth_on_grid(&self, m: [f64; 2], step: f64, first: i64, last: i64) -> Vec<f64> {
+        let is_on_grid = |m: f64| m.fract() == 0.0 && (m / step).fract() == 0.0;
+        if !m.into_iter().all(is_on_grid) {
+            return (first..=last).map(|i| self.smooth(m[0], m[1], i as f64 * step)).collect();
+        }
+        let weights = self.deviation.weights();
+        let [steps1, steps2] = m.map(|m| (m / step) as i64);
+        let order = weights.len() as i64 - 1;
+        let farthest = (order * steps1 - first).max(last + order * steps2);
+        let phase: Vec<f64> = (0..=farthest).map(|i| self.phase_covariance(i as f64 * step)).collect();
+        let mut sums = vec![0.0; usize::try_from(last - first + 1).unwrap_or(0)];
+        for (a, weight_a) in (0..).zip(weights) {
+            for (b, weight_b) in (0..).zip(weights) {
+                let from = first + b * steps2 - a * steps1;
+                let weight = weight_a * weight_b;
+                for (sum, i) in sums.iter_mut().zip(from..) {
+                    *sum += weight * phase[i.unsigned_abs() as usize];
+                }
+            }
         }
         sums
     }
@@ -355,6 +381,32 @@ mod tests {
             }
         }
         assert_eq!(compared, 54);
+    }
+
+    /// On the grid, beside it (50 is no multiple of 33/32), and with parts of rows as a bare curve may have.
+    #[test]
+    fn covariances_of_the_grid_are_those_of_each_lag() {
+        let noise = PhaseNoise { q2: 0.0, n2: 0.04, b2: 1e-4, k2: 1e-6, r2: 0.0 };
+        let stretches = one_stretch(1000);
+        let pairs = [
+            [1.0, 1.0],
+            [7.0, 7.0],
+            [1.0, 64.0],
+            [3.0, 100.0],
+            [100.0, 100.0],
+            [64.0, 2048.0],
+            [33.0, 50.0],
+            [40.3, 40.3],
+        ];
+        for (deviation, m) in [Deviation::Allan, Deviation::Hadamard].into_iter().flat_map(|d| pairs.map(|m| (d, m))) {
+            let record = Record { noise, deviation, tau0_s: 0.3, stretches: &stretches };
+            let step = (m[0] / GRID).max(1.0);
+            for m in [m, [m[1], m[0]]] {
+                let (first, last) = ((-3.0 * (m[0] + m[1]) / step) as i64, (4.0 * m[1] / step) as i64);
+                let each: Vec<f64> = (first..=last).map(|i| record.smooth(m[0], m[1], i as f64 * step)).collect();
+                assert_eq!(record.smooth_on_grid(m, step, first, last), each, "{m:?}");
+            }
+        }
     }
 
     /// Adjacent differences of white rate noise at m = 1 share half: 1/edf = [1 + ½(1 − 1/M)]/M. SP 1065's table 5 has 65.8.

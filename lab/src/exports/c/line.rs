@@ -9,7 +9,7 @@ use sagnac_core::{Banks, Description, Gyro, Image, Trust};
 use sagnac_signature::{Keyed, Signer};
 use xtask::shell::{root, stdout_of, text};
 
-use super::{MODULES, Machine, STRICT};
+use super::Machine;
 use crate::exports::{loops, table};
 
 const MODEL: [u8; 16] = *b"RLG-28\0\0\0\0\0\0\0\0\0\0";
@@ -53,11 +53,8 @@ pub(super) fn keyed(folder: &Path, count: u32) -> Result<Vec<Session>> {
 }
 
 /// The same with a key: signed, forged, unasked and repeated, over the Ed25519 of libsodium.
-pub(super) fn with_a_key(folder: &Path, sessions: &[Session]) -> Result<()> {
-    let (source, program) = (root().join("firmware/c/check_line.c"), folder.join("check_line-key"));
-    let flags = ["-fsanitize=undefined,address", "-fno-sanitize-recover", "-DWITH_KEY", "-I.", text(&source)?];
-    let link = ["-lsodium", "-o", text(&program)?];
-    stdout_of(300, "gcc", &[&STRICT[..], &flags, &MODULES, &link].concat(), folder)?;
+pub(super) fn with_a_key(machine: &Machine, folder: &Path, sessions: &[Session]) -> Result<()> {
+    let program = machine.build(folder, "check_line", &["-DWITH_KEY", "-lsodium"])?;
     let (mut bytes, mut stored) = (0, 0);
     for (number, session) in sessions.iter().enumerate() {
         let out = folder.join("line.out");
@@ -79,7 +76,7 @@ pub(super) fn with_a_key(folder: &Path, sessions: &[Session]) -> Result<()> {
 
 /// Every session on a machine.
 pub(super) fn check(machine: &Machine, folder: &Path, sessions: &[Session]) -> Result<()> {
-    let program = machine.build(folder, "check_line")?;
+    let program = machine.build(folder, "check_line", &[])?;
     let (out, mut bytes) = (folder.join("line.out"), 0);
     for (number, session) in sessions.iter().enumerate() {
         machine.run(folder, &program, &["line.img", "line.loops", text(&session.input)?, text(&out)?])?;

@@ -87,7 +87,7 @@ pub(crate) fn c() -> Result<()> {
     for machine in &MACHINES {
         machine.check(&folder, &given)?;
     }
-    line::with_a_key(&folder, &given.keyed)?;
+    line::with_a_key(&MACHINES[0], &folder, &given.keyed)?;
     target::cortex_m(&folder)?;
     target::avr(&folder, &given)?;
     coverage::coverage(&folder, &given)?;
@@ -106,12 +106,29 @@ struct Given {
 }
 
 impl Machine {
-    /// Builds one of the programs of firmware/c with all modules.
-    fn build(&self, folder: &Path, program: &str) -> Result<PathBuf> {
+    /// Compiles the modules, once for all programs.
+    fn compile(&self, folder: &Path) -> Result<()> {
+        let here = folder.join(self.objects());
+        fs::create_dir_all(&here)?;
+        let sources = MODULES.map(|module| format!("../{module}"));
+        let sources: Vec<&str> = sources.iter().map(String::as_str).collect();
+        stdout_of(300, self.compiler, &[&STRICT[..], self.flags, &["-c"], &sources].concat(), &here)?;
+        Ok(())
+    }
+
+    /// The folder of the compiled modules.
+    fn objects(&self) -> String {
+        format!("objects-{}", self.name)
+    }
+
+    /// Builds one of the programs of firmware/c with all modules; `options` are its own.
+    fn build(&self, folder: &Path, program: &str, options: &[&str]) -> Result<PathBuf> {
         let source = root().join("firmware/c").join(program).with_extension("c");
-        let made = folder.join(format!("{program}-{}", self.name));
-        let all = [&STRICT[..], self.flags, &["-I.", text(&source)?], &MODULES, &["-o", text(&made)?]].concat();
-        stdout_of(300, self.compiler, &all, folder)?;
+        let made = folder.join(format!("{program}-{}{}", self.name, options.concat()));
+        let objects = MODULES.map(|module| format!("{}/{}", self.objects(), module.replace(".c", ".o")));
+        let objects: Vec<&str> = objects.iter().map(String::as_str).collect();
+        let own = ["-I.", text(&source)?, "-o", text(&made)?];
+        stdout_of(300, self.compiler, &[&STRICT[..], self.flags, &own, &objects, options].concat(), folder)?;
         Ok(made)
     }
 
@@ -123,7 +140,8 @@ impl Machine {
     }
 
     fn check(&self, folder: &Path, given: &Given) -> Result<()> {
-        let vectors = self.build(folder, "check_vectors")?;
+        self.compile(folder)?;
+        let vectors = self.build(folder, "check_vectors", &[])?;
         for path in files()? {
             let line = self.run(folder, &vectors, &[text(&path)?])?;
             println!("check: C, {}: {}", self.name, short(&line));
@@ -135,7 +153,7 @@ impl Machine {
             ("check_banks", &given.banks),
             ("check_board", &given.boards),
         ] {
-            let built = self.build(folder, program)?;
+            let built = self.build(folder, program, &[])?;
             println!("check: C, {}: {}", self.name, self.run(folder, &built, &[text(records)?])?.trim());
             // The last record ends with a verdict, or with a number of the last bank.
             let mut bytes = fs::read(records)?;
@@ -148,7 +166,7 @@ impl Machine {
             fs::write(&bad, bytes)?;
             self.notices(folder, &built, &bad)?;
         }
-        let edges = self.build(folder, "check_edges")?;
+        let edges = self.build(folder, "check_edges", &[])?;
         println!("check: C, {}: {}", self.name, self.run(folder, &edges, &["line.loops"])?.trim());
         line::check(self, folder, &given.lines)
     }
