@@ -1,10 +1,12 @@
 //! `cargo xtask ci`: everything that CI runs, in one list; prints the time of each part at the end.
 
 use std::fs;
+use std::slice;
+use std::sync::{Mutex, PoisonError};
 use std::thread;
 use std::time::Instant;
 
-use anyhow::{Context, Result, anyhow};
+use anyhow::{Context, Error, Result, anyhow};
 use xtask::debian::{self, need};
 use xtask::shell::{built, root, sh, stdout_of, text};
 
@@ -42,23 +44,37 @@ const RUNS: [Part; 7] = [
     ("fleet", fleet::fleet),
 ];
 
-/// And beside it what runs on one for most of its time: simulators, emulators, programs of Python. The lab has a command for each.
-const BESIDE: [&str; 6] = ["conserve", "c", "fpga", "firmware", "closed-loop", "formats"];
-/// Then the Python package, by this program.
-const LAST_BESIDE: &str = "wheel";
+/// And beside it what runs on one processor for most of its time: simulators, emulators, programs of Python. The longest come first; those
+/// of a row share a folder, and run one after the other. The lab has a command for each but the Python package.
+const BESIDE: [&[&str]; 6] = [&["fpga"], &["firmware", "closed-loop"], &["c"], &[WHEEL], &["conserve"], &["formats"]];
+/// By this program, as it builds the package.
+const WHEEL: &str = "wheel";
 
-/// All of it; stops at the first failure, but does not cut short what runs beside it.
+/// What is yet to be run of [`BESIDE`].
+type Queue = Mutex<slice::Iter<'static, &'static [&'static str]>>;
+
+/// All of it. Who has run the one list helps with the other, so that no processor waits. A failure ends both after what runs.
 pub(crate) fn ci() -> Result<()> {
     need(&tools())?;
     let mut took = list(&FIRST)?;
-    let (runs, beside) = thread::scope(|scope| {
-        let beside = scope.spawn(beside);
-        (list(&RUNS), beside.join().map_err(|_| anyhow!("ci stops: a panic")).flatten())
+    let queue = Mutex::new(BESIDE.iter());
+    let both = thread::scope(|scope| {
+        let other = scope.spawn(|| beside(&queue));
+        let mine = list(&RUNS).and_then(|took| Ok(took + &beside(&queue)?));
+        if mine.is_err() {
+            next(&queue, usize::MAX);
+        }
+        let other = other.join().map_err(|_| anyhow!("ci stops: a panic")).flatten();
+        Ok::<_, Error>(mine? + &other?)
     });
-    took += &runs?;
-    took += &beside?;
+    took += &both?;
     println!("ci: every part passed\n{:16} {:>8}\n{took}processor time {:9.0}", "part", "s", cpu_s()?);
     Ok(())
+}
+
+/// The next of the queue behind so many that are not run.
+fn next(queue: &Queue, skipped: usize) -> Option<&'static [&'static str]> {
+    queue.lock().unwrap_or_else(PoisonError::into_inner).nth(skipped).copied()
 }
 
 /// One after the other; the time of each.
@@ -72,17 +88,26 @@ fn list(parts: &[Part]) -> Result<String> {
     Ok(took)
 }
 
-/// The same of commands that run beside; their output is shown when each ends, so that it does not mix with that of the tests.
-fn beside() -> Result<String> {
+/// The same of the queue; the output of a command is shown when it ends, so that it does not mix with that of the tests.
+fn beside(queue: &Queue) -> Result<String> {
     let mut took = String::new();
-    let (lab, own) = (built("debug", "lab"), std::env::current_exe().context("cannot find this program")?);
-    for (program, name) in BESIDE.map(|name| (&lab, name)).into_iter().chain([(&own, LAST_BESIDE)]) {
-        let wall = Instant::now();
-        let said = stdout_of(3600, text(program)?, &[name], &root());
-        println!("{}", said.with_context(|| format!("ci stops at {name}"))?);
-        took += &format!("{name:16} {:8.0} beside the tests\n", wall.elapsed().as_secs_f64());
+    while let Some(row) = next(queue, 0) {
+        for name in row {
+            let wall = Instant::now();
+            let said = run_beside(name).with_context(|| format!("ci stops at {name}"));
+            if said.is_err() {
+                next(queue, usize::MAX);
+            }
+            println!("{}", said?);
+            took += &format!("{name:16} {:8.0} beside\n", wall.elapsed().as_secs_f64());
+        }
     }
     Ok(took)
+}
+
+fn run_beside(name: &str) -> Result<String> {
+    let program = if name == WHEEL { std::env::current_exe()? } else { built("debug", "lab") };
+    stdout_of(3600, text(&program)?, &[name], &root())
 }
 
 /// Without the tests of generated files: `bless --check` does the same. All that fail are named, not the first alone.
