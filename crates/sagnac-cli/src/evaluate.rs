@@ -83,6 +83,11 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     Ok(Outcome::Done)
 }
 
+/// Temperatures that a gyro may have, °C.
+const ABSOLUTE_ZERO_C: f64 = -273.15;
+const MOST_C: f64 = 1000.0;
+const NO_TEMPERATURE: &str = "temperatures are from -273.15 to 1000 °C";
+
 /// `FROM:TO:STEP` with both ends, or a list.
 fn temperatures(text: &str) -> Result<Vec<f64>> {
     let bad = |what: &str| {
@@ -91,12 +96,17 @@ fn temperatures(text: &str) -> Result<Vec<f64>> {
             .value(text)
             .help("write FROM:TO:STEP, such as -40:70:5, or a list, such as -40,25,70")
     };
-    let number = |part: &str| part.trim().parse::<f64>().ok().filter(|value| value.is_finite());
+    // A negative zero is none.
+    let number =
+        |part: &str| part.trim().parse::<f64>().ok().filter(|value| value.is_finite()).map(|value| value + 0.0);
     let numbers = |separator: char| text.split(separator).map(number).collect::<Option<Vec<f64>>>();
+    let can_be = |celsius: &f64| (ABSOLUTE_ZERO_C..=MOST_C).contains(celsius);
     if !text.contains(':') {
-        return numbers(',').ok_or_else(|| bad("temperatures are numbers with commas between them"));
+        let all = numbers(',').ok_or_else(|| bad("temperatures are numbers with commas between them"))?;
+        return if all.iter().all(can_be) { Ok(all) } else { Err(bad(NO_TEMPERATURE)) };
     }
     match numbers(':').as_deref() {
+        Some([from, to, _]) if !can_be(from) || !can_be(to) => Err(bad(NO_TEMPERATURE)),
         Some(&[from, to, step]) if step > 0.0 && to >= from => {
             let count = ((to - from) / step + 1e-9).floor();
             if count >= MOST_POINTS as f64 {
@@ -176,7 +186,22 @@ mod tests {
         assert_eq!(temperatures("0:0.3:0.1").unwrap().len(), 4);
         assert_eq!(temperatures("25").unwrap(), [25.0]);
         assert_eq!(temperatures("20, -3.5").unwrap(), [20.0, -3.5]);
-        for text in ["", "1:2", "70:-40:5", "0:1:0", "0:1:-1", "a", "1,,2", "nan", "0:1e9:1e-3"] {
+        assert!(temperatures("-0.0").unwrap()[0].is_sign_positive());
+        for text in [
+            "",
+            "1:2",
+            "70:-40:5",
+            "0:1:0",
+            "0:1:-1",
+            "a",
+            "1,,2",
+            "nan",
+            "0:1e9:1e-3",
+            "1e308",
+            "-300",
+            "0:2000:1",
+            "0:1000:1e-4",
+        ] {
             assert!(temperatures(text).is_err(), "{text}");
         }
     }

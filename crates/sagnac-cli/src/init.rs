@@ -8,8 +8,9 @@ use std::path::PathBuf;
 
 use sagnac_log::ingest::header::{Role, role_of};
 use sagnac_log::ingest::{Sample, SampleColumn, sample};
+use sagnac_log::setup::ThermometerSetup;
 use sagnac_log::write::write_bytes;
-use sagnac_units::format::{file_name, one_line};
+use sagnac_units::format::{file_name, one_line, significant};
 
 use crate::console::{Console, Outcome, Ran};
 use crate::files::Files;
@@ -128,7 +129,50 @@ fn setup_of(name: &str, sample: &Sample) -> String {
         out += "\n# NEEDED: no column of counts or rates was found. Map one below.\n";
     }
     out += &input_rate(&guesses);
-    out + &columns(&sample.columns, &guesses)
+    out + &columns(&sample.columns, &guesses) + &slow_thermometers(&sample.columns, &guesses)
+}
+
+/// How long readings hold, of thermometers that are read in few of the rows: one and a half times their interval, as the log reader has it.
+fn slow_thermometers(all: &[SampleColumn], guesses: &[Option<Guess>]) -> String {
+    let Some(row_s) = all.iter().zip(guesses).find_map(|(column, guess)| row_s(column, &guess.as_ref()?.role)) else {
+        return String::new();
+    };
+    let mut out = String::new();
+    for (column, guess) in all.iter().zip(guesses) {
+        let Some(Ok(Role::Temperature { name, .. })) = guess.as_ref().map(|guess| role_of(&guess.role)) else {
+            continue;
+        };
+        let apart_s = column.rows_apart().unwrap_or(0) as f64 * row_s;
+        let hold_s = (1.5 * apart_s).ceil();
+        if hold_s > ThermometerSetup::named(&name).stale_after_s {
+            out += &format!(
+                "\n[[thermometer]]\nname = {}\nstale_after_s = {hold_s}   # GUESS: its readings are up to {} s apart\n",
+                quoted(&name),
+                significant(apart_s, 4)
+            );
+        }
+    }
+    out
+}
+
+/// The interval of the rows by a column of times, s.
+fn row_s(column: &SampleColumn, role: &str) -> Option<f64> {
+    let (times, per_s) = match role {
+        "time" => (column.dates_s(), 1.0),
+        "time_s" => (column.numbers(), 1.0),
+        "time_ms" => (column.numbers(), 1e3),
+        "time_us" => (column.numbers(), 1e6),
+        "time_ns" => (column.numbers(), 1e9),
+        _ => return None,
+    };
+    Some(median_step(&times)? / per_s)
+}
+
+/// The median of the steps forward.
+fn median_step(times: &[f64]) -> Option<f64> {
+    let mut steps: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 0.0).collect();
+    steps.sort_by(f64::total_cmp);
+    steps.get(steps.len() / 2).copied()
 }
 
 /// The line of the input rate, with the letters of the axes where there are several.
@@ -291,9 +335,7 @@ fn time(column: &SampleColumn, unit: Option<&str>, words: &[String]) -> Option<G
             guessed: vec![format!("a time in {unit} is not read; convert it to seconds")],
         });
     }
-    let mut steps: Vec<f64> = numbers.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 0.0).collect();
-    steps.sort_by(f64::total_cmp);
-    let step = *steps.get(steps.len() / 2)?;
+    let step = median_step(&numbers)?;
     // Rows of a log are between half a millisecond and ten minutes apart, and its times less than two centuries from zero.
     let farthest = numbers.iter().fold(0.0_f64, |most, time| most.max(time.abs()));
     let is_of = |per_s: f64| step <= 600.0 * per_s && farthest <= MOST_TIME_S * per_s;

@@ -548,3 +548,69 @@ fn init_knows_the_names_of_recorders() {
         assert!(wanted.iter().all(|line| setup.contains(line)), "{setup}");
     }
 }
+
+/// A triangle with soaks, 12 h of rows of 1 s whose temperature is read once a minute, ARW 0.003 °/√h. The drift is 0.4·u + 0.05·u², u = T/55.
+fn minute_log() -> String {
+    let drift_dph = |celsius: f64| 0.4 * celsius / 55.0 + 0.05 * (celsius / 55.0).powi(2);
+    let at_s = |second: usize| {
+        let phase = (second % 14_400) as f64 / 3600.0;
+        if phase < 1.0 {
+            -40.0
+        } else if phase < 2.0 {
+            -40.0 + 110.0 * (phase - 1.0)
+        } else if phase < 3.0 {
+            70.0
+        } else {
+            70.0 - 110.0 * (phase - 3.0)
+        }
+    };
+    let (mut state, mut total, mut counted) = (7_u64, 0.0, 0.0);
+    let mut uniform = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 11) as f64 / (1_u64 << 53) as f64
+    };
+    let mut text = String::from("time_s,temperature_c,counts\n");
+    for second in 1..=43_200 {
+        let normal = (0..12).map(|_| uniform()).sum::<f64>() - 6.0;
+        let celsius = at_s(second);
+        total += (4.5 + drift_dph(celsius) + 0.003 * 60.0 * normal) / 0.15125;
+        let read = if second % 60 == 0 { format!("{celsius:.2}") } else { String::new() };
+        text += &format!("{second},{read},{}\n", f64::floor(total) - counted);
+        counted = f64::floor(total);
+    }
+    text
+}
+
+/// Such a log has no temperature in most rows, and says what to do; `init` does it.
+#[test]
+fn a_thermometer_that_is_read_once_a_minute_is_held_as_init_says() {
+    let folder = TempDir::new().unwrap();
+    fs::write(folder.path().join("slow.csv"), minute_log()).unwrap();
+    let count = ["--arcsec-per-count", "0.15125"];
+    let refused = sagnac(folder.path(), &[&["calibrate", "slow.csv", "-o", "a.cal.json"], &count[..]].concat());
+    assert_eq!(refused.status.code(), Some(3), "{}", said(&refused));
+    assert!(said(&refused).contains("stale_after_s under [[thermometer]]"), "{}", said(&refused));
+    let seen = sagnac(folder.path(), &[&["inspect", "slow.csv"], &count[..]].concat());
+    assert!(String::from_utf8_lossy(&seen.stdout).replace("\n ", "").contains("stale_after_s"), "{seen:?}");
+
+    assert!(sagnac(folder.path(), &["init", "slow.csv", "-o", "bench.toml"]).status.success());
+    let setup = fs::read_to_string(folder.path().join("bench.toml")).unwrap();
+    assert!(setup.contains("stale_after_s = 90   # GUESS: its readings are up to 60 s apart"), "{setup}");
+    let with_setup = [&["inspect", "slow.csv", "--setup", "bench.toml", "--json"], &count[..]].concat();
+    let survey: Value = serde_json::from_slice(&sagnac(folder.path(), &with_setup).stdout).unwrap();
+    assert_eq!(survey["thermometers"][0]["reading_interval_s"], 60.0, "{survey}");
+    assert!(survey["cautions"].to_string().contains("read every 60 s"), "{survey}");
+    let made = [&["calibrate", "slow.csv", "--setup", "bench.toml", "-o", "b.cal.json"], &count[..]].concat();
+    assert!(sagnac(folder.path(), &made).status.success());
+    let curve = sagnac(folder.path(), &["evaluate", "b.cal.json", "--at=-40,0,70", "--json"]);
+    let curve: Value = serde_json::from_slice(&curve.stdout).unwrap();
+    let points = curve["axes"][0]["points"].as_array().unwrap();
+    let truth = [-40.0, 0.0, 70.0].map(|c: f64| {
+        let of = |c: f64| 0.4 * c / 55.0 + 0.05 * (c / 55.0).powi(2);
+        of(c) - of(25.0)
+    });
+    for (point, truth) in points.iter().zip(truth) {
+        let [value, lower, upper] = ["drift_dph", "lower_dph", "upper_dph"].map(|key| point[key].as_f64().unwrap());
+        assert!((value - truth).abs() < 0.01 && lower < truth && truth < upper, "{point} for {truth}");
+    }
+}

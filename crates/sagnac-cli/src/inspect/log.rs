@@ -8,7 +8,7 @@ use sagnac::window::{WindowBuilder, Windows};
 use sagnac_log::ingest::{AngleUnit, LogReader, LogShape, ReadMode, Tally, already_compensated};
 use sagnac_log::setup::Setup;
 use sagnac_report::survey_report;
-use sagnac_units::format::{significant, with_sigma};
+use sagnac_units::format::{counted, significant, with_sigma};
 use sagnac_units::s_from_ns;
 use serde::Serialize;
 
@@ -137,11 +137,11 @@ fn described(
 
 fn say(object: &LogObject, scale_known: bool, console: &mut Console) {
     console.say(format!(
-        "{} rows every {} s, {} s in all; {} windows, {} of them to be used",
+        "{} rows every {} s, {} s in all; {}, {} of them to be used",
         object.rows,
         significant(object.sample_interval_s, 6),
         significant(object.length_s, 6),
-        object.windows,
+        counted(object.windows, "window", "windows"),
         object.windows_used
     ));
     let Survey { good_for, reason, cautions, thermometers, coverage, axes, .. } = &object.survey;

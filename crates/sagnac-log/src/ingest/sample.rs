@@ -15,6 +15,7 @@ use crate::ingest::raw::RawRows;
 use crate::ingest::source::Source;
 use crate::ingest::text_head::{Head, delimiter_of, fit_to_rows, is_missing, is_unit, refuse_binary, split};
 use crate::setup::ReadConfig;
+use sagnac_units::s_from_ns;
 
 /// Lines that are looked at, and bytes of them.
 const MOST_LINES: usize = 1000;
@@ -51,6 +52,18 @@ impl SampleColumn {
     pub fn numbers(&self) -> Vec<f64> {
         let has_comma = self.cells.iter().any(|cell| cell.contains(','));
         self.cells.iter().filter_map(|cell| parse_value(cell.as_bytes(), has_comma)).collect()
+    }
+
+    /// Most rows from one value to the next; `None` for fewer than two values.
+    pub fn rows_apart(&self) -> Option<usize> {
+        let is_known = |cell: &&String| !cell.is_empty() && !is_missing(cell.as_bytes());
+        let known: Vec<usize> = (0..).zip(&self.cells).filter(|(_, cell)| is_known(cell)).map(|(row, _)| row).collect();
+        known.windows(2).map(|pair| pair[1] - pair[0]).max()
+    }
+
+    /// Its dates, s since 1970; missing values are left out.
+    pub fn dates_s(&self) -> Vec<f64> {
+        self.cells.iter().filter_map(|cell| iso_ns(cell)).map(s_from_ns).collect()
     }
 
     /// True where its cells are dates.

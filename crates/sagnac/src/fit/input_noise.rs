@@ -101,6 +101,10 @@ fn of_source(problem: &LeastSquares<'_>, fitted: &Fitted, source: Signal) -> Inp
     }
 }
 
+/// Longest interval between readings of a thermometer, s, and changes that show it.
+const LONGEST_HOLD_S: f64 = 600.0;
+const MANY_CHANGES: usize = 32;
+
 /// What an input's terms make of a change of it, row by row: °/h per unit, and c·α of its rate terms.
 struct Sensed {
     slope: Vec<f64>,
@@ -157,9 +161,11 @@ impl Track {
         let period_s = s_from_ns(shape.period_ns);
         let row = (shape.sample_interval_s / period_s).round().max(1.0) as usize;
         let found = tracks.iter().map(|track| renewal(track)).fold(0, gcd);
-        // A value that changes only every few windows is not a held reading: a mode, a gain.
-        let most = (shape.nominal_s / 3.0 / period_s) as usize;
-        let renewal = if found <= most { found.max(row) } else { row };
+        // A value that changes only every few windows is not a held reading: a mode, a gain. Nor are temperatures that have changed a
+        // few times, by a step of the converter: they are read more often than they change.
+        let changes = || tracks.iter().flat_map(|track| track.windows(2)).filter(|pair| pair[0] != pair[1]).count();
+        let most_s = if in_celsius && changes() >= MANY_CHANGES { LONGEST_HOLD_S } else { shape.nominal_s / 3.0 };
+        let renewal = if found <= (most_s / period_s) as usize { found.max(row) } else { row };
         let mut seconds: Vec<f64> = Vec::new();
         for track in tracks {
             // From the first renewal on, one point of each reading.

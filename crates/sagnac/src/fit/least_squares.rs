@@ -36,6 +36,7 @@ use crate::model::spec::ModelSpec;
 use crate::model::{ActsOn, Form, InputTerms};
 use crate::window::Windows;
 use sagnac_log::error::{Error, Result};
+use sagnac_log::ingest::Reason;
 use sagnac_units::s_from_ns;
 
 /// Span of rates for which a correction holds, over what the fit saw.
@@ -530,11 +531,21 @@ fn levels(turning: Option<&RateTableInput>, used: &[usize], run: &[usize], runs:
     levels
 }
 
+/// What to do about a thermometer that is read in few of the rows.
+pub(crate) const READINGS_HOLD: &str = "a reading of a thermometer holds for 10 s: where readings are farther apart, give one and a half times their \
+     interval as stale_after_s under [[thermometer]] in the setup, as `sagnac init` does";
+
+/// True where most of what is excluded has no temperature.
+pub(crate) fn has_lost_temperatures(windows: &Windows) -> bool {
+    windows.tallies.most().is_some_and(|most| most.reason == Reason::NoTemperature)
+}
+
 /// Says why nothing is left, the commonest reason first.
 fn no_window(windows: &Windows) -> Error {
     let why = most_left_out(windows).unwrap_or("it holds no usable row".to_owned());
-    Error::refused(format!("no window of the log can be used: {why}"))
-        .help("`sagnac inspect` lists everything excluded")
+    let help =
+        if has_lost_temperatures(windows) { READINGS_HOLD } else { "`sagnac inspect` lists everything excluded" };
+    Error::refused(format!("no window of the log can be used: {why}")).help(help)
 }
 
 /// The most frequent reason for excluded rows, in words.

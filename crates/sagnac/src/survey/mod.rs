@@ -24,7 +24,7 @@ use serde::Serialize;
 use crate::calibration::{AxisCalibration, Calibration};
 use crate::diagnostics::profile::{TOGETHER, rate_explained, time_explained};
 use crate::diagnostics::{Leg, Point, points, run_spans};
-use crate::fit::{FitOptions, Model, calibrate};
+use crate::fit::{FitOptions, Model, READINGS_HOLD, calibrate, has_lost_temperatures};
 use crate::verify::{Correction, Unanswered, unanswered};
 use crate::window::Windows;
 use sagnac_log::error::{Error, ErrorKind, Result};
@@ -34,6 +34,8 @@ use thermometers::thermometers;
 
 /// Model of the trial: a constant for each run, and a slope.
 const TRIAL: &str = "bias 1";
+/// Readings this part of a window apart, or more, are slow.
+const SLOW_PART: f64 = 0.3;
 /// Fewer rows in an unbroken stretch show no noise.
 const FEWEST_ROWS: u64 = 1000;
 /// Fewer windows allow small models only: three for each coefficient.
@@ -136,7 +138,9 @@ pub fn survey(windows: &Windows, setup: &Setup) -> Result<Survey> {
     };
     let mut cautions: Vec<String> = thermometers.iter().flat_map(|one| one.faults.clone()).collect();
     cautions.extend(rows_missing(windows));
+    cautions.extend(has_lost_temperatures(windows).then(|| READINGS_HOLD.to_owned()));
     if good_for == GoodFor::Calibration {
+        cautions.extend(main.and_then(|at| slow_readings(&thermometers[at], windows)));
         cautions.extend(outside.map(|[lo, hi]| {
             format!("the reference temperature {reference_c} °C lies outside the span {lo:.1} … {hi:.1} °C: give --reference within it")
         }));
@@ -166,6 +170,18 @@ fn span_of(windows: &Windows, thermometer: usize) -> Option<[f64; 2]> {
 
 fn trial(windows: &Windows, setup: &Setup) -> Result<Calibration> {
     calibrate(windows.clone(), setup, &FitOptions::new(Model::Fixed(TRIAL.parse()?)))
+}
+
+/// Readings so far apart that they hold for much of a window: on a ramp the temperature is behind the gyro.
+fn slow_readings(thermometer: &ThermometerSurvey, windows: &Windows) -> Option<String> {
+    let every_s = thermometer.reading_interval_s?;
+    let is_slow = every_s > SLOW_PART * windows.shape.nominal_s && every_s > windows.shape.sample_interval_s;
+    is_slow.then(|| {
+        format!(
+            "a temperature is read every {every_s:.0} s and holds until the next: on a ramp it is half of that behind, which the fit takes for \
+             an effect of the temperature rate; a thermometer that is read more often has another one"
+        )
+    })
 }
 
 /// The means of the windows must cover the span that a fit needs: a spike is no temperature.
@@ -233,7 +249,8 @@ fn slope(axis: &AxisCalibration) -> Option<[f64; 2]> {
 fn rows_missing(windows: &Windows) -> Option<String> {
     let rows: u64 = windows.runs.iter().flat_map(|run| &run.files).map(|file| file.summary.rows).sum();
     let excluded: u64 = windows.tallies.list().iter().map(|tally| tally.rows).sum();
-    let part = excluded as f64 / (rows.max(1)) as f64;
+    // A row may be excluded for itself and with its window.
+    let part = excluded.min(rows) as f64 / rows.max(1) as f64;
     let most = windows.tallies.most()?;
     (part > MANY_ROWS).then(|| {
         format!("{} % of the rows are excluded, most of them as {}", significant(100.0 * part, 2), most.reason.name())
