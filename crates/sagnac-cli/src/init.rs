@@ -10,7 +10,7 @@ use sagnac_log::ingest::header::{Role, role_of};
 use sagnac_log::ingest::{Sample, SampleColumn, sample};
 use sagnac_log::setup::ThermometerSetup;
 use sagnac_log::write::write_bytes;
-use sagnac_units::format::{file_name, one_line, significant};
+use sagnac_units::format::{file_name, one_line};
 
 use crate::console::{Console, Outcome, Ran};
 use crate::files::Files;
@@ -142,13 +142,12 @@ fn slow_thermometers(all: &[SampleColumn], guesses: &[Option<Guess>]) -> String 
         let Some(Ok(Role::Temperature { name, .. })) = guess.as_ref().map(|guess| role_of(&guess.role)) else {
             continue;
         };
-        let apart_s = column.rows_apart().unwrap_or(0) as f64 * row_s;
+        let apart_s = (1e3 * column.rows_apart().unwrap_or(0) as f64 * row_s).round() / 1e3;
         let hold_s = (1.5 * apart_s).ceil();
         if hold_s > ThermometerSetup::named(&name).stale_after_s {
             out += &format!(
-                "\n[[thermometer]]\nname = {}\nstale_after_s = {hold_s}   # GUESS: its readings are up to {} s apart\n",
-                quoted(&name),
-                significant(apart_s, 4)
+                "\n[[thermometer]]\nname = {}\nstale_after_s = {hold_s}   # GUESS: its readings are up to {apart_s} s apart\n",
+                quoted(&name)
             );
         }
     }

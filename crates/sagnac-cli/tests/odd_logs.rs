@@ -598,8 +598,8 @@ fn a_thermometer_that_is_read_once_a_minute_is_held_as_init_says() {
     assert!(setup.contains("stale_after_s = 90   # GUESS: its readings are up to 60 s apart"), "{setup}");
     let with_setup = [&["inspect", "slow.csv", "--setup", "bench.toml", "--json"], &count[..]].concat();
     let survey: Value = serde_json::from_slice(&sagnac(folder.path(), &with_setup).stdout).unwrap();
-    assert_eq!(survey["thermometers"][0]["reading_interval_s"], 60.0, "{survey}");
-    assert!(survey["cautions"].to_string().contains("read every 60 s"), "{survey}");
+    assert_eq!(survey["survey"]["thermometers"][0]["reading_interval_s"], 60.0, "{survey}");
+    assert!(survey["survey"]["cautions"].to_string().contains("read every 60 s"), "{survey}");
     let made = [&["calibrate", "slow.csv", "--setup", "bench.toml", "-o", "b.cal.json"], &count[..]].concat();
     assert!(sagnac(folder.path(), &made).status.success());
     let curve = sagnac(folder.path(), &["evaluate", "b.cal.json", "--at=-40,0,70", "--json"]);

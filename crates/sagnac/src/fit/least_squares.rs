@@ -535,16 +535,11 @@ fn levels(turning: Option<&RateTableInput>, used: &[usize], run: &[usize], runs:
 pub(crate) const READINGS_HOLD: &str = "a reading of a thermometer holds for 10 s: where readings are farther apart, give one and a half times their \
      interval as stale_after_s under [[thermometer]] in the setup, as `sagnac init` does";
 
-/// True where most of what is excluded has no temperature.
-pub(crate) fn has_lost_temperatures(windows: &Windows) -> bool {
-    windows.tallies.most().is_some_and(|most| most.reason == Reason::NoTemperature)
-}
-
 /// Says why nothing is left, the commonest reason first.
 fn no_window(windows: &Windows) -> Error {
     let why = most_left_out(windows).unwrap_or("it holds no usable row".to_owned());
-    let help =
-        if has_lost_temperatures(windows) { READINGS_HOLD } else { "`sagnac inspect` lists everything excluded" };
+    let lost = windows.tallies.most().is_some_and(|most| most.reason == Reason::NoTemperature);
+    let help = if lost { READINGS_HOLD } else { "`sagnac inspect` lists everything excluded" };
     Error::refused(format!("no window of the log can be used: {why}")).help(help)
 }
 
