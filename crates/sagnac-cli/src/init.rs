@@ -146,7 +146,7 @@ fn slow_thermometers(all: &[SampleColumn], guesses: &[Option<Guess>]) -> String 
         let hold_s = (1.5 * apart_s).ceil();
         if hold_s > ThermometerSetup::named(&name).stale_after_s {
             out += &format!(
-                "\n[[thermometer]]\nname = {}\nstale_after_s = {hold_s}   # GUESS: its readings are up to {apart_s} s apart\n",
+                "\n[[thermometer]]\nname = {}\nstale_after_s = {hold_s}   # GUESS: its readings are {apart_s} s apart\n",
                 quoted(&name)
             );
         }

@@ -595,7 +595,22 @@ fn a_thermometer_that_is_read_once_a_minute_is_held_as_init_says() {
 
     assert!(sagnac(folder.path(), &["init", "slow.csv", "-o", "bench.toml"]).status.success());
     let setup = fs::read_to_string(folder.path().join("bench.toml")).unwrap();
-    assert!(setup.contains("stale_after_s = 90   # GUESS: its readings are up to 60 s apart"), "{setup}");
+    assert!(setup.contains("stale_after_s = 90   # GUESS: its readings are 60 s apart"), "{setup}");
+    // A stretch without readings is not how often they come.
+    let gap = minute_log().lines().enumerate().map(|(at, line)| {
+        let [time, _, counts] = line.split(',').collect::<Vec<_>>()[..] else { panic!("{line}") };
+        if at == 0 {
+            line.to_owned()
+        } else {
+            format!("{time},{},{counts}", if (200..700).contains(&at) { "" } else { "25" })
+        }
+    });
+    fs::write(folder.path().join("gap.csv"), gap.collect::<Vec<_>>().join("\n")).unwrap();
+    let of_gap = sagnac(folder.path(), &["init", "gap.csv"]);
+    assert!(
+        of_gap.status.success() && !String::from_utf8_lossy(&of_gap.stdout).contains("[[thermometer]]"),
+        "{of_gap:?}"
+    );
     let with_setup = [&["inspect", "slow.csv", "--setup", "bench.toml", "--json"], &count[..]].concat();
     let survey: Value = serde_json::from_slice(&sagnac(folder.path(), &with_setup).stdout).unwrap();
     assert_eq!(survey["survey"]["thermometers"][0]["reading_interval_s"], 60.0, "{survey}");

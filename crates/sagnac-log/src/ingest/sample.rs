@@ -54,11 +54,13 @@ impl SampleColumn {
         self.cells.iter().filter_map(|cell| parse_value(cell.as_bytes(), has_comma)).collect()
     }
 
-    /// Most rows from one value to the next; `None` for fewer than two values.
+    /// Rows from one value to the next, the median: a stretch without values is not how often they come. `None` for fewer than two values.
     pub fn rows_apart(&self) -> Option<usize> {
         let is_known = |cell: &&String| !cell.is_empty() && !is_missing(cell.as_bytes());
         let known: Vec<usize> = (0..).zip(&self.cells).filter(|(_, cell)| is_known(cell)).map(|(row, _)| row).collect();
-        known.windows(2).map(|pair| pair[1] - pair[0]).max()
+        let mut apart: Vec<usize> = known.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        apart.sort_unstable();
+        apart.get(apart.len() / 2).copied()
     }
 
     /// Its dates, s since 1970; missing values are left out.
