@@ -585,7 +585,8 @@ fn minute_log() -> String {
 #[test]
 fn a_thermometer_that_is_read_once_a_minute_is_held_as_init_says() {
     let folder = TempDir::new().unwrap();
-    fs::write(folder.path().join("slow.csv"), minute_log()).unwrap();
+    let log = minute_log();
+    fs::write(folder.path().join("slow.csv"), &log).unwrap();
     let count = ["--arcsec-per-count", "0.15125"];
     let refused = sagnac(folder.path(), &[&["calibrate", "slow.csv", "-o", "a.cal.json"], &count[..]].concat());
     assert_eq!(refused.status.code(), Some(3), "{}", said(&refused));
@@ -597,7 +598,7 @@ fn a_thermometer_that_is_read_once_a_minute_is_held_as_init_says() {
     let setup = fs::read_to_string(folder.path().join("bench.toml")).unwrap();
     assert!(setup.contains("stale_after_s = 90   # GUESS: its readings are 60 s apart"), "{setup}");
     // A stretch without readings is not how often they come.
-    let gap = minute_log().lines().enumerate().map(|(at, line)| {
+    let gap = log.lines().enumerate().map(|(at, line)| {
         let [time, _, counts] = line.split(',').collect::<Vec<_>>()[..] else { panic!("{line}") };
         if at == 0 {
             line.to_owned()

@@ -539,7 +539,9 @@ pub(crate) const READINGS_HOLD: &str = "a reading of a thermometer holds for 10 
 fn no_window(windows: &Windows) -> Error {
     let why = most_left_out(windows).unwrap_or("it holds no usable row".to_owned());
     let lost = windows.tallies.most().is_some_and(|most| most.reason == Reason::NoTemperature);
-    let help = if lost { READINGS_HOLD } else { "`sagnac inspect` lists everything excluded" };
+    let has_readings =
+        || windows.runs.iter().flat_map(|run| run.tracks.iter().flatten()).any(|celsius| celsius.is_finite());
+    let help = if lost && has_readings() { READINGS_HOLD } else { "`sagnac inspect` lists everything excluded" };
     Error::refused(format!("no window of the log can be used: {why}")).help(help)
 }
 
