@@ -143,6 +143,14 @@ mod tests {
     use super::*;
 
     #[test]
+    fn the_queue_gives_each_row_once_and_ends_with_a_failure() {
+        let queue = Mutex::new(BESIDE.iter());
+        assert_eq!([next(&queue, 0), next(&queue, 0)], [Some(BESIDE[0]), Some(BESIDE[1])]);
+        assert_eq!(next(&queue, usize::MAX), None);
+        assert_eq!(next(&queue, 0), None);
+    }
+
+    #[test]
     fn time_of_children_is_read_behind_any_name() {
         let stat = "7 (a) b) S 1 2 3 4 5 6 7 8 9 10 111 222 250 50 20 0 1 0";
         assert_eq!(of_children(stat).unwrap(), 3.0);
