@@ -1,5 +1,6 @@
 //! `sagnac evaluate`: the correction at temperatures of one's choice, with its interval.
 
+use std::ops::RangeInclusive;
 use std::path::PathBuf;
 
 use sagnac::calibration::{AxisCalibration, Evaluation};
@@ -84,9 +85,7 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
 }
 
 /// Temperatures that a gyro may have, °C.
-const ABSOLUTE_ZERO_C: f64 = -273.15;
-const MOST_C: f64 = 1000.0;
-const NO_TEMPERATURE: &str = "temperatures are from -273.15 to 1000 °C";
+const CELSIUS: RangeInclusive<f64> = -273.15..=1000.0;
 
 /// `FROM:TO:STEP` with both ends, or a list.
 fn temperatures(text: &str) -> Result<Vec<f64>> {
@@ -100,22 +99,22 @@ fn temperatures(text: &str) -> Result<Vec<f64>> {
     let number =
         |part: &str| part.trim().parse::<f64>().ok().filter(|value| value.is_finite()).map(|value| value + 0.0);
     let numbers = |separator: char| text.split(separator).map(number).collect::<Option<Vec<f64>>>();
-    let can_be = |celsius: &f64| (ABSOLUTE_ZERO_C..=MOST_C).contains(celsius);
-    if !text.contains(':') {
-        let all = numbers(',').ok_or_else(|| bad("temperatures are numbers with commas between them"))?;
-        return if all.iter().all(can_be) { Ok(all) } else { Err(bad(NO_TEMPERATURE)) };
-    }
-    match numbers(':').as_deref() {
-        Some([from, to, _]) if !can_be(from) || !can_be(to) => Err(bad(NO_TEMPERATURE)),
-        Some(&[from, to, step]) if step > 0.0 && to >= from => {
-            let count = ((to - from) / step + 1e-9).floor();
-            if count >= MOST_POINTS as f64 {
-                return Err(bad("more than a million temperatures"));
+    let all = if text.contains(':') {
+        match numbers(':').as_deref() {
+            Some(&[from, to, step]) if step > 0.0 && to >= from => {
+                let count = ((to - from) / step + 1e-9).floor();
+                if count >= MOST_POINTS as f64 {
+                    return Err(bad("more than a million temperatures"));
+                }
+                (0..=count as usize).map(|i| from + step * i as f64).collect()
             }
-            Ok((0..=count as usize).map(|i| from + step * i as f64).collect())
+            _ => return Err(bad("a range is FROM:TO:STEP with a step above zero and TO not below FROM")),
         }
-        _ => Err(bad("a range is FROM:TO:STEP with a step above zero and TO not below FROM")),
-    }
+    } else {
+        numbers(',').ok_or_else(|| bad("temperatures are numbers with commas between them"))?
+    };
+    let can_be = all.iter().all(|celsius| CELSIUS.contains(celsius));
+    if can_be { Ok(all) } else { Err(bad("temperatures are from -273.15 to 1000 °C")) }
 }
 
 const HEADER: [&str; 7] = ["axis", "temperature_c", "rate_cpm", "drift_dph", "lower_dph", "upper_dph", "scale_ppm"];

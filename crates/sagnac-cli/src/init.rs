@@ -156,15 +156,13 @@ fn slow_thermometers(all: &[SampleColumn], guesses: &[Option<Guess>]) -> String 
 
 /// The interval of the rows by a column of times, s.
 fn row_s(column: &SampleColumn, role: &str) -> Option<f64> {
-    let (times, per_s) = match role {
-        "time" => (column.dates_s(), 1.0),
-        "time_s" => (column.numbers(), 1.0),
-        "time_ms" => (column.numbers(), 1e3),
-        "time_us" => (column.numbers(), 1e6),
-        "time_ns" => (column.numbers(), 1e9),
-        _ => return None,
-    };
-    Some(median_step(&times)? / per_s)
+    match role_of(role) {
+        Ok(Role::Time { .. }) if column.is_dates() => median_step(&column.dates_s()),
+        Ok(Role::Time { places: places @ ..=9 }) => {
+            Some(median_step(&column.numbers())? * 10_f64.powi(places as i32 - 9))
+        }
+        _ => None,
+    }
 }
 
 /// The median of the steps forward.

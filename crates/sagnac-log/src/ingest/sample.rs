@@ -56,8 +56,7 @@ impl SampleColumn {
 
     /// Rows from one value to the next, the median: a stretch without values is not how often they come. `None` for fewer than two values.
     pub fn rows_apart(&self) -> Option<usize> {
-        let is_known = |cell: &&String| !cell.is_empty() && !is_missing(cell.as_bytes());
-        let known: Vec<usize> = (0..).zip(&self.cells).filter(|(_, cell)| is_known(cell)).map(|(row, _)| row).collect();
+        let known: Vec<usize> = self.known().map(|(row, _)| row).collect();
         let mut apart: Vec<usize> = known.windows(2).map(|pair| pair[1] - pair[0]).collect();
         apart.sort_unstable();
         apart.get(apart.len() / 2).copied()
@@ -70,8 +69,13 @@ impl SampleColumn {
 
     /// True where its cells are dates.
     pub fn is_dates(&self) -> bool {
-        let mut known = self.cells.iter().filter(|cell| !is_missing(cell.as_bytes()) && !cell.is_empty()).peekable();
-        known.peek().is_some() && known.all(|cell| iso_ns(cell).is_some())
+        let mut known = self.known().peekable();
+        known.peek().is_some() && known.all(|(_, cell)| iso_ns(cell).is_some())
+    }
+
+    /// Rows and cells that are not missing.
+    fn known(&self) -> impl Iterator<Item = (usize, &String)> {
+        self.cells.iter().enumerate().filter(|(_, cell)| !cell.is_empty() && !is_missing(cell.as_bytes()))
     }
 }
 

@@ -36,7 +36,6 @@ use crate::model::spec::ModelSpec;
 use crate::model::{ActsOn, Form, InputTerms};
 use crate::window::Windows;
 use sagnac_log::error::{Error, Result};
-use sagnac_log::ingest::Reason;
 use sagnac_units::s_from_ns;
 
 /// Span of rates for which a correction holds, over what the fit saw.
@@ -535,13 +534,20 @@ fn levels(turning: Option<&RateTableInput>, used: &[usize], run: &[usize], runs:
 pub(crate) const READINGS_HOLD: &str = "a reading of a thermometer holds for 10 s: where readings are farther apart, give one and a half times their \
      interval as stale_after_s under [[thermometer]] in the setup, as `sagnac init` does";
 
+/// True where a thermometer is read, and most windows have no temperature of it.
+pub(crate) fn readings_do_not_hold(windows: &Windows) -> bool {
+    (0..windows.shape.thermometers.len()).any(|at| {
+        let track = windows.runs.iter().filter_map(|run| run.tracks.get(at)).flatten();
+        let lost = windows.rows.mean_c[at].iter().filter(|mean| mean.is_nan()).count();
+        2 * lost > windows.len() && track.into_iter().any(|celsius| celsius.is_finite())
+    })
+}
+
 /// Says why nothing is left, the commonest reason first.
 fn no_window(windows: &Windows) -> Error {
     let why = most_left_out(windows).unwrap_or("it holds no usable row".to_owned());
-    let lost = windows.tallies.most().is_some_and(|most| most.reason == Reason::NoTemperature);
-    let has_readings =
-        || windows.runs.iter().flat_map(|run| run.tracks.iter().flatten()).any(|celsius| celsius.is_finite());
-    let help = if lost && has_readings() { READINGS_HOLD } else { "`sagnac inspect` lists everything excluded" };
+    let holds = !readings_do_not_hold(windows);
+    let help = if holds { "`sagnac inspect` lists everything excluded" } else { READINGS_HOLD };
     Error::refused(format!("no window of the log can be used: {why}")).help(help)
 }
 

@@ -47,7 +47,7 @@ mod warm_up;
 mod with_prior;
 
 pub(crate) use input_noise::thermometer_noise;
-pub(crate) use least_squares::READINGS_HOLD;
+pub(crate) use least_squares::{READINGS_HOLD, readings_do_not_hold};
 pub(crate) use likelihood::{Block, Rows, mean};
 pub(crate) use plateaus::{level_stretches, plateaus_of};
 pub use progress::{Doing, Progress};

@@ -24,7 +24,7 @@ use serde::Serialize;
 use crate::calibration::{AxisCalibration, Calibration};
 use crate::diagnostics::profile::{TOGETHER, rate_explained, time_explained};
 use crate::diagnostics::{Leg, Point, points, run_spans};
-use crate::fit::{FitOptions, Model, READINGS_HOLD, calibrate};
+use crate::fit::{FitOptions, Model, READINGS_HOLD, calibrate, readings_do_not_hold};
 use crate::verify::{Correction, Unanswered, unanswered};
 use crate::window::Windows;
 use sagnac_log::error::{Error, ErrorKind, Result};
@@ -138,7 +138,7 @@ pub fn survey(windows: &Windows, setup: &Setup) -> Result<Survey> {
     };
     let mut cautions: Vec<String> = thermometers.iter().flat_map(|one| one.faults.clone()).collect();
     cautions.extend(rows_missing(windows));
-    cautions.extend(tried.as_ref().err().and_then(|refusal| refusal.help.clone()).filter(|help| help == READINGS_HOLD));
+    cautions.extend(readings_do_not_hold(windows).then(|| READINGS_HOLD.to_owned()));
     if good_for == GoodFor::Calibration {
         cautions.extend(main.and_then(|at| slow_readings(&thermometers[at], windows)));
         cautions.extend(outside.map(|[lo, hi]| {
