@@ -8,10 +8,12 @@ use arrow_array::{
     ArrayRef, BooleanArray, DurationNanosecondArray, Float64Array, Int64Array, NullArray, RecordBatch, StringArray,
     TimestampNanosecondArray, UInt64Array,
 };
-use arrow_buffer::NullBuffer;
+use arrow_buffer::{ArrowNativeType, Buffer, NullBuffer, ScalarBuffer};
 use arrow_schema::{ArrowError, DataType, Field, Schema, SchemaRef, TimeUnit};
+use bytes::Bytes;
 use pyo3::exceptions::PyStopIteration;
 use pyo3::prelude::*;
+use pyo3::pybacked::PyBackedBytes;
 use pyo3::types::{PyBytes, PyList, PyTuple};
 
 use crate::work::Stop;
@@ -97,7 +99,8 @@ fn array_of(kind: &DataType, part: &Bound<'_, PyAny>) -> PyResult<ArrayRef> {
         Ok(both) => (both.get_item(0)?, Some(both.get_item(1)?)),
         Err(_) => (part.clone(), None),
     };
-    let bytes = values.cast::<PyBytes>()?.as_bytes();
+    let values = values.cast::<PyBytes>()?;
+    let bytes = values.as_bytes();
     let mask = match &mask {
         Some(mask) => Some(mask.cast::<PyBytes>()?.as_bytes()),
         None => None,
@@ -113,16 +116,24 @@ fn array_of(kind: &DataType, part: &Bound<'_, PyAny>) -> PyResult<ArrayRef> {
         ns.into_iter().enumerate().map(|(row, ns)| Some(ns).filter(|ns| *ns != i64::MIN && !is_gone(row))).collect()
     };
     Ok(match kind {
-        DataType::Float64 => Arc::new(Float64Array::new(words(bytes, f64::from_le_bytes).into(), nulls)),
-        DataType::UInt64 => Arc::new(UInt64Array::new(words(bytes, u64::from_le_bytes).into(), nulls)),
+        DataType::Float64 => Arc::new(Float64Array::new(scalars(values), nulls)),
+        DataType::UInt64 => Arc::new(UInt64Array::new(scalars(values), nulls)),
         DataType::Boolean => Arc::new(BooleanArray::new(bytes.iter().map(|byte| *byte != 0).collect(), nulls)),
         DataType::Timestamp(..) => Arc::new(TimestampNanosecondArray::from(known(words(bytes, i64::from_le_bytes)))),
         DataType::Duration(_) => Arc::new(DurationNanosecondArray::from(known(words(bytes, i64::from_le_bytes)))),
-        _ => Arc::new(Int64Array::new(words(bytes, i64::from_le_bytes).into(), nulls)),
+        _ => Arc::new(Int64Array::new(scalars(values), nulls)),
     })
 }
 
+/// The bytes themselves as values of eight bytes each, or a copy where they are not where such values may be.
+fn scalars<T: ArrowNativeType>(bytes: &Bound<'_, PyBytes>) -> ScalarBuffer<T> {
+    let whole = bytes.as_bytes().len() / size_of::<T>();
+    let shared = Buffer::from(Bytes::from_owner(PyBackedBytes::from(bytes.clone())));
+    let is_aligned = shared.as_ptr().align_offset(align_of::<T>()) == 0;
+    ScalarBuffer::new(if is_aligned { shared } else { Buffer::from(bytes.as_bytes()) }, 0, whole)
+}
+
 /// Values of eight bytes each.
-pub(crate) fn words<T>(bytes: &[u8], of: fn([u8; 8]) -> T) -> Vec<T> {
+pub(crate) fn words<T>(bytes: &[u8], of: impl Fn([u8; 8]) -> T) -> Vec<T> {
     bytes.as_chunks::<8>().0.iter().map(|word| of(*word)).collect()
 }

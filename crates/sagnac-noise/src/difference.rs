@@ -14,6 +14,7 @@
 //! Squares are summed in sixteen interleaved sums, as vectors of whatever width the processor has: the order of additions, and so every
 //! bit of the result, is the same on all.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 use std::sync::LazyLock;
 
@@ -24,7 +25,7 @@ const LANES: usize = 16;
 const LANES_OF_VECTOR: usize = LANES / 2;
 
 /// The vector instructions of this processor.
-static LEVEL: LazyLock<Level> = LazyLock::new(Level::new);
+pub(crate) static VECTORS: LazyLock<Level> = LazyLock::new(Level::new);
 
 /// Which difference of the phase is squared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -79,7 +80,13 @@ impl Deviation {
 
     /// Σ of the squared differences that end at `from..end` of the phases, at a distance of `m`.
     pub(crate) fn squares(self, phases: &[f64], from: usize, end: usize, m: usize) -> f64 {
-        self.squares_with(*LEVEL, phases, from..end, m)
+        self.squares_with(*VECTORS, phases, from..end, m)
+    }
+
+    /// The same of Allan's and of Hadamard's differences, in one pass over the phases.
+    fn squares_of_both(level: Level, phases: &[f64], ends: Range<usize>, m: usize) -> [f64; 2] {
+        let columns = [0, 1, 2, 3].map(|n| &phases[ends.start - n * m..ends.end - n * m]);
+        dispatch!(level, simd => sums_of_squares(simd, columns, allan_and_hadamard(simd)))
     }
 
     /// The same with given vector instructions.
@@ -88,29 +95,47 @@ impl Deviation {
         match self {
             Self::Allan => {
                 let columns = [before(0), before(1), before(2)];
-                dispatch!(level, simd => sum_of_squares(simd, columns, #[inline(always)] |[a, b, c]| a - (b + b) + c))
+                dispatch!(level, simd => sums_of_squares(simd, columns, #[inline(always)] |[a, b, c]| [allan(a, b, c)])[0])
             }
             Self::Hadamard => {
                 let columns = [before(0), before(1), before(2), before(3)];
                 dispatch!(level, simd => {
                     let three = f64x8::splat(simd, 3.0);
-                    sum_of_squares(simd, columns, #[inline(always)] |[a, b, c, d]| (a - d) - three * (b - c))
+                    sums_of_squares(simd, columns, #[inline(always)] |[a, b, c, d]| [hadamard(three, [a, b, c, d])])[0]
                 })
             }
         }
     }
 }
 
-/// Σ f(columns)².
 #[inline(always)]
-fn sum_of_squares<S: Simd, const N: usize>(
+fn allan<S: Simd>(a: f64x8<S>, b: f64x8<S>, c: f64x8<S>) -> f64x8<S> {
+    a - (b + b) + c
+}
+
+#[inline(always)]
+fn hadamard<S: Simd>(three: f64x8<S>, [a, b, c, d]: [f64x8<S>; 4]) -> f64x8<S> {
+    (a - d) - three * (b - c)
+}
+
+/// Both of the same phases.
+#[inline(always)]
+fn allan_and_hadamard<S: Simd>(simd: S) -> impl Fn([f64x8<S>; 4]) -> [f64x8<S>; 2] {
+    let three = f64x8::splat(simd, 3.0);
+    #[inline(always)]
+    move |[a, b, c, d]| [allan(a, b, c), hadamard(three, [a, b, c, d])]
+}
+
+/// Σ f(columns)², of each of K functions.
+#[inline(always)]
+fn sums_of_squares<S: Simd, const N: usize, const K: usize>(
     simd: S,
     columns: [&[f64]; N],
-    f: impl Fn([f64x8<S>; N]) -> f64x8<S>,
-) -> f64 {
+    f: impl Fn([f64x8<S>; N]) -> [f64x8<S>; K],
+) -> [f64; K] {
     let length = columns[0].len();
     let whole = columns.map(|column| column[..length].as_chunks::<LANES>());
-    let mut sums = [f64x8::splat(simd, 0.0); 2];
+    let mut sums = [[f64x8::splat(simd, 0.0); 2]; K];
     for at in 0..length / LANES {
         let values = std::array::from_fn(|column| &whole[column].0[at]);
         add_squares(simd, &mut sums, values, &f);
@@ -122,21 +147,22 @@ fn sum_of_squares<S: Simd, const N: usize>(
         values
     });
     add_squares(simd, &mut sums, last.each_ref(), &f);
-    sums.iter().flat_map(|sum| sum.as_slice()).sum()
+    sums.map(|sums| sums.iter().flat_map(|sum| sum.as_slice()).sum())
 }
 
 /// Adds f(values)² to the sums. All of this is compiled into its caller, for the processor's own instructions.
 #[inline(always)]
-fn add_squares<S: Simd, const N: usize>(
+fn add_squares<S: Simd, const N: usize, const K: usize>(
     simd: S,
-    sums: &mut [f64x8<S>; 2],
+    sums: &mut [[f64x8<S>; 2]; K],
     values: [&[f64; LANES]; N],
-    f: &impl Fn([f64x8<S>; N]) -> f64x8<S>,
+    f: &impl Fn([f64x8<S>; N]) -> [f64x8<S>; K],
 ) {
-    for (sum, from) in sums.iter_mut().zip([0, LANES_OF_VECTOR]) {
+    for (which, from) in [0, LANES_OF_VECTOR].into_iter().enumerate() {
         let half = |column: usize| f64x8::from_slice(simd, &values[column][from..from + LANES_OF_VECTOR]);
-        let difference = f(std::array::from_fn(half));
-        *sum += difference * difference;
+        for (sums, difference) in sums.iter_mut().zip(f(std::array::from_fn(half))) {
+            sums[which] += difference * difference;
+        }
     }
 }
 
@@ -205,6 +231,9 @@ const BLOCK: usize = 4096;
 #[derive(Clone, Debug)]
 pub(crate) struct Running {
     wanted: Vec<Difference>,
+    /// Places of Allan's and of Hadamard's difference of the same distance, which are summed together; and of all others.
+    pairs: Vec<[usize; 2]>,
+    alone: Vec<usize>,
     longest: usize,
     /// Phases that are still needed and pending ones.
     phases: Vec<f64>,
@@ -221,7 +250,16 @@ impl Running {
     pub(crate) fn new(wanted: Vec<Difference>) -> Self {
         let sums = vec![SquareSum::default(); wanted.len()];
         let longest = wanted.iter().map(|difference| difference.span()).max().unwrap_or(0);
-        Self { wanted, longest, phases: Vec::new(), dropped: 0, summed: 0, holes: 0, sums }
+        // The first of each kind at each distance.
+        let mut first = BTreeMap::<usize, [Option<usize>; 2]>::new();
+        for (at, of) in wanted.iter().enumerate() {
+            first.entry(of.m).or_default()[of.deviation.order() - 2].get_or_insert(at);
+        }
+        let pairs: Vec<[usize; 2]> =
+            first.into_values().filter_map(|[allan, hadamard]| Some([allan?, hadamard?])).collect();
+        let in_pairs: BTreeSet<usize> = pairs.iter().flatten().copied().collect();
+        let alone = (0..wanted.len()).filter(|at| !in_pairs.contains(at)).collect();
+        Self { wanted, pairs, alone, longest, phases: Vec::new(), dropped: 0, summed: 0, holes: 0, sums }
     }
 
     /// Phases that the longest difference spans.
@@ -265,20 +303,39 @@ impl Running {
     /// Adds the pending phases to the sums and drops those that no difference needs any more.
     fn sum_up(&mut self) {
         let end = self.len();
-        for (difference, sum) in self.wanted.iter().zip(&mut self.sums) {
-            let from = self.summed.max(difference.span());
-            if from < end {
-                let (from, end) = (from - self.dropped, end - self.dropped);
-                sum.merge(match self.holes {
-                    0 => difference.sum(&self.phases, from, end),
-                    _ => difference.sum_of_known(&self.phases, from, end),
-                });
+        for pair in 0..self.pairs.len() {
+            let places = self.pairs[pair];
+            let Difference { m, .. } = self.wanted[places[0]];
+            let is_long = self.summed >= self.wanted[places[1]].span();
+            if self.holes == 0 && is_long && self.summed < end {
+                let ends = self.summed - self.dropped..end - self.dropped;
+                let number = ends.len() as f64;
+                let both = Deviation::squares_of_both(*VECTORS, &self.phases, ends, m);
+                for (place, squares) in places.into_iter().zip(both) {
+                    self.sums[place].merge(SquareSum { squares, number });
+                }
+            } else {
+                places.into_iter().for_each(|place| self.add(place, end));
             }
         }
+        (0..self.alone.len()).for_each(|at| self.add(self.alone[at], end));
         self.summed = end;
         let old = self.phases.len().saturating_sub(self.longest);
         self.phases.drain(..old);
         self.dropped += old;
+    }
+
+    /// Adds the pending phases to the sum of one difference.
+    fn add(&mut self, place: usize, end: usize) {
+        let difference = self.wanted[place];
+        let from = self.summed.max(difference.span());
+        if from < end {
+            let (from, end) = (from - self.dropped, end - self.dropped);
+            self.sums[place].merge(match self.holes {
+                0 => difference.sum(&self.phases, from, end),
+                _ => difference.sum_of_known(&self.phases, from, end),
+            });
+        }
     }
 
     /// Ends the stretch and returns its sums in the order of `wanted`. The next phase starts a new stretch.
@@ -325,7 +382,13 @@ mod tests {
                     let wanted = one_by_one(deviation, &phases, ends.clone(), m).to_bits();
                     for level in [Level::new(), Level::baseline()] {
                         let sum = deviation.squares_with(level, &phases, ends.clone(), m);
-                        assert_eq!(sum.to_bits(), wanted, "{deviation:?} {m} {length} {level:?}");
+                        let both = Deviation::squares_of_both(level, &phases, ends.clone(), m);
+                        let of_both = both[deviation.order() - 2];
+                        assert_eq!(
+                            [sum, of_both].map(f64::to_bits),
+                            [wanted; 2],
+                            "{deviation:?} {m} {length} {level:?}"
+                        );
                     }
                 }
             }

@@ -8,6 +8,10 @@
 //! Most blocks have no row that far, and counts show it without the quantiles: if at least so many rows lie at or below a level as a
 //! quantile has below it, the quantile is not above that level ([`Bounds`]). The result is the same.
 
+use fearless_simd::{Select, Simd, SimdBase, dispatch, f64x4};
+
+use crate::difference::VECTORS;
+
 /// Fewest rows that give a scale.
 const FEWEST: usize = 32;
 /// Scales from the median to a disturbed row.
@@ -16,6 +20,8 @@ const FAR: f64 = 6.0;
 /// standard deviations of a normal distribution.
 const TAIL: f64 = 0.05;
 const TAILS_APART: f64 = 3.29;
+/// Rows of a vector.
+const LANES: usize = 4;
 
 /// Median and scale of rows.
 pub(crate) struct Level {
@@ -44,13 +50,35 @@ impl Level {
     }
 }
 
-/// Smallest step between two rows that follow each other and differ.
+/// Smallest step between two rows that follow each other and differ, with the vectors of this processor.
 fn smallest_step(rows: &[f64]) -> f64 {
-    let pairs = rows.iter().zip(rows.get(1..).unwrap_or_default());
-    pairs.fold(f64::INFINITY, |least, (a, b)| {
-        let step = (b - a).abs();
-        if step > 0.0 && step < least { step } else { least }
-    })
+    dispatch!(*VECTORS, simd => step_in_vectors(simd, rows))
+}
+
+/// Compiled into its caller, for the processor's own instructions.
+#[inline(always)]
+fn step_in_vectors<S: Simd>(simd: S, rows: &[f64]) -> f64 {
+    let (zero, infinite) = (f64x4::splat(simd, 0.0), f64x4::splat(simd, f64::INFINITY));
+    let (from, to) = (&rows[..rows.len().saturating_sub(1)], rows.get(1..).unwrap_or_default());
+    let ((from, last_from), (to, last_to)) = (from.as_chunks::<LANES>(), to.as_chunks::<LANES>());
+    let mut least = infinite;
+    for (from, to) in from.iter().zip(to) {
+        let step = (f64x4::from_slice(simd, to) - f64x4::from_slice(simd, from)).abs();
+        let step = step.simd_gt(zero).select(step, infinite);
+        least = step.simd_lt(least).select(step, least);
+    }
+    let last = last_from.iter().zip(last_to).map(|(from, to)| (to - from).abs()).filter(|step| *step > 0.0);
+    least.as_slice().iter().copied().chain(last).fold(f64::INFINITY, lesser)
+}
+
+/// Without a number where one of them is none; [`f64::min`] is more to compute.
+fn lesser(a: f64, b: f64) -> f64 {
+    if b < a { b } else { a }
+}
+
+/// The same of the greater.
+fn greater(a: f64, b: f64) -> f64 {
+    if b > a { b } else { a }
 }
 
 /// The smallest step is at least that of rounding; its differences have a variance of step²/6.
@@ -86,53 +114,97 @@ impl Bounds {
         }
     }
 
-    /// True if none of these rows can be disturbed by [`Level`], with the context before them.
-    pub(crate) fn hold(&self, context: &[f64], rows: &[f64]) -> bool {
-        let number = context.len() + rows.len();
-        if number < FEWEST {
-            return false;
+    /// `Some` if none of these rows can be disturbed by [`Level`], with what was seen before them: what was seen in the last `keep` of
+    /// them, for the rows that follow.
+    pub(crate) fn hold(&self, before: Seen, rows: &[f64], keep: usize) -> Option<Seen> {
+        let (early, late) = rows.split_at(rows.len().saturating_sub(keep));
+        let late = self.see(late);
+        let seen = before.and(&self.see(early)).and(&late);
+        if seen.rows < FEWEST {
+            return None;
         }
-        let mut seen = Counts::default();
-        [context, rows].into_iter().for_each(|rows| seen.add(rows, self));
-        let joint: Vec<f64> = context.last().into_iter().chain(rows.first()).copied().collect();
-        let step = [context, &joint, rows].map(smallest_step).into_iter().fold(f64::INFINITY, f64::min);
-        let [low, middle, high] = [TAIL, 0.5, 1.0 - TAIL].map(|part| place_of_quantile(number, part));
-        let bounded = seen.low as usize > low
-            && seen.high as usize >= number - high
-            && seen.below as usize <= middle
-            && (seen.above as usize) < number - middle;
+        let [low, middle, high] = [TAIL, 0.5, 1.0 - TAIL].map(|part| place_of_quantile(seen.rows, part));
+        let bounded =
+            seen.low > low && seen.high >= seen.rows - high && seen.below <= middle && seen.above < seen.rows - middle;
         let spread = (self.tails[1] - self.tails[0]) / TAILS_APART;
-        let far = Self::SHARE * FAR * (spread * spread + variance_of_rounding(step)).sqrt();
-        bounded && seen.most - self.middle[0] < far && self.middle[1] - seen.least < far
+        let far = Self::SHARE * FAR * (spread * spread + variance_of_rounding(seen.step)).sqrt();
+        let holds = bounded && seen.most - self.middle[0] < far && self.middle[1] - seen.least < far;
+        holds.then_some(late)
+    }
+
+    /// Counts some rows, with the vectors of this processor.
+    pub(crate) fn see(&self, rows: &[f64]) -> Seen {
+        dispatch!(*VECTORS, simd => self.count(simd, rows))
+    }
+
+    /// Compiled into its caller, for the processor's own instructions.
+    #[inline(always)]
+    fn count<S: Simd>(&self, simd: S, rows: &[f64]) -> Seen {
+        let ([low, high], [below, above]) = (self.tails, self.middle);
+        let (low, high) = (f64x4::splat(simd, low), f64x4::splat(simd, high));
+        let (below, above) = (f64x4::splat(simd, below), f64x4::splat(simd, above));
+        let (one, none) = (f64x4::splat(simd, 1.0), f64x4::splat(simd, 0.0));
+        let mut counts = [none; 4];
+        let (mut least, mut most) = (f64x4::splat(simd, f64::INFINITY), f64x4::splat(simd, f64::NEG_INFINITY));
+        let (whole, rest) = rows.as_chunks::<LANES>();
+        for row in whole {
+            let row = f64x4::from_slice(simd, row);
+            counts[0] += row.simd_le(low).select(one, none);
+            counts[1] += row.simd_lt(below).select(one, none);
+            counts[2] += row.simd_gt(above).select(one, none);
+            counts[3] += row.simd_ge(high).select(one, none);
+            least = row.simd_lt(least).select(row, least);
+            most = row.simd_gt(most).select(row, most);
+        }
+        let of = |lanes: f64x4<S>| lanes.as_slice().iter().sum::<f64>() as usize;
+        let in_rest = |is: &dyn Fn(&f64) -> bool| rest.iter().filter(|row| is(row)).count();
+        let all = |lanes: f64x4<S>, of_two: fn(f64, f64) -> f64, from: f64| {
+            lanes.as_slice().iter().chain(rest).copied().fold(from, of_two)
+        };
+        Seen {
+            rows: rows.len(),
+            low: of(counts[0]) + in_rest(&|row| *row <= self.tails[0]),
+            below: of(counts[1]) + in_rest(&|row| *row < self.middle[0]),
+            above: of(counts[2]) + in_rest(&|row| *row > self.middle[1]),
+            high: of(counts[3]) + in_rest(&|row| *row >= self.tails[1]),
+            least: all(least, lesser, f64::INFINITY),
+            most: all(most, greater, f64::NEG_INFINITY),
+            step: step_in_vectors(simd, rows),
+            ends: rows.first().zip(rows.last()).map(|(first, last)| (*first, *last)),
+        }
     }
 }
 
-/// Rows beyond each level, and the outermost.
-struct Counts {
-    low: u64,
-    below: u64,
-    above: u64,
-    high: u64,
+/// Rows that were counted: how many lie beyond each level, the outermost, the smallest step between two of them.
+#[derive(Clone, Copy)]
+pub(crate) struct Seen {
+    rows: usize,
+    low: usize,
+    below: usize,
+    above: usize,
+    high: usize,
     least: f64,
     most: f64,
+    step: f64,
+    /// The first and the last.
+    ends: Option<(f64, f64)>,
 }
 
-impl Default for Counts {
-    fn default() -> Self {
-        Self { low: 0, below: 0, above: 0, high: 0, least: f64::INFINITY, most: f64::NEG_INFINITY }
-    }
-}
-
-impl Counts {
-    fn add(&mut self, rows: &[f64], bounds: &Bounds) {
-        let ([low, high], [below, above]) = (bounds.tails, bounds.middle);
-        for row in rows {
-            self.low += u64::from(*row <= low);
-            self.high += u64::from(*row >= high);
-            self.below += u64::from(*row < below);
-            self.above += u64::from(*row > above);
-            self.least = if *row < self.least { *row } else { self.least };
-            self.most = if *row > self.most { *row } else { self.most };
+impl Seen {
+    /// With the rows that follow them.
+    fn and(self, next: &Self) -> Self {
+        let joint = self.ends.zip(next.ends).map_or(0.0, |((_, last), (first, _))| (first - last).abs());
+        let joint = if joint > 0.0 { joint } else { f64::INFINITY };
+        Self {
+            rows: self.rows + next.rows,
+            low: self.low + next.low,
+            below: self.below + next.below,
+            above: self.above + next.above,
+            high: self.high + next.high,
+            least: lesser(self.least, next.least),
+            most: greater(self.most, next.most),
+            step: lesser(lesser(self.step, next.step), joint),
+            ends: self.ends.map_or(next.ends, |(first, last)| Some((first, next.ends.map_or(last, |(_, last)| last)))),
         }
     }
 }

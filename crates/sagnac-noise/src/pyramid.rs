@@ -58,16 +58,19 @@ impl Pyramid {
     pub(crate) fn extend(&mut self, phases: &[f64]) {
         let Some((foot, above)) = self.levels.split_first_mut() else { return };
         foot.running.extend(phases);
-        self.thinned.clear();
-        self.thinned.extend_from_slice(phases);
         let mut number = self.phases;
-        for level in above {
+        for (step, level) in above.iter_mut().enumerate() {
             // Every second of the level below, of even number.
             let first = (number % 2) as usize;
-            let kept = self.thinned.len().saturating_sub(first).div_ceil(2);
-            (0..kept).for_each(|at| self.thinned[at] = self.thinned[first + 2 * at]);
-            self.thinned.truncate(kept);
-            if kept == 0 {
+            if step == 0 {
+                self.thinned.clear();
+                self.thinned.extend(phases.iter().skip(first).step_by(2));
+            } else {
+                let kept = self.thinned.len().saturating_sub(first).div_ceil(2);
+                (0..kept).for_each(|at| self.thinned[at] = self.thinned[first + 2 * at]);
+                self.thinned.truncate(kept);
+            }
+            if self.thinned.is_empty() {
                 break;
             }
             number = number.div_ceil(2);

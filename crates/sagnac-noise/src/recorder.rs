@@ -85,11 +85,13 @@ impl Recorder {
         self.rows += angles.len() as u64;
         let mut arriving = std::mem::take(&mut self.arriving);
         for angles in angles.chunks(PIECE) {
+            let mut phase = self.phase;
             arriving.clear();
             arriving.extend(angles.iter().map(|angle| {
-                self.phase += angle - offset;
-                self.phase
+                phase += angle - offset;
+                phase
             }));
+            self.phase = phase;
             self.keep(&arriving);
         }
         self.arriving = arriving;

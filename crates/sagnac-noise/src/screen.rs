@@ -20,7 +20,7 @@
 
 use crate::difference::Difference;
 use crate::freedom::NEAREST;
-use crate::level::{Bounds, Level};
+use crate::level::{Bounds, Level, Seen};
 use crate::recorder::{Recorded, Recorder};
 
 /// Rows per block; a block is screened at once.
@@ -86,6 +86,8 @@ pub struct Screen {
     context: Vec<f64>,
     /// Levels near the quantiles of the last block that needed them.
     bounds: Option<Bounds>,
+    /// What these bounds have seen in the context, once they have held for it.
+    seen: Option<Seen>,
     rows: u64,
     lost: u64,
     disturbed: u64,
@@ -120,6 +122,7 @@ impl Screen {
             pieces: Vec::with_capacity(BLOCK),
             context: Vec::new(),
             bounds: None,
+            seen: None,
             rows: 0,
             lost: 0,
             disturbed: 0,
@@ -133,11 +136,12 @@ impl Screen {
         while at < angles.len() {
             let block = angles.get(at..at + BLOCK).filter(|_| self.pieces.is_empty());
             if let Some(block) = block
-                && self.is_undisturbed(block)
+                && let Some(seen) = self.undisturbed(block)
             {
                 self.rows += BLOCK as u64;
                 self.variants.iter_mut().for_each(|variant| variant.recorder.push(block));
-                self.keep_context(block.iter().copied());
+                self.keep_context(block[BLOCK - CONTEXT..].iter().copied());
+                self.seen = Some(seen);
                 at += BLOCK;
             } else {
                 self.row(angles[at], place_of(at));
@@ -146,9 +150,11 @@ impl Screen {
         }
     }
 
-    /// Counts alone show that none of these rows is disturbed.
-    fn is_undisturbed(&self, rows: &[f64]) -> bool {
-        self.bounds.as_ref().is_some_and(|bounds| bounds.hold(&self.context, rows))
+    /// `Some` where counts alone show that none of these rows is disturbed: what was seen in those that become the context.
+    fn undisturbed(&self, rows: &[f64]) -> Option<Seen> {
+        let bounds = self.bounds.as_ref()?;
+        let before = self.seen.unwrap_or_else(|| bounds.see(&self.context));
+        bounds.hold(before, rows, CONTEXT)
     }
 
     /// The next row of the stretch.
@@ -214,7 +220,7 @@ impl Screen {
         });
         let rows: Vec<f64> = rows.collect();
         let level = Level::of(self.context.iter().chain(&rows).copied().collect());
-        self.bounds = level.as_ref().map(Bounds::about);
+        (self.bounds, self.seen) = (level.as_ref().map(Bounds::about), None);
         let away = |piece: &Piece| level.as_ref().and_then(|level| level.away(piece));
         let found: Vec<Option<Disturbed>> = self.pieces.iter().map(away).collect();
         self.fork(&found);
@@ -487,7 +493,7 @@ mod tests {
             }
             let mut screen = screen();
             screen.rows(&angles[..4096], place);
-            fast += angles[4096..].chunks_exact(BLOCK).filter(|block| screen.is_undisturbed(block)).count();
+            fast += angles[4096..].chunks_exact(BLOCK).filter(|block| screen.undisturbed(block).is_some()).count();
         }
         assert!(fast > 300, "{fast} blocks without quantiles");
     }

@@ -83,7 +83,12 @@ impl FittedTerms {
 
     /// σ²(τ) of the model.
     pub fn variance(&self, tau_s: f64) -> f64 {
-        Term::ALL.iter().map(|term| self.coefficient(*term) * term.variance(tau_s)).sum()
+        self.variance_of(&Term::ALL.map(|term| term.variance(tau_s)))
+    }
+
+    /// The same of what a coefficient of 1 of each term adds.
+    fn variance_of(&self, each: &[f64; 5]) -> f64 {
+        self.0.iter().zip(each).map(|(coefficient, each)| coefficient * each).sum()
     }
 
     pub(crate) fn noise(&self) -> PhaseNoise {
@@ -130,13 +135,17 @@ pub(crate) fn deviance(points: &[Point], fitted: &FittedTerms) -> f64 {
 
 /// Re-weighted least squares until convergence; `held` is a fixed part of the model.
 fn settled(points: &[Point], terms: &[Term], held: FittedTerms, enough: f64) -> Option<FittedTerms> {
-    let mut model: Vec<f64> = points.iter().map(|p| p.variance.max(held.variance(p.tau_s))).collect();
+    let rows: Vec<Row> = points.iter().map(|point| Row::of(point, &held)).collect();
+    let mut model: Vec<f64> = rows.iter().map(|row| row.variance.max(row.held)).collect();
     let (mut fitted, mut set) = (held, 0);
     for _ in 0..MOST_ROUNDS {
-        (fitted, set) = best_set(points, &model, terms, &held, set)?;
-        let next: Vec<f64> = points.iter().map(|p| fitted.variance(p.tau_s)).collect();
-        let moved = next.iter().zip(&model).map(|(new, old)| (new / old - 1.0).abs()).fold(0.0, f64::max);
-        model = next;
+        (fitted, set) = best_set(&rows, &model, terms, &held, set)?;
+        let mut moved = 0.0_f64;
+        for (row, model) in rows.iter().zip(&mut model) {
+            let next = fitted.variance_of(&row.each);
+            moved = moved.max((next / *model - 1.0).abs());
+            *model = next;
+        }
         if moved < enough {
             break;
         }
@@ -144,9 +153,26 @@ fn settled(points: &[Point], terms: &[Term], held: FittedTerms, enough: f64) -> 
     Some(fitted)
 }
 
+/// A point as the fit sees it.
+struct Row {
+    variance: f64,
+    edf: f64,
+    /// σ² of the fixed part of the model.
+    held: f64,
+    /// What a coefficient of 1 of each term adds.
+    each: [f64; 5],
+}
+
+impl Row {
+    fn of(point: &Point, held: &FittedTerms) -> Self {
+        let each = Term::ALL.map(|term| term.variance(point.tau_s));
+        Self { variance: point.variance, edf: point.edf, held: held.variance_of(&each), each }
+    }
+}
+
 /// One round: the set of terms with the least misfit among those without a negative coefficient, and that set. `likely` is tried first.
 fn best_set(
-    points: &[Point],
+    rows: &[Row],
     model: &[f64],
     terms: &[Term],
     held: &FittedTerms,
@@ -154,11 +180,11 @@ fn best_set(
 ) -> Option<(FittedTerms, u32)> {
     let mut gram = SMatrix::<f64, 5, 5>::zeros();
     let mut right = SVector::<f64, 5>::zeros();
-    for (point, model) in points.iter().zip(model) {
-        let weight = point.edf / (2.0 * model * model);
-        let columns = SVector::<f64, 5>::from_fn(|i, _| terms.get(i).map_or(0.0, |term| term.variance(point.tau_s)));
+    for (row, model) in rows.iter().zip(model) {
+        let weight = row.edf / (2.0 * model * model);
+        let columns = SVector::<f64, 5>::from_fn(|i, _| terms.get(i).map_or(0.0, |term| row.each[*term as usize]));
         gram += columns * columns.transpose() * weight;
-        right += columns * (weight * (point.variance - held.variance(point.tau_s)));
+        right += columns * (weight * (row.variance - row.held));
     }
     // Scaled to a unit diagonal: columns differ by decades.
     let scale = gram.diagonal().map(|d| if d > 0.0 { d.sqrt().recip() } else { 0.0 });

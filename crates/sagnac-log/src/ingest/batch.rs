@@ -43,12 +43,19 @@ pub struct Batch {
     /// Counts of a cumulative counter over gaps that are too long for a row.
     pub bridges: Vec<Bridge>,
     pub(crate) checked_c: Vec<f64>,
+    /// All rows came in stretches without any fault, one after the other.
+    pub(super) plain: bool,
 }
 
 impl Batch {
     /// Rows in it.
     pub fn len(&self) -> usize {
         self.end_ns.len()
+    }
+
+    /// True if it is known that all rows are valid, an interval each, and follow on without a gap.
+    pub fn is_plain(&self) -> bool {
+        self.plain
     }
 
     /// True without rows.
@@ -73,6 +80,7 @@ impl Batch {
         self.line.clear();
         self.fields.clear();
         self.bridges.clear();
+        self.plain = true;
         for column in self.angle.iter_mut().chain(&mut self.temperature_c).chain(&mut self.aux) {
             column.clear();
         }

@@ -340,9 +340,10 @@ impl ColumnFeed {
                 .ok_or_else(|| wrong_type(&self.schema, &self.layout.headers[index]))?;
         }
         for ((index, _, unit), out) in layout.axes.iter().zip(&mut rows.axes) {
-            let unit = unit.unwrap_or(1.0);
             self.values(batch, *index, f64::NAN, out)?;
-            out.iter_mut().for_each(|value| *value *= unit);
+            if let Some(unit) = unit.filter(|unit| *unit != 1.0) {
+                out.iter_mut().for_each(|value| *value *= unit);
+            }
         }
         for ((index, _, zero), out) in layout.temperatures.iter().zip(&mut rows.temperatures_c) {
             self.values(batch, *index, BAD_TEMPERATURE, out)?;

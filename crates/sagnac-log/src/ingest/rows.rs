@@ -191,6 +191,7 @@ impl RowValidator {
             } else {
                 let one_by_one = at..(at + ONE_BY_ONE).min(rows.len());
                 at = one_by_one.end;
+                batch.plain = false;
                 for at in one_by_one {
                     self.push_row(&Row { rows, at }, batch)?;
                 }
@@ -541,9 +542,15 @@ mod tests {
                 check.whole_rows &= whole_rows;
                 let temperature_c = vec![vec![]; usize::from(timed)];
                 let mut batch = Batch { angle: vec![vec![]], temperature_c, ..Batch::default() };
+                batch.clear();
                 let (first, second) = rows.split_at(cut.min(rows.len()));
                 let ended = check.push(&piece(first, timed), &mut batch).and_then(|()| check.push(&piece(second, timed), &mut batch));
                 batch.checked_c.clear();
+                if std::mem::take(&mut batch.plain) {
+                    let follow = batch.start_ns.iter().skip(1).zip(&batch.end_ns).all(|(start, end)| start == end);
+                    let one = batch.end_ns.iter().zip(&batch.start_ns).all(|(end, start)| (1..=15).contains(&(end - start)));
+                    assert!(follow && one && batch.valid.iter().all(|valid| *valid));
+                }
                 (format!("{ended:?} {batch:?}"), check.tallies, check.rows_read, check.clock_ns)
             };
             prop_assert_eq!(judge(true), judge(false));

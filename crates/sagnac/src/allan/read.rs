@@ -181,6 +181,7 @@ struct Reading {
     detrended: bool,
     /// Lowest and highest rate of a table, °/s.
     table_dps: [f64; 2],
+    /// Angles without the drift, to be used again.
     angles: Vec<Vec<f64>>,
 }
 
@@ -213,11 +214,17 @@ impl Reading {
         for rate in batch.reference_dps.iter().filter(|rate| rate.is_finite()) {
             self.table_dps = [self.table_dps[0].min(*rate), self.table_dps[1].max(*rate)];
         }
-        self.angles.clone_from(&batch.angle);
-        if let Some(drift) = drift {
-            drift.take_from(batch, &mut self.angles, self.arcsec);
-            self.detrended = true;
-        }
+        let Some(drift) = drift else { return self.pieces(batch, &batch.angle, None) };
+        let mut angles = std::mem::take(&mut self.angles);
+        angles.clone_from(&batch.angle);
+        drift.take_from(batch, &mut angles, self.arcsec);
+        self.detrended = true;
+        self.pieces(batch, &angles, Some(drift));
+        self.angles = angles;
+    }
+
+    /// Rows with these angles, in pieces as long as nothing is missing; and what was counted over gaps between them.
+    fn pieces(&mut self, batch: &Batch, angles: &[Vec<f64>], drift: Option<&Drift>) {
         let mut bridges = batch.bridges.iter().peekable();
         let mut at = 0;
         loop {
@@ -230,9 +237,9 @@ impl Reading {
             let next_bridge = bridges.peek().map_or(batch.len(), |bridge| bridge.before_row);
             let end = self.end_of_plain(batch, at, next_bridge);
             if end > at {
-                self.plain_rows(batch, at..end);
+                self.plain_rows(batch, angles, at..end);
             } else {
-                self.row(batch, at);
+                self.row(batch, angles, at);
             }
             at = end.max(at + 1);
         }
@@ -241,6 +248,9 @@ impl Reading {
     /// The end of the rows from `at` on that are valid, an interval each, and follow on without a gap.
     fn end_of_plain(&self, batch: &Batch, at: usize, before: usize) -> usize {
         let (mut last_ns, mut end) = (self.last_end_ns.unwrap_or(batch.start_ns[at]), at);
+        if batch.is_plain() && batch.start_ns[at] == last_ns {
+            return batch.len();
+        }
         let before = before.min(batch.len());
         let rows = batch.start_ns[at..before].iter().zip(&batch.end_ns[at..before]).zip(&batch.valid[at..before]);
         for ((start_ns, end_ns), valid) in rows {
@@ -252,22 +262,22 @@ impl Reading {
         end
     }
 
-    fn plain_rows(&mut self, batch: &Batch, rows: Range<usize>) {
+    fn plain_rows(&mut self, batch: &Batch, angles: &[Vec<f64>], rows: Range<usize>) {
         let log = self.inputs.len() as u32;
-        for (screen, column) in self.screens.iter_mut().zip(&self.angles) {
+        for (screen, column) in self.screens.iter_mut().zip(angles) {
             screen.rows(&column[rows.clone()], |at| Place { log, line: batch.line[rows.start + at] });
         }
         self.last_end_ns = Some(batch.end_ns[rows.end - 1]);
     }
 
     /// A row; what is missing before it is lost.
-    fn row(&mut self, batch: &Batch, row: usize) {
+    fn row(&mut self, batch: &Batch, angles: &[Vec<f64>], row: usize) {
         let (start_ns, end_ns) = (batch.start_ns[row], batch.end_ns[row]);
         let place = Place { log: self.inputs.len() as u32, line: batch.line[row] };
         let gap_from_ns = self.last_end_ns.filter(|last_ns| *last_ns != start_ns);
         let lost = gap_from_ns.map_or(0, |last_ns| self.shape.intervals(last_ns, start_ns));
         let here = self.shape.intervals(start_ns, end_ns);
-        for (screen, column) in self.screens.iter_mut().zip(&self.angles) {
+        for (screen, column) in self.screens.iter_mut().zip(angles) {
             if lost > 0 {
                 screen.lost(lost);
             }

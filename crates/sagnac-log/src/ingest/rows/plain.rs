@@ -2,7 +2,6 @@
 //!
 //! The result is that of the rows one by one (a property test holds it); only the time differs.
 
-use std::borrow::Cow;
 use std::ops::Range;
 
 use super::{MAX_RATE_DPH, MAX_TIME, PLAIN_CHUNK, RowValidator, is_whole, nearest};
@@ -69,34 +68,38 @@ impl RowValidator {
 
     pub(super) fn push_plain(&mut self, rows: &RawRows, part: Range<usize>, batch: &mut Batch) {
         let Some(clock_ns) = self.plain_clock_ns() else { return };
-        let times: Cow<'_, [i64]> = if self.timed {
-            Cow::Borrowed(&rows.time_ns[part.clone()])
+        let (first, end) = (batch.end_ns.len(), batch.end_ns.len() + part.len());
+        if self.timed {
+            batch.end_ns.extend_from_slice(&rows.time_ns[part.clone()]);
         } else {
-            Cow::Owned((1..=part.len() as i64).map(|row| clock_ns + row * self.nominal_ns).collect())
-        };
-        let Some(last_ns) = times.last().copied() else { return };
+            batch.end_ns.extend((1..=part.len() as i64).map(|row| clock_ns + row * self.nominal_ns));
+        }
+        let Some((last_ns, before_ns)) = batch.end_ns[first..].split_last() else { return };
         batch.start_ns.push(clock_ns);
-        batch.start_ns.extend_from_slice(&times[..times.len() - 1]);
-        batch.end_ns.extend_from_slice(&times);
+        batch.start_ns.extend_from_slice(before_ns);
+        let (last_ns, before_ns) = (*last_ns, before_ns.last().copied());
         for (angle, column) in batch.angle.iter_mut().zip(&rows.axes) {
             let column = &column[part.clone()];
             match self.quantum {
                 Some(quantum) => angle.extend(column.iter().map(|counts| nearest(counts / quantum))),
-                None => {
-                    let starts = std::iter::once(&clock_ns).chain(times.iter());
-                    let durations = times.iter().zip(starts).map(|(end, start)| s_from_ns(end - start));
+                None if self.timed => {
+                    let durations = batch.end_ns[first..].iter().zip(&batch.start_ns[first..]);
+                    let durations = durations.map(|(end, start)| s_from_ns(end - start));
                     angle.extend(column.iter().zip(durations).map(|(rate_dph, s)| rate_dph * s));
+                }
+                None => {
+                    let duration_s = s_from_ns(self.nominal_ns);
+                    angle.extend(column.iter().map(|rate_dph| rate_dph * duration_s));
                 }
             }
         }
         let pairs = batch.temperature_c.iter_mut().zip(&rows.temperatures_c).chain(batch.aux.iter_mut().zip(&rows.aux));
         pairs.for_each(|(mine, theirs)| mine.extend_from_slice(&theirs[part.clone()]));
         batch.reference_dps.extend_from_slice(rows.reference_dps.get(part.clone()).unwrap_or(&[]));
-        batch.valid.resize(batch.end_ns.len(), true);
+        batch.valid.resize(end, true);
         batch.line.extend(rows.line[part.clone()].iter().map(|line| rows.lines_before + u64::from(*line)));
         batch.fields.extend_from_slice(rows.fields.get(part.clone()).unwrap_or(&[]));
         if let (Some(thermometer), Some(column)) = (self.thermometers.first_mut(), rows.temperatures_c.first()) {
-            let before_ns = times.len().checked_sub(2).map(|last_but_one| times[last_but_one]);
             thermometer.accept(column[part.end - 1], last_ns, before_ns);
         }
         self.clock_ns = Some(last_ns);
