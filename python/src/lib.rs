@@ -34,4 +34,8 @@ mod _sagnac {
     use crate::table::Table;
     #[pymodule_export]
     use crate::verification::{Comparison, Verification};
+
+    /// Version of the package.
+    #[pymodule_export]
+    const VERSION: &str = env!("CARGO_PKG_VERSION");
 }

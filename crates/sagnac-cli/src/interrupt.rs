@@ -11,6 +11,7 @@ type Handler = Box<dyn FnOnce() + Send>;
 static FIRST: Mutex<Option<Handler>> = Mutex::new(None);
 
 /// The first Ctrl-C does this; the next one ends the program.
+#[cfg(feature = "full")]
 pub(crate) fn first(act: impl FnOnce() + Send + 'static) {
     *FIRST.lock().unwrap_or_else(PoisonError::into_inner) = Some(Box::new(act));
 }

@@ -110,6 +110,7 @@ pub(crate) fn windows(paths: &[PathBuf], args: &LogArgs) -> Result<(Windows, Set
 }
 
 /// Windows of logs of a known setup.
+#[cfg(feature = "full")]
 pub(crate) fn windows_of(paths: &[PathBuf], setup: &Setup) -> Result<Windows> {
     Ok(WindowBuilder::read_all(logs(paths, setup, "reading")?, setup)?.finish())
 }

@@ -5,6 +5,7 @@
 #![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used, clippy::panic))]
 
 mod allan;
+#[cfg(feature = "full")]
 mod bench;
 mod calibrate;
 mod compare;
@@ -15,6 +16,7 @@ mod evaluate;
 mod export;
 mod files;
 mod fleet;
+#[cfg(feature = "full")]
 mod frames;
 mod import;
 mod init;
@@ -79,8 +81,10 @@ enum Command {
     Evaluate(evaluate::Args),
     Fleet(fleet::Args),
     Plan(plan::Args),
+    #[cfg(feature = "full")]
     Bench(bench::Args),
     Export(export::Args),
+    #[cfg(feature = "full")]
     Frames(frames::Args),
     Key(key::Args),
     Line(line::Args),
@@ -188,8 +192,10 @@ fn run(mut command: Command, console: &mut Console) -> console::Ran {
         Command::Evaluate(args) => evaluate::run(&args, console),
         Command::Fleet(args) => fleet::run(&args, console),
         Command::Plan(args) => plan::run(&args, console),
+        #[cfg(feature = "full")]
         Command::Bench(args) => bench::run(&args, console),
         Command::Export(args) => export::run(&args, console),
+        #[cfg(feature = "full")]
         Command::Frames(args) => frames::run(&args, console),
         Command::Key(args) => key::run(&args, console),
         Command::Line(args) => line::run(&args, console),

@@ -92,6 +92,12 @@ impl Error {
         Self { kind: ErrorKind::Refused, ..Self::input(what) }
     }
 
+    /// What a format needs was not compiled in.
+    pub fn without(format: &str) -> Self {
+        Self::input(format!("this program was built without {format}"))
+            .help("build it with its default features, or convert the file to CSV")
+    }
+
     /// Invalid TOML; names the line.
     pub fn toml(what: &str, text: &str, error: &toml::de::Error) -> Self {
         let before = error.span().and_then(|span| text.as_bytes().get(..span.start)).unwrap_or(&[]);

@@ -282,12 +282,14 @@ impl Running {
         }
     }
 
-    /// The next phases of the stretch.
-    pub(crate) fn extend(&mut self, mut phases: &[f64]) {
+    /// The next phases of the stretch; `all_known` says that none of them is missing.
+    pub(crate) fn extend(&mut self, mut phases: &[f64], all_known: bool) {
         while !phases.is_empty() {
             let room = self.summed + BLOCK - self.len();
             let here = phases.split_off(..room.min(phases.len())).unwrap_or_default();
-            self.holes += here.iter().filter(|phase| phase.is_nan()).count();
+            if !all_known {
+                self.holes += here.iter().filter(|phase| phase.is_nan()).count();
+            }
             self.phases.extend_from_slice(here);
             if here.len() == room {
                 self.sum_up();

@@ -68,17 +68,7 @@ fn step_in_vectors<S: Simd>(simd: S, rows: &[f64]) -> f64 {
         least = step.simd_lt(least).select(step, least);
     }
     let last = last_from.iter().zip(last_to).map(|(from, to)| (to - from).abs()).filter(|step| *step > 0.0);
-    least.as_slice().iter().copied().chain(last).fold(f64::INFINITY, lesser)
-}
-
-/// Without a number where one of them is none; [`f64::min`] is more to compute.
-fn lesser(a: f64, b: f64) -> f64 {
-    if b < a { b } else { a }
-}
-
-/// The same of the greater.
-fn greater(a: f64, b: f64) -> f64 {
-    if b > a { b } else { a }
+    least.as_slice().iter().copied().chain(last).fold(f64::INFINITY, f64::min)
 }
 
 /// The smallest step is at least that of rounding; its differences have a variance of step²/6.
@@ -167,8 +157,8 @@ impl Bounds {
             below: of(counts[1]) + in_rest(&|row| *row < self.middle[0]),
             above: of(counts[2]) + in_rest(&|row| *row > self.middle[1]),
             high: of(counts[3]) + in_rest(&|row| *row >= self.tails[1]),
-            least: all(least, lesser, f64::INFINITY),
-            most: all(most, greater, f64::NEG_INFINITY),
+            least: all(least, f64::min, f64::INFINITY),
+            most: all(most, f64::max, f64::NEG_INFINITY),
             step: step_in_vectors(simd, rows),
             ends: rows.first().zip(rows.last()).map(|(first, last)| (*first, *last)),
         }
@@ -201,9 +191,9 @@ impl Seen {
             below: self.below + next.below,
             above: self.above + next.above,
             high: self.high + next.high,
-            least: lesser(self.least, next.least),
-            most: greater(self.most, next.most),
-            step: lesser(lesser(self.step, next.step), joint),
+            least: self.least.min(next.least),
+            most: self.most.max(next.most),
+            step: self.step.min(next.step).min(joint),
             ends: self.ends.map_or(next.ends, |(first, last)| Some((first, next.ends.map_or(last, |(_, last)| last)))),
         }
     }

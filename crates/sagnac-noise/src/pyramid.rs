@@ -54,10 +54,11 @@ impl Pyramid {
         Self { sums: vec![SquareSum::default(); wanted.len()], levels, phases: 0, thinned: Vec::new() }
     }
 
-    /// The next phases of the stretch. A phase whose number divides by 2^L belongs to the levels up to L.
-    pub(crate) fn extend(&mut self, phases: &[f64]) {
+    /// The next phases of the stretch; `all_known` says that none of them is missing. A phase whose number divides by 2^L belongs to the
+    /// levels up to L.
+    pub(crate) fn extend(&mut self, phases: &[f64], all_known: bool) {
         let Some((foot, above)) = self.levels.split_first_mut() else { return };
-        foot.running.extend(phases);
+        foot.running.extend(phases, all_known);
         let mut number = self.phases;
         for (step, level) in above.iter_mut().enumerate() {
             // Every second of the level below, of even number.
@@ -74,7 +75,7 @@ impl Pyramid {
                 break;
             }
             number = number.div_ceil(2);
-            level.running.extend(&self.thinned);
+            level.running.extend(&self.thinned, all_known);
         }
         self.phases += phases.len() as u64;
     }

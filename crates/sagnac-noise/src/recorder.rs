@@ -138,7 +138,11 @@ impl Recorder {
         if let Some(stretch) = self.held.last_mut() {
             stretch.extend_from_slice(held);
         }
-        self.holes += phases.iter().filter(|phase| phase.is_nan()).count() as u64;
+        // Phases of rows are sums: one that is none makes all after it none. Those of a gap come one by one.
+        let all_known = phases.last().is_some_and(|phase| !phase.is_nan());
+        if !all_known {
+            self.holes += phases.iter().filter(|phase| phase.is_nan()).count() as u64;
+        }
         self.phases += phases.len() as u64;
         self.held_phases += held.len();
         if through.is_empty() {
@@ -148,7 +152,7 @@ impl Recorder {
             self.switch_to_pyramid();
         }
         if let Some(pyramid) = &mut self.pyramid {
-            pyramid.extend(through);
+            pyramid.extend(through, all_known);
         }
     }
 
@@ -161,7 +165,7 @@ impl Recorder {
         let held = std::mem::take(&mut self.held);
         let last = held.len().saturating_sub(1);
         for (number, stretch) in held.into_iter().enumerate() {
-            pyramid.extend(&stretch);
+            pyramid.extend(&stretch, self.holes == 0);
             if number < last {
                 pyramid.end_stretch();
             }

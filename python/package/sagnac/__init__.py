@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
-from importlib.metadata import version as _version
 
 from . import _progress, _sagnac
 from ._errors import InputError, Refused, SagnacError
@@ -60,7 +59,7 @@ __all__ = [
     "simulate",
 ]
 
-__version__ = _version("sagnac")
+__version__ = _sagnac.VERSION
 
 
 def calibrate(

@@ -15,7 +15,10 @@ __all__ = [
     "Table",
     "Comparison",
     "Verification",
+    "VERSION",
 ]
+
+VERSION: str
 
 _Run = tuple[str, str, object]
 _Setup = tuple[str | None, str]

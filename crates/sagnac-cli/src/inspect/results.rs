@@ -2,7 +2,9 @@
 
 use std::path::Path;
 
-use sagnac::fleet::{Prior, UnitResult, table_summary};
+#[cfg(feature = "full")]
+use sagnac::fleet::table_summary;
+use sagnac::fleet::{Prior, UnitResult};
 use sagnac::verify::{Judged, Limits, Verification};
 use sagnac::{Error, Result};
 use sagnac_board::Message;
@@ -136,6 +138,7 @@ pub(super) fn recognised(path: &Path, console: &mut Console) -> Result<bool> {
         return Ok(false);
     }
     let start = loading::first_bytes(path)?;
+    #[cfg(feature = "full")]
     if start.starts_with(b"PAR1")
         && let Some(table) = table_summary(path)?
     {

@@ -33,7 +33,7 @@ use crate::memory::MemoryBudget;
 use crate::threads::spawn;
 
 /// Most rows of a piece, and most values of it; of rows that are kept as text, most fields and most bytes of text.
-const PIECE_ROWS: usize = 8192;
+const PIECE_ROWS: usize = 16_384;
 const PIECE_VALUES: usize = 1 << 20;
 const PIECE_FIELDS: usize = 1 << 17;
 const PIECE_TEXT_BYTES: usize = 4 << 20;

@@ -4,6 +4,7 @@ use crate::error::Result;
 use crate::ingest::chunks::Feed;
 #[cfg(feature = "parquet")]
 use crate::ingest::columnar::MemoryTable;
+#[cfg(any(feature = "parquet", feature = "ulog"))]
 use crate::ingest::header::Layout;
 #[cfg(feature = "parquet")]
 use crate::ingest::source::HashHandle;
@@ -114,24 +115,17 @@ fn unmapped_ulog(source: Source, config: &ReadConfig) -> Result<Opened> {
 
 #[cfg(not(feature = "parquet"))]
 fn unmapped_columns(source: Source, _: &ReadConfig) -> Result<Opened> {
-    Err(not_built(&source))
+    Err(crate::error::Error::without(source.format.name))
 }
 
 #[cfg(not(feature = "parquet"))]
 fn open_columns(source: Source, _: &ReadConfig, _: ReadMode) -> Result<Opened> {
-    Err(not_built(&source))
+    Err(crate::error::Error::without(source.format.name))
 }
 
 #[cfg(not(feature = "ulog"))]
 fn open_ulog(source: Source, _: &ReadConfig, _: ReadMode) -> Result<Opened> {
-    Err(not_built(&source))
-}
-
-/// The reader of a format was not compiled in.
-#[cfg(not(all(feature = "parquet", feature = "ulog")))]
-fn not_built(source: &Source) -> crate::error::Error {
-    crate::error::Error::input(format!("this program was built without {}", source.format.name))
-        .help("build it with its default features, or convert the log to CSV")
+    Err(crate::error::Error::without(source.format.name))
 }
 
 #[cfg(test)]

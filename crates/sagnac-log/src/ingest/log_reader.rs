@@ -267,7 +267,6 @@ impl LogReader {
     }
 
     /// Content of a column.
-    #[cfg(feature = "parquet")]
     pub fn content_of(&self, index: usize) -> Content {
         self.layout.content_of(index)
     }

@@ -2,6 +2,8 @@
 
 #[cfg(feature = "parquet")]
 mod parquet_rows;
+#[cfg(not(feature = "parquet"))]
+mod without_parquet;
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -10,6 +12,8 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use crate::error::{Error, Result};
 #[cfg(feature = "parquet")]
 pub use parquet_rows::{CellColumns, ParquetBatches, ParquetRows, parquet_properties};
+#[cfg(not(feature = "parquet"))]
+pub use without_parquet::ParquetRows;
 
 /// Temporary files that are being written.
 static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());

@@ -9,9 +9,9 @@
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 
+use super::Unit;
 use super::result::{UnitResult, VERSION};
 use super::unit::Answer;
-use super::{Unit, results_in};
 use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::sha256_of_file;
 use sagnac_log::write::{remove_abandoned, write_bytes};
@@ -96,7 +96,7 @@ impl Results {
     /// A table that cannot be written; a result that cannot be read.
     pub fn write_table(&self) -> Result<()> {
         #[cfg(feature = "parquet")]
-        super::table::write(&results_in(&self.folder)?, &self.folder.join(TABLE))?;
+        super::table::write(&super::results_in(&self.folder)?, &self.folder.join(TABLE))?;
         Ok(())
     }
 }

@@ -15,7 +15,6 @@ use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::header::COMPENSATED_PREFIX;
 use sagnac_log::ingest::{AngleUnit, COMPENSATED_STAMP, LogReader, LogSummary, unquoted};
 use sagnac_log::setup::{Counter, Setup};
-#[cfg(feature = "parquet")]
 use sagnac_log::write::ParquetRows;
 use sagnac_units::format::{one_line, printable};
 use sagnac_units::s_from_ns;
@@ -148,14 +147,11 @@ fn rows_out<'a>(
     let headers = headers_out(log, setup);
     match format {
         CorrectedFormat::Csv => Ok(Box::new(CsvOut::new(out, log.delimiter(), stamp, &headers)?)),
-        #[cfg(feature = "parquet")]
         CorrectedFormat::Parquet => {
             let columns = headers.into_iter().enumerate().map(|(index, name)| (name, log.content_of(index)));
             let stamped = (COMPENSATED_STAMP.trim_start_matches("# ").to_owned(), stamp.to_owned());
             Ok(Box::new(ParquetRows::new(out, columns.collect(), Some(stamped), log.delimiter() != b',')?))
         }
-        #[cfg(not(feature = "parquet"))]
-        CorrectedFormat::Parquet => Err(Error::input("this program was built without Parquet")),
     }
 }
 
@@ -204,7 +200,6 @@ impl RowsOut for CsvOut<'_> {
     }
 }
 
-#[cfg(feature = "parquet")]
 impl RowsOut for ParquetRows<'_> {
     fn row(&mut self, cells: &[Vec<u8>]) -> Result<()> {
         self.row(cells)

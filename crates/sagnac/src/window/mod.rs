@@ -11,12 +11,16 @@ mod sums;
 #[cfg(feature = "parquet")]
 mod table;
 mod tracks;
+#[cfg(not(feature = "parquet"))]
+mod without_table;
 
 pub(crate) use crate::window::build::SeenLogs;
 pub use crate::window::build::WindowBuilder;
 pub(crate) use crate::window::outliers::{holds_whole_numbers, is_whole, mark as mark_outliers, suspected};
 #[cfg(feature = "parquet")]
 pub use crate::window::table::{TABLE_VERSION, is_table, read_table, write_table, write_table_csv};
+#[cfg(not(feature = "parquet"))]
+pub use crate::window::without_table::{is_table, read_table, write_table, write_table_csv};
 
 use sagnac_log::ingest::{AngleUnit, LogSummary, Reason, Tallies};
 use sagnac_log::setup::WindowSize;
