@@ -16,16 +16,14 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
-use std::sync::LazyLock;
 
 use fearless_simd::{Level, Simd, SimdBase, dispatch, f64x8};
+
+use crate::vectors::VECTORS;
 
 /// Independent partial sums, so that the processor can add in parallel: two vectors.
 const LANES: usize = 16;
 const LANES_OF_VECTOR: usize = LANES / 2;
-
-/// The vector instructions of this processor.
-pub(crate) static VECTORS: LazyLock<Level> = LazyLock::new(Level::new);
 
 /// Which difference of the phase is squared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

@@ -10,7 +10,7 @@
 
 use fearless_simd::{Select, Simd, SimdBase, dispatch, f64x4};
 
-use crate::difference::VECTORS;
+use crate::vectors::VECTORS;
 
 /// Fewest rows that give a scale.
 const FEWEST: usize = 32;

@@ -37,6 +37,7 @@ mod short;
 mod slope;
 mod taus;
 mod terms;
+mod vectors;
 
 pub use bare::{BareCurve, RecordLengthError, budget_of_curve};
 pub use budget::{
