@@ -95,7 +95,7 @@ impl Error {
     /// What a format needs was not compiled in.
     pub fn without(format: &str) -> Self {
         Self::input(format!("this program was built without {format}"))
-            .help("build it with its default features, or convert the file to CSV")
+            .help("build it with its default features; a log can be converted to CSV")
     }
 
     /// Invalid TOML; names the line.

@@ -138,7 +138,7 @@ impl Recorder {
         if let Some(stretch) = self.held.last_mut() {
             stretch.extend_from_slice(held);
         }
-        // Phases of rows are sums: one that is none makes all after it none. Those of a gap come one by one.
+        // Phases of rows are sums, so that NaN stays to their end. Those of a gap come one by one.
         let all_known = phases.last().is_some_and(|phase| !phase.is_nan());
         if !all_known {
             self.holes += phases.iter().filter(|phase| phase.is_nan()).count() as u64;

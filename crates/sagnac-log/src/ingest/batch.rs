@@ -53,7 +53,7 @@ impl Batch {
         self.end_ns.len()
     }
 
-    /// True if it is known that all rows are valid, an interval each, and follow on without a gap.
+    /// True if all rows are valid, an interval each, and follow on without a gap, as they were read. False where that is not known.
     pub fn is_plain(&self) -> bool {
         self.plain
     }
