@@ -7,7 +7,8 @@ use sagnac_core::{Image, Misuse, SignatureBlock, State, Status};
 use crate::errors::exception;
 
 /// An image and the state of its compensator.
-#[pyclass(module = "sagnac._sagnac")]
+#[derive(Clone)]
+#[pyclass(module = "sagnac._sagnac", skip_from_py_object)]
 pub(crate) struct Compensator {
     compensator: sagnac_core::Compensator,
     state: State,
@@ -58,40 +59,41 @@ impl Compensator {
         Ok(out.counts)
     }
 
-    /// Ticks of `i4` counts; where an update is due the next row of `i4` codes is used. Returns the corrected counts, the status of each
-    /// update, and how many of them there were.
+    /// Another one in the same state.
+    fn copy(&self) -> Self {
+        self.clone()
+    }
+
+    /// Ticks of `i4` counts; where an update is due the next row of `i4` codes is used. Returns the corrected counts, and the status of each
+    /// update. After an error the state is of no use.
     fn run<'py>(&mut self, py: Python<'py>, counts: &[u8], codes: &[u8]) -> PyResult<(Bound<'py, PyBytes>, Vec<u32>)> {
-        let inputs = self.inputs();
-        let (counts, codes) = (counts.as_chunks::<4>().0, codes.as_chunks::<4>().0);
-        let mut rows = codes.chunks_exact(inputs.max(1));
+        let counts = counts.as_chunks::<4>().0;
+        let mut rows = codes.as_chunks::<4>().0.chunks_exact(self.inputs().max(1));
         let mut statuses = Vec::new();
-        let mut state = self.state;
-        let mut status = self.status;
-        let mut out = Vec::with_capacity(4 * counts.len());
-        for count in counts {
-            let count = i32::from_le_bytes(*count);
-            let ticked = match self.compensator.tick(&mut state, count) {
-                Err(Misuse::UpdateDue { .. }) => {
-                    let row: Vec<Option<i32>> = match rows.next() {
-                        Some(row) => row.iter().map(|code| known(i32::from_le_bytes(*code))).collect(),
-                        None if inputs == 0 => Vec::new(),
-                        None => {
-                            let what = "an update is due, and there are no more codes";
-                            return Err(exception(sagnac::Error::input(what)));
-                        }
-                    };
-                    let updated = self.compensator.update(&mut state, &row).map_err(misuse)?;
-                    statuses.push(u32::from(updated.bits()));
-                    self.compensator.tick(&mut state, count)
+        let corrected = PyBytes::new_with(py, 4 * counts.len(), |out| {
+            for (count, out) in counts.iter().zip(out.as_chunks_mut::<4>().0) {
+                if self.state.ticks_to_update() == 0 {
+                    statuses.push(self.update_from(rows.next())?);
                 }
-                ticked => ticked,
-            };
-            let ticked = ticked.map_err(misuse)?;
-            status = ticked.status;
-            out.extend_from_slice(&ticked.counts.to_le_bytes());
-        }
-        (self.state, self.status) = (state, status);
-        Ok((PyBytes::new(py, &out), statuses))
+                let ticked = self.compensator.tick(&mut self.state, i32::from_le_bytes(*count)).map_err(misuse)?;
+                self.status = ticked.status;
+                *out = ticked.counts.to_le_bytes();
+            }
+            Ok(())
+        });
+        Ok((corrected?, statuses))
+    }
+}
+
+impl Compensator {
+    /// A slow update with the next row of codes; its status bits.
+    fn update_from(&mut self, row: Option<&[[u8; 4]]>) -> PyResult<u32> {
+        let none_needed = (self.inputs() == 0).then_some(&[][..]);
+        let missing = || exception(sagnac::Error::input("an update is due, and there are no more codes"));
+        let row = row.or(none_needed).ok_or_else(missing)?;
+        let codes: Vec<Option<i32>> = row.iter().map(|code| known(i32::from_le_bytes(*code))).collect();
+        let updated = self.compensator.update(&mut self.state, &codes).map_err(misuse)?;
+        Ok(u32::from(updated.bits()))
     }
 }
 

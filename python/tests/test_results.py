@@ -14,6 +14,7 @@ import pytest
 from conftest import CHAMBER, MODEL
 
 import sagnac
+from sagnac import _results
 
 BENCH = CHAMBER / "bench.toml"
 
@@ -54,22 +55,28 @@ def test_tables_go_everywhere(unit: sagnac.Calibration) -> None:
 def test_a_compensator_is_the_processor(unit: sagnac.Calibration) -> None:
     random = numpy.random.default_rng(3)
     one, many = unit.compensator(), unit.compensator()
-    ticks = 3 * one.period_ticks // 2
+    # More than are copied at a time, and no whole number of updates.
+    ticks = 17 * one.period_ticks // 2
+    assert ticks > _results._TICKS_OF_A_PIECE > 3 * one.period_ticks
     counts = random.integers(-3, 9, ticks).astype(numpy.int32)
-    codes = random.integers(-(2**24), 2**24, (2, one.inputs)).astype(numpy.int32)
+    codes = random.integers(-(2**24), 2**24, (9, one.inputs)).astype(numpy.int32)
     wanted, statuses = [], []
     for tick, count in enumerate(counts.tolist()):
         if tick % one.period_ticks == 0:
             statuses.append(one.update(codes[tick // one.period_ticks].tolist()))
         wanted.append(one.tick(count))
     found, bits = many.run(counts, codes)
-    assert found.tolist() == wanted and len(bits) == len(statuses) == 2
+    assert found.tolist() == wanted and len(bits) == len(statuses) == 9
     assert (one.status, one.period_ticks) == (many.status, 10_000)
     # Nothing changes where a call is refused.
     with pytest.raises(sagnac.SagnacError, match="due|update"):
         many.update([0] * one.inputs)
     with pytest.raises((sagnac.SagnacError, ValueError), match="no more codes"):
         many.run(numpy.ones(20_000, dtype=numpy.int32), codes[:0])
+    beyond = numpy.ones(ticks, dtype=numpy.int32)
+    beyond[70_000] = 2**29 + 1
+    with pytest.raises(sagnac.SagnacError, match="counts in one call"):
+        many.run(beyond, codes)
     for wrong in (numpy.ones((2, 2), dtype=int), numpy.ones(4), numpy.array([2**40])):
         with pytest.raises(sagnac.InputError):
             many.run(wrong, codes)

@@ -1,7 +1,8 @@
-//! `cargo xtask ci`: everything that CI runs, in three lists; prints the time of each part at the end.
+//! `cargo xtask ci`: everything that CI runs, in lists that fill all processors; prints the time of each part at the end.
 
 use std::fs;
 use std::slice;
+use std::sync::mpsc::{Receiver, channel};
 use std::sync::{Mutex, PoisonError};
 use std::thread;
 use std::time::Instant;
@@ -11,7 +12,7 @@ use xtask::debian::{self, need};
 use xtask::shell::{built, root, sh, stdout_of, text};
 
 use crate::checks::{build_lab, compiled_once, deny, examples, no_panic, run_lab};
-use crate::{dist, docs, features, fleet, fuzz, layers};
+use crate::{dist, docs, features, fuzz, layers};
 
 /// A part by its name.
 type Part = (&'static str, fn() -> Result<()>);
@@ -19,18 +20,22 @@ type Part = (&'static str, fn() -> Result<()>);
 /// Cases of the hunt: so many are the same on every machine, so many minutes are not.
 const HUNTED: &str = "6000";
 
-/// In this order: quick parts, lints, and what compiles the programs that most others run.
-const FIRST: [Part; 6] = [
+/// What ends within seconds; a failure here waits for nothing.
+const QUICK: [Part; 3] = [
     ("format", || sh("cargo", &["fmt", "--all", "--check"])),
     ("layers", layers::layers),
     ("compiled once", compiled_once),
+];
+
+/// In this order: lints, and what compiles the programs that most others run.
+const FIRST: [Part; 3] = [
     ("clippy", || sh("cargo", &["clippy", "--workspace", "--all-targets", "--locked", "--", "-D", "warnings"])),
     ("tests, compiled", || sh("cargo", &["test", "--workspace", "--locked", "--no-run"])),
     ("lab, compiled", build_lab),
 ];
 
 /// Then what runs on all processors, or would if each of its steps had as much to compile.
-const RUNS: [Part; 11] = [
+const RUNS: [Part; 10] = [
     ("features", features::features),
     ("docs", || docs::docs(true)),
     ("deny", deny),
@@ -41,14 +46,16 @@ const RUNS: [Part; 11] = [
     ("dist", || dist::dist(&["--check"])),
     ("hunt", || run_lab(&["hunt", "--cases", HUNTED])),
     ("fuzz", || fuzz::fuzz(&["--smoke"])),
-    ("fleet", fleet::fleet),
 ];
 
 /// And beside it what runs on one processor for most of its time: simulators, emulators, programs of Python. The longest come first; those
 /// of a row share a folder, and run one after the other. The lab has a command for each but the Python package.
 const BESIDE: [&[&str]; 6] = [&["fpga"], &["firmware", "closed-loop"], &["c"], &[WHEEL], &["conserve"], &["formats"]];
-/// By this program, as it builds the package.
+/// Beside the first list, whose steps wait for one another: a workspace that needs nothing of it.
+const ALONE: [&str; 1] = [FLEET];
+/// By this program, as it builds them.
 const WHEEL: &str = "wheel";
+const FLEET: &str = "fleet";
 
 /// What is yet to be run of [`BESIDE`].
 type Queue = Mutex<slice::Iter<'static, &'static [&'static str]>>;
@@ -56,15 +63,22 @@ type Queue = Mutex<slice::Iter<'static, &'static [&'static str]>>;
 /// All of it. Who has run the one list helps with the other, so that no processor waits. A failure ends both after what runs.
 pub(crate) fn ci() -> Result<()> {
     need(&tools())?;
-    let mut took = list(&FIRST)?;
+    let mut took = list(&QUICK)?;
     let queue = Mutex::new(BESIDE.iter());
-    let both = thread::scope(|scope| {
-        let other = scope.spawn(|| or_end(&queue, beside(&queue)));
-        let mine = or_end(&queue, list(&RUNS).and_then(|took| Ok(took + &beside(&queue)?)));
+    let (compiled, is_compiled) = channel();
+    took += &thread::scope(|scope| {
+        let other = scope.spawn(|| or_end(&queue, alone(is_compiled).and_then(|took| Ok(took + &beside(&queue)?))));
+        let first = list(&FIRST).inspect(|_| {
+            // Who waits for it has ended only with an error of its own.
+            let _ = compiled.send(());
+        });
+        // Nobody waits for what will not come.
+        drop(compiled);
+        let rest = || list(&RUNS).and_then(|took| Ok(took + &beside(&queue)?));
+        let mine = or_end(&queue, first.and_then(|took| Ok(took + &rest()?)));
         let other = other.join().map_err(|_| anyhow!("ci stops: a panic")).flatten();
         Ok::<_, Error>(mine? + &other?)
-    });
-    took += &both?;
+    })?;
     println!("ci: every part passed\n{:16} {:>8}\n{took}processor time {:9.0}", "part", "s", cpu_s()?);
     Ok(())
 }
@@ -92,21 +106,36 @@ fn list(parts: &[Part]) -> Result<String> {
     Ok(took)
 }
 
-/// The same of the queue; the output of a command is shown when it ends, so that it does not mix with that of the tests.
+/// What needs nothing of the first list, until that has ended.
+fn alone(is_compiled: Receiver<()>) -> Result<String> {
+    let took = row(&ALONE)?;
+    is_compiled.recv().context("ci stops: the first list has failed")?;
+    Ok(took)
+}
+
+/// The same as a list of the queue.
 fn beside(queue: &Queue) -> Result<String> {
     let mut took = String::new();
-    while let Some(row) = next(queue) {
-        for name in row {
-            let wall = Instant::now();
-            println!("{}", run_beside(name).with_context(|| format!("ci stops at {name}"))?);
-            took += &format!("{name:16} {:8.0} beside\n", wall.elapsed().as_secs_f64());
-        }
+    while let Some(names) = next(queue) {
+        took += &row(names)?;
+    }
+    Ok(took)
+}
+
+/// One after the other; the output of a command is shown when it ends, so that it does not mix with that of the tests.
+fn row(names: &[&str]) -> Result<String> {
+    let mut took = String::new();
+    for name in names {
+        let wall = Instant::now();
+        println!("{}", run_beside(name).with_context(|| format!("ci stops at {name}"))?);
+        took += &format!("{name:16} {:8.0} beside\n", wall.elapsed().as_secs_f64());
     }
     Ok(took)
 }
 
 fn run_beside(name: &str) -> Result<String> {
-    let program = if name == WHEEL { std::env::current_exe()? } else { built("debug", "lab") };
+    let by_this = [WHEEL, FLEET].contains(&name);
+    let program = if by_this { std::env::current_exe()? } else { built("debug", "lab") };
     stdout_of(3600, text(&program)?, &[name], &root())
 }
 

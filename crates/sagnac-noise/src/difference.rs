@@ -18,6 +18,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
 use fearless_simd::{Level, Simd, SimdBase, dispatch, f64x8};
+use rayon::prelude::*;
 
 use crate::vectors::VECTORS;
 
@@ -224,6 +225,10 @@ impl Difference {
 
 /// Phases per block of summation.
 const BLOCK: usize = 4096;
+/// So many phases or more that begin a stretch are worth all processors: those that were held before the switch to the pyramid.
+const AT_ONCE: usize = 32 * BLOCK;
+/// Phases that are copied together: glibc copies 2 KiB and more by an instruction that some processors execute several times slower.
+const COPIED: usize = 128;
 
 /// The differences of one stretch as its phases arrive. Memory: the longest span and 4096 phases.
 #[derive(Clone, Debug)]
@@ -282,13 +287,16 @@ impl Running {
 
     /// The next phases of the stretch; `all_known` says that none of them is missing.
     pub(crate) fn extend(&mut self, mut phases: &[f64], all_known: bool) {
+        if all_known && self.len() == 0 && phases.len() >= AT_ONCE {
+            return self.begin(phases);
+        }
         while !phases.is_empty() {
             let room = self.summed + BLOCK - self.len();
             let here = phases.split_off(..room.min(phases.len())).unwrap_or_default();
             if !all_known {
                 self.holes += here.iter().filter(|phase| phase.is_nan()).count();
             }
-            self.phases.extend_from_slice(here);
+            here.chunks(COPIED).for_each(|piece| self.phases.extend_from_slice(piece));
             if here.len() == room {
                 self.sum_up();
             }
@@ -303,39 +311,55 @@ impl Running {
     /// Adds the pending phases to the sums and drops those that no difference needs any more.
     fn sum_up(&mut self) {
         let end = self.len();
-        for pair in 0..self.pairs.len() {
-            let places = self.pairs[pair];
-            let Difference { m, .. } = self.wanted[places[0]];
-            let is_long = self.summed >= self.wanted[places[1]].span();
-            if self.holes == 0 && is_long && self.summed < end {
-                let ends = self.summed - self.dropped..end - self.dropped;
-                let number = ends.len() as f64;
-                let both = Deviation::squares_of_both(*VECTORS, &self.phases, ends, m);
-                for (place, squares) in places.into_iter().zip(both) {
-                    self.sums[place].merge(SquareSum { squares, number });
-                }
-            } else {
-                places.into_iter().for_each(|place| self.add(place, end));
-            }
-        }
-        (0..self.alone.len()).for_each(|at| self.add(self.alone[at], end));
+        let block = self.sums_of(&self.phases, self.dropped, self.summed..end, self.holes > 0);
+        self.merge(block);
         self.summed = end;
         let old = self.phases.len().saturating_sub(self.longest);
         self.phases.drain(..old);
         self.dropped += old;
     }
 
-    /// Adds the pending phases to the sum of one difference.
-    fn add(&mut self, place: usize, end: usize) {
-        let difference = self.wanted[place];
-        let from = self.summed.max(difference.span());
-        if from < end {
-            let (from, end) = (from - self.dropped, end - self.dropped);
-            self.sums[place].merge(match self.holes {
-                0 => difference.sum(&self.phases, from, end),
-                _ => difference.sum_of_known(&self.phases, from, end),
-            });
+    /// The first phases of a stretch, all of them known, on all processors: the blocks of [`Self::extend`], added in the same order.
+    fn begin(&mut self, phases: &[f64]) {
+        let (blocks, rest) = phases.as_chunks::<BLOCK>();
+        let of_block = |block: usize| self.sums_of(phases, 0, block * BLOCK..(block + 1) * BLOCK, false);
+        let sums: Vec<Vec<SquareSum>> = (0..blocks.len()).into_par_iter().map(of_block).collect();
+        sums.into_iter().for_each(|block| self.merge(block));
+        self.summed = blocks.len() * BLOCK;
+        self.dropped = self.summed.saturating_sub(self.longest);
+        self.phases.extend_from_slice(&phases[self.dropped..self.summed]);
+        self.extend(rest, true);
+    }
+
+    fn merge(&mut self, block: Vec<SquareSum>) {
+        self.sums.iter_mut().zip(block).for_each(|(sum, part)| sum.merge(part));
+    }
+
+    /// Sums of the differences that end at `ends` of the stretch, in the order of `wanted`. Its phases before the `dropped`-th are not in
+    /// `phases`; with `holes` some may be missing.
+    fn sums_of(&self, phases: &[f64], dropped: usize, ends: Range<usize>, holes: bool) -> Vec<SquareSum> {
+        let mut sums = vec![SquareSum::default(); self.wanted.len()];
+        let of_one = |difference: &Difference| {
+            let from = ends.start.max(difference.span());
+            match (from < ends.end, holes) {
+                (false, _) => SquareSum::default(),
+                (true, false) => difference.sum(phases, from - dropped, ends.end - dropped),
+                (true, true) => difference.sum_of_known(phases, from - dropped, ends.end - dropped),
+            }
+        };
+        for places in &self.pairs {
+            let [allan, hadamard] = places.map(|place| &self.wanted[place]);
+            if holes || ends.is_empty() || ends.start < hadamard.span() {
+                places.iter().for_each(|place| sums[*place] = of_one(&self.wanted[*place]));
+                continue;
+            }
+            let here = ends.start - dropped..ends.end - dropped;
+            let number = here.len() as f64;
+            let both = Deviation::squares_of_both(*VECTORS, phases, here, allan.m);
+            places.iter().zip(both).for_each(|(place, squares)| sums[*place] = SquareSum { squares, number });
         }
+        self.alone.iter().for_each(|place| sums[*place] = of_one(&self.wanted[*place]));
+        sums
     }
 
     /// Ends the stretch and returns its sums in the order of `wanted`. The next phase starts a new stretch.
@@ -392,6 +416,32 @@ mod tests {
                     }
                 }
             }
+        }
+    }
+
+    /// A long beginning of a stretch on all processors: the sums of the same phases one by one, to the last bit, and of those that follow.
+    #[test]
+    fn a_long_beginning_is_summed_as_its_phases_are_one_by_one() {
+        let both = |m: usize| [Deviation::Allan, Deviation::Hadamard].map(|deviation| Difference { deviation, m });
+        let alone = Difference { deviation: Deviation::Allan, m: 70 };
+        let wanted: Vec<Difference> = [1, 2, 64, 512].into_iter().flat_map(both).chain([alone]).collect();
+        let mut phase = 0.0;
+        let phases: Vec<f64> = (0..(AT_ONCE + 3 * BLOCK) as u32)
+            .map(|k| {
+                phase += f64::from(k.wrapping_mul(2_654_435_761) >> 8) / 1e7 - 0.8;
+                phase
+            })
+            .collect();
+        for (first, second) in [(AT_ONCE, 0), (AT_ONCE + 77, 5000), (AT_ONCE + 3 * BLOCK, 0)] {
+            let mut single = Running::new(wanted.clone());
+            phases[..first + second].iter().for_each(|phase| single.push(*phase));
+            let mut at_once = Running::new(wanted.clone());
+            at_once.extend(&phases[..first], true);
+            at_once.extend(&phases[first..first + second], true);
+            assert_eq!((at_once.len(), at_once.phases.len()), (single.len(), single.phases.len()));
+            let bits =
+                |sums: Vec<SquareSum>| sums.iter().map(|sum| (sum.squares.to_bits(), sum.number)).collect::<Vec<_>>();
+            assert_eq!(bits(at_once.take()), bits(single.take()), "{first} {second}");
         }
     }
 }

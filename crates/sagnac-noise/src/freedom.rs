@@ -264,14 +264,20 @@ impl Record<'_> {
         let [steps1, steps2] = m.map(|m| (m / step) as i64);
         let order = weights.len() as i64 - 1;
         let farthest = (order * steps1 - first).max(last + order * steps2);
-        let phase: Vec<f64> = (0..=farthest).map(|i| self.phase_covariance(i as f64 * step)).collect();
+        let middle = usize::try_from(farthest).unwrap_or(0);
+        // From −farthest to farthest, so that the lags of a pair of weights are one slice of it.
+        let mut phase = vec![0.0; 2 * middle + 1];
+        for i in 0..=middle {
+            let covariance = self.phase_covariance(i as f64 * step);
+            (phase[middle + i], phase[middle - i]) = (covariance, covariance);
+        }
         let mut sums = vec![0.0; usize::try_from(last - first + 1).unwrap_or(0)];
         for (a, weight_a) in (0..).zip(weights) {
             for (b, weight_b) in (0..).zip(weights) {
-                let from = first + b * steps2 - a * steps1;
+                let from = usize::try_from(farthest + first + b * steps2 - a * steps1).unwrap_or(0);
                 let weight = weight_a * weight_b;
-                for (sum, i) in sums.iter_mut().zip(from..) {
-                    *sum += weight * phase[i.unsigned_abs() as usize];
+                for (sum, phase) in sums.iter_mut().zip(&phase[from..]) {
+                    *sum += weight * phase;
                 }
             }
         }

@@ -64,8 +64,10 @@ impl Pyramid {
             // Every second of the level below, of even number.
             let first = (number % 2) as usize;
             if step == 0 {
+                let (pairs, last) = phases[first.min(phases.len())..].as_chunks::<2>();
                 self.thinned.clear();
-                self.thinned.extend(phases.iter().skip(first).step_by(2));
+                self.thinned.extend(pairs.iter().map(|[even, _]| *even));
+                self.thinned.extend(last);
             } else {
                 let kept = self.thinned.len().saturating_sub(first).div_ceil(2);
                 (0..kept).for_each(|at| self.thinned[at] = self.thinned[first + 2 * at]);

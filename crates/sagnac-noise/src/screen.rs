@@ -134,27 +134,35 @@ impl Screen {
     pub fn rows(&mut self, angles: &[f64], place_of: impl Fn(usize) -> Place) {
         let mut at = 0;
         while at < angles.len() {
-            let block = angles.get(at..at + BLOCK).filter(|_| self.pieces.is_empty());
-            if let Some(block) = block
-                && let Some(seen) = self.undisturbed(block)
-            {
-                self.rows += BLOCK as u64;
-                self.variants.iter_mut().for_each(|variant| variant.recorder.push(block));
-                self.keep_context(block[BLOCK - CONTEXT..].iter().copied());
-                self.seen = Some(seen);
-                at += BLOCK;
-            } else {
+            let undisturbed = &angles[at..self.end_of_undisturbed(angles, at)];
+            if undisturbed.is_empty() {
                 self.row(angles[at], place_of(at));
                 at += 1;
+                continue;
             }
+            self.rows += undisturbed.len() as u64;
+            self.variants.iter_mut().for_each(|variant| variant.recorder.push(undisturbed));
+            self.keep_context(undisturbed[undisturbed.len() - CONTEXT..].iter().copied());
+            at += undisturbed.len();
         }
     }
 
-    /// `Some` where counts alone show that none of these rows is disturbed: what was seen in those that become the context.
-    fn undisturbed(&self, rows: &[f64]) -> Option<Seen> {
-        let bounds = self.bounds.as_ref()?;
-        let before = self.seen.unwrap_or_else(|| bounds.see(&self.context));
-        bounds.hold(before, rows, CONTEXT)
+    /// The end of the blocks from `at` on of which counts alone show that no row is disturbed.
+    fn end_of_undisturbed(&mut self, angles: &[f64], at: usize) -> usize {
+        let mut end = at;
+        if self.pieces.is_empty()
+            && let Some(bounds) = &self.bounds
+        {
+            while let Some(block) = angles.get(end..end + BLOCK)
+                && let before = self.seen.unwrap_or_else(|| bounds.see(&self.context))
+                && let Some(seen) = bounds.hold(before, block, CONTEXT)
+            {
+                // In those rows that become the context.
+                self.seen = Some(seen);
+                end += BLOCK;
+            }
+        }
+        end
     }
 
     /// The next row of the stretch.
@@ -493,7 +501,8 @@ mod tests {
             }
             let mut screen = screen();
             screen.rows(&angles[..4096], place);
-            fast += angles[4096..].chunks_exact(BLOCK).filter(|block| screen.undisturbed(block).is_some()).count();
+            fast +=
+                angles[4096..].chunks_exact(BLOCK).filter(|block| screen.end_of_undisturbed(block, 0) == BLOCK).count();
         }
         assert!(fast > 300, "{fast} blocks without quantiles");
     }

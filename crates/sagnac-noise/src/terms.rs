@@ -135,7 +135,7 @@ pub(crate) fn deviance(points: &[Point], fitted: &FittedTerms) -> f64 {
 
 /// Re-weighted least squares until convergence; `held` is a fixed part of the model.
 fn settled(points: &[Point], terms: &[Term], held: FittedTerms, enough: f64) -> Option<FittedTerms> {
-    let rows: Vec<Row> = points.iter().map(|point| Row::of(point, &held)).collect();
+    let rows: Vec<Row> = points.iter().map(|point| Row::of(point, terms, &held)).collect();
     let mut model: Vec<f64> = rows.iter().map(|row| row.variance.max(row.held)).collect();
     let (mut fitted, mut set) = (held, 0);
     for _ in 0..MOST_ROUNDS {
@@ -161,12 +161,18 @@ struct Row {
     held: f64,
     /// What a coefficient of 1 of each term adds.
     each: [f64; 5],
+    /// The same of the terms that are fitted, in their order; zero beyond the last.
+    columns: [f64; 5],
+    /// Products of two columns.
+    products: [[f64; 5]; 5],
 }
 
 impl Row {
-    fn of(point: &Point, held: &FittedTerms) -> Self {
+    fn of(point: &Point, terms: &[Term], held: &FittedTerms) -> Self {
         let each = Term::ALL.map(|term| term.variance(point.tau_s));
-        Self { variance: point.variance, edf: point.edf, held: held.variance_of(&each), each }
+        let columns = std::array::from_fn(|i| terms.get(i).map_or(0.0, |term| each[*term as usize]));
+        let products = columns.map(|a| columns.map(|b| a * b));
+        Self { variance: point.variance, edf: point.edf, held: held.variance_of(&each), each, columns, products }
     }
 }
 
@@ -178,14 +184,18 @@ fn best_set(
     held: &FittedTerms,
     likely: u32,
 ) -> Option<(FittedTerms, u32)> {
-    let mut gram = SMatrix::<f64, 5, 5>::zeros();
+    let mut sums = [[0.0; 5]; 5];
     let mut right = SVector::<f64, 5>::zeros();
     for (row, model) in rows.iter().zip(model) {
         let weight = row.edf / (2.0 * model * model);
-        let columns = SVector::<f64, 5>::from_fn(|i, _| terms.get(i).map_or(0.0, |term| row.each[*term as usize]));
-        gram += columns * columns.transpose() * weight;
-        right += columns * (weight * (row.variance - row.held));
+        for (i, (sums, products)) in sums.iter_mut().zip(&row.products).enumerate() {
+            // Half of a symmetric matrix.
+            (0..=i).for_each(|j| sums[j] += products[j] * weight);
+        }
+        let excess = weight * (row.variance - row.held);
+        right.iter_mut().zip(&row.columns).for_each(|(sum, column)| *sum += column * excess);
     }
+    let gram = SMatrix::<f64, 5, 5>::from_fn(|i, j| sums[i.max(j)][i.min(j)]);
     // Scaled to a unit diagonal: columns differ by decades.
     let scale = gram.diagonal().map(|d| if d > 0.0 { d.sqrt().recip() } else { 0.0 });
     let gram = SMatrix::<f64, 5, 5>::from_fn(|i, j| gram[(i, j)] * scale[i] * scale[j]);

@@ -702,9 +702,21 @@ class Compensator:
         ticks, rows = _whole(numpy, "counts", counts, 1), _whole(numpy, "codes", codes, 2, missing=NO_SAMPLE)
         if rows.shape[1] != self.inputs:
             raise InputError(f"codes of {rows.shape[1]} inputs, the image has {self.inputs}")
-        corrected, statuses = self._native.run(ticks.tobytes(), rows.tobytes())
-        return numpy.frombuffer(corrected, dtype="<i4"), numpy.array(statuses, dtype="u4")
+        corrected, statuses = numpy.empty(len(ticks), dtype="<i4"), []
+        native = self._native.copy()
+        for start in range(0, len(ticks), _TICKS_OF_A_PIECE):
+            piece = ticks[start : start + _TICKS_OF_A_PIECE]
+            # As many as can fall due, and not those of the whole: a piece is what is copied at a time.
+            due = rows[len(statuses) :][: len(piece) // self.period_ticks + 2]
+            counted, updates = native.run(piece.tobytes(), due.tobytes())
+            corrected[start : start + len(piece)] = numpy.frombuffer(counted, dtype="<i4")
+            statuses += updates
+        self._native = native
+        return corrected, numpy.array(statuses, dtype="u4")
 
+
+#: Ticks that are copied at a time: their bytes stay in the processor's cache.
+_TICKS_OF_A_PIECE = 65_536
 
 #: In codes: no sample.
 NO_SAMPLE = -(2**31)

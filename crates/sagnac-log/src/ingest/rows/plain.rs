@@ -9,6 +9,9 @@ use crate::ingest::Batch;
 use crate::ingest::raw::{Faults, RawRows};
 use sagnac_units::s_from_ns;
 
+/// Bytes of a column that are copied together.
+const COPIED_BYTES: usize = 1024;
+
 impl RowValidator {
     /// The end of the rows from `at` on that the state machine would pass unchanged. None in a log with running totals, with
     /// several thermometers (which are compared with each other), or with one and no times.
@@ -70,13 +73,13 @@ impl RowValidator {
         let Some(clock_ns) = self.plain_clock_ns() else { return };
         let (first, end) = (batch.end_ns.len(), batch.end_ns.len() + part.len());
         if self.timed {
-            batch.end_ns.extend_from_slice(&rows.time_ns[part.clone()]);
+            append(&mut batch.end_ns, &rows.time_ns[part.clone()]);
         } else {
             batch.end_ns.extend((1..=part.len() as i64).map(|row| clock_ns + row * self.nominal_ns));
         }
         let Some((last_ns, before_ns)) = batch.end_ns[first..].split_last() else { return };
         batch.start_ns.push(clock_ns);
-        batch.start_ns.extend_from_slice(before_ns);
+        append(&mut batch.start_ns, before_ns);
         let (last_ns, before_ns) = (*last_ns, before_ns.last().copied());
         for (angle, column) in batch.angle.iter_mut().zip(&rows.axes) {
             let column = &column[part.clone()];
@@ -94,8 +97,8 @@ impl RowValidator {
             }
         }
         let pairs = batch.temperature_c.iter_mut().zip(&rows.temperatures_c).chain(batch.aux.iter_mut().zip(&rows.aux));
-        pairs.for_each(|(mine, theirs)| mine.extend_from_slice(&theirs[part.clone()]));
-        batch.reference_dps.extend_from_slice(rows.reference_dps.get(part.clone()).unwrap_or(&[]));
+        pairs.for_each(|(mine, theirs)| append(mine, &theirs[part.clone()]));
+        append(&mut batch.reference_dps, rows.reference_dps.get(part.clone()).unwrap_or(&[]));
         batch.valid.resize(end, true);
         batch.line.extend(rows.line[part.clone()].iter().map(|line| rows.lines_before + u64::from(*line)));
         batch.fields.extend_from_slice(rows.fields.get(part.clone()).unwrap_or(&[]));
@@ -105,4 +108,11 @@ impl RowValidator {
         self.clock_ns = Some(last_ns);
         self.rows_read += part.len() as u64;
     }
+}
+
+/// Appends a column in pieces. glibc copies 2 KiB and more by `rep movsb`, which some processors of AMD execute several times slower where
+/// both columns lie alike in their pages (glibc bug 30994), as columns of one length do.
+fn append<T: Copy>(column: &mut Vec<T>, more: &[T]) {
+    column.reserve(more.len());
+    more.chunks(COPIED_BYTES / size_of::<T>()).for_each(|piece| column.extend_from_slice(piece));
 }
