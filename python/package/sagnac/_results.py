@@ -702,16 +702,23 @@ class Compensator:
         ticks, rows = _whole(numpy, "counts", counts, 1), _whole(numpy, "codes", codes, 2, missing=NO_SAMPLE)
         if rows.shape[1] != self.inputs:
             raise InputError(f"codes of {rows.shape[1]} inputs, the image has {self.inputs}")
-        corrected, statuses = numpy.empty(len(ticks), dtype="<i4"), []
-        native = self._native.copy()
+        before = self._native.copy()
+        try:
+            return self._run_in_pieces(numpy, ticks, rows)
+        except BaseException:
+            self._native = before
+            raise
+
+    def _run_in_pieces(self, numpy: Any, ticks: Any, rows: Any) -> tuple[Any, Any]:
+        corrected = numpy.empty(len(ticks), dtype="<i4")
+        statuses: list[int] = []
         for start in range(0, len(ticks), _TICKS_OF_A_PIECE):
             piece = ticks[start : start + _TICKS_OF_A_PIECE]
-            # As many as can fall due, and not those of the whole: a piece is what is copied at a time.
+            # As many as can fall due, for the rest is copied with its own piece.
             due = rows[len(statuses) :][: len(piece) // self.period_ticks + 2]
-            counted, updates = native.run(piece.tobytes(), due.tobytes())
+            counted, updates = self._native.run(piece.tobytes(), due.tobytes())
             corrected[start : start + len(piece)] = numpy.frombuffer(counted, dtype="<i4")
             statuses += updates
-        self._native = native
         return corrected, numpy.array(statuses, dtype="u4")
 
 
