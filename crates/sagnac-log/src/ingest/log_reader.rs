@@ -326,7 +326,7 @@ impl LogReader {
         scope: &'scope Scope<'scope, '_>,
         take: &'scope mut (impl FnMut(&Batch) -> Result<()> + Send),
     ) -> Option<Result<()>> {
-        let (full, batches) = sync_channel::<Batch>(4);
+        let (full, batches) = sync_channel::<Batch>(1);
         let (back, used) = channel();
         let thread = spawn_in(scope, "take", move || {
             batches.into_iter().try_for_each(|batch| {
