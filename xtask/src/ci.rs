@@ -51,8 +51,6 @@ const RUNS: [Part; 10] = [
 /// And beside it what runs on one processor for most of its time: simulators, emulators, programs of Python. The longest come first; those
 /// of a row share a folder, and run one after the other. The lab has a command for each but the Python package.
 const BESIDE: [&[&str]; 6] = [&["fpga"], &["firmware", "closed-loop"], &["c"], &[WHEEL], &["conserve"], &["formats"]];
-/// Beside the first list, whose steps wait for one another: a workspace that needs nothing of it.
-const ALONE: [&str; 1] = [FLEET];
 /// By this program, as it builds them.
 const WHEEL: &str = "wheel";
 const FLEET: &str = "fleet";
@@ -67,7 +65,8 @@ pub(crate) fn ci() -> Result<()> {
     let queue = Mutex::new(BESIDE.iter());
     let (compiled, is_compiled) = channel();
     took += &thread::scope(|scope| {
-        let other = scope.spawn(|| or_end(&queue, alone(is_compiled).and_then(|took| Ok(took + &beside(&queue)?))));
+        let other =
+            scope.spawn(|| or_end(&queue, beside_first(is_compiled).and_then(|took| Ok(took + &beside(&queue)?))));
         let first = list(&FIRST).inspect(|_| {
             // Who waits for it has ended only with an error of its own.
             let _ = compiled.send(());
@@ -106,9 +105,9 @@ fn list(parts: &[Part]) -> Result<String> {
     Ok(took)
 }
 
-/// What needs nothing of the first list, until that has ended.
-fn alone(is_compiled: Receiver<()>) -> Result<String> {
-    let took = row(&ALONE)?;
+/// Beside the first list, whose steps wait for one another, a workspace that needs nothing of it; until that list has ended.
+fn beside_first(is_compiled: Receiver<()>) -> Result<String> {
+    let took = row(&[FLEET])?;
     is_compiled.recv().context("ci stops: the first list has failed")?;
     Ok(took)
 }
