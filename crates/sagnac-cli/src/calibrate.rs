@@ -199,6 +199,9 @@ pub(crate) fn describe(console: &mut Console, axis: &AxisCalibration) {
             significant(over, 2)
         ));
     }
+    if let Some(lack) = &fit.lack_of_fit {
+        console.note(format!("warning: axis {}: {}", axis.axis, lack.note()));
+    }
     if fit.noise_exceeds_setup {
         console.note("warning: the log shows more noise than the setup states: intervals go by the log");
     }

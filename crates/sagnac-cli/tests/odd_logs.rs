@@ -91,6 +91,7 @@ fn every_form_of_a_log_gives_the_figures_of_the_plain_one() {
             "2 lines above the headers are not read",
         ),
         ("units.csv", format!("time,temperature,counts\ns,°C,-\n{commas}").into_bytes(), "one of units"),
+        ("unit-of-one.csv", format!("time,temperature,counts\n[s],[°C],[1]\n{commas}").into_bytes(), "one of units"),
         (
             "brackets.csv",
             windows_1252(&format!("Time [s],Temperature (°C),Counts\n{commas}")),

@@ -310,6 +310,7 @@ fn fit_verdict(axis: &AxisCalibration, report_data: &ReportData, several: bool) 
             @if let Some(note) = axis.below_floor_note() { p.note { "Note: " (note) "." } }
             @for prior in axis.fit.iter().flat_map(|fit| &fit.prior) { p.note { "Note: " (prior.words()) ". SHA-256 of the prior: " (prior.sha256) "." } }
             @for found in axis.fit.iter().flat_map(|fit| &fit.entanglement) { p.note { "Note: " (found.note()) "." } }
+            @if let Some(lack) = axis.fit.as_ref().and_then(|fit| fit.lack_of_fit.as_ref()) { p.note { "Note: " (lack.note()) "." } }
             @if axis.fit.as_ref().is_some_and(|fit| fit.noise_exceeds_setup) {
                 p.note { "Note: the log shows more noise than the setup states; intervals go by the log." }
             }

@@ -172,8 +172,7 @@ fn cubic_with_a_rate_of_1200_s() {
     });
 }
 
-/// `auto` selects a series of second or third order, which zones beside it do not improve; the true model knows that there is a knot, and
-/// where. With 16 runs the cubic's misfit is as large as its σ: 0.891 covered, short of the 0.90 asked.
+/// `auto` selects a series of second or third order; the true model knows that there is a knot, and where.
 #[test]
 #[ignore = "takes minutes"]
 fn zones() {
@@ -182,13 +181,12 @@ fn zones() {
         truth: |now| 0.03 * now.u() + 0.2 * (0.5 * now.u()).max(0.0).powi(2),
         model: "bias 1, zones 2",
         fits: is_curve,
-        bounds: ["≥ 0.85", "≤ 2.6"],
+        bounds: ["≥ 0.90", "≤ 2.6"],
         change: |_| (),
     });
 }
 
-/// A curve that no order describes: the series of `auto` against the harmonic itself, its period known. With 16 runs 0.892 covered, short of
-/// the 0.90 asked.
+/// A curve that no order describes: the series of `auto` against the harmonic itself, its period known.
 #[test]
 #[ignore = "takes minutes"]
 fn harmonic() {
@@ -197,9 +195,38 @@ fn harmonic() {
         truth: |now| 0.03 * now.u() + 0.02 * (std::f64::consts::TAU * now.celsius / 60.0).cos(),
         model: "bias 1, harmonic 60",
         fits: is_curve,
-        bounds: ["≥ 0.85", "≤ 2.5"],
+        bounds: ["≥ 0.90", "≤ 2.5"],
         change: |_| (),
     });
+}
+
+/// Curves that no model of the program describes: is the truth in the interval of what `auto` selects?
+#[test]
+#[ignore = "takes minutes"]
+fn curves_beyond_every_model() {
+    // A kink 26 °C below the reference, one beside it, a curve that saturates, a bump.
+    let truths: [(&str, Truth, &str); 4] = [
+        ("a kink at 0 °C", |now| 0.1 * (now.celsius / 55.0).max(0.0), "≥ 0.88"),
+        (
+            "a kink at 26 °C, beside the reference of 25 °C",
+            |now| 0.1 * ((now.celsius - 26.0) / 55.0).max(0.0),
+            "≥ 0.70",
+        ),
+        ("saturation, tanh", |now| 0.05 * (4.0 * now.u()).tanh(), "≥ 0.90"),
+        (
+            "a bump of 12 °C",
+            |now| 0.03 * now.u() + 0.02 * (-0.5 * ((now.celsius - 30.0) / 12.0).powi(2)).exp(),
+            "≥ 0.80",
+        ),
+    ];
+    for (name, truth, bound) in truths {
+        for (runs, records) in RECORDS {
+            let found = shown(records, runs, truth, "auto", |_| ());
+            println!("{name}, {runs} runs: {found:?}");
+            let claim = format!("95 % interval of the curve covers after `auto`: {name}, runs: {runs}");
+            evidence(&claim, found.coverage, bound, records);
+        }
+    }
 }
 
 /// Temperatures of a nominal run's windows of 100 s, scaled to −1 … 1: the block of [`Bench`] behind its lag.
@@ -280,6 +307,94 @@ fn orders_in_pairs_hold_a_cubic_and_lose_the_others() {
                 (error - ratio).abs() < 0.02 && (useless - part).abs() < 0.01,
                 "{runs} runs, {powers:?}: {error}, {useless}"
             );
+        }
+    }
+}
+
+/// A series with zones beside it on exact windows: its columns orthonormal, and what their estimates make of the curve.
+struct Exact {
+    q: DMatrix<f64>,
+    curve: DMatrix<f64>,
+}
+
+impl Exact {
+    fn new(runs: usize, [orders, zones]: [usize; 2]) -> Self {
+        let u = u_of_windows();
+        let value = |u: f64, at: usize| {
+            let knot = |k: usize| 2.0 * k as f64 / zones as f64 - 1.0;
+            if at < orders { u.powi(at as i32 + 1) } else { (u - knot(at - orders + 1)).max(0.0).powi(2) }
+        };
+        let count = orders + zones.max(1) - 1;
+        let mut columns = DMatrix::from_fn(u.len(), count, |i, at| value(u[i], at)) * (runs as f64).sqrt();
+        columns.column_iter_mut().for_each(|mut column| column.add_scalar_mut(-column.mean()));
+        let scaled = |celsius: f64| (celsius - 15.0) / 55.0;
+        let at = |celsius: f64, at: usize| value(scaled(celsius), at) - value(scaled(25.0), at);
+        let curve = DMatrix::from_fn(AT_C.len(), count, |i, j| at(AT_C[i], j));
+        let (q, r) = columns.qr().unpack();
+        Self { curve: curve * r.try_inverse().unwrap(), q }
+    }
+
+    /// What it explains of some rows, in squares of σ, at a price; and its curve, °/h.
+    fn of(&self, rows: &DVector<f64>, price: f64) -> (f64, DVector<f64>) {
+        let estimates = self.q.transpose() * rows;
+        (estimates.norm_squared() - price * self.q.ncols() as f64, &self.curve * estimates * WHITE_100_S_DPH)
+    }
+}
+
+/// Error of the curve over that of the true model, and how often zones are selected, where series and zones are graded together and
+/// zones must be better by a handicap; no rate term is tried.
+fn with_handicap(runs: usize, truth: fn(f64) -> f64, true_model: [usize; 2], handicap: f64) -> (f64, f64) {
+    let u = u_of_windows();
+    let price = ((runs * u.len()) as f64).ln() - 2.0;
+    let series: Vec<Exact> = (1..=8).map(|orders| Exact::new(runs, [orders, 0])).collect();
+    let zoned = [2, 3, 4, 6].into_iter().flat_map(|zones| [1, 2, 3].map(|orders| Exact::new(runs, [orders, zones])));
+    let zoned: Vec<Exact> = zoned.collect();
+    let best = Exact::new(runs, true_model);
+    let at = |celsius: f64| truth((celsius - 15.0) / 55.0) - truth(10.0 / 55.0);
+    let expected = DVector::from_iterator(AT_C.len(), AT_C.iter().map(|celsius| at(*celsius)));
+    let drift = DVector::from_iterator(u.len(), u.iter().map(|u| truth(*u))) * ((runs as f64).sqrt() / WHITE_100_S_DPH);
+    let mut dice = Dice::new(6);
+    let (mut found, mut least, mut zones) = (0.0, 0.0, 0.0);
+    const DRAWS: usize = 400;
+    for _ in 0..DRAWS {
+        let mut rows = &drift + DVector::from_fn(u.len(), |_, _| dice.normal());
+        rows.add_scalar_mut(-rows.mean());
+        let best_of = |of: &[Exact]| {
+            let all = of.iter().map(|model| model.of(&rows, price.max(5.0)));
+            all.max_by(|(a, _), (b, _)| a.total_cmp(b)).unwrap()
+        };
+        let (one, other) = (best_of(&series), best_of(&zoned));
+        let is_zoned = other.0 - handicap > one.0;
+        zones += f64::from(u8::from(is_zoned)) / DRAWS as f64;
+        found += (if is_zoned { other.1 } else { one.1 } - &expected).norm_squared();
+        least += (best.of(&rows, 0.0).1 - &expected).norm_squared();
+    }
+    ((found / least).sqrt(), zones)
+}
+
+/// Runs, truth over u, the orders and zones of its model; error and how often, without zones and at the handicaps 0, 3 and 6.
+type Case = (usize, fn(f64) -> f64, [usize; 2], [(f64, f64); 4]);
+
+/// Why `auto` does not grade zones with the orders: what a curve with a knot gains, curves of an order lose, at every handicap. The selection
+/// alone, on exact windows; `docs/explanation/selection.md` quotes these.
+#[test]
+fn zones_among_the_orders_hold_a_knot_and_lose_the_others() {
+    let knot = |u: f64| 0.03 * u + 0.05 * u.max(0.0).powi(2);
+    let weak = |u: f64| 0.02 * u - 0.008 * u * u + 0.01 * u.powi(3);
+    let expected: [Case; 6] = [
+        (1, knot, [1, 2], [(1.90, 0.0), (1.33, 0.88), (1.59, 0.68), (1.89, 0.02)]),
+        (16, knot, [1, 2], [(2.31, 0.0), (1.10, 0.99), (1.21, 0.92), (1.64, 0.65)]),
+        (2, weak, [3, 0], [(1.44, 0.0), (1.56, 0.27), (1.46, 0.02), (1.44, 0.0)]),
+        (4, weak, [3, 0], [(1.36, 0.0), (1.55, 0.34), (1.41, 0.02), (1.36, 0.0)]),
+        (1, |u| 0.1 * u.powi(3), [3, 0], [(1.09, 0.0), (1.35, 0.15), (1.16, 0.04), (1.10, 0.0)]),
+        (2, |u| 0.1 * u.powi(5), [5, 0], [(1.09, 0.0), (1.34, 0.60), (1.26, 0.30), (1.18, 0.09)]),
+    ];
+    for (runs, truth, true_model, of_handicap) in expected {
+        let measured = [f64::INFINITY, 0.0, 3.0, 6.0].map(|handicap| with_handicap(runs, truth, true_model, handicap));
+        println!("{runs} runs, {true_model:?}: {measured:.2?}");
+        for ((error, zones), (ratio, part)) in measured.into_iter().zip(of_handicap) {
+            let near = (error - ratio).abs() < 0.02 && (zones - part).abs() < 0.02;
+            assert!(near, "{runs} runs, {true_model:?}: {error}, {zones}");
         }
     }
 }

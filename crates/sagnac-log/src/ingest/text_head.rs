@@ -206,15 +206,17 @@ impl Head<'_> {
         Ok(is_table)
     }
 
-    /// The line below the headers, if it has as many cells, one of them a unit, and none of them has a digit; any other line is put back.
+    /// The line below the headers, if it has as many cells, one of them a unit in letters, and none of them has a digit but the unit 1; any other
+    /// line is put back.
     fn line_of_units(&mut self, columns: usize, delimiter: u8) -> Result<Option<Vec<String>>> {
         let (bytes, text) = self.raw_line()?;
         let cells = split(&text, delimiter).unwrap_or_default();
         let is_word = |cell: &&String| !cell.is_empty() && !is_missing(cell.as_bytes());
         let has_digit = |cell: &String| cell.chars().any(|c| c.is_ascii_digit());
         let words = cells.iter().filter(is_word).count();
-        let is_of_units = cells.iter().any(|cell| is_unit(cell)) && words * 2 >= columns;
-        if cells.len() == columns && is_of_units && !cells.iter().any(has_digit) && bytes.ends_with(b"\n") {
+        let is_of_units = cells.iter().any(|cell| is_unit(cell) && !has_digit(cell)) && words * 2 >= columns;
+        let is_number = |cell: &String| has_digit(cell) && bare(cell) != "1";
+        if cells.len() == columns && is_of_units && !cells.iter().any(is_number) && bytes.ends_with(b"\n") {
             self.lines += 1;
             return Ok(Some(cells));
         }

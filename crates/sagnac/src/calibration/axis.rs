@@ -7,8 +7,8 @@ use serde::{Deserialize, Serialize};
 use crate::calibration::axis_record::AxisRecord;
 use crate::calibration::{
     Calibration, Candidate, Collinearity, CorrectionNoise, CrossValidation, CurveSpread, Entanglement, Hysteresis,
-    Input, InputSource, Lag, Misalignment, Monomial, NoiseFloor, PriorUse, RejectedInput, RejectedModel, Residual,
-    RunOffset, ScaleFactor, SearchStep, SlowNoiseTerms, Soak, Term, TimeEffect, WarmUp,
+    Input, InputSource, LackOfFit, Lag, Misalignment, Monomial, NoiseFloor, PriorUse, RejectedInput, RejectedModel,
+    Residual, RunOffset, ScaleFactor, SearchStep, SlowNoiseTerms, Soak, Term, TimeEffect, WarmUp,
 };
 use crate::model::{BASIS_LEN, Form, Shape, Span};
 
@@ -58,6 +58,8 @@ pub struct FitDiagnostics {
     pub hysteresis: Option<Hysteresis>,
     /// What the selection of the model, and a lag that is not resolved, add to the uncertainty of the curve; null where nothing.
     pub curve_spread: Option<CurveSpread>,
+    /// What the rows contradict the model with; null where they do not.
+    pub lack_of_fit: Option<LackOfFit>,
     /// Noise of the residual that is not white; null where it is.
     pub slow_noise: Option<SlowNoiseTerms>,
     /// The log shows more noise than the setup states, so that intervals go by the log.

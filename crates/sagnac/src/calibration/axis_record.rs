@@ -9,8 +9,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::calibration::{
     AxisCalibration, AxisCorrection, Candidate, Collinearity, CorrectionNoise, CrossValidation, CurveSpread,
-    Entanglement, FitDiagnostics, Hysteresis, Input, Lag, Misalignment, Monomial, NoiseFloor, PriorUse, RejectedInput,
-    RejectedModel, Residual, RunOffset, ScaleFactor, SearchStep, SlowNoiseTerms, Soak, Term, TimeEffect, WarmUp,
+    Entanglement, FitDiagnostics, Hysteresis, Input, LackOfFit, Lag, Misalignment, Monomial, NoiseFloor, PriorUse,
+    RejectedInput, RejectedModel, Residual, RunOffset, ScaleFactor, SearchStep, SlowNoiseTerms, Soak, Term, TimeEffect,
+    WarmUp,
 };
 
 /// See [`AxisCalibration`].
@@ -74,6 +75,9 @@ pub(crate) struct AxisRecord {
     /// What the selection of the model, and a lag that is not resolved, add to the uncertainty of the curve; absent where nothing.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     curve_spread: Option<CurveSpread>,
+    /// What the rows contradict the model with; absent where they do not.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    lack_of_fit: Option<LackOfFit>,
     /// Noise of the residual that is not white; absent where it is.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     slow_noise: Option<SlowNoiseTerms>,
@@ -143,6 +147,7 @@ impl From<AxisCalibration> for AxisRecord {
             hysteresis: None,
             ramp_rates_cpm: None,
             curve_spread: None,
+            lack_of_fit: None,
             slow_noise: None,
             noise_exceeds_setup: false,
             time_effects: Vec::new(),
@@ -174,6 +179,7 @@ impl AxisRecord {
             hysteresis,
             ramp_rates_cpm,
             curve_spread,
+            lack_of_fit,
             slow_noise,
             noise_exceeds_setup,
             time_effects,
@@ -194,7 +200,7 @@ impl AxisRecord {
         self.residual = Some(residual);
         (self.noise_floor, self.cross_validation, self.collinearity) = (noise_floor, cross_validation, collinearity);
         (self.correction_noise, self.hysteresis, self.soak) = (correction_noise, hysteresis, soak);
-        (self.curve_spread, self.slow_noise) = (curve_spread, slow_noise);
+        (self.curve_spread, self.lack_of_fit, self.slow_noise) = (curve_spread, lack_of_fit, slow_noise);
         self.noise_exceeds_setup = noise_exceeds_setup;
         (self.time_effects, self.entanglement, self.prior) = (time_effects, entanglement, prior);
         (self.ramp_rates_cpm, self.hidden_in_offsets_dph) = (ramp_rates_cpm, hidden_in_offsets_dph);
@@ -246,6 +252,7 @@ impl TryFrom<AxisRecord> for AxisCalibration {
             hysteresis,
             ramp_rates_cpm,
             curve_spread,
+            lack_of_fit,
             slow_noise,
             noise_exceeds_setup,
             time_effects,
@@ -268,6 +275,7 @@ impl TryFrom<AxisRecord> for AxisCalibration {
             hysteresis,
             ramp_rates_cpm,
             curve_spread,
+            lack_of_fit,
             slow_noise,
             noise_exceeds_setup,
             time_effects,

@@ -33,7 +33,7 @@ pub use crate::calibration::search::{
 };
 pub(crate) use crate::calibration::uncertainty::SCALE_AT_REFERENCE;
 pub use crate::calibration::uncertainty::{
-    CurveSpread, Evaluation, Hysteresis, Prediction, SlowNoiseTerms, Soak, SoakRow,
+    CurveSpread, Evaluation, Hysteresis, LackOfFit, Prediction, SlowNoiseTerms, Soak, SoakRow,
 };
 use crate::model::{ActsOn, Form, Shape};
 
@@ -42,7 +42,7 @@ pub const FORMAT: &str = "sagnac-calibration";
 /// Value of `Calibration::version`: a change of meaning or a field less raises it.
 pub const VERSION: u32 = 2;
 /// Value of `Calibration::minor_version`: a field or a shape more raises it.
-pub const MINOR_VERSION: u32 = 3;
+pub const MINOR_VERSION: u32 = 4;
 /// Serial of a calibration whose gyro was not named.
 pub const UNASSIGNED: &str = "unassigned";
 

@@ -84,6 +84,31 @@ pub struct CurveSpread {
     pub sigma_dph: Vec<f64>,
 }
 
+/// The rows contradict the fitted model.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[non_exhaustive]
+pub struct LackOfFit {
+    /// What describes them better: a model, or words for a curve that is none.
+    pub better: String,
+    /// By how much χ² of the rows falls with it, after the price of its coefficients.
+    pub chi_squared: f64,
+    /// Where its curve is farthest from the fitted one, °C.
+    pub temperature_c: f64,
+    /// How far it is there, °/h: that curve less the fitted one.
+    pub difference_dph: f64,
+}
+
+impl LackOfFit {
+    /// What it means for the use of a calibration.
+    pub fn note(&self) -> String {
+        let Self { better, chi_squared, temperature_c, difference_dph } = self;
+        format!(
+            "the rows contradict this model: {better} describes them better (Δχ² {chi_squared:.0}), and its curve differs by {} °/h at {temperature_c:.0} °C",
+            sagnac_units::format::significant(*difference_dph, 2)
+        )
+    }
+}
+
 impl CurveSpread {
     /// Variance at a temperature, (°/h)², straight between the points.
     pub(crate) fn variance(&self, celsius: f64) -> f64 {

@@ -14,7 +14,9 @@
 //!
 //! Over the models of the thermometer of the fit alone.
 
-use nalgebra::DVector;
+use std::ops::Range;
+
+use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use crate::calibration::CurveSpread;
@@ -35,19 +37,18 @@ const PRICE_LESS: f64 = 2.0;
 /// noise may fit. Without it they were 5 % of all selections.
 const RATE_SLOPE_PRICE: f64 = 1.5;
 /// Price of a coefficient in the weights (2 is Akaike's): a term that was nearly selected counts.
-const WEIGHT_PRICE: f64 = 2.5;
+pub(crate) const WEIGHT_PRICE: f64 = 2.5;
 /// Models of less weight are not looked at.
 const LEAST_WEIGHT: f64 = 1e-4;
 
-/// A model at a τ.
-struct Member {
-    theta: DVector<f64>,
-    /// Of theta, in units of s².
-    normal: nalgebra::DMatrix<f64>,
-    /// Orders of its bias terms.
-    bias: usize,
+/// What the curve may be in place of the selected one.
+pub(crate) struct Rival {
+    /// A model, or words for a curve that is none.
+    pub(crate) name: String,
     /// −2·ln of its weight.
-    criterion: f64,
+    pub(crate) criterion: f64,
+    /// Value, °/h, and variance at every temperature of a spread, less those at the reference.
+    pub(crate) curve: Vec<(f64, f64)>,
 }
 
 /// A model at a τ of the grid, fitted to the whitened rows.
@@ -168,66 +169,77 @@ pub(crate) fn grade(
     Series::new(problem, whitening, specs, taus_s, &columns)?.grades(&levels)
 }
 
-/// σ that the models beside a curve add to it, over the span; `None` where there is nothing beside it.
+/// σ that rivals add to a curve, which gives value and variance at a temperature; `None` where there is nothing beside it.
 pub(crate) fn spread(
     problem: &LeastSquares<'_>,
-    grades: Grades,
-    specs: &[ModelSpec],
+    rivals: &[Rival],
     curve: impl Fn(f64) -> (f64, f64),
 ) -> Option<CurveSpread> {
-    let (variance, levels) = (grades.variance, problem.run_columns().shared.len());
-    let exponent = |graded: &Graded| graded.solution.ssr / variance + graded.weight_price;
-    let best = grades.all.iter().map(exponent).fold(f64::INFINITY, f64::min);
-    let member = |graded: Graded| {
-        let criterion = exponent(&graded) - best;
-        let near = (-0.5 * criterion).exp() > LEAST_WEIGHT;
-        // A model that could not be selected, because its terms explain each other, is no rival.
-        let conditioning = if near { graded.solution.conditioning(levels, &[]) } else { None };
-        let near = near && conditioning.is_none_or(|found| found.condition <= CONDITION_MAX);
-        let normal = near.then(|| graded.solution.inverse_normal()).flatten()?;
-        let bias = usize::from(specs[graded.spec].thermometer().bias);
-        Some(Member { theta: graded.solution.theta, normal, bias, criterion })
-    };
-    let members: Vec<Member> = grades.all.into_iter().filter_map(member).collect();
-    average(problem, &members, variance, levels, curve)
-}
-
-fn average(
-    problem: &LeastSquares<'_>,
-    members: &[Member],
-    variance: f64,
-    levels: usize,
-    curve: impl Fn(f64) -> (f64, f64),
-) -> Option<CurveSpread> {
-    let total: f64 = members.iter().map(|member| (-0.5 * member.criterion).exp()).sum();
-    let span = problem.span();
-    let at_reference = chebyshev(span.x(problem.inputs[0].reference));
+    let best = rivals.iter().map(|rival| rival.criterion).fold(f64::INFINITY, f64::min);
+    let weighted = rivals.iter().map(|rival| ((0.5 * (best - rival.criterion)).exp(), &rival.curve));
+    let near: Vec<(f64, &Vec<(f64, f64)>)> = weighted.filter(|(weight, _)| *weight > LEAST_WEIGHT).collect();
+    let total: f64 = near.iter().map(|(weight, _)| weight).sum();
     let at = |point: usize| {
         let celsius = temperature(problem, point);
-        let here = chebyshev(span.x(celsius));
-        let weights: [f64; BASIS_LEN] = std::array::from_fn(|k| here[k] - at_reference[k]);
         let (drift_dph, own) = curve(celsius);
-        let sum: f64 = members
-            .iter()
-            .map(|member| {
-                let columns = levels..levels + member.bias;
-                let of = |column: usize| weights[column - levels + 1];
-                let value: f64 = columns.clone().map(|column| of(column) * member.theta[column]).sum();
-                let mut square = 0.0;
-                for i in columns.clone() {
-                    for j in columns.clone() {
-                        square += of(i) * of(j) * member.normal[(i, j)];
-                    }
-                }
-                let weight = (-0.5 * member.criterion).exp() / total;
-                weight * (variance * square + (value - drift_dph).powi(2))
-            })
-            .sum();
+        let of = |(weight, curve): &(f64, &Vec<(f64, f64)>)| {
+            let (value, variance) = curve[point];
+            weight / total * (variance + (value - drift_dph).powi(2))
+        };
+        let sum: f64 = near.iter().map(of).sum();
         (celsius, (sum - own).max(0.0).sqrt())
     };
     let (temperature_c, sigma_dph): (Vec<f64>, Vec<f64>) = (0..POINTS).map(at).unzip();
-    (members.len() > 1 && sigma_dph.iter().all(|sigma| sigma.is_finite()))
+    (near.len() > 1 && sigma_dph.iter().all(|sigma| sigma.is_finite()))
         .then_some(CurveSpread { temperature_c, sigma_dph })
+}
+
+impl Grades {
+    /// The series as rivals, without those of hardly any weight.
+    pub(crate) fn rivals(self, problem: &LeastSquares<'_>, specs: &[ModelSpec]) -> Vec<Rival> {
+        let (variance, levels) = (self.variance, problem.run_columns().shared.len());
+        let criterion = |graded: &Graded| graded.solution.ssr / variance + graded.weight_price;
+        let best = self.all.iter().map(criterion).fold(f64::INFINITY, f64::min);
+        let rival = |graded: Graded| {
+            let criterion = criterion(&graded);
+            let near = (0.5 * (best - criterion)).exp() > LEAST_WEIGHT;
+            // A model that could not be selected, because its terms explain each other, is no rival.
+            let conditioning = if near { graded.solution.conditioning(levels, &[]) } else { None };
+            let near = near && conditioning.is_none_or(|found| found.condition <= CONDITION_MAX);
+            let normal = near.then(|| graded.solution.inverse_normal()).flatten()?;
+            let bias = usize::from(specs[graded.spec].thermometer().bias);
+            let curve = of_series(problem, &graded.solution.theta, &normal, levels..levels + bias);
+            let name = format!("`{}`", specs[graded.spec]);
+            Some(Rival { name, criterion, curve: curve.map(|(value, own)| (value, variance * own)).collect() })
+        };
+        self.all.into_iter().filter_map(rival).collect()
+    }
+}
+
+/// The bias series in some columns at every temperature of a spread, less that at the reference: value, and variance in units of s².
+fn of_series<'a>(
+    problem: &'a LeastSquares<'_>,
+    theta: &'a DVector<f64>,
+    normal: &'a DMatrix<f64>,
+    columns: Range<usize>,
+) -> impl Iterator<Item = (f64, f64)> + 'a {
+    let span = problem.span();
+    let at_reference = chebyshev(span.x(problem.inputs[0].reference));
+    (0..POINTS).map(move |point| {
+        let here = chebyshev(span.x(temperature(problem, point)));
+        let weight = |column: usize| {
+            let order = column - columns.start + 1;
+            here[order] - at_reference[order]
+        };
+        let value = columns.clone().map(|column| weight(column) * theta[column]).sum();
+        let mut square = 0.0;
+        for i in columns.clone() {
+            for j in columns.clone() {
+                square += weight(i) * weight(j) * normal[(i, j)];
+            }
+        }
+        (value, square)
+    })
 }
 
 /// Shared levels, b₁…b₈, c₀…c₃, e₁… and y of all rows, whitened.

@@ -10,13 +10,13 @@
 //! hold, and the record names it; a given one is refused.
 
 use crate::calibration::{
-    Candidate, CorrectionNoise, CrossValidation, CurveSpread, PriorUse, RejectedInput, RejectedModel, SearchStep,
-    SearchVerdict,
+    Candidate, CorrectionNoise, CrossValidation, CurveSpread, LackOfFit, PriorUse, RejectedInput, RejectedModel,
+    SearchStep, SearchVerdict,
 };
 use crate::fit::allowed_inputs::{
     candidate_inputs, check_channels, check_codes, check_scale_rates, count_steps, sources_of,
 };
-use crate::fit::averaging::{grade, spread};
+use crate::fit::averaging::{Rival, grade, spread};
 use crate::fit::correction::ImageCheck;
 use crate::fit::folds::{Trial, scheme_of};
 use crate::fit::grid::{Best, affordable, best_of_grid, candidate, rejected};
@@ -24,6 +24,7 @@ use crate::fit::input_noise::{INCREASE_MAX, correction_noise, loudest_rate};
 use crate::fit::least_squares::{LeastSquares, Level};
 use crate::fit::nuisance;
 use crate::fit::period::settle_periods;
+use crate::fit::rivals::{OfRows, beside_series, lack_of_fit};
 use crate::fit::robust::{Loss, robust_fit};
 use crate::fit::search::{CONDITION_MAX, fits_image, inputs_read, shrunk, walk};
 use crate::fit::slow_noise::{Estimate, SlowNoise, Whitening};
@@ -33,7 +34,7 @@ use crate::fit::with_prior::{UnitPrior, WithPrior, fit_with_prior};
 use crate::fit::{Model, SMALLER_WINS_WITHIN};
 use crate::model::input::Signal;
 use crate::model::price::{with_warm_up, work_of};
-use crate::model::spec::ModelSpec;
+use crate::model::spec::{InputTerms, ModelSpec};
 use crate::window::{WindowShape, Windows};
 use sagnac_log::error::{Error, Result};
 
@@ -316,24 +317,38 @@ impl Chosen<'_> {
         }
     }
 
-    /// What the models beside the selected one add to the uncertainty of its curve, which gives value and variance at a temperature;
-    /// `None` for models of more than the series over one thermometer.
-    pub(crate) fn spread(&self, curve: impl Fn(f64) -> (f64, f64)) -> Option<CurveSpread> {
-        let is_series = |spec: &ModelSpec| {
-            let of = spec.thermometer();
-            spec.inputs().len() == 1 && of.zones < 2 && of.harmonics.is_empty() && of.slow_rate.is_none()
-        };
-        let mut specs: Vec<ModelSpec> = self.grid.iter().filter(|spec| is_series(spec)).cloned().collect();
-        let of = self.spec.thermometer();
-        if self.spec.inputs().len() > 1 || !of.harmonics.is_empty() || of.slow_rate.is_some() {
-            return None;
+    /// What the curve may be beside the fitted one, which gives value and variance at a temperature: what that adds to its uncertainty, and
+    /// where the rows contradict its shape. Neither for models of more than series and zones over one thermometer.
+    ///
+    /// Beside a model that was asked for nothing counts unless the rows contradict it.
+    pub(crate) fn beside_curve(
+        &self,
+        fitted: &Fitted,
+        curve: impl Fn(f64) -> (f64, f64),
+    ) -> (Option<CurveSpread>, Option<LackOfFit>) {
+        let is_of_series = |of: &InputTerms| of.harmonics.is_empty() && of.slow_rate.is_none();
+        if self.spec.inputs().len() > 1 || !is_of_series(self.spec.thermometer()) {
+            return (None, None);
         }
-        if is_series(&self.spec) && !specs.contains(&self.spec) {
+        let is_given = self.grid.len() == 1;
+        let of_all = if is_given { affordable(&self.problem).unwrap_or_default() } else { self.grid.clone() };
+        let mut specs: Vec<ModelSpec> = of_all.into_iter().filter(|spec| spec.thermometer().zones < 2).collect();
+        if self.spec.thermometer().zones < 2 && !specs.contains(&self.spec) {
             specs.push(self.spec.clone());
         }
         let whitening = Whitening::new(self.problem.noise_rows(), self.noise.best);
-        let grades = grade(&self.problem, &whitening, &specs, &self.taus_s)?;
-        spread(&self.problem, grades, &specs, curve)
+        let Some(grades) = grade(&self.problem, &whitening, &specs, &self.taus_s) else { return (None, None) };
+        let of_rows = OfRows { whitening: &whitening, variance: grades.variance, taus: self.taus_s.len() };
+        let series = grades.rivals(&self.problem, &specs);
+        let shapes = beside_series(&self.problem, fitted, of_rows, &curve);
+        // Of the series the selection has judged.
+        let judged = if is_given { series.iter().chain(&shapes).collect() } else { shapes.iter().collect::<Vec<_>>() };
+        let lack = lack_of_fit(&self.problem, fitted, of_rows, &judged, &curve);
+        if is_given && lack.is_none() {
+            return (None, None);
+        }
+        let rivals: Vec<Rival> = series.into_iter().chain(shapes).collect();
+        (spread(&self.problem, &rivals, curve), lack)
     }
 
     /// White variance of a nominal window, (°/h)²: stated, else that of the fit beside this slow noise.

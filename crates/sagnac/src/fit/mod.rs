@@ -33,6 +33,7 @@ mod prepared;
 mod progress;
 mod rate_table_input;
 mod record;
+mod rivals;
 mod robust;
 mod row_noise;
 mod screening;

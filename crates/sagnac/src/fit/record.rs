@@ -390,6 +390,7 @@ fn fit_axis(
         hysteresis: None,
         ramp_rates_cpm: None,
         curve_spread: None,
+        lack_of_fit: None,
         slow_noise: best.terms(chosen.white_variance(&fitted, best).sqrt()),
         noise_exceeds_setup: chosen.noise_exceeds_setup,
         time_effects: time_effects(&fitted, problem, corrects_warm_up),
@@ -424,12 +425,12 @@ fn fit_axis(
         let variance = record.variance_of(&record.drift_weights(celsius, reference_c));
         (record.drift(celsius, reference_c), variance)
     };
-    let spread = chosen.spread(curve);
+    let (spread, lack_of_fit) = chosen.beside_curve(&fitted, curve);
     let profile = points(windows, &run_spans(windows), Some(sensor), |_| 0.0, |_| 0.0);
     let entanglement = entangled(&chosen, &fitted, &profile);
     if let Some(fit) = &mut record.fit {
         fit.soak = forecast;
-        fit.curve_spread = spread;
+        (fit.curve_spread, fit.lack_of_fit) = (spread, lack_of_fit);
         fit.entanglement = entanglement;
     }
     Ok((record, drawn))

@@ -36,7 +36,7 @@ const MOST_BIAS: u8 = 3;
 pub(crate) const MOST_RATE: u8 = 1;
 const MOST_SCALE: u8 = 2;
 /// Zones that are tried, one after the other.
-const ZONES: [u8; 4] = [2, 3, 4, 6];
+pub(crate) const ZONES: [u8; 4] = [2, 3, 4, 6];
 /// Limit on the steps of each direction.
 const MOST_STEPS: usize = 24;
 

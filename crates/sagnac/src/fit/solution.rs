@@ -235,10 +235,16 @@ pub(crate) const FEWEST_DEGREES: f64 = 3.0;
 /// White variance of a nominal window under this noise: mean square of the innovations of generalized least squares.
 pub(crate) fn white_variance(problem: &LeastSquares<'_>, fitted: &Fitted, noise: SlowNoise) -> f64 {
     let whitening = Whitening::new(problem.noise_rows(), noise);
-    let mut design = Design::new(problem, &fitted.terms, &values(&fitted.taus));
-    design.whitening = Some(&whitening);
     let degrees = (problem.len() as f64 - (problem.levels.len() + fitted.terms.len()) as f64).max(1.0);
-    design.factor(&[]).solve_all().map_or(f64::NAN, |solution| solution.ssr / degrees)
+    whitened_misfit(problem, fitted, &whitening).map_or(f64::NAN, |misfit| misfit / degrees)
+}
+
+/// Sum of squares of whitened rows that the terms of a fit do not explain, at its lags and whatever their coefficients; `None` where they
+/// depend on each other.
+pub(crate) fn whitened_misfit(problem: &LeastSquares<'_>, fitted: &Fitted, whitening: &Whitening) -> Option<f64> {
+    let mut design = Design::new(problem, &fitted.terms, &values(&fitted.taus));
+    design.whitening = Some(whitening);
+    design.factor(&[]).solve_all().map(|solution| solution.ssr)
 }
 
 /// A column that a fit does not have, beside its levels and terms.

@@ -19,10 +19,14 @@ pub(crate) struct Shown {
     pub(crate) coverage: f64,
     /// Root mean square error of the curve, °/h.
     pub(crate) error_dph: f64,
+    /// Mean half width of the intervals, °/h.
+    pub(crate) width_dph: f64,
     /// Models that were selected, with how often.
     pub(crate) models: std::collections::BTreeMap<String, usize>,
     /// Part of the records that show more noise than the setup states.
     pub(crate) louder: f64,
+    /// Part of the records that say that their rows contradict the model.
+    pub(crate) lacks: f64,
 }
 
 /// The usual gyro from four cycles, so that the calibration adds little of its own noise.
@@ -61,17 +65,20 @@ pub(crate) fn shown_by(
             let found = axis.evaluate(celsius, 0.0);
             let true_dph = rest(celsius) - rest(25.0);
             let (lower, upper) = (found.lower_dph.unwrap(), found.upper_dph.unwrap());
-            (found.drift_dph - true_dph, lower <= true_dph && true_dph <= upper)
+            (found.drift_dph - true_dph, lower <= true_dph && true_dph <= upper, 0.5 * (upper - lower))
         });
-        (axis.correction.model.clone(), axis.fit.as_ref().unwrap().noise_exceeds_setup, errors)
+        let found = axis.fit.as_ref().unwrap();
+        (axis.correction.model.clone(), [found.noise_exceeds_setup, found.lack_of_fit.is_some()], errors)
     };
     let all: Vec<_> = (0..records).into_par_iter().map(each).collect();
     let mut out = Shown::default();
     let n = (all.len() * AT_C.len()) as f64;
-    for (model, is_louder, errors) in all {
-        out.louder += f64::from(u8::from(is_louder)) / records as f64;
+    for (model, says, errors) in all {
+        let [louder, lacks] = says.map(|said| f64::from(u8::from(said)) / records as f64);
+        (out.louder, out.lacks) = (out.louder + louder, out.lacks + lacks);
         *out.models.entry(model).or_default() += 1;
-        for (error, holds) in errors {
+        for (error, holds, half) in errors {
+            out.width_dph += half / n;
             out.error_dph += error * error / n;
             out.coverage += f64::from(u8::from(holds)) / n;
         }
