@@ -41,6 +41,9 @@ use sagnac_log::error::{Error, Result};
 /// Fraction of the windows in which all inputs of `auto` must be known.
 const KNOWN_TOGETHER: f64 = 0.9;
 
+/// Of the lags of the grid, one of so many judges a model that was asked for.
+const GIVEN_TAUS: usize = 4;
+
 /// A model with the windows for its fit, and how it was found.
 pub(crate) struct Chosen<'a> {
     pub(crate) problem: LeastSquares<'a>,
@@ -337,8 +340,10 @@ impl Chosen<'_> {
             specs.push(self.spec.clone());
         }
         let whitening = Whitening::new(self.problem.noise_rows(), self.noise.best);
-        let Some(grades) = grade(&self.problem, &whitening, &specs, &self.taus_s) else { return (None, None) };
-        let of_rows = OfRows { whitening: &whitening, variance: grades.variance, taus: self.taus_s.len() };
+        // Any lag near the best shows that a rate term is missing.
+        let taus_s: Vec<f64> = self.taus_s.iter().copied().step_by(if is_given { GIVEN_TAUS } else { 1 }).collect();
+        let Some(grades) = grade(&self.problem, &whitening, &specs, &taus_s) else { return (None, None) };
+        let of_rows = OfRows { whitening: &whitening, variance: grades.variance, taus: taus_s.len() };
         let series = grades.rivals(&self.problem, &specs);
         let shapes = beside_series(&self.problem, fitted, of_rows, &curve);
         // Of the series the selection has judged.
