@@ -9,8 +9,9 @@
 //! ```
 //!
 //! with k the columns without a prior and e the effective number of rises, at Akaike's price. A free curve is a random walk over temperature; its λ
-//! goes up a ladder to where one rise may be as large as the whole curve. They count in the average of [`super::averaging`] alone: over a kink, or a
-//! curve that saturates, every series is wrong somewhere by more than the spread among series shows.
+//! goes up a ladder to where one rise may be as large as the whole curve. All count in the average of [`super::averaging`], and judge the fitted model
+//! ([`lack_of_fit`]); none is selected here. Over a kink, or a curve that saturates, every series is wrong somewhere by more than the spread
+//! among series shows.
 //!
 //! Fails where a curve bends sharply in a few places and hardly elsewhere: one λ for the whole span is too small there, and the interval at a
 //! bend too narrow.
