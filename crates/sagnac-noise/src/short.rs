@@ -17,6 +17,9 @@ const MIN_EDF: f64 = 8.0;
 /// Largest number of phases in memory.
 const MAX_HELD: usize = 1 << 18;
 
+/// Phases that are passed on together.
+const TOGETHER: usize = 64;
+
 /// N and Q of a log.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NoiseTerms {
@@ -109,9 +112,14 @@ impl ShortTau {
         if self.running.len() == 0 {
             self.running.push(0.0);
         }
-        for angle in angles {
-            self.phase += angle * arcsec;
-            self.running.push(self.phase);
+        let mut phases = [0.0; TOGETHER];
+        for part in angles.chunks(TOGETHER) {
+            for (phase, angle) in phases.iter_mut().zip(part) {
+                self.phase += angle * arcsec;
+                *phase = self.phase;
+            }
+            // A phase that is not known leaves none behind it that is.
+            self.running.extend(&phases[..part.len()], !self.phase.is_nan());
         }
     }
 

@@ -1,7 +1,7 @@
-//! Transposes rows into columns, block by block.
+//! Rows as they are read, value by value, into columns.
 
 use crate::ingest::header::Layout;
-use crate::ingest::raw::{Faults, RawRows};
+use crate::ingest::raw::{Faults, NO_TIME, RawRows};
 
 /// Use of a column's values.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -18,22 +18,39 @@ pub(crate) enum Slot {
     Skipped,
 }
 
-/// Pending rows, transposed together.
+/// The rows of a piece that is being read.
 #[derive(Clone)]
 pub(crate) struct Cells {
     /// One per column of the log.
-    pub(crate) slots: Vec<Slot>,
+    pub(crate) columns: Vec<Column>,
     has_time: bool,
-    /// Values row by row, as wide as `slots`.
+    pub(crate) times_ns: Vec<i64>,
+    pub(crate) faults: Vec<Faults>,
+}
+
+/// A column of the log.
+#[derive(Clone)]
+pub(crate) struct Column {
+    pub(crate) slot: Slot,
+    /// As in the log; none of a time, a flag, or what is not read.
     pub(crate) values: Vec<f64>,
-    times_ns: Vec<i64>,
-    faults: Vec<Faults>,
+}
+
+impl Column {
+    #[inline(always)]
+    pub(crate) fn push(&mut self, value: f64) {
+        self.values.push(value);
+    }
+
+    fn is_kept(&self) -> bool {
+        !matches!(self.slot, Slot::Time(_) | Slot::Valid | Slot::Skipped)
+    }
 }
 
 impl Cells {
     pub(crate) fn new(layout: &Layout) -> Self {
-        let mut slots = vec![Slot::Skipped; layout.headers.len()];
-        let mut set = |index: usize, slot: Slot| slots[index] = slot;
+        let mut columns = vec![Column { slot: Slot::Skipped, values: Vec::new() }; layout.headers.len()];
+        let mut set = |index: usize, slot: Slot| columns[index].slot = slot;
         layout.time.iter().for_each(|(index, places)| set(*index, Slot::Time(*places)));
         let axes = layout.axes.iter().enumerate();
         axes.for_each(|(n, (index, _, unit))| set(*index, Slot::Axis(n, unit.unwrap_or(1.0))));
@@ -42,10 +59,10 @@ impl Cells {
         layout.valid.iter().for_each(|index| set(*index, Slot::Valid));
         layout.aux.iter().enumerate().for_each(|(n, (index, _))| set(*index, Slot::Aux(n)));
         let has_time = layout.time.is_some();
-        Self { slots, has_time, values: Vec::new(), times_ns: Vec::new(), faults: Vec::new() }
+        Self { columns, has_time, times_ns: Vec::new(), faults: Vec::new() }
     }
 
-    /// Pending rows.
+    /// Complete rows.
     pub(crate) fn len(&self) -> usize {
         self.faults.len()
     }
@@ -59,27 +76,53 @@ impl Cells {
         self.faults.push(faults);
     }
 
+    /// So many rows: the first of those that are there, or with further ones to be filled.
+    pub(crate) fn resize(&mut self, rows: usize) {
+        self.columns.iter_mut().filter(|column| column.is_kept()).for_each(|column| column.values.resize(rows, 0.0));
+        self.times_ns.resize(if self.has_time { rows } else { 0 }, NO_TIME);
+        self.faults.resize(rows, Faults::NONE);
+    }
+
+    /// A row of one value per column of the log.
+    #[cfg(feature = "ulog")]
+    pub(crate) fn push_row(&mut self, values: &[f64], time_ns: i64, faults: Faults) {
+        let columns = self.columns.iter_mut().zip(values).filter(|(column, _)| column.is_kept());
+        columns.for_each(|(column, value)| column.push(*value));
+        self.finish_row(time_ns, faults);
+    }
+
     /// A broken row: all its values are missing.
     #[cfg(feature = "ulog")]
     pub(crate) fn push_broken_row(&mut self) {
-        self.values.resize(self.values.len() + self.slots.len(), f64::NAN);
-        self.finish_row(crate::ingest::raw::NO_TIME, Faults::RAGGED);
+        self.columns.iter_mut().filter(|column| column.is_kept()).for_each(|column| column.push(f64::NAN));
+        self.finish_row(NO_TIME, Faults::RAGGED);
     }
 
-    /// Moves the pending rows into the columns.
+    /// Exchanges the rows for the empty columns of `rows`, in the units of [`RawRows`].
     pub(crate) fn hand_over(&mut self, rows: &mut RawRows) {
-        rows.faults.append(&mut self.faults);
-        for (index, slot) in self.slots.iter().enumerate() {
-            let values = self.values.chunks_exact(self.slots.len()).map(|row| row[index]);
-            match slot {
-                Slot::Time(_) => rows.time_ns.append(&mut self.times_ns),
-                Slot::Axis(n, unit) => rows.axes[*n].extend(values.map(|value| value * unit)),
-                Slot::Temperature(n, zero) => rows.temperatures_c[*n].extend(values.map(|value| value - zero)),
-                Slot::Reference => rows.reference_dps.extend(values),
-                Slot::Aux(n) => rows.aux[*n].extend(values),
-                Slot::Valid | Slot::Skipped => {}
-            }
+        std::mem::swap(&mut rows.faults, &mut self.faults);
+        self.faults.clear();
+        for Column { slot, values } in &mut self.columns {
+            let theirs = match slot {
+                Slot::Time(_) => {
+                    std::mem::swap(&mut rows.time_ns, &mut self.times_ns);
+                    self.times_ns.clear();
+                    continue;
+                }
+                Slot::Axis(n, unit) => {
+                    values.iter_mut().filter(|_| *unit != 1.0).for_each(|value| *value *= *unit);
+                    &mut rows.axes[*n]
+                }
+                Slot::Temperature(n, zero) => {
+                    values.iter_mut().filter(|_| *zero != 0.0).for_each(|value| *value -= *zero);
+                    &mut rows.temperatures_c[*n]
+                }
+                Slot::Reference => &mut rows.reference_dps,
+                Slot::Aux(n) => &mut rows.aux[*n],
+                Slot::Valid | Slot::Skipped => continue,
+            };
+            std::mem::swap(theirs, values);
+            values.clear();
         }
-        self.values.clear();
     }
 }

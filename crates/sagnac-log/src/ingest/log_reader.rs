@@ -361,7 +361,7 @@ impl LogReader {
             let totals = self.running_total.as_ref().map_or(Ok(()), |watch| watch.check(&self.shape.axes));
             return totals.map(|()| false).map_err(|e| e.file(&self.name));
         }
-        self.check.push(&self.rows, &mut self.batch)?;
+        self.check.push(&mut self.rows, &mut self.batch)?;
         if let Some(sketch) = &mut self.sketch {
             sketch.push(&self.batch, self.shape.unit != AngleUnit::Arcsec);
         }

@@ -180,8 +180,8 @@ impl RowValidator {
         Self { watch: self.timed.then(|| PipeWatch::new(self.nominal_ns)), whole_rows: false, ..self }
     }
 
-    /// Checks rows; appends the usable ones to `batch`.
-    pub(crate) fn push(&mut self, rows: &RawRows, batch: &mut Batch) -> Result<()> {
+    /// Checks rows; appends the usable ones to `batch`. Columns of a piece without faults are not copied and are gone from it.
+    pub(crate) fn push(&mut self, rows: &mut RawRows, batch: &mut Batch) -> Result<()> {
         let (mut at, from) = (0, batch.len());
         while at < rows.len() {
             let plain = self.plain_rows(rows, at);
@@ -544,7 +544,7 @@ mod tests {
                 let mut batch = Batch { angle: vec![vec![]], temperature_c, ..Batch::default() };
                 batch.clear();
                 let (first, second) = rows.split_at(cut.min(rows.len()));
-                let ended = check.push(&piece(first, timed), &mut batch).and_then(|()| check.push(&piece(second, timed), &mut batch));
+                let ended = check.push(&mut piece(first, timed), &mut batch).and_then(|()| check.push(&mut piece(second, timed), &mut batch));
                 batch.checked_c.clear();
                 if std::mem::take(&mut batch.plain) {
                     let follow = batch.start_ns.iter().skip(1).zip(&batch.end_ns).all(|(start, end)| start == end);

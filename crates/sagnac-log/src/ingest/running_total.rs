@@ -38,10 +38,12 @@ impl RunningTotal {
     /// The next rows.
     pub(crate) fn push(&mut self, batch: &Batch) {
         for (steps, angle) in self.axes.iter_mut().zip(&batch.angle) {
-            let count = |of: fn(&f64, &f64) -> bool| angle.windows(2).filter(|pair| of(&pair[0], &pair[1])).count();
+            let pairs = angle.windows(2).map(|pair| (pair[0], pair[1]));
+            // Without branches, for noise goes either way.
+            let count =
+                |(rises, falls): (u64, u64), (a, b): (f64, f64)| (rises + u64::from(a < b), falls + u64::from(a > b));
             let first = steps.last.zip(angle.first().copied());
-            steps.rises += count(|a, b| a < b) as u64 + u64::from(first.is_some_and(|(a, b)| a < b));
-            steps.falls += count(|a, b| a > b) as u64 + u64::from(first.is_some_and(|(a, b)| a > b));
+            (steps.rises, steps.falls) = pairs.fold(first.into_iter().fold((steps.rises, steps.falls), count), count);
             steps.last = angle.last().copied().or(steps.last);
         }
     }

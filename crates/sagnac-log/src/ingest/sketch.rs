@@ -16,6 +16,9 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
+use std::ops::Range;
+
+use fearless_simd::{Level, Simd, SimdBase, dispatch, u64x8};
 
 use crate::ingest::Batch;
 
@@ -27,6 +30,8 @@ const KEPT: usize = 64;
 const FEWEST: usize = 24;
 /// Hashes in common that are no chance.
 const COMMON: usize = 8;
+/// Rows hashed together.
+const TOGETHER: usize = 512;
 /// Base of the rolling hash.
 const BASE: u64 = 0x9e37_79b9_7f4a_7c15;
 /// Hexadecimal digits of a kept hash.
@@ -36,11 +41,12 @@ const DIGITS: usize = 8;
 pub(crate) struct Sketch {
     /// Of each axis: its letter, mixed.
     letters: Vec<u64>,
-    /// Σ r_{i−k}·B^k over all rows to the last, and to each of those before it.
-    prefix: u64,
-    before: [u64; ROWS[0]],
+    /// Σ r_{i−k}·B^k over all rows to the last, behind those of as many rows before it as the longest stretch has; zero before the first row.
+    prefixes: Vec<u64>,
     rows: usize,
     stretches: [Stretches; ROWS.len()],
+    /// The vector instructions of this processor.
+    level: Level,
 }
 
 /// The smallest hashes of stretches of one length.
@@ -59,31 +65,56 @@ impl Sketch {
     pub(crate) fn new(letters: Vec<char>) -> Self {
         Self {
             letters: letters.into_iter().map(|letter| mix(u64::from(letter))).collect(),
-            prefix: 0,
-            before: [0; ROWS[0]],
+            prefixes: vec![0; ROWS[0] + 1],
             rows: 0,
             stretches: ROWS.map(Stretches::of),
+            level: Level::new(),
         }
     }
 
     /// The next rows.
     pub(crate) fn push(&mut self, batch: &Batch, whole: bool) {
-        for row in 0..batch.len() {
-            let axes = self.letters.iter().zip(&batch.angle);
-            let of = |(letter, angle): (&u64, &Vec<f64>)| mix(bits_of(angle[row], whole) ^ letter);
-            let value = axes.map(of).fold(0, u64::wrapping_add);
-            self.before[self.rows % ROWS[0]] = self.prefix;
-            self.prefix = self.prefix.wrapping_mul(BASE).wrapping_add(value);
-            self.rows += 1;
-            for stretches in &mut self.stretches {
-                // Of the rows before the stretch; nothing before the first row.
-                let before = self.before[self.rows.wrapping_sub(stretches.length) % ROWS[0]];
-                let hash = mix(self.prefix.wrapping_sub(before.wrapping_mul(stretches.far)));
-                if hash <= stretches.largest && self.rows >= stretches.length {
-                    stretches.keep(hash);
-                }
-            }
+        let ends = (TOGETHER..batch.len()).step_by(TOGETHER).chain([batch.len()]);
+        let mut at = 0;
+        for end in ends {
+            self.push_part(batch, at..end, whole);
+            at = end;
         }
+    }
+
+    /// So few rows that their prefixes stay in the nearest cache.
+    fn push_part(&mut self, batch: &Batch, part: Range<usize>, whole: bool) {
+        let (mut prefix, known) = (self.prefixes[ROWS[0]], ROWS[0] + 1);
+        self.prefixes.resize(known + part.len(), 0);
+        let mut hashes = [0; TOGETHER];
+        for (letter, angles) in self.letters.iter().zip(&batch.angle) {
+            hashes
+                .iter_mut()
+                .zip(&angles[part.clone()])
+                .for_each(|(hash, angle)| *hash = bits_of(*angle, whole) ^ letter);
+            dispatch!(self.level, simd => mix_all(simd, &mut hashes));
+            self.prefixes[known..].iter_mut().zip(&hashes).for_each(|(sum, hash)| *sum = sum.wrapping_add(*hash));
+        }
+        for value in &mut self.prefixes[known..] {
+            prefix = prefix.wrapping_mul(BASE).wrapping_add(*value);
+            *value = prefix;
+        }
+        for stretches in &mut self.stretches {
+            // Nothing before the first whole stretch.
+            let skipped = (stretches.length - 1).saturating_sub(self.rows).min(part.len());
+            let ends = &self.prefixes[known + skipped..];
+            let hashes = &mut hashes[..ends.len()];
+            let pairs = ends.iter().zip(&self.prefixes[known + skipped - stretches.length..]);
+            let far = stretches.far;
+            hashes
+                .iter_mut()
+                .zip(pairs)
+                .for_each(|(hash, (to_last, before))| *hash = to_last.wrapping_sub(before.wrapping_mul(far)));
+            dispatch!(self.level, simd => mix_all(simd, hashes));
+            stretches.look_at(hashes);
+        }
+        self.rows += part.len();
+        self.prefixes.drain(..part.len());
     }
 
     /// The sketch as hexadecimal digits; empty where the log says too little.
@@ -101,6 +132,15 @@ impl Stretches {
     fn of(length: usize) -> Self {
         let far = (0..length).fold(1_u64, |power, _| power.wrapping_mul(BASE));
         Self { length, far, smallest: BTreeSet::new(), largest: u64::MAX, again: BTreeSet::new() }
+    }
+
+    /// Keeps the smallest of these.
+    fn look_at(&mut self, hashes: &[u64]) {
+        for hash in hashes {
+            if *hash <= self.largest {
+                self.keep(*hash);
+            }
+        }
     }
 
     fn keep(&mut self, hash: u64) {
@@ -174,6 +214,20 @@ fn mix(value: u64) -> u64 {
     value ^ (value >> 31)
 }
 
+/// The same of many values.
+#[inline(always)]
+fn mix_all<S: Simd>(simd: S, values: &mut [u64]) {
+    let splat = |value: u64| u64x8::splat(simd, value);
+    let (vectors, rest) = values.as_chunks_mut::<8>();
+    for vector in vectors {
+        let value = u64x8::from_slice(simd, vector) + splat(0x9e37_79b9_7f4a_7c15);
+        let value = (value ^ (value >> 30)) * splat(0xbf58_476d_1ce4_e5b9);
+        let value = (value ^ (value >> 27)) * splat(0x94d0_49bb_1331_11eb);
+        (value ^ (value >> 31)).store_slice(vector);
+    }
+    rest.iter_mut().for_each(|value| *value = mix(*value));
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -185,6 +239,20 @@ mod tests {
             sketch.push(&batch, true);
         }
         sketch.hex()
+    }
+
+    /// Records hold sketches made with other vector instructions, or none.
+    #[test]
+    fn vectors_mix_as_single_values_do() {
+        let values: Vec<u64> = (0..19_u64).map(|n| n.wrapping_mul(BASE) ^ (n << 60)).collect();
+        let expected: Vec<u64> = values.iter().map(|value| mix(*value)).collect();
+        for level in [Level::baseline(), Level::new()] {
+            let mut mixed = values.clone();
+            dispatch!(level, simd => mix_all(simd, &mut mixed));
+            assert_eq!(mixed, expected);
+        }
+        // SplitMix64 from the state 0: its first output, as published with the generator (Steele, Lea, Flood 2014; Vigna's splitmix64.c).
+        assert_eq!(mix(0), 0xe220_a839_7b1d_cdaf);
     }
 
     #[test]

@@ -4,9 +4,11 @@
 //! bytes ─TextFeed▶ pieces of whole lines (in order) ─LineParser▶ RawRows (in any order)
 //! ```
 //!
-//! A row of plain decimals is read in one pass; any other (quotes, exponents, decimal commas, missing
+//! Rows of plain decimals are read column by column; any other (quotes, exponents, decimal commas, missing
 //! fields) is read field by field, with the same result. Memory is bounded for any input: a line without end
 //! is refused, not collected.
+
+mod plain;
 
 use std::io::{BufRead, Read};
 
@@ -18,16 +20,15 @@ use crate::ingest::ReadMode;
 use crate::ingest::cells::{Cells, Slot};
 use crate::ingest::expected::Expected;
 use crate::ingest::header::Layout;
-use crate::ingest::number::{Decimal, parse_flag, parse_time_ns, parse_value};
+use crate::ingest::number::{parse_flag, parse_time_ns, parse_value};
 use crate::ingest::raw::{BAD_TEMPERATURE, Faults, NO_TIME, RawRows};
+use crate::ingest::text::plain::Places;
 use crate::ingest::text_head::is_missing;
 
 /// First words of the comment that `sagnac compensate` puts above its output.
 pub const COMPENSATED_STAMP: &str = "# sagnac compensated";
 /// Longest line of a log.
 pub(crate) const MAX_LINE_BYTES: usize = 1 << 20;
-/// Rows handed over to their columns together.
-const WAITING_ROWS: usize = 512;
 /// Bytes of a piece.
 const PIECE_BYTES: usize = 256 << 10;
 
@@ -115,6 +116,7 @@ pub(crate) struct LineParser {
     delimiter: u8,
     decimal_comma: bool,
     keep_fields: bool,
+    places: Places,
 }
 
 impl LineParser {
@@ -126,6 +128,7 @@ impl LineParser {
             delimiter,
             decimal_comma: delimiter != b',',
             keep_fields: mode != ReadMode::Bulk,
+            places: Places::new(),
         }
     }
 
@@ -134,142 +137,56 @@ impl LineParser {
         rows.reset(self.layout.axes.len(), self.layout.temperatures.len(), self.layout.aux.len());
         self.expected.clear();
         self.expected.resize(self.layout.headers.len(), Expected::default());
+        if !self.keep_fields {
+            self.places.begin(piece);
+        }
         let (mut at, mut line) = (0, 0_u32);
         while at < piece.len() {
-            line += 1;
-            if piece[at] == b'\n' {
-                at += 1;
-                continue;
-            }
-            if !self.keep_fields
-                && let Some(length) = self.plain_row(&piece[at..])
-            {
-                rows.line.push(line);
-                at += length;
-            } else {
-                let length = memchr(b'\n', &piece[at..]).unwrap_or(piece.len() - at);
-                let text = &piece[at..at + length];
-                let text = text.strip_suffix(b"\r").unwrap_or(text);
-                if !text.is_empty() && text[0] != b'#' {
-                    let fields = self.any_row(text);
-                    rows.fields.extend(self.keep_fields.then_some(fields));
-                    rows.line.push(line);
+            if !self.keep_fields {
+                let (plain, end) = self.plain_rows(piece, at);
+                if plain > 0 {
+                    rows.line.extend(line + 1..=line + plain as u32);
+                    line += plain as u32;
+                    at = end;
+                    continue;
                 }
-                at += length + 1;
             }
-            if self.cells.len() == WAITING_ROWS {
-                self.cells.hand_over(rows);
+            let rest = &piece[at..];
+            line += 1;
+            let length = memchr(b'\n', rest).unwrap_or(rest.len());
+            let text = &rest[..length];
+            let text = text.strip_suffix(b"\r").unwrap_or(text);
+            if !text.is_empty() && text[0] != b'#' {
+                let fields = self.any_row(text);
+                rows.fields.extend(self.keep_fields.then_some(fields));
+                rows.line.push(line);
             }
+            at += length + 1;
         }
         self.cells.hand_over(rows);
         rows.lines = u64::from(line);
-    }
-
-    /// Adds a row of as many plain decimals as there are headers to the pending ones; returns its length with the newline.
-    /// `None` for any other row, of which nothing is kept.
-    #[inline]
-    fn plain_row(&mut self, bytes: &[u8]) -> Option<usize> {
-        if *bytes.first()? == b'#' {
-            return None;
-        }
-        let before = self.cells.values.len();
-        let row = self.plain_fields(bytes);
-        if row.is_none() {
-            self.cells.values.truncate(before);
-        }
-        let (length, time_ns, faults) = row?;
-        self.cells.finish_row(time_ns, faults);
-        Some(length)
-    }
-
-    /// Writes the fields to `cells`; returns length, time and faults of the row.
-    #[inline(always)]
-    fn plain_fields(&mut self, bytes: &[u8]) -> Option<(usize, i64, Faults)> {
-        let (mut at, mut time_ns, mut faults) = (0, NO_TIME, Faults::NONE);
-        let last = self.cells.slots.len() - 1;
-        for ((index, slot), expected) in self.cells.slots.iter().enumerate().zip(&mut self.expected) {
-            let mut value = 0.0;
-            let field = bytes.get(at..)?;
-            at += match slot {
-                Slot::Skipped => skipped(field, self.delimiter)?,
-                Slot::Valid => {
-                    faults = match field.first()? {
-                        b'1' => faults,
-                        b'0' => Faults::FLAGGED,
-                        _ => return None,
-                    };
-                    1
-                }
-                Slot::Time(places) => match expected.time_at(field) {
-                    Some((next_ns, length)) => {
-                        time_ns = next_ns;
-                        length
-                    }
-                    None => {
-                        let (decimal, length) = Decimal::read(field)?;
-                        time_ns = decimal.scaled(*places)?;
-                        expected.follow(field, (decimal, length), time_ns);
-                        length
-                    }
-                },
-                // Counts have few digits and rarely repeat.
-                Slot::Axis(..) => {
-                    let (decimal, length) = Decimal::read(field)?;
-                    value = decimal.value()?;
-                    length
-                }
-                Slot::Temperature(..) | Slot::Reference | Slot::Aux(_) => match expected.value_at(field) {
-                    Some((last, length)) => {
-                        value = last;
-                        length
-                    }
-                    None => {
-                        let (decimal, length) = Decimal::read(field)?;
-                        value = decimal.value()?;
-                        expected.repeat(field, length, value);
-                        length
-                    }
-                },
-            };
-            self.cells.values.push(value);
-            if index < last {
-                if *bytes.get(at)? != self.delimiter {
-                    return None;
-                }
-                at += 1;
-            }
-        }
-        at += usize::from(*bytes.get(at)? == b'\r');
-        (*bytes.get(at)? == b'\n').then_some((at + 1, time_ns, faults))
     }
 
     /// Reads any row field by field.
     fn any_row(&mut self, text: &[u8]) -> ByteRecord {
         let record = fields_of(text, self.delimiter);
         let mut time_ns = NO_TIME;
-        let mut faults = Faults::NONE.with(Faults::RAGGED, record.len() != self.cells.slots.len());
-        for (index, slot) in self.cells.slots.iter().enumerate() {
+        let mut faults = Faults::NONE.with(Faults::RAGGED, record.len() != self.cells.columns.len());
+        for (index, column) in self.cells.columns.iter_mut().enumerate() {
             let field = unquoted(record.get(index).unwrap_or(b""));
             let field = if is_missing(field) { b"" } else { field };
-            let value = parse_value(field, self.decimal_comma);
-            self.cells.values.push(match slot {
-                Slot::Temperature(..) if value.is_none() && !field.is_empty() => BAD_TEMPERATURE,
-                _ => value.unwrap_or(f64::NAN),
-            });
-            match slot {
-                Slot::Time(places) => time_ns = parse_time_ns(field, *places, self.decimal_comma).unwrap_or(NO_TIME),
+            let value = || parse_value(field, self.decimal_comma);
+            match column.slot {
+                Slot::Time(places) => time_ns = parse_time_ns(field, places, self.decimal_comma).unwrap_or(NO_TIME),
                 Slot::Valid => faults = faults.with(Faults::FLAGGED, !parse_flag(field).unwrap_or(false)),
-                _ => {}
+                Slot::Skipped => {}
+                Slot::Temperature(..) if !field.is_empty() => column.push(value().unwrap_or(BAD_TEMPERATURE)),
+                _ => column.push(value().unwrap_or(f64::NAN)),
             }
         }
         self.cells.finish_row(time_ns, faults);
         record
     }
-}
-
-/// Length of a field that is not read.
-fn skipped(bytes: &[u8], delimiter: u8) -> Option<usize> {
-    bytes.iter().position(|byte| *byte == delimiter || *byte == b'\n' || *byte == b'\r')
 }
 
 /// The fields of one line. A quote can hold a delimiter, but never reaches beyond its line.
@@ -299,7 +216,7 @@ mod tests {
     use super::*;
 
     fn parser(keep_fields: bool) -> LineParser {
-        let headers = ["time_s", "note", "temperature_k", "counts"].map(str::to_owned).to_vec();
+        let headers = ["time_s", "note", "temperature_k", "counts", "valid"].map(str::to_owned).to_vec();
         let layout = Layout::new(headers, &Default::default(), None).unwrap();
         let mode = if keep_fields { ReadMode::BulkWithText } else { ReadMode::Bulk };
         LineParser::new(&layout, b',', mode)
@@ -334,22 +251,28 @@ mod tests {
             agree(&lines.iter().map(|cells| cells.join(",") + "\n").collect::<String>())?;
         }
 
-        /// The same of rows as a logger writes them: even steps, temperatures that repeat, and now and then something else.
+        /// The same of rows as a logger writes them: even steps, temperatures that repeat, and now and then a line of another kind.
         #[test]
         fn both_readers_agree_on_an_even_log(
             start in 0_u64..3_000_000, places in 0_usize..4, end in prop::sample::select(vec!["\n", "\r\n"]),
-            parts in prop::collection::vec((1_u64..300, 1_usize..60, 2700..3200, any::<i16>(), cell()), 1..12),
+            parts in prop::collection::vec((1_u64..300, 1_usize..90, 2700..3200, any::<i16>(), 0_usize..5, cell()), 1..12),
         ) {
             let (mut at, mut text) = (start, String::new());
-            for (step, count, centikelvin, counts, odd) in parts {
+            for (step, count, centikelvin, counts, kind, odd) in parts {
                 for row in 0..count {
                     at += step;
                     let power = 10_u64.pow(places as u32);
                     let point = if places == 0 { String::new() } else { format!(".{:01$}", at % power, places) };
                     let kelvin = f64::from(centikelvin + i32::from(row > 40)) / 10.0;
-                    text += &format!("{}{point},n{row},{kelvin:.2},{counts}{end}", at / power);
+                    text += &format!("{}{point},n{row},{kelvin:.2},{counts},{}{end}", at / power, u8::from(row != 7));
                 }
-                text += &format!("{odd},,{odd},7{end}");
+                text += &match kind {
+                    0 => format!("{odd},,{odd},7,1{end}"),
+                    1 => format!("# {odd}{end}"),
+                    2 => end.to_owned(),
+                    3 => format!("{at},#,{odd},7{end}"),
+                    _ => String::new(),
+                };
             }
             agree(&text)?;
         }

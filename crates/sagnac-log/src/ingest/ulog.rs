@@ -432,8 +432,7 @@ impl Table {
             let texts = std::iter::once(time_us.to_string()).chain(row[1..].iter().map(text));
             self.fields.push(texts.map(String::into_bytes).collect());
         }
-        self.cells.values.append(&mut row);
-        self.cells.finish_row(time_ns, Faults::NONE);
+        self.cells.push_row(&row, time_ns, Faults::NONE);
     }
 
     fn push_broken_row(&mut self) {

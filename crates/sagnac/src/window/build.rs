@@ -250,6 +250,10 @@ impl WindowBuilder {
         let index = (batch.end_ns[at] - 1 - run.start_ns).div_euclid(length_ns);
         let last_ns = run.start_ns.saturating_add(index.saturating_add(1).saturating_mul(length_ns));
         let in_time = at + batch.end_ns[at..].partition_point(|end| *end <= last_ns);
+        // Valid, an interval each, one after the other.
+        if batch.is_plain() {
+            return in_time.max(at + 1);
+        }
         let joins = |i: usize| self.is_usable(batch, i) && batch.start_ns[i] == batch.end_ns[i - 1];
         (at + 1..in_time).find(|i| !joins(*i)).unwrap_or(in_time)
     }
@@ -292,7 +296,8 @@ impl WindowBuilder {
         let most_ns = 1.5 * self.log.nominal_ns as f64;
         let mut at = rows.start;
         while at < rows.end {
-            let wide = self.weights[at..rows.end].iter().position(|length_ns| *length_ns > most_ns);
+            let is_wide = |length_ns: &f64| *length_ns > most_ns;
+            let wide = (!batch.is_plain()).then(|| self.weights[at..rows.end].iter().position(is_wide)).flatten();
             let end = wide.map_or(rows.end, |wide| at + wide);
             for (short_tau, column) in self.short_tau.iter_mut().zip(unrounded) {
                 short_tau.push(&column[at..end], arcsec);

@@ -178,10 +178,18 @@ pub(super) fn until_split(open: Option<&Sums>, batch: &Batch, rows: Range<usize>
 }
 
 /// Lowest and highest with these values too; NaN is passed over.
-fn extremes_with((mut min, mut max): (f64, f64), values: &[f64]) -> (f64, f64) {
-    for &value in values {
-        min = if value < min { value } else { min };
-        max = if value > max { value } else { max };
+fn extremes_with((min, max): (f64, f64), values: &[f64]) -> (f64, f64) {
+    let lower = |min: f64, value: f64| if value < min { value } else { min };
+    let higher = |max: f64, value: f64| if value > max { value } else { max };
+    let (mut mins, mut maxs) = ([min; LANES], [max; LANES]);
+    let parts = values.chunks_exact(LANES);
+    let rest = parts.remainder();
+    for part in parts {
+        (0..LANES).for_each(|lane| mins[lane] = lower(mins[lane], part[lane]));
+        (0..LANES).for_each(|lane| maxs[lane] = higher(maxs[lane], part[lane]));
     }
-    (min, max)
+    (
+        mins.into_iter().chain(rest.iter().copied()).fold(min, lower),
+        maxs.into_iter().chain(rest.iter().copied()).fold(max, higher),
+    )
 }

@@ -52,9 +52,11 @@ impl RowValidator {
 
     fn is_plain(&self, rows: &RawRows, part: Range<usize>, first: bool) -> bool {
         let sound = rows.faults[part.clone()].iter().fold(true, |all, faults| all & (*faults == Faults::NONE));
+        let most = self.most_quanta;
         let usable = |column: &Vec<f64>| match self.quantum {
+            // A division costs more than the rest of this.
+            Some(1.0) => column[part.clone()].iter().fold(true, |all, counts| all & is_whole(*counts, most)),
             Some(quantum) => {
-                let most = self.most_quanta;
                 column[part.clone()].iter().fold(true, |all, counts| all & is_whole(counts / quantum, most))
             }
             None => column[part.clone()].iter().fold(true, |all, rate| all & (rate.abs() <= MAX_RATE_DPH)),
@@ -69,11 +71,13 @@ impl RowValidator {
         thermometer.are_plain(&column[part], before_c)
     }
 
-    pub(super) fn push_plain(&mut self, rows: &RawRows, part: Range<usize>, batch: &mut Batch) {
+    /// Hands over rows that [`Self::plain_rows`] found; a whole piece without a copy.
+    pub(super) fn push_plain(&mut self, rows: &mut RawRows, part: Range<usize>, batch: &mut Batch) {
         let Some(clock_ns) = self.plain_clock_ns() else { return };
         let (first, end) = (batch.end_ns.len(), batch.end_ns.len() + part.len());
+        batch.line.extend(rows.line[part.clone()].iter().map(|line| rows.lines_before + u64::from(*line)));
         if self.timed {
-            append(&mut batch.end_ns, &rows.time_ns[part.clone()]);
+            hand_over(&mut batch.end_ns, &mut rows.time_ns, &part);
         } else {
             batch.end_ns.extend((1..=part.len() as i64).map(|row| clock_ns + row * self.nominal_ns));
         }
@@ -81,32 +85,46 @@ impl RowValidator {
         batch.start_ns.push(clock_ns);
         append(&mut batch.start_ns, before_ns);
         let (last_ns, before_ns) = (*last_ns, before_ns.last().copied());
-        for (angle, column) in batch.angle.iter_mut().zip(&rows.axes) {
-            let column = &column[part.clone()];
+        for (angle, column) in batch.angle.iter_mut().zip(&mut rows.axes) {
+            hand_over(angle, column, &part);
+            let angle = &mut angle[first..];
             match self.quantum {
-                Some(quantum) => angle.extend(column.iter().map(|counts| nearest(counts / quantum))),
+                Some(1.0) => angle.iter_mut().for_each(|counts| *counts = nearest(*counts)),
+                Some(quantum) => angle.iter_mut().for_each(|counts| *counts = nearest(*counts / quantum)),
                 None if self.timed => {
-                    let durations = batch.end_ns[first..].iter().zip(&batch.start_ns[first..]);
-                    let durations = durations.map(|(end, start)| s_from_ns(end - start));
-                    angle.extend(column.iter().zip(durations).map(|(rate_dph, s)| rate_dph * s));
+                    let rows = batch.end_ns[first..].iter().zip(&batch.start_ns[first..]);
+                    angle.iter_mut().zip(rows).for_each(|(rate_dph, (end, start))| *rate_dph *= s_from_ns(end - start));
                 }
                 None => {
                     let duration_s = s_from_ns(self.nominal_ns);
-                    angle.extend(column.iter().map(|rate_dph| rate_dph * duration_s));
+                    angle.iter_mut().for_each(|rate_dph| *rate_dph *= duration_s);
                 }
             }
         }
-        let pairs = batch.temperature_c.iter_mut().zip(&rows.temperatures_c).chain(batch.aux.iter_mut().zip(&rows.aux));
-        pairs.for_each(|(mine, theirs)| append(mine, &theirs[part.clone()]));
-        append(&mut batch.reference_dps, rows.reference_dps.get(part.clone()).unwrap_or(&[]));
+        let aux = batch.aux.iter_mut().zip(&mut rows.aux);
+        let pairs = batch.temperature_c.iter_mut().zip(&mut rows.temperatures_c).chain(aux);
+        pairs.for_each(|(mine, theirs)| hand_over(mine, theirs, &part));
+        if !rows.reference_dps.is_empty() {
+            hand_over(&mut batch.reference_dps, &mut rows.reference_dps, &part);
+        }
         batch.valid.resize(end, true);
-        batch.line.extend(rows.line[part.clone()].iter().map(|line| rows.lines_before + u64::from(*line)));
         batch.fields.extend_from_slice(rows.fields.get(part.clone()).unwrap_or(&[]));
-        if let (Some(thermometer), Some(column)) = (self.thermometers.first_mut(), rows.temperatures_c.first()) {
-            thermometer.accept(column[part.end - 1], last_ns, before_ns);
+        if let (Some(thermometer), Some(t_c)) =
+            (self.thermometers.first_mut(), batch.temperature_c.first().and_then(|column| column.last()))
+        {
+            thermometer.accept(*t_c, last_ns, before_ns);
         }
         self.clock_ns = Some(last_ns);
         self.rows_read += part.len() as u64;
+    }
+}
+
+/// Appends this part of a column; takes it over if it is the whole of it and nothing was there.
+fn hand_over<T: Copy>(mine: &mut Vec<T>, theirs: &mut Vec<T>, part: &Range<usize>) {
+    if mine.is_empty() && part.len() == theirs.len() {
+        std::mem::swap(mine, theirs);
+    } else {
+        append(mine, &theirs[part.clone()]);
     }
 }
 
