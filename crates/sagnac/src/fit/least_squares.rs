@@ -91,9 +91,31 @@ pub(crate) struct LeastSquares<'a> {
 /// From so many runs on, the columns of each run are reduced by themselves.
 const MANY_RUNS: usize = 4;
 
-/// Rate columns at the τ of the grid by input, which every model asks for. A second lag has the columns of the first.
+/// Rate columns at the τ of the grid, which every model asks for. A second lag has the columns of the first.
+#[derive(Clone, Default)]
+struct KnownRates(Arc<RwLock<Vec<KnownRate>>>);
+
+/// Those of a signal over a span.
+struct KnownRate {
+    signal: Signal,
+    span: Span,
+    tau_s: f64,
+    rows: RateRows,
+}
+
+/// Rate columns that the problems of an axis have in common: each of a search has the same rows, unless an input of it has gaps.
 #[derive(Default)]
-struct KnownRates(RwLock<Vec<(usize, f64, RateRows)>>);
+pub(crate) struct CommonRates(OnceLock<(Vec<usize>, KnownRates)>);
+
+impl CommonRates {
+    /// Lets a problem have them if its rows are those of the first.
+    pub(crate) fn join(&self, problem: &mut LeastSquares<'_>) {
+        let (used, known) = self.0.get_or_init(|| (problem.used.clone(), problem.known_rates.clone()));
+        if *used == problem.used {
+            problem.known_rates = known.clone();
+        }
+    }
+}
 
 /// Rate columns of all rows.
 pub(crate) type RateRows = Arc<[RateRow]>;
@@ -102,18 +124,24 @@ pub(crate) type RateRows = Arc<[RateRow]>;
 pub(crate) type RateRow = [f64; RATE_COLUMNS];
 
 impl KnownRates {
-    fn find(&self, input: usize, tau_s: f64) -> Option<RateRows> {
+    fn find(&self, of: &SampledInput, tau_s: f64) -> Option<RateRows> {
         let known = self.0.read().ok()?;
-        known.iter().find(|(of, other, _)| *of == input && *other == tau_s).map(|(.., rows)| Arc::clone(rows))
+        known.iter().find(|rate| rate.is_of(of, tau_s)).map(|rate| Arc::clone(&rate.rows))
     }
 
-    fn keep(&self, input: usize, tau_s: f64, rows: &RateRows) {
+    fn keep(&self, of: &SampledInput, tau_s: f64, rows: &RateRows) {
         if let Ok(mut known) = self.0.write()
             && (known.len() + 1) * rows.len() <= MOST_KNOWN_ROWS
-            && known.iter().all(|(of, other, _)| *of != input || *other != tau_s)
+            && !known.iter().any(|rate| rate.is_of(of, tau_s))
         {
-            known.push((input, tau_s, Arc::clone(rows)));
+            known.push(KnownRate { signal: of.signal, span: of.span, tau_s, rows: Arc::clone(rows) });
         }
+    }
+}
+
+impl KnownRate {
+    fn is_of(&self, input: &SampledInput, tau_s: f64) -> bool {
+        self.signal == input.signal && self.span == input.span && self.tau_s == tau_s
     }
 }
 
@@ -389,10 +417,10 @@ impl<'a> LeastSquares<'a> {
     /// Means of Ṫ·T₀ … Ṫ·T₃ of every row, °C/min.
     pub(crate) fn rate_columns(&self, input: usize, tau_s: f64) -> RateRows {
         let input = self.source(input);
-        self.known_rates.find(input, tau_s).unwrap_or_else(|| {
+        self.known_rates.find(&self.inputs[input], tau_s).unwrap_or_else(|| {
             let rows = self.computed_rates(input, tau_s);
             if self.tau_grid().contains(&tau_s) {
-                self.known_rates.keep(input, tau_s, &rows);
+                self.known_rates.keep(&self.inputs[input], tau_s, &rows);
             }
             rows
         })

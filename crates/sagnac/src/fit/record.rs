@@ -22,7 +22,7 @@ use crate::fit::correction::{ImageCheck, recorded_inputs, terms};
 use crate::fit::effects::Parts;
 use crate::fit::entanglement::entangled;
 use crate::fit::exclusions;
-use crate::fit::least_squares::{LeastSquares, Level, TermColumn};
+use crate::fit::least_squares::{CommonRates, LeastSquares, Level, TermColumn};
 use crate::fit::monomial::monomials;
 use crate::fit::plateaus::repeatability;
 use crate::fit::progress::Progress;
@@ -343,10 +343,12 @@ fn fit_axis(
         turning.check_scale(windows, axis, stages.test.scale_factor_deviation_max_ppm)?;
     }
     let progress = options.progress.of_axis(letter);
+    let common = CommonRates::default();
     let make = |signals: &[Signal]| {
         let prior = options.prior.as_ref();
         let mut problem = LeastSquares::new(windows, axis, signals, reference_c, min_span_c, turning.clone(), prior)?;
         problem.progress = progress.clone();
+        common.join(&mut problem);
         Ok(problem)
     };
     let holder = Holder {
