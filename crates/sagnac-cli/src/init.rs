@@ -271,7 +271,7 @@ fn guess(column: &SampleColumn, used: &mut BTreeSet<String>) -> Option<Guess> {
     } else if has(&FLAG) {
         Some(Guess { role: "valid".to_owned(), guessed: vec!["by its name".to_owned()] })
     } else {
-        by_unit(column, unit.as_deref()?, &words, &axis)
+        by_unit(column, unit.as_deref().or_else(|| behind_blank(header))?, &words, &axis)
     }?;
     (made.role == "ignore" || used.insert(kind_of(&made.role))).then_some(made)
 }
@@ -288,6 +288,12 @@ fn by_unit(column: &SampleColumn, unit: &str, words: &[String], axis: &str) -> O
         return None;
     };
     Some(Guess { guessed: vec![format!("by its unit, {unit}")], ..guess })
+}
+
+/// The last word of a header, which may be a unit: `Chamber °C`. One letter alone names a channel as often.
+fn behind_blank(header: &str) -> Option<&str> {
+    let (_, last) = header.trim_end().rsplit_once(char::is_whitespace)?;
+    (last.chars().count() > 1).then_some(last)
 }
 
 /// What a log has once: a role, or the time as a number in whatever unit. Dates may stand beside such a time.

@@ -272,7 +272,7 @@ fn init_writes_a_setup_that_calibrate_runs_from() {
     };
     let plain = record("plain.csv", &[]);
     let total = |time: usize| (0..time).map(|at| row(at).2).sum::<usize>();
-    let odd: [(&str, String, &[&str]); 6] = [
+    let odd: [(&str, String, &[&str]); 7] = [
         (
             "german.csv",
             format!(
@@ -303,6 +303,14 @@ fn init_writes_a_setup_that_calibrate_runs_from() {
                 rows(|time, celsius, counts| format!("{time};{};{counts}", german(celsius)))
             ),
             &["\"temperature_c_block\"   # GUESS: by its unit, °C", "\"counts_x\"   # GUESS: by its unit, Impulse"],
+        ),
+        (
+            "behind-blank.csv",
+            format!(
+                "Zeit s;Kammer °C;Channel C;Kreisel Impulse\n{}",
+                rows(|time, celsius, counts| format!("{time};{};7;{counts}", german(celsius)))
+            ),
+            &["\"temperature_c_kammer\"   # GUESS: by its unit, °C", "\"Channel C\" = \"ignore\""],
         ),
         (
             "more.csv",
