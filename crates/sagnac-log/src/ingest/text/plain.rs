@@ -7,7 +7,8 @@
 //! A pass is a short loop whose state stays in registers. The first row that is not as many plain decimals as the log has columns ends the
 //! rows before it; it is read field by field, with the same result (a property test holds it).
 //!
-//! Saves nothing where every other row has quotes, exponents, or missing fields: after such a row one is tried, then two, and so on.
+//! Saves nothing where every other row has quotes, exponents, or missing fields: after such a row one is tried, then two, and so on. Where
+//! every third row is such a one, a log takes a fifth longer than by single rows.
 
 use fearless_simd::{Level, Simd, SimdBase, SimdMask, dispatch, u8x64};
 
