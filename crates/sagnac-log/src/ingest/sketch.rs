@@ -86,14 +86,15 @@ impl Sketch {
     fn push_part(&mut self, batch: &Batch, part: Range<usize>, whole: bool) {
         let (mut prefix, known) = (self.prefixes[ROWS[0]], ROWS[0] + 1);
         self.prefixes.resize(known + part.len(), 0);
-        let mut hashes = [0; TOGETHER];
+        let mut room = [0; TOGETHER];
+        let hashes = &mut room[..part.len()];
         for (letter, angles) in self.letters.iter().zip(&batch.angle) {
             hashes
                 .iter_mut()
                 .zip(&angles[part.clone()])
                 .for_each(|(hash, angle)| *hash = bits_of(*angle, whole) ^ letter);
-            dispatch!(self.level, simd => mix_all(simd, &mut hashes));
-            self.prefixes[known..].iter_mut().zip(&hashes).for_each(|(sum, hash)| *sum = sum.wrapping_add(*hash));
+            dispatch!(self.level, simd => mix_all(simd, hashes));
+            self.prefixes[known..].iter_mut().zip(&*hashes).for_each(|(sum, hash)| *sum = sum.wrapping_add(*hash));
         }
         for value in &mut self.prefixes[known..] {
             prefix = prefix.wrapping_mul(BASE).wrapping_add(*value);
