@@ -19,10 +19,11 @@
 //! separate its constant from ε0.
 
 use std::ops::Range;
-use std::sync::{Arc, OnceLock, RwLock};
+use std::sync::{Arc, OnceLock};
 
 use crate::calibration::{Plateau, SCALE_AT_REFERENCE};
 use crate::fit::exclusions;
+use crate::fit::known_rates::KnownRates;
 use crate::fit::lag::{LagRate, RATE_COLUMNS, Stretches, Track, stretches};
 use crate::fit::plateaus::plateaus_of;
 use crate::fit::progress::Progress;
@@ -42,8 +43,6 @@ use sagnac_units::s_from_ns;
 const RATE_MARGIN: f64 = 1.5;
 /// Number of τ in the grid, before the refinement.
 const TAU_STEPS: usize = 24;
-/// Rows of rate columns that are kept: 64 MB.
-const MOST_KNOWN_ROWS: usize = 2_000_000;
 
 /// The used windows of one axis.
 pub(crate) struct LeastSquares<'a> {
@@ -78,7 +77,7 @@ pub(crate) struct LeastSquares<'a> {
     pub(crate) turning: Option<RateTableInput>,
     /// Told what is being done.
     pub(crate) progress: Progress,
-    known_rates: KnownRates,
+    pub(super) known_rates: KnownRates,
     /// Per input and run: its temperatures in stretches where these are few, from when they are first needed.
     tracks: Vec<OnceLock<Vec<Option<Stretches>>>>,
     /// Per run: start and end of each row's window, s from the start of the run.
@@ -91,59 +90,11 @@ pub(crate) struct LeastSquares<'a> {
 /// From so many runs on, the columns of each run are reduced by themselves.
 const MANY_RUNS: usize = 4;
 
-/// Rate columns at the τ of the grid, which every model asks for. A second lag has the columns of the first.
-#[derive(Clone, Default)]
-struct KnownRates(Arc<RwLock<Vec<KnownRate>>>);
-
-/// Those of a signal over a span.
-struct KnownRate {
-    signal: Signal,
-    span: Span,
-    tau_s: f64,
-    rows: RateRows,
-}
-
-/// Rate columns that the problems of an axis have in common: each of a search has the same rows, unless an input of it has gaps.
-#[derive(Default)]
-pub(crate) struct CommonRates(OnceLock<(Vec<usize>, KnownRates)>);
-
-impl CommonRates {
-    /// Lets a problem have them if its rows are those of the first.
-    pub(crate) fn join(&self, problem: &mut LeastSquares<'_>) {
-        let (used, known) = self.0.get_or_init(|| (problem.used.clone(), problem.known_rates.clone()));
-        if *used == problem.used {
-            problem.known_rates = known.clone();
-        }
-    }
-}
-
 /// Rate columns of all rows.
 pub(crate) type RateRows = Arc<[RateRow]>;
 
 /// Means of Ṫ·T₀ … Ṫ·T₃ over a row, °C/min.
 pub(crate) type RateRow = [f64; RATE_COLUMNS];
-
-impl KnownRates {
-    fn find(&self, of: &SampledInput, tau_s: f64) -> Option<RateRows> {
-        let known = self.0.read().ok()?;
-        known.iter().find(|rate| rate.is_of(of, tau_s)).map(|rate| Arc::clone(&rate.rows))
-    }
-
-    fn keep(&self, of: &SampledInput, tau_s: f64, rows: &RateRows) {
-        if let Ok(mut known) = self.0.write()
-            && (known.len() + 1) * rows.len() <= MOST_KNOWN_ROWS
-            && !known.iter().any(|rate| rate.is_of(of, tau_s))
-        {
-            known.push(KnownRate { signal: of.signal, span: of.span, tau_s, rows: Arc::clone(rows) });
-        }
-    }
-}
-
-impl KnownRate {
-    fn is_of(&self, input: &SampledInput, tau_s: f64) -> bool {
-        self.signal == input.signal && self.span == input.span && self.tau_s == tau_s
-    }
-}
 
 /// A column before the terms: part of the fit, never of the correction.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -20,6 +20,7 @@ mod exclusions;
 mod folds;
 mod grid;
 mod input_noise;
+mod known_rates;
 mod lag;
 mod least_squares;
 mod likelihood;
