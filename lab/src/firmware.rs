@@ -268,7 +268,7 @@ fn worst(full: &Image) -> Result<Image> {
 /// The C export with `firmware/c/measure.c`, for the emulated Cortex-M4F.
 fn c_measure(folder: &Path) -> Result<PathBuf> {
     let elf = folder.join("measure.elf");
-    let sources = root().join("crates/sagnac/src/export/c");
+    let sources = root().join("ports/c");
     let include = format!("-I{}", text(&sources)?);
     let files = ["sagnac_compensator.c", "sagnac_integer.c"].map(|name| sources.join(name));
     let own = ["measure.c", "vectors_mps2.c"].map(|name| root().join("firmware/c").join(name));

@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use sagnac::compare::compare as compared;
 use sagnac::diagnostics::ReportData;
-use sagnac::export::{c_files, encode, image_bytes};
+use sagnac::export::{encode, image_bytes};
 use sagnac::fit::{FitOptions, Loss, calibrate_with_report_data};
 use sagnac::fleet::PriorFile;
 use sagnac::verify::{Compensated, Correction, Replay, VerifyOptions, status_text, verify};
@@ -18,6 +18,7 @@ use sagnac_core::{Image, Status};
 use sagnac_log::MemoryBudget;
 use sagnac_log::ingest::{AngleUnit, LogShape, ReadMode, sha256};
 use sagnac_log::write::write_bytes;
+use sagnac_ports::c_files;
 use sagnac_report::calibration_report;
 use sagnac_units::s_from_ns;
 
@@ -193,7 +194,11 @@ impl Calibration {
         let files = c_files(&self.images(sequence).map_err(exception)?, None);
         let paths: Vec<PathBuf> = files.iter().map(|file| folder.join(&file.name)).collect();
         let write = || -> Result<()> {
-            files.iter().zip(&paths).try_for_each(|(file, path)| file.check_place(path))?;
+            if let Some((_, path)) = files.iter().zip(&paths).find(|(file, path)| !file.may_replace(path)) {
+                return Err(Error::input("an export would replace this file, which is not its own")
+                    .file(path.display().to_string())
+                    .help("export into an empty folder"));
+            }
             for (file, path) in files.iter().zip(&paths) {
                 let above = path.parent().unwrap_or(Path::new("."));
                 std::fs::create_dir_all(above).map_err(|e| Error::io_path(above, "make the folder", &e))?;

@@ -113,7 +113,7 @@ def test_images_and_sources_are_the_programs(unit: sagnac.Calibration, record: P
     for name in names:
         assert (tmp_path / "package" / name).read_bytes() == (tmp_path / "program" / name).read_bytes()
     (tmp_path / "package" / "Makefile").write_text("mine:\n")
-    with pytest.raises(sagnac.InputError, match="would be replaced"):
+    with pytest.raises(sagnac.InputError, match="would replace this file"):
         unit.export_c(tmp_path / "package")
 
 

@@ -6,13 +6,14 @@ use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 use sagnac::calibration::{Calibration, InputSource, UNASSIGNED};
-use sagnac::export::{TextFile, c_files, codes, data_sheet, encode, image_bytes, verilog_files};
+use sagnac::export::{codes, data_sheet, encode, image_bytes};
 use sagnac::{Error, Result};
 use sagnac_board::Message;
 use sagnac_core::{Image, MAX_SEQUENCE, SignatureBlock};
 use sagnac_log::ingest::{hex, sha256};
 use sagnac_log::write::write_bytes;
 use sagnac_loops::{LoopTable, TABLE_MAGIC};
+use sagnac_ports::{TextFile, c_files, verilog_files};
 use sagnac_sim::LoopDesign;
 
 use crate::console::{Console, Outcome, Ran};
@@ -120,9 +121,12 @@ fn files(args: &Args) -> Files {
 fn folders(args: &Args, made: &[(PathBuf, Vec<TextFile>)], console: &mut Console) -> Ran {
     let names = made.iter().flat_map(|(path, files)| files.iter().map(|file| path.join(&file.name)));
     files(args).writes(names).makes(made.iter().map(|(path, _)| path)).check()?;
-    made.iter()
-        .flat_map(|(path, files)| files.iter().map(|file| (path.join(&file.name), file)))
-        .try_for_each(|(path, file)| file.check_place(&path))?;
+    let mut places = made.iter().flat_map(|(path, files)| files.iter().map(|file| (path.join(&file.name), file)));
+    if let Some((path, _)) = places.find(|(path, file)| !file.may_replace(path)) {
+        return Err(Error::input("an export would replace this file, which is not its own")
+            .file(path.display().to_string())
+            .help("export into an empty folder: -o NEW-FOLDER"));
+    }
     for (path, files) in made {
         folder(path, files, console)?;
     }

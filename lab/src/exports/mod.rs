@@ -7,9 +7,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
-use sagnac::export::TextFile;
 use sagnac_core::Image;
 use sagnac_loops::LoopTable;
+use sagnac_ports::TextFile;
 use sagnac_vectors::{MAX_TABLE, RECORD, Words};
 
 pub(crate) use self::c::c;

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use anyhow::{Context, Result};
-use sagnac::export::hex_words;
+use sagnac_ports::hex_words;
 use sagnac_vectors::{INPUTS, MAGIC, Machine, Module};
 
 use crate::bless::Made;

@@ -59,10 +59,10 @@ pub(crate) fn make() -> Result<Vec<Made>> {
             references(&path, &mut all, |requirement, place| requirement.tests.insert(place))?;
         }
     }
-    for path in sources("crates/sagnac/src/export/c", "c")? {
+    for path in sources("ports/c", "c")? {
         references(&path, &mut all, |requirement, place| requirement.c.insert(place))?;
     }
-    for path in sources("crates/sagnac/src/export/verilog", "v")? {
+    for path in sources("ports/verilog", "v")? {
         let module = path.file_stem().context("a name")?.to_string_lossy().into_owned();
         references(&path, &mut all, |requirement, _| requirement.verilog.insert(module.clone()))?;
     }

@@ -18,7 +18,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
-use sagnac::export::c_files;
+use sagnac_ports::c_files;
 use xtask::debian::{self, need};
 use xtask::shell::{output, root, stdout_of, text};
 

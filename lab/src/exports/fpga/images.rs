@@ -5,10 +5,10 @@ use std::fmt::Write as _;
 use anyhow::{Context, Result, ensure};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
-use sagnac::export::hex_words;
 use sagnac_core::{
     DecodeError, Description, Gain, Image, InputSpec, Kind, LagSpec, MAX_INPUTS, Multiplier, Shape, Term, ValueSource,
 };
+use sagnac_ports::hex_words;
 use sagnac_vectors::{MAGIC, Module};
 
 use super::verdict::{Hardware, verdict};

@@ -8,7 +8,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
-use sagnac::export::verilog_files;
+use sagnac_ports::verilog_files;
 use xtask::debian::{self, need};
 use xtask::shell::{output, root, stdout_of, text};
 

@@ -11,12 +11,12 @@ use flate2::read::GzDecoder;
 use sagnac_core::{Image, InputSpec, Kind, Multiplier, Shape, Term, ValueSource};
 use sagnac_loops::LoopTable;
 
-use super::TextFile;
+use crate::TextFile;
 
 /// A module: its header and its source.
 macro_rules! modules {
     ($($name:literal),+ $(,)?) => {
-        [$((concat!($name, ".h"), include_str!(concat!("c/", $name, ".h"))), (concat!($name, ".c"), include_str!(concat!("c/", $name, ".c")))),+]
+        [$((concat!($name, ".h"), include_str!(concat!("../c/", $name, ".h"))), (concat!($name, ".c"), include_str!(concat!("../c/", $name, ".c")))),+]
     };
 }
 
@@ -40,9 +40,9 @@ const MODULES: [(&str, &str); 30] = modules!(
 );
 
 const CHECK: [(&str, &str); 3] = [
-    ("check/check_vectors.c", include_str!("../../../../firmware/c/check_vectors.c")),
-    ("Makefile", include_str!("c/Makefile")),
-    ("README.md", include_str!("c/README.md")),
+    ("check/check_vectors.c", include_str!("../../firmware/c/check_vectors.c")),
+    ("Makefile", include_str!("../c/Makefile")),
+    ("README.md", include_str!("../c/README.md")),
 ];
 /// What the checking program reads, packed by build.rs.
 const VECTORS: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/vectors.gz"));
@@ -269,7 +269,7 @@ mod tests {
     /// Every file of testdata/vectors, byte for byte.
     #[test]
     fn the_vectors_are_those_of_the_project() {
-        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../testdata");
+        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../testdata");
         let packed = vectors();
         assert_eq!(packed.len(), std::fs::read_dir(format!("{folder}/vectors")).unwrap().count());
         for file in packed {

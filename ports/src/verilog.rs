@@ -5,29 +5,29 @@
 //! first lines of the image say what hardware it needs. Test benches that check themselves against the reference vectors
 //! (`docs/reference/vectors.md`) are included. Sizes and frequencies: `docs/explanation/fpga.md`.
 
-use sagnac_core::{Image, MAX_INCREMENT, Shape, ValueSource};
+use sagnac_core::{Image, MAX_IMAGE_LEN, MAX_INCREMENT, Shape, ValueSource};
 use sagnac_loops::LoopTable;
 
-use super::{TextFile, image_bytes};
+use crate::TextFile;
 
 const MODULES: [(&str, &str); 8] = [
-    ("sagnac_fast.v", include_str!("verilog/sagnac_fast.v")),
-    ("sagnac_series.v", include_str!("verilog/sagnac_series.v")),
-    ("sagnac_image.v", include_str!("verilog/sagnac_image.v")),
-    ("sagnac_correction.v", include_str!("verilog/sagnac_correction.v")),
-    ("sagnac_axi4_lite.v", include_str!("verilog/sagnac_axi4_lite.v")),
-    ("sagnac_quadrature.v", include_str!("verilog/sagnac_quadrature.v")),
-    ("sagnac_watch.v", include_str!("verilog/sagnac_watch.v")),
-    ("sagnac_vote.v", include_str!("verilog/sagnac_vote.v")),
+    ("sagnac_fast.v", include_str!("../verilog/sagnac_fast.v")),
+    ("sagnac_series.v", include_str!("../verilog/sagnac_series.v")),
+    ("sagnac_image.v", include_str!("../verilog/sagnac_image.v")),
+    ("sagnac_correction.v", include_str!("../verilog/sagnac_correction.v")),
+    ("sagnac_axi4_lite.v", include_str!("../verilog/sagnac_axi4_lite.v")),
+    ("sagnac_quadrature.v", include_str!("../verilog/sagnac_quadrature.v")),
+    ("sagnac_watch.v", include_str!("../verilog/sagnac_watch.v")),
+    ("sagnac_vote.v", include_str!("../verilog/sagnac_vote.v")),
 ];
 const BENCHES: [(&str, &str); 3] = [
-    ("tb_compensator.v", include_str!("verilog/tb_compensator.v")),
-    ("tb_quadrature.v", include_str!("verilog/tb_quadrature.v")),
-    ("tb_watch.v", include_str!("verilog/tb_watch.v")),
+    ("tb_compensator.v", include_str!("../verilog/tb_compensator.v")),
+    ("tb_quadrature.v", include_str!("../verilog/tb_quadrature.v")),
+    ("tb_watch.v", include_str!("../verilog/tb_watch.v")),
 ];
 const PATH_LENGTH: [(&str, &str); 2] = [
-    ("sagnac_path_length.v", include_str!("verilog/sagnac_path_length.v")),
-    ("tb_path_length.v", include_str!("verilog/tb_path_length.v")),
+    ("sagnac_path_length.v", include_str!("../verilog/sagnac_path_length.v")),
+    ("tb_path_length.v", include_str!("../verilog/tb_path_length.v")),
 ];
 
 // The increment's 48 bits hold that of every legal image, with the rounding of each term and of the sum, and the few 2^-31 by which
@@ -55,7 +55,10 @@ fn image_words(image: &Image) -> String {
         char::from(d.axis),
         needed_hardware(image)
     );
-    out.push_str(&hex_words(&image_bytes(image)));
+    let mut bytes = [0; MAX_IMAGE_LEN];
+    // The room holds every image.
+    let len = image.encode(&mut bytes).unwrap_or(0);
+    out.push_str(&hex_words(&bytes[..len]));
     out
 }
 
