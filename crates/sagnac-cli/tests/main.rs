@@ -3,7 +3,6 @@
 mod acceptance;
 mod allan;
 mod bench;
-mod bench_page;
 mod cli;
 mod compare;
 mod controls;
