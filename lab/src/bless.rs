@@ -15,25 +15,11 @@ use flate2::read::GzDecoder;
 use xtask::shell::root;
 
 use crate::generated::{
-    chamber, circle, errors, evidence, faults, first_bytes, glossary, image, manual, pages, requirements,
-    scenario_keys, schema, vectors,
+    chamber, circle, errors, faults, first_bytes, glossary, image, manual, pages, requirements, scenario_keys, schema,
+    vectors,
 };
+use crate::made::Made;
 use crate::program::Program;
-
-/// A generated file; the path is relative to the workspace.
-#[derive(Clone)]
-pub(crate) struct Made {
-    /// Its path.
-    pub(crate) path: String,
-    /// Its content.
-    pub(crate) bytes: Vec<u8>,
-}
-
-impl Made {
-    pub(crate) fn new(path: impl Into<String>, bytes: impl Into<Vec<u8>>) -> Self {
-        Self { path: path.into(), bytes: bytes.into() }
-    }
-}
 
 /// How files are made, by name.
 enum Make {
@@ -41,13 +27,10 @@ enum Make {
     Here(fn() -> Result<Vec<Made>>),
     /// By running the program.
     ByProgram(fn(&Program) -> Result<Vec<Made>>),
-    /// By files of tests that take minutes, all or those named behind `=`: only where it is named itself; `--check` looks for what it can
-    /// see without them.
-    ByTests { make: fn(&[&str]) -> Result<Vec<Made>>, stale: fn() -> Result<Vec<String>> },
 }
 
 /// All generated files. Those of the libraries come first: the program reads some.
-const FILES: [(&str, Make); 15] = [
+const FILES: [(&str, Make); 13] = [
     ("testdata", Make::Here(chamber::make)),
     ("image", Make::Here(image::make)),
     ("vectors", Make::Here(vectors::make)),
@@ -61,11 +44,9 @@ const FILES: [(&str, Make); 15] = [
     ("errors", Make::ByProgram(errors::make)),
     ("faults", Make::ByProgram(faults::make)),
     ("pages", Make::ByProgram(pages::make)),
-    ("evidence", Make::ByTests { make: evidence::make, stale: evidence::stale }),
-    ("study", Make::ByTests { make: evidence::make_study, stale: || Ok(Vec::new()) }),
 ];
 
-/// Makes the named files, or all but those of tests, and writes those that differ. With `--check` nothing is written:
+/// Makes the named files, or all, and writes those that differ. With `--check` nothing is written:
 /// any difference is an error that names the file.
 pub(crate) fn bless(args: &[&str]) -> Result<()> {
     let check = args.contains(&"--check");
@@ -77,30 +58,24 @@ pub(crate) fn bless(args: &[&str]) -> Result<()> {
         println!("bless: every generated file is up to date");
         return Ok(());
     }
-    // `evidence=hidden,copies`: these files of tests alone.
-    let files: Vec<&str> =
-        names.iter().filter_map(|name| Some(name.split_once('=')?.1)).flat_map(|of| of.split(',')).collect();
-    let names: Vec<&str> = names.iter().map(|name| name.split_once('=').map_or(*name, |(name, _)| name)).collect();
     for (name, make) in chosen(&names)? {
-        if names.is_empty() && matches!(make, Make::ByTests { .. }) {
-            println!("{name} runs tests for minutes or hours: `cargo xtask bless {name}` makes it");
-            continue;
-        }
-        for made in made(name, make, &files, &program)? {
+        for made in made(name, make, &program)? {
             write(&made)?;
         }
     }
     Ok(())
 }
 
+/// Names of the files that the program makes.
+pub fn of_program() -> Vec<&'static str> {
+    FILES.iter().filter_map(|(name, make)| matches!(make, Make::ByProgram(_)).then_some(*name)).collect()
+}
+
 /// The stale files of these names (none: of all), each with its first difference.
 pub fn stale(names: &[&str], program: &Program) -> Result<Vec<String>> {
     let mut stale = Vec::new();
     for (name, make) in chosen(names)? {
-        match make {
-            Make::ByTests { stale: of_tests, .. } => stale.extend(of_tests()?),
-            _ => stale.extend(made(name, make, &[], program)?.iter().filter_map(difference)),
-        }
+        stale.extend(made(name, make, program)?.iter().filter_map(difference));
     }
     Ok(stale)
 }
@@ -113,11 +88,10 @@ fn chosen(names: &[&str]) -> Result<Vec<&'static (&'static str, Make)>> {
     Ok(FILES.iter().filter(|(name, _)| names.is_empty() || names.contains(name)).collect())
 }
 
-fn made(name: &str, make: &Make, files: &[&str], program: &Program) -> Result<Vec<Made>> {
+fn made(name: &str, make: &Make, program: &Program) -> Result<Vec<Made>> {
     let made = match make {
         Make::Here(make) => make(),
         Make::ByProgram(make) => make(program),
-        Make::ByTests { make, .. } => make(files),
     };
     made.with_context(|| format!("{name} cannot be made"))
 }
@@ -164,59 +138,13 @@ fn first_difference(committed: &str, anew: &str) -> String {
 mod tests {
     use super::*;
 
-    /// CI skips these: `bless --check` does the same for all files.
-    mod generated_files_are_as_they_are_made {
-        use super::*;
-
-        fn holds(name: &str) {
-            let stale = stale(&[name], &Program::at("not used")).unwrap();
-            assert!(stale.is_empty(), "{}\nrun `cargo xtask bless {name}`", stale.join("\n"));
-        }
-
-        #[test]
-        fn logs_in_testdata() {
-            holds("testdata");
-        }
-
-        #[test]
-        fn image_and_its_hexdump() {
-            holds("image");
-        }
-
-        #[test]
-        fn reference_vectors() {
-            holds("vectors");
-        }
-
-        #[test]
-        fn schema_of_the_record_and_its_tables() {
-            holds("schema");
-        }
-
-        #[test]
-        fn the_glossary_of_the_book() {
-            holds("glossary");
-        }
-
-        #[test]
-        fn keys_of_a_scenario() {
-            holds("scenario");
-        }
-
-        #[test]
-        fn the_first_bytes_are_those_of_every_machine() {
-            holds("first-bytes");
-        }
-
-        #[test]
-        fn the_table_of_evidence() {
-            holds("evidence");
-        }
-
-        #[test]
-        fn three_runs_of_each_scenario() {
-            holds("circle");
-        }
+    /// Those of the program: the tests of `sagnac-cli`.
+    #[test]
+    fn files_made_by_the_libraries_are_as_they_are_made() {
+        let here = |(name, make): &(&'static str, Make)| matches!(make, Make::Here(_)).then_some(*name);
+        let names: Vec<&str> = FILES.iter().filter_map(here).collect();
+        let stale = stale(&names, &Program::at("not used")).unwrap();
+        assert!(names.len() > 8 && stale.is_empty(), "{}\nrun `cargo xtask bless`", stale.join("\n"));
     }
 
     #[test]

@@ -11,6 +11,7 @@ mod firmware;
 mod formats;
 mod generated;
 mod hunt;
+mod made;
 mod pictures;
 mod places;
 mod program;

@@ -1,5 +1,9 @@
 //! Paths of the files that the project makes, relative to the workspace.
 
+use std::path::PathBuf;
+
+use xtask::shell::root;
+
 pub(crate) const CALIBRATION_SCHEMA: &str = "docs/reference/calibration.schema.json";
 pub(crate) const CHAMBER: &str = "testdata/chamber";
 pub(crate) const CIRCLE: &str = "docs/explanation/circle.md";
@@ -7,7 +11,6 @@ pub(crate) const CLOSED_LOOP_PICTURE: &str = "docs/pictures/closed-loop.svg";
 pub(crate) const COMPARISON: &str = "docs/explanation/comparison.md";
 pub(crate) const DOCS: &str = "docs";
 pub(crate) const ERRORS: &str = "docs/reference/errors.md";
-pub(crate) const EVIDENCE: &str = "docs/explanation/evidence.md";
 pub(crate) const FAULTS: &str = "docs/reference/faults.md";
 pub(crate) const FIRST_BYTES: &str = "crates/sagnac-sim/tests/first_bytes.txt";
 pub(crate) const FLEET_TABLE: &str = "docs/reference/fleet-table.md";
@@ -25,3 +28,8 @@ pub(crate) const RECORD: &str = "docs/reference/record.md";
 pub(crate) const SCENARIO_KEYS: &str = "docs/reference/scenario.md";
 pub(crate) const TRACEABILITY: &str = "docs/reference/traceability.md";
 pub(crate) const VECTORS: &str = "testdata/vectors";
+
+/// The folder of the reference vectors.
+pub(crate) fn vectors() -> PathBuf {
+    root().join(VECTORS)
+}

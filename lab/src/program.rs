@@ -5,6 +5,9 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, ensure};
 use xtask::shell::{root, stdout_of, text};
 
+/// The package that has it.
+const PACKAGE: &str = "sagnac-cli";
+
 /// A built `sagnac`.
 #[derive(Clone)]
 pub struct Program(PathBuf);
@@ -19,7 +22,7 @@ impl Program {
     pub fn beside_the_lab() -> Result<Self> {
         let lab = std::env::current_exe().context("the path of this program is unknown")?;
         let program = lab.with_file_name("sagnac");
-        ensure!(program.exists(), "{} is not built; run the lab by `cargo xtask`", program.display());
+        ensure!(program.exists(), "{} is not built: cargo build --package {PACKAGE}", program.display());
         Ok(Self(program))
     }
 

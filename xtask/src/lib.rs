@@ -1,4 +1,5 @@
-//! Shared by `xtask` and `lab`: running other programs and finding their packages.
+//! Shared by `xtask`, `lab` and the tests: running other programs, finding their packages, saying what is missing.
 
 pub mod debian;
 pub mod shell;
+pub mod skip;

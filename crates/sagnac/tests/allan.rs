@@ -1,6 +1,7 @@
 //! Deviations against printed values and published recordings.
 
-use crate::support::{bench, paper_setup, reader, shared};
+use crate::recordings::{bench, shared};
+use crate::support::{paper_setup, reader};
 use sagnac::allan::{Request, budget_of_curves, noise_budget, parse_curve};
 use sagnac::calibration::LogFile;
 use sagnac_log::setup::Setup;

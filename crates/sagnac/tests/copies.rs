@@ -1,92 +1,11 @@
-//! A copy of the training log in other bytes is no other test; an independent one is never taken for a copy.
+//! Copies of logs in other forms; those over many records are in `measured/verify/copies.rs`.
 
-use crate::hostile;
-
-use std::io::Write as _;
-
-use crate::hostile::{Bench, Dice, Now, fraction};
-use crate::support::evidence::evidence;
+use crate::hostile::{Bench, Dice};
+use crate::measured::verify::copies::{HEAD, copies, edited, overlap, usual};
 use crate::support::{fit, reader};
+use sagnac::Setup;
 use sagnac::verify::{Correction, VerifyOptions, verify};
-use sagnac::{Calibration, Limits, Setup};
 use sagnac_log::setup::Counter;
-
-fn usual(now: Now) -> f64 {
-    0.02 * now.u() + 0.05 * now.cpm
-}
-
-/// The logs that a retest shares with its calibration.
-fn overlap(unit: &Calibration, logs: Vec<Vec<u8>>, setup: &Setup) -> usize {
-    let correction = Correction::from_calibration(unit.clone()).unwrap();
-    let logs = logs.into_iter().map(|log| reader(log, setup)).collect::<Vec<_>>();
-    let limits: Limits = "sigma_dph_max = 1000".parse().unwrap();
-    let proof = verify(&correction, logs, setup, VerifyOptions::default()).unwrap().limits(&limits).unwrap();
-    let found = proof.verification.training_overlap.len();
-    assert_eq!(proof.passed(), found == 0);
-    found
-}
-
-/// Lines of a log through a function of their number and fields.
-fn edited(log: &[u8], head: &str, row: impl Fn(usize, [&str; 3]) -> Option<String>) -> Vec<u8> {
-    let text = std::str::from_utf8(log).unwrap();
-    let rows = text.lines().skip(1).enumerate().filter_map(|(at, line)| {
-        let fields: Vec<&str> = line.split(',').collect();
-        row(at, [fields[0], fields[1], fields[2]])
-    });
-    format!("{head}\n{}", rows.collect::<String>()).into_bytes()
-}
-
-const HEAD: &str = "time_s,temperature_c,counts";
-
-/// Every way to save the same rows again.
-fn copies(log: &[u8], seed: u64) -> Vec<(&'static str, Vec<Vec<u8>>)> {
-    let line = |[t, c, n]: [&str; 3]| Some(format!("{t},{c},{n}\n"));
-    let seconds = |t: &str| t.parse::<f64>().unwrap();
-    let mut packed = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
-    packed.write_all(log).unwrap();
-    let lost = 100 + (seed as usize * 37) % 2000;
-    let hourly = |k: usize| edited(log, HEAD, |at, row| line(row).filter(|_| at / 720 == k));
-    vec![
-        ("line ends", vec![edited(log, HEAD, |_, [t, c, n]| Some(format!("{t},{c},{n}\r\n")))]),
-        (
-            "column order",
-            vec![edited(log, "counts,temperature_c,time_s", |_, [t, c, n]| Some(format!("{n},{c},{t}\n")))],
-        ),
-        ("gzip", vec![packed.finish().unwrap()]),
-        ("a row lost", vec![edited(log, HEAD, |at, row| line(row).filter(|_| at != lost))]),
-        ("the first minute lost", vec![edited(log, HEAD, |at, row| line(row).filter(|_| at >= 12))]),
-        ("one row of 200 lost", vec![edited(log, HEAD, |at, row| line(row).filter(|_| at % 200 != 7))]),
-        ("one row of 50 lost", vec![edited(log, HEAD, |at, row| line(row).filter(|_| at % 50 != 7))]),
-        ("one row of 25 lost", vec![edited(log, HEAD, |at, row| line(row).filter(|_| at % 25 != 7))]),
-        ("times shifted", vec![edited(log, HEAD, |_, [t, c, n]| line([&format!("{:.6}", seconds(t) + 1e-6), c, n]))]),
-        ("other temperatures", vec![edited(log, HEAD, |_, [t, c, n]| line([t, &format!("{:.2}", seconds(c)), n]))]),
-        ("half of it", vec![edited(log, HEAD, |at, row| line(row).filter(|_| at < 1440))]),
-        ("in hourly files", (0..4).map(hourly).collect()),
-    ]
-}
-
-#[test]
-fn a_copy_of_the_training_log_in_other_bytes_is_refused() {
-    let setup = Bench::setup();
-    let (mut all, mut refused) = (0, 0);
-    for seed in 0..12 {
-        let log = |seed: u64| {
-            let mut bench = Bench::new(seed, &usual);
-            (bench.hours, bench.quantum_arcsec) = (Some(4.0), hostile::QUANTUM_ARCSEC);
-            bench.log()
-        };
-        // One of two logs of the calibration comes back.
-        let unit = fit(vec![log(10 * seed), log(10 * seed + 1)], &setup, "bias 1").unwrap();
-        for (name, files) in copies(&log(10 * seed + seed % 2), seed) {
-            let found = overlap(&unit, files, &setup);
-            println!("{seed} {name}: {found}");
-            (all, refused) = (all + 1, refused + u64::from(found > 0));
-        }
-    }
-    let claim =
-        "a copy of a training log in other bytes is refused: line ends, columns, gzip, rows lost, times shifted, parts";
-    evidence(claim, refused as f64 / all as f64, "≥ 1", 144);
-}
 
 /// A rate log saved again with times that moved each by up to a microsecond, and a running total in place of its steps.
 #[test]
@@ -118,38 +37,6 @@ fn copies_of_rates_and_of_running_totals_are_refused() {
         let cumulative = Setup { counter: Some(Counter::Cumulative), ..Bench::setup() };
         assert_eq!(overlap(&unit, vec![summed], &cumulative), 1, "{seed}");
     }
-}
-
-/// Independent retests of one gyro under one profile: coarse counts, hardly any noise, counters that nearly stand still.
-#[test]
-fn an_independent_retest_is_never_taken_for_a_copy() {
-    let cases: [(f64, f64, f64); 8] = [
-        (0.15125, 0.003, 4.5),
-        (0.4, 0.003, 4.5),
-        (0.7, 0.003, 4.5),
-        (0.15125, 0.0003, 4.5),
-        (1.0, 0.003, 4.5),
-        (10.0, 0.003, 4.5),
-        (100.0, 0.003, 4.5),
-        (1.0, 0.003, 0.0),
-    ];
-    let taken = fraction(240, |seed| {
-        let (quantum_arcsec, n_deg_rt_h, input_dph) = cases[seed as usize % cases.len()];
-        let setup = Setup { input_rate_dph: Some(input_dph.into()), ..Bench::setup_of(quantum_arcsec) };
-        let log = |k: u64| {
-            let mut bench = Bench::new(20_000 + 2 * seed + k, &usual);
-            (bench.quantum_arcsec, bench.n_deg_rt_h, bench.input_dph) = (quantum_arcsec, n_deg_rt_h, input_dph);
-            bench.hours = Some(4.0);
-            bench.log()
-        };
-        let Ok(unit) = fit(vec![log(0)], &setup, "bias 1") else { return false };
-        let found = overlap(&unit, vec![log(1)], &setup);
-        if found > 0 {
-            println!("{seed}: {quantum_arcsec} arcsec, N {n_deg_rt_h}, {input_dph} °/h");
-        }
-        found > 0
-    });
-    evidence("an independent retest is taken for a copy of the training log", taken, "≤ 0", 240);
 }
 
 /// Copies of a retest are no further turn-ons: of runs alike by their rows the second is refused.

@@ -1,11 +1,11 @@
 //! One log in every format: the same calibration, byte for byte, except the hash of the input.
 
 use crate::support;
-use crate::support::ulog_writer;
 
 use std::io::{Cursor, Write};
 use std::sync::Arc;
 
+use crate::ulog_writer::ULogWriter;
 use arrow_array::types::Int32Type;
 use arrow_array::{
     ArrayRef, BooleanArray, DictionaryArray, Float64Array, Int64Array, LargeStringArray, RecordBatch, StringArray,
@@ -26,7 +26,6 @@ use sagnac_log::MemoryBudget;
 use sagnac_log::ingest::{LogReader, MemoryTable, ReadMode, sample_reader};
 use sagnac_log::setup::Setup;
 use sagnac_sim::LaggedChamber;
-use ulog_writer::ULogWriter;
 
 fn setup() -> Setup {
     Setup { arcsec_per_count: Some(0.15125), reference_c: Some(20.0), ..Setup::default() }

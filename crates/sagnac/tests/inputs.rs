@@ -2,7 +2,6 @@
 //! one, and the effect of thermometer noise.
 
 use crate::support;
-use crate::support::evidence::evidence;
 use crate::support::{fit, retest};
 use sagnac::calibration::{AxisCalibration, Calibration, Input, SearchVerdict, Term};
 use sagnac::diagnostics::EffectOf;
@@ -189,28 +188,6 @@ fn zones_follow_a_knee_that_a_series_of_their_order_cannot() {
     }
     let t0 = axis.monomial.as_ref().unwrap().range_c.unwrap();
     assert!((t0[0]..=t0[1]).contains(&20.0));
-}
-
-/// A random walk without effect, a second thermometer that adds nothing, modes without steps: the search selects none.
-#[test]
-fn irrelevant_inputs_are_not_selected() {
-    let mut taken = 0;
-    for seed in 0..20 {
-        let found = fit(vec![ManyInputs::plain().csv(100 + seed)], &setup(), "auto").unwrap();
-        let axis = only(&found);
-        taken += usize::from(!axis.other_inputs().is_empty());
-        println!("seed {seed}: {}", axis.correction.model);
-        assert_eq!(axis.fit.as_ref().unwrap().model_search[0].verdict, SearchVerdict::Start);
-        assert!(
-            axis.fit
-                .as_ref()
-                .unwrap()
-                .model_search
-                .iter()
-                .any(|step| step.model.contains("bystander") && step.verdict == SearchVerdict::NoGain)
-        );
-    }
-    evidence("`auto` selects an input on which nothing depends", taken as f64 / 20.0, "≤ 0.05", 20);
 }
 
 /// A second thermometer in the same place as the first.

@@ -1,40 +1,17 @@
-//! One test in many files is one test: its drift does not vanish in sixty offsets.
+//! One test in many files is one run.
 
-use crate::hostile::{Bench, Now, fraction};
-use crate::support::evidence::evidence;
+use crate::hostile::Bench;
+use crate::measured::verify::many_files::{readers, split, strong};
 use crate::support::{fit, model};
-use sagnac::Limits;
 use sagnac::fit::{FitOptions, calibrate};
-use sagnac::verify::{Correction, VerifyOptions, verify};
 use sagnac::window::WindowBuilder;
-use sagnac_log::ingest::{LogReader, ReadMode};
 use sagnac_log::setup::{RunDivision, Setup};
-
-fn strong(now: Now) -> f64 {
-    0.05 * now.u() - 0.03 * now.u().powi(2) + 0.02 * now.u().powi(3)
-}
-
-/// The rows of a log in files of so many.
-fn split(log: &[u8], rows: usize) -> Vec<Vec<u8>> {
-    let text = std::str::from_utf8(log).unwrap();
-    let (head, body) = text.split_once('\n').unwrap();
-    let lines: Vec<&str> = body.lines().collect();
-    lines.chunks(rows).map(|part| format!("{head}\n{}\n", part.join("\n")).into_bytes()).collect()
-}
-
-fn readers(files: Vec<Vec<u8>>, setup: &Setup) -> Vec<LogReader> {
-    let open = |(at, file): (usize, Vec<u8>)| {
-        let source = Box::new(std::io::Cursor::new(file));
-        LogReader::from_reader(&format!("hour-{at:02}.csv"), source, setup, ReadMode::Bulk).unwrap()
-    };
-    files.into_iter().enumerate().map(open).collect()
-}
 
 /// In hourly files the record is that of one file: the same terms, to the last digit, and one run offset.
 #[test]
 fn hourly_files_are_one_run() {
     let setup = Bench::setup();
-    for seed in 0..10 {
+    for seed in 0..3 {
         let log = Bench::new(seed, &strong).log();
         let whole = fit(vec![log.clone()], &setup, "bias 3").unwrap();
         for rows in [720, 100] {
@@ -49,37 +26,6 @@ fn hourly_files_are_one_run() {
             assert_eq!(parts.provenance.inputs.len(), count, "every file is in the provenance");
         }
     }
-}
-
-/// As runs of their own, sixty offsets hold the drift: the fit reports how much, and a verdict on such a retest counts it.
-#[test]
-fn what_the_offsets_of_short_runs_hide_is_counted() {
-    let limits: Limits = "sigma_dph_max = 0.03".parse().unwrap();
-    let setup = Bench::setup();
-    let apart = Setup { runs: RunDivision::Files, ..Bench::setup() };
-    let unit = fit(vec![Bench::new(1, &strong).log()], &setup, "bias 0").unwrap();
-    let accepted = |setup: &Setup| {
-        fraction(20, |seed| {
-            let correction = Correction::from_calibration(unit.clone()).unwrap();
-            let files = readers(split(&Bench::new(50 + seed, &strong).log(), 720), setup);
-            let proof = verify(&correction, files, setup, VerifyOptions::default()).unwrap();
-            proof.limits(&limits).unwrap().passed()
-        })
-    };
-    evidence("hourly files of a drift that was not corrected are accepted, as one run", accepted(&setup), "≤ 0", 20);
-    evidence(
-        "hourly files of a drift that was not corrected are accepted, each file as a run (`--runs`)",
-        accepted(&apart),
-        "≤ 0",
-        20,
-    );
-    let files = readers(split(&Bench::new(1, &strong).log(), 720), &apart);
-    let windows = WindowBuilder::read_all(files, &apart).unwrap().finish();
-    let record = calibrate(windows, &apart, &FitOptions::new(model("bias 0"))).unwrap();
-    let hidden = record.axes[0].fit.as_ref().unwrap().hidden_in_offsets_dph.unwrap();
-    assert!((0.03..0.15).contains(&hidden), "{hidden}");
-    let one = fit(vec![Bench::new(1, &strong).log(), Bench::new(2, &strong).log()], &setup, "bias 3").unwrap();
-    assert_eq!(one.axes[0].fit.as_ref().unwrap().hidden_in_offsets_dph, None, "whole cycles hide nothing");
 }
 
 /// A gap, a step back in time, another table entry: not the same run unless it is asked for.
@@ -100,108 +46,4 @@ fn what_does_not_go_on_is_another_run() {
     assert_eq!(runs(9000.0, &one).unwrap(), 1);
     assert!(runs(0.0, &one).unwrap_err().to_string().contains("before the end of hour-00.csv"));
     assert_eq!(runs(7200.0, &Setup { runs: RunDivision::Files, ..Bench::setup() }).unwrap(), 2);
-}
-
-/// A log of counts as files of so many rows, each with a clock that starts at zero and a running total; `anew`: the total starts at
-/// zero in each file as well. `first_row_again`: each file begins with the last row of the one before, at zero.
-fn hourly_totals(log: &[u8], rows: usize, anew: bool, first_row_again: bool) -> Vec<Vec<u8>> {
-    let text = std::str::from_utf8(log).unwrap();
-    let fields = |row: &str| row.split(',').map(|field| field.parse::<f64>().unwrap()).collect::<Vec<_>>();
-    let parsed: Vec<Vec<f64>> = text.lines().skip(1).map(fields).collect();
-    let (mut total, mut files) = (0.0, Vec::new());
-    for part in parsed.chunks(rows) {
-        let mut file = String::from("time_s,temperature_c,counts\n");
-        let start_s = part[0][0] - 5.0;
-        if anew {
-            total = 0.0;
-        }
-        if first_row_again && !files.is_empty() {
-            file += &format!("0,{},{total}\n", part[0][1]);
-        }
-        for row in part {
-            total += row[2];
-            // No two files of the same bytes: they would be refused as one log given twice.
-            let celsius = row[1] + if anew { 1e-6 * files.len() as f64 } else { 0.0 };
-            file += &format!("{},{celsius},{total}\n", row[0] - start_s);
-        }
-        files.push(file.into_bytes());
-    }
-    files
-}
-
-fn cumulative() -> Setup {
-    Setup { counter: Some(sagnac_log::setup::Counter::Cumulative), ..Bench::setup() }
-}
-
-/// Hourly files whose clock restarts and whose running total goes on are one run, with the rows at the joints: the record is that of
-/// one file. Over 40 tests, rates of either sign.
-#[test]
-fn a_running_total_that_goes_on_joins_files() {
-    let setup = cumulative();
-    let joined = fraction(40, |seed| {
-        let mut bench = Bench::new(100 + seed, &strong);
-        (bench.cycles, bench.input_dph) = (1, [4.5, -7.0, 10.2, 15.0][seed as usize % 4]);
-        let log = bench.log();
-        let whole = hourly_totals(&log, usize::MAX, false, false);
-        let windows = WindowBuilder::read_all(readers(whole, &setup), &setup).unwrap().finish();
-        let whole = calibrate(windows, &setup, &FitOptions::new(model("bias 3"))).unwrap();
-        let files = hourly_totals(&log, 720, false, seed % 2 == 1);
-        let windows = WindowBuilder::read_all(readers(files.clone(), &setup), &setup).unwrap().finish();
-        let runs = windows.runs.len();
-        assert!(windows.runs[0].files[1..].iter().all(|file| file.summary.follows_by_counter));
-        let parts = calibrate(windows, &setup, &FitOptions::new(model("bias 3"))).unwrap();
-        let terms = |of: &sagnac::Calibration| of.axes[0].correction.terms.clone();
-        assert_eq!(terms(&parts), terms(&whole), "{seed}");
-        // A retest in such files is one run, too.
-        let correction = Correction::from_calibration(whole.clone()).unwrap();
-        let apart = verify(&correction, readers(files, &setup), &setup, VerifyOptions::default()).unwrap();
-        let whole = hourly_totals(&log, usize::MAX, false, false);
-        let one = verify(&correction, readers(whole, &setup), &setup, VerifyOptions::default()).unwrap();
-        let after = |proof: &sagnac::Proof| proof.verification.axes[0].after;
-        assert_eq!(after(&apart), after(&one), "{seed}");
-        runs == 1
-    });
-    evidence("hourly files whose clock restarts and whose running total goes on are one run", joined, "≥ 1", 40);
-}
-
-/// Unrelated runs, each with a counter from zero, never join; near zero nothing is evidence, whatever the pace. Files of a few
-/// minutes, slow rates, runs that end where the next begins.
-#[test]
-fn counters_that_begin_anew_do_not_join() {
-    let setup = cumulative();
-    let joined = fraction(60, |seed| {
-        let mut bench = Bench::new(300 + seed, &strong);
-        bench.hours = Some(2.0);
-        bench.input_dph = [0.0, 0.01, 4.5, -4.5, 15.0][seed as usize % 5];
-        let rows = [720, 60, 5][seed as usize % 3];
-        let files = hourly_totals(&bench.log(), rows, true, seed % 2 == 1);
-        let count = files.len();
-        let windows = WindowBuilder::read_all(readers(files, &setup), &setup).unwrap().finish();
-        windows.runs.len() != count
-    });
-    evidence("runs whose counters each start at zero are joined", joined, "≤ 0", 60);
-    // Tests of two gyros, and of one gyro on two days, whose totals do not go on.
-    let joined = fraction(60, |seed| {
-        let part = |k: u64| {
-            let mut bench = Bench::new(500 + 2 * seed + k, &strong);
-            bench.hours = Some(1.0 + 0.1 * (seed % 7) as f64 + 0.3 * k as f64);
-            hourly_totals(&bench.log(), usize::MAX, false, false).remove(0)
-        };
-        let windows = WindowBuilder::read_all(readers(vec![part(0), part(1)], &setup), &setup).unwrap().finish();
-        windows.runs.len() != 2
-    });
-    evidence("tests whose running totals have nothing to do with each other are joined", joined, "≤ 0", 60);
-    // A counter that goes on, out of order, or with an hour missing between: the total says so.
-    let log = Bench::new(1, &strong).log();
-    let files = hourly_totals(&log, 720, false, false);
-    for order in [[2, 1], [1, 3]] {
-        let some = order.map(|at| files[at].clone()).to_vec();
-        let windows = WindowBuilder::read_all(readers(some, &setup), &setup).unwrap().finish();
-        assert_eq!(windows.runs.len(), 2, "{order:?}");
-    }
-    // --runs keeps each file a run.
-    let apart = Setup { runs: RunDivision::Files, ..cumulative() };
-    let count = files.len();
-    let windows = WindowBuilder::read_all(readers(files, &apart), &apart).unwrap().finish();
-    assert_eq!(windows.runs.len(), count);
 }

@@ -6,7 +6,8 @@
 use crate::support;
 use std::path::Path;
 
-use crate::support::{bench, model, shared};
+use crate::recordings::{bench, shared};
+use crate::support::model;
 use sagnac::calibration::{AxisCalibration, Calibration};
 use sagnac::fit::{FitOptions, calibrate};
 use sagnac::window::WindowBuilder;

@@ -14,11 +14,11 @@ use sagnac_vectors::{MAX_TABLE, RECORD, Words};
 
 pub(crate) use self::c::c;
 pub(crate) use self::fpga::fpga;
-use crate::generated::vectors;
+use crate::places;
 
 /// The table of a vector file.
 fn table(name: &str) -> Result<Vec<u8>> {
-    let bytes = fs::read(vectors::folder().join(name).with_extension("hex"))?;
+    let bytes = fs::read(places::vectors().join(name).with_extension("hex"))?;
     let mut words = Words::new(&bytes);
     let head = words.head()?;
     let mut room = [0; MAX_TABLE];
@@ -52,7 +52,7 @@ enum Spoiled {
 
 /// A copy of a vector file with the first output of a record changed: every check of it must fail.
 fn spoiled(name: &str, folder: &Path, which: Spoiled) -> Result<PathBuf> {
-    let text = fs::read_to_string(vectors::folder().join(name).with_extension("hex"))?;
+    let text = fs::read_to_string(places::vectors().join(name).with_extension("hex"))?;
     let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();
     // For the path-length loop a record in which it is closed: the hardware's bench reads only such records.
     let closed = |words: &[&str]| u32::from_str_radix(words[8], 16).is_ok_and(|flags| flags & 256 != 0);
@@ -73,7 +73,7 @@ fn spoiled(name: &str, folder: &Path, which: Spoiled) -> Result<PathBuf> {
 }
 
 fn files() -> Result<Vec<PathBuf>> {
-    let entries = fs::read_dir(vectors::folder()).context("testdata/vectors: run cargo xtask vectors")?;
+    let entries = fs::read_dir(places::vectors()).context("testdata/vectors: run cargo xtask vectors")?;
     let mut paths: Vec<PathBuf> = entries.map(|entry| Ok(entry?.path())).collect::<Result<_>>()?;
     paths.sort();
     Ok(paths)

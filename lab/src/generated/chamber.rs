@@ -6,7 +6,7 @@ use anyhow::Result;
 use flate2::{Compression, GzBuilder};
 use sagnac_sim::{LaggedChamber, csv_bytes};
 
-use crate::bless::Made;
+use crate::made::Made;
 use crate::places::CHAMBER;
 
 pub(crate) fn make() -> Result<Vec<Made>> {

@@ -16,7 +16,7 @@ use sagnac_log::setup::Setup;
 use sagnac_sim::{ERROR_SOURCES, LogText, Scenario};
 use xtask::shell::root;
 
-use crate::bless::Made;
+use crate::made::Made;
 use crate::places::CIRCLE;
 
 fn read(name: &str, file: &str) -> Result<String> {

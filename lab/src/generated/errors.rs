@@ -10,8 +10,8 @@ use std::process::{Command, Stdio};
 use anyhow::{Context, Result, ensure};
 use tempfile::{NamedTempFile, TempDir};
 
-use crate::bless::Made;
 use crate::generated::corpus::{Case, Feed, cases};
+use crate::made::Made;
 use crate::places::ERRORS;
 use crate::program::Program;
 

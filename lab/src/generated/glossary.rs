@@ -5,7 +5,7 @@ use std::fs;
 use anyhow::{Context, Result};
 use xtask::shell::root;
 
-use crate::bless::Made;
+use crate::made::Made;
 use crate::places::{GLOSSARY, GLOSSARY_PAGE};
 
 pub(crate) fn make() -> Result<Vec<Made>> {

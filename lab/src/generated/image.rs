@@ -7,7 +7,7 @@ use sagnac::export::{Polynomial, encode, image_bytes, import};
 use sagnac_log::setup::Setup;
 use xtask::shell::root;
 
-use crate::bless::Made;
+use crate::made::Made;
 use crate::places::{IMAGE_FORMAT, PAPER_IMAGE};
 
 /// After this line, the first text block of the page shows the bytes.

@@ -3,10 +3,11 @@
 use std::fmt::Write as _;
 
 use anyhow::{Context, Result};
+use sagnac_core::{Description, Image};
 use sagnac_ports::hex_words;
 use sagnac_vectors::{INPUTS, MAGIC, Machine, Module};
 
-use crate::bless::Made;
+use crate::made::Made;
 use crate::places::VECTORS;
 
 /// A vector file under construction: the machine that computes the outputs, and the text.
@@ -58,4 +59,11 @@ impl Making {
         text.push_str(&self.text);
         Ok(text)
     }
+}
+
+pub(crate) fn image_bytes(description: Description) -> Result<Vec<u8>> {
+    let image = Image::new(description)?;
+    let mut bytes = vec![0; image.encoded_len()];
+    image.encode(&mut bytes).context("does not fit its own length")?;
+    Ok(bytes)
 }

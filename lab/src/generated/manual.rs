@@ -2,7 +2,7 @@
 
 use anyhow::Result;
 
-use crate::bless::Made;
+use crate::made::Made;
 use crate::places::MANUAL;
 use crate::program::Program;
 

@@ -4,7 +4,6 @@ pub(crate) mod chamber;
 pub(crate) mod circle;
 pub(crate) mod corpus;
 pub(crate) mod errors;
-pub(crate) mod evidence;
 pub(crate) mod faults;
 mod fields;
 pub(crate) mod first_bytes;

@@ -17,7 +17,7 @@ use anyhow::{Context, Result, anyhow, bail, ensure};
 use tempfile::TempDir;
 use xtask::shell::{root, text};
 
-use crate::bless::Made;
+use crate::made::Made;
 use crate::places::{DOCS, README};
 use crate::program::Program;
 

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail, ensure};
 use xtask::shell::root;
 
-use crate::bless::Made;
+use crate::made::Made;
 use crate::places::TRACEABILITY;
 
 const ID: &str = "SAG-CORE-";

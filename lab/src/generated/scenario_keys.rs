@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use anyhow::Result;
 use sagnac_sim::manual;
 
-use crate::bless::Made;
+use crate::made::Made;
 use crate::places::SCENARIO_KEYS;
 
 const HEAD: &str = "# Scenario

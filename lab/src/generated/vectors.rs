@@ -1,28 +1,20 @@
 //! The reference vectors in `testdata/vectors/`, made from the core, only after an intended change.
 
-use std::path::PathBuf;
-
 use anyhow::{Context, Result};
-use sagnac_core::{Description, Gain, Image, InputSpec, Kind, LagSpec, MAX_RAW, Multiplier, Shape, Term, ValueSource};
+use sagnac_core::{Description, Gain, InputSpec, Kind, LagSpec, MAX_RAW, Multiplier, Shape, Term, ValueSource};
 use sagnac_loops::LoopTable;
 use sagnac_sim::physics::free_spectral_range_hz;
 use sagnac_sim::{LoopDesign, Scenario};
 use sagnac_vectors::{Machine, Module};
 use xtask::shell::root;
 
-use crate::bless::Made;
 use crate::generated::image;
-use crate::generated::making::Making;
-use crate::places::VECTORS;
+use crate::generated::making::{Making, image_bytes};
+use crate::made::Made;
 
 const LIGHT: u32 = 1 << 9;
 const CLOSED: u32 = 1 << 8;
 const HOLD: u32 = 1 << 8;
-
-/// Folder of the vectors.
-pub(crate) fn folder() -> PathBuf {
-    root().join(VECTORS)
-}
 
 pub(crate) fn make() -> Result<Vec<Made>> {
     let mirror = loops("triangle-28cm-dithered", true)?;
@@ -53,13 +45,6 @@ pub(crate) fn make() -> Result<Vec<Made>> {
         // SAG-CORE-024, SAG-CORE-025
         watch()?.made("watch")?,
     ])
-}
-
-pub(crate) fn image_bytes(description: Description) -> Result<Vec<u8>> {
-    let image = Image::new(description)?;
-    let mut bytes = vec![0; image.encoded_len()];
-    image.encode(&mut bytes).context("does not fit its own length")?;
-    Ok(bytes)
 }
 
 /// The loops of a scenario, and their plant.

@@ -5,6 +5,7 @@ use sagnac::calibration::Calibration;
 use sagnac_log::setup::Setup;
 
 use super::{Bench, Now, usual};
+use crate::support::evidence::{Records, ratio};
 use crate::support::fit;
 
 pub(crate) type Truth = fn(Now) -> f64;
@@ -17,12 +18,12 @@ pub(crate) const AT_C: [f64; 9] = [-38.0, -25.0, -12.0, 0.0, 12.0, 36.0, 48.0, 5
 pub(crate) struct Shown {
     /// Part of the intervals of the at-rest curve that hold the truth.
     pub(crate) coverage: f64,
-    /// Root mean square error of the curve, °/h.
-    pub(crate) error_dph: f64,
     /// Mean half width of the intervals, °/h.
     pub(crate) width_dph: f64,
     /// Models that were selected, with how often.
     pub(crate) models: std::collections::BTreeMap<String, usize>,
+    /// Mean square error of each record's curve, (°/h)².
+    pub(crate) squares: Vec<f64>,
     /// Part of the records that show more noise than the setup states.
     pub(crate) louder: f64,
     /// Part of the records that say that their rows contradict the model.
@@ -35,19 +36,27 @@ pub(crate) fn calibrated() -> Calibration {
     fit(logs, &Bench::setup(), "bias 3, rate 0").unwrap()
 }
 
-pub(crate) fn shown(records: u64, runs: u64, truth: Truth, model: &str, change: fn(&mut Bench<'_>)) -> Shown {
+pub(crate) fn shown(
+    records: impl Into<Records>,
+    runs: u64,
+    truth: Truth,
+    model: &str,
+    change: fn(&mut Bench<'_>),
+) -> Shown {
     shown_by(&Bench::setup(), records, runs, truth, model, change)
 }
 
 /// The same with a setup.
 pub(crate) fn shown_by(
     setup: &Setup,
-    records: u64,
+    records: impl Into<Records>,
     runs: u64,
     truth: Truth,
     model: &str,
     change: fn(&mut Bench<'_>),
 ) -> Shown {
+    let seeds = records.into().each();
+    let records = seeds.end;
     let one = |record: u64| -> Calibration {
         let logs = (0..runs).map(|run| {
             let mut bench = Bench::new(1000 * record + run, &truth);
@@ -70,21 +79,27 @@ pub(crate) fn shown_by(
         let found = axis.fit.as_ref().unwrap();
         (axis.correction.model.clone(), [found.noise_exceeds_setup, found.lack_of_fit.is_some()], errors)
     };
-    let all: Vec<_> = (0..records).into_par_iter().map(each).collect();
+    let all: Vec<_> = seeds.into_par_iter().map(each).collect();
     let mut out = Shown::default();
     let n = (all.len() * AT_C.len()) as f64;
     for (model, says, errors) in all {
         let [louder, lacks] = says.map(|said| f64::from(u8::from(said)) / records as f64);
         (out.louder, out.lacks) = (out.louder + louder, out.lacks + lacks);
         *out.models.entry(model).or_default() += 1;
-        for (error, holds, half) in errors {
+        out.squares.push(errors.iter().map(|(error, ..)| error * error).sum::<f64>() / AT_C.len() as f64);
+        for (_, holds, half) in errors {
             out.width_dph += half / n;
-            out.error_dph += error * error / n;
             out.coverage += f64::from(u8::from(holds)) / n;
         }
     }
-    out.error_dph = out.error_dph.sqrt();
     out
+}
+
+/// Asserts the error of one model's curve over that of another on the same records, root mean squares.
+pub(crate) fn error_ratio(claim: &str, [found, best]: [&Shown; 2], bounds: [&str; 2], records: impl Into<Records>) {
+    let pairs: Vec<[f64; 2]> = found.squares.iter().zip(&best.squares).map(|(a, b)| [*a, *b]).collect();
+    let sum = |of: &[[f64; 2]], at: usize| of.iter().map(|pair| pair[at]).sum::<f64>();
+    ratio(claim, &pairs, |of| (sum(of, 0) / sum(of, 1)).sqrt(), bounds, records);
 }
 
 /// Selected models with a term that the truth does not have.

@@ -17,6 +17,8 @@ use std::fmt::Write as _;
 
 use sagnac_log::setup::Setup;
 
+use crate::support::evidence::Records;
+
 /// Angle of a count, arcsec.
 pub(crate) const QUANTUM_ARCSEC: f64 = 0.15125;
 /// Angle random walk, °/√h.
@@ -211,14 +213,8 @@ impl<'a> Bench<'a> {
         (hours * 3600.0 / self.row_s).round() as usize
     }
 
-    /// True drift of each row, °/h, and the block's temperature: for those who judge the judge.
-    pub(crate) fn truth(&self) -> Vec<(f64, f64)> {
-        let mut out = Vec::new();
-        self.run(|_, now, _| out.push((now.celsius, (self.drift)(now))));
-        out
-    }
-
-    fn run(&self, mut row: impl FnMut(usize, Now, &mut Dice)) {
+    /// Every row: its number, what the drift is a function of, and the dice of its noise.
+    pub(crate) fn run(&self, mut row: impl FnMut(usize, Now, &mut Dice)) {
         let mut dice = Dice::new(self.seed);
         let (mut block, mut lagged, mut slow) = ((self.chamber_c)(0.0), 0.0, 0.0);
         for i in 0..self.rows() {
@@ -262,8 +258,10 @@ impl<'a> Bench<'a> {
     }
 }
 
-/// Part of `of` records for which `holds` is true, over both processors.
-pub(crate) fn fraction(of: u64, holds: impl Fn(u64) -> bool + Sync) -> f64 {
+/// Part of some records for which `holds` is true, over both processors.
+pub(crate) fn fraction(of: impl Into<Records>, holds: impl Fn(u64) -> bool + Sync) -> f64 {
     use rayon::prelude::*;
-    (0..of).into_par_iter().filter(|seed| holds(*seed)).count() as f64 / of as f64
+    let seeds = of.into().each();
+    let count = seeds.end as f64;
+    seeds.into_par_iter().filter(|seed| holds(*seed)).count() as f64 / count
 }

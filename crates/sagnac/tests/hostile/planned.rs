@@ -13,6 +13,7 @@ use sagnac_log::setup::{Noise, Setup};
 
 use super::lots::{Fleet, Gyro, MODEL, OF_UNITS, gyro};
 use super::{Bench, Dice, N_DEG_RT_H, QUANTUM_ARCSEC};
+use crate::support::evidence::Records;
 use sagnac::Limits;
 
 /// Hours of the full test: two cycles.
@@ -65,7 +66,9 @@ fn planned_c(minutes: f64) -> f64 {
 }
 
 /// Plans for the second lot of a fleet, and tests so many of its next units.
-pub(crate) fn compared(units: u64) -> Outcome {
+pub(crate) fn compared(units: Records) -> Outcome {
+    let odd_units = units.part(4);
+    let units = units.count();
     let fleet = Fleet::new(1, 3, |_| ());
     let (prior, limits) = (fleet.of_lot(), Limits::named_or_read("navigation-grade").unwrap());
     let mut chamber = Chamber::new(20.0, vec![1.0]);
@@ -92,7 +95,7 @@ pub(crate) fn compared(units: u64) -> Outcome {
         Some(Tested { met, is_within_half, held })
     };
     let odd = |parameter: usize| {
-        super::fraction(units / 4, |unit| {
+        super::fraction(odd_units, |unit| {
             let mut of = fleet.lots[1];
             of[parameter] += if unit % 2 == 0 { 6.0 } else { -6.0 } * OF_UNITS[parameter];
             let seed = 88_000_000 + 10 * unit + parameter as u64;

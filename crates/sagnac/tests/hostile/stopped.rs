@@ -10,29 +10,46 @@ use sagnac::window::WindowBuilder;
 use sagnac_log::ingest::{LogReader, ReadMode};
 
 use super::{Bench, Dice, Now};
+use crate::IS_STUDY;
+use crate::support::evidence::{Records, ratio};
 
 /// Hours of the full test: three cycles.
 pub(crate) const FULL_HOURS: f64 = 20.0;
 /// A judgement is made so often, h, and must hold this many times in a row. The bench asks for half an hour only, and judges each minute.
-const EVERY_H: f64 = 1.0;
+const EVERY_H: f64 = if IS_STUDY { 1.0 } else { 2.0 };
 /// Interval of a row, s.
 const ROW_S: f64 = 5.0;
 const IN_A_ROW: u32 = 2;
 /// Kinds of drift.
 const KINDS: u64 = 5;
 
-/// What came of many units.
-#[derive(Debug, Default)]
-pub(crate) struct Stopped {
-    /// Part of the tests that ended before the full one.
-    pub(crate) ended: f64,
-    /// Their hours, of all tests.
+/// The tests of many units.
+#[derive(Debug)]
+pub(crate) struct Stopped(Vec<One>);
+
+/// One of them.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct One {
+    /// It ended before the full one.
+    pub(crate) ended: bool,
+    /// Its hours over those of the full one.
     pub(crate) hours: f64,
-    /// Part of all units whose retest met all limits, after the test that ended, and after the full one.
-    pub(crate) met: f64,
-    pub(crate) met_full: f64,
-    /// Part of the units that met them after the full test and not after the one that ended.
-    pub(crate) lost: f64,
+    /// The retest met all limits, after the test that ended, and after the full one.
+    pub(crate) met: bool,
+    pub(crate) met_full: bool,
+}
+
+impl Stopped {
+    /// Part of the units of which it is true.
+    pub(crate) fn part(&self, is: fn(&One) -> bool) -> f64 {
+        self.0.iter().filter(|one| is(one)).count() as f64 / self.0.len() as f64
+    }
+
+    /// Asserts the mean of the hours over those of the full test.
+    pub(crate) fn assert_hours(&self, claim: &str, bounds: [&str; 2], units: Records) {
+        let mean = |of: &[One]| of.iter().map(|one| one.hours).sum::<f64>() / of.len() as f64;
+        ratio(claim, &self.0, mean, bounds, units);
+    }
 }
 
 /// Drift of a unit.
@@ -126,16 +143,8 @@ fn accepted(made: &Calibration, retest: &[u8], limits: &Limits) -> bool {
     proof.limits(limits).unwrap().passed()
 }
 
-/// Limits of two thirds of those of `navigation-grade`: for some units the length of a test decides.
-pub(crate) const STRICT: &str = "base = \"navigation-grade\"
-temperature_residual_dph_max = 0.008
-plateau_offset_dph_max = 0.025
-drift_dph_per_cpm_max = 0.014
-hysteresis_dph_max = 0.014
-";
-
 /// Tests so many units, of which each temperature is passed so often.
-pub(crate) fn stopped(units: u64, limits: &Limits, passes: u32, unit: fn(u64) -> Unit) -> Stopped {
+pub(crate) fn stopped(units: Records, limits: &Limits, passes: u32, unit: fn(u64) -> Unit) -> Stopped {
     let mut request = EnoughRequest::new(limits.clone());
     request.passes = passes;
     request.span_c = Some([-40.0, 69.0]);
@@ -150,27 +159,7 @@ pub(crate) fn stopped(units: u64, limits: &Limits, passes: u32, unit: fn(u64) ->
             Some((hours, made)) => (*hours, accepted(made, &retest, limits)),
             None => (FULL_HOURS, met_full),
         };
-        One { ended: stopped.is_some(), hours, met, met_full }
+        One { ended: stopped.is_some(), hours: hours / FULL_HOURS, met, met_full }
     };
-    let all: Vec<One> = (0..units).into_par_iter().map(one).collect();
-    Stopped {
-        ended: part(&all, |one| one.ended),
-        hours: all.iter().map(|one| one.hours).sum::<f64>() / units as f64,
-        met: part(&all, |one| one.met),
-        met_full: part(&all, |one| one.met_full),
-        lost: part(&all, |one| one.met_full && !one.met),
-    }
-}
-
-/// What came of one.
-#[derive(Clone, Copy)]
-struct One {
-    ended: bool,
-    hours: f64,
-    met: bool,
-    met_full: bool,
-}
-
-fn part(all: &[One], is: fn(&One) -> bool) -> f64 {
-    all.iter().filter(|one| is(one)).count() as f64 / all.len() as f64
+    Stopped(units.each().into_par_iter().map(one).collect())
 }

@@ -2,7 +2,6 @@
 
 pub(crate) mod evidence;
 pub(crate) mod records;
-pub(crate) mod ulog_writer;
 
 use std::io::Cursor;
 
@@ -42,24 +41,6 @@ pub(crate) fn retest(calibration: &Calibration, log: Vec<u8>, setup: &Setup) -> 
 /// The setup of the paper's rig.
 pub(crate) fn paper_setup() -> Setup {
     Setup { arcsec_per_count: Some(1.059), quantum: Some(0.25), ..Setup::default() }
-}
-
-/// A file of the shared recordings, or `None` where they are missing (with a message). CI sets
-/// SAGNAC_REQUIRE_SHARED=1, which makes a missing file a failure.
-pub(crate) fn shared(name: &str) -> Option<std::path::PathBuf> {
-    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data").join(name);
-    if path.exists() {
-        return Some(path);
-    }
-    assert!(std::env::var_os("SAGNAC_REQUIRE_SHARED").is_none_or(|v| v != "1"), "{} is missing", path.display());
-    println!("skipped: {} is not there", path.display());
-    None
-}
-
-/// A setup file of this repository.
-pub(crate) fn bench(name: &str) -> Setup {
-    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../testdata").join(name);
-    Setup::read(&path).unwrap()
 }
 
 /// The value of several that is farthest from a wanted one.

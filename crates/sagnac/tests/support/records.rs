@@ -98,13 +98,3 @@ pub(crate) fn steps(totals: &[i64]) -> Vec<i64> {
     let before = std::iter::once(&0).chain(totals);
     totals.iter().zip(before).map(|(now, before)| now - before).collect()
 }
-
-/// The same with a thermometer: °C of each row.
-pub(crate) fn log_with_temperature(gyro: &Gyro, values: &[i64], temperature_c: impl Fn(usize) -> f64) -> Vec<u8> {
-    use std::fmt::Write as _;
-    let mut text = String::from("time_s,temperature_c,counts\n");
-    for (row, value) in values.iter().enumerate() {
-        writeln!(text, "{},{},{value}", (row + 1) as f64 * gyro.interval_s, temperature_c(row)).unwrap();
-    }
-    text.into_bytes()
-}

@@ -13,7 +13,7 @@ use sagnac_vectors::{MAGIC, Module};
 
 use super::verdict::{Hardware, verdict};
 use crate::generated::making::Making;
-use crate::generated::vectors::image_bytes;
+use crate::generated::making::image_bytes;
 
 /// Module number of an image alone, for the bench of the hardware.
 const IMAGE_ALONE: u32 = 6;

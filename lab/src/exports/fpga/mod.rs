@@ -14,7 +14,7 @@ use xtask::shell::{output, root, stdout_of, text};
 
 use self::verdict::Hardware;
 use super::{Spoiled, image, loops, spoiled, table, write};
-use crate::generated::vectors;
+use crate::places;
 
 /// The modules of the correction behind its plain bus.
 const CORRECTION: [&str; 4] = ["sagnac_correction.v", "sagnac_image.v", "sagnac_series.v", "sagnac_fast.v"];
@@ -185,7 +185,7 @@ impl Built {
 
     /// A vector file must pass, and fail with one changed bit: the slow simulator gets an early one, so that it need not run twice.
     fn run_vectors(&self, name: &str) -> Result<String> {
-        let verdict = self.run(&vectors::folder().join(name).with_extension("hex"), name)?;
+        let verdict = self.run(&places::vectors().join(name).with_extension("hex"), name)?;
         let which = if self.simulator == "iverilog" { Spoiled::Early } else { Spoiled::Last };
         let stdout = self.says(&spoiled(name, &self.folder, which)?)?;
         let noticed = stdout.contains("FAILED: record");

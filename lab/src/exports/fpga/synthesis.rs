@@ -10,7 +10,7 @@ use xtask::shell::{output, sh, stdout_of, text};
 use super::super::table;
 use super::verdict::Hardware;
 use super::{Bench, CORRECTION, FILES, NETLIST_IMAGES, images};
-use crate::generated::vectors;
+use crate::places;
 
 /// Part of the cells' names that are counted, by family.
 const ICE40: (&str, &str, &[&str]) = ("iCE40", "synth_ice40 -dsp", &["SB_LUT4", "SB_DFF", "SB_MAC16", "SB_RAM40_4K"]);
@@ -72,7 +72,7 @@ fn netlist(folder: &Path) -> Result<()> {
     let built = bench.in_verilator("-netlist", &options)?;
     let mut ticks = 0;
     for name in ["compensator-paper", "compensator-full"] {
-        let said = built.run(&vectors::folder().join(name).with_extension("hex"), name)?;
+        let said = built.run(&places::vectors().join(name).with_extension("hex"), name)?;
         ticks += ticks_of(&said).with_context(|| format!("no number of ticks in {said}"))?;
     }
     ensure!(ticks >= NETLIST_TICKS, "the netlist ran {ticks} ticks");

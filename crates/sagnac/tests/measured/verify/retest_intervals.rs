@@ -4,14 +4,14 @@
 use crate::hostile;
 
 use crate::hostile::{Bench, Now};
-use crate::support::evidence::evidence;
+use crate::support::evidence::{Records, evidence};
 use crate::support::{fit, reader};
 use rayon::prelude::*;
 use sagnac::verify::{AxisVerification, Correction, Estimate, VerifyOptions, verify};
 use sagnac_log::setup::{Setup, WindowSize};
 
 /// Records of each kind of noise.
-const RECORDS: u64 = 300;
+const RECORDS: Records = Records::new(300).few(30);
 
 /// What the calibration, which corrects nothing, leaves over.
 fn put_in(now: Now) -> f64 {
@@ -40,7 +40,7 @@ fn figures(axis: &AxisVerification) -> [Estimate; 5] {
 }
 
 /// Part of the records in which each figure's interval holds its truth.
-fn covered(setup: &Setup, records: u64, change: fn(&mut Bench<'_>)) -> [f64; 5] {
+fn covered(setup: &Setup, records: Records, change: fn(&mut Bench<'_>)) -> [f64; 5] {
     let unit = fit(vec![Bench::new(1, &hostile::none).log()], setup, "bias 0").unwrap();
     let unit = Correction::from_calibration(unit).unwrap();
     let mut silent = Bench::new(2, &put_in);
@@ -55,7 +55,7 @@ fn covered(setup: &Setup, records: u64, change: fn(&mut Bench<'_>)) -> [f64; 5] 
         })
     };
     let sum = |a: [f64; 5], b: [f64; 5]| std::array::from_fn(|at| a[at] + b[at]);
-    (0..records).into_par_iter().map(one).reduce(|| [0.0; 5], sum).map(|count| count / records as f64)
+    records.each().into_par_iter().map(one).reduce(|| [0.0; 5], sum).map(|count| count / records.count() as f64)
 }
 
 #[test]
@@ -79,7 +79,7 @@ fn intervals_hold_under_white_and_slow_noise() {
 /// In windows of 5 s the first 4,000 are 5.6 of 13.3 hours.
 #[test]
 fn intervals_hold_in_short_windows() {
-    const FEWER: u64 = 100;
+    const FEWER: Records = Records::new(100).few(30);
     let setup = Setup { window: Some(WindowSize::Seconds(5.0)), ..Bench::setup() };
     let found = covered(&setup, FEWER, |bench| bench.k_dph_rt_h = 0.01);
     for (figure, covered) in FIGURES.iter().zip(found) {

@@ -1,0 +1,10 @@
+//! Can a bad unit be accepted, or a good one refused?
+
+pub(crate) mod acceptance;
+pub(crate) mod compare_limits;
+pub(crate) mod copies;
+pub(crate) mod counts;
+mod hidden;
+pub(crate) mod many_files;
+mod retest_intervals;
+pub(crate) mod turned;
