@@ -6,9 +6,8 @@ use std::path::Path;
 use std::process::Command;
 
 use anyhow::{Context, Result, ensure};
+use xtask::debian::{self, need};
 use xtask::shell::{built, root, sh, sh_in, stdout_of, target, text};
-
-use crate::cargo_tools::need_cargo_tool;
 
 /// Examples that measure speed and need arguments; `cargo xtask bench` runs them.
 const STOPWATCHES: [&str; 2] = ["speed", "ticks"];
@@ -68,12 +67,16 @@ pub(crate) fn compiled_once() -> Result<()> {
     Ok(())
 }
 
-/// Licences, bans, sources.
-pub(crate) fn deny() -> Result<()> {
-    need_cargo_tool("deny")?;
-    // For every platform, so that the check itself needs no network.
-    sh("cargo", &["fetch", "--locked"])?;
-    sh("cargo", &["deny", "--offline", "check", "licenses", "bans", "sources"])
+/// Lints of everything, also of the programs of tests that only CI runs.
+pub(crate) fn clippy() -> Result<()> {
+    let everything = ["--workspace", "--all-targets", "--test", "studies", "--test", "browser", "--locked"];
+    sh("cargo", &[&["clippy"], &everything[..], &["--", "-D", "warnings"]].concat())
+}
+
+/// The tests that need a browser.
+pub(crate) fn browser() -> Result<()> {
+    need(debian::BROWSER)?;
+    sh("cargo", &["test", "--locked", "--test", "browser", "--no-fail-fast"])
 }
 
 /// The README's first command, with the program built as for the tests: a third of the time of a release build. It needs neither the live

@@ -165,7 +165,7 @@ fn imports(text: &str) -> BTreeSet<String> {
 }
 
 /// The parts of a braced list; commas of inner lists do not separate.
-fn parts(list: &str) -> Vec<&str> {
+pub(crate) fn parts(list: &str) -> Vec<&str> {
     let (mut depth, mut start, mut parts) = (0_usize, 0, Vec::new());
     for (at, c) in list.char_indices() {
         match c {
@@ -185,7 +185,7 @@ fn parts(list: &str) -> Vec<&str> {
     parts
 }
 
-fn first_name(path: &str) -> String {
+pub(crate) fn first_name(path: &str) -> String {
     path.trim_start().chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect()
 }
 

@@ -3,12 +3,15 @@
 mod cargo_tools;
 mod checks;
 mod ci;
+mod deny;
 mod dist;
 mod docs;
 mod features;
 mod fleet;
 mod fuzz;
 mod layers;
+mod studies;
+mod test;
 mod wheel;
 
 use std::process::ExitCode;
@@ -21,19 +24,26 @@ const LAB: [&str; 11] =
 
 const HELP: &str = "\
 cargo xtask example    the main job on the log in testdata/: calibrate, export, verify
-cargo xtask ci         everything that CI runs; missing Debian packages are named first, the time of each part is printed last
+cargo xtask test       format, layers, every test, doctest and example, the README's commands, the link without a panic path; needs Rust
+                       and a C compiler, nothing else
+cargo xtask ci         [--all | --list] the parts that a change can break, by ci/passed.toml; --all: every part; --list: which and why
+
+Parts of test
+cargo xtask examples   run every example of every crate (after `cargo test` built them)
+cargo xtask layers     check the imports of the code against ARCHITECTURE.md
+cargo xtask no-panic   link check: sagnac-core, sagnac-loops and sagnac-board have no panic path
 
 Parts of ci
-cargo xtask examples   run every example of every crate (after `cargo test --workspace` built them)
-cargo xtask layers     check the imports of the code against ARCHITECTURE.md
+cargo xtask clippy     lints of everything, warnings denied
+cargo xtask studies    fit | verify | noise: coverage, power and risk on all records, rows to docs/explanation/evidence/;
+                       hours: those that take hours, which ci leaves out
+cargo xtask browser    reports and the page of the bench in Chromium
 cargo xtask features   compile every crate that has features without any, and with each single one
 cargo xtask docs       [--check] the site of docs/ in target/site, with search, equations and rustdoc, for reading without a network
 cargo xtask deny       licences, bans and sources of the dependencies
-cargo xtask no-panic   link check: sagnac-core, sagnac-loops and sagnac-board have no panic path
 cargo xtask bless      [--check] [names] make the generated files anew, all or those named; --check: fail if one is out of date. Names:
                        testdata, image, vectors (only after an intended change of the target), schema, glossary, scenario, first-bytes,
-                       circle, cli, errors, faults, pages; evidence, only if named (runs the tests of coverage and risk, minutes;
-                       evidence=hidden,copies runs those of these files)
+                       circle, requirements, cli, errors, faults, pages
 cargo xtask conserve   1e9 ticks (27.8 h): every count accounted for
 cargo xtask hunt       [MINUTES] generated inputs of every kind through the program, findings to testdata/found; --cases N: so many;
                        --from N, --case N: one again, --found: only those of earlier hunts
@@ -63,7 +73,7 @@ command is printed.";
 fn main() -> ExitCode {
     let args: Vec<String> = std::env::args().skip(1).collect();
     let args: Vec<&str> = args.iter().map(String::as_str).collect();
-    match run(&args) {
+    match run(&args).and_then(|()| ci::tell_processor_time()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("xtask {}: {error:#}", args.join(" "));
@@ -74,10 +84,14 @@ fn main() -> ExitCode {
 
 fn run(args: &[&str]) -> Result<()> {
     match args {
-        ["ci"] => ci::ci(),
+        ["test"] => test::test(),
+        ["ci", flags @ ..] => ci::ci(flags),
+        ["clippy"] => checks::clippy(),
+        ["browser"] => checks::browser(),
+        ["studies", args @ ..] => studies::studies(args),
         ["example"] => checks::example(),
         ["no-panic"] => checks::no_panic(),
-        ["deny"] => checks::deny(),
+        ["deny"] => deny::deny(),
         ["features"] => features::features(),
         ["fleet"] => fleet::fleet(),
         ["wheel"] => wheel::wheel(false),

@@ -1,0 +1,385 @@
+//! The inputs of a part, derived from its source.
+//!
+//! ```text
+//! source ─┬─ crate::, super::, mod  further sources of the same crate; not what stands next to it in a folder above
+//!         ├─ sagnac_core::         packages, each with all that it is built from (`cargo metadata`)
+//!         ├─ "firmware/c"          files and folders of the tree; one with a Cargo.toml brings its packages too
+//!         └─ places::VECTORS       the same, by the value of that constant
+//! packages, files, Cargo.lock, the compiler ─▶ git hash-object ─▶ one hash
+//! ```
+//!
+//! A name that is put together at run time is not seen: write the whole path.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::io::Write as _;
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+use anyhow::{Context, Result, ensure};
+use serde_json::Value;
+use xtask::shell::{root, stdout_of, text};
+
+use super::parts::{Packages, Part};
+
+/// The constants of the lab's paths.
+const PLACES: &str = "lab/src/places.rs";
+/// What every part depends on, beside the compiler.
+const ALWAYS: &str = "Cargo.lock";
+
+/// A package of this tree.
+struct Package {
+    folder: String,
+    /// Packages of the tree that it is built from.
+    uses: BTreeSet<String>,
+    /// Those that only its tests are built from.
+    tests_use: BTreeSet<String>,
+    is_member: bool,
+}
+
+/// The tree as git knows it: committed, changed and new files, none that it ignores.
+pub(crate) struct Tree {
+    files: BTreeSet<String>,
+    packages: BTreeMap<String, Package>,
+    compiler: String,
+}
+
+impl Tree {
+    pub(crate) fn read() -> Result<Self> {
+        let listed = ["ls-files", "--cached", "--others", "--exclude-standard", "-z"];
+        let listed = stdout_of(60, "git", &listed, &root()).context("inputs are derived from a checkout of git")?;
+        let is_there = |path: &&str| root().join(path).is_file();
+        let files: BTreeSet<String> = listed.split_terminator('\0').filter(is_there).map(str::to_owned).collect();
+        let mut packages = packages(".", true)?;
+        for manifest in files.iter().filter(|path| path.ends_with("/Cargo.toml")) {
+            let folder = manifest.trim_end_matches("/Cargo.toml");
+            if packages.values().all(|package| package.folder != folder) {
+                packages.extend(self::packages(folder, false)?);
+            }
+        }
+        let compiler = stdout_of(60, "rustc", &["--version"], &root())?;
+        Ok(Self { files, packages, compiler })
+    }
+
+    /// The files that a part depends on.
+    pub(crate) fn inputs(&self, part: &Part) -> Result<BTreeSet<String>> {
+        let (mut packages, with_tests) = match part.packages {
+            Packages::Built(names) => (owned(names), false),
+            Packages::Tested(names) => (owned(names), true),
+            Packages::Every => {
+                let members = self.packages.iter().filter(|(_, package)| package.is_member);
+                (members.map(|(name, _)| name.clone()).collect(), true)
+            }
+        };
+        let mut files = BTreeSet::from([ALWAYS.to_owned()]);
+        let mut sources: Vec<String> = part.sources.iter().flat_map(|path| self.below(path)).collect();
+        ensure!(part.sources.is_empty() || !sources.is_empty(), "part {}: no file of {:?}", part.name, part.sources);
+        let mut read = BTreeSet::new();
+        while let Some(source) = sources.pop() {
+            if !read.insert(source.clone()) {
+                continue;
+            }
+            if source.ends_with(".rs") {
+                let code = code(&fs::read_to_string(root().join(&source))?);
+                let named = self.named(&source, &code, part)?;
+                packages.extend(named.packages);
+                files.extend(named.files);
+                sources.extend(named.sources);
+            }
+            files.insert(source);
+        }
+        for package in self.closure(packages, with_tests)? {
+            files.extend(self.below(&self.packages[&package].folder));
+        }
+        Ok(files)
+    }
+
+    /// A package with all that it is built from. Of several, the tests of the first alone count.
+    fn closure(&self, first: BTreeSet<String>, with_tests: bool) -> Result<BTreeSet<String>> {
+        let mut open: Vec<String> = first.iter().cloned().collect();
+        let mut closed = BTreeSet::new();
+        while let Some(name) = open.pop() {
+            let package = self.packages.get(&name).with_context(|| format!("no package {name} in this tree"))?;
+            open.extend(package.uses.iter().filter(|used| !closed.contains(*used)).cloned());
+            if with_tests && first.contains(&name) {
+                open.extend(package.tests_use.iter().filter(|used| !closed.contains(*used)).cloned());
+            }
+            closed.insert(name);
+        }
+        Ok(closed)
+    }
+
+    /// A file, or all of a folder.
+    fn below(&self, path: &str) -> Vec<String> {
+        if self.files.contains(path) {
+            return vec![path.to_owned()];
+        }
+        let folder = format!("{path}/");
+        self.files.range(folder.clone()..).take_while(|file| file.starts_with(&folder)).cloned().collect()
+    }
+
+    /// What a source names.
+    fn named(&self, source: &str, code: &str, part: &Part) -> Result<Named> {
+        let mut named = Named::default();
+        for name in self.packages.keys() {
+            let path = format!("{}::", name.replace('-', "_"));
+            let is_word = |at: usize| !code[..at].ends_with(|c: char| c.is_alphanumeric() || c == '_' || c == ':');
+            if code.match_indices(&path).any(|(at, _)| is_word(at)) {
+                named.packages.insert(name.clone());
+            }
+        }
+        let places = match code.contains("places::") && source != PLACES {
+            true => constants(&fs::read_to_string(root().join(PLACES))?, code),
+            false => Vec::new(),
+        };
+        let quoted = code.split('"').skip(1).step_by(2).map(str::to_owned).chain(places);
+        for literal in quoted.filter(|literal| literal.len() > 2) {
+            if self.packages.contains_key(&literal) && literal.contains('-') {
+                named.packages.insert(literal);
+                continue;
+            }
+            let below = self.below(&literal);
+            let manifests = below.iter().filter(|file| file.ends_with("Cargo.toml"));
+            let folders: Vec<&str> = manifests.map(|file| file.trim_end_matches("/Cargo.toml")).collect();
+            let of_folder = self.packages.iter().filter(|(_, package)| folders.contains(&package.folder.as_str()));
+            named.packages.extend(of_folder.map(|(name, _)| name.clone()));
+            named.files.extend(below);
+        }
+        // The tasks of xtask start processes, and name what these read; they call each other's helpers.
+        if !source.starts_with("xtask/") {
+            named.sources = self.followed(source, code);
+            let folder = source.strip_suffix("/mod.rs").unwrap_or(source.trim_end_matches(".rs"));
+            if part.sources.iter().all(|path| !path.starts_with(&format!("{folder}/"))) {
+                let children = code
+                    .lines()
+                    .filter_map(|line| line.trim_end_matches(';').rsplit_once("mod "))
+                    .map(|(_, name)| name);
+                let files =
+                    children.flat_map(|name| [format!("{folder}/{name}.rs"), format!("{folder}/{name}/mod.rs")]);
+                named.sources.extend(files.filter(|file| self.files.contains(file)));
+            }
+        }
+        Ok(named)
+    }
+
+    /// The files of the paths that begin with `crate::` or `super::`.
+    fn followed(&self, source: &str, code: &str) -> Vec<String> {
+        let (Some(at), path) = (source.find("/src/"), Path::new(source)) else { return Vec::new() };
+        let own = path.with_extension("");
+        let own = if own.ends_with("mod") { own.parent().unwrap_or(&own).to_owned() } else { own };
+        let mut found = Vec::new();
+        for path in paths(code) {
+            let mut base = match path[0].as_str() {
+                "crate" => source[..at + 4].to_owned(),
+                _ => own.parent().map(|folder| folder.display().to_string()).unwrap_or_default(),
+            };
+            let mut file = None;
+            for name in &path[1..] {
+                if name == "super" {
+                    base = base.rsplit_once('/').map_or(base.clone(), |(above, _)| above.to_owned());
+                    continue;
+                }
+                let deeper = format!("{base}/{name}");
+                let candidates = [format!("{deeper}.rs"), format!("{deeper}/mod.rs")];
+                let Some(found) = candidates.into_iter().find(|file| self.files.contains(file)) else { break };
+                (file, base) = (Some(found), deeper);
+            }
+            // An item of the module above is defined in its own file.
+            let above =
+                || Some(format!("{base}/mod.rs")).filter(|file| path[0] == "super" && self.files.contains(file));
+            found.extend(file.or_else(above));
+        }
+        found
+    }
+
+    /// One hash of these files as they are, and of the compiler.
+    pub(crate) fn hash(&self, files: &BTreeSet<String>) -> Result<String> {
+        let listed: String = files.iter().map(|file| format!("{file}\n")).collect();
+        let hashes = git_hash(&["--stdin-paths"], &listed)?;
+        ensure!(hashes.lines().count() == files.len(), "git has hashed {} of {}", hashes.lines().count(), files.len());
+        let pairs = files.iter().zip(hashes.lines()).map(|(file, hash)| format!("{file} {hash}\n"));
+        Ok(git_hash(&["--stdin"], &(self.compiler.clone() + &pairs.collect::<String>()))?.trim().to_owned())
+    }
+}
+
+/// What a source names.
+#[derive(Default)]
+struct Named {
+    packages: BTreeSet<String>,
+    files: BTreeSet<String>,
+    sources: Vec<String>,
+}
+
+fn owned(names: &[&str]) -> BTreeSet<String> {
+    names.iter().map(|name| (*name).to_owned()).collect()
+}
+
+fn git_hash(flags: &[&str], input: &str) -> Result<String> {
+    let mut git = Command::new("git");
+    git.args(["hash-object", "--no-filters"]).args(flags).current_dir(root());
+    let mut git = git.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().context("cannot start git")?;
+    let mut stdin = git.stdin.take().context("git takes no input")?;
+    // git answers while it reads: beside this thread, so that neither waits for the other.
+    let output = std::thread::scope(|scope| {
+        scope.spawn(move || stdin.write_all(input.as_bytes()));
+        git.wait_with_output()
+    })?;
+    ensure!(output.status.success(), "git hash-object failed ({})", output.status);
+    String::from_utf8(output.stdout).context("git hash-object")
+}
+
+/// The packages of a workspace, by `cargo metadata`, which needs no network for them.
+fn packages(folder: &str, is_member: bool) -> Result<BTreeMap<String, Package>> {
+    let manifest = root().join(folder).join("Cargo.toml");
+    let args = ["metadata", "--no-deps", "--format-version", "1", "--manifest-path", text(&manifest)?];
+    let told: Value = serde_json::from_str(&stdout_of(120, "cargo", &args, &root())?)?;
+    let package = |package: &Value| -> Result<(String, Package)> {
+        let name = package["name"].as_str().context("a package without a name")?;
+        let manifest = Path::new(package["manifest_path"].as_str().context("a package without a manifest")?);
+        let folder = manifest.parent().context("a manifest without a folder")?;
+        let folder =
+            text(folder.strip_prefix(root().canonicalize()?).or_else(|_| folder.strip_prefix(root()))?)?.to_owned();
+        let (mut uses, mut tests_use) = (BTreeSet::new(), BTreeSet::new());
+        for dependency in package["dependencies"].as_array().into_iter().flatten() {
+            if dependency["path"].is_string() {
+                let into = if dependency["kind"] == "dev" { &mut tests_use } else { &mut uses };
+                into.extend(dependency["name"].as_str().map(str::to_owned));
+            }
+        }
+        Ok((name.to_owned(), Package { folder, uses, tests_use, is_member }))
+    };
+    told["packages"].as_array().context("cargo metadata without packages")?.iter().map(package).collect()
+}
+
+/// A source without its comments and its own tests.
+fn code(source: &str) -> String {
+    let source = source.split("\n#[cfg(test)]\nmod tests {").next().unwrap_or_default();
+    let lines = source.lines().filter(|line| !line.trim_start().starts_with("//"));
+    lines.collect::<Vec<_>>().join("\n")
+}
+
+/// Values of the constants of a source that a text names.
+fn constants(source: &str, named_in: &str) -> Vec<String> {
+    let declared = source.lines().filter_map(|line| line.strip_prefix("pub(crate) const ")?.split_once(": &str = \""));
+    let is_named = |name: &str| named_in.split(|c: char| !c.is_alphanumeric() && c != '_').any(|word| word == name);
+    declared.filter(|(name, _)| is_named(name)).map(|(_, value)| value.trim_end_matches("\";").to_owned()).collect()
+}
+
+/// The paths that begin with `crate::` or `super::`, as their names; a list in braces is one path for each of its parts.
+fn paths(code: &str) -> Vec<Vec<String>> {
+    let mut found = Vec::new();
+    for start in ["crate", "super"] {
+        let begin = format!("{start}::");
+        for (at, _) in code.match_indices(&begin) {
+            let is_whole = !code[..at].ends_with(|c: char| c.is_alphanumeric() || c == '_' || c == ':' || c == '$');
+            if is_whole {
+                tails(&code[at + begin.len()..], &[start.to_owned()], &mut found);
+            }
+        }
+    }
+    found
+}
+
+/// Adds the paths that a text begins with, each behind `before`.
+fn tails(text: &str, before: &[String], found: &mut Vec<Vec<String>>) {
+    let text = text.trim_start();
+    if let Some(list) = text.strip_prefix('{') {
+        crate::layers::parts(list).into_iter().for_each(|part| tails(part, before, found));
+        return;
+    }
+    let name = crate::layers::first_name(text);
+    if name.is_empty() {
+        return;
+    }
+    let path = [before, std::slice::from_ref(&name)].concat();
+    match text[name.len()..].strip_prefix("::") {
+        Some(rest) if !rest.starts_with('<') => tails(rest, &path, found),
+        _ => found.push(path),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::parts::PARTS;
+    use super::*;
+
+    #[test]
+    fn paths_are_whole_and_lists_are_taken_apart() {
+        let code = "use crate::a::{b::C, d};\nlet x = super::super::e(1); crate::f!(); my_crate::no(); $crate::no";
+        let of = |path: &[&str]| path.iter().map(|name| (*name).to_owned()).collect::<Vec<_>>();
+        let wanted = [of(&["crate", "a", "b", "C"]), of(&["crate", "a", "d"]), of(&["crate", "f"])];
+        assert_eq!(paths(code)[..3], wanted);
+        assert_eq!(paths(code)[3], of(&["super", "super", "e"]));
+    }
+
+    #[test]
+    fn comments_and_tests_name_nothing() {
+        let source = "// \"docs\"\nlet a = \"site\"; //\n\n#[cfg(test)]\nmod tests {\n\"python\"";
+        assert_eq!(code(source), "let a = \"site\"; //");
+        assert_eq!(
+            constants("pub(crate) const A: &str = \"a/b\";\npub(crate) const AB: &str = \"c\";", "x(A)"),
+            ["a/b"]
+        );
+    }
+
+    /// What a change can break: every part, by a file of each kind that it reads.
+    #[test]
+    fn each_part_comes_due_when_its_inputs_change() {
+        let tree = Tree::read().unwrap();
+        let reads: [(&str, &[&str]); 20] = [
+            ("clippy", &["crates/sagnac/src/lib.rs", "lab/src/main.rs", "fuzz/Cargo.toml", "clippy.toml"]),
+            (
+                "studies of fit",
+                &["crates/sagnac/src/fit/mod.rs", "crates/sagnac/tests/studies.rs", "crates/sagnac-sim/src/lib.rs"],
+            ),
+            ("studies of verify", &["crates/sagnac/src/verify/mod.rs", "crates/sagnac-core/src/lib.rs"]),
+            ("studies of noise", &["crates/sagnac-noise/src/lib.rs", "crates/sagnac-noise/tests/studies.rs"]),
+            ("browser", &["crates/sagnac-report/src/page.rs", "crates/sagnac-cli/tests/browser/report.rs"]),
+            ("features", &["crates/sagnac-log/Cargo.toml", "crates/sagnac/src/lib.rs"]),
+            ("docs", &["docs/SUMMARY.md", "site/src/main.rs", "crates/sagnac-core/src/lib.rs"]),
+            ("deny", &["deny.toml", "Cargo.lock", "Cargo.toml"]),
+            ("dist", &["xtask/src/dist/pack.rs", "crates/sagnac-cli/src/main.rs", "crates/sagnac/src/lib.rs"]),
+            (
+                "corpus",
+                &["lab/src/generated/corpus/crafted.rs", "docs/reference/errors.md", "crates/sagnac-cli/src/main.rs"],
+            ),
+            ("hunt", &["lab/src/hunt/logs.rs", "crates/sagnac-log/src/lib.rs"]),
+            ("fuzz", &["fuzz/fuzz_targets/image.rs", "fuzz/counted.sh", "crates/sagnac-bench/src/lib.rs"]),
+            ("fleet", &["fleet/src/store.rs", "fleet/Cargo.lock", "crates/sagnac/src/lib.rs"]),
+            ("fpga", &["ports/verilog/sagnac_fast.v", "testdata/vectors/watch.hex", "crates/sagnac-core/src/lib.rs"]),
+            ("firmware", &["firmware/gyro/src/lib.rs", "lab/src/firmware.rs", "crates/sagnac-board/src/lib.rs"]),
+            (
+                "closed-loop",
+                &["firmware/gyro/closed-loop", "firmware/gyro/src/lib.rs", "crates/sagnac-cli/src/main.rs"],
+            ),
+            ("c", &["ports/c/sagnac_board.c", "firmware/c/check_line.c", "crates/sagnac-signature/src/lib.rs"]),
+            ("wheel", &["python/src/calibration.rs", "python/requirements.txt", "crates/sagnac-cli/src/main.rs"]),
+            ("conserve", &["lab/src/conserve.rs", "crates/sagnac-core/src/lib.rs"]),
+            ("formats", &["lab/src/formats/make.py", "crates/sagnac-cli/src/main.rs"]),
+        ];
+        for (part, (name, wanted)) in PARTS.iter().zip(reads) {
+            assert_eq!(part.name, name);
+            let inputs = tree.inputs(part).unwrap();
+            let before = tree.hash(&inputs).unwrap();
+            for path in wanted {
+                let changed = tree.below(path).into_iter().next().unwrap_or_default();
+                assert!(inputs.contains(&changed), "{name} does not depend on {path}");
+                // The tree without it: as after any change of the file.
+                let without = inputs.iter().filter(|file| **file != changed).cloned().collect();
+                assert_ne!(tree.hash(&without).unwrap(), before, "{name}, {path}");
+            }
+            assert!(!inputs.contains("ci/passed.toml"), "{name} depends on what CI writes");
+        }
+    }
+
+    #[test]
+    fn a_change_of_the_fit_leaves_the_target_alone() {
+        let tree = Tree::read().unwrap();
+        for name in ["conserve", "c", "fpga", "deny", "studies of noise"] {
+            let part = PARTS.iter().find(|part| part.name == name).unwrap();
+            let inputs = tree.inputs(part).unwrap();
+            let of_fit: Vec<&String> = inputs.iter().filter(|file| file.starts_with("crates/sagnac/src/")).collect();
+            assert!(of_fit.is_empty(), "{name} depends on {} files of sagnac, {}", of_fit.len(), of_fit[0]);
+        }
+    }
+}
