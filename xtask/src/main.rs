@@ -10,6 +10,7 @@ mod features;
 mod fleet;
 mod fuzz;
 mod layers;
+mod paths;
 mod studies;
 mod test;
 mod wheel;

@@ -21,6 +21,7 @@ use serde_json::Value;
 use xtask::shell::{root, stdout_of, text};
 
 use super::parts::{Packages, Part};
+use crate::paths::{code, paths};
 
 /// The constants of the lab's paths.
 const PLACES: &str = "lab/src/places.rs";
@@ -251,51 +252,11 @@ fn packages(folder: &str, is_member: bool) -> Result<BTreeMap<String, Package>> 
     told["packages"].as_array().context("cargo metadata without packages")?.iter().map(package).collect()
 }
 
-/// A source without its comments and its own tests.
-fn code(source: &str) -> String {
-    let source = source.split("\n#[cfg(test)]\nmod tests {").next().unwrap_or_default();
-    let lines = source.lines().filter(|line| !line.trim_start().starts_with("//"));
-    lines.collect::<Vec<_>>().join("\n")
-}
-
 /// Values of the constants of a source that a text names.
 fn constants(source: &str, named_in: &str) -> Vec<String> {
     let declared = source.lines().filter_map(|line| line.strip_prefix("pub(crate) const ")?.split_once(": &str = \""));
     let is_named = |name: &str| named_in.split(|c: char| !c.is_alphanumeric() && c != '_').any(|word| word == name);
     declared.filter(|(name, _)| is_named(name)).map(|(_, value)| value.trim_end_matches("\";").to_owned()).collect()
-}
-
-/// The paths that begin with `crate::` or `super::`, as their names; a list in braces is one path for each of its parts.
-fn paths(code: &str) -> Vec<Vec<String>> {
-    let mut found = Vec::new();
-    for start in ["crate", "super"] {
-        let begin = format!("{start}::");
-        for (at, _) in code.match_indices(&begin) {
-            let is_whole = !code[..at].ends_with(|c: char| c.is_alphanumeric() || c == '_' || c == ':' || c == '$');
-            if is_whole {
-                tails(&code[at + begin.len()..], &[start.to_owned()], &mut found);
-            }
-        }
-    }
-    found
-}
-
-/// Adds the paths that a text begins with, each behind `before`.
-fn tails(text: &str, before: &[String], found: &mut Vec<Vec<String>>) {
-    let text = text.trim_start();
-    if let Some(list) = text.strip_prefix('{') {
-        crate::layers::parts(list).into_iter().for_each(|part| tails(part, before, found));
-        return;
-    }
-    let name = crate::layers::first_name(text);
-    if name.is_empty() {
-        return;
-    }
-    let path = [before, std::slice::from_ref(&name)].concat();
-    match text[name.len()..].strip_prefix("::") {
-        Some(rest) if !rest.starts_with('<') => tails(rest, &path, found),
-        _ => found.push(path),
-    }
 }
 
 #[cfg(test)]
@@ -304,22 +265,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn paths_are_whole_and_lists_are_taken_apart() {
-        let code = "use crate::a::{b::C, d};\nlet x = super::super::e(1); crate::f!(); my_crate::no(); $crate::no";
-        let of = |path: &[&str]| path.iter().map(|name| (*name).to_owned()).collect::<Vec<_>>();
-        let wanted = [of(&["crate", "a", "b", "C"]), of(&["crate", "a", "d"]), of(&["crate", "f"])];
-        assert_eq!(paths(code)[..3], wanted);
-        assert_eq!(paths(code)[3], of(&["super", "super", "e"]));
-    }
-
-    #[test]
-    fn comments_and_tests_name_nothing() {
-        let source = "// \"docs\"\nlet a = \"site\"; //\n\n#[cfg(test)]\nmod tests {\n\"python\"";
-        assert_eq!(code(source), "let a = \"site\"; //");
-        assert_eq!(
-            constants("pub(crate) const A: &str = \"a/b\";\npub(crate) const AB: &str = \"c\";", "x(A)"),
-            ["a/b"]
-        );
+    fn constants_are_those_that_are_named() {
+        let declared = "pub(crate) const A: &str = \"a/b\";\npub(crate) const AB: &str = \"c\";";
+        assert_eq!(constants(declared, "x(A)"), ["a/b"]);
     }
 
     /// What a change can break: every part, by a file of each kind that it reads.

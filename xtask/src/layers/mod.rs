@@ -5,10 +5,13 @@
 //!
 //! * an arrow of the code that no row has, and an arrow of a row that the code does not have;
 //! * a room without a row, and a row without a room;
-//! * a circle.
+//! * a circle;
+//! * a circle of files, and a folder of more than 15 of them, in any crate (`files.rs`).
 //!
 //! Arrows between crates are the dependencies in Cargo.toml (of tests: not counted). Arrows between modules are paths that
 //! begin with `crate::` outside of comments; the crate's root may use every module, and its own items belong to no room.
+
+mod files;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -17,8 +20,16 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail, ensure};
 use xtask::shell::root;
 
+use crate::paths::{code, paths};
+
 /// Room by room, the rooms that it uses.
 type Arrows = BTreeMap<String, BTreeSet<String>>;
+
+/// Workspaces of their own whose files are looked at too.
+const OUTSIDE: [&str; 2] = ["fleet", "python"];
+
+/// Circles of files and full folders that are still there, a line each. Nobody adds one.
+const EXCEPTIONS: &str = include_str!("exceptions.txt");
 
 /// Heading of the table of crates.
 const CRATES: &str = "Crates";
@@ -38,9 +49,23 @@ pub(crate) fn layers() -> Result<()> {
         findings.extend(differences(arrows, &found).into_iter().map(|what| format!("{scope}: {what}")));
         findings.extend(circle(arrows).map(|rooms| format!("{scope}: a circle in the drawing: {rooms}")));
     }
+    let outside = OUTSIDE.map(|name| (name.to_owned(), root().join(name)));
+    let mut of_files = BTreeSet::new();
+    for (name, folder) in folders.into_iter().chain(outside) {
+        let source = folder.join("src");
+        if source.is_dir() {
+            of_files.extend(files::findings(&source)?.into_iter().map(|what| format!("{name}: {what}")));
+        }
+    }
+    let excepted: BTreeSet<String> = EXCEPTIONS.lines().map(str::to_owned).collect();
+    findings.extend(of_files.difference(&excepted).cloned());
+    findings.extend(
+        excepted.difference(&of_files).map(|gone| format!("no longer so, delete it from exceptions.txt: {gone}")),
+    );
     ensure!(findings.is_empty(), "the code differs from ARCHITECTURE.md:\n  {}", findings.join("\n  "));
     let arrows: usize = drawn.values().flat_map(BTreeMap::values).map(BTreeSet::len).sum();
     println!("layers: {} tables, {arrows} arrows: the code has exactly these, and no circle", drawn.len());
+    println!("layers: {} circles of files and full folders, all known", excepted.len());
     Ok(())
 }
 
@@ -120,7 +145,8 @@ fn modules(source: &Path) -> Result<Arrows> {
     for name in &names {
         for file in files_of(source, name)? {
             let text = fs::read_to_string(&file)?;
-            let uses = imports(&text).into_iter().filter(|used| names.contains(used) && used != name);
+            let of_crate = paths(&code(&text)).into_iter().filter(|path| path[0] == "crate");
+            let uses = of_crate.map(|path| path[1].clone()).filter(|used| names.contains(used) && used != name);
             arrows.entry(name.clone()).or_default().extend(uses);
         }
     }
@@ -145,48 +171,6 @@ fn files_of(source: &Path, name: &str) -> Result<Vec<PathBuf>> {
         }
     }
     Ok(files)
-}
-
-/// First names of the paths that begin with `crate::`, outside of comments.
-fn imports(text: &str) -> BTreeSet<String> {
-    let code: String =
-        text.lines().map(|line| line.split("//").next().unwrap_or_default()).collect::<Vec<_>>().join("\n");
-    let mut found = BTreeSet::new();
-    for path in code.split("crate::").skip(1) {
-        match path.strip_prefix('{') {
-            // A list: the first name of each of its parts.
-            Some(list) => found.extend(parts(list).into_iter().map(first_name)),
-            None => {
-                found.insert(first_name(path));
-            }
-        }
-    }
-    found
-}
-
-/// The parts of a braced list; commas of inner lists do not separate.
-pub(crate) fn parts(list: &str) -> Vec<&str> {
-    let (mut depth, mut start, mut parts) = (0_usize, 0, Vec::new());
-    for (at, c) in list.char_indices() {
-        match c {
-            '{' => depth += 1,
-            '}' if depth == 0 => {
-                parts.push(&list[start..at]);
-                break;
-            }
-            '}' => depth -= 1,
-            ',' if depth == 0 => {
-                parts.push(&list[start..at]);
-                start = at + 1;
-            }
-            _ => {}
-        }
-    }
-    parts
-}
-
-pub(crate) fn first_name(path: &str) -> String {
-    path.trim_start().chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect()
 }
 
 /// Arrows of the drawing that the code lacks, and of the code that the drawing lacks.
@@ -231,13 +215,6 @@ mod tests {
 
     fn arrows(of: &[(&str, &[&str])]) -> Arrows {
         of.iter().map(|(room, uses)| ((*room).to_owned(), uses.iter().map(|u| (*u).to_owned()).collect())).collect()
-    }
-
-    #[test]
-    fn imports_are_paths_of_the_crate_outside_of_comments() {
-        let text = "//! [`crate::page`]\nuse crate::fit::{a, b};\nuse crate::{window::Windows, model::{Span, x}, log};\n// crate::no\nlet x = crate::units::DPH;";
-        let found: Vec<String> = imports(text).into_iter().collect();
-        assert_eq!(found, ["fit", "log", "model", "units", "window"]);
     }
 
     #[test]
