@@ -125,7 +125,9 @@ fn take<'a>(work: &Mutex<Work<'a>>, next: impl Fn(&mut Work<'a>) -> Option<Vec<&
         let Some(row) = row else { return };
         for planned in row {
             let name = planned.part.name;
-            let ended = locked().passed.forget(name).and_then(|()| run_one(planned));
+            // The lock must not be held while the part runs.
+            let forgotten = locked().passed.forget(name);
+            let ended = forgotten.and_then(|()| run_one(planned));
             let mut work = locked();
             let kept = ended.and_then(|pass| {
                 work.table += &format!("{name:18} {:8} {:12}\n", pass.wall_s, pass.processor_s);

@@ -14,7 +14,7 @@ use std::fmt::Write as _;
 
 use sagnac_log::setup::Setup;
 
-use super::{Dice, N_DEG_RT_H, QUANTUM_ARCSEC, Slow};
+use super::{Dice, N_DEG_RT_H, QUANTUM_ARCSEC, Slow, write_row};
 
 /// Temperatures in their order, °C.
 const PLATEAUS_C: [f64; 11] = [-40.0, -18.0, 4.0, 26.0, 48.0, 70.0, 48.0, 26.0, 4.0, -18.0, -40.0];
@@ -144,7 +144,8 @@ impl Table {
             let total = (angle / QUANTUM_ARCSEC).floor();
             let time_s = self.start_s + (row + 1) as f64 * ROW_S;
             let dps = if (self.is_blank)(now) { String::new() } else { (part * self.most_dps).to_string() };
-            writeln!(text, "{time_s},{celsius:.4},{},{dps}", total - counted).unwrap();
+            write_row(&mut text, time_s, celsius, total - counted);
+            writeln!(text, ",{dps}").unwrap();
             counted = total;
         }
         text.into_bytes()
