@@ -15,14 +15,16 @@ use crate::diagnostics::{
     AxisReportData, Point, ReportData, RunSpan, offsets_hide_drift, points, ramp_rates_cpm, rate_coverage, run_spans,
 };
 use crate::fit;
+use crate::verify::correction::Correction;
+use crate::verify::judged_windows::judged;
 use crate::verify::paired::PairedWindows;
 use crate::verify::repeatability::{BiasRepeatability, scale_difference};
 use crate::verify::residual::{self, RandomWalk};
 use crate::verify::residual_diagnostics;
 use crate::verify::residual_noise::ResidualNoise;
+use crate::verify::result::{AxisVerification, Coverage, RetestNoiseFloor};
 use crate::verify::stats::{Figures, Weighted, expected_range};
 use crate::verify::turned::{Drifts, PairedDrifts};
-use crate::verify::{AxisVerification, Correction, Coverage, RetestNoiseFloor};
 use crate::window::Windows;
 use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::{AngleUnit, Reason};
@@ -85,8 +87,7 @@ impl Against<'_> {
                 None => true,
                 Some(reason) => reason == Reason::ShortWindow && !drifts.is_turned(),
             };
-            let judged = (0..windows.len()).filter(is_judged);
-            let values: Vec<Weighted> = judged.map(weighted).collect();
+            let values: Vec<Weighted> = (0..windows.len()).filter(is_judged).map(weighted).collect();
             Figures::of(&values, dph_per_unit).ok_or_else(too_few)
         };
         let (before, after) = (figures(windows, &drifts.raw)?, figures(&pair.corrected, &drifts.corrected)?);
@@ -97,7 +98,7 @@ impl Against<'_> {
         let letter = windows.shape.axes[axis];
         let noise_floor = noise_floor(windows, used, axis, self.correction, self.test, dph_per_unit);
         let points = &report_data.axes[axis].points;
-        let noise = ResidualNoise::of(&residual::judged(points), *about_common_mean);
+        let noise = ResidualNoise::of(&judged(points), *about_common_mean);
         let diagnostics = residual_diagnostics::residual_diagnostics(
             points,
             &noise,

@@ -16,8 +16,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::diagnostics::Point;
 use crate::model::{Span, chebyshev};
+use crate::verify::judged_windows::Estimate;
 use crate::verify::repeatability::BiasRepeatability;
-use crate::verify::residual_diagnostics::Estimate;
 use crate::verify::strapdown::{Channel, noise_m, positions_m};
 use sagnac_log::error::{Error, Result};
 use sagnac_units::EARTH_RATE_DPH;

@@ -19,7 +19,7 @@ use serde::{Deserialize, Serialize};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use crate::calibration::{AxisCalibration, PpmEstimate};
-use crate::verify::residual_diagnostics::Estimate;
+use crate::verify::judged_windows::Estimate;
 use crate::verify::turned::{PairedDrifts, ScaleProof};
 use crate::window::Windows;
 use sagnac_log::setup::{TestConfig, input_rate_hint};

@@ -22,7 +22,7 @@ use serde::{Deserialize, Serialize};
 use crate::diagnostics::{Leg, Point};
 use crate::fit::level_stretches;
 use crate::model::Span;
-use crate::verify::residual_diagnostics::{Estimate, joined};
+use crate::verify::judged_windows::{Estimate, joined, judged, smooth_columns, smooth_order};
 use crate::verify::residual_noise::ResidualNoise;
 use sagnac_noise::{Deviation, Difference, SquareSum, overlapping, phases};
 
@@ -107,11 +107,6 @@ pub(crate) fn residual(points: &[Point], noise: &ResidualNoise, random_walk: Opt
         over_temperature_dph: over_temperature(&used, noise),
         bias_instability_dph: bias_instability(&used),
     }
-}
-
-/// The windows that figures are of.
-pub(crate) fn judged(points: &[Point]) -> Vec<&Point> {
-    points.iter().filter(|p| p.excluded.is_none() && p.after_dph.is_finite()).collect()
 }
 
 fn mean(points: &[&Point], of: impl Fn(&Point) -> f64) -> f64 {
@@ -201,9 +196,6 @@ fn slopes(used: &[&Point], noise: &ResidualNoise) -> (Option<Estimate>, Option<E
     }
 }
 
-/// Order of the smooth residual: half-waves of a tenth of the span. Less where windows are few: five for each order.
-const SMOOTH_ORDER: usize = 16;
-const WINDOWS_PER_ORDER: usize = 5;
 /// Windows that the smooth residual needs.
 const FEWEST_FOR_SMOOTH: usize = 40;
 /// A span below this holds no drift over temperature, °C.
@@ -255,16 +247,6 @@ fn over_temperature(used: &[&Point], noise: &ResidualNoise) -> Option<Estimate> 
     // Near zero the root of the mean square's own uncertainty.
     let sigma = sigma_of_square / (2.0 * value).max(sigma_of_square.sqrt());
     Some(Estimate { value, sigma: widening * sigma })
-}
-
-/// Order of the series over temperature for so many windows.
-pub(crate) fn smooth_order(windows: usize) -> usize {
-    (windows / WINDOWS_PER_ORDER).min(SMOOTH_ORDER)
-}
-
-/// T₀ … of an order over a span.
-pub(crate) fn smooth_columns(rows: usize, order: usize, span: Span, celsius: impl Fn(usize) -> f64) -> DMatrix<f64> {
-    DMatrix::from_fn(rows, order + 1, |i, k| (k as f64 * span.x(celsius(i)).clamp(-1.0, 1.0).acos()).cos())
 }
 
 /// Weights of windows by their place in the span, 0 to 1: all of a band together as much as those of any other.

@@ -15,27 +15,12 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::diagnostics::{Leg, Point, hysteresis_of};
-use crate::verify::residual::judged;
+use crate::verify::judged_windows::{Estimate, FEWEST, joined, judged, lag1_autocorrelation, mean, spread};
 use crate::verify::residual_noise::ResidualNoise;
 use sagnac_units::format::{counted, significant, with_sigma};
 
 /// Windows on each side of a gap whose means are compared.
 const BESIDE: usize = 10;
-/// Fewer windows show nothing.
-const FEWEST: usize = 20;
-/// Part of a window between two neighbours that is a gap.
-const GAP: f64 = 0.005;
-
-/// A value with its standard error.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-#[non_exhaustive]
-pub struct Estimate {
-    /// The value.
-    pub value: f64,
-    /// Its standard error.
-    pub sigma: f64,
-}
 
 /// Steps over the breaks of a record.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -106,15 +91,6 @@ pub(crate) fn residual_diagnostics(
     }
 }
 
-fn mean(points: &[&Point]) -> f64 {
-    points.iter().map(|p| p.after_dph).sum::<f64>() / points.len() as f64
-}
-
-pub(crate) fn spread(points: &[&Point]) -> f64 {
-    let mean = mean(points);
-    (points.iter().map(|p| (p.after_dph - mean).powi(2)).sum::<f64>() / points.len() as f64).sqrt()
-}
-
 fn over(sigma: f64, floor: f64, n: usize) -> Option<f64> {
     let excess = sigma * sigma - floor * floor;
     let sampling = (2.0 / n as f64).sqrt() * floor * floor;
@@ -134,12 +110,6 @@ fn hysteresis(points: &[Point], noise: &ResidualNoise, used: &[&Point]) -> Optio
     Some(Estimate { value: legs.difference_dph, sigma: noise.sigma_dph(&parts) })
 }
 
-/// Two windows follow each other without a break.
-pub(crate) fn joined(a: &Point, b: &Point) -> bool {
-    let between = (b.hours - 0.5 * b.length_h) - (a.hours + 0.5 * a.length_h);
-    a.run == b.run && between < GAP * a.length_h.min(b.length_h)
-}
-
 fn gap_steps(used: &[&Point], sigma: f64) -> Option<GapSteps> {
     let breaks = (BESIDE..used.len().saturating_sub(BESIDE - 1)).filter(|i| {
         let beside = &used[i - BESIDE..i + BESIDE];
@@ -153,14 +123,6 @@ fn gap_steps(used: &[&Point], sigma: f64) -> Option<GapSteps> {
     let mean_square = steps.iter().map(|step| step * step).sum::<f64>() / steps.len() as f64;
     let noise_dph = sigma * (2.0 / BESIDE as f64).sqrt();
     (!steps.is_empty()).then(|| GapSteps { gaps: steps.len(), rms_dph: mean_square.sqrt(), noise_dph })
-}
-
-pub(crate) fn lag1_autocorrelation(used: &[&Point], sigma: f64) -> Option<Estimate> {
-    let pairs: Vec<f64> =
-        used.windows(2).filter(|w| joined(w[0], w[1])).map(|w| w[0].after_dph * w[1].after_dph).collect();
-    let n = pairs.len() as f64;
-    let value = pairs.iter().sum::<f64>() / n / (sigma * sigma);
-    (pairs.len() >= FEWEST && sigma > 0.0).then(|| Estimate { value, sigma: 1.0 / n.sqrt() })
 }
 
 #[cfg(test)]

@@ -1,0 +1,216 @@
+//! The result of a verification: axis by axis, before next to after, with the verdict of each limit.
+
+use std::collections::BTreeMap;
+
+use sagnac_core::Image;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::calibration::{LogFile, PpmEstimate};
+use crate::verify::flight::PositionError;
+use crate::verify::limits::LimitsSource;
+use crate::verify::repeatability::BiasRepeatability;
+use crate::verify::residual::Residual;
+use crate::verify::residual_diagnostics::ResidualDiagnostics;
+use crate::verify::stats::Figures;
+use crate::verify::suspects::Suspect;
+use crate::verify::turned::ScaleProof;
+use crate::verify::verdict::Verdict;
+use crate::window::Windows;
+use sagnac_log::ingest::Tally;
+use sagnac_units::format::celsius;
+
+/// The floor of a retest's windows.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[non_exhaustive]
+pub struct RetestNoiseFloor {
+    /// σ of the used windows from noise alone, °/h: root mean square of √(N²/τ + 2Q²/τ²) over their lengths τ.
+    pub value_dph: f64,
+    /// The same in the unit of the figures.
+    pub value: f64,
+    /// Expected max − min of the largest run's n windows of white noise, in the unit of the figures.
+    pub expected_peak_to_peak: f64,
+    /// That n.
+    pub n: usize,
+    /// Where it comes from.
+    pub source: String,
+}
+
+/// How much of the temperatures of the fit a retest saw.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[non_exhaustive]
+pub struct Coverage {
+    /// Span of the fit, by the image, °C.
+    pub fit_c: [f64; 2],
+    /// Lowest and highest sample of the used windows, °C.
+    pub tested_c: [f64; 2],
+    /// Part of the fit's span that the windows cover, 0 to 1; gaps of a twentieth of it count as covered.
+    pub covered_fraction: f64,
+}
+
+/// Part of the fit's span that a gap between windows may have and count as covered.
+const BRIDGED: f64 = 0.05;
+
+impl Coverage {
+    /// `20.0 … 45.0 °C: 23 % of the fit's -39.0 … 69.0 °C`.
+    pub fn words(&self) -> String {
+        let Self { tested_c: [lo, hi], fit_c: [from, to], covered_fraction } = *self;
+        let [lo, hi, from, to] = [lo, hi, from, to].map(celsius);
+        format!("{lo} … {hi} °C: {:.0} % of the fit's {from} … {to} °C", 100.0 * covered_fraction)
+    }
+
+    pub(crate) fn of(image: &Image, windows: &Windows, used: &[usize], sensor: usize) -> Option<Self> {
+        let spec = image.inputs().first()?;
+        let fit_c = [spec.span_lo_q24, spec.span_hi_q24].map(|q24| f64::from(q24) / 2.0_f64.powi(24));
+        let (min_c, max_c) = (&windows.rows.min_c[sensor], &windows.rows.max_c[sensor]);
+        let mut stretches: Vec<[f64; 2]> =
+            used.iter().map(|i| [min_c[*i], max_c[*i]]).filter(|[lo, _]| lo.is_finite()).collect();
+        stretches.sort_by(|a, b| a[0].total_cmp(&b[0]));
+        let span = fit_c[1] - fit_c[0];
+        let (mut common, mut reached) = (0.0, f64::NEG_INFINITY);
+        for [from, to] in &stretches {
+            // Between windows a little is left out; farther apart nothing was seen.
+            let start = if from - reached <= BRIDGED * span { reached } else { *from };
+            common += (to.min(fit_c[1]) - start.max(fit_c[0]).min(fit_c[1])).max(0.0);
+            reached = reached.max(*to);
+        }
+        let lo = stretches.first().map_or(f64::INFINITY, |[lo, _]| *lo);
+        let hi = reached;
+        let covered_fraction = (common / span).clamp(0.0, 1.0);
+        (lo <= hi).then_some(Self { fit_c, tested_c: [lo, hi], covered_fraction })
+    }
+}
+
+/// What a retest of the calibration's own profile does not show.
+pub const REPEATED_PROFILE: &str = "temperature moves with its rate or with time as in the calibration, which cannot separate \
+                                    them: this test proves nothing for other profiles";
+
+/// One axis of a verification.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[non_exhaustive]
+pub struct AxisVerification {
+    /// Axis letter.
+    pub axis: char,
+    /// As logged.
+    pub before: Figures,
+    /// As corrected.
+    pub after: Figures,
+    /// Noise floor; null where neither the retest nor the calibration knows it.
+    pub noise_floor: Option<RetestNoiseFloor>,
+    /// max − min before over after; null where after is zero.
+    pub improvement: Option<f64>,
+    /// σ before over after; null where after is zero.
+    pub improvement_sigma: Option<f64>,
+    /// Diagnostics of the residual.
+    pub residual_diagnostics: ResidualDiagnostics,
+    /// Temperatures of the retest beside those of the fit; null without a temperature.
+    pub coverage: Option<Coverage>,
+    /// A rate table turned the gyro.
+    #[serde(default)]
+    pub turned: bool,
+    /// It turned it about this axis.
+    #[serde(default)]
+    pub turned_about: bool,
+    /// What is left, figure by figure.
+    pub residual: Residual,
+    /// What a stated flight comes to; null without one, or where the retest does not tell it.
+    pub flight: Option<PositionError>,
+    /// Why the flight cannot be told, if one was stated.
+    pub flight_unavailable: Option<String>,
+    /// The scale factor over temperature, where a rate table tells it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scale_factor: Option<ScaleProof>,
+    /// Fixed bias against the calibration; null where the input rate is not known.
+    pub bias_repeatability: Option<BiasRepeatability>,
+    /// Why it is not known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bias_repeatability_unavailable: Option<String>,
+    /// Part of the fit's temperature rates that the ramps of the retest reach, 0 to 1; null without rate terms or a record.
+    pub rate_coverage: Option<f64>,
+    /// Temperature and its rate, or time, moved together in the calibration, and in this retest again: it proves nothing for
+    /// other profiles.
+    pub repeats_profile: bool,
+    /// Scale factor less that of the calibration at T0; null where a rate table did not turn both.
+    pub scale_factor_difference: Option<PpmEstimate>,
+    /// The calibration has a scale factor of its own, from a rate table.
+    pub scale_factor_calibrated: bool,
+    /// Each run covers so little of the temperatures that its own mean would hold the drift: the figures are about the mean of all
+    /// runs.
+    pub about_common_mean: bool,
+    /// Part of the time of the runs of which no row is usable, 0 to 1: flagged, missing, unreadable.
+    pub missing_fraction: f64,
+    /// Part of the windows with a temperature beyond the fit's span by more than half a degree, 0 to 1.
+    pub out_of_span_fraction: f64,
+    /// Hours of the judged windows.
+    pub hours: f64,
+    /// Part of the rows that was excluded on request, 0 to 1; null where nothing was asked to be excluded.
+    pub excluded_fraction: Option<f64>,
+    /// Stretches that look like bumps, steps or start-up. They are judged unless they were asked to be excluded.
+    pub suspects: Vec<Suspect>,
+    /// Windows in which each status occurred.
+    pub status_windows: BTreeMap<String, usize>,
+    /// Limits, if any were given.
+    pub limits: Vec<Verdict>,
+    /// All limits that are asked of such a retest are met; null without limits.
+    pub pass: Option<bool>,
+}
+
+/// The result of `sagnac verify`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[non_exhaustive]
+pub struct Verification {
+    /// Program and version.
+    pub program: String,
+    /// Serial number of the gyro.
+    pub serial: String,
+    /// What the sensor is, as the setup says.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sensor: Option<String>,
+    /// What it was tested on, as the setup says.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rig: Option<String>,
+    /// Unit of the figures: `counts per window` or `deg/h`.
+    pub unit: String,
+    /// Length to which windows are scaled, s.
+    pub window_s: f64,
+    /// One entry per axis.
+    pub axes: Vec<AxisVerification>,
+    /// Windows and rows left out on both sides, by reason.
+    pub excluded: Vec<Tally>,
+    /// SHA-256 of the images' bytes, in the order of their axes.
+    pub image_sha256: String,
+    /// SHA-256 of the record that the images were made from, by the images.
+    pub record_sha256: String,
+    /// What it was held against, if limits were given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub limits: Option<LimitsSource>,
+    /// The retest logs.
+    pub inputs: Vec<LogFile>,
+    /// Axes of the calibration that the retest does not have: with any of them the unit is not accepted.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub untested_axes: Vec<char>,
+    /// Those of them that the calibration was made from: with any of them this is no proof, and no limit can be met.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub training_overlap: Vec<String>,
+    /// True for an image alone, which does not name its training logs: nothing shows that these are others.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub training_unknown: bool,
+}
+
+impl Verification {
+    /// The retest's logs are known not to be those of the fit.
+    pub fn is_of_other_logs(&self) -> bool {
+        !self.training_unknown && self.training_overlap.is_empty()
+    }
+
+    /// False when a limit is not met, or where limits were held against a log that the fit has seen.
+    pub fn passed(&self) -> bool {
+        let judged = self.axes.iter().any(|axis| axis.pass.is_some());
+        let sound = self.training_overlap.is_empty() && self.untested_axes.is_empty();
+        self.axes.iter().all(|axis| axis.pass != Some(false)) && (!judged || sound)
+    }
+}
