@@ -15,16 +15,16 @@ use crate::diagnostics::{
     AxisReportData, Point, ReportData, RunSpan, offsets_hide_drift, points, ramp_rates_cpm, rate_coverage, run_spans,
 };
 use crate::fit;
-use crate::verify::correction::Correction;
-use crate::verify::judged_windows::judged;
-use crate::verify::paired::PairedWindows;
-use crate::verify::repeatability::{BiasRepeatability, scale_difference};
-use crate::verify::residual::{self, RandomWalk};
-use crate::verify::residual_diagnostics;
-use crate::verify::residual_noise::ResidualNoise;
+use crate::verify::replay::correction::Correction;
+use crate::verify::replay::paired::PairedWindows;
 use crate::verify::result::{AxisVerification, Coverage, RetestNoiseFloor};
-use crate::verify::stats::{Figures, Weighted, expected_range};
-use crate::verify::turned::{Drifts, PairedDrifts};
+use crate::verify::values::before_after::{Figures, Weighted, expected_range};
+use crate::verify::values::diagnostics::residual_diagnostics;
+use crate::verify::values::judged_windows::judged;
+use crate::verify::values::noise::ResidualNoise;
+use crate::verify::values::rate_table::{Drifts, PairedDrifts};
+use crate::verify::values::repeatability::{BiasRepeatability, scale_difference};
+use crate::verify::values::residual::{self, RandomWalk};
 use crate::window::Windows;
 use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::{AngleUnit, Reason};
@@ -99,12 +99,8 @@ impl Against<'_> {
         let noise_floor = noise_floor(windows, used, axis, self.correction, self.test, dph_per_unit);
         let points = &report_data.axes[axis].points;
         let noise = ResidualNoise::of(&judged(points), *about_common_mean);
-        let diagnostics = residual_diagnostics::residual_diagnostics(
-            points,
-            &noise,
-            after.sigma_dph,
-            noise_floor.as_ref().map(|floor| floor.value_dph),
-        );
+        let diagnostics =
+            residual_diagnostics(points, &noise, after.sigma_dph, noise_floor.as_ref().map(|floor| floor.value_dph));
         // Of every window: a noise that comes and goes is the unit's. Turned, a counter's quantization is a saw that the short-τ fit takes
         // for a walk.
         let walk = |side: &Windows| side.noise_with_shaken(axis).map(|noise| noise.n_deg_rt_h()).filter(|n| *n > 0.0);

@@ -13,7 +13,7 @@
 //! ```
 //!
 //! Out of sample always: the windows are those of a retest. Standard errors of the slopes and of the series by the noise of the windows,
-//! slow noise too ([`super::residual_noise`]); of a plateau's mean by its own scatter.
+//! slow noise too ([`super::noise`]); of a plateau's mean by its own scatter.
 
 use nalgebra::{DMatrix, DVector};
 use schemars::JsonSchema;
@@ -22,8 +22,8 @@ use serde::{Deserialize, Serialize};
 use crate::diagnostics::{Leg, Point};
 use crate::fit::level_stretches;
 use crate::model::Span;
-use crate::verify::judged_windows::{Estimate, joined, judged, smooth_columns, smooth_order};
-use crate::verify::residual_noise::ResidualNoise;
+use crate::verify::values::judged_windows::{Estimate, joined, judged, smooth_columns, smooth_order};
+use crate::verify::values::noise::ResidualNoise;
 use sagnac_noise::{Deviation, Difference, SquareSum, overlapping, phases};
 
 /// Fewer windows are no plateau.

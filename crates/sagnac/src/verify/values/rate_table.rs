@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::calibration::{Plateau, PpmEstimate};
 use crate::fit::{RateTableInput, SlowNoise, level_stretches, plateaus_of, stated_noise};
-use crate::verify::paired::PairedWindows;
+use crate::verify::replay::paired::PairedWindows;
 use crate::window::Windows;
 use sagnac_log::error::Result;
 use sagnac_log::setup::TestConfig;
@@ -68,7 +68,7 @@ pub struct ScaleProof {
 }
 
 /// Four soaks over the span leave a third between them, and a little more where the ends are not reached.
-pub(super) const MOST_UNVISITED: f64 = 0.38;
+pub(crate) const MOST_UNVISITED: f64 = 0.38;
 
 /// Squares of rates about their mean above this part of their sum: they vary.
 const VARIES: f64 = 1e-6;

@@ -3,7 +3,7 @@
 use sagnac_core::Image;
 
 use crate::calibration::{Calibration, LogUnit};
-use crate::verify::readings::Readings;
+use crate::verify::replay::column_of_input::Readings;
 use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::{LogShape, hex, sha256};
 use sagnac_log::setup::Setup;

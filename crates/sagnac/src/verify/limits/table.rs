@@ -3,10 +3,10 @@
 //! File, judgement, report and reference are made from [`SPECS`].
 
 use crate::calibration::PpmEstimate;
-use crate::verify::limits::Limits;
-use crate::verify::repeatability::RUN_WITHOUT_BIAS;
-use crate::verify::turned::{MOST_UNVISITED, worst_known};
-use crate::verify::verdict::{Decided, DecisionRule, Verdict};
+use crate::verify::limits::stated::Limits;
+use crate::verify::limits::verdict::{Decided, DecisionRule, Verdict};
+use crate::verify::values::rate_table::{MOST_UNVISITED, worst_known};
+use crate::verify::values::repeatability::RUN_WITHOUT_BIAS;
 use crate::verify::{AxisVerification, BiasRepeatability, Estimate, PlateauProof, ScaleProof};
 
 /// Which side of a limit is met.

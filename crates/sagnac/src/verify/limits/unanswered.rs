@@ -5,10 +5,10 @@
 
 use sagnac_core::Status;
 
-use crate::verify::figures::Against;
-use crate::verify::limit_specs::{Applies, EXCLUDED, LimitSpec, POSITION_ERROR, SPECS};
-use crate::verify::paired::PairedWindows;
-use crate::verify::verdict::DecisionRule;
+use crate::verify::limits::table::{Applies, EXCLUDED, LimitSpec, POSITION_ERROR, SPECS};
+use crate::verify::limits::verdict::DecisionRule;
+use crate::verify::replay::paired::PairedWindows;
+use crate::verify::values::of_axis::Against;
 use crate::verify::{AxisVerification, Correction};
 use crate::window::Windows;
 use sagnac_log::error::Result;

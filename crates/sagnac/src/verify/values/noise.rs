@@ -17,7 +17,7 @@ use nalgebra::DMatrix;
 use crate::diagnostics::Point;
 use crate::fit::{Block, Estimated, Rows, mean, noise_of_blocks};
 use crate::model::Span;
-use crate::verify::judged_windows::{lag1_autocorrelation, smooth_columns, smooth_order, spread};
+use crate::verify::values::judged_windows::{lag1_autocorrelation, smooth_columns, smooth_order, spread};
 
 /// Windows of a run that has such a series; shorter runs have a level alone.
 const FEWEST_FOR_SERIES: usize = 20;

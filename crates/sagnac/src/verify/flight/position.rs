@@ -16,9 +16,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::diagnostics::Point;
 use crate::model::{Span, chebyshev};
-use crate::verify::judged_windows::Estimate;
-use crate::verify::repeatability::BiasRepeatability;
-use crate::verify::strapdown::{Channel, noise_m, positions_m};
+use crate::verify::flight::strapdown::{Channel, noise_m, positions_m};
+use crate::verify::values::judged_windows::Estimate;
+use crate::verify::values::repeatability::BiasRepeatability;
 use sagnac_log::error::{Error, Result};
 use sagnac_units::EARTH_RATE_DPH;
 

@@ -9,14 +9,14 @@
 //!
 //! All of corrected windows, each run about its own mean. Sampling errors are those of white residuals of n windows:
 //! √(2/n)·floor² for the variance, σ√(1/n₁ + 1/n₂) for steps, 1/√n for the correlation; of the hysteresis by the noise of the windows,
-//! slow noise too ([`super::residual_noise`]).
+//! slow noise too ([`super::noise`]).
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::diagnostics::{Leg, Point, hysteresis_of};
-use crate::verify::judged_windows::{Estimate, FEWEST, joined, judged, lag1_autocorrelation, mean, spread};
-use crate::verify::residual_noise::ResidualNoise;
+use crate::verify::values::judged_windows::{Estimate, FEWEST, joined, judged, lag1_autocorrelation, mean, spread};
+use crate::verify::values::noise::ResidualNoise;
 use sagnac_units::format::{counted, significant, with_sigma};
 
 /// Windows on each side of a gap whose means are compared.

@@ -19,8 +19,8 @@ use serde::{Deserialize, Serialize};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use crate::calibration::{AxisCalibration, PpmEstimate};
-use crate::verify::judged_windows::Estimate;
-use crate::verify::turned::{PairedDrifts, ScaleProof};
+use crate::verify::values::judged_windows::Estimate;
+use crate::verify::values::rate_table::{PairedDrifts, ScaleProof};
 use crate::window::Windows;
 use sagnac_log::setup::{TestConfig, input_rate_hint};
 

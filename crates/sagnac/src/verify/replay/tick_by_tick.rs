@@ -13,7 +13,7 @@
 
 use sagnac_core::{Compensator, Image, InputSpec, MAX_INPUTS, Misuse, State, Status};
 
-use crate::verify::readings::{LogColumn, Readings};
+use crate::verify::replay::column_of_input::{LogColumn, Readings};
 use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::{AngleUnit, Batch, LogShape};
 use sagnac_units::s_from_ns;

@@ -7,9 +7,9 @@
 //!
 //! Bounds of windows follow from times and temperatures alone, which both sides share.
 
-use crate::verify::correction::Correction;
-use crate::verify::options::VerifyOptions;
-use crate::verify::replay::{Corrected, Replay};
+use crate::verify::replay::correction::Correction;
+use crate::verify::replay::options::VerifyOptions;
+use crate::verify::replay::tick_by_tick::{Corrected, Replay};
 use crate::window::{SeenLogs, WindowBuilder, Windows, mark_outliers};
 use sagnac_core::Status;
 use sagnac_log::error::{Error, Result};

@@ -3,8 +3,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::verify::flight::Flight;
-use crate::verify::verdict::DecisionRule;
+use crate::verify::flight::position::Flight;
+use crate::verify::limits::verdict::DecisionRule;
 use sagnac_log::ingest::{hex, sha256};
 
 /// Limits of a verification.

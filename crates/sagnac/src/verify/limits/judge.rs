@@ -10,7 +10,7 @@ use sagnac_log::error::{Error, Result};
 use sagnac_units::format::{file_name, significant};
 
 use crate::diagnostics::{Point, ReportData};
-use crate::verify::repeatability::RUN_WITHOUT_BIAS;
+use crate::verify::values::repeatability::RUN_WITHOUT_BIAS;
 use crate::verify::{AxisVerification, BiasRepeatability, Limits, Verdict, Verification};
 
 /// A verification and the windows behind it.
@@ -22,11 +22,11 @@ pub struct Proof {
     /// The windows behind it, for a report.
     pub report_data: ReportData,
     /// Figures of every window, where some were excluded on request.
-    pub(super) every_row: Option<(Vec<AxisVerification>, ReportData)>,
+    pub(crate) every_row: Option<(Vec<AxisVerification>, ReportData)>,
     /// Each run alone, where there are several: a good run does not make up for a bad one.
-    pub(super) each_run: Vec<(String, Vec<AxisVerification>)>,
+    pub(crate) each_run: Vec<(String, Vec<AxisVerification>)>,
     /// Windows of the calibration, s.
-    pub(super) record_window_s: Option<f64>,
+    pub(crate) record_window_s: Option<f64>,
 }
 
 /// Windows of a retest whose length is within this part of the calibration's are alike.

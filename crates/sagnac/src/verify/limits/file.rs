@@ -6,18 +6,16 @@
 
 use std::path::Path;
 
-use crate::verify::limit_specs::{EXCLUDED, LimitSpec, SPECS};
-use crate::verify::limits::{Limits, LimitsSource};
+use crate::verify::limits::stated::{Limits, LimitsSource};
+use crate::verify::limits::table::{EXCLUDED, LimitSpec, SPECS};
+use crate::verify::limits::verdict::Verdict;
 use crate::verify::result::AxisVerification;
-use crate::verify::verdict::Verdict;
 use sagnac_log::error::{Error, Result};
 use sagnac_log::read::read_text;
 
 /// Sets that come with the program.
-pub const SETS: [(&str, &str); 2] = [
-    ("navigation-grade", include_str!("limits_sets/navigation-grade.toml")),
-    ("paper", include_str!("limits_sets/paper.toml")),
-];
+pub const SETS: [(&str, &str); 2] =
+    [("navigation-grade", include_str!("sets/navigation-grade.toml")), ("paper", include_str!("sets/paper.toml"))];
 
 impl Limits {
     /// Reads a limits file.
@@ -157,7 +155,7 @@ mod tests {
     /// The documentation holds the sets word for word.
     #[test]
     fn the_sets_stand_in_the_documentation() {
-        let page = include_str!("../../../../docs/reference/limits.md");
+        let page = include_str!("../../../../../docs/reference/limits.md");
         for (name, text) in SETS {
             assert!(page.contains(text), "{name} in docs/reference/limits.md is another");
         }
@@ -166,7 +164,7 @@ mod tests {
     /// The table of the reference is made from [`SPECS`].
     #[test]
     fn every_limit_is_in_the_reference() {
-        let page = include_str!("../../../../docs/reference/limits.md");
+        let page = include_str!("../../../../../docs/reference/limits.md");
         for spec in &SPECS {
             let bound = match spec.bound {
                 Bound::Most => "at most",
