@@ -6,9 +6,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::calibration::axis_record::AxisRecord;
 use crate::calibration::{
-    Calibration, Candidate, Collinearity, CorrectionNoise, CrossValidation, CurveSpread, Entanglement, Hysteresis,
-    Input, InputSource, LackOfFit, Lag, Misalignment, Monomial, NoiseFloor, PriorUse, RejectedInput, RejectedModel,
-    Residual, RunOffset, ScaleFactor, SearchStep, SlowNoiseTerms, Soak, Term, TimeEffect, WarmUp,
+    Candidate, Collinearity, CorrectionNoise, CrossValidation, CurveSpread, Entanglement, Hysteresis, Input,
+    InputSource, LackOfFit, Lag, Misalignment, Monomial, NoiseFloor, PriorUse, RejectedInput, RejectedModel, Residual,
+    RunOffset, ScaleFactor, SearchStep, SlowNoiseTerms, Soak, Term, TimeEffect, WarmUp,
 };
 use crate::model::{BASIS_LEN, Form, Shape, Span};
 
@@ -128,16 +128,6 @@ pub struct AxisCalibration {
     pub zones: Vec<Monomial>,
     /// How the correction was found; null for imported coefficients.
     pub fit: Option<FitDiagnostics>,
-}
-
-impl Calibration {
-    /// Name of the thermometer of the fit in the log's header; empty for a plain `temperature_c`.
-    pub fn thermometer_name(&self) -> Option<&str> {
-        match &self.axes.first()?.correction.inputs.first()?.source {
-            InputSource::Thermometer(name) => Some(name),
-            InputSource::Difference(..) | InputSource::Column(_) | InputSource::Repeat(_) => None,
-        }
-    }
 }
 
 impl AxisCalibration {

@@ -5,9 +5,20 @@ use sagnac_units::format::on_scale;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::calibration::{CODE_C, Lag};
 use crate::model::Span;
 use crate::model::input::{label, plausible_about, unit_exponent};
+
+/// Replay's own temperature code: 2⁻²⁴ °C.
+const CODE_C: f64 = 1.0 / (1 << 24) as f64;
+
+/// A fitted lag.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Lag {
+    /// τ, s.
+    pub value: f64,
+    /// Standard deviation; null where τ is not resolved: then it is the smallest whose misfit is within Δχ² = 4 of the least.
+    pub sigma: Option<f64>,
+}
 
 /// Where the numbers of an input come from.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]

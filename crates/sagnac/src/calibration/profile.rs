@@ -3,7 +3,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::calibration::{CurveSpread, Lag};
+use crate::calibration::input::Lag;
+use crate::calibration::uncertainty::CurveSpread;
 
 /// A drift with time, fitted beside the terms so that none of them takes its place. Never part of the correction.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -1,0 +1,97 @@
+//! Values of a fit that the record states: offsets of the runs, residual, floor, held-out error, models that were tried.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// The offset of one run: fixed bias plus input rate. Never part of the correction.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[non_exhaustive]
+pub struct RunOffset {
+    /// Index of the run.
+    pub run: u32,
+    /// Rate at T0 and Ṫ = 0, °/h.
+    pub value_dph: f64,
+    /// Standard deviation; null where it was not fitted here.
+    pub sigma_dph: Option<f64>,
+    /// The offset less the known input rate: the fixed bias, °/h; null where the input rate is not
+    /// known or the log has several axes.
+    pub fixed_bias_dph: Option<f64>,
+}
+
+/// The curve at Ṫ = 0 in the paper's form: value = Σ coefficientᵢ·Tⁱ, T in °C.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[non_exhaustive]
+pub struct Monomial {
+    /// Run whose offset it holds.
+    pub run: u32,
+    /// `counts per window` or `deg/h`.
+    pub unit: String,
+    /// The window, s.
+    pub window_s: f64,
+    /// Ascending powers of °C.
+    pub coefficients: Vec<f64>,
+    /// Standard deviations; null where not fitted here.
+    pub sigma: Option<Vec<f64>>,
+    /// Temperatures between which it holds, °C, where the span is cut into zones: that of T0; `zones` has them all.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub range_c: Option<[f64; 2]>,
+}
+
+/// Residual of the fit, about the fitted curve. In-sample: quote the cross-validation instead.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[non_exhaustive]
+pub struct Residual {
+    /// Windows.
+    pub n: usize,
+    /// σ with the lost degrees of freedom counted, °/h.
+    pub sigma_dph: f64,
+    /// Largest minus smallest, °/h.
+    pub peak_to_peak_dph: f64,
+    /// Correlation of neighbouring residuals, by which the intervals were widened.
+    pub lag1_autocorrelation: f64,
+    /// Half a 95 % interval in units of σ: Student's t at as many degrees of freedom as that correlation leaves.
+    pub t_quantile_975: f64,
+}
+
+/// What noise alone makes of the mean of a window.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[non_exhaustive]
+pub struct NoiseFloor {
+    /// √(N²/τ + 2Q²/τ²) for the nominal window, °/h.
+    pub value_dph: f64,
+    /// Angle random walk N, °/√h.
+    pub n_deg_rt_h: f64,
+    /// Quantization Q, arcsec.
+    pub q_arcsec: f64,
+    /// Where N and Q come from.
+    pub source: String,
+}
+
+/// Held-out residual.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[non_exhaustive]
+pub struct CrossValidation {
+    /// What is held out.
+    pub scheme: String,
+    /// How many folds.
+    pub folds: usize,
+    /// Root mean square of held-out residuals, °/h.
+    pub sigma_dph: f64,
+}
+
+/// One model that was tried.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[non_exhaustive]
+pub struct Candidate {
+    /// In the words of `--model`.
+    pub model: String,
+    /// Coefficients without constants, lag included.
+    pub coefficients: usize,
+    /// Root mean square of held-out residuals, °/h; null where a fold could not be fitted.
+    pub held_out_dph: Option<f64>,
+    /// Instructions of its slow update on a Cortex-M4F; the tick costs the same for all.
+    #[serde(default)]
+    pub slow_update_instructions: Option<u32>,
+    /// It was selected.
+    pub chosen: bool,
+}

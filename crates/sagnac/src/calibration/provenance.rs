@@ -1,0 +1,61 @@
+//! Where a record comes from: program, time and logs. No clock: the same input gives the same bytes.
+
+use sagnac_log::ingest::{LogSummary, share_rows};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Where a record comes from. No clock: the same input gives the same bytes.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[non_exhaustive]
+pub struct Provenance {
+    /// Program and version.
+    pub program: String,
+    /// Time of the newest input sample in the log's own time, s, or SOURCE_DATE_EPOCH.
+    pub time_s: f64,
+    /// Which of the two.
+    pub time_source: String,
+    /// The logs.
+    pub inputs: Vec<LogFile>,
+}
+
+/// Name and version of this program.
+pub fn program() -> String {
+    format!("sagnac {}", env!("CARGO_PKG_VERSION"))
+}
+
+/// One log file.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct LogFile {
+    /// File name without its folder.
+    pub file: String,
+    /// SHA-256 of its bytes.
+    pub sha256: String,
+    /// Rows read.
+    pub rows: u64,
+    /// In the record of a calibration: 64 hashes of 64 rows each and 64 of 12, by which a copy in other bytes is recognised; the rows
+    /// cannot be had from them. Empty for a log that says too little.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub rows_sketch: String,
+}
+
+impl LogFile {
+    /// Of a log that was read.
+    pub(crate) fn of(summary: &LogSummary) -> Self {
+        Self {
+            file: sagnac_units::format::file_name(&summary.file),
+            sha256: summary.sha256.clone(),
+            rows: summary.rows,
+            rows_sketch: summary.rows_sketch.clone(),
+        }
+    }
+
+    /// Without the hashes of its rows: for results, which nothing is held against later.
+    pub(crate) fn named(self) -> Self {
+        Self { rows_sketch: String::new(), ..self }
+    }
+
+    /// The same bytes, or for a part the same rows.
+    pub(crate) fn overlaps(&self, other: &Self) -> bool {
+        self.sha256 == other.sha256 || share_rows(&[&self.rows_sketch], &[&other.rows_sketch])
+    }
+}
