@@ -14,6 +14,7 @@ use super::result::{UnitResult, VERSION};
 use super::unit::Answer;
 use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::sha256_of_file;
+use sagnac_log::paths::files_in;
 use sagnac_log::write::{remove_abandoned, write_bytes};
 
 /// Folder of the records, of the proofs, and of what is known of each unit.
@@ -96,9 +97,36 @@ impl Results {
     /// A table that cannot be written; a result that cannot be read.
     pub fn write_table(&self) -> Result<()> {
         #[cfg(feature = "parquet")]
-        super::table::write(&super::results_in(&self.folder)?, &self.folder.join(TABLE))?;
+        super::table::write(&results_in(&self.folder)?, &self.folder.join(TABLE))?;
         Ok(())
     }
+}
+
+/// What is known of every unit of a folder, in the natural order of their names.
+///
+/// # Errors
+/// A folder or result that cannot be read, or that another version of this program wrote.
+pub fn results_in(folder: &Path) -> Result<Vec<UnitResult>> {
+    let units = folder.join(UNITS);
+    if !units.is_dir() {
+        return Err(Error::input("not a folder of `sagnac fleet calibrate`")
+            .file(folder.display().to_string())
+            .help(format!("such a folder has a folder {UNITS}/ with a result for each unit")));
+    }
+    let is_result = |path: &Path| path.extension().is_some_and(|ending| ending == "json");
+    let read = |path: PathBuf| -> Result<UnitResult> {
+        let text = fs::read(&path).map_err(|e| Error::io_path(&path, "read", &e))?;
+        let broken = |what: String| {
+            Error::input(what).file(path.display().to_string()).help("remove the file and calibrate the fleet again")
+        };
+        let result: UnitResult =
+            serde_json::from_slice(&text).map_err(|e| broken(format!("not the result of a unit: {e}")))?;
+        if result.version != VERSION {
+            return Err(broken(format!("version {} of a unit's result; this program has {}", result.version, VERSION)));
+        }
+        Ok(result)
+    };
+    files_in(&units)?.into_iter().filter(|path| is_result(path)).map(read).collect()
 }
 
 /// Refuses results among the units: the next run would take them for some.

@@ -12,11 +12,10 @@ use std::collections::{BTreeMap, HashMap};
 use std::ffi::OsStr;
 use std::io::BufRead;
 use std::path::{Path, PathBuf};
-use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
-use super::pattern::{self, Found};
+use super::pattern::{self, Found, Use};
 use sagnac_log::error::{Error, Result};
 use sagnac_log::paths::{folders_in, in_order, logs_among, logs_of, matches_among};
 
@@ -45,26 +44,6 @@ pub struct Unit {
     pub retests: Vec<PathBuf>,
     /// A setup of its own.
     pub setup: Option<PathBuf>,
-}
-
-/// What a log is for.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) enum Use {
-    #[default]
-    Calibrate,
-    Verify,
-}
-
-impl FromStr for Use {
-    type Err = Error;
-
-    fn from_str(text: &str) -> Result<Self> {
-        match text {
-            "" | "calibrate" => Ok(Self::Calibrate),
-            "verify" => Ok(Self::Verify),
-            _ => Err(Error::input("a log is for `calibrate` or `verify`").column("use").value(text)),
-        }
-    }
 }
 
 /// The units of a folder, a pattern or a manifest.

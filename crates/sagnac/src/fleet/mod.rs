@@ -27,14 +27,13 @@ mod summary;
 mod table;
 mod unit;
 
-use std::fs;
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 pub use common_basis::{COMMON_TEMPERATURES_C, CommonBasis};
 pub use control::{ControlChart, Rule};
-pub use folder::{Results, TABLE, check_output, parts_of};
+pub use folder::{Results, TABLE, check_output, parts_of, results_in};
 pub use manifest::{Unit, units_among, units_in_manifest, units_of};
 pub use prior::{ExactSum, LotMean, NotUsed, Population, Prior, PriorFile, Sums};
 pub use quality::{Capability, Odd, Quality, Quantity, RigEffect, Yield};
@@ -45,9 +44,7 @@ pub use summary::{InOrder, Summary};
 pub use table::{TableSummary, table_summary};
 pub use unit::{Answer, answer};
 
-use folder::UNITS;
 use sagnac_log::error::{Error, Result};
-use sagnac_log::paths::files_in;
 use sagnac_log::threads::STACK_BYTES;
 
 /// How a machine's own threads do it.
@@ -101,37 +98,6 @@ pub fn calibrate_by(
         Ok(())
     })?;
     results.write_table()
-}
-
-/// What is known of every unit of a folder, in the natural order of their names.
-///
-/// # Errors
-/// A folder or result that cannot be read, or that another version of this program wrote.
-pub fn results_in(folder: &Path) -> Result<Vec<UnitResult>> {
-    let units = folder.join(UNITS);
-    if !units.is_dir() {
-        return Err(Error::input("not a folder of `sagnac fleet calibrate`")
-            .file(folder.display().to_string())
-            .help(format!("such a folder has a folder {UNITS}/ with a result for each unit")));
-    }
-    let is_result = |path: &Path| path.extension().is_some_and(|ending| ending == "json");
-    let read = |path: std::path::PathBuf| -> Result<UnitResult> {
-        let text = fs::read(&path).map_err(|e| Error::io_path(&path, "read", &e))?;
-        let broken = |what: String| {
-            Error::input(what).file(path.display().to_string()).help("remove the file and calibrate the fleet again")
-        };
-        let result: UnitResult =
-            serde_json::from_slice(&text).map_err(|e| broken(format!("not the result of a unit: {e}")))?;
-        if result.version != result::VERSION {
-            return Err(broken(format!(
-                "version {} of a unit's result; this program has {}",
-                result.version,
-                result::VERSION
-            )));
-        }
-        Ok(result)
-    };
-    files_in(&units)?.into_iter().filter(|path| is_result(path)).map(read).collect()
 }
 
 /// Does some work for each unit; so many threads take the next one each. The first error ends it.

@@ -5,9 +5,29 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 
-use super::manifest::Use;
 use sagnac_log::error::{Error, Result};
+
+/// What a log is for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) enum Use {
+    #[default]
+    Calibrate,
+    Verify,
+}
+
+impl FromStr for Use {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        match text {
+            "" | "calibrate" => Ok(Self::Calibrate),
+            "verify" => Ok(Self::Verify),
+            _ => Err(Error::input("a log is for `calibrate` or `verify`").column("use").value(text)),
+        }
+    }
+}
 
 /// Names that may stand in braces.
 const NAMES: [&str; 5] = ["unit", "lot", "rig", "run", "use"];

@@ -2,9 +2,10 @@
 
 use std::ops::Range;
 
+use crate::window::outliers;
 use crate::window::sums::{Moments, Sums, until_split};
 use crate::window::tracks::{Grid, Tracks};
-use crate::window::{Run, RunFile, WindowRows, WindowShape, Windows, outliers};
+use crate::window::windows::{Run, RunFile, WindowRows, WindowShape, Windows};
 use sagnac_core::Status;
 use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::{

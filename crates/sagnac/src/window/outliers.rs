@@ -13,7 +13,7 @@
 //! of less than ten sigma or a quarter of the range, and either where the temperature rate changes by over
 //! 0.2 °C/min, because a drift with the rate bends and steps there too.
 
-use crate::window::Windows;
+use crate::window::windows::Windows;
 use sagnac_log::ingest::Reason;
 use sagnac_units::{DPH_PER_DPS, s_from_ns};
 

@@ -21,7 +21,7 @@ use arrow_schema::{Field, Schema};
 use parquet::arrow::ArrowWriter;
 use serde::{Deserialize, Serialize};
 
-use crate::window::{Run, RunFile, WindowRows, WindowShape, Windows};
+use crate::window::windows::{Run, RunFile, WindowRows, WindowShape, Windows};
 use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::{AngleUnit, LogSummary, Tallies, Tally};
 use sagnac_log::ingest::{ParquetRead, parquet_batches, parquet_schema};

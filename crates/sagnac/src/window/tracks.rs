@@ -13,7 +13,8 @@ use sagnac_log::ingest::{Batch, LogShape};
 use sagnac_log::memory::MemoryBudget;
 use sagnac_units::s_from_ns;
 
-use crate::window::SAME_VALUE;
+/// Readings this near are the same, °C or the column's unit: a smaller change is no step of a thermometer.
+pub(crate) const SAME_VALUE: f64 = 1e-9;
 
 /// Longest track, in temperature periods: 48 days at 1 s.
 const MAX_TRACK: usize = 1 << 22;

@@ -7,7 +7,7 @@ use sagnac_log::error::{Error, Result};
 use sagnac_log::memory::MemoryBudget;
 use sagnac_log::setup::Setup;
 
-use crate::window::Windows;
+use crate::window::windows::Windows;
 
 /// False: the reader of logs refuses any Parquet file.
 ///
