@@ -12,6 +12,7 @@ mod columns;
 mod compensator;
 mod errors;
 mod noise;
+mod points;
 mod settings;
 mod simulation;
 mod sources;

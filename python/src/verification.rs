@@ -6,8 +6,8 @@ use pyo3::prelude::*;
 use sagnac::verify::Proof;
 use sagnac_report::{Sheet, comparison_report, verification_report};
 
-use crate::calibration::points_table;
 use crate::errors::exception;
+use crate::points::points_table;
 use crate::table::Table;
 
 /// A verification, with the record that it is of.

@@ -5,7 +5,7 @@ use std::path::Path;
 use anyhow::{Context, Result, ensure};
 use sagnac_board::Row;
 
-use super::{CODES_PER_C, FRAME_TICKS};
+use super::units::{CODES_PER_C, FRAME_TICKS};
 
 /// The rows of a simulated log, one for each second: a frame of the target.
 ///

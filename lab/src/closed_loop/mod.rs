@@ -13,6 +13,7 @@ mod process;
 mod record;
 mod recording;
 mod target;
+mod units;
 mod upload;
 
 use std::fs;
@@ -31,17 +32,14 @@ use crate::closed_loop::picture::Drift;
 use crate::closed_loop::record::Record;
 use crate::closed_loop::recording::Recording;
 use crate::closed_loop::target::Target;
+use crate::closed_loop::units::FRAME_TICKS;
 use crate::closed_loop::upload::{Old, Upload, lost};
 use crate::firmware::{build, built, settings as plant_of, sysroot};
 use crate::places::CLOSED_LOOP_PICTURE;
 use crate::program::Program;
 
-/// Ticks of a frame: a second of the chamber, as the setup's tick is 10 ms.
-const FRAME_TICKS: u32 = sagnac_board::FRAME_TICKS as u32;
 /// Ticks of a gyro, 100 µs, in a tick of this unit.
 const FASTER: i32 = 100;
-/// Codes of 2⁻²⁴ °C, as the setup says.
-const CODES_PER_C: f64 = 16_777_216.0;
 /// The target's own counts have so many times less drift (σ) corrected than as counted.
 const LEAST_GAIN: f64 = 5.0;
 /// Sequence numbers of the factory's image and of that of the first cycle.

@@ -4,9 +4,7 @@ use anyhow::{Context, Result};
 use sagnac_report::{Chart, ChartPage, Curve, chart_report};
 
 use super::record::Record;
-
-/// A window, of the picture as of the program by default, s.
-pub(super) const WINDOW: usize = 100;
+use super::units::WINDOW;
 
 /// Width in which the uploads are drawn: how long they take is of no matter.
 const UPLOADS_H: f64 = 0.1;

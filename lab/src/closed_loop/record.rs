@@ -8,7 +8,7 @@ use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 use sagnac_board::Row;
 use sagnac_log::ingest::column_numbers;
 
-use super::picture::WINDOW;
+use super::units::{CODES_PER_C, WINDOW};
 use crate::program::Program;
 
 /// Columns of a recording, a value for each frame.
@@ -48,7 +48,7 @@ impl Record {
         let next = fed.iter().skip(1).chain(fed.last());
         let rows = self.counts.iter().zip(&self.temperature_c).zip(fed.iter().zip(next)).zip(1_u32..);
         for (((counts, celsius), (row, next)), second) in rows {
-            let code = celsius * super::CODES_PER_C;
+            let code = celsius * CODES_PER_C;
             ensure!(
                 *counts == f64::from(row.counts) && code == f64::from(next.codes[0]),
                 "second {second}: {counts} counts at {celsius} °C are recorded, {row:?} was fed, then {next:?}"

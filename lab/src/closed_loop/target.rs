@@ -19,8 +19,8 @@ use sagnac_board::frame::{Frame, FrameReader, MAX_FRAME};
 use sagnac_board::{Message, Output, POWER_ON, Reply, RigSettings, Row};
 use xtask::shell::text;
 
-use super::FRAME_TICKS;
 use super::process::Running;
+use super::units::FRAME_TICKS;
 
 /// How long the target may say nothing.
 const SILENT: Duration = Duration::from_secs(60);

@@ -6,7 +6,7 @@ use anyhow::{Context, Result};
 use sagnac_sim::{LaggedChamber, csv_bytes};
 use tempfile::TempDir;
 
-use super::Case;
+use super::case::Case;
 use super::chance::Chance;
 use super::documents::{image, json, stream, table, toml};
 use super::logs::log;

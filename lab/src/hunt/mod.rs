@@ -7,6 +7,7 @@
 //! A case depends on its number alone, so `cargo xtask hunt --case N` makes it again. First come the findings of earlier hunts, which
 //! stand in `testdata/found` with their command; a new finding is put there. What holds of any run is in [`oracle`].
 
+mod case;
 mod chance;
 mod commands;
 mod documents;
@@ -24,6 +25,7 @@ use anyhow::{Context, Result, bail, ensure};
 use tempfile::TempDir;
 use xtask::shell::root;
 
+use crate::hunt::case::Case;
 use crate::hunt::commands::{Materials, case};
 use crate::program::Program;
 
@@ -31,16 +33,6 @@ use crate::program::Program;
 const MINUTES: u64 = 60;
 /// Findings after which a hunt ends: they are likely the same.
 const MOST_FINDINGS: usize = 20;
-
-/// A command on files.
-pub(crate) struct Case {
-    number: u64,
-    kind: &'static str,
-    args: Vec<String>,
-    files: Vec<(String, Vec<u8>)>,
-    /// Beginnings of the names of what the command may write.
-    outputs: Vec<&'static str>,
-}
 
 /// What a hunt has seen.
 #[derive(Default)]

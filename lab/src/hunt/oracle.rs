@@ -9,7 +9,7 @@ use anyhow::{Context, Result};
 use sagnac_log::ingest::sha256;
 use tempfile::NamedTempFile;
 
-use super::Case;
+use super::case::Case;
 use crate::program::Program;
 
 /// Processor time of a run, s, after which it counts as endless. An answer is due in 10 s of the program that is shipped; this one is

@@ -11,8 +11,8 @@ use sagnac_log::ingest::Content;
 use sagnac_log::setup::{Setup, ThermometerSetup};
 use sagnac_log::{Error, Result};
 
-use crate::decode::Rows;
 use crate::decode::clock::{ClockReport, RowClock};
+use crate::decode::rows_made::Rows;
 use crate::serial_line::{
     OutputClock, image_words, intensity_words, is_piece_done, path_length_words, reply_words, status_words,
 };

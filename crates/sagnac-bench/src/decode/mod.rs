@@ -11,137 +11,24 @@
 
 mod clock;
 mod frames;
+mod rows_made;
 mod text;
-
-use std::collections::HashMap;
 
 use arrow_array::RecordBatch;
 use arrow_schema::SchemaRef;
-use sagnac_log::ingest::{Content, parse_value};
-use sagnac_log::setup::{LiveFormat, PollColumn, PollSetup};
+use sagnac_log::setup::LiveFormat;
 use sagnac_log::write::CellColumns;
 use sagnac_log::{Error, Result};
-use sagnac_units::NS_PER_S;
-use serde::Serialize;
 
 pub use clock::ClockReport;
+pub use rows_made::{Counts, Event};
 
 use crate::decode::frames::Frames;
+use crate::decode::rows_made::{Polled, Rows};
 use crate::decode::text::Text;
 use crate::journal::{Entry, Kind};
 use crate::source::{Connection, Place};
 use crate::start::Start;
-
-/// An answer is no older than so many questions.
-const FRESH_QUESTIONS: f64 = 3.0;
-/// Events that are kept for those who show them.
-const MOST_EVENTS: usize = 1000;
-
-/// What a person should know, with its time.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct Event {
-    /// Time of arrival, ns since 1970.
-    pub at_ns: i64,
-    /// What happened.
-    pub what: String,
-}
-
-/// What was recorded, so far.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
-pub struct Counts {
-    /// Rows.
-    pub rows: u64,
-    /// Bytes of the first source.
-    pub bytes: u64,
-    /// Bytes of it that are in no row: cut lines, damaged frames.
-    pub lost_bytes: u64,
-    /// Lines that have another number of fields than the headers.
-    pub cut_lines: u64,
-    /// Frames that are missing between those that came.
-    pub missing_frames: u64,
-}
-
-/// An instrument's column.
-struct Polled {
-    column: PollColumn,
-    is_scpi: bool,
-    fresh_ns: i64,
-    /// The newest value as text, and its arrival.
-    newest: Option<(String, i64)>,
-}
-
-impl Polled {
-    fn new(poll: &PollSetup, column: &PollColumn) -> Self {
-        let fresh_ns = (FRESH_QUESTIONS * poll.every_s * NS_PER_S) as i64 + NS_PER_S as i64;
-        Self { column: column.clone(), is_scpi: column.query.is_some(), fresh_ns, newest: None }
-    }
-
-    fn answer(&mut self, bytes: &[u8], at_ns: i64) {
-        let value = if self.is_scpi { parse_value(bytes, false) } else { self.column.kind.value(bytes) };
-        let value = value.map(|value| value * self.column.scale.unwrap_or(1.0)).filter(|value| value.is_finite());
-        self.newest = value.map(|value| (value.to_string(), at_ns));
-    }
-
-    fn at(&self, at_ns: i64) -> &str {
-        let fresh = self.newest.as_ref().filter(|(_, then)| at_ns.saturating_sub(*then) <= self.fresh_ns);
-        fresh.map_or("", |(value, _)| value.as_str())
-    }
-}
-
-/// Where rows go: the columns, once they are known.
-pub(crate) struct Rows {
-    /// `None` until the headers came.
-    columns: Option<CellColumns>,
-    metadata: HashMap<String, String>,
-    polled: Vec<Polled>,
-    pub(crate) counts: Counts,
-    pub(crate) events: Vec<Event>,
-}
-
-impl Rows {
-    /// Names of the polled columns.
-    fn polled_names(&self) -> Vec<String> {
-        self.polled.iter().map(|polled| polled.column.name.clone()).collect()
-    }
-
-    /// The columns of the source's own are known; those of the instruments, which are numbers, come behind them.
-    fn begin(&mut self, own: Vec<(String, Content)>, decimal_comma: bool) {
-        let polled = self.polled.iter().map(|polled| (polled.column.name.clone(), Content::Number));
-        let columns = own.into_iter().chain(polled).collect();
-        self.columns = Some(CellColumns::new(columns, std::mem::take(&mut self.metadata), decimal_comma));
-    }
-
-    /// A row of the source's own cells.
-    fn row<C: AsRef<[u8]>>(&mut self, own: impl IntoIterator<Item = C>, at_ns: i64) {
-        let Some(columns) = &mut self.columns else { return };
-        let own = own.into_iter().map(OneOf::Own);
-        let polled = self.polled.iter().map(|polled| OneOf::Polled(polled.at(at_ns)));
-        columns.row(own.chain(polled));
-        self.counts.rows += 1;
-    }
-
-    pub(crate) fn say(&mut self, at_ns: i64, what: impl Into<String>) {
-        if self.events.len() == MOST_EVENTS {
-            self.events.remove(0);
-        }
-        self.events.push(Event { at_ns, what: what.into() });
-    }
-}
-
-/// A cell of the source, or of an instrument.
-enum OneOf<'a, C> {
-    Own(C),
-    Polled(&'a str),
-}
-
-impl<C: AsRef<[u8]>> AsRef<[u8]> for OneOf<'_, C> {
-    fn as_ref(&self) -> &[u8] {
-        match self {
-            Self::Own(cell) => cell.as_ref(),
-            Self::Polled(cell) => cell.as_bytes(),
-        }
-    }
-}
 
 enum Format {
     Text(Box<Text>),
@@ -168,7 +55,7 @@ impl Decoder {
         let columns = setup.bench.polls.iter().flat_map(|poll| poll.columns.iter().map(move |column| (poll, column)));
         let polled: Vec<Polled> = columns.map(|(poll, column)| Polled::new(poll, column)).collect();
         let metadata = start.metadata();
-        let mut rows = Rows { columns: None, metadata, polled, counts: Counts::default(), events: Vec::new() };
+        let mut rows = Rows::new(metadata, polled);
         let format = match setup.bench.format {
             LiveFormat::Text => Format::Text(Box::new(Text::new(setup, start.started_ns, &mut rows)?)),
             LiveFormat::Frames => Format::Frames(Box::new(Frames::new(setup, &mut rows)?)),
@@ -191,8 +78,7 @@ impl Decoder {
                 }
             }
             (Kind::Bytes, source) => {
-                let polled = self.rows.polled.get_mut(usize::from(source) - 1);
-                polled.into_iter().for_each(|polled| polled.answer(&entry.payload, at_ns));
+                self.rows.answer(usize::from(source) - 1, &entry.payload, at_ns);
             }
             (Kind::Connected, source) => {
                 if source == 0 {
@@ -255,12 +141,12 @@ impl Decoder {
 
     /// The columns, once the headers came.
     pub fn schema(&self) -> Option<SchemaRef> {
-        self.rows.columns.as_ref().map(CellColumns::schema)
+        self.rows.columns().map(CellColumns::schema)
     }
 
     /// Rows that wait.
     pub fn waiting(&self) -> usize {
-        self.rows.columns.as_ref().map_or(0, CellColumns::len)
+        self.rows.columns().map_or(0, CellColumns::len)
     }
 
     /// The rows that wait; `None` before the headers.
@@ -268,7 +154,7 @@ impl Decoder {
     /// # Errors
     /// None that is known.
     pub fn take(&mut self) -> Result<Option<RecordBatch>> {
-        self.rows.columns.as_mut().map(CellColumns::take).transpose()
+        self.rows.take()
     }
 
     /// What was recorded.

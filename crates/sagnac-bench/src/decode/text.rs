@@ -6,8 +6,8 @@ use sagnac_log::ingest::{Content, LiveHeader, fields_of, parse_time_ns, time_tex
 use sagnac_log::setup::{ReadConfig, Setup};
 use sagnac_units::ns_from_s;
 
-use crate::decode::Rows;
 use crate::decode::clock::{ClockReport, RowClock};
+use crate::decode::rows_made::Rows;
 
 /// Longest line, bytes.
 const MOST_LINE_BYTES: usize = 1 << 16;
