@@ -80,7 +80,8 @@ impl Tree {
             if !read.insert(source.clone()) {
                 continue;
             }
-            if source.ends_with(".rs") {
+            // Of the paths in that file a part reads those that it names.
+            if source.ends_with(".rs") && source != PLACES {
                 let code = code(&fs::read_to_string(root().join(&source))?);
                 let named = self.named(&source, &code, part)?;
                 packages.extend(named.packages);
@@ -89,9 +90,26 @@ impl Tree {
             }
             files.insert(source);
         }
+        let is_every = matches!(part.packages, Packages::Every);
         for package in self.closure(packages, with_tests)? {
-            files.extend(self.below(&self.packages[&package].folder));
+            files.extend(self.of_package(&self.packages[&package].folder, is_every)?);
         }
+        Ok(files)
+    }
+
+    /// The files of a package. Where it has a program of its own beside the library, as xtask, others are built from the library alone.
+    fn of_package(&self, folder: &str, whole: bool) -> Result<Vec<String>> {
+        let (mut files, library) = (self.below(folder), format!("{folder}/src/lib.rs"));
+        if whole || !self.files.contains(&library) || !self.files.contains(&format!("{folder}/src/main.rs")) {
+            return Ok(files);
+        }
+        let declared = code(&fs::read_to_string(root().join(&library))?);
+        let modules: Vec<&str> = declared.lines().filter_map(module_of).chain(["lib"]).collect();
+        let source = format!("{folder}/src/");
+        files.retain(|file| {
+            let name = file.strip_prefix(&source).and_then(|below| below.split(['/', '.']).next());
+            name.is_none_or(|name| modules.contains(&name))
+        });
         Ok(files)
     }
 
@@ -129,7 +147,7 @@ impl Tree {
                 named.packages.insert(name.clone());
             }
         }
-        let places = match code.contains("places::") && source != PLACES {
+        let places = match code.contains("places::") {
             true => constants(&fs::read_to_string(root().join(PLACES))?, code),
             false => Vec::new(),
         };
@@ -151,10 +169,7 @@ impl Tree {
             named.sources = self.followed(source, code);
             let folder = source.strip_suffix("/mod.rs").unwrap_or(source.trim_end_matches(".rs"));
             if part.sources.iter().all(|path| !path.starts_with(&format!("{folder}/"))) {
-                let children = code
-                    .lines()
-                    .filter_map(|line| line.trim_end_matches(';').rsplit_once("mod "))
-                    .map(|(_, name)| name);
+                let children = code.lines().filter_map(module_of);
                 let files =
                     children.flat_map(|name| [format!("{folder}/{name}.rs"), format!("{folder}/{name}/mod.rs")]);
                 named.sources.extend(files.filter(|file| self.files.contains(file)));
@@ -252,11 +267,26 @@ fn packages(folder: &str, is_member: bool) -> Result<BTreeMap<String, Package>> 
     told["packages"].as_array().context("cargo metadata without packages")?.iter().map(package).collect()
 }
 
-/// Values of the constants of a source that a text names.
+/// The module that a line declares.
+fn module_of(line: &str) -> Option<&str> {
+    Some(line.strip_suffix(';')?.rsplit_once("mod ")?.1)
+}
+
+/// Values of the constants of [`PLACES`] that a text names: `places::VECTORS`, or by the function of that name, `places::vectors()`.
 fn constants(source: &str, named_in: &str) -> Vec<String> {
     let declared = source.lines().filter_map(|line| line.strip_prefix("pub(crate) const ")?.split_once(": &str = \""));
-    let is_named = |name: &str| named_in.split(|c: char| !c.is_alphanumeric() && c != '_').any(|word| word == name);
-    declared.filter(|(name, _)| is_named(name)).map(|(_, value)| value.trim_end_matches("\";").to_owned()).collect()
+    let imported = paths(named_in).into_iter().filter(|path| path.len() > 2 && path[1] == "places");
+    let mut names: BTreeSet<String> = imported.map(|path| path[2].to_uppercase()).collect();
+    let behind = named_in.split("places::").skip(1);
+    names.extend(
+        behind.map(|rest| {
+            rest.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect::<String>().to_uppercase()
+        }),
+    );
+    declared
+        .filter(|(name, _)| names.contains(*name))
+        .map(|(_, value)| value.trim_end_matches("\";").to_owned())
+        .collect()
 }
 
 #[cfg(test)]
@@ -267,7 +297,8 @@ mod tests {
     #[test]
     fn constants_are_those_that_are_named() {
         let declared = "pub(crate) const A: &str = \"a/b\";\npub(crate) const AB: &str = \"c\";";
-        assert_eq!(constants(declared, "x(A)"), ["a/b"]);
+        assert_eq!(constants(declared, "use crate::places::{A, X};\nb::AB"), ["a/b"]);
+        assert_eq!(constants(declared, "places::ab()"), ["c"]);
     }
 
     /// What a change can break: every part, by a file of each kind that it reads.
@@ -327,6 +358,12 @@ mod tests {
             let part = PARTS.iter().find(|part| part.name == name).unwrap();
             let inputs = tree.inputs(part).unwrap();
             let of_fit: Vec<&String> = inputs.iter().filter(|file| file.starts_with("crates/sagnac/src/")).collect();
+            assert!(
+                inputs.iter().all(|file| !file.starts_with("docs/")),
+                "{name} depends on {:?}",
+                inputs.iter().find(|file| file.starts_with("docs/"))
+            );
+            assert!(inputs.iter().all(|file| !file.starts_with("xtask/src/ci")), "{name} depends on this program");
             assert!(of_fit.is_empty(), "{name} depends on {} files of sagnac, {}", of_fit.len(), of_fit[0]);
         }
     }
