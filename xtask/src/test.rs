@@ -25,7 +25,7 @@ use crate::layers::layers;
 struct Program {
     /// Package and kind, as people say them: `sagnac, tests`.
     name: String,
-    /// What selects it beside the others: `--test tests`, `--lib`.
+    /// The flags that select it among the others: `--test tests`, `--lib`.
     selects: String,
     folder: PathBuf,
     path: PathBuf,

@@ -25,7 +25,7 @@ use crate::paths::{code, paths};
 
 /// The constants of the lab's paths.
 const PLACES: &str = "lab/src/places.rs";
-/// What every part depends on, beside the compiler.
+/// Every part depends on it, and on the compiler.
 const ALWAYS: &str = "Cargo.lock";
 
 /// A package of this tree.
@@ -97,7 +97,7 @@ impl Tree {
         Ok(files)
     }
 
-    /// The files of a package. Where it has a program of its own beside the library, as xtask, others are built from the library alone.
+    /// The files of a package. Others are built from its library alone where it also has a program, as xtask does.
     fn of_package(&self, folder: &str, whole: bool) -> Result<Vec<String>> {
         let (mut files, library) = (self.below(folder), format!("{folder}/src/lib.rs"));
         if whole || !self.files.contains(&library) || !self.files.contains(&format!("{folder}/src/main.rs")) {
@@ -137,7 +137,7 @@ impl Tree {
         self.files.range(folder.clone()..).take_while(|file| file.starts_with(&folder)).cloned().collect()
     }
 
-    /// What a source names.
+    /// The packages, files and sources that a source names.
     fn named(&self, source: &str, code: &str, part: &Part) -> Result<Named> {
         let mut named = Named::default();
         for name in self.packages.keys() {
@@ -218,7 +218,7 @@ impl Tree {
     }
 }
 
-/// What a source names.
+/// Names in a source.
 #[derive(Default)]
 struct Named {
     packages: BTreeSet<String>,
@@ -235,7 +235,7 @@ fn git_hash(flags: &[&str], input: &str) -> Result<String> {
     git.args(["hash-object", "--no-filters"]).args(flags).current_dir(root());
     let mut git = git.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().context("cannot start git")?;
     let mut stdin = git.stdin.take().context("git takes no input")?;
-    // git answers while it reads: beside this thread, so that neither waits for the other.
+    // git answers while it reads: a thread writes, so that neither waits for the other.
     let output = std::thread::scope(|scope| {
         scope.spawn(move || stdin.write_all(input.as_bytes()));
         git.wait_with_output()

@@ -6,11 +6,11 @@ use xtask::debian::{self, Tool};
 pub(crate) struct Part {
     /// Its name in `ci/passed.toml`.
     pub(crate) name: &'static str,
-    /// What `cargo xtask` is asked to do.
+    /// The arguments of `cargo xtask`.
     pub(crate) task: &'static [&'static str],
     /// The source of that task, files or folders of `xtask` and `lab`: the packages and files that it names are inputs.
     pub(crate) sources: &'static [&'static str],
-    /// Packages that it builds, beside those that the source names.
+    /// Packages that it builds and the source does not name.
     pub(crate) packages: Packages,
     /// Debian packages.
     pub(crate) tools: &'static [&'static [Tool]],
