@@ -15,6 +15,7 @@ mod made;
 mod pictures;
 mod places;
 mod program;
+mod same;
 
 use anyhow::{Context, Result, bail};
 
@@ -40,6 +41,7 @@ pub fn run(args: &[&str]) -> Result<()> {
         "fpga" => exports::fpga(rest.contains(&"place")),
         "hunt" => hunt::hunt(rest),
         "pictures" => pictures::pictures(),
+        "same" => same::same(rest),
         other => bail!("no such task: {other}; `cargo xtask help` lists them"),
     }
 }

@@ -20,8 +20,20 @@ use std::process::ExitCode;
 use anyhow::{Result, bail};
 
 /// Tasks that need our crates; the lab does them.
-const LAB: [&str; 11] =
-    ["bench", "bless", "c", "closed-loop", "compare", "conserve", "firmware", "formats", "fpga", "hunt", "pictures"];
+const LAB: [&str; 12] = [
+    "bench",
+    "bless",
+    "c",
+    "closed-loop",
+    "compare",
+    "conserve",
+    "firmware",
+    "formats",
+    "fpga",
+    "hunt",
+    "pictures",
+    "same",
+];
 
 const HELP: &str = "\
 cargo xtask example    the main job on the log in testdata/: calibrate, export, verify
@@ -66,6 +78,8 @@ Not in ci
 cargo xtask bench      [csv | simulator | allan | fleet | python] time and memory compared with other tools, to docs/explanation/performance.md (10 minutes,
                        4 GB in target/bench; needs python3-venv)
 cargo xtask compare    fits of Sagnac and other tools on logs with a known truth, to docs/explanation/comparison.md (needs python3-venv)
+cargo xtask same       PROGRAM: does another build of `sagnac` give the same records, verdicts and images on testdata and 200 simulated
+                       units? For changes that only move code
 cargo xtask pictures   make the pictures of the README and of docs/ anew (needs chromium)
 
 Missing cargo tools (cargo-deny, mdbook, cargo-fuzz) are installed. Missing Debian packages are installed as root; for other users the
