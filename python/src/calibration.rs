@@ -48,8 +48,6 @@ pub(crate) struct Asked {
     #[pyo3(item)]
     warm_up: bool,
     #[pyo3(item)]
-    bootstrap: Option<usize>,
-    #[pyo3(item)]
     source_date_epoch: Option<i64>,
     #[pyo3(item)]
     prior: Option<PathBuf>,
@@ -71,7 +69,6 @@ impl Asked {
         Ok(FitOptions::new(self.model.parse()?)
             .prior(prior)
             .source_date_epoch(self.source_date_epoch)
-            .bootstrap(self.bootstrap)
             .loss(if self.huber { Loss::Huber } else { Loss::Squares })
             .correct_warm_up(self.warm_up))
     }

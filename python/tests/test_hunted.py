@@ -214,8 +214,6 @@ def test_no_terminal_is_no_error(frame: pandas.DataFrame, monkeypatch: pytest.Mo
 def test_arguments_of_other_types_are_named(frame: pandas.DataFrame) -> None:
     unit = calibrated(frame)
     calls: list[Any] = [
-        lambda: calibrated(frame, bootstrap=-1),
-        lambda: calibrated(frame, bootstrap=1.5),
         lambda: sagnac.calibrate(frame, BENCH, model=3),  # type: ignore[arg-type]
         lambda: calibrated(frame, warm_up="no"),
         lambda: calibrated(frame, columns="abc"),

@@ -57,7 +57,7 @@ pub(crate) struct Args {
     #[arg(long, default_value = "auto")]
     model: String,
     /// What is known of the unit before its test: a file of `sagnac fleet prior`, whose model it takes
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["model", "loss", "bootstrap", "warm_up", "tradeoff"])]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["model", "loss", "warm_up", "tradeoff"])]
     prior: Option<PathBuf>,
     /// The unit's lot, one of the prior's
     #[arg(long, value_name = "NAME", requires = "prior")]
@@ -68,9 +68,6 @@ pub(crate) struct Args {
     /// What each order buys out of sample, and what it costs on the target in instructions
     #[arg(long)]
     tradeoff: bool,
-    /// 95 % intervals by so many draws of the bootstrap beside those of the covariance
-    #[arg(long, value_name = "DRAWS", hide_short_help = true, value_parser = clap::value_parser!(u16).range(100..=20_000))]
-    bootstrap: Option<u16>,
     /// Corrects the warm-up since power-on too, where the runs hold one: every log must begin at power-on
     #[arg(long)]
     warm_up: bool,
@@ -104,7 +101,6 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     let options = FitOptions::new(args.model.parse()?)
         .prior(prior)
         .source_date_epoch(source_date_epoch()?)
-        .bootstrap(args.bootstrap.map(usize::from))
         .loss(loss)
         .correct_warm_up(args.warm_up)
         .progress(of_fit());
@@ -368,11 +364,7 @@ fn verdict(axis: &AxisCalibration) -> String {
 fn coefficients(axis: &AxisCalibration) -> String {
     let terms = axis.correction.terms.iter().map(|term| {
         let mark = if term.significant == Some(false) { "not significant" } else { "" };
-        let mut row = vec![axis.name_of(term), with_sigma(term.value, term.sigma), unit(&term.unit), mark.to_owned()];
-        if let Some([lo, hi]) = term.bootstrap {
-            row.push(format!("{} … {}", significant(lo, 3), significant(hi, 3)));
-        }
-        row
+        vec![axis.name_of(term), with_sigma(term.value, term.sigma), unit(&term.unit), mark.to_owned()]
     });
     let others = axis.nonlinear().into_iter().map(|found| {
         let mark = if found.sigma.is_none() { "not resolved: smallest within two of its σ" } else { "" };
@@ -382,9 +374,7 @@ fn coefficients(axis: &AxisCalibration) -> String {
     if rows.is_empty() {
         return "  no term is justified: the drift does not follow temperature beyond the noise".to_owned();
     }
-    let header = ["term", "value ± σ", "unit", "", "95 % by bootstrap"];
-    let resampled = axis.correction.terms.iter().any(|term| term.bootstrap.is_some());
-    table(if resampled { &header } else { &header[..4] }, rows)
+    table(&["term", "value ± σ", "unit", ""], rows)
 }
 
 /// The scale factor at T0 and plateau by plateau.

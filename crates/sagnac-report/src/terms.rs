@@ -9,7 +9,6 @@ use sagnac_units::format::{celsius, on_scale, significant, unit, with_sigma};
 const SHOWN_CANDIDATES: usize = 12;
 
 pub(crate) fn coefficients(axis: &AxisCalibration) -> Markup {
-    let by_bootstrap = axis.correction.terms.iter().any(|term| term.bootstrap.is_some());
     let in_zones: Vec<&Monomial> =
         if axis.zones.is_empty() { axis.monomial.iter().collect() } else { axis.zones.iter().collect() };
     html! {
@@ -24,7 +23,6 @@ pub(crate) fn coefficients(axis: &AxisCalibration) -> Markup {
             div.scroll { table {
                 thead { tr {
                     th { "term" } th { "value ± σ" } th.words { "unit" } th { "VIF" }
-                    @if by_bootstrap { th { "95 %, bootstrap" } }
                     th.words { "" }
                 } }
                 @for term in &axis.correction.terms {
@@ -32,7 +30,6 @@ pub(crate) fn coefficients(axis: &AxisCalibration) -> Markup {
                         td { (axis.name_of(term)) } td { (with_sigma(term.value, term.sigma)) }
                         td.words { (unit(&term.unit)) }
                         td { (term.vif.map_or("-".to_owned(), |v| significant(v, 2))) }
-                        @if by_bootstrap { td { (term.bootstrap.map_or("-".to_owned(), |[lo, hi]| format!("{} … {}", significant(lo, 3), significant(hi, 3)))) } }
                         td.words { @if term.significant == Some(false) { "not significant at 95 %" } }
                     }
                 }

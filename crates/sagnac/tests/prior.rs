@@ -84,7 +84,6 @@ fn a_prior_is_no_calibration() {
     assert!(refusal.what.contains("not of this fleet") && refusal.what.contains("bias 1 is -1"), "{refusal}");
     for options in [
         FitOptions::new(support::model(MODEL)),
-        FitOptions::new(Model::Auto).bootstrap(Some(100)),
         FitOptions::new(Model::Auto).loss(Loss::Huber),
         FitOptions::new(Model::Auto).correct_warm_up(true),
     ] {

@@ -70,7 +70,6 @@ def calibrate(
     columns: Mapping[str, str] | None = None,
     loss: str = "squares",
     warm_up: bool = False,
-    bootstrap: int | None = None,
     prior: Path | None = None,
     lot: str | None = None,
     keep_outliers: bool = False,
@@ -86,7 +85,6 @@ def calibrate(
         columns: Names of columns to Sagnac's own: ``{"gyro_z": "rate_radps_z"}``.
         loss: ``"squares"`` or ``"huber"``.
         warm_up: Corrects a drift with time that the runs show.
-        bootstrap: Draws of a bootstrap of the intervals.
         prior: A file of ``sagnac fleet prior``.
         lot: The unit's lot, for the prior.
         keep_outliers: Keeps windows that look like bumps or steps.
@@ -101,8 +99,6 @@ def calibrate(
     for name, value, of in [("model", model, str), ("warm_up", warm_up, bool), ("keep_outliers", keep_outliers, bool)]:
         if not isinstance(value, of):
             raise InputError(f"{of.__name__} is needed, not {type(value).__name__}", name)
-    if bootstrap is not None and (isinstance(bootstrap, bool) or not isinstance(bootstrap, int) or bootstrap < 0):
-        raise InputError("a number of draws is needed", "bootstrap")
     if loss not in ("squares", "huber"):
         raise InputError("loss is 'squares' or 'huber'", "loss")
     epoch = os.environ.get("SOURCE_DATE_EPOCH")
@@ -116,7 +112,6 @@ def calibrate(
         "model": model,
         "huber": loss == "huber",
         "warm_up": warm_up,
-        "bootstrap": bootstrap,
         "source_date_epoch": source_date_epoch,
         "prior": None if prior is None else os.fspath(prior),
         "lot": lot,

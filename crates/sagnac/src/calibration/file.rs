@@ -14,6 +14,8 @@ const MOST_BYTES: u64 = 16 << 20;
 /// No quantity of a record is beyond this, in any unit: a drift of 10⁵ °/s in °/h is 4·10⁸, a variance its square. Larger numbers are
 /// damage, and what is computed from them is no figure.
 const MOST: f64 = 1e30;
+/// Fields that records of earlier programs have and that nothing reads any more.
+const RETIRED: [&str; 1] = ["bootstrap"];
 
 impl Calibration {
     /// Reads and checks a record. Fields that this program does not know are ignored in a record of a newer minor version,
@@ -38,7 +40,10 @@ impl Calibration {
         let mut unknown = None;
         let mut json = serde_json::Deserializer::from_str(text);
         let calibration: Self = serde_ignored::deserialize(&mut json, |path| {
-            unknown.get_or_insert_with(|| path.to_string());
+            let path = path.to_string();
+            if RETIRED.iter().all(|field| path.rsplit('.').next() != Some(*field)) {
+                unknown.get_or_insert(path);
+            }
         })
         .map_err(|e| not_json(&e))?;
         if let Some(field) = unknown.filter(|_| !is_newer) {

@@ -29,9 +29,6 @@ pub struct Term {
     /// Variance inflation factor: by how much the other terms multiply its variance (1: not at all).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub vif: Option<f64>,
-    /// 95 % interval by the bootstrap, where it was asked for.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub bootstrap: Option<[f64; 2]>,
 }
 
 impl Term {
@@ -49,7 +46,6 @@ impl Term {
             unit: form.unit(in_celsius).to_owned(),
             significant: None,
             vif: None,
-            bootstrap: None,
         }
     }
 

@@ -32,7 +32,7 @@ impl ImageCheck<'_> {
     /// What does not fit, as a refusal of the model.
     pub(crate) fn check(&self, fitted: &Fitted, problem: &LeastSquares<'_>) -> Result<()> {
         let inputs = recorded_inputs(fitted, None, problem, self.windows, self.config, self.sensor);
-        let terms = terms(fitted, problem, &inputs, None);
+        let terms = terms(fitted, problem, &inputs);
         let warm_up = self.corrects_warm_up.then(|| warm_up::value(problem, fitted)).flatten();
         let correction = AxisCorrection { model: fitted.spec.to_string(), inputs, terms, warm_up };
         self.holder.check(self.axis, &correction).map_err(Error::as_refusal)
@@ -77,13 +77,8 @@ pub(crate) fn recorded_inputs(
     channels(Signal::Thermometer(sensor), &named).into_iter().filter_map(of).chain(slow).collect()
 }
 
-/// Terms over those inputs, with intervals of all parameters where there are any.
-pub(crate) fn terms(
-    fitted: &Fitted,
-    problem: &LeastSquares<'_>,
-    inputs: &[Input],
-    intervals: Option<&[[f64; 2]]>,
-) -> Vec<Term> {
+/// Terms over those inputs.
+pub(crate) fn terms(fitted: &Fitted, problem: &LeastSquares<'_>, inputs: &[Input]) -> Vec<Term> {
     let levels = problem.levels.len();
     let vif = |at: usize| fitted.conditioning.as_ref().and_then(|found| *found.vif.get(at)?);
     let of = |(at, column): (usize, &TermColumn)| {
@@ -101,7 +96,6 @@ pub(crate) fn terms(
             unit: column.form.unit(sampled.signal.in_celsius()).to_owned(),
             significant: Some(value.abs() > fitted.t_quantile_975 * sigma),
             vif: vif(at),
-            bootstrap: intervals.and_then(|all| all.get(levels + at).copied()),
         }
     };
     fitted.terms.iter().enumerate().map(of).collect()

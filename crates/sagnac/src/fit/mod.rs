@@ -9,7 +9,6 @@
 
 mod allowed_inputs;
 mod averaging;
-mod bootstrap;
 mod choose;
 mod correction;
 mod criterion;

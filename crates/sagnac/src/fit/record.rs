@@ -32,7 +32,7 @@ use crate::fit::robust::Loss;
 use crate::fit::search::CONDITION_MAX;
 use crate::fit::slow_noise::{Estimate, SlowNoise};
 use crate::fit::soak::{Extension, soak};
-use crate::fit::solution::{Fitted, bootstrap_intervals};
+use crate::fit::solution::Fitted;
 use crate::fit::warm_up::estimate;
 use crate::fit::with_prior::UnitPrior;
 use crate::image::{Holder, rate_unit};
@@ -53,8 +53,6 @@ pub struct FitOptions {
     pub model: Model,
     /// SOURCE_DATE_EPOCH if it is set.
     pub source_date_epoch: Option<i64>,
-    /// Draws of the block bootstrap, if intervals by it are wanted.
-    pub bootstrap: Option<usize>,
     /// Loss function of the recorded fit.
     pub loss: Loss,
     /// Whether a warm-up since power-on is a part of the correction, where the runs hold one; every run then begins at power-on.
@@ -70,19 +68,13 @@ impl FitOptions {
     pub fn new(model: Model) -> Self {
         let progress = Progress::default();
         let loss = Loss::Squares;
-        Self { model, source_date_epoch: None, bootstrap: None, loss, corrects_warm_up: false, prior: None, progress }
+        Self { model, source_date_epoch: None, loss, corrects_warm_up: false, prior: None, progress }
     }
 
     /// With the time of SOURCE_DATE_EPOCH in place of that of the newest input sample.
     #[must_use]
     pub fn source_date_epoch(self, epoch_s: Option<i64>) -> Self {
         Self { source_date_epoch: epoch_s, ..self }
-    }
-
-    /// With 95 % intervals by so many draws of the bootstrap.
-    #[must_use]
-    pub fn bootstrap(self, draws: Option<usize>) -> Self {
-        Self { bootstrap: draws, ..self }
     }
 
     /// With a warm-up in the correction, where the runs hold one. Every run must begin at power-on.
@@ -205,7 +197,6 @@ fn check_with_prior(options: &FitOptions) -> Result<()> {
     let what = match options {
         FitOptions { prior: None, .. } => return Ok(()),
         FitOptions { loss: Loss::Huber, .. } => "--loss huber",
-        FitOptions { bootstrap: Some(_), .. } => "--bootstrap",
         FitOptions { corrects_warm_up: true, .. } => "--warm-up",
         FitOptions { model: Model::Fixed(_), .. } => "--model",
         FitOptions { .. } => return Ok(()),
@@ -374,8 +365,7 @@ fn fit_axis(
     let Estimate { best, mixed } = chosen.noise;
     let parts = Parts::new(&fitted, problem);
     let inputs = recorded_inputs(&fitted, Some(&parts), problem, windows, &stages.model, sensor);
-    let intervals = options.bootstrap.map(|draws| bootstrap_intervals(problem, &fitted, chosen.noise.mixed, draws));
-    let terms = terms(&fitted, problem, &inputs, intervals.as_deref());
+    let terms = terms(&fitted, problem, &inputs);
     check_scale(&terms, letter)?;
     let drawn = Drawn::of(&fitted, problem, &parts);
     let warm_up =

@@ -339,29 +339,7 @@ impl Filter<'_> {
     /// Rows in their order; `row` becomes its innovation at unit white variance.
     pub(crate) fn push(&mut self, index: usize, row: &mut [f64]) {
         let Step { keep, gain, inverse_root } = &self.whitening.steps[index];
-        let news = self.expected(keep, row.len());
-        for (value, known) in row.iter_mut().zip(news.iter_mut()) {
-            *known = *value - *known;
-            *value = *known * inverse_root;
-        }
-        self.learn(gain, row.len());
-    }
-
-    /// The inverse of [`Filter::push`]: a row of innovations becomes a row of this noise.
-    pub(crate) fn colour(&mut self, index: usize, row: &mut [f64]) {
-        let Step { keep, gain, inverse_root } = &self.whitening.steps[index];
-        let news = self.expected(keep, row.len());
-        for (value, known) in row.iter_mut().zip(news.iter_mut()) {
-            let new = *value / inverse_root;
-            *value = *known + new;
-            *known = new;
-        }
-        self.learn(gain, row.len());
-    }
-
-    /// The states a step on, and what they expect of a row of so many numbers.
-    fn expected(&mut self, keep: &[f64; STATES], columns: usize) -> &mut [f64] {
-        let news = &mut self.news[..columns];
+        let news = &mut self.news[..row.len()];
         news.fill(0.0);
         for (state, keep) in self.state.chunks_mut(self.columns).zip(keep) {
             for (state, known) in state.iter_mut().zip(news.iter_mut()) {
@@ -369,14 +347,12 @@ impl Filter<'_> {
                 *known += *state;
             }
         }
-        news
-    }
-
-    /// What the news of a row make of the states.
-    fn learn(&mut self, gain: &[f64; STATES], columns: usize) {
-        let news = &self.news[..columns];
+        for (value, known) in row.iter_mut().zip(news.iter_mut()) {
+            *known = *value - *known;
+            *value = *known * inverse_root;
+        }
         for (state, gain) in self.state.chunks_mut(self.columns).zip(gain) {
-            state.iter_mut().zip(news).for_each(|(state, news)| *state += gain * news);
+            state.iter_mut().zip(news.iter()).for_each(|(state, news)| *state += gain * news);
         }
     }
 }

@@ -13,7 +13,6 @@ use nalgebra::DMatrix;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
 use crate::calibration::Lag;
-use crate::fit::bootstrap::Resampling;
 use crate::fit::design::{Columns, Design, FLAT_CHI_SQUARED, LN_TAU_TOLERANCE, Tau, lag_one, misfit};
 use crate::fit::least_squares::{LeastSquares, TermColumn};
 use crate::fit::minimum::minimum;
@@ -281,32 +280,6 @@ pub(crate) fn beside(
 
 /// Windows that tell slow noise from none.
 pub(crate) const FEWEST_FOR_NOISE: usize = 60;
-
-/// 95 % intervals of every parameter by the bootstrap, under the slow noise of the residuals.
-pub(crate) fn bootstrap_intervals(
-    problem: &LeastSquares<'_>,
-    fitted: &Fitted,
-    noise: SlowNoise,
-    draws: usize,
-) -> Vec<[f64; 2]> {
-    let Some((normal, z)) = weighted_rows(problem, fitted, None) else { return Vec::new() };
-    let mut gain = normal * z.transpose();
-    gain.column_iter_mut().zip(&problem.weight).for_each(|(mut column, weight)| column /= weight.sqrt());
-    let residuals: Vec<f64> = fitted.residuals.iter().zip(&problem.weight).map(|(r, w)| r * w.sqrt()).collect();
-    let whitening = (noise.parts_of_white() > 0.0).then(|| Whitening::new(problem.noise_rows(), noise));
-    let resampling = Resampling {
-        residuals: &residuals,
-        run: &problem.run,
-        gain: &gain,
-        autocorrelation: fitted.autocorrelation,
-        t_quantile_975: fitted.t_quantile_975,
-        slow: whitening.as_ref().map(|whitening| (whitening, problem.weight.as_slice())),
-        progress: &problem.progress,
-    };
-    let others = fitted.nonlinear().into_iter().map(|(_, _, value)| value);
-    let theta: Vec<f64> = fitted.theta.iter().copied().chain(others).collect();
-    resampling.intervals(&theta, draws)
-}
 
 /// Series and zones of the bias over the thermometer of the fit, where there are zones: squares above their knots look alike
 /// however well the curve is known.

@@ -2,12 +2,9 @@
 //! with the program.
 
 use crate::hostile;
-use crate::support;
-
 use crate::hostile::curves::{Truth, error_ratio, shown, shown_by, useless};
 use crate::hostile::{Bench, Now};
 use crate::support::evidence::{Records, evidence};
-use sagnac::fit::{FitOptions, calibrate};
 use sagnac_log::setup::{Noise, Setup, WindowSize};
 
 pub(crate) fn weak_cubic(now: Now) -> f64 {
@@ -203,32 +200,4 @@ fn noise_stated_too_low_makes_no_interval_narrow() {
         "≤ 0.03",
         RECORDS,
     );
-}
-
-/// The bootstrap's interval of the cubic coefficient under slow noise of each kind, two runs.
-#[test]
-fn bootstrap_intervals_hold_under_slow_noise() {
-    const RECORDS: Records = Records::new(300).few(30);
-    let coverage = |change: Change| {
-        let covers = |record: u64| {
-            let logs = (0..2).map(|run| {
-                let mut bench = Bench::new(91_000_000 + 1000 * record + run, &weak_cubic);
-                (bench.cycles, bench.row_s) = (1, 20.0);
-                change(&mut bench);
-                bench.log()
-            });
-            let options = FitOptions::new(support::model("bias 3")).bootstrap(Some(400));
-            let made = calibrate(support::windows(logs.collect(), &Bench::setup()), &Bench::setup(), &options).unwrap();
-            let axis = &made.axes[0];
-            let [lo_c, hi_c] = axis.span_c();
-            // 0.01·u³ over the span of the fit: a quarter of its leading power is the Chebyshev coefficient.
-            let cubic = 0.01 * ((hi_c - lo_c) / 110.0_f64).powi(3) / 4.0;
-            let [lower, upper] = axis.correction.terms[2].bootstrap.unwrap();
-            lower <= cubic && cubic <= upper
-        };
-        hostile::fraction(RECORDS, covers)
-    };
-    for (noise, change) in NOISES {
-        evidence(&format!("95 % interval by the bootstrap covers, {noise}"), coverage(change), "0.92 … 0.98", RECORDS);
-    }
 }

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 
 use crate::support::evidence::{Records, evidence, ratio};
 use crate::support::farthest;
-use crate::support::{fit, model, windows};
+use crate::support::{fit, model};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use sagnac::calibration::Calibration;
@@ -145,44 +145,6 @@ fn the_forecast_of_a_soak_comes_true() {
             let claim = format!("σ of the curve after {hours} h more soak over its forecast, {name}");
             ratio(&claim, &ratios, mean, ["0.94 … 1.06", "0.75 … 1.25"], HOURS);
         }
-    }
-}
-
-/// The bootstrap beside the covariance: half an interval within a tenth of t·σ under white residuals and under residuals that are
-/// correlated over two windows, where blocks of residuals gave 0.86.
-#[test]
-fn the_bootstrap_agrees_with_the_covariance() {
-    const BOOTSTRAPS: Records = Records::new(30);
-    let cases = [
-        (0.0, "interval of the bootstrap over that of the covariance, white residuals: farthest from 1", "0.9 … 1.1"),
-        (
-            2.0,
-            "interval of the bootstrap over that of the covariance, residuals correlated over 2 windows: farthest from 1",
-            "0.9 … 1.1",
-        ),
-    ];
-    for (correlation_windows, claim, bound) in cases {
-        let mut ratios = Vec::new();
-        for seed in BOOTSTRAPS.each() {
-            let windows = windows(vec![log(300, 0, correlation_windows, seed)], &by_rows());
-            let options = FitOptions::new(model("bias 3")).bootstrap(Some(1000));
-            let made = calibrate(windows, &by_rows(), &options).unwrap();
-            let axis = &made.axes[0];
-            let of_terms: Vec<f64> = axis
-                .correction
-                .terms
-                .iter()
-                .map(|term| {
-                    let [lo, hi] = term.bootstrap.unwrap();
-                    0.5 * (hi - lo) / (axis.residual().unwrap().t_quantile_975 * term.sigma.unwrap())
-                })
-                .collect();
-            ratios.push([of_terms[0], of_terms[1], of_terms[2]]);
-        }
-        let means = |of: &[[f64; 3]]| {
-            farthest([0, 1, 2].map(|at| of.iter().map(|r| r[at]).sum::<f64>() / of.len() as f64), 1.0)
-        };
-        ratio(claim, &ratios, means, [bound, "0.85 … 1.15"], BOOTSTRAPS);
     }
 }
 
