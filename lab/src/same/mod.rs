@@ -25,6 +25,8 @@ use crate::same::units::{Command, UNITS, fleets, simulated, testdata};
 
 /// Largest relative difference of two numbers in JSON.
 const NUMBERS: f64 = 1e-9;
+/// Of a fleet's unit: the hash of its logs and of the options, which another build may word differently.
+const QUESTION: &str = "key";
 /// Differences that are printed.
 const SHOWN: usize = 40;
 
@@ -106,7 +108,7 @@ fn run(program: &Program, folder: &Path, commands: &[Command]) -> Result<()> {
     Ok(())
 }
 
-/// Every file of a folder and those within, by their paths from it. Logs are inputs.
+/// Every file of a folder and those within, by their paths from it. Logs are inputs, and the fleet's report shows its table.
 fn files(folder: &Path) -> Result<Vec<PathBuf>> {
     let mut found = Vec::new();
     let mut open = vec![folder.to_owned()];
@@ -115,7 +117,7 @@ fn files(folder: &Path) -> Result<Vec<PathBuf>> {
             let path = entry?.path();
             if path.is_dir() {
                 open.push(path);
-            } else if path.extension().is_none_or(|extension| extension != "csv") {
+            } else if path.extension().is_none_or(|extension| extension != "csv" && extension != "parquet") {
                 found.push(path.strip_prefix(folder)?.to_owned());
             }
         }
@@ -171,7 +173,10 @@ fn difference_of_values(at: &str, before: &Value, after: &Value) -> Option<Strin
             if let Some(stray) = stray {
                 return Some(format!("{at}.{stray} stands in one alone"));
             }
-            before.iter().find_map(|(key, value)| difference_of_values(&format!("{at}.{key}"), value, &after[key]))
+            before
+                .iter()
+                .filter(|(key, _)| key.as_str() != QUESTION)
+                .find_map(|(key, value)| difference_of_values(&format!("{at}.{key}"), value, &after[key]))
         }
         (Value::Array(before), Value::Array(after)) if before.len() == after.len() => {
             let mut pairs = before.iter().zip(after).enumerate();
