@@ -15,7 +15,7 @@ use serde::Serialize;
 
 use crate::allan::ramp::{Drift, RampWatch};
 use crate::calibration::{LogFile, program};
-use crate::fit::SAME_RATE;
+use crate::rate_table::input::SAME_RATE;
 
 /// What is asked for.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,5 +1,6 @@
 //! Where a record comes from: program, time and logs. No clock: the same input gives the same bytes.
 
+use crate::window::Windows;
 use sagnac_log::ingest::{LogSummary, share_rows};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -58,4 +59,9 @@ impl LogFile {
     pub(crate) fn overlaps(&self, other: &Self) -> bool {
         self.sha256 == other.sha256 || share_rows(&[&self.rows_sketch], &[&other.rows_sketch])
     }
+}
+
+/// The logs behind some windows.
+pub(crate) fn log_files(windows: &Windows) -> Vec<LogFile> {
+    windows.runs.iter().flat_map(|run| &run.files).map(|file| LogFile::of(&file.summary)).collect()
 }

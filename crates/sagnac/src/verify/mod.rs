@@ -35,8 +35,7 @@ pub use values::repeatability::{BiasRepeatability, RunBias, TurnOns};
 pub use values::residual::{Plateaus, RandomWalk, Residual};
 pub use values::suspects::Suspect;
 
-use crate::calibration::{LogFile, program};
-use crate::fit;
+use crate::calibration::{LogFile, log_files, program};
 use crate::verify::replay::paired::PairedWindows;
 use crate::verify::values::of_axis::{Against, unit_of};
 use crate::verify::values::suspects::suspects;
@@ -89,9 +88,9 @@ pub fn verify<'a>(
         record_sha256: correction.images.first().map_or(String::new(), |image| hex(&image.description().parent)),
         limits: None,
         untested_axes: untested_axes(correction, &windows.shape.axes),
-        training_overlap: training_overlap(correction, &fit::log_files(windows)),
+        training_overlap: training_overlap(correction, &log_files(windows)),
         training_unknown: correction.calibration.is_none(),
-        inputs: fit::log_files(windows).into_iter().map(LogFile::named).collect(),
+        inputs: log_files(windows).into_iter().map(LogFile::named).collect(),
     };
     let several = pair.raw.runs.len() > 1 && !verification.axes.iter().any(|axis| axis.about_common_mean);
     let runs = if several { pair.raw.runs.len() } else { 0 };

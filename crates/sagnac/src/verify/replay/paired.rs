@@ -17,7 +17,7 @@ use sagnac_log::ingest::{Batch, LogShape, Logs, Reason, same_shape};
 use sagnac_log::setup::{Setup, TestConfig};
 use sagnac_units::ns_from_s;
 
-use crate::fit::RateTableInput;
+use crate::rate_table::input::RateTableInput;
 
 /// Both sides of a retest, window by window.
 #[derive(Clone, Debug)]

@@ -1,7 +1,7 @@
 //! Noise of a retest's corrected windows, and what it makes of the uncertainty of their means and slopes.
 //!
 //! ```text
-//! r = level + series in T + q·Ṫ + n                 of each run, the series of the residual over temperature; n white and slow noise by restricted likelihood (fit::row_noise)
+//! r = level + series in T + q·Ṫ + n                 of each run, the series of the residual over temperature; n white and slow noise by restricted likelihood (`noise_model::blocks`)
 //! a figure Σ aᵢ·rᵢ has the variance aᵀVa            a about its mean within each run, as r is; V the covariance of n
 //! ```
 //!
@@ -15,8 +15,9 @@ use std::ops::Range;
 use nalgebra::DMatrix;
 
 use crate::diagnostics::Point;
-use crate::fit::{Block, Estimated, Rows, mean, noise_of_blocks};
 use crate::model::Span;
+use crate::noise_model::blocks::{Estimated, noise_of_blocks};
+use crate::noise_model::likelihood::{Block, Rows, mean};
 use crate::verify::values::judged_windows::{lag1_autocorrelation, smooth_columns, smooth_order, spread};
 
 /// Windows of a run that has such a series; shorter runs have a level alone.

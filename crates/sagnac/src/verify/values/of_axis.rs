@@ -14,7 +14,7 @@ use crate::diagnostics::profile::{TOGETHER, rate_explained, time_explained};
 use crate::diagnostics::{
     AxisReportData, Point, ReportData, RunSpan, offsets_hide_drift, points, ramp_rates_cpm, rate_coverage, run_spans,
 };
-use crate::fit;
+use crate::noise_model::stated::noise_of;
 use crate::verify::replay::correction::Correction;
 use crate::verify::replay::paired::PairedWindows;
 use crate::verify::result::{AxisVerification, Coverage, RetestNoiseFloor};
@@ -300,7 +300,7 @@ fn noise_floor(
         windows.shape.window.seconds()?;
         Some((NoiseTerms { n_arcsec_rt_s, q_arcsec: known.q_arcsec }, format!("calibration ({})", known.source)))
     };
-    let own = fit::noise_of(windows, axis, test).map(|(terms, source)| (terms, source.to_owned()));
+    let own = noise_of(windows, axis, test).map(|(terms, source)| (terms, source.to_owned()));
     let shown = test.noise.and_then(|_| windows.measured_noise(axis)).filter(|terms| terms.n_arcsec_rt_s > 0.0);
     let floor_dph = |terms: &NoiseTerms| terms.floor_dph(windows.shape.nominal_s);
     let own = match (own, shown) {

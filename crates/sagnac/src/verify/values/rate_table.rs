@@ -13,7 +13,10 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::calibration::{Plateau, PpmEstimate};
-use crate::fit::{RateTableInput, SlowNoise, level_stretches, plateaus_of, stated_noise};
+use crate::noise_model::processes::SlowNoise;
+use crate::noise_model::stated::stated_noise;
+use crate::rate_table::input::RateTableInput;
+use crate::rate_table::plateaus::{level_stretches, plateaus_of};
 use crate::verify::replay::paired::PairedWindows;
 use crate::window::Windows;
 use sagnac_log::error::Result;

@@ -20,8 +20,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::diagnostics::{Leg, Point};
-use crate::fit::level_stretches;
 use crate::model::Span;
+use crate::rate_table::plateaus::level_stretches;
 use crate::verify::values::judged_windows::{Estimate, joined, judged, smooth_columns, smooth_order};
 use crate::verify::values::noise::ResidualNoise;
 use sagnac_noise::{Deviation, Difference, SquareSum, overlapping, phases};

@@ -1,0 +1,150 @@
+//! The fit of every axis: windows in, a calibration record and the points of its report out.
+
+use crate::calibration::log_files;
+use crate::calibration::{
+    AxisCorrection, Calibration, FORMAT, MINOR_VERSION, Provenance, Target, UNASSIGNED, VERSION, program,
+};
+use crate::diagnostics::{AxisReportData, ReportData, offsets_hide_drift, points, ramp_rates_cpm, run_spans};
+use crate::fit::options::{FitOptions, check_with_prior};
+use crate::fit::problem::exclusions::check as check_exclusions;
+use crate::fit::record::axis::{count_of, fit_axis, hysteresis, scatter};
+use crate::image::rate_unit;
+use crate::rate_table::input::RateTableInput;
+use crate::window::{WindowShape, Windows};
+use sagnac_log::error::{Error, Result};
+use sagnac_log::ingest::Reason;
+use sagnac_log::setup::{ModelConfig, PerAxis, Setup};
+use sagnac_units::s_from_ns;
+
+/// Fits every axis.
+///
+/// # Errors
+/// [`sagnac_log::ErrorKind::Refused`] where the data cannot support the answer: no temperature, too small a
+/// span, T0 outside it, too few windows, terms that cannot be separated.
+pub fn calibrate(windows: Windows, setup: &Setup, options: &FitOptions) -> Result<Calibration> {
+    calibrate_with_report_data(windows, setup, options).map(|(calibration, _)| calibration)
+}
+
+/// The same, with the points behind it for a report.
+///
+/// # Errors
+/// As [`calibrate`].
+pub fn calibrate_with_report_data(
+    mut windows: Windows,
+    setup: &Setup,
+    options: &FitOptions,
+) -> Result<(Calibration, ReportData)> {
+    check_with_prior(options)?;
+    let mut stages = setup.stages();
+    let rates = PerAxis::of_log(stages.test.input_rate_dph.as_ref(), None, &windows.shape.axes);
+    stages.test.input_rate_dph = rates.map_err(|e| of_file(e, &windows))?;
+    let sensor = sensor_of(&windows.shape, &stages.model).map_err(|e| of_file(e, &windows))?;
+    check_aux(&windows.shape, &stages.model)?;
+    for i in 0..windows.len() {
+        if windows.rows.mean_c[sensor][i].is_nan() {
+            windows.exclude(i, Reason::NoTemperature);
+        }
+    }
+    check_exclusions(&windows)?;
+    RateTableInput::leave_out_unknown(&mut windows, &stages.test)?;
+    let runs = run_spans(&windows);
+    let (mut axes, mut drawn) = (Vec::new(), Vec::new());
+    for axis in 0..windows.shape.axes.len() {
+        let (mut record, drawn_of) =
+            fit_axis(&windows, axis, sensor, &stages, options).map_err(|e| of_file(e, &windows))?;
+        let constant = |i: usize| {
+            let run = windows.rows.run[i];
+            record.run_offsets.iter().find(|offset| offset.run == run).map_or(f64::NAN, |c| c.value_dph)
+        };
+        // Rotation of a table is not drift: known for every used window, unknown for the others.
+        let shown = |i: usize| drawn_of.windows.get(&i);
+        let before = |i: usize| {
+            if record.turned() {
+                shown(i).map_or(f64::NAN, |shown| shown.before)
+            } else {
+                windows.rate_dph(axis, i) - constant(i)
+            }
+        };
+        let after = |i: usize| shown(i).map_or(f64::NAN, |shown| shown.after);
+        let mut points = points(&windows, &runs, Some(sensor), before, after);
+        for (i, shown) in &drawn_of.windows {
+            points[*i].inputs_dph = shown.inputs;
+        }
+        if let Some(fit) = &mut record.fit {
+            fit.hysteresis = hysteresis(&points, &fit.residual);
+            fit.ramp_rates_cpm = ramp_rates_cpm(&points);
+            let offsets: Vec<f64> = record.run_offsets.iter().map(|offset| offset.value_dph).collect();
+            fit.hidden_in_offsets_dph = offsets_hide_drift(&points).then(|| scatter(&offsets));
+        }
+        drawn.push(AxisReportData { axis: windows.shape.axes[axis], points, effects: drawn_of.effects });
+        axes.push(record);
+    }
+    let report_data = ReportData { runs, timed: windows.shape.timed, axes: drawn };
+    let shape = &windows.shape;
+    let target = Target::from_config(stages.target)?;
+    let unit = match count_of(&windows, &stages.target) {
+        Some(unit) => unit,
+        None => {
+            let corrections: Vec<(char, &AxisCorrection)> = axes.iter().map(|a| (a.axis, &a.correction)).collect();
+            rate_unit(target, &corrections)?
+        }
+    };
+    let calibration = Calibration {
+        format: FORMAT.to_owned(),
+        version: VERSION,
+        minor_version: MINOR_VERSION,
+        serial: stages.identity.serial.unwrap_or_else(|| UNASSIGNED.to_owned()),
+        unit,
+        target,
+        window: shape.window,
+        window_s: shape.nominal_s,
+        sample_interval_s: shape.sample_interval_s,
+        axes,
+        setup: setup.clone(),
+        provenance: provenance(&windows, options),
+    };
+    Ok((calibration, report_data))
+}
+
+fn sensor_of(shape: &WindowShape, config: &ModelConfig) -> Result<usize> {
+    if shape.thermometers.is_empty() {
+        return Err(Error::refused("the log has no temperature, so it holds no drift over temperature")
+            .help("name a column temperature_c, or map one under [columns]"));
+    }
+    let Some(wanted) = &config.use_thermometer else {
+        return Ok(0);
+    };
+    shape.thermometers.iter().position(|name| name == wanted).ok_or_else(|| {
+        Error::input("the log has no thermometer of this name")
+            .column("use_thermometer")
+            .value(wanted)
+            .help(format!("it has: {}", Error::choices(&shape.thermometers)))
+    })
+}
+
+/// Refuses a setup for a missing column, which would otherwise have no effect silently.
+fn check_aux(shape: &WindowShape, config: &ModelConfig) -> Result<()> {
+    config.aux.iter().find(|aux| !shape.aux.contains(&aux.name)).map_or(Ok(()), |stray| {
+        Err(Error::input("the log has no auxiliary column of this name")
+            .column("aux.name")
+            .value(&stray.name)
+            .help(format!("it has: {}", Error::choices(&shape.aux))))
+    })
+}
+
+fn provenance(windows: &Windows, options: &FitOptions) -> Provenance {
+    let newest = windows.runs.iter().map(|run| run.end_ns).max().unwrap_or(0);
+    let (time_s, time_source) = match options.source_date_epoch {
+        Some(epoch) => (epoch as f64, "SOURCE_DATE_EPOCH"),
+        None => (s_from_ns(newest), "newest input sample"),
+    };
+    Provenance { program: program(), time_s, time_source: time_source.to_owned(), inputs: log_files(windows) }
+}
+
+/// Names the log, where there is only one.
+fn of_file(error: Error, windows: &Windows) -> Error {
+    match windows.runs.as_slice() {
+        [run] if run.files.len() == 1 => error.file(run.name()),
+        _ => error,
+    }
+}

@@ -1,0 +1,428 @@
+//! The fit of one model on all windows, with its covariance.
+//!
+//! For given τ the model is linear and solved by QR. τ is found by a grid over [Δt, run/4] and parabolas; two lags of one
+//! input are found together ([`crate::fit::one_model::two_lags`]), those of several inputs in turn until they converge.
+//!
+//! ```text
+//! Cov = s²·(JᵀWJ)⁻¹·(1 + ρ)/(1 − ρ)        ∂y/∂τ is a column of J; ρ: lag-one autocorrelation of the residuals (AR(1); Bartlett 1946)
+//! ```
+//!
+//! Once the slow noise of the residuals is known, the covariance is that of these weights under that noise ([`crate::noise_model`]).
+
+use crate::calibration::Lag;
+use crate::fit::one_model::design::{Columns, Design, FLAT_CHI_SQUARED, LN_TAU_TOLERANCE, Tau, lag_one, misfit};
+use crate::fit::one_model::prepared::{Blocks, Prepared};
+use crate::fit::one_model::two_lags::{Found, LEAST_RATIO, find_pair};
+use crate::fit::problem::least_squares::{LeastSquares, TermColumn};
+use crate::model::spec::ModelSpec;
+use crate::model::{ActsOn, Shape};
+use crate::noise_model::estimate::{
+    Estimate, FEWEST_FOR_NOISE, NoiseFit, SLOPE_STEP, estimate, restricted, t_quantile_975,
+};
+use crate::noise_model::factor::Conditioning;
+use crate::noise_model::minimum::minimum;
+use crate::noise_model::processes::SlowNoise;
+use crate::noise_model::whitening::Whitening;
+use nalgebra::DMatrix;
+use rayon::prelude::*;
+use sagnac_log::error::{Error, Result};
+use statrs::distribution::{ContinuousCDF, StudentsT};
+
+/// Limit on the sweeps over several lags.
+const MOST_SWEEPS: usize = 6;
+/// Lags have converged when none moves by more than this fraction of itself.
+const STILL: f64 = 1e-3;
+
+/// A fitted model.
+pub(crate) struct Fitted {
+    pub(crate) spec: ModelSpec,
+    pub(crate) terms: Vec<TermColumn>,
+    /// One per input with rate terms.
+    pub(crate) taus: Vec<Tau>,
+    /// Levels, then the terms in their order.
+    pub(crate) theta: Vec<f64>,
+    /// Covariance of theta and the resolved τ in their order.
+    pub(crate) covariance: DMatrix<f64>,
+    /// y − model, °/h.
+    pub(crate) residuals: Vec<f64>,
+    /// Residual σ of a window of nominal length, °/h.
+    pub(crate) sigma_dph: f64,
+    /// Lag-one autocorrelation of the residuals.
+    pub(crate) autocorrelation: f64,
+    /// Half a 95 % interval in units of σ.
+    pub(crate) t_quantile_975: f64,
+    /// Condition of the terms; `None` without any.
+    pub(crate) conditioning: Option<Conditioning>,
+}
+
+impl Fitted {
+    pub(crate) fn sigma(&self, index: usize) -> f64 {
+        self.covariance[(index, index)].max(0.0).sqrt()
+    }
+
+    /// τ of an input and its σ where it is resolved.
+    pub(crate) fn lag(&self, input: usize) -> Option<(f64, Option<f64>)> {
+        let tau = self.taus.iter().find(|tau| tau.input == input)?;
+        let before = self.resolved().take_while(|other| other.input != input).count();
+        Some((tau.value_s, tau.resolved.then(|| self.sigma(self.theta.len() + before))))
+    }
+
+    /// The same for a record.
+    pub(crate) fn lag_of(&self, input: usize) -> Option<Lag> {
+        self.lag(input).map(|(value, sigma)| Lag { value, sigma })
+    }
+
+    /// Parameters that the model is not linear in and that are resolved, as the covariance has them after the coefficients: input,
+    /// name, value.
+    pub(crate) fn nonlinear(&self) -> Vec<(usize, &'static str, f64)> {
+        let lags = self.resolved().map(|tau| (tau.input, "lag_s", tau.value_s));
+        let periods = fitted_periods(&self.spec, &self.terms).into_iter().map(|(cosine, period)| {
+            let TermColumn { input, form } = self.terms[cosine];
+            (input, form.acts_on.period_name(), period)
+        });
+        lags.chain(periods).collect()
+    }
+
+    /// Sum of squares of the residuals by their weights.
+    pub(crate) fn misfit(&self, problem: &LeastSquares<'_>) -> f64 {
+        self.residuals.iter().zip(&problem.weight).map(|(r, w)| w * r * r).sum()
+    }
+
+    /// The lags in the covariance.
+    pub(crate) fn resolved(&self) -> impl Iterator<Item = &Tau> {
+        self.taus.iter().filter(|tau| tau.resolved)
+    }
+}
+
+/// Fits a model on all rows.
+pub(crate) fn fit(problem: &LeastSquares<'_>, spec: &ModelSpec, taus_s: &[f64]) -> Result<Fitted> {
+    let parameters = problem.levels.len() + spec.coefficients();
+    if problem.len() < 3 * parameters {
+        return Err(Error::refused(format!(
+            "{} windows for {parameters} coefficients of `{spec}`; a fit needs three windows for each",
+            problem.len()
+        ))
+        .help("give more data, a shorter --window or a smaller --model"));
+    }
+    let terms = problem.terms(spec);
+    let taus = find_taus(problem, spec, &terms, taus_s)?;
+    let design = Design::new(problem, &terms, &values(&taus));
+    let solution = design.factor(&[]).solve_all().ok_or_else(|| dependent(problem, spec))?;
+    let theta: Vec<f64> = solution.theta.iter().copied().collect();
+    let residuals = design.residuals(&theta);
+    let conditioning = solution.conditioning(problem.levels.len(), &together(&terms));
+    let slopes = nonlinear_columns(&design, spec, &taus, &theta);
+    let covered = if slopes.is_empty() { Some(solution) } else { design.factor(&slopes).solve_all() };
+    let normal = covered.and_then(|s| s.inverse_normal()).ok_or_else(|| dependent(problem, spec))?;
+    let degrees = (problem.len() - normal.nrows()) as f64;
+    let ssr: f64 = residuals.iter().zip(&problem.weight).map(|(r, w)| w * r * r).sum();
+    let variance = ssr / degrees;
+    let weighted: Vec<f64> = residuals.iter().zip(&problem.weight).map(|(r, w)| r * w.sqrt()).collect();
+    let autocorrelation = lag_one(problem, &weighted);
+    let widening = (1.0 + autocorrelation) / (1.0 - autocorrelation);
+    let effective = (problem.len() as f64 / widening - normal.nrows() as f64).max(1.0);
+    let t_quantile_975 = StudentsT::new(0.0, 1.0, effective).map_or(1.96, |t| t.inverse_cdf(0.975));
+    let (covariance, sigma_dph) = (normal * (variance * widening), variance.sqrt());
+    let spec = spec.clone();
+    Ok(Fitted {
+        spec,
+        terms,
+        taus,
+        theta,
+        covariance,
+        residuals,
+        sigma_dph,
+        autocorrelation,
+        t_quantile_975,
+        conditioning,
+    })
+}
+
+/// The slow noise of a model's residuals, by restricted likelihood; white without time, with too few windows, or where the model
+/// explains everything.
+pub(crate) fn noise_of(problem: &LeastSquares<'_>, fitted: &Fitted) -> Estimate {
+    let rows = problem.len();
+    let parameters = problem.levels.len() + fitted.terms.len();
+    let scale: f64 = problem.y.iter().map(|y| y * y).sum();
+    let square: f64 = fitted.residuals.iter().map(|r| r * r).sum();
+    if !problem.has_rate() || rows < FEWEST_FOR_NOISE || rows < 2 * parameters || square < 1e-18 * scale {
+        return Estimate::default();
+    }
+    let design = Design::new(problem, &fitted.terms, &values(&fitted.taus));
+    let Some(likelihood) = design.likelihood(&[]) else { return Estimate::default() };
+    estimate(likelihood.nominal_s, |noise| likelihood.criterion(noise))
+}
+
+/// True where the residuals show more noise than the setup states, slow noise and white variance.
+pub(crate) fn shows_more_than(
+    problem: &LeastSquares<'_>,
+    fitted: &Fitted,
+    stated: (SlowNoise, f64),
+    shown: SlowNoise,
+) -> bool {
+    let parameters = problem.levels.len() + fitted.terms.len();
+    let Some((normal, z)) = weighted_rows(problem, fitted, None).filter(|_| problem.len() > parameters) else {
+        return false;
+    };
+    let degrees = (problem.len() - parameters) as f64;
+    let of = |noise: SlowNoise, white: Option<f64>| {
+        let whitening = Whitening::new(problem.noise_rows(), noise);
+        let mut design = Design::new(problem, &fitted.terms, &values(&fitted.taus));
+        design.whitening = Some(&whitening);
+        let solution = design.factor(&[]).solve_all()?;
+        let determinants = whitening.log_determinant + solution.log_determinant();
+        let covariance = &normal * noise.between(problem.noise_rows(), &z) * &normal;
+        let of_terms: f64 = covariance.diagonal().iter().skip(problem.levels.len()).sum();
+        let variance = of_terms * white.unwrap_or(solution.ssr / degrees);
+        Some(NoiseFit { criterion: restricted(solution.ssr, degrees, determinants, white), variance })
+    };
+    of(shown, None).zip(of(stated.0, Some(stated.1))).is_some_and(|(shown, stated)| shown.exceeds(&stated))
+}
+
+/// The fit with the covariance C that its weights have under this noise, beside a white variance. The variances of slow noise are
+/// themselves uncertain: degrees of freedom after Satterthwaite,
+///
+/// ```text
+/// 1/ν = 1/(n − p) + ½·(∂ln C/∂ln v)²·Var(ln v)      v the variances of slow noise over the white one, which follows them
+/// ```
+pub(crate) fn with_slow_noise(problem: &LeastSquares<'_>, fitted: Fitted, noise: SlowNoise, white: f64) -> Fitted {
+    let Some((normal, z)) = weighted_rows(problem, &fitted, None) else { return fitted };
+    let (n, p) = (problem.len(), normal.nrows());
+    let under = |noise: SlowNoise, white: f64| &normal * noise.between(problem.noise_rows(), &z) * &normal * white;
+    let covariance = under(noise, white);
+    let mut steepest = 0.0;
+    if noise.log_variance > 0.0 {
+        let [more, less] = [SLOPE_STEP, -SLOPE_STEP].map(|step| {
+            let noise = noise.scaled(step.exp());
+            under(noise, white_variance(problem, &fitted, noise))
+        });
+        let slope = |at: usize| (more[(at, at)] / less[(at, at)]).ln() / (2.0 * SLOPE_STEP);
+        steepest = (problem.levels.len()..p).map(slope).fold(0.0_f64, |most, slope| most.max(slope.abs()));
+    }
+    let t_quantile_975 = t_quantile_975((n - p).max(1) as f64, steepest, noise);
+    Fitted { covariance, t_quantile_975, ..fitted }
+}
+
+/// (JᵀWJ)⁻¹ and the rows of WJ, with a further column behind those of the fit.
+pub(crate) fn weighted_rows(
+    problem: &LeastSquares<'_>,
+    fitted: &Fitted,
+    further: Option<Vec<f64>>,
+) -> Option<(DMatrix<f64>, DMatrix<f64>)> {
+    let design = Design::new(problem, &fitted.terms, &values(&fitted.taus));
+    let mut slopes = nonlinear_columns(&design, &fitted.spec, &fitted.taus, &fitted.theta);
+    slopes.extend(further);
+    let normal = design.factor(&slopes).solve_all()?.inverse_normal()?;
+    let mut row = Vec::with_capacity(normal.nrows());
+    let mut z = DMatrix::zeros(problem.len(), normal.nrows());
+    for i in 0..problem.len() {
+        design.row(i, &slopes, &mut row);
+        row.iter().enumerate().for_each(|(j, value)| z[(i, j)] = problem.weight[i] * value);
+    }
+    Some((normal, z))
+}
+
+/// White variance of a nominal window under this noise: mean square of the innovations of generalized least squares.
+pub(crate) fn white_variance(problem: &LeastSquares<'_>, fitted: &Fitted, noise: SlowNoise) -> f64 {
+    let whitening = Whitening::new(problem.noise_rows(), noise);
+    let degrees = (problem.len() as f64 - (problem.levels.len() + fitted.terms.len()) as f64).max(1.0);
+    whitened_misfit(problem, fitted, &whitening).map_or(f64::NAN, |misfit| misfit / degrees)
+}
+
+/// Sum of squares of whitened rows that the terms of a fit do not explain, at its lags and whatever their coefficients; `None` where they
+/// depend on each other.
+pub(crate) fn whitened_misfit(problem: &LeastSquares<'_>, fitted: &Fitted, whitening: &Whitening) -> Option<f64> {
+    let mut design = Design::new(problem, &fitted.terms, &values(&fitted.taus));
+    design.whitening = Some(whitening);
+    design.factor(&[]).solve_all().map(|solution| solution.ssr)
+}
+
+/// A column that a fit does not have, beside its levels and terms.
+pub(crate) struct Beside {
+    /// Coefficients of the terms that make the column as far as they can.
+    pub(crate) of_terms: Vec<f64>,
+    /// Sum of squares of the column that they cannot make, in whitened rows.
+    pub(crate) misfit: f64,
+    /// Its coefficient, fitted beside them.
+    pub(crate) coefficient: f64,
+}
+
+/// Least part of a column that counts as its own: less is rounding.
+const OWN_PART: f64 = 1e-12;
+
+/// How a column relates to the fit; `None` where the terms depend on each other.
+pub(crate) fn beside(
+    problem: &LeastSquares<'_>,
+    fitted: &Fitted,
+    whitening: &Whitening,
+    column: &[f64],
+) -> Option<Beside> {
+    let mut design = Design::new(problem, &fitted.terms, &values(&fitted.taus));
+    design.whitening = Some(whitening);
+    let Columns { factor, count } = design.factor(&[column.to_vec()]);
+    let others: Vec<usize> = (0..count - 1).collect();
+    let made = factor.regress(count - 1, &others)?;
+    let misfit = made.ssr.max(OWN_PART * factor.norm_squared(count - 1));
+    let with = factor.solve(&(0..count).collect::<Vec<_>>());
+    let coefficient = with.map_or(0.0, |solution| solution.theta[count - 1]);
+    let of_terms = made.theta.iter().copied().skip(problem.levels.len()).collect();
+    Some(Beside { of_terms, misfit, coefficient })
+}
+
+/// Series and zones of the bias over the thermometer of the fit, where there are zones: squares above their knots look alike
+/// however well the curve is known.
+fn together(terms: &[TermColumn]) -> Vec<usize> {
+    let of_curve = |term: &TermColumn| {
+        term.input == 0 && !term.form.times_rate && term.form.acts_on == ActsOn::Bias && term.form.shape.joins_series()
+    };
+    let zoned = terms.iter().any(|term| matches!(term.form.shape, Shape::Zone { .. }));
+    (0..terms.len()).filter(|at| zoned && of_curve(&terms[*at])).collect()
+}
+
+fn values(taus: &[Tau]) -> Vec<(usize, f64)> {
+    taus.iter().map(|tau| (tau.input, tau.value_s)).collect()
+}
+
+fn dependent(problem: &LeastSquares<'_>, spec: &ModelSpec) -> Error {
+    let rates: Vec<String> = problem.run_rate.iter().map(|r| format!("{r:.3}")).collect();
+    let what = if spec.thermometer().scale > 0 {
+        format!("scale-factor and bias terms of `{spec}` are not separated by runs at {} °/h", rates.join(", "))
+    } else {
+        format!("the terms of `{spec}` are not independent on these data")
+    };
+    Error::refused(what)
+        .help("test at more temperatures (or, for scale terms, at several input rates), or take a smaller --model")
+}
+
+/// The lags of least misfit, one after the other until they stand.
+fn find_taus(problem: &LeastSquares<'_>, spec: &ModelSpec, terms: &[TermColumn], taus_s: &[f64]) -> Result<Vec<Tau>> {
+    let middle = taus_s.get(taus_s.len() / 2).copied().unwrap_or(1.0);
+    let rated = problem.rated(spec);
+    let prepared = Prepared::new(problem, terms, taus_s, Blocks::of_all(problem)).filter(|_| !rated.is_empty());
+    let misfit = |lags_s: &[(usize, f64)]| match &prepared {
+        Some(prepared) => prepared.misfit(lags_s),
+        None => misfit(problem, terms, lags_s),
+    };
+    let mut taus: Vec<Tau> =
+        rated.iter().map(|input| Tau { input: *input, value_s: middle, resolved: false }).collect();
+    for _ in 0..MOST_SWEEPS {
+        let before = taus.clone();
+        for at in 0..taus.len() {
+            if is_slow(problem, &taus, at) {
+                continue;
+            }
+            if is_slow(problem, &taus, at + 1) {
+                match find_pair(problem, terms, &taus, at, taus_s, &misfit) {
+                    Found::Pair(pair) => {
+                        for (tau, found) in taus[at..].iter_mut().zip(pair) {
+                            (tau.value_s, tau.resolved) = found;
+                        }
+                    }
+                    Found::NotSeparated => return Err(not_separated(problem, spec, taus[at].input)),
+                    Found::Nothing => return Err(dependent(problem, spec)),
+                }
+                continue;
+            }
+            let with = |tau_s: f64| -> Vec<(usize, f64)> {
+                let of = |(other, tau): (usize, &Tau)| (tau.input, if other == at { tau_s } else { tau.value_s });
+                taus.iter().enumerate().map(of).collect()
+            };
+            let grid = taus_s.get(problem.tau_from[taus[at].input]..).unwrap_or(&[]);
+            let degrees = (problem.len() as f64 - (problem.levels.len() + terms.len()) as f64).max(1.0);
+            let found = find_tau(grid, degrees, |tau_s| misfit(&with(tau_s)));
+            (taus[at].value_s, taus[at].resolved) = found.ok_or_else(|| dependent(problem, spec))?;
+        }
+        let moved = taus.iter().zip(&before).any(|(a, b)| (a.value_s / b.value_s - 1.0).abs() > STILL);
+        if taus.len() < 2 || !moved {
+            break;
+        }
+    }
+    Ok(taus)
+}
+
+/// The lag at this place is the slow one beside that before it.
+fn is_slow(problem: &LeastSquares<'_>, taus: &[Tau], at: usize) -> bool {
+    taus.get(at).is_some_and(|tau| problem.inputs[tau.input].repeats.is_some())
+}
+
+fn not_separated(problem: &LeastSquares<'_>, spec: &ModelSpec, input: usize) -> Error {
+    let name = &problem.inputs[input].name;
+    Error::refused(format!(
+        "the data do not separate the two lags of {name} in `{spec}`: lags less than {LEAST_RATIO} times apart, or a slow one as long as a \
+         quarter of the longest run, fit as well"
+    ))
+    .column("--model")
+    .help("leave the slow rate out of --model, or test with ramps and soaks of several lengths")
+}
+
+/// The τ of least misfit and whether it is resolved; where the misfit is flat to an end of the search, the smallest
+/// within [`FLAT_CHI_SQUARED`]. `None` where nothing could be fitted.
+fn find_tau(taus_s: &[f64], degrees: f64, misfit: impl Fn(f64) -> f64 + Sync) -> Option<(f64, bool)> {
+    let misfits: Vec<f64> = taus_s.par_iter().map(|tau| misfit(*tau)).collect();
+    let (best, least) = misfits.iter().copied().enumerate().min_by(|(_, a), (_, b)| a.total_cmp(b))?;
+    if !least.is_finite() {
+        return None;
+    }
+    let near = |m: &f64| *m <= least * (1.0 + FLAT_CHI_SQUARED / degrees);
+    let ends_are_far = misfits.first().is_some_and(|m| !near(m)) && misfits.last().is_some_and(|m| !near(m));
+    if !ends_are_far {
+        let smallest = misfits.iter().position(near).unwrap_or(best);
+        return Some((taus_s[smallest], false));
+    }
+    let found = minimum(taus_s[best - 1].ln(), taus_s[best + 1].ln(), LN_TAU_TOLERANCE, |log| misfit(log.exp()));
+    Some((found.at.exp(), true))
+}
+
+/// ∂y of every parameter of [`Fitted::nonlinear`], in its order.
+fn nonlinear_columns(design: &Design<'_>, spec: &ModelSpec, taus: &[Tau], theta: &[f64]) -> Vec<Vec<f64>> {
+    let mut columns = tau_columns(design, taus, theta);
+    columns.extend(period_columns(design, spec, theta));
+    columns
+}
+
+/// ∂y/∂τ of every resolved lag.
+fn tau_columns(design: &Design<'_>, taus: &[Tau], theta: &[f64]) -> Vec<Vec<f64>> {
+    taus.iter()
+        .filter(|tau| tau.resolved)
+        .map(|tau| design.slope_of_lag(tau, &theta[design.problem.levels.len()..]))
+        .collect()
+}
+
+/// Index of the cosine and the period of every harmonic whose period is a parameter of the fit.
+fn fitted_periods(spec: &ModelSpec, terms: &[TermColumn]) -> Vec<(usize, f64)> {
+    let harmonics = spec.inputs().iter().flat_map(|of| &of.harmonics);
+    let fitted: Vec<f64> = harmonics.filter(|wave| wave.is_fitted).filter_map(|wave| wave.period).collect();
+    let cosine = |(at, term): (usize, &TermColumn)| match term.form.shape {
+        Shape::Cosine { period } if fitted.contains(&period) => Some((at, period)),
+        Shape::Cosine { .. } | Shape::Sine { .. } => None,
+        Shape::Chebyshev { .. } | Shape::Zone { .. } | Shape::Step { .. } => None,
+    };
+    terms.iter().enumerate().filter_map(cosine).collect()
+}
+
+/// ∂y/∂P of every fitted period by central difference over ± a thousandth of a turn over the span.
+fn period_columns(design: &Design<'_>, spec: &ModelSpec, theta: &[f64]) -> Vec<Vec<f64>> {
+    const STEP_TURNS: f64 = 1e-3;
+    let problem = design.problem;
+    let of = |(cosine, period): (usize, f64)| {
+        let span = problem.inputs[design.terms[cosine].input].span;
+        let step = STEP_TURNS * period * period / (span.hi - span.lo);
+        let wave = |by: f64, row: usize| -> f64 {
+            let period = period + by;
+            let shapes = [Shape::Cosine { period }, Shape::Sine { period }];
+            let value = |(at, shape): (usize, Shape)| {
+                let mut term = design.terms[cosine + at];
+                term.form.shape = shape;
+                theta[problem.levels.len() + cosine + at] * problem.regressor(&term, row, &design.rates)
+            };
+            shapes.into_iter().enumerate().map(value).sum()
+        };
+        (0..problem.len()).map(|row| (wave(step, row) - wave(-step, row)) / (2.0 * step)).collect()
+    };
+    fitted_periods(spec, design.terms).into_iter().map(of).collect()
+}
+
+/// Misfit of a model at given lags.
+pub(crate) fn misfit_at(problem: &LeastSquares<'_>, spec: &ModelSpec, lags_s: &[(usize, f64)]) -> f64 {
+    misfit(problem, &problem.terms(spec), lags_s)
+}

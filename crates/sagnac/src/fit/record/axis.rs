@@ -1,0 +1,230 @@
+//! The record of the fit of one axis.
+
+use crate::calibration::{
+    AxisCalibration, AxisCorrection, Collinearity, FitDiagnostics, Hysteresis, LogUnit, Residual, RunOffset, Target,
+    TimeEffect, TimeEffectKind,
+};
+use crate::diagnostics::{Point, hysteresis_of, points, run_spans};
+use crate::fit::one_model::effects::Parts;
+use crate::fit::one_model::recorded::{recorded_inputs, terms};
+use crate::fit::one_model::solution::Fitted;
+use crate::fit::one_model::warm_up::estimate;
+use crate::fit::options::{FitOptions, Model};
+use crate::fit::problem::least_squares::LeastSquares;
+use crate::fit::problem::levels::Level;
+use crate::fit::problem::rate_columns::CommonRates;
+use crate::fit::record::drawn::Drawn;
+use crate::fit::record::monomial::monomials;
+use crate::fit::record::scale_factor::{check_scale, misalignment, scale_factor};
+use crate::fit::selection::choose::choose;
+use crate::fit::selection::held_by_image::ImageCheck;
+use crate::fit::selection::prices::CONDITION_MAX;
+use crate::fit::uncertainty::entanglement::entangled;
+use crate::fit::uncertainty::soak::{Extension, soak};
+use crate::image::Holder;
+use crate::model::input::Signal;
+use crate::noise_model::estimate::Estimate;
+use crate::noise_model::stated::{noise_floor_of, stated_noise};
+use crate::rate_table::input::RateTableInput;
+use crate::window::Windows;
+use sagnac_log::error::Result;
+use sagnac_log::ingest::AngleUnit;
+use sagnac_log::setup::{ModelConfig, Stages, TargetConfig};
+
+/// Windows of a leg that make a mean.
+const LEAST_OF_LEG: usize = 10;
+
+/// Size of a count of the log; `None` for a rate log whose counts follow its correction.
+pub(crate) fn count_of(windows: &Windows, config: &TargetConfig) -> Option<LogUnit> {
+    match windows.shape.unit {
+        AngleUnit::Quanta { arcsec_per_count, quantum } => Some(LogUnit::Counts { arcsec_per_count, quantum }),
+        AngleUnit::Arcsec => config.rate_lsb_arcsec.map(|lsb_arcsec| LogUnit::Rates { lsb_arcsec }),
+    }
+}
+
+/// The record of one axis, and what a report draws of it.
+pub(crate) fn fit_axis(
+    windows: &Windows,
+    axis: usize,
+    sensor: usize,
+    stages: &Stages,
+    options: &FitOptions,
+) -> Result<(AxisCalibration, Drawn)> {
+    let letter = windows.shape.axes[axis];
+    let ModelConfig { reference_c, min_span_c, .. } = stages.model;
+    let turning = RateTableInput::of(windows, axis, &stages.test)?;
+    if let Some(turning) = &turning {
+        turning.check_scale(windows, axis, stages.test.scale_factor_deviation_max_ppm)?;
+    }
+    let progress = options.progress.of_axis(letter);
+    let common = CommonRates::default();
+    let make = |signals: &[Signal]| {
+        let prior = options.prior.as_ref();
+        let mut problem = LeastSquares::new(windows, axis, signals, reference_c, min_span_c, turning.clone(), prior)?;
+        problem.progress = progress.clone();
+        problem.known_rates = common.of(&problem.used);
+        Ok(problem)
+    };
+    let holder = Holder {
+        unit: count_of(windows, &stages.target),
+        target: Target::from_config(stages.target)?,
+        most_instructions: stages.target.slow_update_instructions_max,
+    };
+    let corrects_warm_up = options.corrects_warm_up;
+    let image = ImageCheck { windows, config: &stages.model, sensor, axis: letter, holder, corrects_warm_up };
+    let of_prior = options.prior.as_ref().map(|prior| Model::Fixed(prior.model.clone()));
+    let model = of_prior.as_ref().unwrap_or(&options.model);
+    let mut chosen = choose(windows, Signal::Thermometer(sensor), image, model, &make)?;
+    let noise_floor = noise_floor_of(windows, axis, &stages.test);
+    let is_given = *model != Model::Auto;
+    let raw_n = noise_floor.as_ref().map(|floor| floor.n_deg_rt_h);
+    chosen.stated = stated_noise(windows, axis, &stages.test);
+    let (fitted, noise, prior) = match &options.prior {
+        Some(prior) => chosen.fit_with_prior(prior, raw_n).map(|(fitted, noise, used)| (fitted, noise, Some(used)))?,
+        None => chosen.fit(is_given, raw_n, options.loss).map(|(fitted, noise)| (fitted, noise, None))?,
+    };
+    let problem = &chosen.problem;
+    let Estimate { best, mixed } = chosen.noise;
+    let parts = Parts::new(&fitted, problem);
+    let inputs = recorded_inputs(&fitted, Some(&parts), problem, windows, &stages.model, sensor);
+    let terms = terms(&fitted, problem, &inputs);
+    check_scale(&terms, letter)?;
+    let drawn = Drawn::of(&fitted, problem, &parts);
+    let warm_up =
+        corrects_warm_up.then(|| estimate(problem, &fitted, mixed, chosen.white_variance(&fitted, mixed))).flatten();
+    let (monomial, zones) = monomials(&fitted, problem, &windows.shape, reference_c);
+    let diagnostics = FitDiagnostics {
+        residual: residual(&fitted),
+        noise_floor,
+        cross_validation: chosen.cross_validation(),
+        collinearity: fitted
+            .conditioning
+            .as_ref()
+            .map(|found| Collinearity { condition: found.condition, limit: CONDITION_MAX }),
+        correction_noise: (!fitted.terms.is_empty()).then_some(noise),
+        hysteresis: None,
+        ramp_rates_cpm: None,
+        curve_spread: None,
+        lack_of_fit: None,
+        slow_noise: best.terms(chosen.white_variance(&fitted, best).sqrt()),
+        noise_exceeds_setup: chosen.noise_exceeds_setup,
+        time_effects: time_effects(&fitted, problem, corrects_warm_up),
+        entanglement: Vec::new(),
+        prior,
+        hidden_in_offsets_dph: None,
+        soak: None,
+        scale_factor: scale_factor(&fitted, problem, axis, chosen.stated),
+        misalignment: misalignment(&fitted, problem),
+        candidates: chosen.candidates(),
+        model_search: chosen.path.clone(),
+        rejected_inputs: chosen.aside.clone(),
+        rejected_models: chosen.not_held.clone(),
+        excluded: windows.tallies.list(),
+        covariance: fitted.covariance.row_iter().map(|row| row.iter().copied().collect()).collect(),
+        covariance_of: covariance_of(&fitted, problem),
+    };
+    let mut record = AxisCalibration {
+        axis: letter,
+        correction: AxisCorrection { model: fitted.spec.to_string(), inputs, terms, warm_up },
+        run_offsets: run_offsets(&fitted, problem, stages.test.input_rate_of(letter, windows.shape.axes.len())),
+        monomial,
+        zones,
+        fit: Some(diagnostics),
+    };
+    if options.prior.is_some() {
+        return Ok((record, drawn));
+    }
+    // What other models, more soaking and what moved together make of the curve: of the test alone.
+    let forecast = Extension::new(problem, &fitted, best).and_then(|extension| soak(&record, &extension));
+    let curve = |celsius: f64| {
+        let variance = record.variance_of(&record.drift_weights(celsius, reference_c));
+        (record.drift(celsius, reference_c), variance)
+    };
+    let (spread, lack_of_fit) = chosen.beside_curve(&fitted, curve);
+    let profile = points(windows, &run_spans(windows), Some(sensor), |_| 0.0, |_| 0.0);
+    let entanglement = entangled(problem, (best, chosen.white_variance(&fitted, best)), &fitted, &profile);
+    if let Some(fit) = &mut record.fit {
+        fit.soak = forecast;
+        (fit.curve_spread, fit.lack_of_fit) = (spread, lack_of_fit);
+        fit.entanglement = entanglement;
+    }
+    Ok((record, drawn))
+}
+
+/// σ of some values about their mean.
+pub(crate) fn scatter(values: &[f64]) -> f64 {
+    let n = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / n;
+    (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0).max(1.0)).sqrt()
+}
+
+/// Hysteresis before and after the fit; the standard error of both is that of the residuals, widened by their
+/// correlation.
+pub(crate) fn hysteresis(points: &[Point], residual: &Residual) -> Option<Hysteresis> {
+    let rho = residual.lag1_autocorrelation;
+    let sigma_dph = residual.sigma_dph * ((1.0 + rho) / (1.0 - rho)).sqrt();
+    let before = hysteresis_of(points, LEAST_OF_LEG, |p| p.before_dph)?;
+    let after = hysteresis_of(points, LEAST_OF_LEG, |p| p.after_dph)?;
+    Some(Hysteresis {
+        before_dph: before.difference_dph,
+        after_dph: after.difference_dph,
+        sigma_dph: sigma_dph * after.per_sigma,
+    })
+}
+
+fn covariance_of(fitted: &Fitted, problem: &LeastSquares<'_>) -> Vec<String> {
+    let named = |input: usize, name: &dyn Fn(Option<&str>) -> String| {
+        let of = |input: usize| (input > 0).then(|| problem.inputs[input].name.as_str());
+        match problem.inputs[input].repeats {
+            Some(repeated) => format!("slow {}", name(of(repeated))),
+            None => name(of(input)),
+        }
+    };
+    let runs = problem.levels.iter().map(|level| level.name(&problem.runs));
+    let terms = fitted.terms.iter().map(|term| named(term.input, &|of| term.form.name(of)));
+    let others = fitted
+        .nonlinear()
+        .into_iter()
+        .map(|(input, name, _)| named(input, &|of| of.map_or(name.to_owned(), |of| format!("{name}({of})"))));
+    runs.chain(terms).chain(others).collect()
+}
+
+fn run_offsets(fitted: &Fitted, problem: &LeastSquares<'_>, input_dph: Option<f64>) -> Vec<RunOffset> {
+    let rows = problem.runs.iter().enumerate().filter_map(|(index, run)| {
+        let column = problem.column_of(Level::Run(index)).or_else(|| problem.column_of(Level::AllRuns))?;
+        Some(RunOffset {
+            run: *run as u32,
+            value_dph: fitted.theta[column],
+            sigma_dph: Some(fitted.sigma(column)),
+            fixed_bias_dph: input_dph.map(|input| fitted.theta[column] - input),
+        })
+    });
+    rows.collect()
+}
+
+/// Drift in time and warm-up beside the terms; without the warm-up where it is corrected.
+fn time_effects(fitted: &Fitted, problem: &LeastSquares<'_>, corrects_warm_up: bool) -> Vec<TimeEffect> {
+    let of = |(place, level): (usize, &Level)| {
+        let (kind, run, unit, tau_s) = match *level {
+            Level::Drift(run) => (TimeEffectKind::Drift, run.map(|index| problem.runs[index] as u32), "deg/h/h", None),
+            Level::WarmUp { .. } if corrects_warm_up => return None,
+            Level::WarmUp { tau_s } => (TimeEffectKind::WarmUp, None, "deg/h", Some(tau_s)),
+            Level::Run(_) | Level::AllRuns | Level::Scale | Level::Across(_) => return None,
+        };
+        let (value, sigma) = (fitted.theta[place], fitted.sigma(place));
+        Some(TimeEffect { kind, run, value, sigma, unit: unit.to_owned(), tau_s })
+    };
+    problem.levels.iter().enumerate().filter_map(of).collect()
+}
+
+fn residual(fitted: &Fitted) -> Residual {
+    let (lo, hi) =
+        fitted.residuals.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), r| (r.min(lo), r.max(hi)));
+    Residual {
+        n: fitted.residuals.len(),
+        sigma_dph: fitted.sigma_dph,
+        peak_to_peak_dph: hi - lo,
+        lag1_autocorrelation: fitted.autocorrelation,
+        t_quantile_975: fitted.t_quantile_975,
+    }
+}

@@ -1,0 +1,152 @@
+//! Drift in time and warm-up after power-on: fitted beside the terms so that no term takes their place. None is
+//! corrected but a warm-up where that is asked for ([`super::warm_up`]).
+//!
+//! ```text
+//! drift      d·(t − t̄)         °/h per hour; of all runs together, or of each run
+//! warm-up    a·e^(−t/τ)        °/h at the first row of a run, IEEE Std 647's turn-on; τ from a grid of ratio two
+//! ```
+//!
+//! t is the time since the first row of the run. A chamber that heats once and cools once makes a drift in time look like a rate
+//! term, for what was measured while heating came first. `auto` therefore grades every model of the grid without and with each of
+//! these columns ([`super::grades`]), and keeps those of the best grade where it is better by [`DECISIVE`].
+//!
+//! Fails where time and temperature move together: a column that temperature explains by more than [`EXPLAINED_MAX`] is not
+//! tried, and the uncertainty of the curve carries it instead ([`crate::fit::uncertainty::entanglement`]).
+
+use crate::fit::one_model::solution::{fit, noise_of};
+use crate::fit::problem::least_squares::LeastSquares;
+use crate::fit::problem::levels::Level;
+use crate::fit::selection::grades::{Grades, Series, price};
+use crate::fit::selection::prices::DECISIVE;
+use crate::model::spec::ModelSpec;
+use crate::noise_model::processes::SlowNoise;
+use crate::noise_model::whitening::Whitening;
+
+/// Shortest τ of a warm-up, windows, and the longest as a part of the longest run.
+const SHORTEST_WINDOWS: f64 = 5.0;
+const LONGEST_PART: f64 = 1.0 / 3.0;
+/// τ of a warm-up that are tried, at most.
+const MOST_TAUS: i32 = 8;
+/// Most of a column's variation that the curve over temperature may explain.
+pub(crate) const EXPLAINED_MAX: f64 = 0.8;
+
+/// The nuisance columns of a problem that are justified beside the best model of the grid. Rate series of order 0 and every second
+/// lag decide: what goes with time is common to all.
+pub(crate) fn justified(problem: &mut LeastSquares<'_>, specs: &[ModelSpec], taus_s: &[f64]) -> Vec<Level> {
+    let own = problem.levels.len();
+    let is_plain = |spec: &&ModelSpec| spec.thermometer().rate.is_none_or(|order| order == 0);
+    let specs: &[ModelSpec] = &specs.iter().filter(is_plain).cloned().collect::<Vec<_>>();
+    let taus_s: &[f64] = &taus_s.iter().copied().step_by(2).collect::<Vec<_>>();
+    if !problem.has_rate() || specs.is_empty() {
+        return Vec::new();
+    }
+    let found = best(problem, own, specs, taus_s);
+    problem.levels.truncate(own);
+    found.unwrap_or_default()
+}
+
+/// The best set of columns; leaves `problem` with some that were tried.
+fn best(problem: &mut LeastSquares<'_>, own: usize, specs: &[ModelSpec], taus_s: &[f64]) -> Option<Vec<Level>> {
+    let noise = noise_beside(problem, own, specs, taus_s)?;
+    let whitening = Whitening::new(problem.noise_rows(), noise);
+    let runs = problem.runs.len();
+    let each: Vec<Level> = (0..if runs > 1 { runs } else { 0 }).map(|run| Level::Drift(Some(run))).collect();
+    let of_all: Vec<Level> = std::iter::once(Level::Drift(None)).chain(warm_ups(problem)).collect();
+    let each = if separate(problem, own, &whitening, specs, taus_s, &each)?.len() == runs { each } else { Vec::new() };
+    let of_all = separate(problem, own, &whitening, specs, taus_s, &of_all)?;
+    let mut graded = graded_sets(problem, own, &whitening, specs, taus_s, &[], &sets(&of_all))?;
+    if !each.is_empty() {
+        // A drift of each run takes the place of that of all.
+        let beside_each: Vec<Vec<Level>> =
+            sets(&of_all).into_iter().filter(|set| !set.contains(&Level::Drift(None))).collect();
+        graded.extend(graded_sets(problem, own, &whitening, specs, taus_s, &each, &beside_each)?);
+    }
+    let variance = graded.iter().map(|(grades, _)| grades.variance).fold(f64::INFINITY, f64::min);
+    let tried_taus = of_all.iter().filter(|level| level.warm_up_s().is_some()).count();
+    let price_of = |set: &[Level]| {
+        let is_warm = set.iter().any(|level| level.warm_up_s().is_some());
+        let of_tau = if is_warm { 2.0 * (tried_taus as f64).ln() } else { 0.0 };
+        let margin = if set.is_empty() { 0.0 } else { DECISIVE };
+        set.len() as f64 * price(problem.len() as f64) + of_tau + margin
+    };
+    let grade = |(grades, set): &(Grades, Vec<Level>)| grades.least(variance) + price_of(set);
+    graded.into_iter().min_by(|a, b| grade(a).total_cmp(&grade(b))).map(|(_, set)| set)
+}
+
+/// Of some columns those that the curve over temperature does not explain beside the offsets.
+fn separate(
+    problem: &mut LeastSquares<'_>,
+    own: usize,
+    whitening: &Whitening,
+    specs: &[ModelSpec],
+    taus_s: &[f64],
+    tried: &[Level],
+) -> Option<Vec<Level>> {
+    problem.levels.truncate(own);
+    problem.levels.extend(tried);
+    // The columns in question stay in the factor; offsets of runs, which are in every model, are projected out.
+    let columns = problem.run_columns_of(|level| matches!(level, Level::Run(_)));
+    let series = Series::new(problem, whitening, specs, &taus_s[..1.min(taus_s.len())], &columns)?;
+    let place = |column: usize| columns.shared.iter().position(|shared| *shared == column);
+    let known: Vec<usize> = (0..own).filter_map(place).collect();
+    let is_separate = |column: &usize| {
+        place(*column).and_then(|at| series.explained_by_bias(at, &known)).is_some_and(|part| part < EXPLAINED_MAX)
+    };
+    Some((own..problem.levels.len()).filter(is_separate).map(|column| problem.levels[column]).collect())
+}
+
+/// Grades with each of some sets of columns, beside those that are always there.
+fn graded_sets(
+    problem: &mut LeastSquares<'_>,
+    own: usize,
+    whitening: &Whitening,
+    specs: &[ModelSpec],
+    taus_s: &[f64],
+    always: &[Level],
+    sets: &[Vec<Level>],
+) -> Option<Vec<(Grades, Vec<Level>)>> {
+    problem.levels.truncate(own);
+    problem.levels.extend(always);
+    let tried = problem.levels.len();
+    for level in sets.iter().flatten() {
+        if !problem.levels[tried..].contains(level) {
+            problem.levels.push(*level);
+        }
+    }
+    let columns = problem.run_columns();
+    let series = Series::new(problem, whitening, specs, taus_s, &columns)?;
+    let place = |level: &Level| columns.shared.iter().position(|shared| problem.levels[*shared] == *level);
+    let graded = |set: &Vec<Level>| {
+        let before = problem.levels[..tried].iter().chain(set).filter_map(place).collect::<Vec<_>>();
+        Some((series.grades(&before)?, always.iter().chain(set).copied().collect()))
+    };
+    Some(sets.iter().filter_map(graded).collect())
+}
+
+/// Slow noise of the largest model beside a drift and a warm-up of middle length, so that neither counts as noise.
+fn noise_beside(problem: &mut LeastSquares<'_>, own: usize, specs: &[ModelSpec], taus_s: &[f64]) -> Option<SlowNoise> {
+    let largest = specs.iter().max_by_key(|spec| spec.coefficients())?;
+    let warm_ups = warm_ups(problem);
+    problem.levels.push(Level::Drift(None));
+    problem.levels.extend(warm_ups.get(warm_ups.len() / 2));
+    let noise = fit(problem, largest, taus_s).map(|fitted| noise_of(problem, &fitted).best).unwrap_or_default();
+    problem.levels.truncate(own);
+    Some(noise)
+}
+
+fn warm_ups(problem: &LeastSquares<'_>) -> Vec<Level> {
+    let shortest_s = SHORTEST_WINDOWS * problem.windows().shape.nominal_s;
+    let longest_s = LONGEST_PART * problem.longest_run_s();
+    let tau = |k: i32| shortest_s * 2.0_f64.powi(k);
+    (0..MOST_TAUS).map(tau).take_while(|tau_s| *tau_s <= longest_s).map(|tau_s| Level::WarmUp { tau_s }).collect()
+}
+
+/// Nothing, a drift of all runs, one warm-up, or both.
+fn sets(separate: &[Level]) -> Vec<Vec<Level>> {
+    let (warm, drift): (Vec<Level>, Vec<Level>) = separate.iter().partition(|level| level.warm_up_s().is_some());
+    let drifts: Vec<Vec<Level>> =
+        std::iter::once(Vec::new()).chain(drift.into_iter().map(|level| vec![level])).collect();
+    let with_warm = drifts.iter().flat_map(|drift| warm.iter().map(|level| [drift.as_slice(), &[*level]].concat()));
+    let with_warm: Vec<Vec<Level>> = with_warm.collect();
+    drifts.into_iter().chain(with_warm).collect()
+}
