@@ -9,7 +9,7 @@ use pyo3::types::PyBytes;
 use sagnac::compare::compare as compared;
 use sagnac::diagnostics::ReportData;
 use sagnac::export::{encode, image_bytes};
-use sagnac::fit::{FitOptions, Loss, calibrate_with_report_data};
+use sagnac::fit::{FitOptions, calibrate_with_report_data};
 use sagnac::fleet::PriorFile;
 use sagnac::verify::{Compensated, Correction, Replay, VerifyOptions, status_text, verify};
 use sagnac::window::{WindowBuilder, Windows, read_table};
@@ -44,8 +44,6 @@ pub(crate) struct Asked {
     #[pyo3(item)]
     model: String,
     #[pyo3(item)]
-    huber: bool,
-    #[pyo3(item)]
     warm_up: bool,
     #[pyo3(item)]
     source_date_epoch: Option<i64>,
@@ -69,7 +67,6 @@ impl Asked {
         Ok(FitOptions::new(self.model.parse()?)
             .prior(prior)
             .source_date_epoch(self.source_date_epoch)
-            .loss(if self.huber { Loss::Huber } else { Loss::Squares })
             .correct_warm_up(self.warm_up))
     }
 }

@@ -36,8 +36,8 @@ def test_records_are_the_programs(unit: sagnac.Calibration, record: Path, tmp_pa
 
 
 def test_a_search_is_the_programs(program: Program) -> None:
-    found = sagnac.calibrate(RUNS, "bench.toml", loss="huber")
-    wanted = program("calibrate", *RUNS, "--setup", "bench.toml", "--loss", "huber", "--json")
+    found = sagnac.calibrate(RUNS, "bench.toml")
+    wanted = program("calibrate", *RUNS, "--setup", "bench.toml", "--json")
     assert found.to_json().encode() == wanted
 
 

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use sagnac::calibration::{
     AxisCalibration, Calibration, Candidate, Monomial, PpmEstimate, RejectedModel, RunOffset, ScaleFactor, SearchStep,
 };
-use sagnac::fit::{FitOptions, Loss, UnitPrior, calibrate_with_report_data, frontier};
+use sagnac::fit::{FitOptions, UnitPrior, calibrate_with_report_data, frontier};
 use sagnac::fleet::PriorFile;
 use sagnac::model::TICK_INSTRUCTIONS;
 use sagnac::{Error, Result};
@@ -57,14 +57,11 @@ pub(crate) struct Args {
     #[arg(long, default_value = "auto")]
     model: String,
     /// What is known of the unit before its test: a file of `sagnac fleet prior`, whose model it takes
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["model", "loss", "warm_up", "tradeoff"])]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["model", "warm_up", "tradeoff"])]
     prior: Option<PathBuf>,
     /// The unit's lot, one of the prior's
     #[arg(long, value_name = "NAME", requires = "prior")]
     lot: Option<String>,
-    /// What misfit costs: `huber` lets windows far from the fit count for less
-    #[arg(long, value_enum, default_value = "squares", hide_short_help = true)]
-    loss: LossWord,
     /// What each order buys out of sample, and what it costs on the target in instructions
     #[arg(long)]
     tradeoff: bool,
@@ -78,20 +75,9 @@ pub(crate) struct Args {
     reading: LogArgs,
 }
 
-/// What misfit costs.
-#[derive(Clone, Copy, clap::ValueEnum)]
-enum LossWord {
-    Squares,
-    Huber,
-}
-
 pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     let files = Files::new().reads(&args.logs).reads(&args.reading.setup.setup).reads(&args.prior).writes(&args.output);
     args.report.check_with(files)?;
-    let loss = match args.loss {
-        LossWord::Squares => Loss::Squares,
-        LossWord::Huber => Loss::Huber,
-    };
     let prior = args.prior.as_deref().map(|path| of_unit(path, args.lot.as_deref())).transpose()?;
     if let (Some(lot), Some(UnitPrior { lot: None, .. })) = (&args.lot, &prior) {
         console.note(format!(
@@ -101,7 +87,6 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     let options = FitOptions::new(args.model.parse()?)
         .prior(prior)
         .source_date_epoch(source_date_epoch()?)
-        .loss(loss)
         .correct_warm_up(args.warm_up)
         .progress(of_fit());
     let (windows, setup) = loading::windows(&args.logs, &args.reading)?;

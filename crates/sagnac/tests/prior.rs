@@ -5,7 +5,7 @@ use crate::hostile::{Bench, Dice};
 use crate::measured::fit::prior::{TEMPERATURES_C, calibrated, full, short, short_c};
 use crate::support;
 use sagnac::calibration::Calibration;
-use sagnac::fit::{FitOptions, Loss, Model};
+use sagnac::fit::{FitOptions, Model};
 
 /// A prior that says nothing is the fit without one, and one that knows everything is its own mean.
 #[test]
@@ -82,11 +82,7 @@ fn a_prior_is_no_calibration() {
     let other = Gyro { curve: [-0.6, 0.1, 0.0], ..gyro };
     let refusal = calibrated(other.log(3, short), Some(&fleet.of_lot())).unwrap_err();
     assert!(refusal.what.contains("not of this fleet") && refusal.what.contains("bias 1 is -1"), "{refusal}");
-    for options in [
-        FitOptions::new(support::model(MODEL)),
-        FitOptions::new(Model::Auto).loss(Loss::Huber),
-        FitOptions::new(Model::Auto).correct_warm_up(true),
-    ] {
+    for options in [FitOptions::new(support::model(MODEL)), FitOptions::new(Model::Auto).correct_warm_up(true)] {
         let options = options.prior(Some(fleet.of_lot()));
         let refusal = support::fit_with(vec![gyro.log(4, short)], &Bench::setup(), &options).unwrap_err();
         assert!(refusal.what.contains("does not go with a prior"), "{refusal}");

@@ -68,7 +68,6 @@ def calibrate(
     *,
     model: str = "auto",
     columns: Mapping[str, str] | None = None,
-    loss: str = "squares",
     warm_up: bool = False,
     prior: Path | None = None,
     lot: str | None = None,
@@ -83,7 +82,6 @@ def calibrate(
         setup: A setup file, or a mapping with its keys.
         model: ``"auto"``, or such as ``"bias 3, rate 1"``.
         columns: Names of columns to Sagnac's own: ``{"gyro_z": "rate_radps_z"}``.
-        loss: ``"squares"`` or ``"huber"``.
         warm_up: Corrects a drift with time that the runs show.
         prior: A file of ``sagnac fleet prior``.
         lot: The unit's lot, for the prior.
@@ -99,8 +97,6 @@ def calibrate(
     for name, value, of in [("model", model, str), ("warm_up", warm_up, bool), ("keep_outliers", keep_outliers, bool)]:
         if not isinstance(value, of):
             raise InputError(f"{of.__name__} is needed, not {type(value).__name__}", name)
-    if loss not in ("squares", "huber"):
-        raise InputError("loss is 'squares' or 'huber'", "loss")
     epoch = os.environ.get("SOURCE_DATE_EPOCH")
     try:
         source_date_epoch = int(epoch) if epoch else None
@@ -110,7 +106,6 @@ def calibrate(
         raise InputError("not a whole number of seconds", "SOURCE_DATE_EPOCH") from None
     asked: dict[str, object] = {
         "model": model,
-        "huber": loss == "huber",
         "warm_up": warm_up,
         "source_date_epoch": source_date_epoch,
         "prior": None if prior is None else os.fspath(prior),

@@ -20,7 +20,6 @@ mod uncertainty;
 
 pub use calibrate::{calibrate, calibrate_with_report_data};
 pub(crate) use one_model::input_noise::thermometer_noise;
-pub use one_model::robust::Loss;
 pub use options::{FitOptions, Model};
 pub(crate) use problem::exclusions::{READINGS_HOLD, readings_do_not_hold};
 pub(crate) use problem::unit_prior::ln_of_residual;

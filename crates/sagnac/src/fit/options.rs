@@ -1,6 +1,5 @@
 //! What to fit: the model, or `auto`, and what goes with it.
 
-use crate::fit::one_model::robust::Loss;
 use crate::fit::problem::unit_prior::UnitPrior;
 use crate::fit::progress::Progress;
 use crate::model::ModelSpec;
@@ -42,8 +41,6 @@ pub struct FitOptions {
     pub model: Model,
     /// SOURCE_DATE_EPOCH if it is set.
     pub source_date_epoch: Option<i64>,
-    /// Loss function of the recorded fit.
-    pub loss: Loss,
     /// Whether a warm-up since power-on is a part of the correction, where the runs hold one; every run then begins at power-on.
     pub corrects_warm_up: bool,
     /// What is known of the unit before its test; its model takes the place of `model`.
@@ -56,8 +53,7 @@ impl FitOptions {
     /// A model, by least squares.
     pub fn new(model: Model) -> Self {
         let progress = Progress::default();
-        let loss = Loss::Squares;
-        Self { model, source_date_epoch: None, loss, corrects_warm_up: false, prior: None, progress }
+        Self { model, source_date_epoch: None, corrects_warm_up: false, prior: None, progress }
     }
 
     /// With the time of SOURCE_DATE_EPOCH in place of that of the newest input sample.
@@ -83,19 +79,12 @@ impl FitOptions {
     pub fn progress(self, progress: Progress) -> Self {
         Self { progress, ..self }
     }
-
-    /// With another loss.
-    #[must_use]
-    pub fn loss(self, loss: Loss) -> Self {
-        Self { loss, ..self }
-    }
 }
 
 /// What a prior does not go with.
 pub(crate) fn check_with_prior(options: &FitOptions) -> Result<()> {
     let what = match options {
         FitOptions { prior: None, .. } => return Ok(()),
-        FitOptions { loss: Loss::Huber, .. } => "--loss huber",
         FitOptions { corrects_warm_up: true, .. } => "--warm-up",
         FitOptions { model: Model::Fixed(_), .. } => "--model",
         FitOptions { .. } => return Ok(()),

@@ -5,7 +5,6 @@ pub(crate) mod effects;
 pub(crate) mod input_noise;
 pub(crate) mod prepared;
 pub(crate) mod recorded;
-pub(crate) mod robust;
 pub(crate) mod solution;
 pub(crate) mod two_lags;
 pub(crate) mod warm_up;

@@ -81,7 +81,7 @@ pub(crate) fn fit_axis(
     chosen.stated = stated_noise(windows, axis, &stages.test);
     let (fitted, noise, prior) = match &options.prior {
         Some(prior) => chosen.fit_with_prior(prior, raw_n).map(|(fitted, noise, used)| (fitted, noise, Some(used)))?,
-        None => chosen.fit(is_given, raw_n, options.loss).map(|(fitted, noise)| (fitted, noise, None))?,
+        None => chosen.fit(is_given, raw_n).map(|(fitted, noise)| (fitted, noise, None))?,
     };
     let problem = &chosen.problem;
     let Estimate { best, mixed } = chosen.noise;

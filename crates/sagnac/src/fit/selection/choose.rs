@@ -14,7 +14,6 @@ use crate::calibration::{
     SearchStep, SearchVerdict,
 };
 use crate::fit::one_model::input_noise::{INCREASE_MAX, correction_noise, loudest_rate};
-use crate::fit::one_model::robust::{Loss, robust_fit};
 use crate::fit::one_model::solution::{Fitted, fit, noise_of, shows_more_than, white_variance, with_slow_noise};
 use crate::fit::options::Model;
 use crate::fit::prior::with_prior::{WithPrior, fit_with_prior};
@@ -265,26 +264,14 @@ impl Chosen<'_> {
     ///
     /// # Errors
     /// Terms that cannot be separated; for a requested model, noise that no lag reduces enough.
-    pub(crate) fn fit(
-        &mut self,
-        is_given: bool,
-        n_deg_rt_h: Option<f64>,
-        loss: Loss,
-    ) -> Result<(Fitted, CorrectionNoise)> {
+    pub(crate) fn fit(&mut self, is_given: bool, n_deg_rt_h: Option<f64>) -> Result<(Fitted, CorrectionNoise)> {
         loop {
-            let fitted = match loss {
-                Loss::Squares => {
-                    let fitted = fit(&self.problem, &self.spec, &self.taus_s)?;
-                    self.noise = self.noise_by(&fitted);
-                    if self.stated.is_none() && self.noise.best == SlowNoise::default() {
-                        fitted
-                    } else {
-                        let white = self.white_variance(&fitted, self.noise.mixed);
-                        with_slow_noise(&self.problem, fitted, self.noise.mixed, white)
-                    }
-                }
-                Loss::Huber => robust_fit(&mut self.problem, &self.spec, &self.taus_s)?,
-            };
+            let mut fitted = fit(&self.problem, &self.spec, &self.taus_s)?;
+            self.noise = self.noise_by(&fitted);
+            if self.stated.is_some() || self.noise.best != SlowNoise::default() {
+                let white = self.white_variance(&fitted, self.noise.mixed);
+                fitted = with_slow_noise(&self.problem, fitted, self.noise.mixed, white);
+            }
             self.check_condition(&fitted)?;
             if let Err(refusal) = self.image.check(&fitted, &self.problem) {
                 self.shrink(refusal, is_given)?;
@@ -399,7 +386,7 @@ impl Chosen<'_> {
     }
 
     /// Takes the best model of one order less in place of one that no image can hold. The grid and the search have refused such
-    /// models already; a raised lag or another loss may make one more.
+    /// models already; a raised lag may make one more.
     fn shrink(&mut self, refusal: Error, is_given: bool) -> Result<()> {
         let smaller = if is_given { Vec::new() } else { shrunk(&self.spec) };
         let held_out = |spec: ModelSpec| {

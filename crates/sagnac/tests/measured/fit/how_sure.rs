@@ -1,16 +1,14 @@
 //! Coverage of the intervals for residuals that are not white, and accuracy of the forecast for more data.
 
-use crate::support;
 use std::fmt::Write as _;
 
 use crate::support::evidence::{Records, evidence, ratio};
 use crate::support::farthest;
-use crate::support::{fit, model};
+use crate::support::fit;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use sagnac::calibration::Calibration;
 use sagnac::compare::compare;
-use sagnac::fit::{FitOptions, Loss, calibrate};
 use sagnac_log::setup::{Noise, Setup, WindowSize};
 
 const SEEDS: Records = Records::new(500).few(30);
@@ -172,49 +170,4 @@ fn records_of_one_gyro_agree_and_a_changed_one_is_reported() {
     let worst = curve.worst.as_ref().unwrap();
     assert!(worst.record == 2 && worst.sigmas > 4.0, "{worst:?}");
     assert!(curve.beyond[0] > 0.01 && curve.beyond[11] > 0.003, "{:?}", curve.beyond);
-}
-
-/// Every sixth window above 45 °C 0.09 °/h too high, none of them excluded: Huber's loss comes closer to the truth than
-/// squares, and on clean windows it costs little and its intervals hold. One-sided errors still bias it: there its intervals
-/// covered the truth in 168 of 200. Measured: 3.6 times less mean square error, 5 % more on clean windows.
-#[test]
-fn huber_comes_closer_where_some_windows_are_wild() {
-    let spoilt = |seed: u64| {
-        let text = String::from_utf8(log(300, 0, 0.0, seed)).unwrap();
-        let rows = text.lines().enumerate().map(|(k, line)| {
-            let fields: Vec<&str> = line.split(',').collect();
-            match fields[1].parse::<f64>() {
-                Ok(celsius) if celsius > 45.0 && k % 6 == 1 => {
-                    format!("{},{celsius},{}\n", fields[0], fields[2].parse::<f64>().unwrap() + 0.09)
-                }
-                _ => format!("{line}\n"),
-            }
-        });
-        rows.collect::<String>().into_bytes()
-    };
-    let fitted = |bytes: Vec<u8>, loss: Loss| {
-        let windows = sagnac::window::WindowBuilder::read_all(vec![support::reader(bytes, &by_rows())], &by_rows());
-        let options = FitOptions::new(model("bias 3")).loss(loss);
-        calibrate(windows.unwrap().keep_outliers().finish(), &by_rows(), &options).unwrap()
-    };
-    const SPOILT: Records = Records::new(200).few(30);
-    let (mut wild, mut clean) = (Vec::new(), Vec::new());
-    let mut covered = 0;
-    for seed in SPOILT.each() {
-        let off = |made: &Calibration| {
-            made.axes[0].correction.terms.iter().zip(TRUTH).map(|(t, b)| (t.value - b).powi(2)).sum::<f64>()
-        };
-        wild.push([Loss::Squares, Loss::Huber].map(|loss| off(&fitted(spoilt(seed), loss))));
-        let robust = fitted(log(300, 0, 0.0, seed), Loss::Huber);
-        clean.push([off(&robust), off(&fitted(log(300, 0, 0.0, seed), Loss::Squares))]);
-        let (term, t95) = (&robust.axes[0].correction.terms[0], robust.axes[0].residual().unwrap().t_quantile_975);
-        covered += u32::from((term.value - TRUTH[0]).abs() <= t95 * term.sigma.unwrap());
-    }
-    let over = |of: &[[f64; 2]]| of.iter().map(|one| one[0]).sum::<f64>() / of.iter().map(|one| one[1]).sum::<f64>();
-    let claim = "mean square error of squares over that of Huber's loss, some windows wild";
-    ratio(claim, &wild, over, ["≥ 3", "≥ 2"], SPOILT);
-    let claim = "mean square error of Huber's loss over that of squares, no window wild";
-    ratio(claim, &clean, over, ["≤ 1.08", "≤ 1.4"], SPOILT);
-    let claim = "95 % interval of a coefficient by Huber's loss, no window wild: coverage";
-    evidence(claim, f64::from(covered) / SPOILT.count() as f64, "0.92 … 0.99", SPOILT);
 }
