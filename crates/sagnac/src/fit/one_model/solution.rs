@@ -7,7 +7,8 @@
 //! Cov = s²·(JᵀWJ)⁻¹·(1 + ρ)/(1 − ρ)        ∂y/∂τ is a column of J; ρ: lag-one autocorrelation of the residuals (AR(1); Bartlett 1946)
 //! ```
 //!
-//! Once the slow noise of the residuals is known, the covariance is that of these weights under that noise ([`crate::noise_model`]).
+//! Once the slow noise of the residuals is known, the covariance is that of these weights under that noise
+//! ([`super::residual_noise`]).
 
 use crate::calibration::Lag;
 use crate::fit::one_model::design::{Columns, Design, FLAT_CHI_SQUARED, LN_TAU_TOLERANCE, Tau, lag_one, misfit};
@@ -16,12 +17,8 @@ use crate::fit::one_model::two_lags::{Found, LEAST_RATIO, find_pair};
 use crate::fit::problem::least_squares::{LeastSquares, TermColumn};
 use crate::model::spec::ModelSpec;
 use crate::model::{ActsOn, Shape};
-use crate::noise_model::estimate::{
-    Estimate, FEWEST_FOR_NOISE, NoiseFit, SLOPE_STEP, estimate, restricted, t_quantile_975,
-};
 use crate::noise_model::factor::Conditioning;
 use crate::noise_model::minimum::minimum;
-use crate::noise_model::processes::SlowNoise;
 use crate::noise_model::whitening::Whitening;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
@@ -138,71 +135,6 @@ pub(crate) fn fit(problem: &LeastSquares<'_>, spec: &ModelSpec, taus_s: &[f64]) 
     })
 }
 
-/// The slow noise of a model's residuals, by restricted likelihood; white without time, with too few windows, or where the model
-/// explains everything.
-pub(crate) fn noise_of(problem: &LeastSquares<'_>, fitted: &Fitted) -> Estimate {
-    let rows = problem.len();
-    let parameters = problem.levels.len() + fitted.terms.len();
-    let scale: f64 = problem.y.iter().map(|y| y * y).sum();
-    let square: f64 = fitted.residuals.iter().map(|r| r * r).sum();
-    if !problem.has_rate() || rows < FEWEST_FOR_NOISE || rows < 2 * parameters || square < 1e-18 * scale {
-        return Estimate::default();
-    }
-    let design = Design::new(problem, &fitted.terms, &values(&fitted.taus));
-    let Some(likelihood) = design.likelihood(&[]) else { return Estimate::default() };
-    estimate(likelihood.nominal_s, |noise| likelihood.criterion(noise))
-}
-
-/// True where the residuals show more noise than the setup states, slow noise and white variance.
-pub(crate) fn shows_more_than(
-    problem: &LeastSquares<'_>,
-    fitted: &Fitted,
-    stated: (SlowNoise, f64),
-    shown: SlowNoise,
-) -> bool {
-    let parameters = problem.levels.len() + fitted.terms.len();
-    let Some((normal, z)) = weighted_rows(problem, fitted, None).filter(|_| problem.len() > parameters) else {
-        return false;
-    };
-    let degrees = (problem.len() - parameters) as f64;
-    let of = |noise: SlowNoise, white: Option<f64>| {
-        let whitening = Whitening::new(problem.noise_rows(), noise);
-        let mut design = Design::new(problem, &fitted.terms, &values(&fitted.taus));
-        design.whitening = Some(&whitening);
-        let solution = design.factor(&[]).solve_all()?;
-        let determinants = whitening.log_determinant + solution.log_determinant();
-        let covariance = &normal * noise.between(problem.noise_rows(), &z) * &normal;
-        let of_terms: f64 = covariance.diagonal().iter().skip(problem.levels.len()).sum();
-        let variance = of_terms * white.unwrap_or(solution.ssr / degrees);
-        Some(NoiseFit { criterion: restricted(solution.ssr, degrees, determinants, white), variance })
-    };
-    of(shown, None).zip(of(stated.0, Some(stated.1))).is_some_and(|(shown, stated)| shown.exceeds(&stated))
-}
-
-/// The fit with the covariance C that its weights have under this noise, beside a white variance. The variances of slow noise are
-/// themselves uncertain: degrees of freedom after Satterthwaite,
-///
-/// ```text
-/// 1/ν = 1/(n − p) + ½·(∂ln C/∂ln v)²·Var(ln v)      v the variances of slow noise over the white one, which follows them
-/// ```
-pub(crate) fn with_slow_noise(problem: &LeastSquares<'_>, fitted: Fitted, noise: SlowNoise, white: f64) -> Fitted {
-    let Some((normal, z)) = weighted_rows(problem, &fitted, None) else { return fitted };
-    let (n, p) = (problem.len(), normal.nrows());
-    let under = |noise: SlowNoise, white: f64| &normal * noise.between(problem.noise_rows(), &z) * &normal * white;
-    let covariance = under(noise, white);
-    let mut steepest = 0.0;
-    if noise.log_variance > 0.0 {
-        let [more, less] = [SLOPE_STEP, -SLOPE_STEP].map(|step| {
-            let noise = noise.scaled(step.exp());
-            under(noise, white_variance(problem, &fitted, noise))
-        });
-        let slope = |at: usize| (more[(at, at)] / less[(at, at)]).ln() / (2.0 * SLOPE_STEP);
-        steepest = (problem.levels.len()..p).map(slope).fold(0.0_f64, |most, slope| most.max(slope.abs()));
-    }
-    let t_quantile_975 = t_quantile_975((n - p).max(1) as f64, steepest, noise);
-    Fitted { covariance, t_quantile_975, ..fitted }
-}
-
 /// (JᵀWJ)⁻¹ and the rows of WJ, with a further column behind those of the fit.
 pub(crate) fn weighted_rows(
     problem: &LeastSquares<'_>,
@@ -220,13 +152,6 @@ pub(crate) fn weighted_rows(
         row.iter().enumerate().for_each(|(j, value)| z[(i, j)] = problem.weight[i] * value);
     }
     Some((normal, z))
-}
-
-/// White variance of a nominal window under this noise: mean square of the innovations of generalized least squares.
-pub(crate) fn white_variance(problem: &LeastSquares<'_>, fitted: &Fitted, noise: SlowNoise) -> f64 {
-    let whitening = Whitening::new(problem.noise_rows(), noise);
-    let degrees = (problem.len() as f64 - (problem.levels.len() + fitted.terms.len()) as f64).max(1.0);
-    whitened_misfit(problem, fitted, &whitening).map_or(f64::NAN, |misfit| misfit / degrees)
 }
 
 /// Sum of squares of whitened rows that the terms of a fit do not explain, at its lags and whatever their coefficients; `None` where they
@@ -279,7 +204,7 @@ fn together(terms: &[TermColumn]) -> Vec<usize> {
     (0..terms.len()).filter(|at| zoned && of_curve(&terms[*at])).collect()
 }
 
-fn values(taus: &[Tau]) -> Vec<(usize, f64)> {
+pub(crate) fn values(taus: &[Tau]) -> Vec<(usize, f64)> {
     taus.iter().map(|tau| (tau.input, tau.value_s)).collect()
 }
 

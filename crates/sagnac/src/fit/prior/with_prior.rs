@@ -10,6 +10,7 @@ use crate::fit::prior::gate::{gate, refuse_other_terms, residual_like_the_fleets
 use crate::fit::prior::posterior::{Known, Linear, Solved, of_other_terms, settled, shown, values};
 use crate::fit::problem::least_squares::LeastSquares;
 use crate::fit::problem::unit_prior::{UnitPrior, ln_of_residual};
+use crate::fit::selection::prices::PRIOR_CONTRADICTED;
 use crate::model::spec::ModelSpec;
 use crate::noise_model::estimate::{FEWEST_DEGREES, FEWEST_FOR_NOISE, SLOPE_STEP, estimate};
 use crate::noise_model::processes::SlowNoise;
@@ -19,8 +20,6 @@ use statrs::distribution::{ContinuousCDF, StudentsT};
 
 /// A direction counts as shown by the test where its scatter is this part of the noise.
 const SHOWN_TO_NOISE: f64 = 1e-3;
-/// The test contradicts the noise of the fleet where its own explains it better by this in −2·ln(restricted likelihood).
-const CONTRADICTED: f64 = 2.0;
 /// Windows beyond the parameters, so that the test says how noisy it is.
 const LEAST_DEGREES: usize = 10;
 /// End of the name of a lag among the parameters.
@@ -123,7 +122,7 @@ fn noise_of(problem: &LeastSquares<'_>, linear: &Linear, solved: &Solved, prior:
     let Some(likelihood) = design.likelihood(&columns) else { return of_fleet };
     let criterion = |noise| likelihood.criterion(noise);
     let measured = estimate(likelihood.nominal_s, criterion).best;
-    if criterion(of_fleet) < criterion(measured) + CONTRADICTED { of_fleet } else { measured }
+    if criterion(of_fleet) < criterion(measured) + PRIOR_CONTRADICTED { of_fleet } else { measured }
 }
 
 /// Degrees of freedom of the interval after Satterthwaite, as [`crate::fit::one_model::solution::with_slow_noise`] has them.

@@ -7,18 +7,22 @@ use crate::calibration::{
 use crate::diagnostics::{Point, hysteresis_of, points, run_spans};
 use crate::fit::one_model::effects::Parts;
 use crate::fit::one_model::recorded::{recorded_inputs, terms};
+use crate::fit::one_model::residual_noise::ResidualNoise;
 use crate::fit::one_model::solution::Fitted;
 use crate::fit::one_model::warm_up::estimate;
 use crate::fit::options::{FitOptions, Model};
+use crate::fit::prior::with_prior::fit_with_prior;
 use crate::fit::problem::least_squares::LeastSquares;
 use crate::fit::problem::levels::Level;
 use crate::fit::problem::rate_columns::CommonRates;
 use crate::fit::record::drawn::Drawn;
 use crate::fit::record::monomial::monomials;
 use crate::fit::record::scale_factor::{check_scale, misalignment, scale_factor};
-use crate::fit::selection::choose::choose;
+use crate::fit::selection::auto::auto;
+use crate::fit::selection::given::given;
 use crate::fit::selection::held_by_image::ImageCheck;
 use crate::fit::selection::prices::CONDITION_MAX;
+use crate::fit::uncertainty::beside_curve::beside_curve;
 use crate::fit::uncertainty::entanglement::entangled;
 use crate::fit::uncertainty::soak::{Extension, soak};
 use crate::image::Holder;
@@ -72,53 +76,70 @@ pub(crate) fn fit_axis(
     };
     let corrects_warm_up = options.corrects_warm_up;
     let image = ImageCheck { windows, config: &stages.model, sensor, axis: letter, holder, corrects_warm_up };
-    let of_prior = options.prior.as_ref().map(|prior| Model::Fixed(prior.model.clone()));
-    let model = of_prior.as_ref().unwrap_or(&options.model);
-    let mut chosen = choose(windows, Signal::Thermometer(sensor), image, model, &make)?;
+    let main = Signal::Thermometer(sensor);
     let noise_floor = noise_floor_of(windows, axis, &stages.test);
-    let is_given = *model != Model::Auto;
     let raw_n = noise_floor.as_ref().map(|floor| floor.n_deg_rt_h);
-    chosen.stated = stated_noise(windows, axis, &stages.test);
-    let (fitted, noise, prior) = match &options.prior {
-        Some(prior) => chosen.fit_with_prior(prior, raw_n).map(|(fitted, noise, used)| (fitted, noise, Some(used)))?,
-        None => chosen.fit(is_given, raw_n).map(|(fitted, noise)| (fitted, noise, None))?,
+    let stated = stated_noise(windows, axis, &stages.test);
+    let (selected, fitted, noise, correction_noise, prior) = match (&options.prior, &options.model) {
+        (Some(prior), _) => {
+            let selected = given(&windows.shape, main, &prior.model, image, &make)?;
+            let with = fit_with_prior(&selected.problem, &selected.spec, prior, stated)?;
+            let correction_noise = selected.check(&with.fitted, raw_n)?;
+            (
+                selected,
+                with.fitted,
+                ResidualNoise::known(with.noise, with.white_variance),
+                correction_noise,
+                Some(with.used),
+            )
+        }
+        (None, model) => {
+            let mut selected = match model {
+                Model::Fixed(spec) => given(&windows.shape, main, spec, image, &make)?,
+                Model::Auto => auto(windows, main, image, &make)?,
+            };
+            let (fitted, correction_noise) = selected.settle(raw_n)?;
+            let noise = ResidualNoise::of(&selected.problem, &fitted, stated);
+            let fitted = noise.beneath(&selected.problem, fitted);
+            (selected, fitted, noise, correction_noise, None)
+        }
     };
-    let problem = &chosen.problem;
-    let Estimate { best, mixed } = chosen.noise;
+    let problem = &selected.problem;
+    let Estimate { best, mixed } = noise.estimate;
+    let white_variance = |slow| noise.white_variance(problem, &fitted, slow);
     let parts = Parts::new(&fitted, problem);
     let inputs = recorded_inputs(&fitted, Some(&parts), problem, windows, &stages.model, sensor);
     let terms = terms(&fitted, problem, &inputs);
     check_scale(&terms, letter)?;
     let drawn = Drawn::of(&fitted, problem, &parts);
-    let warm_up =
-        corrects_warm_up.then(|| estimate(problem, &fitted, mixed, chosen.white_variance(&fitted, mixed))).flatten();
+    let warm_up = corrects_warm_up.then(|| estimate(problem, &fitted, mixed, white_variance(mixed))).flatten();
     let (monomial, zones) = monomials(&fitted, problem, &windows.shape, reference_c);
     let diagnostics = FitDiagnostics {
         residual: residual(&fitted),
         noise_floor,
-        cross_validation: chosen.cross_validation(),
+        cross_validation: selected.cross_validation(),
         collinearity: fitted
             .conditioning
             .as_ref()
             .map(|found| Collinearity { condition: found.condition, limit: CONDITION_MAX }),
-        correction_noise: (!fitted.terms.is_empty()).then_some(noise),
+        correction_noise: (!fitted.terms.is_empty()).then_some(correction_noise),
         hysteresis: None,
         ramp_rates_cpm: None,
         curve_spread: None,
         lack_of_fit: None,
-        slow_noise: best.terms(chosen.white_variance(&fitted, best).sqrt()),
-        noise_exceeds_setup: chosen.noise_exceeds_setup,
+        slow_noise: best.terms(white_variance(best).sqrt()),
+        noise_exceeds_setup: noise.exceeds_setup,
         time_effects: time_effects(&fitted, problem, corrects_warm_up),
         entanglement: Vec::new(),
         prior,
         hidden_in_offsets_dph: None,
         soak: None,
-        scale_factor: scale_factor(&fitted, problem, axis, chosen.stated),
+        scale_factor: scale_factor(&fitted, problem, axis, noise.stated),
         misalignment: misalignment(&fitted, problem),
-        candidates: chosen.candidates(),
-        model_search: chosen.path.clone(),
-        rejected_inputs: chosen.aside.clone(),
-        rejected_models: chosen.not_held.clone(),
+        candidates: selected.candidates(),
+        model_search: selected.log.path.clone(),
+        rejected_inputs: selected.log.aside.clone(),
+        rejected_models: selected.log.not_held.clone(),
         excluded: windows.tallies.list(),
         covariance: fitted.covariance.row_iter().map(|row| row.iter().copied().collect()).collect(),
         covariance_of: covariance_of(&fitted, problem),
@@ -140,9 +161,9 @@ pub(crate) fn fit_axis(
         let variance = record.variance_of(&record.drift_weights(celsius, reference_c));
         (record.drift(celsius, reference_c), variance)
     };
-    let (spread, lack_of_fit) = chosen.beside_curve(&fitted, curve);
+    let (spread, lack_of_fit) = beside_curve(&selected, &fitted, best, curve);
     let profile = points(windows, &run_spans(windows), Some(sensor), |_| 0.0, |_| 0.0);
-    let entanglement = entangled(problem, (best, chosen.white_variance(&fitted, best)), &fitted, &profile);
+    let entanglement = entangled(problem, (best, white_variance(best)), &fitted, &profile);
     if let Some(fit) = &mut record.fit {
         fit.soak = forecast;
         (fit.curve_spread, fit.lack_of_fit) = (spread, lack_of_fit);

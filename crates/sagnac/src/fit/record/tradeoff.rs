@@ -1,16 +1,10 @@
-//! From windows to a calibration.
+//! Order against computation: the paper's open question, answered from held-out residuals and counted instructions.
 //!
-//! ```text
-//! Windows ─▶ LeastSquares (one axis) ─▶ folds (held-out σ of every candidate of the grid) ─▶ path (other inputs, zones,
-//!            steps) ─▶ solution (chosen model, covariance) ─▶ input noise ─▶ AxisCalibration
-//! ```
-//!
-//! `docs/explanation/method.md` describes the method; the equation of each step is in its module.
+//! A model is on the frontier if no model of equal or lower cost has a smaller held-out residual. The knee is the cheapest
+//! model of the frontier within 2 % of the least held-out mean square: more instructions bring no gain that the data show.
 
 use crate::calibration::Candidate;
-
-/// A smaller model wins if its held-out mean square is within this factor of the least.
-pub(crate) const SMALLER_WINS_WITHIN: f64 = 1.02;
+use crate::fit::selection::prices::SMALLER_WINS_WITHIN;
 
 /// A point of the frontier.
 #[derive(Clone, Debug, PartialEq)]

@@ -12,8 +12,7 @@
 //! Where it fails: n does not distinguish windows of one thermal cycle from windows of many. A change between cycles is
 //! invisible to any criterion on one record.
 
-/// Between models of one size.
-const SAME_SIZE: f64 = 2.0;
+use crate::fit::selection::prices::SAME_SIZE;
 
 /// A model that was tried.
 #[derive(Clone, Copy, Debug, PartialEq)]

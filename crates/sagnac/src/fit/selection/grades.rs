@@ -11,19 +11,12 @@
 use crate::fit::problem::lag::RATE_COLUMNS;
 use crate::fit::problem::least_squares::LeastSquares;
 use crate::fit::selection::folds::columns_of_grid;
-use crate::fit::selection::prices::WEIGHT_PRICE;
+use crate::fit::selection::prices::{RATE_SLOPE_PRICE, WEIGHT_PRICE, price};
 use crate::model::basis::BASIS_LEN;
 use crate::model::spec::ModelSpec;
 use crate::noise_model::factor::{Factor, RunColumns, RunReducer, Solution};
 use crate::noise_model::whitening::Whitening;
 use rayon::prelude::*;
-
-/// Price of a coefficient, at least and below ln n.
-const LEAST_PRICE: f64 = 5.0;
-const PRICE_LESS: f64 = 2.0;
-/// What an order of the rate series costs more than one of the bias: beside a curve and a rate term it is one more of many that
-/// noise may fit. Without it they were 5 % of all selections.
-const RATE_SLOPE_PRICE: f64 = 1.5;
 
 /// A model at a τ of the grid, fitted to the whitened rows.
 pub(crate) struct Graded {
@@ -53,12 +46,6 @@ impl Grades {
     pub(crate) fn least(&self, variance: f64) -> f64 {
         self.all.iter().map(|graded| graded.solution.ssr / variance + graded.price).fold(f64::INFINITY, f64::min)
     }
-}
-
-/// What a coefficient costs: Δχ² = 5, 2.2 of its standard errors, and growing with the logarithm of the windows, so that the
-/// selection is consistent.
-pub(crate) fn price(windows: f64) -> f64 {
-    (windows.ln() - PRICE_LESS).max(LEAST_PRICE)
 }
 
 /// Whitened rows of the series over one thermometer: shared levels, b₁…b₈, c₀…c₃, e₁… and y, at every τ; what a run has for itself is

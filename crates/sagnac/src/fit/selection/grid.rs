@@ -10,14 +10,15 @@
 
 use crate::calibration::{Candidate, RejectedModel};
 use crate::fit::one_model::design::effective_windows;
-use crate::fit::one_model::solution::{fit, noise_of};
+use crate::fit::one_model::residual_noise::noise_of;
+use crate::fit::one_model::solution::fit;
 use crate::fit::problem::least_squares::LeastSquares;
 use crate::fit::problem::levels::Level;
 use crate::fit::selection::criterion::{CvScore, is_undominated};
 use crate::fit::selection::folds::cross_validate;
 use crate::fit::selection::grades::{Grades, grade};
 use crate::fit::selection::held_by_image::ImageCheck;
-use crate::fit::selection::prices::CONDITION_MAX;
+use crate::fit::selection::prices::{CONDITION_MAX, FAR_BEHIND, NEARLY_WHITE};
 use crate::model::price::work_of;
 use crate::model::spec::ModelSpec;
 use crate::noise_model::processes::SlowNoise;
@@ -32,11 +33,6 @@ pub(crate) struct Best {
     pub(crate) specs: Vec<ModelSpec>,
     pub(crate) not_held: Vec<RejectedModel>,
 }
-
-/// Slow noise of less than this part of the white variance, each process, still counts as nearly white.
-const NEARLY_WHITE: f64 = 0.3;
-/// Held-out mean square of a model over that of a smaller one, from which on a grade does not count: 1.5 in σ.
-const FAR_BEHIND: f64 = 2.25;
 
 /// The models over the thermometer of the fit that the windows are enough for.
 pub(crate) fn affordable(problem: &LeastSquares<'_>) -> Result<Vec<ModelSpec>> {

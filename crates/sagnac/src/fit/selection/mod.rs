@@ -5,9 +5,10 @@
 //! ```
 
 pub(crate) mod allowed_inputs;
-pub(crate) mod choose;
+pub(crate) mod auto;
 pub(crate) mod criterion;
 pub(crate) mod folds;
+pub(crate) mod given;
 pub(crate) mod grades;
 pub(crate) mod grid;
 pub(crate) mod held_by_image;
@@ -16,4 +17,5 @@ pub(crate) mod period;
 pub(crate) mod prices;
 pub(crate) mod screening;
 pub(crate) mod search;
+pub(crate) mod selected;
 pub(crate) mod warm_up;

@@ -8,16 +8,17 @@
 //!
 //! t is the time since the first row of the run. A chamber that heats once and cools once makes a drift in time look like a rate
 //! term, for what was measured while heating came first. `auto` therefore grades every model of the grid without and with each of
-//! these columns ([`super::grades`]), and keeps those of the best grade where it is better by [`DECISIVE`].
+//! these columns ([`super::grades`]), and keeps those of the best grade where it is better by [`TIME_DECISIVE`].
 //!
-//! Fails where time and temperature move together: a column that temperature explains by more than [`EXPLAINED_MAX`] is not
+//! Fails where time and temperature move together: a column that temperature explains by more than [`TIME_EXPLAINED_MAX`] is not
 //! tried, and the uncertainty of the curve carries it instead ([`crate::fit::uncertainty::entanglement`]).
 
-use crate::fit::one_model::solution::{fit, noise_of};
+use crate::fit::one_model::residual_noise::noise_of;
+use crate::fit::one_model::solution::fit;
 use crate::fit::problem::least_squares::LeastSquares;
 use crate::fit::problem::levels::Level;
-use crate::fit::selection::grades::{Grades, Series, price};
-use crate::fit::selection::prices::DECISIVE;
+use crate::fit::selection::grades::{Grades, Series};
+use crate::fit::selection::prices::{TIME_DECISIVE, TIME_EXPLAINED_MAX, price};
 use crate::model::spec::ModelSpec;
 use crate::noise_model::processes::SlowNoise;
 use crate::noise_model::whitening::Whitening;
@@ -27,8 +28,6 @@ const SHORTEST_WINDOWS: f64 = 5.0;
 const LONGEST_PART: f64 = 1.0 / 3.0;
 /// τ of a warm-up that are tried, at most.
 const MOST_TAUS: i32 = 8;
-/// Most of a column's variation that the curve over temperature may explain.
-pub(crate) const EXPLAINED_MAX: f64 = 0.8;
 
 /// The nuisance columns of a problem that are justified beside the best model of the grid. Rate series of order 0 and every second
 /// lag decide: what goes with time is common to all.
@@ -66,7 +65,7 @@ fn best(problem: &mut LeastSquares<'_>, own: usize, specs: &[ModelSpec], taus_s:
     let price_of = |set: &[Level]| {
         let is_warm = set.iter().any(|level| level.warm_up_s().is_some());
         let of_tau = if is_warm { 2.0 * (tried_taus as f64).ln() } else { 0.0 };
-        let margin = if set.is_empty() { 0.0 } else { DECISIVE };
+        let margin = if set.is_empty() { 0.0 } else { TIME_DECISIVE };
         set.len() as f64 * price(problem.len() as f64) + of_tau + margin
     };
     let grade = |(grades, set): &(Grades, Vec<Level>)| grades.least(variance) + price_of(set);
@@ -90,7 +89,7 @@ fn separate(
     let place = |column: usize| columns.shared.iter().position(|shared| *shared == column);
     let known: Vec<usize> = (0..own).filter_map(place).collect();
     let is_separate = |column: &usize| {
-        place(*column).and_then(|at| series.explained_by_bias(at, &known)).is_some_and(|part| part < EXPLAINED_MAX)
+        place(*column).and_then(|at| series.explained_by_bias(at, &known)).is_some_and(|part| part < TIME_EXPLAINED_MAX)
     };
     Some((own..problem.levels.len()).filter(is_separate).map(|column| problem.levels[column]).collect())
 }

@@ -9,8 +9,7 @@ use crate::fit::one_model::solution::fit;
 use crate::fit::one_model::warm_up::find;
 use crate::fit::problem::least_squares::LeastSquares;
 use crate::fit::problem::levels::Level;
-use crate::fit::selection::grades::price;
-use crate::fit::selection::prices::DECISIVE;
+use crate::fit::selection::prices::{TIME_DECISIVE, price};
 use crate::model::spec::ModelSpec;
 use crate::noise_model::minimum::minimum;
 use std::cell::RefCell;
@@ -27,7 +26,7 @@ pub(crate) fn refine(problem: &mut LeastSquares<'_>, spec: &ModelSpec, taus_s: &
     }
     let n = problem.len() as f64;
     let variance = with / (n - (levels.len() + spec.coefficients()) as f64).max(1.0);
-    let worth = variance * (dropped * price(n) + DECISIVE);
+    let worth = variance * (dropped * price(n) + TIME_DECISIVE);
     if settle(problem, spec, taus_s).is_none_or(|without| without - with > worth) {
         problem.levels = levels;
     }

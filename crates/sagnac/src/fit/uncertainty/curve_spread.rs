@@ -15,14 +15,11 @@ use crate::calibration::CurveSpread;
 use crate::fit::problem::curve_points::{POINTS, temperature};
 use crate::fit::problem::least_squares::LeastSquares;
 use crate::fit::selection::grades::{Graded, Grades};
-use crate::fit::selection::prices::CONDITION_MAX;
+use crate::fit::selection::prices::{CONDITION_MAX, LEAST_WEIGHT};
 use crate::model::basis::chebyshev;
 use crate::model::spec::ModelSpec;
 use nalgebra::{DMatrix, DVector};
 use std::ops::Range;
-
-/// Models of less weight are not looked at.
-const LEAST_WEIGHT: f64 = 1e-4;
 
 /// What the curve may be in place of the selected one.
 pub(crate) struct Rival {

@@ -1,5 +1,6 @@
 //! What selection and the design of the test add to the uncertainty of the curve.
 
+pub(crate) mod beside_curve;
 pub(crate) mod curve_spread;
 pub(crate) mod entanglement;
 pub(crate) mod rivals;

@@ -20,7 +20,7 @@ use crate::calibration::LackOfFit;
 use crate::fit::one_model::solution::{Fitted, whitened_misfit};
 use crate::fit::problem::curve_points::{POINTS, temperature};
 use crate::fit::problem::least_squares::{LeastSquares, TermColumn};
-use crate::fit::selection::prices::{WEIGHT_PRICE, ZONES};
+use crate::fit::selection::prices::{CONTRADICTED_BY, RISE_PRICE, WEIGHT_PRICE, ZONES};
 use crate::fit::uncertainty::curve_spread::Rival;
 use crate::model::Shape;
 use crate::model::input::knots;
@@ -35,14 +35,10 @@ use std::ops::Range;
 const ORDERS: usize = 3;
 /// Segments of the span between bends.
 const SEGMENTS: usize = 24;
-/// Akaike's price of an effective coefficient.
-const PRICE: f64 = 2.0;
 /// Ladder of λ: the least, in parts of the variance that the rows of a segment have together; the ratio of two steps; the most steps.
 const LEAST: f64 = 0.01;
 const RATIO: f64 = 10.0;
 const MOST_STEPS: usize = 12;
-/// What χ² must fall by with another curve, after the price of its coefficients, that the rows contradict the fitted one: odds of 150 to 1.
-const DECISIVE: f64 = 10.0;
 
 /// How rows are weighted.
 #[derive(Clone, Copy)]
@@ -81,7 +77,7 @@ pub(crate) fn lack_of_fit(
     let farthest = (0..POINTS).map(apart).max_by(|(_, a), (_, b)| a.abs().total_cmp(&b.abs()))?;
     let (temperature_c, difference_dph) = farthest;
     let better = best.name.clone();
-    (chi_squared > DECISIVE).then_some(LackOfFit { better, chi_squared, temperature_c, difference_dph })
+    (chi_squared > CONTRADICTED_BY).then_some(LackOfFit { better, chi_squared, temperature_c, difference_dph })
 }
 
 /// Rivals of a fitted series, without those that its rows do not determine; `curve` is the fitted one.
@@ -228,7 +224,7 @@ impl<'a> Columns<'a> {
         let solution = Factor::join([&self.factor, &Factor::of(rows)].into_iter())?.solve(&columns)?;
         let normal = solution.inverse_normal()?;
         let held = (&prior * &normal * prior.transpose()).trace();
-        let price = WEIGHT_PRICE + PRICE * (SEGMENTS as f64 - held) + 2.0 * (members as f64).ln();
+        let price = WEIGHT_PRICE + RISE_PRICE * (SEGMENTS as f64 - held) + 2.0 * (members as f64).ln();
         let ssr = self.factor.ssr(&columns, &solution.theta, &[]);
         let criterion = ssr / self.variance + self.price + price;
         let name = "a curve that is neither a series nor zones".to_owned();

@@ -1,0 +1,67 @@
+//! A model that was asked for, checked against the log and the image.
+
+use crate::fit::problem::least_squares::LeastSquares;
+use crate::fit::selection::allowed_inputs::{check_channels, check_codes, check_scale_rates, count_steps, sources_of};
+use crate::fit::selection::folds::Trial;
+use crate::fit::selection::grid::affordable;
+use crate::fit::selection::held_by_image::ImageCheck;
+use crate::fit::selection::nuisance::justified;
+use crate::fit::selection::period::settle_periods;
+use crate::fit::selection::search::fits_image;
+use crate::fit::selection::selected::{Selected, SelectionLog};
+use crate::fit::selection::warm_up::refine;
+use crate::model::input::Signal;
+use crate::model::spec::ModelSpec;
+use crate::window::WindowShape;
+use sagnac_log::error::{Error, Result};
+
+/// Makes the problem of an axis on the windows in which some inputs are known.
+pub(crate) type MakeProblem<'a, 'b> = dyn Fn(&[Signal]) -> Result<LeastSquares<'a>> + 'b;
+
+/// A requested model.
+///
+/// # Errors
+/// Inputs that the log does not have; more terms than an image holds; terms that the log cannot support.
+pub(crate) fn given<'a>(
+    shape: &WindowShape,
+    main: Signal,
+    spec: &ModelSpec,
+    image: ImageCheck<'a>,
+    make: &MakeProblem<'a, '_>,
+) -> Result<Selected<'a>> {
+    let mut spec = spec.clone();
+    let sources = sources_of(&mut spec, main, shape)?;
+    check_channels(&spec, &sources, shape)?;
+    let mut problem = make(&sources)?;
+    check_codes(&problem)?;
+    check_scale_rates(&problem, &spec)?;
+    count_steps(&problem, &mut spec)?;
+    if !fits_image(&problem, &spec) {
+        let most = sagnac_core::MAX_TERMS;
+        return Err(Error::refused(format!("`{spec}` has more terms than an image holds ({most})")).column("--model"));
+    }
+    if spec.lags() > 0 && !problem.has_rate() {
+        return Err(Error::refused("a rate term needs times, and the log has none").column("--model"));
+    }
+    let taus_s = problem.tau_grid();
+    if image.corrects_warm_up {
+        let specs = affordable(&problem)?;
+        let found = justified(&mut problem, &specs, &taus_s);
+        problem.levels.extend(found);
+    }
+    settle_periods(&problem, &mut spec, &taus_s)?;
+    // What is held out of a short test says nothing of a fit that the prior holds together.
+    let held_out = || Trial::new(&problem, &spec, &taus_s).held_out();
+    let mean_square = if problem.has_prior() { None } else { held_out() };
+    let mut selected = Selected {
+        problem,
+        grid: vec![spec.clone()],
+        spec,
+        taus_s,
+        was_given: true,
+        image,
+        log: SelectionLog { mean_square, ..SelectionLog::default() },
+    };
+    refine(&mut selected.problem, &selected.spec, &selected.taus_s);
+    Ok(selected)
+}
