@@ -6,6 +6,7 @@
 //!
 //! For given lags the model is linear. Lags are searched for by [`super::solution`], pairs of them by [`crate::fit::one_model::two_lags`].
 
+use crate::fit::one_model::reduce::{Weighting, reduce};
 use crate::fit::problem::least_squares::{LeastSquares, Rates, TermColumn};
 use crate::noise_model::factor::{Factor, RunColumns, RunReducer, Solution};
 use crate::noise_model::likelihood::{Block, RestrictedLikelihood, Rows, mean};
@@ -107,23 +108,9 @@ impl<'a> Design<'a> {
 
     /// All rows run by run, with what [`Self::factor`] says.
     fn reducer<'c>(&self, columns: &'c RunColumns, slopes: &[Vec<f64>]) -> RunReducer<'c> {
-        let count = self.problem.levels.len() + self.terms.len() + slopes.len();
-        let mut reducer = RunReducer::new(columns, self.terms.len() + slopes.len() + 1);
-        let mut row = Vec::with_capacity(count + 1);
-        // A run begins with a filter that knows nothing, so that its own columns may take the places of those of the run before.
-        let mut filter = self.whitening.map(|whitening| whitening.filter(count + 1));
-        for i in 0..self.problem.len() {
-            self.row_of_run(i, columns, slopes, &mut row);
-            match &mut filter {
-                Some(filter) => filter.push(i, &mut row),
-                None => {
-                    let root = self.problem.weight[i].sqrt();
-                    row.iter_mut().for_each(|value| *value *= root);
-                }
-            }
-            reducer.push(self.problem.run[i], &row);
-        }
-        reducer
+        let weighting = self.whitening.map_or(Weighting::Lengths, Weighting::Whitened);
+        let add = |i: usize, row: &mut Vec<f64>| self.add_to(i, slopes, row);
+        reduce(self.problem, columns, self.terms.len() + slopes.len(), weighting, None, add).swap_remove(0)
     }
 
     /// The rows, not whitened, for many noises; many of them averaged.
@@ -141,7 +128,10 @@ impl<'a> Design<'a> {
             for group in &groups {
                 of_group.clear();
                 for i in group.clone() {
-                    self.row_of_run(own.start + i, &levels, slopes, &mut row);
+                    let i = own.start + i;
+                    row.clear();
+                    row.extend(levels.of(of[0]).map(|level| self.problem.level(i, self.problem.levels[level])));
+                    self.add_to(i, slopes, &mut row);
                     of_group.extend_from_slice(&row);
                 }
                 let value = |i: usize, j: usize| of_group[(i - group.start) * row.len() + j];
@@ -153,10 +143,8 @@ impl<'a> Design<'a> {
         RestrictedLikelihood::of(all.run.chunk_by(|a, b| a == b || !by_run).map(block).collect())
     }
 
-    /// Levels of its run, terms and further columns of a row, then y.
-    fn row_of_run(&self, i: usize, columns: &RunColumns, slopes: &[Vec<f64>], row: &mut Vec<f64>) {
-        row.clear();
-        row.extend(columns.of(self.problem.run[i]).map(|level| self.problem.level(i, self.problem.levels[level])));
+    /// Appends terms and further columns of a row, then y.
+    fn add_to(&self, i: usize, slopes: &[Vec<f64>], row: &mut Vec<f64>) {
         row.extend(self.terms.iter().map(|term| self.problem.regressor(term, i, &self.rates)));
         row.extend(slopes.iter().map(|slope| slope[i]));
         row.push(self.problem.y[i] - self.expected.map_or(0.0, |expected| expected[i]));

@@ -5,6 +5,7 @@ pub(crate) mod effects;
 pub(crate) mod input_noise;
 pub(crate) mod prepared;
 pub(crate) mod recorded;
+pub(crate) mod reduce;
 pub(crate) mod residual_noise;
 pub(crate) mod solution;
 pub(crate) mod two_lags;

@@ -9,6 +9,7 @@
 //! τ ([`Trial`]). Several lags are optimised in turn, two of one input together, in each fold from the optimum of the whole problem.
 
 use crate::fit::one_model::prepared::{Blocks, Prepared};
+use crate::fit::one_model::reduce::{InBlocks, Weighting, reduce};
 use crate::fit::one_model::two_lags::coarse_pairs;
 use crate::fit::problem::lag::RATE_COLUMNS;
 use crate::fit::problem::least_squares::{LeastSquares, Rates, TermColumn};
@@ -187,7 +188,7 @@ fn block_factors(
 ) -> Folds {
     let rates =
         if with_rate { problem.rate_columns(0, tau_s) } else { vec![[0.0; RATE_COLUMNS]; problem.len()].into() };
-    Folds::of(reduced(problem, division, BIAS_COLUMNS + RATE_COLUMNS + scale_orders, |row, i| {
+    Folds::of(reduced(problem, division, BIAS_COLUMNS + RATE_COLUMNS + scale_orders, |i, row| {
         row.extend_from_slice(&problem.inputs[0].basis[i][1..]);
         row.extend_from_slice(&rates[i]);
         row.extend((1..=scale_orders).map(|k| problem.scale_column(0, i, k)));
@@ -213,38 +214,15 @@ fn reduced(
     problem: &LeastSquares<'_>,
     division: &Division,
     regressors: usize,
-    add: impl Fn(&mut Vec<f64>, usize),
+    add: impl Fn(usize, &mut Vec<f64>),
 ) -> Vec<Factor> {
-    let columns = &division.columns;
-    let width = division.levels() + regressors + 1;
-    let mut row = Vec::with_capacity(width);
-    let fill = |row: &mut Vec<f64>, i: usize| {
-        row.clear();
-        row.extend(columns.of(problem.run[i]).map(|level| problem.level(i, problem.levels[level])));
-        add(row, i);
+    let Division { block, blocks, columns, is_centred, .. } = division;
+    let in_blocks = InBlocks { block, blocks: *blocks, is_centred: *is_centred };
+    let add = |i: usize, row: &mut Vec<f64>| {
+        add(i, row);
         row.push(problem.y[i]);
     };
-    let mut centres = vec![vec![0.0; width]; problem.runs.len()];
-    if division.is_centred {
-        let mut weights = vec![0.0; problem.runs.len()];
-        for i in 0..problem.len() {
-            fill(&mut row, i);
-            weights[problem.run[i]] += problem.weight[i];
-            let share = problem.weight[i] / weights[problem.run[i]];
-            centres[problem.run[i]].iter_mut().zip(&row).for_each(|(mean, value)| *mean += share * (value - *mean));
-        }
-    }
-    let mut reducers: Vec<RunReducer<'_>> =
-        (0..division.blocks).map(|_| RunReducer::new(columns, regressors + 1)).collect();
-    for i in 0..problem.len() {
-        fill(&mut row, i);
-        let root = problem.weight[i].sqrt();
-        if division.is_centred {
-            row.iter_mut().zip(&centres[problem.run[i]]).for_each(|(value, centre)| *value -= centre);
-        }
-        row.iter_mut().for_each(|value| *value *= root);
-        reducers[division.block[i]].push(problem.run[i], &row);
-    }
+    let reducers = reduce(problem, columns, regressors, Weighting::Lengths, Some(in_blocks), add);
     reducers.into_iter().map(RunReducer::finish_shared).collect()
 }
 
@@ -378,7 +356,7 @@ impl<'a> Trial<'a> {
                 Some(prepared) => prepared.factors(&lags_s),
                 None => {
                     let rates = self.problem.rates(&lags_s);
-                    reduced(self.problem, &self.division, self.terms.len(), |row, i| {
+                    reduced(self.problem, &self.division, self.terms.len(), |i, row| {
                         row.extend(self.terms.iter().map(|term| self.problem.regressor(term, i, &rates)));
                     })
                 }

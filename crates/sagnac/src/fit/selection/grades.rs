@@ -8,13 +8,14 @@
 //! Over the models of the thermometer of the fit alone. Fails where the residual of the largest model is not nearly white: a grade
 //! mistakes what no model explains for noise.
 
+use crate::fit::one_model::reduce::{Weighting, reduce};
 use crate::fit::problem::lag::RATE_COLUMNS;
 use crate::fit::problem::least_squares::LeastSquares;
 use crate::fit::selection::folds::columns_of_grid;
 use crate::fit::selection::prices::{RATE_SLOPE_PRICE, WEIGHT_PRICE, price};
 use crate::model::basis::BASIS_LEN;
 use crate::model::spec::ModelSpec;
-use crate::noise_model::factor::{Factor, RunColumns, RunReducer, Solution};
+use crate::noise_model::factor::{Factor, RunColumns, Solution};
 use crate::noise_model::whitening::Whitening;
 use rayon::prelude::*;
 
@@ -140,19 +141,12 @@ fn factor(
     columns: &RunColumns,
 ) -> Factor {
     let rates = if rated { problem.rate_columns(0, tau_s) } else { vec![[0.0; RATE_COLUMNS]; problem.len()].into() };
-    let further = BASIS_LEN - 1 + RATE_COLUMNS + scales + 1;
-    let width = problem.levels.len() + further;
-    let (mut reducer, mut filter) = (RunReducer::new(columns, further), whitening.filter(width));
-    let mut row = Vec::with_capacity(width);
-    for (i, rates) in rates.iter().enumerate() {
-        row.clear();
-        row.extend(columns.of(problem.run[i]).map(|level| problem.level(i, problem.levels[level])));
+    let add = |i: usize, row: &mut Vec<f64>| {
         row.extend_from_slice(&problem.inputs[0].basis[i][1..]);
-        row.extend_from_slice(rates);
+        row.extend_from_slice(&rates[i]);
         row.extend((1..=scales).map(|k| problem.scale_column(0, i, k)));
         row.push(problem.y[i]);
-        filter.push(i, &mut row);
-        reducer.push(problem.run[i], &row);
-    }
-    reducer.finish_shared()
+    };
+    let further = BASIS_LEN - 1 + RATE_COLUMNS + scales;
+    reduce(problem, columns, further, Weighting::Whitened(whitening), None, add).swap_remove(0).finish_shared()
 }

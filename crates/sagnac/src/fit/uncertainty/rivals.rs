@@ -17,6 +17,7 @@
 //! bend too narrow.
 
 use crate::calibration::LackOfFit;
+use crate::fit::one_model::reduce::{Weighting, reduce};
 use crate::fit::one_model::solution::{Fitted, whitened_misfit};
 use crate::fit::problem::curve_points::{POINTS, temperature};
 use crate::fit::problem::least_squares::{LeastSquares, TermColumn};
@@ -25,7 +26,7 @@ use crate::fit::uncertainty::curve_spread::Rival;
 use crate::model::Shape;
 use crate::model::input::knots;
 use crate::model::spec::ModelSpec;
-use crate::noise_model::factor::{Factor, RunReducer, Solution};
+use crate::noise_model::factor::{Factor, Solution};
 use crate::noise_model::whitening::Whitening;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
@@ -263,20 +264,14 @@ fn factor(
     functions: &[Function],
 ) -> (usize, Factor) {
     let (columns, rates) = (problem.run_columns(), problem.rates(lags));
-    let further = terms.len() + functions.len() + 1;
-    let width = problem.levels.len() + further;
-    let (mut reducer, mut filter) = (RunReducer::new(&columns, further), whitening.filter(width));
-    let mut row = Vec::with_capacity(width);
-    for i in 0..problem.len() {
-        row.clear();
-        row.extend(columns.of(problem.run[i]).map(|level| problem.level(i, problem.levels[level])));
+    let add = |i: usize, row: &mut Vec<f64>| {
         row.extend(terms.iter().map(|term| problem.regressor(term, i, &rates)));
         row.extend(functions.iter().map(|function| function.mean(problem, i)));
         row.push(problem.y[i]);
-        filter.push(i, &mut row);
-        reducer.push(problem.run[i], &row);
-    }
-    (columns.shared.len(), reducer.finish_shared())
+    };
+    let further = terms.len() + functions.len();
+    let whole = reduce(problem, &columns, further, Weighting::Whitened(whitening), None, add).swap_remove(0);
+    (columns.shared.len(), whole.finish_shared())
 }
 
 #[cfg(test)]
