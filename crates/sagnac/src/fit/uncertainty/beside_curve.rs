@@ -27,7 +27,7 @@ pub(crate) fn beside_curve(
     if selected.spec.inputs().len() > 1 || !is_of_series(selected.spec.thermometer()) {
         return (None, None);
     }
-    let is_given = selected.grid.len() == 1;
+    let is_given = selected.was_given;
     let of_all = if is_given { affordable(problem).unwrap_or_default() } else { selected.grid.clone() };
     let mut specs: Vec<ModelSpec> = of_all.into_iter().filter(|spec| spec.thermometer().zones < 2).collect();
     if selected.spec.thermometer().zones < 2 && !specs.contains(&selected.spec) {
