@@ -395,7 +395,7 @@ fn scale_factor(scale: &ScaleFactor, reference_c: f64) -> String {
 
 /// The frontier of price and held-out residual, with the knee.
 fn tradeoff(axis: &AxisCalibration) -> Result<String> {
-    let best = frontier(axis.candidates());
+    let best = frontier(axis);
     if axis.candidates().len() < 2 || best.is_empty() {
         return Err(Error::input("a trade needs several models").column("--tradeoff").help("leave --model at `auto`"));
     }

@@ -174,7 +174,7 @@ pub(crate) fn effect(report_data: &ReportData, axis: char, place: usize, effect:
 
 /// Held-out residual against the instructions of the slow update.
 pub(crate) fn tradeoff(record: &AxisCalibration) -> Option<Figure> {
-    let best = frontier(record.candidates());
+    let best = frontier(record);
     if best.len() < 2 {
         return None;
     }

@@ -1,10 +1,11 @@
 //! Order against computation: the paper's open question, answered from held-out residuals and counted instructions.
 //!
 //! A model is on the frontier if no model of equal or lower cost has a smaller held-out residual. The knee is the cheapest
-//! model of the frontier within 2 % of the least held-out mean square: more instructions bring no gain that the data show.
+//! model of the frontier on which no other is justified by its held-out gain ([`crate::fit::selection::criterion`]).
 
-use crate::calibration::Candidate;
-use crate::fit::selection::prices::SMALLER_WINS_WITHIN;
+use crate::calibration::{AxisCalibration, Candidate};
+use crate::fit::one_model::design::effective_windows;
+use crate::fit::selection::criterion::{CvScore, is_undominated};
 
 /// A point of the frontier.
 #[derive(Clone, Debug, PartialEq)]
@@ -19,8 +20,13 @@ pub struct FrontierPoint<'a> {
     pub knee: bool,
 }
 
-/// The frontier of some candidates, cheapest first; empty where nothing was held out.
-pub fn frontier(candidates: &[Candidate]) -> Vec<FrontierPoint<'_>> {
+/// The frontier of an axis' candidates, cheapest first; empty where nothing was held out.
+pub fn frontier(axis: &AxisCalibration) -> Vec<FrontierPoint<'_>> {
+    let windows = axis.residual().map_or(0.0, |residual| effective_windows(residual.n, residual.lag1_autocorrelation));
+    of_candidates(axis.candidates(), windows)
+}
+
+fn of_candidates(candidates: &[Candidate], windows: f64) -> Vec<FrontierPoint<'_>> {
     let priced = |candidate| -> Option<FrontierPoint<'_>> {
         let candidate: &Candidate = candidate;
         Some(FrontierPoint {
@@ -38,8 +44,12 @@ pub fn frontier(candidates: &[Candidate]) -> Vec<FrontierPoint<'_>> {
             frontier.push(point);
         }
     }
-    let least = frontier.last().map_or(0.0, |last| last.held_out_dph);
-    let knee = frontier.iter_mut().find(|point| point.held_out_dph.powi(2) <= SMALLER_WINS_WITHIN * least.powi(2));
+    let score = |point: &FrontierPoint<'_>| CvScore {
+        coefficients: point.candidate.coefficients,
+        mean_square: point.held_out_dph.powi(2),
+    };
+    let scores: Vec<CvScore> = frontier.iter().map(score).collect();
+    let knee = frontier.iter_mut().find(|point| is_undominated(score(point), &scores, windows));
     if let Some(point) = knee {
         point.knee = true;
     }
@@ -52,24 +62,25 @@ mod tests {
 
     #[test]
     fn the_frontier_falls_and_the_knee_is_the_cheapest_that_is_good_enough() {
-        let candidate = |model: &str, instructions, held_out| Candidate {
+        let candidate = |model: &str, coefficients, instructions, held_out| Candidate {
             model: model.to_owned(),
-            coefficients: 0,
+            coefficients,
             held_out_dph: held_out,
             slow_update_instructions: Some(instructions),
             chosen: false,
         };
         let all = [
-            candidate("a", 300, Some(0.040)),
-            candidate("b", 400, Some(0.0181)),
-            candidate("worse and dearer", 450, Some(0.030)),
-            candidate("c", 500, Some(0.0180)),
-            candidate("not fitted", 100, None),
+            candidate("a", 1, 300, Some(0.040)),
+            candidate("b", 3, 400, Some(0.0181)),
+            candidate("worse and dearer", 4, 450, Some(0.030)),
+            candidate("c", 5, 500, Some(0.0180)),
+            candidate("not fitted", 0, 100, None),
         ];
-        let found = frontier(&all);
+        // Two coefficients more must gain e^(2·ln 200/200) = 1.054 in the mean square; c gains 1.011.
+        let found = of_candidates(&all, 200.0);
         let names: Vec<&str> = found.iter().map(|point| point.candidate.model.as_str()).collect();
         assert_eq!(names, ["a", "b", "c"]);
         assert_eq!(found.iter().map(|point| point.knee).collect::<Vec<_>>(), [false, true, false]);
-        assert!(frontier(&[]).is_empty());
+        assert!(of_candidates(&[], 200.0).is_empty());
     }
 }

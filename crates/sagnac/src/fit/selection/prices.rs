@@ -20,7 +20,6 @@
 //! | lags that judge a given model | one in 4 | *not shown*: it saves time |
 //! | inputs known together | 0.9 of the windows | *not shown* |
 //! | a prior's noise is contradicted | 2 in −2·ln L | *not shown* |
-//! | a term removed for its noise | 2 % | *not shown* |
 
 /// Beyond this condition terms cannot be separated.
 pub(crate) const CONDITION_MAX: f64 = 100.0;
@@ -70,5 +69,3 @@ pub(crate) const GIVEN_TAUS: usize = 4;
 pub(crate) const KNOWN_TOGETHER: f64 = 0.9;
 /// A test contradicts the noise of its fleet where its own explains it better by this in −2·ln(restricted likelihood).
 pub(crate) const PRIOR_CONTRADICTED: f64 = 2.0;
-/// A smaller model wins if its held-out mean square is within this factor of the least.
-pub(crate) const SMALLER_WINS_WITHIN: f64 = 1.02;

@@ -11,13 +11,15 @@
 use crate::calibration::{
     Candidate, CorrectionNoise, CrossValidation, RejectedInput, RejectedModel, SearchStep, SearchVerdict,
 };
+use crate::fit::one_model::design::effective_windows;
 use crate::fit::one_model::input_noise::{INCREASE_MAX, correction_noise, loudest_rate};
 use crate::fit::one_model::solution::{Fitted, fit};
 use crate::fit::problem::least_squares::LeastSquares;
+use crate::fit::selection::criterion::needed_gain;
 use crate::fit::selection::folds::{Trial, scheme_of};
 use crate::fit::selection::grid::{candidate, rejected};
 use crate::fit::selection::held_by_image::ImageCheck;
-use crate::fit::selection::prices::{CONDITION_MAX, SMALLER_WINS_WITHIN};
+use crate::fit::selection::prices::CONDITION_MAX;
 use crate::fit::selection::search::{inputs_read, shrunk};
 use crate::model::price::{with_warm_up, work_of};
 use crate::model::spec::ModelSpec;
@@ -134,7 +136,9 @@ impl Selected<'_> {
             self.problem.tau_from[input] = next.max(self.problem.tau_from[input]);
             let raised = Trial::new(&self.problem, &self.spec, &self.taus_s).held_out();
             let alone = Trial::new(&self.problem, &without, &self.taus_s).held_out();
-            let worth = |raised: f64| alone.is_none_or(|alone| raised * SMALLER_WINS_WITHIN < alone);
+            let more = self.spec.coefficients().saturating_sub(without.coefficients());
+            let needed = needed_gain(effective_windows(self.problem.len(), fitted.autocorrelation), more, 1);
+            let worth = |raised: f64| alone.is_none_or(|alone| raised * needed < alone);
             if self.was_given || raised.is_some_and(worth) {
                 self.log.mean_square = raised;
                 self.note(SearchVerdict::LagRaised);
