@@ -4,11 +4,10 @@ use sagnac_log::ingest::Tally;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::calibration::axis_record::AxisRecord;
+use crate::calibration::axis_record::{AxisRecord, FitDiagnostics};
 use crate::calibration::{
-    Candidate, Collinearity, CorrectionNoise, CrossValidation, CurveSpread, Entanglement, Hysteresis, Input,
-    InputSource, LackOfFit, Lag, Misalignment, Monomial, NoiseFloor, PriorUse, RejectedInput, RejectedModel, Residual,
-    RunOffset, ScaleFactor, SearchStep, SlowNoiseTerms, Soak, Term, TimeEffect, WarmUp,
+    Candidate, CrossValidation, Input, InputSource, Lag, Monomial, NoiseFloor, Residual, RunOffset, ScaleFactor, Term,
+    WarmUp,
 };
 use crate::model::{BASIS_LEN, Form, Shape, Span};
 
@@ -38,63 +37,6 @@ impl AxisCorrection {
             }
         }
     }
-}
-
-/// How a correction was found, and how sure it is.
-#[derive(Clone, Debug, PartialEq)]
-#[non_exhaustive]
-pub struct FitDiagnostics {
-    /// Residual of the fit.
-    pub residual: Residual,
-    /// Noise floor; null where neither measured nor given.
-    pub noise_floor: Option<NoiseFloor>,
-    /// Held-out residual; null where a fold could not be fitted.
-    pub cross_validation: Option<CrossValidation>,
-    /// Conditioning of the terms; null without terms.
-    pub collinearity: Option<Collinearity>,
-    /// What the noise of thermometers does to the corrected angle.
-    pub correction_noise: Option<CorrectionNoise>,
-    /// Heating against cooling; null where the test does not hold both.
-    pub hysteresis: Option<Hysteresis>,
-    /// What the selection of the model, and a lag that is not resolved, add to the uncertainty of the curve; null where nothing.
-    pub curve_spread: Option<CurveSpread>,
-    /// What the rows contradict the model with; null where they do not.
-    pub lack_of_fit: Option<LackOfFit>,
-    /// Noise of the residual that is not white; null where it is.
-    pub slow_noise: Option<SlowNoiseTerms>,
-    /// The log shows more noise than the setup states, so that intervals go by the log.
-    pub noise_exceeds_setup: bool,
-    /// Drift in time and warm-up, fitted beside the terms; empty where none is justified.
-    pub time_effects: Vec<TimeEffect>,
-    /// What moved together with temperature; empty where nothing did.
-    pub entanglement: Vec<Entanglement>,
-    /// What was known of the unit before its test; null where nothing was.
-    pub prior: Option<PriorUse>,
-    /// σ of the run offsets, °/h, where runs cover so little of the temperatures each that their offsets can hold the drift; null
-    /// where they cannot.
-    pub hidden_in_offsets_dph: Option<f64>,
-    /// Rates of the thermometer over the windows, °C/min: the 5th and the 95th percentile; null without time.
-    pub ramp_rates_cpm: Option<[f64; 2]>,
-    /// What more soaking would improve; null without a bias term.
-    pub soak: Option<Soak>,
-    /// Scale factor, from runs on a rate table.
-    pub scale_factor: Option<ScaleFactor>,
-    /// Misalignment of the input axis, from runs in which another axis was turned.
-    pub misalignment: Vec<Misalignment>,
-    /// Models that were tried.
-    pub candidates: Vec<Candidate>,
-    /// The search from the grid's model to this one; empty where the model was given.
-    pub model_search: Vec<SearchStep>,
-    /// Inputs that the search did not try, and why.
-    pub rejected_inputs: Vec<RejectedInput>,
-    /// Models that would have been selected, but no image can hold them.
-    pub rejected_models: Vec<RejectedModel>,
-    /// Windows and rows that were excluded, and why.
-    pub excluded: Vec<Tally>,
-    /// Covariance of run offsets, terms and lags in the order of `covariance_of`.
-    pub covariance: Vec<Vec<f64>>,
-    /// Names of its rows.
-    pub covariance_of: Vec<String>,
 }
 
 /// A parameter of the fit that is no coefficient.

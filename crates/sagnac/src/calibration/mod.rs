@@ -24,7 +24,8 @@ mod search;
 mod term;
 mod uncertainty;
 
-pub use crate::calibration::axis::{AxisCalibration, AxisCorrection, FitDiagnostics, NonlinearParameter};
+pub use crate::calibration::axis::{AxisCalibration, AxisCorrection, NonlinearParameter};
+pub use crate::calibration::axis_record::FitDiagnostics;
 pub use crate::calibration::input::{Input, InputSource, Lag};
 pub use crate::calibration::of_fit::{Candidate, CrossValidation, Monomial, NoiseFloor, Residual, RunOffset};
 pub use crate::calibration::profile::{Entanglement, MovedTogether, TimeEffect, TimeEffectKind, WarmUp};
