@@ -7,7 +7,8 @@
 //! For given lags the model is linear. Lags are searched for by [`super::solution`], pairs of them by [`crate::fit::one_model::two_lags`].
 
 use crate::fit::one_model::reduce::{Weighting, reduce};
-use crate::fit::problem::least_squares::{LeastSquares, Rates, TermColumn};
+use crate::fit::problem::least_squares::LeastSquares;
+use crate::fit::problem::rows::{Rates, TermColumn};
 use crate::noise_model::factor::{Factor, RunColumns, RunReducer, Solution};
 use crate::noise_model::likelihood::{Block, RestrictedLikelihood, Rows, mean};
 use crate::noise_model::processes::NoiseRows;
@@ -95,14 +96,14 @@ impl<'a> Design<'a> {
     /// Levels, terms and the ∂y/∂τ of a row.
     pub(crate) fn row(&self, row: usize, slopes: &[Vec<f64>], out: &mut Vec<f64>) {
         out.clear();
-        out.extend(self.problem.levels.iter().map(|level| self.problem.level(row, *level)));
+        out.extend(self.problem.levels().iter().map(|level| self.problem.level(row, *level)));
         out.extend(self.terms.iter().map(|term| self.problem.regressor(term, row, &self.rates)));
         out.extend(slopes.iter().map(|slope| slope[row]));
     }
 
     /// All rows as a factor, with ∂y/∂τ as last columns if given.
     pub(crate) fn factor(&self, slopes: &[Vec<f64>]) -> Columns {
-        let count = self.problem.levels.len() + self.terms.len() + slopes.len();
+        let count = self.problem.levels().len() + self.terms.len() + slopes.len();
         Columns { factor: self.reducer(&self.problem.run_columns(), slopes).finish(), count }
     }
 
@@ -130,7 +131,7 @@ impl<'a> Design<'a> {
                 for i in group.clone() {
                     let i = own.start + i;
                     row.clear();
-                    row.extend(levels.of(of[0]).map(|level| self.problem.level(i, self.problem.levels[level])));
+                    row.extend(levels.of(of[0]).map(|level| self.problem.level(i, self.problem.levels()[level])));
                     self.add_to(i, slopes, &mut row);
                     of_group.extend_from_slice(&row);
                 }
@@ -153,9 +154,9 @@ impl<'a> Design<'a> {
     pub(crate) fn residuals(&self, theta: &[f64]) -> Vec<f64> {
         let problem = self.problem;
         let columns = problem.run_columns();
-        let (of_levels, of_terms) = theta.split_at(problem.levels.len());
+        let (of_levels, of_terms) = theta.split_at(problem.levels().len());
         let model_at = |row: usize| {
-            let level = |column: usize| problem.level(row, problem.levels[column]) * of_levels[column];
+            let level = |column: usize| problem.level(row, problem.levels()[column]) * of_levels[column];
             let term = |(term, value): (&TermColumn, &f64)| problem.regressor(term, row, &self.rates) * value;
             columns.of(problem.run[row]).map(level).chain(self.terms.iter().zip(of_terms).map(term)).sum::<f64>()
         };

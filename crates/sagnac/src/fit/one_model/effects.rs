@@ -12,7 +12,8 @@
 
 use crate::diagnostics::{Effect, EffectOf};
 use crate::fit::one_model::solution::Fitted;
-use crate::fit::problem::least_squares::{LeastSquares, Rates, TermColumn};
+use crate::fit::problem::least_squares::LeastSquares;
+use crate::fit::problem::rows::{Rates, TermColumn};
 use crate::model::Form;
 
 /// Points of a curve.
@@ -34,7 +35,7 @@ impl<'a> Parts<'a> {
     }
 
     fn terms(&self, wanted: impl Fn(&TermColumn) -> bool) -> Vec<(&'a TermColumn, f64)> {
-        let values = &self.fitted.theta[self.problem.levels.len()..];
+        let values = &self.fitted.theta[self.problem.levels().len()..];
         self.fitted.terms.iter().zip(values.iter().copied()).filter(|(term, _)| wanted(term)).collect()
     }
 

@@ -18,7 +18,8 @@
 
 use crate::calibration::{CorrectionNoise, InputNoise};
 use crate::fit::one_model::solution::Fitted;
-use crate::fit::problem::least_squares::{LeastSquares, TermColumn};
+use crate::fit::problem::least_squares::LeastSquares;
+use crate::fit::problem::rows::TermColumn;
 use crate::model::ActsOn;
 use crate::model::input::{SampledInput, Signal};
 use crate::window::{WindowShape, Windows};
@@ -114,7 +115,7 @@ struct Sensed {
 impl Sensed {
     fn of(problem: &LeastSquares<'_>, fitted: &Fitted, at: usize, interval_s: f64) -> Self {
         let input: &SampledInput = &problem.inputs[at];
-        let theta = &fitted.theta[problem.levels.len()..];
+        let theta = &fitted.theta[problem.levels().len()..];
         let terms: Vec<(&TermColumn, &f64)> =
             fitted.terms.iter().zip(theta).filter(|(term, _)| term.input == at).collect();
         let alpha = fitted.lag(at).map_or(0.0, |(tau_s, _)| -(-interval_s / tau_s).exp_m1());

@@ -12,7 +12,8 @@
 //!
 //! Q₁ takes a number per row and column: above [`MOST_VALUES`] nothing is prepared, and the rows are reduced anew at each τ.
 
-use crate::fit::problem::least_squares::{LeastSquares, Rates, TermColumn};
+use crate::fit::problem::least_squares::LeastSquares;
+use crate::fit::problem::rows::{Rates, TermColumn};
 use crate::noise_model::factor::{Factor, RunColumns};
 use nalgebra::DMatrix;
 use std::collections::HashMap;
@@ -205,7 +206,7 @@ impl<'a> Prepared<'a> {
                 extend(&mut basis, &mut weighted(&|_| 1.0));
             }
             for column in self.split.columns.own.get(run).into_iter().flatten() {
-                extend(&mut basis, &mut weighted(&|row| problem.level(row, problem.levels[*column])));
+                extend(&mut basis, &mut weighted(&|row| problem.level(row, problem.levels()[*column])));
             }
             basis
         };
@@ -214,7 +215,7 @@ impl<'a> Prepared<'a> {
 
     fn reduced(&self) -> Vec<Basis> {
         let (problem, none) = (self.problem, Rates::new());
-        let level = |column: usize| self.column(|row| problem.level(row, problem.levels[column]));
+        let level = |column: usize| self.column(|row| problem.level(row, problem.levels()[column]));
         let shared = &self.split.columns.shared;
         let fixed: Vec<Vec<f64>> = self
             .fixed

@@ -4,7 +4,8 @@
 use crate::calibration::{Input, Term};
 use crate::fit::one_model::effects::Parts;
 use crate::fit::one_model::solution::Fitted;
-use crate::fit::problem::least_squares::{LeastSquares, TermColumn};
+use crate::fit::problem::least_squares::LeastSquares;
+use crate::fit::problem::rows::TermColumn;
 use crate::model::input::{SampledInput, Signal, channels};
 use crate::window::{WindowShape, Windows};
 use sagnac_log::setup::ModelConfig;
@@ -49,7 +50,7 @@ pub(crate) fn recorded_inputs(
 
 /// Terms over those inputs.
 pub(crate) fn terms(fitted: &Fitted, problem: &LeastSquares<'_>, inputs: &[Input]) -> Vec<Term> {
-    let levels = problem.levels.len();
+    let levels = problem.levels().len();
     let vif = |at: usize| fitted.conditioning.as_ref().and_then(|found| *found.vif.get(at)?);
     let of = |(at, column): (usize, &TermColumn)| {
         let (value, sigma) = (fitted.theta[levels + at], fitted.sigma(levels + at));

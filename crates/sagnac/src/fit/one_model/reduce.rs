@@ -41,18 +41,18 @@ pub(crate) fn reduce<'c>(
 ) -> Vec<RunReducer<'c>> {
     let fill = |i: usize, row: &mut Vec<f64>| {
         row.clear();
-        row.extend(columns.of(problem.run[i]).map(|level| problem.level(i, problem.levels[level])));
+        row.extend(columns.of(problem.run[i]).map(|level| problem.level(i, problem.levels()[level])));
         add(i, row);
     };
     let means = division.filter(|division| division.is_centred).map(|_| means_of_runs(problem, fill));
     // A run begins with a filter that knows nothing, so that its own columns may take the places of those of the run before.
     let mut filter = match weighting {
         Weighting::Lengths => None,
-        Weighting::Whitened(whitening) => Some(whitening.filter(problem.levels.len() + further + 1)),
+        Weighting::Whitened(whitening) => Some(whitening.filter(problem.levels().len() + further + 1)),
     };
     let blocks = division.map_or(1, |division| division.blocks);
     let mut reducers: Vec<RunReducer<'_>> = (0..blocks).map(|_| RunReducer::new(columns, further + 1)).collect();
-    let mut row = Vec::with_capacity(problem.levels.len() + further + 1);
+    let mut row = Vec::with_capacity(problem.levels().len() + further + 1);
     for i in 0..problem.len() {
         fill(i, &mut row);
         if let Some(means) = &means {

@@ -59,7 +59,7 @@ impl ResidualNoise {
 /// explains everything.
 pub(crate) fn noise_of(problem: &LeastSquares<'_>, fitted: &Fitted) -> Estimate {
     let rows = problem.len();
-    let parameters = problem.levels.len() + fitted.terms.len();
+    let parameters = problem.levels().len() + fitted.terms.len();
     let scale: f64 = problem.y.iter().map(|y| y * y).sum();
     let square: f64 = fitted.residuals.iter().map(|r| r * r).sum();
     if !problem.has_rate() || rows < FEWEST_FOR_NOISE || rows < 2 * parameters || square < 1e-18 * scale {
@@ -72,7 +72,7 @@ pub(crate) fn noise_of(problem: &LeastSquares<'_>, fitted: &Fitted) -> Estimate 
 
 /// True where the residuals show more noise than the setup states, slow noise and white variance.
 fn shows_more_than(problem: &LeastSquares<'_>, fitted: &Fitted, stated: (SlowNoise, f64), shown: SlowNoise) -> bool {
-    let parameters = problem.levels.len() + fitted.terms.len();
+    let parameters = problem.levels().len() + fitted.terms.len();
     let Some((normal, z)) = weighted_rows(problem, fitted, None).filter(|_| problem.len() > parameters) else {
         return false;
     };
@@ -84,7 +84,7 @@ fn shows_more_than(problem: &LeastSquares<'_>, fitted: &Fitted, stated: (SlowNoi
         let solution = design.factor(&[]).solve_all()?;
         let determinants = whitening.log_determinant + solution.log_determinant();
         let covariance = &normal * noise.between(problem.noise_rows(), &z) * &normal;
-        let of_terms: f64 = covariance.diagonal().iter().skip(problem.levels.len()).sum();
+        let of_terms: f64 = covariance.diagonal().iter().skip(problem.levels().len()).sum();
         let variance = of_terms * white.unwrap_or(solution.ssr / degrees);
         Some(NoiseFit { criterion: restricted(solution.ssr, degrees, determinants, white), variance })
     };
@@ -109,7 +109,7 @@ fn with_slow_noise(problem: &LeastSquares<'_>, fitted: Fitted, noise: SlowNoise,
             under(noise, white_variance(problem, &fitted, noise))
         });
         let slope = |at: usize| (more[(at, at)] / less[(at, at)]).ln() / (2.0 * SLOPE_STEP);
-        steepest = (problem.levels.len()..p).map(slope).fold(0.0_f64, |most, slope| most.max(slope.abs()));
+        steepest = (problem.levels().len()..p).map(slope).fold(0.0_f64, |most, slope| most.max(slope.abs()));
     }
     let t_quantile_975 = t_quantile_975((n - p).max(1) as f64, steepest, noise);
     Fitted { covariance, t_quantile_975, ..fitted }
@@ -118,6 +118,6 @@ fn with_slow_noise(problem: &LeastSquares<'_>, fitted: Fitted, noise: SlowNoise,
 /// White variance of a nominal window under this noise: mean square of the innovations of generalized least squares.
 fn white_variance(problem: &LeastSquares<'_>, fitted: &Fitted, noise: SlowNoise) -> f64 {
     let whitening = Whitening::new(problem.noise_rows(), noise);
-    let degrees = (problem.len() as f64 - (problem.levels.len() + fitted.terms.len()) as f64).max(1.0);
+    let degrees = (problem.len() as f64 - (problem.levels().len() + fitted.terms.len()) as f64).max(1.0);
     whitened_misfit(problem, fitted, &whitening).map_or(f64::NAN, |misfit| misfit / degrees)
 }

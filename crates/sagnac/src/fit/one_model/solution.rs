@@ -14,7 +14,8 @@ use crate::calibration::Lag;
 use crate::fit::one_model::design::{Columns, Design, FLAT_CHI_SQUARED, LN_TAU_TOLERANCE, Tau, lag_one, misfit};
 use crate::fit::one_model::prepared::{Blocks, Prepared};
 use crate::fit::one_model::two_lags::{Found, LEAST_RATIO, find_pair};
-use crate::fit::problem::least_squares::{LeastSquares, TermColumn};
+use crate::fit::problem::least_squares::LeastSquares;
+use crate::fit::problem::rows::TermColumn;
 use crate::model::spec::ModelSpec;
 use crate::model::{ActsOn, Shape};
 use crate::noise_model::factor::Conditioning;
@@ -93,7 +94,7 @@ impl Fitted {
 
 /// Fits a model on all rows.
 pub(crate) fn fit(problem: &LeastSquares<'_>, spec: &ModelSpec, taus_s: &[f64]) -> Result<Fitted> {
-    let parameters = problem.levels.len() + spec.coefficients();
+    let parameters = problem.levels().len() + spec.coefficients();
     if problem.len() < 3 * parameters {
         return Err(Error::refused(format!(
             "{} windows for {parameters} coefficients of `{spec}`; a fit needs three windows for each",
@@ -107,7 +108,7 @@ pub(crate) fn fit(problem: &LeastSquares<'_>, spec: &ModelSpec, taus_s: &[f64]) 
     let solution = design.factor(&[]).solve_all().ok_or_else(|| dependent(problem, spec))?;
     let theta: Vec<f64> = solution.theta.iter().copied().collect();
     let residuals = design.residuals(&theta);
-    let conditioning = solution.conditioning(problem.levels.len(), &together(&terms));
+    let conditioning = solution.conditioning(problem.levels().len(), &together(&terms));
     let slopes = nonlinear_columns(&design, spec, &taus, &theta);
     let covered = if slopes.is_empty() { Some(solution) } else { design.factor(&slopes).solve_all() };
     let normal = covered.and_then(|s| s.inverse_normal()).ok_or_else(|| dependent(problem, spec))?;
@@ -190,7 +191,7 @@ pub(crate) fn beside(
     let misfit = made.ssr.max(OWN_PART * factor.norm_squared(count - 1));
     let with = factor.solve(&(0..count).collect::<Vec<_>>());
     let coefficient = with.map_or(0.0, |solution| solution.theta[count - 1]);
-    let of_terms = made.theta.iter().copied().skip(problem.levels.len()).collect();
+    let of_terms = made.theta.iter().copied().skip(problem.levels().len()).collect();
     Some(Beside { of_terms, misfit, coefficient })
 }
 
@@ -252,8 +253,8 @@ fn find_taus(problem: &LeastSquares<'_>, spec: &ModelSpec, terms: &[TermColumn],
                 let of = |(other, tau): (usize, &Tau)| (tau.input, if other == at { tau_s } else { tau.value_s });
                 taus.iter().enumerate().map(of).collect()
             };
-            let grid = taus_s.get(problem.tau_from[taus[at].input]..).unwrap_or(&[]);
-            let degrees = (problem.len() as f64 - (problem.levels.len() + terms.len()) as f64).max(1.0);
+            let grid = taus_s.get(problem.tau_from()[taus[at].input]..).unwrap_or(&[]);
+            let degrees = (problem.len() as f64 - (problem.levels().len() + terms.len()) as f64).max(1.0);
             let found = find_tau(grid, degrees, |tau_s| misfit(&with(tau_s)));
             (taus[at].value_s, taus[at].resolved) = found.ok_or_else(|| dependent(problem, spec))?;
         }
@@ -309,7 +310,7 @@ fn nonlinear_columns(design: &Design<'_>, spec: &ModelSpec, taus: &[Tau], theta:
 fn tau_columns(design: &Design<'_>, taus: &[Tau], theta: &[f64]) -> Vec<Vec<f64>> {
     taus.iter()
         .filter(|tau| tau.resolved)
-        .map(|tau| design.slope_of_lag(tau, &theta[design.problem.levels.len()..]))
+        .map(|tau| design.slope_of_lag(tau, &theta[design.problem.levels().len()..]))
         .collect()
 }
 
@@ -338,7 +339,7 @@ fn period_columns(design: &Design<'_>, spec: &ModelSpec, theta: &[f64]) -> Vec<V
             let value = |(at, shape): (usize, Shape)| {
                 let mut term = design.terms[cosine + at];
                 term.form.shape = shape;
-                theta[problem.levels.len() + cosine + at] * problem.regressor(&term, row, &design.rates)
+                theta[problem.levels().len() + cosine + at] * problem.regressor(&term, row, &design.rates)
             };
             shapes.into_iter().enumerate().map(value).sum()
         };

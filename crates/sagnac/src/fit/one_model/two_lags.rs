@@ -15,7 +15,8 @@
 //! Fails where a third process lies between two lags: the pair that is found is then a compromise, and its intervals do not say so.
 
 use crate::fit::one_model::design::{Design, FLAT_CHI_SQUARED, LN_TAU_TOLERANCE, Tau, effective_windows, lag_one};
-use crate::fit::problem::least_squares::{LeastSquares, TermColumn};
+use crate::fit::problem::least_squares::LeastSquares;
+use crate::fit::problem::rows::TermColumn;
 use crate::noise_model::minimum::minimum;
 use rayon::prelude::*;
 
@@ -74,7 +75,7 @@ pub(crate) fn find_pair(
 ) -> Found {
     let search = PairSearch { problem, terms, taus, fast, misfit_at };
     let inputs = [taus[fast].input, taus[fast + 1].input];
-    let all = pairs(taus_s, inputs.map(|input| problem.tau_from[input]));
+    let all = pairs(taus_s, inputs.map(|input| problem.tau_from()[input]));
     let misfits = search.misfits(&all, taus_s);
     let best = (0..all.len()).min_by(|a, b| misfits[*a].total_cmp(&misfits[*b]));
     let Some(best) = best.filter(|at| misfits[*at].is_finite()) else { return Found::Nothing };
@@ -91,7 +92,7 @@ pub(crate) fn find_pair(
     if touches(refined) || near.iter().any(|pair| touches(pair.map(|place| taus_s[place]))) {
         return Found::NotSeparated;
     }
-    let lowest_fast = problem.tau_from[inputs[0]];
+    let lowest_fast = problem.tau_from()[inputs[0]];
     let is_at_end = |pair: &[usize; 2]| [pair[0] <= lowest_fast, pair[1] + 1 >= taus_s.len()];
     // A slow lag as long as the search goes is a drift in time or a curve.
     if near.iter().any(|pair| is_at_end(pair)[1]) {
@@ -148,7 +149,7 @@ impl PairSearch<'_> {
     fn degrees(&self, pair: [f64; 2]) -> f64 {
         let design = self.design(pair);
         let rho = design.solve().map_or(0.0, |theta| lag_one(self.problem, &design.weighted_residuals(&theta)));
-        let parameters = self.problem.levels.len() + self.terms.len();
+        let parameters = self.problem.levels().len() + self.terms.len();
         (effective_windows(self.problem.len(), rho) - parameters as f64).max(1.0)
     }
 

@@ -16,7 +16,7 @@ use crate::noise_model::processes::SlowNoise;
 
 /// The warm-up among the levels of a problem: its column and τ, s.
 pub(crate) fn find(problem: &LeastSquares<'_>) -> Option<(usize, f64)> {
-    problem.levels.iter().enumerate().find_map(|(column, level)| Some((column, level.warm_up_s()?)))
+    problem.levels().iter().enumerate().find_map(|(column, level)| Some((column, level.warm_up_s()?)))
 }
 
 /// The warm-up of a fit without its uncertainty; `None` where it has none.

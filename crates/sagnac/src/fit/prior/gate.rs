@@ -15,7 +15,8 @@
 use crate::calibration::PriorUse;
 use crate::fit::one_model::design::{Design, Tau};
 use crate::fit::prior::posterior::{Known, Linear, Solved, shown};
-use crate::fit::problem::least_squares::{LeastSquares, TermColumn};
+use crate::fit::problem::least_squares::LeastSquares;
+use crate::fit::problem::rows::TermColumn;
 use crate::fit::problem::unit_prior::{ResidualOfFleet, UnitPrior};
 use crate::model::common_basis::COMMON_SPAN;
 use crate::model::{ActsOn, Form, chebyshev};

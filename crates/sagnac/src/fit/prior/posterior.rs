@@ -11,7 +11,8 @@
 //! their lengths alone: how much of a curve is the unit's and how much the fleet's is a question of noise.
 
 use crate::fit::one_model::design::{Columns, Design, Tau, lag_one};
-use crate::fit::problem::least_squares::{LeastSquares, TermColumn};
+use crate::fit::problem::least_squares::LeastSquares;
+use crate::fit::problem::rows::TermColumn;
 use crate::fit::problem::unit_prior::UnitPrior;
 use crate::model::common_basis::{SeriesTerm, onto_common};
 use crate::noise_model::factor::Factor;
@@ -159,7 +160,7 @@ impl Linear {
         problem: &LeastSquares<'_>,
         (noise, white): (SlowNoise, Option<f64>),
     ) -> Option<Solved> {
-        let (levels, q) = (problem.levels.len(), self.columns.len());
+        let (levels, q) = (problem.levels().len(), self.columns.len());
         let factor = self.factor(problem, noise);
         let block = factor.beyond(levels);
         let residual = block[(q, q)].powi(2) / (problem.len() - levels - q) as f64;
@@ -201,7 +202,7 @@ impl Linear {
         noise: SlowNoise,
         variance: f64,
     ) -> Option<f64> {
-        let (levels, q) = (problem.levels.len(), self.columns.len());
+        let (levels, q) = (problem.levels().len(), self.columns.len());
         let columns: Vec<Vec<f64>> = self.columns.iter().cloned().chain([column]).collect();
         let more = Self { columns, expected: self.expected.clone() };
         let mut of_prior = DMatrix::zeros(q, levels + q + 2);
@@ -215,10 +216,10 @@ impl Linear {
     }
 
     pub(crate) fn autocorrelation(&self, problem: &LeastSquares<'_>, theta: &DVector<f64>) -> f64 {
-        let levels = problem.levels.len();
+        let levels = problem.levels().len();
         let residual = |row: usize| {
             let of_levels: f64 =
-                problem.levels.iter().zip(theta).map(|(level, value)| problem.level(row, *level) * value).sum();
+                problem.levels().iter().zip(theta).map(|(level, value)| problem.level(row, *level) * value).sum();
             let of_z: f64 = self.columns.iter().enumerate().map(|(z, column)| column[row] * theta[levels + z]).sum();
             (problem.y[row] - self.expected[row] - of_levels - of_z) * problem.weight[row].sqrt()
         };

@@ -53,7 +53,7 @@ pub(crate) fn fit_with_prior(
         return Err(of_other_terms());
     }
     let known = Known::new(problem, &terms, free, prior)?;
-    let parameters = problem.levels.len() + known.mean.len();
+    let parameters = problem.levels().len() + known.mean.len();
     if problem.len() < parameters + LEAST_DEGREES {
         let least = parameters + LEAST_DEGREES;
         return Err(Error::refused(format!(
@@ -81,7 +81,7 @@ pub(crate) fn fit_with_prior(
     let residuals = Design::new(problem, &terms, &values(&taus)).residuals(&whole);
     let weighted: Vec<f64> = residuals.iter().zip(&problem.weight).map(|(r, w)| r * w.sqrt()).collect();
     let autocorrelation = lag_one(problem, &weighted);
-    let degrees = (problem.len() - problem.levels.len()) as f64 - used.determined;
+    let degrees = (problem.len() - problem.levels().len()) as f64 - used.determined;
     let effective = degrees_of(problem, &linear, &solved, noise, stated);
     let sigma_dph = (weighted.iter().map(|r| r * r).sum::<f64>() / degrees.max(1.0)).sqrt();
     let used = PriorUse { residual_dph: Some(ln_of_residual(sigma_dph, autocorrelation).exp()), ..used };
@@ -91,7 +91,7 @@ pub(crate) fn fit_with_prior(
         terms,
         taus,
         theta: whole,
-        covariance: known.covariance_of_theta(problem.levels.len(), &solved),
+        covariance: known.covariance_of_theta(problem.levels().len(), &solved),
         residuals,
         sigma_dph,
         autocorrelation,
@@ -106,7 +106,7 @@ pub(crate) fn fit_with_prior(
 fn noise_of(problem: &LeastSquares<'_>, linear: &Linear, solved: &Solved, prior: &UnitPrior) -> SlowNoise {
     let rows = problem.len();
     let shown = shown(solved, SHOWN_TO_NOISE);
-    let parameters = problem.levels.len() + shown.len();
+    let parameters = problem.levels().len() + shown.len();
     let stated = Noise::walk(0.0).slow(prior.bias_instability_dph, prior.rate_random_walk_dph_rt_h);
     let of_fleet = SlowNoise::stated(stated, solved.variance).unwrap_or_default();
     if !problem.has_rate() || rows < FEWEST_FOR_NOISE || rows < 2 * parameters {
@@ -133,7 +133,7 @@ fn degrees_of(
     noise: SlowNoise,
     stated: Option<(SlowNoise, f64)>,
 ) -> f64 {
-    let (n, levels) = (problem.len(), problem.levels.len());
+    let (n, levels) = (problem.len(), problem.levels().len());
     let mut of_noise = 0.0;
     if noise.log_variance > 0.0 && stated.is_none() {
         let at = |step: f64| linear.solved(problem, (noise.scaled(step.exp()), None));

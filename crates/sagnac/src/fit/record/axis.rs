@@ -12,6 +12,7 @@ use crate::fit::one_model::solution::Fitted;
 use crate::fit::one_model::warm_up::estimate;
 use crate::fit::options::{FitOptions, Model};
 use crate::fit::prior::with_prior::fit_with_prior;
+use crate::fit::problem::axis::Axis;
 use crate::fit::problem::least_squares::LeastSquares;
 use crate::fit::problem::levels::Level;
 use crate::fit::problem::rate_columns::CommonRates;
@@ -60,14 +61,15 @@ pub(crate) fn fit_axis(
     if let Some(turning) = &turning {
         turning.check_scale(windows, axis, stages.test.scale_factor_deviation_max_ppm)?;
     }
-    let progress = options.progress.of_axis(letter);
-    let common = CommonRates::default();
-    let make = |signals: &[Signal]| {
-        let prior = options.prior.as_ref();
-        let mut problem = LeastSquares::new(windows, axis, signals, reference_c, min_span_c, turning.clone(), prior)?;
-        problem.progress = progress.clone();
-        problem.known_rates = common.of(&problem.used);
-        Ok(problem)
+    let axis_of = Axis {
+        windows,
+        index: axis,
+        reference_c,
+        min_span_c,
+        turning,
+        prior: options.prior.as_ref(),
+        progress: options.progress.of_axis(letter),
+        common: CommonRates::default(),
     };
     let holder = Holder {
         unit: count_of(windows, &stages.target),
@@ -82,7 +84,7 @@ pub(crate) fn fit_axis(
     let stated = stated_noise(windows, axis, &stages.test);
     let (selected, fitted, noise, correction_noise, prior) = match (&options.prior, &options.model) {
         (Some(prior), _) => {
-            let selected = given(&windows.shape, main, &prior.model, image, &make)?;
+            let selected = given(&axis_of, main, &prior.model, image)?;
             let with = fit_with_prior(&selected.problem, &selected.spec, prior, stated)?;
             let correction_noise = selected.check(&with.fitted, raw_n)?;
             (
@@ -95,8 +97,8 @@ pub(crate) fn fit_axis(
         }
         (None, model) => {
             let mut selected = match model {
-                Model::Fixed(spec) => given(&windows.shape, main, spec, image, &make)?,
-                Model::Auto => auto(windows, main, image, &make)?,
+                Model::Fixed(spec) => given(&axis_of, main, spec, image)?,
+                Model::Auto => auto(&axis_of, main, image)?,
             };
             let (fitted, correction_noise) = selected.settle(raw_n)?;
             let noise = ResidualNoise::of(&selected.problem, &fitted, stated);
@@ -201,7 +203,7 @@ fn covariance_of(fitted: &Fitted, problem: &LeastSquares<'_>) -> Vec<String> {
             None => name(of(input)),
         }
     };
-    let runs = problem.levels.iter().map(|level| level.name(&problem.runs));
+    let runs = problem.levels().iter().map(|level| level.name(&problem.runs));
     let terms = fitted.terms.iter().map(|term| named(term.input, &|of| term.form.name(of)));
     let others = fitted
         .nonlinear()
@@ -235,7 +237,7 @@ fn time_effects(fitted: &Fitted, problem: &LeastSquares<'_>, corrects_warm_up: b
         let (value, sigma) = (fitted.theta[place], fitted.sigma(place));
         Some(TimeEffect { kind, run, value, sigma, unit: unit.to_owned(), tau_s })
     };
-    problem.levels.iter().enumerate().filter_map(of).collect()
+    problem.levels().iter().enumerate().filter_map(of).collect()
 }
 
 fn residual(fitted: &Fitted) -> Residual {

@@ -3,7 +3,8 @@
 use crate::diagnostics::Effect;
 use crate::fit::one_model::effects::Parts;
 use crate::fit::one_model::solution::Fitted;
-use crate::fit::problem::least_squares::{LeastSquares, TermColumn};
+use crate::fit::problem::least_squares::LeastSquares;
+use crate::fit::problem::rows::TermColumn;
 use crate::model::ActsOn;
 use std::collections::BTreeMap;
 
@@ -27,7 +28,7 @@ pub(crate) struct Drawn {
 impl Drawn {
     pub(crate) fn of(fitted: &Fitted, problem: &LeastSquares<'_>, parts: &Parts<'_>) -> Self {
         let level = |row: usize| -> f64 {
-            problem.levels.iter().zip(&fitted.theta).map(|(level, value)| problem.level(row, *level) * value).sum()
+            problem.levels().iter().zip(&fitted.theta).map(|(level, value)| problem.level(row, *level) * value).sum()
         };
         let of_scale = |term: &TermColumn| term.form.acts_on == ActsOn::ScaleFactor;
         let scaled = parts.made(|term| problem.turning.is_some() && of_scale(term));

@@ -9,7 +9,8 @@
 
 use crate::calibration::Monomial;
 use crate::fit::one_model::solution::Fitted;
-use crate::fit::problem::least_squares::{LeastSquares, TermColumn};
+use crate::fit::problem::least_squares::LeastSquares;
+use crate::fit::problem::rows::TermColumn;
 use crate::model::{ActsOn, BASIS_LEN};
 use crate::window::WindowShape;
 use sagnac_log::ingest::AngleUnit;
@@ -57,7 +58,7 @@ fn monomial(
     reference_c: f64,
     piece: [f64; 2],
 ) -> Option<Monomial> {
-    let (span, levels) = (problem.span(), problem.levels.len());
+    let (span, levels) = (problem.span(), problem.levels().len());
     let (factor, unit) = unit_of(shape.unit, shape.nominal_s);
     // On a table the curve is that of a gyro that is not turned.
     let omega = if problem.turning.is_some() { 0.0 } else { -problem.run_rate[0] * 1e-6 };

@@ -49,7 +49,7 @@ pub(crate) fn scale_factor(
 }
 
 pub(crate) fn misalignment(fitted: &Fitted, problem: &LeastSquares<'_>) -> Vec<Misalignment> {
-    let across = problem.levels.iter().enumerate().filter_map(|(place, level)| match level {
+    let across = problem.levels().iter().enumerate().filter_map(|(place, level)| match level {
         Level::Across(letter) => Some(Misalignment {
             towards: *letter,
             arcsec: fitted.theta[place] * ARCSEC_PER_RAD,

@@ -3,81 +3,68 @@
 //! Fails where inputs are known in different windows: the least known are excluded, and the record names them.
 
 use crate::calibration::RejectedInput;
+use crate::fit::problem::axis::Axis;
 use crate::fit::problem::least_squares::LeastSquares;
 use crate::fit::problem::levels::Level;
 use crate::fit::selection::allowed_inputs::{candidate_inputs, count_steps};
 use crate::fit::selection::folds::Trial;
-use crate::fit::selection::given::MakeProblem;
 use crate::fit::selection::grid::{Best, affordable, best_of_grid};
 use crate::fit::selection::held_by_image::ImageCheck;
 use crate::fit::selection::nuisance::justified;
 use crate::fit::selection::prices::KNOWN_TOGETHER;
 use crate::fit::selection::search::walk;
 use crate::fit::selection::selected::{Selected, SelectionLog};
-use crate::fit::selection::warm_up::refine;
+use crate::fit::selection::warm_up::refined;
 use crate::model::input::Signal;
-use crate::window::Windows;
 use sagnac_log::error::Result;
 
 /// The best model of all inputs that the setup allows.
 ///
 /// # Errors
 /// No candidate that can be fitted.
-pub(crate) fn auto<'a>(
-    windows: &'a Windows,
-    main: Signal,
-    image: ImageCheck<'a>,
-    make: &MakeProblem<'a, '_>,
-) -> Result<Selected<'a>> {
-    let mut selected = with_or_without_time(windows, main, image, make)?;
-    refine(&mut selected.problem, &selected.spec, &selected.taus_s);
-    Ok(selected)
+pub(crate) fn auto<'a>(axis: &Axis<'a>, main: Signal, image: ImageCheck<'a>) -> Result<Selected<'a>> {
+    let selected = with_or_without_time(axis, main, image)?;
+    let problem = refined(selected.problem, &selected.spec, &selected.taus_s);
+    Ok(Selected { problem, ..selected })
 }
 
-fn with_or_without_time<'a>(
-    windows: &'a Windows,
-    main: Signal,
-    image: ImageCheck<'a>,
-    make: &MakeProblem<'a, '_>,
-) -> Result<Selected<'a>> {
-    let mut grid = make(&[main])?;
+fn with_or_without_time<'a>(axis: &Axis<'a>, main: Signal, image: ImageCheck<'a>) -> Result<Selected<'a>> {
+    let grid = LeastSquares::new(axis, &[main])?;
     let specs = affordable(&grid)?;
     let taus_s = grid.tau_grid();
-    let nuisance = justified(&mut grid, &specs, &taus_s);
-    let with_time = searched(windows, main, image, make, &nuisance, false)?;
+    let nuisance = justified(&grid, &specs, &taus_s);
+    let with_time = searched(axis, main, image, &nuisance, false)?;
     let corrected = image.corrects_warm_up && nuisance.iter().any(|level| level.warm_up_s().is_some());
-    if nuisance.is_empty() || corrected || candidate_inputs(windows, main, image.config, &grid.used)?.0.is_empty() {
+    if nuisance.is_empty() || corrected || candidate_inputs(axis.windows, main, image.config, &grid.used)?.0.is_empty()
+    {
         return Ok(with_time);
     }
     // An input that follows what this fit puts down to time can be corrected, time cannot. No rate term may take the
     // place of either.
     let has_rate = with_time.spec.thermometer().rate.is_some();
-    let without = searched(windows, main, image, make, &[], !has_rate)?;
+    let without = searched(axis, main, image, &[], !has_rate)?;
     let follows = without.spec.inputs().len() > with_time.spec.inputs().len();
     Ok(if follows { without } else { with_time })
 }
 
 /// The model of a grid and a search, some nuisance columns beside its terms.
 fn searched<'a>(
-    windows: &'a Windows,
+    axis: &Axis<'a>,
     main: Signal,
     image: ImageCheck<'a>,
-    make: &MakeProblem<'a, '_>,
     nuisance: &[Level],
     without_main_rate: bool,
 ) -> Result<Selected<'a>> {
-    let make: &MakeProblem<'a, '_> = &|signals: &[Signal]| {
-        let mut problem = make(signals)?;
-        problem.levels.extend(nuisance);
-        problem.without_main_rate = without_main_rate;
-        Ok(problem)
+    let make = |signals: &[Signal]| -> Result<LeastSquares<'a>> {
+        let problem = LeastSquares::new(axis, signals)?.with_further(nuisance);
+        Ok(if without_main_rate { problem.without_main_rate() } else { problem })
     };
     let grid = make(&[main])?;
     let taus_s = grid.tau_grid();
     let best = best_of_grid(&grid, affordable(&grid)?, &taus_s, &image)?;
     let config = image.config;
-    let (further, mut aside) = candidate_inputs(windows, main, config, &grid.used)?;
-    let all = known_together(main, further, config.inputs.is_some(), grid, make, &mut aside)?;
+    let (further, mut aside) = candidate_inputs(axis.windows, main, config, &grid.used)?;
+    let all = known_together(main, further, config.inputs.is_some(), grid, &make, &mut aside)?;
     let walked = walk(&all, &best.spec, &taus_s, &image);
     let Best { spec, mean_square, candidates, specs, not_held } = best;
     let selected = |problem, spec, mean_square, path| Selected {
@@ -109,7 +96,7 @@ fn known_together<'a>(
     mut further: Vec<Signal>,
     named: bool,
     grid: LeastSquares<'a>,
-    make: &MakeProblem<'a, '_>,
+    make: &impl Fn(&[Signal]) -> Result<LeastSquares<'a>>,
     aside: &mut Vec<RejectedInput>,
 ) -> Result<LeastSquares<'a>> {
     loop {

@@ -12,7 +12,8 @@ use crate::fit::one_model::prepared::{Blocks, Prepared};
 use crate::fit::one_model::reduce::{InBlocks, Weighting, reduce};
 use crate::fit::one_model::two_lags::coarse_pairs;
 use crate::fit::problem::lag::RATE_COLUMNS;
-use crate::fit::problem::least_squares::{LeastSquares, Rates, TermColumn};
+use crate::fit::problem::least_squares::LeastSquares;
+use crate::fit::problem::rows::{Rates, TermColumn};
 use crate::model::spec::{InputTerms, MAX_RATE_ORDER, ModelSpec};
 use crate::noise_model::factor::{Factor, RunColumns, RunReducer, Solution};
 use nalgebra::DVector;
@@ -39,7 +40,7 @@ impl Division {
         if runs >= RUNS_TO_LEAVE_ONE_OUT {
             // On a table the scale factor at T0 and the constant that runs share are learned from the other runs; so are a drift in
             // time and a warm-up.
-            let beyond_runs = problem.turning.is_some() || problem.levels.iter().any(|level| level.is_nuisance());
+            let beyond_runs = problem.turning.is_some() || problem.levels().iter().any(|level| level.is_nuisance());
             let columns = if beyond_runs { problem.run_columns() } else { RunColumns::default() };
             return Self {
                 block: problem.run.clone(),
@@ -51,13 +52,13 @@ impl Division {
         }
         let blocks = BLOCKS.min(n);
         let block = (0..n).map(|i| i * blocks / n).collect();
-        let columns = RunColumns { own: Vec::new(), shared: (0..problem.levels.len()).collect() };
+        let columns = RunColumns { own: Vec::new(), shared: (0..problem.levels().len()).collect() };
         Self { block, blocks, columns, is_centred: false, scheme: "contiguous blocks" }
     }
 
     /// Levels that the training set of a fold determines, and those that occur in the fold only.
     fn levels_without(&self, problem: &LeastSquares<'_>, fold: usize) -> (Vec<usize>, Vec<usize>) {
-        let level_of = |place: usize| problem.levels[self.columns.shared[place]];
+        let level_of = |place: usize| problem.levels()[self.columns.shared[place]];
         let is_present = |level: usize, i: usize| problem.level(i, level_of(level)) != 0.0;
         let trained = |level: &usize| (0..problem.len()).any(|i| self.block[i] != fold && is_present(*level, i));
         (0..self.levels()).partition(trained)
@@ -264,7 +265,7 @@ impl<'a> Trial<'a> {
             } else {
                 self.taus_s.len() / 2
             };
-            self.problem.tau_from[*input].max(place)
+            self.problem.tau_from()[*input].max(place)
         });
         let start: Vec<usize> = start.collect();
         let whole: Vec<usize> = self.columns(&(0..self.division.levels()).collect::<Vec<_>>());
@@ -323,7 +324,7 @@ impl<'a> Trial<'a> {
 
     /// Where a lag, with the slow one of its input if there is one, may be instead.
     fn steps_of(&self, at: &[usize], lag: usize) -> Vec<Vec<usize>> {
-        let from = |lag: usize| self.problem.tau_from[self.rated[lag]];
+        let from = |lag: usize| self.problem.tau_from()[self.rated[lag]];
         let is_slow =
             |lag: usize| self.rated.get(lag).is_some_and(|input| self.problem.inputs[*input].repeats.is_some());
         let with = |places: &[usize]| {

@@ -1,5 +1,6 @@
 //! A model that was asked for, checked against the log and the image.
 
+use crate::fit::problem::axis::Axis;
 use crate::fit::problem::least_squares::LeastSquares;
 use crate::fit::selection::allowed_inputs::{check_channels, check_codes, check_scale_rates, count_steps, sources_of};
 use crate::fit::selection::folds::Trial;
@@ -9,30 +10,26 @@ use crate::fit::selection::nuisance::justified;
 use crate::fit::selection::period::settle_periods;
 use crate::fit::selection::search::fits_image;
 use crate::fit::selection::selected::{Selected, SelectionLog};
-use crate::fit::selection::warm_up::refine;
+use crate::fit::selection::warm_up::refined;
 use crate::model::input::Signal;
 use crate::model::spec::ModelSpec;
-use crate::window::WindowShape;
 use sagnac_log::error::{Error, Result};
-
-/// Makes the problem of an axis on the windows in which some inputs are known.
-pub(crate) type MakeProblem<'a, 'b> = dyn Fn(&[Signal]) -> Result<LeastSquares<'a>> + 'b;
 
 /// A requested model.
 ///
 /// # Errors
 /// Inputs that the log does not have; more terms than an image holds; terms that the log cannot support.
 pub(crate) fn given<'a>(
-    shape: &WindowShape,
+    axis: &Axis<'a>,
     main: Signal,
     spec: &ModelSpec,
     image: ImageCheck<'a>,
-    make: &MakeProblem<'a, '_>,
 ) -> Result<Selected<'a>> {
+    let shape = &axis.windows.shape;
     let mut spec = spec.clone();
     let sources = sources_of(&mut spec, main, shape)?;
     check_channels(&spec, &sources, shape)?;
-    let mut problem = make(&sources)?;
+    let mut problem = LeastSquares::new(axis, &sources)?;
     check_codes(&problem)?;
     check_scale_rates(&problem, &spec)?;
     count_steps(&problem, &mut spec)?;
@@ -46,14 +43,14 @@ pub(crate) fn given<'a>(
     let taus_s = problem.tau_grid();
     if image.corrects_warm_up {
         let specs = affordable(&problem)?;
-        let found = justified(&mut problem, &specs, &taus_s);
-        problem.levels.extend(found);
+        problem = problem.with_further(&justified(&problem, &specs, &taus_s));
     }
     settle_periods(&problem, &mut spec, &taus_s)?;
     // What is held out of a short test says nothing of a fit that the prior holds together.
     let held_out = || Trial::new(&problem, &spec, &taus_s).held_out();
     let mean_square = if problem.has_prior() { None } else { held_out() };
-    let mut selected = Selected {
+    let problem = refined(problem, &spec, &taus_s);
+    Ok(Selected {
         problem,
         grid: vec![spec.clone()],
         spec,
@@ -61,7 +58,5 @@ pub(crate) fn given<'a>(
         was_given: true,
         image,
         log: SelectionLog { mean_square, ..SelectionLog::default() },
-    };
-    refine(&mut selected.problem, &selected.spec, &selected.taus_s);
-    Ok(selected)
+    })
 }

@@ -74,7 +74,7 @@ impl<'a> Series<'a> {
         let taus_s = if rated { taus_s } else { taus_s.get(..1)? };
         let factors =
             taus_s.par_iter().map(|tau_s| factor(problem, whitening, *tau_s, rated, scales, columns)).collect();
-        let (levels, of_runs) = (columns.shared.len(), problem.levels.len() - columns.shared.len());
+        let (levels, of_runs) = (columns.shared.len(), problem.levels().len() - columns.shared.len());
         Some(Self { specs, factors, levels, of_runs, rows: problem.len() as f64 })
     }
 

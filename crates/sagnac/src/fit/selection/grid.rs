@@ -36,7 +36,7 @@ pub(crate) struct Best {
 
 /// The models over the thermometer of the fit that the windows are enough for.
 pub(crate) fn affordable(problem: &LeastSquares<'_>) -> Result<Vec<ModelSpec>> {
-    let affordable = |spec: &ModelSpec| problem.len() >= 3 * (problem.levels.len() + spec.coefficients());
+    let affordable = |spec: &ModelSpec| problem.len() >= 3 * (problem.levels().len() + spec.coefficients());
     let with_scale = problem.column_of(Level::Scale).is_some();
     let specs: Vec<ModelSpec> =
         ModelSpec::candidates(problem.tries_main_rate(), with_scale).into_iter().filter(affordable).collect();

@@ -31,34 +31,31 @@ const MOST_TAUS: i32 = 8;
 
 /// The nuisance columns of a problem that are justified beside the best model of the grid. Rate series of order 0 and every second
 /// lag decide: what goes with time is common to all.
-pub(crate) fn justified(problem: &mut LeastSquares<'_>, specs: &[ModelSpec], taus_s: &[f64]) -> Vec<Level> {
-    let own = problem.levels.len();
+pub(crate) fn justified(problem: &LeastSquares<'_>, specs: &[ModelSpec], taus_s: &[f64]) -> Vec<Level> {
     let is_plain = |spec: &&ModelSpec| spec.thermometer().rate.is_none_or(|order| order == 0);
     let specs: &[ModelSpec] = &specs.iter().filter(is_plain).cloned().collect::<Vec<_>>();
     let taus_s: &[f64] = &taus_s.iter().copied().step_by(2).collect::<Vec<_>>();
     if !problem.has_rate() || specs.is_empty() {
         return Vec::new();
     }
-    let found = best(problem, own, specs, taus_s);
-    problem.levels.truncate(own);
-    found.unwrap_or_default()
+    best(problem, specs, taus_s).unwrap_or_default()
 }
 
-/// The best set of columns; leaves `problem` with some that were tried.
-fn best(problem: &mut LeastSquares<'_>, own: usize, specs: &[ModelSpec], taus_s: &[f64]) -> Option<Vec<Level>> {
-    let noise = noise_beside(problem, own, specs, taus_s)?;
+/// The best set of columns.
+fn best(problem: &LeastSquares<'_>, specs: &[ModelSpec], taus_s: &[f64]) -> Option<Vec<Level>> {
+    let noise = noise_beside(problem, specs, taus_s)?;
     let whitening = Whitening::new(problem.noise_rows(), noise);
     let runs = problem.runs.len();
     let each: Vec<Level> = (0..if runs > 1 { runs } else { 0 }).map(|run| Level::Drift(Some(run))).collect();
     let of_all: Vec<Level> = std::iter::once(Level::Drift(None)).chain(warm_ups(problem)).collect();
-    let each = if separate(problem, own, &whitening, specs, taus_s, &each)?.len() == runs { each } else { Vec::new() };
-    let of_all = separate(problem, own, &whitening, specs, taus_s, &of_all)?;
-    let mut graded = graded_sets(problem, own, &whitening, specs, taus_s, &[], &sets(&of_all))?;
+    let each = if separate(problem, &whitening, specs, taus_s, &each)?.len() == runs { each } else { Vec::new() };
+    let of_all = separate(problem, &whitening, specs, taus_s, &of_all)?;
+    let mut graded = graded_sets(problem, &whitening, specs, taus_s, &[], &sets(&of_all))?;
     if !each.is_empty() {
         // A drift of each run takes the place of that of all.
         let beside_each: Vec<Vec<Level>> =
             sets(&of_all).into_iter().filter(|set| !set.contains(&Level::Drift(None))).collect();
-        graded.extend(graded_sets(problem, own, &whitening, specs, taus_s, &each, &beside_each)?);
+        graded.extend(graded_sets(problem, &whitening, specs, taus_s, &each, &beside_each)?);
     }
     let variance = graded.iter().map(|(grades, _)| grades.variance).fold(f64::INFINITY, f64::min);
     let tried_taus = of_all.iter().filter(|level| level.warm_up_s().is_some()).count();
@@ -74,63 +71,60 @@ fn best(problem: &mut LeastSquares<'_>, own: usize, specs: &[ModelSpec], taus_s:
 
 /// Of some columns those that the curve over temperature does not explain beside the offsets.
 fn separate(
-    problem: &mut LeastSquares<'_>,
-    own: usize,
+    problem: &LeastSquares<'_>,
     whitening: &Whitening,
     specs: &[ModelSpec],
     taus_s: &[f64],
     tried: &[Level],
 ) -> Option<Vec<Level>> {
-    problem.levels.truncate(own);
-    problem.levels.extend(tried);
+    let own = problem.levels().len();
+    let with = problem.with_further(tried);
     // The columns in question stay in the factor; offsets of runs, which are in every model, are projected out.
-    let columns = problem.run_columns_of(|level| matches!(level, Level::Run(_)));
-    let series = Series::new(problem, whitening, specs, &taus_s[..1.min(taus_s.len())], &columns)?;
+    let columns = with.run_columns_of(|level| matches!(level, Level::Run(_)));
+    let series = Series::new(&with, whitening, specs, &taus_s[..1.min(taus_s.len())], &columns)?;
     let place = |column: usize| columns.shared.iter().position(|shared| *shared == column);
     let known: Vec<usize> = (0..own).filter_map(place).collect();
     let is_separate = |column: &usize| {
         place(*column).and_then(|at| series.explained_by_bias(at, &known)).is_some_and(|part| part < TIME_EXPLAINED_MAX)
     };
-    Some((own..problem.levels.len()).filter(is_separate).map(|column| problem.levels[column]).collect())
+    Some((own..with.levels().len()).filter(is_separate).map(|column| with.levels()[column]).collect())
 }
 
 /// Grades with each of some sets of columns, beside those that are always there.
 fn graded_sets(
-    problem: &mut LeastSquares<'_>,
-    own: usize,
+    problem: &LeastSquares<'_>,
     whitening: &Whitening,
     specs: &[ModelSpec],
     taus_s: &[f64],
     always: &[Level],
     sets: &[Vec<Level>],
 ) -> Option<Vec<(Grades, Vec<Level>)>> {
-    problem.levels.truncate(own);
-    problem.levels.extend(always);
-    let tried = problem.levels.len();
+    let mut of_sets: Vec<Level> = Vec::new();
     for level in sets.iter().flatten() {
-        if !problem.levels[tried..].contains(level) {
-            problem.levels.push(*level);
+        if !of_sets.contains(level) {
+            of_sets.push(*level);
         }
     }
-    let columns = problem.run_columns();
-    let series = Series::new(problem, whitening, specs, taus_s, &columns)?;
-    let place = |level: &Level| columns.shared.iter().position(|shared| problem.levels[*shared] == *level);
+    let tried = problem.levels().len() + always.len();
+    let with = problem.with_further(&[always, &of_sets].concat());
+    let columns = with.run_columns();
+    let series = Series::new(&with, whitening, specs, taus_s, &columns)?;
+    let place = |level: &Level| columns.shared.iter().position(|shared| with.levels()[*shared] == *level);
     let graded = |set: &Vec<Level>| {
-        let before = problem.levels[..tried].iter().chain(set).filter_map(place).collect::<Vec<_>>();
+        let before = with.levels()[..tried].iter().chain(set).filter_map(place).collect::<Vec<_>>();
         Some((series.grades(&before)?, always.iter().chain(set).copied().collect()))
     };
     Some(sets.iter().filter_map(graded).collect())
 }
 
 /// Slow noise of the largest model beside a drift and a warm-up of middle length, so that neither counts as noise.
-fn noise_beside(problem: &mut LeastSquares<'_>, own: usize, specs: &[ModelSpec], taus_s: &[f64]) -> Option<SlowNoise> {
+fn noise_beside(problem: &LeastSquares<'_>, specs: &[ModelSpec], taus_s: &[f64]) -> Option<SlowNoise> {
     let largest = specs.iter().max_by_key(|spec| spec.coefficients())?;
     let warm_ups = warm_ups(problem);
-    problem.levels.push(Level::Drift(None));
-    problem.levels.extend(warm_ups.get(warm_ups.len() / 2));
-    let noise = fit(problem, largest, taus_s).map(|fitted| noise_of(problem, &fitted).best).unwrap_or_default();
-    problem.levels.truncate(own);
-    Some(noise)
+    let further: Vec<Level> =
+        std::iter::once(Level::Drift(None)).chain(warm_ups.get(warm_ups.len() / 2).copied()).collect();
+    let with = problem.with_further(&further);
+    Some(fit(&with, largest, taus_s).map(|fitted| noise_of(&with, &fitted).best).unwrap_or_default())
 }
 
 fn warm_ups(problem: &LeastSquares<'_>) -> Vec<Level> {

@@ -15,7 +15,8 @@
 use crate::fit::one_model::prepared::{Blocks, MOST_VALUES, Prepared, dot, project};
 use crate::fit::one_model::two_lags::pairs;
 use crate::fit::problem::lag::RATE_COLUMNS;
-use crate::fit::problem::least_squares::{LeastSquares, Rates, TermColumn};
+use crate::fit::problem::least_squares::LeastSquares;
+use crate::fit::problem::rows::{Rates, TermColumn};
 use crate::fit::selection::prices::{CONDITION_MAX, MOST_RATE};
 use crate::model::spec::ModelSpec;
 use nalgebra::{DMatrix, DVector};
@@ -111,13 +112,13 @@ impl<'a> Screen<'a> {
         let (of_fast, of_slow) = (orders_of(Some(fast)), orders_of(slow));
         let products = self.rates_of(fast, slow).filter(|products| of_fast.max(of_slow) <= products.orders)?;
         let at = |place: usize, orders: usize| (0..orders).map(move |j| place * products.orders + j);
-        let from = self.problem.tau_from[fast];
+        let from = self.problem.tau_from()[fast];
         let most =
             |all: &mut dyn Iterator<Item = Vec<usize>>| all.map(|of| products.explained(&of)).fold(0.0, f64::max);
         Some(match slow.filter(|_| of_slow > 0) {
             None => most(&mut (from..self.taus_s.len()).map(|place| at(place, of_fast).collect())),
             Some(slow) => {
-                let pairs = pairs(self.taus_s, [from, self.problem.tau_from[slow]]);
+                let pairs = pairs(self.taus_s, [from, self.problem.tau_from()[slow]]);
                 most(&mut pairs.into_iter().map(|pair| at(pair[0], of_fast).chain(at(pair[1], of_slow)).collect()))
             }
         })
@@ -129,7 +130,7 @@ impl<'a> Screen<'a> {
         if self.problem.len().saturating_mul(orders * self.taus_s.len()) > MOST_VALUES {
             return None;
         }
-        let from = slow.map_or(0, |slow| self.problem.tau_from[slow]).min(self.problem.tau_from[fast]);
+        let from = slow.map_or(0, |slow| self.problem.tau_from()[slow]).min(self.problem.tau_from()[fast]);
         let made = || {
             let columns = self.taus_s.iter().enumerate().flat_map(|(place, tau_s)| {
                 // A lag that is not tried costs nothing.
@@ -193,6 +194,7 @@ mod tests {
 
     use super::*;
     use crate::fit::one_model::solution::fit;
+    use crate::fit::problem::axis::Axis;
     use crate::fit::selection::criterion::needed_gain;
     use crate::fit::selection::search::grown;
     use crate::model::input::Signal;
@@ -266,7 +268,7 @@ mod tests {
         for _ in 0..40 {
             let windows = record(&mut random);
             let signals = [Signal::Thermometer(0), Signal::Column(0), Signal::Column(1)];
-            let problem = LeastSquares::new(&windows, 0, &signals, 25.0, 1.0, None, None).unwrap();
+            let problem = LeastSquares::new(&Axis::at_rest(&windows), &signals).unwrap();
             let taus_s = problem.tau_grid();
             // Beside a lag, which may go elsewhere, nothing is refused unfitted.
             assert!(Screen::new(&problem, &"bias 2, rate 0".parse().unwrap(), &taus_s).is_none());

@@ -310,7 +310,7 @@ pub(crate) fn grown(problem: &LeastSquares<'_>, from: &ModelSpec) -> Vec<ModelSp
             add(&|spec| spec.of_input(name).steps = u8::try_from(steps).ok());
         }
     }
-    let affordable = |spec: &ModelSpec| problem.len() >= 3 * (problem.levels.len() + spec.coefficients());
+    let affordable = |spec: &ModelSpec| problem.len() >= 3 * (problem.levels().len() + spec.coefficients());
     all.retain(|spec| affordable(spec) && fits_image(problem, spec));
     all
 }

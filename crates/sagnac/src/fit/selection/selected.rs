@@ -133,7 +133,7 @@ impl Selected<'_> {
         let now_s = fitted.lag(input).map_or(0.0, |(tau_s, _)| tau_s);
         let next = self.taus_s.partition_point(|tau_s| *tau_s <= now_s * 1.0001);
         if next < self.taus_s.len() {
-            self.problem.tau_from[input] = next.max(self.problem.tau_from[input]);
+            self.problem = self.problem.with_tau_from(input, next);
             let raised = Trial::new(&self.problem, &self.spec, &self.taus_s).held_out();
             let alone = Trial::new(&self.problem, &without, &self.taus_s).held_out();
             let more = self.spec.coefficients().saturating_sub(without.coefficients());
@@ -213,7 +213,7 @@ impl Selected<'_> {
     }
 
     fn corrects_warm_up(&self) -> bool {
-        self.image.corrects_warm_up && self.problem.levels.iter().any(|level| level.warm_up_s().is_some())
+        self.image.corrects_warm_up && self.problem.levels().iter().any(|level| level.warm_up_s().is_some())
     }
 
     pub(crate) fn cross_validation(&self) -> Option<CrossValidation> {

@@ -12,37 +12,37 @@ use crate::fit::problem::levels::Level;
 use crate::fit::selection::prices::{TIME_DECISIVE, price};
 use crate::model::spec::ModelSpec;
 use crate::noise_model::minimum::minimum;
-use std::cell::RefCell;
 
-/// Moves the τ of a problem's warm-up to that of least misfit beside a model. A drift in time beside it is kept only where it is still
+/// A problem with the τ of its warm-up at the least misfit beside a model. A drift in time beside it is kept only where it is still
 /// decisive then, for it may have made up for the τ of the grid.
-pub(crate) fn refine(problem: &mut LeastSquares<'_>, spec: &ModelSpec, taus_s: &[f64]) {
-    let Some(with) = settle(problem, spec, taus_s) else { return };
-    let levels = problem.levels.clone();
-    problem.levels.retain(|level| !matches!(level, Level::Drift(_)));
-    let dropped = (levels.len() - problem.levels.len()) as f64;
+pub(crate) fn refined<'a>(problem: LeastSquares<'a>, spec: &ModelSpec, taus_s: &[f64]) -> LeastSquares<'a> {
+    let Some((with, misfit_with)) = settled(&problem, spec, taus_s) else { return problem };
+    let no_drift: Vec<Level> =
+        with.levels().iter().copied().filter(|level| !matches!(level, Level::Drift(_))).collect();
+    let dropped = (with.levels().len() - no_drift.len()) as f64;
     if dropped == 0.0 {
-        return;
+        return with;
     }
     let n = problem.len() as f64;
-    let variance = with / (n - (levels.len() + spec.coefficients()) as f64).max(1.0);
+    let variance = misfit_with / (n - (with.levels().len() + spec.coefficients()) as f64).max(1.0);
     let worth = variance * (dropped * price(n) + TIME_DECISIVE);
-    if settle(problem, spec, taus_s).is_none_or(|without| without - with > worth) {
-        problem.levels = levels;
+    match settled(&with.with_levels(no_drift), spec, taus_s) {
+        Some((without, misfit)) if misfit - misfit_with <= worth => without,
+        _ => with,
     }
 }
 
-/// Refines τ within one step of the grid; the misfit there.
-fn settle(problem: &mut LeastSquares<'_>, spec: &ModelSpec, taus_s: &[f64]) -> Option<f64> {
+/// The problem with τ refined within one step of the grid, and the misfit there.
+fn settled<'a>(problem: &LeastSquares<'a>, spec: &ModelSpec, taus_s: &[f64]) -> Option<(LeastSquares<'a>, f64)> {
     let (column, grid_s) = find(problem)?;
     let fitted = fit(problem, spec, taus_s).ok()?;
     let lags: Vec<(usize, f64)> = fitted.taus.iter().map(|tau| (tau.input, tau.value_s)).collect();
-    let problem = RefCell::new(problem);
-    let misfit_at = |ln_tau: f64| {
-        problem.borrow_mut().levels[column] = Level::WarmUp { tau_s: ln_tau.exp() };
-        misfit(&problem.borrow(), &fitted.terms, &lags)
+    let at = |ln_tau: f64| {
+        let mut levels = problem.levels().to_vec();
+        levels[column] = Level::WarmUp { tau_s: ln_tau.exp() };
+        problem.with_levels(levels)
     };
+    let misfit_at = |ln_tau: f64| misfit(&at(ln_tau), &fitted.terms, &lags);
     let found = minimum((grid_s / 2.0).ln(), (grid_s * 2.0).ln(), LN_TAU_TOLERANCE, misfit_at);
-    // The column stays at the best τ.
-    Some(misfit_at(found.at))
+    Some((at(found.at), misfit_at(found.at)))
 }

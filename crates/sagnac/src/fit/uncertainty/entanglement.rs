@@ -33,7 +33,7 @@ pub(crate) fn entangled(
     points: &[Point],
 ) -> Vec<Entanglement> {
     let has_rate = problem.rated(&fitted.spec).contains(&0);
-    let has_time = problem.levels.iter().any(|level| matches!(level, Level::Drift(_)));
+    let has_time = problem.levels().iter().any(|level| matches!(level, Level::Drift(_)));
     let sources = [
         (MovedTogether::TemperatureRate, rate_explained(points), has_rate),
         (MovedTogether::Time, time_explained(points), has_time),
@@ -64,7 +64,7 @@ fn added(
         }
     };
     let whitening = Whitening::new(problem.noise_rows(), noise);
-    let values = &fitted.theta[problem.levels.len()..];
+    let values = &fitted.theta[problem.levels().len()..];
     let whole =
         (0..POINTS).map(|point| curve(problem, fitted, values, temperature(problem, point)).abs()).fold(0.0, f64::max);
     let mut most = vec![0.0_f64; POINTS];

@@ -20,7 +20,8 @@ use crate::calibration::LackOfFit;
 use crate::fit::one_model::reduce::{Weighting, reduce};
 use crate::fit::one_model::solution::{Fitted, whitened_misfit};
 use crate::fit::problem::curve_points::{POINTS, temperature};
-use crate::fit::problem::least_squares::{LeastSquares, TermColumn};
+use crate::fit::problem::least_squares::LeastSquares;
+use crate::fit::problem::rows::TermColumn;
 use crate::fit::selection::prices::{CONTRADICTED_BY, RISE_PRICE, WEIGHT_PRICE, ZONES};
 use crate::fit::uncertainty::curve_spread::Rival;
 use crate::model::Shape;
@@ -203,7 +204,7 @@ impl<'a> Columns<'a> {
     /// A curve of these functions by least squares, one of so many.
     fn fitted(&self, name: String, functions: &[usize], members: usize) -> Option<Rival> {
         let columns = self.columns(functions);
-        if self.problem.len() < 3 * (self.problem.levels.len() + columns.len()) {
+        if self.problem.len() < 3 * (self.problem.levels().len() + columns.len()) {
             return None;
         }
         let solution = self.factor.solve(&columns)?;
@@ -285,6 +286,7 @@ mod tests {
 
     use super::*;
     use crate::fit::one_model::solution::fit;
+    use crate::fit::problem::axis::Axis;
     use crate::model::input::Signal;
     use crate::noise_model::processes::SlowNoise;
     use crate::window::{WindowBuilder, Windows};
@@ -309,7 +311,7 @@ mod tests {
     #[test]
     fn a_free_curve_is_that_of_universal_kriging() {
         let windows = windows(0.02);
-        let problem = LeastSquares::new(&windows, 0, &[Signal::Thermometer(0)], 25.0, 1.0, None, None).unwrap();
+        let problem = LeastSquares::new(&Axis::at_rest(&windows), &[Signal::Thermometer(0)]).unwrap();
         let fitted = fit(&problem, &"bias 1".parse().unwrap(), &problem.tau_grid()).unwrap();
         let whitening = Whitening::new(problem.noise_rows(), SlowNoise::default());
         let variance = 1e-4;
@@ -353,11 +355,11 @@ mod tests {
     fn a_bend_contradicts_a_line() {
         let lack = |slope: f64| {
             let windows = windows(slope);
-            let problem = LeastSquares::new(&windows, 0, &[Signal::Thermometer(0)], 25.0, 1.0, None, None).unwrap();
+            let problem = LeastSquares::new(&Axis::at_rest(&windows), &[Signal::Thermometer(0)]).unwrap();
             let whitening = Whitening::new(problem.noise_rows(), SlowNoise::default());
             let fitted = fit(&problem, &"bias 1".parse().unwrap(), &problem.tau_grid()).unwrap();
             let of_rows = OfRows { whitening: &whitening, variance: fitted.sigma_dph.powi(2), taus: 1 };
-            let b1 = fitted.theta[problem.levels.len()];
+            let b1 = fitted.theta[problem.levels().len()];
             let curve = |celsius: f64| (b1 * (problem.span().x(celsius) - problem.span().x(25.0)), 0.0);
             let rivals = beside_series(&problem, &fitted, of_rows, &curve);
             lack_of_fit(&problem, &fitted, of_rows, &rivals.iter().collect::<Vec<_>>(), &curve)
